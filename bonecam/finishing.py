@@ -190,6 +190,7 @@ def _planned(
     """The surface on its post, the job with the post's length, and the path."""
     limits = machine_limits(machine)
     with times.stage("toolpath"):
+        job = replace(job, holding=job.holding.of_surface)
         workpiece = stand_workpiece(surface, solid, job, limits)
         job = replace(job, holding=replace(job.holding, length=workpiece.length))
         return workpiece, job, plan_surface(workpiece, job, limits)

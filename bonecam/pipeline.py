@@ -18,8 +18,8 @@ from bonecam.nc.posting.rotary.machine_limits import machine_limits
 from bonecam.nc.program import program_name
 from bonecam.nc.requirements import check_length, check_reach, check_room, check_tools
 from bonecam.planning.estimate import estimate
+from bonecam.planning.holding.neck import Neck, find_standing, neck_report
 from bonecam.planning.holding.parting_paths import check_parting
-from bonecam.planning.holding.post_length import find_post_length
 from bonecam.planning.holding.reach import post_advice
 from bonecam.planning.holding.stump_paths import check_second
 from bonecam.planning.levels import plan_paths
@@ -42,6 +42,7 @@ from bonecam.tool.ball_depth import check_depths
 from bonecam.verify.control.trial_program import check_posting
 from bonecam.verify.removal.given import given_surface
 from bonecam.verify.removal.of_job import prove_removal
+from bonecam.workholding.bar import settled_stub
 
 
 def convert(
@@ -140,7 +141,7 @@ def _morph(
     with times.stage("mesh"):
         unplaced, given = read_part(mesh, job, part(progress, 0.0, 0.1))
         found = not job.holding.length
-        setup, job = stand_on_post(place(unplaced, job), job, machine)
+        setup, job, necks = stand_on_neck(place(unplaced, job), job, machine)
         if machine is not None:
             check_parting(setup, job, machine_limits(machine))
             check_second(setup.part, setup.post, job)
@@ -155,19 +156,25 @@ def _morph(
 
     figures = report_to_levels(setup.part, fitted, setup.stock, morph, job.levels.method)
     figures["strategy"] = job.path.strategy
-    figures["post"] = {**post_report(setup.post, setup.part.mesh, job.holding), **advice}
+    figures["post"] = {
+        **post_report(setup.post, setup.part.mesh, job.holding),
+        **advice,
+        **neck_report(necks),
+    }
     figures["seconds"] = times.seconds
     figures["cpu_seconds"] = times.cpu_seconds
     return Morphed(setup.part, fitted.surface, setup.stock, morph, figures, job)
 
 
-def stand_on_post(setup: Setup, job: Job, machine: Machine | None = None) -> tuple[Setup, Job]:
-    """Setup and job with the post's length: where the job leaves it open, the one found for the `machine`, or else
-    the job's."""
-    if job.holding.length:
-        return setup, job
-    machine = machine or read_machine(job.nc.machine)
-    return find_post_length(setup, job, machine_limits(machine))
+def stand_on_neck(
+    setup: Setup, job: Job, machine: Machine | None = None
+) -> tuple[Setup, Job, tuple[Neck, ...]]:
+    """Setup and job with what holds the part, its open sizes found for the `machine`, or else the job's; and the best
+    of the necks that were tried."""
+    job = replace(job, holding=settled_stub(job.holding, setup.stock.diameter))
+    if job.holding.diameter and job.holding.length:
+        return setup, job, ()
+    return find_standing(setup, job, machine_limits(machine or read_machine(job.nc.machine)))
 
 
 def _machine(

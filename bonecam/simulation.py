@@ -17,7 +17,14 @@ from bonecam.nc.dialect import read_dialect
 from bonecam.nc.reading.read import read_program
 from bonecam.planning.layers.layer_limits import layer_limits
 from bonecam.progress import Progress, part, silent
-from bonecam.report.files.kept_bodies import REMEDY, SAME_STOCK, kept_given, kept_levels, kept_stock
+from bonecam.report.files.kept_bodies import (
+    REMEDY,
+    SAME_STOCK,
+    kept_given,
+    kept_levels,
+    kept_stock,
+    with_kept_holding,
+)
 from bonecam.report.files.kept_view import SECOND_VIEW, check_page_name, kept_contents
 from bonecam.report.page.contents import level_meshes, with_program
 from bonecam.report.page.packing import Contents, pack
@@ -63,10 +70,10 @@ def simulate(
     progress: Progress = silent,
 ) -> Removal:
     """What the NC text in the file `program` removes, with the part and the stock of the folder `keep` and the cutters,
-    machine and post of the `job` that it was made with; `cell` (mm) is the distance of the rays. The program of a
-    second clamping begins with what the kept first one leaves, which is simulated before it. The text is judged against
-    the mesh as given too, if the folder has it; `given` of the result tells. The page `html` shows the program as
-    simulated, whatever came out.
+    machine and post of the `job` that it was made with (sizes of [holding] that it leaves open are the folder's);
+    `cell` (mm) is the distance of the rays. The program of a second clamping begins with what the kept first one
+    leaves, which is simulated before it. The text is judged against the mesh as given too, if the folder has it;
+    `given` of the result tells. The page `html` shows the program as simulated, whatever came out.
 
     FileError where a file is not there, ProgramError where the text cannot be read or is for another machine, control,
     stock or stump, VerifyError where its control would refuse the text or run it otherwise than the job means (axis
@@ -82,6 +89,7 @@ def simulate(
         check_page_name(html)
     text = program_text(Path(program), machine, dialect, job)
     keep = Path(keep)
+    job = with_kept_holding(job, keep)
     given = kept_given(keep, job)
     run: Contents | None
     if SECOND.search(header_of(text)):

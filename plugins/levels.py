@@ -23,7 +23,7 @@ def generate_stock(layers: Layers, values: Mapping[str, Any], progress: Progress
     """Filters `generate_stock` and `generate_stock_capsule`: layers of the stock and of the part on its
     post."""
     from bonecam.mesh.part import Part
-    from bonecam.pipeline import stand_on_post
+    from bonecam.pipeline import stand_on_neck
     from bonecam.setup.placement import place
     from bonecam.setup.stock import stock_figures
 
@@ -39,7 +39,7 @@ def generate_stock(layers: Layers, values: Mapping[str, Any], progress: Progress
         raise type(error)(
             f"{error} (stock and post stand on the Z axis: was apply_upright_pose applied?)", **error.evidence
         ) from error
-    setup, job = stand_on_post(placed, job)
+    setup, job, _ = stand_on_neck(placed, job)
     kept = {"stock": setup.stock, "job": job}
     layers.add(setup.stock.mesh(values["chord_tolerance"]), "stock", keep=kept)
     layers.add(setup.part.mesh, "part on post", keep=kept)

@@ -26,7 +26,10 @@ ROOMS = {
         *"within_depth level_cutters levels estimate".split(),
     ],
     "verify": "gouge readback removal control proof".split(),
-    "report": "axis_lines axis_comparison stage_reports run_report tables summary pictures page sheet files".split(),
+    "report": [
+        *"axis_lines axis_comparison post_lines stage_reports run_report tables summary".split(),
+        *"pictures page sheet files".split(),
+    ],
 }
 """The order of the modules and sub-packages inside a stage."""
 ROOT = Path(__file__).parents[1] / "bonecam"

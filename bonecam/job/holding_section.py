@@ -1,24 +1,29 @@
 """The section [holding] of a job."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from bonecam.errors import JobError
 from bonecam.job.parameter import JobSection, check, parameter
 
+LEAST_POST = 0.5
+"""A post is no thinner, mm."""
+SURFACE_POST = 4.0
+"""Diameter of the post below a surface that is finished alone, mm."""
 LEAST_BRIDGE = 0.2
 """A bridge is no thinner, mm: two cells of the simulation, within which it is measured."""
 
 
 @dataclass(frozen=True)
 class HoldingJob(JobSection):
-    """The post that holds the part at its lower end, and the chuck or collet on the table that holds the post."""
+    """What holds the part at its lower end, from the table up: riser, chuck or collet, a stub of the bar, and the neck
+    (the post) that is left between the stub and the part."""
 
     diameter: float = parameter(
         4.0,
         "Post diameter",
-        "Diameter of the post that is left at the part's lower end.",
+        "Diameter of the post (neck) that is left at the part's lower end; 0: the thinnest that is stiff enough.",
         unit="mm",
-        low=0.5,
+        low=0.0,
         high=100.0,
     )
     length: float = parameter(
@@ -44,6 +49,38 @@ class HoldingJob(JobSection):
         unit="mm",
         low=0.0,
         high=500.0,
+    )
+    riser_diameter: float = parameter(
+        0.0,
+        "Riser diameter",
+        "Diameter of the riser under the chuck or collet; 0: none.",
+        unit="mm",
+        low=0.0,
+        high=1000.0,
+    )
+    riser_height: float = parameter(
+        0.0,
+        "Riser height",
+        "From the table to the top of the riser.",
+        unit="mm",
+        low=0.0,
+        high=500.0,
+    )
+    stub_diameter: float = parameter(
+        0.0,
+        "Stub diameter",
+        "Diameter of the bar that the chuck holds; 0: the next bar to be had that the stock is turned from.",
+        unit="mm",
+        low=0.0,
+        high=500.0,
+    )
+    stub_length: float = parameter(
+        0.0,
+        "Stub length",
+        "Length of the bar, at its own diameter, between chuck and neck; 0: the chuck holds the neck.",
+        unit="mm",
+        low=0.0,
+        high=300.0,
     )
     clearance: float = parameter(
         5.0,
@@ -121,25 +158,77 @@ class HoldingJob(JobSection):
             clearance=self.clearance,
         )
 
+    @property
+    def names_nothing(self) -> bool:
+        """Whether all that holds the part is to be found: then it is riser, collet, stub and neck."""
+        names = ("diameter", "length", "chuck_height", "riser_height", "stub_length")
+        return not any(getattr(self, name) for name in names)
+
+    @property
+    def of_surface(self) -> "HoldingJob":
+        """The holding of a surface that is finished alone: its solid may be of any form, so no neck is found, and it
+        stands on a post of SURFACE_POST if the job does not say otherwise."""
+        return self if self.diameter else replace(self, diameter=SURFACE_POST)
+
+    @property
+    def support_height(self) -> float:
+        """Height of the foot of the neck over the table, mm: the top of stub, chuck or riser."""
+        return max(self.chuck_height, self.riser_height) + self.stub_length
+
     def __post_init__(self) -> None:
         check(self)
-        for name in ("", "second_"):
-            diameter, height = (getattr(self, f"{name}chuck_{size}") for size in ("diameter", "height"))
+        for name in ("chuck_", "second_chuck_", "riser_"):
+            diameter, height = (getattr(self, f"{name}{size}") for size in ("diameter", "height"))
             if (diameter > 0) != (height > 0):
-                missing = f"{name}chuck_{'diameter' if height > 0 else 'height'}"
-                raise JobError(f"{missing} = 0: give both sizes of the chuck, or none", field=missing)
+                missing = f"{name}{'diameter' if height > 0 else 'height'}"
+                what = name.removeprefix("second_").rstrip("_")
+                raise JobError(f"{missing} = 0: give both sizes of the {what}, or none", field=missing)
         if self.second and not self.parting:
             remedy = "give holding.parting = true, which parts the part from its post first"
             raise JobError(f"second = {self.second!r}: {remedy}", field="second")
-        if 0 < self.chuck_diameter <= self.diameter:
-            bound = f"give more than the post's diameter ({self.diameter:g} mm)"
-            raise JobError(f"chuck_diameter = {self.chuck_diameter:g}: {bound}", field="chuck_diameter")
-        if 0 < self.length <= self.chuck_height:
-            bound = f"give less than the post's length ({self.length:g} mm), or a longer post"
-            raise JobError(f"chuck_height = {self.chuck_height:g}: {bound}", field="chuck_height")
+        self._check_stack()
         if 0 < self.parting_core < LEAST_BRIDGE:
             bound = f"give {LEAST_BRIDGE:g} mm or more, or 0 for half of the post's diameter"
             raise JobError(f"parting_core = {self.parting_core:g}: {bound}", field="parting_core")
-        if self.parting_core >= self.diameter:
+        if self.parting_core >= self.diameter > 0:
             bound = f"give less than the post's diameter ({self.diameter:g} mm), or no parting"
             raise JobError(f"parting_core = {self.parting_core:g}: {bound}", field="parting_core")
+
+    def _check_stack(self) -> None:
+        """JobError where riser, chuck, stub and neck do not stand on one another."""
+        if 0 < self.diameter < LEAST_POST:
+            bound = f"give {LEAST_POST:g} mm or more, or 0 for the thinnest that is stiff enough"
+            raise JobError(f"diameter = {self.diameter:g}: {bound}", field="diameter")
+        post, chuck, riser, stub = self.diameter, self.chuck_diameter, self.riser_diameter, self.stub_diameter
+        faults = {
+            "chuck_diameter": [
+                (0 < chuck <= post, f"give more than the post's diameter ({post:g} mm)"),
+                (0 < riser < chuck, f"give at most the riser's diameter ({riser:g} mm), or a wider riser"),
+                (
+                    0 < chuck <= stub,
+                    f"give more than the stub's diameter ({stub:g} mm), which the chuck holds",
+                ),
+            ],
+            "chuck_height": [
+                (
+                    0 < self.chuck_height <= self.riser_height,
+                    f"give more than riser_height ({self.riser_height:g} mm)",
+                )
+            ],
+            "stub_diameter": [
+                (stub > 0 and not self.stub_length, "give stub_length too, or 0 for no stub"),
+                (0 < stub <= post, f"give more than the post's diameter ({post:g} mm)"),
+            ],
+        }
+        for field, each in faults.items():
+            for wrong, bound in each:
+                if wrong:
+                    raise JobError(f"{field} = {getattr(self, field):g}: {bound}", field=field)
+        if 0 < self.length <= self.support_height:
+            field = next(
+                name for name in ("stub_length", "chuck_height", "riser_height") if getattr(self, name)
+            )
+            less = (
+                f"give less, so that it ends below the post's length ({self.length:g} mm), or a longer post"
+            )
+            raise JobError(f"{field} = {getattr(self, field):g}: {less}", field=field)

@@ -24,6 +24,7 @@ from bonecam.surface.fitting.deviation import distance_both_ways
 from bonecam.surface.fitting.fit import Fit
 from bonecam.tool.path import PARTING, ToolPath
 from bonecam.verify.proof import Verification
+from bonecam.workholding.clamping import holding_columns
 from bonecam.workholding.post import Post
 
 
@@ -72,9 +73,16 @@ def _given_report(part: Part, fitted: Fit) -> dict[str, float]:
     }
 
 
-def post_report(post: Post, part: TriangleMesh, job: HoldingJob) -> dict[str, float]:
-    """`post` of the report: its sizes, and the area of the part that stays under it."""
-    sizes = {"diameter_mm": job.diameter, "length_mm": job.length}
+def post_report(post: Post, part: TriangleMesh, job: HoldingJob) -> dict[str, Any]:
+    """`post` of the report: its sizes, `length_mm` from the table and `neck_mm` above what holds it, the columns below
+    it, and the area of the part that stays under it."""
+    sizes: dict[str, Any] = {"diameter_mm": job.diameter, "length_mm": job.length}
+    held = {
+        name: {"diameter_mm": 2 * column.radius, "from_mm": column.bottom, "to_mm": column.top}
+        for name, column in holding_columns(job).items()
+    }
+    if held:
+        sizes |= {"neck_mm": job.length - job.support_height, "held_by": held}
     return {**sizes, "footprint_mm2": round(post.footprint(part), 2)}
 
 

@@ -10,10 +10,10 @@ from bonecam.levels.closed_morph import METHODS
 from bonecam.levels.problem.tolerances import NESTING_TOLERANCE
 from bonecam.planning.estimate import estimate_lines
 from bonecam.report.axis_lines import axis_lines, rewind_lines
+from bonecam.report.post_lines import post_lines
 from bonecam.report.stage_reports import parting_text
 from bonecam.setup.stock import stock_text
 from bonecam.verify.removal.given import given_lines, into_given
-from bonecam.workholding.post import SLENDER
 
 WIDTH = 120
 """Columns of the summary's longest lines."""
@@ -38,7 +38,7 @@ def summary_of(report: Mapping[str, Any]) -> str:
         _surface_line(report["surface"]),
         *_given_lines(report),
         f"stock     {stock_text(report['stock'])}",
-        *_post_lines(report.get("post")),
+        *post_lines(report.get("post")),
         *(_levels_lines(report) if report.get("strategy", "morph") == "morph" else _layer_lines(report)),
         *(_program_lines(report) if "nc" in report else ()),
         *estimate_lines(report),
@@ -73,7 +73,7 @@ def finished_summary(report: Mapping[str, Any]) -> str:
     shape = f"{surface['kind']}, {surface['area_mm2']:.0f} mm2, {surface['control_points']} control points"
     lines = [
         f"surface   {shape}; {counted(surface['solids'], 'solid')} kept clear of",
-        *_post_lines(report["post"]),
+        *post_lines(report["post"]),
         *_program_lines(report),
         f"time      {seconds:.1f} s",
     ]
@@ -99,25 +99,6 @@ def _given_lines(report: Mapping[str, Any]) -> Iterator[str]:
         given = f"{report['surface']['given_deviation_max_mm']:.3f} mm to the mesh as given"
         moved = f"{report['input']['repair_deviation_max_mm']:.3f} mm of repair, smoothing and filling"
         yield f"as given  max {given}, with {moved}"
-
-
-def _post_lines(post: Mapping[str, Any] | None) -> Iterator[str]:
-    """The post, and a warning where it is so slender that it bends like a spring."""
-    if post is not None:
-        slender = post["length_mm"] > SLENDER * post["diameter_mm"]
-        warning = "; slender: a thicker post, a chuck below it or a slimmer holder and spindle help" * slender
-        yield f"post      {post['diameter_mm']:g} x {post['length_mm']:g} mm{warning}"
-        if "footprint_mm2" in post:
-            yield f"          {post['footprint_mm2']:.1f} mm2 of the part stay under it"
-        remedies = [f"{each['length_mm']:g} mm with {each['change']}" for each in post.get("remedies", ())]
-        if remedies:
-            yield f"          {', '.join(remedies)}"
-        costs = [
-            f"{each['length_mm']:g} mm leaves {each['uncut_mm2']:g} mm2 uncut round it"
-            for each in post.get("shorter", ())
-        ]
-        if costs:
-            yield f"          {', '.join(costs)}"
 
 
 def _layer_lines(report: Mapping[str, Any]) -> Iterator[str]:

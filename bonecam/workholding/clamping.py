@@ -1,4 +1,5 @@
-"""What holds the post, as obstacles: the table, what stands on it, and the chuck; a clearance is kept from them."""
+"""What holds the post, as obstacles: the table, what stands on it, riser, chuck and stub; a clearance is kept from
+them."""
 
 import math
 from dataclasses import dataclass
@@ -8,23 +9,55 @@ from bonecam.machine.bodies import Table
 from bonecam.workholding.column import Column
 
 DEFAULT = HoldingJob()
+LEAST_NECK = 3.0
+"""A neck between stub and part is no shorter, mm: a turning tool is to get between them."""
+STUB_CLEARANCE = 0.5
+"""Ball, neck and shank keep so far from the stub, mm: it is of the material that they cut, where holder and spindle
+would break."""
 
 
 @dataclass(frozen=True)
 class Clamping:
-    """Upright columns about the Z axis, and whether nothing may go below the table's plane z = 0 (`closed`).
+    """Upright columns about the Z axis, the `stub` of the bar that they hold, if there is one, and whether nothing may
+    go below the table's plane z = 0 (`closed`).
 
-    The whole tool keeps the `clearance` (mm) from these; holder and spindle keep it from the post too.
+    The whole tool keeps the `clearance` (mm) from the columns; holder and spindle keep it from stub and post too.
     """
 
     columns: tuple[Column, ...] = ()
     closed: bool = True
     clearance: float = DEFAULT.clearance
+    stub: Column | None = None
 
     @property
-    def kept_columns(self) -> tuple[Column, ...]:
-        """The columns, with the clearance round them."""
-        return tuple(column.grown(self.clearance) for column in self.columns)
+    def top(self) -> float:
+        """The highest that anything stands below the neck, mm."""
+        return max((column.top for column in self.solids), default=0.0)
+
+    @property
+    def solids(self) -> tuple[Column, ...]:
+        """The columns and the stub."""
+        return (*self.columns, *((self.stub,) if self.stub else ()))
+
+    def carried(self, post: Column) -> tuple[Column, ...]:
+        """The post and the stub, of the material that is cut, above what holds them."""
+        if self.stub is None:
+            return (post,)
+        return Column(post.radius, post.top, self.stub.bottom), self.stub
+
+    def kept_columns(self, section: str, air: float = 0.0) -> tuple[Column, ...]:
+        """The columns, with what a section of the tool (cutter, neck, shank, holder, spindle) keeps round them; `air`
+        (mm) is the least it keeps between passes."""
+        kept = []
+        for column in self.solids:
+            room = self.room(column, section)
+            kept.append(column.grown(max(room, air) if column is self.stub else room))
+        return tuple(kept)
+
+    def room(self, column: Column, section: str) -> float:
+        """What a section of the tool keeps from one of the solids while it cuts, mm."""
+        cutting = column is self.stub and section not in ("holder", "spindle")
+        return STUB_CLEARANCE if cutting else self.clearance
 
 
 def clamping_of(holding: HoldingJob, table: Table) -> Clamping:
@@ -33,9 +66,9 @@ def clamping_of(holding: HoldingJob, table: Table) -> Clamping:
     Cones that stand on the table are taken as the cylinders that hold them; an open table as the disc that holds
     it, endless downwards.
     """
-    columns = []
-    if holding.chuck_height:
-        columns.append(Column(holding.chuck_diameter / 2, holding.chuck_height))
+    held = holding_columns(holding)
+    stub = held.pop("stub", None)
+    columns = list(held.values())
     height = 0.0
     for piece in table.standing:
         columns.append(Column(max(piece.diameter, piece.top_diameter) / 2, height + piece.length, height))
@@ -43,4 +76,17 @@ def clamping_of(holding: HoldingJob, table: Table) -> Clamping:
     if table.open_beside:
         plate = math.hypot(table.half_width, table.half_depth)
         columns.append(Column(min(table.radius, plate), 0.0, -math.inf))
-    return Clamping(tuple(columns), not table.open_beside, holding.clearance)
+    return Clamping(tuple(columns), not table.open_beside, holding.clearance, stub)
+
+
+def holding_columns(holding: HoldingJob) -> dict[str, Column]:
+    """What a job puts on the table below the neck, by name, from the lowest up: riser, chuck, stub."""
+    columns = {}
+    if holding.riser_height:
+        columns["riser"] = Column(holding.riser_diameter / 2, holding.riser_height)
+    if holding.chuck_height:
+        columns["chuck"] = Column(holding.chuck_diameter / 2, holding.chuck_height, holding.riser_height)
+    if holding.stub_length:
+        foot = max(holding.chuck_height, holding.riser_height)
+        columns["stub"] = Column(holding.stub_diameter / 2, holding.support_height, foot)
+    return columns

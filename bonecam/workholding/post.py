@@ -1,6 +1,6 @@
 """The post that holds the part: a cylinder about the Z axis from the table (z = 0) up to the part."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -16,6 +16,8 @@ FLAT = 0.1
 
 MISSES = "the post of diameter {:g} mm on the Z axis misses the part"
 """What is told of a post above which there is no part."""
+NECKS = (4.0, 5.0, 6.0, 8.0, 10.0)
+"""Diameters that are tried where a job leaves it open, mm."""
 SLENDER = 15.0
 """A post that is longer than this many diameters is told of: 5 N at its top bend one of aluminium, 4 mm thick and 60
 mm long, by 0.4 mm."""
@@ -71,9 +73,13 @@ def post_below(part: TriangleMesh, holding: HoldingJob, lying: tuple[float, floa
 def checked_post(part: TriangleMesh, width: float, holding: HoldingJob, lying: tuple[float, float]) -> Post:
     """The post below the part in a stock whose narrower side is `width` mm.
 
-    JobError where it is as wide as the stock, ToolPathError where it misses the part, which lies off the axis
+    A diameter that is still to be found is the thickest of NECKS here. JobError where it is as wide as the stock,
+    ToolPathError where it misses the part, which lies off the axis
     by `lying`.
     """
+    if not holding.diameter:
+        thinner = [neck for neck in NECKS if neck < width]
+        return post_below(part, replace(holding, diameter=max(thinner, default=NECKS[0])), lying)
     if holding.diameter >= width:
         bound = f"the stock is {width:.2f} mm wide"
         raise field_error(

@@ -14,6 +14,7 @@ from bonecam.machine.machine import Machine
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.posting.path_words import APPROACH_HEIGHT, Posted, joints_of, round_words
 from bonecam.nc.posting.start import start_words
+from bonecam.workholding.clamping import holding_columns
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,7 +105,8 @@ def table_reach(machine: Machine, job: Job) -> float:
     pivot = np.array(machine.part_axes[-1].pivot)
     table = machine.table
     edges = [(0.0, radius) for radius in (table.radius, np.hypot(table.half_width, table.half_depth))]
-    edges.append((job.holding.chuck_height, job.holding.chuck_diameter / 2))
+    edges.append((0.0, 0.0))
+    edges += [(column.top, column.radius) for column in holding_columns(job.holding).values()]
     height = 0.0
     for piece in table.standing:
         height += piece.length

@@ -90,7 +90,7 @@ class Scene:
             by = max(reserve, self.clamping.clearance)
             kept = Column(max(post.radius + by, post.radius + ball_radius + reserve), post.top + by)
         obstacle: Obstacle = "level" if tangent else "material"
-        return Surroundings(self, obstacle, reserve, (kept, *self.clamping.kept_columns))
+        return Surroundings(self, obstacle, reserve, (kept, *self.clamping.kept_columns(section, reserve)))
 
 
 @dataclass(frozen=True, eq=False)

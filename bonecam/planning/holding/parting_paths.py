@@ -23,7 +23,7 @@ def check_parting(setup: Setup, job: Job, limits: MachineLimits) -> None:
     if not job.holding.parting:
         return
     clamping = clamping_of(job.holding, limits.bodies.table)
-    kept = max((column.top for column in clamping.kept_columns), default=clamping.clearance)
+    kept = max((column.top for column in clamping.kept_columns("cutter")), default=clamping.clearance)
     lowest = float(setup.part.mesh.bounds[0, 2])
     grooves = [
         groove_below(lowest, setup.post, job.holding, cutter)

@@ -27,7 +27,7 @@ from bonecam.planning.passes.parting import groove_below, groove_core, parting_c
 from bonecam.setup.capsule import enclosing_capsule
 from bonecam.setup.placement import Setup
 from bonecam.tool.cutter import Cutter
-from bonecam.workholding.clamping import Clamping, clamping_of
+from bonecam.workholding.clamping import LEAST_NECK, Clamping, clamping_of
 
 SPACING = 0.5
 """One contact is sampled in every cube of this side, mm; of larger parts in larger ones."""
@@ -96,9 +96,11 @@ def parting_lift(setup: Setup, job: Job, limits: MachineLimits) -> float:
 def shortest_post(lifts: Float[ndarray, " n"], height: float, clamping: Clamping) -> float:
     """The length, in whole mm, of a post by which all contacts are reached that can be; `lifts` (mm) are those of
     contacts on a part whose lowest point is at the `height`."""
-    standing = max((column.top for column in clamping.columns), default=0.0)
+    standing = max((column.top for column in clamping.columns), default=0.0) + clamping.clearance
+    if clamping.stub is not None:
+        standing = max(standing, clamping.stub.top + LEAST_NECK)
     reached = lifts[np.isfinite(lifts)].max(initial=-height)
-    length = float(np.ceil(max(height + reached, standing + clamping.clearance, 1.0)))
+    length = float(np.ceil(max(height + reached, standing, 1.0)))
     if length > LONGEST:
         needed = f"the part needs a post of {length:g} mm, at most {LONGEST:g} can be given"
         remedy = "take slimmer or longer holders, a lower chuck, or another machine"
@@ -106,13 +108,14 @@ def shortest_post(lifts: Float[ndarray, " n"], height: float, clamping: Clamping
     return length
 
 
-def sampled_lifts(setup: Setup, job: Job, limits: MachineLimits) -> Float[ndarray, " n"]:
-    """How much higher (mm; lower where negative) the part would have to stand for each sampled contact to be
-    reached; infinite where it is not, however high."""
+def sampled_lifts(
+    setup: Setup, job: Job, limits: MachineLimits, most: int = MOST_CONTACTS
+) -> Float[ndarray, " n"]:
+    """How much higher (mm; lower where negative) the part would have to stand for each of about `most` sampled contacts
+    on part and stock each to be reached; infinite where it is not, however high."""
     clamping = clamping_of(job.holding, limits.bodies.table)
-    return np.concatenate(
-        [least_lifts(contacts, clamping, job, limits) for contacts in _sampled(setup, job, limits.bodies)]
-    )
+    sampled = _sampled(setup, job, limits.bodies, most)
+    return np.concatenate([least_lifts(each, clamping, job, limits) for each in sampled])
 
 
 def level_lifts(setup: Setup, job: Job, bodies: MachineBodies) -> Float[ndarray, " n"]:
@@ -137,21 +140,25 @@ def sampled_lifts_of_part(setup: Setup, job: Job, limits: MachineLimits) -> Floa
     return least_lifts(on_part, clamping_of(job.holding, limits.bodies.table), job, limits)
 
 
-def _sampled(setup: Setup, job: Job, bodies: MachineBodies) -> list[SampledContacts]:
+def _sampled(
+    setup: Setup, job: Job, bodies: MachineBodies, most: int = MOST_CONTACTS
+) -> list[SampledContacts]:
     """Contacts of the finishing cutter on the part, and of the roughing cutter on the stock."""
     finishing = Cutter.from_job(2, "finishing", job.tool("finishing"), bodies.nose)
     roughing = Cutter.from_job(1, "roughing", job.tool("roughing"), bodies.nose)
     stock = setup.stock.mesh(STOCK_CHORD)
     depth = job.levels.finishing_depth
     return [
-        _contacts_on(setup.part.mesh, depth, finishing, setup, job),
-        _contacts_on(stock, 0.0, roughing, setup, job),
+        _contacts_on(setup.part.mesh, depth, finishing, setup, job, most),
+        _contacts_on(stock, 0.0, roughing, setup, job, most),
     ]
 
 
-def _contacts_on(mesh: TriangleMesh, depth: float, cutter: Cutter, setup: Setup, job: Job) -> SampledContacts:
-    """Contacts of a cutter on a mesh with `depth` (mm) of material round it; those too near the post are none."""
-    spacing = max(SPACING, float(np.sqrt(mesh.area / MOST_CONTACTS)))
+def _contacts_on(
+    mesh: TriangleMesh, depth: float, cutter: Cutter, setup: Setup, job: Job, most: int
+) -> SampledContacts:
+    """About `most` contacts of a cutter on a mesh with `depth` (mm) of material round it; none too near the post."""
+    spacing = max(SPACING, float(np.sqrt(mesh.area / most)))
     cells = np.floor(mesh.vertices / spacing).astype(np.int64)
     _, kept = np.unique(cells, axis=0, return_index=True)
     across = np.zeros_like(mesh.vertices)
@@ -215,23 +222,25 @@ def needed_lifts(
     room = clamping.clearance + ROOM
     sunk = LEAVING * np.maximum(-directions[:, 2], 0.0)
     discs = _discs(cutter)
-    below = sunk + np.max([radius * across - height * directions[:, 2] for height, radius in discs], axis=0)
+    rims = [radius * across - height * directions[:, 2] for height, radius, _ in discs]
+    below = sunk + np.max(rims, axis=0)
     lift = room + below - centres[:, 2:]
-    for column in clamping.columns:
-        for height, radius in discs:
-            lowest = centres[:, 2:] + height * directions[:, 2] - radius * across - sunk
+    for column in clamping.solids:
+        for height, radius, section in discs:
+            room = clamping.room(column, section) + ROOM
+            needed = room + column.top + radius * across + sunk - height * directions[:, 2] - centres[:, 2:]
             x, y = (centres[:, None, k] + height * directions[:, k] for k in (0, 1))
-            over = np.hypot(x, y) - radius < column.radius + room
-            lift = np.where(over, np.maximum(lift, room + column.top - lowest), lift)
+            over = x * x + y * y < (column.radius + room + radius) ** 2
+            lift = np.where(over, np.maximum(lift, needed), lift)
     return lift
 
 
-def _discs(cutter: Cutter) -> list[tuple[float, float]]:
-    """Heights above the ball's centre and radii (mm) of discs across the tool, no more than SLICE apart; each as
-    wide as the tool is near it."""
+def _discs(cutter: Cutter) -> list[tuple[float, float, str]]:
+    """Heights above the ball's centre and radii (mm) of discs across the tool, no more than SLICE apart, each as
+    wide as the tool is near it; and the names of their sections."""
     discs = []
     for section in cutter.profile:
         count = int(np.ceil((section.end - section.start) / SLICE)) + 1
         for u in np.linspace(section.start, section.end, count):
-            discs.append((float(u) - cutter.radius, section.widest))
+            discs.append((float(u) - cutter.radius, section.widest, section.name))
     return discs

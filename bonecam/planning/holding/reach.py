@@ -61,7 +61,7 @@ class ReachAdvice:
 
 def post_advice(setup: Setup, job: Job, limits: MachineLimits) -> dict[str, Any]:
     """`remedies` and `shorter` of the report of a post that was found, where it is slender; nothing where it is not."""
-    if job.holding.length <= SLENDER * job.holding.diameter:
+    if job.holding.length - job.holding.support_height <= SLENDER * job.holding.diameter:
         return {}
     return what_would_help(setup, job, limits).report
 

@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,7 @@ import numpy as np
 
 from bonecam.errors import BonecamError, FileError, ProgramError
 from bonecam.files import input_text
-from bonecam.job import Job, LevelsJob, StockJob
+from bonecam.job import Job, LevelsJob, StockJob, read_job
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.facets.hull import convex_hull
 from bonecam.mesh.files.mesh_files import read_mesh
@@ -56,6 +57,21 @@ def _require_stock(text: str, stock: TriangleMesh, program: Path, keep: Path) ->
             f"{found[0]:.2f} to {found[1]:.2f}: {REMEDY}",
             line=0,
         )
+
+
+def with_kept_holding(job: Job, keep: Path) -> Job:
+    """The job, what its [holding] leaves to be found as it was found for the folder. FileError where that does not
+    tell."""
+    holding = job.holding
+    if holding.diameter and bool(holding.stub_length) == bool(holding.stub_diameter):
+        return job
+    file = keep / "job.toml"
+    try:
+        kept = read_job(file).holding
+    except BonecamError as error:
+        what = f"[holding] was found, and {file} does not tell how ({error})"
+        raise FileError(f"{what}: {REMEDY}", file=str(file)) from error
+    return replace(job, holding=kept)
 
 
 def kept_stock(keep: Path, mesh: TriangleMesh, chord: float) -> Stock:

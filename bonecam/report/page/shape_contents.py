@@ -17,6 +17,7 @@ from bonecam.mesh.part import Part
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.report.page.packing import Contents
 from bonecam.setup.stock import Stock, stock_figures, stock_text
+from bonecam.workholding.clamping import holding_columns
 from bonecam.workholding.post import post_below
 
 MOST_FACES = 100_000
@@ -26,7 +27,7 @@ MOST_FACES = 100_000
 def shape_contents(
     part: Part, levels: Sequence[Level], stock: Stock, job: Job, table: Table, name: str
 ) -> Contents:
-    """Levels with the depth of their cuts, part as given and as fitted, stock, post, chuck and table."""
+    """Levels with the depth of their cuts, part as given and as fitted, stock, post, what holds it, and table."""
     facts, arrays = _levels(levels, job)
     shown, which = _given(part)
     arrays |= {
@@ -110,15 +111,12 @@ def _outside(given: TriangleMesh, fitted: TriangleMesh) -> Float[ndarray, " n"]:
 
 
 def bodies(job: Job, table: Table) -> dict[str, Any]:
-    """Sizes of chuck and table, mm; None for a chuck that the job does not have."""
-    return {"chuck": _chuck(job), "table": _table(table)}
-
-
-def _chuck(job: Job) -> dict[str, float] | None:
-    holding = job.holding
-    if not holding.chuck_height:
-        return None
-    return {"radius": holding.chuck_diameter / 2, "top": holding.chuck_height}
+    """Sizes of riser, chuck, stub (None or absent where the job has none) and table, mm."""
+    held = {
+        name: {"radius": column.radius, "top": column.top, "bottom": column.bottom}
+        for name, column in holding_columns(job.holding).items()
+    }
+    return {"chuck": None, **held, "table": _table(table)}
 
 
 def _table(table: Table) -> dict[str, Any]:

@@ -16,6 +16,7 @@ from bonecam.report.pictures.panels import BELOW, Plot, lay_out, new_figure, sav
 from bonecam.report.pictures.shading import draw_shaded
 from bonecam.tool.cutter import Cutter
 from bonecam.tool.path import MoveKind, ToolPath
+from bonecam.workholding.clamping import holding_columns
 
 COLOURS = {
     "part": "#d9cfb8",
@@ -56,7 +57,7 @@ def draw_machine(
     plots[0].set_title(message, fontsize="small")
     plots[1].set_title("from behind", fontsize="small")
     plots[0].set_ylabel("z (mm)")
-    used = [name for name in COLOURS if name != "chuck" or holding.chuck_height]
+    used = [name for name in COLOURS if any(name == each for each, _ in bodies)]
     lines = [Line2D([], [], color=COLOURS[name], lw=6, label=name) for name in used]
     figure.legend(handles=lines, loc="lower center", ncols=len(lines), fontsize="small")
     lay_out(figure, plots, below=BELOW + LEGEND)
@@ -78,12 +79,13 @@ def _lowest(path: ToolPath) -> Float[ndarray, " n"]:
 
 
 def _fixed(part: TriangleMesh, holding: HoldingJob, table: Table) -> list[tuple[str, TriangleMesh]]:
-    """Part, post, chuck and table with what stands on it."""
+    """Part, post, what holds it, and table with what stands on it."""
     radius = holding.diameter / 2
-    bodies = [("part", part), ("post", _bar(0.0, float(part.bounds[0, 2]), radius, radius))]
-    if holding.chuck_height:
-        radius = holding.chuck_diameter / 2
-        bodies.append(("chuck", _bar(0.0, holding.chuck_height, radius, radius)))
+    foot = holding.support_height
+    bodies = [("part", part), ("post", _bar(foot, float(part.bounds[0, 2]), radius, radius))]
+    for name, column in holding_columns(holding).items():
+        bar = _bar(column.bottom, column.top, column.radius, column.radius)
+        bodies.append(("post" if name == "stub" else "chuck", bar))
     half = min(table.radius, table.half_width, table.half_depth, TABLE_SHOWN)
     bodies.append(("table", _bar(-half / 10, 0.0, half, half)))
     height = 0.0

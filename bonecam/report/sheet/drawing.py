@@ -16,6 +16,7 @@ from bonecam.nc.posting.header.program_zero import ZeroWords
 from bonecam.planning.passes.parting import Groove
 from bonecam.report.pictures.views import section
 from bonecam.setup.stock import Stock
+from bonecam.workholding.clamping import holding_columns
 from bonecam.workholding.post import Post
 
 WIDTH, HEIGHT = 86.0, 102.0
@@ -104,12 +105,13 @@ def clamping_drawing(
     """The drawing as the text of an SVG element of WIDTH x HEIGHT mm; `zero` are the words of the program's zero,
     `parting` is that section of the report."""
     low, high = (float(value) for value in stock.bounds[:, 2])
-    widest = max(float(np.abs(stock.bounds[:, 0]).max()), holding.chuck_diameter / 2)
+    held = holding_columns(holding)
+    widest = max([float(np.abs(stock.bounds[:, 0]).max()), *(column.radius for column in held.values())])
     paper = Paper(widest, high)
     draw_table(paper, table)
     _draw_post(paper, post, low + post.radius, parting, widest)
-    if holding.chuck_height:
-        paper.column(holding.chuck_diameter / 2, 0.0, holding.chuck_height, "chuck")
+    for name, column in held.items():
+        paper.column(column.radius, column.bottom, column.top, "stock" if name == "stub" else "chuck")
     outline = stock.mesh(CHORD).vertices[:, [0, 2]]
     paper.path(outline[ConvexHull(outline).vertices], "stock")
     for ends in section(part, np.zeros(3), np.eye(3)[1])[:, :, [0, 2]]:
@@ -170,23 +172,24 @@ def _table_words(table: Table) -> str:
 
 
 def _draw_sizes(paper: Paper, stock: Stock, post: Post, holding: HoldingJob, widest: float) -> None:
-    """Sizes of stock, post and chuck, mm."""
+    """Sizes of stock, post and what holds it, mm."""
     low, high = (float(value) for value in stock.bounds[:, 2])
     right = paper.scale * widest
     paper.height(low, high, float(stock.bounds[1, 0]), right + SIZES, f"{high - low:.2f}")
-    paper.height(0.0, low, post.radius, right + SIZES, f"post {low:.2f}")
+    foot = holding.support_height if holding.stub_length else 0.0
+    name = "neck" if holding.stub_length else "post"
+    paper.height(foot, low, post.radius, right + SIZES, f"{name} {low - foot:.2f}")
     paper.height(0.0, high, -float(stock.bounds[1, 0]), -right - SIZES, f"Z {high:.2f}")
     half = float(np.ptp(stock.bounds[:, 0])) / 2
     name = "\u2300 " if "diameter" in stock.sizes else ""
     depth = f" x {np.ptp(stock.bounds[:, 1]):.2f}" if "depth" in stock.sizes else ""
     paper.width(half, high, f"{name}{2 * half:.2f}{depth}", above=1.5)
-    x, y = paper.at(post.radius, low * 0.55)
+    x, y = paper.at(post.radius, foot + (low - foot) * 0.55)
     paper.text(x + 1.5, y, f"\u2300 {2 * post.radius:g}", "start")
-    if holding.chuck_height:
-        x, y = paper.at(-holding.chuck_diameter / 2, holding.chuck_height)
-        paper.text(
-            x - 1.5, y + 3, f"chuck \u2300 {holding.chuck_diameter:g} x {holding.chuck_height:g}", "end"
-        )
+    for name, column in holding_columns(holding).items():
+        x, y = paper.at(-column.radius, column.top)
+        height = column.top - column.bottom if name == "stub" else column.top
+        paper.text(x - 1.5, y + 3, f"{name} \u2300 {2 * column.radius:g} x {height:g}", "end")
 
 
 def draw_zero(paper: Paper, zero: ZeroWords) -> None:

@@ -194,8 +194,9 @@ def _warnings(job: Job, report: Mapping[str, Any], machine: Machine) -> Iterator
     else:
         yield from depth_lines(report["removal"])
     post = report["post"]
-    if post["length_mm"] > SLENDER * post["diameter_mm"]:
-        yield f"Slender post: {post['diameter_mm']:g} x {post['length_mm']:g} mm bends under the cut"
+    length = post.get("neck_mm", post["length_mm"])
+    if length > SLENDER * post["diameter_mm"]:
+        yield f"Slender post: {post['diameter_mm']:g} x {length:g} mm bends under the cut"
     if not machine.nose:
         yield "The machine's file knows no spindle nose: nothing was kept clear of it"
     if not all(getattr(job, name).spindle and getattr(job, name).feed for name in job.cutter_names):

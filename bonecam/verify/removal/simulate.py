@@ -3,8 +3,9 @@
 The text is read back and run through the machine's kinematics. Between blocks the control moves as
 `machine/control.py` says; the path of the ball's centre is divided until it is straight within 1 um, and each
 piece removes its capsule from the stock, which is held as intervals on three sets of rays (Benouamer &
-Michelucci 1997). The stock stands on its post, which is part of the material. Of a move from an unknown
-place, after a retract or a tool change, only the end is run.
+Michelucci 1997). The stock stands on its post and, if there is one, the stub of the bar below that, which are part
+of the material above what holds them. Of a move from an unknown place, after a retract or a tool change, only the end
+is run.
 """
 
 from collections.abc import Mapping, Sequence
@@ -65,7 +66,8 @@ def simulate_removal(
     leave (mm; by default that of its tool); `surfaces` the meshes that levels leave, on which is told what stands.
     ProgramError where the text cannot be read or calls another tool, JobError where the rays need too much memory.
     """
-    bodies = [stock, Cylinder(post.radius, 0.0, post.top)]
+    carried = (clamping or Clamping()).carried(post.column)
+    bodies = [stock, *(Cylinder(column.radius, column.bottom, column.top) for column in carried)]
     material = material_of(bodies, part, accuracy or Accuracy())
     return simulate_further(
         text,

@@ -35,7 +35,7 @@ def table_clearance(
     is more than `within`); and the first move in which they meet, -1 for none."""
     sections, _ = sections_of(cutter)
     names = [*(section.name for section in cutter.profile), "ball"]
-    columns = np.array([[one.radius, one.top, max(one.bottom, DEEPEST)] for one in clamping.columns])
+    columns = np.array([[one.radius, one.top, max(one.bottom, DEEPEST)] for one in clamping.solids])
 
     def measure(some: slice) -> tuple[float, int, str, int]:
         part = Pieces(*(column[some] for column in pieces))

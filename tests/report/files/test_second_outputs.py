@@ -65,7 +65,7 @@ def test_the_page_shows_the_moves_of_the_second_text(second: SecondProgram, cont
     np.testing.assert_array_equal(arrays["move_line"], motions.lines)
     assert facts["program"]["minutes"] == second.report["time_min"]
     assert facts["summary"].startswith("second    bone.second.h: ")
-    assert facts["chuck"] == {"radius": 7.0, "top": 2.0}
+    assert facts["chuck"] == {"radius": 7.0, "top": 2.0, "bottom": 0.0}
     assert facts["left"]["area"] == second.removal.left.area
     np.testing.assert_allclose(arrays["solid"].min(axis=0)[2], 0.0, atol=0.001)
     zero = second.clamping.pose[2, 3]

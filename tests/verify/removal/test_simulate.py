@@ -255,6 +255,16 @@ def test_a_chuck_that_reaches_too_high_is_found(simulate, text, sound):
         check_removal(found)
 
 
+def test_a_stub_is_material_that_a_tool_must_not_cut(simulate, text, sound):
+    """The stub stands in the rays, and where it reaches up to the part the cutter meets it."""
+    low = simulate(text, clamping=Clamping(stub=Column(6.0, 12.0, 8.0)))
+    assert low.table.touched == 0
+    assert low.volume - sound.volume == pytest.approx(np.pi * 36 * 4 - np.pi * 8, rel=0.1)
+    found = simulate(text, clamping=Clamping(stub=Column(12.0, 36.0, 8.0)))
+    with pytest.raises(VerifyError, match="meets table or chuck"):
+        check_removal(found)
+
+
 def test_a_tool_below_the_table_is_found(ring_path, pebble, simulate, finishing_cutter):
     text = write_program([ring_path(pebble())], *PAIR, Job()).text
     low = re.sub(r" Z([+-]\d+\.\d+)", lambda found: f" Z{float(found[1]) - 45:+.3f}", text)

@@ -20,6 +20,7 @@ from bonecam.setup.stock import Stock
 from bonecam.setup.stock_kind import kind_of
 from bonecam.tool.cutter import Cutter
 from bonecam.tool.path import MoveKind, ToolPath
+from bonecam.workholding.clamping import holding_columns
 
 WIDEST = 96
 """Most characters of a comment that is divided between words."""
@@ -40,11 +41,17 @@ def part_texts(job: Job) -> list[str]:
 def setup_texts(job: Job, stock: Stock | None, zero: ZeroWords) -> list[str]:
     """What must be mounted and where the zero is; `stock` is None where only the paths are known."""
     top = job.holding.length if stock is None else float(stock.bounds[0, 2])
-    post = f"post below it: diameter {job.holding.diameter:.2f} mm, from Z 0.00 to Z {top:.2f}"
+    held = holding_columns(job.holding)
+    stub = held.pop("stub", None)
+    name, foot = ("post", 0.0) if stub is None else ("neck", stub.top)
+    post = f"{name} below it: diameter {job.holding.diameter:.2f} mm, from Z {foot:.2f} to Z {top:.2f}"
     texts = [
         f"{post}, turned before, {'parted at the end' if job.holding.parting else 'left uncut'}",
         *part_texts(job),
     ]
+    if stub is not None:
+        bar = f"bar of diameter {2 * stub.radius:.2f} mm, from Z {stub.bottom:.2f} to Z {stub.top:.2f}"
+        texts.append(f"stub below the neck: {bar}, stock and neck are turned from it")
     if stock is not None:
         low, high = stock.bounds[:, 2].tolist()
         sizes = ", ".join(f"{name} {size:.2f}" for name, size in stock.sizes.items())
@@ -53,21 +60,21 @@ def setup_texts(job: Job, stock: Stock | None, zero: ZeroWords) -> list[str]:
             f"stock: {kind_of(job.stock).shape}, mounted so before the start",
             *texts,
         ]
-    chuck = (
-        f"diameter {job.holding.chuck_diameter:.2f} mm round the post, up to Z {job.holding.chuck_height:.2f}"
-    )
     over = f"program zero: {zero.over} on the axis of the post"
-    if not job.holding.chuck_height:
+    if not held:
         return [
             *texts,
             "clamping: nothing of chuck, collet or vice may stand above Z 0.00",
             f"{over}, {zero.height} on the table or on top of the clamping",
         ]
-    return [
-        *texts,
-        f"clamping: a chuck or collet of at most {chuck}",
-        f"{over}, {zero.height} on the table under the chuck",
-    ]
+    lowest = next(iter(held))
+    holds = f" round the {'post' if stub is None else 'stub'}"
+    names = {"riser": "a riser", "chuck": "a chuck or collet"}
+    for kind, column in held.items():
+        where = holds if kind == "chuck" else ""
+        size = f"of at most diameter {2 * column.radius:.2f} mm{where}, up to Z {column.top:.2f}"
+        texts.append(f"clamping: {names[kind]} {size}")
+    return [*texts, f"{over}, {zero.height} on the table under the {lowest}"]
 
 
 def second_setup_texts(job: Job, shell: TriangleMesh, top: float, zero: ZeroWords) -> list[str]:

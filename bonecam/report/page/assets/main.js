@@ -146,17 +146,18 @@ function postPieces(post, top) {
 }
 
 function makeBodies() {
-  const { post, chuck, table, stock_bounds: bounds } = page.facts;
+  const { post, riser, chuck, stub, table, stock_bounds: bounds } = page.facts;
+  const upright = (column) => (column ? [[column.bottom || 0, column.top, column.radius, column.radius]] : []);
   const last = page.facts.levels[page.facts.levels.length - 1];
   const clear = (vertices, faces) => surface(vertices, faces, null, { colour: "#9fb4c7", opacity: 0.25 });
   page.bodies = {
-    ...(post ? { post: revolved(postPieces(post, Math.min(post.top, bounds[0][2] + post.radius)), METAL) } : {}),
+    ...(post ? { post: revolved([...upright(stub), ...postPieces(post, Math.min(post.top, bounds[0][2] + post.radius))], METAL) } : {}),
     table: tableBody(table),
     zero: zeroMark(25),
   };
   if (page.arrays.solid) page.bodies.solid = clear(page.arrays.solid, page.arrays.solid_faces);
   else page.bodies.stock = clear(page.arrays[`level_${last.index}`], page.arrays[last.faces]);
-  if (chuck) page.bodies.chuck = revolved([[0, chuck.top, chuck.radius, chuck.radius]], "#98a4b0");
+  if (chuck || riser) page.bodies.chuck = revolved([...upright(riser), ...upright(chuck)], "#98a4b0");
   for (const body of Object.values(page.bodies)) page.scene.add(body);
 }
 

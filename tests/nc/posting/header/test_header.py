@@ -91,6 +91,22 @@ def test_a_chuck_and_a_conical_holder_are_told(paths, upright_capsule: Capsule) 
     assert max(map(len, told[: told.index("TOOL CALL")].splitlines())) <= 110
 
 
+def test_riser_collet_stub_and_neck_are_told(paths, upright_capsule: Capsule) -> None:
+    holding = {"riser_diameter": 60.0, "riser_height": 5.0, "chuck_diameter": 28.0, "chuck_height": 12.0}
+    stub = {"stub_diameter": 13.0, "stub_length": 8.0}
+    job = Job().with_values(holding=holding | stub)
+    told = write_program(paths, MIKRON, HEIDENHAIN, job, stock=upright_capsule).text
+    for said in (
+        "NECK BELOW IT: DIAMETER 4.00 MM, FROM Z 20.00 TO Z ",
+        "STUB BELOW THE NECK: BAR OF DIAMETER 13.00 MM, FROM Z 12.00 TO Z 20.00, STOCK AND NECK ARE TURNED FROM IT",
+        "CLAMPING: A RISER OF AT MOST DIAMETER 60.00 MM, UP TO Z 5.00",
+        "CLAMPING: A CHUCK OR COLLET OF AT MOST DIAMETER 28.00 MM ROUND THE STUB, UP TO Z 12.00",
+        "Z 0 ON THE TABLE UNDER THE RISER",
+    ):
+        assert said in told, said
+    assert max(map(len, told[: told.index("TOOL CALL")].splitlines())) <= 115
+
+
 def test_the_extents_in_the_header_are_those_of_the_blocks(text: str) -> None:
     motions = read_program(text, MIKRON, HEIDENHAIN)
     found = re.search(r"ROTARY AXES, DEGREES UNWOUND: B (\S+) TO (\S+), C (\S+) TO (\S+)", text)

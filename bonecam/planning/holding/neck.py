@@ -1,0 +1,238 @@
+"""The neck between stub and part, found by stiffness: the thinnest that bends, yields and swings little enough.
+
+Of necks of some diameters each has the shortest length with which all is reached. As a beam, clamped at the top of
+the chuck, with the finished part on it, a neck holds where
+
+    the force of a finishing pass moves 95 % of the part's area along its normal by 15 um at most,
+    the peak of a roughing pass at the middle of the part keeps it below a third of its yield strength, and
+    the lowest frequency is three times that of the teeth at least.
+
+The thinnest that holds is taken, since what stays uncut round it grows with it; where none does, the stiffest.
+"""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from bonecam.arrays import unit
+from bonecam.errors import BonecamError, JobError
+from bonecam.job import HoldingJob, Job, field_error
+from bonecam.job.materials.mechanical import StiffnessTable, cutting_force
+from bonecam.job.materials.preset import read_material
+from bonecam.machine.limits import MachineLimits
+from bonecam.mechanics.beam import Beam
+from bonecam.mechanics.sections import Sections, column_sections, join, mesh_sections, shoulder
+from bonecam.mesh.facets.vertex_normals import vertex_normals
+from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.planning.holding.post_length import (
+    find_post_length,
+    level_lifts,
+    parting_lift,
+    sampled_lifts,
+    shortest_post,
+)
+from bonecam.planning.passes.contacts import at_post
+from bonecam.setup.placement import Setup
+from bonecam.workholding.clamping import clamping_of
+from bonecam.workholding.post import NECKS, Post, post_below
+
+FINISHING_FORCE = 5.6
+"""Force of a finishing pass on aluminium 6082 while a tooth passes, N: 95 % of the moves of the phalanx stay below."""
+PEAK_FORCE = 60.0
+"""Peak of a roughing pass there, N: 95 % of the moves stay below."""
+CHIP = 0.05
+"""Thickness of the chip at which materials are compared, mm."""
+REFERENCE = 631.0 * CHIP + 13.0
+"""Force along the way on an edge of 1 mm of aluminium 6082 at that chip, N (materials/aluminium.toml)."""
+LARGEST_SHIFT = 0.015
+"""The finishing pass may move the part by so much, mm. Of 20 um that 95 % of a finished surface may be off the cutter
+takes 5 to 9."""
+SHARE = 95.0
+"""Of this share of the area, in percent."""
+YIELD_SHARE = 1 / 3
+TOOTH_MULTIPLE = 3.0
+TEETH = 2
+"""Cutting edges of a ball-end cutter, where nothing else is known."""
+FEWER_CONTACTS = 400
+"""So many contacts are sampled for each neck: the length of the one that is taken is found with all."""
+PLACES = np.array([[4, 1, 1], [1, 4, 1], [1, 1, 4], [2, 2, 2]]) / 6
+"""Places of a face, as shares of its corners, that stand for a quarter of its area each."""
+SHOWN = 3
+"""Necks that are reported."""
+
+
+@dataclass(frozen=True)
+class Neck:
+    """A neck: `diameter` and `length` (mm), height `top` of the stock's lower end over the table (mm), area of the part
+    that stays uncut at it (mm2), compliance at the part's top (um/N), what a finishing pass moves 95 % of the area
+    (um, at most), stress at the peak of a roughing pass (MPa), lowest frequency (Hz), and whether that `holds`."""
+
+    diameter: float
+    length: float
+    top: float
+    left_mm2: float
+    um_per_n: float
+    shift_um: float
+    stress_mpa: float
+    first_hz: float
+    holds: bool
+
+    @property
+    def report(self) -> dict[str, Any]:
+        """The neck in the report."""
+        names = {"diameter": "diameter_mm", "length": "length_mm"}
+        rounded = {
+            names.get(key, key): round(value, 2) for key, value in asdict(self).items() if key != "top"
+        }
+        return {**rounded, "holds": self.holds}
+
+
+def find_standing(setup: Setup, job: Job, limits: MachineLimits) -> tuple[Setup, Job, tuple[Neck, ...]]:
+    """Setup and job with the neck, or the length, that the job leaves open; and the best of the necks that were tried,
+    the one that is taken first, if any were."""
+    necks: tuple[Neck, ...] = ()
+    if not job.holding.diameter:
+        setup, job, necks = find_neck(setup, job, limits)
+    if not job.holding.length:
+        setup, job = find_post_length(setup, job, limits)
+    return setup, job, necks
+
+
+def find_neck(setup: Setup, job: Job, limits: MachineLimits) -> tuple[Setup, Job, tuple[Neck, ...]]:
+    """Setup and job with the neck that is found, its length still open unless the job gives it, and the best necks of
+    those tried, that one first. JobError where no neck is thinner than stub and stock or meets the part."""
+    width = float(np.ptp(setup.stock.bounds[:, :2], axis=0).min())
+    tried, trouble = [], None
+    for diameter in NECKS:
+        if diameter >= width:
+            continue
+        holding = replace(job.holding, diameter=diameter)
+        try:
+            post = post_below(setup.part.mesh, holding)
+            tried.append(_neck(replace(setup, post=post), replace(job, holding=holding), limits))
+        except BonecamError as error:
+            trouble = error
+    if not tried:
+        if trouble is not None:
+            raise trouble
+        bound = f"the stock is {width:.2f} mm wide, the thinnest neck that is tried {NECKS[0]:g} mm"
+        raise field_error("holding", "diameter", 0.0, f"{bound}: give a diameter, or a larger stock")
+    ranked = ranking(tried)
+    holding = replace(job.holding, diameter=ranked[0].diameter)
+    post = post_below(setup.part.mesh, holding)
+    return replace(setup, post=post), replace(job, holding=holding), tuple(ranked[:SHOWN])
+
+
+def ranking(necks: Sequence[Neck]) -> list[Neck]:
+    """Necks that hold, the thinnest first, then the others, the stiffest first."""
+    return sorted(necks, key=lambda neck: (not neck.holds, neck.diameter if neck.holds else neck.shift_um))
+
+
+def neck_report(necks: Sequence[Neck]) -> dict[str, Any]:
+    """`necks` of the report's section `post`, where a neck was found."""
+    return {"necks": [neck.report for neck in necks]} if necks else {}
+
+
+def _neck(setup: Setup, job: Job, limits: MachineLimits) -> Neck:
+    """The neck of a job's diameter, as long as is needed, and how it holds the part of a setup."""
+    holding = job.holding
+    clamping = clamping_of(holding, limits.bodies.table)
+    height = float(setup.stock.bounds[0, 2])
+    top = holding.length
+    if not top:
+        lifts = np.r_[
+            sampled_lifts(setup, job, limits, FEWER_CONTACTS),
+            level_lifts(setup, job, limits.bodies),
+            parting_lift(setup, job, limits),
+        ]
+        top = shortest_post(lifts, height, clamping)
+    standing = setup.lift(top - height)
+    material = read_material(job.material.name)
+    beam = finished_beam(standing.part.mesh, standing.post, holding, _stiffness(job))
+    strong = _stiffness(job).yield_strength
+    share = _force_share(job)
+
+    part = standing.part.mesh
+    middle = part.bounds.mean(axis=0)[None]
+    tip = np.array([[0.0, 0.0, float(part.bounds[1, 2])]])
+    stress = float(beam.moment_stress(share * PEAK_FORCE * np.array([[1.0, 0.0, 0.0]]), middle)[0])
+    shift = share * FINISHING_FORCE * _normal_compliance(beam, part)
+    first = beam.first_frequency(_stiffness(job).density)
+    teeth = (
+        TEETH
+        * max(material.speeds(job.tool(name).radius, job.tool(name).spindle)[0] for name in job.cutter_names)
+        / 60
+    )
+    holds = shift <= LARGEST_SHIFT and stress <= strong * YIELD_SHARE and first >= TOOTH_MULTIPLE * teeth
+    return Neck(
+        diameter=holding.diameter,
+        length=top - holding.support_height,
+        top=top,
+        left_mm2=_left(part, standing.post, job.tool("finishing").radius),
+        um_per_n=1000 * float(np.linalg.norm(beam.compliance(tip)[0, :2, :2], 2)),
+        shift_um=1000 * shift,
+        stress_mpa=stress,
+        first_hz=first,
+        holds=holds,
+    )
+
+
+def finished_beam(part: TriangleMesh, post: Post, holding: HoldingJob, stiffness: StiffnessTable) -> Beam:
+    """The finished part on its neck and stub as a beam that the chuck, or else the table, holds rigidly."""
+    diameter = 2 * post.radius
+    foot = max(holding.chuck_height, holding.riser_height)
+    pieces: list[Sections] = []
+    if holding.stub_length:
+        pieces.append(column_sections(holding.stub_diameter / 2, foot, holding.support_height))
+        pieces.append(shoulder(diameter, holding.support_height, holding.stub_diameter))
+    above = mesh_sections(part, post.top)
+    wide = 2 * float(np.sqrt(np.interp(post.top + diameter, above.z, above.area) / np.pi))
+    pieces.append(column_sections(post.radius, holding.support_height, post.top))
+    pieces += [shoulder(diameter, post.top, max(wide, diameter)), above]
+    return Beam(join(pieces), stiffness.elasticity)
+
+
+def _normal_compliance(beam: Beam, part: TriangleMesh) -> float:
+    """Compliance (mm/N) along the normal that SHARE of the part's area does not exceed."""
+    middles = part.vertices[part.faces].mean(axis=1)
+    vectors = part.face_vectors
+    areas = np.linalg.norm(vectors, axis=1)
+    normals = vectors / np.maximum(areas, np.finfo(float).tiny)[:, None]
+    found = np.einsum("ni,nij,nj->n", normals, beam.compliance(middles), normals)
+    order = np.argsort(found)
+    below = np.cumsum(areas[order]) / areas.sum()
+    return float(found[order][np.searchsorted(below, SHARE / 100)])
+
+
+def _left(part: TriangleMesh, post: Post, radius: float) -> float:
+    """Area of the part (mm2) that a ball of `radius` leaves at the post."""
+    normals: Float[ndarray, "v 3"] = vertex_normals(part)
+    held = np.zeros(len(part.faces))
+    for share in PLACES:
+        places = np.einsum("k,fkd->fd", share, part.vertices[part.faces])
+        held += at_post(places, unit(np.einsum("k,fkd->fd", share, normals[part.faces])), post, radius)
+    return float((np.linalg.norm(part.face_vectors, axis=1) / 2 * held).sum() / len(PLACES))
+
+
+def _stiffness(job: Job) -> StiffnessTable:
+    """How stiff and strong the material of a job is; JobError where its file does not tell."""
+    found = read_material(job.material.name).stiffness
+    if found is None:
+        what = f"[material] name = {job.material.name!r}: its file has no table [stiffness], which finds the neck"
+        raise JobError(
+            f"{what}: give elasticity, density and yield_strength there, or holding.diameter",
+            section="material",
+            field="name",
+        )
+    return found
+
+
+def _force_share(job: Job) -> float:
+    """The cutting force of the job's material as a share of that of aluminium 6082."""
+    material = read_material(job.material.name)
+    ktc, _, _, kte, _, _ = cutting_force(material.force, _stiffness(job).yield_strength).coefficients
+    return (ktc * CHIP + kte) / REFERENCE

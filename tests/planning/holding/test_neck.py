@@ -1,0 +1,127 @@
+"""The neck that is found holds by its own beam, is the thinnest that does, and stands clear of stub and chuck."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bonecam.errors import JobError
+from bonecam.job import Job
+from bonecam.job.materials.preset import read_material
+from bonecam.machine.machine import read_machine
+from bonecam.mechanics.beam import Beam
+from bonecam.mechanics.sections import column_sections
+from bonecam.mesh.solids.revolution import cylinder
+from bonecam.nc.posting.rotary.machine_limits import machine_limits
+from bonecam.planning.holding.neck import Neck, find_standing, finished_beam, neck_report, ranking
+from bonecam.planning.holding.post_length import needed_lifts
+from bonecam.progress import silent
+from bonecam.setup.placement import Setup, place
+from bonecam.surface.files.surface_input import read_part
+from bonecam.tool.cutter import Cutter
+from bonecam.workholding.bar import settled_stub
+from bonecam.workholding.clamping import LEAST_NECK, Clamping, clamping_of
+from bonecam.workholding.column import Column
+from bonecam.workholding.post import NECKS, Post
+
+PHALANX = Path(__file__).parents[3] / "meshes/phalanx.ply"
+LIMITS = machine_limits(read_machine("mikron-ucp600"))
+OPEN = Job().with_values(holding={"diameter": 0.0})
+
+
+@pytest.fixture(scope="module")
+def found() -> tuple[Setup, Job, tuple[Neck, ...]]:
+    """The phalanx on the neck that is found for it."""
+    unplaced, _ = read_part(PHALANX, OPEN, silent)
+    setup = place(unplaced, OPEN)
+    return find_standing(
+        setup, replace(OPEN, holding=settled_stub(OPEN.holding, setup.stock.diameter)), LIMITS
+    )
+
+
+def test_the_neck_that_is_taken_is_the_thinnest_that_holds(found) -> None:
+    _, job, necks = found
+    assert necks[0].holds
+    assert job.holding.diameter == necks[0].diameter in NECKS
+    assert all(neck.diameter > necks[0].diameter for neck in necks[1:] if neck.holds)
+    assert all(np.diff([neck.left_mm2 for neck in sorted(necks, key=lambda one: one.diameter)]) > 0)
+    assert all(np.diff([neck.um_per_n for neck in sorted(necks, key=lambda one: one.diameter)]) < 0)
+
+
+def test_stock_neck_and_stub_stand_on_one_another(found) -> None:
+    setup, job, _ = found
+    clamping = clamping_of(job.holding, LIMITS.bodies.table)
+    assert setup.stock.bounds[0, 2] == pytest.approx(job.holding.length)
+    assert job.holding.length - clamping.stub.top >= LEAST_NECK
+    assert setup.post.top > job.holding.length
+    assert 2 * clamping.stub.radius >= setup.stock.diameter
+
+
+def test_the_beam_of_a_cylinder_on_its_neck_is_that_of_its_pieces() -> None:
+    job = OPEN.with_values(
+        holding={
+            "diameter": 6.0,
+            "chuck_diameter": 28.0,
+            "chuck_height": 100.0,
+            "stub_diameter": 13.0,
+            "stub_length": 15.0,
+        }
+    )
+    stiffness = read_material("aluminium").stiffness
+    part = cylinder(6.0, 120.0, 150.0, 0.001)
+    beam = finished_beam(part, Post(3.0, 120.0), job.holding, stiffness)
+    tip = np.array([[0.0, 0.0, 150.0]])
+    second = np.pi / 4 * np.array([6.5, 3.0, 6.0]) ** 4
+    ends = np.array([[100.0, 115.0], [115.0, 120.0], [120.0, 150.0]])
+    bent = sum(((150 - low) ** 3 - (150 - high) ** 3) / 3 / each for (low, high), each in zip(ends, second))
+    turns = [(0.24 * 6 * (1 - (6 / wide) ** 2), 150 - at) for wide, at in ((13.0, 115.0), (12.0, 120.0))]
+    bent += sum(length * arm**2 for length, arm in turns) / second[1]
+    whole = beam.compliance(tip)[0, 0, 0]
+    shear = whole - bent / stiffness.elasticity
+    assert 0 < shear < 0.06 * whole, "what is left is shear"
+    alone = Beam(column_sections(3.0, 0.0, 10.0), stiffness.elasticity)
+    assert alone.compliance(np.array([[0.0, 0, 10.0]]))[0, 0, 0] > 0
+
+
+def necks_of(*rows: tuple[float, float, bool]) -> list[Neck]:
+    """Necks of a diameter and a shift (um) that hold or not."""
+    return [Neck(d, 5.0, 120.0, 10.0, 1.0, shift, 10.0, 900.0, holds) for d, shift, holds in rows]
+
+
+def test_where_none_holds_the_stiffest_is_taken() -> None:
+    none = ranking(necks_of((4.0, 90.0, False), (6.0, 40.0, False), (8.0, 44.0, False)))
+    assert [neck.diameter for neck in none] == [6.0, 8.0, 4.0]
+    some = ranking(necks_of((4.0, 90.0, False), (6.0, 9.0, True), (8.0, 4.0, True)))
+    assert [neck.diameter for neck in some] == [6.0, 8.0, 4.0]
+    assert neck_report(()) == {}
+    assert neck_report(some)["necks"][0] == some[0].report
+
+
+def test_a_stiffer_cut_wants_a_thicker_neck(found) -> None:
+    """Titanium is cut with more than twice the force, and is 1.6 times as stiff."""
+    setup, job, necks = found
+    hard = job.with_values(material={"name": "titanium"}, holding={"diameter": 0.0, "length": 0.0})
+    _, other, tried = find_standing(setup, hard, LIMITS)
+    assert other.holding.diameter > necks[0].diameter
+    assert tried[0].holds
+
+
+def test_a_stock_thinner_than_every_neck_is_refused(found) -> None:
+    setup, job, _ = found
+    thin = type(setup.stock)(setup.stock.start, setup.stock.end, 1.9)
+    with pytest.raises(JobError, match=r"diameter = 0.*the stock is 3.80 mm wide"):
+        find_standing(replace(setup, stock=thin), job.with_values(holding={"diameter": 0.0}), LIMITS)
+
+
+def test_a_stub_lifts_what_would_cut_it_and_holders_more() -> None:
+    """A level tool over a stub: its ball may be nearer to it than its holder."""
+    cutter = Cutter.from_job(1, "roughing", OPEN.tool("roughing"))
+    level = np.array([[1.0, 0.0, 0.0]])
+    stub = Column(5.0, 20.0, 0.0)
+    near = Clamping(stub=stub, closed=False)
+    at = np.array([[0.0, 0.0, 20.0 + cutter.radius]])
+    ball = needed_lifts(at, level, cutter, near)[0, 0]
+    holder = needed_lifts(at - [cutter.overhang, 0.0, 0.0], level, cutter, near)[0, 0]
+    radius = cutter.holder[0].diameter / 2
+    assert holder - ball == pytest.approx(radius - cutter.radius + near.clearance - 0.5)
