@@ -228,7 +228,6 @@ class HoldingJob(JobSection):
             field = next(
                 name for name in ("stub_length", "chuck_height", "riser_height") if getattr(self, name)
             )
-            less = (
-                f"give less, so that it ends below the post's length ({self.length:g} mm), or a longer post"
-            )
-            raise JobError(f"{field} = {getattr(self, field):g}: {less}", field=field)
+            ends = f"it ends at {self.support_height:g} mm: " if field == "stub_length" else ""
+            bound = f"{ends}give less than the post's length ({self.length:g} mm), or a longer post"
+            raise JobError(f"{field} = {getattr(self, field):g}: {bound}", field=field)

@@ -27,7 +27,7 @@ def holder_from_text(text: str) -> tuple[Frustum, ...]:
 
 @dataclass(frozen=True)
 class ToolJob(JobSection):
-    """One ball-end cutter in its holder, from the tip up: ball and flutes, shank, holder.
+    """One ball-end cutter in its holder, from the tip up: ball and flutes, a neck if it has one, shank, holder.
 
     `holder` may also be given as a list of [length, diameter] or [length, diameter, upper diameter] (mm).
     """
@@ -38,6 +38,17 @@ class ToolJob(JobSection):
     )
     shank_diameter: float = parameter(
         4.0, "Shank diameter", "Diameter of the shank above the flutes.", unit="mm", low=0.1, high=100.0
+    )
+    neck_diameter: float = parameter(
+        0.0,
+        "Neck diameter",
+        "Diameter of a neck between flutes and shank; 0: none.",
+        unit="mm",
+        low=0.0,
+        high=100.0,
+    )
+    neck_length: float = parameter(
+        0.0, "Neck length", "From the tip to the end of the neck; 0: none.", unit="mm", low=0.0, high=500.0
     )
     overhang: float = parameter(
         30.0, "Overhang", "Stick-out: from the tip to the holder's nose.", unit="mm", low=1.0, high=500.0

@@ -36,8 +36,9 @@ class Cutter:
     """A ball-end cutter in its holder and spindle; mm. Positions are measured from the tip towards the spindle.
 
     `name` is the section of the job. The `holder` begins at the `overhang` (stick-out), the spindle `nose` behind
-    it, at the gauge line. Raises JobError where the shapes cannot follow each other from the tip up, or the
-    shank does not fit into the holder: radius <= flute_length < overhang, shank_diameter <= the holder's.
+    it, at the gauge line. A cutter with a neck has a thinner piece of the shank from the flutes up to `neck_length`.
+    Raises JobError where the shapes cannot follow each other from the tip up, or the shank does not fit into the
+    holder: radius <= flute_length < neck_length < overhang, shank_diameter <= the holder's.
     """
 
     number: int
@@ -51,6 +52,8 @@ class Cutter:
     feed: float
     scallop: float
     nose: tuple[Frustum, ...] = ()
+    neck_diameter: float = 0.0
+    neck_length: float = 0.0
 
     def __post_init__(self) -> None:
         if not self.flute_length >= self.radius:
@@ -67,6 +70,7 @@ class Cutter:
                 self.overhang,
                 f"give more than flute_length ({self.flute_length:g} mm)",
             )
+        self._check_neck()
         if not 0 < self.scallop < self.radius:
             raise field_error(
                 self.name,
@@ -87,6 +91,19 @@ class Cutter:
                 f"give at most holder_diameter ({nose:g} mm)",
             )
 
+    def _check_neck(self) -> None:
+        """JobError where a neck is not between flutes and holder, or wider than the ball or the shank."""
+        length, diameter = self.neck_length, self.neck_diameter
+        if not length and not diameter:
+            return
+        if not self.flute_length < length < self.overhang:
+            ends = f"flute_length ({self.flute_length:g} mm) and less than overhang ({self.overhang:g} mm)"
+            raise field_error(self.name, "neck_length", length, f"give more than {ends}")
+        widest = min(2 * self.radius, self.shank_diameter)
+        if not 0 < diameter <= widest:
+            bound = f"give a diameter up to that of ball and shank ({widest:g} mm)"
+            raise field_error(self.name, "neck_diameter", diameter, bound)
+
     @classmethod
     def from_job(cls, number: int, name: str, job: ToolJob, nose: Iterable[Frustum] = ()) -> "Cutter":
         """The cutter of a job (`Job.tool`), with its place in the tool changer, in a spindle with this nose."""
@@ -102,6 +119,8 @@ class Cutter:
             job.feed,
             job.scallop,
             tuple(nose),
+            job.neck_diameter,
+            job.neck_length,
         )
 
     @property
@@ -116,14 +135,15 @@ class Cutter:
 
     @cached_property
     def profile(self) -> tuple[ToolSection, ...]:
-        """Cylinders and cones above the ball's centre, from the tip up: cutter, shank, those of the holder and of
-        the spindle."""
+        """Cylinders and cones above the ball's centre, from the tip up: cutter, neck and shank, those of the holder
+        and of the spindle."""
         sections = [
             ToolSection("cutter", self.radius, self.flute_length, self.radius, self.radius),
-            ToolSection(
-                "shank", self.flute_length, self.overhang, self.shank_diameter / 2, self.shank_diameter / 2
-            ),
         ]
+        for diameter, end in ((self.neck_diameter, self.neck_length), (self.shank_diameter, self.overhang)):
+            if end:
+                start = sections[-1].end
+                sections.append(ToolSection("shank", start, end, diameter / 2, diameter / 2))
         for name, stack in (("holder", self.holder), ("spindle", self.nose)):
             for piece in stack:
                 start = sections[-1].end

@@ -37,6 +37,45 @@ def test_the_sections_of_a_tool_follow_each_other_up_into_the_spindle() -> None:
     assert all(below.end == above.start for below, above in pairwise(cutter.profile))
 
 
+NECKED = {"radius": 1.0, "flute_length": 3.0, "neck_diameter": 1.9, "neck_length": 11.0, "overhang": 20.0}
+
+
+def test_a_neck_is_a_thinner_piece_of_the_shank() -> None:
+    cutter = Cutter.from_job(2, "finishing", ToolJob(**NECKED, spindle=9000.0, feed=900.0))
+    assert cutter.profile[:3] == (
+        ToolSection("cutter", 1.0, 3.0, 1.0, 1.0),
+        ToolSection("shank", 3.0, 11.0, 0.95, 0.95),
+        ToolSection("shank", 11.0, 20.0, 2.0, 2.0),
+    )
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        (
+            {"neck_length": 3.0},
+            r"neck_length = 3: give more than flute_length \(3 mm\) and less than overhang",
+        ),
+        ({"neck_length": 20.0}, r"neck_length = 20: give more than flute_length"),
+        ({"neck_length": 0.0}, r"neck_length = 0: give more than flute_length"),
+        (
+            {"neck_diameter": 2.1},
+            r"neck_diameter = 2.1: give a diameter up to that of ball and shank \(2 mm\)",
+        ),
+        ({"neck_diameter": 0.0}, r"neck_diameter = 0: give a diameter up to"),
+        (
+            {"shank_diameter": 1.5},
+            r"neck_diameter = 1.9: give a diameter up to that of ball and shank \(1.5 mm\)",
+        ),
+    ],
+)
+def test_a_neck_that_is_not_between_flutes_and_shank_is_refused(
+    values: dict[str, float], message: str
+) -> None:
+    with pytest.raises(JobError, match=rf"\[finishing\] {message}"):
+        Cutter.from_job(2, "finishing", ToolJob(**{**NECKED, **values}, spindle=9000.0, feed=900.0))
+
+
 @pytest.mark.parametrize(
     ("holder", "message"),
     [

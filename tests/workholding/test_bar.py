@@ -95,7 +95,7 @@ def test_a_bar_thinner_than_the_stock_and_a_chuck_that_cannot_hold_it_are_refuse
         ({"diameter": 0.3}, "diameter = 0.3: give 0.5 mm or more, or 0"),
         (
             {"chuck_diameter": 28.0, "chuck_height": 100.0, "stub_length": 15.0, "length": 110.0},
-            r"stub_length = 15: give less, so that it ends below the post's length \(110 mm\)",
+            r"stub_length = 15: it ends at 115 mm: give less than the post's length \(110 mm\)",
         ),
         (
             {"stub_diameter": 28.0, "stub_length": 15.0, "chuck_diameter": 28.0, "chuck_height": 100.0},

@@ -92,7 +92,7 @@ def _changes(job: Job, limits: MachineLimits) -> Iterator[tuple[str, Job, Machin
         steep = replace(job, path=replace(job.path, max_tilt_deg=STEEP_TILT))
         yield f"path.max_tilt_deg = {STEEP_TILT:g}", steep, limits
     overhang = round(SHORT_OVERHANG * job.finishing.overhang, 1)
-    if overhang > job.finishing.flute_length:
+    if overhang > max(job.finishing.flute_length, job.finishing.neck_length):
         short = replace(job, finishing=replace(job.finishing, overhang=overhang))
         yield f"finishing.overhang = {overhang:g}", short, limits
     if limits.bodies.nose:

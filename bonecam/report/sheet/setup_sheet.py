@@ -111,7 +111,7 @@ def _tool_rows(cutters: Sequence[Cutter], minutes: Sequence[float]) -> str:
             f"T{cutter.number} {cutter.name}",
             f"{cutter.radius:g}",
             f"{cutter.flute_length:g}",
-            f"{cutter.shank_diameter:g}",
+            _shank(cutter),
             f"{cutter.overhang:g}",
             _holder(cutter),
             f"{cutter.length:g}",
@@ -121,6 +121,12 @@ def _tool_rows(cutters: Sequence[Cutter], minutes: Sequence[float]) -> str:
         )
         for cutter, time in zip(cutters, minutes, strict=True)
     )
+
+
+def _shank(cutter: Cutter) -> str:
+    """Diameter of the shank, and of the neck below it with the place where that ends."""
+    neck = f"{cutter.neck_diameter:g} to {cutter.neck_length:g}, " if cutter.neck_length else ""
+    return f"{neck}{cutter.shank_diameter:g}"
 
 
 def _holder(cutter: Cutter) -> str:

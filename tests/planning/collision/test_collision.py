@@ -289,6 +289,24 @@ def test_a_chuck_in_the_way_of_any_section_is_caught(
         assert found == ("" if free else name)
 
 
+def test_the_shank_above_a_neck_is_caught_where_the_neck_is_free(
+    finishing_cutter: Cutter, scene: Scene
+) -> None:
+    """A level tool over a chuck whose clearance the neck keeps, and the shank above it does not."""
+    slim = replace(finishing_cutter, neck_diameter=1.0, neck_length=12.0, shank_diameter=4.0, overhang=20.0)
+    axis = np.array([1.0, 0.0, 0.0])
+    bare = replace(scene, stock=Capsule(UP * 500, UP * 510, 2.0), material=crumb(), level=crumb())
+    here = replace(bare, post=Post(0.1, 5.0), clamping=Clamping((Column(0.5, 66.0),), clearance=3.0))
+    for middle, free in ((8.0, True), (16.0, False)):
+        tip = np.array([-middle, 0.0, 70.0])
+        centre = tip + slim.radius * axis
+        assert CollisionChecker(here, slim).free(centre[None], axis[None])[0] == free
+        assert colliding_section(build_fcl_model(here, slim), tip, axis) == ("" if free else "shank")
+    straight = replace(slim, neck_diameter=0.0, neck_length=0.0)
+    tip = np.array([-8.0, 0.0, 70.0])
+    assert not CollisionChecker(here, straight).free((tip + slim.radius * axis)[None], axis[None])[0]
+
+
 def crumb() -> TriangleMesh:
     return revolve(np.full(2, 0.3), np.array([500.0, 501.0]), (500.0, 501.0), SIDES)
 
