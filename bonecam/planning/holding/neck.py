@@ -99,7 +99,8 @@ def find_standing(setup: Setup, job: Job, limits: MachineLimits) -> tuple[Setup,
         setup, job, necks = find_neck(setup, job, limits)
     if not job.holding.length:
         setup, job = find_post_length(setup, job, limits)
-    return setup, job, necks
+    # with all contacts the neck that is taken may be longer than when it was tried
+    return setup, job, (_neck(setup, job, limits), *necks[1:]) if necks else ()
 
 
 def find_neck(setup: Setup, job: Job, limits: MachineLimits) -> tuple[Setup, Job, tuple[Neck, ...]]:

@@ -50,10 +50,10 @@ def test_the_neck_that_is_taken_is_the_thinnest_that_holds(found) -> None:
 
 
 def test_stock_neck_and_stub_stand_on_one_another(found) -> None:
-    setup, job, _ = found
+    setup, job, necks = found
     clamping = clamping_of(job.holding, LIMITS.bodies.table)
     assert setup.stock.bounds[0, 2] == pytest.approx(job.holding.length)
-    assert job.holding.length - clamping.stub.top >= LEAST_NECK
+    assert job.holding.length - clamping.stub.top == pytest.approx(necks[0].length) >= LEAST_NECK
     assert setup.post.top > job.holding.length
     assert 2 * clamping.stub.radius >= setup.stock.diameter
 
