@@ -48,9 +48,13 @@ class Post:
 def post_below(part: TriangleMesh, holding: HoldingJob, lying: tuple[float, float] = (0.0, 0.0)) -> Post:
     """The post that ends where all of its top has met the part's underside, at most one diameter into it.
 
-    Raises ToolPathError where no line of the post meets the part, with the offset that would do; `lying` is
-    the one it has.
+    Raises ValueError where its diameter is still to be found, ToolPathError where no line of the post meets the part,
+    with the offset that would do; `lying` is the one it has.
     """
+    if not holding.diameter:
+        raise ValueError(
+            "holding.diameter = 0: the neck is still to be found, as `convert` does: give a diameter"
+        )
     radius = holding.diameter / 2
     angle = np.arange(24) * (2 * np.pi / 24)
     rings = [np.zeros((1, 2))] + [

@@ -15,6 +15,8 @@ from bonecam.setup.placement import place
 from bonecam.surface.files.surface_input import read_part
 
 PHALANX = Path(__file__).parents[3] / "meshes/phalanx.ply"
+SLENDER = Job().with_values(holding={"diameter": 4.0})
+"""A thin post that stands on the table."""
 MACHINE = read_machine("mikron-ucp600")
 LIMITS = machine_limits(MACHINE)
 
@@ -22,8 +24,8 @@ LIMITS = machine_limits(MACHINE)
 @pytest.fixture(scope="module")
 def standing():
     """The phalanx on the post that is found for it, and its job."""
-    unplaced, _ = read_part(PHALANX, Job(), silent)
-    return find_post_length(place(unplaced, Job()), Job(), LIMITS)
+    unplaced, _ = read_part(PHALANX, SLENDER, silent)
+    return find_post_length(place(unplaced, SLENDER), SLENDER, LIMITS)
 
 
 @pytest.fixture(scope="module")

@@ -171,7 +171,7 @@ def test_a_post_beside_the_part_is_refused(
     mesh = mesh_of(pebble())
     aside = replace(mesh, vertices=mesh.vertices + np.array([20.0, 0, 0]))
     with pytest.raises(ToolPathError, match="misses"):
-        post_below(aside, HoldingJob())
+        post_below(aside, HoldingJob(diameter=4.0))
 
 
 def test_the_post_ends_inside_the_part(

@@ -30,7 +30,8 @@ MIKRON, HEIDENHAIN = read_machine("mikron-ucp600"), read_dialect("heidenhain")
 
 @pytest.fixture(scope="module")
 def text(paths: tuple[ToolPath, ToolPath], upright_capsule: Capsule) -> str:
-    return write_program(paths, MIKRON, HEIDENHAIN, Job(), stock=upright_capsule).text
+    job = Job().with_values(holding={"diameter": 4.0})
+    return write_program(paths, MIKRON, HEIDENHAIN, job, stock=upright_capsule).text
 
 
 def blocks(text: str) -> list[str]:
@@ -94,7 +95,7 @@ def test_a_chuck_and_a_conical_holder_are_told(paths, upright_capsule: Capsule) 
 def test_riser_collet_stub_and_neck_are_told(paths, upright_capsule: Capsule) -> None:
     holding = {"riser_diameter": 60.0, "riser_height": 5.0, "chuck_diameter": 28.0, "chuck_height": 12.0}
     stub = {"stub_diameter": 13.0, "stub_length": 8.0}
-    job = Job().with_values(holding=holding | stub)
+    job = Job().with_values(holding=holding | stub | {"diameter": 4.0})
     told = write_program(paths, MIKRON, HEIDENHAIN, job, stock=upright_capsule).text
     for said in (
         "NECK BELOW IT: DIAMETER 4.00 MM, FROM Z 20.00 TO Z ",
