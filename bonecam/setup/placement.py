@@ -54,7 +54,8 @@ def place(part: Part, job: Job) -> Setup:
         remedy = _offsets_in_vain(part, job)
         if remedy is None:
             raise
-        raise ToolPathError(f"{MISSES.format(job.holding.diameter)}: {remedy}", offset=(0.0, 0.0)) from error
+        misses = MISSES.format(error.evidence["diameter"])
+        raise ToolPathError(f"{misses}: {remedy}", offset=(0.0, 0.0)) from error
 
 
 def _offsets_in_vain(part: Part, job: Job) -> str | None:

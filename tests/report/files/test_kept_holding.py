@@ -1,0 +1,36 @@
+"""A program is simulated on the neck that was found for it, which its kept folder tells."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from bonecam.errors import FileError
+from bonecam.job import Job, write_job
+from bonecam.report.files.kept_bodies import with_kept_holding
+
+OPEN = Job().with_values(holding={"diameter": 0.0}, levels={"finishing_levels": 2})
+FOUND = OPEN.with_values(
+    holding={
+        "diameter": 6.0,
+        "length": 118.0,
+        "chuck_diameter": 28.0,
+        "chuck_height": 100.0,
+        "stub_diameter": 13.0,
+        "stub_length": 15.0,
+    }
+)
+
+
+def test_what_the_job_leaves_open_is_the_folders(tmp_path: Path) -> None:
+    (tmp_path / "job.toml").write_text(write_job(FOUND), encoding="utf-8")
+    assert with_kept_holding(OPEN, tmp_path) == FOUND
+    bar = OPEN.with_values(holding={"diameter": 5.0, "stub_length": 15.0})
+    assert with_kept_holding(bar, tmp_path).holding == FOUND.holding
+    stated = replace(FOUND, holding=replace(FOUND.holding, diameter=5.0))
+    assert with_kept_holding(stated, tmp_path) is stated
+
+
+def test_a_folder_that_does_not_tell_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(FileError, match=r"\[holding\] was found, and .*job.toml does not tell how"):
+        with_kept_holding(OPEN, tmp_path)
