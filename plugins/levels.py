@@ -17,6 +17,8 @@ from bonecam.progress import Progress
 from bonecam.surface.tspline import TSpline
 
 CATEGORY = "Bonecam: Stock and Levels"
+POST = HoldingJob(diameter=4.0)
+"""Defaults of the post's parameters, as published: scripts that do not name it stand on the table with it."""
 
 
 def generate_stock(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
@@ -30,7 +32,7 @@ def generate_stock(layers: Layers, values: Mapping[str, Any], progress: Progress
     job = replace(
         layers.job(),
         stock=section_of(StockJob(), values),
-        holding=section_of(HoldingJob(), values, prefix="post_"),
+        holding=section_of(POST, values, prefix="post_"),
     )
     mesh = layers.bone()
     try:
@@ -123,7 +125,7 @@ FILTERS = (
         CATEGORY,
         (
             *parameters_of(StockJob(), only=("diameter", "length", "allowance", "spare_volume")),
-            *parameters_of(HoldingJob(), prefix="post_"),
+            *parameters_of(POST, prefix="post_"),
             *parameters_of(LevelsJob(), only=("chord_tolerance",)),
         ),
         generate_stock,
@@ -139,7 +141,7 @@ FILTERS = (
         CATEGORY,
         (
             *parameters_of(StockJob()),
-            *parameters_of(HoldingJob(), prefix="post_"),
+            *parameters_of(POST, prefix="post_"),
             *parameters_of(LevelsJob(), only=("chord_tolerance",)),
         ),
         generate_stock,

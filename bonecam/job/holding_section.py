@@ -19,7 +19,7 @@ class HoldingJob(JobSection):
     (the post) that is left between the stub and the part."""
 
     diameter: float = parameter(
-        4.0,
+        0.0,
         "Post diameter",
         "Diameter of the post (neck) that is left at the part's lower end; 0: the thinnest that is stiff enough.",
         unit="mm",
