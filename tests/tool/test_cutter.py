@@ -97,7 +97,7 @@ def test_a_holder_that_is_no_stack_is_refused(holder: Any, message: str) -> None
         ({"chuck_height": 20.0}, r"chuck_diameter = 0: give both sizes of the chuck, or none"),
         ({"chuck_diameter": 20.0}, r"chuck_height = 0: give both sizes of the chuck, or none"),
         (
-            {"chuck_diameter": 3.0, "chuck_height": 9.0},
+            {"diameter": 4.0, "chuck_diameter": 3.0, "chuck_height": 9.0},
             r"chuck_diameter = 3: give more than the post's diameter",
         ),
         (
