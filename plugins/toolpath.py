@@ -11,11 +11,14 @@ from bonecam.errors import FilterError
 from bonecam.filters.filter import Filter
 from bonecam.filters.layers import Layers
 from bonecam.filters.parameter import FilterParameter, Kind, parameters_of, section_of
-from bonecam.job import FINISHING, ROUGHING, MaterialJob, NcJob, PathJob
+from bonecam.job import MaterialJob, NcJob, PathJob, ToolJob
 from bonecam.progress import Progress
 from bonecam.tool.path import MoveKind, ToolPath
 
 CATEGORY = "Bonecam: Tool Paths"
+ROUGH = ToolJob()
+FINISH = ToolJob(radius=1.0, flute_length=4.0, shank_diameter=2.0, overhang=25.0, scallop=0.01)
+"""Defaults of the cutters' parameters, as published: scripts that name some of them mean the others so."""
 
 
 def plan_toolpath(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
@@ -33,8 +36,8 @@ def plan_toolpath(layers: Layers, values: Mapping[str, Any], progress: Progress)
         layers.job(),
         path=section_of(PathJob(), values),
         material=section_of(MaterialJob(), values, prefix="material_"),
-        roughing=section_of(ROUGHING, values, prefix="roughing_"),
-        finishing=section_of(FINISHING, values, prefix="finishing_"),
+        roughing=section_of(ROUGH, values, prefix="roughing_"),
+        finishing=section_of(FINISH, values, prefix="finishing_"),
         nc=replace(layers.job().nc, machine=values["machine"]),
     )
     machine = read_machine(job.nc.machine)
@@ -92,8 +95,8 @@ FILTERS = (
         (
             *parameters_of(PathJob()),
             *parameters_of(MaterialJob(), prefix="material_"),
-            *parameters_of(ROUGHING, prefix="roughing_"),
-            *parameters_of(FINISHING, prefix="finishing_"),
+            *parameters_of(ROUGH, prefix="roughing_"),
+            *parameters_of(FINISH, prefix="finishing_"),
             *parameters_of(NcJob(), only=("machine",)),
         ),
         plan_toolpath,

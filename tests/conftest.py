@@ -19,7 +19,7 @@ hypothesis.settings.register_profile("bonecam", deadline=None)  # other work on 
 hypothesis.settings.load_profile("bonecam")
 install_import_hook([f"bonecam.{stage}" for stage in STAGES], "run_time_types.checked")
 
-from bonecam.job import HoldingJob, Job  # noqa: E402
+from bonecam.job import HoldingJob, ToolJob  # noqa: E402
 from bonecam.levels.measure.cut_measures import NO_CUT  # noqa: E402
 from bonecam.levels.measure.level import MorphLevel, PartLevel  # noqa: E402
 from bonecam.machine.frustum import Frustum  # noqa: E402
@@ -158,12 +158,14 @@ def upright_capsule() -> Capsule:
 
 @pytest.fixture(scope="session")
 def roughing_cutter() -> Cutter:
-    return Cutter.from_job(1, "roughing", Job().tool("roughing"))
+    return Cutter.from_job(1, "roughing", ToolJob(spindle=4500.0, feed=900.0))
 
 
 @pytest.fixture(scope="session")
 def finishing_cutter() -> Cutter:
-    return Cutter.from_job(2, "finishing", Job().tool("finishing"))
+    """A ball of 2 mm diameter on a straight shank."""
+    shape = {"radius": 1.0, "flute_length": 4.0, "shank_diameter": 2.0, "overhang": 25.0, "scallop": 0.01}
+    return Cutter.from_job(2, "finishing", ToolJob(**shape, spindle=4500.0, feed=900.0))
 
 
 @pytest.fixture(scope="session")

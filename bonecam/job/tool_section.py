@@ -1,6 +1,7 @@
 """The sections [material], [roughing], [finishing] and [fine] of a job: what is cut, and one cutter each."""
 
 from dataclasses import dataclass
+from typing import Any
 
 from bonecam.job.parameter import JobSection, check, is_list, parameter
 from bonecam.machine.frustum import Frustum, stack_as_text, stack_from_text
@@ -23,6 +24,10 @@ def holder_from_text(text: str) -> tuple[Frustum, ...]:
         return stack_from_text(text)
     except ValueError as error:
         raise ValueError(f"{error}: give rows like '35 10 17, 20 40'") from error
+
+
+SHAPE = frozenset({"radius", "flute_length", "shank_diameter"})
+"""What states the shape of a cutter of one's own."""
 
 
 @dataclass(frozen=True)
@@ -87,6 +92,16 @@ class ToolJob(JobSection):
             object.__setattr__(self, "holder", stack_as_text(rows))
         check(self)
 
+    def completed(self, values: dict[str, Any]) -> dict[str, Any]:
+        """The values by name that another cutter is stated with, and what they take away of this one: its neck where
+        the shape is stated, its pieces of a holder where one cylinder is."""
+        gone: dict[str, Any] = {}
+        if values.keys() & SHAPE and not values.keys() & {"neck_diameter", "neck_length"}:
+            gone |= {"neck_diameter": 0.0, "neck_length": 0.0}
+        if values.keys() & {"holder_diameter", "holder_length"} and "holder" not in values:
+            gone["holder"] = ""
+        return {**gone, **values}
+
     @property
     def holder_stack(self) -> tuple[Frustum, ...]:
         """The holder from its nose to the gauge line."""
@@ -95,10 +110,22 @@ class ToolJob(JobSection):
         )
 
 
-ROUGHING = ToolJob()
-"""The default roughing cutter: a ball of 4 mm diameter."""
-FINISHING = ToolJob(radius=1.0, flute_length=4.0, shank_diameter=2.0, overhang=25.0, scallop=0.01)
-"""The default finishing cutter: a ball of 2 mm diameter."""
+SHRINK_FIT = "60 10 19, 20 63"
+"""A shrink-fit chuck for shanks of 3 to 5 mm: 10 mm at the nose, 4.5 degrees, the flange of a taper 40 at the gauge
+line."""
+ROUGHING = ToolJob(overhang=20.0, holder=SHRINK_FIT)
+"""The default roughing cutter: a ball of 4 mm diameter on a 4 mm shank, shortly clamped."""
+FINISHING = ToolJob(
+    radius=1.0,
+    flute_length=3.0,
+    neck_diameter=1.9,
+    neck_length=11.0,
+    overhang=20.0,
+    holder=SHRINK_FIT,
+    scallop=0.01,
+)
+"""The default finishing cutter: a ball of 2 mm diameter on a neck of 1.9 mm, which ends 11 mm above the tip, and a
+shank of 4 mm, as such cutters are sold."""
 FINE = ToolJob(
     radius=0.5,
     flute_length=1.5,

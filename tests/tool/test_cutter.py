@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from bonecam.errors import JobError
-from bonecam.job import HoldingJob, ToolJob
+from bonecam.job import FINISHING, HoldingJob, Job, ToolJob
 from bonecam.machine.frustum import Frustum, stack_as_text, stack_from_text
 from bonecam.tool.cutter import Cutter, ToolSection
 
@@ -47,6 +47,25 @@ def test_a_neck_is_a_thinner_piece_of_the_shank() -> None:
         ToolSection("shank", 3.0, 11.0, 0.95, 0.95),
         ToolSection("shank", 11.0, 20.0, 2.0, 2.0),
     )
+
+
+def test_a_cutter_of_ones_own_does_not_keep_the_neck_of_the_default() -> None:
+    neck = FINISHING.neck_diameter, FINISHING.neck_length
+    assert neck == (1.9, 11.0)
+    for own in ({"radius": 0.5, "flute_length": 2.0}, {"shank_diameter": 2.0}):
+        tool = Job().with_values(finishing=own).finishing
+        assert (tool.neck_diameter, tool.neck_length) == (0.0, 0.0)
+    stated = {"radius": 1.0, "neck_diameter": 1.8, "neck_length": 9.0}
+    tool = Job().with_values(finishing=stated).finishing
+    assert (tool.neck_diameter, tool.neck_length) == (1.8, 9.0)
+    kept = Job().with_values(finishing={"scallop": 0.02, "overhang": 22.0}).finishing
+    assert (kept.neck_diameter, kept.neck_length) == neck
+
+
+def test_a_stated_holder_of_one_cylinder_takes_the_place_of_the_default_pieces() -> None:
+    own = Job().with_values(roughing={"holder_diameter": 25.0}).roughing
+    assert own.holder_stack == (Frustum(50.0, 25.0, 25.0),)
+    assert Job().roughing.holder_stack == (Frustum(60.0, 10.0, 19.0), Frustum(20.0, 63.0, 63.0))
 
 
 @pytest.mark.parametrize(
