@@ -2,6 +2,7 @@ from .holding_section import HoldingJob as HoldingJob
 from .job_file import read_job as read_job
 from .job_file import write_job as write_job
 from .levels_section import LevelsJob as LevelsJob
+from .materials.mechanics_section import MechanicsJob as MechanicsJob
 from .mesh_section import MeshJob as MeshJob
 from .nc_section import NcJob as NcJob
 from .path_section import PathJob as PathJob

@@ -8,6 +8,7 @@ from typing import Any
 from bonecam.errors import JobError, did_you_mean
 from bonecam.job.holding_section import HoldingJob
 from bonecam.job.levels_section import LevelsJob
+from bonecam.job.materials.mechanics_section import MechanicsJob
 from bonecam.job.materials.preset import read_material
 from bonecam.job.mesh_section import MeshJob
 from bonecam.job.nc_section import NcJob
@@ -36,6 +37,7 @@ class Job:
     holding: HoldingJob = field(default_factory=HoldingJob)
     levels: LevelsJob = field(default_factory=LevelsJob)
     material: MaterialJob = field(default_factory=MaterialJob)
+    mechanics: MechanicsJob = field(default_factory=MechanicsJob)
     roughing: ToolJob = ROUGHING
     finishing: ToolJob = FINISHING
     fine: ToolJob = FINE

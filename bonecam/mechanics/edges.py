@@ -1,5 +1,6 @@
 """The edges of a cutter on the pieces of its moves: where they stand, and how much a tooth takes."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,6 +28,8 @@ NO_EDGES = Edges(
     asked=np.empty(0, dtype=bool),
 )
 """Of moves whose forces are not asked."""
+NO_EDGES_ASKED = (NO_EDGES,) * 3
+"""Those of no set of rays."""
 
 
 def edges_on(
@@ -90,7 +93,7 @@ class EdgeForces:
         return self.areas > 0
 
 
-def forces_of(edges: Edges, asked: list[Edges], flutes: int) -> EdgeForces:
+def forces_of(edges: Edges, asked: Sequence[Edges], flutes: int) -> EdgeForces:
     """The sum of what each set of rays told of the `edges` (`asked`), for a cutter with so many flutes."""
     single = asked[0].forces
     for other in asked[1:]:

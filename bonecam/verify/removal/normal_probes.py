@@ -15,6 +15,7 @@ from bonecam.kernels.removal.normal_probes import cut_normal_probes, probe_cells
 from bonecam.kernels.removal.rays import RaySet
 from bonecam.kernels.removal.sweep import Pieces
 from bonecam.material.rays import RayGrid
+from bonecam.mechanics.loads import Finished
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.surface.tspline import TSpline
 from bonecam.verify.removal.stock_heights import stock_heights
@@ -48,6 +49,11 @@ class NormalProbes:
         self.by_cell, self.cell_starts, self.corner = probe_cells(self.points, CELL)
         self.heights = np.full(len(self.points), REACH)
         self.owners = np.full(len(self.points), NOT_CUT)
+
+    @property
+    def finished(self) -> Finished:
+        """The places of the surface as they have been cut; what is told of them changes with further cuts."""
+        return Finished(self.mesh, self.points, self.normals, self.areas, self.owners)
 
     def move(self, pose: Float[ndarray, "4 4"]) -> "NormalProbes":
         """The normal probes under a rigid transform (4, 4), as they have been cut before another program is run."""

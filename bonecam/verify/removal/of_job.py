@@ -9,6 +9,7 @@ from bonecam.errors import VerifyError
 from bonecam.job import Job
 from bonecam.levels.measure.level import Level, morph_surfaces
 from bonecam.machine.machine import Machine
+from bonecam.mechanics.workpiece import workpiece_of
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.reading.motions import Motions
@@ -83,13 +84,16 @@ def prove_removal(
     levels: Sequence[Level],
     progress: Progress = silent,
     given: GivenSurface | None = None,
+    *,
+    mechanics: bool = True,
 ) -> Removal:
     """What the posted `text` of a job removes from its stock; `levels` are those it cuts, `given` is the part as it was
-    given.
+    given. Without `mechanics` force and bending are left out.
 
     Errors as in `simulate_removal` and `check_removal`.
     """
     post = post_below(levels[0].mesh, job.holding)
+    clamping = clamping_of(job.holding, machine.table)
     removal = simulate_removal(
         text,
         machine,
@@ -97,12 +101,13 @@ def prove_removal(
         stock,
         post,
         cutters_of(job, machine),
-        clamping=clamping_of(job.holding, machine.table),
+        clamping=clamping,
         part=morph_surfaces(levels)[0],
         limits=depth_limits(job, levels),
         scallops=level_scallops(job, len(levels)),
         surfaces=followed_surfaces(job, {level.index: level.mesh for level in levels}),
         accuracy=ACCURACY,
+        workpiece=workpiece_of(job, post, clamping) if mechanics else None,
         progress=progress,
     )
     if given is not None:

@@ -6,6 +6,7 @@ from typing import Any
 from jaxtyping import Float
 from numpy import ndarray
 
+from bonecam.mechanics.result import Mechanics
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.verify.removal.given import GivenRemoval, NotJudged
 from bonecam.verify.removal.stock_heights import StockHeights
@@ -99,6 +100,7 @@ class Removal:
     machining order. `shell` is the clearance of the whole tool from the shell of a second clamping, None in a first
     one. `bridge` (mm) is the diameter of what stands of the post where it is parted, None where it is
     not. `given` is what is left beside the mesh as given, or why that is not known; None where a part has none.
+    `mechanics` is None where force and bending were not asked.
     """
 
     cell: float
@@ -119,6 +121,7 @@ class Removal:
     bridge: float | None = None
     shell: Clearance | None = None
     given: GivenRemoval | NotJudged | None = None
+    mechanics: Mechanics | None = None
 
     @property
     def report(self) -> dict[str, Any]:

@@ -1,11 +1,10 @@
 """Material removal simulated from the posted text.
 
 The text is read back and run through the machine's kinematics. Between blocks the control moves as
-`machine/control.py` says; the path of the ball's centre is divided until it is straight within 1 um, and each
-piece removes its capsule from the stock, which is held as intervals on three sets of rays (Benouamer &
-Michelucci 1997). The stock stands on its post and, if there is one, the stub of the bar below that, which are part
-of the material above what holds them. Of a move from an unknown place, after a retract or a tool change, only the end
-is run.
+`machine/control.py` says; the path of the ball's centre is divided until it is straight within 1 um, and each piece
+removes its capsule from the stock, which is held as intervals on three sets of rays (Benouamer & Michelucci 1997).
+Post and stub are part of the material, above what holds them. Of a move from an unknown place, after a retract or a
+tool change, only the end is run.
 """
 
 from collections.abc import Mapping, Sequence
@@ -20,6 +19,9 @@ from bonecam.kernels.removal.sweep import Pieces
 from bonecam.machine.machine import Machine
 from bonecam.material.cut_depths import cut_depths, move_through
 from bonecam.material.dexels import copy_of
+from bonecam.mechanics.loads import Loads
+from bonecam.mechanics.result import mechanics_of
+from bonecam.mechanics.workpiece import Workpiece
 from bonecam.mesh.facets.vertex_normals import vertex_normals
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.dialect import Dialect
@@ -56,6 +58,7 @@ def simulate_removal(
     scallops: Mapping[int, float] | None = None,
     surfaces: Mapping[int, TriangleMesh] | None = None,
     accuracy: Accuracy | None = None,
+    workpiece: Workpiece | None = None,
     progress: Progress = silent,
 ) -> Removal:
     """What the program `text` removes from `stock` on its `post`, what it leaves on `part`, and what its
@@ -63,25 +66,15 @@ def simulate_removal(
 
     `cutters` are the tools with shank, holder and spindle nose, by number; `clamping` is what stands below (None: a
     table that nothing may go below); `limits` the largest depth (mm) of the cut on each level, `scallops` what it may
-    leave (mm; by default that of its tool); `surfaces` the meshes that levels leave, on which is told what stands.
-    ProgramError where the text cannot be read or calls another tool, JobError where the rays need too much memory.
+    leave (mm; by default that of its tool); `surfaces` the meshes that levels leave, on which is told what stands;
+    force and bending of the `workpiece` are told if there is one. ProgramError where the text cannot be read or calls
+    another tool, JobError where the rays need too much memory.
     """
     carried = (clamping or Clamping()).carried(post.column)
     bodies = [stock, *(Cylinder(column.radius, column.bottom, column.top) for column in carried)]
-    material = material_of(bodies, part, accuracy or Accuracy())
-    return simulate_further(
-        text,
-        machine,
-        dialect,
-        material,
-        post,
-        cutters,
-        clamping=clamping,
-        limits=limits,
-        scallops=scallops,
-        surfaces=surfaces,
-        progress=progress,
-    )
+    given = text, machine, dialect, material_of(bodies, part, accuracy or Accuracy()), post, cutters
+    asked = clamping, limits, scallops, surfaces, workpiece, progress
+    return simulate_further(*given, *asked)
 
 
 def simulate_further(
@@ -91,11 +84,11 @@ def simulate_further(
     material: SimulatedStock,
     post: Post | None,
     cutters: Sequence[Cutter],
-    *,
     clamping: Clamping | None = None,
     limits: Mapping[int, float] | None = None,
     scallops: Mapping[int, float] | None = None,
     surfaces: Mapping[int, TriangleMesh] | None = None,
+    workpiece: Workpiece | None = None,
     progress: Progress = silent,
 ) -> Removal:
     """What the program `text` removes from `material`, which it changes; otherwise as `simulate_removal`."""
@@ -103,9 +96,8 @@ def simulate_further(
     motions = read_program(text, machine, dialect)
     tools = tools_of(motions, cutters)
     sweeping = Sweeping(material.sets, material.grid, material.bounds, len(motions.tips))
-    simulation = _Simulation(
-        motions, sweeping, material.normal_probes, clamping or Clamping(), limits or {}, surfaces or {}
-    )
+    kept = clamping or Clamping(), limits or {}, surfaces or {}
+    simulation = _Simulation(motions, sweeping, material.normal_probes, *kept, workpiece)
     groups = list(groups_of(text, motions, dialect))
     levels = []
     for count, group in enumerate(groups):
@@ -128,10 +120,13 @@ class _Simulation:
     clamping: Clamping
     limits: Mapping[int, float]
     surfaces: Mapping[int, TriangleMesh]
+    workpiece: Workpiece | None
 
     def __post_init__(self) -> None:
         self.grid = self.sweeping.grid
         self.minutes = feed_minutes(self.motions)
+        self.loads = Loads(self.workpiece, self.minutes, self.motions.spindle)
+        self.finished = self.normal_probes.finished if self.normal_probes is not None else None
         self.table = Clearance("tool", None, 0)
         self.standing: list[StockHeights] = []
 
@@ -145,7 +140,10 @@ class _Simulation:
                 self.normal_probes.cut(pieces, cutter.radius)
 
         whole = straight_pieces(self.motions, group.moves, cutter)
-        pieces = self.sweeping.run(whole, cutter, cut_normal_probes)
+        edges = self.loads.edges(whole, self.grid)
+        pieces = self.sweeping.run(whole, cutter, cut_normal_probes, edges.asked)
+        seen = self.sweeping.standing, self.finished
+        self.loads.take((group.level, group.rest), pieces, edges, cutter, *seen)
         if surface is not None and group.level is not None:
             heights = [self._standing(surface, sets) for sets in (before, self.sweeping.sets)]
             self.standing.append(StockHeights(group.level, *heights))
@@ -205,9 +203,7 @@ class _Simulation:
         by_link, moves = link_volumes(removed, self.motions.links)
         most = int(np.argmax(by_link)) if len(by_link) else -1
         reported = most >= 0 and by_link[most] > LINK_ALLOWED
-        finest = min(
-            cutter.radius for number, cutter in tools.items() if (self.motions.tools == number).any()
-        )
+        finest = min(tools[number].radius for number in np.unique(self.motions.tools).tolist())
         left = None
         if self.normal_probes is not None:
             self.normal_probes.measure_the_uncut(self.sweeping.sets, self.grid)
@@ -229,6 +225,7 @@ class _Simulation:
             move_volumes=removed,
             remaining=SimulatedStock(self.sweeping.sets, self.grid, self.normal_probes),
             standing=tuple(self.standing),
+            mechanics=mechanics_of(self.loads, self.finished),
         )
 
     def _clearance(self, part: int) -> Clearance:

@@ -22,7 +22,8 @@ from bonecam.kernels.removal.rays import RaySet
 from bonecam.kernels.removal.sweep import Pieces, SweepResult, sweep
 from bonecam.material.dexels import with_more_room
 from bonecam.material.rays import RayGrid, lay_grid, lay_rays, least_cell, order
-from bonecam.mechanics.edges import NO_EDGES
+from bonecam.mechanics.edges import NO_EDGES_ASKED
+from bonecam.mechanics.workpiece import Standing
 from bonecam.runtime.threads import in_pieces
 from bonecam.setup.stock import Stock
 from bonecam.surface.tspline import TSpline
@@ -120,7 +121,7 @@ class Sweeping:
         pieces: Pieces,
         cutter: Cutter,
         beside: Callable[[Pieces], None],
-        edges: Sequence[Edges] = (NO_EDGES,) * 3,
+        edges: Sequence[Edges] = NO_EDGES_ASKED,
     ) -> Pieces:
         """Take the pieces of one cutter out of the material, in their order, while a core that has no set of
         rays to cut works on them `beside`; returns them with their `reach`. Each set of rays answers what its `edges`
@@ -174,6 +175,11 @@ class Sweeping:
         else:
             distance = np.full(occupied.shape, float(np.linalg.norm(extent)) + WATCHED)
         return Bricks(distance, corner, size, spare)
+
+    @property
+    def standing(self) -> Standing:
+        """What stands now."""
+        return Standing(self.sets, self.grid, float(self.bounds[1, 2]))
 
     @property
     def volumes(self) -> Float[ndarray, " n"]:

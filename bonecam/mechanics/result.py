@@ -1,0 +1,144 @@
+"""What the mechanics of a program tell: figures, and the section `mechanics` of the report."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from bonecam.mechanics.loads import Finished, Loads, PathLoads, cut_shares
+from bonecam.mechanics.workpiece import Workpiece
+from bonecam.mesh.triangle_mesh import TriangleMesh
+
+UM = 1000.0
+"""Micrometres in a millimetre."""
+
+
+@dataclass(frozen=True, eq=False)
+class ErrorKept:
+    """The error that bending leaves on the finished surface: the share of its area that stays below each value, mm.
+
+    `places` are vertices of `mesh`, `errors` (n,) at each (mm, NaN where no move has cut, positive where material
+    stays), `areas` (n,) mm^2. `place` is that at `p99`.
+    """
+
+    mesh: TriangleMesh
+    errors: Float[ndarray, " n"]
+    areas: Float[ndarray, " n"]
+
+    @cached_property
+    def _shares(self) -> Float[ndarray, "3"]:
+        known = np.isfinite(self.errors)
+        return cut_shares(np.abs(self.errors[known]), self.areas[known], (0.5, 0.95, 0.99))
+
+    @property
+    def median(self) -> float:
+        """Half of the surface keeps no more, mm."""
+        return float(self._shares[0])
+
+    @property
+    def p95(self) -> float:
+        """95 % of the surface keep no more, mm."""
+        return float(self._shares[1])
+
+    @property
+    def p99(self) -> float:
+        """99 % of the surface keep no more, mm."""
+        return float(self._shares[2])
+
+    @property
+    def place(self) -> tuple[float, float, float]:
+        """Where the error is that 99 % stay below."""
+        away = np.where(np.isfinite(self.errors), np.abs(np.abs(self.errors) - self.p99), np.inf)
+        x, y, z = (float(value) for value in self.mesh.vertices[np.argmin(away)])
+        return x, y, z
+
+    @property
+    def report(self) -> dict[str, Any]:
+        """`error_kept_um` of the report."""
+        figures = {"median": self.median, "p95": self.p95, "p99": self.p99}
+        return {
+            **{name: round(UM * value, 2) for name, value in figures.items()},
+            "place": [round(value, 3) for value in self.place],
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class Mechanics:
+    """What the loads of a program are: of each of its `paths`, and the `error` kept, None where no part was given."""
+
+    workpiece: Workpiece
+    paths: tuple[PathLoads, ...]
+    error: ErrorKept | None
+
+    @cached_property
+    def stress(self) -> Float[ndarray, "3"]:
+        """Largest bending stress at the peaks that 95 %, 99 % and all of the cutting time stay below, N/mm^2."""
+        stress = np.concatenate([path.stress for path in self.paths] or [np.zeros(0)])
+        minutes = np.concatenate([path.minutes for path in self.paths] or [np.zeros(0)])
+        return cut_shares(stress, minutes, (0.95, 0.99, 1.0))
+
+    @property
+    def slowest(self) -> PathLoads | None:
+        """The path behind which the lowest frequency is least beside that of its edges."""
+        return min(self.paths, key=lambda path: path.first_hz / path.tooth_hz, default=None)
+
+    def move_forces(self, moves: int) -> Float[ndarray, " m"]:
+        """The largest mean force on each of so many moves of the text, N; 0 in air."""
+        found = np.zeros(moves)
+        for path in self.paths:
+            np.maximum.at(found, path.moves, path.mean)
+        return found
+
+    @property
+    def report(self) -> dict[str, Any]:
+        """The section `mechanics` of the report."""
+        work, slowest = self.workpiece, self.slowest
+        p95, p99, most = (round(float(value), 1) for value in self.stress)
+        return {
+            "material": work.material,
+            "levels": [_path_figures(path) for path in self.paths],
+            "error_kept_um": self.error.report if self.error else None,
+            "neck_stress_mpa": p95,
+            "neck_stress_p99_mpa": p99,
+            "neck_stress_max_mpa": most,
+            "yield_mpa": work.stiffness.yield_strength,
+            "first_hz": round(slowest.first_hz, 1) if slowest else None,
+            "tooth_hz": round(slowest.tooth_hz, 1) if slowest else None,
+            "band": list(work.force.band),
+            "coefficients": work.force.source,
+            "scaled": work.force.scaled,
+        }
+
+
+def mechanics_of(loads: Loads, finished: Finished | None) -> Mechanics | None:
+    """What the loads of a whole program tell, on the `finished` surface if one was given; None where nothing was
+    asked."""
+    if loads.workpiece is None:
+        return None
+    error = None
+    if finished is not None and len(loads.errors):
+        error = ErrorKept(finished.mesh, loads.errors, finished.areas)
+    return Mechanics(loads.workpiece, tuple(loads.paths), error)
+
+
+def _path_figures(path: PathLoads) -> dict[str, Any]:
+    """The figures of one path."""
+    total = max(path.minutes.sum(), np.finfo(float).tiny)
+    high = cut_shares(path.mean, path.minutes, (0.95,))[0]
+    peaks = cut_shares(path.peak, path.minutes, (0.95, 1.0))
+    bent = cut_shares(path.deflection, path.minutes, (0.5, 0.95))
+    return {
+        "index": path.index,
+        "rest": path.rest,
+        "force_mean_n": round(float((path.mean * path.minutes).sum() / total), 2),
+        "force_p95_n": round(float(high), 2),
+        "peak_p95_n": round(float(peaks[0]), 2),
+        "peak_max_n": round(float(peaks[1]), 2),
+        "deflection_median_um": round(UM * float(bent[0]), 2),
+        "deflection_p95_um": round(UM * float(bent[1]), 2),
+        "first_hz": round(path.first_hz, 1) if np.isfinite(path.first_hz) else None,
+        "tooth_hz": round(path.tooth_hz, 1),
+    }

@@ -1,0 +1,68 @@
+"""What is cut, as far as force and bending go: its material, and what holds it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from bonecam.errors import JobError
+from bonecam.job import Job
+from bonecam.job.materials.mechanical import CuttingForce, StiffnessTable, cutting_force
+from bonecam.job.materials.preset import read_material
+from bonecam.kernels.removal.rays import RaySet
+from bonecam.material.rays import RayGrid
+from bonecam.mechanics.beam import Beam
+from bonecam.mechanics.sections import join, ray_sections, shoulder
+from bonecam.workholding.clamping import Clamping
+from bonecam.workholding.post import Post
+
+
+@dataclass(frozen=True, eq=False)
+class Standing:
+    """What stands while a program runs: the `sets` of rays of a `grid`, up to the height `top` at most, mm."""
+
+    sets: Sequence[RaySet]
+    grid: RayGrid
+    top: float
+
+
+@dataclass(frozen=True)
+class Workpiece:
+    """A material with its `stiffness` and the `force` that cuts it by cutters with so many `flutes`, on a `post` that
+    is held rigidly below the height `clamped`, mm."""
+
+    material: str
+    stiffness: StiffnessTable
+    force: CuttingForce
+    flutes: int
+    post: Post
+    clamped: float
+
+    def beam(self, standing: Standing) -> Beam:
+        """What stands as a beam, with the shoulder at the top of its post against what is a diameter above that."""
+        whole = ray_sections(standing.sets, standing.grid, self.clamped, standing.top)
+        neck, above = whole.between(self.clamped, self.post.top), whole.between(self.post.top, standing.top)
+        diameter = 2 * self.post.radius
+        wider = 2 * np.sqrt(float(np.interp(self.post.top + diameter, above.z, above.area)) / np.pi)
+        step = shoulder(diameter, self.post.top, max(wider, diameter))
+        return Beam(join([neck, step, above]), self.stiffness.elasticity)
+
+
+def workpiece_of(job: Job, post: Post, clamping: Clamping) -> Workpiece:
+    """The workpiece of a job on its post in a clamping; JobError where nothing is known of its stiffness."""
+    stiffness, force = mechanics_of(job)
+    clamped = max((column.top for column in clamping.columns), default=0.0)
+    return Workpiece(job.material.name, stiffness, force, job.mechanics.flutes, post, max(clamped, 0.0))
+
+
+def mechanics_of(job: Job) -> tuple[StiffnessTable, CuttingForce]:
+    """How stiff the material of a job is and what force cuts it; JobError where its file does not say how stiff."""
+    material = read_material(job.material.name)
+    if material.stiffness is None:
+        raise JobError(
+            f"[material] name = {job.material.name!r}: its file has no table [stiffness], so bending is not known: "
+            "give elasticity, density and yield_strength there, or --no-mechanics",
+            section="material",
+            field="name",
+        )
+    return material.stiffness, cutting_force(material.force, material.stiffness.yield_strength)
