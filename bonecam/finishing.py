@@ -27,6 +27,7 @@ from bonecam.progress import part as part_of
 from bonecam.progress import report as report_progress
 from bonecam.report.files.finished import PAGE_CHORD, Finished, write_finished
 from bonecam.report.files.output_files import File, Outputs
+from bonecam.report.mechanics_lines import NOT_KNOWN
 from bonecam.report.run_report import report_to_program
 from bonecam.runtime.timing import StageTimes
 from bonecam.surface.blades.blade_solid import blade_solid
@@ -104,6 +105,7 @@ def finish(
             job=job.path,
             part=followed,
         ),
+        "mechanics": NOT_KNOWN,
         "seconds": times.seconds,
     }
     made = Finished(workpiece, proved.paths[0], proved.program, figures, job)

@@ -11,6 +11,7 @@ from bonecam.job import Job
 from bonecam.levels.job_levels import check_method, surface_and_levels
 from bonecam.levels.measure.level import morph_surfaces
 from bonecam.machine.machine import Machine, read_machine
+from bonecam.mechanics.workpiece import mechanics_of_job
 from bonecam.mesh.triangle_mesh import MeshLike, TriangleMesh, mesh_from
 from bonecam.nc.dialect import Dialect, read_dialect
 from bonecam.nc.posting.header.header import record_simulation
@@ -30,6 +31,7 @@ from bonecam.report.files.kept_folder import keep_failed_level
 from bonecam.report.files.output_files import File, Outputs
 from bonecam.report.files.refused_run import keep_refused, refusing
 from bonecam.report.files.result import Morphed, Result
+from bonecam.report.mechanics_lines import NOT_ASKED, NOT_KNOWN
 from bonecam.report.run_report import post_report, report_to_levels, report_to_program
 from bonecam.report.summary import NOT_SIMULATED
 from bonecam.runtime.timing import StageTimes
@@ -57,6 +59,7 @@ def convert(
     sheet: File = None,
     apt: File = None,
     simulation: bool = True,
+    mechanics: bool = True,
     progress: Progress = silent,
 ) -> Result:
     """The verified NC program of a part: all stages from the mesh to the proof.
@@ -66,7 +69,8 @@ def convert(
     the page `html`, the setup `sheet`, the cutter location data `apt` and the folder `keep` are written at the end,
     together; a second clamping has a program, page and cutter location data of its own (bone.second.h). Only a level
     that fails its check is written to `keep` all the same. Without `simulation` the removal of material is not
-    simulated from the posted text. Raises a BonecamError that names the trouble and the remedy.
+    simulated from the posted text, without `mechanics` force and bending are not asked. Raises a BonecamError that
+    names the trouble and the remedy.
     """
     job = _require_job(job)
     machine = read_machine(job.nc.machine)
@@ -74,6 +78,8 @@ def convert(
     check_job(job, machine, dialect)
     check_reach(job, machine)
     check_simulated(job, simulation=simulation)
+    if simulation and mechanics:
+        mechanics_of_job(job)
     outputs = Outputs(program, keep, report, surface, html, sheet, apt, bool(job.holding.second))
     given, source = _given(mesh)
     outputs.check(source, dialect)
@@ -83,7 +89,8 @@ def convert(
     with keep_refused(made, keep):
         result = _machine(made, machine, dialect, source, program, times, part(progress, 0.3, 0.8))
         if simulation:
-            result = _simulated(result, machine, dialect, times, part(progress, 0.8, 0.9))
+            share = part(progress, 0.8, 0.9)
+            result = _simulated(result, machine, dialect, times, share, mechanics=mechanics)
         if job.holding.second:
             with times.stage("second"):
                 result = add_second(result, machine, dialect, program, part(progress, 0.9, 0.97))
@@ -217,21 +224,29 @@ def _machine(
     reported = report_to_program(
         Path(file or "").name, paths, program=program, proof=proved.proof, job=job.path, part=levels[0].mesh
     )
-    figures = {**made.report, **foretold, **reported, "removal": NOT_SIMULATED}
+    figures = {**made.report, **foretold, **reported, "removal": NOT_SIMULATED, "mechanics": NOT_KNOWN}
     return Result(made.part, made.surface, made.stock, made.levels, figures, job, paths, program)
 
 
 def _simulated(
-    result: Result, machine: Machine, dialect: Dialect, times: StageTimes, progress: Progress
+    result: Result,
+    machine: Machine,
+    dialect: Dialect,
+    times: StageTimes,
+    progress: Progress,
+    *,
+    mechanics: bool,
 ) -> Result:
-    """The result with what its posted text removes; VerifyError where that is not what a program may do."""
+    """The result with what its posted text removes, and what bends if `mechanics` are asked; VerifyError where that is
+    not what a program may do."""
     with times.stage("simulation"), refusing(result.program, result.paths):
         levels = result.levels.levels
         given = given_surface(result.part, result.job, result.report)
-        text = result.program.text
-        removal = prove_removal(text, machine, dialect, result.job, result.stock, levels, progress, given)
-    program = record_simulation(result.program, dialect, removal.cell)
-    reported = {**result.report, "removal": removal.report}
+        cut = result.program.text, machine, dialect, result.job, result.stock, levels
+        removal = prove_removal(*cut, progress, given, mechanics=mechanics)
+    program = record_simulation(result.program, dialect, removal.cell, str(removal.mechanics or ""))
+    bent = removal.mechanics.report if removal.mechanics else NOT_ASKED
+    reported = {**result.report, "removal": removal.report, "mechanics": bent}
     return replace(result, program=program, report=reported, removal=removal)
 
 

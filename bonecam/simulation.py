@@ -3,6 +3,7 @@
 import re
 from collections.abc import Mapping
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from bonecam.errors import FileError, JobError, ProgramError
 from bonecam.files import check_files, write_whole
 from bonecam.job import Job
 from bonecam.machine.machine import read_machine
+from bonecam.mechanics.workpiece import workpiece_of
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.dialect import read_dialect
 from bonecam.nc.reading.read import read_program
@@ -26,6 +28,7 @@ from bonecam.report.files.kept_bodies import (
     with_kept_holding,
 )
 from bonecam.report.files.kept_view import SECOND_VIEW, check_page_name, kept_contents
+from bonecam.report.mechanics_lines import NOT_ASKED, mechanics_lines
 from bonecam.report.page.contents import level_meshes, with_program
 from bonecam.report.page.packing import Contents, pack
 from bonecam.report.page.page import page_html
@@ -67,13 +70,15 @@ def simulate(
     *,
     cell: float = ACCURACY.cell,
     html: str | Path | None = None,
+    mechanics: bool = True,
     progress: Progress = silent,
 ) -> Removal:
     """What the NC text in the file `program` removes, with the part and the stock of the folder `keep` and the cutters,
     machine and post of the `job` that it was made with (sizes of [holding] that it leaves open are the folder's);
     `cell` (mm) is the distance of the rays. The program of a second clamping begins with what the kept first one
     leaves, which is simulated before it. The text is judged against the mesh as given too, if the folder has it;
-    `given` of the result tells. The page `html` shows the program as simulated, whatever came out.
+    `given` of the result tells. Without `mechanics`, and of a second clamping, force and bending are left out. The page
+    `html` shows the program as simulated, whatever came out.
 
     FileError where a file is not there, ProgramError where the text cannot be read or is for another machine, control,
     stock or stump, VerifyError where its control would refuse the text or run it otherwise than the job means (axis
@@ -98,7 +103,8 @@ def simulate(
         job = replace(job, holding=job.holding.turned_over)
     else:
         run = kept_contents(keep)[1] if html is not None else None
-        removal, post = _simulate_first(text, Path(program), keep, job, run, cell, progress)
+        first = keep, job, run, cell, progress
+        removal, post = _simulate_first(text, Path(program), *first, mechanics=mechanics)
         removal = _judged(removal, text, given, post, job)
     if html is not None and run is not None:
         _write_page(html, Path(program).name, text, run, job, removal)
@@ -117,13 +123,22 @@ def _write_page(html: str | Path, name: str, text: str, run: Contents, job: Job,
 
 
 def _simulate_first(
-    text: str, program: Path, keep: Path, job: Job, run: Contents | None, cell: float, progress: Progress
+    text: str,
+    program: Path,
+    keep: Path,
+    job: Job,
+    run: Contents | None,
+    cell: float,
+    progress: Progress,
+    *,
+    mechanics: bool,
 ) -> tuple[Removal, Post]:
     """What the `text` of a first clamping removes, and its post; what stands is told on the levels of the page of a
     `run`."""
     machine, dialect = read_machine(job.nc.machine), read_dialect(job.nc.controller)
     part, stock_mesh, levels = kept_levels(text, program, keep)
     post = post_below(part, job.holding)
+    clamping = clamping_of(job.holding, machine.table)
     removal = simulate_removal(
         text,
         machine,
@@ -131,12 +146,13 @@ def _simulate_first(
         kept_stock(keep, stock_mesh, job.levels.chord_tolerance),
         post,
         cutters_of(job, machine),
-        clamping=clamping_of(job.holding, machine.table),
+        clamping=clamping,
         part=read_tsm(keep / "surface.tspline"),
         limits=_limits(job, levels),
         scallops=level_scallops(job, levels),
         surfaces=followed_surfaces(job, level_meshes(run)) if run else {},
         accuracy=replace(ACCURACY, cell=cell, coarser=False),
+        workpiece=workpiece_of(job, post, clamping) if mechanics else None,
         progress=progress,
     )
     return removal, post
@@ -155,12 +171,14 @@ def _judged(
 def simulation_report(removal: Removal) -> dict[str, Any]:
     """The sections `removal` and, as far as the mesh as given is kept, `nc` of the report of a simulation."""
     nc = gouge_to_given(removal.given.ball) if isinstance(removal.given, GivenRemoval) else {}
-    return {**({"nc": nc} if nc else {}), "removal": removal.report}
+    bent = removal.mechanics.report if removal.mechanics else NOT_ASKED
+    return {**({"nc": nc} if nc else {}), "removal": removal.report, "mechanics": bent}
 
 
 def simulation_text(report: Mapping[str, Any]) -> str:
     """The report of a simulation in a few lines."""
-    return "\n".join([*into_given(report.get("nc", {}), "proof"), *removal_lines(report["removal"])])
+    lines = into_given(report.get("nc", {}), "proof"), removal_lines(report["removal"])
+    return "\n".join([*chain(*lines), *mechanics_lines(report["mechanics"])])
 
 
 def _simulate_second(
@@ -178,7 +196,7 @@ def _simulate_second(
     kept = keep / f"program{dialect.extension}"
     first = program_text(kept, machine, dialect, job)
     before, _ = _simulate_first(
-        first, kept, keep=keep, job=job, run=None, cell=cell, progress=part(progress, 0.0, 0.8)
+        first, kept, keep, job, run=None, cell=cell, progress=part(progress, 0.0, 0.8), mechanics=False
     )
     turned = run.facts["turned"]
     pose = turn_over(turned["zero_mm"])

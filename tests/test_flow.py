@@ -27,7 +27,7 @@ ROOMS = {
     ],
     "verify": "gouge readback removal control proof".split(),
     "report": [
-        *"axis_lines axis_comparison post_lines stage_reports run_report tables summary".split(),
+        *"axis_lines mechanics_lines axis_comparison post_lines stage_reports run_report tables summary".split(),
         *"pictures page sheet files".split(),
     ],
 }

@@ -110,6 +110,7 @@ def _add_simulate(parsers: Any) -> None:
     simulate.add_argument("--cell", metavar="MM", type=positive(), default=0.1, help=rays)
     simulate.add_argument("--report", metavar="FILE.json", help="file for the figures")
     simulate.add_argument("--html", metavar="FILE.html", help="file for a page that plays the program")
+    _add_no_mechanics(simulate)
     add_job_options(simulate)
     _add_verbosity(simulate)
 
@@ -195,6 +196,12 @@ def _add_keep(command: argparse.ArgumentParser) -> None:
     _add_apt(command)
     without = "do not simulate the removal of material from the posted text"
     command.add_argument("--no-simulation", action="store_true", help=without)
+    _add_no_mechanics(command)
+
+
+def _add_no_mechanics(command: argparse.ArgumentParser) -> None:
+    without = "do not ask what force the cuts need and how far part and cutter bend"
+    command.add_argument("--no-mechanics", action="store_true", help=without)
 
 
 def _add_apt(command: argparse.ArgumentParser) -> None:

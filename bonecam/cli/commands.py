@@ -36,7 +36,7 @@ def run_levels(options: argparse.Namespace) -> int:
 
 
 def _convert(mesh: str | Path, options: argparse.Namespace) -> int:
-    make = partial(bonecam.convert, simulation=not options.no_simulation)
+    make = partial(bonecam.convert, simulation=not options.no_simulation, mechanics=not options.no_mechanics)
     outputs = {"program": options.output, "keep": options.keep, "sheet": options.sheet, "apt": options.apt}
     return _run(make, mesh, options, **outputs)
 
@@ -110,7 +110,13 @@ def run_simulate(options: argparse.Namespace) -> int:
     check_files(wanted, [options.program, *filter(None, (options.job, options.machine, options.controller))])
     with shown_progress(options) as progress:
         removal = bonecam.simulate(
-            options.program, options.keep, job, cell=options.cell, html=options.html, progress=progress
+            options.program,
+            options.keep,
+            job,
+            cell=options.cell,
+            html=options.html,
+            mechanics=not options.no_mechanics,
+            progress=progress,
         )
     if options.report is not None:
         write_whole(options.report, json.dumps(simulation_report(removal), indent=2) + "\n")

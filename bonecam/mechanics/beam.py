@@ -21,6 +21,7 @@ from numpy import ndarray
 from scipy.linalg import eigh
 
 from bonecam.mechanics.sections import Sections
+from bonecam.runtime.threads import on_one_blas_thread
 
 POISSON = 0.33
 """Poisson's ratio where a material states none: aluminium and titanium 0.33, PEEK 0.38 to 0.40, bone 0.3 to 0.4; from
@@ -89,6 +90,7 @@ class Beam:
         ]
         return np.concatenate(found) if found else np.zeros(0)
 
+    @on_one_blas_thread
     def first_frequency(self, density: float) -> float:
         """The lowest natural frequency (Hz) of the beam, the mass of a `density` (kg/m^3) in the middles of slices."""
         solid = np.flatnonzero(self._mass > 0)

@@ -92,6 +92,11 @@ class Mechanics:
             np.maximum.at(found, path.moves, path.mean)
         return found
 
+    def __str__(self) -> str:
+        """What bending does, in the words of the program's header."""
+        error = f"bending keeps {UM * self.error.p95:.1f} um in 95 of 100 places, " if self.error else ""
+        return f"{error}stress {self.stress[0]:.0f} of {self.workpiece.stiffness.yield_strength:g} N/mm2"
+
     @property
     def report(self) -> dict[str, Any]:
         """The section `mechanics` of the report."""

@@ -50,12 +50,12 @@ class Workpiece:
 
 def workpiece_of(job: Job, post: Post, clamping: Clamping) -> Workpiece:
     """The workpiece of a job on its post in a clamping; JobError where nothing is known of its stiffness."""
-    stiffness, force = mechanics_of(job)
+    stiffness, force = mechanics_of_job(job)
     clamped = max((column.top for column in clamping.columns), default=0.0)
     return Workpiece(job.material.name, stiffness, force, job.mechanics.flutes, post, max(clamped, 0.0))
 
 
-def mechanics_of(job: Job) -> tuple[StiffnessTable, CuttingForce]:
+def mechanics_of_job(job: Job) -> tuple[StiffnessTable, CuttingForce]:
     """How stiff the material of a job is and what force cuts it; JobError where its file does not say how stiff."""
     material = read_material(job.material.name)
     if material.stiffness is None:

@@ -10,6 +10,7 @@ from bonecam.levels.closed_morph import METHODS
 from bonecam.levels.problem.tolerances import NESTING_TOLERANCE
 from bonecam.planning.estimate import estimate_lines
 from bonecam.report.axis_lines import axis_lines, rewind_lines
+from bonecam.report.mechanics_lines import mechanics_lines
 from bonecam.report.post_lines import post_lines
 from bonecam.report.stage_reports import parting_text
 from bonecam.setup.stock import stock_text
@@ -43,6 +44,7 @@ def summary_of(report: Mapping[str, Any]) -> str:
         *(_program_lines(report) if "nc" in report else ()),
         *estimate_lines(report),
         *(removal_lines(report["removal"]) if "removal" in report else ()),
+        *mechanics_lines(report.get("mechanics")),
         *(_second_lines(report["second"]) if "second" in report else ()),
         f"time      {sum(report['seconds'].values()):.1f} s",
     ]
@@ -75,6 +77,7 @@ def finished_summary(report: Mapping[str, Any]) -> str:
         f"surface   {shape}; {counted(surface['solids'], 'solid')} kept clear of",
         *post_lines(report["post"]),
         *_program_lines(report),
+        *mechanics_lines(report.get("mechanics")),
         f"time      {seconds:.1f} s",
     ]
     return "\n".join(lines)

@@ -15,8 +15,7 @@ from bonecam.material.rays import lay_grid, lay_rays
 from bonecam.mechanics.cutter import cutter_compliance
 from bonecam.mechanics.loads import Finished, Loads, cut_shares, passing_force, piece_through
 from bonecam.mechanics.result import mechanics_of
-from bonecam.mechanics.workpiece import Workpiece, workpiece_of
-from bonecam.mechanics.workpiece import mechanics_of as mechanics_of_job
+from bonecam.mechanics.workpiece import Workpiece, mechanics_of_job, workpiece_of
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.setup.stocks.cylinder import Cylinder
 from bonecam.tool.cutter import Cutter

@@ -16,6 +16,7 @@ from bonecam.nc.posting.header.program_zero import zero_words
 from bonecam.nc.posting.header.texts import setup_texts
 from bonecam.nc.program import Program
 from bonecam.nc.reading.read import read_program
+from bonecam.report.mechanics_lines import bending_text
 from bonecam.report.sheet.axes import AxisRange, axis_ranges
 from bonecam.report.sheet.drawing import clamping_drawing
 from bonecam.report.stage_reports import parting_text
@@ -194,6 +195,7 @@ def _left(report: Mapping[str, Any]) -> Iterator[str]:
 
 def _warnings(job: Job, report: Mapping[str, Any], machine: Machine) -> Iterator[str]:
     """What the machinist must look at before the start."""
+    yield from bending_warnings(report.get("mechanics"))
     yield IN_AIR
     if "skipped" in report["removal"]:
         yield f"{report['removal']['skipped']}: shank and holder are not checked from the text"
@@ -208,6 +210,17 @@ def _warnings(job: Job, report: Mapping[str, Any], machine: Machine) -> Iterator
     if not all(getattr(job, name).spindle and getattr(job, name).feed for name in job.cutter_names):
         material = read_material(job.material.name)
         yield f"Speeds of {material.title}: {material.note}"
+
+
+def bending_warnings(mechanics: Mapping[str, Any] | None) -> Iterator[str]:
+    """What bends, or that it is not known."""
+    if mechanics is None:
+        return
+    if "skipped" in mechanics:
+        yield mechanics["skipped"]
+        return
+    low, up = mechanics["band"]
+    yield f"Bending under the cut: {bending_text(mechanics)}; authors differ, {low:g} to {up:g} times"
 
 
 def depth_lines(removal: Mapping[str, Any]) -> Iterator[str]:

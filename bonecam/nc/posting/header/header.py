@@ -81,10 +81,11 @@ def record_checks(program: Program, dialect: Dialect, checks: str) -> Program:
     return _with_line(program, dialect, UNCHECKED, f"checks passed: {checks}")
 
 
-def record_simulation(program: Program, dialect: Dialect, cell: float) -> Program:
-    """The program with a header that tells that the removal of its text was simulated on rays `cell` mm apart; no block
-    moves, no line is added. ValueError where its text tells it already."""
-    return _with_line(program, dialect, UNSIMULATED, f"removal simulated in cells of {cell:g} mm")
+def record_simulation(program: Program, dialect: Dialect, cell: float, bending: str = "") -> Program:
+    """The program with a header that tells that the removal of its text was simulated on rays `cell` mm apart, and what
+    `bending` does, if that is known; no block moves, no line is added. ValueError where its text tells it already."""
+    simulated = f"removal simulated in cells of {cell:g} mm"
+    return _with_line(program, dialect, UNSIMULATED, f"{simulated}, {bending}" if bending else simulated)
 
 
 def _with_line(program: Program, dialect: Dialect, before: str, told: str) -> Program:

@@ -1,0 +1,41 @@
+"""What a summary tells of force and bending, and what a report has where they were not asked."""
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+NOT_ASKED = {"skipped": "force and bending were not asked"}
+"""The section `mechanics` of a report without them."""
+NOT_KNOWN = {"skipped": "force and bending are not known without a simulation of the removal"}
+"""That of a report without a simulation."""
+
+
+def mechanics_lines(mechanics: Mapping[str, Any] | None) -> Iterator[str]:
+    """The section `mechanics` of a report in words, a line each."""
+    if not mechanics:
+        return
+    if "skipped" in mechanics:
+        yield f"bending   {mechanics['skipped']}"
+        return
+    levels = mechanics["levels"]
+    mean, high, most = (
+        max((level[name] for level in levels), default=0.0)
+        for name in ("force_mean_n", "peak_p95_n", "peak_max_n")
+    )
+    yield f"force     up to {mean:.1f} N in the mean of a level, peaks {high:.0f} N at 95 %, {most:.0f} N at most"
+    yield f"bending   {bending_text(mechanics)}"
+    low, up = mechanics["band"]
+    yield f"          authors differ for {mechanics['material']}: {low:g} to {up:g} times this"
+    if mechanics["scaled"]:
+        yield f"          {mechanics['coefficients']}"
+
+
+def bending_text(mechanics: Mapping[str, Any]) -> str:
+    """The error kept, the stress and the lowest frequency in one line."""
+    kept = mechanics["error_kept_um"]
+    error = ""
+    if kept:
+        error = f"error kept {kept['median']:.1f} um, {kept['p95']:.1f} at 95 %, {kept['p99']:.1f} at 99 %; "
+    stress = f"stress at peaks {mechanics['neck_stress_mpa']:.0f} of {mechanics['yield_mpa']:g} MPa"
+    if mechanics["first_hz"] is None:
+        return f"{error}{stress}"
+    return f"{error}{stress}; lowest frequency {mechanics['first_hz']:.0f} Hz, edges {mechanics['tooth_hz']:.0f} Hz"
