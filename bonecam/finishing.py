@@ -105,7 +105,6 @@ def finish(
             job=job.path,
             part=followed,
         ),
-        "mechanics": NOT_KNOWN,
         "seconds": times.seconds,
     }
     made = Finished(workpiece, proved.paths[0], proved.program, figures, job)
@@ -199,7 +198,7 @@ def _planned(
 
 
 def _figures(workpiece: Workpiece, job: Job, source: File, solids: int) -> dict[str, Any]:
-    """`surface` and `post` of the report."""
+    """`surface`, `post` and `mechanics` of the report."""
     surface = workpiece.surface
     kind = "closed" if all(surface.poles) else "closed round s" if surface.closed_in_s else "open"
     shape = {
@@ -210,4 +209,4 @@ def _figures(workpiece: Workpiece, job: Job, source: File, solids: int) -> dict[
         "solids": solids,
     }
     post = {"diameter_mm": job.holding.diameter, "length_mm": workpiece.length}
-    return {"surface": shape, "post": post}
+    return {"surface": shape, "post": post, "mechanics": NOT_KNOWN}

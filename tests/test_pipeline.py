@@ -31,6 +31,7 @@ from bonecam.errors import (
 )
 from bonecam.job import Job, write_job
 from bonecam.levels import job_levels
+from bonecam.job.materials.preset import FOLDER
 from bonecam.machine.machine import read_machine
 from bonecam.mesh.files.mesh_files import read_mesh, write_mesh
 from bonecam.mesh.triangle_mesh import TriangleMesh
@@ -38,7 +39,7 @@ from bonecam.nc.dialect import read_dialect
 from bonecam.nc.program import program_name
 from bonecam.nc.reading.read import read_program
 from bonecam.runtime.own_files import OWN_FILES
-from bonecam.simulation import simulation_report
+from bonecam.simulation import simulation_report, simulation_text
 from bonecam.surface import part_surface
 from bonecam.surface.fitting.deviation import Deviation
 from bonecam.surface.fitting.fit import Fit, fit
@@ -118,6 +119,7 @@ def test_the_report_has_the_names_that_stay(chain: tuple[bonecam.Result, Path]) 
         "cpu_seconds": "mesh surface levels toolpath nc verify simulation",
         "estimate": "length_mm blocks machining_min planning_cpu_s",
         "removal": "cell_mm levels rapid_contact_mm3 clearance_mm left",
+        "mechanics": "levels error_kept_um neck_stress_mpa yield_mpa first_hz tooth_hz band",
     }
     for section, names in wanted.items():
         assert set(names.split()) <= set(report[section])
@@ -162,6 +164,20 @@ def test_what_the_text_removes_is_told_and_shown(chain: tuple[bonecam.Result, Pa
     assert len(left.vertices) == len(result.removal.left.heights)
 
 
+def test_what_bends_is_told_and_shown(chain: tuple[bonecam.Result, Path]) -> None:
+    result, folder = chain
+    found = result.report["mechanics"]
+    error = found["error_kept_um"]
+    assert 0 < error["median"] < error["p95"] < error["p99"]
+    assert found["first_hz"] > 0
+    assert [row["index"] for row in found["levels"]] == [path.level for path in result.paths]
+    assert all(0 < row["force_mean_n"] < row["peak_p95_n"] <= row["peak_max_n"] for row in found["levels"])
+    shown = read_mesh(folder / "keep" / "error.ply")
+    assert len(shown.vertices) == len(result.removal.mechanics.error.errors)
+    assert f"error kept {error['median']:.1f} um, {error['p95']:.1f} at 95 %" in result.summary
+    assert "Bending under the cut: error kept" in result.sheet
+
+
 def test_a_rapid_into_the_stock_refuses_the_text(chain: tuple[bonecam.Result, Path]) -> None:
     result = chain[0]
     machine, dialect = read_machine(COARSE.nc.machine), read_dialect(COARSE.nc.controller)
@@ -187,6 +203,27 @@ def test_a_program_alone_is_simulated_from_its_kept_folder(chain: tuple[bonecam.
     assert alone["left"]["max_mm"] == pytest.approx(within["left"]["max_mm"], abs=0.002)
     one, other = (sum(row["removed_mm3"] for row in report["levels"]) for report in (alone, within))
     assert one == pytest.approx(other, rel=0.02)  # the kept stock is a mesh
+    bent, told = report["mechanics"]["error_kept_um"], result.report["mechanics"]["error_kept_um"]
+    assert bent["p95"] == pytest.approx(told["p95"], rel=0.02)
+
+
+def test_without_mechanics_the_figures_say_so(chain: tuple[bonecam.Result, Path]) -> None:
+    _, folder = chain
+    plain = bonecam.simulate(folder / "bone.h", folder / "keep", COARSE, mechanics=False)
+    assert plain.mechanics is None
+    assert "bending   force and bending were not asked" in simulation_text(simulation_report(plain))
+
+
+def test_a_material_that_says_not_how_stiff_it_is_is_refused_before_planning(
+    tmp_path: Path, phalanx: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    wax = tmp_path / "wax.toml"
+    wax.write_text((FOLDER / "peek.toml").read_text().split("[stiffness]")[0])
+    asked = [str(phalanx), "-o", str(tmp_path / "bone.h"), "--set", f"material.name={wax}", "-q"]
+    assert main(["convert", *asked]) == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == 1
+    assert "no table [stiffness]" in lines[0]
 
 
 def test_a_word_changed_by_1_mm_is_found(chain: tuple[bonecam.Result, Path], tmp_path: Path) -> None:
@@ -268,6 +305,7 @@ def test_without_simulation_the_report_says_so(again: tuple[Path, str]) -> None:
     folder, told = again
     assert "skipped" in json.loads((folder / "report.json").read_text(encoding="utf-8"))["removal"]
     assert "removal   the removal of material was not simulated" in told
+    assert "bending   force and bending are not known without a simulation of the removal" in told
     assert "; REMOVAL NOT SIMULATED\n" in (folder / "bone.h").read_text(encoding="utf-8")
 
 
@@ -288,7 +326,9 @@ def test_the_program_moves_the_tool_where_the_path_says(chain: tuple[bonecam.Res
     assert text.startswith("0 BEGIN PGM BONE MM\n")
     assert "; PART PHALANX" in text.upper().replace(":", "")
     assert "; CHECKS PASSED: TEXT READ BACK, TIP WITHIN 0." in text
-    assert f"; REMOVAL SIMULATED IN CELLS OF {result.report['removal']['cell_mm']:g} MM\n" in text
+    simulated = f"; REMOVAL SIMULATED IN CELLS OF {result.report['removal']['cell_mm']:g} MM, BENDING KEEPS "
+    kept = f"{result.report['mechanics']['error_kept_um']['p95']:.1f} UM IN 95 OF 100 PLACES"
+    assert simulated + kept in text
     motions = read_program(text, read_machine("mikron-ucp600"), read_dialect("heidenhain"))
     tips = np.vstack([path.tips for path in result.paths])
     from scipy.spatial import KDTree
@@ -305,6 +345,7 @@ def test_keep_writes_levels_path_surface_and_pictures(chain: tuple[bonecam.Resul
         names
         == {f"level_{k:02d}.ply" for k in range(count)}
         | {"surface.tspline", "toolpath.csv", "toolpath.apt", "cones.csv", "left.ply", "given.ply"}
+        | {"error.ply", "error.png"}
         | {"program.h", "view.gz", "job.toml", "report.json"}
         | pictures
     )
@@ -341,13 +382,15 @@ def test_levels_alone_are_the_chain_s_and_take_the_place_of_its_levels_and_paths
     )
     told = json.loads((tmp_path / "levels.json").read_text(encoding="utf-8"))
     assert told["levels"] == json.loads(json.dumps(result.report["levels"]))
-    assert set(result.report) - set(told) == {"estimate", "toolpath", "uncut_mm2", "nc", "removal"}
+    assert set(result.report) - set(told) == {"estimate", "toolpath", "uncut_mm2", "nc", "removal", "mechanics"}
     told = capsys.readouterr().out.splitlines()
     lines = [line.partition(" ")[0] for line in told if not line.startswith(" ")]
     assert lines == "mesh repair surface as stock post levels certified time".split()
     assert {item.name for item in keep.iterdir()} == {item.name for item in (folder / "keep").iterdir()} - {
         "cones.csv",
         "engagement.png",
+        "error.ply",
+        "error.png",
         "left.ply",
         "machine.png",
         "program.h",

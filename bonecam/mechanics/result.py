@@ -34,6 +34,11 @@ class ErrorKept:
         return cut_shares(np.abs(self.errors[known]), self.areas[known], (0.5, 0.95, 0.99))
 
     @property
+    def sizes(self) -> Float[ndarray, " n"]:
+        """How large the error is at each place, mm; 0 where no move has cut."""
+        return np.nan_to_num(np.abs(self.errors))
+
+    @property
     def median(self) -> float:
         """Half of the surface keeps no more, mm."""
         return float(self._shares[0])

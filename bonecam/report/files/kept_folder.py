@@ -21,7 +21,7 @@ from bonecam.report.files.result import Morphed, Result
 from bonecam.report.files.second_program import SecondProgram
 from bonecam.report.page.packing import unpack
 from bonecam.report.page.program_contents import NO_LEVEL
-from bonecam.report.pictures.depth_colours import draw_coloured
+from bonecam.report.pictures.depth_colours import draw_coloured, draw_error
 from bonecam.report.pictures.depth_curves import draw_depths
 from bonecam.report.pictures.engagement import draw_engagement
 from bonecam.report.pictures.level_sections import draw_levels, draw_second, draw_stump
@@ -40,7 +40,7 @@ FAILED = r"failed_level_\d{2,}\.ply"
 LEFT_COLOURED = 0.1
 """Leftovers are coloured from 0 to this height, mm."""
 SERIES = (
-    r"level_\d{2,}\.ply|given\.ply|left\.ply|solid\.ply|surface\.(tspline|iga)|toolpath\.(csv|apt|png)|program\.\w+"
+    r"level_\d{2,}\.ply|given\.ply|left\.ply|error\.(ply|png)|solid\.ply|surface\.(tspline|iga)|toolpath\.(csv|apt|png)|program\.\w+"
     rf"|second(_view)?\.\w+|cones\.csv|engagement\.png|axes\.(png|md)|machine\.png|stump\.png|view\.gz|job\.toml|refused\.(txt|png)|report\.json|{FAILED}"
 )
 """Names of the files of levels, surfaces, paths and program, as a regular expression. A later run in the same folder
@@ -50,8 +50,8 @@ removes those that an earlier one wrote there."""
 def fill_kept_folder(work: Path, made: Morphed, post: tuple[float, float]) -> None:
     """Write into `work` surface.tspline, given.ply, the files of `keep_levels`, view.gz, job.toml and report.json; of a
     program its text, toolpath.csv, toolpath.apt, toolpath.png, machine.png, stump.png, second.* if there is a second
-    clamping, cones.csv if axes are chosen in cones, and left.ply and engagement.png where it was simulated. `post` is
-    (diameter, top z), mm."""
+    clamping, cones.csv if axes are chosen in cones, left.ply and engagement.png where it was simulated, and
+    error.ply and error.png where it was asked what bends. `post` is (diameter, top z), mm."""
     levels = made.levels.levels
     write_tsm(made.surface, work / "surface.tspline")
     write_mesh(made.part.placed_given, work / GIVEN)
@@ -75,6 +75,10 @@ def fill_kept_folder(work: Path, made: Morphed, post: tuple[float, float]) -> No
             left = made.removal.left
             write_mesh(left.mesh, work / "left.ply", quality=left.heights, largest=LEFT_COLOURED)
             _draw_engagement(made, work / "engagement.png")
+        if made.removal and made.removal.mechanics and made.removal.mechanics.error:
+            error = made.removal.mechanics.error
+            write_mesh(error.mesh, work / "error.ply", quality=error.sizes, largest=error.p99)
+            draw_error(error, work / "error.png")
 
 
 def _write_second(work: Path, second: SecondProgram) -> None:

@@ -91,6 +91,9 @@ def program_contents(
         arrays |= _standing(removal, surfaces, contacts[kept], kinds[kept], level_of[kept])
     if removal is not None and removal.left is not None:
         facts["left"], left = _left(removal.left)
+        if removal.mechanics is not None and removal.mechanics.error is not None:
+            facts["left"]["bent"] = removal.mechanics.error.p99
+            left["left_bent"] = removal.mechanics.error.sizes
         arrays |= left
     return Contents(facts, arrays)
 
@@ -149,8 +152,8 @@ def _removed(
     contacts: Float[ndarray, "n 3"],
     surfaces: Mapping[int, TriangleMesh],
 ) -> dict[str, ndarray]:
-    """What each move removes of the material: its section (mm^2: volume a length), and how deep the place where it
-    touches lay (mm) when its level began."""
+    """What each move removes of the material: its section (mm^2: volume a length), how deep the place where it touches
+    lay (mm) when its level began, and where that was asked the mean force that it needs (N)."""
     length = np.r_[0.0, np.linalg.norm(np.diff(motions.tips, axis=0), axis=1)]
     section = np.divide(removal.move_volumes, length, out=np.zeros(len(length)), where=length > LEFT)
     depth = np.zeros(len(length))
@@ -158,7 +161,8 @@ def _removed(
         moves = np.flatnonzero(level_of == standing.level)
         nearest = cKDTree(surfaces[standing.level].vertices).query(contacts[moves])[1]
         depth[moves] = standing.before[nearest]
-    return {"section": np.minimum(section, np.percentile(section, 99.9)), "depth": depth}
+    bent = {"force": removal.mechanics.move_forces(len(length))} if removal.mechanics else {}
+    return {"section": np.minimum(section, np.percentile(section, 99.9)), "depth": depth, **bent}
 
 
 def _standing(

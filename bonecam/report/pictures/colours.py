@@ -9,7 +9,7 @@ Norm = Any
 """A matplotlib.colors.Normalize: it takes a range of values to 0 .. 1."""
 
 
-def value_range(low: int, high: int) -> Norm:
+def value_range(low: int, high: int | float) -> Norm:
     """The values that the colour map covers."""
     from matplotlib.colors import Normalize
 

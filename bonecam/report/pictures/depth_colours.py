@@ -1,4 +1,4 @@
-"""Picture: some levels coloured by the depth of their cut."""
+"""Pictures: some levels coloured by the depth of their cut, the part by the error that bending keeps."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -7,6 +7,7 @@ import numpy as np
 
 from bonecam.levels.measure.level import Level, rounding_cuts
 from bonecam.levels.measure.line_depths import depths_from
+from bonecam.mechanics.result import ErrorKept
 from bonecam.mesh.remeshing import split_edges
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.report.pictures.colours import colour_scale, colours_of, value_range
@@ -21,6 +22,9 @@ MAX_OPEN = 5
 EDGES_PER_DIAGONAL = 40
 """An edge of a level goes into its diagonal at least this often: its flat faces are few and large, and each
 has one colour."""
+
+LEAST_ERROR = 0.1
+"""The scale of errors ends here at least, um."""
 
 
 def draw_coloured(levels: Sequence[Level], path: str | Path) -> None:
@@ -54,5 +58,21 @@ def draw_coloured(levels: Sequence[Level], path: str | Path) -> None:
 
     lay_out(figure, plots, below=BAR_BELOW)
     bar = {"label": "depth, % of the cut's limit", "orientation": "horizontal"}
+    figure.colorbar(colour_scale(norm), cax=bar_below(figure), **bar)
+    save_figure(figure, path)
+
+
+def draw_error(error: ErrorKept, path: str | Path) -> None:
+    """Write the part from the front (-y) and from behind, coloured by the size of the error that bending keeps, up to
+    what 99 % of the surface stay below."""
+    norm = value_range(0, max(1000 * error.p99, LEAST_ERROR))
+    colours = colours_of(norm, 1000 * error.sizes[error.mesh.faces].mean(axis=1))[:, :3]
+    figure, plots = new_figure(2)
+    for side, title, plot in zip((1.0, -1.0), ("from the front", "from behind"), plots, strict=True):
+        draw_shaded(plot, error.mesh, side, colours)
+        plot.set_title(title, fontsize="medium")
+    plots[0].set_ylabel("z (mm)")
+    lay_out(figure, plots, below=BAR_BELOW)
+    bar = {"label": "error that bending keeps, \u00b5m", "orientation": "horizontal"}
     figure.colorbar(colour_scale(norm), cax=bar_below(figure), **bar)
     save_figure(figure, path)

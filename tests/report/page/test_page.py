@@ -78,9 +78,16 @@ def test_every_view_draws_with_its_legend(page: Any, mode: str) -> None:
     assert page.locator("#legend").inner_text()
 
 
-@pytest.mark.parametrize("colouring", ["kind", "feed", "tilt", "depth", "section"])
+@pytest.mark.parametrize("colouring", ["kind", "feed", "tilt", "depth", "section", "force"])
 def test_each_colouring_of_the_path_is_another_picture_with_its_unit(page: Any, colouring: str) -> None:
-    units = {"kind": "rapid", "feed": "mm/min", "tilt": "degrees", "depth": "mm", "section": "mm²"}
+    units = {
+        "kind": "rapid",
+        "feed": "mm/min",
+        "tilt": "degrees",
+        "depth": "mm",
+        "section": "mm²",
+        "force": "(n)",
+    }
     page.keyboard.press("3")
     page.evaluate("change({level: 0, colouring: 'kind'})")
     plain = picture(page)

@@ -80,6 +80,13 @@ def test_a_sheet_without_simulation_warns(small_run: Run) -> None:
     assert "touch nothing" not in blind.sheet
 
 
+def test_what_bends_is_the_first_warning(small_run: Run) -> None:
+    warnings = small_run[0].sheet.split("Before the start")[1]
+    first = warnings.split("<li>")[1]
+    assert first.startswith("Bending under the cut: error kept")
+    assert "authors differ, 0.6 to 1.9 times" in first
+
+
 def test_a_sheet_that_is_no_page_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["demo", "-o", str(tmp_path / "p.h"), "--sheet", str(tmp_path / "sheet.pdf")]) == 2
     assert "ends in .html" in capsys.readouterr().err

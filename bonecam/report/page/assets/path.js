@@ -20,6 +20,7 @@ function pathColouring(state) {
     feed: { title: "Feed", unit: "mm/min", value: (i) => a.move_feed[i], digits: 0 },
     tilt: { title: "Tilt of the tool from the post's axis", unit: "degrees", value: tilt, digits: 0 },
     depth: { title: "Depth of cut, simulated", unit: "mm", value: (i) => a.move_depth[i] },
+    force: { title: "Mean force over a turn of the spindle", unit: "N", value: (i) => a.move_force[i], digits: 1 },
     section: { title: "Engagement: section of the chip", unit: "mm²", value: (i) => a.move_section[i], digits: 3 },
   };
   return all[state.colouring];
@@ -27,7 +28,8 @@ function pathColouring(state) {
 
 function pathChoices() {
   const simulated = page.arrays.move_depth ? [["depth", "depth of cut"], ["section", "engagement"]] : [];
-  return [["kind", "kind of move"], ["feed", "feed"], ["tilt", "tilt"], ...simulated];
+  const force = page.arrays.move_force ? [["force", "force"]] : [];
+  return [["kind", "kind of move"], ["feed", "feed"], ["tilt", "tilt"], ...simulated, ...force];
 }
 
 const pathMode = {
@@ -136,5 +138,6 @@ function pickedWords(i) {
   ];
   if (a.move_cone && a.move_kind[i] === 0) values.push(coneWords(i));
   if (a.move_depth) values.push(`depth of cut ${number(a.move_depth[i])} mm, section of the chip ${number(a.move_section[i], 3)} mm²`);
+  if (a.move_force) values.push(`mean force ${number(a.move_force[i], 1)} N`);
   return values.join("\n");
 }

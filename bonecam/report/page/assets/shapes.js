@@ -85,12 +85,14 @@ const leftMode = {
   available: () => Boolean(page.arrays.left || page.arrays.uncut),
   build(state) {
     const a = page.arrays;
-    const range = 0.1;
-    page.content.add(a.left ? surface(a.left, a.left_faces, coloursOf(a.left_height, "left", 0, range)) : levelMesh(0));
+    const bent = state.bent && a.left_bent;
+    const range = bent ? page.facts.left.bent : 0.1;
+    page.content.add(a.left ? surface(a.left, a.left_faces, coloursOf(bent ? a.left_bent : a.left_height, "left", 0, range)) : levelMesh(0));
     const reasons = page.facts.uncut ? page.facts.uncut.reasons : [];
     if (state.uncut && a.uncut) page.content.add(uncutPoints(a, state.outer));
     const items = reasons.map((reason, k) => [KIND_COLOURS[(k + 3) % 7], `${reason.why}: ${reason.on_part} on the part`]);
-    if (a.left && !state.uncut) showLegend({ title: "Material left on the part", unit: "mm", scale: "left", low: 0, high: range });
+    const title = bent ? "Error that bending keeps" : "Material left on the part";
+    if (a.left && !state.uncut) showLegend({ title, unit: "mm", scale: "left", low: 0, high: range, digits: bent ? 3 : 2 });
     else showLegend({ title: "Contacts left uncut, and why", items });
   },
   controls: (state) => {
@@ -101,6 +103,7 @@ const leftMode = {
     return [
       make("p", "What stays on the part", "big"),
       make("p", words),
+      ...(page.arrays.left_bent ? [check("bent", "error that bending keeps, up to what 99 % stay below", state.bent, (value) => change({ bent: value }))] : []),
       ...(page.arrays.uncut ? [check("uncut", "contacts that were left out", state.uncut, (value) => change({ uncut: value }))] : []),
       ...(state.uncut && levelsMode.available() ? [check("outer", "those of outer levels too", state.outer, (value) => change({ outer: value }))] : []),
     ];
