@@ -175,7 +175,7 @@ def test_what_bends_is_told_and_shown(chain: tuple[bonecam.Result, Path]) -> Non
     shown = read_mesh(folder / "keep" / "error.ply")
     assert len(shown.vertices) == len(result.removal.mechanics.error.errors)
     assert f"error kept {error['median']:.1f} um, {error['p95']:.1f} at 95 %" in result.summary
-    assert "Bending under the cut: error kept" in result.sheet
+    assert "times by author: error kept" in result.sheet
 
 
 def test_a_rapid_into_the_stock_refuses_the_text(chain: tuple[bonecam.Result, Path]) -> None:

@@ -38,4 +38,4 @@ def bending_text(mechanics: Mapping[str, Any]) -> str:
     stress = f"stress at peaks {mechanics['neck_stress_mpa']:.0f} of {mechanics['yield_mpa']:g} MPa"
     if mechanics["first_hz"] is None:
         return f"{error}{stress}"
-    return f"{error}{stress}; lowest frequency {mechanics['first_hz']:.0f} Hz, edges {mechanics['tooth_hz']:.0f} Hz"
+    return f"{error}{stress}; lowest at {mechanics['first_hz']:.0f} Hz, edges {mechanics['tooth_hz']:.0f}"

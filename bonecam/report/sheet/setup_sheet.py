@@ -203,7 +203,8 @@ def _warnings(job: Job, report: Mapping[str, Any], machine: Machine) -> Iterator
         yield from depth_lines(report["removal"])
     post = report["post"]
     length = post.get("neck_mm", post["length_mm"])
-    if length > SLENDER * post["diameter_mm"]:
+    told = "skipped" not in report.get("mechanics", {"skipped": ""})
+    if length > SLENDER * post["diameter_mm"] and not told:
         yield f"Slender post: {post['diameter_mm']:g} x {length:g} mm bends under the cut"
     if not machine.nose:
         yield "The machine's file knows no spindle nose: nothing was kept clear of it"
@@ -220,7 +221,7 @@ def bending_warnings(mechanics: Mapping[str, Any] | None) -> Iterator[str]:
         yield mechanics["skipped"]
         return
     low, up = mechanics["band"]
-    yield f"Bending under the cut: {bending_text(mechanics)}; authors differ, {low:g} to {up:g} times"
+    yield f"Bending, {low:g} to {up:g} times by author: {bending_text(mechanics)}"
 
 
 def depth_lines(removal: Mapping[str, Any]) -> Iterator[str]:

@@ -83,8 +83,7 @@ def test_a_sheet_without_simulation_warns(small_run: Run) -> None:
 def test_what_bends_is_the_first_warning(small_run: Run) -> None:
     warnings = small_run[0].sheet.split("Before the start")[1]
     first = warnings.split("<li>")[1]
-    assert first.startswith("Bending under the cut: error kept")
-    assert "authors differ, 0.6 to 1.9 times" in first
+    assert first.startswith("Bending, 0.6 to 1.9 times by author: error kept")
 
 
 def test_a_sheet_that_is_no_page_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
