@@ -89,8 +89,7 @@ def convert(
     with keep_refused(made, keep):
         result = _machine(made, machine, dialect, source, program, times, part(progress, 0.3, 0.8))
         if simulation:
-            share = part(progress, 0.8, 0.9)
-            result = _simulated(result, machine, dialect, times, share, mechanics=mechanics)
+            result = _simulated(result, times, part(progress, 0.8, 0.9), mechanics=mechanics)
         if job.holding.second:
             with times.stage("second"):
                 result = add_second(result, machine, dialect, program, part(progress, 0.9, 0.97))
@@ -228,17 +227,10 @@ def _machine(
     return Result(made.part, made.surface, made.stock, made.levels, figures, job, paths, program)
 
 
-def _simulated(
-    result: Result,
-    machine: Machine,
-    dialect: Dialect,
-    times: StageTimes,
-    progress: Progress,
-    *,
-    mechanics: bool,
-) -> Result:
+def _simulated(result: Result, times: StageTimes, progress: Progress, *, mechanics: bool) -> Result:
     """The result with what its posted text removes, and what bends if `mechanics` are asked; VerifyError where that is
     not what a program may do."""
+    machine, dialect = read_machine(result.job.nc.machine), read_dialect(result.job.nc.controller)
     with times.stage("simulation"), refusing(result.program, result.paths):
         levels = result.levels.levels
         given = given_surface(result.part, result.job, result.report)

@@ -14,6 +14,7 @@ from bonecam.material.rays import RayGrid
 from bonecam.mechanics.beam import Beam
 from bonecam.mechanics.sections import join, ray_sections, shoulder
 from bonecam.workholding.clamping import Clamping
+from bonecam.workholding.column import Column
 from bonecam.workholding.post import Post
 
 
@@ -28,8 +29,8 @@ class Standing:
 
 @dataclass(frozen=True)
 class Workpiece:
-    """A material with its `stiffness` and the `force` that cuts it by cutters with so many `flutes`, on a `post` that
-    is held rigidly below the height `clamped`, mm."""
+    """A material with its `stiffness` and the `force` that cuts it by cutters with so many `flutes`, on a `post`, that
+    on the `stub` of the bar if there is one, held rigidly below the height `clamped`, mm."""
 
     material: str
     stiffness: StiffnessTable
@@ -37,22 +38,29 @@ class Workpiece:
     flutes: int
     post: Post
     clamped: float
+    stub: Column | None = None
 
     def beam(self, standing: Standing) -> Beam:
-        """What stands as a beam, with the shoulder at the top of its post against what is a diameter above that."""
-        whole = ray_sections(standing.sets, standing.grid, self.clamped, standing.top)
-        neck, above = whole.between(self.clamped, self.post.top), whole.between(self.post.top, standing.top)
-        diameter = 2 * self.post.radius
+        """What stands as a beam, with the shoulders of the post: at its top against what is a diameter above that, and
+        at its foot against the stub."""
+        sets, grid, diameter = standing.sets, standing.grid, 2 * self.post.radius
+        foot = self.stub.top if self.stub else self.clamped
+        upper = ray_sections(sets, grid, foot, standing.top)
+        neck, above = upper.between(foot, self.post.top), upper.between(self.post.top, standing.top)
         wider = 2 * np.sqrt(float(np.interp(self.post.top + diameter, above.z, above.area)) / np.pi)
-        step = shoulder(diameter, self.post.top, max(wider, diameter))
-        return Beam(join([neck, step, above]), self.stiffness.elasticity)
+        pieces = [neck, shoulder(diameter, self.post.top, max(wider, diameter)), above]
+        if self.stub:
+            lower = ray_sections(sets, grid, self.clamped, foot)
+            pieces = [lower, shoulder(diameter, foot, 2 * self.stub.radius), *pieces]
+        return Beam(join(pieces), self.stiffness.elasticity)
 
 
 def workpiece_of(job: Job, post: Post, clamping: Clamping) -> Workpiece:
     """The workpiece of a job on its post in a clamping; JobError where nothing is known of its stiffness."""
     stiffness, force = mechanics_of_job(job)
     clamped = max((column.top for column in clamping.columns), default=0.0)
-    return Workpiece(job.material.name, stiffness, force, job.mechanics.flutes, post, max(clamped, 0.0))
+    held = post, max(clamped, 0.0), clamping.stub
+    return Workpiece(job.material.name, stiffness, force, job.mechanics.flutes, *held)
 
 
 def mechanics_of_job(job: Job) -> tuple[StiffnessTable, CuttingForce]:

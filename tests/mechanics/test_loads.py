@@ -12,10 +12,12 @@ from bonecam.job.materials.preset import FOLDER
 from bonecam.kernels.removal.sweep import Pieces
 from bonecam.machine.frustum import Frustum
 from bonecam.material.rays import lay_grid, lay_rays
+from bonecam.mechanics.beam import Beam
 from bonecam.mechanics.cutter import cutter_compliance
 from bonecam.mechanics.loads import Finished, Loads, cut_shares, passing_force, piece_through
 from bonecam.mechanics.result import mechanics_of
-from bonecam.mechanics.workpiece import Workpiece, mechanics_of_job, workpiece_of
+from bonecam.mechanics.sections import column_sections, join, shoulder
+from bonecam.mechanics.workpiece import Standing, Workpiece, mechanics_of_job, workpiece_of
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.setup.stocks.cylinder import Cylinder
 from bonecam.tool.cutter import Cutter
@@ -187,6 +189,24 @@ def test_a_material_without_a_modulus_is_refused(tmp_path):
     with pytest.raises(JobError, match=r"wax.toml'.* no table \[stiffness\].*--no-mechanics") as caught:
         mechanics_of_job(job)
     assert "\n" not in str(caught.value)
+
+
+def test_a_stub_of_the_bar_is_part_of_the_beam_with_the_shoulders_of_the_neck():
+    stub, post = Column(6.0, 25.0, 10.0), Post(2.0, 31.0)
+    bodies = [Cylinder(6.0, 10.0, 25.0), Cylinder(2.0, 10.0, 31.0), Cylinder(5.0, 31.0, 60.0)]
+    grid = lay_grid(bodies, 0.1)
+    standing = Standing(lay_rays(bodies, grid, 500.0), grid, 60.0)
+    found = Workpiece("test", ALUMINIUM, FORCE, 2, post, 10.0, stub).beam(standing)
+    by_hand = [
+        column_sections(6.0, 10.0, 25.0),
+        shoulder(4.0, 25.0, 12.0),
+        column_sections(2.0, 25.0, 31.0),
+        shoulder(4.0, 31.0, 10.0),
+        column_sections(5.0, 31.0, 60.0),
+    ]
+    top = np.array([[0.0, 0.0, 59.0]])
+    exact = Beam(join(by_hand), ALUMINIUM.elasticity).compliance(top)[0]
+    assert np.diag(found.compliance(top)[0]) == pytest.approx(np.diag(exact), rel=0.02)
 
 
 def test_the_work_is_clamped_at_the_top_of_the_chuck():
