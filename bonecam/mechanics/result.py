@@ -1,6 +1,6 @@
 """What the mechanics of a program tell: figures, and the section `mechanics` of the report."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -8,7 +8,9 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from bonecam.mechanics.loads import Finished, Loads, PathLoads, cut_shares
+from bonecam.mechanics.error_kept import cut_shares
+from bonecam.mechanics.loads import Loads, PathLoads
+from bonecam.mechanics.remedies import Remedy, remedies
 from bonecam.mechanics.workpiece import Workpiece
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
@@ -72,11 +74,25 @@ class ErrorKept:
 
 @dataclass(frozen=True, eq=False)
 class Mechanics:
-    """What the loads of a program are: of each of its `paths`, and the `error` kept, None where no part was given."""
+    """What the loads of a program are: of each of its `paths`, and the `error` kept, None where no part was given;
+    where it bends more than the job allows, the `remedies`."""
 
     workpiece: Workpiece
     paths: tuple[PathLoads, ...]
     error: ErrorKept | None
+    remedies: tuple[Remedy, ...] = ()
+
+    @property
+    def faults(self) -> tuple[str, ...]:
+        """What bends more than the job allows, in words."""
+        found, limits = [], self.workpiece.limits
+        if self.stress[0] > self.workpiece.stiffness.yield_strength / 2:
+            bound = f"half of the yield strength ({self.workpiece.stiffness.yield_strength / 2:g} MPa)"
+            found.append(f"stress at the peaks is {self.stress[0]:.0f} MPa, more than {bound}")
+        if self.error is not None and self.error.p99 > limits.largest_error:
+            bound = f"mechanics.largest_error ({UM * limits.largest_error:g} um)"
+            found.append(f"bending keeps errors of {UM * self.error.p99:.1f} um, more than {bound}")
+        return tuple(found)
 
     @cached_property
     def stress(self) -> Float[ndarray, "3"]:
@@ -100,7 +116,10 @@ class Mechanics:
     def __str__(self) -> str:
         """What bending does, in the words of the program's header."""
         error = f"bending keeps {UM * self.error.p95:.1f} um in 95 of 100 places, " if self.error else ""
-        return f"{error}stress {self.stress[0]:.0f} of {self.workpiece.stiffness.yield_strength:g} N/mm2"
+        beyond = ", beyond what holds" if self.faults else ""
+        return (
+            f"{error}stress {self.stress[0]:.0f} of {self.workpiece.stiffness.yield_strength:g} N/mm2{beyond}"
+        )
 
     @property
     def report(self) -> dict[str, Any]:
@@ -120,18 +139,23 @@ class Mechanics:
             "band": list(work.force.band),
             "coefficients": work.force.source,
             "scaled": work.force.scaled,
+            "faults": list(self.faults),
+            "remedies": [{"what": one.what, "p99_um": round(UM * one.p99, 2)} for one in self.remedies],
         }
 
 
-def mechanics_of(loads: Loads, finished: Finished | None) -> Mechanics | None:
-    """What the loads of a whole program tell, on the `finished` surface if one was given; None where nothing was
-    asked."""
-    if loads.workpiece is None:
+def mechanics_of(loads: Loads) -> Mechanics | None:
+    """What the loads of a whole program tell; None where nothing was asked."""
+    work, kept = loads.workpiece, loads.kept
+    if work is None:
         return None
-    error = None
-    if finished is not None and len(loads.errors):
-        error = ErrorKept(finished.mesh, loads.errors, finished.areas)
-    return Mechanics(loads.workpiece, tuple(loads.paths), error)
+    if kept is None or loads.standing is None:
+        return Mechanics(work, tuple(loads.paths), None)
+    error = ErrorKept(kept.finished.mesh, kept.errors, kept.finished.areas)
+    found = Mechanics(work, tuple(loads.paths), error)
+    if found.faults and np.isfinite(kept.errors).any():
+        found = replace(found, remedies=remedies(work, loads.standing, kept, error.areas))
+    return found
 
 
 def _path_figures(path: PathLoads) -> dict[str, Any]:

@@ -1,12 +1,12 @@
 """What is cut, as far as force and bending go: its material, and what holds it."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from bonecam.errors import JobError
-from bonecam.job import Job
+from bonecam.job import Job, MechanicsJob
 from bonecam.job.materials.mechanical import CuttingForce, StiffnessTable, cutting_force
 from bonecam.job.materials.preset import read_material
 from bonecam.kernels.removal.rays import RaySet
@@ -30,7 +30,7 @@ class Standing:
 @dataclass(frozen=True)
 class Workpiece:
     """A material with its `stiffness` and the `force` that cuts it by cutters with so many `flutes`, on a `post`, that
-    on the `stub` of the bar if there is one, held rigidly below the height `clamped`, mm."""
+    on the `stub` of the bar if there is one, held rigidly below the height `clamped`, mm; and the `limits` of a job."""
 
     material: str
     stiffness: StiffnessTable
@@ -39,6 +39,7 @@ class Workpiece:
     post: Post
     clamped: float
     stub: Column | None = None
+    limits: MechanicsJob = field(default_factory=MechanicsJob)
 
     def beam(self, standing: Standing) -> Beam:
         """What stands as a beam, with the shoulders of the post: at its top against what is a diameter above that, and
@@ -59,7 +60,7 @@ def workpiece_of(job: Job, post: Post, clamping: Clamping) -> Workpiece:
     """The workpiece of a job on its post in a clamping; JobError where nothing is known of its stiffness."""
     stiffness, force = mechanics_of_job(job)
     clamped = max((column.top for column in clamping.columns), default=0.0)
-    held = post, max(clamped, 0.0), clamping.stub
+    held = post, max(clamped, 0.0), clamping.stub, job.mechanics
     return Workpiece(job.material.name, stiffness, force, job.mechanics.flutes, *held)
 
 

@@ -25,6 +25,8 @@ def mechanics_lines(mechanics: Mapping[str, Any] | None) -> Iterator[str]:
     yield f"bending   {bending_text(mechanics)}"
     low, up = mechanics["band"]
     yield f"          authors differ for {mechanics['material']}: {low:g} to {up:g} times this"
+    yield from (f"          {fault}" for fault in mechanics["faults"])
+    yield from (f"          {one['what']} would keep {one['p99_um']:.1f} um" for one in mechanics["remedies"])
     if mechanics["scaled"]:
         yield f"          {mechanics['coefficients']}"
 

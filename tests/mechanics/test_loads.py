@@ -14,7 +14,8 @@ from bonecam.machine.frustum import Frustum
 from bonecam.material.rays import lay_grid, lay_rays
 from bonecam.mechanics.beam import Beam
 from bonecam.mechanics.cutter import cutter_compliance
-from bonecam.mechanics.loads import Finished, Loads, cut_shares, passing_force, piece_through
+from bonecam.mechanics.error_kept import Finished, KeptErrors, cut_shares, passing_force, piece_through
+from bonecam.mechanics.loads import Loads
 from bonecam.mechanics.result import mechanics_of
 from bonecam.mechanics.sections import column_sections, join, shoulder
 from bonecam.mechanics.workpiece import Standing, Workpiece, mechanics_of_job, workpiece_of
@@ -60,7 +61,7 @@ def run(*, bar=BAR, overhang=30.0, feed=900.0, depth=DEPTH, clamped=0.0, spindle
     owners = np.where(np.abs(points[:, 0]) < 0.5, np.arange(count), -1)
     finished = Finished(TriangleMesh(points, faces), points, normals, np.ones(count), owners)
     loads.take((0, 0), pieces, edges, cutter, sweeping.standing, finished)
-    return loads, mechanics_of(loads, finished)
+    return loads, mechanics_of(loads)
 
 
 def cantilever(height, bar=BAR):
@@ -69,15 +70,15 @@ def cantilever(height, bar=BAR):
 
 def test_the_error_kept_is_that_of_bar_and_cutter_under_the_edge_that_leaves_the_place():
     loads, found = run()
-    known = np.isfinite(loads.errors)
+    known = np.isfinite(loads.kept.errors)
     assert 4 <= known.sum() <= 5  # what no move has cut keeps none
     assert loads.paths[0].first_hz > 3 * loads.paths[0].tooth_hz
     # where the ball touches the chip is thin: the edge presses by kre along the arc that stands there, 37 degrees to
     # both sides; the rest is chip, on the cells beside
     force = 2 * 2.0 * np.sin(np.arccos(1 - DEPTH / 2.0)) * 10.0
     gives = cantilever(AT) + cutter_compliance(CUTTER) / 2
-    assert loads.errors[known] == pytest.approx(force * gives, rel=0.08)
-    assert found.error.p99 == pytest.approx(loads.errors[known].max(), rel=1e-9)
+    assert loads.kept.errors[known] == pytest.approx(force * gives, rel=0.08)
+    assert found.error.p99 == pytest.approx(loads.kept.errors[known].max(), rel=1e-9)
 
 
 def test_the_deflection_is_that_of_the_mean_force():
@@ -112,11 +113,27 @@ def test_a_higher_clamp_holds_stiffer():
     assert 1.0 < high.error.median / (share * low.error.median) < 1.25
 
 
+def test_what_bends_too_much_is_told_with_what_would_help():
+    sound, weak = run(clamped=25.0)[1], run(bar=1.5)[1]
+    assert (sound.faults, sound.remedies) == ((), ())
+    stress, error = weak.faults
+    assert "stress at the peaks is 975 MPa, more than half of the yield strength (125 MPa)" in stress
+    assert (
+        f"bending keeps errors of {1000 * weak.error.p99:.1f} um, more than mechanics.largest_error (50 um)"
+        in error
+    )
+    assert weak.report["faults"] == [stress, error]
+    assert 0 < weak.remedies[0].p99 < weak.error.p99
+    assert weak.report["remedies"][0]["what"] == "a neck of 4.5 mm (holding.diameter)"
+    assert str(weak).endswith("of 250 N/mm2, beyond what holds")
+    assert "beyond" not in str(sound)
+
+
 def test_a_slow_body_is_bent_by_the_mean():
     loads, _ = run(spindle=60000.0)
     (path,) = loads.paths
     assert path.first_hz < 3 * path.tooth_hz
-    assert np.nanmax(np.abs(loads.errors)) < 1.1 * cantilever(AT) * path.mean.max()
+    assert np.nanmax(np.abs(loads.kept.errors)) < 1.1 * cantilever(AT) * path.mean.max()
 
 
 def test_the_figures_of_the_report_are_those_of_the_loads():
@@ -164,14 +181,14 @@ def test_while_an_edge_passes_the_others_load_too():
 def one_path_forces(**how):
     """What the rays tell of the pass of `run`."""
     kept = []
-    original = Loads._keep_errors
+    original = KeptErrors.take
 
-    def keep(self, finished, pieces, forces, bodies, flutes):
+    def keep(self, pieces, forces, bodies, flutes):
         kept.append(forces)
-        original(self, finished, pieces, forces, bodies, flutes)
+        original(self, pieces, forces, bodies, flutes)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Loads, "_keep_errors", keep)
+        patch.setattr(KeptErrors, "take", keep)
         run(**how)
     return kept[0]
 

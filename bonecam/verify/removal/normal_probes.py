@@ -15,7 +15,7 @@ from bonecam.kernels.removal.normal_probes import cut_normal_probes, probe_cells
 from bonecam.kernels.removal.rays import RaySet
 from bonecam.kernels.removal.sweep import Pieces
 from bonecam.material.rays import RayGrid
-from bonecam.mechanics.loads import Finished
+from bonecam.mechanics.error_kept import Finished
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.surface.tspline import TSpline
 from bonecam.verify.removal.stock_heights import stock_heights

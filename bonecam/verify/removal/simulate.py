@@ -225,7 +225,7 @@ class _Simulation:
             move_volumes=removed,
             remaining=SimulatedStock(self.sweeping.sets, self.grid, self.normal_probes),
             standing=tuple(self.standing),
-            mechanics=mechanics_of(self.loads, self.finished),
+            mechanics=mechanics_of(self.loads),
         )
 
     def _clearance(self, part: int) -> Clearance:

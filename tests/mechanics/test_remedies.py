@@ -1,0 +1,77 @@
+"""What would help a part that bends, beside formulas of beams."""
+
+import numpy as np
+import pytest
+
+from bonecam.job.materials.mechanical import CuttingForce, StiffnessTable
+from bonecam.material.rays import lay_grid, lay_rays
+from bonecam.mechanics.error_kept import Finished, KeptErrors
+from bonecam.mechanics.remedies import best_text, remedies, thickened
+from bonecam.mechanics.sections import column_sections
+from bonecam.mechanics.workpiece import Standing, Workpiece
+from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.setup.stocks.cylinder import Cylinder
+from bonecam.workholding.post import Post
+
+ALUMINIUM = StiffnessTable(elasticity=70000.0, density=2700.0, yield_strength=250.0, source="test")
+FORCE = CuttingForce((631.0, 99.0, 273.0, 13.0, 10.0, 2.8), (0.6, 1.9), "test", scaled=False)
+RADIUS, NECK, TOP, AT = 2.0, 20.0, 50.0, 45.0
+
+
+def found(neck: float, tool: float) -> tuple[dict[str, float], float]:
+    """The errors with each remedy, mm, and the one without, of a bar on a `neck` as long as this and as thick, under
+    5 N across it; the cutter, that stands upright, gives way by `tool` mm/N."""
+    body = Cylinder(RADIUS, 0.0, TOP)
+    grid = lay_grid([body], 0.1)
+    standing = Standing(lay_rays([body], grid, 500.0), grid, TOP)
+    work = Workpiece("test", ALUMINIUM, FORCE, 2, Post(RADIUS, neck), 0.0)
+    points = np.array([[0.0, 0.0, AT]] * 3)
+    mesh = TriangleMesh(points + np.eye(3), np.array([[0, 1, 2]], dtype=np.int32))
+    kept = KeptErrors(
+        Finished(mesh, points, np.tile([1.0, 0, 0], (3, 1)), np.ones(3), np.zeros(3, dtype=np.int64))
+    )
+    kept.forces[:] = [-5.0, 0.0, 0.0]
+    kept.axes[:] = [0.0, 0.0, 1.0]
+    kept.tool[:] = tool
+    here = np.arange(3)
+    kept.errors[:] = kept.errors_with(work.beam(standing), here)
+    told = remedies(work, standing, kept, np.ones(3))
+    assert [one.p99 for one in told] == sorted(one.p99 for one in told)
+    return {one.what: one.p99 for one in told}, float(kept.errors[0])
+
+
+def test_a_thicker_neck_helps_by_the_share_of_the_neck() -> None:
+    told, before = found(NECK, 1e-6)
+    assert before == pytest.approx(5 * AT**3 / (3 * 70000 * np.pi / 4 * RADIUS**4), rel=0.03)
+    share = (AT - NECK) ** 3 / AT**3
+    thicker = before * (share + (1 - share) / 1.5**4)
+    assert told["a neck of 6 mm (holding.diameter)"] == pytest.approx(thicker, rel=0.03)
+
+
+def test_a_clamp_nearer_to_the_part_helps_by_the_third_power_of_what_stands_free() -> None:
+    told, before = found(NECK, 1e-6)
+    assert told["a chuck or collet 6 mm below the part"] == pytest.approx(
+        before * ((AT - NECK + 6) / AT) ** 3, rel=0.03
+    )
+    short, _ = found(5.0, 1e-6)
+    assert not any("collet" in what for what in short)
+
+
+def test_a_cutter_that_bends_most_is_the_one_to_shorten() -> None:
+    told, before = found(NECK, 1.0)
+    best = min(told, key=lambda what: told[what])
+    assert best == "cutters a third shorter (overhang of the one that gives way by 1000 um/N)"
+    assert told[best] == pytest.approx(before - 5 * (1 - 8 / 27), rel=1e-6)
+
+
+def test_only_what_is_between_the_heights_is_made_thicker() -> None:
+    plain = column_sections(2.0, 0.0, 10.0)
+    thick = thickened(plain, 2.0, 5.0, 1.5)
+    inside = (plain.low >= 2.0) & (plain.high <= 5.0)
+    assert thick.area[inside] == pytest.approx(2.25 * plain.area[inside])
+    assert thick.second[inside] == pytest.approx(1.5**4 * plain.second[inside])
+    assert (thick.second[~inside] == plain.second[~inside]).all()
+
+
+def test_without_a_place_the_remedies_are_named_without_figures() -> None:
+    assert best_text(()).startswith("give a thicker neck")
