@@ -84,6 +84,17 @@ def test_the_area_engaged_sweeps_what_is_removed(step, y):
     assert (forces.areas * step)[inside].sum() == pytest.approx(volumes[inside].sum(), rel=0.02)
 
 
+def test_flutes_above_the_ball_cut_too():
+    forces, volumes, inside = cut(3.5, step=0.2)
+    assert (forces.areas * 0.2)[inside].sum() == pytest.approx(volumes[inside].sum(), rel=0.02)
+    deep, ball = forces.mean[inside].mean(0), exact(2.0, -np.pi / 2, np.pi / 2)
+    # 1.5 mm of flutes in a slot, in cells of 0.4 mm: chips 2 fz / pi on average
+    chips = 2 / np.pi * 0.1
+    ktc, _, kac, kte, _, kae = COEFFICIENTS
+    assert deep[1] - ball[1] == pytest.approx(-1.5 * (ktc * 0.1 / 2 + 2 / np.pi * kte), rel=0.05)
+    assert deep[2] - ball[2] == pytest.approx(1.5 * (kac * chips + kae), rel=0.05)
+
+
 def test_the_force_is_linear_in_the_chip():
     low, middle, high = (cut(1.0, chip=chip)[0].mean for chip in (0.05, 0.1, 0.15))
     assert np.abs(high - 2 * middle + low).max() < 1e-5 * np.abs(middle).max()

@@ -18,13 +18,18 @@ import numpy as np
 from numba import njit
 from numpy import ndarray
 
-from bonecam.kernels.removal.rays import ROUNDING, TILE, RaySet
+from bonecam.kernels.removal.rays import ROUNDING, TILE, RaySet, tiles_reached
 
 ROWS = 24
 """Cells from the tip to the ball's equator. With TURN about the axis the mean force of a demo is 0.2 % off that of 60 x
 180 cells, its mean peak 1 %."""
 TURN = 72
 """Cells about the axis: a multiple of 2, 3 and 4 flutes."""
+COARSER = 3.0
+"""Cells of the flutes are at most so many times as high as those of the ball: walls that reach them are even."""
+_KAPPA = (np.arange(ROWS) + 0.5) * 0.5 * np.pi / ROWS
+_KAPPA_COSINES = np.cos(_KAPPA)
+_KAPPA_SINES = np.sin(_KAPPA)
 _PHI = (np.arange(TURN) + 0.5) * 2 * np.pi / TURN
 _COSINES = np.cos(_PHI)
 _SINES = np.sin(_PHI)
@@ -51,7 +56,7 @@ class Edges(NamedTuple):
     asked: ndarray
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def _meets(
     rays: RaySet, u: float, v: float, centre: ndarray, axis: ndarray, radius: float, flutes: bool, upper: bool
 ) -> bool:
@@ -87,40 +92,55 @@ def engage(rays: RaySet, edges: Edges, i: int, radius: float, reach: float) -> N
     if edges.asked[i] or edges.chips[i] <= 0.0:
         return
     edges.asked[i] = True
-    step, turn = 0.5 * np.pi / ROWS, 2 * np.pi / TURN
-    db = radius * step
     one, two, axis, centre = edges.frames[i, 0], edges.frames[i, 1], edges.frames[i, 2], edges.centres[i]
+    if reach <= 0.0 and len(tiles_reached(rays, centre, centre, axis, 0.0, radius)) == 0:
+        return
+    inner, db = radius - ROUNDING, radius * 0.5 * np.pi / ROWS
+    flutes = int(np.ceil(reach / (COARSER * db)))
+    ahead, up, chip = edges.feeds[i, 0], edges.feeds[i, 1], edges.chips[i]
+    a_u, a_v, a_w = axis
     ktc, krc, kac, kte, kre, kae = edges.coefficients
-    for row in range(ROWS + int(np.ceil(reach / db))):
-        kappa = min((row + 0.5) * step, 0.5 * np.pi)
-        height = max((row - ROWS + 0.5) * db, 0.0)
-        sine, cosine = np.sin(kappa), np.cos(kappa)
-        for k in range(TURN):
-            cos_phi, sin_phi = _COSINES[k], _SINES[k]
-            along = sine * cos_phi * edges.feeds[i, 0] - cosine * edges.feeds[i, 1]
+    for k in range(TURN):
+        e_u = _COSINES[k] * one[0] + _SINES[k] * two[0]
+        e_v = _COSINES[k] * one[1] + _SINES[k] * two[1]
+        e_w = _COSINES[k] * one[2] + _SINES[k] * two[2]
+        along_e = _COSINES[k] * ahead
+        way, radial, axial, edge, out, level, area = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        for row in range(ROWS + flutes):
+            sine, cosine, height, share = 1.0, 0.0, 0.0, 1.0
+            if row < ROWS:
+                sine, cosine = _KAPPA_SINES[row], _KAPPA_COSINES[row]
+            else:
+                height, share = (row - ROWS + 0.5) * reach / flutes, reach / flutes / db
+            along = sine * along_e - cosine * up
             if along <= 0.0:
                 continue
-            x, y = sine * cos_phi, sine * sin_phi
-            nu = x * one[0] + y * two[0] - cosine * axis[0]
-            nv = x * one[1] + y * two[1] - cosine * axis[1]
-            nw = x * one[2] + y * two[2] - cosine * axis[2]
+            nu, nv, nw = sine * e_u - cosine * a_u, sine * e_v - cosine * a_v, sine * e_w - cosine * a_w
             # of two that lie as much along it one set is asked, going round u, v, w
-            if not (abs(nw) >= abs(nu) and abs(nw) > abs(nv)):
+            if abs(nw) < abs(nu) or abs(nw) <= abs(nv):
+                if row >= ROWS:
+                    break  # the flutes have one normal
                 continue
-            u = centre[0] + radius * nu + height * axis[0]
-            v = centre[1] + radius * nv + height * axis[1]
-            if not _meets(rays, u, v, centre, axis, radius - ROUNDING, row >= ROWS, nw > 0.0):
+            u, v = centre[0] + radius * nu + height * a_u, centre[1] + radius * nv + height * a_v
+            if not _meets(rays, u, v, centre, axis, inner, row >= ROWS, nw > 0.0):
                 continue
-            chip = edges.chips[i] * along
-            tangential, normal, meridian = ktc * chip + kte, krc * chip + kre, kac * chip + kae
-            edges.forces[i, k, 0] += tangential * db
-            edges.forces[i, k, 1] += (normal * sine + meridian * cosine) * db
-            edges.forces[i, k, 2] += (meridian * sine - normal * cosine) * db
-            edges.engaged[i, 0] += db
-            edges.engaged[i, 1] += db * radius * x
-            edges.engaged[i, 2] += db * radius * y
-            edges.engaged[i, 3] += db * (height - radius * cosine)
-            edges.engaged[i, 4] += along * radius * db * turn * sine
+            normal, meridian = krc * chip * along + kre, kac * chip * along + kae
+            way += share * (ktc * chip * along + kte)
+            radial += share * (normal * sine + meridian * cosine)
+            axial += share * (meridian * sine - normal * cosine)
+            edge += share
+            out += share * sine
+            level += share * (height - radius * cosine)
+            area += share * along * sine
+        if edge > 0.0:
+            edges.forces[i, k, 0] = way * db
+            edges.forces[i, k, 1] = radial * db
+            edges.forces[i, k, 2] = axial * db
+            edges.engaged[i, 0] += edge * db
+            edges.engaged[i, 1] += out * db * radius * _COSINES[k]
+            edges.engaged[i, 2] += out * db * radius * _SINES[k]
+            edges.engaged[i, 3] += level * db
+            edges.engaged[i, 4] += area * radius * db * 2 * np.pi / TURN
 
 
 @njit(cache=True, nogil=True)
