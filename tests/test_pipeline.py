@@ -44,8 +44,10 @@ from bonecam.surface import part_surface
 from bonecam.surface.fitting.deviation import Deviation
 from bonecam.surface.fitting.fit import Fit, fit
 from bonecam.verify import check_removal, prove_removal
+from bonecam.verify.removal.of_job import check_removal_of_job
 
 COARSE = Job().with_values(
+    mechanics={"refuse": False},
     surface={"tolerance": 0.2},
     holding={"diameter": 2.0},
     levels={"roughing_depth": 1.0, "finishing_levels": 1, "finishing_depth": 0.3, "chord_tolerance": 0.02},
@@ -205,6 +207,18 @@ def test_a_program_alone_is_simulated_from_its_kept_folder(chain: tuple[bonecam.
     assert one == pytest.approx(other, rel=0.02)  # the kept stock is a mesh
     bent, told = report["mechanics"]["error_kept_um"], result.report["mechanics"]["error_kept_um"]
     assert bent["p95"] == pytest.approx(told["p95"], rel=0.02)
+
+
+def test_a_part_that_bends_too_much_is_refused(chain: tuple[bonecam.Result, Path]) -> None:
+    result, folder = chain
+    assert result.report["mechanics"]["faults"]
+    assert " BEYOND WHAT HOLDS" in (folder / "bone.h").read_text(encoding="utf-8")
+    found = result.removal.mechanics
+    strict = replace(found, workpiece=replace(found.workpiece, limits=Job().mechanics))
+    with pytest.raises(
+        VerifyError, match=r"more than half of the yield strength .* would keep \d+\.\d um; or"
+    ):
+        check_removal_of_job(replace(result.removal, mechanics=strict), result.job)
 
 
 def test_without_mechanics_the_figures_say_so(chain: tuple[bonecam.Result, Path]) -> None:

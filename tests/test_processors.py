@@ -14,6 +14,7 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.setup.capsule import Capsule
 
 JOB = Job().with_values(
+    mechanics={"refuse": False},
     surface={"tolerance": 0.1},
     levels={"roughing_depth": 1.0, "finishing_levels": 1, "finishing_depth": 0.3, "chord_tolerance": 0.05},
     roughing={"scallop": 0.3},

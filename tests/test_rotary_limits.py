@@ -13,6 +13,7 @@ from bonecam.nc.reading.read import read_program
 from bonecam.setup.capsule import Capsule
 
 SMALL = Job().with_values(
+    mechanics={"refuse": False},
     surface={"tolerance": 0.2},
     stock={"diameter": 7.0, "length": 11.0},
     holding={"diameter": 3.0, "length": 60.0, "chuck_diameter": 12.0, "chuck_height": 6.0},

@@ -39,6 +39,7 @@ from bonecam.workholding.shell_maker import shell_round
 MACHINE, DIALECT = read_machine("mikron-ucp600"), read_dialect("heidenhain")
 LUMP = Capsule(np.array([0.0, 0, 2.5]), np.array([0.0, 0, 9.5]), 2.5).mesh(0.05)
 JOB = Job().with_values(
+    mechanics={"refuse": False},
     holding={"diameter": 3.0, "length": 31.0, "parting": True},
     mesh={"upright": False},
     levels={"roughing_depth": 0.6},

@@ -12,6 +12,7 @@ from bonecam.mesh.files.mesh_files import write_mesh
 from bonecam.setup.stocks.cylinder import Cylinder
 
 COARSE = Job().with_values(
+    mechanics={"refuse": False},
     surface={"tolerance": 0.2},
     levels={"roughing_depth": 1.5, "finishing_levels": 1, "finishing_depth": 0.3, "chord_tolerance": 0.02},
     roughing={"scallop": 0.3},

@@ -16,6 +16,7 @@ from bonecam.setup.stocks.cylinder import Cylinder
 from bonecam.tool import MoveKind
 
 COARSE = Job().with_values(
+    mechanics={"refuse": False},
     surface={"tolerance": 0.2},
     levels={"roughing_depth": 1.2, "finishing_depth": 0.3, "chord_tolerance": 0.02},
     roughing={"scallop": 0.3},

@@ -8,9 +8,10 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
+from bonecam.errors import VerifyError, place_name
 from bonecam.mechanics.error_kept import cut_shares
 from bonecam.mechanics.loads import Loads, PathLoads
-from bonecam.mechanics.remedies import Remedy, remedies
+from bonecam.mechanics.remedies import Remedy, best_text, remedies
 from bonecam.mechanics.workpiece import Workpiece
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
@@ -93,6 +94,17 @@ class Mechanics:
             bound = f"mechanics.largest_error ({UM * limits.largest_error:g} um)"
             found.append(f"bending keeps errors of {UM * self.error.p99:.1f} um, more than {bound}")
         return tuple(found)
+
+    def check(self) -> None:
+        """VerifyError where the part bends more than the job allows, with the remedy that helps most; none where the
+        job says not to refuse."""
+        if self.faults and self.workpiece.limits.refuse:
+            place = self.error.place if self.error else (0.0, 0.0, 0.0)
+            where = f" at {place_name(place)}" if self.error else ""
+            own = "or mechanics.refuse = false, which the header then tells"
+            raise VerifyError(
+                f"{' and '.join(self.faults)}{where}: {best_text(self.remedies)}; {own}", line=0, place=place
+            )
 
     @cached_property
     def stress(self) -> Float[ndarray, "3"]:

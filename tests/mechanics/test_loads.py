@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bonecam.errors import JobError
-from bonecam.job import Job
+from bonecam.errors import JobError, VerifyError
+from bonecam.job import Job, MechanicsJob
 from bonecam.job.materials.mechanical import CuttingForce, StiffnessTable
 from bonecam.job.materials.preset import FOLDER
 from bonecam.kernels.removal.sweep import Pieces
@@ -127,6 +127,20 @@ def test_what_bends_too_much_is_told_with_what_would_help():
     assert weak.report["remedies"][0]["what"] == "a neck of 4.5 mm (holding.diameter)"
     assert str(weak).endswith("of 250 N/mm2, beyond what holds")
     assert "beyond" not in str(sound)
+
+
+def test_what_bends_too_much_is_refused_with_what_helps_most_unless_the_job_says_otherwise():
+    weak = run(bar=1.5)[1]
+    with pytest.raises(VerifyError) as caught:
+        weak.check()
+    line = str(caught.value)
+    assert "\n" not in line
+    best = weak.remedies[0]
+    assert f"{best.what} would keep {1000 * best.p99:.1f} um; or mechanics.refuse = false" in line
+    assert "stress at the peaks is 975 MPa" in line
+    told = replace(weak.workpiece, limits=MechanicsJob(refuse=False))
+    replace(weak, workpiece=told).check()
+    run(clamped=25.0)[1].check()
 
 
 def test_a_slow_body_is_bent_by_the_mean():

@@ -10,6 +10,7 @@ from bonecam.mesh.solids.revolution import revolve
 from bonecam.tool.path import PARTING
 
 JOB = bonecam.Job().with_values(
+    mechanics={"refuse": False},
     mesh={"pits": "keep"},
     surface={"tolerance": 0.05},
     holding={"diameter": 3.0, "length": 60.0},

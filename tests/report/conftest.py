@@ -18,6 +18,7 @@ FLAGS = [
     *("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"),
 ]
 SMALL = Job().with_values(
+    mechanics={"refuse": False},
     surface={"tolerance": 0.2},
     stock={"diameter": 7.0, "length": 11.0},
     holding={"diameter": 3.0, "length": 60.0, "chuck_diameter": 12.0, "chuck_height": 6.0},

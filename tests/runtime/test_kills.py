@@ -18,7 +18,10 @@ from bonecam.mesh.files.mesh_files import write_mesh
 from bonecam.surface.files.save import save_surface
 
 STOPS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-COARSE = "surface.tolerance=0.2 levels.roughing_depth=1.4 roughing.scallop=0.3 finishing.scallop=0.1".split()
+COARSE = [
+    "mechanics.refuse=false",
+    *"surface.tolerance=0.2 levels.roughing_depth=1.4 roughing.scallop=0.3 finishing.scallop=0.1".split(),
+]
 SCRIPT = """<!DOCTYPE FilterScript>
 <FilterScript>
  <filter name="Subdivision Surfaces: Loop"><Param type="RichInt" value="3" name="Iterations"/></filter>

@@ -20,6 +20,7 @@ def work():
     from bonecam.setup.capsule import Capsule
 
     small = Job().with_values(
+        mechanics={"refuse": False},
         surface={"tolerance": 0.2},
         stock={"diameter": 7.0, "length": 11.0},
         holding={"diameter": 3.0, "length": 60.0},

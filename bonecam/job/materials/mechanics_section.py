@@ -17,4 +17,9 @@ class MechanicsJob(JobSection):
         low=0.001,
         high=10.0,
     )
+    refuse: bool = parameter(
+        True,
+        "Refuse",
+        "Refuse a program whose stress or error is larger; false: header and summary tell it.",
+    )
     flutes: int = parameter(2, "Flutes", "Cutting edges of each cutter.", low=1, high=4)

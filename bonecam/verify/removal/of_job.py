@@ -165,7 +165,8 @@ def simulate_stump(
 def check_removal_of_job(removal: Removal, job: Job) -> None:
     """VerifyError as in `check_removal`, with the tolerance and the bridge of a job, and where the text does not part
     though the job wants it. Slices and sections of the part promise no depth: what they leave between them is told.
-    A second clamping keeps the depths of its cutters, and parts nothing."""
+    A second clamping keeps the depths of its cutters, and parts nothing. What bends more than the job allows is refused
+    too, if that was asked."""
     if removal.shell is not None:
         check_removal(removal, job.path.gouge_tolerance)
         return
@@ -176,3 +177,5 @@ def check_removal_of_job(removal: Removal, job: Job) -> None:
         )
     limited = job.path.strategy == "morph"
     check_removal(removal, job.path.gouge_tolerance, job.holding.bridge, limited=limited)
+    if removal.mechanics is not None:
+        removal.mechanics.check()

@@ -9,6 +9,7 @@ from bonecam.levels.solvers.solver import SOLVERS
 from bonecam.mesh.files.mesh_files import read_mesh
 
 COARSE = Job().with_values(
+    mechanics={"refuse": False},
     mesh={"rows": 8, "row_points": 24},
     surface={"tolerance": 0.5, "largest_deviation": 1.0, "max_control_points": 60},
     holding={"length": 110.0},
