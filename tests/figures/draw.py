@@ -47,7 +47,11 @@ def main(wanted: Sequence[str]) -> None:
     """Write the pictures of docs/pages: all, or those of the `wanted` groups `clamping`, `chain`, `strategies`, `page`,
     `blade`."""
     if not wanted or "clamping" in wanted:
-        job = bonecam.Job().with_values(holding={"length": 40.0})  # short, to show all sizes
+        # short and plain, to show all sizes
+        cutter = {"radius": 1.0, "flute_length": 4.0, "shank_diameter": 2.0, "overhang": 25.0}
+        job = bonecam.Job().with_values(
+            holding={"diameter": 4.0, "length": 40.0}, finishing={**cutter, "holder_diameter": 20.0}
+        )
         setup = place(read_part(path("phalanx"), job)[0], job)
         top = post_below(setup.part.mesh, job.holding).top
         draw_clamping(setup.part.mesh, setup.stock, job.holding, top, job.finishing, FIGURES / "clamping.png")
