@@ -147,7 +147,10 @@ def _morph(
     with times.stage("mesh"):
         unplaced, given = read_part(mesh, job, part(progress, 0.0, 0.1))
         found = not job.holding.length
-        setup, job, necks = stand_on_neck(place(unplaced, job), job, machine)
+        placed = place(unplaced, job)
+        if not job.holding.diameter:
+            check_cuts(placed.part.mesh, placed.stock, job.levels)  # before necks are tried
+        setup, job, necks = stand_on_neck(placed, job, machine)
         if machine is not None:
             check_parting(setup, job, machine_limits(machine))
             check_second(setup.part, setup.post, job)

@@ -63,7 +63,7 @@ def no_work(monkeypatch: pytest.MonkeyPatch) -> None:
         ({"roughing": {"overhang": 6.0}}, r"\[roughing\] overhang = 6: give more than flute_length \(8 mm\)"),
         (
             {"finishing": {"shank_diameter": 25.0}},
-            r"\[finishing\] shank_diameter = 25: give at most holder_diameter \(20 mm\)",
+            r"\[finishing\] shank_diameter = 25: give at most holder_diameter \(10 mm\)",
         ),
         (
             {"finishing": {"shank_diameter": 50.0, "holder_diameter": 60.0}},
@@ -93,13 +93,19 @@ def no_work(monkeypatch: pytest.MonkeyPatch) -> None:
         ({"holding": {"length": -1.0}}, r"\[holding\] length = -1\.0: keep it within"),
         ({"roughing": {"feed": -900.0}}, r"\[roughing\] feed = -900\.0: keep it within"),
         (
-            {"roughing": {"overhang": 400.0}},
-            r"Z runs over 525\.3 mm, travel 450\.0 mm of Mikron UCP 600 Vario: .* a shorter tool",
+            {
+                "roughing": {"overhang": 400.0, "holder_diameter": 20.0},
+                "holding": {"diameter": 4.0, "length": 107.0},
+            },
+            r"539 mm are needed along Z, its travel is 450 mm: .* a shorter post or tool",
         ),
-        ({"stock": {"length": 390.0, "diameter": 20.0}}, "mm are needed along Z, its travel is 450 mm"),
+        (
+            {"stock": {"length": 390.0, "diameter": 20.0}, "holding": {"diameter": 4.0, "length": 107.0}},
+            "mm are needed along Z, its travel is 450 mm",
+        ),
         (
             {"stock": {"offset_x": 40.0}},
-            r"the post of diameter 4 mm on the Z axis misses the part: .*stock\.offset_x",
+            r"the post of diameter 10 mm on the Z axis misses the part: .*stock\.offset_x",
         ),
     ],
 )
