@@ -121,6 +121,11 @@ class VerifyError(BonecamError):
     """The posted program was read back and is wrong: `line`, `place`, `error`."""
 
 
+class BendingError(VerifyError):
+    """The part, its neck or the cutter gives way more under the cut than the job allows: no fault of the program, but
+    of what holds the part."""
+
+
 class FilterError(BonecamError):
     """A filter, its parameter or a script line is unknown or wrong: `line`."""
 

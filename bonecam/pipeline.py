@@ -148,15 +148,12 @@ def _morph(
         unplaced, given = read_part(mesh, job, part(progress, 0.0, 0.1))
         found = not job.holding.length
         placed = place(unplaced, job)
-        if not job.holding.diameter:
-            check_cuts(placed.part.mesh, placed.stock, job.levels)  # before necks are tried
+        check_cuts(placed.part.mesh, placed.stock, job.levels)
         setup, job, necks = stand_on_neck(placed, job, machine)
         if machine is not None:
             check_parting(setup, job, machine_limits(machine))
             check_second(setup.part, setup.post, job)
             check_room(setup.stock, job, machine)
-        check_cuts(setup.part.mesh, setup.stock, job.levels)
-        if machine is not None:
             check_length(setup.part.mesh, setup.stock, job, part(progress, 0.1, 0.1))
         advice = post_advice(setup, job, machine_limits(machine)) if found and machine else {}
 
@@ -165,11 +162,7 @@ def _morph(
 
     figures = report_to_levels(setup.part, fitted, setup.stock, morph, job.levels.method)
     figures["strategy"] = job.path.strategy
-    figures["post"] = {
-        **post_report(setup.post, setup.part.mesh, job.holding),
-        **advice,
-        **neck_report(necks),
-    }
+    figures["post"] = post_report(setup.post, setup.part.mesh, job.holding) | advice | neck_report(necks)
     figures["seconds"] = times.seconds
     figures["cpu_seconds"] = times.cpu_seconds
     return Morphed(setup.part, fitted.surface, setup.stock, morph, figures, job)

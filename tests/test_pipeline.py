@@ -30,8 +30,8 @@ from bonecam.errors import (
     VerifyError,
 )
 from bonecam.job import Job, write_job
-from bonecam.levels import job_levels
 from bonecam.job.materials.preset import FOLDER
+from bonecam.levels import job_levels
 from bonecam.machine.machine import read_machine
 from bonecam.mesh.files.mesh_files import read_mesh, write_mesh
 from bonecam.mesh.triangle_mesh import TriangleMesh
@@ -396,7 +396,14 @@ def test_levels_alone_are_the_chain_s_and_take_the_place_of_its_levels_and_paths
     )
     told = json.loads((tmp_path / "levels.json").read_text(encoding="utf-8"))
     assert told["levels"] == json.loads(json.dumps(result.report["levels"]))
-    assert set(result.report) - set(told) == {"estimate", "toolpath", "uncut_mm2", "nc", "removal", "mechanics"}
+    assert set(result.report) - set(told) == {
+        "estimate",
+        "toolpath",
+        "uncut_mm2",
+        "nc",
+        "removal",
+        "mechanics",
+    }
     told = capsys.readouterr().out.splitlines()
     lines = [line.partition(" ")[0] for line in told if not line.startswith(" ")]
     assert lines == "mesh repair surface as stock post levels certified time".split()

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from bonecam.errors import VerifyError, place_name
+from bonecam.errors import BendingError, place_name
 from bonecam.mechanics.error_kept import cut_shares
 from bonecam.mechanics.loads import Loads, PathLoads
 from bonecam.mechanics.remedies import Remedy, best_text, remedies
@@ -96,13 +96,13 @@ class Mechanics:
         return tuple(found)
 
     def check(self) -> None:
-        """VerifyError where the part bends more than the job allows, with the remedy that helps most; none where the
+        """BendingError where the part bends more than the job allows, with the remedy that helps most; none where the
         job says not to refuse."""
         if self.faults and self.workpiece.limits.refuse:
             place = self.error.place if self.error else (0.0, 0.0, 0.0)
             where = f" at {place_name(place)}" if self.error else ""
             own = "or mechanics.refuse = false, which the header then tells"
-            raise VerifyError(
+            raise BendingError(
                 f"{' and '.join(self.faults)}{where}: {best_text(self.remedies)}; {own}", line=0, place=place
             )
 

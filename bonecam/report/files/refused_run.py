@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from bonecam.errors import FileError, VerifyError
+from bonecam.errors import BendingError, FileError, VerifyError
 from bonecam.files import whole_folder, write_whole
 from bonecam.job import write_job
 from bonecam.mesh.files.mesh_files import write_mesh
@@ -35,11 +35,13 @@ def refusing(program: Program, paths: Sequence[ToolPath]) -> Iterator[None]:
 
 @contextmanager
 def keep_refused(made: Morphed, folder: str | Path | None) -> Iterator[None]:
-    """Where the block raises a VerifyError the error says whose fault that is, and the `folder` (None: nothing is kept)
+    """Where the block raises a VerifyError, but for bending, the error says whose fault that is, and the `folder` (None: nothing is kept)
     gets refused.txt with it, refused.png with the place, job, part, surface and levels of what was `made`, and the
     program with its tool path where one was posted."""
     try:
         yield
+    except BendingError:
+        raise
     except VerifyError as error:
         evidence = error.evidence
         if folder is None:
