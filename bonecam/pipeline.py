@@ -163,8 +163,7 @@ def _morph(
     figures = report_to_levels(setup.part, fitted, setup.stock, morph, job.levels.method)
     figures["strategy"] = job.path.strategy
     figures["post"] = post_report(setup.post, setup.part.mesh, job.holding) | advice | neck_report(necks)
-    figures["seconds"] = times.seconds
-    figures["cpu_seconds"] = times.cpu_seconds
+    figures |= {"seconds": times.seconds, "cpu_seconds": times.cpu_seconds}
     return Morphed(setup.part, fitted.surface, setup.stock, morph, figures, job)
 
 

@@ -35,9 +35,9 @@ def refusing(program: Program, paths: Sequence[ToolPath]) -> Iterator[None]:
 
 @contextmanager
 def keep_refused(made: Morphed, folder: str | Path | None) -> Iterator[None]:
-    """Where the block raises a VerifyError, but for bending, the error says whose fault that is, and the `folder` (None: nothing is kept)
-    gets refused.txt with it, refused.png with the place, job, part, surface and levels of what was `made`, and the
-    program with its tool path where one was posted."""
+    """Where the block raises a VerifyError, but for bending, the error says whose fault that is, and the `folder`
+    (None: nothing is kept) gets refused.txt with it, refused.png with the place, job, part, surface and levels of what
+    was `made`, and the program with its tool path where one was posted."""
     try:
         yield
     except BendingError:
