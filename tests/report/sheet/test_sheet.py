@@ -46,7 +46,8 @@ def test_it_tells_the_checksum_the_tools_and_the_clamping(small_run: Run) -> Non
     job = made.job
     for tool, minutes in zip((job.roughing, job.finishing), made.program.tool_minutes, strict=True):
         row = next(row for row in text.split("<tr>") if f"<td>{tool.radius:g}</td>" in row)
-        for value in (f"{tool.overhang:g}", f"{tool.shank_diameter:g}", f"{minutes:.1f}"):
+        neck = f"{tool.neck_diameter:g} to {tool.neck_length:g}, " if tool.neck_length else ""
+        for value in (f"{tool.overhang:g}", f"{neck}{tool.shank_diameter:g}", f"{minutes:.1f}"):
             assert f"<td>{value}</td>" in row
     assert sum(made.program.tool_minutes) == pytest.approx(made.program.time_min)
     for told in (
