@@ -84,7 +84,6 @@ def convert(
     given, source = _given(mesh)
     outputs.check(source, dialect)
     times = StageTimes()
-
     made = _morph(given, job, machine, keep, times, part(progress, 0.0, 0.3))
     with keep_refused(made, keep):
         result = _machine(made, machine, dialect, source, program, times, part(progress, 0.3, 0.8))
@@ -148,12 +147,15 @@ def _morph(
         unplaced, given = read_part(mesh, job, part(progress, 0.0, 0.1))
         found = not job.holding.length
         placed = place(unplaced, job)
-        check_cuts(placed.part.mesh, placed.stock, job.levels)
+        if not job.holding.diameter:
+            check_cuts(placed.part.mesh, placed.stock, job.levels)  # before necks are tried
         setup, job, necks = stand_on_neck(placed, job, machine)
         if machine is not None:
             check_parting(setup, job, machine_limits(machine))
             check_second(setup.part, setup.post, job)
             check_room(setup.stock, job, machine)
+        check_cuts(setup.part.mesh, setup.stock, job.levels)
+        if machine is not None:
             check_length(setup.part.mesh, setup.stock, job, part(progress, 0.1, 0.1))
         advice = post_advice(setup, job, machine_limits(machine)) if found and machine else {}
 
@@ -231,10 +233,10 @@ def _simulated(result: Result, times: StageTimes, progress: Progress, *, mechani
         given = given_surface(result.part, result.job, result.report)
         cut = result.program.text, machine, dialect, result.job, result.stock, levels
         removal = prove_removal(*cut, progress, given, mechanics=mechanics)
-    program = record_simulation(result.program, dialect, removal.cell, str(removal.mechanics or ""))
-    bent = removal.mechanics.report if removal.mechanics else NOT_ASKED
-    reported = {**result.report, "removal": removal.report, "mechanics": bent}
-    return replace(result, program=program, report=reported, removal=removal)
+    bent = removal.mechanics
+    program = record_simulation(result.program, dialect, removal.cell, str(bent or NOT_ASKED["skipped"]))
+    told = {"removal": removal.report, "mechanics": bent.report if bent else NOT_ASKED}
+    return replace(result, program=program, report={**result.report, **told}, removal=removal)
 
 
 def _require_job(job: Job | None) -> Job:
@@ -245,6 +247,4 @@ def _require_job(job: Job | None) -> Job:
 
 def _given(mesh: str | Path | MeshLike) -> tuple[str | Path | TriangleMesh, File]:
     """The part as a file or a TriangleMesh, and the file if it is one."""
-    if isinstance(mesh, str | Path):
-        return mesh, mesh
-    return mesh_from(mesh), None
+    return (mesh, mesh) if isinstance(mesh, str | Path) else (mesh_from(mesh), None)

@@ -55,22 +55,23 @@ class Finished:
 
 @dataclass(eq=False)
 class KeptErrors:
-    """The error kept at each place of a `finished` surface (`errors`, mm), NaN where no move has cut it, under the
-    `forces` (N); `axes` and `tool` (mm/N) are axis and compliance of the cutter. They change while paths
-    are taken."""
+    """The error kept at each place of a `finished` surface (`errors`, mm), NaN where no move has cut it; the forces
+    there while an edge is `passing` and in the `mean` (N), `axes` and `tool` (mm/N), axis and compliance of the cutter.
+    They change while paths are taken."""
 
     finished: Finished
 
     def __post_init__(self) -> None:
         count = len(self.finished.points)
         self.errors = np.full(count, np.nan)
-        self.forces = np.zeros((count, 3))
+        self.passing = np.zeros((count, 3))
+        self.mean = np.zeros((count, 3))
         self.axes = np.zeros((count, 3))
         self.tool = np.zeros(count)
 
-    def take(self, pieces: Pieces, edges: EdgeForces, bodies: Bodies, flutes: int) -> None:
-        """Set the errors of the places that a path has cut last, under the force of so many `flutes` while one passes,
-        or, for 0, under the mean."""
+    def take(self, pieces: Pieces, edges: EdgeForces, bodies: Bodies, flutes: int, *, follows: bool) -> None:
+        """Set the errors of the places that a path has cut last by so many `flutes`; the work `follows` single edges,
+        or gives way under the mean force."""
         owners = self.finished.owners
         here = np.flatnonzero(np.isin(owners, np.unique(pieces.moves)))
         if not len(here):
@@ -79,16 +80,18 @@ class KeptErrors:
         piece = piece_through(points, owners[here], pieces)
         self.axes[here] = edges.edges.frames[piece, 2]
         self.tool[here] = bodies.tool
-        self.forces[here] = passing_force(points, piece, edges, flutes) if flutes else edges.mean[piece]
-        self.errors[here] = self.errors_with(bodies.beam, here)
+        self.passing[here] = passing_force(points, piece, edges, flutes)
+        self.mean[here] = edges.mean[piece]
+        self.errors[here] = self.errors_with(bodies.beam, here, follows=follows)
 
     def errors_with(
-        self, beam: Beam, here: Int[ndarray, " k"], tool_share: float = 1.0
+        self, beam: Beam, here: Int[ndarray, " k"], *, follows: bool, tool_share: float = 1.0
     ) -> Float[ndarray, " k"]:
-        """The errors of some places on another `beam`, and with this share of the compliance of the cutters, mm."""
+        """The errors of some places on a `beam` that `follows` single edges, or gives way under the mean force, and
+        with this share of the compliance of the cutters, mm."""
         gives = beam.compliance(self.finished.points[here])
         tool = (tool_share * self.tool[here])[:, None, None] * across(1.0, self.axes[here])
-        moved = np.einsum("nij,nj->ni", gives + tool, self.forces[here])
+        moved = np.einsum("nij,nj->ni", gives + tool, (self.passing if follows else self.mean)[here])
         return -dots(self.finished.normals[here], moved)
 
 

@@ -119,7 +119,7 @@ class Loads:
         self.standing = standing
         if finished is not None:
             self.kept = self.kept or KeptErrors(finished)
-            self.kept.take(pieces, forces, bodies, work.flutes if first >= SLOW * tooth else 0)
+            self.kept.take(pieces, forces, bodies, work.flutes, follows=first >= SLOW * tooth)
 
     def _piece_minutes(self, pieces: Pieces) -> Float[ndarray, " n"]:
         """The time of each piece: its share of that of its move."""

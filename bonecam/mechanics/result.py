@@ -87,9 +87,9 @@ class Mechanics:
     def faults(self) -> tuple[str, ...]:
         """What bends more than the job allows, in words."""
         found, limits = [], self.workpiece.limits
-        if self.stress[0] > self.workpiece.stiffness.yield_strength / 2:
+        if self.stress[1] > self.workpiece.stiffness.yield_strength / 2:
             bound = f"half of the yield strength ({self.workpiece.stiffness.yield_strength / 2:g} MPa)"
-            found.append(f"stress at the peaks is {self.stress[0]:.0f} MPa, more than {bound}")
+            found.append(f"stress at the peaks is {self.stress[1]:.0f} MPa, more than {bound}")
         if self.error is not None and self.error.p99 > limits.largest_error:
             bound = f"mechanics.largest_error ({UM * limits.largest_error:g} um)"
             found.append(f"bending keeps errors of {UM * self.error.p99:.1f} um, more than {bound}")
@@ -101,9 +101,12 @@ class Mechanics:
         if self.faults and self.workpiece.limits.refuse:
             place = self.error.place if self.error else (0.0, 0.0, 0.0)
             where = f" at {place_name(place)}" if self.error else ""
+            found = "" if self.workpiece.stub else "; holding.diameter = 0 finds a neck that is stiff enough"
             own = "or mechanics.refuse = false, which the header then tells"
             raise BendingError(
-                f"{' and '.join(self.faults)}{where}: {best_text(self.remedies)}; {own}", line=0, place=place
+                f"{' and '.join(self.faults)}{where}: {best_text(self.remedies)}{found}; {own}",
+                line=0,
+                place=place,
             )
 
     @cached_property
@@ -130,7 +133,7 @@ class Mechanics:
         error = f"bending keeps {UM * self.error.p95:.1f} um in 95 of 100 places, " if self.error else ""
         beyond = ", beyond what holds" if self.faults else ""
         return (
-            f"{error}stress {self.stress[0]:.0f} of {self.workpiece.stiffness.yield_strength:g} N/mm2{beyond}"
+            f"{error}stress {self.stress[1]:.0f} of {self.workpiece.stiffness.yield_strength:g} N/mm2{beyond}"
         )
 
     @property
@@ -165,8 +168,9 @@ def mechanics_of(loads: Loads) -> Mechanics | None:
         return Mechanics(work, tuple(loads.paths), None)
     error = ErrorKept(kept.finished.mesh, kept.errors, kept.finished.areas)
     found = Mechanics(work, tuple(loads.paths), error)
+    tooth = max(path.tooth_hz for path in loads.paths)
     if found.faults and np.isfinite(kept.errors).any():
-        found = replace(found, remedies=remedies(work, loads.standing, kept, error.areas))
+        found = replace(found, remedies=remedies(work, loads.standing, kept, error.areas, tooth))
     return found
 
 

@@ -20,11 +20,13 @@ from bonecam.workholding.post import Post
 
 @dataclass(frozen=True, eq=False)
 class Standing:
-    """What stands while a program runs: the `sets` of rays of a `grid`, up to the height `top` at most, mm."""
+    """What stands while a program runs: the `sets` of rays of a `grid`, up to the height `top` at most, in a stock of
+    this `width`, mm."""
 
     sets: Sequence[RaySet]
     grid: RayGrid
     top: float
+    width: float = np.inf
 
 
 @dataclass(frozen=True)

@@ -37,7 +37,7 @@ def bending_text(mechanics: Mapping[str, Any]) -> str:
     error = ""
     if kept:
         error = f"error kept {kept['median']:.1f} um, {kept['p95']:.1f} at 95 %, {kept['p99']:.1f} at 99 %; "
-    stress = f"stress at peaks {mechanics['neck_stress_mpa']:.0f} of {mechanics['yield_mpa']:g} MPa"
+    stress = f"stress at peaks {mechanics['neck_stress_p99_mpa']:.0f} of {mechanics['yield_mpa']:g} MPa"
     if mechanics["first_hz"] is None:
         return f"{error}{stress}"
     return f"{error}{stress}; lowest at {mechanics['first_hz']:.0f} Hz, edges {mechanics['tooth_hz']:.0f}"

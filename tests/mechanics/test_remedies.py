@@ -18,24 +18,26 @@ FORCE = CuttingForce((631.0, 99.0, 273.0, 13.0, 10.0, 2.8), (0.6, 1.9), "test", 
 RADIUS, NECK, TOP, AT = 2.0, 20.0, 50.0, 45.0
 
 
-def found(neck: float, tool: float) -> tuple[dict[str, float], float]:
+def found(
+    neck: float, tool: float, width: float = np.inf, passing: float = 5.0, tooth_hz: float = 150.0
+) -> tuple[dict[str, float], float]:
     """The errors with each remedy, mm, and the one without, of a bar on a `neck` as long as this and as thick, under
     5 N across it; the cutter, that stands upright, gives way by `tool` mm/N."""
     body = Cylinder(RADIUS, 0.0, TOP)
     grid = lay_grid([body], 0.1)
-    standing = Standing(lay_rays([body], grid, 500.0), grid, TOP)
+    standing = Standing(lay_rays([body], grid, 500.0), grid, TOP, width)
     work = Workpiece("test", ALUMINIUM, FORCE, 2, Post(RADIUS, neck), 0.0)
     points = np.array([[0.0, 0.0, AT]] * 3)
     mesh = TriangleMesh(points + np.eye(3), np.array([[0, 1, 2]], dtype=np.int32))
     kept = KeptErrors(
         Finished(mesh, points, np.tile([1.0, 0, 0], (3, 1)), np.ones(3), np.zeros(3, dtype=np.int64))
     )
-    kept.forces[:] = [-5.0, 0.0, 0.0]
+    kept.passing[:], kept.mean[:] = [-passing, 0.0, 0.0], [-5.0, 0.0, 0.0]
     kept.axes[:] = [0.0, 0.0, 1.0]
     kept.tool[:] = tool
     here = np.arange(3)
-    kept.errors[:] = kept.errors_with(work.beam(standing), here)
-    told = remedies(work, standing, kept, np.ones(3))
+    kept.errors[:] = kept.errors_with(work.beam(standing), here, follows=False)
+    told = remedies(work, standing, kept, np.ones(3), tooth_hz)
     assert [one.p99 for one in told] == sorted(one.p99 for one in told)
     return {one.what: one.p99 for one in told}, float(kept.errors[0])
 
@@ -57,11 +59,24 @@ def test_a_clamp_nearer_to_the_part_helps_by_the_third_power_of_what_stands_free
     assert not any("collet" in what for what in short)
 
 
-def test_a_cutter_that_bends_most_is_the_one_to_shorten() -> None:
+def test_where_the_cutter_bends_most_a_stiffer_one_is_told_first() -> None:
     told, before = found(NECK, 1.0)
     best = min(told, key=lambda what: told[what])
-    assert best == "cutters a third shorter (overhang of the one that gives way by 1000 um/N)"
-    assert told[best] == pytest.approx(before - 5 * (1 - 8 / 27), rel=1e-6)
+    assert best == "at best a stiffer cutter than the one of 1e+03 um/N (overhang, neck_length)"
+    assert told[best] == pytest.approx(before - 5, rel=1e-6)
+
+
+def test_no_neck_as_thick_as_the_stock_is_advised() -> None:
+    assert any("a neck of" in what for what in found(NECK, 1e-6)[0])
+    assert not any("a neck of" in what for what in found(NECK, 1e-6, width=5.9)[0])
+
+
+def test_a_part_that_a_clamp_makes_stiff_is_asked_while_an_edge_passes() -> None:
+    """The bar swings at 1,600 Hz, and 6 mm below the part at more than twice as much."""
+    told, _ = found(NECK, 1e-6, passing=50.0, tooth_hz=700.0)
+    mean, _ = found(NECK, 1e-6, tooth_hz=700.0)
+    held = "a chuck or collet 6 mm below the part"
+    assert told[held] == pytest.approx(10 * mean[held], rel=1e-6)
 
 
 def test_only_what_is_between_the_heights_is_made_thicker() -> None:

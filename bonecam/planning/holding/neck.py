@@ -107,9 +107,10 @@ def find_neck(setup: Setup, job: Job, limits: MachineLimits) -> tuple[Setup, Job
     """Setup and job with the neck that is found, its length still open unless the job gives it, and the best necks of
     those tried, that one first. JobError where no neck is thinner than stub and stock or meets the part."""
     width = float(np.ptp(setup.stock.bounds[:, :2], axis=0).min())
+    thickest = min(width, job.holding.stub_diameter or width)
     tried, trouble = [], None
     for diameter in NECKS:
-        if diameter >= width:
+        if diameter >= thickest:
             continue
         holding = replace(job.holding, diameter=diameter)
         try:

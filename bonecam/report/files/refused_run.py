@@ -35,21 +35,24 @@ def refusing(program: Program, paths: Sequence[ToolPath]) -> Iterator[None]:
 
 @contextmanager
 def keep_refused(made: Morphed, folder: str | Path | None) -> Iterator[None]:
-    """Where the block raises a VerifyError, but for bending, the error says whose fault that is, and the `folder`
+    """Where the block raises a VerifyError, but for bending, the error says whose fault that is; the `folder`
     (None: nothing is kept) gets refused.txt with it, refused.png with the place, job, part, surface and levels of what
     was `made`, and the program with its tool path where one was posted."""
     try:
         yield
-    except BendingError:
-        raise
     except VerifyError as error:
         evidence = error.evidence
+        bending = isinstance(error, BendingError)
         if folder is None:
+            if bending:
+                raise
             how = "report it with what --keep DIR writes of this run"
         else:
             try:
                 with whole_folder(folder, SERIES) as work:
                     _fill(work, made, error)
+                if bending:
+                    raise
                 how = f"report it with {folder}, which holds program, place and picture"
             except FileError as trouble:
                 how = f"nothing could be kept: {trouble}"

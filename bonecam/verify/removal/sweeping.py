@@ -179,7 +179,9 @@ class Sweeping:
     @property
     def standing(self) -> Standing:
         """What stands now."""
-        return Standing(self.sets, self.grid, float(self.bounds[1, 2]))
+        return Standing(
+            self.sets, self.grid, float(self.bounds[1, 2]), float(np.ptp(self.bounds[:, :2], axis=0).min())
+        )
 
     @property
     def volumes(self) -> Float[ndarray, " n"]:

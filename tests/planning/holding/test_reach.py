@@ -15,8 +15,13 @@ from bonecam.setup.placement import place
 from bonecam.surface.files.surface_input import read_part
 
 PHALANX = Path(__file__).parents[3] / "meshes/phalanx.ply"
-SLENDER = Job().with_values(holding={"diameter": 4.0})
-"""A thin post that stands on the table."""
+THICK = {"holder_diameter": 20.0, "holder_length": 50.0}
+SLENDER = Job().with_values(
+    holding={"diameter": 4.0},
+    roughing={"overhang": 30.0, **THICK},
+    finishing={"flute_length": 4.0, "shank_diameter": 2.0, "overhang": 25.0, **THICK},
+)
+"""A thin post that stands on the table, and cutters in thick holders."""
 MACHINE = read_machine("mikron-ucp600")
 LIMITS = machine_limits(MACHINE)
 

@@ -65,7 +65,7 @@ def test_convert_keeps_what_its_simulation_refuses(
 ) -> None:
     result, _ = small_run
 
-    def refuse(*_: object) -> None:
+    def refuse(*_: object, **__: object) -> None:
         raise VerifyError("line 9: a cut is too deep: report it", line=9, place=(2.5, 0.0, 65.0))
 
     for stage in ("_morph", "_machine"):

@@ -158,7 +158,7 @@ def over_zero_beyond(posted, blocks):
 
 
 def shorter_tool(posted, blocks):
-    return replaced(r"LENGTH 80\.0000", "LENGTH 70.0000")(posted, blocks)
+    return replaced(r"LENGTH 100\.0000", "LENGTH 90.0000")(posted, blocks)
 
 
 def inward(posted, blocks):

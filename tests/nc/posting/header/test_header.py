@@ -88,7 +88,7 @@ def test_a_chuck_and_a_conical_holder_are_told(paths, upright_capsule: Capsule) 
     ).text
     assert "A CHUCK OR COLLET OF AT MOST DIAMETER 30.00 MM ROUND THE POST, UP TO Z 12.00" in told
     assert "Z 0 ON THE TABLE UNDER THE CHUCK" in told
-    assert "TOOL 1: HOLDER TO 65.00 DIAMETER 10.00 TO 17.00, HOLDER TO 85.00 DIAMETER 40.00\n" in told
+    assert "TOOL 1: HOLDER TO 55.00 DIAMETER 10.00 TO 17.00, HOLDER TO 75.00 DIAMETER 40.00\n" in told
     assert max(map(len, told[: told.index("TOOL CALL")].splitlines())) <= 110
 
 
