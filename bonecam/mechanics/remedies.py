@@ -65,8 +65,9 @@ def thickened(sections: Sections, low: float, high: float, times: float) -> Sect
     return replace(sections, area=sections.area * factor**2, second=second)
 
 
-def best_text(found: Sequence[Remedy]) -> str:
-    """The remedy that helps most, in words."""
+def best_text(found: Sequence[Remedy], largest_error: float) -> str:
+    """The remedies with which the errors stay below the `largest_error` (mm), or the one that helps most, in words."""
     if not found:
         return "give a thicker neck, a chuck or collet nearer to the part, or shallower levels"
-    return f"{found[0].what} would keep {1000 * found[0].p99:.1f} um"
+    enough = [remedy for remedy in found if remedy.p99 <= largest_error] or found[:1]
+    return " or ".join(f"{remedy.what} would keep {1000 * remedy.p99:.1f} um" for remedy in enough)

@@ -98,13 +98,14 @@ class Mechanics:
     def check(self) -> None:
         """BendingError where the part bends more than the job allows, with the remedy that helps most; none where the
         job says not to refuse."""
-        if self.faults and self.workpiece.limits.refuse:
+        limits = self.workpiece.limits
+        if self.faults and limits.refuse:
             place = self.error.place if self.error else (0.0, 0.0, 0.0)
             where = f" at {place_name(place)}" if self.error else ""
             found = "" if self.workpiece.stub else "; holding.diameter = 0 finds a neck that is stiff enough"
             own = "or mechanics.refuse = false, which the header then tells"
             raise BendingError(
-                f"{' and '.join(self.faults)}{where}: {best_text(self.remedies)}{found}; {own}",
+                f"{' and '.join(self.faults)}{where}: {best_text(self.remedies, limits.largest_error)}{found}; {own}",
                 line=0,
                 place=place,
             )

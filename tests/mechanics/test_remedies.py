@@ -6,7 +6,7 @@ import pytest
 from bonecam.job.materials.mechanical import CuttingForce, StiffnessTable
 from bonecam.material.rays import lay_grid, lay_rays
 from bonecam.mechanics.error_kept import Finished, KeptErrors
-from bonecam.mechanics.remedies import best_text, remedies, thickened
+from bonecam.mechanics.remedies import Remedy, best_text, remedies, thickened
 from bonecam.mechanics.sections import column_sections
 from bonecam.mechanics.workpiece import Standing, Workpiece
 from bonecam.mesh.triangle_mesh import TriangleMesh
@@ -89,4 +89,10 @@ def test_only_what_is_between_the_heights_is_made_thicker() -> None:
 
 
 def test_without_a_place_the_remedies_are_named_without_figures() -> None:
-    assert best_text(()).startswith("give a thicker neck")
+    assert best_text((), 0.05).startswith("give a thicker neck")
+
+
+def test_all_remedies_that_do_are_told_or_the_one_that_helps_most() -> None:
+    found = (Remedy("a chuck", 0.02), Remedy("a neck", 0.04), Remedy("a cutter", 0.06))
+    assert best_text(found, 0.05) == "a chuck would keep 20.0 um or a neck would keep 40.0 um"
+    assert best_text(found, 0.01) == "a chuck would keep 20.0 um"
