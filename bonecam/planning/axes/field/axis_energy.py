@@ -8,7 +8,7 @@ means that the axis is as slow as the feed. Differs from Xu et al. (2013), Eq. 2
 3. The thin plate is the second difference of the control values, not an integral: its matrix is banded.
 4. Cones and machine limits are one-sided residuals, so that a field leaves a cone where none holds a smooth one.
 
-On the phalanx's own level the mean feed is 871 of 900 mm/min (400 along the normals): `docs/pages/theory/axes.md`.
+On the phalanx's own level the mean feed is 869 of 900 mm/min (501 along the normals): `docs/pages/theory/axes.md`.
 """
 
 from collections.abc import Sequence
