@@ -29,7 +29,7 @@ NO_EDGES = Edges(
 )
 """Of moves whose forces are not asked."""
 NO_EDGES_ASKED = (NO_EDGES,) * 3
-"""Those of no set of rays."""
+"""What the three sets of rays tell of moves whose forces are not asked."""
 
 
 def edges_on(

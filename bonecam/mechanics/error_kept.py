@@ -23,6 +23,8 @@ from bonecam.mechanics.cutter import across
 from bonecam.mechanics.edges import EdgeForces
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
+UM = 1000.0
+"""Micrometres in a millimetre."""
 TIP = 0.05
 """Nearer to the ball's tip, as a share of its radius, edges pass a place all the time."""
 

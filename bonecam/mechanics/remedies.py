@@ -10,7 +10,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.mechanics.beam import Beam
-from bonecam.mechanics.error_kept import KeptErrors, cut_shares
+from bonecam.mechanics.error_kept import UM, KeptErrors, cut_shares
 from bonecam.mechanics.loads import SLOW
 from bonecam.mechanics.sections import Sections
 from bonecam.mechanics.workpiece import Standing, Workpiece
@@ -43,7 +43,7 @@ def remedies(
         return float(cut_shares(errors, areas[here], (0.99,))[0])
 
     diameter = 2 * work.post.radius
-    softest = 1000 * float(kept.tool[here].max())
+    softest = UM * float(kept.tool[here].max())
     rigid = f"at best a stiffer cutter than the one of {softest:.3g} um/N (overhang, neck_length)"
     found = [Remedy(rigid, share(beam, 0.0))]
     widest = min(standing.width, 2 * work.stub.radius if work.stub else np.inf)
@@ -70,4 +70,4 @@ def best_text(found: Sequence[Remedy], largest_error: float) -> str:
     if not found:
         return "give a thicker neck, a chuck or collet nearer to the part, or shallower levels"
     enough = [remedy for remedy in found if remedy.p99 <= largest_error] or found[:1]
-    return " or ".join(f"{remedy.what} would keep {1000 * remedy.p99:.1f} um" for remedy in enough)
+    return " or ".join(f"{remedy.what} would keep {UM * remedy.p99:.1f} um" for remedy in enough)

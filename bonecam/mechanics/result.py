@@ -9,14 +9,11 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.errors import BendingError, place_name
-from bonecam.mechanics.error_kept import cut_shares
+from bonecam.mechanics.error_kept import UM, cut_shares
 from bonecam.mechanics.loads import Loads, PathLoads
 from bonecam.mechanics.remedies import Remedy, best_text, remedies
 from bonecam.mechanics.workpiece import Workpiece
 from bonecam.mesh.triangle_mesh import TriangleMesh
-
-UM = 1000.0
-"""Micrometres in a millimetre."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -41,22 +41,22 @@ def keep_refused(made: Morphed, folder: str | Path | None) -> Iterator[None]:
     try:
         yield
     except VerifyError as error:
-        evidence = error.evidence
-        bending = isinstance(error, BendingError)
-        if folder is None:
-            if bending:
-                raise
-            how = "report it with what --keep DIR writes of this run"
-        else:
-            try:
-                with whole_folder(folder, SERIES) as work:
-                    _fill(work, made, error)
-                if bending:
-                    raise
-                how = f"report it with {folder}, which holds program, place and picture"
-            except FileError as trouble:
-                how = f"nothing could be kept: {trouble}"
-        raise VerifyError(f"{error} ({FAULT}: {how})", **evidence) from error
+        how = _kept(made, folder, error)
+        if isinstance(error, BendingError):
+            raise
+        raise VerifyError(f"{error} ({FAULT}: {how})", **error.evidence) from error
+
+
+def _kept(made: Morphed, folder: str | Path | None, error: VerifyError) -> str:
+    """Keep what a report of the refusal needs in the `folder`, and say how to report it."""
+    if folder is None:
+        return "report it with what --keep DIR writes of this run"
+    try:
+        with whole_folder(folder, SERIES) as work:
+            _fill(work, made, error)
+    except FileError as trouble:
+        return f"nothing could be kept: {trouble}"
+    return f"report it with {folder}, which holds program, place and picture"
 
 
 def _fill(work: Path, made: Morphed, error: VerifyError) -> None:
