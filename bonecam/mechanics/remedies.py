@@ -1,6 +1,6 @@
-"""What would help a program whose part bends too much, and by how much: the error kept on a thicker neck, with a clamp
-higher up, and with a cutter that does not give way. A stiffer part follows single edges where a softer one gives way
-under their mean."""
+"""What would help a program whose part bends too much, and by how much: the error kept, and the stress at the peaks, on
+a thicker neck, with a clamp higher up, and with a cutter that does not give way. A stiffer part follows single edges
+where a softer one gives way under their mean."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -23,16 +23,25 @@ NECK = 6.0
 
 @dataclass(frozen=True)
 class Remedy:
-    """What would help, and the error (mm) that 99 % of the surface would stay below."""
+    """What would help, the error (mm) that 99 % of the surface would stay below, and the stress (N/mm^2) that the peaks
+    would in 99 % of the time."""
 
     what: str
     p99: float
+    stress: float
 
 
 def remedies(
-    work: Workpiece, standing: Standing, kept: KeptErrors, areas: Float[ndarray, " n"], tooth_hz: float
+    work: Workpiece,
+    standing: Standing,
+    kept: KeptErrors,
+    areas: Float[ndarray, " n"],
+    tooth_hz: float,
+    stress: float,
 ) -> tuple[Remedy, ...]:
-    """What would help, that which helps most first; what the edges ask, which pass at `tooth_hz`, stays as it is."""
+    """What would help against the errors that are kept and the `stress` (N/mm^2), that which helps most against the
+    errors first; what the edges ask, which pass at `tooth_hz`, stays as it is. A clamp higher up is told to leave the
+    stress as it is: the neck's upper end is not nearer to the cut."""
     here = np.flatnonzero(np.isfinite(kept.errors))
     beam = work.beam(standing)
     foot = work.stub.top if work.stub else work.clamped
@@ -45,16 +54,16 @@ def remedies(
     diameter = 2 * work.post.radius
     softest = UM * float(kept.tool[here].max())
     rigid = f"at best a stiffer cutter than the one of {softest:.3g} um/N (overhang, neck_length)"
-    found = [Remedy(rigid, share(beam, 0.0))]
+    found = [Remedy(rigid, share(beam, 0.0), stress)]
     widest = min(standing.width, 2 * work.stub.radius if work.stub else np.inf)
     if THICKER * diameter < widest:
         thick = replace(beam, sections=thickened(beam.sections, foot, work.post.top, THICKER))
-        found.append(Remedy(f"a neck of {THICKER * diameter:g} mm (holding.diameter)", share(thick)))
+        neck = f"a neck of {THICKER * diameter:g} mm (holding.diameter)"
+        found.append(Remedy(neck, share(thick), stress / THICKER**3))
     if work.post.top - foot > NECK:
         held = beam.sections.between(work.post.top - NECK, float(beam.sections.high[-1]))
-        found.append(
-            Remedy(f"a chuck or collet {NECK:g} mm below the part", share(replace(beam, sections=held)))
-        )
+        clamp = f"a chuck or collet {NECK:g} mm below the part"
+        found.append(Remedy(clamp, share(replace(beam, sections=held)), stress))
     return tuple(sorted(found, key=lambda remedy: remedy.p99))
 
 
@@ -65,9 +74,14 @@ def thickened(sections: Sections, low: float, high: float, times: float) -> Sect
     return replace(sections, area=sections.area * factor**2, second=second)
 
 
-def best_text(found: Sequence[Remedy], largest_error: float) -> str:
-    """The remedies with which the errors stay below the `largest_error` (mm), or the one that helps most, in words."""
+def best_text(found: Sequence[Remedy], largest_error: float, largest_stress: float) -> str:
+    """The remedies with which errors and stress stay below the largest (mm, N/mm^2), or those that at least lower what
+    is too large, in words."""
     if not found:
         return "give a thicker neck, a chuck or collet nearer to the part, or shallower levels"
-    enough = [remedy for remedy in found if remedy.p99 <= largest_error] or found[:1]
-    return " or ".join(f"{remedy.what} would keep {UM * remedy.p99:.1f} um" for remedy in enough)
+    strong = [remedy for remedy in found if remedy.stress <= largest_stress]
+    enough = [remedy for remedy in strong if remedy.p99 <= largest_error] or strong[:1] or found[:1]
+    told = [
+        f"{remedy.what} would keep {UM * remedy.p99:.1f} um at {remedy.stress:.0f} MPa" for remedy in enough
+    ]
+    return " or ".join(told) + ("" if strong else ", shallower levels (levels.roughing_depth) load it less")

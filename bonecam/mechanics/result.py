@@ -81,11 +81,16 @@ class Mechanics:
     remedies: tuple[Remedy, ...] = ()
 
     @property
+    def largest_stress(self) -> float:
+        """Half of the yield strength, N/mm^2."""
+        return self.workpiece.stiffness.yield_strength / 2
+
+    @property
     def faults(self) -> tuple[str, ...]:
         """What bends more than the job allows, in words."""
         found, limits = [], self.workpiece.limits
-        if self.stress[1] > self.workpiece.stiffness.yield_strength / 2:
-            bound = f"half of the yield strength ({self.workpiece.stiffness.yield_strength / 2:g} MPa)"
+        if self.stress[1] > self.largest_stress:
+            bound = f"half of the yield strength ({self.largest_stress:g} MPa)"
             found.append(f"stress at the peaks is {self.stress[1]:.0f} MPa, more than {bound}")
         if self.error is not None and self.error.p99 > limits.largest_error:
             bound = f"mechanics.largest_error ({UM * limits.largest_error:g} um)"
@@ -101,8 +106,9 @@ class Mechanics:
             where = f" at {place_name(place)}" if self.error else ""
             found = "" if self.workpiece.stub else "; holding.diameter = 0 finds a neck that is stiff enough"
             own = "or mechanics.refuse = false, which the header then tells"
+            helps = best_text(self.remedies, limits.largest_error, self.largest_stress)
             raise BendingError(
-                f"{' and '.join(self.faults)}{where}: {best_text(self.remedies, limits.largest_error)}{found}; {own}",
+                f"{' and '.join(self.faults)}{where}: {helps}{found}; {own}",
                 line=0,
                 place=place,
             )
@@ -153,7 +159,14 @@ class Mechanics:
             "coefficients": work.force.source,
             "scaled": work.force.scaled,
             "faults": list(self.faults),
-            "remedies": [{"what": one.what, "p99_um": round(UM * one.p99, 2)} for one in self.remedies],
+            "remedies": [
+                {
+                    "what": one.what,
+                    "p99_um": round(UM * one.p99, 2),
+                    "stress_mpa": round(one.stress, 1),
+                }
+                for one in self.remedies
+            ],
         }
 
 
@@ -168,7 +181,8 @@ def mechanics_of(loads: Loads) -> Mechanics | None:
     found = Mechanics(work, tuple(loads.paths), error)
     tooth = max(path.tooth_hz for path in loads.paths)
     if found.faults and np.isfinite(kept.errors).any():
-        found = replace(found, remedies=remedies(work, loads.standing, kept, error.areas, tooth))
+        helps = remedies(work, loads.standing, kept, error.areas, tooth, float(found.stress[1]))
+        found = replace(found, remedies=helps)
     return found
 
 

@@ -26,7 +26,10 @@ def mechanics_lines(mechanics: Mapping[str, Any] | None) -> Iterator[str]:
     low, up = mechanics["band"]
     yield f"          authors differ for {mechanics['material']}: {low:g} to {up:g} times this"
     yield from (f"          {fault}" for fault in mechanics["faults"])
-    yield from (f"          {one['what']} would keep {one['p99_um']:.1f} um" for one in mechanics["remedies"])
+    yield from (
+        f"          {one['what']} would keep {one['p99_um']:.1f} um at {one['stress_mpa']:.0f} MPa"
+        for one in mechanics["remedies"]
+    )
     if mechanics["scaled"]:
         yield f"          {mechanics['coefficients']}"
 

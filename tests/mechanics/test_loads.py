@@ -136,7 +136,8 @@ def test_what_bends_too_much_is_refused_with_what_helps_most_unless_the_job_says
     line = str(caught.value)
     assert "\n" not in line
     best = weak.remedies[0]
-    assert f"{best.what} would keep {1000 * best.p99:.1f} um; holding.diameter = 0 finds" in line
+    assert f"{best.what} would keep {1000 * best.p99:.1f} um at {best.stress:.0f} MPa" in line
+    assert "load it less; holding.diameter = 0 finds" in line
     assert "stress at the peaks is 975 MPa" in line
     told = replace(weak.workpiece, limits=MechanicsJob(refuse=False))
     replace(weak, workpiece=told).check()

@@ -37,8 +37,9 @@ def found(
     kept.tool[:] = tool
     here = np.arange(3)
     kept.errors[:] = kept.errors_with(work.beam(standing), here, follows=False)
-    told = remedies(work, standing, kept, np.ones(3), tooth_hz)
+    told = remedies(work, standing, kept, np.ones(3), tooth_hz, 135.0)
     assert [one.p99 for one in told] == sorted(one.p99 for one in told)
+    assert all(one.stress == (pytest.approx(40.0) if "neck of" in one.what else 135.0) for one in told)
     return {one.what: one.p99 for one in told}, float(kept.errors[0])
 
 
@@ -89,10 +90,14 @@ def test_only_what_is_between_the_heights_is_made_thicker() -> None:
 
 
 def test_without_a_place_the_remedies_are_named_without_figures() -> None:
-    assert best_text((), 0.05).startswith("give a thicker neck")
+    assert best_text((), 0.05, 125.0).startswith("give a thicker neck")
 
 
 def test_all_remedies_that_do_are_told_or_the_one_that_helps_most() -> None:
-    found = (Remedy("a chuck", 0.02), Remedy("a neck", 0.04), Remedy("a cutter", 0.06))
-    assert best_text(found, 0.05) == "a chuck would keep 20.0 um or a neck would keep 40.0 um"
-    assert best_text(found, 0.01) == "a chuck would keep 20.0 um"
+    found = (Remedy("a chuck", 0.02, 90.0), Remedy("a neck", 0.04, 40.0), Remedy("a cutter", 0.06, 90.0))
+    both = "a chuck would keep 20.0 um at 90 MPa or a neck would keep 40.0 um at 40 MPa"
+    assert best_text(found, 0.05, 125.0) == both
+    assert best_text(found, 0.01, 125.0) == "a chuck would keep 20.0 um at 90 MPa"
+    assert best_text(found, 0.05, 50.0) == "a neck would keep 40.0 um at 40 MPa"
+    weak = "a chuck would keep 20.0 um at 90 MPa, shallower levels (levels.roughing_depth) load it less"
+    assert best_text(found, 0.05, 30.0) == weak

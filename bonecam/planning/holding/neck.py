@@ -26,6 +26,7 @@ from bonecam.job.materials.preset import read_material
 from bonecam.machine.limits import MachineLimits
 from bonecam.mechanics.beam import Beam
 from bonecam.mechanics.sections import Sections, column_sections, join, mesh_sections, shoulder
+from bonecam.mechanics.strip import strip_force
 from bonecam.mesh.facets.vertex_normals import vertex_normals
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.planning.holding.post_length import (
@@ -40,14 +41,11 @@ from bonecam.setup.placement import Setup
 from bonecam.workholding.clamping import clamping_of
 from bonecam.workholding.post import NECKS, Post, post_below
 
-FINISHING_FORCE = 5.6
-"""Force of a finishing pass on aluminium 6082 while a tooth passes, N: 95 % of the moves of the phalanx stay below."""
-PEAK_FORCE = 60.0
-"""Peak of a roughing pass there, N: 95 % of the moves stay below."""
-CHIP = 0.05
-"""Thickness of the chip at which materials are compared, mm."""
-REFERENCE = 631.0 * CHIP + 13.0
-"""Force along the way on an edge of 1 mm of aluminium 6082 at that chip, N (materials/aluminium.toml)."""
+FINISHING_SHARE = 0.33
+"""Force of a finishing pass while a tooth passes, as a share of `strip_force`: 95 % of the moves of the phalanx stay
+below (5.6 N), and of two bones with scallops of 0.1 mm (15 and 17 N)."""
+PEAK_SHARE = 0.9
+"""Peak of a roughing pass, likewise: 60 N at a depth of 0.5 mm, 120 and 126 N at 1 mm."""
 LARGEST_SHIFT = 0.015
 """The finishing pass may move the part by so much, mm. Of 20 um that 95 % of a finished surface may be off the cutter
 takes 5 to 9."""
@@ -55,8 +53,6 @@ SHARE = 95.0
 """Of this share of the area, in percent."""
 YIELD_SHARE = 1 / 3
 TOOTH_MULTIPLE = 3.0
-TEETH = 2
-"""Cutting edges of a ball-end cutter, where nothing else is known."""
 FEWER_CONTACTS = 400
 """So many contacts are sampled for each neck: the length of the one that is taken is found with all."""
 PLACES = np.array([[4, 1, 1], [1, 4, 1], [1, 1, 4], [2, 2, 2]]) / 6
@@ -153,22 +149,17 @@ def _neck(setup: Setup, job: Job, limits: MachineLimits) -> Neck:
         ]
         top = shortest_post(lifts, height, clamping)
     standing = setup.lift(top - height)
-    material = read_material(job.material.name)
     beam = finished_beam(standing.part.mesh, standing.post, holding, _stiffness(job))
     strong = _stiffness(job).yield_strength
-    share = _force_share(job)
+    rough, fine = _strip_forces(job)
 
     part = standing.part.mesh
     middle = part.bounds.mean(axis=0)[None]
     tip = np.array([[0.0, 0.0, float(part.bounds[1, 2])]])
-    stress = float(beam.moment_stress(share * PEAK_FORCE * np.array([[1.0, 0.0, 0.0]]), middle)[0])
-    shift = share * FINISHING_FORCE * _normal_compliance(beam, part)
+    stress = float(beam.moment_stress(PEAK_SHARE * rough * np.array([[1.0, 0.0, 0.0]]), middle)[0])
+    shift = FINISHING_SHARE * fine * _normal_compliance(beam, part)
     first = beam.first_frequency(_stiffness(job).density)
-    teeth = (
-        TEETH
-        * max(material.speeds(job.tool(name).radius, job.tool(name).spindle)[0] for name in job.cutter_names)
-        / 60
-    )
+    teeth = job.mechanics.flutes * max(job.tool(name).spindle for name in job.cutter_names) / 60
     holds = shift <= LARGEST_SHIFT and stress <= strong * YIELD_SHARE and first >= TOOTH_MULTIPLE * teeth
     return Neck(
         diameter=holding.diameter,
@@ -233,8 +224,15 @@ def _stiffness(job: Job) -> StiffnessTable:
     return found
 
 
-def _force_share(job: Job) -> float:
-    """The cutting force of the job's material as a share of that of aluminium 6082."""
+def _strip_forces(job: Job) -> tuple[float, float]:
+    """Force (N) on an edge at the middle of the deepest strip of the roughing and of the finishing cutter."""
     material = read_material(job.material.name)
-    ktc, _, _, kte, _, _ = cutting_force(material.force, _stiffness(job).yield_strength).coefficients
-    return (ktc * CHIP + kte) / REFERENCE
+    force = cutting_force(material.force, _stiffness(job).yield_strength)
+    first, beyond = job.levels.cuts
+
+    def of(name: str, depth: float) -> float:
+        tool = job.tool(name)
+        chip = tool.feed / (tool.spindle * job.mechanics.flutes)
+        return strip_force(force, tool.radius, depth, tool.scallop, chip)
+
+    return of("roughing", max((*first, beyond))), of("finishing", job.levels.finishing_depth)

@@ -99,10 +99,22 @@ def test_where_none_holds_the_stiffest_is_taken() -> None:
     assert neck_report(some)["necks"][0] == some[0].report
 
 
-def test_a_stiffer_cut_wants_a_thicker_neck(found) -> None:
-    """Titanium is cut with more than twice the force, and is 1.6 times as stiff."""
+@pytest.mark.parametrize(
+    "changes",
+    [
+        # titanium is cut with more than twice the force, and is 1.6 times as stiff
+        {
+            "material": {"name": "titanium"},
+            "roughing": {"spindle": 4500.0, "feed": 900.0},
+            "finishing": {"spindle": 4500.0, "feed": 900.0},
+        },
+        {"levels": {"finishing_depth": 0.2}, "finishing": {"scallop": 0.05}},
+        {"levels": {"roughing_depth": 2.0}},
+    ],
+)
+def test_a_cut_that_takes_more_force_wants_a_thicker_neck(found, changes) -> None:
     setup, job, necks = found
-    hard = job.with_values(material={"name": "titanium"}, holding={"diameter": 0.0, "length": 0.0})
+    hard = job.with_values(**changes, holding={"diameter": 0.0, "length": 0.0})
     _, other, tried = find_standing(setup, hard, LIMITS)
     assert other.holding.diameter > necks[0].diameter
     assert tried[0].holds

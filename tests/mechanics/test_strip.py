@@ -1,0 +1,32 @@
+"""The force at the middle of a strip, beside an edge that is summed cell by cell."""
+
+import numpy as np
+import pytest
+
+from bonecam.job.materials.mechanical import CuttingForce
+from bonecam.mechanics.strip import strip_force
+
+FORCE = CuttingForce((631.0, 99.0, 273.0, 13.0, 10.0, 2.8), (0.6, 1.9), "test", scaled=False)
+
+
+@pytest.mark.parametrize(
+    ("radius", "depth", "scallop", "chip"), [(2.0, 0.5, 0.05, 0.1), (1.0, 0.3, 0.1, 0.04)]
+)
+def test_the_force_is_the_sum_over_the_engaged_edge(radius, depth, scallop, chip) -> None:
+    """A pass beside one that is w away: the edge meets material where the ball is below the surface and outside the
+    ball of the pass before."""
+    half = np.sqrt(2 * radius * scallop)
+    kappa = np.linspace(-np.pi / 2, np.pi / 2, 200001)
+    x, z = radius * np.sin(kappa), radius * (1 - np.cos(kappa))
+    engaged = (z < depth) & (x > -half)
+    edge = radius * np.diff(kappa)[0]
+    thick = chip * np.abs(np.sin(kappa[engaged]))
+    axes = [(c * thick + e).sum() * edge for c, e in ((631.0, 13.0), (99.0, 10.0), (273.0, 2.8))]
+    assert strip_force(FORCE, radius, depth, scallop, chip) == pytest.approx(np.linalg.norm(axes), rel=1e-4)
+
+
+def test_a_slot_without_scallops_takes_half_of_the_ball() -> None:
+    """Half of the ball at a depth of its radius: chips of h R, an edge of pi R / 2."""
+    cut = np.array([631.0, 99.0, 273.0]) * 0.1 * 2.0 + np.array([13.0, 10.0, 2.8]) * np.pi
+    for depth in (2.0, 5.0):
+        assert strip_force(FORCE, 2.0, depth, 0.0, 0.1) == pytest.approx(np.linalg.norm(cut))
