@@ -17,6 +17,7 @@ from bonecam.job.path_section import PathJob
 from bonecam.job.stock_section import StockJob
 from bonecam.job.surface_section import SurfaceJob
 from bonecam.job.tool_section import FINE, FINISHING, ROUGHING, MaterialJob, ToolJob
+from bonecam.machine.machine import read_machine
 from bonecam.text.faults import Faults, shown
 
 SMOOTH_SHARE = 0.2
@@ -85,12 +86,21 @@ class Job:
 
     def tool(self, name: str) -> ToolJob:
         """The cutter "roughing", "finishing" or "fine", with the material's spindle speed and feed where its section
-        leaves them 0; JobError where the material cannot be read or asks for a speed out of range."""
+        leaves them 0, at most what the machine turns; JobError or MachineError where material or machine cannot be
+        read."""
         tool: ToolJob = getattr(self, name)
         if tool.spindle and tool.feed:
             return tool
-        spindle, feed = read_material(self.material.name).speeds(tool.radius, tool.spindle)
+        fastest = read_machine(self.nc.machine).spindle_speed
+        spindle, feed = read_material(self.material.name).speeds(
+            tool.radius, self.deepest(name), fastest, tool.spindle
+        )
         return replace(tool, spindle=spindle, feed=tool.feed or feed)
+
+    def deepest(self, name: str) -> float:
+        """Depth (mm) of the deepest cut of the cutter of a section."""
+        first, beyond = self.levels.cuts
+        return max(*first, beyond) if name == "roughing" else self.levels.finishing_depth
 
     def scallop(self, level: int) -> float:
         """Largest scallop (mm) that the path of a level leaves: that of its cutter, but as the next cut takes it off,

@@ -1,12 +1,15 @@
 """Spindle speed and feed of a cutter in a material.
 
 A material is data: a TOML file with `title`, `source`, `range` (what others give) and `note`, and either `spindle`
-(1/min) and `feed` (mm/min) for every cutter, or `cutting_speed` v (m/min, at the ball's full diameter D),
-`feed_per_tooth` f (a share of D) and `teeth` z:
+(1/min) and `feed` (mm/min) for every cutter, or `cutting_speed` v (m/min, at the ball's full diameter D, since the tool
+leans), `feed_per_tooth` f (the thickest chip, a share of D) and `teeth` z. At a depth a below the radius R a chip is
+thinner than the feed of a tooth by sin(acos(1 - a / R)) at least, so that
 
-    spindle = 1000 v / (pi D),    feed = f D z spindle.
+    spindle = min(1000 v / (pi D), what the machine turns),
+    feed = min(f / sin(acos(1 - a / R)), 0.06) D z spindle.
 
-Its tables [stiffness] and [force] (`mechanical.py`) say how it bends and what force cuts it.
+Its tables [stiffness] and [force] (`mechanical.py`) say how it bends and what force cuts it; `mechanics_of` names the
+material whose tables they are instead.
 """
 
 import math
@@ -16,11 +19,13 @@ from pathlib import Path
 from bonecam.errors import JobError, did_you_mean
 from bonecam.files import input_text
 from bonecam.job.materials.mechanical import ForceTable, StiffnessTable, check_force, check_stiffness
-from bonecam.text.faults import Faults
+from bonecam.text.faults import Faults, shown
 from bonecam.text.record import Record, checked
 from bonecam.text.toml import parse_toml
 
 FOLDER = Path(__file__).parent
+MOST_FEED = 0.06
+"""Largest feed of a tooth as a share of the ball's diameter, however thin the chip."""
 SPINDLE_STEP = 10.0
 """Computed spindle speeds are rounded down to multiples of this, 1/min."""
 
@@ -37,6 +42,7 @@ class MaterialFile(Record):
     cutting_speed: float | None = None
     feed_per_tooth: float | None = None
     teeth: int | None = None
+    mechanics_of: str = ""
     stiffness: StiffnessTable | None = None
     force: ForceTable | None = None
 
@@ -58,14 +64,18 @@ class Material:
     stiffness: StiffnessTable | None
     force: ForceTable | None
 
-    def speeds(self, radius: float, spindle: float = 0.0) -> tuple[float, float]:
-        """Spindle speed (1/min) and feed (mm/min) of a ball of `radius` mm; the feed at another `spindle` speed where
-        that is given."""
+    def speeds(
+        self, radius: float, depth: float, fastest: float, spindle: float = 0.0
+    ) -> tuple[float, float]:
+        """Spindle speed (1/min), at most the `fastest`, and feed (mm/min) of a ball of `radius` mm that cuts `depth` mm
+        deep; the feed at another `spindle` speed where that is given."""
         if self.spindle:
             return spindle or self.spindle, self.feed
-        turns = 1000 * self.cutting_speed / (2 * math.pi * radius)
+        turns = min(1000 * self.cutting_speed / (2 * math.pi * radius), fastest)
         turns = spindle or max(math.floor(turns / SPINDLE_STEP), 1) * SPINDLE_STEP
-        return turns, float(max(math.floor(2 * radius * self.feed_per_tooth * self.teeth * turns), 1))
+        thinner = math.sin(math.acos(1 - min(depth / radius, 1.0)))
+        share = min(self.feed_per_tooth / thinner, MOST_FEED)
+        return turns, float(max(math.floor(2 * radius * share * self.teeth * turns), 1))
 
 
 def material_names() -> tuple[str, ...]:
@@ -110,6 +120,12 @@ def _material(name: str, table: MaterialFile) -> Material:
     for key, value in given.items():
         if value <= 0:
             raise ValueError(f"{key} = {value:g}: give a positive number")
+    if table.mechanics_of:
+        if table.mechanics_of not in material_names():
+            known = ", ".join(material_names())
+            raise ValueError(f"mechanics_of = {shown(table.mechanics_of)}: give one of {known}")
+        alike = read_material(table.mechanics_of)
+        table = table.model_copy(update={"stiffness": alike.stiffness, "force": alike.force})
     check_stiffness(table.stiffness)
     check_force(table.force)
     numbers = {key: value or 0.0 for key, value in {**fixed, **scaled}.items()}

@@ -228,11 +228,10 @@ def _strip_forces(job: Job) -> tuple[float, float]:
     """Force (N) on an edge at the middle of the deepest strip of the roughing and of the finishing cutter."""
     material = read_material(job.material.name)
     force = cutting_force(material.force, _stiffness(job).yield_strength)
-    first, beyond = job.levels.cuts
 
-    def of(name: str, depth: float) -> float:
+    def of(name: str) -> float:
         tool = job.tool(name)
         chip = tool.feed / (tool.spindle * job.mechanics.flutes)
-        return strip_force(force, tool.radius, depth, tool.scallop, chip)
+        return strip_force(force, tool.radius, job.deepest(name), tool.scallop, chip)
 
-    return of("roughing", max((*first, beyond))), of("finishing", job.levels.finishing_depth)
+    return of("roughing"), of("finishing")
