@@ -34,7 +34,7 @@ def test_the_least_length_of_the_passes_is_volume_by_depth_and_step() -> None:
 def test_a_stock_that_takes_days_to_cut_is_refused_with_the_hours() -> None:
     stock = Capsule(np.zeros(3), np.array([0.0, 0.0, 30.0]), 50.0)
     shares = r"\(1699 m in roughing cuts and 3 m in finishing cuts\)"
-    what = rf"\[path\] most_length = 500: .* 7\.55e\+05 mm3 .* takes 1702 m of passes or more {shares}, 32 h: give a"
+    what = rf"\[path\] most_length = 500: .* 7\.55e\+05 mm3 .* takes 1702 m of passes or more {shares}, 12 h: give a"
     with pytest.raises(JobError, match=what):
         check_length(PART, stock, Job())
     check_length(PART, stock, Job().with_values(path={"most_length": 3000.0}))
