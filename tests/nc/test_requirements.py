@@ -41,7 +41,7 @@ def test_a_stock_that_takes_days_to_cut_is_refused_with_the_hours() -> None:
     deep = {"levels": {"roughing_depth": 2.0}, "roughing": {"radius": 8.0, "scallop": 0.2}}
     told: list[str] = []
     check_length(PART, stock, Job().with_values(**deep), lambda share, what: told.append(what))
-    assert told == ["109 m of passes or more, 2.0 h of cutting"]
+    assert told == ["109 m of passes or more, 0.5 h of cutting"]
 
 
 def test_what_stands_on_the_table_and_reaches_into_the_stock_is_refused_before_anything_is_planned() -> None:
