@@ -84,6 +84,7 @@ def test_remedies_followed_to_the_letter_lead_to_a_program(coarse: TriangleMesh)
     )
 
 
+@pytest.mark.slow
 def test_a_surface_that_misses_its_mesh_tells_the_deviation_that_would_do(coarse: TriangleMesh) -> None:
     fine = Capsule(np.array([0.0, 0, 2.5]), np.array([0.0, 0, 7.5]), 2.5).mesh(0.05)
     job = bonecam.Job().with_values(

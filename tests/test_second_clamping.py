@@ -186,6 +186,7 @@ def test_a_cut_of_the_second_program_that_is_too_deep_is_refused(roughed_coarsel
         check_removal_of_job(removal, smoother)
 
 
+@pytest.mark.slow
 def test_a_finishing_depth_below_what_the_rays_tell_of_the_material_is_taken_too(parted) -> None:
     job = parted.job.with_values(levels={"finishing_depth": 0.045})
     made = second_program(SimpleNamespace(**{**vars(parted), "job": job}), MACHINE, DIALECT, None)

@@ -149,6 +149,7 @@ def metres(phalanx: Path) -> MeshSet:
     return meshes
 
 
+@pytest.mark.slow
 def test_the_recipe_of_the_tutorial_fits_the_bone_that_pymeshlab_ships() -> None:
     meshes = MeshSet()
     meshes.load_new_mesh(str(Path(pymeshlab.__file__).parent / "tests" / "sample_meshes" / "bone.ply"))

@@ -109,7 +109,6 @@ def test_where_none_holds_the_stiffest_is_taken() -> None:
             "finishing": {"spindle": 4500.0, "feed": 900.0},
         },
         {"levels": {"finishing_depth": 0.2}, "finishing": {"scallop": 0.05}},
-        {"levels": {"roughing_depth": 2.0}},
     ],
 )
 def test_a_cut_that_takes_more_force_wants_a_thicker_neck(found, changes) -> None:

@@ -123,7 +123,7 @@ def test_progress_only_rises(body: tuple[Rows, TriangleMesh]) -> None:
     assert 0 <= told[0] <= told[-1] <= 1
 
 
-@pytest.mark.parametrize("turn", [0.0, 0.2])
+@pytest.mark.parametrize("turn", [pytest.param(0.0, marks=pytest.mark.slow), 0.2])
 def test_a_cone_is_followed_to_its_tip(turn: float) -> None:
     angle, radius = (
         turn + 2 * np.pi * np.arange(40) / 40,
