@@ -12,7 +12,8 @@ from . import surface as surface
 from . import tool as tool
 from . import verify as verify
 from . import workholding as workholding
-from .batch import convert_many as convert_many
+from .batch.parts import BatchPart as BatchPart
+from .batch.run import convert_many as convert_many
 from .errors import BonecamError as BonecamError
 from .filters.meshset import MeshSet as MeshSet
 from .finishing import finish as finish

@@ -7,7 +7,6 @@ import pytest
 from bonecam_meshes import path as shipped
 
 import bonecam
-from bonecam.batch import Outcome
 from bonecam.cli import main
 from bonecam.cli.progress_display import ProgressLog
 from bonecam.job import Job, write_job
@@ -193,9 +192,9 @@ def test_help_and_pages_name_every_machine_and_controller(capsys: pytest.Capture
 
 def test_an_unknown_option_points_to_the_help_of_its_command(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as caught:
-        main(["batch", "bone.stl", "-o", "programs", "-v"])
+        main(["batch", "bone.stl", "-o", "programs", "-w"])
     assert caught.value.code == 2
-    assert capsys.readouterr().err == "bonecam batch: unrecognized arguments: -v: see bonecam batch --help\n"
+    assert capsys.readouterr().err == "bonecam batch: unrecognized arguments: -w: see bonecam batch --help\n"
 
 
 def test_verbose_tells_each_step_once_as_a_line(capsys: pytest.CaptureFixture[str]) -> None:
@@ -205,13 +204,15 @@ def test_verbose_tells_each_step_once_as_a_line(capsys: pytest.CaptureFixture[st
     assert [line.split("%  ")[1] for line in capsys.readouterr().err.splitlines()] == ["level 1", "level 2"]
 
 
-def test_a_failed_mesh_of_a_batch_is_named_once(
+def test_a_failed_part_of_a_batch_is_named_once(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def one_fails(
-        meshes: list[str], *_: object, told: Callable[[Outcome, int], None], **__: object
-    ) -> list[Outcome]:
-        failed = Outcome(meshes[0], "failed", "", 0, 0.0, 0.1, f"{meshes[0]}: cannot be read: give a mesh")
+        meshes: list[str], *_: object, told: Callable[[bonecam.Outcome, int], None], **__: object
+    ) -> list[bonecam.Outcome]:
+        failed = bonecam.Outcome(
+            "none", meshes[0], "", "failed", message=f"{meshes[0]}: cannot be read: give a mesh"
+        )
         told(failed, 0)
         return [failed]
 

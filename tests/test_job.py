@@ -1,4 +1,5 @@
 import pickle
+import re
 from dataclasses import fields
 from inspect import signature
 from pathlib import Path
@@ -10,6 +11,7 @@ from hypothesis import strategies as st
 
 from bonecam.errors import JobError, LevelError
 from bonecam.job import Job, read_job, write_job
+from bonecam.job.job_file import PATHS, from_anywhere, named_files
 from bonecam.job.parameter import record
 
 
@@ -41,11 +43,11 @@ def test_any_value_of_a_written_job_reads_back_equal(
     )
     file = tmp_path / "job.toml"
     file.write_text(write_job(job), encoding="utf-8")
-    assert read_job(file) == job
+    assert read_job(file) == from_anywhere(job)
 
 
 def test_a_name_of_a_file_that_is_no_unicode_is_refused() -> None:
-    with pytest.raises(JobError, match=r"\[stock\] mesh = '\\udcff.stl': rename the file"):
+    with pytest.raises(JobError, match=r"\[stock\] mesh = '.*udcff.stl': rename the file"):
         write_job(Job().with_values(stock={"mesh": "\udcff.stl"}))
     with pytest.raises(JobError, match=r"\[stock\] mesh = 'a\\x00b': leave the zero character out"):
         Job().with_values(stock={"mesh": "a\0b"})
@@ -257,3 +259,37 @@ def test_every_parameter_takes_or_refuses_a_hostile_value_in_one_line(section: s
 def test_what_a_strategy_does_not_heed_is_refused(path: dict[str, object], told: str) -> None:
     with pytest.raises(JobError, match=rf"\[path\] {told}"):
         Job().with_values(path=path)
+
+
+def test_paths_of_a_job_file_count_from_it_and_names_stay_names(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "jobs").mkdir()
+    file = tmp_path / "jobs" / "a.toml"
+    file.write_text(
+        '[nc]\nmachine = "mill.toml"\ncontroller = "linuxcnc"\n[stock]\nmesh = "/stocks/bar.stl"\n',
+        encoding="utf-8",
+    )
+    monkeypatch.chdir(tmp_path)
+    job = read_job("jobs/a.toml", Job().with_values(material={"name": "own.toml"}))
+    assert (job.nc.machine, job.nc.controller) == ("jobs/mill.toml", "linuxcnc")
+    assert (job.stock.mesh, job.material.name) == ("/stocks/bar.stl", "own.toml")
+    written = write_job(job)
+    monkeypatch.chdir(tmp_path / "jobs")
+    (tmp_path / "b.toml").write_text(written, encoding="utf-8")
+    found = {name: path for _, name, path in named_files(read_job("../b.toml"))}
+    assert found == {
+        "machine": tmp_path / "jobs" / "mill.toml",
+        "mesh": Path("/stocks/bar.stl"),
+        "name": tmp_path / "own.toml",
+    }
+
+
+def test_every_parameter_that_speaks_of_a_file_is_a_path() -> None:
+    speaking = {
+        (section.name, item.name)
+        for section in fields(Job)
+        for item in fields(getattr(Job(), section.name))
+        if re.search(r"\bfile of a closed|\.toml file", record(item).tooltip, re.IGNORECASE)
+    }
+    assert speaking == set(PATHS)

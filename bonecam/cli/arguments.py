@@ -7,7 +7,7 @@ import bonecam
 from bonecam.cli import commands
 from bonecam.cli.help_texts import EXAMPLES, EXIT_CODES, PART
 from bonecam.cli.job_options import add_job_options
-from bonecam.cli.parser import Parser, positive
+from bonecam.cli.parser import Parser, positive, share_of
 from bonecam.cli.stopping import NOTHING
 from bonecam.filters.scripts.run_script import MEMORY, MOST_MEMORY, MOST_SECONDS, SECONDS
 
@@ -127,15 +127,26 @@ def _add_batch(parsers: Any) -> None:
     batch = _add_command(parsers, "batch", text, commands.run_batch)
     kept = "finished programs are kept, --resume continues from there"
     batch.set_defaults(stopped=kept, stopped_late=kept)
-    parts = "parts as for `convert`, or folders of parts, all with the same job"
-    batch.add_argument("meshes", metavar="PART", nargs="+", help=parts)
+    parts = "parts as for `convert`, folders of parts, or a table of parts (parts.csv: file, job, units, stock, output)"
+    batch.add_argument("parts", metavar="PART", nargs="+", help=parts)
     folder = "folder for programs, reports and batch.csv"
     batch.add_argument("-o", "--output", metavar="DIR", required=True, help=folder)
     batch.add_argument("--jobs", metavar="N", type=int, default=2, help="number of parts at a time (2)")
-    resume = "skip parts that an earlier run finished with the same mesh, job and version"
+    resume = "skip parts that an earlier run finished with the same mesh, job, files of the job, and version"
     batch.add_argument("--resume", action="store_true", help=resume)
+    batch.add_argument("--html", action="store_true", help="write a page of each part, NAME.html")
+    batch.add_argument(
+        "--sheet", action="store_true", help="write a setup sheet of each part, NAME.sheet.html"
+    )
+    keep = "write a folder of each part, NAME: surface, levels, tool path and pictures"
+    batch.add_argument("--keep", action="store_true", help=keep)
+    scheduler = "run on the workers of a Dask scheduler (tcp://HOST:8786), or of one started here (local)"
+    batch.add_argument("--scheduler", metavar="ADDRESS", help=scheduler)
+    share = "do the Kth of N shares of the parts alone, as a task of an array of jobs does"
+    batch.add_argument("--share", metavar="K/N", type=share_of, default=(1, 1), help=share)
     add_job_options(batch)
     batch.add_argument("-q", "--quiet", action="store_true", help="print no line for each part")
+    batch.add_argument("-v", "--verbose", action="store_true", help="print the steps of each part as lines")
 
 
 def _add_script(parsers: Any) -> None:

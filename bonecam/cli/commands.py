@@ -3,6 +3,7 @@
 import argparse
 import json
 from collections.abc import Callable
+from contextlib import nullcontext
 from functools import partial
 from pathlib import Path
 
@@ -12,7 +13,6 @@ from bonecam.cli.progress_display import native_output_to_stderr, shown_progress
 from bonecam.files import check_files, write_whole
 from bonecam.filters.scripts import run_script as scripts
 from bonecam.job import write_job
-from bonecam.text.faults import in_one_line
 
 
 def run_convert(options: argparse.Namespace) -> int:
@@ -128,15 +128,24 @@ def run_simulate(options: argparse.Namespace) -> int:
 
 def run_batch(options: argparse.Namespace) -> int:
     """`bonecam batch`: the NC programs of several parts."""
+    from bonecam.batch import Wanted, cluster_executor
+    from bonecam.cli.batch_display import BatchDisplay
 
-    def told(outcome: bonecam.Outcome, left: int) -> None:
-        if not options.quiet:
-            text = outcome.message.removeprefix(f"{outcome.mesh}: ") or outcome.program
-            print(in_one_line(f"{outcome.state:6} {outcome.mesh}  {text}  ({left} left)"), flush=True)
-
-    outcomes = bonecam.convert_many(
-        options.meshes, options.output, job_of(options), jobs=options.jobs, resume=options.resume, told=told
-    )
+    address = options.scheduler
+    cluster = cluster_executor(address, options.jobs) if address else nullcontext()
+    with cluster as executor, BatchDisplay(options) as shown:
+        outcomes = bonecam.convert_many(
+            options.parts,
+            options.output,
+            job_of(options),
+            jobs=options.jobs,
+            executor=executor,
+            resume=options.resume,
+            share=options.share,
+            wanted=Wanted(html=options.html, sheet=options.sheet, keep=options.keep),
+            told=shown.told,
+            progress=shown.progress,
+        )
     return int(any(outcome.state == "failed" for outcome in outcomes))
 
 

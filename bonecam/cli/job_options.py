@@ -2,12 +2,11 @@
 
 import argparse
 from collections.abc import Sequence
-from dataclasses import fields
 from typing import Any
 
 from bonecam.errors import JobError
 from bonecam.job import Job, NcJob, read_job
-from bonecam.job.sections import job_error
+from bonecam.job.sections import job_error, setting
 from bonecam.machine.machine import machine_names
 from bonecam.nc.dialect import dialect_names
 
@@ -44,11 +43,11 @@ def job_of(options: argparse.Namespace) -> Job:
         ("nc", "machine", options.machine),
         ("nc", "controller", options.controller),
     ]
-    settings = [(text, _setting(text, job)) for text in options.set]
+    settings = [(text, _setting(text)) for text in options.set]
     remedy = "write SECTION.NAME=VALUE, like stock.diameter=15"
-    faults = [("", "", f"--set {text}: {remedy}") for text, setting in settings if setting is None]
+    faults = [("", "", f"--set {text}: {remedy}") for text, found in settings if found is None]
     given = [item for item in named if item[2] is not None]
-    for section, name, value in given + [setting for _, setting in settings if setting is not None]:
+    for section, name, value in given + [found for _, found in settings if found is not None]:
         changes.setdefault(section, {})[name] = value
     try:
         made = job.with_values(**changes)
@@ -59,25 +58,7 @@ def job_of(options: argparse.Namespace) -> Job:
     return made
 
 
-def _setting(text: str, job: Job) -> tuple[str, str, Any] | None:
-    """Section, name and value of SECTION.NAME=VALUE, None where that is not its form. The value is of the parameter's
-    type; where there is no such parameter, or it is no such value, it is left as text for the job to refuse."""
+def _setting(text: str) -> tuple[str, str, Any] | None:
+    """Section, name and value of SECTION.NAME=VALUE, None where that is not its form."""
     key, equals, value = text.partition("=")
-    section, dot, name = key.strip().partition(".")
-    if not (equals and dot):
-        return None
-    kind = _type_of(section, name, job)
-    try:
-        if kind is bool:
-            return section, name, {"true": True, "false": False}[value.strip().lower()]
-        return section, name, kind(value.strip())
-    except (ValueError, KeyError):
-        return section, name, value.strip()
-
-
-def _type_of(section: str, name: str, job: Job) -> Any:
-    """The type of a parameter; str where there is none of that name."""
-    if section not in {item.name for item in fields(job)}:
-        return str
-    types = {item.name: type(item.default) for item in fields(getattr(job, section))}
-    return types.get(name, str)
+    return setting(key, value) if equals else None

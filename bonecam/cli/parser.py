@@ -50,3 +50,11 @@ def positive(most: float = math.inf) -> Callable[[str], float]:
 
     number.__name__ = f"number above 0{'' if most == math.inf else f', at most {most:,.0f},'}"
     return number
+
+
+def share_of(text: str) -> tuple[int, int]:
+    """argparse's type of a share K/N, K from 1 to N."""
+    number, slash, count = text.partition("/")
+    if not slash or not 1 <= int(number) <= int(count):
+        raise argparse.ArgumentTypeError(f"{text!r}: give K/N, K from 1 to N, like 3/30")
+    return int(number), int(count)

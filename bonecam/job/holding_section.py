@@ -117,6 +117,7 @@ class HoldingJob(JobSection):
         "Second clamping",
         "File of a closed shell round the finished end, in frame and unit of the part's file: the parted part, turned "
         "over, stands in it, and a second program cuts the stump. None: one program.",
+        file="",
     )
     second_height: float = parameter(
         0.0,

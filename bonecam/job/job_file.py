@@ -1,5 +1,8 @@
-"""Jobs as TOML files."""
+"""Jobs as TOML files, and the files that a job names: a stock, a shell, and machine, controller and material where they are
+no shipped ones."""
 
+import os
+from collections.abc import Iterator
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -10,10 +13,18 @@ from bonecam.job.parameter import record
 from bonecam.job.sections import Job, job_error
 from bonecam.text.toml import lines_of_keys, parse_toml, toml_lines
 
+PATHS = {
+    (section.name, item.name): record(item)
+    for section in fields(Job)
+    for item in fields(getattr(Job(), section.name))
+    if record(item).file is not None
+}
+"""The parameters that may be the path of a file, by section and name."""
+
 
 def read_job(path: str | Path, base: Job | None = None) -> Job:
     """The job of a TOML file, whose tables are the sections of a job. A value that it leaves out is that of
-    `base`.
+    `base`. Paths in it count from its folder.
 
     JobError names the file, and all that is wrong in it with the lines.
     """
@@ -30,7 +41,7 @@ def read_job(path: str | Path, base: Job | None = None) -> Job:
         faults.append(("", name, f"{name!r} stands outside a section: put it below one like [path]"))
         del values[name]
     try:
-        job = (base or Job()).with_values(**values)
+        job = (base or Job()).with_values(**counted_from(os.path.dirname(path), values))
     except JobError as error:
         faults += error.evidence["faults"]
     if faults:
@@ -51,7 +62,9 @@ def _error_of(path: str | Path, text: str, faults: list[tuple[str, str, str]]) -
 
 
 def write_job(job: Job) -> str:
-    """The TOML text of a job, every value with its tooltip. JobError where a text has characters without a code."""
+    """The TOML text of a job, every value with its tooltip, its paths absolute. JobError where a text has characters
+    without a code."""
+    job = from_anywhere(job)
     lines: list[str] = []
     for item in fields(job):
         lines += [f"[{item.name}]", *_lines(item.name, getattr(job, item.name)), ""]
@@ -68,3 +81,29 @@ def _lines(name: str, section: Any) -> list[str]:
     records = map(record, fields(section))
     comments = [f"{known.tooltip} [{known.unit}]" if known.unit else known.tooltip for known in records]
     return [f"{line}  # {comment}" for line, comment in zip(toml_lines(values), comments, strict=True)]
+
+
+def named_files(job: Job) -> Iterator[tuple[str, str, Path]]:
+    """Section, name and path of each parameter that is the path of a file."""
+    for (section, name), known in PATHS.items():
+        value = getattr(getattr(job, section), name)
+        if known.is_path(value):
+            yield section, name, Path(value)
+
+
+def counted_from(folder: str, values: dict[str, Any]) -> dict[str, Any]:
+    """Tables of values by section and name, whose paths count from `folder`; absolute ones stay."""
+    counted = {name: dict(table) if isinstance(table, dict) else table for name, table in values.items()}
+    for (section, name), known in PATHS.items():
+        table = counted.get(section)
+        if isinstance(table, dict) and known.is_path(table.get(name)):
+            table[name] = os.path.join(folder, table[name])
+    return counted
+
+
+def from_anywhere(job: Job) -> Job:
+    """The job with its paths absolute: it means the same in every folder."""
+    changes: dict[str, dict[str, Any]] = {}
+    for section, name, path in named_files(job):
+        changes.setdefault(section, {})[name] = os.path.join(os.getcwd(), path)
+    return job.with_values(**changes) if changes else job

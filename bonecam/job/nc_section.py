@@ -9,9 +9,11 @@ from bonecam.job.parameter import JobSection, parameter
 class NcJob(JobSection):
     """Machine, controller, and the feeds between the cuts."""
 
-    machine: str = parameter("mikron-ucp600", "Machine", "Name of a machine, or path of its .toml file.")
+    machine: str = parameter(
+        "mikron-ucp600", "Machine", "Name of a machine, or path of its .toml file.", file=".toml"
+    )
     controller: str = parameter(
-        "heidenhain", "Controller", "Name of a controller's dialect, or path of its .toml file."
+        "heidenhain", "Controller", "Name of a controller's dialect, or path of its .toml file.", file=".toml"
     )
     link_feed: float = parameter(
         1500.0,

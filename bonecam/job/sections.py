@@ -167,6 +167,30 @@ def _changed(name: str, section: Any, values: object) -> Any:
     return made
 
 
+def setting(key: str, value: str) -> tuple[str, str, Any] | None:
+    """Section, name and value of a parameter, None where the key is not of the form section.name. The value is of the
+    parameter's type; where there is no such parameter, or it is no such value, it is left as text for the job to
+    refuse."""
+    section, dot, name = key.strip().partition(".")
+    if not dot:
+        return None
+    kind = _type_of(section, name)
+    try:
+        if kind is bool:
+            return section, name, {"true": True, "false": False}[value.strip().lower()]
+        return section, name, kind(value.strip())
+    except (ValueError, KeyError):
+        return section, name, value.strip()
+
+
+def _type_of(section: str, name: str) -> Any:
+    """The type of a parameter; str where there is none of that name."""
+    if section not in {item.name for item in fields(Job)}:
+        return str
+    types = {item.name: type(item.default) for item in fields(getattr(Job(), section))}
+    return types.get(name, str)
+
+
 def job_error(faults: Sequence[tuple[str, str, str]], place: str = "") -> JobError:
     """The error of all faults of a job, each as (section, field, text); the evidence has section and field of the
     first."""

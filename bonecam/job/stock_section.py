@@ -50,7 +50,7 @@ class StockJob(JobSection):
     depth: float = parameter(
         0.0, "Depth", "Side of a box along Y; 0: the smallest.", unit="mm", low=0.0, high=500.0
     )
-    mesh: str = parameter("", "Mesh", "File of a closed convex stock, in mm, Z upright.")
+    mesh: str = parameter("", "Mesh", "File of a closed convex stock, in mm, Z upright.", file="")
     scale: float = parameter(
         1.0,
         "Scale",

@@ -15,6 +15,7 @@ class MaterialJob(JobSection):
         "aluminium",
         "Material",
         "aluminium, cortical-bone, peek, titanium, or the path of a material's .toml file.",
+        file=".toml",
     )
 
 

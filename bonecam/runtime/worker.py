@@ -1,6 +1,7 @@
 """Work in a process of its own, with limits of time and memory: for libraries that end their process, or never come
 back, and for work that a stranger asks for. It ends with this process, however that ends."""
 
+import math
 import os
 import pickle
 import subprocess
@@ -14,8 +15,10 @@ from importlib import import_module
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection
 from pathlib import Path
+from threading import Event
 from typing import IO, Any
 
+from bonecam.errors import Cancelled
 from bonecam.progress import Progress, report, silent
 from bonecam.runtime.parent import end_with_parent
 from bonecam.runtime.signals import kept_from_children
@@ -23,6 +26,8 @@ from bonecam.runtime.temporary import remove_abandoned
 
 CHILD = "from bonecam.runtime.worker import serve; serve()"
 """Python code that the process runs."""
+POLL = 0.1
+"""How often it is asked whether the work is to be stopped, s."""
 STDOUT, STDERR = 1, 2
 """Numbers of the process's streams (POSIX)."""
 
@@ -38,12 +43,13 @@ def call_in_worker(
     memory: int = 0,
     progress: Progress = silent,
     heard: bool = False,
+    stopped: Event | None = None,
 ) -> Any:
     """What the function `work`, named "module:function", returns for the arguments and a progress, in a new process.
 
     An error that it raises is raised here. WorkerError where the process broke down, took longer than `seconds`, or
-    wanted more than `memory` bytes for its data (0: as many as there are). What it prints goes to stderr where it is
-    to be `heard`, once it has answered.
+    wanted more than `memory` bytes for its data (0: as many as there are); Cancelled once another thread has set
+    `stopped`. What it prints goes to stderr where it is to be `heard`, once it has answered.
     """
     here, there = Pipe()
     process: subprocess.Popen[bytes] | None = None
@@ -53,7 +59,7 @@ def call_in_worker(
                 process = _start(there, said, memory)
             with suppress(OSError):  # it is gone already: its end is told below
                 here.send((work, arguments))
-            answer = _answer(here, process, seconds, progress)
+            answer = _answer(here, process, seconds, progress, stopped or Event())
         finally:
             if process is not None:
                 process.kill()
@@ -82,13 +88,20 @@ def _start(answer: Connection, said: IO[bytes], memory: int) -> "subprocess.Pope
 
 
 def _answer(
-    here: Connection, process: "subprocess.Popen[bytes]", seconds: float | None, progress: Progress
+    here: Connection,
+    process: "subprocess.Popen[bytes]",
+    seconds: float | None,
+    progress: Progress,
+    stopped: Event,
 ) -> Any:
     """What the process answers, an error among it; WorkerError where it does not."""
-    end = None if seconds is None else time.monotonic() + seconds
+    end = math.inf if seconds is None else time.monotonic() + seconds
     while True:
-        if not here.poll(None if end is None else max(0.0, end - time.monotonic())):
-            raise WorkerError(f"took more than {seconds:g} s")
+        while not here.poll(max(0.0, min(POLL, end - time.monotonic()))):
+            if stopped.is_set():
+                raise Cancelled("stopped by the caller")
+            if time.monotonic() >= end:
+                raise WorkerError(f"took more than {seconds:g} s")
         try:
             done, found = here.recv()
         except (EOFError, OSError) as error:

@@ -40,6 +40,12 @@ WRITABLE = (".ply", ".stl")
 """Endings of the files that `write_mesh` writes."""
 
 
+def ending_of(file: Path) -> str:
+    """The ending of a file that tells its kind, in small letters: .nii.gz is one."""
+    packed = file.suffix.lower() == ".gz"
+    return (Path(file.stem).suffix * packed + file.suffix).lower()
+
+
 def read_mesh(path: str | Path, also: tuple[str, ...] = ()) -> TriangleMesh:
     """The triangles of a file, in the file's own unit; equal corners of an STL are merged.
 

@@ -1,36 +1,79 @@
-"""The table of a batch (batch.csv): what came of each mesh, of earlier runs too."""
+"""The table of a batch (batch.csv): what came of each part, of earlier runs too."""
 
 import csv
 import io
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
 from bonecam.errors import FileError
 from bonecam.files import NAME_BYTES
+from bonecam.setup.stock import stock_text
+
+TABLE = "batch.csv"
+"""The name of the table."""
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of one mesh: state `done`, `kept` (from an earlier run, as its seconds are) or `failed` with
-    its message."""
+    """What came of one part: state `done`, `kept` (from an earlier run, as its seconds are) or `failed` with its
+    message.
 
+    `name` is that of its results, `job` the job file that is its own. Largest distance of the surface from the mesh
+    (`deviation_mm`), `stock`, machining time, and area of the part that keeps more than 0.02 mm away from the post
+    (`left_mm2`); `warnings` are their codes. What is not known, as of a part that failed, is 0 or empty.
+    """
+
+    name: str
     mesh: str
+    job: str
     state: str
-    program: str
-    levels: int
-    time_min: float
-    seconds: float
-    message: str
+    program: str = ""
+    second: str = ""
+    levels: int = 0
+    time_min: float = 0.0
+    deviation_mm: float = 0.0
+    stock: str = ""
+    left_mm2: float = 0.0
+    warnings: str = ""
+    seconds: float = 0.0
+    message: str = ""
 
 
 COLUMNS = [item.name for item in fields(Outcome)]
 """The columns of batch.csv."""
 
 
+def outcome_of(
+    name: str, mesh: str, job: str, report: Mapping[str, Any], seconds: float, state: str = "done"
+) -> Outcome:
+    """The outcome of a part with its report."""
+    left = report["removal"].get("left") or {}
+    return Outcome(
+        name=name,
+        mesh=mesh,
+        job=job,
+        state=state,
+        program=report["nc"]["file"],
+        second=report.get("second", {}).get("file", ""),
+        levels=len(report["levels"]) - 1,
+        time_min=report["nc"]["time_min"],
+        deviation_mm=report["surface"]["deviation_max_mm"],
+        stock=stock_text(report["stock"]),
+        left_mm2=left.get("area_over_0_02_mm2", 0.0),
+        warnings=" ".join(warning["code"] for warning in report.get("warnings", ())),
+        seconds=round(seconds, 2),
+    )
+
+
+def failed(name: str, mesh: str, job: str, seconds: float, message: str) -> Outcome:
+    """The outcome of a part that has none."""
+    return Outcome(name, mesh, job, "failed", seconds=round(seconds, 2), message=message)
+
+
 def read_rows(table: Path) -> dict[str, dict[str, Any]]:
-    """The rows of an earlier run's table by mesh; none where there is no table. FileError where it is another file."""
+    """The rows of an earlier run's table by name; none where there is no table. FileError where it is another file."""
     if not table.exists():
         return {}
     try:
@@ -44,7 +87,7 @@ def read_rows(table: Path) -> dict[str, dict[str, Any]]:
         raise FileError(
             f"{table}: is no table of a batch: move it away, or use another folder", file=str(table)
         )
-    return {row["mesh"]: dict(row) for row in rows}
+    return {row["name"]: dict(row) for row in rows}
 
 
 def table_text(rows: Iterable[dict[str, Any]]) -> str:

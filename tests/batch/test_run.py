@@ -2,21 +2,24 @@
 stopped."""
 
 import csv
-import inspect
-import multiprocessing
 import os
 import signal
 import subprocess
 import sys
 import time
 from collections.abc import Callable
+from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from contextlib import nullcontext
+from functools import partial
 from pathlib import Path
-from types import SimpleNamespace
+from typing import Any
 
 import pytest
+from batch_orders import WORK, meshes
 
 import bonecam
-from bonecam.batch import convert_many, convert_one
+from bonecam.batch import Wanted, convert_many
+from bonecam.batch.run import WAITING
 from bonecam.errors import BonecamError, FileError, JobError
 from bonecam.job import Job
 from bonecam.report.tables.batch_table import Outcome
@@ -24,44 +27,6 @@ from bonecam.report.tables.batch_table import Outcome
 ROWS = list(Outcome.__dataclass_fields__)
 MAX_WAIT = 600.0
 """Longest wait, s, for what takes some seconds on an idle machine."""
-
-
-def work(mesh: Path, folder: Path, job: Job) -> Outcome:
-    """What the mesh file says: stand in for the chain, which takes a minute."""
-    orders = mesh.read_text(encoding="utf-8").split()
-    if "die" in orders:
-        os.kill(os.getpid(), signal.SIGKILL)
-    if "break" in orders:
-        raise ZeroDivisionError("two\nlines")
-    if "refuse" in orders:
-        raise FileError(f'{mesh}: is "bad", and\nmore: mend it')
-    if "sleep" in orders:
-        (folder / f"{mesh.stem}.began").touch()
-        time.sleep(3600)  # until it is killed, however slow the others are
-    report = {
-        "levels": [{}, {}, {}],
-        "nc": {"time_min": 1.5, "file": ""},
-        "seconds": {"mesh": 1.5, "levels": 2.25},
-    }
-    made = SimpleNamespace(
-        program=SimpleNamespace(extension=".h", text=f"BEGIN {os.getpid()}\n"), report=report
-    )
-    bonecam.convert = lambda mesh, job: made  # type: ignore[attr-defined]
-    return convert_one(mesh, folder, job)
-
-
-@pytest.fixture
-def quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Processes are forked, which takes no time, for tests of what is kept of their work: the others start new ones."""
-    fork = multiprocessing.get_context("fork")
-    monkeypatch.setattr(multiprocessing, "get_context", lambda kind: fork)
-
-
-def meshes(folder: Path, **orders: str) -> list[Path]:
-    files = [folder / f"{name}.stl" for name in orders]
-    for file, text in zip(files, orders.values()):
-        file.write_text(text, encoding="utf-8")
-    return files
 
 
 def table(folder: Path) -> list[dict[str, str]]:
@@ -74,7 +39,7 @@ def test_each_mesh_has_its_line_whatever_happens_to_its_process(tmp_path: Path) 
     told: list[tuple[str, int]] = []
     out = tmp_path / "out"
     outcomes = convert_many(
-        files, out, jobs=2, told=lambda outcome, left: told.append((outcome.mesh, left)), work=work
+        files, out, jobs=2, told=lambda outcome, left: told.append((outcome.mesh, left)), work=WORK
     )
     assert [outcome.state for outcome in outcomes] == ["done", "failed", "failed", "failed", "done"]
     rows = table(out)
@@ -84,7 +49,7 @@ def test_each_mesh_has_its_line_whatever_happens_to_its_process(tmp_path: Path) 
     ]
     assert [row["program"] for row in rows] == ["a.h", "", "", "", "e.h"]
     assert (rows[0]["levels"], rows[0]["time_min"]) == ("2", "1.5")
-    assert "process died (exit -9" in rows[1]["message"]
+    assert "its process broke down (exit -9)" in rows[1]["message"]
     assert rows[2]["message"] == f'{files[2]}: is "bad", and more: mend it'
     assert "ZeroDivisionError: two lines" in rows[3]["message"]
     assert [left for _, left in told] == [4, 3, 2, 1, 0]
@@ -108,7 +73,7 @@ def test_resuming_does_only_what_is_missing_or_was_done_from_something_else(tmp_
     out, job = tmp_path / "out", Job().with_values(nc={"machine": str(machine)})
 
     def states() -> list[str]:
-        return [outcome.state for outcome in convert_many(files, out, job, resume=True, work=work)]
+        return [outcome.state for outcome in convert_many(files, out, job, resume=True, work=WORK)]
 
     assert states() == ["done"] * 4
     files[1].write_text("good as well", encoding="utf-8")
@@ -123,27 +88,17 @@ def test_resuming_does_only_what_is_missing_or_was_done_from_something_else(tmp_
     assert states() == ["done"] * 4
 
 
-ORDERS = """
-import os, signal, time
-from pathlib import Path
-from types import SimpleNamespace
-import bonecam
-from bonecam.batch import Outcome, convert_one
-from bonecam.errors import FileError
-from bonecam.job import Job
-from bonecam.report.tables.batch_table import Outcome
-
-"""
 SCRIPT = """
 import signal, sys
 from pathlib import Path
-from bonecam.batch import convert_many
-from orders import work
+from bonecam.batch import Wanted, convert_many
+from bonecam.batch.run import WAITING
+from batch_orders import WORK
 if __name__ == "__main__":
     # a shell starts what runs in its background with SIGINT ignored
     signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
-        convert_many(sys.argv[2:], sys.argv[1], jobs=2, resume=True, work=work)
+        convert_many(sys.argv[2:], sys.argv[1], jobs=2, resume=True, work=WORK)
     except KeyboardInterrupt:
         sys.exit(130)
 """
@@ -156,9 +111,9 @@ def test_a_run_that_is_killed_leaves_no_process_and_goes_on_where_it_stopped(
 ) -> None:
     files = meshes(tmp_path, a="good", b="sleep", c="sleep", d="good")
     out = tmp_path / "out"
-    (tmp_path / "orders.py").write_text(ORDERS + inspect.getsource(work), encoding="utf-8")
     (tmp_path / "run.py").write_text(SCRIPT, encoding="utf-8")
-    with subprocess.Popen([sys.executable, tmp_path / "run.py", out, *files]) as run:
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    with subprocess.Popen([sys.executable, tmp_path / "run.py", out, *files], env=environment) as run:
         try:
             until(lambda: (out / "b.began").exists() and (out / "c.began").exists())
             workers = children(run.pid)
@@ -171,7 +126,7 @@ def test_a_run_that_is_killed_leaves_no_process_and_goes_on_where_it_stopped(
     assert [row["state"] for row in table(out)] == ["done"]
     for file in files[1:3]:
         file.write_text("good", encoding="utf-8")
-    assert [outcome.state for outcome in convert_many(files, out, resume=True, work=work)] == [
+    assert [outcome.state for outcome in convert_many(files, out, resume=True, work=WORK)] == [
         "kept",
         "done",
         "done",
@@ -223,8 +178,8 @@ def test_no_process_at_all_is_refused(tmp_path: Path, jobs: int) -> None:
 @pytest.mark.usefixtures("quick")
 def test_a_batch_that_is_done_already_ends_at_once(tmp_path: Path) -> None:
     files = meshes(tmp_path, a="good", b="good")
-    convert_many(files, tmp_path / "out", jobs=2, work=work)
-    assert [outcome.state for outcome in convert_many(files, tmp_path / "out", resume=True, work=work)] == [
+    convert_many(files, tmp_path / "out", jobs=2, work=WORK)
+    assert [outcome.state for outcome in convert_many(files, tmp_path / "out", resume=True, work=WORK)] == [
         "kept",
         "kept",
     ]
@@ -238,23 +193,23 @@ def test_a_folder_stands_for_its_parts_and_rows_of_other_meshes_stay(tmp_path: P
     meshes(scans, **{"._a": "what another system keeps of a file"})
     (scans / "notes.txt.bak").write_text("none")
     out = tmp_path / "out"
-    convert_many(meshes(tmp_path, z="good"), out, work=work)
-    outcomes = convert_many([scans], out, work=work)
+    convert_many(meshes(tmp_path, z="good"), out, work=WORK)
+    outcomes = convert_many([scans], out, work=WORK)
     assert [Path(one.mesh).name for one in outcomes] == ["a.stl", "b.stl"]
     assert [Path(row["mesh"]).name for row in table(out)] == ["z.stl", "a.stl", "b.stl"]
     meshes(scans, a="good")
-    convert_many([scans / "a.stl"], out, work=work)
+    convert_many([scans / "a.stl"], out, work=WORK)
     assert [row["state"] for row in table(out)] == ["done"] * 3
 
 
 def test_a_folder_without_parts_and_a_foreign_table_are_refused(tmp_path: Path) -> None:
     (tmp_path / "empty").mkdir()
     with pytest.raises(JobError, match=r"empty: holds no part: give files that end in one of \.stl"):
-        convert_many([tmp_path / "empty"], tmp_path / "out", work=work)
+        convert_many([tmp_path / "empty"], tmp_path / "out", work=WORK)
     for text in ("name,price\nbone,3\n", "mesh\0,state", '"mesh'):
         (tmp_path / "batch.csv").write_text(text, encoding="utf-8")
         with pytest.raises(FileError, match=r"batch\.csv: .*: move it away"):
-            convert_many(meshes(tmp_path, a="good"), tmp_path, work=work)
+            convert_many(meshes(tmp_path, a="good"), tmp_path, work=WORK)
         assert (tmp_path / "batch.csv").read_text(encoding="utf-8") == text
 
 
@@ -276,9 +231,9 @@ def test_two_batches_that_write_into_one_folder_keep_each_other_s_rows(tmp_path:
 
     def other(outcome: Outcome, left: int) -> None:
         if left:  # while the first batch runs
-            convert_many(second, out, work=work)
+            convert_many(second, out, work=WORK)
 
-    convert_many(first, out, jobs=1, told=other, work=work)
+    convert_many(first, out, jobs=1, told=other, work=WORK)
     assert {Path(row["mesh"]).stem for row in table(out)} == {"a", "b", "c"}
 
 
@@ -287,11 +242,160 @@ def test_a_name_that_is_not_in_utf_8_stands_in_the_table_by_its_bytes(tmp_path: 
     file = tmp_path / os.fsdecode(b"bone\xe9.stl")
     file.write_text("good")
     for _ in range(2):
-        convert_many([*meshes(tmp_path, a="good"), file], tmp_path / "out", work=work)
-        assert (tmp_path / "out" / "batch.csv").read_bytes().count(b"bone\xe9.stl,done") == 1
+        convert_many([*meshes(tmp_path, a="good"), file], tmp_path / "out", work=WORK)
+        assert (tmp_path / "out" / "batch.csv").read_bytes().count(b"bone\xe9.stl,,done") == 1
 
 
 def test_a_name_that_no_file_can_have_is_refused_before_the_work(tmp_path: Path) -> None:
     with pytest.raises(FileError, match=r"x\\ud800\.stl': is no name that a file can have: choose another"):
-        convert_many([*meshes(tmp_path, a="good"), tmp_path / "x\ud800.stl"], tmp_path / "out", work=work)
+        convert_many([*meshes(tmp_path, a="good"), tmp_path / "x\ud800.stl"], tmp_path / "out", work=WORK)
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.usefixtures("quick")
+@pytest.mark.parametrize("kind", ["machine", "controller", "material", "stock", "second"])
+def test_editing_a_file_that_a_job_names_makes_its_parts_run_again(kind: str, tmp_path: Path) -> None:
+    folder = Path(bonecam.__file__).parent
+    places = {
+        "machine": ("nc", "machine", folder / "machine" / "machines" / "mikron-ucp600.toml"),
+        "controller": ("nc", "controller", folder / "nc" / "dialects" / "heidenhain.toml"),
+        "material": ("material", "name", folder / "job" / "materials" / "peek.toml"),
+    }
+    section, name, source = places.get(kind, ("", "", None))
+    file = tmp_path / f"{kind}.{'toml' if source else 'stl'}"
+    file.write_bytes(source.read_bytes() if source else b"solid")
+    changes = {
+        "stock": {"stock": {"kind": "mesh", "mesh": str(file)}},
+        "second": {"holding": {"second": str(file), "parting": True}},
+    }
+    job = Job().with_values(**changes.get(kind, {section: {name: str(file)}}))
+    files = meshes(tmp_path, a="good")
+
+    def state() -> str:
+        return convert_many(files, tmp_path / "out", job, resume=True, work=WORK)[0].state
+
+    assert [state(), state()] == ["done", "kept"]
+    file.write_bytes(file.read_bytes() + b"\n")
+    assert [state(), state()] == ["done", "kept"]
+
+
+@pytest.mark.usefixtures("quick")
+def test_a_batch_that_moved_with_its_files_is_kept(tmp_path: Path) -> None:
+    (tmp_path / "here").mkdir()
+    files = meshes(tmp_path / "here", a="good")
+    (tmp_path / "here" / "bar.stl").write_text("solid")
+    (tmp_path / "here" / "a.toml").write_text('[stock]\nkind = "mesh"\nmesh = "bar.stl"\n')
+    convert_many(files, tmp_path / "here" / "out", work=WORK)
+    (tmp_path / "here").rename(tmp_path / "there")
+    there = tmp_path / "there"
+    assert convert_many([there / "a.stl"], there / "out", resume=True, work=WORK)[0].state == "kept"
+
+
+@pytest.mark.usefixtures("quick")
+def test_what_else_is_wanted_of_each_part_is_written_and_resumed(tmp_path: Path) -> None:
+    files, out = meshes(tmp_path, a="good"), tmp_path / "out"
+    wanted = Wanted(html=True, sheet=True, keep=True)
+    convert_many(files, out, work=WORK)
+    for state in ("done", "kept"):
+        outcomes = convert_many(files, out, resume=True, wanted=wanted, work=WORK)
+        assert [one.state for one in outcomes] == [state]
+    names = {"a", "a.h", "a.html", "a.json", "a.sheet.html", "batch.csv"}
+    assert {path.name for path in out.iterdir()} == names
+
+
+@pytest.mark.usefixtures("quick")
+def test_the_table_tells_what_a_report_says(tmp_path: Path) -> None:
+    shell = tmp_path / "shell.stl"
+    shell.write_text("solid")
+    (tmp_path / "a.toml").write_text('[holding]\nsecond = "shell.stl"\nparting = true\n')
+    convert_many(meshes(tmp_path, a="good", b="refuse"), tmp_path / "out", work=WORK)
+    first, second = table(tmp_path / "out")
+    assert (first["job"], first["program"], first["second"]) == (
+        str(tmp_path / "a.toml"),
+        "a.h",
+        "a.second.h",
+    )
+    assert (first["deviation_mm"], first["left_mm2"]) == ("0.02", "3.5")
+    assert (first["stock"], first["warnings"]) == ("capsule 6.00 x 16.00 mm", "left-uncut slender")
+    assert (second["job"], second["stock"], second["state"]) == ("", "", "failed")
+
+
+@pytest.mark.usefixtures("quick")
+@pytest.mark.parametrize("pool", [ThreadPoolExecutor, partial(ProcessPoolExecutor, 2)])
+def test_any_executor_does_the_same(pool: Callable, tmp_path: Path) -> None:
+    files = meshes(tmp_path, a="good", b="good", c="refuse")
+    for name, executor in (("here", None), ("there", pool())):
+        with executor or nullcontext():
+            convert_many(files, tmp_path / name, executor=executor, work=WORK)
+    here, there = table(tmp_path / "here"), table(tmp_path / "there")
+    assert [{**row, "seconds": ""} for row in here] == [{**row, "seconds": ""} for row in there]
+    for name in ("a.h", "b.h"):
+        assert (tmp_path / "here" / name).read_bytes() == (tmp_path / "there" / name).read_bytes()
+
+
+@pytest.mark.usefixtures("quick")
+def test_a_part_that_an_executor_gives_up_is_told(tmp_path: Path) -> None:
+    class Losing(Executor):
+        def submit(self, work: Callable, *given: Any, **named: Any) -> Future:
+            future: Future = Future()
+            if given[0].name == "b":
+                future.set_exception(RuntimeError("the node\nis gone"))
+            elif given[0].name == "c":
+                future.cancel()
+                future.set_running_or_notify_cancel()
+            else:
+                future.set_result(work(*given, **named))
+            return future
+
+    files = meshes(tmp_path, a="good", b="good", c="good")
+    outcomes = convert_many(files, tmp_path / "out", executor=Losing(), work=WORK)
+    assert [one.state for one in outcomes] == ["done", "failed", "failed"]
+    assert outcomes[1].message == "its worker was lost (RuntimeError: the node is gone): try it again"
+
+
+@pytest.mark.usefixtures("quick")
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        ({"version": "9"}, "this run is of 9: install the same on both"),
+        (
+            {"folder": Path("/none")},
+            "/none: a worker does not see this folder: give one that all computers share",
+        ),
+    ],
+)
+def test_a_worker_of_another_version_or_without_the_folder_says_so(
+    changed: dict[str, Any], said: str, tmp_path: Path
+) -> None:
+    class Elsewhere(ThreadPoolExecutor):
+        def submit(self, work: Callable, *given: Any, **named: Any) -> Future:
+            return super().submit(partial(work, **changed), *given, **named)
+
+    with Elsewhere() as executor:
+        (one,) = convert_many(meshes(tmp_path, a="good"), tmp_path / "out", executor=executor, work=WORK)
+    assert one.state == "failed"
+    assert said in one.message
+
+
+@pytest.mark.usefixtures("quick")
+def test_shares_of_an_array_do_every_part_once(tmp_path: Path) -> None:
+    files = meshes(tmp_path, **dict.fromkeys("abcdefg", "good"))
+    done = [
+        [one.name for one in convert_many(files, tmp_path / "out", share=(k, 3), work=WORK)]
+        for k in (1, 2, 3)
+    ]
+    assert done == [["a", "d", "g"], ["b", "e"], ["c", "f"]]
+    assert len(table(tmp_path / "out")) == 7
+
+
+def test_the_progress_names_the_parts_that_wait_and_run(tmp_path: Path) -> None:
+    told: list[tuple[str, float, str]] = []
+    convert_many(
+        meshes(tmp_path, a="good", b="good"),
+        tmp_path / "out",
+        jobs=1,
+        progress=lambda *step: told.append(step),
+        work=WORK,
+    )
+    assert [step for step in told if step[2] == WAITING] == [("a", 0.0, WAITING), ("b", 0.0, WAITING)]
+    assert [step for step in told if step[2] != WAITING] == [("a", 0.5, "levels"), ("b", 0.5, "levels")]
