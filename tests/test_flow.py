@@ -48,6 +48,7 @@ DOORS = {
     "pymeshlab": {"mesh/meshlab.py"},
     "pydantic": {"text/record.py", "nc/schema", "machine/machine_file.py"},
     "distributed": {"batch/cluster.py"},
+    "filelock": {"runtime/locking.py"},
     "re2": {"text/pattern.py"},
     "ezdxf": {"mesh/files/polyhedra.py"},
     "plyfile": {"mesh/files/formats/ply.py"},

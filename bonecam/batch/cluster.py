@@ -19,20 +19,15 @@ def cluster_executor(address: str, workers: int = 2) -> Iterator[Executor]:
     """The executor of the scheduler at an address, or of one with so many `workers` on this computer (`local`).
     JobError where Dask is not installed or no scheduler answers."""
     distributed = _distributed(address)
-    with distributed.config.set({"distributed.comm.timeouts.connect": CONNECT}):
-        if address == LOCAL:
-            if workers < 1:
-                raise JobError(f"--jobs {workers}: give 1 or more")
-            with (
-                distributed.LocalCluster(
-                    n_workers=workers, threads_per_worker=1, dashboard_address=None
-                ) as cluster,
-                distributed.Client(cluster) as client,
-            ):
-                yield client.get_executor(pure=False)
-            return
+    if address != LOCAL:
         with _client(distributed, address) as client:
             yield client.get_executor(pure=False)
+        return
+    if workers < 1:
+        raise JobError(f"--jobs {workers}: give 1 or more")
+    size = {"n_workers": workers, "threads_per_worker": 1, "dashboard_address": None}
+    with distributed.LocalCluster(**size) as cluster, distributed.Client(cluster) as client:
+        yield client.get_executor(pure=False)
 
 
 def _distributed(address: str) -> Any:

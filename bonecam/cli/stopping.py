@@ -14,7 +14,8 @@ from collections.abc import Callable, Sequence
 from types import FrameType
 from typing import NoReturn
 
-STOPPING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+from bonecam.runtime.signals import STOPPING
+
 GRACE = 3.0
 """How long the command may take to end by itself after a signal, s: ten times what the longest call of a
 library takes."""
@@ -35,7 +36,8 @@ def run_stoppable(call: Callable[[Sequence[str]], int]) -> int:
         if signal.getsignal(kind) is not signal.SIG_IGN:  # as `nohup` and a shell's `&` do
             signal.signal(kind, _stop)
     try:
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, STOPPING)  # which `main` holds back
+        if hasattr(signal, "pthread_sigmask"):
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, STOPPING)  # which `main` holds back
         code = call(sys.argv[1:])
     except BaseException:
         if not arrived:

@@ -1,5 +1,5 @@
-"""Jobs as TOML files, and the files that a job names: a stock, a shell, and machine, controller and material where they are
-no shipped ones."""
+"""Jobs as TOML files, and the files that a job names: a stock, a shell, and machine, controller and material where they
+are no shipped ones."""
 
 import os
 from collections.abc import Iterator

@@ -5,8 +5,8 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-STOPPING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-"""The signals that ask a run to stop: Ctrl-C, `kill`, and the end of the terminal."""
+STOPPING = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
+"""The signals that ask a run to stop: Ctrl-C, `kill`, and the end of the terminal, which Windows has not."""
 
 
 @contextmanager
@@ -37,6 +37,9 @@ def undisturbed() -> Iterator[None]:
 def kept_from_children() -> Iterator[None]:
     """Processes that are started in the block never see the signals that stop a run: Ctrl-C and the end of a
     terminal reach a whole group of processes, and the one that started them decides."""
+    if not hasattr(signal, "pthread_sigmask"):  # Windows: a console tells each process by itself
+        yield
+        return
     before = signal.pthread_sigmask(signal.SIG_BLOCK, STOPPING)
     try:
         yield

@@ -14,7 +14,8 @@ P = ParamSpec("P")
 
 def cores() -> int:
     """How many cores this process may use."""
-    return len(os.sched_getaffinity(0))
+    tell = getattr(os, "sched_getaffinity", None)  # which macOS and Windows have not
+    return len(tell(0)) if tell else os.cpu_count() or 1
 
 
 @cache
