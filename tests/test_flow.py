@@ -49,6 +49,8 @@ DOORS = {
     "pydantic": {"text/record.py", "nc/schema", "machine/machine_file.py"},
     "distributed": {"batch/cluster.py"},
     "filelock": {"runtime/locking.py"},
+    "SimpleITK": {"mesh/files/formats/label_map.py"},
+    "meshio": {"mesh/files/formats/vtk.py"},
     "re2": {"text/pattern.py"},
     "ezdxf": {"mesh/files/polyhedra.py"},
     "plyfile": {"mesh/files/formats/ply.py"},

@@ -25,6 +25,7 @@ from bonecam.job import Job, read_job
 from bonecam.job.job_file import counted_from, from_anywhere
 from bonecam.job.sections import setting
 from bonecam.job.stock_section import STOCK_KINDS
+from bonecam.mesh.files.formats.label_map import LABEL_MAPS
 from bonecam.mesh.files.mesh_files import READABLE, ending_of
 from bonecam.report.tables.batch_table import TABLE
 from bonecam.surface.files.tspline_text import ENDINGS
@@ -91,7 +92,7 @@ def name_of(file: Path) -> str:
 def _files_in(folder: Path) -> list[Path]:
     """The files of parts in a folder, hidden ones and the table of results left out, in alphabetical order. JobError
     where there are none, or a table of parts among them."""
-    endings = (*READABLE, *ENDINGS)
+    endings = (*READABLE, *LABEL_MAPS, *ENDINGS)
     shown = [file for file in folder.iterdir() if not file.name.startswith(".") and file.name != TABLE]
     files = sorted(file for file in shown if ending_of(file) in endings)
     if not files:

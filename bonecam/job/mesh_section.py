@@ -23,6 +23,13 @@ class MeshJob(JobSection):
         low=0.1,
         high=10.0,
     )
+    label: int = parameter(
+        0,
+        "Label",
+        "Label of the part in a label map (NIfTI, NRRD); 0: its only one.",
+        low=0,
+        high=2**31 - 1,
+    )
     upright: bool = parameter(
         True, "Upright", "Turn the part's longest principal axis to +Z and centre the part on the Z axis."
     )

@@ -13,8 +13,10 @@ from bonecam.job import MeshJob, SurfaceJob
 from bonecam.job.tool_section import FINISHING
 from bonecam.mesh.distance import MeshDistance, hausdorff
 from bonecam.mesh.facets.coarseness import Coarseness, coarseness_of
+from bonecam.mesh.facets.label_surface import label_surface
 from bonecam.mesh.facets.smooth_surface import Smoothing, note_on_kept_facets, smooth_facets
-from bonecam.mesh.files.mesh_files import bytes_of, read_mesh
+from bonecam.mesh.files.formats.label_map import LABEL_MAPS
+from bonecam.mesh.files.mesh_files import bytes_of, ending_of, read_mesh
 from bonecam.mesh.files.stated_axes import axes_text, stated_axes
 from bonecam.mesh.healing.decimation import decimate
 from bonecam.mesh.healing.hollows.pits import Fill, fill_pits
@@ -138,7 +140,7 @@ def prepare_part(
     """
     report(progress, 0.0, "reading the mesh")
     name = str(source) if isinstance(source, str | Path) else "the mesh"
-    raw = read_mesh(source, also) if isinstance(source, str | Path) else mesh_from(source)
+    raw, told = _raw(source, job, also)
     if not len(raw.faces):
         raise MeshError(f"{name}: the mesh has no faces: give a surface mesh", file=name)
 
@@ -155,7 +157,7 @@ def prepare_part(
 
     smooth = smoothing.mesh if smoothing else repaired
     kept = "" if smoothing else note_on_kept_facets(repaired, coarseness, job, tolerance)
-    notes = tuple(filter(None, (*job.changes, axes_text(axes) if axes else "", kept)))
+    notes = tuple(filter(None, (*told, *job.changes, axes_text(axes) if axes else "", kept)))
     fill = fill_pits(smooth, min(job.pit_radius or ball, ball)) if job.pits == "fill" else None
     filled = fill.mesh if fill else smooth
     done = decimated + repairs + ((smoothing.change,) if smoothing else ()) + (fill.repairs if fill else ())
@@ -178,3 +180,15 @@ def prepare_part(
         return part
     unsmoothed = repaired if smoothing else filled
     return replace(part, taken_off=measure_taken_off(without(scaled, part.left_out, filled), unsmoothed))
+
+
+def _raw(
+    source: str | Path | MeshLike, job: MeshJob, also: tuple[str, ...]
+) -> tuple[TriangleMesh, tuple[str, ...]]:
+    """The mesh of a file or in memory as it is given, or that of a label, and what is to be known of the latter."""
+    if not isinstance(source, str | Path):
+        return mesh_from(source), ()
+    if ending_of(Path(source)) not in LABEL_MAPS:
+        return read_mesh(source, (*also, *LABEL_MAPS)), ()
+    found = label_surface(Path(source), job.label, smooth=job.facets != "exact")
+    return found.mesh, found.notes

@@ -1,6 +1,6 @@
 """The mesh that passes between stages: vertices (n, 3) in mm and faces (m, 3), outward by the right hand.
 
-Meshes of open3d, trimesh and pymeshlab come in by `mesh_from` and go out by the methods `to_...`.
+Meshes of open3d, trimesh, pymeshlab and pyvista come in by `mesh_from` and go out by the methods `to_...`.
 """
 
 from collections.abc import Sequence
@@ -58,6 +58,14 @@ class PymeshlabMesh(Protocol):
 
     def face_matrix(self) -> Any:
         """Faces (m, 3)."""
+
+
+@runtime_checkable
+class PyvistaMesh(Protocol):
+    """What is read of a pyvista.PolyData, or of another data set of pyvista with a surface."""
+
+    def extract_surface(self) -> Any:
+        """Its surface, a pyvista.PolyData."""
 
 
 LARGEST_COORDINATE = 1e9
@@ -146,6 +154,7 @@ MeshLike = (
     | TrimeshMesh
     | TrimeshScene
     | PymeshlabMesh
+    | PyvistaMesh
     | tuple[ArrayLike, ArrayLike]
 )
 """A mesh in memory: vertices and faces as two arrays, or a mesh of one of these libraries."""
@@ -193,6 +202,11 @@ def _arrays_of(source: Any) -> tuple[Any, ...]:
         return source[0], source[1]
     if isinstance(source, PymeshlabMesh):
         return source.vertex_matrix(), source.face_matrix()
+    if isinstance(source, PyvistaMesh):
+        surface = source.extract_surface().triangulate()
+        return surface.points, surface.faces.reshape(-1, 4)[
+            :, 1:
+        ]  # each with its 3, the number of its corners
     if isinstance(source, TrimeshMesh):  # before open3d's: it has `triangles` too, as coordinates
         return source.vertices, source.faces
     if isinstance(source, TrimeshScene):
@@ -204,7 +218,7 @@ def _arrays_of(source: Any) -> tuple[Any, ...]:
         return tuple(table[key].numpy() if key in table else np.zeros((0, 3)) for table, key in stored)
     raise TypeError(
         f"the mesh is of type {type(source).__name__}: give (vertices, faces), a bonecam.TriangleMesh, or a mesh of "
-        "open3d, trimesh or pymeshlab"
+        "open3d, trimesh, pymeshlab or pyvista"
     )
 
 

@@ -6,11 +6,12 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.errors import UnitsError
+from bonecam.mesh.files.formats.label_map import LABEL_MAPS
 from bonecam.mesh.files.opencascade import IGES, STEP
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
 MM_OF = {"mm": 1.0, "m": 1000.0, "inch": 25.4}
-STATES_UNIT = (*STEP, *IGES)
+STATES_UNIT = (*STEP, *IGES, *LABEL_MAPS, ".3mf")
 SMALLEST = 5.0
 """Least plausible diagonal of a part's bounding box, mm: that of an ear ossicle."""
 LARGEST = 1000.0

@@ -17,6 +17,7 @@ from scipy.sparse.csgraph import connected_components
 
 from bonecam.arrays import angles_between, dots, lengths, unit
 from bonecam.mesh.facets.vertex_normals import vertex_normals
+from bonecam.mesh.facets.voxel_steps import step_pitch
 from bonecam.mesh.healing.topology import half_edges, neighbour_middles, neighbours_of
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
@@ -50,7 +51,8 @@ class Coarseness:
     """Median `edge` (mm), `crease` (radians) and `sagitta` (mm) that MOST of the area keeps; how far vertices stand out
     of the middle of their neighbours (`bumps`, RMS, mm).
 
-    Whether bumps are `noise`, facets `steps` of voxels, or `true_edges` bound plane faces, as of a box or a cylinder.
+    Whether bumps are `noise`, facets `steps` of voxels of a `pitch` (mm, along X, Y, Z; None where it is not found), or
+    `true_edges` bound plane faces, as of a box or a cylinder.
     """
 
     edge: float
@@ -60,14 +62,23 @@ class Coarseness:
     noise: bool
     steps: bool
     true_edges: bool
+    pitch: Float[ndarray, "3"] | None = None
 
     def __str__(self) -> str:
-        rough = "steps of voxels" if self.steps else "noise"
+        rough = f"steps of voxels{self._pitch_text}" if self.steps else "noise"
         also = f", {rough} of {self.bumps:.2g} mm" if self.steps or self.noise else ""
         return f"edges of {self.edge:.2g} mm with creases up to {np.degrees(self.crease):.0f} degrees{also}"
 
     @property
-    def report(self) -> dict[str, float | bool]:
+    def _pitch_text(self) -> str:
+        return (
+            f" (every {' x '.join(f'{size:.3g}' for size in self.pitch)} mm)"
+            if self.pitch is not None
+            else ""
+        )
+
+    @property
+    def report(self) -> dict[str, float | bool | list[float] | None]:
         """`facets` of the report."""
         return {
             "edge_mm": round(self.edge, 4),
@@ -76,6 +87,7 @@ class Coarseness:
             "bumps_mm": round(self.bumps, 6),
             "noise": self.noise,
             "steps": self.steps,
+            "pitch_mm": None if self.pitch is None else np.round(self.pitch, 4).tolist(),
             "true_edges": self.true_edges,
         }
 
@@ -103,6 +115,7 @@ def coarseness_of(mesh: TriangleMesh) -> Coarseness:
         noise=coherence < INCOHERENT and len(mesh.faces) >= LEAST_FACES and not planar,
         steps=steps,
         true_edges=(planar or len(mesh.faces) < FEWEST) and crease > SHARP and not steps,
+        pitch=step_pitch(mesh) if steps else None,
     )
 
 

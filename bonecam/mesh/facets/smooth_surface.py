@@ -1,10 +1,11 @@
 """A smooth surface near the vertices of facets that are coarser, or rougher, than what is asked of them.
 
-Noise and the steps of voxels are smoothed first, by steps that shrink and swell (Taubin 1995). Then, where facets are
-coarse: Loop's subdivision surface (Loop 1987), C2 but at irregular vertices, as fine facets. By itself it shrinks:
-coarse bones lose 2 to 16 % of their volume. So each control point is moved once by what the surface misses its vertex
-by, a relaxed first step of progressive interpolation (Cheng et al. 2009, "Loop subdivision surface based progressive
-interpolation", JCST 24). Further steps come nearer to the vertices, and swing and cut themselves between them.
+Noise and the steps of voxels are smoothed first, by steps that shrink and swell (Taubin 1995; `voxel_steps`). Then,
+where facets are coarse: Loop's subdivision surface (Loop 1987), C2 but at irregular vertices, as fine facets. By itself
+it shrinks: coarse bones lose 2 to 16 % of their volume. So each control point is moved once by what the surface misses
+its vertex by, a relaxed first step of progressive interpolation (Cheng et al. 2009, "Loop subdivision surface based
+progressive interpolation", JCST 24). Further steps come nearer to the vertices, and swing and cut themselves between
+them.
 """
 
 from dataclasses import dataclass
@@ -19,6 +20,7 @@ from bonecam.errors import MeshError, hundredths, place_name
 from bonecam.job import MeshJob
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.facets.coarseness import Coarseness, coarseness_of
+from bonecam.mesh.facets.voxel_steps import without_steps
 from bonecam.mesh.healing.decimation import MOST_FACES
 from bonecam.mesh.healing.repair_state import Repair
 from bonecam.mesh.healing.surface_moves import surface_moves
@@ -38,7 +40,7 @@ latter where it moved them out; by 0.4 to 6.3 % with 1, by -6.4 to -0.1 % with 0
 least near it."""
 SMOOTHINGS = 10
 """Steps of Taubin's smoothing: noise of 0.08 mm on two hand bones leaves 0.03 mm and normals 5 degrees off, not 11 to
-14; more steps move the bone itself. Voxels of 0.5 mm leave 0.05 mm, not 0.08, and normals 10 degrees off, not 21."""
+14; more steps move the bone itself."""
 SHRINK, SWELL = 0.5, -0.53
 """Taubin's two factors, as MeshLab has them."""
 FINE = 0.1
@@ -109,7 +111,7 @@ def smooth_facets(
     if job.facets == "exact":
         return None
     rough = is_rough(coarseness, tolerance)
-    even = _without_bumps(mesh) if rough else mesh
+    even = _without_bumps(mesh, coarseness) if rough else mesh
     left = coarseness_of(even) if rough else coarseness
     coarse = is_coarse(even, left, tolerance) or (job.facets == "smooth" and not rough)
     if not (rough or coarse):
@@ -131,8 +133,10 @@ def note_on_kept_facets(mesh: TriangleMesh, coarseness: Coarseness, job: MeshJob
     return ""
 
 
-def _without_bumps(mesh: TriangleMesh) -> TriangleMesh:
-    """The mesh without noise and the steps of voxels."""
+def _without_bumps(mesh: TriangleMesh, coarseness: Coarseness) -> TriangleMesh:
+    """The mesh without the steps of voxels, within half of their pitch where that is known, or without noise."""
+    if coarseness.pitch is not None:
+        return without_steps(mesh, coarseness.pitch).mesh
     meshset = to_meshset(mesh)
     meshset.apply_coord_taubin_smoothing(lambda_=SHRINK, mu=SWELL, stepsmoothnum=SMOOTHINGS)
     return from_meshset(meshset)

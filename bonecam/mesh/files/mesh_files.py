@@ -1,4 +1,4 @@
-"""Mesh files: STL (binary, ASCII), PLY, OBJ, OFF in; PLY and STL out, through MeshLab.
+"""Mesh files: STL (binary, ASCII), PLY, OBJ, OFF, VTK, VTP, GLB, 3MF in; PLY and STL out, through MeshLab.
 
 `read_mesh` reads every kind of part file: for STEP, IGES, SAT, DXF and point clouds it asks the modules that
 know them. Coordinates are read and written as they stand in the file; `bonecam.mesh.units` gives them their
@@ -21,7 +21,9 @@ from bonecam.mesh.files.formats.obj import parse_obj
 from bonecam.mesh.files.formats.off import parse_off
 from bonecam.mesh.files.formats.ply import parse_ply
 from bonecam.mesh.files.formats.polygons import triangles_of
+from bonecam.mesh.files.formats.scenes import parse_3mf, parse_glb
 from bonecam.mesh.files.formats.stl import parse_stl
+from bonecam.mesh.files.formats.vtk import parse_vtk, parse_vtp
 from bonecam.mesh.files.opencascade import IGES, STEP
 from bonecam.mesh.files.point_cloud import FEWEST, reconstruct
 from bonecam.mesh.files.point_files import POINTS, read_blocks
@@ -31,10 +33,12 @@ from bonecam.mesh.triangle_mesh import LARGEST_COORDINATE, TriangleMesh
 
 PARSERS = {".stl": parse_stl, ".ply": parse_ply, ".obj": parse_obj, ".off": parse_off}
 MESHES = tuple(PARSERS)
-"""Endings of mesh files."""
+"""Endings of mesh files that MeshLab reads too."""
+SCENES = {".vtk": parse_vtk, ".vtp": parse_vtp, ".glb": parse_glb, ".3mf": parse_3mf}
+"""Other files of surfaces; all but .vtk need the extra `formats`."""
 CAD = (*STEP, *IGES, *ACIS, *DXF)
 """Endings of CAD files, which need the extra `cad`."""
-READABLE = (*MESHES, *CAD, *POINTS)
+READABLE = (*MESHES, *SCENES, *CAD, *POINTS)
 """Endings of the files that `read_mesh` reads."""
 WRITABLE = (".ply", ".stl")
 """Endings of the files that `write_mesh` writes."""
@@ -47,7 +51,7 @@ def ending_of(file: Path) -> str:
 
 
 def read_mesh(path: str | Path, also: tuple[str, ...] = ()) -> TriangleMesh:
-    """The triangles of a file, in the file's own unit; equal corners of an STL are merged.
+    """The triangles of a file, in the file's own unit; equal corners of an STL, VTK, VTP, GLB or 3MF are merged.
 
     STEP, IGES, SAT and DXF need the extra `cad`; where they state their unit the triangles are in mm. Curved
     faces are tessellated. `also` are other endings that the caller reads itself: a refusal names them too.
@@ -59,19 +63,19 @@ def read_mesh(path: str | Path, also: tuple[str, ...] = ()) -> TriangleMesh:
     _require_readable(file, also)
     data = bytes_of(file)
     ending = file.suffix.lower()
-    if ending not in MESHES:
+    if ending not in (*MESHES, *SCENES):
         return _read_other(file)
     mesh = read_content(file, data)
     if not len(mesh.faces):
         return _round_points(file, mesh.vertices)
-    return _weld(mesh) if ending == ".stl" else mesh
+    return mesh if ending in MESHES and ending != ".stl" else _weld(mesh)
 
 
 def read_content(file: Path, data: bytes) -> TriangleMesh:
-    """The vertices and triangles of an STL, PLY, OBJ or OFF as they stand in its bytes `data`; corners of an STL
+    """The vertices and triangles of a file of MESHES or SCENES as they stand in its bytes `data`; equal corners
     are not merged, there may be no triangles. FileError as `read_mesh`."""
     try:
-        content = PARSERS[file.suffix.lower()](data)
+        content = {**PARSERS, **SCENES}[file.suffix.lower()](data)
         largest = np.abs(content.vertices).max(initial=0.0)
         if not largest <= LARGEST_COORDINATE:
             raise ContentError(f"has a coordinate of {largest:.3g}", "export it again")
