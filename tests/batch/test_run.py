@@ -3,6 +3,7 @@ stopped."""
 
 import csv
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -399,3 +400,16 @@ def test_the_progress_names_the_parts_that_wait_and_run(tmp_path: Path) -> None:
     )
     assert [step for step in told if step[2] == WAITING] == [("a", 0.0, WAITING), ("b", 0.0, WAITING)]
     assert [step for step in told if step[2] != WAITING] == [("a", 0.5, "levels"), ("b", 0.5, "levels")]
+
+
+def test_the_array_of_the_documentation_does_every_part_once(tmp_path: Path) -> None:
+    page = Path(__file__).parents[2] / "docs" / "pages" / "using" / "batch.md"
+    script = re.findall(r'```sh title="array\.sh"\n(.*?)```', page.read_text(encoding="utf-8"), re.DOTALL)[0]
+    meshes(tmp_path, a="no mesh", b="none")
+    (tmp_path / "parts.csv").write_text("file\na.stl\nb.stl\n", encoding="utf-8")
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    for task, names in ((1, ["a"]), (2, ["a", "b"])):
+        told = {"SLURM_ARRAY_TASK_ID": str(task), "SLURM_ARRAY_TASK_COUNT": "2", "PATH": path}
+        ended = subprocess.run(["bash", "-c", script], cwd=tmp_path, env={**os.environ, **told}, check=False)
+        assert ended.returncode == 1  # as a part of it failed
+        assert [row["name"] for row in table(tmp_path / "programs")] == names
