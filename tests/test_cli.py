@@ -1,5 +1,6 @@
 import subprocess
 import sys
+from argparse import Namespace
 from collections.abc import Callable
 from pathlib import Path
 
@@ -7,7 +8,9 @@ import pytest
 from bonecam_meshes import path as shipped
 
 import bonecam
+from bonecam.batch.run import WAITING
 from bonecam.cli import main
+from bonecam.cli.batch_display import BatchDisplay
 from bonecam.cli.progress_display import ProgressLog
 from bonecam.job import Job, write_job
 from bonecam.machine import machine_names
@@ -273,3 +276,35 @@ def test_a_closed_stream_is_as_one_that_leads_nowhere(
     done = subprocess.run(["sh", "-c", call], cwd=tmp_path, capture_output=True, text=True)
     assert (done.returncode, done.stdout, done.stderr) == (2 if "none" in arguments else 0, printed, "")
     assert (tmp_path / "out" / "Box_Cube.ply").exists() == ("out" in arguments)
+
+
+def test_a_batch_shows_what_runs_what_is_done_and_the_time_left(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("sys.stderr.isatty", lambda: True)
+    shown = BatchDisplay(Namespace(quiet=False, verbose=False))
+    shown.began -= 300.0  # seconds ago
+    for name in "abcd":
+        shown.progress(name, 0.0, WAITING)
+    shown.progress("a", 0.9, "links")
+    shown.progress("b", 0.5, "level 2")
+    shown.told(bonecam.Outcome("a", "a.stl", "", "done", "a.h", warnings="slender"), 3)
+    told = capsys.readouterr()
+    assert told.out == "done   a.stl  a.h  warnings: slender  (3 left, about 8 min)\n"
+    assert "3 left, about 8 min: b 50% level 2" in told.err
+    shown.told(bonecam.Outcome("c", "c.stl", "", "failed", message="c.stl: is empty: write it anew"), 2)
+    assert "2 left, 1 failed" in capsys.readouterr().err
+
+
+def test_a_verbose_batch_names_the_part_of_each_step(capsys: pytest.CaptureFixture[str]) -> None:
+    shown = BatchDisplay(Namespace(quiet=True, verbose=True))
+    shown.progress("a", 0.0, WAITING)
+    shown.progress("a", 0.25, "level 1")
+    assert capsys.readouterr().err.endswith("25%  a: level 1\n")
+
+
+@pytest.mark.parametrize("share", ["0/3", "4/3", "3", "a/b"])
+def test_a_share_that_is_none_is_refused(share: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["batch", "bone.stl", "-o", "out", "--share", share])
+    assert "--share" in capsys.readouterr().err
