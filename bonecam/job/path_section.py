@@ -25,8 +25,10 @@ class PathJob(JobSection):
         "fastest",
         "Pattern",
         "Passes along the bone (s = const), round it (t = const), along it each at the local step from the one before "
-        "(iso-scallop), on each level the fastest of these; or in one spiral, in bands of lines of their own.",
-        choices=("fastest", "along", "round", "iso-scallop", "spiral", "bands"),
+        "(iso-scallop), on each level the fastest of these; in one spiral, in bands of lines of their own; or as "
+        "published: whole lines s = const, the next at the least step found on one, air cut too. The paper leaves open "
+        "how to enter and to link: here ramps, links and rest paths of the others.",
+        choices=("fastest", "along", "round", "iso-scallop", "spiral", "bands", "published"),
     )
     direction: str = parameter(
         "zigzag",

@@ -4,6 +4,7 @@ Every level has the T-mesh and weights of the part; only control points change. 
 point of the stock's surface lies within one depth of the last one; the stock itself is the level after that.
 """
 
+import math
 import time
 from functools import partial
 from typing import Any
@@ -13,11 +14,13 @@ from bonecam.job import LevelsJob
 from bonecam.levels.measure.inspection import Rules, inspect
 from bonecam.levels.problem.discretisation import discretise
 from bonecam.levels.problem.energies.attraction import ATTRACTIONS
+from bonecam.levels.problem.published import PublishedProgram
 from bonecam.levels.problem.remaining import remaining, whole
 from bonecam.levels.problem.tolerances import NESTING_TOLERANCE, STOCK_TOLERANCE
 from bonecam.levels.refine_for_depth import refine_for_depth
 from bonecam.levels.sequences.begun_morph import BegunMorph, Morph
 from bonecam.levels.sequences.published_sequence import published_sequence
+from bonecam.levels.sequences.restore_feasibility import ACCEPTED
 from bonecam.levels.sequences.sequence_maker import SequenceMaker
 from bonecam.levels.solvers.solver import SOLVERS
 from bonecam.mesh.distance import MeshDistance
@@ -32,6 +35,7 @@ from bonecam.surface.tspline import TSpline
 METHODS = {
     "qp": (NESTING_TOLERANCE, STOCK_TOLERANCE),
     "qcqp": (0.02, 2 * STOCK_TOLERANCE),
+    "published": (0.02, 2 * STOCK_TOLERANCE),
 }
 """How far (mm) a level may fall behind the one before and leave the stock: the published program says nothing
 of the one, and holds the other at samples only."""
@@ -68,16 +72,16 @@ def begin_morph(
 
     `stiffness` is c_int / c_ext (parameters in [0, 1]). `method` is `qp`, whose programs `solver` solves
     (`admm`, or as a reference `osqp` or `clarabel`), or `qcqp`, the published program solved exactly
-    (`published_sequence.py`): slow. SurfaceError where the surface is no closed body's between two poles,
-    StockError where it leaves the stock, JobError where a number is out of range, LevelError where a level
-    cannot be made.
+    (`published_sequence.py`), or `published`, the same as the paper prints it, whatever limits that breaks: both
+    slow. SurfaceError where the surface is no closed body's between two poles, StockError where it leaves the stock,
+    JobError where a number is out of range, LevelError where a level cannot be made.
     """
     require_types(surface, schedule, stock)
     _require_parameters(attraction, method, solver, stiffness, chord_tolerance)
     _require_closed_inside(surface, stock, schedule)
     started = time.perf_counter()
     solving, measuring = part(progress := rising(progress), 0.0, 0.7), part(progress, 0.7, 1.0)
-    if method != "qcqp":
+    if method == "qp":
         surface = refine_for_depth(surface, stock, schedule.beyond)
     discretisation = discretise(surface, stock, ATTRACTIONS[attraction])
     around = whole(stock)
@@ -86,9 +90,10 @@ def begin_morph(
     measure = partial(inspect, surface, rules=rules, progress=measuring)
 
     lower_bound = schedule.lower_bound(rest.left)
-    if method == "qcqp":
+    if method != "qp":
         maker = None
-        sequences = iter([published_sequence(surface, stock, schedule, stiffness, attraction, solving)])
+        program = PublishedProgram(surface, stock, attraction, printed=method == "published")
+        sequences = iter([published_sequence(program, surface, schedule, stiffness, solving)])
     else:
         maker = SequenceMaker(discretisation, around, schedule, lower_bound, solving, solver, stiffness)
         sequences = maker.all(rest)
@@ -105,6 +110,7 @@ def begin_morph(
         apart=rest.left,
         rest=left,
         seconds=seconds,
+        accepted=math.inf if method == "published" else ACCEPTED,
     )
 
 

@@ -84,7 +84,7 @@ def part_and_stock(surface: TSpline, stock: Stock, chord_tolerance: float) -> Mo
 
 def check_method(levels: LevelsJob) -> None:
     """JobError where the solver of the levels is not installed."""
-    if levels.method == "qcqp":
-        require_clarabel("method", "qcqp", "qp")
+    if levels.method != "qp":
+        require_clarabel("method", levels.method, "qp")
     elif levels.solver == "clarabel":
         require_clarabel("solver", "clarabel", "admm")

@@ -1,5 +1,6 @@
 """What each level of a morph is cut with: the cutter, and how deep the cut may be."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
@@ -23,6 +24,9 @@ def depth_limits(levels: Sequence[Level], level: int, cutters: Mapping[int, Cutt
 
 
 def least_depth(level: int, job: Job) -> float:
-    """The depth (mm) below which a cut that leaves the level is left to the next one, if that is a roughing one too."""
+    """The depth (mm) below which a cut that leaves the level is left to the next one, if that is a roughing one too.
+    The published pattern leaves none out."""
+    if job.path.pattern == "published":
+        return -math.inf
     to_roughing = level > 0 and not job.is_finishing(level) and not job.is_finishing(level - 1)
     return job.path.least_depth if to_roughing else 0.0

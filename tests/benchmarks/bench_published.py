@@ -10,28 +10,17 @@ back and simulated.
 """
 
 import sys
-from dataclasses import replace
 from pathlib import Path
-from typing import Any
-from unittest import mock
 
 import numpy as np
-from jaxtyping import Float
-from numpy import ndarray
 
 import bonecam
-from bonecam.planning import levels as level_paths
-from bonecam.planning.level_cutters import depth_limits
-from bonecam.planning.passes.engaged_segments import DepthLimits
-from bonecam.planning.passes.patterns import fastest
-from bonecam.surface.tspline import TSpline
 from bonecam.tool import MoveKind
 
 PHALANX = Path(__file__).resolve().parents[2] / "meshes" / "phalanx.ply"
 BONES = Path(__file__).resolve().parents[3] / "shared" / "meshes" / "bones"
 NAMES = ("3midph", "capitate")
 COLUMNS = ("part", "paths", "cuts mm", "min", "retracts", "left mm2", "highest mm", "mean left um")
-ALLOWED = depth_limits
 
 
 def cases() -> list[str]:
@@ -40,26 +29,9 @@ def cases() -> list[str]:
     return sys.argv[1:] or [f"{PHALANX}:mm", *bones]
 
 
-def whole_lines(
-    surface: TSpline, across: Float[ndarray, " k"], radius: float, scallop: float
-) -> Float[ndarray, "k 2"]:
-    """Every line from pole to pole."""
-    return np.tile(surface.domain[1], (len(across), 1))
-
-
-def with_air(*args: Any) -> DepthLimits:
-    """The depths of a cut where nothing is too thin to be cut."""
-    return replace(ALLOWED(*args), least=-np.inf)
-
-
 def published(mesh: str, job: bonecam.Job) -> bonecam.Result:
     """The job by the published method."""
-    job = job.with_values(path={"pattern": "along"})
-    with (
-        mock.patch.object(fastest, "needed_ranges", whole_lines),
-        mock.patch.object(level_paths, "depth_limits", with_air),
-    ):
-        return bonecam.convert(mesh, job)
+    return bonecam.convert(mesh, job.with_values(path={"pattern": "published"}))
 
 
 def row(result: bonecam.Result) -> list[str]:

@@ -56,8 +56,9 @@ def test_what_is_too_shallow_for_a_roughing_cut_is_left_out(levels: Callable[...
     assert half.length == pytest.approx((shallow.length + deep.length) / 2)
     assert shallow.blocks < half.blocks < deep.blocks
     assert shallow.minutes < half.minutes < deep.minutes
-    everywhere = estimate(levels(SHALLOW, 0.2), JOB.with_values(path={"least_depth": 0.0}), MachineBodies())
-    assert everywhere.length == deep.length
+    for path in ({"least_depth": 0.0}, {"least_depth": 0.1, "pattern": "published"}):
+        everywhere = estimate(levels(SHALLOW, 0.2), JOB.with_values(path=path), MachineBodies())
+        assert everywhere.length == deep.length
 
 
 def test_the_summary_has_what_came_beside_what_was_expected(levels: Callable[..., list[Level]]) -> None:

@@ -78,9 +78,9 @@ class PublishedProgram:
     ) -> None:
         if attraction not in SOURCES:
             raise ValueError(
-                f"attraction {attraction!r} of method 'qcqp': choose one of {', '.join(SOURCES)}"
+                f"attraction {attraction!r} of the published program: choose one of {', '.join(SOURCES)}"
             )
-        self.stock = stock
+        self.stock, self.attraction = stock, attraction
         self.printed = printed
         self.samples = samples_of(surface, *integration_points(surface))
         self.M = thin_plate(surface)

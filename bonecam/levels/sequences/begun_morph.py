@@ -23,8 +23,8 @@ class Morph:
 
     K_min counts the largest distance between part and stock, from a point of either to the other, as the
     depths of the cuts are limited both ways. `distance` is that from the stock to the part, mm. The seconds
-    are for benchmarks and reports. `breaks` is by how much (mm, ACCEPTED at most) a level exceeds its depth,
-    falls behind or leaves the stock where no sequence keeps every tolerance; else 0.
+    are for benchmarks and reports. `breaks` is by how much (mm) a level exceeds its depth, falls behind or leaves the
+    stock where no sequence keeps every tolerance, ACCEPTED at most but with the published program; else 0.
     """
 
     levels: tuple[Level, ...]
@@ -59,7 +59,7 @@ class BegunMorph:
     """The levels that a morph makes first, not measured yet: `first` holds the control points of levels 0 to K - 1.
 
     `distance` (mm) is the largest from the stock to the part, `apart` that either way, `rest` what the last cut has
-    to take at most.
+    to take at most. Levels that break their limits by more than `accepted` (mm) are refused.
     """
 
     schedule: Schedule
@@ -71,13 +71,14 @@ class BegunMorph:
     apart: float
     rest: float
     seconds: float
+    accepted: float = ACCEPTED
 
     def measured(self) -> Morph:
         """The morph: the first levels, or those of the next way to make them, that keep their limits as measured.
         LevelError where none do."""
         started = time.perf_counter()
         sequences = chain([self.first], self.others)
-        inspection, checking = _first_within_limits(sequences, self.maker, self.measure)
+        inspection, checking = _first_within_limits(sequences, self.maker, self.measure, self.accepted)
         breaks = max((excess_bound(level) for level in inspection.failed), default=0.0)
         solving = self.seconds + time.perf_counter() - started - checking
         lower_bound = self.schedule.lower_bound(self.apart)
@@ -88,11 +89,12 @@ def _first_within_limits(
     sequences: Iterator[list[ndarray]],
     maker: SequenceMaker | None,
     measure: Callable[[list[ndarray]], Inspection],
+    accepted: float,
 ) -> tuple[Inspection, float]:
     """The first sequence of which every cut keeps its limits as measured, and the seconds of all measuring;
     levels that do not are restored by `maker`, if there is one.
 
-    Where there is none the first that exceeds its limits by ACCEPTED at most; else LevelError.
+    Where there is none the first that exceeds its limits by `accepted` (mm) at most; else LevelError.
     """
     failure: LevelError | None = None
     nearly: Inspection | None = None
@@ -113,7 +115,7 @@ def _first_within_limits(
         else:
             return inspection, checking
         breaks = max(excess_bound(level) for level in inspection.failed)
-        if nearly is None and not inspection.crosses and breaks <= ACCEPTED:
+        if nearly is None and not inspection.crosses and breaks <= accepted:
             nearly = inspection
     if nearly is None:
         assert failure is not None

@@ -14,7 +14,6 @@ from bonecam.levels.solvers.published import next_moves
 from bonecam.mesh.distance import MeshDistance
 from bonecam.progress import Progress
 from bonecam.setup.schedule import Schedule
-from bonecam.setup.stock import Stock
 from bonecam.surface.tspline import TSpline
 
 CHORD = 0.02
@@ -41,20 +40,19 @@ class _Rest:
 
 
 def published_sequence(
+    program: PublishedProgram,
     surface: TSpline,
-    stock: Stock,
     schedule: Schedule,
     stiffness: float,
-    attraction: str,
     progress: Progress,
 ) -> list[ndarray]:
-    """Control points of levels 0, 1, 2, ... up to the last below the stock, by the published program.
+    """Control points of levels 0, 1, 2, ... up to the last below the stock, by the `program` of a `surface`.
 
     The stiffness falls where progress stalls. LevelError where progress ends.
     """
-    program = PublishedProgram(surface, stock, attraction)
-    grid, targets = level_grid(surface, [surface.control_points], CHORD), stock.mesh(CHORD).vertices
-    remedy = f"raise surface.max_control_points{', or take levels.attraction stock' if attraction == 'sphere' else ''}"
+    grid, targets = level_grid(surface, [surface.control_points], CHORD), program.stock.mesh(CHORD).vertices
+    other = ", or take levels.attraction stock" if program.attraction == "sphere" else ""
+    remedy = f"raise surface.max_control_points{other}"
 
     def next_level(P: ndarray, k: int, rest: _Rest) -> ndarray:
         moves = next_moves(program, P, schedule.limit(k), rest.stiffness)

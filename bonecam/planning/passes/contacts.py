@@ -1,9 +1,9 @@
 """The contacts and ball centres of a level on the curves of a pattern (`patterns/`).
 
 `along`: lines s = const, as published (Gan et al. 2014, section 4.3); at the poles of a closed bone, where they crowd,
-only those that are needed. `round`: lines t = const, from the free end down to the post. `iso-scallop`: curves along
-the part, each at the local step from the one before. `spiral`: one curve round the part. `bands`: bands round
-the part with lines of their own.
+only those that are needed. `published`: all of them, whole. `round`: lines t = const, from the free end down to the
+post. `iso-scallop`: curves along the part, each at the local step from the one before. `spiral`: one curve round the
+part. `bands`: bands round the part with lines of their own.
 """
 
 from collections.abc import Sequence

@@ -123,6 +123,16 @@ def test_the_method_has_the_default_ones_interface(capsule: Capsule, waisted: Ca
     assert all(level.depth_max <= level.limit + 0.002 for level in made.levels[1:])
 
 
+def test_the_printed_program_is_a_choice_whose_broken_limits_are_told(
+    capsule: Capsule, waisted: Callable[..., TSpline]
+) -> None:
+    surface = waisted(rows=8, around=6)
+    made = morph(surface, capsule, Schedule((), 0.8), method="published", chord_tolerance=0.05)
+    over = max(level.deepest - level.limit for level in made.levels[1:])
+    behind = max(-level.nesting_min for level in made.levels[1:])
+    assert made.breaks >= max(over, behind) > 0.02, "what qcqp does not allow"
+
+
 class Unmeetable(PublishedProgram):
     """The published program with a limit at one sample that no move meets."""
 
@@ -144,7 +154,7 @@ class NearlyMet(Unmeetable):
 def test_a_level_that_leaves_its_limits_is_told_with_its_place(
     capsule: Capsule, schedule: Schedule, waisted: Callable[..., TSpline], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("bonecam.levels.sequences.published_sequence.PublishedProgram", Unmeetable)
+    monkeypatch.setattr("bonecam.levels.closed_morph.PublishedProgram", Unmeetable)
     with pytest.raises(
         LevelError,
         match=r"^level 1: .* limits by 0\.0100 mm at \(.*\) after \d+ rounds: raise surface\.max_control_points$",
@@ -180,7 +190,8 @@ def test_levels_that_get_no_nearer_end_soon_and_tell_another_attraction(
         LevelError,
         match=r"^level 11 gets no nearer to the stock than 3\.000 mm at .*, or take levels\.attraction stock$",
     ):
-        published_sequence(waisted(), capsule, schedule, STIFFNESS, "sphere", silent)
+        program = PublishedProgram(waisted(), capsule, "sphere")
+        published_sequence(program, waisted(), schedule, STIFFNESS, silent)
 
 
 def test_an_unknown_method_is_refused(

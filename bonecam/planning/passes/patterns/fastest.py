@@ -23,11 +23,11 @@ from bonecam.planning.passes.patterns.step_metric import step_metric
 from bonecam.surface.tspline import TSpline
 from bonecam.tool.cutter import Cutter
 
-ISO_PARAMETRIC = ("along", "round")
-"""Patterns for surfaces of all kinds."""
+ISO_PARAMETRIC = ("along", "round", "published")
+"""Patterns for surfaces of all kinds; `published`: whole lines s = const (Gan et al. 2014, section 4.3)."""
 CLOSED = ("iso-scallop", "spiral", "bands")
 """Patterns for surfaces that are closed in s, with poles."""
-FASTEST = (*ISO_PARAMETRIC, "iso-scallop")
+FASTEST = ("along", "round", "iso-scallop")
 """The patterns of which the fastest is taken: spiral and bands are hardly ever sooner, and take longer to plan."""
 SEEDS = (3, 4, 6)
 """Numbers of meridians from which iso-scallop curves are tried to be counted."""
@@ -80,7 +80,8 @@ def _candidates(
     radius, scallop = cutter.radius, cutter.scallop
     for name in ISO_PARAMETRIC:
         if name in names:
-            across = line_positions(surface, name, radius, scallop)
+            lines = "round" if name == "round" else "along"
+            across = line_positions(surface, lines, radius, scallop)
             yield iso_parametric_curves(surface, name, across, radius, scallop)
     if set(names) <= set(ISO_PARAMETRIC):
         return
@@ -98,11 +99,13 @@ def _candidates(
 def iso_parametric_curves(
     surface: TSpline, pattern: str, across: Float[ndarray, " k"], radius: float, scallop: float
 ) -> Curves:
-    """Lines t = const from the upper end down (`round`), or s = const where they are needed (`along`), at these
-    increasing places."""
+    """Lines t = const from the upper end down (`round`), s = const where they are needed (`along`) or whole
+    (`published`), at these increasing places."""
     if pattern == "round":
         ends = surface.domain[0]
         return curves_of([np.column_stack([ends, np.full(2, t)]) for t in across[::-1]])
+    if pattern == "published":
+        return curves_of([np.column_stack([np.full(2, s), surface.domain[1]]) for s in across])
     ranges = needed_ranges(surface, across, radius, scallop)
     return curves_of(
         [np.column_stack([[s, s], ends]) for s, ends in zip(across, ranges) if np.isfinite(ends).all()]

@@ -70,6 +70,7 @@ def test_curves_at_the_local_step_are_hardly_longer_than_area_over_step(
     assert lengths["iso-scallop"] <= 1.15 * least
     assert lengths["iso-scallop"] <= 0.75 * lengths["pole to pole"]
     assert lengths["along"] <= 0.9 * lengths["pole to pole"]
+    assert lengths["published"] == lengths["pole to pole"]
 
 
 @pytest.mark.parametrize("direction", ["climb", "conventional"])
