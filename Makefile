@@ -11,7 +11,7 @@ BROWSER := chromium fonts-dejavu-core
 # Compiled modules are kept: tests start hundreds of processes, and each would compile the package anew.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: demo test processor docs lint types system cnc browser clean
+.PHONY: demo test processor docs papers lint types system cnc browser clean
 
 demo: $(VENV)/installed
 	mkdir -p out
@@ -27,6 +27,10 @@ processor: $(VENV)/developing browser
 docs: $(VENV)/documenting
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict -q -f docs/mkdocs.yml
 	@echo "open out/docs/index.html"
+
+# The tables of the page "The papers beside bonecam": BONES="bone.stl:m ...", by default the phalanx that ships.
+papers: $(VENV)/developing
+	$(BIN)/python docs/papers.py $(BONES)
 
 lint: $(VENV)/developing
 	$(BIN)/ruff format --check .

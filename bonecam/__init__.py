@@ -5,7 +5,8 @@
     print(result.report["levels_lower_bound"], result.program.text[:80])
 
 `machine`, `tool`, `mesh`, `surface`, `workholding`, `setup`, `levels`, `material`, `mechanics`, `planning`, `nc`,
-`verify` and `report` are the stages, in the order of the flow. Names load when first used; `__init__.pyi` lists them.
+`verify` and `report` are the stages, in the order of the flow; `study` compares strategies. Names load when first
+used; `__init__.pyi` lists them.
 """
 
 import lazy_loader

@@ -8,6 +8,7 @@ from . import nc as nc
 from . import planning as planning
 from . import report as report
 from . import setup as setup
+from . import study as study
 from . import surface as surface
 from . import tool as tool
 from . import verify as verify
@@ -32,5 +33,7 @@ from .report.files.result import Result as Result
 from .report.tables.batch_table import Outcome as Outcome
 from .second_clamping import clamping_shell as clamping_shell
 from .simulation import simulate as simulate
+from .study.comparison import compare as compare
+from .study.probed_folder import probe as probe
 
 __version__: str

@@ -84,9 +84,9 @@ def convert(
     given, source = _given(mesh)
     outputs.check(source, dialect)
     times = StageTimes()
-    made = _morph(given, job, machine, keep, times, part(progress, 0.0, 0.3))
+    made = morph_part(given, job, machine, keep, times, part(progress, 0.0, 0.3))
     with keep_refused(made, keep):
-        result = _machine(made, machine, dialect, source, program, times, part(progress, 0.3, 0.8))
+        result = machine_levels(made, machine, dialect, source, program, times, part(progress, 0.3, 0.8))
         if simulation:
             result = _simulated(result, times, part(progress, 0.8, 0.9), mechanics=mechanics)
         if job.holding.second:
@@ -118,7 +118,7 @@ def morph_levels(
     outputs.check(source)
     times = StageTimes()
 
-    made = _morph(given, job, machine=None, keep=keep, times=times, progress=part(progress, 0.0, 0.95))
+    made = morph_part(given, job, machine=None, keep=keep, times=times, progress=part(progress, 0.0, 0.95))
     with times.stage("files"):
         outputs.write(made, part(progress, 0.95, 1.0))
     return made
@@ -134,7 +134,7 @@ def check_job(job: Job, machine: Machine, dialect: Dialect) -> None:
     check_posting(job, machine, dialect)
 
 
-def _morph(
+def morph_part(
     mesh: str | Path | TriangleMesh,
     job: Job,
     machine: Machine | None,
@@ -180,7 +180,7 @@ def stand_on_neck(
     return find_standing(setup, job, machine_limits(machine or read_machine(job.nc.machine)))
 
 
-def _machine(
+def machine_levels(
     made: Morphed,
     machine: Machine,
     dialect: Dialect,
@@ -189,7 +189,7 @@ def _machine(
     times: StageTimes,
     progress: Progress,
 ) -> Result:
-    """Tool paths on the levels, the program `file` of the part's file `source`, and its proof."""
+    """Tool paths on the levels, the program `file` of the part's file `source`, and its proof; nothing is simulated."""
     job = made.job
     levels = made.levels.levels
     foretold = {}

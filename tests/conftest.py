@@ -68,6 +68,12 @@ def surface_of_revolution(
 
 
 @pytest.fixture(scope="session")
+def revolved() -> Callable[..., TSpline]:
+    """Makes a closed T-spline about Z from a radius by height share and azimuth."""
+    return surface_of_revolution
+
+
+@pytest.fixture(scope="session")
 def painted_ply() -> str:
     """A PLY file of one triangle whose texture is the file {}."""
     return """ply

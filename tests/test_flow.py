@@ -8,7 +8,7 @@ import pytest
 ORDER = [
     *"errors progress arrays runtime files text machine job kernels tool mesh surface".split(),
     *"workholding setup levels material mechanics planning nc verify report".split(),
-    *"post_and_prove second_clamping pipeline simulation finishing filters batch cli __main__".split(),
+    *"post_and_prove second_clamping pipeline simulation finishing study filters batch cli __main__".split(),
 ]
 ROOMS = {
     "runtime": "threads loading timing parent signals temporary worker own_files locking staging".split(),
@@ -26,7 +26,8 @@ ROOMS = {
         *"within_depth level_cutters levels estimate".split(),
     ],
     "batch": "parts one_part run cluster".split(),
-    "verify": "gouge readback removal control proof".split(),
+    "verify": "gouge readback removal control probing proof".split(),
+    "study": "strategies rows claims compared table pictures files comparison probed_folder".split(),
     "report": [
         *"axis_lines mechanics_lines axis_comparison post_lines stage_reports run_report tables summary".split(),
         *"pictures page sheet files".split(),
@@ -40,7 +41,7 @@ DOORS = {
     "osqp": {"levels/solvers/osqp.py"},
     "clarabel": {"levels/solvers/clarabel.py"},
     "fcl": {"planning/collision/fcl_model.py"},
-    "matplotlib": {"report/pictures"},
+    "matplotlib": {"report/pictures", "study/pictures"},
     "contourpy": {"planning/strategies/slices.py"},
     "numba": {"kernels"},
     "open3d": {"mesh/distance.py", "mesh/triangle_mesh.py"},

@@ -119,7 +119,9 @@ def test_an_absurd_job_is_refused_before_the_surface_is_fitted(
 
 
 @pytest.mark.usefixtures("no_work")
-@pytest.mark.parametrize(("field", "value"), [("method", "qcqp"), ("method", "published"), ("solver", "clarabel")])
+@pytest.mark.parametrize(
+    ("field", "value"), [("method", "qcqp"), ("method", "published"), ("solver", "clarabel")]
+)
 def test_a_solver_that_is_not_installed_is_named_before_the_surface_is_fitted(
     field: str, value: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -18,6 +18,10 @@ EXAMPLES = {
   bonecam shell bone.stl --units m -o shell.stl --covered 0.6""",
     "simulate": """
   bonecam simulate bone.h --keep look --job job.toml""",
+    "probe": """
+  bonecam probe look -o probe.csv --picture probe.png --program probe.h""",
+    "compare": """
+  bonecam compare bone.stl --units m -o study --job job.toml --set mechanics.refuse=false""",
     "view": """
   bonecam view look -o bone.html""",
     "batch": """

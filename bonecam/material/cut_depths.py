@@ -29,16 +29,6 @@ class Depths:
     depths: Float[ndarray, " n"]
 
     @property
-    def mean(self) -> float:
-        """The mean depth, mm; 0 where nothing was cut."""
-        return float(self.depths.mean()) if len(self.depths) else 0.0
-
-    @property
-    def p99(self) -> float:
-        """The depth that 99 % of the places stay below, mm; 0 where nothing was cut."""
-        return float(np.percentile(self.depths, 99)) if len(self.depths) else 0.0
-
-    @property
     def deepest(self) -> int:
         """The index of the deepest place."""
         return int(np.argmax(self.depths))

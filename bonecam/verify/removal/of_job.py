@@ -75,7 +75,7 @@ def followed_surfaces(job: Job, meshes: Mapping[int, TriangleMesh]) -> dict[int,
     return dict.fromkeys(layer_limits(job), meshes[0])
 
 
-def prove_removal(
+def removal_of_job(
     text: str,
     machine: Machine,
     dialect: Dialect,
@@ -88,9 +88,8 @@ def prove_removal(
     mechanics: bool = True,
 ) -> Removal:
     """What the posted `text` of a job removes from its stock; `levels` are those it cuts, `given` is the part as it was
-    given. Without `mechanics` force and bending are left out.
-
-    Errors as in `simulate_removal` and `check_removal`.
+    given. Without `mechanics` force and bending are left out. Errors as in `simulate_removal`; what a program may not
+    do is told, not refused.
     """
     post = post_below(levels[0].mesh, job.holding)
     clamping = clamping_of(job.holding, machine.table)
@@ -110,8 +109,23 @@ def prove_removal(
         workpiece=workpiece_of(job, post, clamping) if mechanics else None,
         progress=progress,
     )
-    if given is not None:
-        removal = beside_given(removal, given, post, job)
+    return removal if given is None else beside_given(removal, given, post, job)
+
+
+def prove_removal(
+    text: str,
+    machine: Machine,
+    dialect: Dialect,
+    job: Job,
+    stock: Stock,
+    levels: Sequence[Level],
+    progress: Progress = silent,
+    given: GivenSurface | None = None,
+    *,
+    mechanics: bool = True,
+) -> Removal:
+    """What `removal_of_job` tells; errors as in `check_removal` too, where that is not what a program may do."""
+    removal = removal_of_job(text, machine, dialect, job, stock, levels, progress, given, mechanics=mechanics)
     check_removal_of_job(removal, job)
     return removal
 

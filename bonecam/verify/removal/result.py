@@ -1,8 +1,9 @@
 """What a simulation tells: values, and the section `removal` of the report."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
@@ -33,8 +34,8 @@ class LevelRemoval:
     """What the moves of one path removed: of a level's own one, or (`rest` from 1) of one of its rest paths before;
     `index` is None where the text names no level.
 
-    `deepest` is the largest depth of cut (None where nothing was cut), `depth_p99` the one that 99 % of the
-    surface cut stay below, mm; `over_limit` is what the deepest exceeds its limit by, mm (None where no limit
+    `deepest` is the largest depth of cut (None where nothing was cut), `depths` (n,) are those at places evenly spread
+    over the surface that was cut, mm; `over_limit` is what the deepest exceeds its limit by, mm (None where no limit
     is known), `over_allowed` what it may: the scallop that the level before may leave, and half of a cell, as far as a
     depth is uncertain. `removed` in mm^3; `air_time_share`: share of the feed time whose moves remove less than AIR;
     `rubbing_time_share`: share of the time of the cuts in which less goes than at a depth of RUBBING (`groups.py`).
@@ -46,14 +47,23 @@ class LevelRemoval:
     tool: int
     removed: float
     deepest: Spot | None
-    depth_p99: float
-    depth_mean: float
+    depths: Float[ndarray, " n"] = field(compare=False, repr=False)
     over_limit: float | None
     over_allowed: float
     air_time_share: float
     rubbing_time_share: float
     links: float
     link_depth: Spot | None
+
+    @property
+    def depth_mean(self) -> float:
+        """The mean depth of the cut, mm; 0 where nothing was cut."""
+        return float(self.depths.mean()) if len(self.depths) else 0.0
+
+    @property
+    def depth_p99(self) -> float:
+        """The depth that 99 % of the surface cut stay below, mm; 0 where nothing was cut."""
+        return float(np.percentile(self.depths, 99)) if len(self.depths) else 0.0
 
 
 @dataclass(frozen=True)

@@ -186,11 +186,11 @@ def test_levels_that_get_no_nearer_end_soon_and_tell_another_attraction(
     monkeypatch.setattr(
         "bonecam.levels.sequences.published_sequence.distance_left", lambda grid, P, targets: (3.0, P[0])
     )
+    program = PublishedProgram(waisted(), capsule, "sphere")
     with pytest.raises(
         LevelError,
         match=r"^level 11 gets no nearer to the stock than 3\.000 mm at .*, or take levels\.attraction stock$",
     ):
-        program = PublishedProgram(waisted(), capsule, "sphere")
         published_sequence(program, waisted(), schedule, STIFFNESS, silent)
 
 

@@ -1,0 +1,178 @@
+"""One part by several strategies (Gan et al. 2014, section 5.3): each planned, posted, read back, simulated, probed.
+
+Part, placement, fitted surface, stock and holding are made once; every strategy starts from them. A program that its
+own proof would refuse is measured all the same, and its row says so; a strategy that has no program is a row with its
+reason.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from bonecam.errors import BonecamError, JobError, LevelError
+from bonecam.files import check_folder
+from bonecam.job import Job
+from bonecam.levels.job_levels import check_method, make_levels
+from bonecam.machine.machine import Machine, read_machine
+from bonecam.mechanics.workpiece import mechanics_of_job
+from bonecam.mesh.triangle_mesh import MeshLike, mesh_from
+from bonecam.nc.dialect import Dialect, read_dialect
+from bonecam.nc.requirements import check_reach
+from bonecam.pipeline import check_job, machine_levels, morph_part
+from bonecam.progress import Progress, part, report, silent
+from bonecam.report.files.result import Morphed, Result
+from bonecam.runtime.timing import StageTimes
+from bonecam.study.claims import claims_of
+from bonecam.study.compared import Comparison, Measured
+from bonecam.study.files import write_comparison
+from bonecam.study.rows import Row, figures_of
+from bonecam.study.strategies import STRATEGIES, Strategy
+from bonecam.verify.probing.line import ProbeLine, probe_line
+from bonecam.verify.probing.machined import PostedProgram
+from bonecam.verify.probing.probe import RUBY, probe_surface
+from bonecam.verify.probing.roughness import roughness_of
+from bonecam.verify.removal.given import given_surface
+from bonecam.verify.removal.of_job import check_removal_of_job, cutters_of, removal_of_job
+from bonecam.workholding.post import post_below
+
+
+def compare(
+    mesh: "str | Path | MeshLike",  # a text, as help() would write the union out
+    job: Job | None = None,
+    *,
+    folder: str | Path | None = None,
+    strategies: Sequence[str] | None = None,
+    points: int = 100,
+    line: float | None = None,
+    progress: Progress = silent,
+) -> Comparison:
+    """The comparison of the strategies (by name; None: all) on one part, probed at `points` of the line s = `line`
+    (None: its back); written to `folder` if one is given: table, claims, pictures, pages (`files.py`).
+
+    JobError for an unknown strategy or a line off the part; errors of the part, its stock and its holding as in
+    `convert`. What fails later fails one row.
+    """
+    job = job or Job()
+    chosen = _chosen(strategies)
+    if folder is not None:
+        check_folder(folder)
+    job = job.with_values(holding={"second": ""})
+    machine, dialect = read_machine(job.nc.machine), read_dialect(job.nc.controller)
+    check_job(job, machine, dialect)
+    check_reach(job, machine)
+    mechanics_of_job(job)
+    given = mesh if isinstance(mesh, str | Path) else mesh_from(mesh)
+    base, failure = _base(given, job, chosen, machine, part(progress, 0.0, 0.2))
+    post = post_below(base.part.mesh, base.job.holding)
+    study = _Study(base, failure, machine, dialect, probe_line(base.surface, post, RUBY, points, line))
+    rows, measured = [], {}
+    for k, strategy in enumerate(chosen):
+        share = part(progress, 0.2 + 0.8 * k / len(chosen), 0.2 + 0.8 * (k + 1) / len(chosen))
+        report(share, 0.0, strategy.title)
+        row, found = study.row(strategy, share)
+        rows.append(row)
+        if found is not None:
+            measured[strategy.name] = found
+    made = Comparison(base.part.file, tuple(rows), claims_of(rows), measured)
+    if folder is not None:
+        write_comparison(made, folder)
+    return made
+
+
+def _chosen(names: Sequence[str] | None) -> list[Strategy]:
+    known = {strategy.name: strategy for strategy in STRATEGIES}
+    unknown = [name for name in names or () if name not in known]
+    if unknown:
+        raise JobError(f"strategy {unknown[0]!r} is unknown: take some of {', '.join(known)}")
+    return [known[name] for name in names or known]
+
+
+def _base(
+    given: Any, job: Job, chosen: Sequence[Strategy], machine: Machine, progress: Progress
+) -> tuple[Morphed, BonecamError | None]:
+    """Part, surface, stock, holding and the levels of the job; where these fail, without them and with the reason.
+
+    Sizes of the holding that the job leaves open are found for tools that lie level, where a strategy has such: they
+    need more room above the clamping than those of a morph, which then stand on the same.
+    """
+    layers = [strategy for strategy in chosen if not strategy.is_morph]
+    placed = None
+    if layers:
+        placed = morph_part(given, layers[0].job(job), machine, None, StageTimes(), part(progress, 0.0, 0.5))
+        job = replace(job, holding=placed.job.holding)
+    if len(layers) == len(chosen) and placed is not None:
+        return placed, None
+    try:
+        morph = STRATEGIES[1].job(job)
+        return morph_part(given, morph, machine, None, StageTimes(), part(progress, 0.5, 1.0)), None
+    except LevelError as error:
+        if placed is None:
+            raise
+        return placed, error
+
+
+@dataclass(frozen=True, eq=False)
+class _Study:
+    """What all strategies of a comparison share; `failure` is why the job has no levels."""
+
+    base: Morphed
+    failure: BonecamError | None
+    machine: Machine
+    dialect: Dialect
+    line: ProbeLine
+
+    def row(self, strategy: Strategy, progress: Progress) -> tuple[Row, Measured | None]:
+        """The row of a strategy, and its program if there is one."""
+        try:
+            result = self._program(strategy, part(progress, 0.0, 0.7))
+            result = self._simulated(result, part(progress, 0.7, 0.95))
+            return self._measured(strategy, result)
+        except BonecamError as error:
+            return Row(strategy.name, strategy.title, "failed", str(error)), None
+
+    def _program(self, strategy: Strategy, progress: Progress) -> Result:
+        """The program, proved but not simulated."""
+        job = strategy.job(self.base.job)
+        check_method(job.levels)
+        check_job(job, self.machine, self.dialect)
+        if strategy.name == "bonecam":
+            if self.failure is not None:
+                raise self.failure
+            levels = self.base.levels
+        else:
+            levels = make_levels(self.base.surface, self.base.stock, job, part(progress, 0.0, 0.2))
+        made = replace(self.base, levels=levels, job=job)
+        share = part(progress, 0.2, 1.0)
+        return machine_levels(
+            made, self.machine, self.dialect, None, self.base.part.file, StageTimes(), share
+        )
+
+    def _simulated(self, result: Result, progress: Progress) -> Result:
+        """The program with what it removes, whatever that is."""
+        given = given_surface(result.part, result.job, result.report)
+        cut = result.program.text, self.machine, self.dialect, result.job, result.stock, result.levels.levels
+        removal = removal_of_job(*cut, progress, given)
+        told = {"removal": removal.report}
+        if removal.mechanics is not None:
+            told["mechanics"] = removal.mechanics.report
+        return replace(result, removal=removal, report={**result.report, **told})
+
+    def _measured(self, strategy: Strategy, result: Result) -> tuple[Row, Measured]:
+        """The row of a simulated program."""
+        removal = result.removal
+        assert removal is not None
+        assert removal.mechanics is not None
+        state, reason = "done", ""
+        try:
+            check_removal_of_job(removal, result.job)
+        except BonecamError as error:
+            state, reason = "refused", str(error)
+        cutters = tuple(cutters_of(result.job, self.machine))
+        posted = PostedProgram(
+            result.program.text, self.machine, self.dialect, cutters, result.surface, removal
+        )
+        probed = probe_surface(posted, self.line)
+        roughness = roughness_of(posted, removal.mechanics.workpiece.flutes)
+        figures = figures_of(result, posted.motions(), cutters, probed, roughness)
+        return Row(strategy.name, strategy.title, state, reason, figures), Measured(result, probed)

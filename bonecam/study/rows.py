@@ -1,0 +1,219 @@
+"""What came of one strategy: the figures of its row, all from the posted text, its simulation and its probe.
+
+Depths and forces are told for the roughing and for the finishing cutter, as their limits differ. Shares are of time.
+
+depth    where something was cut, mm: mean, 99 %, max, cv (standard deviation / mean)
+force    while cutting, N: mean; peak at 99 % and at most; ripple: cv of the mean force; jumps: how far the mean force
+         rises from one move to the next (from nothing behind air) at 99 % and at most, and rises of JUMP a minute
+bend     um: deflection under the mean force while finishing (95 %), and the error that the part keeps
+left     away from the post, mm: mean, 99 %, max, and mm2 that keep more than LEFT
+probe    mm: the deviation of a ball along a line (`verify/probing`)
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from bonecam.mechanics.error_kept import UM, cut_shares
+from bonecam.mechanics.loads import PathLoads
+from bonecam.mechanics.result import Mechanics
+from bonecam.nc.reading.motions import Motions
+from bonecam.planning.passes.contacts import at_post
+from bonecam.report.files.result import Result
+from bonecam.tool.cutter import Cutter
+from bonecam.verify.probing.probe import Probed
+from bonecam.verify.probing.roughness import Roughness
+from bonecam.verify.removal.groups import AIR, feed_minutes, motion_lengths
+from bonecam.verify.removal.left import LEFT
+from bonecam.verify.removal.result import Removal
+from bonecam.workholding.post import post_below
+
+JUMP = 10.0
+"""N: bends a part of 5 um/N by the paper's 0.05 mm."""
+Figures = dict[str, float | None]
+
+
+@dataclass(frozen=True, eq=False)
+class Row:
+    """A strategy by `name` and `title`: `state` is done, refused (its proof refuses the program, which is measured all
+    the same) or failed (there is none), with the `reason`; `figures` by name, empty where it failed."""
+
+    name: str
+    title: str
+    state: str
+    reason: str = ""
+    figures: Figures = field(default_factory=dict)
+
+    @property
+    def report(self) -> dict[str, Any]:
+        """The row as JSON has it."""
+        return {
+            "strategy": self.name,
+            "title": self.title,
+            "state": self.state,
+            "reason": self.reason,
+            "figures": self.figures,
+        }
+
+
+def figures_of(
+    result: Result, motions: Motions, cutters: Sequence[Cutter], probed: Probed, roughness: Roughness
+) -> Figures:
+    """The figures of a program that was simulated."""
+    removal = result.removal
+    assert removal is not None
+    found = _times(motions, cutters, removal) | {"program_min": result.report["nc"]["time_min"]}
+    for cutter in cutters[:2]:
+        found |= _depths(removal, cutter)
+        found |= _forces(removal.mechanics, removal, cutter)
+    found |= _bending(removal.mechanics, removal)
+    found |= _left(removal, result)
+    found |= {f"probe_{name}": value for name, value in probed.report.items()}
+    found |= {"probe_waves_mm": waves(probed), "probe_lean_mm": lean(probed)}
+    return found | {f"rough_{name}": value for name, value in roughness.report.items()}
+
+
+def waves(probed: Probed) -> float | None:
+    """How much the deviation goes up and down from point to point: the standard deviation of what neighbours differ by,
+    mm."""
+    steps = np.diff(probed.deviation)
+    steps = steps[np.isfinite(steps)]
+    return _told(float(steps.std())) if len(steps) else None
+
+
+def lean(probed: Probed) -> float | None:
+    """How far the part leans: what a straight line through that part of the deviations that bending adds rises by over
+    the length of the line, mm."""
+    bent = probed.deviation - probed.rigid
+    known = np.isfinite(bent)
+    if known.sum() < 2:
+        return None
+    along = probed.line.along
+    slope = np.polyfit(along[known], bent[known], 1)[0]
+    return _told(float(slope * np.ptp(along)))
+
+
+def _times(motions: Motions, cutters: Sequence[Cutter], removal: Removal) -> Figures:
+    """Length of the cuts, feed times without and with the limits of the axes, and the share in air."""
+    ways = motion_lengths(motions)
+    cuts = ~motions.rapid & ~motions.links & motions.known_start
+    feeds = np.ones(len(ways))
+    for cutter in cutters:
+        feeds[motions.tools == cutter.number] = cutter.feed
+    minutes = feed_minutes(motions)
+    air = minutes[removal.move_volumes < AIR].sum()
+    return {
+        "length_m": _told(float(ways[cuts].sum()) / 1000),
+        "feed_min": _told(float((ways[cuts] / feeds[cuts]).sum())),
+        "axes_min": _told(float(minutes[cuts].sum())),
+        "air_share": _told(float(air / max(minutes.sum(), np.finfo(float).tiny))),
+    }
+
+
+def _depths(removal: Removal, cutter: Cutter) -> Figures:
+    """Depths of the cut by one cutter."""
+    depths = np.concatenate(
+        [np.zeros(0), *(one.depths for one in removal.levels if one.tool == cutter.number)]
+    )
+    name = f"depth_{cutter.name}"
+    if not len(depths):
+        return dict.fromkeys((f"{name}_mean", f"{name}_p99", f"{name}_max", f"{name}_cv"))
+    return {
+        f"{name}_mean": _told(depths.mean()),
+        f"{name}_p99": _told(np.percentile(depths, 99)),
+        f"{name}_max": _told(depths.max()),
+        f"{name}_cv": _told(depths.std() / depths.mean()),
+    }
+
+
+def _forces(mechanics: Mechanics | None, removal: Removal, cutter: Cutter) -> Figures:
+    """Forces of one cutter, weighted by time."""
+    name = f"force_{cutter.name}"
+    columns = ("mean", "peak_p99", "peak_max", "ripple", "jump_p99", "jump_max", "jumps_per_min")
+    loads = _loads(mechanics, removal, cutter.number)
+    if not loads:
+        return dict.fromkeys(f"{name}_{column}" for column in columns)
+    mean, peak, minutes = (
+        np.concatenate([getattr(one, what) for one in loads]) for what in ("mean", "peak", "minutes")
+    )
+    rises = np.concatenate([_rises(one) for one in loads])
+    average = float(np.average(mean, weights=minutes))
+    spread = float(np.sqrt(np.average((mean - average) ** 2, weights=minutes)))
+    high, most = cut_shares(peak, minutes, (0.99, 1.0))
+    values = (
+        average,
+        high,
+        most,
+        spread / average,
+        np.percentile(rises, 99),
+        rises.max(),
+        (rises > JUMP).sum() / minutes.sum(),
+    )
+    return {f"{name}_{column}": _told(float(value)) for column, value in zip(columns, values, strict=True)}
+
+
+def _rises(loads: PathLoads) -> Float[ndarray, " k"]:
+    """How far the mean force rises into each piece of a path from the piece before, N; from nothing behind air."""
+    follows = np.r_[False, np.diff(loads.moves) <= 1]
+    return np.maximum(loads.mean - np.where(follows, np.r_[0.0, loads.mean[:-1]], 0.0), 0.0)
+
+
+def _loads(mechanics: Mechanics | None, removal: Removal, tool: int) -> list[PathLoads]:
+    """The loads of the paths of one cutter that cut; paths and levels of a removal are in one order."""
+    if mechanics is None:
+        return []
+    both = zip(mechanics.paths, removal.levels, strict=True)
+    return [loads for loads, level in both if level.tool == tool and len(loads.moves)]
+
+
+def _bending(mechanics: Mechanics | None, removal: Removal) -> Figures:
+    """Deflection while finishing, of iso-height on each of its sides, and the error kept, um; stress, N/mm^2."""
+    found: Figures = dict.fromkeys(("bend_finishing_p95_um", "bend_before_last_p95_um", "bend_last_p95_um"))
+    loads = _loads(mechanics, removal, 2)
+    if loads:
+        found["bend_finishing_p95_um"] = _deflection(loads)
+        found["bend_last_p95_um"] = _deflection([one for one in loads if one.index == 0])
+        found["bend_before_last_p95_um"] = _deflection([one for one in loads if one.index == 1])
+    error = mechanics.error if mechanics else None
+    for name in ("median", "p95", "p99"):
+        found[f"error_kept_{name}_um"] = _told(UM * getattr(error, name)) if error else None
+    found["stress_p99_mpa"] = _told(float(mechanics.stress[1])) if mechanics else None
+    return found
+
+
+def _deflection(loads: Sequence[PathLoads]) -> float | None:
+    """The deflection under the mean force that 95 % of the cutting time stay below, um."""
+    if not loads:
+        return None
+    bent, minutes = (
+        np.concatenate([getattr(one, what) for one in loads]) for what in ("deflection", "minutes")
+    )
+    return _told(UM * float(cut_shares(bent, minutes, (0.95,))[0]))
+
+
+def _left(removal: Removal, result: Result) -> Figures:
+    """What stays away from the post."""
+    probes = removal.remaining.normal_probes
+    assert probes is not None
+    post = post_below(result.levels.levels[0].mesh, result.job.holding)
+    away = ~at_post(probes.points, probes.normals, post, result.job.smallest_ball)
+    heights, areas = probes.heights[away], probes.areas[away]
+    highest = removal.left.highest.place[2] if removal.left else None
+    low, high = probes.points[:, 2].min(), probes.points[:, 2].max()
+    return {
+        "left_mean_mm": _told(float(np.average(heights, weights=areas))),
+        "left_p99_mm": _told(float(cut_shares(heights, areas, (0.99,))[0])),
+        "left_max_mm": _told(float(heights.max())),
+        "left_area_mm2": _told(float(areas[heights > LEFT].sum())),
+        "left_highest_at": None if highest is None else _told(float((highest - low) / (high - low))),
+        "gouge_mm": _told(max(-float(heights.min()), 0.0)),
+    }
+
+
+def _told(value: float) -> float:
+    """A figure to four significant digits."""
+    return float(f"{float(value):.4g}")

@@ -1,0 +1,129 @@
+"""The probe of Gan et al. (2014, section 5.3): a ruby ball of 1 mm touches the machined surface at points of a line.
+
+Round each point a patch of the machined surface is laid out, PATCH wide and its nodes SPACING apart, exact at every
+node (`machined.py`). The ball comes along the nominal normal. The deviation is the signed distance of its centre from
+the nominal surface less its radius.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from bonecam.arrays import perpendicular
+from bonecam.mesh.distance import MeshDistance
+from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.verify.probing.line import ProbeLine
+from bonecam.verify.probing.machined import Machined, PostedProgram
+from bonecam.verify.probing.touch import deviations, touching_centres
+
+RUBY = 0.5
+"""Radius of the ruby ball of the paper, mm."""
+BAND = 0.05
+"""The paper's largest deviation, mm."""
+PATCH = 0.3
+"""Half the width of a patch, mm: a ball of RUBY on a surface that leans by up to 35 degrees touches within it."""
+SPACING = 0.03
+"""Distance of the nodes of a patch, mm: a cusp that a ball of 1 mm leaves between two is missed by 2 um."""
+
+
+@dataclass(frozen=True, eq=False)
+class Probed:
+    """The `line` that was probed with a ball of this `radius` (mm), the `centres` (n, 3) of the ball where it touched
+    the surface as it comes out, and the deviation (mm) there (`deviation`) and on the surface as if nothing bent
+    (`rigid`); NaN where it touched nothing. `patches`: the surface that was touched."""
+
+    line: ProbeLine
+    radius: float
+    centres: Float[ndarray, "n 3"]
+    deviation: Float[ndarray, " n"]
+    rigid: Float[ndarray, " n"]
+    patches: TriangleMesh
+
+    @cached_property
+    def within(self) -> float:
+        """Share of the points whose deviation stays within BAND."""
+        return float((np.abs(self.deviation) < BAND).mean())
+
+    @property
+    def largest(self) -> float:
+        """The largest deviation either way, mm; infinite where a point touched nothing."""
+        return float(np.abs(np.nan_to_num(self.deviation, nan=np.inf)).max())
+
+    def __str__(self) -> str:
+        """What the probe found, in a line."""
+        told = self.report
+        found = "no point touched"
+        if told["touched"]:
+            share = 100 * told["within_0_05_share"]
+            found = (
+                f"deviation {told['min_mm']:g} to {told['max_mm']:g} mm, {share:.0f} % of the points within {BAND:g} "
+                f"mm; as if nothing bent at most {told['rigid_max_mm']:g} mm"
+            )
+        return f"{told['touched']} of {told['points']} points of line s = {told['line']:g}: {found}"
+
+    @property
+    def report(self) -> dict[str, Any]:
+        """`probe` of the report."""
+        known = self.deviation[np.isfinite(self.deviation)]
+        return {
+            "line": round(self.line.s, 4),
+            "points": len(self.deviation),
+            "touched": len(known),
+            "mean_mm": round(float(known.mean()), 4) if len(known) else None,
+            "min_mm": round(float(known.min()), 4) if len(known) else None,
+            "max_mm": round(float(known.max()), 4) if len(known) else None,
+            "within_0_05_share": round(self.within, 4),
+            "rigid_max_mm": round(float(np.nanmax(np.abs(self.rigid))), 4) if len(known) else None,
+        }
+
+    @property
+    def csv(self) -> str:
+        """The points: number, way along the line, nominal place and normal, deviations; mm."""
+        head = "number,along,x,y,z,nx,ny,nz,deviation,deviation_rigid"
+        rows = np.column_stack(
+            [self.line.along, self.line.places, self.line.normals, self.deviation, self.rigid]
+        )
+        told = [f"{k}," + ",".join(f"{value:.6f}" for value in row) for k, row in enumerate(rows, 1)]
+        return "\n".join([head, *told]) + "\n"
+
+
+def probe_surface(program: PostedProgram, line: ProbeLine, radius: float = RUBY) -> Probed:
+    """Touch the surface that a program leaves along a `line`, with a ball of this `radius`, mm."""
+    side = np.arange(-PATCH, PATCH + SPACING / 2, SPACING)
+    nodes, faces = _patches(line, side)
+    machined = program.machined(nodes)
+    kept, centres = _touched(machined, machined.kept, faces, line, radius)
+    _, rigid = _touched(machined, machined.cut, faces, line, radius)
+    part = program.part
+    return Probed(
+        line, radius, centres, deviations(part, centres, radius), deviations(part, rigid, radius), kept
+    )
+
+
+def _touched(
+    machined: Machined, heights: Float[ndarray, " m"], faces: ndarray, line: ProbeLine, radius: float
+) -> tuple[TriangleMesh, Float[ndarray, "n 3"]]:
+    """The patches with these heights, and the centres of a ball that touches them."""
+    mesh = TriangleMesh(machined.points + heights[:, None] * machined.normals, faces)
+    of_point = heights.reshape(len(line.places), -1)
+    start, end = of_point.max(axis=1) + 2 * radius, float(heights.min()) - radius
+    return mesh, touching_centres(MeshDistance(mesh), line.places, line.normals, radius, start, end)
+
+
+def _patches(line: ProbeLine, side: Float[ndarray, " k"]) -> tuple[Float[ndarray, "m 3"], ndarray]:
+    """Nodes round each place of a line, in its tangent plane, and the triangles between them."""
+    first = perpendicular(line.normals)
+    second = np.cross(line.normals, first)
+    a, b = (each.ravel() for each in np.meshgrid(side, side, indexing="ij"))
+    nodes = line.places[:, None] + a[:, None] * first[:, None] + b[:, None] * second[:, None]
+    corner = np.arange(len(side) ** 2).reshape(len(side), -1)
+    low, right, up, far = corner[:-1, :-1], corner[1:, :-1], corner[:-1, 1:], corner[1:, 1:]
+    cells = np.vstack(
+        [np.column_stack([x.ravel() for x in three]) for three in ((low, right, far), (low, far, up))]
+    )
+    faces = np.arange(len(line.places))[:, None, None] * len(a) + cells
+    return nodes.reshape(-1, 3), faces.reshape(-1, 3).astype(np.int32)
