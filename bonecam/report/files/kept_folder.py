@@ -21,6 +21,7 @@ from bonecam.report.files.result import Morphed, Result
 from bonecam.report.files.second_program import SecondProgram
 from bonecam.report.page.packing import unpack
 from bonecam.report.page.program_contents import NO_LEVEL
+from bonecam.report.pictures.compared_axes import draw_compared_axes
 from bonecam.report.pictures.depth_colours import draw_coloured, draw_error
 from bonecam.report.pictures.depth_curves import draw_depths
 from bonecam.report.pictures.engagement import draw_engagement
@@ -50,8 +51,8 @@ removes those that an earlier one wrote there."""
 def fill_kept_folder(work: Path, made: Morphed, post: tuple[float, float]) -> None:
     """Write into `work` surface.tspline, given.ply, the files of `keep_levels`, view.gz, job.toml and report.json; of a
     program its text, toolpath.csv, toolpath.apt, toolpath.png, machine.png, stump.png, second.* if there is a second
-    clamping, cones.csv if axes are chosen in cones, left.ply and engagement.png where it was simulated, and
-    error.ply and error.png where it was asked what bends. `post` is (diameter, top z), mm."""
+    clamping, cones.csv, axes.png and axes.md of the part if axes are chosen in cones, left.ply and engagement.png where
+    it was simulated, and error.ply and error.png where it was asked what bends. `post` is (diameter, top z), mm."""
     levels = made.levels.levels
     write_tsm(made.surface, work / "surface.tspline")
     write_mesh(made.part.placed_given, work / GIVEN)
@@ -65,6 +66,9 @@ def fill_kept_folder(work: Path, made: Morphed, post: tuple[float, float]) -> No
         write_whole(work / "toolpath.apt", apt_text(made.paths, made.program.name))
         if any(path.cones for path in made.paths):
             write_whole(work / "cones.csv", cones_csv(made.paths))
+            compared = made.compare_axes()
+            draw_compared_axes(compared, levels[0].mesh, work / "axes.png")
+            write_whole(work / "axes.md", compared.table)
         draw_toolpath(made.paths, levels, work / "toolpath.png", post)
         if made.second is not None:
             _write_second(work, made.second)
