@@ -1,0 +1,104 @@
+"""Strategies on one small part: every figure is told, what fails is a row, and a kept program is probed."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import bonecam
+from bonecam.cli import main
+from bonecam.errors import FileError, JobError, LevelError
+from bonecam.job import Job
+from bonecam.levels.job_levels import make_levels
+from bonecam.report.files.output_files import Outputs
+from bonecam.study import comparison
+from bonecam.study.compared import Comparison
+from bonecam.study.table import LINES
+
+COARSE = Job().with_values(
+    surface={"tolerance": 0.2},
+    stock={"diameter": 10.0, "length": 13.2},
+    holding={"diameter": 4.0, "length": 20.0},
+    levels={"roughing_depth": 1.5, "finishing_levels": 1, "finishing_depth": 0.4, "chord_tolerance": 0.02},
+    roughing={"scallop": 0.4},
+    finishing={"scallop": 0.2},
+    path={"chord_tolerance": 0.05, "gouge_tolerance": 0.05},
+    mechanics={"refuse": False},
+)
+
+
+@pytest.fixture(scope="module")
+def made(pebble, mesh_of, tmp_path_factory):
+    """The folder, and bonecam's strategy compared while the published one fails."""
+    folder = tmp_path_factory.mktemp("study")
+
+    def failing(surface, stock, job, progress):
+        if job.levels.method == "published":
+            raise LevelError("level 1: is planted to fail", level=1)
+        return make_levels(surface, stock, job, progress)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(comparison, "make_levels", failing)
+        names = ["published", "bonecam"]
+        found = bonecam.compare(mesh_of(pebble(), 40, 50), COARSE, folder=folder, strategies=names, points=8)
+    return folder, found
+
+
+def test_a_failed_strategy_is_a_row_with_its_reason_and_ends_nothing(made: tuple[Path, Comparison]) -> None:
+    failed, done = made[1].rows
+    assert (failed.state, failed.reason, failed.figures) == ("failed", "level 1: is planted to fail", {})
+    assert done.name == "bonecam"
+    assert {name for name, _ in LINES} <= done.figures.keys()
+
+
+def test_the_figures_are_those_of_the_program(made: tuple[Path, Comparison]) -> None:
+    (one,) = made[1].measured.values()
+    removal, row = one.result.removal, made[1].rows[1].figures
+    cut = [level for level in removal.levels if level.tool == 2]
+    assert row["depth_finishing_max"] == pytest.approx(max(level.depths.max() for level in cut), rel=1e-3)
+    loads = [path for path in removal.mechanics.paths if len(path.moves)]
+    peak = max(path.peak.max() for path in loads)
+    assert max(row["force_roughing_peak_max"], row["force_finishing_peak_max"]) == pytest.approx(
+        peak, rel=1e-3
+    )
+    assert row["program_min"] >= row["axes_min"] >= row["feed_min"] > 0
+    assert 0 < row["air_share"] < 1
+    assert row["probe_points"] == 8
+    assert abs(one.probed.rigid).max() < COARSE.finishing.scallop
+
+
+def test_the_folder_has_table_claims_curves_and_pages(made: tuple[Path, Comparison]) -> None:
+    names = {file.name for file in made[0].iterdir() if not file.name.startswith(".")}
+    assert names == {
+        *(f"comparison.{kind}" for kind in ("txt", "csv", "json")),
+        *("probe_bonecam.csv", "page_bonecam.html", "index.html", "paths.png", "left.png", "probe.png"),
+    }
+    told = json.loads((made[0] / "comparison.json").read_text())
+    assert [row["state"] for row in told["strategies"]] == ["failed", made[1].rows[1].state]
+    assert 'src="page_bonecam.html"' in (made[0] / "index.html").read_text()
+
+
+def test_a_kept_program_is_probed_as_in_the_comparison(
+    made: tuple[Path, Comparison], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (one,) = made[1].measured.values()
+    Outputs(keep=tmp_path / "keep").write(one.result)
+    files = {"csv": "p.csv", "picture": "p.png", "program": "p.h"}
+    options = ["-o", "p.csv", "--picture", "p.png", "--program", "p.h"]
+    options = [str(tmp_path / word) if "." in word else word for word in options]
+    assert main(["probe", str(tmp_path / "keep"), "--points", "8", *options]) == 0
+    assert "8 of 8 points" in capsys.readouterr().out
+    assert all((tmp_path / name).exists() for name in files.values())
+    table = np.loadtxt(tmp_path / "p.csv", delimiter=",", skiprows=1)
+    assert np.abs(table[:, 8:10] - np.column_stack([one.probed.deviation, one.probed.rigid])).max() < 2e-3
+    (tmp_path / "keep" / "view.gz").write_bytes(b"of another version")
+    with pytest.raises(FileError):
+        bonecam.probe(tmp_path / "keep", points=8)
+
+
+def test_an_unknown_strategy_is_refused_in_a_line() -> None:
+    with pytest.raises(
+        JobError, match=r"^strategy 'spiral' is unknown: take some of published, bonecam, iso-height"
+    ):
+        bonecam.compare("no.stl", strategies=["spiral"])
