@@ -5,6 +5,7 @@ from typing import Any
 
 from bonecam.cli.help_texts import PART
 from bonecam.cli.job_options import add_job_options, job_of
+from bonecam.cli.parser import positive
 from bonecam.cli.progress_display import shown_progress
 
 
@@ -38,7 +39,7 @@ def add_probe(add_command: Any, parsers: Any) -> argparse.ArgumentParser:
     words = "file for a measuring program in the words of the kept job's controller (unproved)"
     probe.add_argument("--program", metavar="FILE", help=words)
     radius = "radius of the ball (0.5 mm)"
-    probe.add_argument("--radius", metavar="MM", type=float, default=0.5, help=radius)
+    probe.add_argument("--radius", metavar="MM", type=positive(3.0), default=0.5, help=radius)
     _add_line(probe)
     return probe
 

@@ -77,7 +77,8 @@ class PathJob(JobSection):
     lead_deg: float = parameter(
         10.0,
         "Lead",
-        "Lead angle: the tool axis leans forward, along the feed, by this angle.",
+        "Lead angle: the tool axis leans forward, along the feed, by this angle. The paper tells the angle, not which "
+        "way: here forward, and where that collides or is out of reach turned to the nearest free axis.",
         unit="deg",
         low=-60.0,
         high=60.0,

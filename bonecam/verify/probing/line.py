@@ -40,10 +40,10 @@ def probe_line(
 ) -> ProbeLine:
     """So many places of the line `s` (None: the back) where a ball of this `radius` (mm) is clear of the post.
 
-    JobError where the line is not on the part, or all of it is at the post; ValueError for fewer than two places.
+    JobError where the line is not on the part, or all of it is at the post, and for fewer than two places.
     """
     if count < 2:
-        raise ValueError(f"{count} points: give 2 or more")
+        raise JobError(f"{count} points make no line: give 2 or more")
     first, last = part.domain[0].tolist()
     if s is not None and not first <= s <= last:
         raise JobError(f"line {s:g} is off the part: give a parameter s from {first:g} to {last:g}")

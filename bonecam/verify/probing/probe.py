@@ -1,6 +1,6 @@
 """The probe of Gan et al. (2014, section 5.3): a ruby ball of 1 mm touches the machined surface at points of a line.
 
-Round each point a patch of the machined surface is laid out, PATCH wide and its nodes SPACING apart, exact at every
+Round each point a patch of the machined surface is laid out, its nodes SPACING apart, exact at every
 node (`machined.py`). The ball comes along the nominal normal. The deviation is the signed distance of its centre from
 the nominal surface less its radius.
 """
@@ -14,6 +14,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.arrays import perpendicular
+from bonecam.errors import JobError
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.verify.probing.line import ProbeLine
@@ -24,8 +25,10 @@ RUBY = 0.5
 """Radius of the ruby ball of the paper, mm."""
 BAND = 0.05
 """The paper's largest deviation, mm."""
-PATCH = 0.3
-"""Half the width of a patch, mm: a ball of RUBY on a surface that leans by up to 35 degrees touches within it."""
+PATCH = 0.6
+"""Half the width of a patch in radii of the ball: on a surface that leans by up to 35 degrees it touches within."""
+LARGEST = 3.0
+"""Largest radius of a ball, mm: its patches have 15,000 nodes each."""
 SPACING = 0.03
 """Distance of the nodes of a patch, mm: a cusp that a ball of 1 mm leaves between two is missed by 2 um."""
 
@@ -92,8 +95,11 @@ class Probed:
 
 
 def probe_surface(program: PostedProgram, line: ProbeLine, radius: float = RUBY) -> Probed:
-    """Touch the surface that a program leaves along a `line`, with a ball of this `radius`, mm."""
-    side = np.arange(-PATCH, PATCH + SPACING / 2, SPACING)
+    """Touch the surface that a program leaves along a `line`, with a ball of this `radius`, mm; JobError for one beyond
+    LARGEST."""
+    if not 0 < radius <= LARGEST:
+        raise JobError(f"a ball of radius {radius:g} mm: give more than 0 and at most {LARGEST:g}")
+    side = np.arange(-PATCH * radius, PATCH * radius + SPACING / 2, SPACING)
     nodes, faces = _patches(line, side)
     machined = program.machined(nodes)
     kept, centres = _touched(machined, machined.kept, faces, line, radius)

@@ -41,11 +41,11 @@ class Roughness:
 
     @property
     def report(self) -> dict[str, Any]:
-        """`roughness` of the report: medians, um."""
+        """`roughness` of the report: medians, um; null where the last cutter cut nothing."""
         found: dict[str, Any] = {"profiles": len(self.marks)}
         for name, values in (("along", self.along), ("across", self.across)):
-            ra, rz = np.median(values, axis=0) if len(values) else (np.nan, np.nan)
-            found |= {f"ra_{name}_um": round(float(ra), 3), f"rz_{name}_um": round(float(rz), 3)}
+            told = np.median(values, axis=0).round(3).tolist() if len(values) else [None, None]
+            found |= {f"ra_{name}_um": told[0], f"rz_{name}_um": told[1]}
         return {**found, "feed_marks_um": round(float(np.median(self.marks)), 3) if len(self.marks) else None}
 
 

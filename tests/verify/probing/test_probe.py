@@ -100,3 +100,10 @@ def test_points_are_evenly_spaced_and_clear_of_the_post(pebble):
 def test_a_line_off_the_part_is_refused_in_a_line(pebble, s):
     with pytest.raises(JobError, match=rf"^line {s} is off the part: give a parameter s from 0 to 1$"):
         probe_line(pebble(), POST, 0.5, 10, s)
+
+
+def test_too_few_points_and_too_large_a_ball_are_refused_in_a_line(offset, pebble):
+    with pytest.raises(JobError, match=r"^1 points make no line: give 2 or more$"):
+        probe_line(pebble(), POST, 0.5, 1)
+    with pytest.raises(JobError, match=r"^a ball of radius 5 mm: give more than 0 and at most 3$"):
+        probe_surface(offset(pebble(), 0.0, 0.0), probe_line(pebble(), POST, 0.5, 5), 5.0)
