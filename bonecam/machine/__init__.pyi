@@ -1,9 +1,11 @@
+from .axes import LinearAxis as LinearAxis
+from .axes import RotaryAxis as RotaryAxis
+from .check import MachineCheck as MachineCheck
+from .check import check_machine as check_machine
 from .kinematics import forward as forward
 from .kinematics import inverse_linear as inverse_linear
 from .kinematics import inverse_rotary as inverse_rotary
 from .limits import MachineLimits as MachineLimits
-from .machine import LinearAxis as LinearAxis
 from .machine import Machine as Machine
-from .machine import RotaryAxis as RotaryAxis
 from .machine import machine_names as machine_names
 from .machine import read_machine as read_machine

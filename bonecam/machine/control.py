@@ -2,7 +2,8 @@
 
 With tool-centre control (TCPM, RTCP) the programmed point (tip or ball centre, part frame) runs straight
 while the rotary angles run linearly. Without it the five joints run linearly and the tip follows through the
-forward kinematics.
+forward kinematics. X, Y, Z of the programmed point are along the axes of the machine as it stands with all rotary axes
+at zero.
 """
 
 from dataclasses import dataclass
@@ -37,7 +38,8 @@ class Control:
         if not self.tool_centre:
             return inverse_linear(self.machine, tips, angles, self.tool_length)
         lift = self.radius if self.programs_centre else 0.0
-        return np.column_stack([tips + lift * tool_axes(self.machine, angles), angles])
+        points = tips + lift * tool_axes(self.machine, angles)
+        return np.column_stack([self.machine.in_machine(points), angles])
 
     def poses(self, words: Float[ndarray, "n 5"]) -> tuple[Float[ndarray, "n 3"], Float[ndarray, "n 3"]]:
         """Tips (mm) and unit tool axes in the part's frame where the control stands at `words`."""
@@ -45,7 +47,7 @@ class Control:
             return forward(self.machine, words, self.tool_length)
         axes = tool_axes(self.machine, words[:, 3:])
         lift = self.radius if self.programs_centre else 0.0
-        return words[:, :3] - lift * axes, axes
+        return self.machine.in_part(words[:, :3]) - lift * axes, axes
 
     def between(
         self, start: Float[ndarray, "n 5"], end: Float[ndarray, "n 5"], fraction: float | Float[ndarray, "n"]

@@ -1,16 +1,17 @@
-"""Forward and inverse kinematics of any chain of two rotary axes and X, Y, Z: composed, no formula per
-machine.
+"""Forward and inverse kinematics of any chain of one or two rotary axes and X, Y, Z: composed, no formula per
+machine. A chain of one rotary axis has a second one that is locked at zero.
 
 With turns T (x -> pivot + Rot(direction, angle) (x - pivot)) of the axes that carry the part, from the part
 outward, and turns H of those that carry the tool, a part point p and the tool tip meet in the machine's frame
 where
 
-    T_2(T_1(p + part_zero)) = j + H_1(H_2(-L z)) + L z,        R_T2 R_T1 a = R_H1 R_H2 z.
+    T_2(T_1(F p + part_zero)) = j + H_1(H_2(-L z)) + L z,        R_T2 R_T1 F a = R_H1 R_H2 z.
 
+F turns the part's frame into the machine's, all rotary axes at zero.
 j = (X, Y, Z) is where the tip stands while the head axes are at zero (tool length compensation on); j + L z
 is the spindle nose. The second equation always has the form Rot(d1, q1) Rot(d2, q2) v = w, the second
 Paden-Kahan subproblem (Murray, Li and Sastry 1994, section 3.3): with c = Rot(d2, q2) v, its parts along d1
-and d2 are known, and |c| = |v| leaves two solutions.
+and d2 are known, and |c| = |v| leaves two solutions. Where an axis is locked, the other one comes as near as it can.
 """
 
 import numpy as np
@@ -18,12 +19,16 @@ from jaxtyping import Bool, Float
 from numpy import ndarray
 
 from bonecam.arrays import dots
-from bonecam.machine.machine import Machine, RotaryAxis
+from bonecam.machine.axes import RotaryAxis
+from bonecam.machine.machine import Machine
 
 UP = np.array([0.0, 0.0, 1.0])
 LIMIT_GUARD = 1e-8
 """A solution beyond a limit by less than this (rad) is at the limit: far below the last decimal of any
 word."""
+LOCK_GUARD = np.radians(1.5)
+"""A machine with a locked axis is asked for tool axes no farther (rad) from those that it has: between two of these,
+30 degrees apart, the great circle leaves its small circle by 1 degree."""
 
 
 def rotate(
@@ -52,7 +57,7 @@ def tool_axes(machine: Machine, rotary: Float[ndarray, "n 2"]) -> Float[ndarray,
         axes = rotate(axes, np.array(axis.direction), rotary[:, machine.column(axis) - 3])
     for axis in reversed(machine.part_axes):
         axes = rotate(axes, np.array(axis.direction), -rotary[:, machine.column(axis) - 3])
-    return axes
+    return machine.in_part(axes)
 
 
 def _head_offset(machine: Machine, rotary: ndarray, tool_length: float) -> ndarray:
@@ -74,14 +79,14 @@ def forward(
     points = joints[:, :3] + _head_offset(machine, rotary, tool_length)
     for axis in reversed(machine.part_axes):
         points = _rotate_about(points, axis, -rotary[:, machine.column(axis) - 3])
-    return points - np.array(machine.part_zero), tool_axes(machine, rotary)
+    return machine.in_part(points - np.array(machine.part_zero)), tool_axes(machine, rotary)
 
 
 def inverse_linear(
     machine: Machine, tips: Float[ndarray, "n 3"], rotary: Float[ndarray, "n 2"], tool_length: float = 0.0
 ) -> Float[ndarray, "n 5"]:
     """The joints that bring the tip to `tips` (part frame, mm) at the given rotary angles (rad)."""
-    points = tips + np.array(machine.part_zero)
+    points = machine.in_machine(tips) + np.array(machine.part_zero)
     for axis in machine.part_axes:
         points = _rotate_about(points, axis, rotary[:, machine.column(axis) - 3])
     return np.column_stack([points - _head_offset(machine, rotary, tool_length), rotary])
@@ -89,6 +94,7 @@ def inverse_linear(
 
 def _subproblem(machine: Machine, axes: ndarray) -> tuple[RotaryAxis, RotaryAxis, float, ndarray, ndarray]:
     """The axes 1 and 2, the sign of angle 1, v and w of Rot(d1, sign q1) Rot(d2, q2) v = w."""
+    axes = machine.in_machine(axes)
     up = np.broadcast_to(UP, axes.shape)
     if len(machine.part_axes) == 2:
         return machine.part_axes[1], machine.part_axes[0], 1.0, axes, up
@@ -105,18 +111,28 @@ def _angle_about(direction: ndarray, start: ndarray, end: ndarray) -> ndarray:
 
 
 def inverse_rotary(
-    machine: Machine, axes: Float[ndarray, "n 3"], hold_cone: float = 0.0
+    machine: Machine, axes: Float[ndarray, "n 3"], hold_cone: float = 0.0, lock_guard: float = LOCK_GUARD
 ) -> tuple[Float[ndarray, "n 2 2"], Bool[ndarray, "n 2"]]:
     """The two solutions of each tool axis, (row, solution, rotary joint), and which joints are free, (row,
     joint).
 
     Angles are radians within [-pi, pi], NaN where the axis cannot be reached. A joint is free, and its angle
     0, where the tool axis is within `hold_cone` (rad) of the joint's direction: every angle gives this tool
-    axis.
+    axis. Where an axis is locked there is one solution, that of the nearest tool axis, none beyond `lock_guard` (rad).
     """
     one, two, sign, v, w = _subproblem(machine, axes)
     d1 = np.array(one.direction)
     d2 = np.array(two.direction)
+    # within rounding of the singular direction the angle is noise: the joint is free there
+    cone = max(np.sin(hold_cone), 4 * np.sqrt(np.finfo(float).eps))
+    free1 = np.linalg.norm(np.cross(w, d1), axis=1) <= cone
+    free2 = np.linalg.norm(np.cross(v, d2), axis=1) <= cone
+    column1 = machine.column(one) - 3
+    column2 = machine.column(two) - 3
+    if one.locked or two.locked:
+        free = np.zeros((len(axes), 2), dtype=bool)
+        free[:, column1], free[:, column2] = free1 & (not one.locked), free2 & (not two.locked)
+        return _locked_rotary(machine, axes, (one, two), sign, (v, w), free, lock_guard), free
     dot = float(d1 @ d2)
     along1 = w @ d1
     along2 = v @ d2
@@ -124,13 +140,7 @@ def inverse_rotary(
     b = (along2 - dot * along1) / (1 - dot**2)
     rest = (1 - (a**2 + b**2 + 2 * a * b * dot)) / (1 - dot**2)
     rest = np.where(rest > -64 * np.finfo(float).eps, np.maximum(rest, 0), np.nan)
-    # within rounding of the singular direction the angle is noise: the joint is free there
-    cone = max(np.sin(hold_cone), 4 * np.sqrt(np.finfo(float).eps))
-    free1 = np.linalg.norm(np.cross(w, d1), axis=1) <= cone
-    free2 = np.linalg.norm(np.cross(v, d2), axis=1) <= cone
     found = np.empty((len(axes), 2, 2))
-    column1 = machine.column(one) - 3
-    column2 = machine.column(two) - 3
     for solution, side in enumerate((1.0, -1.0)):
         c = a[:, None] * d1 + b[:, None] * d2 + (side * np.sqrt(rest))[:, None] * np.cross(d1, d2)
         found[:, solution, column1] = np.where(free1, 0.0, sign * _angle_about(d1, c, w))
@@ -142,6 +152,33 @@ def inverse_rotary(
     found[unreached] = np.nan
     free[unreached] = False
     return found, free
+
+
+def _locked_rotary(
+    machine: Machine,
+    axes: Float[ndarray, "n 3"],
+    pair: tuple[RotaryAxis, RotaryAxis],
+    sign: float,
+    ends: tuple[Float[ndarray, "n 3"], Float[ndarray, "n 3"]],
+    free: Bool[ndarray, "n 2"],
+    guard: float,
+) -> Float[ndarray, "n 2 2"]:
+    """The solutions of `inverse_rotary` where one or both axes of the `pair` are locked; of Rot(d1, sign q1)
+    Rot(d2, q2) v = w the `ends` are v and w."""
+    (one, two), (v, w) = pair, ends
+    d1, d2 = np.array(one.direction), np.array(two.direction)
+    q1, q2 = (np.full(len(w), axis.limits[0]) for axis in pair)
+    if not one.locked:
+        q1 = sign * _angle_about(d1, rotate(v, d2, q2), w)
+    elif not two.locked:
+        q2 = _angle_about(d2, v, rotate(w, d1, -sign * q1))
+    found = np.full((len(w), 2, 2), np.nan)
+    for axis, angles in zip(pair, (q1, q2), strict=True):
+        column = machine.column(axis) - 3
+        found[:, 0, column] = np.where(free[:, column], 0.0, angles)
+    far = np.linalg.norm(tool_axes(machine, found[:, 0]) - axes, axis=1) > 2 * np.sin(min(guard, np.pi) / 2)
+    found[far] = np.nan
+    return found
 
 
 def within_limits(machine: Machine, found: Float[ndarray, "n 2 2"]) -> Bool[ndarray, "n 2"]:

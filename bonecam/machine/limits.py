@@ -24,12 +24,23 @@ the next: f is 0 but between two cuts, to whose place the tool comes back."""
 
 
 @dataclass(frozen=True)
+class ReachedAxes:
+    """The tool axes of a machine that are no band of polar angles: `contains` tells of unit axes (n, 3) whether each is
+    one of them, `nearest` brings each to one near it, and `samples` (k, 3) are some of them all over, read-only."""
+
+    contains: Callable[[ndarray], Bool[ndarray, " n"]]
+    nearest: Callable[[ndarray], Float[ndarray, "n 3"]]
+    samples: Float[ndarray, "k 3"] = field(compare=False)
+
+
+@dataclass(frozen=True)
 class MachineLimits:
     """Smallest and largest polar angle of the tool axis, radians (B -115..30 with an endless C: 0 .. 115
-    degrees), and how fast the machine changes its polar angle and azimuth, rad/min. `lift_places` tells where the
-    machine's rotary axes come to their limits within a path; None: nowhere. The tool is kept
-    clear of the `bodies`. MachineError where the angles do not lie in
-    order within 0 .. 180 degrees."""
+    degrees), and how fast the machine changes its polar angle and azimuth, rad/min. A machine of four axes that turns
+    the part about its own Z has one polar angle. Where the machine does not reach these angles all round, `reached` are
+    its tool axes. `lift_places` tells where the machine's rotary axes come to their limits within a path; None:
+    nowhere. The tool is kept clear of the `bodies`. MachineError where the angles do not lie in order within 0 .. 180
+    degrees."""
 
     largest: float
     smallest: float = 0.0
@@ -37,16 +48,30 @@ class MachineLimits:
     turn_speed: float = math.inf
     lift_places: LiftPlaces | None = None
     bodies: MachineBodies = field(default_factory=MachineBodies)
+    reached: ReachedAxes | None = None
 
     def __post_init__(self) -> None:
-        if not 0 <= self.smallest < self.largest <= np.pi:
+        if not 0 <= self.smallest <= self.largest <= np.pi:
             given = f"{np.degrees(self.smallest):g} .. {np.degrees(self.largest):g} deg"
-            raise MachineError(f"tool axis limits {given}: keep 0 <= smallest < largest <= 180")
+            raise MachineError(f"tool axis limits {given}: keep 0 <= smallest <= largest <= 180")
+
+    @property
+    def narrow(self) -> bool:
+        """Whether an axis between two that are within the limits may be beyond them: it is then brought to them."""
+        return self.reached is not None or bool(self.smallest == self.largest)
 
     def allow(self, axes: Float[ndarray, "n 3"]) -> Bool[ndarray, " n"]:
         """Whether each unit axis lies within the limits."""
         angle = polar_angles(axes)
-        return (angle <= self.largest + ANGLE_ROUNDING) & (angle >= self.smallest - ANGLE_ROUNDING)
+        within = (angle <= self.largest + ANGLE_ROUNDING) & (angle >= self.smallest - ANGLE_ROUNDING)
+        return within if self.reached is None else within & self.reached.contains(axes)
+
+    def nearest(self, axes: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
+        """The unit axes, those beyond the limits brought to them."""
+        angle = polar_angles(axes)
+        bounded = np.clip(angle, self.smallest, self.largest)
+        kept = np.where((bounded == angle)[:, None], axes, with_polar_angles(axes, bounded))
+        return kept if self.reached is None else self.reached.nearest(kept)
 
 
 def polar_angles(axes: Float[ndarray, "n 3"]) -> Float[ndarray, " n"]:

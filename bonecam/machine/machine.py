@@ -4,10 +4,14 @@ How to add a machine: copy a file of `bonecam/machine/machines/` (name it, or gi
 fill in
 - `title`, `chain`: from the part outward to the tool, rotary letters and "XYZ" for the linear axes together:
   ["C", "B", "XYZ"] table/table (C carries the part, B carries C), ["C", "XYZ", "B"] head/table, ["XYZ", "C",
-  "B"] head/head;
+  "B"] head/head; one rotary letter makes a mill of four axes, ["A", "XYZ"]. Z is along the spindle, also where it lies;
+- `part_x`, `part_z` (unit vectors): how X and Z of the part, whose Z leads from the table through post and part, lie
+  in the machine with all axes at zero; [1, 0, 0] and [0, 0, 1] where they are left out, which is refused where the
+  axis next to the part does not turn about that Z: a bar in a rotary axis along X has part_z = [1, 0, 0];
 - `part_zero` (mm): the program's zero in the machine's frame, all axes at zero; `programmed_point`: "tip" or
   "centre"; `tool_centre_control`: the dialect's name of it where the dialect has several; `spindle_speed`
-  (1/min, optional): the highest;
+  (1/min, optional): the highest; `spindle_lowest`: the lowest;
+- `source`: where the figures are from; `assumed`: what is not known but taken so, a line each;
 - [spindle]: `nose`, the cylinders and cones of the spindle behind the gauge line, where the holder ends, from there
   up: rows [length, diameter] or [length, diameter, upper diameter] (mm). What is farther up than the last row is
   taken to be out of reach: give as much of it as could come near table and chuck;
@@ -19,11 +23,13 @@ fill in
   does not (a cradle's cheek) must be inside a body of revolution given here, or below a closed plane;
 - [X] [Y] [Z]: `speed` mm/min and either `limits` (lowest and highest mm of the spindle nose) or, where the
   place of the part on the machine is not known, `travel` (mm): then only the span of the program is checked;
+  `acceleration` mm/s^2 (optional);
 - one table a rotary letter: `direction` (unit vector) and `pivot` (mm, any point on the axis; of a head axis:
   measured from the spindle nose), both with all axes at zero; `sign` (+1: a positive word turns what the axis
   carries by the right hand about `direction`, -1: the other way round, as most tilting tables do);
   `limits_deg`; `endless` (may wind, within limits_deg where they are given: then the words are those of the winding);
-  `speed_deg_s`.
+  `locked_deg` in the place of both, where the axis is clamped at this word; `speed_deg_s`;
+  `acceleration_deg_s2` (optional).
 No formula belongs to a machine: `kinematics.py` composes the chain.
 """
 
@@ -32,59 +38,31 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from bonecam.machine.axes import LinearAxis, RotaryAxis, Vector
 from bonecam.machine.bodies import MachineBodies, Table
 from bonecam.machine.frustum import Frustum, stack_of
 from bonecam.machine.machine_file import LINEAR, BodiesTable, LinearTable, MachineFile, RotaryTable
 from bonecam.machine.tables import names_in, read_table
 
-Vector = tuple[float, float, float]
+UPRIGHT: tuple[Vector, Vector, Vector] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+"""X, Y and Z of a part whose frame is parallel to the machine's."""
+SECONDS = 60
+"""Of a minute."""
 MACHINES = Path(__file__).parent / "machines"
 
 
 @dataclass(frozen=True)
-class LinearAxis:
-    """One of X, Y, Z: limits of the spindle nose in mm (infinite where unknown), travel in mm, speed in
-    mm/min."""
-
-    letter: str
-    limits: tuple[float, float]
-    travel: float
-    speed: float
-
-
-@dataclass(frozen=True)
-class RotaryAxis:
-    """A rotary axis; `direction` already carries the sign: a positive angle turns what it carries
-    right-handed about it.
-
-    Limits in radians, speed in rad/min. `endless`: the axis may wind; its limits, if any, bound the winding.
-    """
-
-    letter: str
-    direction: Vector
-    pivot: Vector
-    limits: tuple[float, float]
-    endless: bool
-    speed: float
-
-    @property
-    def bounded(self) -> bool:
-        """Whether it has limits."""
-        return math.isfinite(self.limits[0])
-
-    @property
-    def has_choice(self) -> bool:
-        """Whether its limits are a turn or more apart: it can stand in some direction in more than one turn."""
-        return bool(self.bounded and self.limits[1] - self.limits[0] >= 2 * math.pi * (1 - 1e-9))
-
-
-@dataclass(frozen=True)
 class Machine:
-    """A five-axis machine. Joint arrays are (n, 5): X, Y, Z in mm, then the rotary axes in alphabetical order
-    in radians.
+    """A machine of four or five axes. Joint arrays are (n, 5): X, Y, Z in mm, then the rotary axes in alphabetical
+    order in radians, that without a letter last.
 
     `part_axes` carry the part, from the part outward; `tool_axes` carry the tool, from the base outward. `nose`
-    is the spindle's stack behind the gauge line, empty where the file does not know it.
+    is the spindle's stack behind the gauge line, empty where the file does not know it. The rows of `part_frame` are
+    X, Y and Z of the part in the machine's frame, all axes at zero. Spindle speeds in 1/min.
     """
 
     name: str
@@ -98,6 +76,8 @@ class Machine:
     spindle_speed: float = math.inf
     nose: tuple[Frustum, ...] = ()
     table: Table = field(default_factory=Table)
+    part_frame: tuple[Vector, Vector, Vector] = UPRIGHT
+    spindle_lowest: float = 0.0
 
     @property
     def bodies(self) -> MachineBodies:
@@ -107,13 +87,33 @@ class Machine:
     @cached_property
     def rotary(self) -> tuple[RotaryAxis, RotaryAxis]:
         """The two rotary axes in alphabetical order: the order of joint columns 3 and 4 and of the words."""
-        first, second = sorted(self.part_axes + self.tool_axes, key=lambda axis: axis.letter)
+        first, second = sorted(
+            self.part_axes + self.tool_axes, key=lambda axis: (not axis.letter, axis.letter)
+        )
         return first, second
+
+    @cached_property
+    def own_rotary(self) -> tuple[RotaryAxis, ...]:
+        """The rotary axes that the machine has, which are those with letters."""
+        return tuple(axis for axis in self.rotary if axis.letter)
+
+    @property
+    def stands(self) -> bool:
+        """Whether the part's frame is parallel to the machine's, all axes at zero."""
+        return self.part_frame == UPRIGHT
+
+    def in_machine(self, vectors: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
+        """Vectors of the part's frame in that of the machine, all axes at zero."""
+        return vectors if self.stands else vectors @ np.array(self.part_frame)
+
+    def in_part(self, vectors: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
+        """Vectors of the machine's frame in that of the part, all axes at zero."""
+        return vectors if self.stands else vectors @ np.array(self.part_frame).T
 
     @cached_property
     def letters(self) -> str:
         """The axis letters in the order of the joints, such as XYZBC."""
-        return LINEAR + "".join(axis.letter for axis in self.rotary)
+        return LINEAR + "".join(axis.letter for axis in self.own_rotary)
 
     def column(self, axis: RotaryAxis) -> int:
         """The joint column (3 or 4) of a rotary axis."""
@@ -135,6 +135,8 @@ def read_machine(name: str | Path) -> Machine:
         tuple(_rotary(letter, getattr(table, letter)) for letter in side)
         for side in (chain[:place], chain[place + 1 :])
     )
+    if len(part_axes) + len(tool_axes) == 1:
+        tool_axes = (*tool_axes, _second_axis((*part_axes, *tool_axes)[0]))
     return Machine(
         name=path.stem,
         title=table.title,
@@ -147,7 +149,27 @@ def read_machine(name: str | Path) -> Machine:
         spindle_speed=math.inf if table.spindle_speed is None else table.spindle_speed,
         nose=stack_of(table.spindle.nose) if table.spindle else (),
         table=_table(table.table or BodiesTable()),
+        part_frame=_part_frame(table),
+        spindle_lowest=table.spindle_lowest,
     )
+
+
+def _second_axis(only: RotaryAxis) -> RotaryAxis:
+    """The axis, locked at zero and without words, that turns the tool out of what the `only` one reaches."""
+    across = np.cross(only.direction, UPRIGHT[2])
+    length = float(np.linalg.norm(across))
+    x, y, z = (across / length).tolist() if length > 1e-9 else UPRIGHT[0]
+    return RotaryAxis("", (x, y, z), (0.0, 0.0, 0.0), (0.0, 0.0), endless=False, speed=math.inf)
+
+
+def _part_frame(table: MachineFile) -> tuple[Vector, Vector, Vector]:
+    """X, Y and Z of the part in the machine's frame."""
+    if table.part_z is None or table.part_x is None:
+        return UPRIGHT
+    x, z = np.array(table.part_x), np.array(table.part_z)
+    rows = [np.array(row) + 0.0 for row in (x, np.cross(z, x), z)]
+    X, Y, Z = (_vector(row.tolist()) for row in rows)
+    return X, Y, Z
 
 
 def _vector(values: list[float]) -> Vector:
@@ -164,23 +186,27 @@ def _table(table: BodiesTable) -> Table:
 
 
 def _linear(letter: str, table: LinearTable) -> LinearAxis:
+    acceleration = math.inf if table.acceleration is None else table.acceleration * SECONDS**2
     if table.limits is not None:
         low, high = table.limits
-        return LinearAxis(letter, (low, high), high - low, table.speed)
+        return LinearAxis(letter, (low, high), high - low, table.speed, acceleration)
     assert table.travel is not None  # the schema asks for one of both
-    return LinearAxis(letter, (-math.inf, math.inf), table.travel, table.speed)
+    return LinearAxis(letter, (-math.inf, math.inf), table.travel, table.speed, acceleration)
 
 
 def _rotary(letter: str, table: RotaryTable) -> RotaryAxis:
     x, y, z = table.direction
     length = math.hypot(x, y, z)
-    sign = table.sign
+    sign, acceleration = table.sign, table.acceleration_deg_s2
     low, high = table.limits_deg or (-math.inf, math.inf)
+    if table.locked_deg is not None:
+        low = high = table.locked_deg
     return RotaryAxis(
         letter=letter,
         direction=(sign * x / length, sign * y / length, sign * z / length),
         pivot=_vector(table.pivot),
         limits=(math.radians(low), math.radians(high)),
         endless=table.endless,
-        speed=math.radians(table.speed_deg_s) * 60,
+        speed=math.radians(table.speed_deg_s) * SECONDS,
+        acceleration=math.inf if acceleration is None else math.radians(acceleration) * SECONDS**2,
     )

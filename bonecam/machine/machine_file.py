@@ -18,6 +18,8 @@ SLOWEST = 1e-3
 MOST_DEGREES = 1e6
 """No rotary axis turns further from its zero: 2,800 turns."""
 LINEAR = "XYZ"
+PARALLEL = 1e-9
+"""Directions are parallel, or at right angles, within this of their cosine."""
 
 
 def _rising(limits: list[float]) -> list[float]:
@@ -55,9 +57,10 @@ Name = Annotated[str, Field(max_length=200), AfterValidator(check_printable)]
 
 
 class LinearTable(Record):
-    """The table of X, Y or Z: speed in mm/min, and limits or travel in mm."""
+    """The table of X, Y or Z: speed in mm/min, acceleration in mm/s^2, and limits or travel in mm."""
 
     speed: Speed
+    acceleration: Speed | None = None
     limits: Limits | None = None
     travel: Annotated[float, Field(gt=0, le=2 * FARTHEST)] | None = None
 
@@ -69,19 +72,26 @@ class LinearTable(Record):
 
 
 class RotaryTable(Record):
-    """The table of A, B or C: direction (unit) and pivot (mm), limits in degrees, speed in deg/s."""
+    """The table of A, B or C: direction (unit) and pivot (mm), limits in degrees, speed in deg/s,
+    acceleration in deg/s^2; `locked_deg` in the place of limits, where it stands at one angle."""
 
     direction: Direction
     pivot: Place
     sign: Annotated[float, AfterValidator(_sign)]
     limits_deg: LimitsDeg | None = None
     endless: bool = False
+    locked_deg: Degrees | None = None
     speed_deg_s: Speed
+    acceleration_deg_s2: Speed | None = None
 
     @model_validator(mode="after")
     def _is_bounded(self) -> "RotaryTable":
-        if not self.endless and self.limits_deg is None:
-            raise KeyFault("limits_deg", "missing: give limits, or endless = true")
+        if self.locked_deg is not None and (self.endless or self.limits_deg is not None):
+            raise KeyFault(
+                "locked_deg", "a locked axis has no limits and is not endless: give the one or the other"
+            )
+        if not self.endless and self.limits_deg is None and self.locked_deg is None:
+            raise KeyFault("limits_deg", "missing: give limits, locked_deg, or endless = true")
         return self
 
 
@@ -119,11 +129,16 @@ class MachineFile(Record):
     """A machine file."""
 
     title: Name
-    chain: Annotated[list[Literal["A", "B", "C", "XYZ"]], Field(min_length=3, max_length=3)]
+    source: Annotated[str, Field(max_length=1000), AfterValidator(check_printable)] = ""
+    assumed: Annotated[list[Name], Field(max_length=20)] = Field(default_factory=list)
+    chain: Annotated[list[Literal["A", "B", "C", "XYZ"]], Field(min_length=2, max_length=3)]
+    part_x: Direction | None = None
+    part_z: Direction | None = None
     part_zero: Place = Field(default_factory=lambda: [0.0, 0.0, 0.0])
     programmed_point: Literal["tip", "centre"] = "tip"
     tool_centre_control: Name = ""
     spindle_speed: Speed | None = None
+    spindle_lowest: Annotated[float, Field(ge=0, le=FASTEST)] = 0.0
     spindle: SpindleTable | None = None
     table: BodiesTable | None = None
     X: LinearTable
@@ -135,16 +150,49 @@ class MachineFile(Record):
 
     @model_validator(mode="after")
     def _is_a_chain(self) -> "MachineFile":
-        if len(set(self.chain)) != 3 or LINEAR not in self.chain:
-            what = "an axis stands there twice" if len(set(self.chain)) != 3 else "it has no linear axes"
-            remedy = 'give three items from the part to the tool, such as ["C", "B", "XYZ"]'
+        twice = len(set(self.chain)) != len(self.chain)
+        if twice or LINEAR not in self.chain:
+            what = "an axis stands there twice" if twice else "it has no linear axes"
+            remedy = 'give one or two rotary letters and "XYZ" from the part to the tool, such as ["C", "B", "XYZ"]'
             raise KeyFault("chain", f"{what}: {remedy}")
         for letter in "ABC":
             if letter in self.chain and getattr(self, letter) is None:
                 raise KeyFault(letter, "the axis is missing: add its table")
             if letter not in self.chain and getattr(self, letter) is not None:
                 raise KeyFault(letter, "chain does not name it: remove the table, or add it there")
-        first, second = (getattr(self, letter).direction for letter in self.chain if letter != LINEAR)
-        if abs(sum(a * b for a, b in zip(first, second))) > 1 - 1e-9:
+        directions = [getattr(self, letter).direction for letter in self.chain if letter != LINEAR]
+        if len(directions) == 2 and abs(_dot(*directions)) > 1 - PARALLEL:
             raise KeyFault("chain", "the two rotary axes are parallel: give different directions")
         return self
+
+    @model_validator(mode="after")
+    def _has_a_part_frame(self) -> "MachineFile":
+        """The part's frame is given, or what carries the part turns about its Z axis."""
+        if (self.part_x is None) != (self.part_z is None):
+            missing = "part_x" if self.part_x is None else "part_z"
+            raise KeyFault(missing, "missing: part_x and part_z belong together")
+        if self.part_x is not None and self.part_z is not None:
+            if abs(_dot(self.part_x, self.part_z)) > PARALLEL:
+                raise KeyFault("part_x", "is not at right angles to part_z: correct the one or the other")
+            return self
+        inner = self.chain[0]
+        if inner != LINEAR:
+            axis = getattr(self, inner)
+            if axis.locked_deg is None and abs(axis.direction[2]) < 1 - PARALLEL:
+                what = f"missing: {inner} carries the part and does not turn about the machine's Z"
+                remedy = (
+                    "give part_x and part_z, how the part's X and Z (from the table through the part) lie"
+                )
+                raise KeyFault("part_z", f"{what}: {remedy} in the machine, all axes at zero")
+        return self
+
+    @model_validator(mode="after")
+    def _has_a_speed_range(self) -> "MachineFile":
+        if self.spindle_speed is not None and self.spindle_lowest > self.spindle_speed:
+            why = f"{self.spindle_lowest:g}: above spindle_speed = {self.spindle_speed:g}: give the lowest speed"
+            raise KeyFault("spindle_lowest", why)
+        return self
+
+
+def _dot(first: list[float], second: list[float]) -> float:
+    return sum(a * b for a, b in zip(first, second, strict=True))

@@ -3,7 +3,6 @@ from .dialect import dialect_names as dialect_names
 from .dialect import read_dialect as read_dialect
 from .posting.feeds import drivable_paths as drivable_paths
 from .posting.rotary.machine_limits import machine_limits as machine_limits
-from .posting.rotary.machine_limits import tilt_limit as tilt_limit
 from .posting.write import write_program as write_program
 from .program import Program as Program
 from .reading.motions import Motions as Motions

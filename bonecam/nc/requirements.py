@@ -2,6 +2,8 @@
 the time for the passes."""
 
 import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
 
 from bonecam.errors import MachineError
 from bonecam.job import Job, ToolJob, field_error
@@ -27,7 +29,7 @@ LEVEL = 0.5
 
 
 def check_tools(job: Job, machine: Machine) -> None:
-    """JobError where a cutter cannot be made, is driven faster than the machine can, or enters a flat
+    """JobError where a cutter cannot be made, is driven faster or slower than the machine can, or enters a flat
     part."""
     for section in job.cutter_names:
         tool = job.tool(section)
@@ -42,6 +44,10 @@ def _check_speeds(section: str, tool: ToolJob, machine: Machine) -> None:
         bound = f"{machine.name} turns at {machine.spindle_speed:g} 1/min at most: give less"
         raise field_error(section, "spindle", tool.spindle, bound)
 
+    if tool.spindle < machine.spindle_lowest:
+        bound = f"{machine.name} turns at {machine.spindle_lowest:g} 1/min at least: give more"
+        raise field_error(section, "spindle", tool.spindle, bound)
+
     slowest = min(axis.speed for axis in machine.linear)
     if tool.feed > slowest:
         bound = f"an axis of {machine.name} makes {slowest:g} mm/min at most: give less"
@@ -52,10 +58,13 @@ def check_reach(job: Job, machine: Machine) -> None:
     """MachineError where the rotary axes of the machine cannot lean the tool all round as far as the sides of a stock
     need, or come to their limits on the way round where no rewind helps."""
     limits = machine_limits(machine)
-    bounds = [(axis.letter, *np.degrees(axis.limits)) for axis in machine.rotary if axis.bounded]
+    bounds = [(axis.letter, *np.degrees(axis.limits)) for axis in machine.own_rotary if axis.bounded]
     named = ", ".join(f"{letter} {low:g} to {high:g} deg" for letter, low, high in bounds)
     needed = 90.0 if job.path.strategy != "morph" else 90.0 - job.path.max_tilt_deg
     reached = float(np.degrees(limits.largest))
+    if limits.reached is not None:
+        _check_sides(limits.reached.samples, 90.0 - needed, f"{machine.name}: with {named}")
+        return
     if reached < needed:
         what = f"leans by {max(reached, 0.0):g} deg all round at most, the sides of the stock need {needed:g}"
         remedy = "take another machine (--machine)" + (
@@ -63,8 +72,18 @@ def check_reach(job: Job, machine: Machine) -> None:
         )
         raise MachineError(f"{machine.name}: with {named} the tool axis {what}: {remedy}", reached=reached)
 
-    for tilt in LOOPS[limits.largest >= LOOPS]:
+    for tilt in LOOPS[(limits.largest >= LOOPS) & (limits.smallest <= LOOPS)]:
         _check_way_round(machine, tilt, named)
+
+
+def _check_sides(axes: Float[ndarray, "k 3"], tilt_deg: float, who: str) -> None:
+    """MachineError where some side of a stock is farther than `tilt_deg` (degrees) from all of these tool axes."""
+    azimuths = np.radians(np.arange(ROUND))
+    sides = np.column_stack([np.cos(azimuths), np.sin(azimuths), np.zeros(ROUND)])
+    off = np.degrees(np.arccos(np.clip((axes @ sides.T).max(axis=0), -1, 1)))
+    if off.max() > tilt_deg:
+        remedy = "give wider limits, or take another machine (--machine)"
+        raise MachineError(f"{who} the tool axis leans to some sides only: {remedy}", off=float(off.max()))
 
 
 def _check_way_round(machine: Machine, tilt: float, named: str) -> None:
@@ -77,7 +96,8 @@ def _check_way_round(machine: Machine, tilt: float, named: str) -> None:
     turns = np.diff(choice.angles, axis=0)[choice.rewinds[1:]]
     for axis in machine.part_axes:
         turned = float(np.abs(turns[:, machine.column(axis) - 3]).max(initial=0.0))
-        if abs(axis.direction[2]) < LEVEL and turned > np.pi:
+        along = abs(float(machine.in_part(np.array([axis.direction]))[0, 2]))
+        if along < LEVEL and turned > np.pi:
             what = f"{axis.letter} must be rewound by {np.degrees(turned):.0f} deg to go round a part"
             raise MachineError(
                 f"{machine.name}: with {named} {what}, which turns the table over under the tool: take another "
@@ -98,8 +118,8 @@ def check_room(stock: Stock, job: Job, machine: Machine) -> None:
             standing=standing,
         )
     height = job.holding.length + stock.length + max(job.tool(name).overhang for name in job.cutter_names)
-    for axis in machine.linear:
-        needed = height if axis.letter == "Z" else stock.diameter
+    room = np.abs(machine.in_machine(np.diag([stock.diameter, stock.diameter, height]))).max(axis=0)
+    for axis, needed in zip(machine.linear, room.tolist(), strict=True):
         if needed > axis.travel:
             bound = f"{needed:.0f} mm are needed along {axis.letter}, its travel is {axis.travel:.0f} mm"
             remedy = "take a larger machine (--machine), or a smaller stock, a shorter post or tool"

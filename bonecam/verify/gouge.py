@@ -239,7 +239,7 @@ def centre_bows(
         at_end = np.linalg.norm(end[:, :3] - pivots[-1], axis=1)
         between_pivots = sum(float(np.linalg.norm(b - a)) for a, b in pairwise(pivots))
         lever = lever + np.maximum(at_start, at_end) + between_pivots
-    for axis in control.machine.tool_axes:
+    for axis in filter(lambda axis: axis.letter, control.machine.tool_axes):
         lever = lever + 2 * float(np.linalg.norm(axis.pivot)) + 2 * control.tool_length
     length = np.linalg.norm(end[:, :3] - start[:, :3], axis=1)
     return lever * turn**2 + 2 * turn * length

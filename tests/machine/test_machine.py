@@ -130,8 +130,9 @@ def test_all_faults_of_a_machine_file_are_told_at_once(chains, write_machine, tm
     with pytest.raises(MachineError) as caught:
         read_machine(path)
     assert str(caught.value) == (
-        f"{path}: X.speed: 'fast': give a number; A.colour: unknown key: use one of direction, endless, limits_deg, "
-        "pivot, sign, speed_deg_s; C.sign: 2: give 1 or -1; C.endless: 1: give true or false"
+        f"{path}: X.speed: 'fast': give a number; A.colour: unknown key: use one of acceleration_deg_s2, direction, "
+        "endless, limits_deg, locked_deg, pivot, sign, speed_deg_s; C.sign: 2: give 1 or -1; "
+        "C.endless: 1: give true or false"
     )
 
 
@@ -155,6 +156,40 @@ def test_a_machine_file_that_is_no_sane_text_is_refused(text, why, tmp_path):
     check_refused(path, why)
 
 
+@pytest.mark.parametrize(
+    ("change", "key"),
+    [
+        (
+            ("part_zero", "part_z = [0.0, 1.0, 0.0]\npart_zero"),
+            "part_x: missing: part_x and part_z belong together",
+        ),
+        (
+            ("part_zero", "part_z = [0.0, 1.0, 0.0]\npart_x = [0.0, 1.0, 0.0]\npart_zero"),
+            "part_x: is not at right angles to part_z",
+        ),
+        (
+            ('["C", "A"', '["A", "C"'),
+            "part_z: missing: A carries the part and does not turn about the machine's Z",
+        ),
+        (("limits_deg", "locked_deg = 3.0\nlimits_deg"), "A.locked_deg: a locked axis has no limits"),
+        (
+            ("part_zero", "spindle_speed = 100.0\nspindle_lowest = 200.0\npart_zero"),
+            "spindle_lowest: 200: above",
+        ),
+    ],
+)
+def test_what_a_machine_assumes_of_its_part_is_asked_for(write_machine, chains, change, key, tmp_path):
+    text = chains["table-table"].replace("'C', 'A'", '"C", "A"').replace(*change, 1)
+    check_refused(write_machine(tmp_path, text), key)
+
+
+def test_a_trunnion_whose_table_stands_on_edge_is_refused_without_its_part_frame(tmp_path):
+    text = (MACHINES / "pocket-nc.toml").read_text()
+    path = tmp_path / "trunnion.toml"
+    path.write_text(text.replace("part_x = [1.0, 0.0, 0.0]\n", "").replace("part_z = [0.0, 1.0, 0.0]\n", ""))
+    check_refused(path, "part_z: missing: B carries the part")
+
+
 def check_refused(path, key):
     """Reading the file fails in one line that names the file and the key."""
     with pytest.raises(MachineError) as caught:
@@ -165,10 +200,10 @@ def check_refused(path, key):
 
 
 def test_an_unknown_machine_is_refused_with_the_known_ones():
-    with pytest.raises(MachineError, match=r"'nosuch' is unknown: use one of linuxcnc-xyzbc, mikron-ucp600"):
+    with pytest.raises(MachineError, match=r"'nosuch' is unknown: use one of dmu-45, haas-umc750, "):
         read_machine("nosuch")
     with pytest.raises(
         MachineError,
-        match=r"^none/mill\.toml: no such file: give a machine's \.toml file, or one of linuxcnc",
+        match=r"^none/mill\.toml: no such file: give a machine's \.toml file, or one of dmu-45, haas",
     ):
         read_machine("none/mill.toml")

@@ -54,6 +54,12 @@ def test_the_shipped_xyzbc_machine_is_linuxcncs_own(oracles):
     compare(read_machine("linuxcnc-xyzbc"), oracle, [4, 5], 62.5, np.random.default_rng(1))
 
 
+def test_the_shipped_xyzac_machine_is_linuxcncs_own(oracles):
+    oracle = oracles("xyzac-trt-kins", b"XYZAC")
+    oracle.set(y_offset=20, z_offset=10, tool_offset=62.5, x_rot_point=0, y_rot_point=0, z_rot_point=0)
+    compare(read_machine("linuxcnc-xyzac"), oracle, [3, 5], 62.5, np.random.default_rng(3))
+
+
 def test_a_machine_file_reproduces_xyzac_with_every_offset(machine_text, write_machine, oracles, tmp_path):
     oracle = oracles("xyzac-trt-kins", b"XYZAC")
     oracle.set(y_offset=20, z_offset=10, tool_offset=50, x_rot_point=1, y_rot_point=2, z_rot_point=3)

@@ -9,9 +9,9 @@ from bonecam.nc.schema.dialect_file import PLAIN_WORD
 from bonecam.nc.words import wrapped
 
 
-def written_words(machine: Machine, dialect: Dialect, words: Float[ndarray, "n 5"]) -> Float[ndarray, "n 5"]:
-    """Words (mm, deg) as the numbers of the text: endless axes wrapped where the dialect does, no negative zero.
-    ProgramError where one leaves the control's range."""
+def written_words(machine: Machine, dialect: Dialect, words: Float[ndarray, "n 5"]) -> Float[ndarray, "n m"]:
+    """Words (mm, deg) as the numbers of the text, of the m axes that have letters: endless axes wrapped where the
+    dialect does, no negative zero. ProgramError where one leaves the control's range."""
     length, angle = dialect.numbers.length, dialect.numbers.angle
     written = words.copy()
     if dialect.endless_words == "wrapped":
@@ -24,11 +24,11 @@ def written_words(machine: Machine, dialect: Dialect, words: Float[ndarray, "n 5
     length.check(written[:, :3])
     angle.check(written[:, 3:])
     # whole steps and no negative zero
-    return written + 0.0
+    return written[:, : len(machine.letters)] + 0.0
 
 
 def word_formats(machine: Machine, dialect: Dialect) -> list[str]:
-    """The printf format of each of the five words."""
+    """The printf format of the word of each axis that has a letter."""
     length, angle = dialect.numbers.length.spec, dialect.numbers.angle.spec
     endless = {axis.letter for axis in machine.rotary if axis.endless}
     formats = []
@@ -40,6 +40,6 @@ def word_formats(machine: Machine, dialect: Dialect) -> list[str]:
 
 
 def word_texts(machine: Machine, dialect: Dialect, words: Float[ndarray, "5"]) -> list[str]:
-    """The five words of one position (mm, deg)."""
+    """The words of one position (mm, deg)."""
     row = written_words(machine, dialect, words[None])[0].tolist()
     return [form % value for form, value in zip(word_formats(machine, dialect), row, strict=True)]

@@ -16,6 +16,7 @@ from numpy import ndarray
 from bonecam.arrays import dots, lengths
 from bonecam.errors import MachineError
 from bonecam.machine.control import Control
+from bonecam.machine.kinematics import tool_axes
 from bonecam.nc.posting.rotary.choice import choose_angles
 from bonecam.tool.path import MoveKind, ToolPath
 
@@ -69,8 +70,14 @@ def split_moves(
     tips = path.tips
     axes = path.axes
     rows = np.arange(len(path.tips))
+    locked = any(axis.locked for axis in control.machine.rotary)
     for _ in range(MAX_ROUNDS):
         choice = choose_angles(control.machine, axes, kinds, hold_cone, before)
+        if locked:
+            # the axes that the machine has, under the balls of the path
+            balls = tips + control.radius * axes
+            axes = tool_axes(control.machine, choice.angles)
+            tips = balls - control.radius * axes
         pieces = _pieces(control, kinds, tips, axes, choice.angles, tolerance)
         pieces[choice.rewinds[1:]] = 1
         if (pieces == 1).all():

@@ -112,7 +112,7 @@ def table_reach(machine: Machine, job: Job) -> float:
         height += piece.length
         edges.append((height, max(piece.diameter, piece.top_diameter) / 2))
     zero = np.array(machine.part_zero) - pivot
-    up = np.array([0.0, 0.0, 1.0])
+    up = machine.in_machine(np.array([[0.0, 0.0, 1.0]]))[0]
     return max(
         float(np.linalg.norm(zero + high * up)) + radius for high, radius in edges if np.isfinite(radius)
     )

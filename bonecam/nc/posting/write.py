@@ -234,7 +234,7 @@ class ProgramWriter:
         fast[0] = self.dialect.straight_rapids or not self.dialect.tool_centre
         self.moves += len(kinds)
         table = zip(np.column_stack([words, rates]).tolist(), fast.tolist(), strict=True)
-        lines = [rapid % tuple(row[:5]) if quick else feed % tuple(row) for row, quick in table]
+        lines = [rapid % tuple(row[:-1]) if quick else feed % tuple(row) for row, quick in table]
         return with_marks(lines, kinds, fast, posted.lifted_in(run), self.dialect)
 
     def _rates(self, posted: Posted, rows: slice) -> Float[ndarray, "n"]:

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy import ndarray
 
-from bonecam.machine.machine import RotaryAxis
+from bonecam.machine.axes import RotaryAxis
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.reading.full_moves import unwound
 from bonecam.nc.reading.line_error import line_error

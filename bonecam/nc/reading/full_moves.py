@@ -136,7 +136,7 @@ def read_full_moves(
         rapid = np.array([dialect.effect_of[value] == "rapid" for value in code])
         feeds = np.where(rapid, np.nan, np.array([value or "0" for value in feed], dtype=np.float64))
     return Blocks(
-        words=np.column_stack([np.array(column, dtype=np.float64) for column in words]),
+        words=_joints_of(words),
         rapid=rapid,
         feeds=feeds,
         numbers=np.array([value or "-1" for value in number], dtype=np.int64),
@@ -144,6 +144,13 @@ def read_full_moves(
         ordinals=np.array(ordinals),
         links=np.array(links),
     )
+
+
+def _joints_of(words: Sequence[Sequence[str]]) -> Float[ndarray, "n 5"]:
+    """The columns of the words of a machine's axes, with a column of zeros for the second rotary axis where it has only
+    one."""
+    columns = [np.array(column, dtype=np.float64) for column in words]
+    return np.column_stack([*columns, *[np.zeros(len(columns[0]))] * (5 - len(columns))])
 
 
 def _mark(line: str, ordinal: int, dialect: Dialect) -> bool | None:

@@ -36,7 +36,7 @@ def run_klartext(lines: Sequence[str], state: ModalState) -> None:
 def _run_block(block: str, move: re.Pattern[str], state: ModalState, line: int) -> None:
     """Run a block: a move or a statement, with a remark behind it or without."""
     found = move.fullmatch(block)
-    if found and any(found.groups()[:5]):
+    if found and any(found.groups()[:-1]):
         _run_move(found, state, line)
     elif not is_statement(block, state, line):
         bare = block.partition(";")[0].rstrip()
@@ -80,8 +80,9 @@ def _run_move(found: re.Match[str], state: ModalState, line: int) -> None:
     words = {
         letter: float(text) for letter, text in zip(letters, found.groups(), strict=False) if text is not None
     }
-    rapid = found[6] == "MAX"
-    state.move(words, rapid, 0.0 if rapid else float(found[6]), line)
+    feed = found.groups()[-1]
+    rapid = feed == "MAX"
+    state.move(words, rapid, 0.0 if rapid else float(feed), line)
 
 
 def _block(lines: Sequence[str], at: int, number: int) -> tuple[str, int]:

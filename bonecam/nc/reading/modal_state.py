@@ -38,7 +38,8 @@ class ModalState:
         self.dialect = dialect
         self.given = bool(tools)
         self.tools = {tool.number: tool for tool in tools}
-        self.position: list[float | None] = [None] * 5
+        unknown = len(machine.letters)
+        self.position: list[float | None] = [None] * unknown + [0.0] * (5 - unknown)
         self.tool = 0
         self.selected = 0
         self.needs_length = not {"tool_length", "tool_centre_on"}.isdisjoint(dialect.effect_of.values())

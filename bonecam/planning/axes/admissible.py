@@ -7,12 +7,13 @@ smoothed along the passes, and each step of that is proven free again.
 """
 
 from collections.abc import Callable
+from functools import lru_cache
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
-from bonecam.arrays import angles_between, dots, unit
+from bonecam.arrays import angles_between, dots, frozen, unit
 from bonecam.machine.limits import MachineLimits, polar_angles, with_polar_angles
 from bonecam.planning.axes.singularity import SINGULAR_CONE
 
@@ -30,6 +31,12 @@ NEIGHBOURHOOD = 12
 """Contacts before and behind a replaced axis whose axes are smoothed too."""
 MIN_TURN = np.radians(0.375)
 """Smoothing leaves an axis alone that it would turn by less, radians."""
+FEWEST = 100
+"""A machine with fewer candidate directions within its limits has others: a narrow band, or a curve."""
+AROUND = 180
+"""Directions on each ring of a narrow band."""
+MOST_SAMPLES = 720
+"""Directions about of those that a machine reaches."""
 COSINE_ROUNDING = 1e-9
 """Cosines this little below a limit are on it."""
 COLLISION, LIMITS = -1, -2
@@ -58,6 +65,29 @@ def candidate_directions() -> Float[ndarray, "647 3"]:
     return np.vstack([points[polar_angles(points) >= SINGULAR_CONE], ring])
 
 
+@lru_cache(maxsize=8)
+def directions_within(limits: MachineLimits) -> Float[ndarray, "d 3"]:
+    """The candidate directions of a machine, read-only: all of the icosphere, or where few of these are within its
+    limits, directions that are."""
+    directions = candidate_directions()
+    if limits.allow(directions).sum() < FEWEST:
+        if limits.reached is not None:
+            directions = limits.reached.samples
+            stride = max(len(directions) // MOST_SAMPLES, 1)
+            directions = directions[::stride]
+        elif limits.largest > SINGULAR_CONE:
+            directions = _rings(max(limits.smallest, SINGULAR_CONE), limits.largest)
+    return frozen(directions)
+
+
+def _rings(smallest: float, largest: float) -> Float[ndarray, "d 3"]:
+    """Directions on rings of polar angles within a narrow band, radians."""
+    azimuth = np.linspace(0, 2 * np.pi, AROUND, endpoint=False)
+    around = np.column_stack([np.cos(azimuth), np.sin(azimuth), 0 * azimuth])
+    angles = [smallest] if smallest == largest else [smallest, (smallest + largest) / 2, largest]
+    return np.vstack([with_polar_angles(around, np.full(AROUND, angle)) for angle in angles])
+
+
 def within_limits(
     axes: Float[ndarray, "n 3"], normals: Float[ndarray, "n 3"], limits: MachineLimits, max_tilt: float
 ) -> Bool[ndarray, " n"]:
@@ -75,7 +105,7 @@ def nearest_free_axes(
 ) -> tuple[Float[ndarray, "k 3"], list[str]]:
     """The free candidate direction nearest to each preferred axis, and an empty string for each; where there
     is none the preferred axis, and why: `limits` or `collision`."""
-    directions = candidate_directions()
+    directions = directions_within(limits)
     directions = directions[limits.allow(directions)]
     starts = range(0, len(contacts), CHUNK)
     chunks = [slice(start, start + CHUNK) for start in starts]
@@ -142,6 +172,8 @@ def smooth_axes(
     close = np.convolve(replaced.astype(float), window, mode="same")[: len(axes)] > 0.5
     for _ in range(SMOOTHING_ROUNDS):
         mean = _average(axes, same_pass)
+        if limits.narrow:
+            mean = limits.nearest(mean)
         turned = angles_between(mean, axes) > MIN_TURN
         which = np.flatnonzero(close & turned & within_limits(mean, normals, limits, max_tilt))
         if not len(which):

@@ -80,7 +80,8 @@ def bound_polar_angles(
     angle = polar_angles(axes)
     largest = np.minimum(limits.largest, table_limits(centres, cutter, clamping.clearance))
     bounded = np.clip(angle, limits.smallest, np.maximum(largest, limits.smallest))
-    return np.where((bounded == angle)[:, None], axes, with_polar_angles(aimed, bounded))
+    kept = np.where((bounded == angle)[:, None], axes, with_polar_angles(aimed, bounded))
+    return limits.nearest(kept) if limits.narrow else kept
 
 
 def has_room(

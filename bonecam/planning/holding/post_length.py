@@ -19,7 +19,7 @@ from bonecam.job import Job
 from bonecam.machine.bodies import MachineBodies
 from bonecam.machine.limits import MachineLimits
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.planning.axes.admissible import candidate_directions
+from bonecam.planning.axes.admissible import directions_within
 from bonecam.planning.axes.lead import LEAVING, ROOM
 from bonecam.planning.collision.checker import CollisionChecker
 from bonecam.planning.collision.scene import Scene
@@ -183,7 +183,7 @@ def least_lifts(
     contacts: SampledContacts, clamping: Clamping, job: Job, limits: MachineLimits
 ) -> Float[ndarray, " n"]:
     """The least lift (mm) of each contact among its free directions; infinite where it has none."""
-    directions = candidate_directions()
+    directions = directions_within(limits)
     directions = directions[limits.allow(directions)]
     needed = needed_lifts(contacts.centres, directions, contacts.checker.cutter, clamping)
     tilted = contacts.normals @ directions.T < np.cos(np.radians(job.path.max_tilt_deg))

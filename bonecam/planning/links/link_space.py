@@ -28,6 +28,8 @@ SPARE = 0.5
 """The clearance surface is farther from the stock than the clearance by this much, mm: straight rapids of 3 mm
 between its points dip 0.15 mm below it, and the proof of a step needs half of its length."""
 
+UP = np.array([0.0, 0.0, 1.0])
+
 IN_AIR = UNCERTAIN
 """A ball that is no deeper in the material is in air, mm: as accurately as the depth is known."""
 
@@ -66,10 +68,15 @@ class LinkSpace:
     @cached_property
     def safe_pose(self) -> Pose:
         """Ball centre and axis of the point above the stock where a level begins and ends."""
+        axis = self.limits.nearest(UP[None])[0]
+        if (axis != UP).any():
+            # beside the upper end, where a tool that lies comes and goes along its axis
+            reach = self.surface.radius + self.clearance
+            return np.asarray(self.surface.stock.end) + reach * axis, axis
         top = np.array([self.surface.top])
         height = np.array([self.clearance])
         centre, _ = self.surface.frames(np.zeros(1), top, height)
-        return centre[0], np.array([0.0, 0.0, 1.0])
+        return centre[0], axis
 
     def ball_free(self, starts: Float[ndarray, "m 3"], ends: Float[ndarray, "m 3"]) -> Bool[ndarray, " m"]:
         """Whether the ball keeps the gouge tolerance on straight moves of its centre: the collision checks

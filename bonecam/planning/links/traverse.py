@@ -66,6 +66,8 @@ def traverse(
         leaning = min(first[1], last[1], key=lambda axis: abs(axis[2]))
         axes = np.repeat(leaning[None], SAMPLES, axis=0)
     axes = unit(with_polar_angles(axes, angles))
+    if limits.reached is not None:
+        axes = limits.nearest(axes)
     centres[[0, -1]] = [first[0], last[0]]
     axes[[0, -1]] = [first[1], last[1]]
     return _thin_out(centres, axes)

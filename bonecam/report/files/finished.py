@@ -21,7 +21,7 @@ from bonecam.report.files.shown import Shown
 from bonecam.report.page.packing import pack
 from bonecam.report.page.surface_contents import surface_contents
 from bonecam.report.pictures.compared_axes import draw_compared_axes
-from bonecam.report.pictures.machine_bodies import draw_machine
+from bonecam.report.pictures.machine.bodies import draw_machine
 from bonecam.report.pictures.surface_axes import draw_axes
 from bonecam.report.run_report import report_text
 from bonecam.report.summary import finished_summary

@@ -26,7 +26,7 @@ from bonecam.report.pictures.depth_colours import draw_coloured, draw_error
 from bonecam.report.pictures.depth_curves import draw_depths
 from bonecam.report.pictures.engagement import draw_engagement
 from bonecam.report.pictures.level_sections import draw_levels, draw_second, draw_stump
-from bonecam.report.pictures.machine_bodies import draw_machine
+from bonecam.report.pictures.machine.bodies import draw_machine
 from bonecam.report.pictures.tool_paths import draw_toolpath
 from bonecam.report.run_report import report_text
 from bonecam.report.tables.cl_data import apt_text

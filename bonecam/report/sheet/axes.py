@@ -4,8 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from bonecam.machine.axes import RotaryAxis
 from bonecam.machine.kinematics import inverse_linear
-from bonecam.machine.machine import Machine, RotaryAxis
+from bonecam.machine.machine import Machine
 from bonecam.nc.reading.motions import Motions
 
 
@@ -32,10 +33,10 @@ def axis_ranges(motions: Motions, machine: Machine) -> list[AxisRange]:
     joints = np.vstack(parts)
     joints[:, 3:] = np.degrees(joints[:, 3:])
     lows, highs = joints.min(axis=0), joints.max(axis=0)
-    rooms = [*(f"{axis.travel:g} mm of travel" for axis in machine.linear), *map(_room, machine.rotary)]
+    rooms = [*(f"{axis.travel:g} mm of travel" for axis in machine.linear), *map(_room, machine.own_rotary)]
     return [
         AxisRange(letter, float(low), float(high), room)
-        for letter, low, high, room in zip(machine.letters, lows, highs, rooms, strict=True)
+        for letter, low, high, room in zip(machine.letters, lows, highs, rooms, strict=False)
     ]
 
 

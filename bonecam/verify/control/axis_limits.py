@@ -6,7 +6,8 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 
 from bonecam.errors import VerifyError
-from bonecam.machine.machine import LinearAxis, Machine, RotaryAxis
+from bonecam.machine.axes import LinearAxis, RotaryAxis
+from bonecam.machine.machine import Machine
 from bonecam.nc.reading.motions import Motions
 from bonecam.verify.control.nose_moves import NoseMoves, nose_moves
 

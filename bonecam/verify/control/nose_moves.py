@@ -17,9 +17,10 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 
 from bonecam.arrays import lengths
+from bonecam.machine.axes import RotaryAxis
 from bonecam.machine.control import Control
 from bonecam.machine.kinematics import UP, inverse_linear
-from bonecam.machine.machine import Machine, RotaryAxis
+from bonecam.machine.machine import Machine
 from bonecam.nc.reading.motions import Motions
 
 SAMPLES = 65
@@ -99,7 +100,12 @@ def _bows(motions: Motions, machine: Machine) -> Float[ndarray, "n"]:
         turned = turns.sum(axis=1)
         speed = lengths(steps[rows, :3]) + lift * turned
         part = _accelerations(
-            machine, machine.part_axes, turns, motions.tips[rows] + machine.part_zero, speed, lift * turned**2
+            machine,
+            machine.part_axes,
+            turns,
+            machine.in_machine(motions.tips[rows]) + machine.part_zero,
+            speed,
+            lift * turned**2,
         )
         tip = np.tile(-control.tool_length * UP, (len(turns), 1))
         still = np.zeros(len(turns))

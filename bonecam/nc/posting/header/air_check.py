@@ -11,9 +11,10 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.arrays import unit
+from bonecam.machine.axes import RotaryAxis
 from bonecam.machine.control import Control
 from bonecam.machine.kinematics import inverse_linear, tool_axes
-from bonecam.machine.machine import Machine, RotaryAxis
+from bonecam.machine.machine import Machine
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.posting.axis_words import word_texts
 
@@ -51,7 +52,7 @@ def _place_texts(control: Control, dialect: Dialect, start: Float[ndarray, "2"],
     offset that is not the machine file's shows as a way of the tip. Poses beyond a limit of the spindle nose are left
     out."""
     machine = control.machine
-    angles = [start, *(_turned(machine, start, axis) for axis in machine.rotary)]
+    angles = [start, *(_turned(machine, start, axis) for axis in machine.own_rotary)]
     words = control.words(np.tile([0.0, 0.0, height], (len(angles), 1)), np.array(angles))
     nose = words[:, :3] + [0.0, 0.0, control.tool_length]
     low, high = np.array([axis.limits for axis in machine.linear]).T
@@ -89,7 +90,7 @@ def _turned(machine: Machine, start: Float[ndarray, "2"], *axes: RotaryAxis) -> 
 
 def _tilting_first(machine: Machine) -> list[RotaryAxis]:
     """The rotary axes, that along the spindle last: on a head it is seen by the tilt of the other."""
-    return sorted(machine.rotary, key=lambda axis: abs(axis.direction[2]) > ALONG_SPINDLE)
+    return sorted(machine.own_rotary, key=lambda axis: abs(axis.direction[2]) > ALONG_SPINDLE)
 
 
 def _in_machine(
@@ -116,10 +117,13 @@ def _square_text(machine: Machine, start: Float[ndarray, "2"]) -> str:
     """How the tool stands to the table before an axis turns."""
     tilt = np.degrees(np.arccos(np.clip(tool_axes(machine, start[None])[0, 2], -1.0, 1.0)))
     stands = "square to the table" if tilt < 1e-3 else f"{tilt:.3f} degrees from square to the table"
-    at = " and ".join(f"{axis.letter} {_degrees(turn_of(axis)[0])}" for axis in machine.rotary)
+    at = " and ".join(f"{axis.letter} {_degrees(turn_of(axis)[0])}" for axis in machine.own_rotary)
     along = ""
-    if np.allclose(_part_frame(machine, start), np.eye(3), atol=1e-9):
+    frame = _part_frame(machine, start)
+    if np.allclose(frame, np.eye(3), atol=1e-9):
         along = ", X+ of the blank towards X+"
+    elif not machine.stands:
+        along = f", X+ of the blank towards {_words_of(frame[0])}, its Z+ towards {_words_of(frame[2])}"
     return f"at {at} the tool must stand {stands}{along}"
 
 
@@ -130,7 +134,8 @@ def _turn_texts(machine: Machine, axis: RotaryAxis, start: Float[ndarray, "2"]) 
     else:
         seen = _tip_text(machine, axis, start)
     end = _turned(machine, start, axis)
-    lean = tool_axes(machine, end[None])[0] * [1.0, 1.0, 0.0]
+    # sides of the table are those that lie so with all axes at zero
+    lean = machine.in_machine(tool_axes(machine, end[None]) * [1.0, 1.0, 0.0])[0]
     if np.linalg.norm(lean) < SEEN:
         return [seen]
     return [seen, f"{_to(axis)}: the tool, from tip to spindle, leans to {_words_of(lean)} of the table"]
@@ -154,7 +159,10 @@ def _tip_text(machine: Machine, axis: RotaryAxis, start: Float[ndarray, "2"]) ->
     before, after = _tip_direction(machine, start), _tip_direction(machine, end)
     if np.linalg.norm(_across(before, after)) > SEEN:
         return f"{_to(axis)}: the tip of the tool must swing to {_words_of(_across(before, after))}"
-    (other,) = (one for one in machine.rotary if one != axis)
+    others = [one for one in machine.own_rotary if one != axis]
+    if not others:
+        return f"{_to(axis)}: the tip of the tool stays where it is"
+    (other,) = others
     before, after = (
         _tip_direction(machine, joints) * [1.0, 1.0, 0.0]
         for joints in (_turned(machine, start, other), _turned(machine, start, other, axis))

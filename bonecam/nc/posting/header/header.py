@@ -3,7 +3,9 @@ comments; the blank; the safe start."""
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import product
 
+import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
@@ -38,7 +40,9 @@ def header_lines(
     (mm) in the control's simulation, the `air_check`, and the safe start with the finest tolerances."""
     length = dialect.numbers.length
     places = "low_x low_y low_z high_x high_y high_z".split()
-    corners = dict(zip(places, map(length.text, bounds.ravel()), strict=True))
+    blank = machine.in_machine(np.array(list(product(*bounds.T))))
+    box = np.array([blank.min(axis=0), blank.max(axis=0)])
+    corners = dict(zip(places, map(length.text, box.ravel()), strict=True))
     texts = [
         f"machine {machine.title}",
         f"control {dialect.title}",

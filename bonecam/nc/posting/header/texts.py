@@ -171,13 +171,28 @@ def control_texts(machine: Machine, dialect: Dialect, posted: Sequence[Posted]) 
     if not dialect.straight_rapids:
         rapids = "rapids: only above the part, elsewhere feeds, as the control may bend them"
     return [
-        *(f"needs: {need}" for need in dialect.needs),
+        *(f"needs: {_of_machine(need, machine)}" for need in dialect.needs),
         f"programmed point: {point} {where}",
         *zero_texts(machine, dialect),
-        *notes,
+        *(_of_machine(note, machine) for note in notes),
         rapids,
         *_body_texts(machine),
     ]
+
+
+def _of_machine(text: str, machine: Machine) -> str:
+    """A line of a dialect with the axes of the machine in the place of its fields."""
+    letters = [axis.letter for axis in machine.own_rotary]
+    wound = [axis.letter for axis in machine.own_rotary if axis.endless] or letters
+    fields = {
+        "{count}": {4: "four", 5: "five"}[len(machine.letters)],
+        "{rotary}": " and ".join(letters),
+        "{zero}": " ".join(f"{letter} 0" for letter in letters),
+        "{wound}": " and ".join(wound),
+    }
+    for field, value in fields.items():
+        text = text.replace(field, value)
+    return text
 
 
 def _body_texts(machine: Machine) -> list[str]:
@@ -203,7 +218,7 @@ def axis_texts(machine: Machine, travel: Travel, posted: Sequence[Posted]) -> li
     )
     rotary = ", ".join(
         f"{axis.letter} {low:+.3f} to {high:+.3f}"
-        for axis, (low, high) in zip(machine.rotary, travel.ranges[3:].tolist(), strict=True)
+        for axis, (low, high) in zip(machine.own_rotary, travel.ranges[3:].tolist(), strict=False)
     )
     minutes = sum(float(np.sum(one.minutes)) for one in posted)
     return [

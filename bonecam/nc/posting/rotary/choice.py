@@ -18,8 +18,9 @@ from numpy import ndarray
 
 from bonecam.errors import MachineError
 from bonecam.kernels.chain import cheapest_chain
+from bonecam.machine.axes import RotaryAxis
 from bonecam.machine.kinematics import LIMIT_GUARD, inverse_rotary, within_limits
-from bonecam.machine.machine import Machine, RotaryAxis
+from bonecam.machine.machine import Machine
 from bonecam.nc.posting.rotary.steps import FULL_TURN, rotary_steps
 from bonecam.tool.path import MoveKind
 

@@ -20,7 +20,7 @@ from scipy.spatial import KDTree
 from bonecam.arrays import angles_between, dots, frozen, unit
 from bonecam.job import PathJob
 from bonecam.kernels.closest.cone_marching import deepest_cones, proof_slacks
-from bonecam.machine.limits import MachineLimits, polar_angles
+from bonecam.machine.limits import ANGLE_ROUNDING, MachineLimits, polar_angles
 from bonecam.planning.axes.cones.cone import ObliqueEllipticCone, circular_cone
 from bonecam.planning.axes.cones.free_axes import WIDEST, FreeAxes, free_axes
 from bonecam.planning.axes.lead import table_limits
@@ -76,7 +76,8 @@ class AxisCones:
     def contain(self, axes: Float[ndarray, "n 3"]) -> Bool[ndarray, " n"]:
         """Whether the axis of each contact lies in its cone and keeps the limits."""
         polar = polar_angles(axes)
-        within = (polar >= self.least_polar) & (polar <= self.largest_polar)
+        within = (polar >= self.least_polar - ANGLE_ROUNDING) & (polar <= self.largest_polar + ANGLE_ROUNDING)
+        within &= self.free.limits.allow(axes)
         near = dots(axes, self.path.normals) >= np.cos(self.max_tilt)
         return np.asarray(within & near & self.found & (self.depths(axes) >= 0))
 

@@ -18,7 +18,7 @@ from bonecam.kernels.closest.cone_marching import (
     free_directions,
 )
 from bonecam.machine.limits import MachineLimits, polar_angles
-from bonecam.planning.axes.admissible import candidate_directions
+from bonecam.planning.axes.admissible import directions_within
 from bonecam.planning.axes.cones.cone_nodes import ConeNodes, join_nets, make_net
 from bonecam.planning.axes.cones.obstacles import apexes_of, obstacles_of, rooms_at, single_obstacles
 from bonecam.planning.axes.lead import table_limits
@@ -47,6 +47,7 @@ class FreeAxes:
     apexes: Apexes
     obstacles: Obstacles
     section_names: tuple[str, ...]
+    limits: MachineLimits
     directions: Float[ndarray, "d 3"]
     within: Bool[ndarray, "k d"]
     allowed: Bool[ndarray, "k d"]
@@ -55,7 +56,7 @@ class FreeAxes:
     @cached_property
     def room(self) -> Float[ndarray, "k d"]:
         """The angle from each free direction to the nearest one that collides, WIDEST at most, radians."""
-        order, angles = _neighbours(len(self.directions))
+        order, angles = _neighbours(self.limits)
         return np.asarray(angles_to_blocked(self.free | ~self.allowed, order, angles)) * self.free
 
     def blocking(self, nodes: Int[ndarray, " k"]) -> list[str]:
@@ -64,7 +65,7 @@ class FreeAxes:
         apexes, allowed = Apexes(*(part[nodes] for part in self.apexes)), self.allowed[nodes]
         counts = {
             f"{self.section_names[s]} against the {name}": free_directions(
-                alone, apexes, self.directions, _groups(), allowed
+                alone, apexes, self.directions, _groups(self.limits), allowed
             ).sum(axis=1)
             for s in range(len(self.section_names))
             for name, alone in single_obstacles(self.obstacles, s)
@@ -85,7 +86,7 @@ def free_axes(path: ContactPath, scene: Scene, limits: MachineLimits, max_tilt: 
         raise OrientationError(f"contact {bad[0]} is not finite: leave it out", contact=int(bad[0]))
     obstacles = obstacles_of(scene, path.cutter, path.centres)
     room = rooms_at(path, scene)
-    directions = candidate_directions()
+    directions = directions_within(limits)
     middles = _middles(path)
     names = tuple(section.name for section in reversed(path.cutter.profile))
     clearance = scene.clamping.clearance if scene.clamping.closed else -np.inf
@@ -96,7 +97,7 @@ def free_axes(path: ContactPath, scene: Scene, limits: MachineLimits, max_tilt: 
         net = make_net(path.centres[left], path.normals[left], middles[left], spacing)
         apexes = apexes_of(net, room[left])
         within, allowed = _allowed(net, directions, path.cutter, limits, max_tilt, clearance)
-        free = free_directions(obstacles, apexes, directions, _groups(), allowed)
+        free = free_directions(obstacles, apexes, directions, _groups(limits), allowed)
         spacing /= 2
         most = free.sum(axis=1) >= ENOUGH * allowed.sum(axis=1)
         settled = most | (spacing < FINEST)
@@ -105,7 +106,7 @@ def free_axes(path: ContactPath, scene: Scene, limits: MachineLimits, max_tilt: 
         left = left[~settled[net.node_of]]
     net = join_nets(nets, len(path.centres))
     *apex, within, allowed, free = (np.concatenate(part) for part in zip(*parts))
-    return FreeAxes(net, Apexes(*apex), obstacles, names, directions, within, allowed, free)
+    return FreeAxes(net, Apexes(*apex), obstacles, names, limits, directions, within, allowed, free)
 
 
 def blocked_by(path: ContactPath, scene: Scene, limits: MachineLimits, max_tilt: float) -> dict[str, int]:
@@ -140,33 +141,33 @@ def _allowed(
     lowest = net.places - np.outer(net.reach, [0.0, 0.0, 1.0])
     above = table_limits(lowest, cutter, clearance) if np.isfinite(clearance) else np.full(len(lowest), np.pi)
     near = net.normals @ directions.T >= np.cos(max_tilt)
-    within = near & (angle <= limits.largest) & (angle >= limits.smallest)
+    within = near & limits.allow(directions)
     return within, within & (angle <= above[:, None])
 
 
-@lru_cache(maxsize=1)
-def _groups() -> Groups:
+@lru_cache(maxsize=2)
+def _groups(limits: MachineLimits) -> Groups:
     """The candidate directions in GROUPS groups, each of those nearest to one of so many that are far apart."""
-    directions = candidate_directions()
+    directions = directions_within(limits)
+    count = min(GROUPS, len(directions))
     seeds = [0]
     nearest = directions @ directions[0]
-    for _ in range(GROUPS - 1):
+    for _ in range(count - 1):
         seeds.append(int(nearest.argmin()))
         nearest = np.maximum(nearest, directions @ directions[seeds[-1]])
     group = (directions @ directions[seeds].T).argmax(axis=1)
-    axes = unit(np.array([directions[group == g].sum(axis=0) for g in range(GROUPS)]))
+    axes = unit(np.array([directions[group == g].sum(axis=0) for g in range(count)]))
     off = angles_between(directions, axes[group])
-    angles = np.array([off[group == g].max() for g in range(GROUPS)])
+    angles = np.array([off[group == g].max() for g in range(count)])
     starts = np.cumsum(np.r_[0, np.bincount(group)])
     return Groups(axes, angles, starts, np.argsort(group, kind="stable"))
 
 
-@lru_cache(maxsize=1)
-def _neighbours(count: int) -> tuple[Int[ndarray, "d m"], Float[ndarray, "d m"]]:
+@lru_cache(maxsize=2)
+def _neighbours(limits: MachineLimits) -> tuple[Int[ndarray, "d m"], Float[ndarray, "d m"]]:
     """The neighbours of each direction within WIDEST, itself first and as many as the one with the fewest has, and how
     far they are, radians."""
-    directions = candidate_directions()
-    assert len(directions) == count
+    directions = directions_within(limits)
     angles = np.arccos(np.clip(directions @ directions.T, -1, 1))
     order = np.argsort(angles, axis=1, kind="stable")
     sorted_ = np.take_along_axis(angles, order, axis=1)

@@ -79,8 +79,9 @@ def _bounds(
 ) -> AxisBounds:
     """The bounds of the job and the machine; where a normal points beyond the polar limits the tilt is allowed what
     the axis needs."""
-    least = max(limits.smallest + MARGIN, LEAST_POLAR)
-    largest = np.maximum(largest - MARGIN, least)
+    margin = min(MARGIN, (limits.largest - limits.smallest) / 2)
+    least = max(limits.smallest + margin, LEAST_POLAR)
+    largest = np.maximum(largest - margin, least)
     angle = polar_angles(normals)
     needed = np.maximum(angle - largest, least - angle)
     tilt = np.maximum(TILT_SHARE * np.radians(job.max_tilt_deg), needed + REACH)

@@ -118,6 +118,8 @@ def smooth_axes(
             break
     field = AxisField(domain, energy.winding, *settled(values, AXIS_QUANTUM))
     axes = field.axes(cones.path.parameters)
+    if limits.narrow:
+        axes = limits.nearest(axes)
     return SmoothAxes(field, axes, cones.about(axes))
 
 

@@ -10,7 +10,7 @@ from bonecam.job import HoldingJob, Job
 from bonecam.machine.bodies import Table
 from bonecam.machine.frustum import Frustum
 from bonecam.report import draw_machine
-from bonecam.report.pictures import machine_bodies
+from bonecam.report.pictures.machine import bodies as machine_bodies
 from bonecam.setup.capsule import Capsule
 from bonecam.tool import Cutter, ToolPath
 
@@ -41,3 +41,8 @@ def test_the_picture_is_written_from_both_sides_with_what_there_is(path: ToolPat
     table = Table(radius=100.0, standing=(Frustum(20.0, 40.0, 30.0),))
     draw_machine([path, path], part, holding, table, tmp_path / "machine.png")
     assert (tmp_path / "machine.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_table_is_drawn_as_wide_as_it_is() -> None:
+    drawn = machine_bodies.table_bodies(Table(radius=140.0))[0][1]
+    assert drawn.bounds[1, 0] == pytest.approx(140.0)

@@ -33,8 +33,8 @@ SIDES = 32
 """Of bodies of revolution."""
 RING = 3.0
 """Rings of their meshes are about so far apart, mm: what lies behind is sorted by triangles."""
-TABLE_SHOWN = 60.0
-"""The table is drawn so far from its middle at most, and so is its thickness a tenth of that, mm."""
+TABLE_SHOWN = 150.0
+"""A table without an edge is drawn so far from its middle, mm."""
 LEGEND = 0.45
 """Inches that the legend takes below the panels."""
 
@@ -52,7 +52,7 @@ def draw_machine(
     bodies = [*_fixed(part, holding, table), *_tool(path.cutter, path.tips[row], path.axes[row])]
     figure, plots = new_figure(2)
     for plot, side in zip(plots, (1.0, -1.0)):
-        _draw(plot, bodies, side)
+        draw_bodies(plot, bodies, side)
     message = f"{path.title}, where holder or spindle are lowest: {_lowest(path)[row]:.0f} mm above the table"
     plots[0].set_title(message, fontsize="small")
     plots[1].set_title("from behind", fontsize="small")
@@ -82,16 +82,22 @@ def _fixed(part: TriangleMesh, holding: HoldingJob, table: Table) -> list[tuple[
     """Part, post, what holds it, and table with what stands on it."""
     radius = holding.diameter / 2
     foot = holding.support_height
-    bodies = [("part", part), ("post", _bar(foot, float(part.bounds[0, 2]), radius, radius))]
+    bodies = [("part", part), ("post", bar(foot, float(part.bounds[0, 2]), radius, radius))]
     for name, column in holding_columns(holding).items():
-        bar = _bar(column.bottom, column.top, column.radius, column.radius)
-        bodies.append(("post" if name == "stub" else "chuck", bar))
-    half = min(table.radius, table.half_width, table.half_depth, TABLE_SHOWN)
-    bodies.append(("table", _bar(-half / 10, 0.0, half, half)))
+        held = bar(column.bottom, column.top, column.radius, column.radius)
+        bodies.append(("post" if name == "stub" else "chuck", held))
+    return [*bodies, *table_bodies(table)]
+
+
+def table_bodies(table: Table) -> list[tuple[str, TriangleMesh]]:
+    """The table as wide as it is, a plate by the disc inside it, and what stands on it."""
+    half = min(table.radius, table.half_width, table.half_depth)
+    half = half if np.isfinite(half) else TABLE_SHOWN
+    bodies = [("table", bar(-half / 10, 0.0, half, half))]
     height = 0.0
     for piece in table.standing:
         bodies.append(
-            ("table", _bar(height, height + piece.length, piece.diameter / 2, piece.top_diameter / 2))
+            ("table", bar(height, height + piece.length, piece.diameter / 2, piece.top_diameter / 2))
         )
         height += piece.length
     return bodies
@@ -109,13 +115,13 @@ def _tool(
         cutter.radius * np.sin(angle), cutter.radius * (1 - np.cos(angle)), (0.0, cutter.radius), SIDES
     )
     sections = [
-        (section.name, _bar(section.start, section.end, section.radius, section.end_radius))
+        (section.name, bar(section.start, section.end, section.radius, section.end_radius))
         for section in cutter.profile
     ]
     return [(name, mesh.move(pose)) for name, mesh in [("cutter", ball), *sections]]
 
 
-def _bar(start: float, end: float, radius: float, end_radius: float) -> TriangleMesh:
+def bar(start: float, end: float, radius: float, end_radius: float) -> TriangleMesh:
     """A body of revolution about Z in short pieces, its ends too."""
     count = max(2, int((end - start) / RING) + 1)
     flat = np.linspace(0.1, 0.9, 8)
@@ -124,7 +130,7 @@ def _bar(start: float, end: float, radius: float, end_radius: float) -> Triangle
     return revolve(radii, heights, (start, end), SIDES)
 
 
-def _draw(plot: Plot, bodies: Sequence[tuple[str, TriangleMesh]], side: float) -> None:
+def draw_bodies(plot: Plot, bodies: Sequence[tuple[str, TriangleMesh]], side: float) -> None:
     """All bodies as one mesh, so that what lies before is drawn over what lies behind."""
     from matplotlib.colors import to_rgb
 

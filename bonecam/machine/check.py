@@ -1,0 +1,91 @@
+"""What a machine file says, and what is taken for granted where it says nothing: for someone who writes one."""
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from bonecam.machine.axes import LinearAxis, RotaryAxis
+from bonecam.machine.limits import polar_angles
+from bonecam.machine.machine import MACHINES, Machine, read_machine
+from bonecam.machine.machine_file import MachineFile
+from bonecam.machine.reach import reached_axes, tilt_band
+from bonecam.machine.tables import read_table
+
+
+@dataclass(frozen=True)
+class MachineCheck:
+    """The machine of a file, the `source` of its figures, what its axes and its tool can do (`told`), and what is
+    `assumed`: what the file says is not known, and what it does not say; a line each."""
+
+    machine: Machine
+    source: str
+    told: tuple[str, ...]
+    assumed: tuple[str, ...]
+
+    def __str__(self) -> str:
+        source = [f"source    {self.source}"] if self.source else []
+        told = [f"{'told' if not k else '':10}{text}" for k, text in enumerate(self.told)]
+        assumed = [f"{'assumed' if not k else '':10}{text}" for k, text in enumerate(self.assumed)]
+        return "\n".join([f"machine   {self.machine.title}", *source, *told, *assumed])
+
+
+def check_machine(name: str | Path) -> MachineCheck:
+    """What is told and what is assumed of the machine of a name, or of a path to a TOML file; MachineError names file
+    and every key that is wrong, or why paths cannot be planned for it."""
+    _, file = read_table("machine", name, MACHINES, MachineFile)
+    machine = read_machine(name)
+    told = [_chain_text(machine), *map(_axis_text, machine.own_rotary), reach_text(machine)]
+    return MachineCheck(
+        machine, " ".join(file.source.split()), tuple(told), (*file.assumed, *_unsaid(machine, file))
+    )
+
+
+def _chain_text(machine: Machine) -> str:
+    """What carries what, in words."""
+    carries = [axis.letter for axis in machine.part_axes]
+    heads = [axis.letter for axis in machine.tool_axes if axis.letter]
+    under = f"the part on {' on '.join(carries)}" if carries else "the part on a fixed table"
+    return f"{under}, the tool on {' with '.join(['X Y Z', *heads])}"
+
+
+def _axis_text(axis: RotaryAxis) -> str:
+    """How far a rotary axis turns, and what a positive word does."""
+    low, high = np.degrees(axis.limits)
+    room = "endless" if not axis.bounded else f"{low:g} to {high:g} deg"
+    if axis.locked:
+        room = f"locked at {low:g} deg"
+    x, y, z = (f"{value + 0.0:.4g}" for value in axis.direction)
+    return f"{axis.letter}: {room}, a positive word turns what it carries by the right hand about ({x}, {y}, {z})"
+
+
+def reach_text(machine: Machine) -> str:
+    """The tool axes that a machine has, in words; MachineError where it has a single one."""
+    band = tilt_band(machine)
+    if band is not None:
+        low, high = np.degrees(band)
+        angles = f"{low:g} to {high:g} deg" if low < high else f"{low:g} deg"
+        return f"the tool leans from the part's Z by {angles}, all round"
+    samples = reached_axes(machine).samples
+    low, high = np.degrees([polar_angles(samples).min(), polar_angles(samples).max()])
+    free = sum(not axis.locked for axis in machine.rotary)
+    kind = "a region" if free == 2 else "a curve"
+    return f"the tool leans from the part's Z by {low:.4g} to {high:.4g} deg, not all round: {kind} of directions"
+
+
+def _unsaid(machine: Machine, file: MachineFile) -> list[str]:
+    """What a machine file leaves out, and what is taken in its place."""
+    unknown = [axis.letter for axis in machine.linear if not math.isfinite(axis.limits[0])]
+    axes: list[LinearAxis | RotaryAxis] = [*machine.linear, *machine.own_rotary]
+    slow = [axis.letter for axis in axes if not math.isfinite(axis.acceleration)]
+    texts = {
+        "part_x, part_z: X and Z of the part lie along X and Z of the machine": file.part_x is None,
+        "part_zero: the program's zero is the zero of the machine": "part_zero" not in file.model_fields_set,
+        "spindle_speed: any speed is taken": file.spindle_speed is None,
+        "spindle.nose: no spindle is kept clear of anything": file.spindle is None,
+        "table: it has no edge, nothing of the tool goes below it": file.table is None,
+        f"limits of {' '.join(unknown)}: only the span of a program is checked, not its place": bool(unknown),
+        f"acceleration of {' '.join(slow)}: they start and stop at once": bool(slow),
+    }
+    return [text for text, missing in texts.items() if missing]

@@ -1,0 +1,118 @@
+"""Which tool axes a machine has: a band of polar angles all round the part, or a curve or a region."""
+
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Bool, Float
+from numpy import ndarray
+from scipy.spatial import KDTree
+
+from bonecam.arrays import frozen, lengths
+from bonecam.errors import MachineError
+from bonecam.machine.axes import RotaryAxis
+from bonecam.machine.kinematics import inverse_rotary, tool_axes, within_limits
+from bonecam.machine.limits import ReachedAxes, polar_angles
+from bonecam.machine.machine import Machine
+
+AXIS_MARGIN = np.radians(1.0)
+"""Kept from the machine's tilt limit, radians: a turn of up to 30 degrees between two axes at the limit
+bulges past it by less."""
+STEP = np.radians(2.0)
+"""Between the joints at which the tool axes of a machine are sampled, radians."""
+ON_CURVE = 1e-7
+"""A unit axis this near to one that a machine has is that."""
+EVEN = 1e-9
+"""Polar angles that differ by less, radians, are one."""
+
+
+def tilt_band(machine: Machine) -> tuple[float, float] | None:
+    """The lowest and the highest angle (rad) from +Z of the widest band that the tool axis reaches in every direction
+    round the part; None where there is no such angle."""
+    if any(axis.locked for axis in machine.rotary):
+        return _band_of_locked(machine)
+    azimuths = np.linspace(0, 2 * np.pi, 73)[:-1]
+    tilts = np.radians(np.arange(0.0, 180.01, 0.25))
+    tilt, azimuth = (grid.ravel() for grid in np.meshgrid(tilts, azimuths, indexing="ij"))
+    axes = np.column_stack([np.sin(tilt) * np.cos(azimuth), np.sin(tilt) * np.sin(azimuth), np.cos(tilt)])
+    found, _ = inverse_rotary(machine, axes)
+    reached = within_limits(machine, found).any(1).reshape(len(tilts), -1).all(1)
+    edges = np.flatnonzero(np.diff(np.r_[False, reached, False]))
+    bands = edges.reshape(-1, 2) - [0, 1]
+    if not len(bands):
+        return None
+    low, high = bands[np.argmax(np.diff(bands, axis=1))]
+    return (float(tilts[low]), float(tilts[high])) if low < high else None
+
+
+def _band_of_locked(machine: Machine) -> tuple[float, float] | None:
+    """The one polar angle of a machine whose only free axis turns the part about its Z, all the way round."""
+    free = [axis for axis in machine.rotary if not axis.locked]
+    if len(free) != 1 or (free[0].bounded and not free[0].has_choice):
+        return None
+    angles = polar_angles(_sampled(machine))
+    if np.ptp(angles) > EVEN:
+        return None
+    return float(angles.mean()), float(angles.mean())
+
+
+def _sampled(machine: Machine) -> Float[ndarray, "k 3"]:
+    """Unit tool axes all over those that a machine has, about STEP apart in its joints."""
+    joints = [_steps(axis) for axis in machine.rotary]
+    return tool_axes(machine, np.stack(np.meshgrid(*joints, indexing="ij"), axis=-1).reshape(-1, 2))
+
+
+def _steps(axis: RotaryAxis) -> Float[ndarray, " n"]:
+    low, high = axis.limits
+    if not axis.bounded or axis.has_choice:
+        return np.arange(0.0, 2 * np.pi - STEP / 2, STEP)
+    return np.linspace(low, high, 1 + int(np.ceil((high - low) / STEP)))
+
+
+def planned_band(machine: Machine) -> tuple[float, float] | None:
+    """The band of `tilt_band` that paths may use, rad: AXIS_MARGIN within it; None where it is too narrow for that."""
+    band = tilt_band(machine)
+    if band is None or band[0] == band[1]:
+        return band
+    low, high = band[0] + AXIS_MARGIN if band[0] > 0 else 0.0, band[1] - AXIS_MARGIN
+    return (low, high) if low < high else None
+
+
+def reached_axes(machine: Machine) -> ReachedAxes:
+    """The tool axes of a machine, its joints AXIS_MARGIN within their limits."""
+    inner = replace(
+        machine,
+        part_axes=tuple(map(_within_margin, machine.part_axes)),
+        tool_axes=tuple(map(_within_margin, machine.tool_axes)),
+    )
+    samples = _sampled(inner)
+    if np.ptp(samples, axis=0).max() < ON_CURVE:
+        what = f"{machine.name}: its tool has a single direction in the part"
+        raise MachineError(f"{what}: give one of its rotary axes room", machine=machine.name)
+    tree = KDTree(samples)
+
+    def brought(axes: Float[ndarray, "n 3"]) -> tuple[Float[ndarray, "n 3"], Bool[ndarray, " n"]]:
+        """Of each axis the one of the machine by its first solution within the limits, and whether there is one."""
+        found, _ = inverse_rotary(inner, axes, lock_guard=np.pi)
+        usable = within_limits(inner, found)
+        first = found[np.arange(len(axes)), np.argmax(usable, axis=1)]
+        some = np.asarray(usable.any(axis=1))
+        return tool_axes(inner, np.where(some[:, None], first, 0.0)), some
+
+    def contains(axes: Float[ndarray, "n 3"]) -> Bool[ndarray, " n"]:
+        own, found = brought(axes)
+        return found & (lengths(own - axes) <= ON_CURVE)
+
+    def nearest(axes: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
+        own, found = brought(axes)
+        near = samples[tree.query(axes)[1]]
+        return np.where(found[:, None], own, near)
+
+    return ReachedAxes(contains, nearest, frozen(samples))
+
+
+def _within_margin(axis: RotaryAxis) -> RotaryAxis:
+    """The axis with limits AXIS_MARGIN narrower, or as wide as they are where there is no room for it."""
+    low, high = axis.limits
+    if axis.locked or high - low <= 2 * AXIS_MARGIN:
+        return axis
+    return replace(axis, limits=(low + AXIS_MARGIN, high - AXIS_MARGIN))

@@ -1,0 +1,1 @@
+"""Pictures of a machine: its bodies round the part, and what its file says."""
