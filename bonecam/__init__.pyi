@@ -31,6 +31,8 @@ from .report.files.kept_view import view as view
 from .report.files.result import Morphed as Morphed
 from .report.files.result import Result as Result
 from .report.tables.batch_table import Outcome as Outcome
+from .reposting.post import Posted as Posted
+from .reposting.post import post as post
 from .second_clamping import clamping_shell as clamping_shell
 from .simulation import simulate as simulate
 from .study.comparison import compare as compare

@@ -8,7 +8,8 @@ import pytest
 ORDER = [
     *"errors progress arrays runtime files text machine job kernels tool mesh surface".split(),
     *"workholding setup levels material mechanics planning nc verify report".split(),
-    *"post_and_prove second_clamping pipeline simulation finishing study filters batch cli __main__".split(),
+    *"post_and_prove second_clamping pipeline simulation reposting finishing study filters batch cli".split(),
+    "__main__",
 ]
 ROOMS = {
     "runtime": "threads loading timing parent signals temporary worker own_files locking staging".split(),

@@ -28,6 +28,7 @@ def make_parser() -> Parser:
     _add_simulate(parsers)
     _add_verbosity(add_probe(_add_command, parsers))
     _add_verbosity(add_compare(_add_command, parsers))
+    _add_post(parsers)
     _add_view(parsers)
     _add_batch(parsers)
     _add_script(parsers)
@@ -116,6 +117,21 @@ def _add_simulate(parsers: Any) -> None:
     _add_no_mechanics(simulate)
     add_job_options(simulate)
     _add_verbosity(simulate)
+
+
+def _add_post(parsers: Any) -> None:
+    text = "Post, prove and simulate cutter location data (APT) of another system, or a program of another control."
+    post = _add_command(parsers, "post", text, commands.run_post)
+    post.add_argument("paths", metavar="PATHS", help="APT statements, or with --from-machine an NC program")
+    post.add_argument("-o", "--output", metavar="PROGRAM", required=True, help="file for the NC program")
+    post.add_argument(
+        "--part", metavar="MESH", required=True, help="solid that is not gouged, in the paths' frame"
+    )
+    post.add_argument("--keep", metavar="DIR", help="a folder that `convert --keep` wrote: its stock is cut")
+    post.add_argument("--from-machine", metavar="NAME", help="machine that the program PATHS is for")
+    post.add_argument("--from-controller", metavar="NAME", help="controller that the program PATHS is for")
+    add_job_options(post)
+    _add_verbosity(post)
 
 
 def _add_view(parsers: Any) -> None:

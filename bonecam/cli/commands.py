@@ -10,6 +10,7 @@ from pathlib import Path
 import bonecam
 from bonecam.cli.job_options import job_of
 from bonecam.cli.progress_display import native_output_to_stderr, shown_progress
+from bonecam.errors import JobError
 from bonecam.files import check_files, write_whole
 from bonecam.filters.scripts import run_script as scripts
 from bonecam.job import write_job
@@ -123,6 +124,28 @@ def run_simulate(options: argparse.Namespace) -> int:
     check_removal_of_job(removal, job)
     if not options.quiet:
         print(simulation_text(simulation_report(removal)))
+    return 0
+
+
+def run_post(options: argparse.Namespace) -> int:
+    """`bonecam post`: the program of paths that were made elsewhere."""
+    names = options.from_machine, options.from_controller
+    if (names[0] is None) != (names[1] is None):
+        raise JobError("--from-machine and --from-controller belong together: give both, or none for APT")
+    origin = None if names[0] is None else names
+    job = job_of(options)
+    with shown_progress(options) as progress:
+        made = bonecam.post(
+            options.paths,
+            options.part,
+            job,
+            program=options.output,
+            origin=origin,
+            keep=options.keep,
+            progress=progress,
+        )
+    if not options.quiet:
+        print(made.summary)
     return 0
 
 

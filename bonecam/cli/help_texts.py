@@ -22,6 +22,10 @@ EXAMPLES = {
   bonecam probe look -o probe.csv --picture probe.png --program probe.h""",
     "compare": """
   bonecam compare bone.stl --units m -o study --job job.toml --set mechanics.refuse=false""",
+    "post": """
+  bonecam post bone.apt --part bone.ply --keep bone -o bone.mpf --machine hermle-c600u --controller siemens-840d
+  bonecam post bone.h --part bone.ply -o bone.ngc --from-machine mikron-ucp600 --from-controller heidenhain \\
+      --machine linuxcnc-xyzac --controller linuxcnc""",
     "view": """
   bonecam view look -o bone.html""",
     "batch": """

@@ -132,6 +132,11 @@ def _trace(
     state = np.full(len(poses.tips), UNDECIDED)
     active = np.arange(len(poses.tips))
     u = np.full(len(active), section.start)
+    if section.widest > section.start:
+        u = _first_heights(around, poses, section)
+        state[u >= section.end] = FREE
+        active = np.flatnonzero(u < section.end)
+        u = u[active]
     for sphere in range(MAX_SPHERES):
         if not len(active):
             break
@@ -150,6 +155,19 @@ def _trace(
         going = (u < section.end) & (step > MIN_STEP) & (distance > needed)
         active, u = active[going], u[going]
     return state
+
+
+def _first_heights(around: Surroundings, poses: Poses, section: ToolSection) -> Float[ndarray, " n"]:
+    """How far up (mm) a section wider than it is far from the tip is proven by one sphere above its start: about
+    the start itself a sphere as wide as its disc would reach the tip."""
+    ahead = min(section.start + section.widest, section.end)
+    reach = np.hypot(section.end, section.widest)
+    needed = section.widest + poses.shift + poses.turn * reach
+    distance = around.distance_bound(poses.tips + ahead * poses.axes, np.hypot(needed, ahead - section.start))
+    half = np.sqrt(np.maximum(distance**2 - needed**2, 0.0)) * np.sign(np.maximum(distance, 0.0))
+    return np.where(
+        (half > 0) & (ahead - half <= section.start), np.minimum(ahead + half, section.end), section.start
+    )
 
 
 def _margins(

@@ -99,6 +99,9 @@ def shortest_post(lifts: Float[ndarray, " n"], height: float, clamping: Clamping
     standing = max((column.top for column in clamping.columns), default=0.0) + clamping.clearance
     if clamping.stub is not None:
         standing = max(standing, clamping.stub.top + LEAST_NECK)
+    if (lifts == np.inf).any() and not np.isfinite(lifts).any():
+        what = "[holding] length = 0: no contact has a free tool axis, however long the post is"
+        raise OrientationError(f"{what}: take a longer overhang or a slimmer holder")
     reached = lifts[np.isfinite(lifts)].max(initial=-height)
     length = float(np.ceil(max(height + reached, standing, 1.0)))
     if length > LONGEST:

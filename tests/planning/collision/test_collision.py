@@ -175,7 +175,7 @@ def test_a_wide_holder_close_above_the_part_is_proven_free_by_few_distances(
 ) -> None:
     cutter = replace(finishing_cutter, overhang=22.0, holder=(Frustum(80.0, 50.0, 50.0),))
     tip, up = np.array([[0.0, 0.0, top_of(scene) + 0.5]]), UP[None]
-    assert classify_poses(scene, cutter, Poses.at_rest(tip, up))[0] == UNDECIDED
+    assert classify_poses(scene, cutter, Poses.at_rest(tip, up))[0] == FREE
     asked = []
     bound = Surroundings.distance_bound
 
@@ -350,3 +350,17 @@ def test_what_flutes_ball_mesh_and_control_use_up_is_no_more_than_the_gouge_tole
     for allowed in (0.002, 0.005, 0.01, 0.05):
         rest = MESH_SHARE * planned_tolerance(allowed) + WORD_ROUNDING
         assert flute_slack(allowed) + rest <= allowed
+
+
+def test_a_nose_wider_than_the_tool_is_long_is_proven_free_above_the_part(
+    finishing_cutter: Cutter, scene: Scene
+) -> None:
+    wide = 1.4 * finishing_cutter.length
+    cutter = replace(finishing_cutter, nose=(Frustum(150.0, 2 * wide, 2 * wide),))
+    tip = np.array([0.0, 0.0, top_of(scene)])
+    open_ = replace(scene, clamping=Clamping((), closed=False, clearance=1.0))
+    assert cutter.profile[-1].widest > cutter.profile[-1].start
+    assert proven(cutter, open_, tip, UP)
+    # laid over, its rim is in the part
+    sunk = np.array([0.0, 0.0, top_of(scene) - cutter.length])
+    assert not proven(cutter, open_, sunk, UP)

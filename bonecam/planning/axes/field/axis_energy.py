@@ -30,6 +30,10 @@ SPEED_WEIGHT = 60.0
 """Of a rate above SPEED_SHARE, against one below it."""
 BOUND_WEIGHT = 200.0
 """Of an angle beyond a bound or a cone, in rates a radian."""
+SOFT_POLAR = np.radians(95.0)
+"""A tool that droops below this polar angle (radians) comes near to table and housing: it costs,"""
+SOFT_WEIGHT = 20.0
+"""so much, in rates a radian: a tenth of a bound, so that cones come first."""
 STRAIGHT = 1e-6
 """Squared sines below this are taken for it: an angle has no derivative at 0."""
 PRESETS = {"membrane": (1.0, 0.2), "thin-plate": (0.1, 2.0)}
@@ -136,9 +140,14 @@ class AxisEnergy:
         """What angles exceed their bounds by, and how far axes are outside their cones."""
         found: list[Residual] = []
         bounds, weight = self.bounds, BOUND_WEIGHT * self.shares
-        for beyond, sign in ((polar - bounds.largest_polar, 1.0), (bounds.least_polar - polar, -1.0)):
-            slope = sign * weight * (beyond > 0)
-            found.append((weight * np.maximum(beyond, 0.0), 0 * slope, slope))
+        drooping = SOFT_WEIGHT / BOUND_WEIGHT
+        for beyond, sign, share in (
+            (polar - bounds.largest_polar, 1.0, 1.0),
+            (bounds.least_polar - polar, -1.0, 1.0),
+            (polar - SOFT_POLAR, 1.0, drooping),
+        ):
+            slope = sign * share * weight * (beyond > 0)
+            found.append((share * weight * np.maximum(beyond, 0.0), 0 * slope, slope))
 
         axes = axes_of(azimuth, polar)
         by_azimuth = np.column_stack([-axes[:, 1], axes[:, 0], np.zeros(len(axes))])

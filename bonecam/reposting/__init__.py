@@ -1,0 +1,1 @@
+"""Paths of others, posted for a machine and control of one's own."""

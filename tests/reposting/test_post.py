@@ -1,0 +1,87 @@
+"""Paths of another system, or of another machine's program, become a proved program here."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import bonecam
+from bonecam.errors import MachineError, ProgramError, VerifyError
+from bonecam.job import Job
+from bonecam.machine.machine import read_machine
+from bonecam.mesh import write_mesh
+from bonecam.nc.dialect import read_dialect
+from bonecam.nc.reading.read import read_program
+from bonecam.setup.capsule import Capsule
+
+AXIS = np.array([0.0, 0.5, 0.75**0.5])
+TIPS = np.array([[0.0, 0.0, 60.0], [0.0, 0.0, 31.0], [4.0, 1.0, 31.0], [8.0, 2.0, 31.5], [8.0, 2.0, 60.0]])
+JOB = Job().with_values(nc={"machine": "linuxcnc-xyzac", "controller": "linuxcnc"})
+
+
+@pytest.fixture
+def part(tmp_path: Path) -> Path:
+    """A capsule that the paths pass over."""
+    file = tmp_path / "part.ply"
+    write_mesh(Capsule(np.array([0.0, 0, 12]), np.array([0.0, 0, 24]), 3.0).mesh(0.05), file)
+    return file
+
+
+def apt(tmp_path: Path, tips: np.ndarray = TIPS, axis: np.ndarray = AXIS, cutter: str = "2.0,1.0") -> Path:
+    """Cutter location data of one tool, its first and last move rapid."""
+    lines = ["PARTNO/THEIRS", "UNITS/MM", "LOADTL/7", f"CUTTER/{cutter}", "FEDRAT/MMPM,300.0"]
+    for row, tip in enumerate(tips):
+        lines += ["RAPID"] * (row in (0, len(tips) - 1))
+        lines.append("GOTO/" + ",".join(f"{value:.9f}" for value in (*tip, *axis)))
+    file = tmp_path / "theirs.apt"
+    file.write_text("\n".join([*lines, "FINI", ""]))
+    return file
+
+
+def test_foreign_cutter_locations_are_posted_and_read_back(part: Path, tmp_path: Path) -> None:
+    made = bonecam.post(apt(tmp_path), part, JOB, program=tmp_path / "ours.ngc")
+    text = (tmp_path / "ours.ngc").read_text()
+    motions = read_program(text, read_machine("linuxcnc-xyzac"), read_dialect("linuxcnc"))
+    assert set(motions.tools) == {2}
+    for tip in TIPS:
+        assert np.abs(motions.tips - tip).max(axis=1).min() < 1e-4
+    assert np.abs(motions.axes[-1] - AXIS).max() < 1e-6
+    assert "gouge" in made.summary
+
+
+def test_a_program_goes_from_one_machine_and_control_to_another(part: Path, tmp_path: Path) -> None:
+    bonecam.post(apt(tmp_path), part, JOB, program=tmp_path / "first.ngc")
+    wanted = JOB.with_values(nc={"machine": "dmu-45", "controller": "siemens-840d"})
+    origin = "linuxcnc-xyzac", "linuxcnc"
+    bonecam.post(tmp_path / "first.ngc", part, wanted, program=tmp_path / "second.mpf", origin=origin)
+    text = (tmp_path / "second.mpf").read_text()
+    motions = read_program(text, read_machine("dmu-45"), read_dialect("siemens-840d"))
+    for tip in TIPS[1:4]:
+        assert np.abs(motions.tips - tip).max(axis=1).min() < 2e-3
+
+
+def test_foreign_paths_that_gouge_are_refused_and_not_written(part: Path, tmp_path: Path) -> None:
+    deep = TIPS - [0.0, 0.0, 6.0]
+    with pytest.raises(VerifyError, match="the ball enters the part"):
+        bonecam.post(apt(tmp_path, deep), part, JOB, program=tmp_path / "ours.ngc")
+    assert not (tmp_path / "ours.ngc").exists()
+
+
+@pytest.mark.parametrize(
+    ("changed", "why"),
+    [
+        ({"cutter": "2.0,0.5"}, "no ball: give paths of ball-end"),
+        ({"cutter": "6.0,3.0"}, "a ball of radius 3 mm"),
+    ],
+)
+def test_a_cutter_that_the_job_does_not_have_is_named(
+    changed: dict[str, str], why: str, part: Path, tmp_path: Path
+) -> None:
+    with pytest.raises(ProgramError, match=why):
+        bonecam.post(apt(tmp_path, **changed), part, JOB)  # type: ignore[arg-type]
+
+
+def test_an_axis_that_the_machine_does_not_have_is_named(part: Path, tmp_path: Path) -> None:
+    wanted = JOB.with_values(nc={"machine": "mill-4axis"})
+    with pytest.raises(MachineError, match="point 0: no rotary angles of Mill of four axes"):
+        bonecam.post(apt(tmp_path), part, wanted)
