@@ -8,7 +8,8 @@ that lead to the row,
 
 Along the cuts of a pass it is lowered further, forwards and backwards, so that from one row to the next it changes by
 no more than half of the cutter's feed per mm of path, and by no more than a factor of two. The chip load F / (spindle
-speed x teeth) changes as evenly. On the shipped phalanx this takes 2.5 % more time than the model of a control that
+speed x teeth) changes as evenly. That lowers no feed below FLOOR of what is asked: the ball would rub, where the axes
+allow more. On the shipped phalanx this takes 2.5 % more time than the model of a control that
 changes its feed at once from block to block. The first row of a pass, entered at the plunge feed, is left out of it.
 
 In inverse time each block has its own time. Beside the pole, where the axes turn round while the tip hardly moves, the
@@ -42,6 +43,10 @@ LARGEST_RATIO = 2.0
 """Largest ratio of the feeds of successive rows of a pass, and of a row's feed to the cutter's."""
 
 
+FLOOR = 0.5
+"""Evenness lowers no feed below this share of what is asked, beyond what the axes of its own row ask for."""
+
+
 def drivable_paths(
     paths: Sequence[ToolPath], machine: Machine, dialect: Dialect, job: Job
 ) -> tuple[ToolPath, ...]:
@@ -71,7 +76,8 @@ def _drivable_feeds(posted: Posted, feed_at: str) -> Float[ndarray, "n"]:
         # what is slower is timed by its turn, block by block
         limit = np.maximum(limit, SLOW * path.cutter.feed)
     feeds = np.minimum(asked, limit)
-    feeds = _even(feeds, np.linalg.norm(np.diff(path.tips, axis=0, prepend=path.tips[:1]), axis=1), path)
+    steps = np.linalg.norm(np.diff(path.tips, axis=0, prepend=path.tips[:1]), axis=1)
+    feeds = _even(feeds, np.minimum(feeds, FLOOR * asked), steps, path)
 
     step = posted.dialect.numbers.feed.step if posted.dialect.feed_mode == "per-minute" else TIMED_STEP
     # rounded down: a feed that is rounded up is beyond the axis again
@@ -94,17 +100,22 @@ def _feed_ratios(posted: Posted, feed_at: str) -> Float[ndarray, "n"]:
     return ratios
 
 
-def _even(feeds: Float[ndarray, "n"], steps: Float[ndarray, "n"], path: ToolPath) -> Float[ndarray, "n"]:
-    """Feeds lowered so that they change evenly along each pass; `steps` (mm) are the lengths of the moves."""
+def _even(
+    feeds: Float[ndarray, "n"], floors: Float[ndarray, "n"], steps: Float[ndarray, "n"], path: ToolPath
+) -> Float[ndarray, "n"]:
+    """Feeds lowered, not below their `floors`, so that they change evenly along each pass; `steps` (mm) are the lengths
+    of the moves."""
     rise = (FEED_PER_MM * path.cutter.feed * np.maximum(steps, np.r_[0.0, steps[:-1]])).tolist()
     follows = _follows(path).tolist()
-    even = feeds.tolist()
+    even, least = feeds.tolist(), floors.tolist()
     for row in range(1, len(even)):
         if follows[row]:
-            even[row] = min(even[row], even[row - 1] + rise[row], LARGEST_RATIO * even[row - 1])
+            near = min(even[row - 1] + rise[row], LARGEST_RATIO * even[row - 1])
+            even[row] = min(even[row], max(near, least[row]))
     for row in range(len(even) - 1, 0, -1):
         if follows[row]:
-            even[row - 1] = min(even[row - 1], even[row] + rise[row], LARGEST_RATIO * even[row])
+            near = min(even[row] + rise[row], LARGEST_RATIO * even[row])
+            even[row - 1] = min(even[row - 1], max(near, least[row - 1]))
     return np.array(even)
 
 

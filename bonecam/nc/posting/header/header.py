@@ -12,7 +12,8 @@ from numpy import ndarray
 from bonecam.job import Job
 from bonecam.machine.machine import Machine
 from bonecam.nc.dialect import Dialect
-from bonecam.nc.posting.header.texts import axis_texts, control_texts, parting_texts, tool_texts
+from bonecam.nc.posting.header.axes import axis_texts
+from bonecam.nc.posting.header.texts import control_texts, parting_texts, tool_texts
 from bonecam.nc.posting.path_words import Posted
 from bonecam.nc.posting.tolerances import contour_tolerance, rotary_tolerance_deg
 from bonecam.nc.posting.travel import Travel

@@ -14,7 +14,6 @@ from bonecam.nc.dialect import Dialect
 from bonecam.nc.posting.feeds import feed_figures
 from bonecam.nc.posting.header.program_zero import ZeroWords, zero_texts
 from bonecam.nc.posting.path_words import Posted
-from bonecam.nc.posting.travel import Travel
 from bonecam.planning.passes.parting import cut_groove
 from bonecam.setup.stock import Stock
 from bonecam.setup.stock_kind import kind_of
@@ -208,43 +207,3 @@ def _body_texts(machine: Machine) -> list[str]:
     elif math.isfinite(table.half_width):
         size = f"of {2 * table.half_width:.0f} x {2 * table.half_depth:.0f}"
     return [f"kept clear of: a spindle nose of {nose or 'no known size'}; a table {size} mm"]
-
-
-def axis_texts(machine: Machine, travel: Travel, posted: Sequence[Posted]) -> list[str]:
-    """The room that the program takes, how endless axes are written, and the time."""
-    linear = ", ".join(
-        f"{axis.letter} {high - low:.1f} of {axis.travel:.1f}"
-        for axis, (low, high) in zip(machine.linear, travel.ranges.tolist(), strict=False)
-    )
-    rotary = ", ".join(
-        f"{axis.letter} {low:+.3f} to {high:+.3f}"
-        for axis, (low, high) in zip(machine.own_rotary, travel.ranges[3:].tolist(), strict=False)
-    )
-    minutes = sum(float(np.sum(one.minutes)) for one in posted)
-    return [
-        f"travel, mm: {linear}, pivots and tool lengths as assumed",
-        f"rotary axes, degrees unwound: {rotary}",
-        *(
-            text
-            for axis in machine.rotary
-            if axis.endless
-            for text in _endless_texts(axis.letter, posted[0].dialect)
-        ),
-        f"time about {minutes:.1f} min, without accelerations and tool changes",
-    ]
-
-
-def _endless_texts(letter: str, dialect: Dialect) -> list[str]:
-    """How the words of an endless axis are written, and what the control must do with them."""
-    block = f" under {dialect.endless_block}" if dialect.endless_block else ""
-    if dialect.endless_words == "wrapped":
-        lowest = f"{dialect.endless_from_deg:.0f}..{dialect.endless_from_deg + 360:.0f}"
-        form = f" as {dialect.endless_word.format(letter=letter, number='')}" if dialect.has_own_form else ""
-        return [
-            f"{letter} words: wrapped to {lowest}{form}{block}, the control takes the short way",
-            f"{letter} must be a modulo axis, its display reduced to 360 degrees",
-        ]
-    return [
-        f"{letter} words: wound up over many turns{block}, the control drives them as they are",
-        f"{letter} must not be a modulo axis, its display not reduced to 360 degrees",
-    ]
