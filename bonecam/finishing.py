@@ -15,7 +15,7 @@ from bonecam.mesh.files.mesh_files import read_mesh
 from bonecam.mesh.solids.booleans import solid_union
 from bonecam.mesh.triangle_mesh import MeshLike, TriangleMesh, mesh_from
 from bonecam.mesh.units import to_mm
-from bonecam.nc.dialect import read_dialect
+from bonecam.nc.job_dialect import job_dialect
 from bonecam.nc.posting.rotary.machine_limits import machine_limits
 from bonecam.nc.program import program_name
 from bonecam.pipeline import check_job
@@ -72,7 +72,7 @@ def finish(
     a BonecamError.
     """
     job = job or Job()
-    machine, dialect = read_machine(job.nc.machine), read_dialect(job.nc.controller)
+    machine, dialect = read_machine(job.nc.machine), job_dialect(job.nc)
     check_job(job, machine, dialect)
     source = Path(surface) if isinstance(surface, str | Path) else None
     (wanted := Outputs(program, keep, report, html=html, apt=apt)).check(source, dialect)

@@ -13,7 +13,8 @@ from bonecam.levels.measure.level import morph_surfaces
 from bonecam.machine.machine import Machine, read_machine
 from bonecam.mechanics.workpiece import mechanics_of_job
 from bonecam.mesh.triangle_mesh import MeshLike, TriangleMesh, mesh_from
-from bonecam.nc.dialect import Dialect, read_dialect
+from bonecam.nc.dialect import Dialect
+from bonecam.nc.job_dialect import job_dialect
 from bonecam.nc.posting.header.header import record_simulation
 from bonecam.nc.posting.rotary.machine_limits import machine_limits
 from bonecam.nc.program import program_name
@@ -74,7 +75,7 @@ def convert(
     """
     job = _require_job(job)
     machine = read_machine(job.nc.machine)
-    dialect = read_dialect(job.nc.controller)
+    dialect = job_dialect(job.nc)
     check_job(job, machine, dialect)
     check_reach(job, machine)
     check_simulated(job, simulation=simulation)
@@ -227,11 +228,10 @@ def machine_levels(
 def _simulated(result: Result, times: StageTimes, progress: Progress, *, mechanics: bool) -> Result:
     """The result with what its posted text removes, and what bends if `mechanics` are asked; VerifyError where that is
     not what a program may do."""
-    machine, dialect = read_machine(result.job.nc.machine), read_dialect(result.job.nc.controller)
+    machine, dialect = read_machine(result.job.nc.machine), job_dialect(result.job.nc)
     with times.stage("simulation"), refusing(result.program, result.paths):
-        levels = result.levels.levels
         given = given_surface(result.part, result.job, result.report)
-        cut = result.program.text, machine, dialect, result.job, result.stock, levels
+        cut = result.program.text, machine, dialect, result.job, result.stock, result.levels.levels
         removal = prove_removal(*cut, progress, given, mechanics=mechanics)
     bent = removal.mechanics
     program = record_simulation(result.program, dialect, removal.cell, str(bent or NOT_ASKED["skipped"]))

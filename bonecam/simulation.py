@@ -15,7 +15,7 @@ from bonecam.job import Job
 from bonecam.machine.machine import read_machine
 from bonecam.mechanics.workpiece import workpiece_of
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.nc.dialect import read_dialect
+from bonecam.nc.job_dialect import job_dialect
 from bonecam.nc.reading.read import read_program
 from bonecam.planning.layers.layer_limits import layer_limits
 from bonecam.progress import Progress, part, silent
@@ -88,7 +88,7 @@ def simulate(
     job = job or Job()
     _check_cell(cell, job)
     machine = read_machine(job.nc.machine)
-    dialect = read_dialect(job.nc.controller)
+    dialect = job_dialect(job.nc)
     if html is not None:
         check_files([html], [program])
         check_page_name(html)
@@ -113,7 +113,7 @@ def simulate(
 
 def _write_page(html: str | Path, name: str, text: str, run: Contents, job: Job, removal: Removal) -> None:
     """Write the page of a `run` with the moves of another `text` and what they remove."""
-    machine, dialect = read_machine(job.nc.machine), read_dialect(job.nc.controller)
+    machine, dialect = read_machine(job.nc.machine), job_dialect(job.nc)
     meshes = level_meshes(run)
     surfaces = layers_on(meshes[0], removal) if removal.shell is not None else None
     posted = program_contents(text, meshes, job, machine, dialect, removal=removal, surfaces=surfaces)
@@ -135,7 +135,7 @@ def _simulate_first(
 ) -> tuple[Removal, Post]:
     """What the `text` of a first clamping removes, and its post; what stands is told on the levels of the page of a
     `run`."""
-    machine, dialect = read_machine(job.nc.machine), read_dialect(job.nc.controller)
+    machine, dialect = read_machine(job.nc.machine), job_dialect(job.nc)
     part, stock_mesh, levels = kept_levels(text, program, keep)
     post = post_below(part, job.holding)
     clamping = clamping_of(job.holding, machine.table)
@@ -164,7 +164,7 @@ def _judged(
     """The removal by a `text` with what it does to the part as it was `given`, on this `post`."""
     if isinstance(given, NotJudged):
         return replace(removal, given=given)
-    motions = read_program(text, read_machine(job.nc.machine), read_dialect(job.nc.controller))
+    motions = read_program(text, read_machine(job.nc.machine), job_dialect(job.nc))
     return beside_given(removal, given, post, job, measure_gouge(motions, given))
 
 
@@ -192,7 +192,7 @@ def _simulate_second(
 ) -> Removal:
     """What the `text` of a second clamping removes of what the kept first program leaves; part, shell and pose are
     those of the page of a `run`."""
-    machine, dialect = read_machine(job.nc.machine), read_dialect(job.nc.controller)
+    machine, dialect = read_machine(job.nc.machine), job_dialect(job.nc)
     kept = keep / f"program{dialect.extension}"
     first = program_text(kept, machine, dialect, job)
     before, _ = _simulate_first(

@@ -15,7 +15,7 @@ from bonecam.batch.parts import BatchPart
 from bonecam.files import input_text, second_file, write_whole
 from bonecam.job import Job, write_job
 from bonecam.job.job_file import named_files
-from bonecam.nc.dialect import read_dialect
+from bonecam.nc.job_dialect import job_dialect
 from bonecam.progress import Progress
 from bonecam.report.tables.batch_table import Outcome, outcome_of
 
@@ -31,7 +31,7 @@ class Wanted:
 
     def files(self, part: BatchPart, folder: Path) -> dict[str, Path]:
         """Every output of `bonecam.convert` for the part, by its name."""
-        extension = read_dialect(part.job.nc.controller).extension
+        extension = job_dialect(part.job.nc).extension
         found = {"program": folder / f"{part.name}{extension}"}
         if self.html:
             found["html"] = folder / f"{part.name}.html"

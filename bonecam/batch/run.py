@@ -18,7 +18,7 @@ from bonecam.errors import BonecamError, JobError
 from bonecam.files import check_folder, write_whole
 from bonecam.job import Job
 from bonecam.machine.machine import read_machine
-from bonecam.nc.dialect import read_dialect
+from bonecam.nc.job_dialect import job_dialect
 from bonecam.pipeline import check_job
 from bonecam.report.tables.batch_table import TABLE, Outcome, failed, read_rows, table_text
 from bonecam.runtime.locking import locked
@@ -83,7 +83,7 @@ def _check_jobs(parts: Sequence[BatchPart]) -> None:
         if part.job in checked:
             continue
         try:
-            check_job(part.job, read_machine(part.job.nc.machine), read_dialect(part.job.nc.controller))
+            check_job(part.job, read_machine(part.job.nc.machine), job_dialect(part.job.nc))
         except BonecamError as error:
             place = f"{part.job_file}: " if part.job_file else ""
             raise type(error)(f"{place}{error}", **error.evidence) from error

@@ -55,6 +55,32 @@ class NcJob(JobSection):
         choices=("changer", "stop"),
     )
     coolant: bool = parameter(True, "Coolant", "Switch the coolant on while cutting.")
+    coolant_kind: str = parameter(
+        "flood",
+        "Coolant kind",
+        "Which coolant is switched on; the controller's file has the words of each.",
+        choices=("flood", "mist", "air", "through"),
+    )
+    work_offset: int = parameter(
+        1,
+        "Work offset",
+        "Number of the datum of this setup: 1 is G54, or row 1 of the preset table.",
+        low=1,
+        high=99,
+    )
+    program_number: int = parameter(
+        0,
+        "Program number",
+        "Number of the program where a control calls it by one; 0: drawn from the program's name.",
+        low=0,
+        high=7999,
+    )
+    block_numbers: bool = parameter(
+        True, "Block numbers", "Number the blocks, where the controller's file numbers them."
+    )
+    decimals: int = parameter(
+        0, "Decimals", "Decimals of lengths and angles; 0: those of the controller's file.", low=0, high=6
+    )
     part_zero: str = parameter(
         "table", "Part zero", "The program's zero: on the table under the part.", choices=("table",)
     )

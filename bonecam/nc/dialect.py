@@ -8,6 +8,9 @@ How to add a dialect: copy a file of `bonecam/nc/dialects/` (name it, or give it
   takes the short way) or "wound"; `short_way`: the blocks that switch the short way `on` and `off`, where there
   are any, or `endless_word`: the form of a word that takes it, such as "{letter}=DC({number})": with either of them
   the job may choose; `endless_from_deg`: the lowest of the wrapped words (-180 where it is not stated);
+- `work_offset`: texts of the file that name the first datum, and their forms with {number} or {code} (53 and the
+  number), and `work_offsets`, how many there are; [coolants]: the blocks of `mist`, `air` and `through`, which the
+  reader must know too, flood being the template coolant_on;
 - `decimal_point`: true where a number of an axis or a feed without its point may mean thousandths: then it is refused;
 - `straight_rapids`: true where the control drives rapids on a straight line (all axes arrive together); where it
   is false or not stated, what would be a rapid beside the part is written as a feed move at the rapid rate;

@@ -18,6 +18,7 @@ from bonecam.mesh import read_mesh
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.units import to_mm
 from bonecam.nc.dialect import read_dialect
+from bonecam.nc.job_dialect import job_dialect
 from bonecam.nc.posting.header.header import record_simulation
 from bonecam.nc.program import Program, program_name
 from bonecam.nc.reading.read import read_program
@@ -81,7 +82,7 @@ def post(
     job = job or Job()
     inputs = [file for file in (paths, part_file) if file is not None]
     check_files([program] if program is not None else [], inputs)
-    machine, dialect = read_machine(job.nc.machine), read_dialect(job.nc.controller)
+    machine, dialect = read_machine(job.nc.machine), job_dialect(job.nc)
     planned = _planned(Path(paths), origin, job, machine)
     name = program_name(program or paths)
     note = [f"paths: {Path(paths).name}"]

@@ -17,7 +17,8 @@ from bonecam.levels.job_levels import check_method, make_levels
 from bonecam.machine.machine import Machine, read_machine
 from bonecam.mechanics.workpiece import mechanics_of_job
 from bonecam.mesh.triangle_mesh import MeshLike, mesh_from
-from bonecam.nc.dialect import Dialect, read_dialect
+from bonecam.nc.dialect import Dialect
+from bonecam.nc.job_dialect import job_dialect
 from bonecam.nc.requirements import check_reach
 from bonecam.pipeline import check_job, machine_levels, morph_part
 from bonecam.progress import Progress, part, report, silent
@@ -58,7 +59,7 @@ def compare(
     if folder is not None:
         check_folder(folder)
     job = job.with_values(holding={"second": ""})
-    machine, dialect = read_machine(job.nc.machine), read_dialect(job.nc.controller)
+    machine, dialect = read_machine(job.nc.machine), job_dialect(job.nc)
     check_job(job, machine, dialect)
     check_reach(job, machine)
     mechanics_of_job(job)

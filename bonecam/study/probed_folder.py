@@ -7,7 +7,7 @@ from bonecam.files import check_files, write_whole
 from bonecam.job import read_job
 from bonecam.machine.machine import read_machine
 from bonecam.mesh.distance import MeshDistance
-from bonecam.nc.dialect import read_dialect
+from bonecam.nc.job_dialect import job_dialect
 from bonecam.progress import Progress, part, report, silent
 from bonecam.report.files.kept_bodies import REMEDY, kept_levels
 from bonecam.report.files.kept_view import kept_contents
@@ -47,7 +47,7 @@ def probe(
     check_files([file for file in (csv, picture, program) if file is not None])
     kept_contents(folder)  # a folder of another version is refused
     job = read_job(folder / "job.toml")
-    dialect = read_dialect(job.nc.controller)
+    dialect = job_dialect(job.nc)
     kept = folder / f"program{dialect.extension}"
     if not kept.exists():
         raise FileError(f"{folder}: has no {kept.name}: {REMEDY}", file=str(kept))

@@ -63,6 +63,10 @@ def _endless_word(text: str) -> str:
     return text
 
 
+def _offset(text: str) -> str:
+    return check_template(text, {"number": 1, "code": 54})
+
+
 def _comment(text: str) -> str:
     check_template(text, {"text": "X"})
     if text.count("{text}") != 1 or "\n" in text:
@@ -92,6 +96,13 @@ class DialectFile(Record):
     needs: Lines = Field(default_factory=list)
     comment: Annotated[str, Field(max_length=100), AfterValidator(_comment)]
     comment_characters: Annotated[str, Field(max_length=1000), AfterValidator(one_block)]
+    work_offset: Annotated[dict[str, Annotated[str, AfterValidator(_offset)]], Field(max_length=10)] = Field(
+        default_factory=dict
+    )
+    work_offsets: Annotated[int, Field(ge=1, le=999)] = 1
+    coolants: Annotated[dict[Literal["mist", "air", "through"], Block], Field(max_length=3)] = Field(
+        default_factory=dict
+    )
     numbers: NumbersTable
     numbering: NumberingTable = NumberingTable()
     tool_centre_control: Annotated[dict[str, ToolCentreTable], Field(max_length=50)] = Field(

@@ -11,7 +11,7 @@ from bonecam.levels.measure.level import Level
 from bonecam.machine.machine import read_machine
 from bonecam.mesh.part import Part
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.nc.dialect import read_dialect
+from bonecam.nc.job_dialect import job_dialect
 from bonecam.report.page.packing import Contents
 from bonecam.report.page.program_contents import program_contents
 from bonecam.report.page.shape_contents import shape_contents
@@ -48,7 +48,7 @@ def run_contents(
         {level.index: level.mesh for level in levels},
         job,
         machine,
-        read_dialect(job.nc.controller),
+        job_dialect(job.nc),
         paths=paths,
         removal=removal,
     )

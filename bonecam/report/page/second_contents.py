@@ -8,7 +8,7 @@ import numpy as np
 from bonecam.job import Job
 from bonecam.machine.machine import read_machine
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.nc.dialect import read_dialect
+from bonecam.nc.job_dialect import job_dialect
 from bonecam.report.page.packing import Contents
 from bonecam.report.page.program_contents import program_contents
 from bonecam.report.page.shape_contents import bodies
@@ -35,7 +35,7 @@ def second_contents(
         {0: clamping.part},
         job,
         machine,
-        read_dialect(job.nc.controller),
+        job_dialect(job.nc),
         paths=paths,
         removal=removal,
         surfaces=layers_on(clamping.part, removal),

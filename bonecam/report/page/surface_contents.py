@@ -5,7 +5,7 @@ from typing import Any
 from bonecam.job import Job
 from bonecam.machine.machine import read_machine
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.nc.dialect import read_dialect
+from bonecam.nc.job_dialect import job_dialect
 from bonecam.report.page.packing import Contents
 from bonecam.report.page.program_contents import program_contents
 from bonecam.report.page.shape_contents import bodies
@@ -25,7 +25,7 @@ def surface_contents(
     """The surface, the solid that is kept free of gouges, and the program's moves."""
     machine = read_machine(job.nc.machine)
     meshes = {0: surface, 1: solid}
-    posted = program_contents(program, meshes, job, machine, read_dialect(job.nc.controller), paths=[path])
+    posted = program_contents(program, meshes, job, machine, job_dialect(job.nc), paths=[path])
     posted.facts["program"]["minutes"] = report["nc"]["time_min"]
     figures = report["surface"]
     facts = {

@@ -11,7 +11,7 @@ from bonecam.job import Job
 from bonecam.machine.bodies import Table
 from bonecam.machine.machine import read_machine
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.nc.dialect import read_dialect
+from bonecam.nc.job_dialect import job_dialect
 from bonecam.nc.posting.header.program_zero import ZeroWords, zero_words
 from bonecam.nc.posting.header.texts import second_setup_texts
 from bonecam.nc.program import Program
@@ -33,7 +33,7 @@ def second_article(
     """The second clamping of the part in the file `name`; `report` is `second` of the run's, the job's [holding] that
     of the shell."""
     machine = read_machine(job.nc.machine)
-    zero = zero_words(machine, read_dialect(job.nc.controller))
+    zero = zero_words(machine, job_dialect(job.nc))
     return article(
         name,
         program,

@@ -11,7 +11,7 @@ from bonecam.job import Job
 from bonecam.job.materials.preset import read_material
 from bonecam.machine.machine import Machine, read_machine
 from bonecam.mesh.part import Part
-from bonecam.nc.dialect import read_dialect
+from bonecam.nc.job_dialect import job_dialect
 from bonecam.nc.posting.header.program_zero import zero_words
 from bonecam.nc.posting.header.texts import setup_texts
 from bonecam.nc.program import Program
@@ -48,7 +48,7 @@ def setup_article(
 ) -> str:
     """The first clamping."""
     machine = read_machine(job.nc.machine)
-    zero = zero_words(machine, read_dialect(job.nc.controller))
+    zero = zero_words(machine, job_dialect(job.nc))
     post = post_below(part.mesh, job.holding)
     return article(
         Path(part.file).name,
@@ -72,7 +72,7 @@ def setup_article(
 def article(part: str, program: Program, job: Job, nc: Mapping[str, Any], version: str, **told: str) -> str:
     """The page of one clamping: what every clamping tells of its `program`, `nc` of the report, and what is `told`."""
     machine = read_machine(job.nc.machine)
-    motions = read_program(program.text, machine, read_dialect(job.nc.controller))
+    motions = read_program(program.text, machine, job_dialect(job.nc))
     cutters = {cutter.number: cutter for cutter in cutters_of(job, machine)}
     template = Template((ASSETS / "article.html").read_text(encoding="utf-8"))
     return template.substitute(

@@ -61,7 +61,7 @@ def header_lines(
     return dialect.lines(
         "header",
         name=name,
-        number=program_number(name),
+        number=job.nc.program_number or program_number(name),
         comments="\n".join(comment(text, dialect) for text in texts),
         tolerance=length.text(contour_tolerance(dialect, job, finishing=True)),
         rotary_tolerance=rotary_text(dialect, rotary_tolerance_deg(dialect, job, True, smallest)),
