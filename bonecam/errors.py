@@ -126,6 +126,10 @@ class BendingError(VerifyError):
     of what holds the part."""
 
 
+class LimitError(BonecamError):
+    """A figure of the run is beyond the second limit of [warnings]: the job is refused unless it says otherwise."""
+
+
 class FilterError(BonecamError):
     """A filter, its parameter or a script line is unknown or wrong: `line`."""
 

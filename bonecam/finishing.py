@@ -29,6 +29,8 @@ from bonecam.report.files.finished import PAGE_CHORD, Finished, write_finished
 from bonecam.report.files.output_files import File, Outputs
 from bonecam.report.mechanics_lines import NOT_KNOWN
 from bonecam.report.run_report import report_to_program
+from bonecam.report.stage_reports import uncut_areas
+from bonecam.report.warnings import header_texts, with_warnings
 from bonecam.runtime.timing import StageTimes
 from bonecam.surface.blades.blade_solid import blade_solid
 from bonecam.surface.files.machined_surface import machined_surface
@@ -83,6 +85,7 @@ def finish(
     report_progress(progress, 0.2, "planning the path")
     with _naming(name):
         workpiece, job, path = _planned(shape, solid, job, machine, times)
+        figures = _figures(workpiece, path, job, source, len(solids))
         proved = post_and_prove(
             [path],
             machine,
@@ -90,23 +93,19 @@ def finish(
             job,
             MeshDistance(workpiece.solid),
             name=program_name(program or source or ""),
-            comments=[f"surface: {source.name}"] if source else [],
+            comments=[*header_texts(figures, job), *([f"surface: {source.name}"] if source else [])],
             times=times,
             progress=part_of(progress, 0.8, 1.0),
         )
-    followed = workpiece.surface.tessellate(PAGE_CHORD)
-    figures = {
-        **_figures(workpiece, job, source, len(solids)),
-        **report_to_program(
-            Path(program or "").name,
-            proved.paths,
-            program=proved.program,
-            proof=proved.proof,
-            job=job.path,
-            part=followed,
-        ),
-        "seconds": times.seconds,
-    }
+    reported = report_to_program(
+        Path(program or "").name,
+        proved.paths,
+        proved.program,
+        proved.proof,
+        job=job.path,
+        part=workpiece.solid,
+    )
+    figures = with_warnings({**figures, **reported, "seconds": times.seconds}, job)
     made = Finished(workpiece, proved.paths[0], proved.program, figures, job)
     write_finished(made, wanted)
     return made
@@ -197,8 +196,8 @@ def _planned(
         return workpiece, job, plan_surface(workpiece, job, limits)
 
 
-def _figures(workpiece: Workpiece, job: Job, source: File, solids: int) -> dict[str, Any]:
-    """`surface`, `post` and `mechanics` of the report."""
+def _figures(workpiece: Workpiece, path: ToolPath, job: Job, source: File, solids: int) -> dict[str, Any]:
+    """`surface`, `post`, `mechanics` and `uncut_mm2` of the report."""
     surface = workpiece.surface
     kind = "closed" if all(surface.poles) else "closed round s" if surface.closed_in_s else "open"
     shape = {
@@ -209,4 +208,5 @@ def _figures(workpiece: Workpiece, job: Job, source: File, solids: int) -> dict[
         "solids": solids,
     }
     post = {"diameter_mm": job.holding.diameter, "length_mm": workpiece.length}
-    return {"surface": shape, "post": post, "mechanics": NOT_KNOWN}
+    uncut = uncut_areas([path], surface.tessellate(PAGE_CHORD))
+    return {"surface": shape, "post": post, "mechanics": NOT_KNOWN, "uncut_mm2": uncut}

@@ -6,6 +6,7 @@ the post stands on it.
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from bonecam.job import Job
 from bonecam.levels.job_levels import check_method, surface_and_levels
@@ -20,7 +21,7 @@ from bonecam.nc.posting.rotary.machine_limits import machine_limits
 from bonecam.nc.program import program_name
 from bonecam.nc.requirements import check_length, check_reach, check_room, check_tools
 from bonecam.planning.estimate import estimate
-from bonecam.planning.holding.neck import Neck, find_standing, neck_report
+from bonecam.planning.holding.neck import find_standing, neck_report
 from bonecam.planning.holding.parting_paths import check_parting
 from bonecam.planning.holding.reach import post_advice
 from bonecam.planning.holding.stump_paths import check_second
@@ -28,16 +29,18 @@ from bonecam.planning.levels import plan_paths
 from bonecam.planning.strategies.layer_paths import plan_layer_paths
 from bonecam.post_and_prove import post_and_prove
 from bonecam.progress import Progress, part, report, silent
+from bonecam.report import warnings
 from bonecam.report.files.kept_folder import keep_failed_level
 from bonecam.report.files.output_files import File, Outputs
 from bonecam.report.files.refused_run import keep_refused, refusing
 from bonecam.report.files.result import Morphed, Result
 from bonecam.report.mechanics_lines import NOT_ASKED, NOT_KNOWN
 from bonecam.report.run_report import post_report, report_to_levels, report_to_program
+from bonecam.report.stage_reports import uncut_areas
 from bonecam.report.summary import NOT_SIMULATED
 from bonecam.runtime.timing import StageTimes
 from bonecam.second_clamping import add_second, check_simulated
-from bonecam.setup.placement import Setup, place
+from bonecam.setup.placement import place
 from bonecam.setup.schedule import check_cuts
 from bonecam.setup.stock_kind import check_sizes
 from bonecam.surface.files.surface_input import read_part
@@ -45,7 +48,6 @@ from bonecam.tool.ball_depth import check_depths
 from bonecam.verify.control.trial_program import check_posting
 from bonecam.verify.removal.given import given_surface
 from bonecam.verify.removal.of_job import prove_removal
-from bonecam.workholding.bar import settled_stub
 
 
 def convert(
@@ -133,6 +135,7 @@ def check_job(job: Job, machine: Machine, dialect: Dialect) -> None:
     check_depths(job)
     check_method(job.levels)
     check_posting(job, machine, dialect)
+    warnings.check_warnings(warnings.spindle_warnings(job, machine), job)
 
 
 def morph_part(
@@ -146,19 +149,21 @@ def morph_part(
     """Part, surface and levels in a stock for which `machine` has room."""
     with times.stage("mesh"):
         unplaced, given = read_part(mesh, job, part(progress, 0.0, 0.1))
+        warnings.check_warnings(warnings.hole_warnings(unplaced.widest_hole, job), job, unplaced.file)
         found = not job.holding.length
         placed = place(unplaced, job)
         if not job.holding.diameter:
             check_cuts(placed.part.mesh, placed.stock, job.levels)  # before necks are tried
-        setup, job, necks = stand_on_neck(placed, job, machine)
+        limits = machine_limits(machine or read_machine(job.nc.machine))
+        setup, job, necks = find_standing(placed, job, limits)
         if machine is not None:
-            check_parting(setup, job, machine_limits(machine))
+            check_parting(setup, job, limits)
             check_second(setup.part, setup.post, job)
             check_room(setup.stock, job, machine)
         check_cuts(setup.part.mesh, setup.stock, job.levels)
         if machine is not None:
             check_length(setup.part.mesh, setup.stock, job, part(progress, 0.1, 0.1))
-        advice = post_advice(setup, job, machine_limits(machine)) if found and machine else {}
+        advice = post_advice(setup, job, limits) if found and machine else {}
 
     with keep_failed_level(keep):
         fitted, morph = surface_and_levels(setup, job, times, part(progress, 0.1, 1.0), given)
@@ -167,18 +172,7 @@ def morph_part(
     figures["strategy"] = job.path.strategy
     figures["post"] = post_report(setup.post, setup.part.mesh, job.holding) | advice | neck_report(necks)
     figures |= {"seconds": times.seconds, "cpu_seconds": times.cpu_seconds}
-    return Morphed(setup.part, fitted.surface, setup.stock, morph, figures, job)
-
-
-def stand_on_neck(
-    setup: Setup, job: Job, machine: Machine | None = None
-) -> tuple[Setup, Job, tuple[Neck, ...]]:
-    """Setup and job with what holds the part, its open sizes found for the `machine`, or else the job's; and the best
-    of the necks that were tried."""
-    job = replace(job, holding=settled_stub(job.holding, setup.stock.diameter))
-    if job.holding.diameter and job.holding.length:
-        return setup, job, ()
-    return find_standing(setup, job, machine_limits(machine or read_machine(job.nc.machine)))
+    return Morphed(setup.part, fitted.surface, setup.stock, morph, warnings.with_warnings(figures, job), job)
 
 
 def machine_levels(
@@ -193,16 +187,18 @@ def machine_levels(
     """Tool paths on the levels, the program `file` of the part's file `source`, and its proof; nothing is simulated."""
     job = made.job
     levels = made.levels.levels
-    foretold = {}
+    foretold: dict[str, Any] = {}
     with times.stage("toolpath"):
         share = part(progress, 0.0, 0.82)
         if job.path.strategy == "morph":
             expected = estimate(levels, job, machine.bodies)
             report(share, 0.0, f"expected: {expected}")
-            foretold = {"estimate": expected.report}
+            foretold["estimate"] = expected.report
             planned = plan_paths(levels, made.stock, job, machine_limits(machine), share)
         else:
             planned = plan_layer_paths(levels, made.stock, job, machine_limits(machine), share)
+        foretold["uncut_mm2"] = uncut_areas(planned, levels[0].mesh) if job.path.strategy == "morph" else {}
+        told = warnings.header_texts(made.report | foretold, job)
 
     proved = post_and_prove(
         planned,
@@ -212,17 +208,19 @@ def machine_levels(
         morph_surfaces(levels)[0],
         given=given_surface(made.part, job, made.report),
         name=program_name(file or source or ""),
-        comments=[*([f"part: {Path(source).name}"] if source else []), *made.part.header_texts],
+        comments=[*told, *([f"part: {Path(source).name}"] if source else []), *made.part.header_texts],
         stock=made.stock,
         times=times,
         progress=part(progress, 0.82, 1.0),
     )
     paths, program = proved.paths, proved.program
     reported = report_to_program(
-        Path(file or "").name, paths, program=program, proof=proved.proof, job=job.path, part=levels[0].mesh
+        Path(file or "").name, paths, program, proved.proof, job=job.path, part=levels[0].mesh
     )
     figures = {**made.report, **foretold, **reported, "removal": NOT_SIMULATED, "mechanics": NOT_KNOWN}
-    return Result(made.part, made.surface, made.stock, made.levels, figures, job, paths, program)
+    figures = warnings.with_warnings(figures, job)
+    whole = (made.part, made.surface, made.stock, made.levels, figures, job)
+    return Result(*whole, paths, program)
 
 
 def _simulated(result: Result, times: StageTimes, progress: Progress, *, mechanics: bool) -> Result:
@@ -233,10 +231,12 @@ def _simulated(result: Result, times: StageTimes, progress: Progress, *, mechani
         given = given_surface(result.part, result.job, result.report)
         cut = result.program.text, machine, dialect, result.job, result.stock, result.levels.levels
         removal = prove_removal(*cut, progress, given, mechanics=mechanics)
-    bent = removal.mechanics
-    program = record_simulation(result.program, dialect, removal.cell, str(bent or NOT_ASKED["skipped"]))
-    told = {"removal": removal.report, "mechanics": bent.report if bent else NOT_ASKED}
-    return replace(result, program=program, report={**result.report, **told}, removal=removal)
+        bent = removal.mechanics
+        found = {"removal": removal.report, "mechanics": bent.report if bent else NOT_ASKED}
+        figures = warnings.with_warnings(result.report | found, result.job)
+    told = warnings.simulated_text(figures, str(bent or NOT_ASKED["skipped"]))
+    program = record_simulation(result.program, dialect, removal.cell, told)
+    return replace(result, program=program, report=figures, removal=removal)
 
 
 def _require_job(job: Job | None) -> Job:

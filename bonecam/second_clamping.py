@@ -38,6 +38,7 @@ from bonecam.report.files.output_files import File
 from bonecam.report.files.result import Result
 from bonecam.report.files.second_program import SecondProgram
 from bonecam.report.stage_reports import nc_report, toolpath_report
+from bonecam.report.warnings import with_warnings
 from bonecam.setup.placement import place
 from bonecam.surface.files.surface_input import read_part
 from bonecam.tool.path import ToolPath
@@ -107,6 +108,7 @@ def second_program(
         "toolpath": toolpath_report(paths, float(np.radians(job.path.least_lead_deg))),
         "removal": removal.report,
     }
+    reported = with_warnings(reported, job)
     return SecondProgram(Path(first.part.file).name, clamping, paths, posted, removal, reported, job)
 
 

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import asdict, replace
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -36,6 +36,7 @@ from bonecam.report.page.program_contents import program_contents
 from bonecam.report.page.second_contents import layers_on
 from bonecam.report.stage_reports import gouge_to_given
 from bonecam.report.summary import removal_lines
+from bonecam.report.warnings import warning_lines, warnings_of
 from bonecam.surface.files.tspline_text import read_tsm
 from bonecam.tool.path import PARTING
 from bonecam.verify.control.program_file import header_of, program_text
@@ -117,7 +118,7 @@ def _write_page(html: str | Path, name: str, text: str, run: Contents, job: Job,
     meshes = level_meshes(run)
     surfaces = layers_on(meshes[0], removal) if removal.shell is not None else None
     posted = program_contents(text, meshes, job, machine, dialect, removal=removal, surfaces=surfaces)
-    reported = simulation_report(removal)
+    reported = simulation_report(removal, job)
     page = with_program(run, posted, reported, simulation_text(reported))
     write_whole(html, page_html(pack(page), name))
 
@@ -168,16 +169,19 @@ def _judged(
     return beside_given(removal, given, post, job, measure_gouge(motions, given))
 
 
-def simulation_report(removal: Removal) -> dict[str, Any]:
-    """The sections `removal` and, as far as the mesh as given is kept, `nc` of the report of a simulation."""
+def simulation_report(removal: Removal, job: Job) -> dict[str, Any]:
+    """The sections `warnings`, `removal` and, as far as the mesh as given is kept, `nc` of the report of a
+    simulation."""
     nc = gouge_to_given(removal.given.ball) if isinstance(removal.given, GivenRemoval) else {}
     bent = removal.mechanics.report if removal.mechanics else NOT_ASKED
-    return {**({"nc": nc} if nc else {}), "removal": removal.report, "mechanics": bent}
+    found = {**({"nc": nc} if nc else {}), "removal": removal.report, "mechanics": bent}
+    return {"warnings": [asdict(each) for each in warnings_of(found, job)], **found}
 
 
 def simulation_text(report: Mapping[str, Any]) -> str:
     """The report of a simulation in a few lines."""
-    lines = into_given(report.get("nc", {}), "proof"), removal_lines(report["removal"])
+    told = warning_lines(report["warnings"])
+    lines = told, into_given(report.get("nc", {}), "proof"), removal_lines(report["removal"])
     return "\n".join([*chain(*lines), *mechanics_lines(report["mechanics"])])
 
 

@@ -24,8 +24,10 @@ POST = HoldingJob(diameter=4.0)
 def generate_stock(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
     """Filters `generate_stock` and `generate_stock_capsule`: layers of the stock and of the part on its
     post."""
+    from bonecam.machine.machine import read_machine
     from bonecam.mesh.part import Part
-    from bonecam.pipeline import stand_on_neck
+    from bonecam.nc.posting.rotary.machine_limits import machine_limits
+    from bonecam.planning.holding.neck import find_standing
     from bonecam.setup.placement import place
     from bonecam.setup.stock import stock_figures
 
@@ -41,7 +43,7 @@ def generate_stock(layers: Layers, values: Mapping[str, Any], progress: Progress
         raise type(error)(
             f"{error} (stock and post stand on the Z axis: was apply_upright_pose applied?)", **error.evidence
         ) from error
-    setup, job, _ = stand_on_neck(placed, job)
+    setup, job, _ = find_standing(placed, job, machine_limits(read_machine(job.nc.machine)))
     kept = {"stock": setup.stock, "job": job}
     layers.add(setup.stock.mesh(values["chord_tolerance"]), "stock", keep=kept)
     layers.add(setup.part.mesh, "part on post", keep=kept)

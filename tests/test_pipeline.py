@@ -195,7 +195,7 @@ def test_a_rapid_into_the_stock_refuses_the_text(chain: tuple[bonecam.Result, Pa
 
 def test_a_program_alone_is_simulated_from_its_kept_folder(chain: tuple[bonecam.Result, Path]) -> None:
     result, folder = chain
-    report = simulation_report(bonecam.simulate(folder / "bone.h", folder / "keep", COARSE))
+    report = simulation_report(bonecam.simulate(folder / "bone.h", folder / "keep", COARSE), COARSE)
     alone, within = report["removal"], result.report["removal"]
     assert alone["given"] == within["given"], "the mesh as given is kept to the bit"
     nc = result.report["nc"]
@@ -225,7 +225,7 @@ def test_without_mechanics_the_figures_say_so(chain: tuple[bonecam.Result, Path]
     _, folder = chain
     plain = bonecam.simulate(folder / "bone.h", folder / "keep", COARSE, mechanics=False)
     assert plain.mechanics is None
-    assert "bending   force and bending were not asked" in simulation_text(simulation_report(plain))
+    assert "bending   force and bending were not asked" in simulation_text(simulation_report(plain, COARSE))
 
 
 def test_a_material_that_says_not_how_stiff_it_is_is_refused_before_planning(

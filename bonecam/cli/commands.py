@@ -1,7 +1,6 @@
 """The commands. Each takes the options, prints its results to stdout, and returns the exit code."""
 
 import argparse
-import json
 from collections.abc import Callable
 from contextlib import nullcontext
 from functools import partial
@@ -103,6 +102,8 @@ def run_shell(options: argparse.Namespace) -> int:
 
 def run_simulate(options: argparse.Namespace) -> int:
     """`bonecam simulate`: what a program removes, from its text."""
+    from bonecam.report.run_report import report_text
+    from bonecam.report.warnings import check_warnings, warnings_of
     from bonecam.simulation import simulation_report, simulation_text
     from bonecam.verify.removal.of_job import check_removal_of_job
 
@@ -119,11 +120,13 @@ def run_simulate(options: argparse.Namespace) -> int:
             mechanics=not options.no_mechanics,
             progress=progress,
         )
+    report = simulation_report(removal, job)
     if options.report is not None:
-        write_whole(options.report, json.dumps(simulation_report(removal), indent=2) + "\n")
+        write_whole(options.report, report_text(report))
     check_removal_of_job(removal, job)
+    check_warnings(warnings_of(report, job), job, options.program)
     if not options.quiet:
-        print(simulation_text(simulation_report(removal)))
+        print(simulation_text(report))
     return 0
 
 

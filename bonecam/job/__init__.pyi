@@ -4,13 +4,14 @@ from .job_file import write_job as write_job
 from .levels_section import LevelsJob as LevelsJob
 from .materials.mechanics_section import MechanicsJob as MechanicsJob
 from .mesh_section import MeshJob as MeshJob
+from .mesh_section import SurfaceJob as SurfaceJob
 from .nc_section import NcJob as NcJob
 from .path_section import PathJob as PathJob
 from .sections import Job as Job
 from .sections import field_error as field_error
 from .stock_section import StockJob as StockJob
-from .surface_section import SurfaceJob as SurfaceJob
 from .tool_section import FINISHING as FINISHING
 from .tool_section import ROUGHING as ROUGHING
 from .tool_section import MaterialJob as MaterialJob
 from .tool_section import ToolJob as ToolJob
+from .warnings_section import WarningsJob as WarningsJob

@@ -1,4 +1,4 @@
-"""The section [mesh] of a job."""
+"""The sections [mesh] and [surface] of a job: the part, and the T-spline that is fitted to it."""
 
 from dataclasses import dataclass
 
@@ -9,7 +9,9 @@ from bonecam.job.parameter import JobSection, parameter
 class MeshJob(JobSection):
     """How the mesh is read, repaired and cut into rows."""
 
-    units: str = parameter("mm", "Units", "Unit of the mesh file's coordinates.", choices=("mm", "m", "inch"))
+    units: str = parameter(
+        "mm", "Units", "Unit of the mesh file's coordinates.", choices=("mm", "m", "inch", "cm")
+    )
     mirror: str = parameter(
         "none",
         "Mirror",
@@ -81,3 +83,28 @@ class MeshJob(JobSection):
         mirrored = f"mirrored in {self.mirror.upper()} of its file" if self.mirror != "none" else ""
         scaled = f"scaled by {self.scale:g}" if self.scale != 1 else ""
         return tuple(filter(None, (mirrored, scaled)))
+
+
+@dataclass(frozen=True)
+class SurfaceJob(JobSection):
+    """The fit of the T-spline to the mesh."""
+
+    tolerance: float = parameter(
+        0.08,
+        "Tolerance",
+        "Target of the largest two-sided deviation between surface and mesh.",
+        unit="mm",
+        low=0.001,
+        high=5.0,
+    )
+    max_control_points: int = parameter(
+        450, "Control points", "Largest number of control points.", low=40, high=20000
+    )
+    largest_deviation: float = parameter(
+        0.5,
+        "Largest deviation",
+        "A surface that deviates more from the mesh is refused.",
+        unit="mm",
+        low=0.001,
+        high=50.0,
+    )

@@ -10,13 +10,13 @@ from bonecam.job.holding_section import HoldingJob
 from bonecam.job.levels_section import LevelsJob
 from bonecam.job.materials.mechanics_section import MechanicsJob
 from bonecam.job.materials.preset import read_material
-from bonecam.job.mesh_section import MeshJob
+from bonecam.job.mesh_section import MeshJob, SurfaceJob
 from bonecam.job.nc_section import NcJob
 from bonecam.job.parameter import JobSection
 from bonecam.job.path_section import PathJob
 from bonecam.job.stock_section import StockJob
-from bonecam.job.surface_section import SurfaceJob
 from bonecam.job.tool_section import FINE, FINISHING, ROUGHING, MaterialJob, ToolJob
+from bonecam.job.warnings_section import WarningsJob
 from bonecam.machine.machine import read_machine
 from bonecam.text.faults import Faults, shown
 
@@ -44,6 +44,7 @@ class Job:
     fine: ToolJob = FINE
     path: PathJob = field(default_factory=PathJob)
     nc: NcJob = field(default_factory=NcJob)
+    warnings: WarningsJob = field(default_factory=WarningsJob)
 
     def __post_init__(self) -> None:
         given = {item.name: (getattr(self, item.name), item.type) for item in fields(self)}

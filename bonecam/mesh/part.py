@@ -93,6 +93,11 @@ class Part:
         """What the repairs left out of the mesh as given, in its frame."""
         return tuple(repair.left_out for repair in self.repairs if repair.left_out is not None)
 
+    @property
+    def widest_hole(self) -> float:
+        """Width of the widest hole of the mesh that was closed, mm; 0 where it had none."""
+        return max((repair.hole for repair in self.repairs), default=0.0)
+
     @cached_property
     def repair_deviation(self) -> float:
         """Largest distance (mm, both ways) between the mesh as given and `mesh`; 0 where nothing was

@@ -10,7 +10,7 @@ from bonecam.mesh.files.formats.label_map import LABEL_MAPS
 from bonecam.mesh.files.opencascade import IGES, STEP
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
-MM_OF = {"mm": 1.0, "m": 1000.0, "inch": 25.4}
+MM_OF = {"mm": 1.0, "m": 1000.0, "inch": 25.4, "cm": 10.0}
 STATES_UNIT = (*STEP, *IGES, *LABEL_MAPS, ".3mf")
 SMALLEST = 5.0
 """Least plausible diagonal of a part's bounding box, mm: that of an ear ossicle."""
@@ -43,7 +43,7 @@ def to_mm(mesh: TriangleMesh, units: str, file: str = "the mesh", flag: str = FL
 
 
 def _remedy(diagonal: float, flag: str) -> str:
-    """The flag that makes the diagonal plausible: the unit of the sizes nearest to a hand's bone first."""
+    """Which units make the diagonal plausible, as a question, and their flags."""
     fitting = [
         (unit, diagonal * scale) for unit, scale in MM_OF.items() if SMALLEST <= diagonal * scale <= LARGEST
     ]
@@ -51,7 +51,8 @@ def _remedy(diagonal: float, flag: str) -> str:
         return f"no known unit makes it a part of {SMALLEST:g} to {LARGEST:g} mm; scale the mesh first"
     first, *others = (f"{flag.format(unit)} ({size:.3g} mm)" for unit, size in fitting)
     message = " or ".join([first, *(other.removeprefix("give ") for other in others)])
-    return f"{message}{IN_JOB if flag == FLAG else ''}"
+    asked = ", ".join(f"in {unit}" for unit, _ in fitting)
+    return f"is it {asked}, or wrongly scaled? {message}{IN_JOB if flag == FLAG else ''}"
 
 
 def mirror_and_scale(mesh: TriangleMesh, mirror: str = "none", scale: float = 1.0) -> TriangleMesh:

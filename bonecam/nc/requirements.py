@@ -44,10 +44,6 @@ def _check_speeds(section: str, tool: ToolJob, machine: Machine) -> None:
         bound = f"{machine.name} turns at {machine.spindle_speed:g} 1/min at most: give less"
         raise field_error(section, "spindle", tool.spindle, bound)
 
-    if tool.spindle < machine.spindle_lowest:
-        bound = f"{machine.name} turns at {machine.spindle_lowest:g} 1/min at least: give more"
-        raise field_error(section, "spindle", tool.spindle, bound)
-
     slowest = min(axis.speed for axis in machine.linear)
     if tool.feed > slowest:
         bound = f"an axis of {machine.name} makes {slowest:g} mm/min at most: give less"

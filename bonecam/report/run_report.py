@@ -17,7 +17,6 @@ from bonecam.report.stage_reports import (
     parting_report,
     surface_report,
     toolpath_report,
-    uncut_areas,
 )
 from bonecam.setup.stock import Stock, stock_figures
 from bonecam.surface.fitting.deviation import distance_both_ways
@@ -46,6 +45,8 @@ def report_to_levels(part: Part, fitted: Fit, stock: Stock, morph: Morph, method
             "facets": part.coarseness.report if part.coarseness else None,
             "smoothed": part.smoothing.report if part.smoothing else None,
             "filled": part.fill.report if part.fill else None,
+            "area_mm2": round(part.mesh.area, 3),
+            "hole_max_mm": round(part.widest_hole, 6),
             "repair_taken_off_max_mm": round(part.taken_off.depth if part.taken_off else 0.0, 6),
             "repair_deviation_max_mm": round(part.repair_deviation, 6),
         },
@@ -94,12 +95,9 @@ def report_to_program(
     job: PathJob,
     part: TriangleMesh,
 ) -> dict[str, Any]:
-    """The sections of tool paths, of what they leave uncut on the `part` where they follow it, of the parting groove
-    if there is one, and of the program;
-    `file` is the program's, empty where none is written."""
+    """The sections of tool paths, of the parting groove of the `part` if there is one, and of the program; `file` is
+    the program's, empty where none is written."""
     on_levels = [path for path in paths if path.level != PARTING]
     reported = toolpath_report(on_levels, float(np.radians(job.least_lead_deg)))
-    on_part = [path for path in paths if path.level == 0]
-    areas = uncut_areas(on_part, part) if job.strategy == "morph" else {}
     posted = {"file": file, **nc_report(program, proof)}
-    return {"toolpath": reported, "uncut_mm2": areas, **parting_report(paths, part), "nc": posted}
+    return {"toolpath": reported, **parting_report(paths, part), "nc": posted}

@@ -93,6 +93,7 @@ def toolpath_report(paths: Sequence[ToolPath], least_lead: float) -> list[dict[s
 
 def uncut_areas(paths: Sequence[ToolPath], part: TriangleMesh) -> dict[str, float]:
     """`uncut_mm2` of the report: the area of the part whose nearest contact on its `paths` was left out, by reason."""
+    paths = [path for path in paths if path.level == 0]
     reasons = np.array([reason for path in paths for reason in path.reasons])
     cut = [path.contacts[~np.isnan(path.contacts[:, 0])] for path in paths]
     areas = nearest_areas(part, np.vstack([*(path.uncut for path in paths), *cut]))[: len(reasons)]

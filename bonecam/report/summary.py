@@ -10,14 +10,12 @@ from bonecam.levels.closed_morph import METHODS
 from bonecam.levels.problem.tolerances import NESTING_TOLERANCE
 from bonecam.planning.estimate import estimate_lines
 from bonecam.report.axis_lines import axis_lines, rewind_lines
-from bonecam.report.mechanics_lines import mechanics_lines
-from bonecam.report.post_lines import post_lines
+from bonecam.report.mechanics_lines import mechanics_lines, post_lines
 from bonecam.report.stage_reports import parting_text
+from bonecam.report.warnings import WIDTH, warning_lines
 from bonecam.setup.stock import stock_text
 from bonecam.verify.removal.given import given_lines, into_given
 
-WIDTH = 120
-"""Columns of the summary's longest lines."""
 NOT_SIMULATED = {"skipped": "the removal of material was not simulated"}
 """The section `removal` of a report without a simulation."""
 WHY = {
@@ -35,6 +33,7 @@ WHY = {
 def summary_of(report: Mapping[str, Any]) -> str:
     """The report in a few lines for a person; it may end at the levels."""
     lines = [
+        *warning_lines([*report["warnings"], *report.get("second", {"warnings": ()})["warnings"]]),
         *_mesh_lines(report["input"]),
         _surface_line(report["surface"]),
         *_given_lines(report),
@@ -74,6 +73,7 @@ def finished_summary(report: Mapping[str, Any]) -> str:
     surface, seconds = report["surface"], sum(report["seconds"].values())
     shape = f"{surface['kind']}, {surface['area_mm2']:.0f} mm2, {surface['control_points']} control points"
     lines = [
+        *warning_lines(report["warnings"]),
         f"surface   {shape}; {counted(surface['solids'], 'solid')} kept clear of",
         *post_lines(report["post"]),
         *_program_lines(report),

@@ -18,9 +18,6 @@ MISSES = "the post of diameter {:g} mm on the Z axis misses the part"
 """What is told of a post above which there is no part."""
 NECKS = (4.0, 5.0, 6.0, 8.0, 10.0)
 """Diameters that are tried where a job leaves it open, mm."""
-SLENDER = 15.0
-"""A post that is longer than this many diameters is told of: 5 N at its top bend one of aluminium, 4 mm thick and 60
-mm long, by 0.4 mm."""
 
 
 @dataclass(frozen=True)

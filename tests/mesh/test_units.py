@@ -13,7 +13,7 @@ def bone(ellipsoid: Callable[..., TriangleMesh]) -> TriangleMesh:
     return ellipsoid(5, 5, 14)
 
 
-@pytest.mark.parametrize(("units", "scale"), [("mm", 1.0), ("m", 1000.0), ("inch", 25.4)])
+@pytest.mark.parametrize(("units", "scale"), [("mm", 1.0), ("m", 1000.0), ("inch", 25.4), ("cm", 10.0)])
 def test_every_unit_gives_the_same_bone_in_mm(
     bone: TriangleMesh, moved: Callable[..., TriangleMesh], units: str, scale: float
 ) -> None:
@@ -25,16 +25,20 @@ def test_metres_taken_for_mm_are_refused_with_the_flag_that_fits(
 ) -> None:
     with pytest.raises(
         UnitsError,
-        match=r"bone\.stl: 0\.0314 mm .* give --units m \(31\.4 mm\), or mesh\.units in a job$",
+        match=r"bone\.stl: 0\.0314 mm .*: is it in m, or wrongly scaled\? give --units m \(31\.4 mm\), or mesh\.units in a job$",
     ):
         to_mm(moved(bone, (0, 0, 0), 0.001), "mm", "bone.stl")
 
 
-def test_two_units_that_fit_are_told_in_one_remedy(
+def test_units_that_fit_are_told_in_one_remedy(
     moved: Callable[..., TriangleMesh], bone: TriangleMesh
 ) -> None:
-    remedy = r"give --units m \(941 mm\) or --units inch \(23\.9 mm\), or mesh\.units in a job$"
-    with pytest.raises(UnitsError, match=remedy):
+    asked = r"is it in m, in inch, in cm, or wrongly scaled\? "
+    remedy = (
+        r"give --units m \(941 mm\) or --units inch \(23\.9 mm\) or --units cm \(9\.41 mm\), "
+        r"or mesh\.units in a job$"
+    )
+    with pytest.raises(UnitsError, match=asked + remedy):
         to_mm(moved(bone, (0, 0, 0), 0.03), "mm")
 
 

@@ -112,6 +112,7 @@ def test_the_summary_tells_each_repair() -> None:
         | {"feed_median_mm_min": 500.0, "feed_low_mm_min": 250.0, "feed_axis_limited_share": 0.95}
         | {"file": "half.h", "machine": "mill", "controller": "heidenhain"},
         "seconds": {"mesh": 1.0},
+        "warnings": [],
     }
     told = summary_of(report).splitlines()
     assert "feed      median 500, a tenth below 250 mm/min; an axis limits 95% of the cutting blocks" in told

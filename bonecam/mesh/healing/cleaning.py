@@ -130,4 +130,5 @@ def close_holes(state: RepairState) -> RepairState:
     added = len(after.faces) - len(state.mesh.faces)
     which = f"{closed} of {counted(len(holes), 'hole')}" if closed < len(holes) else counted(closed, "hole")
     widest_told = f"{'the widest ' if len(holes) > 1 else ''}{widths[widest]:.2f} mm across"
-    return state.then(after, f"closed {which} with {counted(added, 'face')}, {widest_told}")
+    told = f"closed {which} with {counted(added, 'face')}, {widest_told}"
+    return state.closed(after, told, widths[widest])

@@ -17,12 +17,14 @@ REPORTED = 5e-4
 @dataclass(frozen=True)
 class Repair:
     """One change of a mesh in a sentence, and how far it moved the surface, mm: `outward` what it added on the
-    surface, `inward` what it took off. Pieces that it left out, debris and inner shells, are no part of the surface."""
+    surface, `inward` what it took off; `hole` is the width of the widest hole that it closed, mm. Pieces that it left
+    out, debris and inner shells, are no part of the surface."""
 
     change: str
     outward: float = 0.0
     inward: float = 0.0
     left_out: TriangleMesh | None = None
+    hole: float = 0.0
 
     @classmethod
     def between(
@@ -54,6 +56,10 @@ class RepairState:
     def then(self, mesh: TriangleMesh, *changes: str) -> "RepairState":
         """The next state: the changed mesh, and sentences of changes that keep the surface where it is."""
         return RepairState(mesh, self.done + tuple(map(Repair, changes)))
+
+    def closed(self, mesh: TriangleMesh, change: str, width: float) -> "RepairState":
+        """The next state after holes were closed, the widest of this width, mm."""
+        return RepairState(mesh, (*self.done, Repair(change, hole=width)))
 
     def keep(self, kept: Bool[ndarray, " m"], change: str) -> "RepairState":
         """The next state with the `kept` faces only; the others are left out."""

@@ -38,6 +38,7 @@ from bonecam.planning.holding.post_length import (
 )
 from bonecam.planning.passes.contacts import at_post
 from bonecam.setup.placement import Setup
+from bonecam.workholding.bar import settled_stub
 from bonecam.workholding.clamping import clamping_of
 from bonecam.workholding.post import NECKS, Post, post_below
 
@@ -88,8 +89,9 @@ class Neck:
 
 
 def find_standing(setup: Setup, job: Job, limits: MachineLimits) -> tuple[Setup, Job, tuple[Neck, ...]]:
-    """Setup and job with the neck, or the length, that the job leaves open; and the best of the necks that were tried,
-    the one that is taken first, if any were."""
+    """Setup and job with the stub, neck and length that the job leaves open; and the best of the necks that were
+    tried, the one that is taken first, if any were."""
+    job = replace(job, holding=settled_stub(job.holding, setup.stock.diameter))
     necks: tuple[Neck, ...] = ()
     if not job.holding.diameter:
         setup, job, necks = find_neck(setup, job, limits)

@@ -15,7 +15,6 @@ from bonecam.machine.limits import MachineLimits
 from bonecam.planning.holding.post_length import sampled_lifts, sampled_lifts_of_part, shortest_post
 from bonecam.setup.placement import Setup
 from bonecam.workholding.clamping import clamping_of
-from bonecam.workholding.post import SLENDER
 
 STEEP_TILT = 80.0
 """A ball still cuts well with its axis tilted by this from the normal, degrees: its equator cuts, not its shank."""
@@ -61,7 +60,7 @@ class ReachAdvice:
 
 def post_advice(setup: Setup, job: Job, limits: MachineLimits) -> dict[str, Any]:
     """`remedies` and `shorter` of the report of a post that was found, where it is slender; nothing where it is not."""
-    if job.holding.length - job.holding.support_height <= SLENDER * job.holding.diameter:
+    if job.holding.length - job.holding.support_height <= job.warnings.slender * job.holding.diameter:
         return {}
     return what_would_help(setup, job, limits).report
 

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from bonecam.errors import BendingError, FileError, VerifyError
+from bonecam.errors import BendingError, BonecamError, FileError, LimitError, VerifyError
 from bonecam.files import whole_folder, write_whole
 from bonecam.job import write_job
 from bonecam.mesh.files.mesh_files import write_mesh
@@ -25,29 +25,29 @@ FAULT = "a fault of bonecam, which planned this program, not of the mesh or the 
 
 @contextmanager
 def refusing(program: Program, paths: Sequence[ToolPath]) -> Iterator[None]:
-    """A VerifyError of the block knows the `program` that it refuses, and its `paths`."""
+    """A VerifyError or LimitError of the block knows the `program` that it refuses, and its `paths`."""
     try:
         yield
-    except VerifyError as error:
+    except (VerifyError, LimitError) as error:
         error.evidence |= {"program": program, "paths": tuple(paths)}
         raise
 
 
 @contextmanager
 def keep_refused(made: Morphed, folder: str | Path | None) -> Iterator[None]:
-    """Where the block raises a VerifyError, but for bending, the error says whose fault that is; the `folder`
-    (None: nothing is kept) gets refused.txt with it, refused.png with the place, job, part, surface and levels of what
-    was `made`, and the program with its tool path where one was posted."""
+    """Where the block raises a VerifyError or LimitError, the `folder` (None: nothing is kept) gets refused.txt,
+    refused.png with the place, job, part, surface and levels of what was `made`, and the program with its tool path
+    where one was posted. A VerifyError that is not of bending says whose fault it is."""
     try:
         yield
-    except VerifyError as error:
+    except (VerifyError, LimitError) as error:
         how = _kept(made, folder, error)
-        if isinstance(error, BendingError):
+        if isinstance(error, BendingError | LimitError):
             raise
         raise VerifyError(f"{error} ({FAULT}: {how})", **error.evidence) from error
 
 
-def _kept(made: Morphed, folder: str | Path | None, error: VerifyError) -> str:
+def _kept(made: Morphed, folder: str | Path | None, error: BonecamError) -> str:
     """Keep what a report of the refusal needs in the `folder`, and say how to report it."""
     if folder is None:
         return "report it with what --keep DIR writes of this run"
@@ -59,7 +59,7 @@ def _kept(made: Morphed, folder: str | Path | None, error: VerifyError) -> str:
     return f"report it with {folder}, which holds program, place and picture"
 
 
-def _fill(work: Path, made: Morphed, error: VerifyError) -> None:
+def _fill(work: Path, made: Morphed, error: BonecamError) -> None:
     """Write the files of a refused run into `work`."""
     levels, holding = made.levels.levels, made.job.holding
     write_whole(work / "refused.txt", f"{error}\n")

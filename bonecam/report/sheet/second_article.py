@@ -17,8 +17,9 @@ from bonecam.nc.posting.header.texts import second_setup_texts
 from bonecam.nc.program import Program
 from bonecam.report.pictures.views import section
 from bonecam.report.sheet.drawing import Paper, draw_table, draw_zero
-from bonecam.report.sheet.setup_sheet import IN_AIR, article, depth_lines, items, proof_lines
+from bonecam.report.sheet.setup_sheet import IN_AIR, article, items, proof_lines
 from bonecam.report.summary import uncut_lines
+from bonecam.report.warnings import warning_texts
 from bonecam.workholding.shell import SecondClamping
 
 
@@ -47,7 +48,7 @@ def second_article(
         setup=items(second_setup_texts(job, clamping.shell, clamping.top, zero)),
         checks=items(_checks(report)),
         left=items(_left(report)),
-        warnings=items([IN_AIR, *depth_lines(report["removal"]), *WARNINGS]),
+        warnings=items([*warning_texts(report["warnings"]), IN_AIR, *WARNINGS]),
     )
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from bonecam.job import Job
 from bonecam.job.materials.preset import read_material
-from bonecam.machine.machine import Machine, read_machine
+from bonecam.machine.machine import read_machine
 from bonecam.mesh.part import Part
 from bonecam.nc.job_dialect import job_dialect
 from bonecam.nc.posting.header.program_zero import zero_words
@@ -21,10 +21,11 @@ from bonecam.report.sheet.axes import AxisRange, axis_ranges
 from bonecam.report.sheet.drawing import clamping_drawing
 from bonecam.report.stage_reports import parting_text
 from bonecam.report.summary import certified_text, uncut_lines
+from bonecam.report.warnings import warning_texts
 from bonecam.setup.stock import Stock
 from bonecam.tool.cutter import Cutter
 from bonecam.verify.removal.of_job import cutters_of
-from bonecam.workholding.post import SLENDER, post_below
+from bonecam.workholding.post import post_below
 
 ASSETS = Path(__file__).parent / "assets"
 CHANGES = {
@@ -65,7 +66,7 @@ def setup_article(
         setup=items(setup_texts(job, stock, zero)),
         checks=items(_checks(report)),
         left=items(_left(report)),
-        warnings=items(_warnings(job, report, machine)),
+        warnings=items(_warnings(job, report)),
     )
 
 
@@ -161,6 +162,10 @@ def _checks(report: Mapping[str, Any]) -> Iterator[str]:
     if "skipped" not in removal:
         cell = removal["cell_mm"]
         yield f"Simulated from the text (cells of {cell:g} mm): rapids cut nothing, shank and holder touch nothing"
+    mechanics = report["mechanics"]
+    if "skipped" not in mechanics and "bending" not in {each["code"] for each in report["warnings"]}:
+        low, up = mechanics["band"]
+        yield f"Bending, {low:g} to {up:g} times by author: {bending_text(mechanics)}"
     deviation = report["surface"]["given_deviation_max_mm"]
     deepest = report["nc"]["gouge_to_given_max_mm"]
     yield f"Fitted surface within {deviation:.3f} mm of the mesh as given; a ball goes {deepest:.3f} mm into it"
@@ -193,45 +198,14 @@ def _left(report: Mapping[str, Any]) -> Iterator[str]:
     yield f"The stump of the post, over {report['post']['footprint_mm2']:.1f} mm² of the part, is removed {how}"
 
 
-def _warnings(job: Job, report: Mapping[str, Any], machine: Machine) -> Iterator[str]:
+def _warnings(job: Job, report: Mapping[str, Any]) -> Iterator[str]:
     """What the machinist must look at before the start."""
-    yield from bending_warnings(report.get("mechanics"))
+    yield from warning_texts(report["warnings"])
     yield IN_AIR
-    if "skipped" in report["removal"]:
-        yield f"{report['removal']['skipped']}: shank and holder are not checked from the text"
-    else:
-        yield from depth_lines(report["removal"])
-    post = report["post"]
-    length = post.get("neck_mm", post["length_mm"])
-    told = "skipped" not in report.get("mechanics", {"skipped": ""})
-    if length > SLENDER * post["diameter_mm"] and not told:
-        yield f"Slender post: {post['diameter_mm']:g} x {length:g} mm bends under the cut"
-    if not machine.nose:
-        yield "The machine's file knows no spindle nose: nothing was kept clear of it"
     if not all(getattr(job, name).spindle and getattr(job, name).feed for name in job.cutter_names):
         material = read_material(job.material.name)
         yield f"Speeds of {material.title}: {material.note}"
 
 
-def bending_warnings(mechanics: Mapping[str, Any] | None) -> Iterator[str]:
-    """What bends, or that it is not known."""
-    if mechanics is None:
-        return
-    if "skipped" in mechanics:
-        yield mechanics["skipped"]
-        return
-    low, up = mechanics["band"]
-    yield f"Bending, {low:g} to {up:g} times by author: {bending_text(mechanics)}"
-
-
-def depth_lines(removal: Mapping[str, Any]) -> Iterator[str]:
-    """How far depths of cut are above their limits, where that is to be told."""
-    over = max(level["over_limit_mm"] or 0.0 for level in removal["levels"])
-    if over > OVER_TOLD:
-        yield f"In places the depth of cut is up to {over:.2f} mm above the limit of its level"
-
-
-OVER_TOLD = 0.05
-"""Depths over the limit are told above this, mm: half a cell of the simulation."""
 IN_AIR = "The program has not run on a control: run it in the air first, and check datum and tool lengths"
 """What is told of every program."""

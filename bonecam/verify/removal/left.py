@@ -13,8 +13,8 @@ from bonecam.workholding.post import Post
 
 LEFT = 0.02
 """More material than this is left over, mm: twice the scallop height of a default finishing cutter."""
-
-
+HEIGHTS = (LEFT, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0)
+"""What keeps more than each of these is told as an area, mm."""
 ENTERS = 0.01
 """A ball on a place that enters the part beside it by more does not fit there, mm: the gouge tolerance of a job."""
 
@@ -36,6 +36,10 @@ def measure_left(normal_probes: NormalProbes, post: Post | None, radius: float, 
         heights=normal_probes.heights,
         highest=_spot(float(normal_probes.heights[highest]), highest, normal_probes, motions),
         deepest_gouge=_spot(-float(normal_probes.heights[lowest]), lowest, normal_probes, motions),
+        areas_over={
+            height: float(normal_probes.areas[~held & (normal_probes.heights > height)].sum())
+            for height in HEIGHTS
+        },
         by_reason={
             "post": float(normal_probes.areas[over & held].sum()),
             "gouge": float(normal_probes.areas[standing[hollow]].sum()),

@@ -82,7 +82,8 @@ class Left:
 
     `highest` and `deepest_gouge` are the largest leftover away from the post and the deepest gouge. `by_reason`: mm^2
     that keep more than LEFT at the `post` and in the fillet that the cutter leaves round it, in hollows that are too
-    narrow for the smallest ball (`gouge`), and where that ball would fit (`reachable`).
+    narrow for the smallest ball (`gouge`), and where that ball would fit (`reachable`). `areas_over`: mm^2 away from
+    the post that keep more than each of some heights, mm.
     """
 
     mesh: TriangleMesh
@@ -90,6 +91,7 @@ class Left:
     highest: Spot
     deepest_gouge: Spot
     by_reason: dict[str, float]
+    areas_over: dict[float, float] = field(default_factory=dict)
 
     @property
     def area(self) -> float:
@@ -188,6 +190,8 @@ def _level_figures(level: LevelRemoval) -> dict[str, Any]:
 def _left_figures(left: Left) -> dict[str, Any]:
     return {
         "area_over_0_02_mm2": round(left.area, 3),
+        "part_mm2": round(left.mesh.area, 3),
+        "areas_over_mm2": {f"{height:g}": round(area, 3) for height, area in left.areas_over.items()},
         "max_mm": _rounded(max(left.highest.value, 0.0)),
         "place": [round(value, 3) for value in left.highest.place],
         "by_reason": {reason: round(area, 3) for reason, area in left.by_reason.items()},

@@ -19,6 +19,7 @@ from bonecam.nc.reading.read import read_program
 from bonecam.report.sheet.axes import axis_ranges
 from bonecam.report.sheet.drawing import Paper, draw_zero
 from bonecam.report.summary import NOT_SIMULATED
+from bonecam.report.warnings import with_warnings
 
 Run = tuple[bonecam.Result, Path]
 
@@ -76,7 +77,8 @@ def test_axes_travel_what_the_program_s_header_says(small_run: Run) -> None:
 
 def test_a_sheet_without_simulation_warns(small_run: Run) -> None:
     made = small_run[0]
-    blind = replace(made, report={**made.report, "removal": NOT_SIMULATED}, removal=None)
+    report = with_warnings({**made.report, "removal": NOT_SIMULATED}, made.job)
+    blind = replace(made, report=report, removal=None)
     assert "was not simulated" in blind.sheet
     assert "touch nothing" not in blind.sheet
 
@@ -84,7 +86,8 @@ def test_a_sheet_without_simulation_warns(small_run: Run) -> None:
 def test_what_bends_is_the_first_warning(small_run: Run) -> None:
     warnings = small_run[0].sheet.split("Before the start")[1]
     first = warnings.split("<li>")[1]
-    assert first.startswith("Bending, 0.6 to 1.9 times by author: error kept")
+    assert first.startswith("Stress at the peaks is ")
+    assert "0.6 to 1.9 times by author" in first
 
 
 def test_a_sheet_that_is_no_page_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -169,6 +169,10 @@ function makePanel() {
   const about = [facts.stock.text, program ? `${program.machine} / ${program.controller}, ${minutesWords(program.minutes)}` : `${facts.levels.length - 1} cuts`, `bonecam ${facts.version}`];
   document.getElementById("about").textContent = about.join(" · ");
   document.getElementById("summary").textContent = facts.summary;
+  const warnings = document.getElementById("warnings");
+  const told = [...facts.report.warnings, ...(facts.report.second ? facts.report.second.warnings : [])];
+  warnings.hidden = !told.length;
+  warnings.append(...told.map((each) => make("li", `${each.text}: ${each.remedy}`)));
   for (const [key, mode] of Object.entries(MODES)) {
     if (mode.available && !mode.available()) continue;
     const button = make("button", mode.name);

@@ -1,0 +1,213 @@
+"""What must not be quiet in a run: its warnings, each with a code, a figure, its limits and a remedy.
+
+They stand in `warnings` of the report, and first in the summary, on the page and on the sheet; what is known before
+the text is posted stands in the program's header. The section [warnings] of the job has the limits: above the first a
+figure is told, above the second the job is refused."""
+
+import textwrap
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from bonecam.errors import LimitError
+from bonecam.job import Job
+from bonecam.machine.machine import Machine, read_machine
+
+Sections = Mapping[str, Any]
+"""The report, or as much of it as there is yet."""
+WIDTH = 120
+"""Columns of the longest lines on a terminal."""
+UM = 1000.0
+"""um in a mm."""
+
+
+@dataclass(frozen=True)
+class Warned:
+    """One warning: `figure` is above `limit`, and refused above `refused_above`; None where it is no figure."""
+
+    code: str
+    text: str
+    figure: float | None
+    limit: float | None
+    refused_above: float | None
+    remedy: str
+
+    @property
+    def refused(self) -> bool:
+        """Whether the figure is above its second limit."""
+        return None not in (self.figure, self.refused_above) and self.figure > self.refused_above  # type: ignore[operator]
+
+
+def warnings_of(report: Sections, job: Job) -> list[Warned]:
+    """The warnings of the sections that there are, the gravest kinds first."""
+    machine = read_machine(job.nc.machine)
+    found = [warned for kind in KINDS for warned in kind(report, job)]
+    return [*found, *spindle_warnings(job, machine), *_nose(report, machine)]
+
+
+def check_warnings(found: Iterable[Warned], job: Job, file: str = "") -> None:
+    """LimitError, which names the part's file, where one is beyond its second limit and the job does not say
+    otherwise."""
+    for warned in found:
+        if warned.refused and job.warnings.refuse:
+            own = "or warnings.refuse = false, which the program's header then tells"
+            text = f"{warned.text} (allowed {warned.refused_above:g}): {warned.remedy}; {own}"
+            raise LimitError(f"{file}: {text}" if file else text, code=warned.code)
+
+
+def with_warnings(report: dict[str, Any], job: Job) -> dict[str, Any]:
+    """The report that begins with its warnings; LimitError as in `check_warnings`."""
+    found = warnings_of(report, job)
+    check_warnings(found, job)
+    return {"warnings": [asdict(warned) for warned in found]} | {
+        name: section for name, section in report.items() if name != "warnings"
+    }
+
+
+def warning_texts(warnings: Sequence[Mapping[str, Any]]) -> list[str]:
+    """`warnings` of a report, each in a sentence with its remedy."""
+    return [f"{warned['text']}: {warned['remedy']}" for warned in warnings]
+
+
+def warning_lines(warnings: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+    """`warnings` of a report as the first lines of a summary."""
+    for text in warning_texts(warnings):
+        yield textwrap.fill(text, WIDTH, initial_indent="warning   ", subsequent_indent=" " * 10)
+
+
+def header_texts(report: Sections, job: Job) -> list[str]:
+    """The warnings that are known before the text is posted, for the program's header."""
+    told = (f"warning: {warned.text}" for warned in warnings_of(report, job))
+    return [line for text in told for line in textwrap.wrap(text, 96)]
+
+
+def simulated_text(report: Sections, bending: str) -> str:
+    """What the header tells of the simulation: its warnings, and what bends."""
+    codes = ("left", "depth")
+    return "; ".join(
+        [*(f"warning: {each['text']}" for each in report["warnings"] if each["code"] in codes), bending]
+    )
+
+
+def hole_warnings(width: float, job: Job) -> Iterator[Warned]:
+    """A hole of the mesh of this width (mm) that was closed."""
+    if width > job.warnings.hole:
+        text = f"a hole of the mesh {width:.2f} mm wide was closed flat, the part's shape there is a guess"
+        remedy = "close it by the shape of the bone in a mesh editor, or give warnings.hole and hole_refused"
+        yield Warned("hole", text, width, job.warnings.hole, job.warnings.hole_refused, remedy)
+
+
+def spindle_warnings(job: Job, machine: Machine) -> Iterator[Warned]:
+    """Cutters that turn slower than the spindle can."""
+    lowest = machine.spindle_lowest
+    for name in job.cutter_names:
+        speed = job.tool(name).spindle
+        if speed < lowest:
+            text = f"[{name}] turns at {speed:g} 1/min, the spindle of {machine.name} at {lowest:g} at least"
+            remedy = f"give {name}.spindle, or a smaller ball"
+            share = job.warnings.spindle_refused
+            yield Warned("spindle", text, lowest / speed, 1.0, 1 / share if share else None, remedy)
+
+
+def _hole(report: Sections, job: Job) -> Iterator[Warned]:
+    """The widest hole of the mesh."""
+    yield from hole_warnings(report.get("input", {}).get("hole_max_mm", 0.0), job)
+
+
+def _left(report: Sections, job: Job) -> Iterator[Warned]:
+    """How much of the part keeps more material than the scallop of its path: as simulated, or else as planned."""
+    limits = job.warnings
+    left = report.get("removal", {}).get("left")
+    if left:
+        scallop = job.finishing.scallop
+        whole, areas = left["part_mm2"], left["areas_over_mm2"]
+        height = next((each for each in areas if float(each) > scallop), list(areas)[-1])
+        area, what = areas[height], f"keep more than {height} mm, {left['max_mm']:.2f} mm at most"
+    else:
+        areas = {reason: area for reason, area in report.get("uncut_mm2", {}).items() if reason != "post"}
+        area = sum(areas.values())
+        whole = report.get("input", report.get("surface", {})).get("area_mm2", 0.0)
+        what = f"stay uncut ({', '.join(f'{reason} {each:.1f}' for reason, each in areas.items())})"
+    share = area / whole if whole else 0.0
+    if share > limits.left:
+        text = f"{area:.1f} of {whole:.1f} mm2 of the part ({share:.0%}) {what}"
+        remedy = "`uncut` tells why; a smaller or longer cutter, path.fine_cutter or a larger path.max_tilt_deg help"
+        yield Warned("left", text, share, limits.left, limits.left_refused, remedy)
+
+
+def _fit(report: Sections, job: Job) -> Iterator[Warned]:
+    """A surface that misses its tolerance."""
+    fitted = report.get("surface", {})
+    if not fitted.get("tolerance_reached", True):
+        away, tolerance = fitted["deviation_max_mm"], fitted["tolerance_mm"]
+        text = f"the surface deviates by {away:.3f} mm from the mesh, more than surface.tolerance ({tolerance:g})"
+        most = job.surface.max_control_points
+        remedy = f"raise surface.max_control_points ({most}), or surface.tolerance if that is enough"
+        yield Warned("fit", text, away, tolerance, job.surface.largest_deviation, remedy)
+
+
+def _bending(report: Sections, job: Job) -> Iterator[Warned]:
+    """What bends beyond what the job allows, or nearly; or that it was not asked."""
+    mechanics = report.get("mechanics")
+    if mechanics is None:
+        return
+    if "skipped" in mechanics:
+        if "removal" in report and "skipped" not in report["removal"]:
+            remedy = "leave out --no-mechanics"
+            yield Warned("bending_unknown", mechanics["skipped"], None, None, None, remedy)
+        return
+    kept = (mechanics["error_kept_um"] or {}).get("p99", 0.0)
+    told, most = UM * job.warnings.error, UM * job.mechanics.largest_error
+    helps = [f"{one['what']} would keep {one['p99_um']:.1f} um" for one in mechanics["remedies"][:1]]
+    remedy = (helps or ["a thicker or shorter neck, or holding.diameter = 0, which finds one"])[0]
+    low, up = mechanics["band"]
+    faults = [*mechanics["faults"]]
+    if not faults and kept > told:
+        faults = [f"bending keeps errors of {kept:.1f} um on a hundredth of the part"]
+    if faults:
+        text = f"{'; '.join(faults)} ({low:g} to {up:g} times by author)"
+        yield Warned("bending", text, kept, told, None if mechanics["faults"] else most, remedy)
+
+
+def _slender(report: Sections, job: Job) -> Iterator[Warned]:
+    """A post that is long beside its diameter."""
+    post = report.get("post", {})
+    length, diameter = post.get("neck_mm", post.get("length_mm", 0.0)), post.get("diameter_mm", 1.0)
+    limits = job.warnings
+    if length > limits.slender * diameter:
+        text = f"the post is slender: {diameter:g} x {length:g} mm bends under the cut"
+        remedy = "a thicker post, a chuck below it or a slimmer holder help"
+        yield Warned("slender", text, length / diameter, limits.slender, limits.slender_refused, remedy)
+
+
+def _depth(report: Sections, job: Job) -> Iterator[Warned]:
+    """Depths of cut above the limits of their levels; the proof refuses them above the scallop before."""
+    removal = report.get("removal", {})
+    if "skipped" in removal:
+        text = f"{removal['skipped']}: shank and holder are not checked from the text"
+        yield Warned("not_simulated", text, None, None, None, "leave out --no-simulation")
+        return
+    over = max((level["over_limit_mm"] or 0.0 for level in removal.get("levels", ())), default=0.0)
+    if over > job.warnings.depth:
+        text = f"in places the depth of cut is up to {over:.2f} mm above the limit of its level"
+        yield Warned(
+            "depth", text, over, job.warnings.depth, None, "a smaller scallop before it, or shallower cuts"
+        )
+
+
+def _nose(report: Sections, machine: Machine) -> Iterator[Warned]:
+    """A machine whose spindle nose is not known, where there is a program."""
+    if not machine.nose and "nc" in report:
+        text = f"the file of {machine.name} knows no spindle nose: nothing was kept clear of it"
+        yield Warned("nose", text, None, None, None, "give spindle.nose in it")
+
+
+KINDS: tuple[Callable[[Sections, Job], Iterator[Warned]], ...] = (
+    _left,
+    _bending,
+    _slender,
+    _hole,
+    _fit,
+    _depth,
+)
+"""What is asked of a report and its job, the gravest first."""

@@ -1,0 +1,110 @@
+"""Nothing important is quiet: each figure beyond its first limit is told with a remedy, beyond its second refused."""
+
+import json
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import bonecam
+from bonecam.cli import main
+from bonecam.errors import JobError, LimitError
+from bonecam.machine.machine import read_machine
+from bonecam.mesh.files.mesh_files import write_mesh
+from bonecam.mesh.triangle_mesh import TriangleMesh, keep_faces
+from bonecam.report.warnings import (
+    check_warnings,
+    header_texts,
+    spindle_warnings,
+    warnings_of,
+    with_warnings,
+)
+from bonecam.setup.capsule import Capsule
+
+JOB = bonecam.Job()
+LEFT = {"part_mm2": 710.0, "max_mm": 3.1, "areas_over_mm2": {"0.02": 276.0, "0.05": 200.0, "0.2": 20.0}}
+CASES: dict[str, dict[str, Any]] = {
+    "left": {"removal": {"left": LEFT, "levels": []}},
+    "hole": {"input": {"hole_max_mm": 7.3}},
+    "fit": {"surface": {"tolerance_reached": False, "deviation_max_mm": 0.6, "tolerance_mm": 0.08}},
+    "slender": {"post": {"diameter_mm": 2.0, "length_mm": 200.0}},
+}
+
+
+@pytest.mark.parametrize("code", CASES)
+def test_each_figure_is_told_with_a_remedy_and_refused_beyond_its_second_limit(code: str) -> None:
+    (warned,) = warnings_of(CASES[code], JOB)
+    assert warned.code == code
+    assert warned.remedy
+    assert warned.figure is not None
+    assert warned.limit is not None
+    assert warned.figure > warned.limit
+    with pytest.raises(LimitError, match=r"bone\.stl: .*\(allowed .*\): .*; or warnings.refuse = false"):
+        check_warnings([warned], JOB, "bone.stl")
+    told = JOB.with_values(warnings={"refuse": False})
+    assert with_warnings(CASES[code], told)["warnings"] == [asdict(warned)]
+
+
+def test_what_lies_below_the_first_limit_is_not_told() -> None:
+    few = {**LEFT, "areas_over_mm2": {"0.02": 7.0}}
+    report = {"removal": {"left": few, "levels": [{"over_limit_mm": 0.04}]}, "input": {"hole_max_mm": 0.9}}
+    assert warnings_of(report, JOB) == []
+
+
+def test_what_a_scallop_leaves_is_not_left_uncut() -> None:
+    coarse = JOB.with_values(finishing={"scallop": 0.1})
+    assert warnings_of(CASES["left"], coarse) == [], "20 of 710 mm2 keep more than the next height, 0.2 mm"
+
+
+def test_what_was_planned_to_stay_is_told_in_the_header_but_for_the_post() -> None:
+    report = {"input": {"area_mm2": 100.0}, "uncut_mm2": {"post": 60.0, "collision": 20.0, "gouge": 1.0}}
+    told = " ".join(header_texts(report, JOB))
+    assert told == "warning: 21.0 of 100.0 mm2 of the part (21%) stay uncut (collision 20.0, gouge 1.0)"
+
+
+def test_a_spindle_below_its_lowest_speed_is_told_and_refused_below_half_of_it() -> None:
+    machine = read_machine("mikron-ucp600")
+    slow = JOB.with_values(
+        roughing={"spindle": 1500.0, "feed": 300.0}, finishing={"spindle": 400.0, "feed": 100.0}
+    )
+    found = list(spindle_warnings(slow, replace(machine, spindle_lowest=1000.0)))
+    assert [warned.text.split()[0] for warned in found] == ["[finishing]"]
+    assert found[0].refused
+    near = slow.with_values(finishing={"spindle": 900.0})
+    (warned,) = spindle_warnings(near, replace(machine, spindle_lowest=1000.0))
+    assert not warned.refused
+
+
+def test_a_second_limit_below_the_first_is_refused() -> None:
+    with pytest.raises(JobError, match=r"\[warnings\] hole_refused = 0.5: give at least hole \(1\)"):
+        bonecam.Job(warnings={"hole": 1.0, "hole_refused": 0.5})
+
+
+def test_a_wide_hole_is_refused_in_one_line_before_the_fit(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    mesh = Capsule(np.array([0.0, 0, 10]), np.array([0.0, 0, 30]), 8.0).mesh(0.05)
+    middles = mesh.vertices[mesh.faces].mean(axis=1)
+    open_mesh = keep_faces(mesh, np.linalg.norm(middles - [8.0, 0.0, 20.0], axis=1) > 3.5)
+    write_mesh(TriangleMesh(open_mesh.vertices, open_mesh.faces), tmp_path / "hole.stl")
+    assert main(["levels", str(tmp_path / "hole.stl"), "-o", str(tmp_path / "out")]) == 2
+    line = capsys.readouterr().err
+    assert line.count("\n") == 1
+    assert "hole.stl: a hole of the mesh" in line
+    assert "closed flat" in line
+
+
+def test_warnings_stand_first_in_report_summary_page_and_sheet(
+    small_run: tuple[bonecam.Result, Path],
+) -> None:
+    made, folder = small_run
+    assert next(iter(made.report)) == "warnings"
+    kept = json.loads((folder / "keep" / "report.json").read_text(encoding="utf-8"))["warnings"]
+    assert kept == made.report["warnings"]
+    assert {warned["code"] for warned in kept} == {"bending", "slender"}
+    assert made.summary.startswith("warning   ")
+    assert "; WARNING: THE POST IS SLENDER: 3 X 54 MM" in made.program.text
+    for warned in kept:
+        assert warned["text"][1:] in made.sheet
