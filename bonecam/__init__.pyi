@@ -15,6 +15,7 @@ from . import verify as verify
 from . import workholding as workholding
 from .batch.parts import BatchPart as BatchPart
 from .batch.run import convert_many as convert_many
+from .cli.progress_display import ProgressBar as ProgressBar
 from .errors import BonecamError as BonecamError
 from .filters.meshset import MeshSet as MeshSet
 from .finishing import finish as finish

@@ -1,10 +1,12 @@
 """The progress of long work, reported to a function `progress(fraction, message)`, the fraction from 0 to 1;
 where it returns False the work is cancelled."""
 
+import logging
 from collections.abc import Callable
 
 from bonecam.errors import Cancelled
 
+log = logging.getLogger("bonecam")
 Progress = Callable[[float, str], bool | None]
 
 
@@ -13,7 +15,8 @@ def silent(fraction: float, message: str) -> None:
 
 
 def report(progress: Progress, fraction: float, message: str) -> None:
-    """Call `progress`; raises Cancelled where it returns False."""
+    """Call `progress`, and log the message for who debugs; raises Cancelled where `progress` returns False."""
+    log.debug("%s", message)
     if progress(fraction, message) is False:
         raise Cancelled(f"cancelled at {message}")
 

@@ -12,7 +12,7 @@ ORDER = [
     "__main__",
 ]
 ROOMS = {
-    "runtime": "threads loading timing parent signals temporary worker own_files locking staging".split(),
+    "runtime": "threads loading compiling timing parent signals temporary worker own_files locking staging".split(),
     "surface": [
         *"basis tmesh query tessellation refinement tspline".split(),
         *"rows_to_general fitting skinning blades files part_surface".split(),
@@ -44,7 +44,7 @@ DOORS = {
     "fcl": {"planning/collision/fcl_model.py"},
     "matplotlib": {"report/pictures", "study/pictures"},
     "contourpy": {"planning/strategies/slices.py"},
-    "numba": {"kernels"},
+    "numba": {"kernels", "runtime/compiling.py"},
     "open3d": {"mesh/distance.py", "mesh/triangle_mesh.py"},
     "OCP": {"mesh/files/opencascade.py"},
     "pymeshlab": {"mesh/meshlab.py"},

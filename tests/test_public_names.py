@@ -23,6 +23,7 @@ PACKAGES = ["bonecam", *(f"bonecam.{name}" for name in [*STAGES, "filters"])]
 WANTED = [
     "convert",
     "Job",
+    "Job(stock={'diameter': 15.0})",
     "mesh.read_mesh",
     "surface.fit",
     "levels.Level",

@@ -1,55 +1,79 @@
-"""Progress on stderr: one line that is written over on a terminal, or a line for each message."""
+"""Progress as a bar, in a notebook or on a terminal of any width, or as a line for each message."""
 
 import argparse
 import ctypes
 import os
 import sys
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any, TextIO
 
 from bonecam.progress import Progress, silent
+from bonecam.runtime.compiling import Compiling
 from bonecam.text.faults import in_one_line
 
-LINE_WIDTH = 100
-"""A progress line is cut off after this many characters."""
 STDOUT, STDERR = 1, 2
 """Numbers of the process's streams (POSIX)."""
+EVERY = 0.5
+"""Seconds between two looks at what runs."""
+COMPILING = "compiling, the first run only: "
+"""What stands before a message while kernels are compiled."""
 
 
 @contextmanager
 def shown_progress(options: argparse.Namespace) -> Iterator[Progress]:
-    """A progress that is shown as the options ask for: -v a log, -q nothing, else a line on a terminal."""
+    """A progress that is shown as the options ask for: -v a log, -q nothing, else a bar on a terminal."""
     if options.verbose:
         yield ProgressLog()
     elif options.quiet or not sys.stderr.isatty():
         yield silent
     else:
-        line = ProgressLine()
-        try:
-            yield line
-        finally:
-            line.clear()
+        with ProgressBar() as bar:
+            yield bar
 
 
-class ProgressLine:
-    """The progress as one line of a terminal: share done, seconds, message."""
+class ProgressBar:
+    """A `progress` for `convert` and its like: share done, seconds gone and left, the stage at work, and whether it is
+    compiling. Close it, or take it in a `with` block, when the work is done."""
 
-    def __init__(self) -> None:
-        self.began = time.perf_counter()
-        self.width = 0
+    def __init__(self, file: TextIO | None = None) -> None:
+        from tqdm.auto import tqdm
+
+        shape = "{percentage:3.0f}% |{bar:10}| {elapsed}<{remaining} {desc}"
+        self._bar: Any = tqdm(total=1.0, bar_format=shape, dynamic_ncols=True, leave=False, file=file)
+        self._message = ""
+        self._compiling = Compiling()
+        self._closed = threading.Event()
+        threading.Thread(target=self._watch, daemon=True).start()
 
     def __call__(self, fraction: float, message: str) -> None:
-        """Show a message in place of the one before."""
-        line = f"{fraction:4.0%} {time.perf_counter() - self.began:5.0f} s  {in_one_line(message)}"[
-            :LINE_WIDTH
-        ]
-        print(f"\r{line.ljust(self.width)}", end="", file=sys.stderr, flush=True)
-        self.width = len(line)
+        """Show the share that is done, from 0 to 1, and what is done now."""
+        self._message = in_one_line(message)
+        self._bar.n = max(self._bar.n, min(fraction, 1.0))
+        self._show()
 
-    def clear(self) -> None:
-        """Remove the line."""
-        print(f"\r{' ' * self.width}\r", end="", file=sys.stderr, flush=True)
+    def __enter__(self) -> "ProgressBar":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Remove the bar."""
+        self._closed.set()
+        self._bar.close()
+
+    def _show(self) -> None:
+        """Write the line anew."""
+        if not self._closed.is_set():
+            self._bar.set_description_str(f"{COMPILING * bool(self._compiling)}{self._message}")
+
+    def _watch(self) -> None:
+        """Write the line anew now and then, as a long step tells nothing: its seconds go on."""
+        while not self._closed.wait(EVERY):
+            self._show()
 
 
 class ProgressLog:

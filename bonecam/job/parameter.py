@@ -99,7 +99,17 @@ def is_list(value: object) -> TypeGuard[Iterable[Any]]:
 
 
 class JobSection:
-    """Base of the sections of a job: it checks the fields of a new record."""
+    """Base of the sections of a job: it checks the fields of a new record, whose repr has what differs from the
+    defaults."""
+
+    def __init_subclass__(cls) -> None:
+        cls.__repr__ = JobSection.__repr__  # type: ignore[method-assign]  # a dataclass keeps what its class has
+
+    def __repr__(self) -> str:
+        values = {item.name: getattr(self, item.name) for item in fields(self)}  # type: ignore[arg-type]
+        defaults = {item.name: item.default for item in fields(self)}  # type: ignore[arg-type]
+        changed = (f"{name}={value!r}" for name, value in values.items() if value != defaults[name])
+        return f"{type(self).__name__}({', '.join(changed)})"
 
     def __post_init__(self) -> None:
         check(self)

@@ -1,9 +1,9 @@
 """The job with all its sections."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import wraps
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from bonecam.errors import JobError, did_you_mean
 from bonecam.job.holding_section import HoldingJob
@@ -20,6 +20,8 @@ from bonecam.job.warnings_section import WarningsJob
 from bonecam.machine.machine import read_machine
 from bonecam.text.faults import Faults, shown
 
+Table = Mapping[str, Any]
+"""Values of a section by name."""
 SMOOTH_SHARE = 0.2
 """Scallops of a level before a finishing cut are this share of the depth of that cut: on the first finishing levels
 nothing of them stays, and the cut is deeper by as much at their tips alone."""
@@ -29,7 +31,8 @@ nothing of them stays, and the cut is deeper by as much at their tips alone."""
 class Job:
     """All parameters of a run: everything but the part.
 
-    A section may be given as a table of values by name; those that it leaves out have their defaults.
+    A section may be given as a table of values by name; those that it leaves out have their defaults. The repr has the
+    sections that differ from these.
     """
 
     mesh: MeshJob = field(default_factory=MeshJob)
@@ -45,6 +48,32 @@ class Job:
     path: PathJob = field(default_factory=PathJob)
     nc: NcJob = field(default_factory=NcJob)
     warnings: WarningsJob = field(default_factory=WarningsJob)
+
+    if TYPE_CHECKING:  # what the generated __init__ takes, tables too
+
+        def __init__(
+            self,
+            *,
+            mesh: MeshJob | Table = ...,
+            surface: SurfaceJob | Table = ...,
+            stock: StockJob | Table = ...,
+            holding: HoldingJob | Table = ...,
+            levels: LevelsJob | Table = ...,
+            material: MaterialJob | Table = ...,
+            mechanics: MechanicsJob | Table = ...,
+            roughing: ToolJob | Table = ...,
+            finishing: ToolJob | Table = ...,
+            fine: ToolJob | Table = ...,
+            path: PathJob | Table = ...,
+            nc: NcJob | Table = ...,
+            warnings: WarningsJob | Table = ...,
+        ) -> None: ...
+
+    def __repr__(self) -> str:
+        plain = Job()
+        values = {item.name: getattr(self, item.name) for item in fields(self)}
+        changed = (f"{name}={value!r}" for name, value in values.items() if value != getattr(plain, name))
+        return f"Job({', '.join(changed)})"
 
     def __post_init__(self) -> None:
         given = {item.name: (getattr(self, item.name), item.type) for item in fields(self)}

@@ -27,7 +27,11 @@ from bonecam.surface.tspline import TSpline
 
 
 def surface_and_levels(
-    setup: Setup, job: Job, times: StageTimes, progress: Progress = silent, given: Fit | None = None
+    setup: Setup,
+    job: Job,
+    times: StageTimes | None = None,
+    progress: Progress = silent,
+    given: Fit | None = None,
 ) -> tuple[Fit, Morph]:
     """The fitted surface, or the `given` one, and its measured levels, from the first set of rows with which both
     succeed.
@@ -35,6 +39,7 @@ def surface_and_levels(
     Where none does, the SurfaceError or LevelError of the first, whose rows are the usual ones. `times` gets the stages
     surface and levels of the set that counts.
     """
+    times = times or StageTimes()
     progress = rising(progress)
     fitting, morphing = part(progress, 0.0, 0.45), part(progress, 0.45, 1.0)
     choices = part_rows(setup.part, job, part(fitting, 0.0, 0.1)) if given is None else iter([None])

@@ -11,6 +11,7 @@ from .axes.field.axis_field import FieldDomain as FieldDomain
 from .axes.field.smooth_axes import SmoothAxes as SmoothAxes
 from .axes.field.smooth_axes import smooth_axes as smooth_axes
 from .collision.scene import Scene as Scene
+from .holding.neck import find_standing as find_standing
 from .layers.layer import Layer as Layer
 from .levels import plan_paths as plan_paths
 from .oriented_path import orient as orient

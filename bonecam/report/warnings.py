@@ -4,6 +4,7 @@ They stand in `warnings` of the report, and first in the summary, on the page an
 the text is posted stands in the program's header. The section [warnings] of the job has the limits: above the first a
 figure is told, above the second the job is refused."""
 
+import logging
 import textwrap
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -13,6 +14,7 @@ from bonecam.errors import LimitError
 from bonecam.job import Job
 from bonecam.machine.machine import Machine, read_machine
 
+log = logging.getLogger("bonecam")
 Sections = Mapping[str, Any]
 """The report, or as much of it as there is yet."""
 WIDTH = 120
@@ -59,6 +61,8 @@ def with_warnings(report: dict[str, Any], job: Job) -> dict[str, Any]:
     """The report that begins with its warnings; LimitError as in `check_warnings`."""
     found = warnings_of(report, job)
     check_warnings(found, job)
+    for warned in found:
+        log.info("%s: %s", warned.text, warned.remedy)
     return {"warnings": [asdict(warned) for warned in found]} | {
         name: section for name, section in report.items() if name != "warnings"
     }

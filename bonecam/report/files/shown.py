@@ -1,4 +1,4 @@
-"""What results have in common: a page in the browser, and a picture beside their summary in a notebook."""
+"""What results have in common: a page in the browser, which a notebook shows beside their summary."""
 
 import base64
 import html
@@ -9,6 +9,11 @@ from tempfile import TemporaryDirectory, mkdtemp
 from bonecam.files import write_whole
 from bonecam.report.files.kept_view import show_page
 from bonecam.report.page.page import page_html
+
+INLINE = 30_000_000
+"""A page of more characters is not put into a notebook."""
+FRAME = "width: 100%; height: 640px; border: 1px solid #dde2e8"
+"""The frame of a page in a notebook."""
 
 
 class Shown(ABC):
@@ -49,10 +54,15 @@ class Shown(ABC):
         return show_page(self.view(Path(mkdtemp(prefix="bonecam-")) / "view.html"))
 
     def _repr_html_(self) -> str:
-        """The summary and a picture, as notebooks show a value."""
+        """The summary and the page, as notebooks show a value; a picture where the page is too large for one."""
+        summary = f'<pre style="font-family: monospace">{html.escape(self.summary)}</pre>'
+        page = self.page
+        if len(page) <= INLINE:
+            return f'{summary}<iframe srcdoc="{html.escape(page)}" style="{FRAME}"></iframe>'
         with TemporaryDirectory() as folder:
             path = Path(folder) / "picture.png"
             reported = self._draw(path)
             data = base64.b64encode(path.read_bytes()).decode("ascii")
         picture = f'<img alt="{html.escape(reported)}" src="data:image/png;base64,{data}">'
-        return f"<pre>{html.escape(self.summary)}</pre>{picture}"
+        told = f"The page has {len(page) / 1e6:.0f} MB: show() opens it in the browser, view(FILE) writes it."
+        return f"{summary}{picture}<p>{told}</p>"

@@ -296,7 +296,19 @@ def test_a_page_whose_name_is_no_page_is_refused_before_the_work(small_run: Run,
         bonecam.convert(small_run[0].part.given, html=tmp_path / "bone.htmls")
 
 
-def test_a_notebook_shows_summary_and_picture(small_run: Run) -> None:
+def test_a_notebook_shows_summary_and_page(small_run: Run, browser: Any, tmp_path: Path) -> None:
+    (tmp_path / "cell.html").write_text(small_run[0]._repr_html_(), encoding="utf-8")
+    cell = browser.new_page()
+    cell.goto((tmp_path / "cell.html").as_uri())
+    assert small_run[0].summary in cell.locator("pre").first.inner_text()
+    cell.frame_locator("iframe").locator("#modes button").first.wait_for()
+    cell.close()
+
+
+def test_a_page_too_large_for_a_notebook_is_a_picture(
+    small_run: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("bonecam.report.files.shown.INLINE", 1000)
     shown = small_run[0]._repr_html_()
-    assert small_run[0].summary.split("\n")[0] in shown
     assert 'src="data:image/png;base64,' in shown
+    assert "MB: show() opens it" in shown
