@@ -95,8 +95,8 @@ FILTERS = (
         (
             *parameters_of(PathJob()),
             *parameters_of(MaterialJob(), prefix="material_"),
-            *parameters_of(ROUGH, prefix="roughing_"),
-            *parameters_of(FINISH, prefix="finishing_"),
+            *parameters_of(ROUGH, prefix="roughing_", without=("preset",)),
+            *parameters_of(FINISH, prefix="finishing_", without=("preset",)),
             *parameters_of(NcJob(), only=("machine",)),
         ),
         plan_toolpath,

@@ -28,6 +28,7 @@ from bonecam_meshes import path as shipped
 
 import bonecam
 from bonecam.cli.arguments import make_parser
+from bonecam.cli.catalogues import CATALOGUES
 from bonecam.machine import read_machine
 from bonecam.mesh import TriangleMesh, read_mesh, write_mesh
 
@@ -107,9 +108,11 @@ def put_bones(folder: Path, page: Path) -> None:
 
 
 def run_toml(block: Block) -> None:
-    """A job or a machine is read as such, anything else as TOML."""
+    """A job, a machine or what stands in a folder of such files is read as such, anything else as TOML."""
     values = tomllib.loads(block.text)
-    if "chain" in values:
+    if (kind := Path(block.title).parent.name) in CATALOGUES:
+        CATALOGUES[kind].read(block.title)
+    elif "chain" in values:
         assert read_machine(block.title).title == values["title"]
     elif "project" not in values:
         bonecam.read_job(block.title)
@@ -133,6 +136,7 @@ def run(page: Path, folder: Path, *, slow: bool) -> None:
         if block.mark.startswith("not run") or (block.mark == "slow" and not slow):
             continue
         if block.title:
+            (folder / block.title).parent.mkdir(parents=True, exist_ok=True)
             (folder / block.title).write_text(block.text, encoding="utf-8")
         if block.language == "toml":
             run_toml(block)

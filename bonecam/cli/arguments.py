@@ -5,6 +5,7 @@ from typing import Any
 
 import bonecam
 from bonecam.cli import commands
+from bonecam.cli.catalogues import CATALOGUES, run_catalogue
 from bonecam.cli.help_texts import EXAMPLES, EXIT_CODES, PART
 from bonecam.cli.job_options import add_job_options
 from bonecam.cli.parser import Parser, positive, share_of
@@ -34,6 +35,9 @@ def make_parser() -> Parser:
     _add_script(parsers)
     _add_filters(parsers)
     _add_job(parsers)
+    for kind, catalogue in CATALOGUES.items():
+        _add_catalogue(parsers, kind, catalogue.one)
+    _add_completion(parsers)
     return parser
 
 
@@ -200,7 +204,23 @@ def _add_filters(parsers: Any) -> None:
 def _add_job(parsers: Any) -> None:
     text = "Print a job file: every parameter with its value and meaning."
     job = _add_command(parsers, "job", text, commands.run_job)
+    job.add_argument("--schema", action="store_true", help="print the JSON schema of job files, for editors")
     add_job_options(job)
+
+
+def _add_catalogue(parsers: Any, kind: str, one: str) -> None:
+    text = f"List the {kind} that are known by name, show one, or check a file."
+    command = _add_command(parsers, kind, text, run_catalogue)
+    command.set_defaults(kind=kind)
+    command.add_argument("what", metavar="NAME|check", nargs="?", help=f"a {one} to show, or check")
+    command.add_argument("file", metavar="FILE", nargs="?", help="the .toml file to check")
+    command.add_argument("--schema", action="store_true", help="print the JSON schema of such files")
+
+
+def _add_completion(parsers: Any) -> None:
+    text = "Print the completion of bonecam for a shell."
+    completion = _add_command(parsers, "completion", text, commands.run_completion)
+    completion.add_argument("shell", choices=("bash", "zsh", "tcsh"), help="the shell")
 
 
 def _add_command(parsers: Any, name: str, text: str, run: Any) -> argparse.ArgumentParser:

@@ -1,6 +1,7 @@
 """The commands. Each takes the options, prints its results to stdout, and returns the exit code."""
 
 import argparse
+import json
 from collections.abc import Callable
 from contextlib import nullcontext
 from functools import partial
@@ -202,6 +203,21 @@ def run_filters(options: argparse.Namespace) -> int:
 
 
 def run_job(options: argparse.Namespace) -> int:
-    """`bonecam job`: the job file of the options."""
-    print(write_job(job_of(options)), end="")
+    """`bonecam job`: the job file of the options, or the schema of such files."""
+    if options.schema:
+        from bonecam.cli.schemas import job_schema
+
+        print(json.dumps(job_schema(), indent=2))
+    else:
+        print(write_job(job_of(options)), end="")
+    return 0
+
+
+def run_completion(options: argparse.Namespace) -> int:
+    """`bonecam completion`: the script that a shell reads."""
+    import shtab
+
+    from bonecam.cli.arguments import make_parser
+
+    print(shtab.complete(make_parser(), shell=options.shell), end="")
     return 0

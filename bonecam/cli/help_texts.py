@@ -35,5 +35,19 @@ EXAMPLES = {
     "filters": """
   bonecam filters generate_morph_levels""",
     "job": """
-  bonecam job --set levels.roughing_depth=1 > job.toml""",
+  bonecam job --set levels.roughing_depth=1 > job.toml
+  bonecam job --schema > job.schema.json""",
+    "machines": """
+  bonecam machines
+  bonecam machines check my-mill.toml""",
+    "dialects": """
+  bonecam dialects heidenhain
+  bonecam dialects check my-control.toml""",
+    "materials": """
+  bonecam materials titanium""",
+    "tools": """
+  bonecam tools
+  bonecam convert bone.stl -o bone.h --set finishing.preset=ball-2""",
+    "completion": """
+  bonecam completion bash > ~/.local/share/bash-completion/completions/bonecam""",
 }

@@ -39,17 +39,21 @@ def job_of(options: argparse.Namespace) -> Job:
     JobError tells all that is wrong in the file, or else in the options.
     """
     job = read_job(options.job) if options.job else Job()
-    changes: dict[str, dict[str, Any]] = {}
     named = [
         ("mesh", "units", options.units),
         ("nc", "machine", options.machine),
         ("nc", "controller", options.controller),
     ]
-    settings = [(text, _setting(text)) for text in options.set]
+    return job_with(job, options.set, [item for item in named if item[2] is not None])
+
+
+def job_with(job: Job, texts: Sequence[str], given: Sequence[tuple[str, str, Any]] = ()) -> Job:
+    """The job with what is `given` as section, name and value, then with each SECTION.NAME=VALUE of the `texts`."""
+    changes: dict[str, dict[str, Any]] = {}
+    settings = [(text, _setting(text)) for text in texts]
     remedy = "write SECTION.NAME=VALUE, like stock.diameter=15"
     faults = [("", "", f"--set {text}: {remedy}") for text, found in settings if found is None]
-    given = [item for item in named if item[2] is not None]
-    for section, name, value in given + [found for _, found in settings if found is not None]:
+    for section, name, value in [*given] + [found for _, found in settings if found is not None]:
         changes.setdefault(section, {})[name] = value
     try:
         made = job.with_values(**changes)

@@ -79,7 +79,7 @@ def _lines(name: str, section: Any) -> list[str]:
             remedy = "rename the file, so that its name is UTF-8"
             raise JobError(f"[{name}] {key} = {value!a}: {remedy}", section=name, field=key)
     records = map(record, fields(section))
-    comments = [f"{known.tooltip} [{known.unit}]" if known.unit else known.tooltip for known in records]
+    comments = [f"{known.tooltip} [{known.allowed}]" if known.allowed else known.tooltip for known in records]
     return [f"{line}  # {comment}" for line, comment in zip(toml_lines(values), comments, strict=True)]
 
 

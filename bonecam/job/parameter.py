@@ -30,6 +30,14 @@ class Parameter:
         """Whether a value is the path of a file."""
         return self.file is not None and isinstance(value, str) and value != "" and value.endswith(self.file)
 
+    @property
+    def allowed(self) -> str:
+        """Range and unit, or the choices, in words; empty where any value does."""
+        if self.choices:
+            return ", ".join(self.choices)
+        low, high = (f"{value:g}" if math.isfinite(value) else "" for value in (self.low, self.high))
+        return f"{low} .. {high} {self.unit}".strip() if low or high else self.unit
+
 
 def parameter(default: Any, label: str, tooltip: str, **kinds: Any) -> Any:
     """A dataclass field that carries its Parameter record."""

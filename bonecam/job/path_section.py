@@ -4,6 +4,7 @@ from dataclasses import dataclass, fields
 
 from bonecam.errors import JobError
 from bonecam.job.parameter import JobSection, check, parameter
+from bonecam.runtime.extensions import added_names
 from bonecam.text.faults import shown
 
 OF_MORPH = ("pattern", "direction", "fine_cutter", "orientation", "certify", "least_lead_deg")
@@ -28,7 +29,7 @@ class PathJob(JobSection):
         "(iso-scallop), on each level the fastest of these; in one spiral, in bands of lines of their own; or as "
         "published: whole lines s = const, the next at the least step found on one, air cut too. The paper leaves open "
         "how to enter and to link: here ramps, links and rest paths of the others.",
-        choices=("fastest", "along", "round", "iso-scallop", "spiral", "bands", "published"),
+        choices=("fastest", "along", "round", "iso-scallop", "spiral", "bands", "published", *added_names("patterns")),
     )
     direction: str = parameter(
         "zigzag",

@@ -185,9 +185,9 @@ def _changed(name: str, section: Any, values: object) -> Any:
     faults = [
         (name, key, f"[{name}] knows no {key!r}{did_you_mean(key, known)}: {remedy}") for key in unknown
     ]
-    if isinstance(section, ToolJob):
-        values = section.completed(values)
     try:
+        if isinstance(section, ToolJob):
+            values = section.completed(values)
         made = replace(section, **{key: value for key, value in values.items() if key in known})
     except JobError as error:
         message = error.evidence.get("faults") or [(error.evidence.get("field", ""), str(error))]

@@ -5,16 +5,18 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from bonecam.job.parameter import JobSection, parameter
+from bonecam.runtime.extensions import added_names
 
 PUBLISHED_KINDS = ("capsule", "cylinder", "box", "mesh")
 """The kinds of stock in the order in which filter scripts number them."""
 
 
 def _kinds() -> tuple[str, ...]:
-    """The kinds of stock: the published ones, then those of other files of bonecam/setup/stocks."""
+    """The kinds of stock: the published ones, then those of other files of bonecam/setup/stocks, then those that users
+    and other packages add."""
     folder = Path(__file__).parents[1] / "setup" / "stocks"
     files = sorted(module.name for module in pkgutil.iter_modules([str(folder)]))
-    return (*PUBLISHED_KINDS, *(name for name in files if name not in PUBLISHED_KINDS))
+    return tuple(dict.fromkeys((*PUBLISHED_KINDS, *files, *added_names("stocks"))))
 
 
 STOCK_KINDS = _kinds()

@@ -1,10 +1,16 @@
 """The sections [material], [roughing], [finishing] and [fine] of a job: what is cut, and one cutter each."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from pathlib import Path
 from typing import Any
 
+from bonecam.errors import JobError, did_you_mean
+from bonecam.files import input_text
 from bonecam.job.parameter import JobSection, check, is_list, parameter
 from bonecam.machine.frustum import Frustum, stack_as_text, stack_from_text
+from bonecam.runtime.extensions import named_files
+from bonecam.text.faults import shown
+from bonecam.text.toml import parse_toml
 
 
 @dataclass(frozen=True)
@@ -38,6 +44,11 @@ class ToolJob(JobSection):
     `holder` may also be given as a list of [length, diameter] or [length, diameter, upper diameter] (mm).
     """
 
+    preset: str = parameter(
+        "",
+        "Preset",
+        "Name of a cutter that `bonecam tools` lists, or path of its .toml file: what the section leaves out is its.",
+    )
     radius: float = parameter(2.0, "Radius", "Ball radius.", unit="mm", low=0.05, high=50.0)
     flute_length: float = parameter(
         8.0, "Flute length", "From the tip to the end of the cutting edge.", unit="mm", low=0.1, high=300.0
@@ -94,8 +105,10 @@ class ToolJob(JobSection):
         check(self)
 
     def completed(self, values: dict[str, Any]) -> dict[str, Any]:
-        """The values by name that another cutter is stated with, and what they take away of this one: its neck where
-        the shape is stated, its pieces of a holder where one cylinder is."""
+        """The values by name that another cutter is stated with: those of its preset too; else what they take away of
+        this one: its neck where the shape is stated, its pieces of a holder where one cylinder is."""
+        if values.get("preset"):
+            return {**read_tool(values["preset"]), **values}
         gone: dict[str, Any] = {}
         if values.keys() & SHAPE and not values.keys() & {"neck_diameter", "neck_length"}:
             gone |= {"neck_diameter": 0.0, "neck_length": 0.0}
@@ -109,6 +122,31 @@ class ToolJob(JobSection):
         return holder_from_text(self.holder) or (
             Frustum(self.holder_length, self.holder_diameter, self.holder_diameter),
         )
+
+
+def tool_files() -> dict[str, Path]:
+    """The files of the cutters that come with bonecam, are the user's, or come with other packages, by name."""
+    return named_files("tools", Path(__file__).parents[1] / "tool" / "tools")
+
+
+def read_tool(name: str) -> dict[str, Any]:
+    """The values of a cutter of a name, or of a path to a TOML file, what it leaves out at its default; JobError names
+    file and key of what is wrong."""
+    files = tool_files()
+    path = Path(name) if str(name).endswith(".toml") else files.get(str(name))
+    if path is None:
+        known = f"use one of {', '.join(files)}, or the path of a .toml file"
+        what = f"preset = {shown(name)}{did_you_mean(str(name), files)}: {known}"
+        raise JobError(what, field="preset")
+    try:
+        values = parse_toml(input_text(path))
+        unknown = values.keys() - {item.name for item in fields(ToolJob)} | values.keys() & {"preset"}
+        if unknown:
+            raise ValueError(f"unknown key {min(unknown)!r}: use those of a cutter's section of a job")
+        made = ToolJob(**values)
+    except (OSError, ValueError, JobError) as error:
+        raise JobError(f"{path}: {error}", file=str(path), field="preset") from error
+    return {item.name: getattr(made, item.name) for item in fields(made) if item.name != "preset"}
 
 
 SHRINK_FIT = "60 10 19, 20 63"

@@ -46,7 +46,8 @@ from bonecam.machine.axes import LinearAxis, RotaryAxis, Vector
 from bonecam.machine.bodies import MachineBodies, Table
 from bonecam.machine.frustum import Frustum, stack_of
 from bonecam.machine.machine_file import LINEAR, BodiesTable, LinearTable, MachineFile, RotaryTable
-from bonecam.machine.tables import names_in, read_table
+from bonecam.machine.tables import read_table
+from bonecam.runtime.extensions import named_files
 
 UPRIGHT: tuple[Vector, Vector, Vector] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 """X, Y and Z of a part whose frame is parallel to the machine's."""
@@ -121,13 +122,18 @@ class Machine:
 
 
 def machine_names() -> tuple[str, ...]:
-    """The machines that come with bonecam."""
-    return names_in(MACHINES)
+    """The machines that come with bonecam, are the user's, or come with other packages."""
+    return tuple(machine_files())
+
+
+def machine_files() -> dict[str, Path]:
+    """Their files by name."""
+    return named_files("machines", MACHINES)
 
 
 def read_machine(name: str | Path) -> Machine:
     """The machine of a name, or of a path to a TOML file; MachineError names file and every key that is wrong."""
-    path, table = read_table("machine", name, MACHINES, MachineFile)
+    path, table = read_table("machine", name, machine_files(), MachineFile)
     chain: list[str] = list(table.chain)
     place = chain.index(LINEAR)
     x, y, z = (_linear(letter, getattr(table, letter)) for letter in LINEAR)

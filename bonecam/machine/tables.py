@@ -1,5 +1,6 @@
-"""The TOML files of machines and dialects, those of bonecam by name, others by path, checked against a schema."""
+"""The TOML files of machines and dialects, by name or by path, checked against a schema."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -12,24 +13,25 @@ from bonecam.text.toml import parse_toml
 R = TypeVar("R", bound=Record)
 
 
-def names_in(folder: Path) -> tuple[str, ...]:
-    """The names of the TOML files in a folder, without their ending."""
-    return tuple(sorted(path.stem for path in folder.glob("*.toml")))
-
-
 def read_table(
-    kind: str, name: str | Path, folder: Path, schema: type[R], *, may_be_like: bool = False
+    kind: str, name: str | Path, files: Mapping[str, Path], schema: type[R], *, may_be_like: bool = False
 ) -> tuple[Path, R]:
-    """Path and record of the TOML file `name` of a `folder`, or of a path that ends in .toml.
+    """Path and record of the TOML file of a `name` among `files`, or of a path that ends in .toml.
 
-    With `may_be_like` the file may name another one of the `folder` as `like`, which has what it leaves out. `kind` is
+    With `may_be_like` the file may name another one of the `files` as `like`, which has what it leaves out. `kind` is
     the word for it in messages. MachineError where there is no such file, or it is no TOML; where it departs from the
     schema, with every key that is wrong (`faults`: key, what and remedy).
     """
-    path = Path(name) if str(name).endswith(".toml") else folder / f"{name}.toml"
-    values = _values(kind, name, path, folder)
+    path = Path(name) if str(name).endswith(".toml") else files.get(str(name))
+    if path is None:
+        raise MachineError(
+            f"{kind} {str(name)!r} is unknown{did_you_mean(str(name), files)}: use one of {', '.join(files)}, or the "
+            "path of a .toml file",
+            name=str(name),
+        )
+    values = _values(kind, path, files)
     if may_be_like and "like" in values:
-        values = _completed(values, kind, path, folder)
+        values = _completed(values, kind, path, files)
     try:
         return path, checked(schema, values)
     except Faults as error:
@@ -37,21 +39,21 @@ def read_table(
         raise MachineError(f"{path}: {error}", file=str(path), key=key, faults=error.found) from error
 
 
-def _values(kind: str, name: str | Path, path: Path, folder: Path) -> dict[str, Any]:
+def _values(kind: str, path: Path, files: Mapping[str, Path]) -> dict[str, Any]:
     try:
-        return parse_toml(_text(kind, name, path, folder))
+        return parse_toml(_text(kind, path, files))
     except Faults as error:
         raise MachineError(f"{path}: {error}: correct the file", file=str(path)) from error
 
 
-def _completed(values: dict[str, Any], kind: str, path: Path, folder: Path) -> dict[str, Any]:
+def _completed(values: dict[str, Any], kind: str, path: Path, files: Mapping[str, Path]) -> dict[str, Any]:
     """The values of a file with those of the file that it is like."""
     own = dict(values)
     name = own.pop("like")
-    known = [each for each in names_in(folder) if folder / f"{each}.toml" != path]
+    known = [each for each in files if files[each] != path]
     if name not in known:
         raise MachineError(f"{path}: like: {shown(str(name))}: use one of {', '.join(known)}", file=str(path))
-    base = _values(kind, name, folder / f"{name}.toml", folder)
+    base = _values(kind, files[name], files)
     if "like" in base:
         raise MachineError(f"{path}: like: {name} is itself like another: use {base['like']}", file=str(path))
     return _merged(base, own)
@@ -66,19 +68,13 @@ def _merged(base: dict[str, Any], own: dict[str, Any]) -> dict[str, Any]:
     return joined
 
 
-def _text(kind: str, name: str | Path, path: Path, folder: Path) -> str:
+def _text(kind: str, path: Path, files: Mapping[str, Path]) -> str:
     try:
         return input_text(path)
     except FileNotFoundError as error:
-        known = ", ".join(names_in(folder))
-        if path == Path(name):
-            raise MachineError(
-                f"{path}: no such file: give a {kind}'s .toml file, or one of {known}", file=str(path)
-            ) from error
-        close = did_you_mean(str(name), names_in(folder))
+        known = ", ".join(files)
         raise MachineError(
-            f"{kind} {str(name)!r} is unknown{close}: use one of {known}, or the path of a .toml file",
-            name=str(name),
+            f"{path}: no such file: give a {kind}'s .toml file, or one of {known}", file=str(path)
         ) from error
     except (OSError, UnicodeDecodeError) as error:
         raise MachineError(f"{path}: {error}: correct the file", file=str(path)) from error

@@ -61,13 +61,14 @@ from typing import Any
 
 from bonecam.errors import MachineError
 from bonecam.machine.machine import Machine
-from bonecam.machine.tables import names_in, read_table
+from bonecam.machine.tables import read_table
 from bonecam.nc.schema.dialect_file import (
     PLAIN_WORD,
     DialectFile,
     ToolCentreTable,
 )
 from bonecam.nc.schema.grammar_tables import CODES, StatementTable
+from bonecam.runtime.extensions import named_files
 from bonecam.text.pattern import Pattern
 
 DIALECTS = Path(__file__).parent / "dialects"
@@ -169,12 +170,17 @@ class Dialect(DialectFile):
 
 
 def dialect_names() -> tuple[str, ...]:
-    """The dialects that come with bonecam."""
-    return names_in(DIALECTS)
+    """The dialects that come with bonecam, are the user's, or come with other packages."""
+    return tuple(dialect_files())
+
+
+def dialect_files() -> dict[str, Path]:
+    """Their files by name."""
+    return named_files("dialects", DIALECTS)
 
 
 def read_dialect(name: str | Path) -> Dialect:
     """The dialect of a name, or of a path to a TOML file; MachineError names file and every key that is wrong."""
-    path, table = read_table("controller", name, DIALECTS, DialectFile, may_be_like=True)
+    path, table = read_table("controller", name, dialect_files(), DialectFile, may_be_like=True)
     fields = {field: getattr(table, field) for field in DialectFile.model_fields}
     return Dialect.model_construct(name=path.stem, **fields)

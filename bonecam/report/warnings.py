@@ -86,11 +86,9 @@ def header_texts(report: Sections, job: Job) -> list[str]:
 
 
 def simulated_text(report: Sections, bending: str) -> str:
-    """What the header tells of the simulation: its warnings, and what bends."""
-    codes = ("left", "depth")
-    return "; ".join(
-        [*(f"warning: {each['text']}" for each in report["warnings"] if each["code"] in codes), bending]
-    )
+    """What the header tells of the simulation: what bends, and its warnings."""
+    found = (each["text"] for each in report["warnings"] if each["code"] in ("left", "depth"))
+    return "; ".join([bending, *(f"warning: {text}" for text in found)])
 
 
 def hole_warnings(width: float, job: Job) -> Iterator[Warned]:

@@ -9,6 +9,7 @@ from .schedule import Schedule as Schedule
 from .schedule import schedule_of as schedule_of
 from .stock import Stock as Stock
 from .stock import stock_figures as stock_figures
+from .stock_kind import StockKind as StockKind
 from .stocks.box import Box as Box
 from .stocks.cylinder import Cylinder as Cylinder
 from .stocks.mesh import ConvexStock as ConvexStock

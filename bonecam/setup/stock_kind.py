@@ -3,14 +3,17 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module
+from importlib.util import find_spec
 from typing import cast
 
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
+from bonecam.errors import JobError
 from bonecam.job import StockJob, field_error
 from bonecam.job.stock_section import STOCK_KINDS
+from bonecam.runtime.extensions import added
 from bonecam.setup.schedule import Schedule
 from bonecam.setup.stock import Stock
 
@@ -54,7 +57,12 @@ def kind_of(job: StockJob) -> StockKind:
 
 
 def _kind(name: str) -> StockKind:
-    return cast(StockKind, import_module(f"bonecam.setup.stocks.{name}").KIND)
+    if find_spec(f"bonecam.setup.stocks.{name}"):
+        return cast(StockKind, import_module(f"bonecam.setup.stocks.{name}").KIND)
+    kind = added("stocks", name, "KIND")
+    if not isinstance(kind, StockKind):
+        raise JobError(f"the stock {name!r} that was added is {kind!r}: give a StockKind as KIND", name=name)
+    return kind
 
 
 def check_sizes(job: StockJob) -> None:

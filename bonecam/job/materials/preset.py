@@ -19,6 +19,7 @@ from pathlib import Path
 from bonecam.errors import JobError, did_you_mean
 from bonecam.files import input_text
 from bonecam.job.materials.mechanical import ForceTable, StiffnessTable, check_force, check_stiffness
+from bonecam.runtime.extensions import named_files
 from bonecam.text.faults import Faults, shown
 from bonecam.text.record import Record, checked
 from bonecam.text.toml import parse_toml
@@ -79,8 +80,13 @@ class Material:
 
 
 def material_names() -> tuple[str, ...]:
-    """The materials that come with bonecam."""
-    return tuple(sorted(path.stem for path in FOLDER.glob("*.toml")))
+    """The materials that come with bonecam, are the user's, or come with other packages."""
+    return tuple(material_files())
+
+
+def material_files() -> dict[str, Path]:
+    """Their files by name."""
+    return named_files("materials", FOLDER)
 
 
 def read_material(name: str) -> Material:
@@ -94,7 +100,7 @@ def read_material(name: str) -> Material:
             section="material",
             field="name",
         )
-    path = Path(name) if own else FOLDER / f"{name}.toml"
+    path = Path(name) if own else material_files()[name]
     try:
         table = checked(MaterialFile, parse_toml(input_text(path)))
         return _material(path.stem, table)

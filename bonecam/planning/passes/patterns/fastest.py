@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
+from bonecam.errors import JobError
 from bonecam.planning.passes.patterns.arcs import with_arcs
 from bonecam.planning.passes.patterns.bands import band_curves
 from bonecam.planning.passes.patterns.curves import Curves, curves_of
@@ -20,6 +21,7 @@ from bonecam.planning.passes.patterns.sampling import ball_centres, dense_sample
 from bonecam.planning.passes.patterns.spacing import line_positions, needed_ranges
 from bonecam.planning.passes.patterns.spiral import spiral_curves
 from bonecam.planning.passes.patterns.step_metric import step_metric
+from bonecam.runtime.extensions import added, added_names
 from bonecam.surface.tspline import TSpline
 from bonecam.tool.cutter import Cutter
 
@@ -45,12 +47,27 @@ def pattern_curves(surface: TSpline, pattern: str, cutter: Cutter, turn_speed: f
     of the axis that changes the azimuth. ValueError for an unknown pattern, or one that needs a surface of another
     kind."""
     closed = surface.closed_in_s and all(surface.poles)
-    known = ISO_PARAMETRIC + (CLOSED if closed else ())
+    known = ISO_PARAMETRIC + (CLOSED if closed else ()) + added_names("patterns")
     if pattern != "fastest" and pattern not in known:
         raise ValueError(f"pattern {pattern!r}: on this surface give fastest, {', '.join(known)}")
     names = [name for name in FASTEST if name in known] if pattern == "fastest" else [pattern]
+    if pattern in added_names("patterns"):
+        return _added(surface, pattern, cutter)
     found = list(_candidates(surface, names, cutter, turn_speed))
     return min(found, key=lambda curves: curve_minutes(surface, curves, cutter, turn_speed))
+
+
+def _added(surface: TSpline, pattern: str, cutter: Cutter) -> Curves:
+    """The curves of a pattern that was added: those of its function of surface, ball radius and scallop, each a
+    polyline (k, 2) of parameters s, t. JobError where it gives none."""
+    drawn = [
+        np.asarray(line, dtype=float)
+        for line in added("patterns", pattern, "lines")(surface, cutter.radius, cutter.scallop)
+    ]
+    if not drawn or not all(line.ndim == 2 and line.shape[1] == 2 and len(line) > 1 for line in drawn):
+        remedy = "give one polyline or more, each an array (k, 2) of s and t with two points or more"
+        raise JobError(f"the pattern {pattern!r} that was added gives no lines: {remedy}", pattern=pattern)
+    return curves_of(drawn)
 
 
 def curve_minutes(surface: TSpline, curves: Curves, cutter: Cutter, turn_speed: float) -> float:

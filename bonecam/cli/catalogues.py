@@ -1,0 +1,69 @@
+"""`bonecam machines | dialects | materials | tools`: what there is by name, one shown, or a file checked."""
+
+import argparse
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from bonecam.errors import JobError, did_you_mean
+from bonecam.job.materials.preset import material_files, read_material
+from bonecam.job.tool_section import read_tool, tool_files
+from bonecam.machine.machine import machine_files, read_machine
+from bonecam.nc.dialect import dialect_files, read_dialect
+
+
+@dataclass(frozen=True)
+class Catalogue:
+    """Things that are TOML files: where they are by name, and what reads one; that raises a BonecamError."""
+
+    files: Callable[[], Mapping[str, Path]]
+    read: Callable[[str], Any]
+    one: str
+
+
+CATALOGUES = {
+    "machines": Catalogue(machine_files, read_machine, "machine"),
+    "dialects": Catalogue(dialect_files, read_dialect, "dialect of a controller"),
+    "materials": Catalogue(material_files, read_material, "material"),
+    "tools": Catalogue(tool_files, read_tool, "cutter"),
+}
+"""By the name of the command."""
+
+
+def run_catalogue(options: argparse.Namespace) -> int:
+    """List all names, show the file of one, check a file, or print the schema of such files."""
+    known = CATALOGUES[options.kind]
+    files = known.files()
+    if options.schema:
+        from bonecam.cli.schemas import file_schema
+
+        print(json.dumps(file_schema(options.kind), indent=2))
+    elif options.what == "check":
+        if options.file is None:
+            raise JobError(f"bonecam {options.kind} check: name a .toml file")
+        known.read(options.file)
+        print(f"{options.file}: a {known.one} as it should be")
+    elif options.what is not None:
+        if options.what not in files:
+            close = did_you_mean(options.what, files)
+            raise JobError(
+                f"{options.what!r} is unknown{close}: use check FILE, or one of {', '.join(files)}"
+            )
+        print(files[options.what].read_text(encoding="utf-8"), end="")
+    else:
+        wide = max(map(len, files), default=0)
+        print("".join(f"{name:{wide}}  {_about(path)}\n" for name, path in files.items()), end="")
+    return 0
+
+
+def _about(path: Path) -> str:
+    """The title or the first comment of a file, and its place where it does not ship."""
+    text = path.read_text(encoding="utf-8")
+    titles = [
+        line.partition("=")[2].strip().strip('"') for line in text.splitlines() if line.startswith("title")
+    ]
+    about = (titles or [text.partition("\n")[0].lstrip("# ")])[0]
+    ships = Path(__file__).parents[1] in path.parents
+    return about if ships else f"{about} ({path})"

@@ -1,0 +1,62 @@
+"""JSON schemas of jobs, machines, dialects, materials and tools for editors, made of the declarations that check the
+files."""
+
+import math
+from dataclasses import Field, fields
+from typing import Any
+
+from bonecam.job import Job
+from bonecam.job.materials.preset import MaterialFile
+from bonecam.job.parameter import record
+from bonecam.job.tool_section import ToolJob
+from bonecam.machine.machine_file import MachineFile
+from bonecam.nc.schema.dialect_file import DialectFile
+from bonecam.text.record import Record
+
+DRAFT = "https://json-schema.org/draft/2020-12/schema"
+TYPES = {bool: "boolean", int: "integer", float: "number", str: "string"}
+"""What JSON calls the type of a parameter."""
+ALSO_LISTS = ("depths", "holder")
+"""Texts that may be given as a number or a list, too."""
+
+
+def job_schema() -> dict[str, Any]:
+    """The schema of a job file: sections, parameters, their ranges, choices, units and defaults."""
+    job = Job()
+    sections = {item.name: _section(getattr(job, item.name)) for item in fields(job)}
+    return _closed(sections) | {"$schema": DRAFT, "title": "bonecam job"}
+
+
+def file_schema(kind: str) -> dict[str, Any]:
+    """The schema of the files of a catalogue: machines, dialects, materials or tools."""
+    if kind == "tools":
+        return _section(ToolJob()) | {"$schema": DRAFT, "title": "bonecam tool"}
+    models: dict[str, type[Record]] = {
+        "machines": MachineFile,
+        "dialects": DialectFile,
+        "materials": MaterialFile,
+    }
+    return models[kind].model_json_schema() | {"$schema": DRAFT}
+
+
+def _closed(properties: dict[str, Any]) -> dict[str, Any]:
+    return {"type": "object", "properties": properties, "additionalProperties": False}
+
+
+def _section(section: Any) -> dict[str, Any]:
+    """The schema of a section, whose defaults are its values."""
+    return _closed({item.name: _parameter(item, getattr(section, item.name)) for item in fields(section)})
+
+
+def _parameter(item: "Field[Any]", value: Any) -> dict[str, Any]:
+    known = record(item)
+    unit = f" [{known.unit}]" if known.unit else ""
+    found: dict[str, Any] = {"title": known.label, "description": f"{known.tooltip}{unit}", "default": value}
+    found["type"] = [TYPES[type(value)], "number", "array"] if item.name in ALSO_LISTS else TYPES[type(value)]
+    if known.choices:
+        found["enum"] = list(known.choices)
+    if math.isfinite(known.low):
+        found["minimum"] = known.low
+    if math.isfinite(known.high):
+        found["maximum"] = known.high
+    return found

@@ -1,0 +1,90 @@
+"""What users and other packages add by name: machines, dialects, materials and tools as TOML files, stocks and patterns
+as Python.
+
+They stand in folders of these names below the user's folder (`user_folder`), or come with an installed package whose
+entry points name them: the group `bonecam.machines` (and so on) a package with TOML files, the groups
+`bonecam.stocks` and `bonecam.patterns` the object itself. What ships cannot be replaced: its names are taken.
+"""
+
+import os
+from collections.abc import Iterator
+from functools import cache
+from importlib.metadata import EntryPoint, entry_points
+from importlib.util import find_spec, module_from_spec, spec_from_file_location
+from pathlib import Path
+from typing import Any
+
+from bonecam.errors import JobError
+
+HOME = "BONECAM_HOME"
+"""The variable of the environment that names the user's folder, if it is another."""
+
+
+def user_folder() -> Path:
+    """The user's folder: that of BONECAM_HOME, or `bonecam` in the folder for configurations."""
+    named = os.environ.get(HOME)
+    if named:
+        return Path(named)
+    return Path(os.environ.get("XDG_CONFIG_HOME") or Path.home() / ".config") / "bonecam"
+
+
+def named_files(kind: str, shipped: Path) -> dict[str, Path]:
+    """The TOML files of a kind by name: those of the folder that ships, the user's, those of installed packages."""
+    found: dict[str, Path] = {}
+    for folder in (shipped, user_folder() / kind, *_packaged(kind)):
+        for path in sorted(folder.glob("*.toml")):
+            found.setdefault(path.stem, path)
+    return found
+
+
+def added_names(kind: str) -> tuple[str, ...]:
+    """The names of Python objects of a kind that users and packages add; nothing of them is imported."""
+    names = [path.stem for path in sorted((user_folder() / kind).glob("*.py"))]
+    names += sorted(_points(kind))
+    return tuple(dict.fromkeys(names))
+
+
+def added(kind: str, name: str, attribute: str) -> Any:
+    """The object of a name: `attribute` of the user's file, or what an entry point names. JobError where it cannot be
+    loaded; KeyError where there is none."""
+    file = user_folder() / kind / f"{name}.py"
+    points = _points(kind)
+    if not file.is_file() and name not in points:
+        raise KeyError(name)
+    try:
+        return _attribute_of(file, attribute) if file.is_file() else points[name].load()
+    except (Exception, SystemExit) as error:  # whatever a stranger's module raises while it is imported
+        place = file if file.is_file() else f"entry point {points[name].value}"
+        why = f"{type(error).__name__}: {error}"
+        raise JobError(f"{place}: cannot be loaded: {why}: mend or remove it", file=str(place)) from error
+
+
+def _attribute_of(file: Path, attribute: str) -> Any:
+    """`attribute` of a Python file."""
+    spec = spec_from_file_location(f"bonecam_user_{file.stem}", file)
+    assert spec is not None
+    assert spec.loader is not None
+    module = module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return getattr(module, attribute)
+
+
+def _packaged(kind: str) -> Iterator[Path]:
+    """The folders of the packages that entry points of a kind name."""
+    for _, point in sorted(_points(kind).items()):
+        yield from _folder_of(point)
+
+
+@cache
+def _points(kind: str) -> dict[str, EntryPoint]:
+    """The entry points of a kind by name."""
+    return {point.name: point for point in entry_points(group=f"bonecam.{kind}")}
+
+
+def _folder_of(point: EntryPoint) -> Iterator[Path]:
+    try:
+        spec = find_spec(point.value)
+    except (ImportError, ValueError):
+        return
+    if spec is not None:
+        yield from map(Path, spec.submodule_search_locations or ())
