@@ -1,11 +1,15 @@
-"""The filters as text for a person: `bonecam filters` and `bonecam filters NAME` (Markdown)."""
+"""The filters as text for a person: `bonecam filters` and `bonecam filters NAME`."""
 
 import math
 import re
+import textwrap
 from collections.abc import Iterable
 
 from bonecam.filters.filter import Filter, Registry, installed
 from bonecam.filters.parameter import FilterParameter, Kind
+
+WIDTH = 100
+"""Columns of the text."""
 
 
 def catalogue(name: str | None = None, registry: Registry | None = None) -> str:
@@ -16,16 +20,17 @@ def catalogue(name: str | None = None, registry: Registry | None = None) -> str:
 
 
 def overview(filters: Iterable[Filter]) -> str:
-    """One line a filter, under its category."""
+    """One paragraph a filter, under its category."""
     items = list(filters)
     lines = []
     for category in sorted({item.category for item in items}):
-        lines += [f"## {category}", ""]
-        lines += [
-            f"- `{item.name}` ({item.display_name}): {first_sentence(item.documentation)}"
-            for item in items
-            if item.category == category
-        ]
+        lines.append(category)
+        for item in items:
+            if item.category == category:
+                lines += [
+                    f"  {item.name} ({item.display_name})",
+                    *_wrapped(first_sentence(item.documentation), 6),
+                ]
         lines.append("")
     return "\n".join(lines).rstrip()
 
@@ -35,43 +40,39 @@ def page(item: Filter) -> str:
     change = (
         "Changes the current layer." if item.changes_layer else "The current layer's mesh is not changed."
     )
-    needs = f" Apply {', then '.join(f'`{name}`' for name in item.after)} first." if item.after else ""
-    lines = [
-        f"# {item.name}",
-        "",
-        f"{item.display_name} · {item.category}",
-        "",
-        item.documentation.strip(),
-        "",
-        change + needs,
-        "",
-    ]
-    if item.parameters:
-        lines += ["| parameter | kind | default | unit | range | meaning |", "|---|---|---|---|---|---|"]
-        lines += [row(parameter) for parameter in item.parameters]
-    else:
-        lines.append("No parameters.")
+    needs = f" Apply {', then '.join(item.after)} first." if item.after else ""
+    lines = [f"{item.name}: {item.display_name}, {item.category}", ""]
+    for paragraph in item.documentation.strip().split("\n\n"):
+        lines += [*_wrapped(" ".join(paragraph.split()), 0), ""]
+    lines += [*_wrapped(change + needs, 0), ""]
+    lines += ["Parameters:"] if item.parameters else ["No parameters."]
+    for parameter in item.parameters:
+        lines += entry(parameter)
     if item.references:
-        lines += ["", "References", "", *[f"- {reference}" for reference in item.references]]
+        lines += ["", "References:", *(line for each in item.references for line in _wrapped(each, 2))]
     return "\n".join(lines).rstrip()
 
 
-def row(item: FilterParameter) -> str:
-    """One line of the table of parameters."""
-    default = "from the mesh" if item.computed is not None else f"`{item.written(item.default)}`"
-    unit = f"{item.unit or '-'} or %" if item.kind is Kind.LENGTH else item.unit or "-"
-    return (
-        f"| `{item.name}` | {item.kind.name.lower()} | {default} | {unit} | {limits(item)} | "
-        f"**{item.label}.** {item.tooltip} |"
-    )
+def entry(item: FilterParameter) -> list[str]:
+    """The lines of one parameter: name, kind, default and unit, range; then what it means."""
+    default = "from the mesh" if item.computed is not None else item.written(item.default)
+    unit = f"{item.unit or ''} or %".strip() if item.kind is Kind.LENGTH else item.unit or ""
+    facts = [f"{item.kind.name.lower()} = {default} {unit}".rstrip(), limits(item)]
+    return [f"  {item.name}: {', '.join(filter(None, facts))}", *_wrapped(f"{item.label}. {item.tooltip}", 6)]
+
+
+def _wrapped(text: str, indent: int) -> list[str]:
+    """A text in lines of WIDTH columns."""
+    blanks = " " * indent
+    return textwrap.wrap(text, WIDTH, initial_indent=blanks, subsequent_indent=blanks)
 
 
 def limits(item: FilterParameter) -> str:
-    """The range or the choices of a parameter, `-` where it has none."""
+    """The range or the choices of a parameter, nothing where it has none."""
     if item.choices:
-        return ", ".join(f"`{choice}`" for choice in item.choices)
+        return f"one of {', '.join(item.choices)}"
     low, high = (f"{value:g}" if math.isfinite(value) else "" for value in (item.low, item.high))
-    return f"{low} .. {high}" if low or high else "-"
+    return f"{low} .. {high}" if low or high else ""
 
 
 def parameter_list(item: Filter) -> str:

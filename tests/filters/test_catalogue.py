@@ -1,5 +1,7 @@
 """The list of filters names every filter once, with its parameters, defaults, units and ranges."""
 
+import re
+
 import pytest
 
 from bonecam.errors import FilterError
@@ -7,18 +9,24 @@ from bonecam.filters.catalogue import catalogue, first_sentence
 from bonecam.filters.filter import Registry
 
 
-def test_overview_has_one_line_a_filter_by_category(registry: Registry) -> None:
-    text = catalogue(registry=registry)
-    assert "- `generate_offset` (Generate Offset): Moves a copy of the layer along z." in text.splitlines()
-    assert text.count("\n- ") == len(registry.names)
-    assert text.count("## ") == 1
+def test_overview_has_one_entry_a_filter_by_category(registry: Registry) -> None:
+    lines = catalogue(registry=registry).splitlines()
+    assert "      Moves a copy of the layer along z." in lines
+    assert lines.index("  generate_offset (Generate Offset)") + 1 == lines.index(
+        "      Moves a copy of the layer along z."
+    )
+    assert len([line for line in lines if re.match(r"  \w+ \(", line)]) == len(registry.names)
+    assert len([line for line in lines if line and not line.startswith(" ")]) == 1
 
 
 def test_page_states_every_parameter(registry: Registry) -> None:
     lines = catalogue("Generate Offset", registry).splitlines()
-    assert "| `distance` | length | `1.0` | mm or % | 0 .. 20 | **Distance.** How far. |" in lines
-    assert "| `how` | enum | `up` | - | `up`, `down` | **How.** Which way. |" in lines
-    assert "| `size` | float | from the mesh | mm | - | **Size.** Of the mesh. |" in lines
+    for told, meant in (
+        ("  distance: length = 1.0 mm or %, 0 .. 20", "      Distance. How far."),
+        ("  how: enum = up, one of up, down", "      How. Which way."),
+        ("  size: float = from the mesh mm", "      Size. Of the mesh."),
+    ):
+        assert lines[lines.index(told) + 1] == meant
     assert "The current layer's mesh is not changed." in lines
     assert "Changes the current layer." in catalogue("apply_turn", registry).splitlines()
 

@@ -22,6 +22,8 @@ from bonecam.workholding.post import post_below
 
 File = str | Path | None
 
+ISO = (".gcode", ".gco", ".g", ".tap", ".cnc", ".eia", ".iso")
+"""Endings that say G code, which no Klartext program is."""
 APT = (".apt", ".cl", ".cls")
 """Endings of files of APT statements."""
 
@@ -156,7 +158,8 @@ def check_ending(program: Path, dialect: Dialect) -> None:
         raise FileError(f"{program}: {trouble}", file=str(program))
 
     programs = {read_dialect(name).extension for name in dialect_names()}
-    foreign = {*MESHES, *CAD, *TEXTS, *programs} - {dialect.extension, SHARED}
+    other = ISO if dialect.grammar == "klartext" else ()
+    foreign = {*MESHES, *CAD, *TEXTS, *programs, *other} - {dialect.extension, SHARED}
     if program.suffix.lower() in foreign:
         trouble = f"{dialect.name} programs do not end in {program.suffix}"
         remedy = f"name it {proposed}, or choose another --controller"

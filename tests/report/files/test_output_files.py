@@ -16,6 +16,7 @@ from bonecam.report.files.output_files import Outputs, check_ending
     ("controller", "name", "proposed"),
     [
         ("heidenhain", "a.ngc", "a.h"),
+        ("heidenhain", "a.gcode", "a.h"),
         ("linuxcnc", "a.H", "a.ngc"),
         ("siemens-840d", "a.h", "a.mpf"),
         ("fanuc-30i", "a.mpf", "a.nc"),

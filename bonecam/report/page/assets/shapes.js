@@ -81,7 +81,7 @@ const levelsMode = {
 };
 
 const leftMode = {
-  name: "Left",
+  name: "Leftover",
   available: () => Boolean(page.arrays.left || page.arrays.uncut),
   build(state) {
     const a = page.arrays;
