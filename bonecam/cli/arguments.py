@@ -37,7 +37,7 @@ def make_parser() -> Parser:
     _add_job(parsers)
     for kind, catalogue in CATALOGUES.items():
         _add_catalogue(parsers, kind, catalogue.one)
-    _add_completion(parsers)
+    _add_completion(parsers, parser)
     return parser
 
 
@@ -217,9 +217,10 @@ def _add_catalogue(parsers: Any, kind: str, one: str) -> None:
     command.add_argument("--schema", action="store_true", help="print the JSON schema of such files")
 
 
-def _add_completion(parsers: Any) -> None:
+def _add_completion(parsers: Any, whole: Parser) -> None:
     text = "Print the completion of bonecam for a shell."
     completion = _add_command(parsers, "completion", text, commands.run_completion)
+    completion.set_defaults(whole=whole)
     completion.add_argument("shell", choices=("bash", "zsh", "tcsh"), help="the shell")
 
 

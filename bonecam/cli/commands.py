@@ -217,7 +217,5 @@ def run_completion(options: argparse.Namespace) -> int:
     """`bonecam completion`: the script that a shell reads."""
     import shtab
 
-    from bonecam.cli.arguments import make_parser
-
-    print(shtab.complete(make_parser(), shell=options.shell), end="")
+    print(shtab.complete(options.whole, shell=options.shell), end="")
     return 0

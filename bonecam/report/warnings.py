@@ -191,9 +191,9 @@ def _depth(report: Sections, job: Job) -> Iterator[Warned]:
         return
     over = max((level["over_limit_mm"] or 0.0 for level in removal.get("levels", ())), default=0.0)
     if over > job.warnings.depth:
-        text = f"in places the depth of cut is up to {over:.2f} mm above the limit of its level"
+        text = f"in places a cut is up to {over:.2f} mm deeper than its level allows"
         yield Warned(
-            "depth", text, over, job.warnings.depth, None, "a smaller scallop before it, or shallower cuts"
+            "depth", text, over, job.warnings.depth, None, "a smaller scallop or shallower cuts help"
         )
 
 
