@@ -8,7 +8,7 @@ from threading import Lock
 from types import TracebackType
 
 from bonecam.batch.run import WAITING
-from bonecam.cli.progress_display import ProgressLine, ProgressLog
+from bonecam.cli.progress_display import ProgressBar, ProgressLog
 from bonecam.progress import silent
 from bonecam.report.tables.batch_table import Outcome
 from bonecam.text.faults import in_one_line
@@ -22,7 +22,7 @@ class BatchDisplay:
 
     def __init__(self, options: argparse.Namespace) -> None:
         self.quiet = options.quiet
-        self.line = ProgressLine() if sys.stderr.isatty() and not (self.quiet or options.verbose) else None
+        self.line = ProgressBar() if sys.stderr.isatty() and not (self.quiet or options.verbose) else None
         self.log = ProgressLog() if options.verbose else silent
         self.began = time.perf_counter()
         self.ended = 0
@@ -38,7 +38,7 @@ class BatchDisplay:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         if self.line:
-            self.line.clear()
+            self.line.close()
 
     def told(self, outcome: Outcome, left: int) -> None:
         """A part has come to its end."""

@@ -60,6 +60,10 @@ class ProgressBar:
     def __exit__(self, *_: object) -> None:
         self.close()
 
+    def clear(self) -> None:
+        """Take the bar away until it is shown again, so that a line can be printed."""
+        self._bar.clear()
+
     def close(self) -> None:
         """Remove the bar."""
         self._closed.set()

@@ -29,7 +29,16 @@ class PathJob(JobSection):
         "(iso-scallop), on each level the fastest of these; in one spiral, in bands of lines of their own; or as "
         "published: whole lines s = const, the next at the least step found on one, air cut too. The paper leaves open "
         "how to enter and to link: here ramps, links and rest paths of the others.",
-        choices=("fastest", "along", "round", "iso-scallop", "spiral", "bands", "published", *added_names("patterns")),
+        choices=(
+            "fastest",
+            "along",
+            "round",
+            "iso-scallop",
+            "spiral",
+            "bands",
+            "published",
+            *added_names("patterns"),
+        ),
     )
     direction: str = parameter(
         "zigzag",

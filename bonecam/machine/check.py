@@ -8,7 +8,7 @@ import numpy as np
 
 from bonecam.machine.axes import LinearAxis, RotaryAxis
 from bonecam.machine.limits import polar_angles
-from bonecam.machine.machine import MACHINES, Machine, read_machine
+from bonecam.machine.machine import Machine, machine_files, read_machine
 from bonecam.machine.machine_file import MachineFile
 from bonecam.machine.reach import reached_axes, tilt_band
 from bonecam.machine.tables import read_table
@@ -34,7 +34,7 @@ class MachineCheck:
 def check_machine(name: str | Path) -> MachineCheck:
     """What is told and what is assumed of the machine of a name, or of a path to a TOML file; MachineError names file
     and every key that is wrong, or why paths cannot be planned for it."""
-    _, file = read_table("machine", name, MACHINES, MachineFile)
+    _, file = read_table("machine", name, machine_files(), MachineFile)
     machine = read_machine(name)
     told = [_chain_text(machine), *map(_axis_text, machine.own_rotary), reach_text(machine)]
     return MachineCheck(

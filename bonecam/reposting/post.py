@@ -44,6 +44,7 @@ class Posted:
 
     proved: ProvedProgram
     removal: Removal | None
+    job: Job
 
     @property
     def program(self) -> Program:
@@ -57,7 +58,7 @@ class Posted:
         made = f"{one.blocks} blocks for {one.machine} / {one.controller}, about {one.time_min:.0f} min"
         removal = "removal   not simulated: give the folder of a run (--keep)"
         if self.removal is not None:
-            removal = simulation_text(simulation_report(self.removal))
+            removal = simulation_text(simulation_report(self.removal, self.job))
         return f"paths     {len(paths)}\nnc        {made}\nproof     {self.proved.proof}\n{removal}"
 
 
@@ -97,7 +98,7 @@ def post(
         proved = ProvedProgram(proved.paths, told, proved.proof)
     if program is not None:
         write_whole(program, proved.program.text)
-    return Posted(proved, removal)
+    return Posted(proved, removal, job)
 
 
 def _design(file: str | Path, job: Job) -> TSpline | MeshDistance:
