@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from bonecam.arrays import angles_between, unit
+from bonecam.arrays import unit
 from bonecam.errors import counted
 from bonecam.levels.measure.level import Level, rounding_cuts
 from bonecam.mesh.facets.nearest_areas import nearest_areas
@@ -155,7 +155,7 @@ def _near_normal(path: ToolPath, least_lead: float) -> dict[str, int | None]:
     held = near[path.cones.cone_of[near] >= 0]
     cone = path.cones.cone_of[held]
     normals = unit(path.balls[held] - path.contacts[held])
-    farthest = angles_between(path.cones.axes[cone], normals) + path.cones.angles[cone]
+    farthest = path.cones.shapes.take(cone).largest_angles(normals)
     forced = len(near) - int((farthest >= least_lead).sum())
     return dict(zip(names, (len(near), forced)))
 

@@ -11,6 +11,7 @@ from numpy import ndarray
 from bonecam.arrays import angles_between, unit
 from bonecam.errors import counted
 from bonecam.tool.cutter import Cutter
+from bonecam.tool.elliptic_cones import EllipticCones
 
 PARTING = -1
 """The level of the paths that part the finished part from its post, after level 0; their `rest` counts from 1."""
@@ -68,17 +69,16 @@ class ConeCheck:
 
 @dataclass(frozen=True, eq=False)
 class FreeCones:
-    """Circular cones of tool axes for which the tool is proven free round their apexes (Xu et al. 2013, section 3).
+    """Elliptic cones of tool axes for which the tool is proven free round their apexes (Xu et al. 2013, section 3).
 
-    Cone k has its apex at the ball centre `apexes[k]` (mm), the unit axis `axes[k]` and the semi-angle `angles[k]`
-    (radians). Row i of a path has cone `cone_of[i]`, -1 for none; there the apex is the row's own ball centre. An axis
-    that lies outside of its cone was tested alone. The proof of cone k would hold with all obstacles `slacks[k]` (mm)
-    nearer. `check` is FCL's word on them, where it was asked.
+    Cone k has its apex at the ball centre `apexes[k]` (mm) and the shape `shapes[k]`. Row i of a path has cone
+    `cone_of[i]`, -1 for none; there the apex is the row's own ball centre. An axis that lies outside of its cone was
+    tested alone. The proof of cone k would hold with all obstacles `slacks[k]` (mm) nearer. `check` is FCL's word on
+    them, where it was asked.
     """
 
     apexes: Float[ndarray, "k 3"]
-    axes: Float[ndarray, "k 3"]
-    angles: Float[ndarray, "k"]
+    shapes: EllipticCones
     slacks: Float[ndarray, "k"]
     cone_of: Int[ndarray, "n"]
     check: ConeCheck | None = None

@@ -14,6 +14,7 @@ from bonecam.report.stage_reports import levels_report, toolpath_report, uncut_a
 from bonecam.report.summary import certified_text, summary_of, uncut_lines
 from bonecam.setup.capsule import Capsule
 from bonecam.surface.tspline import TSpline
+from bonecam.tool.elliptic_cones import EllipticCones
 from bonecam.tool.path import ConeCheck, FreeCones, MoveKind, ToolPath
 
 MEASURES = replace(NO_CUT, depth_max=0.5, depth_mean=0.4)
@@ -51,9 +52,8 @@ def test_axes_near_the_normal_are_counted_and_those_that_had_no_other(
     path = replace(path, contacts=balls - [0, 0, tool.radius])
     assert toolpath_report([path], np.radians(10.0))[0]["near_normal_contacts"] is None
 
-    cones = FreeCones(
-        balls[:2], axes[[0, 1]], np.radians([1.0, 30.0]), np.array([0.2, 0.4]), np.array([0, 1, -1, 1])
-    )
+    shapes = EllipticCones.circular(axes[[0, 1]], np.radians([1.0, 30.0]))
+    cones = FreeCones(balls[:2], shapes, np.array([0.2, 0.4]), np.array([0, 1, -1, 1]))
     row = toolpath_report([replace(path, cones=cones)], np.radians(10.0))[0]
     assert row["near_normal_contacts"] == 3
     assert row["near_normal_without_choice"] == 2
@@ -65,7 +65,7 @@ def test_axes_near_the_normal_are_counted_and_those_that_had_no_other(
         "slack_1_percent_mm": None,
         "fcl": {"asked": 5, "narrowed": 1, "refused": 0},
     }
-    none = FreeCones(balls[:0], axes[:0], np.zeros(0), np.zeros(0), np.full(4, -1))
+    none = FreeCones(balls[:0], EllipticCones.none(0), np.zeros(0), np.full(4, -1))
     assert toolpath_report([replace(path, cones=none)], np.radians(5.0))[0]["near_normal_without_choice"] == 2
 
 

@@ -160,10 +160,8 @@ def random_poses(path: ToolPath, scale: float, rim: bool) -> tuple[np.ndarray, n
     cone = path.cones.cone_of[rows]
     share = np.sqrt(RANDOM.random(AXES))
     share[:: 1 if rim else 2] = 1.0
-    off = scale * share * path.cones.angles[cone]
-    axis = path.cones.axes[cone]
-    side = unit(np.cross(axis, RANDOM.normal(size=axis.shape)))
-    return path.balls[rows], np.cos(off)[:, None] * axis + np.sin(off)[:, None] * side
+    shapes = path.cones.shapes.take(cone).scaled(scale * share)
+    return path.balls[rows], shapes.rims(RANDOM.uniform(0, 2 * np.pi, AXES))
 
 
 @pytest.mark.slow

@@ -1,6 +1,7 @@
 """The tool path of one surface, closed or open, beside solids that must not be gouged: one level, one cutter."""
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -135,25 +136,23 @@ def wanted_axes(
 ) -> WantedAxes | None:
     """The smooth axes of the contacts; None where the job wants them to lean by the lead angle.
 
-    Round a closed surface they either turn with the normals or swing about one direction and back, and either may be
-    smoother than the feed asks: those are taken that cost the fewest minutes for each contact certified free, and of
-    these the smoothest.
+    Round a closed surface they either turn with the normals or swing about one direction and back, and the better ones
+    may be smoother than the feed asks: those are taken that cost the fewest minutes for each contact certified free,
+    and of these the smoothest.
     """
     if job.orientation != "cones":
         return None
     cones = admissible_cones(contacts, scene, limits, job)
     domain = FieldDomain.of(workpiece.surface)
     starts = [None, swinging_field(cones, domain)] if domain.closed else [None]
-    made = [
-        smooth_axes(cones, domain, limits, job, "membrane", start, haste)
-        for start in starts
-        for haste in HASTES
-    ]
+    make = partial(smooth_axes, cones, domain, limits, job, "membrane")
+    best = soonest([make(start) for start in starts], limits)
+    made = [best, *(make(best.field, haste) for haste in HASTES)]
     return soonest(made, limits).verified(scene, job).wanted
 
 
 def swinging_field(cones: AxisCones, domain: FieldDomain) -> AxisField:
     """A constant field of winding 0: the direction that is free at most contacts."""
-    contacts = np.bincount(cones.free.net.node_of, minlength=len(cones.angles))
+    contacts = np.bincount(cones.free.net.node_of, minlength=len(cones.shapes))
     direction = cones.free.directions[(contacts @ cones.free.free).argmax()]
     return AxisField.constant(domain, direction)

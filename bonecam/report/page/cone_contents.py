@@ -6,16 +6,17 @@ import numpy as np
 from jaxtyping import Bool, Int
 from numpy import ndarray
 
+from bonecam.tool.elliptic_cones import EllipticCones
 from bonecam.tool.path import ToolPath
 
 
 def cone_contents(
     paths: Sequence[ToolPath], rows: Int[ndarray, " n"], arrives: Bool[ndarray, " n"]
 ) -> dict[str, ndarray]:
-    """Axes and semi-angles (radians) of cones, and for each move that `arrives` at one of the `rows` of all paths its
-    cone's number from 1; 0 where it has none, or the move ends between contacts. Empty where no axis was chosen in a
-    cone."""
-    axes, angles, cone_of = [np.zeros((0, 3))], [np.zeros(0)], []
+    """Axes, directions of the largest opening and semi-angles (radians) of cones, and for each move that `arrives` at
+    one of the `rows` of all paths its cone's number from 1; 0 where it has none, or the move ends between contacts.
+    Empty where no axis was chosen in a cone."""
+    shapes, cone_of = [EllipticCones.none(0)], []
     count = 0
     for path in paths:
         cones = path.cones
@@ -23,16 +24,16 @@ def cone_contents(
             cone_of.append(np.zeros(len(path.tips), dtype=np.int64))
             continue
         cone_of.append(np.where(cones.cone_of >= 0, cones.cone_of + count + 1, 0))
-        axes.append(cones.axes)
-        angles.append(cones.angles)
-        count += len(cones.angles)
+        shapes.append(cones.shapes)
+        count += len(cones.shapes)
     if not count:
         return {}
     used, number = np.unique(np.where(arrives, np.concatenate(cone_of)[rows], 0), return_inverse=True)
     shift = int(used[0] > 0)  # without a move that has no cone numbers begin at 0 too
     chosen = used[used > 0] - 1
     return {
-        "cone_axis": np.vstack(axes)[chosen],
-        "cone_angle": np.concatenate(angles)[chosen],
+        "cone_axis": np.vstack([part.axes for part in shapes])[chosen],
+        "cone_side": np.vstack([part.sides for part in shapes])[chosen],
+        "cone_angle": np.vstack([part.angles for part in shapes])[chosen],
         "move_cone": number + shift,
     }

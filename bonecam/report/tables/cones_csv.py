@@ -12,13 +12,15 @@ COLUMNS = (
     *("level", "rest"),
     *("apex_x", "apex_y", "apex_z"),
     *("axis_x", "axis_y", "axis_z"),
-    *("half_angle_deg", "contacts", "slack_mm"),
+    *("side_x", "side_y", "side_z"),
+    *("half_angle_deg", "second_half_angle_deg", "contacts", "slack_mm"),
 )
 
 
 def cones_csv(paths: Sequence[ToolPath]) -> str:
     """One line for each cone that contacts keep to, in machining order: the node that stands for them among the ball's
-    centres (mm), unit axis, semi-angle, how many contacts they are, and how much nearer (mm) the obstacles might be."""
+    centres (mm), unit axis, unit direction of the largest opening, both semi-angles, how many contacts they are, and
+    how much nearer (mm) the obstacles might be."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(COLUMNS)
@@ -29,7 +31,7 @@ def cones_csv(paths: Sequence[ToolPath]) -> str:
         used, contacts = np.unique(cones.cone_of[cones.cone_of >= 0], return_counts=True)
         for k, count in zip(used, contacts):
             apex = [f"{value:.4f}" for value in cones.apexes[k]]
-            axis = [f"{value:.6f}" for value in cones.axes[k]]
-            angle = f"{np.degrees(cones.angles[k]):.3f}"
-            writer.writerow([path.level, path.rest, *apex, *axis, angle, count, f"{cones.slacks[k]:.4f}"])
+            frame = [f"{value:.6f}" for value in (*cones.shapes.axes[k], *cones.shapes.sides[k])]
+            angles = [f"{value:.3f}" for value in np.degrees(cones.shapes.angles[k])]
+            writer.writerow([path.level, path.rest, *apex, *frame, *angles, count, f"{cones.slacks[k]:.4f}"])
     return text.getvalue()

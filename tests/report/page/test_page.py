@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 import bonecam
-from bonecam.arrays import angles_between
 from bonecam.cli import main
 from bonecam.errors import FileError
 from bonecam.machine.machine import read_machine
@@ -114,8 +113,8 @@ def test_cones_are_drawn_at_contacts_of_the_level_and_under_the_tool(page: Any, 
     path = small_run[0].paths[-1]
     inside = path.cones.cone_of >= 0
     chosen = path.cones.cone_of[inside]
-    off = angles_between(path.axes[inside], path.cones.axes[chosen])
-    assert (off < path.cones.angles[chosen]).mean() > 0.95
+    shapes = path.cones.shapes.take(chosen)
+    assert (shapes.off(path.axes[inside]) < shapes.mean_angles).mean() > 0.95
     assert inside.sum() > 0.9 * (path.kinds == MoveKind.CUT).sum()
 
     shown = page.evaluate("someCones(movesOf(0, page.state))")
@@ -128,7 +127,7 @@ def test_cones_are_drawn_at_contacts_of_the_level_and_under_the_tool(page: Any, 
     for axis, ball in axes:
         row = np.linalg.norm(balls - ball, axis=1).argmin()
         assert np.allclose(balls[row], ball, atol=0.01)
-        assert np.allclose(path.cones.axes[chosen[row]], axis, atol=1e-3)
+        assert np.allclose(path.cones.shapes.axes[chosen[row]], axis, atol=1e-3)
 
     page.keyboard.press("4")
     page.evaluate(f"goTo({shown[5]})")

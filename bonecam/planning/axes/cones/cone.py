@@ -19,8 +19,9 @@ from numpy import ndarray
 from numpy.typing import ArrayLike
 from scipy.interpolate import BSpline
 
-from bonecam.arrays import frozen, perpendicular
+from bonecam.arrays import frozen
 from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.tool.elliptic_cones import EllipticCones
 
 CIRCLE = np.array([[1, 0], [1, 1], [0, 1], [-1, 1], [-1, 0], [-1, -1], [0, -1], [1, -1], [1, 0]], dtype=float)
 """Control points of the unit circle."""
@@ -152,10 +153,10 @@ def oblique_elliptic_cone(
     return ObliqueEllipticCone(*(np.asarray(vector, dtype=float) for vector in vectors))
 
 
-def circular_cone(
-    apex: Float[ndarray, "3"], axis: Float[ndarray, "3"], angle: float, length: float
+def elliptic_cone(
+    apex: Float[ndarray, "3"], cones: EllipticCones, which: int, length: float
 ) -> ObliqueEllipticCone:
-    """The cone from `apex` about a unit axis with semi-angle `angle` (radians), `length` (mm) long."""
-    side = perpendicular(axis[None])[0]
-    radius = length * np.tan(angle)
-    return ObliqueEllipticCone(apex, length * axis, radius * side, radius * np.cross(axis, side))
+    """One of several cones, from `apex` to `length` (mm) along its axis."""
+    axis, side = cones.axes[which], cones.sides[which]
+    first, second = length * np.tan(cones.angles[which])
+    return ObliqueEllipticCone(apex, length * axis, first * side, second * np.cross(axis, side))

@@ -4,7 +4,7 @@ import numpy as np
 
 from bonecam.errors import OrientationError
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.planning.axes.cones.cone import circular_cone
+from bonecam.planning.axes.cones.cone import elliptic_cone
 from bonecam.tool.path import ToolPath
 
 SIDES = 24
@@ -21,9 +21,12 @@ def cones_mesh(path: ToolPath, count: int = 100, length: float = 3.0) -> Triangl
             level=path.level,
         )
     some = rows[np.unique(np.linspace(0, len(rows) - 1, min(count, len(rows))).astype(np.int64))]
-    which = path.cones.cone_of[some]
-    drawn = zip(path.balls[some], path.cones.axes[which], path.cones.angles[which], strict=True)
-    cones = [circular_cone(*each, length).tessellate(SIDES, circumscribed=False) for each in drawn]
+    cones = [
+        elliptic_cone(path.balls[row], path.cones.shapes, int(path.cones.cone_of[row]), length).tessellate(
+            SIDES, circumscribed=False
+        )
+        for row in some
+    ]
     starts = np.cumsum([0, *(len(cone.vertices) for cone in cones[:-1])])
     return TriangleMesh(
         np.vstack([cone.vertices for cone in cones]),

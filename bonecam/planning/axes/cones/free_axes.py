@@ -1,26 +1,20 @@
-"""The free tool axes of every node of a net over the contacts of a path: a set of directions, tested one by one."""
+"""The free tool axes of every node of a net over the contacts of a path: a map of proven directions for each."""
 
 from collections import Counter
-from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
-from bonecam.arrays import angles_between, unit
+from bonecam.arrays import angles_between
 from bonecam.errors import OrientationError
-from bonecam.kernels.closest.cone_marching import (
-    Apexes,
-    Groups,
-    Obstacles,
-    angles_to_blocked,
-    free_directions,
-)
+from bonecam.kernels.closest.cone_marching import Apexes, AxisLimits, Obstacles, direction_maps
 from bonecam.machine.limits import MachineLimits, polar_angles
-from bonecam.planning.axes.admissible import directions_within
 from bonecam.planning.axes.cones.cone_nodes import ConeNodes, join_nets, make_net
 from bonecam.planning.axes.cones.obstacles import apexes_of, obstacles_of, rooms_at, single_obstacles
+from bonecam.planning.axes.cones.sphere_leaves import leaf_centres, sphere_leaves
 from bonecam.planning.axes.lead import table_limits
 from bonecam.planning.collision.scene import Scene
 from bonecam.tool.cutter import Cutter
@@ -32,48 +26,67 @@ ENOUGH = 0.9
 """A node has enough free directions if they are this share of the allowed ones."""
 FINEST = 0.15
 """Where nodes have too few free directions they are set half as far apart, down to this, mm."""
-GROUPS = 100
-"""Groups of directions that are tested by one cone first: the time is halved, with 40 to 160 of them."""
-WIDEST = np.radians(40.0)
-"""No cone is wider: its semi-angle, radians."""
+LEAF = np.radians(4.0)
+"""A leaf with a centre this near to what a machine of a narrow band, or of a curve of axes, reaches is within its
+limits: leaves are at most so far apart."""
+BAND = np.radians(15.0)
+"""Directions that miss a limit by this are mapped too: a cone is proven as a whole, and limits cut it by planes."""
+FEW = 0.028
+"""A node of one contact with fewer free directions than this share of the sphere (0.35 sr) gets several apexes:"""
+PIECES = 3
+"""so many on each of the half moves that begin or end there, each with less reach."""
 
 
 @dataclass(frozen=True, eq=False)
 class FreeAxes:
-    """Of unit `directions` (d) those `within` the machine's limits and the largest tilt, of these the ones above the
-    table too (`allowed`), and of these those that are `free` for the tool on all contacts of a node (k, d)."""
+    """Of the leaves (l) about `directions` those that are `proven` free for the tool on all contacts of a node (k, l),
+    and those whose centres are `allowed` by `limits`. Node i has the `apexes` from `starts[i]` up to `starts[i + 1]`,
+    which together stand for all of its contacts."""
 
     net: ConeNodes
     apexes: Apexes
+    starts: Int[ndarray, " j"]
     obstacles: Obstacles
     section_names: tuple[str, ...]
-    limits: MachineLimits
-    directions: Float[ndarray, "d 3"]
-    within: Bool[ndarray, "k d"]
-    allowed: Bool[ndarray, "k d"]
-    free: Bool[ndarray, "k d"]
+    limits: AxisLimits
+    allowed: Bool[ndarray, "k l"]
+    proven: Bool[ndarray, "k l"]
+
+    @property
+    def directions(self) -> Float[ndarray, "l 3"]:
+        """Unit vectors."""
+        return leaf_centres()
 
     @cached_property
-    def room(self) -> Float[ndarray, "k d"]:
-        """The angle from each free direction to the nearest one that collides, WIDEST at most, radians."""
-        order, angles = _neighbours(self.limits)
-        return np.asarray(angles_to_blocked(self.free | ~self.allowed, order, angles)) * self.free
+    def free(self) -> Bool[ndarray, "k l"]:
+        """Which of the allowed directions are proven free."""
+        return np.asarray(self.proven & self.allowed)
+
+    @property
+    def apex_nodes(self) -> Int[ndarray, " m"]:
+        """The node of each apex."""
+        return np.repeat(np.arange(len(self.starts) - 1), np.diff(self.starts))
 
     def blocking(self, nodes: Int[ndarray, " k"]) -> list[str]:
         """What leaves each of the nodes without a free axis: `limits` of the machine and of the tilt, or the obstacle,
         and the section of the tool, with which the fewest directions are left: `shank against the material`."""
-        apexes, allowed = Apexes(*(part[nodes] for part in self.apexes)), self.allowed[nodes]
-        counts = {
-            f"{self.section_names[s]} against the {name}": free_directions(
-                alone, apexes, self.directions, _groups(self.limits), allowed
-            ).sum(axis=1)
-            for s in range(len(self.section_names))
-            for name, alone in single_obstacles(self.obstacles, s)
-        }
+        held = [np.arange(*self.starts[node : node + 2]) for node in nodes]
+        some = np.concatenate([np.zeros(0, np.int64), *held])
+        apexes = Apexes(*(part[some] for part in self.apexes))
+        starts = np.cumsum([0, *map(len, held)])
+        limits = _of_nodes(self.limits, nodes)
+        counts: dict[str, ndarray] = {}
+        for s in range(len(self.section_names)):
+            for name, alone in single_obstacles(self.obstacles, s):
+                proven, allowed = direction_maps(alone, apexes, starts, limits, sphere_leaves()[0])
+                counts[f"{self.section_names[s]} against the {name}"] = (proven & allowed).sum(axis=1)
         names = list(counts)
         fewest = np.argmin(list(counts.values()), axis=0)
-        why = np.where(allowed.any(axis=1), np.array(names)[fewest], "holder against the table")
-        return np.where(self.within[nodes].any(axis=1), why, "limits").tolist()  # type: ignore[no-any-return]
+        why = np.where(self.allowed[nodes].any(axis=1), np.array(names)[fewest], "holder against the table")
+        polar = polar_angles(self.directions)
+        near = limits.normals @ self.directions.T >= np.cos(limits.tilt)
+        within = near & (polar >= limits.least) & (polar <= limits.largest)
+        return np.where(within.any(axis=1), why, "limits").tolist()  # type: ignore[no-any-return]
 
 
 def free_axes(path: ContactPath, scene: Scene, limits: MachineLimits, max_tilt: float) -> FreeAxes:
@@ -86,27 +99,90 @@ def free_axes(path: ContactPath, scene: Scene, limits: MachineLimits, max_tilt: 
         raise OrientationError(f"contact {bad[0]} is not finite: leave it out", contact=int(bad[0]))
     obstacles = obstacles_of(scene, path.cutter, path.centres)
     room = rooms_at(path, scene)
-    directions = directions_within(limits)
     middles = _middles(path)
     names = tuple(section.name for section in reversed(path.cutter.profile))
     clearance = scene.clamping.clearance if scene.clamping.closed else -np.inf
 
+    reached = _reached_leaves(limits)
     nets, parts = [], []
     left, spacing = np.arange(len(path.centres)), SPACING
     while len(left):
         net = make_net(path.centres[left], path.normals[left], middles[left], spacing)
         apexes = apexes_of(net, room[left])
-        within, allowed = _allowed(net, directions, path.cutter, limits, max_tilt, clearance)
-        free = free_directions(obstacles, apexes, directions, _groups(limits), allowed)
+        kept = _limits(net, path.cutter, limits, max_tilt, clearance)
+        starts = np.arange(len(net.places) + 1)
+        proven, allowed = direction_maps(obstacles, apexes, starts, kept, sphere_leaves()[0])
+        allowed &= reached
         spacing /= 2
-        most = free.sum(axis=1) >= ENOUGH * allowed.sum(axis=1)
-        settled = most | (spacing < FINEST)
+        most = (proven & allowed).sum(axis=1) >= ENOUGH * allowed.sum(axis=1)
+        alone = np.bincount(net.node_of) == 1
+        settled = most | alone | (spacing < FINEST)
         nets.append((left, net, settled))
-        parts.append(tuple(part[settled] for part in (*apexes, within, allowed, free)))
+        parts.append(tuple(part[settled] for part in (*apexes, kept.above, proven, allowed)))
         left = left[~settled[net.node_of]]
     net = join_nets(nets, len(path.centres))
-    *apex, within, allowed, free = (np.concatenate(part) for part in zip(*parts))
-    return FreeAxes(net, Apexes(*apex), obstacles, names, limits, directions, within, allowed, free)
+    *apex, above, proven, allowed = (np.concatenate(part) for part in zip(*parts))
+    kept = AxisLimits(
+        limits.smallest - LEAF * limits.narrow,
+        limits.largest + LEAF * limits.narrow,
+        above,
+        max_tilt,
+        net.normals,
+        BAND,
+    )
+    free = FreeAxes(
+        net, Apexes(*apex), np.arange(len(above) + 1), obstacles, names, kept, allowed=allowed, proven=proven
+    )
+    return _in_pieces(free, middles)
+
+
+def _in_pieces(free: FreeAxes, middles: Float[ndarray, "n 2 3"]) -> FreeAxes:
+    """With several apexes at the nodes of one contact that have FEW free directions, and their maps anew."""
+    net, one = free.net, free.apexes
+    alone = np.bincount(net.node_of) == 1
+    nodes = np.flatnonzero(
+        alone & (free.free.sum(axis=1) < FEW * free.free.shape[1]) & free.allowed.any(axis=1)
+    )
+    if not len(nodes):
+        return free
+    contact = np.empty(len(net.places), dtype=np.int64)
+    contact[net.node_of] = np.arange(len(net.node_of))
+    share = (np.arange(PIECES) + 0.5) / PIECES
+    ways = middles[contact[nodes]] - net.places[nodes][:, None]
+    places = (net.places[nodes][:, None, None] + ways[:, :, None] * share[:, None]).reshape(-1, 3)
+    growth = np.repeat(np.linalg.norm(ways, axis=2).ravel() / (2 * PIECES), PIECES)
+    each = np.repeat(nodes, 2 * PIECES)
+    pieces = Apexes(places, growth, one.normals[each], one.spread[each], one.room[each])
+    starts = 2 * PIECES * np.arange(len(nodes) + 1)
+    proven, _ = direction_maps(
+        free.obstacles, pieces, starts, _of_nodes(free.limits, nodes), sphere_leaves()[0]
+    )
+    maps = free.proven.copy()
+    maps[nodes] = proven
+    others = np.setdiff1d(np.arange(len(net.places)), nodes)
+    order = np.argsort(np.concatenate([others, each]), kind="stable")
+    joined = Apexes(*(np.concatenate([old[others], new])[order] for old, new in zip(one, pieces)))
+    counts = np.ones(len(net.places), dtype=np.int64)
+    counts[nodes] = 2 * PIECES
+    return replace(free, apexes=joined, starts=np.cumsum(np.r_[0, counts]), proven=maps)
+
+
+def _polar_band(limits: MachineLimits) -> tuple[float, float]:
+    """The polar angles (radians) between which the centres of leaves are within a machine's limits."""
+    wider = LEAF if limits.narrow else 0.0
+    return limits.smallest - wider, limits.largest + wider
+
+
+def _reached_leaves(limits: MachineLimits) -> Bool[ndarray, " l"]:
+    """The leaves that a machine's axes reach, as far as polar angles do not tell."""
+    centres = leaf_centres()
+    if limits.reached is None:
+        return np.ones(len(centres), dtype=bool)
+    return np.asarray(angles_between(centres, limits.nearest(centres)) <= LEAF)
+
+
+def _of_nodes(limits: AxisLimits, nodes: Int[ndarray, " k"]) -> AxisLimits:
+    return limits._replace(above=limits.above[nodes], normals=limits.normals[nodes])
 
 
 def blocked_by(path: ContactPath, scene: Scene, limits: MachineLimits, max_tilt: float) -> dict[str, int]:
@@ -127,49 +203,17 @@ def _middles(path: ContactPath) -> Float[ndarray, "n 2 3"]:
     return np.stack([before, behind], axis=1)
 
 
-def _allowed(
-    net: ConeNodes,
-    directions: Float[ndarray, "d 3"],
-    cutter: Cutter,
-    limits: MachineLimits,
-    max_tilt: float,
-    clearance: float,
-) -> tuple[Bool[ndarray, "k d"], Bool[ndarray, "k d"]]:
-    """The directions within the machine's limits and near enough to a node's normal, and those of them above the
-    table."""
-    angle = polar_angles(directions)
+def _limits(
+    net: ConeNodes, cutter: Cutter, limits: MachineLimits, max_tilt: float, clearance: float
+) -> AxisLimits:
+    """What the axes of a net's nodes keep to."""
     lowest = net.places - np.outer(net.reach, [0.0, 0.0, 1.0])
     above = table_limits(lowest, cutter, clearance) if np.isfinite(clearance) else np.full(len(lowest), np.pi)
-    near = net.normals @ directions.T >= np.cos(max_tilt)
-    within = near & limits.allow(directions)
-    return within, within & (angle <= above[:, None])
-
-
-@lru_cache(maxsize=2)
-def _groups(limits: MachineLimits) -> Groups:
-    """The candidate directions in GROUPS groups, each of those nearest to one of so many that are far apart."""
-    directions = directions_within(limits)
-    count = min(GROUPS, len(directions))
-    seeds = [0]
-    nearest = directions @ directions[0]
-    for _ in range(count - 1):
-        seeds.append(int(nearest.argmin()))
-        nearest = np.maximum(nearest, directions @ directions[seeds[-1]])
-    group = (directions @ directions[seeds].T).argmax(axis=1)
-    axes = unit(np.array([directions[group == g].sum(axis=0) for g in range(count)]))
-    off = angles_between(directions, axes[group])
-    angles = np.array([off[group == g].max() for g in range(count)])
-    starts = np.cumsum(np.r_[0, np.bincount(group)])
-    return Groups(axes, angles, starts, np.argsort(group, kind="stable"))
-
-
-@lru_cache(maxsize=2)
-def _neighbours(limits: MachineLimits) -> tuple[Int[ndarray, "d m"], Float[ndarray, "d m"]]:
-    """The neighbours of each direction within WIDEST, itself first and as many as the one with the fewest has, and how
-    far they are, radians."""
-    directions = directions_within(limits)
-    angles = np.arccos(np.clip(directions @ directions.T, -1, 1))
-    order = np.argsort(angles, axis=1, kind="stable")
-    sorted_ = np.take_along_axis(angles, order, axis=1)
-    m = int((sorted_ <= WIDEST).sum(axis=1).min())
-    return order[:, :m], sorted_[:, :m]
+    return AxisLimits(
+        limits.smallest - LEAF * limits.narrow,
+        limits.largest + LEAF * limits.narrow,
+        above,
+        max_tilt,
+        net.normals,
+        BAND,
+    )

@@ -20,9 +20,10 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 from scipy.sparse import csr_array
 
-from bonecam.arrays import angles_between, dots
+from bonecam.arrays import dots, lengths
 from bonecam.kernels.normal_equations import add_pairs, width
 from bonecam.planning.axes.field.axis_field import FieldDomain, axes_of, basis, second_differences
+from bonecam.tool.elliptic_cones import EllipticCones
 
 SPEED_SHARE = 0.9
 """Rates above this are what the field is freed of first."""
@@ -35,7 +36,7 @@ SOFT_POLAR = np.radians(95.0)
 SOFT_WEIGHT = 20.0
 """so much, in rates a radian: a tenth of a bound, so that cones come first."""
 STRAIGHT = 1e-6
-"""Squared sines below this are taken for it: an angle has no derivative at 0."""
+"""Sines below this are taken for it: an angle has no derivative at 0."""
 PRESETS = {"membrane": (1.0, 0.2), "thin-plate": (0.1, 2.0)}
 """Weights of the rates, and of second differences of control values in rates a radian."""
 
@@ -46,15 +47,15 @@ Residual = tuple[Float[ndarray, " m"], Float[ndarray, " m"], Float[ndarray, " m"
 @dataclass(frozen=True, eq=False)
 class AxisBounds:
     """What the axes at n samples must keep, radians: polar angles between `least_polar` and `largest_polar`, angles
-    from the surface normal between `least_lead` and `largest_tilt`, and from `cone_axes` no more than `cone_angles`
-    (pi where there is no cone)."""
+    from the surface normal between `least_lead` and `largest_tilt`, and within the `cones`, `cone_margin` inside their
+    rims as `EllipticCones.off` measures it."""
 
     least_polar: float
     largest_polar: Float[ndarray, " n"]
     least_lead: float
     largest_tilt: Float[ndarray, " n"]
-    cone_axes: Float[ndarray, "n 3"]
-    cone_angles: Float[ndarray, " n"]
+    cones: EllipticCones
+    cone_margin: Float[ndarray, " n"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,11 +162,18 @@ class AxisEnergy:
             slope = sign * weight * (beyond > 0)
             found.append((weight * np.maximum(beyond, 0.0), slope * gradients[0], slope * gradients[1]))
 
-        cosine = np.clip(dots(axes, bounds.cone_axes), -1.0, 1.0)
-        beyond = np.maximum(angles_between(axes, bounds.cone_axes) - bounds.cone_angles, 0.0)
-        slope = np.where(beyond > 0, -weight / np.sqrt(np.maximum(1 - cosine**2, STRAIGHT)), 0.0)
-        gradients = dots(by_azimuth, bounds.cone_axes), dots(by_polar, bounds.cone_axes)
-        found.append((weight * beyond, slope * gradients[0], slope * gradients[1]))
+        matrices, mean = bounds.cones.matrices, np.maximum(bounds.cones.mean_angles, 0.0)
+        q, *slopes = (np.einsum("nij,nj->ni", matrices, part) for part in (axes, by_azimuth, by_polar))
+        across = np.maximum(lengths(q[:, :2]), STRAIGHT)
+        flat = np.tan(mean)
+        beyond = np.arctan2(flat * across, q[:, 2]) - (mean - bounds.cone_margin)
+        beyond = np.where(bounds.cones.found, np.maximum(beyond, 0.0), 0.0)
+        scale = (beyond > 0) * weight * flat / np.maximum((flat * across) ** 2 + q[:, 2] ** 2, STRAIGHT)
+        by_azimuth, by_polar = (
+            scale * (q[:, 2] * dots(q[:, :2], slope[:, :2]) / across - across * slope[:, 2])
+            for slope in slopes
+        )
+        found.append((weight * beyond, by_azimuth, by_polar))
         return Residuals.of(self.values_at, found)
 
 

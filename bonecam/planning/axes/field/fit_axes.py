@@ -15,6 +15,7 @@ from bonecam.machine.limits import MachineLimits, polar_angles
 from bonecam.planning.axes.cones.admissible_cones import AxisCones
 from bonecam.planning.axes.field.axis_energy import AxisBounds, AxisEnergy
 from bonecam.planning.axes.field.axis_field import FieldDomain, second_differences
+from bonecam.tool.elliptic_cones import EllipticCones
 from bonecam.tool.path import ContactPath
 
 SPACING = 0.5
@@ -91,8 +92,8 @@ def _bounds(
         largest_polar=largest,
         least_lead=lead,
         largest_tilt=tilt,
-        cone_axes=normals,
-        cone_angles=np.full(len(normals), np.pi),
+        cones=EllipticCones.none(len(normals)),
+        cone_margin=np.zeros(len(normals)),
     )
 
 

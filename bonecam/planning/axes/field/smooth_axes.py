@@ -36,7 +36,7 @@ SETTLED = 0.02
 CONE_MARGIN = np.radians(1.5)
 """The field keeps this far inside its cones at the samples, radians: contacts between them need the rest."""
 AUTOMATIC = "automatic"
-HASTES = (1.0, 2.5, 5.0)
+HASTES = (2.5, 5.0)
 """How many times faster than the feed the machine is taken to go when a field is made smoother than the feed asks."""
 AS_SOON = 1.01
 """Axes that cost no more than this many times the least are as soon."""
@@ -125,11 +125,10 @@ def smooth_axes(
 
 def _within(energy: AxisEnergy, cones: AxisCones, rows: Int[ndarray, " k"]) -> AxisEnergy:
     """The energy with the cones of its samples."""
-    node = cones.free.net.node_of[rows]
-    angles = np.where(
-        cones.angles[node] > 0, np.maximum(cones.angles[node] - CONE_MARGIN, cones.angles[node] / 2), np.pi
-    )
-    return replace(energy, bounds=replace(energy.bounds, cone_axes=cones.axes[node], cone_angles=angles))
+    shapes = cones.shapes.take(cones.free.net.node_of[rows])
+    mean = shapes.mean_angles
+    margin = np.minimum(CONE_MARGIN * mean / np.maximum(shapes.angles[:, 1], 1e-9), mean / 2)
+    return replace(energy, bounds=replace(energy.bounds, cones=shapes, cone_margin=margin))
 
 
 def machine_minutes(path: ContactPath, axes: Float[ndarray, "n 3"], limits: MachineLimits) -> float:

@@ -12,17 +12,18 @@ function ballOf(i) {
   return tip.addScaledVector(axisOf(a.move_axis, i), tool.radius);
 }
 
+// An elliptic cone: the direction of its largest opening, the one across it, and the tangents of both semi-angles.
+function coneFrame(k) {
+  const a = page.arrays, axis = axisOf(a.cone_axis, k), x = axisOf(a.cone_side, k);
+  return { axis, x, y: axis.clone().cross(x), wide: Math.tan(a.cone_angle[2 * k]), narrow: Math.tan(a.cone_angle[2 * k + 1]) };
+}
+
 function conePoints(i, length, put) {
-  const a = page.arrays, k = coneOf(i);
-  const apex = ballOf(i), axis = axisOf(a.cone_axis, k), angle = a.cone_angle[k];
-  const side = new THREE.Vector3(1, 0, 0);
-  if (Math.abs(axis.x) > 0.7) side.set(0, 1, 0);
-  const x = side.cross(axis).normalize();
-  const y = axis.clone().cross(x);
+  const apex = ballOf(i), cone = coneFrame(coneOf(i));
   const rim = (n) => {
     const turn = (2 * Math.PI * n) / CONE_SIDES;
-    return apex.clone().addScaledVector(axis, length * Math.cos(angle))
-      .addScaledVector(x, length * Math.sin(angle) * Math.cos(turn)).addScaledVector(y, length * Math.sin(angle) * Math.sin(turn));
+    const towards = cone.axis.clone().addScaledVector(cone.x, cone.wide * Math.cos(turn)).addScaledVector(cone.y, cone.narrow * Math.sin(turn));
+    return apex.clone().addScaledVector(towards.normalize(), length);
   };
   for (let n = 0; n < CONE_SIDES; n++) put(apex, rim(n), rim(n + 1));
 }
@@ -61,9 +62,12 @@ function someCones(moves) {
 function coneWords(i) {
   const k = coneOf(i);
   if (k < 0) return "no certified cone here: this axis was tested alone";
-  const degrees = 180 / Math.PI;
-  const off = axisOf(page.arrays.cone_axis, k).angleTo(axisOf(page.arrays.move_axis, i));
-  const room = page.arrays.cone_angle[k] - off;
-  const inside = room >= 0 ? `${number(room * degrees, 1)} degrees inside its edge` : "this axis lies outside and was tested alone";
-  return `certified cone of free axes: half-angle ${number(page.arrays.cone_angle[k] * degrees, 1)} degrees, ${inside}`;
+  const cone = coneFrame(k), axis = axisOf(page.arrays.move_axis, i);
+  const off = Math.hypot(axis.dot(cone.x) / cone.wide, axis.dot(cone.y) / cone.narrow) / axis.dot(cone.axis);
+  const inside = off >= 0 && off <= 1 ? `this axis at ${number(100 * off, 0)} % of the way to its edge` : "this axis lies outside and was tested alone";
+  return `certified cone of free axes: half-angles ${coneAngles(k)} degrees, ${inside}`;
+}
+
+function coneAngles(k) {
+  return [0, 1].map((n) => number((page.arrays.cone_angle[2 * k + n] * 180) / Math.PI, 1)).join(" x ");
 }

@@ -150,7 +150,7 @@ function showReadout(i) {
   const move = a.move_feed[i] > 0 ? [KINDS[a.move_kind[i]], `${number(a.move_feed[i], 0)} mm/min`] : ["move", "rapid"];
   const told = [
     k === PARTED ? ["parting", "from the post"] : ["level", k], ["tool", `${tool.number}, ball R ${tool.radius}`], ["tip", `X ${tip[0]}  Y ${tip[1]}  Z ${tip[2]}`],
-    ["tilt", `${number(tilt, 1)}°`], ...(page.state.cones && a.move_cone && a.move_kind[i] === 0 ? [["cone", coneOf(i) < 0 ? "none" : `±${number((a.cone_angle[coneOf(i)] * 180) / Math.PI, 1)}°`]] : []), move, ["time in feed", `${number(a.move_minute[i], 1)} min`],
+    ["tilt", `${number(tilt, 1)}°`], ...(page.state.cones && a.move_cone && a.move_kind[i] === 0 ? [["cone", coneOf(i) < 0 ? "none" : `±${coneAngles(coneOf(i))}°`]] : []), move, ["time in feed", `${number(a.move_minute[i], 1)} min`],
   ];
   const box = document.getElementById("readout");
   box.replaceChildren(...told.map(([name, value]) => { const item = make("span", `${name} `); item.append(make("b", String(value))); return item; }));

@@ -9,10 +9,11 @@ import pytest
 from bonecam.arrays import unit
 from bonecam.errors import OrientationError
 from bonecam.job import PathJob
-from bonecam.kernels.closest.cone_marching import Apexes, Groups, free_directions
+from bonecam.kernels.closest.cone_marching import Apexes, direction_maps
 from bonecam.machine.limits import MachineLimits, polar_angles
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.planning.axes.cones.admissible_cones import AxisCones, admissible_cones
+from bonecam.planning.axes.cones.sphere_leaves import leaf_centres, sphere_leaves
 from bonecam.planning.axes.cones.verify_cones import verify_cones
 from bonecam.planning.collision.scene import Scene
 from bonecam.tool.path import ContactPath
@@ -28,12 +29,9 @@ Made = tuple[ContactPath, Scene]
 
 def axes_in(cones: AxisCones, contacts: np.ndarray, scale: float = 1.0, rim: bool = False) -> np.ndarray:
     """Random axes in the cones of contacts, widened by a factor; on the `rim`: as far out as they go."""
-    node = cones.free.net.node_of[contacts]
-    axis = cones.axes[node]
-    share = np.ones(len(node)) if rim else np.sqrt(RANDOM.random(len(node)))
-    off = scale * share * cones.angles[node]
-    side = unit(np.cross(axis, RANDOM.normal(size=axis.shape)))
-    return np.cos(off)[:, None] * axis + np.sin(off)[:, None] * side
+    shapes = cones.shapes.take(cones.free.net.node_of[contacts])
+    share = np.ones(len(shapes)) if rim else np.sqrt(RANDOM.random(len(shapes)))
+    return shapes.scaled(scale * share).rims(RANDOM.uniform(0, 2 * np.pi, len(shapes)))
 
 
 def test_no_axis_inside_a_cone_collides(
@@ -81,44 +79,94 @@ def test_corners_of_cones_cut_by_a_limit_meet_it(cones: AxisCones) -> None:
     limit, hair = np.radians(80.0), np.radians(0.001)
     count = len(cones.path.centres)
     cut = replace(cones, largest_polar=np.full(count, limit), max_tilt=np.pi)
-    axes, angles = (part[cut.free.net.node_of] for part in (cut.axes, cut.angles))
-    polar = polar_angles(axes)
-    meet = cut.found & (np.abs(limit - polar) < 0.9 * angles) & (polar > angles)
-    assert meet.sum() > 20
-    for within in (-1.0, 1.0):
-        rim, height = angles - hair, np.cos(limit + within * hair)
-        down = unit(np.cross(np.cross(axes, [0.0, 0.0, 1.0]), axes))
-        down *= -np.sign(down[:, 2:])
-        share = (np.cos(rim) * np.cos(polar) - height) / (np.sin(rim) * np.sin(polar))
-        for side in (-1.0, 1.0):
-            across = side * np.cross(axes, down) * np.sqrt(np.maximum(1 - share**2, 0))[:, None]
-            corner = np.cos(rim)[:, None] * axes + np.sin(rim)[:, None] * (share[:, None] * down + across)
-            assert (cut.contain(unit(corner))[meet] == (within < 0)).all()
+    shapes = cut.shapes.take(cut.free.net.node_of)
+    turns = np.linspace(0, 2 * np.pi, 60)
+    rims = np.stack([shapes.rims(np.full(count, turn)) for turn in turns])
+    beyond = polar_angles(rims.reshape(-1, 3)).reshape(rims.shape[:2]) > limit
+    met = 0
+    for k, contact in np.argwhere(cut.found & (beyond[1:] != beyond[:-1]))[:200]:
+        ends = turns[k : k + 2][np.argsort(beyond[k : k + 2, contact])]
+        one = cut.shapes.take(cut.free.net.node_of[[contact]])
+        for _ in range(40):
+            middle = ends.mean()
+            ends[int(polar_angles(one.rims(np.array([middle])))[0] > limit)] = middle
+        corner = one.scaled(1 - 1e-9).rims(ends[:1])[0]
+        flat = unit(corner[None, :2])[0]
+        for within in (-1.0, 1.0):
+            angle = limit + within * hair
+            tried = np.tile([*np.sin(angle) * flat, np.cos(angle)], (count, 1))
+            inside = cut.shapes.take(cut.free.net.node_of).scaled(1.001).off(tried)[contact]
+            assert inside < 1.002 * one.mean_angles[0]
+            if within > 0:
+                assert not cut.contain(tried)[contact]
+        met += 1
+    assert met > 20
 
 
 def test_nearly_all_contacts_of_a_lump_have_a_cone(cones: AxisCones) -> None:
     assert cones.found.mean() > 0.97
-    assert np.degrees(np.median(cones.angles)) > 20
+    assert np.degrees(np.median(cones.shapes.mean_angles)) > 20
 
 
-def test_directions_of_a_group_are_free_where_each_is(cones: AxisCones) -> None:
-    """What the cone of a group proves free is so direction by direction too, all but a few grazing ones."""
+def test_a_map_proves_no_leaf_of_which_an_axis_collides(
+    made: Made, cones: AxisCones, deepest_entry: Callable[..., np.ndarray]
+) -> None:
+    """Whether it was proven by itself or in a larger triangle."""
+    path, scene = made
+    free, leaves = cones.free, sphere_leaves()[1]
+    node, leaf = RANDOM.choice(np.argwhere(free.proven), 500).T
+    at_corner = leaves.vertices[leaves.leaves[leaf, RANDOM.integers(3, size=len(leaf))]]
+    contact = np.array([RANDOM.choice(np.flatnonzero(free.net.node_of == k)) for k in node])
+    above = polar_angles(at_corner) <= cones.largest_polar[contact]
+    entered = deepest_entry(scene, path.cutter, path.centres[contact[above]], at_corner[above])
+    assert above.mean() > 0.5
+    assert entered.max() < 0.011
+
+
+def test_each_cone_holds_proven_leaves_alone(cones: AxisCones) -> None:
+    """Directions all over each cone, at the rim too, against the map; cones a fifth wider are not so."""
+    free, found = cones.free, np.flatnonzero(cones.shapes.found)
+    for scale, most in ((1.0, 0.0), (1.2, 1.0)):
+        outside = 0
+        for share in np.linspace(0.1, 1.0, 6):
+            for turn in np.linspace(0, 2 * np.pi, 24):
+                shapes = cones.shapes.scaled(scale * share * (1 - 1e-9))
+                axes = shapes.take(found).rims(np.full(len(found), turn))
+                outside += int((~free.proven[found, leaves_of(axes)]).sum())
+        assert outside == 0 if most == 0 else outside > 1000
+
+
+def leaves_of(axes: np.ndarray) -> np.ndarray:
+    """The leaf in which each direction lies: of the nearest ones that whose edges have it inside."""
+    leaves = sphere_leaves()[1]
+    near = np.argsort(-axes @ leaf_centres().T, axis=1)[:, :8]
+    corners = leaves.vertices[leaves.leaves[near]]
+    sides = np.cross(corners, np.roll(corners, -1, axis=2))
+    inside = np.einsum("nmij,nj->nmi", sides, axes).min(axis=2)
+    return np.asarray(near[np.arange(len(near)), inside.argmax(axis=1)])
+
+
+def test_a_leaf_of_several_apexes_is_proven_where_it_is_for_each(cones: AxisCones) -> None:
     free = cones.free
-    some = np.arange(0, len(free.free), 20)
-    apexes = Apexes(*(part[some] for part in free.apexes))
-    count = len(free.directions)
-    alone = Groups(free.directions, np.zeros(count), np.arange(count + 1), np.arange(count))
-    singly = free_directions(free.obstacles, apexes, free.directions, alone, free.allowed[some])
-    assert not (singly & ~free.free[some]).any()
-    assert (free.free[some] & ~singly).sum() < 1e-3 * singly.sum()
+    some = np.arange(0, len(free.starts) - 1, 30)[:20]
+    apexes = Apexes(*(part[free.starts[some]] for part in free.apexes))
+    limits = free.limits._replace(above=free.limits.above[some], normals=free.limits.normals[some])
+    each = np.arange(len(some) + 1)
+    alone, _ = direction_maps(free.obstacles, apexes, each, limits, sphere_leaves()[0])
+    pairs = free.limits._replace(
+        above=limits.above[::2], normals=np.broadcast_to(free.limits.normals[some][::2], (10, 3)).copy()
+    )
+    together, _ = direction_maps(free.obstacles, apexes, 2 * np.arange(11), pairs, sphere_leaves()[0])
+    assert together.sum() > 0
+    assert not (together & ~alone[::2]).any()
 
 
-def test_the_chosen_cones_hold_the_wanted_axes_deep_or_are_wide(cones: AxisCones) -> None:
-    """About the axes of the cones themselves no narrower cones are found; and those about the normals lie less deep
-    in the widest cones."""
-    node = cones.free.net.node_of
-    again = cones.about(cones.axes[node])
-    assert (again.angles[again.angles > 0] > (cones.angles - np.radians(2))[again.angles > 0]).mean() > 0.98
+def test_cones_are_larger_than_circles_and_hold_the_wanted_axes(cones: AxisCones) -> None:
+    """Elliptic ones hold more of the free directions; both hold axes that are free themselves."""
+    round_ = replace(cones, circular=True).about(cones.shapes.axes[cones.free.net.node_of])
+    again = cones.about(cones.shapes.axes[cones.free.net.node_of])
+    assert np.allclose(round_.shapes.angles[:, 0], round_.shapes.angles[:, 1], atol=np.radians(10))
+    assert again.shares.mean() > 1.1 * round_.shares.mean()
     near = cones.about(cones.path.normals)
     both = near.found & cones.found
     assert near.depths(cones.path.normals)[both].mean() > cones.depths(cones.path.normals)[both].mean()
@@ -143,7 +191,7 @@ def test_a_cone_as_a_surface_holds_the_axes_of_its_contact(cones: AxisCones) -> 
 
 def test_contacts_without_a_cone_are_listed_with_what_blocks_them(made: Made) -> None:
     path, scene = made
-    none = admissible_cones(path, scene, MachineLimits(np.radians(2.5)), JOB)
+    none = admissible_cones(path, scene, MachineLimits(np.radians(1.0)), JOB)
     assert set(none.blocked().values()) == {"limits"}
     assert len(none.blocked()) == len(path.centres)
     with pytest.raises(ValueError, match="no cone"):
@@ -178,9 +226,11 @@ def test_what_is_kept_of_cones_tells_each_contact_its_own(cones: AxisCones) -> N
     assert np.array_equal(kept.cone_of >= 0, cones.found)
     for contact in RANDOM.choice(np.flatnonzero(cones.found), 20):
         cone = cones.cone(int(contact))
-        assert np.allclose(cone.axis, kept.axes[kept.cone_of[contact]])
-        angle = np.arctan2(np.linalg.norm(cone.first), np.linalg.norm(cone.axis))
-        assert angle == pytest.approx(kept.angles[kept.cone_of[contact]])
+        shapes, which = kept.shapes, kept.cone_of[contact]
+        assert np.allclose(cone.axis, shapes.axes[which])
+        assert np.arctan([np.linalg.norm(cone.first), np.linalg.norm(cone.second)]) == pytest.approx(
+            shapes.angles[which]
+        )
     some = np.arange(0, len(path.contacts), 3)
     fewer = path.take(some)
     assert np.array_equal(cones.of(fewer).cone_of, kept.cone_of[some])
@@ -189,7 +239,7 @@ def test_what_is_kept_of_cones_tells_each_contact_its_own(cones: AxisCones) -> N
 
 
 def test_what_blocks_several_nodes_is_what_blocks_each(cones: AxisCones) -> None:
-    nodes = np.arange(0, len(cones.angles), len(cones.angles) // 7)
+    nodes = np.arange(0, len(cones.shapes), len(cones.shapes) // 7)
     together = cones.free.blocking(nodes)
     assert together == [why for node in nodes for why in cones.free.blocking(np.array([node]))]
     assert cones.free.blocking(nodes[:0]) == []

@@ -10,7 +10,7 @@ from bonecam.arrays import dots
 from bonecam.job import NcJob, PathJob
 from bonecam.levels.measure.level import Level
 from bonecam.machine.limits import MachineLimits, polar_angles
-from bonecam.planning.axes.cones.admissible_cones import NO_CONE, admissible_cones
+from bonecam.planning.axes.cones.admissible_cones import admissible_cones
 from bonecam.planning.axes.field.axis_field import ALONG, AROUND, AxisField, FieldDomain
 from bonecam.planning.axes.field.level_axes import SLOW, level_axes
 from bonecam.planning.axes.field.smooth_axes import (
@@ -168,11 +168,13 @@ def test_where_no_contact_has_a_cone_no_axis_is_certified(case: Made) -> None:
 
 
 def test_cones_are_put_before_fcl_where_the_job_wants_it(case: Made, smooth: SmoothAxes) -> None:
-    some = np.arange(len(smooth.cones.angles)) % 40 == 0
-    few = replace(smooth, cones=replace(smooth.cones, angles=np.where(some, smooth.cones.angles, NO_CONE)))
+    some = np.arange(len(smooth.cones.shapes)) % 40 == 0
+    few = replace(
+        smooth, cones=replace(smooth.cones, shapes=smooth.cones.shapes.scaled(np.where(some, 1.0, -1.0)))
+    )
     assert few.verified(case[2], JOB) is few
     check = few.verified(case[2], replace(JOB, certify="fcl")).wanted.cones.check
-    assert check.asked == (few.cones.angles > 0).sum() > 0
+    assert check.asked == few.cones.shapes.found.sum() > 0
     assert check.narrowed + check.refused <= 0.05 * check.asked
 
 

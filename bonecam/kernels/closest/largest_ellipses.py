@@ -1,0 +1,199 @@
+"""The largest elliptic cones in maps of proven directions, compiled.
+
+In the chart of a direction w, where a direction is its point in the plane tangent to the unit sphere at w (gnomonic
+projection), great circles are straight and cones ellipses. An ellipse that holds w and no point of an edge between
+proven leaves and others holds proven directions alone. Sought is, over its centre c, turn and ratio, the most of
+
+    2 ln s + ln(1 - |q|^2) - 3/2 ln(1 + |c|^2),
+
+s^2 being its area over pi, q the place of w in it (0 at its centre, 1 at its rim): it is large, not far off w, and w
+lies deep in it. A pattern search finds it.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy import ndarray
+
+WIDEST = 1.7
+"""No point of an ellipse is further off w than this, in the chart: the tangent of 59.5 degrees."""
+LOWEST = 0.2
+"""Edges that reach further off w than this cosine are beyond WIDEST."""
+RAYS = 96
+"""Directions about w in which the nearest edges are found: others lie behind these."""
+FIRST_STEPS = (0.15, 0.15, 0.5, 0.35)
+"""Of the search: both of the centre, turn (radians), logarithm of the ratio."""
+HALVINGS = 4
+"""Times that these are halved."""
+STRETCHES = np.array([(0.0, 0.0), (0.0, 0.5), (np.pi / 2, 0.5)])
+"""Turns and logarithms of ratios that the search begins with; the first alone where a circle is sought."""
+
+
+class LeafMesh(NamedTuple):
+    """The leaves of a subdivided icosahedron as a mesh: unit `vertices` (v, 3), `leaves` (l, 3), `edges` (e, 2) by
+    vertices, and the leaves (e, 2) `beside` them."""
+
+    vertices: ndarray
+    leaves: ndarray
+    edges: ndarray
+    beside: ndarray
+
+
+@njit(cache=True, nogil=True)
+def _holds(mesh: LeafMesh, leaf: int, w: ndarray) -> bool:
+    """Whether a direction lies in a leaf or on its edge."""
+    for i in range(3):
+        a, b = mesh.vertices[mesh.leaves[leaf, i]], mesh.vertices[mesh.leaves[leaf, (i + 1) % 3]]
+        cross = (
+            (a[1] * b[2] - a[2] * b[1]) * w[0]
+            + (a[2] * b[0] - a[0] * b[2]) * w[1]
+            + (a[0] * b[1] - a[1] * b[0]) * w[2]
+        )
+        if cross < 0:
+            return False
+    return True
+
+
+@njit(cache=True, nogil=True)
+def _place_in(mesh: LeafMesh, centres: ndarray, proven: ndarray, w: ndarray) -> int:
+    """Whether (-2) w lies in a proven leaf, else the proven leaf whose centre is nearest; -1 where there is none."""
+    near, nearest = -1.0, -1
+    close, closest = -1.0, -1
+    for leaf in range(len(centres)):
+        dot = centres[leaf, 0] * w[0] + centres[leaf, 1] * w[1] + centres[leaf, 2] * w[2]
+        if proven[leaf] and dot > near:
+            near, nearest = dot, leaf
+        if dot > close:
+            close, closest = dot, leaf
+    if nearest == closest and _holds(mesh, closest, w):
+        return -2
+    return nearest
+
+
+@njit(cache=True, nogil=True)
+def _reach(edges: ndarray, count: int, x: float, y: float, turn: float, ratio: float) -> float:
+    """The s of the largest ellipse of this centre, turn and ratio that no edge enters."""
+    cosine, sine = np.cos(turn), np.sin(turn)
+    along, across = np.exp(-ratio), np.exp(ratio)
+    least = max((WIDEST - np.hypot(x, y)) / np.exp(abs(ratio)), 0.0) ** 2
+    for e in range(count):
+        ax, ay, bx, by = edges[e, 0] - x, edges[e, 1] - y, edges[e, 2] - x, edges[e, 3] - y
+        ax, ay = (cosine * ax + sine * ay) * along, (cosine * ay - sine * ax) * across
+        bx, by = (cosine * bx + sine * by) * along, (cosine * by - sine * bx) * across
+        dx, dy = bx - ax, by - ay
+        part = min(max(-(ax * dx + ay * dy) / max(dx * dx + dy * dy, 1e-30), 0.0), 1.0)
+        ax, ay = ax + part * dx, ay + part * dy
+        least = min(least, ax * ax + ay * ay)
+    return np.sqrt(least)
+
+
+@njit(cache=True, nogil=True)
+def _worth(edges: ndarray, count: int, at: ndarray) -> float:
+    """What is to be most, of an ellipse `at` its centre, turn and logarithm of the ratio."""
+    s = _reach(edges, count, at[0], at[1], at[2], at[3])
+    cosine, sine = np.cos(at[2]), np.sin(at[2])
+    along = (cosine * at[0] + sine * at[1]) * np.exp(-at[3])
+    across = (cosine * at[1] - sine * at[0]) * np.exp(at[3])
+    inside = s * s - along * along - across * across
+    if not inside > 1e-12:
+        return -np.inf
+    return np.log(inside) - 1.5 * np.log(1 + at[0] ** 2 + at[1] ** 2)
+
+
+@njit(cache=True, nogil=True)
+def _seen(edges: ndarray, count: int) -> int:
+    """Move the edges that are nearest to the origin in one of RAYS to the front; how many they are."""
+    nearest, which = np.full(RAYS, np.inf), np.full(RAYS, -1)
+    width = 2 * np.pi / RAYS
+    for e in range(count):
+        ax, ay, bx, by = edges[e]
+        cross = ax * by - ay * bx
+        if cross < 0:
+            ax, ay, bx, by, cross = bx, by, ax, ay, -cross
+        begin, end = np.arctan2(ay, ax), np.arctan2(by, bx)
+        if end < begin:
+            end += 2 * np.pi
+        for ray in range(int(np.ceil(begin / width)), int(np.floor(end / width)) + 1):
+            cosine, sine = np.cos(ray * width), np.sin(ray * width)
+            off = cross / max(cosine * (by - ay) - sine * (bx - ax), 1e-12)
+            if off < nearest[ray % RAYS]:
+                nearest[ray % RAYS], which[ray % RAYS] = off, e
+    kept = np.unique(which[which >= 0])
+    for i in range(len(kept)):  # in rising order: none is overwritten before it is moved
+        swapped = edges[i].copy()
+        edges[i] = edges[kept[i]]
+        edges[kept[i]] = swapped
+    return len(kept)
+
+
+@njit(cache=True, nogil=True)
+def _search(edges: ndarray, count: int, at: ndarray, free: int) -> float:
+    """Improve an ellipse in its first `free` parameters; what it is worth."""
+    steps = np.array(FIRST_STEPS)
+    best = _worth(edges, count, at)
+    for _ in range(HALVINGS + 1):
+        better = True
+        while better:
+            better = False
+            for i in range(free):
+                for sign in (1.0, -1.0):
+                    at[i] += sign * steps[i]
+                    found = _worth(edges, count, at)
+                    if found > best + 1e-3:
+                        best, better = found, True
+                        break
+                    at[i] -= sign * steps[i]
+        steps /= 2
+    return best
+
+
+@njit(cache=True, nogil=True)
+def largest_ellipses(
+    proven: ndarray, wanted: ndarray, mesh: LeafMesh, centres: ndarray, circular: bool
+) -> tuple[ndarray, ndarray]:
+    """For each map of proven leaves (k, l) the axes D and semi-diameters U and V (k, 3, 3) of a cone of proven
+    directions about the unit vector `wanted` (k, 3), or about the nearest proven leaf; and whether there is one.
+    `centres` (l, 3) are those of the leaves."""
+    frames, found = np.zeros((len(wanted), 3, 3)), np.zeros(len(wanted), dtype=np.bool_)
+    edges = np.empty((len(mesh.edges), 4))
+    for k in range(len(wanted)):
+        leaf = _place_in(mesh, centres, proven[k], wanted[k])
+        if leaf == -1:
+            continue
+        w = wanted[k] if leaf == -2 else centres[leaf]
+        side = np.zeros(3)
+        side[np.argmin(np.abs(w))] = 1.0
+        t1 = np.cross(w, side)
+        t1 /= np.sqrt((t1**2).sum())
+        t2 = np.cross(w, t1)
+        count = 0
+        for e in range(len(mesh.edges)):
+            if proven[k, mesh.beside[e, 0]] == proven[k, mesh.beside[e, 1]]:
+                continue
+            a, b = mesh.vertices[mesh.edges[e, 0]], mesh.vertices[mesh.edges[e, 1]]
+            za, zb = (a * w).sum(), (b * w).sum()
+            if za > LOWEST and zb > LOWEST:
+                edges[count] = (
+                    (a * t1).sum() / za,
+                    (a * t2).sum() / za,
+                    (b * t1).sum() / zb,
+                    (b * t2).sum() / zb,
+                )
+                count += 1
+        seen = _seen(edges, count)
+        best, most = np.zeros(4), -np.inf
+        for start in range(1 if circular else len(STRETCHES)):
+            at = np.array([0.0, 0.0, STRETCHES[start, 0], STRETCHES[start, 1]])
+            worth = _search(edges, seen, at, 2 if circular else 4)
+            if worth > most:
+                best, most = at, worth
+        s = _reach(edges, count, best[0], best[1], best[2], best[3])
+        if most == -np.inf or not _worth(edges, count, best) > -np.inf:
+            continue
+        cosine, sine = np.cos(best[2]), np.sin(best[2])
+        frames[k, 0] = w + best[0] * t1 + best[1] * t2
+        frames[k, 1] = s * np.exp(best[3]) * (cosine * t1 + sine * t2)
+        frames[k, 2] = s * np.exp(-best[3]) * (cosine * t2 - sine * t1)
+        found[k] = True
+    return frames, found
