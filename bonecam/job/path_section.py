@@ -100,11 +100,12 @@ class PathJob(JobSection):
         choices=("cones", "lead"),
     )
     certify: str = parameter(
-        "distances",
+        "automatic",
         "Certificate",
         "Cones of free axes are proven by distances; or each is put before FCL too, and narrowed where it finds a "
-        "collision: planning takes about twice as long.",
-        choices=("distances", "fcl"),
+        "collision. Automatic: FCL where one surface is finished alone, distances for the levels of a part, whose "
+        "planning FCL makes three times as long.",
+        choices=("automatic", "fcl", "distances"),
     )
     least_lead_deg: float = parameter(
         10.0,

@@ -13,7 +13,12 @@ def axis_lines(toolpath: Sequence[Mapping[str, Any]]) -> Iterator[str]:
 
 
 def _cone_lines(toolpath: Sequence[Mapping[str, Any]]) -> Iterator[str]:
-    """What FCL says of the cones, where it was asked."""
+    """Which shape cones have, if not all are elliptic, and what FCL says of them, where it was asked."""
+    shapes = {row["level"]: row["cones"]["shape"] for row in toolpath if row["cones"]}
+    circular = list(shapes.values()).count("circular")
+    if circular:
+        where = f"{circular} of {counted(len(shapes), 'level')}"
+        yield f"cones     circular on {where}, where axes turn sooner or less in these"
     checks = {
         row["level"]: row["cones"]["fcl"] for row in toolpath if row["cones"]
     }  # all paths of a level share one

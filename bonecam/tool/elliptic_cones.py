@@ -56,11 +56,8 @@ class EllipticCones:
         values, vectors = np.linalg.eigh(np.swapaxes(inverse, 1, 2) @ np.diag([1.0, 1.0, -1.0]) @ inverse)
         axes, sides = vectors[:, :, 0], vectors[:, :, 1]
         axes = axes * np.where(dots(axes, frames[rows, 0]) < 0, -1.0, 1.0)[:, None]
-        made = cls.none(len(frames))
-        parts = [part.copy() for part in (made.axes, made.sides, made.angles)]
-        for part, of_rows in zip(parts, (axes, sides, np.arctan(np.sqrt(-values[:, :1] / values[:, 1:])))):
-            part[rows] = of_rows
-        return cls(*parts)
+        angles = np.arctan(np.sqrt(-values[:, :1] / values[:, 1:]))
+        return cls.none(len(frames)).with_rows(rows, cls(axes, sides, angles))
 
     @property
     def found(self) -> Bool[ndarray, " k"]:
@@ -84,6 +81,13 @@ class EllipticCones:
     def take(self, which: Int[ndarray, " m"] | Bool[ndarray, " k"]) -> "EllipticCones":
         """Some of them."""
         return EllipticCones(self.axes[which], self.sides[which], self.angles[which])
+
+    def with_rows(self, rows: Int[ndarray, " m"], others: "EllipticCones") -> "EllipticCones":
+        """With others in these places."""
+        parts = [self.axes.copy(), self.sides.copy(), self.angles.copy()]
+        for part, of_rows in zip(parts, (others.axes, others.sides, others.angles)):
+            part[rows] = of_rows
+        return EllipticCones(*parts)
 
     def scaled(self, share: float | Float[ndarray, " k"]) -> "EllipticCones":
         """With these shares of their angles."""

@@ -57,10 +57,17 @@ def test_axes_near_the_normal_are_counted_and_those_that_had_no_other(
     row = toolpath_report([replace(path, cones=cones)], np.radians(10.0))[0]
     assert row["near_normal_contacts"] == 3
     assert row["near_normal_without_choice"] == 2
-    assert row["cones"] == {"count": 2, "slack_min_mm": 0.2, "slack_1_percent_mm": 0.202, "fcl": None}
+    assert row["cones"] == {
+        "count": 2,
+        "shape": "elliptic",
+        "slack_min_mm": 0.2,
+        "slack_1_percent_mm": 0.202,
+        "fcl": None,
+    }
     checked = replace(cones, check=ConeCheck(5, 1, 0), cone_of=np.full(4, -1))
     assert toolpath_report([replace(path, cones=checked)], 0.0)[0]["cones"] == {
         "count": 0,
+        "shape": "elliptic",
         "slack_min_mm": None,
         "slack_1_percent_mm": None,
         "fcl": {"asked": 5, "narrowed": 1, "refused": 0},
@@ -96,7 +103,7 @@ def test_the_summary_tells_each_repair() -> None:
                 "level": 0,
                 "contacts": 5,
                 "length_mm": 7.5,
-                "cones": {"fcl": {"asked": 9, "narrowed": 2, "refused": 1}},
+                "cones": {"shape": "circular", "fcl": {"asked": 9, "narrowed": 2, "refused": 1}},
                 "near_normal_contacts": None,
                 "near_normal_without_choice": None,
                 "trimmed_mm": 2.0,
@@ -119,6 +126,7 @@ def test_the_summary_tells_each_repair() -> None:
     assert "          0.057 mm into the mesh as given at most" in told
     lifted = "1 of them lifted from a cut or a link and set down again"
     assert f"rewinds   3 rewinds of the rotary axes off the part, {lifted}" in told
+    assert "cones     circular on 1 of 1 level, where axes turn sooner or less in these" in told
     assert "cones     9 put before FCL: 2 narrowed, 1 refused" in told
     assert told[:3] == [
         "mesh      993 faces, mm; 1 repair",

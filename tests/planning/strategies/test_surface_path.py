@@ -42,6 +42,9 @@ def test_round_a_blade_that_stands_out_sideways_the_axis_swings_and_comes_back()
     contacts = surface_contacts(workpiece, scene, JOB, finishing_cutter(JOB, machine.bodies))
     wanted = wanted_axes(workpiece, contacts, scene, limits, JOB.path)
     assert wanted is not None
+    assert wanted.cones is not None
+    assert wanted.cones.check is not None  # FCL is asked without being told
+    assert wanted.cones.check.asked > 100
     s, passes = contacts.parameters[:, 0], contacts.pass_index
     turns = sum(np.abs(np.diff(np.unwrap(s[passes == n], period=1.0))).sum() for n in np.unique(passes))
     assert turns > 2

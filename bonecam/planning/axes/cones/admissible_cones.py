@@ -19,7 +19,7 @@ from scipy.spatial import KDTree
 
 from bonecam.arrays import dots, frozen, unit
 from bonecam.job import PathJob
-from bonecam.kernels.closest.cone_marching import proof_slacks
+from bonecam.kernels.closest.direction_maps import proof_slacks
 from bonecam.kernels.closest.largest_ellipses import largest_ellipses
 from bonecam.machine.limits import ANGLE_ROUNDING, MachineLimits, polar_angles
 from bonecam.planning.axes.cones.cone import ObliqueEllipticCone, elliptic_cone
@@ -32,6 +32,10 @@ from bonecam.tool.path import ConeCheck, ContactPath, FreeCones
 
 SLACKS = np.array([0.01, 0.03, 0.1, 0.3, 1.0])
 """What a proof has to spare is told in these steps, mm."""
+
+DEEP = 0.6
+"""A cone stays where the wanted axis lies no further out in it than this share of the way to its rim: new ones would
+hardly differ, and take most of the time of a field."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,16 +96,25 @@ class AxisCones:
         return np.asarray(within & near & self.found & (self.depths(axes) >= 0))
 
     def about(self, axes: Float[ndarray, "n 3"]) -> "AxisCones":
-        """The cones that hold these axes best: at each node a large one in which the mean of its contacts lies
-        deep."""
+        """The cones that hold these axes best: at each node a large one in which the mean of its contacts lies deep,
+        its own where that does."""
         free = self.free
         node = free.net.node_of
         sums = [np.bincount(node, axes[:, i], len(self.shapes)) for i in range(3)]
         means = unit(np.column_stack(sums))
+        rows = np.flatnonzero(self.shapes.off(means) > DEEP * self.shapes.mean_angles)
         _, leaves = sphere_leaves()
-        frames, found = largest_ellipses(free.proven, means, leaves, free.directions, self.circular)
-        found &= free.free.any(axis=1)
-        return replace(self, shapes=EllipticCones.oblique(frames, found), check=None)
+        frames, found = largest_ellipses(
+            free.proven[rows], means[rows], leaves, free.directions, self.circular
+        )
+        found &= free.free[rows].any(axis=1)
+        made = EllipticCones.oblique(frames, found)
+        return replace(self, shapes=self.shapes.with_rows(rows, made), check=None)
+
+    def as_circles(self) -> "AxisCones":
+        """Without cones as yet, and such that circular ones are sought: their sections across the wanted axes are
+        circles."""
+        return replace(self, shapes=EllipticCones.none(len(self.shapes)), circular=True, check=None)
 
     def blocked(self) -> dict[int, str]:
         """The contacts without any cone, and what is against it: `limits`, or the section of the tool and the obstacle
@@ -118,7 +131,9 @@ class AxisCones:
         away, row = KDTree(self.path.centres).query(path.centres)
         cone_of = np.where(away == 0, number[self.free.net.node_of[row]], -1)
         apexes = self.free.net.places[kept]
-        return FreeCones(apexes, self.shapes.take(kept), self.slacks[kept], cone_of, self.check)
+        return FreeCones(
+            apexes, self.shapes.take(kept), self.slacks[kept], cone_of, self.circular, self.check
+        )
 
     def cone(self, contact: int, length: float = 1.0) -> ObliqueEllipticCone:
         """The cone of a contact with its apex at the ball's centre, to `length` (mm) along its axis. ValueError where

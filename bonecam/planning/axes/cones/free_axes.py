@@ -10,7 +10,8 @@ from numpy import ndarray
 
 from bonecam.arrays import angles_between
 from bonecam.errors import OrientationError
-from bonecam.kernels.closest.cone_marching import Apexes, AxisLimits, Obstacles, direction_maps
+from bonecam.kernels.closest.cone_marching import Apexes, Obstacles
+from bonecam.kernels.closest.direction_maps import AxisLimits, direction_maps
 from bonecam.machine.limits import MachineLimits, polar_angles
 from bonecam.planning.axes.cones.cone_nodes import ConeNodes, join_nets, make_net
 from bonecam.planning.axes.cones.obstacles import apexes_of, obstacles_of, rooms_at, single_obstacles

@@ -7,7 +7,7 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 
 from bonecam.arrays import unit
-from bonecam.kernels.closest.cone_marching import SphereTriangles
+from bonecam.kernels.closest.direction_maps import SphereTriangles
 from bonecam.kernels.closest.largest_ellipses import LeafMesh
 
 COARSEST, FINEST = 2, 4

@@ -29,7 +29,7 @@ from bonecam.planning.collision.tool_mesh import column_mesh
 from bonecam.tool.cutter import Cutter, ToolSection
 from bonecam.tool.path import ConeCheck
 
-SIDES = 20, 48
+SIDES = 20, 96
 """Sides of meshes of what is swept: a cone that the coarse ones refuse is asked again with the fine ones. FCL takes
 2.5 us a triangle to build a mesh, longer than to ask it once:"""
 GRID = 0.2, np.radians(4.0)
@@ -154,16 +154,24 @@ def _meeting(cones: AxisCones, rows: Int[ndarray, " m"], pair: _Pair) -> Iterato
         for i in np.flatnonzero(near & ~met):
             met[i] = crosses(_catalogued(sweeps), turns[some[i]], places[some[i]], pair.solid.surface)
         for i in some[met]:
-            for section, sweep in zip(
-                pair.sections[-len(sweeps) :], _sweeps(cones.path.cutter, pair, sizes[i])
-            ):
-                at = places[i : i + 1], turns[i : i + 1]
-                if _contained((sweep,), *at, pair.solid)[0] or all(
-                    crosses(solid_object(*sweep.mesh(sides)), at[1][0], at[0][0], pair.solid.surface)
-                    for sides in SIDES
-                ):
-                    yield int(rows[i]), section.name
-                    break
+            own = _sweeps(cones.path.cutter, pair, sizes[i])
+            name = _meeting_section(own, pair, places[i : i + 1], turns[i : i + 1])
+            if name:
+                yield int(rows[i]), name
+
+
+def _meeting_section(
+    sweeps: tuple[Sweep, ...], pair: _Pair, place: Float[ndarray, "1 3"], turn: Float[ndarray, "1 3 3"]
+) -> str:
+    """The lowest of the last sections of a pair whose sweep meets its solid, in meshes of its own; or an empty
+    string."""
+    for section, sweep in zip(pair.sections[len(pair.sections) - len(sweeps) :], sweeps, strict=True):
+        meshes = (solid_object(*sweep.mesh(sides)) for sides in SIDES)
+        if _contained((sweep,), place, turn, pair.solid)[0] or all(
+            crosses(mesh, turn[0], place[0], pair.solid.surface) for mesh in meshes
+        ):
+            return section.name
+    return ""
 
 
 def _turns(cones: AxisCones, rows: Int[ndarray, " m"]) -> Float[ndarray, "m 3 3"]:

@@ -1,7 +1,5 @@
 """The smooth axes of a level, from those of the level round it."""
 
-from functools import partial
-
 from bonecam.job import PathJob
 from bonecam.levels.measure.level import MachinedLevel
 from bonecam.machine.limits import MachineLimits
@@ -24,16 +22,19 @@ def level_axes(
     job: PathJob,
     before: SmoothAxes | None,
 ) -> SmoothAxes | None:
-    """Smooth axes of a level in cones of free ones, from the field of the level `before` unless the machine is too slow
-    for these; None where the job wants none. Where no contact has a cone there is nothing to smooth."""
+    """Smooth axes of a level in elliptic cones of free ones, or in circular ones where these are sooner, from the field
+    of the level `before` unless the machine is too slow for these; None where the job wants none. Where no contact has
+    a cone there is nothing to smooth."""
     if job.orientation != "cones" or not len(contacts.contacts):
         return before
     cones = admissible_cones(contacts, scene, limits, job)
     if not cones.found.any():
         return before
-    make = partial(smooth_axes, cones, FieldDomain.of(level.surface), limits, job, "membrane")
-    found = make() if before is None else make(before.field)
+    domain = FieldDomain.of(level.surface)
+    start = before.field if before else None
+    shapes = cones, cones.as_circles()
+    found = soonest([smooth_axes(one, domain, limits, job, "membrane", start) for one in shapes], limits)
     at_feed = machine_minutes(contacts, found.axes, MachineLimits(limits.largest))
     if before is not None and machine_minutes(contacts, found.axes, limits) > SLOW * at_feed:
-        found = soonest([found, make()], limits)
-    return found.verified(scene, job)
+        found = soonest([found, smooth_axes(cones, domain, limits, job, "membrane")], limits)
+    return found.verified(scene) if job.certify == "fcl" else found

@@ -9,7 +9,8 @@ import pytest
 from bonecam.arrays import unit
 from bonecam.errors import OrientationError
 from bonecam.job import PathJob
-from bonecam.kernels.closest.cone_marching import Apexes, direction_maps
+from bonecam.kernels.closest.cone_marching import Apexes
+from bonecam.kernels.closest.direction_maps import direction_maps
 from bonecam.machine.limits import MachineLimits, polar_angles
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.planning.axes.cones.admissible_cones import AxisCones, admissible_cones
@@ -163,7 +164,7 @@ def test_a_leaf_of_several_apexes_is_proven_where_it_is_for_each(cones: AxisCone
 
 def test_cones_are_larger_than_circles_and_hold_the_wanted_axes(cones: AxisCones) -> None:
     """Elliptic ones hold more of the free directions; both hold axes that are free themselves."""
-    round_ = replace(cones, circular=True).about(cones.shapes.axes[cones.free.net.node_of])
+    round_ = cones.as_circles().about(cones.shapes.axes[cones.free.net.node_of])
     again = cones.about(cones.shapes.axes[cones.free.net.node_of])
     assert np.allclose(round_.shapes.angles[:, 0], round_.shapes.angles[:, 1], atol=np.radians(10))
     assert again.shares.mean() > 1.1 * round_.shares.mean()

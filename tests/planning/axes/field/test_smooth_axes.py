@@ -167,13 +167,13 @@ def test_where_no_contact_has_a_cone_no_axis_is_certified(case: Made) -> None:
     assert not made.wanted.certified.any()
 
 
-def test_cones_are_put_before_fcl_where_the_job_wants_it(case: Made, smooth: SmoothAxes) -> None:
+def test_verified_cones_keep_the_word_of_fcl(case: Made, smooth: SmoothAxes) -> None:
     some = np.arange(len(smooth.cones.shapes)) % 40 == 0
     few = replace(
         smooth, cones=replace(smooth.cones, shapes=smooth.cones.shapes.scaled(np.where(some, 1.0, -1.0)))
     )
-    assert few.verified(case[2], JOB) is few
-    check = few.verified(case[2], replace(JOB, certify="fcl")).wanted.cones.check
+    assert few.wanted.cones.check is None
+    check = few.verified(case[2]).wanted.cones.check
     assert check.asked == few.cones.shapes.found.sum() > 0
     assert check.narrowed + check.refused <= 0.05 * check.asked
 
