@@ -12,9 +12,9 @@ import pytest
 
 import bonecam
 from bonecam.cli import main
-from bonecam.cli.catalogues import CATALOGUES
-from bonecam.cli.schemas import file_schema, job_schema
-from bonecam.cli.slicer import main as slicer
+from bonecam.cli.catalogue.catalogues import CATALOGUES
+from bonecam.cli.catalogue.schemas import file_schema, job_schema
+from bonecam.cli.catalogue.slicer import main as slicer
 from bonecam.errors import JobError, MachineError
 from bonecam.machine.machine import read_machine
 from bonecam.nc.dialect import dialect_names, read_dialect

@@ -5,10 +5,11 @@ from typing import Any
 
 import bonecam
 from bonecam.cli import commands
-from bonecam.cli.catalogues import CATALOGUES, run_catalogue
+from bonecam.cli.batch import add_batch
+from bonecam.cli.catalogue.catalogues import CATALOGUES, add_catalogue
 from bonecam.cli.help_texts import EXAMPLES, EXIT_CODES, PART
 from bonecam.cli.job_options import add_job_options
-from bonecam.cli.parser import Parser, positive, share_of
+from bonecam.cli.parser import Parser, positive
 from bonecam.cli.stopping import NOTHING
 from bonecam.cli.study import add_compare, add_probe
 from bonecam.filters.scripts.run_script import MEMORY, MOST_MEMORY, MOST_SECONDS, SECONDS
@@ -31,12 +32,12 @@ def make_parser() -> Parser:
     _add_verbosity(add_compare(_add_command, parsers))
     _add_post(parsers)
     _add_view(parsers)
-    _add_batch(parsers)
+    add_batch(_add_command, parsers)
     _add_script(parsers)
     _add_filters(parsers)
     _add_job(parsers)
-    for kind, catalogue in CATALOGUES.items():
-        _add_catalogue(parsers, kind, catalogue.one)
+    for kind in CATALOGUES:
+        add_catalogue(_add_command, parsers, kind)
     _add_completion(parsers, parser)
     return parser
 
@@ -145,33 +146,6 @@ def _add_view(parsers: Any) -> None:
     view.add_argument("-o", "--output", metavar="FILE.html", required=True, help="file for the page")
 
 
-def _add_batch(parsers: Any) -> None:
-    text = "Make the NC programs of several parts, each in a process of its own."
-    batch = _add_command(parsers, "batch", text, commands.run_batch)
-    kept = "finished programs are kept, --resume continues from there"
-    batch.set_defaults(stopped=kept, stopped_late=kept)
-    parts = "parts as for `convert`, folders of parts, or a table of parts (parts.csv: file, job, units, stock, output)"
-    batch.add_argument("parts", metavar="PART", nargs="+", help=parts)
-    folder = "folder for programs, reports and batch.csv"
-    batch.add_argument("-o", "--output", metavar="DIR", required=True, help=folder)
-    batch.add_argument("--jobs", metavar="N", type=int, default=2, help="number of parts at a time (2)")
-    resume = "skip parts that an earlier run finished with the same mesh, job, files of the job, and version"
-    batch.add_argument("--resume", action="store_true", help=resume)
-    batch.add_argument("--html", action="store_true", help="write a page of each part, NAME.html")
-    batch.add_argument(
-        "--sheet", action="store_true", help="write a setup sheet of each part, NAME.sheet.html"
-    )
-    keep = "write a folder of each part, NAME: surface, levels, tool path and pictures"
-    batch.add_argument("--keep", action="store_true", help=keep)
-    scheduler = "run on the workers of a Dask scheduler (tcp://HOST:8786), or of one started here (local)"
-    batch.add_argument("--scheduler", metavar="ADDRESS", help=scheduler)
-    share = "do the Kth of N shares of the parts alone, as a task of an array of jobs does"
-    batch.add_argument("--share", metavar="K/N", type=share_of, default=(1, 1), help=share)
-    add_job_options(batch)
-    batch.add_argument("-q", "--quiet", action="store_true", help="print no line for each part")
-    batch.add_argument("-v", "--verbose", action="store_true", help="print the steps of each part as lines")
-
-
 def _add_script(parsers: Any) -> None:
     text = "Run a MeshLab filter script (.mlx) with the filters of MeshLab and bonecam."
     script = _add_command(parsers, "script", text, commands.run_script)
@@ -206,15 +180,6 @@ def _add_job(parsers: Any) -> None:
     job = _add_command(parsers, "job", text, commands.run_job)
     job.add_argument("--schema", action="store_true", help="print the JSON schema of job files, for editors")
     add_job_options(job)
-
-
-def _add_catalogue(parsers: Any, kind: str, one: str) -> None:
-    text = f"List the {kind} that are known by name, show one, or check a file."
-    command = _add_command(parsers, kind, text, run_catalogue)
-    command.set_defaults(kind=kind)
-    command.add_argument("what", metavar="NAME|check", nargs="?", help=f"a {one} to show, or check")
-    command.add_argument("file", metavar="FILE", nargs="?", help="the .toml file to check")
-    command.add_argument("--schema", action="store_true", help="print the JSON schema of such files")
 
 
 def _add_completion(parsers: Any, whole: Parser) -> None:

@@ -3,7 +3,6 @@
 import argparse
 import json
 from collections.abc import Callable
-from contextlib import nullcontext
 from functools import partial
 from pathlib import Path
 
@@ -153,29 +152,6 @@ def run_post(options: argparse.Namespace) -> int:
     return 0
 
 
-def run_batch(options: argparse.Namespace) -> int:
-    """`bonecam batch`: the NC programs of several parts."""
-    from bonecam.batch import Wanted, cluster_executor
-    from bonecam.cli.batch_display import BatchDisplay
-
-    address = options.scheduler
-    cluster = cluster_executor(address, options.jobs) if address else nullcontext()
-    with cluster as executor, BatchDisplay(options) as shown:
-        outcomes = bonecam.convert_many(
-            options.parts,
-            options.output,
-            job_of(options),
-            jobs=options.jobs,
-            executor=executor,
-            resume=options.resume,
-            share=options.share,
-            wanted=Wanted(html=options.html, sheet=options.sheet, keep=options.keep),
-            told=shown.told,
-            progress=shown.progress,
-        )
-    return int(any(outcome.state == "failed" for outcome in outcomes))
-
-
 def run_script(options: argparse.Namespace) -> int:
     """`bonecam script`: a MeshLab filter script on meshes; prints the files of the resulting layers."""
     with shown_progress(options) as progress, native_output_to_stderr():
@@ -205,7 +181,7 @@ def run_filters(options: argparse.Namespace) -> int:
 def run_job(options: argparse.Namespace) -> int:
     """`bonecam job`: the job file of the options, or the schema of such files."""
     if options.schema:
-        from bonecam.cli.schemas import job_schema
+        from bonecam.cli.catalogue.schemas import job_schema
 
         print(json.dumps(job_schema(), indent=2))
     else:

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from bonecam.arrays import perpendicular
 from bonecam.planning.axes.field.axis_energy import PRESETS, AxisBounds, AxisEnergy
 from bonecam.planning.axes.field.axis_field import (
     ALONG,
@@ -13,6 +14,7 @@ from bonecam.planning.axes.field.axis_field import (
     second_differences,
 )
 from bonecam.planning.axes.field.fit_axes import minimise
+from bonecam.tool.elliptic_cones import EllipticCones
 
 RANDOM = np.random.default_rng(2)
 DOMAIN = FieldDomain((0.0, 1.0), (0.0, 3.0), closed=True)
@@ -64,7 +66,8 @@ def energy() -> AxisEnergy:
     moves = np.delete(np.arange(299), [99, 199])
     axes = RANDOM.normal(size=(300, 3))
     axes /= np.linalg.norm(axes, axis=1, keepdims=True)
-    bounds = AxisBounds(0.6, np.full(300, 1.0), 0.3, np.full(300, 0.9), axes, np.full(300, 0.5))
+    cones = EllipticCones(axes, perpendicular(axes), np.tile([0.6, 0.4], (300, 1)))
+    bounds = AxisBounds(0.6, np.full(300, 1.0), 0.3, np.full(300, 0.9), cones, np.full(300, 0.1))
     places = PLACES[np.argsort(PLACES[:, 1])]
     times = RANDOM.uniform(0.01, 0.3, len(moves))
     return AxisEnergy(places, normals, DOMAIN, 1, moves, times, (8.0, 5.0), bounds, PRESETS["membrane"])
@@ -102,8 +105,9 @@ def test_a_field_within_its_bounds_has_no_energy_of_bounds() -> None:
     even = np.stack([np.zeros(AROUND * ALONG), np.full(AROUND * ALONG, 0.7)])
     axes = AxisField(DOMAIN, 1, even[0], even[1]).axes(PLACES)
     none = np.zeros(0, dtype=np.int64)
-    for angle, holds in ((0.1, True), (-0.1, False)):
-        bounds = AxisBounds(0.1, np.full(300, 2.0), 0.2, np.full(300, 1.2), axes, np.full(300, angle))
+    cones = EllipticCones.circular(axes, np.full(300, 0.2))
+    for margin, holds in ((0.1, True), (0.3, False)):
+        bounds = AxisBounds(0.1, np.full(300, 2.0), 0.2, np.full(300, 1.2), cones, np.full(300, margin))
         made = AxisEnergy(
             PLACES, normals, DOMAIN, 1, none, np.zeros(0), (np.inf, np.inf), bounds, PRESETS["membrane"]
         )
@@ -113,9 +117,8 @@ def test_a_field_within_its_bounds_has_no_energy_of_bounds() -> None:
 def test_one_constant_axis_has_no_energy_and_stays() -> None:
     """What is free everywhere along one axis needs no turn: a legitimate answer."""
     axis = np.array([0.48, 0.6, 0.64])
-    bounds = AxisBounds(
-        0.1, np.full(300, 2.0), 0.0, np.full(300, 3.0), np.tile(axis, (300, 1)), np.full(300, 0.1)
-    )
+    cones = EllipticCones.circular(np.tile(axis, (300, 1)), np.full(300, 0.1))
+    bounds = AxisBounds(0.1, np.full(300, 2.0), 0.0, np.full(300, 3.0), cones, np.zeros(300))
     field = AxisField.constant(OPEN, axis)
     made = AxisEnergy(
         *(PLACES, np.tile([0.0, 0.0, 1.0], (300, 1)), OPEN, 0, np.arange(299), np.full(299, 0.1)),

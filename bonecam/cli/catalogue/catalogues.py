@@ -10,7 +10,8 @@ from typing import Any
 from bonecam.errors import JobError, did_you_mean
 from bonecam.job.materials.preset import material_files, read_material
 from bonecam.job.tool_section import read_tool, tool_files
-from bonecam.machine.machine import machine_files, read_machine
+from bonecam.machine.check import MachineCheck, check_machine
+from bonecam.machine.machine import machine_files
 from bonecam.nc.dialect import dialect_files, read_dialect
 
 
@@ -24,7 +25,7 @@ class Catalogue:
 
 
 CATALOGUES = {
-    "machines": Catalogue(machine_files, read_machine, "machine"),
+    "machines": Catalogue(machine_files, check_machine, "machine"),
     "dialects": Catalogue(dialect_files, read_dialect, "dialect of a controller"),
     "materials": Catalogue(material_files, read_material, "material"),
     "tools": Catalogue(tool_files, read_tool, "cutter"),
@@ -32,19 +33,32 @@ CATALOGUES = {
 """By the name of the command."""
 
 
+def add_catalogue(add_command: Any, parsers: Any, kind: str) -> None:
+    """The command of a kind."""
+    one = CATALOGUES[kind].one
+    text = f"List the {kind} that are known by name, show one, or check a file."
+    command = add_command(parsers, kind, text, run_catalogue)
+    command.set_defaults(kind=kind)
+    command.add_argument("what", metavar="NAME|check", nargs="?", help=f"a {one} to show, or check")
+    command.add_argument("file", metavar="FILE", nargs="?", help="the .toml file to check")
+    command.add_argument("--schema", action="store_true", help="print the JSON schema of such files")
+
+
 def run_catalogue(options: argparse.Namespace) -> int:
     """List all names, show the file of one, check a file, or print the schema of such files."""
     known = CATALOGUES[options.kind]
     files = known.files()
     if options.schema:
-        from bonecam.cli.schemas import file_schema
+        from bonecam.cli.catalogue.schemas import file_schema
 
         print(json.dumps(file_schema(options.kind), indent=2))
     elif options.what == "check":
         if options.file is None:
             raise JobError(f"bonecam {options.kind} check: name a .toml file")
-        known.read(options.file)
+        found = known.read(options.file)
         print(f"{options.file}: a {known.one} as it should be")
+        if isinstance(found, MachineCheck):
+            print(found)
     elif options.what is not None:
         if options.what not in files:
             close = did_you_mean(options.what, files)
@@ -65,5 +79,5 @@ def _about(path: Path) -> str:
         line.partition("=")[2].strip().strip('"') for line in text.splitlines() if line.startswith("title")
     ]
     about = (titles or [text.partition("\n")[0].lstrip("# ")])[0]
-    ships = Path(__file__).parents[1] in path.parents
+    ships = Path(__file__).parents[2] in path.parents
     return about if ships else f"{about} ({path})"

@@ -1,0 +1,1 @@
+"""Files that users add by name: listed, checked, described by schemas."""
