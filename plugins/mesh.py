@@ -47,7 +47,8 @@ def smooth_facets_layer(layers: Layers, values: Mapping[str, Any], progress: Pro
     found = smooth_facets(mesh, coarseness, job, tolerance)
     layers.add(found.mesh if found else mesh, "smoothed")
     reported = [str(found.change)] if found else [note_on_kept_facets(mesh, coarseness, job, tolerance)]
-    return {"told": [*filter(None, reported)], **coarseness.report, **(found.report if found else {})}
+    measured = {name: value for name, value in coarseness.report.items() if value is not None}
+    return {"told": [*filter(None, reported)], **measured, **(found.report if found else {})}
 
 
 def fill_pits_layer(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:

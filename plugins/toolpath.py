@@ -76,7 +76,7 @@ def draw_cones(layers: Layers, values: Mapping[str, Any], progress: Progress) ->
         raise FilterError(f"level = {values['level']} has no path: give 0 to {last}", level=values["level"])
     mesh = cones_mesh(found[0], values["count"], values["length"])
     layers.add(mesh, f"cones_{values['level']:02d}")
-    return {"half_angles_deg": np.degrees(found[0].cones.angles)}
+    return {"half_angles_deg": np.degrees(found[0].cones.shapes.angles)}
 
 
 MOVES = ", ".join(f"{kind.value} {kind.name.lower()}" for kind in MoveKind)

@@ -47,6 +47,7 @@ from bonecam.verify import check_removal, prove_removal
 from bonecam.verify.removal.of_job import check_removal_of_job
 
 COARSE = Job().with_values(
+    material={"name": "paper"},
     mechanics={"refuse": False},
     surface={"tolerance": 0.2},
     holding={"diameter": 2.0},
@@ -216,7 +217,8 @@ def test_a_part_that_bends_too_much_is_refused(chain: tuple[bonecam.Result, Path
     found = result.removal.mechanics
     strict = replace(found, workpiece=replace(found.workpiece, limits=Job().mechanics))
     with pytest.raises(
-        VerifyError, match=r"more than half of the yield strength .* would keep \d+\.\d um; .*; or mechanics"
+        VerifyError,
+        match=r"more than half of the yield strength .* would keep \d+\.\d um at \d+ MPa.*; or mechanics",
     ):
         check_removal_of_job(replace(result.removal, mechanics=strict), result.job)
 
@@ -313,7 +315,7 @@ def test_what_cannot_be_simulated_is_one_line(
         ([program, "--keep", keep, "--controller", "linuxcnc"], "give its --controller"),
         ([str(other), "--keep", keep], "give the folder that `convert --keep` wrote beside the program"),
     ):
-        assert main(["simulate", *arguments]) == 2
+        assert main(["simulate", *arguments, "--set", "material.name=paper"]) == 2
         lines = capsys.readouterr().err.splitlines()
         assert len(lines) == 1
         assert told in lines[0]
@@ -358,11 +360,13 @@ def test_keep_writes_levels_path_surface_and_pictures(chain: tuple[bonecam.Resul
     result, folder = chain
     count = len(result.levels.levels)
     names = {item.name for item in (folder / "keep").iterdir()} - {OWN_FILES}
-    pictures = {f"{name}.png" for name in "levels coloured depths toolpath machine engagement stump".split()}
+    pictures = {
+        f"{name}.png" for name in "levels coloured depths toolpath machine engagement stump axes".split()
+    }
     assert (
         names
         == {f"level_{k:02d}.ply" for k in range(count)}
-        | {"surface.tspline", "toolpath.csv", "toolpath.apt", "cones.csv", "left.ply", "given.ply"}
+        | {"surface.tspline", "toolpath.csv", "toolpath.apt", "cones.csv", "left.ply", "given.ply", "axes.md"}
         | {"error.ply", "error.png"}
         | {"program.h", "view.gz", "job.toml", "report.json"}
         | pictures

@@ -147,8 +147,9 @@ def test_a_solver_that_is_not_installed_is_named_before_the_surface_is_fitted(
     ],
 )
 def test_the_default_job_suits_every_machine(machine: str, controller: str) -> None:
-    assert {"mikron-ucp600", "linuxcnc-xyzbc"} == {*machine_names()}
-    check_job(Job(), read_machine(machine), read_dialect(controller))
+    assert {"mikron-ucp600", "linuxcnc-xyzbc"} <= {*machine_names()}
+    job = Job().with_values(nc={"machine": machine, "controller": controller})
+    check_job(job, read_machine(machine), read_dialect(controller))
 
 
 HEIDENHAIN = (DIALECTS / "heidenhain.toml").read_text()

@@ -116,16 +116,17 @@ class Job:
 
     def tool(self, name: str) -> ToolJob:
         """The cutter "roughing", "finishing" or "fine", with the material's spindle speed and feed where its section
-        leaves them 0, at most what the machine turns; JobError or MachineError where material or machine cannot be
-        read."""
+        leaves them 0, at most what the machine turns and moves; JobError or MachineError where material or machine
+        cannot be read."""
         tool: ToolJob = getattr(self, name)
         if tool.spindle and tool.feed:
             return tool
-        fastest = read_machine(self.nc.machine).spindle_speed
+        machine = read_machine(self.nc.machine)
         spindle, feed = read_material(self.material.name).speeds(
-            tool.radius, self.deepest(name), fastest, tool.spindle
+            tool.radius, self.deepest(name), machine.spindle_speed, tool.spindle
         )
-        return replace(tool, spindle=spindle, feed=tool.feed or feed)
+        slowest = min(axis.speed for axis in machine.linear)
+        return replace(tool, spindle=spindle, feed=tool.feed or min(feed, slowest))
 
     def deepest(self, name: str) -> float:
         """Depth (mm) of the deepest cut of the cutter of a section."""

@@ -48,6 +48,7 @@ class ToolJob(JobSection):
         "",
         "Preset",
         "Name of a cutter that `bonecam tools` lists, or path of its .toml file: what the section leaves out is its.",
+        file=".toml",
     )
     radius: float = parameter(2.0, "Radius", "Ball radius.", unit="mm", low=0.05, high=50.0)
     flute_length: float = parameter(

@@ -30,10 +30,10 @@ BLOCK_FACTOR = 2.1
 """Programs have 1.67 to 3.0 blocks a move."""
 TIME_FACTOR = 1.75
 """Programs take 1.45 to 2.22 times as long as evenly spread passes at the cutter's feed."""
-SECONDS_A_LEVEL = 2.8
+SECONDS_A_LEVEL = 4.5
 """CPU seconds that each level takes to plan, post, prove and simulate, and (SECONDS_A_BLOCK) each block of it:
 within a factor of 1.5 but for a hamate, whose hollows take 1.6 times as long."""
-SECONDS_A_BLOCK = 0.0008
+SECONDS_A_BLOCK = 0.0013
 STAGES = ("toolpath", "nc", "verify", "simulation")
 """Stages of a run whose time is estimated."""
 

@@ -13,7 +13,7 @@ from numpy import ndarray
 import bonecam
 from bonecam.errors import BonecamError, MachineError
 from bonecam.job import Job
-from bonecam.machine import Machine, machine_names, read_machine
+from bonecam.machine import Machine, read_machine
 from bonecam.mesh.files.mesh_files import read_mesh
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc import dialect_names, read_dialect
@@ -114,7 +114,9 @@ def controllers_of(machine: Machine) -> Iterator[str]:
             yield name
 
 
-CONTROLLERS = {name: tuple(controllers_of(read_machine(name))) for name in machine_names()}
+DRAWN = ("mikron-ucp600", "linuxcnc-xyzbc")
+"""Machines of the jobs."""
+CONTROLLERS = {name: tuple(controllers_of(read_machine(name))) for name in DRAWN}
 
 
 def random_stock(random: np.random.Generator, mesh: TriangleMesh) -> dict[str, Any]:

@@ -113,6 +113,8 @@ def sound(
     return files
 
 
+PAPER = Job().with_values(material={"name": "paper"})
+"""A job whose feeds every machine makes."""
 CONTROLS = {
     "program.h": ("mikron-ucp600", "heidenhain"),
     "program.ngc": ("linuxcnc-xyzbc", "linuxcnc"),
@@ -139,13 +141,13 @@ def read_as_surface(file: Path, reader: Callable[[Path], TSpline]) -> None:
 def read_as_machine(file: Path) -> None:
     machine = read_machine(file)
     dialect = read_dialect("heidenhain" if machine.tool_centre_control else "linuxcnc")
-    named(file, lambda: check_job(Job(), machine, dialect))
+    named(file, lambda: check_job(PAPER, machine, dialect))
 
 
 def read_as_dialect(file: Path) -> None:
     dialect = read_dialect(file)
     machine = next(read_machine(machine) for machine, control in CONTROLS.values() if control in file.name)
-    named(file, lambda: check_job(Job(), machine, dialect))
+    named(file, lambda: check_job(PAPER, machine, dialect))
 
 
 def read_as_program(file: Path) -> None:

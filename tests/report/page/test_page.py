@@ -229,9 +229,9 @@ def test_the_page_from_kept_files_is_that_of_the_run(small_run: Run, tmp_path: P
     assert report["nc"] == made.report["nc"]
     cones = np.loadtxt(folder / "keep" / "cones.csv", delimiter=",", skiprows=1)
     assert np.allclose(np.linalg.norm(cones[:, 5:8], axis=1), 1, atol=1e-5)
-    assert cones[:, 10].min() >= 0
-    assert cones[:, 10].max() <= 1
-    assert cones[:, 9].sum() == sum((path.cones.cone_of >= 0).sum() for path in made.paths)
+    assert cones[:, 14].min() >= 0
+    assert cones[:, 14].max() <= 1
+    assert cones[:, 13].sum() == sum((path.cones.cone_of >= 0).sum() for path in made.paths)
 
 
 def test_a_simulated_program_has_a_page_of_its_own(small_run: Run, tmp_path: Path) -> None:
