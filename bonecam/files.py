@@ -53,6 +53,15 @@ def input_text(path: str | Path) -> str:
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
+def required_text(path: str | Path, what: str) -> str:
+    """`input_text` of a file that must be `what` ("an NC program"); FileError where it cannot be read."""
+    try:
+        return input_text(path)
+    except (OSError, UnicodeDecodeError) as error:
+        why = getattr(error, "strerror", None) or "it is no text"
+        raise FileError(f"{path}: cannot be read ({why}): give {what}", file=str(path)) from error
+
+
 @contextmanager
 def whole_file(path: str | Path) -> Iterator[Path]:
     """A name to write to, in a temporary folder beside `path`; the file moves there when the block ends well.

@@ -43,6 +43,19 @@ def test_the_papers_speeds_are_a_preset_with_the_mechanics_of_aluminium() -> Non
     assert paper.force == aluminium.force
 
 
+def test_the_mechanics_are_those_of_a_material_that_ships(monkeypatch, tmp_path: Path) -> None:
+    """Two files of a user that name each other have none."""
+    monkeypatch.setenv("BONECAM_HOME", str(tmp_path))
+    text = (FOLDER / "paper.toml").read_text()
+    (tmp_path / "materials").mkdir()
+    for name, other in (("one", "two"), ("two", "one")):
+        file = tmp_path / "materials" / f"{name}.toml"
+        file.write_text(text.replace('mechanics_of = "aluminium"', f'mechanics_of = "{other}"'))
+    assert {"one", "two"} < set(material_names())
+    with pytest.raises(JobError, match=r"mechanics_of = 'two': give one of aluminium, "):
+        read_material("one")
+
+
 def test_aluminium_is_cut_as_fast_as_the_machine_turns() -> None:
     """350 m/min ask 55,700 1/min of a ball of 2 mm; chips of 0.01 D at a depth of 0.1 mm: 0.02 / 0.436 mm a tooth."""
     tool = Job().tool("finishing")

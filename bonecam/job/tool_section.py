@@ -20,7 +20,7 @@ class MaterialJob(JobSection):
     name: str = parameter(
         "aluminium",
         "Material",
-        "aluminium, cortical-bone, peek, titanium, or the path of a material's .toml file.",
+        "aluminium, cortical-bone, paper, peek, titanium, or the path of a material's .toml file.",
         file=".toml",
     )
 

@@ -10,8 +10,8 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
-from bonecam.errors import FileError, ProgramError
-from bonecam.files import check_files, input_text, write_whole
+from bonecam.errors import ProgramError
+from bonecam.files import check_files, required_text, write_whole
 from bonecam.job import Job
 from bonecam.machine.machine import Machine, read_machine
 from bonecam.mesh import read_mesh
@@ -122,13 +122,7 @@ def _planned(
     file: Path, origin: tuple[str | Path, str | Path] | None, job: Job, machine: Machine
 ) -> list[ToolPath]:
     """The tool paths of a file."""
-    try:
-        text = input_text(file)
-    except (OSError, UnicodeDecodeError) as error:
-        why = getattr(error, "strerror", None) or "it is no text"
-        raise FileError(
-            f"{file}: cannot be read ({why}): give cutter location data", file=str(file)
-        ) from error
+    text = required_text(file, "cutter location data")
     try:
         made = list(
             _of_apt(text, job, machine) if origin is None else _of_program(text, origin, job, machine)

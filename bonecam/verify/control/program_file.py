@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from bonecam.errors import FileError, ProgramError, VerifyError
-from bonecam.files import input_text
+from bonecam.errors import ProgramError, VerifyError
+from bonecam.files import required_text
 from bonecam.job import Job
 from bonecam.machine.machine import Machine
 from bonecam.nc.dialect import Dialect
@@ -19,13 +19,7 @@ HEADER_LINES = 20
 def program_text(program: Path, machine: Machine, dialect: Dialect, job: Job) -> str:
     """The text of a program for this machine and job. ProgramError where it is for another machine or cannot be read,
     VerifyError where its control would refuse it, or run it otherwise than the job means."""
-    try:
-        text = input_text(program)
-    except (OSError, UnicodeDecodeError) as error:
-        why = getattr(error, "strerror", None) or "it is no text"
-        raise FileError(
-            f"{program}: cannot be read ({why}): give an NC program", file=str(program)
-        ) from error
+    text = required_text(program, "an NC program")
     _require_machine(text, machine, dialect, program)
     try:
         check_control(read_program(text, machine, dialect), machine, dialect, job)

@@ -41,8 +41,8 @@ PIECES = 3
 @dataclass(frozen=True, eq=False)
 class FreeAxes:
     """Of the leaves (l) about `directions` those that are `proven` free for the tool on all contacts of a node (k, l),
-    and those whose centres are `allowed` by `limits`. Node i has the `apexes` from `starts[i]` up to `starts[i + 1]`,
-    which together stand for all of its contacts."""
+    and those whose centres are `allowed` by `limits`; `reached` (l) are those of the machine. Node i has the
+    `apexes` from `starts[i]` up to `starts[i + 1]`, which together stand for all of its contacts."""
 
     net: ConeNodes
     apexes: Apexes
@@ -50,6 +50,7 @@ class FreeAxes:
     obstacles: Obstacles
     section_names: tuple[str, ...]
     limits: AxisLimits
+    reached: Bool[ndarray, " l"]
     allowed: Bool[ndarray, "k l"]
     proven: Bool[ndarray, "k l"]
 
@@ -79,14 +80,16 @@ class FreeAxes:
         counts: dict[str, ndarray] = {}
         for s in range(len(self.section_names)):
             for name, alone in single_obstacles(self.obstacles, s):
-                proven, allowed = direction_maps(alone, apexes, starts, limits, sphere_leaves()[0])
-                counts[f"{self.section_names[s]} against the {name}"] = (proven & allowed).sum(axis=1)
+                proven, _ = direction_maps(alone, apexes, starts, limits, sphere_leaves()[0])
+                counts[f"{self.section_names[s]} against the {name}"] = (proven & self.allowed[nodes]).sum(
+                    axis=1
+                )
         names = list(counts)
         fewest = np.argmin(list(counts.values()), axis=0)
         why = np.where(self.allowed[nodes].any(axis=1), np.array(names)[fewest], "holder against the table")
         polar = polar_angles(self.directions)
         near = limits.normals @ self.directions.T >= np.cos(limits.tilt)
-        within = near & (polar >= limits.least) & (polar <= limits.largest)
+        within = near & self.reached & (polar >= limits.least) & (polar <= limits.largest)
         return np.where(within.any(axis=1), why, "limits").tolist()  # type: ignore[no-any-return]
 
 
@@ -119,20 +122,20 @@ def free_axes(path: ContactPath, scene: Scene, limits: MachineLimits, max_tilt: 
         alone = np.bincount(net.node_of) == 1
         settled = most | alone | (spacing < FINEST)
         nets.append((left, net, settled))
-        parts.append(tuple(part[settled] for part in (*apexes, kept.above, proven, allowed)))
+        parts.append(tuple(part[settled] for part in (*apexes, proven, allowed)))
         left = left[~settled[net.node_of]]
     net = join_nets(nets, len(path.centres))
-    *apex, above, proven, allowed = (np.concatenate(part) for part in zip(*parts))
-    kept = AxisLimits(
-        limits.smallest - LEAF * limits.narrow,
-        limits.largest + LEAF * limits.narrow,
-        above,
-        max_tilt,
-        net.normals,
-        BAND,
-    )
+    *apex, proven, allowed = (np.concatenate(part) for part in zip(*parts))
     free = FreeAxes(
-        net, Apexes(*apex), np.arange(len(above) + 1), obstacles, names, kept, allowed=allowed, proven=proven
+        net,
+        Apexes(*apex),
+        np.arange(len(net.places) + 1),
+        obstacles,
+        names,
+        _limits(net, path.cutter, limits, max_tilt, clearance),
+        reached,
+        allowed,
+        proven,
     )
     return _in_pieces(free, middles)
 
@@ -166,12 +169,6 @@ def _in_pieces(free: FreeAxes, middles: Float[ndarray, "n 2 3"]) -> FreeAxes:
     counts = np.ones(len(net.places), dtype=np.int64)
     counts[nodes] = 2 * PIECES
     return replace(free, apexes=joined, starts=np.cumsum(np.r_[0, counts]), proven=maps)
-
-
-def _polar_band(limits: MachineLimits) -> tuple[float, float]:
-    """The polar angles (radians) between which the centres of leaves are within a machine's limits."""
-    wider = LEAF if limits.narrow else 0.0
-    return limits.smallest - wider, limits.largest + wider
 
 
 def _reached_leaves(limits: MachineLimits) -> Bool[ndarray, " l"]:
@@ -210,11 +207,5 @@ def _limits(
     """What the axes of a net's nodes keep to."""
     lowest = net.places - np.outer(net.reach, [0.0, 0.0, 1.0])
     above = table_limits(lowest, cutter, clearance) if np.isfinite(clearance) else np.full(len(lowest), np.pi)
-    return AxisLimits(
-        limits.smallest - LEAF * limits.narrow,
-        limits.largest + LEAF * limits.narrow,
-        above,
-        max_tilt,
-        net.normals,
-        BAND,
-    )
+    wider = LEAF if limits.narrow else 0.0
+    return AxisLimits(limits.smallest - wider, limits.largest + wider, above, max_tilt, net.normals, BAND)

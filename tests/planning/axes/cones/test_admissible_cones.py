@@ -11,7 +11,7 @@ from bonecam.errors import OrientationError
 from bonecam.job import PathJob
 from bonecam.kernels.closest.cone_marching import Apexes
 from bonecam.kernels.closest.direction_maps import direction_maps
-from bonecam.machine.limits import MachineLimits, polar_angles
+from bonecam.machine.limits import MachineLimits, ReachedAxes, polar_angles
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.planning.axes.cones.admissible_cones import AxisCones, admissible_cones
 from bonecam.planning.axes.cones.sphere_leaves import leaf_centres, sphere_leaves
@@ -204,6 +204,25 @@ def test_contacts_without_a_cone_are_listed_with_what_blocks_them(made: Made) ->
     assert all(why.endswith("against the clamping") for why in blocked.values())
     assert 0 < len(blocked) < 0.4 * len(path.centres)
     assert path.centres[list(blocked), 2].max() < np.median(path.centres[:, 2])
+
+
+def test_contacts_that_a_curve_of_axes_does_not_reach_are_told_as_beyond_the_limits(made: Made) -> None:
+    """A machine that leans the tool in the plane of X and Z alone, and contacts whose normals are far from it."""
+    path, scene = made
+    plane = ReachedAxes(
+        contains=lambda axes: np.abs(axes[:, 1]) < 1e-9,
+        nearest=lambda axes: unit(axes * [1.0, 0.0, 1.0] + [0.0, 0.0, 1e-12]),
+        samples=np.array([[0.0, 0.0, 1.0]]),
+    )
+    cones = admissible_cones(path, scene, replace(LIMITS, reached=plane), replace(JOB, max_tilt_deg=30.0))
+    blocked = cones.blocked()
+    off = np.abs(np.arcsin(np.clip(path.normals[:, 1], -1, 1)))
+    far = np.flatnonzero(off > np.radians(50.0))
+    assert len(far)
+    assert {blocked[int(i)] for i in far} == {"limits"}
+    near = cones.found & (off < np.radians(10.0))
+    assert near.any()
+    assert (np.abs(cones.free.directions[cones.free.free.any(axis=0)][:, 1]) < np.sin(np.radians(4.01))).all()
 
 
 def test_an_obstacle_that_is_not_closed_is_refused(made: Made, cones: AxisCones) -> None:
