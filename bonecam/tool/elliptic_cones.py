@@ -49,7 +49,8 @@ class EllipticCones:
 
     @classmethod
     def oblique(cls, frames: Float[ndarray, "k 3 3"], found: Bool[ndarray, " k"]) -> "EllipticCones":
-        """Those with the axes D and conjugate semi-diameters U and V (rows of `frames`), where they are `found`."""
+        """Cones of the directions along D + r (cos(t) U + sin(t) V), r <= 1, where they are `found`; the rows of each
+        of the `frames` are D, U and V (the axis and two conjugate semi-diameters of the ellipse at its end)."""
         rows = np.flatnonzero(found)
         columns = np.swapaxes(frames[rows][:, [1, 2, 0]], 1, 2)
         inverse = np.linalg.inv(columns)
