@@ -13,6 +13,7 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from threading import RLock
 
 from bonecam.runtime.signals import undisturbed
 
@@ -22,13 +23,15 @@ NAME = re.compile(r"\.bonecam-(?P<host>[\w.]+)-(?P<process>\d+)-\w+\.part")
 """The name of a temporary folder."""
 _LIVE: set[Path] = set()
 """The temporary folders of this process."""
+_MAKING = RLock()
+"""Held while a folder is made and entered into `_LIVE`, so that no other thread takes it for abandoned in between."""
 
 
 def make_temporary(parent: Path) -> Path:
     """A new folder in `parent`, for files on their way to it; abandoned ones there are removed first. OSError
     where none can be made."""
     remove_abandoned(parent)
-    with undisturbed():
+    with undisturbed(), _MAKING:
         name = f".bonecam-{HOST}-{os.getpid()}-"
         made = Path(tempfile.mkdtemp(dir=parent.absolute(), prefix=name, suffix=".part"))
         _LIVE.add(made)
@@ -63,7 +66,8 @@ def remove_abandoned(parent: Path) -> None:
     What cannot be removed is left, with no error: the work does not need it gone.
     """
     try:
-        found = [item for item in parent.iterdir() if _is_abandoned(item)]
+        with _MAKING:
+            found = [item for item in parent.iterdir() if _is_abandoned(item)]
     except OSError:
         return
     for item in found:

@@ -3,7 +3,9 @@
 import os
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
+from threading import Thread
 
 import pytest
 
@@ -68,3 +70,21 @@ def test_what_runs_is_of_another_host_or_another_name_stays(tmp_path: Path) -> N
 def test_a_folder_that_cannot_be_made_is_an_os_error() -> None:
     with pytest.raises(OSError, match="proc"):
         make_temporary(Path("/proc"))
+
+
+def test_a_folder_that_another_thread_is_making_is_not_taken_for_abandoned(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    other = Thread(target=remove_abandoned, args=(tmp_path,))
+    mkdtemp = tempfile.mkdtemp
+
+    def made_beside_another_thread(**place: str | Path) -> str:
+        made = mkdtemp(**place)
+        other.start()
+        other.join(0.5)  # it waits until the folder is known, so this ends by the time
+        return made
+
+    monkeypatch.setattr(tempfile, "mkdtemp", made_beside_another_thread)
+    made = make_temporary(tmp_path)
+    other.join()
+    assert made.is_dir()
