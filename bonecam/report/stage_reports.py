@@ -101,21 +101,15 @@ def uncut_areas(paths: Sequence[ToolPath], part: TriangleMesh) -> dict[str, floa
 
 
 def _cones(path: ToolPath) -> dict[str, Any] | None:
-    """How many cones the contacts keep to, their shape, what their proofs have to spare (the least, and 1 % have less),
-    and FCL's word on all that were made for the path, where it was asked; null where axes are not chosen in cones."""
+    """How many cones the contacts keep to, their shape, and FCL's word on all that were made for the path, where it was
+    asked; null where axes are not chosen in cones."""
     if path.cones is None:
         return None
     used = np.unique(path.cones.cone_of[path.cones.cone_of >= 0])
-    slacks = (
-        [_mm(value) for value in np.percentile(path.cones.slacks[used], [0, 1])]
-        if len(used)
-        else [None, None]
-    )
     check = path.cones.check
     return {
         "count": len(used),
         "shape": "circular" if path.cones.circular else "elliptic",
-        **dict(zip(("slack_min_mm", "slack_1_percent_mm"), slacks)),
         "fcl": asdict(check) if check else None,
     }
 

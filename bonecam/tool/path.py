@@ -73,13 +73,12 @@ class FreeCones:
 
     Cone k has its apex at the ball centre `apexes[k]` (mm) and the shape `shapes[k]`. Row i of a path has cone
     `cone_of[i]`, -1 for none; there the apex is the row's own ball centre. An axis that lies outside of its cone was
-    tested alone. The proof of cone k would hold with all obstacles `slacks[k]` (mm) nearer. `circular`: their
-    sections across the axes that were wanted are circles. `check` is FCL's word on them, where it was asked.
+    tested alone. `circular`: their sections across the axes that were wanted are circles. `check` is FCL's word on
+    them, where it was asked.
     """
 
     apexes: Float[ndarray, "k 3"]
     shapes: EllipticCones
-    slacks: Float[ndarray, "k"]
     cone_of: Int[ndarray, "n"]
     circular: bool = False
     check: ConeCheck | None = None

@@ -53,26 +53,22 @@ def test_axes_near_the_normal_are_counted_and_those_that_had_no_other(
     assert toolpath_report([path], np.radians(10.0))[0]["near_normal_contacts"] is None
 
     shapes = EllipticCones.circular(axes[[0, 1]], np.radians([1.0, 30.0]))
-    cones = FreeCones(balls[:2], shapes, np.array([0.2, 0.4]), np.array([0, 1, -1, 1]))
+    cones = FreeCones(balls[:2], shapes, np.array([0, 1, -1, 1]))
     row = toolpath_report([replace(path, cones=cones)], np.radians(10.0))[0]
     assert row["near_normal_contacts"] == 3
     assert row["near_normal_without_choice"] == 2
     assert row["cones"] == {
         "count": 2,
         "shape": "elliptic",
-        "slack_min_mm": 0.2,
-        "slack_1_percent_mm": 0.202,
         "fcl": None,
     }
     checked = replace(cones, check=ConeCheck(5, 1, 0), cone_of=np.full(4, -1))
     assert toolpath_report([replace(path, cones=checked)], 0.0)[0]["cones"] == {
         "count": 0,
         "shape": "elliptic",
-        "slack_min_mm": None,
-        "slack_1_percent_mm": None,
         "fcl": {"asked": 5, "narrowed": 1, "refused": 0},
     }
-    none = FreeCones(balls[:0], EllipticCones.none(0), np.zeros(0), np.full(4, -1))
+    none = FreeCones(balls[:0], EllipticCones.none(0), np.full(4, -1))
     assert toolpath_report([replace(path, cones=none)], np.radians(5.0))[0]["near_normal_without_choice"] == 2
 
 

@@ -13,14 +13,13 @@ COLUMNS = (
     *("apex_x", "apex_y", "apex_z"),
     *("axis_x", "axis_y", "axis_z"),
     *("side_x", "side_y", "side_z"),
-    *("half_angle_deg", "second_half_angle_deg", "contacts", "slack_mm"),
+    *("half_angle_deg", "second_half_angle_deg", "contacts"),
 )
 
 
 def cones_csv(paths: Sequence[ToolPath]) -> str:
     """One line for each cone that contacts keep to, in machining order: the node that stands for them among the ball's
-    centres (mm), unit axis, unit direction of the largest opening, both semi-angles, how many contacts they are, and
-    how much nearer (mm) the obstacles might be."""
+    centres (mm), unit axis, unit direction of the largest opening, both semi-angles, and how many contacts they are."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(COLUMNS)
@@ -33,5 +32,5 @@ def cones_csv(paths: Sequence[ToolPath]) -> str:
             apex = [f"{value:.4f}" for value in cones.apexes[k]]
             frame = [f"{value:.6f}" for value in (*cones.shapes.axes[k], *cones.shapes.sides[k])]
             angles = [f"{value:.3f}" for value in np.degrees(cones.shapes.angles[k])]
-            writer.writerow([path.level, path.rest, *apex, *frame, *angles, count, f"{cones.slacks[k]:.4f}"])
+            writer.writerow([path.level, path.rest, *apex, *frame, *angles, count])
     return text.getvalue()

@@ -10,7 +10,6 @@ The machine's limits and the largest tilt cut the cones by planes. Differs from 
 """
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -19,7 +18,6 @@ from scipy.spatial import KDTree
 
 from bonecam.arrays import dots, frozen, unit
 from bonecam.job import PathJob
-from bonecam.kernels.closest.direction_maps import proof_slacks
 from bonecam.kernels.closest.largest_ellipses import largest_ellipses
 from bonecam.machine.limits import ANGLE_ROUNDING, MachineLimits, polar_angles
 from bonecam.planning.axes.cones.cone import ObliqueEllipticCone, elliptic_cone
@@ -29,9 +27,6 @@ from bonecam.planning.axes.lead import table_limits
 from bonecam.planning.collision.scene import Scene
 from bonecam.tool.elliptic_cones import EllipticCones
 from bonecam.tool.path import ConeCheck, ContactPath, FreeCones
-
-SLACKS = np.array([0.01, 0.03, 0.1, 0.3, 1.0])
-"""What a proof has to spare is told in these steps, mm."""
 
 DEEP = 0.6
 """A cone stays where the wanted axis lies no further out in it than this share of the way to its rim: new ones would
@@ -61,16 +56,6 @@ class AxisCones:
     def found(self) -> Bool[ndarray, " n"]:
         """Which contacts have a cone."""
         return np.asarray(self.shapes.found[self.free.net.node_of])
-
-    @cached_property
-    def slacks(self) -> Float[ndarray, " k"]:
-        """By how much nearer (mm, the largest of SLACKS) all obstacles could be for the proof of each cone to hold
-        still; 0 where there is none."""
-        free, shapes = self.free, self.shapes
-        matrices, angles = shapes.matrices, shapes.angles
-        return proof_slacks(
-            free.obstacles, free.apexes, free.starts, matrices, angles, SLACKS, sphere_leaves()[0]
-        )
 
     @property
     def shares(self) -> Float[ndarray, " k"]:
@@ -131,9 +116,7 @@ class AxisCones:
         away, row = KDTree(self.path.centres).query(path.centres)
         cone_of = np.where(away == 0, number[self.free.net.node_of[row]], -1)
         apexes = self.free.net.places[kept]
-        return FreeCones(
-            apexes, self.shapes.take(kept), self.slacks[kept], cone_of, self.circular, self.check
-        )
+        return FreeCones(apexes, self.shapes.take(kept), cone_of, self.circular, self.check)
 
     def cone(self, contact: int, length: float = 1.0) -> ObliqueEllipticCone:
         """The cone of a contact with its apex at the ball's centre, to `length` (mm) along its axis. ValueError where

@@ -25,7 +25,7 @@ def path(path_of: Callable[..., ToolPath]) -> ToolPath:
     which = np.where(np.arange(10) % 2, np.arange(10) // 2, -1)
     angles = np.column_stack([np.linspace(0.1, 0.6, 5), np.linspace(0.1, 0.3, 5)])
     shapes = EllipticCones(axes[1::2], perpendicular(axes[1::2]), angles)
-    return replace(made, cones=FreeCones(made.balls[1::2], shapes, np.zeros(5), which))
+    return replace(made, cones=FreeCones(made.balls[1::2], shapes, which))
 
 
 def test_each_cone_stands_at_its_ball_and_is_as_wide_as_it_is_proven(path: ToolPath) -> None:
