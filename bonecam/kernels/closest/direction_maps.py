@@ -25,14 +25,29 @@ class SphereTriangles(NamedTuple):
 
 class AxisLimits(NamedTuple):
     """What the axes of k nodes keep to, radians: polar angles from `least` to `largest` and to `above` (k,) for the
-    table, angles up to `tilt` from `normals` (k, 3). Axes that miss a limit by `band` at most are mapped too."""
+    table, angles up to `tilt` from `normals` (k, 3)."""
 
     least: float
     largest: float
     above: ndarray
     tilt: float
     normals: ndarray
-    band: float
+
+
+@njit(cache=True, nogil=True)
+def within_limits(limits: AxisLimits, directions: ndarray, band: float) -> ndarray:
+    """Which of the unit vectors (l, 3) the axes of each node (k) may have, or miss a limit of by `band` (radians) at
+    most: (k, l)."""
+    polar = np.arccos(np.minimum(np.maximum(directions[:, 2], -1.0), 1.0))
+    found = np.empty((len(limits.normals), len(directions)), dtype=np.bool_)
+    near = np.cos(min(limits.tilt + band, np.pi))
+    for k in range(len(found)):
+        n = limits.normals[k]
+        most = min(limits.largest, limits.above[k]) + band
+        for i in range(len(directions)):
+            dot = directions[i, 0] * n[0] + directions[i, 1] * n[1] + directions[i, 2] * n[2]
+            found[k, i] = dot >= near and limits.least - band <= polar[i] <= most
+    return found
 
 
 @njit(cache=True, nogil=True)
@@ -62,28 +77,16 @@ def _prove_triangle(
 
 @njit(cache=True, nogil=True)
 def direction_maps(
-    o: Obstacles, p: Apexes, starts: ndarray, limits: AxisLimits, triangles: SphereTriangles
-) -> tuple[ndarray, ndarray]:
-    """For each node (k), which has the apexes from `starts[k]` up to `starts[k + 1]`, and each leaf: whether it is
-    proven free for all of these apexes, and whether its centre keeps the limits."""
+    o: Obstacles, p: Apexes, starts: ndarray, asked: ndarray, triangles: SphereTriangles
+) -> ndarray:
+    """For each node (k), which has the apexes from `starts[k]` up to `starts[k + 1]`, the leaves (l) that are proven
+    free for all of these apexes; those that are not `asked` (k, l) need not be told."""
     last = len(triangles.starts) - 2
-    leaves = triangles.starts[last + 1] - triangles.starts[last]
-    centres = triangles.centres[triangles.starts[last] :]
-    polar = np.arccos(np.minimum(np.maximum(centres[:, 2], -1.0), 1.0))
-    nodes = len(starts) - 1
-    proven, allowed = np.zeros((2, nodes, leaves), dtype=np.bool_)
-    asked = np.empty(leaves, dtype=np.bool_)
+    proven = np.zeros(asked.shape, dtype=np.bool_)
     stack = np.empty((4 * len(triangles.starts) + 4, 2), dtype=np.int64)
-    for k in range(nodes):
+    for k in range(len(starts) - 1):
         sections = np.zeros((last + 2, starts[k + 1] - starts[k]), dtype=np.int64)
         heights = np.zeros(sections.shape)
-        n = limits.normals[k]
-        most = min(limits.largest, limits.above[k])
-        near, nearly = np.cos(limits.tilt), np.cos(min(limits.tilt + limits.band, np.pi))
-        for i in range(leaves):
-            dot = centres[i, 0] * n[0] + centres[i, 1] * n[1] + centres[i, 2] * n[2]
-            allowed[k, i] = dot >= near and limits.least <= polar[i] <= most
-            asked[i] = dot >= nearly and limits.least - limits.band <= polar[i] <= most + limits.band
         for root in range(triangles.starts[1]):
             stack[0] = 0, root
             height = 1
@@ -91,7 +94,7 @@ def direction_maps(
                 height -= 1
                 level, i = stack[height]
                 size = 4 ** (last - level)
-                if not asked[i * size : (i + 1) * size].any():
+                if not asked[k, i * size : (i + 1) * size].any():
                     continue
                 t = triangles.starts[level] + i
                 verdict = _prove_triangle(o, p, starts[k], triangles, t, level, sections, heights)
@@ -101,4 +104,4 @@ def direction_maps(
                     for child in range(4):
                         stack[height] = level + 1, 4 * i + child
                         height += 1
-    return proven, allowed
+    return proven

@@ -11,8 +11,8 @@ from numpy import ndarray
 from bonecam.arrays import angles_between
 from bonecam.errors import OrientationError
 from bonecam.kernels.closest.cone_marching import Apexes, Obstacles
-from bonecam.kernels.closest.direction_maps import AxisLimits, direction_maps
-from bonecam.machine.limits import MachineLimits, polar_angles
+from bonecam.kernels.closest.direction_maps import AxisLimits, direction_maps, within_limits
+from bonecam.machine.limits import MachineLimits
 from bonecam.planning.axes.cones.cone_nodes import ConeNodes, join_nets, make_net
 from bonecam.planning.axes.cones.obstacles import apexes_of, obstacles_of, rooms_at, single_obstacles
 from bonecam.planning.axes.cones.sphere_leaves import leaf_centres, sphere_leaves
@@ -76,20 +76,17 @@ class FreeAxes:
         some = np.concatenate([np.zeros(0, np.int64), *held])
         apexes = Apexes(*(part[some] for part in self.apexes))
         starts = np.cumsum([0, *map(len, held)])
-        limits = _of_nodes(self.limits, nodes)
+        allowed = self.allowed[nodes]
         counts: dict[str, ndarray] = {}
         for s in range(len(self.section_names)):
             for name, alone in single_obstacles(self.obstacles, s):
-                proven, _ = direction_maps(alone, apexes, starts, limits, sphere_leaves()[0])
-                counts[f"{self.section_names[s]} against the {name}"] = (proven & self.allowed[nodes]).sum(
-                    axis=1
-                )
+                proven = direction_maps(alone, apexes, starts, allowed, sphere_leaves()[0])
+                counts[f"{self.section_names[s]} against the {name}"] = (proven & allowed).sum(axis=1)
         names = list(counts)
         fewest = np.argmin(list(counts.values()), axis=0)
-        why = np.where(self.allowed[nodes].any(axis=1), np.array(names)[fewest], "holder against the table")
-        polar = polar_angles(self.directions)
-        near = limits.normals @ self.directions.T >= np.cos(limits.tilt)
-        within = near & self.reached & (polar >= limits.least) & (polar <= limits.largest)
+        why = np.where(allowed.any(axis=1), np.array(names)[fewest], "holder against the table")
+        no_table = self.limits._replace(above=np.full(len(nodes), np.pi), normals=self.limits.normals[nodes])
+        within = within_limits(no_table, self.directions, 0.0) & self.reached
         return np.where(within.any(axis=1), why, "limits").tolist()  # type: ignore[no-any-return]
 
 
@@ -115,8 +112,9 @@ def free_axes(path: ContactPath, scene: Scene, limits: MachineLimits, max_tilt: 
         apexes = apexes_of(net, room[left])
         kept = _limits(net, path.cutter, limits, max_tilt, clearance)
         starts = np.arange(len(net.places) + 1)
-        proven, allowed = direction_maps(obstacles, apexes, starts, kept, sphere_leaves()[0])
-        allowed &= reached
+        allowed = within_limits(kept, leaf_centres(), 0.0) & reached
+        asked = within_limits(kept, leaf_centres(), BAND)
+        proven = direction_maps(obstacles, apexes, starts, asked, sphere_leaves()[0])
         spacing /= 2
         most = (proven & allowed).sum(axis=1) >= ENOUGH * allowed.sum(axis=1)
         alone = np.bincount(net.node_of) == 1
@@ -158,9 +156,9 @@ def _in_pieces(free: FreeAxes, middles: Float[ndarray, "n 2 3"]) -> FreeAxes:
     each = np.repeat(nodes, 2 * PIECES)
     pieces = Apexes(places, growth, one.normals[each], one.spread[each], one.room[each])
     starts = 2 * PIECES * np.arange(len(nodes) + 1)
-    proven, _ = direction_maps(
-        free.obstacles, pieces, starts, _of_nodes(free.limits, nodes), sphere_leaves()[0]
-    )
+    limits = free.limits._replace(above=free.limits.above[nodes], normals=free.limits.normals[nodes])
+    asked = within_limits(limits, leaf_centres(), BAND)
+    proven = direction_maps(free.obstacles, pieces, starts, asked, sphere_leaves()[0])
     maps = free.proven.copy()
     maps[nodes] = proven
     others = np.setdiff1d(np.arange(len(net.places)), nodes)
@@ -177,10 +175,6 @@ def _reached_leaves(limits: MachineLimits) -> Bool[ndarray, " l"]:
     if limits.reached is None:
         return np.ones(len(centres), dtype=bool)
     return np.asarray(angles_between(centres, limits.nearest(centres)) <= LEAF)
-
-
-def _of_nodes(limits: AxisLimits, nodes: Int[ndarray, " k"]) -> AxisLimits:
-    return limits._replace(above=limits.above[nodes], normals=limits.normals[nodes])
 
 
 def blocked_by(path: ContactPath, scene: Scene, limits: MachineLimits, max_tilt: float) -> dict[str, int]:
@@ -208,4 +202,4 @@ def _limits(
     lowest = net.places - np.outer(net.reach, [0.0, 0.0, 1.0])
     above = table_limits(lowest, cutter, clearance) if np.isfinite(clearance) else np.full(len(lowest), np.pi)
     wider = LEAF if limits.narrow else 0.0
-    return AxisLimits(limits.smallest - wider, limits.largest + wider, above, max_tilt, net.normals, BAND)
+    return AxisLimits(limits.smallest - wider, limits.largest + wider, above, max_tilt, net.normals)

@@ -22,9 +22,9 @@ def level_axes(
     job: PathJob,
     before: SmoothAxes | None,
 ) -> SmoothAxes | None:
-    """Smooth axes of a level in elliptic cones of free ones, or in circular ones where these are sooner, from the field
-    of the level `before` unless the machine is too slow for these; None where the job wants none. Where no contact has
-    a cone there is nothing to smooth."""
+    """Smooth axes of a level in elliptic cones of free ones, from the field of the level `before`; where the machine is
+    too SLOW for these, the soonest of these, of those in circular cones, and of those made anew. None where the job
+    wants none. Where no contact has a cone there is nothing to smooth."""
     if job.orientation != "cones" or not len(contacts.contacts):
         return before
     cones = admissible_cones(contacts, scene, limits, job)
@@ -32,9 +32,10 @@ def level_axes(
         return before
     domain = FieldDomain.of(level.surface)
     start = before.field if before else None
-    shapes = cones, cones.as_circles()
-    found = soonest([smooth_axes(one, domain, limits, job, "membrane", start) for one in shapes], limits)
+    found = smooth_axes(cones, domain, limits, job, "membrane", start)
     at_feed = machine_minutes(contacts, found.axes, MachineLimits(limits.largest))
-    if before is not None and machine_minutes(contacts, found.axes, limits) > SLOW * at_feed:
-        found = soonest([found, smooth_axes(cones, domain, limits, job, "membrane")], limits)
+    if machine_minutes(contacts, found.axes, limits) > SLOW * at_feed:
+        others = [(cones.as_circles(), start), *([(cones, None)] if start else [])]
+        made = [smooth_axes(shapes, domain, limits, job, "membrane", from_) for shapes, from_ in others]
+        found = soonest([found, *made], limits)
     return found.verified(scene) if job.certify == "fcl" else found

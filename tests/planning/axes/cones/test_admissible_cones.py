@@ -151,13 +151,9 @@ def test_a_leaf_of_several_apexes_is_proven_where_it_is_for_each(cones: AxisCone
     free = cones.free
     some = np.arange(0, len(free.starts) - 1, 30)[:20]
     apexes = Apexes(*(part[free.starts[some]] for part in free.apexes))
-    limits = free.limits._replace(above=free.limits.above[some], normals=free.limits.normals[some])
-    each = np.arange(len(some) + 1)
-    alone, _ = direction_maps(free.obstacles, apexes, each, limits, sphere_leaves()[0])
-    pairs = free.limits._replace(
-        above=limits.above[::2], normals=np.broadcast_to(free.limits.normals[some][::2], (10, 3)).copy()
-    )
-    together, _ = direction_maps(free.obstacles, apexes, 2 * np.arange(11), pairs, sphere_leaves()[0])
+    asked, each = free.allowed[some], np.arange(len(some) + 1)
+    alone = direction_maps(free.obstacles, apexes, each, asked, sphere_leaves()[0])
+    together = direction_maps(free.obstacles, apexes, 2 * np.arange(11), asked[::2], sphere_leaves()[0])
     assert together.sum() > 0
     assert not (together & ~alone[::2]).any()
 
