@@ -18,6 +18,7 @@ from bonecam.planning.axes.cones.obstacles import apexes_of, obstacles_of, rooms
 from bonecam.planning.axes.cones.sphere_leaves import leaf_centres, sphere_leaves
 from bonecam.planning.axes.lead import table_limits
 from bonecam.planning.collision.scene import Scene
+from bonecam.runtime.threads import in_pieces
 from bonecam.tool.cutter import Cutter
 from bonecam.tool.path import ContactPath
 
@@ -32,6 +33,8 @@ LEAF = np.radians(4.0)
 limits: leaves are at most so far apart."""
 BAND = np.radians(15.0)
 """Directions that miss a limit by this are mapped too: a cone is proven as a whole, and limits cut it by planes."""
+NODES = 64
+"""So many are mapped on a core in one go."""
 FEW = 0.028
 """A node of one contact with fewer free directions than this share of the sphere (0.35 sr) gets several apexes:"""
 PIECES = 3
@@ -80,7 +83,7 @@ class FreeAxes:
         counts: dict[str, ndarray] = {}
         for s in range(len(self.section_names)):
             for name, alone in single_obstacles(self.obstacles, s):
-                proven = direction_maps(alone, apexes, starts, allowed, sphere_leaves()[0])
+                proven = _maps(alone, apexes, starts, allowed)
                 counts[f"{self.section_names[s]} against the {name}"] = (proven & allowed).sum(axis=1)
         names = list(counts)
         fewest = np.argmin(list(counts.values()), axis=0)
@@ -114,7 +117,7 @@ def free_axes(path: ContactPath, scene: Scene, limits: MachineLimits, max_tilt: 
         starts = np.arange(len(net.places) + 1)
         allowed = within_limits(kept, leaf_centres(), 0.0) & reached
         asked = within_limits(kept, leaf_centres(), BAND)
-        proven = direction_maps(obstacles, apexes, starts, asked, sphere_leaves()[0])
+        proven = _maps(obstacles, apexes, starts, asked)
         spacing /= 2
         most = (proven & allowed).sum(axis=1) >= ENOUGH * allowed.sum(axis=1)
         alone = np.bincount(net.node_of) == 1
@@ -158,7 +161,7 @@ def _in_pieces(free: FreeAxes, middles: Float[ndarray, "n 2 3"]) -> FreeAxes:
     starts = 2 * PIECES * np.arange(len(nodes) + 1)
     limits = free.limits._replace(above=free.limits.above[nodes], normals=free.limits.normals[nodes])
     asked = within_limits(limits, leaf_centres(), BAND)
-    proven = direction_maps(free.obstacles, pieces, starts, asked, sphere_leaves()[0])
+    proven = _maps(free.obstacles, pieces, starts, asked)
     maps = free.proven.copy()
     maps[nodes] = proven
     others = np.setdiff1d(np.arange(len(net.places)), nodes)
@@ -167,6 +170,18 @@ def _in_pieces(free: FreeAxes, middles: Float[ndarray, "n 2 3"]) -> FreeAxes:
     counts = np.ones(len(net.places), dtype=np.int64)
     counts[nodes] = 2 * PIECES
     return replace(free, apexes=joined, starts=np.cumsum(np.r_[0, counts]), proven=maps)
+
+
+def _maps(
+    obstacles: Obstacles, apexes: Apexes, starts: Int[ndarray, " j"], asked: Bool[ndarray, "k l"]
+) -> Bool[ndarray, "k l"]:
+    """`direction_maps` of all nodes, on all cores."""
+
+    def work(piece: slice) -> Bool[ndarray, "m l"]:
+        some = starts[piece.start : piece.stop + 1]
+        return np.asarray(direction_maps(obstacles, apexes, some, asked[piece], sphere_leaves()[0]))
+
+    return np.concatenate(in_pieces(work, len(asked), NODES))
 
 
 def _reached_leaves(limits: MachineLimits) -> Bool[ndarray, " l"]:
