@@ -4,7 +4,7 @@ All stages work in one frame, mm: the part's long axis is +Z, the table is z = 0
 the post stands on it.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -40,10 +40,11 @@ from bonecam.report.stage_reports import uncut_areas
 from bonecam.report.summary import NOT_SIMULATED
 from bonecam.runtime.timing import StageTimes
 from bonecam.second_clamping import add_second, check_simulated
-from bonecam.setup.placement import place
+from bonecam.setup.placement import Setup, place
 from bonecam.setup.schedule import check_cuts
 from bonecam.setup.stock_kind import check_sizes
 from bonecam.surface.files.surface_input import read_part
+from bonecam.surface.fitting.fit import Fit
 from bonecam.tool.ball_depth import check_depths
 from bonecam.verify.control.trial_program import check_posting
 from bonecam.verify.removal.given import given_surface
@@ -147,8 +148,27 @@ def morph_part(
     progress: Progress,
 ) -> Morphed:
     """Part, surface and levels in a stock for which `machine` has room."""
+    standing = stand_part(mesh, job, machine, times, part(progress, 0.0, 0.1))
+    return morph_standing(standing, keep, times, part(progress, 0.1, 1.0))
+
+
+@dataclass(frozen=True, eq=False)
+class Standing:
+    """A part on its post in its stock, the job with the holding that was found, and what the report tells of both;
+    the surface that was `given` in the place of a mesh, if it was."""
+
+    setup: Setup
+    job: Job
+    given: Fit | None
+    told: dict[str, Any]
+
+
+def stand_part(
+    mesh: str | Path | TriangleMesh, job: Job, machine: Machine | None, times: StageTimes, progress: Progress
+) -> Standing:
+    """The part in a stock for which `machine` has room, on the post that the job gives or that is found."""
     with times.stage("mesh"):
-        unplaced, given = read_part(mesh, job, part(progress, 0.0, 0.1))
+        unplaced, given = read_part(mesh, job, progress)
         warnings.check_warnings(warnings.hole_warnings(unplaced.widest_hole, job), job, unplaced.file)
         found = not job.holding.length
         placed = place(unplaced, job)
@@ -162,15 +182,20 @@ def morph_part(
             check_room(setup.stock, job, machine)
         check_cuts(setup.part.mesh, setup.stock, job.levels)
         if machine is not None:
-            check_length(setup.part.mesh, setup.stock, job, part(progress, 0.1, 0.1))
+            check_length(setup.part.mesh, setup.stock, job, part(progress, 1.0, 1.0))
         advice = post_advice(setup, job, limits) if found and machine else {}
+    told = post_report(setup.post, setup.part.mesh, job.holding) | advice | neck_report(necks)
+    return Standing(setup, job, given, told)
 
+
+def morph_standing(standing: Standing, keep: File, times: StageTimes, progress: Progress) -> Morphed:
+    """Surface and levels of a part that stands in its stock."""
+    setup, job = standing.setup, standing.job
     with keep_failed_level(keep):
-        fitted, morph = surface_and_levels(setup, job, times, part(progress, 0.1, 1.0), given)
+        fitted, morph = surface_and_levels(setup, job, times, progress, standing.given)
 
     figures = report_to_levels(setup.part, fitted, setup.stock, morph, job.levels.method)
-    figures["strategy"] = job.path.strategy
-    figures["post"] = post_report(setup.post, setup.part.mesh, job.holding) | advice | neck_report(necks)
+    figures |= {"strategy": job.path.strategy, "post": standing.told}
     figures |= {"seconds": times.seconds, "cpu_seconds": times.cpu_seconds}
     return Morphed(setup.part, fitted.surface, setup.stock, morph, warnings.with_warnings(figures, job), job)
 

@@ -20,7 +20,7 @@ from bonecam.mesh.triangle_mesh import MeshLike, mesh_from
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.job_dialect import job_dialect
 from bonecam.nc.requirements import check_reach
-from bonecam.pipeline import check_job, machine_levels, morph_part
+from bonecam.pipeline import check_job, machine_levels, morph_standing, stand_part
 from bonecam.progress import Progress, part, report, silent
 from bonecam.report.files.result import Morphed, Result
 from bonecam.runtime.timing import StageTimes
@@ -28,7 +28,7 @@ from bonecam.study.claims import claims_of
 from bonecam.study.compared import Comparison, Measured
 from bonecam.study.files import write_comparison
 from bonecam.study.rows import Row, figures_of
-from bonecam.study.strategies import STRATEGIES, Strategy
+from bonecam.study.strategies import MORPH, STRATEGIES, Strategy
 from bonecam.verify.probing.line import ProbeLine, probe_line
 from bonecam.verify.probing.machined import PostedProgram
 from bonecam.verify.probing.probe import RUBY, probe_surface
@@ -98,19 +98,19 @@ def _base(
     need more room above the clamping than those of a morph, which then stand on the same.
     """
     layers = [strategy for strategy in chosen if not strategy.is_morph]
-    placed = None
-    if layers:
-        placed = morph_part(given, layers[0].job(job), machine, None, StageTimes(), part(progress, 0.0, 0.5))
-        job = replace(job, holding=placed.job.holding)
-    if len(layers) == len(chosen) and placed is not None:
-        return placed, None
-    try:
-        morph = STRATEGIES[1].job(job)
-        return morph_part(given, morph, machine, None, StageTimes(), part(progress, 0.5, 1.0)), None
-    except LevelError as error:
-        if placed is None:
-            raise
-        return placed, error
+    first = (layers or [MORPH])[0]
+    times, share = StageTimes(), part(progress, 0.2, 1.0)
+    standing = stand_part(given, first.job(job), machine, times, part(progress, 0.0, 0.2))
+    failure = None
+    if len(layers) < len(chosen):
+        morph = MORPH.job(replace(job, holding=standing.job.holding))
+        try:
+            return morph_standing(replace(standing, job=morph), None, times, share), None
+        except LevelError as error:
+            if not layers:
+                raise
+            failure = error
+    return morph_standing(standing, None, times, share), failure
 
 
 @dataclass(frozen=True, eq=False)

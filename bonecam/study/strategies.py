@@ -45,3 +45,5 @@ STRATEGIES = (
     Strategy("rotary", "sectional rotary milling"),
 )
 """All of them, in the order of the table."""
+MORPH = STRATEGIES[1]
+"""The one whose levels are those of the job."""

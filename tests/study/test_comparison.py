@@ -11,9 +11,13 @@ from bonecam.cli import main
 from bonecam.errors import FileError, JobError, LevelError
 from bonecam.job import Job
 from bonecam.levels.job_levels import make_levels
+from bonecam.machine.machine import read_machine
+from bonecam.pipeline import stand_part
+from bonecam.progress import silent
 from bonecam.report.files.output_files import Outputs
 from bonecam.study import comparison
 from bonecam.study.compared import Comparison
+from bonecam.study.strategies import STRATEGIES
 from bonecam.study.table import LINES
 
 COARSE = Job().with_values(
@@ -95,6 +99,29 @@ def test_a_kept_program_is_probed_as_in_the_comparison(
     (tmp_path / "keep" / "view.gz").write_bytes(b"of another version")
     with pytest.raises(FileError):
         bonecam.probe(tmp_path / "keep", points=8)
+
+
+@pytest.mark.parametrize("fails", [False, True])
+def test_the_part_is_read_and_fitted_once_for_all_strategies(pebble, mesh_of, monkeypatch, fails) -> None:
+    machine, fitted, stood = read_machine(COARSE.nc.machine), [], []
+
+    def stand(*given):
+        stood.append(stand_part(*given))
+        return stood[-1]
+
+    def fit(standing, *_):
+        fitted.append(standing.job.path.strategy)
+        if fails and fitted == ["morph"]:
+            raise LevelError("level 1: is planted to fail", level=1)
+        return standing
+
+    monkeypatch.setattr(comparison, "stand_part", stand)
+    monkeypatch.setattr(comparison, "morph_standing", fit)
+    base, failure = comparison._base(mesh_of(pebble(), 40, 50), COARSE, STRATEGIES, machine, silent)
+    (first,) = stood
+    assert (fitted, bool(failure)) == ((["morph", "iso-height"], True) if fails else (["morph"], False))
+    assert base.setup is first.setup
+    assert base.job.holding == first.job.holding
 
 
 def test_an_unknown_strategy_is_refused_in_a_line() -> None:
