@@ -69,13 +69,13 @@ def test_the_command_line_names_the_patch(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(job_levels, "make_levels", failing)
+    monkeypatch.setattr(job_levels, "MOST_CHOICES", 1)
     part, out = tmp_path / "part.ply", tmp_path / "out"
     out.mkdir()
     write_mesh(Capsule(np.array([0.0, 0, 2.5]), np.array([0.0, 0, 7.5]), 2.5).mesh(0.05), part)
     files = [str(part), "-o", str(out / "bone.h"), "--keep", str(out / "keep")]
-    assert (
-        main(["convert", *files, "--set", "surface.tolerance=0.2", "--set", "holding.diameter=3", "-q"]) == 2
-    )
+    job = ("surface.tolerance=0.2", "holding.diameter=3", "holding.length=60")
+    assert main(["convert", *files, "-q", *(word for value in job for word in ("--set", value))]) == 2
     assert "failed_level_07.ply shows it" in capsys.readouterr().err
     assert [item.name for item in out.iterdir()] == ["keep"]
 
