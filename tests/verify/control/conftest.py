@@ -13,6 +13,8 @@ from bonecam.nc.dialect import Dialect, dialect_names, read_dialect
 from bonecam.nc.posting.block_numbers import number_blocks
 from bonecam.nc.posting.feeds import drivable_paths
 from bonecam.nc.posting.write import write_program
+from bonecam.nc.reading.motions import Motions
+from bonecam.nc.reading.read import read_program
 from bonecam.tool.path import ToolPath
 from bonecam.verify.removal.of_job import cutters_of
 
@@ -33,6 +35,11 @@ class Posted:
     def text(self, blocks: list[str] | None = None) -> str:
         """The numbered text of blocks."""
         return number_blocks(list(self.blocks if blocks is None else blocks), self.dialect)[0]
+
+    @cached_property
+    def motions(self) -> Motions:
+        """The program as its control would run it."""
+        return read_program(self.text(), self.machine, self.dialect)
 
     def line(self, block: int) -> int:
         """The line of a block."""

@@ -29,7 +29,8 @@ ALLOWED_GOUGE = 0.05
 
 @pytest.fixture(scope="module")
 def part(path_capsule):
-    return capsule(path_capsule, 0.0)
+    """The distances to the capsule."""
+    return MeshDistance(capsule(path_capsule, 0.0))
 
 
 @pytest.fixture(scope="module")
@@ -50,11 +51,11 @@ def judge(posted, text, part, stock):
     """Read a text, judge it as its control would run it, and by what its ball and its rapids do."""
     motions = read_program(text, posted.machine, posted.dialect)
     check_control(motions, posted.machine, posted.dialect, posted.job)
-    same = read_program(posted.text(), posted.machine, posted.dialect)
+    same = posted.motions
     goes_alike = np.array_equal(motions.words, same.words) and np.array_equal(motions.rapid, same.rapid)
     if goes_alike and text != posted.text():
         return  # the text as posted is judged as `nothing`
-    gouge = measure_gouge(motions, MeshDistance(part))
+    gouge = measure_gouge(motions, part)
     if gouge.depth > ALLOWED_GOUGE:
         raise VerifyError(f"line {gouge.line}: gouge", line=gouge.line, place=None, error=gouge.depth)
     cutters: list[Cutter] = cutters_of(posted.job, posted.machine)
