@@ -5,6 +5,9 @@ import hashlib
 import json
 import re
 import shutil
+from contextlib import redirect_stdout
+from dataclasses import dataclass
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -40,6 +43,31 @@ def second(second_run: Run) -> SecondProgram:
 @pytest.fixture(scope="module")
 def contents(second: SecondProgram) -> Contents:
     return unpack(second.packed_view, "the second clamping")
+
+
+@dataclass(frozen=True)
+class Simulated:
+    """What `simulate` makes of a kept text: its report, what it prints, its page."""
+
+    report: dict[str, Any]
+    told: list[str]
+    page: str
+
+
+@pytest.fixture(scope="module")
+def simulated(second_run: Run, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Simulated]:
+    """Both texts of the run, simulated from its kept folder."""
+    folder, found = second_run[1], {}
+    keep = ["--keep", str(folder / "keep"), "--job", str(folder / "keep" / "job.toml")]
+    for name in ("bone.h", "bone.second.h"):
+        again = tmp_path_factory.mktemp("again")
+        outputs = ["--report", str(again / "again.json"), "--html", str(again / "again.html")]
+        with redirect_stdout(StringIO()) as told:
+            assert main(["simulate", str(folder / name), *keep, *outputs]) == 0
+        report = json.loads((again / "again.json").read_text(encoding="utf-8"))
+        page = (again / "again.html").read_text(encoding="utf-8")
+        found[name] = Simulated(report, told.getvalue().splitlines(), page)
+    return found
 
 
 def test_every_output_of_the_second_clamping_lies_beside_that_of_the_first(
@@ -183,13 +211,9 @@ def test_the_sheet_has_a_page_for_each_clamping(second_run: Run, second: SecondP
 
 
 def test_simulate_finds_in_the_kept_texts_what_the_run_found(
-    second_run: Run, second: SecondProgram, tmp_path: Path
+    simulated: dict[str, Simulated], second: SecondProgram
 ) -> None:
-    folder = second_run[1]
-    job = ["--keep", str(folder / "keep"), "--job", str(folder / "keep" / "job.toml")]
-    outputs = ["--report", str(tmp_path / "again.json"), "--html", str(tmp_path / "again.html")]
-    assert main(["simulate", str(folder / "bone.second.h"), *job, *outputs, "-q"]) == 0
-    found = json.loads((tmp_path / "again.json").read_text(encoding="utf-8"))["removal"]
+    found = simulated["bone.second.h"].report["removal"]
     told = second.report["removal"]
     assert found["clearance_mm"]["shell"] == pytest.approx(told["clearance_mm"]["shell"], abs=0.01)
     assert found["left"]["area_over_0_02_mm2"] == pytest.approx(told["left"]["area_over_0_02_mm2"], abs=0.01)
@@ -198,7 +222,7 @@ def test_simulate_finds_in_the_kept_texts_what_the_run_found(
         assert again["removed_mm3"] == pytest.approx(level["removed_mm3"], abs=0.01)
         assert again["depth_max_mm"] == pytest.approx(level["depth_max_mm"], abs=0.005)
         assert again["over_limit_mm"] == pytest.approx(level["over_limit_mm"], abs=0.005)
-    page = (tmp_path / "again.html").read_text(encoding="utf-8")
+    page = simulated["bone.second.h"].page
     packed = base64.b64decode(page.split('<script id="payload" type="text/plain">')[1].split("<")[0])
     shown = unpack(packed, "again.html")
     assert shown.facts["solid"] == "shell"
@@ -207,32 +231,26 @@ def test_simulate_finds_in_the_kept_texts_what_the_run_found(
     )
 
 
-def test_simulate_begins_the_first_text_with_the_exact_stock(second_run: Run, tmp_path: Path) -> None:
-    result, folder = second_run
-    job = ["--keep", str(folder / "keep"), "--job", str(folder / "keep" / "job.toml")]
-    report = ["--report", str(tmp_path / "again.json")]
-    assert main(["simulate", str(folder / "bone.h"), *job, *report, "-q"]) == 0
-    found = json.loads((tmp_path / "again.json").read_text(encoding="utf-8"))["removal"]
-    assert found["levels"] == result.report["removal"]["levels"]
+def test_simulate_begins_the_first_text_with_the_exact_stock(
+    second_run: Run, simulated: dict[str, Simulated]
+) -> None:
+    found = simulated["bone.h"].report["removal"]
+    assert found["levels"] == second_run[0].report["removal"]["levels"]
 
 
 def test_simulate_finds_what_each_text_does_to_the_mesh_as_given(
-    second_run: Run, second: SecondProgram, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    second_run: Run, second: SecondProgram, simulated: dict[str, Simulated]
 ) -> None:
-    result, folder = second_run
-    keep = ["--keep", str(folder / "keep"), "--job", str(folder / "keep" / "job.toml")]
+    result = second_run[0]
     for name, nc, removal in (
         ("bone.h", result.report["nc"], result.report["removal"]),
         ("bone.second.h", second.report, second.report["removal"]),
     ):
-        report = tmp_path / "again.json"
-        assert main(["simulate", str(folder / name), *keep, "--report", str(report)]) == 0
-        found = json.loads(report.read_text(encoding="utf-8"))
+        found = simulated[name].report
         assert found["removal"]["given"] == removal["given"]
         assert found["nc"] == {key: nc[key] for key in nc if key.startswith("gouge_to_given")}
         assert found["nc"]["gouge_to_given_line"] > 0
-        told = capsys.readouterr().out.splitlines()
-        told = [line for line in told if not line.startswith(("warning ", "   "))]
+        told = [line for line in simulated[name].told if not line.startswith(("warning ", "   "))]
         assert told[0] == f"proof     {nc['gouge_to_given_max_mm']:.3f} mm into the mesh as given at most"
         assert f"{removal['given']['gouge_max_mm']:.3f} mm inside the mesh as given at most" in "".join(told)
 
@@ -249,7 +267,7 @@ def test_simulate_refuses_a_text_that_goes_too_deep_into_the_mesh_as_given(
     middle = given.bounds.mean(axis=0)
     write_mesh(TriangleMesh(middle + 1.5 * (given.vertices - middle), given.faces), keep / GIVEN)
     report = tmp_path / "again.json"
-    outputs = ["--job", str(keep / "job.toml"), "--report", str(report)]
+    outputs = ["--job", str(keep / "job.toml"), "--report", str(report), "--cell", "0.1"]
     assert main(["simulate", str(folder / name), "--keep", str(keep), *outputs]) == 2
     assert re.search(
         r"line \d+: the ball goes [12]\.\d+ mm into the mesh as given at .*, allowed 0\.5\d+: mend the mesh there",
@@ -267,7 +285,7 @@ def test_simulate_tells_that_it_has_no_mesh_as_given(
     shutil.copytree(folder / "keep", keep)
     (keep / GIVEN).unlink()
     report = tmp_path / "again.json"
-    outputs = ["--job", str(keep / "job.toml"), "--report", str(report)]
+    outputs = ["--job", str(keep / "job.toml"), "--report", str(report), "--cell", "0.1"]
     assert main(["simulate", str(folder / name), "--keep", str(keep), *outputs]) == 0
     told = f"not judged against the mesh as given: {keep} has no given.ply"
     assert f"as given  {told}" in capsys.readouterr().out
@@ -332,7 +350,7 @@ def test_simulate_refuses_a_second_text_that_is_not_the_kept_one_or_cuts_with_a_
         (second.program.text, other, "of a second clamping, of which"),
     ):
         (tmp_path / "bone.h").write_text(text, encoding="utf-8")
-        options = ["--keep", str(folder_kept), "--job", str(keep / "job.toml")]
+        options = ["--keep", str(folder_kept), "--job", str(keep / "job.toml"), "--cell", "0.1"]
         assert main(["simulate", str(tmp_path / "bone.h"), *options]) == 2
         lines = capsys.readouterr().err.splitlines()
         assert len(lines) == 1
