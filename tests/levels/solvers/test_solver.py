@@ -12,7 +12,7 @@ COARSE = Job().with_values(
     mechanics={"refuse": False},
     mesh={"rows": 8, "row_points": 24},
     surface={"tolerance": 0.5, "largest_deviation": 1.0, "max_control_points": 60},
-    holding={"length": 110.0},
+    holding={"diameter": 4.0, "length": 110.0},
     path={"orientation": "lead"},
     levels={
         "finishing_levels": 1,
@@ -34,7 +34,7 @@ def test_a_reference_solver_leads_to_a_verified_program(solver: str, monkeypatch
     monkeypatch.setattr("bonecam.levels.measure.inspection.certifiable", lambda surface: False)
     job = COARSE.with_values(levels={"solver": solver})
     whole = read_mesh(shipped("phalanx"))
-    result = bonecam.convert((0.5 * whole.vertices, whole.faces), job, program=None)
+    result = bonecam.convert((0.5 * whole.vertices, whole.faces), job, simulation=False)
     assert result.program.text
     report = result.report
     assert report["nc"]["gouge_max_mm"] <= 0.01
