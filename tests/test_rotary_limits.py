@@ -24,13 +24,18 @@ SMALL = Job().with_values(
 )
 
 
-@pytest.mark.parametrize(("low", "high"), [(-360, 360), (0, 360), (-185, 185)])
-def test_a_turntable_with_limits_gets_a_program_that_keeps_them(low: int, high: int, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("low", "high", "orientation"), [(-360, 360, "lead"), (0, 360, "lead"), (-185, 185, "cones")]
+)
+def test_a_turntable_with_limits_gets_a_program_that_keeps_them(
+    low: int, high: int, orientation: str, tmp_path: Path
+) -> None:
     text = (MACHINES / "mikron-ucp600.toml").read_text(encoding="utf-8")
     file = tmp_path / "limited.toml"
     file.write_text(text.replace("endless = true", f"limits_deg = [{low}.0, {high}.0]"), encoding="utf-8")
     mesh = Capsule(np.array([0.0, 0, 2.5]), np.array([0.0, 0, 7.5]), 2.5).mesh(0.05)
-    made = bonecam.convert(mesh, SMALL.with_values(nc={"machine": str(file)}), program=tmp_path / "bone.h")
+    job = SMALL.with_values(nc={"machine": str(file)}, path={"orientation": orientation})
+    made = bonecam.convert(mesh, job, program=tmp_path / "bone.h")
     machine, dialect = read_machine(file), read_dialect("heidenhain")
     motions = read_program((tmp_path / "bone.h").read_text(encoding="utf-8"), machine, dialect)
     turned = np.degrees(motions.words[:, 3 + [axis.letter for axis in machine.rotary].index("C")])
