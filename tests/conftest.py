@@ -1,15 +1,15 @@
 """Data beside the checkout, small parts and tool paths for every stage, and the run-time check of array shapes."""
 
 from collections.abc import Callable
-from functools import lru_cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
 import hypothesis
 import numpy as np
 import pytest
-from jaxtyping import install_import_hook
 from numpy import ndarray
+from run_time_types import check_stages
 
 STAGES = [
     *"machine tool mesh workholding setup surface levels material mechanics planning nc verify".split(),
@@ -17,7 +17,7 @@ STAGES = [
 ]
 hypothesis.settings.register_profile("bonecam", deadline=None)  # other work on the machine takes time too
 hypothesis.settings.load_profile("bonecam")
-install_import_hook([f"bonecam.{stage}" for stage in STAGES], "run_time_types.checked")
+check_stages([f"bonecam.{stage}" for stage in STAGES])
 
 from bonecam.job import HoldingJob, ToolJob  # noqa: E402
 from bonecam.levels.measure.cut_measures import NO_CUT  # noqa: E402
@@ -96,8 +96,10 @@ end_header
 
 @pytest.fixture(scope="session")
 def pebble() -> Callable[..., TSpline]:
-    """Makes a smooth convex lump about 8 mm wide and 12 mm high, larger by about `extra` (mm)."""
+    """Makes a smooth convex lump about 8 mm wide and 12 mm high, larger by about `extra` (mm); the same one each time,
+    with all that was computed of it."""
 
+    @cache
     def build(extra: float = 0.0) -> TSpline:
         return surface_of_revolution(
             lambda share, azimuth: (
@@ -113,8 +115,10 @@ def pebble() -> Callable[..., TSpline]:
 
 @pytest.fixture(scope="session")
 def grooved_pebble() -> Callable[..., TSpline]:
-    """Makes a lump with a groove of about `depth` round its middle, larger by about `extra` (mm)."""
+    """Makes a lump with a groove of about `depth` round its middle, larger by about `extra` (mm); the same one each
+    time."""
 
+    @cache
     def build(depth: float, extra: float = 0.0) -> TSpline:
         def radius(share: ndarray, azimuth: ndarray) -> ndarray:
             full = 3.6 * np.sqrt(np.maximum(1 - (2 * share - 1) ** 2, 0)) + 0.8 + extra
@@ -127,8 +131,9 @@ def grooved_pebble() -> Callable[..., TSpline]:
 
 @pytest.fixture(scope="session")
 def mesh_of() -> Callable[..., TriangleMesh]:
-    """Makes the closed outward grid mesh of a closed surface, its vertices on the surface."""
+    """Makes the closed outward grid mesh of a closed surface, its vertices on the surface; the same one each time."""
 
+    @lru_cache(maxsize=32)
     def build(surface: TSpline, around: int = 96, along: int = 120) -> TriangleMesh:
         s, t = (
             v.ravel() for v in np.meshgrid(np.arange(around) / around, np.linspace(0, 1, along + 1)[1:-1])
