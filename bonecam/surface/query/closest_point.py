@@ -68,7 +68,9 @@ class ClosestPoints(NamedTuple):
 
 def project(surface: Surface, points: Float[ndarray, "n 3"]) -> Projection:
     """The closest point of the surface for each point. Raises ValueError for points that are not finite."""
-    points = np.ascontiguousarray(points, dtype=np.float64)
+    points = np.require(
+        points, np.float64, ["C", "W"]
+    )  # one kind of array, for which kernels are compiled once
     elements = surface.elements()
     if elements.degree != 3:
         raise SurfaceError(f"the elements have degree {elements.degree}: points are projected on cubic ones")
