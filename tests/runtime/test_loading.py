@@ -27,9 +27,10 @@ def work():
         levels={"roughing_depth": 1.0, "finishing_levels": 1, "finishing_depth": 0.3, "chord_tolerance": 0.05},
         roughing={"scallop": 0.3},
         finishing={"scallop": 0.1},
+        path={"orientation": "lead"},
     )
     mesh = Capsule(np.array([0.0, 0, 2.5]), np.array([0.0, 0, 7.5]), 2.5).mesh(0.05)
-    print(len(bonecam.convert(mesh, small, program="bone.h").program.text) > 10_000)
+    print(len(bonecam.convert(mesh, small, program="bone.h", simulation=False).program.text) > 10_000)
 
 
 for _ in range(2):
