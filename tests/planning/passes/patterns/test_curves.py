@@ -73,13 +73,20 @@ def test_curves_at_the_local_step_are_hardly_longer_than_area_over_step(
     assert lengths["published"] == lengths["pole to pole"]
 
 
+@pytest.fixture(scope="module", params=["along", "round", "iso-scallop", "spiral", "bands"])
+def roughing_curves(
+    pebble: Callable[..., TSpline], roughing_cutter: Cutter, request: pytest.FixtureRequest
+) -> tuple[str, Curves]:
+    """A pattern and its curves."""
+    return request.param, pattern_curves(pebble(), request.param, roughing_cutter)
+
+
 @pytest.mark.parametrize("direction", ["climb", "conventional"])
-@pytest.mark.parametrize("pattern", ["along", "round", "iso-scallop", "spiral", "bands"])
 def test_one_way_curves_have_the_rest_on_one_side(
-    pebble: Callable[..., TSpline], roughing_cutter: Cutter, pattern: str, direction: str
+    pebble: Callable[..., TSpline], roughing_curves: tuple[str, Curves], direction: str
 ) -> None:
-    surface = pebble()
-    curves = order_curves(surface, pattern_curves(surface, pattern, roughing_cutter), direction)
+    surface, (pattern, curves) = pebble(), roughing_curves
+    curves = order_curves(surface, curves, direction)
     parameters, tangents = curves.at(curves.line, np.arange(float(len(curves.line))))
     _, normals, feeds = contact_frames(surface, parameters, tangents)
     towards_rest = np.cross(feeds, normals) * (1 if direction == "climb" else -1)
