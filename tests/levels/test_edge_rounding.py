@@ -312,7 +312,11 @@ def test_a_part_in_the_edges_of_a_bar_is_refused_at_once(waisted: Callable[..., 
 @pytest.mark.parametrize(
     ("box", "more"),
     [
-        (StockJob(kind="box", width=8.21, depth=8.44, length=17.98, turn_deg=45.0), 1),
+        pytest.param(
+            StockJob(kind="box", width=8.21, depth=8.44, length=17.98, turn_deg=45.0),
+            1,
+            marks=pytest.mark.slow,
+        ),
         (StockJob(kind="box"), 2),  # the smallest: one cut less of a bound that is two less
     ],
 )

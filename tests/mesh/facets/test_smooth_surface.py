@@ -139,7 +139,15 @@ def test_the_phalanx_stays_to_the_bit() -> None:
     assert_kept(shipped("phalanx"), "mm")
 
 
-@pytest.mark.parametrize("name", ["3midph", "2midph", "1mc", "capitate", "scaphoid"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "3midph",
+        "2midph",
+        "scaphoid",
+        *(pytest.param(name, marks=pytest.mark.slow) for name in ("1mc", "capitate")),
+    ],
+)
 def test_finely_meshed_bones_stay_to_the_bit(shared: Path, name: str) -> None:
     assert_kept(shared / "meshes" / "bones" / f"{name}_m.stl", "m")
 
