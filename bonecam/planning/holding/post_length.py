@@ -45,6 +45,8 @@ ROUND = 24
 """Contacts round the parting groove that are sampled."""
 LEVEL_TURNS = 24
 """Level directions that a level tool is tried in."""
+HAIR = 1e-6
+"""mm: far above the rounding of lifts."""
 GOUGE = 0.02
 """A ball that would enter the surface by more (mm) is no contact."""
 
@@ -219,22 +221,29 @@ def needed_lifts(
     table's plane, and above columns (chuck, what stands on the table) where it is over them, while it leaves the
     contact along its axis too (LEAVING).
 
-    The tool is taken in slices no longer than SLICE: each is over a column if its widest disc is.
+    The tool is taken in slices no longer than SLICE: each is over a column if its widest disc is. A slice is left out
+    in directions along which it reaches over the column from no contact, or where the table asks for more at each.
     """
     across = np.hypot(directions[:, 0], directions[:, 1])
+    farthest = np.hypot(centres[:, 0], centres[:, 1]).max(initial=0.0)
     room = clamping.clearance + ROOM
     sunk = LEAVING * np.maximum(-directions[:, 2], 0.0)
     discs = _discs(cutter)
     rims = [radius * across - height * directions[:, 2] for height, radius, _ in discs]
-    below = sunk + np.max(rims, axis=0)
-    lift = room + below - centres[:, 2:]
+    above_table = room + (sunk + np.max(rims, axis=0))
+    lift = above_table - centres[:, 2:]
     for column in clamping.solids:
         for height, radius, section in discs:
             room = clamping.room(column, section) + ROOM
-            needed = room + column.top + radius * across + sunk - height * directions[:, 2] - centres[:, 2:]
-            x, y = (centres[:, None, k] + height * directions[:, k] for k in (0, 1))
-            over = x * x + y * y < (column.radius + room + radius) ** 2
-            lift = np.where(over, np.maximum(lift, needed), lift)
+            reach = column.radius + room + radius
+            above = room + column.top + radius * across + sunk - height * directions[:, 2]
+            counts = (above > above_table - HAIR) & (np.abs(height) * across - farthest < reach + HAIR)
+            some = np.flatnonzero(counts)
+            x, y = (centres[:, None, k] + height * directions[some, k] for k in (0, 1))
+            over = x * x + y * y < reach**2
+            lift[:, some] = np.where(
+                over, np.maximum(lift[:, some], above[some] - centres[:, 2:]), lift[:, some]
+            )
     return lift
 
 
