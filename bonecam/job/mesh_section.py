@@ -61,7 +61,8 @@ class MeshJob(JobSection):
     smooth_within: float = parameter(
         2.0,
         "Smooth within",
-        "A smooth surface that lies farther from the facets is refused.",
+        "A smooth surface is drawn to vertices that it would leave farther; one farther from the facets all the same "
+        "is refused.",
         unit="mm",
         low=0.001,
         high=50.0,

@@ -5,10 +5,12 @@ where facets are coarse: Loop's subdivision surface (Loop 1987), C2 but at irreg
 it shrinks: coarse bones lose 2 to 16 % of their volume. So each control point is moved once by what the surface misses
 its vertex by, a relaxed first step of progressive interpolation (Cheng et al. 2009, "Loop subdivision surface based
 progressive interpolation", JCST 24). Further steps come nearer to the vertices, and swing and cut themselves between
-them.
+them. Where a surface leaves a vertex, the tip of a process say, farther than is allowed, only the control points of
+such vertices make them.
 """
 
 from dataclasses import dataclass
+from math import inf
 from typing import Any
 
 import numpy as np
@@ -43,6 +45,9 @@ SMOOTHINGS = 10
 14; more steps move the bone itself."""
 SHRINK, SWELL = 0.5, -0.53
 """Taubin's two factors, as MeshLab has them."""
+DRAWN, DRAWINGS = 0.9, 12
+"""Share of the distance allowed to which vertices left farther behind are drawn, and steps that this takes at most: the
+surface of a calcaneus with edges of 9.5 mm leaves one by 2.6 mm, and is within 1.8 mm of it after three."""
 FINE = 0.1
 """Sagitta of the facets that stand for the smooth surface, as a share of the tolerance."""
 
@@ -118,6 +123,9 @@ def smooth_facets(
         return None
     halvings = _halvings(even, left, tolerance)
     found = _measured(_loop(even, halvings) if coarse else even, mesh, coarseness, halvings)
+    if coarse and found.largest > job.smooth_within:
+        drawn = _measured(_loop(even, halvings, job.smooth_within), mesh, coarseness, halvings)
+        found = drawn if drawn.largest <= job.smooth_within else found
     _require_near(found, job.smooth_within)
     _require_simple(found)
     return found
@@ -165,14 +173,23 @@ def _halvings(mesh: TriangleMesh, coarseness: Coarseness, tolerance: float) -> i
     return int(max(min(wanted, most), 1))
 
 
-def _loop(mesh: TriangleMesh, halvings: int) -> TriangleMesh:
-    """Loop's surface near the vertices, its edges `halvings` times halved."""
+def _loop(mesh: TriangleMesh, halvings: int, within: float = inf) -> TriangleMesh:
+    """Loop's surface near the vertices, its edges `halvings` times halved; vertices that it leaves farther than
+    `within` (mm) are drawn to DRAWN of that."""
     import igl
 
     faces = mesh.faces.astype(np.int64)
     vertices = np.array(mesh.vertices)
     missed = vertices - igl.loop(vertices, faces, halvings)[0][: len(vertices)]
-    smooth, fine = igl.loop(vertices + STEP * missed, faces, halvings)
+    control = vertices + STEP * missed
+    smooth, fine = igl.loop(control, faces, halvings)
+    for _ in range(DRAWINGS):
+        missed = vertices - smooth[: len(vertices)]
+        away = lengths(missed)[:, None]
+        if not (away > within).any():
+            break
+        control += np.maximum(1.0 - DRAWN * within / np.maximum(away, np.finfo(float).tiny), 0.0) * missed
+        smooth, fine = igl.loop(control, faces, halvings)
     return TriangleMesh(smooth, fine.astype(np.int32))
 
 

@@ -96,6 +96,27 @@ def test_a_surface_farther_from_the_facets_than_allowed_is_refused_and_its_remed
     assert prepare_part(coarse, MeshJob(smooth_within=0.1, facets="exact")).smoothing is None
 
 
+def test_a_tip_that_it_would_leave_too_far_behind_is_drawn_within_the_limit_and_the_rest_stays() -> None:
+    ball = voxels(6.0, 2.0)
+    tip = int(np.argmax(ball.vertices[:, 2]))
+    moves = np.zeros_like(ball.vertices)
+    moves[tip, 2] = 6.0
+    spike = TriangleMesh(ball.vertices + moves, ball.faces)
+    plain, drawn = (
+        smooth_facets(spike, coarseness_of(spike), MeshJob(facets="smooth", smooth_within=within), TOLERANCE)
+        for within in (9.0, 1.5)
+    )
+    assert plain is not None
+    assert drawn is not None
+    assert plain.largest > 2.0
+    assert drawn.largest <= 1.5
+    moved = np.linalg.norm(drawn.mesh.vertices - plain.mesh.vertices, axis=1)
+    far = np.linalg.norm(plain.mesh.vertices - spike.vertices[tip], axis=1) > 9.0
+    assert far.any()
+    assert moved.max() > 0.3
+    assert not moved[far].any()
+
+
 def test_a_smooth_surface_that_cuts_itself_is_refused_with_its_place() -> None:
     outline = [(-4, 0), (4, 0), (4, 20), (0.05, 20), (0.05, 4), (-0.05, 4), (-0.05, 20), (-4, 20)]
     ring = np.array([(x, 0.0, z) for x, z in outline])
