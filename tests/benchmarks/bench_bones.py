@@ -10,7 +10,8 @@ that a run that was stopped goes on where it stood. `--some N` takes N of them, 
 does those in the table once more. Meshes, reports and what `--keep` writes stay in FOLDER/NAME.
 
 Columns: deviation of the fit from the part, mm; cuts K; machining minutes; mm2 away from the post that keep more than
-0.02 mm; wall and CPU seconds; what was estimated before planning; the end: "program", or the refusal's text.
+0.02 mm; wall and CPU seconds; minutes and CPU seconds that were
+estimated before planning; the end: "program", or the refusal's text.
 """
 
 import argparse
@@ -229,7 +230,7 @@ def _ended(row: Row, code: int, log: str, report: Path) -> Row:
             "minutes": told["nc"]["time_min"],
             "left": left["area_over_0_02_mm2"],
             "foretold_minutes": foretold.get("machining_min"),
-            "foretold_seconds": foretold.get("planning_s"),
+            "foretold_seconds": foretold.get("planning_cpu_s"),
             "end": "program",
         }
     else:

@@ -13,10 +13,12 @@ from bonecam.cli import main
 from bonecam.errors import JobError, LimitError
 from bonecam.machine.machine import read_machine
 from bonecam.mesh.files.mesh_files import write_mesh
+from bonecam.mesh.healing.repair import repair
 from bonecam.mesh.triangle_mesh import TriangleMesh, keep_faces
 from bonecam.report.warnings import (
     check_warnings,
     header_texts,
+    hole_warnings,
     spindle_warnings,
     warnings_of,
     with_warnings,
@@ -94,6 +96,18 @@ def test_a_wide_hole_is_refused_in_one_line_before_the_fit(
     assert line.count("\n") == 1
     assert "hole.stl: a hole of the mesh" in line
     assert "closed flat" in line
+
+
+def test_a_wide_face_that_is_missing_alone_is_put_back_without_a_warning() -> None:
+    whole = Capsule(np.array([0.0, 0, 10]), np.array([0.0, 0, 30]), 8.0).mesh(1.0)
+    areas = np.linalg.norm(whole.face_vectors, axis=1)
+    for missing, told in ((1, False), (2, True)):
+        beside = np.isin(whole.faces, whole.faces[areas.argmax()]).sum(axis=1)
+        removed = np.argsort(-beside, kind="stable")[:missing]
+        mesh, repairs = repair(keep_faces(whole, ~np.isin(np.arange(len(whole.faces)), removed)))
+        width = max(change.hole for change in repairs)
+        assert mesh.volume == pytest.approx(whole.volume, rel=0.05)
+        assert bool(list(hole_warnings(width, bonecam.Job()))) is told
 
 
 def test_warnings_stand_first_in_report_summary_page_and_sheet(

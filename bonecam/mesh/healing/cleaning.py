@@ -110,7 +110,10 @@ def orient_outwards(state: RepairState) -> RepairState:
 
 
 def close_holes(state: RepairState) -> RepairState:
-    """Holes closed; MeshError where one is wider than WIDEST_HOLE of the diagonal."""
+    """Holes closed; MeshError where one is wider than WIDEST_HOLE of the diagonal.
+
+    One of three edges gets back the only face that it can have: the state tells the width of no such hole.
+    """
     holes = holes_of(state.mesh)
     if not holes:
         return state
@@ -131,4 +134,5 @@ def close_holes(state: RepairState) -> RepairState:
     which = f"{closed} of {counted(len(holes), 'hole')}" if closed < len(holes) else counted(closed, "hole")
     widest_told = f"{'the widest ' if len(holes) > 1 else ''}{widths[widest]:.2f} mm across"
     told = f"closed {which} with {counted(added, 'face')}, {widest_told}"
-    return state.closed(after, told, widths[widest])
+    guessed = max((width for width, rim in zip(widths, holes) if len(rim) > 3), default=0.0)
+    return state.closed(after, told, guessed)
