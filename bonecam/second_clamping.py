@@ -28,8 +28,8 @@ from bonecam.nc.posting.header.program_zero import zero_words
 from bonecam.nc.posting.header.texts import second_setup_texts
 from bonecam.nc.posting.rotary.machine_limits import machine_limits
 from bonecam.nc.program import program_name
+from bonecam.planning.collision.held_level import PART_CHORD
 from bonecam.planning.holding.stump_paths import StumpPlaces, second_paths
-from bonecam.planning.levels import PART_CHORD
 from bonecam.planning.passes.contacts import at_post
 from bonecam.planning.passes.parting import cut_groove
 from bonecam.post_and_prove import post_and_prove

@@ -21,13 +21,14 @@ from bonecam.mesh.distance import MeshDistance
 from bonecam.planning.axes.field.level_axes import level_axes
 from bonecam.planning.axes.field.smooth_axes import SmoothAxes
 from bonecam.planning.axes.lead import check_lead
-from bonecam.planning.collision.scene import TANGENT_SLACK, Scene
+from bonecam.planning.collision.held_level import held_level, part_chord
+from bonecam.planning.collision.scene import Scene
 from bonecam.planning.holding.parting_paths import parting_paths
 from bonecam.planning.level_cutters import cutter_of, depth_limits
 from bonecam.planning.oriented_path import orient
 from bonecam.planning.passes.contacts import CandidateContacts, candidate_contacts, contact_path
 from bonecam.planning.passes.engaged_segments import UNCERTAIN, DepthLimits
-from bonecam.planning.passes.gouge_lifts import MESH_SHARE, flute_slack, planned_tolerance
+from bonecam.planning.passes.gouge_lifts import flute_slack
 from bonecam.planning.passes.rest_machining import after_steps, rest_contacts, too_deep
 from bonecam.planning.within_depth import Cut, cut_within_depth
 from bonecam.progress import Progress, report, silent
@@ -38,20 +39,15 @@ from bonecam.tool.path import ContactPath, MoveKind, ToolPath
 from bonecam.workholding.clamping import Clamping, clamping_of
 from bonecam.workholding.post import Post, post_below
 
-PART_CHORD = 0.002
-"""Largest chord tolerance (mm) of the tessellated part that balls are kept out of: MESH_SHARE of the gouge
-tolerance by default."""
-LEVEL_CHORD = 0.01
-"""Chord tolerance (mm) of the other tessellated levels: a ball that enters one of them leaves the part
-alone."""
-
 
 @dataclass(frozen=True, eq=False)
 class LevelContacts:
-    """A level, the distance to its tessellation, and its contacts before any is left out."""
+    """A level, the distance to its tessellation, how deep (mm) flutes may go into that, and the contacts of the level
+    before any is left out."""
 
     level: MachinedLevel
     distance: MeshDistance
+    flute_slack: float
     candidates: CandidateContacts
 
 
@@ -87,7 +83,8 @@ def plan_paths(
         fine = Cutter.from_job(3, "fine", job.tool("fine"), limits.bodies.nose)
         check_lead(fine, job.path.lead_deg)
         paths = _with_fine(paths, planning, planning.contacts(machined[0], fine), standing)
-    return *paths, *parting_paths(planning.scene_of(part, standing.material), job, limits)
+    scene = planning.scene_of(part, flute_slack(job.path.gouge_tolerance), standing.material)
+    return *paths, *parting_paths(scene, job, limits)
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,15 +108,13 @@ class _Planning:
 
     def contacts(self, level: MachinedLevel, cutter: Cutter) -> LevelContacts:
         """The contacts of a level; its balls stay out of the level and of the part."""
-        distance = MeshDistance(level.surface.tessellate(LEVEL_CHORD)) if level.index else self.part
-        return LevelContacts(level, distance, self._candidates(level, distance, cutter, self.job.path))
+        distance, slack = held_level(level, self.part, self.job.path.gouge_tolerance)
+        return LevelContacts(level, distance, slack, self._candidates(level, distance, cutter, self.job.path))
 
-    def scene_of(
-        self, level: MeshDistance, material: InProcessStock, part: MeshDistance | None = None
-    ) -> Scene:
-        """What stands round the tool on a level, beside which the `part` is measured against where it is another."""
-        around = (self.post, DEVIATION, level, part, self.clamping)
-        slack = flute_slack(self.job.path.gouge_tolerance) if level is self.part else TANGENT_SLACK
+    def scene_of(self, level: MeshDistance, slack: float, material: InProcessStock) -> Scene:
+        """What stands round the tool on a level, into which flutes may go by `slack` mm; beside it the part is measured
+        against where it is another."""
+        around = (self.post, DEVIATION, level, None if level is self.part else self.part, self.clamping)
         return Scene(level.mesh, material.mesh, self.capsule, *around, tangent_slack=slack)
 
     def paths(
@@ -127,8 +122,7 @@ class _Planning:
     ) -> tuple[list[ToolPath], _Standing]:
         """The rest paths of a level and its own one, and what stands after them."""
         level, material = found.level, standing.material
-        part = self.part if level.index else None
-        scene = self.scene_of(found.distance, material, part)
+        scene = self.scene_of(found.distance, found.flute_slack, material)
         contacts = contact_path(found.candidates, material, allowed)
         smooth = level_axes(contacts, level, scene, self.limits, self.job.path, standing.smooth)
 
@@ -211,8 +205,7 @@ def _take_rest(
 
 def _distance_to_part(levels: Sequence[Level], job: PathJob) -> MeshDistance:
     """Distances to the part, tessellated as finely as the gouge tolerance asks for."""
-    chord = min(PART_CHORD, MESH_SHARE * planned_tolerance(job.gouge_tolerance))
-    return MeshDistance(morph_surfaces(levels)[0].tessellate(chord))
+    return MeshDistance(morph_surfaces(levels)[0].tessellate(part_chord(job.gouge_tolerance)))
 
 
 def _one_ahead(
