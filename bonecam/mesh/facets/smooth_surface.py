@@ -22,6 +22,7 @@ from bonecam.errors import MeshError, hundredths, place_name
 from bonecam.job import MeshJob
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.facets.coarseness import Coarseness, coarseness_of
+from bonecam.mesh.facets.untangle import untangled
 from bonecam.mesh.facets.voxel_steps import without_steps
 from bonecam.mesh.healing.decimation import MOST_FACES
 from bonecam.mesh.healing.repair_state import Repair
@@ -142,12 +143,13 @@ def note_on_kept_facets(mesh: TriangleMesh, coarseness: Coarseness, job: MeshJob
 
 
 def _without_bumps(mesh: TriangleMesh, coarseness: Coarseness) -> TriangleMesh:
-    """The mesh without the steps of voxels, within half of their pitch where that is known, or without noise."""
+    """The mesh without the steps of voxels, within half of their pitch where that is known, or without noise and the
+    tangles that it leaves."""
     if coarseness.pitch is not None:
         return without_steps(mesh, coarseness.pitch).mesh
     meshset = to_meshset(mesh)
     meshset.apply_coord_taubin_smoothing(lambda_=SHRINK, mu=SWELL, stepsmoothnum=SMOOTHINGS)
-    return from_meshset(meshset)
+    return untangled(from_meshset(meshset))
 
 
 def _measured(
