@@ -1,7 +1,8 @@
 """The levels that a job asks for, and the surface of the part that they start from.
 
-How a surface is parametrised decides how sharply it bends where its rows crowd, and levels fold there first: where a
-surface is refused or its levels fail, the fit starts again from other rows.
+How a surface is parametrised decides how sharply it bends where its rows crowd, and levels fold there first: where its
+levels fail the surface is smoothed where it bends far more sharply than a ball can follow. Where that does not help, or
+a surface is refused, the fit starts again from other rows.
 """
 
 from itertools import islice
@@ -22,7 +23,7 @@ from bonecam.setup.placement import Setup
 from bonecam.setup.schedule import schedule_of
 from bonecam.setup.stock import Stock
 from bonecam.surface.fitting.fit import Fit
-from bonecam.surface.part_surface import fit_surface, part_rows
+from bonecam.surface.part_surface import fit_surface, part_rows, smoother_fit
 from bonecam.surface.tspline import TSpline
 
 
@@ -49,14 +50,34 @@ def surface_and_levels(
             with times.stage("surface"):
                 fitted = fit_surface(setup.part, job, part(fitting, 0.1, 1.0), given, rows)
             with times.stage("levels"):
-                morph = make_levels(fitted.surface, setup.stock, job, morphing)
-        except (SurfaceError, LevelError) as error:
+                return fitted, make_levels(fitted.surface, setup.stock, job, morphing)
+        except LevelError as error:
+            failure = failure or error
+            found = None if given else _smoother(fitted, setup, job, times, morphing, error)
+            if found is not None:
+                return found
+            report(fitting, 0.0, f"{error}; other rows are tried")
+        except SurfaceError as error:
             failure = failure or error
             report(fitting, 0.0, f"{error}; other rows are tried")
-        else:
-            return fitted, morph
     assert failure is not None
     raise failure
+
+
+def _smoother(
+    fitted: Fit, setup: Setup, job: Job, times: StageTimes, progress: Progress, error: LevelError
+) -> tuple[Fit, Morph] | None:
+    """The surface whose levels failed by the `error` without its sharp bends, and its levels; None where it has none,
+    or its levels fail as well."""
+    try:
+        with times.stage("levels"):
+            smoother = smoother_fit(fitted, setup.part, job)
+            if smoother is None:
+                return None
+            report(progress, 0.0, f"{error}; sharp bends are smoothed")
+            return smoother, make_levels(smoother.surface, setup.stock, job, progress)
+    except (LevelError, SurfaceError):
+        return None
 
 
 def make_levels(surface: TSpline, stock: Stock, job: Job, progress: Progress = silent) -> Morph:

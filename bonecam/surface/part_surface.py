@@ -12,8 +12,15 @@ from bonecam.mesh.sections.row_choices import row_choices
 from bonecam.progress import Progress, part, silent
 from bonecam.runtime.threads import on_one_blas_thread
 from bonecam.surface.files import surface_input
+from bonecam.surface.fitting.fair_creases import without_creases
 from bonecam.surface.fitting.fit import Fit, fit
 from bonecam.surface.tessellation.validity import require_valid
+from bonecam.surface.tspline import TSpline
+
+SHARP = 0.3
+"""Bends with a radius below this share of the smallest ball's are smoothed where a surface cannot be used without."""
+FINEST = 0.002
+"""Chord tolerance (mm) of the finest tessellation that planning and reports make of a surface."""
 
 
 def part_rows(placed: Part, job: Job, progress: Progress = silent) -> Iterator[Rows]:
@@ -28,7 +35,8 @@ def fit_surface(
     """A T-spline within the tolerance of the part, through `rows` or else the usual ones; a `given` surface is moved to
     the part.
 
-    Raises SurfaceError where the surface misses the mesh by more than the job allows, or is not valid.
+    One that is not valid is smoothed where it bends sharply (`smoother_fit`). Raises SurfaceError where the surface
+    misses the mesh by more than the job allows, or is not valid.
     """
     if given is not None:
         return surface_input.move_with_part(given, placed.transform)
@@ -41,11 +49,38 @@ def fit_surface(
         progress=part(progress, 0.2, 1.0),
         round_poles=True,
     )
-    surface = found.surface.with_control_points(settled(found.surface.control_points, SURFACE_QUANTUM))
-    found = replace(found, surface=surface)
+    found = _settled(found)
     _check_deviation(found, max(job.surface.tolerance, job.surface.largest_deviation), placed.file)
-    require_valid(found.surface, job.levels.chord_tolerance, placed.file)
+    try:
+        _require_usable(found.surface, job, placed.file)
+    except SurfaceError:
+        smoother = smoother_fit(found, placed, job)
+        if smoother is None:
+            raise
+        _require_usable(smoother.surface, job, placed.file)
+        return smoother
     return found
+
+
+def smoother_fit(found: Fit, placed: Part, job: Job) -> Fit | None:
+    """The fit of a part without bends far sharper than the smallest ball (SHARP), no farther from the mesh than it is,
+    or than the tolerance; None where it has none or they stay."""
+    limit = max(found.tolerance, found.deviation.max)
+    radius = SHARP * job.smallest_ball
+    smoother = on_one_blas_thread(without_creases)(found, placed.mesh, radius, limit)
+    return None if smoother is None else _settled(smoother)
+
+
+def _settled(found: Fit) -> Fit:
+    """The fit with control points free of their last digits."""
+    surface = found.surface.with_control_points(settled(found.surface.control_points, SURFACE_QUANTUM))
+    return replace(found, surface=surface)
+
+
+def _require_usable(surface: TSpline, job: Job, name: str) -> None:
+    """Raises SurfaceError where a surface is not valid, or so sharp in a place that it has no fine tessellation."""
+    surface.tessellate(FINEST)
+    require_valid(surface, job.levels.chord_tolerance, name)
 
 
 def _check_deviation(found: Fit, limit: float, name: str) -> None:

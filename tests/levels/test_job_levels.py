@@ -49,6 +49,7 @@ def test_other_rows_are_tried_where_the_first_fail(
 
     monkeypatch.setattr(job_levels, "fit_surface", fitted)
     monkeypatch.setattr(job_levels, "make_levels", lambda *given: morph)
+    monkeypatch.setattr(job_levels, "smoother_fit", lambda *given: None)
     monkeypatch.setattr(job_levels, fails, failing_first)
     told: list[str] = []
     found, levels = surface_and_levels(
@@ -58,6 +59,34 @@ def test_other_rows_are_tried_where_the_first_fail(
     assert levels is morph
     assert not np.allclose(used[0].points, used[1].points)
     assert "folds; other rows are tried" in told
+
+
+@pytest.mark.parametrize("smooth_enough", [True, False])
+def test_sharp_bends_are_smoothed_before_other_rows_are_tried(
+    setup: Setup, monkeypatch: pytest.MonkeyPatch, smooth_enough: bool
+) -> None:
+    morph = object.__new__(Morph)
+    fits: dict[str, Fit] = {}
+    for name in ("sharp", "smooth", "other"):
+        fits[name] = object.__new__(Fit)
+        object.__setattr__(fits[name], "surface", name)
+    rows = iter(["sharp", "other"])
+    tried: list[str] = []
+
+    def levels_of(surface: str, *given: Any) -> Morph:
+        tried.append(surface)
+        if surface == "sharp" or (surface == "smooth" and not smooth_enough):
+            raise LevelError(f"{surface} folds")
+        return morph
+
+    monkeypatch.setattr(job_levels, "fit_surface", lambda *given: fits[next(rows)])
+    monkeypatch.setattr(job_levels, "smoother_fit", lambda found, *given: fits["smooth"])
+    monkeypatch.setattr(job_levels, "make_levels", levels_of)
+    told: list[str] = []
+    found, _ = surface_and_levels(setup, JOB, StageTimes(), lambda fraction, message: told.append(message))
+    assert found is fits["smooth" if smooth_enough else "other"]
+    assert tried == (["sharp", "smooth"] if smooth_enough else ["sharp", "smooth", "other"])
+    assert "sharp folds; sharp bends are smoothed" in told
 
 
 def test_the_first_failure_is_told_where_all_rows_fail(setup: Setup, monkeypatch: pytest.MonkeyPatch) -> None:

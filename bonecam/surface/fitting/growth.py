@@ -11,7 +11,14 @@ from bonecam.progress import Progress, report, silent
 from bonecam.surface.fitting.adapt import Votes, miss_votes, refine
 from bonecam.surface.fitting.initial_surface import first_tmesh, through_loops, transfer
 from bonecam.surface.fitting.prune import prune
-from bonecam.surface.fitting.steps import LEAST_FACING, OFF, flatten_poles, fold_grid, step
+from bonecam.surface.fitting.steps import (
+    FINAL_PLANE_WEIGHT,
+    LEAST_FACING,
+    OFF,
+    flatten_poles,
+    fold_grid,
+    step,
+)
 from bonecam.surface.fitting.target import FitTarget
 from bonecam.surface.tmesh.row_tmesh import RowTMesh
 from bonecam.surface.tspline import TSpline
@@ -21,9 +28,6 @@ FIRST_SHARE = 0.6
 
 GROWING_PLANE_WEIGHT = 0.3
 """Weight of the planes through the poles while the T-mesh grows, times the mean area of a control point."""
-
-FINAL_PLANE_WEIGHT = 1000.0
-"""Weight of the planes through the poles in the last steps, times the mean area of a control point."""
 
 STEPS = 2
 """Steps after each refinement."""

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from numpy import ndarray
 from scipy.spatial import cKDTree
 
@@ -55,6 +55,9 @@ RING = 0.3
 
 OFF = 0.3
 """Share of a ring's size that it may be off its ellipse."""
+
+FINAL_PLANE_WEIGHT = 1000.0
+"""Weight of the planes through the poles in the last steps, times the mean area of a control point."""
 
 REACH = 2.0
 """Mean cell sides round a fold within which the change is damped."""
@@ -110,6 +113,24 @@ def step(surface: TSpline, target: FitTarget, tolerance: float, plane: float, of
         if not folded.any():
             return found
     return surface
+
+
+def fair_step(
+    surface: TSpline, target: FitTarget, tolerance: float, sharp: Bool[ndarray, " n"], weight: float
+) -> TSpline:
+    """The surface after one step in which its shape, not only its change, resists the thin-plate energy with this
+    weight round the `sharp` points of its `Quadrature`; poles stay round. A fold is not looked for."""
+    quadrature = Quadrature.on(surface)
+    share = target.inward.areas.sum() / surface.tmesh.size
+    near = _round(surface, quadrature, (quadrature.s, quadrature.t), sharp)
+    terms = [
+        *data_terms(surface, target, tolerance, SLIDE),
+        *pole_planes(surface, FINAL_PLANE_WEIGHT * share),
+        *pole_rings(surface, RING * share, 0.0),
+        *quadrature.terms(surface, BEND, weight, near),
+        quadrature.held(np.full(len(quadrature.s), DAMPING)),
+    ]
+    return surface.with_control_points(Form.of(terms, surface.tmesh.size).least())
 
 
 def _round(

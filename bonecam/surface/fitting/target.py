@@ -119,6 +119,16 @@ class FitTarget:
             MeshNormals(mesh), inward, MeshSamples(np.empty((0, 3)), none, none, none, none), np.empty((0, 2))
         )
 
+    @classmethod
+    def at_feet(cls, mesh: TriangleMesh, surface: TSpline, samples: int, tolerance: float) -> "FitTarget":
+        """The target of a mesh at the closest points of a surface that is near it; `tolerance` as in `on`."""
+        points, areas = sample_mesh(mesh, samples)
+        feet = follow_closest_points(surface, points, *nearest_on_grid(surface, points))
+        none = np.empty(0)
+        nowhere = MeshSamples(np.empty((0, 3)), none, none, none, none)
+        inward = MeshSamples(points, areas, *feet)
+        return cls(MeshNormals(mesh), inward, nowhere, np.empty((0, 2))).on(surface, tolerance)
+
     @property
     def all(self) -> MeshSamples:
         """The samples of both directions."""

@@ -23,7 +23,9 @@ from bonecam.surface.tmesh.extracted import ExtractedTMesh
 from bonecam.surface.tmesh.row_tmesh import RowTMesh
 from bonecam.surface.tmesh.surface import Surface
 
-ROUNDS = 40
+ROUNDS = 100
+"""Rounds of splitting at most: where the split of a face asks for that of the next one, splits wander along a row, a
+face a round (41 rounds within 0.002 mm of a talus)."""
 
 MARGIN = 0.9
 """Share of the tolerance is kept at the measured places: between them the surface may lie a little farther
@@ -98,8 +100,8 @@ def tessellate(
         _split_edges(draft, edges, edge_of_face, marked)
     place = draft.parameters[edges[np.argmax(marked), 0]]
     raise SurfaceError(
-        f"the surface cannot be tessellated to {chord_tolerance} mm with {most_vertices:,} vertices, near "
-        f"(s, t) = ({place[0]:.4f}, {place[1]:.4f}): raise the tolerance",
+        f"the surface cannot be tessellated to {chord_tolerance} mm with {most_vertices:,} vertices, "
+        f"in {ROUNDS} rounds, near (s, t) = ({place[0]:.4f}, {place[1]:.4f}): raise the tolerance",
         place=place,
     )
 
