@@ -9,7 +9,7 @@ WIDTH, HEIGHT = 1280, 720
 LEVEL = 6
 """The level that is cut in the picture."""
 CHOICE = """(level) => {
-    const a = page.arrays, right = page.orbit.rightOfView();
+    const a = page.arrays, right = page.orbit.rightOfView;
     const { low, high } = page.part;
     const score = (i) => a.move_axis[3 * i] * right.x + a.move_axis[3 * i + 1] * right.y;
     const inside = (z) => z > (low.z + high.z) / 2 && z < 0.2 * low.z + 0.8 * high.z;

@@ -3,13 +3,13 @@ const CLIP = new THREE.Plane(new THREE.Vector3(0, 1, 0), 0);
 
 function surface(positions, faces, colours, options = {}) {
   const geometry = new THREE.BufferGeometry();
-  geometry.addAttribute("position", new THREE.BufferAttribute(positions, 3));
+  geometry.setAttribute("position", new THREE.BufferAttribute(positions, 3));
   geometry.setIndex(new THREE.BufferAttribute(faces, 1));
-  if (colours) geometry.addAttribute("color", new THREE.BufferAttribute(colours, 3));
+  if (colours) geometry.setAttribute("color", new THREE.BufferAttribute(colours, 3));
   geometry.computeVertexNormals();
   const material = new THREE.MeshPhongMaterial({
     color: colours ? 0xffffff : new THREE.Color(options.colour || BONE),
-    vertexColors: colours ? THREE.VertexColors : THREE.NoColors,
+    vertexColors: Boolean(colours),
     shininess: colours ? 5 : 18,
     specular: colours ? 0x080808 : 0x222222,
     side: THREE.DoubleSide,
@@ -31,7 +31,7 @@ function revolved(pieces, colour, opacity) {
     transparent: opacity !== undefined, opacity: opacity === undefined ? 1 : opacity, depthWrite: opacity === undefined,
   });
   for (const [bottom, top, radius, topRadius] of pieces) {
-    const shape = new THREE.CylinderBufferGeometry(topRadius, radius, top - bottom, 48);
+    const shape = new THREE.CylinderGeometry(topRadius, radius, top - bottom, 48);
     shape.rotateX(Math.PI / 2);
     shape.translate(0, 0, (bottom + top) / 2);
     group.add(new THREE.Mesh(shape, material));
@@ -42,7 +42,7 @@ function revolved(pieces, colour, opacity) {
 // The cutter in holder and spindle, its tip in the origin, its axis Z.
 function toolBody(tool) {
   const group = new THREE.Group();
-  const ball = new THREE.SphereBufferGeometry(tool.radius, 32, 16);
+  const ball = new THREE.SphereGeometry(tool.radius, 32, 16);
   ball.translate(0, 0, tool.radius);
   const looks = { cutter: ["#e69f00"], shank: [METAL], holder: ["#6b7785", 0.55], spindle: ["#8b95a1", 0.25] };
   group.add(new THREE.Mesh(ball, new THREE.MeshPhongMaterial({ color: new THREE.Color(looks.cutter[0]), shininess: 60 })));
@@ -60,10 +60,10 @@ function tableBody(table) {
   const thick = 8;
   let shape;
   if (table.radius !== null) {
-    shape = new THREE.CylinderBufferGeometry(table.radius, table.radius, thick, 96);
+    shape = new THREE.CylinderGeometry(table.radius, table.radius, thick, 96);
     shape.rotateX(Math.PI / 2);
   } else {
-    shape = new THREE.BoxBufferGeometry(2 * (table.half_width || 150), 2 * (table.half_depth || 150), thick);
+    shape = new THREE.BoxGeometry(2 * (table.half_width || 150), 2 * (table.half_depth || 150), thick);
   }
   shape.translate(0, 0, -thick / 2 - 0.02);
   group.add(new THREE.Mesh(shape, material));
@@ -75,9 +75,9 @@ function tableBody(table) {
 
 function lines(positions, colours, opacity) {
   const geometry = new THREE.BufferGeometry();
-  geometry.addAttribute("position", new THREE.BufferAttribute(positions, 3));
-  geometry.addAttribute("color", new THREE.BufferAttribute(colours, 3));
-  const material = new THREE.LineBasicMaterial({ vertexColors: THREE.VertexColors, transparent: opacity !== undefined, opacity: opacity || 1 });
+  geometry.setAttribute("position", new THREE.BufferAttribute(positions, 3));
+  geometry.setAttribute("color", new THREE.BufferAttribute(colours, 3));
+  const material = new THREE.LineBasicMaterial({ vertexColors: true, transparent: opacity !== undefined, opacity: opacity || 1 });
   return new THREE.LineSegments(geometry, material);
 }
 

@@ -38,7 +38,7 @@ function conesOf(moves, length) {
     edges.push(...apex.toArray(), ...apex.clone().addScaledVector(axisOf(page.arrays.move_axis, i), 1.25 * length).toArray());
   }
   const geometry = new THREE.BufferGeometry();
-  geometry.addAttribute("position", new THREE.BufferAttribute(new Float32Array(walls), 3));
+  geometry.setAttribute("position", new THREE.BufferAttribute(new Float32Array(walls), 3));
   const material = new THREE.MeshBasicMaterial({ color: new THREE.Color("#cc79a7"), transparent: true, opacity: 0.3, side: THREE.DoubleSide, depthWrite: false });
   const group = new THREE.Group();
   group.name = "cones";

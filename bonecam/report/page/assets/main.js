@@ -10,8 +10,6 @@ const BODY_NAMES = { stock: "stock", solid: "kept clear of", post: "post", chuck
 const VIEWS = { Front: [-Math.PI / 2, 0], Back: [Math.PI / 2, 0], Left: [Math.PI, 0], Right: [0, 0], Top: [-Math.PI / 2, 1.55] };
 const KEYS = "1–5  fit, levels, paths, program, left\n← →  level or block (shift: 100 blocks)\nspace  play or stop\nc  cut open\nv  front, back, left, right, top\nr  first view      a  all of the machine\n+ −  zoom      arrows with ctrl  turn";
 
-Orbit.prototype.rightOfView = function () { return new THREE.Vector3(-Math.sin(this.azimuth), Math.cos(this.azimuth), 0); };
-
 function change(values) {
   Object.assign(page.state, values);
   rebuild();
@@ -113,7 +111,7 @@ function onKey(event) {
     else change({ level: Math.max(0, Math.min(page.facts.levels.length - 1, page.state.level + Math.sign(by))) });
   } else if (key === "c" && levelsMode.available()) change({ mode: "levels", open: !page.state.open });
   else if (key === "v") nextView();
-  else if (key === "r") { page.orbit.look(-1.05, 0.22); firstView(); }
+  else if (key === "r") { page.orbit.look(...FIRST_VIEW); firstView(); }
   else if (key === "a") wholeMachine();
   else if (key === "+" || key === "=") page.orbit.zoom(0.85);
   else if (key === "-") page.orbit.zoom(1.18);
@@ -219,15 +217,17 @@ function listen() {
 }
 
 async function start() {
+  THREE.ColorManagement.enabled = false; // colours are those of the screen, as given
   const { facts, arrays } = await unpack(document.getElementById("payload").textContent);
   Object.assign(page, { facts, arrays, canvas: document.getElementById("canvas") });
   page.renderer = new THREE.WebGLRenderer({ canvas: page.canvas, antialias: true, alpha: true, preserveDrawingBuffer: true });
   page.renderer.localClippingEnabled = true;
+  page.renderer.outputColorSpace = THREE.LinearSRGBColorSpace;
   page.redraw = () => { if (!page.waiting) { page.waiting = true; requestAnimationFrame(draw); } };
   page.orbit = new Orbit(page.canvas, () => page.redraw());
   page.scene = new THREE.Scene();
-  page.light = new THREE.DirectionalLight(0xffffff, 0.5);
-  page.scene.add(new THREE.HemisphereLight(0xffffff, 0xc9c5bf, 0.6), page.light);
+  page.light = new THREE.DirectionalLight(0xffffff, 0.5 * Math.PI);
+  page.scene.add(new THREE.HemisphereLight(0xffffff, 0xc9c5bf, 0.6 * Math.PI), page.light);
   page.content = new THREE.Group();
   page.scene.add(page.content);
   const [low, high] = facts.stock_bounds.map((corner) => new THREE.Vector3(...corner));

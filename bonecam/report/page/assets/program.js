@@ -14,7 +14,7 @@ function lineText(line) {
 
 function rewindPoints(places) {
   const geometry = new THREE.BufferGeometry();
-  geometry.addAttribute("position", new THREE.BufferAttribute(places, 3));
+  geometry.setAttribute("position", new THREE.BufferAttribute(places, 3));
   return new THREE.Points(geometry, new THREE.PointsMaterial({ size: 7, sizeAttenuation: false, color: new THREE.Color(REWOUND) }));
 }
 
@@ -84,7 +84,7 @@ const programMode = {
     page.tool = null;
     page.cone = null;
     const geometry = new THREE.BufferGeometry();
-    geometry.addAttribute("position", new THREE.BufferAttribute(a.move_tip, 3));
+    geometry.setAttribute("position", new THREE.BufferAttribute(a.move_tip, 3));
     page.trail = new THREE.Line(geometry, new THREE.LineBasicMaterial({ color: new THREE.Color("#0072b2") }));
     page.trail.frustumCulled = false;
     page.content.add(page.trail);

@@ -36,7 +36,7 @@ const fitMode = {
     const given = surface(a.given, a.given_faces, coloursOf(a.given_deviation, "signed", -range, range));
     const fitted = levelMesh(0, coloursOf(a.deviation, "signed", -range, range));
     const shift = 0.68 * (page.part.high.x - page.part.low.x) + 1.5;
-    const right = page.orbit.rightOfView();
+    const right = page.orbit.rightOfView;
     given.position.copy(right).multiplyScalar(-shift);
     fitted.position.copy(right).multiplyScalar(shift);
     page.content.add(given, fitted);
@@ -119,7 +119,7 @@ function uncutPoints(a, outer) {
     colours.set(rgb(KIND_COLOURS[(a.uncut_reason[i] + 3) % 7]), 3 * n);
   });
   const geometry = new THREE.BufferGeometry();
-  geometry.addAttribute("position", new THREE.BufferAttribute(positions, 3));
-  geometry.addAttribute("color", new THREE.BufferAttribute(colours, 3));
-  return new THREE.Points(geometry, new THREE.PointsMaterial({ size: 3.5, sizeAttenuation: false, vertexColors: THREE.VertexColors }));
+  geometry.setAttribute("position", new THREE.BufferAttribute(positions, 3));
+  geometry.setAttribute("color", new THREE.BufferAttribute(colours, 3));
+  return new THREE.Points(geometry, new THREE.PointsMaterial({ size: 3.5, sizeAttenuation: false, vertexColors: true }));
 }
