@@ -15,6 +15,7 @@ from bonecam.mesh.files.mesh_files import read_mesh
 from bonecam.mesh.files.opencascade import occ
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.mesh.units import to_mm
+from bonecam.progress import silent
 from bonecam.runtime import worker
 
 pytest.importorskip("OCP", reason="OpenCASCADE's wheel is not installed: pip install 'bonecam[cad]'")
@@ -45,6 +46,17 @@ def is_closed(mesh: TriangleMesh) -> bool:
     return bool((np.unique(edges, axis=0, return_counts=True)[1] == 2).all())
 
 
+@pytest.fixture
+def without_child(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Files are read in this process, for tests of what is read: a child loads OpenCASCADE for 1.6 s."""
+
+    def call(work: str, *given: Any, **_: Any) -> Any:
+        return worker.function_of(work)(*given, silent)
+
+    monkeypatch.setattr(cad_files, "call_in_child", call)
+
+
+@pytest.mark.usefixtures("without_child")
 @pytest.mark.parametrize("name", ["part.step", "part.stp", "part.iges", "part.igs"])
 def test_a_cylinder_is_one_closed_outward_mesh(name: str, tmp_path: Path) -> None:
     write(cylinder(), tmp_path / "a.iges" if "ig" in name else tmp_path / "a.step").rename(tmp_path / name)
@@ -165,6 +177,7 @@ BAD = {
 }
 
 
+@pytest.mark.usefixtures("without_child")
 @pytest.mark.parametrize("name", BAD)
 def test_a_bad_file_is_refused_in_one_line_that_names_it(
     check_refused: Callable[[Path, bytes | str, str], None], name: str, tmp_path: Path
