@@ -9,6 +9,7 @@ import pytest
 from bonecam.arrays import unit
 from bonecam.errors import LevelError, StockError
 from bonecam.job import Job, MeshJob, StockJob
+from bonecam.levels import body_surface
 from bonecam.levels.body_surface import TOLERANCE, body_surfaces
 from bonecam.levels.edge_rounding import levels_in
 from bonecam.levels.job_levels import make_levels
@@ -196,7 +197,10 @@ def test_the_spline_of_a_large_box_with_sharp_edges_lies_on_it_and_turns_nowhere
     assert (surface.normals(s, t) * body.normals(points)).sum(1).min() > 0.99
 
 
-def test_a_spline_that_cannot_follow_its_body_is_refused_with_distance_and_place() -> None:
+def test_a_spline_that_cannot_follow_its_body_is_refused_with_distance_and_place(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(body_surface, "MAX_TRIES", 1)
     body = RoundedStock(Box(np.full(3, -4.0), np.full(3, 4.0)), 0.005)
     with pytest.raises(
         LevelError, match=r"mm off it at \(.*\), more than 0\.002 mm: give a larger stock"
