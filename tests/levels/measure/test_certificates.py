@@ -347,6 +347,7 @@ def test_halves_of_a_net_are_the_patch() -> None:
         assert np.allclose(low.reshape(4, 4, 3), quarters[0, 0])
 
 
+@pytest.mark.slow
 def test_a_shared_bone_keeps_its_limits_everywhere(shared: Path) -> None:
     job = Job(mesh=MeshJob(units="m"))
     setup = place(prepare_part(shared / "meshes" / "bones" / "3distph_m.stl", job.mesh), job)
