@@ -4,12 +4,12 @@ All stages work in one frame, mm: the part's long axis is +Z, the table is z = 0
 the post stands on it.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from bonecam.job import Job
-from bonecam.levels.job_levels import check_method, surface_and_levels
+from bonecam.levels.job_levels import check_method
 from bonecam.levels.measure.level import morph_surfaces
 from bonecam.machine.machine import Machine, read_machine
 from bonecam.mechanics.workpiece import mechanics_of_job
@@ -19,32 +19,24 @@ from bonecam.nc.job_dialect import job_dialect
 from bonecam.nc.posting.header.header import record_simulation
 from bonecam.nc.posting.rotary.machine_limits import machine_limits
 from bonecam.nc.program import program_name
-from bonecam.nc.requirements import check_length, check_reach, check_room, check_tools
+from bonecam.nc.requirements import check_reach, check_tools
 from bonecam.planning.estimate import estimate
-from bonecam.planning.holding.neck import find_standing, neck_report
-from bonecam.planning.holding.parting_paths import check_parting
-from bonecam.planning.holding.reach import post_advice
-from bonecam.planning.holding.stump_paths import check_second
 from bonecam.planning.levels import plan_paths
 from bonecam.planning.strategies.layer_paths import plan_layer_paths
 from bonecam.post_and_prove import post_and_prove
 from bonecam.progress import Progress, part, report, silent
 from bonecam.report import warnings
-from bonecam.report.files.kept_folder import keep_failed_level
 from bonecam.report.files.output_files import File, Outputs
 from bonecam.report.files.refused_run import keep_refused, refusing
 from bonecam.report.files.result import Morphed, Result
 from bonecam.report.mechanics_lines import NOT_ASKED, NOT_KNOWN
-from bonecam.report.run_report import post_report, report_to_levels, report_to_program
+from bonecam.report.run_report import report_to_program
 from bonecam.report.stage_reports import uncut_areas
 from bonecam.report.summary import NOT_SIMULATED
 from bonecam.runtime.timing import StageTimes
 from bonecam.second_clamping import add_second, check_simulated
-from bonecam.setup.placement import Setup, place
-from bonecam.setup.schedule import check_cuts
 from bonecam.setup.stock_kind import check_sizes
-from bonecam.surface.files.surface_input import read_part
-from bonecam.surface.fitting.fit import Fit
+from bonecam.standing import morph_standing, stand_part
 from bonecam.tool.ball_depth import check_depths
 from bonecam.verify.control.trial_program import check_posting
 from bonecam.verify.removal.given import given_surface
@@ -150,54 +142,6 @@ def morph_part(
     """Part, surface and levels in a stock for which `machine` has room."""
     standing = stand_part(mesh, job, machine, times, part(progress, 0.0, 0.1))
     return morph_standing(standing, keep, times, part(progress, 0.1, 1.0))
-
-
-@dataclass(frozen=True, eq=False)
-class Standing:
-    """A part on its post in its stock, the job with the holding that was found, and what the report tells of both;
-    the surface that was `given` in the place of a mesh, if it was."""
-
-    setup: Setup
-    job: Job
-    given: Fit | None
-    told: dict[str, Any]
-
-
-def stand_part(
-    mesh: str | Path | TriangleMesh, job: Job, machine: Machine | None, times: StageTimes, progress: Progress
-) -> Standing:
-    """The part in a stock for which `machine` has room, on the post that the job gives or that is found."""
-    with times.stage("mesh"):
-        unplaced, given = read_part(mesh, job, progress)
-        warnings.check_warnings(warnings.hole_warnings(unplaced.widest_hole, job), job, unplaced.file)
-        found = not job.holding.length
-        placed = place(unplaced, job)
-        if not job.holding.diameter:
-            check_cuts(placed.part.mesh, placed.stock, job.levels)  # before necks are tried
-        limits = machine_limits(machine or read_machine(job.nc.machine))
-        setup, job, necks = find_standing(placed, job, limits)
-        if machine is not None:
-            check_parting(setup, job, limits)
-            check_second(setup.part, setup.post, job)
-            check_room(setup.stock, job, machine)
-        check_cuts(setup.part.mesh, setup.stock, job.levels)
-        if machine is not None:
-            check_length(setup.part.mesh, setup.stock, job, part(progress, 1.0, 1.0))
-        advice = post_advice(setup, job, limits) if found and machine else {}
-    told = post_report(setup.post, setup.part.mesh, job.holding) | advice | neck_report(necks)
-    return Standing(setup, job, given, told)
-
-
-def morph_standing(standing: Standing, keep: File, times: StageTimes, progress: Progress) -> Morphed:
-    """Surface and levels of a part that stands in its stock."""
-    setup, job = standing.setup, standing.job
-    with keep_failed_level(keep):
-        fitted, morph = surface_and_levels(setup, job, times, progress, standing.given)
-
-    figures = report_to_levels(setup.part, fitted, setup.stock, morph, job.levels.method)
-    figures |= {"strategy": job.path.strategy, "post": standing.told}
-    figures |= {"seconds": times.seconds, "cpu_seconds": times.cpu_seconds}
-    return Morphed(setup.part, fitted.surface, setup.stock, morph, warnings.with_warnings(figures, job), job)
 
 
 def machine_levels(

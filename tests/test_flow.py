@@ -8,7 +8,7 @@ import pytest
 ORDER = [
     *"errors progress arrays runtime files text machine job kernels tool mesh surface".split(),
     *"workholding setup levels material mechanics planning nc verify report".split(),
-    *"post_and_prove second_clamping pipeline simulation reposting finishing study filters batch cli".split(),
+    *"post_and_prove second_clamping standing pipeline simulation reposting finishing study filters batch cli".split(),
     "__main__",
 ]
 ROOMS = {

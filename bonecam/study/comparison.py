@@ -20,10 +20,11 @@ from bonecam.mesh.triangle_mesh import MeshLike, mesh_from
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.job_dialect import job_dialect
 from bonecam.nc.requirements import check_reach
-from bonecam.pipeline import check_job, machine_levels, morph_standing, stand_part
+from bonecam.pipeline import check_job, machine_levels
 from bonecam.progress import Progress, part, report, silent
 from bonecam.report.files.result import Morphed, Result
 from bonecam.runtime.timing import StageTimes
+from bonecam.standing import morph_standing, stand_part
 from bonecam.study.claims import claims_of
 from bonecam.study.compared import Comparison, Measured
 from bonecam.study.files import write_comparison

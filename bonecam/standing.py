@@ -1,0 +1,78 @@
+"""The first half of the flow: a part is read and stands on its post in its stock, then its surface and levels are made.
+
+The two halves are apart, as strategies that are compared share the first.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from bonecam.job import Job
+from bonecam.levels.job_levels import surface_and_levels
+from bonecam.machine.machine import Machine, read_machine
+from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.nc.posting.rotary.machine_limits import machine_limits
+from bonecam.nc.requirements import check_length, check_room
+from bonecam.planning.holding.neck import find_standing, neck_report
+from bonecam.planning.holding.parting_paths import check_parting
+from bonecam.planning.holding.reach import post_advice
+from bonecam.planning.holding.stump_paths import check_second
+from bonecam.progress import Progress, part
+from bonecam.report import warnings
+from bonecam.report.files.kept_folder import keep_failed_level
+from bonecam.report.files.output_files import File
+from bonecam.report.files.result import Morphed
+from bonecam.report.run_report import post_report, report_to_levels
+from bonecam.runtime.timing import StageTimes
+from bonecam.setup.placement import Setup, place
+from bonecam.setup.schedule import check_cuts
+from bonecam.surface.files.surface_input import read_part
+from bonecam.surface.fitting.fit import Fit
+
+
+@dataclass(frozen=True, eq=False)
+class Standing:
+    """A part on its post in its stock, the job with the holding that was found, and what the report tells of both;
+    the surface that was `given` in the place of a mesh, if it was."""
+
+    setup: Setup
+    job: Job
+    given: Fit | None
+    told: dict[str, Any]
+
+
+def stand_part(
+    mesh: str | Path | TriangleMesh, job: Job, machine: Machine | None, times: StageTimes, progress: Progress
+) -> Standing:
+    """The part in a stock for which `machine` has room, on the post that the job gives or that is found."""
+    with times.stage("mesh"):
+        unplaced, given = read_part(mesh, job, progress)
+        warnings.check_warnings(warnings.hole_warnings(unplaced.widest_hole, job), job, unplaced.file)
+        found = not job.holding.length
+        placed = place(unplaced, job)
+        if not job.holding.diameter:
+            check_cuts(placed.part.mesh, placed.stock, job.levels)  # before necks are tried
+        limits = machine_limits(machine or read_machine(job.nc.machine))
+        setup, job, necks = find_standing(placed, job, limits)
+        if machine is not None:
+            check_parting(setup, job, limits)
+            check_second(setup.part, setup.post, job)
+            check_room(setup.stock, job, machine)
+        check_cuts(setup.part.mesh, setup.stock, job.levels)
+        if machine is not None:
+            check_length(setup.part.mesh, setup.stock, job, part(progress, 1.0, 1.0))
+        advice = post_advice(setup, job, limits) if found and machine else {}
+    told = post_report(setup.post, setup.part.mesh, job.holding) | advice | neck_report(necks)
+    return Standing(setup, job, given, told)
+
+
+def morph_standing(standing: Standing, keep: File, times: StageTimes, progress: Progress) -> Morphed:
+    """Surface and levels of a part that stands in its stock."""
+    setup, job = standing.setup, standing.job
+    with keep_failed_level(keep):
+        fitted, morph = surface_and_levels(setup, job, times, progress, standing.given)
+
+    figures = report_to_levels(setup.part, fitted, setup.stock, morph, job.levels.method)
+    figures |= {"strategy": job.path.strategy, "post": standing.told}
+    figures |= {"seconds": times.seconds, "cpu_seconds": times.cpu_seconds}
+    return Morphed(setup.part, fitted.surface, setup.stock, morph, warnings.with_warnings(figures, job), job)
