@@ -4,11 +4,10 @@ With the feet (s, t) and normals n of the surface before, a step solves
 
     min sum_i w_i [ (n_i . (S(s_i, t_i) - X_i))^2 + slide |S(s_i, t_i) - X_i|^2 ] + fairness + poles,
 
-the tangent-distance step (Wang, Pottmann & Liu 2006): samples may slide in the tangent plane at little cost,
-so the parameters follow the shape and steps converge in few rounds. w_i grows with the miss, which trades a
-little of the rms for the maximum. The row next to a pole is kept in one plane with it and roughly round it:
-where it lies near the rim of its row a surface folds. Where the solved surface would fold, the change is held
-back round that place only.
+the tangent-distance step (Wang, Pottmann & Liu 2006): samples may slide in the tangent plane at little cost, so the
+parameters follow the shape and steps converge in few rounds. w_i grows with the miss, which trades a little of the rms
+for the maximum. The row next to a pole is kept in one plane with it and roughly round it: where it lies near the rim
+of its row a surface folds. Where the solved surface would fold, the change is held back round that place only.
 """
 
 from dataclasses import dataclass
