@@ -117,10 +117,10 @@ def step(surface: TSpline, target: FitTarget, tolerance: float, plane: float, of
 def fair_step(
     surface: TSpline, target: FitTarget, tolerance: float, sharp: Bool[ndarray, " n"], weight: float
 ) -> TSpline:
-    """The surface after one step in which its shape, not only its change, resists the thin-plate energy with this
-    weight round the `sharp` points of its `Quadrature`; poles stay round. A fold is not looked for."""
-    quadrature = Quadrature.on(surface)
+    """The surface after a step in which its shape, not only its change, resists the thin-plate energy with this weight
+    round the `sharp` points of its `Quadrature`; poles stay round. A fold is not looked for."""
     share = target.inward.areas.sum() / surface.tmesh.size
+    quadrature = Quadrature.on(surface)
     near = _round(surface, quadrature, (quadrature.s, quadrature.t), sharp)
     terms = [
         *data_terms(surface, target, tolerance, SLIDE),

@@ -78,3 +78,11 @@ def test_what_cannot_be_tessellated_is_an_error(bone_like: Callable[..., TSpline
     flat = TSpline(surface.tmesh, np.zeros_like(surface.control_points), surface.weights)
     with pytest.raises(SurfaceError, match="one point"):
         flat.tessellate(0.1)
+
+
+def test_rounds_that_do_not_suffice_are_told(
+    bone_like: Callable[..., TSpline], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("bonecam.surface.tessellation.tessellate.ROUNDS", 1)
+    with pytest.raises(SurfaceError, match=r"cannot be tessellated to 1e-05 mm .* in 1 rounds, near"):
+        bone_like(8, 8, 3).tessellate(1e-5)
