@@ -10,27 +10,32 @@ from bonecam.errors import BonecamError, JobError, SurfaceError
 from bonecam.files import check_files
 from bonecam.job import Job
 from bonecam.machine.machine import Machine, read_machine
+from bonecam.mechanics.workpiece import mechanics_of_job
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.files.mesh_files import read_mesh
 from bonecam.mesh.solids.booleans import solid_union
 from bonecam.mesh.triangle_mesh import MeshLike, TriangleMesh, mesh_from
 from bonecam.mesh.units import to_mm
 from bonecam.nc.job_dialect import job_dialect
+from bonecam.nc.posting.header.header import record_simulation
 from bonecam.nc.posting.rotary.machine_limits import machine_limits
 from bonecam.nc.program import program_name
 from bonecam.pipeline import check_job
+from bonecam.planning.holding.surface_post import surface_holding
 from bonecam.planning.passes.gouge_lifts import MESH_SHARE, planned_tolerance
 from bonecam.planning.strategies.surface_path import Workpiece, plan_surface, stand_workpiece
 from bonecam.post_and_prove import post_and_prove
 from bonecam.progress import Progress, silent
 from bonecam.progress import part as part_of
 from bonecam.progress import report as report_progress
-from bonecam.report.files.finished import PAGE_CHORD, Finished, write_finished
+from bonecam.report.files.finished import Finished, write_finished
 from bonecam.report.files.output_files import File, Outputs
-from bonecam.report.mechanics_lines import NOT_KNOWN
+from bonecam.report.files.refused_run import refusing
+from bonecam.report.mechanics_lines import NOT_ASKED, NOT_KNOWN
 from bonecam.report.run_report import report_to_program
 from bonecam.report.stage_reports import uncut_areas
-from bonecam.report.warnings import header_texts, with_warnings
+from bonecam.report.summary import NOT_SIMULATED
+from bonecam.report.warnings import header_texts, simulated_text, with_warnings
 from bonecam.runtime.timing import StageTimes
 from bonecam.surface.blades.blade_solid import blade_solid
 from bonecam.surface.files.machined_surface import machined_surface
@@ -44,6 +49,7 @@ from bonecam.surface.files.surface_input import (
 )
 from bonecam.surface.tspline import TSpline
 from bonecam.tool.path import ToolPath
+from bonecam.verify.removal.of_surface import CHORD, prove_surface_removal
 
 OWN_CHORD = 0.002
 """Largest chord tolerance (mm) of the solid that the surface bounds: MESH_SHARE of the gouge allowed by default."""
@@ -63,19 +69,24 @@ def finish(
     report: File = None,
     html: File = None,
     apt: File = None,
+    simulation: bool = True,
+    mechanics: bool = True,
     progress: Progress = silent,
 ) -> Finished:
     """The verified program that machines one surface, open or closed, with the job's finishing cutter in one level.
 
     `surface` is a file (rows of points, STEP, IGES, `.tsm`, `.tspline`, an open mesh with four corners), such a mesh in
-    memory, or a TSpline; its normals face outward. `part` and `obstacles` (hub, shroud, neighbours, fixtures) are
-    closed solids that nothing may gouge, in one frame with it and the unit `job.mesh.units`, Z the table's axis. One
-    closed round s bounds such a solid itself; an open one needs the part. All stands on the post of [holding]. Raises
-    a BonecamError.
+    memory, or a TSpline; its normals face outward. `part` and `obstacles` (hub, shroud, fixtures) are closed solids
+    that nothing may gouge, in one frame with it and the unit `job.mesh.units`, Z the table's axis. One closed round s
+    bounds such a solid itself; an open one needs the part. All stands on the post of [holding]. The text's removal is
+    simulated (`simulation`) from what stands before: the solids, and `levels.finishing_depth` of material on the
+    surface; force and bending are asked (`mechanics`). Raises a BonecamError.
     """
     job = job or Job()
     machine, dialect = read_machine(job.nc.machine), job_dialect(job.nc)
     check_job(job, machine, dialect)
+    if simulation and mechanics:
+        mechanics_of_job(job)
     source = Path(surface) if isinstance(surface, str | Path) else None
     (wanted := Outputs(program, keep, report, html=html, apt=apt)).check(source, dialect)
     solids = _checked_solids((part, *obstacles), program, report, html, apt)
@@ -95,20 +106,36 @@ def finish(
             name=program_name(program or source or ""),
             comments=[*header_texts(figures, job), *([f"surface: {source.name}"] if source else [])],
             times=times,
-            progress=part_of(progress, 0.8, 1.0),
+            progress=part_of(progress, 0.8, 0.9),
         )
-    reported = report_to_program(
-        Path(program or "").name,
-        proved.paths,
-        proved.program,
-        proved.proof,
-        job=job.path,
-        part=workpiece.solid,
-    )
-    figures = with_warnings({**figures, **reported, "seconds": times.seconds}, job)
+    told = proved.paths, proved.program, proved.proof
+    reported = report_to_program(Path(program or "").name, *told, job=job.path, part=workpiece.solid)
+    figures = with_warnings({**figures, **reported, "removal": NOT_SIMULATED}, job)
     made = Finished(workpiece, proved.paths[0], proved.program, figures, job)
+    if simulation:
+        made = _simulated(made, name, times, part_of(progress, 0.9, 1.0), mechanics=mechanics)
+    made = replace(made, report={**made.report, "seconds": times.seconds})
     write_finished(made, wanted)
     return made
+
+
+def _simulated(
+    made: Finished, name: str, times: StageTimes, progress: Progress, *, mechanics: bool
+) -> Finished:
+    """The result with what its posted text removes from the stock before it, and what bends if `mechanics` are asked;
+    VerifyError where that is not what a program may do."""
+    machine, dialect = read_machine(made.job.nc.machine), job_dialect(made.job.nc)
+    text, workpiece = made.program.text, made.workpiece
+    bodies = made.job, workpiece.surface, workpiece.solid
+    with times.stage("simulation"), refusing(made.program, [made.path]), _naming(name):
+        found = prove_surface_removal(text, machine, dialect, *bodies, progress, mechanics=mechanics)
+        removal, bent = found.removal, found.removal.mechanics
+        skipped = {"skipped": found.unknown} if found.unknown else NOT_ASKED
+        sections = {"removal": removal.report, "mechanics": bent.report if bent else skipped}
+        figures = with_warnings(made.report | sections, made.job)
+    told = simulated_text(figures, str(bent or skipped["skipped"]))
+    program = record_simulation(made.program, dialect, removal.cell, told)
+    return replace(made, program=program, report=figures, removal=removal)
 
 
 def _checked_solids(given: Sequence[Solid | None], *wanted: File) -> list[Solid]:
@@ -190,7 +217,7 @@ def _planned(
     """The surface on its post, the job with the post's length, and the path."""
     limits = machine_limits(machine)
     with times.stage("toolpath"):
-        job = replace(job, holding=job.holding.of_surface)
+        job = replace(job, holding=surface_holding(job.holding, surface, solid))
         workpiece = stand_workpiece(surface, solid, job, limits)
         job = replace(job, holding=replace(job.holding, length=workpiece.length))
         return workpiece, job, plan_surface(workpiece, job, limits)
@@ -208,5 +235,5 @@ def _figures(workpiece: Workpiece, path: ToolPath, job: Job, source: File, solid
         "solids": solids,
     }
     post = {"diameter_mm": job.holding.diameter, "length_mm": workpiece.length}
-    uncut = uncut_areas([path], surface.tessellate(PAGE_CHORD))
-    return {"surface": shape, "post": post, "mechanics": NOT_KNOWN, "uncut_mm2": uncut}
+    uncut = uncut_areas([path], surface.tessellate(CHORD))
+    return {"surface": shape, "post": post, "uncut_mm2": uncut, "mechanics": NOT_KNOWN}

@@ -9,16 +9,19 @@ import numpy as np
 import pytest
 
 import bonecam
-from bonecam.errors import FileError, MachineError, MeshError, SurfaceError, UnitsError
+from bonecam.errors import BendingError, FileError, MachineError, MeshError, SurfaceError, UnitsError
+from bonecam.machine.machine import read_machine
 from bonecam.mesh import MeshDistance, write_mesh
 from bonecam.mesh.solids.revolution import revolve
 from bonecam.mesh.triangle_mesh import keep_faces
+from bonecam.nc.job_dialect import job_dialect
 from bonecam.report import read_apt
 from bonecam.report.page.packing import unpack
 from bonecam.surface import skin
 from bonecam.surface.files.tspline_text import write_tsm
 from bonecam.surface.tspline import TSpline
 from bonecam.tool.path import MoveKind
+from bonecam.verify.removal.of_surface import prove_surface_removal
 
 JOB = bonecam.Job().with_values(
     holding={"length": 60.0, "diameter": 10.0},
@@ -96,6 +99,25 @@ def test_the_text_gouges_nothing_and_its_files_are_there(finished: tuple[bonecam
     shown = unpack(base64.b64decode(payload), "panel.html")
     assert shown.arrays["text"].tobytes().decode() == made.program.text
     assert [layer["level"] for layer in shown.facts["program"]["layers"]] == [made.path.level]
+
+
+def test_force_and_bending_are_told_of_what_the_text_removes_and_a_wire_is_refused(
+    finished: tuple[bonecam.Finished, Path],
+) -> None:
+    made, folder = finished
+    told = made.report["mechanics"]
+    assert 0 < told["error_kept_um"]["p95"] < 20
+    assert "BENDING KEEPS" in (folder / "panel.h").read_text()
+    assert "error kept" in made.summary
+    assert {"error.ply", "error.png", "left.ply"} <= {file.name for file in (folder / "keep").iterdir()}
+    # what stands before is the layer of the finishing cut: the scallops of 0.2 mm stay
+    depth = made.report["removal"]["levels"][0]["depth_max_mm"]
+    assert 0.8 * JOB.levels.finishing_depth < depth < 1.1 * JOB.levels.finishing_depth
+    wire = replace(made.job, holding=replace(made.job.holding, diameter=3.0))
+    machine, dialect = read_machine(wire.nc.machine), job_dialect(wire.nc)
+    bodies = wire, made.workpiece.surface, made.workpiece.solid
+    with pytest.raises(BendingError, match="stress at the peaks is"):
+        prove_surface_removal(made.program.text, machine, dialect, *bodies)
 
 
 def test_a_mesh_patch_is_cut_as_the_surface_through_it(tmp_path: Path) -> None:

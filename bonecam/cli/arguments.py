@@ -90,6 +90,7 @@ def _add_finish(parsers: Any) -> None:
     finish.add_argument("--report", metavar="FILE.json", help="file for the report")
     finish.add_argument("--html", metavar="FILE.html", help="file for a page to look at in a browser")
     _add_apt(finish)
+    _add_no_simulation(finish)
     add_job_options(finish)
     _add_verbosity(finish)
 
@@ -210,6 +211,10 @@ def _add_keep(command: argparse.ArgumentParser) -> None:
     sheet = "file for the setup sheet, one page to print: clamping, tools, axes, checks, warnings"
     command.add_argument("--sheet", metavar="FILE.html", help=sheet)
     _add_apt(command)
+    _add_no_simulation(command)
+
+
+def _add_no_simulation(command: argparse.ArgumentParser) -> None:
     without = "do not simulate the removal of material from the posted text"
     command.add_argument("--no-simulation", action="store_true", help=without)
     _add_no_mechanics(command)

@@ -86,6 +86,8 @@ def run_finish(options: argparse.Namespace) -> int:
             report=options.report,
             html=options.html,
             apt=options.apt,
+            simulation=not options.no_simulation,
+            mechanics=not options.no_mechanics,
             progress=progress,
         )
     if not options.quiet:

@@ -1,14 +1,12 @@
 """The section [holding] of a job."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from bonecam.errors import JobError
 from bonecam.job.parameter import JobSection, check, parameter
 
 LEAST_POST = 0.5
 """A post is no thinner, mm."""
-SURFACE_POST = 4.0
-"""Diameter of the post below a surface that is finished alone, mm."""
 LEAST_BRIDGE = 0.2
 """A bridge is no thinner, mm: two cells of the simulation, within which it is measured."""
 
@@ -164,12 +162,6 @@ class HoldingJob(JobSection):
         """Whether all that holds the part is to be found: then it is riser, collet, stub and neck."""
         names = ("diameter", "length", "chuck_height", "riser_height", "stub_length")
         return not any(getattr(self, name) for name in names)
-
-    @property
-    def of_surface(self) -> "HoldingJob":
-        """The holding of a surface that is finished alone: its solid may be of any form, so no neck is found, and it
-        stands on a post of SURFACE_POST if the job does not say otherwise."""
-        return self if self.diameter else replace(self, diameter=SURFACE_POST)
 
     @property
     def support_height(self) -> float:

@@ -74,32 +74,37 @@ def order(direction: int) -> list[int]:
 
 
 def lay_grid(bodies: Sequence[Stock], cell: float) -> RayGrid:
-    """The grid that holds all bodies, its directions even to the Z axis and 120 degrees apart about it."""
+    """The grid that holds all bodies."""
+    return grid_round(np.vstack([body.mesh(CHORD).vertices for body in bodies]), cell)
+
+
+def grid_round(points: Float[ndarray, "n 3"], cell: float) -> RayGrid:
+    """The grid that holds all points, its directions even to the Z axis and 120 degrees apart about it."""
     azimuths = AZIMUTH + np.radians([0.0, 120.0, 240.0])
     flat = np.sqrt(2 / 3)
     rotation = np.column_stack([flat * np.cos(azimuths), flat * np.sin(azimuths), np.full(3, np.sqrt(1 / 3))])
-    points = np.vstack([body.mesh(CHORD).vertices for body in bodies]) @ rotation.T
-    low = points.min(0) - MARGIN
-    return RayGrid(rotation, low @ rotation, points.max(0) + MARGIN - low, cell)
+    along = points @ rotation.T
+    low = along.min(0) - MARGIN
+    return RayGrid(rotation, low @ rotation, along.max(0) + MARGIN - low, cell)
 
 
 def lay_rays(bodies: Sequence[Stock], grid: RayGrid, memory_mb: float) -> list[RaySet]:
-    """The union of convex bodies on the three sets of rays; JobError where they and a copy need more
-    memory."""
+    """The union of convex bodies on the three sets of rays; JobError where they and a copy need more memory."""
     fits = least_cell(bodies, grid, memory_mb)
     if grid.cell < fits:
-        raise JobError(
-            f"rays {grid.cell:g} mm apart need more than the {memory_mb:g} MB allowed: "
-            f"give a cell of at least {fits:.2f} mm",
-            cell=fits,
-        )
+        what = f"rays {grid.cell:g} mm apart need more than the {memory_mb:g} MB allowed"
+        raise JobError(f"{what}: give a cell of at least {fits:.2f} mm", cell=fits)
     outlines = [[_outline(body, grid, k) for body in bodies] for k in range(3)]
     return [_lay_set(bodies, outlines[k], grid, k) for k in range(3)]
 
 
 def least_cell(bodies: Sequence[Stock], grid: RayGrid, memory_mb: float) -> float:
     """The distance of rays (mm, in hundredths) that need no more memory, a copy of them included."""
-    area = sum(_outline(body, grid, k).volume for body in bodies for k in range(3))
+    return cell_that_fits(sum(_outline(body, grid, k).volume for body in bodies for k in range(3)), memory_mb)
+
+
+def cell_that_fits(area: float, memory_mb: float) -> float:
+    """As `least_cell`, where the outlines of all bodies along the three directions have this area, mm^2."""
     return float(np.ceil(100 * np.sqrt(2 * area * (8 * ROOM + 1) / 1e6 / memory_mb)) / 100)
 
 

@@ -12,7 +12,8 @@ from bonecam.job.materials.preset import read_material
 from bonecam.kernels.removal.rays import RaySet
 from bonecam.material.rays import RayGrid
 from bonecam.mechanics.beam import Beam
-from bonecam.mechanics.sections import join, ray_sections, shoulder
+from bonecam.mechanics.sections import column_sections, join, mesh_sections, ray_sections, shoulder
+from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.workholding.clamping import Clamping
 from bonecam.workholding.column import Column
 from bonecam.workholding.post import Post
@@ -29,10 +30,11 @@ class Standing:
     width: float = np.inf
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Workpiece:
     """A material with its `stiffness` and the `force` that cuts it by cutters with so many `flutes`, on a `post`, that
-    on the `stub` of the bar if there is one, held rigidly below the height `clamped`, mm; and the `limits` of a job."""
+    on the `stub` of the bar if there is one, held rigidly below the height `clamped`, mm; and the `limits` of a job.
+    Above the post stands the `body`, or, if there is none, all that rays tell of."""
 
     material: str
     stiffness: StiffnessTable
@@ -42,14 +44,19 @@ class Workpiece:
     clamped: float
     stub: Column | None = None
     limits: MechanicsJob = field(default_factory=MechanicsJob)
+    body: TriangleMesh | None = None
 
     def beam(self, standing: Standing) -> Beam:
         """What stands as a beam, with the shoulders of the post: at its top against what is a diameter above that, and
         at its foot against the stub."""
         sets, grid, diameter = standing.sets, standing.grid, 2 * self.post.radius
         foot = self.stub.top if self.stub else self.clamped
-        upper = ray_sections(sets, grid, foot, standing.top)
-        neck, above = upper.between(foot, self.post.top), upper.between(self.post.top, standing.top)
+        if self.body is None:
+            upper = ray_sections(sets, grid, foot, standing.top)
+            neck, above = upper.between(foot, self.post.top), upper.between(self.post.top, standing.top)
+        else:
+            neck = column_sections(self.post.radius, foot, self.post.top)
+            above = mesh_sections(self.body, self.post.top)
         wider = 2 * np.sqrt(float(np.interp(self.post.top + diameter, above.z, above.area)) / np.pi)
         pieces = [neck, shoulder(diameter, self.post.top, max(wider, diameter)), above]
         if self.stub:

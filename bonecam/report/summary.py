@@ -77,7 +77,8 @@ def finished_summary(report: Mapping[str, Any]) -> str:
         f"surface   {shape}; {counted(surface['solids'], 'solid')} kept clear of",
         *post_lines(report["post"]),
         *_program_lines(report),
-        *mechanics_lines(report.get("mechanics")),
+        *removal_lines(report["removal"]),
+        *mechanics_lines(report["mechanics"]),
         f"time      {seconds:.1f} s",
     ]
     return "\n".join(lines)

@@ -33,6 +33,13 @@ def collet_for(bar: float) -> float:
     return next((nut for thickest, nut in COLLETS if bar <= thickest), bar + 2 * JAWS)
 
 
+def in_collet(holding: HoldingJob, bar: float) -> HoldingJob:
+    """The holding with a collet that holds a bar of this diameter (mm), on a riser."""
+    nut = collet_for(bar)
+    on_riser = replace(holding, riser_diameter=max(RISER[0], nut), riser_height=RISER[1])
+    return replace(on_riser, chuck_diameter=nut, chuck_height=COLLET_TOP)
+
+
 def settled_stub(holding: HoldingJob, width: float) -> HoldingJob:
     """The holding with the sizes of bar and collet that it leaves open, for a stock that is `width` mm wide.
 
@@ -41,16 +48,7 @@ def settled_stub(holding: HoldingJob, width: float) -> HoldingJob:
     """
     if holding.names_nothing:
         bar = next_bar(width)
-        nut = collet_for(bar)
-        return replace(
-            holding,
-            riser_diameter=max(RISER[0], nut),
-            riser_height=RISER[1],
-            chuck_diameter=nut,
-            chuck_height=COLLET_TOP,
-            stub_diameter=bar,
-            stub_length=STUB,
-        )
+        return replace(in_collet(holding, bar), stub_diameter=bar, stub_length=STUB)
     if not holding.stub_length:
         return holding
     bar = holding.stub_diameter or next_bar(width)

@@ -19,6 +19,9 @@ MISSES = "the post of diameter {:g} mm on the Z axis misses the part"
 NECKS = (4.0, 5.0, 6.0, 8.0, 10.0)
 """Diameters that are tried where a job leaves it open, mm."""
 
+FLUSH = 0.2
+"""A post meets an underside well that rises over its top by this share of its diameter at most."""
+
 
 @dataclass(frozen=True)
 class Post:
@@ -53,11 +56,7 @@ def post_below(part: TriangleMesh, holding: HoldingJob, lying: tuple[float, floa
             "holding.diameter = 0: the neck is still to be found, as `convert` does: give a diameter"
         )
     radius = holding.diameter / 2
-    angle = np.arange(24) * (2 * np.pi / 24)
-    rings = [np.zeros((1, 2))] + [
-        radius * f * np.column_stack([np.cos(angle), np.sin(angle)]) for f in (1 / 3, 2 / 3, 1.0)
-    ]
-    heights = _undersides(part, np.vstack(rings))
+    heights = _undersides(part, _places(radius))
     met = heights[np.isfinite(heights)]
     if not len(met):
         x, y = np.array(lying) - _lower_end(part, holding.diameter)
@@ -90,6 +89,24 @@ def checked_post(part: TriangleMesh, width: float, holding: HoldingJob, lying: t
             f"{bound}: give a post that is thinner than the part's lower end",
         )
     return post_below(part, holding, lying)
+
+
+def thickest_below(part: TriangleMesh) -> float:
+    """The thickest of NECKS (mm) all of whose top meets the part's underside within FLUSH of its diameter; the thinnest
+    where none does."""
+
+    def flush(diameter: float) -> bool:
+        heights = _undersides(part, _places(diameter / 2))
+        return bool(np.isfinite(heights).all() and np.ptp(heights) <= FLUSH * diameter)
+
+    return max(filter(flush, NECKS), default=NECKS[0])
+
+
+def _places(radius: float) -> Float[ndarray, "73 2"]:
+    """Places (x, y) on the top of a post of a radius, mm."""
+    angle = np.arange(24) * (2 * np.pi / 24)
+    ring = np.column_stack([np.cos(angle), np.sin(angle)])
+    return np.vstack([np.zeros((1, 2)), *(radius * f * ring for f in (1 / 3, 2 / 3, 1.0))])
 
 
 def _lower_end(part: TriangleMesh, height: float) -> Float[ndarray, "2"]:

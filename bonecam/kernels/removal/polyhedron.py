@@ -1,7 +1,8 @@
-"""Where rays lie in a convex polyhedron, compiled: the planes of the faces that a ray passes bound it.
+"""Where rays lie in polyhedra, compiled.
 
-Every face is drawn in the grid of the rays. A plane of another face than the one that a ray passes bounds the body
-too, so that rays through an edge, which count to both faces, take no harm.
+Of a convex one the planes of the faces that a ray passes bound it. Every face is drawn in the grid of the rays. A plane
+of another face than the one that a ray passes bounds the body too, so that rays through an edge, which count to both
+faces, take no harm. Of any other the crossings with all faces are listed, an edge belonging to one of its two.
 """
 
 import numpy as np
@@ -46,3 +47,57 @@ def polyhedron_chords(corners: ndarray, cell: float, tile_of: ndarray, low: ndar
                     low[tile, ray] = max(low[tile, ray], w)
                 else:
                     high[tile, ray] = min(high[tile, ray], w)
+
+
+@njit(cache=True, nogil=True)
+def count_crossings(corners: ndarray, cell: float, rows: int, columns: int) -> int:
+    """How many times rays cross triangles, as `find_crossings`."""
+    none = np.empty(0, dtype=np.int64)
+    return find_crossings(corners, cell, rows, columns, none, np.empty(0), np.empty(0, dtype=np.int8))
+
+
+@njit(cache=True, nogil=True)
+def find_crossings(
+    corners: ndarray, cell: float, rows: int, columns: int, ray: ndarray, w: ndarray, into: ndarray
+) -> int:
+    """Write the number `ray` = i columns + j, the place `w` (mm) and the sense `into` (1 into a body, -1 out of it) of
+    each crossing, as far as there is room, and return how many there are.
+
+    `corners` (f, 3, 3) are those of triangles, outwards, in u, v, w; ray (i, j) lies at u = (i + 1/2) `cell`, v = (j +
+    1/2) `cell`. An edge belongs to one of the two triangles beside it: the side of an edge is found from its lower end,
+    so both find the same.
+    """
+    found = 0
+    for f in range(len(corners)):
+        a, b, c = corners[f, 0], corners[f, 1], corners[f, 2]
+        area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+        if area == 0.0:
+            continue
+        first = max(int(np.ceil(min(a[0], b[0], c[0]) / cell - 0.5)), 0)
+        last = min(int(np.floor(max(a[0], b[0], c[0]) / cell - 0.5)), rows - 1)
+        left = max(int(np.ceil(min(a[1], b[1], c[1]) / cell - 0.5)), 0)
+        right = min(int(np.floor(max(a[1], b[1], c[1]) / cell - 0.5)), columns - 1)
+        for i in range(first, last + 1):
+            u = (i + 0.5) * cell
+            for j in range(left, right + 1):
+                v = (j + 0.5) * cell
+                one, two, three = _left_of(a, b, u, v), _left_of(b, c, u, v), _left_of(c, a, u, v)
+                if one != two or two != three:
+                    continue
+                if found < len(ray):
+                    p = (b[0] - a[0]) * (v - a[1]) - (b[1] - a[1]) * (u - a[0])
+                    q = (u - a[0]) * (c[1] - a[1]) - (v - a[1]) * (c[0] - a[0])
+                    ray[found] = i * columns + j
+                    w[found] = a[2] + (q * (b[2] - a[2]) + p * (c[2] - a[2])) / area
+                    into[found] = -1 if area > 0.0 else 1
+                found += 1
+    return found
+
+
+@njit(cache=True, nogil=True)
+def _left_of(a: ndarray, b: ndarray, u: float, v: float) -> bool:
+    """Whether (u, v) is to the left of the edge from a to b; of one and the same edge the two ways answer unlike."""
+    back = b[0] < a[0] or (b[0] == a[0] and b[1] < a[1])
+    p, q = (b, a) if back else (a, b)
+    side = (q[0] - p[0]) * (v - p[1]) - (q[1] - p[1]) * (u - p[0])
+    return (side > 0.0) != back

@@ -14,7 +14,7 @@ from bonecam.nc.posting.rotary.machine_limits import machine_limits
 from bonecam.nc.program import Program
 from bonecam.planning.strategies.surface_path import Workpiece
 from bonecam.report.axis_comparison import AxisComparison, compare_axes
-from bonecam.report.files.kept_folder import SERIES
+from bonecam.report.files.kept_folder import SERIES, write_simulated
 from bonecam.report.files.kept_view import VIEW
 from bonecam.report.files.output_files import File, Outputs
 from bonecam.report.files.shown import Shown
@@ -31,29 +31,29 @@ from bonecam.report.tables.toolpath_csv import toolpath_csv
 from bonecam.runtime.staging import staged
 from bonecam.surface.files.iga import write_iga
 from bonecam.tool.path import ToolPath
+from bonecam.verify.removal.of_surface import CHORD
+from bonecam.verify.removal.result import Removal
 from bonecam.workholding.clamping import clamping_of
-
-PAGE_CHORD = 0.01
-"""Chord tolerance of the surface in the page, mm."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Finished(Shown):
-    """The result of `bonecam.finish`: surface and solid as they stand on the post, the path, the program. `report` is
-    the content of the file of --report."""
+    """The result of `bonecam.finish`: surface and solid as they stand on the post, the path, the program, and
+    what it removes, if that was simulated. `report` is the content of the file of --report."""
 
     workpiece: Workpiece
     path: ToolPath
     program: Program
     report: dict[str, Any]
     job: Job
+    removal: Removal | None = None
 
     @cached_property
     def packed_view(self) -> bytes:
         """What `view` shows, packed as `bonecam.report.page` has it."""
-        surface = self.workpiece.surface.tessellate(PAGE_CHORD)
+        surface = self.workpiece.surface.tessellate(CHORD)
         parts = (surface, self.workpiece.solid, self.path, self.program.text, self.job, self.report)
-        return pack(surface_contents(*parts, bonecam.__version__))
+        return pack(surface_contents(*parts, bonecam.__version__, self.removal))
 
     def compare_axes(self) -> AxisComparison:
         """The tool axes beside the surface's normals and axes that lean by the lead angle, at the same contacts:
@@ -98,15 +98,16 @@ def write_finished(made: Finished, wanted: Outputs) -> None:
 
 def _fill_folder(work: Path, made: Finished) -> None:
     """Write surface.iga, solid.ply, toolpath.csv, .apt and .png, axes.png, axes.md, machine.png, cones.csv,
-    program, view.gz, job.toml and report.json."""
+    program, view.gz, job.toml and report.json, and where it was simulated left.ply, error.ply and error.png."""
     write_iga(made.workpiece.surface, work / "surface.iga")
     write_mesh(made.workpiece.solid, work / "solid.ply")
     made._draw(work / "toolpath.png")
     compared = made.compare_axes()
-    draw_compared_axes(compared, made.workpiece.surface.tessellate(PAGE_CHORD), work / "axes.png")
+    draw_compared_axes(compared, made.workpiece.surface.tessellate(CHORD), work / "axes.png")
     table = read_machine(made.job.nc.machine).table
     draw_machine([made.path], made.workpiece.solid, made.job.holding, table, work / "machine.png")
     (work / VIEW).write_bytes(made.packed_view)
+    write_simulated(work, made.removal)
     texts = {
         f"program{made.program.extension}": made.program.text,
         "axes.md": compared.table,

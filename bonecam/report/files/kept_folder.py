@@ -35,6 +35,7 @@ from bonecam.report.tables.toolpath_csv import toolpath_csv
 from bonecam.setup.stock import Stock
 from bonecam.surface.files.tspline_text import write_tsm
 from bonecam.tool.path import MoveKind
+from bonecam.verify.removal.result import Removal
 
 FAILED = r"failed_level_\d{2,}\.ply"
 """Name of the file that shows where a level failed its check, as a regular expression."""
@@ -75,14 +76,21 @@ def fill_kept_folder(work: Path, made: Morphed, post: tuple[float, float]) -> No
         table = read_machine(made.job.nc.machine).table
         draw_stump(levels[0].mesh, post, cut_groove(made.paths), work / "stump.png")
         draw_machine(made.paths, levels[0].mesh, made.job.holding, table, work / "machine.png")
+        write_simulated(work, made.removal)
         if made.removal and made.removal.left:
-            left = made.removal.left
-            write_mesh(left.mesh, work / "left.ply", quality=left.heights, largest=LEFT_COLOURED)
             _draw_engagement(made, work / "engagement.png")
-        if made.removal and made.removal.mechanics and made.removal.mechanics.error:
-            error = made.removal.mechanics.error
-            write_mesh(error.mesh, work / "error.ply", quality=error.sizes, largest=error.p99)
-            draw_error(error, work / "error.png")
+
+
+def write_simulated(work: Path, removal: Removal | None) -> None:
+    """Write what a removal leaves on the part as left.ply, and the error that bending leaves as error.ply and
+    error.png, as far as these are known."""
+    if removal and removal.left:
+        left = removal.left
+        write_mesh(left.mesh, work / "left.ply", quality=left.heights, largest=LEFT_COLOURED)
+    if removal and removal.mechanics and removal.mechanics.error:
+        error = removal.mechanics.error
+        write_mesh(error.mesh, work / "error.ply", quality=error.sizes, largest=error.p99)
+        draw_error(error, work / "error.png")
 
 
 def _write_second(work: Path, second: SecondProgram) -> None:

@@ -11,6 +11,7 @@ from bonecam.report.page.program_contents import program_contents
 from bonecam.report.page.shape_contents import bodies
 from bonecam.report.summary import finished_summary
 from bonecam.tool.path import ToolPath
+from bonecam.verify.removal.result import Removal
 
 
 def surface_contents(
@@ -21,11 +22,17 @@ def surface_contents(
     job: Job,
     report: dict[str, Any],
     version: str,
+    removal: Removal | None = None,
 ) -> Contents:
-    """The surface, the solid that is kept free of gouges, and the program's moves."""
+    """The surface, the solid that is kept free of gouges, and the program's moves, with what they remove if that was
+    simulated."""
     machine = read_machine(job.nc.machine)
     meshes = {0: surface, 1: solid}
-    posted = program_contents(program, meshes, job, machine, job_dialect(job.nc), paths=[path])
+    dialect = job_dialect(job.nc)
+    shown = {0: surface}
+    posted = program_contents(
+        program, meshes, job, machine, dialect, paths=[path], removal=removal, surfaces=shown
+    )
     posted.facts["program"]["minutes"] = report["nc"]["time_min"]
     figures = report["surface"]
     facts = {

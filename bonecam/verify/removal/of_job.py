@@ -176,11 +176,11 @@ def simulate_stump(
     return replace(removal, shell=shell_clearance(motions, cutters, shell))
 
 
-def check_removal_of_job(removal: Removal, job: Job) -> None:
+def check_removal_of_job(removal: Removal, job: Job, deviation: float = 0.0) -> None:
     """VerifyError as in `check_removal`, with the tolerance and the bridge of a job, and where the text does not part
     though the job wants it. Slices and sections of the part promise no depth: what they leave between them is told.
     A second clamping keeps the depths of its cutters, and parts nothing. What bends more than the job allows is refused
-    too, if that was asked."""
+    too, if that was asked. Where the part is the solid under a surface, that lies up to a `deviation` (mm) over it."""
     if removal.shell is not None:
         check_removal(removal, job.path.gouge_tolerance)
         return
@@ -190,6 +190,6 @@ def check_removal_of_job(removal: Removal, job: Job) -> None:
             "parting = false"
         )
     limited = job.path.strategy == "morph"
-    check_removal(removal, job.path.gouge_tolerance, job.holding.bridge, limited=limited)
+    check_removal(removal, job.path.gouge_tolerance + deviation, job.holding.bridge, limited=limited)
     if removal.mechanics is not None:
         removal.mechanics.check()

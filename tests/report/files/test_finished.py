@@ -11,7 +11,6 @@ from bonecam.cli import main
 from bonecam.surface import skin
 
 JOB = bonecam.Job().with_values(
-    holding={"length": 60.0, "diameter": 4.0},
     finishing={"radius": 2.0, "flute_length": 6.0, "shank_diameter": 3.6, "overhang": 45.0, "scallop": 0.5},
     path={"max_tilt_deg": 85.0},
 )
@@ -83,7 +82,7 @@ def test_the_page_shows_path_and_program_and_asks_for_nothing(
         if page.evaluate("page.ready") or troubles:
             break
         page.wait_for_timeout(50)
-    assert page.locator("#modes button").all_inner_texts() == ["Paths", "Program"]
+    assert page.locator("#modes button").all_inner_texts() == ["Paths", "Program", "Leftover"]
     before = page.locator("#canvas").screenshot()
     page.locator("#body-solid").uncheck()
     page.wait_for_timeout(100)
