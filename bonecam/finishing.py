@@ -10,6 +10,7 @@ from bonecam.errors import BonecamError, JobError, SurfaceError
 from bonecam.files import check_files
 from bonecam.job import Job
 from bonecam.machine.machine import Machine, read_machine
+from bonecam.machining.force_feed import check_one_feed
 from bonecam.mechanics.workpiece import mechanics_of_job
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.files.mesh_files import read_mesh
@@ -85,6 +86,7 @@ def finish(
     job = job or Job()
     machine, dialect = read_machine(job.nc.machine), job_dialect(job.nc)
     check_job(job, machine, dialect)
+    check_one_feed(job, "a surface that is finished alone has one feed")
     if simulation and mechanics:
         mechanics_of_job(job)
     source = Path(surface) if isinstance(surface, str | Path) else None

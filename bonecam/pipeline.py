@@ -6,33 +6,24 @@ the post stands on it.
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from bonecam.job import Job
 from bonecam.levels.job_levels import check_method
-from bonecam.levels.measure.level import morph_surfaces
 from bonecam.machine.machine import Machine, read_machine
+from bonecam.machining.force_feed import BeforeForce, check_force_asked, with_constant_feed
+from bonecam.machining.machine_levels import machine_levels, post_by_force
 from bonecam.mechanics.workpiece import mechanics_of_job
 from bonecam.mesh.triangle_mesh import MeshLike, TriangleMesh, mesh_from
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.job_dialect import job_dialect
 from bonecam.nc.posting.header.header import record_simulation
-from bonecam.nc.posting.rotary.machine_limits import machine_limits
-from bonecam.nc.program import program_name
 from bonecam.nc.requirements import check_reach, check_tools
-from bonecam.planning.estimate import estimate
-from bonecam.planning.levels import plan_paths
-from bonecam.planning.strategies.layer_paths import plan_layer_paths
-from bonecam.post_and_prove import post_and_prove
-from bonecam.progress import Progress, part, report, silent
+from bonecam.progress import Progress, part, silent
 from bonecam.report import warnings
 from bonecam.report.files.output_files import File, Outputs
 from bonecam.report.files.refused_run import keep_refused, refusing
 from bonecam.report.files.result import Morphed, Result
-from bonecam.report.mechanics_lines import NOT_ASKED, NOT_KNOWN
-from bonecam.report.run_report import report_to_program
-from bonecam.report.stage_reports import uncut_areas
-from bonecam.report.summary import NOT_SIMULATED
+from bonecam.report.mechanics_lines import NOT_ASKED
 from bonecam.runtime.timing import StageTimes
 from bonecam.second_clamping import add_second, check_simulated
 from bonecam.setup.stock_kind import check_sizes
@@ -76,18 +67,26 @@ def convert(
     check_simulated(job, simulation=simulation)
     if simulation and mechanics:
         mechanics_of_job(job)
+    check_force_asked(job, asked=simulation and mechanics)
     outputs = Outputs(program, keep, report, surface, html, sheet, apt, bool(job.holding.second))
     given, source = _given(mesh)
     outputs.check(source, dialect)
     times = StageTimes()
     made = morph_part(given, job, machine, keep, times, part(progress, 0.0, 0.3))
     with keep_refused(made, keep):
-        result = machine_levels(made, machine, dialect, source, program, times, part(progress, 0.3, 0.8))
+        constant = replace(made, job=with_constant_feed(made.job))
+        result = machine_levels(constant, machine, dialect, source, program, times, part(progress, 0.3, 0.8))
+        before = None
+        if job.path.feed == "force":
+            result, before = post_by_force(
+                result, machine, dialect, source, program, times, part(progress, 0.8, 0.85)
+            )
         if simulation:
-            result = _simulated(result, times, part(progress, 0.8, 0.9), mechanics=mechanics)
+            result = _simulated(result, times, part(progress, 0.85, 0.9), before, mechanics=mechanics)
         if job.holding.second:
             with times.stage("second"):
-                result = add_second(result, machine, dialect, program, part(progress, 0.9, 0.97))
+                share = part(progress, 0.9, 0.97)
+                result = add_second(result, machine, dialect, program, share, mechanics=mechanics)
     with times.stage("files"):
         outputs.write(result, part(progress, 0.97, 1.0))
     return result
@@ -144,57 +143,16 @@ def morph_part(
     return morph_standing(standing, keep, times, part(progress, 0.1, 1.0))
 
 
-def machine_levels(
-    made: Morphed,
-    machine: Machine,
-    dialect: Dialect,
-    source: File,
-    file: File,
+def _simulated(
+    result: Result,
     times: StageTimes,
     progress: Progress,
+    before: BeforeForce | None = None,
+    *,
+    mechanics: bool,
 ) -> Result:
-    """Tool paths on the levels, the program `file` of the part's file `source`, and its proof; nothing is simulated."""
-    job = made.job
-    levels = made.levels.levels
-    foretold: dict[str, Any] = {}
-    with times.stage("toolpath"):
-        share = part(progress, 0.0, 0.82)
-        if job.path.strategy == "morph":
-            expected = estimate(levels, job, machine.bodies)
-            report(share, 0.0, f"expected: {expected}")
-            foretold["estimate"] = expected.report
-            planned = plan_paths(levels, made.stock, job, machine_limits(machine), share)
-        else:
-            planned = plan_layer_paths(levels, made.stock, job, machine_limits(machine), share)
-        foretold["uncut_mm2"] = uncut_areas(planned, levels[0].mesh) if job.path.strategy == "morph" else {}
-        told = warnings.header_texts(made.report | foretold, job)
-
-    proved = post_and_prove(
-        planned,
-        machine,
-        dialect,
-        job,
-        morph_surfaces(levels)[0],
-        given=given_surface(made.part, job, made.report),
-        name=program_name(file or source or ""),
-        comments=[*told, *([f"part: {Path(source).name}"] if source else []), *made.part.header_texts],
-        stock=made.stock,
-        times=times,
-        progress=part(progress, 0.82, 1.0),
-    )
-    paths, program = proved.paths, proved.program
-    reported = report_to_program(
-        Path(file or "").name, paths, program, proved.proof, job=job.path, part=levels[0].mesh
-    )
-    figures = {**made.report, **foretold, **reported, "removal": NOT_SIMULATED, "mechanics": NOT_KNOWN}
-    figures = warnings.with_warnings(figures, job)
-    whole = (made.part, made.surface, made.stock, made.levels, figures, job)
-    return Result(*whole, paths, program)
-
-
-def _simulated(result: Result, times: StageTimes, progress: Progress, *, mechanics: bool) -> Result:
     """The result with what its posted text removes, and what bends if `mechanics` are asked; VerifyError where that is
-    not what a program may do."""
+    not what a program may do. `before` is what the program had before its feeds went by the force, if they do."""
     machine, dialect = read_machine(result.job.nc.machine), job_dialect(result.job.nc)
     with times.stage("simulation"), refusing(result.program, result.paths):
         given = given_surface(result.part, result.job, result.report)
@@ -202,6 +160,7 @@ def _simulated(result: Result, times: StageTimes, progress: Progress, *, mechani
         removal = prove_removal(*cut, progress, given, mechanics=mechanics)
         bent = removal.mechanics
         found = {"removal": removal.report, "mechanics": bent.report if bent else NOT_ASKED}
+        found |= {"feed": before.report(removal, result.program.time_min)} if before else {}
         figures = warnings.with_warnings(result.report | found, result.job)
     told = warnings.simulated_text(figures, str(bent or NOT_ASKED["skipped"]))
     program = record_simulation(result.program, dialect, removal.cell, told)

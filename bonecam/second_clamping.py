@@ -37,6 +37,7 @@ from bonecam.progress import Progress, part, silent
 from bonecam.report.files.output_files import File
 from bonecam.report.files.result import Result
 from bonecam.report.files.second_program import SecondProgram
+from bonecam.report.mechanics_lines import NOT_ASKED
 from bonecam.report.stage_reports import nc_report, toolpath_report
 from bonecam.report.warnings import with_warnings
 from bonecam.setup.placement import place
@@ -53,18 +54,30 @@ from bonecam.workholding.shell_maker import shell_round
 
 
 def add_second(
-    first: Result, machine: Machine, dialect: Dialect, program: File, progress: Progress = silent
+    first: Result,
+    machine: Machine,
+    dialect: Dialect,
+    program: File,
+    progress: Progress = silent,
+    *,
+    mechanics: bool = True,
 ) -> Result:
     """The result with its `second_program`, and `second` in its report."""
-    made = second_program(first, machine, dialect, program, progress)
+    made = second_program(first, machine, dialect, program, progress, mechanics=mechanics)
     return replace(first, second=made, report={**first.report, "second": made.report})
 
 
 def second_program(
-    first: Result, machine: Machine, dialect: Dialect, program: File, progress: Progress = silent
+    first: Result,
+    machine: Machine,
+    dialect: Dialect,
+    program: File,
+    progress: Progress = silent,
+    *,
+    mechanics: bool = True,
 ) -> SecondProgram:
     """The program that cuts the stump off a part that `first` parted, and whose job has a second clamping; `program` is
-    the file of the first one.
+    the file of the first one. Without `mechanics` force and bending are not asked.
 
     OrientationError, MachineError or VerifyError where there is no such program, or it is not proved.
     """
@@ -96,17 +109,19 @@ def second_program(
         setup=second_setup_texts(job, clamping.shell, clamping.top, zero_words(machine, dialect)),
     )
     posted, solids = proved.program, (clamping.part, clamping.shell)
-    removal = simulate_stump(posted.text, machine, dialect, job, material, *solids, part(progress, 0.8, 1.0))
-    removal = beside_given(removal, given, None, job)
+    cut = posted.text, machine, dialect, job, material, *solids, part(progress, 0.8, 1.0)
+    removal = simulate_stump(*cut, mechanics=mechanics)
+    removal, bent = beside_given(removal, given, None, job), removal.mechanics
     check_removal_of_job(removal, job)
     paths = tuple(_told(path, removal) for path in proved.paths)
-    posted = record_simulation(posted, dialect, removal.cell)
+    posted = record_simulation(posted, dialect, removal.cell, str(bent or NOT_ASKED["skipped"]))
     reported = {
         "file": file.name if file else "",
         **nc_report(posted, proved.proof),
         **_left_at_post(first, removal, held),
         "toolpath": toolpath_report(paths, float(np.radians(job.path.least_lead_deg))),
         "removal": removal.report,
+        "mechanics": bent.report if bent else NOT_ASKED,
     }
     reported = with_warnings(reported, job)
     return SecondProgram(Path(first.part.file).name, clamping, paths, posted, removal, reported, job)

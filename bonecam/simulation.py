@@ -78,7 +78,7 @@ def simulate(
     machine and post of the `job` that it was made with (sizes of [holding] that it leaves open are the folder's);
     `cell` (mm) is the distance of the rays. The program of a second clamping begins with what the kept first one
     leaves, which is simulated before it. The text is judged against the mesh as given too, if the folder has it;
-    `given` of the result tells. Without `mechanics`, and of a second clamping, force and bending are left out. The page
+    `given` of the result tells. Without `mechanics` force and bending are left out. The page
     `html` shows the program as simulated, whatever came out.
 
     FileError where a file is not there, ProgramError where the text cannot be read or is for another machine, control,
@@ -100,7 +100,7 @@ def simulate(
     run: Contents | None
     if SECOND.search(header_of(text)):
         run = _kept_second(text, Path(program), keep)
-        removal = _simulate_second(text, run, keep, job, given, cell, progress)
+        removal = _simulate_second(text, run, keep, job, given, cell, progress, mechanics=mechanics)
         job = replace(job, holding=job.holding.turned_over)
     else:
         run = kept_contents(keep)[1] if html is not None else None
@@ -193,6 +193,8 @@ def _simulate_second(
     given: GivenSurface | NotJudged,
     cell: float,
     progress: Progress,
+    *,
+    mechanics: bool,
 ) -> Removal:
     """What the `text` of a second clamping removes of what the kept first program leaves; part, shell and pose are
     those of the page of a `run`."""
@@ -208,7 +210,8 @@ def _simulate_second(
     shell = TriangleMesh(run.arrays["solid"], run.arrays["solid_faces"].astype(np.int32))
     job = replace(job, holding=job.holding.turned_over)
     solids = level_meshes(run)[0], shell
-    removal = simulate_stump(text, machine, dialect, job, material, *solids, part(progress, 0.8, 1.0))
+    cut = text, machine, dialect, job, material, *solids, part(progress, 0.8, 1.0)
+    removal = simulate_stump(*cut, mechanics=mechanics)
     return _judged(removal, text, given.move(pose), None, job)
 
 

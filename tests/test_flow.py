@@ -8,7 +8,8 @@ import pytest
 ORDER = [
     *"errors progress arrays runtime files text machine job kernels tool mesh surface".split(),
     *"workholding setup levels material mechanics planning nc verify report".split(),
-    *"post_and_prove second_clamping standing pipeline simulation reposting finishing study filters batch cli".split(),
+    *"post_and_prove machining second_clamping standing pipeline simulation reposting finishing study".split(),
+    *"filters batch cli".split(),
     "__main__",
 ]
 ROOMS = {
@@ -21,11 +22,12 @@ ROOMS = {
         *"problem solvers measure refine_for_depth sequences".split(),
         *"closed_morph open_stock open_morph body_surface edge_rounding equal_depths job_levels".split(),
     ],
-    "mechanics": "sections beam cutter edges error_kept workpiece loads remedies result".split(),
+    "mechanics": "sections beam cutter edges error_kept workpiece loads feed_schedule remedies result".split(),
     "planning": [
         *"passes layers collision axes links oriented_path holding strategies".split(),
         *"within_depth level_cutters levels estimate".split(),
     ],
+    "machining": "force_feed machine_levels".split(),
     "batch": "parts one_part run cluster".split(),
     "verify": "gouge readback removal control probing proof".split(),
     "study": "strategies rows claims compared table pictures files comparison probed_folder".split(),

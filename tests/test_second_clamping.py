@@ -10,7 +10,7 @@ from bonecam_meshes import path as shipped
 
 import bonecam
 from bonecam.errors import BonecamError, JobError, MeshError, VerifyError
-from bonecam.job import HoldingJob, Job
+from bonecam.job import HoldingJob, Job, MechanicsJob
 from bonecam.machine.machine import read_machine
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.facets.hull import convex_hull
@@ -99,6 +99,22 @@ def test_the_second_program_cuts_off_what_stayed_at_the_post(second):
     assert told["removal"]["clearance_mm"]["shell"] > 1.0
     assert told["file"] == "bone.second.h"
     assert told["time_min"] < 5
+
+
+def test_force_and_bending_of_the_stump_are_those_of_what_stands_over_the_shell(second, parted):
+    told = second.report["mechanics"]
+    assert 0 < told["error_kept_um"]["p99"] < 50
+    assert 0 < told["neck_stress_p99_mpa"] < told["yield_mpa"] / 2
+    assert "BENDING KEEPS" in second.program.text
+    assert "error kept" in second.summary
+    # half of the lump of 12 mm is in a shell that lies against it all round
+    assert second.removal.mechanics.workpiece.clamped == pytest.approx(2.0 + 3.1 + 6.0, abs=0.6)
+    assert told["first_hz"] > 10_000, "6 mm of a bar of 5 mm"
+    weak = second.removal.mechanics.workpiece.stiffness.model_copy(update={"yield_strength": 1.0})
+    work = replace(second.removal.mechanics.workpiece, stiffness=weak, limits=MechanicsJob())
+    bent = replace(second.removal.mechanics, workpiece=work)
+    with pytest.raises(VerifyError, match="stress at the peaks"):
+        check_removal_of_job(replace(second.removal, mechanics=bent), second.job)
 
 
 def test_balls_touch_the_turned_part_where_the_post_stood(second, parted):

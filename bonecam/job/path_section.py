@@ -122,6 +122,13 @@ class PathJob(JobSection):
         "contact with the part; feed words are then up to twice or half the cutter's.",
         choices=("tip", "contact"),
     )
+    feed: str = parameter(
+        "constant",
+        "Feed",
+        "One feed for each cutter; or more and less of it from block to block, so that the peak of the force that the "
+        "simulation of the text finds is even (force): the program is then posted and proved again.",
+        choices=("constant", "force"),
+    )
     max_tilt_deg: float = parameter(
         75.0,
         "Largest tilt",
@@ -149,6 +156,11 @@ class PathJob(JobSection):
             if self.strategy != "morph" and item.name in OF_MORPH and value != item.default:
                 bound = f"strategy = {self.strategy!r} has passes and axes of its own: leave it out, or take 'morph'"
                 raise JobError(f"{item.name} = {shown(value)}: {bound}", field=item.name)
+        if self.feed == "force" and self.feed_at != "tip":
+            bound = (
+                "feed = 'force' sets the feed of the tip by itself: leave it out, or take feed = 'constant'"
+            )
+            raise JobError(f"feed_at = {shown(self.feed_at)}: {bound}", field="feed_at")
         if self.certify == "fcl" and self.orientation != "cones":
             bound = (
                 f"orientation = {self.orientation!r} makes no cones to certify: leave it out, or take 'cones'"

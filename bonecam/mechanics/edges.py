@@ -17,6 +17,8 @@ AHEAD = 2.5
 the piece before it has left, and forces come out 7 to 12 % low."""
 ALONG = 1e-6
 """Below this sine of the angle between feed and axis the feed has no direction across the axis."""
+TINY = 1e-12
+"""A force whose square is less is none, N^2."""
 NO_EDGES = Edges(
     frames=np.empty((0, 3, 3)),
     centres=np.empty((0, 3)),
@@ -77,7 +79,8 @@ class EdgeForces:
 
     `edges` are those in the part's frame; `single` (n, TURN, 3) is the force of one edge at each place of a turn along
     v, e_r and a (N, float32); `mean` and `peak` (n, 3) that of all flutes over a turn, in the part's frame; `places`
-    (n, 3): the mean engaged point; `cut` (n,): some edge is engaged; `areas` (n,): engaged, across the feed, mm^2.
+    (n, 3): the mean engaged point; `cut` (n,): some edge is engaged; `areas` (n,): engaged, across the feed, mm^2;
+    `spans` (n,): length of the engaged edge, summed over the places of a turn, mm.
     """
 
     edges: Edges
@@ -86,6 +89,16 @@ class EdgeForces:
     peak: Float[ndarray, "n 3"]
     places: Float[ndarray, "n 3"]
     areas: Float[ndarray, " n"]
+    spans: Float[ndarray, " n"]
+
+    @property
+    def edge_shares(self) -> Float[ndarray, " n"]:
+        """The share of the peak that does not grow with the feed: what an edge presses over its length, in the mean of
+        the places of a turn where it cuts, beside the largest force on it; 1 at most."""
+        rubbing = float(np.linalg.norm(self.edges.coefficients[3:]))
+        squares = np.einsum("ntk,ntk->nt", self.single, self.single)
+        length = self.spans / np.maximum((squares > 0).sum(axis=1), 1)
+        return np.minimum(rubbing * length / np.sqrt(np.maximum(squares.max(axis=1), TINY)), 1.0)
 
     @property
     def cut(self) -> ndarray:
@@ -103,4 +116,4 @@ def forces_of(edges: Edges, asked: Sequence[Edges], flutes: int) -> EdgeForces:
     over_turns(single, edges.frames, flutes, mean, peak)
     away = engaged[:, 1:4] / np.maximum(engaged[:, :1], np.finfo(float).tiny)
     places = edges.centres + np.einsum("nk,nkc->nc", away, edges.frames)
-    return EdgeForces(edges, single, mean, peak, places, engaged[:, 4])
+    return EdgeForces(edges, single, mean, peak, places, engaged[:, 4], engaged[:, 0])

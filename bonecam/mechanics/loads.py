@@ -33,9 +33,10 @@ its displacement is that of the mean, within the part that its resonance adds.""
 @dataclass(frozen=True, eq=False)
 class PathLoads:
     """What one path of a level loads: of its pieces that cut (k,) the `moves`, `minutes`, `mean` and `peak` force (N),
-    deflection of part and cutter under the mean (`deflection`, mm), and the largest bending stress of what stands below
-    at the peak (`stress`, N/mm^2); the lowest frequency (`first_hz`) of what stands behind it, and that of the edges
-    (`tooth_hz`); `rigid`: slices at the upper end that are too small to be told of."""
+    the `edge_share` of the peak that does not grow with the feed, deflection of part and cutter under the mean
+    (`deflection`, mm), and the largest bending stress of what stands below at the peak (`stress`, N/mm^2); the lowest
+    frequency (`first_hz`) of what stands behind it, and that of the edges (`tooth_hz`); `rigid`: slices at the upper
+    end that are too small to be told of."""
 
     index: int | None
     rest: int
@@ -43,6 +44,7 @@ class PathLoads:
     minutes: Float[ndarray, " k"]
     mean: Float[ndarray, " k"]
     peak: Float[ndarray, " k"]
+    edge_share: Float[ndarray, " k"]
     deflection: Float[ndarray, " k"]
     stress: Float[ndarray, " k"]
     first_hz: float
@@ -109,6 +111,7 @@ class Loads:
                 minutes=self._piece_minutes(pieces)[cut],
                 mean=lengths(mean),
                 peak=lengths(forces.peak[cut]),
+                edge_share=forces.edge_shares[cut],
                 deflection=lengths(np.einsum("nij,nj->ni", gives, mean)),
                 stress=bodies.beam.moment_stress(forces.peak[cut], places),
                 first_hz=np.inf if level[0] == PARTING else first,

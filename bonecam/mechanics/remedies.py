@@ -44,17 +44,22 @@ def remedies(
     stress as it is: the neck's upper end is not nearer to the cut."""
     here = np.flatnonzero(np.isfinite(kept.errors))
     beam = work.beam(standing)
-    foot = work.stub.top if work.stub else work.clamped
 
     def share(other: Beam, tool_share: float = 1.0) -> float:
         follows = other.first_frequency(work.stiffness.density) >= SLOW * tooth_hz
         errors = np.abs(kept.errors_with(other, here, follows=follows, tool_share=tool_share))
         return float(cut_shares(errors, areas[here], (0.99,))[0])
 
-    diameter = 2 * work.post.radius
     softest = UM * float(kept.tool[here].max())
     rigid = f"at best a stiffer cutter than the one of {softest:.3g} um/N (overhang, neck_length)"
     found = [Remedy(rigid, share(beam, 0.0), stress)]
+    if work.post is None:
+        top = float(beam.sections.high[-1])
+        if work.clamped + NECK < top:
+            held = beam.sections.between(work.clamped + NECK, top)
+            found.append(Remedy(f"a shell {NECK:g} mm higher", share(replace(beam, sections=held)), stress))
+        return tuple(sorted(found, key=lambda remedy: remedy.p99))
+    foot, diameter = work.stub.top if work.stub else work.clamped, 2 * work.post.radius
     widest = min(standing.width, 2 * work.stub.radius if work.stub else np.inf)
     if THICKER * diameter < widest:
         thick = replace(beam, sections=thickened(beam.sections, foot, work.post.top, THICKER))

@@ -104,7 +104,11 @@ class Mechanics:
         if self.faults and limits.refuse:
             place = self.error.place if self.error else (0.0, 0.0, 0.0)
             where = f" at {place_name(place)}" if self.error else ""
-            found = "" if self.workpiece.stub else "; holding.diameter = 0 finds a neck that is stiff enough"
+            found = (
+                ""
+                if self.workpiece.stub or not self.workpiece.post
+                else "; holding.diameter = 0 finds a neck that is stiff enough"
+            )
             own = "or mechanics.refuse = false, which the header then tells"
             helps = best_text(self.remedies, limits.largest_error, self.largest_stress)
             raise BendingError(

@@ -152,7 +152,7 @@ def _ray_moments(
     their feet are needed; the slices in which a ray begins and ends are added ray by ray.
     """
     low, high = _material_ends(rays, grid, direction)
-    rise = grid.rotation[direction]
+    rise = grid.rotation[direction]  # downwards where the material was turned over
     slope = rise / rise[2]
     met = (high[:, 2] > ends[0]) & (low[:, 2] < ends[-1])
     bottom, top = np.maximum(low[met, 2], ends[0]), np.minimum(high[met, 2], ends[-1])
@@ -174,7 +174,7 @@ def _ray_moments(
 
     through = _binned(first[taller] + 1, foot[taller], np.ones(taller.sum()), count)
     through = np.cumsum(through - _binned(last[taller], foot[taller], np.ones(taller.sum()), count), axis=0)
-    return (found + _risen(through, ends, slope)) * (grid.cell**2 / rise[2])
+    return (found + _risen(through, ends, slope)) * (grid.cell**2 / abs(rise[2]))
 
 
 def _risen(
@@ -217,7 +217,7 @@ def _material_ends(
         local[:, v] = (tiles[tile, 1] * TILE + ray // TILE + 0.5) * rays.cell
         local[:, w] = rays.spans[tile, ray, end]
         found.append(grid.in_part(local))
-    return found[0], found[1]
+    return (found[0], found[1]) if grid.rotation[direction, 2] > 0 else (found[1], found[0])
 
 
 def _from_moments(ends: Float[ndarray, " e"], moments: Float[ndarray, "n 3 3"]) -> Sections:

@@ -17,6 +17,7 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.workholding.clamping import Clamping
 from bonecam.workholding.column import Column
 from bonecam.workholding.post import Post
+from bonecam.workholding.shell import held_below
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,13 +35,14 @@ class Standing:
 class Workpiece:
     """A material with its `stiffness` and the `force` that cuts it by cutters with so many `flutes`, on a `post`, that
     on the `stub` of the bar if there is one, held rigidly below the height `clamped`, mm; and the `limits` of a job.
-    Above the post stands the `body`, or, if there is none, all that rays tell of."""
+    Above the post stands the `body`, or, if there is none, all that rays tell of. Without a post this is held
+    itself, as in the shell of a second clamping."""
 
     material: str
     stiffness: StiffnessTable
     force: CuttingForce
     flutes: int
-    post: Post
+    post: Post | None
     clamped: float
     stub: Column | None = None
     limits: MechanicsJob = field(default_factory=MechanicsJob)
@@ -49,7 +51,10 @@ class Workpiece:
     def beam(self, standing: Standing) -> Beam:
         """What stands as a beam, with the shoulders of the post: at its top against what is a diameter above that, and
         at its foot against the stub."""
-        sets, grid, diameter = standing.sets, standing.grid, 2 * self.post.radius
+        sets, grid = standing.sets, standing.grid
+        if self.post is None:
+            return Beam(ray_sections(sets, grid, self.clamped, standing.top), self.stiffness.elasticity)
+        diameter = 2 * self.post.radius
         foot = self.stub.top if self.stub else self.clamped
         if self.body is None:
             upper = ray_sections(sets, grid, foot, standing.top)
@@ -70,6 +75,13 @@ def workpiece_of(job: Job, post: Post, clamping: Clamping) -> Workpiece:
     stiffness, force = mechanics_of_job(job)
     clamped = max((column.top for column in clamping.columns), default=0.0)
     held = post, max(clamped, 0.0), clamping.stub, job.mechanics
+    return Workpiece(job.material.name, stiffness, force, job.mechanics.flutes, *held)
+
+
+def stump_workpiece(job: Job, part: TriangleMesh, shell: TriangleMesh) -> Workpiece:
+    """The workpiece of a second clamping: a turned part whose shell holds it; JobError as in `workpiece_of`."""
+    stiffness, force = mechanics_of_job(job)
+    held = None, held_below(part, shell), None, job.mechanics
     return Workpiece(job.material.name, stiffness, force, job.mechanics.flutes, *held)
 
 

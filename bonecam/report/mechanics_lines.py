@@ -47,6 +47,17 @@ def bending_text(mechanics: Mapping[str, Any]) -> str:
     return f"{error}{stress}; lowest at {mechanics['first_hz']:.0f} Hz, edges {mechanics['tooth_hz']:.0f}"
 
 
+def feed_lines(feed: Mapping[str, Any] | None) -> Iterator[str]:
+    """What feeds by the force have won, the section `feed` of a report."""
+    if feed:
+        before, after = feed["time_min"]
+        yield f"feed      by the force: {after:.1f} min, {before:.1f} with one feed a cutter"
+        for one in feed["cutters"]:
+            (high, lower), (most, least) = one["peak_p95_n"], one["peak_max_n"]
+            peaks = f"{lower:.0f} N at 95 %, {least:.0f} at most, before {high:.0f} and {most:.0f}"
+            yield f"          tool {one['tool']} to peaks of {one['target_n']:.0f} N: {peaks}"
+
+
 def post_lines(post: Mapping[str, Any] | None) -> Iterator[str]:
     """The post, what it stands on, and what would shorten it."""
     if post is not None:

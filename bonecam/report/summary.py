@@ -10,7 +10,7 @@ from bonecam.levels.closed_morph import METHODS
 from bonecam.levels.problem.tolerances import NESTING_TOLERANCE
 from bonecam.planning.estimate import estimate_lines
 from bonecam.report.axis_lines import axis_lines, rewind_lines
-from bonecam.report.mechanics_lines import mechanics_lines, post_lines
+from bonecam.report.mechanics_lines import feed_lines, mechanics_lines, post_lines
 from bonecam.report.stage_reports import parting_text
 from bonecam.report.warnings import WIDTH, warning_lines
 from bonecam.setup.stock import stock_text
@@ -44,6 +44,7 @@ def summary_of(report: Mapping[str, Any]) -> str:
         *estimate_lines(report),
         *(removal_lines(report["removal"]) if "removal" in report else ()),
         *mechanics_lines(report.get("mechanics")),
+        *feed_lines(report.get("feed")),
         *(_second_lines(report["second"]) if "second" in report else ()),
         f"time      {sum(report['seconds'].values()):.1f} s",
     ]
@@ -63,6 +64,7 @@ def _second_lines(second: Mapping[str, Any]) -> Iterator[str]:
     yield f"          gouge {1000 * second['gouge_max_mm']:.2f} um, rapids cut nothing; {clear}"
     before, after = second["at_post_before_mm2"], second["at_post_after_mm2"]
     most = f"{second['at_post_after_max_mm']:.2f} mm at most"
+    yield from mechanics_lines(second["mechanics"])
     yield f"          {after:.1f} of {before:.1f} mm2 at the post still keep more than 0.02 mm, {most}"
     yield from into_given(second)
     yield from (f"          {line}" for line in given_lines(second["removal"].get("given")))

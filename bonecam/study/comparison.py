@@ -15,12 +15,14 @@ from bonecam.files import check_folder
 from bonecam.job import Job
 from bonecam.levels.job_levels import check_method, make_levels
 from bonecam.machine.machine import Machine, read_machine
+from bonecam.machining.force_feed import check_one_feed
+from bonecam.machining.machine_levels import machine_levels
 from bonecam.mechanics.workpiece import mechanics_of_job
 from bonecam.mesh.triangle_mesh import MeshLike, mesh_from
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.job_dialect import job_dialect
 from bonecam.nc.requirements import check_reach
-from bonecam.pipeline import check_job, machine_levels
+from bonecam.pipeline import check_job
 from bonecam.progress import Progress, part, report, silent
 from bonecam.report.files.result import Morphed, Result
 from bonecam.runtime.timing import StageTimes
@@ -64,6 +66,7 @@ def compare(
     check_job(job, machine, dialect)
     check_reach(job, machine)
     mechanics_of_job(job)
+    check_one_feed(job, "strategies are compared at one feed")
     given = mesh if isinstance(mesh, str | Path) else mesh_from(mesh)
     base, failure = _base(given, job, chosen, machine, part(progress, 0.0, 0.2))
     post = post_below(base.part.mesh, base.job.holding)

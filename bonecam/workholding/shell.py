@@ -28,6 +28,8 @@ STEEPEST = np.radians(60.0)
 """A face of the part holds against pushes that are within this angle of its normal, radians."""
 DIRECTIONS = 24
 """Level pushes that are tried."""
+SIDES = 8
+"""Sides of a part on which its shell is asked how high it reaches."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,6 +86,18 @@ def turn_over(zero: float) -> Float[ndarray, "4 4"]:
     pose = np.diag([1.0, -1.0, -1.0, 1.0])
     pose[2, 3] = zero
     return pose
+
+
+def held_below(part: TriangleMesh, shell: TriangleMesh) -> float:
+    """The height (mm) up to which an upright shell lies against a part all round: the lowest, of the sides on which it
+    does, of the highest places within GAP; the shell's top where it lies against it nowhere."""
+    middles = part.vertices[part.faces].mean(axis=1)
+    near = middles[MeshDistance(shell).unsigned(middles, 2 * GAP) <= GAP]
+    if not len(near):
+        return float(shell.bounds[1, 2])
+    away = near[:, :2] - near[:, :2].mean(axis=0)
+    side = ((np.arctan2(away[:, 1], away[:, 0]) / (2 * np.pi) + 0.5) * SIDES).astype(np.int64) % SIDES
+    return min(float(near[side == one, 2].max()) for one in np.unique(side))
 
 
 def _require_outside(part: TriangleMesh, shell: TriangleMesh, file: str) -> None:

@@ -105,6 +105,14 @@ def test_a_thin_bar_four_times_the_feed_two_levels_in_one_and_a_long_shank_show(
     assert weak.stress[0] > 1.5 * sound.stress[0] or "overhang" in fault
 
 
+def test_twice_the_feed_adds_what_is_not_the_edges_share_of_the_peak():
+    slow, fast = (run(feed=feed)[0].paths[0] for feed in (900.0, 1800.0))
+    middle = len(slow.peak) // 2
+    foretold = slow.peak[middle] * (2 - slow.edge_share[middle])
+    assert 0.2 < slow.edge_share[middle] < 0.9
+    assert fast.peak[middle] == pytest.approx(foretold, rel=0.06)
+
+
 def test_a_higher_clamp_holds_stiffer():
     low, high = run()[1], run(clamped=20.0)[1]
     cutter = cutter_compliance(CUTTER) / 2

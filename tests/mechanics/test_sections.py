@@ -9,6 +9,7 @@ from bonecam.mesh.solids.revolution import revolve
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.setup.stocks.capsule import Capsule
 from bonecam.setup.stocks.cylinder import Cylinder
+from bonecam.workholding.shell import turn_over
 
 BOX = np.array([[0, 2, 1], [0, 3, 2], [4, 5, 6], [4, 6, 7], [0, 1, 5], [0, 5, 4]])
 SIDES = np.array([[1, 2, 6], [1, 6, 5], [2, 3, 7], [2, 7, 6], [3, 0, 4], [3, 4, 7]])
@@ -68,3 +69,12 @@ def test_a_cut_keeps_the_share_of_the_slices_at_its_ends_and_the_shoulders_in_it
     assert (cut.low[0], cut.high[-1]) == (3.2, 8.1)
     assert cut.flexible.sum() == pytest.approx(4.9 + 0.24 * 4.0)
     assert whole.rigid == 0
+
+
+def test_what_was_turned_over_has_the_sections_of_the_body_as_it_stands():
+    body = Cylinder(4.0, 0.0, 10.0).move(np.array([1.0, 2.0, 0.0]))
+    grid = lay_grid([body], 0.1)
+    sets = lay_rays([body], grid, 500.0)
+    found = ray_sections(sets, grid.move(turn_over(30.0)), 22.0, 28.0)
+    assert found.area == pytest.approx(np.full(12, np.pi * 16), rel=5e-3)
+    assert np.abs(found.centroid - [1.0, -2.0]).max() < 0.01

@@ -21,6 +21,7 @@ rolls over a bulge, the contact is slower than the tip. `path.feed_at = "contact
 so that the contact keeps the cutter's feed: F = feed x way of the tip / way of the contact.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -29,10 +30,12 @@ from jaxtyping import Bool, Float
 from numpy import ndarray
 
 from bonecam.job import Job
+from bonecam.job.materials.preset import MOST_FEED
 from bonecam.machine.machine import Machine
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.posting.path_words import SLOW, Posted, post_path
 from bonecam.nc.program import FeedFigures
+from bonecam.tool.cutter import Cutter
 from bonecam.tool.path import MoveKind, ToolPath
 
 FEED_PER_MM = 0.5
@@ -41,7 +44,6 @@ TIMED_STEP = 0.001
 """Feeds that are written in inverse time are whole multiples of this, mm/min."""
 LARGEST_RATIO = 2.0
 """Largest ratio of the feeds of successive rows of a pass, and of a row's feed to the cutter's."""
-
 
 FLOOR = 0.5
 """Evenness lowers no feed below this share of what is asked, beyond what the axes of its own row ask for."""
@@ -84,6 +86,18 @@ def _drivable_feeds(posted: Posted, feed_at: str) -> Float[ndarray, "n"]:
     feeds = np.minimum(np.maximum(np.floor(feeds / step + 1e-9), 1.0) * step, asked)
     rapid = (path.kinds == MoveKind.RAPID) & posted.dialect.straight_rapids
     return np.where(rapid, path.feed_rates, feeds)
+
+
+def fastest_cut(cutter: Cutter, job: Job) -> float:
+    """The largest feed (mm/min) that a cut of a cutter may have by the job: the cutter's; LARGEST_RATIO of it where the
+    contact keeps that; where feeds go by the force, as long as a tooth takes no larger chip than the material's cutting
+    data ever give it, and leaves no feed marks over the scallop, at most LARGEST_RATIO of it too."""
+    if job.path.feed_at == "contact":
+        return LARGEST_RATIO * cutter.feed
+    if job.path.feed == "constant":
+        return cutter.feed
+    chip = min(2 * MOST_FEED * cutter.radius, math.sqrt(8 * cutter.radius * cutter.scallop))
+    return max(min(chip * job.mechanics.flutes * cutter.spindle, LARGEST_RATIO * cutter.feed), cutter.feed)
 
 
 def _feed_ratios(posted: Posted, feed_at: str) -> Float[ndarray, "n"]:

@@ -17,7 +17,7 @@ from bonecam.nc.posting.header.texts import second_setup_texts
 from bonecam.nc.program import Program
 from bonecam.report.pictures.views import section
 from bonecam.report.sheet.drawing import Paper, draw_table, draw_zero
-from bonecam.report.sheet.setup_sheet import IN_AIR, article, items, proof_lines
+from bonecam.report.sheet.setup_sheet import IN_AIR, article, bending_checks, items, proof_lines
 from bonecam.report.summary import uncut_lines
 from bonecam.report.warnings import warning_texts
 from bonecam.workholding.shell import SecondClamping
@@ -67,6 +67,7 @@ def _checks(report: Mapping[str, Any]) -> Iterator[str]:
         f"Simulated from the text (cells of {removal['cell_mm']:g} mm), beginning with what the first program left: "
         "rapids cut nothing, shank and holder touch nothing"
     )
+    yield from bending_checks(report)
     yield f"A ball goes {report['gouge_to_given_max_mm']:.3f} mm into the mesh as given at most"
     yield f"The tool stays {removal['clearance_mm']['shell']:.2f} mm from the shell"
 

@@ -154,6 +154,14 @@ def _cutting(job: Job, nc: Mapping[str, Any]) -> str:
     return f"{_sentence(coolant)}; {CHANGES[job.nc.tool_change]}; {feeds}."
 
 
+def bending_checks(report: Mapping[str, Any]) -> Iterator[str]:
+    """What bends, where that is known and no warning tells it."""
+    mechanics = report["mechanics"]
+    if "skipped" not in mechanics and "bending" not in {each["code"] for each in report["warnings"]}:
+        low, up = mechanics["band"]
+        yield f"Bending, {low:g} to {up:g} times by author: {bending_text(mechanics)}"
+
+
 def _checks(report: Mapping[str, Any]) -> Iterator[str]:
     """What was checked, and how well it held."""
     removal = report["removal"]
@@ -162,10 +170,7 @@ def _checks(report: Mapping[str, Any]) -> Iterator[str]:
     if "skipped" not in removal:
         cell = removal["cell_mm"]
         yield f"Simulated from the text (cells of {cell:g} mm): rapids cut nothing, shank and holder touch nothing"
-    mechanics = report["mechanics"]
-    if "skipped" not in mechanics and "bending" not in {each["code"] for each in report["warnings"]}:
-        low, up = mechanics["band"]
-        yield f"Bending, {low:g} to {up:g} times by author: {bending_text(mechanics)}"
+    yield from bending_checks(report)
     deviation = report["surface"]["given_deviation_max_mm"]
     deepest = report["nc"]["gouge_to_given_max_mm"]
     yield f"Fitted surface within {deviation:.3f} mm of the mesh as given; a ball goes {deepest:.3f} mm into it"

@@ -1,9 +1,9 @@
 """Whether the feeds of a text are in the mode that its control needs, and no larger than machine and job allow.
 
 Feeds are those of the tip. Links and rapids that are written as feeds may ask more than the axes can: the control
-drives them as fast as it can. By the job a cut is no faster than the cutter's feed (twice that where path.feed_at =
-"contact", or the plunge feed where that is more), and its chip load no larger: a spindle that turns slower than in
-the job takes as much from the feed. Links may be as fast as the links, plunges and rapids of the job.
+drives them as fast as it can. By the job a cut is no faster than the cutter's feed (`nc.posting.feeds.fastest_cut`
+where its feeds are not constant, or the plunge feed where that is more), and its chip load no larger: a spindle that
+turns slower than in the job takes as much from the feed. Links may be as fast as links, plunges and rapids of the job.
 """
 
 import numpy as np
@@ -13,7 +13,7 @@ from numpy import ndarray
 from bonecam.job import Job
 from bonecam.machine.machine import Machine
 from bonecam.nc.dialect import Dialect
-from bonecam.nc.posting.feeds import LARGEST_RATIO
+from bonecam.nc.posting.feeds import fastest_cut
 from bonecam.nc.reading.motions import Motions
 from bonecam.tool.cutter import Cutter
 from bonecam.verify.control.first_wrong import refuse_first
@@ -40,11 +40,10 @@ def check_feeds(motions: Motions, machine: Machine, dialect: Dialect) -> None:
 def check_feeds_of_job(motions: Motions, dialect: Dialect, job: Job, cutters: dict[int, Cutter]) -> None:
     """VerifyError at the first feed beyond what a job allows for its cutter at the speed of the spindle, mm/min."""
     speeds, known = tip_speeds(motions, dialect)
-    ratio = LARGEST_RATIO if job.path.feed_at == "contact" else 1.0
     step, spindle_step = dialect.numbers.feed.step, dialect.numbers.spindle.step
     allowed = np.full(len(speeds), np.inf)
     for number, cutter in cutters.items():
-        cut = max(cutter.feed * ratio, job.nc.plunge_feed)
+        cut = max(fastest_cut(cutter, job), job.nc.plunge_feed)
         link = max(cut, job.nc.link_feed, job.nc.rapid_feed)
         slower = np.minimum((motions.spindle + spindle_step) / cutter.spindle, 1.0)
         rates = np.where(motions.links, link, cut * slower)

@@ -9,7 +9,7 @@ from bonecam.errors import VerifyError
 from bonecam.job import Job
 from bonecam.levels.measure.level import Level, morph_surfaces
 from bonecam.machine.machine import Machine
-from bonecam.mechanics.workpiece import workpiece_of
+from bonecam.mechanics.workpiece import stump_workpiece, workpiece_of
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.reading.motions import Motions
@@ -152,11 +152,13 @@ def simulate_stump(
     part: TriangleMesh,
     shell: TriangleMesh,
     progress: Progress = silent,
+    *,
+    mechanics: bool = True,
 ) -> Removal:
     """What the `text` of a second clamping removes from the `material` that the first program left, which it changes,
     what stands on the turned `part`, and how near it comes to the `shell`; the job's [holding] is that of the shell.
 
-    Errors as in `simulate_removal`.
+    Errors as in `simulate_removal`; force and bending are left out without `mechanics`.
     """
     motions = read_program(text, machine, dialect)
     limits = stump_limits(text, motions, dialect, job)
@@ -171,6 +173,7 @@ def simulate_stump(
         clamping=clamping_of(job.holding, machine.table),
         limits=limits,
         surfaces=dict.fromkeys(limits, part),
+        workpiece=stump_workpiece(job, part, shell) if mechanics else None,
         progress=progress,
     )
     return replace(removal, shell=shell_clearance(motions, cutters, shell))
@@ -183,13 +186,13 @@ def check_removal_of_job(removal: Removal, job: Job, deviation: float = 0.0) -> 
     too, if that was asked. Where the part is the solid under a surface, that lies up to a `deviation` (mm) over it."""
     if removal.shell is not None:
         check_removal(removal, job.path.gouge_tolerance)
-        return
-    if job.holding.parting and removal.bridge is None:
-        raise VerifyError(
-            "[holding] parting = true: no section of the program parts the post: give the whole program, or "
-            "parting = false"
-        )
-    limited = job.path.strategy == "morph"
-    check_removal(removal, job.path.gouge_tolerance + deviation, job.holding.bridge, limited=limited)
+    else:
+        if job.holding.parting and removal.bridge is None:
+            raise VerifyError(
+                "[holding] parting = true: no section of the program parts the post: give the whole program, or "
+                "parting = false"
+            )
+        limited = job.path.strategy == "morph"
+        check_removal(removal, job.path.gouge_tolerance + deviation, job.holding.bridge, limited=limited)
     if removal.mechanics is not None:
         removal.mechanics.check()

@@ -1,0 +1,117 @@
+"""The tool paths on the levels of a part, their program and its proof; and the program once more with feeds by the
+force."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from bonecam.levels.measure.level import morph_surfaces
+from bonecam.machine.machine import Machine
+from bonecam.machining.force_feed import BeforeForce, paths_by_force
+from bonecam.nc.dialect import Dialect
+from bonecam.nc.posting.rotary.machine_limits import machine_limits
+from bonecam.nc.program import program_name
+from bonecam.planning.estimate import estimate
+from bonecam.planning.levels import plan_paths
+from bonecam.planning.strategies.layer_paths import plan_layer_paths
+from bonecam.post_and_prove import post_and_prove
+from bonecam.progress import Progress, part, report
+from bonecam.report import warnings
+from bonecam.report.files.output_files import File
+from bonecam.report.files.result import Morphed, Result
+from bonecam.report.mechanics_lines import NOT_KNOWN
+from bonecam.report.run_report import report_to_program
+from bonecam.report.stage_reports import uncut_areas
+from bonecam.report.summary import NOT_SIMULATED
+from bonecam.runtime.timing import StageTimes
+from bonecam.tool.path import ToolPath
+from bonecam.verify.removal.given import given_surface
+from bonecam.verify.removal.of_job import removal_of_job
+
+
+def machine_levels(
+    made: Morphed,
+    machine: Machine,
+    dialect: Dialect,
+    source: File,
+    file: File,
+    times: StageTimes,
+    progress: Progress,
+) -> Result:
+    """Tool paths on the levels, the program `file` of the part's file `source`, and its proof; nothing is simulated."""
+    job = made.job
+    levels = made.levels.levels
+    foretold: dict[str, Any] = {}
+    with times.stage("toolpath"):
+        share = part(progress, 0.0, 0.82)
+        if job.path.strategy == "morph":
+            expected = estimate(levels, job, machine.bodies)
+            report(share, 0.0, f"expected: {expected}")
+            foretold["estimate"] = expected.report
+            planned = plan_paths(levels, made.stock, job, machine_limits(machine), share)
+        else:
+            planned = plan_layer_paths(levels, made.stock, job, machine_limits(machine), share)
+        foretold["uncut_mm2"] = uncut_areas(planned, levels[0].mesh) if job.path.strategy == "morph" else {}
+    foretold = made.report | foretold
+    return _posted(made, planned, machine, dialect, source, file, times, part(progress, 0.82, 1.0), foretold)
+
+
+def _posted(
+    made: Morphed,
+    planned: Sequence[ToolPath],
+    machine: Machine,
+    dialect: Dialect,
+    source: File,
+    file: File,
+    times: StageTimes,
+    progress: Progress,
+    foretold: dict[str, Any],
+) -> Result:
+    """The planned paths as a proved program, as in `machine_levels`; `foretold` is the report so far."""
+    job, levels = made.job, made.levels.levels
+    told = warnings.header_texts(foretold, job)
+    proved = post_and_prove(
+        planned,
+        machine,
+        dialect,
+        job,
+        morph_surfaces(levels)[0],
+        given=given_surface(made.part, job, made.report),
+        name=program_name(file or source or ""),
+        comments=[*told, *([f"part: {Path(source).name}"] if source else []), *made.part.header_texts],
+        stock=made.stock,
+        times=times,
+        progress=progress,
+    )
+    paths, program = proved.paths, proved.program
+    reported = report_to_program(
+        Path(file or "").name, paths, program, proved.proof, job=job.path, part=levels[0].mesh
+    )
+    figures = {**foretold, **reported, "removal": NOT_SIMULATED, "mechanics": NOT_KNOWN}
+    figures = warnings.with_warnings(figures, job)
+    whole = (made.part, made.surface, made.stock, made.levels, figures, job)
+    return Result(*whole, paths, program)
+
+
+def post_by_force(
+    result: Result,
+    machine: Machine,
+    dialect: Dialect,
+    source: File,
+    file: File,
+    times: StageTimes,
+    progress: Progress,
+) -> tuple[Result, BeforeForce]:
+    """The result with feeds by the force that the simulation of its text finds, posted and proved again; and what that
+    text had."""
+    job = replace(result.job, path=replace(result.job.path, feed="force"))
+    with times.stage("simulation"):
+        cut = result.program.text, machine, dialect, result.job, result.stock, result.levels.levels
+        removal = removal_of_job(*cut, part(progress, 0.0, 0.6))
+    scheduled = paths_by_force(result.paths, result.program.text, removal, machine, dialect, job)
+    before = BeforeForce(scheduled.schedule, removal, result.program.time_min)
+    share = part(progress, 0.6, 1.0)
+    made = replace(result, job=job)
+    posted = _posted(made, scheduled.paths, machine, dialect, source, file, times, share, result.report)
+    return posted, before
