@@ -17,7 +17,7 @@ from bonecam.mesh.triangle_mesh import MeshLike, TriangleMesh, mesh_from
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.job_dialect import job_dialect
 from bonecam.nc.posting.header.header import record_simulation
-from bonecam.nc.requirements import check_reach, check_tools
+from bonecam.nc.requirements import check_reach, check_table, check_tools
 from bonecam.progress import Progress, part, silent
 from bonecam.report import warnings
 from bonecam.report.files.output_files import File, Outputs
@@ -124,6 +124,7 @@ def check_job(job: Job, machine: Machine, dialect: Dialect) -> None:
     no program can be written for the machine in the dialect."""
     check_sizes(job.stock)
     check_tools(job, machine)
+    check_table(job, machine)
     check_depths(job)
     check_method(job.levels)
     check_posting(job, machine, dialect)

@@ -22,7 +22,7 @@ ROOMS = {
         *"problem solvers measure refine_for_depth sequences".split(),
         *"closed_morph open_stock open_morph body_surface edge_rounding equal_depths job_levels".split(),
     ],
-    "mechanics": "sections beam cutter edges error_kept workpiece loads feed_schedule remedies result".split(),
+    "mechanics": "sections beam cutter edges error_kept strip workpiece loads feed_schedule remedies result".split(),
     "planning": [
         *"passes layers collision axes links oriented_path holding strategies".split(),
         *"within_depth level_cutters levels estimate".split(),

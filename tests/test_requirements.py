@@ -90,6 +90,21 @@ def no_work(monkeypatch: pytest.MonkeyPatch) -> None:
             {"path": {"lead_deg": 60.0, "max_tilt_deg": 30.0}},
             r"\[path\] lead_deg = 60: keep it within path\.max_tilt_deg \(30\)",
         ),
+        (
+            {"holding": {"riser_diameter": 900.0, "riser_height": 50.0}},
+            r"\[holding\] riser_diameter = 900: the table of mikron-ucp600 is \d+ mm across: give less",
+        ),
+        (
+            {
+                "holding": {
+                    "stub_diameter": 8.0,
+                    "stub_length": 15.0,
+                    "chuck_diameter": 22.0,
+                    "chuck_height": 90.0,
+                }
+            },
+            r"\[holding\] stub_diameter = 8: the stock that is turned from this bar is 1\d\.\d\d mm wide: give",
+        ),
         ({"holding": {"length": -1.0}}, r"\[holding\] length = -1\.0: keep it within"),
         ({"roughing": {"feed": -900.0}}, r"\[roughing\] feed = -900\.0: keep it within"),
         (

@@ -53,6 +53,8 @@ def remedies(
     softest = UM * float(kept.tool[here].max())
     rigid = f"at best a stiffer cutter than the one of {softest:.3g} um/N (overhang, neck_length)"
     found = [Remedy(rigid, share(beam, 0.0), stress)]
+    whole = share(beam)
+    found += [Remedy(what, times * whole, stress) for what, times in work.lighter]
     if work.post is None:
         top = float(beam.sections.high[-1])
         if work.clamped + NECK < top:

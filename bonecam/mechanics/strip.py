@@ -5,7 +5,12 @@ import math
 
 import numpy as np
 
+from bonecam.errors import JobError
+from bonecam.job import Job
 from bonecam.job.materials.mechanical import CuttingForce
+
+SHALLOWER = (2.0, 3.0, 5.0)
+"""How many times as shallow finishing cuts are asked, with scallops as much lower."""
 
 
 def strip_force(force: CuttingForce, radius: float, depth: float, scallop: float, chip: float) -> float:
@@ -22,3 +27,28 @@ def strip_force(force: CuttingForce, radius: float, depth: float, scallop: float
     area = chip * radius * (2 - math.cos(whole) - math.cos(half))
     cutting, rubbing = force.array[:3], force.array[3:]
     return float(np.linalg.norm(cutting * area + rubbing * edge))
+
+
+def job_strip_force(force: CuttingForce, job: Job, name: str) -> float:
+    """The force (N) of the deepest strip of the cutter "roughing" or "finishing" of a job."""
+    tool = job.tool(name)
+    chip = tool.feed / (tool.spindle * job.mechanics.flutes)
+    return strip_force(force, tool.radius, job.deepest(name), tool.scallop, chip)
+
+
+def lighter_cuts(force: CuttingForce, job: Job) -> tuple[tuple[str, float], ...]:
+    """Shallower finishing cuts than those of a job, in words, and the share of its force that each takes; at the feed
+    that the material gives them."""
+    found = []
+    for times in SHALLOWER:
+        depth, scallop = (
+            float(f"{value / times:.2g}") for value in (job.deepest("finishing"), job.finishing.scallop)
+        )
+        try:
+            other = job.with_values(levels={"finishing_depth": depth}, finishing={"scallop": scallop})
+        except JobError:  # a job takes none that are so small
+            continue
+        share = job_strip_force(force, other, "finishing") / job_strip_force(force, job, "finishing")
+        fields = "levels.finishing_depth, finishing.scallop"
+        found.append((f"finishing cuts of {depth:g} mm with scallops of {scallop:g} ({fields})", share))
+    return tuple(found)

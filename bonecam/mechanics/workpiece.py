@@ -13,6 +13,7 @@ from bonecam.kernels.removal.rays import RaySet
 from bonecam.material.rays import RayGrid
 from bonecam.mechanics.beam import Beam
 from bonecam.mechanics.sections import column_sections, join, mesh_sections, ray_sections, shoulder
+from bonecam.mechanics.strip import lighter_cuts
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.workholding.clamping import Clamping
 from bonecam.workholding.column import Column
@@ -36,7 +37,8 @@ class Workpiece:
     """A material with its `stiffness` and the `force` that cuts it by cutters with so many `flutes`, on a `post`, that
     on the `stub` of the bar if there is one, held rigidly below the height `clamped`, mm; and the `limits` of a job.
     Above the post stands the `body`, or, if there is none, all that rays tell of. Without a post this is held
-    itself, as in the shell of a second clamping."""
+    itself, as in the shell of a second clamping. `lighter` are finishing cuts in words, with the share of the force
+    that they take."""
 
     material: str
     stiffness: StiffnessTable
@@ -47,6 +49,7 @@ class Workpiece:
     stub: Column | None = None
     limits: MechanicsJob = field(default_factory=MechanicsJob)
     body: TriangleMesh | None = None
+    lighter: tuple[tuple[str, float], ...] = ()
 
     def beam(self, standing: Standing) -> Beam:
         """What stands as a beam, with the shoulders of the post: at its top against what is a diameter above that, and
@@ -75,14 +78,16 @@ def workpiece_of(job: Job, post: Post, clamping: Clamping) -> Workpiece:
     stiffness, force = mechanics_of_job(job)
     clamped = max((column.top for column in clamping.columns), default=0.0)
     held = post, max(clamped, 0.0), clamping.stub, job.mechanics
-    return Workpiece(job.material.name, stiffness, force, job.mechanics.flutes, *held)
+    lighter = lighter_cuts(force, job)
+    return Workpiece(job.material.name, stiffness, force, job.mechanics.flutes, *held, lighter=lighter)
 
 
 def stump_workpiece(job: Job, part: TriangleMesh, shell: TriangleMesh) -> Workpiece:
     """The workpiece of a second clamping: a turned part whose shell holds it; JobError as in `workpiece_of`."""
     stiffness, force = mechanics_of_job(job)
     held = None, held_below(part, shell), None, job.mechanics
-    return Workpiece(job.material.name, stiffness, force, job.mechanics.flutes, *held)
+    lighter = lighter_cuts(force, job)
+    return Workpiece(job.material.name, stiffness, force, job.mechanics.flutes, *held, lighter=lighter)
 
 
 def mechanics_of_job(job: Job) -> tuple[StiffnessTable, CuttingForce]:

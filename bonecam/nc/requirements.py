@@ -103,6 +103,17 @@ def _check_way_round(machine: Machine, tilt: float, named: str) -> None:
             )
 
 
+def check_table(job: Job, machine: Machine) -> None:
+    """JobError where what a job puts on the table is wider than that."""
+    table, holding = machine.table, job.holding
+    across = 2 * min(table.radius, table.half_width, table.half_depth)
+    for name in ("riser", "chuck", "second_chuck"):
+        diameter = getattr(holding, f"{name}_diameter")
+        if diameter > across:
+            bound = f"the table of {machine.name} is {across:g} mm across: give less"
+            raise field_error("holding", f"{name}_diameter", diameter, bound)
+
+
 def check_room(stock: Stock, job: Job, machine: Machine) -> None:
     """MachineError where an axis of the machine travels less than the post, the stock on it and a tool
     need, or where what stands on the table reaches into the stock."""

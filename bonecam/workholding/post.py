@@ -73,12 +73,12 @@ def post_below(part: TriangleMesh, holding: HoldingJob, lying: tuple[float, floa
 def checked_post(part: TriangleMesh, width: float, holding: HoldingJob, lying: tuple[float, float]) -> Post:
     """The post below the part in a stock whose narrower side is `width` mm.
 
-    A diameter that is still to be found is the thickest of NECKS here. JobError where it is as wide as the stock,
-    ToolPathError where it misses the part, which lies off the axis
-    by `lying`.
+    A diameter that is still to be found is the thickest of NECKS that stub and chuck allow here. JobError where it is
+    as wide as the stock, ToolPathError where it misses the part, which lies off the axis by `lying`.
     """
     if not holding.diameter:
-        thinner = [neck for neck in NECKS if neck < width]
+        narrowest = min(width, holding.stub_diameter or width, holding.chuck_diameter or width)
+        thinner = [neck for neck in NECKS if neck < narrowest]
         return post_below(part, replace(holding, diameter=max(thinner, default=NECKS[0])), lying)
     if holding.diameter >= width:
         bound = f"the stock is {width:.2f} mm wide"

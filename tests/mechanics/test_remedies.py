@@ -26,7 +26,7 @@ def found(
     body = Cylinder(RADIUS, 0.0, TOP)
     grid = lay_grid([body], 0.1)
     standing = Standing(lay_rays([body], grid, 500.0), grid, TOP, width)
-    work = Workpiece("test", ALUMINIUM, FORCE, 2, Post(RADIUS, neck), 0.0)
+    work = Workpiece("test", ALUMINIUM, FORCE, 2, Post(RADIUS, neck), 0.0, lighter=(("lighter cuts", 0.4),))
     points = np.array([[0.0, 0.0, AT]] * 3)
     mesh = TriangleMesh(points + np.eye(3), np.array([[0, 1, 2]], dtype=np.int32))
     kept = KeptErrors(
@@ -49,6 +49,11 @@ def test_a_thicker_neck_helps_by_the_share_of_the_neck() -> None:
     share = (AT - NECK) ** 3 / AT**3
     thicker = before * (share + (1 - share) / 1.5**4)
     assert told["a neck of 6 mm (holding.diameter)"] == pytest.approx(thicker, rel=0.03)
+
+
+def test_lighter_cuts_help_by_their_share_of_the_force() -> None:
+    told, before = found(NECK, 1e-3)
+    assert told["lighter cuts"] == pytest.approx(0.4 * before)
 
 
 def test_a_clamp_nearer_to_the_part_helps_by_the_third_power_of_what_stands_free() -> None:

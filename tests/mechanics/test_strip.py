@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from bonecam.job import Job
 from bonecam.job.materials.mechanical import CuttingForce
-from bonecam.mechanics.strip import strip_force
+from bonecam.mechanics.strip import job_strip_force, lighter_cuts, strip_force
 
 FORCE = CuttingForce((631.0, 99.0, 273.0, 13.0, 10.0, 2.8), (0.6, 1.9), "test", scaled=False)
 
@@ -30,3 +31,15 @@ def test_a_slot_without_scallops_takes_half_of_the_ball() -> None:
     cut = np.array([631.0, 99.0, 273.0]) * 0.1 * 2.0 + np.array([13.0, 10.0, 2.8]) * np.pi
     for depth in (2.0, 5.0):
         assert strip_force(FORCE, 2.0, depth, 0.0, 0.1) == pytest.approx(np.linalg.norm(cut))
+
+
+def test_shallower_cuts_take_less_and_less_of_the_force_at_the_feed_that_they_have() -> None:
+    job = Job(levels={"finishing_depth": 0.3}, finishing={"scallop": 0.1})
+    found = lighter_cuts(FORCE, job)
+    assert found[0][0].startswith("finishing cuts of 0.15 mm with scallops of 0.05 (levels.finishing_depth")
+    shares = [share for _, share in found]
+    assert 1 > shares[0] > shares[1] > shares[2] > 0.2
+    other = Job(levels={"finishing_depth": 0.15}, finishing={"scallop": 0.05})
+    tool = other.tool("finishing")
+    by_hand = strip_force(FORCE, tool.radius, 0.15, 0.05, tool.feed / (2 * tool.spindle))
+    assert shares[0] * job_strip_force(FORCE, job, "finishing") == pytest.approx(by_hand)

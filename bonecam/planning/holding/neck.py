@@ -26,7 +26,7 @@ from bonecam.job.materials.preset import read_material
 from bonecam.machine.limits import MachineLimits
 from bonecam.mechanics.beam import Beam
 from bonecam.mechanics.sections import Sections, column_sections, join, mesh_sections, shoulder
-from bonecam.mechanics.strip import strip_force
+from bonecam.mechanics.strip import job_strip_force
 from bonecam.mesh.facets.vertex_normals import vertex_normals
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.planning.holding.post_length import (
@@ -230,10 +230,4 @@ def _strip_forces(job: Job) -> tuple[float, float]:
     """Force (N) on an edge at the middle of the deepest strip of the roughing and of the finishing cutter."""
     material = read_material(job.material.name)
     force = cutting_force(material.force, _stiffness(job).yield_strength)
-
-    def of(name: str) -> float:
-        tool = job.tool(name)
-        chip = tool.feed / (tool.spindle * job.mechanics.flutes)
-        return strip_force(force, tool.radius, job.deepest(name), tool.scallop, chip)
-
-    return of("roughing"), of("finishing")
+    return job_strip_force(force, job, "roughing"), job_strip_force(force, job, "finishing")
