@@ -17,6 +17,9 @@ from bonecam.mechanics.workpiece import Standing, Workpiece
 
 THICKER = 1.5
 """How many times as thick a neck is tried."""
+POWER = 0.7
+"""The error kept falls as this power of the share of the force that shallower finishing cuts take, by
+`strip.lighter_cuts`: 0.73 was seen for 0.69 (titanium), 0.56 for 0.43 (PEEK)."""
 NECK = 6.0
 """A clamp is tried so far below the part, mm: what a neck needs that a ball goes round."""
 
@@ -53,8 +56,9 @@ def remedies(
     softest = UM * float(kept.tool[here].max())
     rigid = f"at best a stiffer cutter than the one of {softest:.3g} um/N (overhang, neck_length)"
     found = [Remedy(rigid, share(beam, 0.0), stress)]
+    lighter = [(what, times**POWER) for what, times in work.lighter]
     whole = share(beam)
-    found += [Remedy(what, times * whole, stress) for what, times in work.lighter]
+    found += [Remedy(what, times * whole, stress) for what, times in lighter]
     if work.post is None:
         top = float(beam.sections.high[-1])
         if work.clamped + NECK < top:
@@ -70,7 +74,11 @@ def remedies(
     if work.post.top - foot > NECK:
         held = beam.sections.between(work.post.top - NECK, float(beam.sections.high[-1]))
         clamp = f"a chuck or collet {NECK:g} mm below the part"
-        found.append(Remedy(clamp, share(replace(beam, sections=held)), stress))
+        clamped = Remedy(clamp, share(replace(beam, sections=held)), stress)
+        found.append(clamped)
+        if min(one.p99 for one in found) > work.limits.largest_error:
+            both = ((f"{clamp} with {what}", times * clamped.p99) for what, times in lighter)
+            found += [Remedy(what, p99, stress) for what, p99 in both]
     return tuple(sorted(found, key=lambda remedy: remedy.p99))
 
 

@@ -19,7 +19,12 @@ RADIUS, NECK, TOP, AT = 2.0, 20.0, 50.0, 45.0
 
 
 def found(
-    neck: float, tool: float, width: float = np.inf, passing: float = 5.0, tooth_hz: float = 150.0
+    neck: float,
+    tool: float,
+    width: float = np.inf,
+    passing: float = 5.0,
+    tooth_hz: float = 150.0,
+    force: float = 5.0,
 ) -> tuple[dict[str, float], float]:
     """The errors with each remedy, mm, and the one without, of a bar on a `neck` as long as this and as thick, under
     5 N across it; the cutter, that stands upright, gives way by `tool` mm/N."""
@@ -32,7 +37,7 @@ def found(
     kept = KeptErrors(
         Finished(mesh, points, np.tile([1.0, 0, 0], (3, 1)), np.ones(3), np.zeros(3, dtype=np.int64))
     )
-    kept.passing[:], kept.mean[:] = [-passing, 0.0, 0.0], [-5.0, 0.0, 0.0]
+    kept.passing[:], kept.mean[:] = [-passing, 0.0, 0.0], [-force, 0.0, 0.0]
     kept.axes[:] = [0.0, 0.0, 1.0]
     kept.tool[:] = tool
     here = np.arange(3)
@@ -53,7 +58,14 @@ def test_a_thicker_neck_helps_by_the_share_of_the_neck() -> None:
 
 def test_lighter_cuts_help_by_their_share_of_the_force() -> None:
     told, before = found(NECK, 1e-3)
-    assert told["lighter cuts"] == pytest.approx(0.4 * before)
+    assert told["lighter cuts"] == pytest.approx(0.4**0.7 * before)
+
+
+def test_what_no_single_change_holds_is_told_with_two() -> None:
+    assert not any(" with lighter cuts" in what for what in found(NECK, 1e-6, passing=0.05, force=0.05)[0])
+    told, _ = found(NECK, 1e-6, passing=5.0, force=400.0)
+    clamp = "a chuck or collet 6 mm below the part"
+    assert told[f"{clamp} with lighter cuts"] == pytest.approx(0.4**0.7 * told[clamp])
 
 
 def test_a_clamp_nearer_to_the_part_helps_by_the_third_power_of_what_stands_free() -> None:

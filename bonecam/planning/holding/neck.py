@@ -106,25 +106,43 @@ def find_neck(setup: Setup, job: Job, limits: MachineLimits) -> tuple[Setup, Job
     those tried, that one first. JobError where no neck is thinner than stub and stock or meets the part."""
     width = float(np.ptp(setup.stock.bounds[:, :2], axis=0).min())
     thickest = min(width, job.holding.stub_diameter or width)
-    tried, trouble = [], None
+    asked, trouble = [], None
     for diameter in NECKS:
         if diameter >= thickest:
             continue
         holding = replace(job.holding, diameter=diameter)
         try:
             post = post_below(setup.part.mesh, holding)
-            tried.append(_neck(replace(setup, post=post), replace(job, holding=holding), limits))
+            asked.append((replace(setup, post=post), replace(job, holding=holding)))
         except BonecamError as error:
             trouble = error
+    # what gives way at its least length does so at any: its reach is asked last, if at all
+    hopeful = [_holds_shortest(*one, limits) for one in asked]
+    order = sorted(range(len(asked)), key=lambda k: (not hopeful[k], k if hopeful[k] else -k))
+    tried: list[Neck] = []
+    for one in (asked[k] for k in order):
+        if len(tried) >= SHOWN and any(neck.holds for neck in tried):
+            break
+        try:
+            tried.append(_neck(*one, limits))
+        except BonecamError as error:
+            trouble = error
+    if not tried and trouble is not None:
+        raise trouble
     if not tried:
-        if trouble is not None:
-            raise trouble
-        bound = f"the stock is {width:.2f} mm wide, the thinnest neck that is tried {NECKS[0]:g} mm"
-        raise field_error("holding", "diameter", 0.0, f"{bound}: give a diameter, or a larger stock")
+        bound = f"the stock is {width:.2f} mm wide, necks from {NECKS[0]:g} mm are tried: give one, or a larger stock"
+        raise field_error("holding", "diameter", 0.0, bound)
     ranked = ranking(tried)
     holding = replace(job.holding, diameter=ranked[0].diameter)
     post = post_below(setup.part.mesh, holding)
     return replace(setup, post=post), replace(job, holding=holding), tuple(ranked[:SHOWN])
+
+
+def _holds_shortest(setup: Setup, job: Job, limits: MachineLimits) -> bool:
+    """Whether the neck of a job's diameter holds the part at the least length that it may have."""
+    holding = job.holding
+    least = holding.length or shortest_post(np.zeros(0), 0.0, clamping_of(holding, limits.bodies.table))
+    return _neck(setup, replace(job, holding=replace(holding, length=least)), limits).holds
 
 
 def ranking(necks: Sequence[Neck]) -> list[Neck]:
