@@ -107,9 +107,7 @@ def find_neck(setup: Setup, job: Job, limits: MachineLimits) -> tuple[Setup, Job
     width = float(np.ptp(setup.stock.bounds[:, :2], axis=0).min())
     thickest = min(width, job.holding.stub_diameter or width)
     asked, trouble = [], None
-    for diameter in NECKS:
-        if diameter >= thickest:
-            continue
+    for diameter in (neck for neck in NECKS if neck < thickest):
         holding = replace(job.holding, diameter=diameter)
         try:
             post = post_below(setup.part.mesh, holding)
