@@ -187,8 +187,9 @@ def test_a_rapid_into_the_stock_refuses_the_text(chain: tuple[bonecam.Result, Pa
     result = chain[0]
     machine, dialect = read_machine(COARSE.nc.machine), read_dialect(COARSE.nc.controller)
     lines = result.program.text.splitlines(keepends=True)
-    cut = [n for n, line in enumerate(lines) if " R0 F900" in line][200]
-    planted = "".join([*lines[:cut], lines[cut].replace("F900", "FMAX"), *lines[cut + 1 :]])
+    # blocks of all five words whose feed is that of the block before
+    cut = [n for n, line in enumerate(lines) if re.search(r" L X.* C\S+$", line)][200]
+    planted = "".join([*lines[:cut], lines[cut].replace("\n", " FMAX\n"), *lines[cut + 1 :]])
     job = COARSE.with_values(holding={"length": result.report["post"]["length_mm"]})
     levels = result.levels.levels
     with pytest.raises(VerifyError, match=r"a rapid removes 0\.\d+ mm3") as caught:
@@ -247,7 +248,7 @@ def test_a_material_that_says_not_how_stiff_it_is_is_refused_before_planning(
 def test_a_word_changed_by_1_mm_is_found(chain: tuple[bonecam.Result, Path], tmp_path: Path) -> None:
     """Towards the axis of the part, on its side (Y near 0), at half its height, on the last level."""
     lines = (chain[1] / "bone.h").read_text(encoding="utf-8").splitlines(keepends=True)
-    at_side = re.compile(r"X\+[2-9]\.\d+ (?:Y[+-]0\.\d+ )?Z\+(\d+\.\d+) .*R0 F900")
+    at_side = re.compile(r"X\+[2-9]\.\d+ (?:Y[+-]0\.\d+ )?Z\+(\d+\.\d+) .*C\S+( F900)?$")
     begin = max(n for n, line in enumerate(lines) if "LEVEL 0" in line)
     heights = {
         n: float(found[1]) for n, line in enumerate(lines) if n > begin and (found := at_side.search(line))
@@ -265,8 +266,8 @@ def test_a_word_changed_by_1_mm_is_found(chain: tuple[bonecam.Result, Path], tmp
 @pytest.mark.parametrize(
     ("pattern", "new", "told"),
     [
-        (r" B-[\d.]+ (?=C\S+ R0 F900)", " B+45.000 ", "B goes to 45.000 deg, its limit is 30 deg"),
-        (r" X\S+ (?=.* R0 F900)", " X+2000.000 ", "mm in the program, its travel is 600 mm"),
+        (r" B-[\d.]+ (?=C\S+ F900)", " B+45.000 ", "B goes to 45.000 deg, its limit is 30 deg"),
+        (r" X\S+ (?=.* F900)", " X+2000.000 ", "mm in the program, its travel is 600 mm"),
         (r"(?s) F900\n", " F99999\n", "a feed of 99999 mm/min"),
         (r" M3\n", " M5\n", "a feed move while the spindle stands"),
         (r" M8\n", " M9\n", "a cut without coolant"),

@@ -22,8 +22,8 @@ How to add a dialect: copy a file of `bonecam/nc/dialects/` (name it, or give it
   the last line, "%" where it is not stated, "" where the program ends with the code of its end; `moving_blocks`: how
   the blocks begin that move an axis; [machining]: the words of the control for `roughing` and `finishing` levels;
 - [numbers]: decimals, sign and range of lengths (mm), angles (deg), feeds and spindle speeds;
-- [templates]: header, tool, stop, level, position, approach, rapid, feed, coolant_on, coolant_off, lift, retract,
-  tool_end, footer. One line is one block; an empty template writes nothing. Fields, by template:
+- [templates]: header, tool, stop, level, position, approach, rapid, feed, feed_kept, coolant_on, coolant_off, lift,
+  retract, tool_end, footer. One line is one block; an empty template writes nothing. Fields, by template:
   header {name} {number} (of the program, drawn from its name) {comments} {low_x}..{high_z} {tolerance} (a length)
   {rotary_tolerance} (degrees) {tool_centre_off};
   tool {tool} {spindle} {retract} (height above everything) {endless} (the short way on or off) {over_zero} (X and Y
@@ -32,7 +32,8 @@ How to add a dialect: copy a file of `bonecam/nc/dialects/` (name it, or give it
   approach {above} (X Y Z at the retract height) {plane} (X and Y of the approach) {linear} (its X Y Z) {rapid} (the
   rapid rate as a feed); lift {lifted} (X Y Z so high above the end that switching off may lower the tool by its
   length) {rapid};
-  rapid {words} (all five); feed {words} {feed}; retract {retract}; footer {name}. A field may have a width, like
+  rapid {words} (all five); feed {words} {feed}; feed_kept {words} (a feed move at the feed of the one before; without
+  it every block states its feed); retract {retract}; footer {name}. A field may have a width, like
   {tool:02d};
 - [tool_centre_control]: `on` and `off` blocks (with the fields {tool} and, Z before the rotary
   axes turn, {height}) by name, the machine file picks one, or takes

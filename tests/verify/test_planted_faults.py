@@ -48,7 +48,7 @@ def line_of_the_fault(blocks, paths):
 
 
 def cuts_of(blocks):
-    return [k for k, block in enumerate(blocks) if re.search(r"R0 F\d", block)]
+    return [k for k, block in enumerate(blocks) if re.search(r"^L X.* C\S+( F\d+)?$", block)]
 
 
 def test_the_program_without_a_fault_is_accepted(blocks, paths):
@@ -72,7 +72,7 @@ def test_a_feed_made_a_rapid_is_found(blocks, paths):
     cuts = cuts_of(blocks)
     at = cuts[len(cuts) // 2]
     wrong = list(blocks)
-    wrong[at] = re.sub(r"F\d+$", "FMAX", wrong[at])
+    wrong[at] = re.sub(r"( F\d+)?$", " FMAX", wrong[at], count=1)
     assert line_of_the_fault(wrong, paths) == at + 1
 
 

@@ -77,10 +77,14 @@ def check(text, pair, paths):
     return compare_moves(read_program(text, *pair), paths, pair[1], Tolerances())
 
 
-def changed(text: str, number: int, pattern: str, change) -> tuple[str, int]:
-    """The text with one number of the cutting block at place `number` changed; and its line."""
+BLOCK = r"(L|G1) X.* C\S+( F\d[\d.]*)?$"
+"""A feed move with all five words."""
+
+
+def changed(text: str, number: int, pattern: str, change, block: str = BLOCK) -> tuple[str, int]:
+    """The text with one number of the block at place `number` of those of a form changed; and its line."""
     lines = text.splitlines()
-    places = [i for i, line in enumerate(lines) if re.search(r" X.* F\d", line)]
+    places = [i for i, line in enumerate(lines) if re.search(block, line)]
     place = places[number]
     lines[place] = re.sub(pattern, change, lines[place])
     assert lines != text.splitlines()
@@ -115,9 +119,10 @@ def test_an_axis_off_by_a_hundredth_degree_is_found_at_its_line(paths, pair, let
 def test_a_wrong_feed_is_found_at_its_line(paths, pair):
     text, line = changed(
         text_of(pair, paths),
-        200,
+        9,
         r"( F)(\d+(?:\.\d+)?)",
         lambda found: f" F{float(found[2]) * 1.1:.{4 if '.' in found[2] else 0}f}",
+        block=r" X.* F\d",
     )
     with pytest.raises(VerifyError, match=rf"line {line}: feed is"):
         check(text, pair, paths)
@@ -126,7 +131,7 @@ def test_a_wrong_feed_is_found_at_its_line(paths, pair):
 def without(text: str, start: int, count: int) -> str:
     """The text without some cutting blocks, block numbers mended."""
     lines = text.splitlines()
-    places = [i for i, line in enumerate(lines) if re.search(r" X.* F\d", line)][start : start + count]
+    places = [i for i, line in enumerate(lines) if re.search(BLOCK, line)][start : start + count]
     lines = [line for i, line in enumerate(lines) if i not in places]
     if lines[0].startswith("0 "):
         numbers = iter(range(len(lines)))

@@ -9,8 +9,9 @@ that lead to the row,
 Along the cuts of a pass it is lowered further, forwards and backwards, so that from one row to the next it changes by
 no more than half of the cutter's feed per mm of path, and by no more than a factor of two. The chip load F / (spindle
 speed x teeth) changes as evenly. That lowers no feed below FLOOR of what is asked: the ball would rub, where the axes
-allow more. On the shipped phalanx this takes 2.5 % more time than the model of a control that
-changes its feed at once from block to block. The first row of a pass, entered at the plunge feed, is left out of it.
+allow more. On the shipped phalanx this takes 2.5 % more time than the model of a control that changes its feed at once
+from block to block. Then each feed is rounded down to one of a few dozen values (`feed_scale.py`), which takes 1 %. The
+first row of a pass, entered at the plunge feed, is left out of it.
 
 In inverse time each block has its own time. Beside the pole, where the axes turn round while the tip hardly moves, the
 feed of a row is lowered to SLOW of the cutter's at most, and blocks on which the axes allow less last as long as their
@@ -33,7 +34,9 @@ from bonecam.job import Job
 from bonecam.job.materials.preset import MOST_FEED
 from bonecam.machine.machine import Machine
 from bonecam.nc.dialect import Dialect
+from bonecam.nc.posting.feed_scale import FLOOR, feed_scale, on_scale
 from bonecam.nc.posting.path_words import SLOW, Posted, post_path
+from bonecam.nc.posting.repeats import moved_rows, with_rows
 from bonecam.nc.program import FeedFigures
 from bonecam.tool.cutter import Cutter
 from bonecam.tool.path import MoveKind, ToolPath
@@ -45,28 +48,29 @@ TIMED_STEP = 0.001
 LARGEST_RATIO = 2.0
 """Largest ratio of the feeds of successive rows of a pass, and of a row's feed to the cutter's."""
 
-FLOOR = 0.5
-"""Evenness lowers no feed below this share of what is asked, beyond what the axes of its own row ask for."""
-
 
 def drivable_paths(
     paths: Sequence[ToolPath], machine: Machine, dialect: Dialect, job: Job
 ) -> tuple[ToolPath, ...]:
-    """The paths with feeds that the machine's axes can follow when they are posted in this order; rapids are left as
-    they are where the control drives them as rapids. MachineError where a path cannot be posted."""
+    """The paths with feeds that the machine's axes can follow when they are posted in this order, without rows whose
+    words are those of the row before; rapids are left as they are where the control drives them as rapids.
+    MachineError where a path cannot be posted."""
     around = np.vstack([path.tips for path in paths])
     before = None
     lowered = []
     for path in paths:
         posted = post_path(path, machine, dialect, job, around, before)
         before = posted.moves.angles[-1]
-        lowered.append(replace(path, feed_rates=_drivable_feeds(posted, job.path.feed_at)))
+        kept = moved_rows(posted)
+        feeds = _drivable_feeds(posted, kept, job.path.feed_at)
+        lowered.append(replace(with_rows(path, kept), feed_rates=feeds))
     return tuple(lowered)
 
 
-def _drivable_feeds(posted: Posted, feed_at: str) -> Float[ndarray, "n"]:
-    """The feed of each row of a path, mm/min, in whole steps of its word."""
-    path = posted.path
+def _drivable_feeds(posted: Posted, kept: Bool[ndarray, "n"], feed_at: str) -> Float[ndarray, "m"]:
+    """The feed of each row of a path that is `kept`, mm/min, on the scale of the path, or in inverse time in whole
+    TIMED_STEPs."""
+    path, number = posted.path, posted.dialect.numbers.feed
     asked = path.feed_rates * _feed_ratios(posted, feed_at)
     limit = np.full(len(path.tips), np.inf)
     moving = posted.lengths > posted.dialect.numbers.length.step
@@ -77,13 +81,16 @@ def _drivable_feeds(posted: Posted, feed_at: str) -> Float[ndarray, "n"]:
     if posted.dialect.feed_mode != "per-minute":
         # what is slower is timed by its turn, block by block
         limit = np.maximum(limit, SLOW * path.cutter.feed)
+    path, asked, limit = with_rows(path, kept), asked[kept], limit[kept]
     feeds = np.minimum(asked, limit)
     steps = np.linalg.norm(np.diff(path.tips, axis=0, prepend=path.tips[:1]), axis=1)
     feeds = _even(feeds, np.minimum(feeds, FLOOR * asked), steps, path)
 
-    step = posted.dialect.numbers.feed.step if posted.dialect.feed_mode == "per-minute" else TIMED_STEP
     # rounded down: a feed that is rounded up is beyond the axis again
-    feeds = np.minimum(np.maximum(np.floor(feeds / step + 1e-9), 1.0) * step, asked)
+    if posted.dialect.feed_mode == "per-minute":
+        feeds = np.minimum(on_scale(feeds, feed_scale(path, number)), np.maximum(feeds, number.step))
+    else:
+        feeds = np.minimum(np.maximum(np.floor(feeds / TIMED_STEP + 1e-9), 1.0) * TIMED_STEP, asked)
     rapid = (path.kinds == MoveKind.RAPID) & posted.dialect.straight_rapids
     return np.where(rapid, path.feed_rates, feeds)
 

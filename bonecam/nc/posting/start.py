@@ -16,6 +16,7 @@ from bonecam.machine.kinematics import forward
 from bonecam.machine.machine import Machine
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.posting.axis_words import word_texts
+from bonecam.nc.posting.feed_scale import on_scale, stepped_feeds
 from bonecam.nc.posting.path_words import drivable_rates, round_words
 from bonecam.nc.posting.split import MAX_TURN
 
@@ -28,7 +29,8 @@ def start_texts(
     steps = start_words(dialect, control, angles_deg, retract)
     rows = [word_texts(control.machine, dialect, step) for step in steps]
     feed = dialect.numbers.feed
-    rates = feed.rounded_down(np.r_[rapid, drivable_rates(control, steps, rapid)])
+    scale = np.unique(np.r_[stepped_feeds(feed), rapid])
+    rates = feed.rounded_down(on_scale(np.r_[rapid, drivable_rates(control, steps, rapid)], scale))
     turn = [
         line
         for row, rate in zip(rows, rates.tolist(), strict=True)

@@ -16,15 +16,16 @@ from bonecam.errors import MachineError, ProgramError
 from bonecam.job import Job
 from bonecam.machine.machine import Machine
 from bonecam.nc.dialect import Dialect
-from bonecam.nc.posting.axis_words import word_formats, word_texts, written_words
+from bonecam.nc.posting.axis_words import word_texts
 from bonecam.nc.posting.block_numbers import number_blocks
 from bonecam.nc.posting.feeds import feed_figures
 from bonecam.nc.posting.header.air_check import air_check_texts
 from bonecam.nc.posting.header.header import comment, header_lines, rotary_text
 from bonecam.nc.posting.header.program_zero import over_zero, zero_words
 from bonecam.nc.posting.header.texts import setup_texts
-from bonecam.nc.posting.marks import REWIND, with_marks
+from bonecam.nc.posting.marks import REWIND
 from bonecam.nc.posting.path_words import Posted, post_path
+from bonecam.nc.posting.row_blocks import row_blocks
 from bonecam.nc.posting.start import start_texts
 from bonecam.nc.posting.tolerances import contour_tolerance, rotary_tolerance_deg
 from bonecam.nc.posting.travel import Travel, above, lifted, travel_of
@@ -187,16 +188,21 @@ class ProgramWriter:
         high = word_texts(self.machine, self.dialect, above(posted, index, self.travel.retract))
         end = word_texts(self.machine, self.dialect, lifted(posted, index, self.travel.retract))
         lines = [comment(REWIND, self.dialect)] if index else []
-        lines += self._start(posted, words, posted.approaches[index][3:]) + self._moving(
+        lines += self._start(posted, words, posted.approaches[index][3:])
+        approach = self.dialect.lines(
             "approach",
             linear=" ".join(words[:3]),
             plane=" ".join(words[:2]),
             above=" ".join(high[:3]),
             rapid=self.rapid,
         )
+        # where the turn under tool-centre control ends above the approach, there is no way to there
+        there = f" {' '.join(high[:3])} " in lines[-1]
+        lines += self._counted(approach[1:] if there else approach)
         if self.job.nc.coolant:
             lines += self.dialect.lines("coolant_on")
-        lines += self._rows(posted, posted.runs[index])
+        lines += row_blocks(posted, posted.runs[index], self.machine, self.dialect)
+        self.moves += int(np.diff(posted.runs[index])[0])
         if self.job.nc.coolant:
             lines += self.dialect.lines("coolant_off")
         lift = self._moving("lift", lifted=" ".join(end[:3]), rapid=self.rapid)
@@ -219,32 +225,3 @@ class ProgramWriter:
             comment(MoveKind.LINK.name, self.dialect),
             *self._counted(turn),
         ]
-
-    def _rows(self, posted: Posted, run: tuple[int, int]) -> list[str]:
-        """The blocks of the moves of one run, one a row of its words."""
-        rows = slice(*run)
-        kinds = posted.moves.kinds[rows]
-        words = written_words(self.machine, self.dialect, posted.words[rows])
-        form = " ".join(word_formats(self.machine, self.dialect))
-        rapid = "\n".join(self.dialect.move_lines("rapid", words=form))
-        feed = "\n".join(self.dialect.move_lines("feed", words=form, feed=self.feed.spec))
-        rates = self.feed.rounded_down(self._rates(posted, rows))
-        # the first row of a run is reached along the tool axis from the approach height
-        fast = (kinds == MoveKind.RAPID) & self.dialect.straight_rapids
-        fast[0] = self.dialect.straight_rapids or not self.dialect.tool_centre
-        self.moves += len(kinds)
-        table = zip(np.column_stack([words, rates]).tolist(), fast.tolist(), strict=True)
-        lines = [rapid % tuple(row[:-1]) if quick else feed % tuple(row) for row, quick in table]
-        return with_marks(lines, kinds, fast, posted.lifted_in(run), self.dialect)
-
-    def _rates(self, posted: Posted, rows: slice) -> Float[ndarray, "n"]:
-        """The feed of each move as the dialect writes it: mm/min, or 1/min (inverse time)."""
-        moves = posted.moves
-        if self.dialect.feed_mode == "per-minute":
-            return moves.feed_rates[rows]
-        length = posted.lengths[rows].copy()
-        length[0] = 0.0
-        with np.errstate(divide="ignore"):
-            by_length = moves.feed_rates[rows] / length
-            by_axes = 1 / posted.minutes[rows]
-        return np.where(posted.by_turn[rows] | (length == 0.0), np.minimum(by_length, by_axes), by_length)

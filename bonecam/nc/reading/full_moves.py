@@ -30,7 +30,8 @@ MARKS = {"CUT": False, "LINK": True}
 
 @dataclass(frozen=True, eq=False)
 class Blocks:
-    """Successive full moves. `words` (n, 5) in mm and degrees as written; `feeds` are NaN where `rapid`.
+    """Successive full moves. `words` (n, 5) in mm and degrees as written; `feeds` are NaN where `rapid`, or none is
+    known; `modal` is the last feed that was written.
 
     `offsets` (n,): how many lines each is behind the first one; `ordinals`: how many numbered blocks there are before
     it in the program; `links`: it stands behind a comment LINK. `numbers` are the block numbers, -1 where blocks have
@@ -44,6 +45,7 @@ class Blocks:
     offsets: Int[ndarray, "n"]
     ordinals: Int[ndarray, "n"]
     links: Bool[ndarray, "n"]
+    modal: Float[ndarray, "n"]
 
     def first(self, count: int) -> "Blocks":
         """The first `count` blocks."""
@@ -64,7 +66,7 @@ def klartext_number(decimals: int) -> str:
 
 
 def full_move(dialect: Dialect, machine: Machine, short_way: bool) -> re.Pattern[str]:
-    """The pattern of a whole line with all five words: block number, G code, the words, the feed; the words of endless
+    """The pattern of a whole line with all five words: block number, G code, the words, any feed; the words of endless
     axes have the form of the dialect where they take the `short_way`."""
     letters = machine.letters
     if dialect.grammar == "klartext":
@@ -72,7 +74,7 @@ def full_move(dialect: Dialect, machine: Machine, short_way: bool) -> re.Pattern
             klartext_number(kind.decimals) for kind in (dialect.numbers.length, dialect.numbers.angle)
         )
         words = "".join(f" {letter}({length if letter in 'XYZ' else angle})" for letter in letters)
-        return re.compile(rf"({WHOLE}) (L){words} R0 F(MAX|{WHOLE})")
+        return re.compile(rf"({WHOLE}) (L){words}(?: R0)?(?: F(MAX|{WHOLE}))?")
     codes = "|".join(
         re.escape(code) for code, effect in dialect.effect_of.items() if effect in ("rapid", "feed")
     )
@@ -101,12 +103,19 @@ def endless_word_pattern(dialect: Dialect, letter: str) -> str:
 
 
 def read_full_moves(
-    lines: Sequence[str], start: int, ordinal: int, pattern: re.Pattern[str], dialect: Dialect, linking: bool
+    lines: Sequence[str],
+    start: int,
+    ordinal: int,
+    pattern: re.Pattern[str],
+    dialect: Dialect,
+    linking: bool,
+    feed: float | None,
 ) -> Blocks | None:
     """The full moves from line `start` on, up to the first line of another form; None where there is no full
     move.
 
-    `ordinal` numbered blocks stand before them; the first moves are links where `linking`.
+    `ordinal` numbered blocks stand before them; the first moves are links where `linking`. `feed` holds until
+    another is written, None: every block needs its own.
     """
     found: list[str] = []
     offsets: list[int] = []
@@ -128,22 +137,32 @@ def read_full_moves(
         links.append(linking)
     if not found:
         return None
-    number, code, *words, feed = (found[k :: pattern.groups] for k in range(pattern.groups))
+    number, code, *words, written = (found[k :: pattern.groups] for k in range(pattern.groups))
     if dialect.grammar == "klartext":
-        rapid = np.array([value == "MAX" for value in feed])
-        feeds = np.array(["nan" if value == "MAX" else value for value in feed], dtype=np.float64)
+        rapid = np.array([value == "MAX" for value in written])
     else:
         rapid = np.array([dialect.effect_of[value] == "rapid" for value in code])
-        feeds = np.where(rapid, np.nan, np.array([value or "0" for value in feed], dtype=np.float64))
+    modal = _modal([None if value == "MAX" else value for value in written], feed)
     return Blocks(
         words=_joints_of(words),
         rapid=rapid,
-        feeds=feeds,
+        feeds=np.where(rapid, np.nan, modal),
         numbers=np.array([value or "-1" for value in number], dtype=np.int64),
         offsets=np.array(offsets),
         ordinals=np.array(ordinals),
         links=np.array(links),
+        modal=modal,
     )
+
+
+def _modal(written: Sequence[str | None], feed: float | None) -> Float[ndarray, "n"]:
+    """The feed that holds at each block: the last one that was `written`, or the `feed` before; None: its own alone."""
+    own = np.array([value or "nan" for value in written], dtype=np.float64)
+    if feed is None:
+        return own
+    given, feeds = ~np.isnan(own), np.r_[feed, own]
+    last = np.maximum.accumulate(np.where(given, np.arange(1, len(given) + 1), 0))
+    return np.asarray(feeds[last])
 
 
 def _joints_of(words: Sequence[Sequence[str]]) -> Float[ndarray, "n 5"]:

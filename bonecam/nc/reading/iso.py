@@ -128,6 +128,7 @@ class _BlockReader:
         values = self._values(words, line)
         if "inverse_time" in effects or "per_minute" in effects:
             state.inverse_time = "inverse_time" in effects
+            state.feed = np.nan
         if "incremental" in effects or "absolute" in effects:
             state.incremental = "incremental" in effects
         self._take_tool(effects, values, line)
@@ -150,7 +151,7 @@ class _BlockReader:
             stray = values.keys() - axes.keys() - {"F"} - lengths
             if stray:
                 raise line_error(line, f"{min(stray)} stands in a block that moves axes")
-            state.move(axes, "rapid" in effects, float(values.get("F", "0")), line)
+            state.move(axes, "rapid" in effects, float(values["F"]) if "F" in values else None, line)
         state.ended = "program_end" in effects
 
     def _check_used(self, words: Words, effects: list[str], values: dict[str, str], line: int) -> None:

@@ -36,7 +36,7 @@ def run_klartext(lines: Sequence[str], state: ModalState) -> None:
 def _run_block(block: str, move: re.Pattern[str], state: ModalState, line: int) -> None:
     """Run a block: a move or a statement, with a remark behind it or without."""
     found = move.fullmatch(block)
-    if found and any(found.groups()[:-1]):
+    if found and any(found.groups()[:-2]):
         _run_move(found, state, line)
     elif not is_statement(block, state, line):
         bare = block.partition(";")[0].rstrip()
@@ -57,13 +57,12 @@ def _unknown(block: str, state: ModalState) -> str:
         if not parts:
             return f"{shown(word)} in {shown(block)} is no word of this place, or not with the decimals that it needs"
         del parts[0]
-    return f"{shown(block)} lacks R0, or a feed"
+    return f"{shown(block)} moves no axis"
 
 
 def _move_pattern(dialect: Dialect, letters: str) -> re.Pattern[str]:
-    """The pattern of an `L` block: any of the five words in their order, then the feed."""
-    *words, _, feed = _word_patterns(dialect, letters)
-    return re.compile("L" + "".join(f"(?: {word})?" for word in words) + f" R0 {feed}")
+    """The pattern of an `L` block: any of the five words in their order, then R0 and the feed, which are modal."""
+    return re.compile("L" + "".join(f"(?: {word})?" for word in _word_patterns(dialect, letters)))
 
 
 def _word_patterns(dialect: Dialect, letters: str) -> list[str]:
@@ -72,17 +71,17 @@ def _word_patterns(dialect: Dialect, letters: str) -> list[str]:
         klartext_number(kind.decimals) for kind in (dialect.numbers.length, dialect.numbers.angle)
     )
     words = [f"{letter}({length if letter in 'XYZ' else angle})" for letter in letters]
-    return [*words, "R0", f"F(MAX|{WHOLE})"]
+    return [*words, "(R0)", f"F(MAX|{WHOLE})"]
 
 
 def _run_move(found: re.Match[str], state: ModalState, line: int) -> None:
     letters = state.machine.letters
-    words = {
-        letter: float(text) for letter, text in zip(letters, found.groups(), strict=False) if text is not None
-    }
-    feed = found.groups()[-1]
-    rapid = feed == "MAX"
-    state.move(words, rapid, 0.0 if rapid else float(feed), line)
+    *numbers, uncompensated, feed = found.groups()
+    words = {letter: float(text) for letter, text in zip(letters, numbers, strict=True) if text is not None}
+    state.uncompensated |= uncompensated is not None
+    if not state.uncompensated:
+        raise line_error(line, "an axis moves before R0 is stated")
+    state.move(words, feed == "MAX", None if feed in ("MAX", None) else float(feed), line)
 
 
 def _block(lines: Sequence[str], at: int, number: int) -> tuple[str, int]:

@@ -29,6 +29,7 @@ class ModalState:
     `position`: X, Y, Z in mm and the rotary axes in degrees, unwound; None where it is not known.
     `tool_centre`: tool-centre control (TCPM, RTCP) is on. `inverse_time`: F is in 1/min; `incremental`: words are
     increments. `length_of`: the tool whose length is compensated, `selected` the one that the next change brings.
+    `feed` is the last F (mm/min), NaN where none holds; `uncompensated`: a Klartext program has stated R0.
     `tolerance` is that of the contour, mm. `retracted`: a retract was the last that moved the tool along Z.
     `linking`: feed moves are links, as the last comment CUT or LINK says. Used for one program.
     """
@@ -50,6 +51,8 @@ class ModalState:
         self.spindle = SpindleAndCoolant()
         self.tolerance = np.nan
         self.inverse_time = False
+        self.feed = np.nan
+        self.uncompensated = dialect.grammar != "klartext"
         self.incremental = False
         self.retracted = False
         self.linking = False
@@ -81,6 +84,7 @@ class ModalState:
         self.selected = 0
         self.length_of = 0 if self.needs_length else number
         self.spindle.change_tool()
+        self.feed = np.nan
         self.forget_tip()
 
     def take_length(self, number: int, line: int) -> None:
@@ -94,6 +98,7 @@ class ModalState:
         """Switch tool-centre control on or off; where the tip stands is known after the next move."""
         self.tool_centre = on
         self.stated.begin_tool_centre()
+        self.feed = np.nan
         self.forget_tip()
 
     def forget_tip(self) -> None:
@@ -110,9 +115,14 @@ class ModalState:
             PartialMove(line, self.tool, (np.nan, np.nan, height, np.nan, np.nan), retract=True)
         )
 
-    def move(self, words: dict[str, float], rapid: bool, feed: float, line: int) -> None:
-        """Run one block that moves axes; `words` in mm and degrees, `feed` in mm/min or 1/min."""
+    def move(self, words: dict[str, float], rapid: bool, feed: float | None, line: int) -> None:
+        """Run one block that moves axes; `words` in mm and degrees, `feed` in mm/min or 1/min. None: the feed before
+        holds, but that of inverse time."""
         before = list(self.position)
+        if feed is None and self.inverse_time:
+            feed = np.nan
+        feed = self.feed if feed is None else feed
+        self.feed = feed
         if self.incremental:
             raise line_error(line, "an axis moves by increments: switch to absolute words before")
         self.stated.check("".join(words), self.tool_centre, line)
@@ -186,10 +196,12 @@ class ModalState:
             or self.incremental
             or self.length_of != self.tool
             or self.tool_centre != self.dialect.tool_centre
+            or not self.uncompensated
         ):
             return 0, ordinal
         pattern = self.full_moves[bool(self.endless.short_way)]
-        found = read_full_moves(lines, start, ordinal, pattern, self.dialect, self.linking)
+        feed = None if self.inverse_time else self.feed
+        found = read_full_moves(lines, start, ordinal, pattern, self.dialect, self.linking, feed)
         if found is None:
             return 0, ordinal
         doubtful = found.outside(self.dialect.numbers)
@@ -228,6 +240,7 @@ class ModalState:
         self.tables += [self._table(), np.column_stack(columns)]
         self.rows = []
         self.linking = bool(found.links[-1])
+        self.feed = float(found.modal[-1])
         self.position = [float(value) for value in found.words[-1]]
         self.blocks += count
 

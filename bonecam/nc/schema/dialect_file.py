@@ -120,6 +120,9 @@ class DialectFile(Record):
             raise KeyFault("tool_centre_control", why)
         if self.grammar == "klartext" and self.endless_words == "wrapped" and self.short_way is None:
             raise KeyFault("short_way", "missing: add the blocks that switch the short way on and off")
+        if self.templates.feed_kept and self.feed_mode == "inverse-time":
+            why = "in inverse time every block has its own feed: leave it out"
+            raise KeyFault("templates.feed_kept", why)
         chooses = self.short_way is not None or self.endless_word != PLAIN_WORD
         if self.starts_at_zero and (
             self.interpolation != "tool-centre" or self.endless_words != "wrapped" or chooses

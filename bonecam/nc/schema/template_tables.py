@@ -37,6 +37,7 @@ FIELDS: Mapping[str, Mapping[str, str | int]] = {
     },
     "rapid": {"words": "X+1.0"},
     "feed": {"words": "X+1.0", "feed": "1"},
+    "feed_kept": {"words": "X+1.0"},
     "coolant_on": {},
     "coolant_off": {},
     "lift": {"lifted": "X+1.0 Y+1.0 Z+9.0", "rapid": "1"},
@@ -59,6 +60,7 @@ class TemplatesTable(Record):
     approach: str
     rapid: str
     feed: str
+    feed_kept: str = ""
     coolant_on: str
     coolant_off: str
     lift: str = ""
@@ -72,7 +74,7 @@ class TemplatesTable(Record):
             text = getattr(self, name)
             try:
                 check_template(text, fields)
-                if name in ("rapid", "feed"):
+                if name in ("rapid", "feed") or (name == "feed_kept" and text):
                     _check_move(text, name)
             except ValueError as error:
                 raise KeyFault(name, str(error)) from error

@@ -1,6 +1,7 @@
 import re
 from collections.abc import Callable
 
+import numpy as np
 import pytest
 
 from bonecam.errors import ProgramError
@@ -44,10 +45,11 @@ def broken(texts: dict[str, str], name: str, pattern: str, replacement: str) -> 
 @pytest.mark.parametrize(
     ("name", "pattern", "replacement"),
     [
-        ("heidenhain", r"R0 F900$", "R0 F900 M91"),
-        ("heidenhain", r"R0 F900$", "R0 F9e2"),
-        ("heidenhain", r"R0 F900$", "R0"),
-        ("heidenhain", r"R0 F900$", "RL F900"),
+        ("heidenhain", r" F900$", " F900 M91"),
+        ("heidenhain", r" F900$", " F9e2"),
+        ("heidenhain", r" F\d+$", ""),
+        ("heidenhain", r" F900$", " RL F900"),
+        ("heidenhain", r" F900$", " F900 R0"),
         ("heidenhain", r" X\+(\d+\.\d+) (?=.*F900$)", r" X\1 "),
         ("heidenhain", r" B-(\d+\.\d\d)\d (?=.*F900$)", r" B-\1 "),
         ("heidenhain", r" Z\+(?=.*F900$)", " W+"),
@@ -67,7 +69,7 @@ def broken(texts: dict[str, str], name: str, pattern: str, replacement: str) -> 
         ("linuxcnc", r"^T1 M6", "T3 M6"),
         ("linuxcnc", r"^M8$", "M8 N"),
         ("linuxcnc", r"^G43 H1$", "G43 H2"),
-        ("siemens-840d", r" F900$", ""),
+        ("siemens-840d", r" F\d+$", ""),
         ("siemens-840d", r" F900$", " F900 M88"),
         ("siemens-840d", r"C=DC\(([\d.]+)\) F900$", r"C=ACP(\1) F900"),
         ("siemens-840d", r"C=DC\([\d.]+\) F900$", "C=DC(-10.000) F900"),
@@ -86,7 +88,7 @@ def broken(texts: dict[str, str], name: str, pattern: str, replacement: str) -> 
         ("siemens-840d", r" SUPA Z0 D0$", " SUPA Z10 D0"),
         ("siemens-840d", r" SUPA Z0 D0$", " SUPA X0 Z0 D0"),
         ("siemens-840d", r" G54 D1$", " G0 SUPA Z0 D0"),
-        ("fanuc-30i", r" F900\.$", ""),
+        ("fanuc-30i", r" F\d+\.$", ""),
         ("fanuc-30i", r" F900\.$", " F900. H01"),
         ("fanuc-30i", r" F900\.$", " F900. P1"),
         ("fanuc-30i", r" F900\.$", " F9.0.0"),
@@ -115,6 +117,28 @@ def test_what_the_dialect_does_not_know_is_refused_with_its_line(texts, name, pa
     assert caught.value.evidence["line"] == line
 
 
+@pytest.mark.parametrize("name", ["heidenhain", "siemens-840d", "fanuc-30i"])
+def test_a_feed_holds_until_another_is_written(texts, name):
+    motions = read_program(texts[name], *PAIRS[name])
+    point = "." if name == "fanuc-30i" else ""
+    number, line = next(
+        item for item in enumerate(texts[name].splitlines(), 1) if item[1].endswith(f" F900{point}")
+    )
+    cuts = np.flatnonzero(motions.lines >= number)[:20]
+    assert (motions.feed_rates[cuts] == 900.0).all()
+    assert sum(" F" in one for one in texts[name].splitlines()[number : number + 19]) == 0
+    text = texts[name].replace(line, line.removesuffix(f" F900{point}"), 1)
+    before = read_program(text, *PAIRS[name]).feed_rates[cuts]
+    assert (before != 900.0).all()
+    assert len({*before.tolist()}) == 1
+
+
+def test_r0_is_stated_before_an_axis_moves(texts):
+    text = texts["heidenhain"].replace(" R0", "")
+    with pytest.raises(ProgramError, match="an axis moves before R0 is stated"):
+        read_program(text, *PAIRS["heidenhain"])
+
+
 @pytest.mark.parametrize("name", PAIRS)
 def test_a_text_cut_off_anywhere_is_refused(texts, name):
     text = texts[name]
@@ -138,7 +162,7 @@ def test_the_short_way_must_be_switched_on(texts):
 def test_words_of_the_short_way_are_refused_where_the_control_drives_them_as_they_are(texts):
     text = texts["heidenhain"]
     turned = re.sub(r"( M126\n)", " M127\n", text)
-    lines = [line for line in turned.splitlines() if "F900" in line]
+    lines = [line for line in turned.splitlines() if re.search(r" C\S+$", line)]
     jump = re.sub(r" C[+-]\d+\.\d{3}", " C+179.500", lines[5])
     back = re.sub(r" C[+-]\d+\.\d{3}", " C-179.500", lines[6])
     with pytest.raises(ProgramError, match=r"C turns by -?\d+\.\d+ deg in one block: half a turn is allowed"):

@@ -46,7 +46,7 @@ def test_an_axis_that_may_wind_is_held_to_its_limits(paths, words):
 def test_the_place_that_is_out_of_the_way_is_named_where_a_travel_is_passed(paths):
     text = write_program(paths, MIKRON, HEIDENHAIN, Job()).text
     lines = text.splitlines()
-    at = [k for k, line in enumerate(lines) if line.endswith("F900")][7]
+    at = [k for k, line in enumerate(lines) if re.search(r" L X.* C\S+$", line)][7]
     lines[at] = re.sub(r" X\S+", " X-2000.000", lines[at])
     motions = read_program("\n".join(lines) + "\n", MIKRON, HEIDENHAIN)
     with pytest.raises(

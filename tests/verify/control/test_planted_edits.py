@@ -216,7 +216,7 @@ WRONG: dict[str, Edit] = {
     "every feed 99999": every_feed(lambda feed: 99999.0),
     "feeds three times as large": every_feed(lambda feed: 3 * feed + 900),
     "feed 0": every_feed(lambda feed: 0.0),
-    "no feed": lambda p, b: changed(b, middle(p), r" F[\d.]+$", ""),
+    "no feed": lambda p, b: changed(b, first(b, r"^(L|G0?1) .* F[\d.]+$"), r" F[\d.]+$", ""),
     # modes
     "feed per minute in inverse time, or the other way round": lambda p, b: before(
         b, middle(p), "M136" if p.klartext else "G94" if p.dialect.feed_mode == "inverse-time" else "G93"
@@ -228,7 +228,9 @@ WRONG: dict[str, Edit] = {
     "another datum": lambda p, b: changed(
         b, first(b, "^  Q339=1|^G54$"), "Q339=1|G54", "Q339=2" if p.klartext else "G55"
     ),
-    "radius compensation": lambda p, b: changed(b, middle(p), "R0|^G0?1", "RL" if p.klartext else "G41 G1"),
+    "radius compensation": lambda p, b: changed(
+        b, middle(p), "( F.*)?$" if p.klartext else "^G0?1", " RL" if p.klartext else "G41 G1"
+    ),
     "the end left out": without(r"^M30$|^M0?2$"),
     "a cycle": planted("CYCL CALL M3", "G81 X1.0 Y1.0 Z1.0 R2.0 F100."),
     "a mirror image": planted("CYCL DEF 8.0 MIRROR IMAGE", "G51.1 X0."),
@@ -265,7 +267,7 @@ WRONG: dict[str, Edit] = {
         b, middle(p), r" X\+?(-?\d+)\.\d+", r" X\1" if p.dialect.decimal_point else r" X\1e0"
     ),
     "a letter of no axis": lambda p, b: changed(b, middle(p), r" C[^ ]+", " W1.000"),
-    "a block cut in two": lambda p, b: changed(b, middle(p), r" Y.*$", ""),
+    "a block cut in two": lambda p, b: changed(b, middle(p), r" Y.*$", " Y"),
 }  # fmt: skip
 
 

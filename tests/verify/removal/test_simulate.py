@@ -102,7 +102,9 @@ def words_of(text, line):
 def changed(text, letter, by, share=0.5):
     """The text with one word of one cutting block changed, and the line of that block."""
     lines = text.split("\n")
-    cuts = [k for k, line in enumerate(lines) if f" {letter}" in line and re.search(r"R0 F\d", line)]
+    cuts = [
+        k for k, line in enumerate(lines) if f" {letter}" in line and re.search(r" L X.* C\S+( F\d+)?$", line)
+    ]
     at = cuts[int(share * len(cuts))]
     lines[at] = re.sub(
         rf" {letter}([+-]\d+\.\d+)", lambda found: f" {letter}{float(found[1]) + by:+.3f}", lines[at]

@@ -1,0 +1,53 @@
+"""The blocks of the moves of one run, with their feeds where these change and the comments before them."""
+
+import numpy as np
+from jaxtyping import Bool, Float
+from numpy import ndarray
+
+from bonecam.machine.machine import Machine
+from bonecam.nc.dialect import Dialect
+from bonecam.nc.posting.axis_words import word_formats, written_words
+from bonecam.nc.posting.marks import with_marks
+from bonecam.nc.posting.path_words import Posted
+from bonecam.tool.path import MoveKind
+
+
+def row_blocks(posted: Posted, run: tuple[int, int], machine: Machine, dialect: Dialect) -> list[str]:
+    """The blocks of the moves of a run, one a row of its words, and its marks."""
+    rows = slice(*run)
+    kinds = posted.moves.kinds[rows]
+    words = written_words(machine, dialect, posted.words[rows])
+    number = dialect.numbers.feed
+    form = " ".join(word_formats(machine, dialect))
+    rapid = "\n".join(dialect.move_lines("rapid", words=form))
+    feed = "\n".join(dialect.move_lines("feed", words=form, feed=number.spec))
+    kept = "\n".join(dialect.move_lines("feed_kept", words=form))
+    rates = number.rounded_down(_rates(posted, rows))
+    # the first row of a run is reached along the tool axis from the approach height
+    fast = (kinds == MoveKind.RAPID) & dialect.straight_rapids
+    fast[0] = dialect.straight_rapids or not dialect.tool_centre
+    stated = _stated(rates, fast) if kept else ~fast
+    table = zip(words.tolist(), rates.tolist(), fast.tolist(), stated.tolist(), strict=True)
+    lines = [
+        feed % (*row, rate) if states else (rapid if quick else kept) % tuple(row)
+        for row, rate, quick, states in table
+    ]
+    return with_marks(lines, kinds, fast, posted.lifted_in(run), dialect)
+
+
+def _rates(posted: Posted, rows: slice) -> Float[ndarray, "n"]:
+    """The feed of each move as the dialect writes it: mm/min, or 1/min (inverse time)."""
+    moves = posted.moves
+    if posted.dialect.feed_mode == "per-minute":
+        return moves.feed_rates[rows]
+    length = posted.lengths[rows].copy()
+    length[0] = 0.0
+    with np.errstate(divide="ignore"):
+        by_length = moves.feed_rates[rows] / length
+        by_axes = 1 / posted.minutes[rows]
+    return np.where(posted.by_turn[rows] | (length == 0.0), np.minimum(by_length, by_axes), by_length)
+
+
+def _stated(rates: Float[ndarray, "n"], fast: Bool[ndarray, "n"]) -> Bool[ndarray, "n"]:
+    """Which blocks of a run state their feed: feed moves behind a rapid, or behind one of another feed."""
+    return np.asarray(~fast & (np.diff(np.where(fast, np.nan, rates), prepend=np.nan) != 0))
