@@ -133,6 +133,13 @@ def test_each_catalogue_lists_shows_and_checks_what_ships(
         assert capsys.readouterr().err.count("\n") == 1
 
 
+def test_a_machine_is_drawn_as_it_is_checked(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file, picture = str(CATALOGUES["machines"].files()["pocket-nc"]), tmp_path / "machine.png"
+    assert main(["machines", "check", file, "--picture", str(picture)]) == 0
+    assert capsys.readouterr().out.endswith(f"drawn in {picture}\n")
+    assert picture.read_bytes().startswith(b"\x89PNG")
+
+
 def test_schemas_take_what_the_readers_take_and_refuse_what_they_refuse() -> None:
     jsonschema = pytest.importorskip("jsonschema", reason="jsonschema is not installed")
     import tomllib

@@ -22,12 +22,14 @@ How to add a dialect: copy a file of `bonecam/nc/dialects/` (name it, or give it
   the last line, "%" where it is not stated, "" where the program ends with the code of its end; `moving_blocks`: how
   the blocks begin that move an axis; [machining]: the words of the control for `roughing` and `finishing` levels;
 - [numbers]: decimals, sign and range of lengths (mm), angles (deg), feeds and spindle speeds;
-- [templates]: header, tool, stop, level, position, approach, rapid, feed, feed_kept, coolant_on, coolant_off, lift,
-  retract, tool_end, footer. One line is one block; an empty template writes nothing. Fields, by template:
+- [templates]: header, tool, stop, restart, level, position, approach, rapid, feed, feed_kept, coolant_on, coolant_off,
+  lift, retract, tool_end, footer. One line is one block; an empty template writes nothing. Fields, by template:
   header {name} {number} (of the program, drawn from its name) {comments} {low_x}..{high_z} {tolerance} (a length)
   {rotary_tolerance} (degrees) {tool_centre_off};
   tool {tool} {spindle} {retract} (height above everything) {endless} (the short way on or off) {over_zero} (X and Y
   of the program's zero) {stop} (the template stop, where the job asks for one); stop {tool};
+  restart {title} (of the path) {tool} {tool_centre_off} (before each path but the first, with the template tool behind
+  it: all that the header states, so that a program may begin there);
   level {tolerance} {rotary_tolerance} {hsc_mode} (1: roughing) {machining} (the word for it); position {rotary};
   approach {above} (X Y Z at the retract height) {plane} (X and Y of the approach) {linear} (its X Y Z) {rapid} (the
   rapid rate as a feed); lift {lifted} (X Y Z so high above the end that switching off may lower the tool by its

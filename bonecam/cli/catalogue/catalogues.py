@@ -11,7 +11,7 @@ from bonecam.errors import JobError, did_you_mean
 from bonecam.job.materials.preset import material_files, read_material
 from bonecam.job.tool_section import read_tool, tool_files
 from bonecam.machine.check import MachineCheck, check_machine
-from bonecam.machine.machine import machine_files
+from bonecam.machine.machine import machine_files, read_machine
 from bonecam.nc.dialect import dialect_files, read_dialect
 
 
@@ -41,6 +41,8 @@ def add_catalogue(add_command: Any, parsers: Any, kind: str) -> None:
     command.set_defaults(kind=kind)
     command.add_argument("what", metavar="NAME|check", nargs="?", help=f"a {one} to show, or check")
     command.add_argument("file", metavar="FILE", nargs="?", help="the .toml file to check")
+    if kind == "machines":
+        command.add_argument("--picture", metavar="PNG", help="draw the machine of NAME, or of the file")
     command.add_argument("--schema", action="store_true", help="print the JSON schema of such files")
 
 
@@ -59,6 +61,7 @@ def run_catalogue(options: argparse.Namespace) -> int:
         print(f"{options.file}: a {known.one} as it should be")
         if isinstance(found, MachineCheck):
             print(found)
+        _draw(options, options.file)
     elif options.what is not None:
         if options.what not in files:
             close = did_you_mean(options.what, files)
@@ -66,10 +69,20 @@ def run_catalogue(options: argparse.Namespace) -> int:
                 f"{options.what!r} is unknown{close}: use check FILE, or one of {', '.join(files)}"
             )
         print(files[options.what].read_text(encoding="utf-8"), end="")
+        _draw(options, options.what)
     else:
         wide = max(map(len, files), default=0)
         print("".join(f"{name:{wide}}  {_about(path)}\n" for name, path in files.items()), end="")
     return 0
+
+
+def _draw(options: argparse.Namespace, name: str) -> None:
+    """Draw the machine of a name or a file, where a picture is asked for."""
+    if getattr(options, "picture", None):
+        from bonecam.report import draw_machine_file
+
+        draw_machine_file(read_machine(name), options.picture)
+        print(f"drawn in {options.picture}")
 
 
 def _about(path: Path) -> str:

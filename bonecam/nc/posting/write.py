@@ -1,9 +1,9 @@
 """Writing the NC text: the dialect's templates filled with the words of the posted paths.
 
-A program is one section a cutter (tool call), in it one a level, in it one or more runs: retract, turn the
-rotary axes off the part, tool-centre control on where the control has it, approach along the tool axis, the
-moves, tool-centre control off, retract. The comments CUT and LINK stand where feed moves begin to cut, or to
-lead from one pass to another.
+A program is one section a level, which begins with all that a restart there needs: modes, datum, tool call, spindle. In
+it are one or more runs: retract, turn the rotary axes off the part, tool-centre control on where the control has it,
+approach along the tool axis, the moves, tool-centre control off, retract. The comments CUT and LINK stand where feed
+moves begin to cut, or to lead from one pass to another.
 """
 
 from collections.abc import Sequence
@@ -30,6 +30,7 @@ from bonecam.nc.posting.start import start_texts
 from bonecam.nc.posting.tolerances import contour_tolerance, rotary_tolerance_deg
 from bonecam.nc.posting.travel import Travel, above, lifted, travel_of
 from bonecam.nc.program import Program
+from bonecam.nc.words import plain_text
 from bonecam.progress import Progress, report, silent
 from bonecam.setup.stock import Stock
 from bonecam.tool.cutter import Cutter
@@ -107,12 +108,8 @@ class ProgramWriter:
         lines = list(header)
         tool = None
         for posted in self.posted:
-            cutter = posted.path.cutter
-            if cutter.number != tool:
-                lines += self.dialect.lines("tool_end") if tool is not None else []
-                lines += self._tool(cutter)
-                tool = cutter.number
-            lines += [comment(posted.path.title, self.dialect), *self._level(posted)]
+            lines += self._begin(posted, tool)
+            tool = posted.path.cutter.number
             for index in range(len(posted.runs)):
                 lines += self._run(posted, index)
         lines += self.dialect.lines("tool_end") + self.dialect.lines("footer", name=self.name)
@@ -143,9 +140,25 @@ class ProgramWriter:
             air_check=tuple(air_check),
         )
 
-    def _tool(self, cutter: Cutter) -> list[str]:
-        """The blocks that bring a cutter into the spindle and over the program's zero."""
-        stop = self.dialect.lines("stop", tool=cutter.number) if self.job.nc.tool_change == "stop" else []
+    def _begin(self, posted: Posted, tool: int | None) -> list[str]:
+        """The blocks that begin a path, `tool` being in the spindle: all that a restart there needs, where the dialect
+        has a template for it, else a tool call where the cutter is another."""
+        cutter, title = posted.path.cutter, posted.path.title
+        changes = cutter.number != tool
+        lines = self.dialect.lines("tool_end") if changes and tool is not None else []
+        lines += [comment(title, self.dialect)]
+        if tool is not None:
+            name = plain_text(title, self.dialect.comment_characters)
+            lines += self.dialect.lines("restart", title=name, tool=cutter.number, tool_centre_off=self.off)
+        lines += self._level(posted)
+        if changes or self.dialect.templates.restart:
+            lines += self._tool(cutter, halts=changes and self.job.nc.tool_change == "stop")
+        return lines
+
+    def _tool(self, cutter: Cutter, *, halts: bool) -> list[str]:
+        """The blocks that bring a cutter into the spindle and over the program's zero; for a change by hand it
+        `halts`."""
+        stop = self.dialect.lines("stop", tool=cutter.number) if halts else []
         return self._moving(
             "tool",
             tool=cutter.number,

@@ -27,6 +27,7 @@ FIELDS: Mapping[str, Mapping[str, str | int]] = {
         "stop": "M0",
     },
     "stop": {"tool": 1},
+    "restart": {"title": "LEVEL 1", "tool": 1, "tool_centre_off": "M129"},
     "level": {"tolerance": "0.01", "rotary_tolerance": "0.1", "hsc_mode": 1, "machining": "FINISH"},
     "position": {"rotary": "B+1.0 C+1.0"},
     "approach": {
@@ -55,6 +56,7 @@ class TemplatesTable(Record):
     header: str
     tool: str
     stop: str = ""
+    restart: str = ""
     level: str
     position: str
     approach: str

@@ -67,7 +67,7 @@ def test_heidenhain_blocks_are_numbered_from_zero_without_gaps(paths):
     text = program.text
     assert len(re.findall(r"TOOL CALL \d Z S12000", text)) == 2
     assert text.count("FUNCTION TCPM F TCP AXIS POS PATHCTRL AXIS") == 2
-    assert text.count("FUNCTION RESET TCPM") == 3
+    assert text.count("FUNCTION RESET TCPM") == 4
     assert "CYCL DEF 32.1 T+0.005" in text
     assert "CYCL DEF 32.1 T+0.020" in text
     assert "CYCL DEF 32.2 HSC-MODE:1 TA0.572" in text
@@ -80,7 +80,7 @@ def test_an_older_control_gets_m128_from_its_machine_file(write_machine, chains,
     machine = read_machine(write_machine(tmp_path, chains["table-table"]))
     text = write_program(paths, machine, read_dialect("heidenhain"), Job()).text
     assert text.count(" M128\n") == 2
-    assert text.count(" M129\n") == 3
+    assert text.count(" M129\n") == 4
     assert "FUNCTION TCPM F" not in text
 
 

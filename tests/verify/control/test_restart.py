@@ -42,6 +42,22 @@ def test_behind_the_start_of_its_tool_a_program_begins_at_a_level(posted):
     assert (motions.tips == whole.tips[whole.tools == 2]).all()
 
 
+def test_from_a_level_on_a_program_states_all_that_it_needs(posted):
+    """The frame of the program and what describes its tools are all that stands before."""
+    blocks = list(posted.blocks)
+    level = place(posted, r"^[;(] ?LEVEL 0")
+    frame = [block for block in blocks[:level] if re.match(r"%|BEGIN|O\d{4}$|[;(] ?TOOL \d BALL", block)]
+    assert "RESTART MAY BEGIN HERE" in "".join(blocks[level : level + 3])
+    whole = judge(posted, blocks)
+    motions = judge(posted, frame + blocks[level:])
+    assert (motions.tips == whole.tips[whole.tools == 2]).all()
+    modes = next(
+        k for k, block in enumerate(blocks[level:]) if re.match(r"TRAFOOF|G49|G21|FUNCTION RESET", block)
+    )
+    with pytest.raises(ProgramError, match="is stated"):
+        judge(posted, frame + blocks[level + modes + 6 :])
+
+
 @pytest.mark.parametrize("share", [0.1, 0.5, 0.9])
 def test_a_program_does_not_begin_within_a_run(posted, share):
     blocks = list(posted.blocks)

@@ -126,7 +126,9 @@ def test_the_program_starts_and_ends_with_nothing_switched_on(text: str) -> None
     assert start[1:3] == ["CYCL DEF 247 DATUM SETTING ~", "  Q339=1 ; DATUM NUMBER"]
     assert "PLANE RESET STAY" in start
     assert [f"CYCL DEF 7.{k} {letter}+0" for k, letter in enumerate("XYZ", 1)] == start[4:7]
-    assert start[-2:] == ["CYCL DEF 32.1 T+0.005", "CYCL DEF 32.2 HSC-MODE:0 TA0.229"]
+    # behind the header's, the finest, come those of the first level
+    assert start[-5:-3] == ["CYCL DEF 32.1 T+0.005", "CYCL DEF 32.2 HSC-MODE:0 TA0.229"]
+    assert start[-2:] == ["CYCL DEF 32.1 T+0.020", "CYCL DEF 32.2 HSC-MODE:1 TA0.572"]
     assert body[-6:] == ["CYCL DEF 32.0 TOLERANCE", "CYCL DEF 32.1", "M5", "M127", "M30", "END PGM BONE MM"]
 
 
