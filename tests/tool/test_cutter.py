@@ -1,5 +1,6 @@
 """Stacks of cylinders and cones: in jobs as text or rows, in cutters from the tip to the spindle."""
 
+import re
 from itertools import pairwise
 from typing import Any
 
@@ -7,6 +8,7 @@ import pytest
 
 from bonecam.errors import JobError
 from bonecam.job import FINISHING, HoldingJob, Job, ToolJob
+from bonecam.job.tool_section import tool_files
 from bonecam.machine.frustum import Frustum, stack_as_text, stack_from_text
 from bonecam.tool.cutter import Cutter, ToolSection
 
@@ -133,3 +135,18 @@ def test_a_chuck_that_cannot_hold_the_post_is_refused(values: dict[str, Any], me
 def test_a_cutter_without_speeds_is_a_wrong_call() -> None:
     with pytest.raises(ValueError, match=r"take the cutter of Job\.tool\('roughing'\)"):
         Cutter.from_job(1, "roughing", ToolJob())
+
+
+def test_each_cutter_that_ships_can_be_made_and_those_with_a_neck_are_thin_there_only() -> None:
+    necks = 0
+    for name in tool_files():
+        job = Job().with_values(finishing={"preset": name, "spindle": 9000.0, "feed": 500.0})
+        cutter = Cutter.from_job(2, "finishing", job.finishing)
+        if "-neck-" in name:
+            found = re.fullmatch(r"ball-(.*)-neck-(.*)-shank-(.*)", name)
+            assert found
+            size, length, shank = found.groups()
+            assert (2 * cutter.radius, cutter.neck_length) == (float(size), float(length))
+            assert cutter.shank_diameter == float(shank) > cutter.neck_diameter
+            necks += 1
+    assert necks == 14
