@@ -82,6 +82,18 @@ class Job:
             made = Job().with_values(**tables)
             for name in tables:
                 object.__setattr__(self, name, getattr(made, name))
+        self._check_tool_numbers()
+
+    def _check_tool_numbers(self) -> None:
+        """JobError where two cutters have one number."""
+        users: dict[int, str] = {}
+        for place, name in enumerate(self.cutter_names, 1):
+            number = getattr(self, name).number or place
+            other = users.setdefault(number, name)
+            if other != name:
+                remedy = f"give [{other}] or [{name}] another number"
+                what = f"[{name}] number = {number}: [{other}] has this tool number too: {remedy}"
+                raise job_error([(name, "number", what)])
 
     def with_values(self, **changes: dict[str, Any]) -> "Job":
         """A job with other values, given as `section={name: value}`.

@@ -50,6 +50,13 @@ class ToolJob(JobSection):
         "Name of a cutter that `bonecam tools` lists, or path of its .toml file: what the section leaves out is its.",
         file=".toml",
     )
+    number: int = parameter(
+        0,
+        "Tool number",
+        "Number in the tool changer, and of the length offset; 0: 1 for roughing, 2 for finishing, 3 for fine.",
+        low=0,
+        high=9999,
+    )
     radius: float = parameter(2.0, "Radius", "Ball radius.", unit="mm", low=0.05, high=50.0)
     flute_length: float = parameter(
         8.0, "Flute length", "From the tip to the end of the cutting edge.", unit="mm", low=0.1, high=300.0

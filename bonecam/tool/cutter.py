@@ -106,9 +106,10 @@ class Cutter:
 
     @classmethod
     def from_job(cls, number: int, name: str, job: ToolJob, nose: Iterable[Frustum] = ()) -> "Cutter":
-        """The cutter of a job (`Job.tool`), with its place in the tool changer, in a spindle with this nose."""
+        """The cutter of a job (`Job.tool`) in a spindle with this nose; `number` is its place in the tool changer where
+        the job gives none."""
         return cls(
-            number,
+            job.number or number,
             name,
             job.radius,
             job.flute_length,

@@ -150,3 +150,18 @@ def test_each_cutter_that_ships_can_be_made_and_those_with_a_neck_are_thin_there
             assert cutter.shank_diameter == float(shank) > cutter.neck_diameter
             necks += 1
     assert necks == 14
+
+
+def test_a_tool_has_the_number_of_the_job_and_two_tools_have_two() -> None:
+    numbered = Job().with_values(roughing={"number": 12})
+    assert Cutter.from_job(1, "roughing", numbered.tool("roughing")).number == 12
+    assert Cutter.from_job(2, "finishing", numbered.tool("finishing")).number == 2
+    with pytest.raises(
+        JobError, match=r"^\[finishing\] number = 2: \[roughing\] has this tool number too: give"
+    ) as caught:
+        Job().with_values(roughing={"number": 2})
+    assert caught.value.evidence["field"] == "number"
+    # the cutter for hollows counts where it is used
+    with pytest.raises(JobError, match=r"\[fine\] number = 3: \[roughing\] has this"):
+        Job().with_values(roughing={"number": 3}, path={"fine_cutter": True})
+    assert Job().with_values(roughing={"number": 3}).roughing.number == 3
