@@ -293,3 +293,8 @@ def test_every_parameter_that_speaks_of_a_file_is_a_path() -> None:
         if re.search(r"\bfile of a closed|\.toml file", record(item).tooltip, re.IGNORECASE)
     }
     assert speaking == set(PATHS)
+
+
+def test_the_deepest_roughing_cut_needs_no_finishing_levels() -> None:
+    job = Job().with_values(levels={"finishing_levels": 0, "roughing_depth": 0.7})
+    assert job.deepest("roughing") == 0.7

@@ -143,7 +143,7 @@ class Job:
     def deepest(self, name: str) -> float:
         """Depth (mm) of the deepest cut of the cutter of a section."""
         first, beyond = self.levels.cuts
-        return max(*first, beyond) if name == "roughing" else self.levels.finishing_depth
+        return max([*first, beyond]) if name == "roughing" else self.levels.finishing_depth
 
     def scallop(self, level: int) -> float:
         """Largest scallop (mm) that the path of a level leaves: that of its cutter, but as the next cut takes it off,
