@@ -72,7 +72,8 @@ def morph_open(
     """All levels from an open surface to its stock: so many mm along its normals (negative: behind it), or a
     given surface on one side.
 
-    `stock`: a number, a TriangleMesh or a TSpline; `outside` of the last level is how far its fit lies off
+    `stock`: a number, a TriangleMesh or a TSpline (one over the T-mesh of the part is met point by point,
+    another at its nearest points); `outside` of the last level is how far its fit lies off
     it, at most one cut. `edges`: `free`, or `fixed` to those of the part. Raises SurfaceError where the
     surface is closed, JobError where a parameter is wrong, StockError where the stock is not on one side of
     the part or its fit too far off, LevelError where a level cannot be made or fails.

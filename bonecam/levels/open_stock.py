@@ -3,7 +3,9 @@ part's T-mesh.
 
 The fit is by least squares, each Gauss point of the part going to its place on the stock as given: so far
 along its normal, or the nearest. Both are looked at over many points of the part and, of a mesh, at the
-vertices that stand above the part within its edges. A mesh must lie on one side (where the edges are fixed it
+vertices that stand above the part within its edges. A T-spline over the part's own T-mesh is the stock as it
+is, each point of the part going to the one with its parameters. A mesh must lie on one side (where the edges
+are fixed it
 may touch the part), and the fit must not turn over. An offset is all that lies just so far from the part: its
 places nearer to another part of it do not belong to it. What lies between these points is not seen.
 """
@@ -57,9 +59,10 @@ def open_stock(surface: TSpline, matrices: ElementMatrices, stock: object, fixed
     """The stock as given (an offset in mm, a mesh or a T-spline) fitted over the T-mesh of the part, with the
     part's edges `fixed` or not; StockError where it is no stock, or not on one side of the part."""
     given = _given(stock)
+    over = stock if isinstance(stock, TSpline) and stock.tmesh is surface.tmesh else None
     at = np.vstack([surface.seeds.parameters, surface.tessellate_with_parameters(CHORD).parameters])
     points, normals = surface.positions(*at.T), surface.normals(*at.T)
-    wanted = _wanted(given, points, normals)
+    wanted = _wanted(given, points, normals) if over is None else over.positions(*at.T)
     side = float(np.sign(np.median(dots(wanted - points, normals)))) or 1.0
     if isinstance(given, float):
         known = wanted[distances_to(surface, wanted, at) >= abs(given) - NESTING_TOLERANCE]
@@ -72,7 +75,9 @@ def open_stock(surface: TSpline, matrices: ElementMatrices, stock: object, fixed
             np.vstack([normals, surface.normals(*footpoints.parameters.T)]),
         )
         _require_ahead(side * ahead, places, -NESTING_TOLERANCE if fixed else NESTING_TOLERANCE)
-    free, bent = _fits(surface, matrices, given, fixed)
+    free = _fit(surface, matrices, given) if over is None else over
+    held = (matrices.edge & fixed)[:, None]
+    bent = free.with_control_points(np.where(held, surface.control_points, free.control_points))
     fitted = free.positions(*at.T)
     reached = bent.positions(*at.T)
     _require_upright(bent, at, normals)
@@ -154,15 +159,9 @@ def _require_ahead(ahead: ndarray, points: ndarray, least: float) -> None:
         raise StockError(message, distance=float(-ahead[worst]), place=points[worst])
 
 
-def _fits(
-    surface: TSpline, matrices: ElementMatrices, given: float | TriangleMesh, fixed: bool
-) -> tuple[TSpline, TSpline]:
-    """The stock over the part's T-mesh with free edges, and with those asked for."""
+def _fit(surface: TSpline, matrices: ElementMatrices, given: float | TriangleMesh) -> TSpline:
+    """The stock over the part's T-mesh, with free edges."""
     points = matrices.R @ surface.control_points
     ways = matrices.weights[:, None] * (_wanted(given, points, matrices.normals) - points)
     way = factorise(matrices.N + FIT_STIFFNESS * matrices.M).solve(np.asarray(matrices.R.T @ ways))
-    held = (matrices.edge & fixed)[:, None]
-    free, bent = (
-        surface.with_control_points(surface.control_points + each) for each in (way, np.where(held, 0.0, way))
-    )
-    return free, bent
+    return surface.with_control_points(surface.control_points + way)

@@ -299,3 +299,18 @@ def test_the_fewest_cuts_of_an_offset_are_no_more_where_its_edges_bend() -> None
     made = morph_open(blade, 3.0, Schedule((0.1, 0.1), 2.8), edges="fixed", chord_tolerance=0.02)
     assert made.distance == pytest.approx(3.0, abs=1e-9)
     assert made.lower_bound == 3 <= made.cuts
+
+
+def test_a_stock_over_the_parts_own_net_is_met_point_by_point() -> None:
+    part = side()
+    shift = np.array([0.4, -0.3, 2.0])
+    stock = part.with_control_points(part.control_points + shift)
+    morph = morph_open(part, stock, Schedule((), 0.5), chord_tolerance=0.05)
+    s, t = (x.ravel() for x in np.meshgrid(*(np.linspace(*ends, 9) for ends in part.domain)))
+    length = float(np.linalg.norm(shift))
+    for level in morph.levels[1:-1]:
+        assert level.surface is not None
+        way = level.surface.positions(s, t) - part.positions(s, t)
+        np.testing.assert_allclose(way, np.outer(way @ shift / length**2, shift), atol=1e-3)
+        np.testing.assert_allclose(np.linalg.norm(way, axis=1), 0.5 * level.index, atol=1e-3)
+    assert morph.levels[-1].outside < 0.02
