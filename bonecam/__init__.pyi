@@ -15,6 +15,7 @@ from . import verify as verify
 from . import workholding as workholding
 from .batch.parts import BatchPart as BatchPart
 from .batch.run import convert_many as convert_many
+from .blading import blades as blades
 from .cli.progress_display import ProgressBar as ProgressBar
 from .errors import BonecamError as BonecamError
 from .filters.meshset import MeshSet as MeshSet
@@ -26,6 +27,7 @@ from .mesh.part import Part as Part
 from .mesh.triangle_mesh import TriangleMesh as TriangleMesh
 from .pipeline import convert as convert
 from .pipeline import morph_levels as morph_levels
+from .report.files.bladed import Bladed as Bladed
 from .report.files.finished import Finished as Finished
 from .report.files.kept_folder import keep_levels as keep_levels
 from .report.files.kept_view import view as view

@@ -13,10 +13,8 @@ from bonecam.machine.machine import Machine, read_machine
 from bonecam.machining.force_feed import check_one_feed
 from bonecam.mechanics.workpiece import mechanics_of_job
 from bonecam.mesh.distance import MeshDistance
-from bonecam.mesh.files.mesh_files import read_mesh
 from bonecam.mesh.solids.booleans import solid_union
-from bonecam.mesh.triangle_mesh import MeshLike, TriangleMesh, mesh_from
-from bonecam.mesh.units import to_mm
+from bonecam.mesh.triangle_mesh import MeshLike, TriangleMesh
 from bonecam.nc.job_dialect import job_dialect
 from bonecam.nc.posting.header.header import record_simulation
 from bonecam.nc.posting.rotary.machine_limits import machine_limits
@@ -29,7 +27,7 @@ from bonecam.post_and_prove import post_and_prove
 from bonecam.progress import Progress, silent
 from bonecam.progress import part as part_of
 from bonecam.progress import report as report_progress
-from bonecam.report.files.finished import Finished, write_finished
+from bonecam.report.files.finished import Finished, write_run
 from bonecam.report.files.output_files import File, Outputs
 from bonecam.report.files.refused_run import refusing
 from bonecam.report.mechanics_lines import NOT_ASKED, NOT_KNOWN
@@ -48,6 +46,7 @@ from bonecam.surface.files.surface_input import (
     mesh_of_surface,
     refuse_changes,
 )
+from bonecam.surface.files.wheel_input import read_solid
 from bonecam.surface.tspline import TSpline
 from bonecam.tool.path import ToolPath
 from bonecam.verify.removal.of_surface import CHORD, prove_surface_removal
@@ -96,7 +95,7 @@ def finish(
     name = str(surface) if source else "the surface"
     shape, solid = _read(surface, name, solids, job, times, has_part=part is not None)
     report_progress(progress, 0.2, "planning the path")
-    with _naming(name):
+    with naming(name):
         workpiece, job, path = _planned(shape, solid, job, machine, times)
         figures = _figures(workpiece, path, job, source, len(solids))
         proved = post_and_prove(
@@ -117,7 +116,7 @@ def finish(
     if simulation:
         made = _simulated(made, name, times, part_of(progress, 0.9, 1.0), mechanics=mechanics)
     made = replace(made, report={**made.report, "seconds": times.seconds})
-    write_finished(made, wanted)
+    write_run(made, wanted)
     return made
 
 
@@ -129,7 +128,7 @@ def _simulated(
     machine, dialect = read_machine(made.job.nc.machine), job_dialect(made.job.nc)
     text, workpiece = made.program.text, made.workpiece
     bodies = made.job, workpiece.surface, workpiece.solid
-    with times.stage("simulation"), refusing(made.program, [made.path]), _naming(name):
+    with times.stage("simulation"), refusing(made.program, [made.path]), naming(name):
         found = prove_surface_removal(text, machine, dialect, *bodies, progress, mechanics=mechanics)
         removal, bent = found.removal, found.removal.mechanics
         skipped = {"skipped": found.unknown} if found.unknown else NOT_ASKED
@@ -149,7 +148,7 @@ def _checked_solids(given: Sequence[Solid | None], *wanted: File) -> list[Solid]
 
 
 @contextmanager
-def _naming(name: str) -> Iterator[None]:
+def naming(name: str) -> Iterator[None]:
     """Errors of path and program name the surface that they are about; those of the job say so themselves."""
     try:
         yield
@@ -198,19 +197,12 @@ def _solid(surface: TSpline, name: str, solids: Sequence[Solid], job: Job, *, ha
             f"{name}: an open surface bounds no solid: give the part that it belongs to (--part)"
         )
     names = ["the surface"] * len(own) + [_name_of(solid, number) for number, solid in enumerate(solids)]
-    return solid_union([*own, *(_read_solid(solid, job.mesh.units) for solid in solids)], names)
+    return solid_union([*own, *(read_solid(solid, job.mesh.units) for solid in solids)], names)
 
 
 def _name_of(solid: Solid, number: int) -> str:
     """How messages name a solid: by its file, or by its place among the part and the obstacles."""
     return str(solid) if isinstance(solid, str | Path) else f"solid {number} of part and obstacles"
-
-
-def _read_solid(solid: Solid, units: str) -> TriangleMesh:
-    """The triangles of a solid, mm."""
-    if isinstance(solid, str | Path):
-        return to_mm(read_mesh(solid), units, str(solid))
-    return to_mm(mesh_from(solid), units)
 
 
 def _planned(

@@ -6,7 +6,6 @@ the post stands on it.
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from bonecam.job import Job
 from bonecam.levels.job_levels import check_method

@@ -8,8 +8,8 @@ import pytest
 ORDER = [
     *"errors progress arrays runtime files text machine job kernels tool mesh surface".split(),
     *"workholding setup levels material mechanics planning nc verify report".split(),
-    *"post_and_prove machining second_clamping standing pipeline simulation reposting finishing study".split(),
-    *"filters batch cli".split(),
+    *"post_and_prove machining second_clamping standing pipeline simulation reposting finishing blading".split(),
+    *"study filters batch cli".split(),
     "__main__",
 ]
 ROOMS = {
@@ -24,12 +24,12 @@ ROOMS = {
     ],
     "mechanics": "sections beam cutter edges error_kept strip workpiece loads feed_schedule remedies result".split(),
     "planning": [
-        *"passes layers collision axes links oriented_path holding strategies".split(),
-        *"within_depth level_cutters levels estimate".split(),
+        *"passes layers collision axes links oriented_path holding level_cutters strategies".split(),
+        *"within_depth levels estimate".split(),
     ],
     "machining": "force_feed machine_levels".split(),
     "batch": "parts one_part run cluster".split(),
-    "verify": "gouge readback removal control probing proof".split(),
+    "verify": "gouge repeated readback removal control probing proof".split(),
     "study": "strategies rows claims compared table pictures files comparison probed_folder".split(),
     "report": [
         *"warnings axis_lines mechanics_lines axis_comparison stage_reports run_report".split(),

@@ -11,7 +11,7 @@ from bonecam.cli.help_texts import EXAMPLES, EXIT_CODES, PART
 from bonecam.cli.job_options import add_job_options
 from bonecam.cli.parser import Parser, positive
 from bonecam.cli.stopping import NOTHING
-from bonecam.cli.study import add_compare, add_probe
+from bonecam.cli.study import add_blades, add_compare, add_probe
 from bonecam.filters.scripts.run_script import MEMORY, MOST_MEMORY, MOST_SECONDS, SECONDS
 
 
@@ -26,6 +26,7 @@ def make_parser() -> Parser:
     _add_demo(parsers)
     _add_levels(parsers)
     _add_finish(parsers)
+    _add_verbosity(add_blades(_add_command, parsers))
     _add_shell(parsers)
     _add_simulate(parsers)
     _add_verbosity(add_probe(_add_command, parsers))

@@ -14,6 +14,9 @@ EXAMPLES = {
   bonecam levels bone.stl --units m -o look --set stock.kind=cylinder --set levels.roughing_depth=1""",
     "finish": """
   bonecam finish blade.txt --part hub.stl --obstacle blades.stl -o blade.h --set finishing.overhang=45""",
+    "blades": """
+  bonecam blades blade.txt --count 11 --hub hub.stl -o wheel.h --keep look --job wheel.toml
+  bonecam blades section_*.txt --columns "x r*theta r" --axis=-x --count 15 --hub flow.txt -o wheel.h""",
     "shell": """
   bonecam shell bone.stl --units m -o shell.stl --covered 0.6""",
     "simulate": """

@@ -1,12 +1,16 @@
-"""The commands `compare` and `probe`: their arguments, and what they do."""
+"""The commands `compare`, `probe` and `blades`: their arguments, and what they do."""
 
 import argparse
+from pathlib import Path
 from typing import Any
 
+import bonecam
 from bonecam.cli.help_texts import PART
 from bonecam.cli.job_options import add_job_options, job_of
 from bonecam.cli.parser import positive
 from bonecam.cli.progress_display import shown_progress
+from bonecam.files import check_files
+from bonecam.job import Job
 
 
 def add_compare(add_command: Any, parsers: Any) -> argparse.ArgumentParser:
@@ -89,4 +93,75 @@ def run_probe(options: argparse.Namespace) -> int:
         )
     if not options.quiet:
         print(probed)
+    return 0
+
+
+def add_blades(add_command: Any, parsers: Any) -> argparse.ArgumentParser:
+    """The command `blades`."""
+    text = "Make the verified NC program of a wheel of equal blades from a turned blank: channels, hub and blades."
+    command: argparse.ArgumentParser = add_command(parsers, "blades", text, run_blades)
+    kinds = "one blade, round both sides: table of sections (several files: one each), .step, .iges, .tsm, .tspline"
+    command.add_argument("blade", metavar="BLADE", nargs="+", help=kinds)
+    command.add_argument("--count", metavar="N", type=int, required=True, help="number of blades")
+    hub = "the hub: a closed mesh of revolution about Z, or a table of its flow path"
+    command.add_argument("--hub", metavar="FILE", required=True, help=hub)
+    beside = "solids that repeat with the blades, such as splitters (repeat for more)"
+    command.add_argument("--obstacle", metavar="MESH", action="append", default=[], help=beside)
+    columns = '"x y z" or "x r*theta r": what the columns of sections are (x y z)'
+    command.add_argument("--columns", metavar="NAMES", default="x y z", help=columns)
+    axis = "the wheel's axis in the tables, with - before it where it points down (z)"
+    command.add_argument("--axis", metavar="NAME", default="z", help=axis)
+    flow = '"x r" or "x y z": what the columns of the flow path are (x r)'
+    command.add_argument("--hub-columns", metavar="NAMES", default="x r", help=flow)
+    command.add_argument("-o", "--output", metavar="PROGRAM", required=True, help="file for the NC program")
+    command.add_argument(
+        "--keep", metavar="DIR", help="folder for blade, wheel, blank, tool paths and pictures"
+    )
+    command.add_argument("--report", metavar="FILE.json", help="file for the report")
+    command.add_argument("--html", metavar="FILE.html", help="file for a page to look at in a browser")
+    command.add_argument("--sheet", metavar="FILE.html", help="file for the setup sheet, one page to print")
+    apt = "file for the tool path as cutter location data in APT words"
+    command.add_argument("--apt", metavar="FILE.apt", help=apt)
+    without = "do not simulate the removal of material from the posted text"
+    command.add_argument("--no-simulation", action="store_true", help=without)
+    add_job_options(command)
+    return command
+
+
+def run_blades(options: argparse.Namespace) -> int:
+    """`bonecam blades`: the NC program of a wheel."""
+    table = {"columns": options.columns, "axis": options.axis, "hub_columns": options.hub_columns}
+    blade = options.blade[0] if len(options.blade) == 1 else options.blade
+    return _make(options, job_of(options), blade, options.hub, options.count, options.obstacle, **table)
+
+
+def _make(
+    options: argparse.Namespace,
+    job: Job,
+    blade: Any,
+    hub: str | Path,
+    count: int,
+    obstacles: list[Any],
+    **table: str,
+) -> int:
+    """Call `blades` with the files to write, and print the summary of the result."""
+    outputs = {name: getattr(options, name) for name in ("keep", "report", "html", "sheet", "apt")}
+    files = [file for name, file in outputs.items() if file is not None and name != "keep"]
+    inputs = [file for file in (options.job, options.machine, options.controller) if file]
+    check_files([options.output, *files], inputs)
+    with shown_progress(options) as progress:
+        made = bonecam.blades(
+            blade,
+            hub,
+            count,
+            obstacles,
+            job,
+            program=options.output,
+            **outputs,
+            **table,
+            simulation=not options.no_simulation,
+            progress=progress,
+        )
+    if not options.quiet:
+        print(made.summary)
     return 0

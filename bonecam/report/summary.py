@@ -40,7 +40,7 @@ def summary_of(report: Mapping[str, Any]) -> str:
         f"stock     {stock_text(report['stock'])}",
         *post_lines(report.get("post")),
         *(_levels_lines(report) if report.get("strategy", "morph") == "morph" else _layer_lines(report)),
-        *(_program_lines(report) if "nc" in report else ()),
+        *(program_lines(report) if "nc" in report else ()),
         *estimate_lines(report),
         *(removal_lines(report["removal"]) if "removal" in report else ()),
         *mechanics_lines(report.get("mechanics")),
@@ -78,7 +78,7 @@ def finished_summary(report: Mapping[str, Any]) -> str:
         *warning_lines(report["warnings"]),
         f"surface   {shape}; {counted(surface['solids'], 'solid')} kept clear of",
         *post_lines(report["post"]),
-        *_program_lines(report),
+        *program_lines(report),
         *removal_lines(report["removal"]),
         *mechanics_lines(report["mechanics"]),
         f"time      {seconds:.1f} s",
@@ -124,7 +124,7 @@ def _levels_lines(report: Mapping[str, Any]) -> Iterator[str]:
     yield f"certified {certified_text(levels, report['levels_method'])}"
 
 
-def _program_lines(report: Mapping[str, Any]) -> Iterator[str]:
+def program_lines(report: Mapping[str, Any]) -> Iterator[str]:
     """Paths, program and proof."""
     toolpath, nc = report["toolpath"], report["nc"]
     length, trimmed = (sum(row[name] for row in toolpath) for name in ("length_mm", "trimmed_mm"))

@@ -303,7 +303,7 @@ def test_the_fewest_cuts_of_an_offset_are_no_more_where_its_edges_bend() -> None
 
 def test_a_stock_over_the_parts_own_net_is_met_point_by_point() -> None:
     part = side()
-    shift = np.array([0.4, -0.3, 2.0])
+    shift = np.array([0.1, -2.0, 0.2])
     stock = part.with_control_points(part.control_points + shift)
     morph = morph_open(part, stock, Schedule((), 0.5), chord_tolerance=0.05)
     s, t = (x.ravel() for x in np.meshgrid(*(np.linspace(*ends, 9) for ends in part.domain)))

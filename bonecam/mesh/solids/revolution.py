@@ -31,6 +31,13 @@ def revolve(
     return TriangleMesh(np.vstack([points.reshape(-1, 3), poles]), ring_faces(len(radii), around))
 
 
+def revolve_profile(profile: Float[ndarray, "r 2"], around: int) -> TriangleMesh:
+    """The closed mesh of `around` segments of a profile, rows (radius, height) from its lower pole on the Z axis to its
+    upper one; mm."""
+    inner = profile[1:-1]
+    return revolve(inner[:, 0], inner[:, 1], (float(profile[0, 1]), float(profile[-1, 1])), around)
+
+
 def cylinder(radius: float, bottom: float, top: float, chord_tolerance: float) -> TriangleMesh:
     """A closed outward cylinder about the Z axis, its vertices on the surface, its faces within `chord_tolerance` of it
     and of nearly one size; mm."""

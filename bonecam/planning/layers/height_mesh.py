@@ -15,9 +15,11 @@ from bonecam.planning.layers.height_field import DEVIATION
 
 @dataclass(frozen=True, eq=False)
 class HeightMesh:
-    """The closed mesh of a height field, known from cell to cell."""
+    """The closed mesh of a height field, known from cell to cell, or of another body out of which what stands reaches
+    by the `deviation` at most, mm; its vertices are as near to one another as cells."""
 
     mesh: TriangleMesh
+    deviation: float = DEVIATION
 
     def depths(
         self, centres: Float[ndarray, "n 3"], radius: float
@@ -25,7 +27,7 @@ class HeightMesh:
         """How deep a ball of this radius at each centre enters the material at most (mm; negative: it is off), and the
         unit direction out of the mesh at its nearest place."""
         depths, outward = ball_depths(self._surface, centres, radius)
-        return depths + DEVIATION, outward
+        return depths + self.deviation, outward
 
     def entered_anew(
         self, centres: Float[ndarray, "n 3"], contacts: Float[ndarray, "n 3"], radius: float, depth: float

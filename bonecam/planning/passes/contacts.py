@@ -31,7 +31,7 @@ from bonecam.planning.passes.engaged_segments import (
 from bonecam.planning.passes.gouge_lifts import gouge_free_lifts, planned_tolerance
 from bonecam.planning.passes.patterns.fastest import pattern_curves
 from bonecam.planning.passes.patterns.order import order_curves
-from bonecam.planning.passes.patterns.post_ring import post_ring
+from bonecam.planning.passes.patterns.post_ring import LineContacts, post_ring
 from bonecam.planning.passes.patterns.sampling import contact_frames, sample_lines
 from bonecam.tool.ball_depth import MAX_DEPTH_RADII
 from bonecam.tool.cutter import Cutter
@@ -110,12 +110,14 @@ def candidate_contacts(
     *,
     turn_speed: float = np.inf,
     post_clearance: float = POST_CLEARANCE,
+    walls: Sequence[LineContacts] = (),
 ) -> CandidateContacts:
     """The contacts of a level whatever the material: cusps <= cutter.scallop, chords <= job.chord_tolerance,
     no gouge beyond job.gouge_tolerance. ValueError where `job.pattern` needs a surface of another kind.
 
     `turn_speed` (rad/min) is that of the axis that changes the azimuth; it decides what is fastest.
-    `obstacles` are what the ball must not enter: the level and the part.
+    `obstacles` are what the ball must not enter: the level and the part; the lines of `walls` follow those of the
+    pattern.
     """
     surface = level.surface
     curves = pattern_curves(surface, job.pattern, cutter, turn_speed)
@@ -125,12 +127,12 @@ def candidate_contacts(
     parameters, directions = curves.at(line, lines.x)
     contacts, normals, feeds = contact_frames(surface, parameters, directions)
     ring = post_ring(surface, post, cutter.radius, cutter.radius + post_clearance)
-    if ring is not None:
-        line = np.r_[line, np.full(len(ring.parameters), line[-1] + 1)]
-        parameters = np.vstack([parameters, ring.parameters])
-        contacts = np.vstack([contacts, ring.contacts])
-        normals = np.vstack([normals, ring.normals])
-        feeds = np.vstack([feeds, ring.feeds])
+    for added in [*walls, *([] if ring is None else [ring])]:
+        line = np.r_[line, np.full(len(added.parameters), line[-1] + 1)]
+        parameters = np.vstack([parameters, added.parameters])
+        contacts = np.vstack([contacts, added.contacts])
+        normals = np.vstack([normals, added.normals])
+        feeds = np.vstack([feeds, added.feeds])
 
     joined = np.r_[line[1:] == line[:-1], False]
     max_lift = MAX_LIFT_RADII * cutter.radius

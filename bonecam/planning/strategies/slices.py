@@ -74,10 +74,17 @@ def _ridge_line(chart: FlatChart, ridge: Bool[ndarray, "p q"]) -> Float[ndarray,
 
 def _contours(chart: FlatChart, field: Float[ndarray, "p q"], value: float) -> list[Float[ndarray, "_ 2"]]:
     """The lines on which a field has a value, in as few straight pieces as STRAIGHT allows."""
+    found = contour_lines(chart.a, chart.b, field, value)
+    return [thinned(line) for line in found if len(line) > 2]
+
+
+def contour_lines(
+    a: Float[ndarray, " p"], b: Float[ndarray, " q"], field: Float[ndarray, "p q"], value: float
+) -> list[Float[ndarray, "_ 2"]]:
+    """The lines (a, b) on which a field over a grid has a value."""
     from contourpy import contour_generator
 
-    found = contour_generator(chart.b, chart.a, field).lines(value)
-    return [thinned(line[:, ::-1]) for line in found if len(line) > 2]
+    return [line[:, ::-1] for line in contour_generator(b, a, field).lines(value)]
 
 
 def thinned(line: Float[ndarray, "n 2"], tolerance: float = STRAIGHT) -> Float[ndarray, "k 2"]:

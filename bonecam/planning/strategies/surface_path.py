@@ -1,6 +1,6 @@
 """The tool path of one surface, closed or open, beside solids that must not be gouged: one level, one cutter."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -20,11 +20,12 @@ from bonecam.planning.axes.tool_axes import WantedAxes
 from bonecam.planning.collision.checker import CollisionChecker
 from bonecam.planning.collision.scene import Scene
 from bonecam.planning.holding.post_length import GOUGE, SampledContacts, least_lifts, shortest_post
+from bonecam.planning.layers.height_mesh import HeightMesh
 from bonecam.planning.oriented_path import orient
 from bonecam.planning.passes.contacts import candidate_contacts, contact_path
 from bonecam.planning.passes.gouge_lifts import flute_slack
 from bonecam.planning.passes.patterns.fastest import CLOSED
-from bonecam.setup.capsule import smallest_capsule
+from bonecam.setup.capsule import Capsule, smallest_capsule
 from bonecam.setup.placement import TALL
 from bonecam.surface.tspline import TSpline
 from bonecam.tool.cutter import Cutter
@@ -113,13 +114,23 @@ def surface_contacts(workpiece: Workpiece, scene: Scene, job: Job, cutter: Cutte
     return contact_path(candidate_contacts(level, [scene.level_distance], cutter, scene.post, job.path))
 
 
-def plan_surface(workpiece: Workpiece, job: Job, limits: MachineLimits) -> ToolPath:
-    """The path of the finishing cutter over the surface; `limits` are the machine's.
+def plan_surface(
+    workpiece: Workpiece,
+    job: Job,
+    limits: MachineLimits,
+    stock: Capsule | None = None,
+    material: HeightMesh | None = None,
+) -> ToolPath:
+    """The path of the finishing cutter over the surface; `limits` are the machine's, `stock` is what links keep out of
+    (None: a capsule round the solid), `material` what stands before, if that is known.
 
     JobError, ToolPathError or OrientationError where there is none.
     """
     cutter = finishing_cutter(job, limits.bodies)
     scene = workpiece.scene(job, clamping_of(job.holding, limits.bodies.table))
+    scene = scene if stock is None else replace(scene, stock=stock)
+    if material is not None:
+        scene = replace(scene, material=material.mesh, material_deviation=material.deviation)
     contacts = surface_contacts(workpiece, scene, job, cutter)
     return orient(
         contacts,
@@ -128,6 +139,7 @@ def plan_surface(workpiece: Workpiece, job: Job, limits: MachineLimits) -> ToolP
         job=job.path,
         nc=job.nc,
         wanted=wanted_axes(workpiece, contacts, scene, limits, job.path),
+        material=material,
     )
 
 

@@ -1,6 +1,7 @@
 """What `bonecam.finish` hands back, and its files."""
 
-from collections.abc import Callable
+from abc import abstractmethod
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -36,8 +37,30 @@ from bonecam.verify.removal.result import Removal
 from bonecam.workholding.clamping import clamping_of
 
 
+class Written(Shown):
+    """A result with a program and a folder of its own to keep."""
+
+    program: Program
+    report: dict[str, Any]
+    job: Job
+
+    @property
+    @abstractmethod
+    def all_paths(self) -> Sequence[ToolPath]:
+        """The paths in machining order."""
+
+    @property
+    def sheet(self) -> str:
+        """The setup sheet as the text of an HTML file."""
+        raise NotImplementedError(f"{type(self).__name__} has no setup sheet")
+
+    @abstractmethod
+    def fill_folder(self, work: Path) -> None:
+        """Write the files of the folder to keep."""
+
+
 @dataclass(frozen=True, eq=False, repr=False)
-class Finished(Shown):
+class Finished(Written):
     """The result of `bonecam.finish`: surface and solid as they stand on the post, the path, the program, and
     what it removes, if that was simulated. `report` is the content of the file of --report."""
 
@@ -70,6 +93,25 @@ class Finished(Shown):
         draw_axes(self.path, self.workpiece.surface, file)
         return "the surface with its contacts and tool axes, from two sides"
 
+    @property
+    def all_paths(self) -> Sequence[ToolPath]:
+        """The path."""
+        return [self.path]
+
+    def fill_folder(self, work: Path) -> None:
+        """Write surface.iga, solid.ply, toolpath.png, axes.png, axes.md, machine.png, what all runs have, and where it
+        was simulated left.ply, error.ply and error.png."""
+        write_iga(self.workpiece.surface, work / "surface.iga")
+        write_mesh(self.workpiece.solid, work / "solid.ply")
+        self._draw(work / "toolpath.png")
+        compared = self.compare_axes()
+        draw_compared_axes(compared, self.workpiece.surface.tessellate(CHORD), work / "axes.png")
+        table = read_machine(self.job.nc.machine).table
+        draw_machine([self.path], self.workpiece.solid, self.job.holding, table, work / "machine.png")
+        (work / "axes.md").write_text(compared.table, encoding="utf-8", newline="")
+        write_simulated(work, self.removal)
+        fill_shared(work, self)
+
     def __repr__(self) -> str:
         return f"<Finished of {self._title}: {self.program!r}>"
 
@@ -79,44 +121,36 @@ class Finished(Shown):
         return finished_summary(self.report)
 
 
-def write_finished(made: Finished, wanted: Outputs) -> None:
-    """Write the wanted files, all or none: program, report, page, cutter location data, and the folder to keep.
+def write_run(made: Written, wanted: Outputs) -> None:
+    """Write the wanted files, all or none: program, report, page, sheet, cutter location data, and the folder to keep.
     FileError names what cannot be written."""
     texts: tuple[tuple[File, Callable[[], str]], ...] = (
         (wanted.program, lambda: made.program.text),
         (wanted.report, lambda: report_text(made.report)),
         (wanted.html, lambda: made.page),
-        (wanted.apt, lambda: apt_text([made.path], made.program.name)),
+        (wanted.sheet, lambda: made.sheet),
+        (wanted.apt, lambda: apt_text(made.all_paths, made.program.name)),
     )
     with staged() as staging:
         for file, text in texts:
             if file is not None:
                 staging.file(file).write_text(text(), encoding="utf-8", newline="")
         if wanted.keep is not None:
-            _fill_folder(staging.folder(wanted.keep, SERIES), made)
+            made.fill_folder(staging.folder(wanted.keep, SERIES))
 
 
-def _fill_folder(work: Path, made: Finished) -> None:
-    """Write surface.iga, solid.ply, toolpath.csv, .apt and .png, axes.png, axes.md, machine.png, cones.csv,
-    program, view.gz, job.toml and report.json, and where it was simulated left.ply, error.ply and error.png."""
-    write_iga(made.workpiece.surface, work / "surface.iga")
-    write_mesh(made.workpiece.solid, work / "solid.ply")
-    made._draw(work / "toolpath.png")
-    compared = made.compare_axes()
-    draw_compared_axes(compared, made.workpiece.surface.tessellate(CHORD), work / "axes.png")
-    table = read_machine(made.job.nc.machine).table
-    draw_machine([made.path], made.workpiece.solid, made.job.holding, table, work / "machine.png")
+def fill_shared(work: Path, made: Written) -> None:
+    """Write toolpath.csv and .apt, cones.csv, program, view.gz, job.toml and report.json."""
     (work / VIEW).write_bytes(made.packed_view)
-    write_simulated(work, made.removal)
+    paths = made.all_paths
     texts = {
         f"program{made.program.extension}": made.program.text,
-        "axes.md": compared.table,
-        "toolpath.csv": toolpath_csv([made.path]),
-        "toolpath.apt": apt_text([made.path], made.program.name),
+        "toolpath.csv": toolpath_csv(paths),
+        "toolpath.apt": apt_text(paths, made.program.name),
         "job.toml": write_job(made.job),
         "report.json": report_text(made.report),
     }
-    if made.path.cones:
-        texts["cones.csv"] = cones_csv([made.path])
+    if any(path.cones for path in paths):
+        texts["cones.csv"] = cones_csv(paths)
     for name, text in texts.items():
         (work / name).write_text(text, encoding="utf-8", newline="")

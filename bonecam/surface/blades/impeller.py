@@ -6,9 +6,10 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from bonecam.mesh.solids.revolution import revolve, revolve_ring, segments_around
+from bonecam.mesh.solids.revolution import revolve_profile, revolve_ring, segments_around
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.surface.blades.blade_solid import blade_solid
+from bonecam.surface.blades.meridian import lengths_along, meridional, places_on, stretch
 from bonecam.surface.tspline import TSpline
 
 MARGIN = 1.0
@@ -43,32 +44,29 @@ def impeller(
     if count < 1 or not (wall > 0 and chord_tolerance > 0):
         raise ValueError(f"{count} blades, wall {wall:g}, chord {chord_tolerance:g} mm: give positive ones")
     solid = blade_solid(blade, chord_tolerance)
-    beside = np.column_stack([np.hypot(solid.vertices[:, 0], solid.vertices[:, 1]), solid.vertices[:, 2]])
-    inner, outer = (_thinned(_beside(curve, beside), chord_tolerance / 2) for curve in (hub, shroud))
+    beside = meridional(solid.vertices)
+    inner, outer = (thinned(_beside(curve, beside), chord_tolerance / 2) for curve in (hub, shroud))
     around = segments_around(float(max(inner[:, 0].max(), outer[:, 0].max())), chord_tolerance)
     return Impeller(
-        _hub(inner, wall, around),
+        revolve_profile(profile_over(inner, wall), around),
         revolve_ring(_wall(outer, inner, wall), around),
-        tuple(_turned(solid, 2 * np.pi * k / count) for k in range(count)),
+        tuple(turned(solid, 2 * np.pi * k / count) for k in range(count)),
     )
 
 
 def _beside(curve: Float[ndarray, "n 2"], points: Float[ndarray, "k 2"]) -> Float[ndarray, "m 2"]:
     """The stretch of a flow path beside the points, and MARGIN more at either end."""
-    lengths = np.linalg.norm(np.diff(curve, axis=0), axis=1)
-    along = np.r_[0.0, np.cumsum(lengths)]
-    start, step = curve[:-1], np.diff(curve, axis=0)
-    shares = np.clip(np.einsum("kni,ni->kn", points[:, None] - start, step) / lengths**2, 0.0, 1.0)
-    away = np.linalg.norm(points[:, None] - start - shares[:, :, None] * step, axis=2)
-    nearest = np.argmin(away, axis=1)
-    places = along[nearest] + shares[np.arange(len(points)), nearest] * lengths[nearest]
-    low = max(places.min() - MARGIN, 0.0)
-    high = min(places.max() + MARGIN, along[-1])
-    inside = along[(along > low) & (along < high)]
-    return np.column_stack([np.interp(np.r_[low, inside, high], along, curve[:, k]) for k in (0, 1)])
+    return stretch(curve, *limits_beside(curve, points))
 
 
-def _thinned(curve: Float[ndarray, "n 2"], tolerance: float) -> Float[ndarray, "m 2"]:
+def limits_beside(curve: Float[ndarray, "n 2"], points: Float[ndarray, "k 2"]) -> tuple[float, float]:
+    """The lengths along a flow path between which the points lie beside it, and MARGIN more at either end, mm."""
+    places = places_on(curve, points)
+    low = max(float(places.min()) - MARGIN, 0.0)
+    return low, min(float(places.max()) + MARGIN, float(lengths_along(curve)[-1]))
+
+
+def thinned(curve: Float[ndarray, "n 2"], tolerance: float) -> Float[ndarray, "m 2"]:
     """The fewest points of a curve that halving it where it is farthest from its chord leaves, within `tolerance` mm
     (Douglas & Peucker 1973)."""
     chord = curve[-1] - curve[0]
@@ -77,16 +75,14 @@ def _thinned(curve: Float[ndarray, "n 2"], tolerance: float) -> Float[ndarray, "
     worst = int(np.argmax(away))
     if away[worst] <= tolerance:
         return curve[[0, -1]]
-    return np.vstack([_thinned(curve[: worst + 1], tolerance)[:-1], _thinned(curve[worst:], tolerance)])
+    return np.vstack([thinned(curve[: worst + 1], tolerance)[:-1], thinned(curve[worst:], tolerance)])
 
 
-def _hub(curve: Float[ndarray, "n 2"], wall: float, around: int) -> TriangleMesh:
-    """The solid inside a hub's curve, with a back below it."""
+def profile_over(curve: Float[ndarray, "n 2"], wall: float) -> Float[ndarray, "m 2"]:
+    """The profile, from pole to pole, of the solid inside a hub's curve with a back `wall` mm below it."""
     upward = curve if curve[-1, 1] >= curve[0, 1] else curve[::-1]
     back = float(upward[:, 1].min() - wall)
-    radii = np.r_[upward[0, 0], upward[:, 0]]
-    heights = np.r_[back, upward[:, 1]]
-    return revolve(radii, heights, (back, float(upward[-1, 1])), around)
+    return np.vstack([[[0.0, back], [upward[0, 0], back]], upward, [[0.0, upward[-1, 1]]]])
 
 
 def _wall(curve: Float[ndarray, "n 2"], hub: Float[ndarray, "h 2"], wall: float) -> Float[ndarray, "m 2"]:
@@ -103,8 +99,13 @@ def _wall(curve: Float[ndarray, "n 2"], hub: Float[ndarray, "h 2"], wall: float)
     return polygon if area > 0 else polygon[::-1]
 
 
-def _turned(mesh: TriangleMesh, angle: float) -> TriangleMesh:
-    """The mesh turned about the Z axis."""
+def turned(mesh: TriangleMesh, angle: float) -> TriangleMesh:
+    """The mesh turned about the Z axis by an angle in radians."""
+    return mesh.move(pose_about_z(angle))
+
+
+def pose_about_z(angle: float) -> Float[ndarray, "4 4"]:
+    """The rigid transform that turns about the Z axis by an angle in radians."""
     pose = np.eye(4)
     pose[:2, :2] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
-    return mesh.move(pose)
+    return pose

@@ -101,9 +101,9 @@ class NormalProbes:
         self.heights[uncut] = stock_heights(self.points[uncut], self.normals[uncut], sets, grid)
 
 
-def normal_probes_on(part: TSpline) -> NormalProbes:
+def normal_probes_on(part: TSpline, chord_tolerance: float = CHORD) -> NormalProbes:
     """Normal probes at the vertices of a fine tessellation, on the exact surface and along its exact normals."""
-    made = part.tessellate_with_parameters(CHORD)
+    made = part.tessellate_with_parameters(chord_tolerance)
     s, t = made.parameters.T
     corners = made.mesh.faces
     thirds = np.linalg.norm(made.mesh.face_vectors, axis=1) / 6

@@ -28,8 +28,9 @@ OUTSIDE = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
-class PostRing:
-    """The contacts of a closed ring, its first one again at its end; as those of `LineSamples`."""
+class LineContacts:
+    """The contacts of one line that comes as near to an obstacle as a ball may, as those of `LineSamples`; a closed one
+    has its first contact again at its end."""
 
     parameters: Float[ndarray, "n 2"]
     contacts: Float[ndarray, "n 3"]
@@ -37,7 +38,7 @@ class PostRing:
     feeds: Float[ndarray, "n 3"]
 
 
-def post_ring(surface: TSpline, post: Post, radius: float, away: float) -> PostRing | None:
+def post_ring(surface: TSpline, post: Post, radius: float, away: float) -> LineContacts | None:
     """The ring on which the centre of a ball of `radius` is `away` (mm) from the post; None where some line
     s = const never comes so near, or the lower pole is not under the post."""
     count = max(int(np.ceil(2 * np.pi * (post.radius + away) / STEP)), LEAST_COUNT)
@@ -64,6 +65,10 @@ def post_ring(surface: TSpline, post: Post, radius: float, away: float) -> PostR
     parameters = np.column_stack([s, far])
     points, normals, _ = contact_frames(surface, parameters, ROUND)
     along = np.roll(points[:-1], -1, axis=0) - np.roll(points[:-1], 1, axis=0)
-    along = np.vstack([along, along[:1]])
-    feeds = unit(along - dots(along, normals)[:, None] * normals)
-    return PostRing(parameters, points, normals, feeds)
+    feeds = feeds_along(np.vstack([along, along[:1]]), normals)
+    return LineContacts(parameters, points, normals, feeds)
+
+
+def feeds_along(ways: Float[ndarray, "n 3"], normals: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
+    """Unit feed directions: what is across the normals of ways along a line."""
+    return unit(ways - dots(ways, normals)[:, None] * normals)

@@ -1,0 +1,231 @@
+"""A wheel machined from its turned blank: the channels between its blades level by level, the hub, and the blades."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from bonecam.files import check_files
+from bonecam.finishing import Solid, naming
+from bonecam.job import Job
+from bonecam.levels.open_morph import morph_open
+from bonecam.levels.sequences.begun_morph import Morph
+from bonecam.machine.limits import MachineLimits
+from bonecam.machine.machine import Machine, read_machine
+from bonecam.mesh.distance import MeshDistance
+from bonecam.nc.dialect import Dialect
+from bonecam.nc.job_dialect import job_dialect
+from bonecam.nc.posting.header.header import record_simulation
+from bonecam.nc.posting.rotary.machine_limits import machine_limits
+from bonecam.nc.posting.rotary.wheel_checks import require_room, require_upright
+from bonecam.nc.program import program_name
+from bonecam.pipeline import check_job
+from bonecam.planning.holding.surface_post import surface_holding
+from bonecam.planning.passes.gouge_lifts import MESH_SHARE, planned_tolerance
+from bonecam.planning.strategies.channel_paths import ChannelPlanner
+from bonecam.planning.strategies.indexed import indexed
+from bonecam.planning.strategies.surface_path import Workpiece, plan_surface, stand_workpiece
+from bonecam.post_and_prove import post_and_prove
+from bonecam.progress import Progress, silent
+from bonecam.progress import part as part_of
+from bonecam.progress import report as report_progress
+from bonecam.report.files.bladed import Bladed
+from bonecam.report.files.finished import write_run
+from bonecam.report.files.output_files import File, Outputs
+from bonecam.report.files.refused_run import refusing
+from bonecam.report.mechanics_lines import NOT_KNOWN
+from bonecam.report.page.wheel_contents import wheel_figures
+from bonecam.report.run_report import report_to_program
+from bonecam.report.summary import NOT_SIMULATED
+from bonecam.report.warnings import header_texts, simulated_text, with_warnings
+from bonecam.runtime.timing import StageTimes
+from bonecam.setup.capsule import smallest_capsule
+from bonecam.setup.schedule import schedule_of
+from bonecam.setup.turned_blank import TurnedBlank
+from bonecam.surface.blades.channel import Channel, channel_of
+from bonecam.surface.blades.flow_path import MERIDIONAL
+from bonecam.surface.blades.section_tables import CARTESIAN
+from bonecam.surface.blades.wheel import Wheel, wheel_of
+from bonecam.surface.files.surface_input import check_surface_size, refuse_changes
+from bonecam.surface.files.wheel_input import BladeFile, read_blade, read_hub, read_solid
+from bonecam.surface.tspline import TSpline
+from bonecam.tool.path import ToolPath
+from bonecam.verify.removal.of_wheel import prove_removal_of_wheel
+from bonecam.verify.repeated import RepeatedDistance
+from bonecam.workholding.post import Post
+
+LEVEL_CHORD = 0.05
+"""Chord tolerance of the channel's levels, mm."""
+BEYOND = 0.2
+"""A ball passes a blade's edge with so much room beside its allowance, mm."""
+CAPSULE = 0.5
+"""The capsule that links keep out of is so much larger than the blank, mm."""
+
+
+def blades(
+    blade: "BladeFile",  # a text, as help() would write the union out
+    hub: "Solid",
+    count: int,
+    obstacles: "Sequence[Solid]" = (),
+    job: Job | None = None,
+    *,
+    columns: str = CARTESIAN,
+    axis: str = "z",
+    hub_columns: str = MERIDIONAL,
+    program: File = None,
+    keep: File = None,
+    report: File = None,
+    html: File = None,
+    sheet: File = None,
+    apt: File = None,
+    simulation: bool = True,
+    progress: Progress = silent,
+) -> Bladed:
+    """The verified program of a wheel of `count` equal blades, from a blank that is turned to the blades' tips.
+
+    `blade` runs round both sides of one blade, from the hub out: a table of sections or several (`columns`, `axis` as
+    in `surface.read_sections`), STEP, IGES, `.tsm`, `.tspline`, or a TSpline. `hub` is a closed mesh of
+    revolution or the table of its flow path (`hub_columns`); `obstacles` are closed solids that repeat with the blades,
+    such as splitters or the other blades. All in the unit `job.mesh.units` and one frame, Z the wheel's axis. The
+    channels are roughed level by level, all of them to one level before the next, then hub and blades are finished.
+    Raises a BonecamError.
+    """
+    job = job or Job()
+    machine, dialect = read_machine(job.nc.machine), job_dialect(job.nc)
+    check_job(job, machine, dialect)
+    require_upright(machine)
+    inputs = _files(blade, hub, obstacles)
+    (wanted := Outputs(program, keep, report, html=html, sheet=sheet, apt=apt)).check(None, dialect)
+    check_files([file for file in (program, report, html, sheet, apt) if file is not None], inputs)
+    name = str(inputs[0]) if inputs else "the blade"
+    times = StageTimes()
+    with times.stage("surface"), naming(name):
+        refuse_changes(job.mesh, name)
+        surface = read_blade(blade, job.mesh.units, job.surface.tolerance, columns=columns, axis=axis)
+        check_surface_size(surface, name)
+        profile = read_hub(hub, surface, job.mesh.units, columns=hub_columns, axis=axis)
+        others = [read_solid(solid, job.mesh.units) for solid in obstacles]
+        wheel = wheel_of(surface, profile, count, others)
+        require_room(wheel, job)
+    with naming(name):
+        plan = _planned(wheel, job, machine, times, progress)
+        made = _posted(plan, machine, dialect, name, program, times, part_of(progress, 0.6, 0.8))
+        if simulation:
+            made = _simulated(made, machine, dialect, times, part_of(progress, 0.8, 1.0))
+    made = replace(made, report=with_warnings({**made.report, "seconds": times.seconds}, made.job))
+    write_run(made, wanted)
+    return made
+
+
+def _files(blade: BladeFile, hub: Solid, obstacles: Sequence[Solid]) -> list[str | Path]:
+    """The files among what is given."""
+    several = [blade] if isinstance(blade, str | Path | TSpline) else blade
+    return [file for file in (*several, hub, *obstacles) if isinstance(file, str | Path)]
+
+
+@dataclass(frozen=True, eq=False)
+class _Plan:
+    """The wheel on its post, its blank, the levels between hub and blank, and all paths."""
+
+    workpiece: Workpiece
+    wheel: Wheel
+    blank: TurnedBlank
+    morph: Morph
+    paths: tuple[ToolPath, ...]
+    job: Job
+
+
+def _planned(wheel: Wheel, job: Job, machine: Machine, times: StageTimes, progress: Progress) -> _Plan:
+    """The wheel on its post, the levels of its channels, and all paths."""
+    limits = machine_limits(machine)
+    with times.stage("setup"):
+        report_progress(progress, 0.0, "the wheel as one solid")
+        solid = wheel.solid(_chord(job))
+        job = replace(job, holding=surface_holding(job.holding, wheel.blade, solid))
+        workpiece = stand_workpiece(wheel.blade, solid, job, limits)
+        job = replace(job, holding=replace(job.holding, length=workpiece.length))
+        wheel = wheel.lift(workpiece.length - float(wheel.profile[:, 1].min()))
+        channel = channel_of(wheel, _reach(job))
+        blank = TurnedBlank(channel.blank)
+    with times.stage("levels"):
+        report_progress(progress, 0.1, "levels from the hub to the blank")
+        morph = morph_open(channel.floor, channel.roof, schedule_of(job.levels), chord_tolerance=LEVEL_CHORD)
+    with times.stage("toolpath"):
+        report_progress(progress, 0.2, "paths of the channel")
+        paths = _paths(channel, blank, morph, workpiece, job, limits)
+    return _Plan(workpiece, wheel, blank, morph, paths, job)
+
+
+def _chord(job: Job) -> float:
+    """Chord tolerance (mm) of what must not be gouged, as fine as the gouge tolerance asks for."""
+    return MESH_SHARE * planned_tolerance(job.path.gouge_tolerance)
+
+
+def _reach(job: Job) -> float:
+    """How far passes go on beyond the blades' edges, mm: until a ball is past the allowance there."""
+    widest = max(job.tool(name).radius for name in ("roughing", "finishing"))
+    return widest + job.levels.finishing_depth + BEYOND
+
+
+def _paths(
+    channel: Channel,
+    blank: TurnedBlank,
+    morph: Morph,
+    workpiece: Workpiece,
+    job: Job,
+    limits: MachineLimits,
+) -> tuple[ToolPath, ...]:
+    """The paths of all channels and all blades in machining order. The hub, level 0 of the channel, is a rest path
+    before the blades: both are the part."""
+    count, post = channel.wheel.count, Post(job.holding.diameter / 2, workpiece.length)
+    capsule = smallest_capsule(blank.mesh.vertices, CAPSULE)
+    made, standing = ChannelPlanner(channel, job, limits, post, capsule).paths(morph.levels)
+    made[-1] = replace(made[-1], rest=1)
+    blade = plan_surface(workpiece, job, limits, capsule, standing)
+    return tuple(indexed(path, count) for path in (*made, blade))
+
+
+def _posted(
+    plan: _Plan,
+    machine: Machine,
+    dialect: Dialect,
+    name: str,
+    file: File,
+    times: StageTimes,
+    progress: Progress,
+) -> Bladed:
+    """The program of the paths, proved against hub and every blade."""
+    job, wheel, solid = plan.job, plan.wheel, plan.workpiece.solid
+    figures = wheel_figures(Path(name).name, wheel, plan.blank, plan.morph, plan.job, plan.paths)
+    proved = post_and_prove(
+        plan.paths,
+        machine,
+        dialect,
+        job,
+        RepeatedDistance(MeshDistance(wheel.with_one_blade(_chord(job))), wheel.count),
+        name=program_name(file or Path(name).name),
+        comments=[
+            *header_texts(figures, job),
+            f"wheel of {wheel.count} blades: {Path(name).name}",
+            plan.blank.text,
+        ],
+        times=times,
+        progress=progress,
+    )
+    posted = Path(file or "").name, proved.paths, proved.program, proved.proof
+    reported = report_to_program(*posted, job=job.path, part=solid)
+    figures = {**figures, **reported, "removal": NOT_SIMULATED, "mechanics": NOT_KNOWN}
+    whole = plan.workpiece, wheel, plan.blank, plan.morph
+    return Bladed(*whole, proved.paths, proved.program, figures, job)
+
+
+def _simulated(
+    made: Bladed, machine: Machine, dialect: Dialect, times: StageTimes, progress: Progress
+) -> Bladed:
+    """The result with what its posted text removes of the blank; VerifyError where that is not what it may do."""
+    with times.stage("simulation"), refusing(made.program, made.paths):
+        cut = made.blank, made.wheel, made.levels.levels
+        removal = prove_removal_of_wheel(made.program.text, machine, dialect, made.job, *cut, progress)
+    figures = with_warnings({**made.report, "removal": removal.report}, made.job)
+    told = simulated_text(figures, NOT_KNOWN["skipped"])
+    program = record_simulation(made.program, dialect, removal.cell, told)
+    return replace(made, program=program, report=figures, removal=removal)
