@@ -96,8 +96,26 @@ class PathJob(JobSection):
     orientation: str = parameter(
         "cones",
         "Orientation",
-        "Tool axes: turning the machine as smoothly as cones of free axes allow (cones), or leaning forward (lead).",
-        choices=("cones", "lead"),
+        "Tool axes: turning the machine as smoothly as cones of free axes allow (cones), leaning forward (lead), or as "
+        "published: from a cone about the normal, as wide as curvature allows, those of least elastic energy on the "
+        "facets of the contacts. The paper leaves open angles, offsets and how to choose: here 10 to 60 degrees, three "
+        "radii, an offset along the pass's bend, steps of fairing; contacts whose candidates all collide stay uncut.",
+        choices=("cones", "lead", "published"),
+    )
+    membrane: float = parameter(
+        0.0,
+        "Membrane",
+        "Weight (alpha) of how much tool axes turn over the facets between the contacts, along passes and across, "
+        "beside the energy of smooth axes; 1 where axes are as published and thin_plate is 0 too.",
+        low=0.0,
+        high=1.0,
+    )
+    thin_plate: float = parameter(
+        0.0,
+        "Thin plate",
+        "Weight (beta) of how much that turning changes over the facets.",
+        low=0.0,
+        high=1.0,
     )
     certify: str = parameter(
         "automatic",

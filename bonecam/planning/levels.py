@@ -21,6 +21,8 @@ from bonecam.mesh.distance import MeshDistance
 from bonecam.planning.axes.field.level_axes import level_axes
 from bonecam.planning.axes.field.smooth_axes import SmoothAxes
 from bonecam.planning.axes.lead import check_lead
+from bonecam.planning.axes.published.published_axes import published_axes
+from bonecam.planning.collision.checker import CollisionChecker
 from bonecam.planning.collision.held_level import held_level, part_chord
 from bonecam.planning.collision.scene import Scene
 from bonecam.planning.holding.parting_paths import parting_paths
@@ -130,6 +132,10 @@ class _Planning:
             def oriented(contacts: ContactPath) -> ToolPath:
                 wanted = smooth.wanted_for(contacts) if smooth is not None else None
                 job = self.job
+                fixed = None
+                if job.path.orientation == "published":
+                    checker = CollisionChecker(scene, contacts.cutter)
+                    fixed = published_axes(contacts, level.surface, checker, self.limits, job.path)
                 return orient(
                     contacts,
                     scene,
@@ -137,8 +143,9 @@ class _Planning:
                     job.path,
                     job.nc,
                     wanted,
+                    fixed=fixed,
                     material=material,
-                    explained=explained,
+                    explained=explained and fixed is None,
                 )
 
             return cut_within_depth(contacts, material, level, allowed, oriented)

@@ -66,7 +66,7 @@ def orient(
     if not len(path.contacts):
         return _idle_path(path, space)
     if fixed is not None:
-        chosen = fixed_axes(path, checker, fixed)
+        chosen = fixed_axes(path, checker, fixed, limits)
     else:
         chosen = choose_axes(path, checker, limits, job, wanted)
     blocked = _blocked(path, chosen, scene, limits, job, explained=explained)

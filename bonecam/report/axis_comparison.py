@@ -5,6 +5,7 @@ Turning is that of the axis along a pass, a length of way of the ball's centre; 
 the machine's rotary axes, tilt (polar angle) and turn (azimuth), without accelerations.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -22,6 +23,8 @@ from bonecam.planning.collision.checker import CollisionChecker
 from bonecam.planning.collision.scene import Scene
 from bonecam.tool.path import ContactPath, MoveKind, ToolPath
 
+FEEDS = (900, 1200, 3000)
+"""Feeds at which the time is told beside that at the cutter's own, mm/min: the paper's before and after, and more."""
 HIGH = 90
 """Percentile of the moves whose axis speeds are told."""
 
@@ -66,7 +69,8 @@ class AxisComparison:
         tilt = np.abs(np.diff(polar_angles(choice.axes)))[self.joined]
         azimuth = np.diff(np.arctan2(choice.axes[:, 1], choice.axes[:, 0]))[self.joined]
         turn = np.abs(np.angle(np.exp(1j * azimuth)))
-        driven = np.maximum(minutes, np.maximum(tilt / self.limits.tilt_speed, turn / self.limits.turn_speed))
+        slowest = np.maximum(tilt / self.limits.tilt_speed, turn / self.limits.turn_speed)
+        driven = np.maximum(minutes, slowest)
         rate = np.degrees(angles_between(choice.axes[1:], choice.axes[:-1]))[self.joined] / self.steps
         return {
             "axes": choice.name,
@@ -81,6 +85,10 @@ class AxisComparison:
             "limited_share": float((driven > minutes).mean()),
             "seconds": 60 * float(driven.sum()),
             "feed_mean_mm_min": float(self.steps.sum() / driven.sum()),
+            **{
+                f"seconds_at_{feed}": 60 * float(np.maximum(self.steps / feed, slowest).sum())
+                for feed in FEEDS
+            },
         }
 
     def _changes(self, rate: Float[ndarray, " m"]) -> Float[ndarray, " k"]:
@@ -113,6 +121,7 @@ class AxisComparison:
             "moves that an axis limits": "{limited_share:.1%}",
             f"time (s; {alone})": "{seconds:.0f}",
             f"mean feed (mm/min; {self.feed:.0f} asked)": "{feed_mean_mm_min:.0f}",
+            f"time at {_listed(FEEDS)} mm/min (s)": _listed(f"{{seconds_at_{feed}:.0f}}" for feed in FEEDS),
         }
         lines = [["", *(row["axes"] for row in rows)], ["---"] * (len(rows) + 1)]
         lines += [[name, *(text.format(**row) for row in rows)] for name, text in reported.items()]
@@ -151,6 +160,10 @@ def _ways(balls: Float[ndarray, "n 3"], passes: Int[ndarray, " n"]) -> Float[nda
     ahead = np.vstack([np.where(same, steps, 0), np.zeros((1, 3))])
     behind = np.vstack([np.zeros((1, 3)), np.where(same, steps, 0)])
     return np.where((ahead != 0).any(axis=1, keepdims=True), ahead, behind)
+
+
+def _listed(items: Iterable[object]) -> str:
+    return " / ".join(map(str, items))
 
 
 def _rms(values: Float[ndarray, " k"]) -> float:

@@ -25,7 +25,7 @@ class Strategy:
             methods = {
                 "strategy": "morph",
                 "pattern": "published",
-                "orientation": "lead",
+                "orientation": "published" if job.path.orientation == "published" else "lead",
                 "certify": "distances",
             }
             return job.with_values(levels={"method": "published", "even": False}, path=methods)

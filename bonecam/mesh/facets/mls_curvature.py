@@ -36,25 +36,26 @@ CHUNK = 4096
 """Vertices that are fitted at once: it bounds the memory."""
 
 
-def mls_curvature(mesh: TriangleMesh, radius: float | None = None) -> Curvature:
+def mls_curvature(mesh: TriangleMesh, radius: float | None = None, *, few_allowed: bool = False) -> Curvature:
     """Principal curvatures and directions at the vertices.
 
     Each patch is fitted to the vertices within two edges, or within `radius` (mm) where the normals are less
     than a right angle apart: 2.5 edges or more. MeshError where a vertex has too few neighbours for a patch,
-    or all of them lie on a line or where the vertex is.
+    or all of them lie on a line or where the vertex is; where that is allowed it gets of all patches through them the
+    one with the least coefficients.
     """
     normals = vertex_normals(mesh)
     around = _within_two_edges(mesh) if radius is None else _within(mesh, normals, radius)
     starts = np.searchsorted(around[0], np.arange(len(normals) + 1))
     few = np.flatnonzero(np.diff(starts) < COEFFICIENTS)
-    if len(few):
+    if len(few) and not few_allowed:
         vertex, count = int(few[0]), int(np.diff(starts)[few[0]]) - 1
         raise MeshError(
             f"vertex {vertex} has {count} neighbours, too few for its curvature: give a larger radius",
             vertex=vertex,
         )
     parts = [
-        _fit(mesh.vertices, normals, around[1], starts[first : first + CHUNK + 1], first)
+        _fit(mesh.vertices, normals, around[1], starts[first : first + CHUNK + 1], first, few_allowed)
         for first in range(0, len(normals), CHUNK)
     ]
     fields = ("k1", "k2", "direction1", "direction2")
@@ -96,12 +97,14 @@ def _fit(
     neighbours: Int[ndarray, " p"],
     starts: Int[ndarray, " m"],
     first: int,
+    few_allowed: bool,
 ) -> Curvature:
     """Curvature of the vertices from `first` on, whose neighbours begin at `starts`."""
     owner = np.repeat(np.arange(len(starts) - 1), np.diff(starts))
     offsets = vertices[neighbours[starts[0] : starts[-1]]] - vertices[first + owner]
     begins = starts[:-1] - starts[0]
-    _require_wide(offsets, begins, first)
+    if not few_allowed:
+        _require_wide(offsets, begins, first)
     squares = dots(offsets, offsets)
     farthest = np.sqrt(np.maximum.reduceat(squares, begins))
     weights = np.exp(-FALL * squares / farthest[owner] ** 2)

@@ -11,6 +11,7 @@ import scipy.sparse.linalg as spl
 from jaxtyping import Float, Int
 from numpy import ndarray
 
+from bonecam.mesh.facets.elastic_energy import cotangent_weights
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
 END_LENGTH = 1.0
@@ -55,21 +56,6 @@ def harmonic_field(mesh: TriangleMesh, poles: Int[ndarray, "2"]) -> Float[ndarra
 
 def positive_laplacian(mesh: TriangleMesh) -> sp.csr_array:
     """The (v, v) cotangent Laplacian, rows summing to zero, off-diagonals at most -WEIGHT_FLOOR."""
-    count = len(mesh.vertices)
-    corners = mesh.vertices[mesh.faces]
-    starts = []
-    ends = []
-    cotangents = []
-    for k in range(3):
-        to_next = corners[:, (k + 1) % 3] - corners[:, k]
-        to_last = corners[:, (k + 2) % 3] - corners[:, k]
-        sines = np.linalg.norm(np.cross(to_next, to_last), axis=1)
-        cotangents.append(0.5 * (to_next * to_last).sum(1) / sines)
-        starts.append(mesh.faces[:, (k + 1) % 3])
-        ends.append(mesh.faces[:, (k + 2) % 3])
-    half = sp.coo_array(
-        (np.concatenate(cotangents), (np.concatenate(starts), np.concatenate(ends))), shape=(count, count)
-    ).tocsr()
-    weights = (half + half.T).tocsr()
+    weights = cotangent_weights(mesh)
     weights.data = np.maximum(weights.data, WEIGHT_FLOOR)
     return (sp.diags_array(weights.sum(1)) - weights).tocsr()

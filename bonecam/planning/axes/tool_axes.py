@@ -84,10 +84,13 @@ def _with_neighbours(kept: Bool[ndarray, " n"]) -> Bool[ndarray, " n"]:
     return np.asarray(with_ends[:-2] & kept & with_ends[2:])
 
 
-def fixed_axes(path: ContactPath, checker: CollisionChecker, axes: Float[ndarray, "n 3"]) -> ToolAxes:
-    """These axes where the tool is free of collision; the other contacts have none (`collision`)."""
+def fixed_axes(
+    path: ContactPath, checker: CollisionChecker, axes: Float[ndarray, "n 3"], limits: MachineLimits
+) -> ToolAxes:
+    """These axes where the machine can take them and the tool is free of collision; the other contacts have none
+    (`limits`, `collision`)."""
     free = checker.free(path.centres, axes)
-    reasons = np.where(free, "", "collision")
+    reasons = np.where(limits.allow(axes), np.where(free, "", "collision"), "limits")
     return ToolAxes(axes, tuple(reasons.tolist()), np.zeros(len(axes), dtype=bool))
 
 

@@ -16,9 +16,11 @@ from bonecam.planning.axes.cones.admissible_cones import AxisCones, admissible_c
 from bonecam.planning.axes.field.axis_field import AxisField, FieldDomain
 from bonecam.planning.axes.field.smooth_axes import HASTES, smooth_axes, soonest
 from bonecam.planning.axes.lead import check_lead
+from bonecam.planning.axes.published.published_axes import published_axes
 from bonecam.planning.axes.tool_axes import WantedAxes
 from bonecam.planning.collision.checker import CollisionChecker
 from bonecam.planning.collision.scene import Scene
+from bonecam.planning.facets.contact_facets import contact_facets
 from bonecam.planning.holding.post_length import GOUGE, SampledContacts, least_lifts, shortest_post
 from bonecam.planning.layers.height_mesh import HeightMesh
 from bonecam.planning.oriented_path import orient
@@ -132,6 +134,10 @@ def plan_surface(
     if material is not None:
         scene = replace(scene, material=material.mesh, material_deviation=material.deviation)
     contacts = surface_contacts(workpiece, scene, job, cutter)
+    fixed = None
+    if job.path.orientation == "published":
+        checker = CollisionChecker(scene, cutter)
+        fixed = published_axes(contacts, workpiece.surface, checker, limits, job.path)
     return orient(
         contacts,
         scene,
@@ -140,6 +146,8 @@ def plan_surface(
         nc=job.nc,
         wanted=wanted_axes(workpiece, contacts, scene, limits, job.path),
         material=material,
+        fixed=fixed,
+        explained=fixed is None,
     )
 
 
@@ -157,7 +165,8 @@ def wanted_axes(
     cones = admissible_cones(contacts, scene, limits, job)
     domain = FieldDomain.of(workpiece.surface)
     starts = [None, swinging_field(cones, domain)] if domain.closed else [None]
-    make = partial(smooth_axes, cones, domain, limits, job, "membrane")
+    facets = contact_facets(contacts, workpiece.surface)
+    make = partial(smooth_axes, cones, domain, limits, job, "membrane", facets=facets)
     best = soonest([make(start) for start in starts], limits)
     made = [best]
     for haste in HASTES:

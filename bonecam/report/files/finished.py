@@ -110,7 +110,7 @@ class Finished(Written):
         draw_machine([self.path], self.workpiece.solid, self.job.holding, table, work / "machine.png")
         (work / "axes.md").write_text(compared.table, encoding="utf-8", newline="")
         write_simulated(work, self.removal)
-        fill_shared(work, self)
+        fill_shared(work, self, axes=compared.report)
 
     def __repr__(self) -> str:
         return f"<Finished of {self._title}: {self.program!r}>"
@@ -139,8 +139,8 @@ def write_run(made: Written, wanted: Outputs) -> None:
             made.fill_folder(staging.folder(wanted.keep, SERIES))
 
 
-def fill_shared(work: Path, made: Written) -> None:
-    """Write toolpath.csv and .apt, cones.csv, program, view.gz, job.toml and report.json."""
+def fill_shared(work: Path, made: Written, **more: Any) -> None:
+    """Write toolpath.csv and .apt, cones.csv, program, view.gz, job.toml and report.json, which tells `more`."""
     (work / VIEW).write_bytes(made.packed_view)
     paths = made.all_paths
     texts = {
@@ -148,7 +148,7 @@ def fill_shared(work: Path, made: Written) -> None:
         "toolpath.csv": toolpath_csv(paths),
         "toolpath.apt": apt_text(paths, made.program.name),
         "job.toml": write_job(made.job),
-        "report.json": report_text(made.report),
+        "report.json": report_text({**made.report, **more}),
     }
     if any(path.cones for path in paths):
         texts["cones.csv"] = cones_csv(paths)

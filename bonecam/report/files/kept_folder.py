@@ -52,24 +52,27 @@ removes those that an earlier one wrote there."""
 def fill_kept_folder(work: Path, made: Morphed, post: tuple[float, float]) -> None:
     """Write into `work` surface.tspline, given.ply, the files of `keep_levels`, view.gz, job.toml and report.json; of a
     program its text, toolpath.csv, toolpath.apt, toolpath.png, machine.png, stump.png, second.* if there is a second
-    clamping, cones.csv, axes.png and axes.md of the part if axes are chosen in cones, left.ply and engagement.png where
-    it was simulated, and error.ply and error.png where it was asked what bends. `post` is (diameter, top z), mm."""
+    clamping, cones.csv if axes are chosen in cones, axes.png and axes.md of the part if levels are cut, left.ply and
+    engagement.png where it was simulated, and error.ply and error.png where it was asked what bends. `post` is
+    (diameter, top z), mm."""
     levels = made.levels.levels
     write_tsm(made.surface, work / "surface.tspline")
     write_mesh(made.part.placed_given, work / GIVEN)
     keep_into(work, levels, made.stock, post)
     (work / VIEW).write_bytes(made.packed_view)
     write_whole(work / "job.toml", write_job(made.job))
-    write_whole(work / "report.json", report_text(made.report))
+    axes = {}
     if isinstance(made, Result):
         write_whole(work / f"program{made.program.extension}", made.program.text)
         write_whole(work / "toolpath.csv", toolpath_csv(made.paths))
         write_whole(work / "toolpath.apt", apt_text(made.paths, made.program.name))
         if any(path.cones for path in made.paths):
             write_whole(work / "cones.csv", cones_csv(made.paths))
+        if made.job.path.strategy == "morph":
             compared = made.compare_axes()
             draw_compared_axes(compared, levels[0].mesh, work / "axes.png")
             write_whole(work / "axes.md", compared.table)
+            axes = {"axes": compared.report}
         draw_toolpath(made.paths, levels, work / "toolpath.png", post)
         if made.second is not None:
             _write_second(work, made.second)
@@ -91,6 +94,8 @@ def write_simulated(work: Path, removal: Removal | None) -> None:
         error = removal.mechanics.error
         write_mesh(error.mesh, work / "error.ply", quality=error.sizes, largest=error.p99)
         draw_error(error, work / "error.png")
+
+    write_whole(work / "report.json", report_text({**made.report, **axes}))
 
 
 def _write_second(work: Path, second: SecondProgram) -> None:

@@ -23,6 +23,7 @@ from scipy.sparse import csr_array
 from bonecam.arrays import dots, lengths
 from bonecam.kernels.normal_equations import add_pairs, width
 from bonecam.planning.axes.field.axis_field import FieldDomain, axes_of, basis, second_differences
+from bonecam.planning.axes.field.facet_energy import FacetEnergy
 from bonecam.tool.elliptic_cones import EllipticCones
 
 SPEED_SHARE = 0.9
@@ -63,7 +64,8 @@ class AxisEnergy:
     """The energy over n samples in the order of their passes.
 
     Move k leads from sample `moves[k]` to the next and takes `times[k]` (min) at the feed; `speeds` are those of
-    azimuth and polar angle, rad/min. `weights` as in PRESETS.
+    azimuth and polar angle, rad/min. `weights` as in PRESETS. `areas` (mm^2) of the samples weigh their bounds, all
+    alike where none are given; `facets` is the energy on those between all contacts.
     """
 
     parameters: Float[ndarray, "n 2"]
@@ -75,6 +77,8 @@ class AxisEnergy:
     speeds: tuple[float, float]
     bounds: AxisBounds
     weights: tuple[float, float]
+    areas: Float[ndarray, " n"] | None = None
+    facets: FacetEnergy | None = None
 
     @cached_property
     def values_at(self) -> csr_array:
@@ -96,25 +100,39 @@ class AxisEnergy:
     @cached_property
     def bandwidth(self) -> int:
         """How many diagonals the lower band of the normal equations of both angles has."""
-        matrices = self.values_at, self.steps, self.roughness
+        matrices = [self.values_at, self.steps, self.roughness]
+        if self.facets is not None:
+            matrices.append(self.facets.matrix)
         return 2 * max(width(matrix.indptr, matrix.indices) for matrix in matrices)
 
     @cached_property
     def shares(self) -> Float[ndarray, " n"]:
-        """Roots of the shares of the whole time that belong to the samples."""
-        return np.full(len(self.parameters), 1 / np.sqrt(len(self.parameters)))
+        """Roots of the shares of the whole area that belong to the samples."""
+        areas = np.ones(len(self.parameters)) if self.areas is None else self.areas
+        return np.sqrt(areas / areas.sum())
 
     def angles(self, values: Float[ndarray, "2 c"]) -> tuple[Float[ndarray, " n"], Float[ndarray, " n"]]:
         """Azimuth and polar angle at the samples, radians."""
         wound = 2 * np.pi * self.winding * self.domain.round(self.parameters[:, 0])
         return wound + self.values_at @ values[0], self.values_at @ values[1]
 
-    def residuals(self, values: Float[ndarray, "2 c"]) -> tuple["Residuals", "Residuals", "Residuals"]:
-        """The residuals of moves, of samples, and of second differences."""
+    def residuals(self, values: Float[ndarray, "2 c"]) -> tuple["Residuals", ...]:
+        """The residuals of moves, of samples, of second differences, and on facets."""
         rough = (self.roughness @ values.T).T
         each = np.ones(rough.shape[1])
         roughness = Residuals.of(self.roughness, [(rough[0], each, 0 * each), (rough[1], 0 * each, each)])
-        return self._turning(values), self._bounds(*self.angles(values)), roughness
+        parts = self._turning(values), self._bounds(*self.angles(values)), roughness
+        return parts if self.facets is None else (*parts, self._on_facets(values, self.facets))
+
+    def _on_facets(self, values: Float[ndarray, "2 c"], facets: FacetEnergy) -> "Residuals":
+        """The elastic energy on the facets, in rates."""
+        found: list[Residual] = []
+        each = np.ones(facets.matrix.shape[0])
+        for angle, wound in ((0, self.winding * facets.wound), (1, 0.0)):
+            scale = facets.feed / self.speeds[angle]
+            slopes = (scale * each, 0 * each)
+            found.append((scale * (facets.matrix @ values[angle] + wound), *slopes[:: -1 if angle else 1]))
+        return Residuals.of(facets.matrix, found)
 
     def _turning(self, values: Float[ndarray, "2 c"]) -> "Residuals":
         """The rates of both angles, and what they exceed SPEED_SHARE by; a move round the part whose winding alone

@@ -15,6 +15,8 @@ from bonecam.machine.limits import MachineLimits, polar_angles
 from bonecam.planning.axes.cones.admissible_cones import AxisCones
 from bonecam.planning.axes.field.axis_energy import AxisBounds, AxisEnergy
 from bonecam.planning.axes.field.axis_field import FieldDomain, second_differences
+from bonecam.planning.axes.field.facet_energy import FacetEnergy
+from bonecam.planning.facets.contact_facets import ContactFacets
 from bonecam.tool.elliptic_cones import EllipticCones
 from bonecam.tool.path import ContactPath
 
@@ -56,10 +58,13 @@ def axis_energy(
     limits: MachineLimits,
     job: PathJob,
     weights: tuple[float, float],
+    facets: ContactFacets | None,
 ) -> AxisEnergy:
-    """The energy at the contacts `rows`, as yet without their cones."""
+    """The energy at the contacts `rows`, as yet without their cones, and on the facets; without facets all samples
+    count alike."""
     path = cones.path
-    centres, normals, passes = path.centres[rows], path.normals[rows], path.pass_index[rows]
+    centres, passes = path.centres[rows], path.pass_index[rows]
+    normals = path.normals[rows]
     moves = np.flatnonzero(passes[1:] == passes[:-1])
     lengths = np.linalg.norm(centres[moves + 1] - centres[moves], axis=1)
     return AxisEnergy(
@@ -72,7 +77,15 @@ def axis_energy(
         speeds=(limits.turn_speed, limits.tilt_speed),
         bounds=_bounds(normals, cones.largest_polar[rows], limits, job),
         weights=weights,
+        areas=None if facets is None else np.add.reduceat(facets.areas, rows),
+        facets=_on_facets(facets, domain, job),
     )
+
+
+def _on_facets(facets: ContactFacets | None, domain: FieldDomain, job: PathJob) -> FacetEnergy | None:
+    """The energy on facets with the job's weights, where one is above 0."""
+    weights = job.membrane, job.thin_plate
+    return FacetEnergy.of(facets, domain, *weights) if facets is not None and any(weights) else None
 
 
 def _bounds(
@@ -104,9 +117,8 @@ def _winding(share: Float[ndarray, " n"], normals: Float[ndarray, "n 3"]) -> int
     return 1 if abs((horizontal * turned.conj()).sum()) >= abs((horizontal * turned).sum()) else -1
 
 
-def first_values(energy: AxisEnergy) -> Float[ndarray, "2 c"]:
-    """Control values fitted to the surface normals, turned towards +Z by FIRST_LEAN."""
-    normals = energy.normals
+def first_values(energy: AxisEnergy, normals: Float[ndarray, "n 3"]) -> Float[ndarray, "2 c"]:
+    """Control values fitted to normals at the samples, turned towards +Z by FIRST_LEAN; a sample counts by its area."""
     horizontal = normals[:, 0] + 1j * normals[:, 1]
     wound = 2 * np.pi * energy.winding * energy.domain.round(energy.parameters[:, 0])
     relative = horizontal * np.exp(-1j * wound)
@@ -115,11 +127,12 @@ def first_values(energy: AxisEnergy) -> Float[ndarray, "2 c"]:
     polar = np.clip(polar_angles(normals) - FIRST_LEAN, FIRST_LOWEST, FIRST_HIGHEST)
     differences = second_differences(energy.domain)
     rough = FIT_ROUGHNESS * len(normals) / differences.shape[0] * (differences.T @ differences)
-    weighted = energy.values_at.T * np.abs(horizontal)
+    each = energy.values_at.T * (len(normals) * energy.shares**2)
+    weighted = each * np.abs(horizontal)
     return np.array(
         [
             _solve(weighted @ energy.values_at + rough, weighted @ azimuth),
-            _solve(energy.values_at.T @ energy.values_at + rough, energy.values_at.T @ polar),
+            _solve(each @ energy.values_at + rough, each @ polar),
         ]
     )
 

@@ -1,5 +1,7 @@
 """The smooth axes of a level, from those of the level round it."""
 
+from functools import partial
+
 from bonecam.job import PathJob
 from bonecam.levels.measure.level import MachinedLevel
 from bonecam.machine.limits import MachineLimits
@@ -7,6 +9,7 @@ from bonecam.planning.axes.cones.admissible_cones import admissible_cones
 from bonecam.planning.axes.field.axis_field import FieldDomain
 from bonecam.planning.axes.field.smooth_axes import SmoothAxes, machine_minutes, smooth_axes, soonest
 from bonecam.planning.collision.scene import Scene
+from bonecam.planning.facets.contact_facets import contact_facets
 from bonecam.tool.path import ContactPath
 
 SLOW = 1.15
@@ -32,10 +35,11 @@ def level_axes(
         return before
     domain = FieldDomain.of(level.surface)
     start = before.field if before else None
-    found = smooth_axes(cones, domain, limits, job, "membrane", start)
+    facets = contact_facets(contacts, level.surface)
+    make = partial(smooth_axes, domain=domain, limits=limits, job=job, preset="membrane", facets=facets)
+    found = make(cones, start=start)
     at_feed = machine_minutes(contacts, found.axes, MachineLimits(limits.largest))
     if machine_minutes(contacts, found.axes, limits) > SLOW * at_feed:
         others = [(cones.as_circles(), start), *([(cones, None)] if start else [])]
-        made = [smooth_axes(shapes, domain, limits, job, "membrane", from_) for shapes, from_ in others]
-        found = soonest([found, *made], limits)
+        found = soonest([found, *(make(shapes, start=from_) for shapes, from_ in others)], limits)
     return found.verified(scene) if job.certify == "fcl" else found

@@ -22,6 +22,7 @@ from bonecam.planning.axes.field.axis_field import AxisField, FieldDomain
 from bonecam.planning.axes.field.fit_axes import axis_energy, first_values, minimise, sample_rows
 from bonecam.planning.axes.tool_axes import WantedAxes
 from bonecam.planning.collision.scene import Scene
+from bonecam.planning.facets.contact_facets import ContactFacets
 from bonecam.runtime.threads import on_one_blas_thread
 from bonecam.tool.path import ContactPath
 
@@ -85,24 +86,26 @@ def smooth_axes(
     preset: str = AUTOMATIC,
     start: AxisField | None = None,
     haste: float = 1.0,
+    facets: ContactFacets | None = None,
 ) -> SmoothAxes:
     """Axes of least elastic energy for the contacts of `cones`, inside the cones where a smooth field can be.
 
     `domain` holds the contacts' (s, t). `preset` weighs turning (`membrane`) or its change (`thin-plate`);
     `automatic` takes what the machine, by the speeds in `limits`, does sooner. `start` is the field of a neighbouring
-    level. The energy is that of cuts `haste` times as fast as the feed: rates weigh as much more against leaving the
-    cones. ValueError for another preset.
+    level; `facets` are those between the contacts. The energy is that of cuts `haste` times as fast as the feed: rates
+    weigh as much more against leaving the cones. ValueError for another preset.
     """
     if preset == AUTOMATIC:
-        made = [smooth_axes(cones, domain, limits, job, one, start, haste) for one in PRESETS]
+        made = [smooth_axes(cones, domain, limits, job, one, start, haste, facets) for one in PRESETS]
         return min(made, key=lambda one: machine_minutes(cones.path, one.axes, limits))
     if preset not in PRESETS:
         raise ValueError(f"preset = {preset!r}: give {', '.join(PRESETS)} or {AUTOMATIC}")
     rows = sample_rows(cones.path)
-    energy = axis_energy(cones, rows, domain, limits, job, PRESETS[preset])
+    energy = axis_energy(cones, rows, domain, limits, job, PRESETS[preset], facets)
     energy = replace(energy, times=energy.times / haste)
     if start is None:
-        values, least = minimise(energy, first_values(energy), FIRST_STEPS)
+        normals = cones.path.normals if facets is None else facets.normals
+        values, least = minimise(energy, first_values(energy, normals[rows]), FIRST_STEPS)
     else:
         energy = replace(energy, winding=start.winding)
         values, least = np.array([start.azimuth, start.polar]), np.inf

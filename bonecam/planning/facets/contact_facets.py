@@ -1,0 +1,127 @@
+"""Facets between the contacts of a path, made once a level (Xu et al. 2013, sections 2 and 4).
+
+Delaunay triangles of the contacts in a plane where they lie as on the surface, with a normal, a curvature and a
+Voronoi cell at each contact. Differs from the paper in:
+
+1. Facets across places without contacts (left out, or beyond the edge of the surface) are none: those with an edge
+   much longer than most.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from numpy import ndarray
+
+from bonecam.arrays import angles_between, dots, frozen
+from bonecam.mesh.facets.curvature import Curvature
+from bonecam.mesh.facets.delaunay import delaunay
+from bonecam.mesh.facets.elastic_energy import ElasticEnergy
+from bonecam.mesh.facets.mls_curvature import mls_curvature
+from bonecam.mesh.facets.vertex_normals import vertex_normals
+from bonecam.mesh.facets.voronoi_areas import voronoi_areas
+from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.planning.facets.parameter_plane import plane_points
+from bonecam.surface.tspline import TSpline
+from bonecam.tool.path import ContactPath
+
+SAME = 1e-6
+"""Contacts less than about this apart (mm) are one vertex: the paper's unique vertices."""
+LONG = 3.0
+"""Facets with an edge so many times as long as MOST edges are none."""
+MOST = 95
+"""Percentile of the lengths of edges."""
+THIN = 1e-6
+"""A facet lower than this share of its longest edge in the plane is none: its contacts lie on a line."""
+BRIDGED = np.radians(5.0)
+"""Where the normal of the facets is farther off that of the surface they bridge an edge that is sharper than contacts
+are apart: 3 % of the contacts of the shipped impeller's blade."""
+
+
+@dataclass(frozen=True, eq=False)
+class ContactFacets:
+    """Facets `mesh` between the contacts of a `path`; `vertex_of` each contact (n), -1 of one without facets, and a
+    contact at each vertex (`contact_of`, v)."""
+
+    path: ContactPath
+    mesh: TriangleMesh
+    vertex_of: Int[ndarray, " n"]
+    contact_of: Int[ndarray, " v"]
+
+    def __post_init__(self) -> None:
+        for name in ("vertex_of", "contact_of"):
+            object.__setattr__(self, name, frozen(getattr(self, name), np.int64))
+
+    @property
+    def found(self) -> Bool[ndarray, " n"]:
+        """Which contacts have facets."""
+        return np.asarray(self.vertex_of >= 0)
+
+    @cached_property
+    def vertex_normals(self) -> Float[ndarray, "v 3"]:
+        """Unit normals at the vertices (Eq. 19)."""
+        return vertex_normals(self.mesh)
+
+    @cached_property
+    def curvature(self) -> Curvature:
+        """Curvature at the vertices (Eq. 18); that of the least patch where few others are near."""
+        return mls_curvature(self.mesh, few_allowed=True)
+
+    @cached_property
+    def energy(self) -> ElasticEnergy:
+        """Eq. 22 on the facets."""
+        return ElasticEnergy.of(self.mesh)
+
+    @cached_property
+    def normals(self) -> Float[ndarray, "n 3"]:
+        """Those of the facets at the contacts; the surface's where there are no facets, or these bridge an edge."""
+        normals = np.where(self.found[:, None], self.vertex_normals[self.vertex_of], self.path.normals)
+        near = angles_between(normals, self.path.normals) <= BRIDGED
+        return np.where(near[:, None], normals, self.path.normals)
+
+    @cached_property
+    def areas(self) -> Float[ndarray, " n"]:
+        """The area (mm^2) of the Voronoi cell of each contact, shared among contacts at one place; that of the median
+        contact where there are no facets."""
+        each = voronoi_areas(self.mesh)
+        sharing = np.bincount(self.vertex_of[self.found], minlength=len(each))
+        areas = (each / np.maximum(sharing, 1))[self.vertex_of]
+        return np.where(self.found, areas, np.median(areas[self.found]))
+
+
+def contact_facets(path: ContactPath, surface: TSpline) -> ContactFacets | None:
+    """The facets between the contacts of a path on a surface; None where there are none, since all contacts lie on a
+    line or there are fewer than three."""
+    places = np.round(path.contacts / SAME)
+    _, first, vertex_of = np.unique(places, axis=0, return_index=True, return_inverse=True)
+    points = plane_points(surface, path.parameters[first])
+    try:
+        faces = delaunay(points)
+    except ValueError:
+        return None
+    vertices = path.contacts[first]
+    faces = faces[_compact(vertices, points, faces)]
+    if not len(faces):
+        return None
+    used, index = np.unique(faces, return_inverse=True)
+    number = np.full(len(vertices), -1)
+    number[used] = np.arange(len(used))
+    mesh = TriangleMesh(vertices[used], index.reshape(-1, 3).astype(np.int32))
+    outward = dots(mesh.face_vectors, path.normals[first][faces].mean(axis=1)).sum()
+    if outward < 0:
+        mesh = TriangleMesh(mesh.vertices, mesh.faces[:, ::-1])
+    return ContactFacets(path, mesh, number[vertex_of.ravel()], first[used])
+
+
+def _compact(
+    vertices: Float[ndarray, "v 3"], points: Float[ndarray, "v 2"], faces: Int[ndarray, "m 3"]
+) -> Bool[ndarray, " m"]:
+    """Which faces have no edge that is much longer than most, and are no line in the plane."""
+    edges = np.linalg.norm(np.roll(vertices[faces], -1, axis=1) - vertices[faces], axis=2)
+    first, second, third = np.swapaxes(points[faces], 0, 1)
+    ways = np.stack([second - first, third - first, third - second])
+    doubled = ways[0, :, 0] * ways[1, :, 1] - ways[0, :, 1] * ways[1, :, 0]
+    longest = (ways**2).sum(axis=2).max(axis=0)
+    near = edges.max(axis=1) <= LONG * np.percentile(edges, MOST)
+    return np.asarray(near & (doubled > THIN * longest))
