@@ -24,7 +24,7 @@ ROOMS = {
     ],
     "mechanics": "sections beam cutter edges error_kept strip workpiece loads feed_schedule remedies result".split(),
     "planning": [
-        *"passes layers collision facets axes links oriented_path holding level_cutters strategies".split(),
+        *"passes layers collision axes links oriented_path holding level_cutters strategies".split(),
         *"within_depth levels estimate".split(),
     ],
     "machining": "force_feed machine_levels".split(),

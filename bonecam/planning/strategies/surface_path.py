@@ -13,6 +13,7 @@ from bonecam.machine.limits import MachineLimits
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.planning.axes.cones.admissible_cones import AxisCones, admissible_cones
+from bonecam.planning.axes.facets.contact_facets import contact_facets
 from bonecam.planning.axes.field.axis_field import AxisField, FieldDomain
 from bonecam.planning.axes.field.smooth_axes import HASTES, smooth_axes, soonest
 from bonecam.planning.axes.lead import check_lead
@@ -20,7 +21,6 @@ from bonecam.planning.axes.published.published_axes import published_axes
 from bonecam.planning.axes.tool_axes import WantedAxes
 from bonecam.planning.collision.checker import CollisionChecker
 from bonecam.planning.collision.scene import Scene
-from bonecam.planning.facets.contact_facets import contact_facets
 from bonecam.planning.holding.post_length import GOUGE, SampledContacts, least_lifts, shortest_post
 from bonecam.planning.layers.height_mesh import HeightMesh
 from bonecam.planning.oriented_path import orient

@@ -20,8 +20,8 @@ from numpy import ndarray
 from scipy.linalg import cholesky, solve_triangular
 from scipy.sparse import csr_array
 
+from bonecam.planning.axes.facets.contact_facets import ContactFacets
 from bonecam.planning.axes.field.axis_field import FieldDomain, basis
-from bonecam.planning.facets.contact_facets import ContactFacets
 
 LEAST = 1e-9
 """Of K's mean diagonal, added to it: control values far from all contacts have none."""

@@ -13,10 +13,10 @@ from scipy.linalg import solve, solveh_banded
 from bonecam.job import PathJob
 from bonecam.machine.limits import MachineLimits, polar_angles
 from bonecam.planning.axes.cones.admissible_cones import AxisCones
+from bonecam.planning.axes.facets.contact_facets import ContactFacets
 from bonecam.planning.axes.field.axis_energy import AxisBounds, AxisEnergy
 from bonecam.planning.axes.field.axis_field import FieldDomain, second_differences
 from bonecam.planning.axes.field.facet_energy import FacetEnergy
-from bonecam.planning.facets.contact_facets import ContactFacets
 from bonecam.tool.elliptic_cones import EllipticCones
 from bonecam.tool.path import ContactPath
 

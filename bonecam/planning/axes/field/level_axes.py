@@ -6,10 +6,10 @@ from bonecam.job import PathJob
 from bonecam.levels.measure.level import MachinedLevel
 from bonecam.machine.limits import MachineLimits
 from bonecam.planning.axes.cones.admissible_cones import admissible_cones
+from bonecam.planning.axes.facets.contact_facets import contact_facets
 from bonecam.planning.axes.field.axis_field import FieldDomain
 from bonecam.planning.axes.field.smooth_axes import SmoothAxes, machine_minutes, smooth_axes, soonest
 from bonecam.planning.collision.scene import Scene
-from bonecam.planning.facets.contact_facets import contact_facets
 from bonecam.tool.path import ContactPath
 
 SLOW = 1.15

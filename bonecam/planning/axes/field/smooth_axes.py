@@ -17,12 +17,12 @@ from bonecam.job import PathJob
 from bonecam.machine.limits import MachineLimits, polar_angles
 from bonecam.planning.axes.cones.admissible_cones import AxisCones
 from bonecam.planning.axes.cones.verify_cones import verified_cones
+from bonecam.planning.axes.facets.contact_facets import ContactFacets
 from bonecam.planning.axes.field.axis_energy import PRESETS, AxisEnergy
 from bonecam.planning.axes.field.axis_field import AxisField, FieldDomain
 from bonecam.planning.axes.field.fit_axes import axis_energy, first_values, minimise, sample_rows
 from bonecam.planning.axes.tool_axes import WantedAxes
 from bonecam.planning.collision.scene import Scene
-from bonecam.planning.facets.contact_facets import ContactFacets
 from bonecam.runtime.threads import on_one_blas_thread
 from bonecam.tool.path import ContactPath
 

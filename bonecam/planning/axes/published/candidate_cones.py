@@ -18,7 +18,7 @@ from numpy import ndarray
 
 from bonecam.arrays import dots, lengths, unit
 from bonecam.mesh.facets.curvature import Curvature
-from bonecam.planning.facets.contact_facets import ContactFacets
+from bonecam.planning.axes.facets.contact_facets import ContactFacets
 from bonecam.tool.path import ContactPath
 
 LENGTH = 3.0

@@ -5,9 +5,10 @@ The paper leaves open how candidates are compared. Here steps that fair all axes
 
     (A + tau H) x = A a
 
-with the Voronoi areas A, the matrix H of the energy, and tau the mean area of a cell, take turns with the choice of the
-allowed candidate nearest to x, as long as the energy falls. The chosen ones are put before the planner's own proof of
-collision, in place of the intersection of NURBS surfaces (Eq. 23); where one collides the choice goes on without it.
+with the Voronoi areas A, the matrix H of the energy, and tau the mean area of a cell, or to what has the least energy
+at each contact between its neighbours, take turns with the choice of the allowed candidate nearest to x, as long as the
+energy falls. The chosen ones are put before the planner's own proof of collision, in place of the intersection of NURBS
+surfaces (Eq. 23); where one collides the choice goes on without it.
 """
 
 from collections.abc import Callable
@@ -24,10 +25,10 @@ from bonecam.machine.limits import MachineLimits, polar_angles
 from bonecam.mesh.facets.side import heights_above
 from bonecam.mesh.facets.voronoi_areas import voronoi_areas
 from bonecam.planning.axes.admissible import Free, within_limits
+from bonecam.planning.axes.facets.contact_facets import ContactFacets, contact_facets
 from bonecam.planning.axes.published.candidate_cones import LENGTH, candidate_axes
 from bonecam.planning.axes.singularity import SINGULAR_CONE
 from bonecam.planning.collision.checker import CollisionChecker
-from bonecam.planning.facets.contact_facets import ContactFacets, contact_facets
 from bonecam.surface.tspline import TSpline
 from bonecam.tool.path import ContactPath
 
@@ -88,6 +89,8 @@ def choose(
     every = np.arange(len(candidates))
     chosen = allowed.argmax(axis=1)
     while True:
+        first = allowed.argmax(axis=1)
+        chosen = np.where(allowed[every, chosen], chosen, first)
         chosen = _faired(candidates, allowed, chosen, energy, areas, step.solve)
         asked = np.flatnonzero(allowed[every, chosen] & ~proven[every, chosen])
         if not len(asked):
@@ -106,18 +109,24 @@ def _faired(
     areas: Float[ndarray, " v"],
     solve: Callable[[ndarray], ndarray],
 ) -> Int[ndarray, " v"]:
-    """The choice after steps of fairing, from one of which some are no longer allowed."""
+    """The choice after steps of fairing, from one."""
     every = np.arange(len(candidates))
-    least = np.inf
-    best = chosen
+
+    def energy_of(choice: Int[ndarray, " v"]) -> float:
+        axes = candidates[every, choice]
+        return float((axes * (energy @ axes)).sum())
+
+    least = energy_of(chosen)
     for _ in range(SWEEPS):
         axes = candidates[every, chosen]
-        wanted = unit(solve(areas[:, None] * axes))
-        nearness = np.einsum("vcd,vd->vc", candidates, wanted)
-        chosen = np.where(allowed, nearness, -2.0).argmax(axis=1)
-        axes = candidates[every, chosen]
-        found = float((axes * (energy @ axes)).sum())
+        wanted = solve(areas[:, None] * axes), energy.diagonal()[:, None] * axes - energy @ axes
+        tried = [
+            np.where(allowed, np.einsum("vcd,vd->vc", candidates, unit(each)), -2.0).argmax(axis=1)
+            for each in wanted
+        ]
+        best = min(tried, key=energy_of)
+        found = energy_of(best)
         if found >= least:
             break
-        best, least = chosen, found
-    return best
+        chosen, least = best, found
+    return chosen

@@ -22,7 +22,7 @@ from bonecam.mesh.facets.mls_curvature import mls_curvature
 from bonecam.mesh.facets.vertex_normals import vertex_normals
 from bonecam.mesh.facets.voronoi_areas import voronoi_areas
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.planning.facets.parameter_plane import plane_points
+from bonecam.planning.axes.facets.parameter_plane import plane_points
 from bonecam.surface.tspline import TSpline
 from bonecam.tool.path import ContactPath
 
