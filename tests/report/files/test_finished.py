@@ -1,5 +1,6 @@
 """One surface machined alone is kept, and seen in a browser, as the run of a part is."""
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -56,6 +57,12 @@ def test_axes_are_compared_with_normals_and_lead_at_the_same_contacts(
     assert by_name["this path"]["seconds"] <= by_name["lead 10 deg, turned free"]["seconds"]
     assert (folder / "keep" / "axes.md").read_text(encoding="utf-8") == compared.table
     assert (folder / "keep" / "axes.png").read_bytes().startswith(b"\x89PNG")
+    kept = json.loads((folder / "keep" / "report.json").read_text(encoding="utf-8"))["axes"]
+    assert kept == compared.report
+    for row in kept:
+        at_feeds = [row[f"seconds_at_{feed}"] for feed in (900, 1200, 3000)]
+        assert at_feeds == sorted(at_feeds, reverse=True)
+        assert at_feeds[0] >= 60 * compared.steps.sum() / 900 - 1e-3
     normals = compared.choices[0].axes
     found = made.workpiece.surface.project(compared.contacts)
     true = made.workpiece.surface.normals(found.parameters[:, 0], found.parameters[:, 1])
