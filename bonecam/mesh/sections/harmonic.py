@@ -11,7 +11,7 @@ import scipy.sparse.linalg as spl
 from jaxtyping import Float, Int
 from numpy import ndarray
 
-from bonecam.mesh.facets.elastic_energy import cotangent_weights
+from bonecam.mesh.facets.energy.elastic_energy import cotangent_weights
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
 END_LENGTH = 1.0

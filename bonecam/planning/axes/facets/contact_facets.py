@@ -17,10 +17,10 @@ from numpy import ndarray
 from bonecam.arrays import angles_between, dots, frozen
 from bonecam.mesh.facets.curvature import Curvature
 from bonecam.mesh.facets.delaunay import delaunay
-from bonecam.mesh.facets.elastic_energy import ElasticEnergy
+from bonecam.mesh.facets.energy.elastic_energy import ElasticEnergy
+from bonecam.mesh.facets.energy.voronoi_areas import voronoi_areas
 from bonecam.mesh.facets.mls_curvature import mls_curvature
 from bonecam.mesh.facets.vertex_normals import vertex_normals
-from bonecam.mesh.facets.voronoi_areas import voronoi_areas
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.planning.axes.facets.parameter_plane import plane_points
 from bonecam.surface.tspline import TSpline

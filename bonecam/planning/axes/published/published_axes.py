@@ -22,8 +22,8 @@ from scipy.sparse.linalg import splu
 from bonecam.arrays import dots, unit
 from bonecam.job import PathJob
 from bonecam.machine.limits import MachineLimits, polar_angles
+from bonecam.mesh.facets.energy.voronoi_areas import voronoi_areas
 from bonecam.mesh.facets.side import heights_above
-from bonecam.mesh.facets.voronoi_areas import voronoi_areas
 from bonecam.planning.axes.admissible import Free, within_limits
 from bonecam.planning.axes.facets.contact_facets import ContactFacets, contact_facets
 from bonecam.planning.axes.published.candidate_cones import LENGTH, candidate_axes

@@ -8,8 +8,8 @@ import pytest
 from bonecam.job import NcJob, PathJob
 from bonecam.machine.limits import MachineLimits
 from bonecam.mesh.facets.delaunay import delaunay
-from bonecam.mesh.facets.elastic_energy import ElasticEnergy
-from bonecam.mesh.facets.voronoi_areas import voronoi_areas
+from bonecam.mesh.facets.energy.elastic_energy import ElasticEnergy
+from bonecam.mesh.facets.energy.voronoi_areas import voronoi_areas
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.planning.axes.published.published_axes import choose, published_axes
 from bonecam.planning.collision.checker import CollisionChecker

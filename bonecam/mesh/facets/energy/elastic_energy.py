@@ -17,7 +17,7 @@ from jaxtyping import Float
 from numpy import ndarray
 from scipy.sparse import coo_array, csr_array, diags_array
 
-from bonecam.mesh.facets.voronoi_areas import voronoi_areas
+from bonecam.mesh.facets.energy.voronoi_areas import voronoi_areas
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
 
