@@ -82,6 +82,7 @@ def fill_kept_folder(work: Path, made: Morphed, post: tuple[float, float]) -> No
         write_simulated(work, made.removal)
         if made.removal and made.removal.left:
             _draw_engagement(made, work / "engagement.png")
+    write_whole(work / "report.json", report_text({**made.report, **axes}))
 
 
 def write_simulated(work: Path, removal: Removal | None) -> None:
@@ -94,8 +95,6 @@ def write_simulated(work: Path, removal: Removal | None) -> None:
         error = removal.mechanics.error
         write_mesh(error.mesh, work / "error.ply", quality=error.sizes, largest=error.p99)
         draw_error(error, work / "error.png")
-
-    write_whole(work / "report.json", report_text({**made.report, **axes}))
 
 
 def _write_second(work: Path, second: SecondProgram) -> None:

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
-from bonecam.arrays import angles_between, dots, frozen
+from bonecam.arrays import dots, frozen
 from bonecam.mesh.facets.curvature import Curvature
 from bonecam.mesh.facets.delaunay import delaunay
 from bonecam.mesh.facets.energy.elastic_energy import ElasticEnergy
@@ -34,9 +34,6 @@ MOST = 95
 """Percentile of the lengths of edges."""
 THIN = 1e-6
 """A facet lower than this share of its longest edge in the plane is none: its contacts lie on a line."""
-BRIDGED = np.radians(5.0)
-"""Where the normal of the facets is farther off that of the surface they bridge an edge that is sharper than contacts
-are apart: 3 % of the contacts of the shipped impeller's blade."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,13 +69,6 @@ class ContactFacets:
     def energy(self) -> ElasticEnergy:
         """Eq. 22 on the facets."""
         return ElasticEnergy.of(self.mesh)
-
-    @cached_property
-    def normals(self) -> Float[ndarray, "n 3"]:
-        """Those of the facets at the contacts; the surface's where there are no facets, or these bridge an edge."""
-        normals = np.where(self.found[:, None], self.vertex_normals[self.vertex_of], self.path.normals)
-        near = angles_between(normals, self.path.normals) <= BRIDGED
-        return np.where(near[:, None], normals, self.path.normals)
 
     @cached_property
     def areas(self) -> Float[ndarray, " n"]:

@@ -104,8 +104,7 @@ def smooth_axes(
     energy = axis_energy(cones, rows, domain, limits, job, PRESETS[preset], facets)
     energy = replace(energy, times=energy.times / haste)
     if start is None:
-        normals = cones.path.normals if facets is None else facets.normals
-        values, least = minimise(energy, first_values(energy, normals[rows]), FIRST_STEPS)
+        values, least = minimise(energy, first_values(energy, cones.path.normals[rows]), FIRST_STEPS)
     else:
         energy = replace(energy, winding=start.winding)
         values, least = np.array([start.azimuth, start.polar]), np.inf

@@ -53,7 +53,7 @@ def test_normals_curvature_and_areas_are_those_of_the_surface(
     facets: ContactFacets, lattice: ContactPath, capsule: TSpline
 ) -> None:
     side = np.abs(lattice.contacts[:, 2] - 6) < 4
-    off = np.degrees(angles_between(facets.normals, lattice.normals))
+    off = np.degrees(angles_between(facets.vertex_normals[facets.vertex_of], lattice.normals))
     assert np.median(off[side]) < 0.5
     assert off[side].max() < 3
     true = capsule.curvature(*lattice.parameters[side].T)
@@ -91,14 +91,11 @@ def test_contacts_on_a_line_have_no_facets(
     assert contact_facets(at_parameters(capsule, line[:2]), capsule) is None
 
 
-def test_a_lone_contact_has_the_surface_s_normal_and_a_usual_area(
-    capsule: TSpline, lattice: ContactPath
-) -> None:
+def test_a_lone_contact_has_a_usual_area(capsule: TSpline, lattice: ContactPath) -> None:
     near = np.flatnonzero((lattice.contacts[:, 2] > 8) & (lattice.contacts[:, 2] < 11))
     lone = int(np.argmin(np.linalg.norm(lattice.contacts - [4.0, 0.0, 3.0], axis=1)))
     path = lattice.take(np.r_[near, lone])
     found = contact_facets(path, capsule)
     assert found is not None
     assert found.found.sum() == len(near)
-    assert np.array_equal(found.normals[-1], path.normals[-1])
     assert found.areas[-1] == np.median(found.areas[:-1])
