@@ -49,7 +49,7 @@ from bonecam.surface.files.surface_input import check_surface_size, refuse_chang
 from bonecam.surface.files.wheel_input import BladeFile, read_blade, read_hub, read_solid
 from bonecam.surface.tspline import TSpline
 from bonecam.tool.path import ToolPath
-from bonecam.verify.removal.of_wheel import prove_removal_of_wheel
+from bonecam.verify.removal.proofs.of_wheel import prove_removal_of_wheel
 from bonecam.verify.repeated import RepeatedDistance
 from bonecam.workholding.post import Post
 

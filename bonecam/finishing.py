@@ -49,7 +49,7 @@ from bonecam.surface.files.surface_input import (
 from bonecam.surface.files.wheel_input import read_solid
 from bonecam.surface.tspline import TSpline
 from bonecam.tool.path import ToolPath
-from bonecam.verify.removal.of_surface import CHORD, prove_surface_removal
+from bonecam.verify.removal.proofs.of_surface import CHORD, prove_surface_removal
 
 OWN_CHORD = 0.002
 """Largest chord tolerance (mm) of the solid that the surface bounds: MESH_SHARE of the gouge allowed by default."""

@@ -12,6 +12,7 @@ from bonecam.levels.job_levels import check_method
 from bonecam.machine.machine import Machine, read_machine
 from bonecam.machining.force_feed import BeforeForce, check_force_asked, with_constant_feed
 from bonecam.machining.machine_levels import machine_levels, post_by_force
+from bonecam.machining.standing import morph_standing, stand_part
 from bonecam.mechanics.workpiece import mechanics_of_job
 from bonecam.mesh.triangle_mesh import MeshLike, TriangleMesh, mesh_from
 from bonecam.nc.dialect import Dialect
@@ -27,7 +28,6 @@ from bonecam.report.mechanics_lines import NOT_ASKED
 from bonecam.runtime.timing import StageTimes
 from bonecam.second_clamping import add_second, check_simulated
 from bonecam.setup.stock_kind import check_sizes
-from bonecam.standing import morph_standing, stand_part
 from bonecam.tool.ball_depth import check_depths
 from bonecam.verify.control.trial_program import check_posting
 from bonecam.verify.removal.given import given_surface

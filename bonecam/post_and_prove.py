@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from bonecam.job import Job
 from bonecam.machine.machine import Machine
 from bonecam.nc.dialect import Dialect
-from bonecam.nc.posting.feeds import drivable_paths
+from bonecam.nc.posting.feeds.drivable_feeds import drivable_paths
 from bonecam.nc.posting.header.header import record_checks
 from bonecam.nc.posting.write import write_program
 from bonecam.nc.program import Program

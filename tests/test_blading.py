@@ -19,7 +19,7 @@ from bonecam.surface import skin
 from bonecam.surface.files.tspline_text import write_tsm
 from bonecam.tool.path import MoveKind, ToolPath
 from bonecam.verify.proof import verify
-from bonecam.verify.removal.of_wheel import prove_removal_of_wheel
+from bonecam.verify.removal.proofs.of_wheel import prove_removal_of_wheel
 from bonecam.verify.repeated import RepeatedDistance
 
 COUNT = 2

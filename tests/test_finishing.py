@@ -21,7 +21,7 @@ from bonecam.surface import skin
 from bonecam.surface.files.tspline_text import write_tsm
 from bonecam.surface.tspline import TSpline
 from bonecam.tool.path import MoveKind
-from bonecam.verify.removal.of_surface import prove_surface_removal
+from bonecam.verify.removal.proofs.of_surface import prove_surface_removal
 
 JOB = bonecam.Job().with_values(
     holding={"length": 60.0, "diameter": 10.0},

@@ -8,7 +8,7 @@ import pytest
 ORDER = [
     *"errors progress arrays runtime files text machine job kernels tool mesh surface".split(),
     *"workholding setup levels material mechanics planning nc verify report".split(),
-    *"post_and_prove machining second_clamping standing pipeline simulation reposting finishing blading".split(),
+    *"post_and_prove machining second_clamping pipeline simulation reposting finishing blading".split(),
     *"study filters batch cli".split(),
     "__main__",
 ]
@@ -27,7 +27,7 @@ ROOMS = {
         *"passes layers collision axes links oriented_path holding level_cutters strategies".split(),
         *"within_depth levels estimate".split(),
     ],
-    "machining": "force_feed machine_levels".split(),
+    "machining": "standing force_feed machine_levels".split(),
     "batch": "parts one_part run cluster".split(),
     "verify": "gouge repeated readback removal control probing proof".split(),
     "study": "strategies rows claims compared table pictures files comparison probed_folder".split(),

@@ -91,8 +91,7 @@ class Job:
             number = getattr(self, name).number or place
             other = users.setdefault(number, name)
             if other != name:
-                remedy = f"give [{other}] or [{name}] another number"
-                what = f"[{name}] number = {number}: [{other}] has this tool number too: {remedy}"
+                what = f"[{name}] number = {number}: [{other}] has this tool number too: give one of them another"
                 raise job_error([(name, "number", what)])
 
     def with_values(self, **changes: dict[str, Any]) -> "Job":

@@ -19,8 +19,8 @@ from bonecam.machine.machine import Machine
 from bonecam.mechanics.feed_schedule import LEAST, FeedSchedule, feed_schedule, peaks
 from bonecam.mechanics.loads import PathLoads
 from bonecam.nc.dialect import Dialect
-from bonecam.nc.posting.feeds import fastest_cut
-from bonecam.nc.posting.motion_time import accelerated_minutes, knows_accelerations
+from bonecam.nc.posting.feeds.drivable_feeds import fastest_cut
+from bonecam.nc.posting.feeds.motion_time import accelerated_minutes, knows_accelerations
 from bonecam.nc.posting.path_words import Posted, post_path
 from bonecam.nc.reading.read import read_program
 from bonecam.report.page.move_sources import rows_of_moves

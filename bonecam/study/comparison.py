@@ -17,6 +17,7 @@ from bonecam.levels.job_levels import check_method, make_levels
 from bonecam.machine.machine import Machine, read_machine
 from bonecam.machining.force_feed import check_one_feed
 from bonecam.machining.machine_levels import machine_levels
+from bonecam.machining.standing import morph_standing, stand_part
 from bonecam.mechanics.workpiece import mechanics_of_job
 from bonecam.mesh.triangle_mesh import MeshLike, mesh_from
 from bonecam.nc.dialect import Dialect
@@ -26,7 +27,6 @@ from bonecam.pipeline import check_job
 from bonecam.progress import Progress, part, report, silent
 from bonecam.report.files.result import Morphed, Result
 from bonecam.runtime.timing import StageTimes
-from bonecam.standing import morph_standing, stand_part
 from bonecam.study.claims import claims_of
 from bonecam.study.compared import Comparison, Measured
 from bonecam.study.files import write_comparison

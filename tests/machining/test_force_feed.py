@@ -12,7 +12,7 @@ from bonecam.machine.machine import read_machine
 from bonecam.machining.force_feed import BeforeForce, check_force_asked, check_one_feed, paths_by_force
 from bonecam.mechanics.workpiece import Workpiece, mechanics_of_job
 from bonecam.nc.dialect import read_dialect
-from bonecam.nc.posting.feeds import drivable_paths, fastest_cut
+from bonecam.nc.posting.feeds.drivable_feeds import drivable_paths, fastest_cut
 from bonecam.nc.posting.write import write_program
 from bonecam.nc.reading.read import read_program
 from bonecam.setup.capsule import Capsule

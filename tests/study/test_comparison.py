@@ -12,9 +12,9 @@ from bonecam.errors import FileError, JobError, LevelError
 from bonecam.job import Job
 from bonecam.levels.job_levels import make_levels
 from bonecam.machine.machine import read_machine
+from bonecam.machining.standing import stand_part
 from bonecam.progress import silent
 from bonecam.report.files.output_files import Outputs
-from bonecam.standing import stand_part
 from bonecam.study import comparison
 from bonecam.study.compared import Comparison
 from bonecam.study.strategies import STRATEGIES

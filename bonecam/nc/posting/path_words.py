@@ -14,7 +14,7 @@ from bonecam.machine.control import Control
 from bonecam.machine.kinematics import inverse_linear
 from bonecam.machine.machine import Machine
 from bonecam.nc.dialect import Dialect
-from bonecam.nc.posting.split import ProgramMoves, split_moves
+from bonecam.nc.posting.rows.split import ProgramMoves, split_moves
 from bonecam.planning.passes.gouge_lifts import POSTING_SHARE, planned_tolerance
 from bonecam.tool.cutter import Cutter
 from bonecam.tool.path import MoveKind, ToolPath

@@ -16,9 +16,9 @@ from bonecam.machine.kinematics import forward
 from bonecam.machine.machine import Machine
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.posting.axis_words import word_texts
-from bonecam.nc.posting.feed_scale import on_scale, stepped_feeds
+from bonecam.nc.posting.feeds.feed_scale import on_scale, stepped_feeds
 from bonecam.nc.posting.path_words import drivable_rates, round_words
-from bonecam.nc.posting.split import MAX_TURN
+from bonecam.nc.posting.rows.split import MAX_TURN
 
 
 def start_texts(

@@ -18,14 +18,14 @@ from bonecam.machine.machine import Machine
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.posting.axis_words import word_texts
 from bonecam.nc.posting.block_numbers import number_blocks
-from bonecam.nc.posting.feeds import feed_figures
+from bonecam.nc.posting.feeds.drivable_feeds import feed_figures
 from bonecam.nc.posting.header.air_check import air_check_texts
 from bonecam.nc.posting.header.header import comment, header_lines, rotary_text
 from bonecam.nc.posting.header.program_zero import over_zero, zero_words
 from bonecam.nc.posting.header.texts import setup_texts
 from bonecam.nc.posting.marks import REWIND
 from bonecam.nc.posting.path_words import Posted, post_path
-from bonecam.nc.posting.row_blocks import row_blocks
+from bonecam.nc.posting.rows.row_blocks import row_blocks
 from bonecam.nc.posting.start import start_texts
 from bonecam.nc.posting.tolerances import contour_tolerance, rotary_tolerance_deg
 from bonecam.nc.posting.travel import Travel, above, lifted, travel_of

@@ -220,23 +220,10 @@ class ModalState:
 
     def _take(self, found: Blocks, line: int) -> None:
         count = len(found.rapid)
-        inverse_time = np.full(count, self.inverse_time)
-        lines = line + found.offsets
-        tools = np.full(count, self.tool)
-        known = np.ones(count)
-        states = (self.spindle.speed, self.spindle.coolant, self.tolerance)
-        modes = [np.full(count, float(state)) for state in states]
-        columns = [
-            found.words,
-            found.rapid,
-            found.feeds,
-            inverse_time,
-            lines,
-            tools,
-            known,
-            found.links,
-            *modes,
-        ]
+        modes = self.tool, True, self.spindle.speed, self.spindle.coolant, self.tolerance
+        tool, known, *held = (np.full(count, float(mode)) for mode in modes)
+        moves = found.words, found.rapid, found.feeds, np.full(count, self.inverse_time)
+        columns = [*moves, line + found.offsets, tool, known, found.links, *held]
         self.tables += [self._table(), np.column_stack(columns)]
         self.rows = []
         self.linking = bool(found.links[-1])

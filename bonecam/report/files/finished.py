@@ -32,7 +32,7 @@ from bonecam.report.tables.toolpath_csv import toolpath_csv
 from bonecam.runtime.staging import staged
 from bonecam.surface.files.iga import write_iga
 from bonecam.tool.path import ToolPath
-from bonecam.verify.removal.of_surface import CHORD
+from bonecam.verify.removal.proofs.of_surface import CHORD
 from bonecam.verify.removal.result import Removal
 from bonecam.workholding.clamping import clamping_of
 

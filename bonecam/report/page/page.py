@@ -1,6 +1,7 @@
 """One HTML file with everything in it: three.js, our scripts, and the packed contents.
 
-three.js (MIT) is what `three/entry.js` names of it, in one script of 0.56 MB: k3d's bundle has 2.6 MB, plotly's 4.8 MB.
+three.js (MIT) is what `assets/three/entry.js` names of it, in one script of 0.56 MB: k3d's bundle has 2.6 MB, plotly's
+4.8 MB.
 """
 
 import base64
@@ -9,7 +10,7 @@ from pathlib import Path
 from string import Template
 
 ASSETS = Path(__file__).parent / "assets"
-THREE = Path(__file__).parent / "three" / "three.min.js"
+THREE = ASSETS / "three" / "three.min.js"
 SCRIPTS = ("unpack", "colours", "orbit", "bodies", "controls", "shapes", "cones", "path", "program", "main")
 """The scripts in the order in which the page runs them."""
 

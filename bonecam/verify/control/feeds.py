@@ -13,7 +13,7 @@ from numpy import ndarray
 from bonecam.job import Job
 from bonecam.machine.machine import Machine
 from bonecam.nc.dialect import Dialect
-from bonecam.nc.posting.feeds import fastest_cut
+from bonecam.nc.posting.feeds.drivable_feeds import fastest_cut
 from bonecam.nc.reading.motions import Motions
 from bonecam.tool.cutter import Cutter
 from bonecam.verify.control.first_wrong import refuse_first

@@ -13,8 +13,8 @@ from bonecam.machine.control import Control
 from bonecam.machine.kinematics import inverse_linear
 from bonecam.machine.machine import Machine, read_machine
 from bonecam.nc.dialect import Dialect, read_dialect
-from bonecam.nc.posting.feed_scale import FLOOR, LARGEST_STEP, feed_scale, on_scale
-from bonecam.nc.posting.feeds import FEED_PER_MM, LARGEST_RATIO, drivable_paths
+from bonecam.nc.posting.feeds.drivable_feeds import FEED_PER_MM, LARGEST_RATIO, drivable_paths
+from bonecam.nc.posting.feeds.feed_scale import FLOOR, LARGEST_STEP, feed_scale, on_scale
 from bonecam.nc.posting.write import write_program
 from bonecam.nc.reading.motions import Motions
 from bonecam.nc.reading.read import read_program

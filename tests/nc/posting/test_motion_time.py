@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bonecam.nc.posting.motion_time import _minutes
+from bonecam.nc.posting.feeds.motion_time import _minutes
 
 MOST = np.array([600.0, 600.0, 600.0, np.inf, np.inf])
 """mm/min^2: slow enough for round numbers."""

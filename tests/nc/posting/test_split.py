@@ -5,7 +5,7 @@ import pytest
 
 from bonecam.machine.control import Control
 from bonecam.machine.machine import read_machine
-from bonecam.nc.posting.split import POLE_PASS, between, split_moves
+from bonecam.nc.posting.rows.split import POLE_PASS, between, split_moves
 from bonecam.tool.path import ToolPath
 
 TOLERANCE, HOLD = 0.002, np.radians(0.0005)

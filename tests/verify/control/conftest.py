@@ -11,7 +11,7 @@ from bonecam.job import Job
 from bonecam.machine.machine import Machine, read_machine
 from bonecam.nc.dialect import Dialect, dialect_names, read_dialect
 from bonecam.nc.posting.block_numbers import number_blocks
-from bonecam.nc.posting.feeds import drivable_paths
+from bonecam.nc.posting.feeds.drivable_feeds import drivable_paths
 from bonecam.nc.posting.write import write_program
 from bonecam.nc.reading.motions import Motions
 from bonecam.nc.reading.read import read_program

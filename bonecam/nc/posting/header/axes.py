@@ -6,7 +6,7 @@ import numpy as np
 
 from bonecam.machine.machine import Machine
 from bonecam.nc.dialect import Dialect
-from bonecam.nc.posting.motion_time import accelerated_minutes, knows_accelerations
+from bonecam.nc.posting.feeds.motion_time import accelerated_minutes, knows_accelerations
 from bonecam.nc.posting.path_words import Posted
 from bonecam.nc.posting.travel import Travel
 

@@ -11,7 +11,7 @@ from bonecam.job.materials.preset import read_material
 from bonecam.machine.machine import Machine
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.dialect import Dialect
-from bonecam.nc.posting.feeds import feed_figures
+from bonecam.nc.posting.feeds.drivable_feeds import feed_figures
 from bonecam.nc.posting.header.program_zero import ZeroWords, zero_texts
 from bonecam.nc.posting.path_words import Posted
 from bonecam.planning.passes.parting import cut_groove

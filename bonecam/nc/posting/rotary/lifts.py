@@ -15,7 +15,7 @@ from bonecam.machine.kinematics import inverse_rotary
 from bonecam.machine.machine import Machine
 from bonecam.nc.posting.rotary.choice import choose_angles, clear_rapids
 from bonecam.nc.posting.rotary.steps import FULL_TURN
-from bonecam.nc.posting.split import POLE_PASS, between
+from bonecam.nc.posting.rows.split import POLE_PASS, between
 from bonecam.tool.path import MoveKind
 
 FINE = np.radians(10.0)

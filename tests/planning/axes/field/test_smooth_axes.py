@@ -11,6 +11,7 @@ from bonecam.job import NcJob, PathJob
 from bonecam.levels.measure.level import Level
 from bonecam.machine.limits import MachineLimits, polar_angles
 from bonecam.planning.axes.cones.admissible_cones import admissible_cones
+from bonecam.planning.axes.facets.contact_facets import contact_facets
 from bonecam.planning.axes.field.axis_field import ALONG, AROUND, AxisField, FieldDomain
 from bonecam.planning.axes.field.level_axes import SLOW, level_axes
 from bonecam.planning.axes.field.smooth_axes import (
@@ -42,7 +43,8 @@ def smoothed(
 ) -> SmoothAxes:
     surface, contacts, scene = made
     cones = admissible_cones(contacts, scene, LIMITS, job)
-    return smooth_axes(cones, FieldDomain.of(surface), LIMITS, job, preset, start)
+    facets = contact_facets(contacts, surface)
+    return smooth_axes(cones, FieldDomain.of(surface), LIMITS, job, preset, start, facets=facets)
 
 
 @pytest.fixture(scope="module")

@@ -34,9 +34,9 @@ from bonecam.job import Job
 from bonecam.job.materials.preset import MOST_FEED
 from bonecam.machine.machine import Machine
 from bonecam.nc.dialect import Dialect
-from bonecam.nc.posting.feed_scale import FLOOR, feed_scale, on_scale
+from bonecam.nc.posting.feeds.feed_scale import FLOOR, feed_scale, on_scale
 from bonecam.nc.posting.path_words import SLOW, Posted, post_path
-from bonecam.nc.posting.repeats import moved_rows, with_rows
+from bonecam.nc.posting.rows.repeats import moved_rows, with_rows
 from bonecam.nc.program import FeedFigures
 from bonecam.tool.cutter import Cutter
 from bonecam.tool.path import MoveKind, ToolPath
