@@ -97,11 +97,13 @@ class Mechanics:
             found.append(f"bending keeps errors of {UM * self.error.p99:.1f} um, more than {bound}")
         return tuple(found)
 
-    def check(self) -> None:
+    def check(self, *, assumed: bool = False) -> None:
         """BendingError where the part bends more than the job allows, with the remedy that helps most; none where the
-        job says not to refuse."""
+        job says not to refuse. Where what stands before is `assumed`, an error kept is told only: it is as large as
+        that; stress is refused."""
         limits = self.workpiece.limits
-        if self.faults and limits.refuse:
+        yields = self.stress[1] > self.largest_stress
+        if limits.refuse and (yields or (self.faults and not assumed)):
             place = self.error.place if self.error else (0.0, 0.0, 0.0)
             where = f" at {place_name(place)}" if self.error else ""
             found = (

@@ -179,11 +179,14 @@ def simulate_stump(
     return replace(removal, shell=shell_clearance(motions, cutters, shell))
 
 
-def check_removal_of_job(removal: Removal, job: Job, deviation: float = 0.0) -> None:
+def check_removal_of_job(
+    removal: Removal, job: Job, deviation: float = 0.0, *, assumed: bool = False
+) -> None:
     """VerifyError as in `check_removal`, with the tolerance and the bridge of a job, and where the text does not part
     though the job wants it. Slices and sections of the part promise no depth: what they leave between them is told.
     A second clamping keeps the depths of its cutters, and parts nothing. What bends more than the job allows is refused
-    too, if that was asked. Where the part is the solid under a surface, that lies up to a `deviation` (mm) over it."""
+    too, if that was asked. Where the part is the solid under a surface, that lies up to a `deviation` (mm) over it;
+    `assumed` as in `Mechanics.check`."""
     if removal.shell is not None:
         check_removal(removal, job.path.gouge_tolerance)
     else:
@@ -195,4 +198,4 @@ def check_removal_of_job(removal: Removal, job: Job, deviation: float = 0.0) -> 
         limited = job.path.strategy == "morph"
         check_removal(removal, job.path.gouge_tolerance + deviation, job.holding.bridge, limited=limited)
     if removal.mechanics is not None:
-        removal.mechanics.check()
+        removal.mechanics.check(assumed=assumed)

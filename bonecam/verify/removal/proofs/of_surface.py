@@ -52,7 +52,8 @@ def prove_surface_removal(
     mechanics: bool = True,
 ) -> SurfaceRemoval:
     """What the posted `text` removes from the stock before it, where a `surface` and the `solid` of everything that
-    must not be gouged stand on the post of the job. Errors as in `check_removal_of_job`."""
+    must not be gouged stand on the post of the job. Errors as in `check_removal_of_job`, for an
+    assumed stock."""
     carrying = carrying_solid(surface, solid)
     clamping = clamping_of(job.holding, machine.table)
     post = Post(job.holding.diameter / 2, float(solid.bounds[0, 2]))
@@ -78,7 +79,7 @@ def prove_surface_removal(
         progress=progress,
     )
     over = float(MeshDistance(solid).signed(shown.vertices).max(initial=0.0))
-    check_removal_of_job(removal, job, over)
+    check_removal_of_job(removal, job, over, assumed=True)
     return SurfaceRemoval(removal, unknown)
 
 
