@@ -169,8 +169,11 @@ def wanted_axes(
     make = partial(smooth_axes, cones, domain, limits, job, "membrane", facets=facets)
     best = soonest([make(start) for start in starts], limits)
     made = [best]
+    asked = (
+        facets if job.membrane or job.thin_plate else None
+    )  # else weights would leave more contacts outside
     for haste in HASTES:
-        made.append(make(made[-1].field, haste))
+        made.append(make(made[-1].field, haste, facets=asked))
     best = soonest(made, limits)
     return (best if job.certify == "distances" else best.verified(scene)).wanted
 

@@ -7,12 +7,12 @@ import numpy as np
 from bonecam.job import Job
 from bonecam.levels.measure.level import Level, morph_surfaces
 from bonecam.machine.machine import Machine
-from bonecam.material.cut_out import cut_out
+from bonecam.material.solid_rays import lay_solids
 from bonecam.mesh.distance import MeshDistance
+from bonecam.mesh.solids.revolution import cylinder
 from bonecam.mesh.triangle_mesh import keep_faces, side_by_side
 from bonecam.nc.dialect import Dialect
 from bonecam.progress import Progress, silent
-from bonecam.setup.stocks.cylinder import Cylinder
 from bonecam.setup.turned_blank import TurnedBlank
 from bonecam.surface.blades.impeller import pose_about_z
 from bonecam.surface.blades.meridian import meridional, places_on
@@ -22,7 +22,7 @@ from bonecam.verify.removal.normal_probes import NormalProbes, normal_probes_on
 from bonecam.verify.removal.of_job import ACCURACY, cutters_of, level_scallops
 from bonecam.verify.removal.result import Removal
 from bonecam.verify.removal.simulate import simulate_further
-from bonecam.verify.removal.sweeping import SimulatedStock, material_of
+from bonecam.verify.removal.sweeping import SimulatedStock
 from bonecam.verify.removal.verdicts import check_removal
 from bonecam.workholding.clamping import clamping_of
 from bonecam.workholding.post import Post
@@ -30,7 +30,7 @@ from bonecam.workholding.post import Post
 ABOVE = 0.1
 """The hub is bare where no blade is this far above it, mm."""
 CHORD = 0.01
-"""Chord tolerance, mm, of the blades at whose vertices normal probes stand."""
+"""Chord tolerance, mm, of the blades at whose vertices normal probes stand, and of what holds the wheel."""
 
 
 def prove_removal_of_wheel(
@@ -47,16 +47,15 @@ def prove_removal_of_wheel(
     Errors as in `simulate_removal` and `check_removal`."""
     post = Post(job.holding.diameter / 2, float(blank.profile[:, 1].min()))
     clamping = clamping_of(job.holding, machine.table)
-    held = [Cylinder(column.radius, column.bottom, column.top) for column in clamping.carried(post.column)]
-    material = material_of([*blank.slices, *held], None, ACCURACY)
-    turned = blank.recesses
-    sets = [cut_out(rays, turned, material.grid, k) for k, rays in enumerate(material.sets)]
+    columns = clamping.carried(post.column)
+    held = [cylinder(column.radius, column.bottom, column.top, CHORD) for column in columns]
+    sets, grid = lay_solids([blank.mesh, *held], ACCURACY.cell, ACCURACY.memory_mb)
     probes = wheel_probes(wheel, morph_surfaces(levels)[0])
     removal = simulate_further(
         text,
         machine,
         dialect,
-        SimulatedStock(sets, material.grid, probes),
+        SimulatedStock(sets, grid, probes),
         None,
         cutters_of(job, machine),
         clamping=clamping,
