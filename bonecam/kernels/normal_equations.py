@@ -2,10 +2,19 @@
 or H += w_i D_i^T D_i, into a lower band.
 """
 
+from typing import Any
+
 import numpy as np
 from numba import njit
 
 from bonecam.kernels.fastmath import CONTRACT
+
+
+def csr_parts(matrix: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Starts, columns and values of a CSR matrix as the loops here take them: of one kind, for which they are compiled
+    once."""
+    starts, columns = (part.astype(np.int64, copy=False) for part in (matrix.indptr, matrix.indices))
+    return starts, columns, matrix.data
 
 
 @njit(cache=True)
@@ -55,9 +64,11 @@ def width(starts: np.ndarray, columns: np.ndarray) -> int:
     """How many diagonals the lower band of the normal equations of a CSR matrix's rows has."""
     most = 0
     for i in range(len(starts) - 1):
-        row = columns[starts[i] : starts[i + 1]]
-        if len(row):
-            most = max(most, row.max() - row.min())
+        if starts[i] < starts[i + 1]:
+            low = high = columns[starts[i]]
+            for p in range(starts[i] + 1, starts[i + 1]):
+                low, high = min(low, columns[p]), max(high, columns[p])
+            most = max(most, high - low)
     return most + 1
 
 

@@ -14,7 +14,8 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.kernels.removal.air import new_ends
-from bonecam.kernels.removal.probe import Ways, cut_ways, probe
+from bonecam.kernels.removal.flutes import Ways
+from bonecam.kernels.removal.probe import cut_ways, probe
 from bonecam.kernels.removal.rays import RaySet
 from bonecam.material.rays import RayGrid, lay_grid, lay_rays, least_cell, order
 from bonecam.runtime.threads import in_pieces

@@ -66,7 +66,7 @@ class MeshDistance:
         self, points: Float[ndarray, "n 3"], limits: Float[ndarray, " n"], slack: float = 0.0
     ) -> Float[ndarray, " n"]:
         """Distance to the surface, or the limit where that is less; a lower bound of it with a `slack`."""
-        points = np.ascontiguousarray(points, dtype=np.float64)
+        points = np.require(points, np.float64, ["C", "W"])
         tree = self._tree
         return np.concatenate(
             in_pieces(

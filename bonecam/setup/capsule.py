@@ -97,7 +97,7 @@ class Capsule(Stock):
         self, points: Float[ndarray, "n 3"]
     ) -> tuple[Float[ndarray, "n"], Float[ndarray, "n 3"]]:
         """Signed distances (mm) and outward normals in one pass."""
-        points = np.ascontiguousarray(points, dtype=np.float64)
+        points = np.require(points, np.float64, ["C", "W"])
         distance = np.empty(len(points))
         normals = np.empty((len(points), 3))
         axis = self.end - self.start

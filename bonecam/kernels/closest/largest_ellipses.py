@@ -10,7 +10,7 @@ s^2 being its area over pi, q the place of w in it (0 at its centre, 1 at its ri
 lies deep in it. A pattern search finds it.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -59,7 +59,8 @@ def _holds(mesh: LeafMesh, leaf: int, w: ndarray) -> bool:
 def _place_in(mesh: LeafMesh, centres: ndarray, proven: ndarray, w: ndarray) -> int:
     """Whether (-2) w lies in a proven leaf, else the proven leaf whose centre is nearest; -1 where there is none."""
     near, nearest = -1.0, -1
-    close, closest = -1.0, -1
+    close = -1.0
+    closest: Any = np.int64(-1)  # a literal compiles `_holds` twice
     for leaf in range(len(centres)):
         dot = centres[leaf, 0] * w[0] + centres[leaf, 1] * w[1] + centres[leaf, 2] * w[2]
         if proven[leaf] and dot > near:
@@ -167,7 +168,7 @@ def largest_ellipses(
         t1 = np.cross(w, side)
         t1 /= np.sqrt((t1**2).sum())
         t2 = np.cross(w, t1)
-        count = 0
+        count = np.int64(0)  # a literal compiles what takes it twice
         for e in range(len(mesh.edges)):
             if proven[k, mesh.beside[e, 0]] == proven[k, mesh.beside[e, 1]]:
                 continue

@@ -143,9 +143,7 @@ def _cut_tile(rays: RaySet, tile: int, base: float, lows: ndarray, highs: ndarra
 
 
 @njit(cache=True, nogil=True)
-def cut_capsule(
-    rays: RaySet, start: ndarray, end: ndarray, radius: float, flat: bool = False
-) -> tuple[float, bool]:
+def cut_capsule(rays: RaySet, start: ndarray, end: ndarray, radius: float, flat: bool) -> tuple[float, bool]:
     """Take the capsule of `radius` about the segment from `start` to `end` (u, v, w) out of the material; one
     that is `flat` ends at `end`, as flutes do.
 
@@ -160,7 +158,7 @@ def cut_capsule(
         tile_chords(i * side - start[0], j * side - start[1], cell, d, length, radius, lows, highs)
         if flat:
             _end_flat(i * side - start[0], j * side - start[1], cell, d, length, lows, highs)
-        in_tile, full = _cut_tile(rays, rays.tile_of[i, j], start[2], lows, highs)
+        in_tile, full = _cut_tile(rays, np.int64(rays.tile_of[i, j]), start[2], lows, highs)
         removed += in_tile
         if full:
             return removed * cell * cell, True

@@ -7,7 +7,7 @@ from numpy import ndarray
 
 from bonecam.kernels.removal.convex import column_distance
 from bonecam.kernels.removal.flutes import piece_pose, travel_of
-from bonecam.kernels.removal.sweep import TOOL_STEP, Pieces
+from bonecam.kernels.removal.sweep import TOOL_STEP, Pieces, ways_of
 
 
 @njit(cache=True, nogil=True)
@@ -48,6 +48,7 @@ def fixed_clearance(
     a TOOL_STEP or an eighth of it apart, where half of the way from one to the next may bring it below the least.
     """
     foot, axis = np.empty(3), np.empty(3)
+    ways = ways_of(pieces)
     least, where, what, touched = within, -1, -1, -1
     for i in range(len(pieces.starts)):
         for s in range(len(sections) + 1):
@@ -55,14 +56,14 @@ def fixed_clearance(
             reach = 0.0
             if not ball:
                 reach = np.hypot(sections[s, 1], max(sections[s, 2], sections[s, 3]))
-            travel = travel_of(pieces, i, reach)
+            travel = travel_of(ways, i, reach)
             step = max(travel, TOOL_STEP)
             while True:
                 steps = max(int(np.ceil(travel / step)), 1)
                 slack = travel / steps / 2
                 near, bare = least, np.inf
                 for k in range(steps):
-                    piece_pose(pieces, i, (k + 0.5) / steps, foot, axis)
+                    piece_pose(ways, i, (k + 0.5) / steps, foot, axis)
                     if ball:
                         found = _ball_distance(foot, radius, columns, closed)
                     else:

@@ -1,26 +1,14 @@
 """What tools would remove from the material of one set of rays, which stays as it is, compiled."""
 
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 from numba import njit
 from numpy import ndarray
 
 from bonecam.kernels.removal.cut import cut_capsule
-from bonecam.kernels.removal.flutes import cut_flutes, flutes_meet, travel_of
+from bonecam.kernels.removal.flutes import Ways, cut_flutes, flutes_meet, travel_of
 from bonecam.kernels.removal.rays import RaySet, direction_of, tiles_reached
-
-
-class Ways(NamedTuple):
-    """Straight moves of a ball's centre while the axis of its tool turns, in the coordinates of the rays: `starts`,
-    `ends`, `start_axes`, `end_axes` (n, 3); `reach` (n,): height of the flutes above the ball's centre, mm, 0 for a
-    ball alone."""
-
-    starts: ndarray
-    ends: ndarray
-    start_axes: ndarray
-    end_axes: ndarray
-    reach: ndarray
 
 
 @njit(cache=True, nogil=True)
@@ -42,7 +30,7 @@ def _add_tiles(rays: RaySet, start: ndarray, end: ndarray, radius: float, tiles:
 def _tiles_of(rays: RaySet, ways: Ways, first: int, last: int, radius: float, tiles: ndarray) -> int:
     """Write the tiles that a tool may reach on the ways from `first` to `last` into `tiles`; their number."""
     foot, axis, top = np.empty(3), np.empty(3), np.empty(3)
-    count = 0
+    count: Any = np.int64(0)  # a literal would have `_add_tiles` compiled once more
     for i in range(first, last):
         count = _add_tiles(rays, ways.starts[i], ways.ends[i], radius, tiles, count)
         if ways.reach[i] <= 0.0 or not flutes_meet(rays, ways, i, radius, foot, axis):
@@ -60,7 +48,7 @@ def _cut(
 ) -> tuple[float, bool]:
     """Take what ball and flutes sweep on way `i` out of the material: the volume (mm^3), and whether a ray has no more
     room."""
-    volume, full = cut_capsule(rays, ways.starts[i], ways.ends[i], radius)
+    volume, full = cut_capsule(rays, ways.starts[i], ways.ends[i], radius, np.bool_(False))
     if full:
         return volume, True
     by_flutes, full = cut_flutes(rays, ways, i, radius, foot, axis, top)

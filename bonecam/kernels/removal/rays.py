@@ -65,7 +65,11 @@ def summarise_tile(rays: RaySet, tile: int) -> None:
             low = min(low, rays.spans[tile, ray, 0])
             high = max(high, rays.spans[tile, ray, 2 * count - 1])
             for k in range(count):
-                mask |= bits(rays.spans[tile, ray, 2 * k], rays.spans[tile, ray, 2 * k + 1], rays.length)
+                start, end = (
+                    np.float64(rays.spans[tile, ray, 2 * k]),
+                    np.float64(rays.spans[tile, ray, 2 * k + 1]),
+                )
+                mask |= bits(start, end, rays.length)
     rays.low[tile] = low
     rays.high[tile] = high
     rays.mask[tile] = mask

@@ -9,7 +9,7 @@ from numpy import ndarray
 from bonecam.kernels.removal.air import air_on_set
 from bonecam.kernels.removal.cut import cut_capsule, tile_chords
 from bonecam.kernels.removal.engagement import Edges, engage
-from bonecam.kernels.removal.flutes import cut_flutes, piece_pose, travel_of
+from bonecam.kernels.removal.flutes import Ways, cut_flutes, piece_pose, travel_of
 from bonecam.kernels.removal.frustum import frustum_clearance
 from bonecam.kernels.removal.rays import TILE, RaySet, direction_of, tiles_reached
 
@@ -55,6 +55,12 @@ class SweepResult(NamedTuple):
 
 
 @njit(cache=True, nogil=True)
+def ways_of(pieces: Pieces) -> Ways:
+    """The pieces as ways of the tool, of the one kind for which what takes these is compiled."""
+    return Ways(pieces.starts, pieces.ends, pieces.start_axes, pieces.end_axes, pieces.reach)
+
+
+@njit(cache=True, nogil=True)
 def _capsule_depth(rays: RaySet, start: ndarray, end: ndarray, radius: float) -> float:
     """The largest distance to the nearest air, mm, of the places where the rays leave the capsule of `radius`
     about the segment from `start` to `end` (u, v, w) inside material; 0 where it meets none.
@@ -80,27 +86,28 @@ def _capsule_depth(rays: RaySet, start: ndarray, end: ndarray, radius: float) ->
 @njit(cache=True, nogil=True)
 def _clearance(
     rays: RaySet,
-    pieces: Pieces,
+    ways: Ways,
     i: int,
-    s: int,
+    bounds: ndarray,
     section: ndarray,
     least: float,
     foot: ndarray,
     axis: ndarray,
 ) -> float:
-    """The distance that section number `s` keeps from material over a piece, or `least` where it is more: that at
-    poses along it, which come closer while half of the way from one to the next may bring it below `least`."""
-    low, high = pieces.near[i, s, 0], pieces.near[i, s, 1]
+    """The distance that a section keeps from material over a way, or `least` where it is more; material may be nearer
+    between the heights `bounds` (2,) alone. Measured are poses along the way, which come closer while half of the way
+    from one to the next may bring it below `least`."""
+    low, high = bounds[0], bounds[1]
     taper = (section[3] - section[2]) / (section[1] - section[0])
     radius = section[2] + taper * (low - section[0])
-    travel = travel_of(pieces, i, np.hypot(high, max(section[2], section[3])))
+    travel = travel_of(ways, i, np.hypot(high, max(section[2], section[3])))
     step = max(travel, TOOL_STEP)
     while True:
         steps = max(int(np.ceil(travel / step)), 1)
         slack = travel / steps / 2
         near = least + slack
         for k in range(steps):
-            piece_pose(pieces, i, (k + 0.5) / steps, foot, axis)
+            piece_pose(ways, i, (k + 0.5) / steps, foot, axis)
             near = min(near, frustum_clearance(rays, foot, axis, low, high, radius, taper, near))
             if near < -slack:
                 break
@@ -132,17 +139,18 @@ def sweep(
     cut, or none at all.
     """
     foot, axis, top = np.empty(3), np.empty(3), np.empty(3)
+    ways = ways_of(pieces)
     for i in range(first, len(pieces.starts)):
         if pieces.probed[i]:
             depth = _capsule_depth(rays, pieces.starts[i], pieces.ends[i], radius)
             found.depths[pieces.moves[i]] = max(found.depths[pieces.moves[i]], depth)
         if len(edges.chips):
             engage(rays, edges, i, radius, pieces.reach[i])
-        volume, full = cut_capsule(rays, pieces.starts[i], pieces.ends[i], radius)
+        volume, full = cut_capsule(rays, pieces.starts[i], pieces.ends[i], radius, np.bool_(False))
         found.volumes[pieces.moves[i]] += volume
         if full:
             return i
-        volume, full = cut_flutes(rays, pieces, i, radius, foot, axis, top)
+        volume, full = cut_flutes(rays, ways, i, radius, foot, axis, top)
         found.volumes[pieces.moves[i]] += volume
         if full:
             return i
@@ -150,7 +158,7 @@ def sweep(
             part = parts[s]
             if found.touched[part] >= 0 or pieces.bounds[i, s] >= found.least[part]:
                 continue
-            near = _clearance(rays, pieces, i, s, sections[s], found.least[part], foot, axis)
+            near = _clearance(rays, ways, i, pieces.near[i, s], sections[s], found.least[part], foot, axis)
             if near < allowed:
                 found.touched[part] = pieces.moves[i]
             if near < found.least[part]:

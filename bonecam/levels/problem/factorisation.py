@@ -35,11 +35,11 @@ def factorise(
     lower_half = below >= 0
     diagonals = int(below.max()) + 1
     if R is not None:
-        diagonals = max(diagonals, kernel.width(R.indptr, R.indices))
+        diagonals = max(diagonals, kernel.width(*kernel.csr_parts(R)[:2]))
     band = np.zeros((matrix.shape[0], diagonals))
     band[entries.col[lower_half], below[lower_half]] = entries.data[lower_half]
     if R is not None:
-        kernel.add_weighted(band, R.indptr, R.indices, R.data, weights)
+        kernel.add_weighted(band, *kernel.csr_parts(R), weights)
 
     lower, failed = dpbtrf(band.T, lower=True, overwrite_ab=True)
     if failed:

@@ -46,7 +46,7 @@ def solve(
     for k in range(1, iterations + 1):
         if k % set_up_every == 0:
             program = program.at(D)
-        rows.times(*csr, D, y)
+        rows.times(*csr, np.ascontiguousarray(D), y)
         unsettled = kernel.sweep(
             x, y, program.H, *program.limits.planes, program.weights, RHO, RELAXATION, z, u
         )

@@ -139,6 +139,7 @@ class Elements:
         """S; S_s, S_t (order 1); S_ss, S_st, S_tt (order 2) of the elements' patches at parameters inside the
         given elements."""
         found = np.empty(((1, 3, 6)[order], len(s), 3))
+        s, t = np.ascontiguousarray(s), np.ascontiguousarray(t)
         if self.degree != 3:
             any_degree.derivatives(patches, self.boxes, element, s, t, self.degree, found)
         elif order == 0:

@@ -14,7 +14,7 @@ import scipy.sparse as sp
 from jaxtyping import Float
 from numpy import ndarray
 
-from bonecam.kernels.normal_equations import add_rows
+from bonecam.kernels.normal_equations import add_rows, csr_parts
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,15 +55,10 @@ class Form:
         """The form with more terms, whose matrices are no wider than those of the first ones."""
         band, gradient = self.band.copy(), self.gradient.copy()
         for term in terms:
-            m = term.matrix
-            parts = (
-                m.indptr,
-                m.indices,
-                m.data,
-                np.ascontiguousarray(term.metric),
-                np.ascontiguousarray(term.targets),
+            metric, targets = (
+                np.require(part, requirements=["C", "W"]) for part in (term.metric, term.targets)
             )
-            add_rows(band, gradient, *parts)
+            add_rows(band, gradient, *csr_parts(term.matrix), metric, targets)
         return Form(band, gradient)
 
     def least(self) -> Float[ndarray, "n 3"]:

@@ -150,7 +150,7 @@ def _loop(
 def _distance(net: SideVertices, e: int, uv: ndarray, cut: ndarray) -> float:
     """How far the surface is from the faces, at the middles of their sides and their own."""
     points = net.positions(e, uv)
-    faces = cut.astype(np.int32)
+    faces = cut.astype(np.int64)
     found = [
         triangles.triangle_distances(net.positions(e, np.einsum("c,fcd->fd", share, uv[cut])), points, faces)
         for share in MIDDLES

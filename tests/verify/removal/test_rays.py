@@ -30,12 +30,12 @@ def cut(sets, grid, start, end, radius):
     told = []
     for direction, rays in enumerate(sets):
         total, full = cut_capsule(
-            rays, in_set(grid, direction, start)[0], in_set(grid, direction, end)[0], radius
+            rays, in_set(grid, direction, start)[0], in_set(grid, direction, end)[0], radius, False
         )
         while full:
             rays = sets[direction] = with_more_room(rays)
             more, full = cut_capsule(
-                rays, in_set(grid, direction, start)[0], in_set(grid, direction, end)[0], radius
+                rays, in_set(grid, direction, start)[0], in_set(grid, direction, end)[0], radius, False
             )
             total += more
         told.append(total)

@@ -45,7 +45,7 @@ def bound_depth(level: TSpline, other: TSpline, limit: float) -> DepthBound:
     """How far points of a level are at most from another one over the same T-mesh; good enough where it is
     within `limit` mm."""
     boxes = level.elements().boxes
-    corners = boxes[:, [[0, 2], [1, 2], [0, 3], [1, 3]]]
+    corners = np.ascontiguousarray(boxes[:, [[0, 2], [1, 2], [0, 3], [1, 3]]])
     distance, deepest, too_deep, pieces = depth_bound(
         bezier_nets(level),
         corners,

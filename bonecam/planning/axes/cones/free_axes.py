@@ -176,6 +176,8 @@ def _maps(
     obstacles: Obstacles, apexes: Apexes, starts: Int[ndarray, " j"], asked: Bool[ndarray, "k l"]
 ) -> Bool[ndarray, "k l"]:
     """`direction_maps` of all nodes, on all cores."""
+    apexes = Apexes(*(np.require(part, requirements=["C", "W"]) for part in apexes))
+    asked = np.ascontiguousarray(asked)
 
     def work(piece: slice) -> Bool[ndarray, "m l"]:
         some = starts[piece.start : piece.stop + 1]
@@ -217,4 +219,4 @@ def _limits(
     lowest = net.places - np.outer(net.reach, [0.0, 0.0, 1.0])
     above = table_limits(lowest, cutter, clearance) if np.isfinite(clearance) else np.full(len(lowest), np.pi)
     wider = LEAF if limits.narrow else 0.0
-    return AxisLimits(limits.smallest - wider, limits.largest + wider, above, max_tilt, net.normals)
+    return AxisLimits(limits.smallest - wider, limits.largest + wider, above, max_tilt, net.normals.copy())

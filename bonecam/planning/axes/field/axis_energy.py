@@ -21,7 +21,7 @@ from numpy import ndarray
 from scipy.sparse import csr_array
 
 from bonecam.arrays import dots, lengths
-from bonecam.kernels.normal_equations import add_pairs, width
+from bonecam.kernels.normal_equations import add_pairs, csr_parts, width
 from bonecam.planning.axes.field.axis_field import FieldDomain, axes_of, basis, second_differences
 from bonecam.planning.axes.field.facet_energy import FacetEnergy
 from bonecam.tool.elliptic_cones import EllipticCones
@@ -103,7 +103,7 @@ class AxisEnergy:
         matrices = [self.values_at, self.steps, self.roughness]
         if self.facets is not None:
             matrices.append(self.facets.matrix)
-        return 2 * max(width(matrix.indptr, matrix.indices) for matrix in matrices)
+        return 2 * max(width(*csr_parts(matrix)[:2]) for matrix in matrices)
 
     @cached_property
     def shares(self) -> Float[ndarray, " n"]:
@@ -223,4 +223,4 @@ class Residuals:
     def add_to(self, band: Float[ndarray, "k w"]) -> None:
         """Add their normal equations to a band whose unknown 2 j + a is angle a of control value j."""
         metric = np.einsum("qma,qmb->mab", self.slopes, self.slopes)
-        add_pairs(band, self.matrix.indptr, self.matrix.indices, self.matrix.data, metric)
+        add_pairs(band, *csr_parts(self.matrix), metric)
