@@ -40,4 +40,4 @@ def distances_and_normals(
         if reach > least:
             out[l, 0], out[l, 1], out[l, 2] = x / reach, y / reach, z / reach
         else:
-            out[l] = sideways
+            out[l, 0], out[l, 1], out[l, 2] = sideways[0], sideways[1], sideways[2]

@@ -8,6 +8,15 @@ FULL_TURN = 2 * np.pi
 
 
 @njit(cache=True)
+def _least(costs: np.ndarray) -> float:
+    """The least of the costs."""
+    least = np.inf
+    for cost in costs:
+        least = min(least, cost)
+    return least
+
+
+@njit(cache=True)
 def cheapest_chain(
     start: np.ndarray,
     travel: np.ndarray,
@@ -51,7 +60,7 @@ def cheapest_chain(
                 if allowed[row + 1, to] and value < next_cost[to]:
                     next_cost[to] = value
                     previous[row + 1, to] = state
-        least = np.min(cost) + jumps[row]
+        least = _least(cost) + jumps[row]
         for to in range(k):
             if not allowed[row + 1, to] or least >= next_cost[to]:
                 continue
@@ -68,11 +77,11 @@ def cheapest_chain(
                     next_cost[to] = value
                     previous[row + 1, to] = state
                     jumped[row + 1, to] = True
-        if np.min(next_cost) == np.inf:
+        if _least(next_cost) == np.inf:
             states = np.full(n, -1, dtype=np.int64)
             states[: row + 1] = 0
             return states, np.zeros(n, dtype=np.bool_)
-        cost[:] = next_cost
+        cost, next_cost = next_cost, cost
     states = np.empty(n, dtype=np.int64)
     reached = np.zeros(n, dtype=np.bool_)
     states[n - 1] = np.argmin(cost)

@@ -88,13 +88,16 @@ def direction_maps(
         sections = np.zeros((last + 2, starts[k + 1] - starts[k]), dtype=np.int64)
         heights = np.zeros(sections.shape)
         for root in range(triangles.starts[1]):
-            stack[0] = 0, root
+            stack[0, 0], stack[0, 1] = 0, root
             height = 1
             while height:
                 height -= 1
-                level, i = stack[height]
+                level, i = stack[height, 0], stack[height, 1]
                 size = 4 ** (last - level)
-                if not asked[k, i * size : (i + 1) * size].any():
+                wanted = False
+                for leaf in range(i * size, (i + 1) * size):
+                    wanted = wanted or asked[k, leaf]
+                if not wanted:
                     continue
                 t = triangles.starts[level] + i
                 verdict = _prove_triangle(o, p, starts[k], triangles, t, level, sections, heights)
@@ -102,6 +105,6 @@ def direction_maps(
                     proven[k, i * size : (i + 1) * size] = True
                 elif verdict == OPEN and level < last:
                     for child in range(4):
-                        stack[height] = level + 1, 4 * i + child
+                        stack[height, 0], stack[height, 1] = level + 1, 4 * i + child
                         height += 1
     return proven

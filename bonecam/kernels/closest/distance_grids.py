@@ -41,6 +41,7 @@ def flood(distances: ndarray, step: float, outside: ndarray) -> ndarray:
     A way between neighbours crosses no surface where their distances sum to more than `step`.
     """
     nx, ny, nz = distances.shape
+    found = np.zeros(distances.shape)
     reached = outside.copy().reshape(distances.shape)
     stack = np.empty(distances.size, dtype=np.int64)
     height = 0
@@ -62,7 +63,12 @@ def flood(distances: ndarray, step: float, outside: ndarray) -> ndarray:
                 reached[a, b, c] = True
                 stack[height] = (a * ny + b) * nz + c
                 height += 1
-    return np.where(reached, distances, 0.0)
+    for i in range(nx):
+        for j in range(ny):
+            for k in range(nz):
+                if reached[i, j, k]:
+                    found[i, j, k] = distances[i, j, k]
+    return found
 
 
 @njit(cache=True, nogil=True)

@@ -15,7 +15,7 @@ import numpy as np
 from numba import njit
 from numpy import ndarray
 
-from bonecam.kernels.bezier.bicubic import Three, first_jet
+from bonecam.kernels.bezier.bicubic import Three, first_jet, spread_first_jet
 from bonecam.kernels.bezier.element_search import locate_one
 from bonecam.kernels.closest.newton import gauss_newton_step, into_domain
 from bonecam.kernels.fastmath import CONTRACT
@@ -107,7 +107,7 @@ def walk(
         for _ in range(steps + 1):
             if not (boxes[e, 0] <= u < boxes[e, 1] and boxes[e, 2] <= v < boxes[e, 3]):
                 e = locate_one(*strips, u, v)
-            x, S_s, S_t = first_jet(patches[e], boxes[e], u, v)
+            x, S_s, S_t = spread_first_jet(patches[e], boxes[e], u, v)
             r = _minus(p, x)
             square = _dot(r, r)
             if square < best:

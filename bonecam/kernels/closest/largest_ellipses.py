@@ -108,7 +108,7 @@ def _seen(edges: ndarray, count: int) -> int:
     nearest, which = np.full(RAYS, np.inf), np.full(RAYS, -1)
     width = 2 * np.pi / RAYS
     for e in range(count):
-        ax, ay, bx, by = edges[e]
+        ax, ay, bx, by = edges[e, 0], edges[e, 1], edges[e, 2], edges[e, 3]
         cross = ax * by - ay * bx
         if cross < 0:
             ax, ay, bx, by, cross = bx, by, ax, ay, -cross
@@ -120,12 +120,17 @@ def _seen(edges: ndarray, count: int) -> int:
             off = cross / max(cosine * (by - ay) - sine * (bx - ax), 1e-12)
             if off < nearest[ray % RAYS]:
                 nearest[ray % RAYS], which[ray % RAYS] = off, e
-    kept = np.unique(which[which >= 0])
-    for i in range(len(kept)):  # in rising order: none is overwritten before it is moved
-        swapped = edges[i].copy()
-        edges[i] = edges[kept[i]]
-        edges[kept[i]] = swapped
-    return len(kept)
+    seen = np.zeros(count, dtype=np.bool_)
+    for e in which:
+        if e >= 0:
+            seen[e] = True
+    kept = 0
+    for e in range(count):  # in rising order: none is overwritten before it is moved
+        if seen[e]:
+            for k in range(4):
+                edges[kept, k], edges[e, k] = edges[e, k], edges[kept, k]
+            kept += 1
+    return kept
 
 
 @njit(cache=True, nogil=True)
@@ -150,6 +155,49 @@ def _search(edges: ndarray, count: int, at: ndarray, free: int) -> float:
 
 
 @njit(cache=True, nogil=True)
+def _dot(a: ndarray, b: ndarray) -> float:
+    return 0.0 + a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@njit(cache=True, nogil=True)
+def _cross(a: ndarray, b: ndarray, found: ndarray) -> None:
+    found[0] = a[1] * b[2] - a[2] * b[1]
+    found[1] = a[2] * b[0] - a[0] * b[2]
+    found[2] = a[0] * b[1] - a[1] * b[0]
+
+
+@njit(cache=True, nogil=True)
+def _tangents(w: ndarray, t1: ndarray, t2: ndarray) -> None:
+    """Write two unit vectors across the unit vector w, and each other."""
+    side, axis = np.zeros(3), 0
+    for d in range(1, 3):
+        if abs(w[d]) < abs(w[axis]):
+            axis = d
+    side[axis] = 1.0
+    _cross(w, side, t1)
+    size = np.sqrt(_dot(t1, t1))
+    for d in range(3):
+        t1[d] /= size
+    _cross(w, t1, t2)
+
+
+@njit(cache=True, nogil=True)
+def _rim(mesh: LeafMesh, proven: ndarray, w: ndarray, t1: ndarray, t2: ndarray, edges: ndarray) -> int:
+    """Write the edges between proven leaves and others into `edges`, in the chart of w; how many they are."""
+    count: Any = np.int64(0)  # a literal compiles what takes it twice
+    for e in range(len(mesh.edges)):
+        if proven[mesh.beside[e, 0]] == proven[mesh.beside[e, 1]]:
+            continue
+        a, b = mesh.vertices[mesh.edges[e, 0]], mesh.vertices[mesh.edges[e, 1]]
+        za, zb = _dot(a, w), _dot(b, w)
+        if za > LOWEST and zb > LOWEST:
+            edges[count, 0], edges[count, 1] = _dot(a, t1) / za, _dot(a, t2) / za
+            edges[count, 2], edges[count, 3] = _dot(b, t1) / zb, _dot(b, t2) / zb
+            count += 1
+    return count
+
+
+@njit(cache=True, nogil=True)
 def largest_ellipses(
     proven: ndarray, wanted: ndarray, mesh: LeafMesh, centres: ndarray, circular: bool
 ) -> tuple[ndarray, ndarray]:
@@ -157,31 +205,14 @@ def largest_ellipses(
     directions about the unit vector `wanted` (k, 3), or about the nearest proven leaf; and whether there is one.
     `centres` (l, 3) are those of the leaves."""
     frames, found = np.zeros((len(wanted), 3, 3)), np.zeros(len(wanted), dtype=np.bool_)
-    edges = np.empty((len(mesh.edges), 4))
+    edges, t1, t2 = np.empty((len(mesh.edges), 4)), np.empty(3), np.empty(3)
     for k in range(len(wanted)):
         leaf = _place_in(mesh, centres, proven[k], wanted[k])
         if leaf == -1:
             continue
         w = wanted[k] if leaf == -2 else centres[leaf]
-        side = np.zeros(3)
-        side[np.argmin(np.abs(w))] = 1.0
-        t1 = np.cross(w, side)
-        t1 /= np.sqrt((t1**2).sum())
-        t2 = np.cross(w, t1)
-        count = np.int64(0)  # a literal compiles what takes it twice
-        for e in range(len(mesh.edges)):
-            if proven[k, mesh.beside[e, 0]] == proven[k, mesh.beside[e, 1]]:
-                continue
-            a, b = mesh.vertices[mesh.edges[e, 0]], mesh.vertices[mesh.edges[e, 1]]
-            za, zb = (a * w).sum(), (b * w).sum()
-            if za > LOWEST and zb > LOWEST:
-                edges[count] = (
-                    (a * t1).sum() / za,
-                    (a * t2).sum() / za,
-                    (b * t1).sum() / zb,
-                    (b * t2).sum() / zb,
-                )
-                count += 1
+        _tangents(w, t1, t2)
+        count = _rim(mesh, proven[k], w, t1, t2, edges)
         seen = _seen(edges, count)
         best, most = np.zeros(4), -np.inf
         for start in range(1 if circular else len(STRETCHES)):
@@ -193,8 +224,9 @@ def largest_ellipses(
         if most == -np.inf or not _worth(edges, count, best) > -np.inf:
             continue
         cosine, sine = np.cos(best[2]), np.sin(best[2])
-        frames[k, 0] = w + best[0] * t1 + best[1] * t2
-        frames[k, 1] = s * np.exp(best[3]) * (cosine * t1 + sine * t2)
-        frames[k, 2] = s * np.exp(-best[3]) * (cosine * t2 - sine * t1)
+        for d in range(3):
+            frames[k, 0, d] = w[d] + best[0] * t1[d] + best[1] * t2[d]
+            frames[k, 1, d] = s * np.exp(best[3]) * (cosine * t1[d] + sine * t2[d])
+            frames[k, 2, d] = s * np.exp(-best[3]) * (cosine * t2[d] - sine * t1[d])
         found[k] = True
     return frames, found

@@ -157,7 +157,9 @@ def new_ends(now: RaySet, before: RaySet, step: int) -> ndarray:
                     continue
                 if count == len(found):
                     larger = np.empty((2 * count, 3))
-                    larger[:count] = found
+                    for m in range(count):
+                        for n in range(3):
+                            larger[m, n] = found[m, n]
                     found = larger
                 found[count, 0], found[count, 1], found[count, 2] = (
                     (i + 0.5) * now.cell,

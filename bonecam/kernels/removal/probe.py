@@ -71,6 +71,28 @@ def _volume(rays: RaySet, ways: Ways, first: int, last: int, gone: int, radius: 
 
 
 @njit(cache=True, nogil=True)
+def _room_for(rays: RaySet, count: int) -> RaySet:
+    """A set with room for `count` tiles of the rays."""
+    spans = np.empty((count, rays.spans.shape[1], rays.spans.shape[2]), dtype=np.float32)
+    counts = np.empty((count, rays.counts.shape[1]), dtype=np.uint8)
+    mask, stale = np.empty(count, dtype=np.uint64), np.empty(count, dtype=np.bool_)
+    return RaySet(
+        rays.tile_of, spans, counts, np.empty(count), np.empty(count), mask, stale, rays.cell, rays.length
+    )
+
+
+@njit(cache=True, nogil=True)
+def _copy_tile(source: RaySet, tile: int, target: RaySet, place: int) -> None:
+    """Copy a tile of one set to the place of a tile of another."""
+    for ray in range(source.spans.shape[1]):
+        target.counts[place, ray] = source.counts[tile, ray]
+        for k in range(source.spans.shape[2]):
+            target.spans[place, ray, k] = source.spans[tile, ray, k]
+    target.low[place], target.high[place] = source.low[tile], source.high[tile]
+    target.mask[place], target.stale[place] = source.mask[tile], source.stale[tile]
+
+
+@njit(cache=True, nogil=True)
 def probe(
     rays: RaySet, ways: Ways, ends: ndarray, gone: ndarray, radius: float, first: int, volumes: ndarray
 ) -> int:
@@ -84,13 +106,12 @@ def probe(
     for i in range(first, len(ends)):
         start = ends[i - 1] if i else 0
         count = _tiles_of(rays, ways, start, ends[i], radius, tiles)
-        kept = tiles[:count].copy()
-        spans, counts, stale = rays.spans[kept], rays.counts[kept], rays.stale[kept]
-        low, high, mask = rays.low[kept], rays.high[kept], rays.mask[kept]
+        kept = _room_for(rays, count)
+        for k in range(count):
+            _copy_tile(rays, tiles[k], kept, k)
         volumes[i] = _volume(rays, ways, start, ends[i], gone[i], radius)
         for k in range(count):
-            rays.spans[kept[k]], rays.counts[kept[k]], rays.stale[kept[k]] = spans[k], counts[k], stale[k]
-            rays.low[kept[k]], rays.high[kept[k]], rays.mask[kept[k]] = low[k], high[k], mask[k]
+            _copy_tile(kept, k, rays, tiles[k])
         if volumes[i] < 0.0:
             return i
     return len(ends)
