@@ -66,7 +66,7 @@ def sweep(
     return residual
 
 
-@njit(inline="always")
+@njit(cache=True, fastmath=CONTRACT)
 def _sweep_onto(
     indptr: ndarray, indices: ndarray, data: ndarray, x: ndarray, D: ndarray, c: ndarray, n: ndarray,
     low: ndarray, high: ndarray,

@@ -17,19 +17,27 @@ FRACTION_ROUNDING = 1e-3
 
 
 @njit(cache=True)
+def _dot(a: np.ndarray, b: np.ndarray) -> float:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@njit(cache=True)
 def _angle(a: np.ndarray, b: np.ndarray) -> float:
     """Angle between two vectors, radians."""
-    cross = np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
-    return np.arctan2(np.sqrt(np.sum(cross * cross)), np.sum(a * b))
+    x, y, z = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+    return np.arctan2(np.sqrt(x * x + y * y + z * z), _dot(a, b))
 
 
 @njit(cache=True)
 def _slerp(a: np.ndarray, b: np.ndarray, fraction: float) -> np.ndarray:
     """Spherical linear interpolation between two unit vectors."""
-    angle = _angle(a, b)
-    if angle < SMALL_ANGLE:
-        return (1 - fraction) * a + fraction * b
-    return (np.sin((1 - fraction) * angle) * a + np.sin(fraction * angle) * b) / np.sin(angle)
+    angle, found = _angle(a, b), np.empty(3)
+    first, second, size = 1 - fraction, fraction, 1.0
+    if not angle < SMALL_ANGLE:
+        first, second, size = np.sin(first * angle), np.sin(fraction * angle), np.sin(angle)
+    for d in range(3):
+        found[d] = (first * a[d] + second * b[d]) / size
+    return found
 
 
 @njit(cache=True)
@@ -38,18 +46,23 @@ def _between(
 ) -> tuple[float, float, float]:
     """Fraction, tip error (mm) and axis error (rad) of a move against the path from one row to the next: the
     ball centre on the straight line, the axis on the great circle."""
-    start, end = tips[0] + radius * axes[0], tips[1] + radius * axes[1]
+    start, chord, off = np.empty(3), np.empty(3), np.empty(3)
+    for d in range(3):
+        start[d] = tips[0, d] + radius * axes[0, d]
+        chord[d] = tips[1, d] + radius * axes[1, d] - start[d]
+        off[d] = tip[d] + radius * axis[d] - start[d]
     turn = _angle(axes[0], axes[1])
-    chord = end - start
-    if turn * AXIS_WEIGHT > np.sqrt(np.sum(chord * chord)):
+    square = _dot(chord, chord)
+    if turn * AXIS_WEIGHT > np.sqrt(square):
         fraction = _angle(axes[0], axis) / turn
     else:
-        square = np.sum(chord * chord)
-        fraction = np.sum(chord * (tip + radius * axis - start)) / square if square > 0 else 0.0
+        fraction = _dot(chord, off) / square if square > 0 else 0.0
     fraction = min(max(fraction, 0.0), 1.0)
     meant = _slerp(axes[0], axes[1], fraction)
-    off = (1 - fraction) * start + fraction * end - radius * meant - tip
-    return fraction, np.sqrt(np.sum(off * off)), _angle(meant, axis)
+    for d in range(3):
+        end = tips[1, d] + radius * axes[1, d]
+        off[d] = (1 - fraction) * start[d] + fraction * end - radius * meant[d] - tip[d]
+    return fraction, np.sqrt(_dot(off, off)), _angle(meant, axis)
 
 
 @njit(cache=True)
@@ -77,8 +90,10 @@ def align_moves(
     row, fraction_before = 0, 0.0
     for move in range(n):
         if row < m:
-            off = path_tips[row] - tips[move]
-            distance, angle = np.sqrt(np.sum(off * off)), _angle(path_axes[row], axes[move])
+            distance = 0.0
+            for d in range(3):
+                distance += (path_tips[row, d] - tips[move, d]) ** 2
+            distance, angle = np.sqrt(distance), _angle(path_axes[row], axes[move])
             if distance <= tip_tolerance and angle <= axis_tolerance:
                 source[move], tip_error[move], axis_error[move] = row, distance, angle
                 row, fraction_before = row + 1, 0.0

@@ -12,6 +12,37 @@ from numpy import ndarray
 DEEPEST = 64
 """Room on the stack of a search: nodes that wait, at most one a level of the tree and one more."""
 
+RUN = 16
+"""Triangles that are sorted by insertion."""
+
+
+@njit(cache=True)
+def _sort(order: ndarray, keys: ndarray, order_after: ndarray, keys_after: ndarray) -> None:
+    """Sort triangles by their keys; those of one key stay in their order. Runs of RUN are sorted by insertion, then
+    merged two by two (numpy's sort would compile for seconds)."""
+    n, run = len(order), RUN
+    for first in range(0, n, RUN):
+        for i in range(first + 1, min(first + RUN, n)):
+            one, key, k = order[i], keys[i], i
+            while k > first and key < keys[k - 1]:
+                order[k], keys[k] = order[k - 1], keys[k - 1]
+                k -= 1
+            order[k], keys[k] = one, key
+    while run < n:
+        for first in range(0, n, 2 * run):
+            middle, end = min(first + run, n), min(first + 2 * run, n)
+            a, b = first, middle
+            for k in range(first, end):
+                if b >= end or (a < middle and not keys[b] < keys[a]):
+                    order_after[k], keys_after[k] = order[a], keys[a]
+                    a += 1
+                else:
+                    order_after[k], keys_after[k] = order[b], keys[b]
+                    b += 1
+        for k in range(n):
+            order[k], keys[k] = order_after[k], keys_after[k]
+        run *= 2
+
 
 @njit(cache=True)
 def tree_order(middles: ndarray, leaves: int) -> ndarray:
@@ -20,7 +51,8 @@ def tree_order(middles: ndarray, leaves: int) -> ndarray:
     Each part is halved along the longest side of the box round its middles. `leaves` is a power of two.
     """
     n = len(middles)
-    order = np.arange(n)
+    order, along = np.arange(n), np.empty(n)
+    order_after, along_after = np.empty(n, dtype=np.int64), np.empty(n)
     parts = leaves
     while parts > 1:
         for first in range(0, leaves, parts):
@@ -39,10 +71,9 @@ def tree_order(middles: ndarray, leaves: int) -> ndarray:
                     smallest, largest = min(smallest, middles[i, k]), max(largest, middles[i, k])
                 if largest - smallest > longest:
                     longest, axis = largest - smallest, k
-            along = np.empty(len(here))
             for i in range(len(here)):
                 along[i] = middles[here[i], axis]
-            order[low:high] = here[np.argsort(along, kind="mergesort")]
+            _sort(here, along[: len(here)], order_after, along_after)
         parts //= 2
     return order
 
