@@ -243,4 +243,4 @@ def _number(line: int, word: str, value: str) -> float:
     """A finite number of a statement."""
     if not NUMBER.fullmatch(value.strip()):
         raise ProgramError(f"line {line}: {word} with {value.strip()[:20]!r}: give a number", line=line)
-    return float(value)
+    return float(value.strip())

@@ -346,7 +346,7 @@ def test_simulate_refuses_a_second_text_that_is_not_the_kept_one_or_cuts_with_a_
     other.mkdir()
     for text, folder_kept, told in (
         (second.program.text.replace(top, "UP TO Z 40.00 AT MOST"), keep, "stump reaches up to z 40.00 mm"),
-        (re.sub(r" F\d+(?=\n)", " FMAX", second.program.text), keep, "a rapid removes"),
+        (re.sub(r"( L X.*?)( F\w+)?\n", r"\1 FMAX\n", second.program.text), keep, "a rapid removes"),
         (second.program.text, other, "of a second clamping, of which"),
     ):
         (tmp_path / "bone.h").write_text(text, encoding="utf-8")

@@ -4,7 +4,7 @@ import contextlib
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from bonecam.errors import ProgramError
@@ -109,6 +109,7 @@ def test_texts_without_end_tool_or_feed_are_refused(text: str) -> None:
 
 @settings(max_examples=100)
 @given(st.integers(0, 3000), st.integers(0, 3000), st.text(max_size=5))
+@example(63, 834, "\x1f")  # white space to Python's strip, not to its float
 def test_a_text_damaged_anywhere_is_read_or_refused(first: int, last: int, put: str) -> None:
     low, high = sorted((first, last))
     with contextlib.suppress(ProgramError):
