@@ -146,7 +146,7 @@ def _lay_set(
     )
     corners = np.column_stack([u[met], v[met]]) - side / 2
     drawn = {
-        k: chords_of(body.surface, grid, direction, rays.tile_of)
+        k: _chords_of(body.surface, grid, direction, rays.tile_of)
         for k, body in enumerate(bodies)
         if isinstance(body, ConvexStock)
     }
@@ -160,7 +160,7 @@ def _lay_set(
     return rays
 
 
-def chords_of(
+def _chords_of(
     mesh: TriangleMesh, grid: RayGrid, direction: int, tile_of: Int32[ndarray, "i j"]
 ) -> tuple[Float[ndarray, "t r"], Float[ndarray, "t r"]]:
     """Where the rays of all tiles enter and leave a convex mesh; infinite where they pass by."""

@@ -16,6 +16,13 @@ EDGE = 1e-9
 
 
 @njit(cache=True, nogil=True)
+def _rays_over(a: float, b: float, c: float, cell: float, count: int) -> tuple[int, int]:
+    """The first and the last of `count` rows of rays, `cell` (mm) apart, that a triangle with these corners covers."""
+    first = max(int(np.ceil(min(a, b, c) / cell - 0.5)), 0)
+    return first, min(int(np.floor(max(a, b, c) / cell - 0.5)), count - 1)
+
+
+@njit(cache=True, nogil=True)
 def polyhedron_chords(corners: ndarray, cell: float, tile_of: ndarray, low: ndarray, high: ndarray) -> None:
     """Raise `low` and lower `high` (tiles, rays of a tile) to where rays enter and leave a convex polyhedron: w, mm.
     `corners` (f, 3, 3) are those of its triangles, outwards, in u, v, w; `tile_of` numbers the tiles of a set of rays.
@@ -28,10 +35,8 @@ def polyhedron_chords(corners: ndarray, cell: float, tile_of: ndarray, low: ndar
         nw = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
         if nw * nw <= TINY * (nu * nu + nv * nv):
             continue
-        first = max(int(np.ceil(min(a[0], b[0], c[0]) / cell - 0.5)), 0)
-        last = min(int(np.floor(max(a[0], b[0], c[0]) / cell - 0.5)), rows - 1)
-        left = max(int(np.ceil(min(a[1], b[1], c[1]) / cell - 0.5)), 0)
-        right = min(int(np.floor(max(a[1], b[1], c[1]) / cell - 0.5)), columns - 1)
+        first, last = _rays_over(a[0], b[0], c[0], cell, rows)
+        left, right = _rays_over(a[1], b[1], c[1], cell, columns)
         for i in range(first, last + 1):
             u = (i + 0.5) * cell
             for j in range(left, right + 1):
@@ -73,10 +78,8 @@ def find_crossings(
         area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
         if area == 0.0:
             continue
-        first = max(int(np.ceil(min(a[0], b[0], c[0]) / cell - 0.5)), 0)
-        last = min(int(np.floor(max(a[0], b[0], c[0]) / cell - 0.5)), rows - 1)
-        left = max(int(np.ceil(min(a[1], b[1], c[1]) / cell - 0.5)), 0)
-        right = min(int(np.floor(max(a[1], b[1], c[1]) / cell - 0.5)), columns - 1)
+        first, last = _rays_over(a[0], b[0], c[0], cell, rows)
+        left, right = _rays_over(a[1], b[1], c[1], cell, columns)
         for i in range(first, last + 1):
             u = (i + 0.5) * cell
             for j in range(left, right + 1):

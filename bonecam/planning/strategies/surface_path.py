@@ -169,9 +169,8 @@ def wanted_axes(
     make = partial(smooth_axes, cones, domain, limits, job, "membrane", facets=facets)
     best = soonest([make(start) for start in starts], limits)
     made = [best]
-    asked = (
-        facets if job.membrane or job.thin_plate else None
-    )  # else weights would leave more contacts outside
+    # unless their energy is asked for: the weights of cells would leave more contacts outside their cones
+    asked = facets if job.membrane or job.thin_plate else None
     for haste in HASTES:
         made.append(make(made[-1].field, haste, facets=asked))
     best = soonest(made, limits)
