@@ -39,8 +39,6 @@ SHARED = Path(__file__).resolve().parents[3] / "shared" / "meshes" / "bones"
 SEED = 41
 JOB = """[surface]
 tolerance = 0.2
-[holding]
-diameter = 2.0
 [levels]
 roughing_depth = 1.0
 finishing_levels = 1
