@@ -6,10 +6,10 @@ from pathlib import Path
 import pytest
 
 ORDER = [
-    *"errors progress arrays runtime files text machine job kernels tool mesh surface".split(),
+    *"errors progress arrays runtime files text machine job kernels tool mesh filters surface".split(),
     *"workholding setup levels material mechanics planning nc verify report".split(),
     *"post_and_prove machining second_clamping pipeline simulation reposting finishing blading".split(),
-    *"study filters batch cli".split(),
+    *"study batch cli".split(),
     "__main__",
 ]
 ROOMS = {

@@ -290,7 +290,7 @@ def test_every_parameter_that_speaks_of_a_file_is_a_path() -> None:
         (section.name, item.name)
         for section in fields(Job)
         for item in fields(getattr(Job(), section.name))
-        if re.search(r"\bfile of a closed|\.toml file", record(item).tooltip, re.IGNORECASE)
+        if re.search(r"\bfile of a closed|\.toml file|\(\.mlx\)", record(item).tooltip, re.IGNORECASE)
     }
     assert speaking == set(PATHS)
 

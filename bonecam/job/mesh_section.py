@@ -25,6 +25,12 @@ class MeshJob(JobSection):
         low=0.1,
         high=10.0,
     )
+    script: str = parameter(
+        "",
+        "Script",
+        "Filter script (.mlx) of MeshLab that the mesh goes through first; it ends with the part's mesh alone.",
+        file=".mlx",
+    )
     label: int = parameter(
         0,
         "Label",
@@ -80,10 +86,11 @@ class MeshJob(JobSection):
 
     @property
     def changes(self) -> tuple[str, ...]:
-        """What is told of a part that is mirrored or scaled; nothing of one that is taken as it is."""
+        """What is told of a part that is filtered, mirrored or scaled; nothing of one that is taken as it is."""
         mirrored = f"mirrored in {self.mirror.upper()} of its file" if self.mirror != "none" else ""
         scaled = f"scaled by {self.scale:g}" if self.scale != 1 else ""
-        return tuple(filter(None, (mirrored, scaled)))
+        scripted = f"changed by the filters of {self.script}" if self.script else ""
+        return tuple(filter(None, (scripted, mirrored, scaled)))
 
 
 @dataclass(frozen=True)

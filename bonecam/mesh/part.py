@@ -1,5 +1,6 @@
 """The part: a bone's mesh, read, scaled to mm, repaired, coarse facets smoothed, its pits filled, turned upright."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -134,9 +135,10 @@ def prepare_part(
     also: tuple[str, ...] = (),
     ball: float = FINISHING.radius,
     tolerance: float = SurfaceJob.tolerance,
+    scripted: Callable[[TriangleMesh, str], TriangleMesh] | None = None,
 ) -> Part:
-    """Read a mesh, scale it to mm, mirror it, decimate it where it has too many faces, repair it, smooth coarse facets,
-    fill its pits and turn it upright, as the job says.
+    """Read a mesh, run the job's filter script on it by `scripted`, scale it to mm, mirror it, decimate it where it has
+    too many faces, repair it, smooth coarse facets, fill its pits and turn it upright, as the job says.
 
     `source` is a file, or a mesh in memory as `mesh_from` takes it; `ball` is the radius (mm) of the smallest ball that
     will cut it (`Job.smallest_ball`): pits are filled up to no larger one. `tolerance` (mm) is the fit's, beside which
@@ -146,6 +148,7 @@ def prepare_part(
     report(progress, 0.0, "reading the mesh")
     name = str(source) if isinstance(source, str | Path) else "the mesh"
     raw, told = _raw(source, job, also)
+    raw = scripted(raw, job.script) if job.script and scripted else raw
     if not len(raw.faces):
         raise MeshError(f"{name}: the mesh has no faces: give a surface mesh", file=name)
 

@@ -17,6 +17,7 @@ from bonecam.mesh.solids.intersections import self_intersections
 from bonecam.mesh.triangle_mesh import MeshLike, TriangleMesh
 from bonecam.mesh.units import LARGEST, MM_OF, to_mm
 from bonecam.progress import Progress, silent
+from bonecam.surface.files.scripted import scripted_mesh
 from bonecam.surface.files.tspline_text import ENDINGS, read_tsm
 from bonecam.surface.fitting.deviation import Deviation
 from bonecam.surface.fitting.fit import Fit
@@ -45,7 +46,8 @@ def read_part(
     """The part of a mesh or file, upright, and the surface, in the file's mm, where the file gives that. MeshError
     where repairs take more off the part than the job's largest deviation."""
     if not isinstance(source, str | Path) or not holds_surface(source):
-        part = prepare_part(source, job.mesh, progress, ENDINGS, job.smallest_ball, job.surface.tolerance)
+        ball, tolerance = job.smallest_ball, job.surface.tolerance
+        part = prepare_part(source, job.mesh, progress, ENDINGS, ball, tolerance, scripted_mesh)
         return part.require_kept(job.surface.largest_deviation), None
     return read_surface_part(source, job.mesh, job.surface)
 
@@ -68,9 +70,9 @@ def read_surface_part(file: str | Path, job: MeshJob, surface: SurfaceJob) -> tu
 
 
 def refuse_changes(job: MeshJob, name: str) -> None:
-    """JobError where a surface, which is machined as it is given, is to be mirrored or scaled."""
+    """JobError where a surface, which is machined as it is given, is to be mirrored, scaled or filtered."""
     if job.changes:
-        field = "mirror" if job.mirror != "none" else "scale"
+        field = "script" if job.script else "mirror" if job.mirror != "none" else "scale"
         remedy = f"only meshes are: leave it out, and give {name} as it is to become"
         raise field_error("mesh", field, getattr(job, field), remedy)
 
