@@ -34,8 +34,8 @@ from bonecam.report.files.output_files import File, Outputs
 from bonecam.report.files.refused_run import refusing
 from bonecam.report.mechanics_lines import NOT_KNOWN
 from bonecam.report.page.wheel_contents import wheel_figures
-from bonecam.report.run_report import report_to_program
 from bonecam.report.summary import NOT_SIMULATED
+from bonecam.report.typed.run_report import report_to_program
 from bonecam.report.warnings import header_texts, simulated_text, with_warnings
 from bonecam.runtime.timing import StageTimes
 from bonecam.setup.capsule import smallest_capsule

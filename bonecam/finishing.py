@@ -31,9 +31,9 @@ from bonecam.report.files.finished import Finished, write_run
 from bonecam.report.files.output_files import File, Outputs
 from bonecam.report.files.refused_run import refusing
 from bonecam.report.mechanics_lines import NOT_ASKED, NOT_KNOWN
-from bonecam.report.run_report import report_to_program
 from bonecam.report.stage_reports import uncut_areas
 from bonecam.report.summary import NOT_SIMULATED
+from bonecam.report.typed.run_report import report_to_program
 from bonecam.report.warnings import header_texts, simulated_text, with_warnings
 from bonecam.runtime.timing import StageTimes
 from bonecam.surface.blades.blade_solid import blade_solid

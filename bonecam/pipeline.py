@@ -6,6 +6,7 @@ the post stands on it.
 
 from dataclasses import replace
 from pathlib import Path
+from typing import cast
 
 from bonecam.job import Job
 from bonecam.levels.job_levels import check_method
@@ -25,6 +26,7 @@ from bonecam.report.files.output_files import File, Outputs
 from bonecam.report.files.refused_run import keep_refused, refusing
 from bonecam.report.files.result import Morphed, Result
 from bonecam.report.mechanics_lines import NOT_ASKED
+from bonecam.report.typed.report import Report
 from bonecam.runtime.timing import StageTimes
 from bonecam.second_clamping import add_second, check_simulated
 from bonecam.setup.stock_kind import check_sizes
@@ -162,7 +164,7 @@ def _simulated(
         bent = removal.mechanics
         found = {"removal": removal.report, "mechanics": bent.report if bent else NOT_ASKED}
         found |= {"feed": before.report(removal, result.program.time_min)} if before else {}
-        figures = warnings.with_warnings(result.report | found, result.job)
+        figures = cast(Report, warnings.with_warnings({**result.report, **found}, result.job))
     told = warnings.simulated_text(figures, str(bent or NOT_ASKED["skipped"]))
     program = record_simulation(result.program, dialect, removal.cell, told)
     return replace(result, program=program, report=figures, removal=removal)

@@ -8,6 +8,7 @@ simulated, on the same rays and normal probes.
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 from jaxtyping import Bool
@@ -39,6 +40,7 @@ from bonecam.report.files.result import Result
 from bonecam.report.files.second_program import SecondProgram
 from bonecam.report.mechanics_lines import NOT_ASKED
 from bonecam.report.stage_reports import nc_report, toolpath_report
+from bonecam.report.typed.report import SecondFigures
 from bonecam.report.warnings import with_warnings
 from bonecam.setup.placement import place
 from bonecam.surface.files.surface_input import read_part
@@ -123,8 +125,8 @@ def second_program(
         "removal": removal.report,
         "mechanics": bent.report if bent else NOT_ASKED,
     }
-    reported = with_warnings(reported, job)
-    return SecondProgram(Path(first.part.file).name, clamping, paths, posted, removal, reported, job)
+    told = cast(SecondFigures, with_warnings(reported, job))
+    return SecondProgram(Path(first.part.file).name, clamping, paths, posted, removal, told, job)
 
 
 def clamping_shell(

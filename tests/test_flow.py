@@ -32,8 +32,8 @@ ROOMS = {
     "verify": "gouge repeated readback removal control probing proof".split(),
     "study": "strategies rows claims compared table pictures files comparison probed_folder".split(),
     "report": [
-        *"warnings axis_lines mechanics_lines axis_comparison stage_reports run_report".split(),
-        *"tables summary pictures page sheet files".split(),
+        *"warnings axis_lines mechanics_lines axis_comparison stage_reports".split(),
+        *"typed tables summary pictures page sheet files".split(),
     ],
 }
 """The order of the modules and sub-packages inside a stage."""

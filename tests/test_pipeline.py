@@ -15,6 +15,7 @@ from typing import Any
 import bonecam_meshes
 import numpy as np
 import pytest
+from typed_values import differences
 
 import bonecam
 from bonecam.cli import main
@@ -38,6 +39,7 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.dialect import read_dialect
 from bonecam.nc.program import program_name
 from bonecam.nc.reading.read import read_program
+from bonecam.report.typed.report import Report
 from bonecam.runtime.own_files import OWN_FILES
 from bonecam.simulation import simulation_report, simulation_text
 from bonecam.surface import part_surface
@@ -113,25 +115,9 @@ def test_a_surface_that_misses_the_mesh_is_refused_before_the_levels(
 
 def test_the_report_has_the_names_that_stay(chain: tuple[bonecam.Result, Path]) -> None:
     report = json.loads((chain[1] / "report.json").read_text(encoding="utf-8"))
-    wanted = {
-        "input": "file faces units notes repairs repair_steps repair_deviation_max_mm",
-        "surface": "control_points deviation_max_mm deviation_rms_mm given_deviation_max_mm",
-        "stock": "kind diameter_mm length_mm",
-        "nc": "file machine controller blocks readback_tip_error_mm readback_axis_error_deg gouge_max_mm "
-        "rotary_max_deg_per_block time_min feed_median_mm_min feed_low_mm_min feed_axis_limited_share "
-        "feed_beyond_axes_share rewinds rewinds_lifted",
-        "seconds": "mesh surface levels toolpath nc verify simulation",
-        "cpu_seconds": "mesh surface levels toolpath nc verify simulation",
-        "estimate": "length_mm blocks machining_min planning_cpu_s",
-        "removal": "cell_mm levels rapid_contact_mm3 clearance_mm left",
-        "mechanics": "levels error_kept_um neck_stress_mpa yield_mpa first_hz tooth_hz band",
-    }
-    for section, names in wanted.items():
-        assert set(names.split()) <= set(report[section])
-    level_names = "index limit_mm depth_max_mm depth_mean_mm nesting_min_mm self_intersections"
-    path_names = "level cutter_radius_mm scallop_limit_mm passes contacts length_mm trimmed_mm uncut_contacts"
-    assert all(set(level_names.split()) <= set(row) for row in report["levels"])
-    assert all(set(path_names.split()) <= set(row) for row in report["toolpath"])
+    assert differences(report, Report) == []
+    absent = {"parting", "feed", "second", "axes"}
+    assert set(report) == set(Report.__annotations__) - absent
     machined = [level for level, _ in groupby(row["level"] for row in report["toolpath"])]
     assert machined == list(range(len(report["levels"]) - 2, -1, -1))
 

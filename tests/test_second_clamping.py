@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from bonecam_meshes import path as shipped
+from typed_values import differences
 
 import bonecam
 from bonecam.errors import BonecamError, JobError, MeshError, VerifyError
@@ -26,6 +27,7 @@ from bonecam.planning.holding.parting_paths import parting_paths
 from bonecam.planning.holding.stump_paths import check_second
 from bonecam.planning.passes.parting import cut_groove
 from bonecam.report.files.second_program import SecondProgram
+from bonecam.report.typed.report import SecondFigures
 from bonecam.second_clamping import second_program
 from bonecam.setup.capsule import Capsule, smallest_capsule
 from bonecam.setup.stocks.mesh import ConvexStock
@@ -91,6 +93,7 @@ def second(parted) -> SecondProgram:
 
 def test_the_second_program_cuts_off_what_stayed_at_the_post(second):
     told = second.report
+    assert differences(told, SecondFigures) == []
     assert told["at_post_before_mm2"] > 6.7, "the post of 3 mm alone covers 7.07"
     assert told["at_post_after_mm2"] == 0
     assert not any(path["uncut_reasons"].get("hidden") for path in told["toolpath"]), "nothing stays there"

@@ -104,7 +104,7 @@ def run_shell(options: argparse.Namespace) -> int:
 
 def run_simulate(options: argparse.Namespace) -> int:
     """`bonecam simulate`: what a program removes, from its text."""
-    from bonecam.report.run_report import report_text
+    from bonecam.report.typed.run_report import report_text
     from bonecam.report.warnings import check_warnings, warnings_of
     from bonecam.simulation import simulation_report, simulation_text
     from bonecam.verify.removal.of_job import check_removal_of_job

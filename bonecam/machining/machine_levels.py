@@ -1,10 +1,10 @@
 """The tool paths on the levels of a part, their program and its proof; and the program once more with feeds by the
 force."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from bonecam.levels.measure.level import morph_surfaces
 from bonecam.machine.machine import Machine
@@ -21,9 +21,10 @@ from bonecam.report import warnings
 from bonecam.report.files.output_files import File
 from bonecam.report.files.result import Morphed, Result
 from bonecam.report.mechanics_lines import NOT_KNOWN
-from bonecam.report.run_report import report_to_program
 from bonecam.report.stage_reports import uncut_areas
 from bonecam.report.summary import NOT_SIMULATED
+from bonecam.report.typed.report import Report
+from bonecam.report.typed.run_report import report_to_program
 from bonecam.runtime.timing import StageTimes
 from bonecam.tool.path import ToolPath
 from bonecam.verify.removal.given import given_surface
@@ -53,8 +54,8 @@ def machine_levels(
         else:
             planned = plan_layer_paths(levels, made.stock, job, machine_limits(machine), share)
         foretold["uncut_mm2"] = uncut_areas(planned, levels[0].mesh) if job.path.strategy == "morph" else {}
-    foretold = made.report | foretold
-    return _posted(made, planned, machine, dialect, source, file, times, part(progress, 0.82, 1.0), foretold)
+    so_far = {**made.report, **foretold}
+    return _posted(made, planned, machine, dialect, source, file, times, part(progress, 0.82, 1.0), so_far)
 
 
 def _posted(
@@ -66,7 +67,7 @@ def _posted(
     file: File,
     times: StageTimes,
     progress: Progress,
-    foretold: dict[str, Any],
+    foretold: Mapping[str, Any],
 ) -> Result:
     """The planned paths as a proved program, as in `machine_levels`; `foretold` is the report so far."""
     job, levels = made.job, made.levels.levels
@@ -89,8 +90,8 @@ def _posted(
         Path(file or "").name, paths, program, proved.proof, job=job.path, part=levels[0].mesh
     )
     figures = {**foretold, **reported, "removal": NOT_SIMULATED, "mechanics": NOT_KNOWN}
-    figures = warnings.with_warnings(figures, job)
-    whole = (made.part, made.surface, made.stock, made.levels, figures, job)
+    checked = cast(Report, warnings.with_warnings(figures, job))
+    whole = (made.part, made.surface, made.stock, made.levels, checked, job)
     return Result(*whole, paths, program)
 
 

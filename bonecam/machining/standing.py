@@ -5,7 +5,7 @@ The two halves are apart, as strategies that are compared share the first.
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from bonecam.job import Job
 from bonecam.levels.job_levels import surface_and_levels
@@ -22,7 +22,8 @@ from bonecam.report import warnings
 from bonecam.report.files.kept_folder import keep_failed_level
 from bonecam.report.files.output_files import File
 from bonecam.report.files.result import Morphed
-from bonecam.report.run_report import post_report, report_to_levels
+from bonecam.report.typed.report import Report
+from bonecam.report.typed.run_report import post_report, report_to_levels
 from bonecam.runtime.timing import StageTimes
 from bonecam.setup.placement import Setup, place
 from bonecam.setup.schedule import check_cuts
@@ -75,4 +76,5 @@ def morph_standing(standing: Standing, keep: File, times: StageTimes, progress: 
     figures = report_to_levels(setup.part, fitted, setup.stock, morph, job.levels.method)
     figures |= {"strategy": job.path.strategy, "post": standing.told}
     figures |= {"seconds": times.seconds, "cpu_seconds": times.cpu_seconds}
-    return Morphed(setup.part, fitted.surface, setup.stock, morph, warnings.with_warnings(figures, job), job)
+    told = cast(Report, warnings.with_warnings(figures, job))
+    return Morphed(setup.part, fitted.surface, setup.stock, morph, told, job)

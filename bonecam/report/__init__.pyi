@@ -17,3 +17,4 @@ from .tables.cl_data import ClData as ClData
 from .tables.cl_data import ClPath as ClPath
 from .tables.cl_data import apt_text as apt_text
 from .tables.cl_data import read_apt as read_apt
+from .typed.report import Report as Report

@@ -8,7 +8,7 @@ reason.
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from bonecam.errors import BonecamError, JobError, LevelError
 from bonecam.files import check_folder
@@ -26,6 +26,7 @@ from bonecam.nc.requirements import check_reach
 from bonecam.pipeline import check_job
 from bonecam.progress import Progress, part, report, silent
 from bonecam.report.files.result import Morphed, Result
+from bonecam.report.typed.report import Report
 from bonecam.runtime.timing import StageTimes
 from bonecam.study.claims import claims_of
 from bonecam.study.compared import Comparison, Measured
@@ -161,7 +162,7 @@ class _Study:
         told = {"removal": removal.report}
         if removal.mechanics is not None:
             told["mechanics"] = removal.mechanics.report
-        return replace(result, removal=removal, report={**result.report, **told})
+        return replace(result, removal=removal, report=cast(Report, {**result.report, **told}))
 
     def _measured(self, strategy: Strategy, result: Result) -> tuple[Row, Measured]:
         """The row of a simulated program."""

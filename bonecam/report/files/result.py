@@ -21,6 +21,7 @@ from bonecam.report.page.packing import pack
 from bonecam.report.pictures.depth_colours import draw_coloured
 from bonecam.report.sheet.setup_sheet import setup_article, setup_sheet
 from bonecam.report.summary import summary_of
+from bonecam.report.typed.report import Report
 from bonecam.setup.stock import Stock
 from bonecam.surface.tspline import TSpline
 from bonecam.tool.path import ToolPath
@@ -36,7 +37,7 @@ class Morphed(Shown):
     surface: TSpline
     stock: Stock
     levels: Morph
-    report: dict[str, Any]
+    report: Report
     job: Job
 
     @cached_property

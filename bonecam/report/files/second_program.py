@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import bonecam
 from bonecam.job import Job
@@ -15,6 +14,7 @@ from bonecam.report.pictures.level_sections import draw_second
 from bonecam.report.sheet.second_article import second_article
 from bonecam.report.summary import second_text
 from bonecam.report.tables.cl_data import apt_text
+from bonecam.report.typed.report import SecondFigures
 from bonecam.tool.path import ToolPath
 from bonecam.verify.removal.result import Removal
 from bonecam.workholding.shell import SecondClamping
@@ -31,7 +31,7 @@ class SecondProgram(Shown):
     paths: tuple[ToolPath, ...]
     program: Program
     removal: Removal
-    report: dict[str, Any]
+    report: SecondFigures
     job: Job
 
     @cached_property

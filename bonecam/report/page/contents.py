@@ -1,6 +1,6 @@
 """All that a page shows of a run."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +30,7 @@ def run_contents(
     levels: Sequence[Level],
     stock: Stock,
     job: Job,
-    report: dict[str, Any],
+    report: Mapping[str, Any],
     version: str,
     *,
     program: str = "",

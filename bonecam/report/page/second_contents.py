@@ -1,6 +1,6 @@
 """All that a page shows of a second clamping."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -24,7 +24,7 @@ def second_contents(
     paths: Sequence[ToolPath],
     removal: Removal,
     job: Job,
-    report: dict[str, Any],
+    report: Mapping[str, Any],
     name: str,
     version: str,
 ) -> Contents:

@@ -1,7 +1,7 @@
 """The report of a run, section by section, as --report writes it."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -27,7 +27,7 @@ from bonecam.workholding.clamping import holding_columns
 from bonecam.workholding.post import Post
 
 
-def report_text(report: dict[str, Any]) -> str:
+def report_text(report: Mapping[str, Any]) -> str:
     """The text of a report's file."""
     return json.dumps(report, indent=2) + "\n"
 

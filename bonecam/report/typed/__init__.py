@@ -1,0 +1,1 @@
+"""The report of a run: its types, and how its sections are made."""
