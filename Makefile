@@ -11,7 +11,7 @@ BROWSER := chromium fonts-dejavu-core
 # Compiled modules are kept: tests start hundreds of processes, and each would compile the package anew.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: demo test processor docs papers lint types system cnc browser clean
+.PHONY: demo test processor docs papers gallery lint types system cnc browser clean
 
 demo: $(VENV)/installed
 	mkdir -p out
@@ -31,6 +31,10 @@ docs: $(VENV)/documenting
 # The tables of the page "The papers beside bonecam": BONES="bone.stl:m ...", by default the phalanx that ships.
 papers: $(VENV)/developing
 	$(BIN)/python docs/papers.py $(BONES)
+
+# The pictures of the docs.
+gallery: $(VENV)/developing
+	$(BIN)/python tests/figures/draw.py
 
 lint: $(VENV)/developing
 	$(BIN)/ruff format --check .

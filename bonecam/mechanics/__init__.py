@@ -2,7 +2,7 @@
 
 slice          the part of what stands between two heights, its section taken as even
 compliance     displacement for a force, mm/N, as a matrix (3, 3)
-shoulder       step from a slender to a wide section, which gives way as up to 0.24 diameters more of the slender one
+shoulder       step from a slender to a wide section, which gives way as .24 diameters more of the slender one
 engagement     the part of a cutter's edge that lies in material before a move is cut
 chip           what one edge takes: the feed a tooth fz, thinner where the surface leans along the feed
 mean, peak     the force over a turn of the spindle: its mean vector, and the largest

@@ -1,9 +1,9 @@
 """Workholding: what the part stands on and what carries it, as obstacles to the tool.
 
-post      upright cylinder left between part and table, on the Z axis; parted at the end
-chuck, columns   what holds the post or stands on the table
+    post      upright cylinder left between part and table, on the Z axis; parted at the end
+    chuck, columns   what holds the post or stands on the table
 clearance distance that the tool keeps from these, mm
-shell     the form that holds the finished end in the second clamping
+    shell     the form that holds the finished end in the second clamping
 """
 
 import lazy_loader
