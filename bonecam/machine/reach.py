@@ -3,9 +3,9 @@
 from dataclasses import replace
 
 import numpy as np
+import scipy
 from jaxtyping import Bool, Float
 from numpy import ndarray
-from scipy.spatial import KDTree
 
 from bonecam.arrays import frozen, lengths
 from bonecam.errors import MachineError
@@ -88,7 +88,7 @@ def reached_axes(machine: Machine) -> ReachedAxes:
     if np.ptp(samples, axis=0).max() < ON_CURVE:
         what = f"{machine.name}: its tool has a single direction in the part"
         raise MachineError(f"{what}: give one of its rotary axes room", machine=machine.name)
-    tree = KDTree(samples)
+    tree = scipy.spatial.KDTree(samples)
 
     def brought(axes: Float[ndarray, "n 3"]) -> tuple[Float[ndarray, "n 3"], Bool[ndarray, " n"]]:
         """Of each axis the one of the machine by its first solution within the limits, and whether there is one."""
