@@ -24,7 +24,7 @@ from bonecam.planning.links.direct import Contacts, contacts_of, direct_links
 from bonecam.planning.links.lift import lift_for_rewinds
 from bonecam.planning.links.link_space import LinkSpace
 from bonecam.planning.links.moves import NO_MOVES, Feeds, LinkMoves, join_moves, moves_of
-from bonecam.planning.links.sequence import LinkedRuns, link_runs
+from bonecam.planning.links.sequence import LinkedRuns, Run, link_runs
 from bonecam.planning.links.step_over import steps_over
 from bonecam.planning.passes.gouge_lifts import planned_tolerance
 from bonecam.tool.path import ContactPath, FreeCones, MoveKind, ToolPath
@@ -33,9 +33,6 @@ MAX_TURN = np.radians(30.0)
 """A cutting move turns the tool axis by no more, radians: else the tool retracts and comes back."""
 DIRECT_RADII = 2.5
 """A direct link is no longer than this many radii of the ball."""
-
-Run = Int[ndarray, " _"]
-"""Contacts, by index, that are cut without lifting the tool."""
 
 
 def orient(
@@ -200,9 +197,10 @@ def _tool_path(
     for k, link in linked.links:
         number += len(link) > 0
         first_feed = space.feeds.plunge if len(link) else path.cutter.feed
-        moves += [link, _cut(path, chosen.axes, runs[k], first_feed)]
-        contacts += [np.full(len(link), -1), runs[k]]
-        passes += [np.full(len(link), -1), np.full(len(runs[k]), number)]
+        run = linked.runs[k]
+        moves += [link, _cut(path, chosen.axes, run, first_feed)]
+        contacts += [np.full(len(link), -1), run]
+        passes += [np.full(len(link), -1), np.full(len(run), number)]
     away = np.full(len(linked.home), -1)
     joined = join_moves([*moves, linked.home])
     contact = np.concatenate([*contacts, away])
@@ -230,11 +228,10 @@ def _tool_path(
 def _uncut(
     path: ContactPath, chosen: ToolAxes, runs: Sequence[Run], linked: LinkedRuns
 ) -> tuple[Float[ndarray, "u 3"], tuple[str, ...]]:
-    """The contacts left out and why: those of the path, those without an axis, and those of runs that are not
+    """The contacts left out and why: those of the path, those without an axis, and those of `runs` that are not
     reached."""
-    reached = {k for k, _ in linked.links}
-    missed = [run for k, run in enumerate(runs) if k not in reached]
-    unreached = np.concatenate([np.zeros(0, dtype=np.int64), *missed])
+    cut = [linked.runs[k] for k, _ in linked.links]
+    unreached = np.setdiff1d(np.concatenate(runs), np.concatenate(cut))
     without_axis = np.flatnonzero(~chosen.found)
     uncut = np.vstack([path.uncut, path.contacts[without_axis], path.contacts[unreached]])
     reasons = [chosen.reasons[i] for i in without_axis] + ["collision"] * len(unreached)

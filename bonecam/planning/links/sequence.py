@@ -1,7 +1,8 @@
 """The links of a level: how its runs of contacts are reached one after the other, from the safe point and
 back to it.
 
-A run is cut without lifting the tool. Runs that cannot be left, or not be reached, are left out.
+A run is cut without lifting the tool. One that cannot be left, or not be reached, is cut short by as little as lets the
+tool on and off; where nothing does, it is left out.
 """
 
 from collections.abc import Sequence
@@ -15,27 +16,47 @@ from bonecam.planning.links.link_space import LinkSpace
 from bonecam.planning.links.moves import LinkMoves, Pose
 from bonecam.planning.links.transfer import SAFE, Transfers, no_transfers
 
+Run = Int[ndarray, " _"]
+"""Contacts, by index, that are cut without lifting the tool."""
+SHORTER = (0, 1, 2, 4, 8, 16, 32, 64)
+"""By so many contacts the ends of a run are cut short, the first that does."""
+
 
 @dataclass(frozen=True, eq=False)
 class LinkedRuns:
-    """The runs that are reached, in order: each one's number and the moves to it; and the moves `home` from
-    the last one (None where no run is reached)."""
+    """The `runs`, some of them shorter than they came; those that are reached, in order: each one's number and the
+    moves to it; and the moves `home` from the last one (None where no run is reached)."""
 
+    runs: tuple[Run, ...]
     links: tuple[tuple[int, LinkMoves], ...]
     home: LinkMoves | None
 
 
 def link_runs(
-    space: LinkSpace,
-    poses: Sequence[Pose],
-    runs: Sequence[Int[ndarray, " _"]],
-    direct: Sequence[LinkMoves | None],
+    space: LinkSpace, poses: Sequence[Pose], runs: Sequence[Run], direct: Sequence[LinkMoves | None]
 ) -> LinkedRuns:
     """Link runs (contacts, as indices into `poses`); `direct[k]` is the direct link from run k to the next,
     if there is one: without moves where the tool cuts straight on."""
-    ends = [(int(run[0]), int(run[-1])) for run in runs]
     after = [*direct, None]
-    transfers, leavable = _find_leavable(no_transfers(space, poses), ends, after)
+    transfers, links = _links(no_transfers(space, poses), runs, after)
+    missed = sorted(set(range(len(runs))) - {k for k, _ in links})
+    if missed:
+        transfers, runs, after = _shortened(transfers, runs, after, missed)
+        transfers, links = _links(transfers, runs, after)
+    if not links:
+        return LinkedRuns(tuple(runs), (), None)
+    pair = (int(runs[links[-1][0]][-1]), SAFE)
+    home = transfers.extend([pair]).found[pair]
+    assert home is not None
+    return LinkedRuns(tuple(runs), tuple(links), home)
+
+
+def _links(
+    transfers: Transfers, runs: Sequence[Run], after: Sequence[LinkMoves | None]
+) -> tuple[Transfers, list[tuple[int, LinkMoves]]]:
+    """The runs that are reached, in order, each with the moves to it."""
+    ends = [(int(run[0]), int(run[-1])) for run in runs]
+    transfers, leavable = _find_leavable(transfers, ends, after)
 
     reachable = [k for k in range(len(runs)) if leavable[k]]
     jumps = [(a, b) for a, b in pairwise(reachable) if b > a + 1 or after[a] is None]
@@ -52,13 +73,38 @@ def link_runs(
             link = transfers.found[pair]
         if link is not None:
             links.append((k, link))
-    if not links:
-        return LinkedRuns((), None)
+    return transfers, links
 
-    pair = (ends[links[-1][0]][1], SAFE)
-    home = transfers.extend([pair]).found[pair]
-    assert home is not None
-    return LinkedRuns(tuple(links), home)
+
+def _shortened(
+    transfers: Transfers, runs: Sequence[Run], after: Sequence[LinkMoves | None], missed: Sequence[int]
+) -> tuple[Transfers, list[Run], list[LinkMoves | None]]:
+    """The runs, of which those `missed` end where the tool gets on and off, if it does so somewhere near their ends;
+    and their direct links, none at an end that moved."""
+    shorter, links = list(runs), list(after)
+    for k in missed:
+        run = runs[k]
+        head: int | None = 0
+        if not k or links[k - 1] is None:
+            transfers, head = _first_linked(transfers, [(SAFE, int(contact)) for contact in run])
+        transfers, tail = _first_linked(transfers, [(int(contact), SAFE) for contact in run[::-1]])
+        if head is None or tail is None or head + tail >= len(run) - 1:
+            continue
+        shorter[k] = run[head : len(run) - tail]
+        if head and k:
+            links[k - 1] = None
+        if tail:
+            links[k] = None
+    return transfers, shorter, links
+
+
+def _first_linked(transfers: Transfers, pairs: Sequence[tuple[int, int]]) -> tuple[Transfers, int | None]:
+    """By how many contacts a run is cut short until a transfer of these is found."""
+    for short in (short for short in SHORTER if short < len(pairs)):
+        transfers = transfers.extend([pairs[short]])
+        if transfers.found[pairs[short]] is not None:
+            return transfers, short
+    return transfers, None
 
 
 def _find_leavable(

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
+from boxes import BOX
 
 from bonecam.machine.frustum import Frustum
 from bonecam.machine.limits import MachineLimits
@@ -21,8 +22,6 @@ from bonecam.workholding.post import Post
 
 RADIUS, GAP, TOP = 2.0, 5.0, 41.0
 CENTRE = np.array([0.0, 0.0, TOP - 5.0])
-BOX = np.array([[int(k) for k in face] for face in "021 123 456 576 014 154 263 367 042 246 135 375".split()])
-"""Corners of the triangles of a box, outward."""
 
 
 def slit(lean: float) -> TriangleMesh:
