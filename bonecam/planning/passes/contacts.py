@@ -31,7 +31,7 @@ from bonecam.planning.passes.engaged_segments import (
 from bonecam.planning.passes.gouge_lifts import gouge_free_lifts, planned_tolerance
 from bonecam.planning.passes.patterns.fastest import pattern_curves
 from bonecam.planning.passes.patterns.order import order_curves
-from bonecam.planning.passes.patterns.post_ring import LineContacts, post_ring
+from bonecam.planning.passes.patterns.post_ring import LineContacts, post_rings
 from bonecam.planning.passes.patterns.sampling import contact_frames, sample_lines
 from bonecam.tool.ball_depth import MAX_DEPTH_RADII
 from bonecam.tool.cutter import Cutter
@@ -126,8 +126,8 @@ def candidate_contacts(
     line = lines.line
     parameters, directions = curves.at(line, lines.x)
     contacts, normals, feeds = contact_frames(surface, parameters, directions)
-    ring = post_ring(surface, post, cutter.radius, cutter.radius + post_clearance)
-    for added in [*walls, *([] if ring is None else [ring])]:
+    rings = post_rings(surface, post, cutter.radius, cutter.radius + post_clearance)
+    for added in [*walls, *rings]:
         line = np.r_[line, np.full(len(added.parameters), line[-1] + 1)]
         parameters = np.vstack([parameters, added.parameters])
         contacts = np.vstack([contacts, added.contacts])
