@@ -119,7 +119,7 @@ def draw_refused(
         plot.plot(at[across], at[2], "r+", ms=14, mew=1.5)
         plot.set_title(f"section {'yx'[across]} = {at[1 - across]:.2f}", fontsize="medium")
     plots[0].set_ylabel("z (mm)")
-    figure.suptitle("Red cross: the place that refused the program; dots: centres of the balls beside it")
+    figure.suptitle("Red cross: the place that refused the program;\ndots: centres of the balls beside it")
     lay_out(figure, plots, above=TITLE_ABOVE)
     save_figure(figure, path)
 
