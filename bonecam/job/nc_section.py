@@ -4,6 +4,22 @@ from dataclasses import dataclass
 
 from bonecam.job.parameter import JobSection, parameter
 
+FARTHEST = 1e5
+"""No park position is farther from the machine's zero, mm."""
+
+
+def park_position(text: str) -> tuple[float, float] | None:
+    """X and Y (mm) of a park position, None of an empty text; ValueError where it is none."""
+    if not text.strip():
+        return None
+    try:
+        x, y = (float(part) for part in text.split(","))
+    except ValueError:
+        raise ValueError("give X and Y of the machine, like '0, 450'") from None
+    if not (abs(x) <= FARTHEST and abs(y) <= FARTHEST):
+        raise ValueError(f"give X and Y within {FARTHEST:g} mm")
+    return x, y
+
 
 @dataclass(frozen=True)
 class NcJob(JobSection):
@@ -80,6 +96,35 @@ class NcJob(JobSection):
     )
     decimals: int = parameter(
         0, "Decimals", "Decimals of lengths and angles; 0: those of the controller's file.", low=0, high=6
+    )
+    split: str = parameter(
+        "none",
+        "Split",
+        "Files of the program: one, or a caller and a numbered file of each level, or of each tool.",
+        choices=("none", "level", "tool"),
+    )
+    split_blocks: int = parameter(
+        0,
+        "Blocks a file",
+        "Most blocks of a numbered file, which has whole levels; 0: as many as there are.",
+        low=0,
+        high=10_000_000,
+    )
+    optional_stop: str = parameter(
+        "none",
+        "Optional stop",
+        "Where the program has an optional stop (M1), the spindle standing: nowhere, before each level, or before "
+        "each tool but the first.",
+        choices=("none", "level", "tool"),
+    )
+    table_level: bool = parameter(
+        False, "Table level", "Turn the rotary axes to zero at the end, above everything."
+    )
+    park: str = parameter(
+        "",
+        "Park position",
+        "X and Y of the spindle nose at the end in machine coordinates (mm), like '0, 450'; empty: it stays.",
+        form=park_position,
     )
     part_zero: str = parameter(
         "table", "Part zero", "The program's zero: on the table under the part.", choices=("table",)

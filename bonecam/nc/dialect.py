@@ -22,8 +22,11 @@ How to add a dialect: copy a file of `bonecam/nc/dialects/` (name it, or give it
   the last line, "%" where it is not stated, "" where the program ends with the code of its end; `moving_blocks`: how
   the blocks begin that move an axis; [machining]: the words of the control for `roughing` and `finishing` levels;
 - [numbers]: decimals, sign and range of lengths (mm), angles (deg), feeds and spindle speeds;
+- [calls]: how a program in parts is written: the name of the `file` of a part, the block that makes the `call`, the
+  blocks that a part has at its `begin` and `end`, with the fields {name} {lower} (in small letters) {number} {file}, and
+  what the control `needs` for it;
 - [templates]: header, tool, stop, restart, level, position, approach, rapid, feed, feed_kept, coolant_on, coolant_off,
-  lift, retract, tool_end, footer. One line is one block; an empty template writes nothing. Fields, by template:
+  lift, retract, tool_end, optional_stop, park, footer. One line is one block; an empty template writes nothing. Fields, by template:
   header {name} {number} (of the program, drawn from its name) {comments} {low_x}..{high_z} {tolerance} (a length)
   {rotary_tolerance} (degrees) {tool_centre_off};
   tool {tool} {spindle} {retract} (height above everything) {endless} (the short way on or off) {over_zero} (X and Y
@@ -35,7 +38,7 @@ How to add a dialect: copy a file of `bonecam/nc/dialects/` (name it, or give it
   rapid rate as a feed); lift {lifted} (X Y Z so high above the end that switching off may lower the tool by its
   length) {rapid};
   rapid {words} (all five); feed {words} {feed}; feed_kept {words} (a feed move at the feed of the one before; without
-  it every block states its feed); retract {retract}; footer {name}. A field may have a width, like
+  it every block states its feed); retract {retract}; park {linear} (X and Y of the machine); footer {name}. A field may have a width, like
   {tool:02d};
 - [tool_centre_control]: `on` and `off` blocks (with the fields {tool} and, Z before the rotary
   axes turn, {height}) by name, the machine file picks one, or takes
@@ -45,7 +48,8 @@ How to add a dialect: copy a file of `bonecam/nc/dialects/` (name it, or give it
 - the reader's grammar: [[statements]] (whole blocks: `pattern`, a regular expression of RE2, and `effect`), and for
   iso [codes]: what each G, M and D code and each word of letters alone does; where there are codes of `tool_length`,
   every tool must have its length, by H, or by D of the tool in the spindle, before it moves; a rapid to Z0 in
-  `machine_coordinates` is a retract, and so is a `reference_return` of Z by `incremental` words; the group `spindle`
+  `machine_coordinates` is a retract, one of X and Y behind it a park position (as a statement: `machine position` with
+  the groups x and y), and so is a `reference_return` of Z by `incremental` words; the group `spindle`
   of a statement `tool`, or S, is the spindle's speed; M3 is `spindle_on`, M5 `spindle_stop`, M7 and M8 are
   `coolant_on`, M9 is `coolant_off`; `tolerance` is the contour's, by P, or by the group of that name of a statement.
   What a code means everywhere (`nc/schema/code_meanings.py`) it cannot mean otherwise: units, planes, arcs and

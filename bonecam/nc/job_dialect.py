@@ -10,6 +10,7 @@ import re
 from bonecam.errors import MachineError
 from bonecam.job import NcJob
 from bonecam.nc.dialect import Dialect, read_dialect
+from bonecam.nc.parts.grouping import is_split
 
 FIRST_CODE = 53
 """Work offset n is the code of this and n: G54 is the first."""
@@ -30,6 +31,11 @@ def job_dialect(nc: NcJob) -> Dialect:
         changes["templates"] = dialect.templates.model_copy(
             update={"coolant_on": dialect.coolants[nc.coolant_kind]}
         )
+    for asked, missing, template in _asked(nc, dialect):
+        if missing:
+            raise _refused(dialect, asked, f"leave it out, or add {template} to its file")
+    if is_split(nc) and dialect.calls is not None:
+        changes["needs"] = [*dialect.needs, *dialect.calls.needs]
     if not nc.block_numbers:
         if dialect.grammar == "klartext":
             raise _refused(dialect, "nc.block_numbers = false", "leave it out, its blocks have numbers")
@@ -40,6 +46,27 @@ def job_dialect(nc: NcJob) -> Dialect:
         lengths = numbers.length.model_copy(update=fine), numbers.angle.model_copy(update=fine)
         changes["numbers"] = numbers.model_copy(update={"length": lengths[0], "angle": lengths[1]})
     return dialect.model_copy(update=changes) if changes else dialect
+
+
+def _asked(nc: NcJob, dialect: Dialect) -> list[tuple[str, bool, str]]:
+    """What of a section [nc] needs words that a dialect may not have: as the job says it, whether they are missing
+    though it is asked for, and what has them."""
+    templates = dialect.templates
+    split = "split" if nc.split != "none" else "split_blocks"
+    return [
+        (f"nc.{split} = {getattr(nc, split)!r}", is_split(nc) and dialect.calls is None, "a table [calls]"),
+        (
+            f"nc.{split} = {getattr(nc, split)!r}",
+            is_split(nc) and not templates.restart,
+            "a template restart",
+        ),
+        (
+            f"nc.optional_stop = {nc.optional_stop!r}",
+            nc.optional_stop != "none" and not templates.optional_stop,
+            "a template optional_stop",
+        ),
+        (f"nc.park = {nc.park!r}", bool(nc.park.strip()) and not templates.park, "a template park"),
+    ]
 
 
 def _with_work_offset(dialect: Dialect, number: int) -> Dialect:

@@ -9,6 +9,8 @@ HIGHEST_NUMBER = 7999
 """Programs of higher numbers belong to the maker of the machine (Fanuc: 8000 and 9000)."""
 LOWEST_DRAWN = 1000
 """Lower numbers are left to programs that are called by hand."""
+NUMBERS = HIGHEST_NUMBER + 1 - LOWEST_DRAWN
+"""How many numbers a program may draw."""
 
 
 @dataclass(frozen=True)
@@ -25,7 +27,7 @@ class FeedFigures:
 
 @dataclass(frozen=True, repr=False)
 class Program:
-    """An NC program as text, ending with a newline.
+    """An NC program as text, ending with a newline, with its name, and its number where a control calls it by one.
 
     `blocks` are its blocks (comments and continued blocks count once), `moves` the blocks that move an axis.
     `time_min` is from feeds and axis speeds, without accelerations, tool changes and retracts of unknown
@@ -36,6 +38,7 @@ class Program:
 
     text: str
     name: str
+    number: int
     machine: str
     controller: str
     extension: str
@@ -72,4 +75,4 @@ def program_number(name: str) -> int:
     given = re.fullmatch(r"O([0-9]{1,4})", name)
     if given and 1 <= int(given[1]) <= HIGHEST_NUMBER:
         return int(given[1])
-    return LOWEST_DRAWN + zlib.crc32(name.encode()) % (HIGHEST_NUMBER + 1 - LOWEST_DRAWN)
+    return LOWEST_DRAWN + zlib.crc32(name.encode()) % NUMBERS

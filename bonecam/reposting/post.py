@@ -19,6 +19,8 @@ from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.units import to_mm
 from bonecam.nc.dialect import read_dialect
 from bonecam.nc.job_dialect import job_dialect
+from bonecam.nc.parts.files import write_program_files
+from bonecam.nc.parts.joined import joined
 from bonecam.nc.posting.header.header import record_simulation
 from bonecam.nc.program import Program, program_name
 from bonecam.nc.reading.read import read_program
@@ -97,7 +99,7 @@ def post(
         told = record_simulation(proved.program, dialect, ACCURACY.cell)
         proved = ProvedProgram(proved.paths, told, proved.proof)
     if program is not None:
-        write_whole(program, proved.program.text)
+        write_program_files(proved.program, dialect, program)
     return Posted(proved, removal, job)
 
 
@@ -122,11 +124,12 @@ def _planned(
     file: Path, origin: tuple[str | Path, str | Path] | None, job: Job, machine: Machine
 ) -> list[ToolPath]:
     """The tool paths of a file."""
-    text = required_text(file, "cutter location data")
     try:
-        made = list(
-            _of_apt(text, job, machine) if origin is None else _of_program(text, origin, job, machine)
-        )
+        if origin is None:
+            made = list(_of_apt(required_text(file, "cutter location data"), job, machine))
+        else:
+            text = joined(file, read_dialect(origin[1])).text
+            made = list(_of_program(text, origin, job, machine))
     except ProgramError as error:
         raise ProgramError(f"{file}: {error}", **error.evidence) from error
     if not made:

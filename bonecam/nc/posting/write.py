@@ -16,20 +16,21 @@ from bonecam.errors import MachineError, ProgramError
 from bonecam.job import Job
 from bonecam.machine.machine import Machine
 from bonecam.nc.dialect import Dialect
+from bonecam.nc.parts.grouping import Section, is_split, marked_parts
 from bonecam.nc.posting.axis_words import word_texts
 from bonecam.nc.posting.block_numbers import number_blocks
+from bonecam.nc.posting.end import check_end, end_blocks
 from bonecam.nc.posting.feeds.drivable_feeds import feed_figures
 from bonecam.nc.posting.header.air_check import air_check_texts
-from bonecam.nc.posting.header.header import comment, header_lines, rotary_text
+from bonecam.nc.posting.header.header import comment, header_lines, level_lines
 from bonecam.nc.posting.header.program_zero import over_zero, zero_words
 from bonecam.nc.posting.header.texts import setup_texts
 from bonecam.nc.posting.marks import REWIND
 from bonecam.nc.posting.path_words import Posted, post_path
 from bonecam.nc.posting.rows.row_blocks import row_blocks
 from bonecam.nc.posting.start import start_texts
-from bonecam.nc.posting.tolerances import contour_tolerance, rotary_tolerance_deg
 from bonecam.nc.posting.travel import Travel, above, lifted, travel_of
-from bonecam.nc.program import Program
+from bonecam.nc.program import Program, program_number
 from bonecam.nc.words import plain_text
 from bonecam.progress import Progress, report, silent
 from bonecam.setup.stock import Stock
@@ -63,6 +64,7 @@ def write_program(
     if job.nc.tool_change == "stop" and not dialect.templates.stop:
         remedy = 'take nc.tool_change = "changer", or add the template to its file'
         raise MachineError(f"{dialect.name} has no template stop: {remedy}", dialect=dialect.name)
+    check_end(job, machine)
     around, posted = np.vstack([path.tips for path in paths]), list[Posted]()
     for index, path in enumerate(paths):
         report(progress, index / len(paths), f"level {path.level}: angles and words")
@@ -105,15 +107,29 @@ class ProgramWriter:
 
     def program(self, header: list[str], air_check: Sequence[str]) -> Program:
         """The whole program, which begins with the blocks of the `header`; that tells the `air_check`."""
+        sections = self._sections()
         lines = list(header)
-        tool = None
+        if is_split(self.job.nc):
+            lines += marked_parts(sections, self.name, self.dialect, self.job.nc)
+        else:
+            lines += [line for section in sections for line in section.lines]
+        lines += (
+            self.dialect.lines("tool_end")
+            + self._counted(end_blocks(self.machine, self.dialect, self.job.nc))
+            + self.dialect.lines("footer", name=self.name)
+        )
+        return self._finish(lines, air_check)
+
+    def _sections(self) -> list[Section]:
+        """The blocks of each path."""
+        sections, tool = list[Section](), None
         for posted in self.posted:
-            lines += self._begin(posted, tool)
+            lines = self._begin(posted, tool)
             tool = posted.path.cutter.number
             for index in range(len(posted.runs)):
                 lines += self._run(posted, index)
-        lines += self.dialect.lines("tool_end") + self.dialect.lines("footer", name=self.name)
-        return self._finish(lines, air_check)
+            sections.append(Section(posted.path.title, tool, lines))
+        return sections
 
     def _finish(self, lines: list[str], air_check: Sequence[str]) -> Program:
         """The program of these blocks, numbered, with its counts and its time."""
@@ -124,6 +140,7 @@ class ProgramWriter:
         return Program(
             text=text,
             name=self.name,
+            number=self.job.nc.program_number or program_number(self.name),
             machine=self.machine.name,
             controller=self.dialect.name,
             extension=self.dialect.extension,
@@ -145,13 +162,17 @@ class ProgramWriter:
         has a template for it, else a tool call where the cutter is another."""
         cutter, title = posted.path.cutter, posted.path.title
         changes = cutter.number != tool
-        lines = self.dialect.lines("tool_end") if changes and tool is not None else []
+        stops = tool is not None and self.job.nc.optional_stop in (
+            ("level", "tool") if changes else ("level",)
+        )
+        lines = self.dialect.lines("tool_end") if tool is not None and (changes or stops) else []
+        lines += self.dialect.lines("optional_stop") if stops else []
         lines += [comment(title, self.dialect)]
-        if tool is not None:
+        if tool is not None or is_split(self.job.nc):
             name = plain_text(title, self.dialect.comment_characters)
             lines += self.dialect.lines("restart", title=name, tool=cutter.number, tool_centre_off=self.off)
-        lines += self._level(posted)
-        if changes or self.dialect.templates.restart:
+        lines += level_lines(self.dialect, self.job, posted)
+        if changes or stops or self.dialect.templates.restart:
             lines += self._tool(cutter, halts=changes and self.job.nc.tool_change == "stop")
         return lines
 
@@ -167,18 +188,6 @@ class ProgramWriter:
             endless=self.dialect.endless_block,
             over_zero=over_zero(self.machine, self.dialect),
             stop="\n".join(stop),
-        )
-
-    def _level(self, posted: Posted) -> list[str]:
-        """The blocks that begin a level: its tolerances and whether it is roughed."""
-        finishing = self.job.is_finishing(posted.path.level)
-        turn = rotary_tolerance_deg(self.dialect, self.job, finishing, posted.path.cutter.radius)
-        return self.dialect.lines(
-            "level",
-            tolerance=self.length.text(contour_tolerance(self.dialect, self.job, finishing)),
-            rotary_tolerance=rotary_text(self.dialect, turn),
-            hsc_mode=int(not finishing),
-            machining=self.dialect.machining.finishing if finishing else self.dialect.machining.roughing,
         )
 
     def _moving(self, template: str, **fields: object) -> list[str]:

@@ -210,14 +210,18 @@ class _BlockReader:
 
     def _retract(self, effects: list[str], axes: dict[str, float], line: int) -> None:
         """A rapid to the machine's zero of Z, or to its reference position: the tool is above everything, where its tip
-        is in the part is not known."""
+        is in the part is not known. Or one of the retracted tool to X and Y of the machine."""
         state = self.state
+        if axes.keys() == {"X", "Y"} and {"machine_coordinates", "rapid"} <= {*effects}:
+            state.park(axes["X"], axes["Y"], line)
+            return
         if state.tool_centre:
             raise line_error(line, "machine coordinates while tool-centre control is on")
         by_reference = "reference_return" in effects
-        allowed = state.incremental if by_reference else "rapid" in effects and not state.incremental
+        allowed = state.incremental if by_reference else self.by_edge and "rapid" in effects
         if not allowed or "feed" in effects or axes != {"Z": 0.0}:
-            known = "a return of Z0 by increments" if by_reference else "a rapid to Z0"
+            known = "a rapid of the retracted tool to X and Y" + (" or to Z0" if self.by_edge else "")
+            known = "a return of Z0 by increments" if by_reference else known
             raise line_error(line, f"in machine coordinates nothing but {known} is known")
         if self.by_edge and state.length_of:
             raise line_error(line, f"a retract with the length of tool {state.length_of}: switch it off (D0)")

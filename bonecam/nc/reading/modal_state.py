@@ -9,17 +9,16 @@ from collections.abc import Sequence
 import numpy as np
 from numpy import ndarray
 
-from bonecam.machine.control import Control
 from bonecam.machine.machine import Machine
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.reading.endless_axes import EndlessAxes
 from bonecam.nc.reading.full_moves import MARKS, Blocks, full_move, read_full_moves
 from bonecam.nc.reading.line_error import line_error
-from bonecam.nc.reading.motions import COLUMNS, Motions, PartialMove, Tool, motions_of
+from bonecam.nc.reading.motions import COLUMNS, PartialMove, Tool
 from bonecam.nc.reading.number_range import check_range
 from bonecam.nc.reading.spindle_coolant import SpindleAndCoolant
 from bonecam.nc.reading.stated import Stated
-from bonecam.nc.reading.tool_words import TOOL_COMMENT
+from bonecam.nc.reading.tool_words import described_tool
 from bonecam.nc.schema.numbering import block_numbers
 
 
@@ -41,10 +40,8 @@ class ModalState:
         self.tools = {tool.number: tool for tool in tools}
         unknown = len(machine.letters)
         self.position: list[float | None] = [None] * unknown + [0.0] * (5 - unknown)
-        self.tool = 0
-        self.selected = 0
+        self.tool = self.selected = self.length_of = 0
         self.needs_length = not {"tool_length", "tool_centre_on"}.isdisjoint(dialect.effect_of.values())
-        self.length_of = 0
         self.tool_centre = False
         self.stated = Stated(dialect)
         self.endless = EndlessAxes(dialect)
@@ -55,8 +52,7 @@ class ModalState:
         self.uncompensated = dialect.grammar != "klartext"
         self.incremental = False
         self.retracted = False
-        self.linking = False
-        self.ended = False
+        self.linking = self.ended = False
         self.blocks = 0
         self.rows: list[tuple[float, ...]] = []
         self.partial: list[PartialMove] = []
@@ -67,12 +63,11 @@ class ModalState:
         """Take the tool that a comment of the header describes, unless the caller has given the tools; or the mark
         of links or cuts."""
         self.linking = MARKS.get(text.strip(), self.linking)
-        found = TOOL_COMMENT.fullmatch(text)
-        if found and not self.given:
-            number = int(found[1])
-            if number in self.tools:
-                raise line_error(line, f"tool {number} is described twice")
-            self.tools[number] = Tool(number, float(found[2]), float(found[3]), line)
+        tool = described_tool(text, line)
+        if tool is not None and not self.given:
+            if tool.number in self.tools:
+                raise line_error(line, f"tool {tool.number} is described twice")
+            self.tools[tool.number] = tool
 
     def change_tool(self, number: int, line: int) -> None:
         """Put a tool into the spindle; where its tip stands is known after the next move."""
@@ -88,7 +83,7 @@ class ModalState:
         self.forget_tip()
 
     def take_length(self, number: int, line: int) -> None:
-        """Compensate the length of a tool, 0: of none; it must be the tool in the spindle."""
+        """Compensate the length of a tool, that in the spindle, 0: of none."""
         if number not in (0, self.tool):
             raise line_error(line, f"tool {self.tool} is in the spindle, not tool {number} of this length")
         self.length_of = number
@@ -114,6 +109,21 @@ class ModalState:
         self.partial.append(
             PartialMove(line, self.tool, (np.nan, np.nan, height, np.nan, np.nan), retract=True)
         )
+
+    def park(self, x: float, y: float, line: int) -> None:
+        """A rapid of the spindle nose, retracted or as high as it ever was, to X and Y (mm) in machine coordinates."""
+        self.stated.check("XY", self.tool_centre, line)
+        height = None if self.dialect.tool_centre else self.position[2]
+        high = height is not None and height >= self.table[:, 2].max(initial=-np.inf)
+        if self.tool_centre or not (self.retracted or high):
+            raise line_error(
+                line, "X and Y of the machine before a retract: the tool may stand beside the part"
+            )
+        self.blocks += 1
+        self.forget_tip()
+        self.retracted = True
+        rotary = (np.nan if angle is None else angle for angle in self.position[3:])
+        self.partial.append(PartialMove(line, self.tool, (x, y, np.nan, *rotary)))
 
     def move(self, words: dict[str, float], rapid: bool, feed: float | None, line: int) -> None:
         """Run one block that moves axes; `words` in mm and degrees, `feed` in mm/min or 1/min. None: the feed before
@@ -219,8 +229,8 @@ class ModalState:
         return int(found.offsets[count - 1]) + 1, int(found.ordinals[count - 1]) + 1
 
     def _take(self, found: Blocks, line: int) -> None:
-        count = len(found.rapid)
-        modes = self.tool, True, self.spindle.speed, self.spindle.coolant, self.tolerance
+        count, spindle = len(found.rapid), self.spindle
+        modes = self.tool, True, spindle.speed, spindle.coolant, self.tolerance
         tool, known, *held = (np.full(count, float(mode)) for mode in modes)
         moves = found.words, found.rapid, found.feeds, np.full(count, self.inverse_time)
         columns = [*moves, line + found.offsets, tool, known, found.links, *held]
@@ -234,14 +244,7 @@ class ModalState:
     def _table(self) -> ndarray:
         return np.array(self.rows, dtype=np.float64).reshape(-1, COLUMNS)
 
-    def motions(self, line: int) -> Motions:
-        """All moves so far; ProgramError where the program has not ended in its last `line`."""
-        if not self.ended:
-            raise line_error(line, "the program has no end: its last blocks are missing")
-        controls = {
-            tool.number: Control(self.machine, self.dialect.tool_centre, tool.radius, tool.length)
-            for tool in self.tools.values()
-        }
-        table = np.vstack([*self.tables, self._table()])
-        short_way = bool(self.endless.short_way)
-        return motions_of(table, controls, self.blocks, self.partial, short_way, self.tools)
+    @property
+    def table(self) -> ndarray:
+        """All moves to known positions so far, rows as `motions_of` takes them."""
+        return np.vstack([*self.tables, self._table()])

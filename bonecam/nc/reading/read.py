@@ -7,13 +7,14 @@ form, a block out of sequence, or a move without tool, feed or known modes is a 
 
 from collections.abc import Sequence
 
+from bonecam.machine.control import Control
 from bonecam.machine.machine import Machine
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.reading.iso import run_iso
 from bonecam.nc.reading.klartext import run_klartext
 from bonecam.nc.reading.line_error import line_error
 from bonecam.nc.reading.modal_state import ModalState
-from bonecam.nc.reading.motions import Motions, Tool
+from bonecam.nc.reading.motions import Motions, Tool, motions_of
 
 LONGEST_LINE = 1000
 """Most characters of a line: controls take a quarter of this (LinuxCNC 255)."""
@@ -33,4 +34,16 @@ def read_program(text: str, machine: Machine, dialect: Dialect, tools: Sequence[
         run_iso(lines, state)
     if not text.endswith("\n"):
         raise line_error(len(lines), "the last line is not ended: the file is cut off")
-    return state.motions(len(lines))
+    return _motions(state, len(lines))
+
+
+def _motions(state: ModalState, line: int) -> Motions:
+    """All moves of a program; ProgramError where it has not ended in its last `line`."""
+    if not state.ended:
+        raise line_error(line, "the program has no end: its last blocks are missing")
+    controls = {
+        tool.number: Control(state.machine, state.dialect.tool_centre, tool.radius, tool.length)
+        for tool in state.tools.values()
+    }
+    short_way = bool(state.endless.short_way)
+    return motions_of(state.table, controls, state.blocks, state.partial, short_way, state.tools)

@@ -29,6 +29,8 @@ def _apply(effect: str, values: dict[str, str], state: ModalState, line: int) ->
             state.spindle.programmed = float(values["spindle"])
     elif effect == "retract":
         state.retract(line)
+    elif effect == "machine position":
+        state.park(float(values["x"]), float(values["y"]), line)
     elif effect.startswith("tool-centre"):
         state.switch_tool_centre(effect.endswith("on"))
     elif effect.startswith("short way"):

@@ -3,11 +3,18 @@
 import re
 
 from bonecam.nc.reading.line_error import line_error
+from bonecam.nc.reading.motions import Tool
 from bonecam.nc.schema.numbering import WHOLE
 from bonecam.text.faults import shown
 
 TOOL_COMMENT = re.compile(rf"\s*TOOL ({WHOLE}) BALL RADIUS ({WHOLE}\.[0-9]+) LENGTH ({WHOLE}\.[0-9]+)\s*")
 """The comment of the header that describes a cutter, as `posting.header.texts` writes it; mm."""
+
+
+def described_tool(text: str, line: int) -> Tool | None:
+    """The tool that a comment describes, if it does."""
+    found = TOOL_COMMENT.fullmatch(text)
+    return Tool(int(found[1]), float(found[2]), float(found[3]), line) if found else None
 
 
 def tool_number(text: str, line: int) -> int:

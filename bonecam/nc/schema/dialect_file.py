@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, Field, model_validator
 
 from bonecam.machine.machine_file import Name
+from bonecam.nc.schema.calls_table import CallsTable
 from bonecam.nc.schema.grammar_tables import CODES, CodesTable, StatedTable, StatementTable
 from bonecam.nc.schema.number_format import NumbersTable
 from bonecam.nc.schema.numbering import Block, NumberingTable, one_block
@@ -108,6 +109,7 @@ class DialectFile(Record):
     tool_centre_control: Annotated[dict[str, ToolCentreTable], Field(max_length=50)] = Field(
         default_factory=dict
     )
+    calls: CallsTable | None = None
     templates: TemplatesTable
     statements: Annotated[list[StatementTable], Field(max_length=200)] = Field(default_factory=list)
     codes: CodesTable = CodesTable()

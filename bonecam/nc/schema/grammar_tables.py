@@ -12,13 +12,13 @@ CODE = r"^([A-Z][0-9]{1,4}(\.[0-9])?|[A-Z]{3,12})$"
 """A code: a letter and its number, or a word."""
 Effect = Literal[
     "none", "begin", "end", "comment", "tool", "retract", "tool-centre on", "tool-centre off",
-    "short way on", "short way off", "spindle on", "spindle stop", "coolant on", "coolant off", "halt", "tolerance",
-    "program end",
+    "short way on", "short way off", "machine position",
+    "spindle on", "spindle stop", "coolant on", "coolant off", "halt", "tolerance", "program end",
 ]  # fmt: skip
 """What a statement may do; `halt` is a stop of the program that stops spindle and coolant too, `tolerance` gives the
 contour's in the group of that name (mm), or without one leaves it to the control."""
-GROUP_OF = {"comment": "comment", "tool": "tool"}
-"""The named group that the pattern of an effect must have: the text, or the number of the tool."""
+GROUPS_OF = {"comment": "comment", "tool": "tool", "machine position": "x y"}
+"""The named groups that the pattern of an effect must have: the text, the number of the tool, or X and Y (mm)."""
 
 
 class StatementTable(Record):
@@ -34,9 +34,9 @@ class StatementTable(Record):
             groups = Pattern(self.pattern).groups
         except ValueError as error:
             raise KeyFault("pattern", str(error)) from error
-        group = GROUP_OF.get(self.effect)
-        if group and group not in groups:
-            raise KeyFault("pattern", f"has no group {group!r}: name one, like (?P<{group}>...)")
+        for group in GROUPS_OF.get(self.effect, "").split():
+            if group not in groups:
+                raise KeyFault("pattern", f"has no group {group!r}: name one, like (?P<{group}>...)")
         return self
 
     @model_validator(mode="after")

@@ -44,6 +44,8 @@ FIELDS: Mapping[str, Mapping[str, str | int]] = {
     "lift": {"lifted": "X+1.0 Y+1.0 Z+9.0", "rapid": "1"},
     "retract": {"retract": "1.0"},
     "tool_end": {},
+    "optional_stop": {},
+    "park": {"linear": "X+1.0 Y+1.0"},
     "footer": {"name": "BONE"},
 }
 """The templates, and a sample of each field that they may have. The first letters of a move's words are those of a
@@ -68,6 +70,8 @@ class TemplatesTable(Record):
     lift: str = ""
     retract: str
     tool_end: str
+    optional_stop: str = ""
+    park: str = ""
     footer: str
 
     @model_validator(mode="after")

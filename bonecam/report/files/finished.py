@@ -11,6 +11,8 @@ import bonecam
 from bonecam.job import Job, write_job
 from bonecam.machine.machine import read_machine
 from bonecam.mesh.files.mesh_files import write_mesh
+from bonecam.nc.job_dialect import job_dialect
+from bonecam.nc.parts.files import program_files
 from bonecam.nc.posting.rotary.machine_limits import machine_limits
 from bonecam.nc.program import Program
 from bonecam.planning.strategies.surface_path import Workpiece
@@ -125,13 +127,16 @@ def write_run(made: Written, wanted: Outputs) -> None:
     """Write the wanted files, all or none: program, report, page, sheet, cutter location data, and the folder to keep.
     FileError names what cannot be written."""
     texts: tuple[tuple[File, Callable[[], str]], ...] = (
-        (wanted.program, lambda: made.program.text),
         (wanted.report, lambda: report_text(made.report)),
         (wanted.html, lambda: made.page),
         (wanted.sheet, lambda: made.sheet),
         (wanted.apt, lambda: apt_text(made.all_paths, made.program.name)),
     )
     with staged() as staging:
+        if wanted.program is not None:
+            written = program_files(made.program, job_dialect(made.job.nc), wanted.program)
+            for place, blocks in written.items():
+                staging.file(place).write_text(blocks, encoding="utf-8", newline="")
         for file, text in texts:
             if file is not None:
                 staging.file(file).write_text(text(), encoding="utf-8", newline="")

@@ -10,6 +10,8 @@ from bonecam.errors import BonecamError, FileError
 from bonecam.files import NAME_BYTES, check_files, check_folder, second_file
 from bonecam.mesh.files.mesh_files import CAD, MESHES
 from bonecam.nc.dialect import Dialect, dialect_names, read_dialect
+from bonecam.nc.job_dialect import job_dialect
+from bonecam.nc.parts.files import program_files
 from bonecam.progress import Progress, report, silent
 from bonecam.report.files.kept_folder import SERIES, fill_kept_folder
 from bonecam.report.files.kept_view import check_page_name
@@ -88,10 +90,12 @@ class Outputs:
         troubles: list[Exception] = []
         with staged() as staging:
             if self.program is not None and isinstance(made, Result):
-                _write(staging.file(self.program), self.program, made.program.text)
+                dialect = job_dialect(made.job.nc)
+                texts = program_files(made.program, dialect, self.program)
                 if made.second is not None:
-                    second = second_file(self.program)
-                    _write(staging.file(second), second, made.second.program.text)
+                    texts |= program_files(made.second.program, dialect, second_file(self.program))
+                for file, text in texts.items():
+                    _write(staging.file(file), file, text)
             for path, write in self._beside(made, staging):
                 try:
                     write()

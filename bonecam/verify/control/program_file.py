@@ -3,10 +3,10 @@
 from pathlib import Path
 
 from bonecam.errors import ProgramError, VerifyError
-from bonecam.files import required_text
 from bonecam.job import Job
 from bonecam.machine.machine import Machine
 from bonecam.nc.dialect import Dialect
+from bonecam.nc.parts.joined import joined
 from bonecam.nc.posting.header.header import comment
 from bonecam.nc.reading.read import read_program
 from bonecam.text.faults import shown
@@ -17,13 +17,19 @@ HEADER_LINES = 20
 
 
 def program_text(program: Path, machine: Machine, dialect: Dialect, job: Job) -> str:
-    """The text of a program for this machine and job. ProgramError where it is for another machine or cannot be read,
-    VerifyError where its control would refuse it, or run it otherwise than the job means."""
-    text = required_text(program, "an NC program")
+    """The text of a program for this machine and job, and of the files it calls. ProgramError where it is for another
+    machine or cannot be read, VerifyError where its control would refuse it, or run it otherwise than the job
+    means."""
+    whole = joined(program, dialect)
+    text = whole.text
     _require_machine(text, machine, dialect, program)
     try:
         check_control(read_program(text, machine, dialect), machine, dialect, job)
     except (ProgramError, VerifyError) as error:
+        place, line = str(program), error.evidence.get("line", 0)
+        if line and {file for file, _ in whole.places} != {program}:
+            place = f"{whole.place(line)} (of the whole program"
+            raise type(error)(f"{place} {error})", **error.evidence) from error
         raise type(error)(f"{program}: {error}", **error.evidence) from error
     return text
 

@@ -4,7 +4,7 @@ import re
 import shutil
 import subprocess
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +14,7 @@ from bonecam.job import Job
 from bonecam.machine.kinematics import forward
 from bonecam.machine.machine import read_machine
 from bonecam.nc.dialect import read_dialect
+from bonecam.nc.parts.files import program_files
 from bonecam.nc.posting.write import write_program
 from bonecam.nc.program import Program
 from bonecam.nc.reading.read import read_program
@@ -41,7 +42,8 @@ class Run:
 
 def run_text(program: Program, folder: Path) -> Run:
     """Run a program with a tool table of two lengths, which standalone rs274 reads in inches."""
-    (folder / "bone.ngc").write_text(program.text)
+    for file, text in program_files(program, DIALECT, folder / "bone.ngc").items():
+        file.write_text(text)
     rows = [f"T{tool} P{tool} Z{length / 25.4:.12f} D0.1" for tool, length in LENGTHS.items()]
     (folder / "tool.tbl").write_text("\n".join(rows) + "\n")
     call = ["rs274", "-g", "-t", "tool.tbl", "bone.ngc"]
@@ -136,3 +138,32 @@ def test_without_g43_the_second_ball_would_be_off_by_the_length_of_its_tool(
     off = run.joints[:, 2] - right.joints[:, 2]
     assert np.allclose(off[-50:], -LENGTHS[2], atol=1e-3)
     assert np.allclose(off[:50], 0.0)
+
+
+def test_the_interpreter_calls_the_parts_and_makes_the_moves_of_the_whole(
+    paths: list[ToolPath], tmp_path: Path
+) -> None:
+    known = tuple(replace(axis, limits=(-1000.0, 1000.0)) for axis in MACHINE.linear)
+    machine, end = replace(MACHINE, linear=known), {"table_level": True, "park": "10, -20"}
+    asked = {"split": "level", "optional_stop": "level", **end}
+    (tmp_path / "one").mkdir()
+    (tmp_path / "parts").mkdir()
+    whole = write_program(paths, machine, DIALECT, Job().with_values(nc=end))
+    parts = write_program(paths, machine, DIALECT, Job().with_values(nc=asked))
+    one, called = run_text(whole, tmp_path / "one"), run_text(parts, tmp_path / "parts")
+    assert len(list((tmp_path / "parts").glob("bone_*.ngc"))) == len(paths)
+    assert called.done.returncode == 0, called.done.stderr
+    assert "PROGRAM_END()" in called.done.stdout
+    assert called.done.stdout.count("OPTIONAL_PROGRAM_STOP()") == 1
+    assert called.rapid == one.rapid
+    np.testing.assert_array_equal(called.words, one.words)
+    assert called.words[-1][:2].tolist() == [10.0, -20.0]
+    assert called.words[-1][3:].tolist() == [0.0, 0.0]
+    (tmp_path / "parts" / "bone_2.ngc").unlink()
+    lost = subprocess.run(
+        ["rs274", "-g", "-t", "tool.tbl", "bone.ngc"],
+        cwd=tmp_path / "parts",
+        capture_output=True,
+        check=False,
+    )
+    assert lost.returncode != 0

@@ -70,6 +70,19 @@ def header_lines(
     )
 
 
+def level_lines(dialect: Dialect, job: Job, posted: Posted) -> list[str]:
+    """The blocks that begin a level: its tolerances and whether it is roughed."""
+    finishing = job.is_finishing(posted.path.level)
+    turn = rotary_tolerance_deg(dialect, job, finishing, posted.path.cutter.radius)
+    return dialect.lines(
+        "level",
+        tolerance=dialect.numbers.length.text(contour_tolerance(dialect, job, finishing)),
+        rotary_tolerance=rotary_text(dialect, turn),
+        hsc_mode=int(not finishing),
+        machining=dialect.machining.finishing if finishing else dialect.machining.roughing,
+    )
+
+
 def rotary_text(dialect: Dialect, angle: float) -> str:
     """An angle of a tolerance, degrees, with the decimals of the dialect's angles and no sign."""
     return f"{angle:.{dialect.numbers.angle.decimals}f}"

@@ -1,0 +1,1 @@
+"""A program in numbered files, which a caller runs one after the other."""

@@ -1,0 +1,67 @@
+"""The files of a program in parts: the caller and what it calls. Their blocks are those of the whole text that was
+proved, which `joined` makes of them again."""
+
+from pathlib import Path
+
+from bonecam.errors import FileError
+from bonecam.files import input_text
+from bonecam.nc.dialect import Dialect
+from bonecam.nc.parts.marks import end_mark, mark_in, unnumbered
+from bonecam.nc.posting.block_numbers import number_blocks
+from bonecam.nc.program import LOWEST_DRAWN, NUMBERS, Program
+from bonecam.nc.schema.calls_table import CallsTable
+from bonecam.runtime.staging import staged
+
+
+def program_files(program: Program, dialect: Dialect, place: str | Path) -> dict[Path, str]:
+    """The texts of a program by file: of the one at `place`, the whole program or the caller of its parts, and of
+    the parts beside it. FileError where a part would replace that of another program."""
+    place, calls = Path(place), dialect.calls
+    lines = unnumbered(program.text.removesuffix("\n").split("\n"), dialect)
+    starts = [at for at, line in enumerate(lines) if mark_in(line, dialect)]
+    if not starts or calls is None:
+        return {place: program.text}
+    end = lines.index(end_mark(dialect))
+    caller, texts = lines[: starts[0]], {}
+    for part, (first, last) in enumerate(zip(starts, [*starts[1:], end], strict=True), start=1):
+        fields = part_fields(calls, program, part)
+        begin, ends = (_lines(text, fields) for text in (calls.begin, calls.end))
+        caller.append(calls.call.format(**fields))
+        file = place.with_name(str(fields["file"]))
+        _check_own(file, program.name, dialect)
+        texts[file] = number_blocks([*begin, *lines[first:last], *ends], dialect)[0]
+    return {place: number_blocks([*caller, *lines[end:]], dialect)[0], **texts}
+
+
+def write_program_files(program: Program, dialect: Dialect, place: str | Path) -> None:
+    """Write the files of a program, all or none; FileError names what cannot be written."""
+    with staged() as staging:
+        for file, text in program_files(program, dialect, place).items():
+            staging.file(file).write_text(text, encoding="utf-8", newline="")
+
+
+def part_fields(calls: CallsTable, program: Program, part: int) -> dict[str, str | int]:
+    """What a part (from 1) of a program is called by."""
+    number = program.number + part
+    if number >= LOWEST_DRAWN:
+        number = LOWEST_DRAWN + (number - LOWEST_DRAWN) % NUMBERS
+    name = f"{program.name}_{part}"
+    fields: dict[str, str | int] = {"name": name, "lower": name.lower(), "number": number}
+    return {**fields, "file": calls.file.format(**fields)}
+
+
+def _lines(text: str, fields: dict[str, str | int]) -> list[str]:
+    return [line for line in text.format(**fields).split("\n") if line]
+
+
+def _check_own(file: Path, caller: str, dialect: Dialect) -> None:
+    """FileError where a file is a part of another program."""
+    try:
+        before = input_text(file).split("\n", 20)[:20]
+    except (OSError, UnicodeDecodeError):
+        return
+    marks = [mark for line in unnumbered(before, dialect) if (mark := mark_in(line, dialect))]
+    others = {mark.caller for mark in marks} - {caller}
+    if others:
+        what = f"{file}: it is a part of {min(others)}, whose number is that of a part of {caller}"
+        raise FileError(f"{what}: give another nc.program_number, or another folder", file=str(file))

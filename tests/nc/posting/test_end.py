@@ -1,0 +1,148 @@
+"""The end of a program, and its optional stops: table level, park position, M1; written, read back, refused early."""
+
+import math
+import re
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bonecam.errors import JobError, MachineError, ProgramError, VerifyError
+from bonecam.job import Job
+from bonecam.machine.machine import Machine, read_machine
+from bonecam.nc.dialect import dialect_names
+from bonecam.nc.job_dialect import job_dialect
+from bonecam.nc.posting.write import write_program
+from bonecam.nc.reading.read import read_program
+from bonecam.tool.path import ToolPath
+from bonecam.verify.control.axis_limits import check_limits
+from bonecam.verify.control.spindle import check_spindle
+
+PARK = {
+    "heidenhain": "L X+20.000 Y-30.500 R0 FMAX M91",
+    "siemens-840d": "G0 SUPA X20.000 Y-30.500 D0",
+    "fanuc-30i": "G53 G00 X20.000 Y-30.500",
+    "makino": "G53 G00 X20.000 Y-30.500",
+    "mitsubishi": "G53 G00 X20.000 Y-30.500",
+    "linuxcnc": "G53 G0 X20.00000 Y-30.50000",
+}
+
+
+@pytest.fixture(scope="module")
+def machine() -> Machine:
+    """One whose place of the part is known: its linear axes have limits."""
+    mikron = read_machine("mikron-ucp600")
+    x, y, z = mikron.linear
+    return replace(mikron, linear=(*(replace(axis, limits=(-400.0, 400.0)) for axis in (x, y)), z))
+
+
+@pytest.fixture(scope="module")
+def paths(capsule_path: Callable[..., ToolPath]) -> list[ToolPath]:
+    return [
+        capsule_path(level=5, radius=2.0, offset=1.5, count=60),
+        capsule_path(level=4, radius=2.0, offset=1.0, count=60),
+        capsule_path(level=0, radius=1.0, number=2, count=60),
+    ]
+
+
+def text_of(paths: list[ToolPath], machine: Machine, controller: str, **nc: object) -> str:
+    job = Job().with_values(nc={"controller": controller, **nc})
+    return write_program(paths, machine, job_dialect(job.nc), job).text
+
+
+@pytest.mark.parametrize("controller", dialect_names())
+def test_the_program_ends_with_the_table_level_and_the_spindle_parked(
+    controller: str, paths: list[ToolPath], machine: Machine
+) -> None:
+    text = text_of(paths, machine, controller, table_level=True, park="20, -30.5")
+    assert text.count(PARK[controller]) == 1
+    motions = read_program(text, machine, job_dialect(Job().with_values(nc={"controller": controller}).nc))
+    last = motions.partial[-1]
+    assert last.joints[:2] == (20.0, -30.5)
+    assert np.isnan(last.joints[2])
+    assert [math.remainder(angle, 360.0) for angle in last.joints[3:]] == [0.0, 0.0]
+    before = text.split("\n")[last.line - 2]
+    assert re.search(r"B\+?0\.0+ C(=DC\()?\+?0\.0+", before)
+    check_limits(motions, machine)
+
+
+@pytest.mark.parametrize("controller", dialect_names())
+def test_a_text_that_parks_outside_the_limits_or_beside_the_part_is_refused(
+    controller: str, paths: list[ToolPath], machine: Machine
+) -> None:
+    dialect = job_dialect(Job().with_values(nc={"controller": controller}).nc)
+    text = text_of(paths[:1], machine, controller, park="20, -30.5")
+    beyond = text.replace(
+        PARK[controller], PARK[controller].replace("X20.", "X420.").replace("X+20.", "X+420.")
+    )
+    with pytest.raises(VerifyError, match=r"^line \d+: X goes to 420.000 mm, its limit is 400 mm"):
+        check_limits(read_program(beyond, machine, dialect), machine)
+    low = PARK[controller].replace("X", "Z", 1).replace("Y", "Z", 1)
+    with pytest.raises(ProgramError, match=r"^line \d+: "):
+        read_program(text.replace(PARK[controller], low), machine, dialect)
+
+
+def test_a_park_position_without_a_retract_before_it_is_refused(
+    paths: list[ToolPath], machine: Machine
+) -> None:
+    job = Job().with_values(nc={"controller": "linuxcnc", "park": "0, 0"})
+    text = write_program(paths[:1], machine, job_dialect(job.nc), job).text
+    lines = text.split("\n")
+    park = next(at for at, line in enumerate(lines) if line.startswith("G53"))
+    retract = next(at for at in reversed(range(park)) if lines[at].startswith("G0 Z"))
+    wrong = "\n".join([*lines[:retract], *lines[retract + 1 :]])
+    with pytest.raises(ProgramError, match="before a retract"):
+        read_program(wrong, machine, job_dialect(job.nc))
+
+
+@pytest.mark.parametrize(
+    ("park", "told"),
+    [
+        ("500, 0", r"X of mikron-ucp600 runs from -400 to 400 mm"),
+        ("0, -401", r"Y of mikron-ucp600 runs from"),
+    ],
+)
+def test_a_park_position_outside_the_limits_is_one_line(
+    park: str, told: str, paths: list[ToolPath], machine: Machine
+) -> None:
+    with pytest.raises(JobError, match=rf"^\[nc\] park = '{park}': {told}"):
+        text_of(paths[:1], machine, "heidenhain", park=park)
+
+
+def test_where_only_travels_are_known_no_park_position_is_taken(paths: list[ToolPath]) -> None:
+    with pytest.raises(JobError, match="states the travel of X, not its limits"):
+        text_of(paths[:1], read_machine("mikron-ucp600"), "heidenhain", park="0, 0")
+
+
+@pytest.mark.parametrize("park", ["here", "1", "1, 2, 3", "nan, 0", "1e9, 0"])
+def test_what_is_no_park_position_is_told(park: str) -> None:
+    with pytest.raises(JobError, match="park = "):
+        Job().with_values(nc={"park": park})
+
+
+def test_an_axis_that_cannot_stand_at_zero_is_not_levelled(paths: list[ToolPath], machine: Machine) -> None:
+    tilted = tuple(
+        replace(axis, limits=(np.radians(-115.0), np.radians(-1.0))) if axis.letter == "B" else axis
+        for axis in machine.part_axes
+    )
+    with pytest.raises(MachineError, match=r"B of .* cannot stand at zero \(-115 to -1 deg\)"):
+        text_of(paths[:1], replace(machine, part_axes=tilted), "heidenhain", table_level=True)
+
+
+@pytest.mark.parametrize("controller", dialect_names())
+@pytest.mark.parametrize(("where", "stops"), [("none", 0), ("level", 2), ("tool", 1)])
+def test_optional_stops_stand_where_the_job_says_and_the_spindle_starts_again(
+    controller: str, where: str, stops: int, paths: list[ToolPath]
+) -> None:
+    machine = read_machine("mikron-ucp600")
+    text = text_of(paths, machine, controller, optional_stop=where)
+    assert len(re.findall(r"(?m)^(?:N?\d+ )?M0?1$", text)) == stops
+    dialect = job_dialect(Job().with_values(nc={"controller": controller}).nc)
+    check_spindle(read_program(text, machine, dialect), machine, dialect)
+    if controller == "heidenhain" and stops:
+        first = text.index("M1\n")
+        start = text.index("M3\n", first)
+        unstarted = text[:start] + "M9\n" + text[start + 3 :]
+        with pytest.raises(VerifyError, match="spindle"):
+            check_spindle(read_program(unstarted, machine, dialect), machine, dialect)
