@@ -58,6 +58,13 @@ class NcJob(JobSection):
         low=0.001,
         high=0.2,
     )
+    axes: str = parameter(
+        "controller",
+        "Axes",
+        "Words of the tool's direction: as the controller's file has them, rotary angles under tool-centre control, "
+        "vectors, or joints in inverse time without it.",
+        choices=("controller", "angles", "vectors", "joints"),
+    )
     endless_words: str = parameter(
         "controller",
         "Endless words",

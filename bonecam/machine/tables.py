@@ -56,15 +56,15 @@ def _completed(values: dict[str, Any], kind: str, path: Path, files: Mapping[str
     base = _values(kind, files[name], files)
     if "like" in base:
         raise MachineError(f"{path}: like: {name} is itself like another: use {base['like']}", file=str(path))
-    return _merged(base, own)
+    return merged(base, own)
 
 
-def _merged(base: dict[str, Any], own: dict[str, Any]) -> dict[str, Any]:
+def merged(base: dict[str, Any], own: dict[str, Any]) -> dict[str, Any]:
     """Tables joined key by key; what is no table in both is that of `own`."""
     joined = dict(base)
     for key, value in own.items():
         both = isinstance(value, dict) and isinstance(joined.get(key), dict)
-        joined[key] = _merged(joined[key], value) if both else value
+        joined[key] = merged(joined[key], value) if both else value
     return joined
 
 

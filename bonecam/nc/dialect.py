@@ -23,10 +23,11 @@ How to add a dialect: copy a file of `bonecam/nc/dialects/` (name it, or give it
   the blocks begin that move an axis; [machining]: the words of the control for `roughing` and `finishing` levels;
 - [numbers]: decimals, sign and range of lengths (mm), angles (deg), feeds and spindle speeds;
 - [calls]: how a program in parts is written: the name of the `file` of a part, the block that makes the `call`, the
-  blocks that a part has at its `begin` and `end`, with the fields {name} {lower} (in small letters) {number} {file}, and
-  what the control `needs` for it;
+  blocks that a part has at its `begin` and `end`, with the fields {name} {lower} (in small letters) {number} {file},
+  and what the control `needs` for it;
 - [templates]: header, tool, stop, restart, level, position, approach, rapid, feed, feed_kept, coolant_on, coolant_off,
-  lift, retract, tool_end, optional_stop, park, footer. One line is one block; an empty template writes nothing. Fields, by template:
+  lift, retract, tool_end, optional_stop, park, footer. One line is one block; an empty template writes nothing. Fields,
+  by template:
   header {name} {number} (of the program, drawn from its name) {comments} {low_x}..{high_z} {tolerance} (a length)
   {rotary_tolerance} (degrees) {tool_centre_off};
   tool {tool} {spindle} {retract} (height above everything) {endless} (the short way on or off) {over_zero} (X and Y
@@ -38,8 +39,8 @@ How to add a dialect: copy a file of `bonecam/nc/dialects/` (name it, or give it
   rapid rate as a feed); lift {lifted} (X Y Z so high above the end that switching off may lower the tool by its
   length) {rapid};
   rapid {words} (all five); feed {words} {feed}; feed_kept {words} (a feed move at the feed of the one before; without
-  it every block states its feed); retract {retract}; park {linear} (X and Y of the machine); footer {name}. A field may have a width, like
-  {tool:02d};
+  it every block states its feed); retract {retract}; park {linear} (X and Y of the machine); footer {name}. A field
+  may have a width, like {tool:02d};
 - [tool_centre_control]: `on` and `off` blocks (with the fields {tool} and, Z before the rotary
   axes turn, {height}) by name, the machine file picks one, or takes
   the only one, and lines for the header that
@@ -57,6 +58,11 @@ How to add a dialect: copy a file of `bonecam/nc/dialects/` (name it, or give it
 - [stated]: what the proof takes for granted and a text must therefore state, by codes, or by names that statements
   have as `states`: before the first move of an axis (`moves`), and again after each start of tool-centre control
   (`tool_centre`);
+- [vector]: `words`, three forms with {number}, such as "A3={number}", which give the tool's direction (from the tip to
+  the spindle, a unit vector, along the axes of the machine as those of X, Y, Z) in the place of the rotary axes in
+  moves under tool-centre control, and the `number` of their components;
+- [forms.angles], [forms.vectors], [forms.joints]: what is other in the file where nc.axes asks for rotary words under
+  tool-centre control, for tool vectors, or for joints without it; a list in it replaces the whole list;
 - `like`: the name of a dialect that ships and has all that the file leaves out; a list in the file replaces the whole
   list.
 Say in the file which words are proved and which were only read.
@@ -72,6 +78,7 @@ from bonecam.machine.tables import read_table
 from bonecam.nc.schema.dialect_file import (
     PLAIN_WORD,
     DialectFile,
+    Form,
     ToolCentreTable,
 )
 from bonecam.nc.schema.grammar_tables import CODES, StatementTable
@@ -101,6 +108,23 @@ class Dialect(DialectFile):
     def patterns(self) -> tuple[tuple[Pattern, StatementTable], ...]:
         """The reader's statements with their patterns, compiled."""
         return tuple((Pattern(item.pattern), item) for item in self.statements)
+
+    def in_form(self, axes: str) -> "Dialect":
+        """This dialect with the words of the axes that a job asks for: "controller" (its own), "angles", "vectors" or
+        "joints". MachineError where it has no such form."""
+        if axes in ("controller", self.own_form):
+            return self
+        form: Form | None = next((each for each in self.forms if each == axes), None)
+        if form is None:
+            known = " or ".join(repr(form) for form in (self.own_form, *self.forms))
+            what = f"{self.name} has no [forms.{axes}]: give nc.axes = {known}, or another controller"
+            raise MachineError(what, dialect=self.name)
+        return Dialect.model_construct(name=self.name, **dict(self.formed(form)))
+
+    @property
+    def own_form(self) -> str:
+        """The words of its axes as its file has them."""
+        return "joints" if not self.tool_centre else "vectors" if self.vector else "angles"
 
     def lines(self, template: str, **fields: Any) -> list[str]:
         """The blocks of a template with its fields filled in."""

@@ -1,4 +1,5 @@
-"""The dialect of a job: that of its controller, with the work offset, coolant, block numbers and decimals it asks for.
+"""The dialect of a job: that of its controller, with the axes, work offset, coolant, block numbers and decimals
+it asks for.
 
 The texts of a dialect that name its first work offset are replaced in all of its file, so that what is written, what
 is read back and what must be stated are of the offset that the job asks for.
@@ -17,9 +18,9 @@ FIRST_CODE = 53
 
 
 def job_dialect(nc: NcJob) -> Dialect:
-    """The dialect of the section [nc] of a job. MachineError where it has no such work offset or coolant, or cannot
-    leave its block numbers out."""
-    dialect = read_dialect(nc.controller)
+    """The dialect of the section [nc] of a job. MachineError where it has no such work offset, coolant or axes, or
+    cannot leave its block numbers out."""
+    dialect = read_dialect(nc.controller).in_form(nc.axes)
     if nc.work_offset != 1:
         dialect = _with_work_offset(dialect, nc.work_offset)
     changes: dict[str, object] = {}

@@ -6,6 +6,7 @@ from numpy import ndarray
 from bonecam.machine.machine import Machine
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.schema.dialect_file import PLAIN_WORD
+from bonecam.nc.tool_vectors import vector_formats, written_vectors
 from bonecam.nc.words import wrapped
 
 
@@ -37,6 +38,17 @@ def word_formats(machine: Machine, dialect: Dialect) -> list[str]:
         number = length if column < 3 else angle
         formats.append(form.replace("%", "%%").format(letter=letter, number=number))
     return formats
+
+
+def move_rows(
+    machine: Machine, dialect: Dialect, words: Float[ndarray, "n 5"]
+) -> tuple[list[str], Float[ndarray, "n m"]]:
+    """The printf formats of the words of successive moves, and their numbers: those of the axes, or X, Y, Z and the
+    tool's direction."""
+    if dialect.vector is None:
+        return word_formats(machine, dialect), written_words(machine, dialect, words)
+    dialect.numbers.length.check(words[:, :3])
+    return vector_formats(dialect, dialect.vector), written_vectors(machine, dialect.vector, words)
 
 
 def word_texts(machine: Machine, dialect: Dialect, words: Float[ndarray, "5"]) -> list[str]:

@@ -5,7 +5,7 @@ single blocks (`klartext.py`, `iso.py`), which say what is wrong.
 """
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from itertools import islice
 
@@ -15,8 +15,10 @@ from numpy import ndarray
 
 from bonecam.machine.machine import Machine
 from bonecam.nc.dialect import Dialect
+from bonecam.nc.schema.dialect_file import VectorTable
 from bonecam.nc.schema.number_format import NumbersTable
 from bonecam.nc.schema.numbering import WHOLE, block_number, has_number, numbered_pattern
+from bonecam.nc.tool_vectors import vector_patterns
 
 MAX_LINES = 50_000
 """Lines read at once: bounds the memory for long programs."""
@@ -57,7 +59,8 @@ class Blocks:
         lowest = [kind.lowest for kind in kinds]
         highest = [kind.highest for kind in kinds]
         fits = (self.feeds >= numbers.feed.lowest) & (self.feeds <= numbers.feed.highest) & (self.feeds > 0)
-        return ~(self.rapid | fits) | ((self.words < lowest) | (self.words > highest)).any(axis=1)
+        within = (self.words >= lowest) & (self.words <= highest)
+        return ~(self.rapid | fits) | ~within.all(axis=1)
 
 
 def klartext_number(decimals: int) -> str:
@@ -73,6 +76,8 @@ def full_move(dialect: Dialect, machine: Machine, short_way: bool) -> re.Pattern
         length, angle = (
             klartext_number(kind.decimals) for kind in (dialect.numbers.length, dialect.numbers.angle)
         )
+        if dialect.vector is not None:
+            return re.compile(rf"({WHOLE}) {vector_move(dialect, dialect.vector)}")
         words = "".join(f" {letter}({length if letter in 'XYZ' else angle})" for letter in letters)
         return re.compile(rf"({WHOLE}) (L){words}(?: R0)?(?: F(MAX|{WHOLE}))?")
     codes = "|".join(
@@ -80,12 +85,22 @@ def full_move(dialect: Dialect, machine: Machine, short_way: bool) -> re.Pattern
     )
     endless = endless_letters(machine) if short_way else ""
     number = POINTED_NUMBER if dialect.decimal_point else ISO_NUMBER
-    words = "".join(
-        " " + (endless_word_pattern(dialect, letter) if letter in endless else f"{letter}({number})")
+    patterns = [
+        endless_word_pattern(dialect, letter) if letter in endless else f"{letter}({number})"
         for letter in letters
-    )
+    ]
+    if dialect.vector is not None:
+        patterns = patterns[:3] + vector_patterns(dialect.vector, number)
+    words = "".join(f" {pattern}" for pattern in patterns)
     text = rf"({codes}){words}(?: F({number}))?"
     return re.compile(numbered_pattern(dialect.numbering, text))
+
+
+def vector_move(dialect: Dialect, vector: VectorTable) -> str:
+    """The pattern of an `LN` block, which has X, Y, Z and the tool's direction."""
+    length, component = (klartext_number(kind.decimals) for kind in (dialect.numbers.length, vector.number))
+    words = [f"{letter}({length})" for letter in "XYZ"] + vector_patterns(vector, component)
+    return rf"(LN) {' '.join(words)}(?: R0)?(?: F(MAX|{WHOLE}))?"
 
 
 def endless_letters(machine: Machine) -> str:
@@ -110,12 +125,13 @@ def read_full_moves(
     dialect: Dialect,
     linking: bool,
     feed: float | None,
+    solve: Callable[[Float[ndarray, "n 3"]], Float[ndarray, "n 2"]],
 ) -> Blocks | None:
     """The full moves from line `start` on, up to the first line of another form; None where there is no full
     move.
 
     `ordinal` numbered blocks stand before them; the first moves are links where `linking`. `feed` holds until
-    another is written, None: every block needs its own.
+    another is written, None: every block needs its own. `solve` gives the rotary angles (degrees) of tool vectors.
     """
     found: list[str] = []
     offsets: list[int] = []
@@ -144,7 +160,7 @@ def read_full_moves(
         rapid = np.array([dialect.effect_of[value] == "rapid" for value in code])
     modal = _modal([None if value == "MAX" else value for value in written], feed)
     return Blocks(
-        words=_joints_of(words),
+        words=_joints_of(words) if dialect.vector is None else _solved(words, solve),
         rapid=rapid,
         feeds=np.where(rapid, np.nan, modal),
         numbers=np.array([value or "-1" for value in number], dtype=np.int64),
@@ -170,6 +186,14 @@ def _joints_of(words: Sequence[Sequence[str]]) -> Float[ndarray, "n 5"]:
     one."""
     columns = [np.array(column, dtype=np.float64) for column in words]
     return np.column_stack([*columns, *[np.zeros(len(columns[0]))] * (5 - len(columns))])
+
+
+def _solved(
+    words: Sequence[Sequence[str]], solve: Callable[[Float[ndarray, "n 3"]], Float[ndarray, "n 2"]]
+) -> Float[ndarray, "n 5"]:
+    """X, Y, Z and the rotary angles of words that have tool vectors."""
+    numbers = np.column_stack([np.array(column, dtype=np.float64) for column in words])
+    return np.column_stack([numbers[:, :3], solve(numbers[:, 3:])])
 
 
 def _mark(line: str, ordinal: int, dialect: Dialect) -> bool | None:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from bonecam.nc.dialect import Dialect
+from bonecam.nc.reading.directions import COMPONENTS, DirectionWords
 from bonecam.nc.reading.full_moves import ISO_NUMBER, endless_letters, endless_word_pattern
 from bonecam.nc.reading.line_error import line_error
 from bonecam.nc.reading.modal_state import ModalState
@@ -59,6 +60,7 @@ class _BlockReader:
         self.point = self.dialect.decimal_point
         lengths = [code for code, effect in self.dialect.effect_of.items() if effect == "tool_length"]
         self.by_edge = any(code.startswith("D") for code in lengths)
+        self.directions = DirectionWords(state)
         self.endless = endless_letters(state.machine)
         self.own_form = self.dialect.has_own_form and bool(self.endless)
         self.short_word = re.compile(endless_word_pattern(self.dialect, f"([{self.endless or 'C'}])"))
@@ -97,7 +99,7 @@ class _BlockReader:
         for item in content.split():
             short = self.short_word.fullmatch(item) if self.own_form else None
             found = short or WORD.fullmatch(item)
-            words.append((found[1], found[2]) if found else (item, ""))
+            words.append(self.directions.component(item) or ((found[1], found[2]) if found else (item, "")))
             self._check_known(*words[-1], line)
             if self.own_form and words[-1][0] in self.endless:
                 ways.add(short is not None)
@@ -114,7 +116,8 @@ class _BlockReader:
             return
         if not number:
             raise line_error(line, f"{shown(word)} is no word{remark_on(word)}")
-        measured = letter in self.state.machine.letters + "F"
+        directed = letter in COMPONENTS and bool(self.directions.patterns)
+        measured = letter in self.state.machine.letters + "F" or directed
         if not measured and letter not in PARAMETERS:
             raise line_error(line, f"unknown word {word}{remark_on(word)}")
         if measured and self.point and "." not in number:
@@ -148,7 +151,8 @@ class _BlockReader:
             if ("rapid" in effects) == ("feed" in effects):
                 raise line_error(line, "an axis moves without G0 or G1")
             lengths = {"H"} if {"tool_length", "tool_centre_on"} & {*effects} else set()
-            stray = values.keys() - axes.keys() - {"F"} - lengths
+            turned = self.directions.turn(list(axes), values, line)
+            stray = values.keys() - axes.keys() - turned - {"F"} - lengths
             if stray:
                 raise line_error(line, f"{min(stray)} stands in a block that moves axes")
             state.move(axes, "rapid" in effects, float(values["F"]) if "F" in values else None, line)

@@ -4,7 +4,8 @@ import re
 from collections.abc import Sequence
 
 from bonecam.nc.dialect import Dialect
-from bonecam.nc.reading.full_moves import klartext_number
+from bonecam.nc.reading.directions import turn_to
+from bonecam.nc.reading.full_moves import klartext_number, vector_move
 from bonecam.nc.reading.line_error import line_error
 from bonecam.nc.reading.modal_state import ModalState
 from bonecam.nc.reading.statements import is_statement
@@ -35,8 +36,12 @@ def run_klartext(lines: Sequence[str], state: ModalState) -> None:
 
 def _run_block(block: str, move: re.Pattern[str], state: ModalState, line: int) -> None:
     """Run a block: a move or a statement, with a remark behind it or without."""
+    vector = state.dialect.vector
+    directed = re.fullmatch(vector_move(state.dialect, vector), block) if vector else None
     found = move.fullmatch(block)
-    if found and any(found.groups()[:-2]):
+    if directed:
+        _run_vector_move(directed, state, line)
+    elif found and any(found.groups()[:-2]):
         _run_move(found, state, line)
     elif not is_statement(block, state, line):
         bare = block.partition(";")[0].rstrip()
@@ -81,6 +86,14 @@ def _run_move(found: re.Match[str], state: ModalState, line: int) -> None:
     state.uncompensated |= uncompensated is not None
     if not state.uncompensated:
         raise line_error(line, "an axis moves before R0 is stated")
+    state.move(words, feed == "MAX", None if feed in ("MAX", None) else float(feed), line)
+
+
+def _run_vector_move(found: re.Match[str], state: ModalState, line: int) -> None:
+    *numbers, feed = found.groups()[1:]
+    values = [float(text) for text in numbers]
+    turn_to(state, values[3:], line)
+    words = dict(zip("XYZ", values, strict=False))
     state.move(words, feed == "MAX", None if feed in ("MAX", None) else float(feed), line)
 
 

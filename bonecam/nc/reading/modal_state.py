@@ -14,12 +14,13 @@ from bonecam.nc.dialect import Dialect
 from bonecam.nc.reading.endless_axes import EndlessAxes
 from bonecam.nc.reading.full_moves import MARKS, Blocks, full_move, read_full_moves
 from bonecam.nc.reading.line_error import line_error
+from bonecam.nc.reading.modes.spindle_coolant import SpindleAndCoolant
+from bonecam.nc.reading.modes.stated import Stated
 from bonecam.nc.reading.motions import COLUMNS, PartialMove, Tool
 from bonecam.nc.reading.number_range import check_range
-from bonecam.nc.reading.spindle_coolant import SpindleAndCoolant
-from bonecam.nc.reading.stated import Stated
 from bonecam.nc.reading.tool_words import described_tool
 from bonecam.nc.schema.numbering import block_numbers
+from bonecam.nc.tool_vectors import angles_from
 
 
 class ModalState:
@@ -143,9 +144,8 @@ class ModalState:
         if not self.tool:
             raise line_error(line, "a move before any tool call")
         if self.position[2] is None and not self.retracted:
-            raise line_error(
-                line, "an axis moves while it is not known how high the tool stands: retract it before"
-            )
+            why = "an axis moves while it is not known how high the tool stands: retract it before"
+            raise line_error(line, why)
         self.retracted &= self.position[2] is None
         self.partial.append(PartialMove(line, self.tool, self._joints(words)))
         if any(letter in "XYZ" for letter in words):
@@ -210,15 +210,15 @@ class ModalState:
         ):
             return 0, ordinal
         pattern = self.full_moves[bool(self.endless.short_way)]
-        feed = None if self.inverse_time else self.feed
-        found = read_full_moves(lines, start, ordinal, pattern, self.dialect, self.linking, feed)
+        solve, feed = angles_from(self.machine, self.position[3:]), None if self.inverse_time else self.feed
+        found = read_full_moves(lines, start, ordinal, pattern, self.dialect, self.linking, feed, solve)
         if found is None:
             return 0, ordinal
         doubtful = found.outside(self.dialect.numbers)
         if self.dialect.numbering.format:
             doubtful |= found.numbers != block_numbers(self.dialect.numbering, found.ordinals)
         for column, axis in enumerate(self.machine.rotary, start=3):
-            if axis.endless:
+            if axis.endless and self.dialect.vector is None:
                 before = float(self.position[column] or 0.0)
                 found.words[:, column], unclear = self.endless.reached_in_turn(found.words[:, column], before)
                 doubtful |= unclear

@@ -33,7 +33,7 @@ _ROWS = (
     ("the length of a tool", "tool_length", "G43"),
     ("a negative length of a tool", "", "G44"),
     ("tool-centre control", "tool_centre_on", "G43.4 TRAORI"),
-    ("tool-centre control by vectors", "", "G43.5"),
+    ("tool-centre control by vectors", "tool_centre_on", "G43.5"),
     ("a scale", "", "G51 SCALE ASCALE"),
     ("a mirror image", "", "G51.1 MIRROR AMIRROR"),
     ("a shift of the zero", "", "G52 G92 ATRANS"),

@@ -1,17 +1,19 @@
 """The schema of a dialect file: keys, types, ranges, and what templates may hold. The text of `nc.dialect` says what
 they mean."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, model_validator
 
 from bonecam.machine.machine_file import Name
+from bonecam.machine.tables import merged
 from bonecam.nc.schema.calls_table import CallsTable
 from bonecam.nc.schema.grammar_tables import CODES, CodesTable, StatedTable, StatementTable
-from bonecam.nc.schema.number_format import NumbersTable
+from bonecam.nc.schema.number_format import NumberFormat, NumbersTable
 from bonecam.nc.schema.numbering import Block, NumberingTable, one_block
 from bonecam.nc.schema.template_tables import TemplatesTable
-from bonecam.text.record import KeyFault, Record
+from bonecam.text.faults import Faults
+from bonecam.text.record import KeyFault, Record, checked
 from bonecam.text.template import check_template
 
 PLAIN_WORD = "{letter}{number}"
@@ -26,6 +28,8 @@ def _switch_off(text: str) -> str:
     return check_template(text, {})
 
 
+Form = Literal["angles", "vectors", "joints"]
+"""The words of the axes that a job may ask for."""
 SwitchOn = Annotated[str, Field(max_length=400), AfterValidator(_switch_on)]
 SwitchOff = Annotated[str, Field(max_length=400), AfterValidator(_switch_off)]
 Lines = Annotated[list[Block], Field(max_length=20)]
@@ -46,6 +50,25 @@ class ToolCentreTable(Record):
     off: SwitchOff
     tip: Lines = Field(default_factory=list)
     centre: Lines = Field(default_factory=list)
+
+
+def _vector_word(text: str) -> str:
+    check_template(text, {"number": "1.0"})
+    if (
+        text.count("{number}") != 1
+        or not text.endswith("{number}")
+        or len(text.split()) != 1
+        or text[0] == "{"
+    ):
+        raise ValueError(f"{text!r}: give letters and then {{number}}, in one word")
+    return text
+
+
+class VectorTable(Record):
+    """The three words of the tool's direction, and the numbers of its components."""
+
+    words: Annotated[list[Annotated[str, AfterValidator(_vector_word)]], Field(min_length=3, max_length=3)]
+    number: NumberFormat
 
 
 class MachiningTable(Record):
@@ -110,6 +133,8 @@ class DialectFile(Record):
         default_factory=dict
     )
     calls: CallsTable | None = None
+    vector: VectorTable | None = None
+    forms: Annotated[dict[Form, dict[str, Any]], Field(max_length=3)] = Field(default_factory=dict)
     templates: TemplatesTable
     statements: Annotated[list[StatementTable], Field(max_length=200)] = Field(default_factory=list)
     codes: CodesTable = CodesTable()
@@ -131,6 +156,29 @@ class DialectFile(Record):
         ):
             why = "true: only with tool-centre control and words that are always wrapped: leave it out"
             raise KeyFault("starts_at_zero", why)
+        return self
+
+    def formed(self, form: Form) -> "DialectFile":
+        """The file with what one of its forms changes; KeyFault where that is no dialect."""
+        values = self.model_dump(exclude={"forms", "name"}, exclude_unset=True)
+        try:
+            return checked(DialectFile, merged(values, self.forms[form]))
+        except Faults as error:
+            raise KeyFault(f"forms.{form}.{error.found[0][0]}", error.found[0][1]) from error
+
+    @model_validator(mode="after")
+    def _have_forms(self) -> "DialectFile":
+        for form in self.forms:
+            self.formed(form)
+        return self
+
+    @model_validator(mode="after")
+    def _turns_by_vectors(self) -> "DialectFile":
+        by_vectors = "G43.5" in self.codes.tool_centre_on
+        if self.vector and self.interpolation != "tool-centre":
+            raise KeyFault("vector", "only a tool-centre dialect takes vectors: leave it out")
+        if by_vectors and not self.vector:
+            raise KeyFault("codes.tool_centre_on", "G43.5 takes vectors: add a table [vector]")
         return self
 
     @model_validator(mode="after")

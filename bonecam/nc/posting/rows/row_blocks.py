@@ -6,7 +6,7 @@ from numpy import ndarray
 
 from bonecam.machine.machine import Machine
 from bonecam.nc.dialect import Dialect
-from bonecam.nc.posting.axis_words import word_formats, written_words
+from bonecam.nc.posting.axis_words import move_rows
 from bonecam.nc.posting.marks import with_marks
 from bonecam.nc.posting.path_words import Posted
 from bonecam.tool.path import MoveKind
@@ -16,9 +16,9 @@ def row_blocks(posted: Posted, run: tuple[int, int], machine: Machine, dialect: 
     """The blocks of the moves of a run, one a row of its words, and its marks."""
     rows = slice(*run)
     kinds = posted.moves.kinds[rows]
-    words = written_words(machine, dialect, posted.words[rows])
+    formats, words = move_rows(machine, dialect, posted.words[rows])
     number = dialect.numbers.feed
-    form = " ".join(word_formats(machine, dialect))
+    form = " ".join(formats)
     rapid = "\n".join(dialect.move_lines("rapid", words=form))
     feed = "\n".join(dialect.move_lines("feed", words=form, feed=number.spec))
     kept = "\n".join(dialect.move_lines("feed_kept", words=form))

@@ -1,0 +1,117 @@
+"""Words that give the tool's direction as a vector: what is written of it, and the rotary angles that the control
+takes.
+
+The vector leads from the tip to the spindle, along the axes of the machine as they stand with all rotary axes at zero,
+as X, Y, Z do. Of the two solutions, and of the whole turns of each axis, the control takes those nearest to where its
+axes stand, within their limits; an axis that every angle suits stays.
+"""
+
+import re
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from bonecam.errors import MachineError
+from bonecam.machine.kinematics import LIMIT_GUARD, inverse_rotary, tool_axes
+from bonecam.machine.machine import Machine
+from bonecam.nc.dialect import Dialect
+from bonecam.nc.schema.dialect_file import VectorTable
+
+UNIT = 1e-4
+"""A vector is a unit vector where its length differs from 1 by less."""
+TURNED = np.radians(1.0)
+"""An axis that the control would turn by more (rad) beside what was planned is refused: at the pole, where vectors do
+not say how the table stands."""
+
+
+def vectors_of(machine: Machine, vector: VectorTable, angles: Float[ndarray, "n 2"]) -> Float[ndarray, "n 3"]:
+    """The components of the tool's directions at rotary angles (rad), as they are written."""
+    return vector.number.rounded(machine.in_machine(tool_axes(machine, angles)))
+
+
+def solved_angles(
+    machine: Machine, vectors: Float[ndarray, "n 3"], before: Float[ndarray, "2"]
+) -> Float[ndarray, "n 2"]:
+    """The rotary angles (rad, unwound) that a control takes one after the other from those `before`; NaN from the first
+    vector on that is no unit vector, or is not reached."""
+    length = np.linalg.norm(vectors, axis=1)
+    unit = np.abs(length - 1) < UNIT
+    axes = machine.in_part(vectors / np.where(length > 0, length, 1.0)[:, None])
+    found, free = inverse_rotary(machine, axes)
+    found[~unit] = np.nan
+    bounds = [axis.limits for axis in machine.rotary]
+    angles, stand = np.full((len(vectors), 2), np.nan), (float(before[0]), float(before[1]))
+    for row, (solutions, stays) in enumerate(zip(found.tolist(), free.tolist(), strict=True)):
+        nearest, travel = None, np.inf
+        for solution in solutions:
+            there, way = _nearest(solution, stays, stand, bounds)
+            if way < travel:
+                nearest, travel = there, way
+        if nearest is None:
+            break
+        angles[row] = stand = nearest
+    return angles
+
+
+def angles_from(
+    machine: Machine, stand_deg: Sequence[float | None]
+) -> Callable[[Float[ndarray, "n 3"]], Float[ndarray, "n 2"]]:
+    """What gives the angles (degrees) of `solved_angles` from where the axes stand, None: not known, then NaN."""
+    before = np.radians([np.nan if angle is None else angle for angle in stand_deg])
+    return lambda vectors: np.degrees(solved_angles(machine, vectors, before))
+
+
+def _nearest(
+    solution: list[float],
+    stays: list[bool],
+    stand: tuple[float, float],
+    bounds: list[tuple[float, float]],
+) -> tuple[tuple[float, float], float]:
+    """The angles (rad) of a solution in the turns nearest to where the axes `stand`, and the way to them, rad; infinite
+    beyond the limits."""
+    there, way = [0.0, 0.0], 0.0
+    for column in (0, 1):
+        if stays[column]:
+            there[column] = stand[column]
+            continue
+        turn = (solution[column] - stand[column] + np.pi) % (2 * np.pi) - np.pi
+        low, high = bounds[column]
+        there[column] = stand[column] + turn
+        inside = low - LIMIT_GUARD <= there[column] <= high + LIMIT_GUARD
+        way += abs(turn) if inside else np.inf
+    return (there[0], there[1]), way
+
+
+def written_vectors(
+    machine: Machine, vector: VectorTable, words: Float[ndarray, "n 5"]
+) -> Float[ndarray, "n 6"]:
+    """X, Y, Z and the tool's direction of successive words (mm, deg), as they are written. MachineError where the
+    control would turn an axis otherwise than they do."""
+    angles = np.radians(words[:, 3:])
+    vectors = vectors_of(machine, vector, angles)
+    solved = solved_angles(machine, vectors, angles[0])
+    off = ~(np.abs(solved - angles) <= TURNED).all(axis=1)
+    if off.any():
+        row = int(np.argmax(off))
+        tilt = ", ".join(
+            f"{axis.letter} {value:.3f}" for axis, value in zip(machine.rotary, words[row, 3:], strict=True)
+        )
+        raise MachineError(
+            f"near {tilt} deg a tool vector does not say how the axes of {machine.name} stand, the control may turn "
+            'them otherwise: give nc.axes = "angles", or another path.lead_deg',
+            row=row,
+        )
+    return np.column_stack([words[:, :3], vectors]) + 0.0
+
+
+def vector_formats(dialect: Dialect, vector: VectorTable) -> list[str]:
+    """The printf formats of X, Y, Z and the components of the tool's direction."""
+    length = [f"{letter}{dialect.numbers.length.spec}" for letter in "XYZ"]
+    return length + [word.replace("%", "%%").format(number=vector.number.spec) for word in vector.words]
+
+
+def vector_patterns(vector: VectorTable, number: str) -> list[str]:
+    """The patterns of the words of the tool's direction, with their numbers, of the pattern `number`, in groups."""
+    return [re.escape(word.replace("{number}", "")) + f"({number})" for word in vector.words]

@@ -1,0 +1,206 @@
+"""Tool vectors and joints in the place of rotary words: written, read back, refused where they say something else."""
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bonecam.errors import MachineError, ProgramError, VerifyError
+from bonecam.job import Job
+from bonecam.machine.kinematics import tool_axes
+from bonecam.machine.machine import read_machine
+from bonecam.nc.dialect import dialect_names, read_dialect
+from bonecam.nc.job_dialect import job_dialect
+from bonecam.nc.posting.write import write_program
+from bonecam.nc.reading.read import read_program
+from bonecam.nc.tool_vectors import solved_angles, vectors_of, written_vectors
+from bonecam.tool.path import ToolPath
+from bonecam.verify.control.check import check_control
+from bonecam.verify.readback import Tolerances, compare_moves
+
+WITH_VECTORS = [name for name in dialect_names() if "vectors" in read_dialect(name).forms]
+WITH_JOINTS = [name for name in dialect_names() if "joints" in read_dialect(name).forms]
+FIRST = {
+    "heidenhain": r"LN X[+-]\d+\.\d{3} Y\S+ Z\S+ TX[+-][01]\.\d{7} TY[+-]\S+ TZ[+-]\S+ F\d+",
+    "siemens-840d": r"G1 X\S+ Y\S+ Z\S+ A3=-?[01]\.\d{6} B3=\S+ C3=\S+ F\d+",
+    "fanuc-30i": r"G01 X\S+ Y\S+ Z\S+ I-?[01]\.\d{6} J\S+ K\S+ F\d+\.",
+}
+
+
+def posted(path: ToolPath, controller: str, axes: str, machine: str = "mikron-ucp600") -> tuple:
+    job = Job().with_values(nc={"controller": controller, "axes": axes, "machine": machine})
+    chosen, dialect = read_machine(machine), job_dialect(job.nc)
+    return write_program([path], chosen, dialect, job).text, chosen, dialect, job
+
+
+@pytest.fixture(scope="module")
+def path(capsule_path: Callable[..., ToolPath]) -> ToolPath:
+    return capsule_path(count=120, turns=3.0)
+
+
+@pytest.mark.parametrize("machine", ["mikron-ucp600", "hermle-c600u", "dmu-45"])
+@pytest.mark.parametrize("controller", WITH_VECTORS)
+def test_vectors_are_written_in_every_move_and_read_back(
+    controller: str, machine: str, path: ToolPath
+) -> None:
+    text, chosen, dialect, _ = posted(path, controller, "vectors", machine)
+    assert "UNPROVED" in text or "UNVERIFIED" in text
+    form = FIRST.get(controller, FIRST["fanuc-30i"])
+    assert len(re.findall(form, text)) > 3
+    motions = read_program(text, chosen, dialect)
+    check_control(motions, chosen, dialect)
+    found = compare_moves(motions, [path], dialect, Tolerances())
+    assert found.tip_error.max() <= 0.001 + dialect.numbers.length.step
+
+
+@pytest.mark.parametrize("controller", WITH_VECTORS)
+def test_a_program_of_vectors_turns_the_axes_as_one_of_angles(controller: str, path: ToolPath) -> None:
+    by_vector = read_program(*posted(path, controller, "vectors")[:3])
+    by_angle = read_program(*posted(path, controller, "angles")[:3])
+    np.testing.assert_allclose(by_vector.axes, by_angle.axes, atol=2e-6)
+    np.testing.assert_allclose(by_vector.tips, by_angle.tips, atol=1e-9)
+    turns = by_vector.words[:, 3:] - by_angle.words[:, 3:]
+    assert np.abs(np.remainder(turns + np.pi, 2 * np.pi) - np.pi).max() < np.radians(0.05)
+
+
+@pytest.mark.parametrize("machine", ["mikron-ucp600", "hermle-c600u"])
+@pytest.mark.parametrize("controller", WITH_JOINTS)
+def test_joints_in_inverse_time_are_written_and_read_back(
+    controller: str, machine: str, path: ToolPath
+) -> None:
+    text, chosen, dialect, _ = posted(path, controller, "joints", machine)
+    assert "G93" in text
+    assert not re.search(r"(?m)^(N\d+ )?(TRAORI|.*G43\.4)", text)
+    motions = read_program(text, chosen, dialect)
+    check_control(motions, chosen, dialect)
+    assert motions.inverse_time[~motions.rapid].all()
+    found = compare_moves(motions, [path], dialect, Tolerances())
+    assert found.tip_error.max() <= 0.001 + dialect.numbers.length.step
+
+
+FAULTS = {
+    "heidenhain": [
+        (r"TZ([+-]\S+)(?= F)", r"TZ+2.0000000", "unit vector"),
+        (r" TY[+-]\S+", "", "unknown block"),
+        (r"(LN .*?)TX", r"\1NX", "unknown block"),
+        (r"TX[+-]0\.(\d{6})\d ", r"TX+0.\1 ", "unknown block"),
+    ],
+    "siemens-840d": [
+        (r"C3=\S+", "C3=2.000000", "unit vector"),
+        (r" B3=\S+", "", "a component of the tool vector is missing"),
+        (r" C3=(\S+)", r" C3=\1 B-30.000", "B stands beside a tool vector"),
+    ],
+    "fanuc-30i": [
+        (r"K\S+", "K2.000000", "unit vector"),
+        (r" J\S+", "", "a component of the tool vector is missing"),
+        (r" K(\S+)", r" K\1 C45.000", "C stands beside a tool vector"),
+    ],
+}
+
+
+@pytest.mark.parametrize(
+    ("controller", "pattern", "wrong", "told"),
+    [(name, *fault) for name, faults in FAULTS.items() for fault in faults],
+)
+def test_a_wrong_vector_is_refused_with_its_line(
+    controller: str, pattern: str, wrong: str, told: str, path: ToolPath
+) -> None:
+    text, machine, dialect, _ = posted(path, controller, "vectors")
+    lines = text.split("\n")
+    row = next(at for at, line in enumerate(lines) if re.search(FIRST[controller], line))
+    lines[row] = re.sub(pattern, wrong, lines[row], count=1)
+    assert lines[row] not in text
+    with pytest.raises(ProgramError, match=rf"^line {row + 1}: .*{told}"):
+        read_program("\n".join(lines), machine, dialect)
+
+
+@pytest.mark.parametrize("controller", list(FAULTS))
+def test_a_vector_that_leans_otherwise_is_found_by_the_readback(controller: str, path: ToolPath) -> None:
+    text, machine, dialect, _ = posted(path, controller, "vectors")
+    words = [re.escape(word.replace("{number}", "")) for word in dialect.vector.words[:2]]
+    one, two = (rf"{word}(\S+)" for word in words)
+    names = [word.replace("{number}", "") for word in dialect.vector.words[:2]]
+    swapped = re.sub(rf"{one} {two}", rf"{names[0]}\2 {names[1]}\1", text)
+    assert swapped != text
+    with pytest.raises((VerifyError, ProgramError)):
+        compare_moves(read_program(swapped, machine, dialect), [path], dialect, Tolerances())
+
+
+def test_the_axes_take_the_nearest_solution_and_stay_at_the_pole() -> None:
+    machine, vector = (
+        read_machine("mikron-ucp600"),
+        job_dialect(Job().with_values(nc={"axes": "vectors"}).nc).vector,
+    )
+    angles = np.radians([[-20.0, 170.0], [-20.0, 185.0], [-20.0, 200.0], [0.0, 200.0], [-10.0, 200.0]])
+    solved = solved_angles(machine, vectors_of(machine, vector, angles), angles[0])
+    np.testing.assert_allclose(solved, angles, atol=1e-5)
+    unit = solved_angles(machine, np.array([[0.0, 0.0, 1.0], [0.0, 0.0, 0.0], [0.0, 0.0, 1.0]]), angles[0])
+    assert np.isnan(unit[1:]).all()
+    np.testing.assert_allclose(unit[0], [0.0, angles[0, 1]], atol=1e-12)
+
+
+def test_a_turn_at_the_pole_that_no_vector_states_is_refused() -> None:
+    machine, vector = (
+        read_machine("mikron-ucp600"),
+        job_dialect(Job().with_values(nc={"axes": "vectors"}).nc).vector,
+    )
+    words = np.zeros((4, 5))
+    words[:, 3:] = [[-5.0, 0.0], [0.0, 0.0], [0.0, 60.0], [-5.0, 60.0]]
+    with pytest.raises(
+        MachineError, match=r"near B 0.000, C 60.000 deg a tool vector does not say .*nc.axes"
+    ):
+        written_vectors(machine, vector, words)
+    assert written_vectors(machine, vector, words[:2]).shape == (2, 6)
+
+
+def test_klartext_has_no_joints_in_inverse_time() -> None:
+    with pytest.raises(
+        MachineError, match=r"heidenhain has no \[forms.joints\]: give nc.axes = 'angles' or 'vectors'"
+    ):
+        job_dialect(Job().with_values(nc={"axes": "joints"}).nc)
+
+
+def test_vectors_lean_as_the_tool_does() -> None:
+    machine = read_machine("mikron-ucp600")
+    vector = read_dialect("heidenhain").in_form("vectors").vector
+    assert vector is not None
+    angles = np.radians([[-30.0, 0.0]])
+    np.testing.assert_allclose(vectors_of(machine, vector, angles), tool_axes(machine, angles), atol=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("[forms.vectors]\ntitel = 'x'", r"forms.vectors.titel"),
+        ("[forms.vectors.vector]\nwords = ['I', 'J{number}', 'K{number}']", r"forms.vectors.vector.words"),
+        ("[codes]\ntool_centre_on = ['G43.5']", r"codes.tool_centre_on: G43.5 takes vectors"),
+        ("[forms.joints]\nfeed_mode = 'per-hour'", r"forms.joints.feed_mode"),
+        ("[forms.cones]\ntitle = 'x'", r"forms.cones"),
+    ],
+)
+def test_a_form_that_is_no_dialect_is_refused_when_its_file_is_read(
+    text: str, told: str, tmp_path: Path
+) -> None:
+    file = tmp_path / "own.toml"
+    file.write_text(f"like = 'fanuc-30i'\n{text}\n")
+    with pytest.raises(MachineError, match=rf"own.toml: .*{told}"):
+        read_dialect(file)
+
+
+def test_a_dialect_like_another_has_its_forms_with_its_own_words(tmp_path: Path) -> None:
+    file = tmp_path / "own.toml"
+    file.write_text("like = 'fanuc-30i'\n[templates]\ncoolant_on = 'M07'\n")
+    dialect = read_dialect(file).in_form("vectors")
+    assert dialect.templates.coolant_on == "M07"
+    assert dialect.own_form == "vectors"
+
+
+@pytest.mark.parametrize("controller", WITH_VECTORS)
+def test_another_work_offset_is_stated_in_programs_of_vectors(controller: str, path: ToolPath) -> None:
+    asked = Job().with_values(nc={"controller": controller, "axes": "vectors", "work_offset": 2})
+    machine, dialect = read_machine("mikron-ucp600"), job_dialect(asked.nc)
+    text = write_program([path], machine, dialect, asked).text
+    assert "Q339=2" in text or "G55" in text
+    assert len(read_program(text, machine, dialect).tips) > 100
