@@ -60,7 +60,8 @@ How to add a dialect: copy a file of `bonecam/nc/dialects/` (name it, or give it
   (`tool_centre`);
 - [vector]: `words`, three forms with {number}, such as "A3={number}", which give the tool's direction (from the tip to
   the spindle, a unit vector, along the axes of the machine as those of X, Y, Z) in the place of the rotary axes in
-  moves under tool-centre control, and the `number` of their components;
+  moves under tool-centre control, and the `number` of their components; `takes_angles`: a block between them may have
+  rotary words, and begins as `instead` says, such as "LN " = "L ";
 - [forms.angles], [forms.vectors], [forms.joints]: what is other in the file where nc.axes asks for rotary words under
   tool-centre control, for tool vectors, or for joints without it; a list in it replaces the whole list;
 - `like`: the name of a dialect that ships and has all that the file leaves out; a list in the file replaces the whole

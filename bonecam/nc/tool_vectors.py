@@ -10,9 +10,10 @@ import re
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from numpy import ndarray
 
+from bonecam.arrays import lengths
 from bonecam.errors import MachineError
 from bonecam.machine.kinematics import LIMIT_GUARD, inverse_rotary, tool_axes
 from bonecam.machine.machine import Machine
@@ -21,9 +22,13 @@ from bonecam.nc.schema.dialect_file import VectorTable
 
 UNIT = 1e-4
 """A vector is a unit vector where its length differs from 1 by less."""
+PARTS = (0.25, 0.5, 0.75, 1.0)
+"""Where within a move the tool's direction is looked at."""
+LEANS = 3e-4
+"""By how much the tool may lean otherwise than meant (rad): 1 um on a ball of 3 mm."""
 TURNED = np.radians(1.0)
-"""An axis that the control would turn by more (rad) beside what was planned is refused: at the pole, where vectors do
-not say how the table stands."""
+"""An axis that the control would turn by more (rad) beside what was planned needs its angle in words: at the pole,
+where vectors do not say how the table stands."""
 
 
 def vectors_of(machine: Machine, vector: VectorTable, angles: Float[ndarray, "n 2"]) -> Float[ndarray, "n 3"]:
@@ -32,27 +37,36 @@ def vectors_of(machine: Machine, vector: VectorTable, angles: Float[ndarray, "n 
 
 
 def solved_angles(
-    machine: Machine, vectors: Float[ndarray, "n 3"], before: Float[ndarray, "2"]
-) -> Float[ndarray, "n 2"]:
-    """The rotary angles (rad, unwound) that a control takes one after the other from those `before`; NaN from the first
-    vector on that is no unit vector, or is not reached."""
+    machine: Machine,
+    vectors: Float[ndarray, "n 3"],
+    before: Float[ndarray, "2"],
+    stated: Float[ndarray, "n 2"] | None = None,
+) -> tuple[Float[ndarray, "n 2"], Bool[ndarray, "n"]]:
+    """The rotary angles (rad, unwound) that a control takes one after the other from those `before`, NaN from the first
+    vector on that is no unit vector, or is not reached; and, where angles are `stated` that should be taken, which rows
+    are off by more than TURNED: behind these it goes on from what is stated."""
     length = np.linalg.norm(vectors, axis=1)
-    unit = np.abs(length - 1) < UNIT
     axes = machine.in_part(vectors / np.where(length > 0, length, 1.0)[:, None])
     found, free = inverse_rotary(machine, axes)
-    found[~unit] = np.nan
+    found[np.abs(length - 1) >= UNIT] = np.nan
     bounds = [axis.limits for axis in machine.rotary]
-    angles, stand = np.full((len(vectors), 2), np.nan), (float(before[0]), float(before[1]))
+    meant = [] if stated is None else stated.tolist()
+    angles, off = np.full((len(vectors), 2), np.nan), np.zeros(len(vectors), dtype=bool)
+    stand = (float(before[0]), float(before[1]))
     for row, (solutions, stays) in enumerate(zip(found.tolist(), free.tolist(), strict=True)):
         nearest, travel = None, np.inf
         for solution in solutions:
             there, way = _nearest(solution, stays, stand, bounds)
             if way < travel:
                 nearest, travel = there, way
+        if meant:
+            one, two = meant[row]
+            if nearest is None or max(abs(nearest[0] - one), abs(nearest[1] - two)) > TURNED:
+                off[row], nearest = True, (one, two)
         if nearest is None:
             break
         angles[row] = stand = nearest
-    return angles
+    return angles, off
 
 
 def angles_from(
@@ -60,7 +74,7 @@ def angles_from(
 ) -> Callable[[Float[ndarray, "n 3"]], Float[ndarray, "n 2"]]:
     """What gives the angles (degrees) of `solved_angles` from where the axes stand, None: not known, then NaN."""
     before = np.radians([np.nan if angle is None else angle for angle in stand_deg])
-    return lambda vectors: np.degrees(solved_angles(machine, vectors, before))
+    return lambda vectors: np.degrees(solved_angles(machine, vectors, before)[0])
 
 
 def _nearest(
@@ -86,15 +100,20 @@ def _nearest(
 
 def written_vectors(
     machine: Machine, vector: VectorTable, words: Float[ndarray, "n 5"]
-) -> Float[ndarray, "n 6"]:
-    """X, Y, Z and the tool's direction of successive words (mm, deg), as they are written. MachineError where the
-    control would turn an axis otherwise than they do."""
+) -> tuple[Float[ndarray, "n 6"], Bool[ndarray, "n"]]:
+    """X, Y, Z and the tool's direction of successive words (mm, deg), as they are written, and which of them must be
+    written as rotary words, since the control would turn an axis otherwise. MachineError where it takes none, and would
+    lean the tool otherwise on the way."""
     angles = np.radians(words[:, 3:])
     vectors = vectors_of(machine, vector, angles)
-    solved = solved_angles(machine, vectors, angles[0])
-    off = ~(np.abs(solved - angles) <= TURNED).all(axis=1)
-    if off.any():
-        row = int(np.argmax(off))
+    numbers = np.column_stack([words[:, :3], vectors]) + 0.0
+    _, off = solved_angles(machine, vectors, angles[0], angles)
+    if vector.takes_angles or not off.any():
+        return numbers, off
+    solved, _ = solved_angles(machine, vectors, angles[0])
+    wrong = ~(_between(machine, solved, angles) <= LEANS)
+    if wrong.any():
+        row = int(np.argmax(wrong)) + 1
         tilt = ", ".join(
             f"{axis.letter} {value:.3f}" for axis, value in zip(machine.rotary, words[row, 3:], strict=True)
         )
@@ -103,7 +122,23 @@ def written_vectors(
             'them otherwise: give nc.axes = "angles", or another path.lead_deg',
             row=row,
         )
-    return np.column_stack([words[:, :3], vectors]) + 0.0
+    return numbers, np.zeros(len(words), dtype=bool)
+
+
+def _between(
+    machine: Machine, solved: Float[ndarray, "n 2"], meant: Float[ndarray, "n 2"]
+) -> Float[ndarray, "m"]:
+    """By how much (rad) the tool leans otherwise within each move between successive angles, at most."""
+    return np.max(
+        [
+            lengths(
+                tool_axes(machine, (1 - part) * solved[:-1] + part * solved[1:])
+                - tool_axes(machine, (1 - part) * meant[:-1] + part * meant[1:])
+            )
+            for part in PARTS
+        ],
+        axis=0,
+    )
 
 
 def vector_formats(dialect: Dialect, vector: VectorTable) -> list[str]:

@@ -1,5 +1,6 @@
 """Tool vectors and joints in the place of rotary words: written, read back, refused where they say something else."""
 
+import itertools
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -134,25 +135,41 @@ def test_the_axes_take_the_nearest_solution_and_stay_at_the_pole() -> None:
         job_dialect(Job().with_values(nc={"axes": "vectors"}).nc).vector,
     )
     angles = np.radians([[-20.0, 170.0], [-20.0, 185.0], [-20.0, 200.0], [0.0, 200.0], [-10.0, 200.0]])
-    solved = solved_angles(machine, vectors_of(machine, vector, angles), angles[0])
+    solved, _ = solved_angles(machine, vectors_of(machine, vector, angles), angles[0])
     np.testing.assert_allclose(solved, angles, atol=1e-5)
-    unit = solved_angles(machine, np.array([[0.0, 0.0, 1.0], [0.0, 0.0, 0.0], [0.0, 0.0, 1.0]]), angles[0])
+    unit, _ = solved_angles(machine, np.array([[0.0, 0.0, 1.0], [0.0, 0.0, 0.0], [0.0, 0.0, 1.0]]), angles[0])
     assert np.isnan(unit[1:]).all()
     np.testing.assert_allclose(unit[0], [0.0, angles[0, 1]], atol=1e-12)
 
 
-def test_a_turn_at_the_pole_that_no_vector_states_is_refused() -> None:
-    machine, vector = (
-        read_machine("mikron-ucp600"),
-        job_dialect(Job().with_values(nc={"axes": "vectors"}).nc).vector,
-    )
-    words = np.zeros((4, 5))
-    words[:, 3:] = [[-5.0, 0.0], [0.0, 0.0], [0.0, 60.0], [-5.0, 60.0]]
+POLE = [[-5.0, 0.0], [0.0, 0.0], [0.0, 60.0], [-5.0, 60.0]]
+"""Angles of B and C (degrees): C turns at the pole."""
+
+
+def test_where_the_control_takes_no_angles_a_turn_at_the_pole_is_refused() -> None:
+    machine, vector = read_machine("mikron-ucp600"), read_dialect("fanuc-30i").in_form("vectors").vector
+    words = np.column_stack([np.zeros((4, 3)), POLE])
     with pytest.raises(
-        MachineError, match=r"near B 0.000, C 60.000 deg a tool vector does not say .*nc.axes"
+        MachineError, match=r"near B -5.000, C 60.000 deg a tool vector does not say .*nc.axes"
     ):
         written_vectors(machine, vector, words)
-    assert written_vectors(machine, vector, words[:2]).shape == (2, 6)
+    assert written_vectors(machine, vector, words[:2])[0].shape == (2, 6)
+
+
+@pytest.mark.parametrize("controller", ["heidenhain", "siemens-840d"])
+def test_a_turn_at_the_pole_is_written_in_angles_between_vectors(
+    controller: str, path_of: Callable[..., ToolPath]
+) -> None:
+    machine = read_machine("mikron-ucp600")
+    angles = np.radians(np.vstack([np.linspace(*pair, 12) for pair in itertools.pairwise(POLE)]))
+    axes = tool_axes(machine, angles)
+    tips = np.column_stack([np.linspace(0, 9, len(axes)), np.zeros(len(axes)), np.full(len(axes), 60.0)])
+    path = path_of(tips, axes)
+    text, machine, dialect, _ = posted(path, controller, "vectors")
+    mixed = re.findall(r"(?m)^(?:N?\d+ )(?:L|G1) X\S+ Y\S+ Z\S+ B\S+ C\S+(?: F\d+)?$", text)
+    assert 0 < len(mixed) < 30
+    assert re.search(FIRST[controller], text)
+    compare_moves(read_program(text, machine, dialect), [path], dialect, Tolerances())
 
 
 def test_klartext_has_no_joints_in_inverse_time() -> None:

@@ -1,6 +1,9 @@
 """The words of the axes in a block: their numbers as the control reads them, and their form."""
 
-from jaxtyping import Float
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float
 from numpy import ndarray
 
 from bonecam.machine.machine import Machine
@@ -40,15 +43,28 @@ def word_formats(machine: Machine, dialect: Dialect) -> list[str]:
     return formats
 
 
-def move_rows(
+class MoveWords(NamedTuple):
+    """The printf formats of the words of successive moves, and their numbers."""
+
+    formats: list[str]
+    numbers: Float[ndarray, "n m"]
+
+
+def move_words(
     machine: Machine, dialect: Dialect, words: Float[ndarray, "n 5"]
-) -> tuple[list[str], Float[ndarray, "n m"]]:
-    """The printf formats of the words of successive moves, and their numbers: those of the axes, or X, Y, Z and the
-    tool's direction."""
+) -> tuple[MoveWords, Bool[ndarray, "n"]]:
+    """The words of successive moves as the dialect writes them, those of the axes, or X, Y, Z and the tool's direction;
+    and which moves need those of the axes all the same."""
     if dialect.vector is None:
-        return word_formats(machine, dialect), written_words(machine, dialect, words)
+        return axis_moves(machine, dialect, words), np.zeros(len(words), dtype=bool)
     dialect.numbers.length.check(words[:, :3])
-    return vector_formats(dialect, dialect.vector), written_vectors(machine, dialect.vector, words)
+    numbers, off = written_vectors(machine, dialect.vector, words)
+    return MoveWords(vector_formats(dialect, dialect.vector), numbers), off
+
+
+def axis_moves(machine: Machine, dialect: Dialect, words: Float[ndarray, "n 5"]) -> MoveWords:
+    """The words of the axes of successive moves."""
+    return MoveWords(word_formats(machine, dialect), written_words(machine, dialect, words))
 
 
 def word_texts(machine: Machine, dialect: Dialect, words: Float[ndarray, "5"]) -> list[str]:

@@ -15,7 +15,7 @@ from bonecam.machine.control import Control
 from bonecam.machine.kinematics import forward
 from bonecam.machine.machine import Machine
 from bonecam.nc.dialect import Dialect
-from bonecam.nc.posting.axis_words import move_rows, word_texts
+from bonecam.nc.posting.axis_words import move_words, word_texts
 from bonecam.nc.posting.feeds.feed_scale import on_scale, stepped_feeds
 from bonecam.nc.posting.path_words import drivable_rates, round_words
 from bonecam.nc.posting.rows.split import MAX_TURN
@@ -27,8 +27,8 @@ def start_texts(
     """The words of the rotary axes at zero, the word of Z without its letter where tool-centre control is switched on,
     and the blocks that turn the axes under it to `angles_deg`, at the feed `rapid` (mm/min) or what the axes can."""
     steps = start_words(dialect, control, angles_deg, retract)
-    formats, numbers = move_rows(control.machine, dialect, steps)
-    rows = [" ".join(formats) % tuple(row) for row in numbers.tolist()]
+    words, _ = move_words(control.machine, dialect, steps)
+    rows = [" ".join(words.formats) % tuple(row) for row in words.numbers.tolist()]
     feed = dialect.numbers.feed
     scale = np.unique(np.r_[stepped_feeds(feed), rapid])
     rates = feed.rounded_down(on_scale(np.r_[rapid, drivable_rates(control, steps, rapid)], scale))

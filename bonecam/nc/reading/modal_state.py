@@ -167,7 +167,7 @@ class ModalState:
         """Where an axis (mm, degrees) stands after its word."""
         if column < 3 or not self.machine.rotary[column - 3].endless:
             return value
-        axis, moves_tip = self.machine.rotary[column - 3], self.position[0] is not None
+        axis, moves_tip = self.machine.rotary[column - 3], None not in self.position[:3]
         return self.endless.reached(axis, value, self.position[column], moves_tip=moves_tip, line=line)
 
     def _joints(self, words: dict[str, float]) -> tuple[float, ...]:

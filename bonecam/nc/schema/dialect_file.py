@@ -65,10 +65,13 @@ def _vector_word(text: str) -> str:
 
 
 class VectorTable(Record):
-    """The three words of the tool's direction, and the numbers of its components."""
+    """The three words of the tool's direction, and the numbers of its components; whether the control `takes_angles` in
+    blocks between those with vectors, and how such blocks begin `instead`."""
 
     words: Annotated[list[Annotated[str, AfterValidator(_vector_word)]], Field(min_length=3, max_length=3)]
     number: NumberFormat
+    takes_angles: bool = False
+    instead: Annotated[dict[str, Block], Field(max_length=5)] = Field(default_factory=dict)
 
 
 class MachiningTable(Record):

@@ -6,7 +6,7 @@ from numpy import ndarray
 
 from bonecam.machine.machine import Machine
 from bonecam.nc.dialect import Dialect
-from bonecam.nc.posting.axis_words import move_rows
+from bonecam.nc.posting.axis_words import MoveWords, axis_moves, move_words
 from bonecam.nc.posting.marks import with_marks
 from bonecam.nc.posting.path_words import Posted
 from bonecam.tool.path import MoveKind
@@ -16,23 +16,37 @@ def row_blocks(posted: Posted, run: tuple[int, int], machine: Machine, dialect: 
     """The blocks of the moves of a run, one a row of its words, and its marks."""
     rows = slice(*run)
     kinds = posted.moves.kinds[rows]
-    formats, words = move_rows(machine, dialect, posted.words[rows])
-    number = dialect.numbers.feed
-    form = " ".join(formats)
-    rapid = "\n".join(dialect.move_lines("rapid", words=form))
-    feed = "\n".join(dialect.move_lines("feed", words=form, feed=number.spec))
-    kept = "\n".join(dialect.move_lines("feed_kept", words=form))
-    rates = number.rounded_down(_rates(posted, rows))
+    rates = dialect.numbers.feed.rounded_down(_rates(posted, rows))
     # the first row of a run is reached along the tool axis from the approach height
     fast = (kinds == MoveKind.RAPID) & dialect.straight_rapids
     fast[0] = dialect.straight_rapids or not dialect.tool_centre
+    words, off = move_words(machine, dialect, posted.words[rows])
+    lines = _blocks(words, rates, fast, dialect)
+    if dialect.vector and off.any():
+        by_angle = _blocks(axis_moves(machine, dialect, posted.words[rows]), rates, fast, dialect)
+        for row in np.flatnonzero(off).tolist():
+            lines[row] = by_angle[row]
+            for start, own in dialect.vector.instead.items():
+                lines[row] = (
+                    own + lines[row].removeprefix(start) if lines[row].startswith(start) else lines[row]
+                )
+    return with_marks(lines, kinds, fast, posted.lifted_in(run), dialect)
+
+
+def _blocks(
+    words: MoveWords, rates: Float[ndarray, "n"], fast: Bool[ndarray, "n"], dialect: Dialect
+) -> list[str]:
+    """The blocks of moves at their `rates` (feed words), rapids where they are `fast`."""
+    form = " ".join(words.formats)
+    rapid = "\n".join(dialect.move_lines("rapid", words=form))
+    feed = "\n".join(dialect.move_lines("feed", words=form, feed=dialect.numbers.feed.spec))
+    kept = "\n".join(dialect.move_lines("feed_kept", words=form))
     stated = _stated(rates, fast) if kept else ~fast
-    table = zip(words.tolist(), rates.tolist(), fast.tolist(), stated.tolist(), strict=True)
-    lines = [
+    table = zip(words.numbers.tolist(), rates.tolist(), fast.tolist(), stated.tolist(), strict=True)
+    return [
         feed % (*row, rate) if states else (rapid if quick else kept) % tuple(row)
         for row, rate, quick, states in table
     ]
-    return with_marks(lines, kinds, fast, posted.lifted_in(run), dialect)
 
 
 def _rates(posted: Posted, rows: slice) -> Float[ndarray, "n"]:
