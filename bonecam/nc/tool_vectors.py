@@ -24,8 +24,11 @@ UNIT = 1e-4
 """A vector is a unit vector where its length differs from 1 by less."""
 PARTS = (0.25, 0.5, 0.75, 1.0)
 """Where within a move the tool's direction is looked at."""
-LEANS = 3e-4
-"""By how much the tool may lean otherwise than meant (rad): 1 um on a ball of 3 mm."""
+LEANS = 5e-4
+"""By how much the tool may lean otherwise than meant (rad): 1 um on a ball of 2 mm."""
+LEAST = np.radians(0.001)
+"""A tool on the axis of a table is leant by this (rad), one step of the words of angles: its vector then says how the
+table stands, within 2 degrees where it has 6 decimals."""
 TURNED = np.radians(1.0)
 """An axis that the control would turn by more (rad) beside what was planned needs its angle in words: at the pole,
 where vectors do not say how the table stands."""
@@ -102,14 +105,14 @@ def written_vectors(
     machine: Machine, vector: VectorTable, words: Float[ndarray, "n 5"]
 ) -> tuple[Float[ndarray, "n 6"], Bool[ndarray, "n"]]:
     """X, Y, Z and the tool's direction of successive words (mm, deg), as they are written, and which of them must be
-    written as rotary words, since the control would turn an axis otherwise. MachineError where it takes none, and would
-    lean the tool otherwise on the way."""
+    written as rotary words, since the control would turn an axis otherwise. Where it takes none, the tool is leant by
+    LEAST at the pole; MachineError where it would lean otherwise than meant on the way all the same."""
     angles = np.radians(words[:, 3:])
     vectors = vectors_of(machine, vector, angles)
-    numbers = np.column_stack([words[:, :3], vectors]) + 0.0
-    _, off = solved_angles(machine, vectors, angles[0], angles)
+    solved, off = solved_angles(machine, vectors, angles[0], angles)
     if vector.takes_angles or not off.any():
-        return numbers, off
+        return np.column_stack([words[:, :3], vectors]) + 0.0, off
+    vectors = vectors_of(machine, vector, _leant(machine, vectors, angles))
     solved, _ = solved_angles(machine, vectors, angles[0])
     wrong = ~(_between(machine, solved, angles) <= LEANS)
     if wrong.any():
@@ -122,7 +125,26 @@ def written_vectors(
             'them otherwise: give nc.axes = "angles", or another path.lead_deg',
             row=row,
         )
-    return numbers, np.zeros(len(words), dtype=bool)
+    return np.column_stack([words[:, :3], vectors]) + 0.0, np.zeros(len(words), dtype=bool)
+
+
+def _leant(
+    machine: Machine, vectors: Float[ndarray, "n 3"], angles: Float[ndarray, "n 2"]
+) -> Float[ndarray, "n 2"]:
+    """The angles (rad) with the tool leant by LEAST where every angle of an axis gives its direction: then it says
+    which one is meant."""
+    axes = machine.in_part(vectors)
+    _, free = inverse_rotary(machine, axes / lengths(axes)[:, None], LEAST)
+    leant = angles.copy()
+    for column in (0, 1):
+        rows = free[:, 1 - column] & (np.abs(angles[:, column]) < LEAST)
+        # on the side from which, or to which, the tool leans beside these rows
+        sides = np.where(rows, 0.0, np.sign(angles[:, column]))
+        last = np.maximum.accumulate(np.where(sides != 0, np.arange(len(sides)), -1))
+        before = np.where(last >= 0, sides[np.maximum(last, 0)], 0.0)
+        free_side = -1.0 if machine.rotary[column].limits[0] < -LEAST else 1.0
+        leant[:, column] = np.where(rows, np.where(before == 0, free_side, before) * LEAST, angles[:, column])
+    return leant
 
 
 def _between(

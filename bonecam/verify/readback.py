@@ -115,7 +115,7 @@ def compare_moves(
     _check_tools(motions, posted, rows.tools[reached])
     begins = rows.first[reached] | (rows.from_anywhere[reached] & ~motions.known_start)
     by_turn = _by_turn(motions, np.minimum(rows.slow, rows.feeds)[reached])
-    by_turn &= rows.kinds[reached] != MoveKind.RAPID
+    by_turn &= (rows.kinds[reached] != MoveKind.RAPID) | (not dialect.straight_rapids)
     _check_feeds(
         motions,
         posted & ~by_turn,

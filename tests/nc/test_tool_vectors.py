@@ -14,10 +14,11 @@ from bonecam.machine.kinematics import tool_axes
 from bonecam.machine.machine import read_machine
 from bonecam.nc.dialect import dialect_names, read_dialect
 from bonecam.nc.job_dialect import job_dialect
+from bonecam.nc.posting.feeds.drivable_feeds import drivable_paths
 from bonecam.nc.posting.write import write_program
 from bonecam.nc.reading.read import read_program
 from bonecam.nc.tool_vectors import solved_angles, vectors_of, written_vectors
-from bonecam.tool.path import ToolPath
+from bonecam.tool.path import MoveKind, ToolPath
 from bonecam.verify.control.check import check_control
 from bonecam.verify.readback import Tolerances, compare_moves
 
@@ -146,30 +147,70 @@ POLE = [[-5.0, 0.0], [0.0, 0.0], [0.0, 60.0], [-5.0, 60.0]]
 """Angles of B and C (degrees): C turns at the pole."""
 
 
-def test_where_the_control_takes_no_angles_a_turn_at_the_pole_is_refused() -> None:
+def test_a_change_to_the_other_solution_that_no_vector_states_is_refused() -> None:
     machine, vector = read_machine("mikron-ucp600"), read_dialect("fanuc-30i").in_form("vectors").vector
-    words = np.column_stack([np.zeros((4, 3)), POLE])
+    words = np.zeros((3, 5))
+    words[:, 3:] = [[-5.0, 0.0], [5.0, 180.0], [5.0, 190.0]]
     with pytest.raises(
-        MachineError, match=r"near B -5.000, C 60.000 deg a tool vector does not say .*nc.axes"
+        MachineError, match=r"near B 5.000, C 180.000 deg a tool vector does not say .*nc.axes"
     ):
         written_vectors(machine, vector, words)
-    assert written_vectors(machine, vector, words[:2])[0].shape == (2, 6)
+    assert written_vectors(machine, vector, words[1:])[0].shape == (2, 6)
+
+
+@pytest.mark.parametrize("controller", ["fanuc-30i", "makino", "mitsubishi"])
+def test_where_the_control_takes_no_angles_the_tool_leans_a_little_at_the_pole(
+    controller: str, path_of: Callable[..., ToolPath]
+) -> None:
+    path = pole_path(path_of)
+    text, machine, dialect, _ = posted(path, controller, "vectors")
+    found = compare_moves(motions := read_program(text, machine, dialect), [path], dialect, Tolerances())
+    assert found.tip_error.max() <= 0.001
+    turns = np.degrees(np.abs(np.diff(motions.words[:, 4])))[motions.known_start[1:]]
+    assert turns.max() < 15.0
+    # without the lean C would turn at once where the tool leaves the pole
+    upright = re.sub(r" I-?0\.0000\d\d J-?0\.0000\d\d K", " I0.000000 J0.000000 K", text)
+    assert upright != text
+    jumps = read_program(upright, machine, dialect)
+    assert np.degrees(np.abs(np.diff(jumps.words[:, 4])))[jumps.known_start[1:]].max() > 30.0
+
+
+def pole_path(path_of: Callable[..., ToolPath]) -> ToolPath:
+    machine = read_machine("mikron-ucp600")
+    angles = np.radians(np.vstack([np.linspace(*pair, 12) for pair in itertools.pairwise(POLE)]))
+    axes = tool_axes(machine, angles)
+    tips = np.column_stack([np.linspace(0, 9, len(axes)), np.zeros(len(axes)), np.full(len(axes), 60.0)])
+    return path_of(tips, axes)
 
 
 @pytest.mark.parametrize("controller", ["heidenhain", "siemens-840d"])
 def test_a_turn_at_the_pole_is_written_in_angles_between_vectors(
     controller: str, path_of: Callable[..., ToolPath]
 ) -> None:
-    machine = read_machine("mikron-ucp600")
-    angles = np.radians(np.vstack([np.linspace(*pair, 12) for pair in itertools.pairwise(POLE)]))
-    axes = tool_axes(machine, angles)
-    tips = np.column_stack([np.linspace(0, 9, len(axes)), np.zeros(len(axes)), np.full(len(axes), 60.0)])
-    path = path_of(tips, axes)
+    path = pole_path(path_of)
     text, machine, dialect, _ = posted(path, controller, "vectors")
     mixed = re.findall(r"(?m)^(?:N?\d+ )(?:L|G1) X\S+ Y\S+ Z\S+ B\S+ C\S+(?: F\d+)?$", text)
     assert 0 < len(mixed) < 30
     assert re.search(FIRST[controller], text)
     compare_moves(read_program(text, machine, dialect), [path], dialect, Tolerances())
+
+
+def test_a_rapid_that_turns_at_the_pole_lasts_as_long_as_its_axis_needs_in_joints(
+    path_of: Callable[..., ToolPath],
+) -> None:
+    angles = np.radians([[-2.0, 0.0], [-0.8, 0.0], [0.0, 0.0], [0.0, 80.0], [-0.8, 80.0], [-2.0, 80.0]])
+    axes = tool_axes(read_machine("mikron-ucp600"), angles)
+    tips = np.column_stack([0.05 * np.arange(6), np.zeros(6), np.full(6, 60.0)])
+    path = path_of(tips, axes, kinds=np.array([MoveKind.RAPID] * 5 + [MoveKind.CUT], dtype=np.int64))
+    job = Job().with_values(nc={"controller": "fanuc-30i", "axes": "joints"})
+    machine, dialect = read_machine("mikron-ucp600"), job_dialect(job.nc)
+    paths = list(drivable_paths([path], machine, dialect, job))
+    text = write_program(paths, machine, dialect, job).text
+    compare_moves(read_program(text, machine, dialect), paths, dialect, Tolerances())
+    slow = re.sub(r"(?m)(G01 .*B-?0\.000 .*F)(\d+)", lambda found: f"{found[1]}{int(found[2]) // 2}", text)
+    assert slow != text
+    with pytest.raises(VerifyError, match="feed is"):
+        compare_moves(read_program(slow, machine, dialect), paths, dialect, Tolerances())
 
 
 def test_klartext_has_no_joints_in_inverse_time() -> None:
