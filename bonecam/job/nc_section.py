@@ -6,16 +6,18 @@ from bonecam.job.parameter import JobSection, parameter
 
 FARTHEST = 1e5
 """No park position is farther from the machine's zero, mm."""
+HOME = "home"
+"""The park position that is the reference point of X and Y."""
 
 
 def park_position(text: str) -> tuple[float, float] | None:
-    """X and Y (mm) of a park position, None of an empty text; ValueError where it is none."""
-    if not text.strip():
+    """X and Y (mm) of a park position, None of an empty text and of HOME; ValueError where it is none."""
+    if text.strip() in ("", HOME):
         return None
     try:
         x, y = (float(part) for part in text.split(","))
     except ValueError:
-        raise ValueError("give X and Y of the machine, like '0, 450'") from None
+        raise ValueError("give X and Y of the machine, like '0, 450', or home") from None
     if not (abs(x) <= FARTHEST and abs(y) <= FARTHEST):
         raise ValueError(f"give X and Y within {FARTHEST:g} mm")
     return x, y
@@ -130,7 +132,8 @@ class NcJob(JobSection):
     park: str = parameter(
         "",
         "Park position",
-        "X and Y of the spindle nose at the end in machine coordinates (mm), like '0, 450'; empty: it stays.",
+        "X and Y of the spindle nose at the end in machine coordinates (mm), like '0, 450', home: their reference "
+        "point; empty: it stays.",
         form=park_position,
     )
     part_zero: str = parameter(

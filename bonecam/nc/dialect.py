@@ -26,8 +26,8 @@ How to add a dialect: copy a file of `bonecam/nc/dialects/` (name it, or give it
   blocks that a part has at its `begin` and `end`, with the fields {name} {lower} (in small letters) {number} {file},
   and what the control `needs` for it;
 - [templates]: header, tool, stop, restart, level, position, approach, rapid, feed, feed_kept, coolant_on, coolant_off,
-  lift, retract, tool_end, optional_stop, park, footer. One line is one block; an empty template writes nothing. Fields,
-  by template:
+  lift, retract, tool_end, optional_stop, park, home, footer. One line is one block; an empty template writes nothing.
+  Fields, by template:
   header {name} {number} (of the program, drawn from its name) {comments} {low_x}..{high_z} {tolerance} (a length)
   {rotary_tolerance} (degrees) {tool_centre_off};
   tool {tool} {spindle} {retract} (height above everything) {endless} (the short way on or off) {over_zero} (X and Y

@@ -10,6 +10,7 @@ import re
 
 from bonecam.errors import MachineError
 from bonecam.job import NcJob
+from bonecam.job.nc_section import HOME
 from bonecam.nc.dialect import Dialect, read_dialect
 from bonecam.nc.parts.grouping import is_split
 
@@ -52,7 +53,7 @@ def job_dialect(nc: NcJob) -> Dialect:
 def _asked(nc: NcJob, dialect: Dialect) -> list[tuple[str, bool, str]]:
     """What of a section [nc] needs words that a dialect may not have: as the job says it, whether they are missing
     though it is asked for, and what has them."""
-    templates = dialect.templates
+    templates, parks = dialect.templates, HOME if nc.park.strip() == HOME else "park"
     split = "split" if nc.split != "none" else "split_blocks"
     return [
         (f"nc.{split} = {getattr(nc, split)!r}", is_split(nc) and dialect.calls is None, "a table [calls]"),
@@ -66,7 +67,11 @@ def _asked(nc: NcJob, dialect: Dialect) -> list[tuple[str, bool, str]]:
             nc.optional_stop != "none" and not templates.optional_stop,
             "a template optional_stop",
         ),
-        (f"nc.park = {nc.park!r}", bool(nc.park.strip()) and not templates.park, "a template park"),
+        (
+            f"nc.park = {nc.park!r}",
+            bool(nc.park.strip()) and not getattr(templates, parks),
+            f"a template {parks}",
+        ),
     ]
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from bonecam.errors import MachineError
 from bonecam.job import Job, NcJob, field_error
-from bonecam.job.nc_section import park_position
+from bonecam.job.nc_section import HOME, park_position
 from bonecam.machine.machine import Machine
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.posting.axis_words import word_texts
@@ -40,6 +40,8 @@ def end_blocks(machine: Machine, dialect: Dialect, nc: NcJob) -> list[str]:
     if nc.table_level:
         rotary = word_texts(machine, dialect, np.zeros(5))[3:]
         lines += dialect.lines("position", rotary=" ".join(rotary))
+    if nc.park.strip() == HOME:
+        lines += dialect.lines("home")
     position = park_position(nc.park)
     if position is not None:
         x, y = map(length.text, position)

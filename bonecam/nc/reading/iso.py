@@ -219,6 +219,9 @@ class _BlockReader:
         if axes.keys() == {"X", "Y"} and {"machine_coordinates", "rapid"} <= {*effects}:
             state.park(axes["X"], axes["Y"], line)
             return
+        if axes == {"X": 0.0, "Y": 0.0} and "reference_return" in effects and state.incremental:
+            state.park(np.nan, np.nan, line)
+            return
         if state.tool_centre:
             raise line_error(line, "machine coordinates while tool-centre control is on")
         by_reference = "reference_return" in effects

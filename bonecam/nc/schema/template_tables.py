@@ -46,6 +46,7 @@ FIELDS: Mapping[str, Mapping[str, str | int]] = {
     "tool_end": {},
     "optional_stop": {},
     "park": {"linear": "X+1.0 Y+1.0"},
+    "home": {},
     "footer": {"name": "BONE"},
 }
 """The templates, and a sample of each field that they may have. The first letters of a move's words are those of a
@@ -72,6 +73,7 @@ class TemplatesTable(Record):
     tool_end: str
     optional_stop: str = ""
     park: str = ""
+    home: str = ""
     footer: str
 
     @model_validator(mode="after")

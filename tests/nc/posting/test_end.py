@@ -83,6 +83,27 @@ def test_a_text_that_parks_outside_the_limits_or_beside_the_part_is_refused(
         read_program(text.replace(PARK[controller], low), machine, dialect)
 
 
+@pytest.mark.parametrize("controller", ["fanuc-30i", "makino", "mitsubishi", "linuxcnc"])
+def test_the_program_ends_at_the_reference_point_of_x_and_y(controller: str, paths: list[ToolPath]) -> None:
+    machine = read_machine("mikron-ucp600")
+    text = text_of(paths[:1], machine, controller, park="home")
+    assert len(re.findall(r"(?m)^(N\d+ )?G28 G91 X0\.? Y0\.?$", text)) == 1
+    dialect = job_dialect(Job().with_values(nc={"controller": controller}).nc)
+    motions = read_program(text, machine, dialect)
+    assert np.isnan(motions.partial[-1].joints[:3]).all()
+    assert not motions.partial[-1].retract
+    low = re.sub(r"(?m)^((?:N\d+ )?G28 G91 X0\.?) Y0", r"\1 Y5", text)
+    with pytest.raises(ProgramError, match=r"^line \d+: in machine coordinates"):
+        read_program(low, machine, dialect)
+
+
+@pytest.mark.parametrize("controller", ["heidenhain", "siemens-840d"])
+def test_where_a_control_has_no_words_for_home_that_is_one_line(controller: str) -> None:
+    told = rf"^nc.park = 'home': {controller} has no such: leave it out, or add a template home to its file$"
+    with pytest.raises(MachineError, match=told):
+        job_dialect(Job().with_values(nc={"controller": controller, "park": "home"}).nc)
+
+
 def test_a_park_position_without_a_retract_before_it_is_refused(
     paths: list[ToolPath], machine: Machine
 ) -> None:

@@ -1,5 +1,6 @@
 """Programs are named for their controller, and never as a file of another kind; APT files hold the tool path."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -7,9 +8,15 @@ import pytest
 
 import bonecam
 from bonecam.errors import FileError
+from bonecam.machine.machine import read_machine
 from bonecam.nc.dialect import read_dialect
+from bonecam.nc.job_dialect import job_dialect
+from bonecam.nc.parts.joined import joined
+from bonecam.nc.posting.write import write_program
+from bonecam.nc.reading.read import read_program
 from bonecam.report import read_apt
 from bonecam.report.files.output_files import Outputs, check_ending
+from bonecam.verify.readback import Tolerances, compare_moves
 
 
 @pytest.mark.parametrize(
@@ -62,3 +69,18 @@ def test_the_apt_file_has_every_move_of_the_tool_paths(small_run: tuple[bonecam.
 def test_an_apt_file_with_another_ending_is_refused(name: str) -> None:
     with pytest.raises(FileError, match=rf"name it {name}\.apt"):
         Outputs(apt=name).check()
+
+
+def test_a_split_program_is_written_as_caller_and_parts_that_join_to_what_was_proved(
+    small_run: tuple[bonecam.Result, Path], tmp_path: Path
+) -> None:
+    made, _ = small_run
+    job = made.job.with_values(nc={"split": "level"})
+    machine, dialect = read_machine(job.nc.machine), job_dialect(job.nc)
+    program = write_program(made.paths, machine, dialect, job, name="BONE")
+    place = tmp_path / f"bone{program.extension}"
+    Outputs(program=place).write(replace(made, program=program, job=job, second=None))
+    assert len(list(tmp_path.iterdir())) == len(made.paths) + 1
+    whole = joined(place, dialect).text
+    assert whole == program.text
+    compare_moves(read_program(whole, machine, dialect), made.paths, dialect, Tolerances())
