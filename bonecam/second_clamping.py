@@ -191,9 +191,8 @@ def _at_post(first: Result, radius: float) -> Bool[ndarray, " n"]:
     assert first.removal is not None
     normal_probes = first.removal.remaining.normal_probes
     assert normal_probes is not None
-    return at_post(
-        normal_probes.points, normal_probes.normals, post_below(first.part.mesh, first.job.holding), radius
-    )
+    post = post_below(first.part.mesh, first.job.holding)
+    return at_post(normal_probes.points, normal_probes.normals, post.alone, radius)
 
 
 def _left_at_post(first: Result, removal: Removal, held: Bool[ndarray, " n"]) -> dict[str, float]:
@@ -207,4 +206,7 @@ def _left_at_post(first: Result, removal: Removal, held: Bool[ndarray, " n"]) ->
         "at_post_before_mm2": round(float(before.areas[held & (before.heights > LEFT)].sum()), 3),
         "at_post_after_mm2": round(float(after.areas[held & (after.heights > LEFT)].sum()), 3),
         "at_post_after_max_mm": round(float(after.heights[held].max(initial=0.0)), 4),
+        "at_tailstock_mm2": round(first.removal.left.by_reason["tailstock"], 3)
+        if first.removal.left
+        else 0.0,
     }

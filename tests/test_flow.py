@@ -22,7 +22,10 @@ ROOMS = {
         *"problem solvers measure refine_for_depth sequences".split(),
         *"closed_morph open_stock open_morph body_surface edge_rounding equal_depths job_levels".split(),
     ],
-    "mechanics": "sections beam cutter edges error_kept strip workpiece loads feed_schedule remedies result".split(),
+    "mechanics": [
+        *"sections beam tailstock cutter edges error_kept strip workpiece".split(),
+        *"loads feed_schedule remedies result".split(),
+    ],
     "planning": [
         *"passes layers collision axes links oriented_path holding level_cutters strategies".split(),
         *"within_depth levels estimate".split(),

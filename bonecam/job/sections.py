@@ -6,7 +6,7 @@ from functools import wraps
 from typing import TYPE_CHECKING, Any
 
 from bonecam.errors import JobError, did_you_mean
-from bonecam.job.holding_section import HoldingJob
+from bonecam.job.holding.holding_section import HoldingJob
 from bonecam.job.levels_section import LevelsJob
 from bonecam.job.materials.mechanics_section import MechanicsJob
 from bonecam.job.materials.preset import read_material

@@ -3,7 +3,7 @@
 The two halves are apart, as strategies that are compared share the first.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, cast
 
@@ -17,6 +17,7 @@ from bonecam.planning.holding.neck import find_standing, neck_report
 from bonecam.planning.holding.parting_paths import check_parting
 from bonecam.planning.holding.reach import post_advice
 from bonecam.planning.holding.stump_paths import check_second
+from bonecam.planning.holding.tailstock_room import blocked_share
 from bonecam.progress import Progress, part
 from bonecam.report import warnings
 from bonecam.report.files.kept_folder import keep_failed_level
@@ -29,6 +30,7 @@ from bonecam.setup.placement import Setup, place
 from bonecam.setup.schedule import check_cuts
 from bonecam.surface.files.surface_input import read_part
 from bonecam.surface.fitting.fit import Fit
+from bonecam.workholding.tailstock import settled_bracket
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,6 +56,8 @@ def stand_part(
         if not job.holding.diameter:
             check_cuts(placed.part.mesh, placed.stock, job.levels)  # before necks are tried
         limits = machine_limits(machine or read_machine(job.nc.machine))
+        job = replace(job, holding=settled_bracket(job.holding, placed.part.mesh, limits.bodies.table))
+        blocked = blocked_share(placed, job, limits)
         setup, job, necks = find_standing(placed, job, limits)
         if machine is not None:
             check_parting(setup, job, limits)
@@ -64,6 +68,8 @@ def stand_part(
             check_length(setup.part.mesh, setup.stock, job, part(progress, 1.0, 1.0))
         advice = post_advice(setup, job, limits) if found and machine else {}
     told = post_report(setup.post, setup.part.mesh, job.holding) | advice | neck_report(necks)
+    if "tailstock" in told:
+        told["tailstock"]["blocked_share"] = round(blocked, 3)
     return Standing(setup, job, given, told)
 
 

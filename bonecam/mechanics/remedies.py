@@ -1,6 +1,6 @@
-"""What would help a program whose part bends too much, and by how much: the error kept, and the stress at the peaks, on
-a thicker neck, with a clamp higher up, and with a cutter that does not give way. A stiffer part follows single edges
-where a softer one gives way under their mean."""
+"""What would help a program whose part bends too much, and by how much: the error kept, and the stress at the peaks,
+on a thicker neck, with a pin at the free end, with a clamp higher up, and with a cutter that does not give way. A
+stiffer part follows single edges where a softer one gives way under their mean."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -9,11 +9,15 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
+from bonecam.job.holding.tailstock_section import PIN
 from bonecam.mechanics.beam import Beam
 from bonecam.mechanics.error_kept import UM, KeptErrors, cut_shares
 from bonecam.mechanics.loads import SLOW
 from bonecam.mechanics.sections import Sections
+from bonecam.mechanics.tailstock import tailstock_support
 from bonecam.mechanics.workpiece import Standing, Workpiece
+from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.workholding.tailstock import REACH, pin_above
 
 THICKER = 1.5
 """How many times as thick a neck is tried."""
@@ -71,6 +75,12 @@ def remedies(
         thick = replace(beam, sections=thickened(beam.sections, foot, work.post.top, THICKER))
         neck = f"a neck of {THICKER * diameter:g} mm (holding.diameter)"
         found.append(Remedy(neck, share(thick), stress / THICKER**3))
+    pinned = _pinned(work, beam, kept.finished.mesh)
+    if pinned is not None:
+        pin = f'a pin of {pinned[0]:g} mm at the free end (holding.tailstock = "pin")'
+        found.append(
+            Remedy(pin, share(pinned[1]), stress * _stress_share(pinned[1], beam, kept.finished.points))
+        )
     if work.post.top - foot > NECK:
         held = beam.sections.between(work.post.top - NECK, float(beam.sections.high[-1]))
         clamp = f"a chuck or collet {NECK:g} mm below the part"
@@ -80,6 +90,24 @@ def remedies(
             both = ((f"{clamp} with {what}", times * clamped.p99) for what, times in lighter)
             found += [Remedy(what, p99, stress) for what, p99 in both]
     return tuple(sorted(found, key=lambda remedy: remedy.p99))
+
+
+def _pinned(work: Workpiece, beam: Beam, part: TriangleMesh) -> tuple[float, Beam] | None:
+    """The diameter of the pin that a tailstock has where nothing else is said (mm), and the beam of a `part` that it
+    holds; None where the part has a tailstock, or stands in what knows none."""
+    if work.holding is None or work.holding.has_tailstock or work.body is not None:
+        return None
+    reach = work.holding.tailstock_reach or REACH
+    holding = replace(work.holding, tailstock=PIN, tailstock_reach=reach)
+    support = tailstock_support(holding, pin_above(part, holding), work.stiffness.elasticity)
+    return holding.tailstock_diameter, replace(beam, support=support)
+
+
+def _stress_share(other: Beam, beam: Beam, points: Float[ndarray, "n 3"]) -> float:
+    """The share of a stress that stays on another beam, of forces across the middle of some points."""
+    forces, middle = np.eye(3)[:2], np.tile(points.mean(axis=0), (2, 1))
+    each = [one.moment_stress(forces, middle).max() for one in (other, beam)]
+    return float(each[0] / each[1])
 
 
 def thickened(sections: Sections, low: float, high: float, times: float) -> Sections:

@@ -6,14 +6,15 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from bonecam.errors import JobError
-from bonecam.job import Job, MechanicsJob
+from bonecam.job import HoldingJob, Job, MechanicsJob
 from bonecam.job.materials.mechanical import CuttingForce, StiffnessTable, cutting_force
 from bonecam.job.materials.preset import read_material
 from bonecam.kernels.removal.rays import RaySet
 from bonecam.material.rays import RayGrid
-from bonecam.mechanics.beam import Beam
+from bonecam.mechanics.beam import Beam, Support
 from bonecam.mechanics.sections import column_sections, join, mesh_sections, ray_sections, shoulder
 from bonecam.mechanics.strip import lighter_cuts
+from bonecam.mechanics.tailstock import tailstock_support
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.workholding.clamping import Clamping
 from bonecam.workholding.column import Column
@@ -38,7 +39,8 @@ class Workpiece:
     on the `stub` of the bar if there is one, held rigidly below the height `clamped`, mm; and the `limits` of a job.
     Above the post stands the `body`, or, if there is none, all that rays tell of. Without a post this is held
     itself, as in the shell of a second clamping. `lighter` are finishing cuts in words, with the share of the force
-    that they take."""
+    that they take. A `support` holds the free end, if there is one, and `holding` is the job's, where a tailstock may
+    be offered."""
 
     material: str
     stiffness: StiffnessTable
@@ -50,6 +52,8 @@ class Workpiece:
     limits: MechanicsJob = field(default_factory=MechanicsJob)
     body: TriangleMesh | None = None
     lighter: tuple[tuple[str, float], ...] = ()
+    support: Support | None = None
+    holding: HoldingJob | None = None
 
     def beam(self, standing: Standing) -> Beam:
         """What stands as a beam, with the shoulders of the post: at its top against what is a diameter above that, and
@@ -70,7 +74,7 @@ class Workpiece:
         if self.stub:
             lower = ray_sections(sets, grid, self.clamped, foot)
             pieces = [lower, shoulder(diameter, foot, 2 * self.stub.radius), *pieces]
-        return Beam(join(pieces), self.stiffness.elasticity)
+        return Beam(join(pieces), self.stiffness.elasticity, support=self.support)
 
 
 def workpiece_of(job: Job, post: Post, clamping: Clamping) -> Workpiece:
@@ -79,7 +83,9 @@ def workpiece_of(job: Job, post: Post, clamping: Clamping) -> Workpiece:
     clamped = max((column.top for column in clamping.columns), default=0.0)
     held = post, max(clamped, 0.0), clamping.stub, job.mechanics
     lighter = lighter_cuts(force, job)
-    return Workpiece(job.material.name, stiffness, force, job.mechanics.flutes, *held, lighter=lighter)
+    support = tailstock_support(job.holding, post.pin, stiffness.elasticity)
+    asked = job.material.name, stiffness, force, job.mechanics.flutes
+    return Workpiece(*asked, *held, lighter=lighter, support=support, holding=job.holding)
 
 
 def stump_workpiece(job: Job, part: TriangleMesh, shell: TriangleMesh) -> Workpiece:

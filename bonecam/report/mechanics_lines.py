@@ -69,6 +69,7 @@ def post_lines(post: Mapping[str, Any] | None) -> Iterator[str]:
         yield from _neck_lines(post.get("necks", ()))
         if "footprint_mm2" in post:
             yield f"          {post['footprint_mm2']:.1f} mm2 of the part stay under it"
+        yield from _tailstock_lines(post.get("tailstock"))
         remedies = [f"{each['length_mm']:g} mm with {each['change']}" for each in post.get("remedies", ())]
         if remedies:
             yield f"          {', '.join(remedies)}"
@@ -78,6 +79,19 @@ def post_lines(post: Mapping[str, Any] | None) -> Iterator[str]:
         ]
         if costs:
             yield f"          {', '.join(costs)}"
+
+
+def _tailstock_lines(tailstock: Mapping[str, Any] | None) -> Iterator[str]:
+    """What holds the free end, and what of the part it takes from the tool."""
+    if tailstock is None:
+        return
+    x, y = tailstock["at_mm"]
+    ends = f"z {tailstock['from_mm']:.2f} to {tailstock['to_mm']:.2f}"
+    sizes = f"{tailstock['diameter_mm']:g} mm at ({x:.2f}, {y:.2f}), {ends}"
+    yield f"          held above by a {tailstock['kind']} of {sizes}"
+    yield f"          {tailstock['footprint_mm2']:.1f} mm2 of the part stay under it"
+    if tailstock.get("blocked_share"):
+        yield f"          {100 * tailstock['blocked_share']:.0f} % of the part are in its way or that of its bracket"
 
 
 def _neck_lines(necks: Sequence[Mapping[str, Any]]) -> Iterator[str]:

@@ -66,6 +66,8 @@ def _second_lines(second: Mapping[str, Any]) -> Iterator[str]:
     most = f"{second['at_post_after_max_mm']:.2f} mm at most"
     yield from mechanics_lines(second["mechanics"])
     yield f"          {after:.1f} of {before:.1f} mm2 at the post still keep more than 0.02 mm, {most}"
+    if second.get("at_tailstock_mm2"):
+        yield f"          {second['at_tailstock_mm2']:.1f} mm2 at the tailstock stay, to be cut by hand"
     yield from into_given(second)
     yield from (f"          {line}" for line in given_lines(second["removal"].get("given")))
 
@@ -162,6 +164,8 @@ def removal_lines(removal: Mapping[str, Any]) -> Iterator[str]:
     reasons = left["by_reason"]
     why = f"{reasons['gouge']:.1f} in hollows, {reasons['reachable']:.1f} where the ball fits"
     yield f"left      {away} ({why}); at the post {reasons['post']:.1f} mm2"
+    if reasons.get("tailstock"):
+        yield f"          at the tailstock {reasons['tailstock']:.1f} mm2"
     yield from (f"as given  {line}" for line in given_lines(removal.get("given")))
     if removal.get("bridge_diameter_mm") is not None:
         yield f"          {removal['bridge_diameter_mm']:.2f} mm of the post hold the parted part"

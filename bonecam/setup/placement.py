@@ -39,7 +39,7 @@ class Setup:
         """The setup that stands higher by so many mm, on a longer post."""
         pose = np.eye(4)
         pose[2, 3] = by
-        post = Post(self.post.radius, self.post.top + by)
+        post = self.post.lift(by)
         return Setup(self.part.move(pose), self.stock.move(pose[:3, 3]), post, self.schedule)
 
 

@@ -1,12 +1,14 @@
-"""What holds the post, as obstacles: the table, what stands on it, riser, chuck and stub; a clearance is kept from
-them."""
+"""What holds the post, as obstacles: the table, what stands on it, riser, chuck and stub, and the bracket of a
+tailstock; a clearance is kept from them."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from bonecam.job import HoldingJob
 from bonecam.machine.bodies import Table
 from bonecam.workholding.column import Column
+from bonecam.workholding.post import Post
+from bonecam.workholding.tailstock import tailstock_columns
 
 DEFAULT = HoldingJob()
 LEAST_NECK = 3.0
@@ -19,7 +21,8 @@ would break."""
 @dataclass(frozen=True)
 class Clamping:
     """Upright columns about the Z axis, the `stub` of the bar that they hold, if there is one, and whether nothing may
-    go below the table's plane z = 0 (`closed`).
+    go below the table's plane z = 0 (`closed`); the columns of the bracket of a tailstock, which stand `beside` the
+    part and over it.
 
     The whole tool keeps the `clearance` (mm) from the columns; holder and spindle keep it from stub and post too.
     """
@@ -28,6 +31,7 @@ class Clamping:
     closed: bool = True
     clearance: float = DEFAULT.clearance
     stub: Column | None = None
+    beside: tuple[Column, ...] = ()
 
     @property
     def top(self) -> float:
@@ -36,20 +40,29 @@ class Clamping:
 
     @property
     def solids(self) -> tuple[Column, ...]:
-        """The columns and the stub."""
+        """The columns and the stub, below the part."""
         return (*self.columns, *((self.stub,) if self.stub else ()))
 
-    def carried(self, post: Column) -> tuple[Column, ...]:
-        """The post and the stub, of the material that is cut, above what holds them."""
+    @property
+    def kept_off(self) -> tuple[Column, ...]:
+        """All that the tool never touches: columns, stub and bracket."""
+        return *self.solids, *self.beside
+
+    def carried(self, post: Post) -> tuple[Column, ...]:
+        """The post and the stub, of the material that is cut, above what holds them, and what holds the free end."""
         if self.stub is None:
-            return (post,)
-        return Column(post.radius, post.top, self.stub.bottom), self.stub
+            return post.solids
+        return replace(post.column, bottom=self.stub.bottom), self.stub, *post.solids[1:]
+
+    def with_pin(self, post: Post) -> "Clamping":
+        """The clamping with what holds the free end of a post's part, which nothing touches either."""
+        return replace(self, beside=(*self.beside, *post.solids[1:]))
 
     def kept_columns(self, section: str, air: float = 0.0) -> tuple[Column, ...]:
         """The columns, with what a section of the tool (cutter, neck, shank, holder, spindle) keeps round them; `air`
         (mm) is the least it keeps between passes."""
         kept = []
-        for column in self.solids:
+        for column in self.kept_off:
             room = self.room(column, section)
             kept.append(column.grown(max(room, air) if column is self.stub else room))
         return tuple(kept)
@@ -76,7 +89,8 @@ def clamping_of(holding: HoldingJob, table: Table) -> Clamping:
     if table.open_beside:
         plate = math.hypot(table.half_width, table.half_depth)
         columns.append(Column(min(table.radius, plate), 0.0, -math.inf))
-    return Clamping(tuple(columns), not table.open_beside, holding.clearance, stub)
+    beside = sum(tailstock_columns(holding).values(), ())
+    return Clamping(tuple(columns), not table.open_beside, holding.clearance, stub, beside)
 
 
 def holding_columns(holding: HoldingJob) -> dict[str, Column]:

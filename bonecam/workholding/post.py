@@ -1,4 +1,5 @@
-"""The post that holds the part: a cylinder about the Z axis from the table (z = 0) up to the part."""
+"""The post that holds the part: a cylinder about the Z axis from the table (z = 0) up to the part; and what holds the
+free end, which stays uncut likewise."""
 
 from dataclasses import dataclass, replace
 
@@ -10,9 +11,8 @@ from bonecam.errors import ToolPathError
 from bonecam.job import HoldingJob, field_error
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.workholding.column import Column
-
-FLAT = 0.1
-"""Faces whose unit normals rise or fall by less are walls: the post does not end there."""
+from bonecam.workholding.tailstock import pin_above
+from bonecam.workholding.undersides import lower_end, places_on_disc, undersides
 
 MISSES = "the post of diameter {:g} mm on the Z axis misses the part"
 """What is told of a post above which there is no part."""
@@ -25,24 +25,42 @@ FLUSH = 0.2
 
 @dataclass(frozen=True)
 class Post:
-    """Radius and top (z), mm."""
+    """Radius and top (z), mm; and the `pin` or upper neck of a tailstock at the free end, which stays uncut as the post
+    does."""
 
     radius: float
     top: float
+    pin: Column | None = None
 
     @property
     def column(self) -> Column:
         """The post as a solid, from the table up."""
         return Column(self.radius, self.top)
 
-    def distance(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, " n"]:
-        """Signed distance to the solid cylinder, negative inside, mm."""
-        return self.column.distance(points)
+    @property
+    def alone(self) -> "Post":
+        """The post without what holds the free end."""
+        return replace(self, pin=None)
 
-    def footprint(self, part: TriangleMesh) -> float:
-        """Area of the part under the post, mm^2: its stump stands there."""
-        inside = self.distance(part.vertices[part.faces].mean(axis=1)) < 0
-        return float(np.linalg.norm(part.face_vectors[inside], axis=1).sum() / 2)
+    @property
+    def solids(self) -> tuple[Column, ...]:
+        """What stays uncut: the post, and what holds the free end."""
+        return (self.column,) if self.pin is None else (self.column, self.pin)
+
+    def lift(self, by: float) -> "Post":
+        """The post that is so much longer, mm; what holds the free end goes up with it."""
+        pin = self.pin and replace(self.pin, top=self.pin.top + by, bottom=self.pin.bottom + by)
+        return Post(self.radius, self.top + by, pin)
+
+    def distance(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, " n"]:
+        """Signed distance to the solids, negative inside, mm."""
+        return np.asarray(np.min([solid.distance(points) for solid in self.solids], axis=0))
+
+
+def footprint(column: Column, part: TriangleMesh) -> float:
+    """Area of the part under a post, or under what holds its free end, mm^2: its stump stands there."""
+    inside = column.distance(part.vertices[part.faces].mean(axis=1)) < 0
+    return float(np.linalg.norm(part.face_vectors[inside], axis=1).sum() / 2)
 
 
 def post_below(part: TriangleMesh, holding: HoldingJob, lying: tuple[float, float] = (0.0, 0.0)) -> Post:
@@ -56,10 +74,10 @@ def post_below(part: TriangleMesh, holding: HoldingJob, lying: tuple[float, floa
             "holding.diameter = 0: the neck is still to be found, as `convert` does: give a diameter"
         )
     radius = holding.diameter / 2
-    heights = _undersides(part, _places(radius))
+    heights = undersides(part, places_on_disc(radius))
     met = heights[np.isfinite(heights)]
     if not len(met):
-        x, y = np.array(lying) - _lower_end(part, holding.diameter)
+        x, y = np.array(lying) - lower_end(part, holding.diameter)
         raise ToolPathError(
             f"{MISSES.format(holding.diameter)}: bring the part's lower end over it with "
             f"stock.offset_x = {x:.2f} and stock.offset_y = {y:.2f} (or mesh.upright), or give a larger "
@@ -67,7 +85,8 @@ def post_below(part: TriangleMesh, holding: HoldingJob, lying: tuple[float, floa
             diameter=holding.diameter,
             offset=(x, y),
         )
-    return Post(radius, float(min(met.max(), met.min() + holding.diameter)))
+    top = float(min(met.max(), met.min() + holding.diameter))
+    return Post(radius, top, pin_above(part, holding))
 
 
 def checked_post(part: TriangleMesh, width: float, holding: HoldingJob, lying: tuple[float, float]) -> Post:
@@ -96,42 +115,7 @@ def thickest_below(part: TriangleMesh) -> float:
     where none does."""
 
     def flush(diameter: float) -> bool:
-        heights = _undersides(part, _places(diameter / 2))
+        heights = undersides(part, places_on_disc(diameter / 2))
         return bool(np.isfinite(heights).all() and np.ptp(heights) <= FLUSH * diameter)
 
     return max(filter(flush, NECKS), default=NECKS[0])
-
-
-def _places(radius: float) -> Float[ndarray, "73 2"]:
-    """Places (x, y) on the top of a post of a radius, mm."""
-    angle = np.arange(24) * (2 * np.pi / 24)
-    ring = np.column_stack([np.cos(angle), np.sin(angle)])
-    return np.vstack([np.zeros((1, 2)), *(radius * f * ring for f in (1 / 3, 2 / 3, 1.0))])
-
-
-def _lower_end(part: TriangleMesh, height: float) -> Float[ndarray, "2"]:
-    """The (x, y) of the face that lies most in the middle of what is within `height` mm of the part's lowest
-    one, walls left out."""
-    middles = part.vertices[part.faces].mean(axis=1)
-    normals = part.face_vectors
-    flat = np.abs(normals[:, 2]) > FLAT * np.linalg.norm(normals, axis=1)
-    low = middles[flat & (middles[:, 2] <= middles[flat, 2].min() + height)][:, :2]
-    return np.asarray(low[np.argmin(np.linalg.norm(low - low.mean(axis=0), axis=1))])
-
-
-def _undersides(part: TriangleMesh, places: ndarray) -> ndarray:
-    """Lowest z of the part above each (x, y); inf where it is missed."""
-    a, b, c = (part.vertices[part.faces[:, i]] for i in range(3))
-    u, v = (b - a)[:, :2], (c - a)[:, :2]
-    area = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
-    steep = np.abs(area) <= np.finfo(float).eps * part.diagonal**2
-    area = np.where(steep, 1.0, area)
-    lowest = np.full(len(places), np.inf)
-    for i, place in enumerate(places):
-        w = place - a[:, :2]
-        p = (w[:, 0] * v[:, 1] - w[:, 1] * v[:, 0]) / area
-        q = (u[:, 0] * w[:, 1] - u[:, 1] * w[:, 0]) / area
-        hit = ~steep & (p >= 0) & (q >= 0) & (p + q <= 1)
-        if hit.any():
-            lowest[i] = (a[hit, 2] + p[hit] * (b - a)[hit, 2] + q[hit] * (c - a)[hit, 2]).min()
-    return lowest

@@ -8,6 +8,7 @@ from bonecam.machine.bodies import Table
 from bonecam.workholding.bar import collet_for, next_bar, settled_stub
 from bonecam.workholding.clamping import STUB_CLEARANCE, clamping_of, holding_columns
 from bonecam.workholding.column import Column
+from bonecam.workholding.post import Post
 
 NOTHING = HoldingJob(diameter=0.0)
 
@@ -54,7 +55,7 @@ def test_cutter_and_shank_come_nearer_to_the_stub_than_the_holder() -> None:
 
 def test_post_and_stub_are_of_the_material_above_the_chuck() -> None:
     clamping = clamping_of(settled_stub(NOTHING, 12.53), Table())
-    assert clamping.carried(Column(3.0, 121.0)) == (Column(3.0, 121.0, 100.0), clamping.stub)
+    assert clamping.carried(Post(3.0, 121.0)) == (Column(3.0, 121.0, 100.0), clamping.stub)
 
 
 @pytest.mark.parametrize(

@@ -29,7 +29,7 @@ REJECTED, OPEN, PROVEN = 0, 1, 2
 class Obstacles(NamedTuple):
     """What a tool stays out of. `sections` (s, 7) of the tool from the spindle down: start and end (mm above the ball's
     centre), radius (mm), 1 for the level or 0 for the material, what the solid may reach out of its grids by (mm),
-    and the first and behind the last of its `columns` (m, 3): radius, top and bottom (mm)."""
+    and the first and behind the last of its `columns` (m, 5): radius, top, bottom, x and y (mm)."""
 
     sections: ndarray
     columns: ndarray
@@ -57,9 +57,9 @@ def _distance(o: Obstacles, s: int, x: float, y: float, z: float) -> float:
     else:
         d = distance_bound(o.material, x, y, z)
     d -= o.sections[s, 4]
-    across = np.sqrt(x * x + y * y)
     for c in range(int(o.sections[s, 5]), int(o.sections[s, 6])):
-        out = across - o.columns[c, 0]
+        dx, dy = x - o.columns[c, 3], y - o.columns[c, 4]
+        out = np.sqrt(dx * dx + dy * dy) - o.columns[c, 0]
         up = max(z - o.columns[c, 1], o.columns[c, 2] - z)
         if out > 0 and up > 0:
             d = min(d, np.sqrt(out * out + up * up))

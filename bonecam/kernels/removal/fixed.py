@@ -1,5 +1,5 @@
-"""How far the whole tool stays from what is never cut, compiled: the table's plane, and upright cylinders about the Z
-axis that stand for chuck, table and what stands on it."""
+"""How far the whole tool stays from what is never cut, compiled: the table's plane, and upright cylinders
+that stand for chuck, table and what stands on it."""
 
 import numpy as np
 from numba import njit
@@ -16,13 +16,15 @@ def _distance(
 ) -> float:
     """The distance of one section from plane and cylinders, or `within`; below the plane it is negative."""
     near = within
+    from_axis = foot.copy()
     if closed:
         drop = np.sqrt(max(1.0 - axis[2] * axis[2], 0.0))
         for side in range(2):
             near = min(near, foot[2] + section[side] * axis[2] - section[2 + side] * drop)
     for c in range(len(columns)):
         if near > 0.0:
-            near = min(near, column_distance(foot, axis, section, columns[c], near))
+            from_axis[0], from_axis[1] = foot[0] - columns[c, 3], foot[1] - columns[c, 4]
+            near = min(near, column_distance(from_axis, axis, section, columns[c], near))
     return near
 
 
@@ -30,7 +32,7 @@ def _distance(
 def _ball_distance(foot: ndarray, radius: float, columns: ndarray, closed: bool) -> float:
     near = foot[2] if closed else np.inf
     for c in range(len(columns)):
-        out = np.hypot(foot[0], foot[1]) - columns[c, 0]
+        out = np.hypot(foot[0] - columns[c, 3], foot[1] - columns[c, 4]) - columns[c, 0]
         up = max(foot[2] - columns[c, 1], columns[c, 2] - foot[2])
         near = min(near, min(max(out, up), 0.0) + np.hypot(max(out, 0.0), max(up, 0.0)))
     return near - radius
@@ -44,8 +46,9 @@ def fixed_clearance(
     is (-1: more than `within`), and the first piece in which they meet (-1: none does).
 
     `sections` (s, 4): from, to, radius at either, told from the ball's centre; number s is the ball of `radius`.
-    `columns` (c, 3): radius, z of top and bottom; `closed`: nothing may be below z = 0. Told is the distance at poses
-    a TOOL_STEP or an eighth of it apart, where half of the way from one to the next may bring it below the least.
+    `columns` (c, 5): radius, z of top and bottom, x and y; `closed`: nothing may be below z = 0. Told is the distance
+    at poses a TOOL_STEP or an eighth of it apart, where half of the way from one to the next may bring it below the
+    least.
     """
     foot, axis = np.empty(3), np.empty(3)
     ways = ways_of(pieces)

@@ -15,6 +15,7 @@ from bonecam.nc.dialect import Dialect
 from bonecam.nc.posting.path_words import APPROACH_HEIGHT, Posted, joints_of, round_words
 from bonecam.nc.posting.start import start_words
 from bonecam.workholding.clamping import holding_columns
+from bonecam.workholding.tailstock import tailstock_columns
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +107,8 @@ def table_reach(machine: Machine, job: Job) -> float:
     table = machine.table
     edges = [(0.0, radius) for radius in (table.radius, np.hypot(table.half_width, table.half_depth))]
     edges.append((0.0, 0.0))
-    edges += [(column.top, column.radius) for column in holding_columns(job.holding).values()]
+    held = [*holding_columns(job.holding).values(), *sum(tailstock_columns(job.holding).values(), ())]
+    edges += [(column.top, column.radius + float(np.hypot(column.x, column.y))) for column in held]
     height = 0.0
     for piece in table.standing:
         height += piece.length

@@ -95,7 +95,7 @@ class FclModel:
         points = [around.mesh.vertices[0]]
         for column in around.columns:
             caught |= column.distance(middles) < 0
-            points.append(np.array([0.0, 0.0, column.top]))
+            points.append(np.array([column.x, column.y, column.top]))
 
         for point in points:
             heights = dots(point - tips, axes)

@@ -3,10 +3,10 @@
 The cutter may touch the level (what must remain) and the post; shank, holder and spindle may not touch the
 material, which is everything inside the level before. The post is thicker for them, because the ball leaves a
 fillet of its radius round it. The whole tool keeps the clearance from table and chuck, holder and spindle from
-the post too.
+the post too. What holds the free end is kept out of as the post is.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Literal
 
@@ -28,6 +28,9 @@ bound."""
 TANGENT_SLACK = 0.01
 """The cutter is thinner by this much (mm) against a level whose mesh deviates by as much: a tangent contact is no
 collision."""
+
+PIN_GAP = 0.05
+"""The cutter keeps so far from what holds the free end, mm: half of what its ball keeps from it, as from the post."""
 
 Obstacle = Literal["level", "material"]
 
@@ -79,18 +82,21 @@ class Scene:
         """
         reserve = air or 0.0
         tangent = air is None and section == "cutter"
-        post = self.post.column
+        kept = [self._kept(solid, section, ball_radius, reserve) for solid in self.post.solids]
         if tangent and self.core is not None:
-            kept = self.core.column
-        elif section == "cutter":
-            kept = post.grown(reserve)
-        elif section == "shank":
-            kept = Column(post.radius + ball_radius, post.top).grown(reserve)
-        else:
-            by = max(reserve, self.clamping.clearance)
-            kept = Column(max(post.radius + by, post.radius + ball_radius + reserve), post.top + by)
+            kept[0] = self.core.column
         obstacle: Obstacle = "level" if tangent else "material"
-        return Surroundings(self, obstacle, reserve, (kept, *self.clamping.kept_columns(section, reserve)))
+        return Surroundings(self, obstacle, reserve, (*kept, *self.clamping.kept_columns(section, reserve)))
+
+    def _kept(self, solid: Column, section: str, ball_radius: float, reserve: float) -> Column:
+        """The post, or what holds the free end, as a section of the tool keeps out of it with a `reserve` (mm): the
+        ball leaves a fillet of its radius round it."""
+        if section == "cutter":
+            return solid.grown(max(reserve, PIN_GAP if solid is self.post.pin else 0.0))
+        if section == "shank":
+            return replace(solid, radius=solid.radius + ball_radius).grown(reserve)
+        by = max(reserve, self.clamping.clearance)
+        return replace(solid.grown(by), radius=solid.radius + max(by, ball_radius + reserve))
 
 
 @dataclass(frozen=True, eq=False)

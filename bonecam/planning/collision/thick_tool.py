@@ -22,7 +22,6 @@ from bonecam.planning.collision.scene import Scene, Surroundings
 from bonecam.planning.collision.sphere_tracing import COLLIDING, FREE, UNDECIDED
 from bonecam.planning.collision.tool_mesh import CIRCUMSCRIBED, sweep_margin
 from bonecam.tool.cutter import Cutter, ToolSection
-from bonecam.workholding.column import Column
 
 LOOK_AHEAD = (4.0, 2.0, 1.0, 0.5, 0.25, 0.0)
 """How far above the proven height spheres are tried, in radii of the section; a far one proves most."""
@@ -91,7 +90,7 @@ def _thick(
 
 def _with_prisms(around: Surroundings) -> Surroundings:
     """Surroundings whose columns hold the prisms that stand for them."""
-    columns = [Column(c.radius * CIRCUMSCRIBED, c.top, c.bottom) for c in around.columns]
+    columns = [replace(column, radius=column.radius * CIRCUMSCRIBED) for column in around.columns]
     return replace(around, columns=tuple(columns))
 
 

@@ -57,12 +57,10 @@ def section_mesh(section: ToolSection, margin: float = 0.0) -> TriangleMesh:
 
 def column_mesh(column: Column) -> TriangleMesh:
     """A prism about a column; an endless one ends far below the table."""
-    return _prism(column.radius * CIRCUMSCRIBED, max(column.bottom, -TABLE_HALF_WIDTH), column.top)
-
-
-def _prism(radius: float, bottom: float, top: float) -> TriangleMesh:
-    """An upright prism whose SIDES corners lie on a circle of `radius` about the Z axis, mm."""
-    return revolve(np.full(2, radius), np.array([bottom, top]), (bottom, top), SIDES)
+    bottom = max(column.bottom, -TABLE_HALF_WIDTH)
+    radius = np.full(2, column.radius * CIRCUMSCRIBED)
+    prism = revolve(radius, np.array([bottom, column.top]), (bottom, column.top), SIDES)
+    return TriangleMesh(prism.vertices + np.array([column.x, column.y, 0.0]), prism.faces)
 
 
 def table_mesh(top: float) -> TriangleMesh:

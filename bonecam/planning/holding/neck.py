@@ -20,16 +20,17 @@ from numpy import ndarray
 
 from bonecam.arrays import unit
 from bonecam.errors import BonecamError, JobError
-from bonecam.job import HoldingJob, Job, field_error
+from bonecam.job import Job, field_error
 from bonecam.job.materials.mechanical import StiffnessTable, cutting_force
 from bonecam.job.materials.preset import read_material
 from bonecam.machine.limits import MachineLimits
 from bonecam.mechanics.beam import Beam
-from bonecam.mechanics.sections import Sections, column_sections, join, mesh_sections, shoulder
 from bonecam.mechanics.strip import job_strip_force
 from bonecam.mesh.facets.vertex_normals import vertex_normals
 from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.planning.holding.finished_beam import finished_beam
 from bonecam.planning.holding.post_length import (
+    STOCK_CHORD,
     find_post_length,
     level_lifts,
     parting_lift,
@@ -41,6 +42,7 @@ from bonecam.setup.placement import Setup
 from bonecam.workholding.bar import settled_stub
 from bonecam.workholding.clamping import clamping_of
 from bonecam.workholding.post import NECKS, Post, post_below
+from bonecam.workholding.tailstock import settled_height
 
 FINISHING_SHARE = 0.33
 """Force of a finishing pass while a tooth passes, as a share of `strip_force`: 95 % of the moves of the phalanx stay
@@ -89,14 +91,16 @@ class Neck:
 
 
 def find_standing(setup: Setup, job: Job, limits: MachineLimits) -> tuple[Setup, Job, tuple[Neck, ...]]:
-    """Setup and job with the stub, neck and length that the job leaves open; and the best of the necks that were
-    tried, the one that is taken first, if any were."""
+    """Setup and job with the stub, neck, length and height of a tailstock that the job leaves open; and the best of
+    the necks that were tried, the one that is taken first, if any were."""
     job = replace(job, holding=settled_stub(job.holding, setup.stock.diameter))
     necks: tuple[Neck, ...] = ()
     if not job.holding.diameter:
         setup, job, necks = find_neck(setup, job, limits)
     if not job.holding.length:
         setup, job = find_post_length(setup, job, limits)
+    places = setup.stock.mesh(STOCK_CHORD).vertices
+    job = replace(job, holding=settled_height(job.holding, setup.post.pin, places))
     # with all contacts the neck that is taken may be longer than when it was tried
     return setup, job, (_neck(setup, job, limits), *necks[1:]) if necks else ()
 
@@ -190,21 +194,6 @@ def _neck(setup: Setup, job: Job, limits: MachineLimits) -> Neck:
         first_hz=first,
         holds=holds,
     )
-
-
-def finished_beam(part: TriangleMesh, post: Post, holding: HoldingJob, stiffness: StiffnessTable) -> Beam:
-    """The finished part on its neck and stub as a beam that the chuck, or else the table, holds rigidly."""
-    diameter = 2 * post.radius
-    foot = max(holding.chuck_height, holding.riser_height)
-    pieces: list[Sections] = []
-    if holding.stub_length:
-        pieces.append(column_sections(holding.stub_diameter / 2, foot, holding.support_height))
-        pieces.append(shoulder(diameter, holding.support_height, holding.stub_diameter))
-    above = mesh_sections(part, post.top)
-    wide = 2 * float(np.sqrt(np.interp(post.top + diameter, above.z, above.area) / np.pi))
-    pieces.append(column_sections(post.radius, holding.support_height, post.top))
-    pieces += [shoulder(diameter, post.top, max(wide, diameter)), above]
-    return Beam(join(pieces), stiffness.elasticity)
 
 
 def _normal_compliance(beam: Beam, part: TriangleMesh) -> float:

@@ -28,6 +28,7 @@ from bonecam.setup.capsule import enclosing_capsule
 from bonecam.setup.placement import Setup
 from bonecam.tool.cutter import Cutter
 from bonecam.workholding.clamping import LEAST_NECK, Clamping, clamping_of
+from bonecam.workholding.tailstock import bracket
 
 SPACING = 0.5
 """One contact is sampled in every cube of this side, mm; of larger parts in larger ones."""
@@ -135,9 +136,11 @@ def level_lifts(setup: Setup, job: Job, bodies: MachineBodies) -> Float[ndarray,
     return np.concatenate(found)
 
 
-def sampled_lifts_of_part(setup: Setup, job: Job, limits: MachineLimits) -> Float[ndarray, " n"]:
+def sampled_lifts_of_part(
+    setup: Setup, job: Job, limits: MachineLimits, most: int = MOST_CONTACTS
+) -> Float[ndarray, " n"]:
     """As `sampled_lifts`, of contacts on the part alone."""
-    on_part, _ = _sampled(setup, job, limits.bodies)
+    on_part, _ = _sampled(setup, job, limits.bodies, most)
     return least_lifts(on_part, clamping_of(job.holding, limits.bodies.table), job, limits)
 
 
@@ -175,8 +178,10 @@ def _contacts_on(
 
 
 def _scene_of(mesh: TriangleMesh, setup: Setup, job: Job, depth: float) -> Scene:
-    """A mesh with `depth` (mm) of material round it on the post, and nothing below."""
-    clamping = Clamping((), closed=False, clearance=job.holding.clearance)
+    """A mesh with `depth` (mm) of material round it on the post, nothing below; what holds its free end is there."""
+    pin = setup.post.pin
+    beside = sum(bracket(job.holding, pin).values(), ()) if pin else ()
+    clamping = Clamping((), closed=False, clearance=job.holding.clearance, beside=beside)
     return Scene(mesh, mesh, enclosing_capsule(setup.stock), setup.post, depth, clamping=clamping)
 
 

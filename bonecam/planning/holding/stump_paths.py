@@ -33,6 +33,7 @@ from bonecam.setup.capsule import smallest_capsule
 from bonecam.tool.cutter import Cutter
 from bonecam.tool.path import ToolPath
 from bonecam.workholding.clamping import clamping_of
+from bonecam.workholding.column import Column
 from bonecam.workholding.post import Post
 from bonecam.workholding.shell import SecondClamping, read_shell
 
@@ -42,6 +43,9 @@ AROUND = 12
 """So many directions round the axis are tried."""
 ALLOWANCE = 0.5
 """The capsule that links keep out of is so much larger than part and shell, mm."""
+
+STEP = 0.2
+"""Places along a stump at the free end are so far apart, mm."""
 
 Fields = Callable[[FlatChart, float, float], HeightField]
 """The material on the lines of a chart between two heights, the upper one first, mm."""
@@ -56,9 +60,9 @@ class StumpPlaces:
 
 
 def stump_places(part: TriangleMesh, post: Post, radius: float) -> StumpPlaces:
-    """The vertices of the part that a ball of `radius` (mm) leaves at the post."""
+    """The vertices of the part that a ball of `radius` (mm) leaves at the post, not at what holds the free end."""
     normals = vertex_normals(part)
-    held = at_post(part.vertices, normals, post, radius)
+    held = at_post(part.vertices, normals, post.alone, radius)
     return StumpPlaces(part.vertices[held], normals[held])
 
 
@@ -71,11 +75,26 @@ def check_second(part: Part, post: Post, job: Job) -> None:
     radius = job.tool("finishing").radius
     places = stump_places(part.mesh, post, radius)
     centres = places.points + radius * places.normals
-    least = float((MeshDistance(shell).signed(centres) - radius).min())
+    around = MeshDistance(shell)
+    least = float((around.signed(centres) - radius).min())
     if least < job.path.clearance:
         what = f"it comes within {least:.2f} mm of the ball that cuts the stump off"
         remedy = f"end it farther up the part, {job.path.clearance:g} mm (path.clearance) off that ball"
         raise field_error("holding", "second", job.holding.second, f"{what}: {remedy}")
+    if post.pin is not None:
+        _require_room_for_stump(around, post.pin, radius, job.holding.second)
+
+
+def _require_room_for_stump(shell: MeshDistance, pin: Column, radius: float, file: str) -> None:
+    """JobError where what stays uncut at the free end enters the shell: the fillet that a ball of `radius` (mm) leaves
+    round pin or upper neck, and the stump of this, which is sawn off a diameter above the part."""
+    wide = pin.radius + radius
+    heights = np.arange(pin.bottom, min(pin.bottom + 2 * pin.radius + radius, pin.top), STEP)
+    along = np.column_stack([np.full(len(heights), pin.x), np.full(len(heights), pin.y), heights])
+    least = float(shell.signed(along).min()) - wide
+    if least < 0:
+        what = f"what stays at the tailstock, up to {heights[-1]:.2f} mm, enters it by {-least:.2f} mm"
+        raise field_error("holding", "second", file, f"{what}: leave a hole there of {2 * wide:g} mm")
 
 
 def second_paths(

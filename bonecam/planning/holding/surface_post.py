@@ -13,6 +13,7 @@ from bonecam.mesh.triangle_mesh import TriangleMesh, keep_faces
 from bonecam.surface.tspline import TSpline
 from bonecam.workholding.bar import in_collet
 from bonecam.workholding.post import thickest_below
+from bonecam.workholding.tailstock import refuse_tailstock
 
 CHORD = 0.05
 """Chord tolerance of the surface, which tells the pieces of the solids apart, mm."""
@@ -35,7 +36,9 @@ def carrying_solid(surface: TSpline, solid: TriangleMesh) -> TriangleMesh:
 
 def surface_holding(holding: HoldingJob, surface: TSpline, solid: TriangleMesh) -> HoldingJob:
     """The holding with the sizes that it leaves open but the length: the post as thick as the underside of what carries
-    the surface allows, since a solid of any form has no neck, and where nothing is named in a collet on a riser."""
+    the surface allows, since a solid of any form has no neck, and where nothing is named in a collet on a riser.
+    JobError for a tailstock."""
+    refuse_tailstock(holding, "what machines a surface alone")
     diameter = holding.diameter or thickest_below(carrying_solid(surface, solid))
     settled = in_collet(holding, diameter) if holding.names_nothing else holding
     return replace(settled, diameter=diameter)

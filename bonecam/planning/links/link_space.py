@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from numpy import ndarray
 
+from bonecam.arrays import unit
 from bonecam.machine.limits import MachineLimits
 from bonecam.material.dexels import CELL
 from bonecam.material.in_process_stock import InProcessStock
@@ -68,7 +69,10 @@ class LinkSpace:
     @cached_property
     def safe_pose(self) -> Pose:
         """Ball centre and axis of the point above the stock where a level begins and ends."""
-        axis = self.limits.nearest(UP[None])[0]
+        beside = self.checker.scene.clamping.beside
+        # what holds the free end stands in the way from above: come from the side away from its column
+        wanted = np.array([-beside[0].x, -beside[0].y, 0.0]) if beside else UP
+        axis = self.limits.nearest(unit(wanted[None]))[0]
         if (axis != UP).any():
             # beside the upper end, where a tool that lies comes and goes along its axis
             reach = self.surface.radius + self.clearance

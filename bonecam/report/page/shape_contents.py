@@ -1,6 +1,7 @@
 """What a page shows before there is a program: levels, the mesh as given, deviation, and the bodies round the part."""
 
 from collections.abc import Sequence
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,8 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.report.page.packing import Contents
 from bonecam.setup.stock import Stock, stock_figures, stock_text
 from bonecam.workholding.clamping import holding_columns
-from bonecam.workholding.post import post_below
+from bonecam.workholding.post import Post, post_below
+from bonecam.workholding.tailstock import tailstock_columns
 
 MOST_FACES = 100_000
 """A mesh as given with more faces is shown as it was after repair and decimation."""
@@ -45,6 +47,7 @@ def shape_contents(
         "stock_bounds": stock.bounds.tolist(),
         "post": {"radius": post.radius, "top": post.top},
         **bodies(job, table),
+        **_tailstock(post, job),
     }
     return Contents(facts, arrays)
 
@@ -117,6 +120,14 @@ def bodies(job: Job, table: Table) -> dict[str, Any]:
         for name, column in holding_columns(job.holding).items()
     }
     return {"chuck": None, **held, "table": _table(table)}
+
+
+def _tailstock(post: Post, job: Job) -> dict[str, Any]:
+    """Pin or upper neck with arm and column, if there are any, mm."""
+    if post.pin is None:
+        return {}
+    columns = [post.pin, *sum(tailstock_columns(job.holding).values(), ())]
+    return {"tailstock": [asdict(column) for column in columns]}
 
 
 def _table(table: Table) -> dict[str, Any]:

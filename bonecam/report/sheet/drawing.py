@@ -18,6 +18,7 @@ from bonecam.report.pictures.views import section
 from bonecam.setup.stock import Stock
 from bonecam.workholding.clamping import holding_columns
 from bonecam.workholding.post import Post
+from bonecam.workholding.tailstock import tailstock_columns
 
 WIDTH, HEIGHT = 86.0, 102.0
 """Of the drawing on paper, mm."""
@@ -50,10 +51,10 @@ class Paper:
         places = " L".join(f"{x:.2f} {y:.2f}" for x, y in (self.at(*point) for point in points.tolist()))
         self.elements.append(f'<path class="{kind}" d="M{places}{"Z" if closed else ""}"/>')
 
-    def column(self, radius: float, low: float, high: float, kind: str) -> None:
+    def column(self, radius: float, low: float, high: float, kind: str, x: float = 0.0) -> None:
         """An upright cylinder, or its upper part."""
         corners = [[-radius, low], [radius, low], [radius, high], [-radius, high]]
-        self.path(np.array(corners), kind)
+        self.path(np.array(corners) + np.array([x, 0.0]), kind)
 
     def text(self, x: float, y: float, words: str, anchor: str = "middle", kind: str = "size") -> None:
         """Words at a place on paper."""
@@ -107,11 +108,16 @@ def clamping_drawing(
     low, high = (float(value) for value in stock.bounds[:, 2])
     held = holding_columns(holding)
     widest = max([float(np.abs(stock.bounds[:, 0]).max()), *(column.radius for column in held.values())])
-    paper = Paper(widest, high)
+    tailstock = tailstock_columns(holding)
+    beside = sum(tailstock.values(), ())
+    reached = [abs(column.x) + column.radius for column in beside]
+    paper = Paper(max([widest, *reached]), max([high, *(column.top for column in beside)]))
     draw_table(paper, table)
     _draw_post(paper, post, low + post.radius, parting, widest)
     for name, column in held.items():
         paper.column(column.radius, column.bottom, column.top, "stock" if name == "stub" else "chuck")
+    for column in (*tailstock.get("column", ()), *tailstock.get("arm", ()), *post.solids[1:]):
+        paper.column(column.radius, column.bottom, column.top, "chuck", column.x)
     outline = stock.mesh(CHORD).vertices[:, [0, 2]]
     paper.path(outline[ConvexHull(outline).vertices], "stock")
     for ends in section(part, np.zeros(3), np.eye(3)[1])[:, :, [0, 2]]:

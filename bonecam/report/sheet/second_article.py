@@ -77,6 +77,8 @@ def _left(report: Mapping[str, Any]) -> Iterator[str]:
     before, after = report["at_post_before_mm2"], report["at_post_after_mm2"]
     most = f"{report['at_post_after_max_mm']:.2f} mm at most"
     yield f"At the post {after:.1f} of {before:.1f} mm² still keep more than 0.02 mm, {most}"
+    if report.get("at_tailstock_mm2"):
+        yield f"At the tailstock {report['at_tailstock_mm2']:.1f} mm² stay, to be cut by hand"
     for line in uncut_lines(report["toolpath"], {}):
         yield f"Uncut: {line}"
 

@@ -201,6 +201,16 @@ def _left(report: Mapping[str, Any]) -> Iterator[str]:
         yield f"Parting: {parting_text(report['parting'])}"
     how = "in the second clamping, see its page" if "second" in report else "by hand"
     yield f"The stump of the post, over {report['post']['footprint_mm2']:.1f} mm² of the part, is removed {how}"
+    above = report["post"].get("tailstock")
+    if above:
+        yield f"What stays at the {above['kind']} of the tailstock, {_at_tailstock(report)} mm², is removed by hand"
+
+
+def _at_tailstock(report: Mapping[str, Any]) -> str:
+    """The area that stays at the free end: of the simulation, or else that under pin or upper neck, mm²."""
+    left = report["removal"].get("left")
+    area = left["by_reason"]["tailstock"] if left else report["post"]["tailstock"]["footprint_mm2"]
+    return f"{area:.1f}"
 
 
 def _warnings(job: Job, report: Mapping[str, Any]) -> Iterator[str]:

@@ -24,7 +24,8 @@ from bonecam.surface.fitting.fit import Fit
 from bonecam.tool.path import PARTING, ToolPath
 from bonecam.verify.proof import Verification
 from bonecam.workholding.clamping import holding_columns
-from bonecam.workholding.post import Post
+from bonecam.workholding.column import Column
+from bonecam.workholding.post import Post, footprint
 
 
 def report_text(report: Mapping[str, Any]) -> str:
@@ -76,7 +77,7 @@ def _given_report(part: Part, fitted: Fit) -> dict[str, float]:
 
 def post_report(post: Post, part: TriangleMesh, job: HoldingJob) -> dict[str, Any]:
     """`post` of the report: its sizes, `length_mm` from the table and `neck_mm` above what holds it, the columns below
-    it, and the area of the part that stays under it."""
+    it, and the area of the part that stays under it; `tailstock` likewise, if there is one."""
     sizes: dict[str, Any] = {"diameter_mm": job.diameter, "length_mm": job.length}
     held = {
         name: {"diameter_mm": 2 * column.radius, "from_mm": column.bottom, "to_mm": column.top}
@@ -84,7 +85,26 @@ def post_report(post: Post, part: TriangleMesh, job: HoldingJob) -> dict[str, An
     }
     if held:
         sizes |= {"neck_mm": job.length - job.support_height, "held_by": held}
-    return {**sizes, "footprint_mm2": round(post.footprint(part), 2)}
+    if post.pin is not None:
+        sizes["tailstock"] = _tailstock_report(post.pin, part, job)
+    return {**sizes, "footprint_mm2": round(footprint(post.column, part), 2)}
+
+
+def _tailstock_report(pin: Column, part: TriangleMesh, job: HoldingJob) -> dict[str, Any]:
+    """Pin or upper neck: `at_mm` from the axis of the post, between two heights, and the area of the part that stays
+    under it; and the bracket's column and arm."""
+    return {
+        "kind": job.tailstock,
+        "diameter_mm": 2 * pin.radius,
+        "at_mm": [round(pin.x, 3), round(pin.y, 3)],
+        "from_mm": round(pin.bottom, 3),
+        "to_mm": round(pin.top, 3),
+        "footprint_mm2": round(footprint(pin, part), 2),
+        "reach_mm": job.tailstock_reach,
+        "azimuth_deg": job.tailstock_azimuth_deg,
+        "column_mm": job.tailstock_column,
+        "arm_mm": job.tailstock_arm,
+    }
 
 
 def report_to_program(

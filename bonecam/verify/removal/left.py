@@ -22,9 +22,10 @@ ENTERS = 0.01
 def measure_left(normal_probes: NormalProbes, post: Post | None, radius: float, motions: Motions) -> Left:
     """What stays; the post, if there is one, and the fillet stay that a ball of `radius` (mm, the smallest) leaves
     round it."""
-    held = np.zeros(len(normal_probes.points), dtype=bool)
+    at_lower = held = np.zeros(len(normal_probes.points), dtype=bool)
     if post is not None:
         held = at_post(normal_probes.points, normal_probes.normals, post, radius)
+        at_lower = at_post(normal_probes.points, normal_probes.normals, post.alone, radius)
     over = normal_probes.heights > LEFT
     away = np.where(held, -np.inf, normal_probes.heights)
     highest = int(np.argmax(away))
@@ -41,7 +42,8 @@ def measure_left(normal_probes: NormalProbes, post: Post | None, radius: float, 
             for height in HEIGHTS
         },
         by_reason={
-            "post": float(normal_probes.areas[over & held].sum()),
+            "post": float(normal_probes.areas[over & at_lower].sum()),
+            "tailstock": float(normal_probes.areas[over & held & ~at_lower].sum()),
             "gouge": float(normal_probes.areas[standing[hollow]].sum()),
             "reachable": float(normal_probes.areas[standing[~hollow]].sum()),
         },

@@ -81,7 +81,8 @@ class Left:
     """What stays on the part: `heights` (n,) over the vertices of `mesh`, mm (negative: gouged).
 
     `highest` and `deepest_gouge` are the largest leftover away from the post and the deepest gouge. `by_reason`: mm^2
-    that keep more than LEFT at the `post` and in the fillet that the cutter leaves round it, in hollows that are too
+    that keep more than LEFT at the `post` and in the fillet that the cutter leaves round it, likewise at what holds the
+    free end (`tailstock`), in hollows that are too
     narrow for the smallest ball (`gouge`), and where that ball would fit (`reachable`). `areas_over`: mm^2 away from
     the post that keep more than each of some heights, mm.
     """

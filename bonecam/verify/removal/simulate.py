@@ -3,8 +3,8 @@
 The text is read back and run through the machine's kinematics. Between blocks the control moves as
 `machine/control.py` says; the path of the ball's centre is divided until it is straight within 1 um, and each piece
 removes its capsule from the stock, which is held as intervals on three sets of rays (Benouamer & Michelucci 1997).
-Post and stub are part of the material, above what holds them. Of a move from an unknown place, after a retract or a
-tool change, only the end is run.
+Post and stub are part of the material, above what holds them, and so is what holds the free end. Of a move from an
+unknown place, after a retract or a tool change, only the end is run.
 """
 
 from collections.abc import Mapping, Sequence
@@ -70,10 +70,17 @@ def simulate_removal(
     force and bending of the `workpiece` are told if there is one. ProgramError where the text cannot be read or calls
     another tool, JobError where the rays need too much memory.
     """
-    carried = (clamping or Clamping()).carried(post.column)
-    bodies = [stock, *(Cylinder(column.radius, column.bottom, column.top) for column in carried)]
-    given = text, machine, dialect, material_of(bodies, part, accuracy or Accuracy()), post, cutters
-    asked = clamping, limits, scallops, surfaces, workpiece, progress
+    clamping = clamping or Clamping()
+    carried = [Cylinder(one.radius, one.bottom, one.top, (one.x, one.y)) for one in clamping.carried(post)]
+    given = (
+        text,
+        machine,
+        dialect,
+        material_of([stock, *carried], part, accuracy or Accuracy()),
+        post,
+        cutters,
+    )
+    asked = clamping.with_pin(post), limits, scallops, surfaces, workpiece, progress
     return simulate_further(*given, *asked)
 
 

@@ -2,6 +2,7 @@
 them."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Int
@@ -35,12 +36,12 @@ def table_clearance(
     is more than `within`); and the first move in which they meet, -1 for none."""
     sections, _ = sections_of(cutter)
     names = [*(section.name for section in cutter.profile), "ball"]
-    columns = np.array([[one.radius, one.top, max(one.bottom, DEEPEST)] for one in clamping.solids])
+    columns = np.array([replace(one, bottom=max(one.bottom, DEEPEST)).row for one in clamping.kept_off])
 
     def measure(some: slice) -> tuple[float, int, str, int]:
         part = Pieces(*(column[some] for column in pieces))
         least, where, section, touched = fixed_clearance(
-            part, sections, cutter.radius, columns.reshape(-1, 3), clamping.closed, within
+            part, sections, cutter.radius, columns.reshape(-1, 5), clamping.closed, within
         )
         move = int(part.moves[where]) if where >= 0 else -1
         return (

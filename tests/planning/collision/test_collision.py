@@ -237,6 +237,42 @@ def placed(points: np.ndarray, tip: np.ndarray, axis: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("air", [None, 2.0])
+def test_what_is_proven_free_keeps_off_pin_arm_and_column(
+    finishing_cutter: Cutter, scene: Scene, air: float | None
+) -> None:
+    """What holds the free end is not on the Z axis: spheres and FCL agree about it, and closed forms hold."""
+    top = top_of(scene)
+    pin = Column(0.8, top + 12.0, top - 0.5, 1.0, -0.5)
+    bracket = (
+        Column(6.0, top + 20.0, 0.0, 30.0, 8.0),
+        *(Column(5.0, top + 20.0, top + 12.0, 1.0 + x, -0.5 + x / 4) for x in (0.0, 7.0, 14.0, 21.0)),
+    )
+    post = replace(scene.post, pin=pin)
+    here = replace(scene, post=post, clamping=Clamping(closed=False, clearance=2.0, beside=bracket))
+    cutter = replace(finishing_cutter, holder=SHRINK_FIT, nose=NOSE)
+    rng = np.random.default_rng(11)
+    tips = np.array([0.0, 0.0, top]) + rng.normal(size=(3000, 3)) * [9, 9, 5]
+    axes = unit(rng.normal(size=tips.shape) * [1, 1, 0.6])
+    free = classify_poses(here, cutter, Poses.at_rest(tips, axes), air=air) == FREE
+    bare = classify_poses(replace(scene, clamping=Clamping(closed=False)), cutter, Poses.at_rest(tips, axes))
+    assert 20 < free.sum() < (bare == FREE).sum()
+    for i in np.flatnonzero(free)[:120]:
+        for section in cutter.profile:
+            points = placed(surface_points(section), tips[i], axes[i])
+            assert min(column.distance(points).min() for column in bracket) > 2.0 - 1e-6
+            assert pin.distance(points).min() > (2.0 if section.name in ("holder", "spindle") else 0.0)
+    if air is None:
+        # FCL holds prisms for columns, which reach out of them by less than 0.1 mm
+        wider = replace(here, clamping=replace(here.clamping, clearance=2.1))
+        roomy = np.flatnonzero(classify_poses(wider, cutter, Poses.at_rest(tips, axes)) == FREE)[:150]
+        model = build_fcl_model(here, cutter)
+        assert not any(model.colliding_sections(tips[roomy], axes[roomy]))
+        for column in (pin, *bracket):
+            within = np.array([[column.x, column.y, (column.top + max(column.bottom, top)) / 2]])
+            assert colliding_section(model, within[0] - cutter.radius * UP, UP)
+
+
+@pytest.mark.parametrize("air", [None, 2.0])
 @pytest.mark.parametrize("closed", [True, False])
 def test_what_is_proven_free_keeps_every_clearance_by_closed_form(
     finishing_cutter: Cutter, scene: Scene, closed: bool, air: float | None

@@ -14,8 +14,9 @@ from bonecam.mechanics.beam import Beam
 from bonecam.mechanics.sections import column_sections
 from bonecam.mesh.solids.revolution import cylinder
 from bonecam.nc.posting.rotary.machine_limits import machine_limits
+from bonecam.planning.holding.finished_beam import finished_beam
 from bonecam.planning.holding.lifts import needed_lifts
-from bonecam.planning.holding.neck import Neck, find_standing, finished_beam, neck_report, ranking
+from bonecam.planning.holding.neck import Neck, find_standing, neck_report, ranking
 from bonecam.progress import silent
 from bonecam.setup.placement import Setup, place
 from bonecam.surface.files.surface_input import read_part

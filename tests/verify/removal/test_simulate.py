@@ -81,10 +81,18 @@ def text(ring_path, part):
 
 @pytest.fixture(scope="module")
 def simulate(stock, part, finishing_cutter, roughing_cutter):
-    def run(text, pair=PAIR, finishing=finishing_cutter, roughing=roughing_cutter, accuracy=COARSE, **given):
+    def run(
+        text,
+        pair=PAIR,
+        finishing=finishing_cutter,
+        roughing=roughing_cutter,
+        accuracy=COARSE,
+        post=POST,
+        **given,
+    ):
         cutters = [roughing, finishing]
         return simulate_removal(
-            text, *pair, stock, POST, cutters, accuracy=accuracy, **{"part": part, **given}
+            text, *pair, stock, post, cutters, accuracy=accuracy, **{"part": part, **given}
         )
 
     return run
@@ -265,6 +273,26 @@ def test_a_stub_is_material_that_a_tool_must_not_cut(simulate, text, sound):
     found = simulate(text, clamping=Clamping(stub=Column(12.0, 36.0, 8.0)))
     with pytest.raises(VerifyError, match="meets table or chuck"):
         check_removal(found)
+
+
+def test_a_tool_that_touches_what_holds_the_free_end_or_its_bracket_is_found(simulate, text, sound):
+    """A pin beside the part, and the column of a bracket where the tool comes past; farther off neither is met."""
+    far, near = (Clamping(beside=(Column(4.0, 60.0, 0.0, 0.0, y),)) for y in (90.0, 14.0))
+    assert simulate(text, clamping=far).table.touched == 0
+    found = simulate(text, clamping=near)
+    with pytest.raises(VerifyError, match="meets table or chuck"):
+        check_removal(found)
+
+
+def test_what_holds_the_free_end_stands_in_the_rays_and_is_never_cut(simulate, text, sound, stock):
+    """The rings of this program end 2.9 mm from the axis: a pin of 3 mm they go round, one of 6 mm they cut."""
+    top = float(stock.bounds[1, 2])
+    slim, thick = (replace(POST, pin=Column(radius, top + 8.0, top - 1.0)) for radius in (1.5, 3.0))
+    found = simulate(text, post=slim)
+    assert found.volume - sound.volume == pytest.approx(np.pi * 1.5**2 * 8, rel=0.15)
+    assert found.table.touched == 0
+    with pytest.raises(VerifyError, match="meets table or chuck"):
+        check_removal(simulate(text, post=thick))
 
 
 def test_a_tool_below_the_table_is_found(ring_path, pebble, simulate, finishing_cutter):

@@ -20,6 +20,7 @@ from bonecam.setup.stock_kind import kind_of
 from bonecam.tool.cutter import Cutter
 from bonecam.tool.path import MoveKind, ToolPath
 from bonecam.workholding.clamping import holding_columns
+from bonecam.workholding.tailstock import tailstock_columns
 
 WIDEST = 96
 """Most characters of a comment that is divided between words."""
@@ -59,6 +60,7 @@ def setup_texts(job: Job, stock: Stock | None, zero: ZeroWords) -> list[str]:
             f"stock: {kind_of(job.stock).shape}, mounted so before the start",
             *texts,
         ]
+    texts += _tailstock_texts(job)
     over = f"program zero: {zero.over} on the axis of the post"
     if not held:
         return [
@@ -74,6 +76,23 @@ def setup_texts(job: Job, stock: Stock | None, zero: ZeroWords) -> list[str]:
         size = f"of at most diameter {2 * column.radius:.2f} mm{where}, up to Z {column.top:.2f}"
         texts.append(f"clamping: {names[kind]} {size}")
     return [*texts, f"{over}, {zero.height} on the table under the {lowest}"]
+
+
+def _tailstock_texts(job: Job) -> list[str]:
+    """What holds the free end, and where its bracket stands."""
+    bodies = tailstock_columns(job.holding)
+    if not bodies:
+        return []
+    holding, (column,) = job.holding, bodies["column"]
+    under = bodies["arm"][0]
+    at = f"at X {holding.tailstock_x:.2f} Y {holding.tailstock_y:.2f}"
+    what = {
+        "pin": f"a steel pin of {holding.tailstock_diameter:.2f} mm {at} in a hole of the bar, drilled before",
+        "neck": f"a neck of {holding.tailstock_diameter:.2f} mm {at}, turned on the bar before and held above",
+    }[holding.tailstock]
+    foot = f"column of diameter {2 * column.radius:.2f} mm at X {column.x:.2f} Y {column.y:.2f} on the table"
+    arm = f"arm at most {holding.tailstock_arm:.2f} mm wide, from Z {under.bottom:.2f} to Z {under.top:.2f}"
+    return [f"tailstock: {what}", f"tailstock: {foot}, turning with it", f"tailstock: {arm}"]
 
 
 def second_setup_texts(job: Job, shell: TriangleMesh, top: float, zero: ZeroWords) -> list[str]:

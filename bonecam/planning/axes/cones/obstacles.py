@@ -28,12 +28,12 @@ def obstacles_of(scene: Scene, cutter: Cutter, centres: Float[ndarray, "n 3"]) -
     OrientationError where a mesh of the scene is not closed.
     """
     rows: list[tuple[float, ...]] = []
-    columns: list[tuple[float, float, float]] = []
+    columns: list[tuple[float, ...]] = []
     for section in reversed(cutter.profile):
         around = scene.around(section.name, cutter.radius)
         is_level = around.obstacle == "level"
         first = len(columns)
-        columns += [(column.radius, column.top, column.bottom) for column in around.columns]
+        columns += [column.row for column in around.columns]
         start, end = section.start - cutter.radius, section.end - cutter.radius
         radius = section.widest - (scene.tangent_slack if is_level else 0.0)
         rows.append((start, end, radius, float(is_level), around.deviation, first, len(columns)))
@@ -43,7 +43,7 @@ def obstacles_of(scene: Scene, cutter: Cutter, centres: Float[ndarray, "n 3"]) -
         distance_grids(distance, cutter.radius, sections[held, 1].max(initial=0.0) + cutter.radius, centres)
         for distance, held in ((scene.level_distance, to_level), (scene.material_distance, ~to_level))
     ]
-    return Obstacles(sections, np.array(columns, dtype=float).reshape(-1, 3), *grids)
+    return Obstacles(sections, np.array(columns, dtype=float).reshape(-1, 5), *grids)
 
 
 def single_obstacles(obstacles: Obstacles, section: int) -> Iterator[tuple[str, Obstacles]]:

@@ -112,7 +112,7 @@ def _pairs(scene: Scene, cutter: Cutter) -> list[_Pair]:
             meshes[around.obstacle] = [], _Solid(around.obstacle, surface, points, around.deviation, distance)
         meshes[around.obstacle][0].append(section)
         for name, column in zip(["post", *["clamping"] * len(around.columns)], around.columns):
-            top = np.array([[0.0, 0.0, column.top]])
+            top = np.array([[column.x, column.y, column.top]])
             solid = _Solid(name, fcl_object(column_mesh(column)), top, 0.0, column.distance)
             pairs.append(_Pair((section,), None, solid))
     for name, (sections, solid) in meshes.items():

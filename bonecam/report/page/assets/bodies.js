@@ -30,10 +30,10 @@ function revolved(pieces, colour, opacity) {
     color: new THREE.Color(colour), shininess: 30, specular: 0x333333,
     transparent: opacity !== undefined, opacity: opacity === undefined ? 1 : opacity, depthWrite: opacity === undefined,
   });
-  for (const [bottom, top, radius, topRadius] of pieces) {
+  for (const [bottom, top, radius, topRadius, x = 0, y = 0] of pieces) {
     const shape = new THREE.CylinderGeometry(topRadius, radius, top - bottom, 48);
     shape.rotateX(Math.PI / 2);
-    shape.translate(0, 0, (bottom + top) / 2);
+    shape.translate(x, y, (bottom + top) / 2);
     group.add(new THREE.Mesh(shape, material));
   }
   return group;

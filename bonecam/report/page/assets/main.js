@@ -1,12 +1,12 @@
 // The page: state, views, keys. `page.state` is all that a reader can change.
 const page = {
   state: { mode: "levels", level: 0, open: false, colouring: "kind", links: true, rapids: false, axes: false, cones: false, uncut: false,
-    outer: false, step: 0, chosen: -1, bodies: { stock: false, solid: true, post: true, chuck: true, table: true, zero: true, holder: true } },
+    outer: false, step: 0, chosen: -1, bodies: { stock: false, solid: true, post: true, chuck: true, tailstock: true, table: true, zero: true, holder: true } },
   labels: [],
   ready: false,
 };
 const MODES = { fit: fitMode, levels: levelsMode, path: pathMode, program: programMode, left: leftMode };
-const BODY_NAMES = { stock: "stock", solid: "kept clear of", post: "post", chuck: "chuck", table: "table", zero: "zero", holder: "holder, spindle" };
+const BODY_NAMES = { stock: "stock", solid: "kept clear of", post: "post", chuck: "chuck", tailstock: "tailstock", table: "table", zero: "zero", holder: "holder, spindle" };
 const VIEWS = { Front: [-Math.PI / 2, 0], Back: [Math.PI / 2, 0], Left: [Math.PI, 0], Right: [0, 0], Top: [-Math.PI / 2, 1.55] };
 const KEYS = "1–5  fit, levels, paths, program, left\n← →  level or block (shift: 100 blocks)\nspace  play or stop\nc  cut open\nv  front, back, left, right, top\nr  first view      a  all of the machine\n+ −  zoom      arrows with ctrl  turn";
 
@@ -36,7 +36,7 @@ function rebuild() {
 
 function showBodies() {
   for (const [name, body] of Object.entries(page.bodies)) body.visible = page.state.bodies[name];
-  if (page.state.mode === "fit") for (const name of ["post", "stock", "chuck", "table", "zero"]) if (page.bodies[name]) page.bodies[name].visible = false;
+  if (page.state.mode === "fit") for (const name of ["post", "stock", "chuck", "tailstock", "table", "zero"]) if (page.bodies[name]) page.bodies[name].visible = false;
   page.content.traverse((item) => { if (item.name === "holder" || item.name === "spindle") item.visible = page.state.bodies.holder; });
 }
 
@@ -144,8 +144,8 @@ function postPieces(post, top) {
 }
 
 function makeBodies() {
-  const { post, riser, chuck, stub, table, stock_bounds: bounds } = page.facts;
-  const upright = (column) => (column ? [[column.bottom || 0, column.top, column.radius, column.radius]] : []);
+  const { post, riser, chuck, stub, tailstock, table, stock_bounds: bounds } = page.facts;
+  const upright = (column) => (column ? [[column.bottom || 0, column.top, column.radius, column.radius, column.x, column.y]] : []);
   const last = page.facts.levels[page.facts.levels.length - 1];
   const clear = (vertices, faces) => surface(vertices, faces, null, { colour: "#9fb4c7", opacity: 0.25 });
   page.bodies = {
@@ -156,6 +156,7 @@ function makeBodies() {
   if (page.arrays.solid) page.bodies.solid = clear(page.arrays.solid, page.arrays.solid_faces);
   else page.bodies.stock = clear(page.arrays[`level_${last.index}`], page.arrays[last.faces]);
   if (chuck || riser) page.bodies.chuck = revolved([...upright(riser), ...upright(chuck)], "#98a4b0");
+  if (tailstock) page.bodies.tailstock = revolved(tailstock.flatMap(upright), "#98a4b0");
   for (const body of Object.values(page.bodies)) page.scene.add(body);
 }
 

@@ -102,9 +102,7 @@ def _stock(
     surface: TSpline, solid: TriangleMesh, post: Post, clamping: Clamping, depth: float
 ) -> SimulatedStock:
     """What stands before the surface is finished, on post and stub, with the normal probes of the surface."""
-    columns = [
-        cylinder(column.radius, column.bottom, column.top, CHORD) for column in clamping.carried(post.column)
-    ]
+    columns = [cylinder(column.radius, column.bottom, column.top, CHORD) for column in clamping.carried(post)]
     solids = [solid, layer_on(surface, depth), *columns]
     sets, grid = lay_solids(solids, ACCURACY.cell, ACCURACY.memory_mb)
     return SimulatedStock(sets, grid, normal_probes_on(surface))

@@ -47,7 +47,7 @@ def prove_removal_of_wheel(
     Errors as in `simulate_removal` and `check_removal`."""
     post = Post(job.holding.diameter / 2, float(blank.profile[:, 1].min()))
     clamping = clamping_of(job.holding, machine.table)
-    columns = clamping.carried(post.column)
+    columns = clamping.carried(post)
     held = [cylinder(column.radius, column.bottom, column.top, CHORD) for column in columns]
     sets, grid = lay_solids([blank.mesh, *held], ACCURACY.cell, ACCURACY.memory_mb)
     probes = wheel_probes(wheel, morph_surfaces(levels)[0])

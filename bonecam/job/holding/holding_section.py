@@ -3,7 +3,8 @@
 from dataclasses import dataclass
 
 from bonecam.errors import JobError
-from bonecam.job.parameter import JobSection, check, parameter
+from bonecam.job.holding.tailstock_section import TailstockJob
+from bonecam.job.parameter import check, parameter
 
 LEAST_POST = 0.5
 """A post is no thinner, mm."""
@@ -12,9 +13,9 @@ LEAST_BRIDGE = 0.2
 
 
 @dataclass(frozen=True)
-class HoldingJob(JobSection):
-    """What holds the part at its lower end, from the table up: riser, chuck or collet, a stub of the bar, and the neck
-    (the post) that is left between the stub and the part."""
+class HoldingJob(TailstockJob):
+    """What holds the part: at its lower end, from the table up, riser, chuck or collet, a stub of the bar, and the neck
+    (the post) that is left between the stub and the part; at its free end a tailstock, if there is one."""
 
     diameter: float = parameter(
         0.0,
@@ -180,6 +181,7 @@ class HoldingJob(JobSection):
             remedy = "give holding.parting = true, which parts the part from its post first"
             raise JobError(f"second = {self.second!r}: {remedy}", field="second")
         self._check_stack()
+        self.check_tailstock()
         if 0 < self.parting_core < LEAST_BRIDGE:
             bound = f"give {LEAST_BRIDGE:g} mm or more, or 0 for half of the post's diameter"
             raise JobError(f"parting_core = {self.parting_core:g}: {bound}", field="parting_core")

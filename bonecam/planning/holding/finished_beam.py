@@ -1,0 +1,28 @@
+"""The finished part as a beam, before anything is cut: on its neck and stub, and under its tailstock."""
+
+import numpy as np
+
+from bonecam.job import HoldingJob
+from bonecam.job.materials.mechanical import StiffnessTable
+from bonecam.mechanics.beam import Beam
+from bonecam.mechanics.sections import Sections, column_sections, join, mesh_sections, shoulder
+from bonecam.mechanics.tailstock import tailstock_support
+from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.workholding.post import Post
+
+
+def finished_beam(part: TriangleMesh, post: Post, holding: HoldingJob, stiffness: StiffnessTable) -> Beam:
+    """The finished part on its neck and stub as a beam that the chuck, or else the table, holds rigidly, and a
+    tailstock at its free end."""
+    diameter = 2 * post.radius
+    foot = max(holding.chuck_height, holding.riser_height)
+    pieces: list[Sections] = []
+    if holding.stub_length:
+        pieces.append(column_sections(holding.stub_diameter / 2, foot, holding.support_height))
+        pieces.append(shoulder(diameter, holding.support_height, holding.stub_diameter))
+    above = mesh_sections(part, post.top)
+    wide = 2 * float(np.sqrt(np.interp(post.top + diameter, above.z, above.area) / np.pi))
+    pieces.append(column_sections(post.radius, holding.support_height, post.top))
+    pieces += [shoulder(diameter, post.top, max(wide, diameter)), above]
+    support = tailstock_support(holding, post.pin, stiffness.elasticity)
+    return Beam(join(pieces), stiffness.elasticity, support=support)
