@@ -101,4 +101,5 @@ def _neck_lines(necks: Sequence[Mapping[str, Any]]) -> Iterator[str]:
     for neck in necks:
         size = f"{neck['diameter_mm']:g} x {neck['length_mm']:g}"
         moved = f"{neck['um_per_n']:6.2f} {neck['shift_um']:6.1f} {neck['stress_mpa']:6.0f} {neck['first_hz']:7.0f}"
-        yield f"          {size:12} {neck['left_mm2']:9.0f} {moved}{'' if neck['holds'] else '  gives way'}"
+        above = "" if neck.get("tailstock", "none") == "none" else f"  with a {neck['tailstock']} above"
+        yield f"          {size:12} {neck['left_mm2']:9.0f} {moved}{above}{'' if neck['holds'] else '  gives way'}"

@@ -3,13 +3,14 @@
 import numpy as np
 import pytest
 
+from bonecam.job import HoldingJob
 from bonecam.job.materials.mechanical import CuttingForce, StiffnessTable
 from bonecam.material.rays import lay_grid, lay_rays
 from bonecam.mechanics.error_kept import Finished, KeptErrors
 from bonecam.mechanics.remedies import Remedy, best_text, remedies, thickened
 from bonecam.mechanics.sections import column_sections
 from bonecam.mechanics.workpiece import Standing, Workpiece
-from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.mesh.solids.revolution import cylinder
 from bonecam.setup.stocks.cylinder import Cylinder
 from bonecam.workholding.post import Post
 
@@ -25,15 +26,17 @@ def found(
     passing: float = 5.0,
     tooth_hz: float = 150.0,
     force: float = 5.0,
+    holding: HoldingJob | None = None,
 ) -> tuple[dict[str, float], float]:
     """The errors with each remedy, mm, and the one without, of a bar on a `neck` as long as this and as thick, under
     5 N across it; the cutter, that stands upright, gives way by `tool` mm/N."""
     body = Cylinder(RADIUS, 0.0, TOP)
     grid = lay_grid([body], 0.1)
     standing = Standing(lay_rays([body], grid, 500.0), grid, TOP, width)
-    work = Workpiece("test", ALUMINIUM, FORCE, 2, Post(RADIUS, neck), 0.0, lighter=(("lighter cuts", 0.4),))
+    held = {"lighter": (("lighter cuts", 0.4),), "holding": holding}
+    work = Workpiece("test", ALUMINIUM, FORCE, 2, Post(RADIUS, neck), 0.0, **held)  # type: ignore[arg-type]
     points = np.array([[0.0, 0.0, AT]] * 3)
-    mesh = TriangleMesh(points + np.eye(3), np.array([[0, 1, 2]], dtype=np.int32))
+    mesh = cylinder(RADIUS, neck, TOP, 0.05)
     kept = KeptErrors(
         Finished(mesh, points, np.tile([1.0, 0, 0], (3, 1)), np.ones(3), np.zeros(3, dtype=np.int64))
     )
@@ -44,7 +47,12 @@ def found(
     kept.errors[:] = kept.errors_with(work.beam(standing), here, follows=False)
     told = remedies(work, standing, kept, np.ones(3), tooth_hz, 135.0)
     assert [one.p99 for one in told] == sorted(one.p99 for one in told)
-    assert all(one.stress == (pytest.approx(40.0) if "neck of" in one.what else 135.0) for one in told)
+    assert all(
+        one.stress == (pytest.approx(40.0) if "neck of" in one.what else 135.0)
+        for one in told
+        if "pin" not in one.what
+    )
+    assert all(one.stress < 135.0 for one in told if "pin" in one.what)
     return {one.what: one.p99 for one in told}, float(kept.errors[0])
 
 
@@ -54,6 +62,16 @@ def test_a_thicker_neck_helps_by_the_share_of_the_neck() -> None:
     share = (AT - NECK) ** 3 / AT**3
     thicker = before * (share + (1 - share) / 1.5**4)
     assert told["a neck of 6 mm (holding.diameter)"] == pytest.approx(thicker, rel=0.03)
+
+
+def test_a_pin_at_the_free_end_is_offered_to_a_part_without_one() -> None:
+    """A bar of 4 x 50 mm, loaded 5 mm below its pin: the pin, 3 x 12 mm of steel, takes nearly all."""
+    told, before = found(NECK, 1e-6, holding=HoldingJob(diameter=2 * RADIUS))
+    pinned = told['a pin of 3 mm at the free end (holding.tailstock = "pin")']
+    assert 0.01 * before < pinned < 0.1 * before
+    assert not any("pin" in what for what in found(NECK, 1e-6)[0])
+    has_one = HoldingJob(diameter=2 * RADIUS, tailstock="pin", tailstock_reach=100.0)
+    assert not any("pin of" in what for what in found(NECK, 1e-6, holding=has_one)[0])
 
 
 def test_lighter_cuts_help_by_their_share_of_the_force() -> None:

@@ -10,6 +10,9 @@ from bonecam.mechanics.tailstock import tailstock_support
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.workholding.post import Post
 
+SHARE = 95.0
+"""Compliance is told of this share of the area, in percent."""
+
 
 def finished_beam(part: TriangleMesh, post: Post, holding: HoldingJob, stiffness: StiffnessTable) -> Beam:
     """The finished part on its neck and stub as a beam that the chuck, or else the table, holds rigidly, and a
@@ -26,3 +29,15 @@ def finished_beam(part: TriangleMesh, post: Post, holding: HoldingJob, stiffness
     pieces += [shoulder(diameter, post.top, max(wide, diameter)), above]
     support = tailstock_support(holding, post.pin, stiffness.elasticity)
     return Beam(join(pieces), stiffness.elasticity, support=support)
+
+
+def normal_compliance(beam: Beam, part: TriangleMesh) -> float:
+    """Compliance (mm/N) along the normal that SHARE of the part's area does not exceed."""
+    middles = part.vertices[part.faces].mean(axis=1)
+    vectors = part.face_vectors
+    areas = np.linalg.norm(vectors, axis=1)
+    normals = vectors / np.maximum(areas, np.finfo(float).tiny)[:, None]
+    found = np.einsum("ni,nij,nj->n", normals, beam.compliance(middles), normals)
+    order = np.argsort(found)
+    below = np.cumsum(areas[order]) / areas.sum()
+    return float(found[order][np.searchsorted(below, SHARE / 100)])

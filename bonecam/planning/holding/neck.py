@@ -21,14 +21,14 @@ from numpy import ndarray
 from bonecam.arrays import unit
 from bonecam.errors import BonecamError, JobError
 from bonecam.job import Job, field_error
+from bonecam.job.holding.tailstock_section import NO_TAILSTOCK, PIN
 from bonecam.job.materials.mechanical import StiffnessTable, cutting_force
 from bonecam.job.materials.preset import read_material
 from bonecam.machine.limits import MachineLimits
-from bonecam.mechanics.beam import Beam
 from bonecam.mechanics.strip import job_strip_force
 from bonecam.mesh.facets.vertex_normals import vertex_normals
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.planning.holding.finished_beam import finished_beam
+from bonecam.planning.holding.finished_beam import finished_beam, normal_compliance
 from bonecam.planning.holding.post_length import (
     STOCK_CHORD,
     find_post_length,
@@ -42,7 +42,7 @@ from bonecam.setup.placement import Setup
 from bonecam.workholding.bar import settled_stub
 from bonecam.workholding.clamping import clamping_of
 from bonecam.workholding.post import NECKS, Post, post_below
-from bonecam.workholding.tailstock import settled_height
+from bonecam.workholding.tailstock import settled_bracket, settled_height
 
 FINISHING_SHARE = 0.33
 """Force of a finishing pass while a tooth passes, as a share of `strip_force`: 95 % of the moves of the phalanx stay
@@ -52,8 +52,6 @@ PEAK_SHARE = 0.9
 LARGEST_SHIFT = 0.015
 """The finishing pass may move the part by so much, mm. Of 20 um that 95 % of a finished surface may be off the cutter
 takes 5 to 9."""
-SHARE = 95.0
-"""Of this share of the area, in percent."""
 YIELD_SHARE = 1 / 3
 TOOTH_MULTIPLE = 3.0
 FEWER_CONTACTS = 400
@@ -66,9 +64,10 @@ SHOWN = 3
 
 @dataclass(frozen=True)
 class Neck:
-    """A neck: `diameter` and `length` (mm), height `top` of the stock's lower end over the table (mm), area of the part
-    that stays uncut at it (mm2), compliance at the part's top (um/N), what a finishing pass moves 95 % of the area
-    (um, at most), stress at the peak of a roughing pass (MPa), lowest frequency (Hz), and whether that `holds`."""
+    """A neck, with a `tailstock` or none: `diameter` and `length` (mm), height `top` of the stock's lower end over
+    the table (mm), area of the part that stays uncut at it (mm2), compliance at the part's top (um/N), what a
+    finishing pass moves 95 % of the area (um, at most), stress at the peak of a roughing pass (MPa), lowest
+    frequency (Hz), and whether that `holds`."""
 
     diameter: float
     length: float
@@ -79,15 +78,18 @@ class Neck:
     stress_mpa: float
     first_hz: float
     holds: bool
+    tailstock: str = NO_TAILSTOCK
 
     @property
     def report(self) -> dict[str, Any]:
         """The neck in the report."""
         names = {"diameter": "diameter_mm", "length": "length_mm"}
         rounded = {
-            names.get(key, key): round(value, 2) for key, value in asdict(self).items() if key != "top"
+            names.get(key, key): round(value, 2)
+            for key, value in asdict(self).items()
+            if key not in ("top", "tailstock")
         }
-        return {**rounded, "holds": self.holds}
+        return {**rounded, "holds": self.holds, "tailstock": self.tailstock}
 
 
 def find_standing(setup: Setup, job: Job, limits: MachineLimits) -> tuple[Setup, Job, tuple[Neck, ...]]:
@@ -101,8 +103,24 @@ def find_standing(setup: Setup, job: Job, limits: MachineLimits) -> tuple[Setup,
         setup, job = find_post_length(setup, job, limits)
     places = setup.stock.mesh(STOCK_CHORD).vertices
     job = replace(job, holding=settled_height(job.holding, setup.post.pin, places))
+    if not necks:
+        return setup, job, ()
     # with all contacts the neck that is taken may be longer than when it was tried
-    return setup, job, (_neck(setup, job, limits), *necks[1:]) if necks else ()
+    taken = _neck(setup, job, limits)
+    return setup, job, (taken, *necks[1:], *_pinned(taken, setup, job, limits))
+
+
+def _pinned(taken: Neck, setup: Setup, job: Job, limits: MachineLimits) -> tuple[Neck, ...]:
+    """The neck that is taken with a pin at the free end, where it gives way without and the table has room for it."""
+    if taken.holds or job.holding.has_tailstock:
+        return ()
+    part = setup.part.mesh
+    try:
+        holding = settled_bracket(replace(job.holding, tailstock=PIN), part, limits.bodies.table)
+        pinned = replace(setup, post=post_below(part, holding))
+    except JobError:
+        return ()
+    return (_neck(pinned, replace(job, holding=holding), limits),)
 
 
 def find_neck(setup: Setup, job: Job, limits: MachineLimits) -> tuple[Setup, Job, tuple[Neck, ...]]:
@@ -179,7 +197,7 @@ def _neck(setup: Setup, job: Job, limits: MachineLimits) -> Neck:
     middle = part.bounds.mean(axis=0)[None]
     tip = np.array([[0.0, 0.0, float(part.bounds[1, 2])]])
     stress = float(beam.moment_stress(PEAK_SHARE * rough * np.array([[1.0, 0.0, 0.0]]), middle)[0])
-    shift = FINISHING_SHARE * fine * _normal_compliance(beam, part)
+    shift = FINISHING_SHARE * fine * normal_compliance(beam, part)
     first = beam.first_frequency(_stiffness(job).density)
     teeth = job.mechanics.flutes * max(job.tool(name).spindle for name in job.cutter_names) / 60
     holds = shift <= LARGEST_SHIFT and stress <= strong * YIELD_SHARE and first >= TOOTH_MULTIPLE * teeth
@@ -193,19 +211,8 @@ def _neck(setup: Setup, job: Job, limits: MachineLimits) -> Neck:
         stress_mpa=stress,
         first_hz=first,
         holds=holds,
+        tailstock=holding.tailstock,
     )
-
-
-def _normal_compliance(beam: Beam, part: TriangleMesh) -> float:
-    """Compliance (mm/N) along the normal that SHARE of the part's area does not exceed."""
-    middles = part.vertices[part.faces].mean(axis=1)
-    vectors = part.face_vectors
-    areas = np.linalg.norm(vectors, axis=1)
-    normals = vectors / np.maximum(areas, np.finfo(float).tiny)[:, None]
-    found = np.einsum("ni,nij,nj->n", normals, beam.compliance(middles), normals)
-    order = np.argsort(found)
-    below = np.cumsum(areas[order]) / areas.sum()
-    return float(found[order][np.searchsorted(below, SHARE / 100)])
 
 
 def _left(part: TriangleMesh, post: Post, radius: float) -> float:

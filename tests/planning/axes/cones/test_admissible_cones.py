@@ -202,29 +202,22 @@ def test_contacts_without_a_cone_are_listed_with_what_blocks_them(made: Made) ->
     assert path.centres[list(blocked), 2].max() < np.median(path.centres[:, 2])
 
 
-def test_cones_keep_off_a_column_beside_the_part(made: Made, cones: AxisCones) -> None:
-    """The column of a bracket takes directions towards itself; by closed form no axis of a cone comes near it."""
+def test_cones_keep_off_a_column_beside_the_part(
+    made: Made, cones: AxisCones, deepest_entry: Callable[..., np.ndarray]
+) -> None:
+    """The column of a bracket takes directions towards itself; cones made without it enter it."""
     path, scene = made
-    column = Column(6.0, 90.0, 0.0, 40.0, 10.0)
+    column = Column(6.0, 90.0, 0.0, 30.0, 10.0)
     beside = replace(scene, clamping=replace(scene.clamping, beside=(column,)))
     found = admissible_cones(path, beside, LIMITS, JOB)
-    both = np.flatnonzero(found.found & cones.found)
-    assert len(both) > 0.5 * cones.found.sum()
-    missed = 0
-    for name, which in (("with", found), ("without", cones)):
-        near = np.inf
-        for contact in both[:: max(len(both) // 60, 1)]:
-            axes = axes_in(which, np.full(20, contact), 0.999, rim=True)
-            for section in path.cutter.profile:
-                u = np.linspace(section.start, section.end, 12)[:, None] - path.cutter.radius
-                for axis in axes:
-                    room = column.distance(path.centres[contact] + u * axis).min() - section.widest
-                    near = min(near, room)
-        if name == "with":
-            assert near > scene.clamping.clearance - 0.01
-        else:
-            missed += near < scene.clamping.clearance - 0.01
-    assert missed, "without the column some axis comes nearer"
+    contacts = RANDOM.choice(np.flatnonzero(found.found & cones.found), 400)
+    entered = []
+    for which in (found, cones):
+        axes = axes_in(which, contacts, rim=True)
+        kept = polar_angles(axes) <= which.largest_polar[contacts]
+        entered.append(deepest_entry(beside, path.cutter, path.centres[contacts[kept]], axes[kept]).max())
+    assert entered[0] < 0.011
+    assert entered[1] > 0.5
 
 
 def test_contacts_that_a_curve_of_axes_does_not_reach_are_told_as_beyond_the_limits(made: Made) -> None:
