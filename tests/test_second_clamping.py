@@ -17,6 +17,7 @@ from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.facets.hull import convex_hull
 from bonecam.mesh.files.mesh_files import write_mesh
 from bonecam.mesh.part import Part
+from bonecam.mesh.solids.booleans import solid_difference
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.dialect import read_dialect
 from bonecam.nc.posting.rotary.machine_limits import machine_limits
@@ -155,6 +156,23 @@ def test_a_shell_in_the_way_of_the_tool_refuses_the_program(second) -> None:
         VerifyError, match=r"line \d+: the tool comes within 0.2 mm of the shell .*farther up"
     ):
         check_removal_of_job(replace(second.removal, shell=near), second.job)
+
+
+def test_a_shell_without_room_for_what_stays_at_the_tailstock_is_refused(tmp_path: Path) -> None:
+    """A closed shell round the free end, and one with a hole there as wide as is told."""
+    held = {"tailstock": "pin", "tailstock_diameter": 2.0, "tailstock_x": 1e-3}
+    bore = Capsule(np.array([0.0, 0, 11.0]), np.array([0.0, 0, 40.0]), 2.1).mesh(0.02)
+    whole = shell_round(LUMP, 0.5, 3.0, 0.1)
+    file = tmp_path / "shell.stl"
+    for shell, room in ((whole, False), (solid_difference(whole, bore), True)):
+        write_mesh(shell, file)
+        job = job_with(file, **held)
+        post = post_below(LUMP, job.holding)
+        if room:
+            check_second(part_of(LUMP), post, job)
+        else:
+            with pytest.raises(JobError, match=r"what stays at the tailstock, .* leave a hole there of 4 mm"):
+                check_second(part_of(LUMP), post, job)
 
 
 def test_the_header_tells_the_second_mounting(second):

@@ -44,6 +44,16 @@ class Clamping:
         return (*self.columns, *((self.stub,) if self.stub else ()))
 
     @property
+    def below(self) -> "Clamping":
+        """What stands below the part alone."""
+        return replace(self, beside=())
+
+    @property
+    def above(self) -> "Clamping":
+        """What holds the free end alone."""
+        return Clamping(closed=False, clearance=self.clearance, beside=self.beside)
+
+    @property
     def kept_off(self) -> tuple[Column, ...]:
         """All that the tool never touches: columns, stub and bracket."""
         return *self.solids, *self.beside

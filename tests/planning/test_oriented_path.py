@@ -111,7 +111,7 @@ def assert_nothing_is_entered(scene: Scene, path: ToolPath) -> None:
         placed = (np.einsum("nij,kj->nki", frames, points) + tips[:, None]).reshape(-1, 3)
         rapid = np.repeat(kinds == MoveKind.RAPID, len(points))
         assert placed[:, 2].min() >= kept, f"{name} near the table"
-        for column in scene.clamping.columns:
+        for column in (*scene.clamping.columns, *scene.clamping.beside):
             assert column.distance(placed).min() >= kept, f"{name} near the chuck"
         from_post = kept if name in ("holder", "spindle") else 0.0
         assert scene.post.distance(placed).min() > from_post, f"{name} near the post"
@@ -150,6 +150,23 @@ def test_spindle_chuck_and_cones_are_kept_clear_of(
     assert left[2] > 0
     assert next(iter(path.blocked_by)).endswith("against the clamping")
     assert sum(path.blocked_by.values()) <= left[2]
+
+
+def test_a_bracket_beside_the_part_is_never_entered_and_the_program_begins_off_it(
+    made: Callable[..., tuple[ContactPath, Scene, ToolPath]], roughing_cutter: Cutter
+) -> None:
+    """Cuts, links and the ways in and out keep the clearance from column and arm by closed form; the first and last
+    place is on the side away from the column."""
+    slim = replace(roughing_cutter, holder=(Frustum(40.0, 8.0, 16.0),), nose=NOSE)
+    _, scene, _ = made(slim)
+    top = float(scene.level.bounds[1, 2]) + 14.0
+    column = Column(6.0, top + 8.0, 0.0, 60.0, 20.0)
+    arm = tuple(Column(6.0, top + 8.0, top, 6.0 * k, 2.0 * k) for k in range(10))
+    _, scene, path = made(slim, clamping=Clamping(clearance=4.0, beside=(column, *arm)))
+    assert_nothing_is_entered(scene, path)
+    assert path.tips[[0, -1]] @ [60.0, 20.0, 0.0] == pytest.approx(path.tips[0] @ [60.0, 20.0, 0.0])
+    assert path.tips[0] @ [60.0, 20.0, 0.0] < 0
+    assert (path.kinds == MoveKind.CUT).sum() > 100
 
 
 def test_bent_retracts_and_approaches_stay_clear_and_slow_near_the_part(

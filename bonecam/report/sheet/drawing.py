@@ -110,8 +110,8 @@ def clamping_drawing(
     widest = max([float(np.abs(stock.bounds[:, 0]).max()), *(column.radius for column in held.values())])
     tailstock = tailstock_columns(holding)
     beside = sum(tailstock.values(), ())
-    reached = [abs(column.x) + column.radius for column in beside]
-    paper = Paper(max([widest, *reached]), max([high, *(column.top for column in beside)]))
+    # the column of a bracket stands beside the paper: header and list tell where
+    paper = Paper(widest, max([high, *(column.top for column in beside)]))
     draw_table(paper, table)
     _draw_post(paper, post, low + post.radius, parting, widest)
     for name, column in held.items():

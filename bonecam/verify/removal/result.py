@@ -104,16 +104,16 @@ class Left:
 class Removal:
     """What a program does to its stock. `cell` is the distance of the rays, mm.
 
-    `rapid_volume` (mm^3) is what rapids remove, `rapid_contact` the first of them that removes more than is
-    allowed; `link_contact` the moves between two passes that remove most, where that is more than LINK_ALLOWED.
-    `shank`, `holder` and `spindle` keep their clearance from stock, part and post, the whole tool that of `table`
-    from table, chuck and what stands there. `left` is None where no part was given. `volume` is what stands in the
-    end, `volume_error` how far the three sets of rays differ in it, mm^3. `move_volumes` (mm^3) has one row a move
-    of the text, `remaining` is what stands in the end. `standing` is what stood on the surfaces that were given, in
-    machining order. `shell` is the clearance of the whole tool from the shell of a second clamping, None in a first
-    one. `bridge` (mm) is the diameter of what stands of the post where it is parted, None where it is
-    not. `given` is what is left beside the mesh as given, or why that is not known; None where a part has none.
-    `mechanics` is None where force and bending were not asked.
+    `rapid_volume` (mm^3) is what rapids remove, `rapid_contact` the first of them that removes more than is allowed;
+    `link_contact` the moves between two passes that remove most, where that is more than LINK_ALLOWED. `shank`,
+    `holder` and `spindle` keep their clearance from stock, part and post, the whole tool that of `table` from table,
+    chuck and what stands there, and that of `tailstock` from one, if there is one. `left` is None where no part was
+    given. `volume` is what stands in the end, `volume_error` how far the three sets of rays differ in it, mm^3.
+    `move_volumes` (mm^3) has one row a move of the text, `remaining` is what stands in the end. `standing` is what
+    stood on the surfaces that were given, in machining order. `shell` is the clearance of the whole tool from the shell
+    of a second clamping, None in a first one. `bridge` (mm) is the diameter of what stands of the post where it is
+    parted, None where it is not. `given` is what is left beside the mesh as given, or why that is not known; None where
+    a part has none. `mechanics` is None where force and bending were not asked.
     """
 
     cell: float
@@ -135,14 +135,17 @@ class Removal:
     shell: Clearance | None = None
     given: GivenRemoval | NotJudged | None = None
     mechanics: Mechanics | None = None
+    tailstock: Clearance | None = None
 
     @property
     def report(self) -> dict[str, Any]:
         """The section `removal` of the report."""
         names = ("shank", "holder", "spindle", "table")
         clearances = {name: getattr(self, name).least for name in names}
-        if self.shell is not None:
-            clearances["shell"] = self.shell.least
+        for name in ("shell", "tailstock"):
+            kept: Clearance | None = getattr(self, name)
+            if kept is not None:
+                clearances[name] = kept.least
         return {
             "cell_mm": self.cell,
             "levels": [_level_figures(level) for level in self.levels],

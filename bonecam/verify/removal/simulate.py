@@ -70,7 +70,7 @@ def simulate_removal(
     force and bending of the `workpiece` are told if there is one. ProgramError where the text cannot be read or calls
     another tool, JobError where the rays need too much memory.
     """
-    clamping = clamping or Clamping()
+    clamping = (clamping or Clamping()).with_pin(post)
     carried = [Cylinder(one.radius, one.bottom, one.top, (one.x, one.y)) for one in clamping.carried(post)]
     given = (
         text,
@@ -80,7 +80,7 @@ def simulate_removal(
         post,
         cutters,
     )
-    asked = clamping.with_pin(post), limits, scallops, surfaces, workpiece, progress
+    asked = clamping, limits, scallops, surfaces, workpiece, progress
     return simulate_further(*given, *asked)
 
 
@@ -134,7 +134,7 @@ class _Simulation:
         self.minutes = feed_minutes(self.motions)
         self.loads = Loads(self.workpiece, self.minutes, self.motions.spindle)
         self.finished = self.normal_probes.finished if self.normal_probes is not None else None
-        self.table = Clearance("tool", None, 0)
+        self.table = self.tailstock = Clearance("tool", None, 0)
         self.standing: list[StockHeights] = []
 
     def run(self, group: Group, cutter: Cutter, scallop: float) -> LevelRemoval:
@@ -154,7 +154,9 @@ class _Simulation:
         if surface is not None and group.level is not None:
             heights = [self._standing(surface, sets) for sets in (before, self.sweeping.sets)]
             self.standing.append(StockHeights(group.level, *heights))
-        self._keep_from_table(whole, cutter)
+        self.table = self._nearer(self.table, whole, cutter, self.clamping.below)
+        if self.clamping.beside:
+            self.tailstock = self._nearer(self.tailstock, whole, cutter, self.clamping.above)
         depths = cut_depths(self.sweeping.sets, before, self.grid)
         deepest = None
         if len(depths.depths):
@@ -187,16 +189,14 @@ class _Simulation:
             return None
         return self._spot(float(depths.max()), int(moves[np.argmax(depths)]))
 
-    def _keep_from_table(self, pieces: Pieces, cutter: Cutter) -> None:
-        """Take the clearance from the clamping where it is less than before; the first contact stays."""
-        if self.table.touched:
-            return
-        within = self.table.least.value if self.table.least else np.inf
-        least, move, part, touched = table_clearance(pieces, cutter, self.clamping, within)
-        if touched >= 0:
-            self.table = Clearance(part, self._spot(least, touched), int(self.motions.lines[touched]))
-        elif move >= 0:
-            self.table = Clearance(part, self._spot(least, move), 0)
+    def _nearer(self, known: Clearance, pieces: Pieces, cutter: Cutter, clamping: Clamping) -> Clearance:
+        """The clearance from a clamping where it is less than is `known`; the first contact stays."""
+        if known.touched:
+            return known
+        within = known.least.value if known.least else np.inf
+        least, move, part, touched = table_clearance(pieces, cutter, clamping, within)
+        line = int(self.motions.lines[touched]) if touched >= 0 else 0
+        return Clearance(part, self._spot(least, touched if line else move), line) if move >= 0 else known
 
     def result(
         self, levels: Sequence[LevelRemoval], tools: Mapping[int, Cutter], post: Post | None
@@ -225,6 +225,7 @@ class _Simulation:
             holder=self._clearance(1),
             spindle=self._clearance(2),
             table=self.table,
+            tailstock=self.tailstock if self.clamping.beside else None,
             left=left,
             volume=float(np.mean(standing)),
             volume_error=float(np.ptp(standing)),

@@ -12,19 +12,20 @@ REMEDIES = {
     "shank": "give a slimmer shank, or a larger overhang or flute length",
     "holder": "give a slimmer holder, or a larger overhang",
     "spindle": "give a longer holder or a longer post (holding.length)",
+    "tailstock": "give a longer pin (holding.tailstock_length) or a farther column (holding.tailstock_reach)",
     "shell": "end the shell farther up the part, or give a longer overhang",
 }
-"""What to do where a part of the tool enters material, and where the tool meets the shell."""
+"""What to do where a part of the tool enters material, and where the tool meets tailstock or shell."""
 
 
 def check_removal(
     removal: Removal, gouge_tolerance: float = 0.01, bridge: float = 0.0, *, limited: bool = True
 ) -> None:
     """VerifyError, with `line` and `place`, where a rapid removes material or the moves between two passes more than
-    LINK_ALLOWED, shank, holder or spindle enter what stands, the tool meets table, chuck or shell, a ball goes into the
-    part by more than `gouge_tolerance` mm or too deep into the mesh as given, or a cut is deeper than its limit by more
-    than is allowed (`over_allowed`); where a level is cut after the parting; and where nothing, or less than a `bridge`
-    of this diameter (mm, within two cells), is left of a post that is parted: the part drops.
+    LINK_ALLOWED, shank, holder or spindle enter what stands, the tool meets table, chuck, tailstock or shell, a ball
+    goes into the part by more than `gouge_tolerance` mm or too deep into the mesh as given, or a cut is deeper than its
+    limit by more than is allowed (`over_allowed`); where a level is cut after the parting; and where nothing, or less
+    than a `bridge` of this diameter (mm, within two cells), is left of a post that is parted: the part drops.
 
     Leftovers are told in the report and refuse nothing; nor do depths where they are not `limited`.
     """
@@ -37,6 +38,8 @@ def check_removal(
     for part in (removal.shank, removal.holder, removal.spindle):
         _check_clearance(part, "enters material", REMEDIES[part.part])
     _check_clearance(removal.table, "meets table or chuck", "give a longer post (holding.length)")
+    if removal.tailstock is not None:
+        _check_clearance(removal.tailstock, "meets the tailstock", REMEDIES["tailstock"])
     if removal.shell is not None:
         _check_clearance(removal.shell, f"comes within {NEAR:g} mm of the shell", REMEDIES["shell"])
     if removal.link_contact:

@@ -278,9 +278,9 @@ def test_a_stub_is_material_that_a_tool_must_not_cut(simulate, text, sound):
 def test_a_tool_that_touches_what_holds_the_free_end_or_its_bracket_is_found(simulate, text, sound):
     """A pin beside the part, and the column of a bracket where the tool comes past; farther off neither is met."""
     far, near = (Clamping(beside=(Column(4.0, 60.0, 0.0, 0.0, y),)) for y in (90.0, 14.0))
-    assert simulate(text, clamping=far).table.touched == 0
+    assert simulate(text, clamping=far).tailstock.touched == 0
     found = simulate(text, clamping=near)
-    with pytest.raises(VerifyError, match="meets table or chuck"):
+    with pytest.raises(VerifyError, match="meets the tailstock"):
         check_removal(found)
 
 
@@ -290,8 +290,8 @@ def test_what_holds_the_free_end_stands_in_the_rays_and_is_never_cut(simulate, t
     slim, thick = (replace(POST, pin=Column(radius, top + 8.0, top - 1.0)) for radius in (1.5, 3.0))
     found = simulate(text, post=slim)
     assert found.volume - sound.volume == pytest.approx(np.pi * 1.5**2 * 8, rel=0.15)
-    assert found.table.touched == 0
-    with pytest.raises(VerifyError, match="meets table or chuck"):
+    assert found.tailstock.touched == 0
+    with pytest.raises(VerifyError, match="meets the tailstock"):
         check_removal(simulate(text, post=thick))
 
 
