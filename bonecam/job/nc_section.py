@@ -34,9 +34,9 @@ class NcJob(JobSection):
         "heidenhain", "Controller", "Name of a controller's dialect, or path of its .toml file.", file=".toml"
     )
     link_feed: float = parameter(
-        1500.0,
+        5000.0,
         "Link feed",
-        "Feed of links between passes, and of retracts.",
+        "Feed of links between passes, and of retracts: straight moves in air, beside the material.",
         unit="mm/min",
         low=1.0,
         high=30000.0,

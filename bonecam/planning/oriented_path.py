@@ -194,10 +194,12 @@ def _tool_path(
     contacts: list[ndarray] = [np.full(1, -1)]
     passes: list[ndarray] = [np.full(1, -1)]
     number = -1
+    in_air = space.known_in_air(path.centres[[run[0] for run in linked.runs]])
     for k, link in linked.links:
         number += len(link) > 0
-        first_feed = space.feeds.plunge if len(link) else path.cutter.feed
         run = linked.runs[k]
+        plunges = len(link) and not in_air[k]
+        first_feed = space.feeds.plunge if plunges else path.cutter.feed
         moves += [link, _cut(path, chosen.axes, run, first_feed)]
         contacts += [np.full(len(link), -1), run]
         passes += [np.full(len(link), -1), np.full(len(run), number)]

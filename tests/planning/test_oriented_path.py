@@ -250,6 +250,23 @@ def test_passes_are_entered_at_the_plunge_feed(case: tuple[ContactPath, Scene, T
     assert (path.feed_rates[path.kinds == MoveKind.LINK] <= NcJob().link_feed).all()
 
 
+def test_passes_that_begin_in_air_are_entered_at_the_feed_of_their_cuts(
+    made: Callable[..., tuple[ContactPath, Scene, ToolPath]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The runs whose first contact is above the middle count as begun in air."""
+    middle = made(pattern="along")[1].level.bounds[:, 2].mean()
+    monkeypatch.setattr(LinkSpace, "known_in_air", lambda _, centres: centres[:, 2] > middle)
+    _, _, path = made(pattern="along")
+    first = np.flatnonzero(
+        (path.kinds == MoveKind.CUT) & (np.r_[-1, path.pass_index[:-1]] != path.pass_index)
+    )
+    high = path.balls[first, 2] > middle
+    assert high.any()
+    assert not high.all()
+    assert (path.feed_rates[first][high] == path.cutter.feed).all()
+    assert (path.feed_rates[first][~high] == NcJob().plunge_feed).all()
+
+
 def test_narrow_limits_turn_axes_up_and_list_the_rest(
     made: Callable[..., tuple[ContactPath, Scene, ToolPath]],
 ) -> None:

@@ -99,6 +99,10 @@ class LinkSpace:
         depth, _ = self.material.depths(centres.reshape(-1, 3), self.ball_radius)
         return np.asarray((depth <= IN_AIR).reshape(centres.shape[:2]).all(axis=1))
 
+    def known_in_air(self, centres: Float[ndarray, "k 3"]) -> Bool[ndarray, " k"]:
+        """Whether the ball is in air at each centre; nowhere where the material is not known."""
+        return self.in_air(centres[:, None]) & (self.material is not None)
+
     def no_deeper_between(
         self, starts: Float[ndarray, "m 3"], ends: Float[ndarray, "m 3"]
     ) -> Bool[ndarray, " m"]:

@@ -63,6 +63,16 @@ def test_a_link_whose_flutes_cut_where_its_ball_is_in_air_is_refused(space: Link
     assert space.cuts_little([below, lower], [nowhere, nowhere]).tolist() == [False, True]
 
 
+def test_a_ball_is_known_to_be_in_air_outside_the_material_only(
+    space: LinkSpace, upright_capsule: Capsule
+) -> None:
+    side = upright_capsule.radius + space.ball_radius + np.array([0.3, 0.0, -0.1])
+    height = upright_capsule.bounds[:, 2].mean()
+    centres = np.column_stack([side, 0 * side, np.full(3, height)]) + upright_capsule.start * [1.0, 1.0, 0.0]
+    assert space.known_in_air(centres).tolist() == [True, True, False]
+    assert not replace(space, material=None).known_in_air(centres).any()
+
+
 def test_what_flutes_removed_on_a_pass_may_be_passed_again(
     space: LinkSpace, below: Poses, path_of: Callable[..., ToolPath], level_of, pebble
 ) -> None:
