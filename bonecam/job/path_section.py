@@ -74,7 +74,8 @@ class PathJob(JobSection):
     least_depth: float = parameter(
         0.03,
         "Least depth",
-        "Roughing passes over what a cut would remove less of; 0: they cut everywhere.",
+        "Roughing passes over what a cut would remove less of, or less than half of its scallop; 0: they cut "
+        "everywhere.",
         unit="mm",
         low=0.0,
         high=1.0,

@@ -24,9 +24,12 @@ def depth_limits(levels: Sequence[Level], level: int, cutters: Mapping[int, Cutt
 
 
 def least_depth(level: int, job: Job) -> float:
-    """The depth (mm) below which a cut that leaves the level is left to the next one, if that is a roughing one too.
-    The published pattern leaves none out."""
+    """The depth (mm) below which a cut that leaves the level is left to the next one, if that is a roughing one too:
+    `path.least_depth`, or half of the scallop that the next one takes off there in any case. The published pattern
+    leaves none out, nor do jobs whose least depth is 0."""
     if job.path.pattern == "published":
         return -math.inf
     to_roughing = level > 0 and not job.is_finishing(level) and not job.is_finishing(level - 1)
-    return job.path.least_depth if to_roughing else 0.0
+    if not (to_roughing and job.path.least_depth):
+        return 0.0
+    return max(job.path.least_depth, job.scallop(level) / 2)

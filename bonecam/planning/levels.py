@@ -152,7 +152,8 @@ class _Planning:
 
         rest: list[ToolPath] = []
         if too_deep(found.candidates, material, allowed):
-            material, rest = _take_rest([found.candidates, self._rings(found)], material, allowed, cut)
+            patterns = self._rest_patterns(found, allowed.scallop)
+            material, rest = _take_rest(patterns, material, allowed, cut, self.limits.turn_speed)
             contacts = contact_path(found.candidates, material, allowed, allowed.deepest)
         path, after = cut(contacts, material, True)
         return [*rest, path], _Standing(after, smooth)
@@ -165,10 +166,14 @@ class _Planning:
         speed = self.limits.turn_speed
         return candidate_contacts(level, obstacles, cutter, self.post, job, turn_speed=speed)
 
-    def _rings(self, found: LevelContacts) -> CandidateContacts:
-        """The contacts of a level on rings."""
+    def _rest_patterns(self, found: LevelContacts, scallop: float) -> list[CandidateContacts]:
+        """The contacts of a level as it is cut and on rings. Its own path follows: the passes may leave the `scallop`
+        (mm) that this expects of what is cut before, or that of the roughing cutter if that is less."""
+        cutter = found.candidates.cutter
+        wide = max(cutter.scallop, min(scallop, self.job.roughing.scallop))
+        cutter = replace(cutter, scallop=wide)
         rings = replace(self.job.path, pattern="round")
-        return self._candidates(found.level, found.distance, found.candidates.cutter, rings)
+        return [self._candidates(found.level, found.distance, cutter, job) for job in (self.job.path, rings)]
 
 
 def _with_fine(
@@ -194,10 +199,11 @@ def _take_rest(
     material: InProcessStock,
     allowed: DepthLimits,
     cut: Callable[[ContactPath, InProcessStock], Cut],
+    turn_speed: float,
 ) -> tuple[InProcessStock, list[ToolPath]]:
     """The rest paths of a level, whose contacts are given in several patterns, and the material after them."""
     paths: list[ToolPath] = []
-    for step in rest_contacts(patterns, material, allowed):
+    for step in rest_contacts(patterns, material, allowed, turn_speed):
         contacts = after_steps(step, material, allowed)
         if not len(contacts.contacts):
             continue

@@ -38,8 +38,8 @@ MAX_ROUNDS = 20
 """Times that a ball is moved out of the material, at most."""
 OVERSHOOT = 1.2
 """A ball is moved by its excess depth times this factor, to get out of narrow places in fewer rounds."""
-ENTRY_LENGTH = 15.0
-"""What it takes to enter a rest pass, as a length of cutting, mm: 1 s at 900 mm/min."""
+ENTRY = 0.6 / 60
+"""Time from the end of one rest pass to the begin of the next, minutes: links whose turns take 0.5 s, and retracts."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,12 +52,19 @@ class RestStep:
     depth: Float[ndarray, " n"]
     raised: Float[ndarray, "n 3"]
 
-    @property
-    def length(self) -> float:
-        """Length (mm) of the passes and of what it takes to enter them."""
-        centres = self.candidates.centres + self.raised
-        passes = sum(np.linalg.norm(np.diff(centres[run], axis=0), axis=1).sum() for run in self.runs)
-        return float(passes + ENTRY_LENGTH * len(self.runs))
+    def minutes(self, turn_speed: float) -> float:
+        """What a machine takes for the passes at least, and to get from one to the next: each move takes as long as its
+        way at the feed, or as the turn of the axis of the azimuth, which follows 2 pi s on closed surfaces, at
+        `turn_speed` (rad/min)."""
+        candidates = self.candidates
+        centres, around = candidates.centres + self.raised, candidates.parameters[:, 0]
+        turn = 2 * np.pi * candidates.level.surface.closed_in_s / turn_speed
+        passes = 0.0
+        for run in self.runs:
+            ways = np.linalg.norm(np.diff(centres[run], axis=0), axis=1) / candidates.cutter.feed
+            turns = np.abs((np.diff(around[run]) + 0.5) % 1.0 - 0.5)
+            passes += float(np.maximum(ways, turns * turn).sum())
+        return passes + ENTRY * len(self.runs)
 
 
 def too_deep(candidates: CandidateContacts, material: InProcessStock, allowed: DepthLimits) -> bool:
@@ -66,15 +73,18 @@ def too_deep(candidates: CandidateContacts, material: InProcessStock, allowed: D
 
 
 def rest_contacts(
-    patterns: Sequence[CandidateContacts], material: InProcessStock, allowed: DepthLimits
+    patterns: Sequence[CandidateContacts],
+    material: InProcessStock,
+    allowed: DepthLimits,
+    turn_speed: float = np.inf,
 ) -> list[ContactPath]:
     """The contacts of the rest paths of a level, whose contacts in several patterns are given; none where nothing is
-    too deep."""
+    too deep. `turn_speed` (rad/min) is that of the axis that changes the azimuth."""
     first = [_first(candidates, material, allowed) for candidates in patterns]
     first = [step for step in first if step.runs]
     if not first:
         return []
-    step = min(first, key=lambda step: step.length)
+    step = min(first, key=lambda step: step.minutes(turn_speed))
     paths: list[ContactPath] = []
     while step.runs:
         paths.append(_contact_path(_gouge_free(step), allowed, len(paths) + 1))

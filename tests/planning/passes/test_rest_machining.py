@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial import KDTree
 
 from bonecam.job import PathJob
 from bonecam.levels.measure.cut_measures import NO_CUT
@@ -12,7 +13,7 @@ from bonecam.material.in_process_stock import remove_material, uncut_material
 from bonecam.mesh.distance import MeshDistance
 from bonecam.planning.passes.contacts import candidate_contacts, contact_path
 from bonecam.planning.passes.engaged_segments import UNCERTAIN, DepthLimits
-from bonecam.planning.passes.rest_machining import after_steps, rest_contacts, too_deep
+from bonecam.planning.passes.rest_machining import ENTRY, _first, after_steps, rest_contacts, too_deep
 from bonecam.setup.capsule import Capsule
 from bonecam.tool.path import MoveKind
 from bonecam.workholding.post import post_below
@@ -105,6 +106,36 @@ def test_no_ball_of_a_rest_path_enters_the_part(roughed, rest):
             places = (1 - share) * path.centres[joined] + share * path.centres[joined + 1]
             free = MeshDistance(part.mesh).signed(places) - path.cutter.radius
             assert free.min() > -candidates.gouge_tolerance
+
+
+def test_a_turn_that_takes_longer_than_the_way_counts(roughed, allowed):
+    """Rings round the part: a whole turn each, however short they are."""
+    _, candidates, material = roughed
+    step = _first(candidates, material, allowed)
+    fast = step.minutes(np.inf)
+    ways = sum(np.linalg.norm(np.diff(candidates.centres[run], axis=0), axis=1).sum() for run in step.runs)
+    assert fast == pytest.approx(ways / candidates.cutter.feed + ENTRY * len(step.runs), rel=0.1)
+    steps = np.concatenate([np.abs(np.diff(candidates.parameters[run, 0])) for run in step.runs])
+    assert steps.max() > 0.5, "a run goes on behind the seam"
+    turns = np.minimum(steps, 1 - steps).sum()
+    slow = 0.001
+    assert step.minutes(slow) == pytest.approx(2 * np.pi * turns / slow, rel=0.1)
+
+
+def test_the_pattern_that_takes_less_time_is_taken(roughed, allowed, holding):
+    """Rings are short, but turn; lines along the part hardly turn."""
+    part, rings, material = roughed
+    post = post_below(part.mesh, holding)
+    obstacles = [MeshDistance(part.mesh)]
+    lines = candidate_contacts(part, obstacles, rings.cutter, post, PathJob(pattern="along"))
+    patterns = [lines, rings]
+    for speed in (np.inf, 0.01):
+        minutes = [_first(one, material, allowed).minutes(speed) for one in patterns]
+        soonest = patterns[int(np.argmin(minutes))]
+        taken = rest_contacts(patterns, material, allowed, speed)[0]
+        away, _ = KDTree(soonest.contacts).query(taken.contacts)
+        assert away.max() < 1e-9
+    assert np.argmin(minutes) == 0
 
 
 def test_rest_paths_are_numbered_and_begin_in_air(roughed, rest):
