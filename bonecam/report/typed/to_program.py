@@ -9,6 +9,7 @@ class EstimateFigures(TypedDict):
     length_mm: int
     blocks: int
     machining_min: float
+    least_min: float
     planning_cpu_s: int
 
 
