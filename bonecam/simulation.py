@@ -233,7 +233,7 @@ def _kept_second(text: str, program: Path, keep: Path) -> Contents:
 def _limits(job: Job, levels: int) -> dict[int, float]:
     """The largest depth (mm) of the cut on each level, or on each layer of a strategy in layers, and of PARTING."""
     first, beyond = job.levels.cuts
-    parting = {PARTING: beyond}
+    parting = {PARTING: job.levels.layer_depth}
     if job.path.strategy != "morph":
         return parting | layer_limits(job)
     return parting | {index: first[index] if index < len(first) else beyond for index in range(levels - 1)}

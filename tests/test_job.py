@@ -88,7 +88,8 @@ def test_a_section_may_be_given_as_a_table_to_a_job() -> None:
         ({"nc": {"controller": 5}}, r"\[nc\] controller = 5: give a text$"),
         (
             {"levels": {"depths": "a b", "most_cuts": 0}, "roughing": {"holder": "a", "feed": -1.0}},
-            r"\[levels\] depths = 'a b': give numbers like '0.1 0.1 0.5'; \[levels\] most_cuts = 0: keep .*; "
+            r"\[levels\] depths = 'a b': give numbers like '0.1 0.1 0.5', or 'found'; "
+            r"\[levels\] most_cuts = 0: keep .*; "
             r"\[roughing\] holder = 'a': 'a' is no number: give rows like '35 10 17, 20 40'; \[roughing\] feed = ",
         ),
     ],
@@ -175,6 +176,26 @@ def test_what_a_finishing_cut_takes_off_may_be_rougher_than_the_part() -> None:
     assert [job.scallop(level) for level in range(4)] == pytest.approx([0.01, 0.02, 0.02, 0.05])
     smooth = job.with_values(finishing={"scallop": 0.04}, roughing={"scallop": 0.02})
     assert [smooth.scallop(level) for level in range(4)] == pytest.approx([0.04, 0.04, 0.02, 0.02])
+
+
+def test_a_roughing_level_leaves_scallops_that_fit_the_cut_that_takes_them() -> None:
+    job = Job(levels={"depths": "0.1 0.25 1", "scallop_share": 0.2}, roughing={"scallop": 0.04})
+    assert [job.scallop(level) for level in range(5)] == pytest.approx([0.01, 0.02, 0.05, 0.2, 0.2])
+    assert Job(levels={"depths": "0.1 0.25 1"}).scallop(3) == 0.05
+
+
+def test_depths_to_be_found_count_as_the_numbers_until_they_are() -> None:
+    job = Job(levels={"depths": "found", "roughing_depth": 0.4})
+    assert job.levels.found
+    assert job.levels.cuts == ((0.1,) * 4, 0.4)
+    assert not job.is_finishing(4)
+    with pytest.raises(JobError, match="fewest"):
+        Job(levels={"depths": "found", "schedule": "fewest"})
+
+
+def test_cuts_that_follow_no_level_are_no_deeper_than_the_roughing_depth() -> None:
+    deep, shallow = Job(levels={"depths": "0.1 1"}), Job(levels={"depths": "0.1 0.3"})
+    assert (deep.levels.layer_depth, shallow.levels.layer_depth) == (0.5, 0.3)
 
 
 def test_depths_that_are_no_numbers_are_refused_with_an_example() -> None:

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 from bonecam.errors import JobError
 from bonecam.job.parameter import JobSection, check, is_list, parameter
@@ -12,15 +13,21 @@ MOST_LEVELS = 2000
 """A number of cuts, or of depths in a list, beyond this is refused: a mistaken depth or unit."""
 
 
+DEFAULT_NUMBERS = (4, 0.5)
+"""Finishing levels, and roughing depth (mm), of Gan et al. (2014)."""
+FOUND = "found"
+"""Instead of depths: they are found."""
+
+
 def depths_from_text(text: str) -> tuple[float, ...]:
-    """The depths (mm) that `depths` states, none in an empty text; ValueError with the remedy where it is no list of
-    positive numbers."""
-    if not text.strip():
+    """The depths (mm) that `depths` states, none in an empty text or where they are FOUND; ValueError with the remedy
+    where it is no list of positive numbers."""
+    if text.strip() in ("", FOUND):
         return ()
     try:
         depths = tuple(number(word) for word in text.replace(",", " ").split())
     except ValueError as error:
-        raise ValueError("give numbers like '0.1 0.1 0.5'") from error
+        raise ValueError(f"give numbers like '0.1 0.1 0.5', or '{FOUND}'") from error
     if len(depths) > MOST_LEVELS:
         raise ValueError(f"give at most {MOST_LEVELS}; the last holds for all others")
     if not depths or not all(0 < depth < math.inf for depth in depths):
@@ -44,26 +51,42 @@ class LevelsJob(JobSection):
         high=5.0,
     )
     finishing_levels: int = parameter(
-        4,
+        DEFAULT_NUMBERS[0],
         "Finishing levels",
         "Number of levels next to the part that are cut at the finishing depth.",
         low=0,
         high=50,
     )
     roughing_depth: float = parameter(
-        0.5, "Roughing depth", "Largest cutting depth of the other levels.", unit="mm", low=0.01, high=20.0
+        DEFAULT_NUMBERS[1],
+        "Roughing depth",
+        "Largest cutting depth of the other levels; of cuts that follow no level always.",
+        unit="mm",
+        low=0.01,
+        high=20.0,
     )
     schedule: str = parameter(
-        "numbers",
+        "automatic",
         "Schedule",
-        "numbers: finishing_levels cuts at the finishing depth; fewest: all cuts at the roughing depth.",
-        choices=("numbers", "fewest"),
+        "numbers: finishing_levels cuts at the finishing depth, the others at the roughing depth; fewest: all cuts at "
+        "the roughing depth; automatic: as depths = 'found' has them where the neck is found too and neither number "
+        "is stated, else numbers.",
+        choices=("automatic", "numbers", "fewest"),
     )
     depths: str = parameter(
         "",
         "Depths",
-        "Depths (mm) of the cuts from the part outwards instead, like '0.1 0.1 0.3 0.5'; the last one repeats.",
+        "Depths (mm) of the cuts from the part outwards instead, like '0.1 0.1 0.3 0.5'; the last one repeats. found: "
+        "the fewest that ball, neck and part bear, the cut onto the part at the finishing depth.",
         form=depths_from_text,
+    )
+    scallop_share: float = parameter(
+        0.0,
+        "Scallop share",
+        "Before a roughing cut a level may keep scallops of this share of its depth, where that is more than "
+        "roughing.scallop; 0.1 where depths are found.",
+        low=0.0,
+        high=0.5,
     )
     most_cuts: int = parameter(
         250, "Most cuts", "A stock that needs more cuts than this is refused.", low=1, high=2000
@@ -109,6 +132,12 @@ class LevelsJob(JobSection):
         high=1.0,
     )
 
+    def completed(self, values: dict[str, Any]) -> dict[str, Any]:
+        """The values by name that other depths are stated with: a number that is stated holds, though it be that of the
+        default."""
+        stated = bool(values.keys() & {"finishing_levels", "roughing_depth"})
+        return {"schedule": "numbers", **values} if stated and self.schedule == "automatic" else values
+
     def __post_init__(self) -> None:
         if not isinstance(self.depths, str):
             several = list(self.depths) if is_list(self.depths) else [self.depths]
@@ -120,13 +149,39 @@ class LevelsJob(JobSection):
             raise self._depths_error("they give every cut, schedule = 'fewest' too: leave one of them out")
 
     @property
+    def found(self) -> bool:
+        """Whether the depths are to be found; until then `cuts` are those of the numbers."""
+        return self.depths.strip() == FOUND
+
+    @property
+    def automatic(self) -> bool:
+        """Whether the depths may be found: nothing of them is stated but the finishing depth."""
+        numbers = self.finishing_levels, self.roughing_depth
+        return self.schedule == "automatic" and not self.depths.strip() and numbers == DEFAULT_NUMBERS
+
+    @property
+    def listed(self) -> tuple[float, ...]:
+        """The depths (mm) that are stated one by one, if any."""
+        return depths_from_text(self.depths)
+
+    @property
     def cuts(self) -> tuple[tuple[float, ...], float]:
         """Depths (mm) of the first cuts, from the part outwards, and the depth of all others."""
-        if self.depths.strip():
-            *first, beyond = depths_from_text(self.depths)
+        if self.listed:
+            *first, beyond = self.listed
             return tuple(first), beyond
-        count = self.finishing_levels if self.schedule == "numbers" else 0
+        count = 0 if self.schedule == "fewest" else self.finishing_levels
         return (self.finishing_depth,) * count, self.roughing_depth
+
+    def depth_onto(self, level: int) -> float:
+        """Depth (mm) of the cut that leaves a level."""
+        first, beyond = self.cuts
+        return first[level] if level < len(first) else beyond
+
+    @property
+    def layer_depth(self) -> float:
+        """Depth (mm) of cuts that follow no level: in layers, and of a groove, which meet material on both sides."""
+        return min(self.cuts[1], self.roughing_depth)
 
     def _depths_error(self, why: str) -> JobError:
         return JobError(f"depths = {shown(self.depths)}: {why}", field="depths")

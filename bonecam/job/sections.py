@@ -145,14 +145,16 @@ class Job:
         return max([*first, beyond]) if name == "roughing" else self.levels.finishing_depth
 
     def scallop(self, level: int) -> float:
-        """Largest scallop (mm) that the path of a level leaves: that of its cutter, but as the next cut takes it off,
-        SMOOTH_SHARE of that cut's depth before a finishing one; a roughing cutter leaves no more, a finishing one no
-        less."""
+        """Largest scallop (mm) that the path of a level leaves: that of its cutter; before a finishing cut SMOOTH_SHARE
+        of its depth, of a roughing cutter no more than its own, of a finishing one no less; before a roughing cut
+        `levels.scallop_share` of its depth, if that is more."""
         tool = self.finishing if self.is_finishing(level) else self.roughing
-        if level <= 0 or not self.is_finishing(level - 1):
+        if level <= 0:
             return tool.scallop
-        share = SMOOTH_SHARE * self.levels.finishing_depth
-        return max(tool.scallop, share) if self.is_finishing(level) else min(tool.scallop, share)
+        if self.is_finishing(level - 1):
+            share = SMOOTH_SHARE * self.levels.finishing_depth
+            return max(tool.scallop, share) if self.is_finishing(level) else min(tool.scallop, share)
+        return max(tool.scallop, self.levels.scallop_share * self.levels.depth_onto(level - 1))
 
     def is_finishing(self, level: int) -> bool:
         """Whether the finishing cutter machines a level: level 0 (the part), and cuts of at most the
@@ -160,12 +162,10 @@ class Job:
 
         `finishing_levels` cuts next to the part are such cuts, unless `depths` lists the depth of each cut.
         """
-        first, beyond = self.levels.cuts
         if level <= 0:
             return level == 0
-        if level < len(first):
-            return first[level] <= self.levels.finishing_depth
-        return bool(self.levels.depths.strip()) and beyond <= self.levels.finishing_depth
+        counted = self.levels.listed or level < len(self.levels.cuts[0])
+        return bool(counted) and self.levels.depth_onto(level) <= self.levels.finishing_depth
 
 
 def _refusing_unknown(init: Callable[..., None]) -> Callable[..., None]:
@@ -198,7 +198,7 @@ def _changed(name: str, section: Any, values: object) -> Any:
         (name, key, f"[{name}] knows no {key!r}{did_you_mean(key, known)}: {remedy}") for key in unknown
     ]
     try:
-        if isinstance(section, ToolJob):
+        if isinstance(section, ToolJob | LevelsJob):
             values = section.completed(values)
         made = replace(section, **{key: value for key, value in values.items() if key in known})
     except JobError as error:

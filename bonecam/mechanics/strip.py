@@ -32,8 +32,10 @@ def strip_force(force: CuttingForce, radius: float, depth: float, scallop: float
 def job_strip_force(force: CuttingForce, job: Job, name: str) -> float:
     """The force (N) of the deepest strip of the cutter "roughing" or "finishing" of a job."""
     tool = job.tool(name)
+    depth = job.deepest(name)
     chip = tool.feed / (tool.spindle * job.mechanics.flutes)
-    return strip_force(force, tool.radius, job.deepest(name), tool.scallop, chip)
+    scallop = max(tool.scallop, job.levels.scallop_share * depth) if name == "roughing" else tool.scallop
+    return strip_force(force, tool.radius, depth, scallop, chip)
 
 
 def lighter_cuts(force: CuttingForce, job: Job) -> tuple[tuple[str, float], ...]:

@@ -67,6 +67,10 @@ def post_lines(post: Mapping[str, Any] | None) -> Iterator[str]:
             sizes = f"{column['diameter_mm']:g} mm, z {column['from_mm']:g} to {column['to_mm']:g}"
             yield f"          on a {name} of {sizes}"
         yield from _neck_lines(post.get("necks", ()))
+        if post.get("depths_found"):
+            *first, beyond = post["depths_found"]
+            near = f"{', '.join(f'{depth:g}' for depth in first)}, then " if first else ""
+            yield f"          bears cuts of {near}{beyond:g} mm"
         if "footprint_mm2" in post:
             yield f"          {post['footprint_mm2']:.1f} mm2 of the part stay under it"
         yield from _tailstock_lines(post.get("tailstock"))

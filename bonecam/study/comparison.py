@@ -100,15 +100,18 @@ def _base(
     """Part, surface, stock, holding and the levels of the job; where these fail, without them and with the reason.
 
     Sizes of the holding that the job leaves open are found for tools that lie level, where a strategy has such: they
-    need more room above the clamping than those of a morph, which then stand on the same.
+    need more room above the clamping than those of a morph, which then stand on the same. Depths of cuts are those of
+    the numbers, for all strategies, unless the job asks for others.
     """
+    if job.levels.automatic:
+        job = job.with_values(levels={"schedule": "numbers"})
     layers = [strategy for strategy in chosen if not strategy.is_morph]
     first = (layers or [MORPH])[0]
     times, share = StageTimes(), part(progress, 0.2, 1.0)
     standing = stand_part(given, first.job(job), machine, times, part(progress, 0.0, 0.2))
     failure = None
     if len(layers) < len(chosen):
-        morph = MORPH.job(replace(job, holding=standing.job.holding))
+        morph = MORPH.job(replace(job, holding=standing.job.holding, levels=standing.job.levels))
         try:
             return morph_standing(replace(standing, job=morph), None, times, share), None
         except LevelError as error:

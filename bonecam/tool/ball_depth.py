@@ -26,6 +26,6 @@ def check_depths(job: Job) -> None:
 def _depth_field(job: Job, level: int, first: int) -> str:
     """The field of the levels' job that gives the depth of a level's cut, where `first` depths are listed
     apart."""
-    if job.levels.depths.strip():
+    if job.levels.listed:
         return "depths"
     return "finishing_depth" if level < first else "roughing_depth"

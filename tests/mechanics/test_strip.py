@@ -33,6 +33,16 @@ def test_a_slot_without_scallops_takes_half_of_the_ball() -> None:
         assert strip_force(FORCE, 2.0, depth, 0.0, 0.1) == pytest.approx(np.linalg.norm(cut))
 
 
+def test_wider_scallops_of_deep_roughing_cuts_count() -> None:
+    deep = {"levels": {"depths": "0.1 1"}}
+    narrow, wide = Job(**deep), Job(levels={"depths": "0.1 1", "scallop_share": 0.2})
+    stated = Job(**deep, roughing={"scallop": 0.2})
+    for name, ratio in (("roughing", 1.15), ("finishing", 1.0)):
+        forces = [job_strip_force(FORCE, job, name) for job in (narrow, wide, stated)]
+        assert forces[1] == pytest.approx(forces[2])
+        assert forces[1] == pytest.approx(ratio * forces[0], rel=0.05)
+
+
 def test_shallower_cuts_take_less_and_less_of_the_force_at_the_feed_that_they_have() -> None:
     job = Job(levels={"finishing_depth": 0.3}, finishing={"scallop": 0.1})
     found = lighter_cuts(FORCE, job)

@@ -11,5 +11,5 @@ MOST_LAYERS = 2000
 def layer_limits(job: Job) -> dict[int, float]:
     """The largest depth (mm) of the cut on each layer, counted from the last one as 0."""
     finishing = FINISHING_LAYERS[job.path.strategy]
-    fine, rough = job.levels.finishing_depth, job.levels.cuts[1]
+    fine, rough = job.levels.finishing_depth, job.levels.layer_depth
     return {index: fine if index < finishing else rough for index in range(MOST_LAYERS)}

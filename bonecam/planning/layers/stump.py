@@ -80,7 +80,7 @@ def stump_layers(
     chart, (roughing, finishing) = material.chart, cutters
     low = float((places @ chart.axes(chart.a[:1])[0]).min())
     top = float(material.tops.max()) + CELL
-    tips = np.linspace(top, low, 1 + int(np.ceil((top - low) / job.levels.cuts[1])))
+    tips = np.linspace(top, low, 1 + int(np.ceil((top - low) / job.levels.layer_depth)))
     count = 1 + int(np.ceil(np.ptp(chart.b) / flat_step(roughing.radius, roughing.scallop)))
     ends = chart.a[[0, -1]]
     sets = [

@@ -97,7 +97,7 @@ def _rough_side(
     top = side.top + cutter.radius
     lowest = side.floor + cutter.radius
     rests = drop_balls(side.chart, a, b, ball, top, lowest - 1.0).reshape(material.tops.shape)
-    count = int(np.ceil((side.top - side.floor) / job.levels.cuts[1]))
+    count = int(np.ceil((side.top - side.floor) / job.levels.layer_depth))
     rough = Rough(cutter, job.path.least_depth, job.path.chord_tolerance, 1.0)
     step = flat_step(cutter.radius, cutter.scallop)
     layers = []

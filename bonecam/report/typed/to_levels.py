@@ -154,5 +154,6 @@ class PostFigures(TypedDict):
     neck_mm: NotRequired[float]
     held_by: NotRequired[dict[str, ColumnFigures]]
     necks: NotRequired[list[NeckFigures]]
+    depths_found: NotRequired[list[float]]
     remedies: NotRequired[list[ShorteningFigures]]
     shorter: NotRequired[list[ShorterFigures]]

@@ -46,7 +46,7 @@ def cutters_of(job: Job, machine: Machine) -> list[Cutter]:
 
 def depth_limits(job: Job, levels: Sequence[Level]) -> dict[int, float]:
     """The largest depth (mm) of the cut on each level, or on each layer of a strategy in layers, and of PARTING."""
-    parting = {PARTING: job.levels.cuts[1]}
+    parting = {PARTING: job.levels.layer_depth}
     if job.path.strategy == "morph":
         return parting | {index: levels[index + 1].limit for index in range(len(levels) - 1)}
     return parting | layer_limits(job)
@@ -61,7 +61,7 @@ def level_scallops(job: Job, levels: int) -> dict[int, float]:
 def stump_limits(text: str, motions: Motions, dialect: Dialect, job: Job) -> dict[int, float]:
     """The largest depth (mm) of the cut on each layer of a second clamping's program: that of the cutter, as its `text`
     and its `motions` tell."""
-    depths = {"roughing": job.levels.cuts[1], "finishing": job.levels.finishing_depth}
+    depths = {"roughing": job.levels.layer_depth, "finishing": job.levels.finishing_depth}
     limit_of = {number: depths[name] for number, name in enumerate(job.cutter_names, 1) if name in depths}
     groups = groups_of(text, motions, dialect)
     return {group.level: limit_of[group.tool] for group in groups if group.level is not None}

@@ -1,0 +1,162 @@
+"""Depths that are found are the deepest that ball, neck and part bear, cut by cut from the part outwards."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bonecam.errors import JobError
+from bonecam.job import Job, LevelsJob, read_job, write_job
+from bonecam.machine.machine import read_machine
+from bonecam.mechanics.cutter import cutter_compliance
+from bonecam.mechanics.strip import job_strip_force
+from bonecam.mechanics.workpiece import mechanics_of_job
+from bonecam.mesh.part import Part
+from bonecam.mesh.solids.revolution import cylinder
+from bonecam.nc.posting.rotary.machine_limits import machine_limits
+from bonecam.planning.holding.found_depths import (
+    BALL_SHARE,
+    SCALLOP_SHARE,
+    depths_report,
+    found_depths,
+    leaves_depths_open,
+    preferred_depths,
+    with_found_depths,
+)
+from bonecam.planning.holding.neck import PEAK_SHARE, YIELD_SHARE, finished_beam, normal_compliance
+from bonecam.report.mechanics_lines import post_lines
+from bonecam.setup.capsule import Capsule
+from bonecam.setup.placement import Setup
+from bonecam.setup.schedule import schedule_of
+from bonecam.tool.cutter import Cutter
+from bonecam.workholding.post import Post
+
+LIMITS = machine_limits(read_machine("mikron-ucp600"))
+HOLDING = {
+    "diameter": 6.0,
+    "chuck_diameter": 28.0,
+    "chuck_height": 100.0,
+    "stub_diameter": 13.0,
+    "stub_length": 15.0,
+}
+FOUND = Job(levels={"depths": "found"}, holding=HOLDING)
+RADIUS, LOW, TOP = 6.0, 120.0, 150.0
+TRIED = preferred_depths(0.1, 1.0)
+
+
+def read_job_of(text: str, folder: Path) -> Job:
+    """The job of a text."""
+    file = folder / "job.toml"
+    file.write_text(text)
+    return read_job(file)
+
+
+@pytest.fixture(scope="module")
+def setup() -> Setup:
+    """A bar of 12 x 30 mm on its neck, in a stock 5 mm larger all round."""
+    stock = Capsule(np.array([0.0, 0, LOW]), np.array([0.0, 0, TOP]), RADIUS + 5)
+    mesh = cylinder(RADIUS, LOW, TOP, 0.01)
+    part = Part(mesh, "", len(mesh.faces), "mm", (), np.eye(4), mesh)
+    return Setup(part, stock, Post(3.0, LOW), schedule_of(FOUND.levels))
+
+
+def borne(job: Job, setup: Setup, depth: float, under: float) -> bool:
+    """Whether the roughing cut of a depth holds by the beam, by hand."""
+    stiffness, force = mechanics_of_job(job)
+    one = job.with_values(
+        levels={"depths": f"{depth}"}, roughing={"scallop": max(0.05, SCALLOP_SHARE * depth)}
+    )
+    peak = PEAK_SHARE * job_strip_force(force, one, "roughing")
+    beam = finished_beam(setup.part.mesh, setup.post, job.holding, stiffness)
+    tool = cutter_compliance(Cutter.from_job(1, "roughing", one.tool("roughing"), LIMITS.bodies.nose))
+    side = np.array([[peak, 0.0, 0.0]])
+    stress = float(beam.moment_stress(side, np.array([[0.0, 0.0, (LOW + TOP) / 2]]))[0])
+    bent = peak * (normal_compliance(beam, setup.part.mesh) + tool)
+    return bent <= under and stress <= YIELD_SHARE * stiffness.yield_strength
+
+
+@pytest.mark.parametrize("material", ["aluminium", "titanium", "peek"])
+def test_each_cut_is_the_deepest_that_is_borne_over_those_inside_it(setup: Setup, material: str) -> None:
+    job = FOUND.with_values(material={"name": material})
+    made = with_found_depths(setup, job, LIMITS)
+    depths = made.levels.listed
+    tried = preferred_depths(0.1, BALL_SHARE * job.roughing.radius)
+    assert depths[0] == job.levels.finishing_depth
+    assert list(depths) == sorted(depths)
+    for k, depth in enumerate(depths[1:], 1):
+        under = sum(depths[:k])
+        deepest = max([d for d in tried if borne(job, setup, d, under)], default=depths[k - 1])
+        assert depth == pytest.approx(max(deepest, depths[k - 1]))
+    assert made.scallop(len(depths)) == pytest.approx(max(0.05, SCALLOP_SHARE * depths[-1]))
+
+
+def test_a_softer_part_is_cut_in_more_and_thinner_cuts(setup: Setup) -> None:
+    hard, soft = (
+        with_found_depths(setup, FOUND.with_values(material={"name": name}), LIMITS).levels
+        for name in ("aluminium", "peek")
+    )
+    assert len(soft.listed) > len(hard.listed)
+    assert schedule_of(soft).lower_bound(5.0) > schedule_of(hard).lower_bound(5.0)
+
+
+def test_a_neck_near_its_strength_keeps_all_cuts_shallow(setup: Setup) -> None:
+    thin = FOUND.with_values(holding={"diameter": 3.0})
+    depths = with_found_depths(replace(setup, post=Post(1.5, LOW)), thin, LIMITS).levels.listed
+    assert depths[-1] < BALL_SHARE * FOUND.roughing.radius
+
+
+@pytest.mark.parametrize(
+    ("changes", "found"),
+    [
+        ({}, True),
+        ({"levels": {"finishing_depth": 0.2}}, True),
+        ({"levels": {"roughing_depth": 0.5}}, False),
+        ({"levels": {"finishing_levels": 2}}, False),
+        ({"levels": {"depths": "0.1 0.3"}}, False),
+        ({"levels": {"schedule": "fewest"}}, False),
+        ({"levels": {"method": "published"}}, False),
+        ({"path": {"pattern": "published"}}, False),
+        ({"path": {"strategy": "rotary"}}, False),
+        ({"levels": {"depths": "found"}, "path": {"strategy": "rotary"}}, True),
+    ],
+)
+def test_depths_are_found_where_none_is_stated(
+    changes: dict[str, dict[str, object]], found: bool, tmp_path: Path
+) -> None:
+    job = Job().with_values(**changes)
+    assert leaves_depths_open(job, neck_found=True) == found
+    assert leaves_depths_open(job, neck_found=False) == job.levels.found
+    assert leaves_depths_open(read_job_of(write_job(job), tmp_path), neck_found=True) == found
+
+
+def test_numbers_that_are_given_to_the_section_itself_hold() -> None:
+    assert not leaves_depths_open(Job(levels=LevelsJob(roughing_depth=1.0)), neck_found=True)
+
+
+def test_a_material_of_unknown_stiffness_bears_no_depth(setup: Setup, tmp_path: Path) -> None:
+    file = tmp_path / "wax.toml"
+    file.write_text('title = "wax"\nspindle = 4500.0\nfeed = 900.0\nsource = "s"\nrange = "r"\nnote = "n"\n')
+    with pytest.raises(JobError, match=r"no table \[stiffness\]"):
+        with_found_depths(setup, FOUND.with_values(material={"name": str(file)}), LIMITS)
+
+
+def test_depths_grow_with_what_stands_under_them() -> None:
+    assert found_depths(0.1, TRIED, 50.0, lambda depth, under: depth <= 2 * under) == (0.1, 0.2, 0.5, 1.0)
+    assert found_depths(0.1, TRIED, 50.0, lambda depth, under: under >= 0.3) == (0.1, 0.1, 0.1, 1.0)
+    assert found_depths(0.1, TRIED, 50.0, lambda depth, under: depth < 0.45) == (0.1, 0.4)
+    assert found_depths(0.1, TRIED, 0.5, lambda *_: False) == (0.1,)
+    assert found_depths(0.1, [], 50.0, lambda *_: True) == (0.1,)
+
+
+def test_preferred_depths_lie_between_the_finishing_cut_and_the_deepest() -> None:
+    assert TRIED == [0.125, 0.16, 0.2, 0.25, 0.315, 0.4, 0.5, 0.63, 0.8, 1.0]
+    assert preferred_depths(0.3, 0.375) == [0.315, 0.375]
+    assert preferred_depths(1.0, 0.5) == []
+
+
+def test_the_summary_tells_the_depths_that_were_found() -> None:
+    told = {"diameter_mm": 6.0, "length_mm": 3.0}
+    made = FOUND.with_values(levels={"depths": "0.1 0.25 1"})
+    assert "          bears cuts of 0.1, 0.25, then 1 mm" in post_lines(told | depths_report(made))
+    assert not any("bears" in line for line in post_lines(told))
