@@ -15,6 +15,7 @@ from bonecam.mechanics.workpiece import mechanics_of_job
 from bonecam.mesh.part import Part
 from bonecam.mesh.solids.revolution import cylinder
 from bonecam.nc.posting.rotary.machine_limits import machine_limits
+from bonecam.planning.holding.finished_beam import finished_beam, normal_compliance
 from bonecam.planning.holding.found_depths import (
     BALL_SHARE,
     SCALLOP_SHARE,
@@ -24,7 +25,7 @@ from bonecam.planning.holding.found_depths import (
     preferred_depths,
     with_found_depths,
 )
-from bonecam.planning.holding.neck import PEAK_SHARE, YIELD_SHARE, finished_beam, normal_compliance
+from bonecam.planning.holding.neck import PEAK_SHARE, YIELD_SHARE
 from bonecam.report.mechanics_lines import post_lines
 from bonecam.setup.capsule import Capsule
 from bonecam.setup.placement import Setup
