@@ -13,8 +13,8 @@ PROFILE = np.array([[0.0, -3.0], [14.0, -3.0], [14.0, 0.0], [6.0, 10.0], [0.0, 1
 """Of the hub, rows (radius, height), mm."""
 HEIGHT, HALF = 2.4, 0.8
 """Of the blades over the hub, and half their thickness, mm."""
-EDGES = (0.12, 0.88)
-"""Where the blades begin and end, shares of the way up the hub's cone."""
+EDGES = (0.12, 0.94)
+"""Where the blades begin and end, shares of the way up the hub's cone; it ends less than a ball beyond them."""
 
 
 def sections(half: float = HALF) -> list[Float[ndarray, "n 3"]]:
@@ -46,7 +46,9 @@ def job() -> bonecam.Job:
     tool = {
         "radius": 1.5,
         "flute_length": 4.0,
-        "shank_diameter": 2.4,
+        "neck_diameter": 2.4,
+        "neck_length": 12.0,
+        "shank_diameter": 5.0,
         "overhang": 30.0,
         "holder_diameter": 16.0,
         "scallop": 0.3,

@@ -1,6 +1,7 @@
 """The removal of the program of a wheel from its turned blank."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from bonecam.nc.dialect import Dialect
 from bonecam.progress import Progress, silent
 from bonecam.setup.turned_blank import TurnedBlank
 from bonecam.surface.blades.impeller import pose_about_z
-from bonecam.surface.blades.meridian import meridional, places_on
+from bonecam.surface.blades.meridian import meridional, places_on, point_at, revolved
 from bonecam.surface.blades.wheel import Wheel, repeated
 from bonecam.surface.tspline import TSpline
 from bonecam.verify.removal.normal_probes import NormalProbes, normal_probes_on
@@ -29,6 +30,10 @@ from bonecam.workholding.post import Post
 
 ABOVE = 0.1
 """The hub is bare where no blade is this far above it, mm."""
+ROUGH = 0.05
+"""The floor of a channel lies so near to the hub that it stands for, mm: within the facets of the hub's mesh."""
+DEEP = 0.3
+"""Probes stand so far from the hub's edges, mm: beside one a ball that cuts no hub crosses their lines."""
 CHORD = 0.01
 """Chord tolerance, mm, of the blades at whose vertices normal probes stand, and of what holds the wheel."""
 
@@ -70,19 +75,35 @@ def prove_removal_of_wheel(
 def wheel_probes(wheel: Wheel, floor: TSpline) -> NormalProbes:
     """Normal probes on both sides of every blade and on the hub between them; `floor` is the surface of that in one
     channel, which reaches beyond the hub's ends."""
-    blade, hub = normal_probes_on(wheel.blade, CHORD), normal_probes_on(floor, CHORD)
-    low, high = wheel.flow
-    places = places_on(wheel.profile, meridional(hub.points))
-    bare = (places > low) & (places < high)
-    beside = MeshDistance(repeated(wheel.coarse_blade, wheel.count))
-    above = hub.points + ABOVE * hub.normals
-    bare[bare] = ~beside.inside(above[bare])
-    faces = bare[hub.mesh.faces].all(axis=1)
-    used = np.unique(hub.mesh.faces[faces])
-    mesh = side_by_side([blade.mesh, keep_faces(hub.mesh, faces)])
-    points = np.vstack([blade.points, hub.points[used]])
-    normals = np.vstack([blade.normals, hub.normals[used]])
-    one = NormalProbes(mesh, points, normals, np.r_[blade.areas, hub.areas[used]])
+    one = _side_by_side(normal_probes_on(wheel.blade, CHORD), _hub_probes(wheel, floor))
     moved = [one.move(pose_about_z(2 * np.pi * k / wheel.count)) for k in range(wheel.count)]
     points, normals = np.vstack([each.points for each in moved]), np.vstack([each.normals for each in moved])
-    return NormalProbes(repeated(mesh, wheel.count), points, normals, np.tile(one.areas, wheel.count))
+    return NormalProbes(repeated(one.mesh, wheel.count), points, normals, np.tile(one.areas, wheel.count))
+
+
+def _hub_probes(wheel: Wheel, floor: TSpline) -> NormalProbes:
+    """Normal probes on the hub itself below a `floor`, where no blade stands on it; none where the floor, which goes
+    straight on beyond the blades, is no longer on the hub."""
+    on_floor = normal_probes_on(floor, CHORD)
+    curve = meridional(on_floor.points)
+    places = places_on(wheel.profile, curve)
+    foot = point_at(wheel.profile, places)
+    points = np.column_stack([on_floor.points[:, :2] * (foot[:, :1] / curve[:, :1]), foot[:, 1]])
+    low, high = wheel.flow
+    bare = (places > low) & (places < high) & (np.linalg.norm(curve - foot, axis=1) < ROUGH)
+    hub = MeshDistance(revolved(wheel.profile, CHORD))
+    bare[bare] = hub.signed((points - DEEP * on_floor.normals)[bare]) < -0.8 * DEEP
+    beside = MeshDistance(repeated(wheel.coarse_blade, wheel.count))
+    bare[bare] = ~beside.inside((points + ABOVE * on_floor.normals)[bare])
+    faces = bare[on_floor.mesh.faces].all(axis=1)
+    used = np.unique(on_floor.mesh.faces[faces])
+    mesh = keep_faces(replace(on_floor.mesh, vertices=points), faces)
+    return NormalProbes(mesh, points[used], on_floor.normals[used], on_floor.areas[used])
+
+
+def _side_by_side(*probes: NormalProbes) -> NormalProbes:
+    """Normal probes that nothing has cut, of several surfaces."""
+    stacked = (np.vstack([each.points for each in probes]), np.vstack([each.normals for each in probes]))
+    return NormalProbes(
+        side_by_side([each.mesh for each in probes]), *stacked, np.hstack([each.areas for each in probes])
+    )
