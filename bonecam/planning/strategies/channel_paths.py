@@ -7,6 +7,7 @@ what stands is, everywhere, no higher than the level before, which is what shank
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -74,15 +75,23 @@ class ChannelPlanner:
     def _left(self, level: MachinedLevel) -> "_Body":
         """What is left where all channels are cut to a level: the blades with their allowance, and what lies under
         the level."""
-        wheel = self.channel.wheel
-        chord = min(CHORD, self.job.levels.finishing_depth / 4)
-        blades = wheel.grown_blades(self.job.levels.finishing_depth - 2 * chord, chord)
-        hub = revolved(wheel.profile, CHORD, wheel.count)
         if not level.index:
-            return _Body(solid_union([hub, *blades, *wheel.others]), chord + self._cusp)
+            return _Body(self._finished, self._blade_chord + self._cusp)
         profile, above = self.channel.under(level.surface)
-        under = revolved(profile, CHORD, wheel.count)
-        return _Body(solid_union([under, hub, *blades, *wheel.others]), above + CHORD + self._cusp)
+        under = revolved(profile, CHORD, self.channel.wheel.count)
+        return _Body(solid_union([under, self._finished]), above + CHORD + self._cusp)
+
+    @cached_property
+    def _finished(self) -> TriangleMesh:
+        """Hub and others, and the blades with their allowance."""
+        wheel, chord = self.channel.wheel, self._blade_chord
+        blades = wheel.grown_blades(self.job.levels.finishing_depth - 2 * chord, chord)
+        return solid_union([revolved(wheel.profile, CHORD, wheel.count), *blades, *wheel.others])
+
+    @property
+    def _blade_chord(self) -> float:
+        """Chord tolerance of the blades with their allowance, mm."""
+        return min(CHORD, self.job.levels.finishing_depth / 4)
 
     @property
     def _cusp(self) -> float:
