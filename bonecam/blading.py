@@ -100,11 +100,11 @@ def blades(
     times = StageTimes()
     with times.stage("surface"), naming(name):
         refuse_changes(job.mesh, name)
-        surface = read_blade(blade, job.mesh.units, job.surface.tolerance, columns=columns, axis=axis)
+        surface, edge = read_blade(blade, job.mesh.units, job.surface.tolerance, columns=columns, axis=axis)
         check_surface_size(surface, name)
         profile = read_hub(hub, surface, job.mesh.units, columns=hub_columns, axis=axis)
         others = [read_solid(solid, job.mesh.units) for solid in obstacles]
-        wheel = wheel_of(surface, profile, count, others)
+        wheel = wheel_of(surface, profile, count, others, edge)
         require_room(wheel, job)
     with naming(name):
         plan = _planned(wheel, job, machine, times, progress)

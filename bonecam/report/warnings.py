@@ -148,6 +148,16 @@ def _fit(report: Sections, job: Job) -> Iterator[Warned]:
         yield Warned("fit", text, away, tolerance, job.surface.largest_deviation, remedy)
 
 
+def _blunt_edge(report: Sections, job: Job) -> Iterator[Warned]:
+    """Blunt edges of a wheel's blades, which were rounded."""
+    width = report.get("wheel", {}).get("blunt_edge_mm", 0.0)
+    if width:
+        text = f"the blades' blunt edge, up to {width:.2f} mm wide, is rounded by half circles that stand out of it"
+        yield Warned(
+            "blunt_edge", text, width, 0.0, None, "turn it off afterwards, or give sections with their edge"
+        )
+
+
 def _bending(report: Sections, job: Job) -> Iterator[Warned]:
     """What bends beyond what the job allows, or nearly; or that it was not asked."""
     mechanics = report.get("mechanics")
@@ -210,6 +220,7 @@ KINDS: tuple[Callable[[Sections, Job], Iterator[Warned]], ...] = (
     _slender,
     _hole,
     _fit,
+    _blunt_edge,
     _depth,
 )
 """What is asked of a report and its job, the gravest first."""

@@ -63,6 +63,7 @@ def wheel_figures(
     about = {
         "blades": wheel.count,
         "gap_mm": round(gap, 3),
+        "blunt_edge_mm": round(wheel.edge, 3),
         "gap_place": [round(float(x), 3) for x in place],
         "blank_diameter_mm": round(blank.diameter, 3),
         "blank_profile_mm": blank.profile.round(4).tolist(),

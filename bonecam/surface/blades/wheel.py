@@ -1,7 +1,7 @@
 """A wheel of equal blades round a hub of revolution, from one of its blades."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -31,12 +31,14 @@ COARSE = 0.05
 class Wheel:
     """The `blade` (closed round s, from hub to tip along t), `count` of them a pitch apart, and the `profile` of the
     solid hub, rows (radius, height) in mm from its lower pole to its upper one. `others` are further closed solids that
-    repeat as the blades do, such as splitters."""
+    repeat as the blades do, such as splitters. `edge` is the width of a blunt edge of the blades that was rounded,
+    mm."""
 
     blade: TSpline
     count: int
     profile: Float[ndarray, "n 2"]
     others: tuple[TriangleMesh, ...] = field(default=())
+    edge: float = 0.0
 
     @property
     def pitch(self) -> float:
@@ -67,9 +69,8 @@ class Wheel:
         pose = np.eye(4)
         pose[2, 3] = height
         others = tuple(solid.move(pose) for solid in self.others)
-        return Wheel(
-            self.blade.with_control_points(points), self.count, self.profile + np.array([0.0, height]), others
-        )
+        blade, profile = self.blade.with_control_points(points), self.profile + np.array([0.0, height])
+        return replace(self, blade=blade, profile=profile, others=others)
 
     def grown_blades(self, allowance: float, chord_tolerance: float = COARSE) -> list[TriangleMesh]:
         """Blades that hold the true ones and `allowance` mm on them everywhere, in the order of their azimuth; meshed
@@ -117,17 +118,21 @@ def repeated(mesh: TriangleMesh, count: int) -> TriangleMesh:
 
 
 def wheel_of(
-    blade: TSpline, profile: Float[ndarray, "n 2"], count: int, others: Sequence[TriangleMesh] = ()
+    blade: TSpline,
+    profile: Float[ndarray, "n 2"],
+    count: int,
+    others: Sequence[TriangleMesh] = (),
+    edge: float = 0.0,
 ) -> Wheel:
-    """The wheel of `count` blades. SurfaceError where the blade is not closed round, the `others` do not repeat from
-    pitch to pitch, or neighbours overlap."""
+    """The wheel of `count` blades, whose blunt edge of this width was rounded. SurfaceError where the blade is not
+    closed round, the `others` do not repeat from pitch to pitch, or neighbours overlap."""
     if not 2 <= count <= MOST_BLADES:
         raise SurfaceError(f"{count} blades: give from 2 to {MOST_BLADES}")
     if not blade.closed_in_s or all(blade.poles):
         raise SurfaceError(
             "the blade is not closed round from hub to tip: give sections that run round both of its sides"
         )
-    wheel = Wheel(blade, count, profile, tuple(others))
+    wheel = Wheel(blade, count, profile, tuple(others), edge)
     foot, tip = (np.median(wheel.off_hub(end)) for end in blade.domain[1])
     if not foot < tip:
         raise SurfaceError("the blade's sections run from its tip to the hub: give them from the hub on")

@@ -12,6 +12,7 @@ from bonecam.mesh.files.point_files import POINTS
 from bonecam.mesh.triangle_mesh import MeshLike, TriangleMesh, mesh_from
 from bonecam.mesh.units import MM_OF, to_mm
 from bonecam.surface.blades.blade_solid import blade_solid
+from bonecam.surface.blades.blunt_edge import rounded_edge, widest_edge
 from bonecam.surface.blades.flow_path import MERIDIONAL, read_flow_path
 from bonecam.surface.blades.impeller import limits_beside, profile_over, thinned
 from bonecam.surface.blades.meridian import hub_profile, meridional, stretch
@@ -31,17 +32,19 @@ BladeFile = str | Path | TSpline | Sequence[str | Path]
 
 def read_blade(
     blade: BladeFile, units: str, tolerance: float, *, columns: str = CARTESIAN, axis: str = "z"
-) -> TSpline:
-    """The surface of a blade, mm, about the Z axis: tables of sections (`columns` and `axis` as in `read_sections`) are
-    skinned within `tolerance` mm; other files are those of `machined_surface`."""
+) -> tuple[TSpline, float]:
+    """The surface of a blade, mm, about the Z axis, and how wide the blunt edge is that was rounded (0: none): tables
+    of sections (`columns` and `axis` as in `read_sections`) are skinned within `tolerance` mm, blunt edges rounded;
+    other files are those of `machined_surface`."""
     if isinstance(blade, TSpline):
-        return blade
+        return blade, 0.0
     files = [blade] if isinstance(blade, str | Path) else list(blade)
     if len(files) == 1 and Path(files[0]).suffix.lower() not in POINTS:
-        return machined_surface(files[0], units, tolerance)
-    rows = read_sections(files, columns=columns, axis=axis, scale=MM_OF[units])
+        return machined_surface(files[0], units, tolerance), 0.0
+    given = read_sections(files, columns=columns, axis=axis, scale=MM_OF[units])
+    rows = rounded_edge(given)
     try:
-        return rows.skin(tolerance)
+        return rows.skin(tolerance), widest_edge(given) if rows.closed else 0.0
     except (ValueError, SurfaceError) as error:
         raise SurfaceError(f"{files[0]}: {error}", file=str(files[0])) from error
 

@@ -90,6 +90,6 @@ def test_an_open_side_of_a_blade_is_no_wheel(tmp_path: Path) -> None:
     file = tmp_path / "side.txt"
     rows = ["\n".join(f"{10 + h:g} {y:g} {z:g}" for z in range(6) for y in [0.1 * z]) for h in range(3)]
     file.write_text("\n\n".join(rows) + "\n")
-    side = read_blade(file, "mm", 0.01)
+    side, _ = read_blade(file, "mm", 0.01)
     with pytest.raises(SurfaceError, match="not closed round"):
         wheel_of(side, PROFILE, 3)
