@@ -11,6 +11,8 @@ from bonecam.levels.open_morph import morph_open
 from bonecam.levels.sequences.begun_morph import Morph
 from bonecam.machine.limits import MachineLimits
 from bonecam.machine.machine import Machine, read_machine
+from bonecam.machining.force_feed import check_one_feed
+from bonecam.mechanics.workpiece import mechanics_of_job
 from bonecam.mesh.distance import MeshDistance
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.job_dialect import job_dialect
@@ -32,7 +34,7 @@ from bonecam.report.files.bladed import Bladed
 from bonecam.report.files.finished import write_run
 from bonecam.report.files.output_files import File, Outputs
 from bonecam.report.files.refused_run import refusing
-from bonecam.report.mechanics_lines import NOT_KNOWN
+from bonecam.report.mechanics_lines import NOT_ASKED, NOT_KNOWN
 from bonecam.report.page.wheel_contents import wheel_figures
 from bonecam.report.summary import NOT_SIMULATED
 from bonecam.report.typed.run_report import report_to_program
@@ -49,7 +51,7 @@ from bonecam.surface.files.surface_input import check_surface_size, refuse_chang
 from bonecam.surface.files.wheel_input import BladeFile, read_blade, read_hub, read_solid
 from bonecam.surface.tspline import TSpline
 from bonecam.tool.path import ToolPath
-from bonecam.verify.removal.proofs.of_wheel import prove_removal_of_wheel
+from bonecam.verify.removal.proofs.of_wheel import prove_removal_of_wheel, wheel_surfaces
 from bonecam.verify.repeated import RepeatedDistance
 from bonecam.workholding.post import Post
 
@@ -78,6 +80,7 @@ def blades(
     sheet: File = None,
     apt: File = None,
     simulation: bool = True,
+    mechanics: bool = True,
     progress: Progress = silent,
 ) -> Bladed:
     """The verified program of a wheel of `count` equal blades, from a blank that is turned to the blades' tips.
@@ -87,12 +90,16 @@ def blades(
     revolution or the table of its flow path (`hub_columns`); `obstacles` are closed solids that repeat with the blades,
     such as splitters or the other blades. All in the unit `job.mesh.units` and one frame, Z the wheel's axis. The
     channels are roughed level by level, all of them to one level before the next, then hub and blades are finished.
-    Raises a BonecamError.
+    The text's removal is simulated (`simulation`) from the blank; force and bending are asked (`mechanics`). Raises a
+    BonecamError.
     """
     job = job or Job()
     machine, dialect = read_machine(job.nc.machine), job_dialect(job.nc)
     check_job(job, machine, dialect)
+    check_one_feed(job, "a wheel has one feed a cutter")
     require_upright(machine)
+    if simulation and mechanics:
+        mechanics_of_job(job)
     inputs = _files(blade, hub, obstacles)
     (wanted := Outputs(program, keep, report, html=html, sheet=sheet, apt=apt)).check(None, dialect)
     check_files([file for file in (program, report, html, sheet, apt) if file is not None], inputs)
@@ -110,7 +117,8 @@ def blades(
         plan = _planned(wheel, job, machine, times, progress)
         made = _posted(plan, machine, dialect, name, program, times, part_of(progress, 0.6, 0.8))
         if simulation:
-            made = _simulated(made, machine, dialect, times, part_of(progress, 0.8, 1.0))
+            share = part_of(progress, 0.8, 1.0)
+            made = _simulated(made, machine, dialect, times, share, mechanics=mechanics)
     made = replace(made, report=with_warnings({**made.report, "seconds": times.seconds}, made.job))
     write_run(made, wanted)
     return made
@@ -219,13 +227,24 @@ def _posted(
 
 
 def _simulated(
-    made: Bladed, machine: Machine, dialect: Dialect, times: StageTimes, progress: Progress
+    made: Bladed,
+    machine: Machine,
+    dialect: Dialect,
+    times: StageTimes,
+    progress: Progress,
+    *,
+    mechanics: bool,
 ) -> Bladed:
-    """The result with what its posted text removes of the blank; VerifyError where that is not what it may do."""
+    """The result with what its posted text removes of the blank, and what bends if `mechanics` are asked; VerifyError
+    where that is not what it may do."""
     with times.stage("simulation"), refusing(made.program, made.paths):
-        cut = made.blank, made.wheel, made.levels.levels
-        removal = prove_removal_of_wheel(made.program.text, machine, dialect, made.job, *cut, progress)
-    figures = with_warnings({**made.report, "removal": removal.report}, made.job)
-    told = simulated_text(figures, NOT_KNOWN["skipped"])
+        levels = made.levels.levels
+        surfaces = wheel_surfaces(made.wheel, made.workpiece.solid, levels[:-1])
+        cut = made.program.text, machine, dialect, made.job, made.blank, made.wheel, levels
+        removal = prove_removal_of_wheel(*cut, progress, surfaces, mechanics=mechanics)
+    bent = removal.mechanics
+    sections = {"removal": removal.report, "mechanics": bent.report if bent else NOT_ASKED}
+    figures = with_warnings(made.report | sections, made.job)
+    told = simulated_text(figures, str(bent or NOT_ASKED["skipped"]))
     program = record_simulation(made.program, dialect, removal.cell, told)
     return replace(made, program=program, report=figures, removal=removal)

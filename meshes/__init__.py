@@ -16,6 +16,14 @@ def path(name: str) -> _Path:
     return next(file for file in _files() if file.stem == name)
 
 
+def job(name: str) -> _Path:
+    """The job file (TOML) that goes with a shipped part. Raises ValueError where there is none of that name."""
+    file = _Path(__file__).parent / f"{name}.toml"
+    if not file.exists():
+        raise ValueError(f"no job {name!r} ships with bonecam: take impeller")
+    return file
+
+
 def _files() -> list[_Path]:
     """The shipped files."""
     return [file for file in _Path(__file__).parent.iterdir() if file.suffix in (".ply", ".txt")]

@@ -1,22 +1,28 @@
 """A wheel from its turned blank: every channel and blade is cut, nothing collides, wrong wheels are refused."""
 
+import re
 from pathlib import Path
+from types import SimpleNamespace
 
+import bonecam_meshes
 import numpy as np
 import pytest
 from small_wheel import HALF, blade, hub, job, sections
 
 import bonecam
 from bonecam.cli import main
-from bonecam.errors import JobError, SurfaceError, VerifyError
+from bonecam.errors import BendingError, JobError, SurfaceError, VerifyError
 from bonecam.machine.machine import read_machine
 from bonecam.mesh import MeshDistance, write_mesh
 from bonecam.mesh.solids.revolution import cylinder
 from bonecam.nc.job_dialect import job_dialect
+from bonecam.nc.posting.rotary.wheel_checks import require_room
 from bonecam.nc.posting.write import write_program
 from bonecam.report.page.packing import unpack
 from bonecam.surface import skin
+from bonecam.surface.blades.wheel import wheel_of
 from bonecam.surface.files.tspline_text import write_tsm
+from bonecam.surface.files.wheel_input import read_blade, read_hub
 from bonecam.tool.path import MoveKind, ToolPath
 from bonecam.verify.proof import verify
 from bonecam.verify.removal.proofs.of_wheel import prove_removal_of_wheel
@@ -89,6 +95,25 @@ def test_the_text_removes_the_blank_as_it_may(made: bonecam.Bladed) -> None:
     assert solid < removal.volume - post < solid + 0.3 * (blank - solid)
 
 
+def test_force_and_bending_are_judged_from_the_text(made: bonecam.Bladed) -> None:
+    mechanics = made.report["mechanics"]
+    assert [(row["index"], row["rest"]) for row in mechanics["levels"]] == [
+        (path.level, path.rest) for path in made.paths
+    ]
+    assert all(0.1 < row["force_mean_n"] < row["peak_max_n"] for row in mechanics["levels"])
+    assert 0.0 < mechanics["error_kept_um"]["median"] <= mechanics["error_kept_um"]["p99"]
+    assert "BENDING KEEPS" in re.sub(r"\n\d+ ; ", " ", made.program.text)
+    assert "error kept" in made.summary
+
+
+def test_a_cutter_that_bends_too_far_is_refused(made: bonecam.Bladed) -> None:
+    machine, dialect = read_machine(made.job.nc.machine), job_dialect(made.job.nc)
+    strict = made.job.with_values(mechanics={"largest_error": 0.001})
+    cut = made.blank, made.wheel, made.levels.levels
+    with pytest.raises(BendingError, match="bending keeps errors of"):
+        prove_removal_of_wheel(made.program.text, machine, dialect, strict, *cut)
+
+
 def test_a_text_that_cuts_a_neighbour_is_refused(made: bonecam.Bladed) -> None:
     machine, dialect = read_machine(made.job.nc.machine), job_dialect(made.job.nc)
     wider = RepeatedDistance(MeshDistance(made.workpiece.solid), 3)
@@ -101,18 +126,33 @@ def test_a_text_without_its_roughing_is_refused(made: bonecam.Bladed) -> None:
     unroughed = write_program(made.paths[-2:], machine, dialect, made.job).text
     with pytest.raises(VerifyError, match=r"deep|enters material|remove"):
         prove_removal_of_wheel(
-            unroughed, machine, dialect, made.job, made.blank, made.wheel, made.levels.levels
+            unroughed, machine, dialect, made.job, made.blank, made.wheel, made.levels.levels, mechanics=False
         )
 
 
 def test_the_files_of_a_run_are_written(made: bonecam.Bladed, files: Path) -> None:
     kept = {file.name for file in (files / "kept").iterdir()}
-    assert {"blank.csv", "blank.ply", "solid.ply", "surface.iga", "toolpath.png", "program.h"} <= kept
+    assert {
+        "blank.csv",
+        "blank.ply",
+        "solid.ply",
+        "left.ply",
+        "error.png",
+        "surface.iga",
+        "toolpath.png",
+        "program.h",
+    } <= kept
     assert "turned to the blades" in (files / "sheet.html").read_text(encoding="utf-8")
     assert (files / "wheel.h").read_text() == made.program.text
-    facts = unpack((files / "kept" / "view.gz").read_bytes(), "view.gz").facts
+    view = unpack((files / "kept" / "view.gz").read_bytes(), "view.gz")
+    facts, arrays = view.facts, view.arrays
     assert len(facts["levels"]) == len(made.levels.levels)
+    assert {f"before_{path.level}" for path in made.paths} <= set(arrays)
+    assert (arrays["after_0"] <= arrays["before_0"] + 1e-6).all()
+    sheet = (files / "sheet.html").read_text(encoding="utf-8")
+    assert "Bending," in sheet or "ending keeps" in sheet
     assert f"{COUNT} blades" in made.summary
+    assert sum(made.report["uncut_mm2"].values()) < made.report["surface"]["area_mm2"]
 
 
 @pytest.mark.parametrize(
@@ -152,3 +192,60 @@ def test_the_command_tells_a_wrong_wheel_in_one_line(
     assert told.count("\n") == 1
     assert "overlap" in told
     assert not (files / "none.h").exists()
+
+
+def test_the_demo_s_wheel_is_the_impeller_that_ships(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    given: list[tuple] = []
+    monkeypatch.setattr(
+        bonecam,
+        "blades",
+        lambda *args, **named: given.append((args, named)) or SimpleNamespace(summary="made"),
+    )
+    monkeypatch.chdir(tmp_path)
+    page = str(tmp_path / "wheel.html")
+    assert (
+        main(
+            [
+                "demo",
+                "--impeller",
+                "--html",
+                page,
+                "--controller",
+                "siemens-840d",
+                "--set",
+                "nc.coolant=false",
+            ]
+        )
+        == 0
+    )
+    ((blade_file, hub_file, count, obstacles, wheel_job), named) = given[0]
+    assert (blade_file, hub_file) == (
+        bonecam_meshes.path("impeller_blade"),
+        bonecam_meshes.path("impeller_hub"),
+    )
+    assert (count, obstacles) == (11, [])
+    assert wheel_job == bonecam.read_job(bonecam_meshes.job("impeller")).with_values(
+        nc={"controller": "siemens-840d", "coolant": False}
+    )
+    assert (named["program"], named["html"], named["mechanics"]) == ("impeller.mpf", page, True)
+
+
+def test_the_demo_s_wheel_has_no_file_for_its_surface(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["demo", "--impeller", "--surface", str(tmp_path / "a.tsm")]) == 2
+    assert "give --keep, not --surface" in capsys.readouterr().err
+
+
+def test_the_job_of_the_shipped_wheel_passes_what_is_asked_before_planning() -> None:
+    wheel_job = bonecam.read_job(bonecam_meshes.job("impeller"))
+    surface, _ = read_blade(bonecam_meshes.path("impeller_blade"), "mm", wheel_job.surface.tolerance)
+    wheel = wheel_of(surface, read_hub(bonecam_meshes.path("impeller_hub"), surface, "mm"), 11)
+    require_room(wheel, wheel_job)
+    with pytest.raises(ValueError, match="take impeller"):
+        bonecam_meshes.job("phalanx")
+
+
+def test_feeds_by_the_force_are_refused() -> None:
+    with pytest.raises(JobError, match="one feed a cutter"):
+        bonecam.blades(blade(), hub(), 2, job=job().with_values(path={"feed": "force"}))

@@ -8,7 +8,7 @@ from bonecam.cli import commands
 from bonecam.cli.batch import add_batch
 from bonecam.cli.catalogue.catalogues import CATALOGUES, add_catalogue
 from bonecam.cli.help_texts import EXAMPLES, EXIT_CODES, PART
-from bonecam.cli.job_options import add_job_options
+from bonecam.cli.job_options import add_job_options, add_no_mechanics, add_no_simulation
 from bonecam.cli.parser import Parser, positive
 from bonecam.cli.stopping import NOTHING
 from bonecam.cli.study import add_blades, add_compare, add_probe
@@ -55,10 +55,12 @@ def _add_convert(parsers: Any) -> None:
 
 
 def _add_demo(parsers: Any) -> None:
-    text = "Make the NC program of the phalanx that is installed with bonecam."
+    text = "Make the NC program of the phalanx, or of the impeller, that is installed with bonecam."
     demo = _add_command(parsers, "demo", text, commands.run_demo)
     name = "file for the NC program (phalanx.h, or with the controller's own ending)"
     demo.add_argument("-o", "--output", metavar="PROGRAM", help=name)
+    wheel = "the impeller instead, a wheel of 11 blades from a turned blank, with a job of its own"
+    demo.add_argument("--impeller", action="store_true", help=wheel)
     _add_keep(demo)
     _add_results(demo)
     add_job_options(demo)
@@ -91,7 +93,7 @@ def _add_finish(parsers: Any) -> None:
     finish.add_argument("--report", metavar="FILE.json", help="file for the report")
     finish.add_argument("--html", metavar="FILE.html", help="file for a page to look at in a browser")
     _add_apt(finish)
-    _add_no_simulation(finish)
+    add_no_simulation(finish)
     add_job_options(finish)
     _add_verbosity(finish)
 
@@ -121,7 +123,7 @@ def _add_simulate(parsers: Any) -> None:
     simulate.add_argument("--cell", metavar="MM", type=positive(), default=0.1, help=rays)
     simulate.add_argument("--report", metavar="FILE.json", help="file for the figures")
     simulate.add_argument("--html", metavar="FILE.html", help="file for a page that plays the program")
-    _add_no_mechanics(simulate)
+    add_no_mechanics(simulate)
     add_job_options(simulate)
     _add_verbosity(simulate)
 
@@ -212,18 +214,7 @@ def _add_keep(command: argparse.ArgumentParser) -> None:
     sheet = "file for the setup sheet, one page to print: clamping, tools, axes, checks, warnings"
     command.add_argument("--sheet", metavar="FILE.html", help=sheet)
     _add_apt(command)
-    _add_no_simulation(command)
-
-
-def _add_no_simulation(command: argparse.ArgumentParser) -> None:
-    without = "do not simulate the removal of material from the posted text"
-    command.add_argument("--no-simulation", action="store_true", help=without)
-    _add_no_mechanics(command)
-
-
-def _add_no_mechanics(command: argparse.ArgumentParser) -> None:
-    without = "do not ask what force the cuts need and how far part and cutter bend"
-    command.add_argument("--no-mechanics", action="store_true", help=without)
+    add_no_simulation(command)
 
 
 def _add_apt(command: argparse.ArgumentParser) -> None:

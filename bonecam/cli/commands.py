@@ -9,6 +9,7 @@ from pathlib import Path
 import bonecam
 from bonecam.cli.job_options import job_of
 from bonecam.cli.progress_display import native_output_to_stderr, shown_progress
+from bonecam.cli.study import run_impeller
 from bonecam.errors import JobError
 from bonecam.files import check_files, write_whole
 from bonecam.filters.scripts import run_script as scripts
@@ -21,9 +22,11 @@ def run_convert(options: argparse.Namespace) -> int:
 
 
 def run_demo(options: argparse.Namespace) -> int:
-    """`bonecam demo`: the NC program of the phalanx that is installed with bonecam."""
+    """`bonecam demo`: the NC program of the phalanx, or of the impeller, that is installed with bonecam."""
     from bonecam_meshes import path
 
+    if options.impeller:
+        return run_impeller(options)
     if options.output is None:
         dialect = bonecam.nc.read_dialect(job_of(options).nc.controller)
         options.output = f"phalanx{dialect.extension}"

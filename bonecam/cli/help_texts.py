@@ -9,7 +9,8 @@ EXAMPLES = {
   bonecam convert bone.stl -o bone.h --set stock.diameter=15 --set stock.length=37 --keep look --report bone.json
   bonecam convert bone.stl -o bone.ngc --machine linuxcnc-xyzbc --controller linuxcnc""",
     "demo": """
-  bonecam demo -o phalanx.h --keep look""",
+  bonecam demo -o phalanx.h --keep look
+  bonecam demo --impeller --keep wheel --html wheel.html --sheet sheet.html""",
     "levels": """
   bonecam levels bone.stl --units m -o look --set stock.kind=cylinder --set levels.roughing_depth=1""",
     "finish": """

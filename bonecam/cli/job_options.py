@@ -1,4 +1,5 @@
-"""The options of the command line that make the job: --job, --units, --machine, --controller and --set."""
+"""The options of the command line that make the job: --job, --units, --machine, --controller and --set; and those that
+leave out what is asked of its program: --no-simulation and --no-mechanics."""
 
 import argparse
 from collections.abc import Sequence
@@ -26,6 +27,19 @@ def add_job_options(command: argparse.ArgumentParser, *, posted: bool = True) ->
         command.add_argument("--controller", metavar="NAME", help=controller)
     setting = "a parameter of the job, as `bonecam job` lists them (repeat for more)"
     command.add_argument("--set", action="append", default=[], metavar="SECTION.NAME=VALUE", help=setting)
+
+
+def add_no_simulation(command: argparse.ArgumentParser) -> None:
+    """Add --no-simulation and --no-mechanics to a command."""
+    without = "do not simulate the removal of material from the posted text"
+    command.add_argument("--no-simulation", action="store_true", help=without)
+    add_no_mechanics(command)
+
+
+def add_no_mechanics(command: argparse.ArgumentParser) -> None:
+    """Add --no-mechanics to a command."""
+    without = "do not ask what force the cuts need and how far part and cutter bend"
+    command.add_argument("--no-mechanics", action="store_true", help=without)
 
 
 def _choice(names: Sequence[str], default: str) -> str:

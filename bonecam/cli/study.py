@@ -1,4 +1,5 @@
-"""The commands `compare`, `probe` and `blades`: their arguments, and what they do."""
+"""The commands `compare`, `probe` and `blades`, and the wheel of `demo --impeller`: their arguments, and what they
+do."""
 
 import argparse
 from pathlib import Path
@@ -6,9 +7,10 @@ from typing import Any
 
 import bonecam
 from bonecam.cli.help_texts import PART
-from bonecam.cli.job_options import add_job_options, job_of
+from bonecam.cli.job_options import add_job_options, add_no_simulation, job_of
 from bonecam.cli.parser import positive
 from bonecam.cli.progress_display import shown_progress
+from bonecam.errors import JobError
 from bonecam.files import check_files
 from bonecam.job import Job
 
@@ -122,8 +124,7 @@ def add_blades(add_command: Any, parsers: Any) -> argparse.ArgumentParser:
     command.add_argument("--sheet", metavar="FILE.html", help="file for the setup sheet, one page to print")
     apt = "file for the tool path as cutter location data in APT words"
     command.add_argument("--apt", metavar="FILE.apt", help=apt)
-    without = "do not simulate the removal of material from the posted text"
-    command.add_argument("--no-simulation", action="store_true", help=without)
+    add_no_simulation(command)
     add_job_options(command)
     return command
 
@@ -133,6 +134,23 @@ def run_blades(options: argparse.Namespace) -> int:
     table = {"columns": options.columns, "axis": options.axis, "hub_columns": options.hub_columns}
     blade = options.blade[0] if len(options.blade) == 1 else options.blade
     return _make(options, job_of(options), blade, options.hub, options.count, options.obstacle, **table)
+
+
+def run_impeller(options: argparse.Namespace) -> int:
+    """`bonecam demo --impeller`: the NC program of the wheel that is installed with bonecam, with its own job."""
+    import bonecam_meshes
+    from bonecam_meshes.impeller import BLADES
+
+    if options.surface is not None:
+        raise JobError(
+            "demo --impeller: the blade's surface is in the kept folder: give --keep, not --surface"
+        )
+    options.job = options.job or str(bonecam_meshes.job("impeller"))
+    job = job_of(options)
+    if options.output is None:
+        options.output = f"impeller{bonecam.nc.read_dialect(job.nc.controller).extension}"
+    blade, hub = (bonecam_meshes.path(f"impeller_{name}") for name in ("blade", "hub"))
+    return _make(options, job, blade, hub, BLADES, [])
 
 
 def _make(
@@ -160,6 +178,7 @@ def _make(
             **outputs,
             **table,
             simulation=not options.no_simulation,
+            mechanics=not options.no_mechanics,
             progress=progress,
         )
     if not options.quiet:

@@ -14,6 +14,7 @@ from bonecam.mesh.files.mesh_files import write_mesh
 from bonecam.nc.program import Program
 from bonecam.planning.strategies.surface_path import Workpiece
 from bonecam.report.files.finished import Written, fill_shared
+from bonecam.report.files.kept_folder import write_simulated
 from bonecam.report.page.packing import pack
 from bonecam.report.page.wheel_contents import bladed_summary, wheel_contents
 from bonecam.report.pictures.machine.bodies import draw_machine
@@ -55,7 +56,7 @@ class Bladed(Written):
                 self.workpiece.solid,
                 self.blank,
                 self.levels,
-                self.wheel.count,
+                self.wheel,
                 self.paths,
                 self.program.text,
                 self.job,
@@ -73,7 +74,8 @@ class Bladed(Written):
         return setup_sheet(self._title, [page])
 
     def fill_folder(self, work: Path) -> None:
-        """Write surface.iga, solid.ply, blank.ply, blank.csv, toolpath.png, machine.png, and what all runs have."""
+        """Write surface.iga, solid.ply, blank.ply, blank.csv, toolpath.png, machine.png, what all runs have, and where
+        it was simulated left.ply, error.ply and error.png."""
         write_iga(self.wheel.blade, work / "surface.iga")
         write_mesh(self.workpiece.solid, work / "solid.ply")
         write_mesh(self.blank.mesh, work / "blank.ply")
@@ -84,6 +86,7 @@ class Bladed(Written):
         self._draw(work / "toolpath.png")
         table = read_machine(self.job.nc.machine).table
         draw_machine(self.paths, self.workpiece.solid, self.job.holding, table, work / "machine.png")
+        write_simulated(work, self.removal)
         fill_shared(work, self)
 
     @property

@@ -19,6 +19,7 @@ from bonecam.report.warnings import warning_lines
 from bonecam.setup.turned_blank import TurnedBlank
 from bonecam.surface.blades.wheel import Wheel, repeated
 from bonecam.tool.path import ToolPath
+from bonecam.verify.removal.proofs.of_wheel import wheel_surfaces
 from bonecam.verify.removal.result import Removal
 
 CHORD = 0.01
@@ -28,12 +29,13 @@ CHORD = 0.01
 def bladed_summary(report: Mapping[str, Any]) -> str:
     """Wheel, blank, channels, program and removal."""
     wheel, seconds = report["wheel"], sum(report["seconds"].values())
+    area = report["surface"]["area_mm2"]
     levels = report["levels"]
     deepest = max(row[depth] for row in levels for depth in ("depth_max_mm", "depth_back_max_mm"))
     bound = f"no schedule needs fewer than {report['levels_lower_bound']}"
     lines = [
         *warning_lines(report["warnings"]),
-        f"wheel     {wheel['blades']} blades, {report['surface']['area_mm2']:.0f} mm2; {wheel['gap_mm']:.2f} mm apart",
+        f"wheel     {wheel['blades']} blades, {wheel['gap_mm']:.2f} mm apart; {area:.0f} mm2 with the hub",
         f"blank     turned to the blades' tips, diameter {wheel['blank_diameter_mm']:.2f} mm",
         *post_lines(report["post"]),
         f"channels  {counted(len(levels) - 1, 'cut')}, {bound}; depth max {deepest:.4f} mm",
@@ -48,7 +50,7 @@ def bladed_summary(report: Mapping[str, Any]) -> str:
 def wheel_figures(
     name: str, wheel: Wheel, blank: TurnedBlank, morph: Morph, job: Job, paths: Sequence[ToolPath]
 ) -> dict[str, Any]:
-    """`surface`, `wheel`, `levels`, `post` and `uncut_mm2` of the report."""
+    """`surface` (blades and the hub between them), `wheel`, `levels`, `post` and `uncut_mm2` of the report."""
     blade = wheel.blade
     gap, place = wheel.gap()
     blade_mesh = blade.tessellate(CHORD)
@@ -57,7 +59,7 @@ def wheel_figures(
         "file": name,
         "control_points": len(blade.control_points),
         "kind": "closed round s",
-        "area_mm2": round(wheel.count * blade.area, 3),
+        "area_mm2": round(whole.area, 3),
         "solids": len(wheel.others),
     }
     about = {
@@ -82,7 +84,7 @@ def wheel_contents(
     solid: TriangleMesh,
     blank: TurnedBlank,
     morph: Morph,
-    count: int,
+    wheel: Wheel,
     paths: Sequence[ToolPath],
     program: str,
     job: Job,
@@ -92,7 +94,7 @@ def wheel_contents(
 ) -> Contents:
     """The wheel as level 0, the levels of all its channels, and the program's moves."""
     machine = read_machine(job.nc.machine)
-    meshes = {0: solid} | {level.index: repeated(level.mesh, count) for level in morph.levels[1:]}
+    meshes = wheel_surfaces(wheel, solid, morph.levels)
     followed = {index: mesh for index, mesh in meshes.items() if index < max(meshes)}
     posted = program_contents(
         program, meshes, job, machine, job_dialect(job.nc), paths=paths, removal=removal, surfaces=followed

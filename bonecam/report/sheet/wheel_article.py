@@ -15,7 +15,7 @@ from bonecam.nc.posting.header.texts import setup_texts
 from bonecam.nc.program import Program
 from bonecam.report.pictures.views import section
 from bonecam.report.sheet.drawing import Paper, draw_table, draw_zero
-from bonecam.report.sheet.setup_sheet import IN_AIR, article, items, proof_lines
+from bonecam.report.sheet.setup_sheet import IN_AIR, article, bending_checks, items, proof_lines
 from bonecam.report.summary import uncut_lines
 from bonecam.report.warnings import warning_texts
 from bonecam.setup.turned_blank import TurnedBlank
@@ -72,18 +72,20 @@ def _drawing(solid: TriangleMesh, blank: TurnedBlank, job: Job, table: Table, ze
 def _checks(report: Mapping[str, Any]) -> Iterator[str]:
     """What was checked, and how well it held."""
     yield from proof_lines(report["nc"])
-    yield f"Blades are {report['wheel']['gap_mm']:.2f} mm apart where they are nearest"
+    wheel = report["wheel"]
+    yield f"{wheel['blades']} blades, {wheel['gap_mm']:.2f} mm apart where they are nearest"
     removal = report["removal"]
     if "skipped" not in removal:
         cell = removal["cell_mm"]
         yield f"Simulated from the text (cells of {cell:g} mm): rapids cut nothing, shank and holder touch nothing"
+    yield from bending_checks(report)
 
 
 def _left(report: Mapping[str, Any]) -> Iterator[str]:
-    """What is left on the blades, and which contacts are not cut, with their reasons."""
+    """What is left on blades and hub, and which contacts are not cut, with their reasons."""
     left = report["removal"].get("left")
     if left:
         most = f"{left['max_mm']:.2f} mm at most"
-        yield f"On the blades {left['area_over_0_02_mm2']:.1f} mm² keep more than 0.02 mm, {most}"
+        yield f"On blades and hub {left['area_over_0_02_mm2']:.1f} mm² keep more than 0.02 mm, {most}"
     for line in uncut_lines(report["toolpath"], report["uncut_mm2"]):
         yield f"Uncut: {line}"

@@ -1,6 +1,6 @@
 """The removal of the program of a wheel from its turned blank."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -9,9 +9,10 @@ from bonecam.job import Job
 from bonecam.levels.measure.level import Level, morph_surfaces
 from bonecam.machine.machine import Machine
 from bonecam.material.solid_rays import lay_solids
+from bonecam.mechanics.workpiece import workpiece_of
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.solids.revolution import cylinder
-from bonecam.mesh.triangle_mesh import keep_faces, side_by_side
+from bonecam.mesh.triangle_mesh import TriangleMesh, keep_faces, side_by_side
 from bonecam.nc.dialect import Dialect
 from bonecam.progress import Progress, silent
 from bonecam.setup.turned_blank import TurnedBlank
@@ -47,9 +48,14 @@ def prove_removal_of_wheel(
     wheel: Wheel,
     levels: Sequence[Level],
     progress: Progress = silent,
+    surfaces: Mapping[int, TriangleMesh] | None = None,
+    *,
+    mechanics: bool = True,
 ) -> Removal:
-    """What the posted `text` removes from the blank, and what it leaves on all blades; `levels` are those of a channel.
-    Errors as in `simulate_removal` and `check_removal`."""
+    """What the posted `text` removes from the blank, and what it leaves on all blades; `levels` are those of a channel,
+    `surfaces` the meshes, by level, on which is told what stands.
+    The wheel bends as what stands of it does, its blades do not; without `mechanics` force and bending are left out.
+    Errors as in `simulate_removal`, `check_removal` and `Mechanics.check`."""
     post = Post(job.holding.diameter / 2, float(blank.profile[:, 1].min()))
     clamping = clamping_of(job.holding, machine.table)
     columns = clamping.carried(post)
@@ -66,10 +72,19 @@ def prove_removal_of_wheel(
         clamping=clamping,
         limits={index: levels[index + 1].limit for index in range(len(levels) - 1)},
         scallops=level_scallops(job, len(levels)),
+        surfaces=surfaces,
+        workpiece=workpiece_of(job, post, clamping) if mechanics else None,
         progress=progress,
     )
     check_removal(removal, job.path.gouge_tolerance)
+    if removal.mechanics is not None:
+        removal.mechanics.check()
     return removal
+
+
+def wheel_surfaces(wheel: Wheel, solid: TriangleMesh, levels: Sequence[Level]) -> dict[int, TriangleMesh]:
+    """The meshes that the levels leave in all channels, by number; level 0 leaves the `solid` of the wheel."""
+    return {0: solid} | {level.index: repeated(level.mesh, wheel.count) for level in levels[1:]}
 
 
 def wheel_probes(wheel: Wheel, floor: TSpline) -> NormalProbes:
