@@ -9,8 +9,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-import numpy as np
-
 from bonecam.job import Job
 from bonecam.levels.measure.level import Level, MachinedLevel, machined_levels
 from bonecam.machine.limits import MachineLimits
@@ -24,7 +22,7 @@ from bonecam.planning.layers.height_mesh import HeightMesh
 from bonecam.planning.level_cutters import cutter_of
 from bonecam.planning.oriented_path import orient
 from bonecam.planning.passes.contacts import candidate_contacts, contact_path
-from bonecam.planning.strategies.channel_walls import SPARE, wall_contacts
+from bonecam.planning.strategies.channel_walls import wall_contacts, wall_cusp
 from bonecam.setup.capsule import Capsule
 from bonecam.surface.blades.channel import Channel
 from bonecam.surface.blades.meridian import revolved
@@ -76,10 +74,10 @@ class ChannelPlanner:
         """What is left where all channels are cut to a level: the blades with their allowance, and what lies under
         the level."""
         if not level.index:
-            return _Body(self._finished, self._blade_chord + self._cusp)
+            return _Body(self._finished, self._blade_chord + wall_cusp(self.job))
         profile, above = self.channel.under(level.surface)
         under = revolved(profile, CHORD, self.channel.wheel.count)
-        return _Body(solid_union([under, self._finished]), above + CHORD + self._cusp)
+        return _Body(solid_union([under, self._finished]), above + CHORD + wall_cusp(self.job))
 
     @cached_property
     def _finished(self) -> TriangleMesh:
@@ -92,15 +90,6 @@ class ChannelPlanner:
     def _blade_chord(self) -> float:
         """Chord tolerance of the blades with their allowance, mm."""
         return min(CHORD, self.job.levels.finishing_depth / 4)
-
-    @property
-    def _cusp(self) -> float:
-        """What stands on the blades between two levels beside what the ball touches, mm."""
-        radius, half = (
-            self.job.tool("roughing").radius,
-            self.job.deepest("roughing") / 2,
-        )
-        return SPARE + radius - float(np.sqrt(max(radius**2 - half**2, 0.0)))
 
     def _path(self, level: MachinedLevel, left: "_Body", before: "_Body") -> ToolPath:
         """The path of a level that leaves one body of another."""

@@ -9,6 +9,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.arrays import lengths
+from bonecam.job import Job
 from bonecam.mesh.distance import MeshDistance
 from bonecam.planning.passes.patterns.post_ring import LineContacts, feeds_along
 from bonecam.planning.passes.patterns.sampling import ROUND, contact_frames
@@ -23,6 +24,12 @@ SPARE = 0.03
 """The ball keeps so much more from the blades, mm: what lines between places CELL apart are off by."""
 SHORTEST = 1.0
 """A shorter line is left out, mm."""
+
+
+def wall_cusp(job: Job) -> float:
+    """What stands on the blades between two levels beside what the roughing ball touches, mm."""
+    radius, half = job.tool("roughing").radius, job.deepest("roughing") / 2
+    return SPARE + radius - float(np.sqrt(max(radius**2 - half**2, 0.0)))
 
 
 def wall_contacts(surface: TSpline, distance: MeshDistance, radius: float) -> list[LineContacts]:

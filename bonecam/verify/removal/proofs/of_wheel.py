@@ -14,6 +14,7 @@ from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.solids.revolution import cylinder
 from bonecam.mesh.triangle_mesh import TriangleMesh, keep_faces, side_by_side
 from bonecam.nc.dialect import Dialect
+from bonecam.planning.strategies.channel_walls import wall_cusp
 from bonecam.progress import Progress, silent
 from bonecam.setup.turned_blank import TurnedBlank
 from bonecam.surface.blades.impeller import pose_about_z
@@ -71,7 +72,7 @@ def prove_removal_of_wheel(
         cutters_of(job, machine),
         clamping=clamping,
         limits={index: levels[index + 1].limit for index in range(len(levels) - 1)},
-        scallops=level_scallops(job, len(levels)),
+        scallops=_scallops(job, len(levels)),
         surfaces=surfaces,
         workpiece=workpiece_of(job, post, clamping) if mechanics else None,
         progress=progress,
@@ -80,6 +81,13 @@ def prove_removal_of_wheel(
     if removal.mechanics is not None:
         removal.mechanics.check()
     return removal
+
+
+def _scallops(job: Job, levels: int) -> dict[int, float]:
+    """What each of so many levels may leave, mm: the paths of level 0, which follow level 1, meet on the blades what
+    stands between all levels."""
+    scallops = level_scallops(job, levels)
+    return scallops | {1: max(scallops[1], wall_cusp(job))}
 
 
 def wheel_surfaces(wheel: Wheel, solid: TriangleMesh, levels: Sequence[Level]) -> dict[int, TriangleMesh]:
