@@ -127,4 +127,4 @@ def wheel_contents(
 
 
 def _name(index: int) -> str:
-    return f"channel, level {index}" if index else "the wheel"
+    return "channel" if index else "the wheel"
