@@ -12,7 +12,7 @@ from bonecam.job import Job
 from bonecam.levels.job_levels import check_method
 from bonecam.machine.machine import Machine, read_machine
 from bonecam.machining.force_feed import BeforeForce, check_force_asked, with_constant_feed
-from bonecam.machining.machine_levels import machine_levels, post_by_force
+from bonecam.machining.machine_levels import Posting, machine_levels, post_by_force
 from bonecam.machining.standing import morph_standing, stand_part
 from bonecam.mechanics.workpiece import mechanics_of_job
 from bonecam.mesh.triangle_mesh import MeshLike, TriangleMesh, mesh_from
@@ -77,12 +77,11 @@ def convert(
     made = morph_part(given, job, machine, keep, times, part(progress, 0.0, 0.3))
     with keep_refused(made, keep):
         constant = replace(made, job=with_constant_feed(made.job))
-        result = machine_levels(constant, machine, dialect, source, program, times, part(progress, 0.3, 0.8))
+        posting = Posting(machine, dialect, source, program, times)
+        result = machine_levels(constant, posting, part(progress, 0.3, 0.8))
         before = None
         if job.path.feed == "force":
-            result, before = post_by_force(
-                result, machine, dialect, source, program, times, part(progress, 0.8, 0.85)
-            )
+            result, before = post_by_force(result, posting, part(progress, 0.8, 0.85))
         if simulation:
             result = _simulated(result, times, part(progress, 0.85, 0.9), before, mechanics=mechanics)
         if job.holding.second:

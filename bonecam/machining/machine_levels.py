@@ -2,7 +2,7 @@
 force."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, cast
 
@@ -31,20 +31,24 @@ from bonecam.verify.removal.given import given_surface
 from bonecam.verify.removal.of_job import removal_of_job
 
 
-def machine_levels(
-    made: Morphed,
-    machine: Machine,
-    dialect: Dialect,
-    source: File,
-    file: File,
-    times: StageTimes,
-    progress: Progress,
-) -> Result:
-    """Tool paths on the levels, the program `file` of the part's file `source`, and its proof; nothing is simulated."""
-    job = made.job
+@dataclass(frozen=True, eq=False)
+class Posting:
+    """The machine and the language that programs are posted for, the files of the part (`source`) and of the program
+    (`file`) that name them, and the `times` that take the seconds of each stage."""
+
+    machine: Machine
+    dialect: Dialect
+    source: File = None
+    file: File = None
+    times: StageTimes = field(default_factory=StageTimes)
+
+
+def machine_levels(made: Morphed, posting: Posting, progress: Progress) -> Result:
+    """Tool paths on the levels, their program, and its proof; nothing is simulated."""
+    job, machine = made.job, posting.machine
     levels = made.levels.levels
     foretold: dict[str, Any] = {}
-    with times.stage("toolpath"):
+    with posting.times.stage("toolpath"):
         share = part(progress, 0.0, 0.82)
         if job.path.strategy == "morph":
             expected = estimate(levels, job, machine.bodies)
@@ -54,40 +58,35 @@ def machine_levels(
         else:
             planned = plan_layer_paths(levels, made.stock, job, machine_limits(machine), share)
         foretold["uncut_mm2"] = uncut_areas(planned, levels[0].mesh) if job.path.strategy == "morph" else {}
-    so_far = {**made.report, **foretold}
-    return _posted(made, planned, machine, dialect, source, file, times, part(progress, 0.82, 1.0), so_far)
+    return _posted(made, planned, {**made.report, **foretold}, posting, part(progress, 0.82, 1.0))
 
 
 def _posted(
     made: Morphed,
     planned: Sequence[ToolPath],
-    machine: Machine,
-    dialect: Dialect,
-    source: File,
-    file: File,
-    times: StageTimes,
-    progress: Progress,
     foretold: Mapping[str, Any],
+    posting: Posting,
+    progress: Progress,
 ) -> Result:
     """The planned paths as a proved program, as in `machine_levels`; `foretold` is the report so far."""
-    job, levels = made.job, made.levels.levels
+    job, levels, source = made.job, made.levels.levels, posting.source
     told = warnings.header_texts(foretold, job)
     proved = post_and_prove(
         planned,
-        machine,
-        dialect,
+        posting.machine,
+        posting.dialect,
         job,
         morph_surfaces(levels)[0],
         given=given_surface(made.part, job, made.report),
-        name=program_name(file or source or ""),
+        name=program_name(posting.file or source or ""),
         comments=[*told, *([f"part: {Path(source).name}"] if source else []), *made.part.header_texts],
         stock=made.stock,
-        times=times,
+        times=posting.times,
         progress=progress,
     )
     paths, program = proved.paths, proved.program
     reported = report_to_program(
-        Path(file or "").name, paths, program, proved.proof, job=job.path, part=levels[0].mesh
+        Path(posting.file or "").name, paths, program, proved.proof, job=job.path, part=levels[0].mesh
     )
     figures = {**foretold, **reported, "removal": NOT_SIMULATED, "mechanics": NOT_KNOWN}
     checked = cast(Report, warnings.with_warnings(figures, job))
@@ -95,24 +94,16 @@ def _posted(
     return Result(*whole, paths, program)
 
 
-def post_by_force(
-    result: Result,
-    machine: Machine,
-    dialect: Dialect,
-    source: File,
-    file: File,
-    times: StageTimes,
-    progress: Progress,
-) -> tuple[Result, BeforeForce]:
+def post_by_force(result: Result, posting: Posting, progress: Progress) -> tuple[Result, BeforeForce]:
     """The result with feeds by the force that the simulation of its text finds, posted and proved again; and what that
     text had."""
     job = replace(result.job, path=replace(result.job.path, feed="force"))
-    with times.stage("simulation"):
+    machine, dialect = posting.machine, posting.dialect
+    with posting.times.stage("simulation"):
         cut = result.program.text, machine, dialect, result.job, result.stock, result.levels.levels
         removal = removal_of_job(*cut, part(progress, 0.0, 0.6))
     scheduled = paths_by_force(result.paths, result.program.text, removal, machine, dialect, job)
     before = BeforeForce(scheduled.schedule, removal, result.program.time_min)
     share = part(progress, 0.6, 1.0)
     made = replace(result, job=job)
-    posted = _posted(made, scheduled.paths, machine, dialect, source, file, times, share, result.report)
-    return posted, before
+    return _posted(made, scheduled.paths, result.report, posting, share), before

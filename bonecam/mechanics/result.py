@@ -86,10 +86,15 @@ class Mechanics:
         return self.workpiece.stiffness.yield_strength / 2
 
     @property
+    def yields(self) -> bool:
+        """Whether the stress at the peaks is more than that."""
+        return bool(self.stress[1] > self.largest_stress)
+
+    @property
     def faults(self) -> tuple[str, ...]:
         """What bends more than the job allows, in words."""
         found, limits = [], self.workpiece.limits
-        if self.stress[1] > self.largest_stress:
+        if self.yields:
             bound = f"half of the yield strength ({self.largest_stress:g} MPa)"
             found.append(f"stress at the peaks is {self.stress[1]:.0f} MPa, more than {bound}")
         if self.error is not None and self.error.p99 > limits.largest_error:
@@ -102,8 +107,7 @@ class Mechanics:
         job says not to refuse. Where what stands before is `assumed`, an error kept is told only: it is as large as
         that; stress is refused."""
         limits = self.workpiece.limits
-        yields = self.stress[1] > self.largest_stress
-        if limits.refuse and (yields or (self.faults and not assumed)):
+        if limits.refuse and (self.yields or (self.faults and not assumed)):
             place = self.error.place if self.error else (0.0, 0.0, 0.0)
             where = f" at {place_name(place)}" if self.error else ""
             found = (

@@ -16,7 +16,7 @@ from bonecam.job import Job
 from bonecam.levels.job_levels import check_method, make_levels
 from bonecam.machine.machine import Machine, read_machine
 from bonecam.machining.force_feed import check_one_feed
-from bonecam.machining.machine_levels import machine_levels
+from bonecam.machining.machine_levels import Posting, machine_levels
 from bonecam.machining.standing import morph_standing, stand_part
 from bonecam.mechanics.workpiece import mechanics_of_job
 from bonecam.mesh.triangle_mesh import MeshLike, mesh_from
@@ -152,10 +152,8 @@ class _Study:
         else:
             levels = make_levels(self.base.surface, self.base.stock, job, part(progress, 0.0, 0.2))
         made = replace(self.base, levels=levels, job=job)
-        share = part(progress, 0.2, 1.0)
-        return machine_levels(
-            made, self.machine, self.dialect, None, self.base.part.file, StageTimes(), share
-        )
+        posting = Posting(self.machine, self.dialect, file=self.base.part.file)
+        return machine_levels(made, posting, part(progress, 0.2, 1.0))
 
     def _simulated(self, result: Result, progress: Progress) -> Result:
         """The program with what it removes, whatever that is."""

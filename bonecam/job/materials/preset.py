@@ -79,13 +79,8 @@ class Material:
         return turns, float(max(math.floor(2 * radius * share * self.teeth * turns), 1))
 
 
-def material_names() -> tuple[str, ...]:
-    """The materials that come with bonecam, are the user's, or come with other packages."""
-    return tuple(material_files())
-
-
 def material_files() -> dict[str, Path]:
-    """Their files by name."""
+    """The files, by name, of the materials that come with bonecam, are the user's, or come with other packages."""
     return named_files("materials", FOLDER)
 
 

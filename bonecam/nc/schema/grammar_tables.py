@@ -108,7 +108,5 @@ class StatedTable(Record):
     tool_centre: Names = Field(default_factory=list)
 
 
-EFFECTS: tuple[str, ...] = get_args(Effect)
-"""What a statement may do."""
 CODES = tuple(CodesTable.model_fields)
 """What a code of an ISO dialect may do."""

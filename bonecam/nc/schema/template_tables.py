@@ -96,7 +96,3 @@ def _check_move(text: str, name: str) -> None:
     once = all(text.count(field) == 1 for field in wanted)
     if not once or places != sorted(places) or text.count("{") != len(wanted):
         raise ValueError(f"give {' and then '.join(wanted)}, each once and without a format")
-
-
-TEMPLATES = tuple(FIELDS)
-"""The templates that a dialect must have."""

@@ -15,8 +15,7 @@ from bonecam.nc.posting.header.texts import setup_texts
 from bonecam.nc.program import Program
 from bonecam.report.pictures.views import section
 from bonecam.report.sheet.drawing import Paper, draw_table, draw_zero
-from bonecam.report.sheet.setup_sheet import IN_AIR, article, bending_checks, items, proof_lines
-from bonecam.report.summary import uncut_lines
+from bonecam.report.sheet.setup_sheet import IN_AIR, article, bending_checks, items, left_lines, proof_lines
 from bonecam.report.warnings import warning_texts
 from bonecam.setup.turned_blank import TurnedBlank
 
@@ -48,7 +47,7 @@ def wheel_article(
         drawing=_drawing(solid, blank, job, machine.table, zero),
         setup=items([blank.text, PROFILE, *setup_texts(job, None, zero)]),
         checks=items(_checks(report)),
-        left=items(_left(report)),
+        left=items(left_lines(report, "blades and hub")),
         warnings=items([*warning_texts(report["warnings"]), IN_AIR]),
     )
 
@@ -79,13 +78,3 @@ def _checks(report: Mapping[str, Any]) -> Iterator[str]:
         cell = removal["cell_mm"]
         yield f"Simulated from the text (cells of {cell:g} mm): rapids cut nothing, shank and holder touch nothing"
     yield from bending_checks(report)
-
-
-def _left(report: Mapping[str, Any]) -> Iterator[str]:
-    """What is left on blades and hub, and which contacts are not cut, with their reasons."""
-    left = report["removal"].get("left")
-    if left:
-        most = f"{left['max_mm']:.2f} mm at most"
-        yield f"On blades and hub {left['area_over_0_02_mm2']:.1f} mm² keep more than 0.02 mm, {most}"
-    for line in uncut_lines(report["toolpath"], report["uncut_mm2"]):
-        yield f"Uncut: {line}"
