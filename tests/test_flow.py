@@ -1,6 +1,7 @@
 """The data flow is one way: a module imports only its own stage and the stages before it."""
 
 import ast
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -68,9 +69,19 @@ def stage_of(path: Path) -> str:
     return path.relative_to(ROOT).parts[0].removesuffix(".py")
 
 
+STAGES = sorted({stage_of(path) for path in MODULES})
+
+
+@cache
+def nodes_of(path: Path) -> tuple[ast.AST, ...]:
+    """All nodes of a module's syntax."""
+    return tuple(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
+
+
+@cache
 def imports_of(path: Path) -> list[str]:
     names = []
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in nodes_of(path):
         if isinstance(node, ast.Import):
             names += [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
@@ -81,13 +92,18 @@ def imports_of(path: Path) -> list[str]:
     return names
 
 
-@pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(ROOT)))
-def test_imports_follow_the_flow(path: Path) -> None:
-    rank = ORDER.index(stage_of(path))
-    for name in imports_of(path):
+def imported(stage: str) -> list[tuple[Path, str]]:
+    """The modules of a stage and what they import."""
+    return [(path, name) for path in MODULES if stage_of(path) == stage for name in imports_of(path)]
+
+
+@pytest.mark.parametrize("stage", STAGES)
+def test_imports_follow_the_flow(stage: str) -> None:
+    rank = ORDER.index(stage)
+    for path, name in imported(stage):
         parts = name.split(".")
         if parts[0] == "bonecam" and len(parts) > 1:
-            assert ORDER.index(parts[1]) <= rank, f"{name} comes after {stage_of(path)}"
+            assert ORDER.index(parts[1]) <= rank, f"{path}: {name} comes after {stage}"
 
 
 @pytest.mark.parametrize("stage", ROOMS)
@@ -103,10 +119,10 @@ def test_imports_inside_a_stage_follow_the_order_of_its_rooms(stage: str) -> Non
                 assert rooms.index(parts[2]) <= rooms.index(room), f"{name} comes after {stage}/{room}"
 
 
-@pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(ROOT)))
-def test_libraries_come_in_by_one_door(path: Path) -> None:
-    place = str(path.relative_to(ROOT))
-    for name in imports_of(path):
+@pytest.mark.parametrize("stage", STAGES)
+def test_libraries_come_in_by_one_door(stage: str) -> None:
+    for path, name in imported(stage):
+        place = str(path.relative_to(ROOT))
         doors = DOORS.get(name.split(".")[0])
         is_door = doors is None or any(f"{place}/".startswith(f"{door}/") for door in doors)
         assert is_door, f"{place} imports {name}"
@@ -121,15 +137,14 @@ NAMES = {
 
 def runtime_imports(path: Path) -> set[str]:
     """Modules of the package that a module imports, in functions too, but not for the type checker alone."""
-    tree = ast.parse(path.read_text(encoding="utf-8"))
     for_types = {
         inner
-        for node in ast.walk(tree)
+        for node in nodes_of(path)
         if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test)
         for inner in ast.walk(node)
     }
     found = set()
-    for node in ast.walk(tree):
+    for node in nodes_of(path):
         if node in for_types:
             continue
         if isinstance(node, ast.Import):
@@ -162,7 +177,7 @@ def long_functions(path: Path) -> list[str]:
     """Functions longer than the limit, but for those that numba compiles."""
     return [
         node.name
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        for node in nodes_of(path)
         if isinstance(node, ast.FunctionDef)
         and (node.end_lineno or 0) - node.lineno >= MAX_FUNCTION_LINES
         and not any("jit" in ast.unparse(decorator) for decorator in node.decorator_list)
