@@ -1,11 +1,13 @@
-"""A part on machines whose turntable has limits: the whole way to a simulated program."""
+"""A part on machines whose turntable has limits: from its levels, made once, to a simulated program."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import bonecam
+from bonecam import pipeline
 from bonecam.job import Job
 from bonecam.machine.machine import MACHINES, read_machine
 from bonecam.nc.dialect import read_dialect
@@ -20,22 +22,34 @@ SMALL = Job().with_values(
     levels={"roughing_depth": 1.0, "finishing_levels": 1, "finishing_depth": 0.3, "chord_tolerance": 0.05},
     roughing={"scallop": 0.3},
     finishing={"scallop": 0.1},
-    path={"pattern": "round"},
+    path={"pattern": "round", "chord_tolerance": 0.02},
 )
+
+
+@pytest.fixture(scope="module")
+def levels() -> bonecam.Morphed:
+    return bonecam.morph_levels(
+        Capsule(np.array([0.0, 0, 2.5]), np.array([0.0, 0, 7.5]), 2.5).mesh(0.05), SMALL
+    )
 
 
 @pytest.mark.parametrize(
     ("low", "high", "orientation"), [(-360, 360, "lead"), (0, 360, "lead"), (-185, 185, "cones")]
 )
 def test_a_turntable_with_limits_gets_a_program_that_keeps_them(
-    low: int, high: int, orientation: str, tmp_path: Path
+    low: int,
+    high: int,
+    orientation: str,
+    levels: bonecam.Morphed,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     text = (MACHINES / "mikron-ucp600.toml").read_text(encoding="utf-8")
     file = tmp_path / "limited.toml"
     file.write_text(text.replace("endless = true", f"limits_deg = [{low}.0, {high}.0]"), encoding="utf-8")
-    mesh = Capsule(np.array([0.0, 0, 2.5]), np.array([0.0, 0, 7.5]), 2.5).mesh(0.05)
     job = SMALL.with_values(nc={"machine": str(file)}, path={"orientation": orientation})
-    made = bonecam.convert(mesh, job, program=tmp_path / "bone.h")
+    monkeypatch.setattr(pipeline, "morph_part", lambda mesh, job, *_: replace(levels, job=job))
+    made = bonecam.convert(levels.part.given, job, program=tmp_path / "bone.h")
     machine, dialect = read_machine(file), read_dialect("heidenhain")
     motions = read_program((tmp_path / "bone.h").read_text(encoding="utf-8"), machine, dialect)
     turned = np.degrees(motions.words[:, 3 + [axis.letter for axis in machine.rotary].index("C")])
