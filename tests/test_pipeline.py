@@ -55,8 +55,9 @@ COARSE = Job().with_values(
     surface={"tolerance": 0.2},
     holding={"diameter": 2.0},
     levels={"roughing_depth": 1.0, "finishing_levels": 1, "finishing_depth": 0.3, "chord_tolerance": 0.02},
-    roughing={"scallop": 0.3},
-    finishing={"scallop": 0.1},
+    roughing={"scallop": 0.5},
+    finishing={"scallop": 0.2},
+    path={"chord_tolerance": 0.02},
 )
 
 
@@ -305,7 +306,8 @@ def test_what_cannot_be_simulated_is_one_line(
         ([program, "--keep", keep, "--controller", "linuxcnc"], "give its --controller"),
         ([str(other), "--keep", keep], "give the folder that `convert --keep` wrote beside the program"),
     ):
-        assert main(["simulate", *arguments, "--set", "material.name=paper"]) == 2
+        same = ["material.name=paper", f"path.chord_tolerance={COARSE.path.chord_tolerance}"]
+        assert main(["simulate", *arguments, *(word for value in same for word in ("--set", value))]) == 2
         lines = capsys.readouterr().err.splitlines()
         assert len(lines) == 1
         assert told in lines[0]
@@ -457,11 +459,16 @@ def test_a_program_is_named_as_its_file(file: str, name: str) -> None:
 
 
 def test_progress_rises_to_its_end_and_false_cancels(phalanx: Path) -> None:
+    told: list[float] = []
+
     def stop(fraction: float, message: str) -> bool:
-        return fraction < 0.1
+        told.append(fraction)
+        return fraction < 0.03
 
     with pytest.raises(Cancelled):
         bonecam.convert(phalanx, COARSE, progress=stop)
+    assert told == sorted(told)
+    assert len(told) > 2
 
 
 @pytest.mark.parametrize(

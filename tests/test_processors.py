@@ -20,6 +20,7 @@ JOB = Job().with_values(
     roughing={"scallop": 0.3},
     finishing={"scallop": 0.15},
     holding={"diameter": 3.0},
+    path={"chord_tolerance": 0.02},
 )
 OTHERS = {"OPENBLAS_CORETYPE": "Prescott", "OMP_NUM_THREADS": "2"}
 
@@ -27,7 +28,7 @@ OTHERS = {"OPENBLAS_CORETYPE": "Prescott", "OMP_NUM_THREADS": "2"}
 @pytest.fixture(scope="module")
 def bent(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A bent and flattened capsule, askew to all axes."""
-    straight = Capsule(np.array([0.0, 0.0, -2.0]), np.array([0.0, 0.0, 2.0]), 2.5).mesh(0.05)
+    straight = Capsule(np.array([0.0, 0.0, -2.0]), np.array([0.0, 0.0, 2.0]), 2.5).mesh(0.1)
     x, y, z = straight.vertices.T
     vertices = np.column_stack([x + 0.03 * z**2, 0.8 * y + 0.1 * z, z + 0.2 * x])
     file = tmp_path_factory.mktemp("bent") / "bent.ply"

@@ -46,6 +46,7 @@ JOB = Job().with_values(
     holding={"diameter": 3.0, "length": 31.0, "parting": True},
     mesh={"upright": False},
     levels={"roughing_depth": 0.6},
+    path={"chord_tolerance": 0.008},
 )
 
 
@@ -195,7 +196,7 @@ def test_the_material_of_the_second_program_is_the_stump(second, parted):
 @pytest.fixture(scope="module")
 def roughed_coarsely(parted) -> tuple[Job, SecondProgram]:
     """The second clamping's job and program where roughing leaves ridges of 0.3 mm."""
-    job = parted.job.with_values(roughing={"scallop": 0.3})
+    job = parted.job.with_values(roughing={"scallop": 0.3}, levels={"finishing_depth": 0.15})
     made = second_program(SimpleNamespace(**{**vars(parted), "job": job}), MACHINE, DIALECT, None)
     return replace(job, holding=job.holding.turned_over), made
 

@@ -267,7 +267,7 @@ def test_simulate_refuses_a_text_that_goes_too_deep_into_the_mesh_as_given(
     middle = given.bounds.mean(axis=0)
     write_mesh(TriangleMesh(middle + 1.5 * (given.vertices - middle), given.faces), keep / GIVEN)
     report = tmp_path / "again.json"
-    outputs = ["--job", str(keep / "job.toml"), "--report", str(report), "--cell", "0.1"]
+    outputs = ["--job", str(keep / "job.toml"), "--report", str(report), "--cell", "0.2"]
     assert main(["simulate", str(folder / name), "--keep", str(keep), *outputs]) == 2
     assert re.search(
         r"line \d+: the ball goes [12]\.\d+ mm into the mesh as given at .*, allowed 0\.5\d+: mend the mesh there",
@@ -285,7 +285,7 @@ def test_simulate_tells_that_it_has_no_mesh_as_given(
     shutil.copytree(folder / "keep", keep)
     (keep / GIVEN).unlink()
     report = tmp_path / "again.json"
-    outputs = ["--job", str(keep / "job.toml"), "--report", str(report), "--cell", "0.1"]
+    outputs = ["--job", str(keep / "job.toml"), "--report", str(report), "--cell", "0.2"]
     assert main(["simulate", str(folder / name), "--keep", str(keep), *outputs]) == 0
     told = f"not judged against the mesh as given: {keep} has no given.ply"
     assert f"as given  {told}" in capsys.readouterr().out
@@ -350,7 +350,7 @@ def test_simulate_refuses_a_second_text_that_is_not_the_kept_one_or_cuts_with_a_
         (second.program.text, other, "of a second clamping, of which"),
     ):
         (tmp_path / "bone.h").write_text(text, encoding="utf-8")
-        options = ["--keep", str(folder_kept), "--job", str(keep / "job.toml"), "--cell", "0.1"]
+        options = ["--keep", str(folder_kept), "--job", str(keep / "job.toml"), "--cell", "0.2"]
         assert main(["simulate", str(tmp_path / "bone.h"), *options]) == 2
         lines = capsys.readouterr().err.splitlines()
         assert len(lines) == 1
