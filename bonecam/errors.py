@@ -77,6 +77,11 @@ class FileError(BonecamError):
     """A file cannot be read or written: `file`, and `line` or `record` where there is one."""
 
 
+def file_error(file: object, what: str, remedy: str, **evidence: Any) -> FileError:
+    """The FileError of a `file`: what it is or holds, and what to do."""
+    return FileError(f"{file}: {what}: {remedy}", file=str(file), **evidence)
+
+
 class UnitsError(BonecamError):
     """The size of the mesh is implausible in the stated unit."""
 

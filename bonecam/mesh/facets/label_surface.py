@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from bonecam.errors import FileError
+from bonecam.errors import file_error
 from bonecam.mesh.facets.voxel_steps import Unstepped, without_steps
 from bonecam.mesh.files.formats.label_map import LabelMap, read_label_map
 from bonecam.mesh.triangle_mesh import TriangleMesh
@@ -59,7 +59,7 @@ def label_surface(file: Path, label: int, *, smooth: bool) -> LabelSurface:
         what = (
             f"label {label} spans {' x '.join(map(str, high - low + 1))} voxels, {MOST_VOXELS:,} are allowed"
         )
-        raise FileError(f"{file}: {what}: resample the map", file=str(file))
+        raise file_error(file, what, "resample the map")
     box = tuple(slice(a, b + 1) for a, b in zip(low, high))
     steps = _marched(np.pad(inside[box], 1), found.pitch, low - 1)
     cut = bool((low == 0).any() or (high == np.array(inside.shape) - 1).any())

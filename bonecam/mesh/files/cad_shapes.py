@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from bonecam.errors import FileError
+from bonecam.errors import FileError, file_error
 from bonecam.files import input_bytes, library_name
 from bonecam.mesh.files.opencascade import kind_of, occ
 
@@ -54,7 +54,7 @@ def refuse_foreign(file: Path) -> bytes:
         ends = data.rstrip()[-8:-7] == b"T"
     if not (begins and ends):
         what = "is empty" if not data else f"is no {kind} file" if not begins else "is cut short"
-        raise FileError(f"{file}: {what}: export the part as {kind} again", file=str(file))
+        raise file_error(file, what, f"export the part as {kind} again")
     return data
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from bonecam.errors import FileError, MeshError
+from bonecam.errors import FileError, MeshError, file_error
 from bonecam.files import input_bytes, library_name, require_room, whole_file
 from bonecam.mesh.files.cad_files import read_cad_mesh
 from bonecam.mesh.files.formats.content import ContentError
@@ -93,7 +93,7 @@ def _read_other(file: Path) -> TriangleMesh:
         return read_polyhedra(file)
     blocks = read_blocks(file)
     if len(blocks) > 1:
-        raise _refusal(
+        raise file_error(
             file,
             f"holds {len(blocks)} rows of points, no mesh",
             "skin them with bonecam.surface.skinning.point_rows.read_rows",
@@ -105,7 +105,7 @@ def _round_points(file: Path, points: Float[ndarray, "n 3"]) -> TriangleMesh:
     """The surface round a point cloud; FileError where the points are too few, MeshError where it misses
     them."""
     if len(points) < FEWEST:
-        raise _refusal(
+        raise file_error(
             file,
             f"holds no triangles, and {len(points)} points are no cloud",
             "give a surface mesh, not points or curves",
@@ -125,7 +125,7 @@ def write_mesh(
     """
     target = Path(path)
     if target.suffix.lower() not in WRITABLE:
-        raise _refusal(
+        raise file_error(
             target,
             f"has the unknown ending {target.suffix!r}",
             f"end the name in one of {', '.join(WRITABLE)}",
@@ -158,7 +158,7 @@ def _save(meshset: Any, work: Path, target: Path, **options: Any) -> None:
         with library_name(work.parent) as folder:
             meshset.save_current_mesh(str(Path(folder) / work.name), **options)
     except meshlab().PyMeshLabException as error:
-        raise _refusal(
+        raise file_error(
             target, "cannot be written (is the disk full?)", "make room there or choose another folder"
         ) from error
 
@@ -177,26 +177,22 @@ def _require_readable(file: Path, also: tuple[str, ...]) -> None:
         ending = (
             f"has the unknown ending {file.suffix!r}" if file.suffix else "has no ending that tells its kind"
         )
-        raise _refusal(file, ending, f"give a file that ends in one of {', '.join((*READABLE, *also))}")
+        raise file_error(file, ending, f"give a file that ends in one of {', '.join((*READABLE, *also))}")
 
 
 def bytes_of(file: Path) -> bytes:
     """The bytes of a part's file; FileError where it is a folder or another special file, empty or cannot be
     read."""
     if not file.name:
-        raise _refusal(file, "is no name of a file", "give the path of a mesh file")
+        raise file_error(file, "is no name of a file", "give the path of a mesh file")
     if os.path.isdir(file):  # that of a path raises where the name is too long
-        raise _refusal(file, "is a folder", "give a file in it, or all of them to `bonecam batch`")
+        raise file_error(file, "is a folder", "give a file in it, or all of them to `bonecam batch`")
     try:
         data = input_bytes(file)
     except OSError as error:
-        raise _refusal(
+        raise file_error(
             file, f"cannot be read ({error.strerror})", "give the path of a readable mesh file"
         ) from error
     if not data:
-        raise _refusal(file, "is empty", "write it anew from its source")
+        raise file_error(file, "is empty", "write it anew from its source")
     return data
-
-
-def _refusal(file: Path, what: str, remedy: str, **evidence: Any) -> FileError:
-    return FileError(f"{file}: {what}: {remedy}", file=str(file), **evidence)

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from bonecam.errors import FileError
+from bonecam.errors import FileError, file_error
 from bonecam.files import input_bytes
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.text.faults import shortened
@@ -35,7 +35,7 @@ def read_polyhedra(path: str | Path) -> TriangleMesh:
     try:
         import ezdxf  # noqa: F401
     except ImportError as error:
-        raise _refusal(
+        raise file_error(
             file, f"reading {file.suffix[1:].upper()} needs ezdxf", "pip install 'bonecam[cad]'"
         ) from error
     try:
@@ -44,7 +44,7 @@ def read_polyhedra(path: str | Path) -> TriangleMesh:
             [[tuple(corner) for corner in triangle] for triangle in _triangles(polygons)], dtype=np.float64
         )
     except FileNotFoundError as error:
-        raise _refusal(
+        raise file_error(
             file, f"cannot be read ({error.strerror})", "give the path of a readable file"
         ) from error
     except FileError:
@@ -54,16 +54,16 @@ def read_polyhedra(path: str | Path) -> TriangleMesh:
     ) as error:  # ezdxf raises all kinds on damaged files: StopIteration, ZeroDivisionError, KeyError
         kind = file.suffix[1:].upper()
         reason = shortened(" ".join(str(error).split()), 200) or type(error).__name__
-        raise _refusal(
+        raise file_error(
             file, f"is no readable {kind} file ({reason})", "export the part again, or as STEP"
         ) from error
     if not len(corners):
-        raise _refusal(file, "holds no faces", "give a part with faces, not curves or points")
+        raise file_error(file, "holds no faces", "give a part with faces, not curves or points")
     vertices, index = np.unique(corners.reshape(-1, 3) * scale + 0.0, axis=0, return_inverse=True)
     try:
         return TriangleMesh(vertices, index.reshape(-1, 3).astype(np.int32))
     except ValueError as error:
-        raise _refusal(
+        raise file_error(
             file, f"has coordinates that are not numbers ({error})", "export the part again"
         ) from error
 
@@ -107,7 +107,7 @@ def _body_polygons(file: Path, bodies: Iterable[Any]) -> Iterator[Polygon]:
         holed = sum(not face.loop.is_none and not face.loop.next_loop.is_none for face in faces)
         if curved or holed:
             what = f"has {curved} curved faces of {len(faces)}" if curved else f"has {holed} faces with holes"
-            raise _refusal(
+            raise file_error(
                 file,
                 what,
                 "only flat faces can be read from ACIS: export the part as STEP",
@@ -168,7 +168,3 @@ def _entity_polygons(file: Path, entity: Any) -> list[Polygon]:
     if kind in SOLIDS:
         return list(_body_polygons(file, api.load_dxf(entity)))
     return []
-
-
-def _refusal(file: Path, what: str, remedy: str, **evidence: Any) -> FileError:
-    return FileError(f"{file}: {what}: {remedy}", file=str(file), **evidence)

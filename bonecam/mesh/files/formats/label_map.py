@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float, Int64
 from numpy import ndarray
 
-from bonecam.errors import FileError
+from bonecam.errors import file_error
 
 LABEL_MAPS = (".nii", ".nii.gz", ".nrrd")
 """Endings of label maps."""
@@ -47,12 +47,12 @@ class LabelMap:
         more = len(self.counts) - SHOWN
         listed += f" and {more} more" if more > 0 else ""
         if not self.counts:
-            raise _refusal(self.file, "holds no label but 0", "segment the bone first")
+            raise file_error(self.file, "holds no label but 0", "segment the bone first")
         if label and label not in self.counts:
             what = f"label {label} is not in the map, which has {listed}"
-            raise _refusal(self.file, what, "set mesh.label to one of them")
+            raise file_error(self.file, what, "set mesh.label to one of them")
         if not label and len(self.counts) > 1:
-            raise _refusal(self.file, f"holds the labels {listed}", "set mesh.label to that of the part")
+            raise file_error(self.file, f"holds the labels {listed}", "set mesh.label to that of the part")
         return label or next(iter(self.counts))
 
 
@@ -62,15 +62,15 @@ def read_label_map(file: Path) -> LabelMap:
         import SimpleITK
     except ImportError as error:
         remedy = "pip install 'bonecam[ct]'"
-        raise _refusal(file, "reading a label map needs SimpleITK", remedy) from error
+        raise file_error(file, "reading a label map needs SimpleITK", remedy) from error
     SimpleITK.ProcessObject.SetGlobalWarningDisplay(False)
     try:
         image = SimpleITK.ReadImage(str(file))
     except RuntimeError as error:
         told = str(error).strip().splitlines()[-1].strip()[:200]
-        raise _refusal(file, f"cannot be read ({told})", "write it anew from its source") from error
+        raise file_error(file, f"cannot be read ({told})", "write it anew from its source") from error
     if image.GetDimension() != 3 or image.GetNumberOfComponentsPerPixel() != 1:
-        raise _refusal(file, "is no map of one number a voxel in space", "export one label map (3D)")
+        raise file_error(file, "is no map of one number a voxel in space", "export one label map (3D)")
     return _label_map(file, image, SimpleITK.GetArrayViewFromImage)
 
 
@@ -78,16 +78,14 @@ def _label_map(file: Path, image: Any, values_of: Callable[[Any], Any]) -> Label
     values = np.asarray(values_of(image)).transpose(2, 1, 0)
     labels = values.astype(np.int64)
     if values.dtype.kind == "f" and not (labels == values).all():
-        raise _refusal(file, "holds values that are no whole numbers", "give the segmentation, not the scan")
+        raise file_error(
+            file, "holds values that are no whole numbers", "give the segmentation, not the scan"
+        )
     transform = np.eye(4)
     transform[:3, :3] = np.array(image.GetDirection()).reshape(3, 3)
     transform[:3, 3] = image.GetOrigin()
     found = LabelMap(file, labels, np.array(image.GetSpacing()), transform)
     if len(found.counts) > MOST_LABELS:
         what = f"holds {len(found.counts)} different values"
-        raise _refusal(file, what, "give the segmentation, not the scan")
+        raise file_error(file, what, "give the segmentation, not the scan")
     return found
-
-
-def _refusal(file: Path, what: str, remedy: str) -> FileError:
-    return FileError(f"{file}: {what}: {remedy}", file=str(file))
