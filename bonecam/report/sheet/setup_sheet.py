@@ -189,22 +189,21 @@ def proof_lines(nc: Mapping[str, Any]) -> Iterator[str]:
     yield f"Gouge of the part by the ball: {gouge:.2f} µm at most"
 
 
-def left_lines(report: Mapping[str, Any], body: str) -> Iterator[str]:
-    """What is left on the `body` away from its post, and which contacts are not cut, with their reasons."""
+def left_lines(report: Mapping[str, Any], body: str, *, post: bool = False) -> Iterator[str]:
+    """What is left on the `body`, and at its `post` if that is told, and which contacts are not cut, with their
+    reasons."""
     left = report["removal"].get("left")
     if left:
         most = f"{left['max_mm']:.2f} mm at most"
-        yield f"On the {body} {left['area_over_0_02_mm2']:.1f} mm² keep more than 0.02 mm, {most}"
+        at_post = f"; at the post {left['by_reason']['post']:.1f} mm²" if post else ""
+        yield f"On the {body} {left['area_over_0_02_mm2']:.1f} mm² keep more than 0.02 mm, {most}{at_post}"
     for line in uncut_lines(report["toolpath"], report["uncut_mm2"]):
         yield f"Uncut: {line}"
 
 
 def _left(report: Mapping[str, Any]) -> Iterator[str]:
     """What is left on the part and of its post."""
-    yield from left_lines(report, "part")
-    left = report["removal"].get("left")
-    if left:
-        yield f"At the post {left['by_reason']['post']:.1f} mm² are left"
+    yield from left_lines(report, "part", post=True)
     if "parting" in report:
         yield f"Parting: {parting_text(report['parting'])}"
     how = "in the second clamping, see its page" if "second" in report else "by hand"
