@@ -18,6 +18,7 @@ import pytest
 from typed_values import differences
 
 import bonecam
+from bonecam import pipeline
 from bonecam.cli import main
 from bonecam.errors import (
     BonecamError,
@@ -69,28 +70,46 @@ def phalanx(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def chain(tmp_path_factory: pytest.TempPathFactory, phalanx: Path) -> tuple[bonecam.Result, Path]:
-    folder = tmp_path_factory.mktemp("chain")
-    result = bonecam.convert(
-        phalanx,
-        COARSE,
-        program=folder / "bone.h",
-        keep=folder / "keep",
-        report=folder / "report.json",
-    )
+def morphed() -> list[bonecam.Morphed]:
+    """The part with the levels of `chain`, once that is made."""
+    return []
+
+
+@pytest.fixture(scope="module")
+def chain(
+    tmp_path_factory: pytest.TempPathFactory, phalanx: Path, morphed: list[bonecam.Morphed]
+) -> tuple[bonecam.Result, Path]:
+    folder, morph_part = tmp_path_factory.mktemp("chain"), pipeline.morph_part
+
+    def told(*given: Any) -> bonecam.Morphed:
+        morphed.append(morph_part(*given))
+        return morphed[0]
+
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(pipeline, "morph_part", told)
+        result = bonecam.convert(
+            phalanx,
+            COARSE,
+            program=folder / "bone.h",
+            keep=folder / "keep",
+            report=folder / "report.json",
+        )
     return result, folder
 
 
 @pytest.fixture(scope="module")
-def again(tmp_path_factory: pytest.TempPathFactory, phalanx: Path) -> tuple[Path, str]:
+def again(
+    tmp_path_factory: pytest.TempPathFactory, phalanx: Path, chain: object, morphed: list[bonecam.Morphed]
+) -> tuple[Path, str]:
     """The folder and the summary of the same job by the command line, which takes it as the part that ships, without
-    simulation."""
+    simulation, from the same levels: that these come out the same again is proved of `levels`."""
     folder = tmp_path_factory.mktemp("again")
     job = folder / "job.toml"
     job.write_text(write_job(COARSE), encoding="utf-8")
     files = ["-o", str(folder / "bone.h"), "--report", str(folder / "report.json")]
     with redirect_stdout(StringIO()) as told, pytest.MonkeyPatch.context() as patched:
         patched.setattr(bonecam_meshes, "path", lambda name: {"phalanx": phalanx}[name])
+        patched.setattr(pipeline, "morph_part", lambda *_: morphed[0])
         assert main(["demo", *files, "--job", str(job), "--no-simulation"]) == 0
     return folder, told.getvalue()
 
@@ -394,6 +413,8 @@ def test_levels_alone_are_the_chain_s_and_take_the_place_of_its_levels_and_paths
         )
         == 0
     )
+    same = ["surface.tspline", *(f"level_{k:02d}.ply" for k in range(len(result.levels.levels)))]
+    assert all((keep / name).read_bytes() == (folder / "keep" / name).read_bytes() for name in same)
     told = json.loads((tmp_path / "levels.json").read_text(encoding="utf-8"))
     assert told["levels"] == json.loads(json.dumps(result.report["levels"]))
     assert set(result.report) - set(told) == {
