@@ -182,7 +182,11 @@ def test_what_bends_is_told_and_shown(chain: tuple[bonecam.Result, Path]) -> Non
     assert 0 < error["median"] < error["p95"] < error["p99"]
     assert found["first_hz"] > 0
     assert [row["index"] for row in found["levels"]] == [path.level for path in result.paths]
-    assert all(0 < row["force_mean_n"] < row["peak_p95_n"] <= row["peak_max_n"] for row in found["levels"])
+    removed = [row["removed_mm3"] for row in result.report["removal"]["levels"]]
+    cutting = [row for row, volume in zip(found["levels"], removed, strict=True) if volume]
+    assert all(0 < row["force_mean_n"] < row["peak_p95_n"] <= row["peak_max_n"] for row in cutting)
+    assert len(cutting) > 3
+    assert all(row["peak_max_n"] == 0 for row in found["levels"] if row not in cutting), "of an idle level"
     shown = read_mesh(folder / "keep" / "error.ply")
     assert len(shown.vertices) == len(result.removal.mechanics.error.errors)
     assert f"error kept {error['median']:.1f} um, {error['p95']:.1f} at 95 %" in result.summary

@@ -58,11 +58,12 @@ def within_depth(
     contacts: ContactPath, path: ToolPath, before: InProcessStock, after: InProcessStock, allowed: DepthLimits
 ) -> Bool[ndarray, " n"]:
     """Which of the contacts may stay, where `path`, made of them, leads from the material `before` to that `after` it:
-    all but those at which the cutter touches a place that it cuts too deep, by more than half of a ray's distance."""
+    all but those at which the cutter touches a place that it cuts too deep; air is taken for as far as the nearest ray,
+    which is half a diagonal of their grid beside it at most."""
     kept = np.ones(len(contacts.centres), dtype=bool)
     grid = after.fluted.grid
     found = cut_depths(after.fluted.sets, before.fluted.sets, grid, SPACING)
-    deep = np.flatnonzero(found.depths > allowed.deepest + grid.cell / 2)
+    deep = np.flatnonzero(found.depths > np.hypot(allowed.deepest, grid.cell / np.sqrt(2)))
     if not len(deep):
         return kept
     deep = deep[np.argsort(-found.depths[deep])][:MOST_PLACES]

@@ -38,6 +38,7 @@ class SecondFigures(ProgramFigures):
     at_post_before_mm2: float
     at_post_after_mm2: float
     at_post_after_max_mm: float
+    at_tailstock_mm2: float
 
 
 class Report(TypedDict, total=False):

@@ -145,6 +145,23 @@ class ShorterFigures(TypedDict):
     uncut_mm2: float
 
 
+class TailstockFigures(TypedDict):
+    """What holds the free end, beside the axis of the post, and its bracket; the share of contacts it stands in front
+    of."""
+
+    kind: str
+    diameter_mm: float
+    at_mm: list[float]
+    from_mm: float
+    to_mm: float
+    footprint_mm2: float
+    reach_mm: float
+    azimuth_deg: float
+    column_mm: float
+    arm_mm: float
+    blocked_share: float
+
+
 class PostFigures(TypedDict):
     """What the part stands on."""
 
@@ -153,6 +170,7 @@ class PostFigures(TypedDict):
     footprint_mm2: float
     neck_mm: NotRequired[float]
     held_by: NotRequired[dict[str, ColumnFigures]]
+    tailstock: NotRequired[TailstockFigures]
     necks: NotRequired[list[NeckFigures]]
     depths_found: NotRequired[list[float]]
     remedies: NotRequired[list[ShorteningFigures]]
