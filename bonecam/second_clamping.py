@@ -83,7 +83,7 @@ def second_program(
 
     OrientationError, MachineError or VerifyError where there is no such program, or it is not proved.
     """
-    job = replace(first.job, holding=first.job.holding.turned_over)
+    job = _turned_over(first.job)
     clamping = _clamping(first)
     assert first.removal is not None
     material = first.removal.remaining.above(clamping.cut_off).move(clamping.pose)
@@ -127,6 +127,12 @@ def second_program(
     }
     told = cast(SecondFigures, with_warnings(reported, job))
     return SecondProgram(Path(first.part.file).name, clamping, paths, posted, removal, told, job)
+
+
+def _turned_over(job: Job) -> Job:
+    """The job of the second clamping: its holding, and a number drawn from the program's name, since a number that the
+    job gives is that of the first program."""
+    return replace(job, holding=job.holding.turned_over, nc=replace(job.nc, program_number=0))
 
 
 def clamping_shell(

@@ -22,6 +22,7 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.dialect import read_dialect
 from bonecam.nc.posting.rotary.machine_limits import machine_limits
 from bonecam.nc.posting.write import write_program
+from bonecam.nc.program import program_number
 from bonecam.nc.reading.read import read_program
 from bonecam.planning.collision.scene import Scene
 from bonecam.planning.holding.parting_paths import parting_paths
@@ -196,9 +197,15 @@ def test_the_material_of_the_second_program_is_the_stump(second, parted):
 @pytest.fixture(scope="module")
 def roughed_coarsely(parted) -> tuple[Job, SecondProgram]:
     """The second clamping's job and program where roughing leaves ridges of 0.3 mm."""
-    job = parted.job.with_values(roughing={"scallop": 0.3}, levels={"finishing_depth": 0.15})
+    values = {"roughing": {"scallop": 0.3}, "levels": {"finishing_depth": 0.15}, "nc": {"program_number": 77}}
+    job = parted.job.with_values(**values)
     made = second_program(SimpleNamespace(**{**vars(parted), "job": job}), MACHINE, DIALECT, None)
     return replace(job, holding=job.holding.turned_over), made
+
+
+def test_the_second_program_does_not_have_the_number_of_the_first(roughed_coarsely) -> None:
+    _, made = roughed_coarsely
+    assert made.program.number == program_number(made.program.name) != 77
 
 
 def test_the_finishing_cutter_takes_what_roughing_left_in_cuts_of_its_depth(roughed_coarsely) -> None:

@@ -15,8 +15,9 @@ from bonecam.runtime.staging import staged
 
 def program_files(program: Program, dialect: Dialect, place: str | Path) -> dict[Path, str]:
     """The texts of a program by file: of the one at `place`, the whole program or the caller of its parts, and of
-    the parts beside it. FileError where a part would replace that of another program."""
+    the parts beside it. FileError where one would replace a part of another program, or a part what is none."""
     place, calls = Path(place), dialect.calls
+    _check_no_part(place, program.name, dialect)
     lines = unnumbered(program.text.removesuffix("\n").split("\n"), dialect)
     starts = [at for at, line in enumerate(lines) if mark_in(line, dialect)]
     if not starts or calls is None:
@@ -55,13 +56,29 @@ def _lines(text: str, fields: dict[str, str | int]) -> list[str]:
 
 
 def _check_own(file: Path, caller: str, dialect: Dialect) -> None:
-    """FileError where a file is a part of another program."""
+    """FileError where a file is there that is no part of this program."""
+    owners = _owners(file, dialect)
+    if owners is not None and owners != {caller}:
+        told = f"a part of {min(owners)}" if owners else "no part of a program"
+        what = f"{file}: it is there, and {told}, but has the name of a part of {caller}"
+        remedy = "move it away, or give another nc.program_number, or another folder"
+        raise FileError(f"{what}: {remedy}", file=str(file))
+
+
+def _check_no_part(file: Path, name: str, dialect: Dialect) -> None:
+    """FileError where the file of a program is a part of another one, which calls it."""
+    others = (_owners(file, dialect) or set()) - {name}
+    if others:
+        what = f"{file}: it is a part of {min(others)}"
+        raise FileError(f"{what}: give another name, or another folder", file=str(file))
+
+
+def _owners(file: Path, dialect: Dialect) -> set[str] | None:
+    """The programs that a file says to be a part of, None where there is no file."""
     try:
         before = input_text(file).split("\n", 20)[:20]
-    except (OSError, UnicodeDecodeError):
-        return
-    marks = [mark for line in unnumbered(before, dialect) if (mark := mark_in(line, dialect))]
-    others = {mark.caller for mark in marks} - {caller}
-    if others:
-        what = f"{file}: it is a part of {min(others)}, whose number is that of a part of {caller}"
-        raise FileError(f"{what}: give another nc.program_number, or another folder", file=str(file))
+    except UnicodeDecodeError:
+        return set()
+    except OSError:
+        return None
+    return {mark.caller for line in unnumbered(before, dialect) if (mark := mark_in(line, dialect))}

@@ -43,12 +43,14 @@ def marked_parts(sections: Sequence[Section], caller: str, dialect: Dialect, nc:
 def grouped(sections: Sequence[Section], dialect: Dialect, nc: NcJob) -> list[list[Section]]:
     """The sections of each file: one, those of one tool, or all, and as many as nc.split_blocks allows. JobError where
     one section alone has more blocks."""
+    largest = max(sections, key=lambda section: section.blocks(dialect))
+    most = largest.blocks(dialect)
+    if nc.split_blocks and most + WRAPPING > nc.split_blocks:
+        why = f"{largest.title} has {most} blocks: give {most + WRAPPING} or more"
+        raise field_error("nc", "split_blocks", nc.split_blocks, why)
     files, filled = list[list[Section]](), 0
     for section in sections:
         blocks = section.blocks(dialect)
-        if nc.split_blocks and blocks + WRAPPING > nc.split_blocks:
-            why = f"{section.title} has {blocks} blocks: give {blocks + WRAPPING} or more"
-            raise field_error("nc", "split_blocks", nc.split_blocks, why)
         begins = (
             not files or nc.split == "level" or (nc.split == "tool" and files[-1][-1].tool != section.tool)
         )

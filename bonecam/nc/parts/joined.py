@@ -6,7 +6,7 @@ from pathlib import Path
 from bonecam.errors import ProgramError
 from bonecam.files import required_text
 from bonecam.nc.dialect import Dialect
-from bonecam.nc.parts.marks import mark_in, unnumbered
+from bonecam.nc.parts.marks import end_mark, mark_in, unnumbered
 from bonecam.nc.posting.block_numbers import number_blocks
 from bonecam.nc.schema.calls_table import CallsTable
 
@@ -26,12 +26,13 @@ class Joined:
 
 def joined(program: Path, dialect: Dialect) -> Joined:
     """The text of a program in a file and in those that it calls, which lie beside it. FileError where one of them
-    cannot be read, ProgramError where one is not whole or is none of its parts."""
+    cannot be read, ProgramError where one is not whole or is none of its parts, or the program is itself a part."""
     text = required_text(program, "an NC program")
     calls, given = dialect.calls, text.split("\n")
     lines = unnumbered(given, dialect)
     called = [calls.called_by(line) for line in lines] if calls else []
     if calls is None or not any(called):
+        _check_whole(program, lines, dialect)
         return Joined(text, tuple((program, at) for at in range(1, len(given) + 1)))
     _check_numbers(text, lines, program, dialect)
     whole, places, part = list[str](), list[tuple[Path, int]](), 0
@@ -68,6 +69,14 @@ def _inner(
         )
     _check_numbers(text, lines, file, dialect)
     return len(begin) + 1, inner
+
+
+def _check_whole(file: Path, lines: list[str], dialect: Dialect) -> None:
+    """ProgramError where the lines of a file are one part alone, without its caller."""
+    mark = next(filter(None, (mark_in(line, dialect) for line in lines)), None)
+    if mark is not None and end_mark(dialect) not in lines:
+        what = f"{file}: it is part {mark.part} of {mark.parts} of {mark.caller}"
+        raise ProgramError(f"{what}: give the program that calls it", line=0)
 
 
 def _check_place(file: Path, line: str, part: int, parts: int, dialect: Dialect) -> None:

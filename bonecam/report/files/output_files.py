@@ -93,7 +93,9 @@ class Outputs:
                 dialect = job_dialect(made.job.nc)
                 texts = program_files(made.program, dialect, self.program)
                 if made.second is not None:
-                    texts |= program_files(made.second.program, dialect, second_file(self.program))
+                    second = program_files(made.second.program, dialect, second_file(self.program))
+                    check_apart(texts, second)
+                    texts |= second
                 for file, text in texts.items():
                     _write(staging.file(file), file, text)
             for path, write in self._beside(made, staging):
@@ -147,6 +149,13 @@ def _write(work: Path, path: str | Path, text: str) -> None:
         work.write_text(text, encoding="utf-8", errors=NAME_BYTES, newline="")
     except OSError as error:
         raise unwritable(path, error) from error
+
+
+def check_apart(first: dict[Path, str], second: dict[Path, str]) -> None:
+    """FileError where the programs of both clampings have a file of the same name, by their numbers."""
+    for file in sorted(first.keys() & second.keys()):
+        what = f"{file}: both clampings have a part of this name"
+        raise FileError(f"{what}: give another nc.program_number, or another name", file=str(file))
 
 
 SHARED = ".nc"

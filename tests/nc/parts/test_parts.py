@@ -121,13 +121,13 @@ def test_no_file_has_more_blocks_than_the_job_allows(paths: list[ToolPath], tmp_
 
 def test_a_split_too_small_for_one_level_is_one_line(paths: list[ToolPath]) -> None:
     with pytest.raises(
-        JobError, match=r"^\[nc\] split_blocks = 40: level 5 has \d+ blocks: give \d+ or more$"
+        JobError, match=r"^\[nc\] split_blocks = 40: level \d has \d+ blocks: give \d+ or more$"
     ) as caught:
         made_of(paths, "heidenhain", split_blocks=40)
     needed = int(str(caught.value).split("give ")[1].split(" ")[0])
-    made_of(paths[:1], "heidenhain", split_blocks=needed)
+    made_of(paths, "heidenhain", split_blocks=needed)
     with pytest.raises(JobError, match="split_blocks"):
-        made_of(paths[:1], "heidenhain", split_blocks=needed - 1)
+        made_of(paths, "heidenhain", split_blocks=needed - 1)
 
 
 def without(text: str, line: str) -> str:
@@ -179,6 +179,15 @@ def test_a_fault_in_a_part_is_told_with_its_file_and_line(paths: list[ToolPath],
         program_text(caller, MACHINE, dialect, job)
 
 
+def test_a_part_without_its_caller_is_told_as_one(paths: list[ToolPath], tmp_path: Path) -> None:
+    made = made_of(paths, "siemens-840d", split="level")
+    written(made, tmp_path)
+    with pytest.raises(ProgramError, match=r"BONE_2\.mpf: it is part 2 of 3 of BONE: give the program that"):
+        joined(tmp_path / "BONE_2.mpf", made[1])
+    (tmp_path / "whole.mpf").write_text(made[0].text)
+    assert joined(tmp_path / "whole.mpf", made[1]).text == made[0].text
+
+
 def test_the_files_are_written_all_or_none(paths: list[ToolPath], tmp_path: Path) -> None:
     made = made_of(paths, "heidenhain", split="level")
     (tmp_path / "BONE_3.h").mkdir()
@@ -192,8 +201,25 @@ def test_a_part_does_not_replace_that_of_another_program(paths: list[ToolPath], 
     written((program, dialect, Job()), tmp_path)
     job = Job().with_values(nc={"controller": "fanuc-30i", "split": "tool", "program_number": 78})
     other = write_program(paths, MACHINE, dialect, job, name="OTHER")
-    with pytest.raises(FileError, match=r"O0079\.nc: it is a part of BONE"):
+    with pytest.raises(FileError, match=r"O0079\.nc: it is there, and a part of BONE"):
         program_files(other, dialect, tmp_path / "other.nc")
+
+
+def test_a_part_does_not_replace_a_file_that_is_none(paths: list[ToolPath], tmp_path: Path) -> None:
+    made = made_of(paths, "fanuc-30i", split="tool", program_number=77)
+    (tmp_path / "O0079.nc").write_text("%\nO0079\nM30\n%\n")
+    with pytest.raises(FileError, match=r"O0079\.nc: it is there, and no part of a program"):
+        written(made, tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["O0079.nc"]
+
+
+def test_a_program_does_not_replace_a_part_that_another_calls(paths: list[ToolPath], tmp_path: Path) -> None:
+    made = made_of(paths, "linuxcnc", split="tool")
+    written(made, tmp_path)
+    dialect, job = made[1:]
+    other = write_program(paths, MACHINE, dialect, job.with_values(nc={"split": "none"}), name="BONE_1")
+    with pytest.raises(FileError, match=r"bone_1\.ngc: it is a part of BONE: give another name"):
+        program_files(other, dialect, tmp_path / "bone_1.ngc")
 
 
 def test_a_dialect_without_calls_cannot_split(tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ from bonecam.nc.parts.joined import joined
 from bonecam.nc.posting.write import write_program
 from bonecam.nc.reading.read import read_program
 from bonecam.report import read_apt
-from bonecam.report.files.output_files import Outputs, check_ending
+from bonecam.report.files.output_files import Outputs, check_apart, check_ending
 from bonecam.verify.readback import Tolerances, compare_moves
 
 
@@ -34,6 +34,15 @@ def test_a_program_named_for_another_controller_is_refused_with_the_name_that_fi
 ) -> None:
     with pytest.raises(FileError, match=f"name it {proposed}"):
         check_ending(Path(name), read_dialect(controller))
+
+
+def test_parts_of_both_clampings_do_not_share_a_file() -> None:
+    first, second = (
+        {Path(name): "" for name in names.split()} for names in ("a.nc O0078.nc", "b.nc O0078.nc")
+    )
+    with pytest.raises(FileError, match=r"O0078\.nc: both clampings have a part of this name: give another"):
+        check_apart(first, second)
+    check_apart(first, {Path("b.nc"): ""})
 
 
 @pytest.mark.parametrize("name", ["a.h", "a.H", "a.nc", "a.i"])
