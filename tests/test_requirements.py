@@ -43,6 +43,10 @@ def no_work(monkeypatch: pytest.MonkeyPatch) -> None:
             r"\[levels\] most_cuts = 250: the stock at .* takes 2\d\d cuts or more: give a smaller",
         ),
         (
+            {"stock": {"diameter": 300.0, "length": 320.0}, "levels": {"depths": "0.1 0.3"}},
+            r"\[levels\] most_cuts = 250: .* cuts or more: give a smaller stock or greater depths, or allow more",
+        ),
+        (
             {"stock": {"diameter": 200.0, "length": 220.0}, "levels": {"roughing_depth": 1.0}},
             r"the stock at .* mm from the part, more than 3 times the part's diagonal of 3\d\.\d mm: give a smaller",
         ),

@@ -84,7 +84,7 @@ class LevelsJob(JobSection):
         0.0,
         "Scallop share",
         "Before a roughing cut a level may keep scallops of this share of its depth, where that is more than "
-        "roughing.scallop; 0.1 where depths are found.",
+        "roughing.scallop; 0: 0.1 where depths are found, else none.",
         low=0.0,
         high=0.5,
     )

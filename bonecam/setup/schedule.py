@@ -114,11 +114,12 @@ def check_cuts(part: TriangleMesh, stock: Stock, job: LevelsJob) -> None:
     cuts = schedule_of(job).lower_bound(farthest)
     if cuts > job.most_cuts:
         what = f"the stock at {place_name(place)} is {farthest:.1f} mm from the part, which takes {cuts} cuts or more"
+        deeper = "greater depths" if job.listed else "a greater roughing_depth"
         raise field_error(
             "levels",
             "most_cuts",
             job.most_cuts,
-            f"{what}: give a smaller stock or a greater roughing_depth, or allow more",
+            f"{what}: give a smaller stock or {deeper}, or allow more",
         )
     if farthest > FARTHEST_DIAGONALS * part.diagonal:
         raise StockError(

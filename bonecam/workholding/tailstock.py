@@ -86,9 +86,12 @@ def tailstock_columns(holding: HoldingJob) -> dict[str, tuple[Column, ...]]:
 
 def settled_bracket(holding: HoldingJob, part: TriangleMesh, table: Table) -> HoldingJob:
     """The holding with the place of its pin and the reach of its column. JobError where the column stands beside the
-    table."""
+    table, or the arm's height is given over a table from which the part's is not."""
     if not holding.has_tailstock:
         return holding
+    if holding.tailstock_height and not holding.length:
+        bound = "how high the part stands is found, so its arm too: give holding.length too, or tailstock_length alone"
+        raise field_error("holding", "tailstock_height", holding.tailstock_height, bound)
     half = min(table.radius, table.half_width, table.half_depth)
     room = half - holding.tailstock_column / 2
     reach = holding.tailstock_reach or min(REACH, room)

@@ -104,6 +104,13 @@ def test_a_tailstock_that_misses_enters_or_stands_beside_the_table_is_told(chang
         settled(replace(PIN, **changes))
 
 
+def test_the_height_of_the_arm_is_refused_where_that_of_the_part_is_found() -> None:
+    with pytest.raises(
+        JobError, match=r"tailstock_height = 172: .* give holding.length too, or tailstock_length"
+    ):
+        settled(replace(PIN, length=0.0, tailstock_height=172.0))
+
+
 def test_an_arm_in_the_stock_is_told_with_the_length_that_clears_it() -> None:
     found = settled_bracket(PIN, part(), TABLE)
     taller = cylinder(8.0, 95.0, 175.0, 0.1).vertices

@@ -7,8 +7,9 @@ The cut onto the part takes `levels.finishing_depth`. Each one outside it takes 
     the peak bends part and cutter by no more than what the cuts inside it still take off: so none cuts into the part.
 
 So cuts are deep where much stands under them, and thin at the end. Before a roughing cut the roughing cutter leaves
-scallops of SCALLOP_SHARE of its depth, or `roughing.scallop` where that is more. The forces are those that the neck is
-found by (`neck.py`): no depth makes it thicker, a weak one makes the cuts shallower.
+scallops of `levels.scallop_share` (0: SCALLOP_SHARE) of its depth, or `roughing.scallop` where that is more. The
+forces are those that the neck is found by (`neck.py`): no depth makes it thicker, a weak one makes the cuts
+shallower.
 """
 
 import math
@@ -30,8 +31,8 @@ from bonecam.tool.cutter import Cutter
 BALL_SHARE = 0.5
 """A roughing ball sinks in by this share of its radius at most."""
 SCALLOP_SHARE = 0.1
-"""`levels.scallop_share` of depths that are found: with 0.2 a program is 10 % shorter, and its cuts are 0.06 to 0.09 mm
-deeper than their levels allow, beyond what is warned of."""
+"""`levels.scallop_share` of depths that are found where a job states none: with 0.2 a program is 10 % shorter, and
+its cuts are 0.06 to 0.09 mm deeper than their levels allow, beyond what is warned of."""
 R10 = (1.0, 1.25, 1.6, 2.0, 2.5, 3.15, 4.0, 5.0, 6.3, 8.0)
 """The preferred numbers of a decade (ISO 3): depths that are tried, mm, and their decimal multiples."""
 
@@ -72,7 +73,8 @@ def depths_report(job: Job) -> dict[str, Any]:
 def _with_depths(job: Job, depths: Sequence[float]) -> Job:
     """The job with these depths (mm) of its cuts, and the scallops that go with them."""
     stated = " ".join(f"{depth:g}" for depth in depths)
-    return job.with_values(levels={"depths": stated, "scallop_share": SCALLOP_SHARE})
+    share = job.levels.scallop_share or SCALLOP_SHARE
+    return job.with_values(levels={"depths": stated, "scallop_share": share})
 
 
 def preferred_depths(above: float, most: float) -> list[float]:

@@ -92,6 +92,12 @@ def test_each_cut_is_the_deepest_that_is_borne_over_those_inside_it(setup: Setup
     assert made.scallop(len(depths)) == pytest.approx(max(0.05, SCALLOP_SHARE * depths[-1]))
 
 
+def test_a_share_of_scallops_that_is_stated_holds_beside_found_depths(setup: Setup) -> None:
+    made = with_found_depths(setup, FOUND.with_values(levels={"scallop_share": 0.3}), LIMITS)
+    assert made.levels.scallop_share == 0.3
+    assert made.scallop(len(made.levels.listed)) == pytest.approx(0.3 * made.levels.listed[-1])
+
+
 def test_a_softer_part_is_cut_in_more_and_thinner_cuts(setup: Setup) -> None:
     hard, soft = (
         with_found_depths(setup, FOUND.with_values(material={"name": name}), LIMITS).levels
