@@ -22,7 +22,7 @@ def check_parting(setup: Setup, job: Job, limits: MachineLimits) -> None:
     reaches it with the part on its post."""
     if not job.holding.parting:
         return
-    clamping = clamping_of(job.holding, limits.bodies.table)
+    clamping = clamping_of(job.holding, limits.bodies.table).below
     kept = max((column.top for column in clamping.kept_columns("cutter")), default=clamping.clearance)
     lowest = float(setup.part.mesh.bounds[0, 2])
     grooves = [

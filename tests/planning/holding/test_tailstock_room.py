@@ -12,6 +12,7 @@ from bonecam.mesh.part import Part
 from bonecam.mesh.solids.revolution import cylinder
 from bonecam.nc.posting.rotary.machine_limits import machine_limits
 from bonecam.planning.holding.neck import find_standing
+from bonecam.planning.holding.parting_paths import check_parting
 from bonecam.planning.holding.tailstock_room import blocked_share
 from bonecam.progress import silent
 from bonecam.setup.placement import Setup, place
@@ -63,3 +64,10 @@ def test_the_bracket_that_is_found_stands_over_the_part_where_it_is_cut(bar: Par
     assert all(one.bottom == pytest.approx(top + 12.0, abs=0.02) for one in arm)
     assert column.bottom == 0.0
     assert column.top == arm[0].top
+
+
+def test_a_bracket_over_the_part_leaves_its_parting_groove_free(bar: Part) -> None:
+    setup, job, _ = find_standing(*standing(bar, tailstock="pin", parting=True), LIMITS)
+    check_parting(setup, job, LIMITS)
+    with pytest.raises(JobError, match=r"parting_stand_off = 15: the groove ends at z .* is kept off"):
+        check_parting(setup, job.with_values(holding={"parting_stand_off": 15.0}), LIMITS)
