@@ -72,9 +72,13 @@ def orient(
     poses = list(zip(path.centres, chosen.axes))
     linked = link_runs(space, poses, runs, near)
     if linked.home is None:
+        remedy = "raise path.clearance or the tool's overhang"
+        if scene.clamping.beside:
+            remedy = (
+                "beside a tailstock the tool comes lying: give a longer post (holding.length) or overhang"
+            )
         raise OrientationError(
-            f"level {path.level}: no pass can be reached safely: raise path.clearance or the tool's overhang",
-            level=path.level,
+            f"level {path.level}: no pass can be reached safely: {remedy}", level=path.level
         )
     made = _tool_path(path, chosen, space, runs, linked, wanted.cones if wanted else None)
     return lift_for_rewinds(replace(made, blocked_by=blocked), space)

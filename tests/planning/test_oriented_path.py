@@ -169,6 +169,16 @@ def test_a_bracket_beside_the_part_is_never_entered_and_the_program_begins_off_i
     assert (path.kinds == MoveKind.CUT).sum() > 100
 
 
+def test_a_part_too_low_for_a_tool_that_comes_lying_is_told(
+    made: Callable[..., tuple[ContactPath, Scene, ToolPath]], roughing_cutter: Cutter
+) -> None:
+    wide = replace(roughing_cutter, holder=(Frustum(40.0, 8.0, 16.0),), nose=(Frustum(50.0, 200.0, 200.0),))
+    with pytest.raises(
+        OrientationError, match=r"no pass can be reached safely: .* longer post \(holding.length\)"
+    ):
+        made(wide, clamping=Clamping(clearance=4.0, beside=(Column(6.0, 80.0, 0.0, 120.0, 0.0),)))
+
+
 def test_bent_retracts_and_approaches_stay_clear_and_slow_near_the_part(
     made: Callable[..., tuple[ContactPath, Scene, ToolPath]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
