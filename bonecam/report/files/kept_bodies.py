@@ -60,18 +60,22 @@ def _require_stock(text: str, stock: TriangleMesh, program: Path, keep: Path) ->
 
 
 def with_kept_holding(job: Job, keep: Path) -> Job:
-    """The job, what its [holding] leaves to be found as it was found for the folder. FileError where that does not
-    tell."""
+    """The job, what its [holding] and its depths of cuts leave to be found as it was found for the folder. FileError
+    where that does not tell."""
     holding = job.holding
-    if holding.diameter and bool(holding.stub_length) == bool(holding.stub_diameter):
+    held = bool(holding.diameter) and bool(holding.stub_length) == bool(holding.stub_diameter)
+    deep = not job.levels.found and (held or not job.levels.automatic)
+    if held and deep:
         return job
     file = keep / "job.toml"
     try:
-        kept = read_job(file).holding
+        kept = read_job(file)
     except BonecamError as error:
-        what = f"[holding] was found, and {file} does not tell how ({error})"
-        raise FileError(f"{what}: {REMEDY}", file=str(file)) from error
-    return replace(job, holding=kept)
+        what = "levels.depths were found" if held else "[holding] was found"
+        raise FileError(
+            f"{what}, and {file} does not tell how ({error}): {REMEDY}", file=str(file)
+        ) from error
+    return replace(job, holding=holding if held else kept.holding, levels=job.levels if deep else kept.levels)
 
 
 def kept_stock(keep: Path, mesh: TriangleMesh, chord: float) -> Stock:

@@ -129,6 +129,7 @@ class NeckFigures(TypedDict):
     stress_mpa: float
     first_hz: float
     holds: bool
+    tailstock: str
 
 
 class ShorteningFigures(TypedDict):

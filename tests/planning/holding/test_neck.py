@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from typed_values import differences
 
 from bonecam.errors import JobError
 from bonecam.job import Job
@@ -18,6 +19,7 @@ from bonecam.planning.holding.finished_beam import finished_beam
 from bonecam.planning.holding.lifts import needed_lifts
 from bonecam.planning.holding.neck import Neck, find_standing, neck_report, ranking
 from bonecam.progress import silent
+from bonecam.report.typed.to_levels import NeckFigures
 from bonecam.setup.placement import Setup, place
 from bonecam.surface.files.surface_input import read_part
 from bonecam.tool.cutter import Cutter
@@ -98,6 +100,7 @@ def test_where_none_holds_the_stiffest_is_taken() -> None:
     assert [neck.diameter for neck in some] == [6.0, 8.0, 4.0]
     assert neck_report(()) == {}
     assert neck_report(some)["necks"][0] == some[0].report
+    assert differences(some[0].report, NeckFigures) == []
 
 
 @pytest.mark.parametrize(

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from typed_values import differences
 
 from bonecam.errors import JobError
 from bonecam.job import Job
@@ -15,6 +16,8 @@ from bonecam.planning.holding.neck import find_standing
 from bonecam.planning.holding.parting_paths import check_parting
 from bonecam.planning.holding.tailstock_room import blocked_share
 from bonecam.progress import silent
+from bonecam.report.typed.run_report import post_report
+from bonecam.report.typed.to_levels import TailstockFigures
 from bonecam.setup.placement import Setup, place
 from bonecam.surface.files.surface_input import read_part
 from bonecam.workholding.clamping import clamping_of
@@ -62,6 +65,8 @@ def test_the_bracket_that_is_found_stands_over_the_part_where_it_is_cut(bar: Par
     assert setup.post.pin is not None
     assert setup.post.pin.bottom == pytest.approx(top, abs=0.02)
     assert all(one.bottom == pytest.approx(top + 12.0, abs=0.02) for one in arm)
+    told = post_report(setup.post, setup.part.mesh, job.holding)["tailstock"]
+    assert differences(told | {"blocked_share": 0.1}, TailstockFigures) == []
     assert column.bottom == 0.0
     assert column.top == arm[0].top
 

@@ -1,4 +1,4 @@
-"""A program is simulated on the neck that was found for it, which its kept folder tells."""
+"""A program is simulated on the neck and at the depths that were found for it, which its kept folder tells."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -29,6 +29,18 @@ def test_what_the_job_leaves_open_is_the_folders(tmp_path: Path) -> None:
     assert with_kept_holding(bar, tmp_path).holding == FOUND.holding
     stated = replace(FOUND, holding=replace(FOUND.holding, diameter=5.0))
     assert with_kept_holding(stated, tmp_path) is stated
+
+
+def test_depths_that_were_found_are_the_folders(tmp_path: Path) -> None:
+    kept = FOUND.with_values(levels={"depths": "0.1 0.25 1", "scallop_share": 0.1})
+    (tmp_path / "job.toml").write_text(write_job(kept), encoding="utf-8")
+    assert with_kept_holding(Job(), tmp_path).levels == kept.levels
+    asked = FOUND.with_values(levels={"depths": "found"})
+    assert with_kept_holding(asked, tmp_path).levels == kept.levels
+    assert with_kept_holding(OPEN, tmp_path).levels == OPEN.levels
+    (tmp_path / "job.toml").unlink()
+    with pytest.raises(FileError, match=r"levels.depths were found, and .*job.toml does not tell how"):
+        with_kept_holding(asked, tmp_path)
 
 
 def test_a_folder_that_does_not_tell_is_refused(tmp_path: Path) -> None:
