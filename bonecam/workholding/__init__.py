@@ -1,10 +1,12 @@
 """Workholding: what the part stands on and what carries it, as obstacles to the tool.
 
-    post      upright cylinder left between part and table, on the Z axis; parted at the end
+Notation:
+
+    post             upright cylinder left between part and table, on the Z axis; parted at the end
     chuck, columns   what holds the post or stands on the table
-clearance distance that the tool keeps from these, mm
-    tailstock pin or second neck at the free end, under the arm of a bracket
-    shell     the form that holds the finished end in the second clamping
+    clearance        distance that the tool keeps from these, mm
+    tailstock        pin or second neck at the free end, under the arm of a bracket
+    shell            the form that holds the finished end in the second clamping
 """
 
 import lazy_loader
