@@ -23,16 +23,6 @@ MACHINE = read_machine("mikron-ucp600")
 Made = tuple[Program, Dialect, Job]
 
 
-@pytest.fixture(scope="module")
-def paths(capsule_path: Callable[..., ToolPath]) -> list[ToolPath]:
-    """Two roughing levels and one of another tool."""
-    return [
-        capsule_path(level=5, radius=2.0, offset=1.5, count=60),
-        capsule_path(level=4, radius=2.0, offset=1.0, count=60),
-        capsule_path(level=0, radius=1.0, number=2, count=60),
-    ]
-
-
 def made_of(paths: list[ToolPath], controller: str, **nc: object) -> Made:
     job = Job().with_values(nc={"controller": controller, **nc})
     dialect = job_dialect(job.nc)
@@ -51,14 +41,14 @@ def written(made: Made, folder: Path) -> Path:
     ("split", "files"), [({"split": "level"}, 3), ({"split": "tool"}, 2), ({"split_blocks": 1000}, 2)]
 )
 def test_the_files_run_the_moves_of_the_program_in_one(
-    controller: str, split: dict[str, object], files: int, paths: list[ToolPath], tmp_path: Path
+    controller: str, split: dict[str, object], files: int, three_paths: list[ToolPath], tmp_path: Path
 ) -> None:
-    made = made_of(paths, controller, **split)
+    made = made_of(three_paths, controller, **split)
     program, dialect, _ = made
     caller = written(made, tmp_path)
     assert len(list(tmp_path.iterdir())) - 1 >= files
     assert joined(caller, dialect).text == program.text
-    whole, _, _ = made_of(paths, controller)
+    whole, _, _ = made_of(three_paths, controller)
     one, other = (read_program(text, MACHINE, dialect) for text in (whole.text, joined(caller, dialect).text))
     np.testing.assert_array_equal(one.words, other.words)
     np.testing.assert_array_equal(one.feed_rates, other.feed_rates)
@@ -84,9 +74,9 @@ def test_the_files_run_the_moves_of_the_program_in_one(
     ],
 )
 def test_a_caller_calls_parts_that_return_to_it(
-    controller: str, call: str, file: str, first: str, last: str, paths: list[ToolPath], tmp_path: Path
+    controller: str, call: str, file: str, first: str, last: str, three_paths: list[ToolPath], tmp_path: Path
 ) -> None:
-    caller = written(made_of(paths, controller, split="tool", program_number=77), tmp_path)
+    caller = written(made_of(three_paths, controller, split="tool", program_number=77), tmp_path)
     calls = [line for line in caller.read_text().split("\n") if line.endswith(call)]
     assert len(calls) == 1
     part = (tmp_path / file).read_text().removesuffix("\n").split("\n")
@@ -95,8 +85,8 @@ def test_a_caller_calls_parts_that_return_to_it(
     assert not [line for line in part[:-1] if line.endswith((" M30", " M2"))]
 
 
-def test_every_part_begins_with_all_that_a_restart_needs(paths: list[ToolPath], tmp_path: Path) -> None:
-    caller = written(made_of(paths, "heidenhain", split="level"), tmp_path)
+def test_every_part_begins_with_all_that_a_restart_needs(three_paths: list[ToolPath], tmp_path: Path) -> None:
+    caller = written(made_of(three_paths, "heidenhain", split="level"), tmp_path)
     for part in (1, 2, 3):
         text = caller.with_name(f"BONE_{part}.h").read_text()
         start = text[: text.index("CUT")]
@@ -112,22 +102,22 @@ def test_every_part_begins_with_all_that_a_restart_needs(paths: list[ToolPath], 
             assert word in start
 
 
-def test_no_file_has_more_blocks_than_the_job_allows(paths: list[ToolPath], tmp_path: Path) -> None:
-    written(made_of(paths, "fanuc-30i", split_blocks=1000), tmp_path)
+def test_no_file_has_more_blocks_than_the_job_allows(three_paths: list[ToolPath], tmp_path: Path) -> None:
+    written(made_of(three_paths, "fanuc-30i", split_blocks=1000), tmp_path)
     parts = [path.read_text().count("\n") for path in tmp_path.glob("O*.nc")]
     assert len(parts) == 2
     assert max(parts) <= 1000
 
 
-def test_a_split_too_small_for_one_level_is_one_line(paths: list[ToolPath]) -> None:
+def test_a_split_too_small_for_one_level_is_one_line(three_paths: list[ToolPath]) -> None:
     with pytest.raises(
         JobError, match=r"^\[nc\] split_blocks = 40: level \d has \d+ blocks: give \d+ or more$"
     ) as caught:
-        made_of(paths, "heidenhain", split_blocks=40)
+        made_of(three_paths, "heidenhain", split_blocks=40)
     needed = int(str(caught.value).split("give ")[1].split(" ")[0])
-    made_of(paths, "heidenhain", split_blocks=needed)
+    made_of(three_paths, "heidenhain", split_blocks=needed)
     with pytest.raises(JobError, match="split_blocks"):
-        made_of(paths, "heidenhain", split_blocks=needed - 1)
+        made_of(three_paths, "heidenhain", split_blocks=needed - 1)
 
 
 def without(text: str, line: str) -> str:
@@ -156,17 +146,19 @@ FAULTS: dict[str, Callable[[Path], object]] = {
 
 @pytest.mark.parametrize("fault", FAULTS)
 def test_files_that_are_not_those_of_the_program_are_refused(
-    fault: str, paths: list[ToolPath], tmp_path: Path
+    fault: str, three_paths: list[ToolPath], tmp_path: Path
 ) -> None:
-    made = made_of(paths, "heidenhain", split="level")
+    made = made_of(three_paths, "heidenhain", split="level")
     caller = written(made, tmp_path)
     FAULTS[fault](tmp_path)
     with pytest.raises((ProgramError, FileError), match=r"(BONE_\d|bone)\.h: "):
         joined(caller, made[1])
 
 
-def test_a_fault_in_a_part_is_told_with_its_file_and_line(paths: list[ToolPath], tmp_path: Path) -> None:
-    program, dialect, job = made_of(paths, "heidenhain", split="level")
+def test_a_fault_in_a_part_is_told_with_its_file_and_line(
+    three_paths: list[ToolPath], tmp_path: Path
+) -> None:
+    program, dialect, job = made_of(three_paths, "heidenhain", split="level")
     caller = written((program, dialect, job), tmp_path)
     part = tmp_path / "BONE_2.h"
     lines = part.read_text().split("\n")
@@ -179,8 +171,8 @@ def test_a_fault_in_a_part_is_told_with_its_file_and_line(paths: list[ToolPath],
         program_text(caller, MACHINE, dialect, job)
 
 
-def test_a_part_without_its_caller_is_told_as_one(paths: list[ToolPath], tmp_path: Path) -> None:
-    made = made_of(paths, "siemens-840d", split="level")
+def test_a_part_without_its_caller_is_told_as_one(three_paths: list[ToolPath], tmp_path: Path) -> None:
+    made = made_of(three_paths, "siemens-840d", split="level")
     written(made, tmp_path)
     with pytest.raises(ProgramError, match=r"BONE_2\.mpf: it is part 2 of 3 of BONE: give the program that"):
         joined(tmp_path / "BONE_2.mpf", made[1])
@@ -188,36 +180,38 @@ def test_a_part_without_its_caller_is_told_as_one(paths: list[ToolPath], tmp_pat
     assert joined(tmp_path / "whole.mpf", made[1]).text == made[0].text
 
 
-def test_the_files_are_written_all_or_none(paths: list[ToolPath], tmp_path: Path) -> None:
-    made = made_of(paths, "heidenhain", split="level")
+def test_the_files_are_written_all_or_none(three_paths: list[ToolPath], tmp_path: Path) -> None:
+    made = made_of(three_paths, "heidenhain", split="level")
     (tmp_path / "BONE_3.h").mkdir()
     with pytest.raises(FileError, match=r"BONE_3\.h"):
         written(made, tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["BONE_3.h"]
 
 
-def test_a_part_does_not_replace_that_of_another_program(paths: list[ToolPath], tmp_path: Path) -> None:
-    program, dialect, _ = made_of(paths, "fanuc-30i", split="tool", program_number=77)
+def test_a_part_does_not_replace_that_of_another_program(three_paths: list[ToolPath], tmp_path: Path) -> None:
+    program, dialect, _ = made_of(three_paths, "fanuc-30i", split="tool", program_number=77)
     written((program, dialect, Job()), tmp_path)
     job = Job().with_values(nc={"controller": "fanuc-30i", "split": "tool", "program_number": 78})
-    other = write_program(paths, MACHINE, dialect, job, name="OTHER")
+    other = write_program(three_paths, MACHINE, dialect, job, name="OTHER")
     with pytest.raises(FileError, match=r"O0079\.nc: it is there, and a part of BONE"):
         program_files(other, dialect, tmp_path / "other.nc")
 
 
-def test_a_part_does_not_replace_a_file_that_is_none(paths: list[ToolPath], tmp_path: Path) -> None:
-    made = made_of(paths, "fanuc-30i", split="tool", program_number=77)
+def test_a_part_does_not_replace_a_file_that_is_none(three_paths: list[ToolPath], tmp_path: Path) -> None:
+    made = made_of(three_paths, "fanuc-30i", split="tool", program_number=77)
     (tmp_path / "O0079.nc").write_text("%\nO0079\nM30\n%\n")
     with pytest.raises(FileError, match=r"O0079\.nc: it is there, and no part of a program"):
         written(made, tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["O0079.nc"]
 
 
-def test_a_program_does_not_replace_a_part_that_another_calls(paths: list[ToolPath], tmp_path: Path) -> None:
-    made = made_of(paths, "linuxcnc", split="tool")
+def test_a_program_does_not_replace_a_part_that_another_calls(
+    three_paths: list[ToolPath], tmp_path: Path
+) -> None:
+    made = made_of(three_paths, "linuxcnc", split="tool")
     written(made, tmp_path)
     dialect, job = made[1:]
-    other = write_program(paths, MACHINE, dialect, job.with_values(nc={"split": "none"}), name="BONE_1")
+    other = write_program(three_paths, MACHINE, dialect, job.with_values(nc={"split": "none"}), name="BONE_1")
     with pytest.raises(FileError, match=r"bone_1\.ngc: it is a part of BONE: give another name"):
         program_files(other, dialect, tmp_path / "bone_1.ngc")
 

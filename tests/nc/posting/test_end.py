@@ -2,7 +2,6 @@
 
 import math
 import re
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -37,15 +36,6 @@ def machine() -> Machine:
     return replace(mikron, linear=(*(replace(axis, limits=(-400.0, 400.0)) for axis in (x, y)), z))
 
 
-@pytest.fixture(scope="module")
-def paths(capsule_path: Callable[..., ToolPath]) -> list[ToolPath]:
-    return [
-        capsule_path(level=5, radius=2.0, offset=1.5, count=60),
-        capsule_path(level=4, radius=2.0, offset=1.0, count=60),
-        capsule_path(level=0, radius=1.0, number=2, count=60),
-    ]
-
-
 def text_of(paths: list[ToolPath], machine: Machine, controller: str, **nc: object) -> str:
     job = Job().with_values(nc={"controller": controller, **nc})
     return write_program(paths, machine, job_dialect(job.nc), job).text
@@ -53,9 +43,9 @@ def text_of(paths: list[ToolPath], machine: Machine, controller: str, **nc: obje
 
 @pytest.mark.parametrize("controller", dialect_names())
 def test_the_program_ends_with_the_table_level_and_the_spindle_parked(
-    controller: str, paths: list[ToolPath], machine: Machine
+    controller: str, three_paths: list[ToolPath], machine: Machine
 ) -> None:
-    text = text_of(paths, machine, controller, table_level=True, park="20, -30.5")
+    text = text_of(three_paths, machine, controller, table_level=True, park="20, -30.5")
     assert text.count(PARK[controller]) == 1
     motions = read_program(text, machine, job_dialect(Job().with_values(nc={"controller": controller}).nc))
     last = motions.partial[-1]
@@ -69,10 +59,10 @@ def test_the_program_ends_with_the_table_level_and_the_spindle_parked(
 
 @pytest.mark.parametrize("controller", dialect_names())
 def test_a_text_that_parks_outside_the_limits_or_beside_the_part_is_refused(
-    controller: str, paths: list[ToolPath], machine: Machine
+    controller: str, three_paths: list[ToolPath], machine: Machine
 ) -> None:
     dialect = job_dialect(Job().with_values(nc={"controller": controller}).nc)
-    text = text_of(paths[:1], machine, controller, park="20, -30.5")
+    text = text_of(three_paths[:1], machine, controller, park="20, -30.5")
     beyond = text.replace(
         PARK[controller], PARK[controller].replace("X20.", "X420.").replace("X+20.", "X+420.")
     )
@@ -84,9 +74,11 @@ def test_a_text_that_parks_outside_the_limits_or_beside_the_part_is_refused(
 
 
 @pytest.mark.parametrize("controller", ["fanuc-30i", "makino", "mitsubishi", "linuxcnc"])
-def test_the_program_ends_at_the_reference_point_of_x_and_y(controller: str, paths: list[ToolPath]) -> None:
+def test_the_program_ends_at_the_reference_point_of_x_and_y(
+    controller: str, three_paths: list[ToolPath]
+) -> None:
     machine = read_machine("mikron-ucp600")
-    text = text_of(paths[:1], machine, controller, park="home")
+    text = text_of(three_paths[:1], machine, controller, park="home")
     assert len(re.findall(r"(?m)^(N\d+ )?G28 G91 X0\.? Y0\.?$", text)) == 1
     dialect = job_dialect(Job().with_values(nc={"controller": controller}).nc)
     motions = read_program(text, machine, dialect)
@@ -105,10 +97,10 @@ def test_where_a_control_has_no_words_for_home_that_is_one_line(controller: str)
 
 
 def test_a_park_position_without_a_retract_before_it_is_refused(
-    paths: list[ToolPath], machine: Machine
+    three_paths: list[ToolPath], machine: Machine
 ) -> None:
     job = Job().with_values(nc={"controller": "linuxcnc", "park": "0, 0"})
-    text = write_program(paths[:1], machine, job_dialect(job.nc), job).text
+    text = write_program(three_paths[:1], machine, job_dialect(job.nc), job).text
     lines = text.split("\n")
     park = next(at for at, line in enumerate(lines) if line.startswith("G53"))
     retract = next(at for at in reversed(range(park)) if lines[at].startswith("G0 Z"))
@@ -125,15 +117,15 @@ def test_a_park_position_without_a_retract_before_it_is_refused(
     ],
 )
 def test_a_park_position_outside_the_limits_is_one_line(
-    park: str, told: str, paths: list[ToolPath], machine: Machine
+    park: str, told: str, three_paths: list[ToolPath], machine: Machine
 ) -> None:
     with pytest.raises(JobError, match=rf"^\[nc\] park = '{park}': {told}"):
-        text_of(paths[:1], machine, "heidenhain", park=park)
+        text_of(three_paths[:1], machine, "heidenhain", park=park)
 
 
-def test_where_only_travels_are_known_no_park_position_is_taken(paths: list[ToolPath]) -> None:
+def test_where_only_travels_are_known_no_park_position_is_taken(three_paths: list[ToolPath]) -> None:
     with pytest.raises(JobError, match="states the travel of X, not its limits"):
-        text_of(paths[:1], read_machine("mikron-ucp600"), "heidenhain", park="0, 0")
+        text_of(three_paths[:1], read_machine("mikron-ucp600"), "heidenhain", park="0, 0")
 
 
 @pytest.mark.parametrize("park", ["here", "1", "1, 2, 3", "nan, 0", "1e9, 0"])
@@ -142,22 +134,24 @@ def test_what_is_no_park_position_is_told(park: str) -> None:
         Job().with_values(nc={"park": park})
 
 
-def test_an_axis_that_cannot_stand_at_zero_is_not_levelled(paths: list[ToolPath], machine: Machine) -> None:
+def test_an_axis_that_cannot_stand_at_zero_is_not_levelled(
+    three_paths: list[ToolPath], machine: Machine
+) -> None:
     tilted = tuple(
         replace(axis, limits=(np.radians(-115.0), np.radians(-1.0))) if axis.letter == "B" else axis
         for axis in machine.part_axes
     )
     with pytest.raises(MachineError, match=r"B of .* cannot stand at zero \(-115 to -1 deg\)"):
-        text_of(paths[:1], replace(machine, part_axes=tilted), "heidenhain", table_level=True)
+        text_of(three_paths[:1], replace(machine, part_axes=tilted), "heidenhain", table_level=True)
 
 
 @pytest.mark.parametrize("controller", dialect_names())
 @pytest.mark.parametrize(("where", "stops"), [("none", 0), ("level", 2), ("tool", 1)])
 def test_optional_stops_stand_where_the_job_says_and_the_spindle_starts_again(
-    controller: str, where: str, stops: int, paths: list[ToolPath]
+    controller: str, where: str, stops: int, three_paths: list[ToolPath]
 ) -> None:
     machine = read_machine("mikron-ucp600")
-    text = text_of(paths, machine, controller, optional_stop=where)
+    text = text_of(three_paths, machine, controller, optional_stop=where)
     assert len(re.findall(r"(?m)^(?:N?\d+ )?M0?1$", text)) == stops
     dialect = job_dialect(Job().with_values(nc={"controller": controller}).nc)
     check_spindle(read_program(text, machine, dialect), machine, dialect)
