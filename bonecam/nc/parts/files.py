@@ -10,7 +10,7 @@ from bonecam.nc.parts.marks import end_mark, mark_in, unnumbered
 from bonecam.nc.posting.block_numbers import number_blocks
 from bonecam.nc.program import LOWEST_DRAWN, NUMBERS, Program
 from bonecam.nc.schema.calls_table import CallsTable
-from bonecam.runtime.staging import staged
+from bonecam.runtime.staging import Staging, staged
 
 
 def program_files(program: Program, dialect: Dialect, place: str | Path) -> dict[Path, str]:
@@ -26,7 +26,7 @@ def program_files(program: Program, dialect: Dialect, place: str | Path) -> dict
     caller, texts = lines[: starts[0]], {}
     for part, (first, last) in enumerate(zip(starts, [*starts[1:], end], strict=True), start=1):
         fields = part_fields(calls, program, part)
-        begin, ends = (_lines(text, fields) for text in (calls.begin, calls.end))
+        begin, ends = calls.wrapping(fields)
         caller.append(calls.call.format(**fields))
         file = place.with_name(str(fields["file"]))
         _check_own(file, program.name, dialect)
@@ -37,8 +37,13 @@ def program_files(program: Program, dialect: Dialect, place: str | Path) -> dict
 def write_program_files(program: Program, dialect: Dialect, place: str | Path) -> None:
     """Write the files of a program, all or none; FileError names what cannot be written."""
     with staged() as staging:
-        for file, text in program_files(program, dialect, place).items():
-            staging.file(file).write_text(text, encoding="utf-8", newline="")
+        stage_program_files(staging, program, dialect, place)
+
+
+def stage_program_files(staging: Staging, program: Program, dialect: Dialect, place: str | Path) -> None:
+    """Write the files of a program beside others that are staged."""
+    for file, text in program_files(program, dialect, place).items():
+        staging.file(file).write_text(text, encoding="utf-8", newline="")
 
 
 def part_fields(calls: CallsTable, program: Program, part: int) -> dict[str, str | int]:
@@ -49,10 +54,6 @@ def part_fields(calls: CallsTable, program: Program, part: int) -> dict[str, str
     name = f"{program.name}_{part}"
     fields: dict[str, str | int] = {"name": name, "lower": name.lower(), "number": number}
     return {**fields, "file": calls.file.format(**fields)}
-
-
-def _lines(text: str, fields: dict[str, str | int]) -> list[str]:
-    return [line for line in text.format(**fields).split("\n") if line]
 
 
 def _check_own(file: Path, caller: str, dialect: Dialect) -> None:

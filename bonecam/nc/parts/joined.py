@@ -58,9 +58,7 @@ def _inner(
     """The first line (from 1) of a called file between how it begins and how it ends, and these lines."""
     text = required_text(file, "a part of an NC program")
     lines = unnumbered(text.split("\n"), dialect)
-    begin, end = (
-        [line for line in part.format(**fields).split("\n") if line] for part in (calls.begin, calls.end)
-    )
+    begin, end = calls.wrapping(fields)
     inner = lines[len(begin) : len(lines) - len(end) - 1]
     if lines != [*begin, *inner, *end, ""] or not inner:
         wanted = f"begin with {begin[0]!r} and " if begin else ""

@@ -61,6 +61,11 @@ class CallsTable(Record):
                 )
         return self
 
+    def wrapping(self, fields: dict[str, str | int]) -> tuple[list[str], list[str]]:
+        """The lines that a called program begins and ends with, by what it is called by."""
+        begin, end = (text.format(**fields).split("\n") for text in (self.begin, self.end))
+        return [line for line in begin if line], [line for line in end if line]
+
     def called_by(self, block: str) -> dict[str, str | int] | None:
         """What a block calls, by field, its `file` too; None where it calls nothing."""
         found = re.fullmatch(_pattern(self.call), block)

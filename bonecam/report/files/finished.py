@@ -12,7 +12,7 @@ from bonecam.job import Job, write_job
 from bonecam.machine.machine import read_machine
 from bonecam.mesh.files.mesh_files import write_mesh
 from bonecam.nc.job_dialect import job_dialect
-from bonecam.nc.parts.files import program_files
+from bonecam.nc.parts.files import stage_program_files
 from bonecam.nc.posting.rotary.machine_limits import machine_limits
 from bonecam.nc.program import Program
 from bonecam.planning.strategies.surface_path import Workpiece
@@ -134,9 +134,7 @@ def write_run(made: Written, wanted: Outputs) -> None:
     )
     with staged() as staging:
         if wanted.program is not None:
-            written = program_files(made.program, job_dialect(made.job.nc), wanted.program)
-            for place, blocks in written.items():
-                staging.file(place).write_text(blocks, encoding="utf-8", newline="")
+            stage_program_files(staging, made.program, job_dialect(made.job.nc), wanted.program)
         for file, text in texts:
             if file is not None:
                 staging.file(file).write_text(text(), encoding="utf-8", newline="")
