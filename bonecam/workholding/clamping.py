@@ -8,7 +8,7 @@ from bonecam.job import HoldingJob
 from bonecam.machine.bodies import Table
 from bonecam.workholding.column import Column
 from bonecam.workholding.post import Post
-from bonecam.workholding.tailstock import tailstock_columns
+from bonecam.workholding.tailstock import tailstock_bodies
 
 DEFAULT = HoldingJob()
 LEAST_NECK = 3.0
@@ -99,7 +99,7 @@ def clamping_of(holding: HoldingJob, table: Table) -> Clamping:
     if table.open_beside:
         plate = math.hypot(table.half_width, table.half_depth)
         columns.append(Column(min(table.radius, plate), 0.0, -math.inf))
-    beside = sum(tailstock_columns(holding).values(), ())
+    beside = tailstock_bodies(holding)
     return Clamping(tuple(columns), not table.open_beside, holding.clearance, stub, beside)
 
 

@@ -84,6 +84,11 @@ def tailstock_columns(holding: HoldingJob) -> dict[str, tuple[Column, ...]]:
     return bracket(holding, replace(under, x=holding.tailstock_x, y=holding.tailstock_y))
 
 
+def tailstock_bodies(holding: HoldingJob) -> tuple[Column, ...]:
+    """The columns of `tailstock_columns`, in one row."""
+    return sum(tailstock_columns(holding).values(), ())
+
+
 def settled_bracket(holding: HoldingJob, part: TriangleMesh, table: Table) -> HoldingJob:
     """The holding with the place of its pin and the reach of its column. JobError where the column stands beside the
     table, or the arm's height is given over a table from which the part's is not."""

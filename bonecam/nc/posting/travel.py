@@ -15,7 +15,7 @@ from bonecam.nc.dialect import Dialect
 from bonecam.nc.posting.path_words import APPROACH_HEIGHT, Posted, joints_of, round_words
 from bonecam.nc.posting.start import start_words
 from bonecam.workholding.clamping import holding_columns
-from bonecam.workholding.tailstock import tailstock_columns
+from bonecam.workholding.tailstock import tailstock_bodies
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +107,7 @@ def table_reach(machine: Machine, job: Job) -> float:
     table = machine.table
     edges = [(0.0, radius) for radius in (table.radius, np.hypot(table.half_width, table.half_depth))]
     edges.append((0.0, 0.0))
-    held = [*holding_columns(job.holding).values(), *sum(tailstock_columns(job.holding).values(), ())]
+    held = [*holding_columns(job.holding).values(), *tailstock_bodies(job.holding)]
     edges += [(column.top, column.radius + float(np.hypot(column.x, column.y))) for column in held]
     height = 0.0
     for piece in table.standing:

@@ -20,7 +20,7 @@ from bonecam.report.page.packing import Contents
 from bonecam.setup.stock import Stock, stock_figures, stock_text
 from bonecam.workholding.clamping import holding_columns
 from bonecam.workholding.post import Post, post_below
-from bonecam.workholding.tailstock import tailstock_columns
+from bonecam.workholding.tailstock import tailstock_bodies
 
 MOST_FACES = 100_000
 """A mesh as given with more faces is shown as it was after repair and decimation."""
@@ -126,7 +126,7 @@ def _tailstock(post: Post, job: Job) -> dict[str, Any]:
     """Pin or upper neck with arm and column, if there are any, mm."""
     if post.pin is None:
         return {}
-    columns = [post.pin, *sum(tailstock_columns(job.holding).values(), ())]
+    columns = [post.pin, *tailstock_bodies(job.holding)]
     return {"tailstock": [asdict(column) for column in columns]}
 
 

@@ -18,7 +18,7 @@ from bonecam.report.pictures.views import section
 from bonecam.setup.stock import Stock
 from bonecam.workholding.clamping import holding_columns
 from bonecam.workholding.post import Post
-from bonecam.workholding.tailstock import tailstock_columns
+from bonecam.workholding.tailstock import tailstock_bodies
 
 WIDTH, HEIGHT = 86.0, 102.0
 """Of the drawing on paper, mm."""
@@ -108,15 +108,14 @@ def clamping_drawing(
     low, high = (float(value) for value in stock.bounds[:, 2])
     held = holding_columns(holding)
     widest = max([float(np.abs(stock.bounds[:, 0]).max()), *(column.radius for column in held.values())])
-    tailstock = tailstock_columns(holding)
-    beside = sum(tailstock.values(), ())
+    beside = tailstock_bodies(holding)
     # the column of a bracket stands beside the paper: header and list tell where
     paper = Paper(widest, max([high, *(column.top for column in beside)]))
     draw_table(paper, table)
     _draw_post(paper, post, low + post.radius, parting, widest)
     for name, column in held.items():
         paper.column(column.radius, column.bottom, column.top, "stock" if name == "stub" else "chuck")
-    for column in (*tailstock.get("column", ()), *tailstock.get("arm", ()), *post.solids[1:]):
+    for column in (*beside, *post.solids[1:]):
         paper.column(column.radius, column.bottom, column.top, "chuck", column.x)
     outline = stock.mesh(CHORD).vertices[:, [0, 2]]
     paper.path(outline[ConvexHull(outline).vertices], "stock")

@@ -17,7 +17,7 @@ from bonecam.report.pictures.shading import draw_shaded
 from bonecam.tool.cutter import Cutter
 from bonecam.tool.path import MoveKind, ToolPath
 from bonecam.workholding.clamping import holding_columns
-from bonecam.workholding.tailstock import tailstock_columns
+from bonecam.workholding.tailstock import tailstock_bodies
 
 COLOURS = {
     "part": "#d9cfb8",
@@ -87,12 +87,12 @@ def _fixed(part: TriangleMesh, holding: HoldingJob, table: Table) -> list[tuple[
     for name, column in holding_columns(holding).items():
         held = bar(column.bottom, column.top, column.radius, column.radius)
         bodies.append(("post" if name == "stub" else "chuck", held))
-    tailstock = tailstock_columns(holding)
+    tailstock = tailstock_bodies(holding)
     if tailstock:
         x, y, radius = holding.tailstock_x, holding.tailstock_y, holding.tailstock_diameter / 2
         pin = bar(float(part.bounds[1, 2]), holding.tailstock_height, radius, radius)
         bodies.append(("post", _shifted(pin, x, y)))
-    for column in sum(tailstock.values(), ()):
+    for column in tailstock:
         held = bar(column.bottom, column.top, column.radius, column.radius)
         bodies.append(("chuck", _shifted(held, column.x, column.y)))
     return [*bodies, *table_bodies(table)]
