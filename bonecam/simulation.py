@@ -232,11 +232,10 @@ def _kept_second(text: str, program: Path, keep: Path) -> Contents:
 
 def _limits(job: Job, levels: int) -> dict[int, float]:
     """The largest depth (mm) of the cut on each level, or on each layer of a strategy in layers, and of PARTING."""
-    first, beyond = job.levels.cuts
     parting = {PARTING: job.levels.layer_depth}
     if job.path.strategy != "morph":
         return parting | layer_limits(job)
-    return parting | {index: first[index] if index < len(first) else beyond for index in range(levels - 1)}
+    return parting | {index: job.levels.depth_onto(index) for index in range(levels - 1)}
 
 
 def _check_cell(cell: float, job: Job) -> None:

@@ -54,14 +54,11 @@ def _asked(nc: NcJob, dialect: Dialect) -> list[tuple[str, bool, str]]:
     """What of a section [nc] needs words that a dialect may not have: as the job says it, whether they are missing
     though it is asked for, and what has them."""
     templates, parks = dialect.templates, HOME if nc.park.strip() == HOME else "park"
-    split = "split" if nc.split != "none" else "split_blocks"
+    name = "split" if nc.split != "none" else "split_blocks"
+    split = f"nc.{name} = {getattr(nc, name)!r}"
     return [
-        (f"nc.{split} = {getattr(nc, split)!r}", is_split(nc) and dialect.calls is None, "a table [calls]"),
-        (
-            f"nc.{split} = {getattr(nc, split)!r}",
-            is_split(nc) and not templates.restart,
-            "a template restart",
-        ),
+        (split, is_split(nc) and dialect.calls is None, "a table [calls]"),
+        (split, is_split(nc) and not templates.restart, "a template restart"),
         (
             f"nc.optional_stop = {nc.optional_stop!r}",
             nc.optional_stop != "none" and not templates.optional_stop,
