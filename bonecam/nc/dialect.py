@@ -46,15 +46,15 @@ How to add a dialect: copy a file of `bonecam/nc/dialects/` (name it, or give it
   the only one, and lines for the header that
   say which point it keeps, `tip` or `centre` by the machine's programmed_point; [numbering]: `format`, `first`,
   `step`, `highest` (then they begin again), `unnumbered` (how lines without a number begin), `continuation`;
-- the reader's grammar: [[statements]] (whole blocks: `pattern`, a regular expression of RE2, and `effect`), and for
-  iso [codes]: what each G, M and D code and each word of letters alone does; where there are codes of `tool_length`,
-  every tool must have its length, by H, or by D of the tool in the spindle, before it moves; a rapid to Z0 in
-  `machine_coordinates` is a retract, one of X and Y behind it a park position (as a statement: `machine position` with
-  the groups x and y), and so is a `reference_return` of Z by `incremental` words; the group `spindle`
-  of a statement `tool`, or S, is the spindle's speed; M3 is `spindle_on`, M5 `spindle_stop`, M7 and M8 are
-  `coolant_on`, M9 is `coolant_off`; `tolerance` is the contour's, by P, or by the group of that name of a statement.
-  What a code means everywhere (`nc/schema/code_meanings.py`) it cannot mean otherwise: units, planes, arcs and
-  increments are never without effect;
+- the reader's grammar: [[statements]] (whole blocks: `pattern`, a regular expression of RE2, and `effect`), and for iso
+  [codes]: what each G, M and D code and each word of letters alone does; where there are codes of `tool_length`, every
+  tool must have its length, by H, or by D of the tool in the spindle, before it moves; an absolute rapid to Z0 in
+  `machine_coordinates` is a retract where lengths are those of D, one of X and Y behind it a park position (as a
+  statement: `machine position` with the groups x and y), and so is a `reference_return` of Z by `incremental` words;
+  the group `spindle` of a statement `tool`, or S, is the spindle's speed; M3 is `spindle_on`, M5 `spindle_stop`, M7 and
+  M8 are `coolant_on`, M9 is `coolant_off`; `tolerance` is the contour's, by P, or by the group of that name of a
+  statement. What a code means everywhere (`nc/schema/code_meanings.py`) it cannot mean otherwise: units, planes, arcs
+  and increments are never without effect;
 - [stated]: what the proof takes for granted and a text must therefore state, by codes, or by names that statements
   have as `states`: before the first move of an axis (`moves`), and again after each start of tool-centre control
   (`tool_centre`);

@@ -216,6 +216,8 @@ class _BlockReader:
         """A rapid to the machine's zero of Z, or to its reference position: the tool is above everything, where its tip
         is in the part is not known. Or one of the retracted tool to X and Y of the machine."""
         state = self.state
+        if "machine_coordinates" in effects and state.incremental:
+            raise line_error(line, "machine coordinates by increments: switch to absolute words before")
         if axes.keys() == {"X", "Y"} and {"machine_coordinates", "rapid"} <= {*effects}:
             state.park(axes["X"], axes["Y"], line)
             return

@@ -161,3 +161,18 @@ def test_optional_stops_stand_where_the_job_says_and_the_spindle_starts_again(
         unstarted = text[:start] + "M9\n" + text[start + 3 :]
         with pytest.raises(VerifyError, match="spindle"):
             check_spindle(read_program(unstarted, machine, dialect), machine, dialect)
+
+
+@pytest.mark.parametrize("controller", ["fanuc-30i", "linuxcnc"])
+def test_a_park_position_by_increments_is_refused(
+    controller: str, three_paths: list[ToolPath], machine: Machine
+) -> None:
+    text = text_of(three_paths[:1], machine, controller, park="20, -30.5", block_numbers=False)
+    dialect = job_dialect(Job().with_values(nc={"controller": controller, "block_numbers": False}).nc)
+    read_program(text, machine, dialect)
+    moved = re.sub(r"(?m)^(G53 G0+ X20)", r"G91 \1", text)
+    assert moved != text
+    with pytest.raises(
+        ProgramError, match=r"^line \d+: machine coordinates by increments: switch to absolute"
+    ):
+        read_program(moved, machine, dialect)
