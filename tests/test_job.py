@@ -191,6 +191,8 @@ def test_depths_to_be_found_count_as_the_numbers_until_they_are() -> None:
     assert not job.is_finishing(4)
     with pytest.raises(JobError, match="fewest"):
         Job(levels={"depths": "found", "schedule": "fewest"})
+    with pytest.raises(JobError, match=r"finishing_levels = 3: .* leave one of them out"):
+        Job(levels={"depths": "found", "finishing_levels": 3})
 
 
 def test_cuts_that_follow_no_level_are_no_deeper_than_the_roughing_depth() -> None:

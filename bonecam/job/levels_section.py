@@ -39,7 +39,8 @@ def depths_from_text(text: str) -> tuple[float, ...]:
 class LevelsJob(JobSection):
     """The depth of each cut, and the energy that the levels minimise (Gan et al. 2014, section 4.2).
 
-    `depths` may also be given as one number or as a list of numbers (mm).
+    `depths` may also be given as one number or as a list of numbers (mm). Of a section built in Python, schedule =
+    "numbers" says that numbers equal to the defaults are meant; a job file or a dict that states one means it.
     """
 
     finishing_depth: float = parameter(
@@ -135,6 +136,11 @@ class LevelsJob(JobSection):
     def completed(self, values: dict[str, Any]) -> dict[str, Any]:
         """The values by name that other depths are stated with: a number that is stated holds, though it be that of the
         default."""
+        if values.get("depths") == FOUND and "finishing_levels" in values:
+            why = "depths = 'found' finds how many: leave one of them out"
+            raise JobError(
+                f"finishing_levels = {values['finishing_levels']}: {why}", field="finishing_levels"
+            )
         stated = bool(values.keys() & {"finishing_levels", "roughing_depth"})
         return {"schedule": "numbers", **values} if stated and self.schedule == "automatic" else values
 
