@@ -29,9 +29,9 @@ def user_folder() -> Path:
 
 
 def named_files(kind: str, shipped: Path) -> dict[str, Path]:
-    """The TOML files of a kind by name: those of the folder that ships, the user's, those of installed packages."""
-    found: dict[str, Path] = {}
-    for folder in (shipped, user_folder() / kind, *_packaged(kind)):
+    """The TOML files of a kind by name: those in and below the folder that ships, the user's, those of packages."""
+    found = {path.stem: path for path in sorted(shipped.rglob("*.toml"))}
+    for folder in (user_folder() / kind, *_packaged(kind)):
         for path in sorted(folder.glob("*.toml")):
             found.setdefault(path.stem, path)
     return found
