@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pytest
@@ -61,6 +61,29 @@ def test_what_does_not_fit_is_refused_at_the_first_call_and_at_later_ones(call: 
         with pytest.raises(TypeError):
             call()
         assert len(sums(POINTS, ONES)) == len(list(rows(POINTS))) == len(Cloud(POINTS).points)
+
+
+@checked
+def scaled(names: list[str], *points: Points, **factors: float) -> Float[ndarray, "m 3"]:
+    return np.vstack(points) * sum(factors.values()) if names else np.vstack(points)[:, 0]
+
+
+@checked
+def chosen(side: Literal["left"]) -> str:
+    return side
+
+
+def test_results_of_another_kind_and_contents_are_looked_at_after_calls_that_fit() -> None:
+    for _ in range(2):
+        assert len(scaled(["a"], POINTS, POINTS, by=2.0)) == 8
+        for call in (lambda: scaled([], POINTS, by=2.0), lambda: scaled([1], POINTS, by=2.0)):  # type: ignore[list-item]
+            with pytest.raises(TypeError):
+                call()
+        with pytest.raises(TypeError):
+            scaled(["a"], POINTS, by="2")  # type: ignore[arg-type]
+        with pytest.raises(TypeError):
+            chosen("right")  # type: ignore[arg-type]
+        assert chosen("left") == "left"
 
 
 def test_sizes_are_those_of_one_call() -> None:

@@ -3,16 +3,21 @@
 jaxtyping's import hook puts its own decorator before each function. That one binds the arguments of every call to the
 signature, and compiles two checks of each function as it is imported; here one check is compiled at the first call, and
 the sizes of a call's arrays are known from its arguments to its result.
+
+Whether a value fits depends on its type, and of an array on its data type and shape. So a call whose arguments and
+result are of kinds that were found to fit together before is not checked again (`_kind`).
 """
 
 import dataclasses
 import inspect
-from collections.abc import Callable, Sequence
-from functools import wraps
+from collections.abc import Callable, Collection, Hashable, Sequence
+from functools import cache, wraps
 from typing import Any, get_type_hints
 
 import jaxtyping
+import numpy as np
 from beartype import BeartypeConf, beartype
+from beartype.door import is_bearable
 from jaxtyping import install_import_hook
 
 CONF = BeartypeConf(violation_type=TypeError)
@@ -37,15 +42,67 @@ def checked(item: Any) -> Any:
         return BY_SIGNATURE(item, typechecker=beartype(conf=CONF))
     item.__annotations__ = {name: _resolved(kind, item) for name, kind in item.__annotations__.items()}
     compiled: list[Callable[..., Any]] = []
+    fitting: dict[Hashable, set[Hashable]] = {}
+    """Kinds of results by the kinds of arguments that they were found to fit."""
 
     @wraps(item)
     def call(*given: Any, **named: Any) -> Any:
-        if not compiled:
-            compiled.append(beartype(item, conf=CONF))
-        with SIZES:
-            return compiled[0](*given, **named)
+        kinds = (len(given), *map(_kind, given), *named, *map(_kind, named.values()))
+        results = fitting.get(kinds)
+        if results is None:
+            if not compiled:
+                compiled.append(beartype(item, conf=CONF))
+            with SIZES:
+                result = compiled[0](*given, **named)
+            kind = None if None in kinds else _kind(result)
+            if kind is not None and "Literal[" not in repr(item.__annotations__):
+                fitting[kinds] = {kind}
+            return result
+        result = item(*given, **named)
+        kind = _kind(result)
+        if kind is None or kind not in results:
+            _check(result, item, inspect.signature(item).bind(*given, **named))
+            if kind is not None:
+                results.add(kind)
+        return result
 
     return call
+
+
+@cache
+def _has_contents(kind: type) -> bool:
+    """Whether values of this type fit by what they hold, or are themselves: collections, classes."""
+    return issubclass(kind, Collection | type) and not issubclass(kind, str | np.ndarray)
+
+
+def _kind(value: Any) -> Hashable:
+    """What two values share that fit the same annotations; None where more than that decides."""
+    kind = type(value)
+    if kind is np.ndarray:
+        return value.dtype.str, value.shape
+    if kind is tuple:
+        kinds = tuple(map(_kind, value))
+        return None if None in kinds else kinds
+    return None if _has_contents(kind) else kind
+
+
+def _check(result: Any, function: Callable[..., Any], given: inspect.BoundArguments) -> None:
+    """TypeError where a result does not fit, its sizes being those of the arguments, which fit."""
+    annotations = function.__annotations__
+    with SIZES:
+        for name, value in given.arguments.items():
+            kind = given.signature.parameters[name].kind
+            each = (
+                value
+                if kind is kind.VAR_POSITIONAL
+                else value.values()
+                if kind is kind.VAR_KEYWORD
+                else (value,)
+            )
+            for one in each if name in annotations else ():
+                assert is_bearable(one, annotations[name], conf=CONF)
+        if not is_bearable(result, annotations.get("return", Any), conf=CONF):
+            raise TypeError(f"{function.__qualname__}() returns {result!r}: not {annotations['return']}")
 
 
 def _resolved(kind: Any, function: Callable[..., Any]) -> Any:
