@@ -14,14 +14,14 @@ ORDER = [
     "__main__",
 ]
 ROOMS = {
-    "runtime": "threads loading compiling timing parent signals temporary worker own_files locking staging".split(),
+    "runtime": "threads loading compiling timing signals temporary worker own_files locking staging".split(),
     "surface": [
         *"basis tmesh query tessellation refinement tspline".split(),
         *"rows_to_general fitting skinning blades files part_surface".split(),
     ],
     "levels": [
         *"problem solvers measure refine_for_depth sequences".split(),
-        *"closed_morph open_stock open_morph body_surface edge_rounding equal_depths job_levels".split(),
+        *"closed_morph open_stock open_morph body_surface edge_rounding job_levels".split(),
     ],
     "mechanics": [
         *"sections beam tailstock cutter edges error_kept strip workpiece".split(),
@@ -34,7 +34,7 @@ ROOMS = {
     "machining": "standing force_feed machine_levels".split(),
     "batch": "parts one_part run cluster".split(),
     "verify": "gouge repeated readback removal control probing proof".split(),
-    "study": "strategies rows claims compared table pictures files comparison probed_folder".split(),
+    "study": "rows claims compared table pictures files comparison probed_folder".split(),
     "report": [
         *"warnings axis_lines mechanics_lines axis_comparison stage_reports".split(),
         *"typed tables summary pictures page sheet files".split(),

@@ -1,6 +1,6 @@
 from .closed_morph import morph as morph
 from .edge_rounding import levels_in as levels_in
-from .equal_depths import even_levels as even_levels
+from .job_levels import even_levels as even_levels
 from .job_levels import surface_and_levels as surface_and_levels
 from .measure.certificates.certificate import Certificate as Certificate
 from .measure.certificates.certify import certify as certify

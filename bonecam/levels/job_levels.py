@@ -5,12 +5,13 @@ levels fail the surface is smoothed where it bends far more sharply than a ball 
 a surface is refused, the fit starts again from other rows.
 """
 
+from dataclasses import replace
 from itertools import islice
+from typing import Any
 
 from bonecam.errors import LevelError, SurfaceError
 from bonecam.job import Job, LevelsJob
-from bonecam.levels.edge_rounding import levels_in
-from bonecam.levels.equal_depths import even_levels
+from bonecam.levels.edge_rounding import begin_levels, levels_in
 from bonecam.levels.measure.cut_measures import NO_CUT
 from bonecam.levels.measure.level import PartLevel, StockLevel
 from bonecam.levels.sequences.begun_morph import Morph
@@ -20,7 +21,7 @@ from bonecam.mesh.sections.row_choices import MOST_CHOICES
 from bonecam.progress import Progress, part, report, rising, silent
 from bonecam.runtime.timing import StageTimes
 from bonecam.setup.placement import Setup
-from bonecam.setup.schedule import schedule_of
+from bonecam.setup.schedule import Schedule, even_out, schedule_of
 from bonecam.setup.stock import Stock
 from bonecam.surface.fitting.fit import Fit
 from bonecam.surface.part_surface import fit_surface, part_rows, smoother_fit
@@ -114,3 +115,32 @@ def check_method(levels: LevelsJob) -> None:
         require_clarabel("method", levels.method, "qp")
     elif levels.solver == "clarabel":
         require_clarabel("solver", "clarabel", "admm")
+
+
+TRIES = 3
+"""Depths that are tried before the given ones are kept."""
+SPARE = 1.004
+"""The first is deeper than even cuts by this factor: levels use a little less than all of their depth."""
+ENOUGH = 0.9
+"""An outermost cut that uses this share of its depth is even enough."""
+
+
+def even_levels(surface: TSpline, stock: Stock, schedule: Schedule, **options: Any) -> Morph:
+    """The levels of `levels_in` with roughing cuts so shallow that the morph's outermost cut is as deep as they are.
+
+    The number of cuts is that of the given depths; where shallower cuts need one more, the depth is raised again
+    half way, at last to what was given. Only the levels that are kept are measured.
+    """
+    given = begin_levels(surface, stock, schedule, **options)
+    cuts, rest = len(given.morph.first), given.morph.rest
+    if rest >= ENOUGH * schedule.limit(cuts):
+        return given.measured()
+    depth = SPARE * even_out(schedule, given.morph.distance, cuts, rest).beyond
+    for _ in range(TRIES):
+        if depth >= schedule.beyond:
+            break
+        tried = begin_levels(surface, stock, Schedule(schedule.first, depth), **options)
+        if tried.cuts <= given.cuts and len(tried.morph.first) <= cuts:
+            return replace(tried.measured(), lower_bound=given.lower_bound(schedule))
+        depth = (depth + schedule.beyond) / 2
+    return given.measured()

@@ -235,5 +235,5 @@ def _moves(
     x, y, z = (sp.csc_array(D @ energy @ D) for D in along)
     gradient = -((energy @ way) * direction).sum(1)
     limits = LinearLimits(sp.eye_array(len(P), format="csr"), np.zeros(len(P)), most)
-    distance = np.clip(solve_qp(sp.csc_array(x + y + z), gradient, limits, SOLVER_TOLERANCE).x, 0.0, most)
+    distance = np.clip(solve_qp(sp.csc_array(x + y + z), gradient, limits, SOLVER_TOLERANCE), 0.0, most)
     return np.asarray(distance[:, None] * direction)

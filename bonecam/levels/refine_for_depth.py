@@ -20,12 +20,9 @@ from bonecam.surface.tspline import TSpline
 IN_CAPSULES, WITH_FLATS, COARSER = (14.0, 800, 3000), (6.5, 1000, 1000), 1.25
 """So many depths long may spans be, of surfaces of fewer than so many control points, of so many at most: in
 a capsule, and in a stock with flats, which a level reaches long before the edges between them. So much
-longer, and again, where that would take more control points. (With 9 depths in capsules mean depths rise by
-0.01, a forked bone's by 0.04; but levels take 20 to 40 % longer to make and follow hollows that no cutter
-enters: on the forked bone 37,000 contacts stay uncut instead of 10,000. Where spans are too long for what is
-left, levels stall: those of a whole femur came no nearer to the stock than 0.5 mm with 940 control points and
-with 1,500, and reach it with 2,566. But a femur's end of 1,500 took 95 cuts with 2,925 instead of 97, twice
-the time, and 5 of them were not certified.)"""
+longer, and again, where that would take more control points. Where spans are too long for what is left, levels
+stall: a whole femur's reach the stock with 2,566 control points, not with 1,500. Shorter spans follow hollows that
+no cutter enters."""
 STRETCHED = 4.0
 """Neighbours on both sides of the stock's axis have their nearest points on the stock far apart, however near
 they are."""

@@ -7,7 +7,6 @@ from .facets.curvature import SurfaceShape as SurfaceShape
 from .facets.delaunay import delaunay as delaunay
 from .facets.mls_curvature import mls_curvature as mls_curvature
 from .facets.nearest_areas import nearest_areas as nearest_areas
-from .facets.side import above_contacts as above_contacts
 from .facets.side import heights_above as heights_above
 from .facets.smooth_surface import Smoothing as Smoothing
 from .facets.smooth_surface import smooth_facets as smooth_facets

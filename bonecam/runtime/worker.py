@@ -1,9 +1,11 @@
 """Work in a process of its own, with limits of time and memory: for libraries that end their process, or never come
 back, and for work that a stranger asks for. It ends with this process, however that ends."""
 
+import ctypes
 import math
 import os
 import pickle
+import signal
 import subprocess
 import sys
 import tempfile
@@ -15,12 +17,11 @@ from importlib import import_module
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection
 from pathlib import Path
-from threading import Event
-from typing import IO, Any
+from threading import Event, Thread
+from typing import IO, Any, NoReturn
 
 from bonecam.errors import Cancelled
 from bonecam.progress import Progress, report, silent
-from bonecam.runtime.parent import end_with_parent
 from bonecam.runtime.signals import kept_from_children
 from bonecam.runtime.temporary import remove_abandoned
 
@@ -155,3 +156,28 @@ def _limit_memory(size: int) -> None:
         return
     most = resource.getrlimit(resource.RLIMIT_DATA)[1]
     resource.setrlimit(resource.RLIMIT_DATA, (size if most < 0 else min(size, most), most))
+
+
+PR_SET_PDEATHSIG = 1
+"""Number of the call that names the signal at the parent's end (Linux, prctl(2))."""
+INTERVAL = 1.0
+"""How often the parent is looked at where the kernel tells nothing, s."""
+
+
+def end_with_parent(parent: int) -> None:
+    """End this process, at once and with no word, as soon as the process `parent` is gone, killed for instance.
+
+    On Linux the kernel sees to it, so that it holds inside a library's long call too; elsewhere a thread looks.
+    """
+    prctl = getattr(ctypes.CDLL(None), "prctl", None)
+    if prctl is not None:
+        prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+    if os.getppid() != parent:  # it has ended before the kernel was told
+        os._exit(1)
+    Thread(target=_watch, args=(parent,), daemon=True).start()
+
+
+def _watch(parent: int) -> NoReturn:
+    while os.getppid() == parent:
+        time.sleep(INTERVAL)
+    os._exit(1)

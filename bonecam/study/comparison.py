@@ -12,7 +12,8 @@ from typing import Any, cast
 
 from bonecam.errors import BonecamError, JobError, LevelError
 from bonecam.files import check_folder
-from bonecam.job import Job
+from bonecam.job import Job, PathJob
+from bonecam.job.path_section import OF_MORPH
 from bonecam.levels.job_levels import check_method, make_levels
 from bonecam.machine.machine import Machine, read_machine
 from bonecam.machining.force_feed import check_one_feed
@@ -32,7 +33,6 @@ from bonecam.study.claims import claims_of
 from bonecam.study.compared import Comparison, Measured
 from bonecam.study.files import write_comparison
 from bonecam.study.rows import Row, figures_of
-from bonecam.study.strategies import MORPH, STRATEGIES, Strategy
 from bonecam.verify.probing.line import ProbeLine, probe_line
 from bonecam.verify.probing.machined import PostedProgram
 from bonecam.verify.probing.probe import RUBY, probe_surface
@@ -40,6 +40,48 @@ from bonecam.verify.probing.roughness import roughness_of
 from bonecam.verify.removal.given import given_surface
 from bonecam.verify.removal.of_job import check_removal_of_job, cutters_of, removal_of_job
 from bonecam.workholding.post import post_below
+
+
+@dataclass(frozen=True)
+class Strategy:
+    """A way to machine the part: its name in tables and files, and what it is."""
+
+    name: str
+    title: str
+
+    @property
+    def is_morph(self) -> bool:
+        """Whether it cuts the levels of a morph."""
+        return self.name in MORPHS
+
+    def job(self, job: Job) -> Job:
+        """The job by this strategy."""
+        if self.name == "published":
+            methods = {
+                "strategy": "morph",
+                "pattern": "published",
+                "orientation": "published" if job.path.orientation == "published" else "lead",
+                "certify": "distances",
+            }
+            return job.with_values(levels={"method": "published", "even": False}, path=methods)
+        if self.is_morph:
+            return job.with_values(path={"strategy": "morph"})
+        defaults = PathJob()
+        own = {name: getattr(defaults, name) for name in OF_MORPH}
+        return job.with_values(path={"strategy": self.name, **own})
+
+
+MORPHS = ("published", "bonecam")
+"""Names of the strategies that morph."""
+STRATEGIES = (
+    Strategy("published", "morphing as published: printed program of the levels, whole zig-zag, lead angle"),
+    Strategy("bonecam", "morphing as bonecam does it, by the job"),
+    Strategy("iso-height", "iso-height milling from both sides"),
+    Strategy("rotary", "sectional rotary milling"),
+)
+"""All of them, in the order of the table."""
+MORPH = STRATEGIES[1]
+"""The one whose levels are those of the job."""
 
 
 def compare(

@@ -40,7 +40,7 @@ from bonecam.levels.closed_morph import morph
 from bonecam.levels.measure.grid import level_grid
 from bonecam.levels.problem.cut import Cut, StepParameters
 from bonecam.levels.problem.discretisation import Discretisation
-from bonecam.levels.problem.limits.linear_limits import stack_limits
+from bonecam.levels.problem.limits.linear_limits import LinearLimits
 from bonecam.levels.problem.limits.planes import limits_at
 from bonecam.levels.problem.program import LevelProgram, program_of
 from bonecam.levels.problem.published import PublishedProgram
@@ -240,7 +240,9 @@ def optimum(call: Call, program: LevelProgram, start: ndarray, watched: bool) ->
             y = x + R @ D
             dense = dense.at(y, 3)
             near = np.flatnonzero(dense.broken(y) > -NEAR)
-            rows = stack_limits(rows, dense.only(near).rows(sp.csr_array(R[near]), x[near]))
+            more = dense.only(near).rows(sp.csr_array(R[near]), x[near])
+            both = sp.csr_array(sp.vstack([rows.A, more.A]))
+            rows = LinearLimits(both, np.r_[rows.low, more.low], np.r_[rows.high, more.high])
         b = np.concatenate([rows.high, -rows.low])
         kept = np.isfinite(b)
         A = sp.csc_matrix(sp.csr_array(sp.vstack([rows.A, -rows.A]))[kept])

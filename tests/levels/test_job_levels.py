@@ -1,22 +1,29 @@
 """Where the surface of the usual rows is refused, or has no levels, the fit starts from other rows."""
 
+from collections.abc import Callable
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
 
 from bonecam.errors import LevelError, SurfaceError
 from bonecam.job import Job
-from bonecam.levels import job_levels
-from bonecam.levels.job_levels import surface_and_levels
+from bonecam.levels import closed_morph, edge_rounding, job_levels
+from bonecam.levels.edge_rounding import BegunLevels, levels_in
+from bonecam.levels.job_levels import even_levels, surface_and_levels
+from bonecam.levels.measure.level import RoundedLevel
 from bonecam.levels.sequences.begun_morph import Morph
 from bonecam.mesh.part import prepare_part
 from bonecam.mesh.sections.harmonic_rows import Rows
 from bonecam.mesh.sections.row_choices import MOST_CHOICES
 from bonecam.runtime.timing import StageTimes
+from bonecam.setup.capsule import Capsule
 from bonecam.setup.placement import Setup, place
-from bonecam.setup.stocks.capsule import Capsule
+from bonecam.setup.schedule import Schedule
+from bonecam.setup.stocks.cylinder import Cylinder
 from bonecam.surface.fitting.fit import Fit
+from bonecam.surface.tspline import TSpline
 
 JOB = Job().with_values(holding={"diameter": 2.0, "length": 60.0}, mesh={"rows": 8, "row_points": 24})
 
@@ -100,3 +107,44 @@ def test_the_first_failure_is_told_where_all_rows_fail(setup: Setup, monkeypatch
     with pytest.raises(SurfaceError, match=r"^try 1$"):
         surface_and_levels(setup, JOB, StageTimes())
     assert len(tries) == MOST_CHOICES
+
+
+SCHEDULE = Schedule((0.2,), 1.0)
+
+
+def test_the_outermost_cut_is_as_deep_as_the_others_and_there_are_as_many(
+    capsule: Capsule, waisted: Callable[..., TSpline]
+) -> None:
+    plain, even = (
+        make(waisted(), capsule, SCHEDULE, chord_tolerance=0.05) for make in (levels_in, even_levels)
+    )
+    assert plain.levels[-1].depth_max < 0.75
+    assert even.cuts == plain.cuts
+    assert even.lower_bound == plain.lower_bound
+    depths = [level.depth_max for level in even.levels[2:]]
+    assert min(depths) > 0.85 * max(depths)
+    assert max(depths) < 0.99
+
+
+def test_a_bar_keeps_its_rounding_levels(waisted: Callable[..., TSpline]) -> None:
+    bar = Cylinder(4.5, 0.0, 20.0)
+    even = even_levels(waisted(), bar, SCHEDULE, chord_tolerance=0.05)
+    assert sum(isinstance(level, RoundedLevel) for level in even.levels) >= 2
+    assert np.abs(bar.signed_distance(even.levels[-1].mesh.vertices)).max() < 1e-9
+
+
+def test_only_the_levels_that_are_kept_are_measured(
+    capsule: Capsule, waisted: Callable[..., TSpline], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    begun = []
+
+    def counted(*given: object, **options: object) -> BegunLevels:
+        begun.append(edge_rounding.begin_levels(*given, **options))
+        return begun[-1]
+
+    measured = Mock(side_effect=closed_morph.inspect)
+    monkeypatch.setattr(job_levels, "begin_levels", counted)
+    monkeypatch.setattr(closed_morph, "inspect", measured)
+    even_levels(waisted(), capsule, SCHEDULE, chord_tolerance=0.05)
+    assert len(begun) > 1
+    assert measured.call_count == 1

@@ -17,7 +17,7 @@ from bonecam.progress import silent
 from bonecam.report.files.output_files import Outputs
 from bonecam.study import comparison
 from bonecam.study.compared import Comparison
-from bonecam.study.strategies import STRATEGIES
+from bonecam.study.comparison import STRATEGIES
 from bonecam.study.table import LINES
 
 COARSE = Job().with_values(

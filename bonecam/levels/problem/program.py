@@ -34,10 +34,8 @@ TOO_FAR = 0.001
 """A sample is in a hollow once it is so much (mm) farther from the new level than the cut is deep. (Without this
 limit a bone of 17 cuts takes 18.)"""
 MOST_BENT = 2.5
-"""Bending alone takes no sample farther than so many depths. It grows with the part: that of a femur would
-sweep its neck out of all limits, the more so the more the pull is reduced. (Of small bones it takes none
-farther than 2, and that fills their hollows; without it the levels of a talus are others, with as many cuts and
-certificates.)"""
+"""Bending alone takes no sample farther than so many depths: it grows with the part, and that of a femur would sweep
+its neck out of all limits."""
 PRESS = 0.1
 """How far (mm) outside the stock samples may be pulled: what is pressed against the wall lies there, where
 levels meet it too."""

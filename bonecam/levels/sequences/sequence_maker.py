@@ -23,10 +23,8 @@ STIFF = {"bending": 1e-6, "uniform": 0.05}
 TOGETHER = {"bending": 3e-7, "uniform": 0.05, "least_share": 0.7}
 """Three ways to make levels (`StepParameters`). The first makes the deepest cuts: all samples pull alike, and the
 surface bends easily. Where it takes more than K_min cuts or does not pass as measured the second, stiffer one is
-tried, in which samples pull by their area. (Of fourteen bones one takes 17 cuts with it instead of 18, and the
-levels of a talus pass only with it.) Where neither gets to the stock all places are led there together, so that
-hollows stay wide: a femur's end (87 mm, cuts of 2 mm) has no levels otherwise. (With 0.3 instead of 0.7 they use
-0.43 of their depth instead of 0.61.)"""
+tried, in which samples pull by their area: the levels of a talus pass only with it. Where neither gets to the stock
+all places are led there together, so that hollows stay wide: a femur's end has no levels otherwise."""
 STILL = 1e-6
 """A level stays as it is where no control point would move by more (mm) to restore its limits."""
 MAX_STALLED = 4
@@ -46,8 +44,7 @@ LANDING = 0.03
 """How far inside the stock the last level stays, mm."""
 CREEP, MOST_CREEP = 0.004, 0.49
 """How much farther inside each level stays than the next, mm, and the first than the last at most: levels that met
-at the wall would have no room for their limits. (Without it a third metacarpal loses 3 of 17 certificates; with
-0.01 mm levels in capsules use 0.001 to 0.002 less of their depth.)"""
+at the wall would have no room for their limits: without it a third metacarpal loses 3 of 17 certificates."""
 
 
 @dataclass(frozen=True, eq=False)

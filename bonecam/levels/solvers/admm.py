@@ -26,8 +26,7 @@ RELAXATION = 1.6
 """Over-relaxation of ADMM: 1.5 to 1.8 is usual (Boyd et al. 2011, section 3.4.3)."""
 SETTLED = 1e-3
 """ADMM ends where its samples move and miss their limits by a smaller share of how far they are pulled, root mean
-square. (By a length, 0.0005 mm, it ended as early where much is left to move, and too early on the outermost
-levels: their energies were 5 % above the least on a phalanx, now 2 %.)"""
+square: energies end 2 % above the least on a phalanx."""
 
 
 def solve(

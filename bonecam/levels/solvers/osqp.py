@@ -4,8 +4,6 @@ The solver's own status is not trusted: the largest violation of its answer is m
 limits (mm).
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float
@@ -26,21 +24,12 @@ ACCEPTED = 20.0
 """Violations are accepted up to so many tolerances: OSQP scales its residuals."""
 
 
-@dataclass(frozen=True, eq=False)
-class Solution:
-    """The minimum `x`, how far it violates the limits (mm), and the iterations it took."""
-
-    x: Float[ndarray, "v"]
-    violation: float
-    iterations: int
-
-
 def solve(program: LevelProgram) -> Float[ndarray, "m 3"]:
     """The free moves of a level's program by OSQP, every limit a row: many times slower than `admm`."""
     energy = sp.csc_array(sp.block_diag([program.matrix] * 3))
 
     def minimum(limits: LinearLimits, start: Float[ndarray, " v"]) -> Float[ndarray, " v"]:
-        return solve_qp(energy, program.gradient.T.ravel(), limits, TOLERANCE, start).x
+        return solve_qp(energy, program.gradient.T.ravel(), limits, TOLERANCE, start)
 
     return solve_linearised(program, minimum)
 
@@ -51,7 +40,7 @@ def solve_qp(
     limits: LinearLimits,
     tolerance: float,
     start: Float[ndarray, "v"] | None = None,
-) -> Solution:
+) -> Float[ndarray, "v"]:
     """The minimum, searched from `start`; `P` is symmetric and positive semidefinite, `tolerance` in mm.
 
     LevelError where OSQP does not finish or its answer violates a limit by more than ACCEPTED tolerances.
@@ -89,4 +78,4 @@ def solve_qp(
             f"OSQP left the limits by {violation:.2g} mm ({status}): give a lower stiffness",
             violation=violation,
         )
-    return Solution(x, violation, int(answer.info.iter))
+    return x

@@ -1,7 +1,7 @@
 """On which side of facets points lie (Xu et al. 2013, Eq. 21 and Fig. 4)."""
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.arrays import dots, unit
@@ -21,10 +21,3 @@ def heights_above(points: Float[ndarray, "k 3"], mesh: TriangleMesh) -> Float[nd
     shares = barycentric(mesh.vertices[corners], nearest)
     normals = unit(np.einsum("kc,kcd->kd", shares, vertex_normals(mesh)[corners]))
     return dots(points - nearest, normals)
-
-
-def above_contacts(locations: Float[ndarray, "n 3"], mesh: TriangleMesh) -> Bool[ndarray, " n"]:
-    """Whether each cutter location lies above its contact, vertex i of the mesh: above the facets nearest to it,
-    and on the outer side of its contact's tangent plane (n . O > 0, Eq. 21)."""
-    outward = dots(vertex_normals(mesh), locations - mesh.vertices) > 0
-    return np.asarray(outward & (heights_above(locations, mesh) > 0))

@@ -38,9 +38,7 @@ ROUGH = 0.25
 RMS."""
 STEP = 0.8
 """Share of what the surface misses a vertex by that its control point moves. Copies of five hand bones with 130 to 400
-faces change their volume by -3.1 to 2.3 % with it, the former where decimation left the vertices on the bone, the
-latter where it moved them out; by 0.4 to 6.3 % with 1, by -6.4 to -0.1 % with 0.6. The distance from the facets is
-least near it."""
+faces change their volume by -3.1 to 2.3 % with it, by 0.4 to 6.3 % with 1, by -6.4 to -0.1 % with 0.6."""
 SMOOTHINGS = 10
 """Steps of Taubin's smoothing: noise of 0.08 mm on two hand bones leaves 0.03 mm and normals 5 degrees off, not 11 to
 14; more steps move the bone itself."""

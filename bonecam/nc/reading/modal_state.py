@@ -14,8 +14,7 @@ from bonecam.nc.dialect import Dialect
 from bonecam.nc.reading.endless_axes import EndlessAxes
 from bonecam.nc.reading.full_moves import MARKS, Blocks, full_move, read_full_moves
 from bonecam.nc.reading.line_error import line_error
-from bonecam.nc.reading.modes.spindle_coolant import SpindleAndCoolant
-from bonecam.nc.reading.modes.stated import Stated
+from bonecam.nc.reading.modes import SpindleAndCoolant, Stated
 from bonecam.nc.reading.motions import COLUMNS, PartialMove, Tool
 from bonecam.nc.reading.number_range import check_range
 from bonecam.nc.reading.tool_words import described_tool

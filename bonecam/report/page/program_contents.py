@@ -14,12 +14,13 @@ from bonecam.job import Job
 from bonecam.machine.machine import Machine
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.dialect import Dialect
+from bonecam.nc.posting.header.header import comment
+from bonecam.nc.posting.marks import LIFTED, REWIND
 from bonecam.nc.reading.motions import Motions
 from bonecam.nc.reading.read import read_program
 from bonecam.report.page.cone_contents import cone_contents
 from bonecam.report.page.move_sources import of_rows, of_text, rows_of_moves
 from bonecam.report.page.packing import Contents
-from bonecam.report.page.rewinds import rewind_contents
 from bonecam.report.page.thinning import thinned
 from bonecam.report.summary import WHY
 from bonecam.tool.cutter import Cutter
@@ -229,3 +230,11 @@ def _tool(cutter: Cutter) -> dict[str, Any]:
             for section in cutter.profile
         ],
     }
+
+
+def rewind_contents(text: str, motions: Motions, dialect: Dialect) -> dict[str, Float[ndarray, "k 3"]]:
+    """`rewinds`: the tips (mm) from which the tool leaves for a rewind, in order; nothing where there is none."""
+    marks = tuple(comment(mark, dialect) for mark in (LIFTED, REWIND))
+    lines = [number for number, line in enumerate(text.split("\n"), 1) if line.endswith(marks)]
+    before = np.searchsorted(motions.lines, lines) - 1
+    return {"rewinds": motions.tips[np.maximum(before, 0)]} if lines else {}

@@ -1,16 +1,19 @@
 """The verdict on a text as its control would run it: limits of axes, feeds, spindle; with its job also coolant, and
 feeds, speeds and lengths of tools other than the job's."""
 
+import numpy as np
+
 from bonecam.errors import VerifyError
 from bonecam.job import Job
 from bonecam.machine.machine import Machine
 from bonecam.nc.dialect import Dialect
+from bonecam.nc.posting.tolerances import contour_tolerance
 from bonecam.nc.reading.motions import Motions
 from bonecam.tool.cutter import Cutter
 from bonecam.verify.control.axis_limits import check_limits
 from bonecam.verify.control.feeds import check_feed_mode, check_feeds, check_feeds_of_job
+from bonecam.verify.control.first_wrong import refuse_first
 from bonecam.verify.control.spindle import check_coolant, check_spindle, check_spindle_of_job
-from bonecam.verify.control.tolerances import check_tolerance
 from bonecam.verify.removal.groups import tools_of
 from bonecam.verify.removal.of_job import cutters_of
 
@@ -56,3 +59,17 @@ def _check_tools(motions: Motions, cutters: dict[int, Cutter]) -> None:
                     place=None,
                     error=abs(value - wanted),
                 )
+
+
+def check_tolerance(motions: Motions, dialect: Dialect, job: Job) -> None:
+    """VerifyError at the first feed move under a contour tolerance (mm) larger than the job's for roughing, or left to
+    the control. Nothing is known where the dialect has no words for it."""
+    most = contour_tolerance(dialect, job, finishing=False)
+    wide = ~motions.rapid & (motions.tolerances > most + dialect.numbers.length.step)
+
+    def why(at: int) -> str:
+        value = motions.tolerances[at]
+        message = f"is {value:g} mm" if np.isfinite(value) else "is left to the control"
+        return f"the contour tolerance {message}, the job allows {most:g} mm: correct it in a line before"
+
+    refuse_first(motions, wide, why)

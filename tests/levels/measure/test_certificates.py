@@ -17,8 +17,7 @@ from bonecam.levels.body_surface import body_surfaces
 from bonecam.levels.closed_morph import morph
 from bonecam.levels.edge_rounding import levels_in
 from bonecam.levels.job_levels import make_levels
-from bonecam.levels.measure.certificates.accuracy import ROUNDING
-from bonecam.levels.measure.certificates.certificate import Certificate
+from bonecam.levels.measure.certificates.certificate import ROUNDING, Certificate
 from bonecam.levels.measure.certificates.certify import certify, certify_cut, certify_last_cut
 from bonecam.levels.measure.certificates.depth import MARGIN, depth_target
 from bonecam.levels.measure.certificates.nets import HALVES, bezier_nets

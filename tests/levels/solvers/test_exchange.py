@@ -83,7 +83,7 @@ def test_osqp_finds_the_same_optimum(program: Callable[[int], LevelProgram]) -> 
     rows = one.limits.rows(one.R, one.x)
     found = (
         solve_qp(sp.csc_array(sp.block_diag([one.matrix] * 3)), one.gradient.T.ravel(), rows, 1e-5)
-        .x.reshape(3, -1)
+        .reshape(3, -1)
         .T
     )
     assert one.energy(found) == pytest.approx(one.energy(admm.solve(one, set_up_every=10**6)), rel=0.01)

@@ -3,7 +3,7 @@
 import numpy as np
 
 from bonecam.mesh.facets.delaunay import delaunay
-from bonecam.mesh.facets.side import above_contacts, heights_above
+from bonecam.mesh.facets.side import heights_above
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
 PLACES = np.random.default_rng(5).random((80, 2)) * 10
@@ -18,8 +18,8 @@ def test_heights_over_a_plane_are_exact() -> None:
 
 def test_locations_along_the_normal_are_above_and_against_it_below() -> None:
     up = np.array([0.0, 0.0, 1.0])
-    assert above_contacts(BOWL.vertices + 0.5 * up, BOWL).all()
-    assert not above_contacts(BOWL.vertices - 0.5 * up, BOWL).any()
+    assert (heights_above(BOWL.vertices + 0.5 * up, BOWL) > 0).all()
+    assert (heights_above(BOWL.vertices - 0.5 * up, BOWL) < 0).all()
 
 
 def test_a_location_that_dives_under_a_neighbour_is_not_above() -> None:
@@ -27,4 +27,4 @@ def test_a_location_that_dives_under_a_neighbour_is_not_above() -> None:
     lowest = int(np.argmin(BOWL.vertices[:, 2]))
     location = BOWL.vertices.copy()
     location[lowest] += [3.0, 0.0, 0.3]
-    assert not above_contacts(location, BOWL)[lowest]
+    assert heights_above(location, BOWL)[lowest] < 0

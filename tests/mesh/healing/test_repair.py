@@ -9,9 +9,8 @@ from bonecam.errors import MeshError
 from bonecam.mesh.distance import exact_closest
 from bonecam.mesh.files.mesh_files import read_mesh
 from bonecam.mesh.healing.mesh_faults import faults_of
-from bonecam.mesh.healing.repair import repair
+from bonecam.mesh.healing.repair import repair, wrap
 from bonecam.mesh.healing.repair_state import RepairState
-from bonecam.mesh.healing.resurfacing import wrap
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.mesh.units import to_mm
 

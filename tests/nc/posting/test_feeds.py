@@ -14,7 +14,7 @@ from bonecam.machine.kinematics import inverse_linear
 from bonecam.machine.machine import Machine, read_machine
 from bonecam.nc.dialect import Dialect, read_dialect
 from bonecam.nc.posting.feeds.drivable_feeds import FEED_PER_MM, LARGEST_RATIO, drivable_paths
-from bonecam.nc.posting.feeds.feed_scale import FLOOR, LARGEST_STEP, feed_scale, on_scale
+from bonecam.nc.posting.feeds.feed_scale import FLOOR, feed_scale, on_scale
 from bonecam.nc.posting.write import write_program
 from bonecam.nc.reading.motions import Motions
 from bonecam.nc.reading.read import read_program
@@ -27,6 +27,8 @@ PAIRS = {
     "siemens-840d": (read_machine("mikron-ucp600"), read_dialect("siemens-840d")),
     "fanuc-30i": (read_machine("mikron-ucp600"), read_dialect("fanuc-30i")),
 }
+LARGEST_STEP = 1 / 7
+"""The largest step of the scale of feeds (from 140 to 160), as a share of the lower of the two."""
 
 
 @pytest.fixture(params=PAIRS)

@@ -8,8 +8,7 @@ from bonecam.errors import JobError
 from bonecam.mesh.distance import MeshDistance
 from bonecam.verify.probing.line import back_of, probe_line
 from bonecam.verify.probing.machined import Machined, PostedProgram
-from bonecam.verify.probing.probe import probe_surface
-from bonecam.verify.probing.touch import touching_centres
+from bonecam.verify.probing.probe import probe_surface, touching_centres
 from bonecam.workholding.post import Post
 
 POST = Post(1.0, 32.0)

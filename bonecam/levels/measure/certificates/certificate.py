@@ -9,6 +9,18 @@ from numpy import ndarray
 from bonecam.errors import place_name
 from bonecam.levels.problem.tolerances import DEPTH_TOLERANCE, NESTING_TOLERANCE, STOCK_TOLERANCE
 
+ACCURACY = 1e-4
+"""A bound is good enough up to so many mm over a distance that is reached at some point."""
+
+SMALLEST = 1e-4
+"""Pieces of patches no larger than this (mm) are not halved again."""
+
+ROUNDING = 1e-8
+"""Added to every bound (mm) for the rounding of floating point sums."""
+
+MAX_HALVINGS = 20
+"""Most passes over the patches in which those that are bounded too loosely are halved both ways."""
+
 
 @dataclass(frozen=True, eq=False)
 class Certificate:

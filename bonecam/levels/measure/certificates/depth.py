@@ -14,7 +14,7 @@ from numpy import ndarray
 
 from bonecam.kernels.hulls.depth import depth_bound
 from bonecam.kernels.hulls.footpoints import DepthTarget
-from bonecam.levels.measure.certificates.accuracy import ACCURACY, ROUNDING, SMALLEST
+from bonecam.levels.measure.certificates.certificate import ACCURACY, ROUNDING, SMALLEST
 from bonecam.levels.measure.certificates.nets import bezier_nets
 from bonecam.levels.problem.tolerances import DEPTH_TOLERANCE
 from bonecam.surface.tspline import TSpline

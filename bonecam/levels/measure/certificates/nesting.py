@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 
 from bonecam.arrays import dots, lengths
 from bonecam.kernels.hulls.separation import separation
-from bonecam.levels.measure.certificates.accuracy import ROUNDING, SMALLEST
+from bonecam.levels.measure.certificates.certificate import ROUNDING, SMALLEST
 from bonecam.levels.measure.certificates.nets import bezier_nets
 from bonecam.surface.tspline import TSpline
 

@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 
 from bonecam.kernels.hulls.depth import depth_bound
 from bonecam.kernels.hulls.footpoints import DepthTarget
-from bonecam.levels.measure.certificates.accuracy import ROUNDING, SMALLEST
+from bonecam.levels.measure.certificates.certificate import ROUNDING, SMALLEST
 from bonecam.levels.measure.certificates.depth import depth_target
 from bonecam.levels.problem.tolerances import DEPTH_TOLERANCE
 from bonecam.setup.stock import Stock

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from bonecam.levels.measure.certificates.accuracy import ACCURACY, MAX_HALVINGS, ROUNDING
+from bonecam.levels.measure.certificates.certificate import ACCURACY, MAX_HALVINGS, ROUNDING
 from bonecam.levels.measure.certificates.nets import CORNERS, quarter_nets
 from bonecam.setup.stock import Stock
 

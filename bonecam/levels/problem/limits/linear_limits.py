@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 
-import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float
 from numpy import ndarray
@@ -15,11 +14,3 @@ class LinearLimits:
     A: sp.csr_array
     low: Float[ndarray, "r"]
     high: Float[ndarray, "r"]
-
-
-def stack_limits(*limits: LinearLimits) -> LinearLimits:
-    """The limits of all of them at once."""
-    A = sp.csr_array(sp.vstack([one.A for one in limits]))
-    low = np.concatenate([one.low for one in limits])
-    high = np.concatenate([one.high for one in limits])
-    return LinearLimits(A, low, high)

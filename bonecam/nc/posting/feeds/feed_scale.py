@@ -18,8 +18,6 @@ R20 = np.array(
 """The rounded preferred numbers of a decade."""
 DECADES = 6
 """From 1 to 999,999 mm/min."""
-LARGEST_STEP = 1 / 7
-"""The largest step of the scale (from 140 to 160), as a share of the lower of the two feeds."""
 FLOOR = 0.5
 """Evenness lowers no feed below this share of what is asked, beyond what the axes of its own row ask for."""
 
