@@ -134,6 +134,21 @@ class PathJob(JobSection):
         low=0.0,
         high=60.0,
     )
+    lead_in: str = parameter(
+        "arc",
+        "Lead-in",
+        "Cuts begin and end on arcs tangential to them where there is room; or straight, at the plunge feed where that "
+        "is in material.",
+        choices=("arc", "straight"),
+    )
+    lead_radius: float = parameter(
+        0.0,
+        "Lead radius",
+        "Radius of the arcs at most; a half and a quarter of it are tried too. 0: that of the cutter.",
+        unit="mm",
+        low=0.0,
+        high=20.0,
+    )
     feed_at: str = parameter(
         "tip",
         "Feed at",

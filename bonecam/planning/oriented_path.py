@@ -20,19 +20,18 @@ from bonecam.planning.axes.tool_axes import ToolAxes, WantedAxes, choose_axes, f
 from bonecam.planning.collision.checker import CollisionChecker
 from bonecam.planning.collision.scene import Scene
 from bonecam.planning.layers.height_mesh import HeightMesh
-from bonecam.planning.links.direct import Contacts, contacts_of, direct_links
+from bonecam.planning.links.lead_arc import begins_tangentially
+from bonecam.planning.links.leads import Run, find_leads
 from bonecam.planning.links.lift import lift_for_rewinds
 from bonecam.planning.links.link_space import LinkSpace
-from bonecam.planning.links.moves import NO_MOVES, Feeds, LinkMoves, join_moves, moves_of
-from bonecam.planning.links.sequence import LinkedRuns, Run, link_runs
-from bonecam.planning.links.step_over import steps_over
+from bonecam.planning.links.moves import Feeds, LinkMoves, join_moves, moves_of
+from bonecam.planning.links.near_links import near_links
+from bonecam.planning.links.sequence import LinkedRuns, link_runs
 from bonecam.planning.passes.gouge_lifts import planned_tolerance
 from bonecam.tool.path import ContactPath, FreeCones, MoveKind, ToolPath
 
 MAX_TURN = np.radians(30.0)
 """A cutting move turns the tool axis by no more, radians: else the tool retracts and comes back."""
-DIRECT_RADII = 2.5
-"""A direct link is no longer than this many radii of the ball."""
 
 
 def orient(
@@ -59,7 +58,7 @@ def orient(
     checker = CollisionChecker(scene, path.cutter, job.clearance)
     feeds = Feeds(nc.link_feed, nc.plunge_feed, nc.rapid_feed)
     tolerance = planned_tolerance(job.gouge_tolerance)
-    space = LinkSpace(checker, limits, feeds, job.clearance, tolerance, material)
+    space = LinkSpace(checker, limits, feeds, job.clearance, tolerance, material, _lead_radius(job, path))
     if not len(path.contacts):
         return _idle_path(path, space)
     if fixed is not None:
@@ -68,9 +67,10 @@ def orient(
         chosen = choose_axes(path, checker, limits, job, wanted)
     blocked = _blocked(path, chosen, scene, limits, job, explained=explained)
 
-    runs, near = _near_links(space, path, chosen.axes, _runs(path, chosen, checker))
+    runs, near = near_links(space, path, chosen.axes, _runs(path, chosen, checker))
     poses = list(zip(path.centres, chosen.axes))
-    linked = link_runs(space, poses, runs, near)
+    leads = find_leads(space, (path.centres, path.normals, chosen.axes), runs, near)
+    linked = link_runs(space, poses, runs, near, leads)
     if linked.home is None:
         remedy = "raise path.clearance or the tool's overhang"
         if scene.clamping.beside:
@@ -82,6 +82,13 @@ def orient(
         )
     made = _tool_path(path, chosen, space, runs, linked, wanted.cones if wanted else None)
     return lift_for_rewinds(replace(made, blocked_by=blocked), space)
+
+
+def _lead_radius(job: PathJob, path: ContactPath) -> float:
+    """Radius (mm) of the arcs on which cuts begin and end; 0: straight."""
+    if job.lead_in == "straight":
+        return 0.0
+    return job.lead_radius or path.cutter.radius
 
 
 def _blocked(
@@ -145,36 +152,6 @@ def _joined(
     return checker.moves_free(tips, axes, joined, chosen.free_in_motion[index])
 
 
-def _near_links(
-    space: LinkSpace, path: ContactPath, axes: Float[ndarray, "n 3"], runs: Sequence[Run]
-) -> tuple[list[Run], list[LinkMoves | None]]:
-    """The runs, and the link near the level from each but the last to the next: no moves where the tool steps over on
-    the surface, if it can to behind the ramp, which is then left out; else the direct link, or None."""
-    longest = DIRECT_RADII * path.cutter.radius
-    level = [run[np.argmin(path.ramp[run]) :] for run in runs]
-    over = steps_over(space, *_between(path, axes, level), longest)
-    runs = [flat if stepped else run for run, flat, stepped in zip(runs, level, np.r_[False, over])]
-
-    links: list[LinkMoves | None] = [NO_MOVES] * len(over)
-    apart = np.flatnonzero(~over)
-    ends, starts = (contacts_of(contacts, apart) for contacts in _between(path, axes, runs))
-    left = np.flatnonzero(~steps_over(space, ends, starts, longest))
-    direct = direct_links(space, contacts_of(ends, left), contacts_of(starts, left), longest)
-    for k, link in zip(apart[left], direct, strict=True):
-        links[k] = link
-    return runs, links
-
-
-def _between(
-    path: ContactPath, axes: Float[ndarray, "n 3"], runs: Sequence[Run]
-) -> tuple[Contacts, Contacts]:
-    """The last contacts of all runs but the last one, and the first ones of those that follow."""
-    last = np.array([run[-1] for run in runs[:-1]], dtype=np.int64)
-    first = np.array([run[0] for run in runs[1:]], dtype=np.int64)
-    ends = path.centres[last], path.normals[last], axes[last]
-    return ends, (path.centres[first], path.normals[first], axes[first])
-
-
 def _cut(path: ContactPath, axes: Float[ndarray, "n 3"], run: Run, first_feed: float) -> LinkMoves:
     """The cutting moves of a run; it is entered at the first feed."""
     feeds = np.full(len(run), path.cutter.feed)
@@ -202,7 +179,8 @@ def _tool_path(
     for k, link in linked.links:
         number += len(link) > 0
         run = linked.runs[k]
-        plunges = len(link) and not in_air[k]
+        straight = len(link) and not begins_tangentially(link.centres[-1], path.centres[run])
+        plunges = straight and not in_air[k]
         first_feed = space.feeds.plunge if plunges else path.cutter.feed
         moves += [link, _cut(path, chosen.axes, run, first_feed)]
         contacts += [np.full(len(link), -1), run]

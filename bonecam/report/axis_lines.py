@@ -1,9 +1,16 @@
-"""What a summary tells of tool axes, their cones, and rotary axes."""
+"""What a summary tells of entries, tool axes, their cones, and rotary axes."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from bonecam.errors import counted
+
+
+def entry_lines(toolpath: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+    """How many cuts begin along their own direction, from the section `toolpath` of a report."""
+    total, along = (sum(row[name] for row in toolpath) for name in ("entries", "entries_tangential"))
+    if total:
+        yield f"entries   {along} of {counted(total, 'cut')} begin tangentially, on arcs; {total - along} straight"
 
 
 def axis_lines(toolpath: Sequence[Mapping[str, Any]]) -> Iterator[str]:

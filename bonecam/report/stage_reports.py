@@ -12,6 +12,7 @@ from bonecam.levels.measure.level import Level, rounding_cuts
 from bonecam.mesh.facets.nearest_areas import nearest_areas
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.program import Program
+from bonecam.planning.links.lead_arc import begins_tangentially
 from bonecam.planning.passes.parting import cut_groove
 from bonecam.surface.fitting.fit import Fit
 from bonecam.tool.path import PARTING, MoveKind, ToolPath
@@ -78,6 +79,7 @@ def toolpath_report(paths: Sequence[ToolPath], least_lead: float) -> list[dict[s
                 "scallop_limit_mm": path.cutter.scallop,
                 "passes": len(np.unique(path.pass_index[cutting])),
                 "contacts": int((~np.isnan(path.contacts[:, 0])).sum()),
+                **_entries(path),
                 "length_mm": round(float(steps[cutting].sum()), 1),
                 "trimmed_mm": round(path.trimmed, 1),
                 "trimmed_min": round(path.trimmed / path.cutter.feed, 3),
@@ -89,6 +91,16 @@ def toolpath_report(paths: Sequence[ToolPath], least_lead: float) -> list[dict[s
             }
         )
     return rows
+
+
+def _entries(path: ToolPath) -> dict[str, int]:
+    """How often the tool comes to a cut from a link or a rapid, and how often so along the cut's own direction."""
+    cutting = path.kinds == MoveKind.CUT
+    first = np.flatnonzero(cutting & np.r_[True, ~cutting[:-1]])
+    ends = np.flatnonzero(cutting & np.r_[~cutting[1:], True]) + 1
+    balls = path.balls
+    along = [begins_tangentially(balls[max(a - 1, 0)], balls[a:b]) for a, b in zip(first, ends, strict=True)]
+    return {"entries": len(first), "entries_tangential": sum(along)}
 
 
 def uncut_areas(paths: Sequence[ToolPath], part: TriangleMesh) -> dict[str, float]:

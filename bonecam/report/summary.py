@@ -9,7 +9,7 @@ from bonecam.errors import counted
 from bonecam.levels.closed_morph import METHODS
 from bonecam.levels.problem.tolerances import NESTING_TOLERANCE
 from bonecam.planning.estimate import estimate_lines
-from bonecam.report.axis_lines import axis_lines, rewind_lines
+from bonecam.report.axis_lines import axis_lines, entry_lines, rewind_lines
 from bonecam.report.mechanics_lines import feed_lines, mechanics_lines, post_lines
 from bonecam.report.stage_reports import parting_text
 from bonecam.report.warnings import WIDTH, warning_lines
@@ -132,6 +132,7 @@ def program_lines(report: Mapping[str, Any]) -> Iterator[str]:
     length, trimmed = (sum(row[name] for row in toolpath) for name in ("length_mm", "trimmed_mm"))
     contacts = sum(row["contacts"] for row in toolpath)
     yield f"toolpath  {contacts} contacts, {length:.0f} mm of passes; {trimmed:.0f} mm through air left out"
+    yield from entry_lines(toolpath)
     for number, line in enumerate(uncut_lines(toolpath, report["uncut_mm2"])):
         label = "" if number else "uncut"
         yield textwrap.fill(line, WIDTH, initial_indent=f"{label:10}", subsequent_indent=" " * 12)

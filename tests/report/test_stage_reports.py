@@ -40,6 +40,15 @@ def test_what_was_left_uncut_is_told_by_reason_apart_for_the_part() -> None:
     assert uncut_lines([nothing], {}) == ["nothing"]
 
 
+def test_entries_along_the_cut_are_told_from_straight_ones(path_of: Callable[..., ToolPath]) -> None:
+    """One cut reached from behind in its own direction, one from above."""
+    cut, link = int(MoveKind.CUT), int(MoveKind.LINK)
+    tips = np.array([[-1.0, 0, 0.1], [0, 0, 0], [1, 0, 0], [2, 0, 3.0], [2, 0, 0], [3, 0, 0]])
+    path = path_of(tips, np.tile([0.0, 0, 1], (6, 1)), kinds=np.array([link, cut, cut, link, cut, cut]))
+    row = toolpath_report([path], 0.0)[0]
+    assert (row["entries"], row["entries_tangential"]) == (2, 1)
+
+
 def test_axes_near_the_normal_are_counted_and_those_that_had_no_other(
     path_of: Callable[..., ToolPath],
 ) -> None:
@@ -98,6 +107,8 @@ def test_the_summary_tells_each_repair() -> None:
             {
                 "level": 0,
                 "contacts": 5,
+                "entries": 9,
+                "entries_tangential": 7,
                 "length_mm": 7.5,
                 "cones": {"shape": "circular", "fcl": {"asked": 9, "narrowed": 2, "refused": 1}},
                 "near_normal_contacts": None,
@@ -118,6 +129,7 @@ def test_the_summary_tells_each_repair() -> None:
         "warnings": [],
     }
     told = summary_of(report).splitlines()
+    assert "entries   7 of 9 cuts begin tangentially, on arcs; 2 straight" in told
     assert "feed      median 500, a tenth below 250 mm/min; an axis limits 95% of the cutting blocks" in told
     assert "          0.057 mm into the mesh as given at most" in told
     lifted = "1 of them lifted from a cut or a link and set down again"

@@ -5,6 +5,7 @@ is raised along the normals, which turn from the one end's to the other's, until
 to the concave envelope of these heights.
 """
 
+from collections.abc import Sequence
 from itertools import combinations, product
 
 import numpy as np
@@ -45,16 +46,18 @@ Poses = tuple[Float[ndarray, "m p 3"], Float[ndarray, "m p 3"]]
 """Ball centres and axes of the p poses of each link, its ends at the contacts left out."""
 
 
-def direct_links(space: LinkSpace, ends: Contacts, starts: Contacts, short: float) -> list[LinkMoves | None]:
+def direct_links(
+    space: LinkSpace, ends: Contacts, starts: Contacts, short: float, lifts: Sequence[float] = LIFTS
+) -> list[LinkMoves | None]:
     """The lowest link from each end to its start, both left out, that removes nothing; None where it is too long,
     turns too far, passes the singularity, leaves the limits, or is not proven free. Straight links are no longer than
-    `short`, mm."""
+    `short`, mm; they are raised by one of the `lifts`, mm."""
     found: list[LinkMoves | None] = [None] * len(ends[0])
     away = np.linalg.norm(starts[0] - ends[0], axis=1)
     turns = angles_between(ends[2], starts[2])
     left = np.flatnonzero((away <= short) & (turns <= MAX_TURN))
     feed = min(space.feeds.link, space.checker.cutter.feed)
-    for lift, along in product(LIFTS, (1, 2)):
+    for lift, along in product(lifts, (1, 2)):
         if not len(left):
             break
         a, b = (contacts_of(contacts, left) for contacts in (ends, starts))

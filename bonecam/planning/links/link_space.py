@@ -47,7 +47,8 @@ Polyline = tuple[Float[ndarray, "_ 3"], Float[ndarray, "_ 3"]]
 @dataclass(frozen=True, eq=False)
 class LinkSpace:
     """`clearance` (mm) is kept between tool and material in rapids; `gouge_tolerance` (mm) by a ball that moves
-    along the level. `material` is what stands before the level is cut; None: it is not known."""
+    along the level. `material` is what stands before the level is cut; None: it is not known. `lead_radius` (mm): cuts
+    begin and end on arcs of this radius, and on blended links; 0: straight."""
 
     checker: CollisionChecker
     limits: MachineLimits
@@ -55,6 +56,7 @@ class LinkSpace:
     clearance: float
     gouge_tolerance: float
     material: InProcessStock | HeightMesh | None = None
+    lead_radius: float = 0.0
 
     @property
     def ball_radius(self) -> float:
@@ -125,18 +127,20 @@ class LinkSpace:
         entered = self.material.entered_anew(places, behind, self.ball_radius, deepest)
         return np.asarray(~entered.reshape(centres.shape[:2]).any(axis=1))
 
-    def cuts_little(self, lines: Sequence[Polyline], contacts: Sequence[Polyline]) -> Bool[ndarray, " k"]:
-        """Whether neither the ball alone nor ball and flutes remove more than CUT_ALLOWED on straight moves through the
-        poses of each line, but for what they have removed at the contacts of that line."""
+    def cuts_little(
+        self, lines: Sequence[Polyline], contacts: Sequence[Polyline], allowed: float = CUT_ALLOWED
+    ) -> Bool[ndarray, " k"]:
+        """Whether neither the ball alone nor ball and flutes remove more than is `allowed` (mm^3) on straight moves
+        through the poses of each line, but for what they have removed at the contacts of that line."""
         if not isinstance(self.material, InProcessStock):
             return np.ones(len(lines), dtype=bool)
         cutter = self.checker.cutter
         removed = self.material.dexels.removed_by(lines, contacts, cutter.radius)
-        little = removed <= CUT_ALLOWED
+        little = removed <= allowed
         asked = [(line, ends) for line, ends, ok in zip(lines, contacts, little, strict=True) if ok]
         lines, contacts = ([pair[k] for pair in asked] for k in (0, 1))
         removed = self.material.fluted.removed_by(lines, contacts, cutter.radius, cutter.reach)
-        little[little] = removed <= CUT_ALLOWED
+        little[little] = removed <= allowed
         return little
 
     def rapids_cut_nothing(self, lines: Sequence[Polyline]) -> Bool[ndarray, " k"]:

@@ -9,6 +9,8 @@ from numpy import ndarray
 
 from bonecam.tool.path import MoveKind
 
+SAME = 1e-9
+"""Poses whose coordinates (mm, and those of the axis) differ by less are one."""
 Pose = tuple[Float[ndarray, "3"], Float[ndarray, "3"]]
 """Ball centre and unit tool axis."""
 
@@ -54,3 +56,11 @@ def join_moves(moves: Sequence[LinkMoves]) -> LinkMoves:
         np.vstack([m.axes for m in moves]),
         np.concatenate([m.feeds for m in moves]),
     )
+
+
+def without_rests(moves: LinkMoves) -> LinkMoves:
+    """The moves but those that stay at the pose of the move before."""
+    steps = np.diff(np.hstack([moves.centres, moves.axes]), axis=0)
+    still = (np.abs(steps) < SAME).all(axis=1)
+    kept = np.r_[True, ~still][: len(moves)]
+    return LinkMoves(moves.kinds[kept], moves.centres[kept], moves.axes[kept], moves.feeds[kept])

@@ -1,5 +1,6 @@
 """Retracts: from a contact off the surface, at the link feed until the whole tool keeps the clearance, then rapid
-to the clearance surface. Backwards they are the approaches, whose last part is at the plunge feed.
+to the clearance surface. Backwards they are the approaches, whose last part is at the plunge feed where it leads onto
+a contact.
 
 A retract runs along the tool axis, or bends off into a direction that is level or rises, so that a drooping
 holder does not sink to the table; or, where none of these is free, into one that leans from the axis to some side.
@@ -56,22 +57,23 @@ class Departure:
 @dataclass(frozen=True, eq=False)
 class Retract:
     """The moves from a pose to the clearance surface, and the pose they end at; no moves where the tool is
-    there already."""
+    there already. Backwards its links go at `entry_feed` (mm/min)."""
 
     moves: LinkMoves
     end: Pose
+    entry_feed: float
 
 
 def safe_retract(space: LinkSpace) -> Retract:
     """The retract from the safe point, where nothing has to be done."""
-    return Retract(NO_MOVES, space.safe_pose)
+    return Retract(NO_MOVES, space.safe_pose, space.feeds.link)
 
 
 def approach(retract: Retract, feeds: Feeds) -> LinkMoves:
-    """The retract backwards from its end, the contact left out: rapids, then links at the plunge feed."""
+    """The retract backwards from its end, the contact left out: rapids, then links at its entry feed."""
     out = retract.moves
     kinds = out.kinds[:0:-1]
-    speeds = np.where(kinds == MoveKind.LINK, feeds.plunge, feeds.rapid)
+    speeds = np.where(kinds == MoveKind.LINK, retract.entry_feed, feeds.rapid)
     return LinkMoves(kinds, out.centres[-2::-1], out.axes[-2::-1], speeds)
 
 
@@ -202,4 +204,5 @@ def _retract(
     is_link = stops <= standoff
     kinds = np.where(is_link, int(MoveKind.LINK), int(MoveKind.RAPID))
     speeds = np.where(is_link, feeds.link, feeds.rapid)
-    return Retract(LinkMoves(kinds, centres[stops], axes[stops], speeds), (centres[-1], axes[-1]))
+    moves = LinkMoves(kinds, centres[stops], axes[stops], speeds)
+    return Retract(moves, (centres[-1], axes[-1]), feeds.plunge)

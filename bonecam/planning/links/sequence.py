@@ -1,23 +1,19 @@
 """The links of a level: how its runs of contacts are reached one after the other, from the safe point and
 back to it.
 
-A run is cut without lifting the tool. One that cannot be left, or not be reached, is cut short by as little as lets the
-tool on and off; where nothing does, it is left out.
+A run is cut without lifting the tool. One that cannot be left, or not be reached, loses its lead arcs; if that is not
+enough, it is cut short by as little as lets the tool on and off; where nothing does, it is left out.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-from jaxtyping import Int
-from numpy import ndarray
-
+from bonecam.planning.links.leads import Leads, Run
 from bonecam.planning.links.link_space import LinkSpace
 from bonecam.planning.links.moves import LinkMoves, Pose
 from bonecam.planning.links.transfer import SAFE, Transfers, no_transfers
 
-Run = Int[ndarray, " _"]
-"""Contacts, by index, that are cut without lifting the tool."""
 SHORTER = (0, 1, 2, 4, 8, 16, 32, 64)
 """By so many contacts the ends of a run are cut short, the first that does."""
 
@@ -33,29 +29,45 @@ class LinkedRuns:
 
 
 def link_runs(
-    space: LinkSpace, poses: Sequence[Pose], runs: Sequence[Run], direct: Sequence[LinkMoves | None]
+    space: LinkSpace,
+    poses: Sequence[Pose],
+    runs: Sequence[Run],
+    direct: Sequence[LinkMoves | None],
+    leads: Leads | None = None,
 ) -> LinkedRuns:
     """Link runs (contacts, as indices into `poses`); `direct[k]` is the direct link from run k to the next,
-    if there is one: without moves where the tool cuts straight on."""
+    if there is one: without moves where the tool cuts straight on. Others begin and end on the arcs of the `leads`."""
     after = [*direct, None]
-    transfers, links = _links(no_transfers(space, poses), runs, after)
-    missed = sorted(set(range(len(runs))) - {k for k, _ in links})
-    if missed:
+    leads = leads or Leads(len(poses))
+    transfers = no_transfers(space, [*poses, *leads.far_ends], in_air=leads.numbers)
+    transfers, links = _links(transfers, runs, after, leads)
+    if leads.arcs and len(links) < len(runs):
+        leads = leads.without(_missed(runs, links))
+        transfers, links = _links(transfers, runs, after, leads)
+    if len(links) < len(runs):
+        missed = sorted(set(range(len(runs))) - {k for k, _ in links})
         transfers, runs, after = _shortened(transfers, runs, after, missed)
-        transfers, links = _links(transfers, runs, after)
+        transfers, links = _links(transfers, runs, after, leads)
     if not links:
         return LinkedRuns(tuple(runs), (), None)
-    pair = (int(runs[links[-1][0]][-1]), SAFE)
+    last = runs[links[-1][0]]
+    pair = (leads.ends(last)[1], SAFE)
     home = transfers.extend([pair]).found[pair]
     assert home is not None
-    return LinkedRuns(tuple(runs), tuple(links), home)
+    return LinkedRuns(tuple(runs), tuple(links), leads.led(space, home, last, None))
+
+
+def _missed(runs: Sequence[Run], links: Sequence[tuple[int, LinkMoves]]) -> list[Run]:
+    """The runs that are not reached, and those beside them."""
+    reached = {k for k, _ in links}
+    return [run for k, run in enumerate(runs) if not {k - 1, k, k + 1} & set(range(len(runs))) <= reached]
 
 
 def _links(
-    transfers: Transfers, runs: Sequence[Run], after: Sequence[LinkMoves | None]
+    transfers: Transfers, runs: Sequence[Run], after: Sequence[LinkMoves | None], leads: Leads
 ) -> tuple[Transfers, list[tuple[int, LinkMoves]]]:
     """The runs that are reached, in order, each with the moves to it."""
-    ends = [(int(run[0]), int(run[-1])) for run in runs]
+    ends = [leads.ends(run) for run in runs]
     transfers, leavable = _find_leavable(transfers, ends, after)
 
     reachable = [k for k in range(len(runs)) if leavable[k]]
@@ -70,7 +82,9 @@ def _links(
         if link is None:
             pair = (SAFE if last is None else ends[last][1], ends[k][0])
             transfers = transfers.extend([pair])
-            link = transfers.found[pair]
+            moves = transfers.found[pair]
+            left = None if last is None else runs[last]
+            link = None if moves is None else leads.led(transfers.space, moves, left, runs[k])
         if link is not None:
             links.append((k, link))
     return transfers, links

@@ -32,7 +32,8 @@ SAFE = -1
 class Transfers:
     """The transfers found so far between contacts (by index into `poses`, or SAFE); None where there is none.
 
-    A transfer leaves its first pose out, and its last one where that is a contact.
+    A transfer leaves its first pose out, and its last one where that is a contact. `in_air` are the poses (by index)
+    that are no contacts but stand in air: they are approached at the feed of links.
     """
 
     space: LinkSpace
@@ -40,14 +41,18 @@ class Transfers:
     retracts: Mapping[int, Retract | None]
     found: Mapping[tuple[int, int], LinkMoves | None]
     traverses: Sequence[TraverseOptions] = TRAVERSES
+    in_air: frozenset[int] = frozenset()
 
     def extend(self, pairs: Sequence[tuple[int, int]]) -> "Transfers":
         """The transfers, with those of more pairs of contacts; all pairs at once are quicker than one by one."""
         fresh = [pair for pair in dict.fromkeys(pairs) if pair not in self.found]
         contacts = dict.fromkeys(contact for pair in fresh for contact in pair)
         new = [contact for contact in contacts if contact not in self.retracts]
-        new_retracts = find_retracts(self.space, [self.poses[contact] for contact in new])
-        retracts = {**self.retracts, **dict(zip(new, new_retracts, strict=True))}
+        retracts = dict(self.retracts)
+        for pose, found in zip(new, find_retracts(self.space, [self.poses[k] for k in new]), strict=True):
+            retracts[pose] = (
+                replace(found, entry_feed=self.space.feeds.link) if found and pose in self.in_air else found
+            )
 
         ends = [(retracts[a], retracts[b]) for a, b in fresh]
         possible = [(out, into) for out, into in ends if out is not None and into is not None]
@@ -57,10 +62,13 @@ class Transfers:
 
 
 def no_transfers(
-    space: LinkSpace, poses: Sequence[Pose], traverses: Sequence[TraverseOptions] = TRAVERSES
+    space: LinkSpace,
+    poses: Sequence[Pose],
+    traverses: Sequence[TraverseOptions] = TRAVERSES,
+    in_air: frozenset[int] = frozenset(),
 ) -> Transfers:
-    """Nothing found yet between these poses; the `traverses` are tried in their order."""
-    return Transfers(space, poses, {SAFE: safe_retract(space)}, {}, traverses)
+    """Nothing found yet between these poses, of which some stand `in_air`; the `traverses` are tried in their order."""
+    return Transfers(space, poses, {SAFE: safe_retract(space)}, {}, traverses, in_air)
 
 
 def _find_transfers(

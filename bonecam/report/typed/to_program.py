@@ -37,6 +37,8 @@ class PathFigures(TypedDict):
     scallop_limit_mm: float
     passes: int
     contacts: int
+    entries: int
+    entries_tangential: int
     length_mm: float
     trimmed_mm: float
     trimmed_min: float
