@@ -17,12 +17,13 @@ NUMBERS = HIGHEST_NUMBER + 1 - LOWEST_DRAWN
 class FeedFigures:
     """The feeds of a program's cutting blocks: median and what a tenth of them are below, mm/min, as the axes drive
     them; `limited` is the share of them on which the cutter's feed asks more than an axis can, `beyond` the share
-    whose own feed does."""
+    whose own feed does; `under_half` of them are driven at less than half of the cutter's feed."""
 
     median: float
     low: float
     limited: float
     beyond: float
+    under_half: int
 
 
 @dataclass(frozen=True, repr=False)

@@ -15,6 +15,7 @@ from bonecam.machine.limits import MachineLimits
 from bonecam.material.in_process_stock import InProcessStock
 from bonecam.mesh.facets.nearest_areas import nearest_areas
 from bonecam.planning.axes.cones.free_axes import blocked_by
+from bonecam.planning.axes.eased_axes import eased_axes
 from bonecam.planning.axes.singularity import SINGULAR_ANGLE, least_polar_angles
 from bonecam.planning.axes.tool_axes import ToolAxes, WantedAxes, choose_axes, fixed_axes
 from bonecam.planning.collision.checker import CollisionChecker
@@ -65,6 +66,7 @@ def orient(
         chosen = fixed_axes(path, checker, fixed, limits)
     else:
         chosen = choose_axes(path, checker, limits, job, wanted)
+        chosen = eased_axes(path, chosen, checker, limits, job)
     blocked = _blocked(path, chosen, scene, limits, job, explained=explained)
 
     runs, near = near_links(space, path, chosen.axes, _runs(path, chosen, checker))

@@ -200,6 +200,7 @@ def nc_report(program: Program, proof: Verification) -> dict[str, Any]:
         "feed_low_mm_min": round(program.feeds.low, 1),
         "feed_axis_limited_share": round(program.feeds.limited, 4),
         "feed_beyond_axes_share": round(program.feeds.beyond, 4),
+        "feed_under_half_blocks": program.feeds.under_half,
     }
 
 

@@ -145,6 +145,9 @@ def program_lines(report: Mapping[str, Any]) -> Iterator[str]:
     median, low = nc["feed_median_mm_min"], nc["feed_low_mm_min"]
     share = f"an axis limits {nc['feed_axis_limited_share']:.0%} of the cutting blocks"
     yield f"feed      median {median:.0f}, a tenth below {low:.0f} mm/min; {share}"
+    if nc["feed_under_half_blocks"]:
+        slow = counted(nc["feed_under_half_blocks"], "cutting block")
+        yield f"          {slow} under half of the cutter's feed: axes or plunges"
     tip_um, gouge_um = nc["readback_tip_error_mm"] * 1000, nc["gouge_max_mm"] * 1000
     yield f"proof     tip {tip_um:.2f} um, axis {nc['readback_axis_error_deg']:.4f} deg, gouge {gouge_um:.2f} um"
     yield from into_given(nc)

@@ -124,6 +124,7 @@ def test_the_summary_tells_each_repair() -> None:
         )
         | {"rewinds": 3, "rewinds_lifted": 1, "gouge_to_given_max_mm": 0.0567}
         | {"feed_median_mm_min": 500.0, "feed_low_mm_min": 250.0, "feed_axis_limited_share": 0.95}
+        | {"feed_under_half_blocks": 2}
         | {"file": "half.h", "machine": "mill", "controller": "heidenhain"},
         "seconds": {"mesh": 1.0},
         "warnings": [],
@@ -131,6 +132,7 @@ def test_the_summary_tells_each_repair() -> None:
     told = summary_of(report).splitlines()
     assert "entries   7 of 9 cuts begin tangentially, on arcs; 2 straight" in told
     assert "feed      median 500, a tenth below 250 mm/min; an axis limits 95% of the cutting blocks" in told
+    assert "          2 cutting blocks under half of the cutter's feed: axes or plunges" in told
     assert "          0.057 mm into the mesh as given at most" in told
     lifted = "1 of them lifted from a cut or a link and set down again"
     assert f"rewinds   3 rewinds of the rotary axes off the part, {lifted}" in told

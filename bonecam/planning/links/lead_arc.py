@@ -1,8 +1,9 @@
 """Lead arcs: the ball comes onto its first contact, and leaves the last one, on an arc tangential to the cut.
 
 The arc lies in the plane of the cut and of the contact's normal, or else of the tool axis; the axis stands still on it.
-It removes nothing but what the ball removes at the contact, and behind a cut nothing but what that has removed; and it
-is proven as links are. A smaller one is tried where a large one does not fit; where none does, the way is straight.
+It removes nothing but what the cut behind it has removed, and is proven as links are. Onto a cut that begins in
+material the first move of the cut is a chord of the arc. A smaller one is tried where a large one does not fit; where
+none does, the way is straight.
 """
 
 from collections.abc import Sequence
@@ -27,6 +28,8 @@ TANGENT = np.radians(20.0)
 """A cut whose first move turns off by less from the move that leads to it (radians) begins tangentially."""
 ALLOWED = CUT_ALLOWED / 4
 """An arc removes no more, mm^3: the rest of what a link may remove is left to what lies between two arcs."""
+CHORDS = (1, 2, 3)
+"""Straight moves of an arc whose chord is the first move of the cut: the last one turns off by 15 degrees."""
 LEAST_SIDE = 0.5
 """A unit vector bends an arc to its side if as much of it stands across the cut."""
 NEAR = 3.0
@@ -40,7 +43,7 @@ OfLevel = tuple[Float[ndarray, "n 3"], Float[ndarray, "n 3"], Float[ndarray, "n 
 @dataclass(frozen=True, eq=False)
 class _Ends:
     """Ends of cuts: `contacts`, the unit directions `away` from the cut along its tangent, and the poses of the cut
-    near each end that have removed material when the tool is there."""
+    near each end that have removed material when the tool is there: none where it begins."""
 
     contacts: Contacts
     away: Float[ndarray, "k 3"]
@@ -53,11 +56,11 @@ class _Ends:
 
 
 def arcs_to(space: LinkSpace, contacts: OfLevel, runs: Sequence[Int[ndarray, " _"]]) -> list[Polyline | None]:
-    """The largest arc of at most the lead radius of `space` that leads to the begin of each run, from behind its
-    contact back to its far end; None where there is room for none. Nothing but the first ball has removed anything."""
+    """The largest arc of at most the lead radius of `space` that leads to the begin of each run, from the end of the
+    first move of the cut back to its far end, all in air; None where there is room for none."""
     centres, _, axes = contacts
     first, then = (np.array([run[k] for run in _long(runs)], dtype=np.int64) for k in (0, 1))
-    removed = [(centres[[k]], axes[[k]]) for k in first]
+    removed = [(centres[:0], axes[:0])] * len(first)
     ends = _Ends(contacts_of(contacts, first), unit(centres[first] - centres[then]), removed)
     return _of_all(runs, _lead_arcs(space, ends))
 
@@ -89,14 +92,14 @@ def _of_all(runs: Sequence[Int[ndarray, " _"]], arcs: Sequence[Polyline | None])
 def _lead_arcs(space: LinkSpace, ends: "_Ends") -> list[Polyline | None]:
     """The largest arc that leads away from each end; None where there is room for none."""
     found: list[Polyline | None] = [None] * len(ends.away)
-    for share, along in product(SHARES, (1, 2)):
+    for share, along, chord in product(SHARES, (1, 2), CHORDS):
         left = np.array([k for k, arc in enumerate(found) if arc is None], dtype=np.int64)
         if not len(left):
             break
         asked = ends.take(left)
         centres = _arcs(asked, asked.contacts[along], share * space.lead_radius)
         lines = [
-            (np.vstack([centre, arc]), np.repeat(axis[None], STEPS + 1, axis=0))
+            (np.vstack([centre, arc[chord - 1 :]]), np.repeat(axis[None], STEPS + 2 - chord, axis=0))
             for centre, arc, axis in zip(asked.contacts[0], centres, asked.contacts[2], strict=True)
         ]
         for k in np.flatnonzero(_free(space, asked, lines)).tolist():
@@ -125,13 +128,18 @@ def _arcs(ends: _Ends, up: Float[ndarray, "m 3"], radius: float) -> Float[ndarra
 def _free(space: LinkSpace, ends: _Ends, lines: Sequence[Polyline]) -> Bool[ndarray, " m"]:
     """Whether each arc, its contact first, removes nothing anew, and is proven free of collision and gouge."""
     free = np.array([np.isfinite(centres).all() for centres, _ in lines], dtype=bool)
+    # the first move of a cut cuts
+    links = [line if len(cut[0]) else (line[0][1:], line[1][1:]) for line, cut in zip(lines, ends.removed)]
     for k in np.flatnonzero(free).tolist():
-        centres, cut = lines[k][0], ends.removed[k][0]
+        centres, cut = links[k][0], ends.removed[k][0]
         places = np.vstack([centres[1:], (centres[1:] + centres[:-1]) / 2])
-        nearest = cut[np.argmin(np.linalg.norm(places[:, None] - cut[None], axis=2), axis=1)]
-        free[k] = space.left_in_air(nearest, places[:, None]).all()
+        if len(cut):
+            nearest = cut[np.argmin(np.linalg.norm(places[:, None] - cut[None], axis=2), axis=1)]
+            free[k] = space.left_in_air(nearest, places[:, None]).all()
+        else:
+            free[k] = space.in_air(np.vstack([centres[:1], places])[None])[0]
     asked = np.flatnonzero(free).tolist()
-    free[asked] = space.cuts_little([lines[k] for k in asked], [ends.removed[k] for k in asked], ALLOWED)
+    free[asked] = space.cuts_little([links[k] for k in asked], [ends.removed[k] for k in asked], ALLOWED)
     asked = np.flatnonzero(free).tolist()
     free[asked] = space.polylines_free([lines[k] for k in asked], cutting=True)
     return free

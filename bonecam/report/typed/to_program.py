@@ -83,3 +83,4 @@ class ProgramFigures(TypedDict):
     feed_low_mm_min: float
     feed_axis_limited_share: float
     feed_beyond_axes_share: float
+    feed_under_half_blocks: int

@@ -109,7 +109,7 @@ def test_runs_are_linked_by_their_arcs_and_straight_where_there_is_none(
 def test_a_direct_link_goes_from_arc_to_arc(floor: Callable[[float], LinkSpace]) -> None:
     """The axis leans, for no link stands at the pole of the rotary axes."""
     (centres, normals, _), runs = lines(0.0, 1.0)
-    axes = unit(normals + [0.2, 0, 0])
+    axes = unit(normals + np.array([0.2, 0, 0]))
     runs[1] = runs[1][::-1]
     (link,) = led_links(floor(9.0), (centres, normals, axes), [runs[0]], [runs[1]], 2.5)
     assert link is not None

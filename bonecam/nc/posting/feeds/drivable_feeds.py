@@ -45,6 +45,8 @@ FEED_PER_MM = 0.5
 """Largest change of the feed along a pass, as a share of the cutter's feed per mm of path."""
 TIMED_STEP = 0.001
 """Feeds that are written in inverse time are whole multiples of this, mm/min."""
+LEAST_SHARE = 0.002
+"""A block is told to be below half of the cutter's feed where it is by this share of the feed: words are rounded."""
 LARGEST_RATIO = 2.0
 """Largest ratio of the feeds of successive rows of a pass, and of a row's feed to the cutter's."""
 
@@ -149,7 +151,7 @@ def _follows(path: ToolPath) -> Bool[ndarray, "n"]:
 
 def feed_figures(posted: Sequence[Posted], feed_at: str) -> FeedFigures:
     """The figures of the cutting blocks of posted paths; `feed_at` is the point that keeps the feed."""
-    asked, own, driven = [], [], []
+    asked, own, driven, under = [], [], [], 0
     for one in posted:
         cuts = (one.moves.kinds == MoveKind.CUT) & (one.lengths > one.dialect.numbers.length.step)
         cuts[[first for first, _ in one.runs]] = False
@@ -158,9 +160,10 @@ def feed_figures(posted: Sequence[Posted], feed_at: str) -> FeedFigures:
         # a block that is timed by its turn asks for what its axes can
         own.append(np.where(one.by_turn[cuts], 1.0, axes * one.moves.feed_rates[cuts] / length))
         driven.append(length / one.minutes[cuts])
+        under += int((driven[-1] < (FLOOR - LEAST_SHARE) * one.path.cutter.feed).sum())
     feeds = np.concatenate(driven)
     if not len(feeds):
-        return FeedFigures(0.0, 0.0, 0.0, 0.0)
+        return FeedFigures(0.0, 0.0, 0.0, 0.0, 0)
     median, low = np.percentile(feeds, [50, 10]).tolist()
     limited, beyond = (float((np.concatenate(ratio) > 1 + 1e-9).mean()) for ratio in (asked, own))
-    return FeedFigures(median, low, limited, beyond)
+    return FeedFigures(median, low, limited, beyond, under)
