@@ -9,13 +9,14 @@ Vector = tuple[float, float, float]
 @dataclass(frozen=True)
 class LinearAxis:
     """One of X, Y, Z: limits of the spindle nose in mm (infinite where unknown), travel in mm, speed in mm/min,
-    acceleration in mm/min^2, infinite where it is not known."""
+    acceleration in mm/min^2 and jerk in mm/min^3, infinite where they are not known."""
 
     letter: str
     limits: tuple[float, float]
     travel: float
     speed: float
     acceleration: float = math.inf
+    jerk: float = math.inf
 
 
 @dataclass(frozen=True)
@@ -23,9 +24,9 @@ class RotaryAxis:
     """A rotary axis; `direction` already carries the sign: a positive angle turns what it carries
     right-handed about it.
 
-    Limits in radians, speed in rad/min, acceleration in rad/min^2, infinite where it is not known. `endless`: the axis
-    may wind; its limits, if any, bound the winding. One without a letter stands for the second axis of a machine that
-    has one: it has no words.
+    Limits in radians, speed in rad/min; acceleration in rad/min^2 and jerk in rad/min^3, infinite where not known.
+    `endless`: the axis may wind; its limits, if any, bound the winding. One without a letter stands for the second axis
+    of a machine that has one: it has no words.
     """
 
     letter: str
@@ -35,6 +36,7 @@ class RotaryAxis:
     endless: bool
     speed: float
     acceleration: float = math.inf
+    jerk: float = math.inf
 
     @property
     def bounded(self) -> bool:

@@ -23,13 +23,13 @@ fill in
   does not (a cradle's cheek) must be inside a body of revolution given here, or below a closed plane;
 - [X] [Y] [Z]: `speed` mm/min and either `limits` (lowest and highest mm of the spindle nose) or, where the
   place of the part on the machine is not known, `travel` (mm): then only the span of the program is checked;
-  `acceleration` mm/s^2 (optional);
+  `acceleration` mm/s^2 and `jerk` mm/s^3 (both optional, a jerk only beside an acceleration);
 - one table a rotary letter: `direction` (unit vector) and `pivot` (mm, any point on the axis; of a head axis:
   measured from the spindle nose), both with all axes at zero; `sign` (+1: a positive word turns what the axis
   carries by the right hand about `direction`, -1: the other way round, as most tilting tables do);
   `limits_deg`; `endless` (may wind, within limits_deg where they are given: then the words are those of the winding);
   `locked_deg` in the place of both, where the axis is clamped at this word; `speed_deg_s`;
-  `acceleration_deg_s2` (optional).
+  `acceleration_deg_s2` and `jerk_deg_s3` (optional, as above).
 No formula belongs to a machine: `kinematics.py` composes the chain.
 """
 
@@ -192,18 +192,18 @@ def _table(table: BodiesTable) -> Table:
 
 
 def _linear(letter: str, table: LinearTable) -> LinearAxis:
-    acceleration = math.inf if table.acceleration is None else table.acceleration * SECONDS**2
+    changes = _change(table.acceleration, 2), _change(table.jerk, 3)
     if table.limits is not None:
         low, high = table.limits
-        return LinearAxis(letter, (low, high), high - low, table.speed, acceleration)
+        return LinearAxis(letter, (low, high), high - low, table.speed, *changes)
     assert table.travel is not None  # the schema asks for one of both
-    return LinearAxis(letter, (-math.inf, math.inf), table.travel, table.speed, acceleration)
+    return LinearAxis(letter, (-math.inf, math.inf), table.travel, table.speed, *changes)
 
 
 def _rotary(letter: str, table: RotaryTable) -> RotaryAxis:
     x, y, z = table.direction
     length = math.hypot(x, y, z)
-    sign, acceleration = table.sign, table.acceleration_deg_s2
+    sign = table.sign
     low, high = table.limits_deg or (-math.inf, math.inf)
     if table.locked_deg is not None:
         low = high = table.locked_deg
@@ -214,5 +214,11 @@ def _rotary(letter: str, table: RotaryTable) -> RotaryAxis:
         limits=(math.radians(low), math.radians(high)),
         endless=table.endless,
         speed=math.radians(table.speed_deg_s) * SECONDS,
-        acceleration=math.inf if acceleration is None else math.radians(acceleration) * SECONDS**2,
+        acceleration=math.radians(_change(table.acceleration_deg_s2, 2)),
+        jerk=math.radians(_change(table.jerk_deg_s3, 3)),
     )
+
+
+def _change(per_second: float | None, power: int) -> float:
+    """An acceleration or jerk per minute^power; infinite where it is not known."""
+    return math.inf if per_second is None else per_second * SECONDS**power

@@ -57,15 +57,18 @@ Name = Annotated[str, Field(max_length=200), AfterValidator(check_printable)]
 
 
 class LinearTable(Record):
-    """The table of X, Y or Z: speed in mm/min, acceleration in mm/s^2, and limits or travel in mm."""
+    """The table of X, Y or Z: speed in mm/min, acceleration in mm/s^2, jerk in mm/s^3, and limits or travel in mm."""
 
     speed: Speed
     acceleration: Speed | None = None
+    jerk: Speed | None = None
     limits: Limits | None = None
     travel: Annotated[float, Field(gt=0, le=2 * FARTHEST)] | None = None
 
     @model_validator(mode="after")
     def _has_room(self) -> "LinearTable":
+        if self.jerk is not None and self.acceleration is None:
+            raise KeyFault("acceleration", "missing beside jerk: add it (mm/s^2)")
         if self.limits is None and self.travel is None:
             raise KeyFault("travel", "missing: add it (mm), or limits")
         return self
@@ -73,7 +76,7 @@ class LinearTable(Record):
 
 class RotaryTable(Record):
     """The table of A, B or C: direction (unit) and pivot (mm), limits in degrees, speed in deg/s,
-    acceleration in deg/s^2; `locked_deg` in the place of limits, where it stands at one angle."""
+    acceleration in deg/s^2, jerk in deg/s^3; `locked_deg` in the place of limits, where it stands at one angle."""
 
     direction: Direction
     pivot: Place
@@ -83,9 +86,12 @@ class RotaryTable(Record):
     locked_deg: Degrees | None = None
     speed_deg_s: Speed
     acceleration_deg_s2: Speed | None = None
+    jerk_deg_s3: Speed | None = None
 
     @model_validator(mode="after")
     def _is_bounded(self) -> "RotaryTable":
+        if self.jerk_deg_s3 is not None and self.acceleration_deg_s2 is None:
+            raise KeyFault("acceleration_deg_s2", "missing beside jerk_deg_s3: add it (deg/s^2)")
         if self.locked_deg is not None and (self.endless or self.limits_deg is not None):
             raise KeyFault(
                 "locked_deg", "a locked axis has no limits and is not endless: give the one or the other"

@@ -1,5 +1,9 @@
 import math
+import re
+from collections.abc import Callable
+from pathlib import Path
 
+import numpy as np
 import pytest
 
 from bonecam.errors import MachineError
@@ -131,7 +135,7 @@ def test_all_faults_of_a_machine_file_are_told_at_once(chains, write_machine, tm
         read_machine(path)
     assert str(caught.value) == (
         f"{path}: X.speed: 'fast': give a number; A.colour: unknown key: use one of acceleration_deg_s2, direction, "
-        "endless, limits_deg, locked_deg, pivot, sign, speed_deg_s; C.sign: 2: give 1 or -1; "
+        "endless, jerk_deg_s3, limits_deg, locked_deg, pivot, sign, speed_deg_s; C.sign: 2: give 1 or -1; "
         "C.endless: 1: give true or false"
     )
 
@@ -207,3 +211,22 @@ def test_an_unknown_machine_is_refused_with_the_known_ones():
         match=r"^none/mill\.toml: no such file: give a machine's \.toml file, or one of dmu-45, haas",
     ):
         read_machine("none/mill.toml")
+
+
+def test_a_jerk_is_read_per_minute_and_needs_an_acceleration(
+    tmp_path: Path, write_machine: Callable[..., Path]
+) -> None:
+    text = (MACHINES / "hermle-c600u.toml").read_text()
+    jerked = text.replace("acceleration = 6000.0", "acceleration = 6000.0\njerk = 50000.0")
+    jerked = jerked.replace(
+        "acceleration_deg_s2 = 600.0", "acceleration_deg_s2 = 600.0\njerk_deg_s3 = 5000.0"
+    )
+    machine = read_machine(write_machine(tmp_path, jerked))
+    assert [axis.jerk for axis in machine.linear] == [50000.0 * 60**3] * 3
+    assert [axis.jerk for axis in machine.rotary] == [pytest.approx(np.radians(5000.0) * 60**3), np.inf]
+    for gone, told in (
+        ("acceleration = 6000.0\n", "X.acceleration: missing beside jerk: add it"),
+        ("acceleration_deg_s2 = 600.0\n", "A.acceleration_deg_s2: missing beside jerk_deg_s3: add it"),
+    ):
+        with pytest.raises(MachineError, match=re.escape(told)):
+            read_machine(write_machine(tmp_path, jerked.replace(gone, "", 1)))

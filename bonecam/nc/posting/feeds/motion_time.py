@@ -4,7 +4,12 @@ Along the words of a run, the path speed v is bounded by the feed and the speed 
 change of direction there: an axis whose share of the path changes by c from one move to the next changes its speed by
 c v, which it does within BLEND. On a move an axis with the share q allows the path acceleration a / q. One pass
 forwards and one backwards lower the speeds until no move speeds up or slows down faster: the time-optimal speed for
-straight moves and constant bounds (Bobrow, Dubowsky and Gibson 1985). Jerk is left out.
+straight moves and constant bounds (Bobrow, Dubowsky and Gibson 1985).
+
+Where the jerk of all axes is known too, ramps are S-shaped (`jerk_ramps.py`). Both passes then heed how far each ramp
+has come: over many short moves it builds up one acceleration, with the least acceleration and jerk that it has met.
+What that leaves out is that a control may overshoot a mean speed within a ramp; a move in the middle of one is told at
+the mean of the speeds at its ends.
 """
 
 import math
@@ -15,6 +20,7 @@ from numpy import ndarray
 
 from bonecam.machine.axes import LinearAxis, RotaryAxis
 from bonecam.machine.machine import Machine
+from bonecam.nc.posting.feeds.jerk_ramps import move_times, reached
 from bonecam.nc.posting.path_words import Posted, joints_of
 
 BLEND = 0.01 / 60
@@ -27,53 +33,77 @@ def knows_accelerations(machine: Machine) -> bool:
     return all(math.isfinite(axis.acceleration) for axis in axes)
 
 
+def knows_jerks(machine: Machine) -> bool:
+    """Whether the accelerations and jerks of all axes of a machine are known."""
+    axes: list[LinearAxis | RotaryAxis] = [*machine.linear, *machine.own_rotary]
+    return knows_accelerations(machine) and all(math.isfinite(axis.jerk) for axis in axes)
+
+
 def accelerated_minutes(posted: Posted) -> Float[ndarray, "n"]:
-    """Minutes of the move that arrives at each row, with the accelerations of the axes; as without them where a run
-    starts, off the part."""
+    """Minutes of the move that arrives at each row, with the accelerations of the axes, and their jerks where they are
+    known; as without them where a run starts, off the part."""
     machine = posted.control.machine
-    linear = [axis.acceleration for axis in machine.linear]
-    most = np.array(linear + [axis.acceleration for axis in machine.rotary])
+    axes: list[LinearAxis | RotaryAxis] = [*machine.linear, *machine.rotary]
+    most = np.array([axis.acceleration for axis in axes])
+    jerks = np.array([axis.jerk if knows_jerks(machine) else math.inf for axis in axes])
     joints = joints_of(posted, posted.words)
     minutes = posted.minutes.copy()
     for first, end in posted.runs:
         if end - first > 1:
-            minutes[first + 1 : end] = _minutes(joints[first:end], posted.minutes[first + 1 : end], most)
+            minutes[first + 1 : end] = _minutes(
+                joints[first:end], posted.minutes[first + 1 : end], most, jerks
+            )
     return minutes
 
 
 def _minutes(
-    joints: Float[ndarray, "n 5"], at_feed: Float[ndarray, "m"], most: Float[ndarray, "5"]
+    joints: Float[ndarray, "n 5"],
+    at_feed: Float[ndarray, "m"],
+    most: Float[ndarray, "5"],
+    jerks: Float[ndarray, "5"],
 ) -> Float[ndarray, "m"]:
     """Minutes of the moves between successive joints that begin and end at rest; `at_feed` are those without
-    accelerations, `most` the accelerations. The path runs from 0 to 1 on each move, its speed in moves a minute."""
+    accelerations, `most` the accelerations and `jerks` the jerks of the axes."""
     steps = np.abs(np.diff(joints, axis=0))
     moving: Bool[ndarray, "m"] = (steps.max(axis=1) > 0) & (at_feed > 0)
     minutes = at_feed.copy()
-    steps, signed = steps[moving], np.diff(joints, axis=0)[moving]
-    at_feed = at_feed[moving]
+    signed, at_feed = np.diff(joints, axis=0)[moving], at_feed[moving]
     if not len(at_feed):
         return minutes
     # path lengths are the times at the feed: the speed is 1 where nothing lowers it
     rates = signed / at_feed[:, None]
     with np.errstate(divide="ignore"):
         corner = (most * BLEND / np.abs(np.diff(rates, axis=0))).min(axis=1, initial=np.inf)
-        acceleration = (most / np.abs(rates)).min(axis=1)
-    speeds = np.r_[0.0, np.minimum(corner, 1.0), 0.0].tolist()
-    gains = (2 * acceleration * at_feed).tolist()
-    for k in range(len(gains)):
-        speeds[k + 1] = min(speeds[k + 1], (speeds[k] ** 2 + gains[k]) ** 0.5)
-    for k in range(len(gains) - 1, -1, -1):
-        speeds[k] = min(speeds[k], (speeds[k + 1] ** 2 + gains[k]) ** 0.5)
-    start, end = np.array(speeds[:-1]), np.array(speeds[1:])
-    minutes[moving] = _ramped(start, end, acceleration, at_feed)
+        acceleration, jerk = ((bound / np.abs(rates)).min(axis=1) for bound in (most, jerks))
+    highest = np.r_[0.0, np.minimum(corner, 1.0), 0.0]
+    forwards, up = _ramped(highest, at_feed, acceleration, jerk)
+    backwards, down = _ramped(forwards[::-1], at_feed[::-1], acceleration[::-1], jerk[::-1])
+    speeds, down = backwards[::-1], down[::-1]
+    kept = speeds == forwards
+    own = move_times(speeds[:-1], speeds[1:], acceleration, jerk, at_feed)
+    inside = np.where(kept[1:] & kept[:-1], up, np.nan)
+    inside = np.where(np.isnan(inside), down, inside)
+    minutes[moving] = np.where(np.isnan(inside), own, inside)
     return minutes
 
 
 def _ramped(
-    start: Float[ndarray, "m"], end: Float[ndarray, "m"], a: Float[ndarray, "m"], way: Float[ndarray, "m"]
-) -> Float[ndarray, "m"]:
-    """Time of a move of length `way` from one speed to another at an acceleration, as fast as speed 1 allows."""
-    peak = np.minimum(np.sqrt((start**2 + end**2) / 2 + a * way), 1.0)
-    peak = np.maximum(peak, np.maximum(start, end))
-    ramps = (2 * peak**2 - start**2 - end**2) / (2 * a)
-    return (2 * peak - start - end) / a + np.maximum(way - ramps, 0.0) / peak
+    highest: Float[ndarray, "n"], ways: Float[ndarray, "m"], a: Float[ndarray, "m"], j: Float[ndarray, "m"]
+) -> tuple[Float[ndarray, "n"], Float[ndarray, "m"]]:
+    """Speeds at the ends of moves, at most the `highest`, that no ramp exceeds forwards, and the times of the moves
+    that lie within a ramp, NaN of the others. A ramp begins where the speed is as high as may be."""
+    speeds, times = highest.tolist(), [math.nan] * len(ways)
+    begin, way, least_a, least_j, since = speeds[0], 0.0, math.inf, math.inf, 0.0
+    for k, (step, own_a, own_j) in enumerate(zip(ways.tolist(), a.tolist(), j.tolist(), strict=True)):
+        way, least_a, least_j = way + step, min(least_a, own_a), min(least_j, own_j)
+        jerked = math.isfinite(least_j)
+        far = reached(begin, way, least_a, least_j) if jerked else reached(speeds[k], step, own_a, math.inf)
+        if far >= speeds[k + 1]:
+            begin, way, least_a, least_j, since = speeds[k + 1], 0.0, math.inf, math.inf, 0.0
+            continue
+        # a ramp takes its way at the mean of its ends
+        until = 2 * way / (begin + far)
+        if jerked:
+            times[k] = until - since
+        speeds[k + 1], since = far, until
+    return np.array(speeds), np.array(times)

@@ -6,7 +6,7 @@ import numpy as np
 
 from bonecam.machine.machine import Machine
 from bonecam.nc.dialect import Dialect
-from bonecam.nc.posting.feeds.motion_time import accelerated_minutes, knows_accelerations
+from bonecam.nc.posting.feeds.motion_time import accelerated_minutes, knows_accelerations, knows_jerks
 from bonecam.nc.posting.path_words import Posted
 from bonecam.nc.posting.travel import Travel
 
@@ -36,11 +36,14 @@ def axis_texts(machine: Machine, travel: Travel, posted: Sequence[Posted]) -> li
 
 
 def _time_texts(machine: Machine, posted: Sequence[Posted], minutes: float) -> list[str]:
-    """The time of the program, with the accelerations of the axes too where they are known."""
+    """The time of the program, with the accelerations and jerks of the axes too where they are known."""
     if not knows_accelerations(machine):
         return [f"time about {minutes:.1f} min, without accelerations and tool changes"]
     driven = sum(float(np.sum(accelerated_minutes(one))) for one in posted)
-    return [f"time about {driven:.1f} min, {minutes:.1f} without accelerations, both without tool changes"]
+    known = ", with jerk" if knows_jerks(machine) else ""
+    return [
+        f"time about {driven:.1f} min{known}, {minutes:.1f} without accelerations, both without tool changes"
+    ]
 
 
 def _endless_texts(letter: str, dialect: Dialect) -> list[str]:
