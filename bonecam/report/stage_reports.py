@@ -96,8 +96,8 @@ def toolpath_report(paths: Sequence[ToolPath], least_lead: float) -> list[dict[s
 def _entries(path: ToolPath) -> dict[str, int]:
     """How often the tool comes to a cut from a link or a rapid, and how often so along the cut's own direction."""
     cutting = path.kinds == MoveKind.CUT
-    first = np.flatnonzero(cutting & np.r_[True, ~cutting[:-1]])
-    ends = np.flatnonzero(cutting & np.r_[~cutting[1:], True]) + 1
+    first = np.flatnonzero(cutting & np.r_[True, ~cutting[:-1]]).tolist()
+    ends = (np.flatnonzero(cutting & np.r_[~cutting[1:], True]) + 1).tolist()
     balls = path.balls
     along = [begins_tangentially(balls[max(a - 1, 0)], balls[a:b]) for a, b in zip(first, ends, strict=True)]
     return {"entries": len(first), "entries_tangential": sum(along)}

@@ -25,6 +25,7 @@ from bonecam.planning.axes.singularity import (
 )
 from bonecam.planning.collision.checker import CollisionChecker
 from bonecam.planning.collision.scene import Scene
+from bonecam.planning.layers.height_mesh import HeightMesh
 from bonecam.planning.links import retract
 from bonecam.planning.links.direct import ABOVE, direct_links
 from bonecam.planning.links.lead_arc import begins_tangentially
@@ -187,7 +188,7 @@ def test_bent_retracts_and_approaches_stay_clear_and_slow_near_the_part(
         return [Departure(0.5, unit((axis + np.array([0.3, 0.2, 0.1]))[None])[0])]
 
     monkeypatch.setattr(retract, "departures", bent)
-    _, scene, path = made(pattern="along", lead_in="straight")
+    _, scene, path = made(pattern="along")
     assert_nothing_is_entered(scene, path)
     last_in = np.flatnonzero(
         (path.kinds[1:] == MoveKind.CUT)
@@ -257,23 +258,30 @@ def entries(path: ToolPath) -> np.ndarray:
     return np.flatnonzero((path.kinds == MoveKind.CUT) & (np.r_[-1, path.pass_index[:-1]] != path.pass_index))
 
 
-def test_passes_are_entered_tangentially_at_their_feed_or_else_at_the_plunge_feed(
-    case: tuple[ContactPath, Scene, ToolPath],
-) -> None:
+def test_passes_are_entered_at_the_plunge_feed(case: tuple[ContactPath, Scene, ToolPath]) -> None:
     _, _, path = case
+    assert (path.feed_rates[entries(path)] == NcJob().plunge_feed).all()
+    assert (path.feed_rates[path.kinds == MoveKind.LINK] <= NcJob().link_feed).all()
+
+
+def test_passes_are_entered_on_arcs_at_their_feed_where_the_material_is_known(
+    made: Callable[..., tuple[ContactPath, Scene, ToolPath]],
+) -> None:
+    """Where nothing stands on the level there is room: nothing is entered by arcs and links either. Entries are
+    straight where that is asked for."""
+    contacts, scene, _ = made(pattern="along")
+    known = HeightMesh(scene.level)
+    path = orient(contacts, scene, MIKRON, PathJob(pattern="along"), NcJob(), material=known)
     first = entries(path)
     along = np.array([begins_tangentially(path.balls[k - 1], path.balls[k : k + 2]) for k in first])
     assert along.any()
     assert (path.feed_rates[first[along]] == path.cutter.feed).all()
-    assert (path.feed_rates[first[~along]] == NcJob().plunge_feed).all()
-    assert (path.feed_rates[path.kinds == MoveKind.LINK] <= NcJob().link_feed).all()
-
-
-def test_straight_entries_are_at_the_plunge_feed(
-    made: Callable[..., tuple[ContactPath, Scene, ToolPath]],
-) -> None:
-    _, _, path = made(pattern="round", lead_in="straight")
-    assert (path.feed_rates[entries(path)] == NcJob().plunge_feed).all()
+    assert_nothing_is_entered(scene, path)
+    straight = PathJob(pattern="along", lead_in="straight")
+    without = orient(contacts, scene, MIKRON, straight, NcJob(), material=known)
+    assert not any(
+        begins_tangentially(without.balls[k - 1], without.balls[k : k + 2]) for k in entries(without)
+    )
 
 
 def test_passes_that_begin_in_air_are_entered_at_the_feed_of_their_cuts(
@@ -282,7 +290,7 @@ def test_passes_that_begin_in_air_are_entered_at_the_feed_of_their_cuts(
     """The runs whose first contact is above the middle count as begun in air."""
     middle = made(pattern="along")[1].level.bounds[:, 2].mean()
     monkeypatch.setattr(LinkSpace, "known_in_air", lambda _, centres: centres[:, 2] > middle)
-    _, _, path = made(pattern="along", lead_in="straight")
+    _, _, path = made(pattern="along")
     first = entries(path)
     high = path.balls[first, 2] > middle
     assert high.any()
