@@ -16,7 +16,7 @@ import numpy as np
 from numba import njit
 from numpy import ndarray
 
-from bonecam.kernels.closest.distance_grids import Grids, distance_bound
+from bonecam.kernels.closest.distance_grids import distance_bound
 
 LOOK_AHEAD = (4.0, 1.5, 0.5, 0.0)
 """How far above the proven height spheres are tried, in radii of the section."""
@@ -27,14 +27,15 @@ REJECTED, OPEN, PROVEN = 0, 1, 2
 
 
 class Obstacles(NamedTuple):
-    """What a tool stays out of. `sections` (s, 7) of the tool from the spindle down: start and end (mm above the ball's
+    """What a tool stays out of. `sections` (s, 9) of the tool from the spindle down: start and end (mm above the ball's
     centre), radius (mm), 1 for the level or 0 for the material, what the solid may reach out of its grids by (mm),
-    and the first and behind the last of its `columns` (m, 5): radius, top, bottom, x and y (mm)."""
+    the first and behind the last of its `columns` (m, 5): radius, top, bottom, x and y (mm), and the first and behind
+    the last of its rows in `cells`, which with `values` are those of all Grids."""
 
     sections: ndarray
     columns: ndarray
-    level: Grids
-    material: Grids
+    cells: ndarray
+    values: ndarray
 
 
 class Apexes(NamedTuple):
@@ -52,15 +53,14 @@ class Apexes(NamedTuple):
 @njit(cache=True, nogil=True)
 def _distance(o: Obstacles, s: int, x: float, y: float, z: float) -> float:
     """A lower bound of the distance of a point to what section s stays out of, mm."""
-    if o.sections[s, 3] > 0:
-        d = distance_bound(o.level, x, y, z)
-    else:
-        d = distance_bound(o.material, x, y, z)
-    d -= o.sections[s, 4]
+    first, end = int(o.sections[s, 7]), int(o.sections[s, 8])
+    d = distance_bound(o.cells, o.values, first, end, x, y, z) - o.sections[s, 4]
     for c in range(int(o.sections[s, 5]), int(o.sections[s, 6])):
+        up = max(z - o.columns[c, 1], o.columns[c, 2] - z)
+        if up >= d:
+            continue
         dx, dy = x - o.columns[c, 3], y - o.columns[c, 4]
         out = np.sqrt(dx * dx + dy * dy) - o.columns[c, 0]
-        up = max(z - o.columns[c, 1], o.columns[c, 2] - z)
         if out > 0 and up > 0:
             d = min(d, np.sqrt(out * out + up * up))
         else:
@@ -75,7 +75,7 @@ def prove(
     """PROVEN where the tool at apex k is free for all axes within `angle` of the unit vector a, REJECTED or OPEN; and
     how far it is proven: the section, and the height in it. What lies before section `first` and the height `proven`
     in that one is known to be free."""
-    sine, cosine = np.sin(angle), np.cos(angle)
+    sine, cosine, chord = np.sin(angle), np.cos(angle), 2 * np.sin(angle / 2)
     x, y, z = p.places[k, 0], p.places[k, 1], p.places[k, 2]
     for s in range(first, len(o.sections)):
         up, end, r = o.sections[s, 0], o.sections[s, 1], o.sections[s, 2]
@@ -104,7 +104,7 @@ def prove(
                         raised = u * cosine + half
                         last = ahead
                         break
-                elif begins <= u <= end and d + 2 * u * np.sin(angle / 2) < r:
+                elif begins <= u <= end and d + chord * u < r:
                     met = True
             if raised == up:
                 return (REJECTED if met else OPEN), s, up

@@ -18,19 +18,15 @@ HALF_DIAGONAL = 0.8660254037844387
 
 
 class Grids(NamedTuple):
-    """Grids from the finest to the coarsest: sides of the cells (g,) and lowest corners (g, 3), mm; counts of
-    nodes (g, 3); distances (mm) of all nodes, z the fastest, those of grid i from `starts` (g,) on.
+    """Grids from the finest to the coarsest: `cells` (g + 1, 8) with their side, lowest corner (x, y, z), both mm,
+    counts of nodes (x, y, z), and where their distances begin in `values` (mm, of all nodes, z the fastest); the last
+    row has the lowest and the highest corner of the solid's box behind its first place.
 
-    Nodes inside the solid have the distance 0. `low` and `high` (3,) bound the solid.
+    Nodes inside the solid have the distance 0. Calls pass arrays by value: these two are as few as can be.
     """
 
-    steps: ndarray
-    origins: ndarray
-    counts: ndarray
-    starts: ndarray
+    cells: ndarray
     values: ndarray
-    low: ndarray
-    high: ndarray
 
 
 @njit(cache=True, nogil=True)
@@ -72,41 +68,41 @@ def flood(distances: ndarray, step: float, outside: ndarray) -> ndarray:
 
 
 @njit(cache=True, nogil=True)
-def distance_bound(grids: Grids, x: float, y: float, z: float) -> float:
-    """A lower bound of the distance of a point to the solid, mm; 0 inside."""
-    for g in range(len(grids.steps)):
-        h = grids.steps[g]
-        fx = (x - grids.origins[g, 0]) / h
-        fy = (y - grids.origins[g, 1]) / h
-        fz = (z - grids.origins[g, 2]) / h
-        ny, nz = grids.counts[g, 1], grids.counts[g, 2]
-        if fx < 0 or fy < 0 or fz < 0:
+def distance_bound(
+    cells: ndarray, values: ndarray, first: int, end: int, x: float, y: float, z: float
+) -> float:
+    """A lower bound of the distance of a point to the solid of the rows `first` up to `end` of `cells`, mm; 0
+    inside."""
+    for g in range(first, end - 1):
+        h = cells[g, 0]
+        fx, fy, fz = (x - cells[g, 1]) / h, (y - cells[g, 2]) / h, (z - cells[g, 3]) / h
+        if not (0 <= fx < cells[g, 4] - 1 and 0 <= fy < cells[g, 5] - 1 and 0 <= fz < cells[g, 6] - 1):
             continue
-        if fx >= grids.counts[g, 0] - 1 or fy >= ny - 1 or fz >= nz - 1:
-            continue
+        ny, nz = int(cells[g, 5]), int(cells[g, 6])
         i, j, k = int(fx), int(fy), int(fz)
         fx, fy, fz = fx - i, fy - j, fz - k
-        first = grids.starts[g] + (i * ny + j) * nz + k
-        least, value = np.inf, 0.0
-        for a in range(2):
-            for b in range(2):
-                at = first + (a * ny + b) * nz
-                one, other = grids.values[at], grids.values[at + 1]
-                least = min(least, one, other)
-                weight = (fx if a else 1 - fx) * (fy if b else 1 - fy)
-                value += weight * ((1 - fz) * one + fz * other)
-        least -= HALF_DIAGONAL * h
-        return max(value - 0.375 * h * h / least, least) if least > 0 else 0.0
-    dx = max(grids.low[0] - x, x - grids.high[0], 0.0)
-    dy = max(grids.low[1] - y, y - grids.high[1], 0.0)
-    dz = max(grids.low[2] - z, z - grids.high[2], 0.0)
+        at = int(cells[g, 7]) + (i * ny + j) * nz + k
+        beside, across = at + nz, at + ny * nz
+        beyond = across + nz
+        a, b, c, d = values[at], values[beside], values[across], values[beyond]
+        e, f, p, q = values[at + 1], values[beside + 1], values[across + 1], values[beyond + 1]
+        least = min(a, b, c, d, e, f, p, q) - HALF_DIAGONAL * h
+        if not least > 0:
+            return 0.0
+        a, b, c, d = a + fz * (e - a), b + fz * (f - b), c + fz * (p - c), d + fz * (q - d)
+        a, c = a + fy * (b - a), c + fy * (d - c)
+        return max(a + fx * (c - a) - 0.375 * h * h / least, least)
+    dx = max(cells[end - 1, 1] - x, x - cells[end - 1, 4], 0.0)
+    dy = max(cells[end - 1, 2] - y, y - cells[end - 1, 5], 0.0)
+    dz = max(cells[end - 1, 3] - z, z - cells[end - 1, 6], 0.0)
     return np.sqrt(dx * dx + dy * dy + dz * dz)
 
 
 @njit(cache=True, nogil=True)
 def distance_bounds(grids: Grids, points: ndarray) -> ndarray:
     """Lower bounds of the distances of points (n, 3) to the solid, mm; 0 inside."""
+    cells, values = grids.cells, grids.values
     found = np.empty(len(points))
     for i in range(len(points)):
-        found[i] = distance_bound(grids, points[i, 0], points[i, 1], points[i, 2])
+        found[i] = distance_bound(cells, values, 0, len(cells), points[i, 0], points[i, 1], points[i, 2])
     return found

@@ -24,7 +24,7 @@ from bonecam.tool.path import ContactPath
 
 SPACING = 0.7
 """Distance of the nodes, mm. A node's reach costs 1 to 1.5 % of the directions."""
-ENOUGH = 0.9
+ENOUGH = 0.5
 """A node has enough free directions if they are this share of the allowed ones."""
 FINEST = 0.15
 """Where nodes have too few free directions they are set half as far apart, down to this, mm."""

@@ -9,7 +9,7 @@ from bonecam.kernels.closest.distance_grids import Grids, distance_bounds, flood
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
-GRIDS = ((0.4, 3.0, 2.0, 0.0), (1.2, 14.0, 14.0, 0.02), (4.0, 60.0, np.inf, 0.01))
+GRIDS = ((0.4, 3.0, 2.0, 0.01), (1.2, 14.0, 14.0, 0.02), (4.0, 60.0, np.inf, 0.01))
 """Sides of the cells, how far the grids reach out from the mesh and from the box of the ball centres, mm, and by which
 share their distances may be too small; sides grow with the size of grids, and with the root of a radius above 1."""
 USUAL_SIZE = 65.0
@@ -28,17 +28,9 @@ def distance_grids(
     require_closed(mesh)
     needed = [grid for grid, nearer in zip(GRIDS, [0.0, *(reach for _, reach, *_ in GRIDS)]) if nearer < far]
     low, high = mesh.bounds
-    grids = Grids(
-        np.zeros(0),
-        np.zeros((0, 3)),
-        np.zeros((0, 3), np.int64),
-        np.zeros(0, np.int64),
-        np.zeros(0),
-        low,
-        high,
-    )
+    grids = Grids(np.array([[0.0, *low, *high, 0.0]]), np.zeros(0))
     for side, reach, beside, slack in reversed(needed):
-        near = beside if len(grids.steps) else np.inf
+        near = beside if len(grids.values) else np.inf
         first = np.maximum(low, centres.min(axis=0) - near)
         last = np.maximum(np.minimum(high, centres.max(axis=0) + near), first)
         # a tool is free where the distance exceeds its radius, and there interpolation errs by 3 h^2 / (8 radius)
@@ -51,13 +43,9 @@ def distance_grids(
         apart = distance.lower_bound(nodes, slack).reshape(shape)
         off = ((nodes < low) | (nodes > high)).any(axis=1)
         values = flood(apart, step, off | (distance_bounds(grids, nodes) > 0)).ravel()
-        grids = grids._replace(
-            steps=np.r_[step, grids.steps],
-            origins=np.vstack([origin, grids.origins]),
-            counts=np.vstack([shape, grids.counts]),
-            starts=np.r_[0, grids.starts + len(values)],
-            values=np.concatenate([values, grids.values]),
-        )
+        grids.cells[:-1, 7] += len(values)
+        row = [step, *origin, *shape, 0.0]
+        grids = Grids(np.vstack([row, grids.cells]), np.concatenate([values, grids.values]))
     return grids
 
 

@@ -36,14 +36,19 @@ def obstacles_of(scene: Scene, cutter: Cutter, centres: Float[ndarray, "n 3"]) -
         columns += [column.row for column in around.columns]
         start, end = section.start - cutter.radius, section.end - cutter.radius
         radius = section.widest - (scene.tangent_slack if is_level else 0.0)
-        rows.append((start, end, radius, float(is_level), around.deviation, first, len(columns)))
+        rows.append((start, end, radius, float(is_level), around.deviation, first, len(columns), 0, 0))
     sections = np.array(rows)
     to_level = sections[:, 3] > 0
     grids = [
         distance_grids(distance, cutter.radius, sections[held, 1].max(initial=0.0) + cutter.radius, centres)
         for distance, held in ((scene.level_distance, to_level), (scene.material_distance, ~to_level))
     ]
-    return Obstacles(sections, np.array(columns, dtype=float).reshape(-1, 5), *grids)
+    cells = [grid.cells.copy() for grid in grids]
+    cells[1][:, 7] += len(grids[0].values)
+    sections[:, 7] = np.where(to_level, 0, len(cells[0]))
+    sections[:, 8] = np.where(to_level, len(cells[0]), len(cells[0]) + len(cells[1]))
+    values = np.concatenate([grid.values for grid in grids])
+    return Obstacles(sections, np.array(columns, dtype=float).reshape(-1, 5), np.concatenate(cells), values)
 
 
 def single_obstacles(obstacles: Obstacles, section: int) -> Iterator[tuple[str, Obstacles]]:
@@ -56,7 +61,7 @@ def single_obstacles(obstacles: Obstacles, section: int) -> Iterator[tuple[str, 
     row[4] = -NOWHERE
     for column in range(first, end):
         alone = row.copy()
-        alone[5:] = column, column + 1
+        alone[5:7] = column, column + 1
         yield ("clamping" if column > first else "post"), obstacles._replace(sections=alone[None])
 
 
