@@ -2,8 +2,8 @@
 
 The depth at a contact (`InProcessStock.depths`) is that of the ball there, among places of a height field. What a path
 removes in all, its flutes and the moves between its contacts included, is measured as the simulation of the posted text
-measures it: how far the nearest air was from each place of the new surface (`material/cut_depths.py`), on the rays of
-the planner, which are farther apart.
+measures it: how far the nearest air was from places of the new surface (`material/cut_depths.py`), as near to one
+another as there, on the rays of the planner, which are farther apart.
 """
 
 from collections.abc import Callable
@@ -21,8 +21,6 @@ from bonecam.material.in_process_stock import InProcessStock, remove_material
 from bonecam.planning.passes.engaged_segments import DepthLimits
 from bonecam.tool.path import ContactPath, MoveKind, ToolPath
 
-SPACING = 0.4
-"""Depths are measured this far apart, mm: twice as far as in the proof, a quarter of the time."""
 MOST_PLACES = 500
 """So many of the places that are too deep are asked for what cut them at once, the deepest."""
 MAX_ROUNDS = 3
@@ -58,12 +56,12 @@ def within_depth(
     contacts: ContactPath, path: ToolPath, before: InProcessStock, after: InProcessStock, allowed: DepthLimits
 ) -> Bool[ndarray, " n"]:
     """Which of the contacts may stay, where `path`, made of them, leads from the material `before` to that `after` it:
-    all but those at which the cutter touches a place that it cuts too deep; air is taken for as far as the nearest ray,
-    which is half a diagonal of their grid beside it at most."""
+    all but those at which the cutter touches a place that it cuts too deep. The proof has nearer rays and so finds
+    places a little deeper, by less than what it allows beyond limit and scallop: half of their distance."""
     kept = np.ones(len(contacts.centres), dtype=bool)
     grid = after.fluted.grid
-    found = cut_depths(after.fluted.sets, before.fluted.sets, grid, SPACING)
-    deep = np.flatnonzero(found.depths > np.hypot(allowed.deepest, grid.cell / np.sqrt(2)))
+    found = cut_depths(after.fluted.sets, before.fluted.sets, grid)
+    deep = np.flatnonzero(found.depths > allowed.deepest)
     if not len(deep):
         return kept
     deep = deep[np.argsort(-found.depths[deep])][:MOST_PLACES]

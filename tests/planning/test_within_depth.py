@@ -94,6 +94,34 @@ def test_contacts_at_which_the_ball_goes_too_deep_are_found(
     assert within_depth(shallow, path, material, remove_material(material, level, path), ALLOWED).all()
 
 
+def test_what_is_a_hundredth_over_the_allowed_depth_is_found(
+    material: InProcessStock, level: MachinedLevel, contacts, along
+) -> None:
+    depths = np.full(60, 0.45)
+    depths[40:44] = ALLOWED.deepest + 0.012
+    tried = contacts(depths)
+    path = along(OUTWARD)(tried)
+    kept = within_depth(tried, path, material, remove_material(material, level, path), ALLOWED)
+    assert not kept[40:44].all()
+    assert kept[:15].all()
+
+
+def test_depths_are_measured_as_near_to_one_another_as_in_the_proof(
+    material: InProcessStock, level: MachinedLevel, contacts, along
+) -> None:
+    """A ball that dips at one contact leaves a hollow that is less than 0.4 mm wide where it is too deep."""
+    found = 0
+    for at in range(20, 40):
+        depths = np.full(60, 0.45)
+        depths[at] = ALLOWED.deepest + 0.015
+        tried = contacts(depths)
+        path = along(OUTWARD)(tried)
+        found += not within_depth(
+            tried, path, material, remove_material(material, level, path), ALLOWED
+        ).all()
+    assert found == 20
+
+
 def test_flutes_that_cut_too_deep_above_a_shallow_ball_are_found(
     material: InProcessStock, level: MachinedLevel, contacts, along
 ) -> None:
