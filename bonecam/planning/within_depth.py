@@ -21,6 +21,9 @@ from bonecam.material.in_process_stock import InProcessStock, remove_material
 from bonecam.planning.passes.engaged_segments import DepthLimits
 from bonecam.tool.path import ContactPath, MoveKind, ToolPath
 
+SLACK = 0.02
+"""A place may be so much (mm) deeper than is allowed at a contact. The proof allows 0.04 (half of the distance of its
+rays, of which a contact's depth takes UNCERTAIN), and finds places up to 0.016 deeper than the planner's rays do."""
 MOST_PLACES = 500
 """So many of the places that are too deep are asked for what cut them at once, the deepest."""
 MAX_ROUNDS = 3
@@ -56,12 +59,11 @@ def within_depth(
     contacts: ContactPath, path: ToolPath, before: InProcessStock, after: InProcessStock, allowed: DepthLimits
 ) -> Bool[ndarray, " n"]:
     """Which of the contacts may stay, where `path`, made of them, leads from the material `before` to that `after` it:
-    all but those at which the cutter touches a place that it cuts too deep. The proof has nearer rays and so finds
-    places a little deeper, by less than what it allows beyond limit and scallop: half of their distance."""
+    all but those at which the cutter touches a place that it cuts too deep."""
     kept = np.ones(len(contacts.centres), dtype=bool)
     grid = after.fluted.grid
     found = cut_depths(after.fluted.sets, before.fluted.sets, grid)
-    deep = np.flatnonzero(found.depths > allowed.deepest)
+    deep = np.flatnonzero(found.depths > allowed.deepest + SLACK)
     if not len(deep):
         return kept
     deep = deep[np.argsort(-found.depths[deep])][:MOST_PLACES]

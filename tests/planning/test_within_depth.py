@@ -11,11 +11,12 @@ from bonecam.levels.measure.cut_measures import NO_CUT
 from bonecam.levels.measure.level import MachinedLevel, StockLevel
 from bonecam.material.in_process_stock import InProcessStock, remove_material, uncut_material
 from bonecam.planning.passes.engaged_segments import DepthLimits
-from bonecam.planning.within_depth import cut_within_depth, within_depth
+from bonecam.planning.within_depth import SLACK, cut_within_depth, within_depth
 from bonecam.setup.capsule import Capsule
 from bonecam.surface.tspline import TSpline
 from bonecam.tool.cutter import Cutter
 from bonecam.tool.path import ContactPath, MoveKind, ToolPath
+from bonecam.verify.removal.of_job import ACCURACY
 
 ALLOWED = DepthLimits(0.5, 0.05)
 OUTWARD = np.array([1.0, 0.0, 0.0])
@@ -94,11 +95,12 @@ def test_contacts_at_which_the_ball_goes_too_deep_are_found(
     assert within_depth(shallow, path, material, remove_material(material, level, path), ALLOWED).all()
 
 
-def test_what_is_a_hundredth_over_the_allowed_depth_is_found(
+def test_less_than_what_the_proof_allows_beyond_the_depth_is_found(
     material: InProcessStock, level: MachinedLevel, contacts, along
 ) -> None:
+    assert ALLOWED.deepest + SLACK + 0.01 < ALLOWED.limit + ALLOWED.scallop + ACCURACY.cell / 2
     depths = np.full(60, 0.45)
-    depths[40:44] = ALLOWED.deepest + 0.012
+    depths[40:44] = ALLOWED.deepest + SLACK + 0.01
     tried = contacts(depths)
     path = along(OUTWARD)(tried)
     kept = within_depth(tried, path, material, remove_material(material, level, path), ALLOWED)
@@ -113,7 +115,7 @@ def test_depths_are_measured_as_near_to_one_another_as_in_the_proof(
     found = 0
     for at in range(20, 40):
         depths = np.full(60, 0.45)
-        depths[at] = ALLOWED.deepest + 0.015
+        depths[at] = ALLOWED.deepest + SLACK + 0.01
         tried = contacts(depths)
         path = along(OUTWARD)(tried)
         found += not within_depth(
