@@ -19,10 +19,12 @@ from numpy import ndarray
 from bonecam.job import Job
 from bonecam.levels.measure.level import Level, machined_levels
 from bonecam.machine.bodies import MachineBodies
+from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.facets.vertex_normals import vertex_normals
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.planning.level_cutters import cutter_of, least_depth
 from bonecam.planning.passes.patterns.scallop import side_step
+from bonecam.setup.schedule import schedule_of
 
 LENGTH_FACTOR = 1.2
 """Passes of programs are 1.04 to 1.39 times as long."""
@@ -83,6 +85,34 @@ def estimate(levels: Sequence[Level], job: Job, bodies: MachineBodies) -> Estima
     seconds = SECONDS_A_LEVEL * len(machined) + SECONDS_A_BLOCK * blocks
     whole = TIME_FACTOR * minutes + MINUTES_A_LEVEL * len(machined)
     return Estimate(LENGTH_FACTOR * length, blocks, whole, minutes, seconds)
+
+
+@dataclass(frozen=True)
+class LayersToCut:
+    """What lies between part and stock, before there are levels: the areas of both (mm^2), and how far the `farthest`
+    place of the stock is from the part, mm."""
+
+    part: float
+    stock: float
+    farthest: float
+
+    @classmethod
+    def between(cls, part: TriangleMesh, stock: TriangleMesh) -> "LayersToCut":
+        """Those between two meshes."""
+        inner, outer = (float(np.linalg.norm(mesh.face_vectors, axis=1).sum()) / 2 for mesh in (part, stock))
+        return cls(inner, outer, float(MeshDistance(part).unsigned(stock.vertices).max()))
+
+    def minutes(self, job: Job) -> float:
+        """Machining time (min) with the depths of a job: of the fewest cuts, the areas of whose levels grow evenly with
+        the depth, as of the `estimate`."""
+        schedule = schedule_of(job.levels)
+        cuts = schedule.lower_bound(self.farthest)
+        evenly = 0.0
+        for level in range(cuts):
+            tool = job.tool("finishing" if job.is_finishing(level) else "roughing")
+            area = self.part + (self.stock - self.part) * schedule.reach(level) / self.farthest
+            evenly += area / float(side_step(tool.radius, job.scallop(level), np.zeros(1))[0]) / tool.feed
+        return TIME_FACTOR * evenly + MINUTES_A_LEVEL * cuts
 
 
 def _offset(mesh: TriangleMesh, radius: float) -> tuple[Float[ndarray, " f"], Float[ndarray, " f"]]:

@@ -101,9 +101,11 @@ def _tailstock_lines(tailstock: Mapping[str, Any] | None) -> Iterator[str]:
 def _neck_lines(necks: Sequence[Mapping[str, Any]]) -> Iterator[str]:
     """The necks that were tried, the one that is taken first."""
     if necks:
-        yield "          neck mm      uncut mm2   um/N     um    MPa      Hz"
+        minutes = "    min" if "machining_min" in necks[0] else ""
+        yield f"          neck mm      uncut mm2   um/N     um    MPa      Hz{minutes}"
     for neck in necks:
         size = f"{neck['diameter_mm']:g} x {neck['length_mm']:g}"
         moved = f"{neck['um_per_n']:6.2f} {neck['shift_um']:6.1f} {neck['stress_mpa']:6.0f} {neck['first_hz']:7.0f}"
+        moved += f" {neck['machining_min']:6.1f}" if "machining_min" in neck else ""
         above = "" if neck.get("tailstock", "none") == "none" else f"  with a {neck['tailstock']} above"
         yield f"          {size:12} {neck['left_mm2']:9.0f} {moved}{above}{'' if neck['holds'] else '  gives way'}"

@@ -10,7 +10,15 @@ from bonecam.job import Job
 from bonecam.levels.measure.cut_measures import NO_CUT
 from bonecam.levels.measure.level import Level, MorphLevel, PartLevel, StockLevel
 from bonecam.machine.bodies import MachineBodies
-from bonecam.planning.estimate import BLOCK_FACTOR, LENGTH_FACTOR, estimate, estimate_lines
+from bonecam.planning.estimate import (
+    BLOCK_FACTOR,
+    LENGTH_FACTOR,
+    MINUTES_A_LEVEL,
+    TIME_FACTOR,
+    LayersToCut,
+    estimate,
+    estimate_lines,
+)
 from bonecam.setup.capsule import Capsule
 from bonecam.surface.tspline import TSpline
 
@@ -75,3 +83,18 @@ def test_the_summary_has_what_came_beside_what_was_expected(levels: Callable[...
     assert f"min (came to 3; at least {found.least:.0f})" in line
     assert "CPU s (came to 9)" in line
     assert not list(estimate_lines({"estimate": found.report}))
+
+
+def test_before_levels_the_time_follows_from_the_areas_between_part_and_stock() -> None:
+    inner, outer = (Capsule(np.zeros(3), np.array([0, 0, 1e-9]), r).mesh(0.001) for r in (10.0, 12.0))
+    layers = LayersToCut.between(inner, outer)
+    assert layers.part == pytest.approx(4 * np.pi * 100, rel=0.001)
+    assert layers.farthest == pytest.approx(2.0, abs=0.01)
+    one = Job().with_values(levels={"depths": "0.1 2"}, roughing={"scallop": 0.3})
+    tool, last = one.tool("finishing"), one.tool("roughing")
+    steps = [2 * np.sqrt(s * (2 * t.radius - s)) for s, t in ((one.scallop(0), tool), (one.scallop(1), last))]
+    middle = 4 * np.pi * (100 + 44 * 0.1 / 2)
+    evenly = 4 * np.pi * 100 / steps[0] / tool.feed + middle / steps[1] / last.feed
+    assert layers.minutes(one) == pytest.approx(TIME_FACTOR * evenly + 2 * MINUTES_A_LEVEL, rel=0.01)
+    finer = one.with_values(levels={"depths": "0.1 0.1 0.1 0.5"})
+    assert layers.minutes(finer) > 2 * layers.minutes(one)

@@ -7,9 +7,8 @@ The cut onto the part takes `levels.finishing_depth`. Each one outside it takes 
     the peak bends part and cutter by no more than what the cuts inside it still take off: so none cuts into the part.
 
 So cuts are deep where much stands under them, and thin at the end. Before a roughing cut the roughing cutter leaves
-scallops of `levels.scallop_share` (0: SCALLOP_SHARE) of its depth, or `roughing.scallop` where that is more. The
-forces are those that the neck is found by (`neck.py`): no depth makes it thicker, a weak one makes the cuts
-shallower.
+scallops of `levels.scallop_share` (0: SCALLOP_SHARE) of its depth, or `roughing.scallop` where that is more. A
+neck is found with its depths (`neck.py`): a weak one has shallower cuts.
 """
 
 import math
@@ -24,10 +23,13 @@ from bonecam.mechanics.cutter import cutter_compliance
 from bonecam.mechanics.strip import job_strip_force
 from bonecam.mechanics.workpiece import mechanics_of_job
 from bonecam.planning.holding.finished_beam import finished_beam, normal_compliance
-from bonecam.planning.holding.neck import PEAK_SHARE, YIELD_SHARE
 from bonecam.setup.placement import Setup
 from bonecam.tool.cutter import Cutter
 
+PEAK_SHARE = 0.9
+"""Peak force of a roughing pass, as a share of `strip_force`: 60 N at a depth of 0.5 mm, 120 and 126 N at 1 mm."""
+YIELD_SHARE = 1 / 3
+"""Of the yield strength, which the stress at that peak may reach."""
 BALL_SHARE = 0.5
 """A roughing ball sinks in by this share of its radius at most."""
 SCALLOP_SHARE = 0.1
@@ -55,13 +57,16 @@ def with_found_depths(setup: Setup, job: Job, limits: MachineLimits) -> Job:
     give = normal_compliance(beam, part) + cutter_compliance(cutter)
     strongest = YIELD_SHARE * stiffness.yield_strength
 
-    def bears(depth: float, under: float) -> bool:
-        """Whether a roughing cut may take a depth (mm) where `under` mm more stand on the part."""
-        peak = PEAK_SHARE * job_strip_force(force, _with_depths(job, [depth]), "roughing")
-        return peak * give <= under and peak * stress <= strongest
-
     finishing = job.levels.finishing_depth
     tried = preferred_depths(finishing, BALL_SHARE * cutter.radius)
+    peaks = {
+        depth: PEAK_SHARE * job_strip_force(force, _with_depths(job, [depth]), "roughing") for depth in tried
+    }
+
+    def bears(depth: float, under: float) -> bool:
+        """Whether a roughing cut may take a depth (mm) where `under` mm more stand on the part."""
+        return peaks[depth] * give <= under and peaks[depth] * stress <= strongest
+
     return _with_depths(job, found_depths(finishing, tried, setup.stock.diameter, bears))
 
 

@@ -1,34 +1,23 @@
-"""The neck between stub and part, found by stiffness: the thinnest that bends, yields and swings little enough.
+"""The neck between stub and part, found by stiffness together with the depths of the cuts that it bears.
 
-Of necks of some diameters each has the shortest length with which all is reached. As a beam, clamped at the top of
-the chuck, with the finished part on it, a neck holds where
-
-    the force of a finishing pass moves 95 % of the part's area along its normal by 15 um at most,
-    the peak of a roughing pass at the middle of the part keeps it below a third of its yield strength, and
-    the lowest frequency is three times that of the teeth at least.
-
-The thinnest that holds is taken, since what stays uncut round it grows with it; where none does, the stiffest.
+Of necks of some diameters each has the shortest length with which all is reached, and, where a job leaves them open,
+the fewest and deepest cuts that it bears. Of those that hold (`neck_figures.py`) the thinnest is taken with which
+machining takes no more than MOST_MINUTES of the time of the quickest, since what stays uncut round a neck grows with
+it; where none holds, the stiffest.
 """
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
-from numpy import ndarray
 
-from bonecam.arrays import unit
 from bonecam.errors import BonecamError, JobError
 from bonecam.job import Job, field_error
-from bonecam.job.holding.tailstock_section import NO_TAILSTOCK, PIN
-from bonecam.job.materials.mechanical import StiffnessTable, cutting_force
-from bonecam.job.materials.preset import read_material
+from bonecam.job.holding.tailstock_section import PIN
 from bonecam.machine.limits import MachineLimits
-from bonecam.mechanics.strip import job_strip_force
-from bonecam.mesh.facets.vertex_normals import vertex_normals
-from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.planning.holding.finished_beam import finished_beam, normal_compliance
+from bonecam.planning.estimate import LayersToCut
+from bonecam.planning.holding.neck_figures import Neck, neck_figures
 from bonecam.planning.holding.post_length import (
     STOCK_CHORD,
     find_post_length,
@@ -37,59 +26,18 @@ from bonecam.planning.holding.post_length import (
     sampled_lifts,
     shortest_post,
 )
-from bonecam.planning.passes.contacts import at_post
 from bonecam.setup.placement import Setup
 from bonecam.workholding.bar import settled_stub
 from bonecam.workholding.clamping import clamping_of
-from bonecam.workholding.post import NECKS, Post, post_below
+from bonecam.workholding.post import NECKS, post_below
 from bonecam.workholding.tailstock import settled_bracket, settled_height
 
-FINISHING_SHARE = 0.33
-"""Force of a finishing pass while a tooth passes, as a share of `strip_force`: 95 % of the moves of the phalanx stay
-below (5.6 N), and of two bones with scallops of 0.1 mm (15 and 17 N)."""
-PEAK_SHARE = 0.9
-"""Peak of a roughing pass, likewise: 60 N at a depth of 0.5 mm, 120 and 126 N at 1 mm."""
-LARGEST_SHIFT = 0.015
-"""The finishing pass may move the part by so much, mm. Of 20 um that 95 % of a finished surface may be off the cutter
-takes 5 to 9."""
-YIELD_SHARE = 1 / 3
-TOOTH_MULTIPLE = 3.0
+MOST_MINUTES = 1.2
+"""A thinner neck may take so many times the machining time of the quickest that holds."""
 FEWER_CONTACTS = 400
 """So many contacts are sampled for each neck: the length of the one that is taken is found with all."""
-PLACES = np.array([[4, 1, 1], [1, 4, 1], [1, 1, 4], [2, 2, 2]]) / 6
-"""Places of a face, as shares of its corners, that stand for a quarter of its area each."""
 SHOWN = 3
 """Necks that are reported."""
-
-
-@dataclass(frozen=True)
-class Neck:
-    """A neck, with a `tailstock` or none: `diameter` and `length` (mm), height `top` of the stock's lower end over
-    the table (mm), area of the part that stays uncut at it (mm2), compliance at the part's top (um/N), what a
-    finishing pass moves 95 % of the area (um, at most), stress at the peak of a roughing pass (MPa), lowest
-    frequency (Hz), and whether that `holds`."""
-
-    diameter: float
-    length: float
-    top: float
-    left_mm2: float
-    um_per_n: float
-    shift_um: float
-    stress_mpa: float
-    first_hz: float
-    holds: bool
-    tailstock: str = NO_TAILSTOCK
-
-    @property
-    def report(self) -> dict[str, Any]:
-        """The neck in the report."""
-        names = {"diameter": "diameter_mm", "length": "length_mm"}
-        rounded = {
-            names.get(key, key): round(value, 2)
-            for key, value in asdict(self).items()
-            if key not in ("top", "tailstock")
-        }
-        return {**rounded, "holds": self.holds, "tailstock": self.tailstock}
 
 
 def find_standing(setup: Setup, job: Job, limits: MachineLimits) -> tuple[Setup, Job, tuple[Neck, ...]]:
@@ -97,8 +45,10 @@ def find_standing(setup: Setup, job: Job, limits: MachineLimits) -> tuple[Setup,
     the necks that were tried, the one that is taken first, if any were."""
     job = replace(job, holding=settled_stub(job.holding, setup.stock.diameter))
     necks: tuple[Neck, ...] = ()
+    stock = setup.stock.mesh(STOCK_CHORD)
+    layers = LayersToCut.between(setup.part.mesh, stock)
     if not job.holding.diameter:
-        setup, job, necks = find_neck(setup, job, limits)
+        setup, job, necks = find_neck(setup, job, limits, layers)
     if not job.holding.length:
         setup, job = find_post_length(setup, job, limits)
     places = setup.stock.mesh(STOCK_CHORD).vertices
@@ -106,11 +56,13 @@ def find_standing(setup: Setup, job: Job, limits: MachineLimits) -> tuple[Setup,
     if not necks:
         return setup, job, ()
     # with all contacts the neck that is taken may be longer than when it was tried
-    taken = _neck(setup, job, limits)
-    return setup, job, (taken, *necks[1:], *_pinned(taken, setup, job, limits))
+    taken = _neck(setup, job, limits, layers)
+    return setup, job, (taken, *necks[1:], *_pinned(taken, setup, job, limits, layers))
 
 
-def _pinned(taken: Neck, setup: Setup, job: Job, limits: MachineLimits) -> tuple[Neck, ...]:
+def _pinned(
+    taken: Neck, setup: Setup, job: Job, limits: MachineLimits, layers: LayersToCut
+) -> tuple[Neck, ...]:
     """The neck that is taken with a pin at the free end, where it gives way without and the table has room for it."""
     if taken.holds or job.holding.has_tailstock:
         return ()
@@ -120,12 +72,15 @@ def _pinned(taken: Neck, setup: Setup, job: Job, limits: MachineLimits) -> tuple
         pinned = replace(setup, post=post_below(part, holding))
     except JobError:
         return ()
-    return (_neck(pinned, replace(job, holding=holding), limits),)
+    return (_neck(pinned, replace(job, holding=holding), limits, layers),)
 
 
-def find_neck(setup: Setup, job: Job, limits: MachineLimits) -> tuple[Setup, Job, tuple[Neck, ...]]:
+def find_neck(
+    setup: Setup, job: Job, limits: MachineLimits, layers: LayersToCut
+) -> tuple[Setup, Job, tuple[Neck, ...]]:
     """Setup and job with the neck that is found, its length still open unless the job gives it, and the best necks of
-    those tried, that one first. JobError where no neck is thinner than stub and stock or meets the part."""
+    those tried, that one first; `layers` are what is to be cut. JobError where no neck is thinner than stub and stock
+    or meets the part."""
     width = float(np.ptp(setup.stock.bounds[:, :2], axis=0).min())
     thickest = min(width, job.holding.stub_diameter or width)
     asked, trouble = [], None
@@ -136,15 +91,16 @@ def find_neck(setup: Setup, job: Job, limits: MachineLimits) -> tuple[Setup, Job
             asked.append((replace(setup, post=post), replace(job, holding=holding)))
         except BonecamError as error:
             trouble = error
-    # what gives way at its least length does so at any: its reach is asked last, if at all
-    hopeful = [_holds_shortest(*one, limits) for one in asked]
+    # what gives way at its least length does so at any: its reach is asked last, if at all; two have to hold, as the
+    # thicker tells whether cuts on the thinner take long
+    hopeful = [_holds_shortest(*one, limits, layers) for one in asked]
     order = sorted(range(len(asked)), key=lambda k: (not hopeful[k], k if hopeful[k] else -k))
     tried: list[Neck] = []
     for one in (asked[k] for k in order):
-        if len(tried) >= SHOWN and any(neck.holds for neck in tried):
+        if len(tried) >= SHOWN and sum(neck.holds for neck in tried) > 1:
             break
         try:
-            tried.append(_neck(*one, limits))
+            tried.append(_neck(*one, limits, layers))
         except BonecamError as error:
             trouble = error
     if not tried and trouble is not None:
@@ -158,16 +114,25 @@ def find_neck(setup: Setup, job: Job, limits: MachineLimits) -> tuple[Setup, Job
     return replace(setup, post=post), replace(job, holding=holding), tuple(ranked[:SHOWN])
 
 
-def _holds_shortest(setup: Setup, job: Job, limits: MachineLimits) -> bool:
+def _holds_shortest(setup: Setup, job: Job, limits: MachineLimits, layers: LayersToCut) -> bool:
     """Whether the neck of a job's diameter holds the part at the least length that it may have."""
     holding = job.holding
     least = holding.length or shortest_post(np.zeros(0), 0.0, clamping_of(holding, limits.bodies.table))
-    return _neck(setup, replace(job, holding=replace(holding, length=least)), limits).holds
+    return _neck(setup, replace(job, holding=replace(holding, length=least)), limits, layers).holds
 
 
 def ranking(necks: Sequence[Neck]) -> list[Neck]:
-    """Necks that hold, the thinnest first, then the others, the stiffest first."""
-    return sorted(necks, key=lambda neck: (not neck.holds, neck.diameter if neck.holds else neck.shift_um))
+    """Necks that hold, the thinnest first, but those last with which machining takes more than MOST_MINUTES times that
+    of the quickest; then the others, the stiffest first."""
+    minutes = [neck.machining_min for neck in necks if neck.holds and neck.machining_min is not None]
+    most = MOST_MINUTES * min(minutes, default=np.inf)
+
+    def order(neck: Neck) -> tuple[bool, bool, float]:
+        if not neck.holds:
+            return True, False, neck.shift_um
+        return False, neck.machining_min is not None and neck.machining_min > most, neck.diameter
+
+    return sorted(necks, key=order)
 
 
 def neck_report(necks: Sequence[Neck]) -> dict[str, Any]:
@@ -175,71 +140,16 @@ def neck_report(necks: Sequence[Neck]) -> dict[str, Any]:
     return {"necks": [neck.report for neck in necks]} if necks else {}
 
 
-def _neck(setup: Setup, job: Job, limits: MachineLimits) -> Neck:
+def _neck(setup: Setup, job: Job, limits: MachineLimits, layers: LayersToCut) -> Neck:
     """The neck of a job's diameter, as long as is needed, and how it holds the part of a setup."""
-    holding = job.holding
-    clamping = clamping_of(holding, limits.bodies.table)
     height = float(setup.stock.bounds[0, 2])
-    top = holding.length
+    top = job.holding.length
     if not top:
         lifts = np.r_[
             sampled_lifts(setup, job, limits, FEWER_CONTACTS),
             level_lifts(setup, job, limits.bodies),
             parting_lift(setup, job, limits),
         ]
-        top = shortest_post(lifts, height, clamping)
-    standing = setup.lift(top - height)
-    beam = finished_beam(standing.part.mesh, standing.post, holding, _stiffness(job))
-    strong = _stiffness(job).yield_strength
-    rough, fine = _strip_forces(job)
-
-    part = standing.part.mesh
-    middle = part.bounds.mean(axis=0)[None]
-    tip = np.array([[0.0, 0.0, float(part.bounds[1, 2])]])
-    stress = float(beam.moment_stress(PEAK_SHARE * rough * np.array([[1.0, 0.0, 0.0]]), middle)[0])
-    shift = FINISHING_SHARE * fine * normal_compliance(beam, part)
-    first = beam.first_frequency(_stiffness(job).density)
-    teeth = job.mechanics.flutes * max(job.tool(name).spindle for name in job.cutter_names) / 60
-    holds = shift <= LARGEST_SHIFT and stress <= strong * YIELD_SHARE and first >= TOOTH_MULTIPLE * teeth
-    return Neck(
-        diameter=holding.diameter,
-        length=top - holding.support_height,
-        top=top,
-        left_mm2=_left(part, standing.post, job.tool("finishing").radius),
-        um_per_n=1000 * float(np.linalg.norm(beam.compliance(tip)[0, :2, :2], 2)),
-        shift_um=1000 * shift,
-        stress_mpa=stress,
-        first_hz=first,
-        holds=holds,
-        tailstock=holding.tailstock,
-    )
-
-
-def _left(part: TriangleMesh, post: Post, radius: float) -> float:
-    """Area of the part (mm2) that a ball of `radius` leaves at the post."""
-    normals: Float[ndarray, "v 3"] = vertex_normals(part)
-    held = np.zeros(len(part.faces))
-    for share in PLACES:
-        places = np.einsum("k,fkd->fd", share, part.vertices[part.faces])
-        held += at_post(places, unit(np.einsum("k,fkd->fd", share, normals[part.faces])), post, radius)
-    return float((np.linalg.norm(part.face_vectors, axis=1) / 2 * held).sum() / len(PLACES))
-
-
-def _stiffness(job: Job) -> StiffnessTable:
-    """How stiff and strong the material of a job is; JobError where its file does not tell."""
-    found = read_material(job.material.name).stiffness
-    if found is None:
-        what = f"[material] name = {job.material.name!r}: its file has no table [stiffness], which finds the neck"
-        raise JobError(
-            f"{what}: give elasticity, density and yield_strength there, or holding.diameter",
-            section="material",
-            field="name",
-        )
-    return found
-
-
-def _strip_forces(job: Job) -> tuple[float, float]:
-    """Force (N) on an edge at the middle of the deepest strip of the roughing and of the finishing cutter."""
-    material = read_material(job.material.name)
-    force = cutting_force(material.force, _stiffness(job).yield_strength)
-    return job_strip_force(force, job, "roughing"), job_strip_force(force, job, "finishing")
+        top = shortest_post(lifts, height, clamping_of(job.holding, limits.bodies.table))
+    standing = replace(job, holding=replace(job.holding, length=top))
+    return neck_figures(setup.lift(top - height), standing, limits, layers)

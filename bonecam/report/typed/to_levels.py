@@ -119,7 +119,7 @@ class ColumnFigures(TypedDict):
 
 
 class NeckFigures(TypedDict):
-    """A neck that was tried, and how it holds the part."""
+    """A neck that was tried, and how it holds the part; with depths that are found, the time of those that it bears."""
 
     diameter_mm: float
     length_mm: float
@@ -130,6 +130,7 @@ class NeckFigures(TypedDict):
     first_hz: float
     holds: bool
     tailstock: str
+    machining_min: NotRequired[float]
 
 
 class ShorteningFigures(TypedDict):

@@ -18,14 +18,15 @@ from bonecam.nc.posting.rotary.machine_limits import machine_limits
 from bonecam.planning.holding.finished_beam import finished_beam, normal_compliance
 from bonecam.planning.holding.found_depths import (
     BALL_SHARE,
+    PEAK_SHARE,
     SCALLOP_SHARE,
+    YIELD_SHARE,
     depths_report,
     found_depths,
     leaves_depths_open,
     preferred_depths,
     with_found_depths,
 )
-from bonecam.planning.holding.neck import PEAK_SHARE, YIELD_SHARE
 from bonecam.report.mechanics_lines import post_lines
 from bonecam.setup.capsule import Capsule
 from bonecam.setup.placement import Setup

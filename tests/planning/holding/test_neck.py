@@ -1,5 +1,6 @@
 """The neck that is found holds by its own beam, is the thinnest that does, and stands clear of stub and chuck."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,8 +18,10 @@ from bonecam.mesh.solids.revolution import cylinder
 from bonecam.nc.posting.rotary.machine_limits import machine_limits
 from bonecam.planning.holding.finished_beam import finished_beam
 from bonecam.planning.holding.lifts import needed_lifts
-from bonecam.planning.holding.neck import Neck, find_standing, neck_report, ranking
+from bonecam.planning.holding.neck import find_standing, neck_report, ranking
+from bonecam.planning.holding.neck_figures import Neck
 from bonecam.progress import silent
+from bonecam.report.mechanics_lines import post_lines
 from bonecam.report.typed.to_levels import NeckFigures
 from bonecam.setup.placement import Setup, place
 from bonecam.surface.files.surface_input import read_part
@@ -88,9 +91,13 @@ def test_the_beam_of_a_cylinder_on_its_neck_is_that_of_its_pieces() -> None:
     assert alone.compliance(np.array([[0.0, 0, 10.0]]))[0, 0, 0] > 0
 
 
-def necks_of(*rows: tuple[float, float, bool]) -> list[Neck]:
-    """Necks of a diameter and a shift (um) that hold or not."""
-    return [Neck(d, 5.0, 120.0, 10.0, 1.0, shift, 10.0, 900.0, holds) for d, shift, holds in rows]
+def necks_of(*rows: tuple[float, float, bool], minutes: Sequence[float | None] = ()) -> list[Neck]:
+    """Necks of a diameter and a shift (um) that hold or not, with cuts that take these minutes."""
+    times = minutes or [None] * len(rows)
+    return [
+        Neck(d, 5.0, 120.0, 10.0, 1.0, shift, 10.0, 900.0, holds, machining_min=time)
+        for (d, shift, holds), time in zip(rows, times, strict=True)
+    ]
 
 
 def test_where_none_holds_the_stiffest_is_taken() -> None:
@@ -103,16 +110,35 @@ def test_where_none_holds_the_stiffest_is_taken() -> None:
     assert differences(some[0].report, NeckFigures) == []
 
 
+def test_a_thin_neck_whose_cuts_take_much_longer_is_not_taken() -> None:
+    rows = (4.0, 90.0, False), (5.0, 14.0, True), (6.0, 9.0, True), (8.0, 4.0, True)
+    slow = ranking(necks_of(*rows, minutes=(5.0, 14.0, 11.5, 10.0)))
+    assert [neck.diameter for neck in slow] == [6.0, 8.0, 5.0, 4.0]
+    even = ranking(necks_of(*rows, minutes=(5.0, 10.5, 10.0, 10.0)))
+    assert [neck.diameter for neck in even] == [5.0, 6.0, 8.0, 4.0]
+    assert differences(slow[0].report, NeckFigures) == []
+    assert slow[0].report["machining_min"] == 11.5
+
+
+def test_the_summary_tells_the_time_of_the_cuts_of_each_neck() -> None:
+    told = {"diameter_mm": 6.0, "length_mm": 3.0}
+    timed = post_lines(told | neck_report(necks_of((6.0, 9.0, True), minutes=(11.5,))))
+    assert any(line.endswith("Hz    min") for line in timed)
+    assert any(line.endswith("900   11.5") for line in timed)
+    stated = post_lines(told | neck_report(necks_of((6.0, 9.0, True))))
+    assert not any("min" in line for line in stated)
+
+
 @pytest.mark.parametrize(
     "changes",
     [
         # titanium is cut with more than twice the force, and is 1.6 times as stiff
         {
             "material": {"name": "titanium"},
-            "roughing": {"spindle": 4500.0, "feed": 900.0},
-            "finishing": {"spindle": 4500.0, "feed": 900.0},
+            "roughing": {"spindle": 4500.0, "feed": 200.0},
+            "finishing": {"spindle": 4500.0, "feed": 200.0},
         },
-        {"levels": {"finishing_depth": 0.2}, "finishing": {"scallop": 0.05}},
+        {"levels": {"finishing_depth": 0.3}, "finishing": {"scallop": 0.1}},
     ],
 )
 def test_a_cut_that_takes_more_force_wants_a_thicker_neck(found, changes) -> None:

@@ -1,0 +1,97 @@
+"""What a neck is told to hold follows from its beam: the error kept, the stress of the cuts that it bears, the lowest
+frequency."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bonecam.job import Job
+from bonecam.machine.machine import read_machine
+from bonecam.mechanics.cutter import cutter_compliance
+from bonecam.mechanics.strip import job_strip_force
+from bonecam.mechanics.workpiece import mechanics_of_job
+from bonecam.mesh.part import Part
+from bonecam.mesh.solids.revolution import cylinder
+from bonecam.nc.posting.rotary.machine_limits import machine_limits
+from bonecam.planning.estimate import LayersToCut
+from bonecam.planning.holding.finished_beam import finished_beam
+from bonecam.planning.holding.found_depths import PEAK_SHARE, with_found_depths
+from bonecam.planning.holding.neck_figures import KEPT_SHARE, Neck, neck_figures
+from bonecam.setup.capsule import Capsule
+from bonecam.setup.placement import Setup
+from bonecam.setup.schedule import schedule_of
+from bonecam.tool.cutter import Cutter
+from bonecam.workholding.post import Post
+
+LIMITS = machine_limits(read_machine("mikron-ucp600"))
+RADIUS, LOW, TOP = 6.0, 120.0, 150.0
+HOLDING = {
+    "diameter": 6.0,
+    "length": LOW,
+    "chuck_diameter": 28.0,
+    "chuck_height": 100.0,
+    "stub_diameter": 13.0,
+    "stub_length": 15.0,
+}
+JOB = Job(holding=HOLDING)
+STATED = JOB.with_values(levels={"roughing_depth": 1.0})
+
+
+def standing(more: float, high: float = TOP) -> Setup:
+    """A bar of 12 mm on its neck, in a stock that is `more` mm larger all round."""
+    stock = Capsule(np.array([0.0, 0, LOW]), np.array([0.0, 0, high]), RADIUS + more)
+    mesh = cylinder(RADIUS, LOW, high, 0.01)
+    part = Part(mesh, "", len(mesh.faces), "mm", (), np.eye(4), mesh)
+    return Setup(part, stock, Post(3.0, LOW), schedule_of(JOB.levels))
+
+
+def figures(setup: Setup, job: Job) -> Neck:
+    """The figures of the neck of a job."""
+    return neck_figures(setup, job, LIMITS, LayersToCut.between(setup.part.mesh, setup.stock.mesh(0.05)))
+
+
+def test_the_error_that_is_foretold_is_that_of_part_and_cutter_in_the_mean_of_the_area() -> None:
+    setup = standing(3.0)
+    stiffness, force = mechanics_of_job(STATED)
+    beam = finished_beam(setup.part.mesh, setup.post, STATED.holding, stiffness)
+    heights = np.linspace(LOW, TOP, 400)
+    places = np.column_stack([np.zeros_like(heights), np.zeros_like(heights), heights])
+    side = np.mean(beam.compliance(places)[:, 0, 0]) * 2 * np.pi * RADIUS * (TOP - LOW)
+    mantle, caps = 2 * np.pi * RADIUS * (TOP - LOW), 2 * np.pi * RADIUS**2
+    ends = beam.compliance(np.array([[0.0, 0.0, TOP]]))[0, 0, 0] * 0.05 * caps
+    tool = cutter_compliance(Cutter.from_job(2, "finishing", STATED.tool("finishing"), LIMITS.bodies.nose))
+    fine = KEPT_SHARE * job_strip_force(force, STATED, "finishing")
+    told = figures(setup, STATED).shift_um / 1000
+    assert (
+        0.999 * fine * (side / (mantle + caps) + tool)
+        <= told
+        <= fine * ((side + ends) / (mantle + caps) + tool)
+    )
+
+
+def test_the_stress_is_that_of_the_cuts_that_the_neck_bears() -> None:
+    setup = standing(3.0)
+    open_ = figures(setup, JOB)
+    made = with_found_depths(setup, JOB, LIMITS)
+    assert made.levels.listed != JOB.levels.listed
+    stiffness, force = mechanics_of_job(JOB)
+    beam = finished_beam(setup.part.mesh, setup.post, JOB.holding, stiffness)
+    peak = PEAK_SHARE * job_strip_force(force, made, "roughing")
+    by_hand = beam.moment_stress(np.array([[peak, 0.0, 0.0]]), np.array([[0.0, 0.0, (LOW + TOP) / 2]]))[0]
+    assert open_.stress_mpa == pytest.approx(by_hand)
+    assert open_.machining_min is not None
+    assert figures(setup, STATED).machining_min is None
+
+
+def test_a_heavy_stock_swings_slower_than_the_part() -> None:
+    bare, heavy = (figures(standing(more), STATED).first_hz for more in (0.01, 4.0))
+    assert heavy < 0.9 * bare
+
+
+def test_a_slender_part_does_not_hold_on_a_neck_that_holds_a_stubby_one() -> None:
+    assert figures(standing(1.0), STATED).holds
+    slender = figures(standing(1.0, high=220.0), STATED)
+    assert not slender.holds
+    thin = STATED.with_values(holding={"diameter": 2.0})
+    assert not figures(replace(standing(1.0), post=Post(1.0, LOW)), thin).holds
