@@ -135,8 +135,9 @@ class LevelsJob(JobSection):
 
     def completed(self, values: dict[str, Any]) -> dict[str, Any]:
         """The values by name that other depths are stated with: a number that is stated holds, though it be that of the
-        default."""
-        if values.get("depths") == FOUND and "finishing_levels" in values:
+        default. Beside depths to be found it has to be that one, as a job that is written states all."""
+        usual = DEFAULT_NUMBERS[0]
+        if values.get("depths") == FOUND and values.get("finishing_levels", usual) != usual:
             why = "depths = 'found' finds how many: leave one of them out"
             raise JobError(
                 f"finishing_levels = {values['finishing_levels']}: {why}", field="finishing_levels"
