@@ -42,4 +42,4 @@ def level_axes(
     if machine_minutes(contacts, found.axes, limits) > SLOW * at_feed:
         others = [(cones.as_circles(), start), *([(cones, None)] if start else [])]
         found = soonest([found, *(make(shapes, start=from_) for shapes, from_ in others)], limits)
-    return found.verified(scene) if job.certify == "fcl" else found
+    return found if job.certify == "distances" else found.verified(scene)

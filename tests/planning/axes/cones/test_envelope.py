@@ -50,8 +50,29 @@ def test_the_mesh_holds_what_is_swept_and_is_closed(name: str) -> None:
     assert mesh.volume > 0
     assert MeshDistance(mesh).signed(points).max() < 1e-4
     assert sweep.holds(points, SIDES).all()
-    middle = (sweep.start + sweep.end) / 2
-    assert np.linalg.norm(points - [0, 0, middle], axis=1).max() <= sweep.reach(middle)
+
+
+@pytest.mark.parametrize("name", SWEEPS)
+def test_its_steps_hold_what_is_swept_together(name: str) -> None:
+    sweep = SWEEPS[name]
+    points = points_of(sweep)
+    meshes = [TriangleMesh(*step.mesh(SIDES)) for step in sweep.steps()]
+    assert all(is_closed(mesh) and mesh.volume > 0 for mesh in meshes)
+    assert np.min([MeshDistance(mesh).signed(points) for mesh in meshes], axis=0).max() < 1e-4
+
+
+def test_steps_leave_out_the_corner_that_growth_rounds() -> None:
+    """In a narrow cone, outside and below the edge by 0.9 of the growth each: 1.27 of it away."""
+    sweep = Sweep(3.0, 24.0, 1.0, 0.01, 0.01, 0.5)
+    corner = np.array([[1.0 + 0.9 * 0.5, 0.0, 3.0 - 0.9 * 0.5]])
+    assert sweep.holds(corner, 96).all()
+    assert not any(step.holds(corner, 96).any() for step in sweep.steps())
+
+
+def test_a_mesh_that_cannot_be_is_refused() -> None:
+    """So wide and low a section ends within its polygon's corners."""
+    with pytest.raises(ValueError, match="do not reach up to its end"):
+        Sweep(0.0, 0.05, 2.0, 0.6, 0.4, 0.0).mesh(SIDES)
 
 
 @pytest.mark.parametrize("name", SWEEPS)

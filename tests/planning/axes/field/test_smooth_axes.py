@@ -180,6 +180,18 @@ def test_verified_cones_keep_the_word_of_fcl(case: Made, smooth: SmoothAxes) -> 
     assert check.narrowed + check.refused <= 0.05 * check.asked
 
 
+def test_the_cones_of_a_level_are_put_before_fcl_unless_the_job_says_no(
+    case: Made, level_of: Callable[..., Level]
+) -> None:
+    surface, contacts, scene = case
+    some = contacts.take(np.arange(0, len(contacts.centres), 8))
+    for certify, asked in (("automatic", True), ("fcl", True), ("distances", False)):
+        job = replace(JOB, certify=certify)
+        made = level_axes(some, level_of(surface), scene, LIMITS, job, None)
+        assert made is not None
+        assert (made.cones.check is not None) == asked
+
+
 def test_a_field_made_for_more_than_the_feed_turns_less(case: Made, smooth: SmoothAxes) -> None:
     contacts = case[1]
     smoother = smooth_axes(smooth.cones, smooth.field.domain, LIMITS, JOB, "membrane", haste=5.0)

@@ -1,0 +1,182 @@
+"""What a section of the tool sweeps for all axes of an elliptic cone, compiled: the vertices of a mesh that holds it.
+
+A `size` is start and end of the section above the apex, its radius, both semi-angles of the cone, and the growth: how
+far the apex may be from its place (mm, radians; `Sweep` of `planning.axes.cones.envelope` tells the bounds). The apex
+lies in the origin, the axis of the cone along Z, its largest opening along X.
+"""
+
+import numpy as np
+from numba import njit
+from numpy import ndarray
+
+ARC_STEP = np.radians(20.0)
+"""Longest edge of those that stand for the spheres below and above, as an angle."""
+LEAST_GROWTH = 1e-3
+"""Growth is no less (mm), so that no face is without an area."""
+RIM_STEPS = 16
+"""Directions of the rim for each side, where the lower bound is taken; between them it is less by this share"""
+RIM_SHARE = 3e-4
+"""of the distance from the apex."""
+LEAST_ANGLE = np.radians(0.1)
+"""No semi-angle is less: a cone is no plane, nor a line."""
+TOUCHING = 3
+"""Times that the upper facets are moved nearer to the sphere that they stand for."""
+
+
+@njit(cache=True, nogil=True)
+def opening_of(size: ndarray) -> tuple[float, float]:
+    """Tangents of the semi-angles."""
+    return np.tan(max(size[3], LEAST_ANGLE)), np.tan(max(size[4], LEAST_ANGLE))
+
+
+@njit(cache=True, nogil=True)
+def _turn(first: float, second: float, number: float, sides: int) -> tuple[float, float]:
+    """Cosine and sine of the turn about the axis of a side: somewhat denser where their normals turn faster."""
+    even = 2 * np.pi * number / sides
+    x, y = first**0.25 * np.cos(even), second**0.25 * np.sin(even)
+    long = np.hypot(x, y)
+    return x / long, y / long
+
+
+@njit(cache=True, nogil=True)
+def rim_of(first: float, second: float, count: int, steps: int, offset: float, out: ndarray) -> None:
+    """Unit directions of the rim, `steps` for each side."""
+    for k in range(count * steps):
+        c, s = _turn(first, second, k / steps + offset, count)
+        x, y = first * c, second * s
+        long = np.sqrt(x * x + y * y + 1.0)
+        out[k, 0], out[k, 1], out[k, 2] = x / long, y / long, 1.0 / long
+
+
+@njit(cache=True, nogil=True)
+def normals_of(first: float, second: float, sides: int, out: ndarray) -> None:
+    """Outward unit normals of the sides."""
+    for k in range(sides):
+        c, s = _turn(first, second, float(k), sides)
+        x, y, z = second * c, first * s, -first * second
+        long = np.sqrt(x * x + y * y + z * z)
+        out[k, 0], out[k, 1], out[k, 2] = x / long, y / long, z / long
+
+
+@njit(cache=True, nogil=True)
+def dot(a: ndarray, b: ndarray) -> float:
+    """The dot product of two vectors in space."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@njit(cache=True, nogil=True)
+def _lean(direction: ndarray, share: float, length: float, out: ndarray) -> None:
+    """A vector of a length that leans from Z by a share of the angle by which a unit vector does."""
+    angle = np.arccos(min(max(direction[2], -1.0), 1.0))
+    flat = length * np.sin(share * angle) / max(np.sin(angle), 1e-12)
+    out[0], out[1], out[2] = flat * direction[0], flat * direction[1], length * np.cos(share * angle)
+
+
+@njit(cache=True, nogil=True)
+def _edges(first: float, second: float, sides: int, wide: float, foot: ndarray, along: ndarray) -> None:
+    """The edges between each side and the next: the point nearest to the apex, and the unit direction upward."""
+    normals = np.empty((sides, 3))
+    normals_of(first, second, sides, normals)
+    for k in range(sides):
+        m, n = normals[k], normals[(k + 1) % sides]
+        share = wide / (1.0 + dot(m, n))
+        x = m[1] * n[2] - m[2] * n[1]
+        y = m[2] * n[0] - m[0] * n[2]
+        z = m[0] * n[1] - m[1] * n[0]
+        long = np.sqrt(x * x + y * y + z * z) * np.sign(z)
+        along[k, 0], along[k, 1], along[k, 2] = x / long, y / long, z / long
+        for i in range(3):
+            foot[k, i] = share * (m[i] + n[i])
+
+
+@njit(cache=True, nogil=True)
+def _nearest_of_triangle(a: ndarray, b: ndarray, c: ndarray) -> float:
+    """The least distance of a triangle, whose corners are equally far from the origin, from there."""
+    u, v = b - a, c - a
+    w = v - u
+    uu, vv, ww = dot(u, u), dot(v, v), dot(w, w)
+    most = max(uu, vv, ww)
+    if 2 * most >= uu + vv + ww:  # obtuse: the middle of the longest edge is nearest, not that of the plane
+        return np.sqrt(dot(a, a) - most / 4)
+    n = np.cross(u, v)
+    return abs(dot(n, a)) / np.sqrt(dot(n, n))
+
+
+@njit(cache=True, nogil=True)
+def _cap_distance(rings: ndarray, radius: float) -> float:
+    """The least distance of the facets between rings on a sphere of this radius, and to its pole, from its middle."""
+    count, sides = rings.shape[:2]
+    pole = np.array([0.0, 0.0, radius])
+    least = np.inf
+    for k in range(count):
+        for j in range(sides):
+            a, b = rings[k, j], rings[k, (j + 1) % sides]
+            if k == count - 1:
+                least = min(least, _nearest_of_triangle(pole, a, b))
+                continue
+            c, d = rings[k + 1, (j + 1) % sides], rings[k + 1, j]
+            least = min(least, _nearest_of_triangle(a, b, c), _nearest_of_triangle(a, c, d))
+    return least
+
+
+@njit(cache=True, nogil=True)
+def _upper(top: float, foot: ndarray, along: ndarray) -> tuple[ndarray, float]:
+    """The rings from the edges of the sides to the upper pole, and the height of the pole: their facets are nowhere
+    nearer than `top`."""
+    sides = len(foot)
+    directions = np.empty((sides, 3))
+    radius = top
+    for turn in range(TOUCHING):
+        lowest = 1.0
+        for k in range(sides):
+            up = np.sqrt(radius * radius - dot(foot[k], foot[k]))
+            for i in range(3):
+                directions[k, i] = (foot[k, i] + up * along[k, i]) / radius
+            lowest = min(lowest, directions[k, 2])
+        count = 1 + int(np.arccos(lowest) / ARC_STEP)
+        rings = np.empty((count, sides, 3))
+        for k in range(count):
+            for j in range(sides):
+                _lean(directions[j], 1.0 - k / count, radius, rings[k, j])
+        if turn == TOUCHING - 1:
+            break
+        radius *= 1e-6 + top / _cap_distance(rings, radius)
+    return rings, radius
+
+
+@njit(cache=True, nogil=True)
+def swept_vertices(size: ndarray, sides: int) -> ndarray:
+    """Vertices of the closed mesh with so many sides that holds what is swept, in rings from below and then the lower
+    and the upper pole, as `ring_faces` joins them."""
+    first, second = opening_of(size)
+    growth = max(size[5], LEAST_GROWTH)
+    wide = size[2] + growth
+    widest = np.arctan(max(first, second))
+    foot, along = np.empty((sides, 3)), np.empty((sides, 3))
+    _edges(first, second, sides, wide, foot, along)
+    upper, top = _upper(np.hypot(size[2], size[1]) + growth, foot, along)
+
+    bottom = size[0] - growth - RIM_SHARE * np.hypot(size[0], wide)
+    inner = 1 + int(widest / ARC_STEP) if bottom > 0 else 0
+    rings = np.empty((inner + 1 + len(upper), sides, 3))
+    middles = np.empty((sides, 3))
+    rim_of(first, second, sides, 1, 0.5, middles)
+    for k in range(inner):
+        for j in range(sides):
+            _lean(middles[j], (k + 1) / inner, bottom, rings[k, j])
+    rim = np.empty((RIM_STEPS * sides, 3))
+    rim_of(first, second, sides, RIM_STEPS, 0.0, rim)
+    for j in range(sides):
+        least = np.inf
+        for m in range(len(rim)):
+            slope = dot(along[j], rim[m])
+            if slope > 0:
+                least = min(least, (bottom - dot(foot[j], rim[m])) / slope)
+        rings[inner, j] = foot[j] + least * along[j]
+    rings[inner + 1 :] = upper
+
+    vertices = np.zeros((rings.shape[0] * sides + 2, 3))
+    vertices[:-2] = rings.reshape(-1, 3)
+    vertices[-2, 2] = bottom if bottom > 0 else bottom / np.cos(widest)
+    vertices[-1, 2] = top
+    return vertices
