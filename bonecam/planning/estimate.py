@@ -28,8 +28,8 @@ from bonecam.setup.schedule import schedule_of
 
 LENGTH_FACTOR = 1.2
 """Passes of programs are 1.04 to 1.39 times as long."""
-BLOCK_FACTOR = 2.1
-"""Programs have 1.67 to 3.0 blocks a move."""
+BLOCK_FACTOR, BLOCKS_A_LEVEL = 2.0, 200
+"""Programs have so many blocks a move, and for links and lead arcs of each level so many more."""
 TIME_FACTOR, MINUTES_A_LEVEL = 1.45, 0.25
 """Programs take so many times as long as evenly spread passes at the cutter's feed, and for the links, approaches and
 rest paths of each level so much longer: 0.89 to 1.15 of that on seven parts of 9 to 50 mm with 4 to 13 cuts."""
@@ -81,7 +81,7 @@ def estimate(levels: Sequence[Level], job: Job, bodies: MachineBodies) -> Estima
         length += float(lengths.sum())
         minutes += float(lengths.sum()) / cutter.feed
         moves += float((lengths / np.minimum(steps, job.path.max_step)).sum())
-    blocks = round(BLOCK_FACTOR * moves)
+    blocks = round(BLOCK_FACTOR * moves) + BLOCKS_A_LEVEL * len(machined)
     seconds = SECONDS_A_LEVEL * len(machined) + SECONDS_A_BLOCK * blocks
     whole = TIME_FACTOR * minutes + MINUTES_A_LEVEL * len(machined)
     return Estimate(LENGTH_FACTOR * length, blocks, whole, minutes, seconds)

@@ -51,17 +51,17 @@ def orient(
 
     `wanted` are the axes to start from, eased where they would hold the cut up; without them they lean by the lead
     angle. `fixed` axes are taken as they are, or the contact is left out. Links close to the level remove nothing of
-    the `material` that stands before it is cut, where that is known; then cuts begin and end on arcs. Contacts without
-    an admissible axis, and passes that cannot be reached, are left out and listed in `uncut` (`limits`, `collision`);
-    by what (`blocked_by`) where that is to be `explained`. A path without contacts only visits the safe point. The path
-    is lifted where the machine's rotary axes must be rewound. Raises OrientationError where none of the contacts can be
-    reached.
+    the `material` that stands before it is cut, where that is known; of an in-process stock cuts begin and end on
+    arcs. Contacts without an admissible axis, and passes that cannot be reached, are left out and listed in `uncut`
+    (`limits`, `collision`); by what (`blocked_by`) where that is to be `explained`. A path without contacts only visits
+    the safe point. The path is lifted where the machine's rotary axes must be rewound. Raises OrientationError where
+    none of the contacts can be reached.
     """
     checker = CollisionChecker(scene, path.cutter, job.clearance)
     feeds = Feeds(nc.link_feed, nc.plunge_feed, nc.rapid_feed)
     tolerance = planned_tolerance(job.gouge_tolerance)
-    # an arc sweeps what lies beside the cut: that must be known
-    lead = _lead_radius(job, path) if material is not None else 0.0
+    # an arc sweeps what lies beside the cut: how much that is must be known
+    lead = _lead_radius(job, path) if isinstance(material, InProcessStock) else 0.0
     space = LinkSpace(checker, limits, feeds, job.clearance, tolerance, material, lead)
     if not len(path.contacts):
         return _idle_path(path, space)
@@ -70,7 +70,7 @@ def orient(
     else:
         chosen = choose_axes(path, checker, limits, job, wanted)
         if wanted is not None:
-            chosen = eased_axes(path, chosen, checker, limits, job)
+            chosen = eased_axes(path, chosen, wanted, checker, limits, job)
     blocked = _blocked(path, chosen, scene, limits, job, explained=explained)
 
     runs, near = near_links(space, path, chosen.axes, _runs(path, chosen, checker))

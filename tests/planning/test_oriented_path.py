@@ -10,10 +10,13 @@ import pytest
 from bonecam.arrays import angles_between, unit
 from bonecam.errors import MachineError, OrientationError
 from bonecam.job import HoldingJob, NcJob, PathJob
-from bonecam.levels.measure.level import Level, RoundedLevel
+from bonecam.levels.measure.cut_measures import NO_CUT
+from bonecam.levels.measure.level import Level, MachinedLevel, RoundedLevel, StockLevel
 from bonecam.machine.frustum import Frustum
 from bonecam.machine.limits import MachineLimits, polar_angles
+from bonecam.material.in_process_stock import uncut_material
 from bonecam.mesh.distance import MeshDistance
+from bonecam.mesh.facets.hull import convex_hull
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.planning.axes.admissible import candidate_directions
 from bonecam.planning.axes.lead import lead_axes
@@ -35,6 +38,7 @@ from bonecam.planning.links.retract import Departure
 from bonecam.planning.oriented_path import MAX_TURN, orient
 from bonecam.planning.passes.contacts import candidate_contacts, contact_path
 from bonecam.setup.capsule import Capsule
+from bonecam.setup.stocks.mesh import ConvexStock
 from bonecam.surface.tspline import TSpline
 from bonecam.tool.cutter import Cutter
 from bonecam.tool.path import ContactPath, MoveKind, ToolPath
@@ -265,23 +269,27 @@ def test_passes_are_entered_at_the_plunge_feed(case: tuple[ContactPath, Scene, T
 
 
 def test_passes_are_entered_on_arcs_at_their_feed_where_the_material_is_known(
-    made: Callable[..., tuple[ContactPath, Scene, ToolPath]],
+    lump: Callable[..., tuple[TSpline, ContactPath, Scene]],
+    level_of: Callable[..., MachinedLevel],
+    roughing_cutter: Cutter,
 ) -> None:
-    """Where nothing stands on the level there is room: nothing is entered by arcs and links either. Entries are
-    straight where that is asked for."""
-    contacts, scene, _ = made(pattern="along")
-    known = HeightMesh(scene.level)
+    """Nothing is entered by arcs and links either. Entries are straight where that is asked for, and where heights of
+    what stands are known alone."""
+    surface, contacts, scene = lump(PathJob(pattern="along"), Clamping(), roughing_cutter, 0.0)
+    stock = ConvexStock(convex_hull(scene.level.vertices), proven=True)
+    known = uncut_material([level_of(surface), StockLevel(1, stock.mesh(0.01), 0.5, NO_CUT)], stock)
     path = orient(contacts, scene, MIKRON, PathJob(pattern="along"), NcJob(), material=known)
     first = entries(path)
     along = np.array([begins_tangentially(path.balls[k - 1], path.balls[k : k + 2]) for k in first])
     assert along.any()
     assert (path.feed_rates[first[along]] == path.cutter.feed).all()
     assert_nothing_is_entered(scene, path)
-    straight = PathJob(pattern="along", lead_in="straight")
-    without = orient(contacts, scene, MIKRON, straight, NcJob(), material=known)
-    assert not any(
-        begins_tangentially(without.balls[k - 1], without.balls[k : k + 2]) for k in entries(without)
-    )
+    for lead_in, material in (("straight", known), ("arc", HeightMesh(scene.level))):
+        job = PathJob(pattern="along", lead_in=lead_in)
+        without = orient(contacts, scene, MIKRON, job, NcJob(), material=material)
+        assert not any(
+            begins_tangentially(without.balls[k - 1], without.balls[k : k + 2]) for k in entries(without)
+        )
 
 
 def test_passes_that_begin_in_air_are_entered_at_the_feed_of_their_cuts(

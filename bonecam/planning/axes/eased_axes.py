@@ -3,54 +3,50 @@
 Where the tip hardly moves while the tool turns, a rotary axis at its speed limit holds the tip below the feed, and the
 ball rubs. A move is slow where its turn lets less than SHARE of the cutter's feed. Round slow moves the axes become
 their means over a stretch of the pass, which spreads the turn over the neighbours; stretches grow as long as slow moves
-are left. What is slow then is held in one axis, near the mean of all, if one is admissible for the whole pass. An axis
-is changed only where the machine reaches the new one, it leans from the normal by no more than is allowed and by no
-less than before or than the least lead, and tool and moves are proven free. Rings round the post stay slow: there the
-table must turn once.
+are left. An axis is changed only where the machine reaches the new one, it leans from the normal by no more than is
+allowed and by no less than before or than the least lead, it stays in its cone if it was in one, and tool and moves are
+proven free. Rings round the post stay slow: there the table must turn once.
 """
 
 from dataclasses import replace
-from itertools import product
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
-from bonecam.arrays import angles_between, lengths, perpendicular, unit
+from bonecam.arrays import angles_between, lengths, unit
 from bonecam.job import PathJob
 from bonecam.machine.limits import MachineLimits, polar_angles
 from bonecam.planning.axes.admissible import within_limits
 from bonecam.planning.axes.singularity import avoid_singularity
-from bonecam.planning.axes.tool_axes import ToolAxes
+from bonecam.planning.axes.tool_axes import ToolAxes, WantedAxes
 from bonecam.planning.collision.checker import CollisionChecker
 from bonecam.tool.path import ContactPath
 
 SHARE = 0.55
 """A move whose turn lets less of the cutter's feed is slow: half of it, and what the rounding of words and feeds may
 take."""
-STRETCHES = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0)
+STRETCHES = (0.5, 1.0, 2.0, 4.0, 8.0)
 """Half lengths of the stretches that are tried, mm."""
-LEANS = np.radians([10.0, 20.0, 30.0])
-"""Angles (radians) from the mean of a pass of the axes that it is held in, so many of them round it at each:"""
-AROUND = 8
 
 
 def eased_axes(
-    path: ContactPath, chosen: ToolAxes, checker: CollisionChecker, limits: MachineLimits, job: PathJob
+    path: ContactPath,
+    chosen: ToolAxes,
+    wanted: WantedAxes,
+    checker: CollisionChecker,
+    limits: MachineLimits,
+    job: PathJob,
 ) -> ToolAxes:
-    """The chosen axes, eased on each pass where the speeds of the machine's rotary axes are known."""
-    easing = _Easing(path, chosen, checker, limits, job)
+    """The axes that were chosen from those `wanted`, eased on each pass where the speeds of the machine's rotary axes
+    are known."""
+    easing = _Easing(path, chosen, wanted, checker, limits, job)
     axes = chosen.axes
     for half in STRETCHES:
         slow = easing.slow(axes)
         if not slow.any():
             break
         axes = easing.eased(axes, slow, half)
-    for lean, turn in product(LEANS, range(AROUND)):
-        slow = easing.slow(axes)
-        if not slow.any():
-            break
-        axes = easing.held(axes, slow, lean, 2 * np.pi * turn / AROUND)
     changed = (axes != chosen.axes).any(axis=1)
     beside = changed | np.r_[False, changed[:-1]] | np.r_[changed[1:], False]
     return replace(chosen, axes=axes, free_in_motion=chosen.free_in_motion & ~beside)
@@ -63,11 +59,15 @@ class _Easing:
         self,
         path: ContactPath,
         chosen: ToolAxes,
+        wanted: WantedAxes,
         checker: CollisionChecker,
         limits: MachineLimits,
         job: PathJob,
     ) -> None:
         self.path, self.checker, self.limits = path, checker, limits
+        cones = wanted.cones
+        self.shapes = cones.shapes.take(cones.cone_of) if cones and len(cones.shapes) else None
+        self.certified = wanted.certified & (chosen.axes == wanted.axes).all(axis=1)
         self.max_tilt, least = np.radians(job.max_tilt_deg), np.radians(job.least_lead_deg)
         self.leads = np.minimum(angles_between(chosen.axes, path.normals), least)
         found = chosen.found
@@ -107,24 +107,16 @@ class _Easing:
             parts += len(rows) + 1
         return self._taken(axes, self._within(tried), part, slow)
 
-    def held(
-        self, axes: Float[ndarray, "n 3"], slow: Bool[ndarray, " n"], lean: float, turn: float
-    ) -> Float[ndarray, "n 3"]:
-        """The axes, those of passes with slow moves held in one that leans from their mean to some side (radians)."""
-        tried, part = axes.copy(), np.full(len(axes), -1)
-        for number, rows in enumerate(self.rows):
-            if slow[rows].any():
-                mean = unit(axes[rows].sum(axis=0)[None])
-                side = perpendicular(mean)
-                to = np.cos(turn) * side + np.sin(turn) * np.cross(mean, side)
-                tried[rows] = np.cos(lean) * mean + np.sin(lean) * to
-                part[rows] = number
-        return self._taken(axes, self._within(tried), part, slow)
-
     def _within(self, tried: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
         """The axes led round the pole and, where the machine has few, brought to those that it has."""
         tried = avoid_singularity(tried, self.path.centres, self.piece)
         return self.limits.nearest(tried) if self.limits.narrow else tried
+
+    def _in_cones(self, tried: Float[ndarray, "n 3"]) -> Bool[ndarray, " n"]:
+        """Whether each axis is in its cone, if that of before was."""
+        if self.shapes is None:
+            return ~self.certified
+        return np.asarray(~self.certified | (self.shapes.off(tried) <= self.shapes.mean_angles))
 
     def _shares(
         self, rows: Int[ndarray, " r"], slow: Bool[ndarray, " n"], half: float
@@ -158,6 +150,7 @@ class _Easing:
         path, radius = self.path, self.path.cutter.radius
         may = within_limits(tried[asked], path.normals[asked], self.limits, self.max_tilt)
         may &= angles_between(tried[asked], path.normals[asked]) >= self.leads[asked] - 1e-9
+        may &= self._in_cones(tried)[asked]
         before, after = (np.bincount(part[asked], s[asked]) for s in (slow, self.slow(tried)))
         bad = after >= before
         bad[part[asked[~may]]] = True

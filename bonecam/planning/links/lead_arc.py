@@ -20,7 +20,7 @@ from bonecam.planning.links.link_space import CUT_ALLOWED, LinkSpace, Polyline
 
 SWEEP = np.radians(80.0)
 """Angle of an arc, radians: at its far end the tool comes and goes nearly along the normal."""
-STEPS = 8
+STEPS = 5
 """Straight moves of an arc."""
 SHARES = (1.0, 0.5, 0.25)
 """Radii of the arcs that are tried, as shares of the lead radius."""
@@ -28,8 +28,8 @@ TANGENT = np.radians(20.0)
 """A cut whose first move turns off by less from the move that leads to it (radians) begins tangentially."""
 ALLOWED = CUT_ALLOWED / 4
 """An arc removes no more, mm^3: the rest of what a link may remove is left to what lies between two arcs."""
-CHORDS = (1, 2, 3)
-"""Straight moves of an arc whose chord is the first move of the cut: the last one turns off by 15 degrees."""
+CHORDS = (1, 2)
+"""Straight moves of an arc whose chord is the first move of the cut: the longer one turns off by 16 degrees."""
 LEAST_SIDE = 0.5
 """A unit vector bends an arc to its side if as much of it stands across the cut."""
 NEAR = 3.0

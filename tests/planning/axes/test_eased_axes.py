@@ -7,14 +7,15 @@ import numpy as np
 import pytest
 from numpy import ndarray
 
-from bonecam.arrays import angles_between, unit
+from bonecam.arrays import angles_between
 from bonecam.job import PathJob
 from bonecam.machine.limits import MachineLimits
 from bonecam.planning.axes.eased_axes import eased_axes
-from bonecam.planning.axes.tool_axes import ToolAxes
+from bonecam.planning.axes.tool_axes import ToolAxes, WantedAxes
 from bonecam.planning.collision.checker import CollisionChecker
 from bonecam.tool.cutter import Cutter
-from bonecam.tool.path import ContactPath
+from bonecam.tool.elliptic_cones import EllipticCones
+from bonecam.tool.path import ContactPath, FreeCones
 
 LIMITS = MachineLimits(np.radians(100.0), tilt_speed=np.radians(6000.0), turn_speed=np.radians(9000.0))
 """Degrees a minute."""
@@ -89,7 +90,8 @@ def feeds(path: ContactPath, axes: ndarray) -> ndarray:
 
 
 def eased(path: ContactPath, chosen: ToolAxes, checker: Open, limits: MachineLimits = LIMITS) -> ToolAxes:
-    return eased_axes(path, chosen, checker, limits, PathJob())
+    wanted = WantedAxes(chosen.axes, np.zeros(len(chosen.axes), dtype=bool))
+    return eased_axes(path, chosen, wanted, checker, limits, PathJob())
 
 
 TURNED = np.radians(60.0) * np.clip((np.arange(COUNT) - 39) / 2, 0, 1)
@@ -121,12 +123,14 @@ def test_axes_stay_where_the_eased_ones_collide_or_nothing_is_slow(
     assert (eased(slow, chosen, Open()).axes == chosen.axes).all()
 
 
-def test_a_short_pass_whose_axis_runs_round_is_held(
-    pass_of: Callable[[ndarray], tuple[ContactPath, ToolAxes]],
+@pytest.mark.parametrize(("angle_deg", "changes"), [(5.0, False), (40.0, True)])
+def test_axes_that_lie_in_their_cones_stay_there(
+    pass_of: Callable[[ndarray], tuple[ContactPath, ToolAxes]], angle_deg: float, changes: bool
 ) -> None:
-    """Means of a whole turn stand on the normal, nearer than the least lead: the axis is held beside it."""
-    path, chosen = pass_of(np.linspace(0, 2 * np.pi, 21))
-    made = eased(path, chosen, Open())
-    assert feeds(path, made.axes).min() > 0.5 * FEED
-    assert np.allclose(made.axes, unit(made.axes[:1]))
-    assert angles_between(made.axes, path.normals).min() > np.radians(PathJob().least_lead_deg) - 1e-9
+    path, chosen = pass_of(TURNED)
+    cones = EllipticCones.circular(chosen.axes, np.full(COUNT, np.radians(angle_deg)))
+    free = FreeCones(path.centres, cones, np.arange(COUNT))
+    wanted = WantedAxes(chosen.axes, np.ones(COUNT, dtype=bool), free)
+    made = eased_axes(path, chosen, wanted, Open(), LIMITS, PathJob())
+    assert (made.axes != chosen.axes).any() == changes
+    assert angles_between(made.axes, chosen.axes).max() < np.radians(angle_deg)

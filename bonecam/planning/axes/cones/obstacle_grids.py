@@ -9,7 +9,7 @@ from bonecam.kernels.closest.distance_grids import Grids, distance_bounds, flood
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
-GRIDS = ((0.4, 3.0, 2.0, 0.01), (1.2, 14.0, 14.0, 0.02), (4.0, 60.0, np.inf, 0.01))
+GRIDS = ((0.4, 3.0, 2.0, 0.0), (1.2, 14.0, 14.0, 0.02), (4.0, 60.0, np.inf, 0.01))
 """Sides of the cells, how far the grids reach out from the mesh and from the box of the ball centres, mm, and by which
 share their distances may be too small; sides grow with the size of grids, and with the root of a radius above 1."""
 USUAL_SIZE = 65.0
