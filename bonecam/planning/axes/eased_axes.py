@@ -3,18 +3,20 @@
 Where the tip hardly moves while the tool turns, a rotary axis at its speed limit holds the tip below the feed, and the
 ball rubs. A move is slow where its turn lets less than SHARE of the cutter's feed. Round slow moves the axes become
 their means over a stretch of the pass, which spreads the turn over the neighbours; stretches grow as long as slow moves
-are left. An axis is changed only where the machine reaches the new one, it leans from the normal by no more than is
+are left. What is slow then is held in one axis, near the mean of all, if one is admissible for the whole pass, as on a
+rest path. An axis is changed only where the machine reaches the new one, it leans from the normal by no more than is
 allowed and by no less than before or than the least lead, it stays in its cone if it was in one, and tool and moves are
 proven free. Rings round the post stay slow: there the table must turn once.
 """
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
-from bonecam.arrays import angles_between, lengths, unit
+from bonecam.arrays import angles_between, lengths, perpendicular, unit
 from bonecam.job import PathJob
 from bonecam.machine.limits import MachineLimits, polar_angles
 from bonecam.planning.axes.admissible import within_limits
@@ -28,6 +30,9 @@ SHARE = 0.55
 take."""
 STRETCHES = (0.5, 1.0, 2.0, 4.0, 8.0)
 """Half lengths of the stretches that are tried, mm."""
+LEANS = np.radians([10.0, 20.0, 30.0])
+"""Angles (radians) from the mean of a pass of the axes that it is held in, so many of them round it at each:"""
+AROUND = 8
 
 
 def eased_axes(
@@ -47,6 +52,11 @@ def eased_axes(
         if not slow.any():
             break
         axes = easing.eased(axes, slow, half)
+    for lean, turn in product(LEANS, range(AROUND)):
+        slow = easing.slow(axes)
+        if not slow.any():
+            break
+        axes = easing.held(axes, slow, lean, 2 * np.pi * turn / AROUND)
     changed = (axes != chosen.axes).any(axis=1)
     beside = changed | np.r_[False, changed[:-1]] | np.r_[changed[1:], False]
     return replace(chosen, axes=axes, free_in_motion=chosen.free_in_motion & ~beside)
@@ -105,6 +115,20 @@ class _Easing:
             inside = share > 0
             part[rows] = np.where(inside, parts + np.cumsum(np.diff(inside, prepend=False)), -1)
             parts += len(rows) + 1
+        return self._taken(axes, self._within(tried), part, slow)
+
+    def held(
+        self, axes: Float[ndarray, "n 3"], slow: Bool[ndarray, " n"], lean: float, turn: float
+    ) -> Float[ndarray, "n 3"]:
+        """The axes, those of passes with slow moves held in one that leans from their mean to some side (radians)."""
+        tried, part = axes.copy(), np.full(len(axes), -1)
+        for number, rows in enumerate(self.rows):
+            if slow[rows].any():
+                mean = unit(axes[rows].sum(axis=0)[None])
+                side = perpendicular(mean)
+                to = np.cos(turn) * side + np.sin(turn) * np.cross(mean, side)
+                tried[rows] = np.cos(lean) * mean + np.sin(lean) * to
+                part[rows] = number
         return self._taken(axes, self._within(tried), part, slow)
 
     def _within(self, tried: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:

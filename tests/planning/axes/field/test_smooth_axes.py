@@ -118,12 +118,17 @@ def test_the_oriented_path_takes_the_axes_of_the_field_where_no_rotary_axis_hold
     _, contacts, scene = case
     wanted = smooth.axes
     fast = replace(LIMITS, tilt_speed=np.inf, turn_speed=np.inf)
-    for limits, least in ((fast, 0.9), (LIMITS, 0.8)):
+    for limits in (fast, LIMITS):
         path = orient(contacts, scene, limits, JOB, NcJob(), smooth.wanted)
         cut = path.kinds == MoveKind.CUT
-        distance = np.linalg.norm(path.contacts[cut][:, None] - contacts.contacts[None], axis=2)
-        off = np.linalg.norm(path.axes[cut] - wanted[distance.argmin(axis=1)], axis=1)
-        assert np.mean(off < 1e-9) > least
+        nearest = np.linalg.norm(path.contacts[cut][:, None] - contacts.contacts[None], axis=2).argmin(axis=1)
+        taken = np.linalg.norm(path.axes[cut] - wanted[nearest], axis=1) < 1e-9
+        assert taken.mean() > (0.9 if limits is fast else 0.7)
+        cones = smooth.wanted.cones
+        assert cones is not None
+        shapes = cones.shapes.take(cones.cone_of[nearest])
+        inside = shapes.off(path.axes[cut]) < shapes.mean_angles + 1e-9
+        assert inside[smooth.wanted.certified[nearest]].mean() > 0.99
 
 
 def test_a_path_of_which_no_contact_is_left_has_no_axes(case: Made, smooth: SmoothAxes) -> None:
