@@ -3,10 +3,10 @@
 Where the tip hardly moves while the tool turns, a rotary axis at its speed limit holds the tip below the feed, and the
 ball rubs. A move is slow where its turn lets less than SHARE of the cutter's feed. Round slow moves the axes become
 their means over a stretch of the pass, which spreads the turn over the neighbours; stretches grow as long as slow moves
-are left. What is slow then is held in one axis, near the mean of all, if one is admissible for the whole pass, as on a
-rest path. An axis is changed only where the machine reaches the new one, it leans from the normal by no more than is
-allowed and by no less than before or than the least lead, it stays in its cone if it was in one, and tool and moves are
-proven free. Rings round the post stay slow: there the table must turn once.
+are left. A pass that is slow then and has no cones, as those of rest paths, is held in one axis near the mean of all,
+if one is admissible. An axis is changed only where the machine reaches the new one, it leans from the normal by no more
+than is allowed and by no less than before or than the least lead, it stays in its cone if it was in one, and tool and
+moves are proven free. Rings round the post stay slow: there the table must turn once.
 """
 
 from dataclasses import replace
@@ -54,7 +54,7 @@ def eased_axes(
         axes = easing.eased(axes, slow, half)
     for lean, turn in product(LEANS, range(AROUND)):
         slow = easing.slow(axes)
-        if not slow.any():
+        if not (slow & ~easing.certified).any():
             break
         axes = easing.held(axes, slow, lean, 2 * np.pi * turn / AROUND)
     changed = (axes != chosen.axes).any(axis=1)
@@ -120,10 +120,11 @@ class _Easing:
     def held(
         self, axes: Float[ndarray, "n 3"], slow: Bool[ndarray, " n"], lean: float, turn: float
     ) -> Float[ndarray, "n 3"]:
-        """The axes, those of passes with slow moves held in one that leans from their mean to some side (radians)."""
+        """The axes; passes with slow moves and without cones are held in one that leans from their mean to some side
+        (radians)."""
         tried, part = axes.copy(), np.full(len(axes), -1)
         for number, rows in enumerate(self.rows):
-            if slow[rows].any():
+            if slow[rows].any() and not self.certified[rows].any():
                 mean = unit(axes[rows].sum(axis=0)[None])
                 side = perpendicular(mean)
                 to = np.cos(turn) * side + np.sin(turn) * np.cross(mean, side)
@@ -171,6 +172,8 @@ class _Easing:
     ) -> Float[ndarray, "n 3"]:
         """The axes, those of each part that may be changed as `tried`."""
         asked = np.flatnonzero(part >= 0)
+        if not len(asked):
+            return axes
         path, radius = self.path, self.path.cutter.radius
         may = within_limits(tried[asked], path.normals[asked], self.limits, self.max_tilt)
         may &= angles_between(tried[asked], path.normals[asked]) >= self.leads[asked] - 1e-9
