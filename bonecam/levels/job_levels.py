@@ -27,6 +27,13 @@ from bonecam.surface.fitting.fit import Fit
 from bonecam.surface.part_surface import fit_surface, part_rows, smoother_fit
 from bonecam.surface.tspline import TSpline
 
+TRIES = 3
+"""Depths that are tried before the given ones are kept."""
+SPARE = 1.004
+"""The first is deeper than even cuts by this factor: levels use a little less than all of their depth."""
+ENOUGH = 0.9
+"""An outermost cut that uses this share of its depth is even enough."""
+
 
 def surface_and_levels(
     setup: Setup,
@@ -115,14 +122,6 @@ def check_method(levels: LevelsJob) -> None:
         require_clarabel("method", levels.method, "qp")
     elif levels.solver == "clarabel":
         require_clarabel("solver", "clarabel", "admm")
-
-
-TRIES = 3
-"""Depths that are tried before the given ones are kept."""
-SPARE = 1.004
-"""The first is deeper than even cuts by this factor: levels use a little less than all of their depth."""
-ENOUGH = 0.9
-"""An outermost cut that uses this share of its depth is even enough."""
 
 
 def even_levels(surface: TSpline, stock: Stock, schedule: Schedule, **options: Any) -> Morph:

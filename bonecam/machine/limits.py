@@ -73,10 +73,21 @@ class MachineLimits:
         kept = np.where((bounded == angle)[:, None], axes, with_polar_angles(axes, bounded))
         return kept if self.reached is None else self.reached.nearest(kept)
 
+    def turning_minutes(self, axes: Float[ndarray, "n 3"]) -> Float[ndarray, " m"]:
+        """Minutes that the slower rotary axis needs from each tool axis to the next; accelerations are left out."""
+        turn, tilt = np.abs(rotary_turns(axes)).T
+        return np.maximum(turn / self.turn_speed, tilt / self.tilt_speed)
+
 
 def polar_angles(axes: Float[ndarray, "n 3"]) -> Float[ndarray, " n"]:
     """Angle from +Z of unit axes, radians."""
     return np.arctan2(np.hypot(axes[:, 0], axes[:, 1]), axes[:, 2])
+
+
+def rotary_turns(axes: Float[ndarray, "n 3"]) -> Float[ndarray, "m 2"]:
+    """Turn of the azimuth and of the polar angle from each tool axis to the next, radians."""
+    azimuth = np.angle(np.exp(1j * np.diff(np.arctan2(axes[:, 1], axes[:, 0]))))
+    return np.column_stack([azimuth, np.diff(polar_angles(axes))])
 
 
 def with_polar_angles(axes: Float[ndarray, "n 3"], angles: Float[ndarray, " n"]) -> Float[ndarray, "n 3"]:

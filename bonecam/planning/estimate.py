@@ -98,7 +98,7 @@ class LayersToCut:
 
     @classmethod
     def between(cls, part: TriangleMesh, stock: TriangleMesh) -> "LayersToCut":
-        """Those between two meshes."""
+        """The layers between the meshes of a part and of its stock."""
         inner, outer = (float(np.linalg.norm(mesh.face_vectors, axis=1).sum()) / 2 for mesh in (part, stock))
         return cls(inner, outer, float(MeshDistance(part).unsigned(stock.vertices).max()))
 

@@ -18,7 +18,7 @@ from numpy import ndarray
 
 from bonecam.arrays import angles_between, lengths, perpendicular, unit
 from bonecam.job import PathJob
-from bonecam.machine.limits import MachineLimits, polar_angles
+from bonecam.machine.limits import MachineLimits
 from bonecam.planning.axes.admissible import within_limits
 from bonecam.planning.axes.singularity import avoid_singularity
 from bonecam.planning.axes.tool_axes import ToolAxes, WantedAxes
@@ -94,11 +94,7 @@ class _Easing:
         """Whether the move from each contact to the next is slow."""
         radius, limits = self.path.cutter.radius, self.limits
         ways = lengths(np.diff(self.path.centres - radius * axes, axis=0))
-        azimuths = np.arctan2(axes[:, 1], axes[:, 0])
-        turns = np.abs(np.mod(np.diff(azimuths) + np.pi, 2 * np.pi) - np.pi)
-        tilts = np.abs(np.diff(polar_angles(axes)))
-        minutes = np.maximum(turns / limits.turn_speed, tilts / limits.tilt_speed)
-        return self.joined & np.r_[minutes * SHARE * self.path.cutter.feed > ways, False]
+        return self.joined & np.r_[limits.turning_minutes(axes) * SHARE * self.path.cutter.feed > ways, False]
 
     def eased(
         self, axes: Float[ndarray, "n 3"], slow: Bool[ndarray, " n"], half: float

@@ -89,7 +89,7 @@ def _of_all(runs: Sequence[Int[ndarray, " _"]], arcs: Sequence[Polyline | None])
     return [next(made) if len(run) > 1 else None for run in runs]
 
 
-def _lead_arcs(space: LinkSpace, ends: "_Ends") -> list[Polyline | None]:
+def _lead_arcs(space: LinkSpace, ends: _Ends) -> list[Polyline | None]:
     """The largest arc that leads away from each end; None where there is room for none."""
     found: list[Polyline | None] = [None] * len(ends.away)
     for share, along, chord in product(SHARES, (1, 2), CHORDS):

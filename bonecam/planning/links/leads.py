@@ -44,7 +44,7 @@ class Leads:
         return first if begin is None else self.contacts + begin, last if end is None else self.contacts + end
 
     def without(self, runs: Sequence[Run]) -> "Leads":
-        """Those of other runs than these."""
+        """The leads without the arcs of these runs."""
         firsts, lasts = {int(run[0]) for run in runs}, {int(run[-1]) for run in runs}
         enter = {contact: arc for contact, arc in self.enter.items() if contact not in firsts}
         return replace(self, enter=enter, leave={k: arc for k, arc in self.leave.items() if k not in lasts})

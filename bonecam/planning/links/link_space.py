@@ -48,7 +48,7 @@ Polyline = tuple[Float[ndarray, "_ 3"], Float[ndarray, "_ 3"]]
 class LinkSpace:
     """`clearance` (mm) is kept between tool and material in rapids; `gouge_tolerance` (mm) by a ball that moves
     along the level. `material` is what stands before the level is cut; None: it is not known. `lead_radius` (mm): cuts
-    begin and end on arcs of this radius, and on blended links; 0: straight."""
+    begin and end on arcs of at most this radius; 0: straight."""
 
     checker: CollisionChecker
     limits: MachineLimits

@@ -14,7 +14,7 @@ from numpy import ndarray
 
 from bonecam.arrays import AXIS_QUANTUM, lengths, settled, unit
 from bonecam.job import PathJob
-from bonecam.machine.limits import MachineLimits, polar_angles
+from bonecam.machine.limits import MachineLimits, rotary_turns
 from bonecam.planning.axes.cones.admissible_cones import AxisCones
 from bonecam.planning.axes.cones.verify_cones import verified_cones
 from bonecam.planning.axes.facets.contact_facets import ContactFacets
@@ -138,9 +138,8 @@ def machine_minutes(path: ContactPath, axes: Float[ndarray, "n 3"], limits: Mach
     """Minutes that the cuts of a path take with these axes, each move at the feed or as fast as the slowest rotary
     axis; accelerations are left out."""
     same = path.pass_index[1:] == path.pass_index[:-1]
-    turn, tilt = np.abs(_turns(path, axes)).T
     moved = lengths(np.diff(path.centres, axis=0)[same]) / path.cutter.feed
-    return float(np.maximum(moved, np.maximum(turn / limits.turn_speed, tilt / limits.tilt_speed)).sum())
+    return float(np.maximum(moved, limits.turning_minutes(axes)[same]).sum())
 
 
 def soonest(found: Sequence[SmoothAxes], limits: MachineLimits) -> SmoothAxes:
@@ -156,11 +155,5 @@ def soonest(found: Sequence[SmoothAxes], limits: MachineLimits) -> SmoothAxes:
 
 def rotary_travel(path: ContactPath, axes: Float[ndarray, "n 3"]) -> float:
     """How far both rotary axes turn in all along the passes, radians."""
-    return float(np.abs(_turns(path, axes)).sum())
-
-
-def _turns(path: ContactPath, axes: Float[ndarray, "n 3"]) -> Float[ndarray, "m 2"]:
-    """Turn of the azimuth and of the polar angle over each move of the passes, radians."""
     same = path.pass_index[1:] == path.pass_index[:-1]
-    azimuth = np.angle(np.exp(1j * np.diff(np.arctan2(axes[:, 1], axes[:, 0]))))
-    return np.column_stack([azimuth, np.diff(polar_angles(axes))])[same]
+    return float(np.abs(rotary_turns(axes)[same]).sum())
