@@ -16,7 +16,7 @@ from numpy import ndarray
 
 from bonecam.arrays import angles_between, dots, lengths, unit
 from bonecam.job import PathJob
-from bonecam.machine.limits import MachineLimits, polar_angles
+from bonecam.machine.limits import MachineLimits, rotary_turns
 from bonecam.planning.axes.lead import lead_axes
 from bonecam.planning.axes.tool_axes import choose_axes
 from bonecam.planning.collision.checker import CollisionChecker
@@ -66,10 +66,8 @@ class AxisComparison:
     def figures(self, choice: AxisChoice) -> dict[str, Any]:
         """What is measured of a choice, as in the table."""
         minutes = self.steps / self.feed
-        tilt = np.abs(np.diff(polar_angles(choice.axes)))[self.joined]
-        azimuth = np.diff(np.arctan2(choice.axes[:, 1], choice.axes[:, 0]))[self.joined]
-        turn = np.abs(np.angle(np.exp(1j * azimuth)))
-        slowest = np.maximum(tilt / self.limits.tilt_speed, turn / self.limits.turn_speed)
+        turn, tilt = np.abs(rotary_turns(choice.axes)[self.joined]).T
+        slowest = self.limits.turning_minutes(choice.axes)[self.joined]
         driven = np.maximum(minutes, slowest)
         rate = np.degrees(angles_between(choice.axes[1:], choice.axes[:-1]))[self.joined] / self.steps
         return {
