@@ -37,11 +37,12 @@ from bonecam.report.typed.run_report import report_to_program
 from bonecam.report.warnings import header_texts, simulated_text, with_warnings
 from bonecam.runtime.timing import StageTimes
 from bonecam.surface.blades.blade_solid import blade_solid
+from bonecam.surface.blades.blunt_edge import has_blunt_edge
+from bonecam.surface.files.beside_solids import check_on_solids
 from bonecam.surface.files.machined_surface import machined_surface
 from bonecam.surface.files.surface_input import (
     check_outward,
     check_surface_size,
-    check_uncovered,
     closed_mesh,
     mesh_of_surface,
     refuse_changes,
@@ -77,10 +78,10 @@ def finish(
 
     `surface` is a file (rows of points, STEP, IGES, `.tsm`, `.tspline`, an open mesh with four corners), such a mesh in
     memory, or a TSpline; its normals face outward. `part` and `obstacles` (hub, shroud, fixtures) are closed solids
-    that nothing may gouge, in one frame with it and the unit `job.mesh.units`, Z the table's axis. One closed round s
-    bounds such a solid itself; an open one needs the part. All stands on the post of [holding]. The text's removal is
-    simulated (`simulation`) from what stands before: the solids, and `levels.finishing_depth` of material on the
-    surface; force and bending are asked (`mechanics`). Raises a BonecamError.
+    that nothing may gouge, in one frame with it and the unit `job.mesh.units`, Z the table's axis. One closed round s,
+    or up to a blunt edge, bounds a solid itself; others need the part. All stands on the post of [holding]. The text's
+    removal is simulated (`simulation`) from what stands before: the solids, and `levels.finishing_depth` of material on
+    the surface; force and bending are asked (`mechanics`). Raises a BonecamError.
     """
     job = job or Job()
     machine, dialect = read_machine(job.nc.machine), job_dialect(job.nc)
@@ -176,7 +177,7 @@ def _read(
         if not all(surface.poles):
             mesh_of_surface(surface, name)  # one that takes minutes is refused
         solid = _solid(surface, name, solids, job, has_part=has_part)
-        check_uncovered(surface, solid, name)
+        check_on_solids(surface, solid, name)
         return surface, solid
 
 
@@ -188,7 +189,7 @@ def _solid(surface: TSpline, name: str, solids: Sequence[Solid], job: Job, *, ha
         check_outward(surface, name)
         closed_mesh(surface, name)
         own = [surface.tessellate(chord)]
-    elif surface.closed_in_s:
+    elif surface.closed_in_s or has_blunt_edge(surface):
         own = [blade_solid(surface, chord)]
     elif has_part:
         own = []

@@ -18,6 +18,7 @@ from bonecam.nc.job_dialect import job_dialect
 from bonecam.report import read_apt
 from bonecam.report.page.packing import unpack
 from bonecam.surface import skin
+from bonecam.surface.blades.blade_solid import blade_solid
 from bonecam.surface.files.tspline_text import write_tsm
 from bonecam.surface.tspline import TSpline
 from bonecam.tool.path import MoveKind
@@ -61,6 +62,19 @@ def block(count: int = 49) -> bonecam.TriangleMesh:
     )
     faces = np.vstack([upper, upper[:, ::-1] + count**2, walls])
     return bonecam.TriangleMesh(np.vstack([top, top * [1, 1, 0]]), faces.astype(np.int32))
+
+
+def moved_block(x: float) -> bonecam.TriangleMesh:
+    """The block, moved along x."""
+    return bonecam.TriangleMesh(block().vertices + np.array([x, 0.0, 0.0]), block().faces)
+
+
+def blunt_blade() -> TSpline:
+    """The skin of a straight blade 12 mm tall, whose sections end at an edge 0.4 mm wide."""
+    u = np.linspace(-1.0, 1.0, 41)
+    side = (0.2 + (1 - u**2) * 1.5) * np.sign(u)
+    section = np.column_stack([16 * u**2 - 8, -side])
+    return skin([np.column_stack([section, np.full(41, z)]) for z in (0.0, 6.0, 12.0)], 0.01, closed=False)
 
 
 @pytest.fixture(scope="module")
@@ -154,6 +168,25 @@ def test_a_closed_surface_needs_no_part_and_finds_its_post() -> None:
     assert made.report["nc"]["gouge_max_mm"] <= JOB.path.gouge_tolerance
 
 
+def test_links_keep_out_of_a_blade_that_ends_at_a_blunt_edge() -> None:
+    blade = blunt_blade()
+    hub = revolve(np.full(2, 12.0), np.array([-4.0, 0.5]), (-4.0, 0.5), 48)
+    job = JOB.with_values(path={"orientation": "cones"}, warnings={"refuse": False})
+    made = bonecam.finish(blade, hub, job=job, mechanics=False)
+    alone = MeshDistance(blade_solid(made.workpiece.surface, 0.01))
+    along = np.linspace(0, 1, 20)[:, None, None]
+    balls = made.path.balls[:-1] + along * np.diff(made.path.balls, axis=0)
+    assert alone.signed(balls.reshape(-1, 3)).min() > 2.0 - 0.02
+    assert made.removal is not None
+    assert made.removal.rapid_volume == 0.0
+
+
+def test_a_surface_off_its_part_is_refused() -> None:
+    beside = moved_block(4 * SIZE)
+    with pytest.raises(SurfaceError, match=r"lies \d+\.\d to \d+\.\d mm off .*give the solid that it bounds"):
+        bonecam.finish(panel(), beside, job=JOB)
+
+
 def test_surfaces_that_cannot_be_machined_alone_are_refused(tmp_path: Path) -> None:
     with pytest.raises(SurfaceError, match="give the part"):
         bonecam.finish(panel(), job=JOB)
@@ -209,7 +242,7 @@ def test_refusals_of_path_and_program_name_the_surface(tmp_path: Path) -> None:
         "\n\n".join("\n".join(f"{9000 + x} {y} 8" for x in steps) for y in steps), encoding="utf-8"
     )
     with pytest.raises(MachineError, match=r"far.xyz: .*X runs over"):
-        bonecam.finish(file, block(), job=JOB)
+        bonecam.finish(file, moved_block(9000.0), job=JOB)
 
 
 def test_a_surface_that_faces_into_its_part_is_refused_before_it_is_planned() -> None:

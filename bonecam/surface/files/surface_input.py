@@ -10,7 +10,6 @@ from numpy import ndarray
 
 from bonecam.errors import MeshError, SurfaceError, UnitsError
 from bonecam.job import Job, MeshJob, SurfaceJob, field_error
-from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.part import Part, prepare_part
 from bonecam.mesh.pose import upright
 from bonecam.mesh.solids.intersections import self_intersections
@@ -32,10 +31,6 @@ MOST_VERTICES = 1000
 """So many vertices a control point may that mesh have: the phalanx's has 81, those of damaged files took minutes."""
 NO_VOLUME = 1e-3
 """A surface that encloses less, mm^3, encloses no part."""
-SAMPLED = 20
-"""Places along s and along t at which a surface is looked at from outside."""
-ABOVE = 0.1
-"""From so far, mm: ten times the gouge allowed by default."""
 SPARE = 2.0
 """By so much the control points of a surface's Bezier elements may be farther apart than its points."""
 
@@ -170,20 +165,6 @@ def check_outward(surface: TSpline, file: str) -> None:
     if not volume > 0:
         remedy = "its normals S_s x S_t point inward: reverse every row"
         raise SurfaceError(f"{file}: {remedy}", file=file, volume=volume)
-
-
-def check_uncovered(surface: TSpline, solid: TriangleMesh, file: str) -> None:
-    """SurfaceError where most of a surface lies in the solid that it belongs to, or faces into it."""
-    shares = (np.arange(SAMPLED) + 0.5) / SAMPLED
-    along = (low + shares * (high - low) for low, high in surface.domain)
-    s, t = (places.ravel() for places in np.meshgrid(*along))
-    above = surface.positions(s, t) + ABOVE * surface.normals(s, t)
-    covered = float(MeshDistance(solid).inside(above).mean())
-    if covered > 0.5:
-        what = f"{covered:.0%} of it lies in the solids that must not be gouged, or faces into them"
-        raise SurfaceError(
-            f"{file}: {what}: reverse every row, or leave the solid out that covers it", file=file
-        )
 
 
 def closed_mesh(surface: TSpline, file: str) -> TriangleMesh:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bonecam.surface.blades.blunt_edge import BLUNT, rounded_edge, widest_edge
+from bonecam.surface.blades.blunt_edge import BLUNT, has_blunt_edge, rounded_edge, widest_edge
 from bonecam.surface.skinning.point_rows import PointRows
 
 LENGTH, WIDTH = 20.0, 0.3
@@ -46,3 +46,9 @@ def test_one_side_and_closed_rows_stay_as_they_are() -> None:
     closed = rounded_edge(rows(WIDTH))
     assert rounded_edge(closed) is closed
     assert widest_edge(closed) == 0.0
+
+
+def test_a_surface_up_to_a_blunt_edge_is_told_from_one_side_and_from_a_closed_one() -> None:
+    assert has_blunt_edge(rows(WIDTH).skin(0.01))
+    assert not has_blunt_edge(rows(3 * BLUNT * 2 * LENGTH).skin(0.01))
+    assert not has_blunt_edge(rounded_edge(rows(WIDTH)).skin(0.01))
