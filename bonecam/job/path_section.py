@@ -122,8 +122,8 @@ class PathJob(JobSection):
         "automatic",
         "Certificate",
         "Cones of free axes are proven by distances, and then each is put before FCL too, and narrowed where it finds "
-        "a collision (automatic: wherever axes are chosen in cones; fcl: they must be). By distances alone they are "
-        "proven some seconds sooner.",
+        "a collision (automatic: wherever axes are chosen in cones; fcl: they must be); so is every axis outside of "
+        "these. By distances alone they are proven some seconds sooner.",
         choices=("automatic", "fcl", "distances"),
     )
     least_lead_deg: float = parameter(

@@ -16,6 +16,7 @@ from bonecam.material.in_process_stock import InProcessStock
 from bonecam.mesh.facets.nearest_areas import nearest_areas
 from bonecam.planning.axes.cones.free_axes import blocked_by
 from bonecam.planning.axes.eased_axes import eased_axes
+from bonecam.planning.axes.judged_axes import judged_axes
 from bonecam.planning.axes.singularity import SINGULAR_ANGLE, least_polar_angles
 from bonecam.planning.axes.tool_axes import ToolAxes, WantedAxes, choose_axes, fixed_axes
 from bonecam.planning.collision.checker import CollisionChecker
@@ -65,12 +66,15 @@ def orient(
     space = LinkSpace(checker, limits, feeds, job.clearance, tolerance, material, lead)
     if not len(path.contacts):
         return _idle_path(path, space)
+    judged = None
     if fixed is not None:
         chosen = fixed_axes(path, checker, fixed, limits)
     else:
         chosen = choose_axes(path, checker, limits, job, wanted)
         if wanted is not None:
             chosen = eased_axes(path, chosen, wanted, checker, limits, job)
+            if job.certify != "distances":
+                chosen, judged = judged_axes(path, chosen, wanted, checker)
     blocked = _blocked(path, chosen, scene, limits, job, explained=explained)
 
     runs, near = near_links(space, path, chosen.axes, _runs(path, chosen, checker))
@@ -87,7 +91,7 @@ def orient(
             f"level {path.level}: no pass can be reached safely: {remedy}", level=path.level
         )
     made = _tool_path(path, chosen, space, runs, linked, wanted.cones if wanted else None)
-    return lift_for_rewinds(replace(made, blocked_by=blocked), space)
+    return lift_for_rewinds(replace(made, blocked_by=blocked, poses=judged), space)
 
 
 def _lead_radius(job: PathJob, path: ContactPath) -> float:

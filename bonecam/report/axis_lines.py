@@ -20,7 +20,8 @@ def axis_lines(toolpath: Sequence[Mapping[str, Any]]) -> Iterator[str]:
 
 
 def _cone_lines(toolpath: Sequence[Mapping[str, Any]]) -> Iterator[str]:
-    """Which shape cones have, if not all are elliptic, and what FCL says of them, where it was asked."""
+    """Which shape cones have, if not all are elliptic, and what FCL says of them and of poses outside of them, where it
+    was asked."""
     shapes = {row["level"]: row["cones"]["shape"] for row in toolpath if row["cones"]}
     circular = list(shapes.values()).count("circular")
     if circular:
@@ -35,6 +36,10 @@ def _cone_lines(toolpath: Sequence[Mapping[str, Any]]) -> Iterator[str]:
     asked, narrowed, refused = map(sum, of_names)
     if asked:
         yield f"cones     {asked} put before FCL: {narrowed} narrowed, {refused} refused"
+    poses = [row["poses"] for row in toolpath if row["poses"]]
+    asked, refused = (sum(pose[name] for pose in poses) for name in ("asked", "refused"))
+    if asked:
+        yield f"poses     {asked} outside of such cones put before FCL one by one: {refused} refused"
 
 
 def _lead_lines(toolpath: Sequence[Mapping[str, Any]]) -> Iterator[str]:

@@ -87,6 +87,7 @@ def toolpath_report(paths: Sequence[ToolPath], least_lead: float) -> list[dict[s
                 "uncut_reasons": reasons,
                 "blocked_by": dict(path.blocked_by),
                 "cones": _cones(path),
+                "poses": asdict(path.poses) if path.poses else None,
                 **_near_normal(path, least_lead),
             }
         )

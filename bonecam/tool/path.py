@@ -67,6 +67,14 @@ class ConeCheck:
     refused: int
 
 
+@dataclass(frozen=True)
+class PoseCheck:
+    """How many poses of the tool were `asked` of FCL one by one, and how many of them collide (`refused`)."""
+
+    asked: int
+    refused: int
+
+
 @dataclass(frozen=True, eq=False)
 class FreeCones:
     """Elliptic cones of tool axes for which the tool is proven free round their apexes (Xu et al. 2013, section 3).
@@ -97,7 +105,8 @@ class ToolPath:
     (rapid moves: the machine's rapid rate); `contacts` and `parameters` are NaN on links and rapids.
     `pass_index` is -1 on links and rapids. `trimmed` and `rest` are those of the `ContactPath`. `blocked_by` counts the
     contacts that have no tool axis by what is against it (`shank against the material`). The first row is a
-    safe point clear of the stock, so is the last. `cones` are those that the axes were chosen in, if they were.
+    safe point clear of the stock, so is the last. `cones` are those that the axes were chosen in, if they were;
+    `poses` is FCL's word on the contacts whose axes lie in none that it has certified, where it was asked.
     `lifts` are the first and the last rows of ways to the safe point and back, on which rotary axes are rewound.
     """
 
@@ -116,6 +125,7 @@ class ToolPath:
     rest: int = 0
     blocked_by: Mapping[str, int] = field(default_factory=dict)
     cones: FreeCones | None = None
+    poses: PoseCheck | None = None
     lifts: Int[ndarray, "l 2"] = field(default_factory=lambda: np.zeros((0, 2), dtype=np.int64))
 
     def __repr__(self) -> str:

@@ -111,6 +111,7 @@ def test_the_summary_tells_each_repair() -> None:
                 "entries_tangential": 7,
                 "length_mm": 7.5,
                 "cones": {"shape": "circular", "fcl": {"asked": 9, "narrowed": 2, "refused": 1}},
+                "poses": {"asked": 4, "refused": 1},
                 "near_normal_contacts": None,
                 "near_normal_without_choice": None,
                 "trimmed_mm": 2.0,
@@ -138,6 +139,7 @@ def test_the_summary_tells_each_repair() -> None:
     assert f"rewinds   3 rewinds of the rotary axes off the part, {lifted}" in told
     assert "cones     circular on 1 of 1 level, where axes turn sooner or less in these" in told
     assert "cones     9 put before FCL: 2 narrowed, 1 refused" in told
+    assert "poses     4 outside of such cones put before FCL one by one: 1 refused" in told
     assert told[:3] == [
         "mesh      993 faces, mm; 1 repair",
         "note      mirrored in X of its file",

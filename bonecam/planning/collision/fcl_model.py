@@ -106,10 +106,11 @@ class FclModel:
         return np.asarray(caught)
 
 
-@lru_cache(maxsize=1)
+@lru_cache(maxsize=2)
 def build_fcl_model(scene: Scene, cutter: Cutter, margin: float = 0.0) -> FclModel:
     """The FCL objects of a cutter in a scene; above the cutter the tool is thicker by `sweep_margin`s of `margin`
-    (mm). Those made last are kept: the rest paths of a level have one scene, of which they take .1 to .3 s each."""
+    (mm). Those made last, of one with and of one without a margin, are kept: the rest paths of a level have one scene,
+    of which they take .1 to .3 s each."""
     meshes = {"level": fcl_object(scene.level), "material": fcl_object(scene.material)}
     table = (fcl_object(table_mesh(scene.clamping.clearance)),) if scene.clamping.closed else ()
     columns: dict[Column, FclObject] = {}

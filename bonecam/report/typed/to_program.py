@@ -21,6 +21,13 @@ class ConeCheckFigures(TypedDict):
     refused: int
 
 
+class PoseCheckFigures(TypedDict):
+    """FCL's word on the poses of a path whose axes lie in no cone that it has certified."""
+
+    asked: int
+    refused: int
+
+
 class ConesFigures(TypedDict):
     """The cones that the tool axes of a path keep to."""
 
@@ -46,6 +53,7 @@ class PathFigures(TypedDict):
     uncut_reasons: dict[str, int]
     blocked_by: dict[str, int]
     cones: ConesFigures | None
+    poses: PoseCheckFigures | None
     near_normal_contacts: int | None
     near_normal_without_choice: int | None
 

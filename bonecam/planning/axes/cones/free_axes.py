@@ -103,7 +103,7 @@ def free_axes(path: ContactPath, scene: Scene, limits: MachineLimits, max_tilt: 
         raise OrientationError(f"contact {bad[0]} is not finite: leave it out", contact=int(bad[0]))
     obstacles = obstacles_of(scene, path.cutter, path.centres)
     room = rooms_at(path, scene)
-    middles = _middles(path)
+    middles = half_moves(path)
     names = tuple(section.name for section in reversed(path.cutter.profile))
     clearance = scene.clamping.clearance if scene.clamping.closed else -np.inf
 
@@ -202,7 +202,7 @@ def blocked_by(path: ContactPath, scene: Scene, limits: MachineLimits, max_tilt:
     return dict(Counter(why[node] for node in free.net.node_of).most_common())
 
 
-def _middles(path: ContactPath) -> Float[ndarray, "n 2 3"]:
+def half_moves(path: ContactPath) -> Float[ndarray, "n 2 3"]:
     """Middles of the moves of the ball's centre to each contact and from it; the contact where there is none."""
     centres = path.centres
     same = (path.pass_index[1:] == path.pass_index[:-1])[:, None]

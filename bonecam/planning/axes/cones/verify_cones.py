@@ -24,6 +24,7 @@ from bonecam.kernels.closest.swept_bounds import swept_apart, swept_hold
 from bonecam.mesh.healing.topology import pieces_of
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.planning.axes.cones.admissible_cones import AxisCones
+from bonecam.planning.axes.cones.contact_apexes import at_contacts
 from bonecam.planning.axes.cones.envelope_catalogue import SIDES, Obstacle, crossing
 from bonecam.planning.axes.cones.obstacle_grids import require_closed
 from bonecam.planning.collision.scene import Scene, Surroundings
@@ -55,7 +56,7 @@ def verify_cones(cones: AxisCones, scene: Scene) -> ConeVerdict:
     """FCL's word on each cone, in the scene that they were made in. OrientationError where a mesh of it is not
     closed."""
     asked = np.flatnonzero(cones.shapes.found)
-    return ConeVerdict(asked, _refusals(cones, asked, _pairs(scene, cones.path.cutter)))
+    return ConeVerdict(asked, _judged(cones, asked, scene, _pairs(scene, cones.path.cutter))[1])
 
 
 def verified_cones(cones: AxisCones, scene: Scene) -> AxisCones:
@@ -63,16 +64,27 @@ def verified_cones(cones: AxisCones, scene: Scene) -> AxisCones:
     does not, or to none; `check` counts them."""
     pairs = _pairs(scene, cones.path.cutter)
     asked = np.flatnonzero(cones.shapes.found)
-    refused = np.array(list(_refusals(cones, asked, pairs)), dtype=np.int64)
+    near, refusals = _judged(cones, asked, scene, pairs)
+    refused = np.array(list(refusals), dtype=np.int64)
     shares = np.ones(len(cones.shapes))
     left = refused
     for share in SHRUNK:
         shares[left] = share
-        tried = replace(cones, shapes=cones.shapes.scaled(shares))
+        tried = replace(near, shapes=cones.shapes.scaled(shares))
         left = np.array(list(_refusals(tried, left, pairs)), dtype=np.int64)
     shares[left] = -1.0
     check = ConeCheck(len(asked), len(refused) - len(left), len(left))
     return replace(cones, shapes=cones.shapes.scaled(shares), check=check)
+
+
+def _judged(
+    cones: AxisCones, nodes: Int[ndarray, " m"], scene: Scene, pairs: list["_Pair"]
+) -> tuple[AxisCones, dict[int, str]]:
+    """The cones, those that FCL refuses at their nodes taken to each of their contacts, and what it refuses there
+    too."""
+    refused = np.array(list(_refusals(cones, nodes, pairs)), dtype=np.int64)
+    near = replace(cones, free=at_contacts(cones.free, refused, cones.path, scene))
+    return near, _refusals(near, refused, pairs)
 
 
 @dataclass(frozen=True, eq=False)
