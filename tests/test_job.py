@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from bonecam.errors import JobError, LevelError
 from bonecam.job import Job, read_job, write_job
 from bonecam.job.job_file import PATHS, from_anywhere, named_files
+from bonecam.job.materials.preset import read_material
 from bonecam.job.parameter import record
 
 
@@ -231,6 +232,23 @@ def test_a_byte_order_mark_before_the_job_is_no_matter(tmp_path: Path) -> None:
 def test_a_missing_job_file_is_refused(tmp_path: Path) -> None:
     with pytest.raises(JobError, match=r"none\.toml"):
         read_job(tmp_path / "none.toml")
+
+
+def test_the_paper_s_figures_are_a_job_of_that_name_and_user_s_jobs_have_names_too(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    job = read_job("paper")
+    depths = job.levels.finishing_depth, job.levels.finishing_levels, job.levels.roughing_depth
+    cutters = [(tool.radius, tool.scallop) for tool in (job.roughing, job.finishing)]
+    material = read_material(job.material.name)
+    assert (job.stock.diameter, job.stock.length, depths) == (15.0, 37.0, (0.1, 4, 0.5))
+    assert (cutters, material.spindle, material.feed) == ([(2.0, 0.05), (1.0, 0.01)], 4500.0, 900.0)
+    monkeypatch.setenv("BONECAM_HOME", str(tmp_path))
+    (tmp_path / "jobs").mkdir()
+    (tmp_path / "jobs" / "ours.toml").write_text("[stock]\ndiameter = 14.0\n")
+    assert read_job("ours").stock.diameter == 14.0
+    with pytest.raises(JobError, match=r"^papr: .*names paper-coarse, paper, ours$"):
+        read_job("papr")
 
 
 def test_errors_survive_the_way_between_processes() -> None:

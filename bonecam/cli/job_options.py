@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from bonecam.errors import JobError
-from bonecam.job import Job, NcJob, read_job
+from bonecam.job import Job, NcJob, job_files, read_job
 from bonecam.job.sections import job_error, setting
 from bonecam.machine.machine import machine_names
 from bonecam.nc.dialect import dialect_names
@@ -14,7 +14,7 @@ from bonecam.nc.dialect import dialect_names
 
 def add_job_options(command: argparse.ArgumentParser, *, posted: bool = True) -> None:
     """Add the options of the job to a command; those of machine and controller where a program is `posted`."""
-    file = "job file; a value that it leaves out keeps its default"
+    file = f"job file, or {' or '.join(job_files())}; a value that it leaves out keeps its default"
     command.add_argument("--job", metavar="JOB.toml", help=file)
     command.add_argument(
         "--units", choices=("mm", "cm", "m", "inch"), help="unit of the part's coordinates (mm)"

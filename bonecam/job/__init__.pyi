@@ -1,4 +1,5 @@
 from .holding.holding_section import HoldingJob as HoldingJob
+from .job_file import job_files as job_files
 from .job_file import read_job as read_job
 from .job_file import write_job as write_job
 from .levels_section import LevelsJob as LevelsJob

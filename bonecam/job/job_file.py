@@ -11,6 +11,7 @@ from bonecam.errors import JobError
 from bonecam.files import input_text, is_unicode
 from bonecam.job.parameter import record
 from bonecam.job.sections import Job, job_error
+from bonecam.runtime import extensions
 from bonecam.text.toml import lines_of_keys, parse_toml, toml_lines
 
 PATHS = {
@@ -22,17 +23,24 @@ PATHS = {
 """The parameters that may be the path of a file, by section and name."""
 
 
+def job_files() -> dict[str, Path]:
+    """The job files that come with bonecam, are the user's, or come with other packages, by name."""
+    return extensions.named_files("jobs", Path(__file__).parents[1] / "study" / "jobs")
+
+
 def read_job(path: str | Path, base: Job | None = None) -> Job:
-    """The job of a TOML file, whose tables are the sections of a job. A value that it leaves out is that of
-    `base`. Paths in it count from its folder.
+    """The job of a TOML file, or of a name (`job_files`), whose tables are the sections of a job. A value that it
+    leaves out is that of `base`. Paths in it count from its folder.
 
     JobError names the file, and all that is wrong in it with the lines.
     """
+    path = job_files().get(str(path), path)
     try:
         text = input_text(path)
         values = parse_toml(text)
     except OSError as error:
-        raise JobError(f"{path}: {error.strerror}: give a readable job file", file=str(path)) from error
+        remedy = f"give a readable job file, or one of the names {', '.join(job_files())}"
+        raise JobError(f"{path}: {error.strerror}: {remedy}", file=str(path)) from error
     except ValueError as error:
         raise JobError(f"{path}: {error}: correct the TOML there", file=str(path)) from error
 
