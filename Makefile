@@ -28,9 +28,11 @@ docs: $(VENV)/documenting
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict -q -f docs/mkdocs.yml
 	@echo "open out/docs/index.html"
 
-# The tables of the page "The papers beside bonecam": BONES="bone.stl:m ...", by default the phalanx that ships.
+# Our figures in the docs: BONES="bone.stl:m:paper ..." are compared (by default the phalanx that ships), all benchmarks run; ONLY="compare
+# bench_skin.py ..." makes some of it.
 papers: $(VENV)/developing
-	$(BIN)/python docs/papers.py $(BONES)
+	$(BIN)/pip install -qq -e ".[bench]"
+	$(BIN)/python docs/papers.py $(addprefix --only ,$(ONLY)) $(BONES)
 
 # The pictures of the docs.
 gallery: $(VENV)/developing

@@ -1,70 +1,90 @@
-"""Writes the tables of pages/theory/papers.md (`make papers`): each part compared with the job papers.toml.
+"""Writes our figures into the docs (`make papers`): comparisons of parts into pages/theory/papers.md, with the pictures
+of the first, and what the benchmarks print into pages/benchmarks.md.
 
-    python docs/papers.py [PART[:UNITS] ...]
+    python docs/papers.py [--only NAME]... [PART[:UNITS[:JOB]] ...]
 
-By default the phalanx that ships. The comparison of a part is kept in out/papers/NAME and not made again while it is
-there.
+By default the phalanx that ships, by the job `paper-coarse`. NAME: `compare`, or a script of tests/benchmarks; all
+without. The comparison of a part is kept in out/papers/JOB/PART and not made again while it is there.
 """
 
-import json
+import argparse
 import re
+import shutil
+import subprocess
 import sys
+from collections.abc import Callable
+from datetime import date
 from pathlib import Path
-from typing import Any
 
 import bonecam
-from bonecam.study.table import LINES
 
 ROOT = Path(__file__).parents[1]
-PAGE = ROOT / "docs" / "pages" / "theory" / "papers.md"
+PAGES = ROOT / "docs" / "pages"
 KEPT = ROOT / "out" / "papers"
-BEGIN, END = "<!-- written by make papers -->", "<!-- end of what make papers wrote -->"
+PICTURES = ("paths", "left", "probe")
+BLOCK = re.compile(r"<!-- made by (.+?) -->.*?<!-- end -->", re.DOTALL)
+"""What is written here stands between such lines."""
 
 
-def compared(part: str) -> dict[str, Any]:
-    """The comparison of a part, kept or made."""
-    file, _, units = part.partition(":")
-    folder = KEPT / Path(file).stem
-    if not (folder / "comparison.json").exists():
-        job = bonecam.read_job(ROOT / "docs" / "papers.toml").with_values(mesh={"units": units or "mm"})
-        bonecam.compare(file, job, folder=folder)
-    found: dict[str, Any] = json.loads((folder / "comparison.json").read_text(encoding="utf-8"))
-    return found
+def fill(page: Path, text_of: Callable[[str], str | None]) -> None:
+    """Write the text of each block of a page by the name of what makes it; one that is not made again stays."""
+
+    def block(found: re.Match[str]) -> str:
+        text = text_of(found[1])
+        return found[0] if text is None else f"<!-- made by {found[1]} -->\n\n{text}\n\n<!-- end -->"
+
+    page.write_text(BLOCK.sub(block, page.read_text(encoding="utf-8")), encoding="utf-8")
 
 
-def tables(found: dict[str, Any]) -> str:
-    """The figures and the claims of one comparison."""
-    rows = found["strategies"]
-    lines = [
-        f"### {Path(found['part']).stem}",
-        "",
-        f"| | {' | '.join(row['strategy'] for row in rows)} |",
-        f"|---|{'---:|' * len(rows)}",
-    ]
-    for name, what in LINES:
-        values = (row["figures"].get(name) for row in rows)
-        lines.append(f"| {what} | {' | '.join('-' if v is None else f'{v:g}' for v in values)} |")
-    lines += [f"\n{row['strategy']} {row['state']}: {row['reason']}" for row in rows if row["reason"]]
-    lines += ["", "| claim | of | told | figures |", "|---|---|---|---|"]
-    for claim in found["claims"]:
-        lines.append(f"| {claim['claim']} | {claim['of']} | **{claim['verdict']}** | {claim['figures']} |")
-    return "\n".join(lines)
+def comparisons(parts: list[str]) -> str:
+    """The tables of all parts; the pictures of the first one go into the docs."""
+    folders = [compared(part) for part in parts]
+    for name in PICTURES:
+        shutil.copy(folders[0] / f"{name}.png", PAGES / "figures" / f"compared-{name}.png")
+    return "\n\n".join(tables(folder) for folder in folders)
 
 
-def main(parts: list[str]) -> None:
-    """Compare the parts and put their tables into the page."""
+def compared(part: str) -> Path:
+    """The folder of the comparison of a part, kept or made."""
+    file, units, name = (*part.split(":"), *("mm", "paper-coarse")[part.count(":") :])
+    folder = KEPT / name / Path(file).stem
+    if not (folder / "comparison.md").exists():
+        folder.mkdir(parents=True, exist_ok=True)
+        bonecam.compare(file, bonecam.read_job(name).with_values(mesh={"units": units}), folder=folder)
+    return folder
+
+
+def tables(folder: Path) -> str:
+    """The figures and the claims of one comparison, as it wrote them."""
+    written = (folder / "comparison.md").read_text(encoding="utf-8")
+    return f"### {folder.name}, job `{folder.parent.name}`\n\n{written.rstrip()}"
+
+
+def printed(script: str) -> str:
+    """What a benchmark prints; its arguments follow its name."""
+    command = [sys.executable, *f"tests/benchmarks/{script}".split()]
+    told = subprocess.run(command, cwd=ROOT, check=True, stdout=subprocess.PIPE, text=True).stdout
+    return f"`python tests/benchmarks/{script}`, {date.today()}:\n\n```text\n{told.rstrip()}\n```"
+
+
+def main() -> None:
+    """Make what is asked for, and put it into the pages."""
     from bonecam_meshes import path
 
-    parts = parts or [f"{path('phalanx')}:mm"]
-    text = "\n\n".join(tables(compared(part)) for part in parts)
-    page = PAGE.read_text(encoding="utf-8")
-    written, count = re.subn(
-        f"{BEGIN}.*{END}", lambda _: f"{BEGIN}\n\n{text}\n\n{END}", page, flags=re.DOTALL
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--only", action="append", default=[])
+    parser.add_argument("parts", nargs="*", default=[f"{path('phalanx')}"])
+    given = parser.parse_args()
+
+    def wanted(name: str) -> bool:
+        return not given.only or name.split()[0] in given.only
+
+    fill(
+        PAGES / "theory" / "papers.md",
+        lambda name: comparisons(given.parts) if wanted(name) else None,
     )
-    if count != 1:
-        raise SystemExit(f"{PAGE}: give it one pair of the lines {BEGIN} and {END}")
-    PAGE.write_text(written, encoding="utf-8")
+    fill(PAGES / "benchmarks.md", lambda name: printed(name) if wanted(name) else None)
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    main()

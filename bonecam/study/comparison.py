@@ -14,7 +14,7 @@ from bonecam.errors import BonecamError, JobError, LevelError
 from bonecam.files import check_folder
 from bonecam.job import Job, PathJob
 from bonecam.job.path_section import OF_MORPH
-from bonecam.levels.job_levels import check_method, make_levels
+from bonecam.levels.job_levels import make_levels
 from bonecam.machine.machine import Machine, read_machine
 from bonecam.machining.force_feed import check_one_feed
 from bonecam.machining.machine_levels import Posting, machine_levels
@@ -33,7 +33,8 @@ from bonecam.study.claims import claims_of
 from bonecam.study.compared import Comparison, Measured
 from bonecam.study.files import write_comparison
 from bonecam.study.rows import Row, figures_of
-from bonecam.verify.probing.line import ProbeLine, probe_line
+from bonecam.surface.files.surface_input import holds_surface
+from bonecam.verify.probing.line import ProbeLine, check_line, probe_line
 from bonecam.verify.probing.machined import PostedProgram
 from bonecam.verify.probing.probe import RUBY, probe_surface
 from bonecam.verify.probing.roughness import roughness_of
@@ -106,14 +107,18 @@ def compare(
         check_folder(folder)
     job = job.with_values(holding={"second": ""})
     machine, dialect = read_machine(job.nc.machine), job_dialect(job.nc)
-    check_job(job, machine, dialect)
-    check_reach(job, machine)
     mechanics_of_job(job)
     check_one_feed(job, "strategies are compared at one feed")
+    failures = _failures(chosen, job, machine, dialect)
     given = mesh if isinstance(mesh, str | Path) else mesh_from(mesh)
-    base, failure = _base(given, job, chosen, machine, part(progress, 0.0, 0.2))
+    if not isinstance(given, str | Path) or not holds_surface(given):
+        check_line(points, line)
+    able = [strategy for strategy in chosen if strategy.name not in failures]
+    base, failure = _base(given, job, able, machine, part(progress, 0.0, 0.2))
+    if failure is not None:
+        failures[MORPH.name] = failure
     post = post_below(base.part.mesh, base.job.holding)
-    study = _Study(base, failure, machine, dialect, probe_line(base.surface, post, RUBY, points, line))
+    study = _Study(base, failures, machine, dialect, probe_line(base.surface, post, RUBY, points, line))
     rows, measured = [], {}
     for k, strategy in enumerate(chosen):
         share = part(progress, 0.2 + 0.8 * k / len(chosen), 0.2 + 0.8 * (k + 1) / len(chosen))
@@ -134,6 +139,23 @@ def _chosen(names: Sequence[str] | None) -> list[Strategy]:
     if unknown:
         raise JobError(f"strategy {unknown[0]!r} is unknown: take some of {', '.join(known)}")
     return [known[name] for name in names or known]
+
+
+def _failures(
+    chosen: Sequence[Strategy], job: Job, machine: Machine, dialect: Dialect
+) -> dict[str, BonecamError]:
+    """Why strategies cannot be run on the machine, by name, before anything is planned; raised where none can."""
+    failures: dict[str, BonecamError] = {}
+    for strategy in chosen:
+        try:
+            own = strategy.job(job)
+            check_job(own, machine, dialect)
+            check_reach(own, machine)
+        except BonecamError as error:
+            failures[strategy.name] = error
+    if len(failures) == len(chosen):
+        raise failures[chosen[0].name]
+    return failures
 
 
 def _base(
@@ -165,10 +187,10 @@ def _base(
 
 @dataclass(frozen=True, eq=False)
 class _Study:
-    """What all strategies of a comparison share; `failure` is why the job has no levels."""
+    """What all strategies of a comparison share; `failures`: why some have no program, by name."""
 
     base: Morphed
-    failure: BonecamError | None
+    failures: dict[str, BonecamError]
     machine: Machine
     dialect: Dialect
     line: ProbeLine
@@ -176,6 +198,8 @@ class _Study:
     def row(self, strategy: Strategy, progress: Progress) -> tuple[Row, Measured | None]:
         """The row of a strategy, and its program if there is one."""
         try:
+            if strategy.name in self.failures:
+                raise self.failures[strategy.name]
             result = self._program(strategy, part(progress, 0.0, 0.7))
             result = self._simulated(result, part(progress, 0.7, 0.95))
             return self._measured(strategy, result)
@@ -185,13 +209,8 @@ class _Study:
     def _program(self, strategy: Strategy, progress: Progress) -> Result:
         """The program, proved but not simulated."""
         job = strategy.job(self.base.job)
-        check_method(job.levels)
-        check_job(job, self.machine, self.dialect)
-        if strategy.name == "bonecam":
-            if self.failure is not None:
-                raise self.failure
-            levels = self.base.levels
-        else:
+        levels = self.base.levels
+        if strategy is not MORPH:
             levels = make_levels(self.base.surface, self.base.stock, job, part(progress, 0.0, 0.2))
         made = replace(self.base, levels=levels, job=job)
         posting = Posting(self.machine, self.dialect, file=self.base.part.file)

@@ -47,23 +47,26 @@ def probe(
     check_files([file for file in (csv, picture, program) if file is not None])
     kept_contents(folder)  # a folder of another version is refused
     job = read_job(folder / "job.toml")
-    dialect = job_dialect(job.nc)
+    machine, dialect = read_machine(job.nc.machine), job_dialect(job.nc)
     kept = folder / f"program{dialect.extension}"
     if not kept.exists():
         raise FileError(f"{folder}: has no {kept.name}: {REMEDY}", file=str(kept))
-    removal = simulate(kept, folder, job, progress=part(progress, 0.0, 0.9))
-    report(progress, 0.9, "probing")
-    machine = read_machine(job.nc.machine)
     text = program_text(kept, machine, dialect, job)
     mesh, _, _ = kept_levels(text, kept, folder)
+    part_surface = read_tsm(folder / "surface.tspline")
+    probed_line = probe_line(part_surface, post_below(mesh, job.holding), radius, points, line)
+    measuring = ""
+    if program is not None:
+        measuring = measuring_program(probed_line, radius, MeshDistance(mesh), dialect.name)
+    removal = simulate(kept, folder, job, progress=part(progress, 0.0, 0.9))
+    report(progress, 0.9, "probing")
     cutters = tuple(cutters_of(job, machine))
-    posted = PostedProgram(text, machine, dialect, cutters, read_tsm(folder / "surface.tspline"), removal)
-    post = post_below(mesh, job.holding)
-    probed = probe_surface(posted, probe_line(posted.part, post, radius, points, line), radius)
+    posted = PostedProgram(text, machine, dialect, cutters, part_surface, removal)
+    probed = probe_surface(posted, probed_line, radius)
     if csv is not None:
         write_whole(csv, probed.csv)
     if picture is not None:
         draw_probed([("as simulated", probed)], picture)
     if program is not None:
-        write_whole(program, measuring_program(probed, MeshDistance(mesh), dialect.name))
+        write_whole(program, measuring)
     return probed

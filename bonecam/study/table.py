@@ -1,8 +1,9 @@
-"""The table of a comparison as text, with a strategy a column, and as CSV, with a strategy a row."""
+"""The table of a comparison with a strategy a column, as text and in Markdown, as CSV with a strategy a row; its
+claims."""
 
 import csv
 import io
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 from bonecam.study.claims import Claim
 from bonecam.study.rows import Row
@@ -56,10 +57,28 @@ LINES: tuple[tuple[str, str], ...] = (
 """Figures of a row, and what the table says they are."""
 
 
+CLAIM_HEAD = ("claim", "of", "told", "figures")
+
+
+def table_cells(rows: Sequence[Row]) -> list[list[str]]:
+    """The lines of the table: names of the strategies, how they ended, and their figures; what each is comes first."""
+    cells = [["", *(row.name for row in rows)], ["ended", *(row.state for row in rows)]]
+    return cells + [[what, *(_shown(row.figures.get(name)) for row in rows)] for name, what in LINES]
+
+
+def claim_cells(claims: Sequence[Claim]) -> list[list[str]]:
+    """The lines of the claims, below CLAIM_HEAD."""
+    return [[claim.text, claim.of, claim.verdict, claim.figures] for claim in claims]
+
+
+def reasons(rows: Sequence[Row]) -> list[str]:
+    """Why a strategy was refused or failed, a line each."""
+    return [f"{row.name} {row.state}: {row.reason}" for row in rows if row.reason]
+
+
 def table_text(rows: Sequence[Row]) -> str:
     """The table, and below it why a strategy was refused or failed."""
-    cells = [["", *(row.name for row in rows)], ["", *(row.state for row in rows)]]
-    cells += [[what, *(_shown(row.figures.get(name)) for row in rows)] for name, what in LINES]
+    cells = table_cells(rows)
     widths = [max(len(line[k]) for line in cells) for k in range(len(rows) + 1)]
     text = [
         "  ".join(
@@ -68,18 +87,26 @@ def table_text(rows: Sequence[Row]) -> str:
         ).rstrip()
         for line in cells
     ]
-    reasons = [f"{row.name} {row.state}: {row.reason}" for row in rows if row.reason]
-    return "\n".join([*text, *reasons]) + "\n"
+    return "\n".join([*text, *reasons(rows)]) + "\n"
 
 
 def claims_text(claims: Sequence[Claim]) -> str:
     """Each claim, whether it holds, and the figures that say so."""
-    return "\n".join(_claim_lines(claims)) + "\n"
+    lines = (f"{told:13}  {text} ({of}): {figures}\n" for text, of, told, figures in claim_cells(claims))
+    return "".join(lines)
 
 
-def _claim_lines(claims: Sequence[Claim]) -> Iterator[str]:
-    for claim in claims:
-        yield f"{claim.verdict:13}  {claim.text} ({claim.of}): {claim.figures}"
+def markdown(rows: Sequence[Row], claims: Sequence[Claim]) -> str:
+    """Table, reasons and claims in Markdown."""
+    head, *cells = table_cells(rows)
+    lines = [_piped(head), "|---" + "|---:" * len(rows) + "|", *map(_piped, cells)]
+    lines += [f"\n{reason}" for reason in reasons(rows)]
+    lines += ["", _piped(CLAIM_HEAD), "|---" * len(CLAIM_HEAD) + "|", *map(_piped, claim_cells(claims))]
+    return "\n".join(lines) + "\n"
+
+
+def _piped(cells: Sequence[str]) -> str:
+    return f"| {' | '.join(cells)} |"
 
 
 def table_csv(rows: Sequence[Row]) -> str:

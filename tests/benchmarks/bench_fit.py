@@ -1,14 +1,15 @@
 """Fitting bones: control points of the adaptive T-spline beside a tensor-product B-spline fitted within the
 same deviation.
 
-    python tests/benchmarks/bench_fit.py TOLERANCE_MM MOST BONE.stl[:m] ...
+    python tests/benchmarks/bench_fit.py [TOLERANCE_MM MOST BONE.stl[:m] ...]
 
-":m" means a file in metres. The B-spline is fitted by the same steps from the same start and refined where it
-misses the mesh, but every knot runs through all rows, and goes from all rows (its poles stay single points).
-It is asked for the same tolerance, or for what the T-spline reached where that missed it with MOST control
-points, and may have twice as many as the T-spline took. Where it comes no nearer than printed it would need
-more, and the share is below the one printed ("<"). Deviations are two-sided, mm; seconds are CPU seconds,
-rows included. Where the tolerance is missed, the spot is printed.
+":m" means a file in metres. Without arguments 0.05 mm and 4000 points, for the shared bones in NAMES. The
+B-spline is fitted by the same steps from the same start and refined where it misses the mesh, but every knot
+runs through all rows, and goes from all rows (its poles stay single points). It is asked for the same
+tolerance, or for what the T-spline reached where that missed it with MOST control points, and may have twice
+as many as the T-spline took. Where it comes no nearer than printed it would need more, and the share is below
+the one printed ("<"). Deviations are two-sided, mm; seconds are CPU seconds, rows included. Where the
+tolerance is missed, the spot is printed.
 """
 
 import sys
@@ -29,6 +30,9 @@ from bonecam.surface.fitting.prune import prune, spare_knots
 from bonecam.surface.fitting.target import FitTarget
 from bonecam.surface.tmesh.row_tmesh import RowTMesh
 from bonecam.surface.tspline import TSpline
+
+BONES = Path(__file__).resolve().parents[3] / "shared" / "meshes" / "bones"
+NAMES = ("3midph", "3distph", "2midph", "scaphoid")
 
 
 def tensor_refine(tmesh: RowTMesh, votes: Votes, room: int) -> RowTMesh:
@@ -135,4 +139,5 @@ def main(tolerance: float, most: int, names: list[str]) -> None:
 
 
 if __name__ == "__main__":
-    main(float(sys.argv[1]), int(sys.argv[2]), sys.argv[3:])
+    tolerance, most, *bones = sys.argv[1:] or [0.05, 4000, *(f"{BONES / name}_m.stl:m" for name in NAMES)]
+    main(float(tolerance), int(most), bones)

@@ -1,8 +1,9 @@
 """Skinning: control points of the T-spline beside B-splines through the same sections within the same
 verified tolerance.
 
-Run with a folder of sections, files name1.txt, name2.txt, ... whose first line is "npoints dim":
-    python tests/benchmarks/bench_skin.py FOLDER
+    python tests/benchmarks/bench_skin.py [FOLDER]
+
+FOLDER, by default that of the shared data, has files name1.txt, name2.txt, ... whose first line is "npoints dim".
 
 Columns: the T-spline of `skin`; the tensor-product B-spline whose knots are the union of those the sections
 keep when each is reduced alone (classical skinning); the B-spline whose knots are chosen for all sections
@@ -22,6 +23,7 @@ from bonecam.surface.skinning.reduction import Reduction
 from bonecam.surface.skinning.row_curves import RowCurves
 from bonecam.surface.skinning.skin import control_curves, row_parameters, skin
 
+FOLDER = Path(__file__).resolve().parents[3] / "shared" / "tspline" / "skinning_sections"
 EXACT = 1e-6  # of the tolerance: the skin that is taken as exact
 CASES = (
     ("bonnet", 1e-3, 175, 290),
@@ -89,4 +91,4 @@ def main(folder: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    main(Path(*sys.argv[1:2] or [FOLDER]))

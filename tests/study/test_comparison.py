@@ -1,21 +1,24 @@
 """Strategies on one small part: every figure is told, what fails is a row, and a kept program is probed."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 import bonecam
 from bonecam.cli import main
-from bonecam.errors import FileError, JobError, LevelError
+from bonecam.errors import FileError, JobError, LevelError, MachineError
 from bonecam.job import Job
 from bonecam.levels.job_levels import make_levels
 from bonecam.machine.machine import read_machine
 from bonecam.machining.standing import stand_part
+from bonecam.nc.job_dialect import job_dialect
 from bonecam.progress import silent
 from bonecam.report.files.output_files import Outputs
-from bonecam.study import comparison
+from bonecam.study import comparison, probed_folder
 from bonecam.study.compared import Comparison
 from bonecam.study.comparison import STRATEGIES
 from bonecam.study.table import LINES
@@ -75,12 +78,17 @@ def test_the_figures_are_those_of_the_program(made: tuple[Path, Comparison]) -> 
 def test_the_folder_has_table_claims_curves_and_pages(made: tuple[Path, Comparison]) -> None:
     names = {file.name for file in made[0].iterdir() if not file.name.startswith(".")}
     assert names == {
-        *(f"comparison.{kind}" for kind in ("txt", "csv", "json")),
+        *(f"comparison.{kind}" for kind in ("txt", "md", "csv", "json")),
         *("probe_bonecam.csv", "page_bonecam.html", "index.html", "paths.png", "left.png", "probe.png"),
     }
     told = json.loads((made[0] / "comparison.json").read_text())
     assert [row["state"] for row in told["strategies"]] == ["failed", made[1].rows[1].state]
-    assert 'src="page_bonecam.html"' in (made[0] / "index.html").read_text()
+    page, table = ((made[0] / name).read_text() for name in ("index.html", "comparison.md"))
+    files = [word.split('"')[0] for word in page.split('src="')[1:]]
+    assert set(files) == {"page_bonecam.html", "paths.png", "left.png", "probe.png"}
+    for claim in made[1].claims:
+        assert claim.verdict in page
+        assert f"| {claim.text} | {claim.of} | {claim.verdict} |" in table
 
 
 def test_a_kept_program_is_probed_as_in_the_comparison(
@@ -99,6 +107,16 @@ def test_a_kept_program_is_probed_as_in_the_comparison(
     (tmp_path / "keep" / "view.gz").write_bytes(b"of another version")
     with pytest.raises(FileError):
         bonecam.probe(tmp_path / "keep", points=8)
+
+
+def test_what_a_kept_folder_cannot_be_probed_by_is_told_before_it_is_simulated(
+    made: tuple[Path, Comparison], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (one,) = made[1].measured.values()
+    Outputs(keep=tmp_path / "keep").write(one.result)
+    monkeypatch.setattr(probed_folder, "simulate", lambda *_, **__: pytest.fail("simulated"))
+    with pytest.raises(JobError, match=r"line 1\.5 is off the part"):
+        bonecam.probe(tmp_path / "keep", line=1.5)
 
 
 @pytest.mark.parametrize("fails", [False, True])
@@ -122,6 +140,31 @@ def test_the_part_is_read_and_fitted_once_for_all_strategies(pebble, mesh_of, mo
     assert (fitted, bool(failure)) == ((["morph", "iso-height"], True) if fails else (["morph"], False))
     assert base.setup is first.setup
     assert base.job.holding == first.job.holding
+
+
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        ({"line": 1.5}, "line 1.5 is off the part: give a parameter s from 0 to 1"),
+        ({"points": 1}, "1 points"),
+    ],
+)
+def test_a_line_off_the_part_is_refused_before_the_part_is_read(given: dict[str, Any], told: str) -> None:
+    with pytest.raises(JobError, match=told):
+        bonecam.compare("no.stl", **given)
+
+
+def test_strategies_that_the_machine_cannot_run_are_known_before_anything_is_planned(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    machine = read_machine("mikron-ucp600")
+    table, tilt = machine.part_axes
+    leaning = replace(machine, part_axes=(table, replace(tilt, limits=(-np.radians(80), np.radians(80)))))
+    failures = comparison._failures(STRATEGIES, COARSE, leaning, job_dialect(COARSE.nc))
+    assert set(failures) == {"iso-height", "rotary"}
+    monkeypatch.setattr(comparison, "read_machine", lambda _: leaning)
+    with pytest.raises(MachineError, match="the sides of the stock need 90: take another machine"):
+        bonecam.compare("no.stl", COARSE, strategies=["rotary"])
 
 
 def test_an_unknown_strategy_is_refused_in_a_line() -> None:

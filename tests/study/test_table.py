@@ -15,7 +15,7 @@ ROWS = [
 def test_a_failed_strategy_is_a_column_with_its_reason() -> None:
     text = table_text(ROWS).splitlines()
     assert text[0].split() == ["bonecam", "rotary"]
-    assert text[1].split() == ["done", "failed"]
+    assert text[1].split() == ["ended", "done", "failed"]
     assert text[2].split()[-2:] == ["4.7", "-"]
     assert text[-1] == "rotary failed: no axis, so"
     assert len(text) == 2 + len(LINES) + 1

@@ -42,11 +42,8 @@ def probe_line(
 
     JobError where the line is not on the part, or all of it is at the post, and for fewer than two places.
     """
-    if count < 2:
-        raise JobError(f"{count} points make no line: give 2 or more")
     first, last = part.domain[0].tolist()
-    if s is not None and not first <= s <= last:
-        raise JobError(f"line {s:g} is off the part: give a parameter s from {first:g} to {last:g}")
+    check_line(count, s, first, last)
     line = back_of(part) if s is None else s
     low, high = part.domain[1].tolist()
     t = np.linspace(low, high, DENSE)
@@ -60,6 +57,15 @@ def probe_line(
     t = np.interp(wanted, along, t)
     across = np.full(count, line)
     return ProbeLine(line, part.positions(across, t), part.normals(across, t), wanted)
+
+
+def check_line(count: int, s: float | None, first: float = 0.0, last: float = 1.0) -> None:
+    """JobError for fewer than two places, or a line that is not on a part whose parameter s goes from `first` to
+    `last`, by default those of a fitted surface."""
+    if count < 2:
+        raise JobError(f"{count} points make no line: give 2 or more")
+    if s is not None and not first <= s <= last:
+        raise JobError(f"line {s:g} is off the part: give a parameter s from {first:g} to {last:g}")
 
 
 def back_of(part: TSpline) -> float:

@@ -15,7 +15,7 @@ from numpy import ndarray
 
 from bonecam.errors import MachineError
 from bonecam.mesh.distance import MeshDistance
-from bonecam.verify.probing.probe import Probed
+from bonecam.verify.probing.line import ProbeLine
 
 CLEAR = 2.0
 """The ball begins and ends its approach so far from the nominal surface, mm."""
@@ -35,15 +35,17 @@ Point = tuple[int, Float[ndarray, "3"], Float[ndarray, "3"]]
 """Number of a point, its place and its outward normal."""
 
 
-def measuring_program(probed: Probed, part: MeshDistance, controller: str, name: str = "PROBE") -> str:
-    """The text for one of CONTROLLERS, which touches the probed points; `part` is the nominal one.
+def measuring_program(
+    line: ProbeLine, radius: float, part: MeshDistance, controller: str, name: str = "PROBE"
+) -> str:
+    """The text for one of CONTROLLERS, which touches the points of a line with a ball of this `radius`, mm; `part` is
+    the nominal one.
 
     MachineError for another controller, or where the stem is in the way of all points.
     """
     if controller not in CONTROLLERS:
         known = ", ".join(CONTROLLERS)
         raise MachineError(f"no measuring program is known for {controller}: take one of {known}")
-    line, radius = probed.line, probed.radius
     free = is_free(line.places, line.normals, radius, part)
     if not free.any():
         raise MachineError("the stem of the probe is in the way of every point: give another line")

@@ -25,7 +25,7 @@ def probed(posted):
 
 @pytest.mark.parametrize("controller", CONTROLLERS)
 def test_it_says_that_it_is_unproved_and_leaves_out_what_the_stem_meets(probed, part, controller):
-    text = measuring_program(probed, part, controller)
+    text = measuring_program(probed.line, probed.radius, part, controller)
     assert "UNPROVED" in text
     told = re.search(r"(\d+) OF 20 POINTS", text)
     below = probed.line.normals[:, 2] < -0.3
@@ -35,7 +35,7 @@ def test_it_says_that_it_is_unproved_and_leaves_out_what_the_stem_meets(probed, 
 
 
 def test_the_control_reckons_the_deviation_that_the_simulation_tells(probed, part):
-    text = measuring_program(probed, part, "heidenhain")
+    text = measuring_program(probed.line, probed.radius, part, "heidenhain")
     formulas = re.findall(r"Q(\d+) = (.*)", text)
     assert formulas
     for number, formula in formulas:
@@ -49,7 +49,7 @@ def test_the_control_reckons_the_deviation_that_the_simulation_tells(probed, par
 
 @pytest.mark.parametrize("controller", ["siemens-840d", "fanuc-30i"])
 def test_an_approach_goes_along_the_normal_through_the_nominal_point(probed, part, controller):
-    text = measuring_program(probed, part, controller)
+    text = measuring_program(probed.line, probed.radius, part, controller)
     word = "MEAS=1 G1" if controller == "siemens-840d" else "G31"
     ends = [[float(v) for v in row] for row in re.findall(rf"{word} X(\S+) Y(\S+) Z(\S+) F", text)]
     beyond = np.array(ends)[:, None] - probed.line.places
@@ -63,4 +63,4 @@ def test_a_controller_without_probe_words_is_refused(probed, part):
     with pytest.raises(
         MachineError, match="no measuring program is known for linuxcnc: take one of heidenhain"
     ):
-        measuring_program(probed, part, "linuxcnc")
+        measuring_program(probed.line, probed.radius, part, "linuxcnc")
