@@ -12,7 +12,6 @@ import re
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable
 from datetime import date
 from pathlib import Path
 
@@ -22,18 +21,21 @@ ROOT = Path(__file__).parents[1]
 PAGES = ROOT / "docs" / "pages"
 KEPT = ROOT / "out" / "papers"
 PICTURES = ("paths", "left", "probe")
-BLOCK = re.compile(r"<!-- made by (.+?) -->.*?<!-- end -->", re.DOTALL)
+BLOCK = "<!-- made by {name} -->{text}<!-- end -->"
 """What is written here stands between such lines."""
 
 
-def fill(page: Path, text_of: Callable[[str], str | None]) -> None:
-    """Write the text of each block of a page by the name of what makes it; one that is not made again stays."""
+def names_in(page: Path) -> list[str]:
+    """What makes the blocks of a page."""
+    return re.findall("<!-- made by (.+?) -->", page.read_text(encoding="utf-8"))
 
-    def block(found: re.Match[str]) -> str:
-        text = text_of(found[1])
-        return found[0] if text is None else f"<!-- made by {found[1]} -->\n\n{text}\n\n<!-- end -->"
 
-    page.write_text(BLOCK.sub(block, page.read_text(encoding="utf-8")), encoding="utf-8")
+def fill(page: Path, name: str, text: str) -> None:
+    """Write the text of one block of a page."""
+    pattern = BLOCK.format(name=re.escape(name), text=".*?")
+    written = BLOCK.format(name=name, text=f"\n\n{text}\n\n")
+    whole = page.read_text(encoding="utf-8")
+    page.write_text(re.sub(pattern, lambda _: written, whole, flags=re.DOTALL), encoding="utf-8")
 
 
 def comparisons(parts: list[str]) -> str:
@@ -76,14 +78,13 @@ def main() -> None:
     parser.add_argument("parts", nargs="*", default=[f"{path('phalanx')}"])
     given = parser.parse_args()
 
-    def wanted(name: str) -> bool:
-        return not given.only or name.split()[0] in given.only
-
-    fill(
-        PAGES / "theory" / "papers.md",
-        lambda name: comparisons(given.parts) if wanted(name) else None,
-    )
-    fill(PAGES / "benchmarks.md", lambda name: printed(name) if wanted(name) else None)
+    for page, make in (
+        (PAGES / "theory" / "papers.md", lambda _: comparisons(given.parts)),
+        (PAGES / "benchmarks.md", printed),
+    ):
+        for name in names_in(page):
+            if not given.only or name.split()[0] in given.only:
+                fill(page, name, make(name))
 
 
 if __name__ == "__main__":

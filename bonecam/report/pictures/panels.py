@@ -34,12 +34,12 @@ BAR_BELOW = 1.3
 """Inches below panels that their labels and a colour bar take."""
 
 
-def new_figure(columns: int) -> tuple[Figure, Any]:
-    """A figure of panels side by side; `lay_out` sets their sizes."""
+def new_figure(columns: int, rows: int = 1) -> tuple[Figure, Any]:
+    """A figure of panels side by side, row after row; `lay_out` sets their sizes."""
     from matplotlib import figure
 
     made = figure.Figure(dpi=DPI)
-    return made, made.subplots(1, columns, sharex=True, sharey=True, squeeze=False)[0]
+    return made, made.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).ravel()
 
 
 def save_figure(figure: Figure, path: str | Path) -> None:
@@ -47,9 +47,9 @@ def save_figure(figure: Figure, path: str | Path) -> None:
     figure.savefig(path, metadata={"Software": None})
 
 
-def lay_out(figure: Figure, plots: Any, below: float = BELOW, above: float = ABOVE) -> None:
-    """Give panels side by side the same limits, round all that was drawn in any, and one scale, in a figure
-    as large as that takes.
+def lay_out(figure: Figure, plots: Any, below: float = BELOW, above: float = ABOVE, rows: int = 1) -> None:
+    """Give panels side by side, in so many rows, the same limits, round all that was drawn in any, and one scale, in a
+    figure as large as that takes.
 
     `below` and `above` are the inches that a colour bar or a legend, the axis' label included, or titles need
     there.
@@ -57,7 +57,8 @@ def lay_out(figure: Figure, plots: Any, below: float = BELOW, above: float = ABO
     boxes = np.array([plot.dataLim.get_points() for plot in plots])
     low, high = boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)
     size = (1 + 2 * MARGIN) * (high - low)
-    scale = min((MAX_WIDTH / len(plots)) / size[0], MAX_HEIGHT / size[1])
+    columns = len(plots) // rows
+    scale = min((MAX_WIDTH / columns) / size[0], MAX_HEIGHT / rows / size[1])
     width, height = np.maximum(size * scale, MIN_SIZE)
     x, z = (low + high) / 2
     half_x, half_z = np.array([width, height]) / scale / 2
@@ -66,12 +67,23 @@ def lay_out(figure: Figure, plots: Any, below: float = BELOW, above: float = ABO
         plot.locator_params(axis="x", nbins=int(np.clip(width / TICK_WIDTH, 2, 5)))
         plot.set_xticks([tick for tick in plot.get_xticks() if abs(tick - x) < half_x - TICK_MARGIN / scale])
 
-    all_width = LEFT + len(plots) * width + (len(plots) - 1) * GAP + RIGHT
-    whole = np.array([all_width, above + height + below])
+    all_width = LEFT + columns * width + (columns - 1) * GAP + RIGHT
+    whole = np.array([all_width, rows * (above + height) + below])
     figure.set_size_inches(*whole)
     start, bottom = np.array([LEFT, below]) / whole
     end, top = 1 - np.array([RIGHT, above]) / whole
-    figure.subplots_adjust(left=start, bottom=bottom, right=end, top=top, wspace=GAP / width)
+    figure.subplots_adjust(
+        left=start, bottom=bottom, right=end, top=top, wspace=GAP / width, hspace=above / height
+    )
+
+
+def label_rows(plots: Any, rows: int) -> None:
+    """Name z beside the first panel of each row, and leave x out above the last one."""
+    columns = len(plots) // rows
+    for plot in plots[::columns]:
+        plot.set_ylabel("z (mm)")
+    for plot in plots[:-columns]:
+        plot.set_xlabel("")
 
 
 def bar_below(figure: Figure) -> Plot:

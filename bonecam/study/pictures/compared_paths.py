@@ -8,7 +8,7 @@ import numpy as np
 
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.report.files.result import Result
-from bonecam.report.pictures.panels import lay_out, new_figure, save_figure
+from bonecam.report.pictures.panels import label_rows, lay_out, new_figure, save_figure
 from bonecam.report.pictures.tool_paths import show_path
 from bonecam.tool.path import MoveKind, ToolPath
 
@@ -19,17 +19,17 @@ ONE_SIDED = 0.3
 def draw_compared_paths(results: Sequence[tuple[str, Result]], path: str | Path) -> None:
     """Write for each strategy the middle path and the last one, from the front (-y), or turned about Z to where the
     tool stands of a path that stays on one side."""
-    figure, plots = new_figure(2 * len(results))
+    figure, plots = new_figure(len(results), 2)
     for k, (name, result) in enumerate(results):
         whole = [one for one in result.paths if not one.rest and one.level >= 0]
         levels = result.levels.levels
         followed = whole[0].level == len(levels) - 2
-        for plot, item in zip(plots[2 * k : 2 * k + 2], (whole[len(whole) // 2], whole[-1]), strict=True):
+        for plot, item in zip(plots[k :: len(results)], (whole[len(whole) // 2], whole[-1]), strict=True):
             mesh = levels[item.level].mesh if followed else levels[0].mesh
             show_path(plot, *_faced(item, mesh))
             plot.set_title(f"{name}\n{'level' if followed else 'layer'} {item.level}", fontsize="medium")
-    plots[0].set_ylabel("z (mm)")
-    lay_out(figure, plots)
+    label_rows(plots, 2)
+    lay_out(figure, plots, rows=2)
     save_figure(figure, path)
 
 
