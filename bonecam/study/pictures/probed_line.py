@@ -3,6 +3,8 @@
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
+
 from bonecam.report.pictures.panels import DPI, save_figure
 from bonecam.verify.probing.probe import BAND, Probed
 
@@ -25,8 +27,11 @@ def draw_probed(curves: Sequence[tuple[str, Probed]], path: str | Path) -> None:
         plot.plot(probed.line.along, probed.deviation, color=colour, lw=1.2, label=name)
         plot.plot(probed.line.along, probed.rigid, color=colour, lw=0.5, ls=":")
     plot.plot([], [], color="0.4", lw=0.5, ls=":", label="as if nothing bent")
-    low, high = plot.get_ylim()
-    plot.set_ylim(max(low, -LARGEST), min(high, LARGEST))
+    known = np.concatenate(
+        [[-BAND, BAND], *(each for _, one in curves for each in (one.deviation, one.rigid))]
+    )
+    known = np.clip(known, -LARGEST, LARGEST)
+    plot.set_ylim(np.nanmin(known) - BAND / 2, np.nanmax(known) + BAND / 2)
     plot.set(xlabel="along the line (mm)", ylabel="deviation (mm)")
     plot.legend(fontsize="small", ncols=2)
     save_figure(made, path)
