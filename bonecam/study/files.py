@@ -60,7 +60,7 @@ def _index(made: Comparison) -> str:
     pictures = PICTURES if names else {}
     why = "".join(f"<p>{html.escape(reason)}</p>" for reason in reasons(made.rows))
     return PAGE.format(
-        title=html.escape(f"{made.part}: strategies compared"),
+        title=html.escape(f"{Path(made.part).name}: strategies compared"),
         pictures="".join(f'<img src="{file}" alt="{what}">' for file, what in pictures.items()),
         claims=_html_table("claims", [CLAIM_HEAD, *claim_cells(made.claims)]),
         figures=_html_table("figures", table_cells(made.rows)) + why,

@@ -188,7 +188,7 @@ def report_drop_cutter(mesh: TriangleMesh, radius: float) -> None:
 if __name__ == "__main__":
     for case in cases():
         mesh, units = case.rsplit(":", 1)
-        job = bonecam.Job().with_values(mesh={"units": units})
+        job = bonecam.Job().with_values(mesh={"units": units}, holding={"diameter": 4.0})
         levels = machined_levels(bonecam.morph_levels(mesh, job).levels.levels)
         nose = read_machine(job.nc.machine).bodies.nose
         finishing = Cutter.from_job(2, "finishing", job.tool("finishing"), nose)
