@@ -29,7 +29,10 @@ from bonecam.report.mechanics_lines import NOT_ASKED
 from bonecam.report.typed.report import Report
 from bonecam.runtime.timing import StageTimes
 from bonecam.second_clamping import add_second, check_simulated
+from bonecam.setup.given_stock import with_stock
+from bonecam.setup.stock import Stock
 from bonecam.setup.stock_kind import check_sizes
+from bonecam.setup.stocks.mesh import ConvexStock
 from bonecam.tool.ball_depth import check_depths
 from bonecam.verify.control.trial_program import check_posting
 from bonecam.verify.removal.given import given_surface
@@ -40,6 +43,7 @@ def convert(
     mesh: "str | Path | MeshLike",  # a text, as help() would write the union out
     job: Job | None = None,
     *,
+    stock: "Stock | MeshLike | None" = None,
     program: File = None,
     keep: File = None,
     report: File = None,
@@ -54,14 +58,15 @@ def convert(
     """The verified NC program of a part: all stages from the mesh to the proof.
 
     `mesh` is a file, or a mesh in memory in the unit `job.mesh.units`: (vertices, faces), a TriangleMesh, or a
-    mesh of open3d, trimesh or pymeshlab. The files `program`, `report` and `surface` (its ending says its kind),
-    the page `html`, the setup `sheet`, the cutter location data `apt` and the folder `keep` are written at the end,
-    together; a second clamping has a program, page and cutter location data of its own (bone.second.h). Only a level
-    that fails its check is written to `keep` all the same. Without `simulation` the removal of material is not
-    simulated from the posted text, without `mechanics` force and bending are not asked. Raises a BonecamError that
-    names the trouble and the remedy.
+    mesh of open3d, trimesh or pymeshlab. The `stock` of the job may be given as an object: a Capsule, Cylinder, Box or
+    ConvexStock of `bonecam.setup`, or a closed convex mesh in mm, upright along Z wherever it lies. The files
+    `program`, `report` and `surface` (its ending says its kind), the page `html`, the setup `sheet`, the path `apt` and
+    the folder `keep` are written at the end, together; a second clamping has a program, page and path of its own
+    (bone.second.h). Only a level that fails its check is written to `keep` all the same. Without `simulation` the
+    removal of material is not simulated from the posted text, without `mechanics` force and bending are not asked.
+    Raises a BonecamError that names the trouble and the remedy.
     """
-    job = _require_job(job)
+    job, body = with_stock(_require_job(job), stock)
     machine = read_machine(job.nc.machine)
     dialect = job_dialect(job.nc)
     check_job(job, machine, dialect)
@@ -74,7 +79,7 @@ def convert(
     given, source = _given(mesh)
     outputs.check(source, dialect)
     times = StageTimes()
-    made = morph_part(given, job, machine, keep, times, part(progress, 0.0, 0.3))
+    made = morph_part(given, job, machine, keep, times, part(progress, 0.0, 0.3), body)
     with keep_refused(made, keep):
         constant = replace(made, job=with_constant_feed(made.job))
         posting = Posting(machine, dialect, source, program, times)
@@ -97,6 +102,7 @@ def morph_levels(
     mesh: "str | Path | MeshLike",  # a text, as help() would write the union out
     job: Job | None = None,
     *,
+    stock: "Stock | MeshLike | None" = None,
     keep: File = None,
     report: File = None,
     surface: File = None,
@@ -105,16 +111,17 @@ def morph_levels(
 ) -> Morphed:
     """The measured levels of a part: the stages of `convert` from the mesh to the levels, for any machine.
 
-    `mesh`, `job`, `keep`, `report`, `surface` and `html` are those of `convert`.
+    `mesh`, `job`, `stock`, `keep`, `report`, `surface` and `html` are those of `convert`.
     """
-    job = _require_job(job).with_values(path={"strategy": "morph"})
+    job, body = with_stock(_require_job(job), stock)
+    job = job.with_values(path={"strategy": "morph"})
     check_method(job.levels)
     outputs = Outputs(keep=keep, report=report, surface=surface, html=html)
     given, source = _given(mesh)
     outputs.check(source)
     times = StageTimes()
 
-    made = morph_part(given, job, machine=None, keep=keep, times=times, progress=part(progress, 0.0, 0.95))
+    made = morph_part(given, job, None, keep, times, part(progress, 0.0, 0.95), body)
     with times.stage("files"):
         outputs.write(made, part(progress, 0.95, 1.0))
     return made
@@ -139,9 +146,10 @@ def morph_part(
     keep: File,
     times: StageTimes,
     progress: Progress,
+    body: ConvexStock | None = None,
 ) -> Morphed:
-    """Part, surface and levels in a stock for which `machine` has room."""
-    standing = stand_part(mesh, job, machine, times, part(progress, 0.0, 0.1))
+    """Part, surface and levels in a stock for which `machine` has room, the `body` where one is given."""
+    standing = stand_part(mesh, job, machine, times, part(progress, 0.0, 0.1), body)
     return morph_standing(standing, keep, times, part(progress, 0.1, 1.0))
 
 

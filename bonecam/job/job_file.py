@@ -69,10 +69,10 @@ def _error_of(path: str | Path, text: str, faults: list[tuple[str, str, str]]) -
     return JobError(str(error), file=str(path), **error.evidence)
 
 
-def write_job(job: Job) -> str:
-    """The TOML text of a job, every value with its tooltip, its paths absolute. JobError where a text has characters
-    without a code."""
-    job = from_anywhere(job)
+def write_job(job: Job, beside: dict[str, Any] | None = None) -> str:
+    """The TOML text of a job, every value with its tooltip, its paths absolute but for those of `beside`, values by
+    section of files that lie beside the text. JobError where a text has characters without a code."""
+    job = from_anywhere(job).with_values(**(beside or {}))
     lines: list[str] = []
     for item in fields(job):
         lines += [f"[{item.name}]", *_lines(item.name, getattr(job, item.name)), ""]

@@ -29,6 +29,7 @@ from bonecam.report.typed.run_report import post_report, report_to_levels
 from bonecam.runtime.timing import StageTimes
 from bonecam.setup.placement import Setup, place
 from bonecam.setup.schedule import check_cuts
+from bonecam.setup.stocks.mesh import ConvexStock
 from bonecam.surface.files.surface_input import read_part
 from bonecam.surface.fitting.fit import Fit
 from bonecam.workholding.tailstock import settled_bracket
@@ -46,14 +47,20 @@ class Standing:
 
 
 def stand_part(
-    mesh: str | Path | TriangleMesh, job: Job, machine: Machine | None, times: StageTimes, progress: Progress
+    mesh: str | Path | TriangleMesh,
+    job: Job,
+    machine: Machine | None,
+    times: StageTimes,
+    progress: Progress,
+    body: ConvexStock | None = None,
 ) -> Standing:
-    """The part in a stock for which `machine` has room, on the post that the job gives or that is found."""
+    """The part in a stock for which `machine` has room, the `body` where one is given, on the post that the job gives
+    or that is found."""
     with times.stage("mesh"):
         unplaced, given = read_part(mesh, job, progress)
         warnings.check_warnings(warnings.hole_warnings(unplaced.widest_hole, job), job, unplaced.file)
         found = not job.holding.length
-        placed = place(unplaced, job)
+        placed = place(unplaced, job, body)
         if not job.holding.diameter:
             check_cuts(placed.part.mesh, placed.stock, job.levels)  # before necks are tried
         limits = machine_limits(machine or read_machine(job.nc.machine))

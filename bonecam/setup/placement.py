@@ -20,6 +20,7 @@ from bonecam.setup.rounding.largest_rounding import require_roundable
 from bonecam.setup.schedule import Schedule, schedule_of
 from bonecam.setup.stock import Stock
 from bonecam.setup.stock_kind import LyingPart, check_sizes, is_posed, kind_of, pose_remedy
+from bonecam.setup.stocks.mesh import ConvexStock
 from bonecam.workholding.post import MISSES, Post, checked_post
 
 TALL = 300.0
@@ -43,42 +44,42 @@ class Setup:
         return Setup(self.part.move(pose), self.stock.move(pose[:3, 3]), post, self.schedule)
 
 
-def place(part: Part, job: Job) -> Setup:
-    """The stock round the part, both moved up onto the post; one whose length is to be found is TALL.
+def place(part: Part, job: Job, body: ConvexStock | None = None) -> Setup:
+    """The stock round the part, both moved up onto the post; one whose length is to be found is TALL. A `body` is the
+    stock of a job without its file.
 
     JobError, StockError and ToolPathError name sizes, places and offsets that do not go together.
     """
     try:
-        return _place(part, job)
+        return _place(part, job, body)
     except ToolPathError as error:
-        remedy = _offsets_in_vain(part, job)
+        remedy = _offsets_in_vain(part, job, body)
         if remedy is None:
             raise
         misses = MISSES.format(error.evidence["diameter"])
         raise ToolPathError(f"{misses}: {remedy}", offset=(0.0, 0.0)) from error
 
 
-def _offsets_in_vain(part: Part, job: Job) -> str | None:
+def _offsets_in_vain(part: Part, job: Job, body: ConvexStock | None) -> str | None:
     """The remedy for a post that misses the part, where it would meet it without the job's offsets."""
     given = {name: getattr(job.stock, name) for name in ("offset_x", "offset_y")}
     given = {name: offset for name, offset in given.items() if offset}
     if not given:
         return None
     try:
-        _place(part, job.with_values(stock=dict.fromkeys(given, 0.0)))
+        _place(part, job.with_values(stock=dict.fromkeys(given, 0.0)), body)
     except BonecamError:
         return None
     return "leave out " + " and ".join(f"stock.{name} = {offset:g}" for name, offset in given.items())
 
 
-def _place(part: Part, job: Job) -> Setup:
+def _place(part: Part, job: Job, body: ConvexStock | None) -> Setup:
     """Stock, part and post as `place` returns them."""
     check_sizes(job.stock)
     schedule = schedule_of(job.levels)
     height = job.holding.length or TALL
-    stock, pose = stock_for(
-        part.mesh.vertices, job.stock, schedule, bottom=height, spare=job.surface.tolerance
-    )
+    lying = part.mesh.vertices, job.stock, schedule
+    stock, pose = stock_for(*lying, bottom=height, spare=job.surface.tolerance, body=body)
     if job.mesh.upright and may_centre(job.stock):
         pose = centring_shift(part.mesh.move(pose).vertices, stock, MARGIN) @ pose
 
@@ -106,12 +107,13 @@ def stock_for(
     schedule: Schedule,
     bottom: float | None = None,
     spare: float = 0.0,
+    body: ConvexStock | None = None,
 ) -> tuple[Stock, Float[ndarray, "4 4"]]:
     """The stock on the Z axis, and the transform (4, 4) that puts the part's points (n, 3) into it; mm.
 
     A box of which neither width nor depth is given stands on the part's smallest base: the part is turned and,
     without offsets, laid in its middle. A capsule or cylinder without sizes takes the fewest cuts by the
-    schedule, of those that are at most `job.spare_volume` larger than the smallest.
+    schedule, of those that are at most `job.spare_volume` larger than the smallest. A `body` given is the stock.
 
     Raises StockError with `distance` and `place` where the part leaves a given stock, comes within MARGIN mm
     of its wall or too near to an edge that has to be rounded; with `bottom` (mm) it tells places as they are
@@ -120,7 +122,11 @@ def stock_for(
     transform = pose_in_stock(points, job)
     lying = points @ transform[:3, :3].T + transform[:3, 3]
     middle = float((lying[:, 2].min() + lying[:, 2].max()) / 2 - job.offset_z)
-    stock = kind_of(job).make(job, LyingPart(lying, middle), schedule)
+    stock: Stock
+    if body is not None:
+        stock = body.on_axis(middle)
+    else:
+        stock = kind_of(job).make(job, LyingPart(lying, middle), schedule)
 
     lift = np.array([0.0, 0.0, 0.0 if bottom is None else bottom - stock.bounds[0, 2]])
     require_inside(stock.move(lift), lying + lift, MARGIN, pose_remedy(job), spare)

@@ -32,7 +32,9 @@ from bonecam.report.tables.cl_data import apt_text
 from bonecam.report.tables.cones_csv import cones_csv
 from bonecam.report.tables.toolpath_csv import toolpath_csv
 from bonecam.report.typed.run_report import report_text
+from bonecam.setup.given_stock import KEPT_STOCK
 from bonecam.setup.stock import Stock
+from bonecam.setup.stocks.mesh import ConvexStock
 from bonecam.surface.files.tspline_text import write_tsm
 from bonecam.tool.path import MoveKind
 from bonecam.verify.removal.result import Removal
@@ -43,7 +45,7 @@ LEFT_COLOURED = 0.1
 """Leftovers are coloured from 0 to this height, mm."""
 SERIES = (
     r"level_\d{2,}\.ply|given\.ply|left\.ply|error\.(ply|png)|solid\.ply|surface\.(tspline|iga)|toolpath\.(csv|apt|png)|program\.\w+"
-    rf"|second(_view)?\.\w+|cones\.csv|engagement\.png|axes\.(png|md)|machine\.png|stump\.png|view\.gz|job\.toml|refused\.(txt|png)|report\.json|{FAILED}"
+    rf"|second(_view)?\.\w+|cones\.csv|engagement\.png|axes\.(png|md)|machine\.png|stump\.png|view\.gz|job\.toml|stock\.ply|refused\.(txt|png)|report\.json|{FAILED}"
 )
 """Names of the files of levels, surfaces, paths and program, as a regular expression. A later run in the same folder
 removes those that an earlier one wrote there."""
@@ -60,7 +62,7 @@ def fill_kept_folder(work: Path, made: Morphed, post: tuple[float, float]) -> No
     write_mesh(made.part.placed_given, work / GIVEN)
     keep_into(work, levels, made.stock, post)
     (work / VIEW).write_bytes(made.packed_view)
-    write_whole(work / "job.toml", write_job(made.job))
+    keep_job(work, made)
     axes = {}
     if isinstance(made, Result):
         write_whole(work / f"program{made.program.extension}", made.program.text)
@@ -83,6 +85,19 @@ def fill_kept_folder(work: Path, made: Morphed, post: tuple[float, float]) -> No
         if made.removal and made.removal.left:
             _draw_engagement(made, work / "engagement.png")
     write_whole(work / "report.json", report_text({**made.report, **axes}))
+
+
+def keep_job(work: Path, made: Morphed) -> None:
+    """Write the job as job.toml, beside it the body of a stock that no file of the job tells."""
+    beside = {}
+    if (
+        isinstance(made.stock, ConvexStock)
+        and made.job.stock.kind == made.stock.kind
+        and not made.job.stock.mesh
+    ):
+        write_mesh(made.stock.surface, work / KEPT_STOCK)
+        beside = {"stock": {"mesh": KEPT_STOCK}}
+    write_whole(work / "job.toml", write_job(made.job, beside))
 
 
 def write_simulated(work: Path, removal: Removal | None) -> None:

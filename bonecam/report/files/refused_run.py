@@ -7,11 +7,10 @@ from pathlib import Path
 
 from bonecam.errors import BendingError, BonecamError, FileError, LimitError, VerifyError
 from bonecam.files import whole_folder, write_whole
-from bonecam.job import write_job
 from bonecam.mesh.files.mesh_files import write_mesh
 from bonecam.nc.program import Program
 from bonecam.report.files.kept_bodies import GIVEN
-from bonecam.report.files.kept_folder import SERIES, keep_into
+from bonecam.report.files.kept_folder import SERIES, keep_into, keep_job
 from bonecam.report.files.result import Morphed
 from bonecam.report.pictures.level_sections import draw_refused
 from bonecam.report.tables.toolpath_csv import toolpath_csv
@@ -63,7 +62,7 @@ def _fill(work: Path, made: Morphed, error: BonecamError) -> None:
     """Write the files of a refused run into `work`."""
     levels, holding = made.levels.levels, made.job.holding
     write_whole(work / "refused.txt", f"{error}\n")
-    write_whole(work / "job.toml", write_job(made.job))
+    keep_job(work, made)
     write_mesh(made.part.placed_given, work / GIVEN)
     write_tsm(made.surface, work / "surface.tspline")
     keep_into(work, levels, made.stock, (holding.diameter, post_below(made.part.mesh, holding).top))

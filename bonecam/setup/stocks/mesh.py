@@ -88,6 +88,10 @@ class ConvexStock(Stock):
         """The body translated by `shift`, mm."""
         return self._with(self.surface.vertices + shift)
 
+    def on_axis(self, height: float) -> "ConvexStock":
+        """The body with the middle of its box on the Z axis at a height, mm."""
+        return self.move(np.array([0.0, 0.0, height]) - self.middle)
+
     def scale(self, factor: float) -> "ConvexStock":
         """The body scaled by `factor` about its middle."""
         return self._with(self.middle + factor * (self.surface.vertices - self.middle))
@@ -208,7 +212,7 @@ def _make(job: StockJob, part: LyingPart, schedule: Schedule) -> ConvexStock:
         given = ConvexStock(read_mesh(job.mesh), file=job.mesh)
     except StockError as error:
         raise StockError(f"{job.mesh}: {error}", file=job.mesh, **error.evidence) from error
-    stock = given.move(np.array([0.0, 0.0, part.middle]) - given.middle)
+    stock = given.on_axis(part.middle)
     return stock.scale(job.scale or smallest_scale(stock, part.points, job.allowance))
 
 
