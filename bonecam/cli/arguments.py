@@ -133,10 +133,12 @@ def _add_post(parsers: Any) -> None:
     post = _add_command(parsers, "post", text, commands.run_post)
     post.add_argument("paths", metavar="PATHS", help="APT statements, or with --from-machine an NC program")
     post.add_argument("-o", "--output", metavar="PROGRAM", required=True, help="file for the NC program")
-    post.add_argument(
-        "--part", metavar="MESH", required=True, help="solid that is not gouged, in the paths' frame"
+    solid = (
+        "solid that is not gouged, in the paths' frame: a mesh, or a kept folder or surface (that of --keep)"
     )
-    post.add_argument("--keep", metavar="DIR", help="a folder that `convert --keep` wrote: its stock is cut")
+    post.add_argument("--part", metavar="MESH", help=solid)
+    kept = "a folder that `convert --keep` wrote: its stock is cut"
+    post.add_argument("--keep", metavar="DIR", help=kept)
     post.add_argument("--from-machine", metavar="NAME", help="machine that the program PATHS is for")
     post.add_argument("--from-controller", metavar="NAME", help="controller that the program PATHS is for")
     add_job_options(post)

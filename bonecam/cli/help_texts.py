@@ -27,7 +27,8 @@ EXAMPLES = {
     "compare": """
   bonecam compare bone.stl --units m -o study --job job.toml --set mechanics.refuse=false""",
     "post": """
-  bonecam post bone.apt --part bone.ply --keep bone -o bone.mpf --machine hermle-c600u --controller siemens-840d
+  bonecam post look/toolpath.apt --keep look -o bone.mpf --machine hermle-c600u --controller siemens-840d
+  bonecam post bone.apt --part bone.ply -o bone.mpf --machine hermle-c600u --controller siemens-840d
   bonecam post bone.h --part bone.ply -o bone.ngc --from-machine mikron-ucp600 --from-controller heidenhain \\
       --machine linuxcnc-xyzac --controller linuxcnc""",
     "view": """

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
-from bonecam.errors import ProgramError
+from bonecam.errors import FileError, JobError, ProgramError
 from bonecam.files import check_files, required_text, write_whole
 from bonecam.job import Job
 from bonecam.machine.machine import Machine, read_machine
@@ -26,6 +26,7 @@ from bonecam.nc.program import Program, program_name
 from bonecam.nc.reading.read import read_program
 from bonecam.post_and_prove import ProvedProgram, post_and_prove
 from bonecam.progress import Progress, part, silent
+from bonecam.report.files.kept_bodies import kept_surface
 from bonecam.report.tables.cl_data import ClPath, read_apt
 from bonecam.simulation import simulate, simulation_report, simulation_text
 from bonecam.surface.files.tspline_text import read_tsm
@@ -66,7 +67,7 @@ class Posted:
 
 def post(
     paths: str | Path,
-    part_file: str | Path,
+    part_file: str | Path | None = None,
     job: Job | None = None,
     *,
     program: str | Path | None = None,
@@ -75,7 +76,8 @@ def post(
     progress: Progress = silent,
 ) -> Posted:
     """The verified program of the `paths`: a file of APT statements, or, where the `origin` (machine and controller) is
-    given, a program for these. It must not gouge `part_file`, a mesh or a kept surface (.tspline) in the paths' frame.
+    given, a program for these. It must not gouge `part_file`, a solid in the paths' frame: a mesh, a kept surface
+    (.tspline), or the folder of a run, whose surface stands for its level_00.ply too; without it that of `keep`.
 
     Machine, controller, feeds of links and rapids, and the cutters (found by their balls) are those of the `job`. With
     the folder `keep` of a run the removal of its stock is simulated from the new text. The file `program` is written at
@@ -83,15 +85,15 @@ def post(
     the machine does not reach them, VerifyError where the program is wrong.
     """
     job = job or Job()
-    inputs = [file for file in (paths, part_file) if file is not None]
-    check_files([program] if program is not None else [], inputs)
+    design = _design_file(part_file, keep)
+    check_files([program] if program is not None else [], [paths, design])
     machine, dialect = read_machine(job.nc.machine), job_dialect(job.nc)
     planned = _planned(Path(paths), origin, job, machine)
     name = program_name(program or paths)
     note = [f"paths: {Path(paths).name}"]
     share = part(progress, 0.0, 0.5)
     proved = post_and_prove(
-        planned, machine, dialect, job, _design(part_file, job), name=name, comments=note, progress=share
+        planned, machine, dialect, job, _design(design, job), name=name, comments=note, progress=share
     )
     removal = None
     if keep is not None:
@@ -103,9 +105,23 @@ def post(
     return Posted(proved, removal, job)
 
 
-def _design(file: str | Path, job: Job) -> TSpline | MeshDistance:
+def _design_file(part_file: str | Path | None, keep: str | Path | None) -> Path:
+    """The file of what must not be gouged: a part, or the surface of a kept folder."""
+    if part_file is None and keep is None:
+        raise JobError(
+            "no part is named that must not be gouged: give --part, or the folder of a run (--keep)"
+        )
+    if part_file is not None:
+        return kept_surface(Path(part_file)) or Path(part_file)
+    surface = kept_surface(Path(str(keep)))
+    if surface is None:
+        raise FileError(f"{keep}: is no folder: give the one that `convert --keep` wrote", file=str(keep))
+    return surface
+
+
+def _design(file: Path, job: Job) -> TSpline | MeshDistance:
     """What must not be gouged: the surface of a kept run, or a mesh."""
-    if Path(file).suffix == ".tspline":
+    if file.suffix == ".tspline":
         return read_tsm(file)
     return MeshDistance(to_mm(read_mesh(file), job.mesh.units, str(file)))
 

@@ -1,18 +1,22 @@
 """Paths of another system, or of another machine's program, become a proved program here."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import bonecam
-from bonecam.errors import MachineError, ProgramError, VerifyError
+from bonecam.errors import FileError, JobError, MachineError, ProgramError, VerifyError
+from bonecam.files import whole_folder
 from bonecam.job import Job
 from bonecam.machine.machine import read_machine
 from bonecam.mesh import write_mesh
 from bonecam.nc.dialect import read_dialect
 from bonecam.nc.reading.read import read_program
 from bonecam.setup.capsule import Capsule
+from bonecam.surface.files.tspline_text import write_tsm
+from bonecam.surface.tspline import TSpline
 
 AXIS = np.array([0.0, 0.5, 0.75**0.5])
 TIPS = np.array([[0.0, 0.0, 60.0], [0.0, 0.0, 31.0], [4.0, 1.0, 31.0], [8.0, 2.0, 31.5], [8.0, 2.0, 60.0]])
@@ -85,3 +89,42 @@ def test_an_axis_that_the_machine_does_not_have_is_named(part: Path, tmp_path: P
     wanted = JOB.with_values(nc={"machine": "mill-4axis"})
     with pytest.raises(MachineError, match="point 0: no rotary angles of Mill of four axes"):
         bonecam.post(apt(tmp_path), part, wanted)
+
+
+@pytest.fixture
+def kept(tmp_path: Path, revolved: Callable[..., TSpline]) -> Path:
+    """What a run keeps of its part: the surface, and a mesh of it that lies far outside, as a coarse one may."""
+    folder = tmp_path / "kept"
+    surface = revolved(lambda share, azimuth: 3.0 + 0 * azimuth, low=9.0, high=27.0)
+    with whole_folder(folder, "never") as work:
+        write_tsm(surface, work / "surface.tspline")
+        write_mesh(
+            Capsule(np.array([0.0, 0, 12]), np.array([0.0, 0, 24]), 8.0).mesh(0.05), work / "level_00.ply"
+        )
+    return folder
+
+
+@pytest.mark.parametrize("name", ["", "level_00.ply", "surface.tspline"])
+def test_the_surface_of_a_kept_folder_stands_for_its_mesh(name: str, kept: Path, tmp_path: Path) -> None:
+    assert "gouge" in bonecam.post(apt(tmp_path), kept / name, JOB).summary
+
+
+def test_a_kept_mesh_that_was_changed_is_a_mesh_of_its_own(kept: Path, tmp_path: Path) -> None:
+    with (kept / "level_00.ply").open("ab") as file:
+        file.write(b"\n")
+    with pytest.raises(VerifyError, match="the ball enters the part"):
+        bonecam.post(apt(tmp_path), kept / "level_00.ply", JOB)
+
+
+def test_a_gouge_of_the_kept_surface_is_refused(kept: Path, tmp_path: Path) -> None:
+    with pytest.raises(VerifyError, match="the ball enters the part"):
+        bonecam.post(apt(tmp_path, TIPS - [0.0, 0.0, 6.0]), kept, JOB)
+
+
+def test_no_part_and_no_kept_folder_are_one_line(tmp_path: Path) -> None:
+    with pytest.raises(JobError, match="no part is named"):
+        bonecam.post(apt(tmp_path), job=JOB)
+    with pytest.raises(FileError, match="is no folder: give the one"):
+        bonecam.post(apt(tmp_path), job=JOB, keep=tmp_path / "gone")
+    with pytest.raises(FileError, match=r"has no surface.tspline"):
+        bonecam.post(apt(tmp_path), tmp_path, JOB)

@@ -15,6 +15,7 @@ from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.facets.hull import convex_hull
 from bonecam.mesh.files.mesh_files import read_mesh
 from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.runtime.own_files import is_own
 from bonecam.setup.schedule import schedule_of
 from bonecam.setup.stock import Stock
 from bonecam.setup.stock_kind import LyingPart, kind_of
@@ -24,6 +25,10 @@ from bonecam.verify.removal.given import GivenSurface, NotJudged, allowed_depth
 
 LEVEL = re.compile(r"level_(\d{2,})\.ply")
 """Names of the levels in a kept folder: the first is the part, the last the stock."""
+PART = "level_00.ply"
+"""Level 0 in a kept folder: the part, as a mesh."""
+SURFACE = "surface.tspline"
+"""The surface of level 0 in a kept folder, exact."""
 GIVEN = "given.ply"
 """The mesh as given, in the program's frame."""
 STOCK = re.compile(r"STOCK\W .* FROM Z (-?[\d.]+) TO Z (-?[\d.]+)", re.IGNORECASE)
@@ -31,6 +36,19 @@ STOCK = re.compile(r"STOCK\W .* FROM Z (-?[\d.]+) TO Z (-?[\d.]+)", re.IGNORECAS
 SAME_STOCK = 0.1
 """A kept stock is a mesh: its ends lie within this of those of the header, mm; so do stumps."""
 REMEDY = "give the folder that `convert --keep` wrote beside the program"
+
+
+def kept_surface(given: Path) -> Path | None:
+    """The part's surface that a kept folder holds, where `given` is that folder, or its mesh of level 0 as it was
+    written: that is drawn within path.chord_tolerance and more, and the proof of a program asks for the surface. None
+    where `given` is a file of its own. FileError where a folder keeps no surface."""
+    folder = given if given.is_dir() else given.parent
+    surface = folder / SURFACE
+    if given.is_dir():
+        if not surface.is_file():
+            raise FileError(f"{given}: has no {SURFACE}: {REMEDY}", file=str(given))
+        return surface
+    return surface if given.name == PART and is_own(folder, PART) and is_own(folder, SURFACE) else None
 
 
 def kept_levels(text: str, program: Path, keep: Path) -> tuple[TriangleMesh, TriangleMesh, int]:

@@ -37,7 +37,7 @@ def check_removal(
         )
     for part in (removal.shank, removal.holder, removal.spindle):
         _check_clearance(part, "enters material", REMEDIES[part.part])
-    _check_clearance(removal.table, "meets table or chuck", "give a longer post (holding.length)")
+    _check_clearance(removal.table, "meets table or chuck", "give a longer post (holding.length) or overhang")
     if removal.tailstock is not None:
         _check_clearance(removal.tailstock, "meets the tailstock", REMEDIES["tailstock"])
     if removal.shell is not None:
