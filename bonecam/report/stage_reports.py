@@ -11,6 +11,7 @@ from bonecam.errors import counted
 from bonecam.levels.measure.level import Level, rounding_cuts
 from bonecam.mesh.facets.nearest_areas import nearest_areas
 from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.nc.parts.marks import part_count
 from bonecam.nc.program import Program
 from bonecam.planning.links.lead_arc import begins_tangentially
 from bonecam.planning.passes.parting import cut_groove
@@ -95,13 +96,17 @@ def toolpath_report(paths: Sequence[ToolPath], least_lead: float) -> list[dict[s
 
 
 def _entries(path: ToolPath) -> dict[str, int]:
-    """How often the tool comes to a cut from a link or a rapid, and how often so along the cut's own direction."""
+    """How often the tool comes to a cut from a link or a rapid, and how often it comes and goes along the cut's own
+    direction."""
     cutting = path.kinds == MoveKind.CUT
     first = np.flatnonzero(cutting & np.r_[True, ~cutting[:-1]]).tolist()
     ends = (np.flatnonzero(cutting & np.r_[~cutting[1:], True]) + 1).tolist()
     balls = path.balls
-    along = [begins_tangentially(balls[max(a - 1, 0)], balls[a:b]) for a, b in zip(first, ends, strict=True)]
-    return {"entries": len(first), "entries_tangential": sum(along)}
+    cuts = list(zip(first, ends, strict=True))
+    come = sum(begins_tangentially(balls[max(a - 1, 0)], balls[a:b]) for a, b in cuts)
+    # a cut run backwards begins where it ends
+    go = sum(begins_tangentially(balls[min(b, len(balls) - 1)], balls[a:b][::-1]) for a, b in cuts)
+    return {"entries": len(first), "entries_tangential": come, "exits_tangential": go}
 
 
 def uncut_areas(paths: Sequence[ToolPath], part: TriangleMesh) -> dict[str, float]:
@@ -187,6 +192,7 @@ def nc_report(program: Program, proof: Verification) -> dict[str, Any]:
     return {
         "machine": program.machine,
         "controller": program.controller,
+        "parts": part_count(program.text),
         "blocks": program.blocks,
         "moves": program.moves,
         "readback_tip_error_mm": _mm(proof.readback_tip_error_mm),

@@ -140,7 +140,9 @@ def program_lines(report: Mapping[str, Any]) -> Iterator[str]:
     if "parting" in report:
         yield f"parting   {parting_text(report['parting'])}"
     mill = f"{nc['machine']} / {nc['controller']}"
-    yield f"nc        {nc['file'] or 'not written'}: {nc['blocks']} blocks for {mill}, about {nc['time_min']:.0f} min"
+    files = f" and {counted(nc['parts'], 'file')} that it calls" if nc["parts"] else ""
+    blocks = f"{nc['blocks']} blocks for {mill}, about {nc['time_min']:.0f} min"
+    yield f"nc        {nc['file'] or 'not written'}{files}: {blocks}"
     yield from rewind_lines(nc)
     median, low = nc["feed_median_mm_min"], nc["feed_low_mm_min"]
     share = f"an axis limits {nc['feed_axis_limited_share']:.0%} of the cutting blocks"

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
-from bonecam.errors import FileError, JobError, ProgramError
+from bonecam.errors import FileError, JobError, ProgramError, counted
 from bonecam.files import check_files, required_text, write_whole
 from bonecam.job import Job
 from bonecam.machine.machine import Machine, read_machine
@@ -21,6 +21,7 @@ from bonecam.nc.dialect import read_dialect
 from bonecam.nc.job_dialect import job_dialect
 from bonecam.nc.parts.files import write_program_files
 from bonecam.nc.parts.joined import joined
+from bonecam.nc.parts.marks import part_count
 from bonecam.nc.posting.header.header import record_simulation
 from bonecam.nc.program import Program, program_name
 from bonecam.nc.reading.read import read_program
@@ -59,6 +60,8 @@ class Posted:
         """What was made and proved, in lines for a person."""
         one, paths = self.program, self.proved.paths
         made = f"{one.blocks} blocks for {one.machine} / {one.controller}, about {one.time_min:.0f} min"
+        parts = part_count(one.text)
+        made += f", with {counted(parts, 'file')} that it calls" if parts else ""
         removal = "removal   not simulated: give the folder of a run (--keep)"
         if self.removal is not None:
             removal = simulation_text(simulation_report(self.removal, self.job))

@@ -51,6 +51,7 @@ class Staging:
 
     def __init__(self) -> None:
         self._outputs: list[_Output] = []
+        self._stale: list[Path] = []
 
     def file(self, path: str | Path) -> Path:
         """A name to write to, for the file `path` (or that a link leads to). FileError where none can be made."""
@@ -89,6 +90,10 @@ class Staging:
             self._outputs.append(_Output(path, work, target, names, tuple(made), own, replace))
         return work
 
+    def remove(self, file: Path) -> None:
+        """Remove a file once all outputs are in their places: what they replace."""
+        self._stale.append(file)
+
     def drop(self, path: str | Path) -> None:
         """Give up the output `path`: nothing of it is written."""
         for output in [output for output in self._outputs if output.given == path]:
@@ -123,6 +128,9 @@ class Staging:
                     troubles.append(error)
                 except OSError as error:
                     troubles.append(unwritable(output.given, error))
+            if not troubles:
+                for file in self._stale:
+                    file.unlink(missing_ok=True)
         if troubles:
             raise troubles[0]
 

@@ -41,12 +41,12 @@ def test_what_was_left_uncut_is_told_by_reason_apart_for_the_part() -> None:
 
 
 def test_entries_along_the_cut_are_told_from_straight_ones(path_of: Callable[..., ToolPath]) -> None:
-    """One cut reached from behind in its own direction, one from above."""
+    """One cut reached from behind in its own direction and left upwards, one reached from above and left in its own."""
     cut, link = int(MoveKind.CUT), int(MoveKind.LINK)
-    tips = np.array([[-1.0, 0, 0.1], [0, 0, 0], [1, 0, 0], [2, 0, 3.0], [2, 0, 0], [3, 0, 0]])
-    path = path_of(tips, np.tile([0.0, 0, 1], (6, 1)), kinds=np.array([link, cut, cut, link, cut, cut]))
+    tips = np.array([[-1.0, 0, 0.1], [0, 0, 0], [1, 0, 0], [2, 0, 3.0], [2, 0, 0], [3, 0, 0], [4, 0, 0.1]])
+    path = path_of(tips, np.tile([0.0, 0, 1], (7, 1)), kinds=np.array([link, cut, cut, link, cut, cut, link]))
     row = toolpath_report([path], 0.0)[0]
-    assert (row["entries"], row["entries_tangential"]) == (2, 1)
+    assert (row["entries"], row["entries_tangential"], row["exits_tangential"]) == (2, 1, 1)
 
 
 def test_axes_near_the_normal_are_counted_and_those_that_had_no_other(
@@ -125,13 +125,14 @@ def test_the_summary_tells_each_repair() -> None:
         )
         | {"rewinds": 3, "rewinds_lifted": 1, "gouge_to_given_max_mm": 0.0567}
         | {"feed_median_mm_min": 500.0, "feed_low_mm_min": 250.0, "feed_axis_limited_share": 0.95}
-        | {"feed_under_half_blocks": 2}
+        | {"feed_under_half_blocks": 2, "parts": 3}
         | {"file": "half.h", "machine": "mill", "controller": "heidenhain"},
         "seconds": {"mesh": 1.0},
         "warnings": [],
     }
     told = summary_of(report).splitlines()
     assert "entries   7 of 9 cuts begin tangentially, on arcs; 2 straight" in told
+    assert "nc        half.h and 3 files that it calls: 1 blocks for mill / heidenhain, about 1 min" in told
     assert "feed      median 500, a tenth below 250 mm/min; an axis limits 95% of the cutting blocks" in told
     assert "          2 cutting blocks under half of the cutter's feed: axes or plunges" in told
     assert "          0.057 mm into the mesh as given at most" in told

@@ -1,12 +1,13 @@
 """The files of a program in parts: the caller and what it calls. Their blocks are those of the whole text that was
 proved, which `joined` makes of them again."""
 
+from itertools import count
 from pathlib import Path
 
 from bonecam.errors import FileError
 from bonecam.files import input_text
 from bonecam.nc.dialect import Dialect
-from bonecam.nc.parts.marks import end_mark, mark_in, unnumbered
+from bonecam.nc.parts.marks import end_mark, mark_in, part_count, unnumbered
 from bonecam.nc.posting.block_numbers import number_blocks
 from bonecam.nc.program import LOWEST_DRAWN, NUMBERS, Program
 from bonecam.nc.schema.calls_table import CallsTable
@@ -34,6 +35,20 @@ def program_files(program: Program, dialect: Dialect, place: str | Path) -> dict
     return {place: number_blocks([*caller, *lines[end:]], dialect)[0], **texts}
 
 
+def stale_parts(program: Program, dialect: Dialect, place: str | Path) -> list[Path]:
+    """The files beside that at `place` that are parts of an older program of this name, and that the new one, which has
+    fewer, does not call: a person might run them."""
+    found = list[Path]()
+    for part in count(part_count(program.text) + 1):
+        if dialect.calls is None:
+            break
+        file = Path(place).with_name(str(part_fields(dialect.calls, program, part)["file"]))
+        if _owners(file, dialect) != {program.name}:
+            break
+        found.append(file)
+    return found
+
+
 def write_program_files(program: Program, dialect: Dialect, place: str | Path) -> None:
     """Write the files of a program, all or none; FileError names what cannot be written."""
     with staged() as staging:
@@ -41,9 +56,11 @@ def write_program_files(program: Program, dialect: Dialect, place: str | Path) -
 
 
 def stage_program_files(staging: Staging, program: Program, dialect: Dialect, place: str | Path) -> None:
-    """Write the files of a program beside others that are staged."""
+    """Write the files of a program beside others that are staged; parts of an older one go."""
     for file, text in program_files(program, dialect, place).items():
         staging.file(file).write_text(text, encoding="utf-8", newline="")
+    for file in stale_parts(program, dialect, place):
+        staging.remove(file)
 
 
 def part_fields(calls: CallsTable, program: Program, part: int) -> dict[str, str | int]:

@@ -27,6 +27,12 @@ def part_mark(mark: PartMark, told: str, dialect: Dialect) -> str:
     return _comment(f"PART {mark.part} OF {mark.parts} OF {mark.caller} {told}", dialect)
 
 
+def part_count(text: str) -> int:
+    """How many files a whole program calls, 0 where it is in one."""
+    found = PART.search(text)
+    return int(found[2]) if found else 0
+
+
 def end_mark(dialect: Dialect) -> str:
     """The comment behind the last part."""
     return _comment(PARTS_END, dialect)

@@ -11,7 +11,7 @@ from bonecam.files import NAME_BYTES, check_files, check_folder, second_file
 from bonecam.mesh.files.mesh_files import CAD, MESHES
 from bonecam.nc.dialect import Dialect, dialect_names, read_dialect
 from bonecam.nc.job_dialect import job_dialect
-from bonecam.nc.parts.files import program_files
+from bonecam.nc.parts.files import program_files, stale_parts
 from bonecam.progress import Progress, report, silent
 from bonecam.report.files.kept_folder import SERIES, fill_kept_folder
 from bonecam.report.files.kept_view import check_page_name
@@ -98,6 +98,9 @@ class Outputs:
                     texts |= second
                 for file, text in texts.items():
                     _write(staging.file(file), file, text)
+                for file in stale_parts(made.program, dialect, self.program):
+                    if file not in texts:
+                        staging.remove(file)
             for path, write in self._beside(made, staging):
                 try:
                     write()

@@ -46,6 +46,7 @@ class PathFigures(TypedDict):
     contacts: int
     entries: int
     entries_tangential: int
+    exits_tangential: int
     length_mm: float
     trimmed_mm: float
     trimmed_min: float
@@ -75,6 +76,7 @@ class ProgramFigures(TypedDict):
     file: NotRequired[str]
     machine: str
     controller: str
+    parts: int
     blocks: int
     moves: int
     readback_tip_error_mm: float

@@ -13,6 +13,7 @@ from bonecam.nc.dialect import Dialect, dialect_names
 from bonecam.nc.job_dialect import job_dialect
 from bonecam.nc.parts.files import program_files, write_program_files
 from bonecam.nc.parts.joined import joined
+from bonecam.nc.parts.marks import part_count
 from bonecam.nc.posting.write import write_program
 from bonecam.nc.program import Program
 from bonecam.nc.reading.read import read_program
@@ -223,3 +224,29 @@ def test_a_dialect_without_calls_cannot_split(tmp_path: Path) -> None:
     job = Job().with_values(nc={"controller": str(tmp_path / "own.toml"), "split": "level"})
     with pytest.raises(MachineError, match=r"^nc.split = 'level': own has no such: .* a table \[calls\]"):
         job_dialect(job.nc)
+
+
+@pytest.mark.parametrize("controller", dialect_names())
+def test_parts_of_a_longer_program_go_with_it(
+    controller: str, three_paths: list[ToolPath], tmp_path: Path
+) -> None:
+    other = tmp_path / "notes.txt"
+    other.write_text("mine")
+    first = made_of(three_paths, controller, split="level", program_number=77)
+    caller = written(first, tmp_path)
+    assert len(list(tmp_path.iterdir())) == 2 + part_count(first[0].text) == 5
+    for fewer in ({"split": "tool"}, {}):
+        made = made_of(three_paths, controller, program_number=77, **fewer)
+        written(made, tmp_path)
+        assert set(tmp_path.iterdir()) == {other, *program_files(made[0], made[1], caller)}
+    assert part_count(made[0].text) == 0
+
+
+def test_parts_stay_where_the_new_program_is_refused(three_paths: list[ToolPath], tmp_path: Path) -> None:
+    caller = written(made_of(three_paths, "heidenhain", split="level"), tmp_path)
+    before = {file: file.read_text() for file in tmp_path.iterdir()}
+    (tmp_path / "BONE_2.h").write_text("mine")
+    with pytest.raises(FileError, match="no part of a program"):
+        written(made_of(three_paths, "heidenhain", split="tool"), tmp_path)
+    assert caller.read_text() == before[caller]
+    assert len(list(tmp_path.iterdir())) == len(before)
