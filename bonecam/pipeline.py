@@ -20,6 +20,7 @@ from bonecam.nc.dialect import Dialect
 from bonecam.nc.job_dialect import job_dialect
 from bonecam.nc.posting.header.header import record_simulation
 from bonecam.nc.requirements import check_reach, check_table, check_tools
+from bonecam.planning.passes.patterns.fastest import check_pattern
 from bonecam.progress import Progress, part, silent
 from bonecam.report import warnings
 from bonecam.report.files.output_files import File, Outputs
@@ -131,6 +132,7 @@ def check_job(job: Job, machine: Machine, dialect: Dialect) -> None:
     """JobError where sizes, cutters, depths and solver do not fit one another or the machine; MachineError where
     no program can be written for the machine in the dialect."""
     check_sizes(job.stock)
+    check_pattern(job.path.pattern)
     check_tools(job, machine)
     check_table(job, machine)
     check_depths(job)

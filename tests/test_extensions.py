@@ -5,6 +5,7 @@ import os
 import re
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -18,6 +19,9 @@ from bonecam.cli.catalogue.slicer import main as slicer
 from bonecam.errors import JobError, MachineError
 from bonecam.machine.machine import read_machine
 from bonecam.nc.dialect import dialect_names, read_dialect
+from bonecam.planning.passes.patterns.fastest import pattern_curves
+from bonecam.surface.tspline import TSpline
+from bonecam.tool.cutter import Cutter
 
 PAGE = Path(__file__).parents[1] / "docs" / "pages" / "using" / "extend.md"
 FENCE = re.compile(r'^```\w+ title="(?P<title>[^"]+)"\n(?P<text>.*?)^```$', re.MULTILINE | re.DOTALL)
@@ -113,7 +117,71 @@ def test_a_pattern_that_cannot_be_loaded_is_one_line(mine: Path) -> None:
     done = subprocess.run(command, env=there, capture_output=True, text=True)
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1
-    assert "hexagon.py: cannot be loaded: ZeroDivisionError" in done.stderr
+    assert "hexagon.py: line 1: cannot be loaded: ZeroDivisionError" in done.stderr
+
+
+def _told(mine: Path, *settings: str) -> str:
+    """The one line with which a run with these settings is refused, in a process of its own."""
+    words = [word for setting in settings for word in ("--set", setting)]
+    command = [sys.executable, "-m", "bonecam", "demo", "-q", "-o", str(mine / "p.h"), *words]
+    there = {**os.environ, "BONECAM_HOME": str(mine)}
+    done = subprocess.run(command, env=there, capture_output=True, text=True)
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1), done.stderr
+    return done.stderr
+
+
+def test_a_broken_file_that_no_job_names_stops_no_run(mine: Path) -> None:
+    (mine / "stocks" / "broken.py").write_text("syntax error(\n", encoding="utf-8")
+    told = _told(mine, "stock.width=9")
+    assert "[stock] width = 9: a capsule has none" in told
+    assert "broken" not in told
+    assert "broken.py: cannot be loaded: SyntaxError" in _told(mine, "stock.kind=broken")
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        (
+            "KIND = StockKind((), lambda job, part, schedule: None, 'nothing')",
+            "makes None: let `make` return",
+        ),
+        ("KIND = StockKind((), lambda job, part, schedule: job.size, 'it')", "line 2: fails: AttributeError"),
+        ("KIND = StockKind(('diametre',), None, 'it')", r"'diametre', which is no field of \[stock\]"),
+    ],
+)
+def test_a_stock_that_makes_none_is_one_line(text: str, why: str, mine: Path) -> None:
+    source = f"from bonecam.setup import StockKind\n{text}\n"
+    (mine / "stocks" / "mine.py").write_text(source, encoding="utf-8")
+    assert re.search(why, _told(mine, "stock.kind=mine"))
+
+
+def test_a_pattern_without_lines_is_told_before_any_work(mine: Path) -> None:
+    (mine / "patterns" / "rings.py").write_text("def line(surface, radius, scallop): ...\n", encoding="utf-8")
+    assert "rings.py: cannot be loaded: AttributeError" in _told(
+        mine, "path.pattern=rings", "stock.diameter=1"
+    )
+
+
+@pytest.mark.parametrize(
+    ("lines", "why"),
+    [
+        ("[]", "gives no lines"),
+        ("1 / 0", "line 1: fails: ZeroDivisionError: division by zero"),
+        (
+            "[[[0.1, 0.5], [0.2, 9.0]]]",
+            r"leaves the surface at s = 0.2, t = 9: give s from 0 to 1 and t from 0 to 1",
+        ),
+        ("[[[0.1, 0.5], [0.2, float('nan')]]]", "leaves the surface at s = 0.2, t = nan"),
+    ],
+)
+def test_lines_that_a_pattern_may_not_draw_are_one_line(
+    lines: str, why: str, mine: Path, revolved: Callable[..., TSpline], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    source = f"def lines(surface, radius, scallop): return {lines}\n"
+    (mine / "patterns" / "rings.py").write_text(source, encoding="utf-8")
+    cutter = Cutter.from_job(1, "finishing", bonecam.Job().tool("finishing"))
+    with pytest.raises(JobError, match=why):
+        pattern_curves(revolved(lambda share, azimuth: 3.0 + 0 * azimuth), "rings", cutter)
 
 
 @pytest.mark.parametrize("kind", CATALOGUES)

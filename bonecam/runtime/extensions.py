@@ -8,13 +8,15 @@ entry points name them: the group `bonecam.machines` (and so on) a package with 
 
 import os
 from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from importlib.util import find_spec, module_from_spec, spec_from_file_location
 from pathlib import Path
+from traceback import extract_tb
 from typing import Any
 
-from bonecam.errors import JobError
+from bonecam.errors import BonecamError, JobError
 
 HOME = "BONECAM_HOME"
 """The variable of the environment that names the user's folder, if it is another."""
@@ -54,9 +56,28 @@ def added(kind: str, name: str, attribute: str) -> Any:
     try:
         return _attribute_of(file, attribute) if file.is_file() else points[name].load()
     except (Exception, SystemExit) as error:  # whatever a stranger's module raises while it is imported
-        place = file if file.is_file() else f"entry point {points[name].value}"
-        why = f"{type(error).__name__}: {error}"
-        raise JobError(f"{place}: cannot be loaded: {why}: mend or remove it", file=str(place)) from error
+        raise _failed(kind, name, "cannot be loaded", error) from error
+
+
+@contextmanager
+def run_added(kind: str, name: str) -> Iterator[None]:
+    """A block that runs the object of a name; JobError where it fails otherwise than with an error of bonecam."""
+    try:
+        yield
+    except BonecamError:
+        raise
+    except Exception as error:  # whatever a stranger's code raises
+        raise _failed(kind, name, "fails", error) from error
+
+
+def _failed(kind: str, name: str, what: str, error: BaseException) -> JobError:
+    """The error of an added object, with its file or entry point, and the last line of it that ran."""
+    file = user_folder() / kind / f"{name}.py"
+    place = str(file) if file.is_file() else f"entry point {_points(kind)[name].value}"
+    frames = [frame for frame in extract_tb(error.__traceback__) if frame.filename == str(file)]
+    where = f"line {frames[-1].lineno}: " if frames else ""
+    why = " ".join(f"{type(error).__name__}: {error}".split())
+    return JobError(f"{place}: {where}{what}: {why}: mend or remove it", file=place)
 
 
 def _attribute_of(file: Path, attribute: str) -> Any:

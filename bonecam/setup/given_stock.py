@@ -9,13 +9,14 @@ from bonecam.job import Job, StockJob
 from bonecam.mesh.triangle_mesh import MeshLike, mesh_from
 from bonecam.setup.capsule import Capsule
 from bonecam.setup.stock import Stock
+from bonecam.setup.stock_kind import SIZES
 from bonecam.setup.stocks.box import Box
 from bonecam.setup.stocks.cylinder import Cylinder
 from bonecam.setup.stocks.mesh import ConvexStock
 
 KEPT_STOCK = "stock.ply"
 """The body of a stock in memory, as a kept folder has it beside its job.toml."""
-GIVING = ("kind", "diameter", "length", "width", "depth", "mesh", "scale")
+GIVING = ("kind", *SIZES)
 """The fields of [stock] that a stock object stands for."""
 
 

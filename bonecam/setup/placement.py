@@ -19,7 +19,7 @@ from bonecam.setup.containment import MARGIN, require_inside
 from bonecam.setup.rounding.largest_rounding import require_roundable
 from bonecam.setup.schedule import Schedule, schedule_of
 from bonecam.setup.stock import Stock
-from bonecam.setup.stock_kind import LyingPart, check_sizes, is_posed, kind_of, pose_remedy
+from bonecam.setup.stock_kind import LyingPart, check_sizes, is_posed, kind_of, pose_remedy, stock_round
 from bonecam.setup.stocks.mesh import ConvexStock
 from bonecam.workholding.post import MISSES, Post, checked_post
 
@@ -126,7 +126,7 @@ def stock_for(
     if body is not None:
         stock = body.on_axis(middle)
     else:
-        stock = kind_of(job).make(job, LyingPart(lying, middle), schedule)
+        stock = stock_round(job, LyingPart(lying, middle), schedule)
 
     lift = np.array([0.0, 0.0, 0.0 if bottom is None else bottom - stock.bounds[0, 2]])
     require_inside(stock.move(lift), lying + lift, MARGIN, pose_remedy(job), spare)

@@ -10,15 +10,18 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from bonecam.errors import JobError
+from bonecam.errors import JobError, did_you_mean
 from bonecam.job import StockJob, field_error
-from bonecam.job.stock_section import STOCK_KINDS
-from bonecam.runtime.extensions import added
+from bonecam.job.stock_section import PUBLISHED_KINDS
+from bonecam.runtime.extensions import added, run_added
 from bonecam.setup.schedule import Schedule
 from bonecam.setup.stock import Stock
 
 POSE_FIELDS = ("offset_x", "offset_y", "offset_z", "tilt_x_deg", "tilt_y_deg", "turn_deg")
 """The fields of [stock] that say how the part lies in it."""
+
+SIZES = ("diameter", "length", "width", "depth", "mesh", "scale")
+"""The fields of [stock] that are sizes: a kind has some of them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +59,19 @@ def kind_of(job: StockJob) -> StockKind:
     return _kind(job.kind)
 
 
+def stock_round(job: StockJob, part: "LyingPart", schedule: Schedule) -> Stock:
+    """The stock of a job round a part. JobError where a kind that was added makes none."""
+    make = kind_of(job).make
+    if job.kind in PUBLISHED_KINDS:
+        return make(job, part, schedule)
+    with run_added("stocks", job.kind):
+        stock = make(job, part, schedule)
+    if not isinstance(stock, Stock):
+        what = f"the stock {job.kind!r} that was added makes {stock!r}"
+        raise JobError(f"{what}: let `make` return a stock, such as a ConvexStock", name=job.kind)
+    return stock
+
+
 def _kind(name: str) -> StockKind:
     if find_spec(f"bonecam.setup.stocks.{name}"):
         return cast(StockKind, import_module(f"bonecam.setup.stocks.{name}").KIND)
@@ -66,10 +82,15 @@ def _kind(name: str) -> StockKind:
 
 
 def check_sizes(job: StockJob) -> None:
-    """JobError where a size is given that this kind of stock does not have: it would be ignored."""
-    sizes_of = {name: _kind(name).sizes for name in STOCK_KINDS}
-    own = sizes_of[job.kind]
-    for size in dict.fromkeys(size for sizes in sizes_of.values() for size in sizes):
+    """JobError where a size is given that this kind of stock does not have, which would be ignored, or where the kind
+    has one that is no field of [stock]. Kinds that a user added and the job does not name are not loaded."""
+    own = kind_of(job).sizes
+    sizes_of = {name: _kind(name).sizes for name in (*PUBLISHED_KINDS, job.kind)}
+    for size in own:
+        if size not in StockJob.__dataclass_fields__:
+            what = f"the stock {job.kind!r} has the size {size!r}, which is no field of [stock]"
+            raise JobError(f"{what}{did_you_mean(size, SIZES)}: use {', '.join(SIZES)}", name=job.kind)
+    for size in SIZES:
         value = getattr(job, size)
         if size not in own and value != getattr(StockJob, size):
             kinds = " or ".join(kind for kind, sizes in sizes_of.items() if size in sizes)

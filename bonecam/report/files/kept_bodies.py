@@ -18,7 +18,7 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.runtime.own_files import is_own
 from bonecam.setup.schedule import schedule_of
 from bonecam.setup.stock import Stock
-from bonecam.setup.stock_kind import LyingPart, kind_of
+from bonecam.setup.stock_kind import LyingPart, stock_round
 from bonecam.setup.stocks.mesh import ConvexStock
 from bonecam.verify.control.program_file import header_of
 from bonecam.verify.removal.given import GivenSurface, NotJudged, allowed_depth
@@ -108,7 +108,7 @@ def kept_stock(keep: Path, mesh: TriangleMesh, chord: float) -> Stock:
             return ConvexStock(convex_hull(mesh.vertices), proven=True)
         job = StockJob(kind=kind, **sizes)
         middle = float(mesh.bounds[:, 2].mean())
-        stock = kind_of(job).make(job, LyingPart(mesh.vertices, middle), schedule_of(LevelsJob()))
+        stock = stock_round(job, LyingPart(mesh.vertices, middle), schedule_of(LevelsJob()))
     except (OSError, ValueError, KeyError, TypeError, BonecamError) as error:
         raise FileError(f"{file}: tells no stock ({error}): {REMEDY}", file=str(file)) from error
     if np.abs(stock.bounds - mesh.bounds).max() > SAME_STOCK + chord:

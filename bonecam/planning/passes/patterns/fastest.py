@@ -21,7 +21,7 @@ from bonecam.planning.passes.patterns.sampling import ball_centres, dense_sample
 from bonecam.planning.passes.patterns.spacing import line_positions, needed_ranges
 from bonecam.planning.passes.patterns.spiral import spiral_curves
 from bonecam.planning.passes.patterns.step_metric import step_metric
-from bonecam.runtime.extensions import added, added_names
+from bonecam.runtime.extensions import added, added_names, run_added
 from bonecam.surface.tspline import TSpline
 from bonecam.tool.cutter import Cutter
 
@@ -57,16 +57,30 @@ def pattern_curves(surface: TSpline, pattern: str, cutter: Cutter, turn_speed: f
     return min(found, key=lambda curves: curve_minutes(surface, curves, cutter, turn_speed))
 
 
+def check_pattern(pattern: str) -> None:
+    """JobError where a pattern that was added cannot be loaded."""
+    if pattern in added_names("patterns"):
+        added("patterns", pattern, "lines")
+
+
 def _added(surface: TSpline, pattern: str, cutter: Cutter) -> Curves:
     """The curves of a pattern that was added: those of its function of surface, ball radius and scallop, each a
     polyline (k, 2) of parameters s, t. JobError where it gives none."""
-    drawn = [
-        np.asarray(line, dtype=float)
-        for line in added("patterns", pattern, "lines")(surface, cutter.radius, cutter.scallop)
-    ]
+    lines = added("patterns", pattern, "lines")
+    with run_added("patterns", pattern):
+        drawn = [np.asarray(line, dtype=float) for line in lines(surface, cutter.radius, cutter.scallop)]
     if not drawn or not all(line.ndim == 2 and line.shape[1] == 2 and len(line) > 1 for line in drawn):
         remedy = "give one polyline or more, each an array (k, 2) of s and t with two points or more"
         raise JobError(f"the pattern {pattern!r} that was added gives no lines: {remedy}", pattern=pattern)
+    (s_low, s_high), (low, high) = surface.domain
+    points = np.vstack(drawn)
+    s_bounds = (-np.inf, np.inf) if surface.closed_in_s else (s_low, s_high)
+    inside = (points >= [s_bounds[0], low]) & (points <= [s_bounds[1], high]) & np.isfinite(points)
+    if not inside.all():
+        s, t = points[~inside.all(axis=1)][0]
+        what = f"the pattern {pattern!r} that was added leaves the surface at s = {s:g}, t = {t:g}"
+        remedy = f"give s from {s_low:g} to {s_high:g} and t from {low:g} to {high:g}"
+        raise JobError(f"{what}: {remedy}", pattern=pattern)
     return curves_of(drawn)
 
 
