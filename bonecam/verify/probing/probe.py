@@ -30,7 +30,8 @@ PATCH = 0.6
 LARGEST = 3.0
 """Largest radius of a ball, mm: its patches have 15,000 nodes each."""
 SPACING = 0.03
-"""Distance of the nodes of a patch, mm: a cusp that a ball of 1 mm leaves between two is missed by 2 um."""
+"""Distance of the nodes of a patch, mm: a cusp between two is missed by 2 um where a ball of 1 mm leaves scallops of
+0.01 mm, by 6 um where it leaves 0.1 mm."""
 
 
 @dataclass(frozen=True, eq=False)
