@@ -1,5 +1,5 @@
 """Writes our figures into the docs (`make papers`): comparisons of parts into pages/theory/papers.md, with the pictures
-of the first, and what the benchmarks print into pages/benchmarks.md.
+of the last, and what the benchmarks print into pages/benchmarks.md.
 
     python docs/papers.py [--only NAME]... [PART[:UNITS[:JOB]] ...]
 
@@ -39,10 +39,10 @@ def fill(page: Path, name: str, text: str) -> None:
 
 
 def comparisons(parts: list[str]) -> str:
-    """The tables of all parts; the pictures of the first one go into the docs."""
+    """The tables of all parts; the pictures of the last one go into the docs."""
     folders = [compared(part) for part in parts]
     for name in PICTURES:
-        shutil.copy(folders[0] / f"{name}.png", PAGES / "figures" / f"compared-{name}.png")
+        shutil.copy(folders[-1] / f"{name}.png", PAGES / "figures" / f"compared-{name}.png")
     return "\n\n".join(tables(folder) for folder in folders)
 
 

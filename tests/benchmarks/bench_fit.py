@@ -139,5 +139,5 @@ def main(tolerance: float, most: int, names: list[str]) -> None:
 
 
 if __name__ == "__main__":
-    tolerance, most, *bones = sys.argv[1:] or [0.05, 4000, *(f"{BONES / name}_m.stl:m" for name in NAMES)]
+    tolerance, most, *bones = sys.argv[1:] or ["0.05", "4000", *(f"{BONES / name}_m.stl:m" for name in NAMES)]
     main(float(tolerance), int(most), bones)
