@@ -63,12 +63,12 @@ def tables(folder: Path) -> str:
 
 
 def printed(script: str) -> str:
-    """What a benchmark prints, and whether it missed an aim; its arguments follow its name."""
+    """What a benchmark prints, and whether it ended early; its arguments follow its name."""
     command = [sys.executable, *f"tests/benchmarks/{script}".split()]
     run = subprocess.run(command, cwd=ROOT, stdout=subprocess.PIPE, text=True)
     if not run.stdout:
         raise SystemExit(f"{script}: printed nothing: run it by itself")
-    missed = ", an aim missed" if run.returncode else ""
+    missed = ", ended early" if run.returncode else ""
     return (
         f"`python tests/benchmarks/{script}`, {date.today()}{missed}:\n\n```text\n{run.stdout.rstrip()}\n```"
     )
