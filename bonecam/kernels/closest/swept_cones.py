@@ -154,9 +154,22 @@ def swept_vertices(size: ndarray, sides: int) -> ndarray:
     widest = np.arctan(max(first, second))
     foot, along = np.empty((sides, 3)), np.empty((sides, 3))
     _edges(first, second, sides, wide, foot, along)
-    upper, top = _upper(np.hypot(size[2], size[1]) + growth, foot, along)
 
     bottom = size[0] - growth - RIM_SHARE * np.hypot(size[0], wide)
+    rim = np.empty((RIM_STEPS * sides, 3))
+    rim_of(first, second, sides, RIM_STEPS, 0.0, rim)
+    lowest = np.full(sides, np.inf)
+    top = np.hypot(size[2], size[1]) + growth
+    for j in range(sides):
+        for m in range(len(rim)):
+            slope = dot(along[j], rim[m])
+            if slope > 0:
+                lowest[j] = min(lowest[j], (bottom - dot(foot[j], rim[m])) / slope)
+        # of a wide and short section the sphere would meet the edge below where that begins, or nowhere
+        above = max(lowest[j], 0.0) + LEAST_GROWTH
+        top = max(top, np.sqrt(dot(foot[j], foot[j]) + above * above))
+    upper, top = _upper(top, foot, along)
+
     inner = 1 + int(widest / ARC_STEP) if bottom > 0 else 0
     rings = np.empty((inner + 1 + len(upper), sides, 3))
     middles = np.empty((sides, 3))
@@ -164,15 +177,8 @@ def swept_vertices(size: ndarray, sides: int) -> ndarray:
     for k in range(inner):
         for j in range(sides):
             _lean(middles[j], (k + 1) / inner, bottom, rings[k, j])
-    rim = np.empty((RIM_STEPS * sides, 3))
-    rim_of(first, second, sides, RIM_STEPS, 0.0, rim)
     for j in range(sides):
-        least = np.inf
-        for m in range(len(rim)):
-            slope = dot(along[j], rim[m])
-            if slope > 0:
-                least = min(least, (bottom - dot(foot[j], rim[m])) / slope)
-        rings[inner, j] = foot[j] + least * along[j]
+        rings[inner, j] = foot[j] + lowest[j] * along[j]
     rings[inner + 1 :] = upper
 
     vertices = np.zeros((rings.shape[0] * sides + 2, 3))

@@ -7,8 +7,9 @@ of its place. For all axes of the cone its points x (from the place of the apex)
     |x| <= |(H, r)| + growth,
     x . a >= h - growth             for an axis a of the cone.
 
-The mesh has these planes as its sides. Its upper facets are no nearer than the bound; its lower vertices, and so its
-lower facets, lie in the convex set of all x for which the last line holds for no a.
+The mesh has these planes as its sides. Its upper facets are no nearer than the bound, and so far away that they meet
+each edge between two sides above its lower end, also of a section that is wide and short; its lower vertices, and so
+its lower facets, lie in the convex set of all x for which the last line holds for no a.
 """
 
 from dataclasses import astuple, dataclass
@@ -40,10 +41,8 @@ class Sweep:
 
     def mesh(self, sides: int) -> tuple[Float[ndarray, "v 3"], Int[ndarray, "f 3"]]:
         """Vertices and outward faces of a mesh that holds it, of `sides` sides, the apex in the origin, the cone's axis
-        along Z, and its largest opening along X. ValueError where there is none: the top lies within the sides."""
+        along Z, and its largest opening along X."""
         vertices = swept_vertices(np.array(astuple(self)), sides)
-        if not np.isfinite(vertices).all():
-            raise ValueError(f"{self}: {sides} sides do not reach up to its end")
         return vertices, _faces((len(vertices) - 2) // sides, sides)
 
     def steps(self) -> tuple["Sweep", ...]:

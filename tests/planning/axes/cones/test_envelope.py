@@ -69,10 +69,25 @@ def test_steps_leave_out_the_corner_that_growth_rounds() -> None:
     assert not any(step.holds(corner, 96).any() for step in sweep.steps())
 
 
-def test_a_mesh_that_cannot_be_is_refused() -> None:
-    """So wide and low a section ends within its polygon's corners."""
-    with pytest.raises(ValueError, match="do not reach up to its end"):
-        Sweep(0.0, 0.05, 2.0, 0.6, 0.4, 0.0).mesh(SIDES)
+@pytest.mark.parametrize("sides", [12, 24])
+@pytest.mark.parametrize(
+    "size",
+    [
+        (0.0, 0.2, 3.0, 0.3, 0.2, 0.05),
+        (0.0, 0.6, 3.0, 0.3, 0.2, 0.05),
+        (0.0, 0.5, 2.0, 0.9, 0.1, 0.05),
+        (0.0, 0.05, 2.0, 0.6, 0.4, 0.0),
+        (30.0, 31.0, 20.0, 1.2, 0.2, 0.1),
+        (10.0, 10.5, 50.0, 0.5, 0.5, 0.02),
+    ],
+)
+def test_wide_and_short_sections_are_held_too(size: tuple[float, ...], sides: int) -> None:
+    """Flutes that hardly reach over the ball's centre, and a low step of a holder: the corners of their polygon are
+    farther from the apex than any of their points."""
+    sweep = Sweep(*size)
+    mesh = TriangleMesh(*sweep.mesh(sides))
+    assert is_closed(mesh)
+    assert MeshDistance(mesh).signed(points_of(sweep, 6_000)).max() < 1e-4
 
 
 @pytest.mark.parametrize("name", SWEEPS)
