@@ -339,3 +339,19 @@ def test_every_parameter_that_speaks_of_a_file_is_a_path() -> None:
 def test_the_deepest_roughing_cut_needs_no_finishing_levels() -> None:
     job = Job().with_values(levels={"finishing_levels": 0, "roughing_depth": 0.7})
     assert job.deepest("roughing") == 0.7
+
+
+@pytest.mark.parametrize(
+    "levels",
+    [
+        {"depths": "0.5 1"},
+        {"schedule": "fewest"},
+        {"finishing_levels": 0, "roughing_depth": 0.5},
+    ],
+)
+def test_the_feed_of_the_finishing_cutter_is_for_the_cut_that_it_takes_onto_the_part(levels: dict) -> None:
+    """However deep that is: the finishing depth tells which of the cuts outside it are its too."""
+    job, by_depth = Job(levels=levels), Job(levels={"finishing_depth": 0.5})
+    assert job.deepest("finishing") == 0.5
+    assert job.tool("finishing").feed == by_depth.tool("finishing").feed < Job().tool("finishing").feed
+    assert Job(levels={"depths": "0.05 1"}).deepest("finishing") == 0.1

@@ -41,16 +41,25 @@ def job_strip_force(force: CuttingForce, job: Job, name: str) -> float:
 def lighter_cuts(force: CuttingForce, job: Job) -> tuple[tuple[str, float], ...]:
     """Shallower finishing cuts than those of a job, in words, and the share of its force that each takes; at the feed
     that the material gives them."""
-    found = []
+    levels, found = job.levels, []
+    by_number = not levels.listed and bool(levels.cuts[0])
     for times in SHALLOWER:
         depth, scallop = (
             float(f"{value / times:.2g}") for value in (job.deepest("finishing"), job.finishing.scallop)
         )
+        changed: dict[str, float | str] = {"finishing_depth": depth}
+        if not by_number:
+            outer = levels.listed[1:] or (levels.cuts[1],)
+            changed |= {"schedule": "numbers", "depths": " ".join(f"{each:g}" for each in (depth, *outer))}
         try:
-            other = job.with_values(levels={"finishing_depth": depth}, finishing={"scallop": scallop})
+            other = job.with_values(levels=changed, finishing={"scallop": scallop})
         except JobError:  # a job takes none that are so small
             continue
         share = job_strip_force(force, other, "finishing") / job_strip_force(force, job, "finishing")
         fields = "levels.finishing_depth, finishing.scallop"
+        if not by_number:
+            fields = (
+                "levels.finishing_depth, the first of levels.depths where they are stated, finishing.scallop"
+            )
         found.append((f"finishing cuts of {depth:g} mm with scallops of {scallop:g} ({fields})", share))
     return tuple(found)

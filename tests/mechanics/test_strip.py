@@ -53,3 +53,16 @@ def test_shallower_cuts_take_less_and_less_of_the_force_at_the_feed_that_they_ha
     tool = other.tool("finishing")
     by_hand = strip_force(FORCE, tool.radius, 0.15, 0.05, tool.feed / (2 * tool.spindle))
     assert shares[0] * job_strip_force(FORCE, job, "finishing") == pytest.approx(by_hand)
+
+
+@pytest.mark.parametrize(
+    "levels", [{"depths": "0.3 0.5 1", "finishing_depth": 0.3}, {"depths": "0.3"}, {"schedule": "fewest"}]
+)
+def test_shallower_cuts_are_those_onto_the_part_of_any_schedule(levels: dict) -> None:
+    job = Job(levels=levels, finishing={"scallop": 0.1})
+    depth = job.levels.depth_onto(0)
+    numbers = Job(levels={"finishing_depth": depth}, finishing={"scallop": 0.1})
+    found, wanted = lighter_cuts(FORCE, job), lighter_cuts(FORCE, numbers)
+    assert [share for _, share in found] == pytest.approx([share for _, share in wanted])
+    assert all("the first of levels.depths" in what for what, _ in found)
+    assert found[0][0].startswith(f"finishing cuts of {depth / 2:g} mm")
