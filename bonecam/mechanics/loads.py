@@ -99,7 +99,7 @@ class Loads:
         forces = forces_of(edges.edges, edges.asked, work.flutes)
         bodies = Bodies(work.beam(standing), cutter_compliance(cutter))
         first = bodies.beam.first_frequency(work.stiffness.density)
-        tooth = work.flutes * float(self.spindle[pieces.moves[0]]) / 60
+        tooth = work.flutes * float(self.spindle[pieces.moves].max()) / 60
         cut = np.flatnonzero(forces.cut)
         places, mean = forces.places[cut], forces.mean[cut]
         gives = bodies.compliance(places, edges.edges.frames[cut, 2])

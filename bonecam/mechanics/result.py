@@ -133,7 +133,7 @@ class Mechanics:
     @property
     def slowest(self) -> PathLoads | None:
         """The path behind which the lowest frequency is least beside that of its edges."""
-        return min(self.paths, key=lambda path: path.first_hz / path.tooth_hz, default=None)
+        return max(self.paths, key=lambda path: path.tooth_hz / path.first_hz, default=None)
 
     def move_forces(self, moves: int) -> Float[ndarray, " m"]:
         """The largest mean force on each of so many moves of the text, N; 0 in air."""

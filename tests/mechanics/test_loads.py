@@ -152,6 +152,15 @@ def test_what_bends_too_much_is_refused_with_what_helps_most_unless_the_job_says
     run(clamped=25.0)[1].check()
 
 
+def test_edges_pass_at_the_speed_of_the_cuts_though_the_spindle_stands_where_a_path_begins():
+    """A rapid before M3 belongs to the path; one without any cut has no edges that pass."""
+    started = np.full(60, 4500.0)
+    started[0] = 0.0
+    assert run(spindle=started)[0].paths[0].tooth_hz == 150.0
+    _, found = run(spindle=0.0)
+    assert found.slowest.tooth_hz == found.report["tooth_hz"] == 0.0
+
+
 def test_a_slow_body_is_bent_by_the_mean():
     loads, _ = run(spindle=60000.0)
     (path,) = loads.paths

@@ -24,7 +24,9 @@ def blocked_share(setup: Setup, job: Job, limits: MachineLimits) -> float:
         sampled_lifts_of_part(replace(setup, post=setup.post.alone), bare, limits, CONTACTS)
     )
     with_it = np.isfinite(sampled_lifts_of_part(setup, job, limits, CONTACTS))
-    if without.any() and not with_it.any():
+    if not without.any():
+        return 0.0  # whatever is in the way, the tailstock is not what keeps the tool off
+    if not with_it.any():
         reach = job.holding.tailstock_reach
         bound = "arm and column stand in the way of holder and spindle everywhere: give more, a longer pin "
         raise field_error(
@@ -33,4 +35,4 @@ def blocked_share(setup: Setup, job: Job, limits: MachineLimits) -> float:
             reach,
             f"{bound}(tailstock_length), a longer overhang, or no tailstock",
         )
-    return max(1.0 - with_it.sum() / max(without.sum(), 1), 0.0)
+    return max(1.0 - with_it.sum() / without.sum(), 0.0)

@@ -58,6 +58,12 @@ def test_a_bracket_in_the_way_of_everything_is_refused(bar: Part) -> None:
     assert blocked_share(setup, replace(job, holding=replace(job.holding, tailstock="none")), steep) == 0
 
 
+def test_a_tailstock_is_not_blamed_for_what_no_tool_reaches_without_it(bar: Part) -> None:
+    """A machine whose tool only comes from straight below, where the post is."""
+    setup, job = standing(bar, tailstock="pin")
+    assert blocked_share(setup, job, replace(LIMITS, smallest=np.pi - 0.01, largest=np.pi)) == 0
+
+
 def test_the_bracket_that_is_found_stands_over_the_part_where_it_is_cut(bar: Part) -> None:
     setup, job, _ = find_standing(*standing(bar, tailstock="neck", tailstock_diameter=4.0), LIMITS)
     column, *arm = clamping_of(job.holding, LIMITS.bodies.table).beside
