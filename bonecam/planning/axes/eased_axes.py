@@ -54,7 +54,7 @@ def eased_axes(
         axes = easing.eased(axes, slow, half)
     for lean, turn in product(LEANS, range(AROUND)):
         slow = easing.slow(axes)
-        if not (slow & ~easing.certified).any():
+        if not (slow & ~easing.in_cone).any():
             break
         axes = easing.held(axes, slow, lean, 2 * np.pi * turn / AROUND)
     changed = (axes != chosen.axes).any(axis=1)
@@ -75,9 +75,11 @@ class _Easing:
         job: PathJob,
     ) -> None:
         self.path, self.checker, self.limits = path, checker, limits
-        cones = wanted.cones
-        self.shapes = cones.shapes.take(cones.cone_of) if cones and len(cones.shapes) else None
-        self.certified = wanted.certified & (chosen.axes == wanted.axes).all(axis=1)
+        cones, self.shapes = wanted.cones, None
+        self.in_cone = np.zeros(len(chosen.axes), dtype=bool)
+        if cones and len(cones.shapes):
+            self.shapes = cones.shapes.take(cones.cone_of)
+            self.in_cone = (cones.cone_of >= 0) & self._in_cones(chosen.axes)
         self.max_tilt, least = np.radians(job.max_tilt_deg), np.radians(job.least_lead_deg)
         self.leads = np.minimum(angles_between(chosen.axes, path.normals), least)
         found = chosen.found
@@ -120,7 +122,7 @@ class _Easing:
         (radians)."""
         tried, part = axes.copy(), np.full(len(axes), -1)
         for number, rows in enumerate(self.rows):
-            if slow[rows].any() and not self.certified[rows].any():
+            if slow[rows].any() and not self.in_cone[rows].any():
                 mean = unit(axes[rows].sum(axis=0)[None])
                 side = perpendicular(mean)
                 to = np.cos(turn) * side + np.sin(turn) * np.cross(mean, side)
@@ -133,11 +135,11 @@ class _Easing:
         tried = avoid_singularity(tried, self.path.centres, self.piece)
         return self.limits.nearest(tried) if self.limits.narrow else tried
 
-    def _in_cones(self, tried: Float[ndarray, "n 3"]) -> Bool[ndarray, " n"]:
-        """Whether each axis is in its cone, if that of before was."""
+    def _in_cones(self, axes: Float[ndarray, "n 3"]) -> Bool[ndarray, " n"]:
+        """Whether each axis is in its contact's cone; nothing is told of contacts without one."""
         if self.shapes is None:
-            return ~self.certified
-        return np.asarray(~self.certified | (self.shapes.off(tried) <= self.shapes.mean_angles))
+            return np.ones(len(axes), dtype=bool)
+        return np.asarray(self.shapes.off(axes) <= self.shapes.mean_angles)
 
     def _shares(
         self, rows: Int[ndarray, " r"], slow: Bool[ndarray, " n"], half: float
@@ -173,7 +175,7 @@ class _Easing:
         path, radius = self.path, self.path.cutter.radius
         may = within_limits(tried[asked], path.normals[asked], self.limits, self.max_tilt)
         may &= angles_between(tried[asked], path.normals[asked]) >= self.leads[asked] - 1e-9
-        may &= self._in_cones(tried)[asked]
+        may &= (~self.in_cone | self._in_cones(tried))[asked]
         before, after = (np.bincount(part[asked], s[asked]) for s in (slow, self.slow(tried)))
         bad = after >= before
         bad[part[asked[~may]]] = True

@@ -123,14 +123,19 @@ def test_axes_stay_where_the_eased_ones_collide_or_nothing_is_slow(
     assert (eased(slow, chosen, Open()).axes == chosen.axes).all()
 
 
+@pytest.mark.parametrize("certified", [False, True])
 @pytest.mark.parametrize(("angle_deg", "changes"), [(5.0, False), (40.0, True)])
 def test_axes_that_lie_in_their_cones_stay_there(
-    pass_of: Callable[[ndarray], tuple[ContactPath, ToolAxes]], angle_deg: float, changes: bool
+    pass_of: Callable[[ndarray], tuple[ContactPath, ToolAxes]],
+    angle_deg: float,
+    changes: bool,
+    certified: bool,
 ) -> None:
+    """Also on a path that is made anew of some of a level's contacts: its moves are not certified by the cones."""
     path, chosen = pass_of(TURNED)
     cones = EllipticCones.circular(chosen.axes, np.full(COUNT, np.radians(angle_deg)))
     free = FreeCones(path.centres, cones, np.arange(COUNT))
-    wanted = WantedAxes(chosen.axes, np.ones(COUNT, dtype=bool), free)
+    wanted = WantedAxes(chosen.axes, np.full(COUNT, certified), free)
     made = eased_axes(path, chosen, wanted, Open(), LIMITS, PathJob())
     assert (made.axes != chosen.axes).any() == changes
     assert angles_between(made.axes, chosen.axes).max() < np.radians(angle_deg)
@@ -145,3 +150,15 @@ def test_a_short_pass_whose_axis_runs_round_is_held(
     assert feeds(path, made.axes).min() > 0.5 * FEED
     assert np.allclose(made.axes, unit(made.axes[:1]))
     assert angles_between(made.axes, path.normals).min() > np.radians(PathJob().least_lead_deg) - 1e-9
+
+
+def test_a_contact_without_a_cone_is_not_bound_by_another_ones(
+    pass_of: Callable[[ndarray], tuple[ContactPath, ToolAxes]],
+) -> None:
+    path, chosen = pass_of(TURNED)
+    cones = EllipticCones.circular(chosen.axes[:1], np.full(1, np.radians(5.0)))
+    free = FreeCones(path.centres[:1], cones, np.r_[0, np.full(COUNT - 1, -1)])
+    made = eased_axes(
+        path, chosen, WantedAxes(chosen.axes, np.zeros(COUNT, dtype=bool), free), Open(), LIMITS, PathJob()
+    )
+    assert feeds(path, made.axes).min() > 0.5 * FEED
