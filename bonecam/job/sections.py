@@ -140,12 +140,9 @@ class Job:
         return replace(tool, spindle=spindle, feed=tool.feed or min(feed, slowest))
 
     def deepest(self, name: str) -> float:
-        """Depth (mm) of the deepest cut of the cutter of a section: the cut onto the part is never the roughing
-        cutter's, however deep."""
-        first, beyond = self.levels.cuts
-        if name == "roughing":
-            return max([*first, beyond])
-        return max(self.levels.finishing_depth, self.levels.depth_onto(0))
+        """Depth (mm) of the deepest cut of the cutter of a section: that onto the part is the finishing cutter's."""
+        (first, beyond), finest = self.levels.cuts, self.levels.finishing_depth
+        return max([*first, beyond] if name == "roughing" else [finest, self.levels.depth_onto(0)])
 
     def scallop(self, level: int) -> float:
         """Largest scallop (mm) that the path of a level leaves: that of its cutter; before a finishing cut SMOOTH_SHARE

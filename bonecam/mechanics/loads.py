@@ -9,6 +9,7 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 
 from bonecam.arrays import lengths
+from bonecam.errors import VerifyError
 from bonecam.kernels.removal.engagement import Edges
 from bonecam.kernels.removal.sweep import Pieces
 from bonecam.material.rays import RayGrid
@@ -92,12 +93,17 @@ class Loads:
         finished: Finished | None,
     ) -> None:
         """Take the path of a `level` (its index and number of the rest path), whose `edges` have been asked, with what
-        stands behind it."""
+        stands behind it. VerifyError where that is in pieces, one above the other."""
         work = self.workpiece
         if work is None:
             return
         forces = forces_of(edges.edges, edges.asked, work.flutes)
-        bodies = Bodies(work.beam(standing), cutter_compliance(cutter))
+        try:
+            bodies = Bodies(work.beam(standing), cutter_compliance(cutter))
+        except ValueError as error:
+            named = "a path of the program" if level[0] is None else f"the path of level {level[0]}"
+            what = f"{named} cuts through the work: {error}"
+            raise VerifyError(f"{what}: cut less deep there, or what holds the part less", line=0) from error
         first = bodies.beam.first_frequency(work.stiffness.density)
         tooth = work.flutes * float(self.spindle[pieces.moves].max()) / 60
         cut = np.flatnonzero(forces.cut)

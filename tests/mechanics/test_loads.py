@@ -161,6 +161,11 @@ def test_edges_pass_at_the_speed_of_the_cuts_though_the_spindle_stands_where_a_p
     assert found.slowest.tooth_hz == found.report["tooth_hz"] == 0.0
 
 
+def test_a_path_that_cuts_the_work_in_two_is_refused():
+    with pytest.raises(VerifyError, match=r"level 0 cuts through the work: nothing stands at z = 33\.25 mm"):
+        run(bar=1.5, depth=3.5)
+
+
 def test_a_slow_body_is_bent_by_the_mean():
     loads, _ = run(spindle=60000.0)
     (path,) = loads.paths
