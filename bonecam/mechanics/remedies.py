@@ -98,7 +98,9 @@ def _pinned(work: Workpiece, beam: Beam, part: TriangleMesh) -> tuple[float, Bea
     if work.holding is None or work.holding.has_tailstock or work.body is not None:
         return None
     reach = work.holding.tailstock_reach or REACH
-    holding = replace(work.holding, tailstock=PIN, tailstock_reach=reach)
+    # what is left in a job of a tailstock that it has no more may not fit the part
+    bare = replace(work.holding, tailstock_x=0.0, tailstock_y=0.0, tailstock_height=0.0)
+    holding = replace(bare, tailstock=PIN, tailstock_reach=reach)
     support = tailstock_support(holding, pin_above(part, holding), work.stiffness.elasticity)
     return holding.tailstock_diameter, replace(beam, support=support)
 

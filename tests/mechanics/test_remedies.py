@@ -70,6 +70,8 @@ def test_a_pin_at_the_free_end_is_offered_to_a_part_without_one() -> None:
     pinned = told['a pin of 3 mm at the free end (holding.tailstock = "pin")']
     assert 0.01 * before < pinned < 0.1 * before
     assert not any("pin" in what for what in found(NECK, 1e-6)[0])
+    left = HoldingJob(diameter=2 * RADIUS, length=NECK, tailstock_x=30.0, tailstock_height=NECK + 1.0)
+    assert found(NECK, 1e-6, holding=left)[0] == pytest.approx(told)
     has_one = HoldingJob(diameter=2 * RADIUS, tailstock="pin", tailstock_reach=100.0)
     assert not any("pin of" in what for what in found(NECK, 1e-6, holding=has_one)[0])
 
