@@ -20,7 +20,7 @@ RIM_SHARE = 3e-4
 LEAST_ANGLE = np.radians(0.1)
 """No semi-angle is less: a cone is no plane, nor a line."""
 TOUCHING = 3
-"""Times that the upper facets are moved nearer to the sphere that they stand for."""
+"""Times that the upper facets are laid at least, each time nearer to the sphere that they stand for."""
 
 
 @njit(cache=True, nogil=True)
@@ -125,8 +125,8 @@ def _upper(top: float, foot: ndarray, along: ndarray) -> tuple[ndarray, float]:
     nearer than `top`."""
     sides = len(foot)
     directions = np.empty((sides, 3))
-    radius = top
-    for turn in range(TOUCHING):
+    radius, turn = top, 0
+    while True:
         lowest = 1.0
         for k in range(sides):
             up = np.sqrt(radius * radius - dot(foot[k], foot[k]))
@@ -138,10 +138,11 @@ def _upper(top: float, foot: ndarray, along: ndarray) -> tuple[ndarray, float]:
         for k in range(count):
             for j in range(sides):
                 _lean(directions[j], 1.0 - k / count, radius, rings[k, j])
-        if turn == TOUCHING - 1:
-            break
-        radius *= 1e-6 + top / _cap_distance(rings, radius)
-    return rings, radius
+        nearest = _cap_distance(rings, radius)
+        turn += 1
+        if turn >= TOUCHING and nearest >= top:
+            return rings, radius
+        radius *= 1e-6 + top / nearest
 
 
 @njit(cache=True, nogil=True)

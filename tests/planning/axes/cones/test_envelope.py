@@ -79,6 +79,7 @@ def test_steps_leave_out_the_corner_that_growth_rounds() -> None:
         (0.0, 0.05, 2.0, 0.6, 0.4, 0.0),
         (30.0, 31.0, 20.0, 1.2, 0.2, 0.1),
         (10.0, 10.5, 50.0, 0.5, 0.5, 0.02),
+        (0.0, 30.53, 46.76, 0.1016, 0.053, 0.0),
     ],
 )
 def test_wide_and_short_sections_are_held_too(size: tuple[float, ...], sides: int) -> None:
