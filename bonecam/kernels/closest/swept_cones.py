@@ -146,9 +146,17 @@ def _upper(top: float, foot: ndarray, along: ndarray) -> tuple[ndarray, float]:
 
 
 @njit(cache=True, nogil=True)
+def _is_below(point: ndarray, bottom: float, rim: ndarray, wide: float, normals: ndarray) -> bool:
+    """Whether a point is nowhere above the `bottom` of a section, seen along the directions of a rim, nor beyond one of
+    the sides that are `wide` from the apex."""
+    return (rim @ point).max() <= bottom + 1e-9 and (normals @ point).max() <= wide + 1e-9
+
+
+@njit(cache=True, nogil=True)
 def swept_vertices(size: ndarray, sides: int) -> ndarray:
     """Vertices of the closed mesh with so many sides that holds what is swept, in rings from below and then the lower
-    and the upper pole, as `ring_faces` joins them."""
+    and the upper pole, as `ring_faces` joins them; none where its sides meet before they come to where it ends below,
+    as in wide cones whose apex may lie above the begin of the section."""
     first, second = opening_of(size)
     growth = max(size[5], LEAST_GROWTH)
     wide = size[2] + growth
@@ -169,6 +177,15 @@ def swept_vertices(size: ndarray, sides: int) -> ndarray:
         # of a wide and short section the sphere would meet the edge below where that begins, or nowhere
         above = max(lowest[j], 0.0) + LEAST_GROWTH
         top = max(top, np.sqrt(dot(foot[j], foot[j]) + above * above))
+    pole = np.array([0.0, 0.0, bottom if bottom > 0 else bottom / np.cos(widest)])
+    if bottom <= 0:
+        normals = np.empty((sides, 3))
+        normals_of(first, second, sides, normals)
+        told = _is_below(pole, bottom, rim, wide, normals)
+        for j in range(sides):
+            told = told and _is_below(foot[j] + lowest[j] * along[j], bottom, rim, wide, normals)
+        if not told:
+            return np.empty((0, 3))
     upper, top = _upper(top, foot, along)
 
     inner = 1 + int(widest / ARC_STEP) if bottom > 0 else 0
@@ -184,6 +201,6 @@ def swept_vertices(size: ndarray, sides: int) -> ndarray:
 
     vertices = np.zeros((rings.shape[0] * sides + 2, 3))
     vertices[:-2] = rings.reshape(-1, 3)
-    vertices[-2, 2] = bottom if bottom > 0 else bottom / np.cos(widest)
+    vertices[-2] = pole
     vertices[-1, 2] = top
     return vertices

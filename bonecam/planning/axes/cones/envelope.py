@@ -39,11 +39,11 @@ class Sweep:
     second: float
     growth: float
 
-    def mesh(self, sides: int) -> tuple[Float[ndarray, "v 3"], Int[ndarray, "f 3"]]:
+    def mesh(self, sides: int) -> tuple[Float[ndarray, "v 3"], Int[ndarray, "f 3"]] | None:
         """Vertices and outward faces of a mesh that holds it, of `sides` sides, the apex in the origin, the cone's axis
-        along Z, and its largest opening along X."""
+        along Z, and its largest opening along X; None where there is none (`swept_vertices`)."""
         vertices = swept_vertices(np.array(astuple(self)), sides)
-        return vertices, _faces((len(vertices) - 2) // sides, sides)
+        return (vertices, _faces((len(vertices) - 2) // sides, sides)) if len(vertices) else None
 
     def steps(self) -> tuple["Sweep", ...]:
         """Sweeps that hold it together, and less below: growth rounds the edge of the section there, which they follow

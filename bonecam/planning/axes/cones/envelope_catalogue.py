@@ -2,7 +2,8 @@
 
 FCL answers in 25 us, but takes 2 us for each triangle of a mesh that it is to build. So a cone is asked first with a
 mesh of few sides whose sizes are rounded up to steps, which cones and levels share. One that crosses there is asked
-again with meshes of its own, and these have only the facets that no plane about the solid tells from it.
+again with meshes of its own, and these have only the facets that no plane about the solid tells from it. A sweep that
+no mesh of these holds is taken to cross.
 """
 
 from dataclasses import dataclass
@@ -56,7 +57,8 @@ def crossing(
     of an obstacle, as FCL has it."""
     met = np.zeros(len(sizes), dtype=bool)
     for i, shared in enumerate(_rounded(sizes).tolist()):
-        met[i] = crosses(_catalogued(*shared), turns[i], places[i], obstacle.surface) and _own_crosses(
+        alike = _catalogued(*shared)
+        met[i] = (alike is None or crosses(alike, turns[i], places[i], obstacle.surface)) and _own_crosses(
             Sweep(*sizes[i].tolist()), places[i], turns[i], obstacle
         )
     return met
@@ -68,7 +70,10 @@ def _own_crosses(
     """Whether a sweep's own mesh crosses the surface of an obstacle, and those of its steps do."""
 
     def meets(some: Sweep, sides: int) -> bool:
-        near = facets_below(*some.mesh(sides), place, turn, obstacle.directions, obstacle.supports)
+        mesh = some.mesh(sides)
+        if mesh is None:
+            return True
+        near = facets_below(*mesh, place, turn, obstacle.directions, obstacle.supports)
         return len(near[1]) > 0 and crosses(solid_object(*near), turn, place, obstacle.surface)
 
     return meets(sweep, SIDES) and any(meets(step, FINE_SIDES) for step in sweep.steps())
@@ -88,5 +93,6 @@ def _rounded(sizes: Float[ndarray, "n 6"]) -> Float[ndarray, "n 6"]:
 @lru_cache(maxsize=CATALOGUE)
 def _catalogued(
     start: float, end: float, radius: float, first: float, second: float, growth: float
-) -> FclObject:
-    return solid_object(*Sweep(start, end, radius, first, second, growth).mesh(SIDES))
+) -> FclObject | None:
+    mesh = Sweep(start, end, radius, first, second, growth).mesh(SIDES)
+    return None if mesh is None else solid_object(*mesh)

@@ -24,6 +24,13 @@ SWEEPS = {
 }
 
 
+def mesh_of(sweep: Sweep, sides: int) -> TriangleMesh:
+    """Its mesh, which there is."""
+    made = sweep.mesh(sides)
+    assert made is not None
+    return TriangleMesh(*made)
+
+
 def points_of(sweep: Sweep, count: int = 24_000) -> np.ndarray:
     """Points of the cylinder, most on its outside, for axes all over the cone, a third of them at its rim, moved as far
     as the apex may be."""
@@ -44,7 +51,7 @@ def points_of(sweep: Sweep, count: int = 24_000) -> np.ndarray:
 @pytest.mark.parametrize("name", SWEEPS)
 def test_the_mesh_holds_what_is_swept_and_is_closed(name: str) -> None:
     sweep = SWEEPS[name]
-    mesh = TriangleMesh(*sweep.mesh(SIDES))
+    mesh = mesh_of(sweep, SIDES)
     points = points_of(sweep)
     assert is_closed(mesh)
     assert mesh.volume > 0
@@ -56,7 +63,7 @@ def test_the_mesh_holds_what_is_swept_and_is_closed(name: str) -> None:
 def test_its_steps_hold_what_is_swept_together(name: str) -> None:
     sweep = SWEEPS[name]
     points = points_of(sweep)
-    meshes = [TriangleMesh(*step.mesh(SIDES)) for step in sweep.steps()]
+    meshes = [mesh_of(step, SIDES) for step in sweep.steps()]
     assert all(is_closed(mesh) and mesh.volume > 0 for mesh in meshes)
     assert np.min([MeshDistance(mesh).signed(points) for mesh in meshes], axis=0).max() < 1e-4
 
@@ -86,7 +93,7 @@ def test_wide_and_short_sections_are_held_too(size: tuple[float, ...], sides: in
     """Flutes that hardly reach over the ball's centre, and a low step of a holder: the corners of their polygon are
     farther from the apex than any of their points."""
     sweep = Sweep(*size)
-    mesh = TriangleMesh(*sweep.mesh(sides))
+    mesh = mesh_of(sweep, sides)
     assert is_closed(mesh)
     assert MeshDistance(mesh).signed(points_of(sweep, 6_000)).max() < 1e-4
 
@@ -95,7 +102,7 @@ def test_wide_and_short_sections_are_held_too(size: tuple[float, ...], sides: in
 def test_the_fine_mesh_is_hardly_larger_than_its_bounds(name: str) -> None:
     """By volume, of random points in its box."""
     sweep, count = SWEEPS[name], 20_000
-    mesh = TriangleMesh(*sweep.mesh(96))
+    mesh = mesh_of(sweep, 96)
     low, high = mesh.bounds
     inside = sweep.holds(RANDOM.uniform(low, high, (count, 3)), 96)
     assert 0.95 < mesh.volume / (inside.mean() * np.prod(high - low)) < 1.1
@@ -113,3 +120,17 @@ def test_points_that_no_axis_reaches_are_not_held() -> None:
     inside = [[0, 0, 3.1], [0, 0, 23.9], [10 * np.tan(0.69), 0.0, 10.0], [0, 10 * np.tan(0.2), 10.0]]
     assert not sweep.holds(np.array(outside), SIDES).any()
     assert sweep.holds(np.array(inside), SIDES).all()
+
+
+def test_where_the_apex_may_lie_above_the_begin_a_mesh_holds_the_sweep_or_there_is_none() -> None:
+    """The sides of a wide cone meet below: before they come to where the section ends there, no mesh is told."""
+    random, none = np.random.default_rng(1), 0
+    for _ in range(60):
+        radius, first = random.choice([0.25, 0.5, 1.0, 2.0, 3.0]), random.uniform(0.6, 1.39)
+        end, second = radius * random.uniform(0.3, 6.0), first * random.uniform(0.1, 1.0)
+        sweep = Sweep(0.0, end, radius, first, second, 10 ** random.uniform(-1.5, -0.1))
+        made = sweep.mesh(12)
+        none += made is None
+        if made is not None:
+            assert MeshDistance(TriangleMesh(*made)).signed(points_of(sweep, 2_000)).max() < 1e-4
+    assert 10 < none < 40

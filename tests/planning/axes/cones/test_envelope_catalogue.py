@@ -98,3 +98,17 @@ def test_the_catalogue_answers_as_fine_meshes_do() -> None:
         false += told and not fine_crosses(size, place, turn, solid) and not holds(size, place, turn, solid)
     assert missed == 0
     assert false <= 0.02 * CASES
+
+
+def test_a_sweep_that_no_mesh_holds_is_taken_to_cross() -> None:
+    size, origin, upright = (
+        np.array([[0.0, 1.495, 0.5, 0.816, 0.087, 0.254]]),
+        np.zeros((1, 3)),
+        np.eye(3)[None],
+    )
+    assert Sweep(*size[0].tolist()).mesh(SIDES) is None
+    *_, solid = cases()[0]
+    far = Obstacle.of(TriangleMesh(solid.vertices + 100.0, solid.faces))
+    assert crossing(size, origin, upright, far).all()
+    size[0, 3] = 0.1
+    assert not crossing(size, origin, upright, far).any()
