@@ -11,6 +11,7 @@ from bonecam.job import Job
 from bonecam.levels.measure.level import Level, morph_surfaces
 from bonecam.machine.limits import MachineLimits
 from bonecam.mesh.distance import MeshDistance
+from bonecam.planning.collision.held_level import part_chord
 from bonecam.planning.collision.scene import Scene
 from bonecam.planning.holding.parting_paths import parting_paths
 from bonecam.planning.layers.height_field import DEVIATION
@@ -29,8 +30,6 @@ from bonecam.workholding.post import post_below
 
 STRATEGIES = {"iso-height": iso_height_layers, "rotary": rotary_layers}
 """What plans the layers of each strategy (`path.strategy`)."""
-PART_CHORD = 0.002
-"""Chord tolerance (mm) of the tessellated part, as for the paths of levels."""
 LEVEL = np.array([[1.0, 0.0, 0.0]])
 """A tool axis that is level, as those of both strategies are."""
 
@@ -53,7 +52,7 @@ def plan_layer_paths(
             f"does not reach ({np.degrees(limits.largest):g} deg): take strategy = 'morph' or another machine"
         )
     report(progress, 0.0, "planning layers")
-    distance = MeshDistance(morph_surfaces(levels)[0].tessellate(PART_CHORD))
+    distance = MeshDistance(morph_surfaces(levels)[0].tessellate(part_chord(job.path.gouge_tolerance)))
     post = post_below(distance.mesh, job.holding)
     roughing = Cutter.from_job(1, "roughing", job.tool("roughing"), limits.bodies.nose)
     finishing = Cutter.from_job(2, "finishing", job.tool("finishing"), limits.bodies.nose)
