@@ -1,6 +1,7 @@
 """What a machine file says, and what is taken for granted where it says nothing: for someone who writes one."""
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,22 +14,35 @@ from bonecam.machine.machine_file import MachineFile
 from bonecam.machine.reach import reached_axes, tilt_band
 from bonecam.machine.tables import read_table
 
+LEAST_SPINDLE = 1000.0
+"""Spindles that drive ball-ends turn faster, 1/min."""
+LEAST_TRAVEL = 30.0
+"""Mills travel farther, mm; in inches 30 is a large one."""
+LEAST_SPEED = 1000.0
+"""Axes are faster, mm/min: that of LinuxCNC's samples, the slowest that ship, is 1200."""
+LEAST_TURN_DEG = 2 * math.pi
+"""Rotary axes turn farther, degrees: a whole turn in radians."""
+LEAST_TURN_SPEED_DEG_S = math.pi
+"""Rotary axes turn faster, deg/s: half a turn a second in radians."""
+
 
 @dataclass(frozen=True)
 class MachineCheck:
-    """The machine of a file, the `source` of its figures, what its axes and its tool can do (`told`), and what is
-    `assumed`: what the file says is not known, and what it does not say; a line each."""
+    """The machine of a file, the `source` of its figures, what its axes and its tool can do (`told`), what looks like
+    another unit (`doubtful`), and what is `assumed`: what the file says is not known, and what it does not say; a line
+    each."""
 
     machine: Machine
     source: str
     told: tuple[str, ...]
+    doubtful: tuple[str, ...]
     assumed: tuple[str, ...]
 
     def __str__(self) -> str:
-        source = [f"source    {self.source}"] if self.source else []
-        told = [f"{'told' if not k else '':10}{text}" for k, text in enumerate(self.told)]
-        assumed = [f"{'assumed' if not k else '':10}{text}" for k, text in enumerate(self.assumed)]
-        return "\n".join([f"machine   {self.machine.title}", *source, *told, *assumed])
+        lines = [f"machine   {self.machine.title}", *([f"source    {self.source}"] if self.source else [])]
+        for name in ("told", "doubtful", "assumed"):
+            lines += [f"{name if not k else '':10}{text}" for k, text in enumerate(getattr(self, name))]
+        return "\n".join(lines)
 
 
 def check_machine(name: str | Path) -> MachineCheck:
@@ -37,9 +51,28 @@ def check_machine(name: str | Path) -> MachineCheck:
     _, file = read_table("machine", name, machine_files(), MachineFile)
     machine = read_machine(name)
     told = [_chain_text(machine), *map(_axis_text, machine.own_rotary), reach_text(machine)]
+    assumed = (*file.assumed, *_unsaid(machine, file))
     return MachineCheck(
-        machine, " ".join(file.source.split()), tuple(told), (*file.assumed, *_unsaid(machine, file))
+        machine, " ".join(file.source.split()), tuple(told), tuple(_doubtful(machine)), assumed
     )
+
+
+def _doubtful(machine: Machine) -> Iterator[str]:
+    """Figures that are so small as those of mills are in other units, each with a question."""
+    if machine.spindle_speed < LEAST_SPINDLE:
+        yield f"spindle_speed: {machine.spindle_speed:g} 1/min at most: is it in 1/s?"
+    for axis in machine.linear:
+        if axis.travel < LEAST_TRAVEL:
+            yield f"{axis.letter}: a travel of {axis.travel:g} mm: is it in m or inch?"
+        if axis.speed < LEAST_SPEED:
+            yield f"{axis.letter}: a speed of {axis.speed:g} mm/min: is it in mm/s or m/min?"
+    for turned in machine.own_rotary:
+        low, high = np.degrees(turned.limits)
+        if turned.bounded and not turned.locked and high - low < LEAST_TURN_DEG:
+            yield f"{turned.letter}: it turns from {low:g} to {high:g} deg: are limits_deg in radians?"
+        degrees = np.degrees(turned.speed) / 60
+        if degrees < LEAST_TURN_SPEED_DEG_S:
+            yield f"{turned.letter}: a speed of {degrees:g} deg/s: is it in rad/s?"
 
 
 def _chain_text(machine: Machine) -> str:

@@ -1,6 +1,7 @@
 """What a machine file says and leaves unsaid is told to someone who writes one."""
 
 import re
+from pathlib import Path
 
 import pytest
 
@@ -13,6 +14,7 @@ def test_every_shipped_machine_has_a_source_and_tells_what_is_assumed(name: str)
     found = check_machine(name)
     assert found.source
     assert found.assumed
+    assert not found.doubtful
     assert "the tool leans from the part's Z by" in str(found)
 
 
@@ -40,3 +42,26 @@ def test_what_a_file_leaves_out_is_assumed(tmp_path) -> None:
     for word in ("part_zero", "spindle.nose", "limits of X Y Z", "acceleration of X Y Z B C"):
         assert word in told
     assert "spindle_speed" not in told
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong", "asked"),
+    [
+        (
+            "spindle_speed = 20000.0",
+            "spindle_speed = 333.0",
+            "spindle_speed: 333 1/min at most: is it in 1/s?",
+        ),
+        ("travel = 600.0", "travel = 0.6", "X: a travel of 0.6 mm: is it in m or inch?"),
+        ("travel = 600.0", "travel = 24.0", "X: a travel of 24 mm: is it in m or inch?"),
+        ("speed = 22000.0", "speed = 366.0", "X: a speed of 366 mm/min: is it in mm/s or m/min?"),
+        ("[-115.0, 30.0]", "[-2.0, 0.5]", "B: it turns from -2 to 0.5 deg: are limits_deg in radians?"),
+        ("speed_deg_s = ", "speed_deg_s = 1.5 # ", "B: a speed of 1.5 deg/s: is it in rad/s?"),
+    ],
+)
+def test_a_figure_in_another_unit_is_asked_about(right: str, wrong: str, asked: str, tmp_path: Path) -> None:
+    text = (MACHINES / "mikron-ucp600.toml").read_text()
+    assert right in text
+    path = tmp_path / "own.toml"
+    path.write_text(text.replace(right, wrong, 1))
+    assert list(check_machine(path).doubtful) == [asked]
