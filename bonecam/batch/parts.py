@@ -72,6 +72,7 @@ def _parts_of(given: str | Path | BatchPart, job: Job) -> list[BatchPart]:
         return [_with_job_beside(file, job) for file in _files_in(place)]
     if is_table(place):
         return _parts_in_table(place, job)
+    _check_no_header(place)
     return [_with_job_beside(place, job)]
 
 
@@ -113,6 +114,18 @@ def is_table(file: Path) -> bool:
         return "file" in _header(input_text(file))
     except (OSError, ValueError):
         return False
+
+
+def _check_no_header(file: Path) -> None:
+    """JobError where a .csv, which as a part is a cloud of points, begins with names of columns of a table."""
+    if file.suffix.lower() != ".csv" or not file.is_file():
+        return
+    try:
+        header = _header(input_text(file))
+    except (OSError, ValueError):
+        return
+    if set(header) & set(COLUMNS):
+        raise JobError(f"{file}: line 1: no column `file`: a table of parts names them there", file=str(file))
 
 
 def _header(text: str) -> list[str]:

@@ -34,7 +34,7 @@ WORK = f"{convert_part.__module__}:{convert_part.__name__}"
 
 
 def convert_many(
-    parts: Sequence[str | Path | BatchPart],
+    parts: str | Path | Sequence[str | Path | BatchPart],
     folder: str | Path,
     job: Job | None = None,
     *,
@@ -49,9 +49,10 @@ def convert_many(
 ) -> list[Outcome]:
     """Convert every part into `folder`; also writes `batch.csv` there after each. The outcomes, in the parts' order.
 
-    Parts are files, folders, tables and `BatchPart`s, as `bonecam.batch.parts` has them. Without an `executor`, `jobs`
-    parts at a time are worked on here, and `progress` tells of them, from other threads; no process is left, however
-    this one ends. An executor takes one task a part; its workers need this version of bonecam and see the same files.
+    Parts are files, folders, tables (or one of these) and `BatchPart`s, as `bonecam.batch.parts` has them. Without an
+    `executor`, `jobs` parts at a time are worked on here, and `progress` tells of them, from other threads; no process
+    is left, however this one ends. An executor takes one task a part; its workers need this version of bonecam and see
+    the same files.
     With `resume`, parts that an earlier run did from the same content are kept. `share` (k, n) is the kth of n shares
     of the parts: the others are not done. Rows that `batch.csv` has of other parts stay. `told` is called with each
     outcome and the number of parts that are left. `work` names the function that does a part.
@@ -61,7 +62,12 @@ def convert_many(
     target = Path(folder).absolute()
     if executor is None and jobs < 1:
         raise JobError(f"--jobs {jobs}: give 1 or more")
-    found = batch_parts(parts, job or Job())[share[0] - 1 :: share[1]]
+    if executor is not None and not callable(getattr(executor, "submit", None)):
+        raise TypeError(
+            f"executor is a {type(executor).__name__}: give an object whose submit returns a future"
+        )
+    given = [parts] if isinstance(parts, str | Path) else parts
+    found = batch_parts(given, job or Job())[share[0] - 1 :: share[1]]
     _check_jobs(found)
     check_folder(target)
     read_rows(target / TABLE)  # a table that is none is refused before the work

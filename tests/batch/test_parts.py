@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from batch_orders import meshes
 
-from bonecam.batch import BatchPart, batch_parts
+from bonecam.batch import BatchPart, batch_parts, convert_many
 from bonecam.errors import JobError
 from bonecam.job import Job
 
@@ -105,3 +105,24 @@ def test_a_table_in_a_folder_is_not_taken_for_a_part(tmp_path: Path) -> None:
     written(tmp_path, "file\np1.stl\n")
     with pytest.raises(JobError, match=r"parts\.csv in it is a table of parts: give the table itself"):
         batch_parts([tmp_path], Job())
+
+
+def test_a_table_without_the_column_file_is_not_taken_for_points(tmp_path: Path) -> None:
+    with pytest.raises(JobError, match=r"parts\.csv: line 1: no column `file`"):
+        batch_parts([written(tmp_path, "name,job\np1.stl,a.toml\n")], Job())
+    cloud = tmp_path / "cloud.csv"
+    cloud.write_text("1,2,3\n4,5,6\n")
+    assert [part.name for part in batch_parts([cloud], Job())] == ["cloud"]
+
+
+def test_one_name_is_one_part_and_not_its_letters(tmp_path: Path) -> None:
+    meshes(tmp_path, p1="")
+    with pytest.raises(JobError, match=r"p1\.stl and .*p1\.stl would both write"):
+        convert_many([tmp_path / "p1.stl"] * 2, tmp_path / "out")
+    (outcome,) = convert_many(str(tmp_path / "p1.stl"), tmp_path / "out", jobs=1)
+    assert outcome.name == "p1"
+
+
+def test_an_executor_that_is_none_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(TypeError, match="executor is a int: give an object whose submit"):
+        convert_many(["p1.stl"], tmp_path / "out", executor=3)  # type: ignore[arg-type]
