@@ -46,7 +46,8 @@ SHORT = 2
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """A remark on an unknown word, such as " (did you mean 'levels'?)", where a known one is close, else nothing.
+    """A remark on an unknown word, such as " (did you mean 'levels'?)", where a known one is close or begins with
+    it, else nothing.
 
     Of known names the shortest that holds all words of a given one, if these are two or more, comes first.
     """
@@ -55,7 +56,9 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
     holding = [name for name in names if len(words) > 1 and words <= _words(name)]
     if holding:
         return f" (did you mean {min(holding, key=len)!r}?)"
-    close = difflib.get_close_matches(word, names, n=1) if len(word) > SHORT else []
+    if len(word) <= SHORT:
+        return ""
+    close = difflib.get_close_matches(word, names, n=1) or [name for name in names if name.startswith(word)]
     return f" (did you mean {close[0]!r}?)" if close else ""
 
 

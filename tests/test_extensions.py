@@ -89,8 +89,8 @@ def test_what_ships_cannot_be_replaced(mine: Path) -> None:
     (mine / "machines").mkdir()
     (mine / "machines" / "mikron-ucp600.toml").write_text("title = 'mine'\n", encoding="utf-8")
     assert read_machine("mikron-ucp600").title == "Mikron UCP 600 Vario"
-    with pytest.raises(MachineError, match="machine 'mikron' is unknown"):
-        read_machine("mikron")
+    with pytest.raises(MachineError, match=r"machine 'haas' is unknown \(did you mean 'haas-umc750'\?\)"):
+        read_machine("haas")
 
 
 def test_stock_and_pattern_of_the_page_are_used(mine: Path) -> None:

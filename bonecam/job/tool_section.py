@@ -148,9 +148,10 @@ def read_tool(name: str) -> dict[str, Any]:
         raise JobError(what, field="preset")
     try:
         values = parse_toml(input_text(path))
-        unknown = values.keys() - {item.name for item in fields(ToolJob)} | values.keys() & {"preset"}
-        if unknown:
-            raise ValueError(f"unknown key {min(unknown)!r}: use those of a cutter's section of a job")
+        known_keys = {item.name for item in fields(ToolJob)} - {"preset"}
+        if unknown := sorted(values.keys() - known_keys):
+            what = f"unknown key {unknown[0]!r}{did_you_mean(unknown[0], known_keys)}"
+            raise ValueError(f"{what}: use those of a cutter's section of a job")
         made = ToolJob(**values)
     except (OSError, ValueError, JobError) as error:
         raise JobError(f"{path}: {error}", file=str(path), field="preset") from error
