@@ -36,7 +36,7 @@ ROOMS = {
     "verify": "gouge repeated readback removal control probing proof".split(),
     "study": "rows claims compared table pictures files comparison probed_folder".split(),
     "report": [
-        *"warnings axis_lines mechanics_lines axis_comparison stage_reports".split(),
+        *"mechanics_lines warnings axis_lines axis_comparison stage_reports".split(),
         *"typed tables summary pictures page sheet files".split(),
     ],
 }

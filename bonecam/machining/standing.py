@@ -14,12 +14,13 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.posting.rotary.machine_limits import machine_limits
 from bonecam.nc.requirements import check_length, check_room
 from bonecam.planning.holding.found_depths import depths_report, leaves_depths_open, with_found_depths
-from bonecam.planning.holding.neck import find_standing, neck_report
+from bonecam.planning.holding.neck import find_standing
+from bonecam.planning.holding.neck_remedies import neck_remedies, neck_report
 from bonecam.planning.holding.parting_paths import check_parting
 from bonecam.planning.holding.reach import post_advice
 from bonecam.planning.holding.stump_paths import check_second
 from bonecam.planning.holding.tailstock_room import blocked_share
-from bonecam.progress import Progress, part
+from bonecam.progress import Progress, part, report
 from bonecam.report import warnings
 from bonecam.report.files.kept_folder import keep_failed_level
 from bonecam.report.files.output_files import File
@@ -67,10 +68,13 @@ def stand_part(
         job = replace(job, holding=settled_bracket(job.holding, placed.part.mesh, limits.bodies.table))
         blocked = blocked_share(placed, job, limits)
         setup, job, necks = find_standing(placed, job, limits)
-        told: dict[str, Any] = {}
+        told = neck_report(necks, neck_remedies(setup, job, limits, necks[0]) if necks else (), job)
+        for warned in warnings.holding_warnings(told, job):
+            report(progress, 1.0, f"{warned.text}: {warned.remedy}")
+            warnings.check_warnings([warned], job, unplaced.file)
         if leaves_depths_open(job, neck_found=bool(necks)):
             job = with_found_depths(setup, job, limits)
-            told = depths_report(job)
+            told |= depths_report(job)
         if machine is not None:
             check_parting(setup, job, limits)
             check_second(setup.part, setup.post, job)
@@ -79,7 +83,7 @@ def stand_part(
         if machine is not None:
             check_length(setup.part.mesh, setup.stock, job, part(progress, 1.0, 1.0))
         advice = post_advice(setup, job, limits) if found and machine else {}
-    told |= post_report(setup.post, setup.part.mesh, job.holding) | advice | neck_report(necks)
+    told |= post_report(setup.post, setup.part.mesh, job.holding) | advice
     if "tailstock" in told:
         told["tailstock"]["blocked_share"] = round(blocked, 3)
     return Standing(setup, job, given, told)

@@ -2,8 +2,11 @@
 is planned."""
 
 import math
+from collections.abc import Iterator
 
 import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
 
 from bonecam.errors import JobError
 from bonecam.job import Job
@@ -13,9 +16,12 @@ SHALLOWER = (2.0, 3.0, 5.0)
 """How many times as shallow finishing cuts are asked, with scallops as much lower."""
 
 
-def strip_force(force: CuttingForce, radius: float, depth: float, scallop: float, chip: float) -> float:
-    """Force (N) on an edge of a ball of `radius` mm that takes `chip` mm off the middle of a strip `depth` mm deep,
-    beside one that was left with scallops of `scallop` mm.
+def strip_force(
+    force: CuttingForce, radius: float, depth: float, scallop: float, chip: float
+) -> Float[ndarray, "3"]:
+    """Forces (N: tangential, radial, that is along the normal of the ball, axial) on an edge of a ball of `radius` mm
+    that takes `chip` mm off the middle of a strip `depth` mm deep, beside one that was left with scallops of `scallop`
+    mm.
 
     The edge is engaged from where the strip before it ends, a = acos(1 - depth / R) from the middle of the ball's
     groove, to half of the way w = sqrt(8 R scallop) between two passes on the other side: over R (a + asin(w / 2R))
@@ -25,12 +31,11 @@ def strip_force(force: CuttingForce, radius: float, depth: float, scallop: float
     half = math.asin(min(math.sqrt(2 * scallop / radius), 1.0))
     edge = radius * (whole + half)
     area = chip * radius * (2 - math.cos(whole) - math.cos(half))
-    cutting, rubbing = force.array[:3], force.array[3:]
-    return float(np.linalg.norm(cutting * area + rubbing * edge))
+    return np.asarray(force.array[:3] * area + force.array[3:] * edge)
 
 
-def job_strip_force(force: CuttingForce, job: Job, name: str) -> float:
-    """The force (N) of the deepest strip of the cutter "roughing" or "finishing" of a job."""
+def job_strip_forces(force: CuttingForce, job: Job, name: str) -> Float[ndarray, "3"]:
+    """The forces (N) of the deepest strip of the cutter "roughing" or "finishing" of a job, as `strip_force`."""
     tool = job.tool(name)
     depth = job.deepest(name)
     chip = tool.feed / (tool.spindle * job.mechanics.flutes)
@@ -38,11 +43,18 @@ def job_strip_force(force: CuttingForce, job: Job, name: str) -> float:
     return strip_force(force, tool.radius, depth, scallop, chip)
 
 
-def lighter_cuts(force: CuttingForce, job: Job) -> tuple[tuple[str, float], ...]:
-    """Shallower finishing cuts than those of a job, in words, and the share of its force that each takes; at the feed
-    that the material gives them."""
-    levels, found = job.levels, []
+def job_strip_force(force: CuttingForce, job: Job, name: str) -> float:
+    """The size (N) of the force of the deepest strip of the cutter "roughing" or "finishing" of a job."""
+    return float(np.linalg.norm(job_strip_forces(force, job, name)))
+
+
+def lighter_jobs(job: Job) -> Iterator[tuple[str, Job]]:
+    """Jobs with ever shallower finishing cuts than those of a job, and these cuts in words; at the feed that the
+    material gives them."""
+    levels, fields = job.levels, "levels.finishing_depth, finishing.scallop"
     by_number = not levels.listed and bool(levels.cuts[0])
+    if not by_number:
+        fields = "levels.finishing_depth, the first of levels.depths where they are stated, finishing.scallop"
     for times in SHALLOWER:
         depth, scallop = (
             float(f"{value / times:.2g}") for value in (job.deepest("finishing"), job.finishing.scallop)
@@ -52,14 +64,15 @@ def lighter_cuts(force: CuttingForce, job: Job) -> tuple[tuple[str, float], ...]
             outer = levels.listed[1:] or (levels.cuts[1],)
             changed |= {"schedule": "numbers", "depths": " ".join(f"{each:g}" for each in (depth, *outer))}
         try:
-            other = job.with_values(levels=changed, finishing={"scallop": scallop})
+            lighter = job.with_values(levels=changed, finishing={"scallop": scallop})
         except JobError:  # a job takes none that are so small
             continue
-        share = job_strip_force(force, other, "finishing") / job_strip_force(force, job, "finishing")
-        fields = "levels.finishing_depth, finishing.scallop"
-        if not by_number:
-            fields = (
-                "levels.finishing_depth, the first of levels.depths where they are stated, finishing.scallop"
-            )
-        found.append((f"finishing cuts of {depth:g} mm with scallops of {scallop:g} ({fields})", share))
-    return tuple(found)
+        yield f"finishing cuts of {depth:g} mm with scallops of {scallop:g} ({fields})", lighter
+
+
+def lighter_cuts(force: CuttingForce, job: Job) -> tuple[tuple[str, float], ...]:
+    """Finishing cuts of `lighter_jobs`, in words, and the share of its force that each takes."""
+    whole = job_strip_force(force, job, "finishing")
+    return tuple(
+        (what, job_strip_force(force, lighter, "finishing") / whole) for what, lighter in lighter_jobs(job)
+    )

@@ -67,6 +67,11 @@ def post_lines(post: Mapping[str, Any] | None) -> Iterator[str]:
             sizes = f"{column['diameter_mm']:g} mm, z {column['from_mm']:g} to {column['to_mm']:g}"
             yield f"          on a {name} of {sizes}"
         yield from _neck_lines(post.get("necks", ()))
+        yield from (
+            f"          {'holds' if one['holds'] else 'at best'} with {one['change']}: "
+            f"{one['shift_um']:.1f} um, {one['stress_mpa']:.0f} MPa, {one['first_hz']:.0f} Hz"
+            for one in post.get("holds_with", ())
+        )
         if post.get("depths_found"):
             *first, beyond = post["depths_found"]
             near = f"{', '.join(f'{depth:g}' for depth in first)}, then " if first else ""
@@ -107,5 +112,24 @@ def _neck_lines(necks: Sequence[Mapping[str, Any]]) -> Iterator[str]:
         size = f"{neck['diameter_mm']:g} x {neck['length_mm']:g}"
         moved = f"{neck['um_per_n']:6.2f} {neck['shift_um']:6.1f} {neck['stress_mpa']:6.0f} {neck['first_hz']:7.0f}"
         moved += f" {neck['machining_min']:6.1f}" if "machining_min" in neck else ""
-        above = "" if neck.get("tailstock", "none") == "none" else f"  with a {neck['tailstock']} above"
-        yield f"          {size:12} {neck['left_mm2']:9.0f} {moved}{above}{'' if neck['holds'] else '  gives way'}"
+        yield f"          {size:12} {neck['left_mm2']:9.0f} {moved}{'' if neck['holds'] else '  gives way'}"
+
+
+def neck_text(post: Mapping[str, Any]) -> str:
+    """What is foretold of the neck that is taken where none holds, beside what is wanted of one."""
+    taken, wanted = post["necks"][0], post["neck_wanted"]
+    error = f"{taken['shift_um']:.1f} um of error at 95 % ({wanted['shift_um']:g} at most)"
+    stress = f"{taken['stress_mpa']:.0f} MPa at peaks ({wanted['stress_mpa']:.0f} at most)"
+    swing = f"{taken['first_hz']:.0f} Hz ({wanted['first_hz']:.0f} at least)"
+    size = f"{taken['diameter_mm']:g} x {taken['length_mm']:g} mm"
+    figures = f"{error}, {taken['shift_p99_um']:.0f} at 99 %; {stress}; {swing}"
+    return f"no neck holds: foretold on that of {size} are {figures}"
+
+
+def neck_remedy_text(post: Mapping[str, Any]) -> str:
+    """With what that neck holds, or nearly."""
+    helps = [
+        f"{'' if one['holds'] else 'at best '}{one['change']} ({one['shift_um']:.1f} um, {one['first_hz']:.0f} Hz)"
+        for one in post["holds_with"]
+    ]
+    return " or ".join(helps) or "give shallower cuts, or a larger stock for a thicker neck"

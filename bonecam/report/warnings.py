@@ -13,6 +13,7 @@ from typing import Any
 from bonecam.errors import LimitError
 from bonecam.job import Job
 from bonecam.machine.machine import Machine, read_machine
+from bonecam.report.mechanics_lines import neck_remedy_text, neck_text
 
 log = logging.getLogger("bonecam")
 Sections = Mapping[str, Any]
@@ -21,6 +22,10 @@ WIDTH = 120
 """Columns of the longest lines on a terminal."""
 UM = 1000.0
 """um in a mm."""
+LARGEST_KEPT = 20.0
+"""An error (um) that 95 % of a finished surface may keep where no neck holds, without a warning."""
+FORETOLD_P99 = 0.7
+"""The error that 99 % of a finished surface keep is nearly always more than this share of the one foretold."""
 
 
 @dataclass(frozen=True)
@@ -99,6 +104,17 @@ def hole_warnings(width: float, job: Job) -> Iterator[Warned]:
         yield Warned("hole", text, width, job.warnings.hole, job.warnings.hole_refused, remedy)
 
 
+def holding_warnings(post: Sections, job: Job, kept: float | None = None) -> Iterator[Warned]:
+    """The neck that is taken, where none holds: told until it is known what 95 % of the surface keep (`kept`, um), or
+    if that is more than LARGEST_KEPT. Refused where a hundredth of the surface would keep too large an error."""
+    taken = next(iter(post.get("necks", ())), None)
+    if taken is None or taken["holds"] or (kept is not None and kept <= LARGEST_KEPT):
+        return
+    told, most = UM * job.warnings.error, UM * job.mechanics.largest_error / FORETOLD_P99
+    refused = most if kept is None and job.mechanics.refuse else None
+    yield Warned("holding", neck_text(post), taken["shift_p99_um"], told, refused, neck_remedy_text(post))
+
+
 def spindle_warnings(job: Job, machine: Machine) -> Iterator[Warned]:
     """Cutters that turn slower than the spindle can."""
     lowest = machine.spindle_lowest
@@ -171,6 +187,7 @@ def _bending(report: Sections, job: Job) -> Iterator[Warned]:
     kept = (mechanics["error_kept_um"] or {}).get("p99", 0.0)
     told, most = UM * job.warnings.error, UM * job.mechanics.largest_error
     helps = [f"{one['what']} would keep {one['p99_um']:.1f} um" for one in mechanics["remedies"][:1]]
+    helps += [neck_remedy_text(report["post"])] if report.get("post", {}).get("holds_with") else []
     remedy = (helps or ["a thicker or shorter neck, or holding.diameter = 0, which finds one"])[0]
     low, up = mechanics["band"]
     faults = [*mechanics["faults"]]
@@ -179,6 +196,12 @@ def _bending(report: Sections, job: Job) -> Iterator[Warned]:
     if faults:
         text = f"{'; '.join(faults)} ({low:g} to {up:g} times by author)"
         yield Warned("bending", text, kept, told, None if mechanics["faults"] else most, remedy)
+
+
+def _holding(report: Sections, job: Job) -> Iterator[Warned]:
+    """A neck that gives way."""
+    kept = ((report.get("mechanics") or {}).get("error_kept_um") or {}).get("p95")
+    yield from holding_warnings(report.get("post", {}), job, kept)
 
 
 def _slender(report: Sections, job: Job) -> Iterator[Warned]:
@@ -217,6 +240,7 @@ def _nose(report: Sections, machine: Machine) -> Iterator[Warned]:
 KINDS: tuple[Callable[[Sections, Job], Iterator[Warned]], ...] = (
     _left,
     _bending,
+    _holding,
     _slender,
     _hole,
     _fit,

@@ -27,7 +27,21 @@ from bonecam.setup.capsule import Capsule
 
 JOB = bonecam.Job()
 LEFT = {"part_mm2": 710.0, "max_mm": 3.1, "areas_over_mm2": {"0.02": 276.0, "0.05": 200.0, "0.2": 20.0}}
+NECK = {
+    "diameter_mm": 10.0,
+    "length_mm": 3.0,
+    "shift_um": 60.0,
+    "shift_p99_um": 90.0,
+    "stress_mpa": 29.0,
+    "first_hz": 1165.0,
+}
+GIVES_WAY = {
+    "necks": [{**NECK, "holds": False}],
+    "neck_wanted": {"shift_um": 16.0, "stress_mpa": 83.3, "first_hz": 1000.0},
+    "holds_with": [{"change": 'holding.tailstock = "pin"', **NECK, "shift_um": 15.0, "holds": True}],
+}
 CASES: dict[str, dict[str, Any]] = {
+    "holding": {"post": GIVES_WAY},
     "left": {"removal": {"left": LEFT, "levels": []}},
     "hole": {"input": {"hole_max_mm": 7.3}},
     "fit": {"surface": {"tolerance_reached": False, "deviation_max_mm": 0.6, "tolerance_mm": 0.08}},
@@ -53,6 +67,29 @@ def test_what_lies_below_the_first_limit_is_not_told() -> None:
     few = {**LEFT, "areas_over_mm2": {"0.02": 7.0}}
     report = {"removal": {"left": few, "levels": [{"over_limit_mm": 0.04}]}, "input": {"hole_max_mm": 0.9}}
     assert warnings_of(report, JOB) == []
+
+
+def test_a_neck_that_gives_way_is_told_with_what_would_hold_until_the_error_is_known() -> None:
+    (warned,) = warnings_of(CASES["holding"], JOB)
+    figures = "60.0 um of error at 95 % (16 at most), 90 at 99 %; 29 MPa at peaks (83 at most); 1165 Hz (1000 at least)"
+    assert warned.text == f"no neck holds: foretold on that of 10 x 3 mm are {figures}"
+    assert warned.remedy == 'holding.tailstock = "pin" (15.0 um, 1165 Hz)'
+
+    def simulated(p95: float) -> list[str]:
+        bent = {"error_kept_um": {"p95": p95, "p99": 25.0}, "faults": [], "remedies": [], "band": [0.6, 1.9]}
+        told = warnings_of(CASES["holding"] | {"mechanics": bent}, JOB)
+        assert not any(one.refused for one in told), (
+            "the error is known: [mechanics] refuses it, or none does"
+        )
+        return [one.code for one in told]
+
+    bent = {"error_kept_um": {"p95": 19.0, "p99": 45.0}, "faults": [], "remedies": [], "band": [0.6, 1.9]}
+    (bending,) = warnings_of(CASES["holding"] | {"mechanics": bent}, JOB)
+    assert bending.code == "bending"
+    assert bending.remedy == warned.remedy, "a thicker neck was tried"
+    assert "holding" not in simulated(19.0)
+    assert "holding" in simulated(21.0)
+    assert not next(iter(warnings_of(CASES["holding"], JOB.with_values(mechanics={"refuse": False})))).refused
 
 
 def test_what_a_scallop_leaves_is_not_left_uncut() -> None:

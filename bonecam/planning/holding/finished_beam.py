@@ -35,19 +35,13 @@ def finished_beam(body: TriangleMesh, post: Post, holding: HoldingJob, stiffness
 
 def normal_compliance(beam: Beam, part: TriangleMesh) -> float:
     """Compliance (mm/N) along the normal that SHARE of the part's area does not exceed."""
-    found, areas = _normal_compliances(beam, part)
+    found, areas = normal_compliances(beam, part)
     order = np.argsort(found)
     below = np.cumsum(areas[order]) / areas.sum()
     return float(found[order][np.searchsorted(below, SHARE / 100)])
 
 
-def mean_normal_compliance(beam: Beam, part: TriangleMesh) -> float:
-    """Compliance (mm/N) along the normal in the mean of the part's area."""
-    found, areas = _normal_compliances(beam, part)
-    return float(found @ areas / areas.sum())
-
-
-def _normal_compliances(beam: Beam, part: TriangleMesh) -> tuple[Float[ndarray, " f"], Float[ndarray, " f"]]:
+def normal_compliances(beam: Beam, part: TriangleMesh) -> tuple[Float[ndarray, " f"], Float[ndarray, " f"]]:
     """Compliance along the normal (mm/N) and twice the area (mm2) of each face of the part."""
     middles = part.vertices[part.faces].mean(axis=1)
     vectors = part.face_vectors

@@ -8,13 +8,11 @@ it; where none holds, the stiffest.
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
-from bonecam.errors import BonecamError, JobError
+from bonecam.errors import BonecamError
 from bonecam.job import Job, field_error
-from bonecam.job.holding.tailstock_section import PIN
 from bonecam.machine.limits import MachineLimits
 from bonecam.planning.estimate import LayersToCut
 from bonecam.planning.holding.neck_figures import Neck, neck_figures
@@ -30,10 +28,13 @@ from bonecam.setup.placement import Setup
 from bonecam.workholding.bar import settled_stub
 from bonecam.workholding.clamping import clamping_of
 from bonecam.workholding.post import NECKS, post_below
-from bonecam.workholding.tailstock import settled_bracket, settled_height
+from bonecam.workholding.tailstock import settled_height
 
 MOST_MINUTES = 1.2
 """A thinner neck may take so many times the machining time of the quickest that holds."""
+WIDER, WIDE_SHARE = (12.0, 16.0, 20.0), 0.4
+"""Necks (mm) that are tried beside NECKS where they are at most this share of the stock's width: on a thinner one a
+block of 50 mm swings at a third of the frequency of the teeth."""
 FEWER_CONTACTS = 400
 """So many contacts are sampled for each neck: the length of the one that is taken is found with all."""
 SHOWN = 3
@@ -45,46 +46,46 @@ def find_standing(setup: Setup, job: Job, limits: MachineLimits) -> tuple[Setup,
     the necks that were tried, the one that is taken first, if any were."""
     job = replace(job, holding=settled_stub(job.holding, setup.stock.diameter))
     necks: tuple[Neck, ...] = ()
-    stock = setup.stock.mesh(STOCK_CHORD)
-    layers = LayersToCut.between(setup.part.mesh, stock)
+    layers = LayersToCut.between(setup.part.mesh, setup.stock.mesh(STOCK_CHORD))
     if not job.holding.diameter:
-        setup, job, necks = find_neck(setup, job, limits, layers)
-    if not job.holding.length:
+        setup, job, necks = _standing_on_best(setup, job, limits, layers)
+    elif not job.holding.length:
         setup, job = find_post_length(setup, job, limits)
     places = setup.stock.mesh(STOCK_CHORD).vertices
     job = replace(job, holding=settled_height(job.holding, setup.post.pin, places))
-    if not necks:
-        return setup, job, ()
-    # with all contacts the neck that is taken may be longer than when it was tried
-    taken = _neck(setup, job, limits, layers)
-    return setup, job, (taken, *necks[1:], *_pinned(taken, setup, job, limits, layers))
+    return setup, job, necks
 
 
-def _pinned(
-    taken: Neck, setup: Setup, job: Job, limits: MachineLimits, layers: LayersToCut
-) -> tuple[Neck, ...]:
-    """The neck that is taken with a pin at the free end, where it gives way without and the table has room for it."""
-    if taken.holds or job.holding.has_tailstock:
-        return ()
-    part = setup.part.mesh
-    try:
-        holding = settled_bracket(replace(job.holding, tailstock=PIN), part, limits.bodies.table)
-        pinned = replace(setup, post=post_below(part, holding))
-    except JobError:
-        return ()
-    return (_neck(pinned, replace(job, holding=holding), limits, layers),)
-
-
-def find_neck(
+def _standing_on_best(
     setup: Setup, job: Job, limits: MachineLimits, layers: LayersToCut
 ) -> tuple[Setup, Job, tuple[Neck, ...]]:
-    """Setup and job with the neck that is found, its length still open unless the job gives it, and the best necks of
-    those tried, that one first; `layers` are what is to be cut. JobError where no neck is thinner than stub and stock
-    or meets the part."""
+    """Setup and job with the first of the best necks that holds at its length, and the best necks, that one first:
+    with all contacts a neck may be longer than when it was tried, and give way. Where all do, the stiffest."""
+    tried = find_necks(setup, job, limits, layers)
+    stood: list[tuple[Setup, Job, Neck]] = []
+    for neck in [one for one in tried if one.holds] or tried[:1]:
+        holding = replace(job.holding, diameter=neck.diameter)
+        on_neck = replace(setup, post=post_below(setup.part.mesh, holding)), replace(job, holding=holding)
+        if not holding.length:
+            on_neck = find_post_length(*on_neck, limits)
+        stood.append((*on_neck, _neck(*on_neck, limits, layers)))
+        if stood[-1][-1].holds:
+            break
+    stood.sort(key=lambda one: (not one[-1].holds, one[-1].shift_um))
+    again = {neck.diameter for *_, neck in stood}
+    others = ranking([neck for *_, neck in stood[1:]] + [one for one in tried if one.diameter not in again])
+    taken_setup, taken_job, taken = stood[0]
+    return taken_setup, taken_job, (taken, *others[: SHOWN - 1])
+
+
+def find_necks(setup: Setup, job: Job, limits: MachineLimits, layers: LayersToCut) -> list[Neck]:
+    """The necks that were tried, ranked; `layers` are what is to be cut. JobError where no neck is thinner than stub
+    and stock or meets the part."""
     width = float(np.ptp(setup.stock.bounds[:, :2], axis=0).min())
     thickest = min(width, job.holding.stub_diameter or width)
     asked, trouble = [], None
-    for diameter in (neck for neck in NECKS if neck < thickest):
+    wider = (neck for neck in WIDER if neck <= WIDE_SHARE * width)
+    for diameter in (neck for neck in (*NECKS, *wider) if neck < thickest):
         holding = replace(job.holding, diameter=diameter)
         try:
             post = post_below(setup.part.mesh, holding)
@@ -108,10 +109,7 @@ def find_neck(
     if not tried:
         bound = f"the stock is {width:.2f} mm wide, necks from {NECKS[0]:g} mm are tried: give one, or a larger stock"
         raise field_error("holding", "diameter", 0.0, bound)
-    ranked = ranking(tried)
-    holding = replace(job.holding, diameter=ranked[0].diameter)
-    post = post_below(setup.part.mesh, holding)
-    return replace(setup, post=post), replace(job, holding=holding), tuple(ranked[:SHOWN])
+    return ranking(tried)
 
 
 def _holds_shortest(setup: Setup, job: Job, limits: MachineLimits, layers: LayersToCut) -> bool:
@@ -133,11 +131,6 @@ def ranking(necks: Sequence[Neck]) -> list[Neck]:
         return False, neck.machining_min is not None and neck.machining_min > most, neck.diameter
 
     return sorted(necks, key=order)
-
-
-def neck_report(necks: Sequence[Neck]) -> dict[str, Any]:
-    """`necks` of the report's section `post`, where a neck was found."""
-    return {"necks": [neck.report for neck in necks]} if necks else {}
 
 
 def _neck(setup: Setup, job: Job, limits: MachineLimits, layers: LayersToCut) -> Neck:

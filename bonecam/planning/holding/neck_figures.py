@@ -24,11 +24,12 @@ from bonecam.job.materials.mechanical import StiffnessTable, cutting_force
 from bonecam.job.materials.preset import read_material
 from bonecam.machine.limits import MachineLimits
 from bonecam.mechanics.cutter import cutter_compliance
-from bonecam.mechanics.strip import job_strip_force
+from bonecam.mechanics.strip import job_strip_force, job_strip_forces
 from bonecam.mesh.facets.vertex_normals import vertex_normals
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.planning.estimate import LayersToCut
-from bonecam.planning.holding.finished_beam import finished_beam, mean_normal_compliance
+from bonecam.planning.holding.finished_beam import finished_beam
+from bonecam.planning.holding.foretold_error import foretold_errors
 from bonecam.planning.holding.found_depths import (
     PEAK_SHARE,
     YIELD_SHARE,
@@ -41,12 +42,8 @@ from bonecam.setup.placement import Setup
 from bonecam.tool.cutter import Cutter
 from bonecam.workholding.post import Post
 
-KEPT_SHARE = 1 / 3
-"""The force (share of `strip_force`) under which part, in the mean of its area, and cutter give way by the error that
-95 % of the surface keep: on 22 bones with scallops of 0.1 mm 0.76 to 1.40 times what the simulation of their programs
-finds, in the mean 1.0; on four with 0.01 mm, aluminium, 0.4 to 1.4 times."""
 LARGEST_SHIFT = 0.016
-"""That error may be so large, mm: of nine programs in ten it is then 0.02 at most."""
+"""The error that is foretold of 95 % of the surface may be so large, mm: that of a program is then 0.02 at most."""
 FREQUENCY_MULTIPLE = 1.5
 """Further from the teeth resonance adds less than 0.8 of the displacement."""
 PLACES = np.array([[4, 1, 1], [1, 4, 1], [1, 1, 4], [2, 2, 2]]) / 6
@@ -57,8 +54,9 @@ PLACES = np.array([[4, 1, 1], [1, 4, 1], [1, 1, 4], [2, 2, 2]]) / 6
 class Neck:
     """A neck, with a `tailstock` or none: `diameter` and `length` (mm), height `top` of the stock's lower end over
     the table (mm), area of the part that stays uncut at it (mm2), compliance at the part's top (um/N), the error
-    that is foretold of 95 % of the area (`shift_um`), stress at the peak of a roughing pass (MPa), lowest frequency
-    (Hz), and whether that `holds`; where depths are found, the machining time (min) of those that it bears."""
+    that is foretold of 95 % of the area (`shift_um`) and of 99 % (`shift_p99_um`), stress at the peak of a roughing
+    pass (MPa), lowest frequency (Hz), and whether that `holds`; where depths are found, the machining time (min) of
+    those that it bears."""
 
     diameter: float
     length: float
@@ -68,6 +66,7 @@ class Neck:
     shift_um: float
     stress_mpa: float
     first_hz: float
+    shift_p99_um: float
     holds: bool
     tailstock: str = NO_TAILSTOCK
     machining_min: float | None = None
@@ -82,6 +81,25 @@ class Neck:
             if key not in ("top", "tailstock") and value is not None
         }
         return {**rounded, "holds": self.holds, "tailstock": self.tailstock}
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What a neck that holds has: `shift_um` and `stress_mpa` at most, `first_hz` at least."""
+
+    shift_um: float
+    stress_mpa: float
+    first_hz: float
+
+
+def wanted_of(job: Job) -> Wanted:
+    """What a neck that holds has, with material and cutters of a job."""
+    teeth = job.mechanics.flutes * max(job.tool(name).spindle for name in job.cutter_names) / 60
+    return Wanted(
+        shift_um=1000 * LARGEST_SHIFT,
+        stress_mpa=YIELD_SHARE * stiffness_of(job).yield_strength,
+        first_hz=FREQUENCY_MULTIPLE * teeth,
+    )
 
 
 def neck_figures(standing: Setup, job: Job, limits: MachineLimits, layers: LayersToCut) -> Neck:
@@ -99,10 +117,9 @@ def neck_figures(standing: Setup, job: Job, limits: MachineLimits, layers: Layer
     tip = np.array([[0.0, 0.0, float(part.bounds[1, 2])]])
     stress = float(beam.moment_stress(PEAK_SHARE * rough * np.array([[1.0, 0.0, 0.0]]), middle)[0])
     cutter = Cutter.from_job(2, "finishing", job.tool("finishing"), limits.bodies.nose)
-    shift = KEPT_SHARE * fine * (mean_normal_compliance(beam, part) + cutter_compliance(cutter))
+    shift, worst = foretold_errors(beam, part, cutter_compliance(cutter), fine, (0.95, 0.99))
     first = min(each.first_frequency(stiffness.density) for each in (beam, uncut))
-    teeth = job.mechanics.flutes * max(job.tool(name).spindle for name in job.cutter_names) / 60
-    strong = stress <= YIELD_SHARE * stiffness.yield_strength
+    wanted = wanted_of(job)
     return Neck(
         diameter=holding.diameter,
         length=holding.length - holding.support_height,
@@ -112,7 +129,8 @@ def neck_figures(standing: Setup, job: Job, limits: MachineLimits, layers: Layer
         shift_um=1000 * shift,
         stress_mpa=stress,
         first_hz=first,
-        holds=shift <= LARGEST_SHIFT and strong and first >= FREQUENCY_MULTIPLE * teeth,
+        shift_p99_um=1000 * worst,
+        holds=1000 * shift <= wanted.shift_um and stress <= wanted.stress_mpa and first >= wanted.first_hz,
         tailstock=holding.tailstock,
         machining_min=minutes,
     )
@@ -142,7 +160,9 @@ def stiffness_of(job: Job) -> StiffnessTable:
 
 
 def _strip_forces(job: Job) -> tuple[float, float]:
-    """Force (N) on an edge at the middle of the deepest strip of the roughing and of the finishing cutter."""
+    """The force (N) on an edge at the middle of the deepest strip of the roughing cutter, and that along the normal
+    of the finishing cutter's."""
     material = read_material(job.material.name)
     force = cutting_force(material.force, stiffness_of(job).yield_strength)
-    return job_strip_force(force, job, "roughing"), job_strip_force(force, job, "finishing")
+    _, normal, _ = job_strip_forces(force, job, "finishing")
+    return job_strip_force(force, job, "roughing"), float(normal)

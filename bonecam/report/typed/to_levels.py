@@ -128,9 +128,24 @@ class NeckFigures(TypedDict):
     shift_um: float
     stress_mpa: float
     first_hz: float
+    shift_p99_um: float
     holds: bool
     tailstock: str
     machining_min: NotRequired[float]
+
+
+class NeckWanted(TypedDict):
+    """What a neck that holds has: error and stress at most, frequency at least."""
+
+    shift_um: float
+    stress_mpa: float
+    first_hz: float
+
+
+class NeckRemedyFigures(NeckFigures):
+    """A change of the job, and the neck that is taken, with it."""
+
+    change: str
 
 
 class ShorteningFigures(TypedDict):
@@ -174,6 +189,8 @@ class PostFigures(TypedDict):
     held_by: NotRequired[dict[str, ColumnFigures]]
     tailstock: NotRequired[TailstockFigures]
     necks: NotRequired[list[NeckFigures]]
+    neck_wanted: NotRequired[NeckWanted]
+    holds_with: NotRequired[list[NeckRemedyFigures]]
     depths_found: NotRequired[list[float]]
     remedies: NotRequired[list[ShorteningFigures]]
     shorter: NotRequired[list[ShorterFigures]]

@@ -11,6 +11,7 @@ from typed_values import differences
 from bonecam.errors import JobError
 from bonecam.job import Job
 from bonecam.job.materials.preset import read_material
+from bonecam.machine.limits import MachineLimits
 from bonecam.machine.machine import read_machine
 from bonecam.mechanics.beam import Beam
 from bonecam.mechanics.sections import column_sections
@@ -18,8 +19,10 @@ from bonecam.mesh.solids.revolution import cylinder
 from bonecam.nc.posting.rotary.machine_limits import machine_limits
 from bonecam.planning.holding.finished_beam import finished_beam
 from bonecam.planning.holding.lifts import needed_lifts
-from bonecam.planning.holding.neck import find_standing, neck_report, ranking
+from bonecam.planning.holding.neck import find_standing, ranking
 from bonecam.planning.holding.neck_figures import Neck
+from bonecam.planning.holding.neck_remedies import neck_remedies, neck_report
+from bonecam.planning.holding.post_length import find_post_length
 from bonecam.progress import silent
 from bonecam.report.mechanics_lines import post_lines
 from bonecam.report.typed.to_levels import NeckFigures
@@ -53,6 +56,25 @@ def test_the_neck_that_is_taken_is_the_thinnest_that_holds(found) -> None:
     assert all(neck.diameter > necks[0].diameter for neck in necks[1:] if neck.holds)
     assert all(np.diff([neck.left_mm2 for neck in sorted(necks, key=lambda one: one.diameter)]) > 0)
     assert all(np.diff([neck.um_per_n for neck in sorted(necks, key=lambda one: one.diameter)]) < 0)
+
+
+def test_a_neck_that_gives_way_at_the_length_of_all_contacts_is_not_taken(found, monkeypatch) -> None:
+    """With all contacts the thinnest neck that held is 30 mm longer."""
+    setup, job, necks = found
+    given = job.with_values(holding={"diameter": 0.0, "length": 0.0})
+
+    def longer(setup: Setup, job: Job, limits: MachineLimits) -> tuple[Setup, Job]:
+        setup, job = find_post_length(setup, job, limits)
+        more = 30.0 * (job.holding.diameter == necks[0].diameter)
+        return setup.lift(more), job.with_values(holding={"length": job.holding.length + more})
+
+    monkeypatch.setattr("bonecam.planning.holding.neck.find_post_length", longer)
+    _, other, tried = find_standing(setup, given, LIMITS)
+    assert other.holding.diameter == tried[0].diameter > necks[0].diameter
+    assert tried[0].holds
+    (left,) = (neck for neck in tried if neck.diameter == necks[0].diameter)
+    assert not left.holds
+    assert left.length == necks[0].length + 30.0
 
 
 def test_stock_neck_and_stub_stand_on_one_another(found) -> None:
@@ -95,7 +117,7 @@ def necks_of(*rows: tuple[float, float, bool], minutes: Sequence[float | None] =
     """Necks of a diameter and a shift (um) that hold or not, with cuts that take these minutes."""
     times = minutes or [None] * len(rows)
     return [
-        Neck(d, 5.0, 120.0, 10.0, 1.0, shift, 10.0, 900.0, holds, machining_min=time)
+        Neck(d, 5.0, 120.0, 10.0, 1.0, shift, 10.0, 900.0, 1.5 * shift, holds, machining_min=time)
         for (d, shift, holds), time in zip(rows, times, strict=True)
     ]
 
@@ -105,8 +127,8 @@ def test_where_none_holds_the_stiffest_is_taken() -> None:
     assert [neck.diameter for neck in none] == [6.0, 8.0, 4.0]
     some = ranking(necks_of((4.0, 90.0, False), (6.0, 9.0, True), (8.0, 4.0, True)))
     assert [neck.diameter for neck in some] == [6.0, 8.0, 4.0]
-    assert neck_report(()) == {}
-    assert neck_report(some)["necks"][0] == some[0].report
+    assert neck_report((), (), OPEN) == {}
+    assert neck_report(some, (), OPEN)["necks"][0] == some[0].report
     assert differences(some[0].report, NeckFigures) == []
 
 
@@ -122,31 +144,33 @@ def test_a_thin_neck_whose_cuts_take_much_longer_is_not_taken() -> None:
 
 def test_the_summary_tells_the_time_of_the_cuts_of_each_neck() -> None:
     told = {"diameter_mm": 6.0, "length_mm": 3.0}
-    timed = post_lines(told | neck_report(necks_of((6.0, 9.0, True), minutes=(11.5,))))
+    timed = post_lines(told | neck_report(necks_of((6.0, 9.0, True), minutes=(11.5,)), (), OPEN))
     assert any(line.endswith("Hz    min") for line in timed)
     assert any(line.endswith("900   11.5") for line in timed)
-    stated = post_lines(told | neck_report(necks_of((6.0, 9.0, True))))
+    stated = post_lines(told | neck_report(necks_of((6.0, 9.0, True)), (), OPEN))
     assert not any("min" in line for line in stated)
 
 
-@pytest.mark.parametrize(
-    "changes",
-    [
-        # titanium is cut with more than twice the force, and is 1.6 times as stiff
-        {
-            "material": {"name": "titanium"},
-            "roughing": {"spindle": 4500.0, "feed": 200.0},
-            "finishing": {"spindle": 4500.0, "feed": 200.0},
-        },
-        {"levels": {"finishing_depth": 0.3}, "finishing": {"scallop": 0.1}},
-    ],
-)
-def test_a_cut_that_takes_more_force_wants_a_thicker_neck(found, changes) -> None:
+def test_a_cut_that_takes_more_force_wants_a_thicker_neck(found) -> None:
     setup, job, necks = found
-    hard = job.with_values(**changes, holding={"diameter": 0.0, "length": 0.0})
-    _, other, tried = find_standing(setup, hard, LIMITS)
+    deep = {"levels": {"finishing_depth": 0.3}, "finishing": {"scallop": 0.1}}
+    _, other, tried = find_standing(
+        setup, job.with_values(**deep, holding={"diameter": 0.0, "length": 0.0}), LIMITS
+    )
     assert other.holding.diameter > necks[0].diameter
     assert tried[0].holds
+
+
+def test_titanium_wants_a_stiffer_cutter_or_lighter_cuts_than_a_neck_can_mend(found) -> None:
+    """Its edges push along the normal, so that the finishing cutter alone gives way by more than 16 um."""
+    setup, job, necks = found
+    hard = job.with_values(material={"name": "titanium"}, holding={"diameter": 0.0, "length": 0.0})
+    stood, other, tried = find_standing(setup, hard, LIMITS)
+    assert other.holding.diameter == tried[0].diameter > necks[0].diameter
+    assert not tried[0].holds
+    (remedy,) = neck_remedies(stood, other, LIMITS, tried[0])
+    assert remedy.neck.holds
+    assert remedy.change.startswith("finishing cuts of 0.0")
 
 
 def test_a_stock_thinner_than_every_neck_is_refused(found) -> None:

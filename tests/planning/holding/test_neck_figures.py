@@ -8,7 +8,6 @@ import pytest
 
 from bonecam.job import Job
 from bonecam.machine.machine import read_machine
-from bonecam.mechanics.cutter import cutter_compliance
 from bonecam.mechanics.strip import job_strip_force
 from bonecam.mechanics.workpiece import mechanics_of_job
 from bonecam.mesh.part import Part
@@ -17,11 +16,10 @@ from bonecam.nc.posting.rotary.machine_limits import machine_limits
 from bonecam.planning.estimate import LayersToCut
 from bonecam.planning.holding.finished_beam import finished_beam
 from bonecam.planning.holding.found_depths import PEAK_SHARE, with_found_depths
-from bonecam.planning.holding.neck_figures import KEPT_SHARE, Neck, neck_figures
+from bonecam.planning.holding.neck_figures import Neck, neck_figures
 from bonecam.setup.capsule import Capsule
 from bonecam.setup.placement import Setup
 from bonecam.setup.schedule import schedule_of
-from bonecam.tool.cutter import Cutter
 from bonecam.workholding.post import Post
 
 LIMITS = machine_limits(read_machine("mikron-ucp600"))
@@ -49,25 +47,6 @@ def standing(more: float, high: float = TOP) -> Setup:
 def figures(setup: Setup, job: Job) -> Neck:
     """The figures of the neck of a job."""
     return neck_figures(setup, job, LIMITS, LayersToCut.between(setup.part.mesh, setup.stock.mesh(0.05)))
-
-
-def test_the_error_that_is_foretold_is_that_of_part_and_cutter_in_the_mean_of_the_area() -> None:
-    setup = standing(3.0)
-    stiffness, force = mechanics_of_job(STATED)
-    beam = finished_beam(setup.part.mesh, setup.post, STATED.holding, stiffness)
-    heights = np.linspace(LOW, TOP, 400)
-    places = np.column_stack([np.zeros_like(heights), np.zeros_like(heights), heights])
-    side = np.mean(beam.compliance(places)[:, 0, 0]) * 2 * np.pi * RADIUS * (TOP - LOW)
-    mantle, caps = 2 * np.pi * RADIUS * (TOP - LOW), 2 * np.pi * RADIUS**2
-    ends = beam.compliance(np.array([[0.0, 0.0, TOP]]))[0, 0, 0] * 0.05 * caps
-    tool = cutter_compliance(Cutter.from_job(2, "finishing", STATED.tool("finishing"), LIMITS.bodies.nose))
-    fine = KEPT_SHARE * job_strip_force(force, STATED, "finishing")
-    told = figures(setup, STATED).shift_um / 1000
-    assert (
-        0.999 * fine * (side / (mantle + caps) + tool)
-        <= told
-        <= fine * ((side + ends) / (mantle + caps) + tool)
-    )
 
 
 def test_the_stress_is_that_of_the_cuts_that_the_neck_bears() -> None:

@@ -1,0 +1,108 @@
+"""What would make a neck hold that gives way, and what the report tells of the necks that were tried.
+
+Tried are a pin at the free end, shallower finishing cuts with lower scallops, slower spindles where part and stock
+swing too near to the teeth, and pin and cuts where nothing alone is enough.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from bonecam.errors import JobError
+from bonecam.job import Job
+from bonecam.job.holding.tailstock_section import PIN
+from bonecam.machine.limits import MachineLimits
+from bonecam.mechanics.strip import lighter_jobs
+from bonecam.planning.estimate import LayersToCut
+from bonecam.planning.holding.neck_figures import Neck, neck_figures, wanted_of
+from bonecam.planning.holding.post_length import STOCK_CHORD
+from bonecam.setup.placement import Setup
+from bonecam.workholding.post import post_below
+from bonecam.workholding.tailstock import settled_bracket
+
+STEP = 100.0
+"""Spindle speeds that are told are multiples of this, 1/min."""
+
+
+@dataclass(frozen=True)
+class NeckRemedy:
+    """A change of the job in words, and the neck that is taken, with it."""
+
+    change: str
+    neck: Neck
+
+
+def neck_remedies(setup: Setup, job: Job, limits: MachineLimits, taken: Neck) -> tuple[NeckRemedy, ...]:
+    """The changes with which the neck of a job holds that is `taken` and gives way; where none is enough, that which
+    comes nearest. None where the neck holds."""
+    if taken.holds:
+        return ()
+    layers = LayersToCut.between(setup.part.mesh, setup.stock.mesh(STOCK_CHORD))
+    pinned = _pinned(setup, job, limits)
+    pin = f'holding.tailstock = "{PIN}"'
+    tried = [NeckRemedy(pin, neck_figures(*pinned, limits, layers))] if pinned else []
+    tried += _lighter(setup, job, limits, layers)
+    tried += [NeckRemedy(what, neck_figures(setup, one, limits, layers)) for what, one in _slower(job, taken)]
+    if pinned and not any(one.neck.holds for one in tried):
+        both = _lighter(*pinned, limits, layers)
+        tried += [NeckRemedy(f"{pin} and {one.change}", one.neck) for one in both]
+    enough = tuple(one for one in tried if one.neck.holds)
+    return enough or tuple(sorted(tried, key=lambda one: one.neck.shift_um)[:1])
+
+
+def _lighter(setup: Setup, job: Job, limits: MachineLimits, layers: LayersToCut) -> list[NeckRemedy]:
+    """The finishing cuts that are tried, down to those with which the neck of a job holds."""
+    return list(_down_to_enough(setup, job, limits, layers))
+
+
+def _down_to_enough(
+    setup: Setup, job: Job, limits: MachineLimits, layers: LayersToCut
+) -> Iterator[NeckRemedy]:
+    for change, lighter in lighter_jobs(job):
+        neck = neck_figures(setup, lighter, limits, layers)
+        yield NeckRemedy(change, neck)
+        if neck.holds:
+            return
+
+
+def _slower(job: Job, taken: Neck) -> Iterator[tuple[str, Job]]:
+    """The job whose teeth pass as slowly as a neck asks, and its spindles in words; none where they do."""
+    wanted = wanted_of(job).first_hz
+    if taken.first_hz >= wanted:
+        return
+    fastest = max(job.tool(name).spindle for name in job.cutter_names)
+    most = float(np.floor(fastest * taken.first_hz / wanted / STEP)) * STEP
+    names = [name for name in job.cutter_names if job.tool(name).spindle > most]
+    try:
+        yield (
+            " and ".join(f"{name}.spindle = {most:g}" for name in names),
+            job.with_values(**{name: {"spindle": most} for name in names}),
+        )
+    except JobError:  # slower than a spindle turns
+        return
+
+
+def _pinned(setup: Setup, job: Job, limits: MachineLimits) -> tuple[Setup, Job] | None:
+    """Setup and job with a pin at the free end; None where one is there, or the table has no room for it."""
+    if job.holding.has_tailstock:
+        return None
+    part = setup.part.mesh
+    try:
+        holding = settled_bracket(replace(job.holding, tailstock=PIN), part, limits.bodies.table)
+        return replace(setup, post=post_below(part, holding)), replace(job, holding=holding)
+    except JobError:
+        return None
+
+
+def neck_report(necks: Sequence[Neck], remedies: Sequence[NeckRemedy], job: Job) -> dict[str, Any]:
+    """`necks` of the report's section `post`, where a neck was found; and where it gives way what is wanted of it and
+    with what it `holds_with`."""
+    if not necks:
+        return {}
+    told: dict[str, Any] = {"necks": [neck.report for neck in necks]}
+    if necks[0].holds:
+        return told
+    helps = [{"change": one.change, **one.neck.report} for one in remedies]
+    return told | {"neck_wanted": asdict(wanted_of(job)), "holds_with": helps}
