@@ -32,7 +32,7 @@ from bonecam.workholding.tailstock import settled_height
 
 MOST_MINUTES = 1.2
 """A thinner neck may take so many times the machining time of the quickest that holds."""
-WIDER, WIDE_SHARE = (12.0, 16.0, 20.0), 0.4
+WIDER, WIDE_SHARE = (12.0, 16.0, 20.0), 0.45
 """Necks (mm) that are tried beside NECKS where they are at most this share of the stock's width: on a thinner one a
 block of 50 mm swings at a third of the frequency of the teeth."""
 FEWER_CONTACTS = 400

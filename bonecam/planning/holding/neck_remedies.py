@@ -1,7 +1,7 @@
 """What would make a neck hold that gives way, and what the report tells of the necks that were tried.
 
 Tried are a pin at the free end, shallower finishing cuts with lower scallops, slower spindles where part and stock
-swing too near to the teeth, and pin and cuts where nothing alone is enough.
+swing too near to the teeth, and these together where nothing alone is enough.
 """
 
 from collections.abc import Iterator, Sequence
@@ -35,36 +35,39 @@ class NeckRemedy:
 
 
 def neck_remedies(setup: Setup, job: Job, limits: MachineLimits, taken: Neck) -> tuple[NeckRemedy, ...]:
-    """The changes with which the neck of a job holds that is `taken` and gives way; where none is enough, that which
-    comes nearest. None where the neck holds."""
+    """The changes with which the neck of a job holds that is `taken` and gives way; where none alone is enough, the
+    first few together that are, or what comes nearest. None where the neck holds."""
     if taken.holds:
         return ()
     layers = LayersToCut.between(setup.part.mesh, setup.stock.mesh(STOCK_CHORD))
+
+    def figures(change: str, one: Setup, changed: Job) -> NeckRemedy:
+        return NeckRemedy(change, neck_figures(one, changed, limits, layers))
+
     pinned = _pinned(setup, job, limits)
     pin = f'holding.tailstock = "{PIN}"'
-    tried = [NeckRemedy(pin, neck_figures(*pinned, limits, layers))] if pinned else []
-    tried += _lighter(setup, job, limits, layers)
-    tried += [NeckRemedy(what, neck_figures(setup, one, limits, layers)) for what, one in _slower(job, taken)]
-    if pinned and not any(one.neck.holds for one in tried):
-        both = _lighter(*pinned, limits, layers)
-        tried += [NeckRemedy(f"{pin} and {one.change}", one.neck) for one in both]
-    enough = tuple(one for one in tried if one.neck.holds)
-    return enough or tuple(sorted(tried, key=lambda one: one.neck.shift_um)[:1])
-
-
-def _lighter(setup: Setup, job: Job, limits: MachineLimits, layers: LayersToCut) -> list[NeckRemedy]:
-    """The finishing cuts that are tried, down to those with which the neck of a job holds."""
-    return list(_down_to_enough(setup, job, limits, layers))
-
-
-def _down_to_enough(
-    setup: Setup, job: Job, limits: MachineLimits, layers: LayersToCut
-) -> Iterator[NeckRemedy]:
+    tried = [figures(pin, *pinned)] if pinned else []
     for change, lighter in lighter_jobs(job):
-        neck = neck_figures(setup, lighter, limits, layers)
-        yield NeckRemedy(change, neck)
-        if neck.holds:
-            return
+        tried.append(figures(change, setup, lighter))
+        if tried[-1].neck.holds:
+            break
+    tried += [figures(change, setup, slower) for change, slower in _slower(job, taken)]
+    enough = tuple(one for one in tried if one.neck.holds)
+    if enough:
+        return enough
+    standings = [("", setup, job), *([(f"{pin} and ", *pinned)] if pinned else [])]
+    for before, one, asked in standings:
+        for change, lighter in lighter_jobs(asked):
+            both = figures(f"{before}{change}", one, lighter)
+            slow = [
+                figures(f"{both.change} and {what}", one, slower)
+                for what, slower in _slower(lighter, both.neck)
+            ]
+            for found in (both, *slow):
+                if found.neck.holds:
+                    return (found,)
+                tried.append(found)
+    return tuple(sorted(tried, key=lambda one: one.neck.shift_um)[:1])
 
 
 def _slower(job: Job, taken: Neck) -> Iterator[tuple[str, Job]]:

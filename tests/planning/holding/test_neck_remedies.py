@@ -74,6 +74,17 @@ def test_a_neck_that_holds_needs_none() -> None:
     assert "holds_with" not in neck_report([taken], found, JOB)
 
 
+def test_what_is_not_enough_alone_is_told_together() -> None:
+    """Its error asks for lighter cuts under a pin, its frequency for slower teeth."""
+    taken, (found,) = remedies(standing(110.0), JOB)
+    assert not taken.holds
+    assert found.neck.holds
+    told = found.change.split(" and ")
+    assert told[0] == 'holding.tailstock = "pin"'
+    assert told[1].startswith("finishing cuts of ")
+    assert [change.partition(" ")[0] for change in told[2:]] == ["roughing.spindle", "finishing.spindle"]
+
+
 def test_where_nothing_is_enough_the_nearest_is_told() -> None:
     taken, found = remedies(standing(110.0), JOB.with_values(material={"name": "titanium"}))
     assert len(found) == 1
