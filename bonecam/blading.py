@@ -115,13 +115,13 @@ def blades(
         require_room(wheel, job)
     with naming(name):
         plan = _planned(wheel, job, machine, times, progress)
-        made = _posted(plan, machine, dialect, name, program, times, part_of(progress, 0.6, 0.8))
+        bladed = _posted(plan, machine, dialect, name, program, times, part_of(progress, 0.6, 0.8))
         if simulation:
             share = part_of(progress, 0.8, 1.0)
-            made = _simulated(made, machine, dialect, times, share, mechanics=mechanics)
-    made = replace(made, report=with_warnings({**made.report, "seconds": times.seconds}, made.job))
-    write_run(made, wanted)
-    return made
+            bladed = _simulated(bladed, machine, dialect, times, share, mechanics=mechanics)
+    bladed = replace(bladed, report=with_warnings({**bladed.report, "seconds": times.seconds}, bladed.job))
+    write_run(bladed, wanted)
+    return bladed
 
 
 def _files(blade: BladeFile, hub: Solid, obstacles: Sequence[Solid]) -> list[str | Path]:
@@ -186,10 +186,10 @@ def _paths(
     before the blades: both are the part."""
     count, post = channel.wheel.count, Post(job.holding.diameter / 2, workpiece.length)
     capsule = smallest_capsule(blank.mesh.vertices, CAPSULE)
-    made, standing = ChannelPlanner(channel, job, limits, post, capsule).paths(morph.levels)
-    made[-1] = replace(made[-1], rest=1)
+    channel_paths, standing = ChannelPlanner(channel, job, limits, post, capsule).paths(morph.levels)
+    channel_paths[-1] = replace(channel_paths[-1], rest=1)
     blade = plan_surface(workpiece, job, limits, capsule, standing)
-    return tuple(indexed(path, count) for path in (*made, blade))
+    return tuple(indexed(path, count) for path in (*channel_paths, blade))
 
 
 def _posted(
@@ -227,7 +227,7 @@ def _posted(
 
 
 def _simulated(
-    made: Bladed,
+    bladed: Bladed,
     machine: Machine,
     dialect: Dialect,
     times: StageTimes,
@@ -237,14 +237,14 @@ def _simulated(
 ) -> Bladed:
     """The result with what its posted text removes of the blank, and what bends if `mechanics` are asked; VerifyError
     where that is not what it may do."""
-    with times.stage("simulation"), refusing(made.program, made.paths):
-        levels = made.levels.levels
-        surfaces = wheel_surfaces(made.wheel, made.workpiece.solid, levels[:-1])
-        cut = made.program.text, machine, dialect, made.job, made.blank, made.wheel, levels
+    with times.stage("simulation"), refusing(bladed.program, bladed.paths):
+        levels = bladed.levels.levels
+        surfaces = wheel_surfaces(bladed.wheel, bladed.workpiece.solid, levels[:-1])
+        cut = bladed.program.text, machine, dialect, bladed.job, bladed.blank, bladed.wheel, levels
         removal = prove_removal_of_wheel(*cut, progress, surfaces, mechanics=mechanics)
     bent = removal.mechanics
     sections = {"removal": removal.report, "mechanics": bent.report if bent else NOT_ASKED}
-    figures = with_warnings(made.report | sections, made.job)
-    told = simulated_text(figures, str(bent or NOT_ASKED["skipped"]))
-    program = record_simulation(made.program, dialect, removal.cell, told)
-    return replace(made, program=program, report=figures, removal=removal)
+    figures = with_warnings(bladed.report | sections, bladed.job)
+    summary = simulated_text(figures, str(bent or NOT_ASKED["skipped"]))
+    program = record_simulation(bladed.program, dialect, removal.cell, summary)
+    return replace(bladed, program=program, report=figures, removal=removal)

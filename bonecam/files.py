@@ -35,15 +35,15 @@ def input_bytes(path: str | Path) -> bytes:
     OSError where it cannot be read; its strerror says so too of a folder, a pipe, a socket or a device, which
     are not opened (a pipe would wait for ever, /dev/zero never ends), and of a file above LARGEST_INPUT.
     """
-    found = os.stat(path)
-    if not stat.S_ISREG(found.st_mode):
-        kind = SPECIAL.get(stat.S_IFMT(found.st_mode), "no regular file")
+    status = os.stat(path)
+    if not stat.S_ISREG(status.st_mode):
+        kind = SPECIAL.get(stat.S_IFMT(status.st_mode), "no regular file")
         raise OSError(errno.EINVAL, f"it is {kind}", str(path))
-    if found.st_size > LARGEST_INPUT:
-        size = f"it has {found.st_size / 2**30:.1f} GiB, {LARGEST_INPUT / 2**30:.0f} are allowed"
+    if status.st_size > LARGEST_INPUT:
+        size = f"it has {status.st_size / 2**30:.1f} GiB, {LARGEST_INPUT / 2**30:.0f} are allowed"
         raise OSError(errno.EFBIG, size, str(path))
     with open(path, "rb") as file:
-        return file.read(found.st_size)
+        return file.read(status.st_size)
 
 
 def input_text(path: str | Path) -> str:
@@ -203,7 +203,7 @@ def _trouble_of(path: str | Path, target: Path) -> str | None:
         }
     except OSError as error:
         return f"{error.strerror}: choose another name"
-    return next((what for what, found in kinds.items() if found), None)
+    return next((what for what, applies in kinds.items() if applies), None)
 
 
 def is_mounted(file: Path) -> bool:

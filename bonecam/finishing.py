@@ -110,34 +110,34 @@ def finish(
             times=times,
             progress=part_of(progress, 0.8, 0.9),
         )
-    told = proved.paths, proved.program, proved.proof
-    reported = report_to_program(Path(program or "").name, *told, job=job.path, part=workpiece.solid)
+    arguments = proved.paths, proved.program, proved.proof
+    reported = report_to_program(Path(program or "").name, *arguments, job=job.path, part=workpiece.solid)
     figures = with_warnings({**figures, **reported, "removal": NOT_SIMULATED}, job)
-    made = Finished(workpiece, proved.paths[0], proved.program, figures, job)
+    finished = Finished(workpiece, proved.paths[0], proved.program, figures, job)
     if simulation:
-        made = _simulated(made, name, times, part_of(progress, 0.9, 1.0), mechanics=mechanics)
-    made = replace(made, report={**made.report, "seconds": times.seconds})
-    write_run(made, wanted)
-    return made
+        finished = _simulated(finished, name, times, part_of(progress, 0.9, 1.0), mechanics=mechanics)
+    finished = replace(finished, report={**finished.report, "seconds": times.seconds})
+    write_run(finished, wanted)
+    return finished
 
 
 def _simulated(
-    made: Finished, name: str, times: StageTimes, progress: Progress, *, mechanics: bool
+    finished: Finished, name: str, times: StageTimes, progress: Progress, *, mechanics: bool
 ) -> Finished:
     """The result with what its posted text removes from the stock before it, and what bends if `mechanics` are asked;
     VerifyError where that is not what a program may do."""
-    machine, dialect = read_machine(made.job.nc.machine), job_dialect(made.job.nc)
-    text, workpiece = made.program.text, made.workpiece
-    bodies = made.job, workpiece.surface, workpiece.solid
-    with times.stage("simulation"), refusing(made.program, [made.path]), naming(name):
-        found = prove_surface_removal(text, machine, dialect, *bodies, progress, mechanics=mechanics)
-        removal, bent = found.removal, found.removal.mechanics
-        skipped = {"skipped": found.unknown} if found.unknown else NOT_ASKED
+    machine, dialect = read_machine(finished.job.nc.machine), job_dialect(finished.job.nc)
+    text, workpiece = finished.program.text, finished.workpiece
+    bodies = finished.job, workpiece.surface, workpiece.solid
+    with times.stage("simulation"), refusing(finished.program, [finished.path]), naming(name):
+        proof = prove_surface_removal(text, machine, dialect, *bodies, progress, mechanics=mechanics)
+        removal, bent = proof.removal, proof.removal.mechanics
+        skipped = {"skipped": proof.unknown} if proof.unknown else NOT_ASKED
         sections = {"removal": removal.report, "mechanics": bent.report if bent else skipped}
-        figures = with_warnings(made.report | sections, made.job)
-    told = simulated_text(figures, str(bent or skipped["skipped"]))
-    program = record_simulation(made.program, dialect, removal.cell, told)
-    return replace(made, program=program, report=figures, removal=removal)
+        figures = with_warnings(finished.report | sections, finished.job)
+    summary = simulated_text(figures, str(bent or skipped["skipped"]))
+    program = record_simulation(finished.program, dialect, removal.cell, summary)
+    return replace(finished, program=program, report=figures, removal=removal)
 
 
 def _checked_solids(given: Sequence[Solid | None], *wanted: File) -> list[Solid]:

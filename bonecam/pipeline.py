@@ -80,9 +80,9 @@ def convert(
     given, source = _given(mesh)
     outputs.check(source, dialect)
     times = StageTimes()
-    made = morph_part(given, job, machine, keep, times, part(progress, 0.0, 0.3), body)
-    with keep_refused(made, keep):
-        constant = replace(made, job=with_constant_feed(made.job))
+    morphed = morph_part(given, job, machine, keep, times, part(progress, 0.0, 0.3), body)
+    with keep_refused(morphed, keep):
+        constant = replace(morphed, job=with_constant_feed(morphed.job))
         posting = Posting(machine, dialect, source, program, times)
         result = machine_levels(constant, posting, part(progress, 0.3, 0.8))
         before = None
@@ -122,10 +122,10 @@ def morph_levels(
     outputs.check(source)
     times = StageTimes()
 
-    made = morph_part(given, job, None, keep, times, part(progress, 0.0, 0.95), body)
+    morphed = morph_part(given, job, None, keep, times, part(progress, 0.0, 0.95), body)
     with times.stage("files"):
-        outputs.write(made, part(progress, 0.95, 1.0))
-    return made
+        outputs.write(morphed, part(progress, 0.95, 1.0))
+    return morphed
 
 
 def check_job(job: Job, machine: Machine, dialect: Dialect) -> None:
@@ -171,11 +171,11 @@ def _simulated(
         cut = result.program.text, machine, dialect, result.job, result.stock, result.levels.levels
         removal = prove_removal(*cut, progress, given, mechanics=mechanics)
         bent = removal.mechanics
-        found = {"removal": removal.report, "mechanics": bent.report if bent else NOT_ASKED}
-        found |= {"feed": before.report(removal, result.program.time_min)} if before else {}
-        figures = cast(Report, warnings.with_warnings({**result.report, **found}, result.job))
-    told = warnings.simulated_text(figures, str(bent or NOT_ASKED["skipped"]))
-    program = record_simulation(result.program, dialect, removal.cell, told)
+        sections = {"removal": removal.report, "mechanics": bent.report if bent else NOT_ASKED}
+        sections |= {"feed": before.report(removal, result.program.time_min)} if before else {}
+        figures = cast(Report, warnings.with_warnings({**result.report, **sections}, result.job))
+    summary = warnings.simulated_text(figures, str(bent or NOT_ASKED["skipped"]))
+    program = record_simulation(result.program, dialect, removal.cell, summary)
     return replace(result, program=program, report=figures, removal=removal)
 
 

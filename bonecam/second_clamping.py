@@ -65,8 +65,8 @@ def add_second(
     mechanics: bool = True,
 ) -> Result:
     """The result with its `second_program`, and `second` in its report."""
-    made = second_program(first, machine, dialect, program, progress, mechanics=mechanics)
-    return replace(first, second=made, report={**first.report, "second": made.report})
+    second = second_program(first, machine, dialect, program, progress, mechanics=mechanics)
+    return replace(first, second=second, report={**first.report, "second": second.report})
 
 
 def second_program(
@@ -125,8 +125,8 @@ def second_program(
         "removal": removal.report,
         "mechanics": bent.report if bent else NOT_ASKED,
     }
-    told = cast(SecondFigures, with_warnings(reported, job))
-    return SecondProgram(Path(first.part.file).name, clamping, paths, posted, removal, told, job)
+    figures = cast(SecondFigures, with_warnings(reported, job))
+    return SecondProgram(Path(first.part.file).name, clamping, paths, posted, removal, figures, job)
 
 
 def _turned_over(job: Job) -> Job:

@@ -174,14 +174,14 @@ def simulation_report(removal: Removal, job: Job) -> dict[str, Any]:
     simulation."""
     nc = gouge_to_given(removal.given.ball) if isinstance(removal.given, GivenRemoval) else {}
     bent = removal.mechanics.report if removal.mechanics else NOT_ASKED
-    found = {**({"nc": nc} if nc else {}), "removal": removal.report, "mechanics": bent}
-    return {"warnings": [asdict(each) for each in warnings_of(found, job)], **found}
+    sections = {**({"nc": nc} if nc else {}), "removal": removal.report, "mechanics": bent}
+    return {"warnings": [asdict(each) for each in warnings_of(sections, job)], **sections}
 
 
 def simulation_text(report: Mapping[str, Any]) -> str:
     """The report of a simulation in a few lines."""
-    told = warning_lines(report["warnings"])
-    lines = told, into_given(report.get("nc", {}), "proof"), removal_lines(report["removal"])
+    warning_texts = warning_lines(report["warnings"])
+    lines = warning_texts, into_given(report.get("nc", {}), "proof"), removal_lines(report["removal"])
     return "\n".join([*chain(*lines), *mechanics_lines(report["mechanics"])])
 
 

@@ -32,14 +32,14 @@ class Wanted:
     def files(self, part: BatchPart, folder: Path) -> dict[str, Path]:
         """Every output of `bonecam.convert` for the part, by its name."""
         extension = job_dialect(part.job.nc).extension
-        found = {"program": folder / f"{part.name}{extension}"}
+        outputs = {"program": folder / f"{part.name}{extension}"}
         if self.html:
-            found["html"] = folder / f"{part.name}.html"
+            outputs["html"] = folder / f"{part.name}.html"
         if self.sheet:
-            found["sheet"] = folder / f"{part.name}.sheet.html"
+            outputs["sheet"] = folder / f"{part.name}.sheet.html"
         if self.keep:
-            found["keep"] = folder / part.name
-        return found
+            outputs["keep"] = folder / part.name
+        return outputs
 
 
 def convert_part(part: BatchPart, folder: Path, wanted: Wanted, progress: Progress) -> Outcome:

@@ -49,18 +49,18 @@ class BatchPart:
 def batch_parts(given: Sequence[str | Path | BatchPart], job: Job) -> list[BatchPart]:
     """The parts of files, folders and tables, in their order, with `job` where they have none of their own. JobError
     where there is none, two have one name, or a table or a job file is wrong."""
-    found = [part for each in given for part in _parts_of(each, job)]
-    if not found:
+    parts = [part for each in given for part in _parts_of(each, job)]
+    if not parts:
         raise JobError("no part given: name at least one")
     seen: dict[str, Path] = {}
-    for part in found:
+    for part in parts:
         require_name(part.file)
         if part.name in seen:
             what = f"{seen[part.name]} and {part.file} would both write {part.name}"
             remedy = "rename one, name its `output` in a table, or use two folders"
             raise JobError(f"{what}: {remedy}", file=str(part.file))
         seen[part.name] = part.file
-    return found
+    return parts
 
 
 def _parts_of(given: str | Path | BatchPart, job: Job) -> list[BatchPart]:
@@ -201,13 +201,13 @@ def _changes(folder: Path, cells: dict[str, str]) -> dict[str, dict[str, Any]]:
     """What the cells of a line change in a job, by section and name."""
     keys = {"units": "mesh.units"}
     given = [(keys.get(column, column), cell) for column, cell in cells.items() if cell]
-    found = [found for key, cell in given if (found := setting(key, cell))]
+    settings = [each for key, cell in given if (each := setting(key, cell))]
     stock = cells.get("stock", "")
     if stock in STOCK_KINDS:
-        found.append(("stock", "kind", stock))
+        settings.append(("stock", "kind", stock))
     elif stock:
-        found += [("stock", "kind", "mesh"), ("stock", "mesh", str((folder / stock).absolute()))]
+        settings += [("stock", "kind", "mesh"), ("stock", "mesh", str((folder / stock).absolute()))]
     changes: dict[str, dict[str, Any]] = {}
-    for section, name, value in found:
+    for section, name, value in settings:
         changes.setdefault(section, {})[name] = value
     return counted_from(str(folder.absolute()), changes)

@@ -67,18 +67,18 @@ def convert_many(
             f"executor is a {type(executor).__name__}: give an object whose submit returns a future"
         )
     given = [parts] if isinstance(parts, str | Path) else parts
-    found = batch_parts(given, job or Job())[share[0] - 1 :: share[1]]
-    _check_jobs(found)
+    own_parts = batch_parts(given, job or Job())[share[0] - 1 :: share[1]]
+    _check_jobs(own_parts)
     check_folder(target)
     read_rows(target / TABLE)  # a table that is none is refused before the work
     target.mkdir(parents=True, exist_ok=True)
-    place = {part.name: index for index, part in enumerate(found)}
+    place = {part.name: index for index, part in enumerate(own_parts)}
     outcomes: dict[int, Outcome] = {}
     ask = partial(_in_process, folder=target, wanted=wanted, work=work, version=bonecam.__version__)
-    for outcome in _outcomes(found, ask, jobs, executor, resume, progress):
+    for outcome in _outcomes(own_parts, ask, jobs, executor, resume, progress):
         outcomes[place[outcome.name]] = outcome
         _tell(target / TABLE, outcome, place)
-        told(outcome, len(found) - len(outcomes))
+        told(outcome, len(own_parts) - len(outcomes))
     return [outcomes[index] for index in sorted(outcomes)]
 
 
@@ -144,9 +144,9 @@ def _outcome_of(future: "Future[Outcome]", part: BatchPart) -> Outcome:
         message = outcome.message.replace(str(part.file.absolute()), str(part.file))
         return replace(outcome, mesh=str(part.file), message=message)
     except (Exception, CancelledError) as error:
-        told = " ".join(f"{type(error).__name__}: {error}".split())
+        reason = " ".join(f"{type(error).__name__}: {error}".split())
         return failed(
-            part.name, str(part.file), part.job_file, 0.0, f"its worker was lost ({told}): try it again"
+            part.name, str(part.file), part.job_file, 0.0, f"its worker was lost ({reason}): try it again"
         )
 
 
@@ -168,15 +168,15 @@ def _in_process(
 
     try:
         _check_worker(folder, version)
-        found: Outcome = call_in_worker(work, part, folder, wanted, progress=tell, stopped=stopped)
-        return found
+        outcome: Outcome = call_in_worker(work, part, folder, wanted, progress=tell, stopped=stopped)
+        return outcome
     except BonecamError as error:
         message = " ".join(str(error).splitlines())
     except WorkerError as error:
         message = f"its process {error} (out of memory?): try it alone with bonecam convert -v"
     except Exception as error:
-        told = " ".join(str(error).split())
-        message = f"internal error {type(error).__name__}: {told}: please report it with the part"
+        reason = " ".join(str(error).split())
+        message = f"internal error {type(error).__name__}: {reason}: please report it with the part"
     return failed(part.name, str(part.file), part.job_file, time.perf_counter() - began, message)
 
 

@@ -58,9 +58,9 @@ def _run(
     check_files(files, inputs)
 
     with shown_progress(options) as progress:
-        made = make(mesh, job, **outputs, progress=progress)
+        result = make(mesh, job, **outputs, progress=progress)
     if not options.quiet:
-        print(made.summary)
+        print(result.summary)
     return 0
 
 
@@ -79,7 +79,7 @@ def run_finish(options: argparse.Namespace) -> int:
     files = [file for file in (options.output, options.report, options.html, options.apt) if file is not None]
     check_files(files, [file for file in (options.job, options.machine, options.controller) if file])
     with shown_progress(options) as progress:
-        made = bonecam.finish(
+        finished = bonecam.finish(
             options.surface,
             options.part,
             options.obstacle,
@@ -94,7 +94,7 @@ def run_finish(options: argparse.Namespace) -> int:
             progress=progress,
         )
     if not options.quiet:
-        print(made.summary)
+        print(finished.summary)
     return 0
 
 
@@ -143,7 +143,7 @@ def run_post(options: argparse.Namespace) -> int:
     origin = None if names[0] is None else names
     job = job_of(options)
     with shown_progress(options) as progress:
-        made = bonecam.post(
+        posted = bonecam.post(
             options.paths,
             options.part,
             job,
@@ -153,7 +153,7 @@ def run_post(options: argparse.Namespace) -> int:
             progress=progress,
         )
     if not options.quiet:
-        print(made.summary)
+        print(posted.summary)
     return 0
 
 

@@ -66,16 +66,16 @@ def job_with(job: Job, texts: Sequence[str], given: Sequence[tuple[str, str, Any
     changes: dict[str, dict[str, Any]] = {}
     settings = [(text, _setting(text)) for text in texts]
     remedy = "write SECTION.NAME=VALUE, like stock.diameter=15"
-    faults = [("", "", f"--set {text}: {remedy}") for text, found in settings if found is None]
-    for section, name, value in [*given] + [found for _, found in settings if found is not None]:
+    faults = [("", "", f"--set {text}: {remedy}") for text, parsed in settings if parsed is None]
+    for section, name, value in [*given] + [parsed for _, parsed in settings if parsed is not None]:
         changes.setdefault(section, {})[name] = value
     try:
-        made = job.with_values(**changes)
+        changed = job.with_values(**changes)
     except JobError as error:
         faults += error.evidence["faults"]
     if faults:
         raise job_error(faults)
-    return made
+    return changed
 
 
 def _setting(text: str) -> tuple[str, str, Any] | None:

@@ -79,13 +79,13 @@ def _importing(frame: FrameType | None) -> bool:
     return False
 
 
-def _raise_again(found: "sys.UnraisableHookArgs") -> None:
+def _raise_again(unraisable: "sys.UnraisableHookArgs") -> None:
     """The hook for errors in places that can raise none (a finaliser, a weak reference's callback): a stop that
     is lost there comes again."""
-    if arrived and isinstance(found.exc_value, KeyboardInterrupt):
+    if arrived and isinstance(unraisable.exc_value, KeyboardInterrupt):
         _come_again()
     else:
-        sys.__unraisablehook__(found)
+        sys.__unraisablehook__(unraisable)
 
 
 def _come_again() -> None:

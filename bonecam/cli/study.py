@@ -63,7 +63,7 @@ def run_compare(options: argparse.Namespace) -> int:
 
     job = job_of(options)
     with shown_progress(options) as progress:
-        made = compare(
+        comparison = compare(
             options.mesh,
             job,
             folder=options.output,
@@ -73,8 +73,8 @@ def run_compare(options: argparse.Namespace) -> int:
             progress=progress,
         )
     if not options.quiet:
-        print(table_text(made.rows))
-        print(claims_text(made.claims), end="")
+        print(table_text(comparison.rows))
+        print(claims_text(comparison.claims), end="")
     return 0
 
 
@@ -168,7 +168,7 @@ def _make(
     inputs = [file for file in (options.job, options.machine, options.controller) if file]
     check_files([options.output, *files], inputs)
     with shown_progress(options) as progress:
-        made = bonecam.blades(
+        bladed = bonecam.blades(
             blade,
             hub,
             count,
@@ -182,5 +182,5 @@ def _make(
             progress=progress,
         )
     if not options.quiet:
-        print(made.summary)
+        print(bladed.summary)
     return 0

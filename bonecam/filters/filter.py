@@ -81,11 +81,11 @@ class Filter:
     def values(self, given: Mapping[str, Any], mesh: TriangleMesh | None) -> dict[str, Any]:
         """The resolved value of every parameter: what is given, else the default on `mesh`. FilterError names
         what is wrong."""
-        found = {self.parameter(name).name: value for name, value in given.items()}
+        values = {self.parameter(name).name: value for name, value in given.items()}
         try:
             return {
-                item.name: item.resolved(found[item.name], mesh)
-                if item.name in found
+                item.name: item.resolved(values[item.name], mesh)
+                if item.name in values
                 else item.default_on(mesh)
                 for item in self.parameters
             }
@@ -135,18 +135,18 @@ def filters_of(plugin: EntryPoint) -> tuple[Filter, ...]:
     """The filters of one entry point; FilterError names the plugin that cannot be loaded."""
     place = f"plugin {plugin.name!r} ({plugin.value}{f' of {plugin.dist.name}' if plugin.dist else ''})"
     try:
-        found = tuple(plugin.load())
+        filters = tuple(plugin.load())
     except (Exception, SystemExit) as error:  # whatever a stranger's module raises while it is imported
         raise FilterError(
             f"{place} cannot be loaded: {type(error).__name__}: {error}: mend or uninstall it",
             plugin=plugin.name,
         ) from error
-    strange = [item for item in found if not isinstance(item, Filter)]
+    strange = [item for item in filters if not isinstance(item, Filter)]
     if strange:
         raise FilterError(
             f"{place} holds {strange[0]!r}, which is no Filter: mend or uninstall it", plugin=plugin.name
         )
-    return found
+    return filters
 
 
 @cache
@@ -160,13 +160,13 @@ def installed() -> Registry:
         key=lambda plugin: (not plugin.value.startswith(OURS), plugin.name, plugin.value),
     )
     reserved = meshlab_names.all_names()
-    found: tuple[Filter, ...] = ()
+    filters: tuple[Filter, ...] = ()
     for plugin in plugins:
         try:
-            more = (*found, *filters_of(plugin))
+            more = (*filters, *filters_of(plugin))
             Registry(more, taken=reserved)
         except FilterError as error:
             log.warning("bonecam: %s", error)
             continue
-        found = more
-    return Registry(found, taken=reserved)
+        filters = more
+    return Registry(filters, taken=reserved)

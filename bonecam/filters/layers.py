@@ -80,20 +80,20 @@ class Layers:
     def kept(self, name: str, kind: type[Value], made_by: str) -> Value:
         """The value `name` beside the current layer. FilterError says which filter makes it, or that the
         layer has changed."""
-        found = self._records.get(self.meshset.current_mesh_id())
-        if found is None or not isinstance(found.values.get(name), kind):
+        record = self._records.get(self.meshset.current_mesh_id())
+        if record is None or not isinstance(record.values.get(name), kind):
             raise FilterError(f"{self.name} has no {name}: apply {made_by} first", value=name)
-        if found.fingerprint != self._fingerprint():
+        if record.fingerprint != self._fingerprint():
             raise FilterError(
                 f"{self.name} was changed after its {name} was made: apply {made_by} again", value=name
             )
-        value: Value = found.values[name]
+        value: Value = record.values[name]
         return value
 
     def job(self) -> Job:
         """The job as the filters before have filled it in beside the current layer, or the default one."""
-        found: Job = self._valid().get("job", Job())
-        return found
+        job: Job = self._valid().get("job", Job())
+        return job
 
     def add(
         self,
@@ -177,8 +177,8 @@ class Layers:
 
     def _valid(self) -> dict[str, Any]:
         """What is kept of the current layer as it is now."""
-        found = self._records.get(self.meshset.current_mesh_id())
-        return found.values if found is not None and found.fingerprint == self._fingerprint() else {}
+        record = self._records.get(self.meshset.current_mesh_id())
+        return record.values if record is not None and record.fingerprint == self._fingerprint() else {}
 
     def _fingerprint(self) -> bytes:
         layer = self.meshset.current_mesh()

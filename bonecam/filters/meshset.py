@@ -86,8 +86,8 @@ class MeshSet(meshlab().MeshSet):  # type: ignore[misc]
         MeshLab reads it in a process of its own (`mesh.files.meshlab_files`). MeshSetFileError names the file
         and what is wrong with it.
         """
-        with _as_ours(), layers_of(Path(file_name), options, allow_outside=self.allow_outside) as found:
-            for file, label in found:
+        with _as_ours(), layers_of(Path(file_name), options, allow_outside=self.allow_outside) as layers:
+            for file, label in layers:
                 super().load_new_mesh(str(file))
                 self.current_mesh().set_label(self._free_label(label))
 
@@ -229,11 +229,11 @@ def _as_ours() -> Iterator[None]:
 
 def _written(item: Filter, given: Mapping[str, Any]) -> tuple[ScriptParameter, ...]:
     """The given values as a script states them."""
-    found = []
+    parameters = []
     for name, value in given.items():
         known = item.parameter(name)
-        found.append(ScriptParameter(known.name, known.kind.value, {"value": known.written(value)}))
-    return tuple(found)
+        parameters.append(ScriptParameter(known.name, known.kind.value, {"value": known.written(value)}))
+    return tuple(parameters)
 
 
 @contextmanager

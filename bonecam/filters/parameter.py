@@ -192,7 +192,7 @@ def parameters_of(
 
     Lengths in mm take percentages of the bounding box's diagonal as well.
     """
-    found = []
+    parameters = []
     for item in fields(section):
         if (only and item.name not in only) or item.name in without:
             continue
@@ -204,7 +204,7 @@ def parameters_of(
             str: Kind.ENUM if known.choices else Kind.STRING,
         }
         kind = Kind.LENGTH if type(value) is float and known.unit == "mm" else kinds[type(value)]
-        found.append(
+        parameters.append(
             FilterParameter(
                 prefix + item.name,
                 kind,
@@ -217,7 +217,7 @@ def parameters_of(
                 known.choices,
             )
         )
-    return tuple(found)
+    return tuple(parameters)
 
 
 def section_of(section: Section, values: Mapping[str, Any], prefix: str = "") -> Section:

@@ -79,9 +79,9 @@ class Job:
         given = {item.name: (getattr(self, item.name), item.type) for item in fields(self)}
         tables = {name: value for name, (value, kind) in given.items() if type(value) is not kind}
         if tables:
-            made = Job().with_values(**tables)
+            job = Job().with_values(**tables)
             for name in tables:
-                object.__setattr__(self, name, getattr(made, name))
+                object.__setattr__(self, name, getattr(job, name))
         self._check_tool_numbers()
 
     def _check_tool_numbers(self) -> None:
@@ -172,13 +172,13 @@ def _refusing_unknown(init: Callable[..., None]) -> Callable[..., None]:
     """A job's `__init__` that refuses a section that there is none of, as `with_values` does."""
 
     @wraps(init)
-    def made(self: Job, *given: Any, **sections: Any) -> None:
+    def checked_init(self: Job, *given: Any, **sections: Any) -> None:
         unknown = sections.keys() - {item.name for item in fields(Job)}
         if unknown:
             Job().with_values(**{name: sections[name] for name in sections if name in unknown})
         init(self, *given, **sections)
 
-    return made
+    return checked_init
 
 
 Job.__init__ = _refusing_unknown(Job.__init__)  # type: ignore[method-assign]
@@ -200,13 +200,13 @@ def _changed(name: str, section: Any, values: object) -> Any:
     try:
         if isinstance(section, ToolJob | LevelsJob):
             values = section.completed(values)
-        made = replace(section, **{key: value for key, value in values.items() if key in known})
+        changed = replace(section, **{key: value for key, value in values.items() if key in known})
     except JobError as error:
         message = error.evidence.get("faults") or [(error.evidence.get("field", ""), str(error))]
         faults += [(name, field, f"[{name}] {text}") for field, text in message]
     if faults:
         raise job_error(faults)
-    return made
+    return changed
 
 
 def setting(key: str, value: str) -> tuple[str, str, Any] | None:

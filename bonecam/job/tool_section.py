@@ -152,10 +152,10 @@ def read_tool(name: str) -> dict[str, Any]:
         if unknown := sorted(values.keys() - known_keys):
             what = f"unknown key {unknown[0]!r}{did_you_mean(unknown[0], known_keys)}"
             raise ValueError(f"{what}: use those of a cutter's section of a job")
-        made = ToolJob(**values)
+        tool = ToolJob(**values)
     except (OSError, ValueError, JobError) as error:
         raise JobError(f"{path}: {error}", file=str(path), field="preset") from error
-    return {item.name: getattr(made, item.name) for item in fields(made) if item.name != "preset"}
+    return {item.name: getattr(tool, item.name) for item in fields(tool) if item.name != "preset"}
 
 
 SHRINK_FIT = "60 10 19, 20 63"

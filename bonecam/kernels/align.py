@@ -31,13 +31,13 @@ def _angle(a: np.ndarray, b: np.ndarray) -> float:
 @njit(cache=True)
 def _slerp(a: np.ndarray, b: np.ndarray, fraction: float) -> np.ndarray:
     """Spherical linear interpolation between two unit vectors."""
-    angle, found = _angle(a, b), np.empty(3)
+    angle, vector = _angle(a, b), np.empty(3)
     first, second, size = 1 - fraction, fraction, 1.0
     if not angle < SMALL_ANGLE:
         first, second, size = np.sin(first * angle), np.sin(fraction * angle), np.sin(angle)
     for d in range(3):
-        found[d] = (first * a[d] + second * b[d]) / size
-    return found
+        vector[d] = (first * a[d] + second * b[d]) / size
+    return vector
 
 
 @njit(cache=True)

@@ -89,12 +89,13 @@ def body_surfaces(bodies: Sequence[Stock]) -> list[TSpline]:
     distance = np.inf
     place = np.zeros(3)
     for s_knots, t_knots, smooth in _knots_to_try(bodies, capsules, around, rows):
-        made = _fit(bodies, capsules, s_knots, t_knots, smooth)
+        surfaces = _fit(bodies, capsules, s_knots, t_knots, smooth)
         distance, place = max(
-            (_largest_distance(body, surface) for body, surface in zip(bodies, made)), key=lambda one: one[0]
+            (_largest_distance(body, surface) for body, surface in zip(bodies, surfaces)),
+            key=lambda one: one[0],
         )
         if distance <= TOLERANCE:
-            return made
+            return surfaces
     raise LevelError(
         f"the surface of the rounded stock is {distance:.4f} mm off it at {place_name(place)}, more than "
         f"{TOLERANCE} mm: give a larger "

@@ -84,11 +84,11 @@ class BegunLevels:
     @on_one_blas_thread
     def measured(self) -> Morph:
         """All levels, measured. LevelError where levels fail their check."""
-        made, schedule = self.morph.measured(), self.morph.schedule
+        morph, schedule = self.morph.measured(), self.morph.schedule
         if self.inner is self.stock:
-            return made
-        levels = _with_rounding_levels(made, self.inner, self.stock, schedule)
-        return replace(made, levels=levels, lower_bound=self.lower_bound(schedule), distance=self.distance)
+            return morph
+        levels = _with_rounding_levels(morph, self.inner, self.stock, schedule)
+        return replace(morph, levels=levels, lower_bound=self.lower_bound(schedule), distance=self.distance)
 
 
 def levels_in(surface: TSpline, stock: Stock, schedule: Schedule, **options: Any) -> Morph:
@@ -121,17 +121,17 @@ def _farthest(points: Float[ndarray, "n 3"], surface: TSpline, mesh: TriangleMes
     return float(surface.project(points[distances >= distances.max() - 2 * CHORD]).distances.max())
 
 
-def _with_rounding_levels(made: Morph, inner: Stock, stock: Stock, schedule: Schedule) -> tuple[Level, ...]:
+def _with_rounding_levels(morph: Morph, inner: Stock, stock: Stock, schedule: Schedule) -> tuple[Level, ...]:
     """All levels: those of the morph to `inner`, which gets a surface, then those that round the stock down
     to it."""
-    first, stock_mesh = made.levels[-1], stock.mesh(CHORD)
+    first, stock_mesh = morph.levels[-1], stock.mesh(CHORD)
     farthest = float(inner.signed_distance(stock_mesh.vertices).max())
     offsets = _offsets(farthest, schedule, first.index)
     bodies = [inner, *(inner.offset(offset) for offset in offsets[:-1])]
     surfaces = body_surfaces(bodies)
-    fit = _fit_over_tmesh_of(morph_surfaces(made.levels)[-1])
+    fit = _fit_over_tmesh_of(morph_surfaces(morph.levels)[-1])
 
-    levels = list(made.levels[:-1])
+    levels = list(morph.levels[:-1])
     for k, (body, surface) in enumerate(zip(bodies, surfaces, strict=True), start=first.index):
         control_points = fit.control_points(body, stock)
         if k == first.index:

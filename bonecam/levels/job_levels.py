@@ -61,9 +61,9 @@ def surface_and_levels(
                 return fitted, make_levels(fitted.surface, setup.stock, job, morphing)
         except LevelError as error:
             failure = failure or error
-            found = None if given else _smoother(fitted, setup, job, times, morphing, error)
-            if found is not None:
-                return found
+            smoother = None if given else _smoother(fitted, setup, job, times, morphing, error)
+            if smoother is not None:
+                return smoother
             report(fitting, 0.0, f"{error}; other rows are tried")
         except SurfaceError as error:
             failure = failure or error

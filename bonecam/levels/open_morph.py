@@ -129,9 +129,9 @@ def _sequence(
 
     def next_level(level: MachinedLevel, k: int, _: _Rest) -> MachinedLevel:
         limit = schedule.limit(k)
-        made = _next_surface(level.surface, target, matrices, limit, stiffness, held)
-        measures, mesh = _measured(k, level.surface, made, target, grid, limit)
-        return MorphLevel(k, made, mesh, limit, measures)
+        surface = _next_surface(level.surface, target, matrices, limit, stiffness, held)
+        measures, mesh = _measured(k, level.surface, surface, target, grid, limit)
+        return MorphLevel(k, surface, mesh, limit, measures)
 
     def rest_above(level: MachinedLevel, k: int, _: _Rest | None = None) -> _Rest:
         return _rest(level.surface, target, grid, schedule.limit(k + 1))
@@ -158,7 +158,7 @@ def _rest(level: TSpline, target: OpenStock, grid: LevelGrid, limit: float) -> _
     its = np.vstack([target.points, grid.points(target.surface.control_points)])
     at = np.vstack([target.parameters, grid.sample_parameters])
     own = grid.points(level.control_points)
-    found = _Rest(0.0, own[0])
+    rest = _Rest(0.0, own[0])
     for surface, points, parameters in (
         (target.surface, own, grid.sample_parameters),
         (level, its, at),
@@ -166,11 +166,11 @@ def _rest(level: TSpline, target: OpenStock, grid: LevelGrid, limit: float) -> _
         for some in (slice(None, None, STRIDE), slice(None)):
             distances = distances_to(surface, points[some], parameters[some]) - ROUNDING
             worst = int(np.argmax(distances))
-            if distances[worst] > found.left:
-                found = _Rest(float(distances[worst]), points[some][worst])
-            if found.left > limit:
-                return found
-    return found
+            if distances[worst] > rest.left:
+                rest = _Rest(float(distances[worst]), points[some][worst])
+            if rest.left > limit:
+                return rest
+    return rest
 
 
 def _next_surface(

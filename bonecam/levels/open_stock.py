@@ -133,10 +133,10 @@ def _wanted(given: float | TriangleMesh, points: ndarray, normals: ndarray) -> F
 def _above(surface: TSpline, points: ndarray) -> tuple[Float[ndarray, "n 3"], Projection]:
     """The points that stand straight above or below the surface, and their closest points on it: a point
     beyond its edges does not."""
-    found = surface.project(points)
-    heights = np.abs(dots(points - found.points, surface.normals(*found.parameters.T)))
-    kept = heights >= ABOVE * found.distances
-    return points[kept], Projection(*(each[kept] for each in found))
+    projection = surface.project(points)
+    heights = np.abs(dots(points - projection.points, surface.normals(*projection.parameters.T)))
+    kept = heights >= ABOVE * projection.distances
+    return points[kept], Projection(*(each[kept] for each in projection))
 
 
 def _require_upright(fit: TSpline, at: Float[ndarray, "n 2"], normals: Float[ndarray, "n 3"]) -> None:

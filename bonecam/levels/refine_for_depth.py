@@ -38,9 +38,9 @@ def refine_for_depth(surface: TSpline, stock: Stock, depth: float) -> TSpline:
     depths, few, most = WITH_FLATS if stock.has_flats else IN_CAPSULES
     longest = depths * depth
     while surface.tmesh.size < few:
-        found = _across(_along(surface, stock, longest, most), stock, longest, most)
-        if found.tmesh.size <= most:
-            return found
+        refined = _across(_along(surface, stock, longest, most), stock, longest, most)
+        if refined.tmesh.size <= most:
+            return refined
         longest *= COARSER
     return surface
 

@@ -50,10 +50,10 @@ def check_machine(name: str | Path) -> MachineCheck:
     and every key that is wrong, or why paths cannot be planned for it."""
     _, file = read_table("machine", name, machine_files(), MachineFile)
     machine = read_machine(name)
-    told = [_chain_text(machine), *map(_axis_text, machine.own_rotary), reach_text(machine)]
+    facts = [_chain_text(machine), *map(_axis_text, machine.own_rotary), reach_text(machine)]
     assumed = (*file.assumed, *_unsaid(machine, file))
     return MachineCheck(
-        machine, " ".join(file.source.split()), tuple(told), tuple(_doubtful(machine)), assumed
+        machine, " ".join(file.source.split()), tuple(facts), tuple(_doubtful(machine)), assumed
     )
 
 

@@ -140,18 +140,18 @@ def inverse_rotary(
     b = (along2 - dot * along1) / (1 - dot**2)
     rest = (1 - (a**2 + b**2 + 2 * a * b * dot)) / (1 - dot**2)
     rest = np.where(rest > -64 * np.finfo(float).eps, np.maximum(rest, 0), np.nan)
-    found = np.empty((len(axes), 2, 2))
+    solutions = np.empty((len(axes), 2, 2))
     for solution, side in enumerate((1.0, -1.0)):
         c = a[:, None] * d1 + b[:, None] * d2 + (side * np.sqrt(rest))[:, None] * np.cross(d1, d2)
-        found[:, solution, column1] = np.where(free1, 0.0, sign * _angle_about(d1, c, w))
-        found[:, solution, column2] = np.where(free2, 0.0, _angle_about(d2, v, c))
+        solutions[:, solution, column1] = np.where(free1, 0.0, sign * _angle_about(d1, c, w))
+        solutions[:, solution, column2] = np.where(free2, 0.0, _angle_about(d2, v, c))
     free = np.empty((len(axes), 2), dtype=bool)
     free[:, column1] = free1
     free[:, column2] = free2
     unreached = np.isnan(rest)
-    found[unreached] = np.nan
+    solutions[unreached] = np.nan
     free[unreached] = False
-    return found, free
+    return solutions, free
 
 
 def _locked_rotary(
@@ -172,13 +172,15 @@ def _locked_rotary(
         q1 = sign * _angle_about(d1, rotate(v, d2, q2), w)
     elif not two.locked:
         q2 = _angle_about(d2, v, rotate(w, d1, -sign * q1))
-    found = np.full((len(w), 2, 2), np.nan)
+    solutions = np.full((len(w), 2, 2), np.nan)
     for axis, angles in zip(pair, (q1, q2), strict=True):
         column = machine.column(axis) - 3
-        found[:, 0, column] = np.where(free[:, column], 0.0, angles)
-    far = np.linalg.norm(tool_axes(machine, found[:, 0]) - axes, axis=1) > 2 * np.sin(min(guard, np.pi) / 2)
-    found[far] = np.nan
-    return found
+        solutions[:, 0, column] = np.where(free[:, column], 0.0, angles)
+    far = np.linalg.norm(tool_axes(machine, solutions[:, 0]) - axes, axis=1) > 2 * np.sin(
+        min(guard, np.pi) / 2
+    )
+    solutions[far] = np.nan
+    return solutions
 
 
 def within_limits(machine: Machine, found: Float[ndarray, "n 2 2"]) -> Bool[ndarray, "n 2"]:

@@ -34,8 +34,8 @@ def tilt_band(machine: Machine) -> tuple[float, float] | None:
     tilts = np.radians(np.arange(0.0, 180.01, 0.25))
     tilt, azimuth = (grid.ravel() for grid in np.meshgrid(tilts, azimuths, indexing="ij"))
     axes = np.column_stack([np.sin(tilt) * np.cos(azimuth), np.sin(tilt) * np.sin(azimuth), np.cos(tilt)])
-    found, _ = inverse_rotary(machine, axes)
-    reached = within_limits(machine, found).any(1).reshape(len(tilts), -1).all(1)
+    solutions, _ = inverse_rotary(machine, axes)
+    reached = within_limits(machine, solutions).any(1).reshape(len(tilts), -1).all(1)
     edges = np.flatnonzero(np.diff(np.r_[False, reached, False]))
     bands = edges.reshape(-1, 2) - [0, 1]
     if not len(bands):
@@ -92,20 +92,20 @@ def reached_axes(machine: Machine) -> ReachedAxes:
 
     def brought(axes: Float[ndarray, "n 3"]) -> tuple[Float[ndarray, "n 3"], Bool[ndarray, " n"]]:
         """Of each axis the one of the machine by its first solution within the limits, and whether there is one."""
-        found, _ = inverse_rotary(inner, axes, lock_guard=np.pi)
-        usable = within_limits(inner, found)
-        first = found[np.arange(len(axes)), np.argmax(usable, axis=1)]
+        solutions, _ = inverse_rotary(inner, axes, lock_guard=np.pi)
+        usable = within_limits(inner, solutions)
+        first = solutions[np.arange(len(axes)), np.argmax(usable, axis=1)]
         some = np.asarray(usable.any(axis=1))
         return tool_axes(inner, np.where(some[:, None], first, 0.0)), some
 
     def contains(axes: Float[ndarray, "n 3"]) -> Bool[ndarray, " n"]:
-        own, found = brought(axes)
-        return found & (lengths(own - axes) <= ON_CURVE)
+        own, reached = brought(axes)
+        return reached & (lengths(own - axes) <= ON_CURVE)
 
     def nearest(axes: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
-        own, found = brought(axes)
+        own, reached = brought(axes)
         near = samples[tree.query(axes)[1]]
-        return np.where(found[:, None], own, near)
+        return np.where(reached[:, None], own, near)
 
     return ReachedAxes(contains, nearest, frozen(samples))
 

@@ -88,14 +88,14 @@ def paths_by_force(
     ratios = np.full(sum(len(path.tips) for path in paths), np.inf)
     np.minimum.at(ratios, leads.rows[~leads.away], schedule.ratios[~leads.away])
     ratios[~np.isfinite(ratios)] = 1.0
-    around, before, made, first = np.vstack([path.tips for path in paths]), None, [], 0
+    around, before, by_force, first = np.vstack([path.tips for path in paths]), None, [], 0
     for path in paths:
         wanted = _wanted(path, ratios[first : first + len(path.tips)], job)
         posted = post_path(wanted, machine, dialect, job, around, before)
         before = posted.moves.angles[-1]
-        made.append(_reachable(path, posted))
+        by_force.append(_reachable(path, posted))
         first += len(path.tips)
-    return PathsByForce(tuple(made), schedule)
+    return PathsByForce(tuple(by_force), schedule)
 
 
 def _wanted(path: ToolPath, ratios: Float[ndarray, " n"], job: Job) -> ToolPath:

@@ -62,25 +62,29 @@ def machine_levels(made: Morphed, posting: Posting, progress: Progress) -> Resul
 
 
 def _posted(
-    made: Morphed,
+    morphed: Morphed,
     planned: Sequence[ToolPath],
     foretold: Mapping[str, Any],
     posting: Posting,
     progress: Progress,
 ) -> Result:
     """The planned paths as a proved program, as in `machine_levels`; `foretold` is the report so far."""
-    job, levels, source = made.job, made.levels.levels, posting.source
-    told = warnings.header_texts(foretold, job)
+    job, levels, source = morphed.job, morphed.levels.levels, posting.source
+    warning_texts = warnings.header_texts(foretold, job)
     proved = post_and_prove(
         planned,
         posting.machine,
         posting.dialect,
         job,
         morph_surfaces(levels)[0],
-        given=given_surface(made.part, job, made.report),
+        given=given_surface(morphed.part, job, morphed.report),
         name=program_name(posting.file or source or ""),
-        comments=[*told, *([f"part: {Path(source).name}"] if source else []), *made.part.header_texts],
-        stock=made.stock,
+        comments=[
+            *warning_texts,
+            *([f"part: {Path(source).name}"] if source else []),
+            *morphed.part.header_texts,
+        ],
+        stock=morphed.stock,
         times=posting.times,
         progress=progress,
     )
@@ -90,7 +94,7 @@ def _posted(
     )
     figures = {**foretold, **reported, "removal": NOT_SIMULATED, "mechanics": NOT_KNOWN}
     checked = cast(Report, warnings.with_warnings(figures, job))
-    whole = (made.part, made.surface, made.stock, made.levels, checked, job)
+    whole = (morphed.part, morphed.surface, morphed.stock, morphed.levels, checked, job)
     return Result(*whole, paths, program)
 
 
@@ -105,5 +109,5 @@ def post_by_force(result: Result, posting: Posting, progress: Progress) -> tuple
     scheduled = paths_by_force(result.paths, result.program.text, removal, machine, dialect, job)
     before = BeforeForce(scheduled.schedule, removal, result.program.time_min)
     share = part(progress, 0.6, 1.0)
-    made = replace(result, job=job)
-    return _posted(made, scheduled.paths, result.report, posting, share), before
+    by_force = replace(result, job=job)
+    return _posted(by_force, scheduled.paths, result.report, posting, share), before

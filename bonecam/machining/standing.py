@@ -60,7 +60,7 @@ def stand_part(
     with times.stage("mesh"):
         unplaced, given = read_part(mesh, job, progress)
         warnings.check_warnings(warnings.hole_warnings(unplaced.widest_hole, job), job, unplaced.file)
-        found = not job.holding.length
+        seeks_post = not job.holding.length
         placed = place(unplaced, job, body)
         if not job.holding.diameter:
             check_cuts(placed.part.mesh, placed.stock, job.levels)  # before necks are tried
@@ -68,13 +68,13 @@ def stand_part(
         job = replace(job, holding=settled_bracket(job.holding, placed.part.mesh, limits.bodies.table))
         blocked = blocked_share(placed, job, limits)
         setup, job, necks = find_standing(placed, job, limits)
-        told = neck_report(necks, neck_remedies(setup, job, limits, necks[0]) if necks else (), job)
-        for warned in warnings.holding_warnings(told, job):
+        figures = neck_report(necks, neck_remedies(setup, job, limits, necks[0]) if necks else (), job)
+        for warned in warnings.holding_warnings(figures, job):
             report(progress, 1.0, f"{warned.text}: {warned.remedy}")
             warnings.check_warnings([warned], job, unplaced.file)
         if leaves_depths_open(job, neck_found=bool(necks)):
             job = with_found_depths(setup, job, limits)
-            told |= depths_report(job)
+            figures |= depths_report(job)
         if machine is not None:
             check_parting(setup, job, limits)
             check_second(setup.part, setup.post, job)
@@ -82,11 +82,11 @@ def stand_part(
         check_cuts(setup.part.mesh, setup.stock, job.levels)
         if machine is not None:
             check_length(setup.part.mesh, setup.stock, job, part(progress, 1.0, 1.0))
-        advice = post_advice(setup, job, limits) if found and machine else {}
-    told |= post_report(setup.post, setup.part.mesh, job.holding) | advice
-    if "tailstock" in told:
-        told["tailstock"]["blocked_share"] = round(blocked, 3)
-    return Standing(setup, job, given, told)
+        advice = post_advice(setup, job, limits) if seeks_post and machine else {}
+    figures |= post_report(setup.post, setup.part.mesh, job.holding) | advice
+    if "tailstock" in figures:
+        figures["tailstock"]["blocked_share"] = round(blocked, 3)
+    return Standing(setup, job, given, figures)
 
 
 def morph_standing(standing: Standing, keep: File, times: StageTimes, progress: Progress) -> Morphed:
@@ -98,5 +98,5 @@ def morph_standing(standing: Standing, keep: File, times: StageTimes, progress: 
     figures = report_to_levels(setup.part, fitted, setup.stock, morph, job.levels.method)
     figures |= {"strategy": job.path.strategy, "post": standing.told}
     figures |= {"seconds": times.seconds, "cpu_seconds": times.cpu_seconds}
-    told = cast(Report, warnings.with_warnings(figures, job))
-    return Morphed(setup.part, fitted.surface, setup.stock, morph, told, job)
+    reported = cast(Report, warnings.with_warnings(figures, job))
+    return Morphed(setup.part, fitted.surface, setup.stock, morph, reported, job)

@@ -43,13 +43,13 @@ def cut_depths(
     times.
     """
     step = max(round(spacing / grid.cell), 1)
-    found = []
+    points_of_sets = []
     for direction in range(3):
         ends = new_ends(now[direction], before[direction], step)
         points = np.empty_like(ends)
         points[:, order(direction)] = ends
-        found.append(points)
-    points = np.vstack(found)
+        points_of_sets.append(points)
+    points = np.vstack(points_of_sets)
     depths = np.empty(len(points))
 
     def measure(some: slice) -> None:

@@ -56,14 +56,14 @@ class Dexels:
     @property
     def ends(self) -> Float[ndarray, "e 3"]:
         """Where the rays enter and leave the material."""
-        found = []
+        ends = []
         for k, rays in enumerate(self.sets):
             nothing = rays._replace(counts=np.zeros_like(rays.counts))
-            places = new_ends(rays, nothing, 1)
-            in_grid = np.empty_like(places)
-            in_grid[:, order(k)] = places
-            found.append(self.grid.in_part(in_grid))
-        return np.vstack(found)
+            points = new_ends(rays, nothing, 1)
+            in_grid = np.empty_like(points)
+            in_grid[:, order(k)] = points
+            ends.append(self.grid.in_part(in_grid))
+        return np.vstack(ends)
 
     def removed_by(
         self, lines: Sequence[Poses], removed: Sequence[Poses], radius: float, reach: float = 0.0

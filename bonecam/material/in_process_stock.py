@@ -56,14 +56,14 @@ def _swept_after(path: ToolPath, before: Sequence[Swept]) -> tuple[Swept, ...]:
     """Where balls cut on the level of a path and on the one before it: the rest paths of a level cut only parts of
     it."""
     level, radius = path.level, path.cutter.radius
-    places = [_dense(*_cuts(path))]
+    points = [_dense(*_cuts(path))]
     kept: list[Swept] = []
     for swept in before:
         if (swept.level, swept.radius) == (level, radius):
-            places.append(swept.places.data)
+            points.append(swept.places.data)
         elif swept.level <= level + 1:
             kept.append(swept)
-    return (*kept, Swept(level, radius, KDTree(np.vstack(places))))
+    return (*kept, Swept(level, radius, KDTree(np.vstack(points))))
 
 
 @dataclass(frozen=True, eq=False)
@@ -220,8 +220,8 @@ def _lowered(standing: Float[ndarray, "n 3"], floor: Float[ndarray, "n 3"], path
     radii = np.full(len(starts), path.cutter.radius)
     names = np.arange(len(starts))
     owners = np.full(len(above), -1)
-    found = starts, ends, radii, names, tall, owners
-    cut_normal_probes(feet, normals, cell_starts, corner, CELL, REACH, *found, from_top=True)
+    arguments = starts, ends, radii, names, tall, owners
+    cut_normal_probes(feet, normals, cell_starts, corner, CELL, REACH, *arguments, from_top=True)
     lowered = standing.copy()
     # never below the level, where a ball may be by the gouge tolerance: the next direction would be inwards
     lowered[above] = feet + np.maximum(tall, 0.0)[:, None] * normals

@@ -185,9 +185,9 @@ def _fill(
     that are `drawn` lie on them."""
     ray = np.arange(TILE * TILE)
     within = grid.cell * (np.column_stack([ray % TILE, ray // TILE]) + 0.5)
-    places = np.zeros((len(corners) * len(ray), 3))
-    places[:, order(direction)[:2]] = (corners[:, None] + within).reshape(-1, 2)
-    starts = grid.in_part(places)
+    points = np.zeros((len(corners) * len(ray), 3))
+    points[:, order(direction)[:2]] = (corners[:, None] + within).reshape(-1, 2)
+    starts = grid.in_part(points)
     along = grid.rotation[direction]
     length = float(grid.size[direction])
     low = np.full((len(starts), len(bodies)), np.inf)
@@ -234,12 +234,12 @@ def _entries(
     The distance from a convex body is convex along a ray, so Newton's steps never pass the entry.
     """
     at = np.zeros(len(starts))
-    found = np.full(len(starts), np.inf)
+    distances = np.full(len(starts), np.inf)
     going = np.arange(len(starts))
     for _ in range(MOST_STEPS):
         distance, normals = body.distances_and_normals(starts[going] + at[going, None] * along)
         inside = distance <= SURE
-        found[going[inside]] = at[going[inside]]
+        distances[going[inside]] = at[going[inside]]
         slope = normals @ along
         on: Bool[ndarray, " g"] = ~inside & (slope < 0)
         going = going[on]
@@ -247,4 +247,4 @@ def _entries(
             break
         at[going] -= distance[on] / slope[on]
         going = going[at[going] < length]
-    return found
+    return distances

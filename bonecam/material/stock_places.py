@@ -27,11 +27,11 @@ def places_on_stock(
     sharp = np.array([_sharp(normals[side[:, 0]], normals[side[:, 1]]) for side in sides])
     pairs = np.vstack([side[across, :2] for side, across in zip(sides, sharp, strict=True)])
 
-    places = nearest
+    stock_points = nearest
     for neighbours in (pairs, faces[sharp.all(axis=0)]):
         meeting = stock.closest_points(_meeting(nearest[neighbours], normals[neighbours]))
-        places = _with_nearest_moved(places, neighbours, meeting)
-    return places
+        stock_points = _with_nearest_moved(stock_points, neighbours, meeting)
+    return stock_points
 
 
 def _sharp(u: Float[ndarray, "n 3"], v: Float[ndarray, "n 3"]) -> Bool[ndarray, " n"]:
@@ -47,10 +47,10 @@ def _meeting(points: Float[ndarray, "m k 3"], normals: Float[ndarray, "m k 3"]) 
 
 
 def _with_nearest_moved(
-    places: Float[ndarray, "n 3"], neighbours: Int32[ndarray, "m k"], targets: Float[ndarray, "m 3"]
+    points: Float[ndarray, "n 3"], neighbours: Int32[ndarray, "m k"], targets: Float[ndarray, "m 3"]
 ) -> Float[ndarray, "n 3"]:
     """The places, that of the neighbours in each row which is nearest to its target moved there."""
-    away = np.linalg.norm(places[neighbours] - targets[:, None], axis=2)
-    moved = places.copy()
+    away = np.linalg.norm(points[neighbours] - targets[:, None], axis=2)
+    moved = points.copy()
     moved[neighbours[np.arange(len(away)), np.argmin(away, axis=1)]] = targets
     return moved

@@ -72,35 +72,35 @@ class Beam:
 
     def compliance(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3 3"]:
         """Displacement of each point for a unit force there, mm/N; row i is that along coordinate i."""
-        found = self._free(points, points)
+        compliance = self._free(points, points)
         if self.support is None:
-            return found
+            return compliance
         place = np.broadcast_to(self.support.place, points.shape)
         there = self._free(place, points)
-        return found - self._free(points, place) @ self._reaction @ there
+        return compliance - self._free(points, place) @ self._reaction @ there
 
     def moment_stress(
         self, forces: Float[ndarray, "n 3"], points: Float[ndarray, "n 3"]
     ) -> Float[ndarray, " n"]:
         """The largest bending stress (MPa) in the slices below each point under a force (N) there, each slice as the
         ellipse with its second moments: exact for a round neck."""
-        found = [
+        stresses = [
             self._stress(forces[start : start + AT_ONCE], points[start : start + AT_ONCE])
             for start in range(0, len(points), AT_ONCE)
         ]
-        return np.concatenate(found) if found else np.zeros(0)
+        return np.concatenate(stresses) if stresses else np.zeros(0)
 
     @on_one_blas_thread
     def first_frequency(self, density: float) -> float:
         """The lowest natural frequency (Hz) of the beam, the mass of a `density` (kg/m^3) in the middles of slices."""
         solid = np.flatnonzero(self._mass > 0)
-        places = self._centroids[solid]
+        centroids = self._centroids[solid]
         count = len(solid)
         one, other = (each.ravel() for each in np.indices((count, count)))
-        pairs = self._free(places[one], places[other])
+        pairs = self._free(centroids[one], centroids[other])
         if self.support is not None:
-            fixed = np.broadcast_to(self.support.place, places.shape)
-            to, back = self._free(places, fixed), self._free(fixed, places)
+            fixed = np.broadcast_to(self.support.place, centroids.shape)
+            to, back = self._free(centroids, fixed), self._free(fixed, centroids)
             pairs = pairs - to[one] @ self._reaction @ back[other]
         root = np.repeat(np.sqrt(1e-12 * density * self._mass[solid]), 3)
         flexibility = pairs.reshape(count, count, 3, 3).transpose(0, 2, 1, 3).reshape(3 * count, -1)
@@ -141,11 +141,11 @@ class Beam:
         second = np.where(bends[:, None, None], cut.second, np.eye(2))
         polar = second[:, 0, 0] + second[:, 1, 1]
         area = np.where(bends, cut.area, 1.0)
-        found = np.zeros((len(second), 3, 3))
+        flexibility = np.zeros((len(second), 3, 3))
         # inv([[Ixx, -Ixy], [-Ixy, Iyy]]) is that of `second`, (yy and xx changed over) over the determinant
-        found[:, :2, :2] = second / np.linalg.det(second)[:, None, None] / self.youngs
-        found[:, 2, 2] = 4 * np.pi**2 * polar / area**4 * 2 * (1 + self.poisson) / self.youngs
-        return np.where(bends[:, None, None], found, 0.0)
+        flexibility[:, :2, :2] = second / np.linalg.det(second)[:, None, None] / self.youngs
+        flexibility[:, 2, 2] = 4 * np.pi**2 * polar / area**4 * 2 * (1 + self.poisson) / self.youngs
+        return np.where(bends[:, None, None], flexibility, 0.0)
 
     @cached_property
     def _stretch(self) -> Float[ndarray, "n 3"]:
@@ -223,19 +223,19 @@ class Beam:
             place = np.broadcast_to(self.support.place, points.shape)
             moved = (self._free(place, points) @ forces[:, :, None])[:, :, 0]
             pairs.append((place, -moved @ self._reaction.T))
-        found = np.zeros((*heights.shape, 2))
+        moments = np.zeros((*heights.shape, 2))
         for place, force in pairs:
             x, y = (place[:, None, k] - centroids[:, k] for k in range(2))
             up = place[:, 2:] - heights
             above = up >= 0
-            found[:, :, 0] += np.where(above, y * force[:, 2:] - up * force[:, 1:2], 0.0)
-            found[:, :, 1] += np.where(above, up * force[:, :1] - x * force[:, 2:], 0.0)
-        return found
+            moments[:, :, 0] += np.where(above, y * force[:, 2:] - up * force[:, 1:2], 0.0)
+            moments[:, :, 1] += np.where(above, up * force[:, :1] - x * force[:, 2:], 0.0)
+        return moments
 
 
 def _cross_matrix(vectors: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3 3"]:
     """[v]x, with [v]x w = v x w."""
-    found = np.zeros((len(vectors), 3, 3))
+    matrices = np.zeros((len(vectors), 3, 3))
     for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        found[:, j, k], found[:, k, j] = -vectors[:, i], vectors[:, i]
-    return found
+        matrices[:, j, k], matrices[:, k, j] = -vectors[:, i], vectors[:, i]
+    return matrices

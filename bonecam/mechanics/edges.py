@@ -115,5 +115,5 @@ def forces_of(edges: Edges, asked: Sequence[Edges], flutes: int) -> EdgeForces:
     mean, peak = np.empty((2, len(single), 3))
     over_turns(single, edges.frames, flutes, mean, peak)
     away = engaged[:, 1:4] / np.maximum(engaged[:, :1], np.finfo(float).tiny)
-    places = edges.centres + np.einsum("nk,nkc->nc", away, edges.frames)
-    return EdgeForces(edges, single, mean, peak, places, engaged[:, 4], engaged[:, 0])
+    points = edges.centres + np.einsum("nk,nkc->nc", away, edges.frames)
+    return EdgeForces(edges, single, mean, peak, points, engaged[:, 4], engaged[:, 0])

@@ -107,8 +107,8 @@ class Loads:
         first = bodies.beam.first_frequency(work.stiffness.density)
         tooth = work.flutes * float(self.spindle[pieces.moves].max()) / 60
         cut = np.flatnonzero(forces.cut)
-        places, mean = forces.places[cut], forces.mean[cut]
-        gives = bodies.compliance(places, edges.edges.frames[cut, 2])
+        points, mean = forces.places[cut], forces.mean[cut]
+        gives = bodies.compliance(points, edges.edges.frames[cut, 2])
         self.paths.append(
             PathLoads(
                 index=level[0],
@@ -119,7 +119,7 @@ class Loads:
                 peak=lengths(forces.peak[cut]),
                 edge_share=forces.edge_shares[cut],
                 deflection=lengths(np.einsum("nij,nj->ni", gives, mean)),
-                stress=bodies.beam.moment_stress(forces.peak[cut], places),
+                stress=bodies.beam.moment_stress(forces.peak[cut], points),
                 first_hz=np.inf if level[0] == PARTING else first,
                 tooth_hz=tooth,
                 rigid=bodies.beam.sections.rigid,

@@ -59,37 +59,37 @@ def remedies(
 
     softest = UM * float(kept.tool[here].max())
     rigid = f"at best a stiffer cutter than the one of {softest:.3g} um/N (overhang, neck_length)"
-    found = [Remedy(rigid, share(beam, 0.0), stress)]
+    options = [Remedy(rigid, share(beam, 0.0), stress)]
     lighter = [(what, times**POWER) for what, times in work.lighter]
     whole = share(beam)
-    found += [Remedy(what, times * whole, stress) for what, times in lighter]
+    options += [Remedy(what, times * whole, stress) for what, times in lighter]
     if work.post is None:
         top = float(beam.sections.high[-1])
         if work.clamped + NECK < top:
             held = beam.sections.between(work.clamped + NECK, top)
-            found.append(Remedy(f"a shell {NECK:g} mm higher", share(replace(beam, sections=held)), stress))
-        return tuple(sorted(found, key=lambda remedy: remedy.p99))
+            options.append(Remedy(f"a shell {NECK:g} mm higher", share(replace(beam, sections=held)), stress))
+        return tuple(sorted(options, key=lambda remedy: remedy.p99))
     foot, diameter = work.stub.top if work.stub else work.clamped, 2 * work.post.radius
     widest = min(standing.width, 2 * work.stub.radius if work.stub else np.inf)
     if THICKER * diameter < widest:
         thick = replace(beam, sections=thickened(beam.sections, foot, work.post.top, THICKER))
         neck = f"a neck of {THICKER * diameter:g} mm (holding.diameter)"
-        found.append(Remedy(neck, share(thick), stress / THICKER**3))
+        options.append(Remedy(neck, share(thick), stress / THICKER**3))
     pinned = _pinned(work, beam, kept.finished.mesh)
     if pinned is not None:
         pin = f'a pin of {pinned[0]:g} mm at the free end (holding.tailstock = "pin")'
-        found.append(
+        options.append(
             Remedy(pin, share(pinned[1]), stress * _stress_share(pinned[1], beam, kept.finished.points))
         )
     if work.post.top - foot > NECK:
         held = beam.sections.between(work.post.top - NECK, float(beam.sections.high[-1]))
         clamp = f"a chuck or collet {NECK:g} mm below the part"
         clamped = Remedy(clamp, share(replace(beam, sections=held)), stress)
-        found.append(clamped)
-        if min(one.p99 for one in found) > work.limits.largest_error:
+        options.append(clamped)
+        if min(one.p99 for one in options) > work.limits.largest_error:
             both = ((f"{clamp} with {what}", times * clamped.p99) for what, times in lighter)
-            found += [Remedy(what, p99, stress) for what, p99 in both]
-    return tuple(sorted(found, key=lambda remedy: remedy.p99))
+            options += [Remedy(what, p99, stress) for what, p99 in both]
+    return tuple(sorted(options, key=lambda remedy: remedy.p99))
 
 
 def _pinned(work: Workpiece, beam: Beam, part: TriangleMesh) -> tuple[float, Beam] | None:
@@ -126,7 +126,7 @@ def best_text(found: Sequence[Remedy], largest_error: float, largest_stress: flo
         return "give a thicker neck, a chuck or collet nearer to the part, or shallower levels"
     strong = [remedy for remedy in found if remedy.stress <= largest_stress]
     enough = [remedy for remedy in strong if remedy.p99 <= largest_error] or strong[:1] or found[:1]
-    told = [
+    texts = [
         f"{remedy.what} would keep {UM * remedy.p99:.1f} um at {remedy.stress:.0f} MPa" for remedy in enough
     ]
-    return " or ".join(told) + ("" if strong else ", shallower levels (levels.roughing_depth) load it less")
+    return " or ".join(texts) + ("" if strong else ", shallower levels (levels.roughing_depth) load it less")

@@ -93,14 +93,14 @@ class Mechanics:
     @property
     def faults(self) -> tuple[str, ...]:
         """What bends more than the job allows, in words."""
-        found, limits = [], self.workpiece.limits
+        faults, limits = [], self.workpiece.limits
         if self.yields:
             bound = f"half of the yield strength ({self.largest_stress:g} MPa)"
-            found.append(f"stress at the peaks is {self.stress[1]:.0f} MPa, more than {bound}")
+            faults.append(f"stress at the peaks is {self.stress[1]:.0f} MPa, more than {bound}")
         if self.error is not None and self.error.p99 > limits.largest_error:
             bound = f"mechanics.largest_error ({UM * limits.largest_error:g} um)"
-            found.append(f"bending keeps errors of {UM * self.error.p99:.1f} um, more than {bound}")
-        return tuple(found)
+            faults.append(f"bending keeps errors of {UM * self.error.p99:.1f} um, more than {bound}")
+        return tuple(faults)
 
     def check(self, *, assumed: bool = False) -> None:
         """BendingError where the part bends more than the job allows, with the remedy that helps most; none where the
@@ -110,7 +110,7 @@ class Mechanics:
         if limits.refuse and (self.yields or (self.faults and not assumed)):
             place = self.error.place if self.error else (0.0, 0.0, 0.0)
             where = f" at {place_name(place)}" if self.error else ""
-            found = (
+            hint = (
                 ""
                 if self.workpiece.stub or not self.workpiece.post
                 else "; holding.diameter = 0 finds a neck that is stiff enough"
@@ -118,7 +118,7 @@ class Mechanics:
             own = "or mechanics.refuse = false, which the header then tells"
             helps = best_text(self.remedies, limits.largest_error, self.largest_stress)
             raise BendingError(
-                f"{' and '.join(self.faults)}{where}: {helps}{found}; {own}",
+                f"{' and '.join(self.faults)}{where}: {helps}{hint}; {own}",
                 line=0,
                 place=place,
             )
@@ -137,10 +137,10 @@ class Mechanics:
 
     def move_forces(self, moves: int) -> Float[ndarray, " m"]:
         """The largest mean force on each of so many moves of the text, N; 0 in air."""
-        found = np.zeros(moves)
+        forces = np.zeros(moves)
         for path in self.paths:
-            np.maximum.at(found, path.moves, path.mean)
-        return found
+            np.maximum.at(forces, path.moves, path.mean)
+        return forces
 
     def __str__(self) -> str:
         """What bending does, in the words of the program's header."""
@@ -188,12 +188,12 @@ def mechanics_of(loads: Loads) -> Mechanics | None:
     if kept is None or loads.standing is None:
         return Mechanics(work, tuple(loads.paths), None)
     error = ErrorKept(kept.finished.mesh, kept.errors, kept.finished.areas)
-    found = Mechanics(work, tuple(loads.paths), error)
+    mechanics = Mechanics(work, tuple(loads.paths), error)
     tooth = max(path.tooth_hz for path in loads.paths)
-    if found.faults and np.isfinite(kept.errors).any():
-        helps = remedies(work, loads.standing, kept, error.areas, tooth, float(found.stress[1]))
-        found = replace(found, remedies=helps)
-    return found
+    if mechanics.faults and np.isfinite(kept.errors).any():
+        helps = remedies(work, loads.standing, kept, error.areas, tooth, float(mechanics.stress[1]))
+        mechanics = replace(mechanics, remedies=helps)
+    return mechanics
 
 
 def _path_figures(path: PathLoads) -> dict[str, Any]:

@@ -165,16 +165,16 @@ def _ray_moments(
 
     def partly(slices: ndarray, start: ndarray, end: ndarray, feet: ndarray) -> Float[ndarray, "n 3 3"]:
         span = end - start
-        found = _binned(slices, feet + (start + end)[:, None] / 2 * slope, span, count)
+        moments = _binned(slices, feet + (start + end)[:, None] / 2 * slope, span, count)
         across = np.array([0.0, *slope[:2]])
-        return found + np.bincount(slices, span**3 / 12, count)[:, None, None] * np.outer(across, across)
+        return moments + np.bincount(slices, span**3 / 12, count)[:, None, None] * np.outer(across, across)
 
-    found = partly(first, bottom, np.minimum(top, ends[first + 1]), foot)
-    found += partly(last[tall], ends[last[tall]], top[tall], foot[tall])
+    moments = partly(first, bottom, np.minimum(top, ends[first + 1]), foot)
+    moments += partly(last[tall], ends[last[tall]], top[tall], foot[tall])
 
     through = _binned(first[taller] + 1, foot[taller], np.ones(taller.sum()), count)
     through = np.cumsum(through - _binned(last[taller], foot[taller], np.ones(taller.sum()), count), axis=0)
-    return (found + _risen(through, ends, slope)) * (grid.cell**2 / abs(rise[2]))
+    return (moments + _risen(through, ends, slope)) * (grid.cell**2 / abs(rise[2]))
 
 
 def _risen(
@@ -194,11 +194,11 @@ def _binned(
 ) -> Float[ndarray, "n 3 3"]:
     """The sums of weights times (1, x, y) (1, x, y)^T of the points of each slice."""
     ones = np.column_stack([np.ones(len(points)), points[:, :2]])
-    found = np.empty((count, 3, 3))
+    sums = np.empty((count, 3, 3))
     for i in range(3):
         for k in range(i + 1):
-            found[:, i, k] = found[:, k, i] = np.bincount(slices, weights * ones[:, i] * ones[:, k], count)
-    return found
+            sums[:, i, k] = sums[:, k, i] = np.bincount(slices, weights * ones[:, i] * ones[:, k], count)
+    return sums
 
 
 def _material_ends(
@@ -209,15 +209,15 @@ def _material_ends(
     tiles = tiles[np.argsort(rays.tile_of[tiles[:, 0], tiles[:, 1]])]
     room = rays.spans.shape[2] // 2
     tile, ray, piece = np.nonzero(np.arange(room) < rays.counts[:, :, None])
-    found = []
+    ends = []
     for end in (2 * piece, 2 * piece + 1):
         local = np.empty((len(tile), 3))
         u, v, w = order(direction)
         local[:, u] = (tiles[tile, 0] * TILE + ray % TILE + 0.5) * rays.cell
         local[:, v] = (tiles[tile, 1] * TILE + ray // TILE + 0.5) * rays.cell
         local[:, w] = rays.spans[tile, ray, end]
-        found.append(grid.in_part(local))
-    return (found[0], found[1]) if grid.rotation[direction, 2] > 0 else (found[1], found[0])
+        ends.append(grid.in_part(local))
+    return (ends[0], ends[1]) if grid.rotation[direction, 2] > 0 else (ends[1], ends[0])
 
 
 def _from_moments(ends: Float[ndarray, " e"], moments: Float[ndarray, "n 3 3"]) -> Sections:

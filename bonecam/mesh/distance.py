@@ -104,8 +104,8 @@ class MeshDistance:
 
     def closest(self, points: Float[ndarray, "n 3"]) -> tuple[Float[ndarray, "n 3"], Int[ndarray, " n"]]:
         """The closest surface point of each point, and its face."""
-        found = self._scene.compute_closest_points(self._put(points))
-        return found["points"].numpy() + self._centre, found["primitive_ids"].numpy().astype(np.int64)
+        closest = self._scene.compute_closest_points(self._put(points))
+        return closest["points"].numpy() + self._centre, closest["primitive_ids"].numpy().astype(np.int64)
 
     def inside(self, points: Float[ndarray, "n 3"]) -> Bool[ndarray, " n"]:
         """Whether each point lies inside the closed surface (three rays each, the majority)."""
@@ -144,8 +144,8 @@ def exact_closest(
 ) -> tuple[Float[ndarray, "n 3"], Int[ndarray, " n"]]:
     """The closest surface point of each point and its face, in float64 (libigl's AABB tree)."""
     tree, vertices, faces = _exact_tree(mesh)
-    _, face, places = tree.squared_distance(vertices, faces, np.ascontiguousarray(points, dtype=np.float64))
-    return np.asarray(places).reshape(-1, 3), np.asarray(face, dtype=np.int64).ravel()
+    _, face, closest = tree.squared_distance(vertices, faces, np.ascontiguousarray(points, dtype=np.float64))
+    return np.asarray(closest).reshape(-1, 3), np.asarray(face, dtype=np.int64).ravel()
 
 
 @lru_cache(maxsize=KEPT_TREES)

@@ -147,7 +147,7 @@ def prepare_part(
     """
     report(progress, 0.0, "reading the mesh")
     name = str(source) if isinstance(source, str | Path) else "the mesh"
-    raw, told = _raw(source, job, also)
+    raw, label_notes = _raw(source, job, also)
     raw = scripted(raw, job.script) if job.script and scripted else raw
     if not len(raw.faces):
         raise MeshError(f"{name}: the mesh has no faces: give a surface mesh", file=name)
@@ -165,7 +165,7 @@ def prepare_part(
 
     smooth = smoothing.mesh if smoothing else repaired
     kept = "" if smoothing else note_on_kept_facets(repaired, coarseness, job, tolerance)
-    notes = tuple(filter(None, (*told, *job.changes, axes_text(axes) if axes else "", kept)))
+    notes = tuple(filter(None, (*label_notes, *job.changes, axes_text(axes) if axes else "", kept)))
     fill = fill_pits(smooth, min(job.pit_radius or ball, ball)) if job.pits == "fill" else None
     filled = fill.mesh if fill else smooth
     done = decimated + repairs + ((smoothing.change,) if smoothing else ()) + (fill.repairs if fill else ())
@@ -198,5 +198,5 @@ def _raw(
         return mesh_from(source), ()
     if ending_of(Path(source)) not in LABEL_MAPS:
         return read_mesh(source, (*also, *LABEL_MAPS)), ()
-    found = label_surface(Path(source), job.label, smooth=job.facets != "exact")
-    return found.mesh, found.notes
+    surface = label_surface(Path(source), job.label, smooth=job.facets != "exact")
+    return surface.mesh, surface.notes

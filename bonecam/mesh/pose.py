@@ -50,10 +50,10 @@ def settled_pose(pose: Float[ndarray, "4 4"]) -> Float[ndarray, "4 4"]:
     long = long / np.sqrt((long * long).sum())
     middle = middle - (middle * long).sum() * long
     middle = middle / np.sqrt((middle * middle).sum())
-    made = np.eye(4)
-    made[:3, :3] = np.stack([middle, np.cross(long, middle), long])
-    made[:3, 3] = settled(pose[:3, 3])
-    return made
+    motion = np.eye(4)
+    motion[:3, :3] = np.stack([middle, np.cross(long, middle), long])
+    motion[:3, 3] = settled(pose[:3, 3])
+    return motion
 
 
 def solid_moments(mesh: TriangleMesh) -> tuple[Float[ndarray, "3"], Float[ndarray, "3 3"]]:
@@ -124,7 +124,7 @@ def _subsets(count: int) -> list[list[int]]:
 
 def rotation(x_deg: float, y_deg: float, z_deg: float) -> Float[ndarray, "3 3"]:
     """The rotation matrix of turns about X, then Y, then Z by these angles in degrees."""
-    found = np.eye(3)
+    matrix = np.eye(3)
     for axis, angle in enumerate(np.radians([x_deg, y_deg, z_deg])):
         u = (axis + 1) % 3
         v = (axis + 2) % 3
@@ -132,5 +132,5 @@ def rotation(x_deg: float, y_deg: float, z_deg: float) -> Float[ndarray, "3 3"]:
         turn[u, u] = turn[v, v] = np.cos(angle)
         turn[u, v] = -np.sin(angle)
         turn[v, u] = np.sin(angle)
-        found = turn @ found
-    return found
+        matrix = turn @ matrix
+    return matrix

@@ -50,13 +50,13 @@ def solved_angles(
     are off by more than TURNED: behind these it goes on from what is stated."""
     length = np.linalg.norm(vectors, axis=1)
     axes = machine.in_part(vectors / np.where(length > 0, length, 1.0)[:, None])
-    found, free = inverse_rotary(machine, axes)
-    found[np.abs(length - 1) >= UNIT] = np.nan
+    pairs, free = inverse_rotary(machine, axes)
+    pairs[np.abs(length - 1) >= UNIT] = np.nan
     bounds = [axis.limits for axis in machine.rotary]
     meant = [] if stated is None else stated.tolist()
     angles, off = np.full((len(vectors), 2), np.nan), np.zeros(len(vectors), dtype=bool)
     stand = (float(before[0]), float(before[1]))
-    for row, (solutions, stays) in enumerate(zip(found.tolist(), free.tolist(), strict=True)):
+    for row, (solutions, stays) in enumerate(zip(pairs.tolist(), free.tolist(), strict=True)):
         nearest, travel = None, np.inf
         for solution in solutions:
             there, way = _nearest(solution, stays, stand, bounds)

@@ -153,4 +153,4 @@ def estimate_lines(report: Mapping[str, Any]) -> Iterator[str]:
         ),
         (expected["planning_cpu_s"], f"{seconds:.0f}", "CPU s"),
     )
-    yield f"expected  {', '.join(f'{told} {what} (came to {came})' for told, came, what in pairs)}"
+    yield f"expected  {', '.join(f'{estimated} {what} (came to {came})' for estimated, came, what in pairs)}"

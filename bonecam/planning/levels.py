@@ -75,11 +75,15 @@ def plan_paths(
     planning = _Planning(job, limits, part, *fixture, enclosing_capsule(stock))
     paths: list[ToolPath] = []
     standing = _Standing(uncut_material(levels, stock))
-    for found in _one_ahead(lambda level: planning.contacts(level, cutters[level.index]), machined[::-1]):
-        index = found.level.index
+    for level_contacts in _one_ahead(
+        lambda level: planning.contacts(level, cutters[level.index]), machined[::-1]
+    ):
+        index = level_contacts.level.index
         report(progress, (len(levels) - 2 - index) / (len(levels) - 1), f"path of level {index}")
-        made, standing = planning.paths(found, depth_limits(levels, index, cutters, job), standing)
-        paths += made
+        level_paths, standing = planning.paths(
+            level_contacts, depth_limits(levels, index, cutters, job), standing
+        )
+        paths += level_paths
     if job.path.fine_cutter:
         report(progress, 1.0, "path of the fine cutter")
         fine = Cutter.from_job(3, "fine", job.tool("fine"), limits.bodies.nose)
@@ -120,12 +124,12 @@ class _Planning:
         return Scene(level.mesh, material.mesh, self.capsule, *around, tangent_slack=slack)
 
     def paths(
-        self, found: LevelContacts, allowed: DepthLimits, standing: _Standing
+        self, level_contacts: LevelContacts, allowed: DepthLimits, standing: _Standing
     ) -> tuple[list[ToolPath], _Standing]:
         """The rest paths of a level and its own one, and what stands after them."""
-        level, material = found.level, standing.material
-        scene = self.scene_of(found.distance, found.flute_slack, material)
-        contacts = contact_path(found.candidates, material, allowed)
+        level, material = level_contacts.level, standing.material
+        scene = self.scene_of(level_contacts.distance, level_contacts.flute_slack, material)
+        contacts = contact_path(level_contacts.candidates, material, allowed)
         smooth = level_axes(contacts, level, scene, self.limits, self.job.path, standing.smooth)
 
         def cut(contacts: ContactPath, material: InProcessStock, explained: bool = False) -> Cut:
@@ -151,10 +155,10 @@ class _Planning:
             return cut_within_depth(contacts, material, level, allowed, oriented)
 
         rest: list[ToolPath] = []
-        if too_deep(found.candidates, material, allowed):
-            patterns = self._rest_patterns(found, allowed.scallop)
+        if too_deep(level_contacts.candidates, material, allowed):
+            patterns = self._rest_patterns(level_contacts, allowed.scallop)
             material, rest = _take_rest(patterns, material, allowed, cut, self.limits.turn_speed)
-            contacts = contact_path(found.candidates, material, allowed, allowed.deepest)
+            contacts = contact_path(level_contacts.candidates, material, allowed, allowed.deepest)
         path, after = cut(contacts, material, True)
         return [*rest, path], _Standing(after, smooth)
 
@@ -166,31 +170,34 @@ class _Planning:
         speed = self.limits.turn_speed
         return candidate_contacts(level, obstacles, cutter, self.post, job, turn_speed=speed)
 
-    def _rest_patterns(self, found: LevelContacts, scallop: float) -> list[CandidateContacts]:
+    def _rest_patterns(self, level_contacts: LevelContacts, scallop: float) -> list[CandidateContacts]:
         """The contacts of a level as it is cut and on rings. Its own path follows: the passes may leave the `scallop`
         (mm) that this expects of what is cut before, or that of the roughing cutter if that is less."""
-        cutter = found.candidates.cutter
+        cutter = level_contacts.candidates.cutter
         wide = max(cutter.scallop, min(scallop, self.job.roughing.scallop))
         cutter = replace(cutter, scallop=wide)
         rings = replace(self.job.path, pattern="round")
-        return [self._candidates(found.level, found.distance, cutter, job) for job in (self.job.path, rings)]
+        return [
+            self._candidates(level_contacts.level, level_contacts.distance, cutter, job)
+            for job in (self.job.path, rings)
+        ]
 
 
 def _with_fine(
-    paths: Sequence[ToolPath], planning: _Planning, found: LevelContacts, standing: _Standing
+    paths: Sequence[ToolPath], planning: _Planning, level_contacts: LevelContacts, standing: _Standing
 ) -> list[ToolPath]:
     """The paths with those of a finer ball on the part, as further rest paths, where the finishing ball has left more
     than twice its scallop. What is too narrow for the finishing ball is then told of the finer one alone."""
     *before, last = paths
     scallop = last.cutter.scallop
     allowed = DepthLimits(planning.job.levels.finishing_depth, scallop, 2 * max(scallop, UNCERTAIN))
-    made, _ = planning.paths(found, allowed, standing)
-    if not any((path.kinds == MoveKind.CUT).any() for path in made):
+    fine_paths, _ = planning.paths(level_contacts, allowed, standing)
+    if not any((path.kinds == MoveKind.CUT).any() for path in fine_paths):
         return list(paths)
     kept = np.flatnonzero([reason not in ("gouge", "post") for reason in last.reasons])
     last = replace(last, uncut=last.uncut[kept], reasons=tuple(last.reasons[k] for k in kept))
     done = sum(path.level == last.level for path in before)
-    fine = [replace(path, rest=done + k, trimmed=0.0) for k, path in enumerate(made, 1)]
+    fine = [replace(path, rest=done + k, trimmed=0.0) for k, path in enumerate(fine_paths, 1)]
     return [*before, last, *fine]
 
 
@@ -229,7 +236,7 @@ def _one_ahead(
     with ThreadPoolExecutor(1) as thread:
         coming = thread.submit(make, levels[0])
         for level in levels[1:]:
-            made = coming.result()
+            contacts = coming.result()
             coming = thread.submit(make, level)
-            yield made
+            yield contacts
         yield coming.result()

@@ -90,8 +90,8 @@ def orient(
         raise OrientationError(
             f"level {path.level}: no pass can be reached safely: {remedy}", level=path.level
         )
-    made = _tool_path(path, chosen, space, runs, linked, wanted.cones if wanted else None)
-    return lift_for_rewinds(replace(made, blocked_by=blocked, poses=judged), space)
+    oriented = _tool_path(path, chosen, space, runs, linked, wanted.cones if wanted else None)
+    return lift_for_rewinds(replace(oriented, blocked_by=blocked, poses=judged), space)
 
 
 def _lead_radius(job: PathJob, path: ContactPath) -> float:

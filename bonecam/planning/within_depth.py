@@ -62,13 +62,13 @@ def within_depth(
     all but those at which the cutter touches a place that it cuts too deep."""
     kept = np.ones(len(contacts.centres), dtype=bool)
     grid = after.fluted.grid
-    found = cut_depths(after.fluted.sets, before.fluted.sets, grid)
-    deep = np.flatnonzero(found.depths > allowed.deepest + SLACK)
+    cuts = cut_depths(after.fluted.sets, before.fluted.sets, grid)
+    deep = np.flatnonzero(cuts.depths > allowed.deepest + SLACK)
     if not len(deep):
         return kept
-    deep = deep[np.argsort(-found.depths[deep])][:MOST_PLACES]
+    deep = deep[np.argsort(-cuts.depths[deep])][:MOST_PLACES]
     cutting = np.flatnonzero(path.kinds == MoveKind.CUT)
-    touching = _touching(path, cutting, found.places[deep], grid.cell)
+    touching = _touching(path, cutting, cuts.places[deep], grid.cell)
     away, nearest = KDTree(contacts.centres).query(path.balls[cutting[touching]])
     kept[np.asarray(nearest)[np.asarray(away) < SAME]] = False
     return kept
@@ -87,12 +87,12 @@ def leave_out(contacts: ContactPath, kept: Bool[ndarray, " n"]) -> ContactPath:
 
 
 def _touching(
-    path: ToolPath, rows: ndarray, places: Float[ndarray, "p 3"], room: float
+    path: ToolPath, rows: ndarray, points: Float[ndarray, "p 3"], room: float
 ) -> Bool[ndarray, " r"]:
     """Whether ball or flutes come within `room` (mm) of one of the places in each of these rows."""
     balls, axes = path.balls[rows], path.axes[rows]
     near = np.zeros(len(rows), dtype=bool)
-    for place in places:
+    for place in points:
         height = np.clip(dots(place - balls, axes), 0.0, path.cutter.reach)
         away = np.linalg.norm(place - balls - height[:, None] * axes, axis=1)
         near |= away < path.cutter.radius + room

@@ -54,15 +54,15 @@ def levels_report(levels: Sequence[Level]) -> list[dict[str, Any]]:
 def _certified(level: Level) -> dict[str, Any]:
     """What holds everywhere on a level, also between the points measured; null where nothing is known, or
     nothing has to be."""
-    found = level.certificate
+    certificate = level.certificate
     names = ("depth_certified_mm", "nesting_certified_mm", "outside_certified_mm")
-    if found is None:
+    if certificate is None:
         return {**dict.fromkeys(names), "not_certified": None}
     values = (
         _mm(value) + 0.0 if np.isfinite(value) else None
-        for value in (found.depth, found.nesting, found.outside)
+        for value in (certificate.depth, certificate.nesting, certificate.outside)
     )
-    return {**dict(zip(names, values)), "not_certified": list(found.shortfalls(level.limit))}
+    return {**dict(zip(names, values)), "not_certified": list(certificate.shortfalls(level.limit))}
 
 
 def toolpath_report(paths: Sequence[ToolPath], least_lead: float) -> list[dict[str, Any]]:
@@ -175,13 +175,13 @@ def _near_normal(path: ToolPath, least_lead: float) -> dict[str, int | None]:
 
 def surface_report(fitted: Fit) -> dict[str, Any]:
     """`surface` of the report: control points and the deviation both ways."""
-    found = fitted.deviation
+    deviation = fitted.deviation
     return {
         "control_points": fitted.control_points,
-        "deviation_max_mm": _mm(found.max),
-        "deviation_rms_mm": _mm(found.rms),
-        "surface_to_mesh_max_mm": _mm(found.surface_to_mesh_max),
-        "mesh_to_surface_max_mm": _mm(found.mesh_to_surface_max),
+        "deviation_max_mm": _mm(deviation.max),
+        "deviation_rms_mm": _mm(deviation.rms),
+        "surface_to_mesh_max_mm": _mm(deviation.surface_to_mesh_max),
+        "mesh_to_surface_max_mm": _mm(deviation.mesh_to_surface_max),
         "tolerance_mm": fitted.tolerance,
         "tolerance_reached": fitted.reached,
     }

@@ -48,8 +48,8 @@ class Warned:
 def warnings_of(report: Sections, job: Job) -> list[Warned]:
     """The warnings of the sections that there are, the gravest kinds first."""
     machine = read_machine(job.nc.machine)
-    found = [warned for kind in KINDS for warned in kind(report, job)]
-    return [*found, *spindle_warnings(job, machine), *_nose(report, machine)]
+    warnings = [warned for kind in KINDS for warned in kind(report, job)]
+    return [*warnings, *spindle_warnings(job, machine), *_nose(report, machine)]
 
 
 def check_warnings(found: Iterable[Warned], job: Job, file: str = "") -> None:
@@ -64,11 +64,11 @@ def check_warnings(found: Iterable[Warned], job: Job, file: str = "") -> None:
 
 def with_warnings(report: dict[str, Any], job: Job) -> dict[str, Any]:
     """The report that begins with its warnings; LimitError as in `check_warnings`."""
-    found = warnings_of(report, job)
-    check_warnings(found, job)
-    for warned in found:
+    warnings = warnings_of(report, job)
+    check_warnings(warnings, job)
+    for warned in warnings:
         log.info("%s: %s", warned.text, warned.remedy)
-    return {"warnings": [asdict(warned) for warned in found]} | {
+    return {"warnings": [asdict(warned) for warned in warnings]} | {
         name: section for name, section in report.items() if name != "warnings"
     }
 
@@ -86,14 +86,14 @@ def warning_lines(warnings: Sequence[Mapping[str, Any]]) -> Iterator[str]:
 
 def header_texts(report: Sections, job: Job) -> list[str]:
     """The warnings that are known before the text is posted, for the program's header."""
-    told = (f"warning: {warned.text}" for warned in warnings_of(report, job))
-    return [line for text in told for line in textwrap.wrap(text, 96)]
+    texts = (f"warning: {warned.text}" for warned in warnings_of(report, job))
+    return [line for text in texts for line in textwrap.wrap(text, 96)]
 
 
 def simulated_text(report: Sections, bending: str) -> str:
     """What the header tells of the simulation: what bends, and its warnings."""
-    found = (each["text"] for each in report["warnings"] if each["code"] in ("left", "depth"))
-    return "; ".join([bending, *(f"warning: {text}" for text in found)])
+    texts = (each["text"] for each in report["warnings"] if each["code"] in ("left", "depth"))
+    return "; ".join([bending, *(f"warning: {text}" for text in texts)])
 
 
 def hole_warnings(width: float, job: Job) -> Iterator[Warned]:
@@ -185,17 +185,17 @@ def _bending(report: Sections, job: Job) -> Iterator[Warned]:
             yield Warned("bending_unknown", mechanics["skipped"], None, None, None, remedy)
         return
     kept = (mechanics["error_kept_um"] or {}).get("p99", 0.0)
-    told, most = UM * job.warnings.error, UM * job.mechanics.largest_error
+    warn_above, most = UM * job.warnings.error, UM * job.mechanics.largest_error
     helps = [f"{one['what']} would keep {one['p99_um']:.1f} um" for one in mechanics["remedies"][:1]]
     helps += [neck_remedy_text(report["post"])] if report.get("post", {}).get("holds_with") else []
     remedy = (helps or ["a thicker or shorter neck, or holding.diameter = 0, which finds one"])[0]
     low, up = mechanics["band"]
     faults = [*mechanics["faults"]]
-    if not faults and kept > told:
+    if not faults and kept > warn_above:
         faults = [f"bending keeps errors of {kept:.1f} um on a hundredth of the part"]
     if faults:
         text = f"{'; '.join(faults)} ({low:g} to {up:g} times by author)"
-        yield Warned("bending", text, kept, told, None if mechanics["faults"] else most, remedy)
+        yield Warned("bending", text, kept, warn_above, None if mechanics["faults"] else most, remedy)
 
 
 def _holding(report: Sections, job: Job) -> Iterator[Warned]:

@@ -59,13 +59,13 @@ class Posted:
     def summary(self) -> str:
         """What was made and proved, in lines for a person."""
         one, paths = self.program, self.proved.paths
-        made = f"{one.blocks} blocks for {one.machine} / {one.controller}, about {one.time_min:.0f} min"
+        program = f"{one.blocks} blocks for {one.machine} / {one.controller}, about {one.time_min:.0f} min"
         parts = part_count(one.text)
-        made += f", with {counted(parts, 'file')} that it calls" if parts else ""
+        program += f", with {counted(parts, 'file')} that it calls" if parts else ""
         removal = "removal   not simulated: give the folder of a run (--keep)"
         if self.removal is not None:
             removal = simulation_text(simulation_report(self.removal, self.job))
-        return f"paths     {len(paths)}\nnc        {made}\nproof     {self.proved.proof}\n{removal}"
+        return f"paths     {len(paths)}\nnc        {program}\nproof     {self.proved.proof}\n{removal}"
 
 
 def post(
@@ -101,8 +101,8 @@ def post(
     removal = None
     if keep is not None:
         removal = _simulated(proved.program, keep, job, part(progress, 0.5, 1.0))
-        told = record_simulation(proved.program, dialect, ACCURACY.cell)
-        proved = ProvedProgram(proved.paths, told, proved.proof)
+        recorded = record_simulation(proved.program, dialect, ACCURACY.cell)
+        proved = ProvedProgram(proved.paths, recorded, proved.proof)
     if program is not None:
         write_program_files(proved.program, dialect, program)
     return Posted(proved, removal, job)
@@ -145,21 +145,21 @@ def _planned(
     """The tool paths of a file."""
     try:
         if origin is None:
-            made = list(_of_apt(required_text(file, "cutter location data"), job, machine))
+            paths = list(_of_apt(required_text(file, "cutter location data"), job, machine))
         else:
             text = joined(file, read_dialect(origin[1])).text
-            made = list(_of_program(text, origin, job, machine))
+            paths = list(_of_program(text, origin, job, machine))
     except ProgramError as error:
         raise ProgramError(f"{file}: {error}", **error.evidence) from error
-    if not made:
+    if not paths:
         raise ProgramError(f"{file}: it has no moves: give cutter location data with GOTO", file=str(file))
-    return made
+    return paths
 
 
 def _of_apt(text: str, job: Job, machine: Machine) -> Iterator[ToolPath]:
     """The paths of APT statements; those without a level are numbered down to 0."""
-    found = read_apt(text).paths
-    for left, path in zip(range(len(found))[::-1], found, strict=True):
+    paths = read_apt(text).paths
+    for left, path in zip(range(len(paths))[::-1], paths, strict=True):
         cutter = _cutter(path.tool, _ball(path), job, machine)
         # what is faster than the cutter cuts is a link: the simulation tells whether it cuts
         fast = path.feed_rates > cutter.feed

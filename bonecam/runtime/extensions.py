@@ -32,11 +32,11 @@ def user_folder() -> Path:
 
 def named_files(kind: str, shipped: Path) -> dict[str, Path]:
     """The TOML files of a kind by name: those in and below the folder that ships, the user's, those of packages."""
-    found = {path.stem: path for path in sorted(shipped.rglob("*.toml"))}
+    files = {path.stem: path for path in sorted(shipped.rglob("*.toml"))}
     for folder in (user_folder() / kind, *_packaged(kind)):
         for path in sorted(folder.glob("*.toml")):
-            found.setdefault(path.stem, path)
-    return found
+            files.setdefault(path.stem, path)
+    return files
 
 
 def added_names(kind: str) -> tuple[str, ...]:

@@ -55,8 +55,8 @@ def _listed(folder: Path) -> dict[str, str]:
     lines = re.findall(r"^(\\?)([0-9a-f]{64})  ([^/\n\0][^\n\0]*)$", text, re.MULTILINE)
     root = Path(os.path.realpath(folder))
     named = [(_unescaped(name) if escaped else name, content) for escaped, content, name in lines]
-    places = [(name, content, Path(os.path.realpath((root / name).parent))) for name, content in named]
-    return {name: content for name, content, place in places if root == place or root in place.parents}
+    resolved = [(name, content, Path(os.path.realpath((root / name).parent))) for name, content in named]
+    return {name: content for name, content, place in resolved if root == place or root in place.parents}
 
 
 def _line(name: str, content: str) -> str:
@@ -67,7 +67,7 @@ def _line(name: str, content: str) -> str:
 
 def _unescaped(name: str) -> str:
     letters = {escape: letter for letter, escape in ESCAPES.items()}
-    return re.sub(r"\\[\\nr]", lambda found: letters[found[0]], name)
+    return re.sub(r"\\[\\nr]", lambda match: letters[match[0]], name)
 
 
 def _is_unchanged(file: Path, content: str) -> bool:

@@ -21,14 +21,14 @@ def undisturbed() -> Iterator[None]:
         return
     arrived: list[int] = []
     handlers = {kind: signal.getsignal(kind) for kind in STOPPING}
-    handlers = {kind: found for kind, found in handlers.items() if found not in (None, signal.SIG_IGN)}
+    handlers = {kind: handler for kind, handler in handlers.items() if handler not in (None, signal.SIG_IGN)}
     try:
         for kind in handlers:
             signal.signal(kind, lambda number, frame: arrived.append(number))
         yield
     finally:
-        for kind, found in handlers.items():
-            signal.signal(kind, found)
+        for kind, handler in handlers.items():
+            signal.signal(kind, handler)
         if arrived:
             signal.raise_signal(arrived[0])
 

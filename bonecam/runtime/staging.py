@@ -41,8 +41,8 @@ class _Output:
 
     def moves(self) -> list[tuple[Path, Path]]:
         """Each file in its temporary place, and its place."""
-        found = [item for item in self.work.rglob("*") if item.is_file()]
-        names = self.names or sorted(str(item.relative_to(self.work)) for item in found)
+        files = [item for item in self.work.rglob("*") if item.is_file()]
+        names = self.names or sorted(str(item.relative_to(self.work)) for item in files)
         return [(self.work / name, self.target / name) for name in names]
 
 
@@ -77,17 +77,17 @@ class Staging:
         own: str | None = None,
         replace: bool = True,
     ) -> Path:
-        made: list[Path] = []
+        folders: list[Path] = []
         with undisturbed():
             try:
                 if names is None:
-                    made = missing_folders(target)
+                    folders = missing_folders(target)
                     target.mkdir(parents=True, exist_ok=True)
                 work = make_temporary(target)
             except OSError as error:
-                remove_empty(made)
+                remove_empty(folders)
                 raise unwritable(path, error) from error
-            self._outputs.append(_Output(path, work, target, names, tuple(made), own, replace))
+            self._outputs.append(_Output(path, work, target, names, tuple(folders), own, replace))
         return work
 
     def remove(self, file: Path) -> None:
@@ -150,10 +150,10 @@ def staged() -> Iterator[Staging]:
             staging.commit()
             staging.discard()
     except (BonecamError, OSError) as error:
-        told = staging.told(error)
-        if told is error:
+        reported = staging.told(error)
+        if reported is error:
             raise
-        raise told from error
+        raise reported from error
     finally:
         with undisturbed():
             staging.discard()

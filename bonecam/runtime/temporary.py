@@ -33,9 +33,9 @@ def make_temporary(parent: Path) -> Path:
     remove_abandoned(parent)
     with undisturbed(), _MAKING:
         name = f".bonecam-{HOST}-{os.getpid()}-"
-        made = Path(tempfile.mkdtemp(dir=parent.absolute(), prefix=name, suffix=".part"))
-        _LIVE.add(made)
-    return made
+        folder = Path(tempfile.mkdtemp(dir=parent.absolute(), prefix=name, suffix=".part"))
+        _LIVE.add(folder)
+    return folder
 
 
 def is_temporary(file: Path) -> bool:
@@ -53,11 +53,11 @@ def remove_temporary(folder: Path) -> None:
 @contextmanager
 def temporary_folder(parent: str | Path | None = None) -> Iterator[Path]:
     """A folder in `parent` (default: the system's folder of temporary files) that is removed after the block."""
-    made = make_temporary(Path(tempfile.gettempdir() if parent is None else parent))
+    folder = make_temporary(Path(tempfile.gettempdir() if parent is None else parent))
     try:
-        yield made
+        yield folder
     finally:
-        remove_temporary(made)
+        remove_temporary(folder)
 
 
 def remove_abandoned(parent: Path) -> None:
@@ -67,10 +67,10 @@ def remove_abandoned(parent: Path) -> None:
     """
     try:
         with _MAKING:
-            found = [item for item in parent.iterdir() if _is_abandoned(item)]
+            abandoned = [item for item in parent.iterdir() if _is_abandoned(item)]
     except OSError:
         return
-    for item in found:
+    for item in abandoned:
         shutil.rmtree(item, ignore_errors=True)
 
 

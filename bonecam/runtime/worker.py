@@ -104,19 +104,19 @@ def _answer(
             if time.monotonic() >= end:
                 raise WorkerError(f"took more than {seconds:g} s")
         try:
-            done, found = here.recv()
+            done, answer = here.recv()
         except (EOFError, OSError) as error:
             raise WorkerError(f"broke down (exit {process.wait()})") from error
         if done:
-            return found
-        report(progress, *found)
+            return answer
+        report(progress, *answer)
 
 
 def function_of(work: str) -> Callable[..., Any]:
     """The function that is named "module:function"."""
     module, _, function = work.partition(":")
-    found: Callable[..., Any] = getattr(import_module(module), function)
-    return found
+    target: Callable[..., Any] = getattr(import_module(module), function)
+    return target
 
 
 def serve() -> None:
@@ -129,22 +129,22 @@ def serve() -> None:
     answer = Connection(connection)
     work, arguments = answer.recv()
     try:
-        found = function_of(work)(*arguments, lambda *step: answer.send((False, step)))
+        outcome = function_of(work)(*arguments, lambda *step: answer.send((False, step)))
     except MemoryError:
-        found = WorkerError(f"wanted more than {memory / 2**30:.3g} GB of memory")
+        outcome = WorkerError(f"wanted more than {memory / 2**30:.3g} GB of memory")
     except Exception as error:
         error.add_note(traceback.format_exc())
-        found = error
+        outcome = error
     sys.stdout.flush()
-    answer.send_bytes(_packed(found))
+    answer.send_bytes(_packed(outcome))
 
 
-def _packed(found: Any) -> bytes:
+def _packed(outcome: Any) -> bytes:
     """The last answer; an error that cannot be sent becomes its text."""
     try:
-        return pickle.dumps((True, found))
+        return pickle.dumps((True, outcome))
     except Exception as error:
-        return pickle.dumps((True, RuntimeError(f"{found!r} cannot be sent: {error}")))
+        return pickle.dumps((True, RuntimeError(f"{outcome!r} cannot be sent: {error}")))
 
 
 def _limit_memory(size: int) -> None:

@@ -179,7 +179,7 @@ def shortest_capsule(
 
 def smallest_capsule(points: Float[ndarray, "n 3"], allowance: float) -> Capsule:
     """The capsule of `enclosing_capsules` of the least volume."""
-    return min(enclosing_capsules(points, allowance), key=lambda found: found.volume)
+    return min(enclosing_capsules(points, allowance), key=lambda enclosing: enclosing.volume)
 
 
 def enclosing_capsule(stock: Stock) -> Capsule:

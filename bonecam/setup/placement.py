@@ -139,9 +139,9 @@ def pose_in_stock(points: Float[ndarray, "n 3"], job: StockJob) -> Float[ndarray
     middle = (points.min(0) + points.max(0)) / 2
     offset = np.array([job.offset_x, job.offset_y, job.offset_z])
     turn = rotation(job.tilt_x_deg, job.tilt_y_deg, job.turn_deg)
-    found = kind_of(job).turn(job, (points - middle) @ turn.T)
-    if found is not None:
-        angle, base = found
+    placement = kind_of(job).turn(job, (points - middle) @ turn.T)
+    if placement is not None:
+        angle, base = placement
         turn = rotation(0.0, 0.0, angle) @ turn
         if not offset[:2].any():
             offset[:2] = -middle[:2] - base

@@ -129,14 +129,14 @@ def finite_numbers(what: str, values: Any, count: int) -> Float[ndarray, " n"]:
     """A read-only copy of `count` finite numbers, LARGEST at most; StockError names `what` they are where they
     are not."""
     try:
-        found = np.asarray(values)
+        numbers = np.asarray(values)
     except ValueError:
-        found = np.array([])
-    numeric = found.dtype.kind in "fiu" and found.shape == (count,)
-    if not numeric or not (np.abs(found.astype(float)) <= LARGEST).all():
+        numbers = np.array([])
+    numeric = numbers.dtype.kind in "fiu" and numbers.shape == (count,)
+    if not numeric or not (np.abs(numbers.astype(float)) <= LARGEST).all():
         message = "a finite number" if count == 1 else f"{count} finite numbers"
         raise StockError(f"{what} is {values}: give {message} (mm, {LARGEST:g} at most)")
-    return np.asarray(frozen(found))
+    return np.asarray(frozen(numbers))
 
 
 def box_sizes(bounds: Float[ndarray, "2 3"]) -> dict[str, float]:

@@ -41,12 +41,12 @@ class Claim:
 def claims_of(rows: Sequence[Row]) -> tuple[Claim, ...]:
     """All claims beside the rows of a comparison."""
     known = {row.name: row for row in rows if row.figures}
-    found = []
+    claims = []
     for text, names, decide in CLAIMS:
         for name in names:
             verdict, figures = decide(known, name)
-            found.append(Claim(text, name, verdict, figures))
-    return tuple(found)
+            claims.append(Claim(text, name, verdict, figures))
+    return tuple(claims)
 
 
 def _value(rows: Rows, name: str, figure: str) -> float | None:
@@ -57,11 +57,11 @@ def _less(*figures: str, than: Sequence[str]) -> Callable[[Rows, str], Verdict]:
     """Whether all these figures of a strategy are less than those of each of the others."""
 
     def decide(rows: Rows, name: str) -> Verdict:
-        verdicts, told = [], []
+        verdicts, texts = [], []
         for figure in figures:
             own = _value(rows, name, figure)
             others = {other: _value(rows, other, figure) for other in than}
-            told.append(
+            texts.append(
                 f"{figure} {_shown(own)}; " + ", ".join(f"{k} {_shown(v)}" for k, v in others.items())
             )
             verdicts.append(_smaller(own, list(others.values())))
@@ -69,7 +69,7 @@ def _less(*figures: str, than: Sequence[str]) -> Callable[[Rows, str], Verdict]:
             verdict = CONTRADICTED
         else:
             verdict = SUPPORTED if set(verdicts) == {SUPPORTED} else OPEN
-        return verdict, " / ".join(told)
+        return verdict, " / ".join(texts)
 
     return decide
 
@@ -91,8 +91,8 @@ def _within_band(rows: Rows, name: str) -> Verdict:
     share = _value(rows, name, "probe_within_0_05_share")
     if low is None or high is None or share is None:
         return OPEN, "no probe"
-    told = f"from {low:g} to {high:g} mm, {100 * share:g} % of the points within {BAND:g}"
-    return (SUPPORTED if share == 1 else CONTRADICTED), told
+    text = f"from {low:g} to {high:g} mm, {100 * share:g} % of the points within {BAND:g}"
+    return (SUPPORTED if share == 1 else CONTRADICTED), text
 
 
 def _second_side(rows: Rows, name: str) -> Verdict:
@@ -110,12 +110,12 @@ def _uncut_end(rows: Rows, name: str) -> Verdict:
     place, most = _value(rows, name, "left_highest_at"), _value(rows, name, "left_max_mm")
     morphs = [_value(rows, other, "left_max_mm") for other in MORPHS]
     known = [value for value in morphs if value is not None]
-    told = (
+    text = (
         f"at most {_shown(most)} mm at {_shown(place)} of the height; morphs {', '.join(map(_shown, morphs))}"
     )
     if place is None or most is None or not known:
-        return OPEN, told
-    return (SUPPORTED if place > TOP and min(known) < (1 - MARGIN) * most else CONTRADICTED), told
+        return OPEN, text
+    return (SUPPORTED if place > TOP and min(known) < (1 - MARGIN) * most else CONTRADICTED), text
 
 
 def _shown(value: float | None) -> str:

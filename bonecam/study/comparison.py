@@ -123,14 +123,14 @@ def compare(
     for k, strategy in enumerate(chosen):
         share = part(progress, 0.2 + 0.8 * k / len(chosen), 0.2 + 0.8 * (k + 1) / len(chosen))
         report(share, 0.0, strategy.title)
-        row, found = study.row(strategy, share)
+        row, measurement = study.row(strategy, share)
         rows.append(row)
-        if found is not None:
-            measured[strategy.name] = found
-    made = Comparison(base.part.file, tuple(rows), claims_of(rows), measured)
+        if measurement is not None:
+            measured[strategy.name] = measurement
+    comparison = Comparison(base.part.file, tuple(rows), claims_of(rows), measured)
     if folder is not None:
-        write_comparison(made, folder)
-    return made
+        write_comparison(comparison, folder)
+    return comparison
 
 
 def _chosen(names: Sequence[str] | None) -> list[Strategy]:
@@ -212,19 +212,19 @@ class _Study:
         levels = self.base.levels
         if strategy is not MORPH:
             levels = make_levels(self.base.surface, self.base.stock, job, part(progress, 0.0, 0.2))
-        made = replace(self.base, levels=levels, job=job)
+        morphed = replace(self.base, levels=levels, job=job)
         posting = Posting(self.machine, self.dialect, file=self.base.part.file)
-        return machine_levels(made, posting, part(progress, 0.2, 1.0))
+        return machine_levels(morphed, posting, part(progress, 0.2, 1.0))
 
     def _simulated(self, result: Result, progress: Progress) -> Result:
         """The program with what it removes, whatever that is."""
         given = given_surface(result.part, result.job, result.report)
         cut = result.program.text, self.machine, self.dialect, result.job, result.stock, result.levels.levels
         removal = removal_of_job(*cut, progress, given)
-        told = {"removal": removal.report}
+        sections = {"removal": removal.report}
         if removal.mechanics is not None:
-            told["mechanics"] = removal.mechanics.report
-        return replace(result, removal=removal, report=cast(Report, {**result.report, **told}))
+            sections["mechanics"] = removal.mechanics.report
+        return replace(result, removal=removal, report=cast(Report, {**result.report, **sections}))
 
     def _measured(self, strategy: Strategy, result: Result) -> tuple[Row, Measured]:
         """The row of a simulated program."""

@@ -75,15 +75,15 @@ def _html_table(kind: str, lines: Sequence[Sequence[str]]) -> str:
     return f'<table class="{kind}"><tr>{"".join(f"<th>{cell}</th>" for cell in head)}</tr>{rows}</table>'
 
 
-def _write_measured(made: Comparison, work: Path) -> None:
+def _write_measured(comparison: Comparison, work: Path) -> None:
     """The files of the strategies that have a program."""
     left, scallop = [], 0.0
-    for name, one in made.measured.items():
+    for name, one in comparison.measured.items():
         write_whole(work / f"probe_{name}.csv", one.probed.csv)
         write_whole(work / f"page_{name}.html", one.result.page)
         if one.result.removal is not None:
             left.append((name, one.result.removal.remaining))
             scallop = one.result.job.finishing.scallop
-    draw_compared_paths([(name, one.result) for name, one in made.measured.items()], work / "paths.png")
+    draw_compared_paths([(name, one.result) for name, one in comparison.measured.items()], work / "paths.png")
     draw_compared_left(left, scallop, work / "left.png")
-    draw_probed([(name, one.probed) for name, one in made.measured.items()], work / "probe.png")
+    draw_probed([(name, one.probed) for name, one in comparison.measured.items()], work / "probe.png")

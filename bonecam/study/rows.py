@@ -66,15 +66,15 @@ def figures_of(
     """The figures of a program that was simulated."""
     removal = result.removal
     assert removal is not None
-    found = _times(motions, cutters, removal) | {"program_min": result.report["nc"]["time_min"]}
+    figures = _times(motions, cutters, removal) | {"program_min": result.report["nc"]["time_min"]}
     for cutter in cutters[:2]:
-        found |= _depths(removal, cutter)
-        found |= _forces(removal.mechanics, removal, cutter)
-    found |= _bending(removal.mechanics, removal)
-    found |= _left(removal, result)
-    found |= {f"probe_{name}": value for name, value in probed.report.items()}
-    found |= {"probe_waves_mm": waves(probed), "probe_lean_mm": lean(probed)}
-    return found | {f"rough_{name}": value for name, value in roughness.report.items()}
+        figures |= _depths(removal, cutter)
+        figures |= _forces(removal.mechanics, removal, cutter)
+    figures |= _bending(removal.mechanics, removal)
+    figures |= _left(removal, result)
+    figures |= {f"probe_{name}": value for name, value in probed.report.items()}
+    figures |= {"probe_waves_mm": waves(probed), "probe_lean_mm": lean(probed)}
+    return figures | {f"rough_{name}": value for name, value in roughness.report.items()}
 
 
 def waves(probed: Probed) -> float | None:
@@ -172,17 +172,17 @@ def _loads(mechanics: Mechanics | None, removal: Removal, tool: int) -> list[Pat
 
 def _bending(mechanics: Mechanics | None, removal: Removal) -> Figures:
     """Deflection while finishing, of iso-height on each of its sides, and the error kept, um; stress, N/mm^2."""
-    found: Figures = dict.fromkeys(("bend_finishing_p95_um", "bend_before_last_p95_um", "bend_last_p95_um"))
+    figures: Figures = dict.fromkeys(("bend_finishing_p95_um", "bend_before_last_p95_um", "bend_last_p95_um"))
     loads = _loads(mechanics, removal, 2)
     if loads:
-        found["bend_finishing_p95_um"] = _deflection(loads)
-        found["bend_last_p95_um"] = _deflection([one for one in loads if one.index == 0])
-        found["bend_before_last_p95_um"] = _deflection([one for one in loads if one.index == 1])
+        figures["bend_finishing_p95_um"] = _deflection(loads)
+        figures["bend_last_p95_um"] = _deflection([one for one in loads if one.index == 0])
+        figures["bend_before_last_p95_um"] = _deflection([one for one in loads if one.index == 1])
     error = mechanics.error if mechanics else None
     for name in ("median", "p95", "p99"):
-        found[f"error_kept_{name}_um"] = _told(UM * getattr(error, name)) if error else None
-    found["stress_p99_mpa"] = _told(float(mechanics.stress[1])) if mechanics else None
-    return found
+        figures[f"error_kept_{name}_um"] = _told(UM * getattr(error, name)) if error else None
+    figures["stress_p99_mpa"] = _told(float(mechanics.stress[1])) if mechanics else None
+    return figures
 
 
 def _deflection(loads: Sequence[PathLoads]) -> float | None:

@@ -41,7 +41,7 @@ def fit_surface(
     if given is not None:
         return surface_input.move_with_part(given, placed.transform)
     rows = rows or next(part_rows(placed, job, part(progress, 0.0, 0.2)))
-    found = on_one_blas_thread(fit)(
+    fitted = on_one_blas_thread(fit)(
         placed.mesh,
         job.surface.tolerance,
         job.surface.max_control_points,
@@ -49,17 +49,17 @@ def fit_surface(
         progress=part(progress, 0.2, 1.0),
         round_poles=True,
     )
-    found = _settled(found)
-    _check_deviation(found, max(job.surface.tolerance, job.surface.largest_deviation), placed.file)
+    fitted = _settled(fitted)
+    _check_deviation(fitted, max(job.surface.tolerance, job.surface.largest_deviation), placed.file)
     try:
-        _require_usable(found.surface, job, placed.file)
+        _require_usable(fitted.surface, job, placed.file)
     except SurfaceError:
-        smoother = smoother_fit(found, placed, job)
+        smoother = smoother_fit(fitted, placed, job)
         if smoother is None:
             raise
         _require_usable(smoother.surface, job, placed.file)
         return smoother
-    return found
+    return fitted
 
 
 def smoother_fit(found: Fit, placed: Part, job: Job) -> Fit | None:
@@ -71,10 +71,10 @@ def smoother_fit(found: Fit, placed: Part, job: Job) -> Fit | None:
     return None if smoother is None else _settled(smoother)
 
 
-def _settled(found: Fit) -> Fit:
+def _settled(fitted: Fit) -> Fit:
     """The fit with control points free of their last digits."""
-    surface = found.surface.with_control_points(settled(found.surface.control_points, SURFACE_QUANTUM))
-    return replace(found, surface=surface)
+    surface = fitted.surface.with_control_points(settled(fitted.surface.control_points, SURFACE_QUANTUM))
+    return replace(fitted, surface=surface)
 
 
 def _require_usable(surface: TSpline, job: Job, name: str) -> None:
@@ -83,14 +83,14 @@ def _require_usable(surface: TSpline, job: Job, name: str) -> None:
     require_valid(surface, job.levels.chord_tolerance, name)
 
 
-def _check_deviation(found: Fit, limit: float, name: str) -> None:
+def _check_deviation(fitted: Fit, limit: float, name: str) -> None:
     """Raises SurfaceError where the surface misses the mesh by more than `limit` (mm)."""
-    missed = found.deviation
+    missed = fitted.deviation
     if missed.max <= limit:
         return
     where = f"by {missed.max:.2f} mm near {place_name(missed.place)}"
     raise SurfaceError(
-        f"{name}: {found.control_points} control points miss the mesh {where}: {found.shortfall}, "
+        f"{name}: {fitted.control_points} control points miss the mesh {where}: {fitted.shortfall}, "
         f"or raise surface.largest_deviation ({limit:g} mm) to {hundredths(missed.max)}",
         deviation=missed,
     )

@@ -125,8 +125,8 @@ class TSpline(Surface[M], Generic[M]):
     def positions(self, s: Float[ndarray, " n"], t: Float[ndarray, " n"]) -> Float[ndarray, "n 3"]:
         """Surface points S(s, t) in mm."""
         elements = self.tmesh.elements
-        found: ndarray = elements.derivatives(self.patches, *elements.place(s, t), 0)[0]
-        return found
+        points: ndarray = elements.derivatives(self.patches, *elements.place(s, t), 0)[0]
+        return points
 
     def derivatives(
         self, s: Float[ndarray, " n"], t: Float[ndarray, " n"], order: int

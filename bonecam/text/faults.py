@@ -11,14 +11,14 @@ class Faults(ValueError):
 
     def __init__(self, found: Sequence[tuple[str, str]]) -> None:
         self.found = tuple(found)
-        told: list[str] = []
+        texts: list[str] = []
         for key, why in self.found:
             text = f"{shortened(key, 200)}: {why}" if key else why
-            if told and len("; ".join([*told, text])) > MOST_CHARACTERS:
+            if texts and len("; ".join([*texts, text])) > MOST_CHARACTERS:
                 break
-            told.append(shortened(text, MOST_CHARACTERS))
-        more = len(self.found) - len(told)
-        super().__init__("; ".join([*told, f"and {more} more"] if more else told))
+            texts.append(shortened(text, MOST_CHARACTERS))
+        more = len(self.found) - len(texts)
+        super().__init__("; ".join([*texts, f"and {more} more"] if more else texts))
 
 
 def shown(value: object) -> str:

@@ -31,5 +31,5 @@ class Pattern:
 
     def match(self, text: str) -> dict[str, str] | None:
         """The texts of the named groups where the whole text matches; a group that is not in it has none."""
-        found = self._compiled.fullmatch(text)
-        return {name: part or "" for name, part in found.groupdict().items()} if found else None
+        match = self._compiled.fullmatch(text)
+        return {name: part or "" for name, part in match.groupdict().items()} if match else None

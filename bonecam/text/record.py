@@ -59,8 +59,8 @@ def checked(kind: type[R], values: Mapping[str, Any]) -> R:
     try:
         return kind.model_validate(values)
     except ValidationError as error:
-        found = [(_key(_place(item)), _why(item, kind)) for item in error.errors(include_url=False)]
-        raise Faults(found) from error
+        faults = [(_key(_place(item)), _why(item, kind)) for item in error.errors(include_url=False)]
+        raise Faults(faults) from error
 
 
 def _place(fault: ErrorDetails) -> tuple[int | str, ...]:
@@ -98,4 +98,4 @@ def _record_in(annotation: object) -> type[Record] | None:
     """The record in an annotation such as `list[Statement]` or `Axis | None`."""
     if isinstance(annotation, type) and not get_args(annotation) and issubclass(annotation, Record):
         return annotation
-    return next((found for item in get_args(annotation) if (found := _record_in(item))), None)
+    return next((record for item in get_args(annotation) if (record := _record_in(item))), None)

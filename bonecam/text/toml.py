@@ -46,17 +46,17 @@ def lines_of_keys(text: str) -> dict[tuple[str, str], int]:
 
     Keys are (section, key); in unusual spellings, quoted or in a table within a line, they are not found.
     """
-    found: dict[tuple[str, str], int] = {}
+    line_of_key: dict[tuple[str, str], int] = {}
     section = ""
     for number, line in enumerate(text.split("\n"), 1):
         head = _SECTION.match(line)
         key = _KEY.match(line)
         if head:
             section = head[1]
-            found.setdefault((section, ""), number)
+            line_of_key.setdefault((section, ""), number)
         elif key:
-            found.setdefault((key[1] or section, key[2]), number)
-    return found
+            line_of_key.setdefault((key[1] or section, key[2]), number)
+    return line_of_key
 
 
 def toml_lines(values: Mapping[str, bool | int | float | str]) -> list[str]:
@@ -66,7 +66,7 @@ def toml_lines(values: Mapping[str, bool | int | float | str]) -> list[str]:
 
 def _check_bounds(values: dict[str, Any]) -> None:
     """Faults where values nest too deep, or a whole number is none of TOML's."""
-    found = []
+    faults = []
     waiting: list[tuple[str, Any, int]] = [("", values, 0)]
     while waiting:
         key, value, depth = waiting.pop()
@@ -77,6 +77,6 @@ def _check_bounds(values: dict[str, Any]) -> None:
         elif isinstance(value, list):
             waiting += [(f"{key}[{index}]", item, depth + 1) for index, item in enumerate(value)]
         elif isinstance(value, int) and value.bit_length() >= BITS:
-            found.append((key, f"a whole number of more than {BITS} bits: give a number that fits"))
-    if found:
-        raise Faults(sorted(found))
+            faults.append((key, f"a whole number of more than {BITS} bits: give a number that fits"))
+    if faults:
+        raise Faults(sorted(faults))

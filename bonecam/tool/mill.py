@@ -134,8 +134,8 @@ class Mill:
         upright = sine < UPRIGHT
         share = np.where(upright, 0.0, dots(feeds, meridian) ** 2)
         round_ = placed.reach / np.where(upright, 1.0, sine)
-        found = arc_radius * (1 - share) + round_ * share
-        return np.where(upright & (self.profile.bottom > 0), np.inf, found)
+        radii = arc_radius * (1 - share) + round_ * share
+        return np.where(upright & (self.profile.bottom > 0), np.inf, radii)
 
     def distances(
         self, points: Float[ndarray, "n 3"], tip: Float[ndarray, "3"], axis: Float[ndarray, "3"]

@@ -155,12 +155,12 @@ def _refine(run: _Run, centres: Float[ndarray, "n 3"], distance: Float[ndarray, 
         if proved.all():
             return best
 
-        spans, depths, places = _divide(spans.take(~proved), run)
+        spans, depths, points = _divide(spans.take(~proved), run)
         worst = int(np.argmax(depths))
         if depths[worst] > best.depth:
             depth = float(depths[worst])
             line = int(run.motions.lines[moves[spans.move[worst]]])
-            best = Gouge(depth, max(best.bound, depth), line, _place(places[worst]), best.samples)
+            best = Gouge(depth, max(best.bound, depth), line, _place(points[worst]), best.samples)
         best = replace(best, samples=best.samples + len(depths))
 
     line = int(run.motions.lines[moves[spans.move[0]]])

@@ -156,10 +156,10 @@ def _check_tools(motions: Motions, posted: Bool[ndarray, "n"], tools: Int[ndarra
     if wrong.any():
         move = int(np.argmax(wrong))
         line = int(motions.lines[move])
-        found = int(motions.tools[move])
+        tool = int(motions.tools[move])
         meant = int(tools[move])
         raise VerifyError(
-            f"line {line}: tool {found} cuts what tool {meant} was meant to: write it again",
+            f"line {line}: tool {tool} cuts what tool {meant} was meant to: write it again",
             line=line,
             place=tuple(motions.tips[move].tolist()),
             error=np.inf,
@@ -191,9 +191,9 @@ def _check_feeds(
         move = int(np.argmax(wrong))
         line = int(motions.lines[move])
         meant = "rapid" if rapid[move] else f"{feeds[move]:g} mm/min"
-        found = "rapid" if motions.rapid[move] else f"{written[move]:g} mm/min"
+        actual = "rapid" if motions.rapid[move] else f"{written[move]:g} mm/min"
         raise VerifyError(
-            f"line {line}: feed is {found}, meant {meant}: the text differs from the paths",
+            f"line {line}: feed is {actual}, meant {meant}: the text differs from the paths",
             line=line,
             place=tuple(motions.tips[move].tolist()),
             error=np.inf if motions.rapid[move] else float(abs(written[move] - feeds[move])),

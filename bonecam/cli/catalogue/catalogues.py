@@ -57,10 +57,10 @@ def run_catalogue(options: argparse.Namespace) -> int:
     elif options.what == "check":
         if options.file is None:
             raise JobError(f"bonecam {options.kind} check: name a .toml file")
-        found = known.read(options.file)
+        content = known.read(options.file)
         print(f"{options.file}: a {known.one} as it should be")
-        if isinstance(found, MachineCheck):
-            print(found)
+        if isinstance(content, MachineCheck):
+            print(content)
         _draw(options, options.file)
     elif options.what is not None:
         if options.what not in files:

@@ -51,12 +51,14 @@ def _section(section: Any) -> dict[str, Any]:
 def _parameter(item: "Field[Any]", value: Any) -> dict[str, Any]:
     known = record(item)
     unit = f" [{known.unit}]" if known.unit else ""
-    found: dict[str, Any] = {"title": known.label, "description": f"{known.tooltip}{unit}", "default": value}
-    found["type"] = [TYPES[type(value)], "number", "array"] if item.name in ALSO_LISTS else TYPES[type(value)]
+    schema: dict[str, Any] = {"title": known.label, "description": f"{known.tooltip}{unit}", "default": value}
+    schema["type"] = (
+        [TYPES[type(value)], "number", "array"] if item.name in ALSO_LISTS else TYPES[type(value)]
+    )
     if known.choices:
-        found["enum"] = list(known.choices)
+        schema["enum"] = list(known.choices)
     if math.isfinite(known.low):
-        found["minimum"] = known.low
+        schema["minimum"] = known.low
     if math.isfinite(known.high):
-        found["maximum"] = known.high
-    return found
+        schema["maximum"] = known.high
+    return schema

@@ -27,11 +27,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 0
     try:
         mesh, program, settings = _call(given)
-        made = bonecam.convert(mesh, job_with(Job(), settings), program=program, progress=_tell)
+        result = bonecam.convert(mesh, job_with(Job(), settings), program=program, progress=_tell)
     except BonecamError as error:
         print(f"bonecam: {in_one_line(str(error))}", file=sys.stderr)
         return 2
-    print(made.summary)
+    print(result.summary)
     return 0
 
 

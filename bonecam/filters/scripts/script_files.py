@@ -130,11 +130,11 @@ class ScriptFiles:
     def to_read(self, name: str) -> Path:
         """Where a file to be read is: beside the script or an input. FilterError where it is elsewhere."""
         roots = [Path(os.path.realpath(folder)) for folder in self.readable]
-        places = [Path(os.path.realpath(root / name)) for root in (*roots, Path())]
-        for place in places:
+        candidates = [Path(os.path.realpath(root / name)) for root in (*roots, Path())]
+        for place in candidates:
             if place.exists() and (self.allow_outside or any(root in place.parents for root in roots)):
                 return place
-        if any(place.exists() for place in places):
+        if any(place.exists() for place in candidates):
             remedy = "put it there, or allow it with --allow-outside"
             raise FilterError(
                 f"file {name!r} is not in the folder of the script or of an input: {remedy}", file=name

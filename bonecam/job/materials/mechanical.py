@@ -90,5 +90,5 @@ def cutting_force(force: ForceTable | None, yield_strength: float) -> CuttingFor
         values = tuple(float(getattr(force, name)) for name in NAMES)
         return CuttingForce(values, (force.band[0], force.band[1]), force.source, scaled=False)
     share = yield_strength / SCALED_YIELD
-    told = f"no coefficients are known: those of aluminium 6082 times {share:.2f}, the share of the yield strengths"
-    return CuttingForce(tuple(share * value for value in SCALED), SCALED_BAND, told, scaled=True)
+    source = f"no coefficients are known: those of aluminium 6082 times {share:.2f}, the share of the yield strengths"
+    return CuttingForce(tuple(share * value for value in SCALED), SCALED_BAND, source, scaled=True)

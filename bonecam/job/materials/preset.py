@@ -132,5 +132,5 @@ def _material(name: str, table: MaterialFile) -> Material:
     check_stiffness(table.stiffness)
     check_force(table.force)
     numbers = {key: value or 0.0 for key, value in {**fixed, **scaled}.items()}
-    told = table.title, table.source, table.range, table.note
-    return Material(name, *told, **numbers, stiffness=table.stiffness, force=table.force)  # type: ignore[arg-type]
+    texts = table.title, table.source, table.range, table.note
+    return Material(name, *texts, **numbers, stiffness=table.stiffness, force=table.force)  # type: ignore[arg-type]

@@ -58,12 +58,14 @@ def locate(
     s: ndarray, t: ndarray,
 ) -> ndarray:  # fmt: skip
     """The element of each sample, as `locate_one` finds it, without a call where the first guess is right."""
-    found = np.empty(len(s), dtype=np.int32)
+    elements = np.empty(len(s), dtype=np.int32)
     for n in range(len(s)):
         x = s[n]
         i = _slot(strip_starts, lows, highs, tables, _strip(strip_knots, strip_table, t[n]), x)
         if lows[i] <= x <= highs[i]:
-            found[n] = ids[i]
+            elements[n] = ids[i]
         else:
-            found[n] = locate_one(strip_knots, strip_table, strip_starts, lows, highs, ids, tables, x, t[n])
-    return found
+            elements[n] = locate_one(
+                strip_knots, strip_table, strip_starts, lows, highs, ids, tables, x, t[n]
+            )
+    return elements

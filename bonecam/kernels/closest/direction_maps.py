@@ -41,15 +41,15 @@ def within_limits(limits: AxisLimits, directions: ndarray, band: float) -> ndarr
     """Which of the unit vectors (l, 3) the axes of each node (k) may have, or miss a limit of by `band` (radians) at
     most: (k, l)."""
     polar = np.arccos(np.minimum(np.maximum(directions[:, 2], -1.0), 1.0))
-    found = np.empty((len(limits.normals), len(directions)), dtype=np.bool_)
+    allowed = np.empty((len(limits.normals), len(directions)), dtype=np.bool_)
     near = np.cos(min(limits.tilt + band, np.pi))
-    for k in range(len(found)):
+    for k in range(len(allowed)):
         n = limits.normals[k]
         most = min(limits.largest, limits.above[k]) + band
         for i in range(len(directions)):
             dot = directions[i, 0] * n[0] + directions[i, 1] * n[1] + directions[i, 2] * n[2]
-            found[k, i] = dot >= near and limits.least - band <= polar[i] <= most
-    return found
+            allowed[k, i] = dot >= near and limits.least - band <= polar[i] <= most
+    return allowed
 
 
 @njit(cache=True, nogil=True)

@@ -37,7 +37,7 @@ def flood(distances: ndarray, step: float, outside: ndarray) -> ndarray:
     A way between neighbours crosses no surface where their distances sum to more than `step`.
     """
     nx, ny, nz = distances.shape
-    found = np.zeros(distances.shape)
+    flooded = np.zeros(distances.shape)
     reached = outside.copy().reshape(distances.shape)
     stack = np.empty(distances.size, dtype=np.int64)
     height = 0
@@ -63,8 +63,8 @@ def flood(distances: ndarray, step: float, outside: ndarray) -> ndarray:
         for j in range(ny):
             for k in range(nz):
                 if reached[i, j, k]:
-                    found[i, j, k] = distances[i, j, k]
-    return found
+                    flooded[i, j, k] = distances[i, j, k]
+    return flooded
 
 
 @njit(cache=True, nogil=True)
@@ -102,7 +102,7 @@ def distance_bound(
 def distance_bounds(grids: Grids, points: ndarray) -> ndarray:
     """Lower bounds of the distances of points (n, 3) to the solid, mm; 0 inside."""
     cells, values = grids.cells, grids.values
-    found = np.empty(len(points))
+    bounds = np.empty(len(points))
     for i in range(len(points)):
-        found[i] = distance_bound(cells, values, 0, len(cells), points[i, 0], points[i, 1], points[i, 2])
-    return found
+        bounds[i] = distance_bound(cells, values, 0, len(cells), points[i, 0], points[i, 1], points[i, 2])
+    return bounds

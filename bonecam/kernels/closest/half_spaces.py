@@ -18,7 +18,7 @@ def project_on_half_spaces(points: ndarray, normals: ndarray, offsets: ndarray, 
     A half-space whose offset is minus infinity counts for nothing. NaN where the place would be `farthest` or more
     away: the half-spaces have nothing in common.
     """
-    found = points.copy()
+    projections = points.copy()
     multipliers = np.empty(normals.shape[1])
     for i in range(len(points)):
         x, y, z = points[i]
@@ -38,5 +38,5 @@ def project_on_half_spaces(points: ndarray, normals: ndarray, offsets: ndarray, 
                 x, y, z = np.nan, np.nan, np.nan
             if not moved > STILL or not far < farthest * farthest:
                 break
-        found[i, 0], found[i, 1], found[i, 2] = x, y, z
-    return found
+        projections[i, 0], projections[i, 1], projections[i, 2] = x, y, z
+    return projections

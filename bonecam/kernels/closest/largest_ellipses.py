@@ -145,9 +145,9 @@ def _search(edges: ndarray, count: int, at: ndarray, free: int) -> float:
             for i in range(free):
                 for sign in (1.0, -1.0):
                     at[i] += sign * steps[i]
-                    found = _worth(edges, count, at)
-                    if found > best + 1e-3:
-                        best, better = found, True
+                    worth = _worth(edges, count, at)
+                    if worth > best + 1e-3:
+                        best, better = worth, True
                         break
                     at[i] -= sign * steps[i]
         steps /= 2
@@ -160,10 +160,10 @@ def _dot(a: ndarray, b: ndarray) -> float:
 
 
 @njit(cache=True, nogil=True)
-def _cross(a: ndarray, b: ndarray, found: ndarray) -> None:
-    found[0] = a[1] * b[2] - a[2] * b[1]
-    found[1] = a[2] * b[0] - a[0] * b[2]
-    found[2] = a[0] * b[1] - a[1] * b[0]
+def _cross(a: ndarray, b: ndarray, product: ndarray) -> None:
+    product[0] = a[1] * b[2] - a[2] * b[1]
+    product[1] = a[2] * b[0] - a[0] * b[2]
+    product[2] = a[0] * b[1] - a[1] * b[0]
 
 
 @njit(cache=True, nogil=True)
@@ -204,7 +204,7 @@ def largest_ellipses(
     """For each map of proven leaves (k, l) the axes D and semi-diameters U and V (k, 3, 3) of a cone of proven
     directions about the unit vector `wanted` (k, 3), or about the nearest proven leaf; and whether there is one.
     `centres` (l, 3) are those of the leaves."""
-    frames, found = np.zeros((len(wanted), 3, 3)), np.zeros(len(wanted), dtype=np.bool_)
+    frames, has_cone = np.zeros((len(wanted), 3, 3)), np.zeros(len(wanted), dtype=np.bool_)
     edges, t1, t2 = np.empty((len(mesh.edges), 4)), np.empty(3), np.empty(3)
     for k in range(len(wanted)):
         leaf = _place_in(mesh, centres, proven[k], wanted[k])
@@ -228,5 +228,5 @@ def largest_ellipses(
             frames[k, 0, d] = w[d] + best[0] * t1[d] + best[1] * t2[d]
             frames[k, 1, d] = s * np.exp(best[3]) * (cosine * t1[d] + sine * t2[d])
             frames[k, 2, d] = s * np.exp(-best[3]) * (cosine * t2[d] - sine * t1[d])
-        found[k] = True
-    return frames, found
+        has_cone[k] = True
+    return frames, has_cone

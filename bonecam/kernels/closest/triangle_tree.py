@@ -157,7 +157,7 @@ def distances_within(
     near = (1 + slack) ** 2
     n = len(triangles)
     leaves = (len(boxes) + 1) // 2
-    found = np.empty(len(points))
+    distances = np.empty(len(points))
     stack = np.empty(DEEPEST, dtype=np.int64)
     reach = np.empty(DEEPEST)
     last = 0
@@ -192,5 +192,5 @@ def distances_within(
                     height += 1
                 else:
                     left_out = min(left_out, to)
-        found[i] = np.sqrt(min(best, left_out))
-    return found
+        distances[i] = np.sqrt(min(best, left_out))
+    return distances

@@ -94,15 +94,15 @@ def _nearest(rays: RaySet, u: float, v: float, w: float, best: float) -> float:
         for b in range(-count, count + 1):
             if (a * a + b * b) * (step * cell) ** 2 > 2 * min(near, best):
                 continue
-            found = _on_ray(rays, i + a * step, j + b * step, u, v, w)
-            if found < near:
-                near, at_i, at_j = found, i + a * step, j + b * step
+            squared = _on_ray(rays, i + a * step, j + b * step, u, v, w)
+            if squared < near:
+                near, at_i, at_j = squared, i + a * step, j + b * step
     middle_i, middle_j = at_i, at_j
     for a in range(1 - step, step):
         for b in range(1 - step, step):
-            found = _on_ray(rays, middle_i + a, middle_j + b, u, v, w)
-            if found < near:
-                near, at_i, at_j = found, middle_i + a, middle_j + b
+            squared = _on_ray(rays, middle_i + a, middle_j + b, u, v, w)
+            if squared < near:
+                near, at_i, at_j = squared, middle_i + a, middle_j + b
     return min(best, near, _on_face(rays, at_i, at_j, u, v, w))
 
 
@@ -139,7 +139,7 @@ def in_material(x_rays: RaySet, y_rays: RaySet, z_rays: RaySet, points: ndarray,
 @njit(cache=True, nogil=True)
 def new_ends(now: RaySet, before: RaySet, step: int) -> ndarray:
     """The ends (u, v, w) of the material on every `step`-th ray either way that were no ends before."""
-    found = np.empty((1024, 3))
+    ends = np.empty((1024, 3))
     count = 0
     rows, columns = now.tile_of.shape
     for i in range(step // 2, rows * TILE, step):
@@ -155,16 +155,16 @@ def new_ends(now: RaySet, before: RaySet, step: int) -> ndarray:
                     known = known or before.spans[tile, ray, m] == w
                 if known:
                     continue
-                if count == len(found):
+                if count == len(ends):
                     larger = np.empty((2 * count, 3))
                     for m in range(count):
                         for n in range(3):
-                            larger[m, n] = found[m, n]
-                    found = larger
-                found[count, 0], found[count, 1], found[count, 2] = (
+                            larger[m, n] = ends[m, n]
+                    ends = larger
+                ends[count, 0], ends[count, 1], ends[count, 2] = (
                     (i + 0.5) * now.cell,
                     (j + 0.5) * now.cell,
                     w,
                 )
                 count += 1
-    return found[:count]
+    return ends[:count]

@@ -31,8 +31,8 @@ def _onto_segment(x: float, y: float, ax: float, ay: float, bx: float, by: float
 
 
 @njit(cache=True, nogil=True)
-def _onto_cone(p: ndarray, foot: ndarray, axis: ndarray, section: ndarray, found: ndarray) -> None:
-    """Write the point of a cone that is nearest to `p` into `found`; `section` (4,): from, to along the unit `axis`
+def _onto_cone(p: ndarray, foot: ndarray, axis: ndarray, section: ndarray, nearest: ndarray) -> None:
+    """Write the point of a cone that is nearest to `p` into `nearest`; `section` (4,): from, to along the unit `axis`
     from `foot`, radius at either."""
     start, end, first, last = section[0], section[1], section[2], section[3]
     along = 0.0
@@ -40,8 +40,8 @@ def _onto_cone(p: ndarray, foot: ndarray, axis: ndarray, section: ndarray, found
         along += (p[k] - foot[k]) * axis[k]
     square = 0.0
     for k in range(3):
-        found[k] = p[k] - foot[k] - along * axis[k]
-        square += found[k] ** 2
+        nearest[k] = p[k] - foot[k] - along * axis[k]
+        square += nearest[k] ** 2
     out = np.sqrt(square)
     height, radius = along, out
     length = end - start
@@ -55,21 +55,21 @@ def _onto_cone(p: ndarray, foot: ndarray, axis: ndarray, section: ndarray, found
                 best, height, radius = np.hypot(along - level, out - near), level, near
     share = radius / out if out > 0.0 else 0.0
     for k in range(3):
-        found[k] = foot[k] + height * axis[k] + share * found[k]
+        nearest[k] = foot[k] + height * axis[k] + share * nearest[k]
 
 
 @njit(cache=True, nogil=True)
-def _onto_column(p: ndarray, column: ndarray, found: ndarray) -> None:
+def _onto_column(p: ndarray, column: ndarray, nearest: ndarray) -> None:
     """Write the point of an upright cylinder that is nearest to `p`; `column` (3,): radius, z of top and bottom."""
     out = np.hypot(p[0], p[1])
     share = min(column[0] / out, 1.0) if out > 0.0 else 1.0
-    found[0], found[1] = share * p[0], share * p[1]
-    found[2] = min(max(p[2], column[2]), column[1])
+    nearest[0], nearest[1] = share * p[0], share * p[1]
+    nearest[2] = min(max(p[2], column[2]), column[1])
 
 
 @njit(cache=True, nogil=True)
-def _cone_support(n: ndarray, foot: ndarray, axis: ndarray, section: ndarray, found: ndarray) -> None:
-    """Write the point of a cone that is farthest along -n into `found`."""
+def _cone_support(n: ndarray, foot: ndarray, axis: ndarray, section: ndarray, farthest: ndarray) -> None:
+    """Write the point of a cone that is farthest along -n into `farthest`."""
     along = n[0] * axis[0] + n[1] * axis[1] + n[2] * axis[2]
     size = np.sqrt(max(1.0 - along * along, 0.0))
     height, radius = section[0], section[2]
@@ -77,16 +77,16 @@ def _cone_support(n: ndarray, foot: ndarray, axis: ndarray, section: ndarray, fo
         height, radius = section[1], section[3]
     share = radius / size if size > 0.0 else 0.0
     for k in range(3):
-        found[k] = foot[k] + height * axis[k] - share * (n[k] - along * axis[k])
+        farthest[k] = foot[k] + height * axis[k] - share * (n[k] - along * axis[k])
 
 
 @njit(cache=True, nogil=True)
-def _column_support(n: ndarray, column: ndarray, found: ndarray) -> None:
-    """Write the point of an upright cylinder that is farthest along n into `found`."""
+def _column_support(n: ndarray, column: ndarray, farthest: ndarray) -> None:
+    """Write the point of an upright cylinder that is farthest along n into `farthest`."""
     flat = np.hypot(n[0], n[1])
     share = column[0] / flat if flat > 0.0 else 0.0
-    found[0], found[1] = share * n[0], share * n[1]
-    found[2] = column[1] if n[2] > 0.0 else column[2]
+    farthest[0], farthest[1] = share * n[0], share * n[1]
+    farthest[2] = column[1] if n[2] > 0.0 else column[2]
 
 
 @njit(cache=True, nogil=True)
@@ -95,9 +95,9 @@ def _apart(a: ndarray, b: ndarray) -> float:
 
 
 @njit(cache=True, nogil=True)
-def _rim_point(angle: float, middle: ndarray, e: ndarray, f: ndarray, radius: float, found: ndarray) -> None:
+def _rim_point(angle: float, middle: ndarray, e: ndarray, f: ndarray, radius: float, point: ndarray) -> None:
     for k in range(3):
-        found[k] = middle[k] + radius * (np.cos(angle) * e[k] + np.sin(angle) * f[k])
+        point[k] = middle[k] + radius * (np.cos(angle) * e[k] + np.sin(angle) * f[k])
 
 
 @njit(cache=True, nogil=True)

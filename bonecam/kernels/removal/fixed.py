@@ -68,11 +68,11 @@ def fixed_clearance(
                 for k in range(steps):
                     piece_pose(ways, i, (k + 0.5) / steps, foot, axis)
                     if ball:
-                        found = _ball_distance(foot, radius, columns, closed)
+                        distance = _ball_distance(foot, radius, columns, closed)
                     else:
-                        found = _distance(foot, axis, sections[s], columns, closed, max(near, 0.0) + slack)
-                    bare = min(bare, found)
-                    near = min(near, found - slack)
+                        distance = _distance(foot, axis, sections[s], columns, closed, max(near, 0.0) + slack)
+                    bare = min(bare, distance)
+                    near = min(near, distance - slack)
                 if bare <= 0.0 or near >= least or step <= max(TOOL_STEP, near / 8):
                     break
                 step = max(TOOL_STEP, step / 4)

@@ -137,6 +137,6 @@ def frustum_clearance(
                     if low <= high:
                         x, y = u - foot[0], v - foot[1]
                         low, high = low - foot[2], high - foot[2]
-                        found = _least_distance(x, y, low, high, axis, start, end, radius, taper)
-                        best = min(best, found)
+                        distance = _least_distance(x, y, low, high, axis, start, end, radius, taper)
+                        best = min(best, distance)
     return best

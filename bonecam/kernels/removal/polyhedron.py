@@ -72,7 +72,7 @@ def find_crossings(
     1/2) `cell`. An edge belongs to one of the two triangles beside it: the side of an edge is found from its lower end,
     so both find the same.
     """
-    found = 0
+    crossings = 0
     for f in range(len(corners)):
         a, b, c = corners[f, 0], corners[f, 1], corners[f, 2]
         area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
@@ -87,14 +87,14 @@ def find_crossings(
                 one, two, three = _left_of(a, b, u, v), _left_of(b, c, u, v), _left_of(c, a, u, v)
                 if one != two or two != three:
                     continue
-                if found < len(ray):
+                if crossings < len(ray):
                     p = (b[0] - a[0]) * (v - a[1]) - (b[1] - a[1]) * (u - a[0])
                     q = (u - a[0]) * (c[1] - a[1]) - (v - a[1]) * (c[0] - a[0])
-                    ray[found] = i * columns + j
-                    w[found] = a[2] + (q * (b[2] - a[2]) + p * (c[2] - a[2])) / area
-                    into[found] = -1 if area > 0.0 else 1
-                found += 1
-    return found
+                    ray[crossings] = i * columns + j
+                    w[crossings] = a[2] + (q * (b[2] - a[2]) + p * (c[2] - a[2])) / area
+                    into[crossings] = -1 if area > 0.0 else 1
+                crossings += 1
+    return crossings
 
 
 @njit(cache=True, nogil=True)

@@ -51,8 +51,8 @@ def bits(low: float, high: float, length: float) -> np.uint64:
     """The bits of the bins that [low, high] meets."""
     first = min(max(int(low * BINS / length), 0), BINS - 1)
     last = min(max(int(high * BINS / length), 0), BINS - 1)
-    found = np.uint64(0xFFFFFFFFFFFFFFFF) >> np.uint64(BINS - 1 - (last - first))
-    return found << np.uint64(first)
+    mask = np.uint64(0xFFFFFFFFFFFFFFFF) >> np.uint64(BINS - 1 - (last - first))
+    return mask << np.uint64(first)
 
 
 @njit(cache=True, nogil=True)
@@ -217,11 +217,11 @@ def tiles_reached(
     last_u = min(int(np.floor((max(start[0], end[0]) + radius) / side)), rows - 1)
     first_v = max(int(np.floor((min(start[1], end[1]) - radius) / side)), 0)
     last_v = min(int(np.floor((max(start[1], end[1]) + radius) / side)), columns - 1)
-    found = np.empty((max(last_u - first_u + 1, 0) * max(last_v - first_v + 1, 0), 2), dtype=np.int64)
+    tiles = np.empty((max(last_u - first_u + 1, 0) * max(last_v - first_v + 1, 0), 2), dtype=np.int64)
     count = 0
     for i in range(first_u, last_u + 1):
         for j in range(first_v, last_v + 1):
             if _reaches_tile(rays, i, j, start, end, d, length, radius):
-                found[count, 0], found[count, 1] = i, j
+                tiles[count, 0], tiles[count, 1] = i, j
                 count += 1
-    return found[:count]
+    return tiles[:count]

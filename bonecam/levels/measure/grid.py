@@ -73,7 +73,7 @@ def open_level_grid(surface: TSpline, target: TSpline, chord_tolerance: float) -
     """The grid of an open surface and of the levels up to `target`, over the same T-mesh: the tessellation of
     whichever of the two needs more faces."""
     tessellations = [each.tessellate_with_parameters(chord_tolerance) for each in (surface, target)]
-    finer = max(tessellations, key=lambda found: len(found.mesh.faces))
+    finer = max(tessellations, key=lambda tessellation: len(tessellation.mesh.faces))
     faces = finer.mesh.faces
     middles = _open_middles(finer.parameters, faces, surface.elements().period)
     return _grid(surface, finer.parameters, middles, faces, chord_tolerance)

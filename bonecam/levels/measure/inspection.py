@@ -162,8 +162,8 @@ def inspect_again(
                 j: surfaces.get(j) or MeasuredSurface(surface.with_control_points(made[j]), grid)
                 for j in needed
             }
-            found = pool.map(lambda k, at=surfaces: _measure(k, at, rules), some)
-            measured.update(zip(some, found))
+            measures = pool.map(lambda k, at=surfaces: _measure(k, at, rules), some)
+            measured.update(zip(some, measures))
 
     levels = tuple(measured[k] for k in sorted(measured))
     return Inspection(grid, rules, levels, inspection.seconds + time.perf_counter() - began)

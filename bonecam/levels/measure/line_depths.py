@@ -49,14 +49,14 @@ def line_depths(
     """
     surfaces = morph_surfaces(levels)
     across, t = _on_line(surfaces[0], s, points)
-    found = [before.project(level.positions(across, t)).distances for before, level in pairwise(surfaces)]
+    depths = [before.project(level.positions(across, t)).distances for before, level in pairwise(surfaces)]
     last = surfaces[-1].positions(across, t)
     end = morph_end(levels)
     if isinstance(end, RoundedLevel):
         ends = end.surface.project(last).points
     else:
         ends = stock.closest_points(last) if stock else exact_closest(levels[-1].mesh, last)[0]
-    return np.vstack([*found, surfaces[-1].project(ends).distances])
+    return np.vstack([*depths, surfaces[-1].project(ends).distances])
 
 
 def line_lengths(surface: TSpline, s: float = LINE, points: int = POINTS) -> Float[ndarray, " points"]:

@@ -54,7 +54,7 @@ def _nesting(inner: MeasuredSurface, outer: MeasuredSurface, side: float) -> Flo
 
     doubtful = np.flatnonzero(nesting < 0)
     points = inner.points[doubtful]
-    found = outer.surface.project(points)
-    normals = outer.surface.normals(*found.parameters.T)
-    nesting[doubtful] = -side * dots(points - found.points, normals)
+    projection = outer.surface.project(points)
+    normals = outer.surface.normals(*projection.parameters.T)
+    nesting[doubtful] = -side * dots(points - projection.points, normals)
     return np.asarray(nesting)

@@ -79,13 +79,13 @@ class MeasuredSurface:
     ) -> tuple[Float[ndarray, " n"], Float[ndarray, "n 2"]]:
         """Signed distances (mm, negative inside) of points and the parameters of their footpoints, by many
         Newton steps from the nearest point of the mesh and from `parameters`, whichever ends nearer."""
-        distance, found = self._newton_from_mesh(points)
+        distance, footpoints = self._newton_from_mesh(points)
         if parameters is not None:
-            other, found_from_parameters = self._newton(points, parameters, CLOSEST_STEPS)
+            other, other_footpoints = self._newton(points, parameters, CLOSEST_STEPS)
             nearer = np.abs(other) < np.abs(distance)
             distance = np.where(nearer, other, distance)
-            found = np.where(nearer[:, None], found_from_parameters, found)
-        return self._with_sides(points, distance), found
+            footpoints = np.where(nearer[:, None], other_footpoints, footpoints)
+        return self._with_sides(points, distance), footpoints
 
     def _newton(self, points: ndarray, parameters: ndarray, steps: int) -> tuple[ndarray, ndarray]:
         """Distances with the sign of the normal at the footpoints that Newton finds, and their parameters."""

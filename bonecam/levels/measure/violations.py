@@ -28,27 +28,27 @@ def violations(
 ) -> list[Violation]:
     """All measures of a cut that are out of tolerance; `mesh` is the tessellation of its outer level, `limit`
     its depth in mm."""
-    found = []
+    out_of_tolerance = []
     depths = (
         (measures.depth_max, measures.depth_place),
         (measures.reverse_depth_max, measures.reverse_depth_place),
     )
     for depth, place in depths:
         if depth > limit + DEPTH_TOLERANCE:
-            found.append((f"is {depth:.4f} mm deep, more than {limit} mm,", place))
+            out_of_tolerance.append((f"is {depth:.4f} mm deep, more than {limit} mm,", place))
 
     if measures.nesting_min < -nesting_tolerance:
         what = f"falls {-measures.nesting_min:.4f} mm behind the level before"
-        found.append((what, measures.nesting_place))
+        out_of_tolerance.append((what, measures.nesting_place))
 
     if measures.outside > stock_tolerance:
-        found.append((f"leaves the stock by {measures.outside:.4f} mm", measures.outside_place))
+        out_of_tolerance.append((f"leaves the stock by {measures.outside:.4f} mm", measures.outside_place))
 
     if measures.self_intersections:
         place = mesh.vertices[mesh.faces[measures.crossing_faces[0]]].mean(0)
-        found.append((f"cuts itself in {measures.self_intersections} faces", place))
+        out_of_tolerance.append((f"cuts itself in {measures.self_intersections} faces", place))
 
-    return found
+    return out_of_tolerance
 
 
 def require_none(index: int, found: list[Violation], mesh: TriangleMesh, remedy: str = REMEDY) -> None:

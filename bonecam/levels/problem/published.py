@@ -134,9 +134,9 @@ class PublishedProgram:
         """Planes that hold the watched samples `which` inside the stock: those that touch it nearest to where
         the level with control points `after` has them."""
         R = sp.csr_array(self._watch.R[which])
-        places = R @ after
-        distance, out = self.stock.distances_and_normals(places)
-        room = ((places - R @ P) * out).sum(1) - distance - CLEAR
+        points = R @ after
+        distance, out = self.stock.distances_and_normals(points)
+        room = ((points - R @ P) * out).sum(1) - distance - CLEAR
         return Planes(R, out, np.maximum(room, 0.0))
 
     def worst(self, broken: Float[ndarray, " w"]) -> Int[ndarray, " k"]:

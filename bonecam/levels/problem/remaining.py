@@ -75,7 +75,7 @@ def remaining(discretisation: Discretisation, P: Float[ndarray, "c 3"], before: 
         discretisation.surface.with_control_points(P),
         discretisation.samples if known else discretisation.watch,
     )
-    tree, distance, places = cKDTree(multiply(samples.R, P)), before.at_most.copy(), before.feet.copy()
+    tree, distance, footpoints = cKDTree(multiply(samples.R, P)), before.at_most.copy(), before.feet.copy()
 
     def measure(which: ndarray) -> None:
         points = before.points[which]
@@ -83,7 +83,7 @@ def remaining(discretisation: Discretisation, P: Float[ndarray, "c 3"], before: 
         for start in (np.column_stack([samples.s, samples.t])[nearest], before.feet[which]):
             away, its = _nearest(level, points, start)
             nearer = away < distance[which]
-            distance[which[nearer]], places[which[nearer]] = away[nearer], its[nearer]
+            distance[which[nearer]], footpoints[which[nearer]] = away[nearer], its[nearer]
         distance[which] = np.minimum(to_sample, distance[which])
 
     every = np.arange(len(distance))
@@ -91,17 +91,19 @@ def remaining(discretisation: Discretisation, P: Float[ndarray, "c 3"], before: 
     measure(first)
     if not known:
         apart, nearest = cKDTree(before.points[first]).query(before.points)
-        distance, places = distance[first][nearest] + apart, places[first][nearest]
+        distance, footpoints = distance[first][nearest] + apart, footpoints[first][nearest]
     farthest = distance[first].max()
     others = np.flatnonzero(distance > farthest)
-    distance[others], places[others] = _nearest(level, before.points[others], places[others], farthest)
+    distance[others], footpoints[others] = _nearest(
+        level, before.points[others], footpoints[others], farthest
+    )
     measure(others[distance[others] > farthest])
     order = np.argsort(-distance, kind="stable")
     own = multiply(discretisation.watch.R, P)
     depths = -discretisation.stock.signed_distance(own)
     deepest = int(np.argmax(depths))
     return Remaining(
-        before.points[order], distance[order], places[order], own[deepest], float(depths[deepest])
+        before.points[order], distance[order], footpoints[order], own[deepest], float(depths[deepest])
     )
 
 

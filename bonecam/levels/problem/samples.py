@@ -175,7 +175,7 @@ def creases(
     s, above = pattern.s[:-2], np.minimum(ring + 1, len(rings) - 1)
     beside = starts[ring] + (place - starts[ring] + 1) % counts[ring]
     over = starts[above] + np.rint(s * counts[above]).astype(int) % counts[above]
-    found = []
+    parameters = []
     for neighbour, ds, dt in ((beside, 1 / counts[ring], 0 * s), (over, 0 * s, rings[above] - rings[ring])):
         across = x[neighbour] - x[:-2]
         bent = lengths(across) * lengths(turned[neighbour] - turned[:-2]) / 8
@@ -184,10 +184,10 @@ def creases(
         more = np.clip(np.ceil(more) - 1, 0, MOST_BETWEEN).astype(int)
         which = np.repeat(place, more)
         share = (np.arange(len(which)) - np.repeat(np.cumsum(more) - more, more) + 1) / (more[which] + 1)
-        found.append(
+        parameters.append(
             np.column_stack([(s[which] + share * ds[which]) % 1.0, pattern.t[which] + share * dt[which]])
         )
-    return np.vstack(found)
+    return np.vstack(parameters)
 
 
 def thin_plate(surface: TSpline) -> sp.csc_array:

@@ -57,8 +57,8 @@ def restore_feasibility(
         tries.update(which)
         _watch_near_limits(watched, inspection)
         folded = {k for k in which if failed[k].measures.self_intersections and k + 1 < len(levels)}
-        places = {k: np.vstack(some) for k, some in watched.items()}
-        attempt, moved = maker.restore_limits(levels, which, folded, places, follow=not doubts)
+        watched_points = {k: np.vstack(some) for k, some in watched.items()}
+        attempt, moved = maker.restore_limits(levels, which, folded, watched_points, follow=not doubts)
         inspection = _better_of(inspection, maker.onward(attempt), moved, watched, doubts, progress)
 
 

@@ -69,7 +69,7 @@ class SequenceMaker:
 
         LevelError where there is none.
         """
-        made: list[list[ndarray]] = []
+        sequences: list[list[ndarray]] = []
         failure: LevelError | None = None
         for parameters in (self._parameters(DEEP), self._parameters(STIFF)):
             try:
@@ -77,14 +77,14 @@ class SequenceMaker:
             except LevelError as error:
                 failure = failure or error
                 continue
-            made.append(levels)
+            sequences.append(levels)
             if len(levels) <= self.lower_bound:
                 yield levels
-        yield from sorted((levels for levels in made if len(levels) > self.lower_bound), key=len)
+        yield from sorted((levels for levels in sequences if len(levels) > self.lower_bound), key=len)
         try:
             yield self.sequence(self._parameters(TOGETHER), rest)
         except LevelError as error:
-            if not made:
+            if not sequences:
                 raise failure or error from error
 
     def _parameters(self, values: dict[str, float]) -> StepParameters:
@@ -96,12 +96,12 @@ class SequenceMaker:
         return self._continue([np.array(self.discretisation.surface.control_points)], rest, parameters)
 
     def _continue(
-        self, made: list[ndarray], rest: Remaining, parameters: StepParameters, least: int = 0
+        self, levels: list[ndarray], rest: Remaining, parameters: StepParameters, least: int = 0
     ) -> list[ndarray]:
         """The levels made already, from the last of which `rest` is left to the stock, and those above them:
         so many in all at least."""
         return levels_to_stock(
-            made,
+            levels,
             rest,
             schedule=self.schedule,
             next_level=lambda P, k, rest: self._next(P, k, rest, parameters),

@@ -80,8 +80,8 @@ class _Triangulation:
 
     def faces(self) -> Int32[ndarray, "m 3"]:
         """Each triangle once, its lowest vertex first."""
-        found = [(a, b, c) for (a, b), c in self.apex.items() if min(a, b, c) == a and a != GHOST]
-        return np.array(found, dtype=np.int32).reshape(-1, 3)
+        triangles = [(a, b, c) for (a, b), c in self.apex.items() if min(a, b, c) == a and a != GHOST]
+        return np.array(triangles, dtype=np.int32).reshape(-1, 3)
 
     def _first_triangle(self, order: list[int]) -> Triangle:
         """Two points and the first one beside their line, counter-clockwise."""

@@ -43,16 +43,16 @@ class LabelSurface:
             if self.smoothed
             else "their steps kept as asked"
         )
-        found = f"label {self.label}, one of {len(self.map.counts)}, voxels of {size} mm, {how}"
+        description = f"label {self.label}, one of {len(self.map.counts)}, voxels of {size} mm, {how}"
         cut = "the label reaches the edge of its map: the scan ends there, and the part with it"
-        return (found, cut) if self.cut else (found,)
+        return (description, cut) if self.cut else (description,)
 
 
 def label_surface(file: Path, label: int, *, smooth: bool) -> LabelSurface:
     """The surface of a label of a file, or of its only label for 0. FileError names what is wrong."""
-    found = read_label_map(file)
-    label = found.chosen(label)
-    inside = found.labels == label
+    label_map = read_label_map(file)
+    label = label_map.chosen(label)
+    inside = label_map.labels == label
     spans = [np.flatnonzero(inside.any(axis=tuple({0, 1, 2} - {axis}))) for axis in range(3)]
     low, high = (np.array([span[end] for span in spans]) for end in (0, -1))
     if np.prod(high - low + 3) > MOST_VOXELS:
@@ -61,12 +61,14 @@ def label_surface(file: Path, label: int, *, smooth: bool) -> LabelSurface:
         )
         raise file_error(file, what, "resample the map")
     box = tuple(slice(a, b + 1) for a, b in zip(low, high))
-    steps = _marched(np.pad(inside[box], 1), found.pitch, low - 1)
+    steps = _marched(np.pad(inside[box], 1), label_map.pitch, low - 1)
     cut = bool((low == 0).any() or (high == np.array(inside.shape) - 1).any())
-    mirrored = np.linalg.det(found.transform[:3, :3]) < 0
+    mirrored = np.linalg.det(label_map.transform[:3, :3]) < 0
     if mirrored:  # faces go round the other way in space
         steps = TriangleMesh(steps.vertices, steps.faces[:, ::-1].copy())
-    return LabelSurface(found, label, cut, steps, without_steps(steps, found.pitch) if smooth else None)
+    return LabelSurface(
+        label_map, label, cut, steps, without_steps(steps, label_map.pitch) if smooth else None
+    )
 
 
 def _marched(inside: np.ndarray, pitch: np.ndarray, first: np.ndarray) -> TriangleMesh:
@@ -74,8 +76,8 @@ def _marched(inside: np.ndarray, pitch: np.ndarray, first: np.ndarray) -> Triang
     import igl
 
     numbers = np.indices(inside.shape[::-1]).reshape(3, -1)[::-1].T  # x is the fastest
-    places = np.ascontiguousarray((numbers + first) * pitch)
+    nodes = np.ascontiguousarray((numbers + first) * pitch)
     values = inside.transpose(2, 1, 0).ravel().astype(np.float64)
-    vertices, faces = igl.marching_cubes(values, places, *inside.shape, 0.5)[:2]
+    vertices, faces = igl.marching_cubes(values, nodes, *inside.shape, 0.5)[:2]
     mesh = TriangleMesh(vertices, faces.astype(np.int32))
     return mesh if mesh.volume > 0 else TriangleMesh(vertices, faces[:, ::-1].astype(np.int32))

@@ -81,8 +81,8 @@ def _within(mesh: TriangleMesh, normals: Float[ndarray, "n 3"], radius: float) -
     start, end = near.row, near.col
     alike = dots(normals[start], normals[end]) > 0
     count = len(normals)
-    found = csr_array((np.ones(alike.sum()), (start[alike], end[alike])), shape=(count, count))
-    return _pairs(found + eye_array(count, format="csr"))
+    adjacency = csr_array((np.ones(alike.sum()), (start[alike], end[alike])), shape=(count, count))
+    return _pairs(adjacency + eye_array(count, format="csr"))
 
 
 def _pairs(matrix: csr_array) -> Int[ndarray, "2 p"]:

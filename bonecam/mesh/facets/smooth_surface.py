@@ -121,13 +121,13 @@ def smooth_facets(
     if not (rough or coarse):
         return None
     halvings = _halvings(even, left, tolerance)
-    found = _measured(_loop(even, halvings) if coarse else even, mesh, coarseness, halvings)
-    if coarse and found.largest > job.smooth_within:
+    smooth = _measured(_loop(even, halvings) if coarse else even, mesh, coarseness, halvings)
+    if coarse and smooth.largest > job.smooth_within:
         drawn = _measured(_loop(even, halvings, job.smooth_within), mesh, coarseness, halvings)
-        found = drawn if drawn.largest <= job.smooth_within else found
-    _require_near(found, job.smooth_within)
-    _require_simple(found)
-    return found
+        smooth = drawn if drawn.largest <= job.smooth_within else smooth
+    _require_near(smooth, job.smooth_within)
+    _require_simple(smooth)
+    return smooth
 
 
 def note_on_kept_facets(mesh: TriangleMesh, coarseness: Coarseness, job: MeshJob, tolerance: float) -> str:
@@ -201,23 +201,23 @@ def _halved(mesh: TriangleMesh, halvings: int) -> TriangleMesh:
     return TriangleMesh(points, faces.astype(np.int32))
 
 
-def _require_near(found: Smoothing, within: float) -> None:
-    if found.largest > within:
+def _require_near(smooth: Smoothing, within: float) -> None:
+    if smooth.largest > within:
         raise MeshError(
-            f"the facets are coarser or rougher than what is asked of them ({found.coarseness}), and a smooth surface "
-            f"lies {found.largest:.2f} mm from them near {place_name(found.place)}, allowed {within:g}: raise "
-            f"mesh.smooth_within to {hundredths(found.largest)}, give a finer mesh, or set mesh.facets to exact",
-            place=found.place,
-            error=found.largest,
+            f"the facets are coarser or rougher than what is asked of them ({smooth.coarseness}), and a smooth surface "
+            f"lies {smooth.largest:.2f} mm from them near {place_name(smooth.place)}, allowed {within:g}: raise "
+            f"mesh.smooth_within to {hundredths(smooth.largest)}, give a finer mesh, or set mesh.facets to exact",
+            place=smooth.place,
+            error=smooth.largest,
         )
 
 
-def _require_simple(found: Smoothing) -> None:
-    cut = self_intersections(found.mesh)
+def _require_simple(smooth: Smoothing) -> None:
+    cut = self_intersections(smooth.mesh)
     if len(cut):
-        place = found.mesh.vertices[found.mesh.faces[cut[0]]].mean(axis=0)
+        place = smooth.mesh.vertices[smooth.mesh.faces[cut[0]]].mean(axis=0)
         raise MeshError(
-            f"a smooth surface near the vertices of the facets ({found.coarseness}) cuts itself near "
+            f"a smooth surface near the vertices of the facets ({smooth.coarseness}) cuts itself near "
             f"{place_name(place)}: give a finer mesh there, or set mesh.facets to exact",
             place=place,
             faces=cut,

@@ -16,17 +16,17 @@ MOST = 0.02
 def untangled(mesh: TriangleMesh) -> TriangleMesh:
     """The closed mesh with the corners of the faces that cut others, and their neighbours, moved; all other vertices
     stay. Where that does not help, or more than MOST of the faces cut others, the mesh as it is."""
-    found = mesh
+    moved = mesh
     for _ in range(ROUNDS):
-        cut = self_intersections(found)
+        cut = self_intersections(moved)
         if not len(cut):
-            return found
+            return moved
         if len(cut) > MOST * len(mesh.faces):
             break
         corners = np.isin(mesh.faces, mesh.faces[cut]).any(axis=1)
         moving = np.unique(mesh.faces[corners])
         for _ in range(STEPS):
-            points = found.vertices.copy()
-            points[moving] += (neighbour_middles(found)[moving] - points[moving]) / 2
-            found = TriangleMesh(points, mesh.faces)
+            points = moved.vertices.copy()
+            points[moving] += (neighbour_middles(moved)[moving] - points[moving]) / 2
+            moved = TriangleMesh(points, mesh.faces)
     return mesh

@@ -41,20 +41,20 @@ class Unstepped:
 def step_pitch(mesh: TriangleMesh) -> Float[ndarray, "3"] | None:
     """The pitch (mm) along X, Y and Z of the voxels whose surface, by marching cubes or as cubes, a mesh is: its
     vertices lie in planes half a pitch or a pitch apart. None where they do not."""
-    found = [_pitch_along(mesh.vertices[:, axis]) for axis in range(3)]
-    return None if None in found else np.array(found)
+    pitches = [_pitch_along(mesh.vertices[:, axis]) for axis in range(3)]
+    return None if None in pitches else np.array(pitches)
 
 
-def _pitch_along(places: Float[ndarray, " n"]) -> float | None:
+def _pitch_along(coordinates: Float[ndarray, " n"]) -> float | None:
     """The pitch along one axis: twice the gap of marching cubes, whose vertices lie halfway between voxels too."""
-    size = float(np.ptp(places))
-    planes = np.sort(places)
+    size = float(np.ptp(coordinates))
+    planes = np.sort(coordinates)
     gaps = np.diff(planes)
     gaps = gaps[gaps > ALIKE * size / 10]
     if len(gaps) < 3 or size == 0:
         return None
     least = float(np.median(gaps[gaps < 1.5 * gaps.min()]))
-    number = (places - planes[0]) / least
+    number = (coordinates - planes[0]) / least
     off = np.abs(number - np.round(number)) > 0.05
     if off.mean() > MOST_OFF:
         return None

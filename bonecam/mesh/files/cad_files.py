@@ -28,8 +28,8 @@ def read_cad_mesh(path: str | Path, chord_tolerance: float | None = None) -> Tri
     FileError names the file and what is wrong: not installed, no such file, no STEP or IGES, cut short,
     damaged, no surfaces in it.
     """
-    found: TriangleMesh = in_child(f"{__name__}:mesh_in", Path(path), chord_tolerance)
-    return found
+    mesh: TriangleMesh = in_child(f"{__name__}:mesh_in", Path(path), chord_tolerance)
+    return mesh
 
 
 def mesh_in(file: str, chord_tolerance: float | None, progress: Progress = silent) -> TriangleMesh:

@@ -24,8 +24,8 @@ def read_shape(path: str | Path) -> Any:
     reader = lib.STEPControl.STEPControl_Reader() if kind == "STEP" else lib.IGESControl.IGESControl_Reader()
     with library_name(file) as name:
         status = reader.ReadFile(name)
-    found = reader.TransferRoots() if status == lib.IFSelect.IFSelect_ReturnStatus.IFSelect_RetDone else 0
-    shape = reader.OneShape() if found else None
+    roots = reader.TransferRoots() if status == lib.IFSelect.IFSelect_ReturnStatus.IFSelect_RetDone else 0
+    shape = reader.OneShape() if roots else None
     if shape is None or shape.IsNull():
         raise unreadable(file, "cut short, or nothing in it")
     return shape
@@ -62,11 +62,11 @@ def faces_of(shape: Any) -> list[Any]:
     """The faces of a shape, in the order of OpenCASCADE's explorer."""
     lib = occ()
     explorer = lib.TopExp.TopExp_Explorer(shape, lib.TopAbs.TopAbs_ShapeEnum.TopAbs_FACE)
-    found = []
+    faces = []
     while explorer.More():
-        found.append(lib.TopoDS.TopoDS.Face(explorer.Current()))
+        faces.append(lib.TopoDS.TopoDS.Face(explorer.Current()))
         explorer.Next()
-    return found
+    return faces
 
 
 def has_solids(shape: Any) -> bool:
@@ -85,9 +85,9 @@ def diagonal_of(shape: Any) -> float:
 
 def area_of(shape: Any) -> float:
     """Area of all faces of a shape, mm^2."""
-    found = occ().GProp.GProp_GProps()
-    occ().BRepGProp.BRepGProp.SurfaceProperties_s(shape, found)
-    return float(found.Mass())
+    properties = occ().GProp.GProp_GProps()
+    occ().BRepGProp.BRepGProp.SurfaceProperties_s(shape, properties)
+    return float(properties.Mass())
 
 
 def sew(shape: Any, tolerance: float) -> Any:

@@ -49,9 +49,9 @@ class _Packages:
             messenger.RemovePrinter(printer)
 
     def __getattr__(self, package: str) -> Any:
-        found = import_module(f"{self._name}.{package}")
-        setattr(self, package, found)
-        return found
+        module = import_module(f"{self._name}.{package}")
+        setattr(self, package, module)
+        return module
 
 
 def is_failure(error: Exception) -> bool:

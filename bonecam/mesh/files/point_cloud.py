@@ -42,9 +42,9 @@ def reconstruct(points: Float[ndarray, "n 3"]) -> TriangleMesh:
     meshset.add_mesh(meshlab().Mesh((points - middle) / size))
     meshset.compute_normal_for_point_clouds(k=NEIGHBOURS)
     meshset.generate_surface_reconstruction_screened_poisson(depth=DEPTH, preclean=True, threads=1)
-    found = from_meshset(meshset)
-    faces = found.faces if found.volume >= 0 else found.faces[:, ::-1]
-    mesh = TriangleMesh(found.vertices * size + middle, faces)
+    unit_mesh = from_meshset(meshset)
+    faces = unit_mesh.faces if unit_mesh.volume >= 0 else unit_mesh.faces[:, ::-1]
+    mesh = TriangleMesh(unit_mesh.vertices * size + middle, faces)
     distances = MeshDistance(mesh).unsigned(points) if len(mesh.faces) else np.full(1, np.inf)
     if not distances.max() <= MAX_DISTANCE * size:
         place = points[np.argmax(distances)] if len(mesh.faces) else middle

@@ -64,12 +64,12 @@ def read_blocks(path: str | Path, columns: str = "xyz") -> tuple[Float[ndarray, 
             blocks.append([])
         else:
             blocks[-1].append(values[: len(columns)])
-    found = tuple(np.array(block) for block in blocks if block)
-    if not found:
+    arrays = tuple(np.array(block) for block in blocks if block)
+    if not arrays:
         raise FileError(
             f"{file}: holds no points: write {' '.join(columns)}, one point a line", file=str(file)
         )
-    return found
+    return arrays
 
 
 def _lines_of(file: Path) -> list[str]:

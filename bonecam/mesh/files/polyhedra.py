@@ -102,8 +102,8 @@ def _body_polygons(file: Path, bodies: Iterable[Any]) -> Iterator[Polygon]:
 
     for body in bodies:
         faces = list(_faces(body))
-        found = [polygon for lump in flat_polygon_faces_from_body(body) for polygon in lump]
-        curved = len(faces) - len(found)
+        polygons = [polygon for lump in flat_polygon_faces_from_body(body) for polygon in lump]
+        curved = len(faces) - len(polygons)
         holed = sum(not face.loop.is_none and not face.loop.next_loop.is_none for face in faces)
         if curved or holed:
             what = f"has {curved} curved faces of {len(faces)}" if curved else f"has {holed} faces with holes"
@@ -114,7 +114,7 @@ def _body_polygons(file: Path, bodies: Iterable[Any]) -> Iterator[Polygon]:
                 curved=curved,
                 holed=holed,
             )
-        yield from found
+        yield from polygons
 
 
 def _faces(body: Any) -> Iterator[Any]:

@@ -72,9 +72,9 @@ def _stand_there(mesh: TriangleMesh) -> Bool[ndarray, " m"]:
 def _repeated(trios: Int[ndarray, "m 3"]) -> Bool[ndarray, " m"]:
     """Which rows repeat an earlier one."""
     order = np.lexsort(trios.T)
-    found = np.zeros(len(trios), dtype=bool)
-    found[order[1:]] = (trios[order[1:]] == trios[order[:-1]]).all(axis=1)
-    return found
+    repeats = np.zeros(len(trios), dtype=bool)
+    repeats[order[1:]] = (trios[order[1:]] == trios[order[:-1]]).all(axis=1)
+    return repeats
 
 
 def drop_fins(state: RepairState) -> RepairState:
@@ -84,8 +84,8 @@ def drop_fins(state: RepairState) -> RepairState:
     """
     edges, counts = edges_of(state.mesh)
     names, sides = (edge_names(each, len(state.mesh.vertices)) for each in (edges, half_edges(state.mesh)))
-    found = counts[np.searchsorted(names, sides)]
-    fins = (found == 1).any(1) & (found > 2).any(1)
+    face_counts = counts[np.searchsorted(names, sides)]
+    fins = (face_counts == 1).any(1) & (face_counts > 2).any(1)
     if not (count := int(fins.sum())):
         return state
     return state.keep(
@@ -132,7 +132,7 @@ def close_holes(state: RepairState) -> RepairState:
     closed = len(holes) - len(holes_of(after))
     added = len(after.faces) - len(state.mesh.faces)
     which = f"{closed} of {counted(len(holes), 'hole')}" if closed < len(holes) else counted(closed, "hole")
-    widest_told = f"{'the widest ' if len(holes) > 1 else ''}{widths[widest]:.2f} mm across"
-    told = f"closed {which} with {counted(added, 'face')}, {widest_told}"
+    widest_text = f"{'the widest ' if len(holes) > 1 else ''}{widths[widest]:.2f} mm across"
+    message = f"closed {which} with {counted(added, 'face')}, {widest_text}"
     guessed = max((width for width, rim in zip(widths, holes) if len(rim) > 3), default=0.0)
-    return state.closed(after, told, guessed)
+    return state.closed(after, message, guessed)

@@ -36,23 +36,25 @@ def decimate(
     if len(mesh.faces) <= most:
         return mesh, ()
     state = drop_unused(weld_seams(RepairState(mesh)))
-    found = np.inf
+    deviation = np.inf
     for k in range(TRIES):
         target = most * 2**k
         report(progress, k / TRIES, f"decimating {len(mesh.faces)} faces to {target}")
         fewer = _collapse_edges(state.mesh, target)
         if not 0 < len(fewer.faces) <= target:
             continue
-        found = max(hausdorff(mesh, fewer))
-        if found <= LARGEST_DEVIATION:
-            message = f"decimated {len(mesh.faces)} faces to {len(fewer.faces)}, {found:.4f} mm apart at most"
+        deviation = max(hausdorff(mesh, fewer))
+        if deviation <= LARGEST_DEVIATION:
+            message = (
+                f"decimated {len(mesh.faces)} faces to {len(fewer.faces)}, {deviation:.4f} mm apart at most"
+            )
             return fewer, state.moved(fewer, message).done
-    moved = f"moves the surface by {found:.3f} mm" if np.isfinite(found) else "is not possible"
+    moved = f"moves the surface by {deviation:.3f} mm" if np.isfinite(deviation) else "is not possible"
     raise MeshError(
         f"the mesh has {len(mesh.faces)} faces, and decimating it to {most * 2 ** (TRIES - 1)} {moved}: smooth "
         f"it, or decimate it to {most} in a mesh editor",
         faces=len(mesh.faces),
-        deviation=found,
+        deviation=deviation,
     )
 
 

@@ -45,25 +45,25 @@ def _null_faults(mesh: TriangleMesh) -> tuple[Fault, ...]:
 
 def _edge_faults(mesh: TriangleMesh) -> tuple[Fault, ...]:
     edges, counts = edges_of(mesh)
-    found = []
+    faults = []
     for kind, phrase, wrong in (
         ("open", "open edges", counts == 1),
         ("nonmanifold", "edges with more than two faces", counts > 2),
     ):
         if wrong.any():
-            found.append(
+            faults.append(
                 Fault(kind, f"{wrong.sum()} {phrase}", mesh.vertices[edges[np.argmax(wrong)]].mean(0))
             )
     halves = half_edges(mesh).reshape(-1, 2)
     _, first, same = np.unique(halves, axis=0, return_index=True, return_counts=True)
-    if not found and (same > 1).any():
+    if not faults and (same > 1).any():
         place = mesh.vertices[halves[first[np.argmax(same)], 0]]
-        found.append(
+        faults.append(
             Fault(
                 "mixed", f"{(same > 1).sum()} edges between faces that are oriented against each other", place
             )
         )
-    return tuple(found)
+    return tuple(faults)
 
 
 def _shape_faults(mesh: TriangleMesh) -> tuple[Fault, ...]:

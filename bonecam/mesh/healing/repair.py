@@ -55,10 +55,10 @@ def repair(mesh: TriangleMesh, *, progress: Progress = silent) -> tuple[Triangle
     for k, stage in enumerate((_as_cleaned, unite, wrap)):
         report(progress, (k + 1) / 4, f"repairing: {faults[0]}")
         state = stage(cleaned)
-        found = faults_of(state.mesh)
-        if found:
-            _refuse_handles(found, state)
-            trouble = _refusal(found, state)
+        remaining = faults_of(state.mesh)
+        if remaining:
+            _refuse_handles(remaining, state)
+            trouble = _refusal(remaining, state)
             continue
         moves = surface_moves(tidied.mesh, state.mesh, cleaned.mesh)
         if moves.largest <= LARGEST_DEVIATION * kept.mesh.diagonal:

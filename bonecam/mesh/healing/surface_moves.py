@@ -42,22 +42,22 @@ def surface_moves(
     Old faces with material on both sides, as the closed `solid` tells where it is given, lie inside another part of
     the surface: they are no outside and do not count.
     """
-    places = probes(before) if solid is None else _outside(before, solid)
-    distances = np.linalg.norm(exact_closest(after, places)[0] - places, axis=1)
+    points = probes(before) if solid is None else _outside(before, solid)
+    distances = np.linalg.norm(exact_closest(after, points)[0] - points, axis=1)
     order = np.argsort(-distances, kind="stable")
-    found: dict[bool, float] = {}
+    farthest: dict[bool, float] = {}
     start = 0
     count = FIRST_LOOKED_AT
-    while len(found) < 2 and start < len(order) and distances[order[start]] > NOT_MOVED:
+    while len(farthest) < 2 and start < len(order) and distances[order[start]] > NOT_MOVED:
         some = order[start : start + count]
-        inside = np.abs(winding_numbers(after, places[some])) > 0.5
+        inside = np.abs(winding_numbers(after, points[some])) > 0.5
         for side in (True, False):
-            if side not in found and (inside == side).any():
-                found[side] = float(distances[some[np.argmax(inside == side)]])
+            if side not in farthest and (inside == side).any():
+                farthest[side] = float(distances[some[np.argmax(inside == side)]])
         start += count
         count *= 2
     return SurfaceMovement(
-        found.get(True, 0.0), found.get(False, 0.0), places[order[0]] if len(order) else np.zeros(3)
+        farthest.get(True, 0.0), farthest.get(False, 0.0), points[order[0]] if len(order) else np.zeros(3)
     )
 
 
@@ -65,11 +65,11 @@ def _outside(mesh: TriangleMesh, solid: TriangleMesh) -> Float[ndarray, "n 3"]:
     """Corners and middles of the faces that have the material of the closed `solid` on one side at most there."""
     corners = mesh.vertices[mesh.faces]
     middles = corners.mean(1, keepdims=True)
-    places = np.concatenate([corners, middles], axis=1)
+    points = np.concatenate([corners, middles], axis=1)
     aside = unit(mesh.face_vectors)[:, None] * mesh.diagonal * ASIDE
-    inset = places + ASIDE * (middles - places)
+    inset = points + ASIDE * (middles - points)
     covered = [winding_numbers(solid, (inset + side * aside).reshape(-1, 3)) > 0.5 for side in (1, -1)]
-    return places.reshape(-1, 3)[~(covered[0] & covered[1])]
+    return points.reshape(-1, 3)[~(covered[0] & covered[1])]
 
 
 def winding_numbers(mesh: TriangleMesh, points: Float[ndarray, "n 3"]) -> Float[ndarray, " n"]:

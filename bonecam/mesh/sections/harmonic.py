@@ -32,15 +32,15 @@ def end_poles(mesh: TriangleMesh) -> Int[ndarray, "2"]:
     radius = mesh.area / (2 * np.pi * np.ptp(heights))
     centres = corners.mean(axis=1)
     areas = np.linalg.norm(mesh.face_vectors, axis=1)
-    found = []
+    poles = []
     for sign, end in ((-1.0, heights.min()), (1.0, heights.max())):
         cap = (end - centres[:, 2]) * sign < END_LENGTH * radius
         middle = np.average(centres[cap], axis=0, weights=areas[cap])
         outward = cap & (mesh.face_vectors[:, 2] * sign > 0)
         candidates = np.unique(mesh.faces[outward if outward.any() else cap])
         away = np.linalg.norm(mesh.vertices[candidates, :2] - middle[:2], axis=1)
-        found.append(int(candidates[np.argmin(away)]))
-    return np.array(found)
+        poles.append(int(candidates[np.argmin(away)]))
+    return np.array(poles)
 
 
 def harmonic_field(mesh: TriangleMesh, poles: Int[ndarray, "2"]) -> Float[ndarray, " v"]:

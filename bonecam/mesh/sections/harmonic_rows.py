@@ -146,9 +146,9 @@ def nearest_on_loop(
     sides = np.roll(loop, -1, axis=0) - loop
     squares = np.maximum((sides**2).sum(1), np.finfo(float).tiny)
     shares = np.clip(((point - loop) * sides).sum(1) / squares, 0, 1)
-    places = loop + shares[:, None] * sides
-    side = int(np.argmin(((places - point) ** 2).sum(1)))
-    return side, places[side]
+    footpoints = loop + shares[:, None] * sides
+    side = int(np.argmin(((footpoints - point) ** 2).sum(1)))
+    return side, footpoints[side]
 
 
 def equally_spaced(

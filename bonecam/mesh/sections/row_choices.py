@@ -47,13 +47,13 @@ def rows_in_frame(
 ) -> Rows:
     """The harmonic rows that the mesh has where the third row of the rotation `frame` is up, the seam along the first
     one; they stay where they are on the mesh."""
-    found = harmonic_rows(TriangleMesh(mesh.vertices @ frame.T, mesh.faces), rows, points, edge)
+    harmonic = harmonic_rows(TriangleMesh(mesh.vertices @ frame.T, mesh.faces), rows, points, edge)
     return replace(
-        found,
-        points=found.points @ frame,
-        poles=found.poles @ frame,
-        mesh=TriangleMesh(found.mesh.vertices @ frame, found.mesh.faces),
-        guides=found.guides @ frame,
+        harmonic,
+        points=harmonic.points @ frame,
+        poles=harmonic.poles @ frame,
+        mesh=TriangleMesh(harmonic.mesh.vertices @ frame, harmonic.mesh.faces),
+        guides=harmonic.guides @ frame,
     )
 
 

@@ -77,8 +77,8 @@ def _check_own(file: Path, caller: str, dialect: Dialect) -> None:
     """FileError where a file is there that is no part of this program."""
     owners = _owners(file, dialect)
     if owners is not None and owners != {caller}:
-        told = f"a part of {min(owners)}" if owners else "no part of a program"
-        what = f"{file}: it is there, and {told}, but has the name of a part of {caller}"
+        content = f"a part of {min(owners)}" if owners else "no part of a program"
+        what = f"{file}: it is there, and {content}, but has the name of a part of {caller}"
         remedy = "move it away, or give another nc.program_number, or another folder"
         raise FileError(f"{what}: {remedy}", file=str(file))
 

@@ -34,8 +34,8 @@ def marked_parts(sections: Sequence[Section], caller: str, dialect: Dialect, nc:
     files = grouped(sections, dialect, nc)
     lines = list[str]()
     for part, file in enumerate(files, start=1):
-        told = " TO ".join(dict.fromkeys([file[0].title, file[-1].title]))
-        lines.append(part_mark(PartMark(part, len(files), caller), told, dialect))
+        titles = " TO ".join(dict.fromkeys([file[0].title, file[-1].title]))
+        lines.append(part_mark(PartMark(part, len(files), caller), titles, dialect))
         lines += [line for section in file for line in section.lines]
     return [*lines, end_mark(dialect)]
 

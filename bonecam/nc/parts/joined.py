@@ -35,21 +35,21 @@ def joined(program: Path, dialect: Dialect) -> Joined:
         _check_whole(program, lines, dialect)
         return Joined(text, tuple((program, at) for at in range(1, len(given) + 1)))
     _check_numbers(text, lines, program, dialect)
-    whole, places, part = list[str](), list[tuple[Path, int]](), 0
+    whole, origins, part = list[str](), list[tuple[Path, int]](), 0
     for at, (line, fields) in enumerate(zip(lines, called, strict=True), start=1):
         if fields is None:
             whole.append(line)
-            places.append((program, at))
+            origins.append((program, at))
             continue
         file = program.with_name(str(fields["file"]))
         first, inner = _inner(file, fields, calls, dialect)
         part += 1
         _check_place(file, inner[0], part, sum(map(bool, called)), dialect)
         whole += inner
-        places += [(file, first + offset) for offset in range(len(inner))]
+        origins += [(file, first + offset) for offset in range(len(inner))]
     ended = whole[-1] == ""
-    made = number_blocks(whole[:-1] if ended else whole, dialect)[0]
-    return Joined(made if ended else made.removesuffix("\n"), tuple(places))
+    numbered = number_blocks(whole[:-1] if ended else whole, dialect)[0]
+    return Joined(numbered if ended else numbered.removesuffix("\n"), tuple(origins))
 
 
 def _inner(
@@ -80,9 +80,9 @@ def _check_whole(file: Path, lines: list[str], dialect: Dialect) -> None:
 def _check_place(file: Path, line: str, part: int, parts: int, dialect: Dialect) -> None:
     """ProgramError where the file that begins with a `line` is not this part of so many."""
     mark = mark_in(line, dialect)
-    told = f"part {mark.part} of {mark.parts} of {mark.caller}" if mark else "none of its parts"
+    content = f"part {mark.part} of {mark.parts} of {mark.caller}" if mark else "none of its parts"
     if mark is None or (mark.part, mark.parts) != (part, parts):
-        what = f"{file}: it is {told}, called as part {part} of {parts}"
+        what = f"{file}: it is {content}, called as part {part} of {parts}"
         raise ProgramError(f"{what}: write caller and parts again", line=0)
 
 

@@ -41,8 +41,8 @@ def end_mark(dialect: Dialect) -> str:
 def mark_in(line: str, dialect: Dialect) -> PartMark | None:
     """The part that a line without its number begins, None where it begins none."""
     before, _, _ = dialect.comment.partition("{text}")
-    found = PART.match(line[len(before) :]) if line.startswith(before) else None
-    return PartMark(int(found[1]), int(found[2]), found[3]) if found else None
+    match = PART.match(line[len(before) :]) if line.startswith(before) else None
+    return PartMark(int(match[1]), int(match[2]), match[3]) if match else None
 
 
 def unnumbered(lines: Sequence[str], dialect: Dialect) -> list[str]:
@@ -51,10 +51,10 @@ def unnumbered(lines: Sequence[str], dialect: Dialect) -> list[str]:
     if numbering.format is None:
         return list(lines)
     pattern = re.compile(numbered_pattern(numbering, "(.*)"))
-    found = [pattern.fullmatch(line) for line in lines]
+    matches = [pattern.fullmatch(line) for line in lines]
     return [
         each[2] if each and has_number(each[2], numbering) else line
-        for line, each in zip(lines, found, strict=True)
+        for line, each in zip(lines, matches, strict=True)
     ]
 
 

@@ -35,9 +35,9 @@ class DirectionWords:
     def component(self, item: str) -> tuple[str, str] | None:
         """The component of a word, I, J or K, and its number; None where it is another word."""
         for letter, pattern in zip(COMPONENTS, self.patterns, strict=False):
-            found = pattern.fullmatch(item)
-            if found:
-                return letter, found[1]
+            match = pattern.fullmatch(item)
+            if match:
+                return letter, match[1]
         return None
 
     def turn(self, axes: Sequence[str], values: dict[str, str], line: int) -> set[str]:

@@ -133,7 +133,7 @@ def read_full_moves(
     `ordinal` numbered blocks stand before them; the first moves are links where `linking`. `feed` holds until
     another is written, None: every block needs its own. `solve` gives the rotary angles (degrees) of tool vectors.
     """
-    found: list[str] = []
+    groups: list[str] = []
     offsets: list[int] = []
     ordinals: list[int] = []
     links: list[bool] = []
@@ -146,14 +146,14 @@ def read_full_moves(
             linking = mark
             ordinal += has_number(line, dialect.numbering)
             continue
-        found.extend(matched.groups())
+        groups.extend(matched.groups())
         offsets.append(offset)
         ordinals.append(ordinal)
         ordinal += 1
         links.append(linking)
-    if not found:
+    if not groups:
         return None
-    number, code, *words, written = (found[k :: pattern.groups] for k in range(pattern.groups))
+    number, code, *words, written = (groups[k :: pattern.groups] for k in range(pattern.groups))
     if dialect.grammar == "klartext":
         rapid = np.array([value == "MAX" for value in written])
     else:

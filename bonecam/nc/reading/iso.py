@@ -85,12 +85,12 @@ class _BlockReader:
     def _text_of(self, content: str, ordinal: int, line: int) -> str:
         """The block without its number; ProgramError where it has none, or another than its place gives it."""
         number = block_number(self.dialect.numbering, ordinal)
-        found = self.numbered.fullmatch(content)
-        if found is None or found[1] != str(number):
+        match = self.numbered.fullmatch(content)
+        if match is None or match[1] != str(number):
             format_ = self.dialect.numbering.format or ""
             wanted = format_.format(number=number, text="").strip()
             raise line_error(line, f"block number {wanted} expected, found {shown(content.split(' ')[0])}")
-        return found[2]
+        return match[2]
 
     def _words(self, content: str, line: int) -> Words:
         """The words of a block. The form of the words of endless axes says which way they turn."""
@@ -98,8 +98,8 @@ class _BlockReader:
         ways = set()
         for item in content.split():
             short = self.short_word.fullmatch(item) if self.own_form else None
-            found = short or WORD.fullmatch(item)
-            words.append(self.directions.component(item) or ((found[1], found[2]) if found else (item, "")))
+            match = short or WORD.fullmatch(item)
+            words.append(self.directions.component(item) or ((match[1], match[2]) if match else (item, "")))
             self._check_known(*words[-1], line)
             if self.own_form and words[-1][0] in self.endless:
                 ways.add(short is not None)

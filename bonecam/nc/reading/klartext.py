@@ -38,11 +38,11 @@ def _run_block(block: str, move: re.Pattern[str], state: ModalState, line: int) 
     """Run a block: a move or a statement, with a remark behind it or without."""
     vector = state.dialect.vector
     directed = re.fullmatch(vector_move(state.dialect, vector), block) if vector else None
-    found = move.fullmatch(block)
+    match = move.fullmatch(block)
     if directed:
         _run_vector_move(directed, state, line)
-    elif found and any(found.groups()[:-2]):
-        _run_move(found, state, line)
+    elif match and any(match.groups()[:-2]):
+        _run_move(match, state, line)
     elif not is_statement(block, state, line):
         bare = block.partition(";")[0].rstrip()
         if bare in ("", block):
@@ -79,9 +79,9 @@ def _word_patterns(dialect: Dialect, letters: str) -> list[str]:
     return [*words, "(R0)", f"F(MAX|{WHOLE})"]
 
 
-def _run_move(found: re.Match[str], state: ModalState, line: int) -> None:
+def _run_move(match: re.Match[str], state: ModalState, line: int) -> None:
     letters = state.machine.letters
-    *numbers, uncompensated, feed = found.groups()
+    *numbers, uncompensated, feed = match.groups()
     words = {letter: float(text) for letter, text in zip(letters, numbers, strict=True) if text is not None}
     state.uncompensated |= uncompensated is not None
     if not state.uncompensated:
@@ -89,8 +89,8 @@ def _run_move(found: re.Match[str], state: ModalState, line: int) -> None:
     state.move(words, feed == "MAX", None if feed in ("MAX", None) else float(feed), line)
 
 
-def _run_vector_move(found: re.Match[str], state: ModalState, line: int) -> None:
-    *numbers, feed = found.groups()[1:]
+def _run_vector_move(match: re.Match[str], state: ModalState, line: int) -> None:
+    *numbers, feed = match.groups()[1:]
     values = [float(text) for text in numbers]
     turn_to(state, values[3:], line)
     words = dict(zip("XYZ", values, strict=False))
@@ -100,9 +100,9 @@ def _run_vector_move(found: re.Match[str], state: ModalState, line: int) -> None
 def _block(lines: Sequence[str], at: int, number: int) -> tuple[str, int]:
     """The block from lines[at] on, without its number and with its continuation lines, and the index of the
     next."""
-    found, _, block = lines[at].partition(" ")
-    if found != str(number):
-        raise line_error(at + 1, f"block number {number} expected, found {shown(found)}")
+    stated, _, block = lines[at].partition(" ")
+    if stated != str(number):
+        raise line_error(at + 1, f"block number {number} expected, found {shown(stated)}")
     start = at
     while block.endswith("~"):
         at += 1

@@ -210,34 +210,34 @@ class ModalState:
             return 0, ordinal
         pattern = self.full_moves[bool(self.endless.short_way)]
         solve, feed = angles_from(self.machine, self.position[3:]), None if self.inverse_time else self.feed
-        found = read_full_moves(lines, start, ordinal, pattern, self.dialect, self.linking, feed, solve)
-        if found is None:
+        moves = read_full_moves(lines, start, ordinal, pattern, self.dialect, self.linking, feed, solve)
+        if moves is None:
             return 0, ordinal
-        doubtful = found.outside(self.dialect.numbers)
+        doubtful = moves.outside(self.dialect.numbers)
         if self.dialect.numbering.format:
-            doubtful |= found.numbers != block_numbers(self.dialect.numbering, found.ordinals)
+            doubtful |= moves.numbers != block_numbers(self.dialect.numbering, moves.ordinals)
         for column, axis in enumerate(self.machine.rotary, start=3):
             if axis.endless and self.dialect.vector is None:
                 before = float(self.position[column] or 0.0)
-                found.words[:, column], unclear = self.endless.reached_in_turn(found.words[:, column], before)
+                moves.words[:, column], unclear = self.endless.reached_in_turn(moves.words[:, column], before)
                 doubtful |= unclear
         count = int(np.argmax(doubtful)) if doubtful.any() else len(doubtful)
         if not count:
             return 0, ordinal
-        self._take(found.first(count), start + 1)
-        return int(found.offsets[count - 1]) + 1, int(found.ordinals[count - 1]) + 1
+        self._take(moves.first(count), start + 1)
+        return int(moves.offsets[count - 1]) + 1, int(moves.ordinals[count - 1]) + 1
 
-    def _take(self, found: Blocks, line: int) -> None:
-        count, spindle = len(found.rapid), self.spindle
+    def _take(self, blocks: Blocks, line: int) -> None:
+        count, spindle = len(blocks.rapid), self.spindle
         modes = self.tool, True, spindle.speed, spindle.coolant, self.tolerance
         tool, known, *held = (np.full(count, float(mode)) for mode in modes)
-        moves = found.words, found.rapid, found.feeds, np.full(count, self.inverse_time)
-        columns = [*moves, line + found.offsets, tool, known, found.links, *held]
+        moves = blocks.words, blocks.rapid, blocks.feeds, np.full(count, self.inverse_time)
+        columns = [*moves, line + blocks.offsets, tool, known, blocks.links, *held]
         self.tables += [self._table(), np.column_stack(columns)]
         self.rows = []
-        self.linking = bool(found.links[-1])
-        self.feed = float(found.modal[-1])
-        self.position = [float(value) for value in found.words[-1]]
+        self.linking = bool(blocks.links[-1])
+        self.feed = float(blocks.modal[-1])
+        self.position = [float(value) for value in blocks.words[-1]]
         self.blocks += count
 
     def _table(self) -> ndarray:

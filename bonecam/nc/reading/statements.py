@@ -10,9 +10,9 @@ from bonecam.nc.reading.tool_words import tool_number
 def is_statement(block: str, state: ModalState, line: int) -> bool:
     """Run a block if it is one of the dialect's statements; whether it is."""
     for pattern, statement in state.dialect.patterns:
-        found = pattern.match(block)
-        if found is not None:
-            _apply(statement.effect, found, state, line)
+        match = pattern.match(block)
+        if match is not None:
+            _apply(statement.effect, match, state, line)
             state.stated.read(statement.states)
             return True
     return False

@@ -13,8 +13,8 @@ TOOL_COMMENT = re.compile(rf"\s*TOOL ({WHOLE}) BALL RADIUS ({WHOLE}\.[0-9]+) LEN
 
 def described_tool(text: str, line: int) -> Tool | None:
     """The tool that a comment describes, if it does."""
-    found = TOOL_COMMENT.fullmatch(text)
-    return Tool(int(found[1]), float(found[2]), float(found[3]), line) if found else None
+    match = TOOL_COMMENT.fullmatch(text)
+    return Tool(int(match[1]), float(match[2]), float(match[3]), line) if match else None
 
 
 def tool_number(text: str, line: int) -> int:

@@ -68,10 +68,10 @@ class CallsTable(Record):
 
     def called_by(self, block: str) -> dict[str, str | int] | None:
         """What a block calls, by field, its `file` too; None where it calls nothing."""
-        found = re.fullmatch(_pattern(self.call), block)
-        if found is None:
+        match = re.fullmatch(_pattern(self.call), block)
+        if match is None:
             return None
-        fields = _values(found)
+        fields = _values(match)
         if "file" in fields:
             of_file = re.fullmatch(_pattern(self.file), str(fields["file"]))
             fields = {**fields, **(_values(of_file) if of_file else {})}
@@ -94,5 +94,5 @@ def _pattern(template: str) -> str:
     return pattern
 
 
-def _values(found: re.Match[str]) -> dict[str, str | int]:
-    return {name: int(text) if name == "number" else text for name, text in found.groupdict().items()}
+def _values(match: re.Match[str]) -> dict[str, str | int]:
+    return {name: int(text) if name == "number" else text for name, text in match.groupdict().items()}

@@ -83,9 +83,9 @@ class MachiningTable(Record):
 
 def _endless_word(text: str) -> str:
     check_template(text, {"letter": "C", "number": "1.0"})
-    places = [text.find("{letter}"), text.find("{number}")]
+    positions = [text.find("{letter}"), text.find("{number}")]
     once = all(text.count(field) == 1 for field in ("{letter}", "{number}"))
-    if not once or places != sorted(places) or text.count("{") != 2 or " " in text or "\n" in text:
+    if not once or positions != sorted(positions) or text.count("{") != 2 or " " in text or "\n" in text:
         raise ValueError(f"{text!r}: give {{letter}} and then {{number}}, each once, in one word")
     return text
 

@@ -92,7 +92,7 @@ class TemplatesTable(Record):
 def _check_move(text: str, name: str) -> None:
     """ValueError where the numbers of a move could not be filled in one after the other."""
     wanted = ["{words}", "{feed}"] if name == "feed" else ["{words}"]
-    places = [text.find(field) for field in wanted]
+    positions = [text.find(field) for field in wanted]
     once = all(text.count(field) == 1 for field in wanted)
-    if not once or places != sorted(places) or text.count("{") != len(wanted):
+    if not once or positions != sorted(positions) or text.count("{") != len(wanted):
         raise ValueError(f"give {' and then '.join(wanted)}, each once and without a format")

@@ -145,9 +145,9 @@ def _nearest_free(
         row, column = np.nonzero(good)
         if len(row):
             good[row, column] = free(contacts[left[row]], directions[batch[row, column]])
-        found = good.any(axis=1)
-        chosen[left[found]] = batch[found, good[found].argmax(axis=1)]
-        left = left[~found]
+        has_free = good.any(axis=1)
+        chosen[left[has_free]] = batch[has_free, good[has_free].argmax(axis=1)]
+        left = left[~has_free]
         if not len(left):
             break
     return chosen

@@ -82,14 +82,14 @@ class _Easing:
             self.in_cone = (cones.cone_of >= 0) & self._in_cones(chosen.axes)
         self.max_tilt, least = np.radians(job.max_tilt_deg), np.radians(job.least_lead_deg)
         self.leads = np.minimum(angles_between(chosen.axes, path.normals), least)
-        found = chosen.found
+        has_axis = chosen.found
         same = path.pass_index[1:] == path.pass_index[:-1]
-        self.joined: Bool[ndarray, " n"] = np.r_[same & found[1:] & found[:-1], False]
+        self.joined: Bool[ndarray, " n"] = np.r_[same & has_axis[1:] & has_axis[:-1], False]
         self.piece = np.r_[0, np.cumsum(~self.joined[:-1])]
         steps = np.where(self.joined[:-1], lengths(np.diff(path.centres, axis=0)), 0.0)
         self.along = np.r_[0.0, np.cumsum(steps)]
         self.rows: list[Int[ndarray, " r"]] = np.split(
-            np.arange(len(found)), np.flatnonzero(np.diff(self.piece)) + 1
+            np.arange(len(has_axis)), np.flatnonzero(np.diff(self.piece)) + 1
         )
 
     def slow(self, axes: Float[ndarray, "n 3"]) -> Bool[ndarray, " n"]:
@@ -146,19 +146,19 @@ class _Easing:
     ) -> Float[ndarray, " r"]:
         """How much each contact of a pass takes of the mean: all of it at slow moves, none `half` (mm) beside them."""
         ends = np.flatnonzero(slow[rows])
-        places = self.along[rows]
-        marked = places[np.unique(np.r_[ends, np.minimum(ends + 1, len(rows) - 1)])]
-        away = np.abs(places[:, None] - marked[None]).min(axis=1)
+        along = self.along[rows]
+        marked = along[np.unique(np.r_[ends, np.minimum(ends + 1, len(rows) - 1)])]
+        away = np.abs(along[:, None] - marked[None]).min(axis=1)
         return np.clip(1 - away / half, 0.0, 1.0)
 
     def _means(
         self, rows: Int[ndarray, " r"], axes: Float[ndarray, "n 3"], half: float
     ) -> Float[ndarray, "r 3"]:
         """The mean axis of a pass from `half` (mm) before each contact to as much behind it."""
-        places = self.along[rows]
-        weights = np.gradient(places) + 1e-6 if len(rows) > 1 else np.ones(1)
+        along = self.along[rows]
+        weights = np.gradient(along) + 1e-6 if len(rows) > 1 else np.ones(1)
         sums = np.vstack([np.zeros(3), np.cumsum(weights[:, None] * axes[rows], axis=0)])
-        first, last = np.searchsorted(places, places - half), np.searchsorted(places, places + half, "right")
+        first, last = np.searchsorted(along, along - half), np.searchsorted(along, along + half, "right")
         return unit(sums[last] - sums[first])
 
     def _taken(

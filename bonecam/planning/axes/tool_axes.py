@@ -126,15 +126,15 @@ def _replace(
             which, axes[which], normals=path.normals[which], limits=limits, max_tilt=max_tilt, free=free
         )
 
-    found = np.flatnonzero(reasons == "")
-    free = _by_contact(roomy, centres[found])
-    normals, passes = path.normals[found], path.pass_index[found]
-    smooth = smooth_axes(axes[found], normals, passes, ~admissible[found], limits, max_tilt, free)
+    with_axis = np.flatnonzero(reasons == "")
+    free = _by_contact(roomy, centres[with_axis])
+    normals, passes = path.normals[with_axis], path.pass_index[with_axis]
+    smooth = smooth_axes(axes[with_axis], normals, passes, ~admissible[with_axis], limits, max_tilt, free)
 
     def still_admissible(i: Int[ndarray, " k"], tried: Float[ndarray, "k 3"]) -> Bool[ndarray, " k"]:
         return within_limits(tried, normals[i], limits, max_tilt) & free(i, tried)
 
-    axes[found] = avoid_singularity_where(smooth, centres[found], passes, still_admissible)
+    axes[with_axis] = avoid_singularity_where(smooth, centres[with_axis], passes, still_admissible)
     return axes, reasons.tolist()
 
 

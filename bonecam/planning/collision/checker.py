@@ -125,14 +125,16 @@ class CollisionChecker:
         shift = np.linalg.norm(tips[moves + 1] - tips[moves], axis=1)
         displacement = shift + turn * reach_to_gauge_line(self.cutter)
         steps = np.maximum(MIN_STEPS, np.ceil(displacement / SWEEP_MARGIN)).astype(int)
-        places, turned = interpolate_poses(tips[moves], tips[moves + 1], axes[moves], axes[moves + 1], steps)
+        sampled_tips, turned = interpolate_poses(
+            tips[moves], tips[moves + 1], axes[moves], axes[moves + 1], steps
+        )
 
         starts = np.r_[0, np.cumsum(steps + 1)]
-        joined = np.ones(len(places), dtype=bool)
+        joined = np.ones(len(sampled_tips), dtype=bool)
         joined[starts[1:] - 1] = False
-        poses = Poses.in_motion(places, turned, joined)
+        poses = Poses.in_motion(sampled_tips, turned, joined)
         state = classify_poses(self.scene, self.cutter, poses, air=self._air(cutting), settled=UNDECIDED)
-        return self._decided(state, places, turned, starts[:-1], cutting=cutting)
+        return self._decided(state, sampled_tips, turned, starts[:-1], cutting=cutting)
 
     def _air(self, cutting: bool) -> float | None:
         return None if cutting else self.air

@@ -64,24 +64,24 @@ class FclModel:
         if asked is None:
             asked = np.ones((len(tips), len(self.sections)), dtype=bool)
         poses = zip(rotations_of(axes), tips, asked, strict=True)
-        found = [_crossing(turn, tip, compress(self.sections, here)) for turn, tip, here in poses]
+        names = [_crossing(turn, tip, compress(self.sections, here)) for turn, tip, here in poses]
 
-        open_ = np.array([k for k, name in enumerate(found) if not name], dtype=np.int64)
+        open_ = np.array([k for k, name in enumerate(names) if not name], dtype=np.int64)
         contained = self._contained_sections(tips[open_], axes[open_], asked[open_])
         for k, name in zip(open_, contained, strict=True):
-            found[k] = name
-        return found
+            names[k] = name
+        return names
 
     def _contained_sections(
         self, tips: Float[ndarray, "n 3"], axes: Float[ndarray, "n 3"], asked: Bool[ndarray, "n k"]
     ) -> list[str]:
         """The first section asked for in each pose that lies wholly inside an obstacle, or contains one; an empty
         string where none does."""
-        found = np.full(len(tips), "", dtype=object)
+        names = np.full(len(tips), "", dtype=object)
         for k, item in reversed(list(enumerate(self.sections))):
             here = np.flatnonzero(asked[:, k])
-            found[here[self._contained(item, tips[here], axes[here])]] = item.section.name
-        return found.tolist()
+            names[here[self._contained(item, tips[here], axes[here])]] = item.section.name
+        return names.tolist()
 
     def _contained(
         self, item: FclSection, tips: Float[ndarray, "n 3"], axes: Float[ndarray, "n 3"]

@@ -98,8 +98,8 @@ def classify_poses(
     for section in cutter.profile[::-1]:
         open_ = np.flatnonzero(state < settled)
         around = scene.around(section.name, cutter.radius, air)
-        found = _trace(around, poses.take(open_), section, cutter.radius)
-        state[open_] = np.maximum(state[open_], found)
+        traced = _trace(around, poses.take(open_), section, cutter.radius)
+        state[open_] = np.maximum(state[open_], traced)
     return state
 
 

@@ -35,10 +35,10 @@ def finished_beam(body: TriangleMesh, post: Post, holding: HoldingJob, stiffness
 
 def normal_compliance(beam: Beam, part: TriangleMesh) -> float:
     """Compliance (mm/N) along the normal that SHARE of the part's area does not exceed."""
-    found, areas = normal_compliances(beam, part)
-    order = np.argsort(found)
+    compliances, areas = normal_compliances(beam, part)
+    order = np.argsort(compliances)
     below = np.cumsum(areas[order]) / areas.sum()
-    return float(found[order][np.searchsorted(below, SHARE / 100)])
+    return float(compliances[order][np.searchsorted(below, SHARE / 100)])
 
 
 def normal_compliances(beam: Beam, part: TriangleMesh) -> tuple[Float[ndarray, " f"], Float[ndarray, " f"]]:

@@ -85,8 +85,8 @@ def _with_depths(job: Job, depths: Sequence[float]) -> Job:
 def preferred_depths(above: float, most: float) -> list[float]:
     """The depths (mm) that are tried, rising: beyond `above`, `most` at most, itself included."""
     decades = range(math.floor(math.log10(above)), math.ceil(math.log10(most)) + 1)
-    found = [round(10.0**decade * step, 6) for decade in decades for step in R10]
-    return [depth for depth in found if above < depth < most] + [most] * (most > above)
+    depths = [round(10.0**decade * step, 6) for decade in decades for step in R10]
+    return [depth for depth in depths if above < depth < most] + [most] * (most > above)
 
 
 def found_depths(

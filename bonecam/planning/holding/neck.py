@@ -51,8 +51,8 @@ def find_standing(setup: Setup, job: Job, limits: MachineLimits) -> tuple[Setup,
         setup, job, necks = _standing_on_best(setup, job, limits, layers)
     elif not job.holding.length:
         setup, job = find_post_length(setup, job, limits)
-    places = setup.stock.mesh(STOCK_CHORD).vertices
-    job = replace(job, holding=settled_height(job.holding, setup.post.pin, places))
+    vertices = setup.stock.mesh(STOCK_CHORD).vertices
+    job = replace(job, holding=settled_height(job.holding, setup.post.pin, vertices))
     return setup, job, necks
 
 

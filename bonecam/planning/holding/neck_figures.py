@@ -141,22 +141,22 @@ def _left(part: TriangleMesh, post: Post, radius: float) -> float:
     normals: Float[ndarray, "v 3"] = vertex_normals(part)
     held = np.zeros(len(part.faces))
     for share in PLACES:
-        places = np.einsum("k,fkd->fd", share, part.vertices[part.faces])
-        held += at_post(places, unit(np.einsum("k,fkd->fd", share, normals[part.faces])), post, radius)
+        points = np.einsum("k,fkd->fd", share, part.vertices[part.faces])
+        held += at_post(points, unit(np.einsum("k,fkd->fd", share, normals[part.faces])), post, radius)
     return float((np.linalg.norm(part.face_vectors, axis=1) / 2 * held).sum() / len(PLACES))
 
 
 def stiffness_of(job: Job) -> StiffnessTable:
     """How stiff and strong the material of a job is; JobError where its file does not tell."""
-    found = read_material(job.material.name).stiffness
-    if found is None:
+    stiffness = read_material(job.material.name).stiffness
+    if stiffness is None:
         what = f"[material] name = {job.material.name!r}: its file has no table [stiffness], which finds the neck"
         raise JobError(
             f"{what}: give elasticity, density and yield_strength there, or holding.diameter",
             section="material",
             field="name",
         )
-    return found
+    return stiffness
 
 
 def _strip_forces(job: Job) -> tuple[float, float]:

@@ -79,7 +79,7 @@ def parting_lift(setup: Setup, job: Job, limits: MachineLimits) -> float:
         return -np.inf
     clamping = clamping_of(job.holding, limits.bodies.table)
     mesh, depth = setup.part.mesh, job.levels.finishing_depth
-    found = []
+    lifts = []
     for cutter in parting_cutters(job, limits.bodies):
         groove = groove_below(float(mesh.bounds[0, 2]), setup.post, job.holding, cutter)
         *_, contacts = parting_contacts(groove, cutter, job)
@@ -88,8 +88,8 @@ def parting_lift(setup: Setup, job: Job, limits: MachineLimits) -> float:
         sampled = SampledContacts(
             CollisionChecker(scene, cutter), contacts.centres[some], contacts.normals[some]
         )
-        found.append(least_lifts(sampled, clamping, job, limits).max())
-    return float(min(found))
+        lifts.append(least_lifts(sampled, clamping, job, limits).max())
+    return float(min(lifts))
 
 
 def shortest_post(lifts: Float[ndarray, " n"], height: float, clamping: Clamping) -> float:
@@ -129,11 +129,11 @@ def level_lifts(setup: Setup, job: Job, bodies: MachineBodies) -> Float[ndarray,
     turns = 2 * np.pi * np.arange(LEVEL_TURNS) / LEVEL_TURNS
     level = np.column_stack([np.cos(turns), np.sin(turns), np.zeros(LEVEL_TURNS)])
     least = np.cos(np.radians(job.path.max_tilt_deg))
-    found = []
+    lifts = []
     for contacts in _sampled(setup, job, bodies):
         needed = needed_lifts(contacts.centres, level, contacts.checker.cutter, clamping)
-        found.append(needed[contacts.normals @ level.T >= least])
-    return np.concatenate(found)
+        lifts.append(needed[contacts.normals @ level.T >= least])
+    return np.concatenate(lifts)
 
 
 def sampled_lifts_of_part(
@@ -204,9 +204,9 @@ def least_lifts(
         usable[row, column] = contacts.checker.free_by_distance(
             contacts.centres[left[row]], directions[batch[row, column]]
         )
-        found = usable.any(axis=1)
-        least[left[found]] = needed[left[found], batch[found, usable[found].argmax(axis=1)]]
-        left = left[~found]
+        has_free = usable.any(axis=1)
+        least[left[has_free]] = needed[left[has_free], batch[has_free, usable[has_free].argmax(axis=1)]]
+        left = left[~has_free]
         if not len(left):
             break
     return least

@@ -70,11 +70,11 @@ def what_would_help(setup: Setup, job: Job, limits: MachineLimits) -> ReachAdvic
     length = job.holding.length
     height = float(setup.stock.bounds[0, 2])
     clamping = clamping_of(job.holding, limits.bodies.table)
-    found = [
+    remedies = [
         Remedy(change, shortest_post(sampled_lifts(setup, changed, other), height, clamping))
         for change, changed, other in _changes(job, limits)
     ]
-    helpful = sorted((each for each in found if each.length < length), key=lambda each: each.length)
+    helpful = sorted((each for each in remedies if each.length < length), key=lambda each: each.length)
 
     lifts = sampled_lifts_of_part(setup, job, limits)
     each_area = setup.part.mesh.area / len(lifts)

@@ -164,14 +164,14 @@ def _best_axis(
             f"the second clamping needs a tool axis {np.degrees(LEAN):g} deg off the Z axis, which this machine does "
             "not reach: take another machine, or leave out holding.second"
         )
-    found = []
+    hidden_from = []
     for axis in tried:
         chart = stump_chart(axis, places.points, radius)
         high, low = _heights(axis, places, top, 2 * radius)
         extent = float(chart.b[0]), float(chart.b[-1])
-        found.append(unreached(places.points, places.normals, chart, ball, (high, low), extent))
-    best = int(np.argmin([hidden.sum() for hidden in found]))
-    return tried[best], found[best]
+        hidden_from.append(unreached(places.points, places.normals, chart, ball, (high, low), extent))
+    best = int(np.argmin([hidden.sum() for hidden in hidden_from]))
+    return tried[best], hidden_from[best]
 
 
 def _heights(axis: Float[ndarray, "3"], places: StumpPlaces, top: float, width: float) -> tuple[float, float]:

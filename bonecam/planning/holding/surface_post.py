@@ -29,8 +29,8 @@ def carrying_solid(surface: TSpline, solid: TriangleMesh) -> TriangleMesh:
     pieces = [keep_faces(solid, of_face == number) for number in np.unique(of_face)]
     if len(pieces) == 1:
         return pieces[0]
-    places = surface.tessellate(CHORD).vertices
-    away = [float(np.median(MeshDistance(one).unsigned(places))) for one in pieces]
+    points = surface.tessellate(CHORD).vertices
+    away = [float(np.median(MeshDistance(one).unsigned(points))) for one in pieces]
     return pieces[int(np.argmin(away))]
 
 

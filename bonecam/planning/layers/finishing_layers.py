@@ -56,15 +56,15 @@ def finish_layer(
         return drop_balls(chart, a, b, ball, top, floor)
 
     lines = scan_lines(chart, ball, cutter.scallop, height_of, extent, width)
-    found = sample(lines, chart, height_of, width, job.chord_tolerance)
-    axes = chart.axes(found.a)
-    centres = chart.bases(found.a, found.b) + found.heights[:, None] * axes
-    kept = ball.touches(centres) & (found.heights > floor)
+    curves = sample(lines, chart, height_of, width, job.chord_tolerance)
+    axes = chart.axes(curves.a)
+    centres = chart.bases(curves.a, curves.b) + curves.heights[:, None] * axes
+    kept = ball.touches(centres) & (curves.heights > floor)
     if wanted is not None:
         kept[kept] = wanted(ball.part.closest(centres[kept])[0])
-    lifts = _lifts(centres, axes, ball, kept & np.r_[kept[1:], False] & found.joined(), job.gouge_tolerance)
+    lifts = _lifts(centres, axes, ball, kept & np.r_[kept[1:], False] & curves.joined(), job.gouge_tolerance)
     kept &= np.isfinite(lifts)
-    raised = replace(found, heights=found.heights + np.nan_to_num(lifts))
+    raised = replace(curves, heights=curves.heights + np.nan_to_num(lifts))
     steps, cut, left = _in_steps(raised, kept, material, ball.radius, width)
     layer = layer_of(steps, cut, chart, cutter, material, ball)
     covered = kept & ~cut[-len(kept) :]

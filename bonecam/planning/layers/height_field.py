@@ -46,10 +46,10 @@ class HeightField:
     ) -> Float[ndarray, " n"]:
         """The largest height (mm) that each ball with its centre at `heights` would remove on its own."""
         centres = self.chart.bases(a, b) + heights[:, None] * self.chart.axes(a)
-        found = np.zeros(len(a))
+        depths = np.zeros(len(a))
         near = windows(self.chart, a, b, heights, radius)
-        cut_heights(self.tops, self.bottoms, *self._lines, centres, near, radius, found)
-        return found
+        cut_heights(self.tops, self.bottoms, *self._lines, centres, near, radius, depths)
+        return depths
 
     def lowered(
         self, a: Float[ndarray, " n"], b: Float[ndarray, " n"], heights: Float[ndarray, " n"], radius: float
@@ -123,10 +123,10 @@ def _faces(cells: Bool[ndarray, "p q"], number: ndarray, under: int, closed: boo
 def _outward(vertices: Float[ndarray, "n 3"], faces: Int[ndarray, "m 3"]) -> TriangleMesh:
     """The mesh of the vertices that faces use, its faces outward. Vertices at one place, as all lines have one on the
     axis, are one; faces without area are left out."""
-    places, number = np.unique(vertices + 0.0, axis=0, return_inverse=True)  # -0.0 + 0.0 is 0.0
+    points, number = np.unique(vertices + 0.0, axis=0, return_inverse=True)  # -0.0 + 0.0 is 0.0
     faces = number.reshape(-1)[faces]
-    a, b, c = (places[faces[:, k]] for k in range(3))
+    a, b, c = (points[faces[:, k]] for k in range(3))
     faces = faces[np.linalg.norm(np.cross(b - a, c - a), axis=1) > LEAST_AREA]
     used, index = np.unique(faces, return_inverse=True)
-    mesh = TriangleMesh(places[used], index.reshape(faces.shape).astype(np.int32))
+    mesh = TriangleMesh(points[used], index.reshape(faces.shape).astype(np.int32))
     return mesh if mesh.volume > 0 else TriangleMesh(mesh.vertices, mesh.faces[:, ::-1])

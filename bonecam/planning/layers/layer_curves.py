@@ -53,30 +53,30 @@ def sample(
 ) -> LayerCurves:
     """The points of polylines (a, b); `width` is the length (mm) of a unit of a where it is largest."""
     line, a, b = _divided(lines, width)
-    found = LayerCurves(line, a, b, height_of(a, b))
-    fresh = found.joined()
+    curves = LayerCurves(line, a, b, height_of(a, b))
+    fresh = curves.joined()
     for _ in range(ROUNDS):
         begins = np.flatnonzero(fresh)
-        middle_a = (found.a[begins] + found.a[begins + 1]) / 2
-        middle_b = (found.b[begins] + found.b[begins + 1]) / 2
+        middle_a = (curves.a[begins] + curves.a[begins + 1]) / 2
+        middle_b = (curves.b[begins] + curves.b[begins + 1]) / 2
         heights = height_of(middle_a, middle_b)
-        centres = _centres(chart, found.a, found.b, found.heights)
+        centres = _centres(chart, curves.a, curves.b, curves.heights)
         starts, ends = centres[begins], centres[begins + 1]
         off = _off_segment(_centres(chart, middle_a, middle_b, heights), starts, ends)
         needed = (off > tolerance) & (np.linalg.norm(ends - starts, axis=1) > SHORTEST)
         if not needed.any():
             break
-        places = begins[needed] + 1
-        found = LayerCurves(
-            np.insert(found.line, places, found.line[begins[needed]]),
-            np.insert(found.a, places, middle_a[needed]),
-            np.insert(found.b, places, middle_b[needed]),
-            np.insert(found.heights, places, heights[needed]),
+        indices = begins[needed] + 1
+        curves = LayerCurves(
+            np.insert(curves.line, indices, curves.line[begins[needed]]),
+            np.insert(curves.a, indices, middle_a[needed]),
+            np.insert(curves.b, indices, middle_b[needed]),
+            np.insert(curves.heights, indices, heights[needed]),
         )
-        added = places + np.arange(len(places))
-        fresh = np.zeros(len(found.a), dtype=bool)
+        added = indices + np.arange(len(indices))
+        fresh = np.zeros(len(curves.a), dtype=bool)
         fresh[added] = fresh[added - 1] = True
-    return found
+    return curves
 
 
 def _centres(

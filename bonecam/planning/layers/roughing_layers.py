@@ -53,8 +53,8 @@ def rough_layer(
         if runs:
             swept = _swept([curves.take(run) for run in runs], rough.width)
             material = material.lowered(*swept, radius)
-    made = join(pieces)
-    layer = layer_of(made, np.ones(len(made.a), dtype=bool), chart, rough.cutter, before)
+    joined = join(pieces)
+    layer = layer_of(joined, np.ones(len(joined.a), dtype=bool), chart, rough.cutter, before)
     return layer, material
 
 
@@ -96,14 +96,16 @@ def _with_leads(curves: LayerCurves, centres: Float[ndarray, "n 3"], needed: nda
 
 def _swept(runs: Sequence[LayerCurves], width: float) -> tuple[ndarray, ndarray, ndarray]:
     """a, b and heights on the moves of runs, half a cell apart."""
-    found = []
+    samples = []
     for run in runs:
         steps = np.hypot(np.diff(run.a) * width, np.diff(run.b)) + np.abs(np.diff(run.heights))
         counts = np.ceil(steps / (CELL / 2)).astype(np.int64).clip(1)
         ends = np.r_[0, np.cumsum(counts)]
         at = np.arange(ends[-1] + 1)
-        found.append(np.column_stack([np.interp(at, ends, values) for values in (run.a, run.b, run.heights)]))
-    a, b, heights = np.vstack(found).T
+        samples.append(
+            np.column_stack([np.interp(at, ends, values) for values in (run.a, run.b, run.heights)])
+        )
+    a, b, heights = np.vstack(samples).T
     return a, b, heights
 
 

@@ -46,8 +46,8 @@ def scan_lines(
     rows = {float(b): np.ones(len(a), dtype=bool) for b in np.linspace(*extent, count + 1)}
 
     def heights_on(passes: list[float]) -> dict[float, Float[ndarray, " n"]]:
-        found = height_of(np.tile(a, len(passes)), np.repeat(passes, len(a)))
-        return dict(zip(passes, found.reshape(-1, len(a)), strict=True))
+        heights = height_of(np.tile(a, len(passes)), np.repeat(passes, len(a)))
+        return dict(zip(passes, heights.reshape(-1, len(a)), strict=True))
 
     heights = heights_on(list(rows))
     gaps = [(one, other, np.ones(len(a), dtype=bool)) for one, other in zip(list(rows), list(rows)[1:])]
@@ -97,6 +97,6 @@ def _zigzag(a: Float[ndarray, " n"], rows: dict[float, Bool[ndarray, " n"]]) -> 
     lines: list[Float[ndarray, "2 2"]] = []
     for number, b in enumerate(sorted(rows, reverse=True)):
         edges = np.flatnonzero(np.diff(np.r_[False, rows[b], False].astype(np.int8)))
-        found = [np.array([[a[i], b], [a[j - 1], b]]) for i, j in edges.reshape(-1, 2) if j - i > 1]
-        lines += [line[::-1] for line in reversed(found)] if number % 2 else found
+        segments = [np.array([[a[i], b], [a[j - 1], b]]) for i, j in edges.reshape(-1, 2) if j - i > 1]
+        lines += [line[::-1] for line in reversed(segments)] if number % 2 else segments
     return lines

@@ -70,8 +70,8 @@ class ClearanceSurface:
         rows = np.arange(len(centres))
         for _ in range(SEARCH_ROUNDS):
             reach = np.linspace(low, high, SEARCH_PARTS + 1, axis=1)[:, 1:]
-            places = centres[:, None] + reach[:, :, None] * directions[:, None]
-            distance = self.stock.signed_distance(places.reshape(-1, 3)).reshape(reach.shape)
+            points = centres[:, None] + reach[:, :, None] * directions[:, None]
+            distance = self.stock.signed_distance(points.reshape(-1, 3)).reshape(reach.shape)
             outside = distance >= self.clearance
             first = np.where(outside.any(axis=1), outside.argmax(axis=1), SEARCH_PARTS - 1)
             low = np.where(first > 0, reach[rows, first - 1], low)

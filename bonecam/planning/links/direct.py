@@ -52,7 +52,7 @@ def direct_links(
     """The lowest link from each end to its start, both left out, that removes nothing; None where it is too long,
     turns too far, passes the singularity, leaves the limits, or is not proven free. Straight links are no longer than
     `short`, mm; they are raised by one of the `lifts`, mm."""
-    found: list[LinkMoves | None] = [None] * len(ends[0])
+    link_moves: list[LinkMoves | None] = [None] * len(ends[0])
     away = np.linalg.norm(starts[0] - ends[0], axis=1)
     turns = angles_between(ends[2], starts[2])
     left = np.flatnonzero((away <= short) & (turns <= MAX_TURN))
@@ -62,15 +62,15 @@ def direct_links(
             break
         a, b = (contacts_of(contacts, left) for contacts in (ends, starts))
         links = _straight(a, b, lift * a[along], lift * b[along])
-        left = left[~_take(found, left, links, (a, b), space, feed)]
+        left = left[~_take(link_moves, left, links, (a, b), space, feed)]
 
     turns = np.maximum(turns, angles_between(ends[1], starts[1]))
-    open_ = np.array([link is None for link in found], dtype=bool)
+    open_ = np.array([link is None for link in link_moves], dtype=bool)
     left = np.flatnonzero(open_ & (away <= LONG) & (turns <= MAX_LONG_TURN))
     if len(left):
         a, b = (contacts_of(contacts, left) for contacts in (ends, starts))
-        _take(found, left, _taut(space, a, b), (a, b), space, space.feeds.link)
-    return found
+        _take(link_moves, left, _taut(space, a, b), (a, b), space, space.feeds.link)
+    return link_moves
 
 
 def contacts_of(contacts: Contacts, which: Int[ndarray, " m"]) -> tuple[ndarray, ndarray, ndarray]:
@@ -80,18 +80,18 @@ def contacts_of(contacts: Contacts, which: Int[ndarray, " m"]) -> tuple[ndarray,
 
 
 def _take(
-    found: list[LinkMoves | None],
+    link_moves: list[LinkMoves | None],
     which: Int[ndarray, " m"],
     links: Poses,
     between: tuple[Contacts, Contacts],
     space: LinkSpace,
     feed: float,
 ) -> Bool[ndarray, " m"]:
-    """Put those of the links that may be taken into `found`, at `which`; whether each of them is."""
+    """Put those of the links that may be taken into `link_moves`, at `which`; whether each of them is."""
     axes = _off_singularity(*links)
     free = _free(space, (links[0], axes), *between)
     for k, c, v in zip(which[free], links[0][free], axes[free], strict=True):
-        found[k] = moves_of(MoveKind.LINK, c, v, feed)
+        link_moves[k] = moves_of(MoveKind.LINK, c, v, feed)
     return free
 
 
@@ -111,8 +111,8 @@ def _taut(space: LinkSpace, ends: Contacts, starts: Contacts) -> Poses:
     material = space.checker.scene.material_distance
     heights = np.full(line.shape[:2], ABOVE)
     for _ in range(ROUNDS):
-        places = (line + heights[:, :, None] * normals).reshape(-1, 3)
-        heights += np.maximum(wanted - material.signed(places, wanted), 0.0).reshape(heights.shape)
+        centres = (line + heights[:, :, None] * normals).reshape(-1, 3)
+        heights += np.maximum(wanted - material.signed(centres, wanted), 0.0).reshape(heights.shape)
     return line + _envelope(heights)[:, :, None] * normals, axes
 
 

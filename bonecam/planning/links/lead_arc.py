@@ -85,15 +85,15 @@ def _long(runs: Sequence[Int[ndarray, " _"]]) -> list[Int[ndarray, " _"]]:
 
 def _of_all(runs: Sequence[Int[ndarray, " _"]], arcs: Sequence[Polyline | None]) -> list[Polyline | None]:
     """The arcs of the long runs, and None for the others."""
-    made = iter(arcs)
-    return [next(made) if len(run) > 1 else None for run in runs]
+    arcs_left = iter(arcs)
+    return [next(arcs_left) if len(run) > 1 else None for run in runs]
 
 
 def _lead_arcs(space: LinkSpace, ends: _Ends) -> list[Polyline | None]:
     """The largest arc that leads away from each end; None where there is room for none."""
-    found: list[Polyline | None] = [None] * len(ends.away)
+    arcs: list[Polyline | None] = [None] * len(ends.away)
     for share, along, chord in product(SHARES, (1, 2), CHORDS):
-        left = np.array([k for k, arc in enumerate(found) if arc is None], dtype=np.int64)
+        left = np.array([k for k, arc in enumerate(arcs) if arc is None], dtype=np.int64)
         if not len(left):
             break
         asked = ends.take(left)
@@ -103,8 +103,8 @@ def _lead_arcs(space: LinkSpace, ends: _Ends) -> list[Polyline | None]:
             for centre, arc, axis in zip(asked.contacts[0], centres, asked.contacts[2], strict=True)
         ]
         for k in np.flatnonzero(_free(space, asked, lines)).tolist():
-            found[left[k]] = lines[k][0][1:], lines[k][1][1:]
-    return found
+            arcs[left[k]] = lines[k][0][1:], lines[k][1][1:]
+    return arcs
 
 
 def begins_tangentially(before: Float[ndarray, "3"], cut: Float[ndarray, "n 3"]) -> bool:
@@ -132,12 +132,12 @@ def _free(space: LinkSpace, ends: _Ends, lines: Sequence[Polyline]) -> Bool[ndar
     links = [line if len(cut[0]) else (line[0][1:], line[1][1:]) for line, cut in zip(lines, ends.removed)]
     for k in np.flatnonzero(free).tolist():
         centres, cut = links[k][0], ends.removed[k][0]
-        places = np.vstack([centres[1:], (centres[1:] + centres[:-1]) / 2])
+        samples = np.vstack([centres[1:], (centres[1:] + centres[:-1]) / 2])
         if len(cut):
-            nearest = cut[np.argmin(np.linalg.norm(places[:, None] - cut[None], axis=2), axis=1)]
-            free[k] = space.left_in_air(nearest, places[:, None]).all()
+            nearest = cut[np.argmin(np.linalg.norm(samples[:, None] - cut[None], axis=2), axis=1)]
+            free[k] = space.left_in_air(nearest, samples[:, None]).all()
         else:
-            free[k] = space.in_air(np.vstack([centres[:1], places])[None])[0]
+            free[k] = space.in_air(np.vstack([centres[:1], samples])[None])[0]
     asked = np.flatnonzero(free).tolist()
     free[asked] = space.cuts_little([links[k] for k in asked], [ends.removed[k] for k in asked], ALLOWED)
     asked = np.flatnonzero(free).tolist()

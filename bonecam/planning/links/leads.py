@@ -67,18 +67,18 @@ def find_leads(
     begun = [run for run, link in zip(runs, [None, *direct], strict=True) if link is None]
     left = [run for run, link in zip(runs, [*direct, None], strict=True) if link is None]
     arcs: list[Polyline] = []
-    found: list[dict[int, int]] = []
-    for asked, place, made in (
+    arc_of_contacts: list[dict[int, int]] = []
+    for asked, place, leads in (
         (begun, 0, arcs_to(space, contacts, begun)),
         (left, -1, arcs_from(space, contacts, left)),
     ):
         led = {}
-        for run, arc in zip(asked, made, strict=True):
+        for run, arc in zip(asked, leads, strict=True):
             if arc is not None:
                 led[int(run[place])] = len(arcs)
                 arcs.append(arc)
-        found.append(led)
-    return Leads(count, arcs, *found)
+        arc_of_contacts.append(led)
+    return Leads(count, arcs, *arc_of_contacts)
 
 
 def led_links(
@@ -90,10 +90,10 @@ def led_links(
     asked = [k for k, pair in enumerate(zip(out, into, strict=True)) if pair != (None, None)]
     ends = _far_ends(contacts, [int(ended[k][-1]) for k in asked], [out[k] for k in asked])
     starts = _far_ends(contacts, [int(begun[k][0]) for k in asked], [into[k] for k in asked])
-    found: list[LinkMoves | None] = [None] * len(out)
+    links: list[LinkMoves | None] = [None] * len(out)
     for k, link in zip(asked, direct_links(space, ends, starts, short, (0.0, *LIFTS)), strict=True):
-        found[k] = None if link is None else with_arcs(space, link, out[k], into[k])
-    return found
+        links[k] = None if link is None else with_arcs(space, link, out[k], into[k])
+    return links
 
 
 def with_arcs(space: LinkSpace, link: LinkMoves, out: Polyline | None, into: Polyline | None) -> LinkMoves:
@@ -107,9 +107,9 @@ def with_arcs(space: LinkSpace, link: LinkMoves, out: Polyline | None, into: Pol
     return without_rests(join_moves(moves))
 
 
-def _far_ends(contacts: OfLevel, places: Sequence[int], arcs: Sequence[Polyline | None]) -> Contacts:
+def _far_ends(contacts: OfLevel, indices: Sequence[int], arcs: Sequence[Polyline | None]) -> Contacts:
     """Contacts, by index, moved to the far ends of their arcs."""
-    centres, normals, axes = contacts_of(contacts, np.array(places, dtype=np.int64))
+    centres, normals, axes = contacts_of(contacts, np.array(indices, dtype=np.int64))
     for k, arc in enumerate(arcs):
         centres[k] = centres[k] if arc is None else arc[0][-1]
     return centres, normals, axes

@@ -37,10 +37,10 @@ def lift_for_rewinds(path: ToolPath, space: LinkSpace) -> ToolPath:
         lifts = [(row, _return(whole, row)) for row in rows.tolist()]
         pairs = [((row - 1, SAFE), (SAFE, back)) for row, back in lifts]
         poses = list(zip(whole.balls, whole.axes))
-        found = no_transfers(space, poses, LIFTS).extend([one for pair in pairs for one in pair]).found
-        stuck = [k for k, pair in enumerate(pairs) if any(found[one] is None for one in pair)]
+        transfers = no_transfers(space, poses, LIFTS).extend([one for pair in pairs for one in pair]).found
+        stuck = [k for k, pair in enumerate(pairs) if any(transfers[one] is None for one in pair)]
         if not stuck:
-            return _with_lifts(whole, lifts, found, space.feeds.plunge)
+            return _with_lifts(whole, lifts, transfers, space.feeds.plunge)
         blocked = np.r_[blocked, places[stuck]]
     return path
 
@@ -86,12 +86,12 @@ def _return(path: ToolPath, row: int) -> int:
 def _with_lifts(
     path: ToolPath,
     lifts: Sequence[tuple[int, int]],
-    found: Mapping[tuple[int, int], LinkMoves | None],
+    transfers: Mapping[tuple[int, int], LinkMoves | None],
     plunge_feed: float,
 ) -> ToolPath:
     """The path with lifts before some rows; a contact that the tool comes back to is entered at the plunge feed and
     begins a pass of its own."""
-    moves = [_there_and_back(found[row - 1, SAFE], found[SAFE, back]) for row, back in lifts]
+    moves = [_there_and_back(transfers[row - 1, SAFE], transfers[SAFE, back]) for row, back in lifts]
     source = _sources(len(path.tips), lifts, [len(way) for way in moves])
     away = source < 0
     again = np.isin(source, [back for row, back in lifts if back < row]) & np.r_[False, away[:-1]]

@@ -112,7 +112,7 @@ class LinkSpace:
         if self.material is None or not len(starts):
             return np.ones(len(starts), dtype=bool)
         depths, radius = self.material.depths, self.ball_radius
-        deepest = max(float(depths(places, radius)[0].max()) for places in (starts, ends))
+        deepest = max(float(depths(centres, radius)[0].max()) for centres in (starts, ends))
         return np.asarray(move_depths(depths, starts, ends, radius) <= max(deepest, 0.0) + IN_AIR)
 
     def left_in_air(
@@ -122,9 +122,9 @@ class LinkSpace:
         it has removed there."""
         if self.material is None or not len(centres):
             return np.ones(len(centres), dtype=bool)
-        places = centres.reshape(-1, 3)
+        points = centres.reshape(-1, 3)
         behind = np.repeat(contacts, centres.shape[1], axis=0)
-        entered = self.material.entered_anew(places, behind, self.ball_radius, deepest)
+        entered = self.material.entered_anew(points, behind, self.ball_radius, deepest)
         return np.asarray(~entered.reshape(centres.shape[:2]).any(axis=1))
 
     def cuts_little(

@@ -94,17 +94,17 @@ def find_retracts(space: LinkSpace, poses: Sequence[Pose]) -> list[Retract | Non
     """The first departure of each pose that is proven free and in air, or else the first that is free and goes no
     deeper than DEEPEST; None where there is none. The same departure of all poses is tried at once."""
     choices = [departures(axis) for _, axis in poses]
-    found: list[Retract | None] = [None] * len(poses)
+    retracts: list[Retract | None] = [None] * len(poses)
     entering: list[list[_Way]] = [[] for _ in poses]
     for k in range(max((len(ways) for ways in choices), default=0)):
-        left = [i for i, ways in enumerate(choices) if found[i] is None and k < len(ways)]
+        left = [i for i, ways in enumerate(choices) if retracts[i] is None and k < len(ways)]
         tried = _free_ways(space, [poses[i] for i in left], [choices[i][k] for i in left])
         for i, way in zip(left, tried, strict=True):
             if way is not None and _in_air(space, way.link, IN_AIR):
-                found[i] = way.retract
+                retracts[i] = way.retract
             elif way is not None:
                 entering[i].append(way)
-    return [retract or _shallow(space, ways) for retract, ways in zip(found, entering, strict=True)]
+    return [retract or _shallow(space, ways) for retract, ways in zip(retracts, entering, strict=True)]
 
 
 class _Way(NamedTuple):
@@ -126,11 +126,11 @@ def _free_ways(space: LinkSpace, poses: Sequence[Pose], chosen: Sequence[Departu
     lines = [_polyline(*way) for way in ways]
     starts = [(centre[None], axis[None]) for centre, axis in poses]
     little = np.flatnonzero(space.cuts_little(lines, starts)).tolist()
-    found: list[_Way | None] = [None] * len(poses)
+    free_ways: list[_Way | None] = [None] * len(poses)
     proven = _proven_ways(space, [lines[i] for i in little], [ways[i] for i in little])
     for i, way in zip(little, proven, strict=True):
-        found[i] = way
-    return found
+        free_ways[i] = way
+    return free_ways
 
 
 def _proven_ways(
@@ -186,12 +186,12 @@ def _standoffs(space: LinkSpace, lines: Sequence[Polyline]) -> list[int]:
     centres = np.vstack([line[0] for line in lines])
     axes = np.vstack([line[1] for line in lines])
     free = space.checker.free_in_air(centres, axes, RAPID_MARGIN)
-    found = []
+    standoffs = []
     for here in np.split(free, np.cumsum([len(line[0]) for line in lines])[:-1]):
         near = np.flatnonzero(~here)
         first_far = int(near[-1]) + 1 if len(near) else 1
-        found.append(min(first_far, len(here) - 1))
-    return found
+        standoffs.append(min(first_far, len(here) - 1))
+    return standoffs
 
 
 def _retract(

@@ -49,9 +49,11 @@ class Transfers:
         contacts = dict.fromkeys(contact for pair in fresh for contact in pair)
         new = [contact for contact in contacts if contact not in self.retracts]
         retracts = dict(self.retracts)
-        for pose, found in zip(new, find_retracts(self.space, [self.poses[k] for k in new]), strict=True):
+        for pose, retract in zip(new, find_retracts(self.space, [self.poses[k] for k in new]), strict=True):
             retracts[pose] = (
-                replace(found, entry_feed=self.space.feeds.link) if found and pose in self.in_air else found
+                replace(retract, entry_feed=self.space.feeds.link)
+                if retract and pose in self.in_air
+                else retract
             )
 
         ends = [(retracts[a], retracts[b]) for a, b in fresh]
@@ -76,20 +78,22 @@ def _find_transfers(
 ) -> list[LinkMoves | None]:
     """The transfer from the pose of each first retract to that of the second."""
     traverses = _find_traverses(space, [(out.end, into.end) for out, into in pairs], options)
-    found = [
+    transfers = [
         None if moves is None else join_moves([out.moves, moves, approach(into, space.feeds)])
         for moves, (out, into) in zip(traverses, pairs, strict=True)
     ]
     blocked = [
-        k for k, (out, into) in enumerate(pairs) if found[k] is None and len(out.moves) and len(into.moves)
+        k
+        for k, (out, into) in enumerate(pairs)
+        if transfers[k] is None and len(out.moves) and len(into.moves)
     ]
     if blocked:
         safe = safe_retract(space)
         home = _find_transfers(space, [(pairs[k][0], safe) for k in blocked], options)
         back = _find_transfers(space, [(safe, pairs[k][1]) for k in blocked], options)
         for k, first, second in zip(blocked, home, back, strict=True):
-            found[k] = None if first is None or second is None else join_moves([first, second])
-    return found
+            transfers[k] = None if first is None or second is None else join_moves([first, second])
+    return transfers
 
 
 def _find_traverses(
@@ -97,14 +101,14 @@ def _find_traverses(
 ) -> list[LinkMoves | None]:
     """The first of those `tried` between each two poses on the clearance surface that is free, its first pose
     left out; the same one of all pairs is tried at once."""
-    found: list[LinkMoves | None] = [None] * len(pairs)
+    traverses: list[LinkMoves | None] = [None] * len(pairs)
     for options in tried:
-        left = [k for k, moves in enumerate(found) if moves is None]
+        left = [k for k, moves in enumerate(traverses) if moves is None]
         routes = [traverse(space.surface, *pairs[k], space.limits, options) for k in left]
         for k, (centres, axes), free in zip(left, routes, _routes_free(space, routes), strict=True):
             if free:
-                found[k] = moves_of(MoveKind.RAPID, centres[1:], axes[1:], space.feeds.rapid)
-    return found
+                traverses[k] = moves_of(MoveKind.RAPID, centres[1:], axes[1:], space.feeds.rapid)
+    return traverses
 
 
 def _routes_free(space: LinkSpace, routes: Sequence[Polyline]) -> list[bool]:

@@ -175,28 +175,28 @@ def contact_path(
     reasons = np.select([candidates.at_post[uncut], covered[uncut]], ["post", "covered"], "gouge")
     if left_out.all() and not isinstance(level, RoundedLevel):
         raise _nothing_to_cut(level, reasons, candidates.contacts[uncut])
-    made = _stretches(candidates, ~left_out, material, allowed)
-    kept = made.index
+    segments = _stretches(candidates, ~left_out, material, allowed)
+    kept = segments.index
     frames = candidates.parameters[kept], candidates.contacts[kept], candidates.normals[kept]
     return ContactPath(
         level.index,
         cutter,
-        made.passes,
+        segments.passes,
         *frames,
         candidates.feeds[kept],
-        candidates.centres[kept] + made.raised,
+        candidates.centres[kept] + segments.raised,
         lifts[kept],
-        made.ramp,
-        np.vstack([candidates.contacts[uncut], candidates.contacts[made.short]]),
-        (*reasons.tolist(), *("short",) * len(made.short)),
-        _trimmed(candidates, ~left_out, made),
+        segments.ramp,
+        np.vstack([candidates.contacts[uncut], candidates.contacts[segments.short]]),
+        (*reasons.tolist(), *("short",) * len(segments.short)),
+        _trimmed(candidates, ~left_out, segments),
     )
 
 
-def _trimmed(candidates: CandidateContacts, usable: Bool[ndarray, " n"], made: EngagedSegments) -> float:
+def _trimmed(candidates: CandidateContacts, usable: Bool[ndarray, " n"], segments: EngagedSegments) -> float:
     """Length of the usable moves that no stretch passes over, mm."""
     passed = np.zeros(len(usable), dtype=bool)
-    passed[made.index] = True
+    passed[segments.index] = True
     same = candidates.line[1:] == candidates.line[:-1]
     left = same & usable[1:] & usable[:-1] & ~(passed[1:] & passed[:-1])
     return float(np.linalg.norm(np.diff(candidates.centres, axis=0), axis=1)[left].sum())
@@ -214,14 +214,16 @@ def _stretches(
         return whole_passes(lines, usable)
     in_air = candidates.in_air & ~(candidates.at_post | np.isnan(candidates.lifts))
     depths = candidates.depths(material)
-    made = cutting_passes(lines, usable, depths, allowed, in_air)
+    segments = cutting_passes(lines, usable, depths, allowed, in_air)
     if allowed.least <= 0 or not candidates.level.index or isinstance(candidates.level, RoundedLevel):
         # what stays on the part is not cut later; and the places of the material do not follow the edges of a bar
-        return made
+        return segments
     radius = candidates.cutter.radius
-    centres = candidates.centres[made.index] + made.raised
+    centres = candidates.centres[segments.index] + segments.raised
     useful = np.zeros(len(usable), dtype=bool)
-    useful[made.index[material.useful(candidates.level, centres, made.passes, radius, allowed.least)]] = True
+    useful[
+        segments.index[material.useful(candidates.level, centres, segments.passes, radius, allowed.least)]
+    ] = True
     return useful_passes(lines, useful & usable, usable | in_air, depths, allowed)
 
 

@@ -212,8 +212,8 @@ def _entered(lines: Lines, run: Int[ndarray, " r"], raised: Float[ndarray, "r 3"
         return run, raised, 0
     whole = lines.closed(int(run[0]), int(run[-1]))
     back = np.arange(len(run))[-1:0:-1] if whole else np.arange(len(run))
-    places = lines.centres[run[back]]
-    behind = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(places, axis=0), axis=1))]
+    centres = lines.centres[run[back]]
+    behind = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(centres, axis=0), axis=1))]
     count = min(int(np.searchsorted(behind, depth / SLOPE)) + 1, len(back))
     # from far to near; the run's own begin follows
     ramp = back[1:count][::-1]

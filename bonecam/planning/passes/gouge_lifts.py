@@ -187,8 +187,8 @@ def _lacking(
     lowest = lowest_between(ends_away, np.clip(middle, 0.0, at_contact), half)
     unsure = np.flatnonzero(lowest < on_move)
     for fraction in INNER_FRACTIONS:
-        places = (1 - fraction) * starts[unsure] + fraction * ends[unsure]
-        lacking[unsure] = np.maximum(lacking[unsure], on_move - distance(places, on_move))
+        points = (1 - fraction) * starts[unsure] + fraction * ends[unsure]
+        lacking[unsure] = np.maximum(lacking[unsure], on_move - distance(points, on_move))
     return lacking
 
 

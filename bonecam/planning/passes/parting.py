@@ -65,9 +65,9 @@ def cut_groove(paths: Sequence[ToolPath]) -> Groove | None:
     if not parting:
         return None
     radius = parting[0].cutter.radius
-    places = np.vstack([path.contacts[path.kinds == MoveKind.CUT] for path in parting])
-    radii = np.hypot(places[:, 0], places[:, 1])
-    return Groove(float(places[0, 2]), radius, float(radii.min()), float(radii.max()))
+    contacts = np.vstack([path.contacts[path.kinds == MoveKind.CUT] for path in parting])
+    radii = np.hypot(contacts[:, 0], contacts[:, 1])
+    return Groove(float(contacts[0, 2]), radius, float(radii.min()), float(radii.max()))
 
 
 def groove_below(
@@ -76,8 +76,8 @@ def groove_below(
     """The groove of a cutter below a part whose `lowest` point is at this height, mm; it begins outside of the post
     and of what is `standing` round it."""
     middle = lowest - holding.parting_stand_off - cutter.radius
-    places = np.zeros((0, 3)) if standing is None else standing.vertices
-    beside = places[np.abs(places[:, 2] - middle) < cutter.radius + BESIDE]
+    vertices = np.zeros((0, 3)) if standing is None else standing.vertices
+    beside = vertices[np.abs(vertices[:, 2] - middle) < cutter.radius + BESIDE]
     widest = np.hypot(beside[:, 0], beside[:, 1]).max(initial=post.radius)
     return Groove(middle, cutter.radius, holding.bridge / 2, float(widest) + POST_CLEARANCE)
 

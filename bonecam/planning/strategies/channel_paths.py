@@ -62,13 +62,13 @@ class ChannelPlanner:
     def paths(self, levels: Sequence[Level]) -> tuple[list[ToolPath], HeightMesh]:
         """The paths of one channel in machining order, one a level, and what stands after them in all channels;
         `levels` begin at the hub and end at the blank."""
-        found = []
+        paths = []
         above = _Body(revolved(self.channel.blank, CHORD, self.channel.wheel.count), CHORD)
         for level in machined_levels(levels)[::-1]:
             left = self._left(level)
-            found.append(self._path(level, left, above))
+            paths.append(self._path(level, left, above))
             above = left
-        return found, above.material
+        return paths, above.material
 
     def _left(self, level: MachinedLevel) -> "_Body":
         """What is left where all channels are cut to a level: the blades with their allowance, and what lies under

@@ -38,13 +38,13 @@ def wall_contacts(surface: TSpline, distance: MeshDistance, radius: float) -> li
     across, along = _lengths(surface)
     s = np.linspace(left, right, int(across / CELL) + 2)
     t = np.linspace(low, high, int(along / CELL) + 2)
-    places = np.stack(np.meshgrid(s, t, indexing="ij"), axis=2).reshape(-1, 2)
-    points, normals, _ = contact_frames(surface, places, ROUND)
+    parameters = np.stack(np.meshgrid(s, t, indexing="ij"), axis=2).reshape(-1, 2)
+    points, normals, _ = contact_frames(surface, parameters, ROUND)
     least = radius + SPARE
     # walls are beside the ball; the level itself touches it from below, by up to its mesh's deviation
     field = distance.signed(points + (radius + SPARE) * normals, least + CELL) - least
-    found = contour_lines(s, t, np.minimum(field + RESTS, CELL).reshape(len(s), len(t)), 0.0)
-    lines = [_contacts(surface, line) for line in found]
+    contours = contour_lines(s, t, np.minimum(field + RESTS, CELL).reshape(len(s), len(t)), 0.0)
+    lines = [_contacts(surface, line) for line in contours]
     return [line for line in lines if line is not None]
 
 
@@ -55,7 +55,7 @@ RESTS = 0.02
 def _lengths(surface: TSpline) -> tuple[float, float]:
     """The largest extents of a surface along s and along t, mm, on a few lines."""
     (left, right), (low, high) = surface.domain
-    found = []
+    extents = []
     for k in range(2):
         ways = []
         for at in np.linspace(0.0, 1.0, 5):
@@ -63,8 +63,8 @@ def _lengths(surface: TSpline) -> tuple[float, float]:
             s, t = (u, np.full(65, at)) if k == 0 else (np.full(65, at), u)
             line = surface.positions(left + s * (right - left), low + t * (high - low))
             ways.append(float(lengths(np.diff(line, axis=0)).sum()))
-        found.append(max(ways))
-    return found[0], found[1]
+        extents.append(max(ways))
+    return extents[0], extents[1]
 
 
 def _contacts(surface: TSpline, line: Float[ndarray, "n 2"]) -> LineContacts | None:

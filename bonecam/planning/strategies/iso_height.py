@@ -51,8 +51,8 @@ def iso_height_layers(
     material = stock_field(sides[0].chart, stock, sides[0].top + roughing.radius)
     layers: list[Layer] = []
     for side in sides:
-        made, material = _rough_side(side, ball, material, roughing, job)
-        layers += made
+        rough_layers, material = _rough_side(side, ball, material, roughing, job)
+        layers += rough_layers
         material = material.turned_over()
 
     extent = float(sides[0].chart.b[0]), float(sides[0].chart.b[-1])

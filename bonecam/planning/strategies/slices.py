@@ -48,8 +48,8 @@ def _moved_up(
 ) -> Float[ndarray, "n 2"]:
     """The points of a line that is OFF the outline moved on to it: as near as balls are free."""
     cell = chart.b[1] - chart.b[0]
-    places = ((line - [chart.a[0], chart.b[0]]) / cell).T
-    slopes = [map_coordinates(slope, places, order=1, mode="nearest") for slope in np.gradient(away)]
+    coordinates = ((line - [chart.a[0], chart.b[0]]) / cell).T
+    slopes = [map_coordinates(slope, coordinates, order=1, mode="nearest") for slope in np.gradient(away)]
     inward = -unit(np.column_stack(slopes) + np.finfo(float).tiny)
     near, far = np.zeros(len(line)), np.full(len(line), 2 * OFF)
     for _ in range(HALVINGS):
@@ -74,8 +74,8 @@ def _ridge_line(chart: FlatChart, ridge: Bool[ndarray, "p q"]) -> Float[ndarray,
 
 def _contours(chart: FlatChart, field: Float[ndarray, "p q"], value: float) -> list[Float[ndarray, "_ 2"]]:
     """The lines on which a field has a value, in as few straight pieces as STRAIGHT allows."""
-    found = contour_lines(chart.a, chart.b, field, value)
-    return [thinned(line) for line in found if len(line) > 2]
+    contours = contour_lines(chart.a, chart.b, field, value)
+    return [thinned(line) for line in contours if len(line) > 2]
 
 
 def contour_lines(

@@ -88,9 +88,9 @@ def stand_workpiece(surface: TSpline, solid: TriangleMesh, job: Job, limits: Mac
     tall = given.stand(TALL)
     cutter = finishing_cutter(job, limits.bodies)
     s, t = (np.linspace(low, high, SAMPLED) for low, high in tall.surface.domain)
-    places = np.stack(np.meshgrid(s, t, indexing="ij"), axis=2).reshape(-1, 2)
-    normals = tall.surface.normals(places[:, 0], places[:, 1])
-    centres = tall.surface.positions(places[:, 0], places[:, 1]) + cutter.radius * normals
+    parameters = np.stack(np.meshgrid(s, t, indexing="ij"), axis=2).reshape(-1, 2)
+    normals = tall.surface.normals(parameters[:, 0], parameters[:, 1])
+    centres = tall.surface.positions(parameters[:, 0], parameters[:, 1]) + cutter.radius * normals
     scene = tall.scene(job, Clamping((), closed=False, clearance=job.holding.clearance))
     fits = scene.level_distance.signed(centres, cutter.radius) >= cutter.radius - GOUGE
     contacts = SampledContacts(CollisionChecker(scene, cutter), centres[fits], normals[fits])
@@ -168,12 +168,12 @@ def wanted_axes(
     facets = contact_facets(contacts, workpiece.surface)
     make = partial(smooth_axes, cones, domain, limits, job, "membrane", facets=facets)
     best = soonest([make(start) for start in starts], limits)
-    made = [best]
+    candidates = [best]
     # unless their energy is asked for: the weights of cells would leave more contacts outside their cones
     asked = facets if job.membrane or job.thin_plate else None
     for haste in HASTES:
-        made.append(make(made[-1].field, haste, facets=asked))
-    best = soonest(made, limits)
+        candidates.append(make(candidates[-1].field, haste, facets=asked))
+    best = soonest(candidates, limits)
     return (best if job.certify == "distances" else best.verified(scene)).wanted
 
 

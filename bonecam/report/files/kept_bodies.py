@@ -68,11 +68,11 @@ def _require_stock(text: str, stock: TriangleMesh, program: Path, keep: Path) ->
     if reported is None:
         return
     heights = [float(reported[1]), float(reported[2])]
-    found = stock.bounds[:, 2].tolist()
-    if max(abs(a - b) for a, b in zip(heights, found, strict=True)) > SAME_STOCK:
+    kept_heights = stock.bounds[:, 2].tolist()
+    if max(abs(a - b) for a, b in zip(heights, kept_heights, strict=True)) > SAME_STOCK:
         raise ProgramError(
             f"{program}: its stock reaches from z {heights[0]:.2f} to {heights[1]:.2f} mm, that of {keep} from "
-            f"{found[0]:.2f} to {found[1]:.2f}: {REMEDY}",
+            f"{kept_heights[0]:.2f} to {kept_heights[1]:.2f}: {REMEDY}",
             line=0,
         )
 

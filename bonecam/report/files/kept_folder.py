@@ -122,14 +122,14 @@ def _write_second(work: Path, second: SecondProgram) -> None:
     draw_second(second.clamping, second.paths, work / "second.png")
 
 
-def _draw_engagement(made: Result, file: Path) -> None:
+def _draw_engagement(result: Result, file: Path) -> None:
     """The picture of the moves on levels that the page plays."""
-    view = unpack(made.packed_view, VIEW)
+    view = unpack(result.packed_view, VIEW)
     moves = view.arrays
     radius_of = {tool["number"]: tool["radius"] for tool in view.facts["tools"]}
     radii = np.array([radius_of[number] for number in moves["move_tool"].tolist()])
     draw_engagement(
-        made.levels.levels,
+        result.levels.levels,
         moves["move_level"],
         contacts=moves["move_contact"],
         outward=moves["move_tip"] + radii[:, None] * moves["move_axis"] - moves["move_contact"],

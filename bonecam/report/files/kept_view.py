@@ -26,9 +26,9 @@ def view(keep: str | Path, file: str | Path) -> Path:
     pages = kept_pages(keep, file)
     check_files(pages)
     check_page_name(file)
-    made = [kept_contents(Path(keep), name) for name in (VIEW, SECOND_VIEW)[: len(pages)]]
+    views = [kept_contents(Path(keep), name) for name in (VIEW, SECOND_VIEW)[: len(pages)]]
     with staged() as staging:
-        for page, (packed, contents) in zip(pages, made, strict=True):
+        for page, (packed, contents) in zip(pages, views, strict=True):
             text = page_html(packed, str(contents.facts["name"]))
             staging.file(page).write_text(text, encoding="utf-8", newline="")
     return Path(file)

@@ -86,22 +86,22 @@ class Outputs:
                 raise
             raise type(error)(f"{error} ({remark})", **error.evidence) from error
 
-    def _write(self, made: Morphed) -> None:
+    def _write(self, morphed: Morphed) -> None:
         troubles: list[Exception] = []
         with staged() as staging:
-            if self.program is not None and isinstance(made, Result):
-                dialect = job_dialect(made.job.nc)
-                texts = program_files(made.program, dialect, self.program)
-                if made.second is not None:
-                    second = program_files(made.second.program, dialect, second_file(self.program))
+            if self.program is not None and isinstance(morphed, Result):
+                dialect = job_dialect(morphed.job.nc)
+                texts = program_files(morphed.program, dialect, self.program)
+                if morphed.second is not None:
+                    second = program_files(morphed.second.program, dialect, second_file(self.program))
                     check_apart(texts, second)
                     texts |= second
                 for file, text in texts.items():
                     _write(staging.file(file), file, text)
-                for file in stale_parts(made.program, dialect, self.program):
+                for file in stale_parts(morphed.program, dialect, self.program):
                     if file not in texts:
                         staging.remove(file)
-            for path, write in self._beside(made, staging):
+            for path, write in self._beside(morphed, staging):
                 try:
                     write()
                 except Exception as error:  # it is raised once the program is written
@@ -110,40 +110,40 @@ class Outputs:
         if troubles:
             raise troubles[0]
 
-    def _beside(self, made: Morphed, staging: Staging) -> list[tuple[str | Path, Callable[[], None]]]:
+    def _beside(self, morphed: Morphed, staging: Staging) -> list[tuple[str | Path, Callable[[], None]]]:
         """The wanted outputs beside the program, and what writes each."""
-        found: list[tuple[str | Path, Callable[[], None]]] = []
+        outputs: list[tuple[str | Path, Callable[[], None]]] = []
         if (file := self.report) is not None:
-            found.append((file, lambda: _write(staging.file(file), file, report_text(made.report))))
+            outputs.append((file, lambda: _write(staging.file(file), file, report_text(morphed.report))))
         if (surface := self.surface) is not None:
-            found.append((surface, lambda: save_surface(made.surface, staging.file(surface))))
+            outputs.append((surface, lambda: save_surface(morphed.surface, staging.file(surface))))
         if (page := self.html) is not None:
-            found.append((page, lambda: _write(staging.file(page), page, made.page)))
-        if (sheet := self.sheet) is not None and isinstance(made, Result):
-            found.append((sheet, lambda: _write(staging.file(sheet), sheet, made.sheet)))
-        if (apt := self.apt) is not None and isinstance(made, Result):
-            text = apt_text(made.paths, made.program.name)
-            found.append((apt, lambda: _write(staging.file(apt), apt, text)))
-        found += self._of_second(made, staging)
+            outputs.append((page, lambda: _write(staging.file(page), page, morphed.page)))
+        if (sheet := self.sheet) is not None and isinstance(morphed, Result):
+            outputs.append((sheet, lambda: _write(staging.file(sheet), sheet, morphed.sheet)))
+        if (apt := self.apt) is not None and isinstance(morphed, Result):
+            text = apt_text(morphed.paths, morphed.program.name)
+            outputs.append((apt, lambda: _write(staging.file(apt), apt, text)))
+        outputs += self._of_second(morphed, staging)
         if (keep := self.keep) is not None:
-            holding = made.job.holding
-            post = (holding.diameter, post_below(made.part.mesh, holding).top)
-            found.append((keep, lambda: fill_kept_folder(staging.folder(keep, SERIES), made, post)))
-        return found
+            holding = morphed.job.holding
+            post = (holding.diameter, post_below(morphed.part.mesh, holding).top)
+            outputs.append((keep, lambda: fill_kept_folder(staging.folder(keep, SERIES), morphed, post)))
+        return outputs
 
-    def _of_second(self, made: Morphed, staging: Staging) -> list[tuple[str | Path, Callable[[], None]]]:
+    def _of_second(self, morphed: Morphed, staging: Staging) -> list[tuple[str | Path, Callable[[], None]]]:
         """Page and cutter location data of a second clamping, and what writes each."""
-        second = made.second if isinstance(made, Result) else None
+        second = morphed.second if isinstance(morphed, Result) else None
         if second is None:
             return []
-        found: list[tuple[str | Path, Callable[[], None]]] = []
+        outputs: list[tuple[str | Path, Callable[[], None]]] = []
         if self.html is not None:
             page = second_file(self.html)
-            found.append((page, lambda: _write(staging.file(page), page, second.page)))
+            outputs.append((page, lambda: _write(staging.file(page), page, second.page)))
         if self.apt is not None:
             apt = second_file(self.apt)
-            found.append((apt, lambda: _write(staging.file(apt), apt, second.apt)))
-        return found
+            outputs.append((apt, lambda: _write(staging.file(apt), apt, second.apt)))
+        return outputs
 
 
 def _write(work: Path, path: str | Path, text: str) -> None:

@@ -46,26 +46,26 @@ def keep_refused(made: Morphed, folder: str | Path | None) -> Iterator[None]:
         raise VerifyError(f"{error} ({FAULT}: {how})", **error.evidence) from error
 
 
-def _kept(made: Morphed, folder: str | Path | None, error: BonecamError) -> str:
+def _kept(morphed: Morphed, folder: str | Path | None, error: BonecamError) -> str:
     """Keep what a report of the refusal needs in the `folder`, and say how to report it."""
     if folder is None:
         return "report it with what --keep DIR writes of this run"
     try:
         with whole_folder(folder, SERIES) as work:
-            _fill(work, made, error)
+            _fill(work, morphed, error)
     except FileError as trouble:
         return f"nothing could be kept: {trouble}"
     return f"report it with {folder}, which holds program, place and picture"
 
 
-def _fill(work: Path, made: Morphed, error: BonecamError) -> None:
+def _fill(work: Path, morphed: Morphed, error: BonecamError) -> None:
     """Write the files of a refused run into `work`."""
-    levels, holding = made.levels.levels, made.job.holding
+    levels, holding = morphed.levels.levels, morphed.job.holding
     write_whole(work / "refused.txt", f"{error}\n")
-    keep_job(work, made)
-    write_mesh(made.part.placed_given, work / GIVEN)
-    write_tsm(made.surface, work / "surface.tspline")
-    keep_into(work, levels, made.stock, (holding.diameter, post_below(made.part.mesh, holding).top))
+    keep_job(work, morphed)
+    write_mesh(morphed.part.placed_given, work / GIVEN)
+    write_tsm(morphed.surface, work / "surface.tspline")
+    keep_into(work, levels, morphed.stock, (holding.diameter, post_below(morphed.part.mesh, holding).top))
     program, paths = error.evidence.get("program"), error.evidence.get("paths", ())
     if program is not None:
         write_whole(work / f"program{program.extension}", program.text)

@@ -48,8 +48,8 @@ class SecondProgram(Shown):
     @property
     def setup_article(self) -> str:
         """Its page of the run's setup sheet."""
-        told = (self.clamping, self.job, self.program, self.report)
-        return second_article(self.name, *told, bonecam.__version__)
+        arguments = (self.clamping, self.job, self.program, self.report)
+        return second_article(self.name, *arguments, bonecam.__version__)
 
     @property
     def summary(self) -> str:

@@ -64,5 +64,5 @@ class Shown(ABC):
             reported = self._draw(path)
             data = base64.b64encode(path.read_bytes()).decode("ascii")
         picture = f'<img alt="{html.escape(reported)}" src="data:image/png;base64,{data}">'
-        told = f"The page has {len(page) / 1e6:.0f} MB: show() opens it in the browser, view(FILE) writes it."
-        return f"{summary}{picture}<p>{told}</p>"
+        note = f"The page has {len(page) / 1e6:.0f} MB: show() opens it in the browser, view(FILE) writes it."
+        return f"{summary}{picture}<p>{note}</p>"

@@ -108,8 +108,8 @@ def _outwards(fitted: TriangleMesh, given: TriangleMesh) -> Float[ndarray, " n"]
 
 def _outside(given: TriangleMesh, fitted: TriangleMesh) -> Float[ndarray, " n"]:
     """How far the fitted mesh lies outside each vertex of the given one, mm."""
-    places, faces = exact_closest(fitted, given.vertices)
-    away = places - given.vertices
+    closest, faces = exact_closest(fitted, given.vertices)
+    away = closest - given.vertices
     return np.asarray(np.sign(dots(away, fitted.face_vectors[faces])) * lengths(away))
 
 

@@ -24,11 +24,11 @@ def draw_depths(
     each level's area by depth."""
     from matplotlib import figure
 
-    made = figure.Figure(figsize=(10, 9.6), dpi=DPI, layout="constrained")
-    above, below = made.subplots(2, 1)
-    _draw_lines(made, above, levels, line, s)
-    _draw_shares(made, below, levels)
-    save_figure(made, path)
+    drawing = figure.Figure(figsize=(10, 9.6), dpi=DPI, layout="constrained")
+    above, below = drawing.subplots(2, 1)
+    _draw_lines(drawing, above, levels, line, s)
+    _draw_shares(drawing, below, levels)
+    save_figure(drawing, path)
 
 
 def _draw_lines(
@@ -83,12 +83,12 @@ def label_places(line: Float[ndarray, "k n"]) -> list[tuple[int, int]]:
     """Some cuts, evenly chosen, and for each the place of its label: in a stretch of its own, where its line
     is farthest from others."""
     cuts = range(0, len(line), -(-len(line) // MAX_LABELS))
-    found = []
+    labels = []
     for i, k in enumerate(cuts):
         low, high = (int(line.shape[1] * (i + share) / len(cuts)) for share in (0.2, 0.8))
         stretch = np.delete(line, k, axis=0)[:, low : high + 1] - line[k, low : high + 1]
-        found.append((k + 1, low + int(np.abs(stretch).min(axis=0, initial=np.inf).argmax())))
-    return found
+        labels.append((k + 1, low + int(np.abs(stretch).min(axis=0, initial=np.inf).argmax())))
+    return labels
 
 
 def _cuts(cuts: range) -> str:

@@ -38,8 +38,8 @@ def new_figure(columns: int, rows: int = 1) -> tuple[Figure, Any]:
     """A figure of panels side by side, row after row; `lay_out` sets their sizes."""
     from matplotlib import figure
 
-    made = figure.Figure(dpi=DPI)
-    return made, made.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).ravel()
+    drawing = figure.Figure(dpi=DPI)
+    return drawing, drawing.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).ravel()
 
 
 def save_figure(figure: Figure, path: str | Path) -> None:

@@ -35,15 +35,15 @@ def draw_axes(path: ToolPath, surface: TSpline, file: str | Path) -> None:
     colours = colormaps["coolwarm"](path.pass_index[some] / max(1, path.pass_index.max()))
     middle = mesh.bounds.mean(axis=0)
     half = 0.6 * np.ptp(mesh.bounds, axis=0).max()
-    made = figure.Figure(figsize=(12, 6), dpi=DPI)
+    drawing = figure.Figure(figsize=(12, 6), dpi=DPI)
     for number, (elevation, azimuth) in enumerate(VIEWS, 1):
-        plot = made.add_subplot(1, 2, number, projection="3d")
+        plot = drawing.add_subplot(1, 2, number, projection="3d")
         plot.plot_trisurf(*mesh.vertices.T, triangles=mesh.faces, color="0.8", linewidth=0)
         plot.add_collection3d(Line3DCollection(list(ends), colors=colours, linewidths=0.6))
         plot.set(xlim=middle[0] + half * np.array([-1, 1]), ylim=middle[1] + half * np.array([-1, 1]))
         plot.set(zlim=middle[2] + half * np.array([-1, 1]), xlabel="x (mm)", ylabel="y (mm)", zlabel="z (mm)")
         plot.view_init(elevation, azimuth)
-    save_figure(made, file)
+    save_figure(drawing, file)
 
 
 MOST_FACES = 40_000
@@ -60,8 +60,8 @@ def draw_wheel(
     from matplotlib import colormaps, figure
     from matplotlib.tri import Triangulation
 
-    made = figure.Figure(figsize=(14, 7), dpi=DPI)
-    plot = made.add_subplot(1, 2, 1, projection="3d")
+    drawing = figure.Figure(figsize=(14, 7), dpi=DPI)
+    plot = drawing.add_subplot(1, 2, 1, projection="3d")
     faces = solid.faces[:: max(1, len(solid.faces) // MOST_FACES)]
     plot.plot_trisurf(
         Triangulation(*solid.vertices[:, :2].T, faces),
@@ -70,7 +70,7 @@ def draw_wheel(
         linewidth=0,
         alpha=0.4,
     )
-    flat = made.add_subplot(1, 2, 2)
+    flat = drawing.add_subplot(1, 2, 2)
     flat.fill(*np.vstack([blank.profile]).T, color="0.9", label="blank")
     colours = colormaps["coolwarm"](np.linspace(1, 0, max(len(paths) - 1, 1)))
     for path, colour in zip(paths, [*colours, "black"]):
@@ -84,4 +84,4 @@ def draw_wheel(
     plot.view_init(*WHEEL_VIEW)
     flat.set(xlabel="radius (mm)", ylabel="z (mm)", aspect="equal")
     flat.legend(loc="upper right")
-    save_figure(made, file)
+    save_figure(drawing, file)

@@ -43,10 +43,10 @@ def _draw_edges(plot: Plot, surface: TSpline, lines: TMeshLines, side: float) ->
     from matplotlib.collections import LineCollection
 
     share = np.linspace(0, 1, EDGE_POINTS)[:, None]
-    places = lines.pieces[:, :1] * (1 - share) + lines.pieces[:, 1:] * share
+    parameters = lines.pieces[:, :1] * (1 - share) + lines.pieces[:, 1:] * share
     low, high = surface.domain.T
-    s = np.clip(places[..., 0].ravel(), low[0], None)
-    t = np.clip(places[..., 1].ravel(), low[1], high[1])
+    s = np.clip(parameters[..., 0].ravel(), low[0], None)
+    t = np.clip(parameters[..., 1].ravel(), low[1], high[1])
     points, normals = surface.positions(s, t), surface.normals(s, t)
     facing = (side * normals[:, 1] < 0)[:, None]
     shown = np.where(facing, points[:, [0, 2]] * [side, 1], np.nan).reshape(-1, EDGE_POINTS, 2)

@@ -48,8 +48,8 @@ class Paper:
 
     def path(self, points: Float[ndarray, "n 2"], kind: str, closed: bool = True) -> None:
         """A line through points (x, z)."""
-        places = " L".join(f"{x:.2f} {y:.2f}" for x, y in (self.at(*point) for point in points.tolist()))
-        self.elements.append(f'<path class="{kind}" d="M{places}{"Z" if closed else ""}"/>')
+        coordinates = " L".join(f"{x:.2f} {y:.2f}" for x, y in (self.at(*point) for point in points.tolist()))
+        self.elements.append(f'<path class="{kind}" d="M{coordinates}{"Z" if closed else ""}"/>')
 
     def column(self, radius: float, low: float, high: float, kind: str, x: float = 0.0) -> None:
         """An upright cylinder, or its upper part."""

@@ -129,12 +129,12 @@ def _statements(text: str) -> Iterator[tuple[int, str, str]]:
 
 
 def _divided(statement: str, line: int) -> tuple[str, str]:
-    found = STATEMENT.fullmatch(statement) if len(statement) <= LONGEST else None
-    if found is None:
+    match = STATEMENT.fullmatch(statement) if len(statement) <= LONGEST else None
+    if match is None:
         raise ProgramError(
             f"line {line}: {statement[:40]!r} is no APT statement: give WORD or WORD/values", line=line
         )
-    return found[1], (found[2] or "").strip()
+    return match[1], (match[2] or "").strip()
 
 
 @dataclass(eq=False)
@@ -158,8 +158,8 @@ class _Reader:
         if word == "PARTNO":
             self.name = values
         elif word == "PPRINT":
-            found = re.fullmatch(r"LEVEL (\d{1,6})|PARTING", values)
-            self.level = int(found[1] or PARTING) if found else self.level
+            match = re.fullmatch(r"LEVEL (\d{1,6})|PARTING", values)
+            self.level = int(match[1] or PARTING) if match else self.level
         elif word == "UNITS":
             if values not in ("MM", "INCHES"):
                 raise ProgramError(f"line {line}: UNITS/{values[:20]}: give MM or INCHES", line=line)

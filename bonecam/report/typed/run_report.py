@@ -63,9 +63,9 @@ def report_to_levels(part: Part, fitted: Fit, stock: Stock, morph: Morph, method
 def _given_report(part: Part, fitted: Fit) -> dict[str, float]:
     """How far the surface and the mesh as given are from each other; where nothing was repaired or filled that
     is the deviation of the fit."""
-    found = fitted.deviation
-    surface_to_given = found.surface_to_mesh_max
-    given_to_surface = found.mesh_to_surface_max
+    deviation = fitted.deviation
+    surface_to_given = deviation.surface_to_mesh_max
+    given_to_surface = deviation.mesh_to_surface_max
     if part.repairs:
         surface_to_given, given_to_surface = distance_both_ways(fitted.surface, part.placed_given)
     return {

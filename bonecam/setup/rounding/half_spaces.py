@@ -30,8 +30,8 @@ def deepest_point(planes: Float[ndarray, "k 4"]) -> tuple[Float[ndarray, "3"], f
     """
     A = np.column_stack([planes[:, :3], np.ones(len(planes))])
     solution = linprog([0, 0, 0, -1], A_ub=A, b_ub=-planes[:, 3], bounds=[(None, None)] * 4)
-    found = np.asarray(solution.x, dtype=np.float64)
-    return found[:3], float(found[3])
+    ball = np.asarray(solution.x, dtype=np.float64)
+    return ball[:3], float(ball[3])
 
 
 def intersect(planes: Float[ndarray, "k 4"], inside: Float[ndarray, "3"]) -> TriangleMesh:

@@ -27,11 +27,11 @@ def capsule_of_fewest_cuts(points: Float[ndarray, "n 3"], job: StockJob, schedul
     """
     capsules = enclosing_capsules(points, job.allowance)
     tree = cKDTree(points)
-    smallest = min(capsules, key=lambda found: found.volume)
-    near = [found for found in capsules if found.volume <= (1 + job.spare_volume) * smallest.volume]
+    smallest = min(capsules, key=lambda capsule: capsule.volume)
+    near = [capsule for capsule in capsules if capsule.volume <= (1 + job.spare_volume) * smallest.volume]
 
-    def cuts(found: Capsule) -> tuple[int, float]:
-        farthest = float(np.max(tree.query(probes(found.mesh(CUTS_CHORD * found.radius)))[0]))
+    def cuts(capsule: Capsule) -> tuple[int, float]:
+        farthest = float(np.max(tree.query(probes(capsule.mesh(CUTS_CHORD * capsule.radius)))[0]))
         return schedule.lower_bound(farthest + schedule.beyond / 2), farthest
 
     return min((smallest, *near[:: 1 + len(near) // CUTS_TRIED]), key=cuts)

@@ -20,8 +20,8 @@ def draw_probed(curves: Sequence[tuple[str, Probed]], path: str | Path) -> None:
     """Write the deviation of each curve over the way along its line, as it comes out, and thin as if nothing bent."""
     from matplotlib import figure
 
-    made = figure.Figure(figsize=SIZE, dpi=DPI, layout="constrained")
-    plot = made.subplots()
+    drawing = figure.Figure(figsize=SIZE, dpi=DPI, layout="constrained")
+    plot = drawing.subplots()
     plot.axhspan(-BAND, BAND, color="0.9", zorder=0, label=f"\u00b1{BAND:g} mm")
     for (name, probed), colour in zip(curves, COLOURS):
         plot.plot(probed.line.along, probed.deviation, color=colour, lw=1.2, label=name)
@@ -34,4 +34,4 @@ def draw_probed(curves: Sequence[tuple[str, Probed]], path: str | Path) -> None:
     plot.set_ylim(np.nanmin(known) - BAND / 2, np.nanmax(known) + BAND / 2)
     plot.set(xlabel="along the line (mm)", ylabel="deviation (mm)")
     plot.legend(fontsize="small", ncols=2)
-    save_figure(made, path)
+    save_figure(drawing, path)

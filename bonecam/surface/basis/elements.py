@@ -104,11 +104,11 @@ class Elements:
         s, t = self._into(s, 0), self._into(t, 1)
         if s.ndim != 1 or s.shape != t.shape:
             raise ValueError(f"s {s.shape} and t {t.shape}: give one of each for every sample, shape (n,)")
-        found = element_search.locate(*self.strips, s, t)
-        if len(found) and found.min() < 0:
-            n = int(np.argmin(found))
+        elements = element_search.locate(*self.strips, s, t)
+        if len(elements) and elements.min() < 0:
+            n = int(np.argmin(elements))
             raise ValueError(f"(s, t) = ({s[n]}, {t[n]}) of sample {n} lies outside the domain")
-        return found, s, t
+        return elements, s, t
 
     def _into(self, x: ndarray, direction: int) -> ndarray:
         low, high = self.domain[direction]
@@ -138,17 +138,17 @@ class Elements:
     ) -> Float[ndarray, "d n 3"]:
         """S; S_s, S_t (order 1); S_ss, S_st, S_tt (order 2) of the elements' patches at parameters inside the
         given elements."""
-        found = np.empty(((1, 3, 6)[order], len(s), 3))
+        derivatives = np.empty(((1, 3, 6)[order], len(s), 3))
         s, t = np.ascontiguousarray(s), np.ascontiguousarray(t)
         if self.degree != 3:
-            any_degree.derivatives(patches, self.boxes, element, s, t, self.degree, found)
+            any_degree.derivatives(patches, self.boxes, element, s, t, self.degree, derivatives)
         elif order == 0:
-            bicubic.positions(patches, self.boxes, element, s, t, found[0])
+            bicubic.positions(patches, self.boxes, element, s, t, derivatives[0])
         elif order == 1:
-            bicubic.first_derivatives(patches, self.boxes, element, s, t, *found)
+            bicubic.first_derivatives(patches, self.boxes, element, s, t, *derivatives)
         else:
-            bicubic.second_derivatives(patches, self.boxes, element, s, t, found)
-        return found
+            bicubic.second_derivatives(patches, self.boxes, element, s, t, derivatives)
+        return derivatives
 
     def basis(
         self, weights: Float[ndarray, " m"], s: Float[ndarray, " n"], t: Float[ndarray, " n"], order: int

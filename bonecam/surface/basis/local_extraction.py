@@ -85,14 +85,14 @@ def _nearest(lines: ndarray, knots: ndarray) -> ndarray:
 
 def _overlaps(boxes: ndarray, s: ndarray, t: ndarray) -> tuple[ndarray, ndarray]:
     """Pairs (function, box) whose insides meet."""
-    found = []
+    pairs = []
     step = max(1, BLOCK // max(1, len(s)))
     for first in range(0, len(boxes), step):
         b = boxes[first : first + step, :, None]
         meet = (s[:, 0] < b[:, 1]) & (s[:, 4] > b[:, 0]) & (t[:, 0] < b[:, 3]) & (t[:, 4] > b[:, 2])
         box, function = np.nonzero(meet)
-        found.append((function, box + first))
-    return np.concatenate([f for f, _ in found]), np.concatenate([b for _, b in found])
+        pairs.append((function, box + first))
+    return np.concatenate([f for f, _ in pairs]), np.concatenate([b for _, b in pairs])
 
 
 def _coefficients(knots: ndarray, low: ndarray, high: ndarray) -> ndarray:

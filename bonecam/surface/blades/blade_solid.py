@@ -19,11 +19,11 @@ def blade_solid(surface: TSpline, chord_tolerance: float) -> TriangleMesh:
 
     SurfaceError where no closed outward mesh comes of it.
     """
-    made = surface.tessellate_with_parameters(chord_tolerance)
-    s, t = made.parameters.T
-    points = made.mesh.vertices
+    tessellation = surface.tessellate_with_parameters(chord_tolerance)
+    s, t = tessellation.parameters.T
+    points = tessellation.mesh.vertices
     (left, right), (low, high) = surface.domain
-    faces = [made.mesh.faces]
+    faces = [tessellation.mesh.faces]
     if not surface.closed_in_s:
         first, last = (_sorted(s == side, t) for side in (left, right))
         faces.append(_strip(first, t[first], last, t[last]))
@@ -76,6 +76,6 @@ def _strip(
         else:
             faces.append((one[i], other[j + 1], other[j]))
             j += 1
-    found = np.array(faces)
-    apart = (found != np.roll(found, 1, axis=1)).all(axis=1)
-    return found[apart]
+    triangles = np.array(faces)
+    apart = (triangles != np.roll(triangles, 1, axis=1)).all(axis=1)
+    return triangles[apart]

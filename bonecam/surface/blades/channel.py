@@ -79,23 +79,23 @@ def channel_of(wheel: Wheel, reach: float) -> Channel:
     contour = _contour(tip, blade)
     floor = _floor(wheel, blade, reach)
     length = float(lengths_along(floor)[-1])
-    places = np.linspace(0.0, length, ROWS)
-    if not (np.diff(places_on(contour, point_at(floor, places))) > 0).all():
+    lengths = np.linspace(0.0, length, ROWS)
+    if not (np.diff(places_on(contour, point_at(floor, lengths))) > 0).all():
         raise SurfaceError(
             "the hub is folded under the blades' tips: give a hub without edges between the blades"
         )
     blank = _with_hub(wheel, contour)
     _require_inside(wheel, blank)
-    azimuths = _azimuths(foot, floor, places)
+    azimuths = _azimuths(foot, floor, lengths)
     across = np.linspace(0.0, wheel.pitch, ACROSS)
-    surface = _finer(skin(_rows(point_at(floor, places), azimuths, across), TOLERANCE, closed=False))
+    surface = _finer(skin(_rows(point_at(floor, lengths), azimuths, across), TOLERANCE, closed=False))
     return Channel(wheel, surface, _roof(surface, contour), blank)
 
 
 def _floor(wheel: Wheel, blade: Float[ndarray, "v 2"], reach: float) -> Float[ndarray, "n 2"]:
     """The hub's profile beside the `blade`, and straight on by `reach` mm at either end."""
-    places = places_on(wheel.profile, blade)
-    curve = stretch(wheel.profile, float(places.min()), float(places.max()))
+    lengths = places_on(wheel.profile, blade)
+    curve = stretch(wheel.profile, float(lengths.min()), float(lengths.max()))
     length = float(lengths_along(curve)[-1])
     low, first, last, high = point_at(curve, np.array([0.0, STRAIGHT, 1 - STRAIGHT, 1.0]) * length)
     start, end = low + reach * unit((low - first)[None])[0], high + reach * unit((high - last)[None])[0]
@@ -150,20 +150,20 @@ def _outward(curve: Float[ndarray, "k 2"]) -> Float[ndarray, "k 2"]:
 
 def _above(curve: Float[ndarray, "k 2"], points: Float[ndarray, "v 2"]) -> float:
     """How far the points stand out of a curve at most, mm."""
-    places = places_on(curve, points)
+    lengths = places_on(curve, points)
     along = lengths_along(curve)
     normals = _outward(curve)
-    outward = np.column_stack([np.interp(places, along, normals[:, k]) for k in range(2)])
-    return max(float(((points - point_at(curve, places)) * outward).sum(axis=1).max()), 0.0)
+    outward = np.column_stack([np.interp(lengths, along, normals[:, k]) for k in range(2)])
+    return max(float(((points - point_at(curve, lengths)) * outward).sum(axis=1).max()), 0.0)
 
 
 def _azimuths(
-    foot: Float[ndarray, "m 3"], floor: Float[ndarray, "n 2"], places: Float[ndarray, " k"]
+    foot: Float[ndarray, "m 3"], floor: Float[ndarray, "n 2"], lengths: Float[ndarray, " k"]
 ) -> Float[ndarray, " k"]:
     """The azimuth of the blade's mean line at these lengths along the floor; beyond the blade as at its edges."""
     at = places_on(floor, foot[:, :2])
     order = np.argsort(at, kind="stable")
-    return np.asarray(np.interp(places, at[order], foot[order, 2]))
+    return np.asarray(np.interp(lengths, at[order], foot[order, 2]))
 
 
 def _with_hub(wheel: Wheel, contour: Float[ndarray, "k 2"]) -> Float[ndarray, "n 2"]:

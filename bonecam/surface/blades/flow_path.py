@@ -35,9 +35,9 @@ def read_flow_path(
         raise FileError(f"{file}: one point is no curve: give two or more", file=str(file))
     radius = np.hypot(table[:, 1], table[:, 2]) if table.shape[1] == 3 else table[:, 1]
     height = -table[:, 0] if axis == "-x" else table[:, 0]
-    found = scale * np.column_stack([radius, height])
-    _check(found, file)
-    return found
+    rows = scale * np.column_stack([radius, height])
+    _check(rows, file)
+    return rows
 
 
 def _check(curve: Float[ndarray, "n 2"], file: Path) -> None:

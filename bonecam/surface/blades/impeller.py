@@ -61,9 +61,9 @@ def _beside(curve: Float[ndarray, "n 2"], points: Float[ndarray, "k 2"]) -> Floa
 
 def limits_beside(curve: Float[ndarray, "n 2"], points: Float[ndarray, "k 2"]) -> tuple[float, float]:
     """The lengths along a flow path between which the points lie beside it, and MARGIN more at either end, mm."""
-    places = places_on(curve, points)
-    low = max(float(places.min()) - MARGIN, 0.0)
-    return low, min(float(places.max()) + MARGIN, float(lengths_along(curve)[-1]))
+    lengths = places_on(curve, points)
+    low = max(float(lengths.min()) - MARGIN, 0.0)
+    return low, min(float(lengths.max()) + MARGIN, float(lengths_along(curve)[-1]))
 
 
 def thinned(curve: Float[ndarray, "n 2"], tolerance: float) -> Float[ndarray, "m 2"]:

@@ -39,8 +39,8 @@ def hub_profile(hub: TriangleMesh, name: str) -> Float[ndarray, "n 2"]:
     whole = np.vstack([[0.0, low[1]], curve, [0.0, high[1]]])
     moved = np.r_[True, np.linalg.norm(np.diff(whole, axis=0), axis=1) > 1e-6]
     whole = whole[moved]
-    made = MeshDistance(revolved(whole, REVOLVED / 2))
-    off = made.unsigned(hub.vertices)
+    distance = MeshDistance(revolved(whole, REVOLVED / 2))
+    off = distance.unsigned(hub.vertices)
     if off.max() > REVOLVED:
         place = hub.vertices[np.argmax(off)]
         raise SurfaceError(
@@ -97,13 +97,13 @@ def mean_line(section: Float[ndarray, "n 3"]) -> Float[ndarray, "m 3"]:
     away = np.linalg.norm(section[:, None] - section, axis=2)
     start, end = sorted(int(i) for i in np.unravel_index(np.argmax(away), away.shape))
     sides = section[start : end + 1], np.vstack([section[end:], section[: start + 1]])[::-1]
-    found = []
+    resampled = []
     for side in sides:
         along = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(side, axis=0), axis=1))]
         at = np.linspace(0.0, along[-1], MEAN_POINTS)
         azimuth = np.unwrap(np.arctan2(side[:, 1], side[:, 0]))
         rows = np.column_stack([meridional(side), azimuth])
-        found.append(np.column_stack([np.interp(at, along, rows[:, k]) for k in range(3)]))
-    turns = np.round((found[1][0, 2] - found[0][0, 2]) / (2 * np.pi))
-    found[1][:, 2] -= 2 * np.pi * turns
-    return np.asarray((found[0] + found[1]) / 2)
+        resampled.append(np.column_stack([np.interp(at, along, rows[:, k]) for k in range(3)]))
+    turns = np.round((resampled[1][0, 2] - resampled[0][0, 2]) / (2 * np.pi))
+    resampled[1][:, 2] -= 2 * np.pi * turns
+    return np.asarray((resampled[0] + resampled[1]) / 2)

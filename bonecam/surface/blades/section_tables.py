@@ -37,13 +37,13 @@ def read_sections(
     if columns not in (CARTESIAN, POLAR):
         raise ValueError(f"columns {columns!r}: give {CARTESIAN!r} or {POLAR!r}")
     names = "".join(word[0] for word in columns.split())
-    found = [(path, block) for path in paths for block in read_blocks(path, names)]
-    if len(found) < 2:
+    sections = [(path, block) for path in paths for block in read_blocks(path, names)]
+    if len(sections) < 2:
         raise FileError(f"{paths[0]}: one section is no blade: give two or more", file=str(paths[0]))
     if columns == POLAR:
-        found = [(path, _cartesian(block, path)) for path, block in found]
+        sections = [(path, _cartesian(block, path)) for path, block in sections]
         axis = axis.replace("x", "z")
-    blocks = [scale * about_z(block, axis) for _, block in found]
+    blocks = [scale * about_z(block, axis) for _, block in sections]
     rows = rows_of(blocks, paths[0])
     return PointRows(_outward(rows.rows), rows.poles, rows.closed)
 

@@ -106,8 +106,8 @@ class _RowsReader:
         return values
 
     def _expect(self, words: list[str]) -> None:
-        line, found = self._take()
-        if found != words:
+        line, line_words = self._take()
+        if line_words != words:
             raise self._error(line, f"expected '{' '.join(words)}'")
 
     def _take(self) -> tuple[int, list[str]]:

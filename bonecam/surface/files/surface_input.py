@@ -50,8 +50,8 @@ def read_part(
 def read_surface_part(file: str | Path, job: MeshJob, surface: SurfaceJob) -> tuple[Part, Fit]:
     """The part whose surface is given by rows of points or a saved T-spline, upright, and that surface."""
     refuse_changes(job, str(file))
-    found = read_surface(file, MM_OF[job.units], surface.tolerance, surface.max_control_points)
-    mesh = closed_mesh(found.surface, str(file))
+    fitted = read_surface(file, MM_OF[job.units], surface.tolerance, surface.max_control_points)
+    mesh = closed_mesh(fitted.surface, str(file))
     posed, transform = upright(mesh) if job.upright else (mesh, np.eye(4))
     return Part(
         mesh=posed,
@@ -61,7 +61,7 @@ def read_surface_part(file: str | Path, job: MeshJob, surface: SurfaceJob) -> tu
         repairs=(),
         transform=transform,
         given=mesh,
-    ), found
+    ), fitted
 
 
 def refuse_changes(job: MeshJob, name: str) -> None:
@@ -97,8 +97,8 @@ def read_surface(path: str | Path, scale: float, tolerance: float, max_control_p
         alone = "`bonecam finish` machines a surface alone"
         raise SurfaceError(f"{path}: encloses no part: {remedy}; {alone}", file=str(path))
     check_outward(surface, str(path))
-    found = _deviation(surface, points)
-    return Fit(surface, found, tolerance, found.max <= tolerance)
+    deviation = _deviation(surface, points)
+    return Fit(surface, deviation, tolerance, deviation.max <= tolerance)
 
 
 def _saved(path: str | Path, scale: float, max_control_points: int) -> tuple[TSpline, Float[ndarray, "0 3"]]:
@@ -206,8 +206,8 @@ def move_with_part(given: Fit, transform: Float[ndarray, "4 4"]) -> Fit:
     surface = given.surface.with_control_points(given.surface.control_points @ rotation.T + shift)
     if surface.control_points[0, 2] > surface.control_points[-1, 2]:
         surface = reverse_parameters(surface)
-    found = replace(given.deviation, place=rotation @ given.deviation.place + shift)
-    return replace(given, surface=surface, deviation=found)
+    deviation = replace(given.deviation, place=rotation @ given.deviation.place + shift)
+    return replace(given, surface=surface, deviation=deviation)
 
 
 def reverse_parameters(surface: TSpline) -> TSpline:

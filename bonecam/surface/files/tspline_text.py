@@ -65,10 +65,10 @@ def _read_half_edges(records: Records, path: Path, homogeneous: bool, to_mm: boo
     points = points * (_scale(records.header, path) if to_mm else 1.0)
     try:
         if _has_mirrored_borders(records, tmesh):
-            tmesh, found = with_mirrored_borders(tmesh, np.column_stack([points * weights, weights]))
-            added = found[len(points) :]
+            tmesh, control_points = with_mirrored_borders(tmesh, np.column_stack([points * weights, weights]))
+            added = control_points[len(points) :]
             points = np.vstack([points, added[:, :3] / added[:, 3:]])
-            weights = found[:, 3:]
+            weights = control_points[:, 3:]
         assert len(tmesh.elements.boxes)
         return TSpline(tmesh, points, weights[:, 0])
     except SurfaceError as error:
@@ -85,15 +85,15 @@ def _has_mirrored_borders(records: Records, tmesh: TMesh) -> bool:
 
 def _control_points(records: Records, numbers: list[int]) -> Float[ndarray, "n 4"]:
     """x, y, z and weight of the control points with these numbers in the file."""
-    found = []
+    points = []
     for k in numbers:
         point = records.grips[k]
         if point is None:
             raise records.error("0g", k, "a control point in use is deleted")
         if not point[3] > 0:
             raise records.error("0g", k, f"weight {point[3]} is not positive")
-        found.append(point)
-    return np.array(found)
+        points.append(point)
+    return np.array(points)
 
 
 def write_tsm(surface: TSpline, path: str | Path, *, homogeneous: bool = False) -> None:

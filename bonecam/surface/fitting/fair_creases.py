@@ -59,16 +59,16 @@ def least_radius(surface: TSpline) -> float:
     return float(_radii(surface).min())
 
 
-def _fairer(found: Fit, mesh: TriangleMesh, radius: float, limit: float) -> Iterator[TSpline]:
+def _fairer(fitted: Fit, mesh: TriangleMesh, radius: float, limit: float) -> Iterator[TSpline]:
     """The surfaces after each step that its samples find within the limit."""
-    start = FitTarget.at_feet(mesh, found.surface, SAMPLES, found.tolerance)
+    start = FitTarget.at_feet(mesh, fitted.surface, SAMPLES, fitted.tolerance)
     for weight in WEIGHTS:
-        surface, target = found.surface, start
+        surface, target = fitted.surface, start
         sharp = np.zeros(len(surface.elements().boxes), dtype=bool)
         for _ in range(ROUNDS):
             sharp |= _radii(surface) < radius
-            surface = fair_step(surface, target, found.tolerance, sharp, weight)
-            target = target.on(surface, found.tolerance)
+            surface = fair_step(surface, target, fitted.tolerance, sharp, weight)
+            target = target.on(surface, fitted.tolerance)
             if target.worst <= limit:
                 yield flatten_poles(surface)
 

@@ -55,14 +55,14 @@ class Quadrature:
         """The quadrature of a surface, with the lengths e and g that it has now."""
         s, t, share = element_points(surface.elements().boxes, POINTS)
         basis = surface.basis(s, t, 2)
-        places, Ss, St = (matrix @ surface.control_points for matrix in basis[:3])
+        points, Ss, St = (matrix @ surface.control_points for matrix in basis[:3])
         normals = np.cross(Ss, St)
         normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
         e, g = (_row_mean(np.linalg.norm(d, axis=1), t, share) for d in (Ss, St))
         e = np.maximum(e, SHORTEST * np.average(e, weights=share))
         cells = (basis[0] @ _shares(surface.tmesh)) * e * g
         parts = ((basis[3], 1 / e**4), (basis[4], 2 / (e * g) ** 2), (basis[5], 1 / g**4))
-        return cls(s, t, places, normals, share * e * g, cells, basis[0], parts)
+        return cls(s, t, points, normals, share * e * g, cells, basis[0], parts)
 
     def terms(self, surface: TSpline, bend: float, drift: float, folded: Bool[ndarray, " n"]) -> list[Term]:
         """The energy with the weights bend and drift, times (mean cell side)^4; where the surface is folded,

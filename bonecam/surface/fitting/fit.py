@@ -120,11 +120,11 @@ def fit(
         if tried[-1].reached:
             break
         aim = replace(aim, off=0.0)
-    found = min(tried, key=lambda one: (one.shortfall == FOLDED, one.deviation.max))
-    back = found.surface.with_control_points((found.surface.control_points - motion[:3, 3]) @ motion[:3, :3])
-    d = found.deviation
+    best = min(tried, key=lambda one: (one.shortfall == FOLDED, one.deviation.max))
+    back = best.surface.with_control_points((best.surface.control_points - motion[:3, 3]) @ motion[:3, :3])
+    d = best.deviation
     place = (d.place - motion[:3, 3]) @ motion[:3, :3]
-    return replace(found, surface=back, deviation=replace(d, place=place))
+    return replace(best, surface=back, deviation=replace(d, place=place))
 
 
 def _fit_rows(mesh: TriangleMesh, rows: Rows, aim: Aim, progress: Progress) -> Fit:
@@ -134,7 +134,7 @@ def _fit_rows(mesh: TriangleMesh, rows: Rows, aim: Aim, progress: Progress) -> F
     """
     surface, target = first_surface(rows, FitTarget.of(mesh, rows, SAMPLES), aim)
     surface, target = settle(surface, target, aim)
-    found: list[tuple[bool, float, int, TSpline, Deviation]] = []
+    rounds: list[tuple[bool, float, int, TSpline, Deviation]] = []
     size = 0
     why = OFTEN
     progress = rising(progress)
@@ -147,15 +147,15 @@ def _fit_rows(mesh: TriangleMesh, rows: Rows, aim: Aim, progress: Progress) -> F
         measured = measure(surface, mesh, target.shape.distance)
         now = measured.deviation
         report(progress, then, f"{surface.tmesh.size} control points, {now.max:.3f} mm measured")
-        found.append((target.folded(surface), max(now.max, aim.tolerance), number, surface, now))
-        missed, places = measured.missed(max(aim.tolerance, target.worst))
+        rounds.append((target.folded(surface), max(now.max, aim.tolerance), number, surface, now))
+        missed, parameters = measured.missed(max(aim.tolerance, target.worst))
         spent = surface.tmesh.size >= aim.most
         why = SPENT if spent else STUCK if target.worst > aim.tolerance else OFTEN
         if not len(missed) or (
-            why != OFTEN and number > 0 and now.max > GAIN * min(one[1] for one in found[:-1])
+            why != OFTEN and number > 0 and now.max > GAIN * min(one[1] for one in rounds[:-1])
         ):
             break
-        target = target.with_points(missed, places, surface)
-    folded, _, _, surface, now = min(found, key=lambda one: one[:3])
+        target = target.with_points(missed, parameters, surface)
+    folded, _, _, surface, now = min(rounds, key=lambda one: one[:3])
     reached = now.max <= aim.tolerance and not folded
     return Fit(surface, now, aim.tolerance, reached, "" if reached else FOLDED if folded else why)

@@ -136,13 +136,15 @@ def thin(surface: TSpline, target: FitTarget, aim: Aim) -> tuple[TSpline, FitTar
             round(share * REMOVABLE[reached] * size),
         )
         fewer = transfer(surface, tmesh)
-        fewer, found = settle(fewer, target.on(fewer, aim.tolerance), aim)
-        fewer, found = grow(fewer, found, replace(aim, most=size - 1 if reached else aim.most))
-        better = found.worst <= (aim.tolerance if reached else worst) and (folded or not found.folded(fewer))
-        gained = fewer.tmesh.size / size if reached else found.worst / worst
+        fewer, new_target = settle(fewer, target.on(fewer, aim.tolerance), aim)
+        fewer, new_target = grow(fewer, new_target, replace(aim, most=size - 1 if reached else aim.most))
+        better = new_target.worst <= (aim.tolerance if reached else worst) and (
+            folded or not new_target.folded(fewer)
+        )
+        gained = fewer.tmesh.size / size if reached else new_target.worst / worst
         if better:
             surface = fewer
-            target = found
+            target = new_target
         if not better or gained > GAIN:
             share /= 2
     return surface, target

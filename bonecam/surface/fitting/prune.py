@@ -42,9 +42,9 @@ def prune(surface: TSpline, target: FitTarget, limit: float, most: int) -> RowTM
     tmesh = surface.tmesh
     assert isinstance(tmesh, RowTMesh)
     now, spared = spare_knots(surface, target)
-    found = [one for one in spared if one.worst < limit]
+    removable = [one for one in spared if one.worst < limit]
     gone: list[set[int]] = [set() for _ in tmesh.s_knots]
-    for one in sorted(found, key=lambda one: (one.worst, one.row, one.knot)):
+    for one in sorted(removable, key=lambda one: (one.worst, one.row, one.knot)):
         count = len(tmesh.s_knots[one.row])
         near = {(one.knot + d) % count for d in (-2, -1, 0, 1, 2)}
         if sum(map(len, gone)) >= most or near & gone[one.row] or count - len(gone[one.row]) <= FEWEST:
@@ -95,12 +95,12 @@ def _row(surface: TSpline, basis: sp.csc_array, normals: ndarray, now: ndarray, 
     moved = np.flatnonzero(np.diff(part.indptr))
     part = part[moved]
     whole = la.inv(collocation(knots, knots))
-    found = []
+    spared = []
     for k in range(len(knots)):
         matrix = whole @ collocation(np.delete(knots, k), knots)
         change = matrix @ la.lstsq(matrix, points)[0] - points
         moves = dots(part @ change, normals[moved])
         felt = np.abs(moves) > 1e-3 * np.abs(moves).max(initial=0.0)
         worst = np.abs(now[moved[felt]] + moves[felt]).max(initial=0.0)
-        found.append(Spared(row, k, moved[felt], moves[felt], float(worst)))
-    return found
+        spared.append(Spared(row, k, moved[felt], moves[felt], float(worst)))
+    return spared

@@ -64,7 +64,7 @@ class Form:
     def least(self) -> Float[ndarray, "n 3"]:
         """The control points that minimise the form. Raises numpy's LinAlgError where it is not definite."""
         factor = la.cholesky_banded(self.band.T, lower=True, check_finite=True)
-        found: ndarray = la.cho_solve_banded(
+        control_points: ndarray = la.cho_solve_banded(
             (factor, True), self.gradient.ravel(), check_finite=False
         ).reshape(-1, 3)
-        return found
+        return control_points

@@ -89,16 +89,16 @@ def step(surface: TSpline, target: FitTarget, tolerance: float, plane: float, of
         + pole_rings(surface, RING * share, off)
     )
     damping = np.full(len(quadrature.s), DAMPING)
-    found = surface
+    stepped = surface
     grid = fold_grid(surface)
     before = surface.normals(*grid), target.shape.facing(surface, *grid)
     folded = _round(surface, quadrature, grid, before[1] < LEAST_FACING)
     form = Form.of([*data, *quadrature.terms(surface, BEND, DRIFT, folded)], surface.tmesh.size)
     for _ in range(TRIES):
-        found = surface.with_control_points(form.plus([quadrature.held(damping)]).least())
-        folded = folds(found, target, grid, before)
+        stepped = surface.with_control_points(form.plus([quadrature.held(damping)]).least())
+        folded = folds(stepped, target, grid, before)
         if not folded.any():
-            return found
+            return stepped
         damping = np.where(
             _round(surface, quadrature, grid, folded), np.maximum(FIRMER * damping, 1.0), damping
         )
@@ -106,11 +106,11 @@ def step(surface: TSpline, target: FitTarget, tolerance: float, plane: float, of
     moving = np.ones(surface.tmesh.size, dtype=bool)
     for _ in range(TRIES):
         moving[basis[np.flatnonzero(folded)].indices] = False
-        points = np.where(moving[:, None], found.control_points, surface.control_points)
-        found = surface.with_control_points(points)
-        folded = folds(found, target, grid, before)
+        points = np.where(moving[:, None], stepped.control_points, surface.control_points)
+        stepped = surface.with_control_points(points)
+        folded = folds(stepped, target, grid, before)
         if not folded.any():
-            return found
+            return stepped
     return surface
 
 
@@ -194,7 +194,7 @@ def rings(surface: TSpline) -> list[Ring]:
     starts = surface.tmesh.row_starts
     size = surface.tmesh.size
     knots = surface.tmesh.s_knots
-    found = []
+    by_pole = []
     for pole, row in ((0, 1), (size - 1, len(knots) - 2)):
         points = np.arange(starts[row], starts[row + 1])
         pairs = np.sort(np.column_stack([points, np.full(len(points), pole)]), axis=1)
@@ -204,8 +204,8 @@ def rings(surface: TSpline) -> list[Ring]:
         )
         offsets = arms @ surface.control_points
         normal = np.cross(offsets, np.roll(offsets, -1, axis=0)).sum(axis=0)
-        found.append(Ring(pole, points, arms, normal / np.linalg.norm(normal), knots[row]))
-    return found
+        by_pole.append(Ring(pole, points, arms, normal / np.linalg.norm(normal), knots[row]))
+    return by_pole
 
 
 def flatten_poles(surface: TSpline) -> TSpline:

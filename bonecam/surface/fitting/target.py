@@ -88,9 +88,9 @@ class MeshSamples:
         far = np.flatnonzero(distances > tolerance)
         if 0 < len(far) < len(s) / DOUBTFUL:
             nearest = cKDTree(surface.positions(s, t)).query(self.points[far])[1]
-            found = follow_closest_points(surface, self.points[far], s[nearest], t[nearest], steps=6)
-            met = found[2] < np.minimum(tolerance, distances[far])
-            for now, new in zip((s, t, distances), found):
+            closest = follow_closest_points(surface, self.points[far], s[nearest], t[nearest], steps=6)
+            met = closest[2] < np.minimum(tolerance, distances[far])
+            for now, new in zip((s, t, distances), closest):
                 now[far[met]] = new[met]
         return MeshSamples(self.points, self.areas, s, t, distances)
 

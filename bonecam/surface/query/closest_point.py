@@ -118,13 +118,13 @@ def closest_points_near(
     elements = surface.elements()
     s = s.copy()
     t = t.copy()
-    found = np.empty((len(points), 3))
+    closest = np.empty((len(points), 3))
     normals = np.empty((len(points), 3))
     enough = np.zeros(len(points)) if near_enough is None else near_enough
     parts = surface.patches, elements.boxes, elements.strips, surface.domain[1], rings(surface)
     # one thread: among two the levels of a phalanx took a fifth longer
-    gauss_newton.walk(*parts, np.ascontiguousarray(points), steps, s, t, found, normals, CLEAR_OF, enough)
-    return ClosestPoints(s, t, found, normals)
+    gauss_newton.walk(*parts, np.ascontiguousarray(points), steps, s, t, closest, normals, CLEAR_OF, enough)
+    return ClosestPoints(s, t, closest, normals)
 
 
 def grid_parameters(

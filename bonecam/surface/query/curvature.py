@@ -72,17 +72,17 @@ def curvature_at(surface: Surface, s: Float[ndarray, " n"], t: Float[ndarray, " 
     if poles:
         regular = np.setdiff1d(regular, np.concatenate([here for _, here in poles]))
     normals = unit(np.cross(derivatives[1][regular], derivatives[2][regular]))
-    found = [(regular, surface_curvature(tuple(d[regular] for d in derivatives[1:]), normals))]
+    curvatures = [(regular, surface_curvature(tuple(d[regular] for d in derivatives[1:]), normals))]
     for end, here in poles:
         normal, S_t, S_tt = _pole_limits(surface, end)
-        found.append((here, pole_curvature(S_t, S_tt, normal)))
-    return _collected(len(s), found)
+        curvatures.append((here, pole_curvature(S_t, S_tt, normal)))
+    return _collected(len(s), curvatures)
 
 
-def _collected(count: int, found: list[tuple[ndarray, Curvature]]) -> Curvature:
+def _collected(count: int, curvatures: list[tuple[ndarray, Curvature]]) -> Curvature:
     """One curvature of all samples from those at some of their indices; of a pole one row stands for all."""
     whole = Curvature(np.empty(count), np.empty(count), np.empty((count, 3)), np.empty((count, 3)))
-    for where, part in found:
+    for where, part in curvatures:
         whole.k1[where] = part.k1
         whole.k2[where] = part.k2
         whole.direction1[where] = part.direction1
@@ -94,12 +94,12 @@ def _samples_at_poles(surface: Surface, t: ndarray) -> list[tuple[int, ndarray]]
     """Indices of the samples on the lower (0) and the upper (1) pole, where there are some."""
     low, high = surface.domain[1]
     distances = (np.asarray(t) - low, high - np.asarray(t))
-    found = []
+    samples = []
     for end in (0, 1):
         here = np.flatnonzero(distances[end] <= POLE_RANGE * (high - low))
         if surface.poles[end] and len(here):
-            found.append((end, here))
-    return found
+            samples.append((end, here))
+    return samples
 
 
 def _pole_limits(surface: Surface, end: int) -> tuple[ndarray, ndarray, ndarray]:

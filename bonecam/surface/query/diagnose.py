@@ -123,8 +123,8 @@ def _sum_errors(elements: Elements, sums: ndarray) -> Float[ndarray, " e"]:
     d = elements.degree
     bernstein = np.array([math.comb(d, k) * x**k * (1 - x) ** (d - k) for k in range(d + 1)])
     values = np.einsum("eji,jn,im->enm", sums.reshape(-1, d + 1, d + 1), bernstein, bernstein)
-    found: ndarray = np.abs(values - 1).max(axis=(1, 2))
-    return found
+    errors: ndarray = np.abs(values - 1).max(axis=(1, 2))
+    return errors
 
 
 def _unit_weights(matrix: sp.csr_array, gram: ndarray) -> ndarray | None:
@@ -137,7 +137,7 @@ def _unit_weights(matrix: sp.csr_array, gram: ndarray) -> ndarray | None:
 def _face_of(elements: Elements, faces: ndarray) -> Int64[ndarray, " e"]:
     """The face each element lies in."""
     s, t = elements.boxes[:, :2].mean(axis=1), elements.boxes[:, 2:].mean(axis=1)
-    found = np.empty(len(s), dtype=np.int64)
+    face_of_element = np.empty(len(s), dtype=np.int64)
     for k, (s_low, s_high, t_low, t_high) in enumerate(faces):
-        found[(s_low < s) & (s < s_high) & (t_low < t) & (t < t_high)] = k
-    return found
+        face_of_element[(s_low < s) & (s < s_high) & (t_low < t) & (t < t_high)] = k
+    return face_of_element

@@ -76,13 +76,13 @@ def _cut(surface: S, chosen: list[int], directions: str) -> S:
 def _snap(values: ndarray, knots: ndarray) -> ndarray:
     """Knots for values that differ from them by rounding only; values that equal one another likewise become
     one."""
-    found = values.copy()
+    snapped = values.copy()
     for k, x in enumerate(values):
-        known = np.concatenate([knots, found[:k]])
+        known = np.concatenate([knots, snapped[:k]])
         nearest = known[np.argmin(np.abs(known - x))]
         if abs(nearest - x) <= SNAP * np.ptp(knots):
-            found[k] = nearest
-    return found
+            snapped[k] = nearest
+    return snapped
 
 
 def _piece(knots: ndarray, low: float, high: float, middle: float, upper: bool) -> int:

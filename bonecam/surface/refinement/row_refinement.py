@@ -146,10 +146,10 @@ def _insert(
 ) -> tuple[ndarray, list[T]]:
     """Clamped knots with x, and the control points or rows: three lie between two old ones each."""
     k = int(np.searchsorted(knots, x, side="right")) - 1
-    found = list(items[: k - 2])
+    inserted = list(items[: k - 2])
     for i in (k - 2, k - 1, k):
-        found.append(mixed(items[i - 1], items[i], (x - knots[i]) / (knots[i + 3] - knots[i])))
-    return np.insert(knots, k + 1, x), [*found, *items[k:]]
+        inserted.append(mixed(items[i - 1], items[i], (x - knots[i]) / (knots[i + 3] - knots[i])))
+    return np.insert(knots, k + 1, x), [*inserted, *items[k:]]
 
 
 def _blend_rows(first: Row, second: Row, ratio: float) -> Row:

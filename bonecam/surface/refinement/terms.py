@@ -60,19 +60,19 @@ def split_at_lack(
         return []
     if t_lack is None or (s_lack is not None and s_lack[1] <= t_lack[1]):
         assert s_lack is not None
-        found = [(part, t, factor) for part, factor in _split(s, s_lack[0], sight, 0)]
+        terms = [(part, t, factor) for part, factor in _split(s, s_lack[0], sight, 0)]
     else:
-        found = [(s, part, factor) for part, factor in _split(t, t_lack[0], sight, 1)]
+        terms = [(s, part, factor) for part, factor in _split(t, t_lack[0], sight, 1)]
     if any(
         _knots(a, sight, 0) == _knots(s, sight, 0) and _knots(b, sight, 1) == _knots(t, sight, 1)
-        for a, b, _ in found
+        for a, b, _ in terms
     ):
         place = (sight.knots[0][s[2]], sight.knots[1][t[2]])
         raise SurfaceError(
             f"a function at (s, t) = {place} reaches over a gap of the domain: it cannot be refined there",
             place=place,
         )
-    return found
+    return terms
 
 
 def first_turn(lines: Lines, sight: Sight, axis: int) -> Lines:
@@ -105,7 +105,7 @@ def _knots(lines: Lines, sight: Sight, axis: int) -> list[float]:
 def unseen_lines(own: Lines, seen: Sequence[int], sight: Sight, axis: int) -> list[int]:
     """Lines that the vertex has to see so that it sees the term's knots; of a repeated knot one that it does
     not see yet."""
-    found = []
+    lines = []
     for sign in (-1, 1):
         for k in (2 + sign, 2 + 2 * sign):
             knot = sight.knots[axis][own[k]]
@@ -122,9 +122,9 @@ def unseen_lines(own: Lines, seen: Sequence[int], sight: Sight, axis: int) -> li
                         "for it",
                         knot=knot,
                     )
-                found.append(unseen[0])
+                lines.append(unseen[0])
                 break
-    return found
+    return lines
 
 
 def _split(lines: Lines, new: int, sight: Sight, axis: int) -> list[tuple[Lines, float]]:

@@ -67,12 +67,12 @@ def _layout(mesh: TriangleMesh) -> tuple[Float[ndarray, "v 2"], Float[ndarray, "
     ways = [np.r_[0.0, np.cumsum(lengths(np.diff(mesh.vertices[side], axis=0)))] for side in sides]
     size = np.array([(ways[k][-1] + ways[k + 2][-1]) / 2 for k in (0, 1)])
     corners = np.array([[0, 0], [size[0], 0], size, [0, size[1]], [0, 0]])
-    places = []
+    border_points = []
     for k, way in enumerate(ways):
         share = way[:-1, None] / way[-1]
-        places.append((1 - share) * corners[k] + share * corners[k + 1])
+        border_points.append((1 - share) * corners[k] + share * corners[k + 1])
     border = np.concatenate([side[:-1] for side in sides])
-    flat = np.asarray(igl.harmonic(mesh.vertices, mesh.faces, border, np.vstack(places), 1))
+    flat = np.asarray(igl.harmonic(mesh.vertices, mesh.faces, border, np.vstack(border_points), 1))
     return flat, size
 
 

@@ -128,10 +128,10 @@ def _oriented(rows: list[ndarray], poles: Float[ndarray, "2 3"] | None) -> list[
     )
     if np.einsum("ri,ri->", areas, way) < 0:
         rows = [np.roll(row[::-1], 1, axis=0) for row in rows]
-    found = rows[:1]
+    oriented = rows[:1]
     for row in rows[1:]:
-        found.append(np.roll(row, -_twist(found[-1], row), axis=0))
-    return found
+        oriented.append(np.roll(row, -_twist(oriented[-1], row), axis=0))
+    return oriented
 
 
 def _twist(before: ndarray, row: ndarray) -> int:

@@ -50,9 +50,9 @@ class Reduction:
 
         Several curves (n, c, d) keep the same knots, which suffice for each: what a tensor product needs.
         """
-        found = self.least_of_all([points], tolerance)
-        assert found is not None, "no number of control points is too large"
-        return found[0]
+        reduced = self.least_of_all([points], tolerance)
+        assert reduced is not None, "no number of control points is too large"
+        return reduced[0]
 
     def least_of_all(
         self, curves: Sequence[Float[ndarray, "n ... d"]], tolerance: float, most: float = np.inf
@@ -69,7 +69,7 @@ class Reduction:
             if size > SPARED * most:
                 return None
             inserted.append(kept)
-        found = []
+        reduced = []
         size = self._size(0) * len(curves)
         for points, kept in zip(curves, inserted):
             kept = self._remove_knots(kept, points, tolerance)
@@ -77,8 +77,8 @@ class Reduction:
             if size > most:
                 return None
             control = self._fit(kept, points, tolerance)[0]
-            found.append((self.candidates[kept], control.reshape(-1, *points.shape[1:])))
-        return found
+            reduced.append((self.candidates[kept], control.reshape(-1, *points.shape[1:])))
+        return reduced
 
     def _size(self, knots: int) -> int:
         """Control points of a curve with so many knots."""
@@ -98,18 +98,18 @@ class Reduction:
         weights = self._weights
         best = self._solve(matrix, flat, weights)
         least = np.inf
-        found = best
+        solution = best
         for _ in range(1 + MAX_REWEIGHTINGS):
-            difference = (matrix @ found - flat).reshape(len(points), -1, points.shape[-1])
+            difference = (matrix @ solution - flat).reshape(len(points), -1, points.shape[-1])
             now = np.linalg.norm(difference, axis=2).max(axis=1)
             if now.max() < least:
-                best = found
+                best = solution
                 error = now
                 least = now.max()
             if not tolerance <= least < REWEIGHTED_BELOW * tolerance:
                 break
             weights = weights * (now / now.max() + 1e-3)
-            found = self._solve(matrix, flat, weights)
+            solution = self._solve(matrix, flat, weights)
         return best, error
 
     def _solve(self, matrix: sp.csr_array, points: ndarray, weights: ndarray) -> ndarray:
@@ -182,5 +182,5 @@ def _least_squares(matrix: sp.csr_array, points: ndarray, weights: ndarray) -> n
     weighted = (matrix * (weights / weights.sum())[:, None]).T
     normal = (weighted @ matrix).toarray()
     factor = la.cho_factor(normal)
-    found = la.cho_solve(factor, weighted @ points)
-    return np.asarray(found + la.cho_solve(factor, weighted @ (points - matrix @ found)))
+    solution = la.cho_solve(factor, weighted @ points)
+    return np.asarray(solution + la.cho_solve(factor, weighted @ (points - matrix @ solution)))

@@ -177,15 +177,15 @@ def control_curves(curves: RowCurves, poles: Float[ndarray, "2 3"] | None = None
         opposite = np.concatenate([ends[0], curves.at(np.mod(at + 0.5, 1.0)), ends[1]])
         sections = np.concatenate([ends[0], sections, ends[1]])
         knots = clamped(t[1:-1])
-        found = _to_poles(t, sections, opposite)
+        control = _to_poles(t, sections, opposite)
     elif len(t) < 4:
         knots = clamped(t[1:-1])
-        found = _solve(t, sections, 2)
+        control = _solve(t, sections, 2)
     else:
         knots = clamped(np.array([t[j : j + 3].mean() for j in range(1, len(t) - 3)]))
-        found = np.linalg.solve(_values(knots, t), sections.reshape(len(t), -1)).reshape(sections.shape)
+        control = np.linalg.solve(_values(knots, t), sections.reshape(len(t), -1)).reshape(sections.shape)
     return ControlCurves(
-        closed, knots, fine, candidates, np.array([interpolate(fine, at, row, closed) for row in found])
+        closed, knots, fine, candidates, np.array([interpolate(fine, at, row, closed) for row in control])
     )
 
 
@@ -211,8 +211,8 @@ def _solve(t: ndarray, sections: Float[ndarray, "k n 3"], order: int) -> Float[n
     both ends."""
     zero = np.zeros_like(sections[:1])
     right = np.concatenate([sections[:1], zero, sections[1:-1], zero, sections[-1:]])
-    found: ndarray = la.solve(_system(t, order), right.reshape(len(right), -1)).reshape(right.shape)
-    return found
+    control: ndarray = la.solve(_system(t, order), right.reshape(len(right), -1)).reshape(right.shape)
+    return control
 
 
 def _system(t: ndarray, order: int) -> ndarray:

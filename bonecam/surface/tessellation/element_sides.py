@@ -47,8 +47,8 @@ class SideVertices:
         elements = self.surface.elements()
         s, t = self._parameters(element, uv).T
         which = np.full(len(uv), element, dtype=np.int32)
-        found: ndarray = elements.derivatives(self.surface.patches, which, s, t, 0)[0]
-        return found
+        points: ndarray = elements.derivatives(self.surface.patches, which, s, t, 0)[0]
+        return points
 
     def normals(self, element: int, uv: Float[ndarray, "n 2"]) -> Float[ndarray, "n 3"]:
         """Unit normals of one element at places in its square; 0 where it has none."""
@@ -57,9 +57,9 @@ class SideVertices:
         _, Ss, St = elements.derivatives(
             self.surface.patches, np.full(len(uv), element, dtype=np.int32), s, t, 1
         )
-        found = np.cross(Ss, St)
+        normals = np.cross(Ss, St)
         return np.asarray(
-            found / np.maximum(np.linalg.norm(found, axis=1, keepdims=True), np.finfo(float).tiny)
+            normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), np.finfo(float).tiny)
         )
 
     def _parameters(self, element: int, uv: Float[ndarray, "n 2"]) -> Float[ndarray, "n 2"]:
@@ -82,8 +82,8 @@ def pieces_of_sides(surface: Surface, same: float) -> list[list[Piece]]:
     count = len(surface.elements().boxes)
     corners = np.concatenate([net.positions(e, SQUARE) for e in range(count)])
     vertex = _merge_points(corners, same)
-    places = corners[np.unique(vertex, return_index=True)[1]]
-    tree = cKDTree(places)
+    points = corners[np.unique(vertex, return_index=True)[1]]
+    tree = cKDTree(points)
     raw = []
     middles = []
     for e in range(count):
@@ -97,17 +97,17 @@ def pieces_of_sides(surface: Surface, same: float) -> list[list[Piece]]:
                 continue  # a side that is one point
             cuts = [
                 (0.0, int(a)),
-                *_corners_on(net, e, side, places, tree, {int(a), int(b)}, same),
+                *_corners_on(net, e, side, points, tree, {int(a), int(b)}, same),
                 (1.0, int(b)),
             ]
             for (x, v), (y, w) in pairwise(cuts):
                 raw.append((e, side, x, y, v, w))
                 middles.append(net.positions(e, along_side(side, np.array([(x + y) / 2])))[0])
     curve = _merge_points(np.array(middles), 100 * same)
-    found: list[list[Piece]] = [[] for _ in range(count)]
+    pieces: list[list[Piece]] = [[] for _ in range(count)]
     for (e, side, x, y, v, w), number in zip(raw, curve):
-        found[e].append(Piece(side, x, y, (v, w, int(number))))
-    return found
+        pieces[e].append(Piece(side, x, y, (v, w, int(number))))
+    return pieces
 
 
 def _merge_points(points: Float[ndarray, "n 3"], same: float) -> Int[ndarray, " n"]:
@@ -124,24 +124,24 @@ def along_side(side: int, x: Float[ndarray, " n"]) -> Float[ndarray, "n 2"]:
 
 
 def _corners_on(
-    net: SideVertices, e: int, side: int, places: ndarray, tree: cKDTree, ends: set[int], same: float
+    net: SideVertices, e: int, side: int, points: ndarray, tree: cKDTree, ends: set[int], same: float
 ) -> list[tuple[float, int]]:
     """Where other elements' corners lie inside a side, in order."""
     x = np.linspace(0, 1, LOOKED + 1)
     curve = net.positions(e, along_side(side, x))
     reach = float(np.linalg.norm(np.diff(curve, axis=0), axis=1).max())
     near = {int(k) for hits in tree.query_ball_point(curve, reach) for k in hits} - ends
-    found = []
+    corners = []
     for k in sorted(near):
-        here = float(x[np.argmin(np.linalg.norm(curve - places[k], axis=1))])
+        here = float(x[np.argmin(np.linalg.norm(curve - points[k], axis=1))])
         low, high = max(here - 1 / LOOKED, 0.0), min(here + 1 / LOOKED, 1.0)
         while high - low > 1e-12:  # the nearest place between, by thirds
             thirds = np.array([(2 * low + high) / 3, (low + 2 * high) / 3])
-            away = np.linalg.norm(net.positions(e, along_side(side, thirds)) - places[k], axis=1)
+            away = np.linalg.norm(net.positions(e, along_side(side, thirds)) - points[k], axis=1)
             low, high = (low, thirds[1]) if away[0] < away[1] else (thirds[0], high)
         if (
-            np.linalg.norm(net.positions(e, along_side(side, np.array([low])))[0] - places[k]) <= same
+            np.linalg.norm(net.positions(e, along_side(side, np.array([low])))[0] - points[k]) <= same
             and 1e-9 < low < 1 - 1e-9
         ):
-            found.append((low, k))
-    return sorted(found)
+            corners.append((low, k))
+    return sorted(corners)

@@ -124,17 +124,17 @@ def _loop(
         n = fine[key]
         share = np.arange(n + 1) / n
         here = along_side(piece.side, piece.start + share * (piece.end - piece.start))
-        places = net.positions(e, here)
+        points = net.positions(e, here)
         if key not in net.runs:
             for end, k in zip(piece.key[:2], (0, -1)):
                 if end not in vertices:
-                    vertices[end] = int(net.added(e, here[[k]], places[[k]])[0])
+                    vertices[end] = int(net.added(e, here[[k]], points[[k]])[0])
             run = np.concatenate(
-                [[vertices[piece.key[0]]], net.added(e, here[1:-1], places[1:-1]), [vertices[piece.key[1]]]]
+                [[vertices[piece.key[0]]], net.added(e, here[1:-1], points[1:-1]), [vertices[piece.key[1]]]]
             )
             net.runs[key] = run if piece.key[0] == key[0] else run[::-1]
         run = net.runs[key] if piece.key[0] == key[0] else net.runs[key][::-1]
-        net.gap = max(net.gap, float(np.linalg.norm(np.vstack(net.points)[run] - places, axis=1).max()))
+        net.gap = max(net.gap, float(np.linalg.norm(np.vstack(net.points)[run] - points, axis=1).max()))
         uv.append(here[:-1])
         ids.append(run[:-1])
     missing = [k for k in range(4) if not any(piece.side == k for piece in around)]
@@ -151,11 +151,11 @@ def _distance(net: SideVertices, e: int, uv: ndarray, cut: ndarray) -> float:
     """How far the surface is from the faces, at the middles of their sides and their own."""
     points = net.positions(e, uv)
     faces = cut.astype(np.int64)
-    found = [
+    distances = [
         triangles.triangle_distances(net.positions(e, np.einsum("c,fcd->fd", share, uv[cut])), points, faces)
         for share in MIDDLES
     ]
-    return float(np.max(found))
+    return float(np.max(distances))
 
 
 def _bent(net: SideVertices, e: int, uv: ndarray, cut: ndarray, shortest: float, angle: float) -> bool:

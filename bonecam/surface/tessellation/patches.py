@@ -23,17 +23,17 @@ def patch_mesh(surface: Surface) -> tuple[Float[ndarray, "n 2"], Bool[ndarray, "
     elements = surface.elements()
     boxes = _narrow(elements.boxes, elements.period)
     corners = boxes[:, [0, 2, 1, 2, 1, 3, 0, 3]].reshape(-1, 2)
-    places = corners.copy()
+    wrapped = corners.copy()
     low = elements.domain[:, 0]
     for axis in (0, 1):
         if elements.period[axis]:
             end = elements.domain[axis, 1]
-            places[:, axis] = np.where(
-                np.abs(places[:, axis] - end) <= ONE_POINT * np.abs(elements.domain).max(),
+            wrapped[:, axis] = np.where(
+                np.abs(wrapped[:, axis] - end) <= ONE_POINT * np.abs(elements.domain).max(),
                 low[axis],
-                places[:, axis],
+                wrapped[:, axis],
             )
-    parameters, vertex = np.unique(places, axis=0, return_inverse=True)
+    parameters, vertex = np.unique(wrapped, axis=0, return_inverse=True)
     faces, centres = _triangles(boxes, parameters, vertex.reshape(-1, 4), elements.domain, elements.period)
     parameters = np.vstack([parameters, centres])
     return _with_poles(surface, parameters, faces)

@@ -59,10 +59,10 @@ class _Draft:
     def between(self, corners: Int[ndarray, "n c"], shares: Float[ndarray, "k c"]) -> tuple[ndarray, ndarray]:
         """s and t at barycentric shares of vertices, round a closed direction the short way."""
         (s_low, _), (t_low, _) = self.surface.domain
-        found = triangles.interpolate_parameters(
+        parameters = triangles.interpolate_parameters(
             self.parameters, self.poles, corners, shares, (s_low, t_low), self.surface.elements().period
         )
-        return found[0], found[1]
+        return parameters[0], parameters[1]
 
 
 def tessellate(

@@ -146,18 +146,18 @@ class TMesh:
     def elements(self) -> Elements:
         """The Bezier elements. Raises SurfaceError where all functions vanish (a border that is not
         clamped)."""
-        found = extract_local(self.face_boxes, *self.local_knots, self.period)
-        sums = np.add.reduceat(found.coefficients, found.starts[:-1], axis=0)
+        elements = extract_local(self.face_boxes, *self.local_knots, self.period)
+        sums = np.add.reduceat(elements.coefficients, elements.starts[:-1], axis=0)
         if not sums.min() > 0:
             e, c = np.unravel_index(np.argmin(sums), sums.shape)
-            s = found.boxes[e, c % 4 // 2]
-            t = found.boxes[e, 2 + c // 4 // 2]
+            s = elements.boxes[e, c % 4 // 2]
+            t = elements.boxes[e, 2 + c // 4 // 2]
             message = (
                 f"all functions vanish at s = {s:.6g}, t = {t:.6g}: a clamped border needs its end "
                 "knot on two lines of control points"
             )
             raise SurfaceError(message, place=(float(s), float(t)))
-        return found
+        return elements
 
 
 def _check_knots(letter: str, lines: ndarray, period: float) -> None:
@@ -188,13 +188,13 @@ def sight(
 ) -> list[tuple[ndarray, ndarray]]:
     """For rays along s and along t: where something stops them (line, row), and where they may pass (piece,
     row)."""
-    found = []
+    lines_of_sight = []
     for along, across, cells, stops, closed in (
         (edges[0], edges[1], inside, vertex, bool(period[1])),
         (edges[1].T, edges[0].T, inside.T, vertex.T, bool(period[0])),
     ):
-        found.append((stops | _crossed(across, closed), along | beside(cells, closed)))
-    return found
+        lines_of_sight.append((stops | _crossed(across, closed), along | beside(cells, closed)))
+    return lines_of_sight
 
 
 def _crossed(edges: ndarray, closed: bool) -> ndarray:

@@ -34,7 +34,7 @@ def edge_table(tmesh: TMesh) -> ndarray:
 def _around(tmesh: TMesh, pieces_s: ndarray, pieces_t: ndarray) -> ndarray:
     """The values of the pieces between crossings on the four sides of each vertex, (n, 4); False where there
     is no piece. `pieces_s` run along s, `pieces_t` along t."""
-    found = np.zeros((tmesh.size, 4), dtype=bool)
+    sides = np.zeros((tmesh.size, 4), dtype=bool)
     for direction, (di, dj) in enumerate(STEPS):
         pieces = (pieces_s, pieces_t)[direction % 2]
         place = tmesh.vertices + np.minimum([di, dj], 0)
@@ -42,8 +42,8 @@ def _around(tmesh: TMesh, pieces_s: ndarray, pieces_t: ndarray) -> ndarray:
             if tmesh.period[axis]:
                 place[:, axis] %= pieces.shape[axis]
         there = ((place >= 0) & (place < pieces.shape)).all(axis=1)
-        found[there, direction] = pieces[tuple(place[there].T)]
-    return found
+        sides[there, direction] = pieces[tuple(place[there].T)]
+    return sides
 
 
 def junctions(tmesh: TMesh) -> Junctions:
@@ -86,7 +86,7 @@ class Extensions(NamedTuple):
 def extensions(tmesh: TMesh) -> tuple[Extensions, Extensions]:
     """The extensions along s and those along t."""
     vertices, directions = junctions(tmesh)
-    found = []
+    by_axis = []
     for axis in (0, 1):
         here = directions % 2 == axis
         v = vertices[here]
@@ -95,8 +95,8 @@ def extensions(tmesh: TMesh) -> tuple[Extensions, Extensions]:
         other = tmesh.local_knots[1 - axis][v]
         low = np.where(forward, knots[:, 1], knots[:, 0])
         high = np.where(forward, knots[:, 4], knots[:, 3])
-        found.append(Extensions(other[:, 2], low, high, v))
-    return found[0], found[1]
+        by_axis.append(Extensions(other[:, 2], low, high, v))
+    return by_axis[0], by_axis[1]
 
 
 def meetings(tmesh: TMesh) -> tuple[Int64[ndarray, "c 2"], Int64[ndarray, "d 2"]]:

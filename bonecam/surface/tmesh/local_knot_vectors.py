@@ -52,8 +52,8 @@ def local_lines(
 def _open(line: ndarray, stops: ndarray, walls: ndarray, shift: int) -> ndarray:
     """Two stops to either side of each line, the last one before a wall repeated. walls[i + shift]: gaps
     before line i."""
-    found = np.empty((len(line), 5), dtype=np.int64)
-    found[:, 2] = line
+    indices = np.empty((len(line), 5), dtype=np.int64)
+    indices[:, 2] = line
     place = np.searchsorted(stops, line)
     for step in (-1, 1):
         last = line
@@ -61,8 +61,8 @@ def _open(line: ndarray, stops: ndarray, walls: ndarray, shift: int) -> ndarray:
             index = np.clip(place + step * k, 0, len(stops) - 1)
             reached = (place + step * k == index) & (walls[stops[index] + shift] == walls[line + shift])
             last = np.where(reached, stops[index], last)
-            found[:, 2 + step * k] = last
-    return found
+            indices[:, 2 + step * k] = last
+    return indices
 
 
 def knots_of_lines(

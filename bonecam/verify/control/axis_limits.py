@@ -109,9 +109,9 @@ def _extreme(
     ends of moves, and its line."""
     at = int(np.argmax(sign * values))
     moves = noses.reaching(column, sign, sign * values[at] + GUARD)
-    found = noses.highest(column, sign, moves)
-    if len(found) and found.max() > sign * values[at]:
-        return sign * float(found.max()), int(noses.motions.lines[moves[np.argmax(found)]])
+    extremes = noses.highest(column, sign, moves)
+    if len(extremes) and extremes.max() > sign * values[at]:
+        return sign * float(extremes.max()), int(noses.motions.lines[moves[np.argmax(extremes)]])
     return float(values[at]), int(lines[at])
 
 

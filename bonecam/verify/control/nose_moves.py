@@ -47,11 +47,11 @@ class NoseMoves:
 
     def highest(self, column: int, sign: float, moves: Int[ndarray, "k"]) -> Float[ndarray, "k"]:
         """The largest value of `sign` times an axis in some moves, mm."""
-        found = [
+        highest = [
             self._sampled(column, sign, moves[at : at + MOST_AT_ONCE])
             for at in range(0, len(moves), MOST_AT_ONCE)
         ]
-        return np.concatenate([np.zeros(0), *found])
+        return np.concatenate([np.zeros(0), *highest])
 
     def _sampled(self, column: int, sign: float, moves: Int[ndarray, "k"]) -> Float[ndarray, "k"]:
         before = np.where(self.motions.known_start[moves], moves - 1, moves)

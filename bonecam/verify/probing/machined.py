@@ -75,9 +75,9 @@ class PostedProgram:
         error = self.removal.mechanics.error if self.removal.mechanics else None
         if error is None:
             return np.zeros(len(points))
-        places, faces = exact_closest(error.mesh, points)
+        footpoints, faces = exact_closest(error.mesh, points)
         corners = error.mesh.faces[faces]
-        weights = barycentric(error.mesh.vertices[corners], places)
+        weights = barycentric(error.mesh.vertices[corners], footpoints)
         return dots(weights, np.nan_to_num(error.errors)[corners])
 
 

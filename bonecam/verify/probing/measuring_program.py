@@ -71,8 +71,8 @@ def _column_is_free(
 ) -> Bool[ndarray, " n"]:
     """Whether a column of this radius above each foot, from the height `low` on, is clear of the part."""
     above = np.arange(low, STEM_LENGTH, radius / 2)
-    places = foot[:, None] + above[:, None] * np.array([0.0, 0.0, 1.0])
-    return np.asarray((part.signed(places.reshape(-1, 3)).reshape(len(foot), -1) > radius).all(axis=1))
+    points = foot[:, None] + above[:, None] * np.array([0.0, 0.0, 1.0])
+    return np.asarray((part.signed(points.reshape(-1, 3)).reshape(len(foot), -1) > radius).all(axis=1))
 
 
 def _stops(point: Point, radius: float) -> tuple[Float[ndarray, "3"], Float[ndarray, "3"]]:

@@ -59,15 +59,17 @@ class Probed:
 
     def __str__(self) -> str:
         """What the probe found, in a line."""
-        told = self.report
-        found = "no point touched"
-        if told["touched"]:
-            share = 100 * told["within_0_05_share"]
-            found = (
-                f"deviation {told['min_mm']:g} to {told['max_mm']:g} mm, {share:.0f} % of the points within {BAND:g} "
-                f"mm; as if nothing bent at most {told['rigid_max_mm']:g} mm"
+        figures = self.report
+        summary = "no point touched"
+        if figures["touched"]:
+            share = 100 * figures["within_0_05_share"]
+            summary = (
+                f"deviation {figures['min_mm']:g} to {figures['max_mm']:g} mm, {share:.0f} % of the points within "
+                f"{BAND:g} mm; as if nothing bent at most {figures['rigid_max_mm']:g} mm"
             )
-        return f"{told['touched']} of {told['points']} points of line s = {told['line']:g}: {found}"
+        return (
+            f"{figures['touched']} of {figures['points']} points of line s = {figures['line']:g}: {summary}"
+        )
 
     @property
     def report(self) -> dict[str, Any]:
@@ -91,8 +93,8 @@ class Probed:
         rows = np.column_stack(
             [self.line.along, self.line.places, self.line.normals, self.deviation, self.rigid]
         )
-        told = [f"{k}," + ",".join(f"{value:.6f}" for value in row) for k, row in enumerate(rows, 1)]
-        return "\n".join([head, *told]) + "\n"
+        lines = [f"{k}," + ",".join(f"{value:.6f}" for value in row) for k, row in enumerate(rows, 1)]
+        return "\n".join([head, *lines]) + "\n"
 
 
 def probe_surface(program: PostedProgram, line: ProbeLine, radius: float = RUBY) -> Probed:
@@ -160,16 +162,16 @@ def touching_centres(
         coming = coming[(gap > TOUCHES) & (heights[coming] > end)]
         if not len(coming):
             break
-    found = places + heights[:, None] * normals
-    found[heights <= end] = np.nan
-    return found
+    centres = places + heights[:, None] * normals
+    centres[heights <= end] = np.nan
+    return centres
 
 
 def deviations(part: TSpline, centres: Float[ndarray, "n 3"], radius: float) -> Float[ndarray, " n"]:
     """Signed distance of each centre from the nominal surface less the ball's radius, mm; NaN where there is none."""
-    found = np.full(len(centres), np.nan)
+    deviation = np.full(len(centres), np.nan)
     known = np.isfinite(centres[:, 0])
     near = part.project(centres[known])
     outside = dots(part.normals(near.s, near.t), centres[known] - near.points) >= 0
-    found[known] = np.where(outside, near.distances, -near.distances) - radius
-    return found
+    deviation[known] = np.where(outside, near.distances, -near.distances) - radius
+    return deviation

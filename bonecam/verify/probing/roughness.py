@@ -42,11 +42,14 @@ class Roughness:
     @property
     def report(self) -> dict[str, Any]:
         """`roughness` of the report: medians, um; null where the last cutter cut nothing."""
-        found: dict[str, Any] = {"profiles": len(self.marks)}
+        figures: dict[str, Any] = {"profiles": len(self.marks)}
         for name, values in (("along", self.along), ("across", self.across)):
-            told = np.median(values, axis=0).round(3).tolist() if len(values) else [None, None]
-            found |= {f"ra_{name}_um": told[0], f"rz_{name}_um": told[1]}
-        return {**found, "feed_marks_um": round(float(np.median(self.marks)), 3) if len(self.marks) else None}
+            medians = np.median(values, axis=0).round(3).tolist() if len(values) else [None, None]
+            figures |= {f"ra_{name}_um": medians[0], f"rz_{name}_um": medians[1]}
+        return {
+            **figures,
+            "feed_marks_um": round(float(np.median(self.marks)), 3) if len(self.marks) else None,
+        }
 
 
 def roughness_of(program: PostedProgram, flutes: int, count: int = PLACES) -> Roughness:
@@ -100,21 +103,21 @@ def _curvature(
 
 def _profiles(
     program: PostedProgram,
-    places: Float[ndarray, "n 3"],
+    points: Float[ndarray, "n 3"],
     directions: Float[ndarray, "n 3"],
     steps: Float[ndarray, " k"],
 ) -> Float[ndarray, "n k"]:
     """Heights (mm) of the machined surface over the part along a direction through each place."""
-    nodes = places[:, None] + steps[:, None] * directions[:, None]
-    return program.machined(nodes.reshape(-1, 3)).cut.reshape(len(places), -1)
+    nodes = points[:, None] + steps[:, None] * directions[:, None]
+    return program.machined(nodes.reshape(-1, 3)).cut.reshape(len(points), -1)
 
 
 def _ra_rz(profiles: Float[ndarray, "n k"]) -> Float[ndarray, "n 2"]:
     """Ra and Rz (um) of each profile, the mean of its sampling lengths without their form."""
-    found = []
+    ra_rz = []
     for piece in np.array_split(profiles, SAMPLING, axis=1):
         x = np.linspace(-1.0, 1.0, piece.shape[1])
         form = np.vander(x, 3)
         rest = piece - (form @ np.linalg.lstsq(form, piece.T, rcond=None)[0]).T
-        found.append(np.column_stack([np.abs(rest).mean(axis=1), np.ptp(rest, axis=1)]))
-    return UM * np.mean(found, axis=0)
+        ra_rz.append(np.column_stack([np.abs(rest).mean(axis=1), np.ptp(rest, axis=1)]))
+    return UM * np.mean(ra_rz, axis=0)

@@ -51,10 +51,10 @@ def _level_comments(text: str, dialect: Dialect) -> Iterator[tuple[int, int, int
     pattern = re.compile(rf"^(?:\d+ )?{comment}$", re.MULTILINE)
     line = 1
     at = 0
-    for found in pattern.finditer(text):
-        line += text.count("\n", at, found.start())
-        at = found.start()
-        yield line, *((PARTING, int(found[3])) if found[3] else (int(found[1]), int(found[2] or 0)))
+    for match in pattern.finditer(text):
+        line += text.count("\n", at, match.start())
+        at = match.start()
+        yield line, *((PARTING, int(match[3])) if match[3] else (int(match[1]), int(match[2] or 0)))
 
 
 def motion_lengths(motions: Motions) -> Float[ndarray, " n"]:
@@ -103,11 +103,11 @@ def link_volumes(
     behind a comment LINK of the text."""
     begins = np.flatnonzero(links & ~np.r_[False, links[:-1]])
     ends = np.flatnonzero(links & ~np.r_[links[1:], False]) + 1
-    found = np.array([volumes[a:b].sum() for a, b in zip(begins, ends, strict=True)])
+    removed = np.array([volumes[a:b].sum() for a, b in zip(begins, ends, strict=True)])
     most = np.array(
         [a + int(np.argmax(volumes[a:b])) for a, b in zip(begins, ends, strict=True)], dtype=np.int64
     )
-    return found, most
+    return removed, most
 
 
 def tools_of(motions: Motions, cutters: Sequence[Cutter]) -> dict[int, Cutter]:

@@ -103,11 +103,11 @@ class NormalProbes:
 
 def normal_probes_on(part: TSpline, chord_tolerance: float = CHORD) -> NormalProbes:
     """Normal probes at the vertices of a fine tessellation, on the exact surface and along its exact normals."""
-    made = part.tessellate_with_parameters(chord_tolerance)
-    s, t = made.parameters.T
-    corners = made.mesh.faces
-    thirds = np.linalg.norm(made.mesh.face_vectors, axis=1) / 6
-    areas = np.zeros(len(made.mesh.vertices))
+    tessellation = part.tessellate_with_parameters(chord_tolerance)
+    s, t = tessellation.parameters.T
+    corners = tessellation.mesh.faces
+    thirds = np.linalg.norm(tessellation.mesh.face_vectors, axis=1) / 6
+    areas = np.zeros(len(tessellation.mesh.vertices))
     for k in range(3):
         np.add.at(areas, corners[:, k], thirds)
-    return NormalProbes(made.mesh, part.positions(s, t), part.normals(s, t), areas)
+    return NormalProbes(tessellation.mesh, part.positions(s, t), part.normals(s, t), areas)

@@ -120,10 +120,10 @@ def rays_above(rays: RaySet, grid: RayGrid, direction: int, height: float) -> Ra
     u, v, _ = order(direction)
     i, j = np.nonzero(rays.tile_of >= 0)
     ray = np.arange(TILE * TILE)
-    places = np.zeros((len(i), len(ray), 3))
-    places[:, :, u] = rays.cell * (TILE * i[:, None] + ray % TILE + 0.5)
-    places[:, :, v] = rays.cell * (TILE * j[:, None] + ray // TILE + 0.5)
-    foot = grid.in_part(places.reshape(-1, 3))[:, 2].reshape(places.shape[:2])
+    points = np.zeros((len(i), len(ray), 3))
+    points[:, :, u] = rays.cell * (TILE * i[:, None] + ray % TILE + 0.5)
+    points[:, :, v] = rays.cell * (TILE * j[:, None] + ray // TILE + 0.5)
+    foot = grid.in_part(points.reshape(-1, 3))[:, 2].reshape(points.shape[:2])
     least = np.empty(foot.shape, dtype=np.float32)
     least[rays.tile_of[i, j]] = (height - foot) / grid.rotation[direction, 2]
 

@@ -127,7 +127,7 @@ class Sweeping:
         rays to cut works on them `beside`; returns them with their `reach`. Each set of rays answers what its `edges`
         engage before each piece is cut."""
         sections, parts = sections_of(cutter)
-        least = np.max([found.least for found in self.found], axis=0)
+        least = np.max([swept.least for swept in self.found], axis=0)
         # flutes matter where they may meet material, the others where they may come nearer than they have
         bounded = _bounded(pieces, sections, np.r_[0.0, least[parts[1:]]], self._bricks())
 
@@ -151,12 +151,12 @@ class Sweeping:
         """Take the pieces out of one set of rays, with more room on them where it is needed."""
         turned = in_grid(pieces, self.grid, direction)
         radius = float(sections[0, 2])
-        found = self.found[direction]
+        swept = self.found[direction]
         at = 0
         while at < len(pieces.starts):
             rays = self.sets[direction]
             above = sections[1:], parts[1:]
-            at = sweep(rays, turned, radius, *above, ALLOWED_TOUCH, at, found, direction, edges)
+            at = sweep(rays, turned, radius, *above, ALLOWED_TOUCH, at, swept, direction, edges)
             if at < len(pieces.starts):
                 self.sets[direction] = with_more_room(rays)
 
@@ -186,37 +186,37 @@ class Sweeping:
     @property
     def volumes(self) -> Float[ndarray, " n"]:
         """What each move has removed, the mean of the three sets, mm^3."""
-        return np.mean([found.volumes for found in self.found], axis=0)
+        return np.mean([swept.volumes for swept in self.found], axis=0)
 
     @property
     def depths(self) -> Float[ndarray, " n"]:
         """How deep each rapid and link cuts, by the set that tells it best, mm; 0 for cutting moves."""
-        return np.min([found.depths for found in self.found], axis=0)
+        return np.min([swept.depths for swept in self.found], axis=0)
 
     def clearance(self, part: int) -> tuple[float, int]:
         """The least signed distance (mm) of one of the PARTS from material, and its move (-1: more than WATCHED
         everywhere); of one that enters material that of the first move that does."""
-        touching = [found for found in self.found if found.touched[part] >= 0]
+        touching = [swept for swept in self.found if swept.touched[part] >= 0]
         if touching:
-            first = min(touching, key=lambda found: int(found.touched[part]))
+            first = min(touching, key=lambda swept: int(swept.touched[part]))
             return float(first.least[part]), int(first.touched[part])
-        best = min(self.found, key=lambda found: float(found.least[part]))
+        best = min(self.found, key=lambda swept: float(swept.least[part]))
         return float(best.least[part]), int(best.where[part])
 
     def touched(self, part: int) -> int:
         """The first move in which one of the PARTS enters material, -1 for none."""
-        moves = [int(found.touched[part]) for found in self.found if found.touched[part] >= 0]
+        moves = [int(swept.touched[part]) for swept in self.found if swept.touched[part] >= 0]
         return min(moves, default=-1)
 
 
 def volumes(sets: Sequence[RaySet]) -> list[float]:
     """The volume of the material as each set tells it, mm^3."""
-    found = []
+    totals = []
     for rays in sets:
         used = np.arange(rays.spans.shape[2] // 2) < rays.counts[:, :, None]
         lengths = (rays.spans[:, :, 1::2] - rays.spans[:, :, ::2])[used]
-        found.append(float(lengths.sum(dtype=np.float64)) * rays.cell**2)
-    return found
+        totals.append(float(lengths.sum(dtype=np.float64)) * rays.cell**2)
+    return totals
 
 
 def sections_of(cutter: Cutter) -> tuple[Float[ndarray, "s 4"], Int[ndarray, " s"]]:
@@ -238,8 +238,8 @@ def _bounded(
 
     def bound(some: slice) -> None:
         poses = (pieces.starts, pieces.ends, pieces.start_axes, pieces.end_axes)
-        places = [pose[some] for pose in poses]
-        bound_clearances(*places, sections, watched, bricks, bounds[some], near[some])
+        sliced = [pose[some] for pose in poses]
+        bound_clearances(*sliced, sections, watched, bricks, bounds[some], near[some])
 
     in_pieces(bound, len(bounds), BOUNDED)
     reach = np.where(bounds[:, 0] < 0, near[:, 0, 1], 0.0)

@@ -51,21 +51,21 @@ def table_clearance(
             int(part.moves[touched]) if touched >= 0 else -1,
         )
 
-    found = in_pieces(measure, len(pieces.starts), AT_ONCE)
-    least, move, name, _ = min(found, key=lambda one: one[0])
-    return least, move, name, min((one[3] for one in found if one[3] >= 0), default=-1)
+    clearances = in_pieces(measure, len(pieces.starts), AT_ONCE)
+    least, move, name, _ = min(clearances, key=lambda one: one[0])
+    return least, move, name, min((one[3] for one in clearances if one[3] >= 0), default=-1)
 
 
 def shell_clearance(motions: Motions, cutters: Sequence[Cutter], shell: TriangleMesh) -> Clearance:
     """How near the whole tool comes to the shell of a second clamping, to NEAR mm; they touch where that is not sure
     to be no contact."""
     solid = MeshDistance(shell)
-    found = [
+    clearances = [
         solid_clearance(motions, moves, cutter, solid)
         for cutter in cutters
         if len(moves := np.flatnonzero(motions.tools == cutter.number))
     ]
-    near, move = min(found)
+    near, move = min(clearances)
     x, y, z = (float(value) for value in motions.tips[move])
     line = int(motions.lines[move])
     return Clearance("tool", Spot(near, line, (x, y, z)), line if near < NEAR else 0)

@@ -41,18 +41,18 @@ class Certificate:
     def shortfalls(self, limit: float) -> tuple[str, ...]:
         """What is not certain to be within the tolerances of the check, and where, for a cut of at most
         `limit` mm; nothing where the cut is certified."""
-        found = []
+        shortfalls = []
         if self.depth > limit + DEPTH_TOLERANCE:
             place = place_name(self.depth_place)
-            found.append(f"may be {self.depth:.4f} mm deep, more than {limit:g} mm, at {place}")
+            shortfalls.append(f"may be {self.depth:.4f} mm deep, more than {limit:g} mm, at {place}")
 
         if self.nesting < -NESTING_TOLERANCE:
             known = np.isfinite(self.nesting)
             behind = f"may fall behind the level before by {-self.nesting:.4f} mm"
             shortfall = behind if known else "is not proven to hold the level before"
-            found.append(f"{shortfall} at {place_name(self.nesting_place)}")
+            shortfalls.append(f"{shortfall} at {place_name(self.nesting_place)}")
 
         if self.outside > STOCK_TOLERANCE:
             place = place_name(self.outside_place)
-            found.append(f"may leave the stock by {self.outside:.4f} mm at {place}")
-        return tuple(found)
+            shortfalls.append(f"may leave the stock by {self.outside:.4f} mm at {place}")
+        return tuple(shortfalls)

@@ -25,14 +25,14 @@ def certify(
     """
     if len(limits) != len(surfaces):
         raise ValueError(f"{len(surfaces)} levels and the stock need as many limits, not {len(limits)}")
-    found = []
+    certificates = []
     for k, (inner, limit) in enumerate(zip(surfaces, limits), start=1):
         report(progress, k / len(surfaces), f"certifying level {k}")
         if k < len(surfaces):
-            found.append(certify_cut(inner, surfaces[k], stock, limit))
+            certificates.append(certify_cut(inner, surfaces[k], stock, limit))
         else:
-            found.append(certify_last_cut(inner, stock, limit))
-    return tuple(found)
+            certificates.append(certify_last_cut(inner, stock, limit))
+    return tuple(certificates)
 
 
 def certify_cut(inner: TSpline, outer: TSpline, stock: Stock, limit: float) -> Certificate:

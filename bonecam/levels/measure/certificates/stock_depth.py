@@ -45,7 +45,7 @@ def bound_mesh_depth(
     where; how many pieces were bounded."""
     middles = faces.mean(1)
     seeds = target.seeds.reshape(-1, 5)
-    near, nearest_seed = (np.asarray(found) for found in cKDTree(seeds[:, 2:]).query(middles))
+    near, nearest_seed = (np.asarray(values) for values in cKDTree(seeds[:, 2:]).query(middles))
     order = np.argsort(-near, kind="stable")
     reach = near + np.linalg.norm(faces - middles[:, None], axis=2).max(1)
     depth = 0.0

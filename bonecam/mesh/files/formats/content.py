@@ -50,17 +50,21 @@ def numbered_words(data: bytes) -> Iterator[tuple[int, list[str]]]:
 def point(words: Sequence[str], line: int, size: int = 3) -> list[float]:
     """The first `size` words as finite numbers; ContentError names the line and the word."""
     try:
-        found = list(map(float, words[:size]))
+        coordinates = list(map(float, words[:size]))
     except ValueError:
-        found = []
-    if len(found) == size and isfinite(sum(found)) and not any("_" in word for word in words[:size]):
-        return found
+        coordinates = []
+    if (
+        len(coordinates) == size
+        and isfinite(sum(coordinates))
+        and not any("_" in word for word in words[:size])
+    ):
+        return coordinates
     for word in words[:size]:
         if not _is_number(word):
             raise ContentError(f"{shortened(word, 40)!r} is not a number", line=line)
     if len(words) < size:
         raise ContentError(f"{len(words)} numbers are no point", line=line)
-    raise ContentError(f"a coordinate of {max(found, key=abs):.3g}", line=line)
+    raise ContentError(f"a coordinate of {max(coordinates, key=abs):.3g}", line=line)
 
 
 def _is_number(word: str) -> bool:
@@ -72,12 +76,12 @@ def _is_number(word: str) -> bool:
 
 def whole_numbers(words: Sequence[str], line: int) -> list[int]:
     """The words as whole numbers of at most 64 bits; ContentError names the line and the word."""
-    found = []
+    numbers = []
     for word in words:
         if len(word) > 18 or not word.removeprefix("-").removeprefix("+").isdigit():
             raise ContentError(f"has a word where a number should stand ({word[:40]!r})", line=line)
-        found.append(int(word))
-    return found
+        numbers.append(int(word))
+    return numbers
 
 
 def filled(points: Sequence[float], corners: Sequence[int], counts: Sequence[int]) -> Content:

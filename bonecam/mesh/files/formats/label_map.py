@@ -67,8 +67,8 @@ def read_label_map(file: Path) -> LabelMap:
     try:
         image = SimpleITK.ReadImage(str(file))
     except RuntimeError as error:
-        told = str(error).strip().splitlines()[-1].strip()[:200]
-        raise file_error(file, f"cannot be read ({told})", "write it anew from its source") from error
+        reason = str(error).strip().splitlines()[-1].strip()[:200]
+        raise file_error(file, f"cannot be read ({reason})", "write it anew from its source") from error
     if image.GetDimension() != 3 or image.GetNumberOfComponentsPerPixel() != 1:
         raise file_error(file, "is no map of one number a voxel in space", "export one label map (3D)")
     return _label_map(file, image, SimpleITK.GetArrayViewFromImage)
@@ -84,8 +84,8 @@ def _label_map(file: Path, image: Any, values_of: Callable[[Any], Any]) -> Label
     transform = np.eye(4)
     transform[:3, :3] = np.array(image.GetDirection()).reshape(3, 3)
     transform[:3, 3] = image.GetOrigin()
-    found = LabelMap(file, labels, np.array(image.GetSpacing()), transform)
-    if len(found.counts) > MOST_LABELS:
-        what = f"holds {len(found.counts)} different values"
+    label_map = LabelMap(file, labels, np.array(image.GetSpacing()), transform)
+    if len(label_map.counts) > MOST_LABELS:
+        what = f"holds {len(label_map.counts)} different values"
         raise file_error(file, what, "give the segmentation, not the scan")
-    return found
+    return label_map

@@ -26,17 +26,17 @@ def parse_obj(data: bytes) -> Content:
     points = array("d")
     corners = array("q")
     counts = array("q")
-    found = dict.fromkeys(NAMES, 0)
+    totals = dict.fromkeys(NAMES, 0)
     highest = dict.fromkeys(NAMES, (0, 0))
     for line, words in numbered_words(data):
         kind = words[0]
         if kind in NAMES:
-            found[kind] += 1
+            totals[kind] += 1
             values = point(words[1:], line, 2 if kind == "vt" else 3)
             if kind == "v":
                 points.extend(values)
         elif kind == "f":
-            for table, named in _columns(words[1:], line, found):
+            for table, named in _columns(words[1:], line, totals):
                 highest[table] = max(highest[table], (max(named), line))
                 if table == "v":
                     corners.extend(index - 1 for index in named)
@@ -44,12 +44,12 @@ def parse_obj(data: bytes) -> Content:
         elif kind not in OTHERS or (len(words) < 2 and kind not in MAY_STAND_ALONE):
             raise ContentError(f"{' '.join(words)[:40]!r} is nothing of an OBJ", line=line)
     for table, (index, line) in highest.items():
-        if index > found[table]:
-            raise ContentError(f"a face names {NAMES[table]} {index} of {found[table]}", line=line)
+        if index > totals[table]:
+            raise ContentError(f"a face names {NAMES[table]} {index} of {totals[table]}", line=line)
     return filled(points, corners, counts)
 
 
-def _columns(words: list[str], line: int, found: dict[str, int]) -> list[tuple[str, list[int]]]:
+def _columns(words: list[str], line: int, totals: dict[str, int]) -> list[tuple[str, list[int]]]:
     """The vertices of a face, and the texture corners and normals where it names them, counted from 1."""
     parts = [word.split("/") for word in words] if "/" in "".join(words) else [[word] for word in words]
     if any(len(part) > len(NAMES) or not part[0] for part in parts):
@@ -57,7 +57,7 @@ def _columns(words: list[str], line: int, found: dict[str, int]) -> list[tuple[s
     columns = []
     for k, table in enumerate(NAMES):
         texts = [part[k] for part in parts if len(part) > k and part[k]]
-        named = [i if i >= 0 else i + found[table] + 1 for i in whole_numbers(texts, line)]
+        named = [i if i >= 0 else i + totals[table] + 1 for i in whole_numbers(texts, line)]
         if min(named, default=1) < 1:
             raise ContentError("a face names a vertex before the first", line=line)
         if k == 0 and (len(named) < 3 or len(set(named)) < len(named) > 3):

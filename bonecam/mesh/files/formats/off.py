@@ -36,9 +36,9 @@ def parse_off(data: bytes) -> Content:
     for number, words in islice(lines, max(0, vertices)):
         points.extend(point(words, number))
     for number, words in islice(lines, max(0, faces)):
-        found = _corners(words, number, vertices)
-        corners.extend(found)
-        counts.append(len(found))
+        polygon = _corners(words, number, vertices)
+        corners.extend(polygon)
+        counts.append(len(polygon))
     if len(counts) < faces or len(points) < 3 * vertices:
         raise ContentError(f"is cut short: {faces} faces are told of, {len(counts)} are there", CUT_SHORT)
     return filled(points, corners, counts)

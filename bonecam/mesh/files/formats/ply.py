@@ -50,12 +50,12 @@ def parse_ply(data: bytes) -> Content:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # numpy's, of empty lists and of numbers beyond their type
         try:
-            found = plyfile.PlyData.read(_Stream(header + body))
+            ply = plyfile.PlyData.read(_Stream(header + body))
         except plyfile.PlyParseError as error:
             raise ContentError(f"is no readable PLY file ({_reason(error)})", CUT_SHORT) from error
         except (ValueError, OverflowError, TypeError) as error:
             raise ContentError(f"has a word where a number should stand ({_reason(error)})") from error
-    tables = {element.name: element for element in found.elements}
+    tables = {element.name: element for element in ply.elements}
     if "vertex" not in tables or not {"x", "y", "z"} <= set(tables["vertex"].data.dtype.names or ()):
         raise ContentError("holds no vertices with x, y and z")
     columns = [tables["vertex"].data[axis] for axis in "xyz"]
@@ -118,14 +118,14 @@ def _lists(element: Any) -> list[ndarray]:
 
 def _strip_triangles(strips: list[ndarray]) -> list[ndarray]:
     """The triangles of strips of vertex numbers; -1 begins a strip anew, every other triangle is turned."""
-    found = []
+    triangles = []
     for strip in strips:
         pieces = np.split(strip, np.flatnonzero(strip == -1))
         for piece in pieces:
             run = piece[piece != -1]
             for k in range(len(run) - 2):
-                found.append(run[k : k + 3] if k % 2 == 0 else run[[k + 1, k, k + 2]])
-    return found
+                triangles.append(run[k : k + 3] if k % 2 == 0 else run[[k + 1, k, k + 2]])
+    return triangles
 
 
 def _content(vertices: ndarray, polygons: list[ndarray]) -> Content:

@@ -61,20 +61,20 @@ def _ears(vertices: Float[ndarray, "n 3"], corners: Int64[ndarray, " k"]) -> Int
     if (normal[axis] < 0) != (axis == 1):
         flat = flat * [1.0, -1.0]
     left = list(range(len(corners)))
-    found = []
+    triangles = []
     at = 0
     tried = 0
     while len(left) > 3:
         trio = [left[at - 1], left[at], left[(at + 1) % len(left)]]
         if tried >= len(left) or _is_ear(flat, trio, left):
-            found.append(trio)
+            triangles.append(trio)
             del left[at]
             tried = 0
         else:
             at += 1
             tried += 1
         at %= len(left)
-    return corners[np.array([*found, left])]
+    return corners[np.array([*triangles, left])]
 
 
 def _is_ear(flat: Float[ndarray, "k 2"], trio: list[int], left: list[int]) -> bool:

@@ -45,8 +45,8 @@ def _scene(data: bytes, kind: str) -> Any:
     try:
         return trimesh.load_scene(io.BytesIO(data), file_type=kind, process=False)
     except Exception as error:
-        told = " ".join(f"{type(error).__name__} {error}".split())[:200]
-        raise ContentError(f"cannot be read as {kind.upper()} ({told})") from error
+        reason = " ".join(f"{type(error).__name__} {error}".split())[:200]
+        raise ContentError(f"cannot be read as {kind.upper()} ({reason})") from error
 
 
 def _content(scene: Any, scale: float = 1.0) -> Content:

@@ -34,9 +34,9 @@ def parse_stl(data: bytes) -> Content:
 def _no_stl(data: bytes, count: int) -> ContentError:
     if all(byte in b"\t\n\r" or 32 <= byte < 127 for byte in data[:512]):
         return ContentError("is text but no STL", "give an STL, or name the file by its true kind")
-    found = max(0, (len(data) - HEADER) // FACET.itemsize)
+    facets = max(0, (len(data) - HEADER) // FACET.itemsize)
     return ContentError(
-        f"is no whole STL: its header tells of {count} triangles, {found} are there",
+        f"is no whole STL: its header tells of {count} triangles, {facets} are there",
         f"{CUT_SHORT}, or name it by its true kind",
     )
 

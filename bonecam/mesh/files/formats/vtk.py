@@ -48,10 +48,10 @@ def _numbers(
     data: bytes, pattern: bytes, start: int, binary: bool, size: int, count: int | None = None
 ) -> tuple[ndarray, int]:
     """The numbers behind a keyword with its count (unless that is known) and type, `size` each, and where they end."""
-    found = re.compile(pattern + rb"[^\S\n]*\n").search(data, start)
-    if found is None:
+    match = re.compile(pattern + rb"[^\S\n]*\n").search(data, start)
+    if match is None:
         raise ContentError("is cut short: points or corners are missing", CUT_SHORT)
-    return _values(data, found.end(), binary, found[2], size * (int(found[1]) if count is None else count))
+    return _values(data, match.end(), binary, match[2], size * (int(match[1]) if count is None else count))
 
 
 def _values(data: bytes, start: int, binary: bool, kind: bytes, count: int) -> tuple[ndarray, int]:
@@ -101,11 +101,11 @@ def parse_vtp(data: bytes) -> Content:
     with temporary_folder() as folder:
         file = folder / "surface.vtu"
         file.write_bytes(_as_grid(data))
-        found = _read(read, file)
-    cells = [block.data for block in found.cells if block.data.shape[1] >= 3]
+        grid = _read(read, file)
+    cells = [block.data for block in grid.cells if block.data.shape[1] >= 3]
     corners = np.concatenate([block.ravel() for block in cells] or [np.empty(0)]).astype(np.int64)
     counts = np.concatenate([np.full(len(block), block.shape[1]) for block in cells] or [np.empty(0)])
-    return _content(_in_space(found.points), corners, counts.astype(np.int64))
+    return _content(_in_space(grid.points), corners, counts.astype(np.int64))
 
 
 def _in_space(points: Float[ndarray, "n d"]) -> ndarray:
@@ -119,9 +119,9 @@ def _read(read: Any, file: Path) -> Any:
     try:
         return read(str(file))
     except (Exception, SystemExit) as error:
-        told = " ".join(f"{type(error).__name__} {error}".split())[:200]
+        reason = " ".join(f"{type(error).__name__} {error}".split())[:200]
         remedy = "save it anew, its data in text or binary and not appended raw"
-        raise ContentError(f"cannot be read as VTP ({told})", remedy) from error
+        raise ContentError(f"cannot be read as VTP ({reason})", remedy) from error
 
 
 def _as_grid(data: bytes) -> bytes:

@@ -44,14 +44,16 @@ class Ball:
         """The centre of the ball outside the part that lies nearest to each point: looked for from free balls, and
         again from one that was found for another point where that lies nearer."""
         starts = np.asarray(self.free.data)[np.asarray(self.free.query(points)[1])]
-        found = nearest_centres(self.distance, points, starts, self.radius)
+        centres = nearest_centres(self.distance, points, starts, self.radius)
         for _ in range(AGAIN):
-            away, other = cKDTree(found).query(points)
-            nearer = np.asarray(away) < lengths(found - points) - ACCURACY
+            away, other = cKDTree(centres).query(points)
+            nearer = np.asarray(away) < lengths(centres - points) - ACCURACY
             if not nearer.any():
                 break
-            found[nearer] = nearest_centres(self.distance, points[nearer], found[other][nearer], self.radius)
-        return found
+            centres[nearer] = nearest_centres(
+                self.distance, points[nearer], centres[other][nearer], self.radius
+            )
+        return centres
 
     def onto(self, points: Float[ndarray, "n 3"], *, both_ways: bool = False) -> Float[ndarray, "n 3"]:
         """The points moved onto the ball that lies nearest; one that it reaches stays, unless points are to move

@@ -95,10 +95,10 @@ def cap(
     vertices = np.array(closed.vertices)
     for _ in range(SMOOTHINGS if inside.any() else 1):
         vertices[inside] = onto(vertices[inside])
-        found = TriangleMesh(vertices.copy(), closed.faces)
-        if not len(self_intersections(found)):
-            return Capped(found, old)
-        vertices[inside] = neighbour_middles(found)[inside]
+        capped = TriangleMesh(vertices.copy(), closed.faces)
+        if not len(self_intersections(capped)):
+            return Capped(capped, old)
+        vertices[inside] = neighbour_middles(capped)[inside]
     return None
 
 

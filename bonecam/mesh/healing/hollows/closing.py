@@ -37,7 +37,7 @@ def nearest_centres(
     """
     mesh = distance.mesh
     normals = mesh.face_vectors / np.maximum(lengths(mesh.face_vectors), np.finfo(float).tiny)[:, None]
-    found = starts.copy()
+    nearest = starts.copy()
     tried = starts.copy()
     feet = np.full((len(points), MOST_FEET, 3), np.inf)
     outward = np.zeros((len(points), MOST_FEET, 3))
@@ -45,10 +45,10 @@ def nearest_centres(
     for _ in range(ROUNDS):
         foot, face = exact_closest(mesh, tried[going])
         away = tried[going] - foot
-        nearer = lengths(tried[going] - points[going]) < lengths(found[going] - points[going])
+        nearer = lengths(tried[going] - points[going]) < lengths(nearest[going] - points[going])
         nearer &= lengths(away) >= radius - ACCURACY
         nearer[nearer] = ~distance.inside(tried[going[nearer]])
-        found[going[nearer]] = tried[going[nearer]]
+        nearest[going[nearer]] = tried[going[nearer]]
         slot = _slots(foot, feet[going], tried[going], SAME * radius)
         feet[going, slot] = foot
         outward[going, slot] = normals[face]
@@ -58,7 +58,7 @@ def nearest_centres(
         going = going[on]
         if not len(going):
             break
-    return found
+    return nearest
 
 
 def _slots(

@@ -64,19 +64,19 @@ class Fill:
     def repairs(self) -> tuple[Repair, ...]:
         """What was done; nothing where there is no hollow."""
         ball = f"that a ball of {self.radius:g} mm cannot reach"
-        found = []
+        repairs = []
         if self.hollows:
             size = (
                 f"{self.area:.1f} mm2, {self.volume:.2f} mm3, deepest at {place_name(np.array(self.place))}"
             )
-            found.append(
+            repairs.append(
                 Repair(f"filled {counted(self.hollows, 'hollow')} {ball}, {size}", outward=self.depth)
             )
         if self.open:
-            found.append(
+            repairs.append(
                 Repair(f"left {counted(self.open, 'hollow')} {ball} open: a fill would cut the part")
             )
-        return tuple(found)
+        return tuple(repairs)
 
     @property
     def report(self) -> dict[str, Any]:

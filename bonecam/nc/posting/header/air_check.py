@@ -97,10 +97,10 @@ def _in_machine(
     machine: Machine, vectors: Float[ndarray, "n 3"], rotary: Float[ndarray, "2"]
 ) -> Float[ndarray, "n 3"]:
     """Directions fixed to the part, in the machine's frame."""
-    places = inverse_linear(
+    positions = inverse_linear(
         machine, np.vstack([np.zeros(3), vectors]), np.tile(rotary, (len(vectors) + 1, 1))
     )
-    return places[1:, :3] - places[0, :3]
+    return positions[1:, :3] - positions[0, :3]
 
 
 def _part_frame(machine: Machine, rotary: Float[ndarray, "2"]) -> Float[ndarray, "3 3"]:

@@ -40,10 +40,10 @@ def header_lines(
     """The first blocks of a program: its `comments`, of what must be mounted too, the blank, which fills `bounds`
     (mm) in the control's simulation, the `air_check`, and the safe start with the finest tolerances."""
     length = dialect.numbers.length
-    places = "low_x low_y low_z high_x high_y high_z".split()
+    fields = "low_x low_y low_z high_x high_y high_z".split()
     blank = machine.in_machine(np.array(list(product(*bounds.T))))
     box = np.array([blank.min(axis=0), blank.max(axis=0)])
-    corners = dict(zip(places, map(length.text, box.ravel()), strict=True))
+    corners = dict(zip(fields, map(length.text, box.ravel()), strict=True))
     texts = [
         f"machine {machine.title}",
         f"control {dialect.title}",
@@ -106,9 +106,9 @@ def record_simulation(program: Program, dialect: Dialect, cell: float, bending: 
     return _with_line(program, dialect, UNSIMULATED, f"{simulated}, {bending}" if bending else simulated)
 
 
-def _with_line(program: Program, dialect: Dialect, before: str, told: str) -> Program:
+def _with_line(program: Program, dialect: Dialect, before: str, after: str) -> Program:
     """The program in whose header one comment is another."""
     line = comment(before, dialect)
     if program.text.count(line) != 1:
         raise ValueError(f"the program has no line {line!r}: give it as it was written")
-    return replace(program, text=program.text.replace(line, comment(told, dialect)))
+    return replace(program, text=program.text.replace(line, comment(after, dialect)))

@@ -62,18 +62,18 @@ def choose_angles(
     machine comes from; an axis without limits starts within half a turn of them. `liftable`: rows before which the
     path may be lifted for a rewind, where it is being planned; else it may be at rapids only.
     """
-    found, free = inverse_rotary(machine, axes, hold_cone)
-    _check_reach(machine, found)
+    solutions, free = inverse_rotary(machine, axes, hold_cone)
+    _check_reach(machine, solutions)
     fixed = np.flatnonzero(~free.any(1))
     angles = np.zeros((len(axes), 2))
     rewinds = np.zeros(len(axes), dtype=bool)
     if len(fixed):
         costs = _rewind_costs(kinds, axes, liftable)[fixed[1:]]
-        angles[fixed], rewinds[fixed] = _least_travel(machine, found[fixed], axes, costs, fixed, before)
+        angles[fixed], rewinds[fixed] = _least_travel(machine, solutions[fixed], axes, costs, fixed, before)
     held = np.flatnonzero(free.any(1))
     if len(held):
         angles[held] = _held_angles(
-            machine, found[held], free=free[held], held=held, fixed=fixed, angles=angles[fixed]
+            machine, solutions[held], free=free[held], held=held, fixed=fixed, angles=angles[fixed]
         )
     for column, axis in enumerate(machine.rotary):
         if not axis.bounded:
@@ -103,13 +103,13 @@ def _rewind_costs(
     return costs
 
 
-def _check_reach(machine: Machine, found: ndarray) -> None:
+def _check_reach(machine: Machine, angles: ndarray) -> None:
     """MachineError for the first row with no solution within the limits of the rotary axes."""
-    reached = within_limits(machine, found).any(1)
+    reached = within_limits(machine, angles).any(1)
     if reached.all():
         return
     row = int(np.argmin(reached))
-    solutions = found[row][np.isfinite(found[row]).all(1)]
+    solutions = angles[row][np.isfinite(angles[row]).all(1)]
     if not len(solutions):
         raise MachineError(
             f"point {row}: no rotary angles of {machine.title} reach this tool axis: make path.max_tilt_deg smaller",
@@ -137,12 +137,12 @@ def _check_reach(machine: Machine, found: ndarray) -> None:
 
 
 def _held_angles(
-    machine: Machine, found: ndarray, free: ndarray, held: ndarray, fixed: ndarray, angles: ndarray
+    machine: Machine, solutions: ndarray, free: ndarray, held: ndarray, fixed: ndarray, angles: ndarray
 ) -> Float[ndarray, "h 2"]:
     """The angles (rad) of the rows `held`: the free one between those of the rows `fixed`, the other one in their
     turn, of the first solution within the limits: on the singular axis the solutions differ by rounding only."""
-    first = np.argmax(within_limits(machine, found), axis=1)
-    chosen = np.take_along_axis(found, first[:, None, None], axis=1)[:, 0]
+    first = np.argmax(within_limits(machine, solutions), axis=1)
+    chosen = np.take_along_axis(solutions, first[:, None, None], axis=1)[:, 0]
     for column, axis in enumerate(machine.rotary):
         rest = float(np.clip(0.0, *axis.limits))
         near = np.interp(held, fixed, angles[:, column]) if len(fixed) else np.full(len(held), rest)
@@ -161,14 +161,14 @@ def _turns_within(axis: RotaryAxis, angles: ndarray) -> tuple[ndarray, ndarray]:
     return least, np.floor((high + LIMIT_GUARD - angles) / FULL_TURN)
 
 
-def _turns(machine: Machine, found: ndarray) -> tuple[Int[ndarray, " a"], Int[ndarray, " b"]]:
+def _turns(machine: Machine, solutions: ndarray) -> tuple[Int[ndarray, " a"], Int[ndarray, " b"]]:
     """The whole turns that may be added to the solutions of each rotary axis; 0 alone for one without limits."""
     turns = []
     for column, axis in enumerate(machine.rotary):
         if not axis.bounded:
             turns.append(np.zeros(1, dtype=np.int64))
             continue
-        least, most = _turns_within(axis, found[:, :, column])
+        least, most = _turns_within(axis, solutions[:, :, column])
         turns.append(np.arange(np.nanmin(least), np.nanmax(most) + 1).astype(np.int64))
     limit = MAX_TURNS_OF_BOTH if min(map(len, turns)) > MAX_TURNS_OF_BOTH else MAX_TURNS
     first_turns, second_turns = (np.sort(some[np.argsort(np.abs(some))[:limit]]) for some in turns)
@@ -177,7 +177,7 @@ def _turns(machine: Machine, found: ndarray) -> tuple[Int[ndarray, " a"], Int[nd
 
 def _least_travel(
     machine: Machine,
-    found: Float[ndarray, "m 2 2"],
+    solutions: Float[ndarray, "m 2 2"],
     axes: Float[ndarray, "n 3"],
     costs: Float[ndarray, "m-1"],
     fixed: Int[ndarray, "m"],
@@ -185,9 +185,9 @@ def _least_travel(
 ) -> tuple[Float[ndarray, "m 2"], Bool[ndarray, "m"]]:
     """The angles (rad) of the rows `fixed` with the fewest rewinds, whose `costs` are given, and the least travel; and
     which of these rows a rewind leads to. MachineError where no sequence stays within the limits."""
-    first_turns, second_turns = _turns(machine, found)
+    first_turns, second_turns = _turns(machine, solutions)
     turns = np.array([[a, b] for a in first_turns for b in second_turns])
-    values = (found[:, :, None, :] + FULL_TURN * turns).reshape(len(found), -1, 2)
+    values = (solutions[:, :, None, :] + FULL_TURN * turns).reshape(len(solutions), -1, 2)
     allowed = np.asarray(np.isfinite(values).all(axis=2))
     start = np.zeros(values.shape[1])
     for column, axis in enumerate(machine.rotary):
@@ -200,8 +200,8 @@ def _least_travel(
         else:
             start += 1e-3 * np.abs(values[0, :, column])
     # a solution beyond the limits in every turn is none
-    usable = np.asarray(allowed.reshape(*found.shape[:2], -1).any(axis=2))
-    travel, wraps = rotary_steps(machine, np.where(usable[:, :, None], found, np.nan), axes[fixed])
+    usable = np.asarray(allowed.reshape(*solutions.shape[:2], -1).any(axis=2))
+    travel, wraps = rotary_steps(machine, np.where(usable[:, :, None], solutions, np.nan), axes[fixed])
     bounded = np.array([axis.bounded for axis in machine.rotary])
     jumps = np.where(np.diff(fixed) > 1, 0.0, costs)
     size = len(first_turns), len(second_turns)

@@ -87,12 +87,12 @@ def _at_limits(
 ) -> Float[ndarray, " k"]:
     """The places within cuts where a solution has an axis at a limit, in any turn, between two of `fine` ones."""
     cut = np.flatnonzero(is_cut[np.floor(fine[:-1]).astype(np.int64)])
-    found, _ = inverse_rotary(machine, _axes_at(axes, fine))
+    solutions, _ = inverse_rotary(machine, _axes_at(axes, fine))
     places = [np.zeros(0)]
     for column, axis in enumerate(machine.rotary):
         for limit in {round(limit % FULL_TURN, 12) for limit in axis.limits if axis.has_choice}:
             for solution in range(2):
-                off = found[:, solution, column] - limit
+                off = solutions[:, solution, column] - limit
                 start = _wrapped(off[cut])
                 end = start + _wrapped(off[cut + 1] - off[cut])
                 crossing = cut[(start * end < 0) & (np.abs(start) + np.abs(end) < np.pi)]
@@ -112,8 +112,8 @@ def _halved(
     """The places between pairs of places at which a joint passes a limit (rad)."""
 
     def side(places: Float[ndarray, " k"]) -> Float[ndarray, " k"]:
-        found, _ = inverse_rotary(machine, _axes_at(axes, places))
-        return np.sign(_wrapped(found[:, solution, column] - limit))
+        solutions, _ = inverse_rotary(machine, _axes_at(axes, places))
+        return np.sign(_wrapped(solutions[:, solution, column] - limit))
 
     low, high = ends
     first = side(low)

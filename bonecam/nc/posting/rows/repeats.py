@@ -31,7 +31,7 @@ def with_rows(path: ToolPath, kept: Bool[ndarray, "n"]) -> ToolPath:
     """The path with these rows alone."""
     if kept.all():
         return path
-    places = np.cumsum(kept) - 1
+    indices = np.cumsum(kept) - 1
     cones = path.cones and replace(path.cones, cone_of=path.cones.cone_of[kept])
     columns = {name: getattr(path, name)[kept] for name in ROWS}
-    return replace(path, **columns, cones=cones, lifts=places[path.lifts])
+    return replace(path, **columns, cones=cones, lifts=indices[path.lifts])

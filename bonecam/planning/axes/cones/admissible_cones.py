@@ -89,12 +89,12 @@ class AxisCones:
         means = unit(np.column_stack(sums))
         rows = np.flatnonzero(self.shapes.off(means) > DEEP * self.shapes.mean_angles)
         _, leaves = sphere_leaves()
-        frames, found = largest_ellipses(
+        frames, has_cone = largest_ellipses(
             free.proven[rows], means[rows], leaves, free.directions, self.circular
         )
-        found &= free.free[rows].any(axis=1)
-        made = EllipticCones.oblique(frames, found)
-        return replace(self, shapes=self.shapes.with_rows(rows, made), check=None)
+        has_cone &= free.free[rows].any(axis=1)
+        cones = EllipticCones.oblique(frames, has_cone)
+        return replace(self, shapes=self.shapes.with_rows(rows, cones), check=None)
 
     def as_circles(self) -> "AxisCones":
         """Without cones as yet, and such that circular ones are sought: their sections across the wanted axes are

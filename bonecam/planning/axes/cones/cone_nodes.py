@@ -48,13 +48,13 @@ def make_net(
     apart = np.hstack([means[:, :3] / spacing, unit(means[:, 3:])])
     _, node = KDTree(apart).query(np.hstack([centres / spacing, normals]))
     _, node_of = np.unique(node, return_inverse=True)
-    places = np.column_stack([_means(node_of, x) for x in centres.T])
+    points = np.column_stack([_means(node_of, x) for x in centres.T])
     facing_of = unit(np.column_stack([_means(node_of, x) for x in normals.T]))
     # half a move, being straight, is no further off than its ends
     ends = np.concatenate([centres[:, None], middles], axis=1)
-    off = np.linalg.norm(ends - places[node_of][:, None], axis=2).max(axis=1)
+    off = np.linalg.norm(ends - points[node_of][:, None], axis=2).max(axis=1)
     turned = 2 * np.arcsin(np.clip(lengths(normals - facing_of[node_of]) / 2, 0, 1))
-    return ConeNodes(places, node_of, _largest(node_of, off), facing_of, _largest(node_of, turned))
+    return ConeNodes(points, node_of, _largest(node_of, off), facing_of, _largest(node_of, turned))
 
 
 def _means(group: Int[ndarray, " n"], values: Float[ndarray, " n"]) -> Float[ndarray, " k"]:
@@ -62,9 +62,9 @@ def _means(group: Int[ndarray, " n"], values: Float[ndarray, " n"]) -> Float[nda
 
 
 def _largest(group: Int[ndarray, " n"], values: Float[ndarray, " n"]) -> Float[ndarray, " k"]:
-    found = np.zeros(group.max(initial=-1) + 1)
-    np.maximum.at(found, group, values)
-    return found
+    largest = np.zeros(group.max(initial=-1) + 1)
+    np.maximum.at(largest, group, values)
+    return largest
 
 
 def join_nets(nets: Sequence[tuple[ndarray, ConeNodes, ndarray]], contacts: int) -> ConeNodes:

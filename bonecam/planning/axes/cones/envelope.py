@@ -48,11 +48,11 @@ class Sweep:
     def steps(self) -> tuple["Sweep", ...]:
         """Sweeps that hold it together, and less below: growth rounds the edge of the section there, which they follow
         as a stair."""
-        found = []
+        sweeps = []
         for out, down in STAIRS:
             start, radius = self.start - down * self.growth, self.radius + out * self.growth
-            found.append(Sweep(start, self.end + self.growth, radius, self.first, self.second, 0.0))
-        return tuple(found)
+            sweeps.append(Sweep(start, self.end + self.growth, radius, self.first, self.second, 0.0))
+        return tuple(sweeps)
 
     def holds(self, points: Float[ndarray, "n 3"], sides: int) -> Bool[ndarray, " n"]:
         """Which points, in the frame of the mesh, lie within the bounds that it has."""

@@ -154,10 +154,10 @@ def _in_pieces(free: FreeAxes, middles: Float[ndarray, "n 2 3"]) -> FreeAxes:
     contact[net.node_of] = np.arange(len(net.node_of))
     share = (np.arange(PIECES) + 0.5) / PIECES
     ways = middles[contact[nodes]] - net.places[nodes][:, None]
-    places = (net.places[nodes][:, None, None] + ways[:, :, None] * share[:, None]).reshape(-1, 3)
+    apexes = (net.places[nodes][:, None, None] + ways[:, :, None] * share[:, None]).reshape(-1, 3)
     growth = np.repeat(np.linalg.norm(ways, axis=2).ravel() / (2 * PIECES), PIECES)
     each = np.repeat(nodes, 2 * PIECES)
-    pieces = Apexes(places, growth, one.normals[each], one.spread[each], one.room[each])
+    pieces = Apexes(apexes, growth, one.normals[each], one.spread[each], one.room[each])
     starts = 2 * PIECES * np.arange(len(nodes) + 1)
     limits = free.limits._replace(above=free.limits.above[nodes], normals=free.limits.normals[nodes])
     asked = within_limits(limits, leaf_centres(), BAND)

@@ -87,20 +87,20 @@ class _Marching:
     def _march(self, start: Float[ndarray, "2"], step: float) -> tuple[list[ndarray], bool]:
         """The points after the start in one direction, and whether they come back to it."""
         first = self.point(start)
-        found: list[ndarray] = []
+        points: list[ndarray] = []
         at = start
         while abs(step) > FINEST * self.step:
             after = self._next(at, step)
             if after is None or not self.within(after):
                 step /= 2
                 continue
-            if len(found) > 1 and np.linalg.norm(self.point(after) - first) < 0.75 * self.step:
-                return found, True
-            found.append(after)
-            if len(found) > MAX_POINTS:
+            if len(points) > 1 and np.linalg.norm(self.point(after) - first) < 0.75 * self.step:
+                return points, True
+            points.append(after)
+            if len(points) > MAX_POINTS:
                 raise ValueError(f"a curve has more than {MAX_POINTS} points: give a larger step")
             at = after
-        return found, False
+        return points, False
 
     def _next(self, at: Float[ndarray, "2"], step: float) -> Float[ndarray, "2"] | None:
         """The point of the curve a step further; None beyond the border."""

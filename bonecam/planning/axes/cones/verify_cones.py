@@ -120,15 +120,15 @@ class _Solid:
         return cls(name, Obstacle.of(mesh), _slices(column, mesh), top, 0.0, column.holds, column)
 
     def near(
-        self, sizes: Float[ndarray, "n 6"], places: Float[ndarray, "n 3"], turns: Float[ndarray, "n 3 3"]
+        self, sizes: Float[ndarray, "n 6"], apexes: Float[ndarray, "n 3"], turns: Float[ndarray, "n 3 3"]
     ) -> Bool[ndarray, " n"]:
         """Where neither a ball about the apex nor planes tell what is swept from it: it does not touch where they do,
         and FCL is not asked."""
         near = np.ones(len(sizes), dtype=bool)
         if self.column is not None:
-            near = self.column.distance(places) <= np.hypot(sizes[:, 1], sizes[:, 2]) + sizes[:, 5] + NEAR
+            near = self.column.distance(apexes) <= np.hypot(sizes[:, 1], sizes[:, 2]) + sizes[:, 5] + NEAR
         some = np.flatnonzero(near)
-        near[some] = ~swept_apart(sizes[some], SIDES, places[some], turns[some], self.hulls)
+        near[some] = ~swept_apart(sizes[some], SIDES, apexes[some], turns[some], self.hulls)
         return near
 
 
@@ -176,24 +176,24 @@ def _refusals(cones: AxisCones, nodes: Int[ndarray, " m"], pairs: list[_Pair]) -
     """For each of the nodes in whose cone the tool meets something, what does."""
     node_of = cones.free.apex_nodes
     asked = np.isin(node_of, nodes)
-    found: dict[int, str] = {}
+    refusals: dict[int, str] = {}
     for pair in pairs:
         for row, name in _meeting(cones, np.flatnonzero(asked), pair):
-            found[int(node_of[row])] = f"{name} against the {pair.solid.name}"
-        asked &= ~np.isin(node_of, list(found))
-    return found
+            refusals[int(node_of[row])] = f"{name} against the {pair.solid.name}"
+        asked &= ~np.isin(node_of, list(refusals))
+    return refusals
 
 
 def _meeting(cones: AxisCones, rows: Int[ndarray, " m"], pair: _Pair) -> Iterator[tuple[int, str]]:
     """The apexes about which sections of the tool meet a solid in their cones, and the lowest of these sections."""
     solid, radius = pair.solid, cones.path.cutter.radius
-    places, turns = cones.free.apexes.places[rows], _turns(cones, rows)
+    apexes, turns = cones.free.apexes.places[rows], _turns(cones, rows)
     begins = _begins(cones, rows, pair)
     angles = cones.shapes.angles[cones.free.apex_nodes[rows]]
     growth = cones.free.apexes.growth[rows] + solid.deviation
     # sections follow each other, so where none crosses the solid, all are inside of it with their lowest point, or none
     lowest = np.maximum(begins, pair.sections[0].start - radius)
-    inside = solid.inside(places + lowest[:, None] * turns[:, :, 2])
+    inside = solid.inside(apexes + lowest[:, None] * turns[:, :, 2])
     left = np.ones(len(rows), dtype=bool)
     for section in pair.sections:
         starts, end = np.maximum(begins, section.start - radius), section.end - radius
@@ -202,8 +202,8 @@ def _meeting(cones: AxisCones, rows: Int[ndarray, " m"], pair: _Pair) -> Iterato
         sizes = np.column_stack([starts[some], shape, angles[some], growth[some]])
         met = inside[some]
         asked = np.flatnonzero(~met)
-        asked = asked[solid.near(sizes[asked], places[some[asked]], turns[some[asked]])]
-        here, poses = sizes[asked], (places[some[asked]], turns[some[asked]])
+        asked = asked[solid.near(sizes[asked], apexes[some[asked]], turns[some[asked]])]
+        here, poses = sizes[asked], (apexes[some[asked]], turns[some[asked]])
         met[asked] = _holds_piece(here, *poses, solid) | crossing(here, *poses, solid.obstacle)
         left[some[met]] = False
         for i in some[met]:
@@ -227,11 +227,11 @@ def _begins(cones: AxisCones, rows: Int[ndarray, " m"], pair: _Pair) -> Float[nd
 
 
 def _holds_piece(
-    sizes: Float[ndarray, "n 6"], places: Float[ndarray, "n 3"], turns: Float[ndarray, "n 3 3"], solid: _Solid
+    sizes: Float[ndarray, "n 6"], apexes: Float[ndarray, "n 3"], turns: Float[ndarray, "n 3 3"], solid: _Solid
 ) -> Bool[ndarray, " n"]:
     """Where a piece of a solid may lie inside of what is swept."""
     held = np.zeros(len(sizes), dtype=bool)
     for point in solid.pieces:
-        seen = np.einsum("nij,ni->nj", turns, point - places)
+        seen = np.einsum("nij,ni->nj", turns, point - apexes)
         held |= swept_hold(sizes, SIDES, seen)
     return held

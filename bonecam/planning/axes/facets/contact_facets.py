@@ -83,8 +83,8 @@ class ContactFacets:
 def contact_facets(path: ContactPath, surface: TSpline) -> ContactFacets | None:
     """The facets between the contacts of a path on a surface; None where there are none, since all contacts lie on a
     line or there are fewer than three."""
-    places = np.round(path.contacts / SAME)
-    _, first, vertex_of = np.unique(places, axis=0, return_index=True, return_inverse=True)
+    rounded = np.round(path.contacts / SAME)
+    _, first, vertex_of = np.unique(rounded, axis=0, return_index=True, return_inverse=True)
     points = plane_points(surface, path.parameters[first])
     try:
         faces = delaunay(points)

@@ -28,8 +28,8 @@ def plane_points(surface: TSpline, parameters: Float[ndarray, "n 2"]) -> Float[n
     closed = surface.closed_in_s
     around = np.linspace(s[0], s[1], AROUND + 1)
     along = t[0] + np.ptp(t) * (1 - np.cos(np.linspace(0, np.pi, ALONG))) / 2
-    places = np.stack(np.meshgrid(along, around, indexing="ij"), axis=2).reshape(-1, 2)
-    points = surface.positions(places[:, 1], places[:, 0]).reshape(ALONG, AROUND + 1, 3)
+    grid = np.stack(np.meshgrid(along, around, indexing="ij"), axis=2).reshape(-1, 2)
+    points = surface.positions(grid[:, 1], grid[:, 0]).reshape(ALONG, AROUND + 1, 3)
     rings = np.linalg.norm(np.diff(points, axis=1), axis=2).sum(axis=1)
     steps = np.linalg.norm(np.diff(points, axis=0), axis=2).mean(axis=1)
     way = np.r_[0.0, np.cumsum(steps)]

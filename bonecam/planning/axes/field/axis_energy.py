@@ -126,18 +126,20 @@ class AxisEnergy:
 
     def _on_facets(self, values: Float[ndarray, "2 c"], facets: FacetEnergy) -> "Residuals":
         """The elastic energy on the facets, in rates."""
-        found: list[Residual] = []
+        residuals: list[Residual] = []
         each = np.ones(facets.matrix.shape[0])
         for angle, wound in ((0, self.winding * facets.wound), (1, 0.0)):
             scale = facets.feed / self.speeds[angle]
             slopes = (scale * each, 0 * each)
-            found.append((scale * (facets.matrix @ values[angle] + wound), *slopes[:: -1 if angle else 1]))
-        return Residuals.of(facets.matrix, found)
+            residuals.append(
+                (scale * (facets.matrix @ values[angle] + wound), *slopes[:: -1 if angle else 1])
+            )
+        return Residuals.of(facets.matrix, residuals)
 
     def _turning(self, values: Float[ndarray, "2 c"]) -> "Residuals":
         """The rates of both angles, and what they exceed SPEED_SHARE by; a move round the part whose winding alone
         is faster cannot be helped."""
-        found: list[Residual] = []
+        residuals: list[Residual] = []
         share = np.sqrt(self.times / self.times.sum())
         s = self.domain.round(self.parameters[:, 0])
         short_way = np.mod(s[self.moves + 1] - s[self.moves] + 0.5, 1.0) - 0.5
@@ -152,12 +154,12 @@ class AxisEnergy:
                 (self.weights[0] * rate, self.weights[0] * scale),
                 (SPEED_WEIGHT * over, slope),
             ):
-                found.append((residual, none, by_angle) if angle else (residual, by_angle, none))
-        return Residuals.of(self.steps, found)
+                residuals.append((residual, none, by_angle) if angle else (residual, by_angle, none))
+        return Residuals.of(self.steps, residuals)
 
     def _bounds(self, azimuth: Float[ndarray, " n"], polar: Float[ndarray, " n"]) -> "Residuals":
         """What angles exceed their bounds by, and how far axes are outside their cones."""
-        found: list[Residual] = []
+        residuals: list[Residual] = []
         bounds, weight = self.bounds, BOUND_WEIGHT * self.shares
         drooping = SOFT_WEIGHT / BOUND_WEIGHT
         for beyond, sign, share in (
@@ -166,7 +168,7 @@ class AxisEnergy:
             (polar - SOFT_POLAR, 1.0, drooping),
         ):
             slope = sign * share * weight * (beyond > 0)
-            found.append((share * weight * np.maximum(beyond, 0.0), 0 * slope, slope))
+            residuals.append((share * weight * np.maximum(beyond, 0.0), 0 * slope, slope))
 
         axes = axes_of(azimuth, polar)
         by_azimuth = np.column_stack([-axes[:, 1], axes[:, 0], np.zeros(len(axes))])
@@ -178,7 +180,7 @@ class AxisEnergy:
             (cosine - np.cos(bounds.least_lead), 1.0),
         ):
             slope = sign * weight * (beyond > 0)
-            found.append((weight * np.maximum(beyond, 0.0), slope * gradients[0], slope * gradients[1]))
+            residuals.append((weight * np.maximum(beyond, 0.0), slope * gradients[0], slope * gradients[1]))
 
         matrices, mean = bounds.cones.matrices, np.maximum(bounds.cones.mean_angles, 0.0)
         q, *slopes = (np.einsum("nij,nj->ni", matrices, part) for part in (axes, by_azimuth, by_polar))
@@ -191,8 +193,8 @@ class AxisEnergy:
             scale * (q[:, 2] * dots(q[:, :2], slope[:, :2]) / across - across * slope[:, 2])
             for slope in slopes
         )
-        found.append((weight * beyond, by_azimuth, by_polar))
-        return Residuals.of(self.values_at, found)
+        residuals.append((weight * beyond, by_azimuth, by_polar))
+        return Residuals.of(self.values_at, residuals)
 
 
 @dataclass(frozen=True, eq=False)

@@ -164,14 +164,14 @@ def minimise(
             )
             tried = values - step.reshape(-1, 2).T
             residuals = energy.residuals(tried)
-            found = sum(part.energy for part in residuals)
-            if found < least:
+            tried_energy = sum(part.energy for part in residuals)
+            if tried_energy < least:
                 break
             damping *= 5
         else:
             break
-        dropped = least - found
-        values, least = tried, found
+        dropped = least - tried_energy
+        values, least = tried, tried_energy
         damping /= 3
         if dropped < LEAST_DROP * least:
             break

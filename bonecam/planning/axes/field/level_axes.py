@@ -37,9 +37,9 @@ def level_axes(
     start = before.field if before else None
     facets = contact_facets(contacts, level.surface)
     make = partial(smooth_axes, domain=domain, limits=limits, job=job, preset="membrane", facets=facets)
-    found = make(cones, start=start)
-    at_feed = machine_minutes(contacts, found.axes, MachineLimits(limits.largest))
-    if machine_minutes(contacts, found.axes, limits) > SLOW * at_feed:
+    smooth = make(cones, start=start)
+    at_feed = machine_minutes(contacts, smooth.axes, MachineLimits(limits.largest))
+    if machine_minutes(contacts, smooth.axes, limits) > SLOW * at_feed:
         others = [(cones.as_circles(), start), *([(cones, None)] if start else [])]
-        found = soonest([found, *(make(shapes, start=from_) for shapes, from_ in others)], limits)
-    return found if job.certify == "distances" else found.verified(scene)
+        smooth = soonest([smooth, *(make(shapes, start=from_) for shapes, from_ in others)], limits)
+    return smooth if job.certify == "distances" else smooth.verified(scene)

@@ -96,8 +96,8 @@ def smooth_axes(
     weigh as much more against leaving the cones. ValueError for another preset.
     """
     if preset == AUTOMATIC:
-        made = [smooth_axes(cones, domain, limits, job, one, start, haste, facets) for one in PRESETS]
-        return min(made, key=lambda one: machine_minutes(cones.path, one.axes, limits))
+        candidates = [smooth_axes(cones, domain, limits, job, one, start, haste, facets) for one in PRESETS]
+        return min(candidates, key=lambda one: machine_minutes(cones.path, one.axes, limits))
     if preset not in PRESETS:
         raise ValueError(f"preset = {preset!r}: give {', '.join(PRESETS)} or {AUTOMATIC}")
     rows = sample_rows(cones.path)

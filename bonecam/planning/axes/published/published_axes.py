@@ -95,9 +95,9 @@ def choose(
         asked = np.flatnonzero(allowed[every, chosen] & ~proven[every, chosen])
         if not len(asked):
             return np.where(allowed.any(axis=1), chosen, 0)
-        found = free(asked, candidates[asked, chosen[asked]])
-        proven[asked[found], chosen[asked[found]]] = True
-        blocked = asked[~found]
+        is_free = free(asked, candidates[asked, chosen[asked]])
+        proven[asked[is_free], chosen[asked[is_free]]] = True
+        blocked = asked[~is_free]
         allowed[blocked, chosen[blocked]] = False
 
 
@@ -125,8 +125,8 @@ def _faired(
             for each in wanted
         ]
         best = min(tried, key=energy_of)
-        found = energy_of(best)
-        if found >= least:
+        best_energy = energy_of(best)
+        if best_energy >= least:
             break
-        chosen, least = best, found
+        chosen, least = best, best_energy
     return chosen

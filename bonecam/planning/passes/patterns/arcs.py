@@ -51,9 +51,9 @@ def with_arcs(surface: TSpline, curves: Curves, cutter: Cutter) -> Curves:
     low, high = surface.domain[0]
     s = np.linspace(low, high, AROUND, endpoint=False)
     t = np.linspace(*tangent_range(surface), ALONG)
-    places = np.column_stack([each.ravel() for each in np.meshgrid(s, t, indexing="ij")])
-    points, normals, _ = contact_frames(surface, places, ROUND)
-    fits = -surface.curvature(*places.T).k2 * cutter.radius < FITS
+    parameters = np.column_stack([each.ravel() for each in np.meshgrid(s, t, indexing="ij")])
+    points, normals, _ = contact_frames(surface, parameters, ROUND)
+    fits = -surface.curvature(*parameters.T).k2 * cutter.radius < FITS
     fits = fits.reshape(AROUND, ALONG)
     order, *cells = probe_cells(points, CELL)
     normal_probes = points[order], normals[order], *cells
@@ -87,8 +87,8 @@ def _cut(
     starts, ends = centres[:-1][joined], centres[1:][joined]
     left = heights.copy()
     owners = np.full(len(left), -1)
-    found = np.full(len(starts), radius), np.arange(len(starts)), left, owners
-    cut_normal_probes(*normal_probes, CELL, REACH * cutter.scallop, starts, ends, *found, from_top=False)
+    arguments = np.full(len(starts), radius), np.arange(len(starts)), left, owners
+    cut_normal_probes(*normal_probes, CELL, REACH * cutter.scallop, starts, ends, *arguments, from_top=False)
     return left
 
 

@@ -29,8 +29,8 @@ def band_curves(metric: StepMetric, feed: float, step_over: float, turn: float) 
     for start, end in list(pairwise(_borders(count, lengths / feed, step_over, turn)))[::-1]:
         lines = int(np.ceil(count[start : end + 1].max()))
         wanted = (np.arange(lines) + 0.5) / lines
-        places = np.array([np.interp(wanted, column, s) for column in share[:, start : end + 1].T])
-        knots += [np.column_stack([line, metric.t[start : end + 1]]) for line in places.T]
+        s_of_lines = np.array([np.interp(wanted, column, s) for column in share[:, start : end + 1].T])
+        knots += [np.column_stack([line, metric.t[start : end + 1]]) for line in s_of_lines.T]
     return curves_of(knots)
 
 
@@ -39,11 +39,11 @@ def _shares(
 ) -> tuple[Float[ndarray, "c b"], Float[ndarray, " b"], Float[ndarray, " b"]]:
     """The share of the lines of each section that lie before each s (the seam again at its end), the number of lines
     that the section needs, and the mean length (mm) of a line at it."""
-    places = len(metric.s)
+    count = len(metric.s)
     a, b = np.ones_like(metric.E), np.zeros_like(metric.E)
     for _ in range(ROUNDS):
         a = metric.rate(a, metric.coverage(a, b))
-        steps = (a + np.roll(a, -1, axis=0)) / 2 / places
+        steps = (a + np.roll(a, -1, axis=0)) / 2 / count
         passes = np.vstack([np.zeros(len(metric.t)), np.cumsum(steps, axis=0)])
         share = passes / passes[-1]
         b = passes[-1] * np.gradient(share[:-1], metric.t, axis=1)

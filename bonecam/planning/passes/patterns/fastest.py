@@ -53,8 +53,8 @@ def pattern_curves(surface: TSpline, pattern: str, cutter: Cutter, turn_speed: f
     names = [name for name in FASTEST if name in known] if pattern == "fastest" else [pattern]
     if pattern in added_names("patterns"):
         return _added(surface, pattern, cutter)
-    found = list(_candidates(surface, names, cutter, turn_speed))
-    return min(found, key=lambda curves: curve_minutes(surface, curves, cutter, turn_speed))
+    candidates = list(_candidates(surface, names, cutter, turn_speed))
+    return min(candidates, key=lambda curves: curve_minutes(surface, curves, cutter, turn_speed))
 
 
 def check_pattern(pattern: str) -> None:

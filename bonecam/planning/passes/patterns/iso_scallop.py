@@ -47,17 +47,17 @@ def iso_scallop_curves(metric: StepMetric, seeds: int) -> Curves:
     for k in range(seeds):
         beyond = [_pieces(metric, side) for side in (sides[2 * k], sides[(2 * k + 3) % len(sides)])]
         turn = np.array([1.0 if k == seeds - 1 else 0.0, 0.0])
-        found = beyond[0] + [turn + piece for piece in beyond[1][::-1]]
-        pieces += found
-        group += [k] * len(found)
+        seed_pieces = beyond[0] + [turn + piece for piece in beyond[1][::-1]]
+        pieces += seed_pieces
+        group += [k] * len(seed_pieces)
     return curves_of(pieces, np.array(group))
 
 
 def _sides(metric: StepMetric, seeds: int) -> list[SeedSide]:
     """The two sides of each seed meridian, that of growing s first."""
     cell = metric.s[1] - metric.s[0]
-    places = len(metric.s)
-    half = places // (2 * seeds)
+    count = len(metric.s)
+    half = count // (2 * seeds)
     a, b = np.ones_like(metric.E), np.zeros_like(metric.E)
     closer = np.ones_like(metric.E)
     for number in range(ROUNDS):
@@ -71,10 +71,10 @@ def _sides(metric: StepMetric, seeds: int) -> list[SeedSide]:
         for seed in np.arange(seeds) * 2 * half:
             for sign in (1, -1):
                 index = seed + sign * np.arange(half + 1)
-                steps = between[(index[:-1] if sign > 0 else index[1:]) % places]
+                steps = between[(index[:-1] if sign > 0 else index[1:]) % count]
                 passes = np.vstack([np.zeros(len(metric.t)), np.cumsum(steps, axis=0)])
                 sides.append(SeedSide(index * cell, passes))
-                b[index % places] = sign * np.gradient(passes, metric.t, axis=1)
+                b[index % count] = sign * np.gradient(passes, metric.t, axis=1)
         a = rate
     return sides
 
@@ -86,8 +86,8 @@ def _pieces(metric: StepMetric, side: SeedSide) -> list[Float[ndarray, "_ 2"]]:
     short = SHORT_GAP * metric.flat_step / cell
     curves: list[ndarray] = []
     numbers = np.arange(int(width.max()) + 1)
-    places = np.array([np.interp(numbers + 0.5, column, side.s) for column in side.passes.T])
+    s_of_curves = np.array([np.interp(numbers + 0.5, column, side.s) for column in side.passes.T])
     for number in numbers:
-        knots = np.column_stack([places[:, number], metric.t])
+        knots = np.column_stack([s_of_curves[:, number], metric.t])
         curves += [knots[a:b] for a, b in ranges(width >= number, short)]
     return curves

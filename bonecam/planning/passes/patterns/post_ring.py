@@ -78,8 +78,8 @@ def _edge(
     ends = [contact_frames(surface, np.array([[0.0, t]]), ROUND)[0][0, 2] for t in (low, high)]
     start, end = (low, high) if ends[0] < ends[1] else (high, low)
     t = np.linspace(start, end, SEARCHED)
-    found = spare(np.repeat(t, len(s))).reshape(SEARCHED, len(s))
-    first = np.argmax(found > 0, axis=0)
+    clearances = spare(np.repeat(t, len(s))).reshape(SEARCHED, len(s))
+    first = np.argmax(clearances > 0, axis=0)
     near, far = t[first - 1], t[first]
     for _ in range(HALVINGS):
         middle = (near + far) / 2

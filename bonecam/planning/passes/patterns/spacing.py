@@ -78,17 +78,17 @@ def needed_ranges(
     low, high = surface.domain[1]
     t = np.linspace(low, high, len(passes))
     count = len(across)
-    places = np.r_[across, s[-1]] if surface.closed_in_s else across
-    counts = np.array([np.interp(places, s, row) for row in passes])
-    found = np.tile([low, high], (count, 1))
+    s_of_lines = np.r_[across, s[-1]] if surface.closed_in_s else across
+    counts = np.array([np.interp(s_of_lines, s, row) for row in passes])
+    ranges = np.tile([low, high], (count, 1))
     for i in range(1, count if surface.closed_in_s else count - 1):
         half = i & -i
-        gap = counts[:, min(i + half, len(places) - 1)] - counts[:, i - half]
+        gap = counts[:, min(i + half, len(s_of_lines) - 1)] - counts[:, i - half]
         needed = np.flatnonzero(gap > FULLNESS)
-        found[i] = np.nan
+        ranges[i] = np.nan
         if len(needed):
-            found[i] = t[max(needed[0] - 1, 0)], t[min(needed[-1] + 1, len(t) - 1)]
-    return found
+            ranges[i] = t[max(needed[0] - 1, 0)], t[min(needed[-1] + 1, len(t) - 1)]
+    return ranges
 
 
 def _line_ends(surface: TSpline, pattern: str) -> tuple[LineEnd, LineEnd]:
@@ -196,10 +196,10 @@ def _next_line(
         window *= 2
     # the search begins one cell before `start`: the line before may lie in it
     moved = (passes[:, start - 1 : start + window + 1] - here[:, None]).max(axis=0)
-    found = int(np.clip(np.searchsorted(moved, step), 1, len(moved) - 1))
-    ratio = np.clip((step - moved[found - 1]) / (moved[found] - moved[found - 1]), 0.0, 1.0)
+    index = int(np.clip(np.searchsorted(moved, step), 1, len(moved) - 1))
+    ratio = np.clip((step - moved[index - 1]) / (moved[index] - moved[index - 1]), 0.0, 1.0)
 
-    cell = found + start - 1
+    cell = index + start - 1
     place = float(across[cell - 1] + ratio * (across[cell] - across[cell - 1]))
     counts = passes[:, cell - 1] + ratio * (passes[:, cell] - passes[:, cell - 1])
     return cell, place, counts

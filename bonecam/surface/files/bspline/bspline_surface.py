@@ -120,8 +120,8 @@ class BSplineSurface:
         around, i = self.s_knots.functions(s)
         along, j = self.t_knots.functions(t)
         share = around[:, :, None] * along[:, None, :] * self.weights[i[:, :, None], j[:, None, :]]
-        found: ndarray = (
+        points: ndarray = (
             np.einsum("nij,nijc->nc", share, self.poles[i[:, :, None], j[:, None, :]])
             / share.sum(axis=(1, 2))[:, None]
         )
-        return found
+        return points

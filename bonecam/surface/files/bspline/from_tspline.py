@@ -56,9 +56,9 @@ def join_elements(
     scale = _scale(grid)
     s_knots = _knots(s_breaks, grid, closed[0], scale)
     t_knots = _knots(t_breaks, grid.transpose(1, 0, 3, 2, 4), closed[1], scale)
-    found = _poles(t_knots, _poles(s_knots, grid).swapaxes(0, 1)).swapaxes(0, 1)
-    weights = found[..., 3]
-    poles = found[..., :3] / weights[..., None]
+    homogeneous = _poles(t_knots, _poles(s_knots, grid).swapaxes(0, 1)).swapaxes(0, 1)
+    weights = homogeneous[..., 3]
+    poles = homogeneous[..., :3] / weights[..., None]
     if np.ptp(weights) <= ROUNDING * weights.max():
         weights = np.ones_like(weights)
     for end in (poles[:, 0], poles[:, -1]):
@@ -170,8 +170,8 @@ def _poles(knots: Knots, grid: ndarray) -> ndarray:
     high = np.where(single, np.where(last, 3, 0), 2)
     cell = np.where(last, cells - 1, cell) % cells
     share = x.reshape(-1, *[1] * (grid.ndim - 2))
-    found: ndarray = (1 - share) * grid[cell, :, low] + share * grid[cell, :, high]
-    return found
+    poles: ndarray = (1 - share) * grid[cell, :, low] + share * grid[cell, :, high]
+    return poles
 
 
 def _prove(result: BSplineSurface, surface: TSpline) -> None:

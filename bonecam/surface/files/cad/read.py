@@ -21,8 +21,8 @@ def read_bsplines(path: str | Path) -> tuple[BSplineSurface, ...]:
     Raises FileError as `mesh.files.cad_files` does, and where a face lies on another kind of surface: read such a
     part with `read_mesh`.
     """
-    found: tuple[BSplineSurface, ...] = in_child(f"{__name__}:bsplines_in", Path(path))
-    return found
+    surfaces: tuple[BSplineSurface, ...] = in_child(f"{__name__}:bsplines_in", Path(path))
+    return surfaces
 
 
 def bsplines_in(file: str | Path, progress: Progress = silent) -> tuple[BSplineSurface, ...]:
@@ -33,24 +33,24 @@ def bsplines_in(file: str | Path, progress: Progress = silent) -> tuple[BSplineS
 def _bspline_of(face: Any, file: Path) -> BSplineSurface:
     """The surface under a face; FileError where it is no B-spline of degree 3 or less."""
     lib = occ()
-    found = lib.BRep.BRep_Tool.Surface_s(face)
-    if not isinstance(found, lib.Geom.Geom_BSplineSurface) or max(found.UDegree(), found.VDegree()) > 3:
-        kind = type(found).__name__.removeprefix("Geom_")
+    spline = lib.BRep.BRep_Tool.Surface_s(face)
+    if not isinstance(spline, lib.Geom.Geom_BSplineSurface) or max(spline.UDegree(), spline.VDegree()) > 3:
+        kind = type(spline).__name__.removeprefix("Geom_")
         raise FileError(
             f"{file}: a face lies on a {kind}, no bicubic B-spline: read the part as a mesh",
             file=str(file),
             kind=kind,
         )
-    found.IncreaseDegree(3, 3)
-    loose = (not found.IsUPeriodic() and found.UMultiplicity(1) < 4) or (
-        not found.IsVPeriodic() and found.VMultiplicity(1) < 4
+    spline.IncreaseDegree(3, 3)
+    loose = (not spline.IsUPeriodic() and spline.UMultiplicity(1) < 4) or (
+        not spline.IsVPeriodic() and spline.VMultiplicity(1) < 4
     )
     if loose:
-        found.Segment(*found.Bounds(), EDGE, EDGE)  # end knots four times, by knot insertion
-    size = found.NbUPoles(), found.NbVPoles()
-    poles = [[found.Pole(i, j) for j in range(1, size[1] + 1)] for i in range(1, size[0] + 1)]
-    weights = [[found.Weight(i, j) for j in range(1, size[1] + 1)] for i in range(1, size[0] + 1)]
-    s_knots, t_knots = (_knots_along(found, way) for way in "UV")
+        spline.Segment(*spline.Bounds(), EDGE, EDGE)  # end knots four times, by knot insertion
+    size = spline.NbUPoles(), spline.NbVPoles()
+    poles = [[spline.Pole(i, j) for j in range(1, size[1] + 1)] for i in range(1, size[0] + 1)]
+    weights = [[spline.Weight(i, j) for j in range(1, size[1] + 1)] for i in range(1, size[0] + 1)]
+    s_knots, t_knots = (_knots_along(spline, way) for way in "UV")
     return BSplineSurface(
         s_knots, t_knots, np.array([[(p.X(), p.Y(), p.Z()) for p in row] for row in poles]), np.array(weights)
     )

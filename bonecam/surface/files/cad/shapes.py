@@ -58,18 +58,18 @@ def _points(poles: Float[ndarray, "a b 3"]) -> Any:
 
 
 def _list(kind: Any, values: ndarray) -> Any:
-    found = kind(1, len(values))
+    array = kind(1, len(values))
     for i, value in enumerate(values.tolist(), 1):
-        found.SetValue(i, value)
-    return found
+        array.SetValue(i, value)
+    return array
 
 
 def _grid(kind: Any, rows: list[list[Any]]) -> Any:
-    found = kind(1, len(rows), 1, len(rows[0]))
+    array = kind(1, len(rows), 1, len(rows[0]))
     for i, row in enumerate(rows, 1):
         for j, value in enumerate(row, 1):
-            found.SetValue(i, j, value)
-    return found
+            array.SetValue(i, j, value)
+    return array
 
 
 def _face_of(geometry: Any) -> Any:

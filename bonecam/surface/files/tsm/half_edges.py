@@ -63,7 +63,7 @@ def _neighbours(mesh: TMesh, direction: int) -> ndarray:
     count = grid.shape[axis]
     closed = bool(mesh.period[axis])
     place = [i.copy(), j.copy()]
-    found = np.full(mesh.size, -1)
+    neighbours = np.full(mesh.size, -1)
     walking = np.ones(mesh.size, dtype=bool)
     for _ in range(count):
         piece = place[axis] if sign > 0 else place[axis] - 1
@@ -75,9 +75,9 @@ def _neighbours(mesh: TMesh, direction: int) -> ndarray:
             walking, (place[axis] + sign) % count if closed else place[axis] + sign, place[axis]
         )
         here = grid[place[0], place[1]]
-        found = np.where(walking & (here >= 0), here, found)
+        neighbours = np.where(walking & (here >= 0), here, neighbours)
         walking &= here < 0
-    return found
+    return neighbours
 
 
 def _own_point(members: ndarray, mesh: TMesh, joined: list[ndarray]) -> int:
@@ -95,10 +95,10 @@ def _own_point(members: ndarray, mesh: TMesh, joined: list[ndarray]) -> int:
             )
         else:
             wanted.append(lines[1])
-    found = members[(place == wanted).all(axis=1)]
-    if not len(found):
+    outermost = members[(place == wanted).all(axis=1)]
+    if not len(outermost):
         raise SurfaceError(f"control point {members[0]} belongs to a corner that .tsm files have no form for")
-    return int(found[0])
+    return int(outermost[0])
 
 
 def _at_border(nodes: ndarray, mesh: TMesh, axis: int, sign: int) -> bool:

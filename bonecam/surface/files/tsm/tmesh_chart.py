@@ -38,26 +38,26 @@ class TMeshChart:
 def chart_of(records: Records) -> TMeshChart:
     """The T-mesh of the records laid out in one chart."""
     directions = _directions(records)
-    places, period = _places(records, directions)
+    positions, period = _places(records, directions)
     used = np.flatnonzero([vertex is not None for vertex in records.vertices])
-    lines = np.zeros((len(places), 2), dtype=np.int64)
+    lines = np.zeros((len(positions), 2), dtype=np.int64)
     knots = []
     for axis in (0, 1):
-        values, number = _lines(places[used, axis], SLACK * np.ptp(places[used]), period[axis])
+        values, number = _lines(positions[used, axis], SLACK * np.ptp(positions[used]), period[axis])
         lines[used, axis] = number
         knots.append(_exact_knots(records, "st"[axis], values))
     stated = [records.knots.get(f"{letter}-period", [length])[0] for letter, length in zip("st", period)]
-    return TMeshChart(directions, places, lines, (knots[0], knots[1]), (stated[0], stated[1]))
+    return TMeshChart(directions, positions, lines, (knots[0], knots[1]), (stated[0], stated[1]))
 
 
 def _directions(records: Records) -> list[int]:
     """The direction of every link: 0 east, 1 north, 2 west, 3 south. The link that the first face names runs
     east; the directions that `v` records state need not agree with it."""
-    found = [-1] * len(records.links)
+    directions = [-1] * len(records.links)
     start = next((face[0] for face in records.faces if face is not None), -1)
     if start < 0:
         raise records.error("f", 0, "the file has no face")
-    found[start] = 0
+    directions[start] = 0
     queue = deque([start])
     while queue:
         n = queue.popleft()
@@ -65,20 +65,20 @@ def _directions(records: Records) -> list[int]:
         assert link is not None
         following = records.links[link[1]]
         assert following is not None
-        for other, direction in ((link[2], found[n] + 2), (link[1], found[n] + 1 - following[6])):
-            if found[other] < 0:
-                found[other] = direction % 4
+        for other, direction in ((link[2], directions[n] + 2), (link[1], directions[n] + 1 - following[6])):
+            if directions[other] < 0:
+                directions[other] = direction % 4
                 queue.append(other)
-            elif found[other] != direction % 4:
+            elif directions[other] != direction % 4:
                 message = (
                     f"its direction contradicts link {n} (a wrong flag, or an extraordinary point, "
                     "which only .iga files can hold)"
                 )
                 raise records.error("l", other, message)
     for n, link in enumerate(records.links):
-        if link is not None and found[n] < 0:
+        if link is not None and directions[n] < 0:
             raise records.error("l", n, "it is not connected to the first face")
-    return found
+    return directions
 
 
 def _places(records: Records, directions: list[int]) -> tuple[ndarray, tuple[float, float]]:
@@ -91,7 +91,7 @@ def _places(records: Records, directions: list[int]) -> tuple[ndarray, tuple[flo
             assert edge is not None
             assert following is not None
             out.setdefault(link[3], []).append((n, following[3], STEPS[directions[n]] * edge[1]))
-    places = np.zeros((len(records.vertices), 2))
+    positions = np.zeros((len(records.vertices), 2))
     start = min(out)
     seen = {start}
     queue = deque([start])
@@ -101,19 +101,19 @@ def _places(records: Records, directions: list[int]) -> tuple[ndarray, tuple[flo
         for n, w, step in out[v]:
             if w not in seen:
                 seen.add(w)
-                places[w] = places[v] + step
+                positions[w] = positions[v] + step
                 queue.append(w)
             else:
-                misses.append((n, places[v] + step - places[w]))
+                misses.append((n, positions[v] + step - positions[w]))
     used = sorted(out)
-    places[used] -= places[used].min(axis=0)
-    slack = SLACK * float(np.ptp(places[used]))
+    positions[used] -= positions[used].min(axis=0)
+    slack = SLACK * float(np.ptp(positions[used]))
     _check_faces({n: step for links in out.values() for n, _, step in links}, records, slack)
     period = _period(records, misses, slack)
     for axis in (0, 1):
         if period[axis]:
-            places[used, axis] -= places[start, axis]
-    return places, period
+            positions[used, axis] -= positions[start, axis]
+    return positions, period
 
 
 def _check_faces(steps: dict[int, ndarray], records: Records, slack: float) -> None:

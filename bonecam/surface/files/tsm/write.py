@@ -49,26 +49,26 @@ def _homogeneous(points: Float[ndarray, "n 3"], weights: Float[ndarray, "n 1"]) 
     """Homogeneous coordinates (n, 3): numbers that give `points` to the last bit when divided by `weights`.
 
     Raises SurfaceError where there are none."""
-    found = points * weights
+    homogeneous = points * weights
     for other in (np.nextafter(points * weights, -np.inf), np.nextafter(points * weights, np.inf)):
-        found = np.where(found / weights == points, found, other)
-    if not (found / weights == points).all():
+        homogeneous = np.where(homogeneous / weights == points, homogeneous, other)
+    if not (homogeneous / weights == points).all():
         raise SurfaceError(
-            f"control point {int(np.argmin((found / weights == points).all(axis=1)))} has no "
+            f"control point {int(np.argmin((homogeneous / weights == points).all(axis=1)))} has no "
             "homogeneous form to the last bit"
         )
-    return found
+    return homogeneous
 
 
 def _knot_comments(mesh: TMesh) -> list[str]:
     """The comments with the knots and the periods to all digits."""
-    found = []
+    comments = []
     for letter, lines, period in (("s", mesh.s_lines, mesh.period[0]), ("t", mesh.t_lines, mesh.period[1])):
         knots = lines[np.concatenate([[True], np.diff(lines) > 0])]
-        found.append(f"#{letter}-knots " + " ".join(repr(float(k)) for k in knots))
+        comments.append(f"#{letter}-knots " + " ".join(repr(float(k)) for k in knots))
         if period:
-            found.append(f"#{letter}-period {period!r}")
-    return found
+            comments.append(f"#{letter}-period {period!r}")
+    return comments
 
 
 def _topology(mesh: TMesh, graph: Graph, links: list, ids: dict, following: list[int]) -> list[str]:
@@ -125,9 +125,9 @@ def _grips(graph: Graph) -> list[str]:
     for v in range(len(graph.own)):
         members = np.flatnonzero(graph.vertex_of == v)
         if len(members) > 1:
-            places = {tuple(graph.offsets[n].tolist()): int(n) for n in members}
+            member_at = {tuple(graph.offsets[n].tolist()): int(n) for n in members}
             sides = [
-                any(o[axis] == sign for o in places) for axis, sign in ((1, 1), (0, -1), (1, -1), (0, 1))
+                any(o[axis] == sign for o in member_at) for axis, sign in ((1, 1), (0, -1), (1, -1), (0, 1))
             ]
             wanted = [
                 a
@@ -135,5 +135,5 @@ def _grips(graph: Graph) -> list[str]:
                 if (sides[k // 2] if k % 2 == 0 else sides[k // 2] and sides[(k // 2 + 1) % 4])
             ]
             extents = " ".join(str(int(side)) for side in sides)
-            records.append(f"0m cg {v} 4 {extents} " + " ".join(str(places.get(a, -1)) for a in wanted))
+            records.append(f"0m cg {v} 4 {extents} " + " ".join(str(member_at.get(a, -1)) for a in wanted))
     return records

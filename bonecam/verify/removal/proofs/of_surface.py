@@ -85,11 +85,11 @@ def prove_surface_removal(
 
 def layer_on(surface: TSpline, depth: float) -> TriangleMesh:
     """The closed mesh of a layer of material that is `depth` mm thick on a surface, along its normals."""
-    made = surface.tessellate_with_parameters(CHORD)
-    s, t = made.parameters.T
-    normals, faces = surface.normals(s, t), made.mesh.faces
-    points, count = made.mesh.vertices, len(made.mesh.vertices)
-    edges = half_edges(made.mesh).reshape(-1, 2).astype(np.int64)
+    tessellation = surface.tessellate_with_parameters(CHORD)
+    s, t = tessellation.parameters.T
+    normals, faces = surface.normals(s, t), tessellation.mesh.faces
+    points, count = tessellation.mesh.vertices, len(tessellation.mesh.vertices)
+    edges = half_edges(tessellation.mesh).reshape(-1, 2).astype(np.int64)
     forward, backward = edges[:, 0] * count + edges[:, 1], edges[:, 1] * count + edges[:, 0]
     a, b = edges[~np.isin(forward, backward)].T
     walls = np.vstack([np.column_stack([a + count, b + count, b]), np.column_stack([a + count, b, a])])

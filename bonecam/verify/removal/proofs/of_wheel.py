@@ -109,11 +109,11 @@ def _hub_probes(wheel: Wheel, floor: TSpline) -> NormalProbes:
     straight on beyond the blades, is no longer on the hub."""
     on_floor = normal_probes_on(floor, CHORD)
     curve = meridional(on_floor.points)
-    places = places_on(wheel.profile, curve)
-    foot = point_at(wheel.profile, places)
+    lengths = places_on(wheel.profile, curve)
+    foot = point_at(wheel.profile, lengths)
     points = np.column_stack([on_floor.points[:, :2] * (foot[:, :1] / curve[:, :1]), foot[:, 1]])
     low, high = wheel.flow
-    bare = (places > low) & (places < high) & (np.linalg.norm(curve - foot, axis=1) < ROUGH)
+    bare = (lengths > low) & (lengths < high) & (np.linalg.norm(curve - foot, axis=1) < ROUGH)
     hub = MeshDistance(revolved(wheel.profile, CHORD))
     bare[bare] = hub.signed((points - DEEP * on_floor.normals)[bare]) < -0.8 * DEEP
     beside = MeshDistance(repeated(wheel.coarse_blade, wheel.count))
