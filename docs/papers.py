@@ -69,9 +69,8 @@ def printed(script: str) -> str:
     if not run.stdout:
         raise SystemExit(f"{script}: printed nothing: run it by itself")
     missed = ", ended early" if run.returncode else ""
-    return (
-        f"`python tests/benchmarks/{script}`, {date.today()}{missed}:\n\n```text\n{run.stdout.rstrip()}\n```"
-    )
+    told = f"`python tests/benchmarks/{script}`, {date.today()}{missed}:"
+    return f"{told}\n\n<!-- output -->\n```text\n{run.stdout.rstrip()}\n```"
 
 
 def main() -> None:
