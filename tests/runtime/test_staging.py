@@ -96,6 +96,7 @@ def made() -> Result:
 def outputs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Outputs:
     """Program, report, surface and kept folder, whose writers are replaced by small ones."""
     monkeypatch.setattr(output_files, "program_files", lambda program, dialect, file: {file: program.text})
+    monkeypatch.setattr(output_files, "stale_parts", lambda *_: [])
     monkeypatch.setattr(output_files, "post_below", lambda mesh, holding: SimpleNamespace(top=0.0))
     monkeypatch.setattr(output_files, "save_surface", lambda surface, path: write_whole(path, "surface"))
     monkeypatch.setattr(output_files, "fill_kept_folder", lambda work, *_: write_whole(work / "a.png", "x"))
