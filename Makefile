@@ -1,7 +1,7 @@
 # Two commands set everything up on a fresh Debian machine:
 #   make demo    the whole chain on a shipped mesh -> out/phalanx.h and pictures in out/keep
 #   make test    the test suite
-# and `make docs` builds the documentation into out/docs.
+# `make whole` runs the tests that take longer, and `make docs` builds the documentation into out/docs.
 PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
@@ -11,7 +11,7 @@ BROWSER := chromium fonts-dejavu-core
 # Compiled modules are kept: tests start hundreds of processes, and each would compile the package anew.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: demo test processor docs papers gallery lint types system cnc browser clean
+.PHONY: demo test whole processor docs papers gallery lint types system cnc browser clean
 
 demo: $(VENV)/installed
 	mkdir -p out
@@ -20,9 +20,13 @@ demo: $(VENV)/installed
 test: $(VENV)/developing cnc browser
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile
 
+# The tests that run the whole chain, in variants.
+whole: $(VENV)/developing cnc browser
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile -m 'whole and not slow and not fuzz'
+
 # Whole runs again with the kernels of another processor, whose last bits differ.
 processor: $(VENV)/developing browser
-	OPENBLAS_CORETYPE=Prescott OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile tests/report/page tests/report/files/test_second_outputs.py
+	OPENBLAS_CORETYPE=Prescott OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile -m 'not slow and not fuzz' tests/report/page tests/report/files/test_second_outputs.py
 
 docs: $(VENV)/documenting
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict -q -f docs/mkdocs.yml

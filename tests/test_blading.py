@@ -28,6 +28,8 @@ from bonecam.verify.proof import verify
 from bonecam.verify.removal.proofs.of_wheel import prove_removal_of_wheel
 from bonecam.verify.repeated import RepeatedDistance
 
+pytestmark = pytest.mark.whole
+
 COUNT = 2
 
 

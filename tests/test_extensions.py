@@ -23,6 +23,8 @@ from bonecam.planning.passes.patterns.fastest import pattern_curves
 from bonecam.surface.tspline import TSpline
 from bonecam.tool.cutter import Cutter
 
+pytestmark = pytest.mark.whole
+
 PAGE = Path(__file__).parents[1] / "docs" / "pages" / "using" / "extend.md"
 FENCE = re.compile(r'^```\w+ title="(?P<title>[^"]+)"\n(?P<text>.*?)^```$', re.MULTILINE | re.DOTALL)
 USE = """

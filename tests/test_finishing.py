@@ -24,6 +24,8 @@ from bonecam.surface.tspline import TSpline
 from bonecam.tool.path import MoveKind
 from bonecam.verify.removal.proofs.of_surface import prove_surface_removal
 
+pytestmark = pytest.mark.whole
+
 JOB = bonecam.Job().with_values(
     holding={"length": 60.0, "diameter": 10.0},
     finishing={"radius": 2.0, "flute_length": 6.0, "shank_diameter": 3.6, "overhang": 45.0, "scallop": 0.2},

@@ -114,6 +114,7 @@ def again(
     return folder, told.getvalue()
 
 
+@pytest.mark.whole
 def test_a_surface_that_misses_the_mesh_is_refused_before_the_levels(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, phalanx: Path
 ) -> None:
@@ -336,6 +337,7 @@ def test_what_cannot_be_simulated_is_one_line(
         assert told in lines[0]
 
 
+@pytest.mark.whole
 def test_without_simulation_the_report_says_so(again: tuple[Path, str]) -> None:
     folder, told = again
     assert "skipped" in json.loads((folder / "report.json").read_text(encoding="utf-8"))["removal"]
@@ -395,6 +397,7 @@ def test_keep_writes_levels_path_surface_and_pictures(chain: tuple[bonecam.Resul
     assert abs(part.volume / result.part.mesh.volume - 1) < 0.02
 
 
+@pytest.mark.whole
 def test_levels_alone_are_the_chain_s_and_take_the_place_of_its_levels_and_paths(
     chain: tuple[bonecam.Result, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str], phalanx: Path
 ) -> None:

@@ -13,6 +13,8 @@ from bonecam.mesh.files.mesh_files import write_mesh
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.setup.capsule import Capsule
 
+pytestmark = pytest.mark.whole
+
 JOB = Job().with_values(
     mechanics={"refuse": False},
     surface={"tolerance": 0.1},

@@ -12,6 +12,8 @@ from bonecam.errors import BonecamError, JobError
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.setup.capsule import Capsule
 
+pytestmark = pytest.mark.whole
+
 FAULTS: dict[str, dict[str, Any]] = {
     "mesh": {"smooth_within": 0.05},
     "surface": {"tolerance": 0.05},

@@ -14,6 +14,8 @@ from bonecam.nc.dialect import read_dialect
 from bonecam.nc.reading.read import read_program
 from bonecam.setup.capsule import Capsule
 
+pytestmark = pytest.mark.whole
+
 SMALL = Job().with_values(
     mechanics={"refuse": False},
     surface={"tolerance": 0.2},

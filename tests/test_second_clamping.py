@@ -40,6 +40,8 @@ from bonecam.workholding.clamping import clamping_of
 from bonecam.workholding.post import post_below
 from bonecam.workholding.shell_maker import shell_round
 
+pytestmark = pytest.mark.whole
+
 MACHINE, DIALECT = read_machine("mikron-ucp600"), read_dialect("heidenhain")
 LUMP = Capsule(np.array([0.0, 0, 2.5]), np.array([0.0, 0, 9.5]), 2.5).mesh(0.05)
 JOB = Job().with_values(

@@ -24,6 +24,8 @@ from bonecam.job import Job
 from bonecam.mesh.files.mesh_files import write_mesh
 from bonecam.setup.capsule import Capsule
 
+pytestmark = pytest.mark.whole
+
 distributed = pytest.importorskip("distributed", reason="the extra `cluster` is not installed")
 MAX_WAIT = 300.0
 """Longest wait, s, for what takes some seconds on an idle machine."""

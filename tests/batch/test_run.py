@@ -25,6 +25,8 @@ from bonecam.errors import BonecamError, FileError, JobError
 from bonecam.job import Job
 from bonecam.report.tables.batch_table import Outcome
 
+pytestmark = pytest.mark.whole
+
 ROWS = list(Outcome.__dataclass_fields__)
 MAX_WAIT = 600.0
 """Longest wait, s, for what takes some seconds on an idle machine."""

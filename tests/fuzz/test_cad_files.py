@@ -10,6 +10,8 @@ from bonecam.mesh.files.mesh_files import read_mesh
 from bonecam.surface.files.cad.read import read_bsplines
 from bonecam.surface.files.cad.write import write_iges, write_step
 
+pytestmark = pytest.mark.whole
+
 pytest.importorskip("ezdxf")
 
 DEFAULT = 100

@@ -18,6 +18,8 @@ from bonecam.mesh.files.mesh_files import read_mesh
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc import dialect_names, read_dialect
 
+pytestmark = pytest.mark.whole
+
 Within = Callable[[float], AbstractContextManager[None]]
 
 SECONDS = 300.0

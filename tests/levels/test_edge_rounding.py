@@ -39,6 +39,8 @@ from bonecam.setup.stocks.mesh import ConvexStock
 from bonecam.surface.part_surface import fit_surface
 from bonecam.surface.tspline import TSpline
 
+pytestmark = pytest.mark.whole
+
 BAR, BOX = Cylinder(4.5, 0.0, 20.0), Box(np.array([-4.5, -4.0, 0.0]), np.array([4.5, 4.0, 20.0]))
 SCHEDULE = Schedule((0.1,), 0.9)
 STOCKS: dict[str, Stock] = {"cylinder": BAR, "box": BOX, "mesh": ConvexStock(BOX.mesh(2.0))}

@@ -25,6 +25,8 @@ from bonecam.setup.stocks.cylinder import Cylinder
 from bonecam.surface.fitting.fit import Fit
 from bonecam.surface.tspline import TSpline
 
+pytestmark = pytest.mark.whole
+
 JOB = Job().with_values(holding={"diameter": 2.0, "length": 60.0}, mesh={"rows": 8, "row_points": 24})
 
 

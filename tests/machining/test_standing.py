@@ -10,6 +10,8 @@ from bonecam.machining.standing import stand_part
 from bonecam.progress import silent
 from bonecam.runtime.timing import StageTimes
 
+pytestmark = pytest.mark.whole
+
 PHALANX = Path(__file__).parents[2] / "meshes/phalanx.ply"
 HELD = {
     "diameter": 6.0,

@@ -17,6 +17,8 @@ import pytest
 from bonecam.mesh.files.mesh_files import write_mesh
 from bonecam.surface.files.save import save_surface
 
+pytestmark = pytest.mark.whole
+
 STOPS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 COARSE = [
     "mechanics.refuse=false",

@@ -9,6 +9,8 @@ import pytest
 
 from bonecam.runtime.loading import loaded_once
 
+pytestmark = pytest.mark.whole
+
 CHAIN = """
 from threading import Thread
 

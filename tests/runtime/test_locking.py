@@ -14,6 +14,8 @@ from bonecam.runtime import locking
 from bonecam.runtime.locking import LOCK, locked
 from bonecam.setup.capsule import Capsule
 
+pytestmark = pytest.mark.whole
+
 HOLD = """
 import sys, time
 from pathlib import Path

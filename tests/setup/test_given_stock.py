@@ -19,6 +19,8 @@ from bonecam.setup.stocks.box import Box
 from bonecam.setup.stocks.cylinder import Cylinder
 from bonecam.setup.stocks.mesh import ConvexStock
 
+pytestmark = pytest.mark.whole
+
 PRISM = Cylinder(6.0, 3.0, 30.0).mesh(5.0)
 SIZES = {
     "capsule": (

@@ -23,6 +23,8 @@ from bonecam.study.compared import Comparison
 from bonecam.study.comparison import STRATEGIES
 from bonecam.study.table import LINES
 
+pytestmark = pytest.mark.whole
+
 COARSE = Job().with_values(
     surface={"tolerance": 0.2},
     stock={"diameter": 10.0, "length": 13.2},

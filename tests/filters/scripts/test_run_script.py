@@ -12,6 +12,8 @@ from bonecam.errors import Cancelled, FileError, FilterError
 from bonecam.filters.meshset import MeshSet
 from bonecam.filters.scripts.run_script import run_script
 
+pytestmark = pytest.mark.whole
+
 CUBE = '<filter name="create_cube"/>'
 ENDLESS = '<filter name="create_sphere"><Param type="RichInt" value="11" name="subdiv"/></filter>'
 """84 million triangles: half a minute and tens of GB."""

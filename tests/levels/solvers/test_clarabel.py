@@ -22,6 +22,8 @@ from bonecam.setup.schedule import Schedule
 from bonecam.setup.stocks.cylinder import Cylinder
 from bonecam.surface.tspline import TSpline
 
+pytestmark = pytest.mark.whole
+
 STIFFNESS = 1e-7
 pytest.importorskip("clarabel", reason="the extra `reference` is not installed")
 

@@ -8,6 +8,8 @@ from bonecam.job import Job
 from bonecam.levels.solvers.solver import SOLVERS
 from bonecam.mesh.files.mesh_files import read_mesh
 
+pytestmark = pytest.mark.whole
+
 COARSE = Job().with_values(
     mechanics={"refuse": False},
     mesh={"rows": 8, "row_points": 24},

@@ -34,6 +34,8 @@ from bonecam.workholding.clamping import LEAST_NECK, Clamping, clamping_of
 from bonecam.workholding.column import Column
 from bonecam.workholding.post import NECKS, Post
 
+pytestmark = pytest.mark.whole
+
 PHALANX = Path(__file__).parents[3] / "meshes/phalanx.ply"
 LIMITS = machine_limits(read_machine("mikron-ucp600"))
 OPEN = Job().with_values(holding={"diameter": 0.0})

@@ -19,6 +19,8 @@ from bonecam.setup.placement import Setup
 from bonecam.setup.schedule import schedule_of
 from bonecam.workholding.post import Post
 
+pytestmark = pytest.mark.whole
+
 LIMITS = machine_limits(read_machine("mikron-ucp600"))
 LOW = 118.0
 JOB = Job(

@@ -1,6 +1,7 @@
 """The layers that cut a stump off: none of them cuts deeper than its depth, in a hollow neither."""
 
 import numpy as np
+import pytest
 
 from bonecam.job import Job
 from bonecam.mesh.distance import MeshDistance
@@ -35,6 +36,7 @@ def groove() -> TriangleMesh:
     return mesh if mesh.volume > 0 else TriangleMesh(mesh.vertices, mesh.faces[:, ::-1])
 
 
+@pytest.mark.whole
 def test_finishing_layers_in_a_groove_cut_no_deeper_than_their_depth() -> None:
     around = MeshDistance(groove())
     x, y = (side.ravel() for side in np.meshgrid(np.linspace(-1, 1, 9), np.linspace(-1.5, 1.5, 13)))

@@ -47,6 +47,7 @@ def poses_at(x: float, along: ndarray) -> list[Pose]:
     return [(np.array([x, y, FLOOR + 1.0]), np.array([0.0, 0.0, 1.0])) for y in along]
 
 
+@pytest.mark.whole
 def test_a_run_that_ends_where_the_tool_is_caught_is_cut_short_and_the_next_is_reached(
     roofed: LinkSpace,
 ) -> None:

@@ -11,6 +11,8 @@ import bonecam
 from bonecam.cli import main
 from bonecam.surface import skin
 
+pytestmark = pytest.mark.whole
+
 JOB = bonecam.Job().with_values(
     finishing={"radius": 2.0, "flute_length": 6.0, "shank_diameter": 3.6, "overhang": 45.0, "scallop": 0.5},
     path={"max_tilt_deg": 85.0},

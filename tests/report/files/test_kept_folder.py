@@ -29,6 +29,8 @@ from bonecam.surface.skinning.skin import skin
 from bonecam.surface.tspline import TSpline
 from bonecam.tool.path import MoveKind
 
+pytestmark = pytest.mark.whole
+
 PATCH = Cylinder(2.0, 0.0, 3.0).mesh(0.1)
 
 

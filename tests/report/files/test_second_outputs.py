@@ -30,6 +30,8 @@ from bonecam.report.page.packing import Contents, unpack
 from bonecam.report.tables.cl_data import read_apt
 from bonecam.tool.path import MoveKind
 
+pytestmark = pytest.mark.whole
+
 Run = tuple[bonecam.Result, Path]
 
 

@@ -21,6 +21,8 @@ from bonecam.report.files.kept_view import kept_contents
 from bonecam.report.page.packing import Contents, pack, unpack
 from bonecam.tool.path import MoveKind
 
+pytestmark = pytest.mark.whole
+
 Run = tuple[bonecam.Result, Path]
 
 

@@ -21,6 +21,8 @@ from bonecam.report.sheet.drawing import Paper, draw_zero
 from bonecam.report.summary import NOT_SIMULATED
 from bonecam.report.warnings import with_warnings
 
+pytestmark = pytest.mark.whole
+
 Run = tuple[bonecam.Result, Path]
 
 

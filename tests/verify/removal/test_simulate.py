@@ -24,6 +24,8 @@ from bonecam.workholding.clamping import Clamping
 from bonecam.workholding.column import Column
 from bonecam.workholding.post import Post
 
+pytestmark = pytest.mark.whole
+
 PAIR = read_machine("mikron-ucp600"), read_dialect("heidenhain")
 OTHER = read_machine("linuxcnc-xyzbc"), read_dialect("linuxcnc")
 POST = Post(1.0, 32.0)

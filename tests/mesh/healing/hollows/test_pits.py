@@ -12,6 +12,8 @@ from bonecam.mesh.remeshing import split_edges
 from bonecam.mesh.solids.intersections import self_intersections
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
+pytestmark = pytest.mark.whole
+
 ROUNDING = 1e-9
 SIDE = np.array([4.0, 0.0, 0.0])
 """Where the ellipsoid has its pit, mm."""
