@@ -200,6 +200,7 @@ def test_a_small_bump_counts_in_the_distance_and_is_reported() -> None:
     assert morph.lower_bound == SCHEDULE.lower_bound(morph.distance) <= morph.cuts
 
 
+@pytest.mark.whole
 def test_offsets_that_turn_over_are_refused_and_others_are_exact() -> None:
     for offset in (-48.0, -60.0):
         remedy = "give one that reaches over all of the part, nearer to it than its radii of curvature"

@@ -30,6 +30,7 @@ def waisted() -> bonecam.TriangleMesh:
     return revolve(radii, heights, (0.0, 10.0), 48)
 
 
+@pytest.mark.whole
 def test_a_fine_cutter_cuts_the_hollow_that_the_finishing_ball_does_not_enter(tmp_path: Path) -> None:
     """Without it 13.6 mm2 stay in the groove, 0.12 mm high. The finished part is parted from its post."""
     job = JOB.with_values(holding={"parting": True})

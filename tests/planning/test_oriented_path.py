@@ -46,6 +46,8 @@ from bonecam.workholding.clamping import Clamping
 from bonecam.workholding.column import Column
 from bonecam.workholding.post import post_below
 
+pytestmark = pytest.mark.whole
+
 MIKRON = MachineLimits(np.radians(115.0))
 
 
@@ -137,7 +139,6 @@ CHUCK = Clamping((Column(12.0, 18.0),), clearance=4.0)
 NOSE = (Frustum(30.0, 40.0, 40.0), Frustum(20.0, 40.0, 60.0))
 
 
-@pytest.mark.whole
 def test_spindle_chuck_and_cones_are_kept_clear_of(
     made: Callable[..., tuple[ContactPath, Scene, ToolPath]], roughing_cutter: Cutter
 ) -> None:
@@ -159,7 +160,6 @@ def test_spindle_chuck_and_cones_are_kept_clear_of(
     assert sum(path.blocked_by.values()) <= left[2]
 
 
-@pytest.mark.whole
 def test_a_bracket_beside_the_part_is_never_entered_and_the_program_begins_off_it(
     made: Callable[..., tuple[ContactPath, Scene, ToolPath]], roughing_cutter: Cutter
 ) -> None:

@@ -3,7 +3,11 @@
 import re
 from pathlib import Path
 
+import pytest
+
 import bonecam
+
+pytestmark = pytest.mark.whole
 
 PAGE = Path(__file__).parents[2] / "docs" / "pages" / "tutorials" / "python.md"
 

@@ -106,6 +106,7 @@ def certified(made: Morph) -> tuple[Certificate, ...]:
     )
 
 
+@pytest.mark.whole
 def test_the_bounds_of_concentric_capsules_are_their_distance() -> None:
     capsules = [Capsule(STOCK.start, STOCK.end, radius) for radius in (3.0, 3.4)]
     inner, outer = body_surfaces(capsules)
@@ -245,6 +246,7 @@ def test_what_is_not_certain_is_named_with_its_place() -> None:
     assert certify_cut(surface, grown(surface, 0.05), STOCK, 0.5).shortfalls(0.5) == ()
 
 
+@pytest.mark.whole
 def test_the_levels_of_a_bar_are_certified_up_to_the_body_they_round_it_from() -> None:
     levels = levels_in(
         waisted(), Cylinder(4.5, 0.0, 20.0), Schedule((0.1, 0.1), 0.5), chord_tolerance=0.02

@@ -64,6 +64,7 @@ def test_the_row_next_to_a_pole_lies_in_one_plane_with_it(fitted: Fit) -> None:
         assert np.linalg.svd(ring - pole)[1][2] < 1e-10
 
 
+@pytest.mark.whole
 def test_too_few_control_points_are_reported_not_hidden(body: tuple[Rows, TriangleMesh]) -> None:
     found = fit(body[1], 0.01, 60, rows=body[0])
     assert not found.reached

@@ -167,6 +167,7 @@ def test_the_surface_is_c2_across_the_seam() -> None:
         assert np.allclose(a, b, atol=1e-4)
 
 
+@pytest.mark.whole
 def test_too_few_control_points_say_what_they_reach() -> None:
     needed = skin(ellipsoid_rows(), 1e-3, poles=POLES).tmesh.size
     with pytest.raises(SurfaceError, match="reach") as caught:

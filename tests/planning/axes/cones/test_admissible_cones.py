@@ -21,6 +21,8 @@ from bonecam.tool.path import ContactPath
 from bonecam.workholding.clamping import Clamping
 from bonecam.workholding.column import Column
 
+pytestmark = pytest.mark.whole
+
 LIMITS = MachineLimits(np.radians(115.0))
 JOB = PathJob(pattern="along")
 RANDOM = np.random.default_rng(5)
@@ -124,7 +126,6 @@ def test_a_map_proves_no_leaf_of_which_an_axis_collides(
     assert entered.max() < 0.011
 
 
-@pytest.mark.whole
 def test_each_cone_holds_proven_leaves_alone(cones: AxisCones) -> None:
     """Directions all over each cone, at the rim too, against the map; cones a fifth wider are not so."""
     free, found = cones.free, np.flatnonzero(cones.shapes.found)

@@ -29,6 +29,8 @@ from bonecam.tool.path import ContactPath, MoveKind
 from bonecam.workholding.clamping import Clamping
 from bonecam.workholding.column import Column
 
+pytestmark = pytest.mark.whole
+
 LIMITS = MachineLimits(np.radians(115.0), tilt_speed=np.radians(90) * 60, turn_speed=np.radians(120) * 60)
 JOB = PathJob(pattern="along", orientation="cones")
 
@@ -146,7 +148,6 @@ def test_a_neighbours_field_is_a_start_that_leads_to_the_same_smoothness(
     assert other < 1.05 * one
 
 
-@pytest.mark.whole
 def test_axes_that_a_neighbours_field_would_make_slow_are_sought_anew(
     case: Made, smooth: SmoothAxes, level_of: Callable[..., Level]
 ) -> None:
@@ -190,7 +191,6 @@ def test_verified_cones_keep_the_word_of_fcl(case: Made, smooth: SmoothAxes) -> 
     assert check.narrowed + check.refused <= 0.05 * check.asked
 
 
-@pytest.mark.whole
 def test_the_cones_of_a_level_are_put_before_fcl_unless_the_job_says_no(
     case: Made, level_of: Callable[..., Level]
 ) -> None:
