@@ -22,6 +22,9 @@ CONTACT_SHARE = 0.2
 """Part of the gouge tolerance that a ball at rest on a contact may use up."""
 MOVE_SHARE = 0.5
 """Part of the gouge tolerance that a ball may use up on a move between two contacts."""
+BETWEEN_SHARE = 0.6
+"""Part of the gouge tolerance that it may use up between the places where the move is measured: with the mesh and the
+control's way no more than all of it."""
 FLUTE_SHARE = 0.6
 """Part of the gouge tolerance that the flutes above a ball may use up: more than the ball beside them on a move, and
 with the mesh and the control's way no more than all of it."""
@@ -31,9 +34,6 @@ POSTING_SHARE = 0.2
 """Part of the gouge tolerance by which the control may leave the path."""
 WORD_ROUNDING = 0.001
 """Words with three decimals put the ball no further off than this, mm."""
-BETWEEN_FACTOR = 1.2
-"""Between the places where `_lacking` measures a move it may enter this much deeper: what the rounding of words
-leaves of the tolerance."""
 INNER_FRACTIONS = (0.25, 0.75)
 """Fractions of a move at which it is measured besides its ends and its middle."""
 OVERLIFT = 1.2
@@ -116,10 +116,10 @@ def moves_gouge_free(
     """Whether the ball, its centre moved straight from start to end, stays within `tolerance` (mm) of free.
 
     Proven everywhere on the move, by halving it until its parts are bounded by the distances at their ends. A
-    depth of MOVE_SHARE of the tolerance is let through, one of MOVE_SHARE + CONTACT_SHARE never.
+    depth of MOVE_SHARE of the tolerance is let through, one of BETWEEN_SHARE never.
     """
     measured = radius - MOVE_SHARE * tolerance
-    bounded = radius - (MOVE_SHARE + CONTACT_SHARE) * tolerance
+    bounded = radius - BETWEEN_SHARE * tolerance
     free = np.ones(len(starts), dtype=bool)
     move = np.arange(len(starts))
     lengths = np.linalg.norm(ends - starts, axis=1)
@@ -203,13 +203,12 @@ def _unproven(
     """Which of the moves that lack nothing where `_lacking` measures them enter an obstacle in between: only
     long ones can, the others are proven by the distances there."""
     measured = radius - MOVE_SHARE * tolerance
-    between = BETWEEN_FACTOR * tolerance
-    bounded = radius - (MOVE_SHARE + CONTACT_SHARE) * between
+    bounded = radius - BETWEEN_SHARE * tolerance
     quarters = np.linalg.norm(centres[moves + 1] - centres[moves], axis=1) / 4
     long = (quarters / 2) ** 2 > measured**2 - bounded**2
     doubtful = np.flatnonzero((lacking <= 0) & long)
     starts, ends = centres[moves[doubtful]], centres[moves[doubtful] + 1]
-    free = [moves_gouge_free(starts, ends, radius, between, obstacle) for obstacle in obstacles]
+    free = [moves_gouge_free(starts, ends, radius, tolerance, obstacle) for obstacle in obstacles]
     return doubtful[~np.all(free, axis=0)]
 
 

@@ -6,7 +6,7 @@ import pytest
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.planning.passes.gouge_lifts import (
-    CONTACT_SHARE,
+    BETWEEN_SHARE,
     MESH_SHARE,
     MOVE_SHARE,
     POSTING_SHARE,
@@ -29,7 +29,7 @@ def roof(height: float = 10.0) -> MeshDistance:
 
 @pytest.mark.parametrize(
     ("deep", "free"),
-    [(0.0, True), (0.9 * MOVE_SHARE, True), (MOVE_SHARE + 1.1 * CONTACT_SHARE, False), (5.0, False)],
+    [(0.0, True), (0.9 * MOVE_SHARE, True), (1.05 * BETWEEN_SHARE, False), (5.0, False)],
 )
 @pytest.mark.parametrize("length", [0.1, 4.0])
 def test_a_ball_that_passes_over_a_ridge_may_not_enter_it(deep: float, free: bool, length: float) -> None:
@@ -72,7 +72,11 @@ def test_a_long_move_is_lifted_over_a_ridge_wherever_it_lies(place: float) -> No
     lifts = gouge_free_lifts(contacts, up, 0.5, TOLERANCE, [obstacle], np.array([True, False]), 0.2)
     centres = contacts + (0.5 + lifts)[:, None] * up
     way = np.linspace(centres[0], centres[1], 2001)
-    assert (0.5 - obstacle.signed(way)).max() <= TOLERANCE * (MOVE_SHARE + CONTACT_SHARE)
+    assert (0.5 - obstacle.signed(way)).max() <= TOLERANCE * BETWEEN_SHARE
+
+
+def test_what_balls_mesh_and_control_use_up_is_the_tolerance() -> None:
+    assert BETWEEN_SHARE + MESH_SHARE + POSTING_SHARE <= 1.0
 
 
 def test_a_smaller_tolerance_leaves_room_for_the_rounding_of_words() -> None:
