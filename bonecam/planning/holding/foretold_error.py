@@ -28,8 +28,8 @@ def foretold_errors(
 ) -> list[float]:
     """The errors (mm) that these shares of the area of a `part` on its `beam` stay below; `tool` is the compliance of
     the cutter (mm/N), `force` that along the normal on an edge in the middle of a finishing strip, N."""
-    found, areas = normal_compliances(beam, part)
-    gives = FORCE_SHARE * force * (np.maximum(found, 0.0) + tool)
+    compliances, areas = normal_compliances(beam, part)
+    gives = FORCE_SHARE * force * (np.maximum(compliances, 0.0) + tool)
     weights = areas / areas.sum()
 
     def beyond(error: float, share: float) -> float:

@@ -63,10 +63,10 @@ def neck_remedies(setup: Setup, job: Job, limits: MachineLimits, taken: Neck) ->
                 figures(f"{both.change} and {what}", one, slower)
                 for what, slower in _slower(lighter, both.neck)
             ]
-            for found in (both, *slow):
-                if found.neck.holds:
-                    return (found,)
-                tried.append(found)
+            for remedy in (both, *slow):
+                if remedy.neck.holds:
+                    return (remedy,)
+                tried.append(remedy)
     return tuple(sorted(tried, key=lambda one: one.neck.shift_um)[:1])
 
 
