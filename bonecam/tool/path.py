@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -94,6 +95,19 @@ class FreeCones:
     def at(self, rows: Int[ndarray, "m"]) -> "FreeCones":
         """The cones of these rows, -1 for a row that has none."""
         return replace(self, cone_of=np.where(rows >= 0, self.cone_of[rows], -1))
+
+    def hold(self, axes: Float[ndarray, "n 3"]) -> Bool[ndarray, "n"]:
+        """Whether the axis of each row lies in the row's cone; of none where it has none."""
+        rows, shapes = self._with_cone
+        inside = np.zeros(len(axes), dtype=bool)
+        inside[rows] = shapes.off(axes[rows]) <= shapes.mean_angles
+        return inside
+
+    @cached_property
+    def _with_cone(self) -> tuple[Int[ndarray, "m"], EllipticCones]:
+        """The rows that have a cone, and its shape."""
+        rows = np.flatnonzero(self.cone_of >= 0)
+        return rows, self.shapes.take(self.cone_of[rows])
 
 
 @dataclass(frozen=True, eq=False)

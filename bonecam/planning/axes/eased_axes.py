@@ -75,11 +75,8 @@ class _Easing:
         job: PathJob,
     ) -> None:
         self.path, self.checker, self.limits = path, checker, limits
-        cones, self.shapes = wanted.cones, None
-        self.in_cone = np.zeros(len(chosen.axes), dtype=bool)
-        if cones and len(cones.shapes):
-            self.shapes = cones.shapes.take(cones.cone_of)
-            self.in_cone = (cones.cone_of >= 0) & self._in_cones(chosen.axes)
+        self.cones = wanted.cones
+        self.in_cone = self._in_cones(chosen.axes)
         self.max_tilt, least = np.radians(job.max_tilt_deg), np.radians(job.least_lead_deg)
         self.leads = np.minimum(angles_between(chosen.axes, path.normals), least)
         has_axis = chosen.found
@@ -136,10 +133,8 @@ class _Easing:
         return self.limits.nearest(tried) if self.limits.narrow else tried
 
     def _in_cones(self, axes: Float[ndarray, "n 3"]) -> Bool[ndarray, " n"]:
-        """Whether each axis is in its contact's cone; nothing is told of contacts without one."""
-        if self.shapes is None:
-            return np.ones(len(axes), dtype=bool)
-        return np.asarray(self.shapes.off(axes) <= self.shapes.mean_angles)
+        """Whether each axis is in its contact's cone."""
+        return np.zeros(len(axes), dtype=bool) if self.cones is None else self.cones.hold(axes)
 
     def _shares(
         self, rows: Int[ndarray, " r"], slow: Bool[ndarray, " n"], half: float

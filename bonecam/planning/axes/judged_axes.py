@@ -4,13 +4,11 @@ clamping. What it does not find free is left out."""
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Bool, Float
-from numpy import ndarray
 
 from bonecam.planning.axes.tool_axes import ToolAxes, WantedAxes
 from bonecam.planning.collision.checker import CollisionChecker
 from bonecam.planning.collision.fcl_model import build_fcl_model
-from bonecam.tool.path import ContactPath, FreeCones, PoseCheck
+from bonecam.tool.path import ContactPath, PoseCheck
 
 
 def judged_axes(
@@ -18,7 +16,12 @@ def judged_axes(
 ) -> tuple[ToolAxes, PoseCheck]:
     """The axes, without those outside of FCL's cones with which the tool at rest collides (`collision`), and how many
     were asked and refused."""
-    asked = np.flatnonzero(chosen.found & ~_in_certified_cones(wanted.cones, chosen.axes))
+    cones, unsure = wanted.cones, chosen.found
+    if cones is not None and cones.check is not None:
+        unsure = unsure & ~cones.hold(chosen.axes)
+    asked = np.flatnonzero(unsure)
+    if not len(asked):
+        return chosen, PoseCheck(0, 0)
     axes = chosen.axes[asked]
     tips = path.centres[asked] - path.cutter.radius * axes
     model = build_fcl_model(checker.scene, path.cutter)
@@ -27,13 +30,3 @@ def judged_axes(
     reasons[refused] = "collision"
     judged = replace(chosen, reasons=tuple(reasons.tolist()))
     return judged, PoseCheck(len(asked), len(refused))
-
-
-def _in_certified_cones(cones: FreeCones | None, axes: Float[ndarray, "n 3"]) -> Bool[ndarray, " n"]:
-    """Whether each axis lies in a cone that FCL has certified."""
-    held = np.zeros(len(axes), dtype=bool)
-    if cones is not None and cones.check is not None:
-        rows = np.flatnonzero(cones.cone_of >= 0)
-        shapes = cones.shapes.take(cones.cone_of[rows])
-        held[rows] = shapes.off(axes[rows]) <= shapes.mean_angles
-    return held
