@@ -13,7 +13,7 @@ import numpy as np
 
 from bonecam.errors import OrientationError
 from bonecam.job import Job, PathJob
-from bonecam.levels.measure.level import Level, MachinedLevel, machined_levels, morph_surfaces
+from bonecam.levels.measure.level import Level, MachinedLevel, machined_levels
 from bonecam.machine.limits import MachineLimits
 from bonecam.material.in_process_mesh import DEVIATION
 from bonecam.material.in_process_stock import InProcessStock, uncut_material
@@ -23,7 +23,7 @@ from bonecam.planning.axes.field.smooth_axes import SmoothAxes
 from bonecam.planning.axes.lead import check_lead
 from bonecam.planning.axes.published.published_axes import published_axes
 from bonecam.planning.collision.checker import CollisionChecker
-from bonecam.planning.collision.held_level import held_level, part_chord
+from bonecam.planning.collision.held_level import distance_to_part, held_level
 from bonecam.planning.collision.scene import Scene
 from bonecam.planning.holding.parting_paths import parting_paths
 from bonecam.planning.level_cutters import cutter_of, depth_limits
@@ -70,7 +70,7 @@ def plan_paths(
     for cutter in cutters.values():
         check_lead(cutter, job.path.lead_deg)
 
-    part = _distance_to_part(levels, job.path)
+    part = distance_to_part(levels, job.path.gouge_tolerance)
     fixture = post_below(part.mesh, job.holding), clamping_of(job.holding, limits.bodies.table)
     planning = _Planning(job, limits, part, *fixture, enclosing_capsule(stock))
     paths: list[ToolPath] = []
@@ -221,11 +221,6 @@ def _take_rest(
             continue
         paths.append(replace(path, uncut=np.zeros((0, 3)), reasons=()))
     return material, paths
-
-
-def _distance_to_part(levels: Sequence[Level], job: PathJob) -> MeshDistance:
-    """Distances to the part, tessellated as finely as the gouge tolerance asks for."""
-    return MeshDistance(morph_surfaces(levels)[0].tessellate(part_chord(job.gouge_tolerance)))
 
 
 def _one_ahead(

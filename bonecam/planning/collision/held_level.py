@@ -4,7 +4,9 @@ The ball is kept out of level and part alike. The flutes are held against the le
 the part's: an outer level that comes within microns of the part there is held as the part itself is.
 """
 
-from bonecam.levels.measure.level import MachinedLevel
+from collections.abc import Sequence
+
+from bonecam.levels.measure.level import Level, MachinedLevel, morph_surfaces
 from bonecam.mesh.distance import MeshDistance
 from bonecam.planning.collision.scene import TANGENT_SLACK
 from bonecam.planning.passes.gouge_lifts import MESH_SHARE, flute_slack, planned_tolerance
@@ -22,6 +24,12 @@ BETWEEN = 0.002
 def part_chord(gouge_tolerance: float) -> float:
     """The chord tolerance (mm) of the part's mesh where a gouge of `gouge_tolerance` mm is allowed."""
     return min(PART_CHORD, MESH_SHARE * planned_tolerance(gouge_tolerance))
+
+
+def distance_to_part(levels: Sequence[Level], gouge_tolerance: float) -> MeshDistance:
+    """Distances to the part, that of the `levels` from part to stock, tessellated as finely as the gouge tolerance (mm)
+    asks for."""
+    return MeshDistance(morph_surfaces(levels)[0].tessellate(part_chord(gouge_tolerance)))
 
 
 def held_level(

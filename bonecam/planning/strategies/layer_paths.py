@@ -8,10 +8,9 @@ import numpy as np
 
 from bonecam.errors import OrientationError
 from bonecam.job import Job
-from bonecam.levels.measure.level import Level, morph_surfaces
+from bonecam.levels.measure.level import Level
 from bonecam.machine.limits import MachineLimits
-from bonecam.mesh.distance import MeshDistance
-from bonecam.planning.collision.held_level import part_chord
+from bonecam.planning.collision.held_level import distance_to_part
 from bonecam.planning.collision.scene import Scene
 from bonecam.planning.holding.parting_paths import parting_paths
 from bonecam.planning.layers.height_field import DEVIATION
@@ -52,7 +51,7 @@ def plan_layer_paths(
             f"does not reach ({np.degrees(limits.largest):g} deg): take strategy = 'morph' or another machine"
         )
     report(progress, 0.0, "planning layers")
-    distance = MeshDistance(morph_surfaces(levels)[0].tessellate(part_chord(job.path.gouge_tolerance)))
+    distance = distance_to_part(levels, job.path.gouge_tolerance)
     post = post_below(distance.mesh, job.holding)
     roughing = Cutter.from_job(1, "roughing", job.tool("roughing"), limits.bodies.nose)
     finishing = Cutter.from_job(2, "finishing", job.tool("finishing"), limits.bodies.nose)
