@@ -70,9 +70,12 @@ def _parts_of(given: str | Path | BatchPart, job: Job) -> list[BatchPart]:
     place = Path(given)
     if place.is_dir():
         return [_with_job_beside(file, job) for file in _files_in(place)]
-    if is_table(place):
+    columns = _columns_of(place)
+    if "file" in columns:
         return _parts_in_table(place, job)
-    _check_no_header(place)
+    if set(columns) & set(COLUMNS):  # as a part a .csv is a cloud of points
+        what = "line 1: no column `file`: a table of parts names them there"
+        raise JobError(f"{place}: {what}", file=str(place))
     return [_with_job_beside(place, job)]
 
 
@@ -108,24 +111,17 @@ def _files_in(folder: Path) -> list[Path]:
 
 def is_table(file: Path) -> bool:
     """Whether a file is a table of parts: a .csv whose first line names the column `file`."""
+    return "file" in _columns_of(file)
+
+
+def _columns_of(file: Path) -> list[str]:
+    """What the first line of a .csv names; nothing of another file, or one that cannot be read."""
     if file.suffix.lower() != ".csv":
-        return False
+        return []
     try:
-        return "file" in _header(input_text(file))
+        return _header(input_text(file))
     except (OSError, ValueError):
-        return False
-
-
-def _check_no_header(file: Path) -> None:
-    """JobError where a .csv, which as a part is a cloud of points, begins with names of columns of a table."""
-    if file.suffix.lower() != ".csv" or not file.is_file():
-        return
-    try:
-        header = _header(input_text(file))
-    except (OSError, ValueError):
-        return
-    if set(header) & set(COLUMNS):
-        raise JobError(f"{file}: line 1: no column `file`: a table of parts names them there", file=str(file))
+        return []
 
 
 def _header(text: str) -> list[str]:
