@@ -84,8 +84,8 @@ def _kind(name: str) -> StockKind:
 def check_sizes(job: StockJob) -> None:
     """JobError where a size is given that this kind of stock does not have, which would be ignored, or where the kind
     has one that is no field of [stock]. Kinds that a user added and the job does not name are not loaded."""
-    own = kind_of(job).sizes
     sizes_of = {name: _kind(name).sizes for name in (*PUBLISHED_KINDS, job.kind)}
+    own = sizes_of[job.kind]
     for size in own:
         if size not in StockJob.__dataclass_fields__:
             what = f"the stock {job.kind!r} has the size {size!r}, which is no field of [stock]"

@@ -181,10 +181,10 @@ def swept_vertices(size: ndarray, sides: int) -> ndarray:
     if bottom <= 0:
         normals = np.empty((sides, 3))
         normals_of(first, second, sides, normals)
-        told = _is_below(pole, bottom, rim, wide, normals)
+        below = _is_below(pole, bottom, rim, wide, normals)
         for j in range(sides):
-            told = told and _is_below(foot[j] + lowest[j] * along[j], bottom, rim, wide, normals)
-        if not told:
+            below = below and _is_below(foot[j] + lowest[j] * along[j], bottom, rim, wide, normals)
+        if not below:
             return np.empty((0, 3))
     upper, top = _upper(top, foot, along)
 
