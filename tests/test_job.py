@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from bonecam.errors import JobError, LevelError
 from bonecam.job import Job, read_job, write_job
-from bonecam.job.job_file import PATHS, from_anywhere, named_files
+from bonecam.job.files.job_file import PATHS, from_anywhere, named_files
 from bonecam.job.materials.preset import read_material
 from bonecam.job.parameter import record
 

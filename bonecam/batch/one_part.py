@@ -14,7 +14,7 @@ import bonecam
 from bonecam.batch.parts import BatchPart
 from bonecam.files import input_text, second_file, write_whole
 from bonecam.job import Job, write_job
-from bonecam.job.job_file import named_files
+from bonecam.job.files.job_file import named_files
 from bonecam.nc.job_dialect import job_dialect
 from bonecam.progress import Progress
 from bonecam.report.tables.batch_table import Outcome, outcome_of

@@ -22,7 +22,7 @@ from typing import Any
 from bonecam.errors import BonecamError, JobError, did_you_mean
 from bonecam.files import input_text, require_name
 from bonecam.job import Job, read_job
-from bonecam.job.job_file import counted_from, from_anywhere
+from bonecam.job.files.job_file import counted_from, from_anywhere
 from bonecam.job.sections import setting
 from bonecam.job.stock_section import STOCK_KINDS
 from bonecam.mesh.files.formats.label_map import LABEL_MAPS

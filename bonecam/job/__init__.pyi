@@ -1,7 +1,7 @@
+from .files.job_file import job_files as job_files
+from .files.job_file import read_job as read_job
+from .files.job_file import write_job as write_job
 from .holding.holding_section import HoldingJob as HoldingJob
-from .job_file import job_files as job_files
-from .job_file import read_job as read_job
-from .job_file import write_job as write_job
 from .levels_section import LevelsJob as LevelsJob
 from .materials.mechanics_section import MechanicsJob as MechanicsJob
 from .mesh_section import MeshJob as MeshJob

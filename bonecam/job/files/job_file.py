@@ -25,7 +25,7 @@ PATHS = {
 
 def job_files() -> dict[str, Path]:
     """The job files that come with bonecam, are the user's, or come with other packages, by name."""
-    return extensions.named_files("jobs", Path(__file__).parents[1] / "study" / "jobs")
+    return extensions.named_files("jobs", Path(__file__).parent)
 
 
 def read_job(path: str | Path, base: Job | None = None) -> Job:

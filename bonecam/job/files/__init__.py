@@ -1,0 +1,1 @@
+"""Jobs as TOML files: their reading and writing, and those that ship."""
