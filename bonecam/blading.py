@@ -101,7 +101,8 @@ def blades(
     if simulation and mechanics:
         mechanics_of_job(job)
     inputs = _files(blade, hub, obstacles)
-    (wanted := Outputs(program, keep, report, html=html, sheet=sheet, apt=apt)).check(None, dialect)
+    wanted = Outputs(program, keep, report, html=html, sheet=sheet, apt=apt)
+    wanted.check(None, dialect)
     check_files([file for file in (program, report, html, sheet, apt) if file is not None], inputs)
     name = str(inputs[0]) if inputs else "the blade"
     times = StageTimes()

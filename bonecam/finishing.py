@@ -90,7 +90,8 @@ def finish(
     if simulation and mechanics:
         mechanics_of_job(job)
     source = Path(surface) if isinstance(surface, str | Path) else None
-    (wanted := Outputs(program, keep, report, html=html, apt=apt)).check(source, dialect)
+    wanted = Outputs(program, keep, report, html=html, apt=apt)
+    wanted.check(source, dialect)
     solids = _checked_solids((part, *obstacles), program, report, html, apt)
     times = StageTimes()
     name = str(surface) if source else "the surface"

@@ -197,7 +197,7 @@ def _changes(folder: Path, cells: dict[str, str]) -> dict[str, dict[str, Any]]:
     """What the cells of a line change in a job, by section and name."""
     keys = {"units": "mesh.units"}
     given = [(keys.get(column, column), cell) for column, cell in cells.items() if cell]
-    settings = [each for key, cell in given if (each := setting(key, cell))]
+    settings = [each for each in (setting(key, cell) for key, cell in given) if each]
     stock = cells.get("stock", "")
     if stock in STOCK_KINDS:
         settings.append(("stock", "kind", stock))

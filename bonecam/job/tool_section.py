@@ -149,7 +149,8 @@ def read_tool(name: str) -> dict[str, Any]:
     try:
         values = parse_toml(input_text(path))
         known_keys = {item.name for item in fields(ToolJob)} - {"preset"}
-        if unknown := sorted(values.keys() - known_keys):
+        unknown = sorted(values.keys() - known_keys)
+        if unknown:
             what = f"unknown key {unknown[0]!r}{did_you_mean(unknown[0], known_keys)}"
             raise ValueError(f"{what}: use those of a cutter's section of a job")
         tool = ToolJob(**values)

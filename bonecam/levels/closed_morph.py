@@ -80,7 +80,8 @@ def begin_morph(
     _require_parameters(attraction, method, solver, stiffness, chord_tolerance)
     _require_closed_inside(surface, stock, schedule)
     started = time.perf_counter()
-    solving, measuring = part(progress := rising(progress), 0.0, 0.7), part(progress, 0.7, 1.0)
+    progress = rising(progress)
+    solving, measuring = part(progress, 0.0, 0.7), part(progress, 0.7, 1.0)
     if method == "qp":
         surface = refine_for_depth(surface, stock, schedule.beyond)
     discretisation = discretise(surface, stock, ATTRACTIONS[attraction])

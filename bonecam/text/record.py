@@ -98,4 +98,4 @@ def _record_in(annotation: object) -> type[Record] | None:
     """The record in an annotation such as `list[Statement]` or `Axis | None`."""
     if isinstance(annotation, type) and not get_args(annotation) and issubclass(annotation, Record):
         return annotation
-    return next((record for item in get_args(annotation) if (record := _record_in(item))), None)
+    return next(filter(None, map(_record_in, get_args(annotation))), None)

@@ -96,7 +96,7 @@ def _mesh_of(shape: Any, tolerance: float, welding: float) -> TriangleMesh | Non
     """The triangles of a tessellated shape, points nearer than `welding` (mm) made one; None where there is no
     face, or one has no triangles or is further than `tolerance` (mm) from one of them."""
     faces = faces_of(shape)
-    parts = [part for face in faces if (part := _triangles(face, tolerance))]
+    parts = [part for part in (_triangles(face, tolerance) for face in faces) if part]
     if not parts or len(parts) < len(faces):
         return None
     starts = np.cumsum([0, *[len(nodes) for nodes, _ in parts]])

@@ -103,7 +103,8 @@ def _has_decimal_commas(words: list[str]) -> bool:
 
 def _names_columns(words: list[str], columns: str) -> bool:
     """Whether column names, units between them left out, begin with these letters."""
-    names = [name for word in words if (name := word.strip("\"'").lower())[:1].isalpha()]
+    bare = [word.strip("\"'").lower() for word in words]
+    names = [name for name in bare if name[:1].isalpha()]
     return [name[0] for name in names[: len(columns)]] == list(columns)
 
 

@@ -86,7 +86,8 @@ def drop_fins(state: RepairState) -> RepairState:
     names, sides = (edge_names(each, len(state.mesh.vertices)) for each in (edges, half_edges(state.mesh)))
     face_counts = counts[np.searchsorted(names, sides)]
     fins = (face_counts == 1).any(1) & (face_counts > 2).any(1)
-    if not (count := int(fins.sum())):
+    count = int(fins.sum())
+    if not count:
         return state
     return state.keep(
         ~fins, f"removed {counted(count, 'face')} that {'stick' if count > 1 else 'sticks'} out"

@@ -99,4 +99,5 @@ def _owners(file: Path, dialect: Dialect) -> set[str] | None:
         return set()
     except OSError:
         return None
-    return {mark.caller for line in unnumbered(before, dialect) if (mark := mark_in(line, dialect))}
+    marks = [mark_in(line, dialect) for line in unnumbered(before, dialect)]
+    return {mark.caller for mark in marks if mark}

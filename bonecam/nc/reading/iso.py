@@ -125,9 +125,8 @@ class _BlockReader:
 
     def _run_words(self, words: Words, line: int) -> None:
         state = self.state
-        effects = [
-            effect for letter, number in words if (effect := self.dialect.effect_of.get(letter + number))
-        ]
+        known = (self.dialect.effect_of.get(letter + number) for letter, number in words)
+        effects = [effect for effect in known if effect]
         values = self._values(words, line)
         if "inverse_time" in effects or "per_minute" in effects:
             state.inverse_time = "inverse_time" in effects

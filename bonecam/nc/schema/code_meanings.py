@@ -79,4 +79,5 @@ def blocks_of_pattern(pattern: str) -> list[tuple[str, Meaning]]:
         word.replace("\\", "") for word in re.findall(r"(?<![A-Z0-9])[A-Z]+[0-9]*(?:\\?\.[0-9])?", pattern)
     ]
     taken = [(block, meaning) for block, meaning in WHOLE_BLOCKS.items() if compiled.match(block) is not None]
-    return taken + [(word, meaning) for word in named if (meaning := meaning_of(word)) is not None]
+    meanings = [(word, meaning_of(word)) for word in named]
+    return taken + [(word, meaning) for word, meaning in meanings if meaning is not None]

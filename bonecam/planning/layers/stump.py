@@ -122,7 +122,10 @@ def _fine_layers(
     rough = Rough(cutter, least, job.path.chord_tolerance, 1.0)
     layers = []
     deepest = np.inf
-    while (allowance := _allowance(ball, material, heights, depth)) and deepest > allowance:
+    while True:
+        allowance = _allowance(ball, material, heights, depth)
+        if not 0 < allowance < deepest:
+            break
         deepest = allowance
         raised = replace(ball, allowance=allowance)
 

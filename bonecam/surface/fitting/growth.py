@@ -42,15 +42,23 @@ GAIN = 0.93
 """A round of taking knots out that leaves a larger share of the control points, or of the largest distance,
 halves the share of the next round."""
 
-LEAST_SHARE = {True: 0.3, False: 0.1}
-"""The last share that is tried where the tolerance is reached, and where it is not."""
 
-SPARE = {True: 0.95, False: 0.8}
-"""Share of the tolerance where it is reached, of the largest distance where it is not: no sample may pass it
-for the lack of a knot."""
+@dataclass(frozen=True)
+class Pruning:
+    """How boldly knots are taken out. `spare` is a share of the tolerance where that is reached, of the largest
+    distance where it is not: no sample may pass it for the lack of a knot. `removable` is the share of the control points that
+    may go in one round, `least_share` the last share of it that is tried."""
 
-REMOVABLE = {True: 0.4, False: 0.2}
-"""Share of the control points that may go in one round where the tolerance is reached, and where it is not."""
+    spare: float
+    removable: float
+    least_share: float
+
+
+REACHED = Pruning(spare=0.95, removable=0.4, least_share=0.3)
+"""Where the surface meets the tolerance."""
+
+MISSED = Pruning(spare=0.8, removable=0.2, least_share=0.1)
+"""Where it does not."""
 
 FIRST = ((150, 9, 10), (40, 5, 6))
 """From so many control points allowed: spans in t, and knots in a row, of the first T-mesh."""
@@ -125,15 +133,18 @@ def thin(surface: TSpline, target: FitTarget, aim: Aim) -> tuple[TSpline, FitTar
     """
     share = 1.0
     folded = target.folded(surface)
-    while share > LEAST_SHARE[target.worst <= aim.tolerance]:
+    while True:
         reached = target.worst <= aim.tolerance
+        pruning = REACHED if reached else MISSED
+        if share <= pruning.least_share:
+            break
         size = surface.tmesh.size
         worst = target.worst
         tmesh = aim.prune(
             surface,
             target,
-            SPARE[reached] * max(aim.tolerance, worst),
-            round(share * REMOVABLE[reached] * size),
+            pruning.spare * max(aim.tolerance, worst),
+            round(share * pruning.removable * size),
         )
         fewer = transfer(surface, tmesh)
         fewer, new_target = settle(fewer, target.on(fewer, aim.tolerance), aim)

@@ -37,7 +37,7 @@ DRIFT = 3e-2
 NEAR = 2.0
 """Tolerances: from the largest distance that is smaller on, samples are weighted by their distance sharply."""
 
-STRESS = {False: (0.4, 2), True: (0.5, 4)}
+FAR_STRESS, NEAR_STRESS = (0.4, 2), (0.5, 4)
 """Weight of a sample that is met, and power of the distance in the weight; before and from NEAR on."""
 
 DAMPING = 1e-4
@@ -166,7 +166,7 @@ def data_terms(surface: TSpline, target: FitTarget, tolerance: float, slide: flo
     samples = target.all
     (basis,) = surface.basis(samples.s, samples.t)
     normals = surface.normals(samples.s, samples.t)
-    least, power = STRESS[target.worst < NEAR * tolerance]
+    least, power = NEAR_STRESS if target.worst < NEAR * tolerance else FAR_STRESS
     met = np.append(
         np.full(len(target.inward.areas), least), np.zeros(len(target.outward.areas))
     )  # the latter come and go unnoticed

@@ -16,7 +16,7 @@ from numpy import ndarray
 
 from bonecam.errors import FileError
 from bonecam.mesh.files.point_files import POINTS, read_blocks
-from bonecam.surface.skinning.row_curves import FEWEST
+from bonecam.surface.skinning.row_curves import FEWEST_CLOSED, FEWEST_OPEN
 from bonecam.surface.skinning.skin import skin
 from bonecam.surface.tspline import TSpline
 
@@ -82,10 +82,11 @@ def rows_of(blocks: list[Float[ndarray, "_ 3"]], path: Path) -> PointRows:
     touching = [len(row) > 3 and np.linalg.norm(row[0] - row[-1]) <= least for row in rows]
     closed = poles is not None or all(touching)
     rows = [row[:-1] if closed and touches else row for row, touches in zip(rows, touching)]
+    fewest = FEWEST_CLOSED if closed else FEWEST_OPEN
     for number, row in enumerate(rows):
         steps = np.linalg.norm(np.roll(row, -1, axis=0) - row, axis=1)[: None if closed else -1]
-        if len(row) < FEWEST[closed]:
-            remedy = f"give {FEWEST[closed]} or more"
+        if len(row) < fewest:
+            remedy = f"give {fewest} or more"
             raise FileError(
                 f"{path}: row {number} has {len(row)} points: {remedy}", file=str(path), row=number
             )

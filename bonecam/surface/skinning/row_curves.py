@@ -15,8 +15,8 @@ from numpy import ndarray
 
 from bonecam.surface.basis.spline_space import collocation, curve_knots, interpolate
 
-FEWEST = {True: 5, False: 4}
-"""Least number of points of a closed row and of an open one."""
+FEWEST_CLOSED, FEWEST_OPEN = 5, 4
+"""Least number of points of a row."""
 STEPS = 8, 256
 """Fewest and most grid steps in a typical distance of two parameters; coarse grids move the parameters, fine
 ones make many knots."""
@@ -69,10 +69,11 @@ def distinct(knots: Float[ndarray, " n"], apart: float) -> Float[ndarray, " k"]:
 def _check(number: int, row: ndarray, closed: bool) -> None:
     if row.ndim != 2 or row.shape[1] != 3:
         raise ValueError(f"row {number} has the shape {row.shape}: give points (p, 3)")
-    if len(row) < FEWEST[closed]:
+    fewest = FEWEST_CLOSED if closed else FEWEST_OPEN
+    if len(row) < fewest:
         raise ValueError(
             f"row {number} has {len(row)} points: {'a closed' if closed else 'an open'} row needs at "
-            f"least {FEWEST[closed]}"
+            f"least {fewest}"
         )
     if not np.isfinite(row).all():
         raise ValueError(f"row {number}, point {int(np.argmin(np.isfinite(row).all(axis=1)))} is not finite")

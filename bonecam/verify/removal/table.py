@@ -60,11 +60,8 @@ def shell_clearance(motions: Motions, cutters: Sequence[Cutter], shell: Triangle
     """How near the whole tool comes to the shell of a second clamping, to NEAR mm; they touch where that is not sure
     to be no contact."""
     solid = MeshDistance(shell)
-    clearances = [
-        solid_clearance(motions, moves, cutter, solid)
-        for cutter in cutters
-        if len(moves := np.flatnonzero(motions.tools == cutter.number))
-    ]
+    used = [(cutter, np.flatnonzero(motions.tools == cutter.number)) for cutter in cutters]
+    clearances = [solid_clearance(motions, moves, cutter, solid) for cutter, moves in used if len(moves)]
     near, move = min(clearances)
     x, y, z = (float(value) for value in motions.tips[move])
     line = int(motions.lines[move])

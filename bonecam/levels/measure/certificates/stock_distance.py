@@ -24,9 +24,9 @@ def bound_outside(nets: Float[ndarray, "e 16 3"], stock: Stock) -> tuple[float, 
         bounds = values.max(1)
         reached = max(reached, float(values[:, CORNERS].max()))
         doubtful = (bounds > max(0.0, reached + ACCURACY)) & (halving < MAX_HALVINGS - 1)
-        if not doubtful.all() and (bound := float(bounds[~doubtful].max())) > worst:
-            patch = np.flatnonzero(~doubtful)[np.argmax(bounds[~doubtful])]
-            worst = bound
+        patch = np.argmax(np.where(doubtful, -np.inf, bounds))
+        if not doubtful[patch] and bounds[patch] > worst:
+            worst = float(bounds[patch])
             place = nets[patch, np.argmax(values[patch])]
         if not doubtful.any():
             break
@@ -48,9 +48,10 @@ def bound_inside(
         bounds = -distance - np.einsum("nkx,nx->nk", nets - middles[:, None], out).min(1)
         reached = max(reached, float(-stock.signed_distance(corners.reshape(-1, 3)).min()))
         doubtful = (bounds > max(limit, reached + ACCURACY)) & (halving < MAX_HALVINGS - 1)
-        if not doubtful.all() and (bound := float(bounds[~doubtful].max())) > worst:
-            worst = bound
-            place = middles[np.flatnonzero(~doubtful)[np.argmax(bounds[~doubtful])]]
+        patch = np.argmax(np.where(doubtful, -np.inf, bounds))
+        if not doubtful[patch] and bounds[patch] > worst:
+            worst = float(bounds[patch])
+            place = middles[patch]
         if not doubtful.any():
             break
         nets = quarter_nets(nets[doubtful])

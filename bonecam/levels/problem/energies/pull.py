@@ -31,12 +31,11 @@ way and the normal count as no less than this."""
 
 def pull(given: Given) -> Pulled:
     """The samples of the energy, weighed by area and uniformly."""
-    discretisation, samples, P = (
-        given.discretisation,
-        given.discretisation.samples,
-        given.before.control_points,
-    )
-    x, area = samples.R @ P, np.linalg.norm(area_vectors := samples.area_vectors(P), axis=1)
+    discretisation, P = given.discretisation, given.before.control_points
+    samples = discretisation.samples
+    x = samples.R @ P
+    area_vectors = samples.area_vectors(P)
+    area = np.linalg.norm(area_vectors, axis=1)
     weights = area * samples.weights
     weights = weights / weights.sum() + given.parameters.uniform / len(x)
     normals = area_vectors / np.maximum(area, np.finfo(float).tiny)[:, None]

@@ -72,7 +72,8 @@ def rooms_at(path: ContactPath, scene: Scene) -> Float[ndarray, " n"]:
     rooms = np.array([0.0, *ROOMS])
     free, most = np.zeros((2, len(path.centres)), dtype=np.int64)
     most += len(ROOMS)
-    while len(left := np.flatnonzero(free < most)):
+    left = np.arange(len(path.centres))
+    while len(left):
         # a ball contains the smaller ones that touch the same contact
         tried = (free[left] + most[left] + 1) // 2
         more = rooms[tried]
@@ -81,6 +82,7 @@ def rooms_at(path: ContactPath, scene: Scene) -> Float[ndarray, " n"]:
         empty = around.distance_bound(middles, radius, outside=True) >= radius
         free[left[empty]] = tried[empty]
         most[left[~empty]] = tried[~empty] - 1
+        left = left[free[left] < most[left]]
     return rooms[free]
 
 
