@@ -139,8 +139,9 @@ def split_runs(lines: Lines, kept: Bool[ndarray, " n"]) -> list[Int[ndarray, " _
         gap = np.flatnonzero(~kept[here])
         if len(gap) and kept[a] and kept[b - 1] and lines.closed(a, b - 1):
             here = np.r_[here[gap[0] : -1], here[: gap[0]]]
-        pieces = np.split(here, np.flatnonzero(~kept[here]))
-        runs += [piece[kept[piece]] for piece in pieces if kept[piece].any()]
+        place = np.flatnonzero(kept[here])
+        if len(place):
+            runs += np.split(here[place], np.flatnonzero(np.diff(place) > 1) + 1)
     return runs
 
 

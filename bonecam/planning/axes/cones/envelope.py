@@ -12,7 +12,7 @@ each edge between two sides above its lower end, also of a section that is wide 
 its lower facets, lie in the convex set of all x for which the last line holds for no a.
 """
 
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -39,10 +39,15 @@ class Sweep:
     second: float
     growth: float
 
+    @property
+    def sizes(self) -> Float[ndarray, "6"]:
+        """All of it in the order of the fields, as the kernels take it."""
+        return np.array([self.start, self.end, self.radius, self.first, self.second, self.growth])
+
     def mesh(self, sides: int) -> tuple[Float[ndarray, "v 3"], Int[ndarray, "f 3"]] | None:
         """Vertices and outward faces of a mesh that holds it, of `sides` sides, the apex in the origin, the cone's axis
         along Z, and its largest opening along X; None where there is none (`swept_vertices`)."""
-        vertices = swept_vertices(np.array(astuple(self)), sides)
+        vertices = swept_vertices(self.sizes, sides)
         return (vertices, _faces((len(vertices) - 2) // sides, sides)) if len(vertices) else None
 
     def steps(self) -> tuple["Sweep", ...]:
@@ -56,7 +61,7 @@ class Sweep:
 
     def holds(self, points: Float[ndarray, "n 3"], sides: int) -> Bool[ndarray, " n"]:
         """Which points, in the frame of the mesh, lie within the bounds that it has."""
-        sizes = np.tile(np.array(astuple(self)), (len(points), 1))
+        sizes = np.tile(self.sizes, (len(points), 1))
         return np.asarray(swept_hold(sizes, sides, np.ascontiguousarray(points)))
 
 

@@ -17,7 +17,7 @@ from bonecam.kernels.closest.swept_bounds import facets_below
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.planning.axes.cones.envelope import Sweep
 from bonecam.planning.axes.cones.sphere_leaves import sphere_leaves
-from bonecam.planning.collision.fcl_model import FclObject, crosses, fcl_object, solid_object
+from bonecam.planning.collision.fcl_model import FclObject, crosses, obstacle_object, solid_object
 
 SIDES = 12
 """Sides of the meshes of the catalogue, and of the first of a cone's own;"""
@@ -44,7 +44,7 @@ class Obstacle:
         """The obstacle with this closed mesh."""
         triangles, _ = sphere_leaves()
         directions = np.ascontiguousarray(triangles.centres[: triangles.starts[1]])
-        return cls(fcl_object(mesh), directions, (mesh.vertices @ directions.T).max(axis=0))
+        return cls(obstacle_object(mesh), directions, (mesh.vertices @ directions.T).max(axis=0))
 
 
 def crossing(
