@@ -130,7 +130,11 @@ class _Planning:
         level, material = level_contacts.level, standing.material
         scene = self.scene_of(level_contacts.distance, level_contacts.flute_slack, material)
         contacts = contact_path(level_contacts.candidates, material, allowed)
-        smooth = level_axes(contacts, level, scene, self.limits, self.job.path, standing.smooth)
+        with ThreadPoolExecutor(1) as thread:
+            patterns = None
+            if too_deep(level_contacts.candidates, material, allowed):
+                patterns = thread.submit(self._rest_patterns, level_contacts, allowed.scallop)
+            smooth = level_axes(contacts, level, scene, self.limits, self.job.path, standing.smooth)
 
         def cut(contacts: ContactPath, material: InProcessStock, explained: bool = False) -> Cut:
             def oriented(contacts: ContactPath) -> ToolPath:
@@ -155,9 +159,8 @@ class _Planning:
             return cut_within_depth(contacts, material, level, allowed, oriented)
 
         rest: list[ToolPath] = []
-        if too_deep(level_contacts.candidates, material, allowed):
-            patterns = self._rest_patterns(level_contacts, allowed.scallop)
-            material, rest = _take_rest(patterns, material, allowed, cut, self.limits.turn_speed)
+        if patterns is not None:
+            material, rest = _take_rest(patterns.result(), material, allowed, cut, self.limits.turn_speed)
             contacts = contact_path(level_contacts.candidates, material, allowed, allowed.deepest)
         path, after = cut(contacts, material, True)
         return [*rest, path], _Standing(after, smooth)

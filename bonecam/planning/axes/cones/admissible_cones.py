@@ -21,10 +21,11 @@ from bonecam.job import PathJob
 from bonecam.kernels.closest.largest_ellipses import largest_ellipses
 from bonecam.machine.limits import ANGLE_ROUNDING, MachineLimits, polar_angles
 from bonecam.planning.axes.cones.cone import ObliqueEllipticCone, elliptic_cone
-from bonecam.planning.axes.cones.free_axes import FreeAxes, free_axes
+from bonecam.planning.axes.cones.free_axes import NODES, FreeAxes, free_axes
 from bonecam.planning.axes.cones.sphere_leaves import sphere_leaves
 from bonecam.planning.axes.lead import table_limits
 from bonecam.planning.collision.scene import Scene
+from bonecam.runtime.threads import in_pieces
 from bonecam.tool.elliptic_cones import EllipticCones
 from bonecam.tool.path import ConeCheck, ContactPath, FreeCones
 
@@ -88,10 +89,13 @@ class AxisCones:
         sums = [np.bincount(node, axes[:, i], len(self.shapes)) for i in range(3)]
         means = unit(np.column_stack(sums))
         rows = np.flatnonzero(self.shapes.off(means) > DEEP * self.shapes.mean_angles)
+        proven, wanted = free.proven[rows], means[rows]
         _, leaves = sphere_leaves()
-        frames, has_cone = largest_ellipses(
-            free.proven[rows], means[rows], leaves, free.directions, self.circular
-        )
+
+        def work(piece: slice) -> tuple[ndarray, ndarray]:
+            return largest_ellipses(proven[piece], wanted[piece], leaves, free.directions, self.circular)
+
+        frames, has_cone = map(np.concatenate, zip(*in_pieces(work, len(rows), NODES)))
         has_cone &= free.free[rows].any(axis=1)
         cones = EllipticCones.oblique(frames, has_cone)
         return replace(self, shapes=self.shapes.with_rows(rows, cones), check=None)

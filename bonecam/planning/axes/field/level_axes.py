@@ -1,5 +1,6 @@
 """The smooth axes of a level, from those of the level round it."""
 
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 
 from bonecam.job import PathJob
@@ -30,12 +31,14 @@ def level_axes(
     wants none. Where no contact has a cone there is nothing to smooth."""
     if job.orientation != "cones" or not len(contacts.contacts):
         return before
-    cones = admissible_cones(contacts, scene, limits, job)
+    with ThreadPoolExecutor(1) as thread:
+        meanwhile = thread.submit(contact_facets, contacts, level.surface)
+        cones = admissible_cones(contacts, scene, limits, job)
     if not cones.found.any():
         return before
     domain = FieldDomain.of(level.surface)
     start = before.field if before else None
-    facets = contact_facets(contacts, level.surface)
+    facets = meanwhile.result()
     make = partial(smooth_axes, domain=domain, limits=limits, job=job, preset="membrane", facets=facets)
     smooth = make(cones, start=start)
     at_feed = machine_minutes(contacts, smooth.axes, MachineLimits(limits.largest))
