@@ -21,8 +21,10 @@ from bonecam.runtime.threads import in_pieces
 LEAF = 4
 """Triangles of a leaf of the tree, at most."""
 CHUNK = 8192
-"""Points a thread asks for at a time: the same whatever the number of threads, so that each search begins
-alike."""
+"""Points a thread asks for lower bounds at a time: the same whatever the number of threads, so that each search begins
+alike;"""
+EXACT_CHUNK = 1024
+"""and for distances, which are the same wherever a search begins."""
 KEPT_TREES = 8
 """Of so many meshes that exact closest points were asked for last the tree is kept."""
 
@@ -68,11 +70,11 @@ class MeshDistance:
         """Distance to the surface, or the limit where that is less; a lower bound of it with a `slack`."""
         points = np.require(points, np.float64, ["C", "W"])
         tree = self._tree
-        return np.concatenate(
-            in_pieces(
-                lambda some: distances_within(points[some], limits[some], slack, *tree), len(points), CHUNK
-            )
-        )
+
+        def work(some: slice) -> Float[ndarray, " m"]:
+            return np.asarray(distances_within(points[some], limits[some], slack, *tree))
+
+        return np.concatenate(in_pieces(work, len(points), CHUNK if slack else EXACT_CHUNK))
 
     def unsigned(
         self, points: Float[ndarray, "n 3"], wanted: float | Float[ndarray, " n"] = np.inf

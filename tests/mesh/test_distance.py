@@ -3,7 +3,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from bonecam.mesh.distance import CHUNK, MeshDistance, exact_closest, lowest_between
+from bonecam.mesh.distance import CHUNK, EXACT_CHUNK, MeshDistance, exact_closest, lowest_between
 from bonecam.mesh.solids.intersections import self_intersections
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
@@ -119,6 +119,14 @@ def test_the_number_of_threads_changes_no_bit(ball: TriangleMesh, monkeypatch: p
         found.append(MeshDistance(ball).unsigned(points))
     assert np.array_equal(found[0], found[1])
     assert np.array_equal(found[0], found[2])
+
+
+def test_where_a_search_begins_changes_no_bit_of_a_distance(ball: TriangleMesh) -> None:
+    distance = MeshDistance(ball)
+    points = np.tile(POINTS, (2 * EXACT_CHUNK // len(POINTS) + 1, 1))
+    assert len(points) > 2 * EXACT_CHUNK
+    alone = np.concatenate([distance.unsigned(point[None]) for point in POINTS])
+    assert (distance.unsigned(points) == np.tile(alone, len(points) // len(POINTS))).all()
 
 
 def test_a_way_without_length_is_bounded_by_its_ends() -> None:

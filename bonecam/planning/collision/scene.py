@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
+from bonecam.kernels.closest.columns import column_bound
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.setup.capsule import Capsule
@@ -138,6 +139,7 @@ class Surroundings:
             may_be_inside = (distance[close] + self.reserve < FAR) & (not outside)
             limits = wanted[close] + FAR + off
             distance[close] = self.mesh_distance.signed(points[close], limits, may_be_inside) - off
-        for column in self.columns:
-            distance = np.minimum(distance, column.distance(points))
+        if self.columns:
+            rows = np.array([column.row for column in self.columns])
+            column_bound(np.require(points, requirements=["C", "W"]), rows, distance)
         return distance

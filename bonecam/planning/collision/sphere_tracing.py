@@ -141,9 +141,10 @@ def _trace(
         if not len(active):
             break
         radius = section.radius + taper * (u - section.start)
-        margin, slope = _margins(poses.take(active), u, radius, ball_radius if tangent else None)
+        here = poses.take(active)
+        margin, slope = _margins(here, u, radius, ball_radius if tangent else None)
         needed = radius - slack + margin
-        points = poses.tips[active] + u[:, None] * poses.axes[active]
+        points = here.tips + u[:, None] * here.axes
         # every sphere but the first begins inside the empty one before
         distance = around.distance_bound(points, needed, outside=sphere > 0)
         step = _provable_step(distance, needed, slope * np.hypot(1.0, taper) + taper)

@@ -188,6 +188,18 @@ def test_a_wide_holder_close_above_the_part_is_proven_free_by_few_distances(
     assert sum(asked) <= 2 * (1 + len(cutter.profile))
 
 
+def test_the_bound_of_distances_keeps_off_every_column(scene: Scene) -> None:
+    columns = Column(2.0, 31.5), Column(40.0, -1.0, -np.inf), Column(3.0, 60.0, 10.0, 9.0, -4.0)
+    points = np.random.default_rng(7).normal(size=(2000, 3)) * 20 + [0.0, 0.0, 25.0]
+    wanted = np.full(len(points), np.inf)
+    off_mesh = Surroundings(scene, "material", 0.0, ()).distance_bound(points, wanted)
+    bound = Surroundings(scene, "material", 0.0, columns).distance_bound(points, wanted)
+    expected = np.min([off_mesh, *(column.distance(points) for column in columns)], axis=0)
+    assert (bound == expected).all()
+    assert 200 < (expected < off_mesh).sum() < 1800
+    assert (expected < 0).any()
+
+
 @pytest.mark.parametrize("shank_diameter", [1.4, 3.0])
 def test_what_distances_tell_of_the_thick_tool_is_what_fcl_finds(
     finishing_cutter: Cutter, scene: Scene, shank_diameter: float
