@@ -2,7 +2,8 @@
 part.
 
 Each level needs the material that the level before it left, so the levels follow one another; what does not
-depend on that material (the contacts of the next level) is made in a second thread meanwhile.
+depend on that material (the contacts of the next level) is made in a second thread meanwhile, and what does not depend
+on the axes (the contacts of rest paths) while those are found.
 """
 
 from collections.abc import Callable, Iterator, Sequence
