@@ -13,12 +13,12 @@ from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.planning.layers.chart import Chart
 from bonecam.planning.layers.drop import Ball, drop_balls
+from bonecam.planning.layers.gouge_free import gouge_free
 from bonecam.planning.layers.height_field import HeightField
 from bonecam.planning.layers.layer import Layer, layer_of
 from bonecam.planning.layers.layer_curves import LayerCurves, join, sample
 from bonecam.planning.layers.roughing_layers import swept
 from bonecam.planning.layers.scan_lines import scan_lines
-from bonecam.planning.passes.gouge_lifts import gouge_free_lifts, planned_tolerance
 from bonecam.tool.ball_depth import MAX_DEPTH_RADII
 from bonecam.tool.cutter import Cutter
 
@@ -57,14 +57,11 @@ def finish_layer(
 
     lines = scan_lines(chart, ball, cutter.scallop, height_of, extent, width)
     curves = sample(lines, chart, height_of, width, job.chord_tolerance)
-    axes = chart.axes(curves.a)
-    centres = chart.bases(curves.a, curves.b) + curves.heights[:, None] * axes
+    centres = curves.centres(chart)
     kept = ball.touches(centres) & (curves.heights > floor)
     if wanted is not None:
         kept[kept] = wanted(ball.part.closest(centres[kept])[0])
-    lifts = _lifts(centres, axes, ball, kept & np.r_[kept[1:], False] & curves.joined(), job.gouge_tolerance)
-    kept &= np.isfinite(lifts)
-    raised = replace(curves, heights=curves.heights + np.nan_to_num(lifts))
+    raised, kept = gouge_free(curves, kept, chart, ball.part, ball.radius, job.gouge_tolerance)
     steps, cut, left = _in_steps(raised, kept, material, ball.radius, width)
     layer = layer_of(steps, cut, chart, cutter, material, ball)
     covered = kept & ~cut[-len(kept) :]
@@ -98,32 +95,9 @@ def _ends(curves: LayerCurves) -> ndarray:
     return np.flatnonzero(np.diff(curves.line)) + 1
 
 
-def _lifts(
-    centres: Float[ndarray, "n 3"],
-    axes: Float[ndarray, "n 3"],
-    ball: Ball,
-    joined: Bool[ndarray, " n"],
-    gouge_tolerance: float,
-) -> Float[ndarray, " n"]:
-    """How far balls are lifted along their axes so that the moves between them leave the part alone, mm."""
-    tolerance = planned_tolerance(gouge_tolerance)
-    tips = centres - ball.radius * axes
-    return gouge_free_lifts(
-        tips,
-        axes,
-        radius=ball.radius,
-        tolerance=tolerance,
-        obstacles=[ball.part],
-        joined=joined,
-        max_lift=ball.radius / 2,
-    )
-
-
 def _sunk(curves: LayerCurves, radius: float, material: HeightField) -> Float[ndarray, " n"]:
     """How deep each ball sinks into the material, mm."""
-    chart = material.chart
-    centres = chart.bases(curves.a, curves.b) + curves.heights[:, None] * chart.axes(curves.a)
-    return depths_in(material, centres, radius)
+    return depths_in(material, curves.centres(material.chart), radius)
 
 
 def depths_in(material: HeightField, centres: Float[ndarray, "n 3"], radius: float) -> Float[ndarray, " n"]:

@@ -38,7 +38,7 @@ def layer_of(
     Contacts are those of the `ball` with the part; without one they are the tips of the tool.
     """
     axes = chart.axes(curves.a)
-    centres = chart.bases(curves.a, curves.b) + curves.heights[:, None] * axes
+    centres = curves.centres(chart)
     normals = axes if ball is None else unit(centres - ball.part.closest(centres)[0])
     feeds = np.gradient(centres, axis=0) if len(centres) > 1 else axes
     feeds = unit(feeds + np.finfo(float).tiny)

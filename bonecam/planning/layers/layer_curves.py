@@ -33,6 +33,10 @@ class LayerCurves:
         """The points with these numbers."""
         return LayerCurves(self.line[index], self.a[index], self.b[index], self.heights[index])
 
+    def centres(self, chart: Chart) -> Float[ndarray, "n 3"]:
+        """The ball centres at the points."""
+        return chart.bases(self.a, self.b) + self.heights[:, None] * chart.axes(self.a)
+
     def joined(self) -> Bool[ndarray, " n"]:
         """Whether each point and the next are on one line."""
         return np.r_[self.line[1:] == self.line[:-1], False]
@@ -60,9 +64,10 @@ def sample(
         middle_a = (curves.a[begins] + curves.a[begins + 1]) / 2
         middle_b = (curves.b[begins] + curves.b[begins + 1]) / 2
         heights = height_of(middle_a, middle_b)
-        centres = _centres(chart, curves.a, curves.b, curves.heights)
+        centres = curves.centres(chart)
         starts, ends = centres[begins], centres[begins + 1]
-        off = _off_segment(_centres(chart, middle_a, middle_b, heights), starts, ends)
+        middles = LayerCurves(curves.line[begins], middle_a, middle_b, heights)
+        off = _off_segment(middles.centres(chart), starts, ends)
         needed = (off > tolerance) & (np.linalg.norm(ends - starts, axis=1) > SHORTEST)
         if not needed.any():
             break
@@ -77,13 +82,6 @@ def sample(
         fresh = np.zeros(len(curves.a), dtype=bool)
         fresh[added] = fresh[added - 1] = True
     return curves
-
-
-def _centres(
-    chart: Chart, a: Float[ndarray, " n"], b: Float[ndarray, " n"], heights: Float[ndarray, " n"]
-) -> Float[ndarray, "n 3"]:
-    """Ball centres."""
-    return chart.bases(a, b) + heights[:, None] * chart.axes(a)
 
 
 def _divided(lines: Sequence[Float[ndarray, "_ 2"]], width: float) -> tuple[ndarray, ndarray, ndarray]:

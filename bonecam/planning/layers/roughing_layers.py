@@ -7,7 +7,10 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
+from bonecam.job import PathJob
+from bonecam.mesh.distance import MeshDistance
 from bonecam.planning.layers.drop import Ball, drop_balls
+from bonecam.planning.layers.gouge_free import gouge_free
 from bonecam.planning.layers.height_field import CELL, HeightField
 from bonecam.planning.layers.layer import Layer, layer_of, nearest_order, split
 from bonecam.planning.layers.layer_curves import Heights, LayerCurves, join, sample
@@ -19,12 +22,13 @@ LEAD = 1.0
 
 @dataclass(frozen=True, eq=False)
 class Rough:
-    """How a layer is roughed: its cutter, the height (mm) that a cut has at least, the chord tolerance (mm) and the
-    length (mm) of a unit of a."""
+    """How a layer is roughed: its cutter, the part that it does not gouge, the tolerances of the job, the height (mm)
+    that a cut has at least and the length (mm) of a unit of a."""
 
     cutter: Cutter
+    part: MeshDistance
+    job: PathJob
     least: float
-    chord: float
     width: float
 
 
@@ -34,17 +38,21 @@ def rough_layer(
     material: HeightField,
     rough: Rough,
 ) -> tuple[Layer, HeightField]:
-    """The layer that cuts sets of polylines (a, b) one set after the other, and the material behind it."""
+    """The layer that cuts sets of polylines (a, b) one set after the other, and the material behind it. Where a move
+    would gouge the part the ball is raised, or the place left out."""
     chart, radius = material.chart, rough.cutter.radius
     before, pieces = material, list[LayerCurves]()
     here = None
-    every = sample([line for lines in sets for line in lines], chart, height_of, rough.width, rough.chord)
+    polylines = [line for lines in sets for line in lines]
+    every = sample(polylines, chart, height_of, rough.width, rough.job.chord_tolerance)
+    all_points = np.ones(len(every.line), dtype=bool)
+    every, free = gouge_free(every, all_points, chart, rough.part, radius, rough.job.gouge_tolerance)
     ends = np.searchsorted(every.line, np.cumsum([len(lines) for lines in sets]))
     for points in np.split(np.arange(len(every.line)), ends[:-1]):
         curves = every.take(points)
         cut = material.cut(curves.a, curves.b, curves.heights, radius)
-        centres = chart.bases(curves.a, curves.b) + curves.heights[:, None] * chart.axes(curves.a)
-        runs = split(curves, _with_leads(curves, centres, cut > rough.least))
+        centres = curves.centres(chart)
+        runs = split(curves, free[points] & _with_leads(curves, centres, cut > rough.least))
         order = nearest_order([(centres[run[0]], centres[run[-1]]) for run in runs], here)
         for number, backwards in order:
             run = runs[number][::-1] if backwards else runs[number]

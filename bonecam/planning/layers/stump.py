@@ -88,7 +88,7 @@ def stump_layers(
         for k, b in enumerate(np.linspace(chart.b[0], chart.b[-1], count))
     ]
     ball = Ball(roughing.radius, job.levels.finishing_depth, around, post)
-    rough = Rough(roughing, job.path.least_depth, job.path.chord_tolerance, 1.0)
+    rough = Rough(roughing, around, job.path, job.path.least_depth, 1.0)
     layers, material = rough_down(sets, tips.tolist(), ball, material, rough)
 
     heights = top + finishing.radius, low
@@ -119,7 +119,7 @@ def _fine_layers(
     come down on them; and the material behind them. `heights` are the highest and the lowest of its centre, mm."""
     chart, depth = material.chart, job.levels.finishing_depth
     least = min(job.path.least_depth, cutter.scallop)
-    rough = Rough(cutter, least, job.path.chord_tolerance, 1.0)
+    rough = Rough(cutter, ball.part, job.path, least, 1.0)
     layers = []
     deepest = np.inf
     while True:

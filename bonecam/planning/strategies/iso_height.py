@@ -98,13 +98,16 @@ def _rough_side(
     lowest = side.floor + cutter.radius
     rests = drop_balls(side.chart, a, b, ball, top, lowest - 1.0).reshape(material.tops.shape)
     count = int(np.ceil((side.top - side.floor) / job.levels.layer_depth))
-    rough = Rough(cutter, job.path.least_depth, job.path.chord_tolerance, 1.0)
+    rough = Rough(cutter, ball.part, job.path, job.path.least_depth, 1.0)
     step = flat_step(cutter.radius, cutter.scallop)
     layers = []
     for height in np.linspace(top, lowest, count + 1)[1:]:
 
         def is_free(a: Float[ndarray, " n"], b: Float[ndarray, " n"], at: float = float(height)) -> ndarray:
-            return drop_balls(side.chart, a, b, ball, top, at) <= at
+            # most balls that are not free are not so in their place: that is asked first, the way down takes many steps
+            free = ball.clearance(side.chart.bases(a, b) + at * side.chart.axes(a)) >= 0.0
+            free[free] = drop_balls(side.chart, a[free], b[free], ball, top, at) <= at
+            return free
 
         def height_of(a: Float[ndarray, " n"], b: Float[ndarray, " n"], at: float = float(height)) -> ndarray:
             return np.full(len(a), at)

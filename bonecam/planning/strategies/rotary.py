@@ -64,7 +64,7 @@ def _rough(
     sections = np.linspace(
         *extent[::-1], 1 + int(np.ceil(np.ptp(extent) / flat_step(cutter.radius, cutter.scallop)))
     )
-    rough = Rough(cutter, job.path.least_depth, job.path.chord_tolerance, largest)
+    rough = Rough(cutter, ball.part, job.path, job.path.least_depth, largest)
     tips = np.linspace(largest, CORE, 1 + int(np.ceil((largest - CORE) / job.levels.layer_depth)))
     turn = [0.0, 2 * np.pi]
     sets = [[np.column_stack([turn[:: -1 if k % 2 else 1], [b, b]])] for k, b in enumerate(sections)]

@@ -13,6 +13,9 @@ from bonecam.planning.layers.chart import FlatChart
 
 Free = Callable[[Float[ndarray, " n"], Float[ndarray, " n"]], Bool[ndarray, " n"]]
 """Whether balls of a slice are free at coordinates a and b."""
+SPACED = 0.3
+"""The outline is found at places about so far apart, mm: on an arc of the radius of a 2 mm ball it runs 6 um off the
+straight lines between them."""
 OFF = 0.3
 """A curve so far from the outline is free, mm: two cells, as the outline is known from cell to cell."""
 HALVINGS = 6
@@ -40,7 +43,16 @@ def offset_curves(
     curves = [_contours(chart, away, offset) for offset in offsets[::-1]]
     if not has_outline:
         return [*curves, [_ridge_line(chart, ridge)]]
-    return [*curves, [thinned(_moved_up(chart, away, line, is_free)) for line in _contours(chart, away, OFF)]]
+    around = [line for line in contour_lines(chart.a, chart.b, away, OFF) if len(line) > 2]
+    return [*curves, [thinned(_moved_up(chart, away, _spaced(line), is_free)) for line in around]]
+
+
+def _spaced(line: Float[ndarray, "n 2"]) -> Float[ndarray, "k 2"]:
+    """The points of a line about SPACED apart, with its ends: what is straight here may not be on the outline."""
+    along = np.r_[0.0, np.linalg.norm(np.diff(line, axis=0), axis=1).cumsum()]
+    steps = np.diff(np.floor(along / SPACED), prepend=-1.0)
+    steps[-1] = 1.0
+    return line[steps > 0]
 
 
 def _moved_up(
