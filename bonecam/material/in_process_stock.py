@@ -19,7 +19,7 @@ from bonecam.arrays import numbered
 from bonecam.kernels.removal.normal_probes import cut_normal_probes, probe_cells, useful_moves
 from bonecam.levels.measure.grid import LevelGrid, level_grid
 from bonecam.levels.measure.level import Level, MachinedLevel, RoundedLevel, machined_levels
-from bonecam.material.dexels import Dexels, Poses, dexels_of
+from bonecam.material.cut_dexels import CutDexels, cut_poses, uncut_rays
 from bonecam.material.entering import ball_depths, enters_beside
 from bonecam.material.in_process_mesh import CHORD, holding, hull
 from bonecam.material.stock_places import places_on_stock
@@ -70,8 +70,8 @@ def _swept_after(path: ToolPath, before: Sequence[Swept]) -> tuple[Swept, ...]:
 class InProcessStock:
     """The material left of a `stock`: the vertices of `grid` moved to `vertices`; and places of its surface, those of
     the finer grid `depth_grid` moved to `places`. `swept` is where balls cut on the last two levels. `uncut` is the
-    stock before the first cut: depths are measured from it. `dexels` are what balls leave whatever the lines of the
-    grids, `fluted` what balls and the flutes above them leave.
+    stock before the first cut: depths are measured from it. `rays` are what cutters leave whatever the lines of the
+    grids.
     `floor` are the vertices on the level that was cut last, None while levels only round the edges of the stock.
     """
 
@@ -80,8 +80,7 @@ class InProcessStock:
     vertices: Float[ndarray, "v 3"]
     depth_grid: LevelGrid
     places: Float[ndarray, "p 3"]
-    dexels: Dexels
-    fluted: Dexels
+    rays: CutDexels
     swept: tuple[Swept, ...] = ()
     uncut: Stock | None = None
     floor: Float[ndarray, "v 3"] | None = None
@@ -92,7 +91,7 @@ class InProcessStock:
         of it."""
         if self.floor is None:
             return self.stock
-        return holding(hull(self.vertices, self.floor, self.grid.faces), self.dexels.ends)
+        return holding(hull(self.vertices, self.floor, self.grid.faces), self.rays.balls.ends)
 
     def thickness(self, level: MachinedLevel, contacts: Float[ndarray, "n 3"]) -> Float[ndarray, " n"]:
         """Thickness of the material above the level at each contact, mm."""
@@ -168,8 +167,7 @@ def uncut_material(levels: Sequence[Level], stock: Stock) -> InProcessStock:
     nets = [level.control_points for level in machined]
     grid, fine = (level_grid(machined[0].surface, nets, chord) for chord in (CHORD, DEPTH_CHORD))
     vertices, places = (places_on_stock(stock, each.R @ nets[-1], each.faces) for each in (grid, fine))
-    dexels = dexels_of(stock)
-    return InProcessStock(levels[-1].mesh, grid, vertices, fine, places, dexels, dexels, uncut=stock)
+    return InProcessStock(levels[-1].mesh, grid, vertices, fine, places, uncut_rays(stock), uncut=stock)
 
 
 def remove_material(material: InProcessStock, level: MachinedLevel, path: ToolPath) -> InProcessStock:
@@ -180,17 +178,11 @@ def remove_material(material: InProcessStock, level: MachinedLevel, path: ToolPa
     vertices = _lowered(material.vertices, floor, path)
     places = _lowered(material.places, material.depth_grid.R @ level.control_points, path)
     swept = _swept_after(path, material.swept)
-    poses, radius = _cut_poses(path), path.cutter.radius
-    dexels, fluted = (
-        material.dexels.without(*poses, radius),
-        material.fluted.without(*poses, radius, path.cutter.reach),
-    )
     return replace(
         material,
         vertices=vertices,
         places=places,
-        dexels=dexels,
-        fluted=fluted,
+        rays=material.rays.after(path),
         swept=swept,
         uncut=None,
         floor=material.floor if isinstance(level, RoundedLevel) else floor,
@@ -230,15 +222,5 @@ def _lowered(standing: Float[ndarray, "n 3"], floor: Float[ndarray, "n 3"], path
 
 def _cuts(path: ToolPath) -> tuple[Float[ndarray, "m 3"], Float[ndarray, "m 3"]]:
     """Where the ball's centre begins and ends each cutting move; a pass begins with one of no length."""
-    (starts, _), (ends, _) = _cut_poses(path)
+    (starts, _), (ends, _) = cut_poses(path)
     return starts, ends
-
-
-def _cut_poses(path: ToolPath) -> tuple[Poses, Poses]:
-    """Ball centre and axis at beginning and end of each cutting move; a pass begins with one of no length."""
-    centres = path.tips + path.cutter.radius * path.axes
-    cutting = path.kinds == MoveKind.CUT
-    goes_on = np.r_[False, cutting[:-1] & (path.pass_index[1:] == path.pass_index[:-1])]
-    before = np.where(goes_on, np.arange(len(centres)) - 1, np.arange(len(centres)))
-    starts = centres[before[cutting]], path.axes[before[cutting]]
-    return starts, (centres[cutting], path.axes[cutting])

@@ -61,8 +61,8 @@ def within_depth(
     """Which of the contacts may stay, where `path`, made of them, leads from the material `before` to that `after` it:
     all but those at which the cutter touches a place that it cuts too deep."""
     kept = np.ones(len(contacts.centres), dtype=bool)
-    grid = after.fluted.grid
-    cuts = cut_depths(after.fluted.sets, before.fluted.sets, grid)
+    left, grid = after.rays.cutters, after.rays.cutters.grid
+    cuts = cut_depths(left.sets, before.rays.cutters.sets, grid)
     deep = np.flatnonzero(cuts.depths > allowed.deepest + SLACK)
     if not len(deep):
         return kept

@@ -7,6 +7,7 @@ from jaxtyping import Bool, Float
 from numpy import ndarray
 from scipy.spatial import KDTree
 
+from bonecam.material.cut_dexels import CutDexels
 from bonecam.material.entering import ball_depths, enters_beside
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.triangle_mesh import TriangleMesh
@@ -16,10 +17,12 @@ from bonecam.planning.layers.height_field import DEVIATION
 @dataclass(frozen=True, eq=False)
 class HeightMesh:
     """The closed mesh of a height field, known from cell to cell, or of another body out of which what stands reaches
-    by the `deviation` at most, mm; its vertices are as near to one another as cells."""
+    by the `deviation` at most, mm; its vertices are as near to one another as cells. `rays` are what stands, where that
+    is known: the mesh misses ribs that are narrower than cells, and places that were left out."""
 
     mesh: TriangleMesh
     deviation: float = DEVIATION
+    rays: CutDexels | None = None
 
     def depths(
         self, centres: Float[ndarray, "n 3"], radius: float

@@ -132,24 +132,17 @@ class LinkSpace:
     ) -> Bool[ndarray, " k"]:
         """Whether neither the ball alone nor ball and flutes remove more than is `allowed` (mm^3) on straight moves
         through the poses of each line, but for what they have removed at the contacts of that line."""
-        if not isinstance(self.material, InProcessStock):
+        if self.material is None or self.material.rays is None:
             return np.ones(len(lines), dtype=bool)
-        cutter = self.checker.cutter
-        removed = self.material.dexels.removed_by(lines, contacts, cutter.radius)
-        little = removed <= allowed
-        asked = [(line, ends) for line, ends, ok in zip(lines, contacts, little, strict=True) if ok]
-        lines, contacts = ([pair[k] for pair in asked] for k in (0, 1))
-        removed = self.material.fluted.removed_by(lines, contacts, cutter.radius, cutter.reach)
-        little[little] = removed <= allowed
-        return little
+        return self.material.rays.cut_little(lines, contacts, self.checker.cutter, allowed)
 
     def rapids_cut_nothing(self, lines: Sequence[Polyline]) -> Bool[ndarray, " k"]:
         """Whether a ball that is thicker by RAPID_SPARE removes nothing on straight moves through the poses of each
         line."""
-        if not isinstance(self.material, InProcessStock):
+        if self.material is None or self.material.rays is None:
             return np.ones(len(lines), dtype=bool)
         nowhere = [(np.zeros((0, 3)), np.zeros((0, 3)))] * len(lines)
-        removed = self.material.dexels.removed_by(lines, nowhere, self.ball_radius + RAPID_SPARE)
+        removed = self.material.rays.balls.removed_by(lines, nowhere, self.ball_radius + RAPID_SPARE)
         return np.asarray(removed == 0)
 
     def polylines_free(self, polylines: Sequence[Polyline], *, cutting: bool) -> Bool[ndarray, " k"]:

@@ -10,6 +10,7 @@ from bonecam.errors import OrientationError
 from bonecam.job import Job
 from bonecam.levels.measure.level import Level
 from bonecam.machine.limits import MachineLimits
+from bonecam.material.cut_dexels import uncut_rays
 from bonecam.planning.collision.held_level import distance_to_part
 from bonecam.planning.collision.scene import Scene
 from bonecam.planning.holding.parting_paths import parting_paths
@@ -56,10 +57,10 @@ def plan_layer_paths(
     roughing = Cutter.from_job(1, "roughing", job.tool("roughing"), limits.bodies.nose)
     finishing = Cutter.from_job(2, "finishing", job.tool("finishing"), limits.bodies.nose)
     layers, unreached = STRATEGIES[job.path.strategy](distance, stock, post, roughing, finishing, job)
-    paths = []
+    paths, rays = list[ToolPath](), uncut_rays(stock)
     for count, layer in enumerate(layers):
         report(progress, 0.3 + 0.7 * count / len(layers), f"path of layer {len(layers) - 1 - count}")
-        standing = HeightMesh(layer.material.mesh())
+        standing = HeightMesh(layer.material.mesh(), rays=rays)
         scene = Scene(
             level=distance.mesh,
             material=standing.mesh,
@@ -77,4 +78,5 @@ def plan_layer_paths(
             reasons = *path.reasons, *np.where(near, "post", "hidden").tolist()
             path = replace(path, uncut=np.vstack([path.uncut, unreached]), reasons=reasons)
         paths.append(orient(path, scene, limits, job.path, job.nc, fixed=layer.axes, material=standing))
+        rays = rays.after(paths[-1])
     return *paths, *parting_paths(scene, job, limits)

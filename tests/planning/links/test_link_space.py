@@ -10,9 +10,11 @@ from bonecam.job import HoldingJob
 from bonecam.levels.measure.cut_measures import NO_CUT
 from bonecam.levels.measure.level import MachinedLevel, StockLevel
 from bonecam.machine.limits import MachineLimits
+from bonecam.material.cut_dexels import uncut_rays
 from bonecam.material.in_process_stock import remove_material, uncut_material
 from bonecam.planning.collision.checker import CollisionChecker
 from bonecam.planning.collision.scene import Scene
+from bonecam.planning.layers.height_mesh import HeightMesh
 from bonecam.planning.links.link_space import LinkSpace
 from bonecam.planning.links.moves import Feeds
 from bonecam.setup.capsule import Capsule
@@ -61,6 +63,20 @@ def test_a_link_whose_flutes_cut_where_its_ball_is_in_air_is_refused(space: Link
     assert space.in_air(below[0][None]).all()
     lower = upright(below[0] - 5.0 * UP)
     assert space.cuts_little([below, lower], [nowhere, nowhere]).tolist() == [False, True]
+
+
+def test_a_link_of_a_layer_is_held_against_what_stands_on_rays(
+    space: LinkSpace, below: Poses, upright_capsule: Capsule
+) -> None:
+    mesh, nowhere = upright_capsule.mesh(0.1), upright(np.zeros((0, 3)))
+    lines = [below, upright(below[0] - 5.0 * UP)]
+    standing = HeightMesh(mesh, rays=uncut_rays(upright_capsule))
+    assert replace(space, material=standing).cuts_little(lines, [nowhere] * 2).tolist() == [False, True]
+    side = upright_capsule.radius + space.ball_radius + np.array([0.05, 0.5])
+    rapids = [
+        upright(np.array([[x, 0.0, 36.0], [x, 0.0, 38.0]])) for x in side + float(upright_capsule.start[0])
+    ]
+    assert replace(space, material=standing).rapids_cut_nothing(rapids).tolist() == [False, True]
 
 
 def test_a_ball_is_known_to_be_in_air_outside_the_material_only(
