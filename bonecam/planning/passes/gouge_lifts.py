@@ -42,11 +42,14 @@ less than the lift."""
 
 
 def planned_tolerance(allowed: float) -> float:
-    """The gouge tolerance (mm) that paths are planned with where `allowed` mm are: the shares above leave a
-    tenth for the rounding of words, so below ten times that the paths are planned with less."""
+    """The gouge tolerance (mm) that paths are planned with where `allowed` mm are.
+
+    Where balls are measured the shares leave a tenth for the rounding of words, which is enough from ten times that on;
+    between these places and for flutes they leave nothing, so that a smaller tolerance is planned without the rounding.
+    """
     if allowed >= 10 * WORD_ROUNDING:
         return allowed
-    return (allowed - WORD_ROUNDING) / (MOVE_SHARE + MESH_SHARE + POSTING_SHARE)
+    return (allowed - WORD_ROUNDING) / (max(BETWEEN_SHARE, FLUTE_SHARE) + MESH_SHARE + POSTING_SHARE)
 
 
 def flute_slack(allowed: float) -> float:
