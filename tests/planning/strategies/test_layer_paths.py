@@ -39,7 +39,6 @@ def replayed(path: ToolPath, rays: CutDexels) -> tuple[list[float], CutDexels]:
 
 
 def test_links_of_layers_remove_nothing_that_the_proof_would_refuse(
-    strategy: str,
     grooved_pebble: Callable[..., TSpline],
     level_of: Callable[..., Level],
     upright_capsule: Capsule,
