@@ -45,9 +45,12 @@ halves the share of the next round."""
 
 @dataclass(frozen=True)
 class Pruning:
-    """How boldly knots are taken out. `spare` is a share of the tolerance where that is reached, of the largest
-    distance where it is not: no sample may pass it for the lack of a knot. `removable` is the share of the control points that
-    may go in one round, `least_share` the last share of it that is tried."""
+    """How boldly knots are taken out.
+
+    `spare` is a share of the tolerance where that is reached, of the largest distance where it is not: no sample may
+    pass it for the lack of a knot. `removable` is the share of the control points that may go in one round, and
+    `least_share` the last share of it that is tried.
+    """
 
     spare: float
     removable: float
