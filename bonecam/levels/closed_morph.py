@@ -87,7 +87,8 @@ def begin_morph(
     discretisation = discretise(surface, stock, ATTRACTIONS[attraction])
     around = whole(stock)
     rest = remaining(discretisation, surface.control_points, around)
-    rules = Rules(stock, schedule, *METHODS[method], chord_tolerance)
+    nesting_tolerance, stock_tolerance = METHODS[method]
+    rules = Rules(stock, schedule, nesting_tolerance, stock_tolerance, chord_tolerance)
     measure = partial(inspect, surface, rules=rules, progress=measuring)
 
     lower_bound = schedule.lower_bound(rest.left)

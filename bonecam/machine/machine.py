@@ -187,17 +187,26 @@ def _table(table: BodiesTable) -> Table:
     def half(size: float | None) -> float:
         return math.inf if size is None else size / 2
 
-    sides = half(table.diameter), half(table.width), half(table.depth)
-    return Table(*sides, table.beside == "open", stack_of(table.standing))
+    return Table(
+        half(table.diameter),
+        half(table.width),
+        half(table.depth),
+        table.beside == "open",
+        stack_of(table.standing),
+    )
 
 
 def _linear(letter: str, table: LinearTable) -> LinearAxis:
-    changes = _change(table.acceleration, 2), _change(table.jerk, 3)
     if table.limits is not None:
         low, high = table.limits
-        return LinearAxis(letter, (low, high), high - low, table.speed, *changes)
-    assert table.travel is not None  # the schema asks for one of both
-    return LinearAxis(letter, (-math.inf, math.inf), table.travel, table.speed, *changes)
+        travel = high - low
+    else:
+        assert table.travel is not None  # the schema asks for one of both
+        low, high = -math.inf, math.inf
+        travel = table.travel
+    acceleration = _change(table.acceleration, 2)
+    jerk = _change(table.jerk, 3)
+    return LinearAxis(letter, (low, high), travel, table.speed, acceleration=acceleration, jerk=jerk)
 
 
 def _rotary(letter: str, table: RotaryTable) -> RotaryAxis:

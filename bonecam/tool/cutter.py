@@ -148,8 +148,8 @@ class Cutter:
         for name, stack in (("holder", self.holder), ("spindle", self.nose)):
             for piece in stack:
                 start = sections[-1].end
-                radii = piece.diameter / 2, piece.top_diameter / 2
-                sections.append(ToolSection(name, start, start + piece.length, *radii))
+                radius, top_radius = piece.diameter / 2, piece.top_diameter / 2
+                sections.append(ToolSection(name, start, start + piece.length, radius, top_radius))
         return tuple(sections)
 
     @property

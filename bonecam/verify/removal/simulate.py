@@ -152,8 +152,9 @@ class _Simulation:
         seen = self.sweeping.standing, self.finished
         self.loads.take((group.level, group.rest), pieces, edges, cutter, *seen)
         if surface is not None and group.level is not None:
-            heights = [self._standing(surface, sets) for sets in (before, self.sweeping.sets)]
-            self.standing.append(StockHeights(group.level, *heights))
+            stood = self._standing(surface, before)
+            stands = self._standing(surface, self.sweeping.sets)
+            self.standing.append(StockHeights(group.level, stood, stands))
         self.table = self._nearer(self.table, whole, cutter, self.clamping.below)
         if self.clamping.beside:
             self.tailstock = self._nearer(self.tailstock, whole, cutter, self.clamping.above)

@@ -126,7 +126,9 @@ def _hub_probes(wheel: Wheel, floor: TSpline) -> NormalProbes:
 
 def _side_by_side(*probes: NormalProbes) -> NormalProbes:
     """Normal probes that nothing has cut, of several surfaces."""
-    stacked = (np.vstack([each.points for each in probes]), np.vstack([each.normals for each in probes]))
     return NormalProbes(
-        side_by_side([each.mesh for each in probes]), *stacked, np.hstack([each.areas for each in probes])
+        side_by_side([each.mesh for each in probes]),
+        np.vstack([each.points for each in probes]),
+        np.vstack([each.normals for each in probes]),
+        np.hstack([each.areas for each in probes]),
     )
