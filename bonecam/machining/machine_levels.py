@@ -94,8 +94,16 @@ def _posted(
     )
     figures = {**foretold, **reported, "removal": NOT_SIMULATED, "mechanics": NOT_KNOWN}
     checked = cast(Report, warnings.with_warnings(figures, job))
-    whole = (morphed.part, morphed.surface, morphed.stock, morphed.levels, checked, job)
-    return Result(*whole, paths, program)
+    return Result(
+        part=morphed.part,
+        surface=morphed.surface,
+        stock=morphed.stock,
+        levels=morphed.levels,
+        report=checked,
+        job=job,
+        paths=paths,
+        program=program,
+    )
 
 
 def post_by_force(result: Result, posting: Posting, progress: Progress) -> tuple[Result, BeforeForce]:
