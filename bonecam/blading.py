@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from bonecam.errors import knowing
 from bonecam.files import check_files
 from bonecam.finishing import Solid, naming
 from bonecam.job import Job
@@ -33,7 +34,7 @@ from bonecam.progress import report as report_progress
 from bonecam.report.files.bladed import Bladed
 from bonecam.report.files.finished import write_run
 from bonecam.report.files.output_files import File, Outputs
-from bonecam.report.files.refused_run import refusing
+from bonecam.report.files.refused_run import refusing, report_refused
 from bonecam.report.mechanics_lines import NOT_ASKED, NOT_KNOWN
 from bonecam.report.page.wheel_contents import wheel_figures
 from bonecam.report.summary import NOT_SIMULATED
@@ -105,22 +106,22 @@ def blades(
     wanted.check(None, dialect)
     check_files([file for file in (program, report, html, sheet, apt) if file is not None], inputs)
     name = str(inputs[0]) if inputs else "the blade"
-    times = StageTimes()
-    with times.stage("surface"), naming(name):
-        refuse_changes(job.mesh, name)
-        surface, edge = read_blade(blade, job.mesh.units, job.surface.tolerance, columns=columns, axis=axis)
-        check_surface_size(surface, name)
-        profile = read_hub(hub, surface, job.mesh.units, columns=hub_columns, axis=axis)
-        others = [read_solid(solid, job.mesh.units) for solid in obstacles]
-        wheel = wheel_of(surface, profile, count, others, edge)
-        require_room(wheel, job)
-    with naming(name):
+    with report_refused(report) as times, naming(name):
+        with times.stage("surface"):
+            refuse_changes(job.mesh, name)
+            units, tolerance = job.mesh.units, job.surface.tolerance
+            surface, edge = read_blade(blade, units, tolerance, columns=columns, axis=axis)
+            check_surface_size(surface, name)
+            profile = read_hub(hub, surface, units, columns=hub_columns, axis=axis)
+            others = [read_solid(solid, units) for solid in obstacles]
+            wheel = wheel_of(surface, profile, count, others, edge)
+            require_room(wheel, job)
         plan = _planned(wheel, job, machine, times, progress)
         bladed = _posted(plan, machine, dialect, name, program, times, part_of(progress, 0.6, 0.8))
         if simulation:
-            share = part_of(progress, 0.8, 1.0)
-            bladed = _simulated(bladed, machine, dialect, times, share, mechanics=mechanics)
-    bladed = replace(bladed, report=with_warnings({**bladed.report, "seconds": times.seconds}, bladed.job))
+            bladed = _simulated(bladed, times, part_of(progress, 0.8, 1.0), mechanics=mechanics)
+        figures = {**bladed.report, "seconds": times.seconds}
+        bladed = replace(bladed, report=with_warnings(figures, bladed.job))
     write_run(bladed, wanted)
     return bladed
 
@@ -235,24 +236,17 @@ def _posted(
     )
 
 
-def _simulated(
-    bladed: Bladed,
-    machine: Machine,
-    dialect: Dialect,
-    times: StageTimes,
-    progress: Progress,
-    *,
-    mechanics: bool,
-) -> Bladed:
+def _simulated(bladed: Bladed, times: StageTimes, progress: Progress, *, mechanics: bool) -> Bladed:
     """The result with what its posted text removes of the blank, and what bends if `mechanics` are asked; VerifyError
     where that is not what it may do."""
-    with times.stage("simulation"), refusing(bladed.program, bladed.paths):
+    machine, dialect = read_machine(bladed.job.nc.machine), job_dialect(bladed.job.nc)
+    with times.stage("simulation"), refusing(bladed.program, bladed.paths), knowing(bladed.report):
         levels = bladed.levels.levels
         surfaces = wheel_surfaces(bladed.wheel, bladed.workpiece.solid, levels[:-1])
         cut = bladed.program.text, machine, dialect, bladed.job, bladed.blank, bladed.wheel, levels
         removal = prove_removal_of_wheel(*cut, progress, surfaces, mechanics=mechanics)
     bent = removal.mechanics
-    sections = {"removal": removal.report, "mechanics": bent.report if bent else NOT_ASKED}
+    sections = {"mechanics": NOT_ASKED, **removal.sections}
     figures = with_warnings(bladed.report | sections, bladed.job)
     summary = simulated_text(figures, str(bent or NOT_ASKED["skipped"]))
     program = record_simulation(bladed.program, dialect, removal.cell, summary)

@@ -8,7 +8,8 @@ subclass of BonecamError: its message is one line that names the place and the r
 import difflib
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any
 
 
@@ -21,6 +22,18 @@ class BonecamError(Exception):
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _restore, (type(self), str(self), self.evidence)
+
+
+@contextmanager
+def knowing(sections: Mapping[str, Any], part: str = "") -> Iterator[None]:
+    """A BonecamError of the block knows these `sections` of the run's report (its evidence `report`) beside those that
+    it knows itself, which are sections of the `part` of the report, if one is named."""
+    try:
+        yield
+    except BonecamError as error:
+        own = error.evidence.get("report", {})
+        error.evidence["report"] = {**sections, **({part: own} if part and own else own)}
+        raise
 
 
 def place_name(place: Iterable[float]) -> str:

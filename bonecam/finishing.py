@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from bonecam.errors import BonecamError, JobError, SurfaceError
+from bonecam.errors import BonecamError, JobError, SurfaceError, knowing
 from bonecam.files import check_files
 from bonecam.job import Job
 from bonecam.machine.machine import Machine, read_machine
@@ -29,7 +29,7 @@ from bonecam.progress import part as part_of
 from bonecam.progress import report as report_progress
 from bonecam.report.files.finished import Finished, write_run
 from bonecam.report.files.output_files import File, Outputs
-from bonecam.report.files.refused_run import refusing
+from bonecam.report.files.refused_run import refusing, report_refused
 from bonecam.report.mechanics_lines import NOT_ASKED, NOT_KNOWN
 from bonecam.report.stage_reports import uncut_areas
 from bonecam.report.summary import NOT_SIMULATED
@@ -93,31 +93,31 @@ def finish(
     wanted = Outputs(program, keep, report, html=html, apt=apt)
     wanted.check(source, dialect)
     solids = _checked_solids((part, *obstacles), program, report, html, apt)
-    times = StageTimes()
     name = str(surface) if source else "the surface"
-    shape, solid = _read(surface, name, solids, job, times, has_part=part is not None)
-    report_progress(progress, 0.2, "planning the path")
-    with naming(name):
-        workpiece, job, path = _planned(shape, solid, job, machine, times)
-        figures = _figures(workpiece, path, job, source, len(solids))
-        proved = post_and_prove(
-            [path],
-            machine,
-            dialect,
-            job,
-            MeshDistance(workpiece.solid),
-            name=program_name(program or source or ""),
-            comments=[*header_texts(figures, job), *([f"surface: {source.name}"] if source else [])],
-            times=times,
-            progress=part_of(progress, 0.8, 0.9),
-        )
-    arguments = proved.paths, proved.program, proved.proof
-    reported = report_to_program(Path(program or "").name, *arguments, job=job.path, part=workpiece.solid)
-    figures = with_warnings({**figures, **reported, "removal": NOT_SIMULATED}, job)
-    finished = Finished(workpiece, proved.paths[0], proved.program, figures, job)
-    if simulation:
-        finished = _simulated(finished, name, times, part_of(progress, 0.9, 1.0), mechanics=mechanics)
-    finished = replace(finished, report={**finished.report, "seconds": times.seconds})
+    with report_refused(report) as times:
+        shape, solid = _read(surface, name, solids, job, times, has_part=part is not None)
+        report_progress(progress, 0.2, "planning the path")
+        with naming(name):
+            workpiece, job, path = _planned(shape, solid, job, machine, times)
+            figures = _figures(workpiece, path, job, source, len(solids))
+            proved = post_and_prove(
+                [path],
+                machine,
+                dialect,
+                job,
+                MeshDistance(workpiece.solid),
+                name=program_name(program or source or ""),
+                comments=[*header_texts(figures, job), *([f"surface: {source.name}"] if source else [])],
+                times=times,
+                progress=part_of(progress, 0.8, 0.9),
+            )
+        arguments = proved.paths, proved.program, proved.proof
+        reported = report_to_program(Path(program or "").name, *arguments, job=job.path, part=workpiece.solid)
+        figures = with_warnings({**figures, **reported, "removal": NOT_SIMULATED}, job)
+        finished = Finished(workpiece, proved.paths[0], proved.program, figures, job)
+        if simulation:
+            finished = _simulated(finished, name, times, part_of(progress, 0.9, 1.0), mechanics=mechanics)
+        finished = replace(finished, report={**finished.report, "seconds": times.seconds})
     write_run(finished, wanted)
     return finished
 
@@ -130,11 +130,16 @@ def _simulated(
     machine, dialect = read_machine(finished.job.nc.machine), job_dialect(finished.job.nc)
     text, workpiece = finished.program.text, finished.workpiece
     bodies = finished.job, workpiece.surface, workpiece.solid
-    with times.stage("simulation"), refusing(finished.program, [finished.path]), naming(name):
+    with (
+        times.stage("simulation"),
+        refusing(finished.program, [finished.path]),
+        knowing(finished.report),
+        naming(name),
+    ):
         proof = prove_surface_removal(text, machine, dialect, *bodies, progress, mechanics=mechanics)
         removal, bent = proof.removal, proof.removal.mechanics
         skipped = {"skipped": proof.unknown} if proof.unknown else NOT_ASKED
-        sections = {"removal": removal.report, "mechanics": bent.report if bent else skipped}
+        sections = {"mechanics": skipped, **removal.sections}
         figures = with_warnings(finished.report | sections, finished.job)
     summary = simulated_text(figures, str(bent or skipped["skipped"]))
     program = record_simulation(finished.program, dialect, removal.cell, summary)

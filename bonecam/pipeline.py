@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import cast
 
+from bonecam.errors import knowing
 from bonecam.job import Job
 from bonecam.levels.job_levels import check_method
 from bonecam.machine.machine import Machine, read_machine
@@ -24,7 +25,7 @@ from bonecam.planning.passes.patterns.fastest import check_pattern
 from bonecam.progress import Progress, part, silent
 from bonecam.report import warnings
 from bonecam.report.files.output_files import File, Outputs
-from bonecam.report.files.refused_run import keep_refused, refusing
+from bonecam.report.files.refused_run import keep_refused, refusing, report_refused
 from bonecam.report.files.result import Morphed, Result
 from bonecam.report.mechanics_lines import NOT_ASKED
 from bonecam.report.typed.report import Report
@@ -63,7 +64,8 @@ def convert(
     ConvexStock of `bonecam.setup`, or a closed convex mesh in mm, upright along Z wherever it lies. The files
     `program`, `report` and `surface` (its ending says its kind), the page `html`, the setup `sheet`, the path `apt` and
     the folder `keep` are written at the end, together; a second clamping has a program, page and path of its own
-    (bone.second.h). Only a level that fails its check is written to `keep` all the same. Without `simulation` the
+    (bone.second.h). A run that is refused writes its `report` as far as it came, with `refused`, and to `keep` only a
+    level that fails its check, or the program that its proof refuses. Without `simulation` the
     removal of material is not simulated from the posted text, without `mechanics` force and bending are not asked.
     Raises a BonecamError that names the trouble and the remedy.
     """
@@ -79,21 +81,11 @@ def convert(
     outputs = Outputs(program, keep, report, surface, html, sheet, apt, bool(job.holding.second))
     given, source = _given(mesh)
     outputs.check(source, dialect)
-    times = StageTimes()
-    morphed = morph_part(given, job, machine, keep, times, part(progress, 0.0, 0.3), body)
-    with keep_refused(morphed, keep):
-        constant = replace(morphed, job=with_constant_feed(morphed.job))
-        posting = Posting(machine, dialect, source, program, times)
-        result = machine_levels(constant, posting, part(progress, 0.3, 0.8))
-        before = None
-        if job.path.feed == "force":
-            result, before = post_by_force(result, posting, part(progress, 0.8, 0.85))
-        if simulation:
-            result = _simulated(result, times, part(progress, 0.85, 0.9), before, mechanics=mechanics)
-        if job.holding.second:
-            with times.stage("second"):
-                share = part(progress, 0.9, 0.97)
-                result = add_second(result, machine, dialect, program, share, mechanics=mechanics)
+    with report_refused(report) as times:
+        morphed = morph_part(given, job, machine, keep, times, part(progress, 0.0, 0.3), body)
+        with keep_refused(morphed, keep, times):
+            posting = Posting(machine, dialect, source, program, times)
+            result = _program_of(morphed, posting, part(progress, 0.3, 0.97), simulation, mechanics=mechanics)
     with times.stage("files"):
         outputs.write(result, part(progress, 0.97, 1.0))
     return result
@@ -120,9 +112,9 @@ def morph_levels(
     outputs = Outputs(keep=keep, report=report, surface=surface, html=html)
     given, source = _given(mesh)
     outputs.check(source)
-    times = StageTimes()
 
-    morphed = morph_part(given, job, None, keep, times, part(progress, 0.0, 0.95), body)
+    with report_refused(report) as times:
+        morphed = morph_part(given, job, None, keep, times, part(progress, 0.0, 0.95), body)
     with times.stage("files"):
         outputs.write(morphed, part(progress, 0.95, 1.0))
     return morphed
@@ -155,6 +147,28 @@ def morph_part(
     return morph_standing(standing, keep, times, part(progress, 0.1, 1.0))
 
 
+def _program_of(
+    morphed: Morphed, posting: Posting, progress: Progress, simulation: bool, *, mechanics: bool
+) -> Result:
+    """The program of the levels and its proof, its simulation if that is wanted, and the second clamping's program, if
+    the job has one."""
+    job, times = morphed.job, posting.times
+    constant = replace(morphed, job=with_constant_feed(job))
+    result = machine_levels(constant, posting, part(progress, 0.0, 0.75))
+    before = None
+    if job.path.feed == "force":
+        result, before = post_by_force(result, posting, part(progress, 0.75, 0.82))
+    if simulation:
+        result = _simulated(result, times, part(progress, 0.82, 0.9), before, mechanics=mechanics)
+    if job.holding.second:
+        share = part(progress, 0.9, 1.0)
+        with times.stage("second"), knowing(result.report, part="second"):
+            result = add_second(
+                result, posting.machine, posting.dialect, posting.file, share, mechanics=mechanics
+            )
+    return result
+
+
 def _simulated(
     result: Result,
     times: StageTimes,
@@ -166,12 +180,12 @@ def _simulated(
     """The result with what its posted text removes, and what bends if `mechanics` are asked; VerifyError where that is
     not what a program may do. `before` is what the program had before its feeds went by the force, if they do."""
     machine, dialect = read_machine(result.job.nc.machine), job_dialect(result.job.nc)
-    with times.stage("simulation"), refusing(result.program, result.paths):
+    with times.stage("simulation"), refusing(result.program, result.paths), knowing(result.report):
         given = given_surface(result.part, result.job, result.report)
         cut = result.program.text, machine, dialect, result.job, result.stock, result.levels.levels
         removal = prove_removal(*cut, progress, given, mechanics=mechanics)
         bent = removal.mechanics
-        sections = {"removal": removal.report, "mechanics": bent.report if bent else NOT_ASKED}
+        sections = {"mechanics": NOT_ASKED, **removal.sections}
         sections |= {"feed": before.report(removal, result.program.time_min)} if before else {}
         figures = cast(Report, warnings.with_warnings({**result.report, **sections}, result.job))
     summary = warnings.simulated_text(figures, str(bent or NOT_ASKED["skipped"]))

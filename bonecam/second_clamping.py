@@ -122,8 +122,8 @@ def second_program(
         **nc_report(posted, proved.proof),
         **_left_at_post(first, removal, held),
         "toolpath": toolpath_report(paths, float(np.radians(job.path.least_lead_deg))),
-        "removal": removal.report,
-        "mechanics": bent.report if bent else NOT_ASKED,
+        "mechanics": NOT_ASKED,
+        **removal.sections,
     }
     figures = cast(SecondFigures, with_warnings(reported, job))
     return SecondProgram(Path(first.part.file).name, clamping, paths, posted, removal, figures, job)

@@ -173,8 +173,7 @@ def simulation_report(removal: Removal, job: Job) -> dict[str, Any]:
     """The sections `warnings`, `removal` and, as far as the mesh as given is kept, `nc` of the report of a
     simulation."""
     nc = gouge_to_given(removal.given.ball) if isinstance(removal.given, GivenRemoval) else {}
-    bent = removal.mechanics.report if removal.mechanics else NOT_ASKED
-    sections = {**({"nc": nc} if nc else {}), "removal": removal.report, "mechanics": bent}
+    sections = {**({"nc": nc} if nc else {}), "mechanics": NOT_ASKED, **removal.sections}
     return {"warnings": [asdict(each) for each in warnings_of(sections, job)], **sections}
 
 

@@ -43,12 +43,13 @@ class Wanted:
 
 
 def convert_part(part: BatchPart, folder: Path, wanted: Wanted, progress: Progress) -> Outcome:
-    """Convert in this process and write program and report into `folder`, the report last."""
+    """Convert in this process and write program and report into `folder`, the fingerprint last; of a part that is
+    refused the report alone."""
     began, mark = time.perf_counter(), fingerprint(part)
-    files = wanted.files(part, folder)
+    files = {**wanted.files(part, folder), "report": _report_of(part, folder)}
     result = bonecam.convert(part.file, part.job, **files, progress=progress)  # type: ignore[arg-type]
     report = {**result.report, "fingerprint": mark}
-    write_whole(_report_of(part, folder), json.dumps(report, indent=2) + "\n")
+    write_whole(files["report"], json.dumps(report, indent=2) + "\n")
     return outcome_of(part.name, str(part.file), part.job_file, report, time.perf_counter() - began)
 
 

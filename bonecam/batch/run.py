@@ -166,18 +166,19 @@ def _in_process(
     def tell(fraction: float, message: str) -> None:
         progress(part.name, fraction, message)
 
+    code = ""
     try:
         _check_worker(folder, version)
         outcome: Outcome = call_in_worker(work, part, folder, wanted, progress=tell, stopped=stopped)
         return outcome
     except BonecamError as error:
-        message = " ".join(str(error).splitlines())
+        message, code = " ".join(str(error).splitlines()), error.evidence.get("refused", {}).get("code", "")
     except WorkerError as error:
         message = f"its process {error} (out of memory?): try it alone with bonecam convert -v"
     except Exception as error:
         reason = " ".join(str(error).split())
         message = f"internal error {type(error).__name__}: {reason}: please report it with the part"
-    return failed(part.name, str(part.file), part.job_file, time.perf_counter() - began, message)
+    return failed(part.name, str(part.file), part.job_file, time.perf_counter() - began, message, code)
 
 
 def _check_worker(folder: Path, version: str) -> None:

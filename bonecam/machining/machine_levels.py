@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, cast
 
+from bonecam.errors import knowing
 from bonecam.levels.measure.level import morph_surfaces
 from bonecam.machine.machine import Machine
 from bonecam.machining.force_feed import BeforeForce, paths_by_force
@@ -58,7 +59,9 @@ def machine_levels(made: Morphed, posting: Posting, progress: Progress) -> Resul
         else:
             planned = plan_layer_paths(levels, made.stock, job, machine_limits(machine), share)
         foretold["uncut_mm2"] = uncut_areas(planned, levels[0].mesh) if job.path.strategy == "morph" else {}
-    return _posted(made, planned, {**made.report, **foretold}, posting, part(progress, 0.82, 1.0))
+    known = {**made.report, **foretold}
+    with knowing(known):
+        return _posted(made, planned, known, posting, part(progress, 0.82, 1.0))
 
 
 def _posted(

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, cast
 
+from bonecam.errors import knowing
 from bonecam.job import Job
 from bonecam.levels.job_levels import surface_and_levels
 from bonecam.machine.machine import Machine, read_machine
@@ -26,7 +27,7 @@ from bonecam.report.files.kept_folder import keep_failed_level
 from bonecam.report.files.output_files import File
 from bonecam.report.files.result import Morphed
 from bonecam.report.typed.report import Report
-from bonecam.report.typed.run_report import post_report, report_to_levels
+from bonecam.report.typed.run_report import input_report, post_report, report_to_levels
 from bonecam.runtime.timing import StageTimes
 from bonecam.setup.placement import Setup, place
 from bonecam.setup.schedule import check_cuts
@@ -71,7 +72,8 @@ def stand_part(
         figures = neck_report(necks, neck_remedies(setup, job, limits, necks[0]) if necks else (), job)
         for warned in warnings.holding_warnings(figures, job):
             report(progress, 1.0, f"{warned.text}: {warned.remedy}")
-            warnings.check_warnings([warned], job, unplaced.file)
+            with knowing({"input": input_report(unplaced), "post": figures}):
+                warnings.check_warnings([warned], job, unplaced.file)
         if leaves_depths_open(job, neck_found=bool(necks)):
             job = with_found_depths(setup, job, limits)
             figures |= depths_report(job)

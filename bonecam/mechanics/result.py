@@ -108,8 +108,8 @@ class Mechanics:
         that; stress is refused."""
         limits = self.workpiece.limits
         if limits.refuse and (self.yields or (self.faults and not assumed)):
-            place = self.error.place if self.error else (0.0, 0.0, 0.0)
-            where = f" at {place_name(place)}" if self.error else ""
+            where = f" at {place_name(self.error.place)}" if self.error else ""
+            place = {"place": self.error.place} if self.error else {}
             hint = (
                 ""
                 if self.workpiece.stub or not self.workpiece.post
@@ -120,7 +120,8 @@ class Mechanics:
             raise BendingError(
                 f"{' and '.join(self.faults)}{where}: {helps}{hint}; {own}",
                 line=0,
-                place=place,
+                remedy=f"{helps}{hint}",
+                **place,
             )
 
     @cached_property

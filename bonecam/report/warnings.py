@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from bonecam.errors import LimitError
+from bonecam.errors import LimitError, knowing
 from bonecam.job import Job
 from bonecam.machine.machine import Machine, read_machine
 from bonecam.report.mechanics_lines import neck_remedy_text, neck_text
@@ -53,24 +53,24 @@ def warnings_of(report: Sections, job: Job) -> list[Warned]:
 
 
 def check_warnings(found: Iterable[Warned], job: Job, file: str = "") -> None:
-    """LimitError, which names the part's file, where one is beyond its second limit and the job does not say
-    otherwise."""
+    """LimitError, which names the part's `file`, where one is beyond its second limit and the job lets it refuse."""
     for warned in found:
         if warned.refused and job.warnings.refuse:
             own = "or warnings.refuse = false, which the program's header then tells"
             text = f"{warned.text} (allowed {warned.refused_above:g}): {warned.remedy}; {own}"
-            raise LimitError(f"{file}: {text}" if file else text, code=warned.code)
+            raise LimitError(f"{file}: {text}" if file else text, code=warned.code, remedy=warned.remedy)
 
 
 def with_warnings(report: dict[str, Any], job: Job) -> dict[str, Any]:
     """The report that begins with its warnings; LimitError as in `check_warnings`."""
     warnings = warnings_of(report, job)
-    check_warnings(warnings, job)
+    told = {"warnings": [asdict(warned) for warned in warnings]}
+    told |= {name: section for name, section in report.items() if name != "warnings"}
+    with knowing(told):
+        check_warnings(warnings, job)
     for warned in warnings:
         log.info("%s: %s", warned.text, warned.remedy)
-    return {"warnings": [asdict(warned) for warned in warnings]} | {
-        name: section for name, section in report.items() if name != "warnings"
-    }
+    return told
 
 
 def warning_texts(warnings: Sequence[Mapping[str, Any]]) -> list[str]:

@@ -2,6 +2,7 @@
 stopped."""
 
 import csv
+import json
 import os
 import re
 import signal
@@ -63,7 +64,10 @@ def test_the_real_chain_refuses_what_is_no_mesh(tmp_path: Path) -> None:
     (outcome,) = convert_many(meshes(tmp_path, a="no mesh at all"), tmp_path / "out")
     assert outcome.state == "failed"
     assert "a.stl: is text but no STL" in outcome.message
-    assert [path.name for path in (tmp_path / "out").iterdir()] == ["batch.csv"]
+    assert outcome.warnings == "file"
+    report = json.loads((tmp_path / "out" / "a.json").read_text(encoding="utf-8"))
+    assert (report["refused"]["code"], report["refused"]["stage"]) == ("file", "mesh")
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["a.json", "batch.csv"]
 
 
 @pytest.mark.usefixtures("quick")

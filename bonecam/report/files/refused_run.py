@@ -1,19 +1,26 @@
-"""The kept folder of a run whose program was refused by its own proof: what planned the program should have known, so
-that such a refusal is a fault of bonecam's, and the folder is what a report of it needs."""
+"""What a refused run writes: its report, as far as it came, and where its own proof refused the program the kept
+folder: what planned the program should have known, so that this is a fault of bonecam's, and the folder is what a
+report of it needs."""
 
-from collections.abc import Iterator, Sequence
+import re
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
-from bonecam.errors import BendingError, BonecamError, FileError, LimitError, VerifyError
+from bonecam.errors import BendingError, BonecamError, Cancelled, FileError, LimitError, VerifyError, knowing
 from bonecam.files import whole_folder, write_whole
 from bonecam.mesh.files.mesh_files import write_mesh
 from bonecam.nc.program import Program
 from bonecam.report.files.kept_bodies import GIVEN
 from bonecam.report.files.kept_folder import SERIES, keep_into, keep_job
+from bonecam.report.files.output_files import File
 from bonecam.report.files.result import Morphed
 from bonecam.report.pictures.level_sections import draw_refused
 from bonecam.report.tables.toolpath_csv import toolpath_csv
+from bonecam.report.typed.report import RefusedFigures
+from bonecam.report.typed.run_report import report_text
+from bonecam.runtime.timing import StageTimes
 from bonecam.surface.files.tspline_text import write_tsm
 from bonecam.tool.path import ToolPath
 from bonecam.workholding.post import post_below
@@ -33,26 +40,80 @@ def refusing(program: Program, paths: Sequence[ToolPath]) -> Iterator[None]:
 
 
 @contextmanager
-def keep_refused(made: Morphed, folder: str | Path | None) -> Iterator[None]:
-    """Where the block raises a VerifyError or LimitError, the `folder` (None: nothing is kept) gets refused.txt,
-    refused.png with the place, job, part, surface and levels of what was `made`, and the program with its tool path
-    where one was posted. A VerifyError that is not of bending says whose fault it is."""
+def report_refused(file: File) -> Iterator[StageTimes]:
+    """The block takes the times of its stages. Where it raises a BonecamError, write the report `file` (None: nothing
+    is written): `refused`, and the sections that are known so far. The error then knows the section `refused` too."""
+    times = StageTimes()
     try:
-        yield
+        yield times
+    except Cancelled:
+        raise
+    except BonecamError as error:
+        report = _report(error, times)
+        if file is None:
+            raise
+        try:
+            write_whole(file, report_text(report))
+        except FileError as trouble:
+            raise type(error)(f"{error} ({trouble})", **error.evidence) from error
+        raise
+
+
+@contextmanager
+def keep_refused(made: Morphed, folder: File, times: StageTimes) -> Iterator[None]:
+    """Where the block raises a VerifyError or LimitError, the `folder` (None: nothing is kept) gets report.json,
+    refused.txt, refused.png with the place, job, part, surface and levels of what was `made`, and the program with its
+    tool path where one was posted. A VerifyError that is not of bending says whose fault it is."""
+    try:
+        with knowing(made.report):
+            yield
     except (VerifyError, LimitError) as error:
-        how = _kept(made, folder, error)
+        report = _report(error, times)
+        how = _kept(made, folder, error, report)
         if isinstance(error, BendingError | LimitError):
             raise
         raise VerifyError(f"{error} ({FAULT}: {how})", **error.evidence) from error
 
 
-def _kept(morphed: Morphed, folder: str | Path | None, error: BonecamError) -> str:
+def _report(error: BonecamError, times: StageTimes) -> dict[str, Any]:
+    """The report of a run that the error refuses, which knows its section `refused` from now on."""
+    refused = error.evidence.setdefault("refused", refused_figures(error, times.reached))
+    known = {"seconds": times.seconds, "cpu_seconds": times.cpu_seconds}
+    return {"refused": refused, **known, **error.evidence.get("report", {})}
+
+
+def refused_figures(error: BonecamError, stage: str) -> RefusedFigures:
+    """`refused` of the report of a run whose `stage` raised the error. The remedy of a message is behind its last
+    colon, where the error does not know it apart."""
+    message, evidence = str(error), error.evidence
+    figures: RefusedFigures = {
+        "code": evidence.get("code", code_of(error)),
+        "stage": stage,
+        "message": message,
+        "remedy": evidence.get("remedy", message.rpartition(": ")[2]),
+    }
+    if evidence.get("place") is not None:
+        figures["place"] = [round(float(value), 3) for value in evidence["place"]]
+    if evidence.get("line"):
+        figures["line"] = int(evidence["line"])
+    if "level" in evidence:
+        figures["level"] = int(evidence["level"])
+    return figures
+
+
+def code_of(error: BonecamError) -> str:
+    """The kind of an error in small letters: `tool_path` of a ToolPathError."""
+    return re.sub(r"(?<=[a-z])(?=[A-Z])", "_", type(error).__name__.removesuffix("Error")).lower()
+
+
+def _kept(morphed: Morphed, folder: File, error: BonecamError, report: Mapping[str, Any]) -> str:
     """Keep what a report of the refusal needs in the `folder`, and say how to report it."""
     if folder is None:
         return "report it with what --keep DIR writes of this run"
     try:
         with whole_folder(folder, SERIES) as work:
             _fill(work, morphed, error)
+            write_whole(work / "report.json", report_text(report))
     except FileError as trouble:
         return f"nothing could be kept: {trouble}"
     return f"report it with {folder}, which holds program, place and picture"

@@ -22,7 +22,8 @@ class Outcome:
 
     `name` is that of its results, `job` the job file that is its own. Largest distance of the surface from the mesh
     (`deviation_mm`), `stock`, machining time, and area of the part that keeps more than 0.02 mm away from the post
-    (`left_mm2`); `warnings` are their codes. What is not known, as of a part that failed, is 0 or empty.
+    (`left_mm2`); `warnings` are their codes, of a part that was refused the refusal's. What is not known, as of a part
+    that failed, is 0 or empty.
     """
 
     name: str
@@ -67,9 +68,9 @@ def outcome_of(
     )
 
 
-def failed(name: str, mesh: str, job: str, seconds: float, message: str) -> Outcome:
-    """The outcome of a part that has none."""
-    return Outcome(name, mesh, job, "failed", seconds=round(seconds, 2), message=message)
+def failed(name: str, mesh: str, job: str, seconds: float, message: str, code: str = "") -> Outcome:
+    """The outcome of a part that has none; `code` is that of its refusal."""
+    return Outcome(name, mesh, job, "failed", warnings=code, seconds=round(seconds, 2), message=message)
 
 
 def read_rows(table: Path) -> dict[str, dict[str, Any]]:

@@ -4,7 +4,7 @@ Names end in their unit; places are [x, y, z] in the part's frame, mm. A section
 `skipped`, and has nothing else.
 """
 
-from typing import TypedDict
+from typing import NotRequired, TypedDict
 
 from bonecam.report.typed.simulated import ForceFeedFigures, MechanicsFigures, RemovalFigures
 from bonecam.report.typed.to_levels import (
@@ -28,6 +28,20 @@ class WarningFigures(TypedDict):
     remedy: str
 
 
+class RefusedFigures(TypedDict):
+    """Why a run was refused: `code` is that of the warning whose limit it is beyond, or else the kind of trouble (mesh,
+    level, verify, bending, ...), `stage` the one that it had come to. Place, `line` of the program's text and `level`
+    where the trouble has one."""
+
+    code: str
+    stage: str
+    message: str
+    remedy: str
+    place: NotRequired[list[float]]
+    line: NotRequired[int]
+    level: NotRequired[int]
+
+
 class SecondFigures(ProgramFigures):
     """The program of the second clamping, and what the stump's area keeps before and after it."""
 
@@ -45,6 +59,7 @@ class Report(TypedDict, total=False):
     """All sections; those that a run did not come to, or that its job does not ask for, are absent. `axes`, the table
     of `axes.md`, stands in kept folders alone."""
 
+    refused: RefusedFigures
     warnings: list[WarningFigures]
     input: InputFigures
     surface: SurfaceFigures

@@ -33,24 +33,29 @@ def report_text(report: Mapping[str, Any]) -> str:
     return json.dumps(report, indent=2) + "\n"
 
 
+def input_report(part: Part) -> dict[str, Any]:
+    """The section `input`: the part's mesh, and what was changed of it."""
+    return {
+        "file": part.file,
+        "faces": part.faces,
+        "units": part.units,
+        "notes": list(part.notes),
+        "repairs": [str(each) for each in part.repairs],
+        "repair_steps": [each.report for each in part.repairs],
+        "facets": part.coarseness.report if part.coarseness else None,
+        "smoothed": part.smoothing.report if part.smoothing else None,
+        "filled": part.fill.report if part.fill else None,
+        "area_mm2": round(part.mesh.area, 3),
+        "hole_max_mm": round(part.widest_hole, 6),
+        "repair_taken_off_max_mm": round(part.taken_off.depth if part.taken_off else 0.0, 6),
+        "repair_deviation_max_mm": round(part.repair_deviation, 6),
+    }
+
+
 def report_to_levels(part: Part, fitted: Fit, stock: Stock, morph: Morph, method: str) -> dict[str, Any]:
     """The sections of input, surface, stock and levels."""
     return {
-        "input": {
-            "file": part.file,
-            "faces": part.faces,
-            "units": part.units,
-            "notes": list(part.notes),
-            "repairs": [str(each) for each in part.repairs],
-            "repair_steps": [each.report for each in part.repairs],
-            "facets": part.coarseness.report if part.coarseness else None,
-            "smoothed": part.smoothing.report if part.smoothing else None,
-            "filled": part.fill.report if part.fill else None,
-            "area_mm2": round(part.mesh.area, 3),
-            "hole_max_mm": round(part.widest_hole, 6),
-            "repair_taken_off_max_mm": round(part.taken_off.depth if part.taken_off else 0.0, 6),
-            "repair_deviation_max_mm": round(part.repair_deviation, 6),
-        },
+        "input": input_report(part),
         "surface": {**surface_report(fitted), **_given_report(part, fitted)},
         "stock": stock_figures(stock),
         "levels": levels_report(morph.levels),

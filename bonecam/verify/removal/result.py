@@ -159,6 +159,12 @@ class Removal:
             "bridge_diameter_mm": None if self.bridge is None else _rounded(self.bridge),
         }
 
+    @property
+    def sections(self) -> dict[str, Any]:
+        """The sections `removal`, and `mechanics` if that was asked, of the report."""
+        bent = {"mechanics": self.mechanics.report} if self.mechanics else {}
+        return {"removal": self.report, **bent}
+
     def _link_figures(self) -> dict[str, Any]:
         depths = [level.link_depth for level in self.levels if level.link_depth]
         deepest = max(depths, key=lambda spot: spot.value, default=None)

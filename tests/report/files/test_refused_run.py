@@ -1,14 +1,32 @@
 """What is kept of a run whose program its own proof refuses."""
 
+import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import bonecam
 from bonecam import pipeline
-from bonecam.errors import LevelError, VerifyError
-from bonecam.report.files.refused_run import FAULT, keep_refused, refusing
+from bonecam.errors import (
+    Cancelled,
+    JobError,
+    LevelError,
+    LimitError,
+    ToolPathError,
+    VerifyError,
+    knowing,
+)
+from bonecam.report.files.refused_run import (
+    FAULT,
+    code_of,
+    keep_refused,
+    refused_figures,
+    refusing,
+    report_refused,
+)
 from bonecam.runtime.own_files import OWN_FILES
+from bonecam.runtime.timing import StageTimes
 
 Run = tuple[bonecam.Result, Path]
 
@@ -17,7 +35,7 @@ def refuse(result: bonecam.Result, folder: Path | None) -> VerifyError:
     """The error of a run whose program is refused at a place on its side."""
     with (
         pytest.raises(VerifyError) as caught,
-        keep_refused(result, folder),
+        keep_refused(result, folder, StageTimes()),
         refusing(result.program, result.paths),
     ):
         raise VerifyError("line 7: too deep: go slower", line=7, place=(2.5, 0.0, 65.0), error=0.02)
@@ -36,11 +54,22 @@ def test_a_refusal_of_a_program_of_ours_is_kept_with_program_place_and_picture(
     names = {item.name for item in (tmp_path / "keep").iterdir()} - {OWN_FILES}
     levels = {f"level_{level.index:02d}.ply" for level in result.levels.levels}
     pictures = {"levels.png", "coloured.png", "depths.png", "refused.png"}
-    texts = {"refused.txt", "job.toml", "given.ply", "surface.tspline", "program.h", "toolpath.csv"}
+    texts = {
+        "refused.txt",
+        "report.json",
+        "job.toml",
+        "given.ply",
+        "surface.tspline",
+        "program.h",
+        "toolpath.csv",
+    }
     assert names == levels | pictures | texts
     assert (tmp_path / "keep" / "program.h").read_text() == result.program.text
     assert (tmp_path / "keep" / "refused.txt").read_text() == "line 7: too deep: go slower\n"
     assert bonecam.read_job(tmp_path / "keep" / "job.toml") == result.job
+    report = json.loads((tmp_path / "keep" / "report.json").read_text())
+    assert report["refused"]["message"] == "line 7: too deep: go slower"
+    assert report["levels"] == result.report["levels"]
 
 
 def test_without_a_folder_the_refusal_tells_how_to_get_one(small_run: Run) -> None:
@@ -55,7 +84,10 @@ def test_a_folder_that_cannot_be_written_does_not_hide_the_refusal(small_run: Ru
 
 
 def test_other_errors_pass(small_run: Run, tmp_path: Path) -> None:
-    with pytest.raises(LevelError, match=r"^no level$"), keep_refused(small_run[0], tmp_path / "keep"):
+    with (
+        pytest.raises(LevelError, match=r"^no level$"),
+        keep_refused(small_run[0], tmp_path / "keep", StageTimes()),
+    ):
         raise LevelError("no level")
     assert not list(tmp_path.iterdir())
 
@@ -73,8 +105,85 @@ def test_convert_keeps_what_its_simulation_refuses(
     monkeypatch.setattr(pipeline, "prove_removal", refuse)
     with pytest.raises(VerifyError, match="a fault of bonecam"):
         bonecam.convert(
-            result.part.placed_given, result.job, program=tmp_path / "bone.h", keep=tmp_path / "keep"
+            result.part.placed_given,
+            result.job,
+            program=tmp_path / "bone.h",
+            keep=tmp_path / "keep",
+            report=tmp_path / "bone.json",
         )
     assert not (tmp_path / "bone.h").exists()
     assert (tmp_path / "keep" / "program.h").read_text() == result.program.text
     assert (tmp_path / "keep" / "refused.png").is_file()
+    written, kept = (
+        json.loads(file.read_text()) for file in (tmp_path / "bone.json", tmp_path / "keep/report.json")
+    )
+    assert (
+        written["refused"]
+        == kept["refused"]
+        == {
+            "code": "verify",
+            "stage": "simulation",
+            "message": "line 9: a cut is too deep: report it",
+            "remedy": "report it",
+            "place": [2.5, 0.0, 65.0],
+            "line": 9,
+        }
+    )
+    assert written["nc"] == result.report["nc"]
+
+
+def refuse_in(stage: str, error: Exception, report: Path | None) -> None:
+    """A run that ends with an error in one of its stages, and knows the section `input`."""
+    with report_refused(report) as times:
+        with times.stage("mesh"):
+            pass
+        with times.stage(stage), knowing({"input": {"faces": 12}}):
+            raise error
+
+
+def test_a_refused_run_reports_how_far_it_came(tmp_path: Path) -> None:
+    error = LevelError("level 3: too thin: a thicker stock", level=3, place=np.array([0.0, 1.0, 2.0]))
+    with pytest.raises(LevelError) as caught:
+        refuse_in("levels", error, tmp_path / "r.json")
+    report = json.loads((tmp_path / "r.json").read_text())
+    assert (
+        report["refused"]
+        == caught.value.evidence["refused"]
+        == {
+            "code": "level",
+            "stage": "levels",
+            "message": "level 3: too thin: a thicker stock",
+            "remedy": "a thicker stock",
+            "place": [0.0, 1.0, 2.0],
+            "level": 3,
+        }
+    )
+    assert report["input"] == {"faces": 12}
+    assert list(report["seconds"]) == ["mesh"]
+
+
+def test_a_run_that_is_stopped_or_breaks_reports_nothing(tmp_path: Path) -> None:
+    for error in (Cancelled("stopped"), ZeroDivisionError("a bug")):
+        with pytest.raises(type(error)):
+            refuse_in("levels", error, tmp_path / "r.json")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_report_that_cannot_be_written_does_not_hide_the_refusal(tmp_path: Path) -> None:
+    (tmp_path / "r.json").mkdir()
+    with pytest.raises(JobError, match=r"^a = 1: give 2 \(.*r\.json: is a folder"):
+        refuse_in("mesh", JobError("a = 1: give 2"), tmp_path / "r.json")
+    assert not list((tmp_path / "r.json").iterdir())
+
+
+def test_a_limit_is_refused_by_the_code_of_its_warning_with_the_warning_s_remedy() -> None:
+    error = LimitError("20 mm (allowed 5): mend it: now; or say so", code="hole", remedy="mend it: now")
+    figures = refused_figures(error, "mesh")
+    assert (figures["code"], figures["remedy"]) == ("hole", "mend it: now")
+    assert code_of(ToolPathError("")) == "tool_path"
+
+
+def test_sections_of_a_part_of_the_report_stay_apart() -> None:
+    with pytest.raises(JobError) as caught, knowing({"nc": 1}, part="second"), knowing({"nc": 2}):
+        raise JobError("")
+    assert caught.value.evidence["report"] == {"nc": 1, "second": {"nc": 2}}

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from bonecam.errors import ToolPathError
+from bonecam.errors import ToolPathError, knowing
 from bonecam.job import Job
 from bonecam.machine.machine import Machine
 from bonecam.material.solid_rays import lay_solids
@@ -79,7 +79,8 @@ def prove_surface_removal(
         progress=progress,
     )
     over = float(MeshDistance(solid).signed(shown.vertices).max(initial=0.0))
-    check_removal_of_job(removal, job, over, assumed=True)
+    with knowing(removal.sections):
+        check_removal_of_job(removal, job, over, assumed=True)
     return SurfaceRemoval(removal, unknown)
 
 

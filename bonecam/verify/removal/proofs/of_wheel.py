@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from bonecam.errors import knowing
 from bonecam.job import Job
 from bonecam.levels.measure.level import Level, morph_surfaces
 from bonecam.machine.machine import Machine
@@ -77,9 +78,10 @@ def prove_removal_of_wheel(
         workpiece=workpiece_of(job, post, clamping) if mechanics else None,
         progress=progress,
     )
-    check_removal(removal, job.path.gouge_tolerance)
-    if removal.mechanics is not None:
-        removal.mechanics.check()
+    with knowing(removal.sections):
+        check_removal(removal, job.path.gouge_tolerance)
+        if removal.mechanics is not None:
+            removal.mechanics.check()
     return removal
 
 
