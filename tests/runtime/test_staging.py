@@ -18,11 +18,13 @@ from bonecam.files import check_folder, whole_folder, write_whole
 from bonecam.job import Job
 from bonecam.mesh.files.mesh_files import write_mesh
 from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.nc.dialect import Dialect
+from bonecam.nc.program import Program
 from bonecam.report.files import output_files
 from bonecam.report.files.output_files import Outputs
 from bonecam.report.files.result import Result
 from bonecam.runtime.own_files import OWN_FILES
-from bonecam.runtime.staging import placed, staged
+from bonecam.runtime.staging import Staging, placed, staged
 
 SHM = Path("/dev/shm")
 
@@ -95,8 +97,12 @@ def made() -> Result:
 @pytest.fixture
 def outputs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Outputs:
     """Program, report, surface and kept folder, whose writers are replaced by small ones."""
-    monkeypatch.setattr(output_files, "program_files", lambda program, dialect, file: {file: program.text})
-    monkeypatch.setattr(output_files, "stale_parts", lambda *_: [])
+
+    def stage(staging: Staging, programs: dict[Path, Program], _: Dialect) -> None:
+        for file, program in programs.items():
+            staging.file(file).write_text(program.text)
+
+    monkeypatch.setattr(output_files, "stage_program_files", stage)
     monkeypatch.setattr(output_files, "post_below", lambda mesh, holding: SimpleNamespace(top=0.0))
     monkeypatch.setattr(output_files, "save_surface", lambda surface, path: write_whole(path, "surface"))
     monkeypatch.setattr(output_files, "fill_kept_folder", lambda work, *_: write_whole(work / "a.png", "x"))

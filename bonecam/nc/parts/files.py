@@ -1,17 +1,18 @@
 """The files of a program in parts: the caller and what it calls. Their blocks are those of the whole text that was
 proved, which `joined` makes of them again."""
 
+from collections.abc import Iterable, Mapping
 from itertools import count
 from pathlib import Path
 
 from bonecam.errors import FileError
-from bonecam.files import input_text
+from bonecam.files import NAME_BYTES, input_text
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.parts.marks import end_mark, mark_in, part_count, unnumbered
 from bonecam.nc.posting.block_numbers import number_blocks
 from bonecam.nc.program import LOWEST_DRAWN, NUMBERS, Program
 from bonecam.nc.schema.calls_table import CallsTable
-from bonecam.runtime.staging import Staging, staged
+from bonecam.runtime.staging import Staging, staged, unwritable
 
 
 def program_files(program: Program, dialect: Dialect, place: str | Path) -> dict[Path, str]:
@@ -52,15 +53,34 @@ def stale_parts(program: Program, dialect: Dialect, place: str | Path) -> list[P
 def write_program_files(program: Program, dialect: Dialect, place: str | Path) -> None:
     """Write the files of a program, all or none; FileError names what cannot be written."""
     with staged() as staging:
-        stage_program_files(staging, program, dialect, place)
+        stage_program_files(staging, {Path(place): program}, dialect)
 
 
-def stage_program_files(staging: Staging, program: Program, dialect: Dialect, place: str | Path) -> None:
-    """Write the files of a program beside others that are staged; parts of an older one go."""
-    for file, text in program_files(program, dialect, place).items():
-        staging.file(file).write_text(text, encoding="utf-8", newline="")
-    for file in stale_parts(program, dialect, place):
-        staging.remove(file)
+def stage_program_files(staging: Staging, programs: Mapping[Path, Program], dialect: Dialect) -> None:
+    """Write the files of all programs of a run, by their places, beside others that are staged; parts of older
+    programs of their names go. FileError where two of them have a file of the same name."""
+    texts: dict[Path, str] = {}
+    for place, program in programs.items():
+        own = program_files(program, dialect, place)
+        check_apart(texts, own)
+        texts |= own
+    for file, text in texts.items():
+        work = staging.file(file)
+        try:
+            work.write_text(text, encoding="utf-8", errors=NAME_BYTES, newline="")
+        except OSError as error:
+            raise unwritable(file, error) from error
+    for place, program in programs.items():
+        for file in stale_parts(program, dialect, place):
+            if file not in texts:
+                staging.remove(file)
+
+
+def check_apart(first: Iterable[Path], second: Iterable[Path]) -> None:
+    """FileError where the programs of two clampings have a file of the same name, by their numbers."""
+    for file in sorted({*first} & {*second}):
+        what = f"{file}: both clampings have a part of this name"
+        raise FileError(f"{what}: give another nc.program_number, or another name", file=str(file))
 
 
 def part_fields(calls: CallsTable, program: Program, part: int) -> dict[str, str | int]:

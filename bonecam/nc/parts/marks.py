@@ -10,8 +10,8 @@ from bonecam.nc.words import plain_text
 
 PARTS_END = "END OF THE PARTS"
 """The comment behind the last part."""
-PART = re.compile(r"PART (\d+) OF (\d+) OF ([A-Z0-9_]+)")
-"""How the comment begins that begins a part."""
+PART = re.compile(r"PART (\d+) OF (\d+) OF ([A-Z0-9_-]+)")
+"""How the comment begins that begins a part. A name has no -: it stands for _ where comments have none (Fanuc)."""
 
 
 class PartMark(NamedTuple):
@@ -24,7 +24,8 @@ class PartMark(NamedTuple):
 
 def part_mark(mark: PartMark, told: str, dialect: Dialect) -> str:
     """The comment that begins a part, with what is `told` of it."""
-    return _comment(f"PART {mark.part} OF {mark.parts} OF {mark.caller} {told}", dialect)
+    caller = mark.caller if "_" in dialect.comment_characters else mark.caller.replace("_", "-")
+    return _comment(f"PART {mark.part} OF {mark.parts} OF {caller} {told}", dialect)
 
 
 def part_count(text: str) -> int:
@@ -42,7 +43,7 @@ def mark_in(line: str, dialect: Dialect) -> PartMark | None:
     """The part that a line without its number begins, None where it begins none."""
     before, _, _ = dialect.comment.partition("{text}")
     match = PART.match(line[len(before) :]) if line.startswith(before) else None
-    return PartMark(int(match[1]), int(match[2]), match[3]) if match else None
+    return PartMark(int(match[1]), int(match[2]), match[3].replace("-", "_")) if match else None
 
 
 def unnumbered(lines: Sequence[str], dialect: Dialect) -> list[str]:

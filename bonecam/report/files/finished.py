@@ -134,7 +134,8 @@ def write_run(made: Written, wanted: Outputs) -> None:
     )
     with staged() as staging:
         if wanted.program is not None:
-            stage_program_files(staging, made.program, job_dialect(made.job.nc), wanted.program)
+            programs = {Path(wanted.program): made.program}
+            stage_program_files(staging, programs, job_dialect(made.job.nc))
         for file, text in texts:
             if file is not None:
                 staging.file(file).write_text(text(), encoding="utf-8", newline="")

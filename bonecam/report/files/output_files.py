@@ -11,7 +11,7 @@ from bonecam.files import NAME_BYTES, check_files, check_folder, second_file
 from bonecam.mesh.files.mesh_files import CAD, MESHES
 from bonecam.nc.dialect import Dialect, dialect_names, read_dialect
 from bonecam.nc.job_dialect import job_dialect
-from bonecam.nc.parts.files import program_files, stale_parts
+from bonecam.nc.parts.files import stage_program_files
 from bonecam.progress import Progress, report, silent
 from bonecam.report.files.kept_folder import SERIES, fill_kept_folder
 from bonecam.report.files.kept_view import check_page_name
@@ -90,17 +90,10 @@ class Outputs:
         troubles: list[Exception] = []
         with staged() as staging:
             if self.program is not None and isinstance(morphed, Result):
-                dialect = job_dialect(morphed.job.nc)
-                texts = program_files(morphed.program, dialect, self.program)
+                programs = {Path(self.program): morphed.program}
                 if morphed.second is not None:
-                    second = program_files(morphed.second.program, dialect, second_file(self.program))
-                    check_apart(texts, second)
-                    texts |= second
-                for file, text in texts.items():
-                    _write(staging.file(file), file, text)
-                for file in stale_parts(morphed.program, dialect, self.program):
-                    if file not in texts:
-                        staging.remove(file)
+                    programs[second_file(self.program)] = morphed.second.program
+                stage_program_files(staging, programs, job_dialect(morphed.job.nc))
             for path, write in self._beside(morphed, staging):
                 try:
                     write()
@@ -152,13 +145,6 @@ def _write(work: Path, path: str | Path, text: str) -> None:
         work.write_text(text, encoding="utf-8", errors=NAME_BYTES, newline="")
     except OSError as error:
         raise unwritable(path, error) from error
-
-
-def check_apart(first: dict[Path, str], second: dict[Path, str]) -> None:
-    """FileError where the programs of both clampings have a file of the same name, by their numbers."""
-    for file in sorted(first.keys() & second.keys()):
-        what = f"{file}: both clampings have a part of this name"
-        raise FileError(f"{what}: give another nc.program_number, or another name", file=str(file))
 
 
 SHARED = ".nc"

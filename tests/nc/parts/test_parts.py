@@ -11,12 +11,13 @@ from bonecam.job import Job
 from bonecam.machine.machine import read_machine
 from bonecam.nc.dialect import Dialect, dialect_names
 from bonecam.nc.job_dialect import job_dialect
-from bonecam.nc.parts.files import program_files, write_program_files
+from bonecam.nc.parts.files import program_files, stage_program_files, write_program_files
 from bonecam.nc.parts.joined import joined
 from bonecam.nc.parts.marks import part_count
 from bonecam.nc.posting.write import write_program
 from bonecam.nc.program import Program
 from bonecam.nc.reading.read import read_program
+from bonecam.runtime.staging import staged
 from bonecam.tool.path import ToolPath
 from bonecam.verify.control.program_file import program_text
 
@@ -240,6 +241,29 @@ def test_parts_of_a_longer_program_go_with_it(
         written(made, tmp_path)
         assert set(tmp_path.iterdir()) == {other, *program_files(made[0], made[1], caller)}
     assert part_count(made[0].text) == 0
+
+
+@pytest.mark.parametrize("controller", ["heidenhain", "fanuc-30i"])
+def test_parts_of_longer_programs_of_both_clampings_go(
+    controller: str, three_paths: list[ToolPath], tmp_path: Path
+) -> None:
+    def write(**nc: object) -> set[Path]:
+        job = Job().with_values(nc={"controller": controller, **nc})
+        dialect = job_dialect(job.nc)
+        named = {
+            tmp_path / f"{name}{dialect.extension}": write_program(
+                three_paths, MACHINE, dialect, job, name=name
+            )
+            for name in ("BONE", "BONE_SECOND")
+        }
+        with staged() as staging:
+            stage_program_files(staging, named, dialect)
+        return {file for place, program in named.items() for file in program_files(program, dialect, place)}
+
+    for split, files in (("level", 8), ("tool", 6), ("none", 2)):
+        own = write(split=split)
+        assert {*tmp_path.iterdir()} == own
+        assert len(own) == files
 
 
 def test_parts_stay_where_the_new_program_is_refused(three_paths: list[ToolPath], tmp_path: Path) -> None:
