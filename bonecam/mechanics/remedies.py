@@ -9,7 +9,6 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from bonecam.job.holding.tailstock_section import PIN
 from bonecam.mechanics.beam import Beam
 from bonecam.mechanics.error_kept import UM, KeptErrors, cut_shares
 from bonecam.mechanics.loads import SLOW
@@ -17,7 +16,7 @@ from bonecam.mechanics.sections import Sections
 from bonecam.mechanics.tailstock import tailstock_support
 from bonecam.mechanics.workpiece import Standing, Workpiece
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.workholding.tailstock import REACH, pin_above
+from bonecam.workholding.tailstock import REACH, pin_above, with_pin
 
 THICKER = 1.5
 """How many times as thick a neck is tried."""
@@ -77,10 +76,9 @@ def remedies(
         options.append(Remedy(neck, share(thick), stress / THICKER**3))
     pinned = _pinned(work, beam, kept.finished.mesh)
     if pinned is not None:
-        pin = f'a pin of {pinned[0]:g} mm at the free end (holding.tailstock = "pin")'
-        options.append(
-            Remedy(pin, share(pinned[1]), stress * _stress_share(pinned[1], beam, kept.finished.points))
-        )
+        pin, propped = pinned
+        lower = stress * _stress_share(propped, beam, kept.finished.points)
+        options.append(Remedy(pin, share(propped), lower))
     if work.post.top - foot > NECK:
         held = beam.sections.between(work.post.top - NECK, float(beam.sections.high[-1]))
         clamp = f"a chuck or collet {NECK:g} mm below the part"
@@ -92,17 +90,17 @@ def remedies(
     return tuple(sorted(options, key=lambda remedy: remedy.p99))
 
 
-def _pinned(work: Workpiece, beam: Beam, part: TriangleMesh) -> tuple[float, Beam] | None:
-    """The diameter of the pin that a tailstock has where nothing else is said (mm), and the beam of a `part` that it
-    holds; None where the part has a tailstock, or stands in what knows none."""
-    if work.holding is None or work.holding.has_tailstock or work.body is not None:
+def _pinned(work: Workpiece, beam: Beam, part: TriangleMesh) -> tuple[str, Beam] | None:
+    """A pin at the free end in words, and the beam of a `part` that it holds; None where the part has a tailstock, or
+    stands in what knows none."""
+    given = with_pin(work.holding) if work.holding and work.body is None else None
+    if given is None:
         return None
-    reach = work.holding.tailstock_reach or REACH
-    # what is left in a job of a tailstock that it has no more may not fit the part
-    bare = replace(work.holding, tailstock_x=0.0, tailstock_y=0.0, tailstock_height=0.0)
-    holding = replace(bare, tailstock=PIN, tailstock_reach=reach)
+    change, holding = given
+    holding = replace(holding, tailstock_reach=holding.tailstock_reach or REACH)
     support = tailstock_support(holding, pin_above(part, holding), work.stiffness.elasticity)
-    return holding.tailstock_diameter, replace(beam, support=support)
+    pin = f"a pin of {holding.tailstock_diameter:g} mm at the free end ({change})"
+    return pin, replace(beam, support=support)
 
 
 def _stress_share(other: Beam, beam: Beam, points: Float[ndarray, "n 3"]) -> float:

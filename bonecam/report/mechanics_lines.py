@@ -67,11 +67,7 @@ def post_lines(post: Mapping[str, Any] | None) -> Iterator[str]:
             sizes = f"{column['diameter_mm']:g} mm, z {column['from_mm']:g} to {column['to_mm']:g}"
             yield f"          on a {name} of {sizes}"
         yield from _neck_lines(post.get("necks", ()))
-        yield from (
-            f"          {'holds' if one['holds'] else 'at best'} with {one['change']}: "
-            f"{one['shift_um']:.1f} um, {one['stress_mpa']:.0f} MPa, {one['first_hz']:.0f} Hz"
-            for one in post.get("holds_with", ())
-        )
+        yield from (f"          {text}" for text in _remedy_texts(post))
         if post.get("depths_found"):
             *first, beyond = post["depths_found"]
             near = f"{', '.join(f'{depth:g}' for depth in first)}, then " if first else ""
@@ -128,8 +124,13 @@ def neck_text(post: Mapping[str, Any]) -> str:
 
 def neck_remedy_text(post: Mapping[str, Any]) -> str:
     """With what that neck holds, or nearly."""
-    helps = [
-        f"{'' if one['holds'] else 'at best '}{one['change']} ({one['shift_um']:.1f} um, {one['first_hz']:.0f} Hz)"
-        for one in post["holds_with"]
+    return " or ".join(_remedy_texts(post)) or "give shallower cuts, or a larger stock for a thicker neck"
+
+
+def _remedy_texts(post: Mapping[str, Any]) -> list[str]:
+    """Each change with which a neck holds, or nearly, and what is foretold with it."""
+    return [
+        f"{'holds' if one['holds'] else 'at best'} with {one['change']}: "
+        f"{one['shift_um']:.1f} um, {one['stress_mpa']:.0f} MPa, {one['first_hz']:.0f} Hz"
+        for one in post.get("holds_with", ())
     ]
-    return " or ".join(helps) or "give shallower cuts, or a larger stock for a thicker neck"

@@ -14,6 +14,7 @@ from numpy import ndarray
 
 from bonecam.errors import JobError
 from bonecam.job import HoldingJob, field_error
+from bonecam.job.holding.tailstock_section import PIN
 from bonecam.machine.bodies import Table
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.workholding.column import Column
@@ -32,6 +33,20 @@ def upper_place(part: TriangleMesh, holding: HoldingJob) -> tuple[float, float]:
         return holding.tailstock_x, holding.tailstock_y
     x, y = lower_end(_turned_over(part), holding.tailstock_diameter)
     return float(x), -float(y)
+
+
+SETTLED = ("tailstock_x", "tailstock_y", "tailstock_height")
+"""Fields of [holding] that are found for a tailstock, and that a job without one may still have of another part."""
+
+
+def with_pin(holding: HoldingJob) -> tuple[str, HoldingJob] | None:
+    """What gives a holding a pin at the free end, as fields of a job in words, and the holding with it; None where it
+    has a tailstock. Place and height that a job still has of a tailstock are forgotten: they may not fit the part."""
+    if holding.has_tailstock:
+        return None
+    left = [f"holding.{name} = 0" for name in SETTLED if getattr(holding, name)]
+    change = " and ".join([f'holding.tailstock = "{PIN}"', *left])
+    return change, replace(holding, tailstock=PIN, tailstock_x=0.0, tailstock_y=0.0, tailstock_height=0.0)
 
 
 def pin_above(part: TriangleMesh, holding: HoldingJob) -> Column | None:

@@ -71,7 +71,11 @@ def test_a_pin_at_the_free_end_is_offered_to_a_part_without_one() -> None:
     assert 0.01 * before < pinned < 0.1 * before
     assert not any("pin" in what for what in found(NECK, 1e-6)[0])
     left = HoldingJob(diameter=2 * RADIUS, length=NECK, tailstock_x=30.0, tailstock_height=NECK + 1.0)
-    assert found(NECK, 1e-6, holding=left)[0] == pytest.approx(told)
+    forgotten = " and holding.tailstock_x = 0 and holding.tailstock_height = 0)"
+    as_new = {
+        what.replace(forgotten, ")"): error for what, error in found(NECK, 1e-6, holding=left)[0].items()
+    }
+    assert as_new == pytest.approx(told)
     has_one = HoldingJob(diameter=2 * RADIUS, tailstock="pin", tailstock_reach=100.0)
     assert not any("pin of" in what for what in found(NECK, 1e-6, holding=has_one)[0])
 

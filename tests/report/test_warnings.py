@@ -15,6 +15,7 @@ from bonecam.machine.machine import read_machine
 from bonecam.mesh.files.mesh_files import write_mesh
 from bonecam.mesh.healing.repair import repair
 from bonecam.mesh.triangle_mesh import TriangleMesh, keep_faces
+from bonecam.report.mechanics_lines import post_lines
 from bonecam.report.warnings import (
     check_warnings,
     header_texts,
@@ -34,6 +35,8 @@ NECK = {
     "shift_p99_um": 90.0,
     "stress_mpa": 29.0,
     "first_hz": 1165.0,
+    "um_per_n": 2.0,
+    "left_mm2": 50.0,
 }
 GIVES_WAY = {
     "necks": [{**NECK, "holds": False}],
@@ -73,7 +76,10 @@ def test_a_neck_that_gives_way_is_told_with_what_would_hold_until_the_error_is_k
     (warned,) = warnings_of(CASES["holding"], JOB)
     figures = "60.0 um of error at 95 % (16 at most), 90 at 99 %; 29 MPa at peaks (83 at most); 1165 Hz (1000 at least)"
     assert warned.text == f"no neck holds: foretold on that of 10 x 3 mm are {figures}"
-    assert warned.remedy == 'holding.tailstock = "pin" (15.0 um, 1165 Hz)'
+    assert warned.remedy == 'holds with holding.tailstock = "pin": 15.0 um, 29 MPa, 1165 Hz'
+    assert warned.remedy in "\n".join(post_lines({"diameter_mm": 10.0, "length_mm": 3.0} | GIVES_WAY)), (
+        "one wording"
+    )
 
     def simulated(p95: float) -> list[str]:
         bent = {"error_kept_um": {"p95": p95, "p99": 25.0}, "faults": [], "remedies": [], "band": [0.6, 1.9]}

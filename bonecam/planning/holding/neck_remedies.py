@@ -12,7 +12,6 @@ import numpy as np
 
 from bonecam.errors import JobError
 from bonecam.job import Job
-from bonecam.job.holding.tailstock_section import PIN
 from bonecam.machine.limits import MachineLimits
 from bonecam.mechanics.strip import lighter_jobs
 from bonecam.planning.estimate import LayersToCut
@@ -20,7 +19,7 @@ from bonecam.planning.holding.neck_figures import Neck, neck_figures, wanted_of
 from bonecam.planning.holding.post_length import STOCK_CHORD
 from bonecam.setup.placement import Setup
 from bonecam.workholding.post import post_below
-from bonecam.workholding.tailstock import settled_bracket
+from bonecam.workholding.tailstock import settled_bracket, with_pin
 
 STEP = 100.0
 """Spindle speeds that are told are multiples of this, 1/min."""
@@ -45,8 +44,7 @@ def neck_remedies(setup: Setup, job: Job, limits: MachineLimits, taken: Neck) ->
         return NeckRemedy(change, neck_figures(one, changed, limits, layers))
 
     pinned = _pinned(setup, job, limits)
-    pin = f'holding.tailstock = "{PIN}"'
-    tried = [figures(pin, *pinned)] if pinned else []
+    tried = [figures(*pinned)] if pinned else []
     for change, lighter in lighter_jobs(job):
         tried.append(figures(change, setup, lighter))
         if tried[-1].neck.holds:
@@ -55,10 +53,10 @@ def neck_remedies(setup: Setup, job: Job, limits: MachineLimits, taken: Neck) ->
     enough = tuple(one for one in tried if one.neck.holds)
     if enough:
         return enough
-    standings = [("", setup, job), *([(f"{pin} and ", *pinned)] if pinned else [])]
+    standings = [("", setup, job), *([pinned] if pinned else [])]
     for before, one, asked in standings:
         for change, lighter in lighter_jobs(asked):
-            both = figures(f"{before}{change}", one, lighter)
+            both = figures(f"{before} and {change}" if before else change, one, lighter)
             slow = [
                 figures(f"{both.change} and {what}", one, slower)
                 for what, slower in _slower(lighter, both.neck)
@@ -87,14 +85,17 @@ def _slower(job: Job, taken: Neck) -> Iterator[tuple[str, Job]]:
         return
 
 
-def _pinned(setup: Setup, job: Job, limits: MachineLimits) -> tuple[Setup, Job] | None:
-    """Setup and job with a pin at the free end; None where one is there, or the table has no room for it."""
-    if job.holding.has_tailstock:
+def _pinned(setup: Setup, job: Job, limits: MachineLimits) -> tuple[str, Setup, Job] | None:
+    """A pin at the free end in words, and setup and job with it; None where a tailstock is there, or the table has no
+    room for it."""
+    given = with_pin(job.holding)
+    if given is None:
         return None
+    change, holding = given
     part = setup.part.mesh
     try:
-        holding = settled_bracket(replace(job.holding, tailstock=PIN), part, limits.bodies.table)
-        return replace(setup, post=post_below(part, holding)), replace(job, holding=holding)
+        holding = settled_bracket(holding, part, limits.bodies.table)
+        return change, replace(setup, post=post_below(part, holding)), replace(job, holding=holding)
     except JobError:
         return None
 
