@@ -127,15 +127,15 @@ class Job:
 
     def tool(self, name: str) -> ToolJob:
         """The cutter "roughing", "finishing" or "fine", with the material's spindle speed and feed where its section
-        leaves them 0, at most what the machine turns and moves; JobError or MachineError where material or machine
-        cannot be read."""
-        tool: ToolJob = getattr(self, name)
+        leaves them 0, at most what the machine turns and moves, and the flutes of [mechanics] likewise; JobError or
+        MachineError where material or machine cannot be read."""
+        given: ToolJob = getattr(self, name)
+        tool = replace(given, flutes=given.flutes or self.mechanics.flutes)
         if tool.spindle and tool.feed:
             return tool
-        machine = read_machine(self.nc.machine)
-        spindle, feed = read_material(self.material.name).speeds(
-            tool.radius, self.deepest(name), machine.spindle_speed, tool.spindle
-        )
+        machine, depth = read_machine(self.nc.machine), self.deepest(name)
+        asked = tool.radius, depth, machine.spindle_speed, tool.spindle, given.flutes
+        spindle, feed = read_material(self.material.name).speeds(*asked)
         slowest = min(axis.speed for axis in machine.linear)
         return replace(tool, spindle=spindle, feed=tool.feed or min(feed, slowest))
 

@@ -57,6 +57,14 @@ class ToolJob(JobSection):
         low=0,
         high=9999,
     )
+    flutes: int = parameter(
+        0,
+        "Flutes",
+        "Cutting edges, for feed and force; 0: those of mechanics.flutes for the force, and the feed that the material "
+        "gives with the teeth of its file.",
+        low=0,
+        high=4,
+    )
     radius: float = parameter(2.0, "Radius", "Ball radius.", unit="mm", low=0.05, high=50.0)
     flute_length: float = parameter(
         8.0, "Flute length", "From the tip to the end of the cutting edge.", unit="mm", low=0.1, high=300.0

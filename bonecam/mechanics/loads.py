@@ -75,11 +75,11 @@ class Loads:
     kept: KeptErrors | None = None
     standing: Standing | None = None
 
-    def edges(self, pieces: Pieces, grid: RayGrid) -> AskedEdges:
-        """The edges on pieces of moves."""
+    def edges(self, pieces: Pieces, grid: RayGrid, flutes: int) -> AskedEdges:
+        """The edges, of so many `flutes`, on pieces of moves."""
         if self.workpiece is None:
             return AskedEdges(NO_EDGES, NO_EDGES_ASKED)
-        chips = self._chips(pieces, self.workpiece.flutes)
+        chips = self._chips(pieces, flutes)
         edges = edges_on(pieces, chips, self.workpiece.force.array, grid.cell)
         return AskedEdges(edges, [edges_in_grid(edges, grid, direction) for direction in range(3)])
 
@@ -97,7 +97,7 @@ class Loads:
         work = self.workpiece
         if work is None:
             return
-        forces = forces_of(edges.edges, edges.asked, work.flutes)
+        forces = forces_of(edges.edges, edges.asked, cutter.flutes)
         try:
             bodies = Bodies(work.beam(standing), cutter_compliance(cutter))
         except ValueError as error:
@@ -105,7 +105,7 @@ class Loads:
             what = f"{named} cuts through the work: {error}"
             raise VerifyError(f"{what}: cut less deep there, or what holds the part less", line=0) from error
         first = bodies.beam.first_frequency(work.stiffness.density)
-        tooth = work.flutes * float(self.spindle[pieces.moves].max()) / 60
+        tooth = cutter.flutes * float(self.spindle[pieces.moves].max()) / 60
         cut = np.flatnonzero(forces.cut)
         points, mean = forces.places[cut], forces.mean[cut]
         gives = bodies.compliance(points, edges.edges.frames[cut, 2])
@@ -128,7 +128,7 @@ class Loads:
         self.standing = standing
         if finished is not None:
             self.kept = self.kept or KeptErrors(finished)
-            self.kept.take(pieces, forces, bodies, work.flutes, follows=first >= SLOW * tooth)
+            self.kept.take(pieces, forces, bodies, cutter.flutes, follows=first >= SLOW * tooth)
 
     def _piece_minutes(self, pieces: Pieces) -> Float[ndarray, " n"]:
         """The time of each piece: its share of that of its move."""

@@ -38,7 +38,7 @@ def job_strip_forces(force: CuttingForce, job: Job, name: str) -> Float[ndarray,
     """The forces (N) of the deepest strip of the cutter "roughing" or "finishing" of a job, as `strip_force`."""
     tool = job.tool(name)
     depth = job.deepest(name)
-    chip = tool.feed / (tool.spindle * job.mechanics.flutes)
+    chip = tool.feed / (tool.spindle * tool.flutes)
     scallop = max(tool.scallop, job.levels.scallop_share * depth) if name == "roughing" else tool.scallop
     return strip_force(force, tool.radius, depth, scallop, chip)
 

@@ -35,17 +35,15 @@ class Standing:
 
 @dataclass(frozen=True, eq=False)
 class Workpiece:
-    """A material with its `stiffness` and the `force` that cuts it by cutters with so many `flutes`, on a `post`, that
-    on the `stub` of the bar if there is one, held rigidly below the height `clamped`, mm; and the `limits` of a job.
-    Above the post stands the `body`, or, if there is none, all that rays tell of. Without a post this is held
-    itself, as in the shell of a second clamping. `lighter` are finishing cuts in words, with the share of the force
-    that they take. A `support` holds the free end, if there is one, and `holding` is the job's, where a tailstock may
-    be offered."""
+    """A material with its `stiffness` and the `force` that cuts it, on a `post`, that on the `stub` of the bar if there
+    is one, held rigidly below the height `clamped`, mm; and the `limits` of a job. Above the post stands the `body`,
+    or, if there is none, all that rays tell of. Without a post this is held itself, as in the shell of a second
+    clamping. `lighter` are finishing cuts in words, with the share of the force that they take. A `support` holds the
+    free end, if there is one, and `holding` is the job's, where a tailstock may be offered."""
 
     material: str
     stiffness: StiffnessTable
     force: CuttingForce
-    flutes: int
     post: Post | None
     clamped: float
     stub: Column | None = None
@@ -84,8 +82,9 @@ def workpiece_of(job: Job, post: Post, clamping: Clamping) -> Workpiece:
     held = post, max(clamped, 0.0), clamping.stub, job.mechanics
     lighter = lighter_cuts(force, job)
     support = tailstock_support(job.holding, post.pin, stiffness.elasticity)
-    asked = job.material.name, stiffness, force, job.mechanics.flutes
-    return Workpiece(*asked, *held, lighter=lighter, support=support, holding=job.holding)
+    return Workpiece(
+        job.material.name, stiffness, force, *held, lighter=lighter, support=support, holding=job.holding
+    )
 
 
 def stump_workpiece(job: Job, part: TriangleMesh, shell: TriangleMesh) -> Workpiece:
@@ -93,7 +92,7 @@ def stump_workpiece(job: Job, part: TriangleMesh, shell: TriangleMesh) -> Workpi
     stiffness, force = mechanics_of_job(job)
     held = None, held_below(part, shell), None, job.mechanics
     lighter = lighter_cuts(force, job)
-    return Workpiece(job.material.name, stiffness, force, job.mechanics.flutes, *held, lighter=lighter)
+    return Workpiece(job.material.name, stiffness, force, *held, lighter=lighter)
 
 
 def mechanics_of_job(job: Job) -> tuple[StiffnessTable, CuttingForce]:

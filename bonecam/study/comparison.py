@@ -241,6 +241,6 @@ class _Study:
             result.program.text, self.machine, self.dialect, cutters, result.surface, removal
         )
         probed = probe_surface(posted, self.line)
-        roughness = roughness_of(posted, removal.mechanics.workpiece.flutes)
+        roughness = roughness_of(posted, result.job.tool("finishing").flutes)
         figures = figures_of(result, posted.motions(), cutters, probed, roughness)
         return Row(strategy.name, strategy.title, state, reason, figures), Measured(result, probed)

@@ -54,6 +54,7 @@ class Cutter:
     nose: tuple[Frustum, ...] = ()
     neck_diameter: float = 0.0
     neck_length: float = 0.0
+    flutes: int = 2
 
     def __post_init__(self) -> None:
         if not self.flute_length >= self.radius:
@@ -122,6 +123,7 @@ class Cutter:
             tuple(nose),
             job.neck_diameter,
             job.neck_length,
+            job.flutes or cls.flutes,
         )
 
     @property

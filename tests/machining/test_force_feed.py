@@ -33,7 +33,7 @@ def simulated(paths):
     """The text of paths, and what it removes of a bar 0.4 mm thicker than the part and off its axis."""
     text = write_program(paths, MACHINE, DIALECT, JOB).text
     stock = Capsule(np.array([0.0, 0, 45.0]) + OFF, np.array([0.0, 0, 65.0]) + OFF, 5.4)
-    work = Workpiece("test", *mechanics_of_job(JOB), 2, POST, 0.0)
+    work = Workpiece("test", *mechanics_of_job(JOB), POST, 0.0)
     cutters = [path.cutter for path in paths]
     removal = simulate_removal(
         text, MACHINE, DIALECT, stock, POST, cutters, accuracy=Accuracy(0.15), workpiece=work

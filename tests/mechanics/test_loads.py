@@ -34,10 +34,10 @@ BAR, LENGTH, AT, DEPTH = 3.0, 40.0, 34.0, 0.4
 STEP = 0.2
 
 
-def run(*, bar=BAR, overhang=30.0, feed=900.0, depth=DEPTH, clamped=0.0, spindle=4500.0):
+def run(*, bar=BAR, overhang=30.0, feed=900.0, depth=DEPTH, clamped=0.0, spindle=4500.0, flutes=2):
     """A pass along X that takes a `depth` off the side of an upright bar at the height AT, the tool leant up by
     45 degrees; the loads, and what they tell of the places of the groove."""
-    cutter = replace(CUTTER, overhang=overhang, feed=feed)
+    cutter = replace(CUTTER, overhang=overhang, feed=feed, flutes=flutes)
     x = np.arange(-6.0, 6.0 + STEP / 2, STEP)
     centres = np.column_stack([x, np.full(len(x), -bar + depth - 2.0), np.full(len(x), AT)])
     count = len(x) - 1
@@ -49,11 +49,11 @@ def run(*, bar=BAR, overhang=30.0, feed=900.0, depth=DEPTH, clamped=0.0, spindle
     body = Cylinder(bar, 0.0, LENGTH)
     grid = lay_grid([body], 0.1)
     sets = lay_rays([body], grid, 500.0)
-    work = Workpiece("test", ALUMINIUM, FORCE, 2, Post(bar, 10.0), clamped)
+    work = Workpiece("test", ALUMINIUM, FORCE, Post(bar, 10.0), clamped)
     loads = Loads(work, np.full(count, STEP / feed), np.full(count, spindle))
     bounds = np.array([[-bar, -bar, 0.0], [bar, bar, LENGTH]])
     sweeping = Sweeping(sets, grid, bounds, count)
-    edges = loads.edges(pieces, grid)
+    edges = loads.edges(pieces, grid, cutter.flutes)
     sweeping.run(pieces, cutter, lambda _: None, edges.asked)
     points = np.column_stack([x[:-1] + STEP / 2, np.full(count, -bar + depth), np.full(count, AT)])
     normals = np.tile([0.0, -1.0, 0.0], (count, 1))
@@ -111,6 +111,12 @@ def test_twice_the_feed_adds_what_is_not_the_edges_share_of_the_peak():
     foretold = slow.peak[middle] * (2 - slow.edge_share[middle])
     assert 0.2 < slow.edge_share[middle] < 0.9
     assert fast.peak[middle] == pytest.approx(foretold, rel=0.06)
+
+
+def test_twice_the_flutes_at_twice_the_feed_take_the_same_chips_twice_as_often():
+    (two, _), (four, _) = run(flutes=2), run(flutes=4, feed=1800.0)
+    assert four.paths[0].tooth_hz == 2 * two.paths[0].tooth_hz
+    assert np.median(four.paths[0].mean) == pytest.approx(2 * np.median(two.paths[0].mean), rel=0.02)
 
 
 def test_a_higher_clamp_holds_stiffer():
@@ -250,7 +256,7 @@ def test_a_stub_of_the_bar_is_part_of_the_beam_with_the_shoulders_of_the_neck():
     bodies = [Cylinder(6.0, 10.0, 25.0), Cylinder(2.0, 10.0, 31.0), Cylinder(5.0, 31.0, 60.0)]
     grid = lay_grid(bodies, 0.1)
     standing = Standing(lay_rays(bodies, grid, 500.0), grid, 60.0)
-    found = Workpiece("test", ALUMINIUM, FORCE, 2, post, 10.0, stub).beam(standing)
+    found = Workpiece("test", ALUMINIUM, FORCE, post, 10.0, stub).beam(standing)
     by_hand = [
         column_sections(6.0, 10.0, 25.0),
         shoulder(4.0, 25.0, 12.0),

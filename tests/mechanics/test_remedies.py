@@ -34,7 +34,7 @@ def found(
     grid = lay_grid([body], 0.1)
     standing = Standing(lay_rays([body], grid, 500.0), grid, TOP, width)
     held = {"lighter": (("lighter cuts", 0.4),), "holding": holding}
-    work = Workpiece("test", ALUMINIUM, FORCE, 2, Post(RADIUS, neck), 0.0, **held)  # type: ignore[arg-type]
+    work = Workpiece("test", ALUMINIUM, FORCE, Post(RADIUS, neck), 0.0, **held)  # type: ignore[arg-type]
     points = np.array([[0.0, 0.0, AT]] * 3)
     mesh = cylinder(RADIUS, neck, TOP, 0.05)
     kept = KeptErrors(

@@ -165,3 +165,13 @@ def test_a_tool_has_the_number_of_the_job_and_two_tools_have_two() -> None:
     with pytest.raises(JobError, match=r"\[fine\] number = 3: \[roughing\] has this"):
         Job().with_values(roughing={"number": 3}, path={"fine_cutter": True})
     assert Job().with_values(roughing={"number": 3}).roughing.number == 3
+
+
+def test_a_cutter_s_own_flutes_feed_and_load_it_and_no_other() -> None:
+    two, four = Job(), Job().with_values(finishing={"flutes": 4})
+    assert (four.tool("finishing").flutes, four.tool("roughing").flutes) == (4, 2)
+    assert four.tool("roughing") == two.tool("roughing")
+    assert four.tool("finishing").spindle == two.tool("finishing").spindle
+    assert four.tool("finishing").feed == pytest.approx(2 * two.tool("finishing").feed, abs=2.0)
+    assert Cutter.from_job(2, "finishing", four.tool("finishing")).flutes == 4
+    assert Job().with_values(mechanics={"flutes": 3}).tool("fine").flutes == 3

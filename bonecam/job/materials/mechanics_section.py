@@ -22,4 +22,6 @@ class MechanicsJob(JobSection):
         "Refuse",
         "Refuse a program whose stress or error is larger; false: header and summary tell it.",
     )
-    flutes: int = parameter(2, "Flutes", "Cutting edges of each cutter.", low=1, high=4)
+    flutes: int = parameter(
+        2, "Flutes", "Cutting edges of a cutter whose section does not tell.", low=1, high=4
+    )

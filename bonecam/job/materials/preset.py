@@ -66,17 +66,17 @@ class Material:
     force: ForceTable | None
 
     def speeds(
-        self, radius: float, depth: float, fastest: float, spindle: float = 0.0
+        self, radius: float, depth: float, fastest: float, spindle: float = 0.0, teeth: int = 0
     ) -> tuple[float, float]:
         """Spindle speed (1/min), at most the `fastest`, and feed (mm/min) of a ball of `radius` mm that cuts `depth` mm
-        deep; the feed at another `spindle` speed where that is given."""
+        deep; the feed at another `spindle` speed, and of other `teeth`, where these are given."""
         if self.spindle:
             return spindle or self.spindle, self.feed
         turns = min(1000 * self.cutting_speed / (2 * math.pi * radius), fastest)
         turns = spindle or max(math.floor(turns / SPINDLE_STEP), 1) * SPINDLE_STEP
         thinner = math.sin(math.acos(1 - min(depth / radius, 1.0)))
         share = min(self.feed_per_tooth / thinner, MOST_FEED)
-        return turns, float(max(math.floor(2 * radius * share * self.teeth * turns), 1))
+        return turns, float(max(math.floor(2 * radius * share * (teeth or self.teeth) * turns), 1))
 
 
 def material_files() -> dict[str, Path]:

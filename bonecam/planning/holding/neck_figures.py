@@ -94,7 +94,8 @@ class Wanted:
 
 def wanted_of(job: Job) -> Wanted:
     """What a neck that holds has, with material and cutters of a job."""
-    teeth = job.mechanics.flutes * max(job.tool(name).spindle for name in job.cutter_names) / 60
+    tools = [job.tool(name) for name in job.cutter_names]
+    teeth = max(tool.flutes * tool.spindle for tool in tools) / 60
     return Wanted(
         shift_um=1000 * LARGEST_SHIFT,
         stress_mpa=YIELD_SHARE * stiffness_of(job).yield_strength,

@@ -15,7 +15,7 @@ from bonecam.job import Job
 from bonecam.machine.limits import MachineLimits
 from bonecam.mechanics.strip import lighter_jobs
 from bonecam.planning.estimate import LayersToCut
-from bonecam.planning.holding.neck_figures import Neck, neck_figures, wanted_of
+from bonecam.planning.holding.neck_figures import FREQUENCY_MULTIPLE, Neck, neck_figures, wanted_of
 from bonecam.planning.holding.post_length import STOCK_CHORD
 from bonecam.setup.placement import Setup
 from bonecam.workholding.post import post_below
@@ -70,16 +70,19 @@ def neck_remedies(setup: Setup, job: Job, limits: MachineLimits, taken: Neck) ->
 
 def _slower(job: Job, taken: Neck) -> Iterator[tuple[str, Job]]:
     """The job whose teeth pass as slowly as a neck asks, and its spindles in words; none where they do."""
-    wanted = wanted_of(job).first_hz
-    if taken.first_hz >= wanted:
+    if taken.first_hz >= wanted_of(job).first_hz:
         return
-    fastest = max(job.tool(name).spindle for name in job.cutter_names)
-    most = float(np.floor(fastest * taken.first_hz / wanted / STEP)) * STEP
-    names = [name for name in job.cutter_names if job.tool(name).spindle > most]
+    edges = 60 * taken.first_hz / FREQUENCY_MULTIPLE  # a minute
+    tools = {name: job.tool(name) for name in job.cutter_names}
+    slower = {
+        name: {"spindle": float(np.floor(edges / tool.flutes / STEP)) * STEP}
+        for name, tool in tools.items()
+        if tool.flutes * tool.spindle > edges
+    }
     try:
         yield (
-            " and ".join(f"{name}.spindle = {most:g}" for name in names),
-            job.with_values(**{name: {"spindle": most} for name in names}),
+            " and ".join(f"{name}.spindle = {value['spindle']:g}" for name, value in slower.items()),
+            job.with_values(**slower),
         )
     except JobError:  # slower than a spindle turns
         return

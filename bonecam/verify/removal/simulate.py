@@ -147,7 +147,7 @@ class _Simulation:
                 self.normal_probes.cut(pieces, cutter.radius)
 
         whole = straight_pieces(self.motions, group.moves, cutter)
-        edges = self.loads.edges(whole, self.grid)
+        edges = self.loads.edges(whole, self.grid, cutter.flutes)
         pieces = self.sweeping.run(whole, cutter, cut_normal_probes, edges.asked)
         seen = self.sweeping.standing, self.finished
         self.loads.take((group.level, group.rest), pieces, edges, cutter, *seen)

@@ -106,7 +106,7 @@ def fastest_cut(cutter: Cutter, job: Job) -> float:
     if job.path.feed == "constant":
         return cutter.feed
     chip = min(2 * MOST_FEED * cutter.radius, math.sqrt(8 * cutter.radius * cutter.scallop))
-    return max(min(chip * job.mechanics.flutes * cutter.spindle, LARGEST_RATIO * cutter.feed), cutter.feed)
+    return max(min(chip * cutter.flutes * cutter.spindle, LARGEST_RATIO * cutter.feed), cutter.feed)
 
 
 def _feed_ratios(posted: Posted, feed_at: str) -> Float[ndarray, "n"]:
