@@ -1,7 +1,8 @@
 """What would make a neck hold that gives way, and what the report tells of the necks that were tried.
 
-Tried are a pin at the free end, shallower finishing cuts with lower scallops, slower spindles where part and stock
-swing too near to the teeth, and these together where nothing alone is enough.
+Tried are a pin at the free end, shallower finishing cuts with lower scallops, stiffer finishing cutters of the same
+ball, slower spindles where part and stock swing too near to the teeth; pin, cuts and spindles together where nothing
+alone is enough.
 """
 
 from collections.abc import Iterator, Sequence
@@ -12,12 +13,15 @@ import numpy as np
 
 from bonecam.errors import JobError
 from bonecam.job import Job
+from bonecam.job.tool_section import read_tool, tool_files
 from bonecam.machine.limits import MachineLimits
+from bonecam.mechanics.cutter import cutter_compliance
 from bonecam.mechanics.strip import lighter_jobs
 from bonecam.planning.estimate import LayersToCut
 from bonecam.planning.holding.neck_figures import FREQUENCY_MULTIPLE, Neck, neck_figures, wanted_of
 from bonecam.planning.holding.post_length import STOCK_CHORD
 from bonecam.setup.placement import Setup
+from bonecam.tool.cutter import Cutter
 from bonecam.workholding.post import post_below
 from bonecam.workholding.tailstock import settled_bracket, with_pin
 
@@ -49,6 +53,10 @@ def neck_remedies(setup: Setup, job: Job, limits: MachineLimits, taken: Neck) ->
         tried.append(figures(change, setup, lighter))
         if tried[-1].neck.holds:
             break
+    for change, stiffer in _stiffer(job, limits):
+        tried.append(figures(change, setup, stiffer))
+        if tried[-1].neck.holds:
+            break
     tried += [figures(change, setup, slower) for change, slower in _slower(job, taken)]
     enough = tuple(one for one in tried if one.neck.holds)
     if enough:
@@ -66,6 +74,25 @@ def neck_remedies(setup: Setup, job: Job, limits: MachineLimits, taken: Neck) ->
                     return (remedy,)
                 tried.append(remedy)
     return tuple(sorted(tried, key=lambda one: one.neck.shift_um)[:1])
+
+
+def _stiffer(job: Job, limits: MachineLimits) -> Iterator[tuple[str, Job]]:
+    """The job with finishing cutters that are known by name, of its ball and stiffer than its own, and these in words,
+    the stiffest last. Their scallop, speed and feed stay those of the job."""
+
+    def compliance(one: Job) -> float:
+        return cutter_compliance(Cutter.from_job(2, "finishing", one.tool("finishing"), limits.bodies.nose))
+
+    kept = {name: getattr(job.finishing, name) for name in ("number", "scallop", "spindle", "feed", "flutes")}
+    found = list[tuple[float, str, Job]]()
+    for preset in tool_files():
+        if read_tool(preset)["radius"] == job.finishing.radius:
+            other = job.with_values(finishing={"preset": preset, **kept})
+            found.append((compliance(other), f'finishing.preset = "{preset}"', other))
+    own = compliance(job)
+    for gives, change, other in sorted(found, key=lambda one: -one[0]):
+        if gives < own:
+            yield change, other
 
 
 def _slower(job: Job, taken: Neck) -> Iterator[tuple[str, Job]]:

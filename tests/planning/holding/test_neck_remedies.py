@@ -69,6 +69,25 @@ def test_a_pin_and_lighter_cuts_are_told_where_each_is_enough() -> None:
     assert depth == 0.15 or not remedies(setup, halved)[0].holds, "no lighter than is needed"
 
 
+def test_a_stiffer_cutter_is_told_where_the_cutter_bends_most() -> None:
+    slim = {
+        "radius": 1.0,
+        "flute_length": 3.0,
+        "shank_diameter": 4.0,
+        "neck_diameter": 1.4,
+        "neck_length": 16.0,
+    }
+    job = JOB.with_values(finishing={**slim, "overhang": 25.0})
+    taken, found = remedies(standing(25.0), job)
+    assert not taken.holds
+    (stiffer,) = (one for one in found if "preset" in one.change)
+    assert stiffer.neck.holds
+    preset = stiffer.change.split('"')[1]
+    followed = job.with_values(finishing={"preset": preset, "scallop": job.finishing.scallop})
+    assert remedies(standing(25.0), followed)[0] == stiffer.neck
+    assert stiffer.neck.um_per_n == taken.um_per_n, "the part is no stiffer"
+
+
 def test_a_neck_that_holds_needs_none() -> None:
     taken, found = remedies(standing(12.0), JOB)
     assert taken.holds
