@@ -106,19 +106,25 @@ class Outputs:
     def _beside(self, morphed: Morphed, staging: Staging) -> list[tuple[str | Path, Callable[[], None]]]:
         """The wanted outputs beside the program, and what writes each."""
         outputs: list[tuple[str | Path, Callable[[], None]]] = []
-        if (file := self.report) is not None:
+        file = self.report
+        if file is not None:
             outputs.append((file, lambda: _write(staging.file(file), file, report_text(morphed.report))))
-        if (surface := self.surface) is not None:
+        surface = self.surface
+        if surface is not None:
             outputs.append((surface, lambda: save_surface(morphed.surface, staging.file(surface))))
-        if (page := self.html) is not None:
+        page = self.html
+        if page is not None:
             outputs.append((page, lambda: _write(staging.file(page), page, morphed.page)))
-        if (sheet := self.sheet) is not None and isinstance(morphed, Result):
+        sheet = self.sheet
+        if sheet is not None and isinstance(morphed, Result):
             outputs.append((sheet, lambda: _write(staging.file(sheet), sheet, morphed.sheet)))
-        if (apt := self.apt) is not None and isinstance(morphed, Result):
+        apt = self.apt
+        if apt is not None and isinstance(morphed, Result):
             text = apt_text(morphed.paths, morphed.program.name)
             outputs.append((apt, lambda: _write(staging.file(apt), apt, text)))
         outputs += self._of_second(morphed, staging)
-        if (keep := self.keep) is not None:
+        keep = self.keep
+        if keep is not None:
             holding = morphed.job.holding
             post = (holding.diameter, post_below(morphed.part.mesh, holding).top)
             outputs.append((keep, lambda: fill_kept_folder(staging.folder(keep, SERIES), morphed, post)))
