@@ -54,12 +54,9 @@ class MeshDistance:
         self._scene.add_triangles(self._put(mesh.vertices), self._tensor(mesh.faces.astype(np.uint32)))
 
     @cached_property
-    def _tree(self) -> tuple[Float[ndarray, "f 9"], Float[ndarray, "b 6"]]:
-        """Triangles in the order of the tree, and its boxes."""
-        corners = self.mesh.vertices[self.mesh.faces]
-        leaves = 1 << ((len(corners) - 1) // LEAF).bit_length()
-        triangles = corners.reshape(-1, 9)[tree_order(corners.mean(axis=1), leaves)]
-        return triangles, boxes_of(triangles, leaves)
+    def tree(self) -> tuple[Float[ndarray, "f 9"], Float[ndarray, "b 6"]]:
+        """That of the mesh (`tree_of`)."""
+        return tree_of(self.mesh)
 
     def _put(self, points: Float[ndarray, "n 3"]) -> Any:
         return self._tensor(np.ascontiguousarray(points - self._centre, dtype=np.float32))
@@ -69,7 +66,7 @@ class MeshDistance:
     ) -> Float[ndarray, " n"]:
         """Distance to the surface, or the limit where that is less; a lower bound of it with a `slack`."""
         points = np.require(points, np.float64, ["C", "W"])
-        tree = self._tree
+        tree = self.tree
 
         def work(some: slice) -> Float[ndarray, " m"]:
             return np.asarray(distances_within(points[some], limits[some], slack, *tree))
@@ -112,6 +109,14 @@ class MeshDistance:
     def inside(self, points: Float[ndarray, "n 3"]) -> Bool[ndarray, " n"]:
         """Whether each point lies inside the closed surface (three rays each, the majority)."""
         return self._scene.compute_occupancy(self._put(points), nsamples=3).numpy() > 0.5
+
+
+def tree_of(mesh: TriangleMesh) -> tuple[Float[ndarray, "f 9"], Float[ndarray, "b 6"]]:
+    """The triangles of a mesh in the order of a tree, and its boxes (`kernels.closest.triangle_tree`)."""
+    corners = mesh.vertices[mesh.faces]
+    leaves = 1 << ((len(corners) - 1) // LEAF).bit_length()
+    triangles = corners.reshape(-1, 9)[tree_order(corners.mean(axis=1), leaves)]
+    return triangles, boxes_of(triangles, leaves)
 
 
 def _limits(wanted: float | ndarray, count: int) -> Float[ndarray, " n"]:

@@ -1,5 +1,5 @@
-"""Where what a section of the tool sweeps in an elliptic cone is, compiled: which points it holds, what it is clear of,
-and which facets of its mesh are near a solid. Sizes are those of `swept_cones`.
+"""Where what a section of the tool sweeps in an elliptic cone is, compiled: which points it holds, and which facets of
+its mesh are near a solid. Sizes are those of `swept_cones`.
 """
 
 import numpy as np
@@ -48,61 +48,6 @@ def swept_hold(sizes: ndarray, sides: int, points: ndarray) -> ndarray:
     for k in range(len(points)):
         held[k] = _holds(sizes[k], sides, points[k])
     return held
-
-
-@njit(cache=True, nogil=True)
-def _below(least: float, axis: ndarray, angle: tuple[float, float], place: ndarray, points: ndarray) -> bool:
-    """Whether no axis within an angle (its sine, its cosine) of one through a place brings a point to `least` above."""
-    sine, cosine = angle
-    for point in points:
-        x, y, z = point[0] - place[0], point[1] - place[1], point[2] - place[2]
-        up = x * axis[0] + y * axis[1] + z * axis[2]
-        square = x * x + y * y + z * z
-        out = np.sqrt(max(square - up * up, 0.0))
-        height = np.sqrt(square) if up * sine >= out * cosine else up * cosine + out * sine
-        if height >= least:
-            return False
-    return True
-
-
-@njit(cache=True, nogil=True)
-def _beside(wide: float, normals: ndarray, place: ndarray, points: ndarray) -> bool:
-    """Whether all points lie beyond one of the planes that are `wide` from a place along their normals."""
-    for normal in normals:
-        least = wide + dot(normal, place)
-        beyond = True
-        for point in points:
-            if dot(normal, point) <= least:
-                beyond = False
-                break
-        if beyond:
-            return True
-    return False
-
-
-@njit(cache=True, nogil=True)
-def swept_apart(sizes: ndarray, sides: int, places: ndarray, turns: ndarray, hulls: ndarray) -> ndarray:
-    """Whether what is swept about each place (n, 3), turned (n, 3, 3), is told from several convex hulls of corners
-    (h, m, 3), each of them by its heights above the place or by a plane beside the sweep."""
-    apart = np.ones(len(sizes), np.bool_)
-    normals, turned = np.empty((sides, 3)), np.empty((sides, 3))
-    for k in range(len(sizes)):
-        first, second = opening_of(sizes[k])
-        widest = np.arctan(max(first, second))
-        angle = np.sin(widest), np.cos(widest)
-        growth = max(sizes[k, 5], LEAST_GROWTH)
-        normals_of(first, second, sides, normals)
-        for j in range(sides):
-            for i in range(3):
-                turned[j, i] = dot(turns[k, i], normals[j])
-        axis = turns[k, :, 2].copy()
-        for hull in hulls:
-            if not _below(sizes[k, 0] - growth, axis, angle, places[k], hull) and not _beside(
-                sizes[k, 2] + growth, turned, places[k], hull
-            ):
-                apart[k] = False
-                break
-    return apart
 
 
 @njit(cache=True, nogil=True)

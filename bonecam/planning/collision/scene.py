@@ -73,7 +73,7 @@ class Scene:
     @cached_property
     def material_distance(self) -> MeshDistance:
         """Distances to the mesh of the material."""
-        return MeshDistance(self.material)
+        return self.level_distance if self.material is self.level else MeshDistance(self.material)
 
     def around(self, section: str, ball_radius: float, air: float | None = None) -> "Surroundings":
         """What a section of the tool (cutter, shank, holder, spindle) stays out of.

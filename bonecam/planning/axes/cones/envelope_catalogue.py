@@ -1,9 +1,9 @@
 """Meshes of what is swept in cones, put before FCL: a catalogue of them, shared by all cones that are alike.
 
-FCL answers in 25 us, but takes 2 us for each triangle of a mesh that it is to build. So a cone is asked first with a
-mesh of few sides whose sizes are rounded up to steps, which cones and levels share. One that crosses there is asked
-again with meshes of its own, and these have only the facets that no plane about the solid tells from it. A sweep that
-no mesh of these holds is taken to cross.
+FCL answers in 25 us, but takes 2 us for each triangle of a mesh that it is to build. So it is asked where planes do not
+tell a sweep from every triangle (`clear`), and first with a mesh of few sides whose sizes are rounded up to steps,
+which cones and levels share. One that crosses there is asked again with meshes of its own, and these have only the
+facets that no plane about the solid tells from it. A sweep that no mesh of these holds is taken to cross.
 """
 
 from dataclasses import dataclass
@@ -14,15 +14,19 @@ from jaxtyping import Bool, Float
 from numpy import ndarray
 
 from bonecam.kernels.closest.swept_bounds import facets_below
+from bonecam.kernels.closest.swept_triangles import swept_clear
+from bonecam.mesh.distance import MeshDistance, tree_of
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.planning.axes.cones.envelope import Sweep
 from bonecam.planning.axes.cones.sphere_leaves import sphere_leaves
-from bonecam.planning.collision.fcl_model import FclObject, crosses, obstacle_object, solid_object
+from bonecam.planning.collision.fcl_model import FclObject, crosses, fcl_object, obstacle_object, solid_object
+
+Tree = tuple[Float[ndarray, "f 9"], Float[ndarray, "b 6"]]
 
 SIDES = 12
 """Sides of the meshes of the catalogue, and of the first of a cone's own;"""
 FINE_SIDES = 24
-"""those of its last ones, which follow the rounded edge below too."""
+"""those of its last ones, which follow the rounded edge below too, and the planes that are tried."""
 GRID = 0.2, np.radians(6.0)
 """Steps of the sizes of the catalogue, mm and radians."""
 CATALOGUE = 4096
@@ -33,18 +37,36 @@ WIDEST = np.radians(80.0)
 
 @dataclass(frozen=True, eq=False)
 class Obstacle:
-    """The surface of a solid for FCL, and how far the solid reaches (`supports`, mm) along unit `directions`."""
+    """The surface of a solid for FCL, its triangles and their boxes (`tree_of`), and how far it reaches (`supports`,
+    mm) along unit `directions`."""
 
     surface: FclObject
+    tree: Tree
     directions: Float[ndarray, "d 3"]
     supports: Float[ndarray, " d"]
 
     @classmethod
     def of(cls, mesh: TriangleMesh) -> "Obstacle":
         """The obstacle with this closed mesh."""
+        return cls._with(mesh, fcl_object(mesh), tree_of(mesh))
+
+    @classmethod
+    def known(cls, distance: MeshDistance) -> "Obstacle":
+        """The obstacle with the closed mesh of these distances; what FCL has of it, it keeps."""
+        return cls._with(distance.mesh, obstacle_object(distance.mesh), distance.tree)
+
+    @classmethod
+    def _with(cls, mesh: TriangleMesh, surface: FclObject, tree: Tree) -> "Obstacle":
         triangles, _ = sphere_leaves()
         directions = np.ascontiguousarray(triangles.centres[: triangles.starts[1]])
-        return cls(obstacle_object(mesh), directions, (mesh.vertices @ directions.T).max(axis=0))
+        supports = (mesh.vertices @ directions.T).max(axis=0)
+        return cls(surface, tree, directions, supports)
+
+    def clear(
+        self, sizes: Float[ndarray, "n 6"], places: Float[ndarray, "n 3"], turns: Float[ndarray, "n 3 3"]
+    ) -> Bool[ndarray, " n"]:
+        """Which of the sweeps, as `crossing` has them, planes tell from every triangle."""
+        return np.asarray(swept_clear(sizes, FINE_SIDES, places, turns, *self.tree))
 
 
 def crossing(

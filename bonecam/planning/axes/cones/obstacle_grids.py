@@ -7,6 +7,7 @@ from numpy import ndarray
 from bonecam.errors import OrientationError
 from bonecam.kernels.closest.distance_grids import Grids, distance_bounds, flood
 from bonecam.mesh.distance import MeshDistance
+from bonecam.mesh.healing.topology import edges_of
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
 GRIDS = ((0.4, 3.0, 2.0, 0.0), (1.2, 14.0, 14.0, 0.02), (4.0, 60.0, np.inf, 0.01))
@@ -51,8 +52,7 @@ def distance_grids(
 
 def require_closed(mesh: TriangleMesh) -> None:
     """OrientationError where an edge of the mesh has not two faces."""
-    edges = np.sort(mesh.faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
-    _, counts = np.unique(edges, axis=0, return_counts=True)
+    _, counts = edges_of(mesh)
     if (counts % 2).any():
         open_ = int((counts % 2 == 1).sum())
         raise OrientationError(

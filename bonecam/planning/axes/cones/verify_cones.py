@@ -3,7 +3,7 @@ a scene.
 
 The cones are proven by spheres in grids of distances; this shares neither. What the sections of the tool sweep for all
 axes of a cone, grown by the node's reach, are closed meshes (`envelope.py`) that must not cross level, material, post
-or what stands on the table. FCL is asked where balls and planes about these do not tell them apart. It never reports
+or what stands on the table. FCL is asked where no planes tell the sweep from each of their triangles. It never reports
 containment: so a point of each is tested for being inside the obstacles, and one of each of their pieces for being
 inside of it.
 
@@ -13,32 +13,25 @@ Next to the contact the cutter touches the level: it is asked from where the emp
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
-from scipy.spatial import ConvexHull
 
-from bonecam.kernels.closest.swept_bounds import swept_apart, swept_hold
+from bonecam.kernels.closest.swept_bounds import swept_hold
 from bonecam.mesh.healing.topology import pieces_of
-from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.planning.axes.cones.admissible_cones import AxisCones
 from bonecam.planning.axes.cones.contact_apexes import at_contacts
 from bonecam.planning.axes.cones.envelope_catalogue import SIDES, Obstacle, crossing
 from bonecam.planning.axes.cones.obstacle_grids import require_closed
 from bonecam.planning.collision.scene import Scene, Surroundings
-from bonecam.planning.collision.tool_mesh import CIRCUMSCRIBED, column_mesh
+from bonecam.planning.collision.tool_mesh import column_mesh
 from bonecam.tool.cutter import Cutter, ToolSection
 from bonecam.tool.path import ConeCheck
 from bonecam.workholding.column import Column
 
 SHRUNK = (0.9, 0.75, 0.5)
 """Shares of its angles that a refused cone is tried with."""
-SLICES, SLICE_SIDES = 6, 8
-"""Parts of a column that are told from what is swept one by one, and their sides."""
-NEAR = 0.01
-"""Distances to columns serve with this to spare, mm."""
 RIM_ERROR = 0.01
 """The lean of the rim of a cone may be larger by this between the directions that are asked, radians."""
 
@@ -89,17 +82,14 @@ def _judged(
 
 @dataclass(frozen=True, eq=False)
 class _Solid:
-    """An obstacle of a section of the tool: its name, its surface, the corners (h, m, 3) of convex hulls that hold that
-    together, a point of each of its pieces, how far it may reach out of its mesh (mm), and which points are `inside`;
-    the `column`, if it is one."""
+    """An obstacle of a section of the tool: its name, its surface, a point of each of its pieces, how far it may reach
+    out of its mesh (mm), and which points are `inside`."""
 
     name: str
     obstacle: Obstacle
-    hulls: Float[ndarray, "h m 3"]
     pieces: Float[ndarray, "p 3"]
     deviation: float
     inside: Callable[[ndarray], ndarray]
-    column: Column | None = None
 
     @classmethod
     def of_mesh(cls, around: Surroundings) -> "_Solid":
@@ -107,40 +97,16 @@ class _Solid:
         mesh = around.mesh
         require_closed(mesh)
         _, first = np.unique(pieces_of(mesh), return_index=True)
-        hull = mesh.vertices[ConvexHull(mesh.vertices).vertices]
         pieces = mesh.vertices[mesh.faces[first, 0]]
-        inside = around.mesh_distance.inside
-        return cls(around.obstacle, Obstacle.of(mesh), hull[None], pieces, around.deviation, inside)
+        distance = around.mesh_distance
+        obstacle = Obstacle.known(distance)
+        return cls(around.obstacle, obstacle, pieces, around.deviation, distance.inside)
 
     @classmethod
     def of_column(cls, name: str, column: Column) -> "_Solid":
         """A column."""
-        mesh = column_mesh(column)
         top = np.array([[column.x, column.y, column.top]])
-        return cls(name, Obstacle.of(mesh), _slices(column, mesh), top, 0.0, column.holds, column)
-
-    def near(
-        self, sizes: Float[ndarray, "n 6"], apexes: Float[ndarray, "n 3"], turns: Float[ndarray, "n 3 3"]
-    ) -> Bool[ndarray, " n"]:
-        """Where neither a ball about the apex nor planes tell what is swept from it: it does not touch where they do,
-        and FCL is not asked."""
-        near = np.ones(len(sizes), dtype=bool)
-        if self.column is not None:
-            near = self.column.distance(apexes) <= np.hypot(sizes[:, 1], sizes[:, 2]) + sizes[:, 5] + NEAR
-        some = np.flatnonzero(near)
-        near[some] = ~swept_apart(sizes[some], SIDES, apexes[some], turns[some], self.hulls)
-        return near
-
-
-def _slices(column: Column, mesh: TriangleMesh) -> Float[ndarray, "h m 3"]:
-    """Corners of SLICES of a column, the thinner the nearer to its top."""
-    bottom = float(mesh.bounds[0, 2])
-    levels = column.top - (column.top - bottom) * (np.arange(SLICES + 1) / SLICES) ** 2
-    turn = 2 * np.pi * np.arange(SLICE_SIDES) / SLICE_SIDES
-    radius = column.radius * CIRCUMSCRIBED / np.cos(np.pi / SLICE_SIDES)
-    ring = np.column_stack([column.x + radius * np.cos(turn), column.y + radius * np.sin(turn)])
-    ends = [np.column_stack([ring, np.full(SLICE_SIDES, z)]) for z in levels]
-    return np.stack([np.vstack(pair) for pair in pairwise(ends)])
+        return cls(name, Obstacle.of(column_mesh(column)), top, 0.0, column.holds)
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,7 +168,7 @@ def _meeting(cones: AxisCones, rows: Int[ndarray, " m"], pair: _Pair) -> Iterato
         sizes = np.column_stack([starts[some], shape, angles[some], growth[some]])
         met = inside[some]
         asked = np.flatnonzero(~met)
-        asked = asked[solid.near(sizes[asked], apexes[some[asked]], turns[some[asked]])]
+        asked = asked[~solid.obstacle.clear(sizes[asked], apexes[some[asked]], turns[some[asked]])]
         here, poses = sizes[asked], (apexes[some[asked]], turns[some[asked]])
         met[asked] = _holds_piece(here, *poses, solid) | crossing(here, *poses, solid.obstacle)
         left[some[met]] = False
