@@ -4,6 +4,8 @@ Both hold samples x_l + sum_i R_li D_i between two planes (low <= n . (y - c) <=
 the level before) and behind a third (m . y <= h, the stock's wall). R is in CSR form.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 from numpy import ndarray
@@ -15,6 +17,17 @@ BROKEN_SWEEPS = 15
 
 PARALLEL = 1e-3
 """Least squared sine of the angle between slab and wall: below it the two count as parallel."""
+
+
+class Planes(NamedTuple):
+    """The planes of samples, one row each: low <= n . (y - c) <= high and m . y <= h, mm."""
+
+    c: ndarray
+    n: ndarray
+    low: ndarray
+    high: ndarray
+    m: ndarray
+    h: ndarray
 
 
 @njit(inline="always")
@@ -38,8 +51,7 @@ def correction(d: float, low: float, high: float, e: float, g: float) -> tuple[f
 
 @njit(cache=True, fastmath=CONTRACT)
 def sweep(
-    x: ndarray, y: ndarray, H: ndarray, c: ndarray, n: ndarray, low: ndarray, high: ndarray, m: ndarray,
-    h: ndarray, weights: ndarray,
+    x: ndarray, y: ndarray, H: ndarray, planes: Planes, weights: ndarray,
     rho: float, relaxation: float, z: ndarray, u: ndarray,
 ) -> float:  # fmt: skip
     """One iteration for samples that y has moved: z = the point of the limits nearest to (H + rho (x + y +
@@ -47,6 +59,7 @@ def sweep(
 
     Returns the residual: the weighted sum of squares of how far z moved and how far it is from x + y.
     """
+    c, n, low, high, m, h = planes
     keep, share, residual = 1.0 - relaxation, 1.0 / (1.0 + rho), 0.0
     for l in range(len(x)):
         e0, e1, e2, w = x[l, 0] + y[l, 0], x[l, 1] + y[l, 1], x[l, 2] + y[l, 2], weights[l]
@@ -68,13 +81,13 @@ def sweep(
 
 @njit(cache=True, fastmath=CONTRACT)
 def _sweep_onto(
-    indptr: ndarray, indices: ndarray, data: ndarray, x: ndarray, D: ndarray, c: ndarray, n: ndarray,
-    low: ndarray, high: ndarray,
-    m: ndarray, h: ndarray, rows: ndarray, broken: ndarray, least: float,
+    indptr: ndarray, indices: ndarray, data: ndarray, x: ndarray, D: ndarray, planes: Planes,
+    rows: ndarray, broken: ndarray, least: float,
 ) -> tuple[float, int]:  # fmt: skip
     """Move D onto the limits of the samples `rows`, one after the other (Kaczmarz). Returns how far the worst
     broke them, mm, and how many did by more than `least`; those are listed in `broken` (may be `rows`
     itself)."""
+    c, n, low, high, m, h = planes
     worst, count = 0.0, 0
     for l in rows:
         y0, y1, y2, square = x[l, 0], x[l, 1], x[l, 2], 0.0
@@ -103,9 +116,8 @@ def _sweep_onto(
 
 @njit(cache=True, fastmath=CONTRACT)
 def project(
-    indptr: ndarray, indices: ndarray, data: ndarray, x: ndarray, D: ndarray, c: ndarray, n: ndarray,
-    low: ndarray, high: ndarray,
-    m: ndarray, h: ndarray, sweeps: int, enough: float,
+    indptr: ndarray, indices: ndarray, data: ndarray, x: ndarray, D: ndarray, planes: Planes,
+    sweeps: int, enough: float,
 ) -> None:  # fmt: skip
     """Move D onto the limits of one sample after the other (Kaczmarz), until all hold to `enough` mm or for
     `sweeps` sweeps over all samples.
@@ -115,14 +127,12 @@ def project(
     """
     every, broken = np.arange(len(x)), np.empty(len(x), np.int64)
     for _ in range(sweeps):
-        worst, count = _sweep_onto(
-            indptr, indices, data, x, D, c, n, low, high, m, h, every, broken, 0.01 * enough
-        )
+        worst, count = _sweep_onto(indptr, indices, data, x, D, planes, every, broken, 0.01 * enough)
         if worst < enough:
             break
         for _ in range(BROKEN_SWEEPS):
             worst, count = _sweep_onto(
-                indptr, indices, data, x, D, c, n, low, high, m, h, broken[:count], broken, 0.01 * enough
+                indptr, indices, data, x, D, planes, broken[:count], broken, 0.01 * enough
             )
             if worst < enough:
                 break

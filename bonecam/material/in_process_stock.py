@@ -16,7 +16,13 @@ from numpy import ndarray
 from scipy.spatial import KDTree
 
 from bonecam.arrays import numbered
-from bonecam.kernels.removal.normal_probes import cut_normal_probes, probe_cells, useful_moves
+from bonecam.kernels.removal.normal_probes import (
+    Capsules,
+    ProbesByCell,
+    cut_normal_probes,
+    probe_cells,
+    useful_moves,
+)
 from bonecam.levels.measure.grid import LevelGrid, level_grid
 from bonecam.levels.measure.level import Level, MachinedLevel, RoundedLevel, machined_levels
 from bonecam.material.cut_dexels import CutDexels, cut_poses, uncut_rays
@@ -134,11 +140,12 @@ class InProcessStock:
         if not len(above):
             return np.zeros(len(centres), dtype=bool)
         normals = vertex_normals(TriangleMesh(floor, self.depth_grid.faces))
-        order, *cells = probe_cells(floor[above], CELL)
+        order, cell_starts, corner = probe_cells(floor[above], CELL)
         at = above[order]
+        probes = ProbesByCell(floor[at], normals[at], cell_starts, corner, CELL)
         goes_on = np.r_[False, passes[1:] == passes[:-1]]
         starts = centres[np.arange(len(centres)) - goes_on]
-        useful = useful_moves(floor[at], normals[at], *cells, CELL, starts, centres, radius, least, tall[at])
+        useful = useful_moves(probes, starts, centres, radius, least=least, heights=tall[at])
         return np.asarray(useful | np.r_[useful[1:] & goes_on[1:], False])
 
     def entered_anew(
@@ -210,10 +217,10 @@ def _lowered(standing: Float[ndarray, "n 3"], floor: Float[ndarray, "n 3"], path
     order, cell_starts, corner = probe_cells(feet, CELL)
     above, normals, feet, tall = above[order], normals[order], feet[order], tall[order]
     radii = np.full(len(starts), path.cutter.radius)
-    names = np.arange(len(starts))
+    capsules = Capsules(starts, ends, radii, names=np.arange(len(starts)))
     owners = np.full(len(above), -1)
-    arguments = starts, ends, radii, names, tall, owners
-    cut_normal_probes(feet, normals, cell_starts, corner, CELL, REACH, *arguments, from_top=True)
+    probes = ProbesByCell(feet, normals, cell_starts, corner, CELL)
+    cut_normal_probes(probes, REACH, capsules, tall, owners, from_top=True)
     lowered = standing.copy()
     # never below the level, where a ball may be by the gouge tolerance: the next direction would be inwards
     lowered[above] = feet + np.maximum(tall, 0.0)[:, None] * normals

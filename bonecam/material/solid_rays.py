@@ -81,9 +81,16 @@ def _stored(
     np.add.at(counts, (tile, within), 1)
     tile_of = np.full(tiles[0] * tiles[1], -1, dtype=np.int32)
     tile_of[used] = np.arange(len(used))
-    empty = np.zeros(len(used)), np.zeros(len(used)), np.zeros(len(used), dtype=np.uint64)
-    stale = np.zeros(len(used), dtype=bool)
-    length = float(grid.size[direction])
-    rays = RaySet(tile_of.reshape(tuple(tiles)), spans, counts, *empty, stale, grid.cell, length)
+    rays = RaySet(
+        tile_of=tile_of.reshape(tuple(tiles)),
+        spans=spans,
+        counts=counts,
+        low=np.zeros(len(used)),
+        high=np.zeros(len(used)),
+        mask=np.zeros(len(used), dtype=np.uint64),
+        stale=np.zeros(len(used), dtype=bool),
+        cell=grid.cell,
+        length=float(grid.size[direction]),
+    )
     summarise(rays)
     return rays

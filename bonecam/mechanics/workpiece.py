@@ -79,20 +79,32 @@ def workpiece_of(job: Job, post: Post, clamping: Clamping) -> Workpiece:
     """The workpiece of a job on its post in a clamping; JobError where nothing is known of its stiffness."""
     stiffness, force = mechanics_of_job(job)
     clamped = max((column.top for column in clamping.columns), default=0.0)
-    held = post, max(clamped, 0.0), clamping.stub, job.mechanics
-    lighter = lighter_cuts(force, job)
-    support = tailstock_support(job.holding, post.pin, stiffness.elasticity)
     return Workpiece(
-        job.material.name, stiffness, force, *held, lighter=lighter, support=support, holding=job.holding
+        material=job.material.name,
+        stiffness=stiffness,
+        force=force,
+        post=post,
+        clamped=max(clamped, 0.0),
+        stub=clamping.stub,
+        limits=job.mechanics,
+        lighter=lighter_cuts(force, job),
+        support=tailstock_support(job.holding, post.pin, stiffness.elasticity),
+        holding=job.holding,
     )
 
 
 def stump_workpiece(job: Job, part: TriangleMesh, shell: TriangleMesh) -> Workpiece:
     """The workpiece of a second clamping: a turned part whose shell holds it; JobError as in `workpiece_of`."""
     stiffness, force = mechanics_of_job(job)
-    held = None, held_below(part, shell), None, job.mechanics
-    lighter = lighter_cuts(force, job)
-    return Workpiece(job.material.name, stiffness, force, *held, lighter=lighter)
+    return Workpiece(
+        material=job.material.name,
+        stiffness=stiffness,
+        force=force,
+        post=None,
+        clamped=held_below(part, shell),
+        limits=job.mechanics,
+        lighter=lighter_cuts(force, job),
+    )
 
 
 def mechanics_of_job(job: Job) -> tuple[StiffnessTable, CuttingForce]:

@@ -121,8 +121,17 @@ class _Planning:
     def scene_of(self, level: MeshDistance, slack: float, material: InProcessStock) -> Scene:
         """What stands round the tool on a level, into which flutes may go by `slack` mm; beside it the part is measured
         against where it is another."""
-        around = (self.post, DEVIATION, level, None if level is self.part else self.part, self.clamping)
-        return Scene(level.mesh, material.mesh, self.capsule, *around, tangent_slack=slack)
+        return Scene(
+            level=level.mesh,
+            material=material.mesh,
+            stock=self.capsule,
+            post=self.post,
+            material_deviation=DEVIATION,
+            known_level_distance=level,
+            part_distance=None if level is self.part else self.part,
+            clamping=self.clamping,
+            tangent_slack=slack,
+        )
 
     def paths(
         self, level_contacts: LevelContacts, allowed: DepthLimits, standing: _Standing

@@ -134,9 +134,20 @@ def compare_axes(path: ToolPath, scene: Scene, limits: MachineLimits, job: PathJ
     normals = unit(balls - path.contacts[cuts])
     ways = _ways(balls, passes)
     along = unit(ways - dots(ways, normals)[:, None] * normals)
-    points = (path.parameters[cuts], path.contacts[cuts], normals, along, balls)
-    flat = np.zeros(len(balls)), np.zeros(len(balls), dtype=bool)
-    contacts = ContactPath(path.level, path.cutter, passes, *points, *flat, np.zeros((0, 3)), ())
+    contacts = ContactPath(
+        level=path.level,
+        cutter=path.cutter,
+        pass_index=passes,
+        parameters=path.parameters[cuts],
+        contacts=path.contacts[cuts],
+        normals=normals,
+        feeds=along,
+        centres=balls,
+        lifts=np.zeros(len(balls)),
+        ramp=np.zeros(len(balls), dtype=bool),
+        uncut=np.zeros((0, 3)),
+        reasons=(),
+    )
     checker = CollisionChecker(scene, path.cutter)
     lead = f"lead {job.lead_deg:g} deg"
     named = {

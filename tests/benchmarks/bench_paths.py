@@ -20,7 +20,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 import bonecam
-from bonecam.kernels.removal.normal_probes import cut_normal_probes, probe_cells
+from bonecam.kernels.removal.normal_probes import Capsules, ProbesByCell, cut_normal_probes, probe_cells
 from bonecam.levels.measure.level import MachinedLevel, machined_levels
 from bonecam.machine.machine import read_machine
 from bonecam.mesh.distance import MeshDistance
@@ -82,23 +82,9 @@ def heights(
     left = np.ones(len(points))
     owners = np.full(len(points), -1)
     begins, ends = centres[:-1][joined], centres[1:][joined]
-    names = np.arange(len(begins))
-    radii = np.full(len(begins), radius)
-    cut_normal_probes(
-        points[order],
-        normals[order],
-        starts,
-        corner,
-        CELL,
-        1.1,
-        begins,
-        ends,
-        radii,
-        names,
-        left,
-        owners,
-        from_top=False,
-    )
+    capsules = Capsules(begins, ends, np.full(len(begins), radius), names=np.arange(len(begins)))
+    probes = ProbesByCell(points[order], normals[order], starts, corner, CELL)
+    cut_normal_probes(probes, 1.1, capsules, left, owners, from_top=False)
     return left
 
 

@@ -132,5 +132,13 @@ def _material(name: str, table: MaterialFile) -> Material:
     check_stiffness(table.stiffness)
     check_force(table.force)
     numbers = {key: value or 0.0 for key, value in {**fixed, **scaled}.items()}
-    texts = table.title, table.source, table.range, table.note
-    return Material(name, *texts, **numbers, stiffness=table.stiffness, force=table.force)  # type: ignore[arg-type]
+    return Material(
+        name=name,
+        title=table.title,
+        source=table.source,
+        range=table.range,
+        note=table.note,
+        stiffness=table.stiffness,
+        force=table.force,
+        **numbers,  # type: ignore[arg-type]
+    )

@@ -5,11 +5,34 @@ surface. Where a ball went in it is negative: how deep the point lies in the bal
 more where the ball only grazes it, at a thin edge for example, where it comes from the other side.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 from numpy import ndarray
 
 from bonecam.kernels.removal.rays import TINY
+
+
+class ProbesByCell(NamedTuple):
+    """Normal probes at `points` (n, 3) along unit `normals` in the order of their cells (i, j, k) of a grid of cubes of
+    side `size` (mm) from `corner` on: those of a cell begin at cell_starts[i, j, k] and end where those of the next one
+    begin."""
+
+    points: ndarray
+    normals: ndarray
+    cell_starts: ndarray
+    corner: ndarray
+    size: float
+
+
+class Capsules(NamedTuple):
+    """Capsules of `radii` (c,) about the segments from `starts` to `ends` (c, 3), mm, and their `names` (c,)."""
+
+    starts: ndarray
+    ends: ndarray
+    radii: ndarray
+    names: ndarray
 
 
 @njit(cache=True, nogil=True)
@@ -68,27 +91,14 @@ def _distance(p: ndarray, start: ndarray, end: ndarray) -> float:
 
 @njit(cache=True, nogil=True)
 def cut_normal_probes(
-    points: ndarray,
-    normals: ndarray,
-    cell_starts: ndarray,
-    corner: ndarray,
-    size: float,
-    reach: float,
-    starts: ndarray,
-    ends: ndarray,
-    radii: ndarray,
-    names: ndarray,
-    heights: ndarray,
-    owners: ndarray,
-    from_top: bool,
+    probes: ProbesByCell, reach: float, capsules: Capsules, heights: ndarray, owners: ndarray, from_top: bool
 ) -> None:
     """Lower `heights` (n,) to where capsules cut the normal probes, and set `owners` (n,) to the name of the one that
     did. `from_top`: only a capsule that holds the normal probe's upper end cuts it; what would hang over a cut stands.
-
-    Normal probes are ordered by cell (i, j, k) of a grid of cubes of side `size` from `corner` on; those of a cell
-    begin at cell_starts[i, j, k] and end where those of the next one begin. Cuts more than `reach` above the
-    surface are left out.
+    Cuts more than `reach` above the surface are left out.
     """
+    points, normals, cell_starts, corner, size = probes
+    starts, ends, radii, names = capsules
     shape = cell_starts.shape
     flat = cell_starts.ravel()
     low, high = np.empty(3, dtype=np.int64), np.empty(3, dtype=np.int64)
@@ -129,19 +139,11 @@ def cut_normal_probes(
 
 @njit(cache=True, nogil=True)
 def useful_moves(
-    points: ndarray,
-    normals: ndarray,
-    cell_starts: ndarray,
-    corner: ndarray,
-    size: float,
-    starts: ndarray,
-    ends: ndarray,
-    radius: float,
-    least: float,
-    heights: ndarray,
+    probes: ProbesByCell, starts: ndarray, ends: ndarray, radius: float, least: float, heights: ndarray
 ) -> ndarray:
     """Whether each move (m,) lowers a normal probe by `least` at least, after those before it that do; they lower
-    `heights` (n,). Normal probes and cells as in `cut_normal_probes`, cut from the top."""
+    `heights` (n,). The normal probes are cut from the top."""
+    points, normals, cell_starts, corner, size = probes
     reach = radius + heights.max()
     shape = cell_starts.shape
     flat = cell_starts.ravel()
@@ -175,7 +177,7 @@ def useful_moves(
 
 def probe_cells(points: ndarray, size: float) -> tuple[ndarray, ndarray, ndarray]:
     """The order (n,) of points (n, 3) by cells of side `size`, where each cell begins in it, and the corner of
-    the first cell: as `cut_normal_probes` has them."""
+    the first cell: as `ProbesByCell` has them."""
     corner = points.min(0)
     cells = np.floor((points - corner) / size).astype(np.int64)
     shape = cells.max(0) + 1

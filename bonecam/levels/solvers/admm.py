@@ -47,7 +47,15 @@ def solve(
             program = program.at(D)
         rows.times(*csr, np.ascontiguousarray(D), y)
         unsettled = kernel.sweep(
-            x, y, program.H, *program.limits.planes, program.weights, RHO, RELAXATION, z, u
+            x=x,
+            y=y,
+            H=program.H,
+            planes=program.limits.planes,
+            weights=program.weights,
+            rho=RHO,
+            relaxation=RELAXATION,
+            z=z,
+            u=u,
         )
         rows.transposed_times(*csr, y, moments)
         D = fit.solve(moments - linear)

@@ -102,7 +102,16 @@ def _project_onto_limits(discretisation: Discretisation, P: ndarray, D: ndarray,
         R = sp.csr_array(sp.vstack([watch.R[near], R_back]) @ free)
         start = np.vstack([x[near], R_back @ P])
         planes = limits.only(near).planes_with(x[back.which], back.n, limits.high[back.which])
-        kernel.project(R.indptr, R.indices, R.data, start, D, *planes, SWEEPS, ENOUGH)
+        kernel.project(
+            indptr=R.indptr,
+            indices=R.indices,
+            data=R.data,
+            x=start,
+            D=D,
+            planes=planes,
+            sweeps=SWEEPS,
+            enough=ENOUGH,
+        )
 
         level = P + free @ D
         there, y = y, multiply(watch.R, level)

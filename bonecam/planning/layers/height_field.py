@@ -48,7 +48,17 @@ class HeightField:
         centres = self.chart.bases(a, b) + heights[:, None] * self.chart.axes(a)
         depths = np.zeros(len(a))
         near = windows(self.chart, a, b, heights, radius)
-        cut_heights(self.tops, self.bottoms, *self._lines, centres, near, radius, depths)
+        bases, axes = self._lines
+        cut_heights(
+            heights=self.tops,
+            bottoms=self.bottoms,
+            bases=bases,
+            axes=axes,
+            centres=centres,
+            windows=near,
+            radius=radius,
+            cut=depths,
+        )
         return depths
 
     def lowered(
@@ -57,7 +67,9 @@ class HeightField:
         """The material without what balls with their centres at `heights` remove."""
         centres = self.chart.bases(a, b) + heights[:, None] * self.chart.axes(a)
         tops = self.tops.copy()
-        lower(tops, *self._lines, centres, windows(self.chart, a, b, heights, radius), radius)
+        bases, axes = self._lines
+        near = windows(self.chart, a, b, heights, radius)
+        lower(tops, bases, axes, centres, windows=near, radius=radius)
         return replace(self, tops=np.maximum(tops, self.bottoms))
 
     def turned_over(self) -> "HeightField":

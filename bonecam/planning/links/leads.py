@@ -67,18 +67,17 @@ def find_leads(
     begun = [run for run, link in zip(runs, [None, *direct], strict=True) if link is None]
     left = [run for run, link in zip(runs, [*direct, None], strict=True) if link is None]
     arcs: list[Polyline] = []
-    arc_of_contacts: list[dict[int, int]] = []
-    for asked, place, leads in (
-        (begun, 0, arcs_to(space, contacts, begun)),
-        (left, -1, arcs_from(space, contacts, left)),
+    enter: dict[int, int] = {}
+    leave: dict[int, int] = {}
+    for asked, place, leads, arc_of_contact in (
+        (begun, 0, arcs_to(space, contacts, begun), enter),
+        (left, -1, arcs_from(space, contacts, left), leave),
     ):
-        led = {}
         for run, arc in zip(asked, leads, strict=True):
             if arc is not None:
-                led[int(run[place])] = len(arcs)
+                arc_of_contact[int(run[place])] = len(arcs)
                 arcs.append(arc)
-        arc_of_contacts.append(led)
-    return Leads(count, arcs, *arc_of_contacts)
+    return Leads(count, arcs, enter, leave)
 
 
 def led_links(

@@ -13,12 +13,10 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
-from bonecam.errors import ToolPathError
 from bonecam.job import PathJob
 from bonecam.levels.measure.level import MachinedLevel, RoundedLevel
 from bonecam.material.in_process_stock import InProcessStock
 from bonecam.mesh.distance import MeshDistance
-from bonecam.mesh.facets.nearest_areas import nearest_areas
 from bonecam.planning.passes.engaged_segments import (
     ANYTHING,
     DepthLimits,
@@ -29,6 +27,7 @@ from bonecam.planning.passes.engaged_segments import (
     whole_passes,
 )
 from bonecam.planning.passes.gouge_lifts import gouge_free_lifts, planned_tolerance
+from bonecam.planning.passes.nothing_to_cut import nothing_to_cut
 from bonecam.planning.passes.patterns.fastest import pattern_curves
 from bonecam.planning.passes.patterns.order import order_curves
 from bonecam.planning.passes.patterns.post_ring import LineContacts, post_rings
@@ -44,14 +43,6 @@ MIN_THICKNESS = 0.002
 """Less material than this (mm) above a contact is air: a fifth of the gouge allowed by default."""
 MAX_LIFT_RADII = 0.5
 """A ball lifted by more than this many radii does not machine the level any more: its contact is left out."""
-
-WHY_NOTHING = {
-    "post": "are too near the post: take a thinner post (holding.diameter) or a smaller cutter",
-    "gouge": "lie where the ball does not fit: take a smaller cutter",
-    "covered": "lie under what the levels round it left uncut: give the tool more room there, by a longer "
-    "overhang, a slimmer holder, a longer or thinner post",
-}
-"""What to do where a level cannot be cut at all, by the reason that most of its contacts have."""
 
 
 def at_post(
@@ -141,9 +132,21 @@ def candidate_contacts(
     centres = contacts + (cutter.radius + np.nan_to_num(lifts))[:, None] * normals
     at_post = post.distance(centres) < cutter.radius + post_clearance
     in_air = _in_air(level, contacts)
-    frames = parameters, contacts, normals, feeds
-    kept_out = tuple(obstacles), tolerance
-    return CandidateContacts(level, cutter, line, *frames, lifts, centres, at_post, in_air, *kept_out)
+    return CandidateContacts(
+        level=level,
+        cutter=cutter,
+        line=line,
+        parameters=parameters,
+        contacts=contacts,
+        normals=normals,
+        feeds=feeds,
+        lifts=lifts,
+        centres=centres,
+        at_post=at_post,
+        in_air=in_air,
+        obstacles=tuple(obstacles),
+        gouge_tolerance=tolerance,
+    )
 
 
 def contact_path(
@@ -174,22 +177,23 @@ def contact_path(
     uncut = ~candidates.in_air & (left_out | (lifts > cutter.scallop))
     reasons = np.select([candidates.at_post[uncut], covered[uncut]], ["post", "covered"], "gouge")
     if left_out.all() and not isinstance(level, RoundedLevel):
-        raise _nothing_to_cut(level, reasons, candidates.contacts[uncut])
+        raise nothing_to_cut(level, reasons, candidates.contacts[uncut])
     segments = _stretches(candidates, ~left_out, material, allowed)
     kept = segments.index
-    frames = candidates.parameters[kept], candidates.contacts[kept], candidates.normals[kept]
     return ContactPath(
-        level.index,
-        cutter,
-        segments.passes,
-        *frames,
-        candidates.feeds[kept],
-        candidates.centres[kept] + segments.raised,
-        lifts[kept],
-        segments.ramp,
-        np.vstack([candidates.contacts[uncut], candidates.contacts[segments.short]]),
-        (*reasons.tolist(), *("short",) * len(segments.short)),
-        _trimmed(candidates, ~left_out, segments),
+        level=level.index,
+        cutter=cutter,
+        pass_index=segments.passes,
+        parameters=candidates.parameters[kept],
+        contacts=candidates.contacts[kept],
+        normals=candidates.normals[kept],
+        feeds=candidates.feeds[kept],
+        centres=candidates.centres[kept] + segments.raised,
+        lifts=lifts[kept],
+        ramp=segments.ramp,
+        uncut=np.vstack([candidates.contacts[uncut], candidates.contacts[segments.short]]),
+        reasons=(*reasons.tolist(), *("short",) * len(segments.short)),
+        trimmed=_trimmed(candidates, ~left_out, segments),
     )
 
 
@@ -221,20 +225,9 @@ def _stretches(
     radius = candidates.cutter.radius
     centres = candidates.centres[segments.index] + segments.raised
     useful = np.zeros(len(usable), dtype=bool)
-    useful[
-        segments.index[material.useful(candidates.level, centres, segments.passes, radius, allowed.least)]
-    ] = True
+    lowers = material.useful(candidates.level, centres, segments.passes, radius, allowed.least)
+    useful[segments.index[lowers]] = True
     return useful_passes(lines, useful & usable, usable | in_air, depths, allowed)
-
-
-def _nothing_to_cut(level: MachinedLevel, reasons: ndarray, contacts: Float[ndarray, "n 3"]) -> ToolPathError:
-    """The error of a level none of whose contacts can be machined, for these reasons."""
-    names, counts = np.unique(reasons, return_counts=True)
-    most = str(names[np.argmax(counts)])
-    area = float(nearest_areas(level.mesh, contacts)[reasons == most].sum())
-    what = f"{counts.max()} of its {len(reasons)} contacts ({area:.1f} mm2) {WHY_NOTHING[most]}"
-    evidence = {"level": level.index, "reason": most, "area_mm2": area}
-    return ToolPathError(f"level {level.index}: nothing can be cut: {what}", **evidence)
 
 
 def _in_air(level: MachinedLevel, contacts: Float[ndarray, "n 3"]) -> Bool[ndarray, " n"]:

@@ -56,8 +56,10 @@ def plan_layer_paths(
     post = post_below(distance.mesh, job.holding)
     roughing = Cutter.from_job(1, "roughing", job.tool("roughing"), limits.bodies.nose)
     finishing = Cutter.from_job(2, "finishing", job.tool("finishing"), limits.bodies.nose)
-    layers, unreached = STRATEGIES[job.path.strategy](distance, stock, post, roughing, finishing, job)
-    paths, rays = list[ToolPath](), uncut_rays(stock)
+    layers_of = STRATEGIES[job.path.strategy]
+    layers, unreached = layers_of(distance, stock, post, roughing=roughing, finishing=finishing, job=job)
+    paths = list[ToolPath]()
+    rays = uncut_rays(stock)
     for count, layer in enumerate(layers):
         report(progress, 0.3 + 0.7 * count / len(layers), f"path of layer {len(layers) - 1 - count}")
         standing = HeightMesh(layer.material.mesh(), rays=rays)

@@ -166,13 +166,13 @@ def wanted_axes(
     domain = FieldDomain.of(workpiece.surface)
     starts = [None, swinging_field(cones, domain)] if domain.closed else [None]
     facets = contact_facets(contacts, workpiece.surface)
-    make = partial(smooth_axes, cones, domain, limits, job, "membrane", facets=facets)
-    best = soonest([make(start) for start in starts], limits)
+    make = partial(smooth_axes, cones, domain, limits, job, preset="membrane", facets=facets)
+    best = soonest([make(start=start) for start in starts], limits)
     candidates = [best]
     # unless their energy is asked for: the weights of cells would leave more contacts outside their cones
     asked = facets if job.membrane or job.thin_plate else None
     for haste in HASTES:
-        candidates.append(make(candidates[-1].field, haste, facets=asked))
+        candidates.append(make(start=candidates[-1].field, haste=haste, facets=asked))
     best = soonest(candidates, limits)
     return (best if job.certify == "distances" else best.verified(scene)).wanted
 

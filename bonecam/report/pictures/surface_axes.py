@@ -64,7 +64,7 @@ def draw_wheel(
     plot = drawing.add_subplot(1, 2, 1, projection="3d")
     faces = solid.faces[:: max(1, len(solid.faces) // MOST_FACES)]
     plot.plot_trisurf(
-        Triangulation(*solid.vertices[:, :2].T, faces),
+        Triangulation(solid.vertices[:, 0], solid.vertices[:, 1], faces),
         solid.vertices[:, 2],
         color="0.8",
         linewidth=0,

@@ -102,7 +102,7 @@ def _sentence(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 
-def _cells(*values: str) -> str:
+def _cells(values: Iterable[str]) -> str:
     return "<tr>" + "".join(f"<td>{html.escape(value)}</td>" for value in values) + "</tr>"
 
 
@@ -110,16 +110,18 @@ def _tool_rows(cutters: Sequence[Cutter], minutes: Sequence[float]) -> str:
     """A row a tool: number, ball, shank, stick-out, holder, length, speeds, time."""
     return "\n".join(
         _cells(
-            f"T{cutter.number} {cutter.name}",
-            f"{cutter.radius:g}",
-            f"{cutter.flute_length:g}",
-            _shank(cutter),
-            f"{cutter.overhang:g}",
-            _holder(cutter),
-            f"{cutter.length:g}",
-            f"{cutter.spindle:.0f}",
-            f"{cutter.feed:.0f}",
-            f"{time:.1f}",
+            [
+                f"T{cutter.number} {cutter.name}",
+                f"{cutter.radius:g}",
+                f"{cutter.flute_length:g}",
+                _shank(cutter),
+                f"{cutter.overhang:g}",
+                _holder(cutter),
+                f"{cutter.length:g}",
+                f"{cutter.spindle:.0f}",
+                f"{cutter.feed:.0f}",
+                f"{time:.1f}",
+            ]
         )
         for cutter, time in zip(cutters, minutes, strict=True)
     )
@@ -142,7 +144,7 @@ def _holder(cutter: Cutter) -> str:
 
 def _axis_rows(ranges: Sequence[AxisRange]) -> str:
     return "\n".join(
-        _cells(item.letter, f"{item.low:.2f}", f"{item.high:.2f}", f"{item.high - item.low:.2f}", item.room)
+        _cells([item.letter, f"{item.low:.2f}", f"{item.high:.2f}", f"{item.high - item.low:.2f}", item.room])
         for item in ranges
     )
 

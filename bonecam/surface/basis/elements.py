@@ -168,8 +168,20 @@ class Elements:
         indptr = np.concatenate([[0], ends]).astype(index_type)
         indices = np.empty(total, dtype=index_type)
         values = np.empty(((1, 3, 6)[order], total))
-        parts = (self.starts, self.functions, self.coefficients, weights, self.boxes)
-        rational_basis.basis_values(*parts, place, s, t, order, indptr, indices, values)
+        rational_basis.basis_values(
+            starts=self.starts,
+            functions=self.functions,
+            coefficients=self.coefficients,
+            weights=weights,
+            boxes=self.boxes,
+            element=place,
+            s=s,
+            t=t,
+            order=order,
+            indptr=indptr,
+            indices=indices,
+            values=values,
+        )
         shape = (len(s), len(weights))
         return tuple(sp.csr_array((v, indices.copy(), indptr.copy()), shape=shape) for v in values)
 

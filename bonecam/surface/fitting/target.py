@@ -123,10 +123,10 @@ class FitTarget:
     def at_feet(cls, mesh: TriangleMesh, surface: TSpline, samples: int, tolerance: float) -> "FitTarget":
         """The target of a mesh at the closest points of a surface that is near it; `tolerance` as in `on`."""
         points, areas = sample_mesh(mesh, samples)
-        feet = follow_closest_points(surface, points, *nearest_on_grid(surface, points))
+        s, t, distances = follow_closest_points(surface, points, *nearest_on_grid(surface, points))
         none = np.empty(0)
         nowhere = MeshSamples(np.empty((0, 3)), none, none, none, none)
-        inward = MeshSamples(points, areas, *feet)
+        inward = MeshSamples(points, areas, s, t, distances)
         return cls(MeshNormals(mesh), inward, nowhere, np.empty((0, 2))).on(surface, tolerance)
 
     @property
@@ -153,9 +153,8 @@ class FitTarget:
     ) -> "FitTarget":
         """The target with more samples, each standing for a typical area, and with more `places` (s, t)."""
         areas = np.full(len(points), np.median(self.inward.areas))
-        added = MeshSamples(
-            points, areas, *follow_closest_points(surface, points, *nearest_on_grid(surface, points))
-        )
+        s, t, distances = follow_closest_points(surface, points, *nearest_on_grid(surface, points))
+        added = MeshSamples(points, areas, s, t, distances)
         return replace(self, inward=self.inward + added, places=np.vstack([self.places, places]))
 
     def denser(self, surface: TSpline) -> "FitTarget":
@@ -170,8 +169,9 @@ class FitTarget:
         size = np.sqrt(self.inward.areas.mean())
         old, new = (np.hstack([p, size * self.shape.normals(p)]) for p in (self.inward.points, points))
         near = cKDTree(old).query(new)[1]
-        feet = follow_closest_points(surface, points, self.inward.s[near], self.inward.t[near], steps=3)
-        return replace(self, inward=MeshSamples(points, areas, *feet))
+        s, t = self.inward.s[near], self.inward.t[near]
+        s, t, distances = follow_closest_points(surface, points, s, t, steps=3)
+        return replace(self, inward=MeshSamples(points, areas, s, t, distances))
 
     def on(self, surface: TSpline, tolerance: float) -> "FitTarget":
         """The target with the closest points of `surface`, and the surface points that miss the mesh now."""

@@ -121,9 +121,22 @@ def closest_points_near(
     closest = np.empty((len(points), 3))
     normals = np.empty((len(points), 3))
     enough = np.zeros(len(points)) if near_enough is None else near_enough
-    parts = surface.patches, elements.boxes, elements.strips, surface.domain[1], rings(surface)
     # one thread: among two the levels of a phalanx took a fifth longer
-    gauss_newton.walk(*parts, np.ascontiguousarray(points), steps, s, t, closest, normals, CLEAR_OF, enough)
+    gauss_newton.walk(
+        patches=surface.patches,
+        boxes=elements.boxes,
+        strips=elements.strips,
+        domain=surface.domain[1],
+        ends=rings(surface),
+        y=np.ascontiguousarray(points),
+        steps=steps,
+        s=s,
+        t=t,
+        foot=closest,
+        normal=normals,
+        clear_of=CLEAR_OF,
+        enough=enough,
+    )
     return ClosestPoints(s, t, closest, normals)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
 
-from bonecam.kernels.removal.normal_probes import cut_normal_probes, probe_cells
+from bonecam.kernels.removal.normal_probes import Capsules, ProbesByCell, cut_normal_probes, probe_cells
 from bonecam.kernels.removal.rays import RaySet
 from bonecam.kernels.removal.sweep import Pieces
 from bonecam.material.rays import RayGrid
@@ -75,23 +75,12 @@ class NormalProbes:
         starts = np.vstack([pieces.starts, pieces.ends[fluted]])
         ends = np.vstack([pieces.ends, tops])
         names = np.r_[pieces.moves, pieces.moves[fluted]]
+        capsules = Capsules(starts, ends, np.full(len(starts), radius), names)
+        points, normals = self.points[self.by_cell], self.normals[self.by_cell]
+        probes = ProbesByCell(points, normals, self.cell_starts, self.corner, CELL)
         heights = self.heights[self.by_cell]
         owners = self.owners[self.by_cell]
-        cut_normal_probes(
-            self.points[self.by_cell],
-            self.normals[self.by_cell],
-            self.cell_starts,
-            self.corner,
-            CELL,
-            REACH,
-            starts,
-            ends,
-            np.full(len(starts), radius),
-            names,
-            heights,
-            owners,
-            from_top=False,
-        )
+        cut_normal_probes(probes, REACH, capsules, heights, owners, from_top=False)
         self.heights[self.by_cell] = heights
         self.owners[self.by_cell] = owners
 

@@ -10,13 +10,7 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 from scipy.ndimage import distance_transform_edt
 
-from bonecam.kernels.removal.bricks import (
-    SAMPLES,
-    WATCHED,
-    Bricks,
-    bound_clearances,
-    mark_bricks,
-)
+from bonecam.kernels.removal.bricks import SAMPLES, WATCHED, Bricks, bound_clearances, mark_bricks
 from bonecam.kernels.removal.engagement import Edges
 from bonecam.kernels.removal.rays import RaySet
 from bonecam.kernels.removal.sweep import Pieces, SweepResult, sweep
@@ -155,8 +149,18 @@ class Sweeping:
         at = 0
         while at < len(pieces.starts):
             rays = self.sets[direction]
-            above = sections[1:], parts[1:]
-            at = sweep(rays, turned, radius, *above, ALLOWED_TOUCH, at, swept, direction, edges)
+            at = sweep(
+                rays=rays,
+                pieces=turned,
+                radius=radius,
+                sections=sections[1:],
+                parts=parts[1:],
+                allowed=ALLOWED_TOUCH,
+                first=at,
+                found=swept,
+                turn=direction,
+                edges=edges,
+            )
             if at < len(pieces.starts):
                 self.sets[direction] = with_more_room(rays)
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy import ndarray
 
-from bonecam.kernels.removal.normal_probes import cut_normal_probes, probe_cells
+from bonecam.kernels.removal.normal_probes import Capsules, ProbesByCell, cut_normal_probes, probe_cells
 
 RADIUS = 2.0
 REACH = 0.3
@@ -15,11 +15,10 @@ def height_after(centre: ndarray, from_top: bool = False, tall: float = REACH) -
     """The height of a normal probe at the origin along X after a ball at the centre."""
     point, normal = np.zeros((1, 3)), X[None]
     _, starts, corner = probe_cells(point, 0.5)
-    heights, owners, balls = np.full(1, tall), np.full(1, -1), centre[None]
-    radii, names = np.full(1, RADIUS), np.zeros(1, dtype=int)
-    cut_normal_probes(
-        point, normal, starts, corner, 0.5, REACH, balls, balls, radii, names, heights, owners, from_top
-    )
+    probes = ProbesByCell(point, normal, starts, corner, 0.5)
+    balls = Capsules(centre[None], centre[None], np.full(1, RADIUS), names=np.zeros(1, dtype=int))
+    heights = np.full(1, tall)
+    cut_normal_probes(probes, REACH, balls, heights, np.full(1, -1), from_top=from_top)
     return float(heights[0])
 
 

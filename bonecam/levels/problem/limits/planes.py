@@ -20,6 +20,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.arrays import dots
+from bonecam.kernels.admm import Planes
 from bonecam.levels.problem.cut import Cut
 from bonecam.levels.problem.limits.depth import depth
 from bonecam.levels.problem.limits.linear_limits import LinearLimits
@@ -70,16 +71,17 @@ class Limits:
     h: Float[ndarray, " k"]
 
     @property
-    def planes(self) -> tuple[ndarray, ndarray, ndarray, ndarray, ndarray, ndarray]:
-        """c, n, low, high, m and h, as `kernels/admm.py` takes them."""
-        return self.c, self.n, self.low, self.high, self.m, self.h
+    def planes(self) -> Planes:
+        """The planes alone, as compiled loops take them."""
+        return Planes(self.c, self.n, self.low, self.high, m=self.m, h=self.h)
 
     def planes_with(
         self, c: Float[ndarray, "n 3"], n: Float[ndarray, "n 3"], high: Float[ndarray, " n"]
-    ) -> tuple[ndarray, ...]:
+    ) -> Planes:
         """The planes with those of more samples, which have only n . (y - c) <= high."""
-        slabs = c, n, np.full(len(c), -np.inf), high, np.zeros((len(c), 3)), np.full(len(c), np.inf)
-        return tuple(np.concatenate([mine, its]) for mine, its in zip(self.planes, slabs))
+        no_limit = np.full(len(c), np.inf)
+        slabs = Planes(c, n, low=-no_limit, high=high, m=np.zeros((len(c), 3)), h=no_limit)
+        return Planes(*(np.concatenate([mine, its]) for mine, its in zip(self.planes, slabs)))
 
     def heights(self, y: Float[ndarray, "k 3"]) -> Float[ndarray, " k"]:
         """Distance of each sample from the level before, mm, negative behind it."""
@@ -96,16 +98,16 @@ class Limits:
 
     def only(self, which: ndarray) -> "Limits":
         """The limits of some of the samples."""
-        values = (self.gap, self.s, self.t, *self.planes)
-        return Limits(self.before, self.stock, self.cut, *(value[which] for value in values))
+        names = ("gap", "s", "t", *Planes._fields)
+        return replace(self, **{name: getattr(self, name)[which] for name in names})
 
     def renew(self, which: ndarray, y: Float[ndarray, "k 3"], steps: int) -> "Limits":
         """The limits, those of the samples `which` set up again where they are at y."""
         renewed = self.only(which).at(y[which], steps)
-        values = [getattr(self, name).copy() for name in ("s", "t", "c", "n", "low", "high", "m", "h")]
-        for value, new in zip(values, (renewed.s, renewed.t, *renewed.planes)):
-            value[which] = new
-        return Limits(self.before, self.stock, self.cut, self.gap, *values)
+        values = {name: getattr(self, name).copy() for name in ("s", "t", *Planes._fields)}
+        for name, value in values.items():
+            value[which] = getattr(renewed, name)
+        return replace(self, **values)
 
     def replace_slabs(
         self, which: ndarray, c: Float[ndarray, "n 3"], n: Float[ndarray, "n 3"], high: Float[ndarray, " n"]

@@ -108,18 +108,19 @@ def smooth_axes(
     else:
         energy = replace(energy, winding=start.winding)
         values, least = np.array([start.azimuth, start.polar]), np.inf
-    field = AxisField(domain, energy.winding, *values)
+    field = AxisField(domain, energy.winding, azimuth=values[0], polar=values[1])
     axes = field.axes(cones.path.parameters)
     for _ in range(ROUNDS):
         cones = cones.about(axes)
         before = least
         values, least = minimise(_within(energy, cones, rows), values, STEPS)
-        field = AxisField(domain, energy.winding, *values)
+        field = AxisField(domain, energy.winding, azimuth=values[0], polar=values[1])
         axes = field.axes(cones.path.parameters)
         outside = cones.depths(axes)[cones.found] < 0
         if outside.sum() <= (1 - INSIDE) * len(outside) and abs(before - least) < SETTLED * least:
             break
-    field = AxisField(domain, energy.winding, *settled(values, AXIS_QUANTUM))
+    azimuth, polar = settled(values, AXIS_QUANTUM)
+    field = AxisField(domain, energy.winding, azimuth, polar)
     axes = field.axes(cones.path.parameters)
     if limits.narrow:
         axes = limits.nearest(axes)

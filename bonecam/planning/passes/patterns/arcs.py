@@ -11,7 +11,7 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 from scipy.ndimage import find_objects, label
 
-from bonecam.kernels.removal.normal_probes import cut_normal_probes, probe_cells
+from bonecam.kernels.removal.normal_probes import Capsules, ProbesByCell, cut_normal_probes, probe_cells
 from bonecam.planning.passes.patterns.curves import Curves, curves_of
 from bonecam.planning.passes.patterns.sampling import (
     ROUND,
@@ -55,8 +55,8 @@ def with_arcs(surface: TSpline, curves: Curves, cutter: Cutter) -> Curves:
     points, normals, _ = contact_frames(surface, parameters, ROUND)
     fits = -surface.curvature(*parameters.T).k2 * cutter.radius < FITS
     fits = fits.reshape(AROUND, ALONG)
-    order, *cells = probe_cells(points, CELL)
-    normal_probes = points[order], normals[order], *cells
+    order, cell_starts, corner = probe_cells(points, CELL)
+    normal_probes = ProbesByCell(points[order], normals[order], cell_starts, corner, CELL)
     heights = np.full(len(points), REACH * cutter.scallop)
     pieces = np.split(curves.knots, curves.first[1:])
     added = curves
@@ -76,7 +76,7 @@ def _cut(
     surface: TSpline,
     curves: Curves,
     cutter: Cutter,
-    normal_probes: tuple[ndarray, ndarray, ndarray, ndarray],
+    normal_probes: ProbesByCell,
     heights: Float[ndarray, " n"],
 ) -> Float[ndarray, " n"]:
     """The heights of normal probes behind the balls that sweep the curves, mm."""
@@ -87,8 +87,8 @@ def _cut(
     starts, ends = centres[:-1][joined], centres[1:][joined]
     left = heights.copy()
     owners = np.full(len(left), -1)
-    arguments = np.full(len(starts), radius), np.arange(len(starts)), left, owners
-    cut_normal_probes(*normal_probes, CELL, REACH * cutter.scallop, starts, ends, *arguments, from_top=False)
+    capsules = Capsules(starts, ends, np.full(len(starts), radius), np.arange(len(starts)))
+    cut_normal_probes(normal_probes, REACH * cutter.scallop, capsules, left, owners, from_top=False)
     return left
 
 

@@ -43,8 +43,15 @@ def _with_axis_first(mesh: TMesh, axis: int) -> TMesh:
     """The T-mesh with s and t exchanged where `axis` is 1, so that `axis` comes first."""
     if axis == 0:
         return mesh
-    edges = mesh.along_t.T, mesh.along_s.T
-    return TMesh(mesh.t_lines, mesh.s_lines, mesh.vertices[:, ::-1], *edges, mesh.inside.T, mesh.period[::-1])
+    return TMesh(
+        s_lines=mesh.t_lines,
+        t_lines=mesh.s_lines,
+        vertices=mesh.vertices[:, ::-1],
+        along_s=mesh.along_t.T,
+        along_t=mesh.along_s.T,
+        inside=mesh.inside.T,
+        period=mesh.period[::-1],
+    )
 
 
 def _mirror_across_s(mesh: TMesh, points: ndarray) -> tuple[TMesh, ndarray]:
