@@ -117,11 +117,13 @@ def blades(
             wheel = wheel_of(surface, profile, count, others, edge)
             require_room(wheel, job)
         plan = _planned(wheel, job, machine, times, progress)
-        bladed = _posted(plan, machine, dialect, name, program, times, part_of(progress, 0.6, 0.8))
+        proving = part_of(progress, 0.6, 0.8)
+        bladed = _posted(plan, machine, dialect, name, program, times=times, progress=proving)
         if simulation:
             bladed = _simulated(bladed, times, part_of(progress, 0.8, 1.0), mechanics=mechanics)
-        figures = {**bladed.report, "seconds": times.seconds}
-        bladed = replace(bladed, report=with_warnings(figures, bladed.job))
+        bladed = replace(
+            bladed, report=with_warnings({**bladed.report, "seconds": times.seconds}, bladed.job)
+        )
     write_run(bladed, wanted)
     return bladed
 
@@ -161,8 +163,8 @@ def _planned(wheel: Wheel, job: Job, machine: Machine, times: StageTimes, progre
         morph = morph_open(channel.floor, channel.roof, schedule_of(job.levels), chord_tolerance=LEVEL_CHORD)
     with times.stage("toolpath"):
         report_progress(progress, 0.2, "paths of the channel")
-        paths = _paths(channel, blank, morph, workpiece, job, limits)
-    return _Plan(workpiece, wheel, blank, morph, paths, job)
+        paths = _paths(channel, blank, morph, workpiece, job, limits=limits)
+    return _Plan(workpiece, wheel, blank, morph, paths, job=job)
 
 
 def _chord(job: Job) -> float:
@@ -205,7 +207,7 @@ def _posted(
 ) -> Bladed:
     """The program of the paths, proved against hub and every blade."""
     job, wheel, solid = plan.job, plan.wheel, plan.workpiece.solid
-    figures = wheel_figures(Path(name).name, wheel, plan.blank, plan.morph, plan.job, plan.paths)
+    figures = wheel_figures(Path(name).name, wheel, plan.blank, plan.morph, plan.job, paths=plan.paths)
     proved = post_and_prove(
         plan.paths,
         machine,

@@ -96,9 +96,8 @@ def finish(
     name = str(surface) if source else "the surface"
     with report_refused(report) as times:
         shape, solid = _read(surface, name, solids, job, times, has_part=part is not None)
-        report_progress(progress, 0.2, "planning the path")
         with naming(name):
-            workpiece, job, path = _planned(shape, solid, job, machine, times)
+            workpiece, job, path = _planned(shape, solid, job, machine, times, progress=progress)
             figures = _figures(workpiece, path, job, source, len(solids))
             proved = post_and_prove(
                 [path],
@@ -112,8 +111,8 @@ def finish(
                 progress=part_of(progress, 0.8, 0.9),
             )
         arguments = proved.paths, proved.program, proved.proof
-        reported = report_to_program(Path(program or "").name, *arguments, job=job.path, part=workpiece.solid)
-        figures = with_warnings({**figures, **reported, "removal": NOT_SIMULATED}, job)
+        figures |= report_to_program(Path(program or "").name, *arguments, job=job.path, part=workpiece.solid)
+        figures = with_warnings({**figures, "removal": NOT_SIMULATED}, job)
         finished = Finished(workpiece, proved.paths[0], proved.program, figures, job)
         if simulation:
             finished = _simulated(finished, name, times, part_of(progress, 0.9, 1.0), mechanics=mechanics)
@@ -213,9 +212,16 @@ def _name_of(solid: Solid, number: int) -> str:
 
 
 def _planned(
-    surface: TSpline, solid: TriangleMesh, job: Job, machine: Machine, times: StageTimes
+    surface: TSpline,
+    solid: TriangleMesh,
+    job: Job,
+    machine: Machine,
+    times: StageTimes,
+    *,
+    progress: Progress,
 ) -> tuple[Workpiece, Job, ToolPath]:
     """The surface on its post, the job with the post's length, and the path."""
+    report_progress(progress, 0.2, "planning the path")
     limits = machine_limits(machine)
     with times.stage("toolpath"):
         job = replace(job, holding=surface_holding(job.holding, surface, solid))

@@ -78,11 +78,22 @@ def convert(
     if simulation and mechanics:
         mechanics_of_job(job)
     check_force_asked(job, asked=simulation and mechanics)
-    outputs = Outputs(program, keep, report, surface, html, sheet, apt, bool(job.holding.second))
+    outputs = Outputs(
+        program,
+        keep,
+        report=report,
+        surface=surface,
+        html=html,
+        sheet=sheet,
+        apt=apt,
+        second=bool(job.holding.second),
+    )
     given, source = _given(mesh)
     outputs.check(source, dialect)
     with report_refused(report) as times:
-        morphed = morph_part(given, job, machine, keep, times, part(progress, 0.0, 0.3), body)
+        morphed = morph_part(
+            given, job, machine=machine, keep=keep, times=times, progress=part(progress, 0.0, 0.3), body=body
+        )
         with keep_refused(morphed, keep, times):
             posting = Posting(machine, dialect, source, program, times)
             result = _program_of(morphed, posting, part(progress, 0.3, 0.97), simulation, mechanics=mechanics)
@@ -114,7 +125,9 @@ def morph_levels(
     outputs.check(source)
 
     with report_refused(report) as times:
-        morphed = morph_part(given, job, None, keep, times, part(progress, 0.0, 0.95), body)
+        morphed = morph_part(
+            given, job, machine=None, keep=keep, times=times, progress=part(progress, 0.0, 0.95), body=body
+        )
     with times.stage("files"):
         outputs.write(morphed, part(progress, 0.95, 1.0))
     return morphed
@@ -143,7 +156,9 @@ def morph_part(
     body: ConvexStock | None = None,
 ) -> Morphed:
     """Part, surface and levels in a stock for which `machine` has room, the `body` where one is given."""
-    standing = stand_part(mesh, job, machine, times, part(progress, 0.0, 0.1), body)
+    standing = stand_part(
+        mesh, job, machine=machine, times=times, progress=part(progress, 0.0, 0.1), body=body
+    )
     return morph_standing(standing, keep, times, part(progress, 0.1, 1.0))
 
 

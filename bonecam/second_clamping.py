@@ -126,7 +126,9 @@ def second_program(
         **removal.sections,
     }
     figures = cast(SecondFigures, with_warnings(reported, job))
-    return SecondProgram(Path(first.part.file).name, clamping, paths, posted, removal, figures, job)
+    return SecondProgram(
+        Path(first.part.file).name, clamping, paths, posted, removal, report=figures, job=job
+    )
 
 
 def _turned_over(job: Job) -> Job:

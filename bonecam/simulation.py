@@ -100,7 +100,9 @@ def simulate(
     run: Contents | None
     if SECOND.search(header_of(text)):
         run = _kept_second(text, Path(program), keep)
-        removal = _simulate_second(text, run, keep, job, given, cell, progress, mechanics=mechanics)
+        removal = _simulate_second(
+            text, run, keep=keep, job=job, given=given, cell=cell, progress=progress, mechanics=mechanics
+        )
         job = replace(job, holding=job.holding.turned_over)
     else:
         run = kept_contents(keep)[1] if html is not None else None
@@ -108,7 +110,7 @@ def simulate(
         removal, post = _simulate_first(text, Path(program), *first, mechanics=mechanics)
         removal = _judged(removal, text, given, post, job)
     if html is not None and run is not None:
-        _write_page(html, Path(program).name, text, run, job, removal)
+        _write_page(html, Path(program).name, text=text, run=run, job=job, removal=removal)
     return removal
 
 
@@ -143,10 +145,10 @@ def _simulate_first(
     removal = simulate_removal(
         text,
         machine,
-        dialect,
-        kept_stock(keep, stock_mesh, job.levels.chord_tolerance),
-        post,
-        cutters_of(job, machine),
+        dialect=dialect,
+        stock=kept_stock(keep, stock_mesh, job.levels.chord_tolerance),
+        post=post,
+        cutters=cutters_of(job, machine),
         clamping=clamping,
         part=read_tsm(keep / "surface.tspline"),
         limits=_limits(job, levels),

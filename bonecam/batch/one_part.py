@@ -45,7 +45,8 @@ class Wanted:
 def convert_part(part: BatchPart, folder: Path, wanted: Wanted, progress: Progress) -> Outcome:
     """Convert in this process and write program and report into `folder`, the fingerprint last; of a part that is
     refused the report alone."""
-    began, mark = time.perf_counter(), fingerprint(part)
+    began = time.perf_counter()
+    mark = fingerprint(part)
     files = {**wanted.files(part, folder), "report": _report_of(part, folder)}
     result = bonecam.convert(part.file, part.job, **files, progress=progress)  # type: ignore[arg-type]
     report = {**result.report, "fingerprint": mark}

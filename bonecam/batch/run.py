@@ -75,7 +75,7 @@ def convert_many(
     place = {part.name: index for index, part in enumerate(own_parts)}
     outcomes: dict[int, Outcome] = {}
     ask = partial(_in_process, folder=target, wanted=wanted, work=work, version=bonecam.__version__)
-    for outcome in _outcomes(own_parts, ask, jobs, executor, resume, progress):
+    for outcome in _outcomes(own_parts, ask, jobs=jobs, executor=executor, resume=resume, progress=progress):
         outcomes[place[outcome.name]] = outcome
         _tell(target / TABLE, outcome, place)
         told(outcome, len(own_parts) - len(outcomes))
@@ -172,13 +172,21 @@ def _in_process(
         outcome: Outcome = call_in_worker(work, part, folder, wanted, progress=tell, stopped=stopped)
         return outcome
     except BonecamError as error:
-        message, code = " ".join(str(error).splitlines()), error.evidence.get("refused", {}).get("code", "")
+        message = " ".join(str(error).splitlines())
+        code = error.evidence.get("refused", {}).get("code", "")
     except WorkerError as error:
         message = f"its process {error} (out of memory?): try it alone with bonecam convert -v"
     except Exception as error:
         reason = " ".join(str(error).split())
         message = f"internal error {type(error).__name__}: {reason}: please report it with the part"
-    return failed(part.name, str(part.file), part.job_file, time.perf_counter() - began, message, code)
+    return failed(
+        part.name,
+        str(part.file),
+        job=part.job_file,
+        seconds=time.perf_counter() - began,
+        message=message,
+        code=code,
+    )
 
 
 def _check_worker(folder: Path, version: str) -> None:

@@ -133,7 +133,15 @@ def run_blades(options: argparse.Namespace) -> int:
     """`bonecam blades`: the NC program of a wheel."""
     table = {"columns": options.columns, "axis": options.axis, "hub_columns": options.hub_columns}
     blade = options.blade[0] if len(options.blade) == 1 else options.blade
-    return _make(options, job_of(options), blade, options.hub, options.count, options.obstacle, **table)
+    return _make(
+        options,
+        job_of(options),
+        blade=blade,
+        hub=options.hub,
+        count=options.count,
+        obstacles=options.obstacle,
+        **table,
+    )
 
 
 def run_impeller(options: argparse.Namespace) -> int:
@@ -150,7 +158,7 @@ def run_impeller(options: argparse.Namespace) -> int:
     if options.output is None:
         options.output = f"impeller{bonecam.nc.read_dialect(job.nc.controller).extension}"
     blade, hub = (bonecam_meshes.path(f"impeller_{name}") for name in ("blade", "hub"))
-    return _make(options, job, blade, hub, BLADES, [])
+    return _make(options, job, blade=blade, hub=hub, count=BLADES, obstacles=[])
 
 
 def _make(

@@ -101,7 +101,8 @@ class _Reader:
                 file=self._path,
             )
         if tag == "filter":
-            self._start, self._parameters = (attributes["name"], line), []
+            self._start = (attributes["name"], line)
+            self._parameters = []
         else:
             kept = {
                 key: value for key, value in attributes.items() if key not in ("name", "type", *SHOWN_ONLY)

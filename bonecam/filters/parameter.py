@@ -196,7 +196,8 @@ def parameters_of(
     for item in fields(section):
         if (only and item.name not in only) or item.name in without:
             continue
-        value, known = getattr(section, item.name), record(item)
+        value = getattr(section, item.name)
+        known = record(item)
         kinds = {
             bool: Kind.BOOL,
             int: Kind.INT,
@@ -208,13 +209,13 @@ def parameters_of(
             FilterParameter(
                 prefix + item.name,
                 kind,
-                value,
-                known.label,
-                known.tooltip,
-                known.unit,
-                known.low,
-                known.high,
-                known.choices,
+                default=value,
+                label=known.label,
+                tooltip=known.tooltip,
+                unit=known.unit,
+                low=known.low,
+                high=known.high,
+                choices=known.choices,
             )
         )
     return tuple(parameters)

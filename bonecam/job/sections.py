@@ -133,7 +133,8 @@ class Job:
         tool = replace(given, flutes=given.flutes or self.mechanics.flutes)
         if tool.spindle and tool.feed:
             return tool
-        machine, depth = read_machine(self.nc.machine), self.deepest(name)
+        machine = read_machine(self.nc.machine)
+        depth = self.deepest(name)
         asked = tool.radius, depth, machine.spindle_speed, tool.spindle, given.flutes
         spindle, feed = read_material(self.material.name).speeds(*asked)
         slowest = min(axis.speed for axis in machine.linear)

@@ -68,7 +68,8 @@ class WarningsJob(JobSection):
     def __post_init__(self) -> None:
         check(self)
         for name in ("left", "hole", "slender"):
-            warned, refused = getattr(self, name), getattr(self, f"{name}_refused")
+            warned = getattr(self, name)
+            refused = getattr(self, f"{name}_refused")
             if refused < warned:
                 bound = f"give at least {name} ({warned:g})"
                 raise JobError(f"{name}_refused = {refused:g}: {bound}", field=f"{name}_refused")

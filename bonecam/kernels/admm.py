@@ -60,9 +60,14 @@ def sweep(
     Returns the residual: the weighted sum of squares of how far z moved and how far it is from x + y.
     """
     c, n, low, high, m, h = planes
-    keep, share, residual = 1.0 - relaxation, 1.0 / (1.0 + rho), 0.0
+    keep = 1.0 - relaxation
+    share = 1.0 / (1.0 + rho)
+    residual = 0.0
     for l in range(len(x)):
-        e0, e1, e2, w = x[l, 0] + y[l, 0], x[l, 1] + y[l, 1], x[l, 2] + y[l, 2], weights[l]
+        e0 = x[l, 0] + y[l, 0]
+        e1 = x[l, 1] + y[l, 1]
+        e2 = x[l, 2] + y[l, 2]
+        w = weights[l]
         y0 = relaxation * e0 + keep * z[l, 0] + u[l, 0]
         y1 = relaxation * e1 + keep * z[l, 1] + u[l, 1]
         y2 = relaxation * e2 + keep * z[l, 2] + u[l, 2]
@@ -90,7 +95,10 @@ def _sweep_onto(
     c, n, low, high, m, h = planes
     worst, count = 0.0, 0
     for l in rows:
-        y0, y1, y2, square = x[l, 0], x[l, 1], x[l, 2], 0.0
+        y0 = x[l, 0]
+        y1 = x[l, 1]
+        y2 = x[l, 2]
+        square = 0.0
         for k in range(indptr[l], indptr[l + 1]):
             j, r = indices[k], data[k]
             square += r * r
@@ -125,7 +133,8 @@ def project(
     After each sweep the samples that broke their limits, which are few, are swept alone, until they hold or
     BROKEN_SWEEPS times.
     """
-    every, broken = np.arange(len(x)), np.empty(len(x), np.int64)
+    every = np.arange(len(x))
+    broken = np.empty(len(x), np.int64)
     for _ in range(sweeps):
         worst, count = _sweep_onto(indptr, indices, data, x, D, planes, every, broken, 0.01 * enough)
         if worst < enough:

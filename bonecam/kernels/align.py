@@ -31,10 +31,15 @@ def _angle(a: np.ndarray, b: np.ndarray) -> float:
 @njit(cache=True)
 def _slerp(a: np.ndarray, b: np.ndarray, fraction: float) -> np.ndarray:
     """Spherical linear interpolation between two unit vectors."""
-    angle, vector = _angle(a, b), np.empty(3)
-    first, second, size = 1 - fraction, fraction, 1.0
+    angle = _angle(a, b)
+    vector = np.empty(3)
+    first = 1 - fraction
+    second = fraction
+    size = 1.0
     if not angle < SMALL_ANGLE:
-        first, second, size = np.sin(first * angle), np.sin(fraction * angle), np.sin(angle)
+        first = np.sin(first * angle)
+        second = np.sin(fraction * angle)
+        size = np.sin(angle)
     for d in range(3):
         vector[d] = (first * a[d] + second * b[d]) / size
     return vector
@@ -86,17 +91,21 @@ def align_moves(
     waited for; both are the counts where every move has its place.
     """
     n, m = len(tips), len(path_tips)
-    source, tip_error, axis_error = np.full(n, -1, dtype=np.int64), np.zeros(n), np.zeros(n)
+    source = np.full(n, -1, dtype=np.int64)
+    tip_error = np.zeros(n)
+    axis_error = np.zeros(n)
     row, fraction_before = 0, 0.0
     for move in range(n):
         if row < m:
             distance = 0.0
             for d in range(3):
                 distance += (path_tips[row, d] - tips[move, d]) ** 2
-            distance, angle = np.sqrt(distance), _angle(path_axes[row], axes[move])
+            distance = np.sqrt(distance)
+            angle = _angle(path_axes[row], axes[move])
             if distance <= tip_tolerance and angle <= axis_tolerance:
                 source[move], tip_error[move], axis_error[move] = row, distance, angle
-                row, fraction_before = row + 1, 0.0
+                row = row + 1
+                fraction_before = 0.0
                 continue
             if row > 0:
                 fraction, distance, angle = _between(
@@ -108,7 +117,9 @@ def align_moves(
                 )
                 in_order = fraction >= fraction_before - FRACTION_ROUNDING
                 if distance <= tip_tolerance and angle <= axis_tolerance and in_order:
-                    source[move], tip_error[move], axis_error[move] = -2 - row, distance, angle
+                    source[move] = -2 - row
+                    tip_error[move] = distance
+                    axis_error[move] = angle
                     fraction_before = fraction
                     continue
             if from_anywhere[row] and may_be_extra[move]:

@@ -80,7 +80,8 @@ def add_weighted(
     p."""
     for i in range(len(starts) - 1):
         for p in range(starts[i], starts[i + 1]):
-            j, share = columns[p], weights[i] * values[p]
+            j = columns[p]
+            share = weights[i] * values[p]
             for q in range(starts[i], p + 1):
                 k = columns[q]
                 band[min(j, k), abs(j - k)] += share * values[q]

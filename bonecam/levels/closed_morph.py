@@ -97,7 +97,9 @@ def begin_morph(
         program = PublishedProgram(surface, stock, attraction, printed=method == "published")
         sequences = iter([published_sequence(program, surface, schedule, stiffness, solving)])
     else:
-        maker = SequenceMaker(discretisation, around, schedule, lower_bound, solving, solver, stiffness)
+        maker = SequenceMaker(
+            discretisation, around, schedule, lower_bound, solving, solver=solver, stiffness=stiffness
+        )
         sequences = maker.all(rest)
     first = next(sequences)
     left = remaining(discretisation, first[-1], around).left

@@ -84,7 +84,8 @@ class BegunLevels:
     @on_one_blas_thread
     def measured(self) -> Morph:
         """All levels, measured. LevelError where levels fail their check."""
-        morph, schedule = self.morph.measured(), self.morph.schedule
+        morph = self.morph.measured()
+        schedule = self.morph.schedule
         if self.inner is self.stock:
             return morph
         levels = _with_rounding_levels(morph, self.inner, self.stock, schedule)
@@ -124,7 +125,8 @@ def _farthest(points: Float[ndarray, "n 3"], surface: TSpline, mesh: TriangleMes
 def _with_rounding_levels(morph: Morph, inner: Stock, stock: Stock, schedule: Schedule) -> tuple[Level, ...]:
     """All levels: those of the morph to `inner`, which gets a surface, then those that round the stock down
     to it."""
-    first, stock_mesh = morph.levels[-1], stock.mesh(CHORD)
+    first = morph.levels[-1]
+    stock_mesh = stock.mesh(CHORD)
     farthest = float(inner.signed_distance(stock_mesh.vertices).max())
     offsets = _offsets(farthest, schedule, first.index)
     bodies = [inner, *(inner.offset(offset) for offset in offsets[:-1])]
@@ -143,7 +145,18 @@ def _with_rounding_levels(morph: Morph, inner: Stock, stock: Stock, schedule: Sc
             measures = _measure(levels[-1].mesh, mesh, before, stock, schedule.limit(k))
         certificate = first.certificate if k == first.index else None
         limit = schedule.limit(k)
-        levels.append(RoundedLevel(k, surface, mesh, limit, measures, stock, control_points, certificate))
+        levels.append(
+            RoundedLevel(
+                k,
+                surface,
+                mesh=mesh,
+                limit=limit,
+                measures=measures,
+                stock=stock,
+                control_points=control_points,
+                certificate=certificate,
+            )
+        )
 
     k = first.index + len(bodies)
     measures = _measure(levels[-1].mesh, stock_mesh, bodies[-1], stock, schedule.limit(k))

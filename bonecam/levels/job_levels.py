@@ -61,7 +61,11 @@ def surface_and_levels(
                 return fitted, make_levels(fitted.surface, setup.stock, job, morphing)
         except LevelError as error:
             failure = failure or error
-            smoother = None if given else _smoother(fitted, setup, job, times, morphing, error)
+            smoother = (
+                None
+                if given
+                else _smoother(fitted, setup, job=job, times=times, progress=morphing, error=error)
+            )
             if smoother is not None:
                 return smoother
             report(fitting, 0.0, f"{error}; other rows are tried")
@@ -131,7 +135,8 @@ def even_levels(surface: TSpline, stock: Stock, schedule: Schedule, **options: A
     half way, at last to what was given. Only the levels that are kept are measured.
     """
     given = begin_levels(surface, stock, schedule, **options)
-    cuts, rest = len(given.morph.first), given.morph.rest
+    cuts = len(given.morph.first)
+    rest = given.morph.rest
     if rest >= ENOUGH * schedule.limit(cuts):
         return given.measured()
     depth = SPARE * even_out(schedule, given.morph.distance, cuts, rest).beyond

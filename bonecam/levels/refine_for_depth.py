@@ -17,7 +17,9 @@ from bonecam.setup.stock import Stock
 from bonecam.surface.refinement.row_refinement import with_row_knots
 from bonecam.surface.tspline import TSpline
 
-IN_CAPSULES, WITH_FLATS, COARSER = (14.0, 800, 3000), (6.5, 1000, 1000), 1.25
+IN_CAPSULES = (14.0, 800, 3000)
+WITH_FLATS = (6.5, 1000, 1000)
+COARSER = 1.25
 """So many depths long may spans be, of surfaces of fewer than so many control points, of so many at most: in
 a capsule, and in a stock with flats, which a level reaches long before the edges between them. So much
 longer, and again, where that would take more control points. Where spans are too long for what is left, levels
@@ -60,7 +62,8 @@ def _along(surface: TSpline, stock: Stock, longest: float, most: int) -> TSpline
 
 def _across(surface: TSpline, stock: Stock, longest: float, most: int) -> TSpline:
     """Knots in the intervals of rows that are longer than `longest` mm."""
-    (low, high), t_knots = surface.domain[1], surface.tmesh.t_knots
+    (low, high) = surface.domain[1]
+    t_knots = surface.tmesh.t_knots
     while True:
         fresh = []
         for j, knots in enumerate(surface.tmesh.s_knots):

@@ -132,7 +132,9 @@ def inverse_rotary(
     if one.locked or two.locked:
         free = np.zeros((len(axes), 2), dtype=bool)
         free[:, column1], free[:, column2] = free1 & (not one.locked), free2 & (not two.locked)
-        return _locked_rotary(machine, axes, (one, two), sign, (v, w), free, lock_guard), free
+        return _locked_rotary(
+            machine, axes, pair=(one, two), sign=sign, ends=(v, w), free=free, guard=lock_guard
+        ), free
     dot = float(d1 @ d2)
     along1 = w @ d1
     along2 = v @ d2

@@ -88,10 +88,13 @@ def paths_by_force(
     ratios = np.full(sum(len(path.tips) for path in paths), np.inf)
     np.minimum.at(ratios, leads.rows[~leads.away], schedule.ratios[~leads.away])
     ratios[~np.isfinite(ratios)] = 1.0
-    around, before, by_force, first = np.vstack([path.tips for path in paths]), None, [], 0
+    around = np.vstack([path.tips for path in paths])
+    before = None
+    by_force = []
+    first = 0
     for path in paths:
         wanted = _wanted(path, ratios[first : first + len(path.tips)], job)
-        posted = post_path(wanted, machine, dialect, job, around, before)
+        posted = post_path(wanted, machine, dialect=dialect, job=job, around=around, before=before)
         before = posted.moves.angles[-1]
         by_force.append(_reachable(path, posted))
         first += len(path.tips)
@@ -105,7 +108,8 @@ def _wanted(path: ToolPath, ratios: Float[ndarray, " n"], job: Job) -> ToolPath:
     least = ratios.copy()
     least[1:] = np.where(goes_on[1:], np.minimum(least[1:], ratios[:-1]), least[1:])
     least[:-1] = np.where(goes_on[1:], np.minimum(least[:-1], ratios[1:]), least[:-1])
-    feeds, feed = path.feed_rates, path.cutter.feed
+    feeds = path.feed_rates
+    feed = path.cutter.feed
     low = np.minimum(feeds, LEAST * feed)
     high = np.maximum(feeds, fastest_cut(path.cutter, job))
     steps = STEP ** np.floor(np.log(np.clip(feeds * least, low, high) / feed) / np.log(STEP) + 1e-6)
@@ -119,7 +123,8 @@ def _reachable(path: ToolPath, posted: Posted) -> ToolPath:
     """The path with the feeds of its posted form, those that are raised no higher than the axes get to."""
     feeds = posted.path.feed_rates
     if knows_accelerations(posted.control.machine):
-        rows, count = posted.moves.rows, len(path.tips)
+        rows = posted.moves.rows
+        count = len(path.tips)
         way = np.bincount(rows, posted.lengths, count)
         minutes = np.bincount(rows, accelerated_minutes(posted), count)
         reached = np.where(minutes > 0, way / np.where(minutes > 0, minutes, 1.0), np.inf)

@@ -72,7 +72,9 @@ def _posted(
     progress: Progress,
 ) -> Result:
     """The planned paths as a proved program, as in `machine_levels`; `foretold` is the report so far."""
-    job, levels, source = morphed.job, morphed.levels.levels, posting.source
+    job = morphed.job
+    levels = morphed.levels.levels
+    source = posting.source
     warning_texts = warnings.header_texts(foretold, job)
     proved = post_and_prove(
         planned,
@@ -117,7 +119,9 @@ def post_by_force(result: Result, posting: Posting, progress: Progress) -> tuple
     with posting.times.stage("simulation"):
         cut = result.program.text, machine, dialect, result.job, result.stock, result.levels.levels
         removal = removal_of_job(*cut, part(progress, 0.0, 0.6))
-    scheduled = paths_by_force(result.paths, result.program.text, removal, machine, dialect, job)
+    scheduled = paths_by_force(
+        result.paths, result.program.text, removal=removal, machine=machine, dialect=dialect, job=job
+    )
     before = BeforeForce(scheduled.schedule, removal, result.program.time_min)
     share = part(progress, 0.6, 1.0)
     by_force = replace(result, job=job)

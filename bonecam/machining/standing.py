@@ -101,4 +101,4 @@ def morph_standing(standing: Standing, keep: File, times: StageTimes, progress: 
     figures |= {"strategy": job.path.strategy, "post": standing.told}
     figures |= {"seconds": times.seconds, "cpu_seconds": times.cpu_seconds}
     reported = cast(Report, warnings.with_warnings(figures, job))
-    return Morphed(setup.part, fitted.surface, setup.stock, morph, reported, job)
+    return Morphed(setup.part, fitted.surface, stock=setup.stock, levels=morph, report=reported, job=job)

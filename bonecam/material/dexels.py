@@ -83,11 +83,12 @@ class Dexels:
         begun = lasts - [len(line[0]) for _, line in pairs]
 
         def work(which: slice) -> None:
-            k, rays = which.start, self.sets[which.start]
+            k = which.start
+            rays = self.sets[which.start]
             ways = self._ways(starts, ends, reach, k)
             at = 0
             while at < len(lines):
-                at = probe(rays, ways, lasts, begun, radius, at, volumes[k])
+                at = probe(rays, ways, ends=lasts, gone=begun, radius=radius, first=at, volumes=volumes[k])
                 if at < len(lines):
                     rays = with_more_room(rays)
 

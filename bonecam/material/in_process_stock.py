@@ -61,7 +61,8 @@ class Swept:
 def _swept_after(path: ToolPath, before: Sequence[Swept]) -> tuple[Swept, ...]:
     """Where balls cut on the level of a path and on the one before it: the rest paths of a level cut only parts of
     it."""
-    level, radius = path.level, path.cutter.radius
+    level = path.level
+    radius = path.cutter.radius
     points = [_dense(*_cuts(path))]
     kept: list[Swept] = []
     for swept in before:
@@ -174,7 +175,15 @@ def uncut_material(levels: Sequence[Level], stock: Stock) -> InProcessStock:
     nets = [level.control_points for level in machined]
     grid, fine = (level_grid(machined[0].surface, nets, chord) for chord in (CHORD, DEPTH_CHORD))
     vertices, places = (places_on_stock(stock, each.R @ nets[-1], each.faces) for each in (grid, fine))
-    return InProcessStock(levels[-1].mesh, grid, vertices, fine, places, uncut_rays(stock), uncut=stock)
+    return InProcessStock(
+        levels[-1].mesh,
+        grid,
+        vertices=vertices,
+        depth_grid=fine,
+        places=places,
+        rays=uncut_rays(stock),
+        uncut=stock,
+    )
 
 
 def remove_material(material: InProcessStock, level: MachinedLevel, path: ToolPath) -> InProcessStock:

@@ -136,13 +136,13 @@ def _lay_set(
     rays = RaySet(
         tile_of.reshape(tuple(counts)),
         np.zeros((met.sum(), TILE * TILE, 2 * ROOM), dtype=np.float32),
-        np.zeros((met.sum(), TILE * TILE), dtype=np.uint8),
-        np.zeros(met.sum()),
-        np.zeros(met.sum()),
-        np.zeros(met.sum(), dtype=np.uint64),
-        np.zeros(met.sum(), dtype=bool),
-        grid.cell,
-        float(grid.size[direction]),
+        counts=np.zeros((met.sum(), TILE * TILE), dtype=np.uint8),
+        low=np.zeros(met.sum()),
+        high=np.zeros(met.sum()),
+        mask=np.zeros(met.sum(), dtype=np.uint64),
+        stale=np.zeros(met.sum(), dtype=bool),
+        cell=grid.cell,
+        length=float(grid.size[direction]),
     )
     corners = np.column_stack([u[met], v[met]]) - side / 2
     drawn = {
@@ -153,7 +153,16 @@ def _lay_set(
 
     def fill(tiles: slice) -> None:
         known = {k: (low[tiles].ravel(), high[tiles].ravel()) for k, (low, high) in drawn.items()}
-        _fill(rays, bodies, known, grid, direction, corners[tiles], below[met][tiles], tiles)
+        _fill(
+            rays,
+            bodies,
+            drawn=known,
+            grid=grid,
+            direction=direction,
+            corners=corners[tiles],
+            below=below[met][tiles],
+            tiles=tiles,
+        )
 
     in_pieces(fill, len(corners), PIECE)
     summarise(rays)

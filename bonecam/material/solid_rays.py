@@ -33,12 +33,14 @@ def _lay_set(whole: TriangleMesh, grid: RayGrid, direction: int) -> RaySet:
     tiles = np.ceil(grid.size[columns[:2]] / (TILE * grid.cell)).astype(int)
     shape = grid.cell, TILE * int(tiles[0]), TILE * int(tiles[1])
     count = count_crossings(corners, *shape)
-    ray, w, into = np.empty(count, dtype=np.int64), np.empty(count), np.empty(count, dtype=np.int8)
+    ray = np.empty(count, dtype=np.int64)
+    w = np.empty(count)
+    into = np.empty(count, dtype=np.int8)
     find_crossings(corners, *shape, ray, w, into)
     ray, low, high = _material(ray, w, into)
     if not len(ray):
         raise JobError("the solids hold no material: give closed meshes whose normals face outward")
-    return _stored(ray, low, high, tiles, grid, direction)
+    return _stored(ray, low, high=high, tiles=tiles, grid=grid, direction=direction)
 
 
 def _material(
@@ -47,7 +49,9 @@ def _material(
     """The ray and the two ends of each stretch of material: from where the solids begin to wind round a place until
     they no longer do."""
     along = np.lexsort((-into, w, ray))
-    ray, w, into = ray[along], w[along], into[along].astype(np.int64)
+    ray = ray[along]
+    w = w[along]
+    into = into[along].astype(np.int64)
     winding = np.cumsum(into)
     starts = np.flatnonzero(np.diff(ray, prepend=-1))
     before = np.r_[0, winding][starts]

@@ -116,4 +116,6 @@ def forces_of(edges: Edges, asked: Sequence[Edges], flutes: int) -> EdgeForces:
     over_turns(single, edges.frames, flutes, mean, peak)
     away = engaged[:, 1:4] / np.maximum(engaged[:, :1], np.finfo(float).tiny)
     points = edges.centres + np.einsum("nk,nkc->nc", away, edges.frames)
-    return EdgeForces(edges, single, mean, peak, points, engaged[:, 4], engaged[:, 0])
+    return EdgeForces(
+        edges, single, mean=mean, peak=peak, places=points, areas=engaged[:, 4], spans=engaged[:, 0]
+    )

@@ -105,7 +105,8 @@ def piece_through(
     first = np.searchsorted(pieces.moves, moves, side="left")
     last = np.searchsorted(pieces.moves, moves, side="right")
     middles = (pieces.starts + pieces.ends) / 2
-    best, nearest = first.copy(), np.full(len(points), np.inf)
+    best = first.copy()
+    nearest = np.full(len(points), np.inf)
     for k in range(int((last - first).max())):
         which = np.minimum(first + k, last - 1)
         away = lengths(points - middles[which])
@@ -123,7 +124,8 @@ def passing_force(
     side of the feed. At the tip, where edges pass all the time, the force is the mean.
     """
     edges = forces.edges
-    frames, turn = edges.frames[piece], forces.single.shape[1]
+    frames = edges.frames[piece]
+    turn = forces.single.shape[1]
     away = np.einsum("nkc,nc->nk", frames, points - edges.centres[piece])
     feed = np.insert(edges.feeds[piece], 1, 0.0, axis=1)
     away -= dots(away, feed)[:, None] * feed

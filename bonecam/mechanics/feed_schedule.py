@@ -33,7 +33,8 @@ class FeedSchedule:
 def feed_schedule(paths: Sequence[PathLoads], tools: Sequence[int], moves: int) -> FeedSchedule:
     """The schedule of a program of so many `moves` from the loads of its `paths`, each cut by one of `tools`; parting
     keeps its feed."""
-    ratios, targets = np.full(moves, np.inf), {}
+    ratios = np.full(moves, np.inf)
+    targets = {}
     for tool in sorted(set(tools)):
         own = [path for path, by in zip(paths, tools, strict=True) if by == tool and path.index != PARTING]
         own = [path for path in own if len(path.moves)]

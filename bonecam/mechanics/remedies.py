@@ -68,7 +68,8 @@ def remedies(
             held = beam.sections.between(work.clamped + NECK, top)
             options.append(Remedy(f"a shell {NECK:g} mm higher", share(replace(beam, sections=held)), stress))
         return tuple(sorted(options, key=lambda remedy: remedy.p99))
-    foot, diameter = work.stub.top if work.stub else work.clamped, 2 * work.post.radius
+    foot = work.stub.top if work.stub else work.clamped
+    diameter = 2 * work.post.radius
     widest = min(standing.width, 2 * work.stub.radius if work.stub else np.inf)
     if THICKER * diameter < widest:
         thick = replace(beam, sections=thickened(beam.sections, foot, work.post.top, THICKER))
@@ -105,7 +106,8 @@ def _pinned(work: Workpiece, beam: Beam, part: TriangleMesh) -> tuple[str, Beam]
 
 def _stress_share(other: Beam, beam: Beam, points: Float[ndarray, "n 3"]) -> float:
     """The share of a stress that stays on another beam, of forces across the middle of some points."""
-    forces, middle = np.eye(3)[:2], np.tile(points.mean(axis=0), (2, 1))
+    forces = np.eye(3)[:2]
+    middle = np.tile(points.mean(axis=0), (2, 1))
     each = [one.moment_stress(forces, middle).max() for one in (other, beam)]
     return float(each[0] / each[1])
 

@@ -93,7 +93,8 @@ class Mechanics:
     @property
     def faults(self) -> tuple[str, ...]:
         """What bends more than the job allows, in words."""
-        faults, limits = [], self.workpiece.limits
+        faults = []
+        limits = self.workpiece.limits
         if self.yields:
             bound = f"half of the yield strength ({self.largest_stress:g} MPa)"
             faults.append(f"stress at the peaks is {self.stress[1]:.0f} MPa, more than {bound}")
@@ -192,7 +193,14 @@ def mechanics_of(loads: Loads) -> Mechanics | None:
     mechanics = Mechanics(work, tuple(loads.paths), error)
     tooth = max(path.tooth_hz for path in loads.paths)
     if mechanics.faults and np.isfinite(kept.errors).any():
-        helps = remedies(work, loads.standing, kept, error.areas, tooth, float(mechanics.stress[1]))
+        helps = remedies(
+            work,
+            loads.standing,
+            kept=kept,
+            areas=error.areas,
+            tooth_hz=tooth,
+            stress=float(mechanics.stress[1]),
+        )
         mechanics = replace(mechanics, remedies=helps)
     return mechanics
 

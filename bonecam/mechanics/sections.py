@@ -68,7 +68,9 @@ def column_sections(radius: float, low: float, high: float) -> Sections:
     count = len(ends) - 1
     area = np.full(count, np.pi * radius**2)
     second = np.broadcast_to(np.pi / 4 * radius**4 * np.eye(2), (count, 2, 2))
-    return Sections(ends[:-1], ends[1:], area, np.zeros((count, 2)), second, np.diff(ends))
+    return Sections(
+        ends[:-1], ends[1:], area=area, centroid=np.zeros((count, 2)), second=second, flexible=np.diff(ends)
+    )
 
 
 def shoulder(diameter: float, height: float, wider: float = np.inf) -> Sections:
@@ -76,7 +78,9 @@ def shoulder(diameter: float, height: float, wider: float = np.inf) -> Sections:
     neck = column_sections(diameter / 2, height, height + SLICE)
     at = np.array([height])
     length = SHOULDER * diameter * (1 - min(diameter / wider, 1.0) ** 2)
-    return Sections(at, at, neck.area, neck.centroid, neck.second, np.array([length]))
+    return Sections(
+        at, at, area=neck.area, centroid=neck.centroid, second=neck.second, flexible=np.array([length])
+    )
 
 
 def join(pieces: Sequence[Sections]) -> Sections:
@@ -161,7 +165,8 @@ def _ray_moments(
     count = len(ends) - 1
     first = np.searchsorted(ends[1:-1], bottom, side="right")
     last = np.searchsorted(ends[1:-1], top, side="left")
-    tall, taller = last > first, last > first + 1
+    tall = last > first
+    taller = last > first + 1
 
     def partly(slices: ndarray, start: ndarray, end: ndarray, feet: ndarray) -> Float[ndarray, "n 3 3"]:
         span = end - start
@@ -181,7 +186,8 @@ def _risen(
     feet: Float[ndarray, "n 3 3"], ends: Float[ndarray, " e"], slope: Float[ndarray, "3"]
 ) -> Float[ndarray, "n 3 3"]:
     """Integrals over whole slices of rays with these sums of (1, x, y) (1, x, y)^T over their feet."""
-    middle, height = (ends[1:] + ends[:-1]) / 2, np.diff(ends)
+    middle = (ends[1:] + ends[:-1]) / 2
+    height = np.diff(ends)
     shift = np.broadcast_to(np.eye(3), (len(middle), 3, 3)).copy()
     shift[:, 1:, 0] = middle[:, None] * slope[:2]
     across = np.array([0.0, *slope[:2]])
@@ -228,4 +234,4 @@ def _from_moments(ends: Float[ndarray, " e"], moments: Float[ndarray, "n 3 3"]) 
     flexible = np.diff(ends)
     solid = np.flatnonzero(area >= LEAST_AREA)
     flexible[solid[-1] + 1 if len(solid) else 0 :] = 0.0
-    return Sections(ends[:-1], ends[1:], area, centroid, second, flexible)
+    return Sections(ends[:-1], ends[1:], area=area, centroid=centroid, second=second, flexible=flexible)

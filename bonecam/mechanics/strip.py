@@ -51,7 +51,8 @@ def job_strip_force(force: CuttingForce, job: Job, name: str) -> float:
 def lighter_jobs(job: Job) -> Iterator[tuple[str, Job]]:
     """Jobs with ever shallower finishing cuts than those of a job, and these cuts in words; at the feed that the
     material gives them."""
-    levels, fields = job.levels, "levels.finishing_depth, finishing.scallop"
+    levels = job.levels
+    fields = "levels.finishing_depth, finishing.scallop"
     by_number = not levels.listed and bool(levels.cuts[0])
     if not by_number:
         fields = "levels.finishing_depth, the first of levels.depths where they are stated, finishing.scallop"

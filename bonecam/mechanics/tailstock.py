@@ -33,7 +33,8 @@ def tailstock_support(holding: HoldingJob, pin: Column | None, youngs: float) ->
     angle = np.radians(holding.tailstock_azimuth_deg)
     way = holding.tailstock_reach * np.array([np.cos(angle), np.sin(angle)]) - [pin.x, pin.y]
     length = float(np.linalg.norm(way))
-    height, arm = pin.top + holding.tailstock_arm / 2, holding.tailstock_arm
+    height = pin.top + holding.tailstock_arm / 2
+    arm = holding.tailstock_arm
     column = np.pi / 64 * holding.tailstock_column**4
 
     of_pin = youngs if holding.tailstock == NECK else STEEL

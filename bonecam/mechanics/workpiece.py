@@ -63,7 +63,8 @@ class Workpiece:
         foot = self.stub.top if self.stub else self.clamped
         if self.body is None:
             upper = ray_sections(sets, grid, foot, standing.top)
-            neck, above = upper.between(foot, self.post.top), upper.between(self.post.top, standing.top)
+            neck = upper.between(foot, self.post.top)
+            above = upper.between(self.post.top, standing.top)
         else:
             neck = column_sections(self.post.radius, foot, self.post.top)
             above = mesh_sections(self.body, self.post.top)

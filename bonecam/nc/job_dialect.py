@@ -53,7 +53,8 @@ def job_dialect(nc: NcJob) -> Dialect:
 def _asked(nc: NcJob, dialect: Dialect) -> list[tuple[str, bool, str]]:
     """What of a section [nc] needs words that a dialect may not have: as the job says it, whether they are missing
     though it is asked for, and what has them."""
-    templates, parks = dialect.templates, HOME if nc.park.strip() == HOME else "park"
+    templates = dialect.templates
+    parks = HOME if nc.park.strip() == HOME else "park"
     name = "split" if nc.split != "none" else "split_blocks"
     split = f"nc.{name} = {getattr(nc, name)!r}"
     return [

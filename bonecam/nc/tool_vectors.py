@@ -54,10 +54,12 @@ def solved_angles(
     pairs[np.abs(length - 1) >= UNIT] = np.nan
     bounds = [axis.limits for axis in machine.rotary]
     meant = [] if stated is None else stated.tolist()
-    angles, off = np.full((len(vectors), 2), np.nan), np.zeros(len(vectors), dtype=bool)
+    angles = np.full((len(vectors), 2), np.nan)
+    off = np.zeros(len(vectors), dtype=bool)
     stand = (float(before[0]), float(before[1]))
     for row, (solutions, stays) in enumerate(zip(pairs.tolist(), free.tolist(), strict=True)):
-        nearest, travel = None, np.inf
+        nearest = None
+        travel = np.inf
         for solution in solutions:
             there, way = _nearest(solution, stays, stand, bounds)
             if way < travel:
@@ -65,7 +67,8 @@ def solved_angles(
         if meant:
             one, two = meant[row]
             if nearest is None or max(abs(nearest[0] - one), abs(nearest[1] - two)) > TURNED:
-                off[row], nearest = True, (one, two)
+                off[row] = True
+                nearest = (one, two)
         if nearest is None:
             break
         angles[row] = stand = nearest
@@ -88,7 +91,8 @@ def _nearest(
 ) -> tuple[tuple[float, float], float]:
     """The angles (rad) of a solution in the turns nearest to where the axes `stand`, and the way to them, rad; infinite
     beyond the limits."""
-    there, way = [0.0, 0.0], 0.0
+    there = [0.0, 0.0]
+    way = 0.0
     for column in (0, 1):
         if stays[column]:
             there[column] = stand[column]

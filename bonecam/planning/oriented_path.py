@@ -63,7 +63,7 @@ def orient(
     tolerance = planned_tolerance(job.gouge_tolerance)
     # an arc sweeps what lies beside the cut: how much that is must be known
     lead = _lead_radius(job, path) if isinstance(material, InProcessStock) else 0.0
-    space = LinkSpace(checker, limits, feeds, job.clearance, tolerance, material, lead)
+    space = LinkSpace(checker, limits, feeds, job.clearance, tolerance, material=material, lead_radius=lead)
     if not len(path.contacts):
         return _idle_path(path, space)
     judged = None
@@ -72,7 +72,7 @@ def orient(
     else:
         chosen = choose_axes(path, checker, limits, job, wanted)
         if wanted is not None:
-            chosen = eased_axes(path, chosen, wanted, checker, limits, job)
+            chosen = eased_axes(path, chosen, wanted, checker, limits, job=job)
             if job.certify != "distances":
                 chosen, judged = judged_axes(path, chosen, wanted, checker)
     blocked = _blocked(path, chosen, scene, limits, job, explained=explained)
@@ -90,7 +90,7 @@ def orient(
         raise OrientationError(
             f"level {path.level}: no pass can be reached safely: {remedy}", level=path.level
         )
-    oriented = _tool_path(path, chosen, space, runs, linked, wanted.cones if wanted else None)
+    oriented = _tool_path(path, chosen, space, runs, linked, cones=wanted.cones if wanted else None)
     return lift_for_rewinds(replace(oriented, blocked_by=blocked, poses=judged), space)
 
 

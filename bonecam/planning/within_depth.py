@@ -61,7 +61,8 @@ def within_depth(
     """Which of the contacts may stay, where `path`, made of them, leads from the material `before` to that `after` it:
     all but those at which the cutter touches a place that it cuts too deep."""
     kept = np.ones(len(contacts.centres), dtype=bool)
-    left, grid = after.rays.cutters, after.rays.cutters.grid
+    left = after.rays.cutters
+    grid = after.rays.cutters.grid
     cuts = cut_depths(left.sets, before.rays.cutters.sets, grid)
     deep = np.flatnonzero(cuts.depths > allowed.deepest + SLACK)
     if not len(deep):

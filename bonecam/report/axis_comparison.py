@@ -159,7 +159,14 @@ def compare_axes(path: ToolPath, scene: Scene, limits: MachineLimits, job: PathJ
     choices = [
         AxisChoice(name, axes, checker.free(balls, axes), limits.allow(axes)) for name, axes in named.items()
     ]
-    return AxisComparison(path.contacts[cuts], balls, passes, path.cutter.feed, limits, tuple(choices))
+    return AxisComparison(
+        path.contacts[cuts],
+        balls,
+        passes=passes,
+        feed=path.cutter.feed,
+        limits=limits,
+        choices=tuple(choices),
+    )
 
 
 def _ways(balls: Float[ndarray, "n 3"], passes: Int[ndarray, " n"]) -> Float[ndarray, "n 3"]:

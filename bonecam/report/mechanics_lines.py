@@ -113,7 +113,8 @@ def _neck_lines(necks: Sequence[Mapping[str, Any]]) -> Iterator[str]:
 
 def neck_text(post: Mapping[str, Any]) -> str:
     """What is foretold of the neck that is taken where none holds, beside what is wanted of one."""
-    taken, wanted = post["necks"][0], post["neck_wanted"]
+    taken = post["necks"][0]
+    wanted = post["neck_wanted"]
     error = f"{taken['shift_um']:.1f} um of error at 95 % ({wanted['shift_um']:g} at most)"
     stress = f"{taken['stress_mpa']:.0f} MPa at peaks ({wanted['stress_mpa']:.0f} at most)"
     swing = f"{taken['first_hz']:.0f} Hz ({wanted['first_hz']:.0f} at least)"

@@ -74,7 +74,8 @@ def _second_lines(second: Mapping[str, Any]) -> Iterator[str]:
 
 def finished_summary(report: Mapping[str, Any]) -> str:
     """The report of one surface machined alone in a few lines for a person."""
-    surface, seconds = report["surface"], sum(report["seconds"].values())
+    surface = report["surface"]
+    seconds = sum(report["seconds"].values())
     shape = f"{surface['kind']}, {surface['area_mm2']:.0f} mm2, {surface['control_points']} control points"
     lines = [
         *warning_lines(report["warnings"]),

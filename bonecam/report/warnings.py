@@ -101,7 +101,7 @@ def hole_warnings(width: float, job: Job) -> Iterator[Warned]:
     if width > job.warnings.hole:
         text = f"a hole of the mesh {width:.2f} mm wide was closed flat, the part's shape there is a guess"
         remedy = "close it by the shape of the bone in a mesh editor, or give warnings.hole and hole_refused"
-        yield Warned("hole", text, width, job.warnings.hole, job.warnings.hole_refused, remedy)
+        yield Warned("hole", text, width, job.warnings.hole, job.warnings.hole_refused, remedy=remedy)
 
 
 def holding_warnings(post: Sections, job: Job, kept: float | None = None) -> Iterator[Warned]:
@@ -112,7 +112,9 @@ def holding_warnings(post: Sections, job: Job, kept: float | None = None) -> Ite
         return
     told, most = UM * job.warnings.error, UM * job.mechanics.largest_error / FORETOLD_P99
     refused = most if kept is None and job.mechanics.refuse else None
-    yield Warned("holding", neck_text(post), taken["shift_p99_um"], told, refused, neck_remedy_text(post))
+    yield Warned(
+        "holding", neck_text(post), taken["shift_p99_um"], told, refused, remedy=neck_remedy_text(post)
+    )
 
 
 def spindle_warnings(job: Job, machine: Machine) -> Iterator[Warned]:
@@ -124,7 +126,7 @@ def spindle_warnings(job: Job, machine: Machine) -> Iterator[Warned]:
             text = f"[{name}] turns at {speed:g} 1/min, the spindle of {machine.name} at {lowest:g} at least"
             remedy = f"give {name}.spindle, or a smaller ball"
             share = job.warnings.spindle_refused
-            yield Warned("spindle", text, lowest / speed, 1.0, 1 / share if share else None, remedy)
+            yield Warned("spindle", text, lowest / speed, 1.0, 1 / share if share else None, remedy=remedy)
 
 
 def _hole(report: Sections, job: Job) -> Iterator[Warned]:
@@ -150,7 +152,7 @@ def _left(report: Sections, job: Job) -> Iterator[Warned]:
     if share > limits.left:
         text = f"{area:.1f} of {whole:.1f} mm2 of the part ({share:.0%}) {what}"
         remedy = "`uncut` tells why; a smaller or longer cutter, path.fine_cutter or a larger path.max_tilt_deg help"
-        yield Warned("left", text, share, limits.left, limits.left_refused, remedy)
+        yield Warned("left", text, share, limits.left, limits.left_refused, remedy=remedy)
 
 
 def _fit(report: Sections, job: Job) -> Iterator[Warned]:
@@ -161,7 +163,7 @@ def _fit(report: Sections, job: Job) -> Iterator[Warned]:
         text = f"the surface deviates by {away:.3f} mm from the mesh, more than surface.tolerance ({tolerance:g})"
         most = job.surface.max_control_points
         remedy = f"raise surface.max_control_points ({most}), or surface.tolerance if that is enough"
-        yield Warned("fit", text, away, tolerance, job.surface.largest_deviation, remedy)
+        yield Warned("fit", text, away, tolerance, job.surface.largest_deviation, remedy=remedy)
 
 
 def _blunt_edge(report: Sections, job: Job) -> Iterator[Warned]:
@@ -170,7 +172,12 @@ def _blunt_edge(report: Sections, job: Job) -> Iterator[Warned]:
     if width:
         text = f"the blades' blunt edge, up to {width:.2f} mm wide, is rounded by half circles that stand out of it"
         yield Warned(
-            "blunt_edge", text, width, 0.0, None, "turn it off afterwards, or give sections with their edge"
+            "blunt_edge",
+            text,
+            width,
+            0.0,
+            None,
+            remedy="turn it off afterwards, or give sections with their edge",
         )
 
 
@@ -182,7 +189,7 @@ def _bending(report: Sections, job: Job) -> Iterator[Warned]:
     if "skipped" in mechanics:
         if "removal" in report and "skipped" not in report["removal"]:
             remedy = "leave out --no-mechanics"
-            yield Warned("bending_unknown", mechanics["skipped"], None, None, None, remedy)
+            yield Warned("bending_unknown", mechanics["skipped"], None, None, None, remedy=remedy)
         return
     kept = (mechanics["error_kept_um"] or {}).get("p99", 0.0)
     warn_above, most = UM * job.warnings.error, UM * job.mechanics.largest_error
@@ -195,7 +202,7 @@ def _bending(report: Sections, job: Job) -> Iterator[Warned]:
         faults = [f"bending keeps errors of {kept:.1f} um on a hundredth of the part"]
     if faults:
         text = f"{'; '.join(faults)} ({low:g} to {up:g} times by author)"
-        yield Warned("bending", text, kept, warn_above, None if mechanics["faults"] else most, remedy)
+        yield Warned("bending", text, kept, warn_above, None if mechanics["faults"] else most, remedy=remedy)
 
 
 def _holding(report: Sections, job: Job) -> Iterator[Warned]:
@@ -212,7 +219,9 @@ def _slender(report: Sections, job: Job) -> Iterator[Warned]:
     if length > limits.slender * diameter:
         text = f"the post is slender: {diameter:g} x {length:g} mm bends under the cut"
         remedy = "a thicker post, a chuck below it or a slimmer holder help"
-        yield Warned("slender", text, length / diameter, limits.slender, limits.slender_refused, remedy)
+        yield Warned(
+            "slender", text, length / diameter, limits.slender, limits.slender_refused, remedy=remedy
+        )
 
 
 def _depth(report: Sections, job: Job) -> Iterator[Warned]:
@@ -220,13 +229,13 @@ def _depth(report: Sections, job: Job) -> Iterator[Warned]:
     removal = report.get("removal", {})
     if "skipped" in removal:
         text = f"{removal['skipped']}: shank and holder are not checked from the text"
-        yield Warned("not_simulated", text, None, None, None, "leave out --no-simulation")
+        yield Warned("not_simulated", text, None, None, None, remedy="leave out --no-simulation")
         return
     over = max((level["over_limit_mm"] or 0.0 for level in removal.get("levels", ())), default=0.0)
     if over > job.warnings.depth:
         text = f"in places a cut is up to {over:.2f} mm deeper than its level allows"
         yield Warned(
-            "depth", text, over, job.warnings.depth, None, "a smaller scallop or shallower cuts help"
+            "depth", text, over, job.warnings.depth, None, remedy="a smaller scallop or shallower cuts help"
         )
 
 
@@ -234,7 +243,7 @@ def _nose(report: Sections, machine: Machine) -> Iterator[Warned]:
     """A machine whose spindle nose is not known, where there is a program."""
     if not machine.nose and "nc" in report:
         text = f"the file of {machine.name} knows no spindle nose: nothing was kept clear of it"
-        yield Warned("nose", text, None, None, None, "give spindle.nose in it")
+        yield Warned("nose", text, None, None, None, remedy="give spindle.nose in it")
 
 
 KINDS: tuple[Callable[[Sections, Job], Iterator[Warned]], ...] = (

@@ -58,7 +58,8 @@ class Posted:
     @property
     def summary(self) -> str:
         """What was made and proved, in lines for a person."""
-        one, paths = self.program, self.proved.paths
+        one = self.program
+        paths = self.proved.paths
         program = f"{one.blocks} blocks for {one.machine} / {one.controller}, about {one.time_min:.0f} min"
         parts = part_count(one.text)
         program += f", with {counted(parts, 'file')} that it calls" if parts else ""
@@ -165,7 +166,9 @@ def _of_apt(text: str, job: Job, machine: Machine) -> Iterator[ToolPath]:
         fast = path.feed_rates > cutter.feed
         kinds = np.select([path.rapid, fast], [int(MoveKind.RAPID), int(MoveKind.LINK)], int(MoveKind.CUT))
         level = left if path.level is None else path.level
-        yield _tool_path(level, cutter, kinds, (path.tips, path.axes), path.feed_rates, job)
+        yield _tool_path(
+            level, cutter, kinds=kinds, poses=(path.tips, path.axes), feeds=path.feed_rates, job=job
+        )
 
 
 def _ball(path: ClPath) -> float:
@@ -196,7 +199,7 @@ def _of_program(
         )
         level = left if group.level is None else group.level
         poses = motions.tips[rows], motions.axes[rows]
-        yield _tool_path(level, cutter, kinds, poses, feeds[rows], job, group.rest)
+        yield _tool_path(level, cutter, kinds=kinds, poses=poses, feeds=feeds[rows], job=job, rest=group.rest)
 
 
 def _cutter(number: int, radius: float, job: Job, machine: Machine) -> Cutter:

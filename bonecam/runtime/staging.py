@@ -87,7 +87,9 @@ class Staging:
             except OSError as error:
                 remove_empty(folders)
                 raise unwritable(path, error) from error
-            self._outputs.append(_Output(path, work, target, names, tuple(folders), own, replace))
+            self._outputs.append(
+                _Output(path, work, target=target, names=names, made=tuple(folders), own=own, replace=replace)
+            )
         return work
 
     def remove(self, file: Path) -> None:
@@ -108,7 +110,8 @@ class Staging:
             return unwritable((named or self._outputs)[-1].given, error)
         if not isinstance(error, BonecamError):
             return error
-        message, file = str(error), str(error.evidence.get("file", ""))
+        message = str(error)
+        file = str(error.evidence.get("file", ""))
         for output in self._outputs:
             work = output.work / output.names[0] if output.names else output.work
             message = message.replace(str(work), str(output.given))

@@ -102,7 +102,13 @@ class Capsule(Stock):
         normals = np.empty((len(points), 3))
         axis = self.end - self.start
         capsule.distances_and_normals(
-            points, self.start, axis, float(self.radius), self._frame[0], distance, normals
+            points,
+            self.start,
+            axis=axis,
+            radius=float(self.radius),
+            sideways=self._frame[0],
+            distance=distance,
+            out=normals,
         )
         return distance, normals
 

@@ -119,7 +119,8 @@ def compare(
         failures[MORPH.name] = failure
     post = post_below(base.part.mesh, base.job.holding)
     study = _Study(base, failures, machine, dialect, probe_line(base.surface, post, RUBY, points, line))
-    rows, measured = [], {}
+    rows = []
+    measured = {}
     for k, strategy in enumerate(chosen):
         share = part(progress, 0.2 + 0.8 * k / len(chosen), 0.2 + 0.8 * (k + 1) / len(chosen))
         report(share, 0.0, strategy.title)
@@ -171,7 +172,8 @@ def _base(
         job = job.with_values(levels={"schedule": "numbers"})
     layers = [strategy for strategy in chosen if not strategy.is_morph]
     first = (layers or [MORPH])[0]
-    times, share = StageTimes(), part(progress, 0.2, 1.0)
+    times = StageTimes()
+    share = part(progress, 0.2, 1.0)
     standing = stand_part(given, first.job(job), machine, times, part(progress, 0.0, 0.2))
     failure = None
     if len(layers) < len(chosen):
@@ -235,10 +237,16 @@ class _Study:
         try:
             check_removal_of_job(removal, result.job)
         except BonecamError as error:
-            state, reason = "refused", str(error)
+            state = "refused"
+            reason = str(error)
         cutters = tuple(cutters_of(result.job, self.machine))
         posted = PostedProgram(
-            result.program.text, self.machine, self.dialect, cutters, result.surface, removal
+            result.program.text,
+            self.machine,
+            dialect=self.dialect,
+            cutters=cutters,
+            part=result.surface,
+            removal=removal,
         )
         probed = probe_surface(posted, self.line)
         roughness = roughness_of(posted, result.job.tool("finishing").flutes)

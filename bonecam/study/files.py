@@ -77,7 +77,8 @@ def _html_table(kind: str, lines: Sequence[Sequence[str]]) -> str:
 
 def _write_measured(comparison: Comparison, work: Path) -> None:
     """The files of the strategies that have a program."""
-    left, scallop = [], 0.0
+    left = []
+    scallop = 0.0
     for name, one in comparison.measured.items():
         write_whole(work / f"probe_{name}.csv", one.probed.csv)
         write_whole(work / f"page_{name}.html", one.result.page)

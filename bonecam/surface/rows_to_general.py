@@ -38,7 +38,9 @@ def as_general(surface: TSpline) -> TSpline[TMesh]:
     along_s = np.ones((a, b), dtype=bool)
     along_t = np.zeros((a, b - 1), dtype=bool)
     inside = np.ones((a, b - 1), dtype=bool)
-    mesh = TMesh(lines, t[2:-2], vertices, along_s, along_t, inside, (1.0, 0.0))
+    mesh = TMesh(
+        lines, t[2:-2], vertices=vertices, along_s=along_s, along_t=along_t, inside=inside, period=(1.0, 0.0)
+    )
     index = np.concatenate(
         [
             start + order % count
@@ -63,7 +65,7 @@ def _of_open_rows(surface: TSpline) -> TSpline[TMesh]:
     along_s = np.ones((a - 1, b), dtype=bool)
     inside = np.ones((a - 1, b - 1), dtype=bool)
     return TSpline(
-        TMesh(lines, rows.t_knots[2:-2], vertices, along_s, along_t, inside),
+        TMesh(lines, rows.t_knots[2:-2], vertices=vertices, along_s=along_s, along_t=along_t, inside=inside),
         surface.control_points,
         surface.weights,
     )

@@ -81,7 +81,8 @@ class Mill:
         pieces += [
             ("holder", piece.length, piece.diameter / 2, piece.top_diameter / 2) for piece in self.holder
         ]
-        sections, start = list[ToolSection](), top
+        sections = list[ToolSection]()
+        start = top
         for name, length, radius, end_radius in pieces:
             if length > 0:
                 sections.append(ToolSection(name, start, start + length, radius, end_radius))

@@ -125,7 +125,7 @@ def measure_gouge(motions: Motions, part: Distances, slack: float = SLACK) -> Go
         moves = np.flatnonzero((motions.tools == number) & motions.known_start)
         if len(moves):
             bows = centre_bows(control, motions.words[moves - 1], motions.words[moves])
-            run = _Run(motions, control, moves, bows, part, slack)
+            run = _Run(motions, control, moves=moves, bows=bows, part=part, slack=slack)
             best = _refine(run, centres, distance, best)
     return best
 
@@ -216,7 +216,11 @@ def _divide(spans: _Spans, run: _Run) -> tuple[_Spans, Float[ndarray, "p"], Floa
     is_first = place == 0
     first = np.where(is_first[:, None], spans.first[owner], np.roll(last, 1, axis=0))
     near = np.where(is_first, spans.near[owner], np.roll(far, 1))
-    return _Spans(move, start, end, first, last, near, far), run.control.radius - far, last
+    return (
+        _Spans(move, start, end=end, first=first, last=last, near=near, far=far),
+        run.control.radius - far,
+        last,
+    )
 
 
 def centre_bows(

@@ -97,13 +97,13 @@ def compare_moves(
         motions.tips,
         motions.axes,
         # where rapids may be bent, the ways to a path and from it are links
-        motions.rapid | (motions.links & (not dialect.straight_rapids)),
-        rows.tips,
-        rows.axes,
-        rows.from_anywhere,
-        rows.radius,
-        tolerances.tip,
-        axis_tolerance,
+        may_be_extra=motions.rapid | (motions.links & (not dialect.straight_rapids)),
+        path_tips=rows.tips,
+        path_axes=rows.axes,
+        from_anywhere=rows.from_anywhere,
+        radius=rows.radius,
+        tip_tolerance=tolerances.tip,
+        axis_tolerance=axis_tolerance,
     )
     if move < len(motions.tips):
         raise _misplaced(motions, move, row, rows)

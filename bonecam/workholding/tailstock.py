@@ -77,7 +77,8 @@ def bracket(holding: HoldingJob, pin: Column) -> dict[str, tuple[Column, ...]]:
     """The column on the table and the arm from there to the pin, by name; the holding tells how far off it stands."""
     angle = math.radians(holding.tailstock_azimuth_deg)
     foot = holding.tailstock_reach * np.array([math.cos(angle), math.sin(angle)])
-    top, half = pin.top + holding.tailstock_arm, holding.tailstock_arm / 2
+    top = pin.top + holding.tailstock_arm
+    half = holding.tailstock_arm / 2
     way = foot - [pin.x, pin.y]
     # discs on the corners of squares as wide as the arm
     count = max(math.ceil(float(np.linalg.norm(way)) / holding.tailstock_arm), 1)

@@ -83,7 +83,8 @@ def save_layers(meshes: MeshSet, folder: Path) -> None:
 def _free_name(folder: Path, label: str, ending: str) -> Path:
     stem = label[: -len(Path(label).suffix)] if Path(label).suffix.lower() in READABLE else label
     stem = re.sub(r"[^\w.-]+", "_", stem).strip("._") or "layer"
-    number, name = 1, stem
+    number = 1
+    name = stem
     while (folder / f"{name}{ending}").exists():
         number += 1
         name = f"{stem}_{number}"

@@ -66,7 +66,14 @@ def run_script(
     check_folder(output_dir)
     target = Path(os.path.realpath(output_dir))
     with whole_folder(output_dir, own=NOTHING_STALE, replace=force) as folder:
-        run = Run(str(script), tuple(map(str, inputs)), folder, target, allow_outside, force)
+        run = Run(
+            str(script),
+            tuple(map(str, inputs)),
+            folder=folder,
+            target=target,
+            allow_outside=allow_outside,
+            force=force,
+        )
         if registry is None:
             _work_in_child(run, progress, seconds, memory)
         else:

@@ -50,7 +50,8 @@ def derivatives(
 ) -> None:
     """Write S, S_s, S_t, S_ss, S_st, S_tt at each sample into D (1, 3 or 6, n, 3), as many as it holds."""
     a, b = np.empty((3, degree + 1)), np.empty((3, degree + 1))
-    A, orders = np.empty((6, 4)), ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
+    A = np.empty((6, 4))
+    orders = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
     for n in range(len(s)):
         e = element[n]
         h, k = 1.0 / (boxes[e, 1] - boxes[e, 0]), 1.0 / (boxes[e, 3] - boxes[e, 2])

@@ -102,7 +102,10 @@ def first_jet(p: ndarray, box: ndarray, s: float, t: float) -> tuple[Three, Thre
     """S, S_s and S_t of one patch at (s, t): numbers, no arrays, which takes half the time."""
     h, k = 1.0 / (box[1] - box[0]), 1.0 / (box[3] - box[2])
     x, y = (s - box[0]) * h, (t - box[2]) * k
-    a, a_s, b, b_t = bernstein(x), bernstein_first(x, h), bernstein(y), bernstein_first(y, k)
+    a = bernstein(x)
+    a_s = bernstein_first(x, h)
+    b = bernstein(y)
+    b_t = bernstein_first(y, k)
     w, w_s, w_t = _coordinate(p, 3, a, a_s, b, b_t)
     x0, s0, t0 = _coordinate(p, 0, a, a_s, b, b_t)
     x1, s1, t1 = _coordinate(p, 1, a, a_s, b, b_t)

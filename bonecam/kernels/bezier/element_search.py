@@ -9,7 +9,8 @@ from numpy import ndarray
 def _strip(strip_knots: ndarray, strip_table: ndarray, t: float) -> int:
     """The last strip that starts at or below t. The table holds, for even slices of the t-range, the strip at
     which the search starts."""
-    count, slices = len(strip_knots) - 1, len(strip_table)
+    count = len(strip_knots) - 1
+    slices = len(strip_table)
     k = strip_table[
         min(slices - 1, max(0, int((t - strip_knots[0]) * (slices / (strip_knots[count] - strip_knots[0])))))
     ]
@@ -21,7 +22,9 @@ def _strip(strip_knots: ndarray, strip_table: ndarray, t: float) -> int:
 @njit(inline="always")
 def _slot(strip_starts: ndarray, lows: ndarray, highs: ndarray, tables: ndarray, k: int, s: float) -> int:
     """The last element of strip k that starts at or below s, its first one where there is none."""
-    a, b, slots = strip_starts[k], strip_starts[k + 1] - 1, tables.shape[1]
+    a = strip_starts[k]
+    b = strip_starts[k + 1] - 1
+    slots = tables.shape[1]
     i = tables[k, min(slots - 1, max(0, int((s - lows[a]) * (slots / (highs[b] - lows[a])))))]
     while i < b and lows[i + 1] <= s:
         i += 1

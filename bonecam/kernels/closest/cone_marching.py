@@ -75,7 +75,9 @@ def prove(
     """PROVEN where the tool at apex k is free for all axes within `angle` of the unit vector a, REJECTED or OPEN; and
     how far it is proven: the section, and the height in it. What lies before section `first` and the height `proven`
     in that one is known to be free."""
-    sine, cosine, chord = np.sin(angle), np.cos(angle), 2 * np.sin(angle / 2)
+    sine = np.sin(angle)
+    cosine = np.cos(angle)
+    chord = 2 * np.sin(angle / 2)
     x, y, z = p.places[k, 0], p.places[k, 1], p.places[k, 2]
     for s in range(first, len(o.sections)):
         up, end, r = o.sections[s, 0], o.sections[s, 1], o.sections[s, 2]

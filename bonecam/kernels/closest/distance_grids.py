@@ -82,7 +82,8 @@ def distance_bound(
         i, j, k = int(fx), int(fy), int(fz)
         fx, fy, fz = fx - i, fy - j, fz - k
         at = int(cells[g, 7]) + (i * ny + j) * nz + k
-        beside, across = at + nz, at + ny * nz
+        beside = at + nz
+        across = at + ny * nz
         beyond = across + nz
         a, b, c, d = values[at], values[beside], values[across], values[beyond]
         e, f, p, q = values[at + 1], values[beside + 1], values[across + 1], values[beyond + 1]

@@ -102,7 +102,11 @@ def walk(
     e = 0
     for l in range(len(y)):
         p = y[l, 0], y[l, 1], y[l, 2]
-        u, v, ds, dt, best = s[l] - np.floor(s[l]), min(max(t[l], ends[0]), ends[1]), 0.0, 0.0, np.inf
+        u = s[l] - np.floor(s[l])
+        v = min(max(t[l], ends[0]), ends[1])
+        ds = 0.0
+        dt = 0.0
+        best = np.inf
         nearest_u, nearest_v, nearest, n = u, v, p, p
         for _ in range(steps + 1):
             if not (boxes[e, 0] <= u < boxes[e, 1] and boxes[e, 2] <= v < boxes[e, 3]):
@@ -111,7 +115,11 @@ def walk(
             r = _minus(p, x)
             square = _dot(r, r)
             if square < best:
-                best, nearest_u, nearest_v, nearest, n = square, u, v, x, _cross(S_s, S_t)
+                best = square
+                nearest_u = u
+                nearest_v = v
+                nearest = x
+                n = _cross(S_s, S_t)
                 if square <= enough[l] * enough[l]:
                     break
                 F, G, a, b = _dot(S_s, S_t), _dot(S_t, S_t), _dot(r, S_s), _dot(r, S_t)
@@ -137,7 +145,8 @@ def walk(
             tip = first_jet(patches[e], boxes[e], nearest_u, end)[0]
             along = _minus(nearest, tip)
             share = min(max(_dot(_minus(p, tip), along) / max(_dot(along, along), TINY), 0.0), 1.0)
-            nearest_v, nearest = end + share * (nearest_v - end), _minus(tip, _times(-share, along))
+            nearest_v = end + share * (nearest_v - end)
+            nearest = _minus(tip, _times(-share, along))
             r = _minus(p, nearest)
             best = _dot(r, r)
         if best > clear_of * clear_of:

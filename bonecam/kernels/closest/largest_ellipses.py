@@ -104,7 +104,8 @@ def _worth(edges: ndarray, count: int, at: ndarray) -> float:
 @njit(cache=True, nogil=True)
 def _seen(edges: ndarray, count: int) -> int:
     """Move the edges that are nearest to the origin in one of RAYS to the front; how many they are."""
-    nearest, which = np.full(RAYS, np.inf), np.full(RAYS, -1)
+    nearest = np.full(RAYS, np.inf)
+    which = np.full(RAYS, -1)
     width = 2 * np.pi / RAYS
     for e in range(count):
         ax, ay, bx, by = edges[e, 0], edges[e, 1], edges[e, 2], edges[e, 3]
@@ -145,7 +146,9 @@ def _moved(at: ndarray, s: float, move: ndarray, out: ndarray) -> None:
 @njit(cache=True, nogil=True)
 def _search(edges: ndarray, count: int, at: ndarray, free: int) -> float:
     """Improve an ellipse in its first `free` parameters, one or two at a time; what it is worth."""
-    steps, move, moved = np.array(FIRST_STEPS), np.zeros(4), np.empty(4)
+    steps = np.array(FIRST_STEPS)
+    move = np.zeros(4)
+    moved = np.empty(4)
     best = _worth(edges, count, at)
     for _ in range(HALVINGS + 1):
         better = True
@@ -164,7 +167,8 @@ def _search(edges: ndarray, count: int, at: ndarray, free: int) -> float:
                 worth = _worth(edges, count, moved)
                 if worth > best + 1e-3:
                     at[:] = moved
-                    best, better = worth, True
+                    best = worth
+                    better = True
                     s = _reach(edges, count, at[0], at[1], at[2], at[3])
         steps /= 2
     return best
@@ -185,7 +189,8 @@ def _cross(a: ndarray, b: ndarray, product: ndarray) -> None:
 @njit(cache=True, nogil=True)
 def _tangents(w: ndarray, t1: ndarray, t2: ndarray) -> None:
     """Write two unit vectors across the unit vector w, and each other."""
-    side, axis = np.zeros(3), 0
+    side = np.zeros(3)
+    axis = 0
     for d in range(1, 3):
         if abs(w[d]) < abs(w[axis]):
             axis = d
@@ -220,8 +225,11 @@ def largest_ellipses(
     """For each map of proven leaves (k, l) the axes D and semi-diameters U and V (k, 3, 3) of a cone of proven
     directions about the unit vector `wanted` (k, 3), or about the nearest proven leaf; and whether there is one.
     `centres` (l, 3) are those of the leaves."""
-    frames, has_cone = np.zeros((len(wanted), 3, 3)), np.zeros(len(wanted), dtype=np.bool_)
-    edges, t1, t2 = np.empty((len(mesh.edges), 4)), np.empty(3), np.empty(3)
+    frames = np.zeros((len(wanted), 3, 3))
+    has_cone = np.zeros(len(wanted), dtype=np.bool_)
+    edges = np.empty((len(mesh.edges), 4))
+    t1 = np.empty(3)
+    t2 = np.empty(3)
     for k in range(len(wanted)):
         leaf = _place_in(mesh, centres, proven[k], wanted[k])
         if leaf == -1:

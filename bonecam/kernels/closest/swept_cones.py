@@ -125,7 +125,8 @@ def _upper(top: float, foot: ndarray, along: ndarray) -> tuple[ndarray, float]:
     nearer than `top`."""
     sides = len(foot)
     directions = np.empty((sides, 3))
-    radius, turn = top, 0
+    radius = top
+    turn = 0
     while True:
         lowest = 1.0
         for k in range(sides):

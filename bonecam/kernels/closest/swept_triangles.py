@@ -52,7 +52,8 @@ def _bounds(size: ndarray, sides: int) -> Bounds:
 def _height(b: Bounds, x: float, y: float, z: float, beyond: float) -> float:
     """How high above the apex a point is at most, seen along axes of the cone; it is `beyond` the tangent planes (0
     inside all of them). Without what it has along the outward normal of one it is seen no lower."""
-    out, square = np.sqrt(x * x + y * y), x * x + y * y + z * z
+    out = np.sqrt(x * x + y * y)
+    square = x * x + y * y + z * z
     across = np.sqrt(max(square - beyond * beyond, 0.0))
     return across if z * b.sine >= out * b.cosine else min(across, z * b.cosine + out * b.sine)
 
@@ -123,11 +124,16 @@ def swept_clear(
     """Which of the sweeps (n, 6), with their apexes at `places` and turned (n, 3, 3), are told from all triangles of a
     tree by planes of so many sides."""
     clear = np.ones(len(sizes), np.bool_)
-    count, leaves = len(triangles), (len(boxes) + 1) // 2
-    stack, middle, half = np.empty(DEEPEST, np.int64), np.empty(3), np.empty((3, 3))
+    count = len(triangles)
+    leaves = (len(boxes) + 1) // 2
+    stack = np.empty(DEEPEST, np.int64)
+    middle = np.empty(3)
+    half = np.empty((3, 3))
     corners, beyond = np.empty(9), np.empty(3)
     for k in range(len(sizes)):
-        bounds, turn, place = _bounds(sizes[k], sides), turns[k], places[k]
+        bounds = _bounds(sizes[k], sides)
+        turn = turns[k]
+        place = places[k]
         stack[0], height = 0, 1
         while height and clear[k]:
             height -= 1

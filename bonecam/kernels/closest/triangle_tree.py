@@ -20,17 +20,21 @@ RUN = 16
 def _sort(order: ndarray, keys: ndarray, order_after: ndarray, keys_after: ndarray) -> None:
     """Sort triangles by their keys; those of one key stay in their order. Runs of RUN are sorted by insertion, then
     merged two by two (numpy's sort would compile for seconds)."""
-    n, run = len(order), RUN
+    n = len(order)
+    run = RUN
     for first in range(0, n, RUN):
         for i in range(first + 1, min(first + RUN, n)):
-            one, key, k = order[i], keys[i], i
+            one = order[i]
+            key = keys[i]
+            k = i
             while k > first and key < keys[k - 1]:
                 order[k], keys[k] = order[k - 1], keys[k - 1]
                 k -= 1
             order[k], keys[k] = one, key
     while run < n:
         for first in range(0, n, 2 * run):
-            middle, end = min(first + run, n), min(first + 2 * run, n)
+            middle = min(first + run, n)
+            end = min(first + 2 * run, n)
             a, b = first, middle
             for k in range(first, end):
                 if b >= end or (a < middle and not keys[b] < keys[a]):
@@ -64,13 +68,16 @@ def tree_order(middles: ndarray, leaves: int) -> ndarray:
             if not low < middle < high:
                 continue
             here = order[low:high]
-            longest, axis = -1.0, 0
+            longest = -1.0
+            axis = 0
             for k in range(3):
-                smallest, largest = np.inf, -np.inf
+                smallest = np.inf
+                largest = -np.inf
                 for i in here:
                     smallest, largest = min(smallest, middles[i, k]), max(largest, middles[i, k])
                 if largest - smallest > longest:
-                    longest, axis = largest - smallest, k
+                    longest = largest - smallest
+                    axis = k
             for i in range(len(here)):
                 along[i] = middles[here[i], axis]
             _sort(here, along[: len(here)], order_after, along_after)
@@ -166,7 +173,9 @@ def distances_within(
         best = limits[i] * limits[i]
         best = min(best, squared_triangle_distance(px, py, pz, triangles[last]))
         left_out = np.inf
-        stack[0], reach[0], height = 0, _squared_box_distance(px, py, pz, boxes, 0), 1
+        stack[0] = 0
+        reach[0] = _squared_box_distance(px, py, pz, boxes, 0)
+        height = 1
         while height:
             height -= 1
             if reach[height] * near >= best:

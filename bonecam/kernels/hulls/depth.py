@@ -43,7 +43,8 @@ def _bound_from_middle(
     """A bound (mm) no larger than `bound`, and the distance of the net's middle from the surface. From the
     nearest footpoint of the middle are taken: the largest distance of a control point from it, and the map
     whose corners are footpoints reached from it; a map that bounds better replaces `corners` (4, 2)."""
-    middle, other = np.empty(3), np.empty((4, 2))
+    middle = np.empty(3)
+    other = np.empty((4, 2))
     middle[0], middle[1], middle[2] = patch_point(net, UNIT_BOX, 0.5, 0.5)
     s, t = middle_parameters(corners)
     s, t, distance = nearest_footpoint(middle, s, t, on, D)
@@ -54,7 +55,8 @@ def _bound_from_middle(
     if new < bound:
         bound = new
         copy(other, corners)
-    e, far = locate_one(*on.strips, s - math.floor(s), t), 0.0
+    e = locate_one(*on.strips, s - math.floor(s), t)
+    far = 0.0
     x = patch_point(on.patches[e], on.boxes[e], s - math.floor(s), t)
     for i in range(16):
         far = max(far, (net[i, 0] - x[0]) ** 2 + (net[i, 1] - x[1]) ** 2 + (net[i, 2] - x[2]) ** 2)
@@ -97,12 +99,12 @@ def depth_bound(
     halved again where its bound is no larger than `goal` mm or than that of another, or at most `accuracy` mm
     (and RELATIVE_ACCURACY) over a distance that some point has, or where it is no larger than `smallest` mm.
     """
-    stack, corners, parts = (
-        np.empty((STACK_SIZE, 16, 3)),
-        np.empty((STACK_SIZE, 4, 2)),
-        np.empty((STACK_SIZE, 4)),
-    )
-    D, place, over = np.empty((6, 3)), np.zeros(3), np.empty((MOST_LISTED, 3))
+    stack = np.empty((STACK_SIZE, 16, 3))
+    corners = np.empty((STACK_SIZE, 4, 2))
+    parts = np.empty((STACK_SIZE, 4))
+    D = np.empty((6, 3))
+    place = np.zeros(3)
+    over = np.empty((MOST_LISTED, 3))
     most, count, listed = 0.0, 0, 0
     for n in range(len(nets)):
         copy(nets[n], stack[0])
@@ -114,7 +116,9 @@ def depth_bound(
         while height:
             height -= 1
             count += 1
-            net, enough, last = stack[height], max(goal, most), height + 2 > STACK_SIZE
+            net = stack[height]
+            enough = max(goal, most)
+            last = height + 2 > STACK_SIZE
             bound, corner_distance, axis = mapped_distance_bound(net, corners[height], on)
             if bound > enough:
                 s, t = extents(net)

@@ -53,11 +53,13 @@ def nearest_footpoint(
     for e in range(len(on.seeds)):
         if box_distance(on.hulls[e], point) >= distance:
             continue
-        best, k = np.inf, 0
+        best = np.inf
+        k = 0
         for i in range(on.seeds.shape[1]):
             x, y, z = on.seeds[e, i, 2] - point[0], on.seeds[e, i, 3] - point[1], on.seeds[e, i, 4] - point[2]
             if x * x + y * y + z * z < best:
-                best, k = x * x + y * y + z * z, i
+                best = x * x + y * y + z * z
+                k = i
         u, v, other = footpoint(point, on.seeds[e, k, 0], on.seeds[e, k, 1], on, D)
         if other < distance:
             s, t, distance = u, v, other

@@ -112,7 +112,8 @@ def _extension_error(on: DepthTarget, m: int, turn: int, a: float, b: float, c: 
     """How far the polynomial of element m, moved on by `turn` turns in s, is from the surface on
     [a, b] x [c, d] at most."""
     lines, _, starts, lows, highs, ids, _ = on.strips
-    worst, boxes = 0.0, on.boxes
+    worst = 0.0
+    boxes = on.boxes
     if a >= boxes[m, 0] + turn and b <= boxes[m, 1] + turn and c >= boxes[m, 2] and d <= boxes[m, 3]:
         return worst
     if b - a < NARROWEST_MAP:
@@ -124,7 +125,9 @@ def _extension_error(on: DepthTarget, m: int, turn: int, a: float, b: float, c: 
             continue
         for other in range(math.floor(a), math.floor(b) + 1):
             for i in range(starts[k], starts[k + 1]):
-                low, high, n = max(a, lows[i] + other), min(b, highs[i] + other), ids[i]
+                low = max(a, lows[i] + other)
+                high = min(b, highs[i] + other)
+                n = ids[i]
                 if low < high and not (n == m and other == turn):
                     worst = max(
                         worst,

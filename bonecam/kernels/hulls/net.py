@@ -29,7 +29,9 @@ def halve(net: ndarray, axis: int, low: ndarray, high: ndarray) -> None:
                 0.5 * (net[c, x] + net[d, x]),
             )
             pqr, qrs = 0.5 * (pq + qr), 0.5 * (qr + rs)
-            middle, first, last = 0.5 * (pqr + qrs), net[a, x], net[d, x]
+            middle = 0.5 * (pqr + qrs)
+            first = net[a, x]
+            last = net[d, x]
             low[a, x], low[b, x], low[c, x], low[d, x] = first, pq, pqr, middle
             high[a, x], high[b, x], high[c, x], high[d, x] = middle, qrs, rs, last
 

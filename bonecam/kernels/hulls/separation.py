@@ -85,13 +85,13 @@ def separation(
         box_of(inner[i], a_boxes[i])
     for j in range(len(outer)):
         box_of(outer[j], b_boxes[j])
-    A, B, a_box, b_box = (
-        np.empty((STACK_SIZE, 16, 3)),
-        np.empty((STACK_SIZE, 16, 3)),
-        np.empty(6),
-        np.empty(6),
-    )
-    least, place, count = goal, np.zeros(3), 0
+    A = np.empty((STACK_SIZE, 16, 3))
+    B = np.empty((STACK_SIZE, 16, 3))
+    a_box = np.empty(6)
+    b_box = np.empty(6)
+    least = goal
+    place = np.zeros(3)
+    count = 0
     for i in range(len(inner)):
         for j in range(len(outer)):
             if _box_separation(a_boxes[i], b_boxes[j]) >= goal:

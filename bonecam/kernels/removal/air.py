@@ -96,13 +96,17 @@ def _nearest(rays: RaySet, u: float, v: float, w: float, best: float) -> float:
                 continue
             squared = _on_ray(rays, i + a * step, j + b * step, u, v, w)
             if squared < near:
-                near, at_i, at_j = squared, i + a * step, j + b * step
+                near = squared
+                at_i = i + a * step
+                at_j = j + b * step
     middle_i, middle_j = at_i, at_j
     for a in range(1 - step, step):
         for b in range(1 - step, step):
             squared = _on_ray(rays, middle_i + a, middle_j + b, u, v, w)
             if squared < near:
-                near, at_i, at_j = squared, middle_i + a, middle_j + b
+                near = squared
+                at_i = middle_i + a
+                at_j = middle_j + b
     return min(best, near, _on_face(rays, at_i, at_j, u, v, w))
 
 

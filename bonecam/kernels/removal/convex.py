@@ -52,7 +52,9 @@ def _onto_cone(p: ndarray, foot: ndarray, axis: ndarray, section: ndarray, neare
         for level, wide in ((start, first), (end, last)):
             near = min(out, wide)
             if np.hypot(along - level, out - near) < best:
-                best, height, radius = np.hypot(along - level, out - near), level, near
+                best = np.hypot(along - level, out - near)
+                height = level
+                radius = near
     share = radius / out if out > 0.0 else 0.0
     for k in range(3):
         nearest[k] = foot[k] + height * axis[k] + share * nearest[k]
@@ -116,13 +118,15 @@ def _cone_rims(foot: ndarray, axis: ndarray, section: ndarray, column: ndarray) 
         low, high = 0.0, 2 * np.pi
         for step in range(1 + RIM_STEPS):
             count = RIM_POINTS if step == 0 else 2
-            nearest, at = np.inf, 0.0
+            nearest = np.inf
+            at = 0.0
             for m in range(count):
                 angle = low + (high - low) * (m + (step > 0)) / (count + (step > 0))
                 _rim_point(angle, middle, e, f, section[2 + side], p)
                 _onto_column(p, column, q)
                 if _apart(p, q) < nearest:
-                    nearest, at = _apart(p, q), angle
+                    nearest = _apart(p, q)
+                    at = angle
             half = 2 * np.pi / RIM_POINTS if step == 0 else (high - low) / 3
             low, high = at - half, at + half
             best = min(best, nearest)
@@ -139,13 +143,15 @@ def _column_rims(foot: ndarray, axis: ndarray, section: ndarray, column: ndarray
         low, high = 0.0, 2 * np.pi
         for step in range(1 + RIM_STEPS):
             count = RIM_POINTS if step == 0 else 2
-            nearest, at = np.inf, 0.0
+            nearest = np.inf
+            at = 0.0
             for m in range(count):
                 angle = low + (high - low) * (m + (step > 0)) / (count + (step > 0))
                 p[0], p[1] = column[0] * np.cos(angle), column[0] * np.sin(angle)
                 _onto_cone(p, foot, axis, section, q)
                 if _apart(p, q) < nearest:
-                    nearest, at = _apart(p, q), angle
+                    nearest = _apart(p, q)
+                    at = angle
             half = 2 * np.pi / RIM_POINTS if step == 0 else (high - low) / 3
             low, high = at - half, at + half
             best = min(best, nearest)

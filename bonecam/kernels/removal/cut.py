@@ -150,7 +150,8 @@ def cut_capsule(rays: RaySet, start: ndarray, end: ndarray, radius: float, flat:
     Returns the volume removed (mm^3), and whether a ray has no room for one more interval: then part of the
     capsule is still to be cut, and cutting it again with more room completes it.
     """
-    cell, side = rays.cell, rays.cell * TILE
+    cell = rays.cell
+    side = rays.cell * TILE
     d, length = direction_of(start, end)
     lows, highs = np.empty(TILE * TILE), np.empty(TILE * TILE)
     removed = 0.0
@@ -172,7 +173,8 @@ def cylinder_meets(rays: RaySet, foot: ndarray, axis: ndarray, length: float, ra
     A tile is left out where the ray through its middle, with all as much larger as the tile is wide, meets
     none of what stands in it.
     """
-    cell, side = rays.cell, rays.cell * TILE
+    cell = rays.cell
+    side = rays.cell * TILE
     dx, dy, dz = axis[0], axis[1], axis[2]
     half_diagonal = side * np.sqrt(0.5)
     rows, columns = rays.tile_of.shape
@@ -180,7 +182,9 @@ def cylinder_meets(rays: RaySet, foot: ndarray, axis: ndarray, length: float, ra
     last_u = min(int(np.floor((foot[0] + max(length * dx, 0.0) + radius) / side)), rows - 1)
     first_v = max(int(np.floor((foot[1] + min(length * dy, 0.0) - radius) / side)), 0)
     last_v = min(int(np.floor((foot[1] + max(length * dy, 0.0) + radius) / side)), columns - 1)
-    wide, below, above = radius + half_diagonal, -half_diagonal, length + half_diagonal
+    wide = radius + half_diagonal
+    below = -half_diagonal
+    above = length + half_diagonal
     for i in range(first_u, last_u + 1):
         for j in range(first_v, last_v + 1):
             tile = rays.tile_of[i, j]

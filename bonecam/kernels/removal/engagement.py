@@ -73,7 +73,9 @@ def _meets(
     x, y = (i + 0.5) * rays.cell - centre[0], (j + 0.5) * rays.cell - centre[1]
     along = x * axis[0] + y * axis[1] if flutes else 0.0
     rise = axis[2] if flutes else 0.0
-    square, slope, steep = x * x + y * y - along * along, -along * rise, 1.0 - rise * rise
+    square = x * x + y * y - along * along
+    slope = -along * rise
+    steep = 1.0 - rise * rise
     rest = slope * slope - steep * (square - radius * radius)
     if rest <= 0.0:
         return False
@@ -92,12 +94,18 @@ def engage(rays: RaySet, edges: Edges, i: int, radius: float, reach: float) -> N
     if edges.asked[i] or edges.chips[i] <= 0.0:
         return
     edges.asked[i] = True
-    one, two, axis, centre = edges.frames[i, 0], edges.frames[i, 1], edges.frames[i, 2], edges.centres[i]
+    one = edges.frames[i, 0]
+    two = edges.frames[i, 1]
+    axis = edges.frames[i, 2]
+    centre = edges.centres[i]
     if reach <= 0.0 and len(tiles_reached(rays, centre, centre, axis, 0.0, radius)) == 0:
         return
-    inner, db = radius - ROUNDING, radius * 0.5 * np.pi / ROWS
+    inner = radius - ROUNDING
+    db = radius * 0.5 * np.pi / ROWS
     flutes = int(np.ceil(reach / (COARSER * db)))
-    ahead, up, chip = edges.feeds[i, 0], edges.feeds[i, 1], edges.chips[i]
+    ahead = edges.feeds[i, 0]
+    up = edges.feeds[i, 1]
+    chip = edges.chips[i]
     a_u, a_v, a_w = axis
     ktc, krc, kac, kte, kre, kae = edges.coefficients
     for k in range(TURN):
@@ -111,7 +119,8 @@ def engage(rays: RaySet, edges: Edges, i: int, radius: float, reach: float) -> N
             if row < ROWS:
                 sine, cosine = _KAPPA_SINES[row], _KAPPA_COSINES[row]
             else:
-                height, share = (row - ROWS + 0.5) * reach / flutes, reach / flutes / db
+                height = (row - ROWS + 0.5) * reach / flutes
+                share = reach / flutes / db
             along = sine * along_e - cosine * up
             if along <= 0.0:
                 continue

@@ -52,7 +52,10 @@ def fixed_clearance(
     """
     foot, axis = np.empty(3), np.empty(3)
     ways = ways_of(pieces)
-    least, where, what, touched = within, -1, -1, -1
+    least = within
+    where = -1
+    what = -1
+    touched = -1
     for i in range(len(pieces.starts)):
         for s in range(len(sections) + 1):
             ball = s == len(sections)
@@ -64,7 +67,8 @@ def fixed_clearance(
             while True:
                 steps = max(int(np.ceil(travel / step)), 1)
                 slack = travel / steps / 2
-                near, bare = least, np.inf
+                near = least
+                bare = np.inf
                 for k in range(steps):
                     piece_pose(ways, i, (k + 0.5) / steps, foot, axis)
                     if ball:

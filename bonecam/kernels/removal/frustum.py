@@ -93,7 +93,8 @@ def frustum_clearance(
     """
     best = within
     apart = min(max(int(within / 4 / rays.cell), 1), TILE)
-    cell, side = rays.cell, rays.cell * TILE
+    cell = rays.cell
+    side = rays.cell * TILE
     length = end - start
     dx, dy, dz = axis[0], axis[1], axis[2]
     px, py, pz = foot[0] + start * axis[0], foot[1] + start * axis[1], foot[2] + start * axis[2]

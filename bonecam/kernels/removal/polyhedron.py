@@ -40,7 +40,8 @@ def polyhedron_chords(corners: ndarray, cell: float, tile_of: ndarray, low: ndar
         for i in range(first, last + 1):
             u = (i + 0.5) * cell
             for j in range(left, right + 1):
-                tile, ray = tile_of[i // TILE, j // TILE], j % TILE * TILE + i % TILE
+                tile = tile_of[i // TILE, j // TILE]
+                ray = j % TILE * TILE + i % TILE
                 v = (j + 0.5) * cell
                 one = (b[0] - a[0]) * (v - a[1]) - (b[1] - a[1]) * (u - a[0])
                 two = (c[0] - b[0]) * (v - b[1]) - (c[1] - b[1]) * (u - b[0])

@@ -58,7 +58,9 @@ def bits(low: float, high: float, length: float) -> np.uint64:
 @njit(cache=True, nogil=True)
 def summarise_tile(rays: RaySet, tile: int) -> None:
     """Set the bounds and the mask of a tile from its intervals."""
-    low, high, mask = np.inf, -np.inf, np.uint64(0)
+    low = np.inf
+    high = -np.inf
+    mask = np.uint64(0)
     for ray in range(TILE * TILE):
         count = rays.counts[tile, ray]
         if count:
@@ -100,7 +102,9 @@ def capsule_chord(
         low, high = -half, half
     if length <= 0.0:
         return low, high
-    ex, ey, ez = x - length * dx, y - length * dy, length * dz
+    ex = x - length * dx
+    ey = y - length * dy
+    ez = length * dz
     rest = square - ex * ex - ey * ey
     if rest > 0.0:
         half = np.sqrt(rest)

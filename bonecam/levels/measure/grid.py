@@ -86,7 +86,14 @@ def _grid(
     R = surface.basis(*parameters.T)[0]
     R_middles = surface.basis(*middles.T)[0]
     faces = frozen(faces, np.int32)
-    return LevelGrid(frozen(parameters), frozen(middles), R, R_middles, faces, chord_tolerance)
+    return LevelGrid(
+        frozen(parameters),
+        frozen(middles),
+        R=R,
+        R_middles=R_middles,
+        faces=faces,
+        chord_tolerance=chord_tolerance,
+    )
 
 
 def _middles(parameters: ndarray, faces: ndarray, first: ndarray, own: ndarray) -> ndarray:

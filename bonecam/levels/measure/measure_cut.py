@@ -40,8 +40,23 @@ def measure_cut(inner: MeasuredSurface, outer: MeasuredSurface, stock: Stock, li
         ]
     )
     remaining = -stock.signed_distance(inner.points)
-    samples = CutSamples(outer.points, inner.points, depth, outside, nesting, nesting, remaining)
-    return measures_of(samples, inner.mesh, outer.mesh, limit, crossing_faces, near_limits)
+    samples = CutSamples(
+        outer.points,
+        inner.points,
+        depth=depth,
+        outside=outside,
+        reverse_depth=nesting,
+        nesting=nesting,
+        remaining=remaining,
+    )
+    return measures_of(
+        samples,
+        inner.mesh,
+        outer=outer.mesh,
+        limit=limit,
+        crossing_faces=crossing_faces,
+        near_limits=near_limits,
+    )
 
 
 def measure_last_cut(inner: MeasuredSurface, mesh: TriangleMesh, stock: Stock, limit: float) -> Measures:
@@ -54,5 +69,13 @@ def measure_last_cut(inner: MeasuredSurface, mesh: TriangleMesh, stock: Stock, l
     outside = stock.signed_distance(points)
     depth = np.abs(inner.closest(points)[0])
     nesting = -stock.signed_distance(inner.points)
-    samples = CutSamples(points, inner.points, depth, outside, nesting, nesting, np.zeros(len(nesting)))
+    samples = CutSamples(
+        points,
+        inner.points,
+        depth=depth,
+        outside=outside,
+        reverse_depth=nesting,
+        nesting=nesting,
+        remaining=np.zeros(len(nesting)),
+    )
     return measures_of(samples, inner.mesh, mesh, limit, self_intersections(mesh))

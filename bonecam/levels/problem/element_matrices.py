@@ -41,13 +41,14 @@ def element_matrices(surface: TSpline) -> ElementMatrices:
     normals = n / np.linalg.norm(n, axis=1, keepdims=True)
     M = thin_plate_matrix(surface, s, t, weights)
     N = sp.csc_array(R.T @ sp.diags_array(weights) @ R)
-    return ElementMatrices(R, weights, normals, M, N, _on_edge(surface))
+    return ElementMatrices(R, weights, normals=normals, M=M, N=N, edge=_on_edge(surface))
 
 
 def _on_edge(surface: TSpline) -> Bool[ndarray, " c"]:
     """Control points that move an edge of the surface."""
     ends = surface.domain
-    period, reached = surface.elements().period, np.zeros(surface.tmesh.size)
+    period = surface.elements().period
+    reached = np.zeros(surface.tmesh.size)
     for across in (0, 1):
         if period[across]:
             continue

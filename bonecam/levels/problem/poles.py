@@ -19,7 +19,8 @@ def free_moves(surface: TSpline) -> sp.csr_array:
     pole with two directions in its plane, two points are: the others are where the affine map of pole and
     ring that they give takes them."""
     starts, size = surface.tmesh.row_starts, surface.tmesh.size
-    B, bound = sp.lil_array(sp.eye_array(size)), np.zeros(size, dtype=bool)
+    B = sp.lil_array(sp.eye_array(size))
+    bound = np.zeros(size, dtype=bool)
     for has_pole, pole, ring in zip(
         surface.tmesh.poles, (0, size - 1), (range(starts[1], starts[2]), range(starts[-3], starts[-2]))
     ):

@@ -28,7 +28,8 @@ from bonecam.levels.problem.limits.wall import inside
 from bonecam.levels.problem.remaining import Remaining
 from bonecam.levels.problem.samples import gram
 
-NET, SAMPLED = (plate,), (pull, farthest)
+NET = (plate,)
+SAMPLED = (pull, farthest)
 """The energies of a program: those of the control net, and those of samples."""
 TOO_FAR = 0.001
 """A sample is in a hollow once it is so much (mm) farther from the new level than the cut is deep. (Without this
@@ -86,7 +87,8 @@ class LevelProgram:
         the poles, where they would fold over the pole, they may not.
         """
         y = self.x + self.R @ moves
-        limits, before = self.limits.at(y, 1), self.limits.before
+        limits = self.limits.at(y, 1)
+        before = self.limits.before
         knots = np.unique(before.tmesh.t_knots)
         sliding = (limits.t > knots[1]) & (limits.t < knots[-2])
         slid = y + dots(self.H - y, limits.n)[:, None] * limits.n
@@ -114,13 +116,15 @@ def program_of(
 ) -> LevelProgram:
     """The program of the level above P, from which `rest` is left to the stock; `pull_factor` is a factor of the
     pull, a control point each."""
-    stock, before = discretisation.stock, discretisation.surface.with_control_points(P)
+    stock = discretisation.stock
+    before = discretisation.surface.with_control_points(P)
     given = Given(discretisation, before, rest, cut, parameters)
     net, pulled = add([energy(given) for energy in NET]), stack([energy(given) for energy in SAMPLED])
     x, target = pulled.x, pulled.target
     weights = pulled.weights if pull_factor is None else pulled.weights * (pulled.R @ pull_factor)
-    R, gap = sp.csr_array(pulled.R @ discretisation.free), -stock.signed_distance(x)
-    limits = limits_at(before, stock, cut, gap, target, pulled.s, pulled.t, 2)
+    R = sp.csr_array(pulled.R @ discretisation.free)
+    gap = -stock.signed_distance(x)
+    limits = limits_at(before, stock, cut=cut, gap=gap, y=target, s=pulled.s, t=pulled.t, steps=2)
     H = inside(
         stock, limits.c + pulled.beyond[:, None] * (target - limits.c), np.minimum(gap, cut.landing) - PRESS
     )
@@ -128,15 +132,15 @@ def program_of(
     return LevelProgram(
         pulled.s,
         pulled.t,
-        discretisation.free,
-        hollow,
-        R,
-        x,
-        weights,
-        H,
-        target,
-        limits,
-        _limit_bending(net, R, weights, MOST_BENT * cut.depth),
+        free=discretisation.free,
+        hollow=hollow,
+        R=R,
+        x=x,
+        weights=weights,
+        H=H,
+        start=target,
+        limits=limits,
+        net=_limit_bending(net, R, weights, MOST_BENT * cut.depth),
     )
 
 

@@ -71,11 +71,11 @@ def remaining(discretisation: Discretisation, P: Float[ndarray, "c 3"], before: 
     """What is left above the level with control points P, which encloses the one `before` was measured
     from."""
     known = np.isfinite(before.farthest)
-    level, samples = (
-        discretisation.surface.with_control_points(P),
-        discretisation.samples if known else discretisation.watch,
-    )
-    tree, distance, footpoints = cKDTree(multiply(samples.R, P)), before.at_most.copy(), before.feet.copy()
+    level = discretisation.surface.with_control_points(P)
+    samples = discretisation.samples if known else discretisation.watch
+    tree = cKDTree(multiply(samples.R, P))
+    distance = before.at_most.copy()
+    footpoints = before.feet.copy()
 
     def measure(which: ndarray) -> None:
         points = before.points[which]
@@ -91,7 +91,8 @@ def remaining(discretisation: Discretisation, P: Float[ndarray, "c 3"], before: 
     measure(first)
     if not known:
         apart, nearest = cKDTree(before.points[first]).query(before.points)
-        distance, footpoints = distance[first][nearest] + apart, footpoints[first][nearest]
+        distance = distance[first][nearest] + apart
+        footpoints = footpoints[first][nearest]
     farthest = distance[first].max()
     others = np.flatnonzero(distance > farthest)
     distance[others], footpoints[others] = _nearest(

@@ -130,17 +130,20 @@ def ring_pattern(surface: TSpline, along: int, around: int) -> SurfaceSamples:
     first = np.searchsorted(knots, rings, side="right") - 4
     counts = np.array([max(LEAST_AROUND, around * max(len(row) for row in rows[j : j + 4])) for j in first])
     s = np.concatenate([np.arange(count) / count for count in counts])
-    t, share = np.repeat(rings, counts), np.repeat(share / counts, counts)
+    t = np.repeat(rings, counts)
+    share = np.repeat(share / counts, counts)
     edge = NEAR_POLE * (spans[-1] - spans[0]) * np.array([1, -1])
-    s, t, share = np.append(s, [0.0, 0.0]), np.append(t, spans[[0, -1]]), np.append(share, [0.0, 0.0])
+    s = np.append(s, [0.0, 0.0])
+    t = np.append(t, spans[[0, -1]])
+    share = np.append(share, [0.0, 0.0])
     _, R_s, R_t = surface.basis(s, t + np.append(np.zeros(len(t) - 2), edge), 1)
-    return SurfaceSamples(s, t, surface.basis(s, t)[0], share / share.sum(), R_s, R_t)
+    return SurfaceSamples(s, t, R=surface.basis(s, t)[0], weights=share / share.sum(), R_s=R_s, R_t=R_t)
 
 
 def samples_of(surface: TSpline, s: ndarray, t: ndarray, weights: ndarray) -> SurfaceSamples:
     """The samples at these parameters."""
     R, R_s, R_t = surface.basis(s, t, 1)
-    return SurfaceSamples(s, t, R, weights, R_s, R_t)
+    return SurfaceSamples(s, t, R=R, weights=weights, R_s=R_s, R_t=R_t)
 
 
 def places_at(surface: TSpline, parameters: Float[ndarray, "k 2"]) -> Places:
@@ -171,8 +174,10 @@ def creases(
     rings, starts, counts = np.unique(pattern.t[:-2], return_index=True, return_counts=True)
     x, n = multiply(pattern.R, level), pattern.normals(level)
     turned = n if before is None else n - pattern.normals(before)
-    place, ring = np.arange(counts.sum()), np.repeat(np.arange(len(rings)), counts)
-    s, above = pattern.s[:-2], np.minimum(ring + 1, len(rings) - 1)
+    place = np.arange(counts.sum())
+    ring = np.repeat(np.arange(len(rings)), counts)
+    s = pattern.s[:-2]
+    above = np.minimum(ring + 1, len(rings) - 1)
     beside = starts[ring] + (place - starts[ring] + 1) % counts[ring]
     over = starts[above] + np.rint(s * counts[above]).astype(int) % counts[above]
     parameters = []

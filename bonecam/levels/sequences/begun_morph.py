@@ -82,7 +82,14 @@ class BegunMorph:
         breaks = max((excess_bound(level) for level in inspection.failed), default=0.0)
         solving = self.seconds + time.perf_counter() - started - checking
         lower_bound = self.schedule.lower_bound(self.apart)
-        return Morph(inspection.levels, lower_bound, self.distance, solving, checking, breaks)
+        return Morph(
+            inspection.levels,
+            lower_bound,
+            distance=self.distance,
+            solve_seconds=solving,
+            check_seconds=checking,
+            breaks=breaks,
+        )
 
 
 def _first_within_limits(

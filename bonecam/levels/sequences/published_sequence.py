@@ -50,7 +50,8 @@ def published_sequence(
 
     The stiffness falls where progress stalls. LevelError where progress ends.
     """
-    grid, targets = level_grid(surface, [surface.control_points], CHORD), program.stock.mesh(CHORD).vertices
+    grid = level_grid(surface, [surface.control_points], CHORD)
+    targets = program.stock.mesh(CHORD).vertices
     other = ", or take levels.attraction stock" if program.attraction == "sphere" else ""
     remedy = f"raise surface.max_control_points{other}"
 
@@ -70,7 +71,14 @@ def published_sequence(
     lower_bound = schedule.lower_bound(rest.left)
     stop = Stop(remedy, MAX_STALLED, MOST_TIMES * lower_bound)
     return levels_to_stock(
-        [first], rest, schedule, next_level, rest_above, stop, progress, lower_bound=lower_bound
+        [first],
+        rest,
+        schedule=schedule,
+        next_level=next_level,
+        rest_above=rest_above,
+        stop=stop,
+        progress=progress,
+        lower_bound=lower_bound,
     )
 
 

@@ -59,7 +59,9 @@ def restore_feasibility(
         folded = {k for k in which if failed[k].measures.self_intersections and k + 1 < len(levels)}
         watched_points = {k: np.vstack(some) for k, some in watched.items()}
         attempt, moved = maker.restore_limits(levels, which, folded, watched_points, follow=not doubts)
-        inspection = _better_of(inspection, maker.onward(attempt), moved, watched, doubts, progress)
+        inspection = _better_of(
+            inspection, maker.onward(attempt), moved=moved, watched=watched, doubts=doubts, progress=progress
+        )
 
 
 def _watch_near_limits(watched: defaultdict[int, list[ndarray]], inspection: Inspection) -> None:

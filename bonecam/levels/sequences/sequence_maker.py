@@ -184,7 +184,15 @@ class SequenceMaker:
         pull_factor = np.ones(len(P))
         tried: list[ExchangeStep] = []
         for _ in range(MAX_REDUCTIONS):
-            step = next_level(self.discretisation, P, rest, cut, parameters, pull_factor, self.solver)
+            step = next_level(
+                self.discretisation,
+                P,
+                rest=rest,
+                cut=cut,
+                parameters=parameters,
+                pull_factor=pull_factor,
+                solver=self.solver,
+            )
             tried.append(step)
             if not step.infeasible.any():
                 break

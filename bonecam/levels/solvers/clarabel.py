@@ -125,6 +125,7 @@ def _cone_rows(cones: Cones) -> tuple[sp.csr_array, ndarray]:
 
 def _slide_rows(cones: Cones, count: int) -> tuple[sp.csr_array, ndarray]:
     """0 <= tau <= 1."""
-    one, before = sp.eye_array(cones.slides, format="csr"), sp.csr_array((cones.slides, 3 * count))
+    one = sp.eye_array(cones.slides, format="csr")
+    before = sp.csr_array((cones.slides, 3 * count))
     A = sp.csr_array(sp.vstack([sp.hstack([before, one]), sp.hstack([before, -one])]))
     return A, np.concatenate([np.ones(cones.slides), np.zeros(cones.slides)])

@@ -66,7 +66,9 @@ def next_level(
 
     `pull_factor` is a factor of the pull on each control point (1 unless given), less where the level would fold.
     """
-    program = program_of(discretisation, P, rest, cut, parameters, pull_factor)
+    program = program_of(
+        discretisation, P, rest=rest, cut=cut, parameters=parameters, pull_factor=pull_factor
+    )
     return _project_onto_limits(discretisation, P, solve(program, solver), cut)
 
 
@@ -87,8 +89,10 @@ def _project_onto_limits(discretisation: Discretisation, P: ndarray, D: ndarray,
     watch = discretisation.watched(level, P)
     x, y = multiply(watch.R, P), multiply(watch.R, level)
     gap = -stock.signed_distance(x)
-    limits = limits_at(before, stock, cut, gap, y, watch.s, watch.t, FOOT_STEPS)
-    set_up, broken, far = y, limits.broken(y), limits.high
+    limits = limits_at(before, stock, cut=cut, gap=gap, y=y, s=watch.s, t=watch.t, steps=FOOT_STEPS)
+    set_up = y
+    broken = limits.broken(y)
+    far = limits.high
     for turn in range(ROUNDS + 1):
         after = before.with_control_points(level)
         back = reverse_depths(
@@ -114,7 +118,8 @@ def _project_onto_limits(discretisation: Discretisation, P: ndarray, D: ndarray,
         )
 
         level = P + free @ D
-        there, y = y, multiply(watch.R, level)
+        there = y
+        y = multiply(watch.R, level)
         far = np.where(lengths(y - there) > STILL, limits.high, np.inf)
         moved = np.flatnonzero(lengths(y - set_up) > MOVED)
         limits = limits.renew(moved, y, 1)

@@ -49,13 +49,21 @@ def mls_curvature(mesh: TriangleMesh, radius: float | None = None, *, few_allowe
     starts = np.searchsorted(around[0], np.arange(len(normals) + 1))
     few = np.flatnonzero(np.diff(starts) < COEFFICIENTS)
     if len(few) and not few_allowed:
-        vertex, count = int(few[0]), int(np.diff(starts)[few[0]]) - 1
+        vertex = int(few[0])
+        count = int(np.diff(starts)[few[0]]) - 1
         raise MeshError(
             f"vertex {vertex} has {count} neighbours, too few for its curvature: give a larger radius",
             vertex=vertex,
         )
     parts = [
-        _fit(mesh.vertices, normals, around[1], starts[first : first + CHUNK + 1], first, few_allowed)
+        _fit(
+            mesh.vertices,
+            normals,
+            neighbours=around[1],
+            starts=starts[first : first + CHUNK + 1],
+            first=first,
+            few_allowed=few_allowed,
+        )
         for first in range(0, len(normals), CHUNK)
     ]
     fields = ("k1", "k2", "direction1", "direction2")
@@ -113,7 +121,9 @@ def _fit(
     for _ in range(2):
         t1 = perpendicular(n)
         t2 = np.cross(n, t1)
-        a, b, c, d, e, _ = _patches(offsets, weights, farthest, owner, begins, (t1, t2, n)).T
+        a, b, c, d, e, _ = _patches(
+            offsets, weights, farthest=farthest, owner=owner, begins=begins, frame=(t1, t2, n)
+        ).T
         frame = (t1, t2, n)
         n = unit(n - d[:, None] * t1 - e[:, None] * t2)
     t1, t2, up = frame

@@ -42,7 +42,8 @@ faces change their volume by -3.1 to 2.3 % with it, by 0.4 to 6.3 % with 1, by -
 SMOOTHINGS = 10
 """Steps of Taubin's smoothing: noise of 0.08 mm on two hand bones leaves 0.03 mm and normals 5 degrees off, not 11 to
 14; more steps move the bone itself."""
-SHRINK, SWELL = 0.5, -0.53
+SHRINK = 0.5
+SWELL = -0.53
 """Taubin's two factors, as MeshLab has them."""
 DRAWN, DRAWINGS = 0.9, 12
 """Share of the distance allowed to which vertices left farther behind are drawn, and steps that this takes at most: the
@@ -162,8 +163,18 @@ def _measured(
     mean = float(away @ areas / areas.sum())
     largest, place = moves.largest, moves.place
     if away[farthest] > largest:
-        largest, place = float(away[farthest]), middles[farthest]
-    return Smoothing(surface, faceted, coarseness, moves.outward, moves.inward, largest, mean, place)
+        largest = float(away[farthest])
+        place = middles[farthest]
+    return Smoothing(
+        surface,
+        faceted,
+        coarseness=coarseness,
+        outward=moves.outward,
+        inward=moves.inward,
+        largest=largest,
+        mean=mean,
+        place=place,
+    )
 
 
 def _halvings(mesh: TriangleMesh, coarseness: Coarseness, tolerance: float) -> int:

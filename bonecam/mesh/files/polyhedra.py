@@ -89,10 +89,12 @@ def _from_acis(file: Path) -> tuple[list[Polygon], float]:
 
     data = input_bytes(file)
     if file.suffix.lower() == ".sab":
-        bodies, header = api.load(data), sab.parse_sab(data).header
+        bodies = api.load(data)
+        header = sab.parse_sab(data).header
     else:
         text = data.decode("ascii", errors="replace").splitlines()
-        bodies, header = api.load(text), sat.parse_sat(text).header
+        bodies = api.load(text)
+        header = sat.parse_sat(text).header
     return list(_body_polygons(file, bodies)), header.units_in_mm if header.units_in_mm > 0 else 1.0
 
 
@@ -131,7 +133,8 @@ def _faces(body: Any) -> Iterator[Any]:
 def _linked(first: Any, link: str, *, ring: bool = False) -> Iterator[Any]:
     """The entities of an ACIS list from the `first` on, each of which names the next one as `link`; of a `ring`, which
     comes back to the first, once round. ValueError where it comes back to another one."""
-    entity, seen = first, set[int]()
+    entity = first
+    seen = set[int]()
     while not entity.is_none and not (ring and seen and entity is first):
         if id(entity) in seen:
             raise ValueError(f"{link} of {entity.type} leads round for ever")

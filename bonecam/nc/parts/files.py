@@ -18,14 +18,16 @@ from bonecam.runtime.staging import Staging, staged, unwritable
 def program_files(program: Program, dialect: Dialect, place: str | Path) -> dict[Path, str]:
     """The texts of a program by file: of the one at `place`, the whole program or the caller of its parts, and of
     the parts beside it. FileError where one would replace a part of another program, or a part what is none."""
-    place, calls = Path(place), dialect.calls
+    place = Path(place)
+    calls = dialect.calls
     _check_no_part(place, program.name, dialect)
     lines = unnumbered(program.text.removesuffix("\n").split("\n"), dialect)
     starts = [at for at, line in enumerate(lines) if mark_in(line, dialect)]
     if not starts or calls is None:
         return {place: program.text}
     end = lines.index(end_mark(dialect))
-    caller, texts = lines[: starts[0]], {}
+    caller = lines[: starts[0]]
+    texts = {}
     for part, (first, last) in enumerate(zip(starts, [*starts[1:], end], strict=True), start=1):
         fields = part_fields(calls, program, part)
         begin, ends = calls.wrapping(fields)

@@ -48,7 +48,8 @@ def grouped(sections: Sequence[Section], dialect: Dialect, nc: NcJob) -> list[li
     if nc.split_blocks and most + WRAPPING > nc.split_blocks:
         why = f"{largest.title} has {most} blocks: give {most + WRAPPING} or more"
         raise field_error("nc", "split_blocks", nc.split_blocks, why)
-    files, filled = list[list[Section]](), 0
+    files = list[list[Section]]()
+    filled = 0
     for section in sections:
         blocks = section.blocks(dialect)
         begins = (

@@ -28,14 +28,17 @@ def joined(program: Path, dialect: Dialect) -> Joined:
     """The text of a program in a file and in those that it calls, which lie beside it. FileError where one of them
     cannot be read, ProgramError where one is not whole or is none of its parts, or the program is itself a part."""
     text = required_text(program, "an NC program")
-    calls, given = dialect.calls, text.split("\n")
+    calls = dialect.calls
+    given = text.split("\n")
     lines = unnumbered(given, dialect)
     called = [calls.called_by(line) for line in lines] if calls else []
     if calls is None or not any(called):
         _check_whole(program, lines, dialect)
         return Joined(text, tuple((program, at) for at in range(1, len(given) + 1)))
     _check_numbers(text, lines, program, dialect)
-    whole, origins, part = list[str](), list[tuple[Path, int]](), 0
+    whole = list[str]()
+    origins = list[tuple[Path, int]]()
+    part = 0
     for at, (line, fields) in enumerate(zip(lines, called, strict=True), start=1):
         if fields is None:
             whole.append(line)

@@ -36,7 +36,8 @@ def check_end(job: Job, machine: Machine) -> None:
 
 def end_blocks(machine: Machine, dialect: Dialect, nc: NcJob) -> list[str]:
     """The blocks of the end, the tool being above everything: rotary axes to zero, then X and Y."""
-    lines, length = list[str](), dialect.numbers.length
+    lines = list[str]()
+    length = dialect.numbers.length
     if nc.table_level:
         rotary = word_texts(machine, dialect, np.zeros(5))[3:]
         lines += dialect.lines("position", rotary=" ".join(rotary))

@@ -129,7 +129,17 @@ def post_path(
     approaches = round_words(dialect, control, above, angles[starts])
     fastest = axis_minutes(control, words, starts)
     minutes = _move_minutes(moves, _lengths(control, words), fastest, starts, job)
-    return Posted(path, dialect, control, moves, words, runs, approaches, minutes, fastest)
+    return Posted(
+        path,
+        dialect,
+        control=control,
+        moves=moves,
+        words=words,
+        runs=runs,
+        approaches=approaches,
+        minutes=minutes,
+        axis_minutes=fastest,
+    )
 
 
 def _path_tolerance(job: PathJob) -> float:

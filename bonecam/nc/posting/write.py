@@ -65,17 +65,30 @@ def write_program(
         remedy = 'take nc.tool_change = "changer", or add the template to its file'
         raise MachineError(f"{dialect.name} has no template stop: {remedy}", dialect=dialect.name)
     check_end(job, machine)
-    around, posted = np.vstack([path.tips for path in paths]), list[Posted]()
+    around = np.vstack([path.tips for path in paths])
+    posted = list[Posted]()
     for index, path in enumerate(paths):
         report(progress, index / len(paths), f"level {path.level}: angles and words")
         before = posted[-1].moves.angles[-1] if posted else None
-        posted.append(post_path(path, machine, dialect, job, around, before))
+        posted.append(post_path(path, machine, dialect=dialect, job=job, around=around, before=before))
     travel = travel_of(machine, job, posted)
     bounds = np.array([around.min(0), around.max(0)]) if stock is None else stock.bounds
     reported = [*comments, *(setup or setup_texts(job, stock, zero_words(machine, dialect)))]
     air_check = air_check_texts(posted[0].control, dialect, float(bounds[1, 2]))
-    header = header_lines(machine, dialect, job, name.upper(), posted, bounds, reported, travel, air_check)
-    return ProgramWriter(machine, dialect, job, name.upper(), posted, travel).program(header, air_check)
+    header = header_lines(
+        machine,
+        dialect,
+        job=job,
+        name=name.upper(),
+        posted=posted,
+        bounds=bounds,
+        comments=reported,
+        travel=travel,
+        air_check=air_check,
+    )
+    return ProgramWriter(machine, dialect, job=job, name=name.upper(), posted=posted, travel=travel).program(
+        header, air_check
+    )
 
 
 class ProgramWriter:
@@ -122,7 +135,8 @@ class ProgramWriter:
 
     def _sections(self) -> list[Section]:
         """The blocks of each path."""
-        sections, tool = list[Section](), None
+        sections = list[Section]()
+        tool = None
         for posted in self.posted:
             lines = self._begin(posted, tool)
             tool = posted.path.cutter.number

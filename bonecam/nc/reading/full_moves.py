@@ -176,7 +176,8 @@ def _modal(written: Sequence[str | None], feed: float | None) -> Float[ndarray, 
     own = np.array([value or "nan" for value in written], dtype=np.float64)
     if feed is None:
         return own
-    given, feeds = ~np.isnan(own), np.r_[feed, own]
+    given = ~np.isnan(own)
+    feeds = np.r_[feed, own]
     last = np.maximum.accumulate(np.where(given, np.arange(1, len(given) + 1), 0))
     return np.asarray(feeds[last])
 

@@ -166,7 +166,8 @@ class ModalState:
         """Where an axis (mm, degrees) stands after its word."""
         if column < 3 or not self.machine.rotary[column - 3].endless:
             return value
-        axis, moves_tip = self.machine.rotary[column - 3], None not in self.position[:3]
+        axis = self.machine.rotary[column - 3]
+        moves_tip = None not in self.position[:3]
         return self.endless.reached(axis, value, self.position[column], moves_tip=moves_tip, line=line)
 
     def _joints(self, words: dict[str, float]) -> tuple[float, ...]:
@@ -209,8 +210,18 @@ class ModalState:
         ):
             return 0, ordinal
         pattern = self.full_moves[bool(self.endless.short_way)]
-        solve, feed = angles_from(self.machine, self.position[3:]), None if self.inverse_time else self.feed
-        moves = read_full_moves(lines, start, ordinal, pattern, self.dialect, self.linking, feed, solve)
+        solve = angles_from(self.machine, self.position[3:])
+        feed = None if self.inverse_time else self.feed
+        moves = read_full_moves(
+            lines,
+            start,
+            ordinal=ordinal,
+            pattern=pattern,
+            dialect=self.dialect,
+            linking=self.linking,
+            feed=feed,
+            solve=solve,
+        )
         if moves is None:
             return 0, ordinal
         doubtful = moves.outside(self.dialect.numbers)
@@ -228,7 +239,8 @@ class ModalState:
         return int(moves.offsets[count - 1]) + 1, int(moves.ordinals[count - 1]) + 1
 
     def _take(self, blocks: Blocks, line: int) -> None:
-        count, spindle = len(blocks.rapid), self.spindle
+        count = len(blocks.rapid)
+        spindle = self.spindle
         modes = self.tool, True, spindle.speed, spindle.coolant, self.tolerance
         tool, known, *held = (np.full(count, float(mode)) for mode in modes)
         moves = blocks.words, blocks.rapid, blocks.feeds, np.full(count, self.inverse_time)

@@ -46,4 +46,11 @@ def _motions(state: ModalState, line: int) -> Motions:
         for tool in state.tools.values()
     }
     short_way = bool(state.endless.short_way)
-    return motions_of(state.table, controls, state.blocks, state.partial, short_way, state.tools)
+    return motions_of(
+        state.table,
+        controls,
+        blocks=state.blocks,
+        partial=state.partial,
+        short_way=short_way,
+        described=state.tools,
+    )

@@ -85,7 +85,9 @@ def fields_of(text: str) -> set[str]:
 
 def _pattern(template: str) -> str:
     """The regular expression of a template whose fields are its groups."""
-    parts, pattern, seen = string.Formatter().parse(template), "", set[str]()
+    parts = string.Formatter().parse(template)
+    pattern = ""
+    seen = set[str]()
     for literal, name, _, _ in parts:
         pattern += re.escape(literal)
         if name:

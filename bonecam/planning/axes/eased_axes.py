@@ -45,7 +45,7 @@ def eased_axes(
 ) -> ToolAxes:
     """The axes that were chosen from those `wanted`, eased on each pass where the speeds of the machine's rotary axes
     are known."""
-    easing = _Easing(path, chosen, wanted, checker, limits, job)
+    easing = _Easing(path, chosen, wanted=wanted, checker=checker, limits=limits, job=job)
     axes = chosen.axes
     for half in STRETCHES:
         slow = easing.slow(axes)
@@ -91,7 +91,8 @@ class _Easing:
 
     def slow(self, axes: Float[ndarray, "n 3"]) -> Bool[ndarray, " n"]:
         """Whether the move from each contact to the next is slow."""
-        radius, limits = self.path.cutter.radius, self.limits
+        radius = self.path.cutter.radius
+        limits = self.limits
         ways = lengths(np.diff(self.path.centres - radius * axes, axis=0))
         return self.joined & np.r_[limits.turning_minutes(axes) * SHARE * self.path.cutter.feed > ways, False]
 
@@ -99,7 +100,8 @@ class _Easing:
         self, axes: Float[ndarray, "n 3"], slow: Bool[ndarray, " n"], half: float
     ) -> Float[ndarray, "n 3"]:
         """The axes, eased over stretches of this half length (mm) round the slow moves where that leaves fewer."""
-        tried, part = axes.copy(), np.full(len(axes), -1)
+        tried = axes.copy()
+        part = np.full(len(axes), -1)
         parts = 0
         for rows in self.rows:
             if not slow[rows].any():
@@ -117,7 +119,8 @@ class _Easing:
     ) -> Float[ndarray, "n 3"]:
         """The axes; passes with slow moves and without cones are held in one that leans from their mean to some side
         (radians)."""
-        tried, part = axes.copy(), np.full(len(axes), -1)
+        tried = axes.copy()
+        part = np.full(len(axes), -1)
         for number, rows in enumerate(self.rows):
             if slow[rows].any() and not self.in_cone[rows].any():
                 mean = unit(axes[rows].sum(axis=0)[None])
@@ -167,7 +170,8 @@ class _Easing:
         asked = np.flatnonzero(part >= 0)
         if not len(asked):
             return axes
-        path, radius = self.path, self.path.cutter.radius
+        path = self.path
+        radius = self.path.cutter.radius
         may = within_limits(tried[asked], path.normals[asked], self.limits, self.max_tilt)
         may &= angles_between(tried[asked], path.normals[asked]) >= self.leads[asked] - 1e-9
         may &= (~self.in_cone | self._in_cones(tried))[asked]

@@ -73,7 +73,9 @@ def choose_axes(
     open_ = np.flatnonzero(admissible & ~in_motion)
     admissible[open_] = checker.free_by_distance(centres[open_], preferred[open_])
 
-    axes, reasons = _replace(path, preferred, admissible, checker, limits, max_tilt)
+    axes, reasons = _replace(
+        path, preferred, admissible=admissible, checker=checker, limits=limits, max_tilt=max_tilt
+    )
     kept = (axes == preferred).all(axis=1) & np.array([not reason for reason in reasons])
     return ToolAxes(axes, tuple(reasons), in_motion & _with_neighbours(kept))
 
@@ -129,7 +131,15 @@ def _replace(
     with_axis = np.flatnonzero(reasons == "")
     free = _by_contact(roomy, centres[with_axis])
     normals, passes = path.normals[with_axis], path.pass_index[with_axis]
-    smooth = smooth_axes(axes[with_axis], normals, passes, ~admissible[with_axis], limits, max_tilt, free)
+    smooth = smooth_axes(
+        axes[with_axis],
+        normals,
+        passes=passes,
+        replaced=~admissible[with_axis],
+        limits=limits,
+        max_tilt=max_tilt,
+        free=free,
+    )
 
     def still_admissible(i: Int[ndarray, " k"], tried: Float[ndarray, "k 3"]) -> Bool[ndarray, " k"]:
         return within_limits(tried, normals[i], limits, max_tilt) & free(i, tried)

@@ -32,7 +32,8 @@ from bonecam.workholding.tailstock import settled_height
 
 MOST_MINUTES = 1.2
 """A thinner neck may take so many times the machining time of the quickest that holds."""
-WIDER, WIDE_SHARE = (12.0, 16.0, 20.0), 0.45
+WIDER = (12.0, 16.0, 20.0)
+WIDE_SHARE = 0.45
 """Necks (mm) that are tried beside NECKS where they are at most this share of the stock's width: on a thinner one a
 block of 50 mm swings at a third of the frequency of the teeth."""
 FEWER_CONTACTS = 400
@@ -83,7 +84,8 @@ def find_necks(setup: Setup, job: Job, limits: MachineLimits, layers: LayersToCu
     and stock or meets the part."""
     width = float(np.ptp(setup.stock.bounds[:, :2], axis=0).min())
     thickest = min(width, job.holding.stub_diameter or width)
-    asked, trouble = [], None
+    asked = []
+    trouble = None
     wider = (neck for neck in WIDER if neck <= WIDE_SHARE * width)
     for diameter in (neck for neck in (*NECKS, *wider) if neck < thickest):
         holding = replace(job.holding, diameter=diameter)

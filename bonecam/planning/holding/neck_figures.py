@@ -105,7 +105,8 @@ def wanted_of(job: Job) -> Wanted:
 
 def neck_figures(standing: Setup, job: Job, limits: MachineLimits, layers: LayersToCut) -> Neck:
     """How the neck of a job holds the part of a setup that stands on it; `layers` are what is to be cut."""
-    holding, part = job.holding, standing.part.mesh
+    holding = job.holding
+    part = standing.part.mesh
     stiffness = stiffness_of(job)
     beam = finished_beam(part, standing.post, holding, stiffness)
     uncut = finished_beam(standing.stock.mesh(STOCK_CHORD), standing.post, holding, stiffness)

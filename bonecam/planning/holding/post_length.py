@@ -153,8 +153,8 @@ def _sampled(
     stock = setup.stock.mesh(STOCK_CHORD)
     depth = job.levels.finishing_depth
     return [
-        _contacts_on(setup.part.mesh, depth, finishing, setup, job, most),
-        _contacts_on(stock, 0.0, roughing, setup, job, most),
+        _contacts_on(setup.part.mesh, depth, cutter=finishing, setup=setup, job=job, most=most),
+        _contacts_on(stock, 0.0, cutter=roughing, setup=setup, job=job, most=most),
     ]
 
 

@@ -169,7 +169,11 @@ def _best_axis(
         chart = stump_chart(axis, places.points, radius)
         high, low = _heights(axis, places, top, 2 * radius)
         extent = float(chart.b[0]), float(chart.b[-1])
-        hidden_from.append(unreached(places.points, places.normals, chart, ball, (high, low), extent))
+        hidden_from.append(
+            unreached(
+                places.points, places.normals, chart=chart, ball=ball, heights=(high, low), extent=extent
+            )
+        )
     best = int(np.argmin([hidden.sum() for hidden in hidden_from]))
     return tried[best], hidden_from[best]
 

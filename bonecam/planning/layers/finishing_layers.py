@@ -53,17 +53,19 @@ def finish_layer(
     top, floor = heights
 
     def height_of(a: Float[ndarray, " n"], b: Float[ndarray, " n"]) -> Float[ndarray, " n"]:
-        return drop_balls(chart, a, b, ball, top, floor)
+        return drop_balls(chart, a, b=b, ball=ball, top=top, floor=floor)
 
-    lines = scan_lines(chart, ball, cutter.scallop, height_of, extent, width)
+    lines = scan_lines(chart, ball, scallop=cutter.scallop, height_of=height_of, extent=extent, width=width)
     curves = sample(lines, chart, height_of, width, job.chord_tolerance)
     centres = curves.centres(chart)
     kept = ball.touches(centres) & (curves.heights > floor)
     if wanted is not None:
         kept[kept] = wanted(ball.part.closest(centres[kept])[0])
-    raised, kept = gouge_free(curves, kept, chart, ball.part, ball.radius, job.gouge_tolerance)
+    raised, kept = gouge_free(
+        curves, kept, chart=chart, part=ball.part, radius=ball.radius, gouge_tolerance=job.gouge_tolerance
+    )
     steps, cut, left = _in_steps(raised, kept, material, ball.radius, width)
-    layer = layer_of(steps, cut, chart, cutter, material, ball)
+    layer = layer_of(steps, cut, chart=chart, cutter=cutter, material=material, ball=ball)
     covered = kept & ~cut[-len(kept) :]
     uncut = ball.part.closest(centres[covered])[0]
     path = replace(layer.path, uncut=uncut, reasons=("covered",) * len(uncut))

@@ -84,7 +84,8 @@ class HeightField:
         under = bases + self.bottoms[..., None] * axes[:, None]
         p, q = self.tops.shape
         number = np.arange(p * q).reshape(p, q)
-        solid, ring = self.solid, number
+        solid = self.solid
+        ring = number
         if self.chart.closed:
             solid, ring = np.vstack([solid, solid[:1]]), np.vstack([number, number[:1]])
         cells = solid[:-1, :-1] & solid[1:, :-1] & solid[:-1, 1:] & solid[1:, 1:]
@@ -95,7 +96,8 @@ class HeightField:
 def stock_field(chart: Chart, stock: Stock, top: float) -> HeightField:
     """The stock on the lines of a chart; `top` (mm) is higher than all of it."""
     a, b = (each.ravel() for each in np.meshgrid(chart.a, chart.b, indexing="ij"))
-    bases, axes = chart.bases(a, b), chart.axes(a)
+    bases = chart.bases(a, b)
+    axes = chart.axes(a)
     shape = len(chart.a), len(chart.b)
     if chart.closed:
         tops = drop(bases, axes, stock.signed_distance, top, 0.0).reshape(shape)

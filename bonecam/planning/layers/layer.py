@@ -84,11 +84,13 @@ def nearest_order(
     while left:
         some = np.array(sorted(left))
         if here is None:
-            k, backwards = int(some[0]), False
+            k = int(some[0])
+            backwards = False
         else:
             away = np.linalg.norm(ends[some] - here, axis=2)
             row, side = np.unravel_index(int(np.argmin(away)), away.shape)
-            k, backwards = int(some[row]), bool(side)
+            k = int(some[row])
+            backwards = bool(side)
         order.append((k, backwards))
         here = ends[k, 0 if backwards else 1]
         left.remove(k)

@@ -40,13 +40,22 @@ def rough_layer(
 ) -> tuple[Layer, HeightField]:
     """The layer that cuts sets of polylines (a, b) one set after the other, and the material behind it. Where a move
     would gouge the part the ball is raised, or the place left out."""
-    chart, radius = material.chart, rough.cutter.radius
-    before, pieces = material, list[LayerCurves]()
+    chart = material.chart
+    radius = rough.cutter.radius
+    before = material
+    pieces = list[LayerCurves]()
     here = None
     polylines = [line for lines in sets for line in lines]
     every = sample(polylines, chart, height_of, rough.width, rough.job.chord_tolerance)
     all_points = np.ones(len(every.line), dtype=bool)
-    every, free = gouge_free(every, all_points, chart, rough.part, radius, rough.job.gouge_tolerance)
+    every, free = gouge_free(
+        every,
+        all_points,
+        chart=chart,
+        part=rough.part,
+        radius=radius,
+        gouge_tolerance=rough.job.gouge_tolerance,
+    )
     ends = np.searchsorted(every.line, np.cumsum([len(lines) for lines in sets]))
     for points in np.split(np.arange(len(every.line)), ends[:-1]):
         curves = every.take(points)
@@ -80,7 +89,7 @@ def rough_down(
     for tip in tips[1:]:
 
         def height_of(a: Float[ndarray, " n"], b: Float[ndarray, " n"], at: float = float(tip)) -> ndarray:
-            return drop_balls(chart, a, b, ball, tips[0] + radius, at + radius)
+            return drop_balls(chart, a, b=b, ball=ball, top=tips[0] + radius, floor=at + radius)
 
         layer, material = rough_layer(sets, height_of, material, rough)
         if len(layer.path.contacts):

@@ -57,7 +57,9 @@ def scan_lines(
         heights |= heights_on([(one + other) / 2 for one, other, _ in gaps])
         for one, other, asked in gaps:
             b = (one + other) / 2
-            high_cusps = asked & _too_high(chart, ball, scallop, a, (one, b, other), heights)
+            high_cusps = asked & _too_high(
+                chart, ball, scallop=scallop, a=a, passes=(one, b, other), heights=heights
+            )
             if high_cusps.any():
                 rows[b] = _widened(high_cusps, margin)
                 halves += [(one, b, rows[b]), (b, other, rows[b])]

@@ -61,7 +61,8 @@ def off_part(material: HeightField, around: MeshDistance, depth: float) -> Heigh
     known where roughing leaves `depth` (mm)."""
     chart = material.chart
     a, b = (each.ravel() for each in np.meshgrid(chart.a, chart.b, indexing="ij"))
-    top, floor = float(material.tops.max()) + CELL, float(material.bottoms.min())
+    top = float(material.tops.max()) + CELL
+    floor = float(material.bottoms.min())
     rests = drop(chart.bases(a, b), chart.axes(a), around.unsigned, top, floor).reshape(material.tops.shape)
     bottoms = rests + known_off(depth)
     return replace(material, tops=np.maximum(material.tops, bottoms), bottoms=bottoms)
@@ -77,7 +78,8 @@ def stump_layers(
 ) -> list[Layer]:
     """The layers in machining order that take the `material`, a stump. `around` is what must not be gouged, part and
     shell, `places` the part's that are to be cut free; `cutters` are those for roughing and for finishing."""
-    chart, (roughing, finishing) = material.chart, cutters
+    chart = material.chart
+    (roughing, finishing) = cutters
     low = float((places @ chart.axes(chart.a[:1])[0]).min())
     top = float(material.tops.max()) + CELL
     tips = np.linspace(top, low, 1 + int(np.ceil((top - low) / job.levels.layer_depth)))
@@ -117,7 +119,8 @@ def _fine_layers(
 ) -> tuple[list[Layer], HeightField]:
     """The layers that leave so much over the solids that the `ball` sinks by the finishing depth at most, until it may
     come down on them; and the material behind them. `heights` are the highest and the lowest of its centre, mm."""
-    chart, depth = material.chart, job.levels.finishing_depth
+    chart = material.chart
+    depth = job.levels.finishing_depth
     least = min(job.path.least_depth, cutter.scallop)
     rough = Rough(cutter, ball.part, job.path, least, 1.0)
     layers = []

@@ -62,14 +62,14 @@ def direct_links(
             break
         a, b = (contacts_of(contacts, left) for contacts in (ends, starts))
         links = _straight(a, b, lift * a[along], lift * b[along])
-        left = left[~_take(link_moves, left, links, (a, b), space, feed)]
+        left = left[~_take(link_moves, left, links=links, between=(a, b), space=space, feed=feed)]
 
     turns = np.maximum(turns, angles_between(ends[1], starts[1]))
     open_ = np.array([link is None for link in link_moves], dtype=bool)
     left = np.flatnonzero(open_ & (away <= LONG) & (turns <= MAX_LONG_TURN))
     if len(left):
         a, b = (contacts_of(contacts, left) for contacts in (ends, starts))
-        _take(link_moves, left, _taut(space, a, b), (a, b), space, space.feeds.link)
+        _take(link_moves, left, links=_taut(space, a, b), between=(a, b), space=space, feed=space.feeds.link)
     return link_moves
 
 

@@ -111,7 +111,8 @@ def begins_tangentially(before: Float[ndarray, "3"], cut: Float[ndarray, "n 3"])
     """Whether a cut through these ball centres begins in the direction in which the ball comes from `before`."""
     if len(cut) < 2:
         return False
-    came, goes = unit((cut[0] - before)[None]), unit((cut[1] - cut[0])[None])
+    came = unit((cut[0] - before)[None])
+    goes = unit((cut[1] - cut[0])[None])
     return bool(angles_between(came, goes)[0] <= TANGENT)
 
 
@@ -131,7 +132,8 @@ def _free(space: LinkSpace, ends: _Ends, lines: Sequence[Polyline]) -> Bool[ndar
     # the first move of a cut cuts
     links = [line if len(cut[0]) else (line[0][1:], line[1][1:]) for line, cut in zip(lines, ends.removed)]
     for k in np.flatnonzero(free).tolist():
-        centres, cut = links[k][0], ends.removed[k][0]
+        centres = links[k][0]
+        cut = ends.removed[k][0]
         samples = np.vstack([centres[1:], (centres[1:] + centres[:-1]) / 2])
         if len(cut):
             nearest = cut[np.argmin(np.linalg.norm(samples[:, None] - cut[None], axis=2), axis=1)]

@@ -111,7 +111,8 @@ class LinkSpace:
         """Whether the ball goes no deeper on each straight move of its centre than at the deepest of all their ends."""
         if self.material is None or not len(starts):
             return np.ones(len(starts), dtype=bool)
-        depths, radius = self.material.depths, self.ball_radius
+        depths = self.material.depths
+        radius = self.ball_radius
         deepest = max(float(depths(centres, radius)[0].max()) for centres in (starts, ends))
         return np.asarray(move_depths(depths, starts, ends, radius) <= max(deepest, 0.0) + IN_AIR)
 

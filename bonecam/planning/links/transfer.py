@@ -70,7 +70,9 @@ def no_transfers(
     in_air: frozenset[int] = frozenset(),
 ) -> Transfers:
     """Nothing found yet between these poses, of which some stand `in_air`; the `traverses` are tried in their order."""
-    return Transfers(space, poses, {SAFE: safe_retract(space)}, {}, traverses, in_air)
+    return Transfers(
+        space, poses, retracts={SAFE: safe_retract(space)}, found={}, traverses=traverses, in_air=in_air
+    )
 
 
 def _find_transfers(

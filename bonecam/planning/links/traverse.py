@@ -46,7 +46,7 @@ def traverse(
     start = azimuths[0] if azimuths else 0.0
     end = azimuths[-1] if not np.isnan(b[0]) else start
     if options.over_pole:
-        return _over_pole(surface, first, last, limits, options.rise, start)
+        return _over_pole(surface, first, last=last, limits=limits, rise=options.rise, azimuth=start)
 
     turn = float(np.mod(end - start + np.pi, 2 * np.pi) - np.pi)
     if options.long_way:

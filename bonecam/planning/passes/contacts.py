@@ -128,7 +128,9 @@ def candidate_contacts(
     joined = np.r_[line[1:] == line[:-1], False]
     max_lift = MAX_LIFT_RADII * cutter.radius
     tolerance = planned_tolerance(job.gouge_tolerance)
-    lifts = gouge_free_lifts(contacts, normals, cutter.radius, tolerance, obstacles, joined, max_lift)
+    lifts = gouge_free_lifts(
+        contacts, normals, cutter.radius, tolerance, obstacles, joined=joined, max_lift=max_lift
+    )
     centres = contacts + (cutter.radius + np.nan_to_num(lifts))[:, None] * normals
     at_post = post.distance(centres) < cutter.radius + post_clearance
     in_air = _in_air(level, contacts)

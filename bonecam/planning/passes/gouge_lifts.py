@@ -161,7 +161,9 @@ def _most_lacking(
     at_contact = radius - CONTACT_SHARE * tolerance
     on_move = radius - MOVE_SHARE * tolerance
     lacking = np.max([_lacking(o, centres, moves, at_contact, on_move) for o in obstacles], axis=0)
-    unproven = _unproven(centres, moves, lacking, radius, tolerance, obstacles)
+    unproven = _unproven(
+        centres, moves, lacking=lacking, radius=radius, tolerance=tolerance, obstacles=obstacles
+    )
     lacking[unproven] = CONTACT_SHARE * tolerance
     return np.asarray(lacking)
 

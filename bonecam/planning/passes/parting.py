@@ -91,7 +91,7 @@ def parting_cutters(job: Job, bodies: MachineBodies) -> Iterator[Cutter]:
 def parting_contacts(groove: Groove, cutter: Cutter, job: Job) -> Iterator[ContactPath]:
     """The contacts of each step of the groove, a pass each; a step is no deeper than a roughing cut."""
     for number, (before, floor) in enumerate(pairwise(groove.floors(job.levels.layer_depth)), 1):
-        yield _step(groove.middle, before, floor, number, cutter, job.path)
+        yield _step(groove.middle, before, floor=floor, number=number, cutter=cutter, job=job.path)
 
 
 def groove_core(contacts: ContactPath, post: Post) -> Post:

@@ -57,7 +57,8 @@ class RestStep:
         way at the feed, or as the turn of the axis of the azimuth, which follows 2 pi s on closed surfaces, at
         `turn_speed` (rad/min)."""
         candidates = self.candidates
-        centres, around = candidates.centres + self.raised, candidates.parameters[:, 0]
+        centres = candidates.centres + self.raised
+        around = candidates.parameters[:, 0]
         turn = 2 * np.pi * candidates.level.surface.closed_in_s / turn_speed
         passes = 0.0
         for run in self.runs:
@@ -170,7 +171,8 @@ def _raised(
 
 def _gouge_free(step: RestStep) -> RestStep:
     """The step, lifted where the raised ball would enter what must remain, and cut apart where it does not fit."""
-    candidates, radius = step.candidates, step.candidates.cutter.radius
+    candidates = step.candidates
+    radius = step.candidates.cutter.radius
     index = np.concatenate(step.runs)
     ends = np.cumsum([len(run) for run in step.runs])
     joined = np.ones(len(index), dtype=bool)
@@ -179,11 +181,11 @@ def _gouge_free(step: RestStep) -> RestStep:
     lifts = gouge_free_lifts(
         candidates.centres[index] + step.raised[index] - radius * normals,
         normals,
-        radius,
-        candidates.gouge_tolerance,
-        candidates.obstacles,
-        joined,
-        MAX_LIFT_RADII * radius,
+        radius=radius,
+        tolerance=candidates.gouge_tolerance,
+        obstacles=candidates.obstacles,
+        joined=joined,
+        max_lift=MAX_LIFT_RADII * radius,
     )
     raised = step.raised.copy()
     raised[index] += np.nan_to_num(lifts)[:, None] * normals

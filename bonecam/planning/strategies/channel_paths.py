@@ -82,7 +82,8 @@ class ChannelPlanner:
     @cached_property
     def _finished(self) -> TriangleMesh:
         """Hub and others, and the blades with their allowance."""
-        wheel, chord = self.channel.wheel, self._blade_chord
+        wheel = self.channel.wheel
+        chord = self._blade_chord
         blades = wheel.grown_blades(self.job.levels.finishing_depth - 2 * chord, chord)
         return solid_union([revolved(wheel.profile, CHORD, wheel.count), *blades, *wheel.others])
 
@@ -93,7 +94,8 @@ class ChannelPlanner:
 
     def _path(self, level: MachinedLevel, left: "_Body", before: "_Body") -> ToolPath:
         """The path of a level that leaves one body of another."""
-        job, cutter = self.job, cutter_of(level.index, self.job, self.limits.bodies)
+        job = self.job
+        cutter = cutter_of(level.index, self.job, self.limits.bodies)
         check_lead(cutter, job.path.lead_deg)
         distance = MeshDistance(left.mesh)
         scene = Scene(

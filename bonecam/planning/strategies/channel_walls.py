@@ -28,7 +28,8 @@ SHORTEST = 1.0
 
 def wall_cusp(job: Job) -> float:
     """What stands on the blades between two levels beside what the roughing ball touches, mm."""
-    radius, half = job.tool("roughing").radius, job.deepest("roughing") / 2
+    radius = job.tool("roughing").radius
+    half = job.deepest("roughing") / 2
     return SPARE + radius - float(np.sqrt(max(radius**2 - half**2, 0.0)))
 
 

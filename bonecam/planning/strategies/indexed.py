@@ -21,7 +21,8 @@ def indexed(path: ToolPath, count: int) -> ToolPath:
     ends = path.tips[[0, -1]], path.axes[[0, -1], :2]
     if max(float(np.abs(ends[0][:, :2]).max()), float(np.abs(ends[1]).max())) > ON_AXIS:
         raise ValueError("a path that is repeated about Z begins and ends over Z, its tool upright")
-    rows, passes = len(path.tips), int(path.pass_index.max()) + 1
+    rows = len(path.tips)
+    passes = int(path.pass_index.max()) + 1
     number = np.repeat(np.arange(count), rows)
     index = np.tile(path.pass_index, count)
     return replace(

@@ -64,7 +64,7 @@ def iso_height_layers(
             fine, finishing, material=material, job=job.path, heights=heights, extent=extent, width=1.0
         )
         layers.append(layer)
-        left &= unreached(points, normals, side.chart, fine, heights, extent)
+        left &= unreached(points, normals, chart=side.chart, ball=fine, heights=heights, extent=extent)
         material = material.turned_over()
     return layers, points[left]
 
@@ -96,7 +96,9 @@ def _rough_side(
     a, b = (each.ravel() for each in np.meshgrid(side.chart.a, side.chart.b, indexing="ij"))
     top = side.top + cutter.radius
     lowest = side.floor + cutter.radius
-    rests = drop_balls(side.chart, a, b, ball, top, lowest - 1.0).reshape(material.tops.shape)
+    rests = drop_balls(side.chart, a, b=b, ball=ball, top=top, floor=lowest - 1.0).reshape(
+        material.tops.shape
+    )
     count = int(np.ceil((side.top - side.floor) / job.levels.layer_depth))
     rough = Rough(cutter, ball.part, job.path, job.path.least_depth, 1.0)
     step = flat_step(cutter.radius, cutter.scallop)
@@ -106,7 +108,7 @@ def _rough_side(
         def is_free(a: Float[ndarray, " n"], b: Float[ndarray, " n"], at: float = float(height)) -> ndarray:
             # most balls that are not free are not so in their place: that is asked first, the way down takes many steps
             free = ball.clearance(side.chart.bases(a, b) + at * side.chart.axes(a)) >= 0.0
-            free[free] = drop_balls(side.chart, a[free], b[free], ball, top, at) <= at
+            free[free] = drop_balls(side.chart, a[free], b=b[free], ball=ball, top=top, floor=at) <= at
             return free
 
         def height_of(a: Float[ndarray, " n"], b: Float[ndarray, " n"], at: float = float(height)) -> ndarray:

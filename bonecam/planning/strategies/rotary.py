@@ -40,7 +40,7 @@ def rotary_layers(
     extent = float(part.mesh.bounds[0, 2]), float(part.mesh.bounds[1, 2])
     material = stock_field(chart, stock, largest + roughing.radius)
     ball = Ball(roughing.radius, job.levels.finishing_depth, part, post)
-    layers, material = _rough(ball, material, roughing, job, largest, extent)
+    layers, material = _rough(ball, material, cutter=roughing, job=job, largest=largest, extent=extent)
 
     fine = Ball(finishing.radius, 0.0, part, post)
     heights = largest + finishing.radius, CORE + finishing.radius
@@ -48,7 +48,7 @@ def rotary_layers(
         fine, finishing, material=material, job=job.path, heights=heights, extent=extent, width=largest
     )
     points, normals = places_of(part.mesh)
-    left = unreached(points, normals, chart, fine, heights, extent)
+    left = unreached(points, normals, chart=chart, ball=fine, heights=heights, extent=extent)
     return [*layers, layer], points[left]
 
 

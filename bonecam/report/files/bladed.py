@@ -55,14 +55,14 @@ class Bladed(Written):
             wheel_contents(
                 self.workpiece.solid,
                 self.blank,
-                self.levels,
-                self.wheel,
-                self.paths,
-                self.program.text,
-                self.job,
-                self.report,
-                self.removal,
-                bonecam.__version__,
+                morph=self.levels,
+                wheel=self.wheel,
+                paths=self.paths,
+                program=self.program.text,
+                job=self.job,
+                report=self.report,
+                removal=self.removal,
+                version=bonecam.__version__,
             )
         )
 

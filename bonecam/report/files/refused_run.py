@@ -85,7 +85,8 @@ def _report(error: BonecamError, times: StageTimes) -> dict[str, Any]:
 def refused_figures(error: BonecamError, stage: str) -> RefusedFigures:
     """`refused` of the report of a run whose `stage` raised the error. The remedy of a message is behind its last
     colon, where the error does not know it apart."""
-    message, evidence = str(error), error.evidence
+    message = str(error)
+    evidence = error.evidence
     figures: RefusedFigures = {
         "code": evidence.get("code", code_of(error)),
         "stage": stage,
@@ -127,7 +128,8 @@ def _fill(work: Path, morphed: Morphed, error: BonecamError) -> None:
     write_mesh(morphed.part.placed_given, work / GIVEN)
     write_tsm(morphed.surface, work / "surface.tspline")
     keep_into(work, levels, morphed.stock, (holding.diameter, post_below(morphed.part.mesh, holding).top))
-    program, paths = error.evidence.get("program"), error.evidence.get("paths", ())
+    program = error.evidence.get("program")
+    paths = error.evidence.get("paths", ())
     if program is not None:
         write_whole(work / f"program{program.extension}", program.text)
         write_whole(work / "toolpath.csv", toolpath_csv(paths))

@@ -88,7 +88,11 @@ class Result(Morphed):
     def sheet(self) -> str:
         """The setup sheet as the text of an HTML file, with a page for each clamping."""
         version = bonecam.__version__
-        pages = [setup_article(self.part, self.stock, self.job, self.program, self.report, version)]
+        pages = [
+            setup_article(
+                self.part, self.stock, job=self.job, program=self.program, report=self.report, version=version
+            )
+        ]
         if self.second is not None:
             pages.append(self.second.setup_article)
         return setup_sheet(Path(self.part.file).name, pages)

@@ -16,7 +16,8 @@ def cone_contents(
     """Axes, directions of the largest opening and semi-angles (radians) of cones, and for each move that `arrives` at
     one of the `rows` of all paths its cone's number from 1; 0 where it has none, or the move ends between contacts.
     Empty where no axis was chosen in a cone."""
-    shapes, cone_of = [EllipticCones.none(0)], []
+    shapes = [EllipticCones.none(0)]
+    cone_of = []
     count = 0
     for path in paths:
         cones = path.cones

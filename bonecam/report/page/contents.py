@@ -39,7 +39,7 @@ def run_contents(
 ) -> Contents:
     """Levels and fit, and where there is a `program` its moves, what it removes and what it leaves."""
     machine = read_machine(job.nc.machine)
-    shape = shape_contents(part, levels, stock, job, machine.table, Path(part.file).name)
+    shape = shape_contents(part, levels, stock=stock, job=job, table=machine.table, name=Path(part.file).name)
     facts = {**shape.facts, "report": report, "summary": summary_of(report), "version": version}
     if not program:
         return Contents(facts, shape.arrays)

@@ -34,7 +34,9 @@ def thinned(
 
 def _distances(points: Float[ndarray, "n 3"], kept: Int[ndarray, " k"]) -> Float[ndarray, " m"]:
     """Distance of each inner point of a polyline from the segment between its neighbours, mm."""
-    before, here, after = points[kept[:-2]], points[kept[1:-1]], points[kept[2:]]
+    before = points[kept[:-2]]
+    here = points[kept[1:-1]]
+    after = points[kept[2:]]
     along = after - before
     square = np.maximum(dots(along, along), np.finfo(float).tiny)
     share = np.clip(dots(here - before, along) / square, 0.0, 1.0)

@@ -28,7 +28,8 @@ CHORD = 0.01
 
 def bladed_summary(report: Mapping[str, Any]) -> str:
     """Wheel, blank, channels, program and removal."""
-    wheel, seconds = report["wheel"], sum(report["seconds"].values())
+    wheel = report["wheel"]
+    seconds = sum(report["seconds"].values())
     area = report["surface"]["area_mm2"]
     levels = report["levels"]
     deepest = max(row[depth] for row in levels for depth in ("depth_max_mm", "depth_back_max_mm"))

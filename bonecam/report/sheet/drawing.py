@@ -89,7 +89,8 @@ class Paper:
 
     def width(self, radius: float, z: float, words: str, above: float = 0.0) -> None:
         """A dimension across at height z, its words above it."""
-        (left, y), (right, _) = self.at(-radius, z), self.at(radius, z)
+        (left, y) = self.at(-radius, z)
+        (right, _) = self.at(radius, z)
         self.line(left, y - above, right, y - above, "dimension")
         self.text((left + right) / 2, y - above - 1.2, words)
 

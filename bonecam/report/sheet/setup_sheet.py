@@ -61,7 +61,13 @@ def setup_article(
         caption="From the front (\u2212Y), sizes in mm. Inside the stock: the part in section Y 0.",
         mounted="Stock, clamping, zero",
         drawing=clamping_drawing(
-            part.mesh, stock, post, job.holding, machine.table, zero, report.get("parting")
+            part.mesh,
+            stock,
+            post=post,
+            holding=job.holding,
+            table=machine.table,
+            zero=zero,
+            parting=report.get("parting"),
         ),
         setup=items(setup_texts(job, stock, zero)),
         checks=items(_checks(report)),

@@ -53,7 +53,8 @@ def wheel_article(
 
 
 def _drawing(solid: TriangleMesh, blank: TurnedBlank, job: Job, table: Table, zero: ZeroWords) -> str:
-    radius, top = blank.diameter / 2, float(blank.profile[:, 1].max())
+    radius = blank.diameter / 2
+    top = float(blank.profile[:, 1].max())
     low = float(blank.profile[:, 1].min())
     paper = Paper(radius, top)
     draw_table(paper, table)

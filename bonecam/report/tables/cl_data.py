@@ -115,7 +115,8 @@ def _statements(text: str) -> Iterator[tuple[int, str, str]]:
         if line.endswith("$"):
             begun += line[:-1].strip()
         else:
-            statement, begun = begun + line, ""
+            statement = begun + line
+            begun = ""
             if statement:
                 yield (first, *_divided(statement, first))
         if len(begun) > LONGEST:
@@ -236,7 +237,16 @@ class _Reader:
             table = np.array([numbers for _, numbers in self.rows[first:last]])
             axes = table[:, 3:6] / lengths(table[:, 3:6])[:, None]
             level, tool, diameter, corner = self.rows[first][0]
-            yield ClPath(level, tool, diameter, corner, table[:, :3], axes, table[:, 6], table[:, 7] > 0)
+            yield ClPath(
+                level,
+                tool,
+                diameter=diameter,
+                corner=corner,
+                tips=table[:, :3],
+                axes=axes,
+                feed_rates=table[:, 6],
+                rapid=table[:, 7] > 0,
+            )
 
 
 def _number(line: int, word: str, value: str) -> float:

@@ -141,13 +141,15 @@ class Elements:
         derivatives = np.empty(((1, 3, 6)[order], len(s), 3))
         s, t = np.ascontiguousarray(s), np.ascontiguousarray(t)
         if self.degree != 3:
-            any_degree.derivatives(patches, self.boxes, element, s, t, self.degree, derivatives)
+            any_degree.derivatives(
+                patches, self.boxes, element=element, s=s, t=t, degree=self.degree, D=derivatives
+            )
         elif order == 0:
-            bicubic.positions(patches, self.boxes, element, s, t, derivatives[0])
+            bicubic.positions(patches, self.boxes, element=element, s=s, t=t, S=derivatives[0])
         elif order == 1:
             bicubic.first_derivatives(patches, self.boxes, element, s, t, *derivatives)
         else:
-            bicubic.second_derivatives(patches, self.boxes, element, s, t, derivatives)
+            bicubic.second_derivatives(patches, self.boxes, element=element, s=s, t=t, D=derivatives)
         return derivatives
 
     def basis(

@@ -49,7 +49,8 @@ def _nearly_closed(row: Float[ndarray, "p 3"]) -> bool:
 
 def _closed(row: Float[ndarray, "p 3"]) -> Float[ndarray, "q 3"]:
     """A row that goes on from its end to its start on a half circle, in the plane of that and the way it ends."""
-    middle, half = (row[0] + row[-1]) / 2, (row[-1] - row[0]) / 2
+    middle = (row[0] + row[-1]) / 2
+    half = (row[-1] - row[0]) / 2
     size = float(np.linalg.norm(half))
     ends = unit(np.array([row[-1] - row[-2], row[0] - row[1]])).sum(axis=0)
     across = half / size

@@ -197,7 +197,8 @@ def _require_inside(wheel: Wheel, blank: Float[ndarray, "n 2"]) -> None:
 
 def _within(profile: Float[ndarray, "n 2"], points: Float[ndarray, "k 2"]) -> ndarray:
     """Whether points (radius, height) lie inside a profile that is closed along the axis, by crossings."""
-    (r0, z0), (r1, z1) = profile[:-1].T[:, :, None], profile[1:].T[:, :, None]
+    (r0, z0) = profile[:-1].T[:, :, None]
+    (r1, z1) = profile[1:].T[:, :, None]
     r, z = points.T
     with np.errstate(divide="ignore", invalid="ignore"):
         crossing = r0 + (z - z0) / (z1 - z0) * (r1 - r0)

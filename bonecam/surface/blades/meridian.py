@@ -66,7 +66,9 @@ def lengths_along(curve: Float[ndarray, "n 2"]) -> Float[ndarray, " n"]:
 
 def places_on(curve: Float[ndarray, "n 2"], points: Float[ndarray, "k 2"]) -> Float[ndarray, " k"]:
     """Length along a curve up to its point nearest to each of the `points`, mm."""
-    along, start, step = lengths_along(curve), curve[:-1], np.diff(curve, axis=0)
+    along = lengths_along(curve)
+    start = curve[:-1]
+    step = np.diff(curve, axis=0)
     lengths = np.linalg.norm(step, axis=1)
     shares = np.clip(np.einsum("kni,ni->kn", points[:, None] - start, step) / lengths**2, 0.0, 1.0)
     away = np.linalg.norm(points[:, None] - start - shares[:, :, None] * step, axis=2)

@@ -69,7 +69,8 @@ class Wheel:
         pose = np.eye(4)
         pose[2, 3] = height
         others = tuple(solid.move(pose) for solid in self.others)
-        blade, profile = self.blade.with_control_points(points), self.profile + np.array([0.0, height])
+        blade = self.blade.with_control_points(points)
+        profile = self.profile + np.array([0.0, height])
         return replace(self, blade=blade, profile=profile, others=others)
 
     def grown_blades(self, allowance: float, chord_tolerance: float = COARSE) -> list[TriangleMesh]:
@@ -95,7 +96,8 @@ class Wheel:
     def gap(self) -> tuple[float, Float[ndarray, "3"]]:
         """The least distance between two neighbours outside the hub, mm, and its place. SurfaceError where they
         overlap."""
-        solid, hub = self.coarse_blade, MeshDistance(revolved(self.profile, COARSE))
+        solid = self.coarse_blade
+        hub = MeshDistance(revolved(self.profile, COARSE))
         points = turned(solid, self.pitch).vertices
         points = points[~hub.inside(points)]
         if not len(points):

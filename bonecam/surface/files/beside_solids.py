@@ -21,7 +21,8 @@ def check_on_solids(surface: TSpline, solid: TriangleMesh, file: str) -> None:
     shares = (np.arange(SAMPLED) + 0.5) / SAMPLED
     along = (low + shares * (high - low) for low, high in surface.domain)
     s, t = (places.ravel() for places in np.meshgrid(*along))
-    places, distance = surface.positions(s, t), MeshDistance(solid)
+    places = surface.positions(s, t)
+    distance = MeshDistance(solid)
     covered = float(distance.inside(places + ABOVE * surface.normals(s, t)).mean())
     if covered > 0.5:
         what = f"{covered:.0%} of it lies in the solids that must not be gouged, or faces into them"

@@ -41,8 +41,17 @@ def read_part(
     """The part of a mesh or file, upright, and the surface, in the file's mm, where the file gives that. MeshError
     where repairs take more off the part than the job's largest deviation."""
     if not isinstance(source, str | Path) or not holds_surface(source):
-        ball, tolerance = job.smallest_ball, job.surface.tolerance
-        part = prepare_part(source, job.mesh, progress, ENDINGS, ball, tolerance, scripted_mesh)
+        ball = job.smallest_ball
+        tolerance = job.surface.tolerance
+        part = prepare_part(
+            source,
+            job.mesh,
+            progress=progress,
+            also=ENDINGS,
+            ball=ball,
+            tolerance=tolerance,
+            scripted=scripted_mesh,
+        )
         return part.require_kept(job.surface.largest_deviation), None
     return read_surface_part(source, job.mesh, job.surface)
 

@@ -63,7 +63,8 @@ def _fairer(fitted: Fit, mesh: TriangleMesh, radius: float, limit: float) -> Ite
     """The surfaces after each step that its samples find within the limit."""
     start = FitTarget.at_feet(mesh, fitted.surface, SAMPLES, fitted.tolerance)
     for weight in WEIGHTS:
-        surface, target = fitted.surface, start
+        surface = fitted.surface
+        target = start
         sharp = np.zeros(len(surface.elements().boxes), dtype=bool)
         for _ in range(ROUNDS):
             sharp |= _radii(surface) < radius

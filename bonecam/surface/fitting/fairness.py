@@ -62,7 +62,16 @@ class Quadrature:
         e = np.maximum(e, SHORTEST * np.average(e, weights=share))
         cells = (basis[0] @ _shares(surface.tmesh)) * e * g
         parts = ((basis[3], 1 / e**4), (basis[4], 2 / (e * g) ** 2), (basis[5], 1 / g**4))
-        return cls(s, t, points, normals, share * e * g, cells, basis[0], parts)
+        return cls(
+            s,
+            t,
+            places=points,
+            normals=normals,
+            areas=share * e * g,
+            cells=cells,
+            blending=basis[0],
+            parts=parts,
+        )
 
     def terms(self, surface: TSpline, bend: float, drift: float, folded: Bool[ndarray, " n"]) -> list[Term]:
         """The energy with the weights bend and drift, times (mean cell side)^4; where the surface is folded,

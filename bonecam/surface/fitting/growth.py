@@ -110,7 +110,12 @@ def grow(
         )
         samples = target.all
         votes = miss_votes(
-            surface, samples.s, samples.t, samples.distances, samples.areas, GOAL * aim.tolerance
+            surface,
+            samples.s,
+            t=samples.t,
+            distances=samples.distances,
+            areas=samples.areas,
+            goal=GOAL * aim.tolerance,
         )
         assert isinstance(surface.tmesh, RowTMesh)
         tmesh = aim.refine(surface.tmesh, votes, aim.most - size)
@@ -177,7 +182,14 @@ def first_surface(rows: Rows, target: FitTarget, aim: Aim) -> tuple[TSpline, Fit
     stalled = 0
     while fewest > 0 and stalled < MAX_STALLED:
         samples = target.on(surface, aim.tolerance).all
-        votes = miss_votes(surface, samples.s, samples.t, samples.distances, samples.areas, aim.tolerance)
+        votes = miss_votes(
+            surface,
+            samples.s,
+            t=samples.t,
+            distances=samples.distances,
+            areas=samples.areas,
+            goal=aim.tolerance,
+        )
         finer = aim.refine(tmesh, votes, round(FIRST_SHARE * aim.most) - tmesh.size)
         if finer.size == tmesh.size:
             break

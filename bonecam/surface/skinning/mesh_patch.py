@@ -80,7 +80,8 @@ def _sides(vertices: Float[ndarray, "v 3"], edge: Int[ndarray, " e"]) -> list[In
     """The runs of the edge between its four sharpest corners, both ends included."""
     points = vertices[edge]
     along = np.r_[0.0, np.cumsum(lengths(np.diff(points, axis=0, append=points[:1])))]
-    whole, along = along[-1], along[:-1]
+    whole = along[-1]
+    along = along[:-1]
 
     def at(place: Float[ndarray, " e"]) -> Float[ndarray, "e 3"]:
         wrapped = np.mod(place, whole)
@@ -88,7 +89,8 @@ def _sides(vertices: Float[ndarray, "v 3"], edge: Int[ndarray, " e"]) -> list[In
             [np.interp(wrapped, np.r_[along, whole], np.r_[points[:, k], points[0, k]]) for k in range(3)]
         )
 
-    before, behind = points - at(along - SPAN * whole), at(along + SPAN * whole) - points
+    before = points - at(along - SPAN * whole)
+    behind = at(along + SPAN * whole) - points
     turn = angles_between(unit(before), unit(behind))
     corners: list[int] = []
     for place in np.argsort(-turn):

@@ -97,7 +97,7 @@ def pieces_of_sides(surface: Surface, same: float) -> list[list[Piece]]:
                 continue  # a side that is one point
             cuts = [
                 (0.0, int(a)),
-                *_corners_on(net, e, side, points, tree, {int(a), int(b)}, same),
+                *_corners_on(net, e, side=side, points=points, tree=tree, ends={int(a), int(b)}, same=same),
                 (1.0, int(b)),
             ]
             for (x, v), (y, w) in pairwise(cuts):

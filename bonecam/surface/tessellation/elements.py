@@ -100,7 +100,7 @@ def _triangulate(
         area = one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0]
         cut = np.where((area < 0)[:, None], cut[:, ::-1], cut)[np.abs(area) > 1e-12]
         worst[e] = _distance(net, e, uv, cut)
-        bent[e] = angle is not None and _bent(net, e, uv, cut, shortest, angle)
+        bent[e] = angle is not None and _bent(net, e, uv=uv, cut=cut, shortest=shortest, angle=angle)
         faces.append(ids[cut])
     joined = np.vstack(faces)
     distinct = (joined != np.roll(joined, 1, axis=1)).all(axis=1)

@@ -60,7 +60,12 @@ class _Draft:
         """s and t at barycentric shares of vertices, round a closed direction the short way."""
         (s_low, _), (t_low, _) = self.surface.domain
         parameters = triangles.interpolate_parameters(
-            self.parameters, self.poles, corners, shares, (s_low, t_low), self.surface.elements().period
+            self.parameters,
+            self.poles,
+            corners=corners,
+            shares=shares,
+            origin=(s_low, t_low),
+            period=self.surface.elements().period,
         )
         return parameters[0], parameters[1]
 
@@ -88,7 +93,9 @@ def tessellate(
     rows = isinstance(surface.tmesh, RowTMesh)
     parameters, poles, faces = ring_mesh(surface, chord_tolerance) if rows else patch_mesh(surface)
     points = surface.positions(*parameters.T)
-    draft = _Draft(surface, parameters, poles, points, faces, np.ones(len(faces), dtype=bool))
+    draft = _Draft(
+        surface, parameters, poles=poles, points=points, faces=faces, fresh=np.ones(len(faces), dtype=bool)
+    )
     for _ in range(ROUNDS):
         edges, edge_of_face = _edges(draft.faces)
         marked = _edges_to_split(draft, edges, edge_of_face, MARGIN * chord_tolerance, angle_tolerance)

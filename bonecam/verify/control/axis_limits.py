@@ -45,10 +45,8 @@ def _check_rotary(motions: Motions, column: int, axis: RotaryAxis) -> None:
     lines = np.r_[motions.lines, partial_lines]
     if axis.endless and motions.short_way:
         # a word says where the axis stands but for whole turns: each stretch may begin in any
-        values, lines = (
-            _in_best_turns(values[: len(motions.lines)], motions.known_start, low, high),
-            motions.lines,
-        )
+        values = _in_best_turns(values[: len(motions.lines)], motions.known_start, low, high)
+        lines = motions.lines
     off = (values < low - GUARD) | (values > high + GUARD)
     if off.any():
         at = int(np.flatnonzero(off)[np.argmin(lines[off])])

@@ -102,10 +102,10 @@ def _bows(motions: Motions, machine: Machine) -> Float[ndarray, "n"]:
         part = _accelerations(
             machine,
             machine.part_axes,
-            turns,
-            machine.in_machine(motions.tips[rows]) + machine.part_zero,
-            speed,
-            lift * turned**2,
+            turns=turns,
+            points=machine.in_machine(motions.tips[rows]) + machine.part_zero,
+            speed=speed,
+            acceleration=lift * turned**2,
         )
         tip = np.tile(-control.tool_length * UP, (len(turns), 1))
         still = np.zeros(len(turns))

@@ -26,7 +26,8 @@ def program_text(program: Path, machine: Machine, dialect: Dialect, job: Job) ->
     try:
         check_control(read_program(text, machine, dialect), machine, dialect, job)
     except (ProgramError, VerifyError) as error:
-        place, line = str(program), error.evidence.get("line", 0)
+        place = str(program)
+        line = error.evidence.get("line", 0)
         if line and {file for file, _ in whole.places} != {program}:
             place = f"{whole.place(line)} (of the whole program"
             raise type(error)(f"{place} {error})", **error.evidence) from error

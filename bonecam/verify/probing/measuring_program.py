@@ -62,7 +62,8 @@ def is_free(
     """Whether the part is clear of the stem while the ball touches each place, and of the ball as it comes down to
     where its approach begins."""
     stem = STEM_SHARE * radius
-    touching, beginning = places + radius * normals, places + (radius + CLEAR) * normals
+    touching = places + radius * normals
+    beginning = places + (radius + CLEAR) * normals
     return _column_is_free(touching, radius, stem, part) & _column_is_free(beginning, 0.0, radius, part)
 
 

@@ -109,7 +109,12 @@ def probe_surface(program: PostedProgram, line: ProbeLine, radius: float = RUBY)
     _, rigid = _touched(machined, machined.cut, faces, line, radius)
     part = program.part
     return Probed(
-        line, radius, centres, deviations(part, centres, radius), deviations(part, rigid, radius), kept
+        line,
+        radius,
+        centres=centres,
+        deviation=deviations(part, centres, radius),
+        rigid=deviations(part, rigid, radius),
+        patches=kept,
     )
 
 
@@ -120,7 +125,9 @@ def _touched(
     mesh = TriangleMesh(machined.points + heights[:, None] * machined.normals, faces)
     of_point = heights.reshape(len(line.places), -1)
     start, end = of_point.max(axis=1) + 2 * radius, float(heights.min()) - radius
-    return mesh, touching_centres(MeshDistance(mesh), line.places, line.normals, radius, start, end)
+    return mesh, touching_centres(
+        MeshDistance(mesh), line.places, normals=line.normals, radius=radius, start=start, end=end
+    )
 
 
 def _patches(line: ProbeLine, side: Float[ndarray, " k"]) -> tuple[Float[ndarray, "m 3"], ndarray]:
@@ -130,7 +137,10 @@ def _patches(line: ProbeLine, side: Float[ndarray, " k"]) -> tuple[Float[ndarray
     a, b = (each.ravel() for each in np.meshgrid(side, side, indexing="ij"))
     nodes = line.places[:, None] + a[:, None] * first[:, None] + b[:, None] * second[:, None]
     corner = np.arange(len(side) ** 2).reshape(len(side), -1)
-    low, right, up, far = corner[:-1, :-1], corner[1:, :-1], corner[:-1, 1:], corner[1:, 1:]
+    low = corner[:-1, :-1]
+    right = corner[1:, :-1]
+    up = corner[:-1, 1:]
+    far = corner[1:, 1:]
     cells = np.vstack(
         [np.column_stack([x.ravel() for x in three]) for three in ((low, right, far), (low, far, up))]
     )

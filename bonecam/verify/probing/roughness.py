@@ -54,7 +54,8 @@ class Roughness:
 
 def roughness_of(program: PostedProgram, flutes: int, count: int = PLACES) -> Roughness:
     """The roughness at so many places that the last cutter has cut, for cutters with so many `flutes`."""
-    probes, motions = program.removal.remaining.normal_probes, program.motions()
+    probes = program.removal.remaining.normal_probes
+    motions = program.motions()
     assert probes is not None
     cut = np.flatnonzero((probes.owners >= 0) & (probes.heights < probes.heights[probes.owners >= 0].max()))
     cut = cut[~motions.rapid[probes.owners[cut]]]

@@ -57,7 +57,8 @@ class NormalProbes:
 
     def move(self, pose: Float[ndarray, "4 4"]) -> "NormalProbes":
         """The normal probes under a rigid transform (4, 4), as they have been cut before another program is run."""
-        turn, shift = pose[:3, :3].T, pose[:3, 3]
+        turn = pose[:3, :3].T
+        shift = pose[:3, 3]
         moved = NormalProbes(
             self.mesh.move(pose), self.points @ turn + shift, self.normals @ turn, self.areas
         )

@@ -96,10 +96,10 @@ def removal_of_job(
     removal = simulate_removal(
         text,
         machine,
-        dialect,
-        stock,
-        post,
-        cutters_of(job, machine),
+        dialect=dialect,
+        stock=stock,
+        post=post,
+        cutters=cutters_of(job, machine),
         clamping=clamping,
         part=morph_surfaces(levels)[0],
         limits=depth_limits(job, levels),
@@ -125,7 +125,17 @@ def prove_removal(
     mechanics: bool = True,
 ) -> Removal:
     """What `removal_of_job` tells; errors as in `check_removal` too, where that is not what a program may do."""
-    removal = removal_of_job(text, machine, dialect, job, stock, levels, progress, given, mechanics=mechanics)
+    removal = removal_of_job(
+        text,
+        machine,
+        dialect=dialect,
+        job=job,
+        stock=stock,
+        levels=levels,
+        progress=progress,
+        given=given,
+        mechanics=mechanics,
+    )
     with knowing(removal.sections):
         check_removal_of_job(removal, job)
     return removal
@@ -167,10 +177,10 @@ def simulate_stump(
     removal = simulate_further(
         text,
         machine,
-        dialect,
-        material,
-        None,
-        cutters,
+        dialect=dialect,
+        material=material,
+        post=None,
+        cutters=cutters,
         clamping=clamping_of(job.holding, machine.table),
         limits=limits,
         surfaces=dict.fromkeys(limits, part),

@@ -47,13 +47,13 @@ def straight_pieces(motions: Motions, moves: Int[ndarray, " m"], cutter: Cutter)
     return Pieces(
         tips + cutter.radius * axes,
         end_tips + cutter.radius * end_axes,
-        axes,
-        end_axes,
-        moves[owner],
-        np.zeros(len(owner)),
-        (motions.rapid | motions.links)[moves][owner],
-        np.full((len(owner), above), np.inf),
-        np.zeros((len(owner), above, 2)),
+        start_axes=axes,
+        end_axes=end_axes,
+        moves=moves[owner],
+        reach=np.zeros(len(owner)),
+        probed=(motions.rapid | motions.links)[moves][owner],
+        bounds=np.full((len(owner), above), np.inf),
+        near=np.zeros((len(owner), above, 2)),
     )
 
 

@@ -113,7 +113,11 @@ def simulate_further(
         left = {one.level: tools[one.tool].scallop for one in before[-1:]} | dict(scallops or {})
         scallop = left[before[-1].level] if before else 0.0
         levels.append(simulation.run(group, tools[group.tool], scallop))
-    bridge = parted_bridge(groups, motions, tools, post, sweeping.sets, material.grid) if post else None
+    bridge = (
+        parted_bridge(groups, motions, tools=tools, post=post, sets=sweeping.sets, grid=material.grid)
+        if post
+        else None
+    )
     return replace(simulation.result(levels, tools, post), bridge=bridge)
 
 

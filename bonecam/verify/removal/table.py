@@ -41,7 +41,12 @@ def table_clearance(
     def measure(some: slice) -> tuple[float, int, str, int]:
         part = Pieces(*(column[some] for column in pieces))
         least, where, section, touched = fixed_clearance(
-            part, sections, cutter.radius, columns.reshape(-1, 5), clamping.closed, within
+            part,
+            sections,
+            radius=cutter.radius,
+            columns=columns.reshape(-1, 5),
+            closed=clamping.closed,
+            within=within,
         )
         move = int(part.moves[where]) if where >= 0 else -1
         return (
@@ -80,7 +85,8 @@ def solid_clearance(
     pieces = straight_pieces(motions, moves, cutter)
     owner, centres, axes = _poses(pieces, cutter)
     sections, _ = sections_of(cutter)
-    best, where = np.inf, int(moves[0])
+    best = np.inf
+    where = int(moves[0])
     pose = np.repeat(np.arange(len(centres)), len(sections))
     low, high, radius, end_radius = np.tile(sections, (len(centres), 1)).T
     while len(pose):
@@ -88,13 +94,17 @@ def solid_clearance(
         distance = solid.signed(centres[pose] + middle[:, None] * axes[pose])
         near = distance - (radius + end_radius) / 2
         if near.min() < best:
-            best, where = float(near.min()), int(owner[pose[np.argmin(near)]])
+            best = float(near.min())
+            where = int(owner[pose[np.argmin(near)]])
         bound = distance - np.maximum(radius, end_radius) - (high - low) / 2
         open_ = (bound < best - NEAR) & (high - low > NEAR)
         pose, low, middle, high = pose[open_], low[open_], middle[open_], high[open_]
         first, last = radius[open_], end_radius[open_]
-        pose, low, high = np.tile(pose, 2), np.r_[low, middle], np.r_[middle, high]
-        radius, end_radius = np.r_[first, (first + last) / 2], np.r_[(first + last) / 2, last]
+        pose = np.tile(pose, 2)
+        low = np.r_[low, middle]
+        high = np.r_[middle, high]
+        radius = np.r_[first, (first + last) / 2]
+        end_radius = np.r_[(first + last) / 2, last]
     return best, where
 
 

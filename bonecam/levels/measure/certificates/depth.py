@@ -49,11 +49,11 @@ def bound_depth(level: TSpline, other: TSpline, limit: float) -> DepthBound:
     distance, deepest, too_deep, pieces = depth_bound(
         bezier_nets(level),
         corners,
-        depth_target(other),
-        limit + MARGIN,
-        limit + DEPTH_TOLERANCE,
-        ACCURACY,
-        SMALLEST,
+        on=depth_target(other),
+        goal=limit + MARGIN,
+        alarm=limit + DEPTH_TOLERANCE,
+        accuracy=ACCURACY,
+        smallest=SMALLEST,
     )
     place = level.positions(*_parameters(boxes, deepest[None]).T)[0]
     return DepthBound(distance + ROUNDING, place, _parameters(boxes, too_deep), pieces)

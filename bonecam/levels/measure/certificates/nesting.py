@@ -48,7 +48,13 @@ def bound_nesting(inner: TSpline, outer: Float[ndarray, "e 16 3"]) -> tuple[floa
     for move in MOVES:
         moved = inner.with_control_points(inner.control_points - move * N)
         gap, place, _ = separation(
-            bezier_nets(moved), outer, move, move - MOVES[0], SMALL, SMALLEST, MOST_PAIRS
+            bezier_nets(moved),
+            outer,
+            goal=move,
+            enough=move - MOVES[0],
+            small=SMALL,
+            smallest=SMALLEST,
+            most=MOST_PAIRS,
         )
         if gap > ROUNDING and _encloses(outer, moved.positions(s, t)):
             return gap - move - ROUNDING, place

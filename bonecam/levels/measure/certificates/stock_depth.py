@@ -58,7 +58,13 @@ def bound_mesh_depth(
         part = part[reach[part] > depth]
         starts = np.repeat(seeds[nearest_seed[part], None, :2], 4, axis=1)
         bound, (face, _, _), _, count = depth_bound(
-            triangle_nets(faces[part]), starts, target, depth, np.inf, sagitta / SAGITTA_PARTS, SMALLEST
+            triangle_nets(faces[part]),
+            starts,
+            on=target,
+            goal=depth,
+            alarm=np.inf,
+            accuracy=sagitta / SAGITTA_PARTS,
+            smallest=SMALLEST,
         )
         pieces += count
         if bound > depth:

@@ -70,4 +70,12 @@ def stack(parts: Sequence[Pulled]) -> Pulled:
         np.concatenate([getattr(part, name) for part in parts])
         for name in ("s", "t", "x", "weights", "target", "beyond")
     )
-    return Pulled(s, t, sp.csr_array(sp.vstack([part.R for part in parts])), x, weights, target, beyond)
+    return Pulled(
+        s,
+        t,
+        R=sp.csr_array(sp.vstack([part.R for part in parts])),
+        x=x,
+        weights=weights,
+        target=target,
+        beyond=beyond,
+    )

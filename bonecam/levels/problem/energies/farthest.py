@@ -34,6 +34,11 @@ def farthest(given: Given) -> Pulled:
     weights = np.clip((distance - least) / (rest.farthest - least), 0, 1)
     kept = weights > 0
     weights = WEIGHT * weights[kept] / weights.sum()
-    s, t, x, towards = s[kept], t[kept], x[kept], unit(across[kept])
-    target = targets(given, x, s, t, towards, towards, np.ones(len(s)))
-    return Pulled(s, t, before.basis(s, t)[0], x, weights, target, np.full(len(s), OVERSHOOT))
+    s = s[kept]
+    t = t[kept]
+    x = x[kept]
+    towards = unit(across[kept])
+    target = targets(given, x, s=s, t=t, normals=towards, towards=towards, share=np.ones(len(s)))
+    return Pulled(
+        s, t, R=before.basis(s, t)[0], x=x, weights=weights, target=target, beyond=np.full(len(s), OVERSHOOT)
+    )

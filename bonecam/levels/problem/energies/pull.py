@@ -31,7 +31,8 @@ way and the normal count as no less than this."""
 
 def pull(given: Given) -> Pulled:
     """The samples of the energy, weighed by area and uniformly."""
-    discretisation, P = given.discretisation, given.before.control_points
+    discretisation = given.discretisation
+    P = given.before.control_points
     samples = discretisation.samples
     x = samples.R @ P
     area_vectors = samples.area_vectors(P)
@@ -43,8 +44,16 @@ def pull(given: Given) -> Pulled:
     field = unit(samples.R @ factorise(SMOOTHING * discretisation.M, samples.R, weights).solve(field))
     gap = -discretisation.stock.signed_distance(x)
     share = np.clip(gap / given.rest.left, given.parameters.least_share, 1.0)
-    target = targets(given, x, samples.s, samples.t, normals, field, share)
-    return Pulled(samples.s, samples.t, samples.R, x, weights, target, 1 + (OVERSHOOT - 1) * share**ALL_OUT)
+    target = targets(given, x, s=samples.s, t=samples.t, normals=normals, towards=field, share=share)
+    return Pulled(
+        samples.s,
+        samples.t,
+        R=samples.R,
+        x=x,
+        weights=weights,
+        target=target,
+        beyond=1 + (OVERSHOOT - 1) * share**ALL_OUT,
+    )
 
 
 def targets(
@@ -58,7 +67,8 @@ def targets(
 ) -> Float[ndarray, "k 3"]:
     """Where samples at x should be: so far along `towards` that their distance to the level before is a
     `share` of what they may go."""
-    stock, cut = given.discretisation.stock, given.cut
+    stock = given.discretisation.stock
+    cut = given.cut
     distance, out = stock.distances_and_normals(x)
     gap = -distance
     height = share * heights(cut, gap)[1]

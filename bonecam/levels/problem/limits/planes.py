@@ -30,7 +30,8 @@ from bonecam.setup.stock import Stock
 from bonecam.surface.query.closest_point import closest_points_near
 from bonecam.surface.tspline import TSpline
 
-SLABS, WALLS = (depth, nesting), (wall,)
+SLABS = (depth, nesting)
+WALLS = (wall,)
 """The limits of a program: those of heights over the level before, and those of the stock."""
 
 
@@ -94,7 +95,9 @@ class Limits:
 
     def at(self, y: Float[ndarray, "k 3"], steps: int) -> "Limits":
         """The limits set up again where the samples are at y; `steps` of Newton find their closest points."""
-        return limits_at(self.before, self.stock, self.cut, self.gap, y, self.s, self.t, steps)
+        return limits_at(
+            self.before, self.stock, cut=self.cut, gap=self.gap, y=y, s=self.s, t=self.t, steps=steps
+        )
 
     def only(self, which: ndarray) -> "Limits":
         """The limits of some of the samples."""
@@ -114,7 +117,10 @@ class Limits:
     ) -> "Limits":
         """The limits, those of the samples `which` with n . (y - c) <= high instead of their slabs."""
         changed = replace(self, c=self.c.copy(), n=self.n.copy(), low=self.low.copy(), high=self.high.copy())
-        changed.c[which], changed.n[which], changed.low[which], changed.high[which] = c, n, -np.inf, high
+        changed.c[which] = c
+        changed.n[which] = n
+        changed.low[which] = -np.inf
+        changed.high[which] = high
         return changed
 
     def rows(self, R: sp.csr_array, x: Float[ndarray, "k 3"]) -> LinearLimits:
@@ -149,4 +155,4 @@ def limits_at(
     room = np.minimum(gap, -stock.signed_distance(c))
     low, high = heights(cut, room)
     m, h = tightest(y, [one(cut, room, stock, y) for one in WALLS])
-    return Limits(before, stock, cut, gap, s, t, c, n, low, high, m, h)
+    return Limits(before, stock, cut=cut, gap=gap, s=s, t=t, c=c, n=n, low=low, high=high, m=m, h=h)

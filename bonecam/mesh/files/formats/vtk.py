@@ -81,7 +81,8 @@ def _unrolled(rows: ndarray, number: int) -> tuple[ndarray, ndarray]:
     for polygon in range(number):
         if at >= len(rows):
             raise ContentError("is cut short: polygons are missing", CUT_SHORT)
-        counts[polygon], corner[at] = rows[at], False
+        counts[polygon] = rows[at]
+        corner[at] = False
         at += 1 + max(int(rows[at]), 0)
     return rows[corner], counts
 

@@ -121,7 +121,8 @@ def fill_pits(mesh: TriangleMesh, radius: float) -> Fill:
         capped = cap_folds(filled, hollow_at == hollow, wanted, ball.longest, inside)
         if capped is not None:
             opened.remove(hollow)
-            filled, new = capped.mesh, len(capped.mesh.vertices) - len(capped.old)
+            filled = capped.mesh
+            new = len(capped.mesh.vertices) - len(capped.old)
             hollow_at = np.append(hollow_at[capped.old], np.full(new, -1))
             wanted = np.vstack([wanted[capped.old], filled.vertices[len(capped.old) :]])
             vertices[of_vertex == hollow] = onto_ball[of_vertex == hollow]

@@ -61,7 +61,7 @@ def drivable_paths(
     before = None
     lowered = []
     for path in paths:
-        posted = post_path(path, machine, dialect, job, around, before)
+        posted = post_path(path, machine, dialect=dialect, job=job, around=around, before=before)
         before = posted.moves.angles[-1]
         kept = moved_rows(posted)
         feeds = _drivable_feeds(posted, kept, job.path.feed_at)
@@ -72,7 +72,8 @@ def drivable_paths(
 def _drivable_feeds(posted: Posted, kept: Bool[ndarray, "n"], feed_at: str) -> Float[ndarray, "m"]:
     """The feed of each row of a path that is `kept`, mm/min, on the scale of the path, or in inverse time in whole
     TIMED_STEPs."""
-    path, number = posted.path, posted.dialect.numbers.feed
+    path = posted.path
+    number = posted.dialect.numbers.feed
     asked = path.feed_rates * _feed_ratios(posted, feed_at)
     limit = np.full(len(path.tips), np.inf)
     moving = posted.lengths > posted.dialect.numbers.length.step
@@ -83,7 +84,9 @@ def _drivable_feeds(posted: Posted, kept: Bool[ndarray, "n"], feed_at: str) -> F
     if posted.dialect.feed_mode != "per-minute":
         # what is slower is timed by its turn, block by block
         limit = np.maximum(limit, SLOW * path.cutter.feed)
-    path, asked, limit = with_rows(path, kept), asked[kept], limit[kept]
+    path = with_rows(path, kept)
+    asked = asked[kept]
+    limit = limit[kept]
     feeds = np.minimum(asked, limit)
     steps = np.linalg.norm(np.diff(path.tips, axis=0, prepend=path.tips[:1]), axis=1)
     feeds = _even(feeds, np.minimum(feeds, FLOOR * asked), steps, path)
@@ -151,7 +154,10 @@ def _follows(path: ToolPath) -> Bool[ndarray, "n"]:
 
 def feed_figures(posted: Sequence[Posted], feed_at: str) -> FeedFigures:
     """The figures of the cutting blocks of posted paths; `feed_at` is the point that keeps the feed."""
-    asked, own, driven, under = [], [], [], 0
+    asked = []
+    own = []
+    driven = []
+    under = 0
     for one in posted:
         cuts = (one.moves.kinds == MoveKind.CUT) & (one.lengths > one.dialect.numbers.length.step)
         cuts[[first for first, _ in one.runs]] = False

@@ -67,7 +67,8 @@ def _minutes(
     steps = np.abs(np.diff(joints, axis=0))
     moving: Bool[ndarray, "m"] = (steps.max(axis=1) > 0) & (at_feed > 0)
     minutes = at_feed.copy()
-    signed, at_feed = np.diff(joints, axis=0)[moving], at_feed[moving]
+    signed = np.diff(joints, axis=0)[moving]
+    at_feed = at_feed[moving]
     if not len(at_feed):
         return minutes
     # path lengths are the times at the feed: the speed is 1 where nothing lowers it
@@ -92,14 +93,25 @@ def _ramped(
 ) -> tuple[Float[ndarray, "n"], Float[ndarray, "m"]]:
     """Speeds at the ends of moves, at most the `highest`, that no ramp exceeds forwards, and the times of the moves
     that lie within a ramp, NaN of the others. A ramp begins where the speed is as high as may be."""
-    speeds, times = highest.tolist(), [math.nan] * len(ways)
-    begin, way, least_a, least_j, since = speeds[0], 0.0, math.inf, math.inf, 0.0
+    speeds = highest.tolist()
+    times = [math.nan] * len(ways)
+    begin = speeds[0]
+    way = 0.0
+    least_a = math.inf
+    least_j = math.inf
+    since = 0.0
     for k, (step, own_a, own_j) in enumerate(zip(ways.tolist(), a.tolist(), j.tolist(), strict=True)):
-        way, least_a, least_j = way + step, min(least_a, own_a), min(least_j, own_j)
+        way = way + step
+        least_a = min(least_a, own_a)
+        least_j = min(least_j, own_j)
         jerked = math.isfinite(least_j)
         far = reached(begin, way, least_a, least_j) if jerked else reached(speeds[k], step, own_a, math.inf)
         if far >= speeds[k + 1]:
-            begin, way, least_a, least_j, since = speeds[k + 1], 0.0, math.inf, math.inf, 0.0
+            begin = speeds[k + 1]
+            way = 0.0
+            least_a = math.inf
+            least_j = math.inf
+            since = 0.0
             continue
         # a ramp takes its way at the mean of its ends
         until = 2 * way / (begin + far)

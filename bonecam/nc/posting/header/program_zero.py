@@ -35,7 +35,8 @@ def zero_words(machine: Machine, dialect: Dialect) -> ZeroWords:
 
 def over_zero(machine: Machine, dialect: Dialect) -> str:
     """The words of X and Y over the program's zero."""
-    zero, length = zero_words(machine, dialect), dialect.numbers.length
+    zero = zero_words(machine, dialect)
+    length = dialect.numbers.length
     return f"X{length.text(float(zero.x))} Y{length.text(float(zero.y))}"
 
 

@@ -83,7 +83,8 @@ def _tailstock_texts(job: Job) -> list[str]:
     bodies = tailstock_columns(job.holding)
     if not bodies:
         return []
-    holding, (column,) = job.holding, bodies["column"]
+    holding = job.holding
+    (column,) = bodies["column"]
     under = bodies["arm"][0]
     at = f"at X {holding.tailstock_x:.2f} Y {holding.tailstock_y:.2f}"
     what = {

@@ -69,7 +69,9 @@ def choose_angles(
     rewinds = np.zeros(len(axes), dtype=bool)
     if len(fixed):
         costs = _rewind_costs(kinds, axes, liftable)[fixed[1:]]
-        angles[fixed], rewinds[fixed] = _least_travel(machine, solutions[fixed], axes, costs, fixed, before)
+        angles[fixed], rewinds[fixed] = _least_travel(
+            machine, solutions[fixed], axes=axes, costs=costs, fixed=fixed, before=before
+        )
     held = np.flatnonzero(free.any(1))
     if len(held):
         angles[held] = _held_angles(
@@ -206,7 +208,14 @@ def _least_travel(
     jumps = np.where(np.diff(fixed) > 1, 0.0, costs)
     size = len(first_turns), len(second_turns)
     chain, jumped = cheapest_chain(
-        np.where(allowed[0], start, np.inf), travel, wraps, size, values, allowed, bounded, jumps
+        np.where(allowed[0], start, np.inf),
+        travel,
+        wraps=wraps,
+        size=size,
+        values=values,
+        allowed=allowed,
+        bounded=bounded,
+        jumps=jumps,
     )
     if (chain < 0).any():
         row = int(fixed[np.argmax(chain < 0)])

@@ -97,7 +97,9 @@ def _at_limits(
                 end = start + _wrapped(off[cut + 1] - off[cut])
                 crossing = cut[(start * end < 0) & (np.abs(start) + np.abs(end) < np.pi)]
                 ends = fine[crossing], fine[crossing + 1]
-                places.append(_halved(machine, axes, ends, solution, column, limit))
+                places.append(
+                    _halved(machine, axes, ends=ends, solution=solution, column=column, limit=limit)
+                )
     return np.unique(np.concatenate(places))
 
 

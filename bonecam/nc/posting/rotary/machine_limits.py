@@ -19,7 +19,8 @@ def machine_limits(machine: Machine) -> MachineLimits:
     turn, tilt = sorted(
         machine.rotary, key=lambda axis: -abs(machine.in_part(np.array([axis.direction]))[0, 2])
     )
-    band, reached = planned_band(machine), None
+    band = planned_band(machine)
+    reached = None
     if band is None:
         reached = reached_axes(machine)
         angles = polar_angles(reached.samples)

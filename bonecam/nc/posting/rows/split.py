@@ -78,11 +78,17 @@ def split_moves(
             balls = tips + control.radius * axes
             axes = tool_axes(control.machine, choice.angles)
             tips = balls - control.radius * axes
-        pieces = _pieces(control, kinds, tips, axes, choice.angles, tolerance)
+        pieces = _pieces(control, kinds, tips=tips, axes=axes, angles=choice.angles, tolerance=tolerance)
         pieces[choice.rewinds[1:]] = 1
         if (pieces == 1).all():
             return ProgramMoves(
-                kinds, tips, axes, choice.angles, np.asarray(path.feed_rates)[rows], rows, choice.rewinds
+                kinds,
+                tips,
+                axes=axes,
+                angles=choice.angles,
+                feed_rates=np.asarray(path.feed_rates)[rows],
+                rows=rows,
+                rewinds=choice.rewinds,
             )
         earlier, fractions, after = _new_rows(pieces)
         tips, axes = between(tips, axes, control.radius, earlier, fractions)

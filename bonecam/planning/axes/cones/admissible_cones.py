@@ -61,7 +61,8 @@ class AxisCones:
     @property
     def shares(self) -> Float[ndarray, " k"]:
         """The part of each node's free directions that its cone holds; 0 where there is none."""
-        free, shapes = self.free.free, self.shapes
+        free = self.free.free
+        shapes = self.shapes
         held = np.zeros(len(shapes))
         for k in np.flatnonzero(shapes.found & free.any(axis=1)):
             q = self.free.directions[free[k]] @ shapes.matrices[k].T
@@ -89,7 +90,8 @@ class AxisCones:
         sums = [np.bincount(node, axes[:, i], len(self.shapes)) for i in range(3)]
         means = unit(np.column_stack(sums))
         rows = np.flatnonzero(self.shapes.off(means) > DEEP * self.shapes.mean_angles)
-        proven, wanted = free.proven[rows], means[rows]
+        proven = free.proven[rows]
+        wanted = means[rows]
         _, leaves = sphere_leaves()
 
         def work(piece: slice) -> tuple[ndarray, ndarray]:

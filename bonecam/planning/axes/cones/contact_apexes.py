@@ -17,7 +17,8 @@ from bonecam.tool.path import ContactPath
 def at_contacts(free: FreeAxes, nodes: Int[ndarray, " m"], path: ContactPath, scene: Scene) -> FreeAxes:
     """The free axes of a path with an apex for each contact of these nodes, and none for other nodes; a node of one
     contact that has several apexes keeps them."""
-    node_of, of_apex = free.net.node_of, free.apex_nodes
+    node_of = free.net.node_of
+    of_apex = free.apex_nodes
     several = np.diff(free.starts) > 1
     rows = np.flatnonzero(np.isin(node_of, nodes) & ~several[node_of])
     kept = np.flatnonzero(np.isin(of_apex, nodes) & several[of_apex])

@@ -56,7 +56,16 @@ class Sweep:
         sweeps = []
         for out, down in STAIRS:
             start, radius = self.start - down * self.growth, self.radius + out * self.growth
-            sweeps.append(Sweep(start, self.end + self.growth, radius, self.first, self.second, 0.0))
+            sweeps.append(
+                Sweep(
+                    start,
+                    self.end + self.growth,
+                    radius=radius,
+                    first=self.first,
+                    second=self.second,
+                    growth=0.0,
+                )
+            )
         return tuple(sweeps)
 
     def holds(self, points: Float[ndarray, "n 3"], sides: int) -> Bool[ndarray, " n"]:

@@ -116,5 +116,5 @@ def _rounded(sizes: Float[ndarray, "n 6"]) -> Float[ndarray, "n 6"]:
 def _catalogued(
     start: float, end: float, radius: float, first: float, second: float, growth: float
 ) -> FclObject | None:
-    mesh = Sweep(start, end, radius, first, second, growth).mesh(SIDES)
+    mesh = Sweep(start, end, radius=radius, first=first, second=second, growth=growth).mesh(SIDES)
     return None if mesh is None else solid_object(*mesh)

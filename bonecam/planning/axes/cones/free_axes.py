@@ -109,7 +109,8 @@ def free_axes(path: ContactPath, scene: Scene, limits: MachineLimits, max_tilt: 
 
     reached = _reached_leaves(limits)
     nets, parts = [], []
-    left, spacing = np.arange(len(path.centres)), SPACING
+    left = np.arange(len(path.centres))
+    spacing = SPACING
     while len(left):
         net = make_net(path.centres[left], path.normals[left], middles[left], spacing)
         apexes = apexes_of(net, room[left])
@@ -130,13 +131,13 @@ def free_axes(path: ContactPath, scene: Scene, limits: MachineLimits, max_tilt: 
     free = FreeAxes(
         net,
         Apexes(*apex),
-        np.arange(len(net.places) + 1),
-        obstacles,
-        names,
-        _limits(net, path.cutter, limits, max_tilt, clearance),
-        reached,
-        allowed,
-        proven,
+        starts=np.arange(len(net.places) + 1),
+        obstacles=obstacles,
+        section_names=names,
+        limits=_limits(net, path.cutter, limits, max_tilt, clearance),
+        reached=reached,
+        allowed=allowed,
+        proven=proven,
     )
     return _in_pieces(free, middles)
 

@@ -152,8 +152,10 @@ def _refusals(cones: AxisCones, nodes: Int[ndarray, " m"], pairs: list[_Pair]) -
 
 def _meeting(cones: AxisCones, rows: Int[ndarray, " m"], pair: _Pair) -> Iterator[tuple[int, str]]:
     """The apexes about which sections of the tool meet a solid in their cones, and the lowest of these sections."""
-    solid, radius = pair.solid, cones.path.cutter.radius
-    apexes, turns = cones.free.apexes.places[rows], _turns(cones, rows)
+    solid = pair.solid
+    radius = cones.path.cutter.radius
+    apexes = cones.free.apexes.places[rows]
+    turns = _turns(cones, rows)
     begins = _begins(cones, rows, pair)
     angles = cones.shapes.angles[cones.free.apex_nodes[rows]]
     growth = cones.free.apexes.growth[rows] + solid.deviation
@@ -169,7 +171,8 @@ def _meeting(cones: AxisCones, rows: Int[ndarray, " m"], pair: _Pair) -> Iterato
         met = inside[some]
         asked = np.flatnonzero(~met)
         asked = asked[~solid.obstacle.clear(sizes[asked], apexes[some[asked]], turns[some[asked]])]
-        here, poses = sizes[asked], (apexes[some[asked]], turns[some[asked]])
+        here = sizes[asked]
+        poses = (apexes[some[asked]], turns[some[asked]])
         met[asked] = _holds_piece(here, *poses, solid) | crossing(here, *poses, solid.obstacle)
         left[some[met]] = False
         for i in some[met]:
@@ -187,7 +190,8 @@ def _begins(cones: AxisCones, rows: Int[ndarray, " m"], pair: _Pair) -> Float[nd
     ends."""
     if pair.slack is None:
         return np.zeros(len(rows))
-    apexes, shapes = cones.free.apexes, cones.shapes.take(cones.free.apex_nodes[rows])
+    apexes = cones.free.apexes
+    shapes = cones.shapes.take(cones.free.apex_nodes[rows])
     lean = shapes.largest_angles(apexes.normals[rows]) + apexes.spread[rows] + RIM_ERROR
     return np.asarray(2 * apexes.room[rows] * np.cos(np.minimum(lean, np.pi / 2)))
 

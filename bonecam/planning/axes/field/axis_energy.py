@@ -160,7 +160,8 @@ class AxisEnergy:
     def _bounds(self, azimuth: Float[ndarray, " n"], polar: Float[ndarray, " n"]) -> "Residuals":
         """What angles exceed their bounds by, and how far axes are outside their cones."""
         residuals: list[Residual] = []
-        bounds, weight = self.bounds, BOUND_WEIGHT * self.shares
+        bounds = self.bounds
+        weight = BOUND_WEIGHT * self.shares
         drooping = SOFT_WEIGHT / BOUND_WEIGHT
         for beyond, sign, share in (
             (polar - bounds.largest_polar, 1.0, 1.0),
@@ -182,7 +183,8 @@ class AxisEnergy:
             slope = sign * weight * (beyond > 0)
             residuals.append((weight * np.maximum(beyond, 0.0), slope * gradients[0], slope * gradients[1]))
 
-        matrices, mean = bounds.cones.matrices, np.maximum(bounds.cones.mean_angles, 0.0)
+        matrices = bounds.cones.matrices
+        mean = np.maximum(bounds.cones.mean_angles, 0.0)
         q, *slopes = (np.einsum("nij,nj->ni", matrices, part) for part in (axes, by_azimuth, by_polar))
         across = np.maximum(lengths(q[:, :2]), STRAIGHT)
         flat = np.tan(mean)

@@ -83,7 +83,8 @@ def basis(parameters: Float[ndarray, "n 2"], domain: FieldDomain) -> csr_array:
     else:
         around = BSpline.design_matrix(np.clip(share, 0, 1), _clamped((0.0, 1.0), AROUND), DEGREE)
     along = BSpline.design_matrix(t, _clamped(domain.t, ALONG), DEGREE)
-    count, each = len(t), DEGREE + 1
+    count = len(t)
+    each = DEGREE + 1
     values = along.data.reshape(count, each, 1) * around.data.reshape(count, 1, each)
     columns = along.indices.reshape(count, each, 1) * AROUND + around.indices.reshape(count, 1, each) % AROUND
     rows = np.repeat(np.arange(count), each**2)

@@ -96,18 +96,26 @@ def smooth_axes(
     weigh as much more against leaving the cones. ValueError for another preset.
     """
     if preset == AUTOMATIC:
-        candidates = [smooth_axes(cones, domain, limits, job, one, start, haste, facets) for one in PRESETS]
+        candidates = [
+            smooth_axes(
+                cones, domain, limits=limits, job=job, preset=one, start=start, haste=haste, facets=facets
+            )
+            for one in PRESETS
+        ]
         return min(candidates, key=lambda one: machine_minutes(cones.path, one.axes, limits))
     if preset not in PRESETS:
         raise ValueError(f"preset = {preset!r}: give {', '.join(PRESETS)} or {AUTOMATIC}")
     rows = sample_rows(cones.path)
-    energy = axis_energy(cones, rows, domain, limits, job, PRESETS[preset], facets)
+    energy = axis_energy(
+        cones, rows, domain=domain, limits=limits, job=job, weights=PRESETS[preset], facets=facets
+    )
     energy = replace(energy, times=energy.times / haste)
     if start is None:
         values, least = minimise(energy, first_values(energy, cones.path.normals[rows]), FIRST_STEPS)
     else:
         energy = replace(energy, winding=start.winding)
-        values, least = np.array([start.azimuth, start.polar]), np.inf
+        values = np.array([start.azimuth, start.polar])
+        least = np.inf
     field = AxisField(domain, energy.winding, azimuth=values[0], polar=values[1])
     axes = field.axes(cones.path.parameters)
     for _ in range(ROUNDS):

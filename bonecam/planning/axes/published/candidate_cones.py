@@ -74,7 +74,8 @@ def semi_angles(curvature: Curvature, radius: float) -> Float[ndarray, "v 2"]:
 def weighted_offsets(path: ContactPath) -> Float[ndarray, "n 3"]:
     """w r N of Eq. 20, mm: towards the centre of the pass's bend, longest where it bends most; none at its ends."""
     points = path.contacts
-    before, behind = np.diff(points, axis=0)[:-1], np.diff(points, axis=0)[1:]
+    before = np.diff(points, axis=0)[:-1]
+    behind = np.diff(points, axis=0)[1:]
     short, long = lengths(before), lengths(behind)
     inner = (path.pass_index[2:] == path.pass_index[:-2]) & (short > 0) & (long > 0)
     short, long = np.where(inner, short, 1.0)[:, None], np.where(inner, long, 1.0)[:, None]

@@ -91,7 +91,7 @@ def choose(
     while True:
         first = allowed.argmax(axis=1)
         chosen = np.where(allowed[every, chosen], chosen, first)
-        chosen = _faired(candidates, allowed, chosen, energy, areas, step.solve)
+        chosen = _faired(candidates, allowed, chosen=chosen, energy=energy, areas=areas, solve=step.solve)
         asked = np.flatnonzero(allowed[every, chosen] & ~proven[every, chosen])
         if not len(asked):
             return np.where(allowed.any(axis=1), chosen, 0)

@@ -71,7 +71,14 @@ def sample_lines(
     lines = _spread(surface, curves, radius, chord_tolerance, max_step)
     unchecked = np.ones(len(lines.x), dtype=bool)
     for _ in range(MAX_HALVINGS):
-        lines, unchecked = _halve(surface, lines, unchecked, radius, chord_tolerance, max_step)
+        lines, unchecked = _halve(
+            surface,
+            lines,
+            unchecked=unchecked,
+            radius=radius,
+            chord_tolerance=chord_tolerance,
+            max_step=max_step,
+        )
         if not unchecked.any():
             break
     return lines

@@ -39,7 +39,8 @@ def spiral_curves(metric: StepMetric) -> Curves:
     width = passes[:, 0]
     turns = np.arange(int(np.ceil(width.max() + 1)))[:, None] + np.arange(count) / count
     t = [np.interp(turns[:, k], passes[k, ::-1], metric.t[::-1]) for k in range(count)]
-    s, side = turns.ravel(), np.arange(turns.size) % count
+    s = turns.ravel()
+    side = np.arange(turns.size) % count
     knots = np.column_stack([s, np.array(t).T.ravel()])
     short = SHORT_GAP * metric.flat_step / (np.sqrt(metric.E[:, 1].mean()) / count)
     return curves_of([knots[first:end] for first, end in ranges(s - 0.5 <= width[side], short)])

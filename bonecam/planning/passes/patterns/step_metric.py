@@ -104,4 +104,4 @@ def step_metric(surface: TSpline, radius: float, scallop: float) -> StepMetric:
     first = [dots(Ss, Ss), dots(Ss, St), dots(St, St), area]
     second = [-dots(derivative, normal) / area for derivative in (Sss, Sst, Stt)]
     E, F, G, area, e, f, g = (form.reshape(AROUND, ALONG) for form in first + second)
-    return StepMetric(s, t, E, F, G, area, e, f, g, radius, scallop)
+    return StepMetric(s, t, E=E, F=F, G=G, area=area, e=e, f=f, g=g, radius=radius, scallop=scallop)

@@ -89,7 +89,9 @@ def _fixed(part: TriangleMesh, holding: HoldingJob, table: Table) -> list[tuple[
         bodies.append(("post" if name == "stub" else "chuck", held))
     tailstock = tailstock_bodies(holding)
     if tailstock:
-        x, y, radius = holding.tailstock_x, holding.tailstock_y, holding.tailstock_diameter / 2
+        x = holding.tailstock_x
+        y = holding.tailstock_y
+        radius = holding.tailstock_diameter / 2
         pin = bar(float(part.bounds[1, 2]), holding.tailstock_height, radius, radius)
         bodies.append(("post", _shifted(pin, x, y)))
     for column in tailstock:

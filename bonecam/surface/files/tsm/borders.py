@@ -84,6 +84,12 @@ def _mirror_across_s(mesh: TMesh, points: ndarray) -> tuple[TMesh, ndarray]:
         np.pad(edges, ((2, 2), (0, 0)), mode="edge") for edges in (mesh.along_s, mesh.along_t)
     )
     inside = np.pad(mesh.inside, ((2, 2), (0, 0)))
-    return TMesh(lines, mesh.t_lines, vertices, along_s, along_t, inside, mesh.period), np.vstack(
-        [points, *new]
-    )
+    return TMesh(
+        lines,
+        mesh.t_lines,
+        vertices=vertices,
+        along_s=along_s,
+        along_t=along_t,
+        inside=inside,
+        period=mesh.period,
+    ), np.vstack([points, *new])

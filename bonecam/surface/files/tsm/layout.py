@@ -100,12 +100,15 @@ def _index_grid(records: Records, chart: TMeshChart, nodes: ndarray) -> TMesh:
         principal.append(np.flatnonzero(distinct[:, 1] == 0))
     own = np.column_stack([principal[axis][chart.lines[:, axis]] for axis in (0, 1)])
     index = np.column_stack(vertices)
-    edges = [_edges(records, chart, nodes, index, axis, [len(k) for k in knots]) for axis in (0, 1)]
+    edges = [
+        _edges(records, chart, nodes=nodes, index=index, axis=axis, counts=[len(k) for k in knots])
+        for axis in (0, 1)
+    ]
     shape = tuple(len(k) - (not length) for k, length in zip(knots, chart.period))
     inside = np.zeros(shape, dtype=bool)
     for k, face in enumerate(records.faces):
         if face is not None:
-            _mark_face(inside, records, chart, own, k, face[0])
+            _mark_face(inside, records, chart=chart, own=own, k=k, start=face[0])
     return TMesh(
         s_lines=knots[0],
         t_lines=knots[1],

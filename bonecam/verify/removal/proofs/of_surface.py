@@ -68,10 +68,10 @@ def prove_surface_removal(
     removal = simulate_further(
         text,
         machine,
-        dialect,
-        _stock(surface, solid, post, clamping, job.levels.finishing_depth),
-        post,
-        cutters_of(job, machine),
+        dialect=dialect,
+        material=_stock(surface, solid, post, clamping, job.levels.finishing_depth),
+        post=post,
+        cutters=cutters_of(job, machine),
         clamping=clamping,
         limits={0: job.levels.finishing_depth},
         surfaces={0: shown},
@@ -88,8 +88,10 @@ def layer_on(surface: TSpline, depth: float) -> TriangleMesh:
     """The closed mesh of a layer of material that is `depth` mm thick on a surface, along its normals."""
     tessellation = surface.tessellate_with_parameters(CHORD)
     s, t = tessellation.parameters.T
-    normals, faces = surface.normals(s, t), tessellation.mesh.faces
-    points, count = tessellation.mesh.vertices, len(tessellation.mesh.vertices)
+    normals = surface.normals(s, t)
+    faces = tessellation.mesh.faces
+    points = tessellation.mesh.vertices
+    count = len(tessellation.mesh.vertices)
     edges = half_edges(tessellation.mesh).reshape(-1, 2).astype(np.int64)
     forward, backward = edges[:, 0] * count + edges[:, 1], edges[:, 1] * count + edges[:, 0]
     a, b = edges[~np.isin(forward, backward)].T
