@@ -117,13 +117,11 @@ def blades(
             wheel = wheel_of(surface, profile, count, others, edge)
             require_room(wheel, job)
         plan = _planned(wheel, job, machine, times, progress)
-        proving = part_of(progress, 0.6, 0.8)
-        bladed = _posted(plan, machine, dialect, name, program, times=times, progress=proving)
+        bladed = _posted(plan, machine, dialect, name, program, times=times, progress=progress)
         if simulation:
             bladed = _simulated(bladed, times, part_of(progress, 0.8, 1.0), mechanics=mechanics)
-        bladed = replace(
-            bladed, report=with_warnings({**bladed.report, "seconds": times.seconds}, bladed.job)
-        )
+        figures = {**bladed.report, "seconds": times.seconds}
+        bladed = replace(bladed, report=with_warnings(figures, bladed.job))
     write_run(bladed, wanted)
     return bladed
 
@@ -221,7 +219,7 @@ def _posted(
             plan.blank.text,
         ],
         times=times,
-        progress=progress,
+        progress=part_of(progress, 0.6, 0.8),
     )
     posted = Path(file or "").name, proved.paths, proved.program, proved.proof
     reported = report_to_program(*posted, job=job.path, part=solid)
