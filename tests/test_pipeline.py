@@ -109,7 +109,7 @@ def again(
     files = ["-o", str(folder / "bone.h"), "--report", str(folder / "report.json")]
     with redirect_stdout(StringIO()) as told, pytest.MonkeyPatch.context() as patched:
         patched.setattr(bonecam_meshes, "path", lambda name: {"phalanx": phalanx}[name])
-        patched.setattr(pipeline, "morph_part", lambda *_: morphed[0])
+        patched.setattr(pipeline, "morph_part", lambda *_, **__: morphed[0])
         assert main(["demo", *files, "--job", str(job), "--no-simulation"]) == 0
     return folder, told.getvalue()
 

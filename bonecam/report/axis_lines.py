@@ -35,7 +35,7 @@ def _cone_lines(toolpath: Sequence[Mapping[str, Any]]) -> Iterator[str]:
     )
     asked, narrowed, refused = map(sum, of_names)
     if asked:
-        yield f"cones     {asked} put before FCL: {narrowed} narrowed, {refused} refused"
+        yield f"cones     {asked} checked by planes, else by FCL: {narrowed} narrowed, {refused} refused"
     poses = [row["poses"] for row in toolpath if row["poses"]]
     asked, refused = (sum(pose[name] for pose in poses) for name in ("asked", "refused"))
     if asked:

@@ -57,7 +57,7 @@ def test_other_rows_are_tried_where_the_first_fail(
         return result
 
     monkeypatch.setattr(job_levels, "fit_surface", fitted)
-    monkeypatch.setattr(job_levels, "make_levels", lambda *given: morph)
+    monkeypatch.setattr(job_levels, "make_levels", lambda *_, **__: morph)
     monkeypatch.setattr(job_levels, "smoother_fit", lambda *given: None)
     monkeypatch.setattr(job_levels, fails, failing_first)
     told: list[str] = []

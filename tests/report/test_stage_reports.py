@@ -139,7 +139,7 @@ def test_the_summary_tells_each_repair() -> None:
     lifted = "1 of them lifted from a cut or a link and set down again"
     assert f"rewinds   3 rewinds of the rotary axes off the part, {lifted}" in told
     assert "cones     circular on 1 of 1 level, where axes turn sooner or less in these" in told
-    assert "cones     9 put before FCL: 2 narrowed, 1 refused" in told
+    assert "cones     9 checked by planes, else by FCL: 2 narrowed, 1 refused" in told
     assert "poses     4 outside of such cones put before FCL one by one: 1 refused" in told
     assert told[:3] == [
         "mesh      993 faces, mm; 1 repair",

@@ -94,7 +94,7 @@ def test_the_default_method_comes_within_one_percent_of_the_exact_energy(
     """Of the published energy, for the depth held on the control points and solved exactly, from each of the
     first levels to the next."""
     # What is measured on the finished levels does not matter here: no level is moved for it.
-    monkeypatch.setattr(Rules, "violations", lambda *_: [])
+    monkeypatch.setattr(Rules, "violations", lambda *_, **__: [])
     made = morph(waisted(), capsule, schedule, attraction=attraction, chord_tolerance=0.05)
     nets = [level.surface.control_points for level in made.levels if level.surface is not None]
     program = PublishedProgram(waisted(), capsule, attraction, hull=True)

@@ -117,7 +117,7 @@ def test_a_place_that_cannot_be_left_is_not_asked_for_again(
         def found(self):  # type: ignore[no-untyped-def]
             return {pair: None if blocked - 1 in pair else way for pair, way in self.transfers.found.items()}
 
-    monkeypatch.setattr(lift, "no_transfers", lambda *given: Blocked(real(*given)))
+    monkeypatch.setattr(lift, "no_transfers", lambda *given, **named: Blocked(real(*given, **named)))
 
     def places(axes: np.ndarray, kinds: np.ndarray, left: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return at(axes, free - 1 if blocked - 1 in left else blocked - 1)
