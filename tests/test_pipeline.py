@@ -81,8 +81,8 @@ def chain(
 ) -> tuple[bonecam.Result, Path]:
     folder, morph_part = tmp_path_factory.mktemp("chain"), pipeline.morph_part
 
-    def told(*given: Any) -> bonecam.Morphed:
-        morphed.append(morph_part(*given))
+    def told(*given: Any, **named: Any) -> bonecam.Morphed:
+        morphed.append(morph_part(*given, **named))
         return morphed[0]
 
     with pytest.MonkeyPatch.context() as patched:
@@ -137,7 +137,7 @@ def test_a_surface_that_misses_the_mesh_is_refused_before_the_levels(
 def test_the_report_has_the_names_that_stay(chain: tuple[bonecam.Result, Path]) -> None:
     report = json.loads((chain[1] / "report.json").read_text(encoding="utf-8"))
     assert differences(report, Report) == []
-    absent = {"parting", "feed", "second", "axes"}
+    absent = {"parting", "feed", "second", "axes", "refused"}
     assert set(report) == set(Report.__annotations__) - absent
     machined = [level for level, _ in groupby(row["level"] for row in report["toolpath"])]
     assert machined == list(range(len(report["levels"]) - 2, -1, -1))
@@ -510,14 +510,17 @@ def test_progress_rises_to_its_end_and_false_cancels(phalanx: Path) -> None:
         ({"mesh": {"units": "m"}}, UnitsError, "--units"),
     ],
 )
-def test_an_impossible_job_fails_at_once_and_leaves_no_file(
+def test_an_impossible_job_fails_at_once_and_leaves_no_program(
     tmp_path: Path, changes: dict, kind: type[BonecamError], named: str, phalanx: Path
 ) -> None:
     outputs = {"program": tmp_path / "out.h", "keep": tmp_path / "keep", "report": tmp_path / "report.json"}
     with pytest.raises(kind, match=named) as caught:
         bonecam.convert(phalanx, COARSE.with_values(**changes), **outputs)
     assert "\n" not in str(caught.value)
-    assert not list(tmp_path.iterdir())
+    reports = list(tmp_path.iterdir())
+    assert {file.name for file in reports} <= {"report.json"}
+    for file in reports:  # once the part was read the report tells of the refusal
+        assert json.loads(file.read_text())["refused"]["message"] == str(caught.value)
 
 
 def test_repair_troubles_name_the_file(tmp_path: Path) -> None:
