@@ -56,7 +56,8 @@ def test_a_pin_and_lighter_cuts_are_told_where_each_is_enough() -> None:
     setup = standing(50.0)
     taken, found = remedies(setup, JOB)
     assert not taken.holds
-    pin, lighter = found
+    pin, lighter, *stiffer = found
+    assert all("finishing.preset" in remedy.change and remedy.neck.holds for remedy in stiffer)
     assert pin.change == 'holding.tailstock = "pin"'
     assert pin.neck.holds
     assert pin.neck.tailstock == "pin"
