@@ -70,6 +70,7 @@ def test_a_pin_and_lighter_cuts_are_told_where_each_is_enough() -> None:
     assert depth == 0.15 or not remedies(setup, halved)[0].holds, "no lighter than is needed"
 
 
+@pytest.mark.slow
 def test_a_stiffer_cutter_is_told_where_the_cutter_bends_most() -> None:
     slim = {
         "radius": 1.0,

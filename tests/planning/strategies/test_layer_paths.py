@@ -4,6 +4,7 @@ from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
+import pytest
 
 from bonecam.job import Job
 from bonecam.levels.measure.level import Level
@@ -38,6 +39,7 @@ def replayed(path: ToolPath, rays: CutDexels) -> tuple[list[float], CutDexels]:
     return volumes, CutDexels(rays.balls, left)
 
 
+@pytest.mark.slow
 def test_links_of_layers_remove_nothing_that_the_proof_would_refuse(
     grooved_pebble: Callable[..., TSpline],
     level_of: Callable[..., Level],
