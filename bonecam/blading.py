@@ -224,15 +224,9 @@ def _posted(
     posted = Path(file or "").name, proved.paths, proved.program, proved.proof
     reported = report_to_program(*posted, job=job.path, part=solid)
     figures = {**figures, **reported, "removal": NOT_SIMULATED, "mechanics": NOT_KNOWN}
+    program = proved.program
     return Bladed(
-        workpiece=plan.workpiece,
-        wheel=wheel,
-        blank=plan.blank,
-        levels=plan.morph,
-        paths=proved.paths,
-        program=proved.program,
-        report=figures,
-        job=job,
+        plan.workpiece, wheel, plan.blank, plan.morph, proved.paths, program=program, report=figures, job=job
     )
 
 

@@ -23,8 +23,6 @@ SPECIAL = {
     stat.S_IFDIR: "a folder",
 }
 """Kinds of files that are never opened."""
-NAME_BYTES = "surrogateescape"
-"""How a text holds names of files that are not in UTF-8: by their bytes, as the system gives them."""
 PROBE = bytes(4096)
 """What is written to see whether a folder takes files: one block."""
 
@@ -75,8 +73,8 @@ def whole_file(path: str | Path) -> Iterator[Path]:
 def write_whole(path: str | Path, text: str) -> None:
     """Write `text` (UTF-8, names of files that are not by their bytes) to `path` in one step; FileError names the file
     and the reason."""
-    with whole_file(path) as work:
-        work.write_text(text, encoding="utf-8", errors=NAME_BYTES, newline="")
+    with staged() as staging:
+        staging.write(path, text)
 
 
 @contextmanager

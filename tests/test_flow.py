@@ -162,7 +162,7 @@ def test_no_import_goes_in_a_circle() -> None:
     assert not left, f"these import each other, or what does: {sorted(left)}"
 
 
-MAX_ENTRIES, MAX_FILE_LINES, MAX_FUNCTION_LINES = 14, 300, 60
+MAX_ENTRIES, MAX_FILE_LINES, MAX_FUNCTION_LINES = 14, 250, 60
 OVER_LIMIT: set[str] = set()
 """What is still larger than the limits. Only remove from this list."""
 

@@ -74,8 +74,7 @@ class MeshSet(meshlab().MeshSet):  # type: ignore[misc]
         def apply(**values: Any) -> dict[str, Any]:
             return self.apply_filter(name, **values)
 
-        apply.__name__ = name
-        apply.__doc__ = registry[name].documentation
+        apply.__name__, apply.__doc__ = name, registry[name].documentation
         return apply
 
     def __dir__(self) -> list[str]:
@@ -206,8 +205,7 @@ class MeshSet(meshlab().MeshSet):  # type: ignore[misc]
     def placed(self, steps: Sequence[ScriptStep], script: str) -> list[ScriptStep]:
         """The steps with the names of their files in the folders that a script may use."""
         folder = self.layers.folder
-        beside = Path(script).absolute().parent
-        files = ScriptFiles(folder, folder, (beside,), self.allow_outside, self.force)
+        files = ScriptFiles(folder, folder, (Path(script).absolute().parent,), self.allow_outside, self.force)
         return files.placed(steps, script, self.registry)
 
     def clear_filter_script(self) -> None:

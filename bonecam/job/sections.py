@@ -134,8 +134,7 @@ class Job:
         if tool.spindle and tool.feed:
             return tool
         machine = read_machine(self.nc.machine)
-        depth = self.deepest(name)
-        asked = tool.radius, depth, machine.spindle_speed, tool.spindle, given.flutes
+        asked = tool.radius, self.deepest(name), machine.spindle_speed, tool.spindle, given.flutes
         spindle, feed = read_material(self.material.name).speeds(*asked)
         slowest = min(axis.speed for axis in machine.linear)
         return replace(tool, spindle=spindle, feed=tool.feed or min(feed, slowest))

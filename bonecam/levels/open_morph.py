@@ -98,9 +98,9 @@ def morph_open(
     levels = _sequence(
         surface,
         target,
-        matrices=matrices,
-        grid=grid,
-        schedule=schedule,
+        matrices,
+        grid,
+        schedule,
         stiffness=stiffness,
         held=held,
         progress=progress,
@@ -139,10 +139,8 @@ def _sequence(
 
     def next_level(level: MachinedLevel, k: int, _: _Rest) -> MachinedLevel:
         limit = schedule.limit(k)
-        surface = _next_surface(
-            level.surface, target, matrices=matrices, limit=limit, stiffness=stiffness, held=held
-        )
-        measures, mesh = _measured(k, level.surface, outer=surface, stock=target, grid=grid, limit=limit)
+        surface = _next_surface(level.surface, target, matrices, limit, stiffness, held=held)
+        measures, mesh = _measured(k, level.surface, surface, target, grid, limit=limit)
         return MorphLevel(k, surface, mesh, limit, measures)
 
     def rest_above(level: MachinedLevel, k: int, _: _Rest | None = None) -> _Rest:
@@ -152,14 +150,7 @@ def _sequence(
     rest = rest_above(first, 0)
     stop = Stop(SOFTER)
     levels = levels_to_stock(
-        [first],
-        rest,
-        schedule=schedule,
-        next_level=next_level,
-        rest_above=rest_above,
-        stop=stop,
-        progress=progress,
-        lower_bound=lower_bound,
+        [first], rest, schedule, next_level, rest_above, stop=stop, progress=progress, lower_bound=lower_bound
     )
     return *levels, _stock_level(levels[-1], target, grid, schedule.limit(len(levels)))
 
@@ -203,7 +194,7 @@ def _next_surface(
 ) -> TSpline:
     """The surface of the level above one; LevelError where it hardly moves."""
     P = level.control_points
-    moves = _moves(matrices, P, Q=target.surface.control_points, depth=limit, stiffness=stiffness, held=held)
+    moves = _moves(matrices, P, target.surface.control_points, limit, stiffness, held=held)
     if np.linalg.norm(moves, axis=1).max() < LEAST_MOVE * limit:
         raise LevelError(f"no control point gets nearer to the stock: {SOFTER}")
     return level.with_control_points(P + moves)
@@ -223,7 +214,7 @@ def _measured(
 def _stock_level(below: MachinedLevel, stock: OpenStock, grid: LevelGrid, limit: float) -> StockLevel:
     """The stock as the last level, with what is measured on its cut; LevelError where that is out of tolerance."""
     k = below.index + 1
-    measures, mesh = _measured(k, below.surface, outer=stock.surface, stock=stock, grid=grid, limit=limit)
+    measures, mesh = _measured(k, below.surface, stock.surface, stock, grid, limit=limit)
     fitted = replace(measures, outside=stock.deviation, outside_place=stock.place)
     return StockLevel(k, mesh, limit, fitted)
 

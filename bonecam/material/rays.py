@@ -136,9 +136,9 @@ def _lay_set(
     rays = RaySet(
         tile_of.reshape(tuple(counts)),
         np.zeros((met.sum(), TILE * TILE, 2 * ROOM), dtype=np.float32),
-        counts=np.zeros((met.sum(), TILE * TILE), dtype=np.uint8),
-        low=np.zeros(met.sum()),
-        high=np.zeros(met.sum()),
+        np.zeros((met.sum(), TILE * TILE), dtype=np.uint8),
+        np.zeros(met.sum()),
+        np.zeros(met.sum()),
         mask=np.zeros(met.sum(), dtype=np.uint64),
         stale=np.zeros(met.sum(), dtype=bool),
         cell=grid.cell,
@@ -153,16 +153,8 @@ def _lay_set(
 
     def fill(tiles: slice) -> None:
         known = {k: (low[tiles].ravel(), high[tiles].ravel()) for k, (low, high) in drawn.items()}
-        _fill(
-            rays,
-            bodies,
-            drawn=known,
-            grid=grid,
-            direction=direction,
-            corners=corners[tiles],
-            below=below[met][tiles],
-            tiles=tiles,
-        )
+        own, under = corners[tiles], below[met][tiles]
+        _fill(rays, bodies, known, grid, direction, corners=own, below=under, tiles=tiles)
 
     in_pieces(fill, len(corners), PIECE)
     summarise(rays)
@@ -221,8 +213,7 @@ def _store(rays: RaySet, tiles: slice, low: Float[ndarray, "n b"], high: Float[n
     spans = np.zeros((len(low), 2 * ROOM), dtype=np.float32)
     counts = np.zeros(len(low), dtype=np.uint8)
     for k in range(low.shape[1]):
-        start = low[rows, by_low[:, k]]
-        end = high[rows, by_low[:, k]]
+        start, end = low[rows, by_low[:, k]], high[rows, by_low[:, k]]
         full = start < end
         last = np.maximum(counts.astype(int) - 1, 0)
         joins = full & (counts > 0) & (start <= spans[rows, 2 * last + 1])

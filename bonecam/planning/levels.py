@@ -144,9 +144,7 @@ class _Planning:
             patterns = None
             if too_deep(level_contacts.candidates, material, allowed):
                 patterns = thread.submit(self._rest_patterns, level_contacts, allowed.scallop)
-            smooth = level_axes(
-                contacts, level, scene=scene, limits=self.limits, job=self.job.path, before=standing.smooth
-            )
+            smooth = level_axes(contacts, level, scene, self.limits, self.job.path, before=standing.smooth)
 
         def cut(contacts: ContactPath, material: InProcessStock, explained: bool = False) -> Cut:
             def oriented(contacts: ContactPath) -> ToolPath:
@@ -159,9 +157,9 @@ class _Planning:
                 return orient(
                     contacts,
                     scene,
-                    limits=self.limits,
-                    job=job.path,
-                    nc=job.nc,
+                    self.limits,
+                    job.path,
+                    job.nc,
                     wanted=wanted,
                     fixed=fixed,
                     material=material,

@@ -7,7 +7,7 @@ figure is told, above the second the job is refused."""
 import logging
 import textwrap
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from bonecam.errors import LimitError, knowing
@@ -34,10 +34,10 @@ class Warned:
 
     code: str
     text: str
-    figure: float | None
-    limit: float | None
-    refused_above: float | None
-    remedy: str
+    figure: float | None = None
+    limit: float | None = None
+    refused_above: float | None = None
+    remedy: str = field(kw_only=True)
 
     @property
     def refused(self) -> bool:
@@ -112,9 +112,8 @@ def holding_warnings(post: Sections, job: Job, kept: float | None = None) -> Ite
         return
     told, most = UM * job.warnings.error, UM * job.mechanics.largest_error / FORETOLD_P99
     refused = most if kept is None and job.mechanics.refuse else None
-    yield Warned(
-        "holding", neck_text(post), taken["shift_p99_um"], told, refused, remedy=neck_remedy_text(post)
-    )
+    shift = taken["shift_p99_um"]
+    yield Warned("holding", neck_text(post), shift, told, refused, remedy=neck_remedy_text(post))
 
 
 def spindle_warnings(job: Job, machine: Machine) -> Iterator[Warned]:
@@ -171,14 +170,8 @@ def _blunt_edge(report: Sections, job: Job) -> Iterator[Warned]:
     width = report.get("wheel", {}).get("blunt_edge_mm", 0.0)
     if width:
         text = f"the blades' blunt edge, up to {width:.2f} mm wide, is rounded by half circles that stand out of it"
-        yield Warned(
-            "blunt_edge",
-            text,
-            width,
-            0.0,
-            None,
-            remedy="turn it off afterwards, or give sections with their edge",
-        )
+        remedy = "turn it off afterwards, or give sections with their edge"
+        yield Warned("blunt_edge", text, width, 0.0, remedy=remedy)
 
 
 def _bending(report: Sections, job: Job) -> Iterator[Warned]:
@@ -188,8 +181,7 @@ def _bending(report: Sections, job: Job) -> Iterator[Warned]:
         return
     if "skipped" in mechanics:
         if "removal" in report and "skipped" not in report["removal"]:
-            remedy = "leave out --no-mechanics"
-            yield Warned("bending_unknown", mechanics["skipped"], None, None, None, remedy=remedy)
+            yield Warned("bending_unknown", mechanics["skipped"], remedy="leave out --no-mechanics")
         return
     kept = (mechanics["error_kept_um"] or {}).get("p99", 0.0)
     warn_above, most = UM * job.warnings.error, UM * job.mechanics.largest_error
@@ -229,21 +221,20 @@ def _depth(report: Sections, job: Job) -> Iterator[Warned]:
     removal = report.get("removal", {})
     if "skipped" in removal:
         text = f"{removal['skipped']}: shank and holder are not checked from the text"
-        yield Warned("not_simulated", text, None, None, None, remedy="leave out --no-simulation")
+        yield Warned("not_simulated", text, remedy="leave out --no-simulation")
         return
     over = max((level["over_limit_mm"] or 0.0 for level in removal.get("levels", ())), default=0.0)
     if over > job.warnings.depth:
         text = f"in places a cut is up to {over:.2f} mm deeper than its level allows"
-        yield Warned(
-            "depth", text, over, job.warnings.depth, None, remedy="a smaller scallop or shallower cuts help"
-        )
+        remedy = "a smaller scallop or shallower cuts help"
+        yield Warned("depth", text, over, job.warnings.depth, remedy=remedy)
 
 
 def _nose(report: Sections, machine: Machine) -> Iterator[Warned]:
     """A machine whose spindle nose is not known, where there is a program."""
     if not machine.nose and "nc" in report:
         text = f"the file of {machine.name} knows no spindle nose: nothing was kept clear of it"
-        yield Warned("nose", text, None, None, None, remedy="give spindle.nose in it")
+        yield Warned("nose", text, remedy="give spindle.nose in it")
 
 
 KINDS: tuple[Callable[[Sections, Job], Iterator[Warned]], ...] = (

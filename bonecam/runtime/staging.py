@@ -22,6 +22,8 @@ from bonecam.runtime.temporary import is_temporary, make_temporary, remove_tempo
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 PERMISSIONS = 0o777
 """The bits of a file's mode that the one keeps that takes its place."""
+NAME_BYTES = "surrogateescape"
+"""How a text holds names of files that are not in UTF-8: by their bytes, as the system gives them."""
 placed: list[str] = []
 """What this process has put in its place so far."""
 
@@ -59,6 +61,15 @@ class Staging:
         if target.is_dir():
             raise FileError(f"{path}: is a folder: name a file in it", file=str(path))
         return self._add(path, target.parent, (target.name,)) / target.name
+
+    def write(self, path: str | Path, text: str) -> None:
+        """Write `text` (UTF-8, names of files that are not by their bytes) for the file `path`. FileError names the
+        file and the reason."""
+        work = self.file(path)
+        try:
+            work.write_text(text, encoding="utf-8", errors=NAME_BYTES, newline="")
+        except OSError as error:
+            raise unwritable(path, error) from error
 
     def folder(self, path: str | Path, own: str | None = None, replace: bool = True) -> Path:
         """A folder to write to, for files of the folder `path`, which is made if it is not there.

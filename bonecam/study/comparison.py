@@ -241,12 +241,7 @@ class _Study:
             reason = str(error)
         cutters = tuple(cutters_of(result.job, self.machine))
         posted = PostedProgram(
-            result.program.text,
-            self.machine,
-            dialect=self.dialect,
-            cutters=cutters,
-            part=result.surface,
-            removal=removal,
+            result.program.text, self.machine, self.dialect, cutters, result.surface, removal=removal
         )
         probed = probe_surface(posted, self.line)
         roughness = roughness_of(posted, result.job.tool("finishing").flutes)

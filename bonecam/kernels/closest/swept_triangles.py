@@ -24,9 +24,10 @@ TILTS = ((0.75**0.5, 0.5), (0.5**0.5, 0.5**0.5), (0.5, 0.75**0.5))
 
 
 class Bounds(NamedTuple):
-    """Those of a sweep, the apex in the origin and the cone's axis along Z: the planes beside it have these `normals`
-    and are `wide` away; it reaches as far as `top`; along an axis of the cone, which is in a circular one of an angle
-    with this `sine` and `cosine`, each of its points is at `least` above the apex; `growth` is in all of these; mm."""
+    """Bounds of what a section sweeps, the apex in the origin and the cone's axis along Z: planes beside it have these
+    `normals` and are `wide` away; it reaches as far as `top`; along an axis of the cone, which is in a circular one of
+    an angle with this `sine` and `cosine`, each of its points is at `least` above the apex; `growth` is in all of
+    these; mm."""
 
     normals: ndarray
     wide: float

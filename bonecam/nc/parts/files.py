@@ -6,13 +6,13 @@ from itertools import count
 from pathlib import Path
 
 from bonecam.errors import FileError
-from bonecam.files import NAME_BYTES, input_text
+from bonecam.files import input_text
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.parts.marks import end_mark, mark_in, part_count, unnumbered
 from bonecam.nc.posting.block_numbers import number_blocks
 from bonecam.nc.program import LOWEST_DRAWN, NUMBERS, Program
 from bonecam.nc.schema.calls_table import CallsTable
-from bonecam.runtime.staging import Staging, staged, unwritable
+from bonecam.runtime.staging import Staging, staged
 
 
 def program_files(program: Program, dialect: Dialect, place: str | Path) -> dict[Path, str]:
@@ -67,11 +67,7 @@ def stage_program_files(staging: Staging, programs: Mapping[Path, Program], dial
         check_apart(texts, own)
         texts |= own
     for file, text in texts.items():
-        work = staging.file(file)
-        try:
-            work.write_text(text, encoding="utf-8", errors=NAME_BYTES, newline="")
-        except OSError as error:
-            raise unwritable(file, error) from error
+        staging.write(file, text)
     for place, program in programs.items():
         for file in stale_parts(program, dialect, place):
             if file not in texts:

@@ -7,6 +7,7 @@ moves begin to cut, or to lead from one pass to another.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
@@ -70,53 +71,39 @@ def write_program(
     for index, path in enumerate(paths):
         report(progress, index / len(paths), f"level {path.level}: angles and words")
         before = posted[-1].moves.angles[-1] if posted else None
-        posted.append(post_path(path, machine, dialect=dialect, job=job, around=around, before=before))
+        posted.append(post_path(path, machine, dialect, job, around, before=before))
     travel = travel_of(machine, job, posted)
     bounds = np.array([around.min(0), around.max(0)]) if stock is None else stock.bounds
-    reported = [*comments, *(setup or setup_texts(job, stock, zero_words(machine, dialect)))]
+    texts = [*comments, *(setup or setup_texts(job, stock, zero_words(machine, dialect)))]
     air_check = air_check_texts(posted[0].control, dialect, float(bounds[1, 2]))
+    name = name.upper()
     header = header_lines(
-        machine,
-        dialect,
-        job=job,
-        name=name.upper(),
-        posted=posted,
-        bounds=bounds,
-        comments=reported,
-        travel=travel,
-        air_check=air_check,
+        machine, dialect, job, name, posted, bounds=bounds, comments=texts, travel=travel, air_check=air_check
     )
-    return ProgramWriter(machine, dialect, job=job, name=name.upper(), posted=posted, travel=travel).program(
-        header, air_check
-    )
+    writer = ProgramWriter(machine, dialect, job, name, posted, travel=travel)
+    return writer.program(header, air_check)
 
 
+@dataclass(eq=False)
 class ProgramWriter:
     """Writes the blocks of one program from its posted paths; `moves` counts those written so far."""
 
-    def __init__(
-        self,
-        machine: Machine,
-        dialect: Dialect,
-        job: Job,
-        name: str,
-        posted: Sequence[Posted],
-        travel: Travel,
-    ) -> None:
-        self.machine = machine
-        self.dialect = dialect
-        self.job = job
-        self.name = name
-        self.posted = posted
-        self.travel = travel
-        self.length = dialect.numbers.length
-        self.feed = dialect.numbers.feed
-        switch = dialect.tool_centre_switch(machine)
+    machine: Machine
+    dialect: Dialect
+    job: Job
+    name: str
+    posted: Sequence[Posted]
+    travel: Travel
+    moves: int = 0
+
+    def __post_init__(self) -> None:
+        self.length = self.dialect.numbers.length
+        self.feed = self.dialect.numbers.feed
+        switch = self.dialect.tool_centre_switch(self.machine)
         self.on, self.off = (switch.on, switch.off) if switch else ("", "")
-        self.retract = self.length.text(travel.retract)
-        rapid = np.clip(job.nc.rapid_feed, self.feed.lowest, self.feed.highest)
+        self.retract = self.length.text(self.travel.retract)
+        rapid = np.clip(self.job.nc.rapid_feed, self.feed.lowest, self.feed.highest)
         self.rapid = self.feed.text(float(rapid))
-        self.moves = 0
 
     def program(self, header: list[str], air_check: Sequence[str]) -> Program:
         """The whole program, which begins with the blocks of the `header`; that tells the `air_check`."""

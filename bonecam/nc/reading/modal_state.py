@@ -106,9 +106,8 @@ class ModalState:
         self.blocks += 1
         self.forget_tip()
         self.retracted = True
-        self.partial.append(
-            PartialMove(line, self.tool, (np.nan, np.nan, height, np.nan, np.nan), retract=True)
-        )
+        joints = (np.nan, np.nan, height, np.nan, np.nan)
+        self.partial.append(PartialMove(line, self.tool, joints, retract=True))
 
     def park(self, x: float, y: float, line: int) -> None:
         """A rapid of the spindle nose, retracted or as high as it ever was, to X and Y (mm) in machine coordinates."""
@@ -116,9 +115,8 @@ class ModalState:
         height = None if self.dialect.tool_centre else self.position[2]
         high = height is not None and height >= self.table[:, 2].max(initial=-np.inf)
         if self.tool_centre or not (self.retracted or high):
-            raise line_error(
-                line, "X and Y of the machine before a retract: the tool may stand beside the part"
-            )
+            why = "X and Y of the machine before a retract: the tool may stand beside the part"
+            raise line_error(line, why)
         self.blocks += 1
         self.forget_tip()
         self.retracted = True
@@ -158,9 +156,8 @@ class ModalState:
             numbers = [float(value or 0.0) for value in self.position]
             rate = np.nan if rapid else feed
             modes = self.inverse_time, line, self.tool, known, self.linking
-            self.rows.append(
-                (*numbers, rapid, rate, *modes, self.spindle.speed, self.spindle.coolant, self.tolerance)
-            )
+            held = self.spindle.speed, self.spindle.coolant, self.tolerance
+            self.rows.append((*numbers, rapid, rate, *modes, *held))
 
     def _reached(self, column: int, value: float, line: int) -> float:
         """Where an axis (mm, degrees) stands after its word."""
@@ -213,14 +210,7 @@ class ModalState:
         solve = angles_from(self.machine, self.position[3:])
         feed = None if self.inverse_time else self.feed
         moves = read_full_moves(
-            lines,
-            start,
-            ordinal=ordinal,
-            pattern=pattern,
-            dialect=self.dialect,
-            linking=self.linking,
-            feed=feed,
-            solve=solve,
+            lines, start, ordinal, pattern, self.dialect, linking=self.linking, feed=feed, solve=solve
         )
         if moves is None:
             return 0, ordinal
@@ -240,8 +230,7 @@ class ModalState:
 
     def _take(self, blocks: Blocks, line: int) -> None:
         count = len(blocks.rapid)
-        spindle = self.spindle
-        modes = self.tool, True, spindle.speed, spindle.coolant, self.tolerance
+        modes = self.tool, True, self.spindle.speed, self.spindle.coolant, self.tolerance
         tool, known, *held = (np.full(count, float(mode)) for mode in modes)
         moves = blocks.words, blocks.rapid, blocks.feeds, np.full(count, self.inverse_time)
         columns = [*moves, line + blocks.offsets, tool, known, blocks.links, *held]

@@ -7,7 +7,7 @@ part. `bands`: bands round the part with lines of their own.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -90,6 +90,24 @@ class CandidateContacts:
     def depths(self, material: InProcessStock) -> Float[ndarray, " n"]:
         """How deep the ball enters the material at each contact, mm."""
         return material.depths(self.centres, self.cutter.radius)[0]
+
+    def path_of(self, segments: EngagedSegments) -> ContactPath:
+        """The path over segments of these contacts; none of them is told uncut."""
+        kept = segments.index
+        return ContactPath(
+            level=self.level.index,
+            cutter=self.cutter,
+            pass_index=segments.passes,
+            parameters=self.parameters[kept],
+            contacts=self.contacts[kept],
+            normals=self.normals[kept],
+            feeds=self.feeds[kept],
+            centres=self.centres[kept] + segments.raised,
+            lifts=self.lifts[kept],
+            ramp=segments.ramp,
+            uncut=np.zeros((0, 3)),
+            reasons=(),
+        )
 
 
 def candidate_contacts(
@@ -181,18 +199,8 @@ def contact_path(
     if left_out.all() and not isinstance(level, RoundedLevel):
         raise nothing_to_cut(level, reasons, candidates.contacts[uncut])
     segments = _stretches(candidates, ~left_out, material, allowed)
-    kept = segments.index
-    return ContactPath(
-        level=level.index,
-        cutter=cutter,
-        pass_index=segments.passes,
-        parameters=candidates.parameters[kept],
-        contacts=candidates.contacts[kept],
-        normals=candidates.normals[kept],
-        feeds=candidates.feeds[kept],
-        centres=candidates.centres[kept] + segments.raised,
-        lifts=lifts[kept],
-        ramp=segments.ramp,
+    return replace(
+        candidates.path_of(segments),
         uncut=np.vstack([candidates.contacts[uncut], candidates.contacts[segments.short]]),
         reasons=(*reasons.tolist(), *("short",) * len(segments.short)),
         trimmed=_trimmed(candidates, ~left_out, segments),

@@ -201,19 +201,4 @@ def _contact_path(step: RestStep, allowed: DepthLimits, number: int) -> ContactP
     lines = candidates.lines
     runs = entered_runs(lines, step.runs, step.depth, step.raised, allowed.limit)
     segments = engaged_segments_of(in_turn(lines, runs))
-    kept = segments.index
-    return ContactPath(
-        level=candidates.level.index,
-        cutter=candidates.cutter,
-        pass_index=segments.passes,
-        parameters=candidates.parameters[kept],
-        contacts=candidates.contacts[kept],
-        normals=candidates.normals[kept],
-        feeds=candidates.feeds[kept],
-        centres=candidates.centres[kept] + segments.raised,
-        lifts=candidates.lifts[kept],
-        ramp=segments.ramp,
-        uncut=np.zeros((0, 3)),
-        reasons=(),
-        rest=number,
-    )
+    return replace(candidates.path_of(segments), rest=number)

@@ -138,7 +138,7 @@ def write_run(made: Written, wanted: Outputs) -> None:
             stage_program_files(staging, programs, job_dialect(made.job.nc))
         for file, text in texts:
             if file is not None:
-                staging.file(file).write_text(text(), encoding="utf-8", newline="")
+                staging.write(file, text())
         if wanted.keep is not None:
             made.fill_folder(staging.folder(wanted.keep, SERIES))
 

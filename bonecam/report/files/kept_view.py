@@ -29,8 +29,7 @@ def view(keep: str | Path, file: str | Path) -> Path:
     views = [kept_contents(Path(keep), name) for name in (VIEW, SECOND_VIEW)[: len(pages)]]
     with staged() as staging:
         for page, (packed, contents) in zip(pages, views, strict=True):
-            text = page_html(packed, str(contents.facts["name"]))
-            staging.file(page).write_text(text, encoding="utf-8", newline="")
+            staging.write(page, page_html(packed, str(contents.facts["name"])))
     return Path(file)
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from bonecam.errors import BonecamError, FileError
-from bonecam.files import NAME_BYTES, check_files, check_folder, second_file
+from bonecam.files import check_files, check_folder, second_file
 from bonecam.mesh.files.mesh_files import CAD, MESHES
 from bonecam.nc.dialect import Dialect, dialect_names, read_dialect
 from bonecam.nc.job_dialect import job_dialect
@@ -18,7 +18,7 @@ from bonecam.report.files.kept_view import check_page_name
 from bonecam.report.files.result import Morphed, Result
 from bonecam.report.tables.cl_data import apt_text
 from bonecam.report.typed.run_report import report_text
-from bonecam.runtime.staging import Staging, placed, staged, unwritable
+from bonecam.runtime.staging import Staging, placed, staged
 from bonecam.surface.files.save import TEXTS, check_target, save_surface
 from bonecam.workholding.post import post_below
 
@@ -108,20 +108,20 @@ class Outputs:
         outputs: list[tuple[str | Path, Callable[[], None]]] = []
         file = self.report
         if file is not None:
-            outputs.append((file, lambda: _write(staging.file(file), file, report_text(morphed.report))))
+            outputs.append((file, lambda: staging.write(file, report_text(morphed.report))))
         surface = self.surface
         if surface is not None:
             outputs.append((surface, lambda: save_surface(morphed.surface, staging.file(surface))))
         page = self.html
         if page is not None:
-            outputs.append((page, lambda: _write(staging.file(page), page, morphed.page)))
+            outputs.append((page, lambda: staging.write(page, morphed.page)))
         sheet = self.sheet
         if sheet is not None and isinstance(morphed, Result):
-            outputs.append((sheet, lambda: _write(staging.file(sheet), sheet, morphed.sheet)))
+            outputs.append((sheet, lambda: staging.write(sheet, morphed.sheet)))
         apt = self.apt
         if apt is not None and isinstance(morphed, Result):
             text = apt_text(morphed.paths, morphed.program.name)
-            outputs.append((apt, lambda: _write(staging.file(apt), apt, text)))
+            outputs.append((apt, lambda: staging.write(apt, text)))
         outputs += self._of_second(morphed, staging)
         keep = self.keep
         if keep is not None:
@@ -138,19 +138,11 @@ class Outputs:
         outputs: list[tuple[str | Path, Callable[[], None]]] = []
         if self.html is not None:
             page = second_file(self.html)
-            outputs.append((page, lambda: _write(staging.file(page), page, second.page)))
+            outputs.append((page, lambda: staging.write(page, second.page)))
         if self.apt is not None:
             apt = second_file(self.apt)
-            outputs.append((apt, lambda: _write(staging.file(apt), apt, second.apt)))
+            outputs.append((apt, lambda: staging.write(apt, second.apt)))
         return outputs
-
-
-def _write(work: Path, path: str | Path, text: str) -> None:
-    """Write the text of the output `path` to its temporary place `work`."""
-    try:
-        work.write_text(text, encoding="utf-8", errors=NAME_BYTES, newline="")
-    except OSError as error:
-        raise unwritable(path, error) from error
 
 
 SHARED = ".nc"

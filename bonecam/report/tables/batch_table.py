@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from bonecam.errors import FileError
-from bonecam.files import NAME_BYTES
+from bonecam.runtime.staging import NAME_BYTES
 from bonecam.setup.stock import stock_text
 
 TABLE = "batch.csv"

@@ -237,16 +237,8 @@ class _Reader:
             table = np.array([numbers for _, numbers in self.rows[first:last]])
             axes = table[:, 3:6] / lengths(table[:, 3:6])[:, None]
             level, tool, diameter, corner = self.rows[first][0]
-            yield ClPath(
-                level,
-                tool,
-                diameter=diameter,
-                corner=corner,
-                tips=table[:, :3],
-                axes=axes,
-                feed_rates=table[:, 6],
-                rapid=table[:, 7] > 0,
-            )
+            tips, feeds, rapid = table[:, :3], table[:, 6], table[:, 7] > 0
+            yield ClPath(level, tool, diameter, corner, tips, axes=axes, feed_rates=feeds, rapid=rapid)
 
 
 def _number(line: int, word: str, value: str) -> float:

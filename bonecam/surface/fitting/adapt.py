@@ -15,6 +15,7 @@ from numpy import ndarray
 
 from bonecam.surface.basis.knots import span_functions
 from bonecam.surface.basis.periodic import FEWEST
+from bonecam.surface.fitting.target import MeshSamples
 from bonecam.surface.tmesh.row_tmesh import RowTMesh
 from bonecam.surface.tspline import TSpline
 
@@ -65,26 +66,18 @@ class KnotCandidate:
     worth: float
 
 
-def miss_votes(
-    surface: TSpline,
-    s: Float[ndarray, " n"],
-    t: Float[ndarray, " n"],
-    distances: Float[ndarray, " n"],
-    areas: Float[ndarray, " n"],
-    goal: float,
-) -> Votes:
-    """The votes of the samples that are farther than `goal` from the surface."""
-    missed = distances > goal
-    _, Ss, St = surface.evaluate(s[missed], t[missed], 1)
-    around, along = np.linalg.norm(Ss, axis=1), np.linalg.norm(St, axis=1)
-    weight = areas[missed] * (distances[missed] / goal) ** POWER
+def miss_votes(surface: TSpline, samples: MeshSamples, goal: float) -> Votes:
+    """The votes of the samples that are farther than `goal` (mm) from the surface."""
+    missed = samples.distances > goal
+    s, t, areas = samples.s[missed], samples.t[missed], samples.areas[missed]
+    _, Ss, St = surface.evaluate(s, t, 1)
     return Votes(
-        s=s[missed],
-        t=t[missed],
-        weight=weight,
-        around=around,
-        along=along,
-        missed=float(areas[missed].sum() / areas.sum()),
+        s=s,
+        t=t,
+        weight=areas * (samples.distances[missed] / goal) ** POWER,
+        around=np.linalg.norm(Ss, axis=1),
+        along=np.linalg.norm(St, axis=1),
+        missed=float(areas.sum() / samples.areas.sum()),
         goal=goal,
     )
 

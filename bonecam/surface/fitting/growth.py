@@ -108,15 +108,7 @@ def grow(
             float(np.clip(max(way, size / aim.most), 0, 1)),
             f"{size} control points, {worst:.3f} mm",
         )
-        samples = target.all
-        votes = miss_votes(
-            surface,
-            samples.s,
-            t=samples.t,
-            distances=samples.distances,
-            areas=samples.areas,
-            goal=GOAL * aim.tolerance,
-        )
+        votes = miss_votes(surface, target.all, GOAL * aim.tolerance)
         assert isinstance(surface.tmesh, RowTMesh)
         tmesh = aim.refine(surface.tmesh, votes, aim.most - size)
         if tmesh.size == size:
@@ -181,15 +173,7 @@ def first_surface(rows: Rows, target: FitTarget, aim: Aim) -> tuple[TSpline, Fit
     fewest = folded_places(best, target)
     stalled = 0
     while fewest > 0 and stalled < MAX_STALLED:
-        samples = target.on(surface, aim.tolerance).all
-        votes = miss_votes(
-            surface,
-            samples.s,
-            t=samples.t,
-            distances=samples.distances,
-            areas=samples.areas,
-            goal=aim.tolerance,
-        )
+        votes = miss_votes(surface, target.on(surface, aim.tolerance).all, aim.tolerance)
         finer = aim.refine(tmesh, votes, round(FIRST_SHARE * aim.most) - tmesh.size)
         if finer.size == tmesh.size:
             break

@@ -113,11 +113,7 @@ def simulate_further(
         left = {one.level: tools[one.tool].scallop for one in before[-1:]} | dict(scallops or {})
         scallop = left[before[-1].level] if before else 0.0
         levels.append(simulation.run(group, tools[group.tool], scallop))
-    bridge = (
-        parted_bridge(groups, motions, tools=tools, post=post, sets=sweeping.sets, grid=material.grid)
-        if post
-        else None
-    )
+    bridge = parted_bridge(groups, motions, tools, post, sweeping.sets, grid=material.grid) if post else None
     return replace(simulation.result(levels, tools, post), bridge=bridge)
 
 
@@ -156,9 +152,8 @@ class _Simulation:
         seen = self.sweeping.standing, self.finished
         self.loads.take((group.level, group.rest), pieces, edges, cutter, *seen)
         if surface is not None and group.level is not None:
-            stood = self._standing(surface, before)
-            stands = self._standing(surface, self.sweeping.sets)
-            self.standing.append(StockHeights(group.level, stood, stands))
+            after = self._standing(surface, self.sweeping.sets)
+            self.standing.append(StockHeights(group.level, self._standing(surface, before), after))
         self.table = self._nearer(self.table, whole, cutter, self.clamping.below)
         if self.clamping.beside:
             self.tailstock = self._nearer(self.tailstock, whole, cutter, self.clamping.above)

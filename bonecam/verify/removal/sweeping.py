@@ -172,15 +172,7 @@ class Sweeping:
         occupied = np.zeros(np.ceil(extent / size).astype(int) + 2, dtype=bool)
         for direction, rays in enumerate(self.sets):
             rotation = np.ascontiguousarray(self.grid.rotation[order(direction)])
-            mark_bricks(
-                rays,
-                rotation,
-                origin=self.grid.corner,
-                step=BRICK_RAYS,
-                corner=corner,
-                size=size,
-                occupied=occupied,
-            )
+            mark_bricks(rays, rotation, self.grid.corner, BRICK_RAYS, corner, size=size, occupied=occupied)
         spare = size / SAMPLES / 2 + BRICK_RAYS * self.grid.cell
         if occupied.any():
             distance = distance_transform_edt(~occupied) * size
