@@ -10,8 +10,8 @@ that a run that was stopped goes on where it stood. `--some N` takes N of them, 
 does those in the table once more. Meshes, reports and what `--keep` writes stay in FOLDER/NAME.
 
 Columns: deviation of the fit from the part, mm; cuts K; machining minutes; mm2 away from the post that keep more than
-0.02 mm; wall and CPU seconds; minutes and CPU seconds that were
-estimated before planning; the end: "program", or the refusal's text.
+0.02 mm; wall and CPU seconds of the whole run, CPU seconds of planning and proof; minutes and CPU seconds that were
+estimated of these before planning; the end: "program", or the refusal's text. FOLDER/bones.md is the same in Markdown.
 """
 
 import argparse
@@ -22,7 +22,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from importlib.util import find_spec
 from pathlib import Path
@@ -34,6 +34,7 @@ from numpy import ndarray
 
 from bonecam.mesh.files.mesh_files import read_mesh, write_mesh
 from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.planning.estimate import STAGES
 
 SHARED = Path(__file__).resolve().parents[3] / "shared" / "meshes" / "bones"
 SEED = 41
@@ -80,6 +81,7 @@ class Row:
     left: float | None = None
     seconds: float = 0.0
     cpu: float = 0.0
+    planned: float | None = None
     foretold_minutes: float | None = None
     foretold_seconds: float | None = None
     end: str = ""
@@ -227,6 +229,7 @@ def _ended(row: Row, code: int, log: str, report: Path) -> Row:
             "cuts": len(told["levels"]) - 1,
             "minutes": told["nc"]["time_min"],
             "left": left["area_over_0_02_mm2"],
+            "planned": round(sum(told["cpu_seconds"].get(stage, 0.0) for stage in STAGES), 1),
             "foretold_minutes": foretold.get("machining_min"),
             "foretold_seconds": foretold.get("planning_cpu_s"),
             "end": "program",
@@ -243,6 +246,33 @@ def rows_of(table: Path) -> dict[str, dict[str, str]]:
         return {}
     with open(table, newline="") as file:
         return {row["bone"]: row for row in csv.DictReader(file)}
+
+
+def markdown(rows: Iterable[Mapping[str, str]]) -> str:
+    """The rows as a table, expected beside came, each figure as short as a reader needs it."""
+    lines = [
+        "| bone | faces | deviation mm | K | minutes | left mm2 | planning CPU s | run CPU s | end |",
+        "|---|---|---|---|---|---|---|---|---|",
+    ]
+    for row in rows:
+        cells = [
+            row["bone"].replace("_", ", "),
+            f"{int(row['faces']):,}",
+            row["deviation"],
+            row["cuts"],
+            f"{_rounded(row['foretold_minutes'], 1)} / {_rounded(row['minutes'], 1)}",
+            _rounded(row["left"], 0),
+            f"{_rounded(row['foretold_seconds'], 0)} / {_rounded(row['planned'], 0)}",
+            _rounded(row["cpu"], 0),
+            row["end"],
+        ]
+        lines.append(f"| {' | '.join(cells)} |")
+    return "\n".join(lines) + "\n"
+
+
+def _rounded(figure: str, places: int) -> str:
+    """A figure of a row with so many decimals, empty where the run did not come to it."""
+    return f"{float(figure):.{places}f}" if figure else ""
 
 
 def chosen(names: Sequence[str], some: int | None) -> Iterator[tuple[Bone, Path]]:
@@ -287,6 +317,7 @@ def main() -> None:
                 writer.writeheader()
                 writer.writerows(rows.values())
         print(" | ".join(rows[bone.name].values()), flush=True)
+    (given.folder / "bones.md").write_text(markdown(rows.values()))
     ended = [row["end"] for row in rows.values()]
     print(f"{ended.count('program')} of {len(ended)} end in a program")
 
