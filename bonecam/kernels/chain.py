@@ -4,10 +4,12 @@ chosen by it."""
 import numpy as np
 from numba import njit
 
+from bonecam.kernels.compiled import inner
+
 FULL_TURN = 2 * np.pi
 
 
-@njit(cache=True)
+@inner()
 def _least(costs: np.ndarray) -> float:
     """The least of the costs."""
     least = np.inf

@@ -4,6 +4,8 @@ import numpy as np
 from numba import njit
 from numpy import ndarray
 
+from bonecam.kernels.compiled import inner
+
 
 @njit(inline="always")
 def _strip(strip_knots: ndarray, strip_table: ndarray, t: float) -> int:
@@ -31,7 +33,7 @@ def _slot(strip_starts: ndarray, lows: ndarray, highs: ndarray, tables: ndarray,
     return i
 
 
-@njit(cache=True)
+@inner()
 def locate_one(
     strip_knots: ndarray, strip_table: ndarray, strip_starts: ndarray, lows: ndarray, highs: ndarray,
     ids: ndarray, tables: ndarray,

@@ -13,6 +13,7 @@ from numba import njit
 from numpy import ndarray
 
 from bonecam.kernels.closest.cone_marching import OPEN, PROVEN, REJECTED, Apexes, Obstacles, prove
+from bonecam.kernels.compiled import inner
 
 
 class SphereTriangles(NamedTuple):
@@ -52,7 +53,7 @@ def within_limits(limits: AxisLimits, directions: ndarray, band: float) -> ndarr
     return allowed
 
 
-@njit(cache=True, nogil=True)
+@inner()
 def _prove_triangle(
     o: Obstacles,
     p: Apexes,

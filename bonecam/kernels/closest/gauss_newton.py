@@ -18,6 +18,7 @@ from numpy import ndarray
 from bonecam.kernels.bezier.bicubic import Three, first_jet, spread_first_jet
 from bonecam.kernels.bezier.element_search import locate_one
 from bonecam.kernels.closest.newton import gauss_newton_step, into_domain
+from bonecam.kernels.compiled import inner
 from bonecam.kernels.fastmath import CONTRACT
 
 STEP_LIMIT_S = 0.05
@@ -70,7 +71,7 @@ def _unit(a: Three) -> Three:
     return _times(1.0 / size, a) if size > 0.0 else a
 
 
-@njit(cache=True, fastmath=CONTRACT)
+@inner(fastmath=CONTRACT)
 def _pole_normal(patches: ndarray, boxes: ndarray, strips: tuple, end: float) -> Three:
     """The mean normal round a pole, which may be the tip of a cone."""
     n = 0.0, 0.0, 0.0

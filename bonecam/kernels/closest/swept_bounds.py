@@ -11,6 +11,7 @@ from bonecam.kernels.closest.swept_cones import (
     RIM_SHARE,
     RIM_STEPS,
     dot,
+    largest_product,
     normals_of,
     opening_of,
     rim_of,
@@ -38,7 +39,7 @@ def _holds(size: ndarray, sides: int, point: ndarray) -> bool:
         return True
     rim = np.empty((RIM_STEPS * sides, 3))
     rim_of(first, second, sides, RIM_STEPS, 0.0, rim)
-    return bool((rim @ point).max() + RIM_SHARE * away >= size[0] - growth)
+    return largest_product(rim, point) + RIM_SHARE * away >= size[0] - growth
 
 
 @njit(cache=True, nogil=True)
@@ -58,18 +59,20 @@ def facets_below(
     (d) along unit `directions` (d, 3): of the planes there, those that the place is highest above leave out what lies
     beyond them."""
     away = directions @ place - supports
-    planes = np.argsort(-away)[:PLANES]
-    beyond = np.empty((len(planes), len(vertices)), np.bool_)
-    for p in range(len(planes)):
-        seen = turn.T @ directions[planes[p]]
+    count = min(PLANES, len(away))
+    beyond = np.empty((count, len(vertices)), np.bool_)
+    for p in range(count):
+        plane = np.argmax(away)
+        seen = turn.T @ directions[plane]
         for v in range(len(vertices)):
-            beyond[p, v] = dot(seen, vertices[v]) + away[planes[p]] > 0
+            beyond[p, v] = dot(seen, vertices[v]) + away[plane] > 0
+        away[plane] = -np.inf
     number = np.full(len(vertices), -1)
     kept = np.empty_like(faces)
     count, used = 0, 0
     for face in faces:
         off = False
-        for p in range(len(planes)):
+        for p in range(len(beyond)):
             if beyond[p, face[0]] and beyond[p, face[1]] and beyond[p, face[2]]:
                 off = True
                 break

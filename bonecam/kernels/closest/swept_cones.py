@@ -3,11 +3,16 @@
 A `size` is start and end of the section above the apex, its radius, both semi-angles of the cone, and the growth: how
 far the apex may be from its place (mm, radians; `Sweep` of `planning.axes.cones.envelope` tells the bounds). The apex
 lies in the origin, the axis of the cone along Z, its largest opening along X.
+
+Rows are written number by number: sums, products and copies of whole rows bring numpy's broadcasting and the texts of
+its errors, which take longer to compile than all that is computed here.
 """
 
 import numpy as np
 from numba import njit
 from numpy import ndarray
+
+from bonecam.kernels.compiled import inner
 
 ARC_STEP = np.radians(20.0)
 """Longest edge of those that stand for the spheres below and above, as an angle."""
@@ -23,13 +28,13 @@ TOUCHING = 3
 """Times that the upper facets are laid at least, each time nearer to the sphere that they stand for."""
 
 
-@njit(cache=True, nogil=True)
+@inner()
 def opening_of(size: ndarray) -> tuple[float, float]:
     """Tangents of the semi-angles."""
     return np.tan(max(size[3], LEAST_ANGLE)), np.tan(max(size[4], LEAST_ANGLE))
 
 
-@njit(cache=True, nogil=True)
+@inner()
 def _turn(first: float, second: float, number: float, sides: int) -> tuple[float, float]:
     """Cosine and sine of the turn about the axis of a side: somewhat denser where their normals turn faster."""
     even = 2 * np.pi * number / sides
@@ -38,7 +43,7 @@ def _turn(first: float, second: float, number: float, sides: int) -> tuple[float
     return x / long, y / long
 
 
-@njit(cache=True, nogil=True)
+@inner()
 def rim_of(first: float, second: float, count: int, steps: int, offset: float, out: ndarray) -> None:
     """Unit directions of the rim, `steps` for each side."""
     for k in range(count * steps):
@@ -48,7 +53,7 @@ def rim_of(first: float, second: float, count: int, steps: int, offset: float, o
         out[k, 0], out[k, 1], out[k, 2] = x / long, y / long, 1.0 / long
 
 
-@njit(cache=True, nogil=True)
+@inner()
 def normals_of(first: float, second: float, sides: int, out: ndarray) -> None:
     """Outward unit normals of the sides."""
     for k in range(sides):
@@ -58,13 +63,22 @@ def normals_of(first: float, second: float, sides: int, out: ndarray) -> None:
         out[k, 0], out[k, 1], out[k, 2] = x / long, y / long, z / long
 
 
-@njit(cache=True, nogil=True)
+@inner()
 def dot(a: ndarray, b: ndarray) -> float:
     """The dot product of two vectors in space."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@njit(cache=True, nogil=True)
+@inner()
+def largest_product(rows: ndarray, point: ndarray) -> float:
+    """The largest dot product of a row (n, 3) with a point."""
+    most = -np.inf
+    for k in range(len(rows)):
+        most = max(most, dot(rows[k], point))
+    return most
+
+
+@inner()
 def _lean(direction: ndarray, share: float, length: float, out: ndarray) -> None:
     """A vector of a length that leans from Z by a share of the angle by which a unit vector does."""
     angle = np.arccos(min(max(direction[2], -1.0), 1.0))
@@ -89,24 +103,26 @@ def _edges(first: float, second: float, sides: int, wide: float, foot: ndarray, 
             foot[k, i] = share * (m[i] + n[i])
 
 
-@njit(cache=True, nogil=True)
+@inner()
 def _nearest_of_triangle(a: ndarray, b: ndarray, c: ndarray) -> float:
     """The least distance of a triangle, whose corners are equally far from the origin, from there."""
-    u, v = b - a, c - a
-    w = v - u
+    u = (b[0] - a[0], b[1] - a[1], b[2] - a[2])
+    v = (c[0] - a[0], c[1] - a[1], c[2] - a[2])
+    w = (v[0] - u[0], v[1] - u[1], v[2] - u[2])
     uu, vv, ww = dot(u, u), dot(v, v), dot(w, w)
     most = max(uu, vv, ww)
     if 2 * most >= uu + vv + ww:  # obtuse: the middle of the longest edge is nearest, not that of the plane
         return np.sqrt(dot(a, a) - most / 4)
-    n = np.cross(u, v)
+    n = (u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0])
     return abs(dot(n, a)) / np.sqrt(dot(n, n))
 
 
-@njit(cache=True, nogil=True)
+@inner()
 def _cap_distance(rings: ndarray, radius: float) -> float:
     """The least distance of the facets between rings on a sphere of this radius, and to its pole, from its middle."""
     count, sides = rings.shape[:2]
-    pole = np.array([0.0, 0.0, radius])
+    pole = np.zeros(3)
+    pole[2] = radius
     least = np.inf
     for k in range(count):
         for j in range(sides):
@@ -119,7 +135,7 @@ def _cap_distance(rings: ndarray, radius: float) -> float:
     return least
 
 
-@njit(cache=True, nogil=True)
+@inner()
 def _upper(top: float, foot: ndarray, along: ndarray) -> tuple[ndarray, float]:
     """The rings from the edges of the sides to the upper pole, and the height of the pole: their facets are nowhere
     nearer than `top`."""
@@ -146,11 +162,11 @@ def _upper(top: float, foot: ndarray, along: ndarray) -> tuple[ndarray, float]:
         radius *= 1e-6 + top / nearest
 
 
-@njit(cache=True, nogil=True)
+@inner()
 def _is_below(point: ndarray, bottom: float, rim: ndarray, wide: float, normals: ndarray) -> bool:
     """Whether a point is nowhere above the `bottom` of a section, seen along the directions of a rim, nor beyond one of
     the sides that are `wide` from the apex."""
-    return (rim @ point).max() <= bottom + 1e-9 and (normals @ point).max() <= wide + 1e-9
+    return largest_product(rim, point) <= bottom + 1e-9 and largest_product(normals, point) <= wide + 1e-9
 
 
 @njit(cache=True, nogil=True)
@@ -168,9 +184,10 @@ def swept_vertices(size: ndarray, sides: int) -> ndarray:
     bottom = size[0] - growth - RIM_SHARE * np.hypot(size[0], wide)
     rim = np.empty((RIM_STEPS * sides, 3))
     rim_of(first, second, sides, RIM_STEPS, 0.0, rim)
-    lowest = np.full(sides, np.inf)
+    lowest = np.empty(sides)
     top = np.hypot(size[2], size[1]) + growth
     for j in range(sides):
+        lowest[j] = np.inf
         for m in range(len(rim)):
             slope = dot(along[j], rim[m])
             if slope > 0:
@@ -178,30 +195,34 @@ def swept_vertices(size: ndarray, sides: int) -> ndarray:
         # of a wide and short section the sphere would meet the edge below where that begins, or nowhere
         above = max(lowest[j], 0.0) + LEAST_GROWTH
         top = max(top, np.sqrt(dot(foot[j], foot[j]) + above * above))
-    pole = np.array([0.0, 0.0, bottom if bottom > 0 else bottom / np.cos(widest)])
+    pole = np.zeros(3)
+    pole[2] = bottom if bottom > 0 else bottom / np.cos(widest)
+    ends = np.empty((sides, 3))
+    for j in range(sides):
+        for i in range(3):
+            ends[j, i] = foot[j, i] + lowest[j] * along[j, i]
     if bottom <= 0:
         normals = np.empty((sides, 3))
         normals_of(first, second, sides, normals)
         below = _is_below(pole, bottom, rim, wide, normals)
         for j in range(sides):
-            below = below and _is_below(foot[j] + lowest[j] * along[j], bottom, rim, wide, normals)
+            below = below and _is_below(ends[j], bottom, rim, wide, normals)
         if not below:
             return np.empty((0, 3))
     upper, top = _upper(top, foot, along)
 
     inner = 1 + int(widest / ARC_STEP) if bottom > 0 else 0
-    rings = np.empty((inner + 1 + len(upper), sides, 3))
+    count = inner + 1 + len(upper)
+    vertices = np.zeros((count * sides + 2, 3))
     middles = np.empty((sides, 3))
     rim_of(first, second, sides, 1, 0.5, middles)
-    for k in range(inner):
-        for j in range(sides):
-            _lean(middles[j], (k + 1) / inner, bottom, rings[k, j])
     for j in range(sides):
-        rings[inner, j] = foot[j] + lowest[j] * along[j]
-    rings[inner + 1 :] = upper
-
-    vertices = np.zeros((rings.shape[0] * sides + 2, 3))
-    vertices[:-2] = rings.reshape(-1, 3)
-    vertices[-2] = pole
-    vertices[-1, 2] = top
+        for k in range(inner):
+            _lean(middles[j], (k + 1) / inner, bottom, vertices[k * sides + j])
+        for i in range(3):
+            vertices[inner * sides + j, i] = ends[j, i]
+            for k in range(len(upper)):
+                vertices[(inner + 1 + k) * sides + j, i] = upper[k, j, i]
+    vertices[count * sides, 2] = pole[2]
+    vertices[count * sides + 1, 2] = top
     return vertices

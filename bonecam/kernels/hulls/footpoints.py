@@ -6,10 +6,10 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy import ndarray
 
 from bonecam.kernels.closest.newton import descend
+from bonecam.kernels.compiled import inner
 from bonecam.kernels.hulls.net import box_distance
 
 
@@ -30,7 +30,7 @@ class DepthTarget(NamedTuple):
     hulls: ndarray
 
 
-@njit(cache=True)
+@inner()
 def footpoint(point: ndarray, s: float, t: float, on: DepthTarget, D: ndarray) -> tuple[float, float, float]:
     """Parameters of the footpoint of a point reached from (s, t), and its distance (mm). The footpoint's s is
     moved on by whole turns to within half a turn of the start. A start at a pole is returned as it is, at an
@@ -43,7 +43,7 @@ def footpoint(point: ndarray, s: float, t: float, on: DepthTarget, D: ndarray) -
     return a + math.floor(s - a + 0.5), b, math.sqrt(2.0 * half)
 
 
-@njit(cache=True)
+@inner()
 def nearest_footpoint(
     point: ndarray, s: float, t: float, on: DepthTarget, D: ndarray
 ) -> tuple[float, float, float]:

@@ -8,6 +8,7 @@ import numpy as np
 from numba import njit
 from numpy import ndarray
 
+from bonecam.kernels.compiled import inner
 from bonecam.kernels.fastmath import CONTRACT
 from bonecam.kernels.removal.rays import (
     FLAT,
@@ -30,7 +31,7 @@ ALONG_V = (np.arange(TILE * TILE) // TILE + 0.5).astype(np.float64)
 """Where the rays of a tile lie, in cells from its corner."""
 
 
-@njit(cache=True, nogil=True)
+@inner()
 def _cut_ray(spans: ndarray, counts: ndarray, ray: int, start: float, end: float) -> float:
     """Take [start, end] out of a ray of a tile; the length of material that was there, or FULL."""
     count = counts[ray]
@@ -70,7 +71,7 @@ def _cut_ray(spans: ndarray, counts: ndarray, ray: int, start: float, end: float
     return removed
 
 
-@njit(cache=True, nogil=True, fastmath=CONTRACT)
+@inner(fastmath=CONTRACT)
 def tile_chords(
     u: float, v: float, cell: float, d: ndarray, length: float, radius: float, lows: ndarray, highs: ndarray
 ) -> None:
@@ -99,7 +100,7 @@ def tile_chords(
         lows[ray] = low if min(rest, near) > 0.0 else np.inf
 
 
-@njit(cache=True, nogil=True)
+@inner()
 def _end_flat(
     u: float, v: float, cell: float, d: ndarray, length: float, lows: ndarray, highs: ndarray
 ) -> None:
@@ -114,7 +115,7 @@ def _end_flat(
             lows[ray] = np.inf
 
 
-@njit(cache=True, nogil=True)
+@inner()
 def _cut_tile(rays: RaySet, tile: int, base: float, lows: ndarray, highs: ndarray) -> tuple[float, bool]:
     """Take chords, told from `base`, out of the rays of a tile: the length removed, and whether one has no
     more room.
@@ -166,7 +167,7 @@ def cut_capsule(rays: RaySet, start: ndarray, end: ndarray, radius: float, flat:
     return removed * cell * cell, False
 
 
-@njit(cache=True, nogil=True)
+@inner()
 def cylinder_meets(rays: RaySet, foot: ndarray, axis: ndarray, length: float, radius: float) -> bool:
     """Whether a cylinder with flat ends, from `foot` (u, v, w) along the unit `axis`, meets material.
 

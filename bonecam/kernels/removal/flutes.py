@@ -3,9 +3,9 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy import ndarray
 
+from bonecam.kernels.compiled import inner
 from bonecam.kernels.removal.cut import cut_capsule, cylinder_meets
 from bonecam.kernels.removal.rays import RaySet
 
@@ -26,7 +26,7 @@ class Ways(NamedTuple):
     reach: ndarray
 
 
-@njit(cache=True, nogil=True)
+@inner()
 def piece_pose(ways: Ways, i: int, share: float, foot: ndarray, axis: ndarray) -> None:
     """Write the ball's centre and the unit axis at this share of way `i`."""
     size = 0.0
@@ -39,7 +39,7 @@ def piece_pose(ways: Ways, i: int, share: float, foot: ndarray, axis: ndarray) -
         axis[k] /= size
 
 
-@njit(cache=True, nogil=True)
+@inner()
 def travel_of(ways: Ways, i: int, height: float) -> float:
     """How far a point of the tool at this distance from the ball's centre travels at most, mm."""
     shift, turn = 0.0, 0.0
@@ -49,7 +49,7 @@ def travel_of(ways: Ways, i: int, height: float) -> float:
     return np.sqrt(shift) + np.sqrt(turn) * height
 
 
-@njit(cache=True, nogil=True)
+@inner()
 def flutes_meet(rays: RaySet, ways: Ways, i: int, radius: float, foot: ndarray, axis: ndarray) -> bool:
     """Whether the flutes may meet material: those in the middle of way `i`, larger by half of their travel, which
     `foot` and `axis` then hold."""
@@ -61,7 +61,7 @@ def flutes_meet(rays: RaySet, ways: Ways, i: int, radius: float, foot: ndarray, 
     return bool(cylinder_meets(rays, foot, axis, reach + 2 * half, radius + half))
 
 
-@njit(cache=True, nogil=True)
+@inner()
 def cut_flutes(
     rays: RaySet, ways: Ways, i: int, radius: float, foot: ndarray, axis: ndarray, top: ndarray
 ) -> tuple[float, bool]:

@@ -6,12 +6,13 @@ import numpy as np
 from numba import njit
 from numpy import ndarray
 
+from bonecam.kernels.compiled import inner
 from bonecam.kernels.removal.cut import cut_capsule
 from bonecam.kernels.removal.flutes import Ways, cut_flutes, flutes_meet, travel_of
 from bonecam.kernels.removal.rays import RaySet, direction_of, tiles_reached
 
 
-@njit(cache=True, nogil=True)
+@inner()
 def _add_tiles(rays: RaySet, start: ndarray, end: ndarray, radius: float, tiles: ndarray, count: int) -> int:
     """Add the tiles that a capsule may reach to the first `count` of `tiles`; their number then."""
     d, length = direction_of(start, end)
@@ -26,7 +27,7 @@ def _add_tiles(rays: RaySet, start: ndarray, end: ndarray, radius: float, tiles:
     return count
 
 
-@njit(cache=True, nogil=True)
+@inner()
 def _tiles_of(rays: RaySet, ways: Ways, first: int, last: int, radius: float, tiles: ndarray) -> int:
     """Write the tiles that a tool may reach on the ways from `first` to `last` into `tiles`; their number."""
     foot, axis, top = np.empty(3), np.empty(3), np.empty(3)
@@ -42,7 +43,7 @@ def _tiles_of(rays: RaySet, ways: Ways, first: int, last: int, radius: float, ti
     return count
 
 
-@njit(cache=True, nogil=True)
+@inner()
 def _cut(
     rays: RaySet, ways: Ways, i: int, radius: float, foot: ndarray, axis: ndarray, top: ndarray
 ) -> tuple[float, bool]:
@@ -55,7 +56,7 @@ def _cut(
     return volume + by_flutes, full
 
 
-@njit(cache=True, nogil=True)
+@inner()
 def _volume(rays: RaySet, ways: Ways, first: int, last: int, gone: int, radius: float) -> float:
     """What a tool removes on the ways from `first` to `last`, mm^3, but for those before `gone`; negative where a ray
     has no room for one more interval."""
@@ -70,7 +71,7 @@ def _volume(rays: RaySet, ways: Ways, first: int, last: int, gone: int, radius: 
     return volume
 
 
-@njit(cache=True, nogil=True)
+@inner()
 def _room_for(rays: RaySet, count: int) -> RaySet:
     """A set with room for `count` tiles of the rays."""
     spans = np.empty((count, rays.spans.shape[1], rays.spans.shape[2]), dtype=np.float32)
@@ -81,7 +82,7 @@ def _room_for(rays: RaySet, count: int) -> RaySet:
     )
 
 
-@njit(cache=True, nogil=True)
+@inner()
 def _copy_tile(source: RaySet, tile: int, target: RaySet, place: int) -> None:
     """Copy a tile of one set to the place of a tile of another."""
     for ray in range(source.spans.shape[1]):

@@ -1,0 +1,56 @@
+"""Kernels without an entry for Python are called by kernels alone."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+KERNELS = ROOT / "bonecam" / "kernels"
+
+
+def decorators(node: ast.stmt) -> set[str]:
+    """The names in the decorators of a function; none of any other statement."""
+    found = node.decorator_list if isinstance(node, ast.FunctionDef) else []
+    return {part.id for each in found for part in ast.walk(each) if isinstance(part, ast.Name)}
+
+
+def modules(folder: Path) -> dict[str, ast.Module]:
+    """The trees of the modules in a folder by their names."""
+    files = sorted(folder.rglob("*.py"))
+    return {
+        ".".join(file.relative_to(ROOT).with_suffix("").parts): ast.parse(file.read_text()) for file in files
+    }
+
+
+def imports(tree: ast.AST) -> set[tuple[str, str]]:
+    """Modules and names that are imported anywhere in a tree."""
+    parts = [part for part in ast.walk(tree) if isinstance(part, ast.ImportFrom)]
+    return {(part.module or "", name.name) for part in parts for name in part.names}
+
+
+INNER = {
+    (module, node.name)
+    for module, tree in modules(KERNELS).items()
+    for node in tree.body
+    if isinstance(node, ast.FunctionDef) and "inner" in decorators(node)
+}
+
+
+@pytest.mark.parametrize("folder", ["bonecam", "plugins", "meshes", "docs", "tests"])
+def test_no_module_beside_the_kernels_imports_one_without_an_entry(folder: str) -> None:
+    beside = {
+        name: tree for name, tree in modules(ROOT / folder).items() if not name.startswith("bonecam.kernels")
+    }
+    assert len(INNER) > 50
+    assert beside
+    assert {name: imports(tree) & INNER for name, tree in beside.items() if imports(tree) & INNER} == {}
+
+
+@pytest.mark.parametrize("module", sorted(modules(KERNELS)))
+def test_what_is_not_compiled_among_the_kernels_names_none_without_an_entry(module: str) -> None:
+    tree = modules(KERNELS)[module]
+    known = {name for source, name in INNER if source == module} | {name for _, name in imports(tree) & INNER}
+    plain = [node for node in tree.body if not decorators(node) & {"njit", "inner"}]
+    named = {part.id for node in plain for part in ast.walk(node) if isinstance(part, ast.Name)}
+    assert named & known == set()
