@@ -6,16 +6,7 @@ import numpy as np
 from numba import njit
 from numpy import ndarray
 
-from bonecam.kernels.closest.swept_cones import (
-    LEAST_GROWTH,
-    RIM_SHARE,
-    RIM_STEPS,
-    dot,
-    largest_product,
-    normals_of,
-    opening_of,
-    rim_of,
-)
+from bonecam.kernels.closest.swept_cones import LEAST_GROWTH, RIM_STEPS, dot, edges_of, normals_of, opening_of
 
 PLANES = 12
 """So many planes about a solid are tried on each facet."""
@@ -27,19 +18,21 @@ def _holds(size: ndarray, sides: int, point: ndarray) -> bool:
     x, y, z = point
     first, second = opening_of(size)
     growth = max(size[5], LEAST_GROWTH)
-    away = np.sqrt(x * x + y * y + z * z)
-    if away > np.hypot(size[2], size[1]) + growth or away < size[0] - growth - RIM_SHARE * away:
+    away, bottom = np.sqrt(x * x + y * y + z * z), size[0] - growth
+    if away > np.hypot(size[2], size[1]) + growth or away < bottom:
         return False
-    normals = np.empty((sides, 3))
-    normals_of(first, second, sides, normals)
-    for k in range(sides):
-        if dot(normals[k], point) > size[2] + growth:
-            return False
+    normals = np.empty((RIM_STEPS * sides, 3))
+    normals_of(first, second, RIM_STEPS * sides, normals)
+    beyond = normals @ point
+    if beyond[::RIM_STEPS].max() > size[2] + growth:
+        return False
     if z > 0 and np.hypot(x / first, y / second) <= z:
         return True
-    rim = np.empty((RIM_STEPS * sides, 3))
-    rim_of(first, second, sides, RIM_STEPS, 0.0, rim)
-    return largest_product(rim, point) + RIM_SHARE * away >= size[0] - growth
+    if bottom > 0:
+        return away * away - max(beyond.max(), 0.0) ** 2 >= bottom * bottom
+    between, around = np.empty_like(normals), np.empty_like(normals)
+    edges_of(first, second, RIM_STEPS * sides, 0.0, between, around)
+    return bool((around @ point).max() >= bottom)
 
 
 @njit(cache=True, nogil=True)
@@ -59,20 +52,18 @@ def facets_below(
     (d) along unit `directions` (d, 3): of the planes there, those that the place is highest above leave out what lies
     beyond them."""
     away = directions @ place - supports
-    count = min(PLANES, len(away))
-    beyond = np.empty((count, len(vertices)), np.bool_)
-    for p in range(count):
-        plane = np.argmax(away)
-        seen = turn.T @ directions[plane]
+    planes = np.argsort(-away)[:PLANES]
+    beyond = np.empty((len(planes), len(vertices)), np.bool_)
+    for p in range(len(planes)):
+        seen = turn.T @ directions[planes[p]]
         for v in range(len(vertices)):
-            beyond[p, v] = dot(seen, vertices[v]) + away[plane] > 0
-        away[plane] = -np.inf
+            beyond[p, v] = dot(seen, vertices[v]) + away[planes[p]] > 0
     number = np.full(len(vertices), -1)
     kept = np.empty_like(faces)
     count, used = 0, 0
     for face in faces:
         off = False
-        for p in range(len(beyond)):
+        for p in range(len(planes)):
             if beyond[p, face[0]] and beyond[p, face[1]] and beyond[p, face[2]]:
                 off = True
                 break

@@ -19,9 +19,7 @@ ARC_STEP = np.radians(20.0)
 LEAST_GROWTH = 1e-3
 """Growth is no less (mm), so that no face is without an area."""
 RIM_STEPS = 16
-"""Directions of the rim for each side, where the lower bound is taken; between them it is less by this share"""
-RIM_SHARE = 3e-4
-"""of the distance from the apex."""
+"""Planes tangent to the cone for each side, of those that bound how high a point is seen."""
 LEAST_ANGLE = np.radians(0.1)
 """No semi-angle is less: a cone is no plane, nor a line."""
 TOUCHING = 3
@@ -44,10 +42,10 @@ def _turn(first: float, second: float, number: float, sides: int) -> tuple[float
 
 
 @inner()
-def rim_of(first: float, second: float, count: int, steps: int, offset: float, out: ndarray) -> None:
-    """Unit directions of the rim, `steps` for each side."""
-    for k in range(count * steps):
-        c, s = _turn(first, second, k / steps + offset, count)
+def _middles_of(first: float, second: float, sides: int, out: ndarray) -> None:
+    """Unit directions of the rim, in the middle between each side and the next."""
+    for k in range(sides):
+        c, s = _turn(first, second, k + 0.5, sides)
         x, y = first * c, second * s
         long = np.sqrt(x * x + y * y + 1.0)
         out[k, 0], out[k, 1], out[k, 2] = x / long, y / long, 1.0 / long
@@ -87,7 +85,7 @@ def _lean(direction: ndarray, share: float, length: float, out: ndarray) -> None
 
 
 @njit(cache=True, nogil=True)
-def _edges(first: float, second: float, sides: int, wide: float, foot: ndarray, along: ndarray) -> None:
+def edges_of(first: float, second: float, sides: int, wide: float, foot: ndarray, along: ndarray) -> None:
     """The edges between each side and the next: the point nearest to the apex, and the unit direction upward."""
     normals = np.empty((sides, 3))
     normals_of(first, second, sides, normals)
@@ -163,10 +161,27 @@ def _upper(top: float, foot: ndarray, along: ndarray) -> tuple[ndarray, float]:
 
 
 @inner()
-def _is_below(point: ndarray, bottom: float, rim: ndarray, wide: float, normals: ndarray) -> bool:
-    """Whether a point is nowhere above the `bottom` of a section, seen along the directions of a rim, nor beyond one of
-    the sides that are `wide` from the apex."""
-    return largest_product(rim, point) <= bottom + 1e-9 and largest_product(normals, point) <= wide + 1e-9
+def _is_below(point: ndarray, bottom: float, around: ndarray, wide: float, normals: ndarray) -> bool:
+    """Whether a point is nowhere above the `bottom` (0 or less) of a section, seen along directions `around` the cone,
+    nor beyond one of the sides that are `wide` from the apex."""
+    return largest_product(around, point) <= bottom + 1e-9 and largest_product(normals, point) <= wide + 1e-9
+
+
+@inner()
+def _lower_end(bottom: float, foot: ndarray, along: ndarray, normals: ndarray) -> float:
+    """How far along an edge between two sides its points are seen no higher than `bottom` (above 0) along axes of the
+    cone: without what it has along the outward normal of a plane tangent to the cone a point is seen no lower."""
+    end = bottom  # by the normal in the middle between those of both sides, which the foot lies on
+    for k in range(len(normals)):
+        at, slope = dot(normals[k], foot), dot(normals[k], along)
+        square = 1.0 - slope * slope
+        half = at * slope
+        root = half * half - square * (dot(foot, foot) - at * at - bottom * bottom)
+        if square > 0 and root >= 0:
+            farther = (half + np.sqrt(root)) / square
+            if at + slope * farther >= 0:
+                end = max(end, farther)
+    return end
 
 
 @njit(cache=True, nogil=True)
@@ -177,52 +192,57 @@ def swept_vertices(size: ndarray, sides: int) -> ndarray:
     first, second = opening_of(size)
     growth = max(size[5], LEAST_GROWTH)
     wide = size[2] + growth
-    widest = np.arctan(max(first, second))
     foot, along = np.empty((sides, 3)), np.empty((sides, 3))
-    _edges(first, second, sides, wide, foot, along)
+    edges_of(first, second, sides, wide, foot, along)
+    normals = np.empty((RIM_STEPS * sides, 3))
+    normals_of(first, second, RIM_STEPS * sides, normals)
+    # the edges of a pyramid that holds the cone: where none of them leads upward, no axis does
+    between, around = np.empty_like(normals), np.empty_like(normals)
+    edges_of(first, second, RIM_STEPS * sides, 0.0, between, around)
 
-    bottom = size[0] - growth - RIM_SHARE * np.hypot(size[0], wide)
-    rim = np.empty((RIM_STEPS * sides, 3))
-    rim_of(first, second, sides, RIM_STEPS, 0.0, rim)
+    bottom = size[0] - growth
     lowest = np.empty(sides)
     top = np.hypot(size[2], size[1]) + growth
     for j in range(sides):
         lowest[j] = np.inf
-        for m in range(len(rim)):
-            slope = dot(along[j], rim[m])
-            if slope > 0:
-                lowest[j] = min(lowest[j], (bottom - dot(foot[j], rim[m])) / slope)
+        if bottom > 0:
+            lowest[j] = _lower_end(bottom, foot[j], along[j], normals[RIM_STEPS * j : RIM_STEPS * (j + 1)])
+        else:
+            for m in range(len(around)):
+                slope = dot(along[j], around[m])
+                if slope > 0:
+                    lowest[j] = min(lowest[j], (bottom - dot(foot[j], around[m])) / slope)
         # of a wide and short section the sphere would meet the edge below where that begins, or nowhere
         above = max(lowest[j], 0.0) + LEAST_GROWTH
         top = max(top, np.sqrt(dot(foot[j], foot[j]) + above * above))
     pole = np.zeros(3)
-    pole[2] = bottom if bottom > 0 else bottom / np.cos(widest)
+    pole[2] = bottom if bottom > 0 else bottom / around[:, 2].min()
     ends = np.empty((sides, 3))
     for j in range(sides):
         for i in range(3):
             ends[j, i] = foot[j, i] + lowest[j] * along[j, i]
     if bottom <= 0:
-        normals = np.empty((sides, 3))
-        normals_of(first, second, sides, normals)
-        below = _is_below(pole, bottom, rim, wide, normals)
+        beside = np.ascontiguousarray(normals[::RIM_STEPS])
+        below = _is_below(pole, bottom, around, wide, beside)
         for j in range(sides):
-            below = below and _is_below(ends[j], bottom, rim, wide, normals)
+            below = below and _is_below(ends[j], bottom, around, wide, beside)
         if not below:
             return np.empty((0, 3))
     upper, top = _upper(top, foot, along)
 
-    inner = 1 + int(widest / ARC_STEP) if bottom > 0 else 0
-    count = inner + 1 + len(upper)
+    widest = np.arctan(max(first, second))
+    arcs = 1 + int(widest / ARC_STEP) if bottom > 0 else 0
+    count = arcs + 1 + len(upper)
     vertices = np.zeros((count * sides + 2, 3))
     middles = np.empty((sides, 3))
-    rim_of(first, second, sides, 1, 0.5, middles)
+    _middles_of(first, second, sides, middles)
     for j in range(sides):
-        for k in range(inner):
-            _lean(middles[j], (k + 1) / inner, bottom, vertices[k * sides + j])
+        for k in range(arcs):
+            _lean(middles[j], (k + 1) / arcs, bottom, vertices[k * sides + j])
         for i in range(3):
-            vertices[inner * sides + j, i] = ends[j, i]
+            vertices[arcs * sides + j, i] = ends[j, i]
             for k in range(len(upper)):
-                vertices[(inner + 1 + k) * sides + j, i] = upper[k, j, i]
+                vertices[(arcs + 1 + k) * sides + j, i] = upper[k, j, i]
     vertices[count * sides, 2] = pole[2]
     vertices[count * sides + 1, 2] = top
     return vertices

@@ -134,3 +134,19 @@ def test_where_the_apex_may_lie_above_the_begin_a_mesh_holds_the_sweep_or_there_
         if made is not None:
             assert MeshDistance(TriangleMesh(*made)).signed(points_of(sweep, 2_000)).max() < 1e-4
     assert 10 < none < 40
+
+
+def test_wide_flat_cones_are_held() -> None:
+    """Directions on their rims are far from each other: between those of a few, no less is seen of a point."""
+    random, made = np.random.default_rng(21), 0
+    for _ in range(60):
+        first, second = random.uniform(0.6, 1.3), 10 ** random.uniform(-2.7, -0.7)
+        start, radius = random.uniform(0.3, 6.0), random.choice([0.25, 0.5, 1.0, 2.0, 3.0])
+        end = start + radius * random.uniform(0.3, 20.0)
+        sweep = Sweep(start, end, radius, first, second, 10 ** random.uniform(-1.5, -0.1))
+        points = points_of(sweep, 3_000)
+        assert sweep.holds(points, SIDES).all()
+        mesh = sweep.mesh(SIDES)
+        made += mesh is not None
+        assert mesh is None or MeshDistance(TriangleMesh(*mesh)).signed(points).max() < 1e-4
+    assert made > 55
