@@ -7,7 +7,8 @@ proven leaves and others holds proven directions alone. Sought is, over its cent
     2 ln s + ln(1 - |q|^2) - 3/2 ln(1 + |c|^2),
 
 s^2 being its area over pi, q the place of w in it (0 at its centre, 1 at its rim): it is large, not far off w, and w
-lies deep in it. A pattern search finds it.
+lies deep in it. A pattern search finds it: the best lies against several edges, where an ellipse grows only if two of
+its parameters change together.
 """
 
 from typing import Any, NamedTuple
@@ -24,12 +25,10 @@ LOWEST = 0.2
 """Edges that reach further off w than this cosine are beyond WIDEST."""
 RAYS = 96
 """Directions about w in which the nearest edges are found: others lie behind these."""
-FIRST_STEPS = (0.15, 0.15, 0.5, 0.35)
-"""Of the search: both of the centre, turn (radians), logarithm of the ratio."""
+FIRST_STEPS = (0.4, 0.4, 0.5, 0.35)
+"""Of the search: of the centre along both semi-axes, as shares of these; turn (radians), logarithm of the ratio."""
 HALVINGS = 4
 """Times that these are halved."""
-STRETCHES = np.array([(0.0, 0.0), (0.0, 0.5), (np.pi / 2, 0.5)])
-"""Turns and logarithms of ratios that the search begins with; the first alone where a circle is sought."""
 
 
 class LeafMesh(NamedTuple):
@@ -137,23 +136,42 @@ def _seen(edges: ndarray, count: int) -> int:
 
 
 @inner()
+def _moved(at: ndarray, s: float, move: ndarray, out: ndarray) -> None:
+    """Write an ellipse, whose s this is, moved: its centre by shares of its semi-axes, its turn and its ratio."""
+    cosine, sine = np.cos(at[2]), np.sin(at[2])
+    along, across = s * np.exp(at[3]) * move[0], s * np.exp(-at[3]) * move[1]
+    out[0] = at[0] + cosine * along - sine * across
+    out[1] = at[1] + sine * along + cosine * across
+    out[2], out[3] = at[2] + move[2], at[3] + move[3]
+
+
+@inner()
 def _search(edges: ndarray, count: int, at: ndarray, free: int) -> float:
-    """Improve an ellipse in its first `free` parameters; what it is worth."""
+    """Improve an ellipse in its first `free` parameters, one or two at a time; what it is worth."""
     steps = np.array(FIRST_STEPS)
+    move = np.zeros(4)
+    moved = np.empty(4)
     best = _worth(edges, count, at)
     for _ in range(HALVINGS + 1):
         better = True
         while better:
             better = False
-            for i in range(free):
-                for sign in (1.0, -1.0):
-                    at[i] += sign * steps[i]
-                    worth = _worth(edges, count, at)
-                    if worth > best + 1e-3:
-                        best = worth
-                        better = True
-                        break
-                    at[i] -= sign * steps[i]
+            s = _reach(edges, count, at[0], at[1], at[2], at[3])
+            for k in range(4 * free * free):
+                i, j = k // 4 // free, k // 4 % free
+                if j < i or (j == i and k % 4 > 1):
+                    continue
+                move[:] = 0.0
+                move[i] = steps[i] * (2 * (k % 2) - 1)
+                if j > i:
+                    move[j] = steps[j] * (2 * (k // 2 % 2) - 1)
+                _moved(at, s, move, moved)
+                worth = _worth(edges, count, moved)
+                if worth > best + 1e-3:
+                    at[:] = moved
+                    best = worth
+                    better = True
+                    s = _reach(edges, count, at[0], at[1], at[2], at[3])
         steps /= 2
     return best
 
@@ -223,14 +241,9 @@ def largest_ellipses(
         count = _rim(mesh, proven[k], w, t1, t2, edges)
         seen = _seen(edges, count)
         best = np.zeros(4)
-        most = -np.inf
-        for start in range(1 if circular else len(STRETCHES)):
-            at = np.array([0.0, 0.0, STRETCHES[start, 0], STRETCHES[start, 1]])
-            worth = _search(edges, seen, at, 2 if circular else 4)
-            if worth > most:
-                best, most = at, worth
+        _search(edges, seen, best, 2 if circular else 4)
         s = _reach(edges, count, best[0], best[1], best[2], best[3])
-        if most == -np.inf or not _worth(edges, count, best) > -np.inf:
+        if not _worth(edges, count, best) > -np.inf:
             continue
         cosine, sine = np.cos(best[2]), np.sin(best[2])
         for d in range(3):

@@ -36,6 +36,8 @@ SOFT_POLAR = np.radians(95.0)
 """A tool that droops below this polar angle (radians) comes near to table and housing: it costs,"""
 SOFT_WEIGHT = 20.0
 """so much, in rates a radian: a tenth of a bound, so that cones come first."""
+LEAST_SINE = np.sin(np.radians(5.0))
+"""Of a bound from the normal: that of less than 5 degrees weighs no more."""
 STRAIGHT = 1e-6
 """Sines below this are taken for it: an angle has no derivative at 0."""
 PRESETS = {"membrane": (1.0, 0.2), "thin-plate": (0.1, 2.0)}
@@ -176,12 +178,11 @@ class AxisEnergy:
         by_polar = axes_of(azimuth, polar + np.pi / 2)
         cosine = dots(axes, self.normals)
         gradients = dots(by_azimuth, self.normals), dots(by_polar, self.normals)
-        for beyond, sign in (
-            (np.cos(bounds.largest_tilt) - cosine, -1.0),
-            (cosine - np.cos(bounds.least_lead), 1.0),
-        ):
-            slope = sign * weight * (beyond > 0)
-            residuals.append((weight * np.maximum(beyond, 0.0), slope * gradients[0], slope * gradients[1]))
+        for bound, sign in ((bounds.largest_tilt, -1.0), (bounds.least_lead, 1.0)):
+            beyond = sign * (cosine - np.cos(bound))
+            scale = weight / np.maximum(np.sin(bound), LEAST_SINE)  # so that it is an angle near the bound
+            slope = sign * scale * (beyond > 0)
+            residuals.append((scale * np.maximum(beyond, 0.0), slope * gradients[0], slope * gradients[1]))
 
         matrices = bounds.cones.matrices
         mean = np.maximum(bounds.cones.mean_angles, 0.0)
