@@ -15,6 +15,6 @@ from .stage_reports import toolpath_report as toolpath_report
 from .summary import summary_of as summary_of
 from .tables.cl_data import ClData as ClData
 from .tables.cl_data import ClPath as ClPath
-from .tables.cl_data import apt_text as apt_text
 from .tables.cl_data import read_apt as read_apt
+from .tables.cl_text import apt_text as apt_text
 from .typed.report import Report as Report

@@ -17,6 +17,7 @@ from bonecam.nc.reading.read import read_program
 from bonecam.setup.capsule import Capsule
 from bonecam.surface.files.tspline_text import write_tsm
 from bonecam.surface.tspline import TSpline
+from bonecam.tool.path import MoveKind
 
 AXIS = np.array([0.0, 0.5, 0.75**0.5])
 TIPS = np.array([[0.0, 0.0, 60.0], [0.0, 0.0, 31.0], [4.0, 1.0, 31.0], [8.0, 2.0, 31.5], [8.0, 2.0, 60.0]])
@@ -62,6 +63,35 @@ def test_a_program_goes_from_one_machine_and_control_to_another(part: Path, tmp_
     motions = read_program(text, read_machine("dmu-45"), read_dialect("siemens-840d"))
     for tip in TIPS[1:4]:
         assert np.abs(motions.tips - tip).max(axis=1).min() < 2e-3
+
+
+@pytest.mark.parametrize("marked", [True, False])
+def test_cuts_faster_than_a_slower_spindle_allows_stay_cuts_and_are_slowed(
+    marked: bool, part: Path, tmp_path: Path
+) -> None:
+    paths = apt(tmp_path)
+    text = paths.read_text().replace("300.0", "1847.0")
+    paths.write_text(text.replace("FEDRAT", "PPRINT/CUT\nFEDRAT") if marked else text)
+    slow = JOB.with_values(nc={"machine": "hermle-c600u", "controller": "heidenhain"})
+    made = bonecam.post(paths, part, slow)
+    (path,) = made.proved.paths
+    cuts = path.kinds == MoveKind.CUT
+    assert path.cutter.feed < 1847
+    assert np.count_nonzero(path.kinds == MoveKind.LINK) == 0
+    assert cuts.any()
+    assert path.feed_rates[cuts].max() <= path.cutter.feed
+    assert made.slowed == 3
+    assert "feed      3 cuts slowed" in made.summary
+
+
+def test_moves_as_fast_as_links_are_links_where_no_mark_tells(part: Path, tmp_path: Path) -> None:
+    paths = apt(tmp_path)
+    lines = paths.read_text().replace("300.0", "5000.0").splitlines()
+    lines.insert(len(lines) - 5, "FEDRAT/MMPM,300.0")
+    paths.write_text("\n".join(lines))
+    made = bonecam.post(paths, part, JOB)
+    assert set(made.proved.paths[0].kinds) == {MoveKind.RAPID, MoveKind.LINK, MoveKind.CUT}
+    assert made.slowed == 0
 
 
 def test_foreign_paths_that_gouge_are_refused_and_not_written(part: Path, tmp_path: Path) -> None:

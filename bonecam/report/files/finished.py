@@ -27,7 +27,7 @@ from bonecam.report.pictures.compared_axes import draw_compared_axes
 from bonecam.report.pictures.machine.bodies import draw_machine
 from bonecam.report.pictures.surface_axes import draw_axes
 from bonecam.report.summary import finished_summary
-from bonecam.report.tables.cl_data import apt_text
+from bonecam.report.tables.cl_text import apt_text
 from bonecam.report.tables.cones_csv import cones_csv
 from bonecam.report.tables.toolpath_csv import toolpath_csv
 from bonecam.report.typed.run_report import report_text

@@ -28,7 +28,7 @@ from bonecam.report.pictures.engagement import draw_engagement
 from bonecam.report.pictures.level_sections import draw_levels, draw_second, draw_stump
 from bonecam.report.pictures.machine.bodies import draw_machine
 from bonecam.report.pictures.tool_paths import draw_toolpath
-from bonecam.report.tables.cl_data import apt_text
+from bonecam.report.tables.cl_text import apt_text
 from bonecam.report.tables.cones_csv import cones_csv
 from bonecam.report.tables.toolpath_csv import toolpath_csv
 from bonecam.report.typed.run_report import report_text

@@ -16,7 +16,7 @@ from bonecam.progress import Progress, report, silent
 from bonecam.report.files.kept_folder import SERIES, fill_kept_folder
 from bonecam.report.files.kept_view import check_page_name
 from bonecam.report.files.result import Morphed, Result
-from bonecam.report.tables.cl_data import apt_text
+from bonecam.report.tables.cl_text import apt_text
 from bonecam.report.typed.run_report import report_text
 from bonecam.runtime.staging import Staging, placed, staged
 from bonecam.surface.files.save import TEXTS, check_target, save_surface

@@ -13,7 +13,7 @@ from bonecam.report.page.second_contents import second_contents
 from bonecam.report.pictures.level_sections import draw_second
 from bonecam.report.sheet.second_article import second_article
 from bonecam.report.summary import second_text
-from bonecam.report.tables.cl_data import apt_text
+from bonecam.report.tables.cl_text import apt_text
 from bonecam.report.typed.report import SecondFigures
 from bonecam.tool.path import ToolPath
 from bonecam.verify.removal.result import Removal

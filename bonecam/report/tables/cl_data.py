@@ -1,14 +1,14 @@
-"""Cutter location data in APT words (ISO 4343), which other systems and post processors read: and back.
+"""Cutter location data in APT words (ISO 4343), read; `cl_text.py` writes them.
 
 One statement a line, `WORD` or `WORD/minor words and numbers, separated by commas`; `$$` begins a comment, `$` at the
-end of a line continues it. Written are PARTNO, UNITS, MULTAX, PPRINT (level), LOADTL, CUTTER, SPINDL, RAPID, FEDRAT,
-GOTO and FINI. GOTO has the tip of the tool and its axis (unit, from the tip to the spindle); RAPID is for the next
-GOTO alone. Cuts and links are both feeds. The part's frame is that of the tool paths.
+end of a line continues it. GOTO has the tip of the tool and its axis (unit, from the tip to the spindle); RAPID is for
+the next GOTO alone. Feeds behind PPRINT/LINK lead from cut to cut until PPRINT/CUT; a text without them does not tell
+links from cuts.
 """
 
 import math
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -17,7 +17,7 @@ from numpy import ndarray
 
 from bonecam.arrays import lengths
 from bonecam.errors import ProgramError
-from bonecam.tool.path import PARTING, MoveKind, ToolPath
+from bonecam.tool.path import PARTING
 
 STATEMENT = re.compile(r"([A-Z][A-Z0-9]*)\s*(?:/(.*))?")
 NUMBER = re.compile(r"[+-]?(?:\d{1,12}\.?\d{0,20}|\.\d{1,20})(?:[Ee][+-]?\d{1,2})?")
@@ -35,7 +35,8 @@ LONGEST = 1000
 @dataclass(frozen=True, eq=False)
 class ClPath:
     """The moves of one tool on one level (None where the text names none): the tip and axis that each arrives at, its
-    feed (mm/min; NaN for a rapid) and whether it is one.
+    feed (mm/min; NaN for a rapid) and whether it is one. `links` are feeds behind PPRINT/LINK; None where the text does
+    not tell links from cuts.
 
     `diameter` and `corner` (radius) of the cutter, mm; of a ball the corner is half of the diameter.
     """
@@ -48,6 +49,7 @@ class ClPath:
     axes: Float[ndarray, "n 3"]
     feed_rates: Float[ndarray, " n"]
     rapid: Bool[ndarray, " n"]
+    links: Bool[ndarray, " n"] | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,35 +58,6 @@ class ClData:
 
     name: str
     paths: tuple[ClPath, ...]
-
-
-def apt_text(paths: Sequence[ToolPath], name: str = "PART") -> str:
-    """Tool paths as APT statements: mm and mm/min, tips with 6 decimals, axes with 9."""
-    lines = [f"PARTNO/{name}", "UNITS/MM", "MULTAX/ON"]
-    tool = None
-    for path in paths:
-        lines.append(f"PPRINT/LEVEL {path.level}" if path.level != PARTING else "PPRINT/PARTING")
-        if path.cutter.number != tool:
-            tool, radius = path.cutter.number, path.cutter.radius
-            lines += [f"LOADTL/{tool}", f"CUTTER/{2 * radius:.6f},{radius:.6f}"]
-            lines.append(f"SPINDL/RPM,{path.cutter.spindle:.0f},CLW")
-        lines += _moves(path)
-    return "\n".join([*lines, "FINI", ""])
-
-
-def _moves(path: ToolPath) -> Iterator[str]:
-    """RAPID or a feed that changes, and GOTO, of each move."""
-    feed = None
-    rows = zip(path.kinds.tolist(), path.feed_rates.tolist(), path.tips.tolist(), path.axes.tolist())
-    for kind, wanted, tip, axis in rows:
-        if kind == MoveKind.RAPID:
-            yield "RAPID"
-        elif wanted != feed:
-            feed = wanted
-            yield f"FEDRAT/MMPM,{feed:.3f}"
-        yield "GOTO/{:.6f},{:.6f},{:.6f},{:.9f},{:.9f},{:.9f}".format(
-            *(value + 0.0 for value in (*tip, *axis))
-        )
 
 
 def read_apt(text: str) -> ClData:
@@ -150,6 +123,7 @@ class _Reader:
     cutter: tuple[float, float] = (0.0, 0.0)
     feed: float = math.nan
     rapid: bool = False
+    link: bool | None = None
     rows: list[tuple[tuple, tuple[float, ...]]] = field(default_factory=list)
 
     def take(self, line: int, word: str, values: str) -> None:
@@ -159,8 +133,7 @@ class _Reader:
         if word == "PARTNO":
             self.name = values
         elif word == "PPRINT":
-            match = re.fullmatch(r"LEVEL (\d{1,6})|PARTING", values)
-            self.level = int(match[1] or PARTING) if match else self.level
+            self._note(values)
         elif word == "UNITS":
             if values not in ("MM", "INCHES"):
                 raise ProgramError(f"line {line}: UNITS/{values[:20]}: give MM or INCHES", line=line)
@@ -171,6 +144,14 @@ class _Reader:
             self.ended = True
         else:
             self._numbers(line, word, values.split(","))
+
+    def _note(self, text: str) -> None:
+        """Take what is said of the moves that follow; any other text is passed over."""
+        match = re.fullmatch(r"LEVEL (\d{1,6})|PARTING", text)
+        if match:
+            self.level = int(match[1] or PARTING)
+        elif text in ("LINK", "CUT"):
+            self.link = text == "LINK"
 
     def _numbers(self, line: int, word: str, values: list[str]) -> None:
         """Take a statement of numbers."""
@@ -227,7 +208,9 @@ class _Reader:
             )
         feed = math.nan if rapid else self.feed
         tip = (self.scale * value for value in values[:3])
-        self.rows.append(((self.level, self.tool, *self.cutter), (*tip, *axis, feed, float(rapid))))
+        self.rows.append(
+            ((self.level, self.tool, *self.cutter), (*tip, *axis, feed, float(rapid), float(bool(self.link))))
+        )
         self.rapid = False
 
     def paths(self) -> Iterator[ClPath]:
@@ -237,8 +220,17 @@ class _Reader:
             table = np.array([numbers for _, numbers in self.rows[first:last]])
             axes = table[:, 3:6] / lengths(table[:, 3:6])[:, None]
             level, tool, diameter, corner = self.rows[first][0]
-            tips, feeds, rapid = table[:, :3], table[:, 6], table[:, 7] > 0
-            yield ClPath(level, tool, diameter, corner, tips, axes=axes, feed_rates=feeds, rapid=rapid)
+            yield ClPath(
+                level,
+                tool,
+                diameter,
+                corner,
+                tips=table[:, :3],
+                axes=axes,
+                feed_rates=table[:, 6],
+                rapid=table[:, 7] > 0,
+                links=None if self.link is None else table[:, 8] > 0,
+            )
 
 
 def _number(line: int, word: str, value: str) -> float:

@@ -20,7 +20,8 @@ from bonecam.planning.collision.scene import Scene
 from bonecam.planning.holding.parting_paths import check_parting, parting_paths
 from bonecam.planning.holding.post_length import parting_lift
 from bonecam.planning.passes.parting import cut_groove
-from bonecam.report.tables.cl_data import apt_text, read_apt
+from bonecam.report.tables.cl_data import read_apt
+from bonecam.report.tables.cl_text import apt_text
 from bonecam.setup.capsule import smallest_capsule
 from bonecam.setup.placement import Setup
 from bonecam.setup.schedule import schedule_of

@@ -49,6 +49,8 @@ def test_what_is_written_is_read_back() -> None:
         np.testing.assert_allclose(one.tips, meant.tips, atol=5.1e-7)
         np.testing.assert_allclose(one.axes, meant.axes, atol=1e-9)
         np.testing.assert_array_equal(one.rapid, rapid)
+        assert one.links is not None
+        np.testing.assert_array_equal(one.links[~rapid], meant.kinds[~rapid] == MoveKind.LINK)
         np.testing.assert_allclose(one.feed_rates[~rapid], meant.feed_rates[~rapid], atol=5e-4)
         assert np.isnan(one.feed_rates[rapid]).all()
 
@@ -73,6 +75,7 @@ FINI
     np.testing.assert_allclose(one.axes, [[0, 0, 1], [0, 0.6, 0.8], [0, 0, 1]])
     np.testing.assert_array_equal(one.rapid, [True, True, False])
     assert one.feed_rates[2] == 254.0
+    assert one.links is None
 
 
 HEAD = "LOADTL/1\nCUTTER/4,2\nFEDRAT/900\n"
