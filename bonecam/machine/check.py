@@ -25,6 +25,10 @@ LEAST_TURN_DEG = 2 * math.pi
 LEAST_TURN_SPEED_DEG_S = math.pi
 """Rotary axes turn faster, deg/s: half a turn a second in radians."""
 
+HORIZONTAL_BAND_DEG = 181.0
+"""Lowest and highest lean of a tool that reaches as far below the horizontal as above it sum to 180, degrees; with
+rounding."""
+
 
 @dataclass(frozen=True)
 class MachineCheck:
@@ -73,6 +77,26 @@ def _doubtful(machine: Machine) -> Iterator[str]:
         degrees = np.degrees(turned.speed) / 60
         if degrees < LEAST_TURN_SPEED_DEG_S:
             yield f"{turned.letter}: a speed of {degrees:g} deg/s: is it in rad/s?"
+    yield from _doubtful_frame(machine)
+
+
+def _doubtful_frame(machine: Machine) -> Iterator[str]:
+    """Pivots beyond all travel of the axes, and a tool that reaches more from below the part than from above: a wrong
+    sign or part_z turns the table over."""
+    farthest = math.hypot(*(axis.travel for axis in machine.linear))
+    for axis in machine.part_axes:
+        # the place of a pivot along its axis does not matter
+        off = np.linalg.norm(np.cross(np.asarray(axis.pivot) - machine.part_zero, axis.direction))
+        if off > farthest:
+            yield f"{axis.letter}: its pivot is {off:g} mm off part_zero, farther than X Y Z travel: is it in mm?"
+    band = tilt_band(machine)
+    if band is None:
+        median = float(np.median(polar_angles(reached_axes(machine).samples)))
+        band = median, median
+    low, high = np.degrees(band)
+    if low + high > HORIZONTAL_BAND_DEG:
+        letters = " ".join(axis.letter for axis in machine.rotary if not axis.locked)
+        yield f"part_z: the tool comes more from below the part than from above: is it right, and sign of {letters}?"
 
 
 def _chain_text(machine: Machine) -> str:

@@ -3,8 +3,9 @@
 import math
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
+from bonecam.errors import counted
 from bonecam.machine.frustum import MOST_FRUSTUMS
 from bonecam.text.record import KeyFault, Record
 from bonecam.text.template import check_printable
@@ -18,6 +19,10 @@ SLOWEST = 1e-3
 MOST_DEGREES = 1e6
 """No rotary axis turns further from its zero: 2,800 turns."""
 LINEAR = "XYZ"
+CHAIN_REMEDY = (
+    'give one or two rotary letters and "XYZ", all linear axes as one item whatever they move, from the part to the '
+    'tool, such as ["C", "B", "XYZ"]'
+)
 PARALLEL = 1e-9
 """Directions are parallel, or at right angles, within this of their cosine."""
 
@@ -31,7 +36,8 @@ def _rising(limits: list[float]) -> list[float]:
 def _unit(direction: list[float]) -> list[float]:
     length = math.hypot(*direction)
     if abs(length - 1) > 1e-6:
-        raise ValueError(f"has length {length:g}: give a unit vector")
+        unit = f", [{', '.join(repr(part / length) for part in direction)}]" if length > 0 else ""
+        raise ValueError(f"has length {length:g}: give a unit vector{unit}")
     return direction
 
 
@@ -39,6 +45,12 @@ def _sign(sign: float) -> float:
     if sign not in (1, -1):
         raise ValueError(f"{sign:g}: give 1 or -1")
     return sign
+
+
+def _few(chain: object) -> object:
+    if isinstance(chain, list) and not 2 <= len(chain) <= 3:
+        raise ValueError(f"it has {counted(len(chain), 'item')}: {CHAIN_REMEDY}")
+    return chain
 
 
 Length = Annotated[float, Field(ge=-FARTHEST, le=FARTHEST)]
@@ -137,7 +149,7 @@ class MachineFile(Record):
     title: Name
     source: Annotated[str, Field(max_length=1000), AfterValidator(check_printable)] = ""
     assumed: Annotated[list[Name], Field(max_length=20)] = Field(default_factory=list)
-    chain: Annotated[list[Literal["A", "B", "C", "XYZ"]], Field(min_length=2, max_length=3)]
+    chain: Annotated[list[Literal["A", "B", "C", "XYZ"]], BeforeValidator(_few)]
     part_x: Direction | None = None
     part_z: Direction | None = None
     part_zero: Place = Field(default_factory=lambda: [0.0, 0.0, 0.0])
@@ -159,8 +171,7 @@ class MachineFile(Record):
         twice = len(set(self.chain)) != len(self.chain)
         if twice or LINEAR not in self.chain:
             what = "an axis stands there twice" if twice else "it has no linear axes"
-            remedy = 'give one or two rotary letters and "XYZ" from the part to the tool, such as ["C", "B", "XYZ"]'
-            raise KeyFault("chain", f"{what}: {remedy}")
+            raise KeyFault("chain", f"{what}: {CHAIN_REMEDY}")
         for letter in "ABC":
             if letter in self.chain and getattr(self, letter) is None:
                 raise KeyFault(letter, "the axis is missing: add its table")

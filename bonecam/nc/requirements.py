@@ -55,18 +55,19 @@ def check_reach(job: Job, machine: Machine) -> None:
     need, or come to their limits on the way round where no rewind helps."""
     limits = machine_limits(machine)
     bounds = [(axis.letter, *np.degrees(axis.limits)) for axis in machine.own_rotary if axis.bounded]
-    named = ", ".join(f"{letter} {low:g} to {high:g} deg" for letter, low, high in bounds)
+    room = ", ".join(f"{letter} {low:g} to {high:g} deg" for letter, low, high in bounds)
+    named = f"with {room} " if room else ""
     needed = 90.0 if job.path.strategy != "morph" else 90.0 - job.path.max_tilt_deg
     reached = float(np.degrees(limits.largest))
     if limits.reached is not None:
-        _check_sides(limits.reached.samples, 90.0 - needed, f"{machine.name}: with {named}")
+        _check_sides(limits.reached.samples, 90.0 - needed, f"{machine.name}: {named}")
         return
     if reached < needed:
         what = f"leans by {max(reached, 0.0):g} deg all round at most, the sides of the stock need {needed:g}"
         remedy = "take another machine (--machine)" + (
             ", or a larger path.max_tilt_deg" if job.path.strategy == "morph" else ""
         )
-        raise MachineError(f"{machine.name}: with {named} the tool axis {what}: {remedy}", reached=reached)
+        raise MachineError(f"{machine.name}: {named}the tool axis {what}: {remedy}", reached=reached)
 
     for tilt in LOOPS[(limits.largest >= LOOPS) & (limits.smallest <= LOOPS)]:
         _check_way_round(machine, tilt, named)
@@ -78,8 +79,8 @@ def _check_sides(axes: Float[ndarray, "k 3"], tilt_deg: float, who: str) -> None
     sides = np.column_stack([np.cos(azimuths), np.sin(azimuths), np.zeros(ROUND)])
     off = np.degrees(np.arccos(np.clip((axes @ sides.T).max(axis=0), -1, 1)))
     if off.max() > tilt_deg:
-        remedy = "give wider limits, or take another machine (--machine)"
-        raise MachineError(f"{who} the tool axis leans to some sides only: {remedy}", off=float(off.max()))
+        remedy = "give wider limits, correct part_z, or take another machine (--machine)"
+        raise MachineError(f"{who}the tool axis leans to some sides only: {remedy}", off=float(off.max()))
 
 
 def _check_way_round(machine: Machine, tilt: float, named: str) -> None:
@@ -96,7 +97,7 @@ def _check_way_round(machine: Machine, tilt: float, named: str) -> None:
         if along < LEVEL and turned > np.pi:
             what = f"{axis.letter} must be rewound by {np.degrees(turned):.0f} deg to go round a part"
             raise MachineError(
-                f"{machine.name}: with {named} {what}, which turns the table over under the tool: take another "
+                f"{machine.name}: {named}{what}, which turns the table over under the tool: take another "
                 f"machine (--machine), or give {axis.letter} limits with zero between them, if it has such",
                 axis=axis.letter,
                 turned=turned,

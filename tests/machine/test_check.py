@@ -65,3 +65,26 @@ def test_a_figure_in_another_unit_is_asked_about(right: str, wrong: str, asked: 
     path = tmp_path / "own.toml"
     path.write_text(text.replace(right, wrong, 1))
     assert list(check_machine(path).doubtful) == [asked]
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong", "asked"),
+    [
+        ("part_z = [0.0, 1.0, 0.0]", "part_z = [0.0, -1.0, 0.0]", "part_z: the tool comes more from below"),
+        ("sign = 1\nlimits_deg", "sign = -1\nlimits_deg", "and sign of A B?"),
+        (
+            "pivot = [0.0, 0.0, 0.0]\nsign = 1\nlimits",
+            "pivot = [0.0, 0.0, 5e3]\nsign = 1\nlimits",
+            "A: its pivot is 5000 mm off part_zero, farther than X Y Z travel",
+        ),
+    ],
+)
+def test_a_table_turned_over_and_a_pivot_out_of_reach_are_asked_about(
+    right: str, wrong: str, asked: str, tmp_path: Path
+) -> None:
+    text = (MACHINES / "pocket-nc.toml").read_text()
+    assert right in text
+    path = tmp_path / "own.toml"
+    path.write_text(text.replace(right, wrong, 1))
+    (told,) = check_machine(path).doubtful
+    assert asked in told

@@ -72,6 +72,37 @@ def test_what_does_not_belong_into_a_machine_file_is_refused_with_file_and_key(
     check_refused(write_machine(tmp_path, chains["table-table"] + more), key)
 
 
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        (
+            '["B", "A", "XYZ"]',
+            '["B", "A", "X", "Y", "Z"]',
+            'chain: it has 5 items: give one or two rotary letters and "XYZ"',
+        ),
+        ('["B", "A", "XYZ"]', '["XYZ"]', "chain: it has 1 item: give one or two"),
+        (
+            "direction = [1.0, 0.0, 0.0]",
+            "direction = [0.0, 1.0, 1.0]",
+            "A.direction: has length 1.41421: give a unit vector, [0.0, 0.7071",
+        ),
+        (
+            "direction = [1.0, 0.0, 0.0]",
+            "direction = [0.0, 0.0, 0.0]",
+            "A.direction: has length 0: give a unit vector",
+        ),
+    ],
+)
+def test_a_wrong_chain_or_direction_is_told_with_the_right_one(
+    old: str, new: str, told: str, tmp_path: Path
+) -> None:
+    text = (MACHINES / "pocket-nc.toml").read_text()
+    assert old in text
+    path = tmp_path / "own.toml"
+    path.write_text(text.replace(old, new, 1))
+    check_refused(path, told)
+
+
 def test_a_machine_file_without_an_axis_or_with_an_unknown_point_is_refused(
     write_machine, machine_text, axis, tmp_path
 ):

@@ -9,7 +9,7 @@ from bonecam.errors import JobError, MachineError
 from bonecam.job import Job
 from bonecam.machine.bodies import Table
 from bonecam.machine.frustum import Frustum
-from bonecam.machine.machine import Machine, read_machine
+from bonecam.machine.machine import UPRIGHT, Machine, read_machine
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.requirements import check_length, check_reach, check_room, least_lengths
 from bonecam.setup.capsule import Capsule
@@ -112,6 +112,12 @@ def test_axes_that_do_not_lean_far_enough_all_round_are_refused_with_their_limit
 ) -> None:
     with pytest.raises(MachineError, match=told):
         check_reach(Job().with_values(**job), limited(**limits))
+
+
+def test_an_endless_axis_across_the_part_is_told_without_limits() -> None:
+    machine = replace(read_machine("mill-4axis"), part_frame=UPRIGHT)
+    with pytest.raises(MachineError, match=r"^mill-4axis: the tool axis leans to some sides only: .* part_z"):
+        check_reach(Job().with_values(nc={"machine": "mill-4axis"}), machine)
 
 
 def test_a_table_that_would_turn_over_for_a_rewind_is_refused_before_anything_is_planned() -> None:
