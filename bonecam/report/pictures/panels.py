@@ -65,7 +65,9 @@ def lay_out(figure: Figure, plots: Any, below: float = BELOW, above: float = ABO
     for plot in plots:
         plot.set(xlim=(x - half_x, x + half_x), ylim=(z - half_z, z + half_z), aspect="equal")
         plot.locator_params(axis="x", nbins=int(np.clip(width / TICK_WIDTH, 2, 5)))
-        plot.set_xticks([tick for tick in plot.get_xticks() if abs(tick - x) < half_x - TICK_MARGIN / scale])
+        inner = half_x - TICK_MARGIN / scale
+        ticks = plot.xaxis.get_major_locator().tick_values(x - inner, x + inner)
+        plot.set_xticks(ticks[np.abs(ticks - x) < inner])
 
     all_width = LEFT + columns * width + (columns - 1) * GAP + RIGHT
     whole = np.array([all_width, rows * (above + height) + below])

@@ -8,7 +8,7 @@ import numpy as np
 from bonecam.levels.measure.level import Level
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.report.pictures.level_sections import draw_post
-from bonecam.report.pictures.panels import BELOW, Plot, lay_out, new_figure, save_figure
+from bonecam.report.pictures.panels import BELOW, Figure, Plot, lay_out, new_figure, save_figure
 from bonecam.report.pictures.shading import draw_shaded
 from bonecam.tool.path import MoveKind, ToolPath
 
@@ -35,8 +35,6 @@ def draw_toolpath(
 
     Rest paths are not drawn. Layers, which follow no level, are drawn on the part.
     """
-    from matplotlib.lines import Line2D
-
     whole = [each for each in paths if not each.rest]
     shown = [(whole[k], side) for k in sorted({0, len(whole) // 2, len(whole) - 1}) for side in (1.0, -1.0)]
     figure, plots = new_figure(len(shown))
@@ -51,12 +49,19 @@ def draw_toolpath(
         plot.set_title(title, fontsize="medium")
     plots[0].set_ylabel("z (mm)")
 
+    add_legend(figure, post is not None)
+    lay_out(figure, plots, below=BELOW + LEGEND)
+    save_figure(figure, path)
+
+
+def add_legend(figure: Figure, post: bool = False) -> None:
+    """Tell below the panels what the colours of `show_path` are, and the line of a post."""
+    from matplotlib.lines import Line2D
+
     keys = {"cut (contact)": CUT_COLOUR, "link (tip)": LINK_COLOUR, "tool axis": AXIS_COLOUR}
     lines = [Line2D([], [], color=colour, label=name) for name, colour in keys.items()]
     lines += [Line2D([], [], color="k", ls="--", lw=0.8, label="post")] if post else []
     figure.legend(handles=lines, loc="lower center", ncols=len(lines))
-    lay_out(figure, plots, below=BELOW + LEGEND)
-    save_figure(figure, path)
 
 
 def show_path(plot: Plot, item: ToolPath, level: TriangleMesh, side: float = 1.0) -> None:

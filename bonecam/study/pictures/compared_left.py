@@ -37,8 +37,8 @@ def draw_compared_left(left: Sequence[tuple[str, SimulatedStock]], scallop: floa
             shown[..., :3] = colours[view.index] * view.shades[..., None]
             shown[..., 3] = view.covered
             plot.imshow(shown, extent=view.extent, origin="lower", interpolation="nearest")
-            plot.set_title(name if side > 0 else "from behind", fontsize="medium")
-            plot.set_xlabel("x (mm)" if side > 0 else "-x (mm)")
+            plot.set_title(f"{name}\nfrom {'the front' if side > 0 else 'behind'}", fontsize="medium")
+            plot.set_xlabel("across (mm)")
     label_rows(plots, 2)
     lay_out(figure, plots, below=BAR_BELOW, rows=2)
     bar = {"label": "distance from the part, mm", "orientation": "horizontal", "extend": "max"}

@@ -8,8 +8,8 @@ import numpy as np
 
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.report.files.result import Result
-from bonecam.report.pictures.panels import label_rows, lay_out, new_figure, save_figure
-from bonecam.report.pictures.tool_paths import show_path
+from bonecam.report.pictures.panels import BELOW, label_rows, lay_out, new_figure, save_figure
+from bonecam.report.pictures.tool_paths import LEGEND, add_legend, show_path
 from bonecam.tool.path import MoveKind, ToolPath
 
 ONE_SIDED = 0.3
@@ -29,7 +29,8 @@ def draw_compared_paths(results: Sequence[tuple[str, Result]], path: str | Path)
             show_path(plot, *_faced(item, mesh))
             plot.set_title(f"{name}\n{'level' if followed else 'layer'} {item.level}", fontsize="medium")
     label_rows(plots, 2)
-    lay_out(figure, plots, rows=2)
+    add_legend(figure)
+    lay_out(figure, plots, below=BELOW + LEGEND, rows=2)
     save_figure(figure, path)
 
 
