@@ -146,23 +146,15 @@ def recorded(surface: TSpline, stock: Capsule) -> Case:
     def noted(
         discretisation: Discretisation,
         P: ndarray,
+        *,
         rest: Remaining,
         cut: Cut,
         parameters: StepParameters,
-        ease: ndarray,
-        solver: str,
+        **options: Any,
     ) -> ExchangeStep:
-        calls.append(
-            Call(
-                discretisation,
-                P,
-                rest,
-                cut,
-                parameters,
-                next_level(discretisation, P, rest, cut, parameters, ease, solver),
-            )
-        )
-        return calls[-1].step
+        step = next_level(discretisation, P, rest=rest, cut=cut, parameters=parameters, **options)
+        calls.append(Call(discretisation, P, rest, cut, parameters, step))
+        return step
 
     with (
         patch("time.perf_counter", time.process_time),
