@@ -40,9 +40,14 @@ def fill(page: Path, name: str, text: str) -> None:
 
 def comparisons(parts: list[str]) -> str:
     """The tables of all parts; the pictures of the last one go into the docs."""
+    sys.path.append(str(ROOT / "tests" / "figures"))
+    from palette import shrink
+
     folders = [compared(part) for part in parts]
     for name in PICTURES:
-        shutil.copy(folders[-1] / f"{name}.png", PAGES / "figures" / f"compared-{name}.png")
+        picture = PAGES / "figures" / f"compared-{name}.png"
+        shutil.copy(folders[-1] / f"{name}.png", picture)
+        shrink(picture)
     return "\n\n".join(tables(folder) for folder in folders)
 
 

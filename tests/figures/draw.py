@@ -9,6 +9,7 @@ from bonecam_meshes import path
 from clamping import draw_clamping
 from matplotlib.figure import Figure
 from page_picture import picture_page
+from palette import shrink
 
 import bonecam
 from bonecam.levels.measure.line_depths import line_depths
@@ -68,6 +69,8 @@ def main(wanted: Sequence[str]) -> None:
         job = bonecam.Job().with_values(**BLADE)
         blade = bonecam.finish(path("impeller_blade"), path("impeller_hub"), [path("impeller_blades")], job)
         draw_before_and_after(blade.compare_axes(), blade.workpiece.surface.tessellate(0.02), "blade")
+    for picture in FIGURES.glob("*.png"):
+        shrink(picture)
 
 
 def draw_run(result: bonecam.Result) -> None:
