@@ -115,7 +115,8 @@ class LevelsJob(JobSection):
         "Method",
         "qp: quadratic programs, solved by levels.solver; qcqp: the published cone program, limits and nesting held "
         "everywhere (slow); published: as the paper prints it, limits at samples and no nesting. The paper leaves "
-        "weights and samples open (stiffness, 8 rings a span); what such levels break is told, not refused.",
+        "weights and samples open (stiffness; every fourth of 8 rings a span); what such levels break is told, not "
+        "refused.",
         choices=("qp", "qcqp", "published"),
     )
     solver: str = parameter(
