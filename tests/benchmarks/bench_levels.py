@@ -35,6 +35,7 @@ from numpy import ndarray
 from scipy.sparse.linalg import spsolve
 from threadpoolctl import threadpool_limits
 
+from bonecam.arrays import settled
 from bonecam.job import Job, LevelsJob
 from bonecam.levels.closed_morph import morph
 from bonecam.levels.measure.grid import level_grid
@@ -166,7 +167,7 @@ def recorded(surface: TSpline, stock: Capsule) -> Case:
         k: call
         for k, net in enumerate(nets)
         for call in calls
-        if np.array_equal(call.P + call.step.moves, net)
+        if np.array_equal(settled(call.P + call.step.moves), net)
     }
     return Case(surface.tmesh.size, made.levels[0].surface, stock, made, made_by)  # type: ignore[arg-type]
 
