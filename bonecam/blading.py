@@ -52,6 +52,7 @@ from bonecam.surface.files.surface_input import check_surface_size, refuse_chang
 from bonecam.surface.files.wheel_input import BladeFile, read_blade, read_hub, read_solid
 from bonecam.surface.tspline import TSpline
 from bonecam.tool.path import ToolPath
+from bonecam.tool.shapes import only_balls
 from bonecam.verify.removal.proofs.of_wheel import prove_removal_of_wheel, wheel_surfaces
 from bonecam.verify.repeated import RepeatedDistance
 from bonecam.workholding.post import Post
@@ -171,7 +172,9 @@ def _chord(job: Job) -> float:
 
 
 def _reach(job: Job) -> float:
-    """How far passes go on beyond the blades' edges, mm: until a ball is past the allowance there."""
+    """How far passes go on beyond the blades' edges, mm: until a ball is past the allowance there. JobError where the
+    job has no balls."""
+    only_balls(job, "a wheel")
     widest = max(job.tool(name).radius for name in ("roughing", "finishing"))
     return widest + job.levels.finishing_depth + BEYOND
 

@@ -36,6 +36,7 @@ from bonecam.setup.stock import Stock
 from bonecam.setup.stock_kind import check_sizes
 from bonecam.setup.stocks.mesh import ConvexStock
 from bonecam.tool.ball_depth import check_depths
+from bonecam.tool.shapes import check_shapes
 from bonecam.verify.control.trial_program import check_posting
 from bonecam.verify.removal.given import given_surface
 from bonecam.verify.removal.of_job import prove_removal
@@ -138,6 +139,7 @@ def check_job(job: Job, machine: Machine, dialect: Dialect) -> None:
     no program can be written for the machine in the dialect."""
     check_sizes(job.stock)
     check_pattern(job.path.pattern)
+    check_shapes(job, machine)
     check_tools(job, machine)
     check_table(job, machine)
     check_depths(job)

@@ -33,13 +33,13 @@ def holder_from_text(text: str) -> tuple[Frustum, ...]:
         raise ValueError(f"{error}: give rows like '35 10 17, 20 40'") from error
 
 
-SHAPE = frozenset({"radius", "flute_length", "shank_diameter"})
+SHAPE = frozenset({"shape", "radius", "corner_radius", "flute_length", "shank_diameter"})
 """What states the shape of a cutter of one's own."""
 
 
 @dataclass(frozen=True)
 class ToolJob(JobSection):
-    """One ball-end cutter in its holder, from the tip up: ball and flutes, a neck if it has one, shank, holder.
+    """One cutter in its holder, from the tip up: ball (or bull nose) and flutes, a neck if it has one, shank, holder.
 
     `holder` may also be given as a list of [length, diameter] or [length, diameter, upper diameter] (mm).
     """
@@ -65,7 +65,33 @@ class ToolJob(JobSection):
         low=0,
         high=4,
     )
-    radius: float = parameter(2.0, "Radius", "Ball radius.", unit="mm", low=0.05, high=50.0)
+    shape: str = parameter(
+        "ball",
+        "Shape",
+        "End of the cutter: ball, or bull (a bull nose, flat with round corners); roughing may have either, the others "
+        "are balls.",
+        choices=("ball", "bull"),
+    )
+    radius: float = parameter(
+        2.0,
+        "Radius",
+        "Radius of the ball; of a bull nose half of its diameter.",
+        unit="mm",
+        low=0.05,
+        high=50.0,
+    )
+    corner_radius: float = parameter(
+        0.5, "Corner radius", "Radius of the corner of a bull nose.", unit="mm", low=0.2, high=50.0
+    )
+    lead_deg: float = parameter(
+        30.0,
+        "Lead",
+        "Angle by which a bull nose leans forward, along the feed, so that its bottom does not cut; a ball leans by "
+        "path.lead_deg. Less lets passes lie farther apart, and keeps the cutter out of more hollows.",
+        unit="deg",
+        low=3.0,
+        high=80.0,
+    )
     flute_length: float = parameter(
         8.0, "Flute length", "From the tip to the end of the cutting edge.", unit="mm", low=0.1, high=300.0
     )

@@ -20,13 +20,20 @@ from bonecam.machine.machine import Machine
 class Control:
     """A machine under the interpolation of a dialect, with tool-centre control or without it.
 
-    `radius` of the ball and `tool_length`, from the tip to the spindle nose, in mm.
+    `radius` of the ball and `tool_length`, from the tip to the spindle nose, in mm. The ball's centre lies its radius
+    above the tip, or at the height `centre_at` (mm) where it is the ball that holds the end of a bull nose.
     """
 
     machine: Machine
     tool_centre: bool
     radius: float
     tool_length: float
+    centre_at: float | None = None
+
+    @property
+    def centre_height(self) -> float:
+        """Height of the ball's centre above the tip, mm."""
+        return self.radius if self.centre_at is None else self.centre_at
 
     @property
     def programs_centre(self) -> bool:
@@ -37,7 +44,7 @@ class Control:
         """The values of X, Y, Z (mm) and the rotary words (rad) that bring the tip to `tips` at `angles`."""
         if not self.tool_centre:
             return inverse_linear(self.machine, tips, angles, self.tool_length)
-        lift = self.radius if self.programs_centre else 0.0
+        lift = self.centre_height if self.programs_centre else 0.0
         points = tips + lift * tool_axes(self.machine, angles)
         return np.column_stack([self.machine.in_machine(points), angles])
 
@@ -46,7 +53,7 @@ class Control:
         if not self.tool_centre:
             return forward(self.machine, words, self.tool_length)
         axes = tool_axes(self.machine, words[:, 3:])
-        lift = self.radius if self.programs_centre else 0.0
+        lift = self.centre_height if self.programs_centre else 0.0
         return self.machine.in_part(words[:, :3]) - lift * axes, axes
 
     def between(

@@ -25,7 +25,12 @@ class CutDexels:
         starts, ends = cut_poses(path)
         if not len(ends[0]):
             return self
-        radius, reach = path.cutter.radius, path.cutter.reach
+        radius, reach, body = path.cutter.radius, path.cutter.reach, path.cutter.body
+        if len(body):
+            return CutDexels(
+                self.balls.without(starts, ends, radius, reach, body),
+                self.cutters.without(starts, ends, radius, reach, body),
+            )
         return CutDexels(
             self.balls.without(starts, ends, radius), self.cutters.without(starts, ends, radius, reach)
         )
@@ -35,6 +40,9 @@ class CutDexels:
     ) -> Bool[ndarray, " k"]:
         """Whether neither the ball alone nor ball and flutes remove more than is `allowed` (mm^3) on straight moves
         through the poses of each line, behind tools in the poses `removed` of that line."""
+        if cutter.is_bull:
+            cut = self.cutters.removed_by(lines, removed, cutter.radius, cutter.reach, cutter.body)
+            return np.asarray(cut <= allowed)
         little = self.balls.removed_by(lines, removed, cutter.radius) <= allowed
         asked = np.flatnonzero(little).tolist()
         lines, removed = [lines[k] for k in asked], [removed[k] for k in asked]
@@ -50,7 +58,7 @@ def uncut_rays(stock: Stock) -> CutDexels:
 
 def cut_poses(path: ToolPath) -> tuple[Poses, Poses]:
     """Ball centre and axis at beginning and end of each cutting move; a pass begins with one of no length."""
-    centres = path.tips + path.cutter.radius * path.axes
+    centres = path.tips + path.cutter.centre_height * path.axes
     cutting = path.kinds == MoveKind.CUT
     goes_on = np.r_[False, cutting[:-1] & (path.pass_index[1:] == path.pass_index[:-1])]
     before = np.where(goes_on, np.arange(len(centres)) - 1, np.arange(len(centres)))

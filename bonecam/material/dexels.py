@@ -14,7 +14,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.kernels.removal.air import new_ends
-from bonecam.kernels.removal.flutes import Ways
+from bonecam.kernels.removal.flutes import NO_BODY, Ways
 from bonecam.kernels.removal.probe import cut_ways, probe
 from bonecam.kernels.removal.rays import RaySet
 from bonecam.material.rays import RayGrid, lay_grid, lay_rays, least_cell, order
@@ -37,13 +37,21 @@ class Dexels:
     sets: tuple[RaySet, ...]
     grid: RayGrid
 
-    def without(self, starts: Poses, ends: Poses, radius: float, reach: float = 0.0) -> "Dexels":
-        """What is left behind straight moves of a ball's centre, and of flutes up to `reach` (mm) above it."""
+    def without(
+        self,
+        starts: Poses,
+        ends: Poses,
+        radius: float,
+        reach: float = 0.0,
+        body: Float[ndarray, "c 3"] = NO_BODY,
+    ) -> "Dexels":
+        """What is left behind straight moves of a ball's centre, and of flutes up to `reach` (mm) above it; or of the
+        `body` of a bull nose, as `Cutter.body` has it."""
         left = [_copy_with_bounds(rays) for rays in self.sets]
 
         def work(which: slice) -> None:
             k = which.start
-            ways = self._ways(starts, ends, reach, k)
+            ways = self._ways(starts, ends, reach, k)._replace(body=body)
             at = 0
             while at < len(ways.starts):
                 at = cut_ways(left[k], ways, radius, at)
@@ -66,10 +74,15 @@ class Dexels:
         return np.vstack(ends)
 
     def removed_by(
-        self, lines: Sequence[Poses], removed: Sequence[Poses], radius: float, reach: float = 0.0
+        self,
+        lines: Sequence[Poses],
+        removed: Sequence[Poses],
+        radius: float,
+        reach: float = 0.0,
+        body: Float[ndarray, "c 3"] = NO_BODY,
     ) -> Float[ndarray, " k"]:
         """What a ball, and flutes up to `reach` (mm) above its centre, would remove on straight moves through the poses
-        of each line, mm^3, behind tools in the poses `removed` of that line."""
+        of each line, mm^3, behind tools in the poses `removed` of that line; or the `body` of a bull nose."""
         volumes = np.zeros((len(self.sets), len(lines)))
         if not len(lines):
             return volumes[0]
@@ -85,7 +98,7 @@ class Dexels:
         def work(which: slice) -> None:
             k = which.start
             rays = self.sets[which.start]
-            ways = self._ways(starts, ends, reach, k)
+            ways = self._ways(starts, ends, reach, k)._replace(body=body)
             at = 0
             while at < len(lines):
                 at = probe(rays, ways, ends=lasts, gone=begun, radius=radius, first=at, volumes=volumes[k])
@@ -100,7 +113,7 @@ class Dexels:
         across = order(direction)
         first, last = (np.ascontiguousarray(self.grid.of_points(c)[:, across]) for c, _ in (starts, ends))
         before, after = (np.ascontiguousarray(self.grid.of_vectors(v)[:, across]) for _, v in (starts, ends))
-        return Ways(first, last, before, after, np.full(len(first), reach))
+        return Ways(first, last, before, after, np.full(len(first), reach), NO_BODY)
 
 
 def _some(poses: Poses, which: slice) -> Poses:

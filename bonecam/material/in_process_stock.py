@@ -16,6 +16,8 @@ from numpy import ndarray
 from scipy.spatial import KDTree
 
 from bonecam.arrays import numbered
+from bonecam.kernels.removal.body import cut_probes_by_body
+from bonecam.kernels.removal.flutes import Ways
 from bonecam.kernels.removal.normal_probes import (
     Capsules,
     ProbesByCell,
@@ -60,7 +62,9 @@ class Swept:
 
 def _swept_after(path: ToolPath, before: Sequence[Swept]) -> tuple[Swept, ...]:
     """Where balls cut on the level of a path and on the one before it: the rest paths of a level cut only parts of
-    it."""
+    it. What a bull nose leaves in a ball is not known by its place alone."""
+    if path.cutter.is_bull:
+        return tuple(before)
     level = path.level
     radius = path.cutter.radius
     points = [_dense(*_cuts(path))]
@@ -216,7 +220,7 @@ def _dense(starts: Float[ndarray, "n 3"], ends: Float[ndarray, "n 3"]) -> Float[
 def _lowered(standing: Float[ndarray, "n 3"], floor: Float[ndarray, "n 3"], path: ToolPath) -> ndarray:
     """Each standing place lowered on the line to its place of the level, as far as the balls cut it."""
     heights = np.linalg.norm(standing - floor, axis=1)
-    starts, ends = _cuts(path)
+    (starts, before), (ends, after) = cut_poses(path)
     above = np.flatnonzero(heights > LEAST_HEIGHT)
     if not len(above) or not len(starts):
         return standing
@@ -225,11 +229,15 @@ def _lowered(standing: Float[ndarray, "n 3"], floor: Float[ndarray, "n 3"], path
     feet = standing[above] - tall[:, None] * normals
     order, cell_starts, corner = probe_cells(feet, CELL)
     above, normals, feet, tall = above[order], normals[order], feet[order], tall[order]
-    radii = np.full(len(starts), path.cutter.radius)
-    capsules = Capsules(starts, ends, radii, names=np.arange(len(starts)))
-    owners = np.full(len(above), -1)
     probes = ProbesByCell(feet, normals, cell_starts, corner, CELL)
-    cut_normal_probes(probes, REACH, capsules, tall, owners, from_top=True)
+    if path.cutter.is_bull:
+        ways = Ways(starts, ends, before, after, np.zeros(len(starts)), path.cutter.body)
+        cut_probes_by_body(probes, REACH, ways, tall)
+    else:
+        radii = np.full(len(starts), path.cutter.radius)
+        capsules = Capsules(starts, ends, radii, names=np.arange(len(starts)))
+        owners = np.full(len(above), -1)
+        cut_normal_probes(probes, REACH, capsules, tall, owners, from_top=True)
     lowered = standing.copy()
     # never below the level, where a ball may be by the gouge tolerance: the next direction would be inwards
     lowered[above] = feet + np.maximum(tall, 0.0)[:, None] * normals

@@ -14,7 +14,7 @@ from numpy import ndarray
 from scipy.spatial import ConvexHull
 
 from bonecam.errors import JobError
-from bonecam.kernels.removal.polyhedron import polyhedron_chords
+from bonecam.kernels.hulls.polyhedron import polyhedron_chords
 from bonecam.kernels.removal.rays import TILE, RaySet, summarise
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.runtime.threads import in_pieces

@@ -9,7 +9,7 @@ from numpy import ndarray
 from scipy.spatial import ConvexHull
 
 from bonecam.errors import JobError
-from bonecam.kernels.removal.polyhedron import count_crossings, find_crossings
+from bonecam.kernels.hulls.polyhedron import count_crossings, find_crossings
 from bonecam.kernels.removal.rays import TILE, RaySet, summarise
 from bonecam.material.rays import ROOM, RayGrid, cell_that_fits, grid_round, order
 from bonecam.mesh.triangle_mesh import TriangleMesh, side_by_side

@@ -25,7 +25,7 @@ def cutter_compliance(cutter: Cutter) -> float:
         if piece.name in ("holder", "spindle"):
             break
         share = CORE if piece.name == "cutter" else 1.0
-        low, high = piece.start - cutter.radius, piece.end - cutter.radius
+        low, high = piece.start - cutter.centre_height, piece.end - cutter.centre_height
         total += _bending(low, high, share * piece.radius, share * piece.end_radius)
     return total / CARBIDE
 

@@ -11,6 +11,7 @@ from bonecam.arrays import dots, lengths, perpendicular, unit
 from bonecam.kernels.removal.engagement import TURN, Edges, over_turns
 from bonecam.kernels.removal.sweep import Pieces
 from bonecam.material.rays import RayGrid, order
+from bonecam.tool.cutter import Cutter
 
 AHEAD = 2.5
 """A piece is asked this many cells ahead of where it begins: closer than that rays do not tell what it cuts from what
@@ -35,10 +36,16 @@ NO_EDGES_ASKED = (NO_EDGES,) * 3
 
 
 def edges_on(
-    pieces: Pieces, chips: Float[ndarray, " n"], coefficients: Float[ndarray, "6"], cell: float
+    pieces: Pieces,
+    chips: Float[ndarray, " n"],
+    coefficients: Float[ndarray, "6"],
+    cell: float,
+    cutter: Cutter | None = None,
 ) -> Edges:
     """The edges on pieces of moves in the part's frame, with the feed a tooth of each (`chips`, mm), before rays
-    `cell` mm apart are asked."""
+    `cell` mm apart are asked; those of a ball but for a `cutter` that is a bull nose."""
+    bull = cutter is not None and cutter.is_bull
+    below = cutter.centre_height - cutter.corner if cutter is not None and bull else 0.0
     way = pieces.ends - pieces.starts
     length = lengths(way)
     feed = unit(way)
@@ -49,13 +56,16 @@ def edges_on(
     count = len(length)
     return Edges(
         frames=np.stack([first, np.cross(axes, first), axes], axis=1),
-        centres=(pieces.starts + pieces.ends) / 2 + ahead[:, None] * feed,
+        centres=(pieces.starts + pieces.ends) / 2 + ahead[:, None] * feed - below * axes,
         feeds=np.column_stack([dots(feed, first), dots(feed, axes)]),
         chips=np.where(length > 0, chips, 0.0),
         coefficients=coefficients,
         forces=np.empty((0, TURN, 3), dtype=np.float32),
         engaged=np.empty((count, 0)),
         asked=np.zeros(count, dtype=bool),
+        ring=cutter.radius - cutter.corner if cutter is not None and bull else 0.0,
+        corner=cutter.corner if cutter is not None and bull else 0.0,
+        below=below,
     )
 
 

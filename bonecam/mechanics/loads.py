@@ -75,12 +75,12 @@ class Loads:
     kept: KeptErrors | None = None
     standing: Standing | None = None
 
-    def edges(self, pieces: Pieces, grid: RayGrid, flutes: int) -> AskedEdges:
-        """The edges, of so many `flutes`, on pieces of moves."""
+    def edges(self, pieces: Pieces, grid: RayGrid, cutter: Cutter) -> AskedEdges:
+        """The edges of a cutter on pieces of its moves."""
         if self.workpiece is None:
             return AskedEdges(NO_EDGES, NO_EDGES_ASKED)
-        chips = self._chips(pieces, flutes)
-        edges = edges_on(pieces, chips, self.workpiece.force.array, grid.cell)
+        chips = self._chips(pieces, cutter.flutes)
+        edges = edges_on(pieces, chips, self.workpiece.force.array, grid.cell, cutter)
         return AskedEdges(edges, [edges_in_grid(edges, grid, direction) for direction in range(3)])
 
     def take(

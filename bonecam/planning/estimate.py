@@ -75,8 +75,8 @@ def estimate(levels: Sequence[Level], job: Job, bodies: MachineBodies) -> Estima
     for level in machined:
         cutter = cutter_of(level.index, job, bodies)
         cut = _cut_share(levels[level.index + 1], least_depth(level.index, job))
-        areas, curvatures = _offset(level.mesh, cutter.radius)
-        lengths = cut * areas / float(side_step(cutter.radius, cutter.scallop, np.zeros(1))[0])
+        areas, curvatures = _offset(level.mesh, cutter.envelope_radius)
+        lengths = cut * areas / float(side_step(cutter.envelope_radius, cutter.scallop, np.zeros(1))[0])
         steps = np.sqrt(8 * job.path.chord_tolerance / np.maximum(curvatures, np.finfo(float).tiny))
         length += float(lengths.sum())
         minutes += float(lengths.sum()) / cutter.feed

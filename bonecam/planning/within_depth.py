@@ -94,7 +94,9 @@ def _touching(
     balls, axes = path.balls[rows], path.axes[rows]
     near = np.zeros(len(rows), dtype=bool)
     for place in points:
-        height = np.clip(dots(place - balls, axes), 0.0, path.cutter.reach)
+        height = np.clip(
+            dots(place - balls, axes), path.cutter.corner - path.cutter.centre_height, path.cutter.reach
+        )
         away = np.linalg.norm(place - balls - height[:, None] * axes, axis=1)
         near |= away < path.cutter.radius + room
     return near

@@ -1,11 +1,21 @@
-"""The ball-end tool as a stack of revolved shapes above the tip: ball and flutes, shank, holder, spindle nose."""
+"""A cutter as a stack of revolved shapes above the tip: ball or bull nose and flutes, shank, holder, spindle nose."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from bonecam.arrays import frozen
 from bonecam.job import ToolJob, field_error
 from bonecam.machine.frustum import Frustum, stack_length
+from bonecam.tool.enveloping_ball import EnvelopingBall, enveloping_ball
+
+TANGENTS = 9
+"""Cones that stand for the corner of a bull nose from its bottom to its side, both included: they touch it, and are
+0.5 % of its radius off between."""
 
 
 @dataclass(frozen=True)
@@ -33,10 +43,13 @@ class ToolSection:
 
 @dataclass(frozen=True)
 class Cutter:
-    """A ball-end cutter in its holder and spindle; mm. Positions are measured from the tip towards the spindle.
+    """A ball-end or bull-nose cutter in its holder and spindle; mm. Positions are measured from the tip towards the
+    spindle.
 
     `name` is the section of the job. The `holder` begins at the `overhang` (stick-out), the spindle `nose` behind
-    it, at the gauge line. A cutter with a neck has a thinner piece of the shank from the flutes up to `neck_length`.
+    it, at the gauge line. A bull nose has the `corner_radius` (0: a ball), and leans from the normal by the `lead`
+    (radians). What moves is the ball that holds its end (`EnvelopingBall`), a ball-end cutter's own. A cutter with a
+    neck has a thinner piece of the shank from the flutes up to `neck_length`.
     Raises JobError where the shapes cannot follow each other from the tip up, or the shank does not fit into the
     holder: radius <= flute_length < neck_length < overhang, shank_diameter <= the holder's.
     """
@@ -55,14 +68,21 @@ class Cutter:
     neck_diameter: float = 0.0
     neck_length: float = 0.0
     flutes: int = 2
+    corner_radius: float = 0.0
+    lead: float = np.pi / 2
 
     def __post_init__(self) -> None:
-        if not self.flute_length >= self.radius:
+        if self.is_bull and not self.corner_radius < self.radius:
+            bound = f"give less than the radius ({self.radius:g} mm)"
+            raise field_error(self.name, "corner_radius", self.corner_radius, bound)
+        if not self.flute_length >= self.centre_height:
+            what = "the ball's radius" if not self.is_bull else "what its lead asks for"
+            remedy = "" if not self.is_bull else f", or more {self.name}.lead_deg"
             raise field_error(
                 self.name,
                 "flute_length",
                 self.flute_length,
-                f"give at least the ball's radius ({self.radius:g} mm)",
+                f"give at least {what} ({self.centre_height:g} mm){remedy}",
             )
         if not self.overhang > self.flute_length:
             raise field_error(
@@ -124,7 +144,48 @@ class Cutter:
             neck_diameter=job.neck_diameter,
             neck_length=job.neck_length,
             flutes=job.flutes or cls.flutes,
+            corner_radius=job.corner_radius if job.shape == "bull" else 0.0,
+            lead=float(np.radians(job.lead_deg)) if job.shape == "bull" else cls.lead,
         )
+
+    @property
+    def is_bull(self) -> bool:
+        """Whether it is a bull nose."""
+        return self.corner_radius > 0
+
+    @property
+    def corner(self) -> float:
+        """Radius of the arc that cuts, mm: that of the corner, or of the ball."""
+        return self.corner_radius or self.radius
+
+    @cached_property
+    def _envelope(self) -> EnvelopingBall:
+        """The ball that holds the end of the cutter."""
+        return enveloping_ball(self.radius, self.corner, self.lead)
+
+    @property
+    def envelope_radius(self) -> float:
+        """Radius of the ball that holds the end of the cutter, mm."""
+        return self._envelope.radius
+
+    @property
+    def centre_height(self) -> float:
+        """Height above the tip of the centre of the ball that holds the end of the cutter, mm."""
+        return self._envelope.height
+
+    @cached_property
+    def body(self) -> Float[ndarray, "k 3"]:
+        """Cones that bound end and flutes of a bull nose: rows (sin phi, cos phi, s), and what they hold has
+        sin(phi) r - cos(phi) h <= s at the height h above the ball's centre, r from the axis (mm); bottom first, then
+        the side and the top. None of a ball-end cutter, whose capsules are known without."""
+        if not self.is_bull:
+            return frozen(np.zeros((0, 3)))
+        phi = np.linspace(0, np.pi / 2, TANGENTS)
+        sine, cosine = np.sin(phi), np.cos(phi)
+        cosine[-1] = 0.0
+        flat = self.radius - self.corner
+        corner = flat * sine + self.corner * (1 - cosine) + self.centre_height * cosine
+        return frozen(np.vstack([np.column_stack([sine, cosine, corner]), [0.0, -1.0, self.reach]]))
 
     @property
     def length(self) -> float:
@@ -134,14 +195,25 @@ class Cutter:
     @property
     def reach(self) -> float:
         """Height of the flutes above the ball's centre, mm."""
-        return self.flute_length - self.radius
+        return self.flute_length - self.centre_height
+
+    @cached_property
+    def bull_end(self) -> tuple[ToolSection, ...]:
+        """Cones and the cylinder of a bull nose from the tip up to where its `profile` begins; none of a ball."""
+        if not self.is_bull:
+            return ()
+        phi = np.linspace(0, np.pi / 2, TANGENTS)
+        radii = [*(self.radius - self.corner * (1 - np.sin(phi))).tolist(), self.radius]
+        heights = [*(self.corner * (1 - np.cos(phi))).tolist(), self.centre_height]
+        rows = zip(heights[:-1], heights[1:], radii[:-1], radii[1:], strict=True)
+        return tuple(ToolSection("cutter", *row) for row in rows)
 
     @cached_property
     def profile(self) -> tuple[ToolSection, ...]:
         """Cylinders and cones above the ball's centre, from the tip up: cutter, neck and shank, those of the holder
         and of the spindle."""
         sections = [
-            ToolSection("cutter", self.radius, self.flute_length, self.radius, self.radius),
+            ToolSection("cutter", self.centre_height, self.flute_length, self.radius, self.radius),
         ]
         for diameter, end in ((self.neck_diameter, self.neck_length), (self.shank_diameter, self.overhang)):
             if end:
@@ -159,7 +231,7 @@ class Cutter:
         """(name, start, end, radius) of cylinders that hold cutter, shank and holder; mm from the tip."""
         widest = max(max(piece.diameter, piece.top_diameter) for piece in self.holder)
         return (
-            ("cutter", self.radius, self.flute_length, self.radius),
+            ("cutter", self.centre_height, self.flute_length, self.radius),
             ("shank", self.flute_length, self.overhang, self.shank_diameter / 2),
             ("holder", self.overhang, self.length, widest / 2),
         )

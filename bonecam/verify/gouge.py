@@ -112,8 +112,9 @@ def measure_gouge(motions: Motions, part: Distances, slack: float = SLACK) -> Go
     """
     if not len(motions.tips):
         raise VerifyError("the program moves nothing: there is no gouge to measure", line=0)
-    radius = np.array([motions.controls[number].radius for number in motions.tools.tolist()])
-    centres = motions.tips + radius[:, None] * motions.axes
+    controls = [motions.controls[number] for number in motions.tools.tolist()]
+    radius, heights = np.array([(one.radius, one.centre_height) for one in controls]).T
+    centres = motions.tips + heights[:, None] * motions.axes
     # far from the part, half of the longest move beside it is enough to keep the ball clear of it
     steps = np.r_[0.0, np.linalg.norm(np.diff(centres, axis=0), axis=1), 0.0]
     distance = part.signed(centres, radius + np.maximum(steps[:-1], steps[1:]) / 2)
@@ -209,7 +210,7 @@ def _divide(spans: _Spans, run: _Run) -> tuple[_Spans, Float[ndarray, "p"], Floa
     move = spans.move[owner]
     words = run.motions.words
     tips, axes = run.control.between(words[run.moves[move] - 1], words[run.moves[move]], end)
-    last = tips + run.control.radius * axes
+    last = tips + run.control.centre_height * axes
     far = spans.far[owner].copy()
     wanted = run.control.radius + (spans.length / pieces)[owner[~is_last]]
     far[~is_last] = run.part.signed(last[~is_last], wanted)
@@ -234,9 +235,9 @@ def centre_bows(
     """
     turn = np.abs(end[:, 3:] - start[:, 3:]).sum(1)
     if control.tool_centre:
-        return np.zeros(len(turn)) if control.programs_centre else control.radius * turn**2
+        return np.zeros(len(turn)) if control.programs_centre else control.centre_height * turn**2
 
-    lever = np.full(len(turn), control.radius)
+    lever = np.full(len(turn), control.centre_height)
     pivots = [np.array(axis.pivot) for axis in control.machine.part_axes]
     if pivots:
         at_start = np.linalg.norm(start[:, :3] - pivots[-1], axis=1)

@@ -58,7 +58,7 @@ class _Rows:
     kinds: Int[ndarray, "n"]
     feeds: Float[ndarray, "n"]
     slow: Float[ndarray, "n"]
-    radius: Float[ndarray, "n"]
+    heights: Float[ndarray, "n"]
     tools: Int[ndarray, "n"]
     first: Bool[ndarray, "n"]
 
@@ -80,7 +80,7 @@ def _rows_of(paths: Sequence[ToolPath]) -> _Rows:
         kinds=np.concatenate([path.kinds for path in paths]),
         feeds=np.concatenate([path.feed_rates for path in paths]),
         slow=np.repeat([SLOW * path.cutter.feed for path in paths], sizes),
-        radius=np.repeat([path.cutter.radius for path in paths], sizes),
+        heights=np.repeat([path.cutter.centre_height for path in paths], sizes),
         tools=np.repeat([path.cutter.number for path in paths], sizes),
         first=first,
     )
@@ -101,7 +101,7 @@ def compare_moves(
         path_tips=rows.tips,
         path_axes=rows.axes,
         from_anywhere=rows.from_anywhere,
-        radius=rows.radius,
+        radius=rows.heights,
         tip_tolerance=tolerances.tip,
         axis_tolerance=axis_tolerance,
     )

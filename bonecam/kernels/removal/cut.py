@@ -116,7 +116,7 @@ def _end_flat(
 
 
 @inner()
-def _cut_tile(rays: RaySet, tile: int, base: float, lows: ndarray, highs: ndarray) -> tuple[float, bool]:
+def cut_tile(rays: RaySet, tile: int, base: float, lows: ndarray, highs: ndarray) -> tuple[float, bool]:
     """Take chords, told from `base`, out of the rays of a tile: the length removed, and whether one has no
     more room.
 
@@ -160,7 +160,7 @@ def cut_capsule(rays: RaySet, start: ndarray, end: ndarray, radius: float, flat:
         tile_chords(i * side - start[0], j * side - start[1], cell, d, length, radius, lows, highs)
         if flat:
             _end_flat(i * side - start[0], j * side - start[1], cell, d, length, lows, highs)
-        in_tile, full = _cut_tile(rays, np.int64(rays.tile_of[i, j]), start[2], lows, highs)
+        in_tile, full = cut_tile(rays, np.int64(rays.tile_of[i, j]), start[2], lows, highs)
         removed += in_tile
         if full:
             return removed * cell * cell, True

@@ -14,16 +14,21 @@ FLUTE_STEP = 0.1
 cylinder of radius R they leave a ridge of FLUTE_STEP^2 / (8 R), 1.3 um for 1 mm."""
 
 
+NO_BODY = np.zeros((0, 3))
+"""The body of a ball-end cutter: its capsules are known without."""
+
+
 class Ways(NamedTuple):
     """Straight moves of a ball's centre while the axis of its tool turns, in the coordinates of the rays: `starts`,
     `ends`, `start_axes`, `end_axes` (n, 3); `reach` (n,): height of the flutes above the ball's centre, mm, 0 for a
-    ball alone."""
+    ball alone. `body` (k, 3): the cones of a bull nose, as `Cutter.body` has them, none of a ball-end cutter."""
 
     starts: ndarray
     ends: ndarray
     start_axes: ndarray
     end_axes: ndarray
     reach: ndarray
+    body: ndarray
 
 
 @inner()

@@ -7,6 +7,7 @@ from numba import njit
 from numpy import ndarray
 
 from bonecam.kernels.compiled import inner
+from bonecam.kernels.removal.body import body_in_motion, cut_body
 from bonecam.kernels.removal.cut import cut_capsule
 from bonecam.kernels.removal.flutes import Ways, cut_flutes, flutes_meet, travel_of
 from bonecam.kernels.removal.rays import RaySet, direction_of, tiles_reached
@@ -30,9 +31,14 @@ def _add_tiles(rays: RaySet, start: ndarray, end: ndarray, radius: float, tiles:
 @inner()
 def _tiles_of(rays: RaySet, ways: Ways, first: int, last: int, radius: float, tiles: ndarray) -> int:
     """Write the tiles that a tool may reach on the ways from `first` to `last` into `tiles`; their number."""
-    foot, axis, top = np.empty(3), np.empty(3), np.empty(3)
+    foot, axis, start, top = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     count: Any = np.int64(0)  # a literal would have `_add_tiles` compiled once more
     for i in range(first, last):
+        if len(ways.body):
+            # the body lies in a capsule about its axis in the middle of the way, larger by half of what it travels
+            wide = body_in_motion(ways, i, foot, axis, start, top)
+            count = _add_tiles(rays, start, top, wide, tiles, count)
+            continue
         count = _add_tiles(rays, ways.starts[i], ways.ends[i], radius, tiles, count)
         if ways.reach[i] <= 0.0 or not flutes_meet(rays, ways, i, radius, foot, axis):
             continue
@@ -49,6 +55,8 @@ def _cut(
 ) -> tuple[float, bool]:
     """Take what ball and flutes sweep on way `i` out of the material: the volume (mm^3), and whether a ray has no more
     room."""
+    if len(ways.body):
+        return cut_body(rays, ways, i, foot, axis)
     volume, full = cut_capsule(rays, ways.starts[i], ways.ends[i], radius, np.bool_(False))
     if full:
         return volume, True

@@ -8,9 +8,10 @@ from numpy import ndarray
 
 from bonecam.kernels.compiled import inner
 from bonecam.kernels.removal.air import air_on_set
+from bonecam.kernels.removal.body import body_depth, cut_body
 from bonecam.kernels.removal.cut import cut_capsule, tile_chords
 from bonecam.kernels.removal.engagement import Edges, engage
-from bonecam.kernels.removal.flutes import Ways, cut_flutes, piece_pose, travel_of
+from bonecam.kernels.removal.flutes import NO_BODY, Ways, cut_flutes, piece_pose, travel_of
 from bonecam.kernels.removal.frustum import frustum_clearance
 from bonecam.kernels.removal.rays import TILE, RaySet, direction_of, tiles_reached
 
@@ -28,7 +29,7 @@ class Pieces(NamedTuple):
     to `end_axes`; `moves` (n,) is the move it belongs to. `reach` (n,): height above the ball's centre up to
     which the flutes may meet material, 0 for none. `probed` (n,): its depth is measured. `bounds` (n, s): lower
     bounds of the distance of each section above the flutes from material, `near` (n, s, 2): the heights between
-    which that is nearest; mm.
+    which that is nearest; mm. `body` (k, 3): the cones of a bull nose, as `Cutter.body` has them.
     """
 
     starts: ndarray
@@ -40,6 +41,7 @@ class Pieces(NamedTuple):
     probed: ndarray
     bounds: ndarray
     near: ndarray
+    body: ndarray = NO_BODY
 
 
 class SweepResult(NamedTuple):
@@ -58,7 +60,7 @@ class SweepResult(NamedTuple):
 @inner()
 def ways_of(pieces: Pieces) -> Ways:
     """The pieces as ways of the tool, of the one kind for which what takes these is compiled."""
-    return Ways(pieces.starts, pieces.ends, pieces.start_axes, pieces.end_axes, pieces.reach)
+    return Ways(pieces.starts, pieces.ends, pieces.start_axes, pieces.end_axes, pieces.reach, pieces.body)
 
 
 @inner()
@@ -143,15 +145,21 @@ def sweep(
     ways = ways_of(pieces)
     for i in range(first, len(pieces.starts)):
         if pieces.probed[i]:
-            depth = _capsule_depth(rays, pieces.starts[i], pieces.ends[i], radius)
+            if len(pieces.body):
+                depth = body_depth(rays, ways, i, foot, axis)
+            else:
+                depth = _capsule_depth(rays, pieces.starts[i], pieces.ends[i], radius)
             found.depths[pieces.moves[i]] = max(found.depths[pieces.moves[i]], depth)
         if len(edges.chips):
             engage(rays, edges, i, radius, pieces.reach[i])
-        volume, full = cut_capsule(rays, pieces.starts[i], pieces.ends[i], radius, np.bool_(False))
-        found.volumes[pieces.moves[i]] += volume
-        if full:
-            return i
-        volume, full = cut_flutes(rays, ways, i, radius, foot, axis, top)
+        if len(pieces.body):
+            volume, full = cut_body(rays, ways, i, foot, axis)
+        else:
+            volume, full = cut_capsule(rays, pieces.starts[i], pieces.ends[i], radius, np.bool_(False))
+            found.volumes[pieces.moves[i]] += volume
+            if full:
+                return i
+            volume, full = cut_flutes(rays, ways, i, radius, foot, axis, top)
         found.volumes[pieces.moves[i]] += volume
         if full:
             return i

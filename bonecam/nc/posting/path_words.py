@@ -85,7 +85,7 @@ class Posted:
 
 def control_of(machine: Machine, dialect: Dialect, cutter: Cutter) -> Control:
     """The control with a cutter in the spindle; the tool is as long as overhang and holder together."""
-    return Control(machine, dialect.tool_centre, cutter.radius, cutter.length)
+    return Control(machine, dialect.tool_centre, cutter.envelope_radius, cutter.length, cutter.centre_height)
 
 
 def post_path(

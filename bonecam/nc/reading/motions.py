@@ -8,17 +8,25 @@ from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 from bonecam.machine.control import Control
+from bonecam.tool.enveloping_ball import EnvelopingBall, enveloping_ball
 
 
 @dataclass(frozen=True)
 class Tool:
-    """A cutter as the program's header describes it in a `line`: ball radius, and length from tip to spindle nose,
-    mm."""
+    """A cutter as the program's header describes it in a `line`: radius, and length from tip to spindle nose; the
+    radius of the `corner` of a bull nose, 0 of a ball; mm. It leans by the `lead`, radians."""
 
     number: int
     radius: float
     length: float
     line: int = 0
+    corner: float = 0.0
+    lead: float = np.pi / 2
+
+    @property
+    def envelope(self) -> EnvelopingBall:
+        """The ball that holds its end."""
+        return enveloping_ball(self.radius, self.corner or self.radius, self.lead)
 
 
 COLUMNS = 15

@@ -42,7 +42,9 @@ def _motions(state: ModalState, line: int) -> Motions:
     if not state.ended:
         raise line_error(line, "the program has no end: its last blocks are missing")
     controls = {
-        tool.number: Control(state.machine, state.dialect.tool_centre, tool.radius, tool.length)
+        tool.number: Control(
+            state.machine, state.dialect.tool_centre, tool.envelope.radius, tool.length, tool.envelope.height
+        )
         for tool in state.tools.values()
     }
     short_way = bool(state.endless.short_way)

@@ -91,7 +91,7 @@ class _Easing:
 
     def slow(self, axes: Float[ndarray, "n 3"]) -> Bool[ndarray, " n"]:
         """Whether the move from each contact to the next is slow."""
-        radius = self.path.cutter.radius
+        radius = self.path.cutter.centre_height
         limits = self.limits
         ways = lengths(np.diff(self.path.centres - radius * axes, axis=0))
         return self.joined & np.r_[limits.turning_minutes(axes) * SHARE * self.path.cutter.feed > ways, False]
@@ -171,7 +171,7 @@ class _Easing:
         if not len(asked):
             return axes
         path = self.path
-        radius = self.path.cutter.radius
+        radius = self.path.cutter.centre_height
         may = within_limits(tried[asked], path.normals[asked], self.limits, self.max_tilt)
         may &= angles_between(tried[asked], path.normals[asked]) >= self.leads[asked] - 1e-9
         may &= (~self.in_cone | self._in_cones(tried))[asked]

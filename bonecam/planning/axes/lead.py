@@ -34,10 +34,12 @@ def check_lead(cutter: Cutter, lead_deg: float) -> None:
     A rim of radius r that stands c above the ball's centre along the axis is R + c cos(lead) - r sin(lead) above
     the part, R being the ball's radius.
     """
-    lead = math.radians(abs(lead_deg))
+    lead = cutter.lead if cutter.is_bull else math.radians(abs(lead_deg))
     for section in cutter.profile[1:]:
         for height, radius in ((section.start, section.radius), (section.end, section.end_radius)):
-            if cutter.radius + (height - cutter.radius) * math.cos(lead) <= radius * math.sin(lead):
+            if cutter.envelope_radius + (height - cutter.centre_height) * math.cos(lead) <= radius * math.sin(
+                lead
+            ):
                 raise _lead_error(cutter, section, lead_deg)
 
 
@@ -102,7 +104,7 @@ def table_limits(centres: Float[ndarray, "n 3"], cutter: Cutter, clearance: floa
     """
     largest = np.full(len(centres), np.pi)
     rims = [
-        (height - cutter.radius + leaving, radius)
+        (height - cutter.centre_height + leaving, radius)
         for section in cutter.profile
         for height, radius in ((section.start, section.radius), (section.end, section.end_radius))
         for leaving in (0.0, LEAVING)

@@ -61,14 +61,17 @@ def choose_axes(
     cutter, centres, passes = path.cutter, path.centres, path.pass_index
     max_tilt = np.radians(job.max_tilt_deg)
     if wanted is None:
-        leaning = lead_axes(path.normals, path.feeds, np.radians(job.lead_deg))
+        lead = cutter.lead if cutter.is_bull else np.radians(job.lead_deg)
+        leaning = lead_axes(path.normals, path.feeds, lead)
         wanted = WantedAxes(leaning, np.zeros(len(leaning), dtype=bool))
     bounded = bound_polar_angles(wanted.axes, centres, cutter, checker.scene.clamping, limits)
     preferred = avoid_singularity(bounded, centres, passes)
 
     same_pass = np.r_[passes[1:] == passes[:-1], False]
     known = wanted.certified & _with_neighbours((preferred == wanted.axes).all(axis=1))
-    in_motion = checker.free_in_motion(centres - cutter.radius * preferred, preferred, same_pass, known)
+    in_motion = checker.free_in_motion(
+        centres - cutter.centre_height * preferred, preferred, same_pass, known
+    )
     admissible = within_limits(preferred, path.normals, limits, max_tilt)
     open_ = np.flatnonzero(admissible & ~in_motion)
     admissible[open_] = checker.free_by_distance(centres[open_], preferred[open_])

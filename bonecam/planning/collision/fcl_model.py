@@ -116,7 +116,7 @@ def build_fcl_model(scene: Scene, cutter: Cutter, margin: float = 0.0) -> FclMod
     columns: dict[Column, FclObject] = {}
     sections = []
     for section in cutter.profile:
-        around = scene.around(section.name, cutter.radius)
+        around = scene.around(section.name, cutter.envelope_radius)
         by = sweep_margin(cutter, section, margin) + scene.material_deviation
         tool, at = _section_object(cutter, section, by, scene.tangent_slack)
         for column in around.columns:

@@ -97,8 +97,8 @@ def classify_poses(
     state = _table_state(scene.clamping, cutter, poses)
     for section in cutter.profile[::-1]:
         open_ = np.flatnonzero(state < settled)
-        around = scene.around(section.name, cutter.radius, air)
-        traced = _trace(around, poses.take(open_), section, cutter.radius)
+        around = scene.around(section.name, cutter.envelope_radius, air)
+        traced = _trace(around, poses.take(open_), section, cutter)
         state[open_] = np.maximum(state[open_], traced)
     return state
 
@@ -121,10 +121,9 @@ def _table_state(clamping: Clamping, cutter: Cutter, poses: Poses) -> Int[ndarra
     return np.where(lowest >= clamping.clearance, FREE, COLLIDING)
 
 
-def _trace(
-    around: Surroundings, poses: Poses, section: ToolSection, ball_radius: float
-) -> Int[ndarray, " n"]:
-    """The state of one section of the tool in its surroundings, spheres advancing on all axes at once."""
+def _trace(around: Surroundings, poses: Poses, section: ToolSection, cutter: Cutter) -> Int[ndarray, " n"]:
+    """The state of one section of the tool in its surroundings, spheres advancing on all axes at once; of the cutter
+    the first is the ball that holds its end."""
     tangent = around.obstacle == "level"
     slack = around.scene.tangent_slack if tangent else 0.0
     taper = section.taper
@@ -142,9 +141,11 @@ def _trace(
             break
         radius = section.radius + taper * (u - section.start)
         here = poses.take(active)
-        margin, slope = _margins(here, u, radius, ball_radius if tangent else None)
+        margin, slope = _margins(here, u, radius, cutter.centre_height if tangent else None)
         needed = radius - slack + margin
         points = here.tips + u[:, None] * here.axes
+        if section.name == "cutter" and not sphere:
+            needed = needed + cutter.envelope_radius - cutter.radius
         # every sphere but the first begins inside the empty one before
         distance = around.distance_bound(points, needed, outside=sphere > 0)
         step = _provable_step(distance, needed, slope * np.hypot(1.0, taper) + taper)
@@ -172,14 +173,14 @@ def _first_heights(around: Surroundings, poses: Poses, section: ToolSection) -> 
 
 
 def _margins(
-    poses: Poses, u: Float[ndarray, " n"], radius: Float[ndarray, " n"], ball_radius: float | None
+    poses: Poses, u: Float[ndarray, " n"], radius: Float[ndarray, " n"], centre: float | None
 ) -> tuple[Float[ndarray, " n"], Float[ndarray, " n"]]:
     """Margin (mm) that the moves of each pose need at height u, and how fast it grows with u; bounded by
-    NEAR_SLOPE above the centre of a ball that touches the level (`ball_radius`)."""
+    NEAR_SLOPE above the `centre` (mm from the tip) of a ball that touches the level."""
     margin = poses.shift + poses.turn * np.hypot(u, radius)
-    if ball_radius is None:
+    if centre is None:
         return margin, poses.turn
-    near = NEAR_SLOPE * (u - ball_radius)
+    near = NEAR_SLOPE * (u - centre)
     return np.minimum(margin, near), np.where(near < margin, NEAR_SLOPE, poses.turn)
 
 

@@ -60,9 +60,9 @@ def classify_thick_tool(
     The tool above the cutter is thicker by `sweep_margin`s of `margin` (mm), the cutter is thinner by
     the scene's `tangent_slack`; `air` as in `classify_poses`.
     """
-    centres = tips + cutter.radius * axes
+    centres = tips + cutter.centre_height * axes
     ball, *above = cutter.profile
-    around = _with_prisms(scene.around(ball.name, cutter.radius, air))
+    around = _with_prisms(scene.around(ball.name, cutter.envelope_radius, air))
     thin = cutter.radius - scene.tangent_slack
     sections = [
         ThickSection(ball.start, ball.end, thin, thin, around),
@@ -84,7 +84,7 @@ def _thick(
     by = sweep_margin(cutter, section, margin)
     inner = min(section.radius, section.end_radius) + by
     outer = section.widest + by * float(np.hypot(1.0, section.taper))
-    around = _with_prisms(scene.around(section.name, cutter.radius, air))
+    around = _with_prisms(scene.around(section.name, cutter.envelope_radius, air))
     return ThickSection(section.start - by, section.end + by, inner, outer, around)
 
 
@@ -96,10 +96,10 @@ def _with_prisms(around: Surroundings) -> Surroundings:
 
 def _ball_free(around: Surroundings, cutter: Cutter, centres: Float[ndarray, "n 3"]) -> Bool[ndarray, " n"]:
     """Whether the ball, thinner by the scene's `tangent_slack`, is free at each centre."""
-    thin = cutter.radius - around.scene.tangent_slack
-    distance = around.distance_bound(centres, np.full(len(centres), cutter.radius))
+    thin = cutter.envelope_radius - around.scene.tangent_slack
+    distance = around.distance_bound(centres, np.full(len(centres), cutter.envelope_radius))
     clamping = around.scene.clamping
-    above = centres[:, 2] > cutter.radius + clamping.clearance
+    above = centres[:, 2] > cutter.envelope_radius + clamping.clearance
     return np.asarray((distance > thin) & (above | (not clamping.closed)))
 
 

@@ -34,14 +34,15 @@ def farthest(section: ToolSection) -> float:
 
 
 def cutter_mesh(cutter: Cutter, slack: float) -> TriangleMesh:
-    """The closed mesh of ball and flutes with the tip at the origin and the axis along +Z, thinner by
+    """The closed mesh of ball or bull nose and flutes with the tip at the origin and the axis along +Z, thinner by
     `slack`, mm."""
     end = cutter.profile[0].end
     angle = np.linspace(0, np.pi / 2, BALL_RINGS + 1)[1:]
-    thin = cutter.radius - slack
-    radii = np.append(thin * np.sin(angle), thin)
-    heights = np.append(cutter.radius - thin * np.cos(angle), end)
-    return revolve(radii, heights, (cutter.radius - thin, end), SIDES)
+    ring = cutter.radius - cutter.corner
+    thin = cutter.corner - slack
+    radii = np.append(thin * np.sin(angle), thin) + ring
+    heights = np.append(cutter.corner - thin * np.cos(angle), end)
+    return revolve(radii, heights, (cutter.corner - thin, end), SIDES)
 
 
 def section_mesh(section: ToolSection, margin: float = 0.0) -> TriangleMesh:

@@ -53,5 +53,5 @@ def _discs(cutter: Cutter) -> list[tuple[float, float, str]]:
     for section in cutter.profile:
         count = int(np.ceil((section.end - section.start) / SLICE)) + 1
         for u in np.linspace(section.start, section.end, count):
-            discs.append((float(u) - cutter.radius, section.widest, section.name))
+            discs.append((float(u) - cutter.centre_height, section.widest, section.name))
     return discs

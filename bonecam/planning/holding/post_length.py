@@ -169,10 +169,10 @@ def _contacts_on(
     for corner in range(3):
         np.add.at(across, mesh.faces[:, corner], mesh.face_vectors)
     normals = unit(across[kept])
-    centres = mesh.vertices[kept] + cutter.radius * normals
+    centres = mesh.vertices[kept] + cutter.envelope_radius * normals
     scene = _scene_of(mesh, setup, job, depth)
-    held = setup.post.distance(centres) < cutter.radius
-    gouging = scene.level_distance.signed(centres) < cutter.radius - GOUGE
+    held = setup.post.distance(centres) < cutter.envelope_radius
+    gouging = scene.level_distance.signed(centres) < cutter.envelope_radius - GOUGE
     good = ~held & ~gouging
     return SampledContacts(CollisionChecker(scene, cutter), centres[good], normals[good])
 

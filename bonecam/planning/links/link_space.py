@@ -60,8 +60,8 @@ class LinkSpace:
 
     @property
     def ball_radius(self) -> float:
-        """Radius of the cutter, mm."""
-        return self.checker.cutter.radius
+        """Radius of the ball that holds the end of the cutter, mm."""
+        return self.checker.cutter.envelope_radius
 
     @cached_property
     def surface(self) -> ClearanceSurface:
@@ -155,8 +155,8 @@ class LinkSpace:
         ends = np.vstack([centres[1:] for centres, _ in polylines])
         first = np.vstack([axes[:-1] for _, axes in polylines])
         last = np.vstack([axes[1:] for _, axes in polylines])
-        start_tips = starts - self.ball_radius * first
-        end_tips = ends - self.ball_radius * last
+        start_tips = starts - self.checker.cutter.centre_height * first
+        end_tips = ends - self.checker.cutter.centre_height * last
         tips, axes = interpolate_poses(start_tips, end_tips, first, last, CHECK_STEPS)
 
         joined = np.tile(np.r_[np.ones(CHECK_STEPS, dtype=bool), False], len(first))

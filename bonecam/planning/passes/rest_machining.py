@@ -97,7 +97,7 @@ def after_steps(path: ContactPath, material: InProcessStock, allowed: DepthLimit
     """The contacts of a rest path but those where a step before it was left out: the ball would be too deep. A pass
     ends there, and where the straight way to its next contact is too deep: over a ridge that balls are raised out of
     to both sides. None where all of the path is in air."""
-    radius = path.cutter.radius
+    radius = path.cutter.envelope_radius
     depth, _ = material.depths(path.centres, radius)
     if not (depth > UNCERTAIN).any():
         return path.take(np.zeros(0, dtype=np.int64))
@@ -119,7 +119,9 @@ def _first(candidates: CandidateContacts, material: InProcessStock, allowed: Dep
         cut[run] = np.minimum(cut[run], allowed.limit * _share(deep[run]))
     index = np.concatenate([np.zeros(0, dtype=np.int64), *runs])
     raised = np.zeros((len(depth), 3))
-    raised[index] = _raised(candidates.centres[index], candidates.cutter.radius, material, cut[index])
+    raised[index] = _raised(
+        candidates.centres[index], candidates.cutter.envelope_radius, material, cut[index]
+    )
     return RestStep(candidates, runs, depth, raised)
 
 
@@ -172,7 +174,7 @@ def _raised(
 def _gouge_free(step: RestStep) -> RestStep:
     """The step, lifted where the raised ball would enter what must remain, and cut apart where it does not fit."""
     candidates = step.candidates
-    radius = step.candidates.cutter.radius
+    radius = step.candidates.cutter.envelope_radius
     index = np.concatenate(step.runs)
     ends = np.cumsum([len(run) for run in step.runs])
     joined = np.ones(len(index), dtype=bool)
@@ -185,7 +187,7 @@ def _gouge_free(step: RestStep) -> RestStep:
         tolerance=candidates.gouge_tolerance,
         obstacles=candidates.obstacles,
         joined=joined,
-        max_lift=MAX_LIFT_RADII * radius,
+        max_lift=MAX_LIFT_RADII * candidates.cutter.radius,
     )
     raised = step.raised.copy()
     raised[index] += np.nan_to_num(lifts)[:, None] * normals

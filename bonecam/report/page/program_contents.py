@@ -220,14 +220,15 @@ def _uncut(paths: Sequence[ToolPath]) -> tuple[dict[str, Any], dict[str, ndarray
 
 
 def _tool(cutter: Cutter) -> dict[str, Any]:
-    """A cutter with the cylinders and cones above its ball: (name, start, end, radius, end radius), mm."""
+    """A cutter: (name, start, end, radius, end radius) of cylinders and cones, mm, above its ball if it has one."""
     return {
         "number": cutter.number,
         "name": cutter.name,
         "radius": cutter.radius,
+        "ball": not cutter.is_bull,
         "sections": [
             [section.name, section.start, section.end, section.radius, section.end_radius]
-            for section in cutter.profile
+            for section in (*cutter.bull_end, *cutter.profile)
         ],
     }
 

@@ -118,7 +118,7 @@ def _tool_rows(cutters: Sequence[Cutter], minutes: Sequence[float]) -> str:
         _cells(
             [
                 f"T{cutter.number} {cutter.name}",
-                f"{cutter.radius:g}",
+                f"{cutter.radius:g}" + (f", corner {cutter.corner:g}" if cutter.is_bull else ""),
                 f"{cutter.flute_length:g}",
                 _shank(cutter),
                 f"{cutter.overhang:g}",

@@ -17,8 +17,8 @@ def apt_text(paths: Sequence[ToolPath], name: str = "PART") -> str:
     for path in paths:
         lines.append(f"PPRINT/LEVEL {path.level}" if path.level != PARTING else "PPRINT/PARTING")
         if path.cutter.number != tool:
-            tool, radius = path.cutter.number, path.cutter.radius
-            lines += [f"LOADTL/{tool}", f"CUTTER/{2 * radius:.6f},{radius:.6f}"]
+            tool = path.cutter.number
+            lines += [f"LOADTL/{tool}", f"CUTTER/{2 * path.cutter.radius:.6f},{path.cutter.corner:.6f}"]
             lines.append(f"SPINDL/RPM,{path.cutter.spindle:.0f},CLW")
         lines += _moves(path)
     return "\n".join([*lines, "FINI", ""])

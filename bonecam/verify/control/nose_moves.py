@@ -96,7 +96,7 @@ def _bows(motions: Motions, machine: Machine) -> Float[ndarray, "n"]:
             continue
         turns = steps[rows, 3:]
         # the programmed point runs straight: where it is the ball's centre, the tip turns about that
-        lift = control.radius if control.programs_centre else 0.0
+        lift = control.centre_height if control.programs_centre else 0.0
         turned = turns.sum(axis=1)
         speed = lengths(steps[rows, :3]) + lift * turned
         part = _accelerations(

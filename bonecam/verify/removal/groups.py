@@ -117,8 +117,8 @@ def tools_of(motions: Motions, cutters: Sequence[Cutter]) -> dict[int, Cutter]:
     known = {cutter.number: cutter for cutter in cutters}
     for number in np.unique(motions.tools).tolist():
         radius = motions.controls[number].radius
-        if number not in known or abs(known[number].radius - radius) > 1e-4:
-            have = f"of radius {known[number].radius:g} mm" if number in known else "not there"
+        if number not in known or abs(known[number].envelope_radius - radius) > 1e-4:
+            have = f"of radius {known[number].envelope_radius:g} mm" if number in known else "not there"
             raise ProgramError(
                 f"the text calls tool {number} with a ball of radius {radius:g} mm, which is {have} in the job: "
                 "give the job that the program was made with",

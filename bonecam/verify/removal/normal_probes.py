@@ -68,7 +68,10 @@ class NormalProbes:
         return moved
 
     def cut(self, pieces: Pieces, radius: float) -> None:
-        """Cut the normal probes by a ball on its pieces, and by the flutes above it where they may reach material."""
+        """Cut the normal probes by a ball on its pieces, and by the flutes above it where they may reach material. A
+        bull nose cuts none: what no ball comes to later is measured on the material (`measure_the_uncut`)."""
+        if len(pieces.body):
+            return
         fluted = pieces.reach > 0
         # the ball at the top of a capsule must end where the flutes do
         heights = np.maximum(pieces.reach[fluted] - radius, 0.0)

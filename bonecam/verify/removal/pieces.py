@@ -45,8 +45,8 @@ def straight_pieces(motions: Motions, moves: Int[ndarray, " m"], cutter: Cutter)
     tips, axes = control.between(start[owner], end[owner], place / counts[owner])
     end_tips, end_axes = control.between(start[owner], end[owner], (place + 1) / counts[owner])
     return Pieces(
-        tips + cutter.radius * axes,
-        end_tips + cutter.radius * end_axes,
+        tips + cutter.centre_height * axes,
+        end_tips + cutter.centre_height * end_axes,
         start_axes=axes,
         end_axes=end_axes,
         moves=moves[owner],
@@ -54,6 +54,7 @@ def straight_pieces(motions: Motions, moves: Int[ndarray, " m"], cutter: Cutter)
         probed=(motions.rapid | motions.links)[moves][owner],
         bounds=np.full((len(owner), above), np.inf),
         near=np.zeros((len(owner), above, 2)),
+        body=cutter.body,
     )
 
 

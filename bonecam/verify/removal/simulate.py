@@ -147,7 +147,7 @@ class _Simulation:
                 self.normal_probes.cut(pieces, cutter.radius)
 
         whole = straight_pieces(self.motions, group.moves, cutter)
-        edges = self.loads.edges(whole, self.grid, cutter.flutes)
+        edges = self.loads.edges(whole, self.grid, cutter)
         pieces = self.sweeping.run(whole, cutter, cut_normal_probes, edges.asked)
         seen = self.sweeping.standing, self.finished
         self.loads.take((group.level, group.rest), pieces, edges, cutter, *seen)
@@ -161,7 +161,7 @@ class _Simulation:
         deepest = None
         if len(depths.depths):
             place = depths.places[depths.deepest]
-            move = move_through(place, pieces, cutter.radius)
+            move = move_through(place, pieces, cutter.envelope_radius)
             deepest = self._spot(float(depths.depths[depths.deepest]), move, place)
         limit = self.limits.get(group.level) if group.level is not None else None
         links = group.moves[self.motions.links[group.moves]]

@@ -227,7 +227,7 @@ def sections_of(cutter: Cutter) -> tuple[Float[ndarray, "s 4"], Int[ndarray, " s
     """The stack of a tool above its ball's centre: from, to (mm from there) and the radius at either end; and which
     of PARTS each is, -1 for the flutes, which come first."""
     rows = [
-        (one.start - cutter.radius, one.end - cutter.radius, one.radius, one.end_radius)
+        (one.start - cutter.centre_height, one.end - cutter.centre_height, one.radius, one.end_radius)
         for one in cutter.profile
     ]
     return np.array(rows), np.array([-1, *(PARTS.index(one.name) for one in cutter.profile[1:])])

@@ -39,11 +39,11 @@ def table_clearance(
     columns = np.array([replace(one, bottom=max(one.bottom, DEEPEST)).row for one in clamping.kept_off])
 
     def measure(some: slice) -> tuple[float, int, str, int]:
-        part = Pieces(*(column[some] for column in pieces))
+        part = Pieces._make(column[some] for column in pieces[:-1])._replace(body=pieces.body)
         least, where, section, touched = fixed_clearance(
             part,
             sections,
-            radius=cutter.radius,
+            radius=cutter.envelope_radius,
             columns=columns.reshape(-1, 5),
             closed=clamping.closed,
             within=within,

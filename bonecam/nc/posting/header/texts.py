@@ -176,7 +176,11 @@ def _shapes(cutter: Cutter) -> list[str]:
 
 def tool_text(cutter: Cutter, tool_length: float) -> str:
     """The comment of the header that describes a cutter, mm; `reading.modal_state` reads it."""
-    return f"TOOL {cutter.number} BALL RADIUS {cutter.radius:.4f} LENGTH {tool_length:.4f}"
+    end = f"BALL RADIUS {cutter.radius:.4f}"
+    if cutter.is_bull:
+        lead = math.degrees(cutter.lead)
+        end = f"BULL RADIUS {cutter.radius:.4f} CORNER {cutter.corner:.4f} LEAD {lead:.4f}"
+    return f"TOOL {cutter.number} {end} LENGTH {tool_length:.4f}"
 
 
 def control_texts(machine: Machine, dialect: Dialect, posted: Sequence[Posted]) -> list[str]:

@@ -75,9 +75,9 @@ def split_moves(
         choice = choose_angles(control.machine, axes, kinds, hold_cone, before)
         if locked:
             # the axes that the machine has, under the balls of the path
-            balls = tips + control.radius * axes
+            balls = tips + control.centre_height * axes
             axes = tool_axes(control.machine, choice.angles)
-            tips = balls - control.radius * axes
+            tips = balls - control.centre_height * axes
         pieces = _pieces(control, kinds, tips=tips, axes=axes, angles=choice.angles, tolerance=tolerance)
         pieces[choice.rewinds[1:]] = 1
         if (pieces == 1).all():
@@ -91,7 +91,7 @@ def split_moves(
                 rewinds=choice.rewinds,
             )
         earlier, fractions, after = _new_rows(pieces)
-        tips, axes = between(tips, axes, control.radius, earlier, fractions)
+        tips, axes = between(tips, axes, control.centre_height, earlier, fractions)
         kinds = kinds[after]
         rows = rows[after]
     row = int(rows[1 + np.argmax(pieces)])
@@ -151,8 +151,8 @@ def _pieces(
     rapid = kinds[1:] == MoveKind.RAPID
     allowed = np.where(rapid, RAPID_FACTOR * tolerance, tolerance)
     worst = np.zeros(len(words) - 1)
-    starts = tips[:-1] + control.radius * axes[:-1]
-    ends = tips[1:] + control.radius * axes[1:]
+    starts = tips[:-1] + control.centre_height * axes[:-1]
+    ends = tips[1:] + control.centre_height * axes[1:]
     middle = _axis_halfway(axes[:-1], axes[1:])
     quarters = (
         (0.25, _axis_halfway(axes[:-1], middle)),
@@ -162,8 +162,8 @@ def _pieces(
     for fraction, turned in quarters:
         tip, axis = control.between(words[:-1], words[1:], fraction)
         tilted = axis - turned
-        centre = tip + control.radius * axis - (1 - fraction) * starts - fraction * ends
-        off = np.maximum(lengths(centre), lengths(centre - control.radius * tilted))
+        centre = tip + control.centre_height * axis - (1 - fraction) * starts - fraction * ends
+        off = np.maximum(lengths(centre), lengths(centre - control.centre_height * tilted))
         worst = np.maximum(worst, np.maximum(off / allowed, lengths(tilted) / AXIS_TOLERANCE))
     pieces = np.where(worst > 1, np.ceil(np.sqrt(1.1 * np.minimum(worst, 1e4))), 1)
     at_pole = lengths(np.diff(axes, axis=0)) < POLE_PASS

@@ -125,7 +125,7 @@ def _pairs(scene: Scene, cutter: Cutter) -> list[_Pair]:
     columns: dict[Column, _Solid] = {}
     pairs = []
     for section in cutter.profile:
-        around = scene.around(section.name, cutter.radius)
+        around = scene.around(section.name, cutter.envelope_radius)
         if around.obstacle not in meshes:
             meshes[around.obstacle] = [], _Solid.of_mesh(around)
         meshes[around.obstacle][0].append(section)
@@ -153,18 +153,18 @@ def _refusals(cones: AxisCones, nodes: Int[ndarray, " m"], pairs: list[_Pair]) -
 def _meeting(cones: AxisCones, rows: Int[ndarray, " m"], pair: _Pair) -> Iterator[tuple[int, str]]:
     """The apexes about which sections of the tool meet a solid in their cones, and the lowest of these sections."""
     solid = pair.solid
-    radius = cones.path.cutter.radius
+    height = cones.path.cutter.centre_height
     apexes = cones.free.apexes.places[rows]
     turns = _turns(cones, rows)
     begins = _begins(cones, rows, pair)
     angles = cones.shapes.angles[cones.free.apex_nodes[rows]]
     growth = cones.free.apexes.growth[rows] + solid.deviation
     # sections follow each other, so where none crosses the solid, all are inside of it with their lowest point, or none
-    lowest = np.maximum(begins, pair.sections[0].start - radius)
+    lowest = np.maximum(begins, pair.sections[0].start - height)
     inside = solid.inside(apexes + lowest[:, None] * turns[:, :, 2])
     left = np.ones(len(rows), dtype=bool)
     for section in pair.sections:
-        starts, end = np.maximum(begins, section.start - radius), section.end - radius
+        starts, end = np.maximum(begins, section.start - height), section.end - height
         some = np.flatnonzero(left & (starts < end))
         shape = np.tile([end, section.widest - (pair.slack or 0.0)], (len(some), 1))
         sizes = np.column_stack([starts[some], shape, angles[some], growth[some]])

@@ -53,7 +53,7 @@ def with_arcs(surface: TSpline, curves: Curves, cutter: Cutter) -> Curves:
     t = np.linspace(*tangent_range(surface), ALONG)
     parameters = np.column_stack([each.ravel() for each in np.meshgrid(s, t, indexing="ij")])
     points, normals, _ = contact_frames(surface, parameters, ROUND)
-    fits = -surface.curvature(*parameters.T).k2 * cutter.radius < FITS
+    fits = -surface.curvature(*parameters.T).k2 * cutter.envelope_radius < FITS
     fits = fits.reshape(AROUND, ALONG)
     order, cell_starts, corner = probe_cells(points, CELL)
     normal_probes = ProbesByCell(points[order], normals[order], cell_starts, corner, CELL)
@@ -80,7 +80,7 @@ def _cut(
     heights: Float[ndarray, " n"],
 ) -> Float[ndarray, " n"]:
     """The heights of normal probes behind the balls that sweep the curves, mm."""
-    radius = cutter.radius
+    radius = cutter.envelope_radius
     lines = sample_lines(surface, curves, radius, CHORD * cutter.scallop, LONGEST * radius)
     centres = ball_centres(surface, lines, radius)
     joined = lines.line[1:] == lines.line[:-1]

@@ -68,7 +68,9 @@ def _added(surface: TSpline, pattern: str, cutter: Cutter) -> Curves:
     polyline (k, 2) of parameters s, t. JobError where it gives none."""
     lines = added("patterns", pattern, "lines")
     with run_added("patterns", pattern):
-        drawn = [np.asarray(line, dtype=float) for line in lines(surface, cutter.radius, cutter.scallop)]
+        drawn = [
+            np.asarray(line, dtype=float) for line in lines(surface, cutter.envelope_radius, cutter.scallop)
+        ]
     if not drawn or not all(line.ndim == 2 and line.shape[1] == 2 and len(line) > 1 for line in drawn):
         remedy = "give one polyline or more, each an array (k, 2) of s and t with two points or more"
         raise JobError(f"the pattern {pattern!r} that was added gives no lines: {remedy}", pattern=pattern)
@@ -87,14 +89,16 @@ def _added(surface: TSpline, pattern: str, cutter: Cutter) -> Curves:
 def curve_minutes(surface: TSpline, curves: Curves, cutter: Cutter, turn_speed: float) -> float:
     """Minutes that a machine takes for the curves at least."""
     samples = dense_samples(curves, MOVES)
-    centres = ball_centres(surface, samples, cutter.radius)
+    centres = ball_centres(surface, samples, cutter.envelope_radius)
     same = samples.line[1:] == samples.line[:-1]
     ways = np.linalg.norm(np.diff(centres, axis=0), axis=1)[same]
     turns = 2 * np.pi * np.abs(np.diff(samples.parameters[:, 0]))[same]
     if not surface.closed_in_s:
         turns = np.zeros_like(turns)
     cuts = np.maximum(ways / cutter.feed, turns / turn_speed).sum()
-    return float(cuts + _link_minutes(surface, order_curves(surface, curves, "zigzag"), cutter.radius))
+    return float(
+        cuts + _link_minutes(surface, order_curves(surface, curves, "zigzag"), cutter.envelope_radius)
+    )
 
 
 def _link_minutes(surface: TSpline, curves: Curves, radius: float) -> float:
@@ -108,7 +112,7 @@ def _candidates(
     surface: TSpline, names: Sequence[str], cutter: Cutter, turn_speed: float
 ) -> Iterator[Curves]:
     """Every way to lay the patterns of these names."""
-    radius, scallop = cutter.radius, cutter.scallop
+    radius, scallop = cutter.envelope_radius, cutter.scallop
     for name in ISO_PARAMETRIC:
         if name in names:
             lines = "round" if name == "round" else "along"

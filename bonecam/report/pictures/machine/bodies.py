@@ -132,9 +132,10 @@ def _tool(
     )
     sections = [
         (section.name, bar(section.start, section.end, section.radius, section.end_radius))
-        for section in cutter.profile
+        for section in (*cutter.bull_end, *cutter.profile)
     ]
-    return [(name, mesh.move(pose)) for name, mesh in [("cutter", ball), *sections]]
+    end = [] if cutter.is_bull else [("cutter", ball)]
+    return [(name, mesh.move(pose)) for name, mesh in [*end, *sections]]
 
 
 def bar(start: float, end: float, radius: float, end_radius: float) -> TriangleMesh:
