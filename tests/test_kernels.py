@@ -33,7 +33,7 @@ INNER = {
     (module, node.name)
     for module, tree in modules(KERNELS).items()
     for node in tree.body
-    if isinstance(node, ast.FunctionDef) and "inner" in decorators(node)
+    if isinstance(node, ast.FunctionDef) and "inner_njit" in decorators(node)
 }
 
 
@@ -51,6 +51,6 @@ def test_no_module_beside_the_kernels_imports_one_without_an_entry(folder: str) 
 def test_what_is_not_compiled_among_the_kernels_names_none_without_an_entry(module: str) -> None:
     tree = modules(KERNELS)[module]
     known = {name for source, name in INNER if source == module} | {name for _, name in imports(tree) & INNER}
-    plain = [node for node in tree.body if not decorators(node) & {"njit", "inner"}]
+    plain = [node for node in tree.body if not decorators(node) & {"njit", "inner_njit"}]
     named = {part.id for node in plain for part in ast.walk(node) if isinstance(part, ast.Name)}
     assert named & known == set()

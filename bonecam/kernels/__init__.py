@@ -7,6 +7,7 @@ variable NUMBA_CACHE_DIR names a folder that lasts.
 
 import os
 import tempfile
+from functools import partial
 from pathlib import Path
 
 import numba
@@ -24,3 +25,7 @@ def _find_room() -> None:
 
 
 _find_room()
+
+inner_njit = partial(numba.njit, cache=True, no_cpython_wrapper=True, no_cfunc_wrapper=True)
+"""Decorates a kernel that other kernels alone call. No entry for Python or C is compiled, which takes as long as a
+short kernel itself; a call from Python would find nothing to run (`tests/test_kernels.py` looks for any)."""

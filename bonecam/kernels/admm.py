@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 from numpy import ndarray
 
-from bonecam.kernels.compiled import inner
+from bonecam.kernels import inner_njit
 from bonecam.kernels.fastmath import CONTRACT
 
 BROKEN_SWEEPS = 15
@@ -85,7 +85,7 @@ def sweep(
     return residual
 
 
-@inner(fastmath=CONTRACT)
+@inner_njit(fastmath=CONTRACT)
 def _sweep_onto(
     indptr: ndarray, indices: ndarray, data: ndarray, x: ndarray, D: ndarray, planes: Planes,
     rows: ndarray, broken: ndarray, least: float,

@@ -4,7 +4,7 @@ which lie between two rows; compiled."""
 import numpy as np
 from numba import njit
 
-from bonecam.kernels.compiled import inner
+from bonecam.kernels import inner_njit
 
 AXIS_WEIGHT = 80.0
 """mm a radian: between two rows the fraction of a move is found from its tool axis where that turns by more
@@ -18,19 +18,19 @@ FRACTION_ROUNDING = 1e-3
 """A move between two rows may fall behind the one before by this fraction: the rounding of the words."""
 
 
-@inner()
+@inner_njit()
 def _dot(a: np.ndarray, b: np.ndarray) -> float:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@inner()
+@inner_njit()
 def _angle(a: np.ndarray, b: np.ndarray) -> float:
     """Angle between two vectors, radians."""
     x, y, z = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
     return np.arctan2(np.sqrt(x * x + y * y + z * z), _dot(a, b))
 
 
-@inner()
+@inner_njit()
 def _slerp(a: np.ndarray, b: np.ndarray, fraction: float) -> np.ndarray:
     """Spherical linear interpolation between two unit vectors."""
     angle = _angle(a, b)
@@ -47,7 +47,7 @@ def _slerp(a: np.ndarray, b: np.ndarray, fraction: float) -> np.ndarray:
     return vector
 
 
-@inner()
+@inner_njit()
 def _between(
     tip: np.ndarray, axis: np.ndarray, tips: np.ndarray, axes: np.ndarray, radius: float
 ) -> tuple[float, float, float]:

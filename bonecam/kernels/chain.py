@@ -4,12 +4,12 @@ chosen by it."""
 import numpy as np
 from numba import njit
 
-from bonecam.kernels.compiled import inner
+from bonecam.kernels import inner_njit
 
 FULL_TURN = 2 * np.pi
 
 
-@inner()
+@inner_njit()
 def _least(costs: np.ndarray) -> float:
     """The least of the costs."""
     least = np.inf

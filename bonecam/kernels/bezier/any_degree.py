@@ -7,11 +7,11 @@ import numpy as np
 from numba import njit
 from numpy import ndarray
 
-from bonecam.kernels.compiled import inner
+from bonecam.kernels import inner_njit
 from bonecam.kernels.fastmath import CONTRACT
 
 
-@inner(fastmath=CONTRACT)
+@inner_njit(fastmath=CONTRACT)
 def _of_degree(x: float, degree: int, B: ndarray) -> None:
     """Write the Bernstein polynomials of a degree at x into B[: degree + 1]."""
     B[:] = 0.0
@@ -22,7 +22,7 @@ def _of_degree(x: float, degree: int, B: ndarray) -> None:
         B[0] *= 1.0 - x
 
 
-@inner(fastmath=CONTRACT)
+@inner_njit(fastmath=CONTRACT)
 def _bernstein(x: float, h: float, degree: int, B: ndarray) -> None:
     """Write the Bernstein polynomials at x and their first two derivatives into the rows of B (3, degree +
     1).

@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 from numpy import ndarray
 
-from bonecam.kernels.compiled import inner
+from bonecam.kernels import inner_njit
 from bonecam.kernels.fastmath import CONTRACT
 
 Three: TypeAlias = tuple[float, float, float]
@@ -140,7 +140,7 @@ def first_derivatives(
             S[n, d], S_s[n, d], S_t[n, d] = x[d], along[d], across[d]
 
 
-@inner(fastmath=CONTRACT)
+@inner_njit(fastmath=CONTRACT)
 def jet(p: ndarray, box: ndarray, s: float, t: float, D: ndarray) -> None:
     """Write S, S_s, S_t, S_ss, S_st, S_tt of one patch at (s, t) into the rows of D (6, 3)."""
     h, k = 1.0 / (box[1] - box[0]), 1.0 / (box[3] - box[2])

@@ -4,7 +4,7 @@ import numpy as np
 from numba import njit
 from numpy import ndarray
 
-from bonecam.kernels.compiled import inner
+from bonecam.kernels import inner_njit
 
 
 @njit(inline="always")
@@ -33,7 +33,7 @@ def _slot(strip_starts: ndarray, lows: ndarray, highs: ndarray, tables: ndarray,
     return i
 
 
-@inner()
+@inner_njit()
 def locate_one(
     strip_knots: ndarray, strip_table: ndarray, strip_starts: ndarray, lows: ndarray, highs: ndarray,
     ids: ndarray, tables: ndarray,

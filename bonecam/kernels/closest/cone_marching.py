@@ -15,8 +15,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy import ndarray
 
+from bonecam.kernels import inner_njit
 from bonecam.kernels.closest.distance_grids import distance_bound
-from bonecam.kernels.compiled import inner
 
 LOOK_AHEAD = (4.0, 1.5, 0.5, 0.0)
 """How far above the proven height spheres are tried, in radii of the section."""
@@ -50,7 +50,7 @@ class Apexes(NamedTuple):
     room: ndarray
 
 
-@inner()
+@inner_njit()
 def _distance(o: Obstacles, s: int, x: float, y: float, z: float) -> float:
     """A lower bound of the distance of a point to what section s stays out of, mm."""
     first, end = int(o.sections[s, 7]), int(o.sections[s, 8])
@@ -68,7 +68,7 @@ def _distance(o: Obstacles, s: int, x: float, y: float, z: float) -> float:
     return d
 
 
-@inner()
+@inner_njit()
 def prove(
     o: Obstacles, p: Apexes, k: int, a: ndarray, angle: float, first: int, proven: float
 ) -> tuple[int, int, float]:

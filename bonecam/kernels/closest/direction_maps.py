@@ -12,8 +12,8 @@ import numpy as np
 from numba import njit
 from numpy import ndarray
 
+from bonecam.kernels import inner_njit
 from bonecam.kernels.closest.cone_marching import OPEN, PROVEN, REJECTED, Apexes, Obstacles, prove
-from bonecam.kernels.compiled import inner
 
 
 class SphereTriangles(NamedTuple):
@@ -53,7 +53,7 @@ def within_limits(limits: AxisLimits, directions: ndarray, band: float) -> ndarr
     return allowed
 
 
-@inner()
+@inner_njit()
 def _prove_triangle(
     o: Obstacles,
     p: Apexes,

@@ -15,10 +15,10 @@ import numpy as np
 from numba import njit
 from numpy import ndarray
 
+from bonecam.kernels import inner_njit
 from bonecam.kernels.bezier.bicubic import Three, first_jet, spread_first_jet
 from bonecam.kernels.bezier.element_search import locate_one
 from bonecam.kernels.closest.newton import gauss_newton_step, into_domain
-from bonecam.kernels.compiled import inner
 from bonecam.kernels.fastmath import CONTRACT
 
 STEP_LIMIT_S = 0.05
@@ -71,7 +71,7 @@ def _unit(a: Three) -> Three:
     return _times(1.0 / size, a) if size > 0.0 else a
 
 
-@inner(fastmath=CONTRACT)
+@inner_njit(fastmath=CONTRACT)
 def _pole_normal(patches: ndarray, boxes: ndarray, strips: tuple, end: float) -> Three:
     """The mean normal round a pole, which may be the tip of a cone."""
     n = 0.0, 0.0, 0.0

@@ -17,7 +17,7 @@ import numpy as np
 from numba import njit
 from numpy import ndarray
 
-from bonecam.kernels.compiled import inner
+from bonecam.kernels import inner_njit
 
 WIDEST = 1.7
 """No point of an ellipse is further off w than this, in the chart: the tangent of 59.5 degrees."""
@@ -56,7 +56,7 @@ def _holds(mesh: LeafMesh, leaf: int, w: ndarray) -> bool:
     return True
 
 
-@inner()
+@inner_njit()
 def _place_in(mesh: LeafMesh, centres: ndarray, proven: ndarray, w: ndarray) -> int:
     """Whether (-2) w lies in a proven leaf, else the proven leaf whose centre is nearest; -1 where there is none."""
     near, nearest = -1.0, -1
@@ -73,7 +73,7 @@ def _place_in(mesh: LeafMesh, centres: ndarray, proven: ndarray, w: ndarray) -> 
     return nearest
 
 
-@inner()
+@inner_njit()
 def _reach(edges: ndarray, count: int, x: float, y: float, turn: float, ratio: float) -> float:
     """The s of the largest ellipse of this centre, turn and ratio that no edge enters."""
     cosine, sine = np.cos(turn), np.sin(turn)
@@ -90,7 +90,7 @@ def _reach(edges: ndarray, count: int, x: float, y: float, turn: float, ratio: f
     return np.sqrt(least)
 
 
-@inner()
+@inner_njit()
 def _worth(edges: ndarray, count: int, at: ndarray) -> float:
     """What is to be most, of an ellipse `at` its centre, turn and logarithm of the ratio."""
     s = _reach(edges, count, at[0], at[1], at[2], at[3])
@@ -103,7 +103,7 @@ def _worth(edges: ndarray, count: int, at: ndarray) -> float:
     return np.log(inside) - 1.5 * np.log(1 + at[0] ** 2 + at[1] ** 2)
 
 
-@inner()
+@inner_njit()
 def _seen(edges: ndarray, count: int) -> int:
     """Move the edges that are nearest to the origin in one of RAYS to the front; how many they are."""
     nearest = np.full(RAYS, np.inf)
@@ -135,7 +135,7 @@ def _seen(edges: ndarray, count: int) -> int:
     return kept
 
 
-@inner()
+@inner_njit()
 def _moved(at: ndarray, s: float, move: ndarray, out: ndarray) -> None:
     """Write an ellipse, whose s this is, moved: its centre by shares of its semi-axes, its turn and its ratio."""
     cosine, sine = np.cos(at[2]), np.sin(at[2])
@@ -145,7 +145,7 @@ def _moved(at: ndarray, s: float, move: ndarray, out: ndarray) -> None:
     out[2], out[3] = at[2] + move[2], at[3] + move[3]
 
 
-@inner()
+@inner_njit()
 def _search(edges: ndarray, count: int, at: ndarray, free: int) -> float:
     """Improve an ellipse in its first `free` parameters, one or two at a time; what it is worth."""
     steps = np.array(FIRST_STEPS)
@@ -176,19 +176,19 @@ def _search(edges: ndarray, count: int, at: ndarray, free: int) -> float:
     return best
 
 
-@inner()
+@inner_njit()
 def _dot(a: ndarray, b: ndarray) -> float:
     return 0.0 + a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@inner()
+@inner_njit()
 def _cross(a: ndarray, b: ndarray, product: ndarray) -> None:
     product[0] = a[1] * b[2] - a[2] * b[1]
     product[1] = a[2] * b[0] - a[0] * b[2]
     product[2] = a[0] * b[1] - a[1] * b[0]
 
 
-@inner()
+@inner_njit()
 def _tangents(w: ndarray, t1: ndarray, t2: ndarray) -> None:
     """Write two unit vectors across the unit vector w, and each other."""
     side = np.zeros(3)
@@ -204,7 +204,7 @@ def _tangents(w: ndarray, t1: ndarray, t2: ndarray) -> None:
     _cross(w, t1, t2)
 
 
-@inner()
+@inner_njit()
 def _rim(mesh: LeafMesh, proven: ndarray, w: ndarray, t1: ndarray, t2: ndarray, edges: ndarray) -> int:
     """Write the edges between proven leaves and others into `edges`, in the chart of w; how many they are."""
     count: Any = np.int64(0)  # a literal compiles what takes it twice

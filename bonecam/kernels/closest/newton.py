@@ -9,9 +9,9 @@ import numpy as np
 from numba import njit
 from numpy import ndarray
 
+from bonecam.kernels import inner_njit
 from bonecam.kernels.bezier.bicubic import jet
 from bonecam.kernels.bezier.element_search import locate_one
-from bonecam.kernels.compiled import inner
 from bonecam.kernels.fastmath import CONTRACT
 
 MAX_STEPS = 60
@@ -33,12 +33,12 @@ SAME_SEED = 0.55
 """Share of the longest step: seeds that are nearer to each other in s and in t lead to one closest point."""
 
 
-@inner(fastmath=CONTRACT)
+@inner_njit(fastmath=CONTRACT)
 def _half_square(D: ndarray, p: ndarray) -> float:
     return 0.5 * ((D[0, 0] - p[0]) ** 2 + (D[0, 1] - p[1]) ** 2 + (D[0, 2] - p[2]) ** 2)
 
 
-@inner()
+@inner_njit()
 def into_domain(s: float, t: float, domain: ndarray, period: ndarray, poles: ndarray) -> tuple[float, float]:
     """(s, t) brought back into the domain: round a closed direction, over a pole to the other side, else to
     the border."""
@@ -69,7 +69,7 @@ def gauss_newton_step(E: float, F: float, G: float, a: float, b: float, scale: f
     return (G * a - F * b) * scale, (E * b - F * a) * scale
 
 
-@inner(fastmath=CONTRACT)
+@inner_njit(fastmath=CONTRACT)
 def _step(D: ndarray, p: ndarray) -> tuple[float, float, float, bool]:
     """Newton's step on |S - p|^2 / 2, Gauss-Newton's where the Hessian is not positive; its slope; whether it
     is Newton's."""
@@ -97,7 +97,7 @@ def _step(D: ndarray, p: ndarray) -> tuple[float, float, float, bool]:
     return x, y, g0 * x + g1 * y, newton
 
 
-@inner(fastmath=CONTRACT)
+@inner_njit(fastmath=CONTRACT)
 def _step_along(D: ndarray, p: ndarray, axis: int) -> tuple[float, float]:
     """The step in one parameter alone and its slope: Newton's, Gauss-Newton's where the second derivative is
     not positive."""
@@ -112,7 +112,7 @@ def _step_along(D: ndarray, p: ndarray, axis: int) -> tuple[float, float]:
     return step, g * step
 
 
-@inner(fastmath=CONTRACT)
+@inner_njit(fastmath=CONTRACT)
 def descend(
     patches: ndarray, boxes: ndarray, strips: tuple, domain: ndarray, period: ndarray, poles: ndarray,
     limit: ndarray, p: ndarray,

@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 from numpy import ndarray
 
-from bonecam.kernels.compiled import inner
+from bonecam.kernels import inner_njit
 
 ARC_STEP = np.radians(20.0)
 """Longest edge of those that stand for the spheres below and above, as an angle."""
@@ -26,13 +26,13 @@ TOUCHING = 3
 """Times that the upper facets are laid at least, each time nearer to the sphere that they stand for."""
 
 
-@inner()
+@inner_njit()
 def opening_of(size: ndarray) -> tuple[float, float]:
     """Tangents of the semi-angles."""
     return np.tan(max(size[3], LEAST_ANGLE)), np.tan(max(size[4], LEAST_ANGLE))
 
 
-@inner()
+@inner_njit()
 def _turn(first: float, second: float, number: float, sides: int) -> tuple[float, float]:
     """Cosine and sine of the turn about the axis of a side: somewhat denser where their normals turn faster."""
     even = 2 * np.pi * number / sides
@@ -41,7 +41,7 @@ def _turn(first: float, second: float, number: float, sides: int) -> tuple[float
     return x / long, y / long
 
 
-@inner()
+@inner_njit()
 def _middles_of(first: float, second: float, sides: int, out: ndarray) -> None:
     """Unit directions of the rim, in the middle between each side and the next."""
     for k in range(sides):
@@ -51,7 +51,7 @@ def _middles_of(first: float, second: float, sides: int, out: ndarray) -> None:
         out[k, 0], out[k, 1], out[k, 2] = x / long, y / long, 1.0 / long
 
 
-@inner()
+@inner_njit()
 def normals_of(first: float, second: float, sides: int, out: ndarray) -> None:
     """Outward unit normals of the sides."""
     for k in range(sides):
@@ -61,13 +61,13 @@ def normals_of(first: float, second: float, sides: int, out: ndarray) -> None:
         out[k, 0], out[k, 1], out[k, 2] = x / long, y / long, z / long
 
 
-@inner()
+@inner_njit()
 def dot(a: ndarray, b: ndarray) -> float:
     """The dot product of two vectors in space."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@inner()
+@inner_njit()
 def largest_product(rows: ndarray, point: ndarray) -> float:
     """The largest dot product of a row (n, 3) with a point."""
     most = -np.inf
@@ -76,7 +76,7 @@ def largest_product(rows: ndarray, point: ndarray) -> float:
     return most
 
 
-@inner()
+@inner_njit()
 def _lean(direction: ndarray, share: float, length: float, out: ndarray) -> None:
     """A vector of a length that leans from Z by a share of the angle by which a unit vector does."""
     angle = np.arccos(min(max(direction[2], -1.0), 1.0))
@@ -101,7 +101,7 @@ def edges_of(first: float, second: float, sides: int, wide: float, foot: ndarray
             foot[k, i] = share * (m[i] + n[i])
 
 
-@inner()
+@inner_njit()
 def _nearest_of_triangle(a: ndarray, b: ndarray, c: ndarray) -> float:
     """The least distance of a triangle, whose corners are equally far from the origin, from there."""
     u = (b[0] - a[0], b[1] - a[1], b[2] - a[2])
@@ -115,7 +115,7 @@ def _nearest_of_triangle(a: ndarray, b: ndarray, c: ndarray) -> float:
     return abs(dot(n, a)) / np.sqrt(dot(n, n))
 
 
-@inner()
+@inner_njit()
 def _cap_distance(rings: ndarray, radius: float) -> float:
     """The least distance of the facets between rings on a sphere of this radius, and to its pole, from its middle."""
     count, sides = rings.shape[:2]
@@ -133,7 +133,7 @@ def _cap_distance(rings: ndarray, radius: float) -> float:
     return least
 
 
-@inner()
+@inner_njit()
 def _upper(top: float, foot: ndarray, along: ndarray) -> tuple[ndarray, float]:
     """The rings from the edges of the sides to the upper pole, and the height of the pole: their facets are nowhere
     nearer than `top`."""
@@ -160,14 +160,14 @@ def _upper(top: float, foot: ndarray, along: ndarray) -> tuple[ndarray, float]:
         radius *= 1e-6 + top / nearest
 
 
-@inner()
+@inner_njit()
 def _is_below(point: ndarray, bottom: float, around: ndarray, wide: float, normals: ndarray) -> bool:
     """Whether a point is nowhere above the `bottom` (0 or less) of a section, seen along directions `around` the cone,
     nor beyond one of the sides that are `wide` from the apex."""
     return largest_product(around, point) <= bottom + 1e-9 and largest_product(normals, point) <= wide + 1e-9
 
 
-@inner()
+@inner_njit()
 def _lower_end(bottom: float, foot: ndarray, along: ndarray, normals: ndarray) -> float:
     """How far along an edge between two sides its points are seen no higher than `bottom` (above 0) along axes of the
     cone: without what it has along the outward normal of a plane tangent to the cone a point is seen no lower."""

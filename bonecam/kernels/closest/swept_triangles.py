@@ -16,9 +16,9 @@ import numpy as np
 from numba import njit
 from numpy import ndarray
 
+from bonecam.kernels import inner_njit
 from bonecam.kernels.closest.swept_cones import LEAST_GROWTH, normals_of, opening_of
 from bonecam.kernels.closest.triangle_tree import DEEPEST, squared_triangle_distance
-from bonecam.kernels.compiled import inner
 
 TILTS = ((0.75**0.5, 0.5), (0.5**0.5, 0.5**0.5), (0.5, 0.75**0.5))
 """`out` and `down` between a plane beside the sweep (1, 0) and one below it (0, 1)."""
@@ -50,7 +50,7 @@ def _bounds(size: ndarray, sides: int) -> Bounds:
     return Bounds(normals, size[2] + growth, top, size[0] - growth, growth, np.sin(widest), np.cos(widest))
 
 
-@inner()
+@inner_njit()
 def _height(b: Bounds, x: float, y: float, z: float, beyond: float) -> float:
     """How high above the apex a point is at most, seen along axes of the cone; it is `beyond` the tangent planes (0
     inside all of them). Without what it has along the outward normal of one it is seen no lower."""
@@ -60,7 +60,7 @@ def _height(b: Bounds, x: float, y: float, z: float, beyond: float) -> float:
     return across if z * b.sine >= out * b.cosine else min(across, z * b.cosine + out * b.sine)
 
 
-@inner()
+@inner_njit()
 def _box_is_clear(b: Bounds, middle: ndarray, half: ndarray) -> bool:
     """Whether a box, turned into the frame of the sweep, is told: its middle, and its half edges (rows)."""
     x, y, z = middle
@@ -79,7 +79,7 @@ def _box_is_clear(b: Bounds, middle: ndarray, half: ndarray) -> bool:
     return _height(b, x, y, z, beyond) + radius < b.least
 
 
-@inner()
+@inner_njit()
 def _edge_is_clear(b: Bounds, corners: ndarray, heights: ndarray) -> bool:
     """Whether a triangle, whose corners are no higher than these heights, is told from the lower edge of the section by
     a tilted plane."""
@@ -97,7 +97,7 @@ def _edge_is_clear(b: Bounds, corners: ndarray, heights: ndarray) -> bool:
     return False
 
 
-@inner()
+@inner_njit()
 def _triangle_is_clear(b: Bounds, corners: ndarray, beyond: ndarray) -> bool:
     """Whether a triangle (9), turned into the frame of the sweep, is told; `beyond` (3) is room for that."""
     beyond[:] = 0.0

@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 from numpy import ndarray
 
-from bonecam.kernels.compiled import inner
+from bonecam.kernels import inner_njit
 
 DEEPEST = 64
 """Room on the stack of a search: nodes that wait, at most one a level of the tree and one more."""
@@ -18,7 +18,7 @@ RUN = 16
 """Triangles that are sorted by insertion."""
 
 
-@inner()
+@inner_njit()
 def _sort(order: ndarray, keys: ndarray, order_after: ndarray, keys_after: ndarray) -> None:
     """Sort triangles by their keys; those of one key stay in their order. Runs of RUN are sorted by insertion, then
     merged two by two (numpy's sort would compile for seconds)."""
@@ -121,7 +121,7 @@ def _squared_box_distance(px: float, py: float, pz: float, boxes: ndarray, n: in
     return _squared(x, y, z)
 
 
-@inner()
+@inner_njit()
 def squared_triangle_distance(px: float, py: float, pz: float, t: ndarray) -> float:
     """Squared distance from a triangle (Ericson 2005, section 5.1.5)."""
     abx, aby, abz = t[3] - t[0], t[4] - t[1], t[5] - t[2]

@@ -10,8 +10,8 @@ import numpy as np
 from numba import njit
 from numpy import ndarray
 
+from bonecam.kernels import inner_njit
 from bonecam.kernels.bezier.element_search import locate_one
-from bonecam.kernels.compiled import inner
 from bonecam.kernels.hulls.footpoints import DepthTarget, footpoint, nearest_footpoint
 from bonecam.kernels.hulls.mapped_distance import (
     UNIT_BOX,
@@ -37,7 +37,7 @@ CORNERS = np.array([0, 3, 12, 15])
 """Control points of a net at its corners, s first."""
 
 
-@inner()
+@inner_njit()
 def _bound_from_middle(
     net: ndarray, corners: ndarray, bound: float, on: DepthTarget, D: ndarray
 ) -> tuple[float, float]:
@@ -64,7 +64,7 @@ def _bound_from_middle(
     return min(bound, math.sqrt(far)), distance
 
 
-@inner()
+@inner_njit()
 def _divide(
     nets: ndarray, corners: ndarray, parts: ndarray, k: int, axis: int, on: DepthTarget, D: ndarray
 ) -> None:

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy import ndarray
 
+from bonecam.kernels import inner_njit
 from bonecam.kernels.closest.newton import descend
-from bonecam.kernels.compiled import inner
 from bonecam.kernels.hulls.net import box_distance
 
 
@@ -30,7 +30,7 @@ class DepthTarget(NamedTuple):
     hulls: ndarray
 
 
-@inner()
+@inner_njit()
 def footpoint(point: ndarray, s: float, t: float, on: DepthTarget, D: ndarray) -> tuple[float, float, float]:
     """Parameters of the footpoint of a point reached from (s, t), and its distance (mm). The footpoint's s is
     moved on by whole turns to within half a turn of the start. A start at a pole is returned as it is, at an
@@ -43,7 +43,7 @@ def footpoint(point: ndarray, s: float, t: float, on: DepthTarget, D: ndarray) -
     return a + math.floor(s - a + 0.5), b, math.sqrt(2.0 * half)
 
 
-@inner()
+@inner_njit()
 def nearest_footpoint(
     point: ndarray, s: float, t: float, on: DepthTarget, D: ndarray
 ) -> tuple[float, float, float]:

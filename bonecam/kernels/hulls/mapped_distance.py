@@ -14,9 +14,9 @@ import numpy as np
 from numba import njit
 from numpy import ndarray
 
+from bonecam.kernels import inner_njit
 from bonecam.kernels.bezier.bicubic import bernstein
 from bonecam.kernels.bezier.element_search import locate_one
-from bonecam.kernels.compiled import inner
 from bonecam.kernels.fastmath import CONTRACT
 from bonecam.kernels.hulls.footpoints import DepthTarget
 
@@ -49,7 +49,7 @@ CUBIC_FROM_VALUES = _control_points_from_values(3)
 SEXTIC_FROM_VALUES = _control_points_from_values(6)
 
 
-@inner(fastmath=CONTRACT)
+@inner_njit(fastmath=CONTRACT)
 def patch_point(p: ndarray, box: ndarray, s: float, t: float) -> tuple[float, float, float]:
     """The polynomial of a patch or net at (s, t), also outside its box."""
     a = bernstein((s - box[0]) / (box[1] - box[0]))
@@ -64,7 +64,7 @@ def patch_point(p: ndarray, box: ndarray, s: float, t: float) -> tuple[float, fl
     return x, y, z
 
 
-@inner(fastmath=CONTRACT)
+@inner_njit(fastmath=CONTRACT)
 def _largest_control_point(values: ndarray, T: ndarray) -> float:
     """The largest norm of the control points of the polynomial with these values (k, k, 3) at even places,
     which are overwritten by the control points; `T` (k, k) leads values to control points along one
@@ -89,7 +89,7 @@ def _largest_control_point(values: ndarray, T: ndarray) -> float:
     return math.sqrt(worst)
 
 
-@inner(fastmath=CONTRACT)
+@inner_njit(fastmath=CONTRACT)
 def _element_difference(
     on: DepthTarget, m: int, m_turn: float, n: int, n_turn: float, a: float, b: float, c: float, d: float
 ) -> float:
@@ -108,7 +108,7 @@ def _element_difference(
     return _largest_control_point(values, CUBIC_FROM_VALUES)
 
 
-@inner()
+@inner_njit()
 def _extension_error(on: DepthTarget, m: int, turn: int, a: float, b: float, c: float, d: float) -> float:
     """How far the polynomial of element m, moved on by `turn` turns in s, is from the surface on
     [a, b] x [c, d] at most."""

@@ -9,7 +9,7 @@ import math
 from numba import njit
 from numpy import ndarray
 
-from bonecam.kernels.compiled import inner
+from bonecam.kernels import inner_njit
 
 STACK_SIZE = 128
 """Room for nets on the stack of one search that halves them: one net for each halving of the first, and one
@@ -54,7 +54,7 @@ def _distance(net: ndarray, a: int, b: int) -> float:
     )
 
 
-@inner()
+@inner_njit()
 def extents(net: ndarray) -> tuple[float, float]:
     """Length of the longest of a net's four polygons along s, and of those along t."""
     s = t = 0.0
@@ -69,7 +69,7 @@ def extents(net: ndarray) -> tuple[float, float]:
     return s, t
 
 
-@inner()
+@inner_njit()
 def box_of(net: ndarray, box: ndarray) -> None:
     """Write the lowest x, y, z and the highest x, y, z of a net into `box` (6,)."""
     for x in range(3):

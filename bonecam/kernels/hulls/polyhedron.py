@@ -9,14 +9,14 @@ import numpy as np
 from numba import njit
 from numpy import ndarray
 
-from bonecam.kernels.compiled import inner
+from bonecam.kernels import inner_njit
 from bonecam.kernels.removal.rays import TILE, TINY
 
 EDGE = 1e-9
 """A ray that passes a face outside by this share of its area passes it."""
 
 
-@inner()
+@inner_njit()
 def _rays_over(a: float, b: float, c: float, cell: float, count: int) -> tuple[int, int]:
     """The first and the last of `count` rows of rays, `cell` (mm) apart, that a triangle with these corners covers."""
     first = max(int(np.ceil(min(a, b, c) / cell - 0.5)), 0)
@@ -99,7 +99,7 @@ def find_crossings(
     return crossings
 
 
-@inner()
+@inner_njit()
 def _left_of(a: ndarray, b: ndarray, u: float, v: float) -> bool:
     """Whether (u, v) is to the left of the edge from a to b; of one and the same edge the two ways answer unlike."""
     back = b[0] < a[0] or (b[0] == a[0] and b[1] < a[1])

@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 from numpy import ndarray
 
-from bonecam.kernels.compiled import inner
+from bonecam.kernels import inner_njit
 from bonecam.kernels.hulls.net import STACK_SIZE, box_of, copy, extents, halve
 
 FINITE = {"nnan", "nsz", "reassoc", "contract"}
@@ -47,7 +47,7 @@ def _diagonals_normal(net: ndarray) -> tuple[float, float, float]:
     return b * f - c * e, c * d - a * f, a * e - b * d
 
 
-@inner(fastmath=FINITE)
+@inner_njit(fastmath=FINITE)
 def _net_separation(a: ndarray, b: ndarray, enough: float) -> float:
     """A distance that the hulls of two nets have at least, from planes across a few directions: the normal of
     either net, of both, and the line of their middles. The search ends where the distance is `enough`."""

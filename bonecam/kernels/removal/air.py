@@ -4,8 +4,8 @@ import numpy as np
 from numba import njit
 from numpy import ndarray
 
+from bonecam.kernels import inner_njit
 from bonecam.kernels.closest.triangle_tree import squared_triangle_distance
-from bonecam.kernels.compiled import inner
 from bonecam.kernels.removal.rays import TILE, RaySet
 
 FINE = 5
@@ -15,7 +15,7 @@ STEEPEST = 1.5
 that cross, one meets each face so."""
 
 
-@inner()
+@inner_njit()
 def _ray_at(rays: RaySet, i: int, j: int) -> tuple[int, int]:
     """The tile of ray (i, j) and the ray's index in it; the tile is negative where there is no such ray, or never was
     material on it."""
@@ -25,7 +25,7 @@ def _ray_at(rays: RaySet, i: int, j: int) -> tuple[int, int]:
     return rays.tile_of[i // TILE, j // TILE], (j % TILE) * TILE + i % TILE
 
 
-@inner()
+@inner_njit()
 def _interval(rays: RaySet, i: int, j: int, w: float) -> tuple[float, float]:
     """The interval of material that holds w on ray (i, j); the first end is larger where w is in air."""
     tile, ray = _ray_at(rays, i, j)
@@ -36,7 +36,7 @@ def _interval(rays: RaySet, i: int, j: int, w: float) -> tuple[float, float]:
     return 1.0, 0.0
 
 
-@inner()
+@inner_njit()
 def _on_ray(rays: RaySet, i: int, j: int, u: float, v: float, w: float) -> float:
     """Squared distance from (u, v, w) to the nearest air on ray (i, j)."""
     x, y = (i + 0.5) * rays.cell - u, (j + 0.5) * rays.cell - v
@@ -45,7 +45,7 @@ def _on_ray(rays: RaySet, i: int, j: int, u: float, v: float, w: float) -> float
     return x * x + y * y + along * along
 
 
-@inner()
+@inner_njit()
 def _end_beside(rays: RaySet, i: int, j: int, w: float, high: bool) -> float:
     """The upper (`high`) or lower end of material on ray (i, j) that continues a face from height w; NaN where none
     does."""
@@ -57,7 +57,7 @@ def _end_beside(rays: RaySet, i: int, j: int, w: float, high: bool) -> float:
     return np.nan
 
 
-@inner()
+@inner_njit()
 def _on_face(rays: RaySet, i: int, j: int, u: float, v: float, w: float) -> float:
     """Squared distance from (u, v, w) to the nearest of the triangles between the nearer end of the material on ray
     (i, j) and those beside it; infinite where there are none, or the ray is in air."""
@@ -111,7 +111,7 @@ def _nearest(rays: RaySet, u: float, v: float, w: float, best: float) -> float:
     return min(best, near, _on_face(rays, at_i, at_j, u, v, w))
 
 
-@inner()
+@inner_njit()
 def air_on_set(rays: RaySet, u: float, v: float, w: float) -> float:
     """Distance from (u, v, w) to the nearest air on one set, mm; 0 on a ray in air."""
     return np.sqrt(_nearest(rays, u, v, w, np.inf))

@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 from numpy import ndarray
 
-from bonecam.kernels.compiled import inner
+from bonecam.kernels import inner_njit
 from bonecam.kernels.removal.air import air_on_set
 from bonecam.kernels.removal.cut import ALONG_U, ALONG_V, cut_tile
 from bonecam.kernels.removal.flutes import FLUTE_STEP, Ways, piece_pose, travel_of
@@ -20,7 +20,7 @@ from bonecam.kernels.removal.normal_probes import ProbesByCell
 from bonecam.kernels.removal.rays import TILE, TINY, RaySet, tiles_reached
 
 
-@inner()
+@inner_njit()
 def _cone_chord(
     sine: float, s: float, rise: float, across: float, turn: float, square: float
 ) -> tuple[float, float]:
@@ -72,14 +72,14 @@ def body_chord(
     return low, high
 
 
-@inner()
+@inner_njit()
 def _travel(ways: Ways, i: int) -> float:
     """How far a point of the body travels on way `i` at most, mm."""
     side, top = ways.body[-2, 2], ways.body[-1, 2]
     return travel_of(ways, i, np.hypot(max(ways.body[0, 2], abs(top)), side))
 
 
-@inner()
+@inner_njit()
 def _steps_of(ways: Ways, i: int) -> int:
     """Poses on way `i` that the body is taken out at."""
     return max(int(np.ceil(_travel(ways, i) / FLUTE_STEP)), 1)
@@ -102,7 +102,7 @@ def body_in_motion(ways: Ways, i: int, foot: ndarray, axis: ndarray, start: ndar
     return body_ends(ways, foot, axis, start, end) + _travel(ways, i) / 2
 
 
-@inner()
+@inner_njit()
 def _tiles_at(rays: RaySet, ways: Ways, foot: ndarray, axis: ndarray) -> ndarray:
     """The tiles whose material the body in a pose may reach."""
     start, end = np.empty(3), np.empty(3)
@@ -110,7 +110,7 @@ def _tiles_at(rays: RaySet, ways: Ways, foot: ndarray, axis: ndarray) -> ndarray
     return tiles_reached(rays, start, end, axis, ways.body[0, 2] + ways.body[-1, 2], radius)
 
 
-@inner()
+@inner_njit()
 def _tile_chords(
     rays: RaySet, i: int, j: int, ways: Ways, foot: ndarray, axis: ndarray, lows: ndarray, highs: ndarray
 ) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 from numpy import ndarray
 
-from bonecam.kernels.compiled import inner
+from bonecam.kernels import inner_njit
 
 MOST_STEPS = 300
 """Projections at most; about ten are usual."""
@@ -21,7 +21,7 @@ RIM_STEPS = 16
 """Thirds of the arc between the two beside the best of them: to 0.1 um of a rim of 40 mm radius."""
 
 
-@inner()
+@inner_njit()
 def _onto_segment(x: float, y: float, ax: float, ay: float, bx: float, by: float) -> tuple[float, float]:
     """The point of the segment from a to b that is nearest to (x, y)."""
     sx, sy = bx - ax, by - ay
@@ -32,7 +32,7 @@ def _onto_segment(x: float, y: float, ax: float, ay: float, bx: float, by: float
     return ax + share * sx, ay + share * sy
 
 
-@inner()
+@inner_njit()
 def _onto_cone(p: ndarray, foot: ndarray, axis: ndarray, section: ndarray, nearest: ndarray) -> None:
     """Write the point of a cone that is nearest to `p` into `nearest`; `section` (4,): from, to along the unit `axis`
     from `foot`, radius at either."""
@@ -62,7 +62,7 @@ def _onto_cone(p: ndarray, foot: ndarray, axis: ndarray, section: ndarray, neare
         nearest[k] = foot[k] + height * axis[k] + share * nearest[k]
 
 
-@inner()
+@inner_njit()
 def _onto_column(p: ndarray, column: ndarray, nearest: ndarray) -> None:
     """Write the point of an upright cylinder that is nearest to `p`; `column` (3,): radius, z of top and bottom."""
     out = np.hypot(p[0], p[1])
@@ -71,7 +71,7 @@ def _onto_column(p: ndarray, column: ndarray, nearest: ndarray) -> None:
     nearest[2] = min(max(p[2], column[2]), column[1])
 
 
-@inner()
+@inner_njit()
 def _cone_support(n: ndarray, foot: ndarray, axis: ndarray, section: ndarray, farthest: ndarray) -> None:
     """Write the point of a cone that is farthest along -n into `farthest`."""
     along = n[0] * axis[0] + n[1] * axis[1] + n[2] * axis[2]
@@ -84,7 +84,7 @@ def _cone_support(n: ndarray, foot: ndarray, axis: ndarray, section: ndarray, fa
         farthest[k] = foot[k] + height * axis[k] - share * (n[k] - along * axis[k])
 
 
-@inner()
+@inner_njit()
 def _column_support(n: ndarray, column: ndarray, farthest: ndarray) -> None:
     """Write the point of an upright cylinder that is farthest along n into `farthest`."""
     flat = np.hypot(n[0], n[1])
@@ -93,18 +93,18 @@ def _column_support(n: ndarray, column: ndarray, farthest: ndarray) -> None:
     farthest[2] = column[1] if n[2] > 0.0 else column[2]
 
 
-@inner()
+@inner_njit()
 def _apart(a: ndarray, b: ndarray) -> float:
     return np.sqrt((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2)
 
 
-@inner()
+@inner_njit()
 def _rim_point(angle: float, middle: ndarray, e: ndarray, f: ndarray, radius: float, point: ndarray) -> None:
     for k in range(3):
         point[k] = middle[k] + radius * (np.cos(angle) * e[k] + np.sin(angle) * f[k])
 
 
-@inner()
+@inner_njit()
 def _cone_rims(foot: ndarray, axis: ndarray, section: ndarray, column: ndarray) -> float:
     """The least distance of the two rims of a cone from the cylinder."""
     e, f, middle, p, q = np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty(3)
@@ -135,7 +135,7 @@ def _cone_rims(foot: ndarray, axis: ndarray, section: ndarray, column: ndarray) 
     return best
 
 
-@inner()
+@inner_njit()
 def _column_rims(foot: ndarray, axis: ndarray, section: ndarray, column: ndarray) -> float:
     """The least distance of the two rims of the cylinder from the cone."""
     p, q = np.empty(3), np.empty(3)

@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 from numpy import ndarray
 
-from bonecam.kernels.compiled import inner
+from bonecam.kernels import inner_njit
 from bonecam.kernels.fastmath import CONTRACT
 from bonecam.kernels.removal.rays import (
     FLAT,
@@ -31,7 +31,7 @@ ALONG_V = (np.arange(TILE * TILE) // TILE + 0.5).astype(np.float64)
 """Where the rays of a tile lie, in cells from its corner."""
 
 
-@inner()
+@inner_njit()
 def _cut_ray(spans: ndarray, counts: ndarray, ray: int, start: float, end: float) -> float:
     """Take [start, end] out of a ray of a tile; the length of material that was there, or FULL."""
     count = counts[ray]
@@ -71,7 +71,7 @@ def _cut_ray(spans: ndarray, counts: ndarray, ray: int, start: float, end: float
     return removed
 
 
-@inner(fastmath=CONTRACT)
+@inner_njit(fastmath=CONTRACT)
 def tile_chords(
     u: float, v: float, cell: float, d: ndarray, length: float, radius: float, lows: ndarray, highs: ndarray
 ) -> None:
@@ -100,7 +100,7 @@ def tile_chords(
         lows[ray] = low if min(rest, near) > 0.0 else np.inf
 
 
-@inner()
+@inner_njit()
 def _end_flat(
     u: float, v: float, cell: float, d: ndarray, length: float, lows: ndarray, highs: ndarray
 ) -> None:
@@ -115,7 +115,7 @@ def _end_flat(
             lows[ray] = np.inf
 
 
-@inner()
+@inner_njit()
 def cut_tile(rays: RaySet, tile: int, base: float, lows: ndarray, highs: ndarray) -> tuple[float, bool]:
     """Take chords, told from `base`, out of the rays of a tile: the length removed, and whether one has no
     more room.
@@ -167,7 +167,7 @@ def cut_capsule(rays: RaySet, start: ndarray, end: ndarray, radius: float, flat:
     return removed * cell * cell, False
 
 
-@inner()
+@inner_njit()
 def cylinder_meets(rays: RaySet, foot: ndarray, axis: ndarray, length: float, radius: float) -> bool:
     """Whether a cylinder with flat ends, from `foot` (u, v, w) along the unit `axis`, meets material.
 

@@ -18,7 +18,7 @@ import numpy as np
 from numba import njit
 from numpy import ndarray
 
-from bonecam.kernels.compiled import inner
+from bonecam.kernels import inner_njit
 from bonecam.kernels.removal.rays import ROUNDING, TILE, RaySet, tiles_reached
 
 ROWS = 24
@@ -93,7 +93,7 @@ def _meets(
     return False
 
 
-@inner()
+@inner_njit()
 def engage(rays: RaySet, edges: Edges, i: int, radius: float, reach: float) -> None:
     """Ask this set of rays for the cells of piece `i` that lie most along it; flutes up to `reach` (mm) above the
     ball's centre. A piece that is asked again, when a ray had no more room, keeps its first answer."""

@@ -5,13 +5,13 @@ import numpy as np
 from numba import njit
 from numpy import ndarray
 
-from bonecam.kernels.compiled import inner
+from bonecam.kernels import inner_njit
 from bonecam.kernels.removal.convex import column_distance
 from bonecam.kernels.removal.flutes import piece_pose, travel_of
 from bonecam.kernels.removal.sweep import TOOL_STEP, Pieces, ways_of
 
 
-@inner()
+@inner_njit()
 def _distance(
     foot: ndarray, axis: ndarray, section: ndarray, columns: ndarray, closed: bool, within: float
 ) -> float:
@@ -29,7 +29,7 @@ def _distance(
     return near
 
 
-@inner()
+@inner_njit()
 def _ball_distance(foot: ndarray, radius: float, columns: ndarray, closed: bool) -> float:
     near = foot[2] if closed else np.inf
     for c in range(len(columns)):

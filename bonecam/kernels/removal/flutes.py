@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy import ndarray
 
-from bonecam.kernels.compiled import inner
+from bonecam.kernels import inner_njit
 from bonecam.kernels.removal.cut import cut_capsule, cylinder_meets
 from bonecam.kernels.removal.rays import RaySet
 
@@ -31,7 +31,7 @@ class Ways(NamedTuple):
     body: ndarray
 
 
-@inner()
+@inner_njit()
 def piece_pose(ways: Ways, i: int, share: float, foot: ndarray, axis: ndarray) -> None:
     """Write the ball's centre and the unit axis at this share of way `i`."""
     size = 0.0
@@ -44,7 +44,7 @@ def piece_pose(ways: Ways, i: int, share: float, foot: ndarray, axis: ndarray) -
         axis[k] /= size
 
 
-@inner()
+@inner_njit()
 def travel_of(ways: Ways, i: int, height: float) -> float:
     """How far a point of the tool at this distance from the ball's centre travels at most, mm."""
     shift, turn = 0.0, 0.0
@@ -54,7 +54,7 @@ def travel_of(ways: Ways, i: int, height: float) -> float:
     return np.sqrt(shift) + np.sqrt(turn) * height
 
 
-@inner()
+@inner_njit()
 def flutes_meet(rays: RaySet, ways: Ways, i: int, radius: float, foot: ndarray, axis: ndarray) -> bool:
     """Whether the flutes may meet material: those in the middle of way `i`, larger by half of their travel, which
     `foot` and `axis` then hold."""
@@ -66,7 +66,7 @@ def flutes_meet(rays: RaySet, ways: Ways, i: int, radius: float, foot: ndarray, 
     return bool(cylinder_meets(rays, foot, axis, reach + 2 * half, radius + half))
 
 
-@inner()
+@inner_njit()
 def cut_flutes(
     rays: RaySet, ways: Ways, i: int, radius: float, foot: ndarray, axis: ndarray, top: ndarray
 ) -> tuple[float, bool]:

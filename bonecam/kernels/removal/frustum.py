@@ -4,14 +4,14 @@ import numpy as np
 from numba import njit
 from numpy import ndarray
 
-from bonecam.kernels.compiled import inner
+from bonecam.kernels import inner_njit
 from bonecam.kernels.removal.rays import TILE, RaySet, bits, capsule_chord, cylinder_chord
 
 SEARCH_STEPS = 24
 """Thirds that the interval of the least distance is divided into: to 1e-4 of its length."""
 
 
-@inner()
+@inner_njit()
 def _segment_distance(x: float, y: float, ax: float, ay: float, bx: float, by: float) -> float:
     """Distance of (x, y) from the segment from a to b."""
     sx, sy = bx - ax, by - ay
@@ -37,7 +37,7 @@ def frustum_distance(
     return min(near, np.hypot(along - end, max(out - last, 0.0)))
 
 
-@inner()
+@inner_njit()
 def _at(
     u: float, v: float, w: float, axis: ndarray, start: float, end: float, radius: float, taper: float
 ) -> float:
@@ -47,7 +47,7 @@ def _at(
     return frustum_distance(along, out, start, end, radius, taper)
 
 
-@inner()
+@inner_njit()
 def _least_distance(
     u: float,
     v: float,

@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 from numpy import ndarray
 
-from bonecam.kernels.compiled import inner
+from bonecam.kernels import inner_njit
 from bonecam.kernels.removal.rays import TINY
 
 
@@ -36,7 +36,7 @@ class Capsules(NamedTuple):
     names: ndarray
 
 
-@inner()
+@inner_njit()
 def _ball(px: float, py: float, pz: float, n: ndarray, square: float) -> tuple[float, float]:
     """Where a line through (px, py, pz), told from the ball's centre, along the unit n lies in the ball."""
     along = px * n[0] + py * n[1] + pz * n[2]
@@ -47,7 +47,7 @@ def _ball(px: float, py: float, pz: float, n: ndarray, square: float) -> tuple[f
     return -along - half, -along + half
 
 
-@inner()
+@inner_njit()
 def line_chord(p: ndarray, n: ndarray, start: ndarray, end: ndarray, radius: float) -> tuple[float, float]:
     """Where the line p + t n, n being unit, lies in a capsule: t; the first is larger where it misses."""
     square = radius * radius
@@ -76,7 +76,7 @@ def line_chord(p: ndarray, n: ndarray, start: ndarray, end: ndarray, radius: flo
     return low, high
 
 
-@inner()
+@inner_njit()
 def _distance(p: ndarray, start: ndarray, end: ndarray) -> float:
     """Distance of a point from a straight piece."""
     along, square = 0.0, 0.0

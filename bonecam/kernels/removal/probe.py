@@ -6,14 +6,14 @@ import numpy as np
 from numba import njit
 from numpy import ndarray
 
-from bonecam.kernels.compiled import inner
+from bonecam.kernels import inner_njit
 from bonecam.kernels.removal.body import body_in_motion, cut_body
 from bonecam.kernels.removal.cut import cut_capsule
 from bonecam.kernels.removal.flutes import Ways, cut_flutes, flutes_meet, travel_of
 from bonecam.kernels.removal.rays import RaySet, direction_of, tiles_reached
 
 
-@inner()
+@inner_njit()
 def _add_tiles(rays: RaySet, start: ndarray, end: ndarray, radius: float, tiles: ndarray, count: int) -> int:
     """Add the tiles that a capsule may reach to the first `count` of `tiles`; their number then."""
     d, length = direction_of(start, end)
@@ -28,7 +28,7 @@ def _add_tiles(rays: RaySet, start: ndarray, end: ndarray, radius: float, tiles:
     return count
 
 
-@inner()
+@inner_njit()
 def _tiles_of(rays: RaySet, ways: Ways, first: int, last: int, radius: float, tiles: ndarray) -> int:
     """Write the tiles that a tool may reach on the ways from `first` to `last` into `tiles`; their number."""
     foot, axis, start, top = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
@@ -49,7 +49,7 @@ def _tiles_of(rays: RaySet, ways: Ways, first: int, last: int, radius: float, ti
     return count
 
 
-@inner()
+@inner_njit()
 def _cut(
     rays: RaySet, ways: Ways, i: int, radius: float, foot: ndarray, axis: ndarray, top: ndarray
 ) -> tuple[float, bool]:
@@ -64,7 +64,7 @@ def _cut(
     return volume + by_flutes, full
 
 
-@inner()
+@inner_njit()
 def _volume(rays: RaySet, ways: Ways, first: int, last: int, gone: int, radius: float) -> float:
     """What a tool removes on the ways from `first` to `last`, mm^3, but for those before `gone`; negative where a ray
     has no room for one more interval."""
@@ -79,7 +79,7 @@ def _volume(rays: RaySet, ways: Ways, first: int, last: int, gone: int, radius: 
     return volume
 
 
-@inner()
+@inner_njit()
 def _room_for(rays: RaySet, count: int) -> RaySet:
     """A set with room for `count` tiles of the rays."""
     spans = np.empty((count, rays.spans.shape[1], rays.spans.shape[2]), dtype=np.float32)
@@ -90,7 +90,7 @@ def _room_for(rays: RaySet, count: int) -> RaySet:
     )
 
 
-@inner()
+@inner_njit()
 def _copy_tile(source: RaySet, tile: int, target: RaySet, place: int) -> None:
     """Copy a tile of one set to the place of a tile of another."""
     for ray in range(source.spans.shape[1]):

@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 from numpy import ndarray
 
-from bonecam.kernels.compiled import inner
+from bonecam.kernels import inner_njit
 from bonecam.kernels.removal.air import air_on_set
 from bonecam.kernels.removal.body import body_depth, cut_body
 from bonecam.kernels.removal.cut import cut_capsule, tile_chords
@@ -57,13 +57,13 @@ class SweepResult(NamedTuple):
     touched: ndarray
 
 
-@inner()
+@inner_njit()
 def ways_of(pieces: Pieces) -> Ways:
     """The pieces as ways of the tool, of the one kind for which what takes these is compiled."""
     return Ways(pieces.starts, pieces.ends, pieces.start_axes, pieces.end_axes, pieces.reach, pieces.body)
 
 
-@inner()
+@inner_njit()
 def _capsule_depth(rays: RaySet, start: ndarray, end: ndarray, radius: float) -> float:
     """The largest distance to the nearest air, mm, of the places where the rays leave the capsule of `radius`
     about the segment from `start` to `end` (u, v, w) inside material; 0 where it meets none.
