@@ -53,7 +53,7 @@ def run(*, bar=BAR, overhang=30.0, feed=900.0, depth=DEPTH, clamped=0.0, spindle
     loads = Loads(work, np.full(count, STEP / feed), np.full(count, spindle))
     bounds = np.array([[-bar, -bar, 0.0], [bar, bar, LENGTH]])
     sweeping = Sweeping(sets, grid, bounds, count)
-    edges = loads.edges(pieces, grid, cutter.flutes)
+    edges = loads.edges(pieces, grid, cutter)
     sweeping.run(pieces, cutter, lambda _: None, edges.asked)
     points = np.column_stack([x[:-1] + STEP / 2, np.full(count, -bar + depth), np.full(count, AT)])
     normals = np.tile([0.0, -1.0, 0.0], (count, 1))
