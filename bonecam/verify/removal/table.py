@@ -39,7 +39,7 @@ def table_clearance(
     columns = np.array([replace(one, bottom=max(one.bottom, DEEPEST)).row for one in clamping.kept_off])
 
     def measure(some: slice) -> tuple[float, int, str, int]:
-        part = Pieces(*[column[some] for column in pieces[:-1]], pieces.body)
+        part = Pieces._make([*(column[some] for column in pieces[:-1]), pieces.body])
         least, where, section, touched = fixed_clearance(
             part,
             sections,
