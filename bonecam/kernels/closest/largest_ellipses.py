@@ -7,8 +7,7 @@ proven leaves and others holds proven directions alone. Sought is, over its cent
     2 ln s + ln(1 - |q|^2) - 3/2 ln(1 + |c|^2),
 
 s^2 being its area over pi, q the place of w in it (0 at its centre, 1 at its rim): it is large, not far off w, and w
-lies deep in it. A pattern search finds it: the best lies against several edges, where an ellipse grows only if two of
-its parameters change together.
+lies deep in it. A pattern search finds it, in two parameters at a time: the best lies against several edges.
 """
 
 from typing import Any, NamedTuple
@@ -149,8 +148,7 @@ def _moved(at: ndarray, s: float, move: ndarray, out: ndarray) -> None:
 def _search(edges: ndarray, count: int, at: ndarray, free: int) -> float:
     """Improve an ellipse in its first `free` parameters, one or two at a time; what it is worth."""
     steps = np.array(FIRST_STEPS)
-    move = np.zeros(4)
-    moved = np.empty(4)
+    move, moved = np.zeros((2, 4))
     best = _worth(edges, count, at)
     for _ in range(HALVINGS + 1):
         better = True
@@ -161,8 +159,7 @@ def _search(edges: ndarray, count: int, at: ndarray, free: int) -> float:
                 i, j = k // 4 // free, k // 4 % free
                 if j < i or (j == i and k % 4 > 1):
                     continue
-                move[:] = 0.0
-                move[i] = steps[i] * (2 * (k % 2) - 1)
+                move[:], move[i] = 0.0, steps[i] * (2 * (k % 2) - 1)
                 if j > i:
                     move[j] = steps[j] * (2 * (k // 2 % 2) - 1)
                 _moved(at, s, move, moved)
@@ -230,8 +227,7 @@ def largest_ellipses(
     frames = np.zeros((len(wanted), 3, 3))
     has_cone = np.zeros(len(wanted), dtype=np.bool_)
     edges = np.empty((len(mesh.edges), 4))
-    t1 = np.empty(3)
-    t2 = np.empty(3)
+    t1, t2 = np.empty((2, 3))
     for k in range(len(wanted)):
         leaf = _place_in(mesh, centres, proven[k], wanted[k])
         if leaf == -1:

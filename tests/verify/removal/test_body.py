@@ -6,7 +6,7 @@ import pytest
 from bonecam.job import Job
 from bonecam.kernels.removal.body import body_chord
 from bonecam.material.dexels import dexels_of
-from bonecam.nc.posting.header.texts import tool_text
+from bonecam.nc.posting.header.texts import _shapes, tool_text
 from bonecam.nc.reading.tool_words import described_tool
 from bonecam.setup.stocks.cylinder import Cylinder
 from bonecam.tool.cutter import Cutter
@@ -54,3 +54,5 @@ def test_a_header_tells_a_bull_nose() -> None:
     assert (tool.radius, tool.corner, tool.length) == (2.0, 0.5, 100.0)
     assert tool.envelope.radius == pytest.approx(CUTTER.envelope_radius)
     assert tool.envelope.height == pytest.approx(CUTTER.centre_height)
+    first, *_ = _shapes(CUTTER)
+    assert "R 2.0000, R2 (its corner) 0.5000" in first

@@ -165,13 +165,18 @@ def _material_texts(job: Job) -> list[str]:
 
 
 def _shapes(cutter: Cutter) -> list[str]:
-    """The shapes of a cutter from the tip up, mm, two cylinders or cones a line; without the spindle."""
+    """The shapes of a cutter from the tip up, mm, two cylinders or cones a line; without the spindle. Of a bull nose
+    first what a tool table with corners must have: texts of dialects speak of balls."""
     reported = []
     for section in cutter.profile:
         end = f" to {2 * section.end_radius:.2f}" if section.end_radius != section.radius else ""
         if section.name != "spindle":
             reported.append(f"{section.name} to {section.end:.2f} diameter {2 * section.radius:.2f}{end}")
-    return [", ".join(reported[at : at + 2]) for at in range(0, len(reported), 2)]
+    table = (
+        f"a bull nose: R {cutter.radius:.4f}, R2 (its corner) {cutter.corner:.4f} in the tool table, no ball"
+    )
+    shapes = [", ".join(reported[at : at + 2]) for at in range(0, len(reported), 2)]
+    return [table, *shapes] if cutter.is_bull else shapes
 
 
 def tool_text(cutter: Cutter, tool_length: float) -> str:
