@@ -73,6 +73,9 @@ def program_contents(
         moves |= _removed(motions, removal, level_of, contacts, surfaces)
     kept = _shown(motions, kinds, level_of)
     arrays = {f"move_{name}": values[kept] for name, values in moves.items()}
+    columns = [machine.column(axis) for axis in machine.own_rotary]
+    if columns:
+        arrays["move_rotary"] = np.degrees(motions.words[kept][:, columns])
     arrays |= rewind_contents(text, motions, dialect)
     arrays["text"] = np.frombuffer(text.encode("latin-1", "replace"), np.uint8)
     reported = {
@@ -80,6 +83,7 @@ def program_contents(
         "minutes": float(moves["minute"][-1]),
         "chord": CHORD if len(kept) < len(kinds) else 0.0,
         "layers": _layers(level_of, surfaces, meshes),
+        "rotary": [axis.letter for axis in machine.own_rotary],
     }
     facts: dict[str, Any] = {
         "tools": [_tool(cutter) for cutter in cutters_of(job, machine)],

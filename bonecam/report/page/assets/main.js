@@ -8,7 +8,7 @@ const page = {
 const MODES = { fit: fitMode, levels: levelsMode, path: pathMode, program: programMode, left: leftMode };
 const BODY_NAMES = { stock: "stock", solid: "kept clear of", post: "post", chuck: "chuck", tailstock: "tailstock", table: "table", zero: "zero", holder: "holder, spindle" };
 const VIEWS = { Front: [-Math.PI / 2, 0], Back: [Math.PI / 2, 0], Left: [Math.PI, 0], Right: [0, 0], Top: [-Math.PI / 2, 1.55] };
-const KEYS = "1–5  fit, levels, paths, program, left\n← →  level or block (shift: 100 blocks)\nspace  play or stop\nc  cut open\nv  front, back, left, right, top\nr  first view      a  all of the machine\n+ −  zoom      arrows with ctrl  turn";
+const KEYS = "1–5  fit, levels, paths, program, left\n← →  level or block (shift: 100 blocks)\nspace  play or stop      /  find a block\nc  cut open\nv  front, back, left, right, top\nr  first view      a  all of the machine\n+ −  zoom      arrows with ctrl  turn";
 
 function change(values) {
   Object.assign(page.state, values);
@@ -94,7 +94,7 @@ function placeLabels(width, height) {
 }
 
 function onKey(event) {
-  if (event.target.tagName === "SELECT") return;
+  if (event.target.matches("select, input[type=search]")) return;
   const key = event.key;
   const inRange = event.target.type === "range";
   const modes = Object.keys(MODES);
@@ -109,7 +109,8 @@ function onKey(event) {
     if (page.state.mode === "program") goTo(page.state.step + by);
     else if (page.state.mode === "path") stepLayer(Math.sign(by));
     else change({ level: Math.max(0, Math.min(page.facts.levels.length - 1, page.state.level + Math.sign(by))) });
-  } else if (key === "c" && levelsMode.available()) change({ mode: "levels", open: !page.state.open });
+  } else if (key === "/" && page.state.mode === "program") { document.getElementById("find").focus(); event.preventDefault(); }
+  else if (key === "c" && levelsMode.available()) change({ mode: "levels", open: !page.state.open });
   else if (key === "v") nextView();
   else if (key === "r") { page.orbit.look(...FIRST_VIEW); firstView(); }
   else if (key === "a") wholeMachine();
@@ -203,6 +204,7 @@ function makePlayer() {
   step.max = page.arrays.move_kind.length - 1;
   step.addEventListener("input", () => goTo(Number(step.value)));
   document.getElementById("play").addEventListener("click", () => play(!page.playing));
+  makeTimeline();
 }
 
 function listen() {

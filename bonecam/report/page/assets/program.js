@@ -1,15 +1,27 @@
 // The view that plays the program: tool, standing stock, blocks.
 const REWOUND = "#d55e00", TRAIL = 400, BLOCKS_ABOVE = 2, BLOCKS_BELOW = 3;
 
-function lineText(line) {
+// Where the lines of the text begin.
+function lineStarts() {
   if (!page.lineStarts) {
     const text = page.arrays.text;
     page.lineStarts = [0];
     for (let i = 0; i < text.length; i++) if (text[i] === 10) page.lineStarts.push(i + 1);
   }
-  if (line < 1 || line >= page.lineStarts.length) return "";
-  const bytes = page.arrays.text.subarray(page.lineStarts[line - 1], page.lineStarts[line] - 1);
+  return page.lineStarts;
+}
+
+function lineText(line) {
+  const starts = lineStarts();
+  if (line < 1 || line >= starts.length) return "";
+  const bytes = page.arrays.text.subarray(starts[line - 1], starts[line] - 1);
   return String.fromCharCode(...Array.from(bytes));
+}
+
+// The text in small letters, one for each byte.
+function programText() {
+  if (!page.programText) page.programText = new TextDecoder("latin1").decode(page.arrays.text).toLowerCase();
+  return page.programText;
 }
 
 function rewindPoints(places) {
@@ -138,6 +150,7 @@ function showStep(i) {
   const start = Math.max(0, i - TRAIL);
   page.trail.geometry.setDrawRange(start, i - start + 1);
   showReadout(i);
+  showCursor(i);
   page.redraw();
 }
 
