@@ -55,4 +55,4 @@ def test_a_header_tells_a_bull_nose() -> None:
     assert tool.envelope.radius == pytest.approx(CUTTER.envelope_radius)
     assert tool.envelope.height == pytest.approx(CUTTER.centre_height)
     first, *_ = _shapes(CUTTER)
-    assert "R 2.0000, R2 (its corner) 0.5000" in first
+    assert "R 2.0000, corner R2 0.5000" in first

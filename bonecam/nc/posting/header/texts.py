@@ -172,9 +172,7 @@ def _shapes(cutter: Cutter) -> list[str]:
         end = f" to {2 * section.end_radius:.2f}" if section.end_radius != section.radius else ""
         if section.name != "spindle":
             reported.append(f"{section.name} to {section.end:.2f} diameter {2 * section.radius:.2f}{end}")
-    table = (
-        f"a bull nose: R {cutter.radius:.4f}, R2 (its corner) {cutter.corner:.4f} in the tool table, no ball"
-    )
+    table = f"a bull nose: R {cutter.radius:.4f}, corner R2 {cutter.corner:.4f} in the tool table, no ball"
     shapes = [", ".join(reported[at : at + 2]) for at in range(0, len(reported), 2)]
     return [table, *shapes] if cutter.is_bull else shapes
 
