@@ -57,7 +57,7 @@ function showLegend(legend) {
 }
 
 function number(value, digits) {
-  return value.toFixed(digits === undefined ? 2 : digits).replace("-", "\u2212");
+  return value.toFixed(digits === undefined ? 2 : digits).replace(/^-(?=[0.]*$)/, "").replace("-", "\u2212"); // no minus before a zero
 }
 
 function make(tag, text, kind) {

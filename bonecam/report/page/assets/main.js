@@ -50,7 +50,7 @@ function setMode(mode) {
 function firstView() {
   const { low, high } = page.part;
   if (page.state.mode === "program") {
-    page.orbit.fit(low.clone().setZ(low.z - 12), high.clone().setZ(high.z + 20), 0.24); // above the player
+    page.orbit.fit(low.clone().setZ(low.z - 12), high.clone().setZ(high.z + 20), 0.32); // above the player
   } else if (page.state.mode === "fit") {
     page.orbit.fit(low.clone().setZ(low.z - 1), high.clone().setZ(high.z + 3));
   } else {

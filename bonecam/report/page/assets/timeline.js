@@ -65,7 +65,7 @@ function showCursor(step) {
   document.getElementById("cursor").style.left = `${100 * page.shares[step]}%`;
   page.tracks.forEach(({ name, unit, digits, values, low, high }, n) => {
     const label = document.getElementById("tracks").children[n];
-    label.replaceChildren(`${name} `, make("b", Number.isNaN(values[step]) ? "rapid" : `${number(values[step], digits)}${unit}`), make("i", ` ${number(low, digits)} to ${number(high, digits)}`));
+    label.replaceChildren(`${name} `, make("b", Number.isNaN(values[step]) ? "rapid" : number(values[step], digits)), make("i", ` (${number(low, digits)} to ${number(high, digits)}${unit})`));
   });
 }
 
