@@ -19,6 +19,7 @@ from bonecam.nc.posting.marks import LIFTED, REWIND
 from bonecam.nc.reading.motions import Motions
 from bonecam.nc.reading.read import read_program
 from bonecam.report.page.cone_contents import cone_contents
+from bonecam.report.page.machine_contents import machine_facts, rotary_angles
 from bonecam.report.page.move_sources import of_rows, of_text, rows_of_moves
 from bonecam.report.page.packing import Contents
 from bonecam.report.page.thinning import thinned
@@ -73,9 +74,7 @@ def program_contents(
         moves |= _removed(motions, removal, level_of, contacts, surfaces)
     kept = _shown(motions, kinds, level_of)
     arrays = {f"move_{name}": values[kept] for name, values in moves.items()}
-    columns = [machine.column(axis) for axis in machine.own_rotary]
-    if columns:
-        arrays["move_rotary"] = np.degrees(motions.words[kept][:, columns])
+    arrays |= rotary_angles(machine, motions.words[kept])
     arrays |= rewind_contents(text, motions, dialect)
     arrays["text"] = np.frombuffer(text.encode("latin-1", "replace"), np.uint8)
     reported = {
@@ -83,7 +82,7 @@ def program_contents(
         "minutes": float(moves["minute"][-1]),
         "chord": CHORD if len(kept) < len(kinds) else 0.0,
         "layers": _layers(level_of, surfaces, meshes),
-        "rotary": [axis.letter for axis in machine.own_rotary],
+        **machine_facts(machine),
     }
     facts: dict[str, Any] = {
         "tools": [_tool(cutter) for cutter in cutters_of(job, machine)],

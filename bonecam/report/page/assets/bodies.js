@@ -39,6 +39,19 @@ function revolved(pieces, colour, opacity) {
   return group;
 }
 
+// The post up to its top, waisted by the groove that parts it.
+function postPieces(post, top) {
+  const groove = page.facts.report.parting;
+  if (!groove) return [[0, top, post.radius, post.radius]];
+  const half = groove.width_mm / 2, count = 24;
+  const rings = Array.from({ length: count + 1 }, (_, n) => {
+    const angle = Math.PI * (n / count - 0.5);
+    return [groove.z_mm + half * Math.sin(angle), Math.min(post.radius, groove.bridge_diameter_mm / 2 + half * (1 - Math.cos(angle)))];
+  });
+  const all = [[0, post.radius], ...rings, [post.top, post.radius]];
+  return all.slice(1).map(([z, radius], n) => [all[n][0], z, all[n][1], radius]);
+}
+
 // The cutter in holder and spindle, its tip in the origin, its axis Z.
 function toolBody(tool) {
   const group = new THREE.Group();

@@ -1,6 +1,6 @@
 // The page: state, views, keys. `page.state` is all that a reader can change.
 const page = {
-  state: { mode: "levels", level: 0, open: false, colouring: "kind", links: true, rapids: false, axes: false, cones: false, uncut: false,
+  state: { mode: "levels", level: 0, open: false, colouring: "kind", links: true, rapids: false, axes: false, cones: false, uncut: false, turning: false,
     outer: false, step: 0, chosen: -1, bodies: { stock: false, solid: true, post: true, chuck: true, tailstock: true, table: true, zero: true, holder: true } },
   labels: [],
   ready: false,
@@ -31,6 +31,7 @@ function rebuild() {
   document.getElementById("picked").hidden = !chosen;
   if (chosen) document.getElementById("picked").textContent = pickedWords(page.state.chosen);
   showBodies();
+  turnWorld();
   page.redraw();
 }
 
@@ -132,18 +133,6 @@ function nextView() {
   if (page.state.mode === "fit") rebuild();
 }
 
-function postPieces(post, top) {
-  const groove = page.facts.report.parting;
-  if (!groove) return [[0, top, post.radius, post.radius]];
-  const half = groove.width_mm / 2, count = 24;
-  const rings = Array.from({ length: count + 1 }, (_, n) => {
-    const angle = Math.PI * (n / count - 0.5);
-    return [groove.z_mm + half * Math.sin(angle), Math.min(post.radius, groove.bridge_diameter_mm / 2 + half * (1 - Math.cos(angle)))];
-  });
-  const all = [[0, post.radius], ...rings, [post.top, post.radius]];
-  return all.slice(1).map(([z, radius], n) => [all[n][0], z, all[n][1], radius]);
-}
-
 function makeBodies() {
   const { post, riser, chuck, stub, tailstock, table, stock_bounds: bounds } = page.facts;
   const upright = (column) => (column ? [[column.bottom || 0, column.top, column.radius, column.radius, column.x, column.y]] : []);
@@ -158,7 +147,7 @@ function makeBodies() {
   else page.bodies.stock = clear(page.arrays[`level_${last.index}`], page.arrays[last.faces]);
   if (chuck || riser) page.bodies.chuck = revolved([...upright(riser), ...upright(chuck)], "#98a4b0");
   if (tailstock) page.bodies.tailstock = revolved(tailstock.flatMap(upright), "#98a4b0");
-  for (const body of Object.values(page.bodies)) page.scene.add(body);
+  for (const body of Object.values(page.bodies)) page.world.add(body);
 }
 
 function makePanel() {
@@ -232,7 +221,10 @@ async function start() {
   page.light = new THREE.DirectionalLight(0xffffff, 0.5 * Math.PI);
   page.scene.add(new THREE.HemisphereLight(0xffffff, 0xc9c5bf, 0.6 * Math.PI), page.light);
   page.content = new THREE.Group();
-  page.scene.add(page.content);
+  page.world = new THREE.Group(); // what turns with the machine's table
+  page.world.matrixAutoUpdate = false;
+  page.scene.add(page.world);
+  page.world.add(page.content);
   const [low, high] = facts.stock_bounds.map((corner) => new THREE.Vector3(...corner));
   page.part = { low, high };
   makeBodies();

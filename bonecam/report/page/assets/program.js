@@ -109,10 +109,32 @@ const programMode = {
     make("p", "The posted program, read back", "big"),
     make("p", `${page.facts.program.blocks} moving blocks, ${minutesWords(page.facts.program.minutes)}. ` +
       (page.facts.program.layers.some((layer) => a0(`before_${layer.level}`)) ? "The stock is as simulated from the text, at the vertices of each level." : "Without a simulation the level that is cut is shown in place of the stock.")),
+    ...(turningAxes().length ? [check("turning", `the machine turns: ${turningAxes().map(([letter]) => letter).join(", ")}`, state.turning, (value) => change({ turning: value }))] : []),
     ...(page.arrays.move_cone ? [check("cones", "cone of free axes where the tool cuts", state.cones, (value) => change({ cones: value }))] : []),
     ...(cutLayers().length < 2 ? [] : [choice("jump", "go to level", cutLayers().map((layer) => [String(layer.level), layerTitle(layer)]), String(page.arrays.move_level[state.step]), (value) => goTo(firstMoveOf(Number(value))))]),
   ],
 };
+
+const turningAxes = () => (page.facts.program.turning ? page.facts.program.turning.axes : []);
+
+// Turns part, table and tool as the axes that carry the part stand, seen from the machine's frame; its X, Y and Z are left
+// out, the tool stays where it cuts. Nothing turns in other views; at zero angles all is as without.
+function turnWorld() {
+  const matrix = page.world.matrix.identity();
+  if (page.state.mode === "program" && page.state.turning) {
+    const { axes, zero, frame } = page.facts.program.turning;
+    const rest = new THREE.Matrix4().makeBasis(...frame.map((row) => new THREE.Vector3(...row))).setPosition(...zero);
+    matrix.copy(rest);
+    for (const [letter, direction, pivot] of axes) {
+      const angle = (page.arrays[`move_angle_${letter}`][page.state.step] * Math.PI) / 180;
+      matrix.premultiply(new THREE.Matrix4().makeTranslation(-pivot[0], -pivot[1], -pivot[2]));
+      matrix.premultiply(new THREE.Matrix4().makeRotationAxis(new THREE.Vector3(...direction), angle));
+      matrix.premultiply(new THREE.Matrix4().makeTranslation(...pivot));
+    }
+    matrix.premultiply(rest.invert());
+  }
+  page.world.matrixWorldNeedsUpdate = true;
+}
 
 const PARTED = 65537; // the level of moves that part the part from its post
 const minutesWords = (minutes) => `about ${number(minutes, minutes < 10 ? 1 : 0)} min`;
@@ -151,6 +173,7 @@ function showStep(i) {
   page.trail.geometry.setDrawRange(start, i - start + 1);
   showReadout(i);
   showCursor(i);
+  turnWorld();
   page.redraw();
 }
 

@@ -3,9 +3,8 @@ const TRACK_HEIGHT = 26, TRACK_COLOURS = ["#0072b2", "#d55e00", "#009e73"];
 
 // What is drawn: values of every move, NaN where there is none (the feed of a rapid), with their least and greatest.
 function tracksOf() {
-  const { move_feed: feed, move_rotary: angles } = page.arrays;
-  const names = (angles && page.facts.program.rotary) || [];
-  const columns = names.map((name, c) => ({ name, unit: "°", digits: 1, values: Float32Array.from(feed, (_, i) => angles[names.length * i + c]) }));
+  const feed = page.arrays.move_feed, names = page.facts.program.rotary || []; // folders kept by earlier versions have none
+  const columns = names.map((name) => ({ name, unit: "°", digits: 1, values: page.arrays[`move_angle_${name}`] }));
   const tracks = [{ name: "feed", unit: " mm/min", digits: 0, values: feed.map((value) => (value > 0 ? value : NaN)) }, ...columns];
   for (const track of tracks) {
     track.low = Infinity; track.high = -Infinity;
