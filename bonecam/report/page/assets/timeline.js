@@ -28,7 +28,9 @@ function extremes(values, shares, width) {
 function sharesOf(over) {
   const minutes = page.arrays.move_minute, last = minutes.length - 1;
   const whole = minutes[last] - minutes[0];
-  return Float32Array.from(minutes, over === "time" && whole > 0 ? (minute) => (minute - minutes[0]) / whole : (_, i) => i / Math.max(last, 1));
+  const timed = over === "time" && whole > 0, shares = new Float32Array(minutes.length);
+  for (let i = 0; i <= last; i++) shares[i] = timed ? (minutes[i] - minutes[0]) / whole : i / Math.max(last, 1);
+  return shares;
 }
 
 function drawGraph() {
