@@ -61,7 +61,8 @@ function firstView() {
 
 function wholeMachine() {
   const radius = Math.min(page.facts.table.radius || 120, 120);
-  page.orbit.fit(new THREE.Vector3(-radius, -radius, 0), new THREE.Vector3(radius, radius, page.part.high.z + 60));
+  const low = page.state.turning ? -2 * radius : 0; // a table that turns sinks, and the player covers what is below
+  page.orbit.fit(new THREE.Vector3(-radius, -radius, low), new THREE.Vector3(radius, radius, page.part.high.z + 60));
 }
 
 function draw() {

@@ -109,7 +109,7 @@ const programMode = {
     make("p", "The posted program, read back", "big"),
     make("p", `${page.facts.program.blocks} moving blocks, ${minutesWords(page.facts.program.minutes)}. ` +
       (page.facts.program.layers.some((layer) => a0(`before_${layer.level}`)) ? "The stock is as simulated from the text, at the vertices of each level." : "Without a simulation the level that is cut is shown in place of the stock.")),
-    ...(turningAxes().length ? [check("turning", `the machine turns: ${turningAxes().map(([letter]) => letter).join(", ")}`, state.turning, (value) => change({ turning: value }))] : []),
+    ...(turningAxes().length ? [check("turning", `the machine turns: ${turningAxes().map(([letter]) => letter).join(", ")}`, state.turning, (value) => { change({ turning: value }); wholeMachine(); })] : []),
     ...(page.arrays.move_cone ? [check("cones", "cone of free axes where the tool cuts", state.cones, (value) => change({ cones: value }))] : []),
     ...(cutLayers().length < 2 ? [] : [choice("jump", "go to level", cutLayers().map((layer) => [String(layer.level), layerTitle(layer)]), String(page.arrays.move_level[state.step]), (value) => goTo(firstMoveOf(Number(value))))]),
   ],
