@@ -40,12 +40,11 @@ def edges_on(
     chips: Float[ndarray, " n"],
     coefficients: Float[ndarray, "6"],
     cell: float,
-    cutter: Cutter | None = None,
+    cutter: Cutter,
 ) -> Edges:
-    """The edges on pieces of moves in the part's frame, with the feed a tooth of each (`chips`, mm), before rays
-    `cell` mm apart are asked; those of a ball but for a `cutter` that is a bull nose."""
-    bull = cutter is not None and cutter.is_bull
-    below = cutter.centre_height - cutter.corner if cutter is not None and bull else 0.0
+    """The edges of a cutter on pieces of moves in the part's frame, with the feed a tooth of each (`chips`, mm), before
+    rays `cell` mm apart are asked."""
+    below = cutter.centre_height - cutter.corner
     way = pieces.ends - pieces.starts
     length = lengths(way)
     feed = unit(way)
@@ -63,8 +62,8 @@ def edges_on(
         forces=np.empty((0, TURN, 3), dtype=np.float32),
         engaged=np.empty((count, 0)),
         asked=np.zeros(count, dtype=bool),
-        ring=cutter.radius - cutter.corner if cutter is not None and bull else 0.0,
-        corner=cutter.corner if cutter is not None and bull else 0.0,
+        ring=cutter.radius - cutter.corner,
+        corner=cutter.corner,
         below=below,
     )
 

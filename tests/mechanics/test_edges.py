@@ -36,7 +36,7 @@ def cut(depth, *, y=0.0, chip=0.1, step=0.2, flutes=2, passes=1):
     grid = lay_grid([BLOCK], CELL)
     sets = lay_rays([BLOCK], grid, 500.0)
     for _ in range(passes):
-        edges = edges_on(pieces, np.full(len(pieces.starts), chip), COEFFICIENTS, CELL)
+        edges = edges_on(pieces, np.full(len(pieces.starts), chip), COEFFICIENTS, CELL, CUTTER)
         asked = [edges_in_grid(edges, grid, k) for k in range(3)]
         sweeping = Sweeping(sets, grid, np.array(BLOCK.bounds), len(pieces.starts))
         sweeping.run(pieces, CUTTER, lambda _: None, asked)

@@ -44,9 +44,9 @@ class Edges(NamedTuple):
     fz, mm, 0 for a piece that is not asked; `coefficients` (6,): Ktc, Krc, Kac (N/mm^2), Kte, Kre, Kae (N/mm).
     `forces` (n, TURN, 3): that of one edge at each phi along v, e_r and a, N; `engaged` (n, 5): length of the edge,
     summed over the turn, with that times the place along e_1, e_2 and a from `centres` (mm, mm^2), and the area across
-    the feed (mm^2); `asked` (n,): the piece has been. Of a bull nose the arc of the `corner` (mm) is the ball's, about
+    the feed (mm^2); `asked` (n,): the piece has been. The arc that cuts has the radius of the `corner` (mm), about
     places of a `ring` (mm) round the axis, whose middle the `centres` are: it lies so far `below` (mm) the centre of
-    the ball that moves. 0 of a ball-end cutter.
+    the ball that moves. Of a ball-end cutter ring and below are 0.
     """
 
     frames: ndarray
