@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 from bonecam.arrays import unit
 from bonecam.errors import OrientationError
@@ -142,7 +143,7 @@ def test_each_cone_holds_proven_leaves_alone(cones: AxisCones) -> None:
 def leaves_of(axes: np.ndarray) -> np.ndarray:
     """The leaf in which each direction lies: of the nearest ones that whose edges have it inside."""
     leaves = sphere_leaves()[1]
-    near = np.argsort(-axes @ leaf_centres().T, axis=1)[:, :8]
+    near = cKDTree(leaf_centres()).query(axes, k=8)[1]
     corners = leaves.vertices[leaves.leaves[near]]
     sides = np.cross(corners, np.roll(corners, -1, axis=2))
     inside = np.einsum("nmij,nj->nmi", sides, axes).min(axis=2)
