@@ -95,3 +95,20 @@ def test_the_stages_are_checked() -> None:
     """By the decorator of this folder, which the hook puts before each of their functions."""
     assert vertex_normals.__code__.co_name == "call"
     assert unit.__code__.co_name == "unit", "what is called by all has no checks"
+
+
+def test_functions_of_one_piece_of_code_are_each_called_and_checked() -> None:
+    def scaling(factor: Any) -> Any:
+        @checked
+        def scaled(points: Points) -> Points:
+            return points * factor
+
+        return scaled
+
+    twice, thrice, crossed = scaling(2), scaling(3), scaling(np.ones((2, 1, 3)))
+    for _ in range(2):
+        assert twice(POINTS + 1).max() == 2
+        assert thrice(POINTS + 1).max() == 3
+        for wrong in (lambda: thrice(ONES), lambda: crossed(POINTS), lambda: crossed(POINTS[:2])):
+            with pytest.raises(TypeError):
+                wrong()

@@ -10,8 +10,10 @@ result are of kinds that were found to fit together before is not checked again 
 
 import dataclasses
 import inspect
+import threading
 from collections.abc import Callable, Collection, Hashable, Sequence
-from functools import cache, wraps
+from functools import cache, cached_property, wraps
+from types import CodeType
 from typing import Any, get_type_hints
 
 import jaxtyping
@@ -32,6 +34,36 @@ def check_stages(modules: Sequence[str]) -> None:
     install_import_hook(modules, "beartype.beartype")
 
 
+class Checks:
+    """What the functions of one piece of code share: an inner function is made anew in each call of its outer one."""
+
+    def __init__(self, item: Callable[..., Any]) -> None:
+        self.annotations = {name: _resolved(kind, item) for name, kind in item.__annotations__.items()}
+        self.literal = "Literal[" in repr(self.annotations)
+        self.fitting: dict[Hashable, set[Hashable]] = {}
+        """Kinds of results by the kinds of arguments that they were found to fit."""
+        self._called = threading.local()
+        self._item = item
+
+    def call(self, item: Callable[..., Any], given: tuple[Any, ...], named: dict[str, Any]) -> Any:
+        """The result of a function of this code, checked like its arguments."""
+        self._called.item = item
+        with SIZES:
+            return self._compiled(*given, **named)
+
+    @cached_property
+    def _compiled(self) -> Callable[..., Any]:
+        @wraps(self._item)
+        def run(*given: Any, **named: Any) -> Any:
+            return self._called.item(*given, **named)
+
+        run.__annotations__ = self.annotations
+        return beartype(run, conf=CONF)
+
+
+CHECKS: dict[CodeType, Checks] = {}
+
+
 def checked(item: Any) -> Any:
     """A function with its checks; a class whose `__init__` is checked if it is a dataclass."""
     if inspect.isclass(item):
@@ -40,23 +72,20 @@ def checked(item: Any) -> Any:
         return item
     if inspect.isgeneratorfunction(item):  # it runs when its call, and what is known of sizes, is over
         return BY_SIGNATURE(item, typechecker=beartype(conf=CONF))
-    item.__annotations__ = {name: _resolved(kind, item) for name, kind in item.__annotations__.items()}
-    compiled: list[Callable[..., Any]] = []
-    fitting: dict[Hashable, set[Hashable]] = {}
-    """Kinds of results by the kinds of arguments that they were found to fit."""
+    checks = CHECKS.get(item.__code__)
+    if checks is None:
+        checks = CHECKS[item.__code__] = Checks(item)
+    item.__annotations__ = checks.annotations
 
     @wraps(item)
     def call(*given: Any, **named: Any) -> Any:
         kinds = (len(given), *map(_kind, given), *named, *map(_kind, named.values()))
-        results = fitting.get(kinds)
+        results = checks.fitting.get(kinds)
         if results is None:
-            if not compiled:
-                compiled.append(beartype(item, conf=CONF))
-            with SIZES:
-                result = compiled[0](*given, **named)
+            result = checks.call(item, given, named)
             kind = None if None in kinds else _kind(result)
-            if kind is not None and "Literal[" not in repr(item.__annotations__):
-                fitting[kinds] = {kind}
+            if kind is not None and not checks.literal:
+                checks.fitting[kinds] = {kind}
             return result
         result = item(*given, **named)
         kind = _kind(result)
