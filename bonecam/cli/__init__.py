@@ -1,7 +1,12 @@
 """The command line: `bonecam convert | demo | levels | batch | script | filters | job`."""
 
 import _signal  # type: ignore[import-not-found]  # built in: `signal` imports for some ms
+import gc
 from collections.abc import Sequence
+
+COLLECT_AFTER = 50_000
+"""New objects before Python looks for cycles among them (700 by default): compiling the kernels makes millions that
+stay, and takes a tenth less time."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -18,6 +23,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         from bonecam.cli.streams import open_closed_streams
 
         open_closed_streams()
+        gc.set_threshold(COLLECT_AFTER)
         return run_stoppable(_call)
     return _call(arguments)
 
