@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool
+from jaxtyping import Bool, Float
 from numpy import ndarray
 
 from bonecam.material.dexels import Dexels, Poses, dexels_of
@@ -36,7 +36,11 @@ class CutDexels:
         )
 
     def cut_little(
-        self, lines: Sequence[Poses], removed: Sequence[Poses], cutter: Cutter, allowed: float
+        self,
+        lines: Sequence[Poses],
+        removed: Sequence[Poses],
+        cutter: Cutter,
+        allowed: Float[ndarray, " k"],
     ) -> Bool[ndarray, " k"]:
         """Whether neither the ball alone nor ball and flutes remove more than is `allowed` (mm^3) on straight moves
         through the poses of each line, behind tools in the poses `removed` of that line."""
@@ -46,7 +50,7 @@ class CutDexels:
         little = self.balls.removed_by(lines, removed, cutter.radius) <= allowed
         asked = np.flatnonzero(little).tolist()
         lines, removed = [lines[k] for k in asked], [removed[k] for k in asked]
-        little[asked] = self.cutters.removed_by(lines, removed, cutter.radius, cutter.reach) <= allowed
+        little[asked] = self.cutters.removed_by(lines, removed, cutter.radius, cutter.reach) <= allowed[asked]
         return np.asarray(little)
 
 

@@ -47,11 +47,18 @@ Poses = tuple[Float[ndarray, "m p 3"], Float[ndarray, "m p 3"]]
 
 
 def direct_links(
-    space: LinkSpace, ends: Contacts, starts: Contacts, short: float, lifts: Sequence[float] = LIFTS
+    space: LinkSpace,
+    ends: Contacts,
+    starts: Contacts,
+    short: float,
+    lifts: Sequence[float] = LIFTS,
+    arcs: Bool[ndarray, "k 2"] | None = None,
 ) -> list[LinkMoves | None]:
     """The lowest link from each end to its start, both left out, that removes nothing; None where it is too long,
     turns too far, passes the singularity, leaves the limits, or is not proven free. Straight links are no longer than
-    `short`, mm; they are raised by one of the `lifts`, mm."""
+    `short`, mm; they are raised by one of the `lifts`, mm. `arcs`: whether the end, and the start, is that of an arc.
+    """
+    arcs = np.zeros((len(ends[0]), 2), dtype=bool) if arcs is None else arcs
     link_moves: list[LinkMoves | None] = [None] * len(ends[0])
     away = np.linalg.norm(starts[0] - ends[0], axis=1)
     turns = angles_between(ends[2], starts[2])
@@ -62,14 +69,19 @@ def direct_links(
             break
         a, b = (contacts_of(contacts, left) for contacts in (ends, starts))
         links = _straight(a, b, lift * a[along], lift * b[along])
-        left = left[~_take(link_moves, left, links=links, between=(a, b), space=space, feed=feed)]
+        left = left[
+            ~_take(link_moves, left, links=links, between=(a, b), arcs=arcs[left], space=space, feed=feed)
+        ]
 
     turns = np.maximum(turns, angles_between(ends[1], starts[1]))
     open_ = np.array([link is None for link in link_moves], dtype=bool)
     left = np.flatnonzero(open_ & (away <= LONG) & (turns <= MAX_LONG_TURN))
     if len(left):
         a, b = (contacts_of(contacts, left) for contacts in (ends, starts))
-        _take(link_moves, left, links=_taut(space, a, b), between=(a, b), space=space, feed=space.feeds.link)
+        taut = _taut(space, a, b)
+        _take(
+            link_moves, left, links=taut, between=(a, b), arcs=arcs[left], space=space, feed=space.feeds.link
+        )
     return link_moves
 
 
@@ -84,12 +96,13 @@ def _take(
     which: Int[ndarray, " m"],
     links: Poses,
     between: tuple[Contacts, Contacts],
+    arcs: Bool[ndarray, "m 2"],
     space: LinkSpace,
     feed: float,
 ) -> Bool[ndarray, " m"]:
     """Put those of the links that may be taken into `link_moves`, at `which`; whether each of them is."""
     axes = _off_singularity(*links)
-    free = _free(space, (links[0], axes), *between)
+    free = _free(space, (links[0], axes), *between, arcs)
     for k, c, v in zip(which[free], links[0][free], axes[free], strict=True):
         link_moves[k] = moves_of(MoveKind.LINK, c, v, feed)
     return free
@@ -145,7 +158,9 @@ def _off_singularity(centres: Float[ndarray, "m p 3"], axes: Float[ndarray, "m p
     return avoid_singularity(axes.reshape(-1, 3), centres.reshape(-1, 3), link).reshape(axes.shape)
 
 
-def _free(space: LinkSpace, links: Poses, ends: Contacts, starts: Contacts) -> Bool[ndarray, " m"]:
+def _free(
+    space: LinkSpace, links: Poses, ends: Contacts, starts: Contacts, arcs: Bool[ndarray, "m 2"]
+) -> Bool[ndarray, " m"]:
     """Whether each link keeps off the singularity and within the limits, removes nothing and is proven free, with the
     moves from its end and to its start."""
     centres, axes = links
@@ -158,8 +173,10 @@ def _free(space: LinkSpace, links: Poses, ends: Contacts, starts: Contacts) -> B
     for contacts, lifted in ((ends[0], centres[:, 0]), (starts[0], centres[:, -1])):
         rising = contacts[:, None] + LIFTED[:, None] * (lifted - contacts)[:, None]
         free[free] = space.left_in_air(contacts[free], rising[free])
-    lines = list(zip(all_centres[free], all_axes[free], strict=True))
-    free[free] = space.cuts_little(lines, [(c[[0, -1]], v[[0, -1]]) for c, v in lines])
+    # the move onto a contact is a cut, the one onto an arc is not
+    stops = np.where(arcs[:, 1], all_centres.shape[1], all_centres.shape[1] - 1)
+    lines = [(all_centres[k, : stops[k]], all_axes[k, : stops[k]]) for k in np.flatnonzero(free)]
+    free[free] = space.cuts_little(lines, [(c[:1], v[:1]) for c, v in lines], arcs[free].sum(axis=1))
     free[free] = _proven_free(space, all_centres[free], all_axes[free])
     return free
 

@@ -16,7 +16,7 @@ from numpy import ndarray
 
 from bonecam.arrays import angles_between, dots, lengths, unit
 from bonecam.planning.links.direct import Contacts, contacts_of
-from bonecam.planning.links.link_space import CUT_ALLOWED, LinkSpace, Polyline
+from bonecam.planning.links.link_space import LinkSpace, Polyline
 
 SWEEP = np.radians(80.0)
 """Angle of an arc, radians: at its far end the tool comes and goes nearly along the normal."""
@@ -26,8 +26,6 @@ SHARES = (1.0, 0.5, 0.25)
 """Radii of the arcs that are tried, as shares of the lead radius."""
 TANGENT = np.radians(20.0)
 """A cut whose first move turns off by less from the move that leads to it (radians) begins tangentially."""
-ALLOWED = CUT_ALLOWED / 4
-"""An arc removes no more, mm^3: the rest of what a link may remove is left to what lies between two arcs."""
 CHORDS = (1, 2)
 """Straight moves of an arc whose chord is the first move of the cut: the longer one turns off by 16 degrees."""
 LEAST_SIDE = 0.5
@@ -141,7 +139,7 @@ def _free(space: LinkSpace, ends: _Ends, lines: Sequence[Polyline]) -> Bool[ndar
         else:
             free[k] = space.in_air(np.vstack([centres[:1], samples])[None])[0]
     asked = np.flatnonzero(free).tolist()
-    free[asked] = space.cuts_little([links[k] for k in asked], [ends.removed[k] for k in asked], ALLOWED)
+    free[asked] = space.arcs_cut_little([links[k] for k in asked], [ends.removed[k] for k in asked])
     asked = np.flatnonzero(free).tolist()
     free[asked] = space.polylines_free([lines[k] for k in asked], cutting=True)
     return free

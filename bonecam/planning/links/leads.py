@@ -89,8 +89,9 @@ def led_links(
     asked = [k for k, pair in enumerate(zip(out, into, strict=True)) if pair != (None, None)]
     ends = _far_ends(contacts, [int(ended[k][-1]) for k in asked], [out[k] for k in asked])
     starts = _far_ends(contacts, [int(begun[k][0]) for k in asked], [into[k] for k in asked])
+    arcs = np.array([(out[k] is not None, into[k] is not None) for k in asked], dtype=bool).reshape(-1, 2)
     links: list[LinkMoves | None] = [None] * len(out)
-    for k, link in zip(asked, direct_links(space, ends, starts, short, (0.0, *LIFTS)), strict=True):
+    for k, link in zip(asked, direct_links(space, ends, starts, short, (0.0, *LIFTS), arcs), strict=True):
         links[k] = None if link is None else with_arcs(space, link, out[k], into[k])
     return links
 

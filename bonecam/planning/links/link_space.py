@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 from bonecam.arrays import unit
@@ -35,7 +35,11 @@ IN_AIR = UNCERTAIN
 """A ball that is no deeper in the material is in air, mm: as accurately as the depth is known."""
 
 CUT_ALLOWED = 0.01
-"""A link removes no more, mm^3: half of what the simulation of the posted program allows."""
+"""What lies between two cuts, a link and the arcs at its ends, removes no more together, mm^3: half of what the
+simulation of the posted program allows."""
+
+ARC_ALLOWED = CUT_ALLOWED / 4
+"""An arc removes no more of that, mm^3: the rest is left to what lies between two arcs."""
 
 RAPID_SPARE = CELL
 """Rapids keep so far from the material, mm, as its rays tell it: they meet all that is wider than their distance."""
@@ -129,10 +133,22 @@ class LinkSpace:
         return np.asarray(~entered.reshape(centres.shape[:2]).any(axis=1))
 
     def cuts_little(
-        self, lines: Sequence[Polyline], contacts: Sequence[Polyline], allowed: float = CUT_ALLOWED
+        self, lines: Sequence[Polyline], contacts: Sequence[Polyline], arcs: Int[ndarray, " k"] | None = None
     ) -> Bool[ndarray, " k"]:
-        """Whether neither the ball alone nor ball and flutes remove more than is `allowed` (mm^3) on straight moves
-        through the poses of each line, but for what they have removed at the contacts of that line."""
+        """Whether neither the ball alone nor ball and flutes remove more than CUT_ALLOWED on straight moves through the
+        poses of each line, but for what they have removed at the contacts of that line; `arcs`, so many, that lie
+        between the same two cuts take their share of it."""
+        allowed = CUT_ALLOWED - ARC_ALLOWED * (np.zeros(len(lines)) if arcs is None else arcs)
+        return self._cut_little(lines, contacts, allowed)
+
+    def arcs_cut_little(self, lines: Sequence[Polyline], contacts: Sequence[Polyline]) -> Bool[ndarray, " k"]:
+        """As `cuts_little`, whether they remove no more than ARC_ALLOWED on each line."""
+        return self._cut_little(lines, contacts, np.full(len(lines), ARC_ALLOWED))
+
+    def _cut_little(
+        self, lines: Sequence[Polyline], contacts: Sequence[Polyline], allowed: Float[ndarray, " k"]
+    ) -> Bool[ndarray, " k"]:
+        """Whether no more than is `allowed` (mm^3) goes on each line."""
         if self.material is None or self.material.rays is None:
             return np.ones(len(lines), dtype=bool)
         return self.material.rays.cut_little(lines, contacts, self.checker.cutter, allowed)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 from bonecam.arrays import perpendicular
@@ -90,15 +90,19 @@ def departures(axis: Float[ndarray, "3"]) -> list[Departure]:
     return ways + [Departure(0.0, d) for d in leaning if d[2] >= min(axis[2], 0.0)]
 
 
-def find_retracts(space: LinkSpace, poses: Sequence[Pose]) -> list[Retract | None]:
+def find_retracts(
+    space: LinkSpace, poses: Sequence[Pose], behind_arc: Bool[ndarray, " n"] | None = None
+) -> list[Retract | None]:
     """The first departure of each pose that is proven free and in air, or else the first that is free and goes no
-    deeper than DEEPEST; None where there is none. The same departure of all poses is tried at once."""
+    deeper than DEEPEST; None where there is none. The same departure of all poses is tried at once. Those that lie
+    `behind_arc` share with their arc what may be removed."""
+    arcs = np.zeros(len(poses), dtype=np.int64) if behind_arc is None else behind_arc.astype(np.int64)
     choices = [departures(axis) for _, axis in poses]
     retracts: list[Retract | None] = [None] * len(poses)
     entering: list[list[_Way]] = [[] for _ in poses]
     for k in range(max((len(ways) for ways in choices), default=0)):
         left = [i for i, ways in enumerate(choices) if retracts[i] is None and k < len(ways)]
-        tried = _free_ways(space, [poses[i] for i in left], [choices[i][k] for i in left])
+        tried = _free_ways(space, [poses[i] for i in left], [choices[i][k] for i in left], arcs[left])
         for i, way in zip(left, tried, strict=True):
             if way is not None and _in_air(space, way.link, IN_AIR):
                 retracts[i] = way.retract
@@ -119,13 +123,15 @@ def _shallow(space: LinkSpace, ways: Sequence[_Way]) -> Retract | None:
     return next((way.retract for way in ways if _in_air(space, way.link, DEEPEST)), None)
 
 
-def _free_ways(space: LinkSpace, poses: Sequence[Pose], chosen: Sequence[Departure]) -> list[_Way | None]:
+def _free_ways(
+    space: LinkSpace, poses: Sequence[Pose], chosen: Sequence[Departure], arcs: Int[ndarray, " n"]
+) -> list[_Way | None]:
     """The retract of each pose by its departure; None where its ball cuts, or it is not proven free. Rays are asked
     before: in a pocket most departures cut, and the proofs take ten times as long."""
     ways = list(zip(poses, chosen, _lengths(space, poses, chosen), strict=True))
     lines = [_polyline(*way) for way in ways]
     starts = [(centre[None], axis[None]) for centre, axis in poses]
-    little = np.flatnonzero(space.cuts_little(lines, starts)).tolist()
+    little = np.flatnonzero(space.cuts_little(lines, starts, arcs)).tolist()
     free_ways: list[_Way | None] = [None] * len(poses)
     proven = _proven_ways(space, [lines[i] for i in little], [ways[i] for i in little])
     for i, way in zip(little, proven, strict=True):

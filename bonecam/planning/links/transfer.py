@@ -48,13 +48,11 @@ class Transfers:
         fresh = [pair for pair in dict.fromkeys(pairs) if pair not in self.found]
         contacts = dict.fromkeys(contact for pair in fresh for contact in pair)
         new = [contact for contact in contacts if contact not in self.retracts]
+        behind_arc = np.array([k in self.in_air for k in new], dtype=bool)
+        ways = find_retracts(self.space, [self.poses[k] for k in new], behind_arc)
         retracts = dict(self.retracts)
-        for pose, retract in zip(new, find_retracts(self.space, [self.poses[k] for k in new]), strict=True):
-            retracts[pose] = (
-                replace(retract, entry_feed=self.space.feeds.link)
-                if retract and pose in self.in_air
-                else retract
-            )
+        for pose, led, way in zip(new, behind_arc, ways, strict=True):
+            retracts[pose] = replace(way, entry_feed=self.space.feeds.link) if way and led else way
 
         ends = [(retracts[a], retracts[b]) for a, b in fresh]
         possible = [(out, into) for out, into in ends if out is not None and into is not None]

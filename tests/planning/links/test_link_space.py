@@ -15,7 +15,9 @@ from bonecam.material.in_process_stock import remove_material, uncut_material
 from bonecam.planning.collision.checker import CollisionChecker
 from bonecam.planning.collision.scene import Scene
 from bonecam.planning.layers.height_mesh import HeightMesh
-from bonecam.planning.links.link_space import LinkSpace
+from bonecam.planning.links import direct
+from bonecam.planning.links.direct import direct_links
+from bonecam.planning.links.link_space import ARC_ALLOWED, CUT_ALLOWED, LinkSpace
 from bonecam.planning.links.moves import Feeds
 from bonecam.setup.capsule import Capsule
 from bonecam.surface.tspline import TSpline
@@ -98,3 +100,55 @@ def test_what_flutes_removed_on_a_pass_may_be_passed_again(
     path = path_of(centres - cutter.radius * axes, axes, kinds=kinds, passes=passes, tool=cutter)
     cut = replace(space, material=remove_material(space.material, level_of(pebble()), path))  # type: ignore[arg-type]
     assert cut.cuts_little([below], [upright(np.zeros((0, 3)))]).all()
+
+
+def beside_the_stock(space: LinkSpace, depth: float, *y: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Ball centres, normals and axes at some y, all in air, where the flutes above stand `depth` (mm) in the stock's
+    cylinder over y = 0."""
+    stock = space.checker.scene.stock
+    x = float(stock.radius) + space.ball_radius - depth
+    axis = np.array([0.0, np.sin(0.1), np.cos(0.1)])
+    centres = np.array([[x, place, float(stock.start[2]) + 1.0] for place in y]) - 3.0 * axis
+    return centres, np.tile([1.0, 0.0, 0.0], (len(y), 1)), np.tile(axis, (len(y), 1))
+
+
+def volume(space: LinkSpace, depth: float, *y: float, gone: int | None = None) -> float:
+    """What flutes remove on the way through these y, mm3, behind the tool at the place `gone` of them."""
+    line = beside_the_stock(space, depth, *y)[::2]
+    removed = tuple(part[:0] if gone is None else part[[gone]] for part in line)
+    (cut,) = space.material.rays.cutters.removed_by([line], [removed], 2.0, 4.0)  # type: ignore[union-attr]
+    return float(cut)
+
+
+def runs_straight(space: LinkSpace, depth: float, y: tuple[float, float], arcs: list[bool]) -> bool:
+    """Whether there is a link from the one y to the other on the straight line; only rays tell against it."""
+    first, last = (beside_the_stock(space, depth, place) for place in y)
+    (link,) = direct_links(space, first, last, 3.0, (0.0,), np.array([arcs]))
+    return link is not None and bool(link.centres[:, 0].max() < first[0][0, 0] + 0.1)
+
+
+@pytest.fixture
+def told_by_rays(space: LinkSpace, monkeypatch: pytest.MonkeyPatch) -> LinkSpace:
+    monkeypatch.setattr(direct, "_proven_free", lambda _, centres, axes: np.ones(len(centres), dtype=bool))
+    return space
+
+
+def test_a_link_and_the_arcs_at_its_ends_share_what_may_be_removed_between_two_cuts(
+    told_by_rays: LinkSpace,
+) -> None:
+    space, depth = told_by_rays, 0.007
+    assert CUT_ALLOWED - 2 * ARC_ALLOWED < volume(space, depth, -1.0, 1.0) < CUT_ALLOWED - ARC_ALLOWED
+    line, nowhere = beside_the_stock(space, depth, -1.0, 1.0)[::2], upright(np.zeros((0, 3)))
+    assert space.cuts_little([line] * 3, [nowhere] * 3, np.arange(3)).tolist() == [True, True, False]
+    assert not space.arcs_cut_little([line], [nowhere]).any()
+    assert runs_straight(space, depth, (-1.0, 1.0), [True, False])
+    assert not runs_straight(space, depth, (-1.0, 1.0), [True, True])
+
+
+def test_what_a_link_removes_of_the_cut_that_it_leads_to_counts(told_by_rays: LinkSpace) -> None:
+    """The simulation runs the link before that cut."""
+    space, depth = told_by_rays, 0.012
+    beside_it, whole = (volume(space, depth, -1.0, 0.0, gone=gone) for gone in (1, None))
+    assert beside_it < CUT_ALLOWED - ARC_ALLOWED < whole
+    assert not runs_straight(space, depth, (-1.0, 0.0), [False, True])
+    assert runs_straight(space, depth / 2, (-1.0, 0.0), [False, True])
