@@ -1,5 +1,7 @@
 """Forces from rays against integrals over engagements that are known in closed form."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -16,40 +18,42 @@ BLOCK = Box(np.array([-8.0, -6.0, 0.0]), np.array([8.0, 6.0, 8.0]))
 COEFFICIENTS = np.array([631.0, 99.0, 273.0, 13.0, 10.0, 2.8])
 CELL = 0.1
 CUTTER = Cutter(1, "roughing", RADIUS, 8.0, 4.0, 30.0, (Frustum(50.0, 20.0, 20.0),), 4500.0, 900.0, 0.05)
+BULL = replace(CUTTER, corner_radius=0.5, lead=np.radians(20.0))
 
 
-def line(y, depth, step):
+def line(y, depth, step, cutter):
     """Pieces along X at a depth below the block's top, the tool upright."""
     x = np.arange(-11.0, 6.0, step)
-    centres = np.column_stack([x, np.full(len(x), y), np.full(len(x), 8.0 - depth + RADIUS)])
+    centres = np.column_stack([x, np.full(len(x), y), np.full(len(x), 8.0 - depth + cutter.centre_height)])
     count = len(x) - 1
     axes = np.tile([0.0, 0.0, 1.0], (count, 1))
     above = np.full((count, 2), np.inf), np.zeros((count, 2, 2))
     still = np.zeros(count), np.zeros(count, dtype=bool)
-    return Pieces(centres[:-1], centres[1:], axes, axes.copy(), np.arange(count), *still, *above)
+    poses = centres[:-1], centres[1:], axes, axes.copy()
+    return Pieces(*poses, np.arange(count), *still, *above, body=cutter.body)
 
 
-def cut(depth, *, y=0.0, chip=0.1, step=0.2, flutes=2, passes=1):
+def cut(depth, *, y=0.0, chip=0.1, step=0.2, flutes=2, passes=1, cutter=CUTTER):
     """The forces of the last of some passes along one line, the volumes of its moves, and which are within the
     block."""
-    pieces = line(y, depth, step)
+    pieces = line(y, depth, step, cutter)
     grid = lay_grid([BLOCK], CELL)
     sets = lay_rays([BLOCK], grid, 500.0)
     for _ in range(passes):
-        edges = edges_on(pieces, np.full(len(pieces.starts), chip), COEFFICIENTS, CELL, CUTTER)
+        edges = edges_on(pieces, np.full(len(pieces.starts), chip), COEFFICIENTS, CELL, cutter)
         asked = [edges_in_grid(edges, grid, k) for k in range(3)]
         sweeping = Sweeping(sets, grid, np.array(BLOCK.bounds), len(pieces.starts))
-        sweeping.run(pieces, CUTTER, lambda _: None, asked)
+        sweeping.run(pieces, cutter, lambda _: None, asked)
         sets = sweeping.sets
     inside = (pieces.starts[:, 0] > -4) & (pieces.ends[:, 0] < 4)
     return forces_of(edges, asked, flutes), sweeping.volumes, inside
 
 
-def exact(depth, first, last, chip=0.1, flutes=2, count=1000):
-    """The mean force of a ball that is engaged up to a depth from phi `first` to `last`, along feed, to the left of it
-    and up, by the midpoint rule."""
+def exact(depth, first, last, chip=0.1, flutes=2, count=1000, arc=RADIUS):
+    """The mean force of a ball, or a corner whose `arc` has another radius (mm), that is engaged up to a depth from phi
+    `first` to `last`, along feed, to the left of it and up, by the midpoint rule."""
     ktc, krc, kac, kte, kre, kae = COEFFICIENTS
-    end = np.arccos(1 - depth / RADIUS)
+    end = np.arccos(1 - depth / arc)
     kappa = (np.arange(count)[:, None] + 0.5) * end / count
     phi = first + (np.arange(count) + 0.5) * (last - first) / count
     thick = chip * np.sin(kappa) * np.cos(phi)
@@ -58,7 +62,7 @@ def exact(depth, first, last, chip=0.1, flutes=2, count=1000):
     up = meridian * np.sin(kappa) - normal * np.cos(kappa)
     ahead = tangential * np.sin(phi) + radial * np.cos(phi)
     left = radial * np.sin(phi) - tangential * np.cos(phi)
-    share = flutes * RADIUS * end / count * (last - first) / count / (2 * np.pi)
+    share = flutes * arc * end / count * (last - first) / count / (2 * np.pi)
     return share * np.array([ahead.sum(), left.sum(), up.sum()])
 
 
@@ -128,3 +132,28 @@ def test_the_load_lies_ahead_of_the_centre_and_below_it():
     assert (away[:, 0] > 0.5).all()
     assert (np.abs(away[:, 1]) < 0.05).all()
     assert (away[:, 2] < -RADIUS + 1.0).all()
+
+
+@pytest.mark.parametrize("depth", [0.25, 0.4, 0.5])
+@pytest.mark.parametrize(("y", "first", "last"), [(0.0, -1.0, 1.0), (6.0, -1.0, 0.0), (-6.0, 0.0, 1.0)])
+def test_the_corner_of_a_bull_nose_has_the_force_of_the_integral(depth, y, first, last):
+    forces, _, inside = cut(depth, y=y, cutter=BULL)
+    force = exact(depth, first * np.pi / 2, last * np.pi / 2, arc=BULL.corner_radius)
+    assert np.linalg.norm(forces.mean[inside].mean(0) - force) < 0.04 * np.linalg.norm(force)
+
+
+@pytest.mark.parametrize("depth", [0.4, 2.0])
+@pytest.mark.parametrize("y", [0.0, 6.0])
+def test_the_area_that_a_bull_nose_engages_sweeps_what_it_removes(depth, y):
+    forces, volumes, inside = cut(depth, y=y, cutter=BULL)
+    assert (forces.areas * 0.2)[inside].sum() == pytest.approx(volumes[inside].sum(), rel=0.02)
+
+
+def test_the_flutes_of_a_bull_nose_cut_above_its_corner():
+    """In a slot whose depth is four corners: 1.5 mm of flutes, whose integrals over half a turn are known."""
+    forces, _, inside = cut(2.0, cutter=BULL)
+    chip, (ktc, krc, kac, kte, kre, kae) = 0.1, COEFFICIENTS
+    flutes = np.array([krc * chip / 2 + 2 / np.pi * kre, -(ktc * chip / 2 + 2 / np.pi * kte), 0.0])
+    flutes[2] = 2 / np.pi * kac * chip + kae
+    force = exact(0.5, -np.pi / 2, np.pi / 2, arc=0.5) + 1.5 * flutes
+    assert np.linalg.norm(forces.mean[inside].mean(0) - force) < 0.01 * np.linalg.norm(force)
