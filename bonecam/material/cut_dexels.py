@@ -27,9 +27,10 @@ class CutDexels:
             return self
         radius, reach, body = path.cutter.radius, path.cutter.reach, path.cutter.body
         if len(body):
+            cutters = self.cutters.without(starts, ends, radius, reach, body)
+            one = self.balls is self.cutters
             return CutDexels(
-                self.balls.without(starts, ends, radius, reach, body),
-                self.cutters.without(starts, ends, radius, reach, body),
+                cutters if one else self.balls.without(starts, ends, radius, reach, body), cutters
             )
         return CutDexels(
             self.balls.without(starts, ends, radius), self.cutters.without(starts, ends, radius, reach)
@@ -62,7 +63,7 @@ def uncut_rays(stock: Stock) -> CutDexels:
 
 def cut_poses(path: ToolPath) -> tuple[Poses, Poses]:
     """Ball centre and axis at beginning and end of each cutting move; a pass begins with one of no length."""
-    centres = path.tips + path.cutter.centre_height * path.axes
+    centres = path.balls
     cutting = path.kinds == MoveKind.CUT
     goes_on = np.r_[False, cutting[:-1] & (path.pass_index[1:] == path.pass_index[:-1])]
     before = np.where(goes_on, np.arange(len(centres)) - 1, np.arange(len(centres)))

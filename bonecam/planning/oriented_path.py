@@ -131,7 +131,7 @@ def _idle_path(path: ContactPath, space: LinkSpace) -> ToolPath:
         pass_index=np.array([-1]),
         parameters=nan[:, :2],
         contacts=nan,
-        tips=(centre - path.cutter.centre_height * axis)[None],
+        tips=path.cutter.tips_of(centre, axis)[None],
         axes=axis[None],
         feed_rates=np.array([space.feeds.rapid]),
         uncut=path.uncut,
@@ -158,7 +158,7 @@ def _joined(
     small_turn = angles_between(axes[1:], axes[:-1]) <= MAX_TURN
     off_singularity = least_polar_angles(axes) > SINGULAR_ANGLE
     joined = np.r_[neighbours & small_turn & off_singularity, False]
-    tips = path.centres[index] - path.cutter.centre_height * axes
+    tips = path.cutter.tips_of(path.centres[index], axes)
     return checker.moves_free(tips, axes, joined, chosen.free_in_motion[index])
 
 
@@ -208,7 +208,7 @@ def _tool_path(
         pass_index=np.concatenate([*passes, away]),
         parameters=np.where(is_cut, path.parameters[contact], np.nan),
         contacts=np.where(is_cut, path.contacts[contact], np.nan),
-        tips=joined.centres - path.cutter.centre_height * joined.axes,
+        tips=path.cutter.tips_of(joined.centres, joined.axes),
         axes=joined.axes,
         feed_rates=joined.feeds,
         uncut=uncut,

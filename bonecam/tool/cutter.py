@@ -173,6 +173,18 @@ class Cutter:
         """Height above the tip of the centre of the ball that holds the end of the cutter, mm."""
         return self._envelope.height
 
+    def tips_of(
+        self, centres: Float[ndarray, "*n 3"], axes: Float[ndarray, "*n 3"]
+    ) -> Float[ndarray, "*n 3"]:
+        """The tips (mm) where the centres of the ball that holds the end are these and the axes so."""
+        return np.asarray(centres - self.centre_height * axes)
+
+    def centres_of(
+        self, tips: Float[ndarray, "*n 3"], axes: Float[ndarray, "*n 3"]
+    ) -> Float[ndarray, "*n 3"]:
+        """The centres (mm) of the ball that holds the end where the tips are these and the axes so."""
+        return np.asarray(tips + self.centre_height * axes)
+
     @cached_property
     def body(self) -> Float[ndarray, "k 3"]:
         """Cones that bound end and flutes of a bull nose: rows (sin phi, cos phi, s), and what they hold has

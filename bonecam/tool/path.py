@@ -148,7 +148,7 @@ class ToolPath:
     @property
     def balls(self) -> Float[ndarray, "n 3"]:
         """Centres of the ball, mm."""
-        return np.asarray(self.tips + self.cutter.centre_height * self.axes)
+        return self.cutter.centres_of(self.tips, self.axes)
 
     @property
     def leads(self) -> Float[ndarray, "n"]:

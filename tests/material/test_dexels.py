@@ -1,10 +1,17 @@
 """What stands on rays that cross one another, and what balls would remove of it."""
 
+from collections.abc import Callable
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from bonecam.job import Job
+from bonecam.material.cut_dexels import uncut_rays
 from bonecam.material.dexels import Dexels, dexels_of
 from bonecam.setup.stocks.box import Box
+from bonecam.tool.cutter import Cutter
+from bonecam.verify.removal.sweeping import volumes
 
 BLOCK = Box(np.array([-5.0, -4.0, 10.0]), np.array([5.0, 4.0, 30.0]))
 UP = np.array([0.0, 0.0, 1.0])
@@ -118,3 +125,21 @@ def test_what_flutes_have_removed_is_gone(block: Dexels) -> None:
     assert block.removed_by([there], NOTHING, RADIUS, 5.0)[0] == pytest.approx(
         3 * np.pi * RADIUS**2, rel=0.02
     )
+
+
+def test_a_bull_nose_is_taken_out_once_where_balls_have_cut_what_cutters_have(path_of: Callable) -> None:
+    job = Job().with_values(roughing={"shape": "bull"})
+    bull = Cutter.from_job(1, "roughing", job.tool("roughing"))
+    tips = np.array([[-9.0, 0.0, 28.0], [-8.0, 0.0, 28.0], [8.0, 0.0, 28.0]])
+    path = path_of(tips, np.tile(UP, (3, 1)), tool=bull)
+    uncut = uncut_rays(BLOCK)
+    assert uncut.balls is uncut.cutters
+    once = uncut.after(path)
+    assert once.balls is once.cutters
+    # behind a ball the two differ, and each is cut
+    apart = uncut.after(replace(path, cutter=replace(bull, corner_radius=0.0), tips=tips - 3.0 * UP)).after(
+        path
+    )
+    assert apart.balls is not apart.cutters
+    for left in (apart.balls, apart.cutters):
+        assert np.mean(volumes(left.sets)) < np.mean(volumes(once.balls.sets))

@@ -76,3 +76,13 @@ def test_flutes_must_reach_the_middle_of_the_ball() -> None:
 def test_a_corner_as_large_as_the_radius_is_refused() -> None:
     with pytest.raises(JobError, match="less than the radius"):
         _cutter(corner_radius=2.0)
+
+
+def test_centres_and_tips_lie_the_height_of_the_ball_apart_along_each_axis() -> None:
+    cutter = _cutter()
+    axes = np.array([[0.0, 0.0, 1.0], [0.6, 0.0, 0.8]])
+    tips = np.array([[1.0, 2.0, 3.0], [0.0, 0.0, 0.0]])
+    centres = cutter.centres_of(tips, axes)
+    np.testing.assert_allclose(centres[1], cutter.centre_height * axes[1])
+    np.testing.assert_allclose(cutter.tips_of(centres, axes), tips)
+    assert cutter.tips_of(centres[0], axes[0]).shape == (3,)

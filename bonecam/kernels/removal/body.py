@@ -121,43 +121,55 @@ def _tile_chords(
         lows[ray], highs[ray] = body_chord(u, v, 0.0, 0.0, 0.0, 1.0, axis, ways.body)
 
 
-@njit(cache=True, nogil=True)
-def cut_body(rays: RaySet, ways: Ways, i: int, foot: ndarray, axis: ndarray) -> tuple[float, bool]:
-    """Take what the body sweeps on way `i` out of the material, its place at the start left out; the volume removed
-    (mm^3), and whether a ray has no room for one more interval. `foot` and `axis` (3,) are written on."""
+@inner_njit()
+def _deepest_end(rays: RaySet, i: int, j: int, w: float, lows: ndarray, highs: ndarray) -> float:
+    """The largest distance to the nearest air, mm, of the ends of the chords, told from `w`, of tile (i, j)."""
+    deepest = 0.0
+    for ray in range(TILE * TILE):
+        if lows[ray] < highs[ray]:
+            u = (i * TILE + ALONG_U[ray]) * rays.cell
+            v = (j * TILE + ALONG_V[ray]) * rays.cell
+            deepest = max(deepest, air_on_set(rays, u, v, w + lows[ray]))
+            deepest = max(deepest, air_on_set(rays, u, v, w + highs[ray]))
+    return deepest
+
+
+@inner_njit()
+def _walk(
+    rays: RaySet, ways: Ways, i: int, foot: ndarray, axis: ndarray, cuts: bool
+) -> tuple[float, float, bool]:
+    """What the body meets on way `i`, its place at the start left out. Where it `cuts`, that goes: the volume (mm^3),
+    and last whether a ray has no room for one more interval. Else how deep its ends lie in what stands (mm), second."""
     lows, highs = np.empty(TILE * TILE), np.empty(TILE * TILE)
-    removed = 0.0
+    removed, deepest, full = 0.0, 0.0, False
     steps = _steps_of(ways, i)
     for k in range(1, steps + 1):
         piece_pose(ways, i, k / steps, foot, axis)
         for a, b in _tiles_at(rays, ways, foot, axis):
             _tile_chords(rays, a, b, ways, foot, axis, lows, highs)
+            if not cuts:
+                deepest = max(deepest, _deepest_end(rays, a, b, foot[2], lows, highs))
+                continue
             in_tile, full = cut_tile(rays, np.int64(rays.tile_of[a, b]), foot[2], lows, highs)
-            removed += in_tile
+            removed += in_tile * rays.cell * rays.cell
             if full:
-                return removed * rays.cell * rays.cell, True
-    return removed * rays.cell * rays.cell, False
+                return removed, deepest, full
+    return removed, deepest, full
+
+
+@njit(cache=True, nogil=True)
+def cut_body(rays: RaySet, ways: Ways, i: int, foot: ndarray, axis: ndarray) -> tuple[float, bool]:
+    """Take what the body sweeps on way `i` out of the material, its place at the start left out; the volume removed
+    (mm^3), and whether a ray has no room for one more interval. `foot` and `axis` (3,) are written on."""
+    removed, _, full = _walk(rays, ways, i, foot, axis, True)
+    return removed, full
 
 
 @njit(cache=True, nogil=True)
 def body_depth(rays: RaySet, ways: Ways, i: int, foot: ndarray, axis: ndarray) -> float:
     """The largest distance to the nearest air, mm, of the places where the rays leave the body inside material on way
-    `i`; 0 where it meets none."""
-    lows, highs = np.empty(TILE * TILE), np.empty(TILE * TILE)
-    deepest = 0.0
-    steps = _steps_of(ways, i)
-    for k in range(1, steps + 1):
-        piece_pose(ways, i, k / steps, foot, axis)
-        for a, b in _tiles_at(rays, ways, foot, axis):
-            _tile_chords(rays, a, b, ways, foot, axis, lows, highs)
-            for ray in range(TILE * TILE):
-                if lows[ray] >= highs[ray]:
-                    continue
-                u = (a * TILE + ALONG_U[ray]) * rays.cell
-                v = (b * TILE + ALONG_V[ray]) * rays.cell
-                deepest = max(deepest, air_on_set(rays, u, v, foot[2] + lows[ray]))
-                deepest = max(deepest, air_on_set(rays, u, v, foot[2] + highs[ray]))
-    return deepest
+    `i`; 0 where it meets none. `foot` and `axis` (3,) are written on."""
+    return _walk(rays, ways, i, foot, axis, False)[1]
 
 
 @njit(cache=True, nogil=True)

@@ -91,9 +91,8 @@ class _Easing:
 
     def slow(self, axes: Float[ndarray, "n 3"]) -> Bool[ndarray, " n"]:
         """Whether the move from each contact to the next is slow."""
-        height = self.path.cutter.centre_height
         limits = self.limits
-        ways = lengths(np.diff(self.path.centres - height * axes, axis=0))
+        ways = lengths(np.diff(self.path.cutter.tips_of(self.path.centres, axes), axis=0))
         return self.joined & np.r_[limits.turning_minutes(axes) * SHARE * self.path.cutter.feed > ways, False]
 
     def eased(
@@ -171,7 +170,6 @@ class _Easing:
         if not len(asked):
             return axes
         path = self.path
-        height = self.path.cutter.centre_height
         may = within_limits(tried[asked], path.normals[asked], self.limits, self.max_tilt)
         may &= angles_between(tried[asked], path.normals[asked]) >= self.leads[asked] - 1e-9
         may &= (~self.in_cone | self._in_cones(tried))[asked]
@@ -184,7 +182,7 @@ class _Easing:
         kept = (part >= 0) & ~bad[part]
         new = np.where(kept[:, None], tried, axes)
         moves = self.joined & (kept | np.r_[kept[1:], False])
-        free = self.checker.moves_free(path.centres - height * new, new, moves)
+        free = self.checker.moves_free(path.cutter.tips_of(path.centres, new), new, moves)
         for ends in (part, np.r_[part[1:], -1]):
             blocked = ends[moves & ~free]
             bad[blocked[blocked >= 0]] = True

@@ -23,7 +23,7 @@ def judged_axes(
     if not len(asked):
         return chosen, PoseCheck(0, 0)
     axes = chosen.axes[asked]
-    tips = path.centres[asked] - path.cutter.centre_height * axes
+    tips = path.cutter.tips_of(path.centres[asked], axes)
     model = build_fcl_model(checker.scene, path.cutter)
     refused = asked[[bool(name) for name in model.colliding_sections(tips, axes)]]
     reasons = np.array(chosen.reasons, dtype=object)

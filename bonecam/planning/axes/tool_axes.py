@@ -69,9 +69,7 @@ def choose_axes(
 
     same_pass = np.r_[passes[1:] == passes[:-1], False]
     known = wanted.certified & _with_neighbours((preferred == wanted.axes).all(axis=1))
-    in_motion = checker.free_in_motion(
-        centres - cutter.centre_height * preferred, preferred, same_pass, known
-    )
+    in_motion = checker.free_in_motion(cutter.tips_of(centres, preferred), preferred, same_pass, known)
     admissible = within_limits(preferred, path.normals, limits, max_tilt)
     open_ = np.flatnonzero(admissible & ~in_motion)
     admissible[open_] = checker.free_by_distance(centres[open_], preferred[open_])

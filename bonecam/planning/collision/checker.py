@@ -52,7 +52,7 @@ class CollisionChecker:
     def free(self, centres: Float[ndarray, "n 3"], axes: Float[ndarray, "n 3"]) -> Bool[ndarray, " n"]:
         """Whether poses at rest with these ball centres are free, by distances or, where those do not decide
         (in hollows hardly wider than the ball), by FCL."""
-        tips = centres - self.cutter.centre_height * axes
+        tips = self.cutter.tips_of(centres, axes)
         state = self._classify_at_rest(centres, axes, COLLIDING)
         return self._decided(state, tips, axes, np.arange(len(tips)), cutting=True)
 
@@ -61,7 +61,7 @@ class CollisionChecker:
     ) -> Bool[ndarray, " n"]:
         """Whether the tool is proven to keep `air` + `margin` (mm) from the material in poses with these ball
         centres."""
-        poses = Poses.at_rest(centres - self.cutter.centre_height * axes, axes, margin)
+        poses = Poses.at_rest(self.cutter.tips_of(centres, axes), axes, margin)
         return classify_poses(self.scene, self.cutter, poses, air=self.air, settled=UNDECIDED) == FREE
 
     def free_in_motion(
@@ -109,7 +109,7 @@ class CollisionChecker:
         self, centres: Float[ndarray, "n 3"], axes: Float[ndarray, "n 3"], settled: int
     ) -> Int[ndarray, " n"]:
         """State of poses with REST_MARGIN; `settled` as in `classify_poses`."""
-        poses = Poses.at_rest(centres - self.cutter.centre_height * axes, axes, REST_MARGIN)
+        poses = Poses.at_rest(self.cutter.tips_of(centres, axes), axes, REST_MARGIN)
         return classify_poses(self.scene, self.cutter, poses, settled=settled)
 
     def _subdivided_free(

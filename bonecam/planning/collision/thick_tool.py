@@ -60,7 +60,7 @@ def classify_thick_tool(
     The tool above the cutter is thicker by `sweep_margin`s of `margin` (mm), the cutter is thinner by
     the scene's `tangent_slack`; `air` as in `classify_poses`.
     """
-    centres = tips + cutter.centre_height * axes
+    centres = cutter.centres_of(tips, axes)
     ball, *above = cutter.profile
     around = _with_prisms(scene.around(ball.name, cutter.envelope_radius, air))
     thin = cutter.radius - scene.tangent_slack

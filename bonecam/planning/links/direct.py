@@ -190,7 +190,7 @@ def _proven_free(
     count, poses = centres.shape[:2]
     flat_centres, flat_axes = centres.reshape(-1, 3), axes.reshape(-1, 3)
     joined = np.tile(np.r_[np.ones(poses - 1, dtype=bool), False], count)
-    tips = flat_centres - space.checker.cutter.centre_height * flat_axes
+    tips = space.checker.cutter.tips_of(flat_centres, flat_axes)
     free = space.checker.moves_free(tips, flat_axes, joined, cutting=True)
     moves = np.flatnonzero(joined)
     free[moves] &= space.ball_free(flat_centres[moves], flat_centres[moves + 1])

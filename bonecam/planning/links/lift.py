@@ -69,7 +69,7 @@ def _with_points(
     arrays = {name: getattr(path, name)[source] for name in names}
     balls = (1 - fraction) * path.balls[row] + fraction * path.balls[row + 1]
     arrays["axes"][points] = axes[inside]
-    arrays["tips"][points] = (balls - path.cutter.centre_height * axes)[inside]
+    arrays["tips"][points] = path.cutter.tips_of(balls, axes)[inside]
     for name in ("parameters", "contacts"):
         values = getattr(path, name)
         arrays[name][points] = ((1 - fraction) * values[row] + fraction * values[row + 1])[inside]
@@ -103,7 +103,7 @@ def _with_lifts(
     names = ("kinds", "tips", "axes", "parameters", "contacts")
     arrays = {name: getattr(path, name)[source] for name in names} | {"feed_rates": feed_rates}
     arrays["kinds"][away] = joined.kinds
-    arrays["tips"][away] = joined.centres - path.cutter.centre_height * joined.axes
+    arrays["tips"][away] = path.cutter.tips_of(joined.centres, joined.axes)
     arrays["axes"][away] = joined.axes
     arrays["feed_rates"][away] = joined.feeds
     arrays["parameters"][away] = np.nan

@@ -171,8 +171,8 @@ class LinkSpace:
         ends = np.vstack([centres[1:] for centres, _ in polylines])
         first = np.vstack([axes[:-1] for _, axes in polylines])
         last = np.vstack([axes[1:] for _, axes in polylines])
-        start_tips = starts - self.checker.cutter.centre_height * first
-        end_tips = ends - self.checker.cutter.centre_height * last
+        start_tips = self.checker.cutter.tips_of(starts, first)
+        end_tips = self.checker.cutter.tips_of(ends, last)
         tips, axes = interpolate_poses(start_tips, end_tips, first, last, CHECK_STEPS)
 
         joined = np.tile(np.r_[np.ones(CHECK_STEPS, dtype=bool), False], len(first))

@@ -24,6 +24,6 @@ def steps_over(space: LinkSpace, ends: Contacts, starts: Contacts, longest: floa
     centres = np.stack([ends[0], starts[0]], axis=1)[may].reshape(-1, 3)
     turned = axes[may].reshape(-1, 3)
     joined = np.tile([True, False], int(may.sum()))
-    free = space.checker.moves_free(centres - space.checker.cutter.centre_height * turned, turned, joined)
+    free = space.checker.moves_free(space.checker.cutter.tips_of(centres, turned), turned, joined)
     may[may] = free[::2]
     return may

@@ -73,7 +73,7 @@ def show_path(plot: Plot, item: ToolPath, level: TriangleMesh, side: float = 1.0
     draw_shaded(plot, level, side)
     seen = np.array([side, 1.0])
     is_cut = item.kinds == MoveKind.CUT
-    normals = item.tips + item.cutter.centre_height * item.axes - item.contacts
+    normals = item.balls - item.contacts
     outward = np.where(is_cut[:, None], normals, item.axes)
     front = side * outward[:, 1] < 0
     shown = ((MoveKind.CUT, item.contacts, CUT_COLOUR), (MoveKind.LINK, item.tips, LINK_COLOUR))

@@ -45,8 +45,8 @@ def straight_pieces(motions: Motions, moves: Int[ndarray, " m"], cutter: Cutter)
     tips, axes = control.between(start[owner], end[owner], place / counts[owner])
     end_tips, end_axes = control.between(start[owner], end[owner], (place + 1) / counts[owner])
     return Pieces(
-        tips + cutter.centre_height * axes,
-        end_tips + cutter.centre_height * end_axes,
+        cutter.centres_of(tips, axes),
+        cutter.centres_of(end_tips, end_axes),
         start_axes=axes,
         end_axes=end_axes,
         moves=moves[owner],
