@@ -44,8 +44,9 @@ class Control:
         """The values of X, Y, Z (mm) and the rotary words (rad) that bring the tip to `tips` at `angles`."""
         if not self.tool_centre:
             return inverse_linear(self.machine, tips, angles, self.tool_length)
-        lift = self.centre_height if self.programs_centre else 0.0
-        points = tips + lift * tool_axes(self.machine, angles)
+        points = tips
+        if self.programs_centre:
+            points = tips + self.centre_height * tool_axes(self.machine, angles)
         return np.column_stack([self.machine.in_machine(points), angles])
 
     def poses(self, words: Float[ndarray, "n 5"]) -> tuple[Float[ndarray, "n 3"], Float[ndarray, "n 3"]]:
@@ -53,8 +54,8 @@ class Control:
         if not self.tool_centre:
             return forward(self.machine, words, self.tool_length)
         axes = tool_axes(self.machine, words[:, 3:])
-        lift = self.centre_height if self.programs_centre else 0.0
-        return self.machine.in_part(words[:, :3]) - lift * axes, axes
+        points = self.machine.in_part(words[:, :3])
+        return (points - self.centre_height * axes if self.programs_centre else points), axes
 
     def between(
         self, start: Float[ndarray, "n 5"], end: Float[ndarray, "n 5"], fraction: float | Float[ndarray, "n"]

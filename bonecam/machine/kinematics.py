@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from numpy import ndarray
 
-from bonecam.arrays import dots
+from bonecam.arrays import dots, lengths
 from bonecam.machine.axes import RotaryAxis
 from bonecam.machine.machine import Machine
 
@@ -35,13 +35,12 @@ def rotate(
     vectors: Float[ndarray, "n 3"], direction: Float[ndarray, "3"], angles: Float[ndarray, "n"]
 ) -> Float[ndarray, "n 3"]:
     """Rotate each vector by its angle (rad), right-handed about the unit direction (Rodrigues' formula)."""
-    cosine = np.cos(angles)[:, None]
-    sine = np.sin(angles)[:, None]
     x, y, z = direction
-    along = (vectors @ direction)[:, None] * direction
-    return (
-        along + (vectors - along) * cosine + (vectors @ np.array([[0, z, -y], [-z, 0, x], [y, -x, 0]])) * sine
-    )
+    # a coordinate a row: numpy's loops are short otherwise
+    columns = np.ascontiguousarray(vectors.T)
+    along = direction[:, None] * (direction @ columns)
+    across = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]]) @ columns
+    return np.ascontiguousarray((along + (columns - along) * np.cos(angles) + across * np.sin(angles)).T)
 
 
 def _rotate_about(points: ndarray, axis: RotaryAxis, angles: ndarray) -> ndarray:
@@ -125,8 +124,8 @@ def inverse_rotary(
     d2 = np.array(two.direction)
     # within rounding of the singular direction the angle is noise: the joint is free there
     cone = max(np.sin(hold_cone), 4 * np.sqrt(np.finfo(float).eps))
-    free1 = np.linalg.norm(np.cross(w, d1), axis=1) <= cone
-    free2 = np.linalg.norm(np.cross(v, d2), axis=1) <= cone
+    free1 = lengths(np.cross(w, d1)) <= cone
+    free2 = lengths(np.cross(v, d2)) <= cone
     column1 = machine.column(one) - 3
     column2 = machine.column(two) - 3
     if one.locked or two.locked:
@@ -187,7 +186,7 @@ def _locked_rotary(
 
 def within_limits(machine: Machine, found: Float[ndarray, "n 2 2"]) -> Bool[ndarray, "n 2"]:
     """Which solutions of `inverse_rotary` lie within the rotary limits, whole turns allowed."""
-    inside = np.isfinite(found).all(2)
+    inside = np.isfinite(found[:, :, 0] + found[:, :, 1])
     guard = LIMIT_GUARD
     for column, axis in enumerate(machine.rotary):
         low, high = axis.limits

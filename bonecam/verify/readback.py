@@ -15,7 +15,7 @@ from numpy import ndarray
 from bonecam.errors import VerifyError
 from bonecam.kernels.align import align_moves
 from bonecam.nc.dialect import Dialect
-from bonecam.nc.posting.path_words import SLOW, axis_minutes
+from bonecam.nc.posting.path_words import SLOW, axis_minutes, joints_and_lengths
 from bonecam.nc.reading.motions import Motions
 from bonecam.tool.path import MoveKind, ToolPath
 
@@ -206,7 +206,8 @@ def _by_turn(motions: Motions, slow: Float[ndarray, "n"]) -> Bool[ndarray, "n"]:
     words = np.column_stack([motions.words[:, :3], np.degrees(motions.words[:, 3:])])
     for number, control in motions.controls.items():
         rows = motions.tools == number
-        needed[rows] = axis_minutes(control, words)[rows]
+        joints, _ = joints_and_lengths(control, words)
+        needed[rows] = axis_minutes(control.machine, joints)[rows]
     share = motions.feed_rates * needed
     length = np.r_[0.0, np.linalg.norm(np.diff(motions.tips, axis=0), axis=1)]
     slower = motions.feed_rates * length < slow

@@ -7,7 +7,8 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
-from bonecam.arrays import dots
+from bonecam.arrays import dots, largest
+from bonecam.arrays import lengths as lengths_of
 from bonecam.errors import MachineError
 from bonecam.job import Job, PathJob
 from bonecam.machine.control import Control
@@ -31,7 +32,8 @@ its turn: it lasts as long as its slowest axis needs. At 900 mm/min that is 18 m
 
 @dataclass(frozen=True, eq=False)
 class Posted:
-    """A tool path ready to be written. `words` (n, 5) are mm and degrees, rounded as they are written.
+    """A tool path ready to be written. `words` (n, 5) are mm and degrees, rounded as they are written; at them stand
+    the `joints` (n, 5), mm and rad. `lengths` (n,) is how far the tip moves to arrive at each row, mm.
 
     `runs` are the ranges of rows (first, end) between two retracts.
 
@@ -45,6 +47,8 @@ class Posted:
     control: Control
     moves: ProgramMoves
     words: Float[ndarray, "n 5"]
+    joints: Float[ndarray, "n 5"]
+    lengths: Float[ndarray, "n"]
     runs: tuple[tuple[int, int], ...]
     approaches: Float[ndarray, "r 5"]
     minutes: Float[ndarray, "n"]
@@ -76,11 +80,6 @@ class Posted:
         timed = self.dialect.feed_mode != "per-minute"
         slow = self.lengths < SLOW * self.path.cutter.feed * self.axis_minutes
         return timed & (slow | (self.lengths <= self.dialect.numbers.length.step))
-
-    @cached_property
-    def lengths(self) -> Float[ndarray, "n"]:
-        """How far the tip moves to arrive at each row by the words as they are written, mm in the part's frame."""
-        return _lengths(self.control, self.words)
 
 
 def control_of(machine: Machine, dialect: Dialect, cutter: Cutter) -> Control:
@@ -127,14 +126,17 @@ def post_path(
         + np.maximum(lift, APPROACH_HEIGHT)[:, None] * control.poses(np.radians(words[starts]))[1]
     )
     approaches = round_words(dialect, control, above, angles[starts])
-    fastest = axis_minutes(control, words, starts)
-    minutes = _move_minutes(moves, _lengths(control, words), fastest, starts, job)
+    joints, lengths = joints_and_lengths(control, words)
+    fastest = axis_minutes(machine, joints, starts)
+    minutes = _move_minutes(moves, lengths, fastest, starts, job)
     return Posted(
         path,
         dialect,
         control=control,
         moves=moves,
         words=words,
+        joints=joints,
+        lengths=lengths,
         runs=runs,
         approaches=approaches,
         minutes=minutes,
@@ -157,48 +159,38 @@ def round_words(
     return np.column_stack([linear, rounded_angles])
 
 
-def joints_of(posted: Posted, words: Float[ndarray, "n 5"]) -> Float[ndarray, "n 5"]:
-    """The joints (mm, rad) of the machine at words (mm, deg)."""
-    return _joints(posted.control, words)
-
-
-def _joints(control: Control, words: Float[ndarray, "n 5"]) -> Float[ndarray, "n 5"]:
-    """The joints (mm, rad) at words (mm, deg)."""
+def joints_and_lengths(
+    control: Control, words: Float[ndarray, "n 5"]
+) -> tuple[Float[ndarray, "n 5"], Float[ndarray, "n"]]:
+    """The joints (mm, rad) at words (mm, deg), and how far the tip moves to arrive at each, mm in the part's frame."""
     radians = np.column_stack([words[:, :3], np.radians(words[:, 3:])])
-    if not control.tool_centre:
-        return radians
     tips, _ = control.poses(radians)
-    return inverse_linear(control.machine, tips, radians[:, 3:], control.tool_length)
+    lengths = lengths_of(np.diff(tips, axis=0, prepend=tips[:1]))
+    if not control.tool_centre:
+        return radians, lengths
+    return inverse_linear(control.machine, tips, radians[:, 3:], control.tool_length), lengths
 
 
 def drivable_rates(control: Control, words: Float[ndarray, "n 5"], highest: float) -> Float[ndarray, "m"]:
     """The feeds (mm/min) of the n - 1 moves from each row of words (mm, deg) to the next: `highest`, or what the
     slowest axis can follow."""
-    minutes = axis_minutes(control, words)[1:]
-    lengths = _lengths(control, words)[1:]
+    joints, lengths = joints_and_lengths(control, words)
+    minutes = axis_minutes(control.machine, joints)[1:]
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.where(lengths > STILL, np.minimum(highest, lengths / minutes), highest)
+        return np.where(lengths[1:] > STILL, np.minimum(highest, lengths[1:] / minutes), highest)
 
 
 def axis_minutes(
-    control: Control, words: Float[ndarray, "n 5"], starts: Int[ndarray, " r"] | None = None
+    machine: Machine, joints: Float[ndarray, "n 5"], starts: Int[ndarray, " r"] | None = None
 ) -> Float[ndarray, "n"]:
-    """Minutes that the slowest axis needs for the move that arrives at each row of words (mm, deg); where a run
+    """Minutes that the slowest axis needs for the move that arrives at each row of joints (mm, rad); where a run
     `starts`, the slower rotary axis."""
-    machine = control.machine
     speeds = np.array([axis.speed for axis in machine.linear] + [axis.speed for axis in machine.rotary])
-    joints = _joints(control, words)
-    slowest = np.r_[0.0, (np.abs(np.diff(joints, axis=0)) / speeds).max(1, initial=0.0)]
+    slowest = np.r_[0.0, largest(np.abs(np.diff(joints, axis=0)) / speeds)]
     if starts is not None:
         rotary = np.abs(np.diff(joints[:, 3:], axis=0, prepend=joints[:1, 3:])) / speeds[3:]
         slowest[starts] = rotary[starts].max(1)
     return slowest
-
-
-def _lengths(control: Control, words: Float[ndarray, "n 5"]) -> Float[ndarray, "n"]:
-    """How far the tip moves to arrive at each row of words (mm, deg), mm in the part's frame."""
-    tips, _ = control.poses(np.column_stack([words[:, :3], np.radians(words[:, 3:])]))
-    return np.asarray(np.linalg.norm(np.diff(tips, axis=0, prepend=tips[:1]), axis=1))
 
 
 def _move_minutes(

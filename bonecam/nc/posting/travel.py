@@ -12,7 +12,7 @@ from bonecam.errors import MachineError
 from bonecam.job import Job
 from bonecam.machine.machine import Machine
 from bonecam.nc.dialect import Dialect
-from bonecam.nc.posting.path_words import APPROACH_HEIGHT, Posted, joints_of, round_words
+from bonecam.nc.posting.path_words import APPROACH_HEIGHT, Posted, joints_and_lengths, round_words
 from bonecam.nc.posting.start import start_words
 from bonecam.workholding.clamping import holding_columns
 from bonecam.workholding.tailstock import tailstock_bodies
@@ -39,8 +39,9 @@ def travel_of(machine: Machine, job: Job, paths: Sequence[Posted]) -> Travel:
             for words in posted.approaches
             if dialect.starts_at_zero
         ]
-        nose = joints_of(posted, np.vstack([posted.words, posted.approaches, *starts]))
-        nose = np.vstack([nose, _over_zero(dialect, machine, nose[:1], retract)])
+        more, _ = joints_and_lengths(control, np.vstack([posted.approaches, *starts]))
+        first = _over_zero(dialect, machine, posted.joints[:1], retract)
+        nose = np.vstack([posted.joints, more, first])
         nose[:, 3:] = np.degrees(nose[:, 3:])
         nose[:, 2] += control.tool_length
         for column, axis in enumerate(machine.linear):
@@ -80,7 +81,8 @@ def _raised(
     posted: Posted, words: Float[ndarray, "1 5"], height: float, more: float = 0.0
 ) -> Float[ndarray, "5"]:
     """Words (mm, deg) moved along the tool axis until the tip is at a machine Z of `height`, and by `more`."""
-    lift = max(height - float(joints_of(posted, words)[0, 2]), 0.0) + more
+    joints, _ = joints_and_lengths(posted.control, words)
+    lift = max(height - float(joints[0, 2]), 0.0) + more
     radians = np.column_stack([words[:, :3], np.radians(words[:, 3:])])
     if not posted.control.tool_centre:
         return np.asarray(words[0] + [0.0, 0.0, lift, 0.0, 0.0])
@@ -91,11 +93,12 @@ def _raised(
 def _retract_height(machine: Machine, job: Job, paths: Sequence[Posted]) -> float:
     """Machine Z (mm, of the tip) above everything the program does, and above table and chuck, whatever the rotary
     axes do meanwhile."""
-    heights = [joints_of(posted, posted.approaches)[:, 2].max() for posted in paths]
+    approaches = [joints_and_lengths(posted.control, posted.approaches)[0] for posted in paths]
+    heights = [joints[:, 2].max() for joints in approaches]
     if machine.part_axes:
         pivot = np.array(machine.part_axes[-1].pivot)
         # while the table swings under the tool, the part sweeps at most this ball about the pivot
-        reach = [lengths(joints_of(posted, posted.words)[:, :3] - pivot).max() for posted in paths]
+        reach = [lengths(posted.joints[:, :3] - pivot).max() for posted in paths]
         heights.append(pivot[2] + max(*reach, table_reach(machine, job)))
     return float(np.ceil(max(heights) + APPROACH_HEIGHT))
 

@@ -6,10 +6,10 @@ c v, which it does within BLEND. On a move an axis with the share q allows the p
 forwards and one backwards lower the speeds until no move speeds up or slows down faster: the time-optimal speed for
 straight moves and constant bounds (Bobrow, Dubowsky and Gibson 1985).
 
-Where the jerk of all axes is known too, ramps are S-shaped (`jerk_ramps.py`). Both passes then heed how far each ramp
-has come: over many short moves it builds up one acceleration, with the least acceleration and jerk that it has met.
-What that leaves out is that a control may overshoot a mean speed within a ramp; a move in the middle of one is told at
-the mean of the speeds at its ends.
+Where the jerk of all axes is known too, ramps are S-shaped (`kernels/motion/ramps.py`). Both passes then heed how far
+each ramp has come: over many short moves it builds up one acceleration, with the least acceleration and jerk that it
+has met. What that leaves out is that a control may overshoot a mean speed within a ramp; a move in the middle of one is
+told at the mean of the speeds at its ends.
 """
 
 import math
@@ -18,10 +18,11 @@ import numpy as np
 from jaxtyping import Bool, Float
 from numpy import ndarray
 
+from bonecam.arrays import largest
+from bonecam.kernels.motion.ramps import ramped_times
 from bonecam.machine.axes import LinearAxis, RotaryAxis
 from bonecam.machine.machine import Machine
-from bonecam.nc.posting.feeds.jerk_ramps import move_times, reached
-from bonecam.nc.posting.path_words import Posted, joints_of
+from bonecam.nc.posting.path_words import Posted
 
 BLEND = 0.01 / 60
 """Time within which a control rounds the corner between two moves, min: ten cycles of 1 ms."""
@@ -46,7 +47,7 @@ def accelerated_minutes(posted: Posted) -> Float[ndarray, "n"]:
     axes: list[LinearAxis | RotaryAxis] = [*machine.linear, *machine.rotary]
     most = np.array([axis.acceleration for axis in axes])
     jerks = np.array([axis.jerk if knows_jerks(machine) else math.inf for axis in axes])
-    joints = joints_of(posted, posted.words)
+    joints = posted.joints
     minutes = posted.minutes.copy()
     for first, end in posted.runs:
         if end - first > 1:
@@ -64,58 +65,17 @@ def _minutes(
 ) -> Float[ndarray, "m"]:
     """Minutes of the moves between successive joints that begin and end at rest; `at_feed` are those without
     accelerations, `most` the accelerations and `jerks` the jerks of the axes."""
-    steps = np.abs(np.diff(joints, axis=0))
-    moving: Bool[ndarray, "m"] = (steps.max(axis=1) > 0) & (at_feed > 0)
+    steps = np.diff(joints, axis=0)
+    moving: Bool[ndarray, "m"] = (largest(np.abs(steps)) > 0) & (at_feed > 0)
     minutes = at_feed.copy()
-    signed = np.diff(joints, axis=0)[moving]
     at_feed = at_feed[moving]
     if not len(at_feed):
         return minutes
     # path lengths are the times at the feed: the speed is 1 where nothing lowers it
-    rates = signed / at_feed[:, None]
+    rates = steps[moving] / at_feed[:, None]
     with np.errstate(divide="ignore"):
-        corner = (most * BLEND / np.abs(np.diff(rates, axis=0))).min(axis=1, initial=np.inf)
-        acceleration, jerk = ((bound / np.abs(rates)).min(axis=1) for bound in (most, jerks))
+        corner = BLEND / largest(np.abs(np.diff(rates, axis=0)) / most)
+        acceleration, jerk = (1 / largest(np.abs(rates) / bound) for bound in (most, jerks))
     highest = np.r_[0.0, np.minimum(corner, 1.0), 0.0]
-    forwards, up = _ramped(highest, at_feed, acceleration, jerk)
-    backwards, down = _ramped(forwards[::-1], at_feed[::-1], acceleration[::-1], jerk[::-1])
-    speeds, down = backwards[::-1], down[::-1]
-    kept = speeds == forwards
-    own = move_times(speeds[:-1], speeds[1:], acceleration, jerk, at_feed)
-    inside = np.where(kept[1:] & kept[:-1], up, np.nan)
-    inside = np.where(np.isnan(inside), down, inside)
-    minutes[moving] = np.where(np.isnan(inside), own, inside)
+    minutes[moving] = ramped_times(highest, at_feed, acceleration, jerk)
     return minutes
-
-
-def _ramped(
-    highest: Float[ndarray, "n"], ways: Float[ndarray, "m"], a: Float[ndarray, "m"], j: Float[ndarray, "m"]
-) -> tuple[Float[ndarray, "n"], Float[ndarray, "m"]]:
-    """Speeds at the ends of moves, at most the `highest`, that no ramp exceeds forwards, and the times of the moves
-    that lie within a ramp, NaN of the others. A ramp begins where the speed is as high as may be."""
-    speeds = highest.tolist()
-    times = [math.nan] * len(ways)
-    begin = speeds[0]
-    way = 0.0
-    least_a = math.inf
-    least_j = math.inf
-    since = 0.0
-    for k, (step, own_a, own_j) in enumerate(zip(ways.tolist(), a.tolist(), j.tolist(), strict=True)):
-        way = way + step
-        least_a = min(least_a, own_a)
-        least_j = min(least_j, own_j)
-        jerked = math.isfinite(least_j)
-        far = reached(begin, way, least_a, least_j) if jerked else reached(speeds[k], step, own_a, math.inf)
-        if far >= speeds[k + 1]:
-            begin = speeds[k + 1]
-            way = 0.0
-            least_a = math.inf
-            least_j = math.inf
-            since = 0.0
-            continue
-        # a ramp takes its way at the mean of its ends
-        until = 2 * way / (begin + far)
-        if jerked:
-            times[k] = until - since
-        speeds[k + 1], since = far, until
-    return np.array(speeds), np.array(times)

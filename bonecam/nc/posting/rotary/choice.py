@@ -17,7 +17,7 @@ from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 from bonecam.errors import MachineError
-from bonecam.kernels.chain import cheapest_chain
+from bonecam.kernels.motion.chain import cheapest_chain
 from bonecam.machine.axes import RotaryAxis
 from bonecam.machine.kinematics import LIMIT_GUARD, inverse_rotary, within_limits
 from bonecam.machine.machine import Machine
@@ -190,7 +190,7 @@ def _least_travel(
     first_turns, second_turns = _turns(machine, solutions)
     turns = np.array([[a, b] for a in first_turns for b in second_turns])
     values = (solutions[:, :, None, :] + FULL_TURN * turns).reshape(len(solutions), -1, 2)
-    allowed = np.asarray(np.isfinite(values).all(axis=2))
+    allowed = np.asarray(np.isfinite(values[:, :, 0] + values[:, :, 1]))
     start = np.zeros(values.shape[1])
     for column, axis in enumerate(machine.rotary):
         if axis.bounded:

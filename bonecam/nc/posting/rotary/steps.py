@@ -4,7 +4,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
 
-from bonecam.arrays import dots, lengths
+from bonecam.arrays import angles_between, lengths, unit
 from bonecam.machine.kinematics import tool_axes
 from bonecam.machine.machine import Machine
 
@@ -27,7 +27,7 @@ def rotary_steps(
         change -= FULL_TURN * turned
         near = np.flatnonzero(_stays_near(machine, found[:-1, a], change, axes[:-1], axes[1:]))
         travel[:, a, b] = np.inf
-        travel[near, a, b] = np.abs(change[near]).sum(1)
+        travel[near, a, b] = _rotation(change[near])
         wraps[near, a, b] = np.where(bounded, turned[near], 0.0)
     return travel, wraps
 
@@ -41,17 +41,19 @@ def _stays_near(
     A rotation by T (rad, the sum of both joints) leads the axis halfway off by at most T^2 / 8, which settles
     most moves. False where a state is NaN.
     """
-    rotation = np.abs(change).sum(1)
+    rotation = _rotation(change)
     chord = lengths(after - before)
     near = (rotation < SMALL_ROTATION) & (rotation**2 / 8 <= 0.7 * chord)
     ask = np.flatnonzero(~near & np.isfinite(rotation))
     middle = tool_axes(machine, start[ask] + change[ask] / 2)
     before = before[ask]
     after = after[ask]
-    straight = before + after
     # opposite axes have no middle: then no linear way follows them
-    straight = straight / np.maximum(np.linalg.norm(straight, axis=1), np.finfo(float).tiny)[:, None]
-    between = np.arctan2(np.linalg.norm(np.cross(before, after), axis=1), dots(before, after))
-    off = np.arctan2(np.linalg.norm(np.cross(middle, straight), axis=1), dots(middle, straight))
-    near[ask] = off <= 0.75 * between + 1e-9
+    off = angles_between(middle, unit(before + after))
+    near[ask] = off <= 0.75 * angles_between(before, after) + 1e-9
     return np.asarray(near)
+
+
+def _rotation(change: Float[ndarray, "n 2"]) -> Float[ndarray, "n"]:
+    """How far both joints turn, rad."""
+    return np.asarray(np.abs(change[:, 0]) + np.abs(change[:, 1]))

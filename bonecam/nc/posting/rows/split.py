@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
-from bonecam.arrays import dots, lengths
+from bonecam.arrays import angles_between, largest, lengths, unit
 from bonecam.errors import MachineError
 from bonecam.machine.control import Control
 from bonecam.machine.kinematics import tool_axes
@@ -71,6 +71,7 @@ def split_moves(
     axes = path.axes
     rows = np.arange(len(path.tips))
     locked = any(axis.locked for axis in control.machine.rotary)
+    known = np.full((len(tips), 2), np.nan)
     for _ in range(MAX_ROUNDS):
         choice = choose_angles(control.machine, axes, kinds, hold_cone, before)
         if locked:
@@ -78,7 +79,19 @@ def split_moves(
             balls = tips + control.centre_height * axes
             axes = tool_axes(control.machine, choice.angles)
             tips = balls - control.centre_height * axes
-        pieces = _pieces(control, kinds, tips=tips, axes=axes, angles=choice.angles, tolerance=tolerance)
+        # what was fine enough stays so while its angles do
+        new = (choice.angles != known).any(1) | choice.rewinds
+        asked = np.flatnonzero(new[1:] | new[:-1])
+        pieces = np.ones(len(tips) - 1, dtype=np.int64)
+        ends = asked[:, None] + [0, 1]
+        pieces[asked] = _pieces(
+            control,
+            kinds[asked + 1],
+            tips=tips[ends],
+            axes=axes[ends],
+            angles=choice.angles[ends],
+            tolerance=tolerance,
+        )
         pieces[choice.rewinds[1:]] = 1
         if (pieces == 1).all():
             return ProgramMoves(
@@ -92,6 +105,7 @@ def split_moves(
             )
         earlier, fractions, after = _new_rows(pieces)
         tips, axes = between(tips, axes, control.centre_height, earlier, fractions)
+        known = np.where((fractions % 1 == 0)[:, None], choice.angles[after], np.nan)
         kinds = kinds[after]
         rows = rows[after]
     row = int(rows[1 + np.argmax(pieces)])
@@ -115,13 +129,12 @@ def between(
     a = axes[before]
     b = axes[after]
     part = fractions[:, None]
-    angle = np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), dots(a, b))[:, None]
+    angle = angles_between(a, b)[:, None]
     sine = np.sin(angle)
     small = sine < 1e-9
     weights = np.where(small, 1 - part, np.sin((1 - part) * angle) / np.where(small, 1, sine))
     weights_after = np.where(small, part, np.sin(part * angle) / np.where(small, 1, sine))
-    turned = weights * a + weights_after * b
-    turned /= np.linalg.norm(turned, axis=1, keepdims=True)
+    turned = unit(weights * a + weights_after * b)
     centres = (1 - part) * (tips[before] + radius * a) + part * (tips[after] + radius * b)
     whole = fractions == 1
     start = fractions == 0
@@ -142,35 +155,40 @@ def _new_rows(pieces: ndarray) -> tuple[ndarray, ndarray, ndarray]:
 
 
 def _pieces(
-    control: Control, kinds: ndarray, tips: ndarray, axes: ndarray, angles: ndarray, tolerance: float
-) -> ndarray:
-    """The number of equal pieces that each move is split into, (n - 1,)."""
-    if len(tips) < 2:
-        return np.ones(0, dtype=np.int64)
-    words = control.words(tips, angles)
-    rapid = kinds[1:] == MoveKind.RAPID
+    control: Control,
+    kinds: Int[ndarray, " m"],
+    tips: Float[ndarray, "m 2 3"],
+    axes: Float[ndarray, "m 2 3"],
+    angles: Float[ndarray, "m 2 2"],
+    tolerance: float,
+) -> Int[ndarray, " m"]:
+    """The number of equal pieces that each move is split into; tips, axes and angles are those of its two ends."""
+    first, last = (control.words(tips[:, end], angles[:, end]) for end in (0, 1))
+    rapid = kinds == MoveKind.RAPID
     allowed = np.where(rapid, RAPID_FACTOR * tolerance, tolerance)
-    worst = np.zeros(len(words) - 1)
-    starts = tips[:-1] + control.centre_height * axes[:-1]
-    ends = tips[1:] + control.centre_height * axes[1:]
-    middle = _axis_halfway(axes[:-1], axes[1:])
+    worst = np.zeros(len(kinds))
+    centres = tips + control.centre_height * axes
+    middle = _axis_halfway(axes[:, 0], axes[:, 1])
     quarters = (
-        (0.25, _axis_halfway(axes[:-1], middle)),
+        (0.25, _axis_halfway(axes[:, 0], middle)),
         (0.5, middle),
-        (0.75, _axis_halfway(middle, axes[1:])),
+        (0.75, _axis_halfway(middle, axes[:, 1])),
     )
     for fraction, turned in quarters:
-        tip, axis = control.between(words[:-1], words[1:], fraction)
+        tip, axis = control.between(first, last, fraction)
         tilted = axis - turned
-        centre = tip + control.centre_height * axis - (1 - fraction) * starts - fraction * ends
+        path = (1 - fraction) * centres[:, 0] + fraction * centres[:, 1]
+        centre = tip + control.centre_height * axis - path
         off = np.maximum(lengths(centre), lengths(centre - control.centre_height * tilted))
         worst = np.maximum(worst, np.maximum(off / allowed, lengths(tilted) / AXIS_TOLERANCE))
     pieces = np.where(worst > 1, np.ceil(np.sqrt(1.1 * np.minimum(worst, 1e4))), 1)
-    at_pole = lengths(np.diff(axes, axis=0)) < POLE_PASS
-    rotation = np.abs(np.diff(angles, axis=0)).max(1) / np.where(rapid | at_pole, MAX_RAPID_TURN, MAX_TURN)
+    at_pole = lengths(axes[:, 1] - axes[:, 0]) < POLE_PASS
+    rotation = largest(np.abs(angles[:, 1] - angles[:, 0])) / np.where(
+        rapid | at_pole, MAX_RAPID_TURN, MAX_TURN
+    )
     pieces = np.maximum(pieces, np.ceil(rotation - 1e-9))
     if not control.tool_centre:
-        length = lengths(np.diff(tips, axis=0))
+        length = lengths(tips[:, 1] - tips[:, 0])
         pieces = np.maximum(pieces, np.where(rapid, 1, np.ceil(length / MAX_MOVE - 1e-9)))
     return np.maximum(pieces, 1).astype(np.int64)
 
