@@ -223,11 +223,13 @@ def _uncut(paths: Sequence[ToolPath]) -> tuple[dict[str, Any], dict[str, ndarray
 
 
 def _tool(cutter: Cutter) -> dict[str, Any]:
-    """A cutter: (name, start, end, radius, end radius) of cylinders and cones, mm, above its ball if it has one."""
+    """A cutter: (name, start, end, radius, end radius) of cylinders and cones, mm, above its ball if it has one; its
+    `length` is that from the tip to the spindle nose."""
     return {
         "number": cutter.number,
         "name": cutter.name,
         "radius": cutter.radius,
+        "length": cutter.length,
         "ball": not cutter.is_bull,
         "sections": [
             [section.name, section.start, section.end, section.radius, section.end_radius]

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import bonecam
-from bonecam.machine.kinematics import inverse_linear
 from bonecam.machine.machine import read_machine
 from bonecam.nc.dialect import read_dialect
 from bonecam.nc.reading.motions import Motions
@@ -133,27 +132,6 @@ def test_keys_typed_into_the_search_are_not_commands(page: Any) -> None:
     assert page.evaluate("page.state.mode") == "program"
     assert page.locator("#find").input_value().endswith("1c v")
     page.locator("#canvas").focus()
-
-
-def test_the_machine_turns_as_its_kinematics(page: Any, small_run: Run, motions: Motions) -> None:
-    machine = read_machine(small_run[0].job.nc.machine)
-    assert machine.stands
-    assert len(machine.part_axes) == 2
-    at = 700
-    assert abs(motions.axes[at, 2]) < 0.99
-    page.evaluate(f"goTo({at})")
-    page.locator("#turning").check()
-    tip, axis = page.evaluate("""() => {
-        page.scene.updateMatrixWorld(true);
-        const place = page.tool.body.getWorldPosition(new THREE.Vector3());
-        const end = page.tool.body.localToWorld(new THREE.Vector3(0, 0, 1));
-        return [place.toArray(), end.sub(place).toArray()];
-    }""")
-    page.locator("#turning").uncheck()
-    joints = inverse_linear(machine, motions.tips[[at]], motions.words[[at], 3:])[0, :3]
-    assert np.allclose(axis, [0, 0, 1], atol=2e-3)
-    assert np.allclose(np.add(tip, machine.part_zero), joints, atol=0.1)
-    assert page.evaluate("page.world.matrix.elements[0]") == 1
 
 
 def test_many_moves_draw_no_more_lines_than_the_graph_is_wide(page: Any) -> None:

@@ -1,6 +1,6 @@
 // The page: state, views, keys. `page.state` is all that a reader can change.
 const page = {
-  state: { mode: "levels", level: 0, open: false, colouring: "kind", links: true, rapids: false, axes: false, cones: false, uncut: false, turning: false,
+  state: { mode: "levels", level: 0, open: false, colouring: "kind", links: true, rapids: false, axes: false, cones: false, uncut: false, machine: false,
     outer: false, step: 0, chosen: -1, bodies: { stock: false, solid: true, post: true, chuck: true, tailstock: true, table: true, zero: true, holder: true } },
   labels: [],
   ready: false,
@@ -31,7 +31,7 @@ function rebuild() {
   document.getElementById("picked").hidden = !chosen;
   if (chosen) document.getElementById("picked").textContent = pickedWords(page.state.chosen);
   showBodies();
-  turnWorld();
+  moveWorld();
   page.redraw();
 }
 
@@ -61,7 +61,7 @@ function firstView() {
 
 function wholeMachine() {
   const radius = Math.min(page.facts.table.radius || 120, 120);
-  const low = page.state.turning ? -2 * radius : 0; // a table that turns sinks, and the player covers what is below
+  const low = page.state.machine ? -2 * radius : 0; // a table that turns sinks, and the player covers what is below
   page.orbit.fit(new THREE.Vector3(-radius, -radius, low), new THREE.Vector3(radius, radius, page.part.high.z + 60));
 }
 
@@ -222,7 +222,7 @@ async function start() {
   page.light = new THREE.DirectionalLight(0xffffff, 0.5 * Math.PI);
   page.scene.add(new THREE.HemisphereLight(0xffffff, 0xc9c5bf, 0.6 * Math.PI), page.light);
   page.content = new THREE.Group();
-  page.world = new THREE.Group(); // what turns with the machine's table
+  page.world = new THREE.Group(); // what the machine moves
   page.world.matrixAutoUpdate = false;
   page.scene.add(page.world);
   page.world.add(page.content);

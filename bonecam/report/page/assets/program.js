@@ -109,29 +109,38 @@ const programMode = {
     make("p", "The posted program, read back", "big"),
     make("p", `${page.facts.program.blocks} moving blocks, ${minutesWords(page.facts.program.minutes)}. ` +
       (page.facts.program.layers.some((layer) => a0(`before_${layer.level}`)) ? "The stock is as simulated from the text, at the vertices of each level." : "Without a simulation the level that is cut is shown in place of the stock.")),
-    ...(turningAxes().length ? [check("turning", `the machine turns: ${turningAxes().map(([letter]) => letter).join(", ")}`, state.turning, (value) => { change({ turning: value }); wholeMachine(); })] : []),
+    ...(page.facts.program.kinematics ? [check("machine", `the machine moves: table X, Y${lettersOf("table")}, head Z${lettersOf("head")}`, state.machine, (value) => { change({ machine: value }); wholeMachine(); })] : []),
     ...(page.arrays.move_cone ? [check("cones", "cone of free axes where the tool cuts", state.cones, (value) => change({ cones: value }))] : []),
     ...(cutLayers().length < 2 ? [] : [choice("jump", "go to level", cutLayers().map((layer) => [String(layer.level), layerTitle(layer)]), String(page.arrays.move_level[state.step]), (value) => goTo(firstMoveOf(Number(value))))]),
   ],
 };
 
-const turningAxes = () => (page.facts.program.turning ? page.facts.program.turning.axes : []);
+const lettersOf = (side) => page.facts.program.kinematics[side].map(([letter]) => `, ${letter}`).join("");
 
-// Turns part, table and tool as the axes that carry the part stand, seen from the machine's frame; its X, Y and Z are left
-// out, the tool stays where it cuts. Nothing turns in other views; at zero angles all is as without.
-function turnWorld() {
+// The turn about a rotary axis [letter, direction, pivot] at a move.
+function turnAt([letter, direction, pivot], step) {
+  const angle = (page.arrays[`move_angle_${letter}`][step] * Math.PI) / 180;
+  const turn = new THREE.Matrix4().makeRotationAxis(new THREE.Vector3(...direction), angle);
+  const place = new THREE.Vector3(...pivot);
+  return turn.setPosition(place.clone().sub(place.clone().applyMatrix4(turn)));
+}
+
+// Moves part, table and tool as the machine stands at a move, in its own frame, Z up: the table in X, Y and its rotary axes,
+// the head in Z and its own. The place that X and Y bring under the head is the middle, the program's zero at rest the
+// height 0. Nothing moves in other views.
+function moveWorld() {
   const matrix = page.world.matrix.identity();
-  if (page.state.mode === "program" && page.state.turning) {
-    const { axes, zero, frame } = page.facts.program.turning;
-    const rest = new THREE.Matrix4().makeBasis(...frame.map((row) => new THREE.Vector3(...row))).setPosition(...zero);
-    matrix.copy(rest);
-    for (const [letter, direction, pivot] of axes) {
-      const angle = (page.arrays[`move_angle_${letter}`][page.state.step] * Math.PI) / 180;
-      matrix.premultiply(new THREE.Matrix4().makeTranslation(-pivot[0], -pivot[1], -pivot[2]));
-      matrix.premultiply(new THREE.Matrix4().makeRotationAxis(new THREE.Vector3(...direction), angle));
-      matrix.premultiply(new THREE.Matrix4().makeTranslation(...pivot));
-    }
-    matrix.premultiply(rest.invert());
+  const { step } = page.state;
+  if (page.state.mode === "program" && page.state.machine) {
+    const { table, head, zero, frame } = page.facts.program.kinematics;
+    matrix.makeBasis(...frame.map((row) => new THREE.Vector3(...row))).setPosition(...zero);
+    for (const axis of table) matrix.premultiply(turnAt(axis, step));
+    const tip = new THREE.Vector3().fromArray(page.arrays.move_tip, 3 * step).applyMatrix4(matrix);
+    // from where the tip stands under the head, its axes at zero
+    const { length } = page.facts.tools.find((one) => one.number === page.arrays.move_tool[step]);
+    const swung = new THREE.Vector3(0, 0, -length);
+    for (const axis of [...head].reverse()) swung.applyMatrix4(turnAt(axis, step));
+    matrix.premultiply(new THREE.Matrix4().makeTranslation(swung.x - tip.x, swung.y - tip.y, -zero[2]));
   }
   page.world.matrixWorldNeedsUpdate = true;
 }
@@ -173,7 +182,7 @@ function showStep(i) {
   page.trail.geometry.setDrawRange(start, i - start + 1);
   showReadout(i);
   showCursor(i);
-  turnWorld();
+  moveWorld();
   page.redraw();
 }
 
