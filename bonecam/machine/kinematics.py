@@ -35,12 +35,17 @@ def rotate(
     vectors: Float[ndarray, "n 3"], direction: Float[ndarray, "3"], angles: Float[ndarray, "n"]
 ) -> Float[ndarray, "n 3"]:
     """Rotate each vector by its angle (rad), right-handed about the unit direction (Rodrigues' formula)."""
-    x, y, z = direction
     # a coordinate a row: numpy's loops are short otherwise
     columns = np.ascontiguousarray(vectors.T)
     along = direction[:, None] * (direction @ columns)
-    across = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]]) @ columns
+    across = _cross_matrix(direction) @ columns
     return np.ascontiguousarray((along + (columns - along) * np.cos(angles) + across * np.sin(angles)).T)
+
+
+def _cross_matrix(d: Float[ndarray, "3"]) -> Float[ndarray, "3 3"]:
+    """The matrix M with M v = d x v, so that rows V become V x d by V M."""
+    x, y, z = d
+    return np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
 
 
 def _rotate_about(points: ndarray, axis: RotaryAxis, angles: ndarray) -> ndarray:
@@ -104,7 +109,7 @@ def _subproblem(machine: Machine, axes: ndarray) -> tuple[RotaryAxis, RotaryAxis
 
 def _angle_about(direction: ndarray, start: ndarray, end: ndarray) -> ndarray:
     """The angle (rad) about a unit direction that leads the part of `start` across it to that of `end`."""
-    sine = np.cross(start, end) @ direction
+    sine = dots(start, end @ _cross_matrix(direction))
     cosine = dots(start, end) - (start @ direction) * (end @ direction)
     return np.arctan2(sine, cosine)
 
@@ -124,8 +129,8 @@ def inverse_rotary(
     d2 = np.array(two.direction)
     # within rounding of the singular direction the angle is noise: the joint is free there
     cone = max(np.sin(hold_cone), 4 * np.sqrt(np.finfo(float).eps))
-    free1 = lengths(np.cross(w, d1)) <= cone
-    free2 = lengths(np.cross(v, d2)) <= cone
+    free1 = lengths(w @ _cross_matrix(d1)) <= cone
+    free2 = lengths(v @ _cross_matrix(d2)) <= cone
     column1 = machine.column(one) - 3
     column2 = machine.column(two) - 3
     if one.locked or two.locked:

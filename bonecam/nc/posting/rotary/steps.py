@@ -1,10 +1,10 @@
 """The steps between the rotary solutions of successive tool axes: by the shorter way, near the way of the tool axis."""
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
-from bonecam.arrays import angles_between, lengths, unit
+from bonecam.arrays import angles_between, unit
 from bonecam.machine.kinematics import tool_axes
 from bonecam.machine.machine import Machine
 
@@ -21,11 +21,14 @@ def rotary_steps(
     travel = np.empty((len(found) - 1, 2, 2))
     wraps = np.zeros((len(found) - 1, 2, 2, 2), dtype=np.int64)
     bounded = np.array([axis.bounded for axis in machine.rotary])
+    # opposite axes have no middle: then no linear way follows them
+    middle = unit(axes[:-1] + axes[1:])
+    apart = angles_between(axes[:-1], axes[1:])
     for a, b in np.ndindex(2, 2):
         change = found[1:, b] - found[:-1, a]
         turned = np.round(change / FULL_TURN)
         change -= FULL_TURN * turned
-        near = np.flatnonzero(_stays_near(machine, found[:-1, a], change, axes[:-1], axes[1:]))
+        near = np.flatnonzero(_stays_near(machine, found[:-1, a], change, middle, apart))
         travel[:, a, b] = np.inf
         travel[near, a, b] = _rotation(change[near])
         wraps[near, a, b] = np.where(bounded, turned[near], 0.0)
@@ -33,24 +36,23 @@ def rotary_steps(
 
 
 def _stays_near(
-    machine: Machine, start: ndarray, change: ndarray, before: ndarray, after: ndarray
-) -> ndarray:
+    machine: Machine,
+    start: Float[ndarray, "n 2"],
+    change: Float[ndarray, "n 2"],
+    middle: Float[ndarray, "n 3"],
+    apart: Float[ndarray, " n"],
+) -> Bool[ndarray, " n"]:
     """Whether the tool axis halfway, with both joints running linearly from `start` by `change`, stays near
-    the great circle between the tool axes `before` and `after`.
+    the great circle between two tool axes, their `middle` and the angle that they are `apart` (rad) given.
 
     A rotation by T (rad, the sum of both joints) leads the axis halfway off by at most T^2 / 8, which settles
     most moves. False where a state is NaN.
     """
     rotation = _rotation(change)
-    chord = lengths(after - before)
-    near = (rotation < SMALL_ROTATION) & (rotation**2 / 8 <= 0.7 * chord)
+    near = (rotation < SMALL_ROTATION) & (rotation**2 / 8 <= 1.4 * np.sin(apart / 2))
     ask = np.flatnonzero(~near & np.isfinite(rotation))
-    middle = tool_axes(machine, start[ask] + change[ask] / 2)
-    before = before[ask]
-    after = after[ask]
-    # opposite axes have no middle: then no linear way follows them
-    off = angles_between(middle, unit(before + after))
-    near[ask] = off <= 0.75 * angles_between(before, after) + 1e-9
+    halfway = tool_axes(machine, start[ask] + change[ask] / 2)
+    near[ask] = angles_between(halfway, middle[ask]) <= 0.75 * apart[ask] + 1e-9
     return np.asarray(near)
 
 
