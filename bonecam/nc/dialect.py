@@ -31,7 +31,8 @@ How to add a dialect: copy a file of `bonecam/nc/dialects/` (name it, or give it
   header {name} {number} (of the program, drawn from its name) {comments} {low_x}..{high_z} {tolerance} (a length)
   {rotary_tolerance} (degrees) {tool_centre_off};
   tool {tool} {spindle} {retract} (height above everything) {endless} (the short way on or off) {over_zero} (X and Y
-  of the program's zero) {stop} (the template stop, where the job asks for one); stop {tool};
+  where tools start: over the program's zero, or over a part that lies) {stop} (the template stop, where the job asks
+  for one); stop {tool};
   restart {title} (of the path) {tool} {tool_centre_off} (before each path but the first, with the template tool behind
   it: all that the header states, so that a program may begin there);
   level {tolerance} {rotary_tolerance} {hsc_mode} (1: roughing) {machining} (the word for it); position {rotary};

@@ -1,6 +1,6 @@
 """The start of a run where the control fixes X, Y, Z to the table as it stands when tool-centre control is switched on.
 
-It is switched on with all rotary axes at zero, the spindle over the program's zero at the retract height. Then the
+It is switched on with all rotary axes at zero, the spindle where tools start (`travel.py`). Then the
 rotary axes turn to their angles in steps, the spindle staying where it is: its words follow the table. Between two
 steps the tip runs straight in the part instead of on its arc; over a step of 10 degrees it comes nearer to the pivot
 by 0.4 % of its distance from it, which the approach height allows for.
@@ -22,11 +22,15 @@ from bonecam.nc.posting.rows.split import MAX_TURN
 
 
 def start_texts(
-    dialect: Dialect, control: Control, angles_deg: Float[ndarray, "2"], retract: float, rapid: float
+    dialect: Dialect,
+    control: Control,
+    angles_deg: Float[ndarray, "2"],
+    start: Float[ndarray, "3"],
+    rapid: float,
 ) -> tuple[str, str, list[str]]:
     """The words of the rotary axes at zero, the word of Z without its letter where tool-centre control is switched on,
     and the blocks that turn the axes under it to `angles_deg`, at the feed `rapid` (mm/min) or what the axes can."""
-    steps = start_words(dialect, control, angles_deg, retract)
+    steps = start_words(dialect, control, angles_deg, start)
     words, _ = move_words(control.machine, dialect, steps)
     rows = [" ".join(words.formats) % tuple(row) for row in words.numbers.tolist()]
     feed = dialect.numbers.feed
@@ -42,10 +46,10 @@ def start_texts(
 
 
 def start_words(
-    dialect: Dialect, control: Control, angles_deg: Float[ndarray, "2"], retract: float
+    dialect: Dialect, control: Control, angles_deg: Float[ndarray, "2"], start: Float[ndarray, "3"]
 ) -> Float[ndarray, "n 5"]:
-    """Words (mm, deg) from all rotary axes at zero to `angles_deg`, the spindle standing at the height `retract`
-    (machine Z of the tip, mm) over the program's zero; MachineError where a rotary axis cannot stand at zero."""
+    """Words (mm, deg) from all rotary axes at zero to `angles_deg`, the spindle standing where tools `start` (X, Y and
+    Z of the tip in the machine's frame, mm); MachineError where a rotary axis cannot stand at zero."""
     machine = control.machine
     _check_zero(machine, dialect)
     target = np.radians(angles_deg)
@@ -54,8 +58,7 @@ def start_words(
             target[column] -= 2 * np.pi * np.round(target[column] / (2 * np.pi))
     steps = max(int(np.ceil(np.abs(target).max() / MAX_TURN)), 1)
     angles = np.linspace(0.0, 1.0, steps + 1)[:, None] * target
-    x, y, _ = machine.part_zero
-    joints = np.column_stack([np.tile([x, y, retract], (steps + 1, 1)), angles])
+    joints = np.column_stack([np.tile(start, (steps + 1, 1)), angles])
     tips, _ = forward(machine, joints, control.tool_length)
     return round_words(dialect, control, tips, angles)
 

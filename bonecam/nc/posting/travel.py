@@ -21,27 +21,32 @@ from bonecam.workholding.tailstock import tailstock_bodies
 @dataclass(frozen=True, eq=False)
 class Travel:
     """Lowest and highest value of every axis in a program, (5, 2): X, Y, Z of the spindle nose in mm, rotary axes in
-    degrees, unwound; and `retract`, the machine Z (mm, of the tip) above everything that the program does."""
+    degrees, unwound; and where every tool is to `start`, X, Y and Z of its tip in the machine's frame (mm)."""
 
     ranges: Float[ndarray, "5 2"]
-    retract: float
+    start: Float[ndarray, "3"]
+
+    @property
+    def retract(self) -> float:
+        """The machine Z (mm, of the tip) above everything that the program does."""
+        return float(self.start[2])
 
 
 def travel_of(machine: Machine, job: Job, paths: Sequence[Posted]) -> Travel:
     """The room that the posted paths take; MachineError with axis, value, limit and level where the spindle nose
     leaves its limits or the program its travel."""
-    retract = _retract_height(machine, job, paths)
+    start = _start(machine, job, paths)
+    retract = float(start[2])
     ranges = np.column_stack([np.full(5, np.inf), np.full(5, -np.inf)])
     for posted in paths:
         dialect, control = posted.dialect, posted.control
         starts = [
-            start_words(dialect, control, words[3:], retract)
+            start_words(dialect, control, words[3:], start)
             for words in posted.approaches
             if dialect.starts_at_zero
         ]
         more, _ = joints_and_lengths(control, np.vstack([posted.approaches, *starts]))
-        first = _over_zero(dialect, machine, posted.joints[:1], retract)
-        nose = np.vstack([posted.joints, more, first])
+        nose = np.vstack([posted.joints, more, _over_zero(dialect, posted.joints[:1], start)])
         nose[:, 3:] = np.degrees(nose[:, 3:])
         nose[:, 2] += control.tool_length
         for column, axis in enumerate(machine.linear):
@@ -51,18 +56,17 @@ def travel_of(machine: Machine, job: Job, paths: Sequence[Posted]) -> Travel:
         ranges[:, 0] = np.minimum(ranges[:, 0], nose.min(0))
         ranges[:, 1] = np.maximum(ranges[:, 1], np.vstack([nose, top]).max(0))
         _check_travel(machine, ranges, posted.path.level)
-    return Travel(ranges, retract)
+    return Travel(ranges, start)
 
 
 def _over_zero(
-    dialect: Dialect, machine: Machine, joints: Float[ndarray, "1 5"], retract: float
+    dialect: Dialect, joints: Float[ndarray, "1 5"], start: Float[ndarray, "3"]
 ) -> Float[ndarray, "m 5"]:
-    """Joints (mm, rad) where a tool starts over the program's zero, if the dialect's template moves it there; what it
-    does not say is that of `joints`."""
+    """Joints (mm, rad) where a tool is to `start`, if the dialect's template moves it there; what it does not say is
+    that of `joints`."""
     if "{over_zero}" not in dialect.templates.tool:
         return joints[:0]
-    x, y, _ = machine.part_zero
-    return np.array([[x, y, retract, *joints[0, 3:]]])
+    return np.array([[*start, *joints[0, 3:]]])
 
 
 def above(posted: Posted, run: int, retract: float) -> Float[ndarray, "5"]:
@@ -83,11 +87,26 @@ def _raised(
     """Words (mm, deg) moved along the tool axis until the tip is at a machine Z of `height`, and by `more`."""
     joints, _ = joints_and_lengths(posted.control, words)
     lift = max(height - float(joints[0, 2]), 0.0) + more
-    radians = np.column_stack([words[:, :3], np.radians(words[:, 3:])])
+    radians = _radians(words)
     if not posted.control.tool_centre:
         return np.asarray(words[0] + [0.0, 0.0, lift, 0.0, 0.0])
     tips, axes = posted.control.poses(radians)
     return np.asarray(round_words(posted.dialect, posted.control, tips + lift * axes, radians[:, 3:])[0])
+
+
+def _start(machine: Machine, job: Job, paths: Sequence[Posted]) -> Float[ndarray, "3"]:
+    """Where tools start: at the retract height over the program's zero, or, where the part's Z does not stand upright
+    with all rotary axes at zero, over its place as far from the table as any approach: over zero the spindle would
+    stand across the table's plane."""
+    tips = [posted.control.poses(_radians(posted.approaches))[0] for posted in paths]
+    farthest = max(float(each[:, 2].max()) for each in tips)
+    over = machine.in_machine(np.array([[0.0, 0.0, farthest]]))[0] + machine.part_zero
+    return np.array([over[0], over[1], _retract_height(machine, job, paths)])
+
+
+def _radians(words: Float[ndarray, "n 5"]) -> Float[ndarray, "n 5"]:
+    """Words (mm, deg) with their angles in radians."""
+    return np.column_stack([words[:, :3], np.radians(words[:, 3:])])
 
 
 def _retract_height(machine: Machine, job: Job, paths: Sequence[Posted]) -> float:

@@ -178,7 +178,7 @@ class ProgramWriter:
         return lines
 
     def _tool(self, cutter: Cutter, *, halts: bool) -> list[str]:
-        """The blocks that bring a cutter into the spindle and over the program's zero; for a change by hand it
+        """The blocks that bring a cutter into the spindle and to where tools start; for a change by hand it
         `halts`."""
         stop = self.dialect.lines("stop", tool=cutter.number) if halts else []
         return self._moving(
@@ -187,7 +187,7 @@ class ProgramWriter:
             spindle=self.dialect.numbers.spindle.text(cutter.spindle),
             retract=self.retract,
             endless=self.dialect.endless_block,
-            over_zero=over_zero(self.machine, self.dialect),
+            over_zero=over_zero(self.machine, self.dialect, self.travel.start),
             stop="\n".join(stop),
         )
 
@@ -240,7 +240,7 @@ class ProgramWriter:
                 self.on, posted, self.retract
             )
         rotary, height, turn = start_texts(
-            self.dialect, posted.control, angles_deg, self.travel.retract, self.job.nc.rapid_feed
+            self.dialect, posted.control, angles_deg, self.travel.start, self.job.nc.rapid_feed
         )
         return [
             *self._moving("position", rotary=rotary),

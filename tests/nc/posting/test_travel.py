@@ -1,5 +1,7 @@
 """The room that a program takes: every move of it counts."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -8,6 +10,7 @@ from bonecam.job import Job
 from bonecam.machine.machine import read_machine
 from bonecam.nc.dialect import read_dialect
 from bonecam.nc.posting.write import write_program
+from bonecam.nc.reading.read import read_program
 
 
 @pytest.mark.parametrize("name", ["siemens-840d", "heidenhain", "fanuc-30i"])
@@ -27,3 +30,18 @@ def test_a_tool_that_starts_over_zero_beyond_a_limit_is_refused(
 
     wide = read_machine(write_machine(tmp_path, text.replace("[60.0, 400.0]", "[0.9, 400.0]"), "wide"))
     assert write_program([path], wide, read_dialect(name), Job()).moves
+
+
+@pytest.mark.parametrize(("name", "axis"), [("mill-4axis", [0.0, -1.0, 0.0]), ("pocket-nc", [0.0, 0.0, 1.0])])
+@pytest.mark.parametrize("dialect", ["heidenhain", "siemens-840d", "fanuc-30i", "linuxcnc"])
+def test_the_spindle_starts_beside_the_plane_of_a_table_that_stands_on_edge(
+    name: str, axis: list[float], dialect: str, path_of
+) -> None:
+    """Over the program's zero a nose of 150 mm would stand across the table: the path is 50 mm from that."""
+    tips = np.column_stack([np.zeros(9), np.zeros(9), np.linspace(50.0, 54.0, 9)])
+    machine, controller = read_machine(name), read_dialect(dialect)
+    long = [replace(one, travel=500.0) for one in machine.linear]
+    machine = replace(machine, linear=tuple(long), tool_centre_control="M128")
+    text = write_program([path_of(tips, np.tile(axis, (9, 1)))], machine, controller, Job()).text
+    motions = read_program(text, machine, controller)
+    assert motions.tips[:, 2].min() > 49.0

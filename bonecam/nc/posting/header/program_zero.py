@@ -2,6 +2,9 @@
 
 from typing import NamedTuple
 
+from jaxtyping import Float
+from numpy import ndarray
+
 from bonecam.machine.machine import Machine
 from bonecam.nc.dialect import Dialect
 
@@ -33,11 +36,11 @@ def zero_words(machine: Machine, dialect: Dialect) -> ZeroWords:
     return ZeroWords(x, y, z)
 
 
-def over_zero(machine: Machine, dialect: Dialect) -> str:
-    """The words of X and Y over the program's zero."""
-    zero = zero_words(machine, dialect)
+def over_zero(machine: Machine, dialect: Dialect, start: Float[ndarray, "3"]) -> str:
+    """The words of X and Y where tools `start` (X, Y and Z of the tip in the machine's frame, mm)."""
+    x, y, _ = start - machine.part_zero if dialect.tool_centre else start
     length = dialect.numbers.length
-    return f"X{length.text(float(zero.x))} Y{length.text(float(zero.y))}"
+    return f"X{length.text(float(x))} Y{length.text(float(y))}"
 
 
 def zero_texts(machine: Machine, dialect: Dialect) -> list[str]:
