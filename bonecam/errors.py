@@ -142,6 +142,11 @@ class VerifyError(BonecamError):
     """The posted program was read back and is wrong: `line`, `place`, `error`."""
 
 
+class BodiesError(VerifyError):
+    """A body of the machine's links meets the tool, another body, table or stock: paths are planned round nose and
+    table alone."""
+
+
 class BendingError(VerifyError):
     """The part, its neck or the cutter gives way more under the cut than the job allows: no fault of the program, but
     of what holds the part."""

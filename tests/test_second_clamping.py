@@ -34,8 +34,8 @@ from bonecam.second_clamping import second_program
 from bonecam.setup.capsule import Capsule, smallest_capsule
 from bonecam.setup.stocks.mesh import ConvexStock
 from bonecam.verify import simulate_removal
+from bonecam.verify.removal.clearances.table import shell_clearance
 from bonecam.verify.removal.of_job import check_removal_of_job, cutters_of, simulate_stump
-from bonecam.verify.removal.table import shell_clearance
 from bonecam.workholding.clamping import clamping_of
 from bonecam.workholding.post import post_below
 from bonecam.workholding.shell_maker import shell_round

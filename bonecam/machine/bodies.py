@@ -1,7 +1,9 @@
-"""The bodies of a machine that a tool path keeps clear of: its table, what stands there, and the spindle nose."""
+"""The bodies of a machine that a tool path keeps clear of: its table, what stands there, and the spindle nose; and
+meshes of its links, which a program is held against."""
 
 import math
 from dataclasses import dataclass, field
+from pathlib import Path
 
 from bonecam.machine.frustum import Frustum
 
@@ -20,6 +22,24 @@ class Table:
     half_depth: float = math.inf
     open_beside: bool = False
     standing: tuple[Frustum, ...] = ()
+
+
+BED = "bed"
+"""The link of a machine that stands still."""
+
+
+@dataclass(frozen=True)
+class LinkBody:
+    """A body of a machine as a mesh, called by its `name`: that of an STL `file` in `units`, which moves with the
+    `link`: a rotary letter, "XYZ" (the linear axes), or BED.
+
+    Its place is that in the machine's frame, all axes at zero; of what XYZ carries it is measured from the spindle
+    nose."""
+
+    name: str
+    link: str
+    file: Path
+    units: str = "mm"
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,7 @@ from numpy import ndarray
 
 from bonecam.arrays import dots, lengths
 from bonecam.machine.axes import RotaryAxis
+from bonecam.machine.bodies import BED
 from bonecam.machine.machine import Machine
 
 UP = np.array([0.0, 0.0, 1.0])
@@ -84,6 +85,30 @@ def forward(
     for axis in reversed(machine.part_axes):
         points = _rotate_about(points, axis, -rotary[:, machine.column(axis) - 3])
     return machine.in_part(points - np.array(machine.part_zero)), tool_axes(machine, rotary)
+
+
+def link_poses(
+    machine: Machine, link: str, joints: Float[ndarray, "n 5"], tool_length: float = 0.0
+) -> tuple[Float[ndarray, "n 3 3"], Float[ndarray, "n 3"]]:
+    """Rotations, and places (mm) of its origin, of what a link carries (`machine.bodies.LinkBody`), in the part's frame
+    at the joints (mm, rad)."""
+    part_side = [axis.letter for axis in machine.part_axes] + [BED]
+    heads = [axis.letter for axis in machine.tool_axes]
+    carrying = machine.part_axes[: part_side.index(link)] if link in part_side else machine.part_axes
+    turned_by = machine.tool_axes[: heads.index(link) + 1] if link in heads else ()
+
+    def placed(point: ndarray) -> ndarray:
+        points = np.tile(point, (len(joints), 1))
+        for axis in reversed(turned_by):
+            points = _rotate_about(points, axis, joints[:, machine.column(axis)])
+        if link not in part_side:
+            points = points + joints[:, :3] + tool_length * UP
+        for axis in reversed(carrying):
+            points = _rotate_about(points, axis, -joints[:, machine.column(axis)])
+        return machine.in_part(points - np.array(machine.part_zero))
+
+    origins = placed(np.zeros(3))
+    return np.stack([placed(unit) - origins for unit in np.eye(3)], axis=2), origins
 
 
 def inverse_linear(

@@ -21,6 +21,11 @@ fill in
   the table is free: only where no cradle, yoke or bed is in the way there; `standing`: what stands on the table
   round the Z axis all the time, rows as those of the nose, from the table up. Everything turns with the part; what
   does not (a cradle's cheek) must be inside a body of revolution given here, or below a closed plane;
+- [[bodies]] (optional, any number up to 12): a closed mesh of a link, which every program is held against: `name`;
+  `link`, what it moves with: a rotary letter, "XYZ" (what the linear axes carry, spindle and head), or "bed"; `stl`,
+  a file beside this one; `units` ("mm", "cm", "m" or "inch"). Its place is that in the machine's frame, all axes at
+  zero, as of pivots; of what XYZ carries it is measured from the spindle nose. Paths are planned round nose and
+  table alone: give those so that they hold what is near the part;
 - [X] [Y] [Z]: `speed` mm/min and either `limits` (lowest and highest mm of the spindle nose) or, where the
   place of the part on the machine is not known, `travel` (mm): then only the span of the program is checked;
   `acceleration` mm/s^2 and `jerk` mm/s^3 (both optional, a jerk only beside an acceleration);
@@ -43,7 +48,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.machine.axes import LinearAxis, RotaryAxis, Vector
-from bonecam.machine.bodies import MachineBodies, Table
+from bonecam.machine.bodies import LinkBody, MachineBodies, Table
 from bonecam.machine.frustum import Frustum, stack_of
 from bonecam.machine.machine_file import LINEAR, BodiesTable, LinearTable, MachineFile, RotaryTable
 from bonecam.machine.tables import read_table
@@ -79,6 +84,7 @@ class Machine:
     table: Table = field(default_factory=Table)
     part_frame: tuple[Vector, Vector, Vector] = UPRIGHT
     spindle_lowest: float = 0.0
+    link_bodies: tuple[LinkBody, ...] = ()
 
     @property
     def bodies(self) -> MachineBodies:
@@ -157,6 +163,9 @@ def read_machine(name: str | Path) -> Machine:
         table=_table(table.table or BodiesTable()),
         part_frame=_part_frame(table),
         spindle_lowest=table.spindle_lowest,
+        link_bodies=tuple(
+            LinkBody(body.name, body.link, path.parent / body.stl, body.units) for body in table.bodies
+        ),
     )
 
 

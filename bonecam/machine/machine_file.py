@@ -23,6 +23,8 @@ CHAIN_REMEDY = (
     'give one or two rotary letters and "XYZ", all linear axes as one item whatever they move, from the part to the '
     'tool, such as ["C", "B", "XYZ"]'
 )
+MOST_BODIES = 12
+"""Meshes of links: two a link of the longest chain."""
 PARALLEL = 1e-9
 """Directions are parallel, or at right angles, within this of their cosine."""
 
@@ -143,6 +145,16 @@ class BodiesTable(Record):
         return self
 
 
+class LinkBodyTable(Record):
+    """The table of a body of the machine that is a mesh: its `name`, the `link` that it moves with, the file `stl`,
+    whose path is relative to that of the machine, and its `units`."""
+
+    name: Name
+    link: Literal["A", "B", "C", "XYZ", "bed"]
+    stl: Name
+    units: Literal["mm", "cm", "m", "inch"] = "mm"
+
+
 class MachineFile(Record):
     """A machine file."""
 
@@ -159,6 +171,7 @@ class MachineFile(Record):
     spindle_lowest: Annotated[float, Field(ge=0, le=FASTEST)] = 0.0
     spindle: SpindleTable | None = None
     table: BodiesTable | None = None
+    bodies: Annotated[list[LinkBodyTable], Field(max_length=MOST_BODIES)] = Field(default_factory=list)
     X: LinearTable
     Y: LinearTable
     Z: LinearTable
@@ -201,6 +214,24 @@ class MachineFile(Record):
                     "give part_x and part_z, how the part's X and Z (from the table through the part) lie"
                 )
                 raise KeyFault("part_z", f"{what}: {remedy} in the machine, all axes at zero")
+        return self
+
+    @model_validator(mode="after")
+    def _has_bodies_of_its_links(self) -> "MachineFile":
+        links = [*self.chain, "bed"]
+        names = [body.name for body in self.bodies]
+        for at, body in enumerate(self.bodies):
+            if body.link not in links:
+                raise KeyFault(
+                    f"bodies.{at + 1}.link",
+                    f"{body.link}: chain does not name it: use one of {', '.join(links)}",
+                )
+            if names.index(body.name) < at:
+                raise KeyFault(
+                    f"bodies.{at + 1}.name", f"{body.name!r} is there twice: give each its own name"
+                )
+            if not body.stl.lower().endswith(".stl"):
+                raise KeyFault(f"bodies.{at + 1}.stl", f"{body.stl!r}: give a file that ends in .stl")
         return self
 
     @model_validator(mode="after")

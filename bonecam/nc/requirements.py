@@ -13,6 +13,7 @@ from bonecam.nc.posting.rotary.choice import choose_angles
 from bonecam.nc.posting.rotary.machine_limits import machine_limits
 from bonecam.nc.posting.travel import table_reach
 from bonecam.planning.axes.lead import check_lead
+from bonecam.planning.collision.link_bodies import check_bodies
 from bonecam.planning.passes.patterns.scallop import side_step
 from bonecam.progress import Progress, report, silent
 from bonecam.setup.schedule import STOCK_CHORD_SHARE
@@ -105,7 +106,8 @@ def _check_way_round(machine: Machine, tilt: float, named: str) -> None:
 
 
 def check_table(job: Job, machine: Machine) -> None:
-    """JobError where what a job puts on the table is wider than that."""
+    """JobError where what a job puts on the table is wider than that; MachineError as in `check_bodies`."""
+    check_bodies(machine)
     table, holding = machine.table, job.holding
     across = 2 * min(table.radius, table.half_width, table.half_depth)
     for name in ("riser", "chuck", "second_chuck"):

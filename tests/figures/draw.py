@@ -81,8 +81,8 @@ def draw_run(result: bonecam.Result) -> None:
     draw_coloured(levels, FIGURES / "coloured.png")
     draw_depths(levels, line_depths(levels, result.stock), FIGURES / "depths.png")
     draw_toolpath(result.paths, levels, FIGURES / "toolpath.png", post)
-    table = read_machine(job.nc.machine).table
-    draw_machine(result.paths, levels[0].mesh, job.holding, table, FIGURES / "machine.png")
+    machine = read_machine(job.nc.machine)
+    draw_machine(result.paths, levels[0].mesh, job.holding, machine, FIGURES / "machine.png")
     draw_tmesh(result.surface, FIGURES / "tmesh.png")
     draw_before_and_after(result.compare_axes(), levels[0].mesh, "bone")
     picture_page(result.page, FIGURES / "page.png")

@@ -3,7 +3,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bonecam.machine.kinematics import UP, forward, inverse_linear, inverse_rotary, rotate, tool_axes
+from bonecam.machine.kinematics import (
+    UP,
+    forward,
+    inverse_linear,
+    inverse_rotary,
+    link_poses,
+    rotate,
+    tool_axes,
+)
 from bonecam.machine.machine import machine_names, read_machine
 from bonecam.machine.reach import tilt_band
 
@@ -117,3 +125,26 @@ def test_a_turn_keeps_lengths_and_is_undone_by_its_opposite(angle, vector, direc
     turned = rotate(start, axis, angles)
     assert np.linalg.norm(turned) == pytest.approx(np.linalg.norm(start), abs=1e-12)
     assert np.allclose(rotate(turned, axis, -angles), start, atol=1e-12)
+
+
+def test_links_are_carried_by_their_axes(machine):
+    """What the tool is in goes where the tool goes, what the part is on stands, and a point that is fixed to the bed
+    is in the machine's frame where it is seen from every link beside the part."""
+    known = of(machine, joints(3, 200))
+    tips, axes = forward(machine, known, 70.0)
+    spindle = ["XYZ", *(axis.letter for axis in machine.tool_axes)][-1]
+    turned, nose = link_poses(machine, spindle, known, 70.0)
+    assert np.abs(nose - tips - 70.0 * axes).max() < 1e-10
+    assert np.abs(turned[:, :, 2] - axes).max() < 1e-12
+    assert np.abs(np.linalg.det(turned) - 1).max() < 1e-12
+
+    inner = machine.part_axes[0].letter if machine.part_axes else "bed"
+    stands, zero = link_poses(machine, inner, known)
+    assert np.abs(stands - np.array(machine.part_frame)).max() < 1e-12
+    assert np.abs(zero + machine.in_part(np.array([machine.part_zero]))).max() < 1e-12
+
+    bed, origin = link_poses(machine, "bed", known)
+    carried, at = link_poses(machine, "XYZ", known, 70.0)
+    seen = np.einsum("nij,nj->ni", bed, known[:, :3] + [0.0, 0.0, 70.0]) + origin
+    assert np.abs(seen - at).max() < 1e-10
+    assert np.abs(carried - bed).max() < 1e-12

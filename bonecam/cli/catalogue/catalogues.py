@@ -61,6 +61,7 @@ def run_catalogue(options: argparse.Namespace) -> int:
         print(f"{options.file}: a {known.one} as it should be")
         if isinstance(content, MachineCheck):
             print(content)
+            _tell_bodies(content)
         _draw(options, options.file)
     elif options.what is not None:
         if options.what not in files:
@@ -74,6 +75,14 @@ def run_catalogue(options: argparse.Namespace) -> int:
         wide = max(map(len, files), default=0)
         print("".join(f"{name:{wide}}  {_about(path)}\n" for name, path in files.items()), end="")
     return 0
+
+
+def _tell_bodies(check: MachineCheck) -> None:
+    """Print the bodies of a machine, a line each; MachineError where one is not where it can be."""
+    from bonecam.planning.collision.link_bodies import body_texts
+
+    for k, text in enumerate(body_texts(check.machine)):
+        print(f"{'' if k else 'bodies':10}{text}")
 
 
 def _draw(options: argparse.Namespace, name: str) -> None:

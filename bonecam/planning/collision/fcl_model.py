@@ -177,6 +177,15 @@ def crosses(
     return _cross(solid, other)
 
 
+def distance_of(
+    solid: FclObject, turned: Float[ndarray, "3 3"], at: Float[ndarray, "3"], other: FclObject
+) -> float:
+    """The distance (mm) of the surface of an object, turned and moved there, from that of another; 0 where they
+    cross."""
+    solid.setTransform(fcl.Transform(turned, at))
+    return max(float(fcl.distance(solid, other, fcl.DistanceRequest(), fcl.DistanceResult())), 0.0)
+
+
 def _cross(one: FclObject, other: FclObject) -> bool:
     """Whether the surfaces of two objects cross."""
     request = fcl.CollisionRequest(num_max_contacts=1, enable_contact=False)

@@ -1,6 +1,8 @@
 """Closed meshes of the tool, of columns and of the table, for collision tests between meshes."""
 
 import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
 
 from bonecam.mesh.solids.revolution import revolve
 from bonecam.mesh.triangle_mesh import TriangleMesh
@@ -67,7 +69,13 @@ def column_mesh(column: Column) -> TriangleMesh:
 def table_mesh(top: float) -> TriangleMesh:
     """A block below z = `top`, mm."""
     w = TABLE_HALF_WIDTH
-    corners = np.array([[x, y, z] for z in (-w, top) for x, y in ((-w, -w), (w, -w), (w, w), (-w, w))])
+    return block_mesh(np.array([[-w, -w, -w], [w, w, top]]))
+
+
+def block_mesh(bounds: Float[ndarray, "2 3"]) -> TriangleMesh:
+    """A block between its lowest and highest corner, mm."""
+    (x0, y0, z0), (x1, y1, z1) = bounds
+    corners = np.array([[x, y, z] for z in (z0, z1) for x, y in ((x0, y0), (x1, y0), (x1, y1), (x0, y1))])
     quads = [(3, 2, 1, 0), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7)]
     triangles = [triangle for a, b, c, d in quads for triangle in ((a, b, c), (a, c, d))]
     return TriangleMesh(corners, np.array(triangles, dtype=np.int32))

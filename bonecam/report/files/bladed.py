@@ -84,8 +84,8 @@ class Bladed(Written):
             "".join(["radius_mm,height_mm\n", *rows]), encoding="utf-8", newline=""
         )
         self._draw(work / "toolpath.png")
-        table = read_machine(self.job.nc.machine).table
-        draw_machine(self.paths, self.workpiece.solid, self.job.holding, table, work / "machine.png")
+        machine = read_machine(self.job.nc.machine)
+        draw_machine(self.paths, self.workpiece.solid, self.job.holding, machine, work / "machine.png")
         write_simulated(work, self.removal)
         fill_shared(work, self)
 

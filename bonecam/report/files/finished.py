@@ -108,8 +108,8 @@ class Finished(Written):
         self._draw(work / "toolpath.png")
         compared = self.compare_axes()
         draw_compared_axes(compared, self.workpiece.surface.tessellate(CHORD), work / "axes.png")
-        table = read_machine(self.job.nc.machine).table
-        draw_machine([self.path], self.workpiece.solid, self.job.holding, table, work / "machine.png")
+        machine = read_machine(self.job.nc.machine)
+        draw_machine([self.path], self.workpiece.solid, self.job.holding, machine, work / "machine.png")
         (work / "axes.md").write_text(compared.table, encoding="utf-8", newline="")
         write_simulated(work, self.removal)
         fill_shared(work, self, axes=compared.report)

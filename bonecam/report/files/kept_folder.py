@@ -78,9 +78,9 @@ def fill_kept_folder(work: Path, made: Morphed, post: tuple[float, float]) -> No
         draw_toolpath(made.paths, levels, work / "toolpath.png", post)
         if made.second is not None:
             _write_second(work, made.second)
-        table = read_machine(made.job.nc.machine).table
+        machine = read_machine(made.job.nc.machine)
         draw_stump(levels[0].mesh, post, cut_groove(made.paths), work / "stump.png")
-        draw_machine(made.paths, levels[0].mesh, made.job.holding, table, work / "machine.png")
+        draw_machine(made.paths, levels[0].mesh, made.job.holding, machine, work / "machine.png")
         write_simulated(work, made.removal)
         if made.removal and made.removal.left:
             _draw_engagement(made, work / "engagement.png")

@@ -8,7 +8,16 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from bonecam.errors import BendingError, BonecamError, Cancelled, FileError, LimitError, VerifyError, knowing
+from bonecam.errors import (
+    BendingError,
+    BodiesError,
+    BonecamError,
+    Cancelled,
+    FileError,
+    LimitError,
+    VerifyError,
+    knowing,
+)
 from bonecam.files import whole_folder, write_whole
 from bonecam.mesh.files.mesh_files import write_mesh
 from bonecam.nc.program import Program
@@ -63,14 +72,14 @@ def report_refused(file: File) -> Iterator[StageTimes]:
 def keep_refused(made: Morphed, folder: File, times: StageTimes) -> Iterator[None]:
     """Where the block raises a VerifyError or LimitError, the `folder` (None: nothing is kept) gets report.json,
     refused.txt, refused.png with the place, job, part, surface and levels of what was `made`, and the program with its
-    tool path where one was posted. A VerifyError that is not of bending says whose fault it is."""
+    tool path where one was posted. A VerifyError that is not of bending or of bodies says whose fault it is."""
     try:
         with knowing(made.report):
             yield
     except (VerifyError, LimitError) as error:
         report = _report(error, times)
         how = _kept(made, folder, error, report)
-        if isinstance(error, BendingError | LimitError):
+        if isinstance(error, BendingError | BodiesError | LimitError):
             raise
         raise VerifyError(f"{error} ({FAULT}: {how})", **error.evidence) from error
 

@@ -21,12 +21,12 @@ from bonecam.setup.stock import Stock
 from bonecam.tool.cutter import Cutter
 from bonecam.tool.path import PARTING
 from bonecam.verify.gouge import Gouge
+from bonecam.verify.removal.clearances.table import shell_clearance
 from bonecam.verify.removal.given import GivenSurface, measure_given
 from bonecam.verify.removal.groups import groups_of
 from bonecam.verify.removal.result import Removal
 from bonecam.verify.removal.simulate import simulate_further, simulate_removal
 from bonecam.verify.removal.sweeping import Accuracy, SimulatedStock
-from bonecam.verify.removal.table import shell_clearance
 from bonecam.verify.removal.verdicts import check_removal
 from bonecam.workholding.clamping import clamping_of
 from bonecam.workholding.post import Post, post_below

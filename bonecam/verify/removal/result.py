@@ -69,11 +69,13 @@ class LevelRemoval:
 @dataclass(frozen=True)
 class Clearance:
     """Least signed distance (mm) of `part` of the tool from what stands, `None` where nothing came near;
-    `touched` is the first line in which they meet, 0 for none."""
+    `touched` is the first line in which they meet, 0 for none. Of the bodies of a machine `part` is the one and `other`
+    the other that come nearest to each other, and `touched` a line in which they do."""
 
     part: str
     least: Spot | None
     touched: int
+    other: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,7 +115,8 @@ class Removal:
     stood on the surfaces that were given, in machining order. `shell` is the clearance of the whole tool from the shell
     of a second clamping, None in a first one. `bridge` (mm) is the diameter of what stands of the post where it is
     parted, None where it is not. `given` is what is left beside the mesh as given, or why that is not known; None where
-    a part has none. `mechanics` is None where force and bending were not asked.
+    a part has none. `mechanics` is None where force and bending were not asked. `bodies` is the least clearance between
+    the bodies of the machine's links and tool, table, stock and one another, None where it has none.
     """
 
     cell: float
@@ -136,13 +139,14 @@ class Removal:
     given: GivenRemoval | NotJudged | None = None
     mechanics: Mechanics | None = None
     tailstock: Clearance | None = None
+    bodies: Clearance | None = None
 
     @property
     def report(self) -> dict[str, Any]:
         """The section `removal` of the report."""
         names = ("shank", "holder", "spindle", "table")
         clearances = {name: getattr(self, name).least for name in names}
-        for name in ("shell", "tailstock"):
+        for name in ("shell", "tailstock", "bodies"):
             kept: Clearance | None = getattr(self, name)
             if kept is not None:
                 clearances[name] = kept.least

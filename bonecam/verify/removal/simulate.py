@@ -32,6 +32,8 @@ from bonecam.setup.stock import Stock
 from bonecam.setup.stocks.cylinder import Cylinder
 from bonecam.surface.tspline import TSpline
 from bonecam.tool.cutter import Cutter
+from bonecam.verify.removal.clearances.link_bodies import body_clearance
+from bonecam.verify.removal.clearances.table import table_clearance
 from bonecam.verify.removal.groups import Group, feed_minutes, groups_of, link_volumes, time_shares, tools_of
 from bonecam.verify.removal.left import measure_left
 from bonecam.verify.removal.normal_probes import NormalProbes
@@ -39,7 +41,6 @@ from bonecam.verify.removal.pieces import straight_pieces
 from bonecam.verify.removal.result import LINK_ALLOWED, RAPID_ALLOWED, Clearance, LevelRemoval, Removal, Spot
 from bonecam.verify.removal.stock_heights import StockHeights, parted_bridge, stock_heights
 from bonecam.verify.removal.sweeping import PARTS, Accuracy, SimulatedStock, Sweeping, material_of, volumes
-from bonecam.verify.removal.table import table_clearance
 from bonecam.workholding.clamping import Clamping
 from bonecam.workholding.post import Post
 
@@ -68,18 +69,13 @@ def simulate_removal(
     table that nothing may go below); `limits` the largest depth (mm) of the cut on each level, `scallops` what it may
     leave (mm; by default that of its tool); `surfaces` the meshes that levels leave, on which is told what stands;
     force and bending of the `workpiece` are told if there is one. ProgramError where the text cannot be read or calls
-    another tool, JobError where the rays need too much memory.
+    another tool, JobError where the rays need too much memory, MachineError as in
+    `body_clearance`.
     """
     clamping = (clamping or Clamping()).with_pin(post)
     carried = [Cylinder(one.radius, one.bottom, one.top, (one.x, one.y)) for one in clamping.carried(post)]
-    given = (
-        text,
-        machine,
-        dialect,
-        material_of([stock, *carried], part, accuracy or Accuracy()),
-        post,
-        cutters,
-    )
+    material = material_of([stock, *carried], part, accuracy or Accuracy())
+    given = text, machine, dialect, material, post, cutters
     asked = clamping, limits, scallops, surfaces, workpiece, progress
     return simulate_further(*given, *asked)
 
@@ -114,7 +110,8 @@ def simulate_further(
         scallop = left[before[-1].level] if before else 0.0
         levels.append(simulation.run(group, tools[group.tool], scallop))
     bridge = parted_bridge(groups, motions, tools, post, sweeping.sets, grid=material.grid) if post else None
-    return replace(simulation.result(levels, tools, post), bridge=bridge)
+    bodies = body_clearance(motions, machine, list(tools.values()), kept[0], material.bounds)
+    return replace(simulation.result(levels, tools, post), bridge=bridge, bodies=bodies)
 
 
 @dataclass(eq=False)

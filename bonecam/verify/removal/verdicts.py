@@ -3,16 +3,19 @@ too deep."""
 
 from collections.abc import Sequence
 
-from bonecam.errors import VerifyError, place_name
+from bonecam.errors import BodiesError, VerifyError, place_name
 from bonecam.tool.path import PARTING
+from bonecam.verify.removal.clearances.link_bodies import NEAR as BODIES_NEAR
+from bonecam.verify.removal.clearances.table import NEAR
 from bonecam.verify.removal.result import LINK_ALLOWED, Clearance, LevelRemoval, Removal, Spot
-from bonecam.verify.removal.table import NEAR
 
 REMEDIES = {
     "shank": "give a slimmer shank, or a larger overhang or flute length",
     "holder": "give a slimmer holder, or a larger overhang",
     "spindle": "give a longer holder or a longer post (holding.length)",
     "tailstock": "give a longer pin (holding.tailstock_length) or a farther column (holding.tailstock_reach)",
+    "bodies": "give a longer post (holding.length) or overhang, or narrower limits_deg of the axis that brings them "
+    "together, as paths are planned round nose and table alone",
     "shell": "end the shell farther up the part, or give a longer overhang",
 }
 """What to do where a part of the tool enters material, and where the tool meets tailstock or shell."""
@@ -21,11 +24,12 @@ REMEDIES = {
 def check_removal(
     removal: Removal, gouge_tolerance: float = 0.01, bridge: float = 0.0, *, limited: bool = True
 ) -> None:
-    """VerifyError, with `line` and `place`, where a rapid removes material or the moves between two passes more than
-    LINK_ALLOWED, shank, holder or spindle enter what stands, the tool meets table, chuck, tailstock or shell, a ball
-    goes into the part by more than `gouge_tolerance` mm or too deep into the mesh as given, or a cut is deeper than its
-    limit by more than is allowed (`over_allowed`); where a level is cut after the parting; and where nothing, or less
-    than a `bridge` of this diameter (mm, within two cells), is left of a post that is parted: the part drops.
+    """VerifyError, with `line` and `place`, where a rapid removes material or the moves between two passes more
+    than LINK_ALLOWED, shank, holder or spindle enter what stands, the tool meets table, chuck, tailstock or shell,
+    a body of the machine meets anything (BodiesError), a ball goes into the part by more than `gouge_tolerance` mm
+    or too deep into the mesh as given, or a cut is deeper than its limit by more than is allowed (`over_allowed`);
+    where a level is cut after the parting; and where nothing, or less than a `bridge` of this diameter (mm, within
+    two cells), is left of a post that is parted: the part drops.
 
     Leftovers are told in the report and refuse nothing; nor do depths where they are not `limited`.
     """
@@ -40,6 +44,9 @@ def check_removal(
     _check_clearance(removal.table, "meets table or chuck", "give a longer post (holding.length) or overhang")
     if removal.tailstock is not None:
         _check_clearance(removal.tailstock, "meets the tailstock", REMEDIES["tailstock"])
+    if removal.bodies is not None:
+        what = f"comes within {BODIES_NEAR:g} mm of the {removal.bodies.other}"
+        _check_clearance(removal.bodies, what, REMEDIES["bodies"], BodiesError)
     if removal.shell is not None:
         _check_clearance(removal.shell, f"comes within {NEAR:g} mm of the shell", REMEDIES["shell"])
     if removal.link_contact:
@@ -107,11 +114,13 @@ def _check_parted_last(levels: Sequence[LevelRemoval]) -> None:
         parted |= level.index == PARTING
 
 
-def _check_clearance(clearance: Clearance, what: str, remedy: str) -> None:
-    """VerifyError where this part of the tool touches."""
+def _check_clearance(
+    clearance: Clearance, what: str, remedy: str, kind: type[VerifyError] = VerifyError
+) -> None:
+    """The error of this kind where this part of the tool touches."""
     if clearance.touched and clearance.least:
         place = clearance.least.place
-        raise VerifyError(
+        raise kind(
             f"line {clearance.touched}: the {clearance.part} {what} at {place_name(place)}: {remedy}",
             line=clearance.touched,
             place=place,

@@ -10,6 +10,8 @@ from numpy import ndarray
 from bonecam.arrays import rotations_of
 from bonecam.job import HoldingJob
 from bonecam.machine.bodies import Table
+from bonecam.machine.kinematics import inverse_linear, inverse_rotary, link_poses, within_limits
+from bonecam.machine.machine import Machine
 from bonecam.mesh.solids.revolution import revolve
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.report.pictures.panels import BELOW, Plot, lay_out, new_figure, save_figure
@@ -17,6 +19,7 @@ from bonecam.report.pictures.shading import draw_shaded
 from bonecam.tool.cutter import Cutter
 from bonecam.tool.path import MoveKind, ToolPath
 from bonecam.workholding.clamping import holding_columns
+from bonecam.workholding.link_bodies import body_meshes
 from bonecam.workholding.tailstock import tailstock_bodies
 
 COLOURS = {
@@ -28,8 +31,10 @@ COLOURS = {
     "shank": "#f0e442",
     "holder": "#0072b2",
     "spindle": "#56b4e9",
+    "machine": "#b0b7bd",
 }
-"""Of Okabe & Ito (2008), which colour-blind readers tell apart; part and post in bone and grey."""
+"""Of Okabe & Ito (2008), which colour-blind readers tell apart; part and post in bone and grey, meshes of the
+machine's links in light grey."""
 SIDES = 32
 """Of bodies of revolution."""
 RING = 3.0
@@ -41,16 +46,18 @@ LEGEND = 0.45
 
 
 def draw_machine(
-    paths: Sequence[ToolPath], part: TriangleMesh, holding: HoldingJob, table: Table, file: str | Path
+    paths: Sequence[ToolPath], part: TriangleMesh, holding: HoldingJob, machine: Machine, file: str | Path
 ) -> None:
-    """Write table, chuck, post, part and the whole tool, from the front (-y) and from behind, at the cut in which
-    holder or spindle are nearest to the table's plane."""
+    """Write table, chuck, post, part, the whole tool and the bodies of the machine's links, from the front (-y) and
+    from behind, at the cut in which holder or spindle are nearest to the table's plane."""
     from matplotlib.lines import Line2D
 
     heights = [_lowest(path) for path in paths]
     path = paths[int(np.argmin([np.min(each, initial=np.inf) for each in heights]))]
     row = int(np.argmin(_lowest(path)))
-    bodies = [*_fixed(part, holding, table), *_tool(path.cutter, path.tips[row], path.axes[row])]
+    bodies = [*_fixed(part, holding, machine.table), *_tool(path.cutter, path.tips[row], path.axes[row])]
+    joints = _joints(machine, path.cutter, path.tips[[row]], path.axes[[row]])
+    bodies += link_meshes(machine, joints, path.cutter.length)
     figure, plots = new_figure(2)
     for plot, side in zip(plots, (1.0, -1.0)):
         draw_bodies(plot, bodies, side)
@@ -117,6 +124,28 @@ def table_bodies(table: Table) -> list[tuple[str, TriangleMesh]]:
         )
         height += piece.length
     return bodies
+
+
+def link_meshes(
+    machine: Machine, joints: Float[ndarray, "1 5"], tool_length: float
+) -> list[tuple[str, TriangleMesh]]:
+    """The bodies of the machine's links in the part's frame at the joints (mm, rad)."""
+    meshes = []
+    for body, mesh in body_meshes(machine).items():
+        pose = np.eye(4)
+        turned, at = link_poses(machine, body.link, joints, tool_length)
+        pose[:3, :3], pose[:3, 3] = turned[0], at[0]
+        meshes.append(("machine", mesh.move(pose)))
+    return meshes
+
+
+def _joints(
+    machine: Machine, cutter: Cutter, tips: Float[ndarray, "1 3"], axes: Float[ndarray, "1 3"]
+) -> Float[ndarray, "1 5"]:
+    """Joints (mm, rad) in which the machine, within its limits, holds a cutter in a pose."""
+    solutions, _ = inverse_rotary(machine, axes)
+    usable = within_limits(machine, solutions)[0]
+    return inverse_linear(machine, tips, solutions[:, int(np.argmax(usable))], cutter.length)
 
 
 def _tool(

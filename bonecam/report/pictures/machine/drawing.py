@@ -6,7 +6,7 @@ import numpy as np
 
 from bonecam.machine.frustum import stack_length
 from bonecam.machine.machine import Machine
-from bonecam.report.pictures.machine.bodies import bar, draw_bodies, table_bodies
+from bonecam.report.pictures.machine.bodies import bar, draw_bodies, link_meshes, table_bodies
 from bonecam.report.pictures.panels import Plot, lay_out, new_figure, save_figure
 
 TOOL = 100.0
@@ -27,6 +27,8 @@ def draw_machine_file(machine: Machine, file: str | Path) -> None:
     pose[:3, :3] = machine.in_machine(np.eye(3)).T
     pose[:3, 3] = zero
     fixed = [(name, mesh.move(pose)) for name, mesh in table_bodies(machine.table)]
+    standing = np.array([[zero[0], zero[1], zero[2] + TOOL, 0.0, 0.0]])
+    fixed += [(name, mesh.move(pose)) for name, mesh in link_meshes(machine, standing, TOOL)]
     nose = zero + np.array([0.0, 0.0, 2 * TOOL])
     stand = np.eye(4)
     stand[:3, 3] = nose

@@ -1,6 +1,7 @@
 """The picture of the machine's bodies: the pose that it shows is the lowest one, told with its height."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 from bonecam.job import HoldingJob, Job
 from bonecam.machine.bodies import Table
 from bonecam.machine.frustum import Frustum
+from bonecam.machine.machine import read_machine
 from bonecam.report import draw_machine
 from bonecam.report.pictures.machine import bodies as machine_bodies
 from bonecam.setup.capsule import Capsule
@@ -39,7 +41,8 @@ def test_the_picture_is_written_from_both_sides_with_what_there_is(path: ToolPat
     part = Capsule(np.array([0.0, 0, 108]), np.array([0.0, 0, 120]), 3.0).mesh(0.1)
     holding = HoldingJob(diameter=4.0, length=105.0)
     table = Table(radius=100.0, standing=(Frustum(20.0, 40.0, 30.0),))
-    draw_machine([path, path], part, holding, table, tmp_path / "machine.png")
+    machine = replace(read_machine("mikron-ucp600"), table=table)
+    draw_machine([path, path], part, holding, machine, tmp_path / "machine.png")
     assert (tmp_path / "machine.png").read_bytes().startswith(b"\x89PNG")
 
 
