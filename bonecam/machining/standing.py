@@ -18,6 +18,7 @@ from bonecam.planning.holding.found_depths import depths_report, leaves_depths_o
 from bonecam.planning.holding.neck import find_standing
 from bonecam.planning.holding.neck_remedies import neck_remedies, neck_report
 from bonecam.planning.holding.parting_paths import check_parting
+from bonecam.planning.holding.post_length import check_reached
 from bonecam.planning.holding.reach import post_advice
 from bonecam.planning.holding.stump_paths import check_second
 from bonecam.planning.holding.tailstock_room import blocked_share
@@ -78,6 +79,8 @@ def stand_part(
             job = with_found_depths(setup, job, limits)
             figures |= depths_report(job)
         if machine is not None:
+            if not seeks_post and job.path.strategy == "morph":
+                check_reached(setup, job, limits)
             check_parting(setup, job, limits)
             check_second(setup.part, setup.post, job)
             check_room(setup.stock, job, machine)

@@ -29,6 +29,9 @@ NEAR_SLOPE = 0.25
 run along the surface."""
 STEP_SHARE = 0.999
 """Part of the provable step that is taken, against rounding."""
+WIDE = 0.7
+"""A section wider than this share of its start's height over the tip is proven from above its start: a sphere as wide
+about the start leaves a part that stands up beside the tip too little room."""
 SURE_SHARE = 0.9
 """A distance below this part of the radius is a collision, well inside the section's ends."""
 
@@ -131,7 +134,7 @@ def _trace(around: Surroundings, poses: Poses, section: ToolSection, cutter: Cut
     state = np.full(len(poses.tips), UNDECIDED)
     active = np.arange(len(poses.tips))
     u = np.full(len(active), section.start)
-    if section.widest > section.start:
+    if section.name != "cutter" and section.widest > WIDE * section.start:
         u = _first_heights(around, poses, section)
         state[u >= section.end] = FREE
         active = np.flatnonzero(u < section.end)
@@ -160,8 +163,8 @@ def _trace(around: Surroundings, poses: Poses, section: ToolSection, cutter: Cut
 
 
 def _first_heights(around: Surroundings, poses: Poses, section: ToolSection) -> Float[ndarray, " n"]:
-    """How far up (mm) a section wider than it is far from the tip is proven by one sphere above its start: about
-    the start itself a sphere as wide as its disc would reach the tip."""
+    """How far up (mm) a section about as wide as it is far from the tip is proven by one sphere above its start: about
+    the start itself a sphere as wide as its disc would reach the tip, or the part beside it."""
     ahead = min(section.start + section.widest, section.end)
     reach = np.hypot(section.end, section.widest)
     needed = section.widest + poses.shift + poses.turn * reach

@@ -36,6 +36,11 @@ MOST_CONTACTS = 5000
 """About so many contacts are sampled on a mesh at most: their directions take 30 MB."""
 STOCK_CHORD = 0.05
 """Chord tolerance of the stock's mesh, mm."""
+FEW_CONTACTS = 300
+"""So many tell that none is reached."""
+BETWEEN_DIRECTIONS = 2.0
+"""A post this much shorter than every sampled contact needs may do for another one, mm: contacts are sampled, and
+directions 8 degrees apart."""
 BATCH = 8
 """Directions that are tested for a contact at once."""
 LONGEST = 500.0
@@ -70,6 +75,24 @@ def find_post_length(setup: Setup, job: Job, limits: MachineLimits) -> tuple[Set
     height = float(setup.stock.bounds[0, 2])
     length = shortest_post(lifts, height, clamping)
     return setup.lift(length - height), replace(job, holding=replace(job.holding, length=length))
+
+
+def check_reached(setup: Setup, job: Job, limits: MachineLimits) -> None:
+    """OrientationError where a post of given length is so short that no sampled contact on the part, or none on the
+    stock, can be reached."""
+    clamping = clamping_of(job.holding, limits.bodies.table)
+    for sampled in _sampled(setup, job, limits.bodies, FEW_CONTACTS):
+        lifts = least_lifts(sampled, clamping, job, limits)
+        least = float(lifts.min(initial=np.inf))
+        if len(lifts) and least > BETWEEN_DIRECTIONS:
+            length = job.holding.length
+            cutter = sampled.checker.cutter.name
+            what = f"[holding] length = {length:g}: no contact of the {cutter} cutter has a free tool axis"
+            remedy = "take a longer overhang or a slimmer holder"
+            if np.isfinite(least):
+                needed = f"the first one {np.ceil(length + least):g} mm, most of them more"
+                remedy = f"give length = 0, which finds the shortest that reaches all ({needed}), or a longer overhang"
+            raise OrientationError(f"{what}: {remedy}", length=length)
 
 
 def parting_lift(setup: Setup, job: Job, limits: MachineLimits) -> float:

@@ -1,14 +1,18 @@
 """What would shorten a post: every remedy is the length that is found with it."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from bonecam.errors import OrientationError
 from bonecam.job import Job
+from bonecam.machine.frustum import Frustum
 from bonecam.machine.machine import read_machine
 from bonecam.nc.posting.rotary.machine_limits import machine_limits
-from bonecam.planning.holding.post_length import find_post_length, level_lifts
+from bonecam.planning.holding.post_length import check_reached, find_post_length, level_lifts
 from bonecam.planning.holding.reach import STEEP_TILT, what_would_help
 from bonecam.progress import silent
 from bonecam.setup.placement import place
@@ -67,3 +71,17 @@ def test_the_shorter_the_post_the_more_stays_uncut(standing, advice):
     long, short = advice.shorter
     assert short.length < long.length < job.holding.length
     assert 0 < long.uncut < short.uncut < 0.1 * setup.part.mesh.area
+
+
+def test_a_post_from_which_nothing_is_reached_is_refused_with_the_length_that_reaches_something(standing):
+    """With a level tool the nose is below the table's plane on any post shorter than half of its width."""
+    setup, job = standing
+    machine = replace(read_machine("mill-4axis"), nose=(Frustum(150.0, 150.0, 150.0),))
+    limits = machine_limits(machine)
+    check_reached(setup, job, limits)
+    low = setup.lift(20.0 - job.holding.length)
+    short = replace(job, holding=replace(job.holding, length=20.0))
+    with pytest.raises(OrientationError, match=r"length = 20: no contact .* give length = 0") as caught:
+        check_reached(low, short, limits)
+    needed = float(re.search(r"the first one (\d+) mm", str(caught.value))[1])
+    assert 75.0 - np.ptp(setup.stock.bounds[:, 2]) < needed < 85.0
