@@ -10,8 +10,8 @@ import numpy as np
 from bonecam.machine.axes import LinearAxis, RotaryAxis
 from bonecam.machine.limits import polar_angles
 from bonecam.machine.machine import Machine, machine_files, read_machine
-from bonecam.machine.machine_file import MachineFile
-from bonecam.machine.reach import reached_axes, tilt_band
+from bonecam.machine.machine_file import PARALLEL, MachineFile
+from bonecam.machine.reach import farthest_side, reached_axes, tilt_band
 from bonecam.machine.tables import read_table
 
 LEAST_SPINDLE = 1000.0
@@ -25,6 +25,10 @@ LEAST_TURN_DEG = 2 * math.pi
 LEAST_TURN_SPEED_DEG_S = math.pi
 """Rotary axes turn faster, deg/s: half a turn a second in radians."""
 
+LEAST_LEAN_DEG = 15.0
+"""The tool leans so far for the sides of a part, degrees: 90 less the path.max_tilt_deg of a job that does not say."""
+IN_FRONT = 1.0
+"""A head axis so far in front of the spindle nose is where holder and tool are, mm."""
 HORIZONTAL_BAND_DEG = 181.0
 """Lowest and highest lean of a tool that reaches as far below the horizontal as above it sum to 180, degrees; with
 rounding."""
@@ -61,7 +65,13 @@ def check_machine(name: str | Path) -> MachineCheck:
     )
 
 
-def _doubtful(machine: Machine) -> Iterator[str]:
+def _doubtful(machine: Machine) -> list[str]:
+    """What looks wrong, each with a question. Sides that the tool is not leant to are one where nothing else is."""
+    asked = [*_doubtful_figures(machine), *_doubtful_frame(machine), *_doubtful_chain(machine)]
+    return asked or list(_doubtful_sides(machine))
+
+
+def _doubtful_figures(machine: Machine) -> Iterator[str]:
     """Figures that are so small as those of mills are in other units, each with a question."""
     if machine.spindle_speed < LEAST_SPINDLE:
         yield f"spindle_speed: {machine.spindle_speed:g} 1/min at most: is it in 1/s?"
@@ -77,7 +87,6 @@ def _doubtful(machine: Machine) -> Iterator[str]:
         degrees = np.degrees(turned.speed) / 60
         if degrees < LEAST_TURN_SPEED_DEG_S:
             yield f"{turned.letter}: a speed of {degrees:g} deg/s: is it in rad/s?"
-    yield from _doubtful_frame(machine)
 
 
 def _doubtful_frame(machine: Machine) -> Iterator[str]:
@@ -97,6 +106,49 @@ def _doubtful_frame(machine: Machine) -> Iterator[str]:
     if low + high > HORIZONTAL_BAND_DEG:
         letters = " ".join(axis.letter for axis in machine.rotary if not axis.locked)
         yield f"part_z: the tool comes more from below the part than from above: is it right, and sign of {letters}?"
+
+
+def _doubtful_chain(machine: Machine) -> Iterator[str]:
+    """Rotary axes in another order than machines have them, axes in front of the spindle nose, and a part that the nose
+    never stands over."""
+    upright = machine.in_part(np.array([axis.direction for axis in machine.part_axes]).reshape(-1, 3))[:, 2]
+    along = np.abs(upright) > 1 - PARALLEL
+    letters = [axis.letter for axis in machine.part_axes]
+    if len(letters) == 2 and along[1] and not along[0]:
+        turned = f"{letters[1]}, which turns about the part's Z, carries {letters[0]}"
+        yield f"chain: {turned}: is it from the part outward, not {letters[1]}, {letters[0]}?"
+    if not letters and not machine.stands:
+        yield "chain: both axes carry the tool, yet part_z is not upright: is it from the part outward?"
+    for axis in machine.tool_axes:
+        if axis.letter and (ahead := -_height_at_spindle(axis)) > IN_FRONT:
+            where = f"{ahead:g} mm in front of the spindle nose, where the tool is"
+            yield f"{axis.letter}: its pivot is {where}: is it measured from the nose, up?"
+    for linear, zero in zip(machine.linear, machine.part_zero, strict=True):
+        low, high = linear.limits
+        beyond = f"end at {high:g}, below" if high < zero else f"begin at {low:g}, above"
+        if high < zero or (low > zero and linear.letter != "Z"):
+            asked = "are they of the spindle nose, and is part_zero right?"
+            yield f"{linear.letter}: its limits {beyond} part_zero {zero:g}: {asked}"
+
+
+def _doubtful_sides(machine: Machine) -> Iterator[str]:
+    """Sides of a part that the tool cannot be leant to, as `convert` refuses them."""
+    band = tilt_band(machine)
+    bounded = [axis.letter for axis in machine.own_rotary if axis.bounded]
+    asked = f"limits_deg of {' '.join(bounded)}" if bounded else "part_z and direction"
+    if band is not None and np.degrees(band[1]) < LEAST_LEAN_DEG:
+        lean = f"the tool leans by {np.degrees(band[1]):g} deg at most, the sides of a part need {LEAST_LEAN_DEG:g}"
+        yield f"rotary axes: {lean}: are {asked} right?"
+    if band is None and np.degrees(farthest_side(reached_axes(machine).samples)) > 90 - LEAST_LEAN_DEG:
+        yield f"rotary axes: the tool leans to some sides of the part only: are {asked} right?"
+
+
+def _height_at_spindle(axis: RotaryAxis) -> float:
+    """How far above the spindle nose an axis of the head comes nearest to the spindle's, mm."""
+    across = np.array(axis.direction[:2])
+    length = float(across @ across)
+    along = -float(across @ axis.pivot[:2]) / length if length > PARALLEL else 0.0
+    return axis.pivot[2] + along * axis.direction[2]
 
 
 def _chain_text(machine: Machine) -> str:

@@ -196,6 +196,13 @@ class MachineFile(Record):
         return self
 
     @model_validator(mode="after")
+    def _leans_its_tool(self) -> "MachineFile":
+        last = self.chain[-1]
+        if last != LINEAR and abs(getattr(self, last).direction[2]) > 1 - PARALLEL:
+            raise KeyFault("chain", f"{last} next to the tool turns it about itself: {CHAIN_REMEDY}")
+        return self
+
+    @model_validator(mode="after")
     def _has_a_part_frame(self) -> "MachineFile":
         """The part's frame is given, or what carries the part turns about its Z axis."""
         if (self.part_x is None) != (self.part_z is None):
@@ -220,18 +227,13 @@ class MachineFile(Record):
     def _has_bodies_of_its_links(self) -> "MachineFile":
         links = [*self.chain, "bed"]
         names = [body.name for body in self.bodies]
-        for at, body in enumerate(self.bodies):
+        for at, body in enumerate(self.bodies, 1):
             if body.link not in links:
-                raise KeyFault(
-                    f"bodies.{at + 1}.link",
-                    f"{body.link}: chain does not name it: use one of {', '.join(links)}",
-                )
-            if names.index(body.name) < at:
-                raise KeyFault(
-                    f"bodies.{at + 1}.name", f"{body.name!r} is there twice: give each its own name"
-                )
+                raise KeyFault(f"bodies.{at}.link", f"{body.link}: use one of {', '.join(links)}")
+            if body.name in names[: at - 1]:
+                raise KeyFault(f"bodies.{at}.name", f"{body.name!r} is there twice: rename one")
             if not body.stl.lower().endswith(".stl"):
-                raise KeyFault(f"bodies.{at + 1}.stl", f"{body.stl!r}: give a file that ends in .stl")
+                raise KeyFault(f"bodies.{at}.stl", f"{body.stl!r}: give a file that ends in .stl")
         return self
 
     @model_validator(mode="after")

@@ -21,6 +21,8 @@ STEP = np.radians(2.0)
 """Between the joints at which the tool axes of a machine are sampled, radians."""
 ON_CURVE = 1e-7
 """A unit axis this near to one that a machine has is that."""
+ROUND = 360
+"""Sides of a stock that are tried."""
 EVEN = 1e-9
 """Polar angles that differ by less, radians, are one."""
 
@@ -49,8 +51,9 @@ def _band_of_locked(machine: Machine) -> tuple[float, float] | None:
     free = [axis for axis in machine.rotary if not axis.locked]
     if len(free) != 1 or (free[0].bounded and not free[0].has_choice):
         return None
-    angles = polar_angles(_sampled(machine))
-    if np.ptp(angles) > EVEN:
+    samples = _sampled(machine)
+    angles = polar_angles(samples)
+    if np.ptp(angles) > EVEN or np.ptp(samples, axis=0).max() < ON_CURVE:
         return None
     return float(angles.mean()), float(angles.mean())
 
@@ -87,7 +90,8 @@ def reached_axes(machine: Machine) -> ReachedAxes:
     samples = _sampled(inner)
     if np.ptp(samples, axis=0).max() < ON_CURVE:
         what = f"{machine.name}: its tool has a single direction in the part"
-        raise MachineError(f"{what}: give one of its rotary axes room", machine=machine.name)
+        remedy = "give one of its rotary axes room, or correct direction: one along the spindle leans nothing"
+        raise MachineError(f"{what}: {remedy}", machine=machine.name)
     tree = scipy.spatial.KDTree(samples)
 
     def brought(axes: Float[ndarray, "n 3"]) -> tuple[Float[ndarray, "n 3"], Bool[ndarray, " n"]]:
@@ -108,6 +112,13 @@ def reached_axes(machine: Machine) -> ReachedAxes:
         return np.where(reached[:, None], own, near)
 
     return ReachedAxes(contains, nearest, frozen(samples))
+
+
+def farthest_side(axes: Float[ndarray, "k 3"]) -> float:
+    """The largest angle (rad) of a level direction, which the side of a stock faces, from all of these unit axes."""
+    azimuths = np.radians(np.arange(ROUND))
+    sides = np.column_stack([np.cos(azimuths), np.sin(azimuths), np.zeros(ROUND)])
+    return float(np.arccos(np.clip((axes @ sides.T).max(axis=0), -1, 1)).max())
 
 
 def _within_margin(axis: RotaryAxis) -> RotaryAxis:

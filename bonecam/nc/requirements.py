@@ -8,6 +8,7 @@ from numpy import ndarray
 from bonecam.errors import MachineError
 from bonecam.job import Job, ToolJob, field_error
 from bonecam.machine.machine import Machine
+from bonecam.machine.reach import farthest_side
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.posting.rotary.choice import choose_angles
 from bonecam.nc.posting.rotary.machine_limits import machine_limits
@@ -76,12 +77,10 @@ def check_reach(job: Job, machine: Machine) -> None:
 
 def _check_sides(axes: Float[ndarray, "k 3"], tilt_deg: float, who: str) -> None:
     """MachineError where some side of a stock is farther than `tilt_deg` (degrees) from all of these tool axes."""
-    azimuths = np.radians(np.arange(ROUND))
-    sides = np.column_stack([np.cos(azimuths), np.sin(azimuths), np.zeros(ROUND)])
-    off = np.degrees(np.arccos(np.clip((axes @ sides.T).max(axis=0), -1, 1)))
-    if off.max() > tilt_deg:
+    off = float(np.degrees(farthest_side(axes)))
+    if off > tilt_deg:
         remedy = "give wider limits, correct part_z, or take another machine (--machine)"
-        raise MachineError(f"{who}the tool axis leans to some sides only: {remedy}", off=float(off.max()))
+        raise MachineError(f"{who}the tool axis leans to some sides only: {remedy}", off=off)
 
 
 def _check_way_round(machine: Machine, tilt: float, named: str) -> None:

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from bonecam.errors import MachineError
 from bonecam.machine import check_machine, machine_names
 from bonecam.machine.machine import MACHINES
 
@@ -88,3 +89,98 @@ def test_a_table_turned_over_and_a_pivot_out_of_reach_are_asked_about(
     path.write_text(text.replace(right, wrong, 1))
     (told,) = check_machine(path).doubtful
     assert asked in told
+
+
+@pytest.mark.parametrize(
+    ("name", "right", "wrong", "asked"),
+    [
+        (
+            "pocket-nc",
+            '["B", "A", "XYZ"]',
+            '["A", "B", "XYZ"]',
+            "carries A: is it from the part outward, not B, A?",
+        ),
+        (
+            "pocket-nc",
+            '["B", "A", "XYZ"]',
+            '["XYZ", "A", "B"]',
+            "both axes carry the tool, yet part_z is not",
+        ),
+        (
+            "mill-4axis",
+            "part_z = [1.0, 0.0, 0.0]",
+            "part_z = [0.0, 1.0, 0.0]",
+            "some sides .* part_z and direction",
+        ),
+        ("mill-4axis", "endless = true", "limits_deg = [-5.0, 5.0]", "some sides .* limits_deg of A right"),
+        (
+            "mikron-ucp600",
+            "[-115.0, 30.0]",
+            "[-5.0, 5.0]",
+            "leans by 5 deg at most, the sides of a part need 15",
+        ),
+        (
+            "dmu-45",
+            "pivot = [0.0, 0.0, 0.0]\nsign = 1\n",
+            "pivot = [0.0, 0.0, -60.0]\nsign = 1\n",
+            "B: its pivot is 60 mm in front of the spindle nose",
+        ),
+        (
+            "dmu-45",
+            "pivot = [0.0, 0.0, 0.0]\nsign = 1\n",
+            "pivot = [0.0, 90.0, 30.0]\nsign = 1\n",
+            "B: its pivot is 60 mm in front of the spindle nose",
+        ),
+        (
+            "mikron-ucp600",
+            "[Z]\ntravel = 450.0",
+            "[Z]\nlimits = [-500.0, -50.0]",
+            "Z: its limits end at -50, below",
+        ),
+        (
+            "mikron-ucp600",
+            "[X]\ntravel = 600.0",
+            "[X]\nlimits = [50.0, 650.0]",
+            "X: its limits begin at 50, above",
+        ),
+    ],
+)
+def test_what_no_machine_is_like_is_asked_about(
+    name: str, right: str, wrong: str, asked: str, tmp_path: Path
+) -> None:
+    text = (MACHINES / f"{name}.toml").read_text()
+    if wrong.startswith("part_z"):
+        text = text.replace("part_x = [0.0, 0.0, 1.0]", "part_x = [1.0, 0.0, 0.0]")
+    assert right in text
+    path = tmp_path / "own.toml"
+    path.write_text(text.replace(right, wrong, 1))
+    (told,) = check_machine(path).doubtful
+    assert re.search(asked, told)
+
+
+@pytest.mark.parametrize(
+    ("name", "right", "wrong", "told"),
+    [
+        (
+            "mill-4axis",
+            "direction = [1.0, 0.0, 0.0]",
+            "direction = [0.0, 0.0, 1.0]",
+            "a single direction in the part: .* correct direction: one along the spindle",
+        ),
+        (
+            "mikron-ucp600",
+            '["C", "B", "XYZ"]',
+            '["XYZ", "B", "C"]',
+            "chain: C next to the tool turns it about itself: .*from the part to the tool",
+        ),
+    ],
+)
+def test_an_axis_that_leans_nothing_is_refused(
+    name: str, right: str, wrong: str, told: str, tmp_path: Path
+) -> None:
+    text = (MACHINES / f"{name}.toml").read_text()
+    assert right in text
+    path = tmp_path / "own.toml"
+    path.write_text(text.replace(right, wrong, 1))
+    with pytest.raises(MachineError, match=told):
+        check_machine(path)

@@ -177,7 +177,7 @@ def test_a_body_that_is_open_or_not_there_is_told_in_a_line(machine_with, tmp_pa
         (
             'link = "B"',
             'link = "A"',
-            r"bodies\.1\.link: A: chain does not name it: use one of C, B, XYZ, bed",
+            r"bodies\.1\.link: A: use one of C, B, XYZ, bed",
         ),
         ('name = "head"', 'name = "cradle"', r"bodies\.2\.name: 'cradle' is there twice"),
         (
