@@ -20,6 +20,7 @@ from bonecam.nc.program import Program, program_name
 from bonecam.post_and_prove import ProvedProgram, post_and_prove
 from bonecam.progress import Progress, part, silent
 from bonecam.report.files.kept_bodies import kept_surface
+from bonecam.reposting.reached import check_axes
 from bonecam.reposting.read_paths import read_paths, slowed_cuts
 from bonecam.simulation import simulate, simulation_report, simulation_text
 from bonecam.surface.files.tspline_text import read_tsm
@@ -84,6 +85,7 @@ def post(
     check_files([program] if program is not None else [], [paths, design])
     machine, dialect = read_machine(job.nc.machine), job_dialect(job.nc)
     planned, slowed = slowed_cuts(read_paths(Path(paths), origin, job, machine), job)
+    check_axes(planned, machine)
     name = program_name(program or paths)
     note = [f"paths: {Path(paths).name}"]
     share = part(progress, 0.0, 0.5)
