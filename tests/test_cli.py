@@ -12,6 +12,7 @@ from bonecam.batch.run import WAITING
 from bonecam.cli import main
 from bonecam.cli.batch_display import BatchDisplay
 from bonecam.cli.progress_display import ProgressLog
+from bonecam.errors import BonecamError
 from bonecam.job import Job, write_job
 from bonecam.machine import machine_names
 from bonecam.nc import dialect_names
@@ -308,3 +309,49 @@ def test_a_share_that_is_none_is_refused(share: str, capsys: pytest.CaptureFixtu
     with pytest.raises(SystemExit):
         main(["batch", "bone.stl", "-o", "out", "--share", share])
     assert "--share" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("command", ["simulate", "post"])
+@pytest.mark.parametrize("named", [True, False])
+def test_the_job_of_the_kept_folder_is_taken_and_told(
+    command: str,
+    named: bool,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """It is that of --keep, or of the folder that the program lies in; --job and --set change it."""
+    keep = tmp_path / "look"
+    keep.mkdir()
+    kept = Job().with_values(nc={"controller": "siemens-840d"}, roughing={"overhang": 31.0})
+    (keep / "job.toml").write_text(write_job(kept))
+    (keep / "surface.tspline").write_text("")
+    taken = []
+
+    def stop(*given: object, **named: object) -> None:
+        job = next(one for one in given if isinstance(one, Job))
+        taken.append((job, {*map(str, given), *map(str, named.values())}))
+        raise BonecamError("stopped")
+
+    monkeypatch.setattr(bonecam, command, stop)
+    program = (tmp_path if named else keep) / "program.mpf"
+    wanted = [command, str(program), *(["-o", str(tmp_path / "new.mpf")] if command == "post" else [])]
+    wanted += ["--keep", str(keep)] if named else []
+    assert main(wanted) == 2
+    assert capsys.readouterr().out == f"job       {keep / 'job.toml'}\n"
+    assert main([*wanted, "--set", "roughing.overhang=33", "-q"]) == 2
+    assert main([*wanted, "--job", "paper"]) == 2
+    assert capsys.readouterr().out == ""
+    jobs = [job for job, _ in taken]
+    assert [job.nc.controller for job in jobs] == ["siemens-840d", "siemens-840d", Job().nc.controller]
+    assert [job.roughing.overhang for job in jobs[:2]] == [31.0, 33.0]
+    assert all(str(keep) in told for _, told in taken)
+
+
+def test_a_program_with_no_folder_of_its_run_is_told_to_name_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["simulate", str(tmp_path / "bone.h")]) == 2
+    assert (
+        "no folder of its run is named: give the one of `convert --keep` (--keep)" in capsys.readouterr().err
+    )

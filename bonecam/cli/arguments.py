@@ -117,8 +117,8 @@ def _add_simulate(parsers: Any) -> None:
     )
     simulate = _add_command(parsers, "simulate", text, commands.run_simulate)
     simulate.add_argument("program", metavar="PROGRAM", help="the NC program")
-    kept = "the folder that `convert --keep` wrote: its part and its stock"
-    simulate.add_argument("--keep", metavar="DIR", required=True, help=kept)
+    kept = "the folder that `convert --keep` wrote: its part, stock and, without --job, job (that of PROGRAM)"
+    simulate.add_argument("--keep", metavar="DIR", help=kept)
     rays = "distance of the rays (0.1 mm)"
     simulate.add_argument("--cell", metavar="MM", type=positive(), default=0.1, help=rays)
     simulate.add_argument("--report", metavar="FILE.json", help="file for the figures")
@@ -137,7 +137,7 @@ def _add_post(parsers: Any) -> None:
         "solid that is not gouged, in the paths' frame: a mesh, or a kept folder or surface (that of --keep)"
     )
     post.add_argument("--part", metavar="MESH", help=solid)
-    kept = "a folder that `convert --keep` wrote: its stock is cut"
+    kept = "a folder that `convert --keep` wrote: its stock is cut, without --job by its job (that of PATHS)"
     post.add_argument("--keep", metavar="DIR", help=kept)
     post.add_argument("--from-machine", metavar="NAME", help="machine that the program PATHS is for")
     post.add_argument("--from-controller", metavar="NAME", help="controller that the program PATHS is for")

@@ -13,7 +13,7 @@ from bonecam.cli.study import run_impeller
 from bonecam.errors import JobError
 from bonecam.files import check_files, write_whole
 from bonecam.filters.scripts import run_script as scripts
-from bonecam.job import write_job
+from bonecam.job import Job, write_job
 
 
 def run_convert(options: argparse.Namespace) -> int:
@@ -105,6 +105,20 @@ def run_shell(options: argparse.Namespace) -> int:
     return 0
 
 
+def _kept_job(options: argparse.Namespace, program: str) -> Job:
+    """The job of the options of a command on a `program` or its paths: without --keep their own folder is taken, where
+    a run kept it, without --job the job.toml of the folder, which is told in a line."""
+    from bonecam.report.files.kept_bodies import folder_of, job_file_of
+
+    options.keep = options.keep or folder_of(program)
+    kept = job_file_of(options.keep)
+    if options.job is None and kept is not None:
+        options.job = str(kept)
+        if not options.quiet:
+            print(f"job       {kept}")
+    return job_of(options)
+
+
 def run_simulate(options: argparse.Namespace) -> int:
     """`bonecam simulate`: what a program removes, from its text."""
     from bonecam.report.typed.run_report import report_text
@@ -112,7 +126,11 @@ def run_simulate(options: argparse.Namespace) -> int:
     from bonecam.simulation import simulation_report, simulation_text
     from bonecam.verify.removal.of_job import check_removal_of_job
 
-    job = job_of(options)
+    job = _kept_job(options, options.program)
+    if options.keep is None:
+        raise JobError(
+            f"{options.program}: no folder of its run is named: give the one of `convert --keep` (--keep)"
+        )
     wanted = [file for file in (options.report, options.html) if file is not None]
     check_files(wanted, [options.program, *filter(None, (options.job, options.machine, options.controller))])
     with shown_progress(options) as progress:
@@ -141,7 +159,7 @@ def run_post(options: argparse.Namespace) -> int:
     if (names[0] is None) != (names[1] is None):
         raise JobError("--from-machine and --from-controller belong together: give both, or none for APT")
     origin = None if names[0] is None else names
-    job = job_of(options)
+    job = _kept_job(options, options.paths)
     with shown_progress(options) as progress:
         posted = bonecam.post(
             options.paths,

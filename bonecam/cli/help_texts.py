@@ -21,14 +21,14 @@ EXAMPLES = {
     "shell": """
   bonecam shell bone.stl --units m -o shell.stl --covered 0.6""",
     "simulate": """
-  bonecam simulate bone.h --keep look --job look/job.toml""",
+  bonecam simulate bone.h --keep look
+  bonecam simulate look/program.h""",
     "probe": """
   bonecam probe look -o probe.csv --picture probe.png --program probe.h""",
     "compare": """
   bonecam compare bone.stl --units m -o study --job job.toml --set mechanics.refuse=false""",
     "post": """
-  bonecam post look/toolpath.apt --keep look --job look/job.toml -o bone.mpf --machine hermle-c600u \\
-      --controller siemens-840d
+  bonecam post look/toolpath.apt -o bone.mpf --machine hermle-c600u --controller siemens-840d
   bonecam post bone.apt --part bone.ply -o bone.mpf --machine hermle-c600u --controller siemens-840d
   bonecam post bone.h --part bone.ply -o bone.ngc --from-machine mikron-ucp600 --from-controller heidenhain \\
       --machine linuxcnc-xyzac --controller linuxcnc""",

@@ -19,7 +19,7 @@ from bonecam.nc.posting.header.header import record_simulation
 from bonecam.nc.program import Program, program_name
 from bonecam.post_and_prove import ProvedProgram, post_and_prove
 from bonecam.progress import Progress, part, silent
-from bonecam.report.files.kept_bodies import kept_surface
+from bonecam.report.files.kept_bodies import kept_job, kept_surface
 from bonecam.reposting.reached import check_axes
 from bonecam.reposting.read_paths import read_paths, slowed_cuts
 from bonecam.simulation import simulate, simulation_report, simulation_text
@@ -74,13 +74,13 @@ def post(
     given, a program for these. It must not gouge `part_file`, a solid in the paths' frame: a mesh, a kept surface
     (.tspline), or the folder of a run, whose surface stands for its level_00.ply too; without it that of `keep`.
 
-    Machine, controller, feeds of rapids, and the cutters (found by their balls) are those of the `job`; a cut that is
-    faster than its cutter may be there is slowed. With
-    the folder `keep` of a run the removal of its stock is simulated from the new text. The file `program` is written at
-    the end. ProgramError where the paths cannot be read or use a cutter that the job does not have, MachineError where
-    the machine does not reach them, VerifyError where the program is wrong.
+    Machine, controller, feeds of rapids, and the cutters (found by their balls) are those of the `job`, that of the
+    folder `keep` if none is given; a cut that is faster than its cutter may be there is slowed. With the folder `keep`
+    of a run the removal of its stock is simulated from the new text. The file `program` is written at the end.
+    ProgramError where the paths cannot be read or use a cutter that the job does not have, MachineError where the
+    machine does not reach them, VerifyError where the program is wrong.
     """
-    job = job or Job()
+    job = job or kept_job(keep)
     design = _design_file(part_file, keep)
     check_files([program] if program is not None else [], [paths, design])
     machine, dialect = read_machine(job.nc.machine), job_dialect(job.nc)

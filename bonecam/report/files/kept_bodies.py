@@ -77,6 +77,24 @@ def _require_stock(text: str, stock: TriangleMesh, program: Path, keep: Path) ->
         )
 
 
+def kept_job(keep: str | Path | None) -> Job:
+    """The job of a kept folder; that of no file where there is no folder, or none in it. JobError as of `read_job`."""
+    file = job_file_of(keep)
+    return Job() if file is None else read_job(file)
+
+
+def job_file_of(keep: str | Path | None) -> Path | None:
+    """The job.toml of a kept folder; None where there is no folder, or none in it."""
+    file = None if keep is None else Path(keep) / "job.toml"
+    return file if file is not None and file.is_file() else None
+
+
+def folder_of(file: str | Path) -> Path | None:
+    """The folder that a program, or its paths, lie in, where a run kept it."""
+    folder = Path(file).parent
+    return folder if job_file_of(folder) and (folder / SURFACE).is_file() else None
+
+
 def with_kept_holding(job: Job, keep: Path) -> Job:
     """The job, what its [holding] and its depths of cuts leave to be found as it was found for the folder. FileError
     where that does not tell."""

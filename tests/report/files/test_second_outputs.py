@@ -60,7 +60,7 @@ class Simulated:
 def simulated(second_run: Run, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Simulated]:
     """Both texts of the run, simulated from its kept folder."""
     folder, found = second_run[1], {}
-    keep = ["--keep", str(folder / "keep"), "--job", str(folder / "keep" / "job.toml")]
+    keep = ["--keep", str(folder / "keep")]
     for name in ("bone.h", "bone.second.h"):
         again = tmp_path_factory.mktemp("again")
         outputs = ["--report", str(again / "again.json"), "--html", str(again / "again.html")]
@@ -269,7 +269,7 @@ def test_simulate_refuses_a_text_that_goes_too_deep_into_the_mesh_as_given(
     middle = given.bounds.mean(axis=0)
     write_mesh(TriangleMesh(middle + 1.5 * (given.vertices - middle), given.faces), keep / GIVEN)
     report = tmp_path / "again.json"
-    outputs = ["--job", str(keep / "job.toml"), "--report", str(report), "--cell", "0.2"]
+    outputs = ["--report", str(report), "--cell", "0.2"]
     assert main(["simulate", str(folder / name), "--keep", str(keep), *outputs]) == 2
     assert re.search(
         r"line \d+: the ball goes [12]\.\d+ mm into the mesh as given at .*, allowed 0\.5\d+: mend the mesh there",
@@ -287,7 +287,7 @@ def test_simulate_tells_that_it_has_no_mesh_as_given(
     shutil.copytree(folder / "keep", keep)
     (keep / GIVEN).unlink()
     report = tmp_path / "again.json"
-    outputs = ["--job", str(keep / "job.toml"), "--report", str(report), "--cell", "0.2"]
+    outputs = ["--report", str(report), "--cell", "0.2"]
     assert main(["simulate", str(folder / name), "--keep", str(keep), *outputs]) == 0
     told = f"not judged against the mesh as given: {keep} has no given.ply"
     assert f"as given  {told}" in capsys.readouterr().out
