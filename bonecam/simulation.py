@@ -50,6 +50,7 @@ from bonecam.verify.removal.of_job import (
     followed_surfaces,
     level_scallops,
     simulate_stump,
+    with_limits,
 )
 from bonecam.verify.removal.result import Removal
 from bonecam.verify.removal.simulate import simulate_removal
@@ -159,7 +160,7 @@ def _simulate_first(
         workpiece=workpiece_of(job, post, clamping) if mechanics else None,
         progress=progress,
     )
-    return removal, post
+    return with_limits(removal, machine, job), post
 
 
 def _judged(

@@ -170,6 +170,8 @@ def removal_lines(removal: Mapping[str, Any]) -> Iterator[str]:
     away = f"{left['area_over_0_02_mm2']:.1f} mm2 keep more than 0.02 mm, {left['max_mm']:.2f} mm at most"
     reasons = left["by_reason"]
     why = f"{reasons['gouge']:.1f} in hollows, {reasons['reachable']:.1f} where the ball fits"
+    if reasons.get("limits"):
+        why += f", {reasons['limits']:.1f} beyond the machine's tool axes"
     yield f"left      {away} ({why}); at the post {reasons['post']:.1f} mm2"
     if reasons.get("tailstock"):
         yield f"          at the tailstock {reasons['tailstock']:.1f} mm2"

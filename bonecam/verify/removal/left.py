@@ -1,10 +1,14 @@
 """What normal probes tell in the end: what stays on the part, and where a ball went into it."""
 
+from dataclasses import replace
+
 import numpy as np
 from jaxtyping import Bool, Int
 from numpy import ndarray
 from scipy.spatial import cKDTree
 
+from bonecam.arrays import angles_between
+from bonecam.machine.limits import MachineLimits
 from bonecam.nc.reading.motions import Motions
 from bonecam.planning.passes.contacts import at_post
 from bonecam.verify.removal.normal_probes import NormalProbes
@@ -47,7 +51,18 @@ def measure_left(normal_probes: NormalProbes, post: Post | None, radius: float, 
             "gouge": float(normal_probes.areas[standing[hollow]].sum()),
             "reachable": float(normal_probes.areas[standing[~hollow]].sum()),
         },
+        reachable=standing[~hollow],
     )
+
+
+def beside_limits(left: Left, normal_probes: NormalProbes, limits: MachineLimits, tilt: float) -> Left:
+    """What stays, with the reason `limits` of the places where the ball fits, but no tool axis of the machine is within
+    `tilt` (rad) of the normal: the ends of a part on a machine that lays its tool across them."""
+    normals = normal_probes.normals[left.reachable]
+    beyond = angles_between(normals, limits.nearest(normals)) > tilt
+    areas = normal_probes.areas[left.reachable]
+    by_reason = {"reachable": float(areas[~beyond].sum()), "limits": float(areas[beyond].sum())}
+    return replace(left, by_reason=left.by_reason | by_reason, reachable=left.reachable[~beyond])
 
 
 def _in_hollows(normal_probes: NormalProbes, which: Int[ndarray, " k"], radius: float) -> Bool[ndarray, " k"]:

@@ -12,6 +12,7 @@ from bonecam.machine.machine import Machine
 from bonecam.mechanics.workpiece import stump_workpiece, workpiece_of
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.dialect import Dialect
+from bonecam.nc.posting.rotary.machine_limits import machine_limits
 from bonecam.nc.reading.motions import Motions
 from bonecam.nc.reading.read import read_program
 from bonecam.planning.layers.layer_limits import layer_limits
@@ -24,6 +25,7 @@ from bonecam.verify.gouge import Gouge
 from bonecam.verify.removal.clearances.table import shell_clearance
 from bonecam.verify.removal.given import GivenSurface, measure_given
 from bonecam.verify.removal.groups import groups_of
+from bonecam.verify.removal.left import beside_limits
 from bonecam.verify.removal.result import Removal
 from bonecam.verify.removal.simulate import simulate_further, simulate_removal
 from bonecam.verify.removal.sweeping import Accuracy, SimulatedStock
@@ -109,7 +111,17 @@ def removal_of_job(
         workpiece=workpiece_of(job, post, clamping) if mechanics else None,
         progress=progress,
     )
+    removal = with_limits(removal, machine, job)
     return removal if given is None else beside_given(removal, given, post, job)
+
+
+def with_limits(removal: Removal, machine: Machine, job: Job) -> Removal:
+    """The removal with what it leaves where no tool axis of the machine is within path.max_tilt_deg of the normal."""
+    probes = removal.remaining.normal_probes
+    assert probes is not None
+    assert removal.left is not None
+    tilt = float(np.radians(job.path.max_tilt_deg))
+    return replace(removal, left=beside_limits(removal.left, probes, machine_limits(machine), tilt))
 
 
 def prove_removal(

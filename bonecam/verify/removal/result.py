@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from numpy import ndarray
 
 from bonecam.mechanics.result import Mechanics
@@ -84,9 +84,9 @@ class Left:
 
     `highest` and `deepest_gouge` are the largest leftover away from the post and the deepest gouge. `by_reason`: mm^2
     that keep more than LEFT at the `post` and in the fillet that the cutter leaves round it, likewise at what holds the
-    free end (`tailstock`), in hollows that are too
-    narrow for the smallest ball (`gouge`), and where that ball would fit (`reachable`). `areas_over`: mm^2 away from
-    the post that keep more than each of some heights, mm.
+    free end (`tailstock`), in hollows that are too narrow for the smallest ball (`gouge`), where that ball would fit
+    but no tool axis of the machine leads there (`limits`, if that was asked), and where it would fit (`reachable`, at
+    the normal probes of that name). `areas_over`: mm^2 away from the post that keep more than each of some heights, mm.
     """
 
     mesh: TriangleMesh
@@ -95,11 +95,12 @@ class Left:
     deepest_gouge: Spot
     by_reason: dict[str, float]
     areas_over: dict[float, float] = field(default_factory=dict)
+    reachable: Int[ndarray, " k"] = field(default_factory=lambda: np.zeros(0, dtype=np.int64), repr=False)
 
     @property
     def area(self) -> float:
         """What keeps more than LEFT away from the post, mm^2."""
-        return self.by_reason["gouge"] + self.by_reason["reachable"]
+        return sum(area for reason, area in self.by_reason.items() if reason not in ("post", "tailstock"))
 
 
 @dataclass(frozen=True, eq=False)
