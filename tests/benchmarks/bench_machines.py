@@ -48,7 +48,9 @@ SHORTEST = 0.01
 """The rounding of words makes the speed of a shorter block, mm."""
 ROUNDED = 1e-5
 """rad."""
-COLUMNS = "paths | machine | control | blocks | minutes | tip um | gouge um | axis speed | lost to axes | cuts | slow cuts"
+COLUMNS = (
+    "paths | machine | control | blocks | minutes | tip um | gouge um | axis speed | lost | cuts | slow cuts"
+)
 
 
 def speed_share(motions: Motions) -> float:

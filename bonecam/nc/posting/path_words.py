@@ -16,6 +16,7 @@ from bonecam.machine.kinematics import inverse_linear
 from bonecam.machine.machine import Machine
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.posting.rows.split import ProgramMoves, split_moves
+from bonecam.nc.posting.tolerances import contour_tolerance
 from bonecam.planning.passes.gouge_lifts import POSTING_SHARE, planned_tolerance
 from bonecam.tool.cutter import Cutter
 from bonecam.tool.path import MoveKind, ToolPath
@@ -39,7 +40,8 @@ class Posted:
 
     `approaches` (r, 5) are the words from which each run is approached along the tool axis, above everything
     machined. `minutes` (n,) is the time of the move that arrives at each row; where a run begins, the time in
-    which the rotary axes get there. `axis_minutes` (n,) is what its slowest axis needs at least.
+    which the rotary axes get there. `axis_minutes` (n,) is what its slowest axis needs at least. `tolerance` is what
+    the control is told to keep to (mm).
     """
 
     path: ToolPath
@@ -53,6 +55,7 @@ class Posted:
     approaches: Float[ndarray, "r 5"]
     minutes: Float[ndarray, "n"]
     axis_minutes: Float[ndarray, "n"]
+    tolerance: float
 
     @property
     def largest_rotation_deg(self) -> float:
@@ -141,6 +144,7 @@ def post_path(
         approaches=approaches,
         minutes=minutes,
         axis_minutes=fastest,
+        tolerance=contour_tolerance(dialect, job, job.is_finishing(path.level)),
     )
 
 

@@ -120,6 +120,7 @@ class DialectFile(Record):
     straight_rapids: bool = False
     starts_at_zero: bool = False
     tolerance_factor: Annotated[float, Field(gt=0, le=10)] = 1.0
+    corners: Literal["smoothed", "parabolic"] = "smoothed"
     needs: Lines = Field(default_factory=list)
     comment: Annotated[str, Field(max_length=100), AfterValidator(_comment)]
     comment_characters: Annotated[str, Field(max_length=1000), AfterValidator(one_block)]

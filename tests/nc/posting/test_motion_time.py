@@ -1,9 +1,10 @@
-"""Time with accelerations, against closed forms."""
+"""Time with accelerations, against closed forms and LinuxCNC."""
 
 import numpy as np
 import pytest
 
 from bonecam.nc.posting.feeds.motion_time import _minutes
+from bonecam.nc.posting.feeds.parabolic_blends import blended_minutes
 
 MOST = np.array([600.0, 600.0, 600.0, np.inf, np.inf])
 """mm/min^2: slow enough for round numbers."""
@@ -71,3 +72,31 @@ def test_less_jerk_takes_longer_and_much_of_it_as_none() -> None:
     times = [_minutes(places, at_feed, MOST, factor * JERK).sum() for factor in (0.1, 1.0, 10.0, 1e9)]
     assert times == sorted(times, reverse=True)
     assert times[-1] == pytest.approx(_minutes(places, at_feed, MOST, NO_JERK).sum(), rel=1e-3)
+
+
+K = np.arange(201)
+STILL = np.zeros(201)
+LINUXCNC = {
+    # X, Y, Z, A, C by move (mm, degrees), seconds a move, tolerance of G64 (mm), seconds that LinuxCNC took
+    "smooth": ((0.5 * K, 5 * np.sin(K / 20), STILL, 20 * np.sin(K / 15), 1.5 * K), 0.03, 0.02, 20.130),
+    "zigzag": ((0.5 * K, 0.1 * (K % 2), STILL, 0.8 * K, 0.4 * K), 0.04, 0.002, 25.051),
+    "slow": ((1.0 * K, STILL, STILL, 0.3 * K, STILL), 0.25, 0.01, 50.052),
+}
+"""Timed in LinuxCNC 2.9.0~pre1 by an `integ` of its servo thread between M64 and M65, as G93 with trivkins: all axes
+20 mm/s or 30 deg/s and 300 /s^2."""
+
+
+@pytest.mark.parametrize("case", LINUXCNC)
+def test_parabolic_blends_take_the_time_that_linuxcnc_takes(case: str) -> None:
+    columns, seconds, tolerance, measured = LINUXCNC[case]
+    words = np.column_stack(columns)
+    speeds = np.array([20.0, 20.0, 20.0, 30.0, 30.0])
+    at_feed = np.maximum(seconds, (np.abs(np.diff(words, axis=0)) / speeds).max(1)) / 60
+    most = np.full(5, 300.0 * 60**2)
+    found = blended_minutes(words, at_feed, most, tolerance)
+    assert found.sum() * 60 == pytest.approx(measured, rel=0.01)
+
+
+def test_moves_that_nothing_speeds_up_take_their_feed() -> None:
+    found = blended_minutes(joints(0.0, 1.0, 1.0, 5.0), np.array([0.3, 0.0, 0.2]), MOST * np.inf, 0.01)
+    assert found == pytest.approx([0.3, 0.0, 0.2])

@@ -6,6 +6,8 @@ c v, which it does within BLEND. On a move an axis with the share q allows the p
 forwards and one backwards lower the speeds until no move speeds up or slows down faster: the time-optimal speed for
 straight moves and constant bounds (Bobrow, Dubowsky and Gibson 1985).
 
+A dialect whose `corners` are "parabolic" has another rule (`parabolic_blends.py`).
+
 Where the jerk of all axes is known too, ramps are S-shaped (`kernels/motion/ramps.py`). Both passes then heed how far
 each ramp has come: over many short moves it builds up one acceleration, with the least acceleration and jerk that it
 has met. What that leaves out is that a control may overshoot a mean speed within a ramp; a move in the middle of one is
@@ -22,6 +24,7 @@ from bonecam.arrays import largest
 from bonecam.kernels.motion.ramps import ramped_times
 from bonecam.machine.axes import LinearAxis, RotaryAxis
 from bonecam.machine.machine import Machine
+from bonecam.nc.posting.feeds.parabolic_blends import blended_minutes
 from bonecam.nc.posting.path_words import Posted
 
 BLEND = 0.01 / 60
@@ -51,8 +54,11 @@ def accelerated_minutes(posted: Posted) -> Float[ndarray, "n"]:
     minutes = posted.minutes.copy()
     for first, end in posted.runs:
         if end - first > 1:
-            minutes[first + 1 : end] = _minutes(
-                joints[first:end], posted.minutes[first + 1 : end], most, jerks
+            run, at_feed = joints[first:end], posted.minutes[first + 1 : end]
+            minutes[first + 1 : end] = (
+                blended_minutes(run, at_feed, most, posted.tolerance)
+                if posted.dialect.corners == "parabolic"
+                else _minutes(run, at_feed, most, jerks)
             )
     return minutes
 
