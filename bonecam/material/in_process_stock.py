@@ -230,13 +230,13 @@ def _lowered(standing: Float[ndarray, "n 3"], floor: Float[ndarray, "n 3"], path
     order, cell_starts, corner = probe_cells(feet, CELL)
     above, normals, feet, tall = above[order], normals[order], feet[order], tall[order]
     probes = ProbesByCell(feet, normals, cell_starts, corner, CELL)
+    names, owners = np.arange(len(starts)), np.full(len(above), -1)
     if path.cutter.is_bull:
         ways = Ways(starts, ends, before, after, np.zeros(len(starts)), path.cutter.body)
-        cut_probes_by_body(probes, REACH, ways, tall)
+        cut_probes_by_body(probes, REACH, ways, tall, names, owners, from_top=True)
     else:
         radii = np.full(len(starts), path.cutter.radius)
-        capsules = Capsules(starts, ends, radii, names=np.arange(len(starts)))
-        owners = np.full(len(above), -1)
+        capsules = Capsules(starts, ends, radii, names)
         cut_normal_probes(probes, REACH, capsules, tall, owners, from_top=True)
     lowered = standing.copy()
     # never below the level, where a ball may be by the gouge tolerance: the next direction would be inwards

@@ -172,10 +172,29 @@ def body_depth(rays: RaySet, ways: Ways, i: int, foot: ndarray, axis: ndarray) -
     return _walk(rays, ways, i, foot, axis, False)[1]
 
 
+@inner_njit()
+def _off_body(px: float, py: float, pz: float, axis: ndarray, body: ndarray) -> float:
+    """How far a point, told from the ball's centre, lies off the body of which it is inside, mm: not more than 0."""
+    height = px * axis[0] + py * axis[1] + pz * axis[2]
+    out = np.sqrt(max(px * px + py * py + pz * pz - height * height, 0.0))
+    off = -np.inf
+    for k in range(len(body)):
+        off = max(off, body[k, 0] * out - body[k, 1] * height - body[k, 2])
+    return min(off, 0.0)
+
+
 @njit(cache=True, nogil=True)
-def cut_probes_by_body(probes: ProbesByCell, reach: float, ways: Ways, heights: ndarray) -> None:
-    """Lower `heights` (n,) to where the body cuts the normal probes on its ways; only one that holds the probe's upper
-    end cuts it. Cuts more than `reach` (mm) above the surface are left out."""
+def cut_probes_by_body(
+    probes: ProbesByCell,
+    reach: float,
+    ways: Ways,
+    heights: ndarray,
+    names: ndarray,
+    owners: ndarray,
+    from_top: bool,
+) -> None:
+    """Lower `heights` (n,) to where the body cuts the normal probes on its ways (w,), and set `owners` (n,) to the one
+    of the `names` (w,) that did; as `cut_normal_probes` does by capsules."""
     points, normals, cell_starts, corner, size = probes
     shape = cell_starts.shape
     flat = cell_starts.ravel()
@@ -201,5 +220,9 @@ def cut_probes_by_body(probes: ProbesByCell, reach: float, ways: Ways, heights: 
                         p, n = points[m], normals[m]
                         x, y, z = p[0] - foot[0], p[1] - foot[1], p[2] - foot[2]
                         enter, leave = body_chord(x, y, z, n[0], n[1], n[2], axis, ways.body)
-                        if enter < leave and leave > heights[m] and max(enter, 0.0) < heights[m]:
-                            heights[m] = max(enter, 0.0)
+                        lowest = heights[m] if from_top else 0.0
+                        if enter < leave and leave > lowest and enter < heights[m]:
+                            height = enter if enter > 0.0 else _off_body(x, y, z, axis, ways.body)
+                            if height < heights[m]:
+                                heights[m] = height
+                                owners[m] = names[i]

@@ -11,6 +11,8 @@ import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
 
+from bonecam.kernels.removal.body import cut_probes_by_body
+from bonecam.kernels.removal.flutes import Ways
 from bonecam.kernels.removal.normal_probes import Capsules, ProbesByCell, cut_normal_probes, probe_cells
 from bonecam.kernels.removal.rays import RaySet
 from bonecam.kernels.removal.sweep import Pieces
@@ -68,23 +70,19 @@ class NormalProbes:
         return moved
 
     def cut(self, pieces: Pieces, radius: float) -> None:
-        """Cut the normal probes by a ball on its pieces, and by the flutes above it where they may reach material. A
-        bull nose cuts none: what no ball comes to later is measured on the material (`measure_the_uncut`)."""
-        if len(pieces.body):
-            return
-        fluted = pieces.reach > 0
-        # the ball at the top of a capsule must end where the flutes do
-        heights = np.maximum(pieces.reach[fluted] - radius, 0.0)
-        tops = pieces.ends[fluted] + heights[:, None] * pieces.end_axes[fluted]
-        starts = np.vstack([pieces.starts, pieces.ends[fluted]])
-        ends = np.vstack([pieces.ends, tops])
-        names = np.r_[pieces.moves, pieces.moves[fluted]]
-        capsules = Capsules(starts, ends, np.full(len(starts), radius), names)
+        """Cut the normal probes by a ball on its pieces, and by the flutes above it where they may reach material; or
+        by the body of a bull nose."""
         points, normals = self.points[self.by_cell], self.normals[self.by_cell]
         probes = ProbesByCell(points, normals, self.cell_starts, self.corner, CELL)
         heights = self.heights[self.by_cell]
         owners = self.owners[self.by_cell]
-        cut_normal_probes(probes, REACH, capsules, heights, owners, from_top=False)
+        if len(pieces.body):
+            poses = pieces.starts, pieces.ends, pieces.start_axes, pieces.end_axes
+            ways = Ways(*poses, pieces.reach, pieces.body)
+            cut_probes_by_body(probes, REACH, ways, heights, pieces.moves, owners, from_top=False)
+        else:
+            capsules = _capsules(pieces, radius)
+            cut_normal_probes(probes, REACH, capsules, heights, owners, from_top=False)
         self.heights[self.by_cell] = heights
         self.owners[self.by_cell] = owners
 
@@ -104,3 +102,15 @@ def normal_probes_on(part: TSpline, chord_tolerance: float = CHORD) -> NormalPro
     for k in range(3):
         np.add.at(areas, corners[:, k], thirds)
     return NormalProbes(tessellation.mesh, part.positions(s, t), part.normals(s, t), areas)
+
+
+def _capsules(pieces: Pieces, radius: float) -> Capsules:
+    """What a ball sweeps on its pieces, and the flutes above it where they may reach material."""
+    fluted = pieces.reach > 0
+    # the ball at the top of a capsule must end where the flutes do
+    heights = np.maximum(pieces.reach[fluted] - radius, 0.0)
+    tops = pieces.ends[fluted] + heights[:, None] * pieces.end_axes[fluted]
+    starts = np.vstack([pieces.starts, pieces.ends[fluted]])
+    ends = np.vstack([pieces.ends, tops])
+    names = np.r_[pieces.moves, pieces.moves[fluted]]
+    return Capsules(starts, ends, np.full(len(starts), radius), names)
