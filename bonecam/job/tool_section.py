@@ -39,7 +39,8 @@ SHAPE = frozenset({"shape", "radius", "corner_radius", "flute_length", "shank_di
 
 @dataclass(frozen=True)
 class ToolJob(JobSection):
-    """One cutter in its holder, from the tip up: ball (or bull nose) and flutes, a neck if it has one, shank, holder.
+    """One cutter in its holder, from the tip up: ball (or bull nose, or flat end) and flutes, a neck if it has one,
+    shank, holder.
 
     `holder` may also be given as a list of [length, diameter] or [length, diameter, upper diameter] (mm).
     """
@@ -68,14 +69,14 @@ class ToolJob(JobSection):
     shape: str = parameter(
         "ball",
         "Shape",
-        "End of the cutter: ball, or bull (a bull nose, flat with round corners); roughing may have either, the others "
-        "are balls.",
-        choices=("ball", "bull"),
+        "End of the cutter: ball, bull (a bull nose, flat with round corners) or flat (with sharp ones); roughing may "
+        "have any, the others are balls.",
+        choices=("ball", "bull", "flat"),
     )
     radius: float = parameter(
         2.0,
         "Radius",
-        "Radius of the ball; of a bull nose half of its diameter.",
+        "Radius of the ball; of a bull nose or flat end half of its diameter.",
         unit="mm",
         low=0.05,
         high=50.0,
@@ -86,8 +87,8 @@ class ToolJob(JobSection):
     lead_deg: float = parameter(
         30.0,
         "Lead",
-        "Angle by which a bull nose leans forward, along the feed, so that its bottom does not cut; a ball leans by "
-        "path.lead_deg. Less lets passes lie farther apart, and keeps the cutter out of more hollows.",
+        "Angle by which a bull nose or flat end leans forward, along the feed, so that its bottom does not cut; a ball "
+        "leans by path.lead_deg. Less lets passes lie farther apart, and keeps the cutter out of more hollows.",
         unit="deg",
         low=3.0,
         high=80.0,

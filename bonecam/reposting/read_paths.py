@@ -99,8 +99,8 @@ def _of_program(
     groups = list(groups_of(text, motions, dialect))
     for left, group in zip(range(len(groups))[::-1], groups, strict=True):
         rows = group.moves
-        if motions.described[group.tool].corner:
-            what = f"tool {group.tool} is a bull nose: give paths of ball-end cutters"
+        if motions.described[group.tool].corner is not None:
+            what = f"tool {group.tool} is no ball: give paths of ball-end cutters"
             raise ProgramError(what, tool=group.tool)
         cutter = _cutter(group.tool, motions.controls[group.tool].radius, job, machine)
         kinds = np.select(

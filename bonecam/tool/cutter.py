@@ -1,4 +1,5 @@
-"""A cutter as a stack of revolved shapes above the tip: ball or bull nose and flutes, shank, holder, spindle nose."""
+"""A cutter as a stack of revolved shapes above the tip: ball, bull nose or flat end and flutes, shank, holder, spindle
+nose."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -9,6 +10,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.arrays import frozen
+from bonecam.errors import JobError
 from bonecam.job import ToolJob, field_error
 from bonecam.machine.frustum import Frustum, stack_length
 from bonecam.tool.enveloping_ball import EnvelopingBall, enveloping_ball
@@ -43,13 +45,13 @@ class ToolSection:
 
 @dataclass(frozen=True)
 class Cutter:
-    """A ball-end or bull-nose cutter in its holder and spindle; mm. Positions are measured from the tip towards the
-    spindle.
+    """A ball-end, bull-nose or flat-end cutter in its holder and spindle; mm. Positions are measured from the tip
+    towards the spindle.
 
     `name` is the section of the job. The `holder` begins at the `overhang` (stick-out), the spindle `nose` behind
-    it, at the gauge line. A bull nose has the `corner_radius` (0: a ball), and leans from the normal by the `lead`
-    (radians). What moves is the ball that holds its end (`EnvelopingBall`), a ball-end cutter's own. A cutter with a
-    neck has a thinner piece of the shank from the flutes up to `neck_length`.
+    it, at the gauge line. A bull nose has the `corner_radius` (0: a flat end; None: a ball), and leans from the
+    normal by the `lead` (radians). What moves is the ball that holds its end (`EnvelopingBall`), a ball-end cutter's
+    own. A cutter with a neck has a thinner piece of the shank from the flutes up to `neck_length`.
     Raises JobError where the shapes cannot follow each other from the tip up, or the shank does not fit into the
     holder: radius <= flute_length < neck_length < overhang, shank_diameter <= the holder's.
     """
@@ -68,62 +70,47 @@ class Cutter:
     neck_diameter: float = 0.0
     neck_length: float = 0.0
     flutes: int = 2
-    corner_radius: float = 0.0
+    corner_radius: float | None = None
     lead: float = np.pi / 2
 
     def __post_init__(self) -> None:
-        if self.is_bull and not self.corner_radius < self.radius:
-            bound = f"give less than the radius ({self.radius:g} mm)"
-            raise field_error(self.name, "corner_radius", self.corner_radius, bound)
+        if self.corner_radius is not None and not 0 <= self.corner_radius < self.radius:
+            raise self._error(
+                "corner_radius", f"give less than the radius ({self.radius:g} mm), and 0 or more"
+            )
         if not self.flute_length >= self.centre_height:
             what = "the ball's radius" if not self.is_bull else "what its lead asks for"
             remedy = "" if not self.is_bull else f", or more {self.name}.lead_deg"
-            raise field_error(
-                self.name,
-                "flute_length",
-                self.flute_length,
-                f"give at least {what} ({self.centre_height:g} mm){remedy}",
-            )
+            raise self._error("flute_length", f"give at least {what} ({self.centre_height:g} mm){remedy}")
         if not self.overhang > self.flute_length:
-            raise field_error(
-                self.name,
-                "overhang",
-                self.overhang,
-                f"give more than flute_length ({self.flute_length:g} mm)",
-            )
+            raise self._error("overhang", f"give more than flute_length ({self.flute_length:g} mm)")
         self._check_neck()
         if not 0 < self.scallop < self.radius:
-            raise field_error(
-                self.name,
-                "scallop",
-                self.scallop,
-                f"give less than the ball's radius ({self.radius:g} mm), and more than 0",
-            )
+            bound = f"give less than the ball's radius ({self.radius:g} mm), and more than 0"
+            raise self._error("scallop", bound)
         if not (self.spindle > 0 and self.feed > 0):
             raise ValueError(
                 f"{self.name}: no spindle speed or feed: take the cutter of Job.tool({self.name!r})"
             )
         nose = self.holder[0].diameter
         if not self.shank_diameter <= nose:
-            raise field_error(
-                self.name,
-                "shank_diameter",
-                self.shank_diameter,
-                f"give at most holder_diameter ({nose:g} mm)",
-            )
+            raise self._error("shank_diameter", f"give at most holder_diameter ({nose:g} mm)")
 
     def _check_neck(self) -> None:
         """JobError where a neck is not between flutes and holder, or wider than the ball or the shank."""
-        length, diameter = self.neck_length, self.neck_diameter
-        if not length and not diameter:
+        if not self.neck_length and not self.neck_diameter:
             return
-        if not self.flute_length < length < self.overhang:
+        if not self.flute_length < self.neck_length < self.overhang:
             ends = f"flute_length ({self.flute_length:g} mm) and less than overhang ({self.overhang:g} mm)"
-            raise field_error(self.name, "neck_length", length, f"give more than {ends}")
+            raise self._error("neck_length", f"give more than {ends}")
         widest = min(2 * self.radius, self.shank_diameter)
-        if not 0 < diameter <= widest:
+        if not 0 < self.neck_diameter <= widest:
             bound = f"give a diameter up to that of ball and shank ({widest:g} mm)"
-            raise field_error(self.name, "neck_diameter", diameter, bound)
+            raise self._error("neck_diameter", bound)
+
+    def _error(self, name: str, bound: str) -> JobError:
+        """The error of a value that breaks a bound."""
+        return field_error(self.name, name, getattr(self, name), bound)
 
     @classmethod
     def from_job(cls, number: int, name: str, job: ToolJob, nose: Iterable[Frustum] = ()) -> "Cutter":
@@ -144,19 +131,30 @@ class Cutter:
             neck_diameter=job.neck_diameter,
             neck_length=job.neck_length,
             flutes=job.flutes or cls.flutes,
-            corner_radius=job.corner_radius if job.shape == "bull" else 0.0,
-            lead=float(np.radians(job.lead_deg)) if job.shape == "bull" else cls.lead,
+            corner_radius={"ball": None, "bull": job.corner_radius, "flat": 0.0}[job.shape],
+            lead=cls.lead if job.shape == "ball" else float(np.radians(job.lead_deg)),
         )
 
     @property
     def is_bull(self) -> bool:
-        """Whether it is a bull nose."""
-        return self.corner_radius > 0
+        """Whether it is a bull nose, or a flat end: one with a sharp corner."""
+        return self.corner_radius is not None
+
+    @property
+    def end_name(self) -> str:
+        """What its end is called: ball, bull nose or flat end."""
+        return "ball" if self.corner_radius is None else "bull nose" if self.corner_radius else "flat end"
 
     @property
     def corner(self) -> float:
-        """Radius of the arc that cuts, mm: that of the corner, or of the ball."""
-        return self.corner_radius or self.radius
+        """Radius of the arc that cuts, mm: that of the corner, 0 of a flat end, or of the ball."""
+        return self.radius if self.corner_radius is None else self.corner_radius
+
+    @property
+    def _corner_angles(self) -> Float[ndarray, " t"]:
+        """Angles (radians) from straight down of the cones that stand for the corner; a sharp one has bottom and side
+        alone."""
+        return np.linspace(0, np.pi / 2, TANGENTS if self.corner else 2)
 
     @cached_property
     def _envelope(self) -> EnvelopingBall:
@@ -192,7 +190,7 @@ class Cutter:
         the side and the top. None of a ball-end cutter, whose capsules are known without."""
         if not self.is_bull:
             return frozen(np.zeros((0, 3)))
-        phi = np.linspace(0, np.pi / 2, TANGENTS)
+        phi = self._corner_angles
         sine, cosine = np.sin(phi), np.cos(phi)
         cosine[-1] = 0.0
         flat = self.radius - self.corner
@@ -214,11 +212,11 @@ class Cutter:
         """Cones and the cylinder of a bull nose from the tip up to where its `profile` begins; none of a ball."""
         if not self.is_bull:
             return ()
-        phi = np.linspace(0, np.pi / 2, TANGENTS)
+        phi = self._corner_angles
         radii = [*(self.radius - self.corner * (1 - np.sin(phi))).tolist(), self.radius]
         heights = [*(self.corner * (1 - np.cos(phi))).tolist(), self.centre_height]
         rows = zip(heights[:-1], heights[1:], radii[:-1], radii[1:], strict=True)
-        return tuple(ToolSection("cutter", *row) for row in rows)
+        return tuple(ToolSection("cutter", *row) for row in rows if row[0] < row[1])
 
     @cached_property
     def profile(self) -> tuple[ToolSection, ...]:

@@ -10,7 +10,7 @@ The ball of radius rho about that place holds the end of the cutter, for it is a
 circle where they touch, and cuts the same cusps where the cutter leans along the feed. So a path of its centre that
 keeps the ball out of the part keeps the cutter out, and centre and tip lie H apart on every axis. Where the axis leans
 by delta more or less the cutter stays off the surface by (R - r) / sin(phi) (1 - cos(delta)).
-A ball-end cutter has R = r, and is its own.
+A ball-end cutter has R = r, and is its own. A flat end has r = 0: its rim lies on the ball.
 """
 
 import math
@@ -28,11 +28,11 @@ class EnvelopingBall:
 def enveloping_ball(radius: float, corner: float, lead: float) -> EnvelopingBall:
     """The ball that holds a cutter of this radius with a `corner` (mm) and touches where it leans by `lead` (radians).
 
-    ValueError unless 0 < corner <= radius and 0 < lead <= a quarter turn.
+    ValueError unless 0 <= corner <= radius and 0 < lead <= a quarter turn.
     """
-    if not 0 < corner <= radius:
+    if not 0 <= corner <= radius:
         raise ValueError(
-            f"a corner of {corner:g} mm on a radius of {radius:g} mm: give at most that, and more than 0"
+            f"a corner of {corner:g} mm on a radius of {radius:g} mm: give at most that, and 0 or more"
         )
     if not 0 < lead <= math.pi / 2:
         raise ValueError(f"a lead of {lead:g} rad: give more than 0, and at most a quarter turn")

@@ -137,7 +137,7 @@ def test_a_bull_nose_is_taken_out_once_where_balls_have_cut_what_cutters_have(pa
     once = uncut.after(path)
     assert once.balls is once.cutters
     # behind a ball the two differ, and each is cut
-    apart = uncut.after(replace(path, cutter=replace(bull, corner_radius=0.0), tips=tips - 3.0 * UP)).after(
+    apart = uncut.after(replace(path, cutter=replace(bull, corner_radius=None), tips=tips - 3.0 * UP)).after(
         path
     )
     assert apart.balls is not apart.cutters

@@ -157,3 +157,17 @@ def test_the_flutes_of_a_bull_nose_cut_above_its_corner():
     flutes[2] = 2 / np.pi * kac * chip + kae
     force = exact(0.5, -np.pi / 2, np.pi / 2, arc=0.5) + 1.5 * flutes
     assert np.linalg.norm(forces.mean[inside].mean(0) - force) < 0.01 * np.linalg.norm(force)
+
+
+FLAT = replace(BULL, corner_radius=0.0)
+
+
+@pytest.mark.parametrize("depth", [0.4, 2.0])
+def test_the_flutes_of_a_flat_end_have_the_force_of_the_integral(depth):
+    """Over half a turn of a slot; a rim has no arc."""
+    forces, volumes, inside = cut(depth, cutter=FLAT)
+    chip, (ktc, krc, kac, kte, kre, kae) = 0.1, COEFFICIENTS
+    force = np.array([krc * chip / 2 + 2 / np.pi * kre, -(ktc * chip / 2 + 2 / np.pi * kte), 0.0])
+    force[2] = 2 / np.pi * kac * chip + kae
+    assert np.linalg.norm(forces.mean[inside].mean(0) - depth * force) < 0.03 * depth * np.linalg.norm(force)
+    assert (forces.areas * 0.2)[inside].sum() == pytest.approx(volumes[inside].sum(), rel=0.03)

@@ -113,7 +113,9 @@ def engage(rays: RaySet, edges: Edges, i: int, radius: float, reach: float) -> N
     inner = radius - ROUNDING
     shifted = centre.copy()
     db = radius * 0.5 * np.pi / ROWS
-    flutes = int(np.ceil(reach / (COARSER * db)))
+    # a sharp corner has no arc
+    first_row = 0 if radius > 0.0 else ROWS
+    flutes = int(np.ceil(reach / max(COARSER * db, rays.cell)))
     ahead = edges.feeds[i, 0]
     up = edges.feeds[i, 1]
     chip = edges.chips[i]
@@ -127,13 +129,13 @@ def engage(rays: RaySet, edges: Edges, i: int, radius: float, reach: float) -> N
         shifted[0], shifted[1] = centre[0] + ring * e_u, centre[1] + ring * e_v
         shifted[2] = centre[2] + ring * e_w
         way, radial, axial, edge, out, level, area, ahead_of_ring = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-        for row in range(ROWS + flutes):
-            sine, cosine, height, share = 1.0, 0.0, 0.0, 1.0
+        for row in range(first_row, ROWS + flutes):
+            sine, cosine, height, length = 1.0, 0.0, 0.0, db
             if row < ROWS:
                 sine, cosine = _KAPPA_SINES[row], _KAPPA_COSINES[row]
             else:
                 height = (row - ROWS + 0.5) * reach / flutes
-                share = reach / flutes / db
+                length = reach / flutes
             along = sine * along_e - cosine * up
             if along <= 0.0:
                 continue
@@ -148,23 +150,23 @@ def engage(rays: RaySet, edges: Edges, i: int, radius: float, reach: float) -> N
             if not _meets(rays, u, v, about, axis, within, row >= ROWS, nw > 0.0):
                 continue
             normal, meridian = krc * chip * along + kre, kac * chip * along + kae
-            way += share * (ktc * chip * along + kte)
-            radial += share * (normal * sine + meridian * cosine)
-            axial += share * (meridian * sine - normal * cosine)
-            edge += share
-            out += share * sine
-            level += share * (height - radius * cosine)
-            area += share * along * sine
-            ahead_of_ring += share * along
+            way += length * (ktc * chip * along + kte)
+            radial += length * (normal * sine + meridian * cosine)
+            axial += length * (meridian * sine - normal * cosine)
+            edge += length
+            out += length * sine
+            level += length * (height - radius * cosine)
+            area += length * along * sine
+            ahead_of_ring += length * along
         if edge > 0.0:
-            edges.forces[i, k, 0] = way * db
-            edges.forces[i, k, 1] = radial * db
-            edges.forces[i, k, 2] = axial * db
-            edges.engaged[i, 0] += edge * db
-            edges.engaged[i, 1] += (out * db * radius + ring * edge * db) * _COSINES[k]
-            edges.engaged[i, 2] += (out * db * radius + ring * edge * db) * _SINES[k]
-            edges.engaged[i, 3] += level * db
-            edges.engaged[i, 4] += (area * radius + ahead_of_ring * ring) * db * 2 * np.pi / TURN
+            edges.forces[i, k, 0] = way
+            edges.forces[i, k, 1] = radial
+            edges.forces[i, k, 2] = axial
+            edges.engaged[i, 0] += edge
+            edges.engaged[i, 1] += (out * radius + ring * edge) * _COSINES[k]
+            edges.engaged[i, 2] += (out * radius + ring * edge) * _SINES[k]
+            edges.engaged[i, 3] += level
+            edges.engaged[i, 4] += (area * radius + ahead_of_ring * ring) * 2 * np.pi / TURN
 
 
 @njit(cache=True, nogil=True)

@@ -14,19 +14,24 @@ from bonecam.tool.enveloping_ball import EnvelopingBall, enveloping_ball
 @dataclass(frozen=True)
 class Tool:
     """A cutter as the program's header describes it in a `line`: radius, and length from tip to spindle nose; the
-    radius of the `corner` of a bull nose, 0 of a ball; mm. It leans by the `lead`, radians."""
+    radius of the `corner` of a bull nose, 0 of a flat end, None of a ball; mm. It leans by the `lead`, radians."""
 
     number: int
     radius: float
     length: float
     line: int = 0
-    corner: float = 0.0
+    corner: float | None = None
     lead: float = np.pi / 2
+
+    @property
+    def arc(self) -> float:
+        """Radius of the arc that cuts, mm: that of the corner, or of the ball."""
+        return self.radius if self.corner is None else self.corner
 
     @property
     def envelope(self) -> EnvelopingBall:
         """The ball that holds its end."""
-        return enveloping_ball(self.radius, self.corner or self.radius, self.lead)
+        return enveloping_ball(self.radius, self.arc, self.lead)
 
 
 COLUMNS = 15

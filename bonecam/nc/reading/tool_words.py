@@ -11,10 +11,11 @@ from bonecam.tool.enveloping_ball import enveloping_ball
 
 SIZE = rf"({WHOLE}\.[0-9]+)"
 TOOL_COMMENT = re.compile(
-    rf"\s*TOOL ({WHOLE}) (?:BALL RADIUS {SIZE}|BULL RADIUS {SIZE} CORNER {SIZE} LEAD {SIZE}) LENGTH {SIZE}\s*"
+    rf"\s*TOOL ({WHOLE}) (?:BALL RADIUS {SIZE}|(?:BULL RADIUS {SIZE} CORNER {SIZE}|FLAT RADIUS {SIZE}) LEAD {SIZE}) "
+    rf"LENGTH {SIZE}\s*"
 )
 """The comment of the header that describes a cutter, as `posting.header.texts` writes it; mm, the lead of a
-bull nose in degrees."""
+bull nose or flat end in degrees."""
 
 
 def described_tool(text: str, line: int) -> Tool | None:
@@ -22,10 +23,10 @@ def described_tool(text: str, line: int) -> Tool | None:
     match = TOOL_COMMENT.fullmatch(text)
     if match is None:
         return None
-    number, length = int(match[1]), float(match[6])
+    number, length = int(match[1]), float(match[7])
     if match[2]:
         return Tool(number, float(match[2]), length, line)
-    radius, corner, lead = float(match[3]), float(match[4]), math.radians(float(match[5]))
+    radius, corner, lead = float(match[3] or match[5]), float(match[4] or 0.0), math.radians(float(match[6]))
     try:
         enveloping_ball(radius, corner, lead)
     except ValueError as error:

@@ -36,15 +36,16 @@ def farthest(section: ToolSection) -> float:
 
 
 def cutter_mesh(cutter: Cutter, slack: float) -> TriangleMesh:
-    """The closed mesh of ball or bull nose and flutes with the tip at the origin and the axis along +Z, thinner by
-    `slack`, mm."""
+    """The closed mesh of ball, bull nose or flat end and flutes with the tip at the origin and the axis along +Z,
+    thinner by `slack`, mm."""
     end = cutter.profile[0].end
-    angle = np.linspace(0, np.pi / 2, BALL_RINGS + 1)[1:]
-    ring = cutter.radius - cutter.corner
-    thin = cutter.corner - slack
+    corner = max(cutter.corner, slack)
+    ring = cutter.radius - corner
+    thin = corner - slack
+    angle = np.linspace(0, np.pi / 2, BALL_RINGS + 1)[1:] if thin else np.array([np.pi / 2])
     radii = np.append(thin * np.sin(angle), thin) + ring
-    heights = np.append(cutter.corner - thin * np.cos(angle), end)
-    return revolve(radii, heights, (cutter.corner - thin, end), SIDES)
+    heights = np.append(corner - thin * np.cos(angle), end)
+    return revolve(radii, heights, (slack, end), SIDES)
 
 
 def section_mesh(section: ToolSection, margin: float = 0.0) -> TriangleMesh:

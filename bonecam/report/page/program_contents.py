@@ -231,6 +231,7 @@ def _tool(cutter: Cutter) -> dict[str, Any]:
         "radius": cutter.radius,
         "length": cutter.length,
         "ball": not cutter.is_bull,
+        "end": cutter.end_name,
         "sections": [
             [section.name, section.start, section.end, section.radius, section.end_radius]
             for section in (*cutter.bull_end, *cutter.profile)

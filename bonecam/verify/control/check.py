@@ -48,7 +48,7 @@ def _check_tools(motions: Motions, cutters: dict[int, Cutter]) -> None:
         meant = cutters[number]
         for name, value, wanted in (
             ("radius", reported.radius, meant.radius),
-            ("corner radius", reported.corner, meant.corner_radius),
+            ("corner radius", reported.arc, meant.corner),
             ("length", reported.length, meant.length),
         ):
             if abs(value - wanted) > SAME_SIZE:

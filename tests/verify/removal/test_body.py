@@ -1,5 +1,7 @@
 """What a bull nose takes out of material."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -56,3 +58,14 @@ def test_a_header_tells_a_bull_nose() -> None:
     assert tool.envelope.height == pytest.approx(CUTTER.centre_height)
     first, *_ = _shapes(CUTTER)
     assert "R 2.0000, corner R2 0.5000" in first
+
+
+def test_a_header_tells_a_flat_end_and_no_ball() -> None:
+    flat = Cutter.from_job(1, "roughing", Job().with_values(roughing={"shape": "flat"}).tool("roughing"))
+    tool = described_tool(tool_text(flat, 100.0), 7)
+    assert tool is not None
+    assert (tool.radius, tool.corner, tool.length) == (2.0, 0.0, 100.0)
+    assert tool.envelope.radius == pytest.approx(flat.envelope_radius) == pytest.approx(4.0)
+    ball = described_tool(tool_text(replace(flat, corner_radius=None), 100.0), 7)
+    assert ball is not None
+    assert (ball.corner, ball.arc) == (None, 2.0)

@@ -165,14 +165,14 @@ def _material_texts(job: Job) -> list[str]:
 
 
 def _shapes(cutter: Cutter) -> list[str]:
-    """The shapes of a cutter from the tip up, mm, two cylinders or cones a line; without the spindle. Of a bull nose
-    first what a tool table with corners must have: texts of dialects speak of balls."""
+    """The shapes of a cutter from the tip up, mm, two cylinders or cones a line; without the spindle. Of a bull
+    nose or flat end first what a tool table with corners must have: texts of dialects speak of balls."""
     reported = []
     for section in cutter.profile:
         end = f" to {2 * section.end_radius:.2f}" if section.end_radius != section.radius else ""
         if section.name != "spindle":
             reported.append(f"{section.name} to {section.end:.2f} diameter {2 * section.radius:.2f}{end}")
-    table = f"a bull nose: R {cutter.radius:.4f}, corner R2 {cutter.corner:.4f} in the tool table, no ball"
+    table = f"a {cutter.end_name}: R {cutter.radius:.4f}, corner R2 {cutter.corner:.4f} in the tool table, no ball"
     shapes = [", ".join(reported[at : at + 2]) for at in range(0, len(reported), 2)]
     return [table, *shapes] if cutter.is_bull else shapes
 
@@ -182,7 +182,8 @@ def tool_text(cutter: Cutter, tool_length: float) -> str:
     end = f"BALL RADIUS {cutter.radius:.4f}"
     if cutter.is_bull:
         lead = math.degrees(cutter.lead)
-        end = f"BULL RADIUS {cutter.radius:.4f} CORNER {cutter.corner:.4f} LEAD {lead:.4f}"
+        end = f"BULL RADIUS {cutter.radius:.4f} CORNER {cutter.corner:.4f}" if cutter.corner else end
+        end = f"{end.replace('BALL', 'FLAT')} LEAD {lead:.4f}"
     return f"TOOL {cutter.number} {end} LENGTH {tool_length:.4f}"
 
 

@@ -194,7 +194,7 @@ function showReadout(i) {
   const tool = page.facts.tools.find((one) => one.number === a.move_tool[i]);
   const move = a.move_feed[i] > 0 ? [KINDS[a.move_kind[i]], `${number(a.move_feed[i], 0)} mm/min`] : ["move", "rapid"];
   const told = [
-    k === PARTED ? ["parting", "from the post"] : ["level", k], ["tool", `${tool.number}, ${tool.ball ? "ball" : "bull nose"} R ${tool.radius}`], ["tip", `X ${tip[0]}  Y ${tip[1]}  Z ${tip[2]}`],
+    k === PARTED ? ["parting", "from the post"] : ["level", k], ["tool", `${tool.number}, ${tool.end} R ${tool.radius}`], ["tip", `X ${tip[0]}  Y ${tip[1]}  Z ${tip[2]}`],
     ["tilt", `${number(tilt, 1)}°`], ...(page.state.cones && a.move_cone && a.move_kind[i] === 0 ? [["cone", coneOf(i) < 0 ? "none" : `±${coneAngles(coneOf(i))}°`]] : []), move, ["time in feed", `${number(a.move_minute[i], 1)} min`],
   ];
   const box = document.getElementById("readout");
