@@ -100,6 +100,7 @@ def simulate_further(
     tools = tools_of(motions, cutters)
     sweeping = Sweeping(material.sets, material.grid, material.bounds, len(motions.tips))
     kept = clamping or Clamping(), limits or {}, surfaces or {}
+    bodies = body_clearance(motions, machine, list(tools.values()), kept[0], material.bounds)
     simulation = _Simulation(motions, sweeping, material.normal_probes, *kept, workpiece)
     groups = list(groups_of(text, motions, dialect))
     levels = []
@@ -110,7 +111,6 @@ def simulate_further(
         scallop = left[before[-1].level] if before else 0.0
         levels.append(simulation.run(group, tools[group.tool], scallop))
     bridge = parted_bridge(groups, motions, tools, post, sweeping.sets, grid=material.grid) if post else None
-    bodies = body_clearance(motions, machine, list(tools.values()), kept[0], material.bounds)
     return replace(simulation.result(levels, tools, post), bridge=bridge, bodies=bodies)
 
 
