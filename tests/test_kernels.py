@@ -1,6 +1,10 @@
-"""Kernels without an entry for Python are called by kernels alone."""
+"""Kernels without an entry for Python are called by kernels alone; none is kept when the source of another changes."""
 
 import ast
+import os
+import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -54,3 +58,21 @@ def test_what_is_not_compiled_among_the_kernels_names_none_without_an_entry(modu
     plain = [node for node in tree.body if not decorators(node) & {"njit", "inner_njit"}]
     named = {part.id for node in plain for part in ast.walk(node) if isinstance(part, ast.Name)}
     assert named & known == set()
+
+
+def test_a_kept_kernel_is_compiled_again_when_one_that_it_calls_has_changed(tmp_path: Path) -> None:
+    shutil.copytree(ROOT / "bonecam", tmp_path / "bonecam", ignore=shutil.ignore_patterns("__pycache__"))
+    called = tmp_path / "bonecam" / "kernels" / "called.py"
+    calling = called.with_name("calling.py")
+    header = "from bonecam.kernels import inner_njit, njit\n"
+    calling.write_text(
+        f"{header}from bonecam.kernels.called import value\n@njit(cache=True)\ndef twice():\n    return 2 * value()\n"
+    )
+    asked = "from bonecam.kernels.calling import twice; print(twice(), sum(twice.stats.cache_hits.values()))"
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "kept")}
+    told = []
+    for value in (1, 1, 25):
+        called.write_text(f"{header}@inner_njit()\ndef value():\n    return {value}\n")
+        run = [sys.executable, "-c", asked]
+        told.append(subprocess.check_output(run, cwd=tmp_path, env=environment, text=True))
+    assert told == ["2 0\n", "2 1\n", "50 0\n"]

@@ -7,10 +7,9 @@ the level before) and behind a third (m . y <= h, the stock's wall). R is in CSR
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy import ndarray
 
-from bonecam.kernels import inner_njit
+from bonecam.kernels import inner_njit, njit
 from bonecam.kernels.fastmath import CONTRACT
 
 BROKEN_SWEEPS = 15

@@ -2,9 +2,8 @@
 which lie between two rows; compiled."""
 
 import numpy as np
-from numba import njit
 
-from bonecam.kernels import inner_njit
+from bonecam.kernels import inner_njit, njit
 
 AXIS_WEIGHT = 80.0
 """mm a radian: between two rows the fraction of a move is found from its tool axis where that turns by more

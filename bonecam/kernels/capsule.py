@@ -1,9 +1,9 @@
 """Signed distances of points from a capsule and its normals there, compiled."""
 
 import numpy as np
-from numba import njit
 from numpy import ndarray
 
+from bonecam.kernels import njit
 from bonecam.kernels.fastmath import CONTRACT
 
 ON_AXIS = 1e5 * np.finfo(np.float64).eps

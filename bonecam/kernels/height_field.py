@@ -4,8 +4,9 @@ Line (i, j) begins at base[i, j] and runs along the unit axis[i]; its height is 
 """
 
 import numpy as np
-from numba import njit
 from numpy import ndarray
+
+from bonecam.kernels import njit
 
 
 @njit(cache=True, nogil=True)

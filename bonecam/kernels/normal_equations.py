@@ -5,8 +5,8 @@ or H += w_i D_i^T D_i, into a lower band.
 from typing import Any
 
 import numpy as np
-from numba import njit
 
+from bonecam.kernels import njit
 from bonecam.kernels.fastmath import CONTRACT
 
 

@@ -5,9 +5,9 @@ Indices are read as unsigned: with signed ones each access would test whether it
 """
 
 import numpy as np
-from numba import njit
 from numpy import ndarray
 
+from bonecam.kernels import njit
 from bonecam.kernels.fastmath import CONTRACT
 
 

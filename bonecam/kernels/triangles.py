@@ -2,8 +2,9 @@
 where triangles are bisected; compiled."""
 
 import numpy as np
-from numba import njit
 from numpy import ndarray
+
+from bonecam.kernels import njit
 
 
 @njit(inline="always")

@@ -4,10 +4,9 @@ A patch is (d + 1)^2 homogeneous control points, s fastest.
 """
 
 import numpy as np
-from numba import njit
 from numpy import ndarray
 
-from bonecam.kernels import inner_njit
+from bonecam.kernels import inner_njit, njit
 from bonecam.kernels.fastmath import CONTRACT
 
 

@@ -7,10 +7,9 @@ B_i(u) B_j(v) on the element's box. The derivatives follow from differentiating 
 from typing import TypeAlias
 
 import numpy as np
-from numba import njit
 from numpy import ndarray
 
-from bonecam.kernels import inner_njit
+from bonecam.kernels import inner_njit, njit
 from bonecam.kernels.fastmath import CONTRACT
 
 Three: TypeAlias = tuple[float, float, float]

@@ -1,10 +1,9 @@
 """Which element of a surface holds (s, t): search in strips of t, compiled."""
 
 import numpy as np
-from numba import njit
 from numpy import ndarray
 
-from bonecam.kernels import inner_njit
+from bonecam.kernels import inner_njit, njit
 
 
 @njit(inline="always")

@@ -1,8 +1,8 @@
 """The rational basis and its derivatives at given parameters, compiled: rows of sparse matrices."""
 
-from numba import njit
 from numpy import ndarray
 
+from bonecam.kernels import njit
 from bonecam.kernels.bezier.bicubic import bernstein, bernstein_first, bernstein_second
 from bonecam.kernels.fastmath import CONTRACT
 

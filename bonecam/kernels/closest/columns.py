@@ -1,8 +1,9 @@
 """Distances of points to upright cylinders, compiled: rows of `columns` (m, 5) are radius, top, bottom, x and y, mm."""
 
 import numpy as np
-from numba import njit
 from numpy import ndarray
+
+from bonecam.kernels import njit
 
 
 @njit(cache=True, nogil=True)

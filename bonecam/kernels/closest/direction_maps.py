@@ -9,10 +9,9 @@ begin where its own ended.
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy import ndarray
 
-from bonecam.kernels import inner_njit
+from bonecam.kernels import inner_njit, njit
 from bonecam.kernels.closest.cone_marching import OPEN, PROVEN, REJECTED, Apexes, Obstacles, prove
 
 

@@ -8,8 +8,9 @@ less than the least one at a corner less half of the diagonal.
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy import ndarray
+
+from bonecam.kernels import njit
 
 ROUNDING = 1e-9
 """Distances from a plane across a side of a cell sum to the side; by this share of it they may seem to sum to more."""

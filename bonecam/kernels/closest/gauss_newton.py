@@ -12,10 +12,9 @@ measured 2026-11-24 on one core. Levels are made of millions of such searches.
 """
 
 import numpy as np
-from numba import njit
 from numpy import ndarray
 
-from bonecam.kernels import inner_njit
+from bonecam.kernels import inner_njit, njit
 from bonecam.kernels.bezier.bicubic import Three, first_jet, spread_first_jet
 from bonecam.kernels.bezier.element_search import locate_one
 from bonecam.kernels.closest.newton import gauss_newton_step, into_domain

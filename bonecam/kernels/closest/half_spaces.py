@@ -1,8 +1,9 @@
 """The projection of points onto intersections of half-spaces, compiled."""
 
 import numpy as np
-from numba import njit
 from numpy import ndarray
+
+from bonecam.kernels import njit
 
 SWEEPS = 2000
 """Times that all multipliers of a point are taken anew, at most: walls of a gap of 5 degrees take as many."""

@@ -1,8 +1,9 @@
 """How high a tool must stand for what it holds over columns about the Z axis, compiled."""
 
 import numpy as np
-from numba import njit
 from numpy import ndarray
+
+from bonecam.kernels import njit
 
 
 @njit(cache=True, nogil=True)

@@ -13,10 +13,9 @@ lies deep in it. A pattern search finds it, in two parameters at a time: the bes
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy import ndarray
 
-from bonecam.kernels import inner_njit
+from bonecam.kernels import inner_njit, njit
 
 WIDEST = 1.7
 """No point of an ellipse is further off w than this, in the chart: the tangent of 59.5 degrees."""

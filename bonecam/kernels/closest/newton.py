@@ -6,10 +6,9 @@ place that says what a step over a pole, a seam or an open border leads to.
 """
 
 import numpy as np
-from numba import njit
 from numpy import ndarray
 
-from bonecam.kernels import inner_njit
+from bonecam.kernels import inner_njit, njit
 from bonecam.kernels.bezier.bicubic import jet
 from bonecam.kernels.bezier.element_search import locate_one
 from bonecam.kernels.fastmath import CONTRACT

@@ -3,9 +3,9 @@ its mesh are near a solid. Sizes are those of `swept_cones`.
 """
 
 import numpy as np
-from numba import njit
 from numpy import ndarray
 
+from bonecam.kernels import njit
 from bonecam.kernels.closest.swept_cones import LEAST_GROWTH, RIM_STEPS, dot, edges_of, normals_of, opening_of
 
 PLANES = 12

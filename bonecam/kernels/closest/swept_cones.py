@@ -9,10 +9,9 @@ its errors, which take longer to compile than all that is computed here.
 """
 
 import numpy as np
-from numba import njit
 from numpy import ndarray
 
-from bonecam.kernels import inner_njit
+from bonecam.kernels import inner_njit, njit
 
 ARC_STEP = np.radians(20.0)
 """Longest edge of those that stand for the spheres below and above, as an angle."""

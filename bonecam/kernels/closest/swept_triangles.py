@@ -13,10 +13,9 @@ boxes (`triangle_tree`) leaves out most triangles. Sizes are those of `swept_con
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy import ndarray
 
-from bonecam.kernels import inner_njit
+from bonecam.kernels import inner_njit, njit
 from bonecam.kernels.closest.swept_cones import LEAST_GROWTH, normals_of, opening_of
 from bonecam.kernels.closest.triangle_tree import DEEPEST, squared_triangle_distance
 

@@ -6,10 +6,9 @@ order of a path find their way quickly.
 """
 
 import numpy as np
-from numba import njit
 from numpy import ndarray
 
-from bonecam.kernels import inner_njit
+from bonecam.kernels import inner_njit, njit
 
 DEEPEST = 64
 """Room on the stack of a search: nodes that wait, at most one a level of the tree and one more."""

@@ -7,10 +7,9 @@ net from one point, and halved until the bound is good enough.
 import math
 
 import numpy as np
-from numba import njit
 from numpy import ndarray
 
-from bonecam.kernels import inner_njit
+from bonecam.kernels import inner_njit, njit
 from bonecam.kernels.bezier.element_search import locate_one
 from bonecam.kernels.hulls.footpoints import DepthTarget, footpoint, nearest_footpoint
 from bonecam.kernels.hulls.mapped_distance import (

@@ -11,10 +11,9 @@ the map; good footpoints make it tight.
 import math
 
 import numpy as np
-from numba import njit
 from numpy import ndarray
 
-from bonecam.kernels import inner_njit
+from bonecam.kernels import inner_njit, njit
 from bonecam.kernels.bezier.bicubic import bernstein
 from bonecam.kernels.bezier.element_search import locate_one
 from bonecam.kernels.fastmath import CONTRACT

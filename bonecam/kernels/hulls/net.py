@@ -6,10 +6,9 @@ of its net; the nets of its halves (de Casteljau's algorithm at 1/2) are closer 
 
 import math
 
-from numba import njit
 from numpy import ndarray
 
-from bonecam.kernels import inner_njit
+from bonecam.kernels import inner_njit, njit
 
 STACK_SIZE = 128
 """Room for nets on the stack of one search that halves them: one net for each halving of the first, and one

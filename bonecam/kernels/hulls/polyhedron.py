@@ -6,10 +6,9 @@ faces, take no harm. Of any other the crossings with all faces are listed, an ed
 """
 
 import numpy as np
-from numba import njit
 from numpy import ndarray
 
-from bonecam.kernels import inner_njit
+from bonecam.kernels import inner_njit, njit
 from bonecam.kernels.removal.rays import TILE, TINY
 
 EDGE = 1e-9

@@ -7,10 +7,9 @@ Nets (`kernels.hulls.net`) are halved until their bounds are good enough.
 import math
 
 import numpy as np
-from numba import njit
 from numpy import ndarray
 
-from bonecam.kernels import inner_njit
+from bonecam.kernels import inner_njit, njit
 from bonecam.kernels.hulls.net import STACK_SIZE, box_of, copy, extents, halve
 
 FINITE = {"nnan", "nsz", "reassoc", "contract"}

@@ -2,9 +2,8 @@
 chosen by it."""
 
 import numpy as np
-from numba import njit
 
-from bonecam.kernels import inner_njit
+from bonecam.kernels import inner_njit, njit
 
 FULL_TURN = 2 * np.pi
 

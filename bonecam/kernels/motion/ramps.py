@@ -10,10 +10,9 @@ and, being point-symmetric, the way (v + D / 2) T. With an infinite jerk T = D /
 import math
 
 import numpy as np
-from numba import njit
 from numpy import ndarray
 
-from bonecam.kernels import inner_njit
+from bonecam.kernels import inner_njit, njit
 
 HALVINGS = 50
 """Times that the interval of the speed which a move reaches is halved."""

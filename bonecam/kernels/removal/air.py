@@ -1,10 +1,9 @@
 """How far places in material are from air, compiled, on three sets of rays that cross one another."""
 
 import numpy as np
-from numba import njit
 from numpy import ndarray
 
-from bonecam.kernels import inner_njit
+from bonecam.kernels import inner_njit, njit
 from bonecam.kernels.closest.triangle_tree import squared_triangle_distance
 from bonecam.kernels.removal.rays import TILE, RaySet
 

@@ -9,10 +9,9 @@ a quadratic in t whose solutions on one side of the apex are one interval, or a 
 """
 
 import numpy as np
-from numba import njit
 from numpy import ndarray
 
-from bonecam.kernels import inner_njit
+from bonecam.kernels import inner_njit, njit
 from bonecam.kernels.removal.air import air_on_set
 from bonecam.kernels.removal.cut import ALONG_U, ALONG_V, cut_tile
 from bonecam.kernels.removal.flutes import FLUTE_STEP, Ways, piece_pose, travel_of

@@ -6,9 +6,9 @@ A tool is a stack of them along its axis; heights are told from the ball's centr
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy import ndarray
 
+from bonecam.kernels import njit
 from bonecam.kernels.removal.rays import TILE, RaySet
 
 SAMPLES = 4

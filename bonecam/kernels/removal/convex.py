@@ -6,10 +6,9 @@ nearest point lies on a rim, so the rims are searched too.
 """
 
 import numpy as np
-from numba import njit
 from numpy import ndarray
 
-from bonecam.kernels import inner_njit
+from bonecam.kernels import inner_njit, njit
 
 MOST_STEPS = 300
 """Projections at most; about ten are usual."""

@@ -5,10 +5,9 @@ for all rays of a tile at once, without branches, which compiles to vector instr
 """
 
 import numpy as np
-from numba import njit
 from numpy import ndarray
 
-from bonecam.kernels import inner_njit
+from bonecam.kernels import inner_njit, njit
 from bonecam.kernels.fastmath import CONTRACT
 from bonecam.kernels.removal.rays import (
     FLAT,

@@ -15,10 +15,9 @@ above the centre continue the ball with kappa = 90 degrees.
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy import ndarray
 
-from bonecam.kernels import inner_njit
+from bonecam.kernels import inner_njit, njit
 from bonecam.kernels.removal.rays import ROUNDING, TILE, RaySet, tiles_reached
 
 ROWS = 24

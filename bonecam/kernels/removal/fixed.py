@@ -2,10 +2,9 @@
 that stand for chuck, table and what stands on it."""
 
 import numpy as np
-from numba import njit
 from numpy import ndarray
 
-from bonecam.kernels import inner_njit
+from bonecam.kernels import inner_njit, njit
 from bonecam.kernels.removal.convex import column_distance
 from bonecam.kernels.removal.flutes import piece_pose, travel_of
 from bonecam.kernels.removal.sweep import TOOL_STEP, Pieces, ways_of

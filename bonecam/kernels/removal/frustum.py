@@ -1,10 +1,9 @@
 """How far a cylinder or cone of a tool is from the material on one set of rays, compiled."""
 
 import numpy as np
-from numba import njit
 from numpy import ndarray
 
-from bonecam.kernels import inner_njit
+from bonecam.kernels import inner_njit, njit
 from bonecam.kernels.removal.rays import TILE, RaySet, bits, capsule_chord, cylinder_chord
 
 SEARCH_STEPS = 24

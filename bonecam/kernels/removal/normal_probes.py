@@ -8,10 +8,9 @@ more where the ball only grazes it, at a thin edge for example, where it comes f
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy import ndarray
 
-from bonecam.kernels import inner_njit
+from bonecam.kernels import inner_njit, njit
 from bonecam.kernels.removal.rays import TINY
 
 

@@ -3,10 +3,9 @@
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy import ndarray
 
-from bonecam.kernels import inner_njit
+from bonecam.kernels import inner_njit, njit
 from bonecam.kernels.removal.body import body_in_motion, cut_body
 from bonecam.kernels.removal.cut import cut_capsule
 from bonecam.kernels.removal.flutes import Ways, cut_flutes, flutes_meet, travel_of

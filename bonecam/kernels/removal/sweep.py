@@ -3,10 +3,9 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy import ndarray
 
-from bonecam.kernels import inner_njit
+from bonecam.kernels import inner_njit, njit
 from bonecam.kernels.removal.air import air_on_set
 from bonecam.kernels.removal.body import body_depth, cut_body
 from bonecam.kernels.removal.cut import cut_capsule, tile_chords
