@@ -112,3 +112,21 @@ def test_functions_of_one_piece_of_code_are_each_called_and_checked() -> None:
         for wrong in (lambda: thrice(ONES), lambda: crossed(POINTS), lambda: crossed(POINTS[:2])):
             with pytest.raises(TypeError):
                 wrong()
+
+
+def test_dataclasses_with_fields_of_the_same_names_are_checked_by_their_own_types() -> None:
+    @checked
+    @dataclass(frozen=True)
+    class Counted:
+        value: int
+
+    @checked
+    @dataclass(frozen=True)
+    class Named:
+        value: str
+
+    for _ in range(2):
+        assert Counted(1).value == 1
+        assert Named("one").value == "one"
+        with pytest.raises(TypeError):
+            Named(1)  # type: ignore[arg-type]

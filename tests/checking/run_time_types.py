@@ -13,7 +13,6 @@ import inspect
 import threading
 from collections.abc import Callable, Collection, Hashable, Sequence
 from functools import cache, cached_property, wraps
-from types import CodeType
 from typing import Any, get_type_hints
 
 import jaxtyping
@@ -43,7 +42,7 @@ class Checks:
         self.fitting: dict[Hashable, set[Hashable]] = {}
         """Kinds of results by the kinds of arguments that they were found to fit."""
         self._called = threading.local()
-        self._item = item
+        self._item = item  # and its code with it
 
     def call(self, item: Callable[..., Any], given: tuple[Any, ...], named: dict[str, Any]) -> Any:
         """The result of a function of this code, checked like its arguments."""
@@ -61,7 +60,8 @@ class Checks:
         return beartype(run, conf=CONF)
 
 
-CHECKS: dict[CodeType, Checks] = {}
+CHECKS: dict[int, Checks] = {}
+"""By the identity of their code, which they keep: dataclasses of the same names of fields have equal code."""
 
 
 def checked(item: Any) -> Any:
@@ -72,9 +72,9 @@ def checked(item: Any) -> Any:
         return item
     if inspect.isgeneratorfunction(item):  # it runs when its call, and what is known of sizes, is over
         return BY_SIGNATURE(item, typechecker=beartype(conf=CONF))
-    checks = CHECKS.get(item.__code__)
+    checks = CHECKS.get(id(item.__code__))
     if checks is None:
-        checks = CHECKS[item.__code__] = Checks(item)
+        checks = CHECKS[id(item.__code__)] = Checks(item)
     item.__annotations__ = checks.annotations
 
     @wraps(item)
