@@ -186,6 +186,20 @@ def test_lines_that_a_pattern_may_not_draw_are_one_line(
         pattern_curves(revolved(lambda share, azimuth: 3.0 + 0 * azimuth), "rings", cutter)
 
 
+def test_a_machine_whose_body_is_not_there_is_not_told_to_be_as_it_should_be(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "mine.toml"
+    body = '\n[[bodies]]\nname = "cradle"\nlink = "bed"\nstl = "none.stl"\n'
+    file.write_text(
+        CATALOGUES["machines"].files()["dmu-45"].read_text(encoding="utf-8") + body, encoding="utf-8"
+    )
+    assert main(["machines", "check", str(file)]) == 2
+    told = capsys.readouterr()
+    assert told.out == ""
+    assert "none.stl" in told.err
+
+
 @pytest.mark.parametrize("kind", CATALOGUES)
 def test_each_catalogue_lists_shows_and_checks_what_ships(
     kind: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]

@@ -58,10 +58,10 @@ def run_catalogue(options: argparse.Namespace) -> int:
         if options.file is None:
             raise JobError(f"bonecam {options.kind} check: name a .toml file")
         content = known.read(options.file)
+        bodies = _body_lines(content) if isinstance(content, MachineCheck) else []
         print(f"{options.file}: a {known.one} as it should be")
         if isinstance(content, MachineCheck):
-            print(content)
-            _tell_bodies(content)
+            print(content, *bodies, sep="\n")
         _draw(options, options.file)
     elif options.what is not None:
         if options.what not in files:
@@ -77,12 +77,11 @@ def run_catalogue(options: argparse.Namespace) -> int:
     return 0
 
 
-def _tell_bodies(check: MachineCheck) -> None:
-    """Print the bodies of a machine, a line each; MachineError where one is not where it can be."""
+def _body_lines(check: MachineCheck) -> list[str]:
+    """What moves with what; MachineError where a body cannot be."""
     from bonecam.planning.collision.link_bodies import body_texts
 
-    for k, text in enumerate(body_texts(check.machine)):
-        print(f"{'' if k else 'bodies':10}{text}")
+    return [f"{'' if k else 'bodies':10}{text}" for k, text in enumerate(body_texts(check.machine))]
 
 
 def _draw(options: argparse.Namespace, name: str) -> None:
