@@ -55,9 +55,11 @@ def test_widened_cones_are_caught(
     """The audit sees collisions of cones that are wider than those certified."""
     path, scene = made
     contacts = RANDOM.choice(np.flatnonzero(cones.found), 400)
+    shapes = cones.shapes.take(cones.free.net.node_of[contacts])
+    turns = RANDOM.uniform(0, 2 * np.pi, len(shapes))
     shares = []
     for scale in (1.1, 1.3, 1.8):
-        axes = axes_in(cones, contacts, scale, rim=True)
+        axes = shapes.scaled(scale).rims(turns)
         entered = deepest_entry(scene, path.cutter, path.centres[contacts], axes) > 0.011
         shares.append(entered.mean())
     assert shares[0] < shares[1] < shares[2]
