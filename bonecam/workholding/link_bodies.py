@@ -2,12 +2,11 @@
 
 from functools import lru_cache
 
-import numpy as np
-
 from bonecam.errors import FileError, MachineError, MeshError
 from bonecam.machine.bodies import LinkBody
 from bonecam.machine.machine import Machine
 from bonecam.mesh import read_mesh
+from bonecam.mesh.healing.topology import edges_of
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.mesh.units import MM_OF
 
@@ -18,9 +17,8 @@ SMALLEST, LARGEST = 10.0, 1e4
 
 
 @lru_cache(maxsize=24)
-def body_mesh(body: LinkBody) -> TriangleMesh:
-    """The closed mesh of a body, mm; MachineError where its file cannot be read, is not closed, has too many triangles,
-    or a size that no body of a machine has."""
+def _body_mesh(body: LinkBody, _written: int) -> TriangleMesh:
+    """The mesh of a body as its file was `_written` (ns)."""
     who = f"{body.file}: the body {body.name!r}"
     try:
         mesh = read_mesh(body.file)
@@ -33,16 +31,20 @@ def body_mesh(body: LinkBody) -> TriangleMesh:
     if not SMALLEST <= size <= LARGEST:
         what = f"is {size:.3g} mm from corner to corner if its unit is {body.units}"
         raise _error(body, f"{who} {what}: correct units, or the file")
-    edges = np.sort(mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
-    _, counts = np.unique(edges, axis=0, return_counts=True)
+    _, counts = edges_of(mesh)
     if (counts % 2).any():
         raise _error(body, f"{who} has {int((counts % 2).sum())} open edges: export it as a closed solid")
     return TriangleMesh(mesh.vertices * MM_OF[body.units], mesh.faces)
 
 
 def body_meshes(machine: Machine) -> dict[LinkBody, TriangleMesh]:
-    """The meshes of all bodies of a machine; MachineError as of `body_mesh`."""
-    return {body: body_mesh(body) for body in machine.link_bodies}
+    """The closed meshes of all bodies of a machine, mm; MachineError where a file cannot be read, is not closed, has
+    too many triangles, or a size that no body of a machine has."""
+    meshes = {}
+    for body in machine.link_bodies:
+        written = body.file.stat().st_mtime_ns if body.file.exists() else 0
+        meshes[body] = _body_mesh(body, written)
+    return meshes
 
 
 def _error(body: LinkBody, what: str) -> MachineError:

@@ -163,11 +163,16 @@ def round_words(
     return np.column_stack([linear, rounded_angles])
 
 
+def in_radians(words: Float[ndarray, "n 5"]) -> Float[ndarray, "n 5"]:
+    """Words (mm, deg) with their angles in radians."""
+    return np.column_stack([words[:, :3], np.radians(words[:, 3:])])
+
+
 def joints_and_lengths(
     control: Control, words: Float[ndarray, "n 5"]
 ) -> tuple[Float[ndarray, "n 5"], Float[ndarray, "n"]]:
     """The joints (mm, rad) at words (mm, deg), and how far the tip moves to arrive at each, mm in the part's frame."""
-    radians = np.column_stack([words[:, :3], np.radians(words[:, 3:])])
+    radians = in_radians(words)
     tips, _ = control.poses(radians)
     lengths = lengths_of(np.diff(tips, axis=0, prepend=tips[:1]))
     if not control.tool_centre:

@@ -12,7 +12,7 @@ from bonecam.errors import MachineError
 from bonecam.job import Job
 from bonecam.machine.machine import Machine
 from bonecam.nc.dialect import Dialect
-from bonecam.nc.posting.path_words import APPROACH_HEIGHT, Posted, joints_and_lengths, round_words
+from bonecam.nc.posting.path_words import APPROACH_HEIGHT, Posted, in_radians, joints_and_lengths, round_words
 from bonecam.nc.posting.start import start_words
 from bonecam.workholding.clamping import holding_columns
 from bonecam.workholding.tailstock import tailstock_bodies
@@ -87,7 +87,7 @@ def _raised(
     """Words (mm, deg) moved along the tool axis until the tip is at a machine Z of `height`, and by `more`."""
     joints, _ = joints_and_lengths(posted.control, words)
     lift = max(height - float(joints[0, 2]), 0.0) + more
-    radians = _radians(words)
+    radians = in_radians(words)
     if not posted.control.tool_centre:
         return np.asarray(words[0] + [0.0, 0.0, lift, 0.0, 0.0])
     tips, axes = posted.control.poses(radians)
@@ -98,15 +98,10 @@ def _start(machine: Machine, job: Job, paths: Sequence[Posted]) -> Float[ndarray
     """Where tools start: at the retract height over the program's zero, or, where the part's Z does not stand upright
     with all rotary axes at zero, over its place as far from the table as any approach: over zero the spindle would
     stand across the table's plane."""
-    tips = [posted.control.poses(_radians(posted.approaches))[0] for posted in paths]
+    tips = [posted.control.poses(in_radians(posted.approaches))[0] for posted in paths]
     farthest = max(float(each[:, 2].max()) for each in tips)
     over = machine.in_machine(np.array([[0.0, 0.0, farthest]]))[0] + machine.part_zero
     return np.array([over[0], over[1], _retract_height(machine, job, paths)])
-
-
-def _radians(words: Float[ndarray, "n 5"]) -> Float[ndarray, "n 5"]:
-    """Words (mm, deg) with their angles in radians."""
-    return np.column_stack([words[:, :3], np.radians(words[:, 3:])])
 
 
 def _retract_height(machine: Machine, job: Job, paths: Sequence[Posted]) -> float:

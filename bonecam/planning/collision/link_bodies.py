@@ -15,7 +15,7 @@ from bonecam.mesh.healing.surface_moves import winding_numbers
 from bonecam.mesh.solids.revolution import revolve
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.planning.collision.fcl_model import FclObject, distance_of, fcl_object
-from bonecam.planning.collision.tool_mesh import SIDES
+from bonecam.planning.collision.tool_mesh import SIDES, block_mesh
 from bonecam.workholding.link_bodies import body_meshes
 
 PIN = 2.0
@@ -39,10 +39,7 @@ class Solid:
     @cached_property
     def corners(self) -> Float[ndarray, "8 3"]:
         """The corners of its bounding box, mm."""
-        low, high = self.mesh.bounds
-        return np.array(
-            [[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])]
-        )
+        return block_mesh(self.mesh.bounds).vertices
 
     def distance(self, turned: Float[ndarray, "3 3"], at: Float[ndarray, "3"], other: "Solid") -> float:
         """The distance (mm) of this solid, turned and moved there, from another; 0 where one meets or holds the

@@ -1,5 +1,6 @@
 """Meshes of a machine's links: told where they are wrong, and held against tool, table, stock and one another."""
 
+import os
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -155,6 +156,17 @@ def test_bodies_in_another_unit_stand_where_they_are(machine_with) -> None:
         )
         assert cradle == "cradle: moves with B, X -150 to 150, Y 150 to 200, Z -60 to 60 mm, all axes at zero"
         assert "Z 120 to 400 mm from the spindle nose" in head
+
+
+def test_a_body_that_is_written_again_is_read_again(machine_with) -> None:
+    machine = machine_with({"cradle": BLOCKS["cradle"]})
+    (before,) = body_texts(machine)
+    (body,) = machine.link_bodies
+    write_mesh(block_mesh(np.array([[-150, 150, -60], [150, 300, 60]], dtype=float)), body.file)
+    os.utime(body.file, ns=(0, body.file.stat().st_mtime_ns + 1))
+    (after,) = body_texts(machine)
+    assert "Y 150 to 200" in before
+    assert "Y 150 to 300" in after
 
 
 def test_a_body_that_is_open_or_not_there_is_told_in_a_line(machine_with, tmp_path: Path) -> None:

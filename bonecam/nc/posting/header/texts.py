@@ -179,12 +179,12 @@ def _shapes(cutter: Cutter) -> list[str]:
 
 def tool_text(cutter: Cutter, tool_length: float) -> str:
     """The comment of the header that describes a cutter, mm; `reading.modal_state` reads it."""
-    end = f"BALL RADIUS {cutter.radius:.4f}"
+    kind, sizes = "BALL", f"RADIUS {cutter.radius:.4f}"
     if cutter.is_bull:
-        lead = math.degrees(cutter.lead)
-        end = f"BULL RADIUS {cutter.radius:.4f} CORNER {cutter.corner:.4f}" if cutter.corner else end
-        end = f"{end.replace('BALL', 'FLAT')} LEAD {lead:.4f}"
-    return f"TOOL {cutter.number} {end} LENGTH {tool_length:.4f}"
+        kind = "BULL" if cutter.corner else "FLAT"
+        sizes += f" CORNER {cutter.corner:.4f}" if cutter.corner else ""
+        sizes += f" LEAD {math.degrees(cutter.lead):.4f}"
+    return f"TOOL {cutter.number} {kind} {sizes} LENGTH {tool_length:.4f}"
 
 
 def control_texts(machine: Machine, dialect: Dialect, posted: Sequence[Posted]) -> list[str]:
