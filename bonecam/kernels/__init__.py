@@ -1,7 +1,7 @@
 """Compiled loops: the only door to numba. Plain arrays in, plain arrays out.
 
 What numba has compiled is kept beside the sources, or in the user's cache. Where neither can be written, as for a
-service without a home, this process keeps it in a temporary folder, and the next one compiles for a minute again: the
+service without a home, this process keeps it in a temporary folder, and the next one compiles for as long again: the
 variable NUMBA_CACHE_DIR names a folder that lasts.
 """
 
