@@ -22,7 +22,7 @@ from bonecam.machine.machine import Machine
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.files.mesh_files import write_mesh
 from bonecam.mesh.triangle_mesh import MeshLike, TriangleMesh, mesh_from
-from bonecam.mesh.units import MM_OF
+from bonecam.mesh.units import mm_of
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.posting.header.header import record_simulation
 from bonecam.nc.posting.header.program_zero import zero_words
@@ -159,7 +159,7 @@ def clamping_shell(
     placed = place(part, job).part
     back = np.linalg.inv(placed.transform)
     shell = shell_round(placed.mesh, covered, wall, gap).move(back)
-    shell = TriangleMesh(shell.vertices / MM_OF[job.mesh.units], shell.faces)
+    shell = TriangleMesh(shell.vertices / mm_of(job.mesh.units), shell.faces)
     if output is not None:
         write_mesh(shell, output)
     return shell

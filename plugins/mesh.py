@@ -19,10 +19,10 @@ MEASURES = ("mean", "gaussian", "k1", "k2", "shape")
 
 def scale_to_mm(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
     """Filter `apply_units_in_mm`: the layer scaled to mm, mirrored and scaled."""
-    from bonecam.mesh.units import MM_OF, signs_of, to_mm
+    from bonecam.mesh.units import mm_of, signs_of, to_mm
 
     scaled = to_mm(layers.mesh(), values["units"], layers.name, 'give units="{}"')
-    factor = MM_OF[values["units"]] * values["scale"]
+    factor = mm_of(values["units"]) * values["scale"]
     layers.transform(np.diag([*(signs_of(values["mirror"]) * factor), 1.0]))
     return {"scale": factor, "diagonal_mm": scaled.diagonal * values["scale"]}
 

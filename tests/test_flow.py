@@ -162,40 +162,6 @@ def test_no_import_goes_in_a_circle() -> None:
     assert not left, f"these import each other, or what does: {sorted(left)}"
 
 
-MAX_ENTRIES, MAX_FILE_LINES, MAX_FUNCTION_LINES = 14, 250, 60
-OVER_LIMIT: set[str] = set()
-"""What is still larger than the limits. Only remove from this list."""
-
-
-def entries(folder: Path) -> int:
-    """Files and folders one sees in a folder; of the package itself its files only."""
-    inside = [path for path in folder.iterdir() if path.name != "__pycache__"]
-    return sum(path.is_file() for path in inside) if folder == ROOT else len(inside)
-
-
-def long_functions(path: Path) -> list[str]:
-    """Functions longer than the limit, but for those that numba compiles."""
-    return [
-        node.name
-        for node in nodes_of(path)
-        if isinstance(node, ast.FunctionDef)
-        and (node.end_lineno or 0) - node.lineno >= MAX_FUNCTION_LINES
-        and not any("jit" in ast.unparse(decorator) for decorator in node.decorator_list)
-    ]
-
-
-def test_folders_files_and_functions_keep_their_limits() -> None:
-    folders = {ROOT, *(path for path in ROOT.rglob("*") if path.is_dir() and path.name != "__pycache__")}
-    over = {str(folder.relative_to(ROOT.parent)) for folder in folders if entries(folder) > MAX_ENTRIES}
-    for path in MODULES:
-        place = str(path.relative_to(ROOT.parent))
-        if len(path.read_text(encoding="utf-8").splitlines()) > MAX_FILE_LINES:
-            over.add(place)
-        over |= {f"{place}:{name}" for name in long_functions(path)}
-    assert not over - OVER_LIMIT, "larger than the limits"
-    assert not OVER_LIMIT - over, "no longer larger than the limits: remove from the list"
-
-
 TESTS = sorted((ROOT.parent / "tests").rglob("*.py"))
 
 

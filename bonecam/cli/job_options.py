@@ -16,9 +16,8 @@ def add_job_options(command: argparse.ArgumentParser, *, posted: bool = True) ->
     """Add the options of the job to a command; those of machine and controller where a program is `posted`."""
     file = f"job file, or {' or '.join(job_files())}; a value that it leaves out keeps its default"
     command.add_argument("--job", metavar="JOB.toml", help=file)
-    command.add_argument(
-        "--units", choices=("mm", "cm", "m", "inch"), help="unit of the part's coordinates (mm)"
-    )
+    unit = "unit of the part's coordinates (the one its file states, else mm)"
+    command.add_argument("--units", choices=("mm", "cm", "m", "inch", "um"), help=unit)
     if posted:
         default = NcJob()
         machine = _choice(machine_names(), default.machine)

@@ -10,7 +10,10 @@ class MeshJob(JobSection):
     """How the mesh is read, repaired and cut into rows."""
 
     units: str = parameter(
-        "mm", "Units", "Unit of the mesh file's coordinates.", choices=("mm", "m", "inch", "cm")
+        "stated",
+        "Units",
+        "Unit of the mesh file's coordinates; stated: the one that the file or its format states, mm where none does.",
+        choices=("stated", "mm", "m", "inch", "cm", "um"),
     )
     mirror: str = parameter(
         "none",

@@ -11,6 +11,7 @@ from .facets.side import heights_above as heights_above
 from .facets.smooth_surface import Smoothing as Smoothing
 from .facets.smooth_surface import smooth_facets as smooth_facets
 from .facets.vertex_normals import vertex_normals as vertex_normals
+from .files.mesh_files import read_in_mm as read_in_mm
 from .files.mesh_files import read_mesh as read_mesh
 from .files.mesh_files import write_mesh as write_mesh
 from .healing.hollows.pits import fill_pits as fill_pits

@@ -16,8 +16,9 @@ from bonecam.mesh.distance import MeshDistance, hausdorff
 from bonecam.mesh.facets.coarseness import Coarseness, coarseness_of
 from bonecam.mesh.facets.label_surface import label_surface
 from bonecam.mesh.facets.smooth_surface import Smoothing, note_on_kept_facets, smooth_facets
+from bonecam.mesh.files.formats.content import MeshFile
 from bonecam.mesh.files.formats.label_map import LABEL_MAPS
-from bonecam.mesh.files.mesh_files import bytes_of, ending_of, read_mesh
+from bonecam.mesh.files.mesh_files import bytes_of, ending_of, read_mesh_file
 from bonecam.mesh.files.stated_axes import axes_text, stated_axes
 from bonecam.mesh.healing.decimation import decimate
 from bonecam.mesh.healing.hollows.pits import Fill, fill_pits
@@ -26,7 +27,7 @@ from bonecam.mesh.healing.repair_state import Repair
 from bonecam.mesh.healing.surface_moves import without
 from bonecam.mesh.pose import settled_pose, upright
 from bonecam.mesh.triangle_mesh import MeshLike, TriangleMesh, mesh_from, probes
-from bonecam.mesh.units import mirror_and_scale, to_mm
+from bonecam.mesh.units import mirror_and_scale, to_mm, unit_in
 from bonecam.progress import Progress, report, silent
 from bonecam.progress import part as share
 
@@ -147,13 +148,13 @@ def prepare_part(
     """
     report(progress, 0.0, "reading the mesh")
     name = str(source) if isinstance(source, str | Path) else "the mesh"
-    raw, label_notes = _raw(source, job, also)
-    raw = scripted(raw, job.script) if job.script and scripted else raw
+    read = _read(source, job, also)
+    raw = scripted(read.mesh, job.script) if job.script and scripted else read.mesh
     if not len(raw.faces):
         raise MeshError(f"{name}: the mesh has no faces: give a surface mesh", file=name)
 
     report(progress, 0.3, "repairing the mesh")
-    scaled = mirror_and_scale(to_mm(raw, job.units, file=name), job.mirror, job.scale)
+    scaled = mirror_and_scale(to_mm(raw, job.units, file=name, stated=read.unit), job.mirror, job.scale)
     axes = stated_axes(bytes_of(Path(source))) if isinstance(source, str | Path) else ""
     try:
         fewer, decimated = decimate(scaled, progress=share(progress, 0.3, 0.7))
@@ -165,7 +166,7 @@ def prepare_part(
 
     smooth = smoothing.mesh if smoothing else repaired
     kept = "" if smoothing else note_on_kept_facets(repaired, coarseness, job, tolerance)
-    notes = tuple(filter(None, (*label_notes, *job.changes, axes_text(axes) if axes else "", kept)))
+    notes = tuple(filter(None, (*read.notes, *job.changes, axes_text(axes) if axes else "", kept)))
     fill = fill_pits(smooth, min(job.pit_radius or ball, ball)) if job.pits == "fill" else None
     filled = fill.mesh if fill else smooth
     done = decimated + repairs + ((smoothing.change,) if smoothing else ()) + (fill.repairs if fill else ())
@@ -175,7 +176,7 @@ def prepare_part(
         mesh=posed,
         file=name,
         faces=len(raw.faces),
-        units=job.units,
+        units=unit_in(job.units, read.unit),
         repairs=done,
         transform=transform,
         given=scaled,
@@ -190,13 +191,11 @@ def prepare_part(
     return replace(part, taken_off=measure_taken_off(without(scaled, part.left_out, filled), unsmoothed))
 
 
-def _raw(
-    source: str | Path | MeshLike, job: MeshJob, also: tuple[str, ...]
-) -> tuple[TriangleMesh, tuple[str, ...]]:
-    """The mesh of a file or in memory as it is given, or that of a label, and what is to be known of the latter."""
+def _read(source: str | Path | MeshLike, job: MeshJob, also: tuple[str, ...]) -> MeshFile:
+    """The mesh of a file or in memory as it is given, or that of a label, and what is to be known of it."""
     if not isinstance(source, str | Path):
-        return mesh_from(source), ()
+        return MeshFile(mesh_from(source))
     if ending_of(Path(source)) not in LABEL_MAPS:
-        return read_mesh(source, (*also, *LABEL_MAPS)), ()
+        return read_mesh_file(source, (*also, *LABEL_MAPS))
     surface = label_surface(Path(source), job.label, smooth=job.facets != "exact")
-    return surface.mesh, surface.notes
+    return MeshFile(surface.mesh, surface.map.unit, surface.notes)

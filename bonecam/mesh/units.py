@@ -6,12 +6,11 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.errors import UnitsError
-from bonecam.mesh.files.formats.label_map import LABEL_MAPS
-from bonecam.mesh.files.opencascade import IGES, STEP
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
-MM_OF = {"mm": 1.0, "m": 1000.0, "inch": 25.4, "cm": 10.0}
-STATES_UNIT = (*STEP, *IGES, *LABEL_MAPS, ".3mf")
+MM_OF = {"mm": 1.0, "m": 1000.0, "inch": 25.4, "cm": 10.0, "um": 0.001}
+STATED = "stated"
+"""The unit that a file or its format states, mm where it states none."""
 SMALLEST = 5.0
 """Least plausible diagonal of a part's bounding box, mm: that of an ear ossicle."""
 LARGEST = 1000.0
@@ -23,23 +22,38 @@ IN_JOB = ", or mesh.units in a job"
 """How a job takes it."""
 
 
-def to_mm(mesh: TriangleMesh, units: str, file: str = "the mesh", flag: str = FLAG) -> TriangleMesh:
-    """`mesh` scaled to mm; UnitsError names the size that results and the unit that would fit, put into
-    `flag`."""
-    if units not in MM_OF:
-        raise ValueError(f"units {units!r}: use one of {', '.join(MM_OF)}")
-    if units != "mm" and file.lower().endswith(STATES_UNIT):
+def unit_in(units: str, stated: str = "") -> str:
+    """The unit of coordinates: `units`, or for STATED the one that their file states, mm where it states none."""
+    return (stated or "mm") if units == STATED else units
+
+
+def mm_of(units: str) -> float:
+    """The mm of a unit of MM_OF, or of STATED for files that state none."""
+    return MM_OF[unit_in(units)]
+
+
+def to_mm(
+    mesh: TriangleMesh, units: str, file: str = "the mesh", flag: str = FLAG, stated: str = ""
+) -> TriangleMesh:
+    """`mesh` scaled to mm from `units`, one of MM_OF or STATED; `stated` is the unit that its file states, if any.
+
+    UnitsError where another unit than the stated one is given though that one makes a part's size, or where no size
+    of a part results: it names the size and the unit that would fit, put into `flag`."""
+    if units not in (STATED, *MM_OF):
+        raise ValueError(f"units {units!r}: use one of {', '.join((STATED, *MM_OF))}")
+    unit = unit_in(units, stated)
+    size = mesh.diagonal * MM_OF[unit]
+    if stated and unit != stated and SMALLEST <= mesh.diagonal * MM_OF[stated] <= LARGEST:
         raise UnitsError(
-            f"{file}: states its unit itself and was read in mm: leave out --units {units} (mesh.units)",
+            f"{file}: states its unit itself and was read in {stated}: leave out --units {units} (mesh.units)",
             units=units,
         )
-    size = mesh.diagonal * MM_OF[units]
     if not SMALLEST <= size <= LARGEST:
         raise UnitsError(
-            f"{file}: {size:.3g} mm from corner to corner if its unit is {units}: {_remedy(mesh.diagonal, flag)}",
+            f"{file}: {size:.3g} mm from corner to corner if its unit is {unit}: {_remedy(mesh.diagonal, flag)}",
             size_mm=size,
         )
-    return TriangleMesh(mesh.vertices * MM_OF[units], mesh.faces)
+    return TriangleMesh(mesh.vertices * MM_OF[unit], mesh.faces)
 
 
 def _remedy(diagonal: float, flag: str) -> str:

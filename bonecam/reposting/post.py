@@ -9,9 +9,8 @@ from bonecam.errors import FileError, JobError, counted
 from bonecam.files import check_files, write_whole
 from bonecam.job import Job
 from bonecam.machine.machine import read_machine
-from bonecam.mesh import read_mesh
+from bonecam.mesh import read_in_mm
 from bonecam.mesh.distance import MeshDistance
-from bonecam.mesh.units import to_mm
 from bonecam.nc.job_dialect import job_dialect
 from bonecam.nc.parts.files import write_program_files
 from bonecam.nc.parts.marks import part_count
@@ -120,7 +119,7 @@ def _design(file: Path, job: Job) -> TSpline | MeshDistance:
     """What must not be gouged: the surface of a kept run, or a mesh."""
     if file.suffix == ".tspline":
         return read_tsm(file)
-    return MeshDistance(to_mm(read_mesh(file), job.mesh.units, str(file)))
+    return MeshDistance(read_in_mm(file, job.mesh.units))
 
 
 def _simulated(program: Program, keep: str | Path, job: Job, progress: Progress) -> Removal:

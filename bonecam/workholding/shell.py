@@ -14,11 +14,10 @@ from numpy import ndarray
 from bonecam.errors import MeshError, place_name
 from bonecam.job import HoldingJob, Job, field_error
 from bonecam.mesh.distance import MeshDistance
-from bonecam.mesh.files.mesh_files import read_mesh
+from bonecam.mesh.files.mesh_files import read_in_mm
 from bonecam.mesh.part import Part
 from bonecam.mesh.solids.booleans import solid_union
 from bonecam.mesh.triangle_mesh import TriangleMesh, probes, side_by_side
-from bonecam.mesh.units import to_mm
 
 GAP = 0.3
 """A shell that is no farther from the part holds it, mm: what a printer or a layer of wax leaves."""
@@ -62,7 +61,7 @@ def read_shell(job: Job, part: Part) -> TriangleMesh | None:
     file = job.holding.second
     if not file:
         return None
-    given = to_mm(read_mesh(file), job.mesh.units, file)
+    given = read_in_mm(file, job.mesh.units)
     try:
         shell = solid_union([given], [file]).move(part.transform)
     except MeshError as error:

@@ -4,6 +4,7 @@ Both kinds state their unit, and OpenCASCADE converts it: a shape is in mm. Loos
 IGES, are joined by `sew`.
 """
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -13,12 +14,15 @@ from bonecam.errors import FileError, file_error
 from bonecam.files import input_bytes, library_name
 from bonecam.mesh.files.opencascade import kind_of, occ
 
+IGES_FACES = re.compile(rb"^ {5}(?:144|510).{64}D *\d*[13579]\s*$", re.MULTILINE)
+"""First lines of the entries of trimmed surfaces and faces in the directory of an IGES file."""
+
 
 def read_shape(path: str | Path) -> Any:
     """The content of a STEP or IGES file as one OpenCASCADE shape in mm. FileError, or one of OpenCASCADE's own
     (`is_failure`), where it cannot be read."""
     file = Path(path)
-    refuse_foreign(file)
+    data = refuse_foreign(file)
     kind = kind_of(file)
     lib = occ(f"{file}: reading {kind}")
     reader = lib.STEPControl.STEPControl_Reader() if kind == "STEP" else lib.IGESControl.IGESControl_Reader()
@@ -28,7 +32,22 @@ def read_shape(path: str | Path) -> Any:
     shape = reader.OneShape() if roots else None
     if shape is None or shape.IsNull():
         raise unreadable(file, "cut short, or nothing in it")
+    told = _step_faces(file, data) if kind == "STEP" else len(IGES_FACES.findall(data))
+    if len(faces_of(shape)) < told:
+        raise unreadable(file, f"{len(faces_of(shape))} of its {told} faces could be read")
     return shape
+
+
+def _step_faces(file: Path, data: bytes) -> int:
+    """How many faces the text of a STEP file has; FileError where an entity in it names one that is not there."""
+    text = re.sub(rb"'(?:[^']|'')*'", b"", data)
+    missing = set(re.findall(rb"#\d+", text)) - set(re.findall(rb"(#\d+)\s*=", text))
+    if missing:
+        raise unreadable(file, f"{min(missing).decode()} is named in it and not there")
+    in_shells = sum(
+        shell.count(b"#") for shell in re.findall(rb"=\s*(?:CLOSED|OPEN)_SHELL\s*\(([^;]*);", text)
+    )
+    return max(in_shells, len(re.findall(rb"=\s*(?:ADVANCED_FACE|FACE_SURFACE)\s*\(", text)))
 
 
 def unreadable(file: Path, reason: str) -> FileError:

@@ -1,11 +1,12 @@
-"""Mesh files: STL (binary, ASCII), PLY, OBJ, OFF, VTK, VTP, GLB, 3MF in; PLY and STL out, through MeshLab.
+"""Mesh files: STL (binary, ASCII), PLY, OBJ, OFF, VTK, VTP, VTU, GLB, 3MF in; PLY and STL out, through MeshLab.
 
-`read_mesh` reads every kind of part file: for STEP, IGES, SAT, DXF and point clouds it asks the modules that
+`read_mesh_file` reads every kind of part file: for STEP, IGES, SAT, DXF and point clouds it asks the modules that
 know them. Coordinates are read and written as they stand in the file; `bonecam.mesh.units` gives them their
 unit.
 """
 
 import os
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,26 +17,27 @@ from numpy import ndarray
 from bonecam.errors import FileError, MeshError, file_error
 from bonecam.files import input_bytes, library_name, require_room, whole_file
 from bonecam.mesh.files.cad_files import read_cad_mesh
-from bonecam.mesh.files.formats.content import ContentError
+from bonecam.mesh.files.formats.content import ContentError, MeshFile
 from bonecam.mesh.files.formats.obj import parse_obj
 from bonecam.mesh.files.formats.off import parse_off
 from bonecam.mesh.files.formats.ply import parse_ply
 from bonecam.mesh.files.formats.polygons import triangles_of
 from bonecam.mesh.files.formats.scenes import parse_3mf, parse_glb
 from bonecam.mesh.files.formats.stl import parse_stl
-from bonecam.mesh.files.formats.vtk import parse_vtk, parse_vtp
+from bonecam.mesh.files.formats.vtk import parse_vtk, parse_vtp, parse_vtu
 from bonecam.mesh.files.opencascade import IGES, STEP
 from bonecam.mesh.files.point_cloud import FEWEST, reconstruct
 from bonecam.mesh.files.point_files import POINTS, read_blocks
 from bonecam.mesh.files.polyhedra import ACIS, DXF, read_polyhedra
 from bonecam.mesh.meshlab import meshlab, quality_colours
 from bonecam.mesh.triangle_mesh import LARGEST_COORDINATE, TriangleMesh
+from bonecam.mesh.units import STATED, to_mm
 
 PARSERS = {".stl": parse_stl, ".ply": parse_ply, ".obj": parse_obj, ".off": parse_off}
 MESHES = tuple(PARSERS)
 """Endings of mesh files that MeshLab reads too."""
-SCENES = {".vtk": parse_vtk, ".vtp": parse_vtp, ".glb": parse_glb, ".3mf": parse_3mf}
-"""Other files of surfaces; all but .vtk need the extra `formats`."""
+SCENES = {".vtk": parse_vtk, ".vtp": parse_vtp, ".vtu": parse_vtu, ".glb": parse_glb, ".3mf": parse_3mf}
+"""Other files of surfaces; .vtp, .vtu and grids in .vtk need the extra `formats`."""
 CAD = (*STEP, *IGES, *ACIS, *DXF)
 """Endings of CAD files, which need the extra `cad`."""
 READABLE = (*MESHES, *SCENES, *CAD, *POINTS)
@@ -50,8 +52,20 @@ def ending_of(file: Path) -> str:
     return (Path(file.stem).suffix * packed + file.suffix).lower()
 
 
-def read_mesh(path: str | Path, also: tuple[str, ...] = ()) -> TriangleMesh:
-    """The triangles of a file, in the file's own unit; equal corners of an STL, VTK, VTP, GLB or 3MF are merged.
+def read_mesh(path: str | Path) -> TriangleMesh:
+    """The triangles of a file, in its own unit; all that `read_mesh_file` says holds."""
+    return read_mesh_file(path).mesh
+
+
+def read_in_mm(path: str | Path, units: str = STATED) -> TriangleMesh:
+    """The triangles of a file, mm. `units` is one of UNITS: that of its coordinates, or `stated`: the one that it
+    states, mm where it states none. FileError as `read_mesh_file`, UnitsError as `to_mm`."""
+    given = read_mesh_file(path)
+    return to_mm(given.mesh, units, str(path), stated=given.unit)
+
+
+def read_mesh_file(path: str | Path, also: tuple[str, ...] = ()) -> MeshFile:
+    """The triangles of a file, in the file's own unit; equal corners of an STL, VTK, VTP, VTU, GLB or 3MF are merged.
 
     STEP, IGES, SAT and DXF need the extra `cad`; where they state their unit the triangles are in mm. Curved
     faces are tessellated. `also` are other endings that the caller reads itself: a refusal names them too.
@@ -65,13 +79,13 @@ def read_mesh(path: str | Path, also: tuple[str, ...] = ()) -> TriangleMesh:
     ending = file.suffix.lower()
     if ending not in (*MESHES, *SCENES):
         return _read_other(file)
-    mesh = read_content(file, data)
-    if not len(mesh.faces):
-        return _round_points(file, mesh.vertices)
-    return mesh if ending in MESHES and ending != ".stl" else _weld(mesh)
+    given = read_content(file, data)
+    if not len(given.mesh.faces):
+        return replace(given, mesh=_round_points(file, given.mesh.vertices))
+    return given if ending in MESHES and ending != ".stl" else replace(given, mesh=_weld(given.mesh))
 
 
-def read_content(file: Path, data: bytes) -> TriangleMesh:
+def read_content(file: Path, data: bytes) -> MeshFile:
     """The vertices and triangles of a file of MESHES or SCENES as they stand in its bytes `data`; equal corners
     are not merged, there may be no triangles. FileError as `read_mesh`."""
     try:
@@ -79,16 +93,17 @@ def read_content(file: Path, data: bytes) -> TriangleMesh:
         largest = np.abs(content.vertices).max(initial=0.0)
         if not largest <= LARGEST_COORDINATE:
             raise ContentError(f"has a coordinate of {largest:.3g}", "export it again")
-        return TriangleMesh(content.vertices, triangles_of(content).astype(np.int32))
+        mesh = TriangleMesh(content.vertices, triangles_of(content).astype(np.int32))
+        return MeshFile(mesh, content.unit, content.notes)
     except ContentError as error:
         raise FileError(f"{file}: {error}", file=str(file), **error.evidence) from error
 
 
-def _read_other(file: Path) -> TriangleMesh:
+def _read_other(file: Path) -> MeshFile:
     """The triangles of a CAD file or of text with points, which MeshLab does not read."""
     ending = file.suffix.lower()
     if ending in (*STEP, *IGES):
-        return read_cad_mesh(file)
+        return MeshFile(read_cad_mesh(file), "mm")
     if ending in (*ACIS, *DXF):
         return read_polyhedra(file)
     blocks = read_blocks(file)
@@ -98,7 +113,7 @@ def _read_other(file: Path) -> TriangleMesh:
             f"holds {len(blocks)} rows of points, no mesh",
             "skin them with bonecam.surface.skinning.point_rows.read_rows",
         )
-    return _round_points(file, blocks[0])
+    return MeshFile(_round_points(file, blocks[0]))
 
 
 def _round_points(file: Path, points: Float[ndarray, "n 3"]) -> TriangleMesh:
@@ -164,9 +179,10 @@ def _save(meshset: Any, work: Path, target: Path, **options: Any) -> None:
 
 
 def _weld(mesh: TriangleMesh) -> TriangleMesh:
-    """The mesh with equal corners made one vertex."""
-    vertices, index = np.unique(mesh.vertices + 0.0, axis=0, return_inverse=True)
-    return TriangleMesh(vertices, index.ravel()[mesh.faces].astype(np.int32))
+    """The mesh with equal corners made one vertex, without vertices that no face has."""
+    used, corners = np.unique(mesh.faces, return_inverse=True)
+    vertices, index = np.unique(mesh.vertices[used] + 0.0, axis=0, return_inverse=True)
+    return TriangleMesh(vertices, index.ravel()[corners].reshape(-1, 3).astype(np.int32))
 
 
 def _require_readable(file: Path, also: tuple[str, ...]) -> None:

@@ -6,7 +6,7 @@ and BODY, those inside inserted blocks too. Where the header states a unit (SAT:
 the part comes back in mm; else its numbers stand.
 """
 
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -15,6 +15,7 @@ import numpy as np
 
 from bonecam.errors import FileError, file_error
 from bonecam.files import input_bytes
+from bonecam.mesh.files.formats.content import MeshFile, left_out_note
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.text.faults import shortened
 
@@ -28,9 +29,9 @@ SOLIDS = ("3DSOLID", "BODY", "REGION", "SURFACE")
 Polygon = Sequence[Any]
 
 
-def read_polyhedra(path: str | Path) -> TriangleMesh:
-    """The polyhedra of a .sat, .sab or .dxf file as triangles, equal corners merged. FileError names the file
-    and what is wrong with it."""
+def read_polyhedra(path: str | Path) -> MeshFile:
+    """The polyhedra of a .sat, .sab or .dxf file as triangles, equal corners merged; entities of a DXF that are no
+    faces are left out and noted. FileError names the file and what is wrong with it."""
     file = Path(path)
     try:
         import ezdxf  # noqa: F401
@@ -39,7 +40,8 @@ def read_polyhedra(path: str | Path) -> TriangleMesh:
             file, f"reading {file.suffix[1:].upper()} needs ezdxf", "pip install 'bonecam[cad]'"
         ) from error
     try:
-        polygons, scale = _from_dxf(file) if file.suffix.lower() in DXF else _from_acis(file)
+        others: Counter[str] = Counter()
+        polygons, scale = _from_dxf(file, others) if file.suffix.lower() in DXF else _from_acis(file)
         corners = np.array(
             [[tuple(corner) for corner in triangle] for triangle in _triangles(polygons)], dtype=np.float64
         )
@@ -59,13 +61,14 @@ def read_polyhedra(path: str | Path) -> TriangleMesh:
         ) from error
     if not len(corners):
         raise file_error(file, "holds no faces", "give a part with faces, not curves or points")
-    vertices, index = np.unique(corners.reshape(-1, 3) * scale + 0.0, axis=0, return_inverse=True)
+    vertices, index = np.unique(corners.reshape(-1, 3) * (scale or 1.0) + 0.0, axis=0, return_inverse=True)
     try:
-        return TriangleMesh(vertices, index.reshape(-1, 3).astype(np.int32))
+        mesh = TriangleMesh(vertices, index.reshape(-1, 3).astype(np.int32))
     except ValueError as error:
         raise file_error(
             file, f"has coordinates that are not numbers ({error})", "export the part again"
         ) from error
+    return MeshFile(mesh, "mm" if scale else "", left_out_note(others))
 
 
 def _triangles(polygons: Iterable[Polygon]) -> Iterator[Polygon]:
@@ -84,7 +87,7 @@ def _triangles(polygons: Iterable[Polygon]) -> Iterator[Polygon]:
 
 
 def _from_acis(file: Path) -> tuple[list[Polygon], float]:
-    """Polygons of a .sat or .sab file and the mm of its unit."""
+    """Polygons of a .sat or .sab file and the mm of its unit, 0 where it states none."""
     from ezdxf.acis import api, sab, sat
 
     data = input_bytes(file)
@@ -95,7 +98,7 @@ def _from_acis(file: Path) -> tuple[list[Polygon], float]:
         text = data.decode("ascii", errors="replace").splitlines()
         bodies = api.load(text)
         header = sat.parse_sat(text).header
-    return list(_body_polygons(file, bodies)), header.units_in_mm if header.units_in_mm > 0 else 1.0
+    return list(_body_polygons(file, bodies)), max(header.units_in_mm, 0.0)
 
 
 def _body_polygons(file: Path, bodies: Iterable[Any]) -> Iterator[Polygon]:
@@ -143,8 +146,9 @@ def _linked(first: Any, link: str, *, ring: bool = False) -> Iterator[Any]:
         entity = getattr(entity, link)
 
 
-def _from_dxf(file: Path) -> tuple[list[Polygon], float]:
-    """Polygons of the model space of a .dxf file and the mm of its unit."""
+def _from_dxf(file: Path, others: Counter[str]) -> tuple[list[Polygon], float]:
+    """Polygons of the model space of a .dxf file and the mm of its unit, 0 where it states none; `others` counts
+    entities that are no faces by their kinds."""
     import ezdxf
     from ezdxf.disassemble import recursive_decompose
     from ezdxf.units import MM, conversion_factor
@@ -152,12 +156,15 @@ def _from_dxf(file: Path) -> tuple[list[Polygon], float]:
     drawing = ezdxf.readfile(file)
     polygons: list[Polygon] = []
     for entity in recursive_decompose(drawing.modelspace()):
-        polygons += _entity_polygons(file, entity)
-    return polygons, conversion_factor(drawing.units, MM) if drawing.units else 1.0
+        own = _entity_polygons(file, entity)
+        if own is None:
+            others[entity.dxftype()] += 1
+        polygons += own or []
+    return polygons, conversion_factor(drawing.units, MM) if drawing.units else 0.0
 
 
-def _entity_polygons(file: Path, entity: Any) -> list[Polygon]:
-    """The polygons of one DXF entity; none where it is no surface."""
+def _entity_polygons(file: Path, entity: Any) -> list[Polygon] | None:
+    """The polygons of one DXF entity; None where it is no surface. FileError where it is one that is not read."""
     from ezdxf.acis import api
     from ezdxf.render import MeshBuilder
 
@@ -168,6 +175,9 @@ def _entity_polygons(file: Path, entity: Any) -> list[Polygon]:
         return list(MeshBuilder.from_mesh(entity).faces_as_vertices())
     if kind == "POLYLINE" and (entity.is_poly_face_mesh or entity.is_polygon_mesh):
         return list(MeshBuilder.from_polyface(entity).faces_as_vertices())
-    if kind in SOLIDS:
-        return list(_body_polygons(file, api.load_dxf(entity)))
-    return []
+    if kind not in SOLIDS and not kind.endswith("SURFACE"):
+        return None
+    bodies = api.load_dxf(entity) if kind in SOLIDS else []
+    if not bodies:
+        raise file_error(file, f"holds a {kind} that cannot be read", "export the part as STEP")
+    return list(_body_polygons(file, bodies))

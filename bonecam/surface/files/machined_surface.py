@@ -3,11 +3,11 @@
 from pathlib import Path
 
 from bonecam.errors import FileError, SurfaceError
-from bonecam.mesh.files.mesh_files import MESHES, read_mesh
+from bonecam.mesh.files.mesh_files import MESHES, read_in_mm
 from bonecam.mesh.files.opencascade import IGES, STEP
 from bonecam.mesh.files.point_files import POINTS
 from bonecam.mesh.triangle_mesh import MeshLike, mesh_from
-from bonecam.mesh.units import MM_OF, to_mm
+from bonecam.mesh.units import mm_of, to_mm
 from bonecam.surface.files.bspline.to_tspline import from_bspline
 from bonecam.surface.files.cad.read import read_bsplines
 from bonecam.surface.files.tspline_text import ENDINGS, read_tsm
@@ -52,8 +52,8 @@ def machined_surface(source: str | Path | MeshLike, units: str, tolerance: float
 def _skinned(file: Path, units: str, tolerance: float) -> TSpline:
     """The surface through rows of points or through an open mesh."""
     if file.suffix.lower() in POINTS:
-        return read_rows(file).scaled(MM_OF[units]).skin(tolerance)
-    return patch_surface(to_mm(read_mesh(file), units, str(file)), tolerance)
+        return read_rows(file).scaled(mm_of(units)).skin(tolerance)
+    return patch_surface(read_in_mm(file, units), tolerance)
 
 
 def _only_face(file: Path) -> TSpline:

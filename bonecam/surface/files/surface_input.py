@@ -14,7 +14,7 @@ from bonecam.mesh.part import Part, prepare_part
 from bonecam.mesh.pose import upright
 from bonecam.mesh.solids.intersections import self_intersections
 from bonecam.mesh.triangle_mesh import MeshLike, TriangleMesh
-from bonecam.mesh.units import LARGEST, MM_OF, to_mm
+from bonecam.mesh.units import LARGEST, mm_of, to_mm, unit_in
 from bonecam.progress import Progress, silent
 from bonecam.surface.files.scripted import scripted_mesh
 from bonecam.surface.files.tspline_text import ENDINGS, read_tsm
@@ -59,14 +59,14 @@ def read_part(
 def read_surface_part(file: str | Path, job: MeshJob, surface: SurfaceJob) -> tuple[Part, Fit]:
     """The part whose surface is given by rows of points or a saved T-spline, upright, and that surface."""
     refuse_changes(job, str(file))
-    fitted = read_surface(file, MM_OF[job.units], surface.tolerance, surface.max_control_points)
+    fitted = read_surface(file, mm_of(job.units), surface.tolerance, surface.max_control_points)
     mesh = closed_mesh(fitted.surface, str(file))
     posed, transform = upright(mesh) if job.upright else (mesh, np.eye(4))
     return Part(
         mesh=posed,
         file=str(file),
         faces=len(mesh.faces),
-        units=job.units,
+        units=unit_in(job.units),
         repairs=(),
         transform=transform,
         given=mesh,

@@ -7,10 +7,10 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.errors import SurfaceError
-from bonecam.mesh.files.mesh_files import read_mesh
+from bonecam.mesh.files.mesh_files import read_in_mm
 from bonecam.mesh.files.point_files import POINTS
 from bonecam.mesh.triangle_mesh import MeshLike, TriangleMesh, mesh_from
-from bonecam.mesh.units import MM_OF, to_mm
+from bonecam.mesh.units import mm_of, to_mm
 from bonecam.surface.blades.blade_solid import blade_solid
 from bonecam.surface.blades.blunt_edge import rounded_edge, widest_edge
 from bonecam.surface.blades.flow_path import MERIDIONAL, read_flow_path
@@ -41,7 +41,7 @@ def read_blade(
     files = [blade] if isinstance(blade, str | Path) else list(blade)
     if len(files) == 1 and Path(files[0]).suffix.lower() not in POINTS:
         return machined_surface(files[0], units, tolerance), 0.0
-    given = read_sections(files, columns=columns, axis=axis, scale=MM_OF[units])
+    given = read_sections(files, columns=columns, axis=axis, scale=mm_of(units))
     rows = rounded_edge(given)
     try:
         return rows.skin(tolerance), widest_edge(given) if rows.closed else 0.0
@@ -57,7 +57,7 @@ def read_hub(
     the blade."""
     if isinstance(hub, str | Path) and Path(hub).suffix.lower() in POINTS:
         along = "-x" if axis.startswith("-") else "x"
-        curve = read_flow_path(hub, columns=columns, axis=along, scale=MM_OF[units])
+        curve = read_flow_path(hub, columns=columns, axis=along, scale=mm_of(units))
         points = meridional(blade_solid(blade, COARSE).vertices)
         return profile_over(thinned(stretch(curve, *limits_beside(curve, points)), HUB_CHORD), BACK)
     return hub_profile(read_solid(hub, units), str(hub) if isinstance(hub, str | Path) else "the hub")
@@ -66,5 +66,5 @@ def read_hub(
 def read_solid(solid: str | Path | MeshLike, units: str) -> TriangleMesh:
     """The triangles of a solid in a file or in memory, mm."""
     if isinstance(solid, str | Path):
-        return to_mm(read_mesh(solid), units, str(solid))
+        return read_in_mm(solid, units)
     return to_mm(mesh_from(solid), units)

@@ -9,7 +9,7 @@ import pytest
 from bonecam_meshes import path as shipped
 
 from bonecam.errors import FileError
-from bonecam.mesh.files.mesh_files import read_mesh, write_mesh
+from bonecam.mesh.files.mesh_files import read_mesh, read_mesh_file, write_mesh
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
 TETRAHEDRON = "0 0 0\n1 0 0\n0 1 0\n0 0 1\n"
@@ -190,7 +190,7 @@ def test_a_folder_is_no_part_whatever_its_name(tmp_path: Path) -> None:
 
 def test_a_refused_ending_names_what_the_caller_reads_itself(tmp_path: Path) -> None:
     with pytest.raises(FileError, match=r"\.dat, \.tspline$"):
-        read_mesh(tmp_path / "bone.prt", also=(".tspline",))
+        read_mesh_file(tmp_path / "bone.prt", also=(".tspline",))
     with pytest.raises(FileError, match=r"bone: cannot be read \(No such file or directory\)"):
         read_mesh(tmp_path / "bone")
 

@@ -11,10 +11,9 @@ import pytest
 from bonecam.errors import FileError, UnitsError
 from bonecam.mesh.files import cad_files, cad_tessellation
 from bonecam.mesh.files.cad_tessellation import read_and_tessellate, tessellate_shape
-from bonecam.mesh.files.mesh_files import read_mesh
+from bonecam.mesh.files.mesh_files import read_in_mm, read_mesh
 from bonecam.mesh.files.opencascade import occ
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.mesh.units import to_mm
 from bonecam.progress import silent
 from bonecam.runtime import worker
 
@@ -145,7 +144,7 @@ def test_a_part_stated_in_another_unit_comes_in_mm(unit: str, name: str, tmp_pat
     mesh = read_and_tessellate(write(cylinder(), tmp_path / name, unit))
     assert np.ptp(mesh.vertices[:, 2]) == pytest.approx(20.0, rel=1e-6)
     with pytest.raises(UnitsError, match="leave out --units"):
-        to_mm(mesh, "m", str(tmp_path / name))
+        read_in_mm(tmp_path / name, "m")
 
 
 def test_loose_iges_faces_are_sewn(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""The formats of mesh files: STL, PLY, OBJ, OFF, VTK, VTP, GLB and 3MF, from bytes to vertices and polygons.
+"""The formats of mesh files: STL, PLY, OBJ, OFF, VTK, VTP, VTU, GLB and 3MF, from bytes to vertices and polygons.
 
 The bytes never meet C++: MeshLab's own readers, which read them before, end the process on damaged files (a PLY
 whose lists have odd counts or types, an OBJ with a vertical tab) or hang (an ASCII STL with CR line ends), and

@@ -1,7 +1,7 @@
 """What is common to the formats of mesh files: what a file holds, what may be wrong with it, its lines."""
 
 import io
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite
 
@@ -9,10 +9,12 @@ import numpy as np
 from jaxtyping import Float, Int64
 from numpy import ndarray
 
+from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.text.faults import shortened
 
 ANEW = "export the mesh again"
 CUT_SHORT = "copy or export it again"
+TRIANGLES = "save its surface alone, as triangles"
 
 
 class ContentError(ValueError):
@@ -25,9 +27,20 @@ class ContentError(ValueError):
 
 
 @dataclass(frozen=True, eq=False)
+class MeshFile:
+    """The mesh of a file, in the `unit` that the file or its format states, its own where that is empty. `notes` name
+    what the file holds and the mesh has not."""
+
+    mesh: TriangleMesh
+    unit: str = ""
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
 class Content:
     """Vertices in the file's own unit, and polygons: `corners` are the vertices of one after another, each as
-    many as `counts` says.
+    many as `counts` says. `unit` is that of the vertices where the file or its format states one, `notes` name what
+    the file holds and the polygons have not.
 
     Nothing is checked yet: coordinates may be infinite, corners may name vertices that are not there.
     """
@@ -35,6 +48,8 @@ class Content:
     vertices: Float[ndarray, "n 3"]
     corners: Int64[ndarray, " c"]
     counts: Int64[ndarray, " p"]
+    unit: str = ""
+    notes: tuple[str, ...] = ()
 
 
 def numbered_words(data: bytes) -> Iterator[tuple[int, list[str]]]:
@@ -84,7 +99,29 @@ def whole_numbers(words: Sequence[str], line: int) -> list[int]:
     return numbers
 
 
-def filled(points: Sequence[float], corners: Sequence[int], counts: Sequence[int]) -> Content:
+def filled(
+    points: Sequence[float], corners: Sequence[int], counts: Sequence[int], notes: tuple[str, ...] = ()
+) -> Content:
     """The content of coordinates, corners and counts that were collected one by one."""
     vertices = np.array(points).astype(np.float64).reshape(-1, 3)
-    return Content(vertices, np.array(corners).astype(np.int64), np.array(counts).astype(np.int64))
+    corner_numbers = np.array(corners).astype(np.int64)
+    return Content(vertices, corner_numbers, np.array(counts).astype(np.int64), notes=notes)
+
+
+def named_counts(counts: Mapping[str, int]) -> str:
+    """`12 lines, 3 points`, without what there is none of."""
+    return ", ".join(f"{count} {name}" for name, count in counts.items() if count)
+
+
+def left_out_note(counts: Mapping[str, int]) -> tuple[str, ...]:
+    """What is told of elements, counted by their names, that are no faces."""
+    named = named_counts(counts)
+    return (f"left out of its file: {named}",) if named else ()
+
+
+def refuse_others(counts: Mapping[str, int]) -> None:
+    """ContentError where a file holds cells, counted by their names, that may be faces of the part and are not read, or
+    are none."""
+    named = named_counts(counts)
+    if named:
+        raise ContentError(f"holds {named}, which are no faces that are read", TRIANGLES)

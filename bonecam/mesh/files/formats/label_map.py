@@ -1,38 +1,50 @@
 """Label maps of segmented scans, NIfTI and NRRD, by SimpleITK (extra `ct`): whole numbers on a grid of voxels.
 
 Coordinates are those of ITK: mm, +X to the patient's left, +Y to the back, +Z to the head (LPS). NIfTI's own are RAS,
-half a turn about Z from it.
+half a turn about Z from it. What ITK does not tell is read from the header: the units of an NRRD, how far axes of
+voxels are from square, and how many voxels there are.
 """
 
-from collections.abc import Callable
+import gzip
+import re
+import struct
+import zlib
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int64
 from numpy import ndarray
 
 from bonecam.errors import file_error
+from bonecam.files import input_bytes
 
 LABEL_MAPS = (".nii", ".nii.gz", ".nrrd")
 """Endings of label maps."""
 MOST_LABELS = 1000
 """A map with more labels is the scan itself."""
+UNITS = {"mm": 1.0, "um": 0.001, "\N{MICRO SIGN}m": 0.001, "micron": 0.001, "cm": 10.0, "m": 1000.0}
+"""The mm of units that an NRRD may state."""
+MOST_SKEW = 1e-3
+"""Most angle of axes of voxels from perpendicular, radians: 0.05 mm in a bone of 50 mm."""
+NIFTI_1 = 348
+"""Bytes of the header of NIfTI-1, which begins with this number."""
 SHOWN = 12
 """So many labels a message lists."""
 
 
 @dataclass(frozen=True, eq=False)
 class LabelMap:
-    """Labels at the middles of voxels, by the voxel's three numbers; `pitch` (mm) and the transform (4, 4) from numbers
-    times pitch to space, a turn or a mirror image with a shift."""
+    """Labels at the middles of voxels, by the voxel's three numbers; `pitch` and the transform (4, 4) from numbers
+    times pitch to space, a turn or a mirror image with a shift. Lengths are in mm, of a map without a `unit` in its
+    own."""
 
     file: Path
     labels: Int64[ndarray, "a b c"]
     pitch: Float[ndarray, "3"]
     transform: Float[ndarray, "4 4"]
+    unit: str
 
     @cached_property
     def counts(self) -> dict[int, int]:
@@ -56,14 +68,78 @@ class LabelMap:
         return label or next(iter(self.counts))
 
 
+@dataclass(frozen=True, eq=False)
+class _Header:
+    """What a file's header says: the directions of the axes of voxels (3, 3), a row each, or none; the unit after
+    scaling by `mm`, empty where none is stated; bytes of voxels in the file, 0 where that is not known."""
+
+    axes: Float[ndarray, "n 3"]
+    unit: str
+    mm: float
+    size: int
+
+
+def _header(file: Path) -> _Header:
+    """The header of a NIfTI-1 or NRRD file; FileError where the file cannot be read or states a unit that is none."""
+    try:
+        data = input_bytes(file)
+        data = gzip.decompress(data) if file.suffix.lower() == ".gz" else data
+    except (OSError, EOFError, zlib.error) as error:
+        raise file_error(file, f"cannot be read ({error})", "write it anew from its source") from error
+    return _nrrd_header(file, data) if file.suffix.lower() == ".nrrd" else _nifti_header(data)
+
+
+def _nrrd_header(file: Path, data: bytes) -> _Header:
+    text, *voxels = re.split(rb"\r?\n\r?\n", data, maxsplit=1)
+    fields = dict(re.findall(r"^([^:#\n]+): *(.*?)\r?$", text.decode(errors="replace"), re.MULTILINE))
+    units = set(re.findall(r'"([^"]+)"', fields.get("space units", "")))
+    if len(units) > 1 or units - set(UNITS):
+        what = f"states the units {', '.join(sorted(units))}"
+        raise file_error(file, what, f"write it in one of {', '.join(UNITS)}")
+    rows = [row.split(",") for row in re.findall(r"\(([^)]*)\)", fields.get("space directions", ""))]
+    try:
+        axes = np.array(rows, dtype=np.float64).reshape(-1, 3)
+    except ValueError:
+        axes = np.empty((0, 3))  # no axes in space; ITK says what is wrong
+    raw = fields.get("encoding") == "raw" and "data file" not in fields
+    scale = UNITS[units.pop()] if units else 0.0
+    return _Header(axes, "mm" if scale else "", scale or 1.0, len(voxels[0]) if raw and voxels else 0)
+
+
+def _nifti_header(data: bytes) -> _Header:
+    order = "<" if data[:4] == struct.pack("<i", NIFTI_1) else ">"
+    if len(data) < NIFTI_1 or struct.unpack_from(f"{order}i", data)[0] != NIFTI_1:
+        return _Header(np.empty((0, 3)), "mm", 1.0, 0)
+    by_rows = np.array(struct.unpack_from(f"{order}12f", data, 280)).reshape(3, 4)[:, :3]
+    used = struct.unpack_from(f"{order}h", data, 254)[0] > 0
+    start = int(struct.unpack_from(f"{order}f", data, 108)[0])
+    return _Header(by_rows.T if used else np.empty((0, 3)), "mm", 1.0, len(data) - start)
+
+
+def _skew(axes: Float[ndarray, "n 3"]) -> float:
+    """How far, in radians, the angle between two of the axes (a row each) is from a right one at most."""
+    lengths = np.linalg.norm(axes, axis=1, keepdims=True)
+    directions = axes / np.where(lengths > 0, lengths, 1.0)
+    cosines = directions @ directions.T - np.eye(len(axes))
+    return float(np.arcsin(np.abs(cosines).max(initial=0.0).clip(0.0, 1.0)))
+
+
 def read_label_map(file: Path) -> LabelMap:
-    """The label map of a file. FileError where SimpleITK is not installed, or the file is no label map in space."""
+    """The label map of a file, scaled to mm where it states another unit. FileError where SimpleITK is not installed,
+    the file is no label map in space, its axes are not perpendicular, or it holds more voxels than it tells of."""
     try:
         import SimpleITK
     except ImportError as error:
         remedy = "pip install 'bonecam[ct]'"
         raise file_error(file, "reading a label map needs SimpleITK", remedy) from error
     SimpleITK.ProcessObject.SetGlobalWarningDisplay(False)
+    header = _header(file)
+    angle = _skew(header.axes)
+    if angle > MOST_SKEW:
+        what = f"its axes of voxels are {np.degrees(angle):.2f} deg from perpendicular (a tilted gantry)"
+        raise file_error(
+            file, what, "resample the map to perpendicular axes", angle_deg=float(np.degrees(angle))
+        )
     try:
         image = SimpleITK.ReadImage(str(file))
     except RuntimeError as error:
@@ -71,11 +147,10 @@ def read_label_map(file: Path) -> LabelMap:
         raise file_error(file, f"cannot be read ({reason})", "write it anew from its source") from error
     if image.GetDimension() != 3 or image.GetNumberOfComponentsPerPixel() != 1:
         raise file_error(file, "is no map of one number a voxel in space", "export one label map (3D)")
-    return _label_map(file, image, SimpleITK.GetArrayViewFromImage)
-
-
-def _label_map(file: Path, image: Any, values_of: Callable[[Any], Any]) -> LabelMap:
-    values = np.asarray(values_of(image)).transpose(2, 1, 0)
+    values = np.asarray(SimpleITK.GetArrayViewFromImage(image)).transpose(2, 1, 0)
+    if header.size > values.nbytes:
+        what = f"holds {header.size} bytes of voxels, its header tells of {values.nbytes}"
+        raise file_error(file, what, "write it anew from its source")
     labels = values.astype(np.int64)
     if values.dtype.kind == "f" and not (labels == values).all():
         raise file_error(
@@ -83,8 +158,8 @@ def _label_map(file: Path, image: Any, values_of: Callable[[Any], Any]) -> Label
         )
     transform = np.eye(4)
     transform[:3, :3] = np.array(image.GetDirection()).reshape(3, 3)
-    transform[:3, 3] = image.GetOrigin()
-    label_map = LabelMap(file, labels, np.array(image.GetSpacing()), transform)
+    transform[:3, 3] = header.mm * np.array(image.GetOrigin())
+    label_map = LabelMap(file, labels, header.mm * np.array(image.GetSpacing()), transform, header.unit)
     if len(label_map.counts) > MOST_LABELS:
         what = f"holds {len(label_map.counts)} different values"
         raise file_error(file, what, "give the segmentation, not the scan")

@@ -1,6 +1,7 @@
 """OBJ: `v x y z` and `f i1[/t1[/n1]] .. ik[/..]` anywhere, counted from 1; negative ones count back.
 
-Texture corners and normals are checked and left out; files that an OBJ names (mtllib) are never opened.
+Texture corners and normals are counted and left out, lines (l) and points (p) too, which is noted; files that an
+OBJ names (mtllib) are never opened.
 """
 
 from array import array
@@ -9,6 +10,7 @@ from bonecam.mesh.files.formats.content import (
     Content,
     ContentError,
     filled,
+    left_out_note,
     numbered_words,
     point,
     whole_numbers,
@@ -18,7 +20,9 @@ NAMES = {"v": "vertex", "vt": "texture corner", "vn": "normal"}
 """What faces name, in the order of the numbers of a corner."""
 OTHERS = frozenset("vp l p g o s mg usemtl mtllib usemap maplib".split())
 """Words that may begin a line besides those of NAMES and f."""
-MAY_STAND_ALONE = frozenset("gos")
+LEFT_OUT = {"l": "lines", "p": "points"}
+"""Elements that are no faces."""
+MAY_STAND_ALONE = frozenset("g o s usemtl".split())
 
 
 def parse_obj(data: bytes) -> Content:
@@ -28,13 +32,13 @@ def parse_obj(data: bytes) -> Content:
     counts = array("q")
     totals = dict.fromkeys(NAMES, 0)
     highest = dict.fromkeys(NAMES, (0, 0))
+    left_out = dict.fromkeys(LEFT_OUT, 0)
     for line, words in numbered_words(data):
         kind = words[0]
         if kind in NAMES:
             totals[kind] += 1
-            values = point(words[1:], line, 2 if kind == "vt" else 3)
             if kind == "v":
-                points.extend(values)
+                points.extend(point(words[1:], line))
         elif kind == "f":
             for table, named in _columns(words[1:], line, totals):
                 highest[table] = max(highest[table], (max(named), line))
@@ -43,10 +47,13 @@ def parse_obj(data: bytes) -> Content:
                     counts.append(len(named))
         elif kind not in OTHERS or (len(words) < 2 and kind not in MAY_STAND_ALONE):
             raise ContentError(f"{' '.join(words)[:40]!r} is nothing of an OBJ", line=line)
+        elif kind in left_out:
+            left_out[kind] += 1
     for table, (index, line) in highest.items():
         if index > totals[table]:
             raise ContentError(f"a face names {NAMES[table]} {index} of {totals[table]}", line=line)
-    return filled(points, corners, counts)
+    notes = left_out_note({LEFT_OUT[kind]: count for kind, count in left_out.items()})
+    return filled(points, corners, counts, notes)
 
 
 def _columns(words: list[str], line: int, totals: dict[str, int]) -> list[tuple[str, list[int]]]:

@@ -39,6 +39,9 @@ def parse_off(data: bytes) -> Content:
         polygon = _corners(words, number, vertices)
         corners.extend(polygon)
         counts.append(len(polygon))
+    line, words = next(lines, (0, []))
+    if words:
+        raise ContentError(f"goes on after the {faces} faces that it tells of", CUT_SHORT, line=line)
     if len(counts) < faces or len(points) < 3 * vertices:
         raise ContentError(f"is cut short: {faces} faces are told of, {len(counts)} are there", CUT_SHORT)
     return filled(points, corners, counts)

@@ -10,14 +10,16 @@ import warnings
 from typing import Any
 
 import numpy as np
-from jaxtyping import Int64
 from numpy import ndarray
 
-from bonecam.mesh.files.formats.content import CUT_SHORT, Content, ContentError
+from bonecam.mesh.files.formats.content import CUT_SHORT, TRIANGLES, Content, ContentError, left_out_note
+from bonecam.mesh.files.formats.polygons import strip_triangles
 from bonecam.text.faults import shortened
 
 INDICES = ("vertex_indices", "vertex_index")
 """Names of the property that holds the corners of a face or strip."""
+READ = ("vertex", "face", "tristrips")
+"""Elements that are read."""
 END = re.compile(rb"end_header[ \t]*(\r\n|\n|\r)")
 WORDS = (b"ply", b"format", b"comment", b"obj_info", b"element", b"property")
 REMARKS = (b"comment", b"obj_info")
@@ -43,18 +45,25 @@ def _reason(error: Exception) -> str:
 
 
 def parse_ply(data: bytes) -> Content:
-    """The vertices, polygons and triangle strips of a PLY. Faces of fewer than three corners are left out."""
+    """The vertices, polygons and triangle strips of a PLY. Faces of fewer than three corners and other elements are
+    left out, and noted; ContentError where one of these lists vertices, or the file goes on after what its header tells
+    of."""
     import plyfile
 
     header, body = _header_of(data)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # numpy's, of empty lists and of numbers beyond their type
+        stream = _Stream(header + body)
         try:
-            ply = plyfile.PlyData.read(_Stream(header + body))
+            ply = plyfile.PlyData.read(stream)
         except plyfile.PlyParseError as error:
             raise ContentError(f"is no readable PLY file ({_reason(error)})", CUT_SHORT) from error
         except (ValueError, OverflowError, TypeError) as error:
             raise ContentError(f"has a word where a number should stand ({_reason(error)})") from error
+    if _goes_on(ply, body, stream):
+        raise ContentError(
+            "goes on after all that its header tells of: a count in it is too small", CUT_SHORT
+        )
     tables = {element.name: element for element in ply.elements}
     if "vertex" not in tables or not {"x", "y", "z"} <= set(tables["vertex"].data.dtype.names or ()):
         raise ContentError("holds no vertices with x, y and z")
@@ -67,8 +76,29 @@ def parse_ply(data: bytes) -> Content:
     if len(bad):
         what = f"has {len(bad)} of {len(vertices)} vertices with coordinates that are not numbers"
         raise ContentError(f"{what}, first vertex {bad[0]}")
-    polygons = [*_lists(tables.get("face")), *_strip_triangles(_lists(tables.get("tristrips")))]
-    return _content(vertices, polygons)
+    others = {name: table for name, table in tables.items() if name not in READ and table.count}
+    for name, table in others.items():
+        if set(INDICES) & set(table.data.dtype.names or ()):
+            raise ContentError(
+                f"holds {table.count} of the element {name!r}, which lists vertices", TRIANGLES
+            )
+    polygons = [*_lists(tables.get("face")), *strip_triangles(_lists(tables.get("tristrips")))]
+    counts = np.array([len(polygon) for polygon in polygons], dtype=np.int64)
+    joined = np.concatenate([*polygons, np.empty(0, dtype=np.int64)])
+    if not (joined == np.rint(joined)).all():
+        raise ContentError("has faces whose corners are no whole numbers")
+    corners = joined.clip(-1, len(vertices)).astype(np.int64)
+    kept = counts >= 3
+    left_out = {f"of {name!r}": table.count for name, table in others.items()}
+    left_out["faces of fewer than 3 corners"] = int((~kept).sum())
+    return Content(vertices, corners[np.repeat(kept, counts)], counts[kept], notes=left_out_note(left_out))
+
+
+def _goes_on(ply: Any, body: bytes, stream: io.BytesIO) -> bool:
+    """Whether more than blanks follows the elements that plyfile read."""
+    if not ply.text:
+        return bool(stream.getvalue()[stream.tell() :].strip(b"\0\t\r\n "))
+    return sum(bool(line.strip()) for line in body.splitlines()) > sum(table.count for table in ply.elements)
 
 
 def _header_of(data: bytes) -> tuple[bytes, bytes]:
@@ -114,25 +144,3 @@ def _lists(element: Any) -> list[ndarray]:
     if name is None or element.data[name].dtype.kind != "O":
         raise ContentError(f"its element {element.name!r} has no list {INDICES[0]!r}")
     return list(element.data[name])
-
-
-def _strip_triangles(strips: list[ndarray]) -> list[ndarray]:
-    """The triangles of strips of vertex numbers; -1 begins a strip anew, every other triangle is turned."""
-    triangles = []
-    for strip in strips:
-        pieces = np.split(strip, np.flatnonzero(strip == -1))
-        for piece in pieces:
-            run = piece[piece != -1]
-            for k in range(len(run) - 2):
-                triangles.append(run[k : k + 3] if k % 2 == 0 else run[[k + 1, k, k + 2]])
-    return triangles
-
-
-def _content(vertices: ndarray, polygons: list[ndarray]) -> Content:
-    counts: Int64[ndarray, " p"] = np.array([len(polygon) for polygon in polygons], dtype=np.int64)
-    joined = np.concatenate([*polygons, np.empty(0, dtype=np.int64)])
-    if not (joined == np.rint(joined)).all():
-        raise ContentError("has faces whose corners are no whole numbers")
-    corners = joined.clip(-1, len(vertices)).astype(np.int64)
-    kept = counts >= 3
-    return Content(vertices, corners[np.repeat(kept, counts)], counts[kept])

@@ -38,6 +38,18 @@ def triangles_of(content: Content) -> Int64[ndarray, "m 3"]:
     return triangles
 
 
+def strip_triangles(strips: list[ndarray]) -> list[ndarray]:
+    """The triangles of strips of vertex numbers; -1 begins a strip anew, every other triangle is turned."""
+    triangles = []
+    for strip in strips:
+        pieces = np.split(strip, np.flatnonzero(strip == -1))
+        for piece in pieces:
+            run = piece[piece != -1]
+            for k in range(len(run) - 2):
+                triangles.append(run[k : k + 3] if k % 2 == 0 else run[[k + 1, k, k + 2]])
+    return triangles
+
+
 def _turned(
     vertices: Float[ndarray, "n 3"],
     triangles: Int64[ndarray, "m 3"],

@@ -10,17 +10,18 @@ HEADER = 84
 """Bytes before the triangles of a binary STL: text of 80, and their number."""
 FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", 9), ("rest", "<u2")])
 """A triangle of a binary STL."""
+WORDS = frozenset("solid facet outer vertex endloop endfacet endsolid".split())
+"""Words that lines of an ASCII STL begin with."""
 
 
 def parse_stl(data: bytes) -> Content:
     """The triangles of an STL, each with vertices of its own. A binary one may begin with `solid` too: its
     size tells."""
     count = int(np.frombuffer(data, "<u4", 1, 80)[0]) if len(data) >= HEADER else 0
-    whole = HEADER + FACET.itemsize * count
     named_ascii = data.lstrip()[:5].lower() == b"solid" and b"facet" in data[:4096].lower()
-    if named_ascii and len(data) != whole:
+    if named_ascii and len(data) != HEADER + FACET.itemsize * count:
         return _parse_ascii(data)
-    if not count or len(data) < whole:
+    if not count or (len(data) - HEADER) // FACET.itemsize != count:
         raise _no_stl(data, count)
     facets = np.frombuffer(data, FACET, count, HEADER)
     bad = np.flatnonzero(~np.isfinite(facets["corners"]).all(1))
@@ -43,18 +44,22 @@ def _no_stl(data: bytes, count: int) -> ContentError:
 
 def _parse_ascii(data: bytes) -> Content:
     points = array("f")
+    facets = 0
     ended = False
     for line, words in numbered_words(data):
         word = words[0].lower()
+        facets += word == "facet"
+        if not any(known.startswith(word) for known in WORDS):  # the last word may be cut short
+            raise ContentError(f"{' '.join(words)[:40]!r} is nothing of an STL", line=line)
         ended = word == "endsolid"
         if word == "vertex":
             try:
                 points.extend(point(words[1:], line))
             except OverflowError as error:
                 raise ContentError(f"{' '.join(words[1:4])!r} is too large", line=line) from error
-        elif word == "endloop" and len(points) % 9:
+        elif word == "endloop" and len(points) != 9 * facets:
             raise ContentError("a triangle without three corners ends there", line=line)
-    if not ended or len(points) % 9:
+    if not ended or len(points) != 9 * facets:
         raise ContentError("is cut short: it does not end in endsolid", CUT_SHORT)
     return _separate_triangles(np.array(points))
 
