@@ -1,12 +1,5 @@
 from .cutter import Cutter as Cutter
-from .mill import Mill as Mill
-from .mill import Placed as Placed
 from .path import ContactPath as ContactPath
 from .path import FreeCones as FreeCones
 from .path import MoveKind as MoveKind
 from .path import ToolPath as ToolPath
-from .profiles import CuttingProfile as CuttingProfile
-from .profiles import ball as ball
-from .profiles import bull as bull
-from .profiles import drum as drum
-from .profiles import flat as flat

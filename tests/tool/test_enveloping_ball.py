@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from mill import Mill, bull, flat
 
 from bonecam.arrays import lengths
 from bonecam.errors import JobError
@@ -10,8 +11,6 @@ from bonecam.machine.machine import read_machine
 from bonecam.planning.collision.tool_mesh import cutter_mesh
 from bonecam.tool.cutter import Cutter
 from bonecam.tool.enveloping_ball import enveloping_ball
-from bonecam.tool.mill import Mill
-from bonecam.tool.profiles import bull, flat
 from bonecam.tool.shapes import check_shapes, only_balls
 
 PROFILES = {"bull": bull(2.0, 0.5), "flat": flat(2.0)}

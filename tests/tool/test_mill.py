@@ -7,13 +7,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from mill import CuttingProfile, Mill, ball, bull, drum, flat
 from scipy.spatial import KDTree
 
 from bonecam.errors import ToolPathError
 from bonecam.job import Job
 from bonecam.machine.frustum import Frustum
 from bonecam.planning import side_step
-from bonecam.tool import Cutter, CuttingProfile, Mill, ball, bull, drum, flat
+from bonecam.tool import Cutter
 
 HEIGHT = 12.0
 PROFILES = {

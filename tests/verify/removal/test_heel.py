@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from mill import Mill, bull, flat
 
 from bonecam.errors import VerifyError
 from bonecam.job import Job
@@ -9,9 +10,7 @@ from bonecam.machine.machine import read_machine
 from bonecam.nc.dialect import read_dialect
 from bonecam.nc.posting.write import write_program
 from bonecam.tool.cutter import Cutter
-from bonecam.tool.mill import Mill
 from bonecam.tool.path import MoveKind, ToolPath
-from bonecam.tool.profiles import bull, flat
 from bonecam.verify.removal.result import Removal
 from bonecam.verify.removal.simulate import simulate_removal
 from bonecam.verify.removal.sweeping import Accuracy
