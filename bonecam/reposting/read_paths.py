@@ -63,7 +63,7 @@ def _of_apt(text: str, job: Job, machine: Machine) -> Iterator[ToolPath]:
     """The paths of APT statements; those without a level are numbered down to 0."""
     paths = read_apt(text).paths
     for left, path in zip(range(len(paths))[::-1], paths, strict=True):
-        cutter = _cutter(path.tool, _ball(path), job, machine)
+        cutter = _cutter(path.tool, _ball(path), path.level, job, machine)
         links = _links(path, cutter, job)
         kinds = np.select([path.rapid, links], [int(MoveKind.RAPID), int(MoveKind.LINK)], int(MoveKind.CUT))
         level = left if path.level is None else path.level
@@ -102,7 +102,7 @@ def _of_program(
         if motions.described[group.tool].corner is not None:
             what = f"tool {group.tool} is no ball: give paths of ball-end cutters"
             raise ProgramError(what, tool=group.tool)
-        cutter = _cutter(group.tool, motions.controls[group.tool].radius, job, machine)
+        cutter = _cutter(group.tool, motions.controls[group.tool].radius, group.level, job, machine)
         kinds = np.select(
             [motions.rapid[rows] | ~motions.known_start[rows], motions.links[rows]],
             [int(MoveKind.RAPID), int(MoveKind.LINK)],
@@ -113,10 +113,11 @@ def _of_program(
         yield _tool_path(level, cutter, kinds=kinds, poses=poses, feeds=feeds[rows], job=job, rest=group.rest)
 
 
-def _cutter(number: int, radius: float, job: Job, machine: Machine) -> Cutter:
-    """The cutter of a job with a ball of this radius (mm), under its number there; `number` is that of the paths."""
+def _cutter(number: int, radius: float, level: int | None, job: Job, machine: Machine) -> Cutter:
+    """The cutter of a job with a ball of this radius (mm), under its number there, with its feed on a level if that is
+    known; `number` is that of the paths."""
     for own, name in enumerate(job.cutter_names, 1):
-        tool = job.tool(name)
+        tool = job.tool(name, level if job.path.strategy == "morph" else None)
         if abs(tool.radius - radius) <= SAME_BALL:
             return Cutter.from_job(own, name, tool, machine.nose)
     known = ", ".join(f"{name} {getattr(job, name).radius:g}" for name in job.cutter_names)

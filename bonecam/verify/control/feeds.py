@@ -1,10 +1,13 @@
 """Whether the feeds of a text are in the mode that its control needs, and no larger than machine and job allow.
 
 Feeds are those of the tip. Links and rapids that are written as feeds may ask more than the axes can: the control
-drives them as fast as it can. By the job a cut is no faster than the cutter's feed (`nc.posting.feeds.fastest_cut`
-where its feeds are not constant, or the plunge feed where that is more), and its chip load no larger: a spindle that
-turns slower than in the job takes as much from the feed. Links may be as fast as links, plunges and rapids of the job.
+drives them as fast as it can. By the job a cut is no faster than the shallowest cut of its cutter
+(`nc.posting.feeds.fastest_cut` where its feeds are not constant, or the plunge feed where that is more), and its chip
+load no larger: a spindle that turns slower than in the job takes as much from the feed. Links may be as fast as links,
+plunges and rapids of the job.
 """
+
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -43,7 +46,8 @@ def check_feeds_of_job(motions: Motions, dialect: Dialect, job: Job, cutters: di
     step, spindle_step = dialect.numbers.feed.step, dialect.numbers.spindle.step
     allowed = np.full(len(speeds), np.inf)
     for number, cutter in cutters.items():
-        cut = max(fastest_cut(cutter, job), job.nc.plunge_feed)
+        quick = replace(cutter, feed=job.fastest_feed(cutter.name))
+        cut = max(fastest_cut(quick, job), job.nc.plunge_feed)
         link = max(cut, job.nc.link_feed, job.nc.rapid_feed)
         slower = np.minimum((motions.spindle + spindle_step) / cutter.spindle, 1.0)
         rates = np.where(motions.links, link, cut * slower)
