@@ -38,6 +38,7 @@ from bonecam.machine.machine import read_machine
 from bonecam.mesh.files.mesh_files import read_mesh, write_mesh
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.dialect import read_dialect
+from bonecam.nc.job_dialect import job_dialect
 from bonecam.nc.program import program_name
 from bonecam.nc.reading.read import read_program
 from bonecam.report.typed.report import Report
@@ -196,7 +197,7 @@ def test_what_bends_is_told_and_shown(chain: tuple[bonecam.Result, Path]) -> Non
 
 def test_a_rapid_into_the_stock_refuses_the_text(chain: tuple[bonecam.Result, Path]) -> None:
     result = chain[0]
-    machine, dialect = read_machine(COARSE.nc.machine), read_dialect(COARSE.nc.controller)
+    machine, dialect = read_machine(COARSE.nc.machine), job_dialect(COARSE.nc)
     lines = result.program.text.splitlines(keepends=True)
     # blocks of all five words whose feed is that of the block before
     cuts = [n for n, line in enumerate(lines) if re.search(r" L X.* C\S+$", line)]

@@ -25,10 +25,12 @@ def run_demo(options: argparse.Namespace) -> int:
     """`bonecam demo`: the NC program of the phalanx, or of the impeller, that is installed with bonecam."""
     from bonecam_meshes import path
 
+    from bonecam.nc.job_dialect import job_dialect
+
     if options.impeller:
         return run_impeller(options)
     if options.output is None:
-        dialect = bonecam.nc.read_dialect(job_of(options).nc.controller)
+        dialect = job_dialect(job_of(options).nc)
         options.output = f"phalanx{dialect.extension}"
     return _convert(path("phalanx"), options)
 

@@ -22,7 +22,7 @@ def add_job_options(command: argparse.ArgumentParser, *, posted: bool = True) ->
         default = NcJob()
         machine = _choice(machine_names(), default.machine)
         command.add_argument("--machine", metavar="NAME", help=machine)
-        controller = _choice(dialect_names(), default.controller)
+        controller = _choice(dialect_names(), "the machine's own")
         command.add_argument("--controller", metavar="NAME", help=controller)
     setting = "a parameter of the job, as `bonecam job` lists them (repeat for more)"
     command.add_argument("--set", action="append", default=[], metavar="SECTION.NAME=VALUE", help=setting)

@@ -9,8 +9,8 @@ fill in
   in the machine with all axes at zero; [1, 0, 0] and [0, 0, 1] where they are left out, which is refused where the
   axis next to the part does not turn about that Z: a bar in a rotary axis along X has part_z = [1, 0, 0];
 - `part_zero` (mm): the program's zero in the machine's frame, all axes at zero; `programmed_point`: "tip" or
-  "centre"; `tool_centre_control`: the dialect's name of it where the dialect has several; `spindle_speed`
-  (1/min, optional): the highest; `spindle_lowest`: the lowest;
+  "centre"; `controller`: the dialect of its usual control; `tool_centre_control`: the dialect's name of it where
+  the dialect has several; `spindle_speed` (1/min, optional): the highest; `spindle_lowest`: the lowest;
 - `source`: where the figures are from; `assumed`: what is not known but taken so, a line each;
 - [spindle]: `nose`, the cylinders and cones of the spindle behind the gauge line, where the holder ends, from there
   up: rows [length, diameter] or [length, diameter, upper diameter] (mm). What is farther up than the last row is
@@ -79,6 +79,7 @@ class Machine:
     part_zero: Vector
     programmed_point: str
     tool_centre_control: str
+    controller: str = ""
     spindle_speed: float = math.inf
     nose: tuple[Frustum, ...] = ()
     table: Table = field(default_factory=Table)
@@ -158,6 +159,7 @@ def read_machine(name: str | Path) -> Machine:
         part_zero=_vector(table.part_zero),
         programmed_point=table.programmed_point,
         tool_centre_control=table.tool_centre_control,
+        controller=table.controller,
         spindle_speed=math.inf if table.spindle_speed is None else table.spindle_speed,
         nose=stack_of(table.spindle.nose) if table.spindle else (),
         table=_table(table.table or BodiesTable()),

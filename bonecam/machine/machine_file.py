@@ -160,6 +160,7 @@ class MachineFile(Record):
 
     title: Name
     source: Annotated[str, Field(max_length=1000), AfterValidator(check_printable)] = ""
+    controller: Name = ""
     assumed: Annotated[list[Name], Field(max_length=20)] = Field(default_factory=list)
     chain: Annotated[list[Literal["A", "B", "C", "XYZ"]], BeforeValidator(_few)]
     part_x: Direction | None = None

@@ -61,7 +61,8 @@ def stand_part(
     or that is found."""
     with times.stage("mesh"):
         unplaced, given = read_part(mesh, job, progress)
-        warnings.check_warnings(warnings.hole_warnings(unplaced.widest_hole, job), job, unplaced.file)
+        guesses = warnings.repair_warnings(unplaced.widest_hole, unplaced.guessed_share, job)
+        warnings.check_warnings(guesses, job, unplaced.file)
         seeks_post = not job.holding.length
         placed = place(unplaced, job, body)
         if not job.holding.diameter:

@@ -1,10 +1,17 @@
 """A posted program: its text, and the counts and times of its blocks."""
 
 import re
+import unicodedata
 import zlib
 from dataclasses import dataclass
 from pathlib import Path
 
+from bonecam.errors import FileError
+from bonecam.files import second_file
+from bonecam.nc.dialect import Dialect
+
+SECOND, PART = len("_second"), len("_99")
+"""Characters by which names of programs of a second clamping, and of parts of a program, are longer."""
 HIGHEST_NUMBER = 7999
 """Programs of higher numbers belong to the maker of the machine (Fanuc: 8000 and 9000)."""
 LOWEST_DRAWN = 1000
@@ -60,6 +67,29 @@ class Program:
             f"<Program {self.name} for {self.machine} and {self.controller}: {self.blocks} blocks, "
             f"{self.time_min:.1f} min>"
         )
+
+
+def second_program_file(file: str | Path, dialect: Dialect) -> Path:
+    """The file of the second clamping's program beside that of the first, with a name that the control takes."""
+    dotted = second_file(file)
+    return dotted if re.fullmatch(dialect.file_name.pattern, dotted.stem) else second_file(file, "_")
+
+
+def check_file_name(file: Path, dialect: Dialect, *, second: bool, split: bool) -> None:
+    """FileError where the control of a dialect takes no program of a file's name, nor those of its `second` clamping
+    and, where it is `split`, its parts, which are longer; it names one that it takes."""
+    longest = dialect.file_name.longest - SECOND * second - PART * split
+    pattern = re.compile(dialect.file_name.pattern)
+    if len(file.stem) <= longest and pattern.fullmatch(file.stem):
+        return
+    plain = unicodedata.normalize("NFKD", file.stem).encode("ascii", "ignore").decode()
+    words = re.sub(r"[^A-Za-z0-9]+", "_", plain).strip("_")
+    named = words if pattern.fullmatch(words) else f"BONE_{words}"
+    proposed = f"{named[:longest].rstrip('_')}{file.suffix}"
+    what = (
+        f"{dialect.name} takes programs named by {longest} characters of {dialect.file_name.pattern} at most"
+    )
+    raise FileError(f"{file}: {what}: name it {proposed}", file=str(file))
 
 
 def program_name(file: str | Path) -> str:

@@ -7,6 +7,7 @@ from numpy import ndarray
 
 from bonecam.errors import MachineError
 from bonecam.job import Job, ToolJob, field_error
+from bonecam.machine.limits import ANGLE_ROUNDING
 from bonecam.machine.machine import Machine
 from bonecam.machine.reach import farthest_side
 from bonecam.mesh.triangle_mesh import TriangleMesh
@@ -19,6 +20,7 @@ from bonecam.planning.passes.patterns.scallop import side_step
 from bonecam.progress import Progress, report, silent
 from bonecam.setup.schedule import STOCK_CHORD_SHARE
 from bonecam.setup.stock import Stock
+from bonecam.text.numbers import told_apart
 from bonecam.tool.cutter import Cutter
 from bonecam.tool.path import MoveKind
 
@@ -64,8 +66,9 @@ def check_reach(job: Job, machine: Machine) -> None:
     if limits.reached is not None:
         _check_sides(limits.reached.samples, 90.0 - needed, f"{machine.name}: {named}")
         return
-    if reached < needed:
-        what = f"leans by {max(reached, 0.0):g} deg all round at most, the sides of the stock need {needed:g}"
+    if np.radians(needed) > limits.largest + ANGLE_ROUNDING:
+        leans, sides = told_apart(max(reached, 0.0), needed)
+        what = f"leans by {leans} deg all round at most, the sides of the stock need {sides}"
         remedy = "take another machine (--machine)" + (
             ", or a larger path.max_tilt_deg" if job.path.strategy == "morph" else ""
         )
@@ -130,7 +133,8 @@ def check_room(stock: Stock, job: Job, machine: Machine) -> None:
     room = np.abs(machine.in_machine(np.diag([stock.diameter, stock.diameter, height]))).max(axis=0)
     for axis, needed in zip(machine.linear, room.tolist(), strict=True):
         if needed > axis.travel:
-            bound = f"{needed:.0f} mm are needed along {axis.letter}, its travel is {axis.travel:.0f} mm"
+            asked, has = told_apart(needed, axis.travel)
+            bound = f"{asked} mm are needed along {axis.letter}, its travel is {has} mm"
             remedy = "take a larger machine (--machine), or a smaller stock, a shorter post or tool"
             evidence = {"axis": axis.letter, "needed": needed, "travel": axis.travel}
             raise MachineError(f"{machine.name}: {bound}: {remedy}", **evidence)

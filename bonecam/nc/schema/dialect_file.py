@@ -1,6 +1,7 @@
 """The schema of a dialect file: keys, types, ranges, and what templates may hold. The text of `nc.dialect` says what
 they mean."""
 
+import re
 from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, model_validator
@@ -101,6 +102,22 @@ def _comment(text: str) -> str:
     return text
 
 
+def _regular(text: str) -> str:
+    try:
+        re.compile(text)
+    except re.error as error:
+        raise ValueError(f"{text!r}: {error}: give a regular expression") from error
+    return text
+
+
+class FileNameTable(Record):
+    """Names of programs that the control takes, without their endings: the `longest`, and a regular expression that
+    all of them match."""
+
+    longest: Annotated[int, Field(ge=8, le=255)] = 255
+    pattern: Annotated[str, Field(max_length=100), AfterValidator(_regular)] = ".+"
+
+
 class DialectFile(Record):
     """A dialect file."""
 
@@ -122,6 +139,8 @@ class DialectFile(Record):
     tolerance_factor: Annotated[float, Field(gt=0, le=10)] = 1.0
     corners: Literal["smoothed", "parabolic"] = "smoothed"
     needs: Lines = Field(default_factory=list)
+    file_name: FileNameTable = FileNameTable()
+    longest_line: Annotated[int, Field(ge=60, le=10000)] = 10000
     comment: Annotated[str, Field(max_length=100), AfterValidator(_comment)]
     comment_characters: Annotated[str, Field(max_length=1000), AfterValidator(one_block)]
     work_offset: Annotated[dict[str, Annotated[str, AfterValidator(_offset)]], Field(max_length=10)] = Field(

@@ -60,6 +60,7 @@ class InputFigures(TypedDict):
     filled: FilledFigures | None
     area_mm2: float
     hole_max_mm: float
+    guessed_share: float
     repair_taken_off_max_mm: float
     repair_deviation_max_mm: float
 

@@ -18,6 +18,7 @@ from bonecam.machine.machine import Machine
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.posting.feeds.drivable_feeds import fastest_cut
 from bonecam.nc.reading.motions import Motions
+from bonecam.text.numbers import told_apart
 from bonecam.tool.cutter import Cutter
 from bonecam.verify.control.first_wrong import refuse_first
 from bonecam.verify.readback import FEED_TOLERANCE, MIN_LENGTH_STEPS
@@ -56,9 +57,10 @@ def check_feeds_of_job(motions: Motions, dialect: Dialect, job: Job, cutters: di
     rounding = np.where(motions.inverse_time, FEED_TOLERANCE * allowed, step)
 
     def why(at: int) -> str:
-        asked = f"a feed of {speeds[at]:.0f} mm/min at S{motions.spindle[at]:g}"
+        speed, most = told_apart(float(speeds[at]), float(allowed[at]))
         name = cutters[int(motions.tools[at])].name
-        return f"{asked}: the job allows {allowed[at]:.0f} for {name}: give less, or give the job that feed"
+        asked = f"a feed of {speed} mm/min at S{motions.spindle[at]:g}"
+        return f"{asked}: the job allows {most} for {name}: give less, or give the job that feed"
 
     refuse_first(motions, known & (speeds > allowed + rounding), why)
 

@@ -20,7 +20,7 @@ from bonecam.errors import FileError
 from bonecam.machine.machine import read_machine
 from bonecam.mesh.files.mesh_files import read_mesh, write_mesh
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.nc.dialect import read_dialect
+from bonecam.nc.job_dialect import job_dialect
 from bonecam.nc.reading.read import read_program
 from bonecam.report.files.kept_bodies import GIVEN
 from bonecam.report.files.kept_view import SECOND_VIEW
@@ -88,7 +88,7 @@ def test_every_output_of_the_second_clamping_lies_beside_that_of_the_first(
 def test_the_page_shows_the_moves_of_the_second_text(second: SecondProgram, contents: Contents) -> None:
     job = second.job
     text = second.program.text
-    motions = read_program(text, read_machine(job.nc.machine), read_dialect(job.nc.controller))
+    motions = read_program(text, read_machine(job.nc.machine), job_dialect(job.nc))
     arrays, facts = contents.arrays, contents.facts
     assert arrays["text"].tobytes().decode("latin-1") == text
     np.testing.assert_allclose(arrays["move_tip"], motions.tips, atol=0.002)

@@ -13,7 +13,7 @@ import pytest
 import bonecam
 from bonecam.cli import main
 from bonecam.machine.machine import read_machine
-from bonecam.nc.dialect import read_dialect
+from bonecam.nc.job_dialect import job_dialect
 from bonecam.nc.posting.header.program_zero import ZeroWords
 from bonecam.nc.reading.read import read_program
 from bonecam.report.sheet.axes import axis_ranges
@@ -66,7 +66,7 @@ def test_it_tells_the_checksum_the_tools_and_the_clamping(small_run: Run) -> Non
 def test_axes_travel_what_the_program_s_header_says(small_run: Run) -> None:
     made = small_run[0]
     machine = read_machine(made.job.nc.machine)
-    motions = read_program(made.program.text, machine, read_dialect(made.job.nc.controller))
+    motions = read_program(made.program.text, machine, job_dialect(made.job.nc))
     found = {item.letter: item for item in axis_ranges(motions, machine)}
     header = re.search(r"TRAVEL, MM: X ([\d.]+) OF [\d.]+, Y ([\d.]+) OF", made.program.text)
     assert header

@@ -1,6 +1,7 @@
 """The header of a program: what must be mounted, how the control must be set, and what the program will do, as
 comments; the blank; the safe start."""
 
+import textwrap
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import product
@@ -19,9 +20,12 @@ from bonecam.nc.posting.tolerances import contour_tolerance, rotary_tolerance_de
 from bonecam.nc.posting.travel import Travel
 from bonecam.nc.program import Program, program_number
 from bonecam.nc.words import plain_text
+from bonecam.text.faults import shortened
 
 UNCHECKED = "checks passed: none, this text was not read back"
 """The line of a program before its proof; `record_checks` replaces it."""
+NUMBER = 20
+"""Characters that a comment's line keeps free, for its number and a + that becomes PLUS."""
 UNSIMULATED = "removal not simulated"
 """The line of a program whose removal of material is not simulated; `record_simulation` replaces it."""
 
@@ -62,7 +66,7 @@ def header_lines(
         "header",
         name=name,
         number=job.nc.program_number or program_number(name),
-        comments="\n".join(comment(text, dialect) for text in texts),
+        comments="\n".join(comment(line, dialect) for text in texts for line in _divided(text, dialect)),
         tolerance=length.text(contour_tolerance(dialect, job, finishing=True)),
         rotary_tolerance=rotary_text(dialect, rotary_tolerance_deg(dialect, job, True, smallest)),
         tool_centre_off=switch.off if switch else "",
@@ -93,6 +97,16 @@ def comment(text: str, dialect: Dialect) -> str:
     return dialect.comment.format(text=plain_text(text, dialect.comment_characters))
 
 
+def _divided(text: str, dialect: Dialect) -> list[str]:
+    """A text in pieces that comments of the dialect hold."""
+    return textwrap.wrap(text, _room(dialect)) or [""]
+
+
+def _room(dialect: Dialect) -> int:
+    """Characters of a comment's text; a + may become a word of five more."""
+    return dialect.longest_line - len(dialect.comment) - NUMBER
+
+
 def record_checks(program: Program, dialect: Dialect, checks: str) -> Program:
     """The program with the `checks` that its text passed in the header; no block moves, no line is added. ValueError
     where its text has them already."""
@@ -111,4 +125,5 @@ def _with_line(program: Program, dialect: Dialect, before: str, after: str) -> P
     line = comment(before, dialect)
     if program.text.count(line) != 1:
         raise ValueError(f"the program has no line {line!r}: give it as it was written")
-    return replace(program, text=program.text.replace(line, comment(after, dialect)))
+    whole = comment(shortened(after, _room(dialect)), dialect)
+    return replace(program, text=program.text.replace(line, whole))
