@@ -113,7 +113,7 @@ def orient_outwards(state: RepairState) -> RepairState:
 def close_holes(state: RepairState) -> RepairState:
     """Holes closed; MeshError where one is wider than WIDEST_HOLE of the diagonal.
 
-    One of three edges gets back the only face that it can have: the state tells the width of no such hole.
+    One of three edges gets back the only face that it can have: the state tells neither width nor area of such a hole.
     """
     holes = holes_of(state.mesh)
     if not holes:
@@ -136,4 +136,6 @@ def close_holes(state: RepairState) -> RepairState:
     widest_text = f"{'the widest ' if len(holes) > 1 else ''}{widths[widest]:.2f} mm across"
     message = f"closed {which} with {counted(added, 'face')}, {widest_text}"
     guessed = max((width for width, rim in zip(widths, holes) if len(rim) > 3), default=0.0)
-    return state.closed(after, message, guessed)
+    alone = np.array([rim for rim in holes if len(rim) == 3], dtype=np.int32).reshape(-1, 3)
+    area = after.area - state.mesh.area - TriangleMesh(state.mesh.vertices, alone).area
+    return state.closed(after, message, guessed, max(area, 0.0))

@@ -62,10 +62,9 @@ class RepairState:
         """The next state: the changed mesh, and sentences of changes that keep the surface where it is."""
         return RepairState(mesh, self.done + tuple(map(Repair, changes)))
 
-    def closed(self, mesh: TriangleMesh, change: str, width: float) -> "RepairState":
-        """The next state after holes were closed, the widest of this width, mm."""
-        guessed = max(mesh.area - self.mesh.area, 0.0)
-        return RepairState(mesh, (*self.done, Repair(change, hole=width, guessed=guessed)))
+    def closed(self, mesh: TriangleMesh, change: str, width: float, area: float) -> "RepairState":
+        """The next state after holes were closed, the widest of this width (mm), all of this area (mm2)."""
+        return RepairState(mesh, (*self.done, Repair(change, hole=width, guessed=area)))
 
     def keep(self, kept: Bool[ndarray, " m"], change: str, *, outside: bool = False) -> "RepairState":
         """The next state with the `kept` faces only; the others, which may be `outside` the part, are left out."""
