@@ -121,6 +121,7 @@ class DialectFile(Record):
     starts_at_zero: bool = False
     tolerance_factor: Annotated[float, Field(gt=0, le=10)] = 1.0
     corners: Literal["smoothed", "parabolic"] = "smoothed"
+    look_ahead: Annotated[int, Field(ge=1, le=1_000_000)] = 1000
     needs: Lines = Field(default_factory=list)
     comment: Annotated[str, Field(max_length=100), AfterValidator(_comment)]
     comment_characters: Annotated[str, Field(max_length=1000), AfterValidator(one_block)]
