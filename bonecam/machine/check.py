@@ -196,5 +196,6 @@ def _unsaid(machine: Machine, file: MachineFile) -> list[str]:
         "table: it has no edge, nothing of the tool goes below it": file.table is None,
         f"limits of {' '.join(unknown)}: only the span of a program is checked, not its place": bool(unknown),
         f"acceleration of {' '.join(slow)}: they start and stop at once": bool(slow),
+        "seconds: tool changes, spindle starts and retracts take no time": file.seconds is None,
     }
     return [text for text, missing in texts.items() if missing]

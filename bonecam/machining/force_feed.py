@@ -20,7 +20,6 @@ from bonecam.mechanics.feed_schedule import LEAST, FeedSchedule, feed_schedule, 
 from bonecam.mechanics.loads import PathLoads
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.posting.feeds.drivable_feeds import fastest_cut
-from bonecam.nc.posting.feeds.motion_time import accelerated_minutes, knows_accelerations
 from bonecam.nc.posting.path_words import Posted, post_path
 from bonecam.nc.reading.read import read_program
 from bonecam.report.page.move_sources import rows_of_moves
@@ -122,11 +121,11 @@ def _wanted(path: ToolPath, ratios: Float[ndarray, " n"], job: Job) -> ToolPath:
 def _reachable(path: ToolPath, posted: Posted) -> ToolPath:
     """The path with the feeds of its posted form, those that are raised no higher than the axes get to."""
     feeds = posted.path.feed_rates
-    if knows_accelerations(posted.control.machine):
+    if posted.control.machine.knows_accelerations:
         rows = posted.moves.rows
         count = len(path.tips)
         way = np.bincount(rows, posted.lengths, count)
-        minutes = np.bincount(rows, accelerated_minutes(posted), count)
+        minutes = np.bincount(rows, posted.driven_minutes, count)
         reached = np.where(minutes > 0, way / np.where(minutes > 0, minutes, 1.0), np.inf)
         raised = feeds > path.feed_rates
         feeds = np.where(raised, np.clip(reached, path.feed_rates, np.maximum(feeds, path.feed_rates)), feeds)

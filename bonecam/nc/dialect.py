@@ -16,10 +16,11 @@ How to add a dialect: copy a file of `bonecam/nc/dialects/` (name it, or give it
   is false or not stated, what would be a rapid beside the part is written as a feed move at the rapid rate;
 - `starts_at_zero`: true where X, Y, Z are fixed to the table as it stands when tool-centre control is switched on: then
   that is done with all rotary axes at zero, and they turn under it;
-- `tolerance_factor`: the control's contour tolerance as a multiple of the path's chord tolerance; `corners`, how the
-  control goes round them, for the time: "smoothed", or "parabolic" as LinuxCNC; `needs`: what
-  the machine must have, as lines of the header, which like those of the tool-centre control may have {count} (of the
-  axes, in words), {rotary} (B and C), {zero} (B 0 C 0) and {wound} (the endless axes); `frame` (iso): the first and
+- `tolerance_factor`: the control's contour tolerance as a multiple of the path's chord tolerance; for the time,
+  `corners`, how the control goes round them: "smoothed" within that tolerance, or "parabolic" as LinuxCNC, and
+  `look_ahead`, over how many blocks it plans its speed (1000 where it is not stated); `needs`: what the machine
+  must have, as lines of the header, which like those of the tool-centre control may have {count} (of the axes, in
+  words), {rotary} (B and C), {zero} (B 0 C 0) and {wound} (the endless axes); `frame` (iso): the first and
   the last line, "%" where it is not stated, "" where the program ends with the code of its end; `moving_blocks`: how
   the blocks begin that move an axis; [machining]: the words of the control for `roughing` and `finishing` levels;
 - [numbers]: decimals, sign and range of lengths (mm), angles (deg), feeds and spindle speeds;

@@ -33,15 +33,50 @@ class FeedFigures:
     under_half: int
 
 
+@dataclass(frozen=True)
+class ProgramTime:
+    """Minutes of a program: `feed`, at its feeds and axis speeds alone; `axes`, as the axes drive it, and `whole`, with
+    the ways from run to run, tool changes and spindle starts, None where the machine's file does not know
+    accelerations or seconds; `by_hand` so many tool changes are not in it. `tools`: of each tool in the order of the
+    program, as far as the axes are known. `assumed`: what the machine's file assumes of the figures that they are made
+    of."""
+
+    feed: float
+    tools: tuple[float, ...] = ()
+    axes: float | None = None
+    whole: float | None = None
+    by_hand: int = 0
+    assumed: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        text = f"about {self.feed:.1f} min at the feed"
+        if self.axes is not None:
+            text += f", {self.axes:.1f} as the axes move"
+        if self.whole is not None:
+            text += f", {self.whole:.1f} with changes"
+        return text + (f" but {self.by_hand} by hand" if self.whole is not None and self.by_hand else "")
+
+    @property
+    def texts(self) -> list[str]:
+        """The minutes, and what of the machine is assumed for them."""
+        return [str(self), *([f"assumed: {', '.join(self.assumed)}"] if self.assumed else [])]
+
+    @property
+    def report(self) -> dict[str, float | list[str] | None]:
+        """What the report tells of it."""
+        figures = {"time_min": self.feed, "time_axes_min": self.axes, "time_whole_min": self.whole}
+        rounded = {name: None if value is None else round(value, 2) for name, value in figures.items()}
+        return {**rounded, "time_texts": self.texts}
+
+
 @dataclass(frozen=True, repr=False)
 class Program:
     """An NC program as text, ending with a newline, with its name, and its number where a control calls it by one.
 
     `blocks` are its blocks (comments and continued blocks count once), `moves` the blocks that move an axis.
-    `time_min` is from feeds and axis speeds, without accelerations, tool changes and retracts of unknown
-    length. `rewinds` is how often rotary axes are rewound off the part, `lifts` how often the path is lifted for it
+    `rewinds` is how often rotary axes are rewound off the part, `lifts` how often the path is lifted for it
     between two rapids. `rotary_max_deg_per_block` is the largest turn of one axis in a feed move, `tools` the cutter
-    numbers in their order, `tool_minutes` the time of each, `air_check` what its header tells of the rotary axes.
+    numbers in their order, `air_check` what its header tells of the rotary axes.
     """
 
     text: str
@@ -56,17 +91,18 @@ class Program:
     rewinds: int
     lifts: int
     tools: tuple[int, ...]
-    time_min: float
-    tool_minutes: tuple[float, ...]
+    time: ProgramTime
     feeds: FeedFigures
     rotary_max_deg_per_block: float
     air_check: tuple[str, ...]
 
+    @property
+    def time_min(self) -> float:
+        """Minutes at its feeds."""
+        return self.time.feed
+
     def __repr__(self) -> str:
-        return (
-            f"<Program {self.name} for {self.machine} and {self.controller}: {self.blocks} blocks, "
-            f"{self.time_min:.1f} min>"
-        )
+        return f"<Program {self.name} for {self.machine} and {self.controller}: {self.blocks} blocks, {self.time}>"
 
 
 def second_program_file(file: str | Path, dialect: Dialect) -> Path:

@@ -48,9 +48,10 @@ class Posted:
         """What was made and proved, in lines for a person."""
         one = self.program
         paths = self.proved.paths
-        program = f"{one.blocks} blocks for {one.machine} / {one.controller}, about {one.time_min:.0f} min"
+        program = f"{one.blocks} blocks for {one.machine} / {one.controller}"
         parts = part_count(one.text)
         program += f", with {counted(parts, 'file')} that it calls" if parts else ""
+        program += "".join(f"\n          {text}" for text in one.time.texts)
         feeds = f"\nfeed      {counted(self.slowed, 'cut')} slowed to what the cutters take on this machine"
         removal = "removal   not simulated: give the folder of a run (--keep)"
         if self.removal is not None:

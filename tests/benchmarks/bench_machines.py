@@ -20,7 +20,6 @@ from bonecam.job import read_job
 from bonecam.machine.kinematics import inverse_linear
 from bonecam.machine.machine import read_machine
 from bonecam.nc.job_dialect import job_dialect
-from bonecam.nc.posting.feeds.motion_time import accelerated_minutes
 from bonecam.nc.posting.path_words import post_path
 from bonecam.nc.reading.motions import Motions
 from bonecam.nc.reading.read import read_program
@@ -90,7 +89,7 @@ def times(made: Posted) -> tuple[float, float, float, int]:
     for path in made.proved.paths:
         posted = post_path(path, machine, dialect, made.job, around, before=before)
         before = posted.moves.angles[-1]
-        minutes = accelerated_minutes(posted)
+        minutes = posted.driven_minutes
         cuts = posted.moves.kinds == MoveKind.CUT
         whole += minutes.sum()
         asked += posted.lengths[cuts].sum() / path.cutter.feed

@@ -16,7 +16,8 @@ from bonecam.machine.kinematics import inverse_linear
 from bonecam.machine.machine import Machine
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.posting.rows.split import ProgramMoves, split_moves
-from bonecam.nc.posting.tolerances import contour_tolerance
+from bonecam.nc.posting.tolerances import contour_tolerance, rotary_tolerance_deg
+from bonecam.planning.motion_time import ControlRule, motion_minutes
 from bonecam.planning.passes.gouge_lifts import POSTING_SHARE, planned_tolerance
 from bonecam.tool.cutter import Cutter
 from bonecam.tool.path import MoveKind, ToolPath
@@ -40,8 +41,8 @@ class Posted:
 
     `approaches` (r, 5) are the words from which each run is approached along the tool axis, above everything
     machined. `minutes` (n,) is the time of the move that arrives at each row; where a run begins, the time in
-    which the rotary axes get there. `axis_minutes` (n,) is what its slowest axis needs at least. `tolerance` is what
-    the control is told to keep to (mm).
+    which the rotary axes get there. `axis_minutes` (n,) is what its slowest axis needs at least. The control follows
+    the words by the `rule` of its dialect, within the tolerances that it is told.
     """
 
     path: ToolPath
@@ -55,7 +56,7 @@ class Posted:
     approaches: Float[ndarray, "r 5"]
     minutes: Float[ndarray, "n"]
     axis_minutes: Float[ndarray, "n"]
-    tolerance: float
+    rule: ControlRule
 
     @property
     def largest_rotation_deg(self) -> float:
@@ -76,6 +77,21 @@ class Posted:
         lifts = self.path.lifts
         on_lift = ((begun >= lifts[:, 0]) & (begun <= lifts[:, 1])).any(axis=1)
         return len(lifts) + int((~on_lift).sum())
+
+    @cached_property
+    def driven_minutes(self) -> Float[ndarray, "n"]:
+        """Minutes of the move that arrives at each row, as the axes drive it: `minutes` where the machine's
+        accelerations are not known, and where a run starts, off the part. Rapids that the control drives as such are as
+        fast as the axes."""
+        fast = (self.moves.kinds == MoveKind.RAPID) & self.dialect.straight_rapids
+        known = self.control.machine.knows_accelerations
+        minutes = np.where(fast & known, self.axis_minutes, self.minutes)
+        for first, end in self.runs:
+            after = slice(first + 1, end)
+            minutes[after] = motion_minutes(
+                self.control.machine, self.joints[first:end], minutes[after], self.rule
+            )
+        return minutes
 
     @cached_property
     def by_turn(self) -> Bool[ndarray, "n"]:
@@ -131,6 +147,13 @@ def post_path(
     approaches = round_words(dialect, control, above, angles[starts])
     joints, lengths = joints_and_lengths(control, words)
     fastest = axis_minutes(machine, joints, starts)
+    finishing = job.is_finishing(path.level)
+    rule = ControlRule(
+        contour_tolerance(dialect, job, finishing),
+        float(np.radians(rotary_tolerance_deg(dialect, job, finishing, path.cutter.radius))),
+        look_ahead=dialect.look_ahead,
+        parabolic=dialect.corners == "parabolic",
+    )
     minutes = _move_minutes(moves, lengths, fastest, starts, job)
     return Posted(
         path,
@@ -144,7 +167,7 @@ def post_path(
         approaches=approaches,
         minutes=minutes,
         axis_minutes=fastest,
-        tolerance=contour_tolerance(dialect, job, job.is_finishing(path.level)),
+        rule=rule,
     )
 
 

@@ -75,10 +75,12 @@ def above(posted: Posted, run: int, retract: float) -> Float[ndarray, "5"]:
 
 
 def lifted(posted: Posted, run: int, retract: float) -> Float[ndarray, "5"]:
-    """Words (mm, deg) of the place on the tool axis over the end of a run, by the length of the tool above the retract
-    height: a control that drops the tool by its length leaves it above everything."""
+    """Words (mm, deg) of the place on the tool axis over the end of a run at the retract height; above it by the length
+    of the tool where the dialect lifts it, so that a control that drops the tool by its length leaves it above
+    everything."""
     end = posted.runs[run][1] - 1
-    return _raised(posted, posted.words[end][None], retract, posted.control.tool_length)
+    more = posted.control.tool_length if posted.dialect.templates.lift else 0.0
+    return _raised(posted, posted.words[end][None], retract, more)
 
 
 def _raised(

@@ -138,6 +138,7 @@ class DialectFile(Record):
     starts_at_zero: bool = False
     tolerance_factor: Annotated[float, Field(gt=0, le=10)] = 1.0
     corners: Literal["smoothed", "parabolic"] = "smoothed"
+    look_ahead: Annotated[int, Field(ge=1, le=1_000_000)] = 1000
     needs: Lines = Field(default_factory=list)
     file_name: FileNameTable = FileNameTable()
     longest_line: Annotated[int, Field(ge=60, le=10000)] = 10000

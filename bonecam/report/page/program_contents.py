@@ -79,7 +79,7 @@ def program_contents(
     arrays["text"] = np.frombuffer(text.encode("latin-1", "replace"), np.uint8)
     reported = {
         **{"machine": machine.name, "controller": dialect.name, "blocks": motions.blocks},
-        "minutes": float(moves["minute"][-1]),
+        "time": f"about {moves['minute'][-1]:.1f} min at the feed",
         "chord": CHORD if len(kept) < len(kinds) else 0.0,
         "layers": _layers(level_of, surfaces, meshes),
         **machine_facts(machine),

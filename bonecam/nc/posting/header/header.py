@@ -14,11 +14,11 @@ from bonecam.job import Job
 from bonecam.machine.machine import Machine
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.posting.header.axes import axis_texts
-from bonecam.nc.posting.header.texts import control_texts, parting_texts, tool_texts
+from bonecam.nc.posting.header.texts import WIDEST, control_texts, parting_texts, tool_texts
 from bonecam.nc.posting.path_words import Posted
 from bonecam.nc.posting.tolerances import contour_tolerance, rotary_tolerance_deg
 from bonecam.nc.posting.travel import Travel
-from bonecam.nc.program import Program, program_number
+from bonecam.nc.program import Program, ProgramTime, program_number
 from bonecam.nc.words import plain_text
 from bonecam.text.faults import shortened
 
@@ -39,6 +39,7 @@ def header_lines(
     bounds: Float[ndarray, "2 3"],
     comments: Sequence[str],
     travel: Travel,
+    time: ProgramTime,
     air_check: Sequence[str],
 ) -> list[str]:
     """The first blocks of a program: its `comments`, of what must be mounted too, the blank, which fills `bounds`
@@ -53,9 +54,10 @@ def header_lines(
         f"control {dialect.title}",
         *comments,
         *parting_texts([one.path for one in posted]),
-        *tool_texts(job, posted),
+        *tool_texts(job, posted, time),
         *control_texts(machine, dialect, posted),
-        *axis_texts(machine, travel, posted),
+        *axis_texts(machine, travel, dialect),
+        *(line for text in time.texts for line in textwrap.wrap(f"time {text}", WIDEST)),
         *(f"air check: {text}" for text in air_check),
         UNCHECKED,
         UNSIMULATED,

@@ -14,6 +14,7 @@ from bonecam.nc.dialect import Dialect
 from bonecam.nc.posting.feeds.drivable_feeds import feed_figures
 from bonecam.nc.posting.header.program_zero import ZeroWords, zero_texts
 from bonecam.nc.posting.path_words import Posted
+from bonecam.nc.program import ProgramTime
 from bonecam.planning.passes.parting import cut_groove
 from bonecam.setup.stock import Stock
 from bonecam.setup.stock_kind import kind_of
@@ -128,13 +129,13 @@ def parting_texts(paths: Sequence[ToolPath]) -> list[str]:
     return [where, bridge]
 
 
-def tool_texts(job: Job, posted: Sequence[Posted]) -> list[str]:
+def tool_texts(job: Job, posted: Sequence[Posted], time: ProgramTime) -> list[str]:
     """Every tool: a line that the reader takes, its shapes, its time; and where its length is measured."""
     texts = []
-    for number, one in {one.path.cutter.number: one for one in posted}.items():
+    own_posted = {one.path.cutter.number: one for one in posted}
+    for (number, one), minutes in zip(own_posted.items(), time.tools, strict=True):
         cutter = one.path.cutter
         own = [each for each in posted if each.path.cutter.number == number]
-        minutes = sum(float(each.minutes.sum()) for each in own)
         cuts = [each.path.feed_rates[each.path.kinds == MoveKind.CUT] for each in own]
         fastest = float(np.concatenate(cuts).max(initial=0.0))
         texts += [
