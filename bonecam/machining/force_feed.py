@@ -111,11 +111,16 @@ def _wanted(path: ToolPath, ratios: Float[ndarray, " n"], job: Job) -> ToolPath:
     feed = path.cutter.feed
     low = np.minimum(feeds, LEAST * feed)
     high = np.maximum(feeds, fastest_cut(path.cutter, job))
-    steps = STEP ** np.floor(np.log(np.clip(feeds * least, low, high) / feed) / np.log(STEP) + 1e-6)
+    steps = _stepped(np.clip(feeds * least, low, high), feed)
     # what an axis or evenness has lowered to between two steps stays
-    stepped = np.where(least < 1, np.minimum(feed * steps, feeds), np.maximum(feed * steps, feeds))
+    stepped = np.where(least < 1, np.minimum(steps, feeds), np.maximum(steps, feeds))
     changed = goes_on & (path.level != PARTING)
     return replace(path, feed_rates=np.where(changed, np.clip(stepped, low, high), feeds))
+
+
+def _stepped(feeds: Float[ndarray, "n"], feed: float) -> Float[ndarray, "n"]:
+    """The feeds rounded down to whole STEPs from the cutter's `feed`."""
+    return np.asarray(feed * STEP ** np.floor(np.log(np.maximum(feeds, 1e-6) / feed) / np.log(STEP) + 1e-6))
 
 
 def _reachable(path: ToolPath, posted: Posted) -> ToolPath:
@@ -126,7 +131,8 @@ def _reachable(path: ToolPath, posted: Posted) -> ToolPath:
         count = len(path.tips)
         way = np.bincount(rows, posted.lengths, count)
         minutes = np.bincount(rows, posted.driven_minutes, count)
-        reached = np.where(minutes > 0, way / np.where(minutes > 0, minutes, 1.0), np.inf)
+        reached = np.where(minutes > 0, way / np.where(minutes > 0, minutes, 1.0), feeds)
+        reached = _stepped(reached, path.cutter.feed)
         raised = feeds > path.feed_rates
         feeds = np.where(raised, np.clip(reached, path.feed_rates, np.maximum(feeds, path.feed_rates)), feeds)
     return replace(path, feed_rates=feeds)

@@ -102,7 +102,10 @@ class Program:
         return self.time.feed
 
     def __repr__(self) -> str:
-        return f"<Program {self.name} for {self.machine} and {self.controller}: {self.blocks} blocks, {self.time}>"
+        return (
+            f"<Program {self.name} for {self.machine} and {self.controller}: {self.blocks} blocks, "
+            f"{self.time_min:.1f} min>"
+        )
 
 
 def second_program_file(file: str | Path, dialect: Dialect) -> Path:

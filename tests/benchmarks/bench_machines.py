@@ -5,9 +5,8 @@
 FOLDER is what `--keep` of a run wrote; its surface, or PART, must not be gouged. Columns: moving blocks; minutes with
 the accelerations that the machine file knows; error of tip and gouge as read back; the largest speed that a feed block
 asks of an axis, as a share of what it can; the share of the cutting time that is lost to the axes, beyond the length
-over the feed that the cutter asks for: by their speeds / with their accelerations too, where the file has them (that of
-the mikron-ucp600 has none); cutting blocks, and those driven at less than half of that feed, which the summary tells. A
-machine that refuses the paths tells why.
+over the feed that the cutter asks for: by their speeds / with their accelerations too; cutting blocks, and those driven
+at less than half of that feed, which the summary tells. A machine that refuses the paths tells why.
 """
 
 import sys
