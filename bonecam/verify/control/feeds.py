@@ -7,8 +7,6 @@ load no larger: a spindle that turns slower than in the job takes as much from t
 plunges and rapids of the job.
 """
 
-from dataclasses import replace
-
 import numpy as np
 from jaxtyping import Bool, Float
 from numpy import ndarray
@@ -42,13 +40,13 @@ def check_feeds(motions: Motions, machine: Machine, dialect: Dialect) -> None:
 
 
 def check_feeds_of_job(motions: Motions, dialect: Dialect, job: Job, cutters: dict[int, Cutter]) -> None:
-    """VerifyError at the first feed beyond what a job allows for its cutter at the speed of the spindle, mm/min."""
+    """VerifyError at the first feed beyond what a job allows for its cutter at the speed of the spindle, mm/min; the
+    cutters have the feed of their shallowest cut."""
     speeds, known = tip_speeds(motions, dialect)
     step, spindle_step = dialect.numbers.feed.step, dialect.numbers.spindle.step
     allowed = np.full(len(speeds), np.inf)
     for number, cutter in cutters.items():
-        quick = replace(cutter, feed=job.fastest_feed(cutter.name))
-        cut = max(fastest_cut(quick, job), job.nc.plunge_feed)
+        cut = max(fastest_cut(cutter, job), job.nc.plunge_feed)
         link = max(cut, job.nc.link_feed, job.nc.rapid_feed)
         slower = np.minimum((motions.spindle + spindle_step) / cutter.spindle, 1.0)
         rates = np.where(motions.links, link, cut * slower)
