@@ -32,6 +32,7 @@ class SmoothedFigures(TypedDict):
     outward_mm: float
     inward_mm: float
     place: list[float]
+    kept_mm2: float
 
 
 class FilledFigures(TypedDict):
