@@ -90,7 +90,8 @@ def told(run: subprocess.Popen[str]) -> str:
 
 
 def test_two_first_runs_at_once_have_the_kernel_that_one_has(package: Path) -> None:
-    assert [told(run) for run in [start(package) for _ in range(3)]] == ["42 0"] * 3
+    answers = [told(run) for run in [start(package) for _ in range(3)]]
+    assert set(answers) <= {"42 0", "42 1"}, "one that comes later may find what another has just kept"
     assert told(start(package)) == "42 1"
 
 
@@ -123,6 +124,17 @@ def test_a_kernel_of_another_processor_is_not_used(package: Path) -> None:
     assert told(start(package)) == "42 0"
 
 
+def test_a_kernel_is_kept_for_one_python(package: Path) -> None:
+    assert told(start(package)) == "42 0"
+    own = f".py{sys.version_info.major}{sys.version_info.minor}{sys.abiflags}."
+    files = list((package / "kept").rglob("small.twice*"))
+    assert {file.suffix for file in files} == {".nbi", ".nbc"}
+    for file in files:
+        assert own in file.name
+        file.rename(file.with_name(file.name.replace(own, ".py310.")))
+    assert told(start(package)) == "42 0"
+
+
 def test_a_kernel_that_cannot_be_kept_runs(package: Path) -> None:
     assert told(start(package, limit=100)) == "42 0"
     assert told(start(package)) == "42 0"
@@ -131,6 +143,21 @@ def test_a_kernel_that_cannot_be_kept_runs(package: Path) -> None:
     (package / "bonecam" / "kernels" / "__pycache__").write_text("")
     home = {"NUMBA_CACHE_DIR": "", "HOME": str(blocked), "XDG_CACHE_HOME": str(blocked)}
     assert told(start(package, **home)) == "42 0"
+
+
+def test_an_index_without_its_data_leads_to_no_kernel_of_older_sources(package: Path) -> None:
+    kernels = package / "bonecam" / "kernels"
+    twice = "from bonecam.kernels import njit\nfrom bonecam.kernels.called import product\n"
+    (kernels / "small.py").write_text(f"{twice}@njit(cache=True)\ndef twice(x):\n    return product(x)\n")
+    called = "from bonecam.kernels import inner_njit\n@inner_njit()\ndef product(x):\n    return {} * x\n"
+    (kernels / "called.py").write_text(called.format(2))
+    assert told(start(package)) == "42 0"
+    (kernels / "called.py").write_text(called.format(3))
+    sizes = [file.stat().st_size for file in (package / "kept").rglob("small.twice*")]
+    between = sum(sizes) // 2
+    assert told(start(package, limit=between)) == "63 0"
+    assert told(start(package)) == "63 0"
+    assert told(start(package)) == "63 1"
 
 
 def test_a_kept_kernel_is_compiled_again_when_one_that_it_calls_has_changed(tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ import hashlib
 import json
 import time
 from dataclasses import dataclass
+from importlib.resources import files as resources
 from pathlib import Path
 
 import bonecam
@@ -75,11 +76,16 @@ def _report_of(part: BatchPart, folder: Path) -> Path:
     return folder / f"{part.name}.json"
 
 
+def package_digest() -> str:
+    """One for the content of bonecam and of the filters that come with it, which the script of a job may run."""
+    return folder_digest(PACKAGE) + folder_digest(Path(str(resources("bonecam_plugins"))))
+
+
 def fingerprint(part: BatchPart) -> str:
     """A hash of all that decides the outcome: the content of the package, the job, the bytes of the part and of each
     file that the job names. Where these files are does not count."""
     named = list(named_files(part.job))
-    digest = hashlib.sha256(folder_digest(PACKAGE).encode())
+    digest = hashlib.sha256(package_digest().encode())
     digest.update(write_job(_without_paths(part.job)).encode())
     for section, name, file in [("", "", part.file), *named]:
         content = file.read_bytes() if file.is_file() else b""

@@ -12,7 +12,7 @@ from pathlib import Path
 from threading import Event
 
 import bonecam
-from bonecam.batch.one_part import Wanted, convert_part, kept_outcome
+from bonecam.batch.one_part import Wanted, convert_part, kept_outcome, package_digest
 from bonecam.batch.parts import BatchPart, batch_parts
 from bonecam.errors import BonecamError, JobError
 from bonecam.files import check_folder, write_whole
@@ -22,7 +22,6 @@ from bonecam.nc.job_dialect import job_dialect
 from bonecam.pipeline import check_job
 from bonecam.report.tables.batch_table import TABLE, Outcome, failed, read_rows, table_text
 from bonecam.runtime.locking import locked
-from bonecam.runtime.own_files import PACKAGE, folder_digest
 from bonecam.runtime.signals import undisturbed
 from bonecam.runtime.temporary import remove_abandoned
 from bonecam.runtime.worker import WorkerError, call_in_worker
@@ -75,7 +74,7 @@ def convert_many(
     target.mkdir(parents=True, exist_ok=True)
     place = {part.name: index for index, part in enumerate(own_parts)}
     outcomes: dict[int, Outcome] = {}
-    ask = partial(_in_process, folder=target, wanted=wanted, work=work, version=folder_digest(PACKAGE))
+    ask = partial(_in_process, folder=target, wanted=wanted, work=work, version=package_digest())
     for outcome in _outcomes(own_parts, ask, jobs=jobs, executor=executor, resume=resume, progress=progress):
         outcomes[place[outcome.name]] = outcome
         _tell(target / TABLE, outcome, place)
@@ -192,7 +191,7 @@ def _in_process(
 
 def _check_worker(folder: Path, version: str) -> None:
     """JobError where this computer has another bonecam than the one that asks, by its content, or not its files."""
-    if version != folder_digest(PACKAGE):
+    if version != package_digest():
         what = f"a worker has another bonecam {bonecam.__version__} than this run (their files differ)"
         raise JobError(f"{what}: install the same on both")
     if not folder.is_dir():

@@ -41,15 +41,19 @@ CHECKSUM = hashlib.sha256().digest_size
 
 
 class _KeptFile(IndexDataCacheFile):  # type: ignore[misc]
-    """What numba keeps of a kernel, each entry with its key and a checksum: one that is cut off, damaged, or by a race
-    in a shared folder that of another processor, is none, and the kernel is compiled again."""
+    """What numba keeps of a kernel, each entry with its origin and a checksum. One that is cut off or damaged is none,
+    and the kernel is compiled again; so is one of another processor, by a race in a shared folder, or of older sources
+    or another numba, where a run ended between its index, which is written first, and its data."""
+
+    def _origin(self, key: Any) -> Any:
+        return self._source_stamp, self._version, key
 
     def save(self, key: Any, data: Any) -> None:
-        super().save(key, (key, data))
+        super().save(key, (self._origin(key), data))
 
     def load(self, key: Any) -> Any:
         kept = super().load(key)
-        return kept[1] if kept is not None and kept[0] == key else None
+        return kept[1] if kept is not None and kept[0] == self._origin(key) else None
 
     def _load_index(self) -> dict[Any, str]:
         try:

@@ -61,7 +61,8 @@ def stand_part(
     or that is found."""
     with times.stage("mesh"):
         unplaced, given = read_part(mesh, job, progress)
-        guesses = warnings.repair_warnings(unplaced.widest_hole, unplaced.guessed_share, job)
+        changes = [repair.change for repair in unplaced.repairs if repair.guessed]
+        guesses = warnings.repair_warnings(unplaced.widest_hole, unplaced.guessed_share, job, changes)
         warnings.check_warnings(guesses, job, unplaced.file)
         seeks_post = not job.holding.length
         placed = place(unplaced, job, body)

@@ -97,11 +97,12 @@ def simulated_text(report: Sections, bending: str) -> str:
     return "; ".join([bending, *(f"warning: {text}" for text in texts)])
 
 
-def repair_warnings(width: float, guessed: float, job: Job) -> Iterator[Warned]:
-    """A hole of the mesh of this width (mm) that was closed, and a share of its surface that was `guessed`."""
+def repair_warnings(width: float, guessed: float, job: Job, changes: Iterable[str] = ()) -> Iterator[Warned]:
+    """A hole of the mesh of this width (mm) that was closed, and a share of its surface that was `guessed`, by these
+    changes."""
     if guessed > job.warnings.guessed:
         share, most = told_apart(100 * guessed, 100 * job.warnings.guessed)
-        text = f"{share} % of the surface is no given one (more than {most} %): closed, dropped or made anew"
+        text = f"{share} % of the surface is no given one (more than {most} %): {'; '.join(changes)}"
         remedy = "export the mesh again, whole and closed, or mend it in a mesh editor"
         limits = job.warnings.guessed, job.warnings.guessed_refused
         yield Warned("guessed", text, guessed, *limits, remedy=remedy)
@@ -138,7 +139,8 @@ def spindle_warnings(job: Job, machine: Machine) -> Iterator[Warned]:
 def _hole(report: Sections, job: Job) -> Iterator[Warned]:
     """What was closed of the mesh, dropped or made anew."""
     given = report.get("input", {})
-    yield from repair_warnings(given.get("hole_max_mm", 0.0), given.get("guessed_share", 0.0), job)
+    changes = [step["change"] for step in given.get("repair_steps", ()) if step["guessed_mm2"]]
+    yield from repair_warnings(given.get("hole_max_mm", 0.0), given.get("guessed_share", 0.0), job, changes)
 
 
 def _left(report: Sections, job: Job) -> Iterator[Warned]:

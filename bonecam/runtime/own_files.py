@@ -47,10 +47,11 @@ def is_own(folder: Path, name: str) -> bool:
 def folder_digest(folder: Path) -> str:
     """The SHA-256 of all files in and below a folder of a package, in the order of their names; what Python compiled of
     them does not count."""
-    files = (file for file in sorted(folder.rglob("*")) if file.is_file() and "__pycache__" not in file.parts)
     whole = hashlib.sha256()
-    for file in files:
-        whole.update(f"{file.relative_to(folder)}\0{digest(file)}".encode())
+    for place, folders, files in os.walk(folder):
+        folders[:] = sorted({*folders} - {"__pycache__"})
+        for file in sorted(Path(place, name) for name in files):
+            whole.update(f"{file.relative_to(folder)}\0{digest(file)}".encode())
     return whole.hexdigest()
 
 

@@ -5,6 +5,7 @@ import csv
 import json
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -13,6 +14,7 @@ from collections.abc import Callable
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import nullcontext
 from functools import partial
+from importlib.resources import files as resources
 from pathlib import Path
 from typing import Any
 
@@ -286,6 +288,38 @@ def test_editing_a_file_that_a_job_names_makes_its_parts_run_again(kind: str, tm
     assert [state(), state()] == ["done", "kept"]
 
 
+RESUME = """
+import sys
+from batch_orders import WORK
+from bonecam.batch import convert_many
+if __name__ == "__main__":
+    print(*(outcome.state for outcome in convert_many(sys.argv[2:], sys.argv[1], resume=True, work=WORK)))
+"""
+
+
+@pytest.mark.parametrize("changed", ["bonecam/levels/job_levels.py", "bonecam_plugins/levels.py"])
+def test_a_part_is_done_again_when_a_file_of_the_package_has_changed(changed: str, tmp_path: Path) -> None:
+    sources = {
+        "bonecam": Path(bonecam.__file__).parent,
+        "bonecam_plugins": Path(str(resources("bonecam_plugins"))),
+    }
+    for name, source in sources.items():
+        shutil.copytree(source, tmp_path / name, ignore=shutil.ignore_patterns("__pycache__"))
+    files = meshes(tmp_path, a="good")
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), *sys.path])}
+
+    def state() -> str:
+        command = [sys.executable, "-c", RESUME, tmp_path / "out", *files]
+        return subprocess.check_output(
+            command, env=environment, cwd=tmp_path, text=True, timeout=MAX_WAIT
+        ).strip()
+
+    assert [state(), state()] == ["done", "kept"]
+    with open(tmp_path / changed, "a", encoding="utf-8") as module:
+        module.write("# another\n")
+    assert [state(), state()] == ["done", "kept"]
+
+
 @pytest.mark.usefixtures("quick")
 def test_a_batch_that_moved_with_its_files_is_kept(tmp_path: Path) -> None:
     (tmp_path / "here").mkdir()
@@ -364,7 +398,7 @@ def test_a_part_that_an_executor_gives_up_is_told(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("changed", "said"),
     [
-        ({"version": "9"}, "this run is of 9: install the same on both"),
+        ({"version": "9"}, "than this run (their files differ): install the same on both"),
         (
             {"folder": Path("/none")},
             "/none: a worker does not see this folder: give one that all computers share",

@@ -22,7 +22,7 @@ class Repair:
     """One change of a mesh in a sentence, and how far it moved the surface, mm: `outward` what it added on the
     surface, `inward` what it took off; `hole` is the width of the widest hole that it closed, mm. Pieces that it left
     out, debris and inner shells, are no part of the surface. `guessed` mm2 of surface are not as they were given: those
-    that close holes, loose pieces that were dropped, and what lies off the surface that was there."""
+    that close holes, pieces outside the part that were dropped, and what lies off the surface that was there."""
 
     change: str
     outward: float = 0.0
@@ -48,7 +48,7 @@ class Repair:
     def report(self) -> dict[str, str | float]:
         """The change as the report has it."""
         moved = {"outward_mm": round(self.outward, 6), "inward_mm": round(self.inward, 6)}
-        return {"change": self.change, **moved}
+        return {"change": self.change, **moved, "guessed_mm2": round(self.guessed, 6)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,10 +66,13 @@ class RepairState:
         """The next state after holes were closed, the widest of this width (mm), all of this area (mm2)."""
         return RepairState(mesh, (*self.done, Repair(change, hole=width, guessed=area)))
 
-    def keep(self, kept: Bool[ndarray, " m"], change: str, *, outside: bool = False) -> "RepairState":
-        """The next state with the `kept` faces only; the others, which may be `outside` the part, are left out."""
-        left_out = keep_faces(self.mesh, ~kept)
-        dropped = Repair(change, left_out=left_out, guessed=left_out.area if outside else 0.0)
+    def keep(
+        self, kept: Bool[ndarray, " m"], change: str, *, outside: Bool[ndarray, " m"] | bool = False
+    ) -> "RepairState":
+        """The next state with the `kept` faces only; the others, all or some of them `outside` the part, are left
+        out."""
+        area = float(lengths(self.mesh.face_vectors[~kept & outside]).sum() / 2)
+        dropped = Repair(change, left_out=keep_faces(self.mesh, ~kept), guessed=area)
         return RepairState(keep_faces(self.mesh, kept), (*self.done, dropped))
 
     def moved(

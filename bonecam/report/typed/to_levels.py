@@ -4,11 +4,12 @@ from typing import NotRequired, TypedDict
 
 
 class RepairStepFigures(TypedDict):
-    """A change of the mesh, and how far it moved the surface at most."""
+    """A change of the mesh, how far it moved the surface at most, and the area that is not as it was given."""
 
     change: str
     outward_mm: float
     inward_mm: float
+    guessed_mm2: float
 
 
 class FacetsFigures(TypedDict):
