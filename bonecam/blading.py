@@ -216,7 +216,7 @@ def _posted(
         dialect,
         job,
         RepeatedDistance(MeshDistance(wheel.with_one_blade(_chord(job))), wheel.count),
-        name=program_name(file or Path(name).name),
+        name=program_name(file or Path(name).name, dialect),
         comments=[
             *header_texts(figures, job),
             f"wheel of {wheel.count} blades: {Path(name).name}",

@@ -106,7 +106,7 @@ def finish(
                 dialect,
                 job,
                 MeshDistance(workpiece.solid),
-                name=program_name(program or source or ""),
+                name=program_name(program or source or "", dialect),
                 comments=[*header_texts(figures, job), *([f"surface: {source.name}"] if source else [])],
                 times=times,
                 progress=part_of(progress, 0.8, 0.9),

@@ -108,7 +108,7 @@ def second_program(
         job,
         MeshDistance(clamping.solids),
         given=given,
-        name=program_name(file or "second"),
+        name=program_name(file or "second", dialect),
         setup=second_setup_texts(job, clamping.shell, clamping.top, zero_words(machine, dialect)),
     )
     posted, solids = proved.program, (clamping.part, clamping.shell)

@@ -484,7 +484,7 @@ def test_a_second_run_writes_the_same_bytes_but_for_the_line_of_the_simulation(
     ("file", "name"), [("out/left hand-3.h", "LEFT_HAND_3"), ("", "BONE"), ("kn\u00f6chel.h", "KN_CHEL")]
 )
 def test_a_program_is_named_as_its_file(file: str, name: str) -> None:
-    assert program_name(file) == name
+    assert program_name(file, read_dialect("heidenhain")) == name
 
 
 def test_progress_rises_to_its_end_and_false_cancels(phalanx: Path) -> None:

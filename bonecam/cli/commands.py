@@ -158,8 +158,8 @@ def run_simulate(options: argparse.Namespace) -> int:
 def run_post(options: argparse.Namespace) -> int:
     """`bonecam post`: the program of paths that were made elsewhere."""
     names = options.from_machine, options.from_controller
-    if (names[0] is None) != (names[1] is None):
-        raise JobError("--from-machine and --from-controller belong together: give both, or none for APT")
+    if names[0] is None and names[1] is not None:
+        raise JobError("--from-controller needs the machine of the program too: give --from-machine")
     origin = None if names[0] is None else names
     job = _kept_job(options, options.paths)
     with shown_progress(options) as progress:

@@ -9,7 +9,8 @@ fill in
   in the machine with all axes at zero; [1, 0, 0] and [0, 0, 1] where they are left out, which is refused where the
   axis next to the part does not turn about that Z: a bar in a rotary axis along X has part_z = [1, 0, 0];
 - `part_zero` (mm): the program's zero in the machine's frame, all axes at zero; `programmed_point`: "tip" or
-  "centre"; `controller`: the dialect of its usual control; `tool_centre_control`: the dialect's name of it where
+  "centre"; `controller`: the dialect of its usual control, or a .toml file beside
+  this one (heidenhain where it is left out); `tool_centre_control`: the dialect's name of it where
   the dialect has several; `spindle_speed` (1/min, optional): the highest; `spindle_lowest`: the lowest;
 - `source`: where the figures are from; `assumed`: what is not known but taken so, a line each: those that speak of
   `speeds`, `accelerations`, `jerk`, `seconds` or all `figures` are told beside the times;
@@ -195,7 +196,9 @@ def read_machine(name: str | Path) -> Machine:
         part_zero=_vector(table.part_zero),
         programmed_point=table.programmed_point,
         tool_centre_control=table.tool_centre_control,
-        controller=table.controller,
+        controller=str(path.parent / table.controller)
+        if table.controller.endswith(".toml")
+        else table.controller,
         spindle_speed=math.inf if table.spindle_speed is None else table.spindle_speed,
         nose=stack_of(table.spindle.nose) if table.spindle else (),
         table=_table(table.table or BodiesTable()),

@@ -11,6 +11,9 @@ How to add a dialect: copy a file of `bonecam/nc/dialects/` (name it, or give it
 - `work_offset`: texts of the file that name the first datum, and their forms with {number} or {code} (53 and the
   number), and `work_offsets`, how many there are; [coolants]: the blocks of `mist`, `air` and `through`, which the
   reader must know too, flood being the template coolant_on;
+- `longest_line`: the most characters of a line that the control loads, block number and comment included (1000 where
+  it is not stated); [file_name]: the `longest` name of a program, without its ending, and the `pattern` that it matches
+  as a whole; what the control would refuse is refused before anything is planned, with a name that it takes;
 - `decimal_point`: true where a number of an axis or a feed without its point may mean thousandths: then it is refused;
 - `straight_rapids`: true where the control drives rapids on a straight line (all axes arrive together); where it
   is false or not stated, what would be a rapid beside the part is written as a feed move at the rapid rate;

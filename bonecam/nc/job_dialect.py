@@ -31,7 +31,11 @@ def controller_of(nc: NcJob) -> str:
 def job_dialect(nc: NcJob) -> Dialect:
     """The dialect of the section [nc] of a job. MachineError where it has no such work offset, coolant or axes, or
     cannot leave its block numbers out."""
-    dialect = read_dialect(controller_of(nc)).in_form(nc.axes)
+    try:
+        dialect = read_dialect(controller_of(nc)).in_form(nc.axes)
+    except MachineError as error:
+        place = "" if nc.controller else f"{nc.machine}: "
+        raise MachineError(f"{place}{error}", **error.evidence) from error
     if nc.work_offset != 1:
         dialect = _with_work_offset(dialect, nc.work_offset)
     changes: dict[str, object] = {}

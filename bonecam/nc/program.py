@@ -8,9 +8,11 @@ from pathlib import Path
 
 from bonecam.errors import FileError
 from bonecam.files import second_file
+from bonecam.job.levels_section import MOST_LEVELS
 from bonecam.nc.dialect import Dialect
+from bonecam.text.pattern import Pattern
 
-SECOND, PART = len("_second"), len("_99")
+SECOND, PART = len("_second"), len(f"_{MOST_LEVELS}")
 """Characters by which names of programs of a second clamping, and of parts of a program, are longer."""
 HIGHEST_NUMBER = 7999
 """Programs of higher numbers belong to the maker of the machine (Fanuc: 8000 and 9000)."""
@@ -111,32 +113,35 @@ class Program:
 def second_program_file(file: str | Path, dialect: Dialect) -> Path:
     """The file of the second clamping's program beside that of the first, with a name that the control takes."""
     dotted = second_file(file)
-    return dotted if re.fullmatch(dialect.file_name.pattern, dotted.stem) else second_file(file, "_")
+    taken = Pattern(dialect.file_name.pattern).match(dotted.stem) is not None
+    return dotted if taken else second_file(file, "_")
 
 
 def check_file_name(file: Path, dialect: Dialect, *, second: bool, split: bool) -> None:
     """FileError where the control of a dialect takes no program of a file's name, nor those of its `second` clamping
     and, where it is `split`, its parts, which are longer; it names one that it takes."""
     longest = dialect.file_name.longest - SECOND * second - PART * split
-    pattern = re.compile(dialect.file_name.pattern)
-    if len(file.stem) <= longest and pattern.fullmatch(file.stem):
+    pattern = Pattern(dialect.file_name.pattern)
+    if len(file.stem) <= longest and pattern.match(file.stem) is not None:
         return
-    plain = unicodedata.normalize("NFKD", file.stem).encode("ascii", "ignore").decode()
+    spelt = file.stem.replace("ß", "ss")
+    plain = unicodedata.normalize("NFKD", spelt).encode("ascii", "ignore").decode()
     words = re.sub(r"[^A-Za-z0-9]+", "_", plain).strip("_")
-    named = words if pattern.fullmatch(words) else f"BONE_{words}"
+    named = words if pattern.match(words) is not None else f"BONE_{words}"
     proposed = f"{named[:longest].rstrip('_')}{file.suffix}"
     what = (
-        f"{dialect.name} takes programs named by {longest} characters of {dialect.file_name.pattern} at most"
+        f"{dialect.name} loads names of {longest} characters at most that match {dialect.file_name.pattern}"
     )
     raise FileError(f"{file}: {what}: name it {proposed}", file=str(file))
 
 
-def program_name(file: str | Path) -> str:
+def program_name(file: str | Path, dialect: Dialect) -> str:
     """The name of the program in `file`, or of the program of the part in `file`; BONE where `file` is empty.
 
-    It has capitals, digits and underscores only, which every control takes in a program's name.
+    It has capitals, digits and underscores only, which every control takes in a program's name, and no more of them
+    than the dialect's.
     """
-    return re.sub(r"[^A-Z0-9_]", "_", Path(file).stem.upper()) or "BONE"
+    return re.sub(r"[^A-Z0-9_]", "_", Path(file).stem.upper())[: dialect.file_name.longest] or "BONE"
 
 
 def program_number(name: str) -> int:

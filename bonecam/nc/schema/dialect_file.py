@@ -1,7 +1,6 @@
 """The schema of a dialect file: keys, types, ranges, and what templates may hold. The text of `nc.dialect` says what
 they mean."""
 
-import re
 from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, model_validator
@@ -14,6 +13,7 @@ from bonecam.nc.schema.number_format import NumberFormat, NumbersTable
 from bonecam.nc.schema.numbering import Block, NumberingTable, one_block
 from bonecam.nc.schema.template_tables import TemplatesTable
 from bonecam.text.faults import Faults
+from bonecam.text.pattern import Pattern
 from bonecam.text.record import KeyFault, Record, checked
 from bonecam.text.template import check_template
 
@@ -103,10 +103,7 @@ def _comment(text: str) -> str:
 
 
 def _regular(text: str) -> str:
-    try:
-        re.compile(text)
-    except re.error as error:
-        raise ValueError(f"{text!r}: {error}: give a regular expression") from error
+    Pattern(text)
     return text
 
 
@@ -141,7 +138,7 @@ class DialectFile(Record):
     look_ahead: Annotated[int, Field(ge=1, le=1_000_000)] = 1000
     needs: Lines = Field(default_factory=list)
     file_name: FileNameTable = FileNameTable()
-    longest_line: Annotated[int, Field(ge=60, le=10000)] = 10000
+    longest_line: Annotated[int, Field(ge=60, le=10000)] = 1000
     comment: Annotated[str, Field(max_length=100), AfterValidator(_comment)]
     comment_characters: Annotated[str, Field(max_length=1000), AfterValidator(one_block)]
     work_offset: Annotated[dict[str, Annotated[str, AfterValidator(_offset)]], Field(max_length=10)] = Field(

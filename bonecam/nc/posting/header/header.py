@@ -24,8 +24,8 @@ from bonecam.text.faults import shortened
 
 UNCHECKED = "checks passed: none, this text was not read back"
 """The line of a program before its proof; `record_checks` replaces it."""
-NUMBER = 20
-"""Characters that a comment's line keeps free, for its number and a + that becomes PLUS."""
+NUMBER = 12
+"""Characters that a comment's line keeps free for its number."""
 UNSIMULATED = "removal not simulated"
 """The line of a program whose removal of material is not simulated; `record_simulation` replaces it."""
 
@@ -68,7 +68,7 @@ def header_lines(
         "header",
         name=name,
         number=job.nc.program_number or program_number(name),
-        comments="\n".join(comment(line, dialect) for text in texts for line in _divided(text, dialect)),
+        comments="\n".join(line for text in texts for line in comments_of(text, dialect)),
         tolerance=length.text(contour_tolerance(dialect, job, finishing=True)),
         rotary_tolerance=rotary_text(dialect, rotary_tolerance_deg(dialect, job, True, smallest)),
         tool_centre_off=switch.off if switch else "",
@@ -95,18 +95,20 @@ def rotary_text(dialect: Dialect, angle: float) -> str:
 
 
 def comment(text: str, dialect: Dialect) -> str:
-    """A comment in the form and the characters of the dialect."""
-    return dialect.comment.format(text=plain_text(text, dialect.comment_characters))
+    """A comment in the form and the characters of the dialect, cut where its control loads no longer line."""
+    plain = plain_text(text, dialect.comment_characters)
+    return dialect.comment.format(text=shortened(plain, _room(dialect)))
 
 
-def _divided(text: str, dialect: Dialect) -> list[str]:
-    """A text in pieces that comments of the dialect hold."""
-    return textwrap.wrap(text, _room(dialect)) or [""]
+def comments_of(text: str, dialect: Dialect) -> list[str]:
+    """A text in as many comments as it takes for no line to be longer than the control loads."""
+    plain = plain_text(text, dialect.comment_characters)
+    return [dialect.comment.format(text=piece) for piece in textwrap.wrap(plain, _room(dialect))]
 
 
 def _room(dialect: Dialect) -> int:
-    """Characters of a comment's text; a + may become a word of five more."""
-    return dialect.longest_line - len(dialect.comment) - NUMBER
+    """Characters of a comment's text."""
+    return dialect.longest_line - len(dialect.comment.format(text="")) - NUMBER
 
 
 def record_checks(program: Program, dialect: Dialect, checks: str) -> Program:
@@ -127,5 +129,4 @@ def _with_line(program: Program, dialect: Dialect, before: str, after: str) -> P
     line = comment(before, dialect)
     if program.text.count(line) != 1:
         raise ValueError(f"the program has no line {line!r}: give it as it was written")
-    whole = comment(shortened(after, _room(dialect)), dialect)
-    return replace(program, text=program.text.replace(line, whole))
+    return replace(program, text=program.text.replace(line, comment(after, dialect)))
