@@ -1,5 +1,5 @@
 """OFF as text: `OFF`, the counts, a vertex a line, then a face a line: `k i1 .. ik`, counted from 0, with
-nothing or a colour of 1, 3 or 4 numbers behind. What follows x y z of a vertex is left out."""
+nothing or a colour of 3 or 4 numbers behind. What follows x y z of a vertex is left out."""
 
 from array import array
 from itertools import islice
@@ -14,7 +14,7 @@ from bonecam.mesh.files.formats.content import (
     whole_numbers,
 )
 
-COLOUR = (0, 1, 3, 4)
+COLOUR = (0, 3, 4)
 """Numbers that may stand behind the corners of a face."""
 
 

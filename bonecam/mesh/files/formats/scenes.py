@@ -289,6 +289,7 @@ def _build(files: dict[str, bytes]) -> Content:
             yield np.array(points, dtype=np.float64).reshape(-1, 3), triangles, matrix
         for part in body.findall("{*}components/*"):
             own = part.attrib["objectid"]
+            built.add((path_of(part, file), own))
             if is_part(parts.get((number, own), "model")):
                 yield from placed(path_of(part, file), own, matrix @ _transform(part))
 
