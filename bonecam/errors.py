@@ -46,16 +46,6 @@ def hundredths(size: float) -> str:
     return f"{math.ceil(round(100 * size, 6)) / 100:.2f}"
 
 
-def told_apart(value: float, bound: float, spec: str = "g") -> tuple[str, str]:
-    """A value and the bound that it misses, both as `spec` has them, with as many more digits as it takes for their
-    texts not to read as equal, or the other way round."""
-    digits, kind = int(spec[1:-1] or 6), spec[-1]
-    specs = [f".{digits + more}{kind}" for more in range(18)]
-    pairs = [(format(value, each), format(bound, each)) for each in specs]
-    differing = (pair for pair in pairs if (float(pair[0]) - float(pair[1])) * (value - bound) > 0)
-    return next(differing, pairs[0])
-
-
 def counted(number: int, noun: str) -> str:
     """A number with its noun as messages have it, like 1 hole, 3 holes, 2 vertices."""
     return (

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from bonecam.errors import FileError, told_apart
+from bonecam.errors import FileError
 from bonecam.runtime.staging import FULL, staged, unwritable
 from bonecam.runtime.temporary import temporary_folder
 
@@ -38,8 +38,8 @@ def input_bytes(path: str | Path) -> bytes:
         kind = SPECIAL.get(stat.S_IFMT(status.st_mode), "no regular file")
         raise OSError(errno.EINVAL, f"it is {kind}", str(path))
     if status.st_size > LARGEST_INPUT:
-        size, most = told_apart(status.st_size / 2**30, LARGEST_INPUT / 2**30, ".1f")
-        raise OSError(errno.EFBIG, f"it has {size} GiB, {most} are allowed", str(path))
+        size = f"it has {status.st_size / 2**30:.1f} GiB, {LARGEST_INPUT / 2**30:.0f} are allowed"
+        raise OSError(errno.EFBIG, size, str(path))
     with open(path, "rb") as file:
         return file.read(status.st_size)
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from bonecam.errors import FileError, JobError, ProgramError, told_apart
+from bonecam.errors import FileError, JobError, ProgramError
 from bonecam.files import check_files, write_whole
 from bonecam.job import Job
 from bonecam.machine.machine import read_machine
@@ -228,8 +228,7 @@ def _kept_second(text: str, program: Path, keep: Path) -> Contents:
     reported = STUMP.search(header_of(text))
     top = run.facts["turned"]["zero_mm"] - run.facts["turned"]["cut_off_mm"]
     if reported is not None and abs(float(reported[1]) - top) > SAME_STOCK:
-        own, kept = told_apart(float(reported[1]), top, ".2f")
-        what = f"its stump reaches up to z {own} mm, that of {keep} up to {kept}"
+        what = f"its stump reaches up to z {float(reported[1]):.2f} mm, that of {keep} up to {top:.2f}"
         raise ProgramError(f"{program}: {what}: {REMEDY}", line=0)
     return run
 

@@ -47,14 +47,3 @@ def test_only_the_ends_of_half_a_phalanx_stay_on_four_axes_with_their_areas(tmp_
     assert "beyond the machine's tool axes" in result.summary
     axes = np.vstack([path.axes for path in result.paths])
     assert np.abs(axes[:, 2]).max() < 1e-9, "the tool is level in the part's frame"
-
-
-@pytest.mark.whole
-def test_half_a_phalanx_turns_under_a_level_tool(tmp_path: Path) -> None:
-    mesh = read_mesh(bonecam_meshes.path("phalanx"))
-    write_mesh(TriangleMesh(mesh.vertices / 2, mesh.faces), tmp_path / "half.ply")
-    job = JOB.with_values(path={"strategy": "rotary"})
-    result = bonecam.convert(tmp_path / "half.ply", job, program=tmp_path / "half.nc", mechanics=False)
-    axes = np.vstack([path.axes for path in result.paths])
-    assert np.abs(axes[:, 2]).max() < 1e-9, "the tool is level in the part's frame"
-    assert (tmp_path / "half.nc").read_text(encoding="utf-8") == result.program.text

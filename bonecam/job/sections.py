@@ -254,5 +254,5 @@ def job_error(faults: Sequence[tuple[str, str, str]], place: str = "") -> JobErr
 
 def field_error(section: str, name: str, value: object, why: str) -> JobError:
     """The error of a field of a job: the field with its value, then `why` with the bound and the remedy."""
-    message = f"{value:.9g}" if isinstance(value, float) else shown(value)
+    message = f"{value:g}" if isinstance(value, float) else shown(value)
     return JobError(f"[{section}] {name} = {message}: {why}", section=section, field=name)

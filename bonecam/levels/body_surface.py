@@ -12,7 +12,7 @@ from jaxtyping import Float
 from numpy import ndarray
 from scipy.ndimage import gaussian_filter1d
 
-from bonecam.errors import LevelError, place_name, told_apart
+from bonecam.errors import LevelError, place_name
 from bonecam.levels.problem.factorisation import factorise
 from bonecam.setup.capsule import Capsule, enclosing_capsule
 from bonecam.setup.stock import Stock
@@ -96,10 +96,10 @@ def body_surfaces(bodies: Sequence[Stock]) -> list[TSpline]:
         )
         if distance <= TOLERANCE:
             return surfaces
-    off, most = told_apart(distance, TOLERANCE, ".4f")
     raise LevelError(
-        f"the surface of the rounded stock is {off} mm off it at {place_name(place)}, more than {most} mm: give a "
-        "larger stock, whose edges can be rounder, or a capsule",
+        f"the surface of the rounded stock is {distance:.4f} mm off it at {place_name(place)}, more than "
+        f"{TOLERANCE} mm: give a larger "
+        "stock, whose edges can be rounder, or a capsule",
         distance=distance,
         place=place,
     )

@@ -22,7 +22,7 @@ from jaxtyping import Bool, Float
 from numpy import ndarray
 
 from bonecam.arrays import ROUNDING
-from bonecam.errors import JobError, LevelError, StockError, SurfaceError, place_name, told_apart
+from bonecam.errors import JobError, LevelError, StockError, SurfaceError, place_name
 from bonecam.job import LevelsJob
 from bonecam.levels.closed_morph import require_types
 from bonecam.levels.measure.cut_measures import Measures
@@ -222,10 +222,10 @@ def _stock_level(below: MachinedLevel, stock: OpenStock, grid: LevelGrid, limit:
 def _require_near(stock: OpenStock, limit: float) -> None:
     """StockError where the stock over the part's T-mesh lies more than `limit` mm off the one given."""
     if stock.deviation > limit:
-        off, cut = told_apart(stock.deviation, limit, ".3f")
         raise StockError(
-            f"the stock over the part's control points lies {off} mm off the one given at {place_name(stock.place)}, "
-            f"more than one cut ({cut} mm): give a smoother stock or more control points",
+            f"the stock over the part's control points lies {stock.deviation:.3f} mm off the one given at "
+            f"{place_name(stock.place)}, "
+            f"more than one cut ({limit:.3f} mm): give a smoother stock or more control points",
             distance=stock.deviation,
             place=stock.place,
         )

@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float, Int32
 from numpy import ndarray
 from scipy.spatial import ConvexHull
 
-from bonecam.errors import JobError, hundredths
+from bonecam.errors import JobError
 from bonecam.kernels.hulls.polyhedron import polyhedron_chords
 from bonecam.kernels.removal.rays import TILE, RaySet, summarise
 from bonecam.mesh.triangle_mesh import TriangleMesh
@@ -93,7 +93,7 @@ def lay_rays(bodies: Sequence[Stock], grid: RayGrid, memory_mb: float) -> list[R
     fits = least_cell(bodies, grid, memory_mb)
     if grid.cell < fits:
         what = f"rays {grid.cell:g} mm apart need more than the {memory_mb:g} MB allowed"
-        raise JobError(f"{what}: give a cell of at least {hundredths(fits)} mm", cell=fits)
+        raise JobError(f"{what}: give a cell of at least {fits:.2f} mm", cell=fits)
     outlines = [[_outline(body, grid, k) for body in bodies] for k in range(3)]
     return [_lay_set(bodies, outlines[k], grid, k) for k in range(3)]
 

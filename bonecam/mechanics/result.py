@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from bonecam.errors import BendingError, place_name, told_apart
+from bonecam.errors import BendingError, place_name
 from bonecam.mechanics.error_kept import UM, cut_shares
 from bonecam.mechanics.loads import Loads, PathLoads
 from bonecam.mechanics.remedies import Remedy, best_text, remedies
@@ -96,13 +96,11 @@ class Mechanics:
         faults = []
         limits = self.workpiece.limits
         if self.yields:
-            stress, most = told_apart(self.stress[1], self.largest_stress, ".0f")
-            faults.append(
-                f"stress at the peaks is {stress} MPa, more than half of the yield strength ({most} MPa)"
-            )
+            bound = f"half of the yield strength ({self.largest_stress:g} MPa)"
+            faults.append(f"stress at the peaks is {self.stress[1]:.0f} MPa, more than {bound}")
         if self.error is not None and self.error.p99 > limits.largest_error:
-            kept, most = told_apart(UM * self.error.p99, UM * limits.largest_error, ".1f")
-            faults.append(f"bending keeps errors of {kept} um, more than mechanics.largest_error ({most} um)")
+            bound = f"mechanics.largest_error ({UM * limits.largest_error:g} um)"
+            faults.append(f"bending keeps errors of {UM * self.error.p99:.1f} um, more than {bound}")
         return tuple(faults)
 
     def check(self, *, assumed: bool = False) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from bonecam.errors import MeshError, counted, place_name, told_apart
+from bonecam.errors import MeshError, counted, place_name
 from bonecam.job import MeshJob, SurfaceJob
 from bonecam.job.tool_section import FINISHING
 from bonecam.mesh.distance import MeshDistance, hausdorff
@@ -30,6 +30,7 @@ from bonecam.mesh.triangle_mesh import MeshLike, TriangleMesh, mesh_from, probes
 from bonecam.mesh.units import mirror_and_scale, to_mm, unit_in
 from bonecam.progress import Progress, report, silent
 from bonecam.progress import part as share
+from bonecam.text.numbers import told_apart
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +123,7 @@ class Part:
         taken = self.taken_off
         if taken is None or taken.depth <= allowed:
             return self
-        depth, most = told_apart(taken.depth, allowed, ".2f")
+        depth, most = told_apart(taken.depth, allowed, decimals=2)
         raise MeshError(
             f"{self.file}: the repairs take {depth} mm off the mesh as given near {place_name(taken.place)}, "
             f"allowed {most}: mend it there in a mesh editor, or raise surface.largest_deviation",

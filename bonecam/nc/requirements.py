@@ -5,7 +5,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from bonecam.errors import MachineError, told_apart
+from bonecam.errors import MachineError
 from bonecam.job import Job, ToolJob, field_error
 from bonecam.machine.limits import ANGLE_ROUNDING
 from bonecam.machine.machine import Machine
@@ -20,6 +20,7 @@ from bonecam.planning.passes.patterns.scallop import side_step
 from bonecam.progress import Progress, report, silent
 from bonecam.setup.schedule import STOCK_CHORD_SHARE
 from bonecam.setup.stock import Stock
+from bonecam.text.numbers import told_apart
 from bonecam.tool.cutter import Cutter
 from bonecam.tool.path import MoveKind
 
@@ -65,7 +66,7 @@ def check_reach(job: Job, machine: Machine) -> None:
     if limits.reached is not None:
         _check_sides(limits.reached.samples, 90.0 - needed, f"{machine.name}: {named}")
         return
-    if limits.largest < np.radians(needed) - ANGLE_ROUNDING:
+    if np.radians(needed) > limits.largest + ANGLE_ROUNDING:
         leans, sides = told_apart(max(reached, 0.0), needed)
         what = f"leans by {leans} deg all round at most, the sides of the stock need {sides}"
         remedy = "take another machine (--machine)" + (
@@ -132,8 +133,8 @@ def check_room(stock: Stock, job: Job, machine: Machine) -> None:
     room = np.abs(machine.in_machine(np.diag([stock.diameter, stock.diameter, height]))).max(axis=0)
     for axis, needed in zip(machine.linear, room.tolist(), strict=True):
         if needed > axis.travel:
-            wanted, travel = told_apart(needed, axis.travel, ".0f")
-            bound = f"{wanted} mm are needed along {axis.letter}, its travel is {travel} mm"
+            asked, has = told_apart(needed, axis.travel)
+            bound = f"{asked} mm are needed along {axis.letter}, its travel is {has} mm"
             remedy = "take a larger machine (--machine), or a smaller stock, a shorter post or tool"
             evidence = {"axis": axis.letter, "needed": needed, "travel": axis.travel}
             raise MachineError(f"{machine.name}: {bound}: {remedy}", **evidence)
@@ -148,8 +149,7 @@ def _check_swing(stock: Stock, job: Job, machine: Machine) -> None:
     reach = table_reach(machine, job)
     (travel,) = (axis.travel for axis in machine.linear if axis.letter == "Z")
     if reach - farthest > travel:
-        clear, room = told_apart(reach - farthest, travel, ".0f")
-        what = f"table and chuck reach {reach:.0f} mm from the pivot, clearing it takes {clear} mm, Z travels {room} mm"
+        what = f"table and chuck reach {reach:.0f} mm from the pivot, the tool clears that, Z travels {travel:.0f} mm"
         remedy = "correct the machine's [table], or give a smaller chuck (holding.chuck_diameter)"
         raise MachineError(f"{machine.name}: {what}: {remedy}", axis="Z", reach=reach, travel=travel)
 
@@ -164,8 +164,7 @@ def check_length(part: TriangleMesh, stock: Stock, job: Job, progress: Progress 
     if length > 1000 * job.path.most_length:
         around = f"the stock has {mesh.volume - part.volume:.3g} mm3 more than the part"
         shares = " and ".join(f"{lengths[name] / 1000:.0f} m in {name} cuts" for name in lengths)
-        least, _ = told_apart(length / 1000, job.path.most_length, ".0f")
-        what = f"{around}, which takes {least} m of passes or more ({shares}), {hours:.0f} h"
+        what = f"{around}, which takes {length / 1000:.0f} m of passes or more ({shares}), {hours:.0f} h"
         remedy = "give a smaller stock, deeper cuts with larger balls or scallops, or allow more"
         raise field_error("path", "most_length", job.path.most_length, f"{what}: {remedy}")
     report(progress, 1.0, f"{length / 1000:.0f} m of passes or more, {hours:.1f} h of cutting")

@@ -10,10 +10,11 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-from bonecam.errors import LimitError, knowing, told_apart
+from bonecam.errors import LimitError, knowing
 from bonecam.job import Job
 from bonecam.machine.machine import Machine, read_machine
 from bonecam.report.mechanics_lines import neck_remedy_text, neck_text
+from bonecam.text.numbers import told_apart
 
 log = logging.getLogger("bonecam")
 Sections = Mapping[str, Any]
@@ -57,8 +58,7 @@ def check_warnings(found: Iterable[Warned], job: Job, file: str = "") -> None:
     for warned in found:
         if warned.refused and job.warnings.refuse:
             own = "or warnings.refuse = false, which the program's header then tells"
-            figure, most = told_apart(warned.figure or 0.0, warned.refused_above or 0.0, ".3g")
-            text = f"{warned.text} (allowed {most}, this is {figure}): {warned.remedy}; {own}"
+            text = f"{warned.text} (allowed {warned.refused_above:g}): {warned.remedy}; {own}"
             raise LimitError(f"{file}: {text}" if file else text, code=warned.code, remedy=warned.remedy)
 
 

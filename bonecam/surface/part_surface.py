@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from bonecam.arrays import SURFACE_QUANTUM, settled
-from bonecam.errors import SurfaceError, hundredths, place_name, told_apart
+from bonecam.errors import SurfaceError, hundredths, place_name
 from bonecam.job import Job
 from bonecam.mesh.part import Part
 from bonecam.mesh.sections.harmonic_rows import Rows
@@ -88,10 +88,9 @@ def _check_deviation(fitted: Fit, limit: float, name: str) -> None:
     missed = fitted.deviation
     if missed.max <= limit:
         return
-    off, most = told_apart(missed.max, limit, ".2f")
-    where = f"by {off} mm near {place_name(missed.place)}"
+    where = f"by {missed.max:.2f} mm near {place_name(missed.place)}"
     raise SurfaceError(
         f"{name}: {fitted.control_points} control points miss the mesh {where}: {fitted.shortfall}, "
-        f"or raise surface.largest_deviation ({most} mm) to {hundredths(missed.max)}",
+        f"or raise surface.largest_deviation ({limit:g} mm) to {hundredths(missed.max)}",
         deviation=missed,
     )

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bonecam.errors import VerifyError, told_apart
+from bonecam.errors import VerifyError
 from bonecam.job import Job
 from bonecam.machine.machine import Machine
 from bonecam.mesh.distance import MeshDistance
@@ -76,10 +76,9 @@ def verify(
     gouge = measure_gouge(motions, part)
     if gouge.depth > allowed.gouge:
         place = ", ".join(f"{value:.3f}" for value in gouge.place)
-        depth, most = told_apart(gouge.depth, allowed.gouge, ".4f")
         raise VerifyError(
-            f"line {gouge.line}: the ball enters the part by {depth} mm at ({place}), "
-            f"allowed {most}: make path.chord_tolerance and path.max_step smaller",
+            f"line {gouge.line}: the ball enters the part by {gouge.depth:.4f} mm at ({place}), "
+            f"allowed {allowed.gouge:g}: make path.chord_tolerance and path.max_step smaller",
             line=gouge.line,
             place=gouge.place,
             error=gouge.depth,

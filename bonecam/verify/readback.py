@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
-from bonecam.errors import VerifyError, told_apart
+from bonecam.errors import VerifyError
 from bonecam.kernels.align import align_moves
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.posting.path_words import SLOW, axis_minutes, joints_and_lengths
@@ -190,9 +190,8 @@ def _check_feeds(
     if wrong.any():
         move = int(np.argmax(wrong))
         line = int(motions.lines[move])
-        own, planned = told_apart(written[move], feeds[move])
-        meant = "rapid" if rapid[move] else f"{planned} mm/min"
-        actual = "rapid" if motions.rapid[move] else f"{own} mm/min"
+        meant = "rapid" if rapid[move] else f"{feeds[move]:g} mm/min"
+        actual = "rapid" if motions.rapid[move] else f"{written[move]:g} mm/min"
         raise VerifyError(
             f"line {line}: feed is {actual}, meant {meant}: the text differs from the paths",
             line=line,

@@ -8,7 +8,6 @@ chuck.
 import math
 from dataclasses import replace
 
-from bonecam.errors import told_apart
 from bonecam.job import HoldingJob, field_error
 
 COLLETS = ((10.0, 22.0), (13.0, 28.0), (16.0, 35.0), (20.0, 50.0), (26.0, 63.0))
@@ -54,8 +53,7 @@ def settled_stub(holding: HoldingJob, width: float) -> HoldingJob:
         return holding
     bar = holding.stub_diameter or next_bar(width)
     if bar < width:
-        wide, _ = told_apart(width, bar, ".2f")
-        bound = f"the stock that is turned from this bar is {wide} mm wide: give a thicker bar"
+        bound = f"the stock that is turned from this bar is {width:.2f} mm wide: give a thicker bar"
         raise field_error("holding", "stub_diameter", bar, bound)
     if 0 < holding.chuck_diameter <= bar:
         bound = f"it is to hold a bar of {bar:g} mm: give a wider chuck"

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from bonecam.errors import ToolPathError, told_apart
+from bonecam.errors import ToolPathError
 from bonecam.job import HoldingJob, field_error
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.workholding.column import Column
@@ -100,7 +100,7 @@ def checked_post(part: TriangleMesh, width: float, holding: HoldingJob, lying: t
         thinner = [neck for neck in NECKS if neck < narrowest]
         return post_below(part, replace(holding, diameter=max(thinner, default=NECKS[0])), lying)
     if holding.diameter >= width:
-        bound = f"the stock is {told_apart(width, holding.diameter, '.2f')[0]} mm wide"
+        bound = f"the stock is {width:.2f} mm wide"
         raise field_error(
             "holding",
             "diameter",

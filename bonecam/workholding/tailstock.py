@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from bonecam.errors import JobError, told_apart
+from bonecam.errors import JobError
 from bonecam.job import HoldingJob, field_error
 from bonecam.job.holding.tailstock_section import PIN
 from bonecam.machine.bodies import Table
@@ -68,8 +68,7 @@ def pin_above(part: TriangleMesh, holding: HoldingJob) -> Column | None:
     settled = holding.tailstock_height if holding.length else 0.0
     top = settled or float(met.max()) + holding.tailstock_length
     if top <= met.max():
-        upper, _ = told_apart(float(met.max()), top, ".2f")
-        bound = f"the part reaches up to {upper} mm there, the arm would be in it: give more, or 0"
+        bound = f"the part reaches up to {met.max():.2f} mm there, the arm would be in it: give more, or 0"
         raise field_error("holding", "tailstock_height", holding.tailstock_height, bound)
     return Column(radius, top, bottom, x, y)
 

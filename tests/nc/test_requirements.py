@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bonecam.errors import JobError, MachineError, told_apart
+from bonecam.errors import JobError, MachineError
 from bonecam.job import Job
 from bonecam.machine.bodies import Table
 from bonecam.machine.frustum import Frustum
@@ -112,40 +112,6 @@ def test_axes_that_do_not_lean_far_enough_all_round_are_refused_with_their_limit
 ) -> None:
     with pytest.raises(MachineError, match=told):
         check_reach(Job().with_values(**job), limited(**limits))
-
-
-def tilted_by(off: float) -> Machine:
-    """The mill of four axes with its rotary axis turned about Z by `off` (rad), the part with it: the tool leans by as
-    much less than a quarter turn."""
-    machine = read_machine("mill-4axis")
-    x = (float(np.cos(off)), 0.0, float(np.sin(off)))
-    frame = ((-x[2], 0.0, x[0]), (0.0, 1.0, 0.0), x)
-    (axis,) = machine.part_axes
-    return replace(machine, part_frame=frame, part_axes=(replace(axis, direction=x),))
-
-
-def test_ninety_degrees_are_ninety_but_for_rounding_and_are_told_with_the_digits_that_differ() -> None:
-    rotary = Job().with_values(path={"strategy": "rotary"})
-    for off in (0.0, 1e-12):
-        check_reach(rotary, tilted_by(off))
-    with pytest.raises(MachineError, match=r"leans by 89\.99999 deg .* the sides of the stock need 90:"):
-        check_reach(rotary, tilted_by(1e-7))
-
-
-@pytest.mark.parametrize(
-    ("value", "bound", "spec", "texts"),
-    [
-        (450.04, 450.0, ".0f", ("450.04", "450.00")),
-        (300.4, 300.0, ".0f", ("300.4", "300.0")),
-        (89.99999999999999, 90.0, "g", ("89.99999999999999", "90")),
-        (0.01000004, 0.01, ".4f", ("0.01000004", "0.01000000")),
-        (0.02, 0.01, ".4f", ("0.0200", "0.0100")),
-        (12.0, 3.0, "g", ("12", "3")),
-        (1.0, 1.0, ".2f", ("1.00", "1.00")),
-    ],
-)
-def test_two_figures_are_told_apart(value: float, bound: float, spec: str, texts: tuple[str, str]) -> None:
-    assert told_apart(value, bound, spec) == texts
 
 
 def test_an_endless_axis_across_the_part_is_told_without_limits() -> None:

@@ -18,7 +18,7 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 
 from bonecam.arrays import lengths
-from bonecam.errors import MeshError, hundredths, place_name, told_apart
+from bonecam.errors import MeshError, hundredths, place_name
 from bonecam.job import MeshJob
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.facets.coarseness import Coarseness, coarseness_of
@@ -239,10 +239,9 @@ def _halved(
 
 def _require_near(smooth: Smoothing, within: float) -> None:
     if smooth.largest > within:
-        off, most = told_apart(smooth.largest, within, ".2f")
         raise MeshError(
             f"the facets are coarser or rougher than what is asked of them ({smooth.coarseness}), and a smooth surface "
-            f"lies {off} mm from them near {place_name(smooth.place)}, allowed {most}: raise "
+            f"lies {smooth.largest:.2f} mm from them near {place_name(smooth.place)}, allowed {within:g}: raise "
             f"mesh.smooth_within to {hundredths(smooth.largest)}, give a finer mesh, or set mesh.facets to exact",
             place=smooth.place,
             error=smooth.largest,

@@ -8,7 +8,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.arrays import lengths
-from bonecam.errors import MachineError, told_apart
+from bonecam.errors import MachineError
 from bonecam.job import Job
 from bonecam.machine.machine import Machine
 from bonecam.nc.dialect import Dialect
@@ -143,9 +143,8 @@ def _check_travel(machine: Machine, ranges: Float[ndarray, "5 2"], level: int) -
     """MachineError where a linear axis runs over more than its travel."""
     for axis, (low, high) in zip(machine.linear, ranges.tolist(), strict=False):
         if high - low > axis.travel:
-            span, travel = told_apart(high - low, axis.travel, ".1f")
             raise MachineError(
-                f"level {level}: {axis.letter} runs over {span} mm, travel {travel} mm "
+                f"level {level}: {axis.letter} runs over {high - low:.1f} mm, travel {axis.travel:.1f} mm "
                 f"of {machine.title}: take a machine with more travel, a shorter tool, post or part",
                 axis=axis.letter,
                 value=high - low,
@@ -169,10 +168,9 @@ def _check_limits(
         where = "the start of its tool"
         if row < len(rows):
             where = f"pass {int(posted.path.pass_index[posted.moves.rows[rows[row]]])}"
-        went, most = told_apart(float(value), limit, ".1f")
         raise MachineError(
-            f"level {posted.path.level}, {where}: {letter} {went} mm leaves the limit "
-            f"{most} mm of {machine.title}: take a machine with more travel, or move part_zero",
+            f"level {posted.path.level}, {where}: {letter} {value:.1f} mm leaves the limit "
+            f"{limit:.1f} mm of {machine.title}: take a machine with more travel, or move part_zero",
             axis=letter,
             value=float(value),
             limit=float(limit),

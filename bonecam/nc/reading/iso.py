@@ -5,7 +5,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from bonecam.errors import told_apart
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.reading.directions import COMPONENTS, DirectionWords
 from bonecam.nc.reading.full_moves import ISO_NUMBER, endless_letters, endless_word_pattern
@@ -208,7 +207,7 @@ class _BlockReader:
             angle = self.state.position[machine.column(axis)]
             turned = None if angle is None else angle % 360.0 if axis.endless else angle
             if turned != 0.0:
-                where = "is not known" if angle is None else f"is {told_apart(angle, 0.0, '.3f')[0]}"
+                where = "is not known" if angle is None else f"is {angle:.3f}"
                 why = f"{axis.letter} {where} where tool-centre control is switched on: it must stand at zero"
                 raise line_error(line, why)
 

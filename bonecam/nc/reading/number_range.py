@@ -9,4 +9,5 @@ def check_range(numbers: NumbersTable, words: dict[str, float], line: int) -> No
     for letter, value in words.items():
         kind = numbers.length if letter in "XYZ" else numbers.feed if letter == "F" else numbers.angle
         if not kind.lowest <= value <= kind.highest:
-            raise line_error(line, f"{letter} {kind.beyond(value)}")
+            bounds = f"{kind.lowest:g} .. {kind.highest:g}"
+            raise line_error(line, f"{letter} {value:g} leaves the control's range {bounds}")

@@ -8,7 +8,7 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 from pydantic import Field, model_validator
 
-from bonecam.errors import ProgramError, told_apart
+from bonecam.errors import ProgramError
 from bonecam.text.record import KeyFault, Record
 
 LARGEST_NUMBER = 1e9
@@ -64,14 +64,9 @@ class NumberFormat(Record):
         if outside.any():
             value = float(values[outside].flat[0])
             raise ProgramError(
-                f"{self.beyond(value)}: change the job",
+                f"{value:g} leaves the control's range {self.lowest:g} .. {self.highest:g}: change the job",
                 value=value,
             )
-
-    def beyond(self, value: float) -> str:
-        """What is said of a value beyond the range."""
-        given, limit = told_apart(value, min(max(value, self.lowest), self.highest))
-        return f"{given} leaves the control's range, which ends at {limit}"
 
     def text(self, value: float) -> str:
         """One number; ProgramError outside the control's range."""

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from bonecam.errors import JobError, OrientationError, told_apart
+from bonecam.errors import JobError, OrientationError
 from bonecam.job import Job, field_error
 from bonecam.machine.limits import MachineLimits
 from bonecam.planning.collision.scene import Scene
@@ -31,8 +31,7 @@ def check_parting(setup: Setup, job: Job, limits: MachineLimits) -> None:
     ]
     bottom = max(groove.bottom for groove in grooves)
     if bottom < kept:
-        lower, upper = told_apart(bottom, kept, ".2f")
-        bound = f"the groove ends at z {lower}, all is kept off what is below z {upper}"
+        bound = f"the groove ends at z {bottom:.2f}, all is kept off what is below z {kept:.2f}"
         raise _error(job, f"{bound}: give less, or a longer post (holding.length)")
     if not parting_lift(setup, job, limits) <= 0:
         raise _error(job, f"no cutter reaches the groove: {REMEDY}")

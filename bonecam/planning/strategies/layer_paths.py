@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from bonecam.errors import OrientationError, told_apart
+from bonecam.errors import OrientationError
 from bonecam.job import Job
 from bonecam.levels.measure.level import Level
 from bonecam.machine.limits import MachineLimits
@@ -47,10 +47,9 @@ def plan_layer_paths(
     OrientationError where the machine cannot lay its tool axis level, or no contact of a layer is reached.
     """
     if not limits.allow(LEVEL).all():
-        reached, _ = told_apart(float(np.degrees(limits.largest)), 90.0)
         raise OrientationError(
             f"path.strategy = {job.path.strategy!r} needs a tool axis at 90 deg to the table, which this machine "
-            f"does not reach ({reached} deg): take strategy = 'morph' or another machine"
+            f"does not reach ({np.degrees(limits.largest):g} deg): take strategy = 'morph' or another machine"
         )
     report(progress, 0.0, "planning layers")
     distance = distance_to_part(levels, job.path.gouge_tolerance)

@@ -5,7 +5,7 @@ from jaxtyping import Float
 from numpy import ndarray
 from scipy.spatial import cKDTree
 
-from bonecam.errors import StockError, hundredths
+from bonecam.errors import StockError
 from bonecam.job import StockJob
 from bonecam.mesh.triangle_mesh import probes
 from bonecam.setup.capsule import Capsule, enclosing_capsules, shortest_capsule
@@ -53,7 +53,7 @@ def capsule_of_diameter(
         where = f"{reach[worst]:.2f} mm from the axis and {height:.2f} mm above its lower end"
         raise StockError(
             f"a capsule of diameter {diameter:g} mm does not hold the part {where}, and {allowance:g} mm "
-            f"(stock.allowance) round it: give at least {hundredths(2 * (reach[worst] + allowance))}{otherwise}",
+            f"(stock.allowance) round it: give at least {2 * (reach[worst] + allowance):.2f}{otherwise}",
             distance=float(reach[worst] - inner),
             place=points[worst],
         )

@@ -12,7 +12,7 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 
 from bonecam.arrays import angles_between, lengths, unit
-from bonecam.errors import SurfaceError, told_apart
+from bonecam.errors import SurfaceError
 from bonecam.mesh.distance import barycentric, exact_closest, hausdorff
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.surface.skinning.skin import skin
@@ -45,10 +45,9 @@ def patch_surface(mesh: TriangleMesh, tolerance: float) -> TSpline:
             return surface
         count *= 2
         if count > MOST:
-            off, most = told_apart(deviation, tolerance, ".3g")
             raise SurfaceError(
-                f"the surface through the mesh misses it by {off} mm: smooth the mesh, or raise surface.tolerance "
-                f"({most} mm)",
+                f"the surface through the mesh misses it by {deviation:.3g} mm: smooth the mesh, "
+                f"or raise surface.tolerance ({tolerance:g} mm)",
                 deviation_mm=deviation,
             )
 

@@ -5,7 +5,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
 
-from bonecam.errors import VerifyError, told_apart
+from bonecam.errors import VerifyError
 from bonecam.machine.axes import LinearAxis, RotaryAxis
 from bonecam.machine.machine import Machine
 from bonecam.nc.reading.motions import Motions
@@ -94,8 +94,7 @@ def _check_travel(noses: NoseMoves, column: int, axis: LinearAxis) -> None:
     if high - low > axis.travel + GUARD:
         middle = float(np.median(values))
         line = high_line if high - middle > middle - low else low_line
-        span, travel = told_apart(high - low, axis.travel, ".1f")
-        what = f"{axis.letter} runs over {span} mm in the program, its travel is {travel} mm"
+        what = f"{axis.letter} runs over {high - low:.1f} mm in the program, its travel is {axis.travel:g} mm"
         raise VerifyError(
             f"line {line}: {what}: {LARGER}", line=line, place=None, error=high - low - axis.travel
         )
@@ -128,8 +127,7 @@ def _check_retracts(noses: NoseMoves, axis: LinearAxis) -> None:
         if not low - GUARD <= height <= high + GUARD:
             raise _beyond("Z", height, low if height < low else high, "mm", move.line)
         if height < top - GUARD:
-            nose, below = told_apart(top, height, ".1f")
-            what = f"the retract to Z {below} of the machine is below the spindle nose at its highest ({nose} mm)"
+            what = f"the retract to Z {height:g} of the machine is below the spindle nose at its highest ({top:.1f} mm)"
             remedy = "correct the limits and part_zero of the machine's file, or the retract of the dialect's"
             raise VerifyError(
                 f"line {move.line}: {what}: {remedy}", line=move.line, place=None, error=top - height
@@ -137,6 +135,5 @@ def _check_retracts(noses: NoseMoves, axis: LinearAxis) -> None:
 
 
 def _beyond(letter: str, value: float, limit: float, unit: str, line: int) -> VerifyError:
-    went, most = told_apart(value, limit, ".3f")
-    what = f"{letter} goes to {went} {unit}, its limit is {most} {unit}"
+    what = f"{letter} goes to {value:.3f} {unit}, its limit is {limit:g} {unit}"
     return VerifyError(f"line {line}: {what}: {LARGER}", line=line, place=None, error=abs(value - limit))

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from bonecam.errors import VerifyError, told_apart
+from bonecam.errors import VerifyError
 from bonecam.job import Job
 from bonecam.machine.machine import Machine
 from bonecam.nc.dialect import Dialect
@@ -55,8 +55,7 @@ def _check_tools(motions: Motions, cutters: dict[int, Cutter]) -> None:
             ("length", reported.length, meant.length),
         ):
             if abs(value - wanted) > SAME_SIZE:
-                here, own = told_apart(value, wanted)
-                what = f"tool {number} has a {name} of {here} mm here, of {own} mm in the job"
+                what = f"tool {number} has a {name} of {value:g} mm here, of {wanted:g} mm in the job"
                 remedy = "give the job that the program was made with"
                 raise VerifyError(
                     f"line {reported.line}: {what}: {remedy}",
@@ -74,8 +73,7 @@ def check_tolerance(motions: Motions, dialect: Dialect, job: Job) -> None:
 
     def why(at: int) -> str:
         value = motions.tolerances[at]
-        stated, allowed = told_apart(float(value), most)
-        message = f"is {stated} mm" if np.isfinite(value) else "is left to the control"
-        return f"the contour tolerance {message}, the job allows {allowed} mm: correct it in a line before"
+        message = f"is {value:g} mm" if np.isfinite(value) else "is left to the control"
+        return f"the contour tolerance {message}, the job allows {most:g} mm: correct it in a line before"
 
     refuse_first(motions, wide, why)

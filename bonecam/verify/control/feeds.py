@@ -11,12 +11,12 @@ import numpy as np
 from jaxtyping import Bool, Float
 from numpy import ndarray
 
-from bonecam.errors import told_apart
 from bonecam.job import Job
 from bonecam.machine.machine import Machine
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.posting.feeds.drivable_feeds import fastest_cut
 from bonecam.nc.reading.motions import Motions
+from bonecam.text.numbers import told_apart
 from bonecam.tool.cutter import Cutter
 from bonecam.verify.control.first_wrong import refuse_first
 from bonecam.verify.readback import FEED_TOLERANCE, MIN_LENGTH_STEPS
@@ -35,12 +35,8 @@ def check_feeds(motions: Motions, machine: Machine, dialect: Dialect) -> None:
     """VerifyError at the first feed beyond what the linear axes of the machine make together, mm/min."""
     most = float(np.linalg.norm([axis.speed for axis in machine.linear]))
     speeds, known = tip_speeds(motions, dialect)
-
-    def why(at: int) -> str:
-        speed, bound = told_apart(speeds[at], most, ".0f")
-        return f"a feed of {speed} mm/min: the axes of {machine.title} make {bound} at most: give less"
-
-    refuse_first(motions, known & (speeds > most), why)
+    bound = f"the axes of {machine.title} make {most:.0f} at most: give less"
+    refuse_first(motions, known & (speeds > most), lambda at: f"a feed of {speeds[at]:.0f} mm/min: {bound}")
 
 
 def check_feeds_of_job(motions: Motions, dialect: Dialect, job: Job, cutters: dict[int, Cutter]) -> None:
@@ -59,10 +55,10 @@ def check_feeds_of_job(motions: Motions, dialect: Dialect, job: Job, cutters: di
     rounding = np.where(motions.inverse_time, FEED_TOLERANCE * allowed, step)
 
     def why(at: int) -> str:
-        speed, bound = told_apart(speeds[at], allowed[at], ".0f")
-        asked = f"a feed of {speed} mm/min at S{motions.spindle[at]:g}"
+        speed, most = told_apart(float(speeds[at]), float(allowed[at]))
         name = cutters[int(motions.tools[at])].name
-        return f"{asked}: the job allows {bound} for {name}: give less, or give the job that feed"
+        asked = f"a feed of {speed} mm/min at S{motions.spindle[at]:g}"
+        return f"{asked}: the job allows {most} for {name}: give less, or give the job that feed"
 
     refuse_first(motions, known & (speeds > allowed + rounding), why)
 

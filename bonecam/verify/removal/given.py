@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from numpy import ndarray
 
-from bonecam.errors import VerifyError, place_name, told_apart
+from bonecam.errors import VerifyError, place_name
 from bonecam.job import Job
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.healing.surface_moves import winding_numbers
@@ -95,10 +95,9 @@ class GivenRemoval:
         if self.ball is not None:
             _check_ball(self.ball, self.allowed)
         if self.inside > self.allowed:
-            inside, allowed = told_apart(self.inside, self.allowed, ".4f")
             raise VerifyError(
-                f"what is left lies {inside} mm inside the mesh as given at {place_name(self.inside_place)}, "
-                f"allowed {allowed}: {REMEDY}",
+                f"what is left lies {self.inside:.4f} mm inside the mesh as given at {place_name(self.inside_place)}, "
+                f"allowed {self.allowed:.4f}: {REMEDY}",
                 line=0,
                 place=self.inside_place,
                 error=self.inside,
@@ -166,9 +165,9 @@ def _check_ball(gouge: Gouge, allowed: float) -> None:
     """VerifyError where a ball goes more than `allowed` mm into the mesh as given."""
     if gouge.depth > allowed:
         place = place_name(gouge.place)
-        depth, most = told_apart(gouge.depth, allowed, ".4f")
         raise VerifyError(
-            f"line {gouge.line}: the ball goes {depth} mm into the mesh as given at {place}, allowed {most}: {REMEDY}",
+            f"line {gouge.line}: the ball goes {gouge.depth:.4f} mm into the mesh as given at {place}, allowed "
+            f"{allowed:.4f}: {REMEDY}",
             line=gouge.line,
             place=gouge.place,
             error=gouge.depth,

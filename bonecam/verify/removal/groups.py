@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
-from bonecam.errors import ProgramError, told_apart
+from bonecam.errors import ProgramError
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.reading.motions import Motions
 from bonecam.tool.cutter import Cutter
@@ -118,10 +118,9 @@ def tools_of(motions: Motions, cutters: Sequence[Cutter]) -> dict[int, Cutter]:
     for number in np.unique(motions.tools).tolist():
         radius = motions.controls[number].radius
         if number not in known or abs(known[number].envelope_radius - radius) > 1e-4:
-            called, own = told_apart(radius, known[number].envelope_radius if number in known else 0.0)
-            have = f"of radius {own} mm" if number in known else "not there"
+            have = f"of radius {known[number].envelope_radius:g} mm" if number in known else "not there"
             raise ProgramError(
-                f"the text calls tool {number} with a ball of radius {called} mm, which is {have} in the job: "
+                f"the text calls tool {number} with a ball of radius {radius:g} mm, which is {have} in the job: "
                 "give the job that the program was made with",
                 tool=number,
             )

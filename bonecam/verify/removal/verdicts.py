@@ -3,7 +3,8 @@ too deep."""
 
 from collections.abc import Sequence
 
-from bonecam.errors import BodiesError, VerifyError, place_name, told_apart
+from bonecam.errors import BodiesError, VerifyError, place_name
+from bonecam.text.numbers import told_apart
 from bonecam.tool.path import PARTING
 from bonecam.verify.removal.clearances.link_bodies import NEAR as BODIES_NEAR
 from bonecam.verify.removal.clearances.table import NEAR
@@ -50,10 +51,10 @@ def check_removal(
     if removal.shell is not None:
         _check_clearance(removal.shell, f"comes within {NEAR:g} mm of the shell", REMEDIES["shell"])
     if removal.link_contact:
-        volume, most = told_apart(removal.link_contact.value, LINK_ALLOWED, ".4f")
         _refuse(
             removal.link_contact,
-            f"the moves from one pass to the next remove {volume} mm3, allowed {most},",
+            f"the moves from one pass to the next remove {removal.link_contact.value:.4f} mm3, "
+            f"allowed {LINK_ALLOWED:g},",
             "lift them, or mark them as a cut; for a program of bonecam try another path.pattern",
         )
     if removal.left is not None:
@@ -64,9 +65,8 @@ def check_removal(
     if removal.given is not None:
         removal.given.check()
     if removal.bridge is not None and not removal.bridge > max(bridge - 2 * removal.cell, 0.0):
-        holding, wanted = told_apart(removal.bridge, bridge, ".2f")
         raise VerifyError(
-            f"parting: {holding} mm of the post hold the part, {wanted} mm are wanted: write the "
+            f"parting: {removal.bridge:.2f} mm of the post hold the part, {bridge:g} mm are wanted: write the "
             "program again, or give a larger holding.parting_core",
             error=bridge - removal.bridge,
         )
@@ -85,7 +85,7 @@ def _refuse(spot: Spot, what: str, remedy: str) -> None:
 def _check_gouge(gouge: Spot, allowed: float) -> None:
     """VerifyError where a ball goes into the part by more than is allowed, mm."""
     if gouge.value > allowed:
-        depth, most = told_apart(gouge.value, allowed, ".4f")
+        depth, most = told_apart(gouge.value, allowed, decimals=4)
         _refuse(
             gouge,
             f"the tool goes {depth} mm into the part, allowed {most},",
@@ -98,10 +98,10 @@ def _check_depth(level: LevelRemoval) -> None:
     """VerifyError where a cut of this level is too deep."""
     if level.deepest and level.over_limit is not None and level.over_limit > level.over_allowed:
         name = "the parting" if level.index == PARTING else f"level {level.index}"
-        over, most = told_apart(level.over_limit, level.over_allowed, ".3f")
         _refuse(
             level.deepest,
-            f"a cut of {name} is {level.deepest.value:.3f} mm deep, {over} over its limit, allowed {most},",
+            f"a cut of {name} is {level.deepest.value:.3f} mm deep, {level.over_limit:.3f} over its "
+            f"limit, allowed {level.over_allowed:.3f},",
             "cut the levels in their order; for a program of bonecam try a smaller scallop of the cutter before",
         )
 

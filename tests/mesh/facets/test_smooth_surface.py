@@ -90,7 +90,7 @@ def test_a_surface_farther_from_the_facets_than_allowed_is_refused_and_its_remed
     coarse = with_faces(phalanx, 130, on_surface=False)
     far = smoothed(coarse).largest
     with pytest.raises(
-        MeshError, match=r"facets are coarser or rougher .* allowed 0\.10: raise mesh.smooth_within"
+        MeshError, match=r"facets are coarser or rougher .* allowed 0\.1: raise mesh.smooth_within"
     ) as told:
         prepare_part(coarse, MeshJob(smooth_within=0.1))
     assert told.value.evidence["error"] == pytest.approx(far)

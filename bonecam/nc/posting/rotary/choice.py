@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
-from bonecam.errors import MachineError, told_apart
+from bonecam.errors import MachineError
 from bonecam.kernels.motion.chain import cheapest_chain
 from bonecam.machine.axes import RotaryAxis
 from bonecam.machine.kinematics import LIMIT_GUARD, inverse_rotary, within_limits
@@ -128,9 +128,8 @@ def _check_reach(machine: Machine, angles: ndarray) -> None:
     limit = float(
         np.degrees(bounds[column, 0] if np.radians(value) < bounds[column, 0] else bounds[column, 1])
     )
-    went, most = told_apart(value, limit, ".3f")
     raise MachineError(
-        f"point {row}: {letter} {went} deg leaves the limit {most} deg of {machine.title}: "
+        f"point {row}: {letter} {value:.3f} deg leaves the limit {limit:.3f} deg of {machine.title}: "
         "make path.max_tilt_deg smaller",
         row=row,
         axis=letter,

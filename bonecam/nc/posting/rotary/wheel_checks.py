@@ -1,6 +1,6 @@
 """Whether a wheel can be cut at all: on the machine, and by the cutters between its blades."""
 
-from bonecam.errors import MachineError, place_name, told_apart
+from bonecam.errors import MachineError, place_name
 from bonecam.job import Job, field_error
 from bonecam.machine.machine import Machine
 from bonecam.nc.posting.rotary.machine_limits import machine_limits
@@ -23,6 +23,5 @@ def require_room(wheel: Wheel, job: Job) -> None:
         kept = 2 * job.levels.finishing_depth if name == "roughing" else 0.0
         if gap < width + kept:
             need = f"{width:g} mm" + (f" and the allowance of {kept:g} mm on both blades" if kept else "")
-            apart, _ = told_apart(gap, width + kept, ".2f")
-            what = f"the blades are {apart} mm apart at {place_name(place)}, the ball needs {need}"
+            what = f"the blades are {gap:.2f} mm apart at {place_name(place)}, the ball needs {need}"
             raise field_error(name, "radius", job.tool(name).radius, f"{what}: give a smaller ball")
