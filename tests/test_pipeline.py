@@ -310,7 +310,7 @@ def test_what_cannot_be_simulated_is_one_line(
     other.write_text(re.sub(r"FROM Z \d+", "FROM Z 5", text, count=1), encoding="utf-8")
     for arguments, told in (
         ([program, "--keep", str(tmp_path)], "give the folder that `convert"),
-        ([program, "--keep", keep, "--machine", "linuxcnc-xyzbc"], "made for another machine"),
+        ([program, "--keep", keep, "--machine", "linuxcnc-xyzbc"], "is of another control than LinuxCNC"),
         ([str(tmp_path / "none.h"), "--keep", keep], "cannot be read (No such file or directory)"),
         ([program, "--keep", keep, "--cell", "0.0005"], "give a cell of at least"),
         ([program, "--keep", keep, "--cell", "1000"], "give a cell of at most"),

@@ -68,7 +68,7 @@ class Smoothing:
     largest: float
     mean: float
     place: Float[ndarray, "3"]
-    kept: float
+    kept: float = 0.0
 
     @property
     def change(self) -> Repair:
