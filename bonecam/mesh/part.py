@@ -141,10 +141,10 @@ def prepare_part(
     job: MeshJob,
     progress: Progress = silent,
     ball: float = FINISHING.radius,
+    tolerance: float = SurfaceJob.tolerance,
 ) -> Part:
-    """The part of `repaired_part` with the job's tolerance at its default, its pits filled up to the ball of a radius
-    (mm), as `with_filled_pits` does."""
-    return with_filled_pits(repaired_part(source, job, progress), job, ball)
+    """The part of `repaired_part`, its pits filled up to the ball of a radius (mm), as `with_filled_pits` does."""
+    return with_filled_pits(repaired_part(source, job, progress, tolerance=tolerance), job, ball)
 
 
 def repaired_part(

@@ -250,8 +250,14 @@ def test_two_batches_that_write_into_one_folder_keep_each_other_s_rows(tmp_path:
 def test_a_name_that_is_not_in_utf_8_stands_in_the_table_by_its_bytes(tmp_path: Path) -> None:
     file = tmp_path / os.fsdecode(b"bone\xe9.stl")
     file.write_text("good")
+    parts = [*meshes(tmp_path, a="good"), file]
+    with pytest.raises(
+        FileError, match=r"heidenhain loads names of .*: name it bone\.h, by the name of the part"
+    ):
+        convert_many(parts, tmp_path / "out", work=WORK)
+    job = Job().with_values(nc={"machine": "linuxcnc-xyzbc"})  # its control takes all names
     for _ in range(2):
-        convert_many([*meshes(tmp_path, a="good"), file], tmp_path / "out", work=WORK)
+        convert_many(parts, tmp_path / "out", job, work=WORK)
         assert (tmp_path / "out" / "batch.csv").read_bytes().count(b"bone\xe9.stl,,done") == 1
 
 
