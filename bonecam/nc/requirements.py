@@ -2,11 +2,9 @@
 the time for the passes."""
 
 import numpy as np
-from jaxtyping import Float
-from numpy import ndarray
 
 from bonecam.errors import MachineError
-from bonecam.job import Job, ToolJob, field_error
+from bonecam.job import Job, field_error
 from bonecam.machine.limits import ANGLE_ROUNDING
 from bonecam.machine.machine import Machine
 from bonecam.machine.reach import farthest_side
@@ -38,20 +36,14 @@ def check_tools(job: Job, machine: Machine) -> None:
     for section in job.cutter_names:
         tool = job.tool(section)
         cutter = Cutter.from_job(0, section, tool, machine.nose)
-        _check_speeds(section, tool, machine)
+        if tool.spindle > machine.spindle_speed:
+            bound = f"{machine.name} turns at {machine.spindle_speed:g} 1/min at most: give less"
+            raise field_error(section, "spindle", tool.spindle, bound)
+        slowest = min(axis.speed for axis in machine.linear)
+        if tool.feed > slowest:
+            bound = f"an axis of {machine.name} makes {slowest:g} mm/min at most: give less"
+            raise field_error(section, "feed", tool.feed, bound)
         check_lead(cutter, job.path.lead_deg)
-
-
-def _check_speeds(section: str, tool: ToolJob, machine: Machine) -> None:
-    """JobError where spindle speed (1/min) or feed (mm/min) are more than the machine has."""
-    if tool.spindle > machine.spindle_speed:
-        bound = f"{machine.name} turns at {machine.spindle_speed:g} 1/min at most: give less"
-        raise field_error(section, "spindle", tool.spindle, bound)
-
-    slowest = min(axis.speed for axis in machine.linear)
-    if tool.feed > slowest:
-        bound = f"an axis of {machine.name} makes {slowest:g} mm/min at most: give less"
-        raise field_error(section, "feed", tool.feed, bound)
 
 
 def check_reach(job: Job, machine: Machine) -> None:
@@ -64,7 +56,12 @@ def check_reach(job: Job, machine: Machine) -> None:
     needed = 90.0 if job.path.strategy != "morph" else 90.0 - job.path.max_tilt_deg
     reached = float(np.degrees(limits.largest))
     if limits.reached is not None:
-        _check_sides(limits.reached.samples, 90.0 - needed, f"{machine.name}: {named}")
+        # some side of a stock may be farther than the tilt from all of these tool axes
+        off = float(np.degrees(farthest_side(limits.reached.samples)))
+        if off > 90.0 - needed:
+            what = "the tool axis leans to some sides only"
+            remedy = "give wider limits, correct part_z, or take another machine (--machine)"
+            raise MachineError(f"{machine.name}: {named}{what}: {remedy}", off=off)
         return
     if np.radians(needed) > limits.largest + ANGLE_ROUNDING:
         leans, sides = told_apart(max(reached, 0.0), needed)
@@ -76,14 +73,6 @@ def check_reach(job: Job, machine: Machine) -> None:
 
     for tilt in LOOPS[(limits.largest >= LOOPS) & (limits.smallest <= LOOPS)]:
         _check_way_round(machine, tilt, named)
-
-
-def _check_sides(axes: Float[ndarray, "k 3"], tilt_deg: float, who: str) -> None:
-    """MachineError where some side of a stock is farther than `tilt_deg` (degrees) from all of these tool axes."""
-    off = float(np.degrees(farthest_side(axes)))
-    if off > tilt_deg:
-        remedy = "give wider limits, correct part_z, or take another machine (--machine)"
-        raise MachineError(f"{who}the tool axis leans to some sides only: {remedy}", off=off)
 
 
 def _check_way_round(machine: Machine, tilt: float, named: str) -> None:

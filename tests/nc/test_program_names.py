@@ -14,10 +14,11 @@ from bonecam.job import Job, NcJob
 from bonecam.machine.machine import machine_files, machine_names, read_machine
 from bonecam.nc.dialect import dialect_names, read_dialect
 from bonecam.nc.job_dialect import job_dialect
-from bonecam.nc.posting.header.header import comment, comments_of, record_checks, record_simulation
+from bonecam.nc.posting.header.header import record_checks, record_simulation
 from bonecam.nc.posting.write import write_program
 from bonecam.nc.program import check_file_name, program_name, second_program_file
 from bonecam.nc.reading.read import read_program
+from bonecam.nc.words import comment, comments_of
 from bonecam.report.files.output_files import Outputs
 from bonecam.tool.path import ToolPath
 from bonecam.verify.control.trial_program import check_posting

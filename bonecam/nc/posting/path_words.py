@@ -10,7 +10,7 @@ from numpy import ndarray
 from bonecam.arrays import dots, largest
 from bonecam.arrays import lengths as lengths_of
 from bonecam.errors import MachineError
-from bonecam.job import Job, PathJob
+from bonecam.job import Job
 from bonecam.machine.control import Control
 from bonecam.machine.kinematics import inverse_linear
 from bonecam.machine.machine import Machine
@@ -19,7 +19,6 @@ from bonecam.nc.posting.rows.split import ProgramMoves, split_moves
 from bonecam.nc.posting.tolerances import contour_tolerance, rotary_tolerance_deg
 from bonecam.planning.motion_time import ControlRule, motion_minutes
 from bonecam.planning.passes.gouge_lifts import POSTING_SHARE, planned_tolerance
-from bonecam.tool.cutter import Cutter
 from bonecam.tool.path import MoveKind, ToolPath
 
 APPROACH_HEIGHT = 10.0
@@ -101,11 +100,6 @@ class Posted:
         return timed & (slow | (self.lengths <= self.dialect.numbers.length.step))
 
 
-def control_of(machine: Machine, dialect: Dialect, cutter: Cutter) -> Control:
-    """The control with a cutter in the spindle; the tool is as long as overhang and holder together."""
-    return Control(machine, dialect.tool_centre, cutter.envelope_radius, cutter.length, cutter.centre_height)
-
-
 def post_path(
     path: ToolPath,
     machine: Machine,
@@ -119,11 +113,17 @@ def post_path(
     `around` are the tips of the whole program: approaches begin above them. `before` are the rotary joints
     (rad) at the end of the path before. MachineError names level, pass, axis, value and limit.
     """
-    control = control_of(machine, dialect, path.cutter)
+    cutter = path.cutter
+    # the tool is as long as overhang and holder together
+    control = Control(
+        machine, dialect.tool_centre, cutter.envelope_radius, cutter.length, cutter.centre_height
+    )
+    # half of the chord tolerance, but no more than gouges allow
+    tolerance = min(job.path.chord_tolerance / 2, POSTING_SHARE * planned_tolerance(job.path.gouge_tolerance))
     # a tilt below half the last decimal of its word is written as zero: the other angle is free there
     hold_cone = np.radians(dialect.numbers.angle.step) / 2
     try:
-        moves = split_moves(path, control, _path_tolerance(job.path), hold_cone, before)
+        moves = split_moves(path, control, tolerance, hold_cone, before)
     except MachineError as error:
         row = min(error.evidence.get("row", 0), len(path.tips) - 1)
         raise MachineError(
@@ -150,11 +150,14 @@ def post_path(
     finishing = job.is_finishing(path.level)
     rule = ControlRule(
         contour_tolerance(dialect, job, finishing),
-        float(np.radians(rotary_tolerance_deg(dialect, job, finishing, path.cutter.radius))),
+        float(np.radians(rotary_tolerance_deg(dialect, job, finishing, cutter.radius))),
         look_ahead=dialect.look_ahead,
         parabolic=dialect.corners == "parabolic",
     )
-    minutes = _move_minutes(moves, lengths, fastest, starts, job)
+    feed = np.where(moves.kinds == MoveKind.RAPID, job.nc.rapid_feed, moves.feed_rates)
+    minutes = np.maximum(fastest, lengths / feed)
+    minutes[0] = 0.0
+    minutes[starts] = fastest[starts]
     return Posted(
         path,
         dialect,
@@ -169,12 +172,6 @@ def post_path(
         axis_minutes=fastest,
         rule=rule,
     )
-
-
-def _path_tolerance(job: PathJob) -> float:
-    """How far (mm) the control may leave the path: half of the chord tolerance, but no more than gouges
-    allow."""
-    return min(job.chord_tolerance / 2, POSTING_SHARE * planned_tolerance(job.gouge_tolerance))
 
 
 def round_words(
@@ -223,14 +220,3 @@ def axis_minutes(
         rotary = np.abs(np.diff(joints[:, 3:], axis=0, prepend=joints[:1, 3:])) / speeds[3:]
         slowest[starts] = rotary[starts].max(1)
     return slowest
-
-
-def _move_minutes(
-    moves: ProgramMoves, lengths: ndarray, fastest: ndarray, starts: ndarray, job: Job
-) -> Float[ndarray, "n"]:
-    """Minutes of the move that arrives at each row: at its feed, or as long as its slowest axis takes."""
-    feed = np.where(moves.kinds == MoveKind.RAPID, job.nc.rapid_feed, moves.feed_rates)
-    minutes = np.maximum(fastest, lengths / feed)
-    minutes[0] = 0.0
-    minutes[starts] = fastest[starts]
-    return minutes

@@ -40,17 +40,14 @@ def program_time(posted: Sequence[Posted], travel: Travel, job: Job) -> ProgramT
         seconds += runs * machine.seconds.retract
     # the turns of rotary axes to where runs begin are among these ways
     turns = sum(float(one.driven_minutes[[first for first, _ in one.runs]].sum()) for one in posted)
-    ways = sum(_way_minutes(one, way, job) for one, way in _ways(posted, travel))
+    ways = 0.0
+    for one, way in _ways(posted, travel):
+        # rapid moves between joints, each from rest to rest
+        fastest = axis_minutes(machine, way)[1:]
+        if not one.dialect.straight_rapids:
+            fastest = np.maximum(fastest, lengths(np.diff(way[:, :3], axis=0)) / job.nc.rapid_feed)
+        ways += float(motion_minutes(machine, way, fastest, EXACT_STOP).sum())
     return ProgramTime(feed, minutes, axes, axes - turns + ways + seconds / 60, by_hand, assumed)
-
-
-def _way_minutes(posted: Posted, way: Float[ndarray, "k 5"], job: Job) -> float:
-    """Minutes of rapid moves between joints, each from rest to rest."""
-    machine = posted.control.machine
-    fastest = axis_minutes(machine, way)[1:]
-    if not posted.dialect.straight_rapids:
-        fastest = np.maximum(fastest, lengths(np.diff(way[:, :3], axis=0)) / job.nc.rapid_feed)
-    return float(motion_minutes(machine, way, fastest, EXACT_STOP).sum())
 
 
 def _ways(posted: Sequence[Posted], travel: Travel) -> Iterator[tuple[Posted, Float[ndarray, "k 5"]]]:

@@ -23,7 +23,7 @@ from bonecam.nc.posting.block_numbers import number_blocks
 from bonecam.nc.posting.end import check_end, end_blocks
 from bonecam.nc.posting.feeds.drivable_feeds import feed_figures
 from bonecam.nc.posting.header.air_check import air_check_texts
-from bonecam.nc.posting.header.header import comment, header_lines, level_lines
+from bonecam.nc.posting.header.header import header_lines, level_lines
 from bonecam.nc.posting.header.program_zero import over_zero, zero_words
 from bonecam.nc.posting.header.texts import setup_texts
 from bonecam.nc.posting.marks import REWIND
@@ -33,7 +33,7 @@ from bonecam.nc.posting.rows.row_blocks import row_blocks
 from bonecam.nc.posting.start import start_texts
 from bonecam.nc.posting.travel import Travel, above, lifted, travel_of
 from bonecam.nc.program import Program, ProgramTime, program_number
-from bonecam.nc.words import plain_text
+from bonecam.nc.words import comment, plain_text
 from bonecam.progress import Progress, report, silent
 from bonecam.setup.stock import Stock
 from bonecam.tool.cutter import Cutter

@@ -7,8 +7,8 @@ from bonecam.job import Job
 from bonecam.machine.machine import Machine
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.parts.joined import joined
-from bonecam.nc.posting.header.header import comment, comments_of
 from bonecam.nc.reading.read import read_program
+from bonecam.nc.words import comment, comments_of
 from bonecam.text.faults import shown
 from bonecam.verify.control.check import check_control
 

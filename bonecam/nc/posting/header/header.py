@@ -19,13 +19,10 @@ from bonecam.nc.posting.path_words import Posted
 from bonecam.nc.posting.tolerances import contour_tolerance, rotary_tolerance_deg
 from bonecam.nc.posting.travel import Travel
 from bonecam.nc.program import Program, ProgramTime, program_number
-from bonecam.nc.words import plain_text
-from bonecam.text.faults import shortened
+from bonecam.nc.words import comment, comments_of
 
 UNCHECKED = "checks passed: none, this text was not read back"
 """The line of a program before its proof; `record_checks` replaces it."""
-NUMBER = 12
-"""Characters that a comment's line keeps free for its number."""
 UNSIMULATED = "removal not simulated"
 """The line of a program whose removal of material is not simulated; `record_simulation` replaces it."""
 
@@ -92,23 +89,6 @@ def level_lines(dialect: Dialect, job: Job, posted: Posted) -> list[str]:
 def rotary_text(dialect: Dialect, angle: float) -> str:
     """An angle of a tolerance, degrees, with the decimals of the dialect's angles and no sign."""
     return f"{angle:.{dialect.numbers.angle.decimals}f}"
-
-
-def comment(text: str, dialect: Dialect) -> str:
-    """A comment in the form and the characters of the dialect, cut where its control loads no longer line."""
-    plain = plain_text(text, dialect.comment_characters)
-    return dialect.comment.format(text=shortened(plain, _room(dialect)))
-
-
-def comments_of(text: str, dialect: Dialect) -> list[str]:
-    """A text in as many comments as it takes for no line to be longer than the control loads."""
-    plain = plain_text(text, dialect.comment_characters)
-    return [dialect.comment.format(text=piece) for piece in textwrap.wrap(plain, _room(dialect))]
-
-
-def _room(dialect: Dialect) -> int:
-    """Characters of a comment's text."""
-    return dialect.longest_line - len(dialect.comment.format(text="")) - NUMBER
 
 
 def record_checks(program: Program, dialect: Dialect, checks: str) -> Program:

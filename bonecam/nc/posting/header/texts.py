@@ -27,6 +27,11 @@ WIDEST = 96
 """Most characters of a comment that is divided between words."""
 
 
+VECTOR = [
+    "tool axis: a unit vector from the tip to the spindle, along the axes of the part with all rotary axes at 0",
+    "tool axis: the control takes the angles nearest to where its axes stand, and turns them evenly between blocks",
+]
+"""How the control must read the tool's direction, where that is a vector."""
 _CHANGES = {
     "changer": "by the machine, every length measured in its tool table before the start",
     "stop": "by hand where the program stops, every length measured in the tool table before the start",
@@ -202,20 +207,10 @@ def control_texts(machine: Machine, dialect: Dialect, posted: Sequence[Posted]) 
         *(f"needs: {_of_machine(need, machine)}" for need in dialect.needs),
         f"programmed point: {point} {where}",
         *zero_texts(machine, dialect),
-        *_vector_texts(dialect),
+        *(VECTOR if dialect.vector else []),
         *(_of_machine(note, machine) for note in notes),
         rapids,
         *_body_texts(machine),
-    ]
-
-
-def _vector_texts(dialect: Dialect) -> list[str]:
-    """How the control must read the tool's direction, where that is a vector."""
-    if dialect.vector is None:
-        return []
-    return [
-        "tool axis: a unit vector from the tip to the spindle, along the axes of the part with all rotary axes at 0",
-        "tool axis: the control takes the angles nearest to where its axes stand, and turns them evenly between blocks",
     ]
 
 

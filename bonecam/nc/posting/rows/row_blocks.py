@@ -41,7 +41,9 @@ def _blocks(
     rapid = "\n".join(dialect.move_lines("rapid", words=form))
     feed = "\n".join(dialect.move_lines("feed", words=form, feed=dialect.numbers.feed.spec))
     kept = "\n".join(dialect.move_lines("feed_kept", words=form))
-    stated = _stated(rates, fast) if kept else ~fast
+    # behind a rapid, or behind a move of another feed
+    changed = np.diff(np.where(fast, np.nan, rates), prepend=np.nan) != 0
+    stated = ~fast & changed if kept else ~fast
     table = zip(words.numbers.tolist(), rates.tolist(), fast.tolist(), stated.tolist(), strict=True)
     return [
         feed % (*row, rate) if states else (rapid if quick else kept) % tuple(row)
@@ -60,8 +62,3 @@ def _rates(posted: Posted, rows: slice) -> Float[ndarray, "n"]:
         by_length = moves.feed_rates[rows] / length
         by_axes = 1 / posted.minutes[rows]
     return np.where(posted.by_turn[rows] | (length == 0.0), np.minimum(by_length, by_axes), by_length)
-
-
-def _stated(rates: Float[ndarray, "n"], fast: Bool[ndarray, "n"]) -> Bool[ndarray, "n"]:
-    """Which blocks of a run state their feed: feed moves behind a rapid, or behind one of another feed."""
-    return np.asarray(~fast & (np.diff(np.where(fast, np.nan, rates), prepend=np.nan) != 0))
