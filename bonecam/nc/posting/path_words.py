@@ -64,11 +64,6 @@ class Posted:
         turns[[run[0] for run in self.runs]] = 0.0
         return float(turns[self.moves.kinds != MoveKind.RAPID].max(initial=0.0))
 
-    def lifted_in(self, run: tuple[int, int]) -> Int[ndarray, " k"]:
-        """The rows, from the first of a run on, that begin a way to the safe point and back to rewind rotary axes."""
-        rows = np.searchsorted(self.moves.rows, self.path.lifts[:, 0])
-        return rows[(rows >= run[0]) & (rows < run[1])] - run[0]
-
     @property
     def rewinds(self) -> int:
         """How often rotary axes are rewound: by lifts, and at rapids."""

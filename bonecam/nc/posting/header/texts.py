@@ -150,24 +150,19 @@ def tool_texts(job: Job, posted: Sequence[Posted], time: ProgramTime) -> list[st
             f"about {minutes:.1f} min",
         ]
     figures = feed_figures(posted, job.path.feed_at)
+    source = ""
+    if not all(getattr(job, name).spindle and getattr(job, name).feed for name in job.cutter_names):
+        material = read_material(job.material.name)
+        source = f"speeds not in the job are of {material.title}: {material.source}; {material.note}"
     return [
         *texts,
         "tool lengths: planned, from the spindle nose to the tip of the ball; enter the measured ones",
-        *_material_texts(job),
+        *textwrap.wrap(source, WIDEST),
         f"tool change: {_CHANGES[job.nc.tool_change]}",
         "holders and shanks: none wider, no stick-out shorter than above",
         f"cutting feeds: median {figures.median:.0f}, a tenth below {figures.low:.0f} mm/min: "
         f"an axis limits {100 * figures.limited:.0f} percent",
     ]
-
-
-def _material_texts(job: Job) -> list[str]:
-    """The material, where spindle speeds or feeds are its, with their source."""
-    if all(getattr(job, name).spindle and getattr(job, name).feed for name in job.cutter_names):
-        return []
-    material = read_material(job.material.name)
-    source = f"speeds not in the job are of {material.title}: {material.source}; {material.note}"
-    return textwrap.wrap(source, WIDEST)
 
 
 def _shapes(cutter: Cutter) -> list[str]:

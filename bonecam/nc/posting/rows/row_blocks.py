@@ -30,7 +30,10 @@ def row_blocks(posted: Posted, run: tuple[int, int], machine: Machine, dialect: 
                 lines[row] = (
                     own + lines[row].removeprefix(start) if lines[row].startswith(start) else lines[row]
                 )
-    return with_marks(lines, kinds, fast, posted.lifted_in(run), dialect)
+    # the rows of the run that begin a way to the safe point and back to rewind rotary axes
+    lifts = np.searchsorted(posted.moves.rows, posted.path.lifts[:, 0])
+    lifted = lifts[(lifts >= run[0]) & (lifts < run[1])] - run[0]
+    return with_marks(lines, kinds, fast, lifted, dialect)
 
 
 def _blocks(
