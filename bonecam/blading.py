@@ -17,6 +17,7 @@ from bonecam.mechanics.workpiece import mechanics_of_job
 from bonecam.mesh.distance import MeshDistance
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.job_dialect import job_dialect
+from bonecam.nc.parts.grouping import is_split
 from bonecam.nc.posting.header.header import record_simulation
 from bonecam.nc.posting.rotary.machine_limits import machine_limits
 from bonecam.nc.posting.rotary.wheel_checks import require_room, require_upright
@@ -103,7 +104,7 @@ def blades(
     if simulation and mechanics:
         mechanics_of_job(job)
     inputs = _files(blade, hub, obstacles)
-    wanted = Outputs(program, keep, report, html=html, sheet=sheet, apt=apt)
+    wanted = Outputs(program, keep, report, html=html, sheet=sheet, apt=apt, split=is_split(job.nc))
     wanted.check(None, dialect)
     check_files([file for file in (program, report, html, sheet, apt) if file is not None], inputs)
     name = str(inputs[0]) if inputs else "the blade"
@@ -215,7 +216,7 @@ def _posted(
         dialect,
         job,
         RepeatedDistance(MeshDistance(wheel.with_one_blade(_chord(job))), wheel.count),
-        name=program_name(file or Path(name).name),
+        name=program_name(file or Path(name).name, dialect),
         comments=[
             *header_texts(figures, job),
             f"wheel of {wheel.count} blades: {Path(name).name}",

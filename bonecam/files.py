@@ -90,10 +90,11 @@ def whole_folder(path: str | Path, own: str | None = None, *, replace: bool = Tr
         yield staging.folder(path, own, replace)
 
 
-def second_file(file: str | Path) -> Path:
-    """The file of the second clamping beside that of the first: bone.second.h beside bone.h."""
+def second_file(file: str | Path, mark: str = ".") -> Path:
+    """The file of the second clamping beside that of the first: bone.second.h beside bone.h; another `mark` than the
+    point where a control takes none in names."""
     path = Path(file)
-    return path.with_name(f"{path.stem}.second{path.suffix}")
+    return path.with_name(f"{path.stem}{mark}second{path.suffix}")
 
 
 def require_room(path: Path) -> None:

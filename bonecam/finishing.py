@@ -16,6 +16,7 @@ from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.solids.booleans import solid_union
 from bonecam.mesh.triangle_mesh import MeshLike, TriangleMesh
 from bonecam.nc.job_dialect import job_dialect
+from bonecam.nc.parts.grouping import is_split
 from bonecam.nc.posting.header.header import record_simulation
 from bonecam.nc.posting.rotary.machine_limits import machine_limits
 from bonecam.nc.program import program_name
@@ -90,7 +91,7 @@ def finish(
     if simulation and mechanics:
         mechanics_of_job(job)
     source = Path(surface) if isinstance(surface, str | Path) else None
-    wanted = Outputs(program, keep, report, html=html, apt=apt)
+    wanted = Outputs(program, keep, report, html=html, apt=apt, split=is_split(job.nc))
     wanted.check(source, dialect)
     solids = _checked_solids((part, *obstacles), program, report, html, apt)
     name = str(surface) if source else "the surface"
@@ -105,7 +106,7 @@ def finish(
                 dialect,
                 job,
                 MeshDistance(workpiece.solid),
-                name=program_name(program or source or ""),
+                name=program_name(program or source or "", dialect),
                 comments=[*header_texts(figures, job), *([f"surface: {source.name}"] if source else [])],
                 times=times,
                 progress=part_of(progress, 0.8, 0.9),

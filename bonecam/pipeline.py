@@ -20,6 +20,7 @@ from bonecam.mechanics.workpiece import mechanics_of_job
 from bonecam.mesh.triangle_mesh import MeshLike, TriangleMesh, mesh_from
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.job_dialect import job_dialect
+from bonecam.nc.parts.grouping import is_split
 from bonecam.nc.posting.header.header import record_simulation
 from bonecam.nc.requirements import check_reach, check_table, check_tools
 from bonecam.planning.passes.patterns.fastest import check_pattern
@@ -89,6 +90,7 @@ def convert(
         sheet=sheet,
         apt=apt,
         second=bool(job.holding.second),
+        split=is_split(job.nc),
     )
     given, source = _given(mesh)
     outputs.check(source, dialect)

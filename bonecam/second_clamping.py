@@ -15,12 +15,13 @@ from jaxtyping import Bool
 from numpy import ndarray
 from scipy.spatial import KDTree
 
-from bonecam.files import check_files, second_file
+from bonecam.files import check_files
 from bonecam.job import Job, field_error
 from bonecam.levels.measure.level import morph_surfaces
 from bonecam.machine.machine import Machine
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.files.mesh_files import write_mesh
+from bonecam.mesh.part import with_filled_pits
 from bonecam.mesh.triangle_mesh import MeshLike, TriangleMesh, mesh_from
 from bonecam.mesh.units import mm_of
 from bonecam.nc.dialect import Dialect
@@ -28,7 +29,7 @@ from bonecam.nc.posting.header.header import record_simulation
 from bonecam.nc.posting.header.program_zero import zero_words
 from bonecam.nc.posting.header.texts import second_setup_texts
 from bonecam.nc.posting.rotary.machine_limits import machine_limits
-from bonecam.nc.program import program_name
+from bonecam.nc.program import program_name, second_program_file
 from bonecam.planning.collision.held_level import PART_CHORD
 from bonecam.planning.holding.stump_paths import StumpPlaces, second_paths
 from bonecam.planning.passes.contacts import at_post
@@ -98,7 +99,7 @@ def second_program(
         limits=machine_limits(machine),
         progress=part(progress, 0.0, 0.7),
     )
-    file = second_file(program) if program else None
+    file = second_program_file(program, dialect) if program else None
     given = given_surface(first.part, first.job, first.report).move(clamping.pose)
     proved = post_and_prove(
         planned,
@@ -107,7 +108,7 @@ def second_program(
         job,
         MeshDistance(clamping.solids),
         given=given,
-        name=program_name(file or "second"),
+        name=program_name(file or "second", dialect),
         setup=second_setup_texts(job, clamping.shell, clamping.top, zero_words(machine, dialect)),
     )
     posted, solids = proved.program, (clamping.part, clamping.shell)
@@ -156,6 +157,7 @@ def clamping_shell(
         check_files([output], [mesh] if isinstance(mesh, str | Path) else [])
     given = mesh if isinstance(mesh, str | Path) else mesh_from(mesh)
     part, _ = read_part(given, job)
+    part = with_filled_pits(part, job.mesh, job.smallest_ball)
     placed = place(part, job).part
     back = np.linalg.inv(placed.transform)
     shell = shell_round(placed.mesh, covered, wall, gap).move(back)

@@ -20,7 +20,7 @@ def save_program(layers: Layers, values: Mapping[str, Any], progress: Progress) 
     from bonecam.levels.measure.level import morph_surfaces
     from bonecam.levels.sequences.begun_morph import Morph
     from bonecam.machine.machine import read_machine
-    from bonecam.nc.dialect import read_dialect
+    from bonecam.nc.job_dialect import job_dialect
     from bonecam.post_and_prove import post_and_prove
     from bonecam.report.stage_reports import nc_report
     from bonecam.setup.stock import Stock
@@ -30,7 +30,7 @@ def save_program(layers: Layers, values: Mapping[str, Any], progress: Progress) 
     stock = layers.kept("stock", Stock, "generate_stock")  # type: ignore[type-abstract]
     job = replace(layers.job(), nc=section_of(layers.job().nc, values))
     machine = read_machine(job.nc.machine)
-    dialect = read_dialect(job.nc.controller)
+    dialect = job_dialect(job.nc)
 
     design = morph_surfaces(morph.levels)[0]
     proved = post_and_prove(planned, machine, dialect, job, design, stock=stock, progress=progress)

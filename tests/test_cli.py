@@ -190,7 +190,7 @@ def test_help_and_pages_name_every_machine_and_controller(capsys: pytest.Capture
     for name in (*dialect_names(), *machine_names()):
         assert name in told
         assert f"`{name}`" in rows
-    assert "heidenhain (default)" in told
+    assert "the machine's own (default)" in " ".join(told.split())
     assert "mikron-ucp600 (default)" in told
 
 
@@ -343,7 +343,7 @@ def test_the_job_of_the_kept_folder_is_taken_and_told(
     assert main([*wanted, "--job", "paper"]) == 2
     assert capsys.readouterr().out == ""
     jobs = [job for job, _ in taken]
-    assert [job.nc.controller for job in jobs] == ["siemens-840d", "siemens-840d", Job().nc.controller]
+    assert [job.nc.controller for job in jobs] == ["siemens-840d", "siemens-840d", "heidenhain"]
     assert [job.roughing.overhang for job in jobs[:2]] == [31.0, 33.0]
     assert all(str(keep) in told for _, told in taken)
 

@@ -28,8 +28,8 @@ ROOMS = {
         *"loads feed_schedule remedies result".split(),
     ],
     "planning": [
-        *"passes layers collision axes links oriented_path level_cutters estimate holding strategies".split(),
-        *"within_depth levels".split(),
+        *"motion_time passes layers collision axes links oriented_path level_cutters estimate".split(),
+        *"holding strategies within_depth levels".split(),
     ],
     "machining": "standing force_feed machine_levels".split(),
     "batch": "parts one_part run cluster".split(),

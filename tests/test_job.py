@@ -356,3 +356,17 @@ def test_the_feed_of_the_finishing_cutter_is_for_the_cut_that_it_takes_onto_the_
     assert job.deepest("finishing") == 0.5
     assert job.tool("finishing").feed == by_depth.tool("finishing").feed < Job().tool("finishing").feed
     assert Job(levels={"depths": "0.05 1"}).deepest("finishing") == 0.1
+
+
+def test_each_level_has_the_feed_that_its_own_chip_bears() -> None:
+    job = Job().with_values(levels={"depths": "0.1 0.3 1"})
+    deep, shallow, part = (
+        job.tool(name, level).feed for name, level in (("roughing", 2), ("roughing", 1), ("finishing", 0))
+    )
+    assert job.tool("roughing").feed == deep < shallow == job.fastest_feed("roughing")
+    # the chip at the depth a of a ball of radius R is sin(acos(1 - a / R)) of the feed of a tooth
+    thinner = [np.sin(np.arccos(1 - depth / 2)) for depth in (1.0, 0.3)]
+    assert shallow / deep == pytest.approx(thinner[0] / thinner[1], rel=1e-3)
+    assert job.tool("finishing").feed == part == job.fastest_feed("finishing")
+    stated = job.with_values(roughing={"feed": 700.0})
+    assert stated.tool("roughing", 1).feed == stated.fastest_feed("roughing") == 700.0

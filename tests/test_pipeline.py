@@ -38,6 +38,7 @@ from bonecam.machine.machine import read_machine
 from bonecam.mesh.files.mesh_files import read_mesh, write_mesh
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.dialect import read_dialect
+from bonecam.nc.job_dialect import job_dialect
 from bonecam.nc.program import program_name
 from bonecam.nc.reading.read import read_program
 from bonecam.report.typed.report import Report
@@ -196,7 +197,7 @@ def test_what_bends_is_told_and_shown(chain: tuple[bonecam.Result, Path]) -> Non
 
 def test_a_rapid_into_the_stock_refuses_the_text(chain: tuple[bonecam.Result, Path]) -> None:
     result = chain[0]
-    machine, dialect = read_machine(COARSE.nc.machine), read_dialect(COARSE.nc.controller)
+    machine, dialect = read_machine(COARSE.nc.machine), job_dialect(COARSE.nc)
     lines = result.program.text.splitlines(keepends=True)
     # blocks of all five words whose feed is that of the block before
     cuts = [n for n, line in enumerate(lines) if re.search(r" L X.* C\S+$", line)]
@@ -309,7 +310,7 @@ def test_what_cannot_be_simulated_is_one_line(
     other.write_text(re.sub(r"FROM Z \d+", "FROM Z 5", text, count=1), encoding="utf-8")
     for arguments, told in (
         ([program, "--keep", str(tmp_path)], "give the folder that `convert"),
-        ([program, "--keep", keep, "--machine", "linuxcnc-xyzbc"], "made for another machine"),
+        ([program, "--keep", keep, "--machine", "linuxcnc-xyzbc"], "is of another control than LinuxCNC"),
         ([str(tmp_path / "none.h"), "--keep", keep], "cannot be read (No such file or directory)"),
         ([program, "--keep", keep, "--cell", "0.0005"], "give a cell of at least"),
         ([program, "--keep", keep, "--cell", "1000"], "give a cell of at most"),
@@ -483,7 +484,7 @@ def test_a_second_run_writes_the_same_bytes_but_for_the_line_of_the_simulation(
     ("file", "name"), [("out/left hand-3.h", "LEFT_HAND_3"), ("", "BONE"), ("kn\u00f6chel.h", "KN_CHEL")]
 )
 def test_a_program_is_named_as_its_file(file: str, name: str) -> None:
-    assert program_name(file) == name
+    assert program_name(file, read_dialect("heidenhain")) == name
 
 
 def test_progress_rises_to_its_end_and_false_cancels(phalanx: Path) -> None:

@@ -219,7 +219,7 @@ def test_a_dialect_that_cannot_write_the_job_is_refused_before_the_surface_is_fi
 def test_a_machine_that_the_dialect_does_not_know_is_refused_before_the_surface_is_fitted(
     tmp_path: Path,
 ) -> None:
-    job = Job().with_values(nc={"machine": "linuxcnc-xyzbc"})
+    job = Job().with_values(nc={"machine": "linuxcnc-xyzbc", "controller": "heidenhain"})
     with pytest.raises(MachineError, match="tool_centre_control '' is none of heidenhain's"):
         bonecam.convert(shipped("phalanx"), job)
     with pytest.raises(MachineError, match="tool_centre_control '' is none of heidenhain's"):

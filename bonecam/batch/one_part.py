@@ -8,17 +8,20 @@ import hashlib
 import json
 import time
 from dataclasses import dataclass
+from importlib.resources import files as resources
 from pathlib import Path
 
 import bonecam
 from bonecam.batch.parts import BatchPart
-from bonecam.files import input_text, second_file, write_whole
+from bonecam.files import input_text, write_whole
 from bonecam.job import Job, write_job
 from bonecam.job.files.job_file import named_files
 from bonecam.job.tool_list import tool_list
 from bonecam.nc.job_dialect import job_dialect
+from bonecam.nc.program import second_program_file
 from bonecam.progress import Progress
 from bonecam.report.tables.batch_table import Outcome, outcome_of
+from bonecam.runtime.own_files import PACKAGE, folder_digest
 
 
 @dataclass(frozen=True)
@@ -56,12 +59,12 @@ def convert_part(part: BatchPart, folder: Path, wanted: Wanted, progress: Progre
 
 
 def kept_outcome(part: BatchPart, folder: Path, wanted: Wanted) -> Outcome | None:
-    """The outcome of an earlier run with the same mesh, job and version, if all that is wanted of it is there."""
+    """The outcome of an earlier run with the same mesh, job and package, if all that is wanted of it is there."""
     try:
         report = json.loads(input_text(_report_of(part, folder)))
         files = wanted.files(part, folder)
         if part.job.holding.second:
-            files["second"] = second_file(files["program"])
+            files["second"] = second_program_file(files["program"], job_dialect(part.job.nc))
         if report["fingerprint"] != fingerprint(part) or not all(file.exists() for file in files.values()):
             return None
         seconds = sum(report["seconds"].values())
@@ -74,11 +77,16 @@ def _report_of(part: BatchPart, folder: Path) -> Path:
     return folder / f"{part.name}.json"
 
 
+def package_digest() -> str:
+    """One for the content of bonecam and of the filters that come with it, which the script of a job may run."""
+    return folder_digest(PACKAGE) + folder_digest(Path(str(resources("bonecam_plugins"))))
+
+
 def fingerprint(part: BatchPart) -> str:
-    """A hash of all that decides the outcome: the version, the job, the bytes of the part, of each file that the job
-    names, and of those that its list of cutters names. Where these files are does not count."""
+    """A hash of all that decides the outcome: the content of the package, the job, the bytes of the part, of each file
+    that the job names, and of those that its list of cutters names. Where these files are does not count."""
     named = [*named_files(part.job), *(("nc", "tools", file) for file in tool_list(part.job.nc.tools).files)]
-    digest = hashlib.sha256(bonecam.__version__.encode() + b"\0")
+    digest = hashlib.sha256(package_digest().encode())
     digest.update(write_job(_without_paths(part.job)).encode())
     for section, name, file in [("", "", part.file), *named]:
         content = file.read_bytes() if file.is_file() else b""

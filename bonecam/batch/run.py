@@ -12,13 +12,16 @@ from pathlib import Path
 from threading import Event
 
 import bonecam
-from bonecam.batch.one_part import Wanted, convert_part, kept_outcome
+from bonecam.batch.one_part import Wanted, convert_part, kept_outcome, package_digest
 from bonecam.batch.parts import BatchPart, batch_parts
-from bonecam.errors import BonecamError, JobError
+from bonecam.errors import BonecamError, FileError, JobError
 from bonecam.files import check_folder, write_whole
 from bonecam.job import Job
 from bonecam.machine.machine import read_machine
+from bonecam.nc.dialect import Dialect
 from bonecam.nc.job_dialect import job_dialect
+from bonecam.nc.parts.grouping import is_split
+from bonecam.nc.program import check_file_name
 from bonecam.pipeline import check_job
 from bonecam.report.tables.batch_table import TABLE, Outcome, failed, read_rows, table_text
 from bonecam.runtime.locking import locked
@@ -68,13 +71,13 @@ def convert_many(
         )
     given = [parts] if isinstance(parts, str | Path) else parts
     own_parts = batch_parts(given, job or Job())[share[0] - 1 :: share[1]]
-    _check_jobs(own_parts)
+    _check_jobs(own_parts, target)
     check_folder(target)
     read_rows(target / TABLE)  # a table that is none is refused before the work
     target.mkdir(parents=True, exist_ok=True)
     place = {part.name: index for index, part in enumerate(own_parts)}
     outcomes: dict[int, Outcome] = {}
-    ask = partial(_in_process, folder=target, wanted=wanted, work=work, version=bonecam.__version__)
+    ask = partial(_in_process, folder=target, wanted=wanted, work=work, version=package_digest())
     for outcome in _outcomes(own_parts, ask, jobs=jobs, executor=executor, resume=resume, progress=progress):
         outcomes[place[outcome.name]] = outcome
         _tell(target / TABLE, outcome, place)
@@ -82,18 +85,25 @@ def convert_many(
     return [outcomes[index] for index in sorted(outcomes)]
 
 
-def _check_jobs(parts: Sequence[BatchPart]) -> None:
-    """Every job fits its machine; the error names the job file where it is a part's own."""
-    checked = set()
+def _check_jobs(parts: Sequence[BatchPart], folder: Path) -> None:
+    """Every job fits its machine, the error naming the job file where it is a part's own; and the control takes the
+    names of all programs in the `folder`."""
+    dialects: dict[Job, Dialect] = {}
     for part in parts:
-        if part.job in checked:
-            continue
         try:
-            check_job(part.job, read_machine(part.job.nc.machine), job_dialect(part.job.nc))
+            if part.job not in dialects:
+                dialects[part.job] = job_dialect(part.job.nc)
+                check_job(part.job, read_machine(part.job.nc.machine), dialects[part.job])
         except BonecamError as error:
             place = f"{part.job_file}: " if part.job_file else ""
             raise type(error)(f"{place}{error}", **error.evidence) from error
-        checked.add(part.job)
+        dialect, second = dialects[part.job], bool(part.job.holding.second)
+        try:
+            program = folder / f"{part.name}{dialect.extension}"
+            check_file_name(program, dialect, second=second, split=is_split(part.job.nc))
+        except FileError as error:
+            what = f"{part.file}: {error}, by the name of the part or an `output` in a table of parts"
+            raise FileError(what, **error.evidence) from error
 
 
 def _tell(table: Path, outcome: Outcome, place: dict[str, int]) -> None:
@@ -190,9 +200,9 @@ def _in_process(
 
 
 def _check_worker(folder: Path, version: str) -> None:
-    """JobError where this computer has another version of bonecam than the one that asks, or not its files."""
-    if version != bonecam.__version__:
-        what = f"a worker has bonecam {bonecam.__version__}, this run is of {version}"
+    """JobError where this computer has another bonecam than the one that asks, by its content, or not its files."""
+    if version != package_digest():
+        what = f"a worker has another bonecam {bonecam.__version__} than this run (their files differ)"
         raise JobError(f"{what}: install the same on both")
     if not folder.is_dir():
         raise JobError(f"{folder}: a worker does not see this folder: give one that all computers share")

@@ -20,7 +20,7 @@ def add_batch(add_command: Any, parsers: Any) -> None:
     folder = "folder for programs, reports and batch.csv"
     batch.add_argument("-o", "--output", metavar="DIR", required=True, help=folder)
     batch.add_argument("--jobs", metavar="N", type=int, default=2, help="number of parts at a time (2)")
-    resume = "skip parts that an earlier run finished with the same mesh, job, files of the job, and version"
+    resume = "skip parts that an earlier run finished with the same mesh, job, files of the job, and package"
     batch.add_argument("--resume", action="store_true", help=resume)
     batch.add_argument("--html", action="store_true", help="write a page of each part, NAME.html")
     batch.add_argument(

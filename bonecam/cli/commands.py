@@ -25,10 +25,12 @@ def run_demo(options: argparse.Namespace) -> int:
     """`bonecam demo`: the NC program of the phalanx, or of the impeller, that is installed with bonecam."""
     from bonecam_meshes import path
 
+    from bonecam.nc.job_dialect import job_dialect
+
     if options.impeller:
         return run_impeller(options)
     if options.output is None:
-        dialect = bonecam.nc.read_dialect(job_of(options).nc.controller)
+        dialect = job_dialect(job_of(options).nc)
         options.output = f"phalanx{dialect.extension}"
     return _convert(path("phalanx"), options)
 
@@ -155,8 +157,8 @@ def run_simulate(options: argparse.Namespace) -> int:
 def run_post(options: argparse.Namespace) -> int:
     """`bonecam post`: the program of paths that were made elsewhere."""
     names = options.from_machine, options.from_controller
-    if (names[0] is None) != (names[1] is None):
-        raise JobError("--from-machine and --from-controller belong together: give both, or none for APT")
+    if names[0] is None and names[1] is not None:
+        raise JobError("--from-controller needs the machine of the program too: give --from-machine")
     origin = None if names[0] is None else names
     job = _kept_job(options, options.paths)
     with shown_progress(options) as progress:

@@ -7,7 +7,7 @@ EXAMPLES = {
     "convert": """
   bonecam convert bone.stl --units m -o bone.h
   bonecam convert bone.stl -o bone.h --set stock.diameter=15 --set stock.length=37 --keep look --report bone.json
-  bonecam convert bone.stl -o bone.ngc --machine linuxcnc-xyzbc --controller linuxcnc""",
+  bonecam convert bone.stl -o bone.ngc --machine linuxcnc-xyzbc""",
     "demo": """
   bonecam demo -o phalanx.h --keep look
   bonecam demo --impeller --keep wheel --html wheel.html --sheet sheet.html""",

@@ -23,7 +23,7 @@ def add_job_options(command: argparse.ArgumentParser, *, posted: bool = True) ->
         default = NcJob()
         machine = _choice(machine_names(), default.machine)
         command.add_argument("--machine", metavar="NAME", help=machine)
-        controller = _choice(dialect_names(), default.controller)
+        controller = _choice(dialect_names(), "the machine's own")
         command.add_argument("--controller", metavar="NAME", help=controller)
     tools = (
         "list of the cutters that there are: a name, or a file of Fusion, FreeCAD, LinuxCNC, .csv or .toml"

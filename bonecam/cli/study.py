@@ -149,6 +149,8 @@ def run_impeller(options: argparse.Namespace) -> int:
     import bonecam_meshes
     from bonecam_meshes.impeller import BLADES
 
+    from bonecam.nc.job_dialect import job_dialect
+
     if options.surface is not None:
         raise JobError(
             "demo --impeller: the blade's surface is in the kept folder: give --keep, not --surface"
@@ -156,7 +158,7 @@ def run_impeller(options: argparse.Namespace) -> int:
     options.job = options.job or str(bonecam_meshes.job("impeller"))
     job = job_of(options)
     if options.output is None:
-        options.output = f"impeller{bonecam.nc.read_dialect(job.nc.controller).extension}"
+        options.output = f"impeller{job_dialect(job.nc).extension}"
     blade, hub = (bonecam_meshes.path(f"impeller_{name}") for name in ("blade", "hub"))
     return _make(options, job, blade=blade, hub=hub, count=BLADES, obstacles=[])
 

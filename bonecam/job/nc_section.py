@@ -32,7 +32,11 @@ class NcJob(JobSection):
         "mikron-ucp600", "Machine", "Name of a machine, or path of its .toml file.", file=".toml"
     )
     controller: str = parameter(
-        "heidenhain", "Controller", "Name of a controller's dialect, or path of its .toml file.", file=".toml"
+        "",
+        "Controller",
+        "Name of a dialect, or path of its .toml file; empty: the usual one, which the machine's file names, "
+        "heidenhain where it names none.",
+        file=".toml",
     )
     tools: str = parameter(
         "",

@@ -128,19 +128,27 @@ class Job:
         """Radius of the smallest ball that cuts, mm."""
         return min(getattr(self, name).radius for name in self.cutter_names)
 
-    def tool(self, name: str) -> ToolJob:
+    def tool(self, name: str, level: int | None = None) -> ToolJob:
         """The cutter "roughing", "finishing" or "fine", with the material's spindle speed and feed where its section
-        leaves them 0, at most what the machine turns and moves, and the flutes of [mechanics] likewise; JobError or
-        MachineError where material or machine cannot be read."""
+        leaves them 0, at most what the machine turns and moves, and the flutes of [mechanics] likewise. The feed is
+        that of the cut that leaves a `level`, whose chip is thinner the shallower it is, or of the cutter's deepest.
+        JobError or MachineError where material or machine cannot be read."""
         given: ToolJob = getattr(self, name)
         tool = replace(given, flutes=given.flutes or self.mechanics.flutes)
         if tool.spindle and tool.feed:
             return tool
         machine = read_machine(self.nc.machine)
-        asked = tool.radius, self.deepest(name), machine.spindle_speed, tool.spindle, given.flutes
+        depth = self.deepest(name) if level is None or level < 0 else self.levels.depth_onto(level)
+        asked = tool.radius, depth, machine.spindle_speed, tool.spindle, given.flutes
         spindle, feed = read_material(self.material.name).speeds(*asked)
         slowest = min(axis.speed for axis in machine.linear)
         return replace(tool, spindle=spindle, feed=tool.feed or min(feed, slowest))
+
+    def fastest_feed(self, name: str) -> float:
+        """Feed (mm/min) of the shallowest cut of the cutter of a section."""
+        of_morph = range(len(self.levels.cuts[0]) + 1) if self.path.strategy == "morph" else ()
+        levels = [level for level in of_morph if self.is_finishing(level) == (name != "roughing")]
+        return max(self.tool(name, level).feed for level in [None, *levels])
 
     def deepest(self, name: str) -> float:
         """Depth (mm) of the deepest cut of the cutter of a section: that onto the part is the finishing cutter's."""

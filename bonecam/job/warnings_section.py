@@ -29,6 +29,16 @@ class WarningsJob(JobSection):
     hole_refused: float = parameter(
         5.0, "Hole, refused", "Width of a hole above which it is refused.", unit="mm", low=0.0, high=500.0
     )
+    guessed: float = parameter(
+        0.02,
+        "Guessed",
+        "Share of the mesh's surface that repairs close, drop or make anew: told above this.",
+        low=0.0,
+        high=1.0,
+    )
+    guessed_refused: float = parameter(
+        0.1, "Guessed, refused", "Share of the surface above which it is refused.", low=0.0, high=1.0
+    )
     slender: float = parameter(
         15.0,
         "Slender",
@@ -67,7 +77,7 @@ class WarningsJob(JobSection):
 
     def __post_init__(self) -> None:
         check(self)
-        for name in ("left", "hole", "slender"):
+        for name in ("left", "hole", "guessed", "slender"):
             warned = getattr(self, name)
             refused = getattr(self, f"{name}_refused")
             if refused < warned:

@@ -7,14 +7,18 @@ variable NUMBA_CACHE_DIR names a folder that lasts.
 
 import hashlib
 import os
+import pickle
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numba
+from numba.core.caching import IndexDataCacheFile
 
+from bonecam.runtime.own_files import folder_digest
 from bonecam.runtime.temporary import make_temporary
 
 
@@ -30,13 +34,49 @@ def _find_room() -> None:
 _find_room()
 
 
-def _digest_of_sources() -> str:
-    """One for the sources of all kernels together."""
-    sources = sorted(Path(__file__).parent.rglob("*.py"))
-    return hashlib.sha256(b"".join(source.read_bytes() for source in sources)).hexdigest()
+SOURCES = folder_digest(Path(__file__).parent)
+"""One for the sources of all kernels together."""
+CHECKSUM = hashlib.sha256().digest_size
+"""Bytes of the checksum before what is kept."""
 
 
-SOURCES = _digest_of_sources()
+class _KeptFile(IndexDataCacheFile):  # type: ignore[misc]
+    """What numba keeps of a kernel, each entry with its origin and a checksum. One that is cut off or damaged is none,
+    and the kernel is compiled again; so is one of another processor, by a race in a shared folder, or of older sources
+    or another numba, where a run ended between its index, which is written first, and its data."""
+
+    def _origin(self, key: Any) -> Any:
+        return self._source_stamp, self._version, key
+
+    def save(self, key: Any, data: Any) -> None:
+        super().save(key, (self._origin(key), data))
+
+    def load(self, key: Any) -> Any:
+        kept = super().load(key)
+        return kept[1] if kept is not None and kept[0] == self._origin(key) else None
+
+    def _load_index(self) -> dict[Any, str]:
+        try:
+            return dict(super()._load_index())
+        except Exception:  # damaged pickles raise errors of any kind
+            return {}
+
+    def _save_data(self, name: str, data: Any) -> None:
+        dumped = self._dump(data)
+        with self._open_for_write(self._data_path(name)) as file:
+            file.write(hashlib.sha256(dumped).digest() + dumped)
+
+    def _load_data(self, name: str) -> Any:
+        content = Path(self._data_path(name)).read_bytes()
+        checksum, dumped = content[:CHECKSUM], content[CHECKSUM:]
+        return pickle.loads(dumped) if hashlib.sha256(dumped).digest() == checksum else None
+
+
+@contextmanager
+def _where_it_can_be_kept() -> Iterator[None]:
+    """Goes on without keeping a kernel where a disk is full or a folder cannot be written."""
+    with suppress(OSError):
+        yield
 
 
 def njit(*, cache: bool = False, **options: Any) -> Callable[[Any], Any]:
@@ -46,7 +86,9 @@ def njit(*, cache: bool = False, **options: Any) -> Callable[[Any], Any]:
     def decorate(function: Any) -> Any:
         kernel = numba.njit(cache=cache, **options)(function)
         if cache:
-            kernel._cache._cache_file._source_stamp = SOURCES
+            kept = kernel._cache
+            kept._cache_file = _KeptFile(kept._cache_path, kept._impl.filename_base, SOURCES)
+            kept._guard_against_spurious_io_errors = _where_it_can_be_kept
         return kernel
 
     return decorate

@@ -58,17 +58,16 @@ def check_machine(name: str | Path) -> MachineCheck:
     and every key that is wrong, or why paths cannot be planned for it."""
     _, file = read_table("machine", name, machine_files(), MachineFile)
     machine = read_machine(name)
-    facts = [_chain_text(machine), *map(_axis_text, machine.own_rotary), reach_text(machine)]
+    carries = [axis.letter for axis in machine.part_axes]
+    heads = [axis.letter for axis in machine.tool_axes if axis.letter]
+    under = f"the part on {' on '.join(carries)}" if carries else "the part on a fixed table"
+    chain = f"{under}, the tool on {' with '.join(['X Y Z', *heads])}"
+    facts = [chain, *map(_axis_text, machine.own_rotary), reach_text(machine)]
     assumed = (*file.assumed, *_unsaid(machine, file))
-    return MachineCheck(
-        machine, " ".join(file.source.split()), tuple(facts), tuple(_doubtful(machine)), assumed
-    )
-
-
-def _doubtful(machine: Machine) -> list[str]:
-    """What looks wrong, each with a question. Sides that the tool is not leant to are one where nothing else is."""
-    asked = [*_doubtful_figures(machine), *_doubtful_frame(machine), *_doubtful_chain(machine)]
-    return asked or list(_doubtful_sides(machine))
+    asked = *_doubtful_figures(machine), *_doubtful_frame(machine), *_doubtful_chain(machine)
+    # sides that the tool is not leant to are a question where nothing else is
+    doubtful = asked or tuple(_doubtful_sides(machine))
+    return MachineCheck(machine, " ".join(file.source.split()), tuple(facts), doubtful, assumed)
 
 
 def _doubtful_figures(machine: Machine) -> Iterator[str]:
@@ -151,14 +150,6 @@ def _height_at_spindle(axis: RotaryAxis) -> float:
     return axis.pivot[2] + along * axis.direction[2]
 
 
-def _chain_text(machine: Machine) -> str:
-    """What carries what, in words."""
-    carries = [axis.letter for axis in machine.part_axes]
-    heads = [axis.letter for axis in machine.tool_axes if axis.letter]
-    under = f"the part on {' on '.join(carries)}" if carries else "the part on a fixed table"
-    return f"{under}, the tool on {' with '.join(['X Y Z', *heads])}"
-
-
 def _axis_text(axis: RotaryAxis) -> str:
     """How far a rotary axis turns, and what a positive word does."""
     low, high = np.degrees(axis.limits)
@@ -196,5 +187,6 @@ def _unsaid(machine: Machine, file: MachineFile) -> list[str]:
         "table: it has no edge, nothing of the tool goes below it": file.table is None,
         f"limits of {' '.join(unknown)}: only the span of a program is checked, not its place": bool(unknown),
         f"acceleration of {' '.join(slow)}: they start and stop at once": bool(slow),
+        "seconds: tool changes, spindle starts and retracts take no time": file.seconds is None,
     }
     return [text for text, missing in texts.items() if missing]

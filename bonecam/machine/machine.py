@@ -9,12 +9,17 @@ fill in
   in the machine with all axes at zero; [1, 0, 0] and [0, 0, 1] where they are left out, which is refused where the
   axis next to the part does not turn about that Z: a bar in a rotary axis along X has part_z = [1, 0, 0];
 - `part_zero` (mm): the program's zero in the machine's frame, all axes at zero; `programmed_point`: "tip" or
-  "centre"; `tool_centre_control`: the dialect's name of it where the dialect has several; `spindle_speed`
-  (1/min, optional): the highest; `spindle_lowest`: the lowest;
-- `source`: where the figures are from; `assumed`: what is not known but taken so, a line each;
+  "centre"; `controller`: the dialect of its usual control, or a .toml file beside
+  this one (heidenhain where it is left out); `tool_centre_control`: the dialect's name of it where
+  the dialect has several; `spindle_speed` (1/min, optional): the highest; `spindle_lowest`: the lowest;
+- `source`: where the figures are from; `assumed`: what is not known but taken so, a line each: those that speak of
+  `speeds`, `accelerations`, `jerk`, `seconds` or all `figures` are told beside the times;
 - [spindle]: `nose`, the cylinders and cones of the spindle behind the gauge line, where the holder ends, from there
   up: rows [length, diameter] or [length, diameter, upper diameter] (mm). What is farther up than the last row is
   taken to be out of reach: give as much of it as could come near table and chuck;
+- [seconds] (optional), for the time of programs: `tool_change`, from chip to chip; `spindle_start`, to the working
+  speed; `retract`, to the top of Z and back (`L M140 MB MAX`, `SUPA Z0`, `G28`) beyond the height that the program
+  knows;
 - [table] (optional): what the part stands on, z = 0 of the program being its top: `diameter` of a disc about the
   program's Z axis, or `width` and `depth` (along X and Y) of a plate in whose middle the program's zero is (mm);
   `beside`: "closed" (default), nothing of the tool goes below its plane, or "open", what is below the plane beside
@@ -47,6 +52,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
+from bonecam.arrays import frozen
 from bonecam.machine.axes import LinearAxis, RotaryAxis, Vector
 from bonecam.machine.bodies import LinkBody, MachineBodies, Table
 from bonecam.machine.frustum import Frustum, stack_of
@@ -58,7 +64,19 @@ UPRIGHT: tuple[Vector, Vector, Vector] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0
 """X, Y and Z of a part whose frame is parallel to the machine's."""
 SECONDS = 60
 """Of a minute."""
+TIME_WORDS = ("speed", "acceleration", "jerk", "second", "figures")
+"""Words of what is assumed of a machine that matters to times."""
 MACHINES = Path(__file__).parent / "machines"
+
+
+@dataclass(frozen=True)
+class ChangeSeconds:
+    """Seconds of a tool change from chip to chip, of a start of the spindle, and of a retract to the top of Z and back,
+    beyond the height that a program knows."""
+
+    tool_change: float
+    spindle_start: float
+    retract: float
 
 
 @dataclass(frozen=True)
@@ -68,7 +86,8 @@ class Machine:
 
     `part_axes` carry the part, from the part outward; `tool_axes` carry the tool, from the base outward. `nose`
     is the spindle's stack behind the gauge line, empty where the file does not know it. The rows of `part_frame` are
-    X, Y and Z of the part in the machine's frame, all axes at zero. Spindle speeds in 1/min.
+    X, Y and Z of the part in the machine's frame, all axes at zero. Spindle speeds in 1/min. `seconds` are None where
+    the file does not know them; `time_assumed` is what it assumes of figures that times are made of.
     """
 
     name: str
@@ -79,12 +98,15 @@ class Machine:
     part_zero: Vector
     programmed_point: str
     tool_centre_control: str
+    controller: str = ""
     spindle_speed: float = math.inf
     nose: tuple[Frustum, ...] = ()
     table: Table = field(default_factory=Table)
     part_frame: tuple[Vector, Vector, Vector] = UPRIGHT
     spindle_lowest: float = 0.0
     link_bodies: tuple[LinkBody, ...] = ()
+    seconds: ChangeSeconds | None = None
+    time_assumed: tuple[str, ...] = ()
 
     @property
     def bodies(self) -> MachineBodies:
@@ -98,6 +120,22 @@ class Machine:
             self.part_axes + self.tool_axes, key=lambda axis: (not axis.letter, axis.letter)
         )
         return first, second
+
+    @cached_property
+    def accelerations(self) -> Float[ndarray, "5"]:
+        """Of the joints, mm/min^2 and rad/min^2; infinite where they are not known."""
+        return frozen([axis.acceleration for axis in (*self.linear, *self.rotary)])
+
+    @property
+    def knows_accelerations(self) -> bool:
+        """Whether the accelerations of all its axes are known."""
+        return bool(np.isfinite(self.accelerations[: len(self.letters)]).all())
+
+    @cached_property
+    def jerks(self) -> Float[ndarray, "5"]:
+        """Of the joints, mm/min^3 and rad/min^3; infinite where not all of its axes' are known."""
+        jerks = np.array([axis.jerk for axis in (*self.linear, *self.rotary)])
+        return frozen(jerks if np.isfinite(jerks[: len(self.letters)]).all() else np.full(5, np.inf))
 
     @cached_property
     def own_rotary(self) -> tuple[RotaryAxis, ...]:
@@ -158,6 +196,9 @@ def read_machine(name: str | Path) -> Machine:
         part_zero=_vector(table.part_zero),
         programmed_point=table.programmed_point,
         tool_centre_control=table.tool_centre_control,
+        controller=str(path.parent / table.controller)
+        if table.controller.endswith(".toml")
+        else table.controller,
         spindle_speed=math.inf if table.spindle_speed is None else table.spindle_speed,
         nose=stack_of(table.spindle.nose) if table.spindle else (),
         table=_table(table.table or BodiesTable()),
@@ -166,6 +207,8 @@ def read_machine(name: str | Path) -> Machine:
         link_bodies=tuple(
             LinkBody(body.name, body.link, path.parent / body.stl, body.units) for body in table.bodies
         ),
+        seconds=ChangeSeconds(**dict(table.seconds)) if table.seconds else None,
+        time_assumed=tuple(text for text in table.assumed if any(word in text for word in TIME_WORDS)),
     )
 
 

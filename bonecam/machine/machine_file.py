@@ -115,6 +115,15 @@ class RotaryTable(Record):
         return self
 
 
+class SecondsTable(Record):
+    """The table of what takes time beside the axes, in seconds: a `tool_change` from chip to chip, a `spindle_start` to
+    the working speed, a `retract` to the top of Z and the way back, beyond what a program states of it."""
+
+    tool_change: Annotated[float, Field(ge=0, le=3600)]
+    spindle_start: Annotated[float, Field(ge=0, le=3600)]
+    retract: Annotated[float, Field(ge=0, le=3600)]
+
+
 class SpindleTable(Record):
     """The table of the spindle: `nose`, its cylinders and cones behind the gauge line, mm."""
 
@@ -160,6 +169,7 @@ class MachineFile(Record):
 
     title: Name
     source: Annotated[str, Field(max_length=1000), AfterValidator(check_printable)] = ""
+    controller: Name = ""
     assumed: Annotated[list[Name], Field(max_length=20)] = Field(default_factory=list)
     chain: Annotated[list[Literal["A", "B", "C", "XYZ"]], BeforeValidator(_few)]
     part_x: Direction | None = None
@@ -170,6 +180,7 @@ class MachineFile(Record):
     spindle_speed: Speed | None = None
     spindle_lowest: Annotated[float, Field(ge=0, le=FASTEST)] = 0.0
     spindle: SpindleTable | None = None
+    seconds: SecondsTable | None = None
     table: BodiesTable | None = None
     bodies: Annotated[list[LinkBodyTable], Field(max_length=MOST_BODIES)] = Field(default_factory=list)
     X: LinearTable

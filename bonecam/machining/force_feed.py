@@ -20,7 +20,6 @@ from bonecam.mechanics.feed_schedule import LEAST, FeedSchedule, feed_schedule, 
 from bonecam.mechanics.loads import PathLoads
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.posting.feeds.drivable_feeds import fastest_cut
-from bonecam.nc.posting.feeds.motion_time import accelerated_minutes, knows_accelerations
 from bonecam.nc.posting.path_words import Posted, post_path
 from bonecam.nc.reading.read import read_program
 from bonecam.report.page.move_sources import rows_of_moves
@@ -112,22 +111,28 @@ def _wanted(path: ToolPath, ratios: Float[ndarray, " n"], job: Job) -> ToolPath:
     feed = path.cutter.feed
     low = np.minimum(feeds, LEAST * feed)
     high = np.maximum(feeds, fastest_cut(path.cutter, job))
-    steps = STEP ** np.floor(np.log(np.clip(feeds * least, low, high) / feed) / np.log(STEP) + 1e-6)
+    steps = _stepped(np.clip(feeds * least, low, high), feed)
     # what an axis or evenness has lowered to between two steps stays
-    stepped = np.where(least < 1, np.minimum(feed * steps, feeds), np.maximum(feed * steps, feeds))
+    stepped = np.where(least < 1, np.minimum(steps, feeds), np.maximum(steps, feeds))
     changed = goes_on & (path.level != PARTING)
     return replace(path, feed_rates=np.where(changed, np.clip(stepped, low, high), feeds))
+
+
+def _stepped(feeds: Float[ndarray, "n"], feed: float) -> Float[ndarray, "n"]:
+    """The feeds rounded down to whole STEPs from the cutter's `feed`."""
+    return np.asarray(feed * STEP ** np.floor(np.log(np.maximum(feeds, 1e-6) / feed) / np.log(STEP) + 1e-6))
 
 
 def _reachable(path: ToolPath, posted: Posted) -> ToolPath:
     """The path with the feeds of its posted form, those that are raised no higher than the axes get to."""
     feeds = posted.path.feed_rates
-    if knows_accelerations(posted.control.machine):
+    if posted.control.machine.knows_accelerations:
         rows = posted.moves.rows
         count = len(path.tips)
         way = np.bincount(rows, posted.lengths, count)
-        minutes = np.bincount(rows, accelerated_minutes(posted), count)
-        reached = np.where(minutes > 0, way / np.where(minutes > 0, minutes, 1.0), np.inf)
+        minutes = np.bincount(rows, posted.driven_minutes, count)
+        reached = np.where(minutes > 0, way / np.where(minutes > 0, minutes, 1.0), feeds)
+        reached = _stepped(reached, path.cutter.feed)
         raised = feeds > path.feed_rates
         feeds = np.where(raised, np.clip(reached, path.feed_rates, np.maximum(feeds, path.feed_rates)), feeds)
     return replace(path, feed_rates=feeds)

@@ -83,7 +83,7 @@ def _posted(
         job,
         morph_surfaces(levels)[0],
         given=given_surface(morphed.part, job, morphed.report),
-        name=program_name(posting.file or source or ""),
+        name=program_name(posting.file or source or "", posting.dialect),
         comments=[
             *warning_texts,
             *([f"part: {Path(source).name}"] if source else []),

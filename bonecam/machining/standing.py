@@ -11,6 +11,7 @@ from bonecam.errors import knowing
 from bonecam.job import Job
 from bonecam.levels.job_levels import surface_and_levels
 from bonecam.machine.machine import Machine, read_machine
+from bonecam.mesh.part import with_filled_pits
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.posting.rotary.machine_limits import machine_limits
 from bonecam.nc.requirements import check_length, check_room
@@ -61,7 +62,10 @@ def stand_part(
     or that is found."""
     with times.stage("mesh"):
         unplaced, given = read_part(mesh, job, progress)
-        warnings.check_warnings(warnings.hole_warnings(unplaced.widest_hole, job), job, unplaced.file)
+        changes = [repair.change for repair in unplaced.repairs if repair.guessed]
+        guesses = warnings.repair_warnings(unplaced.widest_hole, unplaced.guessed_share, job, changes)
+        warnings.check_warnings(guesses, job, unplaced.file)
+        unplaced = with_filled_pits(unplaced, job.mesh, job.smallest_ball)
         seeks_post = not job.holding.length
         placed = place(unplaced, job, body)
         if not job.holding.diameter:

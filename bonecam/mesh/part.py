@@ -30,6 +30,7 @@ from bonecam.mesh.triangle_mesh import MeshLike, TriangleMesh, mesh_from, probes
 from bonecam.mesh.units import mirror_and_scale, to_mm, unit_in
 from bonecam.progress import Progress, report, silent
 from bonecam.progress import part as share
+from bonecam.text.numbers import told_apart
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,6 +97,11 @@ class Part:
         return tuple(repair.left_out for repair in self.repairs if repair.left_out is not None)
 
     @property
+    def guessed_share(self) -> float:
+        """Share of the surface that repairs closed, dropped or made anew."""
+        return sum(repair.guessed for repair in self.repairs) / self.mesh.area
+
+    @property
     def widest_hole(self) -> float:
         """Width of the widest hole of the mesh that was closed, mm; 0 where it had none."""
         return max((repair.hole for repair in self.repairs), default=0.0)
@@ -117,9 +123,10 @@ class Part:
         taken = self.taken_off
         if taken is None or taken.depth <= allowed:
             return self
+        depth, most = told_apart(taken.depth, allowed, decimals=2)
         raise MeshError(
-            f"{self.file}: the repairs take {taken.depth:.2f} mm off the mesh as given near {place_name(taken.place)}, "
-            f"allowed {allowed:g}: mend it there in a mesh editor, or raise surface.largest_deviation",
+            f"{self.file}: the repairs take {depth} mm off the mesh as given near {place_name(taken.place)}, "
+            f"allowed {most}: mend it there in a mesh editor, or raise surface.largest_deviation",
             file=self.file,
             place=taken.place,
         )
@@ -133,16 +140,25 @@ def prepare_part(
     source: str | Path | MeshLike,
     job: MeshJob,
     progress: Progress = silent,
-    also: tuple[str, ...] = (),
     ball: float = FINISHING.radius,
+    tolerance: float = SurfaceJob.tolerance,
+) -> Part:
+    """The part of `repaired_part`, its pits filled up to the ball of a radius (mm), as `with_filled_pits` does."""
+    return with_filled_pits(repaired_part(source, job, progress, tolerance=tolerance), job, ball)
+
+
+def repaired_part(
+    source: str | Path | MeshLike,
+    job: MeshJob,
+    progress: Progress = silent,
+    also: tuple[str, ...] = (),
     tolerance: float = SurfaceJob.tolerance,
     scripted: Callable[[TriangleMesh, str], TriangleMesh] | None = None,
 ) -> Part:
     """Read a mesh, run the job's filter script on it by `scripted`, scale it to mm, mirror it, decimate it where it has
-    too many faces, repair it, smooth coarse facets, fill its pits and turn it upright, as the job says.
+    too many faces, repair it, smooth coarse facets and turn it upright, as the job says.
 
-    `source` is a file, or a mesh in memory as `mesh_from` takes it; `ball` is the radius (mm) of the smallest ball that
-    will cut it (`Job.smallest_ball`): pits are filled up to no larger one. `tolerance` (mm) is the fit's, beside which
+    `source` is a file, or a mesh in memory as `mesh_from` takes it. `tolerance` (mm) is the fit's, beside which
     facets are coarse. `also` are endings of part files that the caller reads itself: a refusal names them too.
     MeshError, FileError and UnitsError name the file.
     """
@@ -167,13 +183,10 @@ def prepare_part(
     smooth = smoothing.mesh if smoothing else repaired
     kept = "" if smoothing else note_on_kept_facets(repaired, coarseness, job, tolerance)
     notes = tuple(filter(None, (*read.notes, *job.changes, axes_text(axes) if axes else "", kept)))
-    fill = fill_pits(smooth, min(job.pit_radius or ball, ball)) if job.pits == "fill" else None
-    filled = fill.mesh if fill else smooth
-    done = decimated + repairs + ((smoothing.change,) if smoothing else ()) + (fill.repairs if fill else ())
-    transform = settled_pose(upright(filled)[1]) if job.upright else np.eye(4)
-    posed = filled.move(transform)
+    done = decimated + repairs + ((smoothing.change,) if smoothing else ())
+    transform = settled_pose(upright(smooth)[1]) if job.upright else np.eye(4)
     part = Part(
-        mesh=posed,
+        mesh=smooth.move(transform),
         file=name,
         faces=len(raw.faces),
         units=unit_in(job.units, read.unit),
@@ -181,14 +194,26 @@ def prepare_part(
         transform=transform,
         given=scaled,
         notes=notes,
-        fill=fill,
         coarseness=coarseness,
         smoothing=smoothing,
     )
     if not done:
         return part
-    unsmoothed = repaired if smoothing else filled
-    return replace(part, taken_off=measure_taken_off(without(scaled, part.left_out, filled), unsmoothed))
+    return replace(part, taken_off=measure_taken_off(without(scaled, part.left_out, smooth), repaired))
+
+
+def with_filled_pits(part: Part, job: MeshJob, ball: float) -> Part:
+    """The part with its pits filled where the job says so. `ball` is the radius (mm) of the smallest ball that will cut
+    it (`Job.smallest_ball`): they are filled up to no larger one."""
+    if job.pits != "fill":
+        return part
+    fill = fill_pits(part.mesh, min(job.pit_radius or ball, ball))
+    x, y, z, _ = np.linalg.solve(part.transform, [*fill.place, 1.0])
+    fill = replace(fill, place=(float(x), float(y), float(z)))  # told in the frame of the mesh as given
+    filled = replace(part, mesh=fill.mesh, fill=fill, repairs=part.repairs + fill.repairs)
+    if part.taken_off is not None or not fill.repairs:
+        return filled
+    return replace(filled, taken_off=measure_taken_off(filled.placed_given, fill.mesh))
 
 
 def _read(source: str | Path | MeshLike, job: MeshJob, also: tuple[str, ...]) -> MeshFile:

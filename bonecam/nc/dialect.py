@@ -11,15 +11,19 @@ How to add a dialect: copy a file of `bonecam/nc/dialects/` (name it, or give it
 - `work_offset`: texts of the file that name the first datum, and their forms with {number} or {code} (53 and the
   number), and `work_offsets`, how many there are; [coolants]: the blocks of `mist`, `air` and `through`, which the
   reader must know too, flood being the template coolant_on;
+- `longest_line`: the most characters of a line that the control loads, block number and comment included (1000 where
+  it is not stated); [file_name]: the `longest` name of a program, without its ending, and the `pattern` that it matches
+  as a whole; what the control would refuse is refused before anything is planned, with a name that it takes;
 - `decimal_point`: true where a number of an axis or a feed without its point may mean thousandths: then it is refused;
 - `straight_rapids`: true where the control drives rapids on a straight line (all axes arrive together); where it
   is false or not stated, what would be a rapid beside the part is written as a feed move at the rapid rate;
 - `starts_at_zero`: true where X, Y, Z are fixed to the table as it stands when tool-centre control is switched on: then
   that is done with all rotary axes at zero, and they turn under it;
-- `tolerance_factor`: the control's contour tolerance as a multiple of the path's chord tolerance; `corners`, how the
-  control goes round them, for the time: "smoothed", or "parabolic" as LinuxCNC; `needs`: what
-  the machine must have, as lines of the header, which like those of the tool-centre control may have {count} (of the
-  axes, in words), {rotary} (B and C), {zero} (B 0 C 0) and {wound} (the endless axes); `frame` (iso): the first and
+- `tolerance_factor`: the control's contour tolerance as a multiple of the path's chord tolerance; for the time,
+  `corners`, how the control goes round them: "smoothed" within that tolerance, or "parabolic" as LinuxCNC, and
+  `look_ahead`, over how many blocks it plans its speed (1000 where it is not stated); `needs`: what the machine
+  must have, as lines of the header, which like those of the tool-centre control may have {count} (of the axes, in
+  words), {rotary} (B and C), {zero} (B 0 C 0) and {wound} (the endless axes); `frame` (iso): the first and
   the last line, "%" where it is not stated, "" where the program ends with the code of its end; `moving_blocks`: how
   the blocks begin that move an axis; [machining]: the words of the control for `roughing` and `finishing` levels;
 - [numbers]: decimals, sign and range of lengths (mm), angles (deg), feeds and spindle speeds;

@@ -11,6 +11,7 @@ import re
 from bonecam.errors import MachineError
 from bonecam.job import NcJob
 from bonecam.job.nc_section import HOME
+from bonecam.machine.machine import read_machine
 from bonecam.nc.dialect import Dialect, read_dialect
 from bonecam.nc.parts.grouping import is_split
 
@@ -18,10 +19,23 @@ FIRST_CODE = 53
 """Work offset n is the code of this and n: G54 is the first."""
 
 
+USUAL = "heidenhain"
+"""The controller of machines whose files name none."""
+
+
+def controller_of(nc: NcJob) -> str:
+    """The controller of the section [nc] of a job: the stated one, or the usual one of its machine."""
+    return nc.controller or read_machine(nc.machine).controller or USUAL
+
+
 def job_dialect(nc: NcJob) -> Dialect:
     """The dialect of the section [nc] of a job. MachineError where it has no such work offset, coolant or axes, or
     cannot leave its block numbers out."""
-    dialect = read_dialect(nc.controller).in_form(nc.axes)
+    try:
+        dialect = read_dialect(controller_of(nc)).in_form(nc.axes)
+    except MachineError as error:
+        place = "" if nc.controller else f"{nc.machine}: "
+        raise MachineError(f"{place}{error}", **error.evidence) from error
     if nc.work_offset != 1:
         dialect = _with_work_offset(dialect, nc.work_offset)
     changes: dict[str, object] = {}

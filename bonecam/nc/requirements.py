@@ -2,11 +2,10 @@
 the time for the passes."""
 
 import numpy as np
-from jaxtyping import Float
-from numpy import ndarray
 
 from bonecam.errors import MachineError
-from bonecam.job import Job, ToolJob, field_error
+from bonecam.job import Job, field_error
+from bonecam.machine.limits import ANGLE_ROUNDING
 from bonecam.machine.machine import Machine
 from bonecam.machine.reach import farthest_side
 from bonecam.mesh.triangle_mesh import TriangleMesh
@@ -19,6 +18,7 @@ from bonecam.planning.passes.patterns.scallop import side_step
 from bonecam.progress import Progress, report, silent
 from bonecam.setup.schedule import STOCK_CHORD_SHARE
 from bonecam.setup.stock import Stock
+from bonecam.text.numbers import told_apart
 from bonecam.tool.cutter import Cutter
 from bonecam.tool.path import MoveKind
 
@@ -36,20 +36,14 @@ def check_tools(job: Job, machine: Machine) -> None:
     for section in job.cutter_names:
         tool = job.tool(section)
         cutter = Cutter.from_job(0, section, tool, machine.nose)
-        _check_speeds(section, tool, machine)
+        if tool.spindle > machine.spindle_speed:
+            bound = f"{machine.name} turns at {machine.spindle_speed:g} 1/min at most: give less"
+            raise field_error(section, "spindle", tool.spindle, bound)
+        slowest = min(axis.speed for axis in machine.linear)
+        if tool.feed > slowest:
+            bound = f"an axis of {machine.name} makes {slowest:g} mm/min at most: give less"
+            raise field_error(section, "feed", tool.feed, bound)
         check_lead(cutter, job.path.lead_deg)
-
-
-def _check_speeds(section: str, tool: ToolJob, machine: Machine) -> None:
-    """JobError where spindle speed (1/min) or feed (mm/min) are more than the machine has."""
-    if tool.spindle > machine.spindle_speed:
-        bound = f"{machine.name} turns at {machine.spindle_speed:g} 1/min at most: give less"
-        raise field_error(section, "spindle", tool.spindle, bound)
-
-    slowest = min(axis.speed for axis in machine.linear)
-    if tool.feed > slowest:
-        bound = f"an axis of {machine.name} makes {slowest:g} mm/min at most: give less"
-        raise field_error(section, "feed", tool.feed, bound)
 
 
 def check_reach(job: Job, machine: Machine) -> None:
@@ -62,10 +56,16 @@ def check_reach(job: Job, machine: Machine) -> None:
     needed = 90.0 if job.path.strategy != "morph" else 90.0 - job.path.max_tilt_deg
     reached = float(np.degrees(limits.largest))
     if limits.reached is not None:
-        _check_sides(limits.reached.samples, 90.0 - needed, f"{machine.name}: {named}")
+        # some side of a stock may be farther than the tilt from all of these tool axes
+        off = float(np.degrees(farthest_side(limits.reached.samples)))
+        if off > 90.0 - needed:
+            what = "the tool axis leans to some sides only"
+            remedy = "give wider limits, correct part_z, or take another machine (--machine)"
+            raise MachineError(f"{machine.name}: {named}{what}: {remedy}", off=off)
         return
-    if reached < needed:
-        what = f"leans by {max(reached, 0.0):g} deg all round at most, the sides of the stock need {needed:g}"
+    if np.radians(needed) > limits.largest + ANGLE_ROUNDING:
+        leans, sides = told_apart(max(reached, 0.0), needed)
+        what = f"leans by {leans} deg all round at most, the sides of the stock need {sides}"
         remedy = "take another machine (--machine)" + (
             ", or a larger path.max_tilt_deg" if job.path.strategy == "morph" else ""
         )
@@ -73,14 +73,6 @@ def check_reach(job: Job, machine: Machine) -> None:
 
     for tilt in LOOPS[(limits.largest >= LOOPS) & (limits.smallest <= LOOPS)]:
         _check_way_round(machine, tilt, named)
-
-
-def _check_sides(axes: Float[ndarray, "k 3"], tilt_deg: float, who: str) -> None:
-    """MachineError where some side of a stock is farther than `tilt_deg` (degrees) from all of these tool axes."""
-    off = float(np.degrees(farthest_side(axes)))
-    if off > tilt_deg:
-        remedy = "give wider limits, correct part_z, or take another machine (--machine)"
-        raise MachineError(f"{who}the tool axis leans to some sides only: {remedy}", off=off)
 
 
 def _check_way_round(machine: Machine, tilt: float, named: str) -> None:
@@ -130,7 +122,8 @@ def check_room(stock: Stock, job: Job, machine: Machine) -> None:
     room = np.abs(machine.in_machine(np.diag([stock.diameter, stock.diameter, height]))).max(axis=0)
     for axis, needed in zip(machine.linear, room.tolist(), strict=True):
         if needed > axis.travel:
-            bound = f"{needed:.0f} mm are needed along {axis.letter}, its travel is {axis.travel:.0f} mm"
+            asked, has = told_apart(needed, axis.travel)
+            bound = f"{asked} mm are needed along {axis.letter}, its travel is {has} mm"
             remedy = "take a larger machine (--machine), or a smaller stock, a shorter post or tool"
             evidence = {"axis": axis.letter, "needed": needed, "travel": axis.travel}
             raise MachineError(f"{machine.name}: {bound}: {remedy}", **evidence)

@@ -107,10 +107,9 @@ class LayersToCut:
         the depth, as of the `estimate`."""
         schedule = schedule_of(job.levels)
         cuts = schedule.lower_bound(self.farthest)
-        tools = {name: job.tool(name) for name in ("roughing", "finishing")}
         evenly = 0.0
         for level in range(cuts):
-            tool = tools["finishing" if job.is_finishing(level) else "roughing"]
+            tool = job.tool("finishing" if job.is_finishing(level) else "roughing", level)
             area = self.part + (self.stock - self.part) * schedule.reach(level) / self.farthest
             evenly += area / float(side_step(tool.radius, job.scallop(level), np.zeros(1))[0]) / tool.feed
         return TIME_FACTOR * evenly + MINUTES_A_LEVEL * cuts

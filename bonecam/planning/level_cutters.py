@@ -12,9 +12,10 @@ from bonecam.tool.cutter import Cutter
 
 
 def cutter_of(level: int, job: Job, bodies: MachineBodies) -> Cutter:
-    """The cutter of a level, with the scallop that it may leave there."""
+    """The cutter of a level, with the scallop that it may leave there and the feed of that cut."""
     number, name = (2, "finishing") if job.is_finishing(level) else (1, "roughing")
-    return replace(Cutter.from_job(number, name, job.tool(name), bodies.nose), scallop=job.scallop(level))
+    cutter = Cutter.from_job(number, name, job.tool(name, level), bodies.nose)
+    return replace(cutter, scallop=job.scallop(level))
 
 
 def depth_limits(levels: Sequence[Level], level: int, cutters: Mapping[int, Cutter], job: Job) -> DepthLimits:

@@ -202,7 +202,7 @@ def nc_report(program: Program, proof: Verification) -> dict[str, Any]:
         "rewinds": program.rewinds,
         "rewinds_lifted": program.lifts,
         "rotary_max_deg_per_block": _mm(program.rotary_max_deg_per_block),
-        "time_min": round(program.time_min, 2),
+        **program.time.report,
         "feed_median_mm_min": round(program.feeds.median, 1),
         "feed_low_mm_min": round(program.feeds.low, 1),
         "feed_axis_limited_share": round(program.feeds.limited, 4),

@@ -58,7 +58,8 @@ def second_text(second: Mapping[str, Any]) -> str:
 
 def _second_lines(second: Mapping[str, Any]) -> Iterator[str]:
     """The program of the second clamping, and what it leaves where the post stood."""
-    yield f"second    {second['file'] or 'not written'}: {second['blocks']} blocks, about {second['time_min']:.1f} min"
+    yield f"second    {second['file'] or 'not written'}: {second['blocks']} blocks"
+    yield from (f"          {text}" for text in second["time_texts"])
     spaces = second["removal"]["clearance_mm"]
     clear = ", ".join(f"{part} {_clearance_text(value)}" for part, value in spaces.items())
     yield f"          gouge {1000 * second['gouge_max_mm']:.2f} um, rapids cut nothing; {clear}"
@@ -142,8 +143,8 @@ def program_lines(report: Mapping[str, Any]) -> Iterator[str]:
         yield f"parting   {parting_text(report['parting'])}"
     mill = f"{nc['machine']} / {nc['controller']}"
     files = f" and {counted(nc['parts'], 'file')} that it calls" if nc["parts"] else ""
-    blocks = f"{nc['blocks']} blocks for {mill}, about {nc['time_min']:.0f} min"
-    yield f"nc        {nc['file'] or 'not written'}{files}: {blocks}"
+    yield f"nc        {nc['file'] or 'not written'}{files}: {nc['blocks']} blocks for {mill}"
+    yield from (f"          {text}" for text in nc["time_texts"])
     yield from rewind_lines(nc)
     median, low = nc["feed_median_mm_min"], nc["feed_low_mm_min"]
     share = f"an axis limits {nc['feed_axis_limited_share']:.0%} of the cutting blocks"

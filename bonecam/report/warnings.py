@@ -14,6 +14,7 @@ from bonecam.errors import LimitError, knowing
 from bonecam.job import Job
 from bonecam.machine.machine import Machine, read_machine
 from bonecam.report.mechanics_lines import neck_remedy_text, neck_text
+from bonecam.text.numbers import told_apart
 
 log = logging.getLogger("bonecam")
 Sections = Mapping[str, Any]
@@ -96,8 +97,15 @@ def simulated_text(report: Sections, bending: str) -> str:
     return "; ".join([bending, *(f"warning: {text}" for text in texts)])
 
 
-def hole_warnings(width: float, job: Job) -> Iterator[Warned]:
-    """A hole of the mesh of this width (mm) that was closed."""
+def repair_warnings(width: float, guessed: float, job: Job, changes: Iterable[str] = ()) -> Iterator[Warned]:
+    """A hole of the mesh of this width (mm) that was closed, and a share of its surface that was `guessed`, by these
+    changes."""
+    if guessed > job.warnings.guessed:
+        share, most = told_apart(100 * guessed, 100 * job.warnings.guessed)
+        text = f"{share} % of the surface is no given one (more than {most} %): {'; '.join(changes)}"
+        remedy = "export the mesh again, whole and closed, or mend it in a mesh editor"
+        limits = job.warnings.guessed, job.warnings.guessed_refused
+        yield Warned("guessed", text, guessed, *limits, remedy=remedy)
     if width > job.warnings.hole:
         text = f"a hole of the mesh {width:.2f} mm wide was closed flat, the part's shape there is a guess"
         remedy = "close it by the shape of the bone in a mesh editor, or give warnings.hole and hole_refused"
@@ -129,8 +137,10 @@ def spindle_warnings(job: Job, machine: Machine) -> Iterator[Warned]:
 
 
 def _hole(report: Sections, job: Job) -> Iterator[Warned]:
-    """The widest hole of the mesh."""
-    yield from hole_warnings(report.get("input", {}).get("hole_max_mm", 0.0), job)
+    """What was closed of the mesh, dropped or made anew."""
+    given = report.get("input", {})
+    changes = [step["change"] for step in given.get("repair_steps", ()) if step["guessed_mm2"]]
+    yield from repair_warnings(given.get("hole_max_mm", 0.0), given.get("guessed_share", 0.0), job, changes)
 
 
 def _left(report: Sections, job: Job) -> Iterator[Warned]:

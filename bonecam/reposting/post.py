@@ -13,12 +13,14 @@ from bonecam.mesh import read_in_mm
 from bonecam.mesh.distance import MeshDistance
 from bonecam.nc.job_dialect import job_dialect
 from bonecam.nc.parts.files import write_program_files
+from bonecam.nc.parts.grouping import is_split
 from bonecam.nc.parts.marks import part_count
 from bonecam.nc.posting.header.header import record_simulation
 from bonecam.nc.program import Program, program_name
 from bonecam.post_and_prove import ProvedProgram, post_and_prove
 from bonecam.progress import Progress, part, silent
 from bonecam.report.files.kept_bodies import kept_job, kept_surface
+from bonecam.report.files.output_files import Outputs
 from bonecam.reposting.reached import check_axes
 from bonecam.reposting.read_paths import read_paths, slowed_cuts
 from bonecam.simulation import simulate, simulation_report, simulation_text
@@ -48,9 +50,10 @@ class Posted:
         """What was made and proved, in lines for a person."""
         one = self.program
         paths = self.proved.paths
-        program = f"{one.blocks} blocks for {one.machine} / {one.controller}, about {one.time_min:.0f} min"
+        program = f"{one.blocks} blocks for {one.machine} / {one.controller}"
         parts = part_count(one.text)
         program += f", with {counted(parts, 'file')} that it calls" if parts else ""
+        program += "".join(f"\n          {text}" for text in one.time.texts)
         feeds = f"\nfeed      {counted(self.slowed, 'cut')} slowed to what the cutters take on this machine"
         removal = "removal   not simulated: give the folder of a run (--keep)"
         if self.removal is not None:
@@ -65,13 +68,14 @@ def post(
     job: Job | None = None,
     *,
     program: str | Path | None = None,
-    origin: tuple[str | Path, str | Path] | None = None,
+    origin: tuple[str | Path, str | Path | None] | None = None,
     keep: str | Path | None = None,
     progress: Progress = silent,
 ) -> Posted:
-    """The verified program of the `paths`: a file of APT statements, or, where the `origin` (machine and controller) is
-    given, a program for these. It must not gouge `part_file`, a solid in the paths' frame: a mesh, a kept surface
-    (.tspline), or the folder of a run, whose surface stands for its level_00.ply too; without it that of `keep`.
+    """The verified program of the `paths`: a file of APT statements, or, where the `origin` is given, a program
+    for these: machine, and controller or None, which is the machine's usual one. It must not gouge `part_file`, a solid
+    in the paths' frame: a mesh, a kept surface (.tspline), or the folder of a run, whose surface stands for its
+    level_00.ply too; without it that of `keep`.
 
     Machine, controller, feeds of rapids, and the cutters (found by their balls) are those of the `job`, that of the
     folder `keep` if none is given; a cut that is faster than its cutter may be there is slowed. With the folder `keep`
@@ -81,11 +85,12 @@ def post(
     """
     job = job or kept_job(keep)
     design = _design_file(part_file, keep)
-    check_files([program] if program is not None else [], [paths, design])
+    check_files([program] if program is not None else [], [design])
     machine, dialect = read_machine(job.nc.machine), job_dialect(job.nc)
+    Outputs(program, split=is_split(job.nc)).check(paths, dialect)
     planned, slowed = slowed_cuts(read_paths(Path(paths), origin, job, machine), job)
     check_axes(planned, machine)
-    name = program_name(program or paths)
+    name = program_name(program or paths, dialect)
     note = [f"paths: {Path(paths).name}"]
     share = part(progress, 0.0, 0.5)
     proved = post_and_prove(

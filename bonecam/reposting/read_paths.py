@@ -14,9 +14,10 @@ from numpy import ndarray
 
 from bonecam.errors import ProgramError
 from bonecam.files import required_text
-from bonecam.job import Job
+from bonecam.job import Job, NcJob
 from bonecam.machine.machine import Machine, read_machine
-from bonecam.nc.dialect import read_dialect
+from bonecam.nc.dialect import Dialect
+from bonecam.nc.job_dialect import job_dialect
 from bonecam.nc.parts.joined import joined
 from bonecam.nc.posting.feeds.drivable_feeds import fastest_cut
 from bonecam.nc.reading.read import read_program
@@ -30,7 +31,7 @@ SAME_BALL = 1e-3
 
 
 def read_paths(
-    file: Path, origin: tuple[str | Path, str | Path] | None, job: Job, machine: Machine
+    file: Path, origin: tuple[str | Path, str | Path | None] | None, job: Job, machine: Machine
 ) -> list[ToolPath]:
     """The tool paths of a file: of APT statements, or of a program for the machine and controller of `origin`.
     ProgramError where it cannot be read, has no moves, or uses a cutter that the job does not have."""
@@ -38,8 +39,9 @@ def read_paths(
         if origin is None:
             paths = list(_of_apt(required_text(file, "cutter location data"), job, machine))
         else:
-            text = joined(file, read_dialect(origin[1])).text
-            paths = list(_of_program(text, origin, job, machine))
+            dialect = job_dialect(NcJob(machine=str(origin[0]), controller=str(origin[1] or "")))
+            text = joined(file, dialect).text
+            paths = list(_of_program(text, read_machine(origin[0]), dialect, job, machine))
     except ProgramError as error:
         raise ProgramError(f"{file}: {error}", **error.evidence) from error
     if not paths:
@@ -63,7 +65,7 @@ def _of_apt(text: str, job: Job, machine: Machine) -> Iterator[ToolPath]:
     """The paths of APT statements; those without a level are numbered down to 0."""
     paths = read_apt(text).paths
     for left, path in zip(range(len(paths))[::-1], paths, strict=True):
-        cutter = _cutter(path.tool, _ball(path), job, machine)
+        cutter = _cutter(path.tool, _ball(path), path.level, job, machine)
         links = _links(path, cutter, job)
         kinds = np.select([path.rapid, links], [int(MoveKind.RAPID), int(MoveKind.LINK)], int(MoveKind.CUT))
         level = left if path.level is None else path.level
@@ -88,11 +90,10 @@ def _ball(path: ClPath) -> float:
 
 
 def _of_program(
-    text: str, origin: tuple[str | Path, str | Path], job: Job, machine: Machine
+    text: str, origin: Machine, dialect: Dialect, job: Job, machine: Machine
 ) -> Iterator[ToolPath]:
     """The paths of a program for another machine and control, one a level and tool; feeds are those of its tip."""
-    dialect = read_dialect(origin[1])
-    motions = read_program(text, read_machine(origin[0]), dialect)
+    motions = read_program(text, origin, dialect)
     way = np.linalg.norm(np.diff(motions.tips, axis=0, prepend=motions.tips[:1]), axis=1)
     feeds = np.where(motions.inverse_time, motions.feed_rates * way, motions.feed_rates)
     feeds = np.where(feeds > 0, feeds, job.nc.link_feed)
@@ -102,7 +103,7 @@ def _of_program(
         if motions.described[group.tool].corner is not None:
             what = f"tool {group.tool} is no ball: give paths of ball-end cutters"
             raise ProgramError(what, tool=group.tool)
-        cutter = _cutter(group.tool, motions.controls[group.tool].radius, job, machine)
+        cutter = _cutter(group.tool, motions.controls[group.tool].radius, group.level, job, machine)
         kinds = np.select(
             [motions.rapid[rows] | ~motions.known_start[rows], motions.links[rows]],
             [int(MoveKind.RAPID), int(MoveKind.LINK)],
@@ -113,10 +114,11 @@ def _of_program(
         yield _tool_path(level, cutter, kinds=kinds, poses=poses, feeds=feeds[rows], job=job, rest=group.rest)
 
 
-def _cutter(number: int, radius: float, job: Job, machine: Machine) -> Cutter:
-    """The cutter of a job with a ball of this radius (mm), under its number there; `number` is that of the paths."""
+def _cutter(number: int, radius: float, level: int | None, job: Job, machine: Machine) -> Cutter:
+    """The cutter of a job with a ball of this radius (mm), under its number there, with its feed on a level if that is
+    known; `number` is that of the paths."""
     for own, name in enumerate(job.cutter_names, 1):
-        tool = job.tool(name)
+        tool = job.tool(name, level if job.path.strategy == "morph" else None)
         if abs(tool.radius - radius) <= SAME_BALL:
             return Cutter.from_job(own, name, tool, machine.nose)
     known = ", ".join(f"{name} {getattr(job, name).radius:g}" for name in job.cutter_names)

@@ -1,4 +1,5 @@
-"""Which files of a folder an earlier run wrote: the list `.bonecam-files` in it, as `sha256sum` writes them.
+"""Digests of files, and which files of a folder an earlier run wrote: the list `.bonecam-files` in it, as `sha256sum`
+writes them.
 
 A later run may remove what stands there only with the content that it was written with. A file that a person
 put there, or has changed since, is theirs.
@@ -8,8 +9,11 @@ import hashlib
 import os
 import re
 from collections.abc import Collection, Iterable
+from functools import cache
 from pathlib import Path
 
+PACKAGE = Path(__file__).parents[1]
+"""The folder of the package."""
 OWN_FILES = ".bonecam-files"
 """Name of the list."""
 ESCAPES = {"\\": "\\\\", "\n": "\\n", "\r": "\\r"}
@@ -37,6 +41,18 @@ def is_own(folder: Path, name: str) -> bool:
     """Whether an earlier run wrote this file of the folder, and it is as it was then."""
     content = _listed(folder).get(name)
     return content is not None and _is_unchanged(folder / name, content)
+
+
+@cache
+def folder_digest(folder: Path) -> str:
+    """The SHA-256 of all files in and below a folder of a package, in the order of their names; what Python compiled of
+    them does not count."""
+    whole = hashlib.sha256()
+    for place, folders, files in os.walk(folder):
+        folders[:] = sorted({*folders} - {"__pycache__"})
+        for file in sorted(Path(place, name) for name in files):
+            whole.update(f"{file.relative_to(folder)}\0{digest(file)}".encode())
+    return whole.hexdigest()
 
 
 def digest(file: Path) -> str:

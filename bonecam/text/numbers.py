@@ -1,9 +1,11 @@
-"""Numbers in text files, as other programs write them."""
+"""Numbers in text files, as other programs write them, and in messages."""
 
 from bonecam.text.faults import shortened
 
 MOST_DIGITS = 4000
 """Python reads whole numbers of 4300 digits at most: the time that takes grows with their square."""
+MOST_DECIMALS = 17
+"""Decimals with which different numbers of about 1 differ."""
 
 
 def number(word: str) -> float:
@@ -24,3 +26,10 @@ def whole_number(word: str) -> int:
     if word.removeprefix("-").removeprefix("+").isdigit() and len(word) <= MOST_DIGITS:
         return int(word)
     raise ValueError(f"{shortened(word, 40)!r} is no whole number")
+
+
+def told_apart(value: float, bound: float, decimals: int = 0) -> tuple[str, str]:
+    """Both numbers with so many decimals, or as many more as it takes to show that they differ."""
+    while decimals < MOST_DECIMALS and value != bound and f"{value:.{decimals}f}" == f"{bound:.{decimals}f}":
+        decimals += 1
+    return f"{value:.{decimals}f}", f"{bound:.{decimals}f}"

@@ -30,6 +30,8 @@ class Pattern:
         return set(self._compiled.groupindex)
 
     def match(self, text: str) -> dict[str, str] | None:
-        """The texts of the named groups where the whole text matches; a group that is not in it has none."""
-        match = self._compiled.fullmatch(text)
+        """The texts of the named groups where the whole text matches; a group that is not in it has none.
+
+        Bytes of a file's name that are not in UTF-8 count as question marks."""
+        match = self._compiled.fullmatch(text.encode(errors="replace").decode())
         return {name: part or "" for name, part in match.groupdict().items()} if match else None

@@ -5,6 +5,7 @@ import csv
 import json
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -13,6 +14,7 @@ from collections.abc import Callable
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import nullcontext
 from functools import partial
+from importlib.resources import files as resources
 from pathlib import Path
 from typing import Any
 
@@ -248,8 +250,14 @@ def test_two_batches_that_write_into_one_folder_keep_each_other_s_rows(tmp_path:
 def test_a_name_that_is_not_in_utf_8_stands_in_the_table_by_its_bytes(tmp_path: Path) -> None:
     file = tmp_path / os.fsdecode(b"bone\xe9.stl")
     file.write_text("good")
+    parts = [*meshes(tmp_path, a="good"), file]
+    with pytest.raises(
+        FileError, match=r"heidenhain loads names of .*: name it bone\.h, by the name of the part"
+    ):
+        convert_many(parts, tmp_path / "out", work=WORK)
+    job = Job().with_values(nc={"machine": "linuxcnc-xyzbc"})  # its control takes all names
     for _ in range(2):
-        convert_many([*meshes(tmp_path, a="good"), file], tmp_path / "out", work=WORK)
+        convert_many(parts, tmp_path / "out", job, work=WORK)
         assert (tmp_path / "out" / "batch.csv").read_bytes().count(b"bone\xe9.stl,,done") == 1
 
 
@@ -283,6 +291,38 @@ def test_editing_a_file_that_a_job_names_makes_its_parts_run_again(kind: str, tm
 
     assert [state(), state()] == ["done", "kept"]
     file.write_bytes(file.read_bytes() + b"\n")
+    assert [state(), state()] == ["done", "kept"]
+
+
+RESUME = """
+import sys
+from batch_orders import WORK
+from bonecam.batch import convert_many
+if __name__ == "__main__":
+    print(*(outcome.state for outcome in convert_many(sys.argv[2:], sys.argv[1], resume=True, work=WORK)))
+"""
+
+
+@pytest.mark.parametrize("changed", ["bonecam/levels/job_levels.py", "bonecam_plugins/levels.py"])
+def test_a_part_is_done_again_when_a_file_of_the_package_has_changed(changed: str, tmp_path: Path) -> None:
+    sources = {
+        "bonecam": Path(bonecam.__file__).parent,
+        "bonecam_plugins": Path(str(resources("bonecam_plugins"))),
+    }
+    for name, source in sources.items():
+        shutil.copytree(source, tmp_path / name, ignore=shutil.ignore_patterns("__pycache__"))
+    files = meshes(tmp_path, a="good")
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), *sys.path])}
+
+    def state() -> str:
+        command = [sys.executable, "-c", RESUME, tmp_path / "out", *files]
+        return subprocess.check_output(
+            command, env=environment, cwd=tmp_path, text=True, timeout=MAX_WAIT
+        ).strip()
+
+    assert [state(), state()] == ["done", "kept"]
+    with open(tmp_path / changed, "a", encoding="utf-8") as module:
+        module.write("# another\n")
     assert [state(), state()] == ["done", "kept"]
 
 
@@ -364,7 +404,7 @@ def test_a_part_that_an_executor_gives_up_is_told(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("changed", "said"),
     [
-        ({"version": "9"}, "this run is of 9: install the same on both"),
+        ({"version": "9"}, "than this run (their files differ): install the same on both"),
         (
             {"folder": Path("/none")},
             "/none: a worker does not see this folder: give one that all computers share",

@@ -5,9 +5,8 @@
 FOLDER is what `--keep` of a run wrote; its surface, or PART, must not be gouged. Columns: moving blocks; minutes with
 the accelerations that the machine file knows; error of tip and gouge as read back; the largest speed that a feed block
 asks of an axis, as a share of what it can; the share of the cutting time that is lost to the axes, beyond the length
-over the feed that the cutter asks for: by their speeds / with their accelerations too, where the file has them (that of
-the mikron-ucp600 has none); cutting blocks, and those driven at less than half of that feed, which the summary tells. A
-machine that refuses the paths tells why.
+over the feed that the cutter asks for: by their speeds / with their accelerations too; cutting blocks, and those driven
+at less than half of that feed, which the summary tells. A machine that refuses the paths tells why.
 """
 
 import sys
@@ -20,7 +19,6 @@ from bonecam.job import read_job
 from bonecam.machine.kinematics import inverse_linear
 from bonecam.machine.machine import read_machine
 from bonecam.nc.job_dialect import job_dialect
-from bonecam.nc.posting.feeds.motion_time import accelerated_minutes
 from bonecam.nc.posting.path_words import post_path
 from bonecam.nc.reading.motions import Motions
 from bonecam.nc.reading.read import read_program
@@ -90,7 +88,7 @@ def times(made: Posted) -> tuple[float, float, float, int]:
     for path in made.proved.paths:
         posted = post_path(path, machine, dialect, made.job, around, before=before)
         before = posted.moves.angles[-1]
-        minutes = accelerated_minutes(posted)
+        minutes = posted.driven_minutes
         cuts = posted.moves.kinds == MoveKind.CUT
         whole += minutes.sum()
         asked += posted.lengths[cuts].sum() / path.cutter.feed

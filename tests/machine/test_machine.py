@@ -9,7 +9,7 @@ import pytest
 from bonecam.errors import MachineError
 from bonecam.machine.bodies import Table
 from bonecam.machine.frustum import Frustum
-from bonecam.machine.machine import MACHINES, machine_names, read_machine
+from bonecam.machine.machine import MACHINES, ChangeSeconds, machine_names, read_machine
 
 
 def test_the_mikron_is_the_one_whose_post_could_be_read(axis):
@@ -261,3 +261,22 @@ def test_a_jerk_is_read_per_minute_and_needs_an_acceleration(
     ):
         with pytest.raises(MachineError, match=re.escape(told)):
             read_machine(write_machine(tmp_path, jerked.replace(gone, "", 1)))
+
+
+@pytest.mark.parametrize("name", machine_names())
+def test_every_machine_that_ships_has_what_times_need_and_says_what_is_assumed(name: str) -> None:
+    machine = read_machine(name)
+    assert machine.knows_accelerations
+    assert machine.seconds is not None
+    assert bool(machine.time_assumed) is not name.startswith("linuxcnc")
+
+
+def test_seconds_are_whole_or_refused(tmp_path: Path, write_machine: Callable[..., Path]) -> None:
+    text = (MACHINES / "mikron-ucp600.toml").read_text()
+    assert read_machine(write_machine(tmp_path, text)).seconds == ChangeSeconds(6.0, 2.0, 2.0)
+    for right, wrong, told in (
+        ("tool_change = 6.0\n", "", "seconds.tool_change: missing: add it"),
+        ("retract = 2.0", "retract = -1.0", "seconds.retract: -1.0: give 0 or more"),
+    ):
+        with pytest.raises(MachineError, match=re.escape(told)):
+            read_machine(write_machine(tmp_path, text.replace(right, wrong)))

@@ -10,6 +10,7 @@ from bonecam.levels.measure.certificates.certificate import Certificate
 from bonecam.levels.measure.cut_measures import NO_CUT
 from bonecam.levels.measure.level import RoundedLevel, StockLevel
 from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.nc.program import ProgramTime
 from bonecam.report.stage_reports import levels_report, toolpath_report, uncut_areas
 from bonecam.report.summary import certified_text, summary_of, uncut_lines
 from bonecam.setup.capsule import Capsule
@@ -120,19 +121,20 @@ def test_the_summary_tells_each_repair() -> None:
                 "blocked_by": {},
             }
         ],
-        "nc": dict.fromkeys(
-            ("blocks", "time_min", "readback_tip_error_mm", "readback_axis_error_deg", "gouge_max_mm"), 1
-        )
+        "nc": dict.fromkeys(("blocks", "readback_tip_error_mm", "readback_axis_error_deg", "gouge_max_mm"), 1)
         | {"rewinds": 3, "rewinds_lifted": 1, "gouge_to_given_max_mm": 0.0567}
         | {"feed_median_mm_min": 500.0, "feed_low_mm_min": 250.0, "feed_axis_limited_share": 0.95}
         | {"feed_under_half_blocks": 2, "parts": 3}
+        | ProgramTime(1.0, (1.2,), 1.2, 2.0, by_hand=1, assumed=("speeds",)).report
         | {"file": "half.h", "machine": "mill", "controller": "heidenhain"},
         "seconds": {"mesh": 1.0},
         "warnings": [],
     }
     told = summary_of(report).splitlines()
     assert "entries   7 of 9 cuts begin tangentially, on arcs; 2 straight" in told
-    assert "nc        half.h and 3 files that it calls: 1 blocks for mill / heidenhain, about 1 min" in told
+    assert "nc        half.h and 3 files that it calls: 1 blocks for mill / heidenhain" in told
+    assert "          about 1.0 min at the feed, 1.2 as the axes move, 2.0 with changes but 1 by hand" in told
+    assert "          assumed: speeds" in told
     assert "feed      median 500, a tenth below 250 mm/min; an axis limits 95% of the cutting blocks" in told
     assert "          2 cutting blocks under half of the cutter's feed: axes or plunges" in told
     assert "          0.057 mm into the mesh as given at most" in told

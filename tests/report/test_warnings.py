@@ -19,7 +19,7 @@ from bonecam.report.mechanics_lines import post_lines
 from bonecam.report.warnings import (
     check_warnings,
     header_texts,
-    hole_warnings,
+    repair_warnings,
     spindle_warnings,
     warnings_of,
     with_warnings,
@@ -47,6 +47,7 @@ CASES: dict[str, dict[str, Any]] = {
     "holding": {"post": GIVES_WAY},
     "left": {"removal": {"left": LEFT, "levels": []}},
     "hole": {"input": {"hole_max_mm": 7.3}},
+    "guessed": {"input": {"guessed_share": 0.31}},
     "fit": {"surface": {"tolerance_reached": False, "deviation_max_mm": 0.6, "tolerance_mm": 0.08}},
     "slender": {"post": {"diameter_mm": 2.0, "length_mm": 200.0}},
 }
@@ -68,7 +69,10 @@ def test_each_figure_is_told_with_a_remedy_and_refused_beyond_its_second_limit(c
 
 def test_what_lies_below_the_first_limit_is_not_told() -> None:
     few = {**LEFT, "areas_over_mm2": {"0.02": 7.0}}
-    report = {"removal": {"left": few, "levels": [{"over_limit_mm": 0.04}]}, "input": {"hole_max_mm": 0.9}}
+    report = {
+        "removal": {"left": few, "levels": [{"over_limit_mm": 0.04}]},
+        "input": {"hole_max_mm": 0.9, "guessed_share": 0.019},
+    }
     assert warnings_of(report, JOB) == []
 
 
@@ -150,7 +154,7 @@ def test_a_wide_face_that_is_missing_alone_is_put_back_without_a_warning() -> No
         mesh, repairs = repair(keep_faces(whole, ~np.isin(np.arange(len(whole.faces)), removed)))
         width = max(change.hole for change in repairs)
         assert mesh.volume == pytest.approx(whole.volume, rel=0.05)
-        assert bool(list(hole_warnings(width, bonecam.Job()))) is told
+        assert bool(list(repair_warnings(width, 0.0, bonecam.Job()))) is told
 
 
 def test_warnings_stand_first_in_report_summary_page_and_sheet(

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from bonecam.runtime.own_files import OWN_FILES, digest, is_own, list_of_own, stale_files
+from bonecam.runtime.own_files import OWN_FILES, digest, folder_digest, is_own, list_of_own, stale_files
 
 
 @pytest.mark.parametrize(
@@ -45,3 +45,26 @@ def test_any_name_is_listed_as_sha256sum_does(name: str, tmp_path: Path) -> None
     subprocess.run(["sha256sum", "--check", OWN_FILES], cwd=tmp_path, check=True)
     assert is_own(tmp_path, name)
     assert list_of_own(tmp_path, tmp_path, [], []) == text
+
+
+def test_the_digest_of_a_folder_is_that_of_names_and_bytes_but_for_what_was_compiled(tmp_path: Path) -> None:
+    folder_digest.cache_clear()
+
+    def digest_of(**files: str) -> str:
+        folder = tmp_path / str(len(list(tmp_path.iterdir())))
+        for name, text in files.items():
+            file = folder / name.replace("_in_", "/")
+            file.parent.mkdir(parents=True, exist_ok=True)
+            file.write_text(text)
+        return folder_digest(folder)
+
+    same = digest_of(a="1", b_in_c="2")
+    assert digest_of(b_in_c="2", a="1") == same
+    assert digest_of(a="1", b_in_c="2", __pycache___in_a="3") == same
+    others = [
+        digest_of(a="1"),
+        digest_of(a="1", c="2"),
+        digest_of(a="12", b_in_c=""),
+        digest_of(a="2", b_in_c="1"),
+    ]
+    assert len({same, *others}) == 5

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from bonecam.text.numbers import number, whole_number
+from bonecam.text.numbers import number, told_apart, whole_number
 
 
 def test_what_other_programs_write_is_read() -> None:
@@ -23,3 +23,10 @@ def test_any_other_word_is_no_number(word: str) -> None:
 def test_any_other_word_is_no_whole_number(word: str) -> None:
     with pytest.raises(ValueError, match=r"^'.{0,40}' is no whole number$"):
         whole_number(word)
+
+
+def test_figures_of_a_refusal_have_the_digits_in_which_they_differ() -> None:
+    assert told_apart(90.0, 89.99999) == ("90.00000", "89.99999")
+    assert told_apart(300.4, 300.0) == ("300.4", "300.0")
+    assert told_apart(12.0, 3.0) == ("12", "3")
+    assert told_apart(0.5, 0.5, decimals=2) == ("0.50", "0.50")

@@ -1,10 +1,14 @@
-"""Ramps of speed whose acceleration is bounded, and its jerk where that is known; compiled.
+"""The speed along a polyline whose corners are rounded, and ramps whose jerk is bounded too; compiled.
+
+With b = v^2 the path acceleration is (db/ds) / 2. Where an axis has the rate q' along the path and changes it by q'' it
+accelerates by q' (db/ds) / 2 + q'' b, which bounds db/ds at each b. A line has no q''; a corner, rounded over h before
+and behind it by a parabola, has the change of the rate over 2 h (`planning/motion_time.py`).
 
 A ramp from speed v to v + D at acceleration a and jerk j begins and ends without acceleration (S-shaped). It takes
 
     T = 2 sqrt(D / j)   where D <= a^2 / j,   else   T = D / a + a / j,
 
-and, being point-symmetric, the way (v + D / 2) T. With an infinite jerk T = D / a. Units are those of the caller.
+and, being point-symmetric, the way (v + D / 2) T. Units are those of the caller.
 """
 
 import math
@@ -20,11 +24,7 @@ HALVINGS = 50
 
 @inner_njit()
 def _reached(speed: float, way: float, a: float, j: float) -> float:
-    """The speed at the end of a ramp of this way that begins with a `speed`; infinite where nothing bounds it."""
-    if math.isinf(a):
-        return math.inf
-    if math.isinf(j):
-        return math.sqrt(speed**2 + 2 * a * way)
+    """The speed at the end of a ramp of this way that begins with a `speed`."""
     # x^2 = D: x^3 + 2 v x = way sqrt(j), whose one real root is a hyperbolic sine
     p, q = 2 * speed, way * math.sqrt(j)
     if p**1.5 > 1e-9 * q:
@@ -41,8 +41,6 @@ def _reached(speed: float, way: float, a: float, j: float) -> float:
 @inner_njit()
 def _ramp_time(rise: float, a: float, j: float) -> float:
     """The time of a ramp by this change of the speed."""
-    if math.isinf(j):
-        return rise / a
     return 2 * math.sqrt(rise / j) if rise * j <= a**2 else rise / a + a / j
 
 
@@ -85,10 +83,7 @@ def _ramp_up(speeds: ndarray, times: ndarray, ways: ndarray, a: ndarray, j: ndar
         way += ways[k]
         least_a = min(least_a, a[k])
         least_j = min(least_j, j[k])
-        jerked = math.isfinite(least_j)
-        far = (
-            _reached(begin, way, least_a, least_j) if jerked else _reached(speeds[k], ways[k], a[k], math.inf)
-        )
+        far = _reached(begin, way, least_a, least_j)
         times[k] = math.nan
         if far >= speeds[k + 1]:
             begin = speeds[k + 1]
@@ -97,8 +92,7 @@ def _ramp_up(speeds: ndarray, times: ndarray, ways: ndarray, a: ndarray, j: ndar
             continue
         # a ramp takes its way at the mean of its ends
         until = 2 * way / (begin + far)
-        if jerked:
-            times[k] = until - since
+        times[k] = until - since
         speeds[k + 1], since = far, until
 
 
@@ -118,3 +112,64 @@ def ramped_times(highest: ndarray, ways: ndarray, a: ndarray, j: ndarray) -> nda
         if math.isnan(times[k]):
             times[k] = _move_time(speeds[k], speeds[k + 1], a[k], j[k], ways[k])
     return times
+
+
+@inner_njit()
+def _gain(rate: ndarray, bend: ndarray, b: float, most: ndarray) -> float:
+    """The most that half of db/ds can be, where axes with these bounds have these q' and q''."""
+    gain = math.inf
+    for k in range(len(most)):
+        if rate[k] != 0.0:
+            used = bend[k] * b if rate[k] > 0.0 else -bend[k] * b
+            gain = min(gain, (most[k] - used) / abs(rate[k]))
+    return max(gain, 0.0)
+
+
+@inner_njit()
+def _speed_up(
+    squares: ndarray, a: ndarray, lines: ndarray, half: ndarray, rates: ndarray, bends: ndarray, most: ndarray
+) -> None:
+    """Lower the squares of speeds at the ends of lines and corners until none speeds up faster, in two steps a
+    corner."""
+    for i in range(len(lines)):
+        b = squares[2 * i] + 2 * a[i] * lines[i]
+        squares[2 * i + 1] = min(squares[2 * i + 1], b)
+        if i + 1 < len(lines):
+            b = squares[2 * i + 1]
+            b += 2 * half[i] * _gain(rates[i], bends[i], b, most)
+            b = min(b, squares[2 * i + 2])
+            b += 2 * half[i] * _gain((rates[i] + rates[i + 1]) / 2, bends[i], b, most)
+            squares[2 * i + 2] = min(squares[2 * i + 2], b)
+
+
+@njit(cache=True)
+def rounded_times(
+    highest: ndarray, ways: ndarray, a: ndarray, half: ndarray, rates: ndarray, bends: ndarray, most: ndarray
+) -> tuple[ndarray, ndarray]:
+    """The times (m,) of successive moves of these `ways`, each with half of the corners at its ends, and the speeds
+    (m + 1,) at these, up to 1 and up to the `highest`, at the accelerations `a` (m,) along the moves. Corners are
+    rounded over `half` (m - 1,) on both sides, with q'' = `bends` (m - 1, d) there; `rates` (m, d) are the q' of moves,
+    `most` (d,) the accelerations of axes."""
+    m = len(ways)
+    squares = np.empty(2 * m)
+    lines = ways.copy()
+    for i in range(m):
+        squares[2 * i], squares[2 * i + 1] = highest[i] ** 2, highest[i + 1] ** 2
+        if i + 1 < m:
+            lines[i] -= half[i]
+            lines[i + 1] -= half[i]
+    _speed_up(squares, a, lines, half, rates, bends, most)
+    _speed_up(squares[::-1], a[::-1], lines[::-1], half[::-1], -rates[::-1], bends[::-1], most)
+    speeds, times = np.sqrt(squares), np.zeros(m)
+    for i in range(m):
+        start, end = speeds[2 * i], speeds[2 * i + 1]
+        if lines[i] > 0.0:
+            peak = min(math.sqrt((squares[2 * i] + squares[2 * i + 1]) / 2 + a[i] * lines[i]), 1.0)
+            peak = max(peak, start, end)
+            ramps = (2 * peak**2 - start**2 - end**2) / (2 * a[i])
+            times[i] += (2 * peak - start - end) / a[i] + max(lines[i] - ramps, 0.0) / peak
+        if i + 1 < m and half[i] > 0.0:
+            corner = 2 * half[i] / (end + speeds[2 * i + 2])
+            times[i] += corner
+            times[i + 1] += corner
+    return times, np.append(np.minimum(speeds[::2], np.append(0.0, speeds[1:-1:2])), 0.0)

@@ -6,7 +6,7 @@ it shrinks: coarse bones lose 2 to 16 % of their volume. So each control point i
 its vertex by, a relaxed first step of progressive interpolation (Cheng et al. 2009, "Loop subdivision surface based
 progressive interpolation", JCST 24). Further steps come nearer to the vertices, and swing and cut themselves between
 them. Where a surface leaves a vertex, the tip of a process say, farther than is allowed, only the control points of
-such vertices make them.
+such vertices make them. Where it cuts itself, as beside slivers of facets, the facets there are kept.
 """
 
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from math import inf
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from numpy import ndarray
 
 from bonecam.arrays import lengths
@@ -22,7 +22,6 @@ from bonecam.errors import MeshError, hundredths, place_name
 from bonecam.job import MeshJob
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.facets.coarseness import Coarseness, coarseness_of
-from bonecam.mesh.facets.untangle import untangled
 from bonecam.mesh.facets.voxel_steps import without_steps
 from bonecam.mesh.healing.decimation import MOST_FACES
 from bonecam.mesh.healing.repair_state import Repair
@@ -57,7 +56,8 @@ class Smoothing:
     """A smooth surface as a `mesh`, and the mesh of facets (`faceted`) that it was fitted to.
 
     Distances between the two, mm: the `largest`, at `place`, and the `mean` over the surface; `outward` and `inward`
-    are how far it was moved from the facets at most.
+    are how far it was moved from the facets at most. `kept` is the area of facets, mm^2, that it follows exactly since
+    a smooth one cuts itself there.
     """
 
     mesh: TriangleMesh
@@ -68,13 +68,15 @@ class Smoothing:
     largest: float
     mean: float
     place: Float[ndarray, "3"]
+    kept: float = 0.0
 
     @property
     def change(self) -> Repair:
         """The smoothing in a sentence."""
         what = f"fitted a smooth surface to facets that have {self.coarseness}"
         apart = f"{self.largest:.2f} mm from them at most near {place_name(self.place)}, {self.mean:.3f} mm on average"
-        return Repair(f"{what}: {apart}", self.outward, self.inward)
+        kept = f", {self.kept:.2g} mm2 of them kept where it would cut itself" if self.kept else ""
+        return Repair(f"{what}: {apart}{kept}", self.outward, self.inward)
 
     @property
     def header_text(self) -> str:
@@ -90,6 +92,7 @@ class Smoothing:
             "outward_mm": round(self.outward, 6),
             "inward_mm": round(self.inward, 6),
             "place": [round(value, 3) for value in self.place.tolist()],
+            "kept_mm2": round(self.kept, 6),
         }
 
 
@@ -111,7 +114,7 @@ def smooth_facets(
     """The smooth surface near the vertices of a closed mesh, mm, where the job asks for one and none where facets are
     kept: fine ones, those of a part with true edges, or all of them.
 
-    MeshError where it is farther from the facets than the job allows, or cuts itself.
+    MeshError where it is farther from the facets than the job allows.
     """
     if job.facets == "exact":
         return None
@@ -121,13 +124,12 @@ def smooth_facets(
     coarse = is_coarse(even, left, tolerance) or (job.facets == "smooth" and not rough)
     if not (rough or coarse):
         return None
-    halvings = _halvings(even, left, tolerance)
-    smooth = _measured(_loop(even, halvings) if coarse else even, mesh, coarseness, halvings)
+    halvings = _halvings(even, left, tolerance) if coarse else 0
+    smooth = _beside(_loop(even, halvings) if coarse else even, mesh, coarseness, halvings)
     if coarse and smooth.largest > job.smooth_within:
-        drawn = _measured(_loop(even, halvings, job.smooth_within), mesh, coarseness, halvings)
+        drawn = _beside(_loop(even, halvings, job.smooth_within), mesh, coarseness, halvings)
         smooth = drawn if drawn.largest <= job.smooth_within else smooth
     _require_near(smooth, job.smooth_within)
-    _require_simple(smooth)
     return smooth
 
 
@@ -142,20 +144,39 @@ def note_on_kept_facets(mesh: TriangleMesh, coarseness: Coarseness, job: MeshJob
 
 
 def _without_bumps(mesh: TriangleMesh, coarseness: Coarseness) -> TriangleMesh:
-    """The mesh without the steps of voxels, within half of their pitch where that is known, or without noise and the
-    tangles that it leaves."""
+    """The mesh without the steps of voxels, within half of their pitch where that is known, or without noise."""
     if coarseness.pitch is not None:
         return without_steps(mesh, coarseness.pitch).mesh
     meshset = to_meshset(mesh)
     meshset.apply_coord_taubin_smoothing(lambda_=SHRINK, mu=SWELL, stepsmoothnum=SMOOTHINGS)
-    return untangled(from_meshset(meshset))
+    return from_meshset(meshset)
 
 
-def _measured(
-    surface: TriangleMesh, faceted: TriangleMesh, coarseness: Coarseness, halvings: int
-) -> Smoothing:
-    """The distances between a surface and its facets, which are probed on their edges `halvings` times halved too."""
-    moves = surface_moves(_halved(faceted, halvings), surface)
+def _beside(smooth: TriangleMesh, faceted: TriangleMesh, coarseness: Coarseness, halvings: int) -> Smoothing:
+    """The smooth surface, whose faces are those of the facets with their edges `halvings` times halved, and its
+    distances from them; where it cuts itself the facets are kept, and those round them lead over to it.
+
+    MeshError where the facets themselves cut themselves.
+    """
+    facets = _halved(faceted.vertices, faceted.faces, halvings)
+    surface = smooth
+    kept = np.zeros((len(faceted.vertices), 3))
+    cut = self_intersections(surface)
+    while len(cut):
+        corners = faceted.faces[cut // 4**halvings]
+        if kept[corners].all():
+            place = surface.vertices[surface.faces[cut[0]]].mean(axis=0)
+            raise MeshError(
+                f"the facets cut themselves near {place_name(place)}: mend the mesh there",
+                place=place,
+                faces=cut,
+            )
+        kept[corners] = 1.0
+        share = _halved(kept, faceted.faces, halvings)
+        surface = TriangleMesh((1 - share) * smooth.vertices + share * facets, smooth.faces)
+        cut = self_intersections(surface)
+
+    moves = surface_moves(TriangleMesh(facets, smooth.faces), surface)
     middles = surface.vertices[surface.faces].mean(axis=1)
     away = MeshDistance(faceted).unsigned(middles)
     farthest = int(np.argmax(away))
@@ -165,6 +186,7 @@ def _measured(
     if away[farthest] > largest:
         largest = float(away[farthest])
         place = middles[farthest]
+    whole = kept[faceted.faces].all(axis=(1, 2))
     return Smoothing(
         surface,
         faceted,
@@ -174,6 +196,7 @@ def _measured(
         largest=largest,
         mean=mean,
         place=place,
+        kept=float(lengths(faceted.face_vectors[whole]).sum() / 2),
     )
 
 
@@ -204,12 +227,14 @@ def _loop(mesh: TriangleMesh, halvings: int, within: float = inf) -> TriangleMes
     return TriangleMesh(smooth, fine.astype(np.int32))
 
 
-def _halved(mesh: TriangleMesh, halvings: int) -> TriangleMesh:
-    """The facets of a mesh with their edges `halvings` times halved: its shape stays."""
+def _halved(
+    values: Float[ndarray, "n 3"], faces: Int[ndarray, "m 3"], halvings: int
+) -> Float[ndarray, "k 3"]:
+    """Values at the vertices of facets, as points or shares, at those of the facets with edges `halvings` times
+    halved, between which they are linear."""
     import igl
 
-    points, faces = igl.upsample(np.array(mesh.vertices), mesh.faces.astype(np.int64), halvings)
-    return TriangleMesh(points, faces.astype(np.int32))
+    return np.asarray(igl.upsample(np.array(values), faces.astype(np.int64), halvings)[0])
 
 
 def _require_near(smooth: Smoothing, within: float) -> None:
@@ -220,16 +245,4 @@ def _require_near(smooth: Smoothing, within: float) -> None:
             f"mesh.smooth_within to {hundredths(smooth.largest)}, give a finer mesh, or set mesh.facets to exact",
             place=smooth.place,
             error=smooth.largest,
-        )
-
-
-def _require_simple(smooth: Smoothing) -> None:
-    cut = self_intersections(smooth.mesh)
-    if len(cut):
-        place = smooth.mesh.vertices[smooth.mesh.faces[cut[0]]].mean(axis=0)
-        raise MeshError(
-            f"a smooth surface near the vertices of the facets ({smooth.coarseness}) cuts itself near "
-            f"{place_name(place)}: give a finer mesh there, or set mesh.facets to exact",
-            place=place,
-            faces=cut,
         )

@@ -42,6 +42,8 @@ CAD = (*STEP, *IGES, *ACIS, *DXF)
 """Endings of CAD files, which need the extra `cad`."""
 READABLE = (*MESHES, *SCENES, *CAD, *POINTS)
 """Endings of the files that `read_mesh` reads."""
+UTF_8 = b"\xef\xbb\xbf"
+"""Bytes that some programs begin a text with."""
 WRITABLE = (".ply", ".stl")
 """Endings of the files that `write_mesh` writes."""
 
@@ -89,7 +91,8 @@ def read_content(file: Path, data: bytes) -> MeshFile:
     """The vertices and triangles of a file of MESHES or SCENES as they stand in its bytes `data`; equal corners
     are not merged, there may be no triangles. FileError as `read_mesh`."""
     try:
-        content = {**PARSERS, **SCENES}[file.suffix.lower()](data)
+        with np.errstate(all="ignore"):  # of numbers that are none, which are told below
+            content = {**PARSERS, **SCENES}[file.suffix.lower()](data.removeprefix(UTF_8))
         largest = np.abs(content.vertices).max(initial=0.0)
         if not largest <= LARGEST_COORDINATE:
             raise ContentError(f"has a coordinate of {largest:.3g}", "export it again")
@@ -97,6 +100,8 @@ def read_content(file: Path, data: bytes) -> MeshFile:
         return MeshFile(mesh, content.unit, content.notes)
     except ContentError as error:
         raise FileError(f"{file}: {error}", file=str(file), **error.evidence) from error
+    except (OverflowError, MemoryError) as error:
+        raise file_error(file, "tells of numbers that are too large", "copy or export it again") from error
 
 
 def _read_other(file: Path) -> MeshFile:

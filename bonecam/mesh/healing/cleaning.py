@@ -90,7 +90,9 @@ def drop_fins(state: RepairState) -> RepairState:
     if not count:
         return state
     return state.keep(
-        ~fins, f"removed {counted(count, 'face')} that {'stick' if count > 1 else 'sticks'} out"
+        ~fins,
+        f"removed {counted(count, 'face')} that {'stick' if count > 1 else 'sticks'} out",
+        outside=True,
     )
 
 
@@ -113,7 +115,7 @@ def orient_outwards(state: RepairState) -> RepairState:
 def close_holes(state: RepairState) -> RepairState:
     """Holes closed; MeshError where one is wider than WIDEST_HOLE of the diagonal.
 
-    One of three edges gets back the only face that it can have: the state tells the width of no such hole.
+    One of three edges gets back the only face that it can have: the state tells neither width nor area of such a hole.
     """
     holes = holes_of(state.mesh)
     if not holes:
@@ -134,6 +136,9 @@ def close_holes(state: RepairState) -> RepairState:
     added = len(after.faces) - len(state.mesh.faces)
     which = f"{closed} of {counted(len(holes), 'hole')}" if closed < len(holes) else counted(closed, "hole")
     widest_text = f"{'the widest ' if len(holes) > 1 else ''}{widths[widest]:.2f} mm across"
-    message = f"closed {which} with {counted(added, 'face')}, {widest_text}"
+    near = f"near {place_name(state.mesh.vertices[holes[widest]].mean(0))}"
+    message = f"closed {which} with {counted(added, 'face')}, {widest_text} {near}"
     guessed = max((width for width, rim in zip(widths, holes) if len(rim) > 3), default=0.0)
-    return state.closed(after, message, guessed)
+    alone = np.array([rim for rim in holes if len(rim) == 3], dtype=np.int32).reshape(-1, 3)
+    area = after.area - state.mesh.area - TriangleMesh(state.mesh.vertices, alone).area
+    return state.closed(after, message, guessed, max(area, 0.0))

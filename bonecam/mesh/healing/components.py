@@ -64,7 +64,7 @@ def keep_part(state: RepairState) -> RepairState:
         pieces = (
             f"dropped {counted(int(loose.sum()), 'loose piece')} of at most {share:.2%} of the part's area"
         )
-        state = state.keep(~loose[component_of], f"{pieces}, {largest}near {place_name(place)}")
+        state = state.keep(~loose[component_of], f"{pieces}, {largest}near {place_name(place)}", outside=True)
     if inner.any():
         enclosed = np.where(inner, closed * np.abs(volumes), -1.0)
         shells = _inner_shells(mesh, component_of, enclosed, inside)

@@ -40,8 +40,12 @@ def resolve_junctions(state: RepairState) -> RepairState:
     after = keep_faces(TriangleMesh(mesh.vertices, faces), surface)
     if not surface.any() or (edges_of(after)[1] == 1).any() or _other_parts(mesh, cells, part):
         return state
-    kept = state.keep(surface, _left_out(mesh, cells, part, surface)) if not surface.all() else state
-    return kept.then(after, *([f"turned {counted(int(turned.sum()), 'face')} round"] if turned.any() else []))
+    if not surface.all():
+        outside = ~part[cells].all(axis=1)
+        state = state.keep(surface, _left_out(mesh, cells, part, surface), outside=outside)
+    return state.then(
+        after, *([f"turned {counted(int(turned.sum()), 'face')} round"] if turned.any() else [])
+    )
 
 
 def _other_parts(mesh: TriangleMesh, cells: Int[ndarray, "m 2"], part: Bool[ndarray, " c"]) -> bool:

@@ -117,6 +117,8 @@ WRAP_ALPHA = 0.01
 """Radius of the ball that shrinks round the part, as a share of the diagonal."""
 WRAP_OFFSET = 0.001
 """Distance from the part at which it stops, as a share of the diagonal."""
+OFF = 3.0
+"""So many times that distance from the old surface the new skin is a guess."""
 
 
 def unite(state: RepairState) -> RepairState:
@@ -148,4 +150,4 @@ def wrap(state: RepairState) -> RepairState:
     meshset = to_meshset(state.mesh)
     meshset.generate_alpha_wrap(alpha=pure(WRAP_ALPHA * size), offset=pure(WRAP_OFFSET * size))
     message = f"shrank a new skin round the part (ball {WRAP_ALPHA * size:.2f} mm, offset {WRAP_OFFSET * size:.3f} mm)"
-    return state.moved(from_meshset(meshset), message, state.mesh)
+    return state.moved(from_meshset(meshset), message, state.mesh, off=OFF * WRAP_OFFSET * size)

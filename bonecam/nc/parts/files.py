@@ -20,7 +20,10 @@ def program_files(program: Program, dialect: Dialect, place: str | Path) -> dict
     the parts beside it. FileError where one would replace a part of another program, or a part what is none."""
     place = Path(place)
     calls = dialect.calls
-    _check_no_part(place, program.name, dialect)
+    others = (_owners(place, dialect) or set()) - {program.name}
+    if others:
+        what = f"{place}: it is a part of {min(others)}"
+        raise FileError(f"{what}: give another name, or another folder", file=str(place))
     lines = unnumbered(program.text.removesuffix("\n").split("\n"), dialect)
     starts = [at for at, line in enumerate(lines) if mark_in(line, dialect)]
     if not starts or calls is None:
@@ -99,14 +102,6 @@ def _check_own(file: Path, caller: str, dialect: Dialect) -> None:
         what = f"{file}: it is there, and {content}, but has the name of a part of {caller}"
         remedy = "move it away, or give another nc.program_number, or another folder"
         raise FileError(f"{what}: {remedy}", file=str(file))
-
-
-def _check_no_part(file: Path, name: str, dialect: Dialect) -> None:
-    """FileError where the file of a program is a part of another one, which calls it."""
-    others = (_owners(file, dialect) or set()) - {name}
-    if others:
-        what = f"{file}: it is a part of {min(others)}"
-        raise FileError(f"{what}: give another name, or another folder", file=str(file))
 
 
 def _owners(file: Path, dialect: Dialect) -> set[str] | None:

@@ -33,7 +33,10 @@ def joined(program: Path, dialect: Dialect) -> Joined:
     lines = unnumbered(given, dialect)
     called = [calls.called_by(line) for line in lines] if calls else []
     if calls is None or not any(called):
-        _check_whole(program, lines, dialect)
+        mark = next(filter(None, (mark_in(line, dialect) for line in lines)), None)
+        if mark is not None and end_mark(dialect) not in lines:
+            what = f"{program}: it is part {mark.part} of {mark.parts} of {mark.caller}"
+            raise ProgramError(f"{what}: give the program that calls it", line=0)
         return Joined(text, tuple((program, at) for at in range(1, len(given) + 1)))
     _check_numbers(text, lines, program, dialect)
     whole = list[str]()
@@ -47,7 +50,11 @@ def joined(program: Path, dialect: Dialect) -> Joined:
         file = program.with_name(str(fields["file"]))
         first, inner = _inner(file, fields, calls, dialect)
         part += 1
-        _check_place(file, inner[0], part, sum(map(bool, called)), dialect)
+        mark, parts = mark_in(inner[0], dialect), sum(map(bool, called))
+        content = f"part {mark.part} of {mark.parts} of {mark.caller}" if mark else "none of its parts"
+        if mark is None or (mark.part, mark.parts) != (part, parts):
+            what = f"{file}: it is {content}, called as part {part} of {parts}"
+            raise ProgramError(f"{what}: write caller and parts again", line=0)
         whole += inner
         origins += [(file, first + offset) for offset in range(len(inner))]
     ended = whole[-1] == ""
@@ -70,23 +77,6 @@ def _inner(
         )
     _check_numbers(text, lines, file, dialect)
     return len(begin) + 1, inner
-
-
-def _check_whole(file: Path, lines: list[str], dialect: Dialect) -> None:
-    """ProgramError where the lines of a file are one part alone, without its caller."""
-    mark = next(filter(None, (mark_in(line, dialect) for line in lines)), None)
-    if mark is not None and end_mark(dialect) not in lines:
-        what = f"{file}: it is part {mark.part} of {mark.parts} of {mark.caller}"
-        raise ProgramError(f"{what}: give the program that calls it", line=0)
-
-
-def _check_place(file: Path, line: str, part: int, parts: int, dialect: Dialect) -> None:
-    """ProgramError where the file that begins with a `line` is not this part of so many."""
-    mark = mark_in(line, dialect)
-    content = f"part {mark.part} of {mark.parts} of {mark.caller}" if mark else "none of its parts"
-    if mark is None or (mark.part, mark.parts) != (part, parts):
-        what = f"{file}: it is {content}, called as part {part} of {parts}"
-        raise ProgramError(f"{what}: write caller and parts again", line=0)
 
 
 def _check_numbers(text: str, lines: list[str], file: Path, dialect: Dialect) -> None:

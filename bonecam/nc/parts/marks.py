@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.schema.numbering import has_number, numbered_pattern
-from bonecam.nc.words import plain_text
+from bonecam.nc.words import comment
 
 PARTS_END = "END OF THE PARTS"
 """The comment behind the last part."""
@@ -25,7 +25,7 @@ class PartMark(NamedTuple):
 def part_mark(mark: PartMark, told: str, dialect: Dialect) -> str:
     """The comment that begins a part, with what is `told` of it."""
     caller = mark.caller if "_" in dialect.comment_characters else mark.caller.replace("_", "-")
-    return _comment(f"PART {mark.part} OF {mark.parts} OF {caller} {told}", dialect)
+    return comment(f"PART {mark.part} OF {mark.parts} OF {caller} {told}", dialect)
 
 
 def part_count(text: str) -> int:
@@ -36,7 +36,7 @@ def part_count(text: str) -> int:
 
 def end_mark(dialect: Dialect) -> str:
     """The comment behind the last part."""
-    return _comment(PARTS_END, dialect)
+    return comment(PARTS_END, dialect)
 
 
 def mark_in(line: str, dialect: Dialect) -> PartMark | None:
@@ -57,7 +57,3 @@ def unnumbered(lines: Sequence[str], dialect: Dialect) -> list[str]:
         each[2] if each and has_number(each[2], numbering) else line
         for line, each in zip(lines, matches, strict=True)
     ]
-
-
-def _comment(text: str, dialect: Dialect) -> str:
-    return dialect.comment.format(text=plain_text(text, dialect.comment_characters))

@@ -8,7 +8,7 @@ from jaxtyping import Bool, Int
 from numpy import ndarray
 
 from bonecam.nc.dialect import Dialect
-from bonecam.nc.posting.header.header import comment
+from bonecam.nc.words import comment
 from bonecam.tool.path import MoveKind
 
 LIFTED = "LIFTED TO REWIND"

@@ -10,15 +10,15 @@ from numpy import ndarray
 from bonecam.arrays import dots, largest
 from bonecam.arrays import lengths as lengths_of
 from bonecam.errors import MachineError
-from bonecam.job import Job, PathJob
+from bonecam.job import Job
 from bonecam.machine.control import Control
 from bonecam.machine.kinematics import inverse_linear
 from bonecam.machine.machine import Machine
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.posting.rows.split import ProgramMoves, split_moves
-from bonecam.nc.posting.tolerances import contour_tolerance
+from bonecam.nc.posting.tolerances import contour_tolerance, rotary_tolerance_deg
+from bonecam.planning.motion_time import ControlRule, motion_minutes
 from bonecam.planning.passes.gouge_lifts import POSTING_SHARE, planned_tolerance
-from bonecam.tool.cutter import Cutter
 from bonecam.tool.path import MoveKind, ToolPath
 
 APPROACH_HEIGHT = 10.0
@@ -40,8 +40,8 @@ class Posted:
 
     `approaches` (r, 5) are the words from which each run is approached along the tool axis, above everything
     machined. `minutes` (n,) is the time of the move that arrives at each row; where a run begins, the time in
-    which the rotary axes get there. `axis_minutes` (n,) is what its slowest axis needs at least. `tolerance` is what
-    the control is told to keep to (mm).
+    which the rotary axes get there. `axis_minutes` (n,) is what its slowest axis needs at least. The control follows
+    the words by the `rule` of its dialect, within the tolerances that it is told.
     """
 
     path: ToolPath
@@ -55,7 +55,7 @@ class Posted:
     approaches: Float[ndarray, "r 5"]
     minutes: Float[ndarray, "n"]
     axis_minutes: Float[ndarray, "n"]
-    tolerance: float
+    rule: ControlRule
 
     @property
     def largest_rotation_deg(self) -> float:
@@ -63,11 +63,6 @@ class Posted:
         turns = np.abs(np.diff(self.words[:, 3:], axis=0, prepend=self.words[:1, 3:])).max(1)
         turns[[run[0] for run in self.runs]] = 0.0
         return float(turns[self.moves.kinds != MoveKind.RAPID].max(initial=0.0))
-
-    def lifted_in(self, run: tuple[int, int]) -> Int[ndarray, " k"]:
-        """The rows, from the first of a run on, that begin a way to the safe point and back to rewind rotary axes."""
-        rows = np.searchsorted(self.moves.rows, self.path.lifts[:, 0])
-        return rows[(rows >= run[0]) & (rows < run[1])] - run[0]
 
     @property
     def rewinds(self) -> int:
@@ -78,16 +73,26 @@ class Posted:
         return len(lifts) + int((~on_lift).sum())
 
     @cached_property
+    def driven_minutes(self) -> Float[ndarray, "n"]:
+        """Minutes of the move that arrives at each row, as the axes drive it: `minutes` where the machine's
+        accelerations are not known, and where a run starts, off the part. Rapids that the control drives as such are as
+        fast as the axes."""
+        fast = (self.moves.kinds == MoveKind.RAPID) & self.dialect.straight_rapids
+        known = self.control.machine.knows_accelerations
+        minutes = np.where(fast & known, self.axis_minutes, self.minutes)
+        for first, end in self.runs:
+            after = slice(first + 1, end)
+            minutes[after] = motion_minutes(
+                self.control.machine, self.joints[first:end], minutes[after], self.rule
+            )
+        return minutes
+
+    @cached_property
     def by_turn(self) -> Bool[ndarray, "n"]:
         """Rows of a program in inverse time whose blocks are timed by their turns: the tip hardly moves meanwhile."""
         timed = self.dialect.feed_mode != "per-minute"
         slow = self.lengths < SLOW * self.path.cutter.feed * self.axis_minutes
         return timed & (slow | (self.lengths <= self.dialect.numbers.length.step))
-
-
-def control_of(machine: Machine, dialect: Dialect, cutter: Cutter) -> Control:
-    """The control with a cutter in the spindle; the tool is as long as overhang and holder together."""
-    return Control(machine, dialect.tool_centre, cutter.envelope_radius, cutter.length, cutter.centre_height)
 
 
 def post_path(
@@ -103,11 +108,17 @@ def post_path(
     `around` are the tips of the whole program: approaches begin above them. `before` are the rotary joints
     (rad) at the end of the path before. MachineError names level, pass, axis, value and limit.
     """
-    control = control_of(machine, dialect, path.cutter)
+    cutter = path.cutter
+    # the tool is as long as overhang and holder together
+    control = Control(
+        machine, dialect.tool_centre, cutter.envelope_radius, cutter.length, cutter.centre_height
+    )
+    # half of the chord tolerance, but no more than gouges allow
+    tolerance = min(job.path.chord_tolerance / 2, POSTING_SHARE * planned_tolerance(job.path.gouge_tolerance))
     # a tilt below half the last decimal of its word is written as zero: the other angle is free there
     hold_cone = np.radians(dialect.numbers.angle.step) / 2
     try:
-        moves = split_moves(path, control, _path_tolerance(job.path), hold_cone, before)
+        moves = split_moves(path, control, tolerance, hold_cone, before)
     except MachineError as error:
         row = min(error.evidence.get("row", 0), len(path.tips) - 1)
         raise MachineError(
@@ -131,7 +142,17 @@ def post_path(
     approaches = round_words(dialect, control, above, angles[starts])
     joints, lengths = joints_and_lengths(control, words)
     fastest = axis_minutes(machine, joints, starts)
-    minutes = _move_minutes(moves, lengths, fastest, starts, job)
+    finishing = job.is_finishing(path.level)
+    rule = ControlRule(
+        contour_tolerance(dialect, job, finishing),
+        float(np.radians(rotary_tolerance_deg(dialect, job, finishing, cutter.radius))),
+        look_ahead=dialect.look_ahead,
+        parabolic=dialect.corners == "parabolic",
+    )
+    feed = np.where(moves.kinds == MoveKind.RAPID, job.nc.rapid_feed, moves.feed_rates)
+    minutes = np.maximum(fastest, lengths / feed)
+    minutes[0] = 0.0
+    minutes[starts] = fastest[starts]
     return Posted(
         path,
         dialect,
@@ -144,14 +165,8 @@ def post_path(
         approaches=approaches,
         minutes=minutes,
         axis_minutes=fastest,
-        tolerance=contour_tolerance(dialect, job, job.is_finishing(path.level)),
+        rule=rule,
     )
-
-
-def _path_tolerance(job: PathJob) -> float:
-    """How far (mm) the control may leave the path: half of the chord tolerance, but no more than gouges
-    allow."""
-    return min(job.chord_tolerance / 2, POSTING_SHARE * planned_tolerance(job.gouge_tolerance))
 
 
 def round_words(
@@ -200,14 +215,3 @@ def axis_minutes(
         rotary = np.abs(np.diff(joints[:, 3:], axis=0, prepend=joints[:1, 3:])) / speeds[3:]
         slowest[starts] = rotary[starts].max(1)
     return slowest
-
-
-def _move_minutes(
-    moves: ProgramMoves, lengths: ndarray, fastest: ndarray, starts: ndarray, job: Job
-) -> Float[ndarray, "n"]:
-    """Minutes of the move that arrives at each row: at its feed, or as long as its slowest axis takes."""
-    feed = np.where(moves.kinds == MoveKind.RAPID, job.nc.rapid_feed, moves.feed_rates)
-    minutes = np.maximum(fastest, lengths / feed)
-    minutes[0] = 0.0
-    minutes[starts] = fastest[starts]
-    return minutes

@@ -13,7 +13,6 @@ from numpy import ndarray
 from bonecam.errors import MachineError
 from bonecam.machine.control import Control
 from bonecam.machine.kinematics import forward
-from bonecam.machine.machine import Machine
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.posting.axis_words import move_words, word_texts
 from bonecam.nc.posting.feeds.feed_scale import on_scale, stepped_feeds
@@ -51,19 +50,6 @@ def start_words(
     """Words (mm, deg) from all rotary axes at zero to `angles_deg`, the spindle standing where tools `start` (X, Y and
     Z of the tip in the machine's frame, mm); MachineError where a rotary axis cannot stand at zero."""
     machine = control.machine
-    _check_zero(machine, dialect)
-    target = np.radians(angles_deg)
-    for column, axis in enumerate(machine.rotary):
-        if axis.endless and not axis.bounded:
-            target[column] -= 2 * np.pi * np.round(target[column] / (2 * np.pi))
-    steps = max(int(np.ceil(np.abs(target).max() / MAX_TURN)), 1)
-    angles = np.linspace(0.0, 1.0, steps + 1)[:, None] * target
-    joints = np.column_stack([np.tile(start, (steps + 1, 1)), angles])
-    tips, _ = forward(machine, joints, control.tool_length)
-    return round_words(dialect, control, tips, angles)
-
-
-def _check_zero(machine: Machine, dialect: Dialect) -> None:
     for axis in machine.rotary:
         low, high = axis.limits
         if not low <= 0.0 <= high:
@@ -74,3 +60,12 @@ def _check_zero(machine: Machine, dialect: Dialect) -> None:
                 dialect=dialect.name,
                 axis=axis.letter,
             )
+    target = np.radians(angles_deg)
+    for column, axis in enumerate(machine.rotary):
+        if axis.endless and not axis.bounded:
+            target[column] -= 2 * np.pi * np.round(target[column] / (2 * np.pi))
+    steps = max(int(np.ceil(np.abs(target).max() / MAX_TURN)), 1)
+    angles = np.linspace(0.0, 1.0, steps + 1)[:, None] * target
+    joints = np.column_stack([np.tile(start, (steps + 1, 1)), angles])
+    tips, _ = forward(machine, joints, control.tool_length)
+    return round_words(dialect, control, tips, angles)

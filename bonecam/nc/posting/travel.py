@@ -11,7 +11,6 @@ from bonecam.arrays import lengths
 from bonecam.errors import MachineError
 from bonecam.job import Job
 from bonecam.machine.machine import Machine
-from bonecam.nc.dialect import Dialect
 from bonecam.nc.posting.path_words import APPROACH_HEIGHT, Posted, in_radians, joints_and_lengths, round_words
 from bonecam.nc.posting.start import start_words
 from bonecam.workholding.clamping import holding_columns
@@ -46,7 +45,9 @@ def travel_of(machine: Machine, job: Job, paths: Sequence[Posted]) -> Travel:
             if dialect.starts_at_zero
         ]
         more, _ = joints_and_lengths(control, np.vstack([posted.approaches, *starts]))
-        nose = np.vstack([posted.joints, more, _over_zero(dialect, posted.joints[:1], start)])
+        # what the template that moves a tool over zero does not say is that of the first joints
+        over = [[*start, *posted.joints[0, 3:]]] if "{over_zero}" in dialect.templates.tool else more[:0]
+        nose = np.vstack([posted.joints, more, over])
         nose[:, 3:] = np.degrees(nose[:, 3:])
         nose[:, 2] += control.tool_length
         for column, axis in enumerate(machine.linear):
@@ -59,26 +60,18 @@ def travel_of(machine: Machine, job: Job, paths: Sequence[Posted]) -> Travel:
     return Travel(ranges, start)
 
 
-def _over_zero(
-    dialect: Dialect, joints: Float[ndarray, "1 5"], start: Float[ndarray, "3"]
-) -> Float[ndarray, "m 5"]:
-    """Joints (mm, rad) where a tool is to `start`, if the dialect's template moves it there; what it does not say is
-    that of `joints`."""
-    if "{over_zero}" not in dialect.templates.tool:
-        return joints[:0]
-    return np.array([[*start, *joints[0, 3:]]])
-
-
 def above(posted: Posted, run: int, retract: float) -> Float[ndarray, "5"]:
     """Words (mm, deg) of the place on the tool axis over the approach of a run, at the retract height."""
     return _raised(posted, posted.approaches[run][None], retract)
 
 
 def lifted(posted: Posted, run: int, retract: float) -> Float[ndarray, "5"]:
-    """Words (mm, deg) of the place on the tool axis over the end of a run, by the length of the tool above the retract
-    height: a control that drops the tool by its length leaves it above everything."""
+    """Words (mm, deg) of the place on the tool axis over the end of a run at the retract height; above it by the length
+    of the tool where the dialect lifts it, so that a control that drops the tool by its length leaves it above
+    everything."""
     end = posted.runs[run][1] - 1
-    return _raised(posted, posted.words[end][None], retract, posted.control.tool_length)
+    more = posted.control.tool_length if posted.dialect.templates.lift else 0.0
+    return _raised(posted, posted.words[end][None], retract, more)
 
 
 def _raised(
@@ -95,18 +88,13 @@ def _raised(
 
 
 def _start(machine: Machine, job: Job, paths: Sequence[Posted]) -> Float[ndarray, "3"]:
-    """Where tools start: at the retract height over the program's zero, or, where the part's Z does not stand upright
-    with all rotary axes at zero, over its place as far from the table as any approach: over zero the spindle would
-    stand across the table's plane."""
+    """Where tools start: over the program's zero, or, where the part's Z does not stand upright with all rotary axes at
+    zero, over its place as far from the table as any approach: over zero the spindle would stand across the table's
+    plane. The height is above everything the program does, and above table and chuck, whatever the rotary axes do
+    meanwhile."""
     tips = [posted.control.poses(in_radians(posted.approaches))[0] for posted in paths]
     farthest = max(float(each[:, 2].max()) for each in tips)
     over = machine.in_machine(np.array([[0.0, 0.0, farthest]]))[0] + machine.part_zero
-    return np.array([over[0], over[1], _retract_height(machine, job, paths)])
-
-
-def _retract_height(machine: Machine, job: Job, paths: Sequence[Posted]) -> float:
-    """Machine Z (mm, of the tip) above everything the program does, and above table and chuck, whatever the rotary
-    axes do meanwhile."""
     approaches = [joints_and_lengths(posted.control, posted.approaches)[0] for posted in paths]
     heights = [joints[:, 2].max() for joints in approaches]
     if machine.part_axes:
@@ -114,7 +102,7 @@ def _retract_height(machine: Machine, job: Job, paths: Sequence[Posted]) -> floa
         # while the table swings under the tool, the part sweeps at most this ball about the pivot
         reach = [lengths(posted.joints[:, :3] - pivot).max() for posted in paths]
         heights.append(pivot[2] + max(*reach, table_reach(machine, job)))
-    return float(np.ceil(max(heights) + APPROACH_HEIGHT))
+    return np.array([over[0], over[1], np.ceil(max(heights) + APPROACH_HEIGHT)])
 
 
 def table_reach(machine: Machine, job: Job) -> float:

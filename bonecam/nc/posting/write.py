@@ -23,16 +23,17 @@ from bonecam.nc.posting.block_numbers import number_blocks
 from bonecam.nc.posting.end import check_end, end_blocks
 from bonecam.nc.posting.feeds.drivable_feeds import feed_figures
 from bonecam.nc.posting.header.air_check import air_check_texts
-from bonecam.nc.posting.header.header import comment, header_lines, level_lines
+from bonecam.nc.posting.header.header import header_lines, level_lines
 from bonecam.nc.posting.header.program_zero import over_zero, zero_words
 from bonecam.nc.posting.header.texts import setup_texts
 from bonecam.nc.posting.marks import REWIND
 from bonecam.nc.posting.path_words import Posted, post_path
+from bonecam.nc.posting.program_time import program_time
 from bonecam.nc.posting.rows.row_blocks import row_blocks
 from bonecam.nc.posting.start import start_texts
 from bonecam.nc.posting.travel import Travel, above, lifted, travel_of
-from bonecam.nc.program import Program, program_number
-from bonecam.nc.words import plain_text
+from bonecam.nc.program import Program, ProgramTime, program_number
+from bonecam.nc.words import comment, plain_text
 from bonecam.progress import Progress, report, silent
 from bonecam.setup.stock import Stock
 from bonecam.tool.cutter import Cutter
@@ -77,10 +78,20 @@ def write_program(
     texts = [*comments, *(setup or setup_texts(job, stock, zero_words(machine, dialect)))]
     air_check = air_check_texts(posted[0].control, dialect, float(bounds[1, 2]))
     name = name.upper()
+    time = program_time(posted, travel, job)
     header = header_lines(
-        machine, dialect, job, name, posted, bounds=bounds, comments=texts, travel=travel, air_check=air_check
+        machine,
+        dialect,
+        job,
+        name,
+        posted,
+        bounds=bounds,
+        comments=texts,
+        travel=travel,
+        time=time,
+        air_check=air_check,
     )
-    writer = ProgramWriter(machine, dialect, job, name, posted, travel=travel)
+    writer = ProgramWriter(machine, dialect, job, name, posted, travel=travel, time=time)
     return writer.program(header, air_check)
 
 
@@ -94,6 +105,7 @@ class ProgramWriter:
     name: str
     posted: Sequence[Posted]
     travel: Travel
+    time: ProgramTime
     moves: int = 0
 
     def __post_init__(self) -> None:
@@ -135,9 +147,6 @@ class ProgramWriter:
     def _finish(self, lines: list[str], air_check: Sequence[str]) -> Program:
         """The program of these blocks, numbered, with its counts and its time."""
         text, blocks = number_blocks(lines, self.dialect)
-        minutes = dict.fromkeys((posted.path.cutter.number for posted in self.posted), 0.0)
-        for posted in self.posted:
-            minutes[posted.path.cutter.number] += float(posted.minutes.sum())
         return Program(
             text=text,
             name=self.name,
@@ -150,9 +159,8 @@ class ProgramWriter:
             split_moves=sum(len(posted.words) - len(posted.path.tips) for posted in self.posted),
             rewinds=sum(posted.rewinds for posted in self.posted),
             lifts=sum(len(posted.path.lifts) for posted in self.posted),
-            tools=tuple(minutes),
-            time_min=sum(minutes.values()),
-            tool_minutes=tuple(minutes.values()),
+            tools=tuple(dict.fromkeys(posted.path.cutter.number for posted in self.posted)),
+            time=self.time,
             feeds=feed_figures(self.posted, self.job.path.feed_at),
             rotary_max_deg_per_block=max(posted.largest_rotation_deg for posted in self.posted),
             air_check=tuple(air_check),

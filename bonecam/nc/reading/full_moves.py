@@ -73,13 +73,10 @@ def full_move(dialect: Dialect, machine: Machine, short_way: bool) -> re.Pattern
     axes have the form of the dialect where they take the `short_way`."""
     letters = machine.letters
     if dialect.grammar == "klartext":
-        length, angle = (
-            klartext_number(kind.decimals) for kind in (dialect.numbers.length, dialect.numbers.angle)
-        )
         if dialect.vector is not None:
             return re.compile(rf"({WHOLE}) {vector_move(dialect, dialect.vector)}")
-        words = "".join(f" {letter}({length if letter in 'XYZ' else angle})" for letter in letters)
-        return re.compile(rf"({WHOLE}) (L){words}(?: R0)?(?: F(MAX|{WHOLE}))?")
+        words = " ".join(axis_words(dialect, letters))
+        return re.compile(rf"({WHOLE}) (L) {words}(?: R0)?(?: F(MAX|{WHOLE}))?")
     codes = "|".join(
         re.escape(code) for code, effect in dialect.effect_of.items() if effect in ("rapid", "feed")
     )
@@ -94,6 +91,14 @@ def full_move(dialect: Dialect, machine: Machine, short_way: bool) -> re.Pattern
     words = "".join(f" {pattern}" for pattern in patterns)
     text = rf"({codes}){words}(?: F({number}))?"
     return re.compile(numbered_pattern(dialect.numbering, text))
+
+
+def axis_words(dialect: Dialect, letters: str) -> list[str]:
+    """The patterns of the words of an `L` block's axes, with their numbers in groups."""
+    length, angle = (
+        klartext_number(kind.decimals) for kind in (dialect.numbers.length, dialect.numbers.angle)
+    )
+    return [f"{letter}({length if letter in 'XYZ' else angle})" for letter in letters]
 
 
 def vector_move(dialect: Dialect, vector: VectorTable) -> str:
@@ -159,8 +164,13 @@ def read_full_moves(
     else:
         rapid = np.array([dialect.effect_of[value] == "rapid" for value in code])
     modal = _modal([None if value == "MAX" else value for value in written], feed)
+    table = np.array(words, dtype=np.float64).T
+    # zeros for the second rotary axis of a machine that has only one
+    rotary = (
+        np.pad(table[:, 3:], ((0, 0), (0, 5 - len(words)))) if dialect.vector is None else solve(table[:, 3:])
+    )
     return Blocks(
-        words=_joints_of(words) if dialect.vector is None else _solved(words, solve),
+        words=np.column_stack([table[:, :3], rotary]),
         rapid=rapid,
         feeds=np.where(rapid, np.nan, modal),
         numbers=np.array([value or "-1" for value in number], dtype=np.int64),
@@ -180,21 +190,6 @@ def _modal(written: Sequence[str | None], feed: float | None) -> Float[ndarray, 
     feeds = np.r_[feed, own]
     last = np.maximum.accumulate(np.where(given, np.arange(1, len(given) + 1), 0))
     return np.asarray(feeds[last])
-
-
-def _joints_of(words: Sequence[Sequence[str]]) -> Float[ndarray, "n 5"]:
-    """The columns of the words of a machine's axes, with a column of zeros for the second rotary axis where it has only
-    one."""
-    columns = [np.array(column, dtype=np.float64) for column in words]
-    return np.column_stack([*columns, *[np.zeros(len(columns[0]))] * (5 - len(columns))])
-
-
-def _solved(
-    words: Sequence[Sequence[str]], solve: Callable[[Float[ndarray, "n 3"]], Float[ndarray, "n 2"]]
-) -> Float[ndarray, "n 5"]:
-    """X, Y, Z and the rotary angles of words that have tool vectors."""
-    numbers = np.column_stack([np.array(column, dtype=np.float64) for column in words])
-    return np.column_stack([numbers[:, :3], solve(numbers[:, 3:])])
 
 
 def _mark(line: str, ordinal: int, dialect: Dialect) -> bool | None:

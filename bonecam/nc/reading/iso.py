@@ -68,7 +68,13 @@ class _BlockReader:
     def run(self, content: str, ordinal: int, line: int) -> int:
         """Run one line; returns how many numbered blocks there are before the next."""
         if has_number(content, self.dialect.numbering):
-            content = self._text_of(content, ordinal, line)
+            number = str(block_number(self.dialect.numbering, ordinal))
+            match = self.numbered.fullmatch(content)
+            if match is None or match[1] != number:
+                wanted = (self.dialect.numbering.format or "").format(number=number, text="").strip()
+                stated = shown(content.split(" ")[0])
+                raise line_error(line, f"block number {wanted} expected, found {stated}")
+            content = match[2]
             ordinal += 1
         comment = self.comment.fullmatch(content)
         if comment:
@@ -81,16 +87,6 @@ class _BlockReader:
         if not is_statement(content, self.state, line):
             self._run_words(self._words(content, line), line)
         return ordinal
-
-    def _text_of(self, content: str, ordinal: int, line: int) -> str:
-        """The block without its number; ProgramError where it has none, or another than its place gives it."""
-        number = block_number(self.dialect.numbering, ordinal)
-        match = self.numbered.fullmatch(content)
-        if match is None or match[1] != str(number):
-            format_ = self.dialect.numbering.format or ""
-            wanted = format_.format(number=number, text="").strip()
-            raise line_error(line, f"block number {wanted} expected, found {shown(content.split(' ')[0])}")
-        return match[2]
 
     def _words(self, content: str, line: int) -> Words:
         """The words of a block. The form of the words of endless axes says which way they turn."""
@@ -125,65 +121,52 @@ class _BlockReader:
 
     def _run_words(self, words: Words, line: int) -> None:
         state = self.state
-        known = (self.dialect.effect_of.get(letter + number) for letter, number in words)
-        effects = [effect for effect in known if effect]
+        found = (self.dialect.effect_of.get(letter + number) for letter, number in words)
+        effects = [effect for effect in found if effect]
         values = self._values(words, line)
         if "inverse_time" in effects or "per_minute" in effects:
             state.inverse_time = "inverse_time" in effects
             state.feed = np.nan
         if "incremental" in effects or "absolute" in effects:
             state.incremental = "incremental" in effects
-        self._take_tool(effects, values, line)
-        self._turn_spindle(effects, values, line)
+        if "T" in values:
+            state.selected = tool_number(values["T"], line)
+        if "tool_change" in effects:
+            state.change_tool(state.selected, line)
+        if "tool_length" in effects or "tool_length_off" in effects:
+            # by H of the tool, or by D of the one in the spindle
+            by_edge = self.by_edge and "tool_length" in effects
+            state.take_length(state.tool if by_edge else tool_number(values.get("H", "0"), line), line)
+        if "S" in values:
+            state.spindle.programmed = float(values["S"])
+            if not state.spindle.programmed > 0:
+                raise line_error(line, f"S{values['S']} is no speed of the spindle")
+        for effect in effects:
+            state.spindle.apply(effect)
         if "tolerance" in effects:
             state.tolerance = float(values.get("P", "inf"))
         self._switch_tool_centre(effects, values, line)
         for letter, number in words:
             state.stated.read(letter + number)
 
+        takes_length = not {"tool_length", "tool_centre_on"}.isdisjoint(effects)
         axes = {letter: float(text) for letter, text in values.items() if letter in state.machine.letters}
         if "machine_coordinates" in effects or "reference_return" in effects:
             self._retract(effects, axes, line)
         elif not axes:
-            self._check_used(words, effects, values, line)
+            taken = {"H": takes_length, "P": any(letter == "G" for letter, _ in words)}
+            for letter, known in taken.items():
+                if letter in values and not known:
+                    raise line_error(line, f"{letter}{values[letter]} stands without a code that takes it")
         else:
             if ("rapid" in effects) == ("feed" in effects):
                 raise line_error(line, "an axis moves without G0 or G1")
-            lengths = {"H"} if {"tool_length", "tool_centre_on"} & {*effects} else set()
             turned = self.directions.turn(list(axes), values, line)
-            stray = values.keys() - axes.keys() - turned - {"F"} - lengths
+            stray = values.keys() - axes.keys() - turned - {"F", *"H" * takes_length}
             if stray:
                 raise line_error(line, f"{min(stray)} stands in a block that moves axes")
             state.move(axes, "rapid" in effects, float(values["F"]) if "F" in values else None, line)
         state.ended = "program_end" in effects
-
-    def _check_used(self, words: Words, effects: list[str], values: dict[str, str], line: int) -> None:
-        """ProgramError where H or P stands in a block without a code that takes it."""
-        takes_length = not {"tool_length", "tool_centre_on"}.isdisjoint(effects)
-        taken = {"H": takes_length, "P": any(letter == "G" for letter, _ in words)}
-        for letter, known in taken.items():
-            if letter in values and not known:
-                raise line_error(line, f"{letter}{values[letter]} stands without a code that takes it")
-
-    def _take_tool(self, effects: list[str], values: dict[str, str], line: int) -> None:
-        """Select a tool, change to it, compensate its length: by H of the tool, or by D of the one in the spindle."""
-        state = self.state
-        if "T" in values:
-            state.selected = tool_number(values["T"], line)
-        if "tool_change" in effects:
-            state.change_tool(state.selected, line)
-        if "tool_length" in effects or "tool_length_off" in effects:
-            by_edge = self.by_edge and "tool_length" in effects
-            state.take_length(state.tool if by_edge else tool_number(values.get("H", "0"), line), line)
-
-    def _turn_spindle(self, effects: list[str], values: dict[str, str], line: int) -> None:
-        """Take the spindle's speed, and start or stop spindle and coolant."""
-        if "S" in values:
-            self.state.spindle.programmed = float(values["S"])
-            if not self.state.spindle.programmed > 0:
-                raise line_error(line, f"S{values['S']} is no speed of the spindle")
-        for effect in effects:
-            self.state.spindle.apply(effect)
 
     def _switch_tool_centre(self, effects: list[str], values: dict[str, str], line: int) -> None:
         """Switch tool-centre control; where no other code does it, that takes the length of a tool, by H, or drops

@@ -3,9 +3,8 @@
 import re
 from collections.abc import Sequence
 
-from bonecam.nc.dialect import Dialect
 from bonecam.nc.reading.directions import turn_to
-from bonecam.nc.reading.full_moves import klartext_number, vector_move
+from bonecam.nc.reading.full_moves import axis_words, vector_move
 from bonecam.nc.reading.line_error import line_error
 from bonecam.nc.reading.modal_state import ModalState
 from bonecam.nc.reading.statements import is_statement
@@ -16,7 +15,8 @@ from bonecam.text.faults import shown
 
 def run_klartext(lines: Sequence[str], state: ModalState) -> None:
     """Run the blocks of a program; ProgramError names the line of a block that is unknown or out of order."""
-    move = _move_pattern(state.dialect, state.machine.letters)
+    # any of the five words in their order, then R0 and the feed, which are modal
+    move = re.compile("L" + "".join(f"(?: {word})?" for word in _word_patterns(state)))
     ordinal = 0
     at = 0
     while at < len(lines):
@@ -55,7 +55,7 @@ def _unknown(block: str, state: ModalState) -> str:
     name, *words = block.split(" ")
     if name != "L" or not words:
         return f"unknown block {shown(block)}{remark_on(block)}"
-    parts = _word_patterns(state.dialect, state.machine.letters)
+    parts = _word_patterns(state)
     for word in words:
         while parts and not re.fullmatch(parts[0], word):
             del parts[0]
@@ -65,18 +65,9 @@ def _unknown(block: str, state: ModalState) -> str:
     return f"{shown(block)} moves no axis"
 
 
-def _move_pattern(dialect: Dialect, letters: str) -> re.Pattern[str]:
-    """The pattern of an `L` block: any of the five words in their order, then R0 and the feed, which are modal."""
-    return re.compile("L" + "".join(f"(?: {word})?" for word in _word_patterns(dialect, letters)))
-
-
-def _word_patterns(dialect: Dialect, letters: str) -> list[str]:
+def _word_patterns(state: ModalState) -> list[str]:
     """The patterns of the words of an `L` block, with their numbers in groups."""
-    length, angle = (
-        klartext_number(kind.decimals) for kind in (dialect.numbers.length, dialect.numbers.angle)
-    )
-    words = [f"{letter}({length if letter in 'XYZ' else angle})" for letter in letters]
-    return [*words, "(R0)", f"F(MAX|{WHOLE})"]
+    return [*axis_words(state.dialect, state.machine.letters), "(R0)", f"F(MAX|{WHOLE})"]
 
 
 def _run_move(match: re.Match[str], state: ModalState, line: int) -> None:

@@ -16,16 +16,15 @@ from bonecam.nc.reading.line_error import line_error
 from bonecam.nc.reading.modal_state import ModalState
 from bonecam.nc.reading.motions import Motions, Tool, motions_of
 
-LONGEST_LINE = 1000
-"""Most characters of a line: controls take a quarter of this (LinuxCNC 255)."""
-
 
 def read_program(text: str, machine: Machine, dialect: Dialect, tools: Sequence[Tool] = ()) -> Motions:
     """The moves of a program; `tools` replace those in the header's comments. ProgramError names the line."""
     lines = text.removesuffix("\n").split("\n")
     longest = max(range(len(lines)), key=lambda at: len(lines[at]))
-    if len(lines[longest]) > LONGEST_LINE:
-        why = f"it has {len(lines[longest])} characters, {LONGEST_LINE} are allowed: divide it"
+    if len(lines[longest]) > dialect.longest_line:
+        why = (
+            f"it has {len(lines[longest])} characters, {dialect.name} loads {dialect.longest_line}: divide it"
+        )
         raise line_error(longest + 1, why)
     state = ModalState(machine, dialect, tools)
     if dialect.grammar == "klartext":

@@ -1,6 +1,7 @@
 """The schema of a dialect file: keys, types, ranges, and what templates may hold. The text of `nc.dialect` says what
 they mean."""
 
+from functools import partial
 from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, model_validator
@@ -13,6 +14,7 @@ from bonecam.nc.schema.number_format import NumberFormat, NumbersTable
 from bonecam.nc.schema.numbering import Block, NumberingTable, one_block
 from bonecam.nc.schema.template_tables import TemplatesTable
 from bonecam.text.faults import Faults
+from bonecam.text.pattern import Pattern
 from bonecam.text.record import KeyFault, Record, checked
 from bonecam.text.template import check_template
 
@@ -20,18 +22,12 @@ PLAIN_WORD = "{letter}{number}"
 """The form of a word that has no other."""
 
 
-def _switch_on(text: str) -> str:
-    return check_template(text, {"tool": 1, "height": "100.0"})
-
-
-def _switch_off(text: str) -> str:
-    return check_template(text, {})
-
-
+SWITCHED: dict[str, str | int] = {"tool": 1, "height": "100.0"}
+"""Samples of what the blocks that switch tool-centre control on may have."""
 Form = Literal["angles", "vectors", "joints"]
 """The words of the axes that a job may ask for."""
-SwitchOn = Annotated[str, Field(max_length=400), AfterValidator(_switch_on)]
-SwitchOff = Annotated[str, Field(max_length=400), AfterValidator(_switch_off)]
+SwitchOn = Annotated[str, Field(max_length=400), AfterValidator(partial(check_template, fields=SWITCHED))]
+SwitchOff = Annotated[str, Field(max_length=400), AfterValidator(partial(check_template, fields={}))]
 Lines = Annotated[list[Block], Field(max_length=20)]
 
 
@@ -90,8 +86,8 @@ def _endless_word(text: str) -> str:
     return text
 
 
-def _offset(text: str) -> str:
-    return check_template(text, {"number": 1, "code": 54})
+OFFSET = {"number": 1, "code": 54}
+"""Samples of what the forms of a work offset may have."""
 
 
 def _comment(text: str) -> str:
@@ -99,6 +95,19 @@ def _comment(text: str) -> str:
     if text.count("{text}") != 1 or "\n" in text:
         raise ValueError(f"{text!r}: give one line with the field {{text}}")
     return text
+
+
+def _regular(text: str) -> str:
+    Pattern(text)
+    return text
+
+
+class FileNameTable(Record):
+    """Names of programs that the control takes, without their endings: the `longest`, and a regular expression that
+    all of them match."""
+
+    longest: Annotated[int, Field(ge=8, le=255)] = 255
+    pattern: Annotated[str, Field(max_length=100), AfterValidator(_regular)] = ".+"
 
 
 class DialectFile(Record):
@@ -121,12 +130,16 @@ class DialectFile(Record):
     starts_at_zero: bool = False
     tolerance_factor: Annotated[float, Field(gt=0, le=10)] = 1.0
     corners: Literal["smoothed", "parabolic"] = "smoothed"
+    look_ahead: Annotated[int, Field(ge=1, le=1_000_000)] = 1000
     needs: Lines = Field(default_factory=list)
+    file_name: FileNameTable = FileNameTable()
+    longest_line: Annotated[int, Field(ge=60, le=10000)] = 1000
     comment: Annotated[str, Field(max_length=100), AfterValidator(_comment)]
     comment_characters: Annotated[str, Field(max_length=1000), AfterValidator(one_block)]
-    work_offset: Annotated[dict[str, Annotated[str, AfterValidator(_offset)]], Field(max_length=10)] = Field(
-        default_factory=dict
-    )
+    work_offset: Annotated[
+        dict[str, Annotated[str, AfterValidator(partial(check_template, fields=OFFSET))]],
+        Field(max_length=10),
+    ] = Field(default_factory=dict)
     work_offsets: Annotated[int, Field(ge=1, le=999)] = 1
     coolants: Annotated[dict[Literal["mist", "air", "through"], Block], Field(max_length=3)] = Field(
         default_factory=dict

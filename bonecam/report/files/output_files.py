@@ -12,6 +12,7 @@ from bonecam.mesh.files.mesh_files import CAD, MESHES
 from bonecam.nc.dialect import Dialect, dialect_names, read_dialect
 from bonecam.nc.job_dialect import job_dialect
 from bonecam.nc.parts.files import stage_program_files
+from bonecam.nc.program import check_file_name, second_program_file
 from bonecam.progress import Progress, report, silent
 from bonecam.report.files.kept_folder import SERIES, fill_kept_folder
 from bonecam.report.files.kept_view import check_page_name
@@ -33,7 +34,8 @@ APT = (".apt", ".cl", ".cls")
 @dataclass(frozen=True)
 class Outputs:
     """The files of program, report, surface, page, sheet and cutter location data, and the folder of --keep; None where
-    not wanted. Where a run has a `second` clamping, program, page and cutter location data are two files each."""
+    not wanted. Where a run has a `second` clamping, program, page and cutter location data are two files each; a
+    program that is `split` has parts beside it."""
 
     program: File = None
     keep: File = None
@@ -43,6 +45,7 @@ class Outputs:
     sheet: File = None
     apt: File = None
     second: bool = False
+    split: bool = False
 
     def check(self, part: str | Path | None = None, dialect: Dialect | None = None) -> None:
         """FileError where a file cannot be written, has an ending of another kind of file, or is the part's
@@ -56,6 +59,7 @@ class Outputs:
         check_files(files, [] if part is None else [part])
         if self.program is not None and dialect is not None:
             check_ending(Path(self.program), dialect)
+            check_file_name(Path(self.program), dialect, second=self.second, split=self.split)
         if self.surface is not None:
             check_target(self.surface)
         for page in (self.html, self.sheet):
@@ -91,9 +95,10 @@ class Outputs:
         with staged() as staging:
             if self.program is not None and isinstance(morphed, Result):
                 programs = {Path(self.program): morphed.program}
+                dialect = job_dialect(morphed.job.nc)
                 if morphed.second is not None:
-                    programs[second_file(self.program)] = morphed.second.program
-                stage_program_files(staging, programs, job_dialect(morphed.job.nc))
+                    programs[second_program_file(self.program, dialect)] = morphed.second.program
+                stage_program_files(staging, programs, dialect)
             for path, write in self._beside(morphed, staging):
                 try:
                     write()

@@ -52,7 +52,7 @@ def run_contents(
         paths=paths,
         removal=removal,
     )
-    posted.facts["program"]["minutes"] = report["nc"]["time_min"]
+    posted.facts["program"]["time"] = report["nc"]["time_texts"][0]
     return Contents({**facts, **posted.facts}, {**shape.arrays, **posted.arrays})
 
 

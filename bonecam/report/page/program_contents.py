@@ -14,10 +14,10 @@ from bonecam.job import Job
 from bonecam.machine.machine import Machine
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.dialect import Dialect
-from bonecam.nc.posting.header.header import comment
 from bonecam.nc.posting.marks import LIFTED, REWIND
 from bonecam.nc.reading.motions import Motions
 from bonecam.nc.reading.read import read_program
+from bonecam.nc.words import comment
 from bonecam.report.page.cone_contents import cone_contents
 from bonecam.report.page.machine_contents import machine_facts, rotary_angles
 from bonecam.report.page.move_sources import of_rows, of_text, rows_of_moves
@@ -79,7 +79,7 @@ def program_contents(
     arrays["text"] = np.frombuffer(text.encode("latin-1", "replace"), np.uint8)
     reported = {
         **{"machine": machine.name, "controller": dialect.name, "blocks": motions.blocks},
-        "minutes": float(moves["minute"][-1]),
+        "time": f"about {moves['minute'][-1]:.1f} min at the feed",
         "chord": CHORD if len(kept) < len(kinds) else 0.0,
         "layers": _layers(level_of, surfaces, meshes),
         **machine_facts(machine),

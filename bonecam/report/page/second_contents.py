@@ -40,7 +40,7 @@ def second_contents(
         removal=removal,
         surfaces=layers_on(clamping.part, removal),
     )
-    posted.facts["program"]["minutes"] = report["time_min"]
+    posted.facts["program"]["time"] = report["time_texts"][0]
     reported = {
         "name": f"{name}, second clamping",
         **bodies(job, machine.table),

@@ -33,7 +33,7 @@ def surface_contents(
     posted = program_contents(
         program, meshes, job, machine, dialect, paths=[path], removal=removal, surfaces=shown
     )
-    posted.facts["program"]["minutes"] = report["nc"]["time_min"]
+    posted.facts["program"]["time"] = report["nc"]["time_texts"][0]
     figures = report["surface"]
     facts = {
         "levels": [{"index": 0, "name": "the surface", "faces": "faces_0", "limit": 0.0}],

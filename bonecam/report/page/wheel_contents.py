@@ -100,7 +100,7 @@ def wheel_contents(
     posted = program_contents(
         program, meshes, job, machine, job_dialect(job.nc), paths=paths, removal=removal, surfaces=followed
     )
-    posted.facts["program"]["minutes"] = report["nc"]["time_min"]
+    posted.facts["program"]["time"] = report["nc"]["time_texts"][0]
     levels = [
         {
             "index": level.index,

@@ -47,6 +47,7 @@ def input_report(part: Part) -> dict[str, Any]:
         "filled": part.fill.report if part.fill else None,
         "area_mm2": round(part.mesh.area, 3),
         "hole_max_mm": round(part.widest_hole, 6),
+        "guessed_share": round(part.guessed_share, 6),
         "repair_taken_off_max_mm": round(part.taken_off.depth if part.taken_off else 0.0, 6),
         "repair_deviation_max_mm": round(part.repair_deviation, 6),
     }

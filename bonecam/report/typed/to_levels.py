@@ -4,11 +4,12 @@ from typing import NotRequired, TypedDict
 
 
 class RepairStepFigures(TypedDict):
-    """A change of the mesh, and how far it moved the surface at most."""
+    """A change of the mesh, how far it moved the surface at most, and the area that is not as it was given."""
 
     change: str
     outward_mm: float
     inward_mm: float
+    guessed_mm2: float
 
 
 class FacetsFigures(TypedDict):
@@ -32,6 +33,7 @@ class SmoothedFigures(TypedDict):
     outward_mm: float
     inward_mm: float
     place: list[float]
+    kept_mm2: float
 
 
 class FilledFigures(TypedDict):
@@ -60,6 +62,7 @@ class InputFigures(TypedDict):
     filled: FilledFigures | None
     area_mm2: float
     hole_max_mm: float
+    guessed_share: float
     repair_taken_off_max_mm: float
     repair_deviation_max_mm: float
 

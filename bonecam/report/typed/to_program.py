@@ -89,6 +89,9 @@ class ProgramFigures(TypedDict):
     rewinds_lifted: int
     rotary_max_deg_per_block: float
     time_min: float
+    time_axes_min: float | None
+    time_whole_min: float | None
+    time_texts: list[str]
     feed_median_mm_min: float
     feed_low_mm_min: float
     feed_axis_limited_share: float

@@ -10,7 +10,7 @@ from numpy import ndarray
 
 from bonecam.errors import MeshError, SurfaceError, UnitsError
 from bonecam.job import Job, MeshJob, SurfaceJob, field_error
-from bonecam.mesh.part import Part, prepare_part
+from bonecam.mesh.part import Part, repaired_part
 from bonecam.mesh.pose import upright
 from bonecam.mesh.solids.intersections import self_intersections
 from bonecam.mesh.triangle_mesh import MeshLike, TriangleMesh
@@ -38,18 +38,15 @@ SPARE = 2.0
 def read_part(
     source: str | Path | MeshLike, job: Job, progress: Progress = silent
 ) -> tuple[Part, Fit | None]:
-    """The part of a mesh or file, upright, and the surface, in the file's mm, where the file gives that. MeshError
-    where repairs take more off the part than the job's largest deviation."""
+    """The part of a mesh or file, upright, its pits open, and the surface, in the file's mm, where the file gives that.
+    MeshError where repairs take more off the part than the job's largest deviation."""
     if not isinstance(source, str | Path) or not holds_surface(source):
-        ball = job.smallest_ball
-        tolerance = job.surface.tolerance
-        part = prepare_part(
+        part = repaired_part(
             source,
             job.mesh,
             progress=progress,
             also=ENDINGS,
-            ball=ball,
-            tolerance=tolerance,
+            tolerance=job.surface.tolerance,
             scripted=scripted_mesh,
         )
         return part.require_kept(job.surface.largest_deviation), None

@@ -1,9 +1,10 @@
 """Whether the feeds of a text are in the mode that its control needs, and no larger than machine and job allow.
 
 Feeds are those of the tip. Links and rapids that are written as feeds may ask more than the axes can: the control
-drives them as fast as it can. By the job a cut is no faster than the cutter's feed (`nc.posting.feeds.fastest_cut`
-where its feeds are not constant, or the plunge feed where that is more), and its chip load no larger: a spindle that
-turns slower than in the job takes as much from the feed. Links may be as fast as links, plunges and rapids of the job.
+drives them as fast as it can. By the job a cut is no faster than the shallowest cut of its cutter
+(`nc.posting.feeds.fastest_cut` where its feeds are not constant, or the plunge feed where that is more), and its chip
+load no larger: a spindle that turns slower than in the job takes as much from the feed. Links may be as fast as links,
+plunges and rapids of the job.
 """
 
 import numpy as np
@@ -15,6 +16,7 @@ from bonecam.machine.machine import Machine
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.posting.feeds.drivable_feeds import fastest_cut
 from bonecam.nc.reading.motions import Motions
+from bonecam.text.numbers import told_apart
 from bonecam.tool.cutter import Cutter
 from bonecam.verify.control.first_wrong import refuse_first
 from bonecam.verify.readback import FEED_TOLERANCE, MIN_LENGTH_STEPS
@@ -38,7 +40,8 @@ def check_feeds(motions: Motions, machine: Machine, dialect: Dialect) -> None:
 
 
 def check_feeds_of_job(motions: Motions, dialect: Dialect, job: Job, cutters: dict[int, Cutter]) -> None:
-    """VerifyError at the first feed beyond what a job allows for its cutter at the speed of the spindle, mm/min."""
+    """VerifyError at the first feed beyond what a job allows for its cutter at the speed of the spindle, mm/min; the
+    cutters have the feed of their shallowest cut."""
     speeds, known = tip_speeds(motions, dialect)
     step, spindle_step = dialect.numbers.feed.step, dialect.numbers.spindle.step
     allowed = np.full(len(speeds), np.inf)
@@ -52,9 +55,10 @@ def check_feeds_of_job(motions: Motions, dialect: Dialect, job: Job, cutters: di
     rounding = np.where(motions.inverse_time, FEED_TOLERANCE * allowed, step)
 
     def why(at: int) -> str:
-        asked = f"a feed of {speeds[at]:.0f} mm/min at S{motions.spindle[at]:g}"
+        speed, most = told_apart(float(speeds[at]), float(allowed[at]))
         name = cutters[int(motions.tools[at])].name
-        return f"{asked}: the job allows {allowed[at]:.0f} for {name}: give less, or give the job that feed"
+        asked = f"a feed of {speed} mm/min at S{motions.spindle[at]:g}"
+        return f"{asked}: the job allows {most} for {name}: give less, or give the job that feed"
 
     refuse_first(motions, known & (speeds > allowed + rounding), why)
 

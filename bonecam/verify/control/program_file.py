@@ -7,8 +7,8 @@ from bonecam.job import Job
 from bonecam.machine.machine import Machine
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.parts.joined import joined
-from bonecam.nc.posting.header.header import comment
 from bonecam.nc.reading.read import read_program
+from bonecam.nc.words import comment, comments_of
 from bonecam.text.faults import shown
 from bonecam.verify.control.check import check_control
 
@@ -50,7 +50,7 @@ def _require_machine(text: str, machine: Machine, dialect: Dialect, program: Pat
             "--controller",
             line=1,
         )
-    wanted = comment(f"machine {machine.title}", dialect)
+    wanted = comments_of(f"machine {machine.title}", dialect)[0]
     start = comment("machine", dialect).rstrip(")")
     named = [line for line in header_of(text).split("\n") if start in line]
     if named and not any(wanted in line for line in named):

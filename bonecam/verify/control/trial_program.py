@@ -34,10 +34,15 @@ ABOVE = (12.3456, 2.3457)
 def check_posting(job: Job, machine: Machine, dialect: Dialect) -> None:
     """MachineError where no program of this job can be written for the machine in the dialect, or not be read back."""
     names = job.cutter_names
+    # two tool axes that the machine reaches: at its zero, or the limits next to it, and a little further
+    low, high = np.array([axis.limits for axis in machine.rotary]).T
+    zero = np.clip(0.0, low, high)
+    further = np.where(zero + LEAN <= high, zero + LEAN, np.maximum(zero - LEAN, low))
+    axes = tool_axes(machine, np.array([zero, further]))
     cutters = [Cutter.from_job(number, name, job.tool(name)) for number, name in enumerate(names, 1)]
     paths = [
         _path(cutter, level, axis, job)
-        for cutter, level, axis in zip(cutters, range(len(names))[::-1], cycle(_reachable_axes(machine)))
+        for cutter, level, axis in zip(cutters, range(len(names))[::-1], cycle(axes))
     ]
     try:
         program = write_program(paths, machine, dialect, job, name="TRIAL", comments=["trial"])
@@ -48,14 +53,6 @@ def check_posting(job: Job, machine: Machine, dialect: Dialect) -> None:
         what = f"a trial program of {machine.name} in the dialect {dialect.name} is wrong: {error}"
         remedy = "take a machine and a controller that fit one another and the job, or correct their files"
         raise MachineError(f"{what}: {remedy}", machine=machine.name, dialect=dialect.name) from error
-
-
-def _reachable_axes(machine: Machine) -> Float[ndarray, "2 3"]:
-    """Two tool axes that the machine reaches: at its zero, or the limits next to it, and a little further."""
-    low, high = np.array([axis.limits for axis in machine.rotary]).T
-    zero = np.clip(0.0, low, high)
-    further = np.where(zero + LEAN <= high, zero + LEAN, np.maximum(zero - LEAN, low))
-    return tool_axes(machine, np.array([zero, further]))
 
 
 def _path(cutter: Cutter, level: int, axis: Float[ndarray, "3"], job: Job) -> ToolPath:

@@ -4,6 +4,7 @@ too deep."""
 from collections.abc import Sequence
 
 from bonecam.errors import BodiesError, VerifyError, place_name
+from bonecam.text.numbers import told_apart
 from bonecam.tool.path import PARTING
 from bonecam.verify.removal.clearances.link_bodies import NEAR as BODIES_NEAR
 from bonecam.verify.removal.clearances.table import NEAR
@@ -84,9 +85,10 @@ def _refuse(spot: Spot, what: str, remedy: str) -> None:
 def _check_gouge(gouge: Spot, allowed: float) -> None:
     """VerifyError where a ball goes into the part by more than is allowed, mm."""
     if gouge.value > allowed:
+        depth, most = told_apart(gouge.value, allowed, decimals=4)
         _refuse(
             gouge,
-            f"the tool goes {gouge.value:.4f} mm into the part, allowed {allowed:g},",
+            f"the tool goes {depth} mm into the part, allowed {most},",
             "lift the path there; for a program of bonecam try a smaller path.max_step, a larger tip or a longer post "
             "(holding.length)",
         )

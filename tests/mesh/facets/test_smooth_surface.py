@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from bonecam_meshes import path as shipped
 
+from bonecam.arrays import unit
 from bonecam.errors import MeshError
 from bonecam.job import MeshJob
 from bonecam.mesh.distance import MeshDistance
@@ -14,7 +15,8 @@ from bonecam.mesh.facets.smooth_surface import FINE, Smoothing, smooth_facets
 from bonecam.mesh.files.mesh_files import read_mesh
 from bonecam.mesh.healing.repair import repair
 from bonecam.mesh.meshlab import from_meshset, to_meshset
-from bonecam.mesh.part import prepare_part
+from bonecam.mesh.part import prepare_part, repaired_part
+from bonecam.mesh.solids.intersections import self_intersections
 from bonecam.mesh.triangle_mesh import TriangleMesh, probes
 
 TOLERANCE = 0.08
@@ -117,7 +119,36 @@ def test_a_tip_that_it_would_leave_too_far_behind_is_drawn_within_the_limit_and_
     assert not moved[far].any()
 
 
-def test_a_smooth_surface_that_cuts_itself_is_refused_with_its_place() -> None:
+def test_where_a_smooth_surface_cuts_itself_beside_a_sliver_the_facets_are_kept_there_alone(
+    ellipsoid: Callable[..., TriangleMesh],
+) -> None:
+    even = ellipsoid(5, 4, 14, rings=10, columns=12)
+    split = 77
+    first, second, third = (int(corner) for corner in even.faces[split])
+    has_both = np.isin(even.faces, (first, second)).sum(axis=1) == 2
+    across = int(np.setdiff1d(np.flatnonzero(has_both), [split])[0])
+    fourth = int(np.setdiff1d(even.faces[across], [first, second])[0])
+    start, end, aside = even.vertices[[first, second, third]]
+    along, out = unit(np.array([end - start, np.cross(end - start, aside - start)]))
+    offset = -0.41 * along + 0.01 * out + 0.91 * np.cross(out, along)
+    near = start + 0.3 * np.linalg.norm(end - start) * offset
+    new = len(even.vertices)
+    slivers = [(first, new, third), (new, second, third), (new, first, fourth), (second, new, fourth)]
+    faces = np.vstack([np.delete(even.faces, [split, across], axis=0), np.array(slivers, dtype=np.int32)])
+    mesh = TriangleMesh(np.vstack([even.vertices, near]), faces)
+
+    found = smoothed(mesh)
+    assert not len(self_intersections(found.mesh))
+    assert 0.0 < found.kept < 0.1 * mesh.area
+    assert f"{found.kept:.2g} mm2 of them kept where it would cut itself" in str(found.change)
+    assert found.report["kept_mm2"] == pytest.approx(found.kept, abs=1e-6)
+    far = np.linalg.norm(found.mesh.vertices - start, axis=1) > 16.0
+    apart = MeshDistance(smoothed(even).mesh).unsigned(found.mesh.vertices[far])
+    assert apart.max() < 1e-9
+    assert smoothed(even).kept == 0.0
+
+
+def test_the_walls_of_a_narrow_slit_keep_their_facets() -> None:
     outline = [(-4, 0), (4, 0), (4, 20), (0.05, 20), (0.05, 4), (-0.05, 4), (-0.05, 20), (-4, 20)]
     ring = np.array([(x, 0.0, z) for x, z in outline])
     sides = [(k, (k + 1) % 8) for k in range(8)]
@@ -126,8 +157,31 @@ def test_a_smooth_surface_that_cuts_itself_is_refused_with_its_place() -> None:
     faces += [(a, c, b) for a, b, c in cap] + [(a + 8, b + 8, c + 8) for a, b, c in cap]
     mesh = TriangleMesh(np.vstack([ring, ring + np.array([0.0, 5.0, 0.0])]), np.array(faces, dtype=np.int32))
     mesh = mesh if mesh.volume > 0 else TriangleMesh(mesh.vertices, mesh.faces[:, ::-1].copy())
-    with pytest.raises(MeshError, match=r"cuts itself near \(.*mesh.facets to exact"):
+    found = smooth_facets(mesh, coarseness_of(mesh), MeshJob(facets="smooth", smooth_within=50.0), TOLERANCE)
+    assert found is not None
+    assert not len(self_intersections(found.mesh))
+    assert found.kept > 2 * 16 * 5
+
+
+def test_facets_that_cut_themselves_are_refused_with_their_place(
+    ellipsoid: Callable[..., TriangleMesh],
+) -> None:
+    even = ellipsoid(5, 4, 14, rings=10, columns=12)
+    points = even.vertices.copy()
+    points[60] *= -4.0
+    mesh = TriangleMesh(points, even.faces)
+    with pytest.raises(MeshError, match=r"the facets cut themselves near \(.*mend the mesh there"):
         smooth_facets(mesh, coarseness_of(mesh), MeshJob(facets="smooth", smooth_within=50.0), TOLERANCE)
+
+
+@pytest.mark.parametrize("name", ["3midph", "1mc", "scaphoid", "capitate"])
+def test_finely_meshed_bones_that_are_coarse_beside_a_narrow_tolerance_keep_slivers_only(
+    shared: Path, name: str
+) -> None:
+    part = repaired_part(shared / "meshes" / "bones" / f"{name}_m.stl", MeshJob(units="m"), tolerance=0.02)
+    assert part.smoothing is not None
+    assert not len(self_intersections(part.smoothing.mesh))
+    assert 0.0 < part.smoothing.kept < 0.001 * part.mesh.area
 
 
 def test_a_part_with_true_edges_is_kept_and_told_and_rounded_only_where_asked() -> None:

@@ -30,6 +30,7 @@ def test_debris_that_touches_is_dropped_and_the_bone_stays_to_the_bit(
     mesh, done = repair(with_debris(bone, kind, face, size))
     assert is_same(mesh, bone)
     assert any(each.change.startswith("dropped 1") and each.left_out is not None for each in done)
+    assert sum(each.guessed for each in done) > 0.0
     assert all(each.outward == each.inward == 0 for each in done)
 
 
@@ -73,6 +74,7 @@ def test_an_inner_shell_is_filled_and_told_with_its_volume(
         f"filled an inner shell (cavity) of {abs(shell.volume):.3g} mm3 near "
         f"(0.00, 0.00, {height * (1 - share):z.2f})"
     ]
+    assert done[0].guessed == 0.0
 
 
 def test_a_cavity_that_comes_out_of_the_part_is_told_to(

@@ -34,6 +34,7 @@ def test_a_wall_inside_goes_and_both_sides_of_it_stay(bone: TriangleMesh, height
     assert faults_of(mesh) == ()
     assert mesh.volume == pytest.approx(bone.volume, rel=1e-9)
     assert "inside the part" in str(done[0])
+    assert done[0].guessed == 0.0
     assert not any("skin" in each.change for each in done)
 
 

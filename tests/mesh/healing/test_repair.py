@@ -56,6 +56,8 @@ def broken(
     }
 
 
+AREAS = {"hole": 0.283, "fin": 0.848, "debris": 0.981}
+"""Areas that are not as they were given, mm^2; the other repairs leave none."""
 WORDS = {
     "hole": "closed 1 hole with 5 faces, 1.19 mm across",
     "turned face": "turned",
@@ -76,6 +78,7 @@ def test_a_broken_mesh_is_mended_and_told(
     assert WORDS[kind] in "; ".join(map(str, done))
     assert faults_of(mesh) == ()
     assert mesh.volume == pytest.approx(bone.volume, rel=0.01)
+    assert sum(each.guessed for each in done) == pytest.approx(AREAS.get(kind, 0.0), abs=0.02)
 
 
 def test_a_surface_that_cuts_itself_keeps_its_outside(
@@ -156,6 +159,19 @@ def test_the_new_skin_is_sound_and_close(bone: TriangleMesh) -> None:
         np.linalg.norm(exact_closest(bone, wrapped.vertices)[0] - wrapped.vertices, axis=1).max()
         < 0.002 * bone.diagonal
     )
+
+
+def test_a_new_skin_is_a_guess_where_it_bridges_what_its_ball_does_not_enter(
+    bone: TriangleMesh,
+    ellipsoid: Callable[..., TriangleMesh],
+    together: Callable[..., TriangleMesh],
+    moved: Callable[..., TriangleMesh],
+) -> None:
+    (skin,) = wrap(RepairState(bone)).done
+    assert skin.guessed == 0.0
+    beside = moved(ellipsoid(4, 4, 4), (9.1, 0, 0))
+    (skin,) = wrap(RepairState(together(bone, beside))).done
+    assert 0.5 < skin.guessed < 20.0
 
 
 def test_the_same_mesh_is_mended_to_the_same_bytes(broken: dict[str, TriangleMesh]) -> None:

@@ -55,7 +55,8 @@ def test_winding_numbers_tell_the_side_of_open_and_turned_meshes_too(bone: Trian
 def test_a_sentence_tells_the_movement_and_the_report_has_it(bone: TriangleMesh) -> None:
     made = Repair.between("changed it", dented(bone, 100, 0.3), bone)
     assert str(made).startswith("changed it; moved the surface 0.000 mm outward, 0.2")
-    assert made.report == {"change": "changed it", "outward_mm": 0.0, "inward_mm": round(made.inward, 6)}
+    moved = {"outward_mm": 0.0, "inward_mm": round(made.inward, 6)}
+    assert made.report == {"change": "changed it", **moved, "guessed_mm2": 0.0}
     assert str(Repair("changed it", 4e-4, 4e-4)) == "changed it"
 
 

@@ -8,6 +8,7 @@ import pytest
 from bonecam.job import read_job
 from bonecam.machine.machine import read_machine
 from bonecam.nc.dialect import read_dialect
+from bonecam.nc.job_dialect import job_dialect
 from bonecam.nc.posting.write import write_program
 from bonecam.nc.program import Program
 from bonecam.nc.reading.read import read_program
@@ -41,9 +42,7 @@ def case(request: pytest.FixtureRequest) -> str:
 @pytest.fixture(scope="module")
 def program(case: str, paths: tuple[ToolPath, ToolPath]) -> Program:
     job = read_job(GOLDEN / case / "job.toml")
-    return write_program(
-        paths, read_machine(job.nc.machine), read_dialect(job.nc.controller), job, name="GOLDEN"
-    )
+    return write_program(paths, read_machine(job.nc.machine), job_dialect(job.nc), job, name="GOLDEN")
 
 
 def test_the_golden_program_is_still_posted(case: str, program: Program) -> None:

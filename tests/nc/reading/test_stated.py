@@ -10,6 +10,7 @@ from bonecam.errors import MachineError, ProgramError
 from bonecam.job import read_job
 from bonecam.machine.machine import Machine, read_machine
 from bonecam.nc.dialect import DIALECTS, Dialect, dialect_names, read_dialect
+from bonecam.nc.job_dialect import job_dialect
 from bonecam.nc.reading.read import read_program
 
 GOLDEN = Path(__file__).parents[2] / "golden"
@@ -60,7 +61,7 @@ BLOCKS = {
 
 def golden(case: str) -> tuple[str, Machine, Dialect]:
     job = read_job(GOLDEN / case / "job.toml")
-    dialect = read_dialect(job.nc.controller)
+    dialect = job_dialect(job.nc)
     text = (GOLDEN / case / f"expected{dialect.extension}").read_text()
     return text, read_machine(job.nc.machine), dialect
 

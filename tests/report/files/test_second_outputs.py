@@ -20,7 +20,7 @@ from bonecam.errors import FileError
 from bonecam.machine.machine import read_machine
 from bonecam.mesh.files.mesh_files import read_mesh, write_mesh
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.nc.dialect import read_dialect
+from bonecam.nc.job_dialect import job_dialect
 from bonecam.nc.reading.read import read_program
 from bonecam.report.files.kept_bodies import GIVEN
 from bonecam.report.files.kept_view import SECOND_VIEW
@@ -88,12 +88,12 @@ def test_every_output_of_the_second_clamping_lies_beside_that_of_the_first(
 def test_the_page_shows_the_moves_of_the_second_text(second: SecondProgram, contents: Contents) -> None:
     job = second.job
     text = second.program.text
-    motions = read_program(text, read_machine(job.nc.machine), read_dialect(job.nc.controller))
+    motions = read_program(text, read_machine(job.nc.machine), job_dialect(job.nc))
     arrays, facts = contents.arrays, contents.facts
     assert arrays["text"].tobytes().decode("latin-1") == text
     np.testing.assert_allclose(arrays["move_tip"], motions.tips, atol=0.002)
     np.testing.assert_array_equal(arrays["move_line"], motions.lines)
-    assert facts["program"]["minutes"] == second.report["time_min"]
+    assert facts["program"]["time"] == str(second.program.time)
     assert facts["summary"].startswith("second    bone.second.h: ")
     assert facts["chuck"] == {"radius": 7.0, "top": 2.0, "bottom": 0.0}
     assert facts["left"]["area"] == second.removal.left.area
@@ -194,12 +194,12 @@ def test_the_sheet_has_a_page_for_each_clamping(second_run: Run, second: SecondP
     assert "is removed in the second clamping, see its page" in first
     for made, told in ((second_run[0].program, first), (second.program, turned)):
         assert hashlib.sha256(made.text.encode()).hexdigest() in told
-        for minutes in made.tool_minutes:
+        for minutes in made.time.tools:
             assert f"\t{minutes:.1f}" in told
     report = second.report
     for figure in (
         "bone.second.h",
-        f"about {report['time_min']:.1f} min",
+        *report["time_texts"],
         f"stump \u2300 {second.job.holding.diameter:g}",
         f"Z {second.clamping.top:.2f}",
         "chuck \u2300 14 x 2",

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 import bonecam
 from bonecam.machine.kinematics import forward, inverse_linear
 from bonecam.machine.machine import Machine, read_machine
-from bonecam.nc.dialect import read_dialect
+from bonecam.nc.job_dialect import job_dialect
 from bonecam.nc.reading.read import read_program
 from bonecam.report.page.machine_contents import machine_facts, rotary_angles
 
@@ -117,7 +117,7 @@ def test_any_chain_stands_as_its_kinematics(page: Any, machine: Machine) -> None
 def test_the_program_moves_the_table_under_a_head_that_goes_up_and_down(page: Any, small_run: Run) -> None:
     result = small_run[0]
     machine = read_machine(result.job.nc.machine)
-    motions = read_program(result.program.text, machine, read_dialect(result.job.nc.controller))
+    motions = read_program(result.program.text, machine, job_dialect(result.job.nc))
     assert len(machine.part_axes) == 2
     steps = [100, 400, 700]
     assert abs(motions.axes[700, 2]) < 0.99

@@ -15,7 +15,7 @@ import bonecam
 from bonecam.cli import main
 from bonecam.errors import FileError
 from bonecam.machine.machine import read_machine
-from bonecam.nc.dialect import read_dialect
+from bonecam.nc.job_dialect import job_dialect
 from bonecam.nc.reading.read import read_program
 from bonecam.report.files.kept_view import kept_contents
 from bonecam.report.page.packing import Contents, pack, unpack
@@ -175,7 +175,7 @@ def test_play_moves_the_tool_and_shows_the_block(page: Any, small_run: Run) -> N
     page.evaluate("goTo(700)")
     text = small_run[0].program.text
     job = small_run[0].job
-    motions = read_program(text, read_machine(job.nc.machine), read_dialect(job.nc.controller))
+    motions = read_program(text, read_machine(job.nc.machine), job_dialect(job.nc))
     shown = page.evaluate("page.arrays.move_line[700]")
     assert page.locator("#blocks b").inner_text().strip() == text.split("\n")[shown - 1]
     at = page.evaluate("page.tool.body.position.toArray()")

@@ -10,7 +10,7 @@ import pytest
 
 import bonecam
 from bonecam.machine.machine import read_machine
-from bonecam.nc.dialect import read_dialect
+from bonecam.nc.job_dialect import job_dialect
 from bonecam.nc.reading.motions import Motions
 from bonecam.nc.reading.read import read_program
 
@@ -35,7 +35,7 @@ def page(small_run: Run, browser: Any) -> Iterator[Any]:
 def motions(small_run: Run) -> Motions:
     """The moves of its program."""
     nc = small_run[0].job.nc
-    return read_program(small_run[0].program.text, read_machine(nc.machine), read_dialect(nc.controller))
+    return read_program(small_run[0].program.text, read_machine(nc.machine), job_dialect(nc))
 
 
 def seek(page: Any, sought: str) -> str:

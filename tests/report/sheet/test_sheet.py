@@ -13,7 +13,7 @@ import pytest
 import bonecam
 from bonecam.cli import main
 from bonecam.machine.machine import read_machine
-from bonecam.nc.dialect import read_dialect
+from bonecam.nc.job_dialect import job_dialect
 from bonecam.nc.posting.header.program_zero import ZeroWords
 from bonecam.nc.reading.read import read_program
 from bonecam.report.sheet.axes import axis_ranges
@@ -47,13 +47,14 @@ def test_it_tells_the_checksum_the_tools_and_the_clamping(small_run: Run) -> Non
     text = (folder / "sheet.html").read_text(encoding="utf-8")
     assert hashlib.sha256((folder / "bone.h").read_bytes()).hexdigest() in text
     job = made.job
-    for tool, minutes in zip((job.roughing, job.finishing), made.program.tool_minutes, strict=True):
+    for tool, minutes in zip((job.roughing, job.finishing), made.program.time.tools, strict=True):
         row = next(row for row in text.split("<tr>") if f"<td>{tool.radius:g}</td>" in row)
         neck = f"{tool.neck_diameter:g} to {tool.neck_length:g}, " if tool.neck_length else ""
         for value in (f"{tool.overhang:g}", f"{neck}{tool.shank_diameter:g}", f"{minutes:.1f}"):
             assert f"<td>{value}</td>" in row
-    assert sum(made.program.tool_minutes) == pytest.approx(made.program.time_min)
+    assert sum(made.program.time.tools) == pytest.approx(made.program.time.axes)
     for told in (
+        f"<dd>{'; '.join(made.program.time.texts)}</dd>",
         "Z 71.00",
         "chuck \u2300 12 x 6",
         "zero: X 0 Y 0 Z 0",
@@ -66,7 +67,7 @@ def test_it_tells_the_checksum_the_tools_and_the_clamping(small_run: Run) -> Non
 def test_axes_travel_what_the_program_s_header_says(small_run: Run) -> None:
     made = small_run[0]
     machine = read_machine(made.job.nc.machine)
-    motions = read_program(made.program.text, machine, read_dialect(made.job.nc.controller))
+    motions = read_program(made.program.text, machine, job_dialect(made.job.nc))
     found = {item.letter: item for item in axis_ranges(motions, machine)}
     header = re.search(r"TRAVEL, MM: X ([\d.]+) OF [\d.]+, Y ([\d.]+) OF", made.program.text)
     assert header

@@ -28,8 +28,8 @@ UNITS = {"mm": 1.0, "um": 0.001, "\N{MICRO SIGN}m": 0.001, "micron": 0.001, "cm"
 """The mm of units that an NRRD may state."""
 MOST_SKEW = 1e-3
 """Most angle of axes of voxels from perpendicular, radians: 0.05 mm in a bone of 50 mm."""
-NIFTI_1 = 348
-"""Bytes of the header of NIfTI-1, which begins with this number."""
+NIFTI_1, NIFTI_2 = 348, 540
+"""Bytes of the headers of NIfTI-1 and 2, which begin with these numbers."""
 SHOWN = 12
 """So many labels a message lists."""
 
@@ -86,13 +86,13 @@ def _header(file: Path) -> _Header:
         data = gzip.decompress(data) if file.suffix.lower() == ".gz" else data
     except (OSError, EOFError, zlib.error) as error:
         raise file_error(file, f"cannot be read ({error})", "write it anew from its source") from error
-    return _nrrd_header(file, data) if file.suffix.lower() == ".nrrd" else _nifti_header(data)
+    return _nrrd_header(file, data) if file.suffix.lower() == ".nrrd" else _nifti_header(file, data)
 
 
 def _nrrd_header(file: Path, data: bytes) -> _Header:
     text, *voxels = re.split(rb"\r?\n\r?\n", data, maxsplit=1)
     fields = dict(re.findall(r"^([^:#\n]+): *(.*?)\r?$", text.decode(errors="replace"), re.MULTILINE))
-    units = set(re.findall(r'"([^"]+)"', fields.get("space units", "")))
+    units = set(re.findall(r'"([^"]+)"', fields.get("space units", "") + fields.get("units", "")))
     if len(units) > 1 or units - set(UNITS):
         what = f"states the units {', '.join(sorted(units))}"
         raise file_error(file, what, f"write it in one of {', '.join(UNITS)}")
@@ -101,15 +101,33 @@ def _nrrd_header(file: Path, data: bytes) -> _Header:
         axes = np.array(rows, dtype=np.float64).reshape(-1, 3)
     except ValueError:
         axes = np.empty((0, 3))  # no axes in space; ITK says what is wrong
-    raw = fields.get("encoding") == "raw" and "data file" not in fields
+    size = (
+        len(_unpacked(fields.get("encoding", ""), voxels[0])) if voxels and "data file" not in fields else 0
+    )
     scale = UNITS[units.pop()] if units else 0.0
-    return _Header(axes, "mm" if scale else "", scale or 1.0, len(voxels[0]) if raw and voxels else 0)
+    return _Header(axes, "mm" if scale else "", scale or 1.0, size)
 
 
-def _nifti_header(data: bytes) -> _Header:
+def _unpacked(encoding: str, voxels: bytes) -> bytes:
+    """Bytes of voxels, none where their encoding or what is wrong with them is for ITK to tell."""
+    try:
+        return gzip.decompress(voxels) if encoding in ("gz", "gzip") else voxels if encoding == "raw" else b""
+    except (OSError, EOFError, zlib.error):
+        return b""
+
+
+def _nifti_header(file: Path, data: bytes) -> _Header:
     order = "<" if data[:4] == struct.pack("<i", NIFTI_1) else ">"
+    if NIFTI_2 in (struct.unpack("<i", data[:4].ljust(4))[0], struct.unpack(">i", data[:4].ljust(4))[0]):
+        raise file_error(file, "is NIfTI-2, which is not read", "save it as NIfTI-1 or NRRD")
     if len(data) < NIFTI_1 or struct.unpack_from(f"{order}i", data)[0] != NIFTI_1:
         return _Header(np.empty((0, 3)), "mm", 1.0, 0)
+    if not np.isfinite(
+        struct.unpack_from(f"{order}8f", data, 76) + struct.unpack_from(f"{order}18f", data, 256)
+    ).all():
+        raise file_error(
+            file, "has sizes or axes of voxels that are not numbers", "write it anew from its source"
+        )
     by_rows = np.array(struct.unpack_from(f"{order}12f", data, 280)).reshape(3, 4)[:, :3]
     used = struct.unpack_from(f"{order}h", data, 254)[0] > 0
     start = int(struct.unpack_from(f"{order}f", data, 108)[0])
@@ -151,7 +169,8 @@ def read_label_map(file: Path) -> LabelMap:
     if header.size > values.nbytes:
         what = f"holds {header.size} bytes of voxels, its header tells of {values.nbytes}"
         raise file_error(file, what, "write it anew from its source")
-    labels = values.astype(np.int64)
+    with np.errstate(invalid="ignore"):  # of values that are no numbers, which are no whole ones either
+        labels = values.astype(np.int64)
     if values.dtype.kind == "f" and not (labels == values).all():
         raise file_error(
             file, "holds values that are no whole numbers", "give the segmentation, not the scan"

@@ -18,7 +18,7 @@ from bonecam.mesh.files.formats.content import (
 
 NAMES = {"v": "vertex", "vt": "texture corner", "vn": "normal"}
 """What faces name, in the order of the numbers of a corner."""
-OTHERS = frozenset("vp l p g o s mg usemtl mtllib usemap maplib".split())
+OTHERS = frozenset("vp l p g o s mg usemtl mtllib usemap maplib lod bevel c_interp d_interp".split())
 """Words that may begin a line besides those of NAMES and f."""
 LEFT_OUT = {"l": "lines", "p": "points"}
 """Elements that are no faces."""
@@ -33,7 +33,7 @@ def parse_obj(data: bytes) -> Content:
     totals = dict.fromkeys(NAMES, 0)
     highest = dict.fromkeys(NAMES, (0, 0))
     left_out = dict.fromkeys(LEFT_OUT, 0)
-    for line, words in numbered_words(data):
+    for line, words in numbered_words(data.replace(b"\\\n", b"  ").replace(b"\\\r\n", b"   ")):
         kind = words[0]
         if kind in NAMES:
             totals[kind] += 1

@@ -53,6 +53,8 @@ def parse_ply(data: bytes) -> Content:
     header, body = _header_of(data)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # numpy's, of empty lists and of numbers beyond their type
+        if b"format ascii" in header:
+            body = b"\n".join(line for line in body.splitlines() if line.strip())
         stream = _Stream(header + body)
         try:
             ply = plyfile.PlyData.read(stream)

@@ -11,7 +11,6 @@ import json
 import re
 import struct
 import zipfile
-import zlib
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from typing import Any
@@ -32,14 +31,16 @@ from bonecam.mesh.files.formats.content import (
 )
 from bonecam.mesh.files.formats.polygons import strip_triangles
 
-ALIGNED = 4
-"""Bytes that places in a GLB are multiples of."""
+PADDING = 4
+"""Views of a GLB are filled up to multiples of so many bytes."""
+INSTANCES = "EXT_mesh_gpu_instancing"
+"""The extension of glTF that places a mesh many times."""
 HARMLESS = ("KHR_materials", "KHR_texture", "KHR_lights", "KHR_xmp", "EXT_texture", "EXT_lights")
 """How names of extensions of glTF begin that change no triangle."""
 COMPONENTS = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 """Numbers of glTF accessors, by their codes."""
-WIDTHS = {"SCALAR": 1, "VEC3": 3}
-"""Numbers of one element of the accessors that are read."""
+WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
+"""Numbers of one element of an accessor."""
 OTHER_MODES = {0: "points", 1: "lines", 2: "line loops", 3: "line strips"}
 """Primitives of glTF that are no faces."""
 STRIP, FAN = 5, 6
@@ -55,13 +56,12 @@ MM_OF_3MF = {
 """The units of 3MF (Core Specification 1.3, 3.4)."""
 EXTENSIONS_3MF = ("production", "material", "trianglesets")
 """Extensions of 3MF that a model may require, by a word of their name spaces."""
+MOST_PLACED = 10_000
+"""Most objects that a 3MF may build, those in components counted each time."""
 MOST_UNPACKED = 2**30
 """Most bytes of an unpacked 3MF."""
 PART_VOLUMES = ("modelpart", "normal_part", "model", "surface", "other")
 """Volumes and objects of a 3MF that are the part: in files of PrusaSlicer and of Bambu Studio, and types of objects."""
-
-DAMAGE = (AttributeError, IndexError, KeyError, OverflowError, RecursionError, TypeError, ValueError)
-"""What damaged names, numbers and places raise."""
 
 Placed = tuple[Float[ndarray, "n 3"], Int64[ndarray, "m 3"], Float[ndarray, "4 4"]]
 """Vertices and triangles, and where they are put."""
@@ -80,13 +80,19 @@ def parse_glb(data: bytes) -> Content:
         meshes = header.get("meshes", [])
         modes = [primitive.get("mode", 4) for mesh in meshes for primitive in mesh["primitives"]]
         refuse_others({name: modes.count(mode) for mode, name in OTHER_MODES.items()})
-        if any("skin" in node for node in header.get("nodes", [])):
-            raise ContentError("moves its vertices by a skeleton", "apply the pose and export it again")
+        nodes = header.get("nodes", [])
+        if any("skin" in node for node in nodes) or any(
+            any(each.get("weights", [])) for each in (*nodes, *meshes)
+        ):
+            raise ContentError(
+                "moves its vertices by a skeleton or shape keys", "apply the pose and export it again"
+            )
+        refuse_others({"instanced nodes": sum(INSTANCES in node.get("extensions", {}) for node in nodes)})
         _require_covered(header)
         placed = list(_glb_meshes(header, buffers))
     except ContentError:
         raise
-    except (*DAMAGE, struct.error) as error:
+    except Exception as error:  # damaged names, numbers and places raise all kinds
         raise ContentError(
             f"cannot be read as GLB ({type(error).__name__} {str(error)[:100]})", CUT_SHORT
         ) from error
@@ -115,24 +121,28 @@ def _chunks(data: bytes) -> tuple[dict[str, Any], list[bytes]]:
 
 
 def _require_covered(header: dict[str, Any]) -> None:
-    """ContentError where accessors leave out the end of a view: a count is too small."""
+    """ContentError where accessors leave out the end of a view or go beyond it: a count is wrong."""
     ends: dict[int, int] = {}
     for accessor in header.get("accessors", []):
-        if "bufferView" in accessor and accessor["type"] in WIDTHS:
+        if "bufferView" in accessor:
             view = header["bufferViews"][accessor["bufferView"]]
             row = np.dtype(COMPONENTS[accessor["componentType"]]).itemsize * WIDTHS[accessor["type"]]
-            end = accessor.get("byteOffset", 0) + accessor["count"] * view.get("byteStride", row)
+            stride = view.get("byteStride", row)
+            end = accessor.get("byteOffset", 0) + (accessor["count"] - 1) * stride + row
             ends[accessor["bufferView"]] = max(end, ends.get(accessor["bufferView"], 0))
     for number, end in ends.items():
-        rest = header["bufferViews"][number]["byteLength"] - end
-        if rest >= ALIGNED:
-            raise ContentError(f"goes on for {rest} bytes after the numbers that it tells of", CUT_SHORT)
+        view = header["bufferViews"][number]
+        rest = view["byteLength"] - end
+        if rest >= max(view.get("byteStride", 0), PADDING) or rest < 0:
+            what = "goes on for" if rest > 0 else "is short by"
+            raise ContentError(f"{what} {abs(rest)} bytes after the numbers that it tells of", CUT_SHORT)
 
 
 def _nodes(header: dict[str, Any]) -> list[dict[str, Any]]:
     """The nodes of the scene that is shown, parents first, with the `place` of each."""
     nodes = header.get("nodes", [])
-    scenes = header.get("scenes", [{"nodes": range(len(nodes))}])
+    children = {child for node in nodes for child in node.get("children", [])}
+    scenes = header.get("scenes", [{"nodes": sorted(set(range(len(nodes))) - children)}])
     shown = [(k, np.eye(4)) for k in scenes[header.get("scene", 0)].get("nodes", [])]
     for k, above in shown:
         if len(shown) > len(nodes) + 1:
@@ -215,7 +225,7 @@ def parse_3mf(data: bytes) -> Content:
         return _build(files)
     except ContentError:
         raise
-    except (*DAMAGE, StopIteration, zipfile.BadZipFile, zlib.error, ElementTree.ParseError, OSError) as error:
+    except Exception as error:  # zipfile and the decoders of its methods raise all kinds on damaged bytes
         raise ContentError(
             f"cannot be read as 3MF ({type(error).__name__} {str(error)[:100]})", CUT_SHORT
         ) from error
@@ -223,7 +233,12 @@ def parse_3mf(data: bytes) -> Content:
 
 def _build(files: dict[str, bytes]) -> Content:
     """What the files of a 3MF package build."""
-    root = next(name for name in files if name.endswith("3d/3dmodel.model"))
+    named = re.findall(rb'Target="/?([^"]+\.model)"', files.get("_rels/.rels", b""))
+    names = [
+        *(name.decode().lower() for name in named),
+        *(name for name in files if name.endswith("3dmodel.model")),
+    ]
+    root = next(name for name in names if name in files)
     models = {name: ElementTree.fromstring(text) for name, text in files.items() if name.endswith(".model")}
     for name, model in models.items():
         _require_known(model, files[name])
@@ -234,6 +249,13 @@ def _build(files: dict[str, bytes]) -> Content:
     }
     ranges, parts = _volumes(files)
     left_out: Counter[str] = Counter()
+    counted: Counter[str] = Counter()
+    built: set[tuple[str, str | None]] = set()
+
+    def path_of(element: ElementTree.Element, file: str) -> str:
+        """The file that an item or component names, else the one that it stands in."""
+        path = next((value for name, value in element.attrib.items() if name.endswith("}path")), file)
+        return path.lstrip("/").lower()
 
     def is_part(kind: str) -> bool:
         if "negative" in kind.lower():
@@ -246,7 +268,13 @@ def _build(files: dict[str, bytes]) -> Content:
 
     def placed(file: str, number: str, matrix: Float[ndarray, "4 4"]) -> Iterator[Placed]:
         body = objects[file, number]
+        built.add((file, number))
+        counted["objects"] += 1
+        if counted["objects"] > MOST_PLACED:
+            raise ContentError(f"builds more than {MOST_PLACED:,} objects", "export the part alone")
         mesh = body.find("{*}mesh")
+        if mesh is None and body.find("{*}components") is None:
+            raise ContentError(f"has an object {number} that is no mesh", TRIANGLES)
         if mesh is not None and is_part(body.get("type", "model")):
             points = [
                 [float(vertex.attrib[axis]) for axis in "xyz"] for vertex in mesh.findall("{*}vertices/*")
@@ -261,12 +289,17 @@ def _build(files: dict[str, bytes]) -> Content:
             yield np.array(points, dtype=np.float64).reshape(-1, 3), triangles, matrix
         for part in body.findall("{*}components/*"):
             own = part.attrib["objectid"]
+            built.add((path_of(part, file), own))
             if is_part(parts.get((number, own), "model")):
-                path = next((value for name, value in part.attrib.items() if name.endswith("}path")), file)
-                yield from placed(path.lstrip("/").lower(), own, matrix @ _transform(part))
+                yield from placed(path_of(part, file), own, matrix @ _transform(part))
 
     items = models[root].findall("{*}build/*")
-    meshes = [mesh for item in items for mesh in placed(root, item.attrib["objectid"], _transform(item))]
+    meshes = [
+        mesh
+        for item in items
+        for mesh in placed(path_of(item, root), item.attrib["objectid"], _transform(item))
+    ]
+    left_out["objects that are not built"] = len(objects.keys() - built)
     scale = np.diag([*[MM_OF_3MF[models[root].get("unit", "millimeter")]] * 3, 1.0])
     scaled = [(points, faces, scale @ matrix) for points, faces, matrix in meshes]
     return _content(scaled, "mm", left_out_note(left_out))
@@ -274,10 +307,11 @@ def _build(files: dict[str, bytes]) -> Content:
 
 def _require_known(model: ElementTree.Element, text: bytes) -> None:
     """ContentError where a model of a 3MF needs an extension that is not read, or holds beams."""
-    spaces = dict(re.findall(r'xmlns:(\w+)="([^"]*)"', text.decode(errors="replace")))
+    spaces = {name: uri for _, (name, uri) in ElementTree.iterparse(io.BytesIO(text), ["start-ns"])}
     for name in model.get("requiredextensions", "").split():
-        if not any(f"/{word}/" in spaces[name] for word in EXTENSIONS_3MF):
-            raise ContentError(f"needs the extension {spaces[name]} of 3MF, which is not read", TRIANGLES)
+        space = spaces.get(name, name)
+        if not any(f"/{word}/" in space for word in EXTENSIONS_3MF):
+            raise ContentError(f"needs the extension {space} of 3MF, which is not read", TRIANGLES)
     refuse_others({"beams": len(model.findall(".//{*}beam"))})
 
 

@@ -10,8 +10,10 @@ HEADER = 84
 """Bytes before the triangles of a binary STL: text of 80, and their number."""
 FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", 9), ("rest", "<u2")])
 """A triangle of a binary STL."""
-WORDS = frozenset("solid facet outer vertex endloop endfacet endsolid".split())
-"""Words that lines of an ASCII STL begin with."""
+WORDS = {"facet": 5, "outer": 2, "vertex": 4, "endloop": 1, "endfacet": 1}
+"""Words that lines of an ASCII STL begin with, and how many they have."""
+NAMED = ("solid", "endsolid")
+"""Words that names follow."""
 
 
 def parse_stl(data: bytes) -> Content:
@@ -46,11 +48,14 @@ def _parse_ascii(data: bytes) -> Content:
     points = array("f")
     facets = 0
     ended = False
+    odd = ""
     for line, words in numbered_words(data):
         word = words[0].lower()
         facets += word == "facet"
-        if not any(known.startswith(word) for known in WORDS):  # the last word may be cut short
-            raise ContentError(f"{' '.join(words)[:40]!r} is nothing of an STL", line=line)
+        if odd:
+            raise ContentError(f"{odd!r} is nothing of an STL", line=line - 1)
+        if len(words) != WORDS.get(word, len(words)) or word not in (*WORDS, *NAMED):
+            odd = " ".join(words)[:40]  # which the end of a file that is cut short may be
         ended = word == "endsolid"
         if word == "vertex":
             try:

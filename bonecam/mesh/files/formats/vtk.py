@@ -28,8 +28,8 @@ OTHERS = ("vertices", "lines")
 """Sections of a legacy surface that are no faces."""
 PARTS = (b"Verts", b"Lines", b"Strips", b"Polys")
 """Elements of a .vtp that list cells."""
-FACES = ("triangle", "quad", "polygon")
-"""Cells of a grid that are faces, as meshio names them, a polygon's with its number of corners."""
+FACES = ("triangle", "quad")
+"""Cells of a grid that are faces, as meshio names them, beside polygons, whose names have their number of corners."""
 
 Cells = tuple[Int64[ndarray, " _"], Int64[ndarray, " _"]]
 """Corners of cells, one after another, and how many each has."""
@@ -63,15 +63,20 @@ def parse_vtk(data: bytes) -> Content:
 
 def _section(data: bytes, word: bytes, start: int, binary: bool) -> Cells | None:
     """Corners and counts of the cells behind the `word`; None where it is not there."""
-    head = re.compile(rb"(?<!\w)%b\s+(\d+)\s+(\d+)[^\S\n]*\n" % word).search(data, start)
-    if head is None:
+    heads = list(re.compile(rb"(?<!\w)%b\s+(\d+)\s+(\d+)[^\S\n]*\n" % word).finditer(data, start))
+    if not heads:
         return None
+    if len(heads) > 1:
+        raise ContentError(f"has {len(heads)} sections {word.decode()}", SURFACE)
+    head = heads[0]
     if data.startswith(b"OFFSETS", head.end()):
         offsets, end = _numbers(data, rb"OFFSETS\s+()(\w+)", head.end(), binary, 1, count=int(head[1]))
         corners, end = _numbers(data, rb"CONNECTIVITY\s+()(\w+)", end, binary, 1, count=int(head[2]))
         cells = corners.astype(np.int64), np.diff(offsets.astype(np.int64))
     else:
         rows, end = _values(data, head.end(), binary, b"int", int(head[2]))
+        if (rows != np.rint(rows)).any():
+            raise ContentError("has corners that are no whole numbers")
         cells = _unrolled(rows.astype(np.int64), int(head[1]))
     if not re.compile(rb"\s*([A-Za-z]|\Z)").match(data, end):
         raise ContentError(f"goes on after the {int(head[1])} {word.decode()} that it tells of", CUT_SHORT)
@@ -165,7 +170,9 @@ def parse_vtp(data: bytes) -> Content:
 def _grid_content(grid: Any, numbers: list[bytes]) -> Content:
     """The faces of an unstructured grid whose file tells of so many cells in each piece. ContentError where it has
     other cells."""
-    others = [block for block in grid.cells if block.type.rstrip("0123456789") not in FACES]
+    others = [
+        block for block in grid.cells if block.type not in FACES and not block.type.startswith("polygon")
+    ]
     refuse_others({f"{block.type} cells": len(block.data) for block in others})
     return _content(grid.points, _cells(grid, sum(map(int, numbers))))
 

@@ -37,12 +37,14 @@ def air_check_texts(control: Control, dialect: Dialect, top: float) -> list[str]
     poses that keep the tip on one place; lines of header and sheet. `top` is the upper end of the blank, mm."""
     machine = control.machine
     start = _start(machine)
+    # that along the spindle last: on a head it is seen by the tilt of the other
+    tilting_first = sorted(machine.own_rotary, key=lambda axis: abs(axis.direction[2]) > ALONG_SPINDLE)
     return [
         "tool in the spindle, retracted, tool-centre control off, each axis driven by hand and back",
         "X+, Y+, Z+ are where the tool goes over the table as X, Y, Z grow",
         "marks on the table are watched from its middle",
         _square_text(machine, start),
-        *(text for axis in _tilting_first(machine) for text in _turn_texts(machine, axis, start)),
+        *(text for axis in tilting_first for text in _turn_texts(machine, axis, start)),
         *([] if control.tool_centre else _place_texts(control, dialect, start, float(np.ceil(top + ABOVE)))),
     ]
 
@@ -86,11 +88,6 @@ def _turned(machine: Machine, start: Float[ndarray, "2"], *axes: RotaryAxis) -> 
     for axis in axes:
         joints[machine.column(axis) - 3] = turn_of(axis)[1]
     return joints
-
-
-def _tilting_first(machine: Machine) -> list[RotaryAxis]:
-    """The rotary axes, that along the spindle last: on a head it is seen by the tilt of the other."""
-    return sorted(machine.own_rotary, key=lambda axis: abs(axis.direction[2]) > ALONG_SPINDLE)
 
 
 def _in_machine(

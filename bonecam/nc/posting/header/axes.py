@@ -1,18 +1,12 @@
-"""The comments of a program's header on its axes: the room that they take, how their words are written, the time."""
-
-from collections.abc import Sequence
-
-import numpy as np
+"""The comments of a program's header on its axes: the room that they take, and how their words are written."""
 
 from bonecam.machine.machine import Machine
 from bonecam.nc.dialect import Dialect
-from bonecam.nc.posting.feeds.motion_time import accelerated_minutes, knows_accelerations, knows_jerks
-from bonecam.nc.posting.path_words import Posted
 from bonecam.nc.posting.travel import Travel
 
 
-def axis_texts(machine: Machine, travel: Travel, posted: Sequence[Posted]) -> list[str]:
-    """The room that the program takes, how endless axes are written, and the time."""
+def axis_texts(machine: Machine, travel: Travel, dialect: Dialect) -> list[str]:
+    """The room that the program takes, and how endless axes are written."""
     linear = ", ".join(
         f"{axis.letter} {high - low:.1f} of {axis.travel:.1f}"
         for axis, (low, high) in zip(machine.linear, travel.ranges.tolist(), strict=False)
@@ -21,28 +15,10 @@ def axis_texts(machine: Machine, travel: Travel, posted: Sequence[Posted]) -> li
         f"{axis.letter} {low:+.3f} to {high:+.3f}"
         for axis, (low, high) in zip(machine.own_rotary, travel.ranges[3:].tolist(), strict=False)
     )
-    minutes = sum(float(np.sum(one.minutes)) for one in posted)
     return [
         f"travel, mm: {linear}, pivots and tool lengths as assumed",
         f"rotary axes, degrees unwound: {rotary}",
-        *(
-            text
-            for axis in machine.rotary
-            if axis.endless
-            for text in _endless_texts(axis.letter, posted[0].dialect)
-        ),
-        *_time_texts(machine, posted, minutes),
-    ]
-
-
-def _time_texts(machine: Machine, posted: Sequence[Posted], minutes: float) -> list[str]:
-    """The time of the program, with the accelerations and jerks of the axes too where they are known."""
-    if not knows_accelerations(machine):
-        return [f"time about {minutes:.1f} min, without accelerations and tool changes"]
-    driven = sum(float(np.sum(accelerated_minutes(one))) for one in posted)
-    known = ", with jerk" if knows_jerks(machine) else ""
-    return [
-        f"time about {driven:.1f} min{known}, {minutes:.1f} without accelerations, both without tool changes"
+        *(text for axis in machine.rotary if axis.endless for text in _endless_texts(axis.letter, dialect)),
     ]
 
 

@@ -1,6 +1,7 @@
 """The header of a program: what must be mounted, how the control must be set, and what the program will do, as
 comments; the blank; the safe start."""
 
+import textwrap
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import product
@@ -13,12 +14,12 @@ from bonecam.job import Job
 from bonecam.machine.machine import Machine
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.posting.header.axes import axis_texts
-from bonecam.nc.posting.header.texts import control_texts, parting_texts, tool_texts
+from bonecam.nc.posting.header.texts import WIDEST, control_texts, parting_texts, tool_texts
 from bonecam.nc.posting.path_words import Posted
 from bonecam.nc.posting.tolerances import contour_tolerance, rotary_tolerance_deg
 from bonecam.nc.posting.travel import Travel
-from bonecam.nc.program import Program, program_number
-from bonecam.nc.words import plain_text
+from bonecam.nc.program import Program, ProgramTime, program_number
+from bonecam.nc.words import comment, comments_of
 
 UNCHECKED = "checks passed: none, this text was not read back"
 """The line of a program before its proof; `record_checks` replaces it."""
@@ -35,6 +36,7 @@ def header_lines(
     bounds: Float[ndarray, "2 3"],
     comments: Sequence[str],
     travel: Travel,
+    time: ProgramTime,
     air_check: Sequence[str],
 ) -> list[str]:
     """The first blocks of a program: its `comments`, of what must be mounted too, the blank, which fills `bounds`
@@ -49,9 +51,10 @@ def header_lines(
         f"control {dialect.title}",
         *comments,
         *parting_texts([one.path for one in posted]),
-        *tool_texts(job, posted),
+        *tool_texts(job, posted, time),
         *control_texts(machine, dialect, posted),
-        *axis_texts(machine, travel, posted),
+        *axis_texts(machine, travel, dialect),
+        *(line for text in time.texts for line in textwrap.wrap(f"time {text}", WIDEST)),
         *(f"air check: {text}" for text in air_check),
         UNCHECKED,
         UNSIMULATED,
@@ -62,7 +65,7 @@ def header_lines(
         "header",
         name=name,
         number=job.nc.program_number or program_number(name),
-        comments="\n".join(comment(text, dialect) for text in texts),
+        comments="\n".join(line for text in texts for line in comments_of(text, dialect)),
         tolerance=length.text(contour_tolerance(dialect, job, finishing=True)),
         rotary_tolerance=rotary_text(dialect, rotary_tolerance_deg(dialect, job, True, smallest)),
         tool_centre_off=switch.off if switch else "",
@@ -86,11 +89,6 @@ def level_lines(dialect: Dialect, job: Job, posted: Posted) -> list[str]:
 def rotary_text(dialect: Dialect, angle: float) -> str:
     """An angle of a tolerance, degrees, with the decimals of the dialect's angles and no sign."""
     return f"{angle:.{dialect.numbers.angle.decimals}f}"
-
-
-def comment(text: str, dialect: Dialect) -> str:
-    """A comment in the form and the characters of the dialect."""
-    return dialect.comment.format(text=plain_text(text, dialect.comment_characters))
 
 
 def record_checks(program: Program, dialect: Dialect, checks: str) -> Program:

@@ -14,6 +14,7 @@ from bonecam.nc.dialect import Dialect
 from bonecam.nc.posting.feeds.drivable_feeds import feed_figures
 from bonecam.nc.posting.header.program_zero import ZeroWords, zero_texts
 from bonecam.nc.posting.path_words import Posted
+from bonecam.nc.program import ProgramTime
 from bonecam.planning.passes.parting import cut_groove
 from bonecam.setup.stock import Stock
 from bonecam.setup.stock_kind import kind_of
@@ -26,6 +27,11 @@ WIDEST = 96
 """Most characters of a comment that is divided between words."""
 
 
+VECTOR = [
+    "tool axis: a unit vector from the tip to the spindle, along the axes of the part with all rotary axes at 0",
+    "tool axis: the control takes the angles nearest to where its axes stand, and turns them evenly between blocks",
+]
+"""How the control must read the tool's direction, where that is a vector."""
 _CHANGES = {
     "changer": "by the machine, every length measured in its tool table before the start",
     "stop": "by hand where the program stops, every length measured in the tool table before the start",
@@ -128,13 +134,13 @@ def parting_texts(paths: Sequence[ToolPath]) -> list[str]:
     return [where, bridge]
 
 
-def tool_texts(job: Job, posted: Sequence[Posted]) -> list[str]:
+def tool_texts(job: Job, posted: Sequence[Posted], time: ProgramTime) -> list[str]:
     """Every tool: a line that the reader takes, its shapes, its time; and where its length is measured."""
     texts = []
-    for number, one in {one.path.cutter.number: one for one in posted}.items():
+    own_posted = {one.path.cutter.number: one for one in posted}
+    for (number, one), minutes in zip(own_posted.items(), time.tools, strict=True):
         cutter = one.path.cutter
         own = [each for each in posted if each.path.cutter.number == number]
-        minutes = sum(float(each.minutes.sum()) for each in own)
         cuts = [each.path.feed_rates[each.path.kinds == MoveKind.CUT] for each in own]
         fastest = float(np.concatenate(cuts).max(initial=0.0))
         texts += [
@@ -144,24 +150,19 @@ def tool_texts(job: Job, posted: Sequence[Posted]) -> list[str]:
             f"about {minutes:.1f} min",
         ]
     figures = feed_figures(posted, job.path.feed_at)
+    source = ""
+    if not all(getattr(job, name).spindle and getattr(job, name).feed for name in job.cutter_names):
+        material = read_material(job.material.name)
+        source = f"speeds not in the job are of {material.title}: {material.source}; {material.note}"
     return [
         *texts,
         "tool lengths: planned, from the spindle nose to the tip of the ball; enter the measured ones",
-        *_material_texts(job),
+        *textwrap.wrap(source, WIDEST),
         f"tool change: {_CHANGES[job.nc.tool_change]}",
         "holders and shanks: none wider, no stick-out shorter than above",
         f"cutting feeds: median {figures.median:.0f}, a tenth below {figures.low:.0f} mm/min: "
         f"an axis limits {100 * figures.limited:.0f} percent",
     ]
-
-
-def _material_texts(job: Job) -> list[str]:
-    """The material, where spindle speeds or feeds are its, with their source."""
-    if all(getattr(job, name).spindle and getattr(job, name).feed for name in job.cutter_names):
-        return []
-    material = read_material(job.material.name)
-    source = f"speeds not in the job are of {material.title}: {material.source}; {material.note}"
-    return textwrap.wrap(source, WIDEST)
 
 
 def _shapes(cutter: Cutter) -> list[str]:
@@ -201,20 +202,10 @@ def control_texts(machine: Machine, dialect: Dialect, posted: Sequence[Posted]) 
         *(f"needs: {_of_machine(need, machine)}" for need in dialect.needs),
         f"programmed point: {point} {where}",
         *zero_texts(machine, dialect),
-        *_vector_texts(dialect),
+        *(VECTOR if dialect.vector else []),
         *(_of_machine(note, machine) for note in notes),
         rapids,
         *_body_texts(machine),
-    ]
-
-
-def _vector_texts(dialect: Dialect) -> list[str]:
-    """How the control must read the tool's direction, where that is a vector."""
-    if dialect.vector is None:
-        return []
-    return [
-        "tool axis: a unit vector from the tip to the spindle, along the axes of the part with all rotary axes at 0",
-        "tool axis: the control takes the angles nearest to where its axes stand, and turns them evenly between blocks",
     ]
 
 

@@ -30,7 +30,10 @@ def row_blocks(posted: Posted, run: tuple[int, int], machine: Machine, dialect: 
                 lines[row] = (
                     own + lines[row].removeprefix(start) if lines[row].startswith(start) else lines[row]
                 )
-    return with_marks(lines, kinds, fast, posted.lifted_in(run), dialect)
+    # the rows of the run that begin a way to the safe point and back to rewind rotary axes
+    lifts = np.searchsorted(posted.moves.rows, posted.path.lifts[:, 0])
+    lifted = lifts[(lifts >= run[0]) & (lifts < run[1])] - run[0]
+    return with_marks(lines, kinds, fast, lifted, dialect)
 
 
 def _blocks(
@@ -41,7 +44,9 @@ def _blocks(
     rapid = "\n".join(dialect.move_lines("rapid", words=form))
     feed = "\n".join(dialect.move_lines("feed", words=form, feed=dialect.numbers.feed.spec))
     kept = "\n".join(dialect.move_lines("feed_kept", words=form))
-    stated = _stated(rates, fast) if kept else ~fast
+    # behind a rapid, or behind a move of another feed
+    changed = np.diff(np.where(fast, np.nan, rates), prepend=np.nan) != 0
+    stated = ~fast & changed if kept else ~fast
     table = zip(words.numbers.tolist(), rates.tolist(), fast.tolist(), stated.tolist(), strict=True)
     return [
         feed % (*row, rate) if states else (rapid if quick else kept) % tuple(row)
@@ -60,8 +65,3 @@ def _rates(posted: Posted, rows: slice) -> Float[ndarray, "n"]:
         by_length = moves.feed_rates[rows] / length
         by_axes = 1 / posted.minutes[rows]
     return np.where(posted.by_turn[rows] | (length == 0.0), np.minimum(by_length, by_axes), by_length)
-
-
-def _stated(rates: Float[ndarray, "n"], fast: Bool[ndarray, "n"]) -> Bool[ndarray, "n"]:
-    """Which blocks of a run state their feed: feed moves behind a rapid, or behind one of another feed."""
-    return np.asarray(~fast & (np.diff(np.where(fast, np.nan, rates), prepend=np.nan) != 0))

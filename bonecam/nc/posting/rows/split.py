@@ -103,8 +103,12 @@ def split_moves(
                 rows=rows,
                 rewinds=choice.rewinds,
             )
-        earlier, fractions, after = _new_rows(pieces)
-        tips, axes = between(tips, axes, control.centre_height, earlier, fractions)
+        # each new row: behind an old one, by a fraction of the move to the next
+        move = np.repeat(np.arange(len(pieces)), pieces)
+        place = np.arange(len(move)) - np.repeat(np.cumsum(pieces) - pieces, pieces)
+        fractions = np.r_[0.0, (place + 1) / pieces[move]]
+        after = np.r_[0, move + 1]
+        tips, axes = between(tips, axes, control.centre_height, np.r_[0, move], fractions)
         known = np.where((fractions % 1 == 0)[:, None], choice.angles[after], np.nan)
         kinds = kinds[after]
         rows = rows[after]
@@ -143,15 +147,6 @@ def between(
         whole[:, None], tips[after], np.where(start[:, None], tips[before], centres - radius * turned)
     )
     return meant, turned
-
-
-def _new_rows(pieces: ndarray) -> tuple[ndarray, ndarray, ndarray]:
-    """For each new row: the old row before it, its fraction of the move, and the old row at the end of the
-    move."""
-    move = np.repeat(np.arange(len(pieces)), pieces)
-    first = np.repeat(np.cumsum(pieces) - pieces, pieces)
-    fractions = (np.arange(len(move)) - first + 1) / pieces[move]
-    return np.r_[0, move], np.r_[0.0, fractions], np.r_[0, move + 1]
 
 
 def _pieces(

@@ -156,7 +156,7 @@ function makePanel() {
   document.title = `${facts.name} · bonecam`;
   document.getElementById("name").textContent = facts.name;
   const program = facts.program;
-  const about = [facts.stock.text, program ? `${program.machine} / ${program.controller}, ${minutesWords(program.minutes)}` : `${facts.levels.length - 1} cuts`, `bonecam ${facts.version}`];
+  const about = [facts.stock.text, program ? `${program.machine} / ${program.controller}, ${timeWords(program)}` : `${facts.levels.length - 1} cuts`, `bonecam ${facts.version}`];
   document.getElementById("about").textContent = about.join(" · ");
   document.getElementById("summary").textContent = facts.summary;
   const warnings = document.getElementById("warnings");

@@ -107,7 +107,7 @@ const programMode = {
   },
   controls: (state) => [
     make("p", "The posted program, read back", "big"),
-    make("p", `${page.facts.program.blocks} moving blocks, ${minutesWords(page.facts.program.minutes)}. ` +
+    make("p", `${page.facts.program.blocks} moving blocks, ${timeWords(page.facts.program)}. ` +
       (page.facts.program.layers.some((layer) => a0(`before_${layer.level}`)) ? "The stock is as simulated from the text, at the vertices of each level." : "Without a simulation the level that is cut is shown in place of the stock.")),
     ...(page.facts.program.kinematics ? [check("machine", `the machine moves: table X, Y${lettersOf("table")}, head Z${lettersOf("head")}`, state.machine, (value) => { change({ machine: value }); wholeMachine(); })] : []),
     ...(page.arrays.move_cone ? [check("cones", "cone of free axes where the tool cuts", state.cones, (value) => change({ cones: value }))] : []),
@@ -146,7 +146,7 @@ function moveWorld() {
 }
 
 const PARTED = 65537; // the level of moves that part the part from its post
-const minutesWords = (minutes) => `about ${number(minutes, minutes < 10 ? 1 : 0)} min`;
+const timeWords = (program) => program.time || `about ${number(program.minutes, 1)} min`; // folders kept by earlier versions have minutes
 const a0 = (name) => page.arrays[name];
 const cutLayers = () => [...page.facts.program.layers].reverse();
 const firstMoveOf = (k) => page.arrays.move_level.indexOf(k);
