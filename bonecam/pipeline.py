@@ -10,6 +10,7 @@ from typing import cast
 
 from bonecam.errors import knowing
 from bonecam.job import Job
+from bonecam.job.tool_list import read_tool_list
 from bonecam.levels.job_levels import check_method
 from bonecam.machine.machine import Machine, read_machine
 from bonecam.machining.force_feed import BeforeForce, check_force_asked, with_constant_feed
@@ -137,8 +138,10 @@ def morph_levels(
 
 
 def check_job(job: Job, machine: Machine, dialect: Dialect) -> None:
-    """JobError where sizes, cutters, depths and solver do not fit one another or the machine; MachineError where
+    """JobError where sizes, cutters, depths and solver do not fit one another or the machine, or the list of cutters
+    cannot be read; MachineError where
     no program can be written for the machine in the dialect."""
+    read_tool_list(job.nc.tools)
     check_sizes(job.stock)
     check_pattern(job.path.pattern)
     check_shapes(job, machine)

@@ -16,6 +16,7 @@ from bonecam.batch.parts import BatchPart
 from bonecam.files import input_text, write_whole
 from bonecam.job import Job, write_job
 from bonecam.job.files.job_file import named_files
+from bonecam.job.tool_list import tool_list
 from bonecam.nc.job_dialect import job_dialect
 from bonecam.nc.program import second_program_file
 from bonecam.progress import Progress
@@ -82,9 +83,9 @@ def package_digest() -> str:
 
 
 def fingerprint(part: BatchPart) -> str:
-    """A hash of all that decides the outcome: the content of the package, the job, the bytes of the part and of each
-    file that the job names. Where these files are does not count."""
-    named = list(named_files(part.job))
+    """A hash of all that decides the outcome: the content of the package, the job, the bytes of the part, of each file
+    that the job names, and of those that its list of cutters names. Where these files are does not count."""
+    named = [*named_files(part.job), *(("nc", "tools", file) for file in tool_list(part.job.nc.tools).files)]
     digest = hashlib.sha256(package_digest().encode())
     digest.update(write_job(_without_paths(part.job)).encode())
     for section, name, file in [("", "", part.file), *named]:

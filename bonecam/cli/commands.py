@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 
 import bonecam
-from bonecam.cli.job_options import job_of
+from bonecam.cli.job_options import input_files, job_of
 from bonecam.cli.progress_display import native_output_to_stderr, shown_progress
 from bonecam.cli.study import run_impeller
 from bonecam.errors import JobError
@@ -56,8 +56,7 @@ def _run(
     job = job_of(options)
     outputs |= {"report": options.report, "surface": options.surface, "html": options.html}
     files = [file for name, file in outputs.items() if file is not None and name != "keep"]
-    inputs = [file for file in (options.job, options.machine, options.controller) if file]
-    check_files(files, inputs)
+    check_files(files, input_files(options))
 
     with shown_progress(options) as progress:
         result = make(mesh, job, **outputs, progress=progress)
@@ -79,7 +78,7 @@ def run_finish(options: argparse.Namespace) -> int:
     """`bonecam finish`: the NC program of one surface."""
     job = job_of(options)
     files = [file for file in (options.output, options.report, options.html, options.apt) if file is not None]
-    check_files(files, [file for file in (options.job, options.machine, options.controller) if file])
+    check_files(files, input_files(options))
     with shown_progress(options) as progress:
         finished = bonecam.finish(
             options.surface,
@@ -134,7 +133,7 @@ def run_simulate(options: argparse.Namespace) -> int:
             f"{options.program}: no folder of its run is named: give the one of `convert --keep` (--keep)"
         )
     wanted = [file for file in (options.report, options.html) if file is not None]
-    check_files(wanted, [options.program, *filter(None, (options.job, options.machine, options.controller))])
+    check_files(wanted, [options.program, *input_files(options)])
     with shown_progress(options) as progress:
         removal = bonecam.simulate(
             options.program,

@@ -53,7 +53,8 @@ EXAMPLES = {
   bonecam materials titanium""",
     "tools": """
   bonecam tools
-  bonecam convert bone.stl -o bone.h --set finishing.preset=ball-2""",
+  bonecam tools --tools shop.json
+  bonecam convert bone.stl -o bone.h --tools shop.json --set finishing.preset=3""",
     "completion": """
   bonecam completion bash > ~/.local/share/bash-completion/completions/bonecam""",
 }

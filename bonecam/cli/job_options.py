@@ -8,6 +8,7 @@ from typing import Any
 from bonecam.errors import JobError
 from bonecam.job import Job, NcJob, job_files, read_job
 from bonecam.job.sections import job_error, setting
+from bonecam.job.tool_list import read_tool_list
 from bonecam.machine.machine import machine_names
 from bonecam.nc.dialect import dialect_names
 
@@ -24,6 +25,10 @@ def add_job_options(command: argparse.ArgumentParser, *, posted: bool = True) ->
         command.add_argument("--machine", metavar="NAME", help=machine)
         controller = _choice(dialect_names(), "the machine's own")
         command.add_argument("--controller", metavar="NAME", help=controller)
+    tools = (
+        "list of the cutters that there are: a name, or a file of Fusion, FreeCAD, LinuxCNC, .csv or .toml"
+    )
+    command.add_argument("--tools", metavar="FILE", help=tools)
     setting = "a parameter of the job, as `bonecam job` lists them (repeat for more)"
     command.add_argument("--set", action="append", default=[], metavar="SECTION.NAME=VALUE", help=setting)
 
@@ -47,17 +52,25 @@ def _choice(names: Sequence[str], default: str) -> str:
 
 
 def job_of(options: argparse.Namespace) -> Job:
-    """The job file, then --units, --machine and --controller, then each --set; later values win.
+    """The job file, then --tools, --units, --machine and --controller, then each --set; later values win.
 
     JobError tells all that is wrong in the file, or else in the options.
     """
-    job = read_job(options.job) if options.job else Job()
+    if options.tools:
+        read_tool_list(options.tools)
+    job = read_job(options.job, tools=options.tools) if options.job else Job()
     named = [
+        ("nc", "tools", options.tools),
         ("mesh", "units", options.units),
         ("nc", "machine", options.machine),
         ("nc", "controller", options.controller),
     ]
     return job_with(job, options.set, [item for item in named if item[2] is not None])
+
+
+def input_files(options: argparse.Namespace) -> list[str]:
+    """The files that the options of the job name, which no output may overwrite."""
+    return [file for file in (options.job, options.machine, options.controller, options.tools) if file]
 
 
 def job_with(job: Job, texts: Sequence[str], given: Sequence[tuple[str, str, Any]] = ()) -> Job:

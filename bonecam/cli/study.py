@@ -7,7 +7,7 @@ from typing import Any
 
 import bonecam
 from bonecam.cli.help_texts import PART
-from bonecam.cli.job_options import add_job_options, add_no_simulation, job_of
+from bonecam.cli.job_options import add_job_options, add_no_simulation, input_files, job_of
 from bonecam.cli.parser import positive
 from bonecam.cli.progress_display import shown_progress
 from bonecam.errors import JobError
@@ -175,8 +175,7 @@ def _make(
     """Call `blades` with the files to write, and print the summary of the result."""
     outputs = {name: getattr(options, name) for name in ("keep", "report", "html", "sheet", "apt")}
     files = [file for name, file in outputs.items() if file is not None and name != "keep"]
-    inputs = [file for file in (options.job, options.machine, options.controller) if file]
-    check_files([options.output, *files], inputs)
+    check_files([options.output, *files], input_files(options))
     with shown_progress(options) as progress:
         bladed = bonecam.blades(
             blade,

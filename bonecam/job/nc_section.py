@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from bonecam.job.parameter import JobSection, parameter
+from bonecam.job.tool_list import ENDINGS
 
 FARTHEST = 1e5
 """No park position is farther from the machine's zero, mm."""
@@ -36,6 +37,13 @@ class NcJob(JobSection):
         "Name of a dialect, or path of its .toml file; empty: the usual one, which the machine's file names, "
         "heidenhain where it names none.",
         file=".toml",
+    )
+    tools: str = parameter(
+        "",
+        "Tools",
+        "List of the cutters that there are: its name, or the path of a file of Fusion (.json, .tools), FreeCAD "
+        "(.fctl, .fctb), LinuxCNC (.tbl), a table (.csv) or a .toml file; empty: the catalogue.",
+        file=ENDINGS,
     )
     link_feed: float = parameter(
         5000.0,

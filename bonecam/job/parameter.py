@@ -15,7 +15,7 @@ from bonecam.text.faults import shown
 @dataclass(frozen=True)
 class Parameter:
     """Label, tooltip, unit, range and choices of one parameter; `form` reads its text, if that has one, and raises
-    ValueError with what is wrong and the remedy. A text that ends in `file` is the path of a file."""
+    ValueError with what is wrong and the remedy. A text that ends in `file`, or one of them, is the path of a file."""
 
     label: str
     tooltip: str
@@ -24,7 +24,7 @@ class Parameter:
     high: float = math.inf
     choices: tuple[str, ...] = ()
     form: Callable[[str], object] | None = None
-    file: str | None = None
+    file: str | tuple[str, ...] | None = None
 
     def is_path(self, value: object) -> bool:
         """Whether a value is the path of a file."""

@@ -15,6 +15,7 @@ from bonecam.job.nc_section import NcJob
 from bonecam.job.parameter import JobSection
 from bonecam.job.path_section import PathJob
 from bonecam.job.stock_section import StockJob
+from bonecam.job.tool_list import preset_values
 from bonecam.job.tool_section import FINE, FINISHING, ROUGHING, MaterialJob, ToolJob
 from bonecam.job.warnings_section import WarningsJob
 from bonecam.machine.machine import read_machine
@@ -79,7 +80,7 @@ class Job:
         given = {item.name: (getattr(self, item.name), item.type) for item in fields(self)}
         tables = {name: value for name, (value, kind) in given.items() if type(value) is not kind}
         if tables:
-            job = Job().with_values(**tables)
+            job = Job().with_values(**({"nc": self.nc} | tables))
             for name in tables:
                 object.__setattr__(self, name, getattr(job, name))
         self._check_tool_numbers()
@@ -95,20 +96,22 @@ class Job:
                 raise job_error([(name, "number", what)])
 
     def with_values(self, **changes: dict[str, Any]) -> "Job":
-        """A job with other values, given as `section={name: value}`.
+        """A job with other values, given as `section={name: value}`; presets of cutters are those of its nc.tools.
 
         JobError names every unknown section or name and every wrong value (`faults`: section, field, text).
         """
         known = [item.name for item in fields(self)]
         faults: list[tuple[str, str, str]] = []
         sections = {}
+        nc: Any = changes.get("nc", self.nc)
+        tools = str(nc.get("tools", self.nc.tools) if isinstance(nc, dict) else getattr(nc, "tools", ""))
         for name, values in changes.items():
             if name not in known:
                 remedy = f"{did_you_mean(name, known)}: use one of {', '.join(known)}"
                 faults.append((name, "", f"[{name}] is no section of a job{remedy}"))
                 continue
             try:
-                sections[name] = _changed(name, getattr(self, name), values)
+                sections[name] = _changed(name, getattr(self, name), values, tools)
             except JobError as error:
                 faults += error.evidence["faults"]
         if faults:
@@ -192,8 +195,9 @@ def _refusing_unknown(init: Callable[..., None]) -> Callable[..., None]:
 Job.__init__ = _refusing_unknown(Job.__init__)  # type: ignore[method-assign]
 
 
-def _changed(name: str, section: Any, values: object) -> Any:
-    """A section of a job with other values by name; JobError names the section."""
+def _changed(name: str, section: Any, values: object, tools: str) -> Any:
+    """A section of a job with other values by name, those of a preset from the list `tools`; JobError names the
+    section."""
     if isinstance(values, JobSection) and type(values) is type(section):
         return values
     if not isinstance(values, dict):
@@ -206,7 +210,9 @@ def _changed(name: str, section: Any, values: object) -> Any:
         (name, key, f"[{name}] knows no {key!r}{did_you_mean(key, known)}: {remedy}") for key in unknown
     ]
     try:
-        if isinstance(section, ToolJob | LevelsJob):
+        if isinstance(section, ToolJob) and values.get("preset"):
+            values = {**preset_values(str(values["preset"]), tools), **values}
+        elif isinstance(section, ToolJob | LevelsJob):
             values = section.completed(values)
         changed = replace(section, **{key: value for key, value in values.items() if key in known})
     except JobError as error:

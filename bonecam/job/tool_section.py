@@ -1,16 +1,10 @@
 """The sections [material], [roughing], [finishing] and [fine] of a job: what is cut, and one cutter each."""
 
-from dataclasses import dataclass, fields
-from pathlib import Path
+from dataclasses import dataclass
 from typing import Any
 
-from bonecam.errors import JobError, did_you_mean
-from bonecam.files import input_text
 from bonecam.job.parameter import JobSection, check, is_list, parameter
 from bonecam.machine.frustum import Frustum, stack_as_text, stack_from_text
-from bonecam.runtime.extensions import named_files
-from bonecam.text.faults import shown
-from bonecam.text.toml import parse_toml
 
 
 @dataclass(frozen=True)
@@ -48,7 +42,8 @@ class ToolJob(JobSection):
     preset: str = parameter(
         "",
         "Preset",
-        "Name of a cutter that `bonecam tools` lists, or path of its .toml file: what the section leaves out is its.",
+        "Name or number of a cutter of nc.tools, name of one that `bonecam tools` lists, or path of its .toml file: "
+        "what the section leaves out is its.",
         file=".toml",
     )
     number: int = parameter(
@@ -64,7 +59,7 @@ class ToolJob(JobSection):
         "Cutting edges, for feed and force; 0: those of mechanics.flutes for the force, and the feed that the material "
         "gives with the teeth of its file.",
         low=0,
-        high=4,
+        high=20,
     )
     shape: str = parameter(
         "ball",
@@ -148,10 +143,8 @@ class ToolJob(JobSection):
         check(self)
 
     def completed(self, values: dict[str, Any]) -> dict[str, Any]:
-        """The values by name that another cutter is stated with: those of its preset too; else what they take away of
-        this one: its neck where the shape is stated, its pieces of a holder where one cylinder is."""
-        if values.get("preset"):
-            return {**read_tool(values["preset"]), **values}
+        """The values by name that another cutter is stated with, and what they take away of this one: its neck where
+        the shape is stated, its pieces of a holder where one cylinder is."""
         gone: dict[str, Any] = {}
         if values.keys() & SHAPE and not values.keys() & {"neck_diameter", "neck_length"}:
             gone |= {"neck_diameter": 0.0, "neck_length": 0.0}
@@ -167,31 +160,22 @@ class ToolJob(JobSection):
         )
 
 
-def tool_files() -> dict[str, Path]:
-    """The files of the cutters that come with bonecam, are the user's, or come with other packages, by name."""
-    return named_files("tools", Path(__file__).parents[1] / "tool" / "tools")
-
-
-def read_tool(name: str) -> dict[str, Any]:
-    """The values of a cutter of a name, or of a path to a TOML file, what it leaves out at its default; JobError names
-    file and key of what is wrong."""
-    files = tool_files()
-    path = Path(name) if str(name).endswith(".toml") else files.get(str(name))
-    if path is None:
-        known = f"use one of {', '.join(files)}, or the path of a .toml file"
-        what = f"preset = {shown(name)}{did_you_mean(str(name), files)}: {known}"
-        raise JobError(what, field="preset")
-    try:
-        values = parse_toml(input_text(path))
-        known_keys = {item.name for item in fields(ToolJob)} - {"preset"}
-        unknown = sorted(values.keys() - known_keys)
-        if unknown:
-            what = f"unknown key {unknown[0]!r}{did_you_mean(unknown[0], known_keys)}"
-            raise ValueError(f"{what}: use those of a cutter's section of a job")
-        tool = ToolJob(**values)
-    except (OSError, ValueError, JobError) as error:
-        raise JobError(f"{path}: {error}", file=str(path), field="preset") from error
-    return {item.name: getattr(tool, item.name) for item in fields(tool) if item.name != "preset"}
+def misfit(tool: Any, nose: float) -> tuple[str, str] | None:
+    """Which value of a cutter keeps its pieces from following each other from the tip up into a holder whose nose has
+    this diameter (mm), with the bound and the remedy; None where they do: flute_length < neck_length < overhang, neck
+    as thin as ball and shank, shank as thin as the nose."""
+    if not tool.overhang > tool.flute_length:
+        return "overhang", f"give more than flute_length ({tool.flute_length:g} mm)"
+    widest = min(2 * tool.radius, tool.shank_diameter)
+    if tool.neck_length or tool.neck_diameter:
+        if not tool.flute_length < tool.neck_length < tool.overhang:
+            ends = f"flute_length ({tool.flute_length:g} mm) and less than overhang ({tool.overhang:g} mm)"
+            return "neck_length", f"give more than {ends}"
+        if not 0 < tool.neck_diameter <= widest:
+            return "neck_diameter", f"give a diameter up to that of ball and shank ({widest:g} mm)"
+    if not tool.shank_diameter <= nose:
+        return "shank_diameter", f"give at most holder_diameter ({nose:g} mm)"
+    return None
 
 
 SHRINK_FIT = "60 10 19, 20 63"

@@ -1,5 +1,5 @@
-"""What users and other packages add by name: machines, dialects, materials and tools as TOML files, stocks and patterns
-as Python.
+"""What users and other packages add by name: machines, dialects, materials, tools and lists of tools as files, stocks
+and patterns as Python.
 
 They stand in folders of these names below the user's folder (`user_folder`), or come with an installed package whose
 entry points name them: the group `bonecam.machines` (and so on) a package with TOML files, the groups
@@ -30,12 +30,16 @@ def user_folder() -> Path:
     return Path(os.environ.get("XDG_CONFIG_HOME") or Path.home() / ".config") / "bonecam"
 
 
-def named_files(kind: str, shipped: Path) -> dict[str, Path]:
-    """The TOML files of a kind by name: those in and below the folder that ships, the user's, those of packages."""
-    files = {path.stem: path for path in sorted(shipped.rglob("*.toml"))}
-    for folder in (user_folder() / kind, *_packaged(kind)):
-        for path in sorted(folder.glob("*.toml")):
-            files.setdefault(path.stem, path)
+def named_files(
+    kind: str, shipped: Path | None = None, endings: tuple[str, ...] = (".toml",)
+) -> dict[str, Path]:
+    """The files of a kind by name: those in the folder that ships, if any does, the user's, those of packages. Of files
+    of one name the first counts, in a folder the one whose ending comes first."""
+    files: dict[str, Path] = {}
+    for folder in (*filter(None, [shipped]), user_folder() / kind, *_packaged(kind)):
+        for ending in endings:
+            for path in sorted(folder.glob(f"*{ending}")):
+                files.setdefault(path.stem, path)
     return files
 
 

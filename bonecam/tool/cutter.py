@@ -12,6 +12,7 @@ from numpy import ndarray
 from bonecam.arrays import frozen
 from bonecam.errors import JobError
 from bonecam.job import ToolJob, field_error
+from bonecam.job.tool_section import misfit
 from bonecam.machine.frustum import Frustum, stack_length
 from bonecam.tool.enveloping_ball import EnvelopingBall, enveloping_ball
 
@@ -82,9 +83,9 @@ class Cutter:
             what = "the ball's radius" if not self.is_bull else "what its lead asks for"
             remedy = "" if not self.is_bull else f", or more {self.name}.lead_deg"
             raise self._error("flute_length", f"give at least {what} ({self.centre_height:g} mm){remedy}")
-        if not self.overhang > self.flute_length:
-            raise self._error("overhang", f"give more than flute_length ({self.flute_length:g} mm)")
-        self._check_neck()
+        fault = misfit(self, self.holder[0].diameter)
+        if fault:
+            raise self._error(*fault)
         if not 0 < self.scallop < self.radius:
             bound = f"give less than the ball's radius ({self.radius:g} mm), and more than 0"
             raise self._error("scallop", bound)
@@ -92,21 +93,6 @@ class Cutter:
             raise ValueError(
                 f"{self.name}: no spindle speed or feed: take the cutter of Job.tool({self.name!r})"
             )
-        nose = self.holder[0].diameter
-        if not self.shank_diameter <= nose:
-            raise self._error("shank_diameter", f"give at most holder_diameter ({nose:g} mm)")
-
-    def _check_neck(self) -> None:
-        """JobError where a neck is not between flutes and holder, or wider than the ball or the shank."""
-        if not self.neck_length and not self.neck_diameter:
-            return
-        if not self.flute_length < self.neck_length < self.overhang:
-            ends = f"flute_length ({self.flute_length:g} mm) and less than overhang ({self.overhang:g} mm)"
-            raise self._error("neck_length", f"give more than {ends}")
-        widest = min(2 * self.radius, self.shank_diameter)
-        if not 0 < self.neck_diameter <= widest:
-            bound = f"give a diameter up to that of ball and shank ({widest:g} mm)"
-            raise self._error("neck_diameter", bound)
 
     def _error(self, name: str, bound: str) -> JobError:
         """The error of a value that breaks a bound."""

@@ -8,7 +8,7 @@ import pytest
 
 from bonecam.errors import JobError
 from bonecam.job import FINISHING, HoldingJob, Job, ToolJob
-from bonecam.job.tool_section import tool_files
+from bonecam.job.tool_list import read_tool_list
 from bonecam.machine.frustum import Frustum, stack_as_text, stack_from_text
 from bonecam.tool.cutter import Cutter, ToolSection
 
@@ -139,7 +139,7 @@ def test_a_cutter_without_speeds_is_a_wrong_call() -> None:
 
 def test_each_cutter_that_ships_can_be_made_and_those_with_a_neck_are_thin_there_only() -> None:
     necks = 0
-    for name in tool_files():
+    for name in (listed.name for listed in read_tool_list("")):
         job = Job().with_values(finishing={"preset": name, "spindle": 9000.0, "feed": 500.0})
         cutter = Cutter.from_job(2, "finishing", job.finishing)
         if "-neck-" in name:

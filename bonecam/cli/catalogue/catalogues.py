@@ -2,17 +2,18 @@
 
 import argparse
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from bonecam.errors import JobError, did_you_mean
 from bonecam.job.materials.preset import material_files, read_material
-from bonecam.job.tool_section import read_tool, tool_files
+from bonecam.job.tool_list import KEYS, ToolList, described, list_files, tool_list, user_cutters
 from bonecam.machine.check import MachineCheck, check_machine
 from bonecam.machine.machine import machine_files, read_machine
 from bonecam.nc.dialect import dialect_files, read_dialect
+from bonecam.text.toml import toml_lines
 
 
 @dataclass(frozen=True)
@@ -28,7 +29,7 @@ CATALOGUES = {
     "machines": Catalogue(machine_files, check_machine, "machine"),
     "dialects": Catalogue(dialect_files, read_dialect, "dialect of a controller"),
     "materials": Catalogue(material_files, read_material, "material"),
-    "tools": Catalogue(tool_files, read_tool, "cutter"),
+    "tools": Catalogue(list_files, tool_list, "list of cutters"),
 }
 """By the name of the command."""
 
@@ -41,6 +42,9 @@ def add_catalogue(add_command: Any, parsers: Any, kind: str) -> None:
     command.set_defaults(kind=kind)
     command.add_argument("what", metavar="NAME|check", nargs="?", help=f"a {one} to show, or check")
     command.add_argument("file", metavar="FILE", nargs="?", help="the .toml file to check")
+    if kind == "tools":
+        tools = "list of cutters: a name, or a file of Fusion, FreeCAD, LinuxCNC, .csv or .toml (catalogue)"
+        command.add_argument("--tools", metavar="LIST", help=tools)
     if kind == "machines":
         command.add_argument("--picture", metavar="PNG", help="draw the machine of NAME, or of the file")
     command.add_argument("--schema", action="store_true", help="print the JSON schema of such files")
@@ -49,14 +53,17 @@ def add_catalogue(add_command: Any, parsers: Any, kind: str) -> None:
 def run_catalogue(options: argparse.Namespace) -> int:
     """List all names, show the file of one, check a file, or print the schema of such files."""
     known = CATALOGUES[options.kind]
-    files = known.files()
+    lists = list[ToolList]()
+    if options.kind == "tools":
+        lists = [tool_list(file) for file in [options.tools] if file] or _own_lists()
+    entries = _cutters(lists) if lists else _files(known.files())
     if options.schema:
         from bonecam.cli.catalogue.schemas import file_schema
 
         print(json.dumps(file_schema(options.kind), indent=2))
     elif options.what == "check":
         if options.file is None:
-            raise JobError(f"bonecam {options.kind} check: name a .toml file")
+            raise JobError(f"bonecam {options.kind} check: name a file")
         content = known.read(options.file)
         bodies = _body_lines(content) if isinstance(content, MachineCheck) else []
         print(f"{options.file}: a {known.one} as it should be")
@@ -64,17 +71,50 @@ def run_catalogue(options: argparse.Namespace) -> int:
             print(content, *bodies, sep="\n")
         _draw(options, options.file)
     elif options.what is not None:
-        if options.what not in files:
-            close = did_you_mean(options.what, files)
+        if options.what not in entries:
+            close = did_you_mean(options.what, entries)
             raise JobError(
-                f"{options.what!r} is unknown{close}: use check FILE, or one of {', '.join(files)}"
+                f"{options.what!r} is unknown{close}: use check FILE, or one of {', '.join(entries)}"
             )
-        print(files[options.what].read_text(encoding="utf-8"), end="")
+        print(entries[options.what][1], end="")
         _draw(options, options.what)
     else:
-        wide = max(map(len, files), default=0)
-        print("".join(f"{name:{wide}}  {_about(path)}\n" for name, path in files.items()), end="")
+        wide = max(map(len, entries), default=0)
+        print("".join(f"{name:{wide}}  {about}\n" for name, (about, _) in entries.items()), end="")
+        for kind, count in (lists[0].left_out if lists else {}).items():
+            print(f"left out: {count} {kind}")
     return 0
+
+
+def _files(files: Mapping[str, Path]) -> dict[str, tuple[str, str]]:
+    """What files are about, and their texts, by name."""
+    return {name: (_about(path), path.read_text(encoding="utf-8")) for name, path in files.items()}
+
+
+def _own_lists() -> list[ToolList]:
+    """The user's own cutters, and the catalogue."""
+    return [tool_list(file) for file in (*map(str, user_cutters().values()), "")]
+
+
+def _cutters(lists: Sequence[ToolList]) -> dict[str, tuple[str, str]]:
+    """What the cutters of lists are, and the text of a file of each, by name, or by number where that is taken; left
+    out where it has none."""
+    entries = dict[str, tuple[str, str]]()
+    for one in lists:
+        for listed, stated in zip(one.tools, one.stated, strict=True):
+            tool = listed.tool
+            place = "" if tool.number or _ships(one.files[0]) else f" ({one.files[0]})"
+            about = f"{f'tool {tool.number}: ' if tool.number else ''}{described(tool)}{place}"
+            lines = toml_lines({key: getattr(tool, key) for key in KEYS if key in stated})
+            source = [f"# {stated['source']}"] if "source" in stated else []
+            text = "\n".join([f"# {listed.name}: {about}", *source, *lines, ""])
+            taken = listed.name in entries and tool.number
+            entries.setdefault(str(tool.number) if taken else listed.name, (about, text))
+    return entries
+
+
+def _ships(path: Path) -> bool:
+    return Path(__file__).parents[2] in path.parents
 
 
 def _body_lines(check: MachineCheck) -> list[str]:
@@ -100,5 +140,4 @@ def _about(path: Path) -> str:
         line.partition("=")[2].strip().strip('"') for line in text.splitlines() if line.startswith("title")
     ]
     about = (titles or [text.partition("\n")[0].lstrip("# ")])[0]
-    ships = Path(__file__).parents[2] in path.parents
-    return about if ships else f"{about} ({path})"
+    return about if _ships(path) else f"{about} ({path})"

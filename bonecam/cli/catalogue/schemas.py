@@ -8,6 +8,7 @@ from typing import Any
 from bonecam.job import Job
 from bonecam.job.materials.preset import MaterialFile
 from bonecam.job.parameter import record
+from bonecam.job.tool_list import MM
 from bonecam.job.tool_section import ToolJob
 from bonecam.machine.machine_file import MachineFile
 from bonecam.nc.schema.dialect_file import DialectFile
@@ -30,13 +31,28 @@ def job_schema() -> dict[str, Any]:
 def file_schema(kind: str) -> dict[str, Any]:
     """The schema of the files of a catalogue: machines, dialects, materials or tools."""
     if kind == "tools":
-        return _section(ToolJob()) | {"$schema": DRAFT, "title": "bonecam tool"}
+        return _tool_list() | {"$schema": DRAFT, "title": "bonecam tools"}
     models: dict[str, type[Record]] = {
         "machines": MachineFile,
         "dialects": DialectFile,
         "materials": MaterialFile,
     }
     return models[kind].model_json_schema() | {"$schema": DRAFT}
+
+
+def _tool_list() -> dict[str, Any]:
+    """The schema of a list of cutters, or of a file of one."""
+    text = {"type": "string"}
+    cutter = _section(ToolJob())["properties"] | {
+        "name": text,
+        "source": text,
+        "diameter": {"type": "number"},
+    }
+    del cutter["preset"]
+    holders = {"type": "object", "additionalProperties": {"type": ["string", "array"]}}
+    whole = {"from": text, "units": {"enum": list(MM)}, "only": {"type": ["array", "integer", "string"]}}
+    tools = {"type": "array", "items": _closed(cutter)}
+    return _closed({**cutter, **whole, "holders": holders, "tool": tools})
 
 
 def _closed(properties: dict[str, Any]) -> dict[str, Any]:

@@ -28,9 +28,9 @@ def job_files() -> dict[str, Path]:
     return extensions.named_files("jobs", Path(__file__).parent)
 
 
-def read_job(path: str | Path, base: Job | None = None) -> Job:
+def read_job(path: str | Path, base: Job | None = None, tools: str | None = None) -> Job:
     """The job of a TOML file, or of a name (`job_files`), whose tables are the sections of a job. A value that it
-    leaves out is that of `base`. Paths in it count from its folder.
+    leaves out is that of `base`; `tools`, where given, is its nc.tools. Paths in it count from its folder.
 
     JobError names the file, and all that is wrong in it with the lines.
     """
@@ -49,7 +49,9 @@ def read_job(path: str | Path, base: Job | None = None) -> Job:
         faults.append(("", name, f"{name!r} stands outside a section: put it below one like [path]"))
         del values[name]
     try:
-        job = (base or Job()).with_values(**counted_from(os.path.dirname(path), values))
+        values = counted_from(os.path.dirname(path), values)
+        values |= {} if tools is None else {"nc": {**values.get("nc", {}), "tools": tools}}
+        job = (base or Job()).with_values(**values)
     except JobError as error:
         faults += error.evidence["faults"]
     if faults:

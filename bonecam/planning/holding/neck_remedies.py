@@ -13,7 +13,7 @@ import numpy as np
 
 from bonecam.errors import JobError
 from bonecam.job import Job
-from bonecam.job.tool_section import read_tool, tool_files
+from bonecam.job.tool_list import read_tool_list
 from bonecam.machine.limits import MachineLimits
 from bonecam.mechanics.cutter import cutter_compliance
 from bonecam.mechanics.strip import lighter_jobs
@@ -77,7 +77,7 @@ def neck_remedies(setup: Setup, job: Job, limits: MachineLimits, taken: Neck) ->
 
 
 def _stiffer(job: Job, limits: MachineLimits) -> Iterator[tuple[str, Job]]:
-    """The job with finishing cutters that are known by name, of its ball and stiffer than its own, and these in words,
+    """The job with finishing cutters of its list of cutters, of its ball and stiffer than its own, and these in words,
     the stiffest last. Their scallop, speed and feed stay those of the job."""
 
     def compliance(one: Job) -> float:
@@ -85,10 +85,10 @@ def _stiffer(job: Job, limits: MachineLimits) -> Iterator[tuple[str, Job]]:
 
     kept = {name: getattr(job.finishing, name) for name in ("number", "scallop", "spindle", "feed", "flutes")}
     found = list[tuple[float, str, Job]]()
-    for preset in tool_files():
-        if read_tool(preset)["radius"] == job.finishing.radius:
-            other = job.with_values(finishing={"preset": preset, **kept})
-            found.append((compliance(other), f'finishing.preset = "{preset}"', other))
+    for listed in read_tool_list(job.nc.tools):
+        if (listed.tool.shape, listed.tool.radius) == ("ball", job.finishing.radius):
+            other = replace(job, finishing=replace(listed.tool, preset=listed.name, **kept))
+            found.append((compliance(other), f'finishing.preset = "{listed.name}"', other))
     own = compliance(job)
     for gives, change, other in sorted(found, key=lambda one: -one[0]):
         if gives < own:
