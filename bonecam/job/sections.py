@@ -16,7 +16,7 @@ from bonecam.job.parameter import JobSection
 from bonecam.job.path_section import PathJob
 from bonecam.job.stock_section import StockJob
 from bonecam.job.tool_list import preset_values
-from bonecam.job.tool_section import FINE, FINISHING, ROUGHING, MaterialJob, ToolJob
+from bonecam.job.tool_section import AUTO, FINE, FINISHING, ROUGHING, MaterialJob, ToolJob
 from bonecam.job.warnings_section import WarningsJob
 from bonecam.machine.machine import read_machine
 from bonecam.text.faults import Faults, shown
@@ -210,7 +210,7 @@ def _changed(name: str, section: Any, values: object, tools: str) -> Any:
         (name, key, f"[{name}] knows no {key!r}{did_you_mean(key, known)}: {remedy}") for key in unknown
     ]
     try:
-        if isinstance(section, ToolJob) and values.get("preset"):
+        if isinstance(section, ToolJob) and values.get("preset") not in (None, "", AUTO):
             values = {**preset_values(str(values["preset"]), tools), **values}
         elif isinstance(section, ToolJob | LevelsJob):
             values = section.completed(values)

@@ -3,8 +3,10 @@
 from dataclasses import dataclass
 from typing import Any
 
+from bonecam.errors import JobError
 from bonecam.job.parameter import JobSection, check, is_list, parameter
 from bonecam.machine.frustum import Frustum, stack_as_text, stack_from_text
+from bonecam.text.faults import shown
 
 
 @dataclass(frozen=True)
@@ -27,8 +29,12 @@ def holder_from_text(text: str) -> tuple[Frustum, ...]:
         raise ValueError(f"{error}: give rows like '35 10 17, 20 40'") from error
 
 
+AUTO = "auto"
+"""The preset of a cutter that is chosen for the part."""
 SHAPE = frozenset({"shape", "radius", "corner_radius", "flute_length", "shank_diameter"})
 """What states the shape of a cutter of one's own."""
+SIZES = SHAPE | {"neck_diameter", "neck_length", "overhang", "holder", "holder_diameter", "holder_length"}
+"""All that is of the cutter and its holder, and not of how it is used."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +49,8 @@ class ToolJob(JobSection):
         "",
         "Preset",
         "Name or number of a cutter of nc.tools, name of one that `bonecam tools` lists, or path of its .toml file: "
-        "what the section leaves out is its.",
+        "what the section leaves out is its; auto: chosen for the part from nc.tools. A section that states a size "
+        "has a cutter of its own.",
         file=".toml",
     )
     number: int = parameter(
@@ -144,8 +151,15 @@ class ToolJob(JobSection):
 
     def completed(self, values: dict[str, Any]) -> dict[str, Any]:
         """The values by name that another cutter is stated with, and what they take away of this one: its neck where
-        the shape is stated, its pieces of a holder where one cylinder is."""
+        the shape is stated, its pieces of a holder where one cylinder is, its being chosen where any size is. JobError
+        where they ask for a chosen cutter of a stated size."""
         gone: dict[str, Any] = {}
+        stated = sorted(key for key in values.keys() & SIZES if values[key] != getattr(self, key))
+        if stated and values.get("preset") == AUTO:
+            what = f"{stated[0]} = {shown(values[stated[0]])}: preset = {AUTO!r} chooses it: leave one of them out"
+            raise JobError(what, field=stated[0])
+        if values.keys() & SIZES and self.preset == AUTO:
+            gone["preset"] = ""
         if values.keys() & SHAPE and not values.keys() & {"neck_diameter", "neck_length"}:
             gone |= {"neck_diameter": 0.0, "neck_length": 0.0}
         if values.keys() & {"holder_diameter", "holder_length"} and "holder" not in values:
@@ -181,9 +195,11 @@ def misfit(tool: Any, nose: float) -> tuple[str, str] | None:
 SHRINK_FIT = "60 10 19, 20 63"
 """A shrink-fit chuck for shanks of 3 to 5 mm: 10 mm at the nose, 4.5 degrees, the flange of a taper 40 at the gauge
 line."""
-ROUGHING = ToolJob(overhang=20.0, holder=SHRINK_FIT)
-"""The default roughing cutter: a ball of 4 mm diameter on a 4 mm shank, shortly clamped."""
+ROUGHING = ToolJob(preset=AUTO, overhang=20.0, holder=SHRINK_FIT)
+"""The default roughing cutter: chosen for a part that is machined whole; of wheels and single surfaces a ball of 4 mm
+diameter on a 4 mm shank, shortly clamped."""
 FINISHING = ToolJob(
+    preset=AUTO,
     radius=1.0,
     flute_length=3.0,
     neck_diameter=1.9,
@@ -192,9 +208,10 @@ FINISHING = ToolJob(
     holder=SHRINK_FIT,
     scallop=0.01,
 )
-"""The default finishing cutter: a ball of 2 mm diameter on a neck of 1.9 mm, which ends 11 mm above the tip, and a
+"""The default finishing cutter: chosen likewise, else a ball of 2 mm diameter on a neck of 1.9 mm, which ends 11 mm above the tip, and a
 shank of 4 mm, as such cutters are sold."""
 FINE = ToolJob(
+    preset=AUTO,
     radius=0.5,
     flute_length=1.5,
     shank_diameter=0.9,
@@ -202,4 +219,4 @@ FINE = ToolJob(
     holder="17 4, 8 4 20, 42 20",
     scallop=0.01,
 )
-"""The default cutter for hollows: a ball of 1 mm diameter on a neck of 8 mm and a shank of 4 mm."""
+"""The default cutter for hollows: chosen likewise, else a ball of 1 mm diameter on a neck of 8 mm and a shank of 4 mm."""

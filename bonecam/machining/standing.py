@@ -15,6 +15,7 @@ from bonecam.mesh.part import with_filled_pits
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.posting.rotary.machine_limits import machine_limits
 from bonecam.nc.requirements import check_length, check_room
+from bonecam.planning.chosen_cutters import with_chosen_cutters
 from bonecam.planning.holding.found_depths import depths_report, leaves_depths_open, with_found_depths
 from bonecam.planning.holding.neck import find_standing
 from bonecam.planning.holding.neck_remedies import neck_remedies, neck_report
@@ -41,13 +42,14 @@ from bonecam.workholding.tailstock import settled_bracket
 
 @dataclass(frozen=True, eq=False)
 class Standing:
-    """A part on its post in its stock, the job with the holding that was found, and what the report tells of both;
-    the surface that was `given` in the place of a mesh, if it was."""
+    """A part on its post in its stock, the job with cutters and holding that were found, and what the report tells of
+    these; the surface that was `given` in the place of a mesh, if it was."""
 
     setup: Setup
     job: Job
     given: Fit | None
-    told: dict[str, Any]
+    post: dict[str, Any]
+    cutters: dict[str, Any]
 
 
 def stand_part(
@@ -65,12 +67,13 @@ def stand_part(
         changes = [repair.change for repair in unplaced.repairs if repair.guessed]
         guesses = warnings.repair_warnings(unplaced.widest_hole, unplaced.guessed_share, job, changes)
         warnings.check_warnings(guesses, job, unplaced.file)
+        limits = machine_limits(machine or read_machine(job.nc.machine))
+        job, chosen = with_chosen_cutters(place(unplaced, job, body), job, limits)
         unplaced = with_filled_pits(unplaced, job.mesh, job.smallest_ball)
         seeks_post = not job.holding.length
         placed = place(unplaced, job, body)
         if not job.holding.diameter:
             check_cuts(placed.part.mesh, placed.stock, job.levels)  # before necks are tried
-        limits = machine_limits(machine or read_machine(job.nc.machine))
         job = replace(job, holding=settled_bracket(job.holding, placed.part.mesh, limits.bodies.table))
         blocked = blocked_share(placed, job, limits)
         setup, job, necks = find_standing(placed, job, limits)
@@ -95,7 +98,7 @@ def stand_part(
     figures |= post_report(setup.post, setup.part.mesh, job.holding) | advice
     if "tailstock" in figures:
         figures["tailstock"]["blocked_share"] = round(blocked, 3)
-    return Standing(setup, job, given, figures)
+    return Standing(setup, job, given, figures, chosen)
 
 
 def morph_standing(standing: Standing, keep: File, times: StageTimes, progress: Progress) -> Morphed:
@@ -105,7 +108,9 @@ def morph_standing(standing: Standing, keep: File, times: StageTimes, progress: 
         fitted, morph = surface_and_levels(setup, job, times, progress, standing.given)
 
     figures = report_to_levels(setup.part, fitted, setup.stock, morph, job.levels.method)
-    figures |= {"strategy": job.path.strategy, "post": standing.told}
+    figures |= {"strategy": job.path.strategy, "post": standing.post}
+    if standing.cutters:
+        figures["cutters"] = standing.cutters
     figures |= {"seconds": times.seconds, "cpu_seconds": times.cpu_seconds}
     reported = cast(Report, warnings.with_warnings(figures, job))
     return Morphed(setup.part, fitted.surface, stock=setup.stock, levels=morph, report=reported, job=job)

@@ -9,13 +9,14 @@ are factors, from the programs of eight bones of 16 to 60 mm (`tests/benchmarks/
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
+from bonecam.arrays import lengths
 from bonecam.job import Job
 from bonecam.levels.measure.level import Level, machined_levels
 from bonecam.machine.bodies import MachineBodies
@@ -30,9 +31,9 @@ LENGTH_FACTOR = 1.2
 """Passes of programs are 1.04 to 1.39 times as long."""
 BLOCK_FACTOR, BLOCKS_A_LEVEL = 2.0, 200
 """Programs have so many blocks a move, and for links and lead arcs of each level so many more."""
-TIME_FACTOR, MINUTES_A_LEVEL = 1.45, 0.25
-"""Programs take so many times as long as evenly spread passes at the cutter's feed, and for the links, approaches and
-rest paths of each level so much longer: 0.89 to 1.15 of that on seven parts of 9 to 50 mm with 4 to 13 cuts."""
+TIME_FACTOR, MINUTES_A_LEVEL = 1.83, 0.14
+"""Programs take so many times as long as evenly spread passes at the cutter's feed, and for the links and approaches of
+each level so much longer; with the rest paths of `chosen_cutters` 0.88 to 1.11 of that in 17 programs of five bones."""
 SECONDS_A_LEVEL, SECONDS_A_BLOCK = 2.0, 0.0022
 """CPU seconds that each level, and each block, takes to plan, post, prove and simulate: 0.57 to 1.57 times what 58
 bones took beside other work (53 within 1.5), the least where there are more blocks than foretold."""
@@ -76,41 +77,49 @@ def estimate(levels: Sequence[Level], job: Job, bodies: MachineBodies) -> Estima
         cutter = cutter_of(level.index, job, bodies)
         cut = _cut_share(levels[level.index + 1], least_depth(level.index, job))
         areas, curvatures = _offset(level.mesh, cutter.envelope_radius)
-        lengths = cut * areas / float(side_step(cutter.envelope_radius, cutter.scallop, np.zeros(1))[0])
+        passes = cut * areas / float(side_step(cutter.envelope_radius, cutter.scallop, np.zeros(1))[0])
         steps = np.sqrt(8 * job.path.chord_tolerance / np.maximum(curvatures, np.finfo(float).tiny))
-        length += float(lengths.sum())
-        minutes += float(lengths.sum()) / cutter.feed
-        moves += float((lengths / np.minimum(steps, job.path.max_step)).sum())
+        length += float(passes.sum())
+        minutes += float(passes.sum()) / cutter.feed
+        moves += float((passes / np.minimum(steps, job.path.max_step)).sum())
     blocks = round(BLOCK_FACTOR * moves) + BLOCKS_A_LEVEL * len(machined)
     seconds = SECONDS_A_LEVEL * len(machined) + SECONDS_A_BLOCK * blocks
     whole = TIME_FACTOR * minutes + MINUTES_A_LEVEL * len(machined)
     return Estimate(LENGTH_FACTOR * length, blocks, whole, minutes, seconds)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LayersToCut:
-    """What lies between part and stock, before there are levels: the areas of both (mm^2), and how far the `farthest`
-    place of the stock is from the part, mm."""
+    """What lies between `part` and `stock`, before there are levels, and how far each face of the stock is from the
+    part, mm."""
 
-    part: float
-    stock: float
-    farthest: float
+    part: TriangleMesh
+    stock: TriangleMesh
+    distances: Float[ndarray, " f"]
+    areas: dict[float, tuple[float, float]] = field(default_factory=dict)
+    """Areas (mm2) of part and stock moved out by a radius, mm."""
 
     @classmethod
     def between(cls, part: TriangleMesh, stock: TriangleMesh) -> "LayersToCut":
         """The layers between the meshes of a part and of its stock."""
-        inner, outer = (float(np.linalg.norm(mesh.face_vectors, axis=1).sum()) / 2 for mesh in (part, stock))
-        return cls(inner, outer, float(MeshDistance(part).unsigned(stock.vertices).max()))
+        return cls(part, stock, MeshDistance(part).unsigned(stock.vertices)[stock.faces].mean(axis=1))
 
     def minutes(self, job: Job) -> float:
-        """Machining time (min) with the depths of a job: of the fewest cuts, the areas of whose levels grow evenly with
-        the depth, as of the `estimate`."""
+        """Machining time (min) with the depths of a job, as of the `estimate`: of the fewest cuts, whose areas grow
+        evenly with the depth, each where the stock is beyond it."""
         schedule = schedule_of(job.levels)
-        cuts = schedule.lower_bound(self.farthest)
+        farthest = float(self.distances.max())
+        cuts = schedule.lower_bound(farthest)
+        share = lengths(self.stock.face_vectors) / 2 / self.stock.area
         evenly = 0.0
         for level in range(cuts):
             tool = job.tool("finishing" if job.is_finishing(level) else "roughing", level)
-            area = self.part + (self.stock - self.part) * schedule.reach(level) / self.farthest
+            if tool.radius not in self.areas:
+                part, stock = (float(_offset(mesh, tool.radius)[0].sum()) for mesh in (self.part, self.stock))
+                self.areas[tool.radius] = part, stock
+            part, stock = self.areas[tool.radius]
+            reach = schedule.reach(level)
+            area = (part + (stock - part) * reach / farthest) * float(share[self.distances > reach].sum())
             evenly += area / float(side_step(tool.radius, job.scallop(level), np.zeros(1))[0]) / tool.feed
         return TIME_FACTOR * evenly + MINUTES_A_LEVEL * cuts
 
@@ -121,8 +130,8 @@ def _offset(mesh: TriangleMesh, radius: float) -> tuple[Float[ndarray, " f"], Fl
     offset = TriangleMesh(mesh.vertices + radius * normals, mesh.faces)
     starts, ends = mesh.faces, np.roll(mesh.faces, -1, axis=1)
     turns = np.linalg.norm(normals[ends] - normals[starts], axis=2)
-    lengths = np.linalg.norm(offset.vertices[ends] - offset.vertices[starts], axis=2)
-    curvatures = (turns / np.maximum(lengths, np.finfo(float).eps)).mean(axis=1)
+    edges = np.linalg.norm(offset.vertices[ends] - offset.vertices[starts], axis=2)
+    curvatures = (turns / np.maximum(edges, np.finfo(float).eps)).mean(axis=1)
     return np.linalg.norm(offset.face_vectors, axis=1) / 2, curvatures
 
 

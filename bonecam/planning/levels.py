@@ -181,7 +181,10 @@ class _Planning:
         """The contacts of a level whatever the material."""
         obstacles = [distance, self.part] if level.index else [self.part]
         speed = self.limits.turn_speed
-        return candidate_contacts(level, obstacles, cutter, self.post, job, turn_speed=speed)
+        kept_off = self.clamping.kept_columns("cutter")
+        return candidate_contacts(
+            level, obstacles, cutter, self.post, job, turn_speed=speed, kept_off=kept_off
+        )
 
     def _rest_patterns(self, level_contacts: LevelContacts, scallop: float) -> list[CandidateContacts]:
         """The contacts of a level as it is cut and on rings. Its own path follows: the passes may leave the `scallop`

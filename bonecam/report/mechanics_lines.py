@@ -4,6 +4,8 @@ asked."""
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+SECTIONS = ("roughing", "finishing", "fine")
+"""The cutters of a job."""
 NOT_ASKED = {"skipped": "force and bending were not asked"}
 """The section `mechanics` of a report without them."""
 NOT_KNOWN = {"skipped": "force and bending are not known without a simulation of the removal"}
@@ -56,6 +58,23 @@ def feed_lines(feed: Mapping[str, Any] | None) -> Iterator[str]:
             (high, lower), (most, least) = one["peak_p95_n"], one["peak_max_n"]
             peaks = f"{lower:.0f} N at 95 %, {least:.0f} at most, before {high:.0f} and {most:.0f}"
             yield f"          tool {one['tool']} to peaks of {one['target_n']:.0f} N: {peaks}"
+
+
+def cutter_lines(cutters: Mapping[str, Any] | None) -> Iterator[str]:
+    """The best sets of cutters that were tried, where they were chosen, the one that is taken first; and what a cutter
+    that the list lacks would bring."""
+    if cutters is None:
+        return
+    sets = [*cutters["sets"], *([cutters["more"]] if "more" in cutters else [])]
+    names = [" / ".join(one[name] or "own" for name in SECTIONS if name in one) for one in sets]
+    width = max(map(len, names))
+    yield f"cutters   {'':{width}}   min  left mm2    mm  at post mm2    um   MPa"
+    for name, one in zip(names, sets, strict=True):
+        left = f"{one['left_mm2']:9.1f} {one['left_mm']:5.2f} {one['at_post_mm2']:12.0f}"
+        told = "  with the catalogue" if one is cutters.get("more") else "" if one["holds"] else "  gives way"
+        bends = f"{one['shift_um']:5.1f} {one['stress_mpa']:5.0f}"
+        yield f"          {name:{width}} {one['minutes']:5.1f} {left} {bends}{told}"
+    yield f"          foretold; the best of {cutters['tried']} sets"
 
 
 def post_lines(post: Mapping[str, Any] | None) -> Iterator[str]:

@@ -10,7 +10,7 @@ from bonecam.levels.closed_morph import METHODS
 from bonecam.levels.problem.tolerances import NESTING_TOLERANCE
 from bonecam.planning.estimate import estimate_lines
 from bonecam.report.axis_lines import axis_lines, entry_lines, rewind_lines
-from bonecam.report.mechanics_lines import feed_lines, mechanics_lines, post_lines
+from bonecam.report.mechanics_lines import cutter_lines, feed_lines, mechanics_lines, post_lines
 from bonecam.report.stage_reports import parting_text
 from bonecam.report.warnings import WIDTH, warning_lines
 from bonecam.setup.stock import stock_text
@@ -38,6 +38,7 @@ def summary_of(report: Mapping[str, Any]) -> str:
         _surface_line(report["surface"]),
         *_given_lines(report),
         f"stock     {stock_text(report['stock'])}",
+        *cutter_lines(report.get("cutters")),
         *post_lines(report.get("post")),
         *(_levels_lines(report) if report.get("strategy", "morph") == "morph" else _layer_lines(report)),
         *(program_lines(report) if "nc" in report else ()),

@@ -3,6 +3,8 @@
 import re
 import tomllib
 from collections.abc import Mapping
+from copy import deepcopy
+from functools import lru_cache
 from typing import Any
 
 import tomli_w
@@ -25,6 +27,12 @@ _KEY = re.compile(r"\s*(?:(\w+)\s*\.\s*)?(\w+)\s*=")
 
 def parse_toml(text: str) -> dict[str, Any]:
     """The tables of a TOML text. Raises Faults (a ValueError), with the line where the text is no TOML."""
+    return deepcopy(_parsed(text))
+
+
+@lru_cache(maxsize=20)
+def _parsed(text: str) -> dict[str, Any]:
+    """The tables of a text: those of machine and material are asked for thousands of times while cutters are chosen."""
     if len(text) > LARGEST:
         raise Faults([("", f"the text has {len(text)} characters: {LARGEST} are allowed")])
     for number, line in enumerate(text.split("\n"), 1):

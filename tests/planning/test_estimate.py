@@ -88,13 +88,14 @@ def test_the_summary_has_what_came_beside_what_was_expected(levels: Callable[...
 def test_before_levels_the_time_follows_from_the_areas_between_part_and_stock() -> None:
     inner, outer = (Capsule(np.zeros(3), np.array([0, 0, 1e-9]), r).mesh(0.001) for r in (10.0, 12.0))
     layers = LayersToCut.between(inner, outer)
-    assert layers.part == pytest.approx(4 * np.pi * 100, rel=0.001)
-    assert layers.farthest == pytest.approx(2.0, abs=0.01)
+    assert layers.distances.max() == pytest.approx(2.0, abs=0.01)
     one = Job().with_values(levels={"depths": "0.1 2"}, roughing={"scallop": 0.3})
     tool, last = one.tool("finishing"), one.tool("roughing")
     steps = [2 * np.sqrt(s * (2 * t.radius - s)) for s, t in ((one.scallop(0), tool), (one.scallop(1), last))]
-    middle = 4 * np.pi * (100 + 44 * 0.1 / 2)
-    evenly = 4 * np.pi * 100 / steps[0] / tool.feed + middle / steps[1] / last.feed
+    first = 4 * np.pi * (10 + tool.radius) ** 2  # the ball's centre runs on the offset surface
+    inner_area, outer_area = (4 * np.pi * (r + last.radius) ** 2 for r in (10.0, 12.0))
+    middle = inner_area + (outer_area - inner_area) * 0.1 / 2
+    evenly = first / steps[0] / tool.feed + middle / steps[1] / last.feed
     assert layers.minutes(one) == pytest.approx(TIME_FACTOR * evenly + 2 * MINUTES_A_LEVEL, rel=0.01)
     finer = one.with_values(levels={"depths": "0.1 0.1 0.1 0.5"})
     assert layers.minutes(finer) > 2 * layers.minutes(one)

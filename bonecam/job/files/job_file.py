@@ -11,6 +11,7 @@ from bonecam.errors import JobError
 from bonecam.files import input_text, is_unicode
 from bonecam.job.parameter import record
 from bonecam.job.sections import Job, job_error
+from bonecam.job.tool_section import AUTO, SIZES, ToolJob
 from bonecam.runtime import extensions
 from bonecam.text.toml import lines_of_keys, parse_toml, toml_lines
 
@@ -82,14 +83,18 @@ def write_job(job: Job, beside: dict[str, Any] | None = None) -> str:
 
 
 def _lines(name: str, section: Any) -> list[str]:
-    """The lines of the values of a section."""
-    values = {item.name: getattr(section, item.name) for item in fields(section)}
+    """The lines of the values of a section, without the sizes of a cutter that is to be chosen."""
+    chosen = SIZES if isinstance(section, ToolJob) and section.preset == AUTO else ()
+    known_of = {item.name: record(item) for item in fields(section) if item.name not in chosen}
+    values = {key: getattr(section, key) for key in known_of}
     for key, value in values.items():
         if isinstance(value, str) and not is_unicode(value):
             remedy = "rename the file, so that its name is UTF-8"
             raise JobError(f"[{name}] {key} = {value!a}: {remedy}", section=name, field=key)
-    records = map(record, fields(section))
-    comments = [f"{known.tooltip} [{known.allowed}]" if known.allowed else known.tooltip for known in records]
+    comments = [
+        f"{known.tooltip} [{known.allowed}]" if known.allowed else known.tooltip
+        for known in known_of.values()
+    ]
     return [f"{line}  # {comment}" for line, comment in zip(toml_lines(values), comments, strict=True)]
 
 

@@ -96,7 +96,7 @@ def find_necks(setup: Setup, job: Job, limits: MachineLimits, layers: LayersToCu
             trouble = error
     # what gives way at its least length does so at any: its reach is asked last, if at all; two have to hold, as the
     # thicker tells whether cuts on the thinner take long
-    hopeful = [_holds_shortest(*one, limits, layers) for one in asked]
+    hopeful = [shortest_neck(*one, limits, layers).holds for one in asked]
     order = sorted(range(len(asked)), key=lambda k: (not hopeful[k], k if hopeful[k] else -k))
     tried: list[Neck] = []
     for one in (asked[k] for k in order):
@@ -114,11 +114,11 @@ def find_necks(setup: Setup, job: Job, limits: MachineLimits, layers: LayersToCu
     return ranking(tried)
 
 
-def _holds_shortest(setup: Setup, job: Job, limits: MachineLimits, layers: LayersToCut) -> bool:
-    """Whether the neck of a job's diameter holds the part at the least length that it may have."""
+def shortest_neck(setup: Setup, job: Job, limits: MachineLimits, layers: LayersToCut) -> Neck:
+    """The neck of a job's diameter, of the least length that it may have, and how it holds the part of a setup."""
     holding = job.holding
     least = holding.length or shortest_post(np.zeros(0), 0.0, clamping_of(holding, limits.bodies.table))
-    return _neck(setup, replace(job, holding=replace(holding, length=least)), limits, layers).holds
+    return _neck(setup, replace(job, holding=replace(holding, length=least)), limits, layers)
 
 
 def ranking(necks: Sequence[Neck]) -> list[Neck]:

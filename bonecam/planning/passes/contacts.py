@@ -35,6 +35,7 @@ from bonecam.planning.passes.patterns.sampling import contact_frames, sample_lin
 from bonecam.tool.ball_depth import MAX_DEPTH_RADII
 from bonecam.tool.cutter import Cutter
 from bonecam.tool.path import ContactPath
+from bonecam.workholding.column import Column
 from bonecam.workholding.post import Post
 
 POST_CLEARANCE = 0.1
@@ -120,13 +121,14 @@ def candidate_contacts(
     turn_speed: float = np.inf,
     post_clearance: float = POST_CLEARANCE,
     walls: Sequence[LineContacts] = (),
+    kept_off: Sequence[Column] = (),
 ) -> CandidateContacts:
     """The contacts of a level whatever the material: cusps <= cutter.scallop, chords <= job.chord_tolerance,
     no gouge beyond job.gouge_tolerance. ValueError where `job.pattern` needs a surface of another kind.
 
     `turn_speed` (rad/min) is that of the axis that changes the azimuth; it decides what is fastest.
     `obstacles` are what the ball must not enter: the level and the part; the lines of `walls` follow those of the
-    pattern.
+    pattern. A ball that enters a column that is `kept_off`, below the post, counts as at the post.
     """
     surface = level.surface
     curves = pattern_curves(surface, job.pattern, cutter, turn_speed)
@@ -151,6 +153,8 @@ def candidate_contacts(
     )
     centres = contacts + (cutter.envelope_radius + np.nan_to_num(lifts))[:, None] * normals
     at_post = post.distance(centres) < cutter.envelope_radius + post_clearance
+    for column in kept_off:
+        at_post |= column.distance(centres) < cutter.envelope_radius
     in_air = _in_air(level, contacts)
     return CandidateContacts(
         level=level,

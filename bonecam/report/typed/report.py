@@ -8,6 +8,7 @@ from typing import NotRequired, TypedDict
 
 from bonecam.report.typed.simulated import ForceFeedFigures, MechanicsFigures, RemovalFigures
 from bonecam.report.typed.to_levels import (
+    CutterFigures,
     InputFigures,
     LevelFigures,
     PostFigures,
@@ -69,6 +70,7 @@ class Report(TypedDict, total=False):
     levels_break_mm: float
     levels_method: str
     strategy: str
+    cutters: CutterFigures
     post: PostFigures
     seconds: dict[str, float]
     cpu_seconds: dict[str, float]

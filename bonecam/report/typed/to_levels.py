@@ -151,6 +151,32 @@ class NeckRemedyFigures(NeckFigures):
     change: str
 
 
+class CutterSetFigures(TypedDict):
+    """Cutters that were tried together, by the names of their list (empty: the job's own), and what is foretold of them
+    on the best neck; `left_...` of hollows away from the post."""
+
+    roughing: str
+    finishing: str
+    fine: NotRequired[str]
+    minutes: float
+    left_mm2: float
+    left_mm: float
+    at_post_mm2: float
+    neck_mm: float
+    shift_um: float
+    stress_mpa: float
+    holds: bool
+
+
+class CutterFigures(TypedDict):
+    """The best sets of so many that were tried, the one that is taken first; and the best with the catalogue's cutters,
+    where these would be worth it."""
+
+    sets: list[CutterSetFigures]
+    tried: int
+    more: NotRequired[CutterSetFigures]
+
+
 class ShorteningFigures(TypedDict):
     """A change of the job, and the length of the post with it."""
 

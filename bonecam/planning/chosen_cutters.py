@@ -1,0 +1,258 @@
+"""The cutters of a job that leaves them open, chosen from a list of ball ends by what they take and what they leave.
+
+A ball of radius R leaves the closing of the part by it (Serra 1982): c is how deep that is at most, A(d) the area where
+it is deeper than d, away from the post. Clean is a ball with c <= CLEAN and A(COVERED) <= SHARE of the part. The
+largest clean one, of LEAST_RADIUS at least, cuts last: it finishes, or cuts the hollows that a larger one leaves.
+Roughing takes any ball that is no smaller. Of all such sets on whose best neck the part holds that one is taken with the
+least
+
+    T = layers + REST_MINUTES (sum_k A_roughing(k a) + A_finishing(SHALLOW)) + FINE_MINUTES + POST_MINUTES P,
+
+minutes: the cuts between part and stock of the depths that the neck bears (`estimate.LayersToCut`), the steps of the
+finishing depth a in hollows that the roughing ball leaves, the hollows of the finishing ball and the change where there
+is a fine one, and the area P that stays at the post.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from bonecam.arrays import lengths, unit
+from bonecam.errors import BonecamError, JobError
+from bonecam.job import HoldingJob, Job, ToolJob
+from bonecam.job.tool_list import ListedTool, read_tool_list
+from bonecam.job.tool_section import AUTO
+from bonecam.machine.limits import MachineLimits
+from bonecam.mechanics.cutter import cutter_compliance
+from bonecam.mesh.healing.hollows.ball import Ball
+from bonecam.mesh.healing.hollows.closing import ACCURACY
+from bonecam.planning.estimate import LayersToCut
+from bonecam.planning.holding.neck import ranking, shortest_neck
+from bonecam.planning.holding.neck_figures import Neck
+from bonecam.planning.holding.post_length import STOCK_CHORD
+from bonecam.planning.passes.contacts import at_post
+from bonecam.setup.placement import Setup
+from bonecam.text.faults import shown
+from bonecam.tool.cutter import Cutter
+from bonecam.workholding.bar import settled_stub
+from bonecam.workholding.post import NECKS, Post, post_below
+
+CLEAN = 0.10
+"""What may stay in the deepest hollow, mm: of a phalanx's 0.10 a program leaves 0.135, of a middle phalanx's 0.09
+0.079."""
+COVERED, SHARE = 0.05, 0.005
+"""Hollows deeper than this, mm, may cover this share of the part."""
+LEAST_RADIUS = 1.0
+"""Finer balls, mm, are not chosen: they take four times as long, and their necks bend five times as far."""
+SHALLOW = 0.02
+"""Hollows are cut by a fine ball where the finishing one leaves more, mm: twice its scallop."""
+FINER = 2.0
+"""A fine ball is smaller than the finishing one by this factor at most."""
+REST_MINUTES, FINE_MINUTES = 0.04, 0.3
+"""Minutes of each mm2 and step in a hollow; and of the change to a fine cutter, and its ways."""
+POST_MINUTES = 0.012
+"""Minutes that a mm2 at the post is worth: a second clamping cuts 95 mm2 of the phalanx in 1.1 min."""
+STATED = ("number", "flutes", "spindle", "feed", "scallop")
+"""What a section keeps whose cutter is chosen."""
+HOPEFUL = 1.3
+"""Other necks are tried for the sets that cost no more than so many times the best on the thickest."""
+EQUAL = 1.1
+"""T is as accurate as this: of sets that it cannot tell apart the one with the least stress is taken."""
+SHOWN = 3
+"""Sets that are reported."""
+
+
+@dataclass(frozen=True)
+class CutterSet:
+    """The cutters of a job by section, the best of its necks, area (mm2) and depth (mm) of the hollows that stay, and
+    the minutes T; `named` has what the list calls each."""
+
+    job: Job
+    named: Mapping[str, str]
+    neck: Neck
+    left_mm2: float
+    left_mm: float
+    minutes: float
+
+    @property
+    def cost(self) -> float:
+        """The time T, with what the area at the post is worth, min."""
+        return self.minutes + POST_MINUTES * self.neck.left_mm2
+
+    @property
+    def report(self) -> dict[str, Any]:
+        """The set in the report."""
+        figures = {"minutes": self.minutes, "left_mm2": self.left_mm2, "left_mm": self.left_mm}
+        neck = {name: getattr(self.neck, name) for name in ("shift_um", "stress_mpa", "left_mm2")}
+        neck["at_post_mm2"] = neck.pop("left_mm2")
+        rounded = {name: round(value, 2) for name, value in {**figures, **neck}.items()}
+        return {**self.named, **rounded, "neck_mm": self.neck.diameter, "holds": self.neck.holds}
+
+
+class Hollows:
+    """What balls leave of a part away from a post: areas (mm2) and depths (mm) of the places of its closings."""
+
+    def __init__(self, setup: Setup, post: Post) -> None:
+        self.mesh = setup.part.mesh
+        self.post = post
+        self._of: dict[float, tuple[Float[ndarray, " f"], Float[ndarray, " f"]]] = {}
+
+    def of(self, radius: float) -> tuple[Float[ndarray, " f"], Float[ndarray, " f"]]:
+        """Areas and depths of the faces that a ball of a radius does not touch."""
+        if radius not in self._of:
+            ball = Ball(self.mesh, radius)
+            faces, corners = ball.probed.faces, ball.probed.vertices
+            hollow = ball.entered[len(corners) :] > ACCURACY
+            places, across = corners[faces].mean(axis=1)[hollow], ball.probed.face_vectors[hollow]
+            depths = np.zeros(0)
+            if len(places):
+                away = ~at_post(places, unit(across), self.post, radius)
+                places, across = places[away], across[away]
+                depths = np.maximum(lengths(ball.lying_near(places) - places) - radius, 0.0)
+            self._of[radius] = lengths(across) / 2, depths
+        return self._of[radius]
+
+    def deeper(self, radius: float, depth: float) -> float:
+        """The area (mm2) that a ball leaves deeper than `depth`, mm."""
+        areas, depths = self.of(radius)
+        return float(areas[depths > depth].sum())
+
+    def deepest(self, radius: float) -> float:
+        """The depth (mm) of the deepest hollow of a ball."""
+        return float(self.of(radius)[1].max(initial=0.0))
+
+    def steps(self, radius: float, step: float) -> float:
+        """The area (mm2) of the cuts of depth `step` (mm) that take what a ball leaves, the first one apart."""
+        areas, depths = self.of(radius)
+        return float((areas * np.maximum(np.ceil(depths / step) - 1, 0)).sum())
+
+    def clean(self, radius: float) -> bool:
+        """Whether what a ball leaves is neither deep nor large."""
+        share = self.deeper(radius, COVERED) / self.mesh.area
+        return self.deepest(radius) <= CLEAN and share <= SHARE
+
+
+def with_chosen_cutters(setup: Setup, job: Job, limits: MachineLimits) -> tuple[Job, dict[str, Any]]:
+    """The job with a cutter in the place of each that it leaves open, a fine one too where it is worth its time, and
+    what the report tells of the best sets; the job, and nothing, where it leaves none open.
+
+    A section that is open keeps its tool number, flutes, speed, feed and scallop. `setup` has the part with its hollows
+    open. JobError where a list of cutters cannot be read, or has no ball for a section.
+    """
+    if not any(getattr(job, name).preset == AUTO for name in job.cutter_names):
+        return job, {}
+    listed = read_tool_list(job.nc.tools)
+    sets = _tried(setup, job, limits, listed)
+    if not sets:  # no neck meets the part, which is told where the post is sought
+        return job, {}
+    told: dict[str, Any] = {"sets": [one.report for one in sets[:SHOWN]], "tried": len(sets)}
+    if job.nc.tools:
+        others = _tried(setup, job, limits, (*listed, *read_tool_list("")))
+        if others[0].cost < sets[0].cost - FINE_MINUTES:
+            told["more"] = others[0].report
+    return replace(sets[0].job, holding=job.holding), told
+
+
+def _order(one: CutterSet) -> tuple[bool, float]:
+    """Sets that hold first, the quickest first; of others the stiffest."""
+    return not one.neck.holds, one.cost if one.neck.holds else one.neck.shift_um
+
+
+def _tried(setup: Setup, job: Job, limits: MachineLimits, listed: Sequence[ListedTool]) -> list[CutterSet]:
+    """All sets of the cutters that are `listed`, the best first."""
+    job = replace(job, holding=settled_stub(job.holding, setup.stock.diameter))
+    width = float(np.ptp(setup.stock.bounds[:, :2], axis=0).min())
+    diameters = [job.holding.diameter] if job.holding.diameter else [each for each in NECKS if each < width]
+    necks = list[tuple[Setup, HoldingJob]]()
+    for diameter in diameters:
+        holding = replace(job.holding, diameter=diameter)
+        with suppress(BonecamError):  # what is wrong with it is told where all are asked
+            necks.append((replace(setup, post=post_below(setup.part.mesh, holding)), holding))
+    layers = LayersToCut.between(setup.part.mesh, setup.stock.mesh(STOCK_CHORD))
+    hollows = Hollows(setup, necks[-1][0].post if necks else setup.post)
+    sets = list(_sets(job, _stiffest(listed, job, limits), hollows))
+
+    def on_necks(some: Sequence[tuple[Setup, HoldingJob]]) -> Iterator[CutterSet]:
+        for named, one in sets:
+            tried = [
+                shortest_neck(each, replace(one, holding=holding), limits, layers) for each, holding in some
+            ]
+            yield _set(named, one, ranking(tried)[0], hollows, layers)
+
+    if not necks:
+        return []
+    found = sorted(on_necks(necks[-1:]), key=_order)
+    sets = [(one.named, one.job) for one in found if one.cost <= HOPEFUL * found[0].cost]
+    found = sorted(on_necks(necks), key=_order)
+    equal = [one for one in found if one.neck.holds and one.cost <= EQUAL * found[0].cost]
+    best = min(equal, key=lambda one: (round(one.neck.stress_mpa), one.cost), default=found[0])
+    return [best, *(one for one in found if one is not best)]
+
+
+def _set(named: Mapping[str, str], job: Job, neck: Neck, hollows: Hollows, layers: LayersToCut) -> CutterSet:
+    """The cutters of a job on a neck, with the minutes T."""
+    step, finishing, last = job.levels.finishing_depth, job.finishing.radius, job.smallest_ball
+    rest = hollows.steps(job.roughing.radius, step)
+    fine = FINE_MINUTES if job.path.fine_cutter else 0.0
+    if job.path.fine_cutter:
+        rest += hollows.deeper(finishing, SHALLOW)
+    cut = layers.minutes(job) if neck.machining_min is None else neck.machining_min
+    minutes = cut + REST_MINUTES * rest + fine
+    return CutterSet(job, named, neck, hollows.deeper(last, SHALLOW), hollows.deepest(last), minutes)
+
+
+def _stiffest(listed: Sequence[ListedTool], job: Job, limits: MachineLimits) -> dict[float, ListedTool]:
+    """The stiffest ball end of each radius (mm), the smallest radius first."""
+
+    def order(one: ListedTool) -> tuple[float, float]:
+        tool = replace(job, roughing=one.tool).tool("roughing")
+        return tool.radius, cutter_compliance(Cutter.from_job(1, one.name, tool, limits.bodies.nose))
+
+    found: dict[float, ListedTool] = {}
+    for each in sorted((one for one in listed if one.tool.shape == "ball"), key=order):
+        found.setdefault(each.tool.radius, each)
+    return found
+
+
+def _sets(
+    job: Job, listed: Mapping[float, ListedTool], hollows: Hollows
+) -> Iterator[tuple[dict[str, str], Job]]:
+    """The jobs with the sets of cutters that are tried, and what the list calls these."""
+    auto = {name: getattr(job, name).preset == AUTO for name in ("roughing", "finishing", "fine")}
+    if not listed:
+        raise JobError(
+            f"nc.tools = {shown(job.nc.tools)}: has no ball end: add one, or state radius of every cutter"
+        )
+    large = [radius for radius in listed if radius >= LEAST_RADIUS] or [max(listed)]
+    clean = large[0]
+    for radius in large[1:]:
+        if not hollows.clean(radius):
+            break
+        clean = radius
+    finishing = [radius for radius in large if clean / FINER <= radius <= FINER * clean]
+    for ball in finishing if auto["finishing"] else [job.finishing.radius]:
+        fine = job.fine.radius if job.path.fine_cutter else 0.0
+        if auto["fine"] and (auto["finishing"] or job.path.fine_cutter):
+            finer = [radius for radius in listed if radius < ball]
+            fine = min(clean, max(finer)) if finer and (ball > clean or job.path.fine_cutter) else 0.0
+        larger = [radius for radius in large if radius >= ball] or [max(listed)]
+        for rough in larger if auto["roughing"] else [job.roughing.radius]:
+            taken = {"roughing": rough, "finishing": ball, **({"fine": fine} if fine else {})}
+            named = {name: listed[radius].name if auto[name] else "" for name, radius in taken.items()}
+            tools = {
+                name: _in_section(listed[radius], getattr(job, name))
+                for name, radius in taken.items()
+                if auto[name]
+            }
+            yield named, replace(job, **tools, path=replace(job.path, fine_cutter=bool(fine)))
+
+
+def _in_section(listed: ListedTool, section: ToolJob) -> ToolJob:
+    """The cutter of a list with what a section states that leaves its shape open."""
+    kept = {name: getattr(section, name) for name in STATED if getattr(section, name)}
+    return replace(listed.tool, preset=listed.name, **kept)
