@@ -1,7 +1,7 @@
 from .dialect import Dialect as Dialect
 from .dialect import dialect_names as dialect_names
 from .dialect import read_dialect as read_dialect
-from .job_dialect import job_dialect as job_dialect
+from .job_dialect import controller_of as controller_of
 from .posting.feeds.drivable_feeds import drivable_paths as drivable_paths
 from .posting.rotary.machine_limits import machine_limits as machine_limits
 from .posting.write import write_program as write_program

@@ -148,6 +148,11 @@ def wrap(state: RepairState) -> RepairState:
     size = state.mesh.diagonal
     pure = meshlab().PureValue
     meshset = to_meshset(state.mesh)
-    meshset.generate_alpha_wrap(alpha=pure(WRAP_ALPHA * size), offset=pure(WRAP_OFFSET * size))
+    shares = {"alpha": WRAP_ALPHA, "offset": WRAP_OFFSET}
+    if "alpha" in meshset.filter_parameter_values("generate_alpha_wrap"):
+        given = {name: pure(share * size) for name, share in shares.items()}
+    else:  # MeshLab up to 2023.12
+        given = {f"{name}_fraction": share for name, share in shares.items()}
+    meshset.generate_alpha_wrap(**given)
     message = f"shrank a new skin round the part (ball {WRAP_ALPHA * size:.2f} mm, offset {WRAP_OFFSET * size:.3f} mm)"
     return state.moved(from_meshset(meshset), message, state.mesh, off=OFF * WRAP_OFFSET * size)
