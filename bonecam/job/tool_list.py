@@ -252,13 +252,18 @@ def _chosen(entries: list[Entry], wanted: list[Any]) -> list[Entry]:
 
 
 def _complete(entries: list[Entry], values: Entry, source: str) -> None:
-    """Give the entry of `source` that has the number and the name of `values`, as far as these have any, the values
+    """Give the entry of `source` that has the number or the name of `values`, and no other number or name, the values
     instead of its own; ValueError where there is none, or more than one."""
-    which: Entry = {key: values[key] for key in ("number", "name") if key in values}
+    which = [(key, values[key]) for key in ("number", "name") if key in values]
     if not which:
         raise ValueError(f"[[tool]]: give the number or the name that it has in {source}")
-    matching = [one for one in entries if all(one.get(key, value) == value for key, value in which.items())]
-    told = f"[[tool]] {called(which)}: {source} has"
+    matching = [
+        one
+        for one in entries
+        if any(one.get(key) == value for key, value in which)
+        and all(one.get(key) in (None, "", value) for key, value in which)
+    ]
+    told = f"[[tool]] {called(values)}: {source} has"
     if not matching:
         raise ValueError(f"{told} none: use {_calls(entries)}")
     if len(matching) > 1:

@@ -413,6 +413,18 @@ def test_of_two_tools_with_one_number_a_list_names_the_one_that_it_completes(tmp
     assert (short.tool.overhang, long.tool.overhang) == (24.0, 33.0)
 
 
+def test_a_list_gives_a_tool_the_name_or_the_number_that_its_file_lacks(tmp_path: Path) -> None:
+    nameless, unnumbered = fusion_tool(1, ""), fusion_tool(2, "ball")
+    del unnumbered["post-process"]
+    fusion(tmp_path, nameless, unnumbered)
+    text = 'from = "shop.json"\n[[tool]]\nnumber = 1\nname = "mine"\n[[tool]]\nname = "ball"\nnumber = 7\n'
+    tools = read_tool_list(written(tmp_path, "mill.toml", text))
+    assert [(listed.name, listed.tool.number) for listed in tools] == [("mine", 1), ("ball", 7)]
+    text = 'from = "shop.json"\n[[tool]]\nnumber = 9\n'
+    with pytest.raises(JobError, match=r"\[\[tool\]\] tool 9: shop\.json has none: use tool 1, 'ball'"):
+        read_tool_list(written(tmp_path, "mill.toml", text))
+
+
 def test_a_list_may_use_some_tools_of_its_file_and_mend_what_is_stated(tmp_path: Path) -> None:
     fusion(tmp_path, fusion_tool(1, "ball"), fusion_tool(2, "broken", LB=None, holder=None))
     text = 'from = "shop.json"\nonly = ["ball"]\nholder = "9 99"\n[[tool]]\nnumber = 1\nneck_length = 0.0\n'
