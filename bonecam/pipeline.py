@@ -139,8 +139,7 @@ def morph_levels(
 
 def check_job(job: Job, machine: Machine, dialect: Dialect) -> None:
     """JobError where sizes, cutters, depths and solver do not fit one another or the machine, or the list of cutters
-    cannot be read; MachineError where
-    no program can be written for the machine in the dialect."""
+    cannot be read; MachineError where no program can be written for the machine in the dialect."""
     read_tool_list(job.nc.tools)
     check_sizes(job.stock)
     check_pattern(job.path.pattern)

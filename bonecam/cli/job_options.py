@@ -56,8 +56,6 @@ def job_of(options: argparse.Namespace) -> Job:
 
     JobError tells all that is wrong in the file, or else in the options.
     """
-    if options.tools:
-        read_tool_list(options.tools)
     job = read_job(options.job, tools=options.tools) if options.job else Job()
     named = [
         ("nc", "tools", options.tools),
@@ -65,7 +63,9 @@ def job_of(options: argparse.Namespace) -> Job:
         ("nc", "machine", options.machine),
         ("nc", "controller", options.controller),
     ]
-    return job_with(job, options.set, [item for item in named if item[2] is not None])
+    job = job_with(job, options.set, [item for item in named if item[2] is not None])
+    read_tool_list(job.nc.tools)
+    return job
 
 
 def input_files(options: argparse.Namespace) -> list[str]:

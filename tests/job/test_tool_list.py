@@ -13,9 +13,10 @@ import bonecam
 from bonecam.batch.one_part import fingerprint
 from bonecam.batch.parts import BatchPart
 from bonecam.cli import main
+from bonecam.cli.catalogue.catalogues import described
 from bonecam.errors import JobError
 from bonecam.job import Job, ToolJob
-from bonecam.job.tool_list import ENDINGS, described, read_tool_list, tool_list
+from bonecam.job.tool_list import ENDINGS, read_tool_list, tool_list
 from bonecam.machine.frustum import Frustum
 from bonecam.tool.cutter import Cutter
 
@@ -97,11 +98,11 @@ def test_the_catalogue_has_balls_of_one_to_ten_millimetres_that_fit_their_chucks
     assert diameters == {1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0}
     assert {f"ball-{diameter:g}" for diameter in diameters} <= {one.name for one in listed}
     assert len({one.name for one in listed}) == len(listed)
-    for one, stated in zip(listed, tool_list("").stated, strict=True):
+    for one in listed:
         cutter = Cutter.from_job(1, "roughing", replace(one.tool, spindle=9000.0, feed=900.0))
         assert one.tool.shape == "ball"
         assert one.tool.number == 0
-        assert stated["source"], one.name
+        assert one.stated["source"], one.name
         if one.name != "ball-1":  # whose shank of 4 mm is a piece of its holder
             assert cutter.holder[0].diameter == cutter.shank_diameter + 6.0, "a wall of 3 mm"
             assert 20.0 <= cutter.overhang <= 35.0
@@ -361,7 +362,7 @@ def test_a_tool_table_of_linuxcnc_is_completed_by_a_list_beside_it(tmp_path: Pat
         (
             "overhang = 24\n",
             "",
-            r"mill\.toml: tool 3 '6 mm ball': states no overhang: state it in its \[\[tool",
+            r"mill\.toml: tool 3 '6 mm ball': states no overhang: state it there, or above the first \[\[tool",
         ),
         (
             "number = 3",
@@ -370,7 +371,11 @@ def test_a_tool_table_of_linuxcnc_is_completed_by_a_list_beside_it(tmp_path: Pat
         ),
         ("number = 3\n", "", r"\[\[tool\]\]: give the number or the name that it has in tool\.tbl"),
         ('shape = "ball"', 'shape = "bal"', "shape = 'bal': choose one of ball, bull, flat"),
-        ("overhang = 24", "overhng = 24", r"unknown key 'overhng' \(did you mean 'overhang'\?\)"),
+        (
+            "overhang = 24",
+            "overhng = 24",
+            r"\[\[tool\]\] tool 3: unknown key 'overhng' \(did you mean 'overhang'\?\)",
+        ),
         ("overhang = 24", "overhang = 'x'", "tool 3 '6 mm ball': overhang = 'x': give a number"),
         ('"tool.tbl"', '"tool.xls"', r"from = 'tool\.xls': give a file that ends in \.json"),
         ('"tool.tbl"', '"none.tbl"', r"none\.tbl: No such file or directory"),
@@ -408,6 +413,18 @@ def test_of_two_tools_with_one_number_a_list_names_the_one_that_it_completes(tmp
     assert (short.tool.overhang, long.tool.overhang) == (24.0, 33.0)
 
 
+def test_a_list_gives_a_tool_the_name_or_the_number_that_its_file_lacks(tmp_path: Path) -> None:
+    nameless, unnumbered = fusion_tool(1, ""), fusion_tool(2, "ball")
+    del unnumbered["post-process"]
+    fusion(tmp_path, nameless, unnumbered)
+    text = 'from = "shop.json"\n[[tool]]\nnumber = 1\nname = "mine"\n[[tool]]\nname = "ball"\nnumber = 7\n'
+    tools = read_tool_list(written(tmp_path, "mill.toml", text))
+    assert [(listed.name, listed.tool.number) for listed in tools] == [("mine", 1), ("ball", 7)]
+    text = 'from = "shop.json"\n[[tool]]\nnumber = 9\n'
+    with pytest.raises(JobError, match=r"\[\[tool\]\] tool 9: shop\.json has none: use tool 1, 'ball'"):
+        read_tool_list(written(tmp_path, "mill.toml", text))
+
+
 def test_a_list_may_use_some_tools_of_its_file_and_mend_what_is_stated(tmp_path: Path) -> None:
     fusion(tmp_path, fusion_tool(1, "ball"), fusion_tool(2, "broken", LB=None, holder=None))
     text = 'from = "shop.json"\nonly = ["ball"]\nholder = "9 99"\n[[tool]]\nnumber = 1\nneck_length = 0.0\n'
@@ -421,7 +438,7 @@ def test_a_list_may_use_some_tools_of_its_file_and_mend_what_is_stated(tmp_path:
 @pytest.mark.parametrize(("apart", "point"), [(",", "."), (";", ","), ("\t", ".")])
 def test_a_table_is_read_with_commas_semicolons_or_tabs(apart: str, point: str, tmp_path: Path) -> None:
     rows = [
-        "T|Description|Type|Diameter|Flute length|Shank diameter|Stick-out|Holder|Price",
+        "Number|Name|Shape|Diameter|Flute length|Shank diameter|Overhang|Holder|Price",
         '3|6 mm ball|ball|6.0|13.0|6.0|24.5|"60 12 21, 20 63"|31.90',
         "4|drill|Drill|5.0|||||",
         "",
@@ -436,7 +453,9 @@ def test_a_table_is_read_with_commas_semicolons_or_tabs(apart: str, point: str, 
 
 def test_a_table_in_inches_names_its_unit_in_the_list_that_completes_it(tmp_path: Path) -> None:
     written(
-        tmp_path, "shop.csv", "number,name,diameter,flute_length,shank_diameter,holder\n1,b,.25,.5,.25,2 1\n"
+        tmp_path,
+        "shop.csv",
+        "number,name,shape,diameter,flute_length,shank_diameter,holder\n1,b,ball,.25,.5,.25,2 1\n",
     )
     tool = only(written(tmp_path, "mill.toml", 'from = "shop.csv"\nunits = "inch"\noverhang = 25.0\n'))
     assert (tool.radius, tool.flute_length, tool.overhang) == (3.175, 12.7, 25.0)
@@ -446,18 +465,20 @@ def test_a_table_in_inches_names_its_unit_in_the_list_that_completes_it(tmp_path
 @pytest.mark.parametrize(
     ("row", "why"),
     [
-        ("3,wide,4,8,6,24,60 12", r"line 2: diameter = 'wide' is no number"),
-        ("3.5,6,4,8,6,24,60 12", r"line 2: number = '3\.5' is no whole number"),
-        ("3,4,,8,4,24,60 12", r"tool 3: states no flute_length"),
-        (",4,8,4,24,60 12", r"states no number"),
-        ("3,4,8,6,24,60 12", r"tool 3: states no neck_length"),
+        ("3,wide,8,6,24,60 12,ball", r"line 2: diameter = 'wide' is no number"),
+        ("3.5,6,8,6,24,60 12,ball", r"line 2: number = '3\.5' is no whole number"),
+        ("3,4,,4,24,60 12,ball", r"tool 3: states no flute_length"),
+        (",4,8,4,24,60 12,ball", r"states no number"),
+        ("3,4,8,6,24,60 12,ball", r"tool 3: states no neck_length"),
+        (
+            "3,4,8,4,24,60 12,",
+            r"flat end \(1 without a stated shape\): state `shape` in its \[\[tool\]\] of a",
+        ),
         ('3,4,8,4,24,"60 12', r"unexpected end of data"),
     ],
 )
 def test_a_table_that_is_wrong_or_lacks_something_is_one_line(row: str, why: str, tmp_path: Path) -> None:
-    head = "number,diameter,flute_length,shank_diameter,overhang,holder"
-    if row.count(",") == 6:
-        row = ",".join(cell for k, cell in enumerate(row.split(",")) if k != 3)
+    head = "number,diameter,flute_length,shank_diameter,overhang,holder,shape"
     with pytest.raises(JobError, match=rf"shop\.csv: .*{why}"):
         read_tool_list(written(tmp_path, "shop.csv", f"{head}\n{row}\n"))
 
@@ -572,6 +593,8 @@ def test_the_command_tools_lists_checks_and_shows_the_cutters_of_a_list(
     assert all(described(one.tool) in line for one, line in zip(catalogue, printed, strict=True))
     assert main(["tools", "--tools", shop]) == 0
     assert "ball-2     tool 8: ball of 2 mm" in capsys.readouterr().out
+    assert main(["tools", "8", "--tools", shop]) == 0
+    assert capsys.readouterr().out.startswith("# ball-2: tool 8: ball of 2 mm")
     for one in catalogue:
         assert main(["tools", one.name]) == 0
         own = written(tmp_path, "mine.toml", capsys.readouterr().out)

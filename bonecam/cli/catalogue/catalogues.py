@@ -9,7 +9,9 @@ from typing import Any
 
 from bonecam.errors import JobError, did_you_mean
 from bonecam.job.materials.preset import material_files, read_material
-from bonecam.job.tool_list import KEYS, ToolList, described, list_files, tool_list, user_cutters
+from bonecam.job.tool_formats import KEYS
+from bonecam.job.tool_list import ToolList, known_lists, list_files, tool_list
+from bonecam.job.tool_section import ToolJob
 from bonecam.machine.check import MachineCheck, check_machine
 from bonecam.machine.machine import machine_files, read_machine
 from bonecam.nc.dialect import dialect_files, read_dialect
@@ -55,8 +57,8 @@ def run_catalogue(options: argparse.Namespace) -> int:
     known = CATALOGUES[options.kind]
     lists = list[ToolList]()
     if options.kind == "tools":
-        lists = [tool_list(file) for file in [options.tools] if file] or _own_lists()
-    entries = _cutters(lists) if lists else _files(known.files())
+        lists = known_lists(options.tools or "")
+    entries = _cutters(lists, options.what) if lists else _files(known.files())
     if options.schema:
         from bonecam.cli.catalogue.schemas import file_schema
 
@@ -91,26 +93,32 @@ def _files(files: Mapping[str, Path]) -> dict[str, tuple[str, str]]:
     return {name: (_about(path), path.read_text(encoding="utf-8")) for name, path in files.items()}
 
 
-def _own_lists() -> list[ToolList]:
-    """The user's own cutters, and the catalogue."""
-    return [tool_list(file) for file in (*map(str, user_cutters().values()), "")]
-
-
-def _cutters(lists: Sequence[ToolList]) -> dict[str, tuple[str, str]]:
-    """What the cutters of lists are, and the text of a file of each, by name, or by number where that is taken; left
-    out where it has none."""
+def _cutters(lists: Sequence[ToolList], asked: str | None) -> dict[str, tuple[str, str]]:
+    """What the cutters of lists are, and the text of a file of each, by name, or by number where that is `asked` for or
+    the name is taken; left out where it has none."""
     entries = dict[str, tuple[str, str]]()
     for one in lists:
-        for listed, stated in zip(one.tools, one.stated, strict=True):
-            tool = listed.tool
+        for listed in one.tools:
+            tool, stated = listed.tool, listed.stated
             place = "" if tool.number or _ships(one.files[0]) else f" ({one.files[0]})"
             about = f"{f'tool {tool.number}: ' if tool.number else ''}{described(tool)}{place}"
             lines = toml_lines({key: getattr(tool, key) for key in KEYS if key in stated})
             source = [f"# {stated['source']}"] if "source" in stated else []
             text = "\n".join([f"# {listed.name}: {about}", *source, *lines, ""])
-            taken = listed.name in entries and tool.number
-            entries.setdefault(str(tool.number) if taken else listed.name, (about, text))
+            number = str(tool.number or listed.name)
+            by_number = listed.name in entries or asked == number
+            entries.setdefault(number if by_number else listed.name, (about, text))
     return entries
+
+
+def described(tool: ToolJob) -> str:
+    """A cutter in a line; mm."""
+    bull = f"bull nose with corners of {tool.corner_radius:g}"
+    end = {"ball": "ball", "bull": bull, "flat": "flat end"}[tool.shape]
+    neck = f"neck {tool.neck_diameter:g} up to {tool.neck_length:g}, " if tool.neck_length else ""
+    held = f"{tool.overhang:g} out of a holder of {tool.holder_stack[0].diameter:g}"
+    flutes = f"{end} of {2 * tool.radius:g} mm, flutes of {tool.flute_length:g}"
+    return f"{flutes}, {neck}shank {tool.shank_diameter:g}, {held}"
 
 
 def _ships(path: Path) -> bool:

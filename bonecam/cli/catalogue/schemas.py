@@ -8,7 +8,7 @@ from typing import Any
 from bonecam.job import Job
 from bonecam.job.materials.preset import MaterialFile
 from bonecam.job.parameter import record
-from bonecam.job.tool_list import MM
+from bonecam.job.tool_formats import MM
 from bonecam.job.tool_section import ToolJob
 from bonecam.machine.machine_file import MachineFile
 from bonecam.nc.schema.dialect_file import DialectFile
@@ -43,11 +43,7 @@ def file_schema(kind: str) -> dict[str, Any]:
 def _tool_list() -> dict[str, Any]:
     """The schema of a list of cutters, or of a file of one."""
     text = {"type": "string"}
-    cutter = _section(ToolJob())["properties"] | {
-        "name": text,
-        "source": text,
-        "diameter": {"type": "number"},
-    }
+    cutter = _section(ToolJob())["properties"] | {"name": text, "source": text}
     del cutter["preset"]
     holders = {"type": "object", "additionalProperties": {"type": ["string", "array"]}}
     whole = {"from": text, "units": {"enum": list(MM)}, "only": {"type": ["array", "integer", "string"]}}

@@ -13,7 +13,7 @@ import numpy as np
 
 from bonecam.errors import JobError
 from bonecam.job import Job
-from bonecam.job.tool_list import read_tool_list
+from bonecam.job.tool_list import known_lists
 from bonecam.machine.limits import MachineLimits
 from bonecam.mechanics.cutter import cutter_compliance
 from bonecam.mechanics.strip import lighter_jobs
@@ -77,7 +77,7 @@ def neck_remedies(setup: Setup, job: Job, limits: MachineLimits, taken: Neck) ->
 
 
 def _stiffer(job: Job, limits: MachineLimits) -> Iterator[tuple[str, Job]]:
-    """The job with finishing cutters of its list of cutters, of its ball and stiffer than its own, and these in words,
+    """The job with finishing cutters that are known by name, of its ball and stiffer than its own, and these in words,
     the stiffest last. Their scallop, speed and feed stay those of the job."""
 
     def compliance(one: Job) -> float:
@@ -85,10 +85,13 @@ def _stiffer(job: Job, limits: MachineLimits) -> Iterator[tuple[str, Job]]:
 
     kept = {name: getattr(job.finishing, name) for name in ("number", "scallop", "spindle", "feed", "flutes")}
     found = list[tuple[float, str, Job]]()
-    for listed in read_tool_list(job.nc.tools):
-        if (listed.tool.shape, listed.tool.radius) == ("ball", job.finishing.radius):
-            other = replace(job, finishing=replace(listed.tool, preset=listed.name, **kept))
-            found.append((compliance(other), f'finishing.preset = "{listed.name}"', other))
+    lists = reversed(
+        known_lists(job.nc.tools)
+    )  # one's own cutter has the place of the catalogue's of its name
+    for name, tool in {listed.name: listed.tool for one in lists for listed in one.tools}.items():
+        if (tool.shape, tool.radius) == ("ball", job.finishing.radius):
+            other = replace(job, finishing=replace(tool, preset=name, **kept))
+            found.append((compliance(other), f'finishing.preset = "{name}"', other))
     own = compliance(job)
     for gives, change, other in sorted(found, key=lambda one: -one[0]):
         if gives < own:
