@@ -208,8 +208,8 @@ FINISHING = ToolJob(
     holder=SHRINK_FIT,
     scallop=0.01,
 )
-"""The default finishing cutter: chosen likewise, else a ball of 2 mm diameter on a neck of 1.9 mm, which ends 11 mm above the tip, and a
-shank of 4 mm, as such cutters are sold."""
+"""The default finishing cutter: chosen likewise, else a ball of 2 mm diameter on a neck of 1.9 mm, which ends 11 mm
+above the tip, and a shank of 4 mm, as such cutters are sold."""
 FINE = ToolJob(
     preset=AUTO,
     radius=0.5,
@@ -219,4 +219,5 @@ FINE = ToolJob(
     holder="17 4, 8 4 20, 42 20",
     scallop=0.01,
 )
-"""The default cutter for hollows: chosen likewise, else a ball of 1 mm diameter on a neck of 8 mm and a shank of 4 mm."""
+"""The default cutter for hollows: chosen likewise, else a ball of 1 mm diameter on a neck of 8 mm and a shank of
+4 mm."""

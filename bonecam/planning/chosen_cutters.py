@@ -3,8 +3,8 @@
 A ball of radius R leaves the closing of the part by it (Serra 1982): c is how deep that is at most, A(d) the area where
 it is deeper than d, away from the post. Clean is a ball with c <= CLEAN and A(COVERED) <= SHARE of the part. The
 largest clean one, of LEAST_RADIUS at least, cuts last: it finishes, or cuts the hollows that a larger one leaves.
-Roughing takes any ball that is no smaller. Of all such sets on whose best neck the part holds that one is taken with the
-least
+Roughing takes any ball that is no smaller. Of all such sets on whose best neck the part holds that one is taken with
+the least
 
     T = layers + REST_MINUTES (sum_k A_roughing(k a) + A_finishing(SHALLOW)) + FINE_MINUTES + POST_MINUTES P,
 
@@ -13,6 +13,7 @@ finishing depth a in hollows that the roughing ball leaves, the hollows of the f
 is a fine one, and the area P that stays at the post.
 """
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -25,7 +26,7 @@ from numpy import ndarray
 from bonecam.arrays import lengths, unit
 from bonecam.errors import BonecamError, JobError
 from bonecam.job import HoldingJob, Job, ToolJob
-from bonecam.job.tool_list import ListedTool, read_tool_list
+from bonecam.job.tool_list import ListedTool, known_lists, read_tool_list
 from bonecam.job.tool_section import AUTO
 from bonecam.machine.limits import MachineLimits
 from bonecam.mechanics.cutter import cutter_compliance
@@ -59,6 +60,8 @@ POST_MINUTES = 0.012
 """Minutes that a mm2 at the post is worth: a second clamping cuts 95 mm2 of the phalanx in 1.1 min."""
 STATED = ("number", "flutes", "spindle", "feed", "scallop")
 """What a section keeps whose cutter is chosen."""
+FEW = "has no ball ends for all sections: add some, or state the radius of every cutter"
+"""What is told of a list without a set of cutters."""
 HOPEFUL = 1.3
 """Other necks are tried for the sets that cost no more than so many times the best on the thickest."""
 EQUAL = 1.1
@@ -146,13 +149,13 @@ def with_chosen_cutters(setup: Setup, job: Job, limits: MachineLimits) -> tuple[
     """
     if not any(getattr(job, name).preset == AUTO for name in job.cutter_names):
         return job, {}
-    listed = read_tool_list(job.nc.tools)
+    listed = [each for one in known_lists(job.nc.tools) for each in one.tools]
     sets = _tried(setup, job, limits, listed)
     if not sets:  # no neck meets the part, which is told where the post is sought
         return job, {}
     told: dict[str, Any] = {"sets": [one.report for one in sets[:SHOWN]], "tried": len(sets)}
     if job.nc.tools:
-        others = _tried(setup, job, limits, (*listed, *read_tool_list("")))
+        others = _tried(setup, job, limits, [*listed, *read_tool_list("")])
         if others[0].cost < sets[0].cost - FINE_MINUTES:
             told["more"] = others[0].report
     return replace(sets[0].job, holding=job.holding), told
@@ -186,6 +189,8 @@ def _tried(setup: Setup, job: Job, limits: MachineLimits, listed: Sequence[Liste
 
     if not necks:
         return []
+    if not sets:
+        raise JobError(f"nc.tools = {shown(job.nc.tools)}: {FEW}", section="nc", field="tools")
     found = sorted(on_necks(necks[-1:]), key=_order)
     sets = [(one.named, one.job) for one in found if one.cost <= HOPEFUL * found[0].cost]
     found = sorted(on_necks(necks), key=_order)
@@ -214,8 +219,10 @@ def _stiffest(listed: Sequence[ListedTool], job: Job, limits: MachineLimits) -> 
         return tool.radius, cutter_compliance(Cutter.from_job(1, one.name, tool, limits.bodies.nose))
 
     found: dict[float, ListedTool] = {}
+    names = Counter(one.name for one in listed)
     for each in sorted((one for one in listed if one.tool.shape == "ball"), key=order):
-        found.setdefault(each.tool.radius, each)
+        called = each.name if names[each.name] == 1 else str(each.tool.number)
+        found.setdefault(each.tool.radius, replace(each, name=called))
     return found
 
 
@@ -225,9 +232,7 @@ def _sets(
     """The jobs with the sets of cutters that are tried, and what the list calls these."""
     auto = {name: getattr(job, name).preset == AUTO for name in ("roughing", "finishing", "fine")}
     if not listed:
-        raise JobError(
-            f"nc.tools = {shown(job.nc.tools)}: has no ball end: add one, or state radius of every cutter"
-        )
+        return
     large = [radius for radius in listed if radius >= LEAST_RADIUS] or [max(listed)]
     clean = large[0]
     for radius in large[1:]:
@@ -244,12 +249,16 @@ def _sets(
         for rough in larger if auto["roughing"] else [job.roughing.radius]:
             taken = {"roughing": rough, "finishing": ball, **({"fine": fine} if fine else {})}
             named = {name: listed[radius].name if auto[name] else "" for name, radius in taken.items()}
-            tools = {
+            tools: dict[str, Any] = {
                 name: _in_section(listed[radius], getattr(job, name))
                 for name, radius in taken.items()
                 if auto[name]
             }
-            yield named, replace(job, **tools, path=replace(job.path, fine_cutter=bool(fine)))
+            try:
+                one = replace(job, **tools, path=replace(job.path, fine_cutter=bool(fine)))
+            except JobError:  # a cutter of the shop cannot stand in two places of the changer
+                continue
+            yield named, one
 
 
 def _in_section(listed: ListedTool, section: ToolJob) -> ToolJob:
