@@ -192,7 +192,7 @@ def _tried(setup: Setup, job: Job, limits: MachineLimits, listed: Sequence[Liste
     if not sets:
         raise JobError(f"nc.tools = {shown(job.nc.tools)}: {FEW}", section="nc", field="tools")
     found = sorted(on_necks(necks[-1:]), key=_order)
-    sets = [(one.named, one.job) for one in found if one.cost <= HOPEFUL * found[0].cost]
+    sets = [(dict(one.named), one.job) for one in found if one.cost <= HOPEFUL * found[0].cost]
     found = sorted(on_necks(necks), key=_order)
     equal = [one for one in found if one.neck.holds and one.cost <= EQUAL * found[0].cost]
     best = min(equal, key=lambda one: (round(one.neck.stress_mpa), one.cost), default=found[0])
