@@ -31,9 +31,9 @@ LENGTH_FACTOR = 1.2
 """Passes of programs are 1.04 to 1.39 times as long."""
 BLOCK_FACTOR, BLOCKS_A_LEVEL = 2.0, 200
 """Programs have so many blocks a move, and for links and lead arcs of each level so many more."""
-TIME_FACTOR, MINUTES_A_LEVEL = 1.83, 0.14
+TIME_FACTOR, MINUTES_A_LEVEL = 1.64, 0.16
 """Programs take so many times as long as evenly spread passes at the cutter's feed, and for the links and approaches of
-each level so much longer; with the rest paths of `chosen_cutters` 0.88 to 1.11 of that in 17 programs of five bones."""
+each level so much longer; rest paths in hollows (`chosen_cutters.py`) are left out."""
 SECONDS_A_LEVEL, SECONDS_A_BLOCK = 2.0, 0.0022
 """CPU seconds that each level, and each block, takes to plan, post, prove and simulate: 0.57 to 1.57 times what 58
 bones took beside other work (53 within 1.5), the least where there are more blocks than foretold."""
