@@ -111,7 +111,7 @@ def blades(
     with report_refused(report) as times, naming(name):
         with times.stage("surface"):
             refuse_changes(job.mesh, name)
-            units, tolerance = job.mesh.units, job.surface.tolerance
+            units, tolerance = job.mesh.units, job.surface.tolerance_for()
             surface, edge = read_blade(blade, units, tolerance, columns=columns, axis=axis)
             check_surface_size(surface, name)
             profile = read_hub(hub, surface, units, columns=hub_columns, axis=axis)

@@ -178,7 +178,7 @@ def _read(
     with times.stage("surface"):
         refuse_changes(job.mesh, name)
         if not isinstance(surface, TSpline):
-            surface = machined_surface(surface, job.mesh.units, job.surface.tolerance)
+            surface = machined_surface(surface, job.mesh.units, job.surface.tolerance_for())
         check_surface_size(surface, name)
         if not all(surface.poles):
             mesh_of_surface(surface, name)  # one that takes minutes is refused

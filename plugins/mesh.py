@@ -42,8 +42,9 @@ def smooth_facets_layer(layers: Layers, values: Mapping[str, Any], progress: Pro
     from bonecam.mesh.facets.smooth_surface import note_on_kept_facets, smooth_facets
 
     mesh = layers.bone()
-    job, tolerance = section_of(MeshJob(), values), values["tolerance"]
+    job = section_of(MeshJob(), values)
     coarseness = coarseness_of(mesh)
+    tolerance = section_of(SurfaceJob(), values).tolerance_for(coarseness.sagitta)
     found = smooth_facets(mesh, coarseness, job, tolerance)
     layers.add(found.mesh if found else mesh, "smoothed")
     reported = [str(found.change)] if found else [note_on_kept_facets(mesh, coarseness, job, tolerance)]

@@ -241,7 +241,7 @@ def test_the_demo_s_wheel_has_no_file_for_its_surface(
 
 def test_the_job_of_the_shipped_wheel_passes_what_is_asked_before_planning() -> None:
     wheel_job = bonecam.read_job(bonecam_meshes.job("impeller"))
-    surface, _ = read_blade(bonecam_meshes.path("impeller_blade"), "mm", wheel_job.surface.tolerance)
+    surface, _ = read_blade(bonecam_meshes.path("impeller_blade"), "mm", wheel_job.surface.tolerance_for())
     wheel = wheel_of(surface, read_hub(bonecam_meshes.path("impeller_hub"), surface, "mm"), 11)
     require_room(wheel, wheel_job)
     with pytest.raises(ValueError, match="take impeller"):

@@ -1,3 +1,4 @@
+import math
 import pickle
 import re
 from dataclasses import fields
@@ -370,3 +371,31 @@ def test_each_level_has_the_feed_that_its_own_chip_bears() -> None:
     assert job.tool("finishing").feed == part == job.fastest_feed("finishing")
     stated = job.with_values(roughing={"feed": 700.0})
     assert stated.tool("roughing", 1).feed == stated.fastest_feed("roughing") == 700.0
+
+
+@pytest.mark.parametrize(
+    ("sagitta", "tolerance", "why"),
+    [
+        (0.004, 0.02, "twice the sagitta of the facets, 0.0040 mm, but no narrower"),
+        (0.01205, 0.025, "twice the sagitta of the facets, 0.0120 mm"),
+        (0.0125, 0.025, "twice the sagitta of the facets, 0.0125 mm"),
+        (0.3, 0.08, "twice the sagitta of the facets, 0.3000 mm, but no wider"),
+        (math.inf, 0.08, "the widest, since no facets came"),
+    ],
+)
+def test_a_tolerance_that_is_not_stated_is_twice_the_sagitta_of_the_facets_within_bounds(
+    sagitta: float, tolerance: float, why: str
+) -> None:
+    found = Job().surface
+    assert found.tolerance_for(sagitta) == tolerance
+    assert found.tolerance_why(sagitta, tolerance) == why
+    assert tolerance == 0.08 or sagitta <= tolerance / 2, "facets are not coarse beside it"
+
+
+def test_a_tolerance_that_is_stated_is_kept() -> None:
+    stated = Job().with_values(surface={"tolerance": 0.05}).surface
+    assert {stated.tolerance_for(sagitta) for sagitta in (0.001, 0.02, 1.0, math.inf)} == {0.05}
+    assert stated.tolerance_why(0.02, 0.05) == "as the job states"
+    assert Job().surface.tolerance_why(0.02, 0.08) == "the widest, since a narrower fit failed"
+    with pytest.raises(JobError, match=r"tolerance = 0\.0005: give 0\.001 mm or more, or 0 for twice"):
+        Job().with_values(surface={"tolerance": 0.0005})

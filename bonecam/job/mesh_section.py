@@ -1,8 +1,15 @@
 """The sections [mesh] and [surface] of a job: the part, and the T-spline that is fitted to it."""
 
+import math
 from dataclasses import dataclass
 
-from bonecam.job.parameter import JobSection, parameter
+from bonecam.errors import JobError
+from bonecam.job.parameter import JobSection, check, parameter
+
+LEAST_TOLERANCE = 0.001
+"""The narrowest tolerance that may be stated, mm."""
+FINEST_FIT, COARSEST_FIT = 0.02, 0.08
+"""Tolerances (mm) that are found are no narrower and no wider."""
 
 
 @dataclass(frozen=True)
@@ -101,11 +108,12 @@ class SurfaceJob(JobSection):
     """The fit of the T-spline to the mesh."""
 
     tolerance: float = parameter(
-        0.08,
+        0.0,
         "Tolerance",
-        "Target of the largest two-sided deviation between surface and mesh.",
+        "Target of the largest two-sided deviation between surface and mesh; 0: twice the sagitta of the facets, from "
+        "0.02 to 0.08 mm.",
         unit="mm",
-        low=0.001,
+        low=0.0,
         high=5.0,
     )
     max_control_points: int = parameter(
@@ -119,3 +127,28 @@ class SurfaceJob(JobSection):
         low=0.001,
         high=50.0,
     )
+
+    def __post_init__(self) -> None:
+        check(self)
+        if 0 < self.tolerance < LEAST_TOLERANCE:
+            bound = f"give {LEAST_TOLERANCE:g} mm or more, or 0 for twice the sagitta of the facets"
+            raise JobError(f"tolerance = {self.tolerance:g}: {bound}", field="tolerance")
+
+    def tolerance_for(self, sagitta: float = math.inf) -> float:
+        """The tolerance (mm) that is stated, or else twice the `sagitta` (mm) of the facets, rounded up to a um, within
+        FINEST_FIT and COARSEST_FIT; the latter for what has no facets."""
+        if self.tolerance:
+            return self.tolerance
+        twice = math.ceil(min(2000 * sagitta, 1000 * COARSEST_FIT)) / 1000
+        return max(twice, FINEST_FIT)
+
+    def tolerance_why(self, sagitta: float, tolerance: float) -> str:
+        """Where the `tolerance` (mm) of a fit to facets of a `sagitta` (mm) comes from."""
+        if self.tolerance:
+            return "as the job states"
+        if math.isinf(sagitta):
+            return "the widest, since no facets came"
+        if tolerance > self.tolerance_for(sagitta):
+            return "the widest, since a narrower fit failed"
+        bound = {FINEST_FIT: ", but no narrower", COARSEST_FIT: ", but no wider"}.get(tolerance, "")
+        return f"twice the sagitta of the facets, {sagitta:.4f} mm{bound}"

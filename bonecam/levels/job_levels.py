@@ -2,9 +2,10 @@
 
 How a surface is parametrised decides how sharply it bends where its rows crowd, and levels fold there first: where its
 levels fail the surface is smoothed where it bends far more sharply than a ball can follow. Where that does not help, or
-a surface is refused, the fit starts again from other rows.
+a surface is refused, the fit starts again with fewer control points, within a wider tolerance, or from other rows.
 """
 
+from collections.abc import Iterator
 from dataclasses import replace
 from itertools import islice
 from typing import Any
@@ -17,6 +18,8 @@ from bonecam.levels.measure.level import PartLevel, StockLevel
 from bonecam.levels.sequences.begun_morph import Morph
 from bonecam.levels.solvers.clarabel import require_clarabel
 from bonecam.mesh.distance import MeshDistance
+from bonecam.mesh.part import Part
+from bonecam.mesh.sections.harmonic_rows import Rows
 from bonecam.mesh.sections.row_choices import MOST_CHOICES
 from bonecam.progress import Progress, part, report, rising, silent
 from bonecam.runtime.timing import StageTimes
@@ -42,21 +45,21 @@ def surface_and_levels(
     progress: Progress = silent,
     given: Fit | None = None,
 ) -> tuple[Fit, Morph]:
-    """The fitted surface, or the `given` one, and its measured levels, from the first set of rows with which both
+    """The fitted surface, or the `given` one, and its measured levels, from the first of `fit_choices` with which both
     succeed.
 
-    Where none does, the SurfaceError or LevelError of the first, whose rows are the usual ones. `times` gets the stages
-    surface and levels of the set that counts.
+    Where none does, the SurfaceError or LevelError of the first. `times` gets the stages surface and levels of the one
+    that counts.
     """
     times = times or StageTimes()
     progress = rising(progress)
     fitting, morphing = part(progress, 0.0, 0.45), part(progress, 0.45, 1.0)
-    choices = part_rows(setup.part, job, part(fitting, 0.0, 0.1)) if given is None else iter([None])
+    choices = fit_choices(setup.part, job, part(fitting, 0.0, 0.1)) if given is None else [(None, None)]
     failure: SurfaceError | LevelError | None = None
-    for rows in islice(choices, MOST_CHOICES):
+    for rows, tolerance in choices:
         try:
             with times.stage("surface"):
-                fitted = fit_surface(setup.part, job, part(fitting, 0.1, 1.0), given, rows)
+                fitted = fit_surface(setup.part, job, part(fitting, 0.1, 1.0), given, rows, tolerance)
             with times.stage("levels"):
                 return fitted, make_levels(fitted.surface, setup.stock, job, morphing)
         except LevelError as error:
@@ -68,12 +71,26 @@ def surface_and_levels(
             )
             if smoother is not None:
                 return smoother
-            report(fitting, 0.0, f"{error}; other rows are tried")
+            report(fitting, 0.0, f"{error}; the fit starts again")
         except SurfaceError as error:
             failure = failure or error
-            report(fitting, 0.0, f"{error}; other rows are tried")
+            report(fitting, 0.0, f"{error}; the fit starts again")
     assert failure is not None
     raise failure
+
+
+def fit_choices(placed: Part, job: Job, progress: Progress = silent) -> Iterator[tuple[Rows, float]]:
+    """Rows and tolerances (mm) to fit a part with, each where those before it fail: the usual rows within the tolerance
+    that the job has for its facets, then within the widest that it has for any; other rows; and the usual ones within
+    twice that, or `surface.largest_deviation`, for a surface of few control points."""
+    choices = islice(part_rows(placed, job, progress), MOST_CHOICES)
+    usual = next(choices)
+    widest = job.surface.tolerance_for()
+    for tolerance in dict.fromkeys((job.surface.tolerance_for(placed.sagitta), widest)):
+        yield usual, tolerance
+    yield from ((rows, widest) for rows in choices)
+    if widest < job.surface.largest_deviation:
+        yield usual, min(2 * widest, job.surface.largest_deviation)
 
 
 def _smoother(

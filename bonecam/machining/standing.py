@@ -107,7 +107,7 @@ def morph_standing(standing: Standing, keep: File, times: StageTimes, progress: 
     with keep_failed_level(keep):
         fitted, morph = surface_and_levels(setup, job, times, progress, standing.given)
 
-    figures = report_to_levels(setup.part, fitted, setup.stock, morph, job.levels.method)
+    figures = report_to_levels(setup.part, fitted, setup.stock, morph, job)
     figures |= {"strategy": job.path.strategy, "post": standing.post}
     if standing.cutters:
         figures["cutters"] = standing.cutters

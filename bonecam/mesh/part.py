@@ -92,6 +92,11 @@ class Part:
         return (self.smoothing.header_text,) if self.smoothing else ()
 
     @property
+    def sagitta(self) -> float:
+        """How far the facets of the repaired mesh lie off a smooth surface, mm; infinite where none came."""
+        return self.coarseness.sagitta if self.coarseness else np.inf
+
+    @property
     def left_out(self) -> tuple[TriangleMesh, ...]:
         """What the repairs left out of the mesh as given, in its frame."""
         return tuple(repair.left_out for repair in self.repairs if repair.left_out is not None)
@@ -141,10 +146,10 @@ def prepare_part(
     job: MeshJob,
     progress: Progress = silent,
     ball: float = FINISHING.radius,
-    tolerance: float = SurfaceJob.tolerance,
+    surface: SurfaceJob | None = None,
 ) -> Part:
     """The part of `repaired_part`, its pits filled up to the ball of a radius (mm), as `with_filled_pits` does."""
-    return with_filled_pits(repaired_part(source, job, progress, tolerance=tolerance), job, ball)
+    return with_filled_pits(repaired_part(source, job, progress, surface=surface), job, ball)
 
 
 def repaired_part(
@@ -152,14 +157,14 @@ def repaired_part(
     job: MeshJob,
     progress: Progress = silent,
     also: tuple[str, ...] = (),
-    tolerance: float = SurfaceJob.tolerance,
+    surface: SurfaceJob | None = None,
     scripted: Callable[[TriangleMesh, str], TriangleMesh] | None = None,
 ) -> Part:
     """Read a mesh, run the job's filter script on it by `scripted`, scale it to mm, mirror it, decimate it where it has
     too many faces, repair it, smooth coarse facets and turn it upright, as the job says.
 
-    `source` is a file, or a mesh in memory as `mesh_from` takes it. `tolerance` (mm) is the fit's, beside which
-    facets are coarse. `also` are endings of part files that the caller reads itself: a refusal names them too.
+    `source` is a file, or a mesh in memory as `mesh_from` takes it. `surface` has the tolerance of the fit, beside
+    which facets are coarse. `also` are endings of part files that the caller reads itself: a refusal names them too.
     MeshError, FileError and UnitsError name the file.
     """
     report(progress, 0.0, "reading the mesh")
@@ -176,6 +181,7 @@ def repaired_part(
         fewer, decimated = decimate(scaled, progress=share(progress, 0.3, 0.7))
         repaired, repairs = repair(fewer, progress=share(progress, 0.7, 1.0))
         coarseness = coarseness_of(repaired)
+        tolerance = (surface or SurfaceJob()).tolerance_for(coarseness.sagitta)
         smoothing = smooth_facets(repaired, coarseness, job, tolerance)
     except MeshError as error:
         raise MeshError(f"{name}: {error}", file=name, **error.evidence) from error

@@ -35,7 +35,7 @@ def summary_of(report: Mapping[str, Any]) -> str:
     lines = [
         *warning_lines([*report["warnings"], *report.get("second", {"warnings": ()})["warnings"]]),
         *_mesh_lines(report["input"]),
-        _surface_line(report["surface"]),
+        *_surface_lines(report["surface"]),
         *_given_lines(report),
         f"stock     {stock_text(report['stock'])}",
         *cutter_lines(report.get("cutters")),
@@ -98,10 +98,11 @@ def _mesh_lines(mesh: Mapping[str, Any]) -> Iterator[str]:
         yield from (kind + sentence for sentence in sentences)
 
 
-def _surface_line(surface: Mapping[str, Any]) -> str:
-    """Size and deviation of the surface."""
+def _surface_lines(surface: Mapping[str, Any]) -> Iterator[str]:
+    """Size and deviation of the surface, its tolerance and where that comes from."""
     deviation = f"max {surface['deviation_max_mm']:.3f} rms {surface['deviation_rms_mm']:.3f} mm"
-    return f"surface   {surface['control_points']} control points, deviation {deviation}"
+    yield f"surface   {surface['control_points']} control points, deviation {deviation}"
+    yield f"          tolerance {surface['tolerance_mm']:g} mm: {surface['tolerance_why']}"
 
 
 def _given_lines(report: Mapping[str, Any]) -> Iterator[str]:

@@ -79,7 +79,7 @@ def _place(part: Part, job: Job, body: ConvexStock | None) -> Setup:
     schedule = schedule_of(job.levels)
     height = job.holding.length or TALL
     lying = part.mesh.vertices, job.stock, schedule
-    stock, pose = stock_for(*lying, bottom=height, spare=job.surface.tolerance, body=body)
+    stock, pose = stock_for(*lying, bottom=height, spare=job.surface.tolerance_for(), body=body)
     if job.mesh.upright and may_centre(job.stock):
         pose = centring_shift(part.mesh.move(pose).vertices, stock, MARGIN) @ pose
 

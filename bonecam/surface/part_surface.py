@@ -30,11 +30,17 @@ def part_rows(placed: Part, job: Job, progress: Progress = silent) -> Iterator[R
 
 
 def fit_surface(
-    placed: Part, job: Job, progress: Progress = silent, given: Fit | None = None, rows: Rows | None = None
+    placed: Part,
+    job: Job,
+    progress: Progress = silent,
+    given: Fit | None = None,
+    rows: Rows | None = None,
+    tolerance: float | None = None,
 ) -> Fit:
-    """A T-spline within the tolerance of the part, through `rows` or else the usual ones; a `given` surface is moved to
-    the part.
+    """A T-spline within `tolerance` (mm), or else that of the job for the facets of the part, through `rows` or else
+    the usual ones; a `given` surface is moved to the part.
 
+    Within one that is wider than the job has for any facets the fit is judged by the latter.
     One that is not valid is smoothed where it bends sharply (`smoother_fit`). Raises SurfaceError where the surface
     misses the mesh by more than the job allows, or is not valid.
     """
@@ -43,14 +49,17 @@ def fit_surface(
     rows = rows or next(part_rows(placed, job, part(progress, 0.0, 0.2)))
     fitted = on_one_blas_thread(fit)(
         placed.mesh,
-        job.surface.tolerance,
+        tolerance or job.surface.tolerance_for(placed.sagitta),
         job.surface.max_control_points,
         rows=rows,
         progress=part(progress, 0.2, 1.0),
         round_poles=True,
     )
     fitted = _settled(fitted)
-    _check_deviation(fitted, max(job.surface.tolerance, job.surface.largest_deviation), placed.file)
+    widest = job.surface.tolerance_for()
+    if fitted.tolerance > widest:
+        fitted = replace(fitted, tolerance=widest, reached=fitted.deviation.max <= widest)
+    _check_deviation(fitted, max(widest, job.surface.largest_deviation), placed.file)
     try:
         _require_usable(fitted.surface, job, placed.file)
     except SurfaceError:

@@ -1,6 +1,7 @@
-"""Where the surface of the usual rows is refused, or has no levels, the fit starts from other rows."""
+"""Where the surface of the usual rows is refused, or has no levels, the fit starts again."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 from unittest.mock import Mock
 
@@ -11,7 +12,7 @@ from bonecam.errors import LevelError, SurfaceError
 from bonecam.job import Job
 from bonecam.levels import closed_morph, edge_rounding, job_levels
 from bonecam.levels.edge_rounding import BegunLevels, levels_in
-from bonecam.levels.job_levels import even_levels, surface_and_levels
+from bonecam.levels.job_levels import even_levels, fit_choices, surface_and_levels
 from bonecam.levels.measure.level import RoundedLevel
 from bonecam.levels.sequences.begun_morph import Morph
 from bonecam.mesh.part import prepare_part
@@ -23,11 +24,16 @@ from bonecam.setup.placement import Setup, place
 from bonecam.setup.schedule import Schedule
 from bonecam.setup.stocks.cylinder import Cylinder
 from bonecam.surface.fitting.fit import Fit
+from bonecam.surface.part_surface import fit_surface
 from bonecam.surface.tspline import TSpline
 
 pytestmark = pytest.mark.whole
 
-JOB = Job().with_values(holding={"diameter": 2.0, "length": 60.0}, mesh={"rows": 8, "row_points": 24})
+JOB = Job().with_values(
+    holding={"diameter": 2.0, "length": 60.0},
+    mesh={"rows": 8, "row_points": 24},
+    surface={"tolerance": 0.08},
+)
 
 
 @pytest.fixture(scope="module")
@@ -46,7 +52,7 @@ def test_other_rows_are_tried_where_the_first_fail(
     for fit in fits:
         object.__setattr__(fit, "surface", None)
 
-    def fitted(part: Any, job: Any, progress: Any, given: Any, rows: Rows) -> Any:
+    def fitted(part: Any, job: Any, progress: Any, given: Any, rows: Rows, tolerance: float) -> Any:
         used.append(rows)
         return fits[len(used) - 1]
 
@@ -67,7 +73,7 @@ def test_other_rows_are_tried_where_the_first_fail(
     assert found is fits[1]
     assert levels is morph
     assert not np.allclose(used[0].points, used[1].points)
-    assert "folds; other rows are tried" in told
+    assert "folds; the fit starts again" in told
 
 
 @pytest.mark.parametrize("smooth_enough", [True, False])
@@ -108,7 +114,30 @@ def test_the_first_failure_is_told_where_all_rows_fail(setup: Setup, monkeypatch
     monkeypatch.setattr(job_levels, "fit_surface", failing)
     with pytest.raises(SurfaceError, match=r"^try 1$"):
         surface_and_levels(setup, JOB, StageTimes())
-    assert len(tries) == MOST_CHOICES
+    assert len(tries) == MOST_CHOICES + 1
+
+
+def test_a_fit_that_fails_starts_again_within_the_widest_tolerance_and_last_with_fewer_points(
+    setup: Setup,
+) -> None:
+    found = JOB.with_values(surface={"tolerance": 0.0})
+    part = replace(setup.part, coarseness=replace(setup.part.coarseness, sagitta=0.02))
+    choices = list(fit_choices(part, found))
+    assert [tolerance for _, tolerance in choices] == [0.04, 0.08, 0.08, 0.08, 0.16]
+    usual, wider, *others, last = [rows for rows, _ in choices]
+    assert usual is wider is last
+    assert all(rows is not usual for rows in others)
+    stated = [tolerance for _, tolerance in fit_choices(part, JOB.with_values(surface={"tolerance": 0.03}))]
+    assert stated == [0.03, 0.03, 0.03, 0.06]
+    wide = JOB.with_values(surface={"tolerance": 0.4, "largest_deviation": 0.5})
+    assert [tolerance for _, tolerance in fit_choices(part, wide)] == [0.4, 0.4, 0.4, 0.5]
+
+
+def test_a_fit_within_a_wider_tolerance_is_judged_by_that_of_the_job(setup: Setup) -> None:
+    fitted = fit_surface(setup.part, JOB.with_values(surface={"tolerance": 0.001}), tolerance=0.3)
+    assert 0.001 < fitted.deviation.max < 0.3
+    assert fitted.tolerance == 0.001
+    assert not fitted.reached
 
 
 SCHEDULE = Schedule((0.2,), 1.0)

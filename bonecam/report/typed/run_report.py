@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from bonecam.job import HoldingJob, PathJob
+from bonecam.job import HoldingJob, Job, PathJob
 from bonecam.levels.sequences.begun_morph import Morph
 from bonecam.mesh.part import Part
 from bonecam.mesh.triangle_mesh import TriangleMesh
@@ -53,16 +53,17 @@ def input_report(part: Part) -> dict[str, Any]:
     }
 
 
-def report_to_levels(part: Part, fitted: Fit, stock: Stock, morph: Morph, method: str) -> dict[str, Any]:
+def report_to_levels(part: Part, fitted: Fit, stock: Stock, morph: Morph, job: Job) -> dict[str, Any]:
     """The sections of input, surface, stock and levels."""
+    why = job.surface.tolerance_why(part.sagitta, fitted.tolerance)
     return {
         "input": input_report(part),
-        "surface": {**surface_report(fitted), **_given_report(part, fitted)},
+        "surface": {**surface_report(fitted), "tolerance_why": why, **_given_report(part, fitted)},
         "stock": stock_figures(stock),
         "levels": levels_report(morph.levels),
         "levels_lower_bound": morph.lower_bound,
         "levels_break_mm": round(morph.breaks, 6),
-        "levels_method": method,
+        "levels_method": job.levels.method,
     }
 
 

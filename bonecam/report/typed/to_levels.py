@@ -76,6 +76,7 @@ class SurfaceFigures(TypedDict):
     surface_to_mesh_max_mm: float
     mesh_to_surface_max_mm: float
     tolerance_mm: float
+    tolerance_why: str
     tolerance_reached: bool
     given_deviation_max_mm: float
     surface_to_given_max_mm: float

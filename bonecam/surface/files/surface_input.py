@@ -46,7 +46,7 @@ def read_part(
             job.mesh,
             progress=progress,
             also=ENDINGS,
-            tolerance=job.surface.tolerance,
+            surface=job.surface,
             scripted=scripted_mesh,
         )
         return part.require_kept(job.surface.largest_deviation), None
@@ -56,7 +56,7 @@ def read_part(
 def read_surface_part(file: str | Path, job: MeshJob, surface: SurfaceJob) -> tuple[Part, Fit]:
     """The part whose surface is given by rows of points or a saved T-spline, upright, and that surface."""
     refuse_changes(job, str(file))
-    fitted = read_surface(file, mm_of(job.units), surface.tolerance, surface.max_control_points)
+    fitted = read_surface(file, mm_of(job.units), surface.tolerance_for(), surface.max_control_points)
     mesh = closed_mesh(fitted.surface, str(file))
     posed, transform = upright(mesh) if job.upright else (mesh, np.eye(4))
     return Part(

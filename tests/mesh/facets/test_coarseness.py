@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from bonecam_meshes import path as shipped
 
-from bonecam.job import SurfaceJob
+from bonecam.job.mesh_section import COARSEST_FIT
 from bonecam.mesh.facets.coarseness import coarseness_of
 from bonecam.mesh.facets.hull import convex_hull
 from bonecam.mesh.facets.smooth_surface import is_coarse
@@ -13,7 +13,7 @@ from bonecam.mesh.meshlab import from_meshset, to_meshset
 from bonecam.mesh.remeshing import split_edges
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
-TOLERANCE = SurfaceJob().tolerance
+TOLERANCE = COARSEST_FIT
 
 
 def prism(sides: int) -> TriangleMesh:

@@ -7,7 +7,7 @@ from bonecam_meshes import path as shipped
 
 from bonecam.arrays import unit
 from bonecam.errors import MeshError
-from bonecam.job import MeshJob
+from bonecam.job import MeshJob, SurfaceJob
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.facets.coarseness import coarseness_of
 from bonecam.mesh.facets.hull import convex_hull
@@ -178,7 +178,9 @@ def test_facets_that_cut_themselves_are_refused_with_their_place(
 def test_finely_meshed_bones_that_are_coarse_beside_a_narrow_tolerance_keep_slivers_only(
     shared: Path, name: str
 ) -> None:
-    part = repaired_part(shared / "meshes" / "bones" / f"{name}_m.stl", MeshJob(units="m"), tolerance=0.02)
+    part = repaired_part(
+        shared / "meshes" / "bones" / f"{name}_m.stl", MeshJob(units="m"), surface=SurfaceJob(tolerance=0.02)
+    )
     assert part.smoothing is not None
     assert not len(self_intersections(part.smoothing.mesh))
     assert 0.0 < part.smoothing.kept < 0.001 * part.mesh.area

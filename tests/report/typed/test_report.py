@@ -11,6 +11,7 @@ SURFACE = {
     "surface_to_mesh_max_mm": 0.16,
     "mesh_to_surface_max_mm": 0.17,
     "tolerance_mm": 0.2,
+    "tolerance_why": "as the job states",
     "tolerance_reached": True,
     "given_deviation_max_mm": 0.58,
     "surface_to_given_max_mm": 0.47,
