@@ -6,11 +6,11 @@ largest clean one, of LEAST_RADIUS at least, cuts last: it finishes, or cuts the
 Roughing takes any ball that is no smaller. Of all such sets on whose best neck the part holds that one is taken with
 the least
 
-    T = layers + REST_MINUTES sum_k A(k a) + FINE_MINUTES + POST_MINUTES P,
+    T = layers + REST_MINUTES sum_k A(k a) + FILLET_MINUTES sum_k B(k a) + FINE_MINUTES + POST_MINUTES P,
 
 minutes: the cuts between part and stock of the depths that the neck bears (`estimate.LayersToCut`), the steps of the
-finishing depth a in hollows that the roughing ball leaves, the fine cutter where there is one, and the area P that
-stays at the post.
+finishing depth a in hollows that the roughing ball leaves, those of area B at the post that the last ball reaches, the
+fine cutter where there is one, and the area P that stays at the post.
 """
 
 from collections import Counter
@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from numpy import ndarray
 
 from bonecam.arrays import lengths, unit
@@ -32,7 +32,9 @@ from bonecam.machine.limits import MachineLimits
 from bonecam.mechanics.cutter import cutter_compliance
 from bonecam.mesh.healing.hollows.ball import Ball
 from bonecam.mesh.healing.hollows.closing import ACCURACY
-from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.mesh.solids.booleans import solid_union
+from bonecam.mesh.solids.revolution import cylinder
+from bonecam.mesh.triangle_mesh import TriangleMesh, keep_faces
 from bonecam.planning.estimate import LayersToCut
 from bonecam.planning.holding.neck import ranking, shortest_neck
 from bonecam.planning.holding.neck_figures import Neck
@@ -55,11 +57,15 @@ SHALLOW = 0.02
 """What stays is told, and cut again by a finer ball, where it is deeper, mm: twice the finishing scallop."""
 FINER = 2.0
 """A fine ball is smaller than the finishing one by this factor at most."""
-REST_MINUTES, FINE_MINUTES = 0.029, 0.8
-"""Minutes of each mm2 and step in a hollow, and of a fine cutter: with the layers 0.87 to 1.10 of what 20 programs of
-five bones took."""
+REST_MINUTES, FILLET_MINUTES, FINE_MINUTES = 0.034, 0.006, 0.4
+"""Minutes of each mm2 and step in a hollow and in the fillet round the post, and of a fine cutter: with the layers 0.87
+to 1.13 of what 21 programs of five bones took."""
 POST_MINUTES = 0.012
 """Minutes that a mm2 at the post is worth: a second clamping cuts 95 mm2 of the phalanx in 1.1 min."""
+FOOT, CHORD = 20.0, 0.02
+"""The post goes so far below the part, and its facets lie so near to it, mm."""
+NO_AREA = 1e-9
+"""Faces of the union of less area, mm2, have no normal."""
 STATED = ("number", "flutes", "spindle", "feed", "scallop")
 """What a section keeps whose cutter is chosen."""
 FEW = "has no ball ends for all sections: add some, or state the radius of every cutter"
@@ -100,42 +106,43 @@ class CutterSet:
 
 
 class Hollows:
-    """What balls leave of a part away from a post: areas (mm2) and depths (mm) of the faces of its closings, whose
-    edges are half of the radius at most."""
+    """What balls leave of a part on its post, in the closing of both: areas (mm2) and depths (mm) of faces whose edges
+    are half of the radius at most, and which of them are away from the post."""
 
     def __init__(self, mesh: TriangleMesh, post: Post) -> None:
-        self.mesh = mesh
-        self.post = post
-        self._of: dict[float, tuple[Float[ndarray, " f"], Float[ndarray, " f"]]] = {}
+        self.mesh, self.post = mesh, post
+        foot = float(mesh.bounds[0, 2]) - FOOT
+        both = solid_union([mesh, cylinder(post.radius, foot, post.top, CHORD)])
+        self.solid = keep_faces(both, lengths(both.face_vectors) > NO_AREA)
+        self._of: dict[float, tuple[Float[ndarray, " f"], Float[ndarray, " f"], Bool[ndarray, " f"]]] = {}
 
-    def of(self, radius: float) -> tuple[Float[ndarray, " f"], Float[ndarray, " f"]]:
-        """Areas and depths of the faces that a ball of a radius does not touch."""
+    def of(self, radius: float) -> tuple[Float[ndarray, " f"], Float[ndarray, " f"], Bool[ndarray, " f"]]:
+        """Areas, depths and whether away from the post of the faces of the part that a ball of a radius leaves."""
         if radius not in self._of:
-            ball = Ball(self.mesh, radius)
+            ball = Ball(self.solid, radius)
             faces, corners = ball.probed.faces, ball.probed.vertices
-            hollow = ball.entered[len(corners) :] > ACCURACY
-            places, across = corners[faces].mean(axis=1)[hollow], ball.probed.face_vectors[hollow]
-            depths = np.zeros(0)
-            if len(places):
-                away = ~at_post(places, unit(across), self.post, radius)
-                places, across = places[away], across[away]
-                depths = np.maximum(lengths(ball.lying_near(places) - places) - radius, 0.0)
-            self._of[radius] = lengths(across) / 2, depths
+            places = corners[faces].mean(axis=1)
+            hollow = (ball.entered[len(corners) :] > ACCURACY) & (self.post.column.distance(places) > CHORD)
+            places, across = places[hollow], ball.probed.face_vectors[hollow]
+            depths = lengths(ball.lying_near(places) - places) - radius if len(places) else np.zeros(0)
+            away = ~at_post(places, unit(across), self.post, radius)
+            self._of[radius] = lengths(across) / 2, np.maximum(depths, 0.0), away
         return self._of[radius]
 
     def deeper(self, radius: float, depth: float) -> float:
-        """The area (mm2) that a ball leaves deeper than `depth`, mm."""
-        areas, depths = self.of(radius)
-        return float(areas[depths > depth].sum())
+        """The area (mm2) away from the post that a ball leaves deeper than `depth`, mm."""
+        areas, depths, away = self.of(radius)
+        return float(areas[away & (depths > depth)].sum())
 
     def deepest(self, radius: float) -> float:
-        """The depth (mm) of the deepest hollow of a ball."""
-        return float(self.of(radius)[1].max(initial=0.0))
+        """The depth (mm) of the deepest hollow of a ball away from the post."""
+        _, depths, away = self.of(radius)
+        return float(depths[away].max(initial=0.0))
 
-    def steps(self, radius: float, step: float) -> float:
-        """The area (mm2) of all cuts of depth `step` (mm) that take what a ball leaves."""
-        areas, depths = self.of(radius)
-        return float((areas * np.ceil(depths / step))[depths > SHALLOW].sum())
+    def steps(self, radius: float, step: float, *, at_post: bool) -> float:
+        """The area (mm2) of all cuts of depth `step` (mm) that take what a ball leaves, `at_post` or away from it."""
+        areas, depths, away = self.of(radius)
+        return float((areas * np.ceil(depths / step))[(depths > SHALLOW) & (away != at_post)].sum())
 
     def clean(self, radius: float) -> bool:
         """Whether what a ball leaves is neither deep nor large."""
@@ -205,9 +212,12 @@ def _tried(setup: Setup, job: Job, limits: MachineLimits, listed: Sequence[Liste
 def _set(named: Mapping[str, str], job: Job, neck: Neck, hollows: Hollows, layers: LayersToCut) -> CutterSet:
     """The cutters of a job on a neck, with the minutes T."""
     last = job.smallest_ball
-    rest = hollows.steps(job.roughing.radius, job.levels.finishing_depth)
+    step = job.levels.finishing_depth
+    rough = job.roughing.radius
+    fillet = hollows.steps(rough, step, at_post=True) - hollows.steps(last, step, at_post=True)
     cut = layers.minutes(job) if neck.machining_min is None else neck.machining_min
-    minutes = cut + REST_MINUTES * rest + FINE_MINUTES * job.path.fine_cutter
+    minutes = cut + REST_MINUTES * hollows.steps(rough, step, at_post=False) + FILLET_MINUTES * fillet
+    minutes += FINE_MINUTES * job.path.fine_cutter
     return CutterSet(job, named, neck, hollows.deeper(last, SHALLOW), hollows.deepest(last), minutes)
 
 

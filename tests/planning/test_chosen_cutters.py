@@ -50,7 +50,7 @@ def test_what_a_ball_leaves_in_a_groove_is_the_closing_by_it() -> None:
         [[0.0, 0.0], [10.0, 0.0], [10.0, 6.0], [8.0, 8.0], [10.0, 10.0], [10.0, 16.0], [0.0, 16.0]]
     )
     part = revolve_profile(profile, 180)
-    hollows = Hollows(part, Post(2.0, 0.0))
+    hollows = Hollows(part, Post(2.0, 1.0))
     for radius in (0.5, 1.0):
         exact = radius * (np.sqrt(2) - 1)
         assert 0.75 * exact < hollows.deepest(radius) < 1.01 * exact
@@ -59,7 +59,8 @@ def test_what_a_ball_leaves_in_a_groove_is_the_closing_by_it() -> None:
         assert hollows.deeper(radius, 1e-4) == pytest.approx(band, rel=0.12)
     assert not hollows.clean(0.5)
     thirds = hollows.deeper(1.0, SHALLOW) + hollows.deeper(1.0, 0.15) + hollows.deeper(1.0, 0.3)
-    assert hollows.steps(1.0, 0.15) == pytest.approx(thirds)
+    assert hollows.steps(1.0, 0.15, at_post=False) == pytest.approx(thirds)
+    assert hollows.steps(1.0, 0.15, at_post=True) < hollows.steps(3.0, 0.15, at_post=True)
 
 
 @pytest.mark.whole
@@ -93,7 +94,7 @@ def read_back(job: Job, folder: Path) -> Job:
 
 
 def test_a_clean_ball_leaves_no_more_than_it_says(phalanx: Setup) -> None:
-    hollows = Hollows(phalanx.part.mesh, Post(4.0, float(phalanx.part.mesh.bounds[0, 2])))
+    hollows = Hollows(phalanx.part.mesh, Post(4.0, float(phalanx.part.mesh.bounds[0, 2]) + 1.0))
     assert hollows.clean(1.0)
     assert not hollows.clean(1.5)
     assert 0 < hollows.deeper(1.0, SHALLOW) < hollows.deeper(1.5, SHALLOW)
