@@ -20,6 +20,8 @@ from .healing.mesh_faults import faults_of as faults_of
 from .healing.repair import repair as repair
 from .part import Part as Part
 from .part import prepare_part as prepare_part
+from .part import repaired_part as repaired_part
+from .part import with_filled_pits as with_filled_pits
 from .pose import upright as upright
 from .remeshing import remesh as remesh
 from .sections.harmonic_rows import Rows as Rows

@@ -8,6 +8,7 @@ from .axes.cones.verify_cones import verify_cones as verify_cones
 from .axes.field.axis_field import FieldDomain as FieldDomain
 from .axes.field.smooth_axes import SmoothAxes as SmoothAxes
 from .axes.field.smooth_axes import smooth_axes as smooth_axes
+from .chosen_cutters import with_chosen_cutters as with_chosen_cutters
 from .collision.scene import Scene as Scene
 from .holding.neck import find_standing as find_standing
 from .layers.layer import Layer as Layer
