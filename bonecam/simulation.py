@@ -26,6 +26,7 @@ from bonecam.report.files.kept_bodies import (
     kept_job,
     kept_levels,
     kept_stock,
+    with_kept_cutters,
     with_kept_holding,
 )
 from bonecam.report.files.kept_view import SECOND_VIEW, check_page_name, kept_contents
@@ -76,19 +77,19 @@ def simulate(
     mechanics: bool = True,
     progress: Progress = silent,
 ) -> Removal:
-    """What the NC text in the file `program` removes, with the part and the stock of the folder `keep` and the cutters,
-    machine and post of the `job` that it was made with, that of the folder if none is given (sizes of [holding] that a
-    job leaves open are the folder's); `cell` (mm) is the distance of the rays. The program of a second clamping begins
-    with what the kept first one leaves, which is simulated before it. The text is judged against the mesh as given too,
-    if the folder has it; `given` of the result tells. Without `mechanics` force and bending are left out. The page
-    `html` shows the program as simulated, whatever came out.
+    """What the NC text in the file `program` removes, with the part and the stock of the folder `keep` and the
+    cutters, machine and post of the `job` that it was made with, that of the folder if none is given (cutters and
+    sizes of [holding] that a job leaves open are the folder's); `cell` (mm) is the distance of the rays. The
+    program of a second clamping begins with what the kept first one leaves, which is simulated before it. The text
+    is judged against the mesh as given too, if the folder has it; `given` of the result tells. Without `mechanics`
+    force and bending are left out. The page `html` shows the program as simulated, whatever came out.
 
     FileError where a file is not there, ProgramError where the text cannot be read or is for another machine, control,
     stock or stump, VerifyError where its control would refuse the text or run it otherwise than the job means (axis
     limits, feeds, spindle, coolant, lengths of tools), JobError where the cell is too fine or too coarse.
     `check_removal` refuses what a program may not do.
     """
-    job = job or kept_job(keep)
+    job = with_kept_cutters(job or kept_job(keep), keep)
     _check_cell(cell, job)
     machine = read_machine(job.nc.machine)
     dialect = job_dialect(job.nc)

@@ -29,7 +29,7 @@ ROOMS = {
     ],
     "planning": [
         *"motion_time passes layers collision axes links oriented_path level_cutters estimate".split(),
-        *"holding strategies within_depth levels".split(),
+        *"holding chosen_cutters strategies within_depth levels".split(),
     ],
     "machining": "standing force_feed machine_levels".split(),
     "batch": "parts one_part run cluster".split(),

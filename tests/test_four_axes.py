@@ -18,8 +18,8 @@ JOB = Job().with_values(
     surface={"tolerance": 0.2},
     holding={"diameter": 2.0},
     levels={"roughing_depth": 1.0, "finishing_levels": 1, "finishing_depth": 0.3, "chord_tolerance": 0.02},
-    roughing={"scallop": 0.3},
-    finishing={"scallop": SCALLOP},
+    roughing={"preset": "ball-4", "scallop": 0.3},
+    finishing={"preset": "ball-2", "scallop": SCALLOP},
 )
 FREE_END = 1.0
 """mm of the part's height below its free end."""

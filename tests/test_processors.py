@@ -19,8 +19,8 @@ JOB = Job().with_values(
     mechanics={"refuse": False},
     surface={"tolerance": 0.1},
     levels={"roughing_depth": 1.0, "finishing_levels": 1, "finishing_depth": 0.3, "chord_tolerance": 0.05},
-    roughing={"scallop": 0.3},
-    finishing={"scallop": 0.15},
+    roughing={"preset": "ball-4", "scallop": 0.3},
+    finishing={"preset": "ball-2", "scallop": 0.15},
     holding={"diameter": 3.0},
     path={"chord_tolerance": 0.02},
 )

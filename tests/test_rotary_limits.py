@@ -22,8 +22,8 @@ SMALL = Job().with_values(
     stock={"diameter": 7.0, "length": 11.0},
     holding={"diameter": 3.0, "length": 60.0, "chuck_diameter": 12.0, "chuck_height": 6.0},
     levels={"roughing_depth": 1.0, "finishing_levels": 1, "finishing_depth": 0.3, "chord_tolerance": 0.05},
-    roughing={"scallop": 0.3},
-    finishing={"scallop": 0.1},
+    roughing={"preset": "ball-4", "scallop": 0.3},
+    finishing={"preset": "ball-2", "scallop": 0.1},
     path={"pattern": "round", "chord_tolerance": 0.02},
 )
 

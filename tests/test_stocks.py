@@ -15,8 +15,8 @@ COARSE = Job().with_values(
     mechanics={"refuse": False},
     surface={"tolerance": 0.2},
     levels={"roughing_depth": 1.5, "finishing_levels": 1, "finishing_depth": 0.3, "chord_tolerance": 0.02},
-    roughing={"scallop": 0.3},
-    finishing={"scallop": 0.2},
+    roughing={"preset": "ball-4", "scallop": 0.3},
+    finishing={"preset": "ball-2", "scallop": 0.2},
 )
 STOCKS = {
     "cylinder": {"kind": "cylinder", "diameter": 15.0, "length": 37.0},

@@ -19,8 +19,8 @@ COARSE = Job().with_values(
     mechanics={"refuse": False},
     surface={"tolerance": 0.2},
     levels={"roughing_depth": 1.2, "finishing_depth": 0.3, "chord_tolerance": 0.02},
-    roughing={"scallop": 0.3},
-    finishing={"scallop": 0.1},
+    roughing={"preset": "ball-4", "scallop": 0.3},
+    finishing={"preset": "ball-2", "scallop": 0.1},
     path={"chord_tolerance": 0.02, "gouge_tolerance": 0.04},
 )
 

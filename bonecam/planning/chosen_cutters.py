@@ -35,6 +35,7 @@ from bonecam.mesh.healing.hollows.closing import ACCURACY
 from bonecam.mesh.solids.booleans import solid_union
 from bonecam.mesh.solids.revolution import cylinder
 from bonecam.mesh.triangle_mesh import TriangleMesh, keep_faces
+from bonecam.planning.axes.lead import check_lead
 from bonecam.planning.estimate import LayersToCut
 from bonecam.planning.holding.neck import ranking, shortest_neck
 from bonecam.planning.holding.neck_figures import Neck
@@ -222,18 +223,19 @@ def _set(named: Mapping[str, str], job: Job, neck: Neck, hollows: Hollows, layer
 
 
 def _stiffest(listed: Sequence[ListedTool], job: Job, limits: MachineLimits) -> dict[float, ListedTool]:
-    """The stiffest ball end of each radius (mm), the smallest radius first."""
-
-    def order(one: ListedTool) -> tuple[float, float]:
-        tool = replace(job, roughing=one.tool).tool("roughing")
-        return tool.radius, cutter_compliance(Cutter.from_job(1, one.name, tool, limits.bodies.nose))
-
-    found: dict[float, ListedTool] = {}
+    """The stiffest ball end of each radius (mm) that can lean by the lead of a job, the smallest radius first."""
     names = Counter(one.name for one in listed)
-    for each in sorted((one for one in listed if one.tool.shape == "ball"), key=order):
-        called = each.name if names[each.name] == 1 else str(each.tool.number)
-        found.setdefault(each.tool.radius, replace(each, name=called))
-    return found
+    found = list[tuple[float, float, ListedTool]]()
+    for one in listed:
+        tool = replace(job, roughing=one.tool).tool("roughing")
+        cutter = Cutter.from_job(1, one.name, tool, limits.bodies.nose)
+        with suppress(JobError):
+            check_lead(cutter, job.path.lead_deg)
+            called = one.name if names[one.name] == 1 else str(one.tool.number)
+            found.append((tool.radius, cutter_compliance(cutter), replace(one, name=called)))
+    balls = [row for row in found if row[2].tool.shape == "ball"]
+    softest_first = sorted(balls, key=lambda row: (row[0], -row[1]))
+    return {radius: one for radius, _, one in softest_first}
 
 
 def _sets(

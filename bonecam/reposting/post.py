@@ -19,7 +19,7 @@ from bonecam.nc.posting.header.header import record_simulation
 from bonecam.nc.program import Program, program_name
 from bonecam.post_and_prove import ProvedProgram, post_and_prove
 from bonecam.progress import Progress, part, silent
-from bonecam.report.files.kept_bodies import kept_job, kept_surface
+from bonecam.report.files.kept_bodies import kept_job, kept_surface, with_kept_cutters
 from bonecam.report.files.output_files import Outputs
 from bonecam.reposting.reached import check_axes
 from bonecam.reposting.read_paths import read_paths, slowed_cuts
@@ -83,7 +83,7 @@ def post(
     ProgramError where the paths cannot be read or use a cutter that the job does not have, MachineError where the
     machine does not reach them, VerifyError where the program is wrong.
     """
-    job = job or kept_job(keep)
+    job = with_kept_cutters(job or kept_job(keep), keep)
     design = _design_file(part_file, keep)
     check_files([program] if program is not None else [], [design])
     machine, dialect = read_machine(job.nc.machine), job_dialect(job.nc)

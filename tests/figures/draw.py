@@ -4,6 +4,7 @@ phalanx with the default job."""
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from bonecam_meshes import path
 from clamping import draw_clamping
@@ -26,10 +27,10 @@ from bonecam.setup.placement import place
 from bonecam.surface.files.surface_input import read_part
 from bonecam.workholding.post import post_below
 
-COARSE: dict[str, dict[str, float]] = {
+COARSE: dict[str, dict[str, Any]] = {
     "levels": {"roughing_depth": 1.0, "finishing_levels": 1, "finishing_depth": 0.3, "chord_tolerance": 0.05},
-    "roughing": {"scallop": 0.3},
-    "finishing": {"scallop": 0.2},
+    "roughing": {"preset": "ball-4", "scallop": 0.3},
+    "finishing": {"preset": "ball-2", "scallop": 0.2},
 }
 """Of the page that docs embed: coarse, so that it is small."""
 BLADE: dict[str, dict[str, float]] = {

@@ -15,8 +15,8 @@ JOB = bonecam.Job().with_values(
     surface={"tolerance": 0.05},
     holding={"diameter": 3.0, "length": 60.0},
     levels={"roughing_depth": 1.0, "finishing_levels": 1, "finishing_depth": 0.3, "chord_tolerance": 0.05},
-    roughing={"scallop": 0.3},
-    finishing={"scallop": 0.02},
+    roughing={"preset": "ball-4", "scallop": 0.3},
+    finishing={"preset": "ball-2", "scallop": 0.02},
     fine={"scallop": 0.02},
     path={"orientation": "lead", "fine_cutter": True},
 )

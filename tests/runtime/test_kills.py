@@ -23,6 +23,7 @@ STOPS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 COARSE = [
     "mechanics.refuse=false",
     *"surface.tolerance=0.2 levels.roughing_depth=1.4 roughing.scallop=0.3 finishing.scallop=0.1".split(),
+    *"roughing.preset=ball-4 finishing.preset=ball-2".split(),
 ]
 SCRIPT = """<!DOCTYPE FilterScript>
 <FilterScript>

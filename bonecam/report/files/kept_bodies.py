@@ -11,6 +11,7 @@ import numpy as np
 from bonecam.errors import BonecamError, FileError, ProgramError
 from bonecam.files import input_text
 from bonecam.job import Job, LevelsJob, StockJob, read_job
+from bonecam.job.tool_section import AUTO
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.facets.hull import convex_hull
 from bonecam.mesh.files.mesh_files import read_mesh
@@ -93,6 +94,18 @@ def folder_of(file: str | Path) -> Path | None:
     """The folder that a program, or its paths, lie in, where a run kept it."""
     folder = Path(file).parent
     return folder if job_file_of(folder) and (folder / SURFACE).is_file() else None
+
+
+def with_kept_cutters(job: Job, keep: str | Path | None) -> Job:
+    """The job, the cutters that it leaves open as they were chosen for the folder, if that tells. JobError as of
+    `read_job`."""
+    left = [name for name in ("roughing", "finishing", "fine") if getattr(job, name).preset == AUTO]
+    if not left or job_file_of(keep) is None:
+        return job
+    kept = kept_job(keep)
+    chosen: dict[str, Any] = {name: getattr(kept, name) for name in left}
+    fine = kept.path.fine_cutter if "fine" in left else job.path.fine_cutter
+    return replace(job, **chosen, path=replace(job.path, fine_cutter=fine))
 
 
 def with_kept_holding(job: Job, keep: Path) -> Job:

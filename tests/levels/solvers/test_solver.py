@@ -22,7 +22,7 @@ COARSE = Job().with_values(
         "roughing_depth": 1.5,
         "chord_tolerance": 0.05,
     },
-    roughing={"scallop": 0.4},
+    roughing={"preset": "ball-4", "scallop": 0.4},
     finishing={"radius": 2.0, "flute_length": 8.0, "shank_diameter": 4.0, "scallop": 0.4},
 )
 

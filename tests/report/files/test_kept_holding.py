@@ -1,4 +1,5 @@
-"""A program is simulated on the neck and at the depths that were found for it, which its kept folder tells."""
+"""A program is simulated on the neck, at the depths and with the cutters that were found for it, which its kept folder
+tells."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -7,7 +8,7 @@ import pytest
 
 from bonecam.errors import FileError
 from bonecam.job import Job, write_job
-from bonecam.report.files.kept_bodies import with_kept_holding
+from bonecam.report.files.kept_bodies import with_kept_cutters, with_kept_holding
 
 OPEN = Job().with_values(holding={"diameter": 0.0}, levels={"finishing_levels": 2})
 FOUND = OPEN.with_values(
@@ -46,3 +47,18 @@ def test_depths_that_were_found_are_the_folders(tmp_path: Path) -> None:
 def test_a_folder_that_does_not_tell_is_refused(tmp_path: Path) -> None:
     with pytest.raises(FileError, match=r"\[holding\] was found, and .*job.toml does not tell how"):
         with_kept_holding(OPEN, tmp_path)
+
+
+def test_cutters_that_were_chosen_are_the_folders(tmp_path: Path) -> None:
+    kept = Job().with_values(
+        roughing={"preset": "ball-6"},
+        finishing={"preset": "ball-4"},
+        fine={"preset": "ball-2"},
+        path={"fine_cutter": True},
+    )
+    assert with_kept_cutters(Job(), tmp_path) == Job()
+    (tmp_path / "job.toml").write_text(write_job(kept), encoding="utf-8")
+    assert with_kept_cutters(Job(), tmp_path) == kept
+    own = Job().with_values(finishing={"radius": 1.5}, fine={"radius": 0.5})
+    assert with_kept_cutters(own, tmp_path) == replace(own, roughing=kept.roughing)
+    assert with_kept_cutters(own.with_values(roughing={"radius": 3.0}), tmp_path).roughing.radius == 3.0
