@@ -68,12 +68,12 @@ def stand_part(
         guesses = warnings.repair_warnings(unplaced.widest_hole, unplaced.guessed_share, job, changes)
         warnings.check_warnings(guesses, job, unplaced.file)
         limits = machine_limits(machine or read_machine(job.nc.machine))
-        job, chosen = with_chosen_cutters(place(unplaced, job, body), job, limits)
+        placed = place(unplaced, job, body)
+        check_cuts(placed.part.mesh, placed.stock, job.levels)  # before cutters and necks are tried
+        job, chosen = with_chosen_cutters(placed, job, limits)
         unplaced = with_filled_pits(unplaced, job.mesh, job.smallest_ball)
         seeks_post = not job.holding.length
         placed = place(unplaced, job, body)
-        if not job.holding.diameter:
-            check_cuts(placed.part.mesh, placed.stock, job.levels)  # before necks are tried
         job = replace(job, holding=settled_bracket(job.holding, placed.part.mesh, limits.bodies.table))
         blocked = blocked_share(placed, job, limits)
         setup, job, necks = find_standing(placed, job, limits)
