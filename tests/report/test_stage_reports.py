@@ -96,6 +96,8 @@ def test_the_summary_tells_each_repair() -> None:
             "control_points": 190,
             "deviation_max_mm": 0.07,
             "deviation_rms_mm": 0.02,
+            "tolerance_mm": 0.08,
+            "tolerance_why": "as the job states",
             "given_deviation_max_mm": 1.083,
         },
         "stock": {"kind": "capsule", "diameter_mm": 9.3, "length_mm": 22.3},
