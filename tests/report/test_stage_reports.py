@@ -154,7 +154,7 @@ def test_the_summary_tells_each_repair() -> None:
         "as given  max 1.083 mm to the mesh as given, with 1.079 mm of repair, smoothing and filling" in told
     )
     assert "levels    1 cut, no schedule needs fewer than 1; depth max 0.5000 mm" in told
-    assert "hold everywhere on 1 of 1 cut" in told[7]
+    assert "hold everywhere on 1 of 1 cut" in told[8]
     broken = summary_of({**report, "levels_break_mm": 0.0042})
     assert (
         "levels    1 cut, no schedule needs fewer than 1; depth max 0.5000 mm; a limit is broken by 0.0042 mm"
