@@ -37,6 +37,7 @@ from bonecam.mesh.solids.revolution import cylinder
 from bonecam.mesh.triangle_mesh import TriangleMesh, keep_faces
 from bonecam.planning.axes.lead import check_lead
 from bonecam.planning.estimate import LayersToCut
+from bonecam.planning.holding.found_depths import leaves_depths_open
 from bonecam.planning.holding.neck import ranking, shortest_neck
 from bonecam.planning.holding.neck_figures import Neck
 from bonecam.planning.holding.post_length import STOCK_CHORD
@@ -216,7 +217,8 @@ def _set(named: Mapping[str, str], job: Job, neck: Neck, hollows: Hollows, layer
     step = job.levels.finishing_depth
     rough = job.roughing.radius
     fillet = hollows.steps(rough, step, at_post=True) - hollows.steps(last, step, at_post=True)
-    cut = layers.minutes(job) if neck.machining_min is None else neck.machining_min
+    bears = leaves_depths_open(job, neck_found=not job.holding.diameter)
+    cut = neck.machining_min if bears and neck.machining_min else layers.minutes(job)
     minutes = cut + REST_MINUTES * hollows.steps(rough, step, at_post=False) + FILLET_MINUTES * fillet
     minutes += FINE_MINUTES * job.path.fine_cutter
     return CutterSet(job, named, neck, hollows.deeper(last, SHALLOW), hollows.deepest(last), minutes)

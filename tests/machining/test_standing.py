@@ -34,10 +34,10 @@ HELD = {
 )
 def test_depths_are_found_with_the_neck_or_where_they_are_asked_for(job: Job, found: bool) -> None:
     standing = stand_part(PHALANX, job, read_machine(job.nc.machine), StageTimes(), silent)
-    assert ("depths_found" in standing.told) == found
+    assert ("depths_found" in standing.post) == found
     levels = standing.job.levels
     if found:
-        assert list(levels.listed) == standing.told["depths_found"] == sorted(levels.listed)
+        assert list(levels.listed) == standing.post["depths_found"] == sorted(levels.listed)
         assert levels.listed[0] == job.levels.finishing_depth < levels.listed[-1]
         assert levels.scallop_share > 0
     else:
