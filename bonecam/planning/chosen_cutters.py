@@ -255,10 +255,13 @@ def _sets(
         clean = radius
     finishing = [radius for radius in large if clean / FINER <= radius <= FINER * clean]
     for ball in finishing if auto["finishing"] else [job.finishing.radius]:
+        finer = [radius for radius in listed if radius < ball]
         fine = job.fine.radius if job.path.fine_cutter else 0.0
-        if auto["fine"] and (auto["finishing"] or job.path.fine_cutter):
-            finer = [radius for radius in listed if radius < ball]
-            fine = min(clean, max(finer)) if finer and (ball > clean or job.path.fine_cutter) else 0.0
+        if auto["fine"] and job.path.fine_cutter and finer:
+            enough = [radius for radius in finer if hollows.deepest(radius) <= SHALLOW]
+            fine = max(enough, default=min(finer))
+        elif auto["fine"] and auto["finishing"] and ball > clean:
+            fine = clean
         larger = [radius for radius in large if radius >= ball] or [max(listed)]
         for rough in larger if auto["roughing"] else [job.roughing.radius]:
             taken = {"roughing": rough, "finishing": ball, **({"fine": fine} if fine else {})}
