@@ -258,7 +258,7 @@ def _sets(
         finer = [radius for radius in listed if radius < ball]
         fine = job.fine.radius if job.path.fine_cutter else 0.0
         if auto["fine"] and job.path.fine_cutter and finer:
-            enough = [radius for radius in finer if hollows.deepest(radius) <= SHALLOW]
+            enough = [radius for radius in finer if hollows.deepest(radius) <= SHALLOW / 2]
             fine = max(enough, default=min(finer))
         elif auto["fine"] and auto["finishing"] and ball > clean:
             fine = clean
