@@ -69,7 +69,8 @@ def stand_part(
         warnings.check_warnings(guesses, job, unplaced.file)
         limits = machine_limits(machine or read_machine(job.nc.machine))
         placed = place(unplaced, job, body)
-        check_cuts(placed.part.mesh, placed.stock, job.levels)  # before cutters and necks are tried
+        if not job.holding.diameter:
+            check_cuts(placed.part.mesh, placed.stock, job.levels)  # before cutters and necks are tried
         job, chosen = with_chosen_cutters(placed, job, limits)
         unplaced = with_filled_pits(unplaced, job.mesh, job.smallest_ball)
         seeks_post = not job.holding.length

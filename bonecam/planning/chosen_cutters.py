@@ -38,7 +38,7 @@ from bonecam.mesh.triangle_mesh import TriangleMesh, keep_faces
 from bonecam.planning.axes.lead import check_lead
 from bonecam.planning.estimate import LayersToCut
 from bonecam.planning.holding.found_depths import leaves_depths_open
-from bonecam.planning.holding.neck import ranking, shortest_neck
+from bonecam.planning.holding.neck import neck_diameters, ranking, shortest_neck
 from bonecam.planning.holding.neck_figures import Neck
 from bonecam.planning.holding.post_length import STOCK_CHORD
 from bonecam.planning.passes.contacts import at_post
@@ -46,7 +46,7 @@ from bonecam.setup.placement import Setup
 from bonecam.text.faults import shown
 from bonecam.tool.cutter import Cutter
 from bonecam.workholding.bar import settled_stub
-from bonecam.workholding.post import NECKS, Post, post_below
+from bonecam.workholding.post import Post, post_below
 
 CLEAN = 0.10
 """What may stay in the deepest hollow, mm: of a phalanx's 0.10 a program leaves 0.135, of a middle phalanx's 0.09
@@ -173,18 +173,17 @@ def with_chosen_cutters(setup: Setup, job: Job, limits: MachineLimits) -> tuple[
     return replace(sets[0].job, holding=job.holding), told
 
 
-def _order(one: CutterSet) -> tuple[bool, float]:
-    """Sets that hold first, the quickest first; of others the stiffest."""
-    return not one.neck.holds, one.cost if one.neck.holds else one.neck.shift_um
+def _order(one: CutterSet) -> tuple[bool, int, float]:
+    """Sets that hold first, the quickest first; of others those that bend least (um)."""
+    return not one.neck.holds, 0 if one.neck.holds else round(one.neck.shift_um), one.cost
 
 
 def _tried(setup: Setup, job: Job, limits: MachineLimits, listed: Sequence[ListedTool]) -> list[CutterSet]:
     """All sets of the cutters that are `listed`, the best first."""
     job = replace(job, holding=settled_stub(job.holding, setup.stock.diameter))
     width = float(np.ptp(setup.stock.bounds[:, :2], axis=0).min())
-    diameters = [job.holding.diameter] if job.holding.diameter else [each for each in NECKS if each < width]
     necks = list[tuple[Setup, HoldingJob]]()
-    for diameter in diameters:
+    for diameter in neck_diameters(width, job):
         holding = replace(job.holding, diameter=diameter)
         with suppress(BonecamError):  # what is wrong with it is told where all are asked
             necks.append((replace(setup, post=post_below(setup.part.mesh, holding)), holding))

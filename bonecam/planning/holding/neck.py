@@ -83,11 +83,9 @@ def find_necks(setup: Setup, job: Job, limits: MachineLimits, layers: LayersToCu
     """The necks that were tried, ranked; `layers` are what is to be cut. JobError where no neck is thinner than stub
     and stock or meets the part."""
     width = float(np.ptp(setup.stock.bounds[:, :2], axis=0).min())
-    thickest = min(width, job.holding.stub_diameter or width)
     asked = []
     trouble = None
-    wider = (neck for neck in WIDER if neck <= WIDE_SHARE * width)
-    for diameter in (neck for neck in (*NECKS, *wider) if neck < thickest):
+    for diameter in neck_diameters(width, job):
         holding = replace(job.holding, diameter=diameter)
         try:
             post = post_below(setup.part.mesh, holding)
@@ -112,6 +110,15 @@ def find_necks(setup: Setup, job: Job, limits: MachineLimits, layers: LayersToCu
         bound = f"the stock is {width:.2f} mm wide, necks from {NECKS[0]:g} mm are tried: give one, or a larger stock"
         raise field_error("holding", "diameter", 0.0, bound)
     return ranking(tried)
+
+
+def neck_diameters(width: float, job: Job) -> list[float]:
+    """The diameters (mm) of the necks that are tried below a stock of a `width`, mm: that of the job if it has one."""
+    if job.holding.diameter:
+        return [job.holding.diameter]
+    thickest = min(width, job.holding.stub_diameter or width)
+    wider = (neck for neck in WIDER if neck <= WIDE_SHARE * width)
+    return [neck for neck in (*NECKS, *wider) if neck < thickest]
 
 
 def shortest_neck(setup: Setup, job: Job, limits: MachineLimits, layers: LayersToCut) -> Neck:
