@@ -34,7 +34,7 @@ oldest: | system
 	$(VENV)/oldest/bin/pip install -qq uv
 	$(VENV)/oldest/bin/uv pip install -q --python $(VENV)/oldest/bin/python --resolution lowest-direct -e .
 	$(VENV)/oldest/bin/uv pip install -q --python $(VENV)/oldest/bin/python pytest hypothesis beartype
-	OMP_NUM_THREADS=1 $(VENV)/oldest/bin/python -m pytest tests/filters/test_contracts.py tests/mesh/healing/test_repair.py tests/nc/posting/test_golden.py
+	OMP_NUM_THREADS=1 $(VENV)/oldest/bin/python -m pytest tests/filters/test_meshset.py tests/mesh/healing/test_repair.py tests/nc/posting/test_golden.py
 
 docs: $(VENV)/documenting
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict -q -f docs/mkdocs.yml

@@ -75,7 +75,8 @@ FEW = "has no ball ends for all sections: add some, or state the radius of every
 HOPEFUL = 1.3
 """Other necks are tried for the sets that cost no more than so many times the best on the thickest."""
 EQUAL = 1.1
-"""T is as accurate as this: of sets that it cannot tell apart the one with the least stress is taken."""
+"""T is as accurate as this: of sets that it cannot tell apart the one with the least stress, to 10 MPa,
+is taken."""
 SHOWN = 3
 """Sets that are reported."""
 
@@ -206,7 +207,7 @@ def _tried(setup: Setup, job: Job, limits: MachineLimits, listed: Sequence[Liste
     sets = [(dict(one.named), one.job) for one in found if one.cost <= HOPEFUL * found[0].cost]
     found = sorted(on_necks(necks), key=_order)
     equal = [one for one in found if one.neck.holds and one.cost <= EQUAL * found[0].cost]
-    best = min(equal, key=lambda one: (round(one.neck.stress_mpa), one.cost), default=found[0])
+    best = min(equal, key=lambda one: (round(one.neck.stress_mpa, -1), one.cost), default=found[0])
     return [best, *(one for one in found if one is not best)]
 
 
