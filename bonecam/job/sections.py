@@ -23,6 +23,8 @@ from bonecam.text.faults import Faults, shown
 
 Table = Mapping[str, Any]
 """Values of a section by name."""
+CUTTERS = ("roughing", "finishing", "fine")
+"""The sections of cutters, in the order of their numbers."""
 SMOOTH_SHARE = 0.2
 """Scallops of a level before a finishing cut are this share of the depth of that cut: on the first finishing levels
 nothing of them stays, and the cut is deeper by as much at their tips alone."""
@@ -121,7 +123,12 @@ class Job:
     @property
     def cutter_names(self) -> tuple[str, ...]:
         """The sections of the cutters that are used, in the order of their numbers in the tool changer, from 1."""
-        return ("roughing", "finishing", *("fine",) * self.path.fine_cutter)
+        return CUTTERS if self.path.fine_cutter else CUTTERS[:2]
+
+    @property
+    def open_cutters(self) -> tuple[str, ...]:
+        """The sections whose cutters are to be chosen for the part, that of a fine one even where none is used."""
+        return tuple(name for name in CUTTERS if getattr(self, name).preset == AUTO)
 
     @property
     def smallest_ball(self) -> float:

@@ -19,7 +19,7 @@ Without `from` its tools are its own; without [[tool]] too it is one cutter, of 
 
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -35,7 +35,7 @@ from bonecam.job.tool_formats import (
     foreign_entries,
     naming,
 )
-from bonecam.job.tool_section import ToolJob, misfit
+from bonecam.job.tool_section import SIZES, ToolJob, misfit
 from bonecam.runtime.extensions import named_files
 from bonecam.text.faults import Faults, shown
 from bonecam.text.toml import parse_toml
@@ -59,6 +59,11 @@ class ListedTool:
     name: str
     tool: ToolJob
     stated: Mapping[str, Any] = field(default_factory=dict, compare=False)
+
+    def in_section(self, section: ToolJob) -> ToolJob:
+        """The cutter in a section of a job, with what that states of its use: number, flutes, speed, feed, scallop."""
+        used = {key: getattr(section, key) for key in KEYS.keys() - SIZES}
+        return replace(self.tool, preset=self.name, **{key: value for key, value in used.items() if value})
 
 
 @dataclass(frozen=True)
@@ -84,6 +89,18 @@ def user_cutters() -> dict[str, Path]:
 def known_lists(tools: str) -> list[ToolList]:
     """The list `tools` of a job; where it names none the user's own cutters, and the catalogue."""
     return [tool_list(file) for file in ([tools] if tools else [*map(str, user_cutters().values()), ""])]
+
+
+def known_cutters(tools: str) -> list[ListedTool]:
+    """The cutters of `known_lists` by the names that a preset has for them: of one name in two lists that of the first,
+    of one name in a list by their numbers."""
+    found: dict[str, ListedTool] = {}
+    for one in known_lists(tools):
+        names = Counter(listed.name for listed in one.tools)
+        for listed in one.tools:
+            called = listed.name if names[listed.name] == 1 else str(listed.tool.number)
+            found.setdefault(called, replace(listed, name=called))
+    return list(found.values())
 
 
 def read_tool_list(file: str) -> tuple[ListedTool, ...]:

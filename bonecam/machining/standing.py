@@ -15,7 +15,7 @@ from bonecam.mesh.part import with_filled_pits
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.posting.rotary.machine_limits import machine_limits
 from bonecam.nc.requirements import check_length, check_room
-from bonecam.planning.chosen_cutters import with_chosen_cutters
+from bonecam.planning.chosen_cutters import leaves_cutters_open, with_chosen_cutters
 from bonecam.planning.holding.found_depths import depths_report, leaves_depths_open, with_found_depths
 from bonecam.planning.holding.neck import find_standing
 from bonecam.planning.holding.neck_remedies import neck_remedies, neck_report
@@ -68,21 +68,23 @@ def stand_part(
         guesses = warnings.repair_warnings(unplaced.widest_hole, unplaced.guessed_share, job, changes)
         warnings.check_warnings(guesses, job, unplaced.file)
         limits = machine_limits(machine or read_machine(job.nc.machine))
-        placed = place(unplaced, job, body)
+        seeks_post, seeks_cutters = not job.holding.length, leaves_cutters_open(job)
+        filled = unplaced if seeks_cutters else with_filled_pits(unplaced, job.mesh, job.smallest_ball)
+        placed = place(filled, job, body)
         if not job.holding.diameter:
             check_cuts(placed.part.mesh, placed.stock, job.levels)  # before cutters and necks are tried
         job, chosen = with_chosen_cutters(placed, job, limits)
-        unplaced = with_filled_pits(unplaced, job.mesh, job.smallest_ball)
-        seeks_post = not job.holding.length
-        placed = place(unplaced, job, body)
+        if seeks_cutters:
+            filled = with_filled_pits(unplaced, job.mesh, job.smallest_ball)
+            placed = place(filled, job, body)
         job = replace(job, holding=settled_bracket(job.holding, placed.part.mesh, limits.bodies.table))
         blocked = blocked_share(placed, job, limits)
         setup, job, necks = find_standing(placed, job, limits)
         figures = neck_report(necks, neck_remedies(setup, job, limits, necks[0]) if necks else (), job)
         for warned in warnings.holding_warnings(figures, job):
             report(progress, 1.0, f"{warned.text}: {warned.remedy}")
-            with knowing({"input": input_report(unplaced), "post": figures}):
-                warnings.check_warnings([warned], job, unplaced.file)
+            with knowing({"input": input_report(filled), "post": figures}):
+                warnings.check_warnings([warned], job, filled.file)
         if leaves_depths_open(job, neck_found=bool(necks)):
             job = with_found_depths(setup, job, limits)
             figures |= depths_report(job)

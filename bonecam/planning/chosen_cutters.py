@@ -13,10 +13,11 @@ finishing depth a in hollows that the roughing ball leaves, those of area B at t
 fine cutter where there is one, and the area P that stays at the post.
 """
 
-from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
+from itertools import takewhile
 from typing import Any
 
 import numpy as np
@@ -25,9 +26,8 @@ from numpy import ndarray
 
 from bonecam.arrays import lengths, unit
 from bonecam.errors import BonecamError, JobError
-from bonecam.job import HoldingJob, Job, ToolJob
-from bonecam.job.tool_list import ListedTool, known_lists, read_tool_list
-from bonecam.job.tool_section import AUTO
+from bonecam.job import HoldingJob, Job
+from bonecam.job.tool_list import ListedTool, known_cutters, read_tool_list
 from bonecam.machine.limits import MachineLimits
 from bonecam.mechanics.cutter import cutter_compliance
 from bonecam.mesh.healing.hollows.ball import Ball
@@ -68,26 +68,22 @@ FOOT, CHORD = 20.0, 0.02
 """The post goes so far below the part, and its facets lie so near to it, mm."""
 NO_AREA = 1e-9
 """Faces of the union of less area, mm2, have no normal."""
-STATED = ("number", "flutes", "spindle", "feed", "scallop")
-"""What a section keeps whose cutter is chosen."""
 FEW = "has no ball ends for all sections: add some, or state the radius of every cutter"
 """What is told of a list without a set of cutters."""
 HOPEFUL = 1.3
 """Other necks are tried for the sets that cost no more than so many times the best on the thickest."""
 EQUAL = 1.1
-"""T is as accurate as this: of sets that it cannot tell apart the one with the least stress, to 10 MPa,
-is taken."""
+"""T is as accurate as this: of sets that it cannot tell apart the one with the least stress, to 10 MPa, is taken."""
 SHOWN = 3
 """Sets that are reported."""
 
 
 @dataclass(frozen=True)
 class CutterSet:
-    """The cutters of a job by section, the best of its necks, area (mm2) and depth (mm) of the hollows that stay, and
-    the minutes T; `named` has what the list calls each."""
+    """The job with a set of cutters, the best of its necks, area (mm2) and depth (mm) of the hollows that stay, and the
+    minutes T."""
 
     job: Job
-    named: Mapping[str, str]
     neck: Neck
     left_mm2: float
     left_mm: float
@@ -105,7 +101,8 @@ class CutterSet:
         neck = {name: getattr(self.neck, name) for name in ("shift_um", "stress_mpa", "left_mm2")}
         neck["at_post_mm2"] = neck.pop("left_mm2")
         rounded = {name: round(value, 2) for name, value in {**figures, **neck}.items()}
-        return {**self.named, **rounded, "neck_mm": self.neck.diameter, "holds": self.neck.holds}
+        named = {name: getattr(self.job, name).preset for name in self.job.cutter_names}
+        return {**named, **rounded, "neck_mm": self.neck.diameter, "holds": self.neck.holds}
 
 
 class Hollows:
@@ -153,6 +150,11 @@ class Hollows:
         return self.deepest(radius) <= CLEAN and share <= SHARE
 
 
+def leaves_cutters_open(job: Job) -> bool:
+    """Whether a cutter that a job uses is to be chosen."""
+    return not set(job.open_cutters).isdisjoint(job.cutter_names)
+
+
 def with_chosen_cutters(setup: Setup, job: Job, limits: MachineLimits) -> tuple[Job, dict[str, Any]]:
     """The job with a cutter in the place of each that it leaves open, a fine one too where it is worth its time, and
     what the report tells of the best sets; the job, and nothing, where it leaves none open.
@@ -160,18 +162,77 @@ def with_chosen_cutters(setup: Setup, job: Job, limits: MachineLimits) -> tuple[
     A section that is open keeps its tool number, flutes, speed, feed and scallop. `setup` has the part with its hollows
     open. JobError where a list of cutters cannot be read, or has no ball for a section.
     """
-    if not any(getattr(job, name).preset == AUTO for name in job.cutter_names):
+    trial = _Trial.of(setup, job, limits) if leaves_cutters_open(job) else None
+    if trial is None or not trial.necks:  # what is wrong with necks is told where the post is sought
         return job, {}
-    listed = [each for one in known_lists(job.nc.tools) for each in one.tools]
-    sets = _tried(setup, job, limits, listed)
-    if not sets:  # no neck meets the part, which is told where the post is sought
-        return job, {}
+    sets = trial.tried(known_cutters(job.nc.tools))
+    if not sets:
+        raise JobError(f"nc.tools = {shown(job.nc.tools)}: {FEW}", section="nc", field="tools")
     told: dict[str, Any] = {"sets": [one.report for one in sets[:SHOWN]], "tried": len(sets)}
     if job.nc.tools:
-        others = _tried(setup, job, limits, [*listed, *read_tool_list("")])
+        others = trial.tried([*known_cutters(job.nc.tools), *read_tool_list("")])
         if others[0].cost < sets[0].cost - FINE_MINUTES:
             told["more"] = others[0].report
     return replace(sets[0].job, holding=job.holding), told
+
+
+@dataclass(frozen=True, eq=False)
+class _Trial:
+    """What sets of cutters have in common: the job with its stub, the necks that meet the part with the setup on each,
+    the thickest last, the layers to be cut, and what balls leave."""
+
+    job: Job
+    limits: MachineLimits
+    necks: Sequence[tuple[Setup, HoldingJob]]
+    layers: LayersToCut
+    hollows: Hollows
+
+    @classmethod
+    def of(cls, setup: Setup, job: Job, limits: MachineLimits) -> "_Trial":
+        """The trial for a part in its stock."""
+        job = replace(job, holding=settled_stub(job.holding, setup.stock.diameter))
+        width = float(np.ptp(setup.stock.bounds[:, :2], axis=0).min())
+        necks = list[tuple[Setup, HoldingJob]]()
+        for diameter in neck_diameters(width, job):
+            holding = replace(job.holding, diameter=diameter)
+            with suppress(BonecamError):
+                necks.append((replace(setup, post=post_below(setup.part.mesh, holding)), holding))
+        layers = LayersToCut.between(setup.part.mesh, setup.stock.mesh(STOCK_CHORD))
+        thickest = necks[-1][0] if necks else setup
+        return cls(job, limits, necks, layers, Hollows(setup.part.mesh, thickest.post))
+
+    def tried(self, listed: Sequence[ListedTool]) -> list[CutterSet]:
+        """All sets of the cutters that are `listed`, the best first; other necks are tried for those alone that are
+        HOPEFUL on the thickest."""
+        jobs = list(_jobs_with(self.job, _stiffest(listed, self.job, self.limits), self.hollows))
+        thick = sorted((self.set_of(one, [self.neck(one, *self.necks[-1])]) for one in jobs), key=_order)
+        hopeful = [one for one in thick if one.cost <= HOPEFUL * thick[0].cost]
+        found = [
+            self.set_of(one.job, [*(self.neck(one.job, *neck) for neck in self.necks[:-1]), one.neck])
+            for one in hopeful
+        ]
+        found.sort(key=_order)
+        equal = [one for one in found if one.neck.holds and one.cost <= EQUAL * found[0].cost]
+        best = min(
+            equal or found[:1], key=lambda one: (round(one.neck.stress_mpa, -1), one.cost), default=None
+        )
+        return sorted(found, key=lambda one: one is not best)
+
+    def neck(self, job: Job, standing: Setup, holding: HoldingJob) -> Neck:
+        """How one of the necks holds the part for the cutters of a job."""
+        return shortest_neck(standing, replace(job, holding=holding), self.limits, self.layers)
+
+    def set_of(self, job: Job, necks: Sequence[Neck]) -> CutterSet:
+        """The cutters of a job on the best of some necks, with the minutes T."""
+        neck = ranking(necks)[0]
+        step, rough, last = job.levels.finishing_depth, job.roughing.radius, job.smallest_ball
+        steps = partial(self.hollows.steps, step=step)
+        bears = leaves_depths_open(job, neck_found=not job.holding.diameter)
+        minutes = neck.machining_min if bears and neck.machining_min else self.layers.minutes(job)
+        minutes += REST_MINUTES * steps(rough, at_post=False)
+        minutes += FILLET_MINUTES * (steps(rough, at_post=True) - steps(last, at_post=True))
+        minutes += FINE_MINUTES * job.path.fine_cutter
+        return CutterSet(job, neck, self.hollows.deeper(last, SHALLOW), self.hollows.deepest(last), minutes)
 
 
 def _order(one: CutterSet) -> tuple[bool, int, float]:
@@ -179,106 +240,47 @@ def _order(one: CutterSet) -> tuple[bool, int, float]:
     return not one.neck.holds, 0 if one.neck.holds else round(one.neck.shift_um), one.cost
 
 
-def _tried(setup: Setup, job: Job, limits: MachineLimits, listed: Sequence[ListedTool]) -> list[CutterSet]:
-    """All sets of the cutters that are `listed`, the best first."""
-    job = replace(job, holding=settled_stub(job.holding, setup.stock.diameter))
-    width = float(np.ptp(setup.stock.bounds[:, :2], axis=0).min())
-    necks = list[tuple[Setup, HoldingJob]]()
-    for diameter in neck_diameters(width, job):
-        holding = replace(job.holding, diameter=diameter)
-        with suppress(BonecamError):  # what is wrong with it is told where all are asked
-            necks.append((replace(setup, post=post_below(setup.part.mesh, holding)), holding))
-    layers = LayersToCut.between(setup.part.mesh, setup.stock.mesh(STOCK_CHORD))
-    hollows = Hollows(setup.part.mesh, necks[-1][0].post if necks else setup.post)
-    sets = list(_sets(job, _stiffest(listed, job, limits), hollows))
-
-    def on_necks(some: Sequence[tuple[Setup, HoldingJob]]) -> Iterator[CutterSet]:
-        for named, one in sets:
-            tried = [
-                shortest_neck(each, replace(one, holding=holding), limits, layers) for each, holding in some
-            ]
-            yield _set(named, one, ranking(tried)[0], hollows, layers)
-
-    if not necks:
-        return []
-    if not sets:
-        raise JobError(f"nc.tools = {shown(job.nc.tools)}: {FEW}", section="nc", field="tools")
-    found = sorted(on_necks(necks[-1:]), key=_order)
-    sets = [(dict(one.named), one.job) for one in found if one.cost <= HOPEFUL * found[0].cost]
-    found = sorted(on_necks(necks), key=_order)
-    equal = [one for one in found if one.neck.holds and one.cost <= EQUAL * found[0].cost]
-    best = min(equal, key=lambda one: (round(one.neck.stress_mpa, -1), one.cost), default=found[0])
-    return [best, *(one for one in found if one is not best)]
-
-
-def _set(named: Mapping[str, str], job: Job, neck: Neck, hollows: Hollows, layers: LayersToCut) -> CutterSet:
-    """The cutters of a job on a neck, with the minutes T."""
-    last = job.smallest_ball
-    step = job.levels.finishing_depth
-    rough = job.roughing.radius
-    fillet = hollows.steps(rough, step, at_post=True) - hollows.steps(last, step, at_post=True)
-    bears = leaves_depths_open(job, neck_found=not job.holding.diameter)
-    cut = neck.machining_min if bears and neck.machining_min else layers.minutes(job)
-    minutes = cut + REST_MINUTES * hollows.steps(rough, step, at_post=False) + FILLET_MINUTES * fillet
-    minutes += FINE_MINUTES * job.path.fine_cutter
-    return CutterSet(job, named, neck, hollows.deeper(last, SHALLOW), hollows.deepest(last), minutes)
-
-
 def _stiffest(listed: Sequence[ListedTool], job: Job, limits: MachineLimits) -> dict[float, ListedTool]:
     """The stiffest ball end of each radius (mm) that can lean by the lead of a job, the smallest radius first."""
-    names = Counter(one.name for one in listed)
     found = list[tuple[float, float, ListedTool]]()
     for one in listed:
-        tool = replace(job, roughing=one.tool).tool("roughing")
-        cutter = Cutter.from_job(1, one.name, tool, limits.bodies.nose)
+        cutter = Cutter.from_job(
+            1, one.name, replace(job, roughing=one.tool).tool("roughing"), limits.bodies.nose
+        )
         with suppress(JobError):
             check_lead(cutter, job.path.lead_deg)
-            called = one.name if names[one.name] == 1 else str(one.tool.number)
-            found.append((tool.radius, cutter_compliance(cutter), replace(one, name=called)))
+            found.append((one.tool.radius, cutter_compliance(cutter), one))
     balls = [row for row in found if row[2].tool.shape == "ball"]
     softest_first = sorted(balls, key=lambda row: (row[0], -row[1]))
     return {radius: one for radius, _, one in softest_first}
 
 
-def _sets(
-    job: Job, listed: Mapping[float, ListedTool], hollows: Hollows
-) -> Iterator[tuple[dict[str, str], Job]]:
-    """The jobs with the sets of cutters that are tried, and what the list calls these."""
-    auto = {name: getattr(job, name).preset == AUTO for name in ("roughing", "finishing", "fine")}
+def _jobs_with(job: Job, listed: Mapping[float, ListedTool], hollows: Hollows) -> Iterator[Job]:
+    """The job with each set of cutters that is tried."""
     if not listed:
         return
+    open_ones = job.open_cutters
     large = [radius for radius in listed if radius >= LEAST_RADIUS] or [max(listed)]
-    clean = large[0]
-    for radius in large[1:]:
-        if not hollows.clean(radius):
-            break
-        clean = radius
+    clean = max(large[:1] + list(takewhile(hollows.clean, large[1:])))
     finishing = [radius for radius in large if clean / FINER <= radius <= FINER * clean]
-    for ball in finishing if auto["finishing"] else [job.finishing.radius]:
+    for ball in finishing if "finishing" in open_ones else [job.finishing.radius]:
         finer = [radius for radius in listed if radius < ball]
         fine = job.fine.radius if job.path.fine_cutter else 0.0
-        if auto["fine"] and job.path.fine_cutter and finer:
+        if "fine" in open_ones and job.path.fine_cutter and finer:
             enough = [radius for radius in finer if hollows.deepest(radius) <= SHALLOW / 2]
             fine = max(enough, default=min(finer))
-        elif auto["fine"] and auto["finishing"] and ball > clean:
+        elif {"fine", "finishing"} <= set(open_ones) and ball > clean:
             fine = clean
         larger = [radius for radius in large if radius >= ball] or [max(listed)]
-        for rough in larger if auto["roughing"] else [job.roughing.radius]:
+        for rough in larger if "roughing" in open_ones else [job.roughing.radius]:
             taken = {"roughing": rough, "finishing": ball, **({"fine": fine} if fine else {})}
-            named = {name: listed[radius].name if auto[name] else "" for name, radius in taken.items()}
             tools: dict[str, Any] = {
-                name: _in_section(listed[radius], getattr(job, name))
+                name: listed[radius].in_section(getattr(job, name))
                 for name, radius in taken.items()
-                if auto[name]
+                if name in open_ones
             }
             try:
                 one = replace(job, **tools, path=replace(job.path, fine_cutter=bool(fine)))
             except JobError:  # a cutter of the shop cannot stand in two places of the changer
                 continue
-            yield named, one
-
-
-def _in_section(listed: ListedTool, section: ToolJob) -> ToolJob:
-    """The cutter of a list with what a section states that leaves its shape open."""
-    kept = {name: getattr(section, name) for name in STATED if getattr(section, name)}
-    return replace(listed.tool, preset=listed.name, **kept)
+            yield one

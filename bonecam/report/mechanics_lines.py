@@ -4,8 +4,8 @@ asked."""
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-SECTIONS = ("roughing", "finishing", "fine")
-"""The cutters of a job."""
+from bonecam.job.sections import CUTTERS
+
 NOT_ASKED = {"skipped": "force and bending were not asked"}
 """The section `mechanics` of a report without them."""
 NOT_KNOWN = {"skipped": "force and bending are not known without a simulation of the removal"}
@@ -66,7 +66,7 @@ def cutter_lines(cutters: Mapping[str, Any] | None) -> Iterator[str]:
     if cutters is None:
         return
     sets = [*cutters["sets"], *([cutters["more"]] if "more" in cutters else [])]
-    names = [" / ".join(one[name] or "own" for name in SECTIONS if name in one) for one in sets]
+    names = [" / ".join(one[name] or "own" for name in CUTTERS if name in one) for one in sets]
     width = max(map(len, names))
     yield f"cutters   {'':{width}}   min  left mm2    mm  at post mm2    um   MPa"
     for name, one in zip(names, sets, strict=True):

@@ -29,7 +29,8 @@ def whole_number(word: str) -> int:
 
 
 def told_apart(value: float, bound: float, decimals: int = 0) -> tuple[str, str]:
-    """Both numbers with so many decimals, or as many more as it takes to show that they differ."""
+    """The texts of a value and of its bound with `decimals` decimals, or as many more as it takes to show that they
+    differ."""
     while decimals < MOST_DECIMALS and value != bound and f"{value:.{decimals}f}" == f"{bound:.{decimals}f}":
         decimals += 1
     return f"{value:.{decimals}f}", f"{bound:.{decimals}f}"

@@ -16,7 +16,7 @@ from bonecam.cli import main
 from bonecam.cli.catalogue.catalogues import described
 from bonecam.errors import JobError
 from bonecam.job import Job, ToolJob
-from bonecam.job.tool_list import ENDINGS, read_tool_list, tool_list
+from bonecam.job.tool_list import ENDINGS, known_cutters, read_tool_list, tool_list
 from bonecam.machine.frustum import Frustum
 from bonecam.tool.cutter import Cutter
 
@@ -550,6 +550,17 @@ def test_two_cutters_of_one_name_are_told_apart_by_their_numbers(tmp_path: Path)
     with pytest.raises(JobError, match=r"preset = 'ball': these are 2 cutters: .* \(1, 2\)"):
         Job(nc={"tools": file}, finishing={"preset": "ball"})
     assert Job(nc={"tools": file}, finishing={"preset": "2"}).finishing.overhang == 30.0
+
+
+def test_cutters_are_known_by_the_names_that_a_preset_has_for_them(tmp_path: Path) -> None:
+    tools = fusion(tmp_path, fusion_tool(3, "6 mm"), fusion_tool(4, "6 mm", LB=40), fusion_tool(5, "ball-4"))
+    known = known_cutters(tools)
+    assert [listed.name for listed in known] == ["3", "4", "ball-4"]
+    for listed in known:
+        job = Job().with_values(nc={"tools": tools}, roughing={"preset": listed.name, "scallop": 0.03})
+        assert job.roughing == listed.in_section(replace(ToolJob(scallop=0.03), preset="auto"))
+        assert listed.in_section(ToolJob(number=9, spindle=7000.0)).number == 9
+        assert listed.in_section(ToolJob()).number == listed.tool.number
 
 
 def test_a_job_file_names_a_list_beside_it_and_the_option_another(

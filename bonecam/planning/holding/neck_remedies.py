@@ -13,7 +13,7 @@ import numpy as np
 
 from bonecam.errors import JobError
 from bonecam.job import Job
-from bonecam.job.tool_list import known_lists
+from bonecam.job.tool_list import known_cutters
 from bonecam.machine.limits import MachineLimits
 from bonecam.mechanics.cutter import cutter_compliance
 from bonecam.mechanics.strip import lighter_jobs
@@ -83,15 +83,11 @@ def _stiffer(job: Job, limits: MachineLimits) -> Iterator[tuple[str, Job]]:
     def compliance(one: Job) -> float:
         return cutter_compliance(Cutter.from_job(2, "finishing", one.tool("finishing"), limits.bodies.nose))
 
-    kept = {name: getattr(job.finishing, name) for name in ("number", "scallop", "spindle", "feed", "flutes")}
     found = list[tuple[float, str, Job]]()
-    lists = reversed(
-        known_lists(job.nc.tools)
-    )  # one's own cutter has the place of the catalogue's of its name
-    for name, tool in {listed.name: listed.tool for one in lists for listed in one.tools}.items():
-        if (tool.shape, tool.radius) == ("ball", job.finishing.radius):
-            other = replace(job, finishing=replace(tool, preset=name, **kept))
-            found.append((compliance(other), f'finishing.preset = "{name}"', other))
+    for listed in known_cutters(job.nc.tools):
+        if (listed.tool.shape, listed.tool.radius) == ("ball", job.finishing.radius):
+            other = replace(job, finishing=listed.in_section(job.finishing))
+            found.append((compliance(other), f'finishing.preset = "{listed.name}"', other))
     own = compliance(job)
     for gives, change, other in sorted(found, key=lambda one: -one[0]):
         if gives < own:

@@ -11,7 +11,6 @@ import numpy as np
 from bonecam.errors import BonecamError, FileError, ProgramError
 from bonecam.files import input_text
 from bonecam.job import Job, LevelsJob, StockJob, read_job
-from bonecam.job.tool_section import AUTO
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.facets.hull import convex_hull
 from bonecam.mesh.files.mesh_files import read_mesh
@@ -99,7 +98,7 @@ def folder_of(file: str | Path) -> Path | None:
 def with_kept_cutters(job: Job, keep: str | Path | None) -> Job:
     """The job, the cutters that it leaves open as they were chosen for the folder, if that tells. JobError as of
     `read_job`."""
-    left = [name for name in ("roughing", "finishing", "fine") if getattr(job, name).preset == AUTO]
+    left = job.open_cutters
     if not left or job_file_of(keep) is None:
         return job
     kept = kept_job(keep)
