@@ -46,7 +46,7 @@ class NcJob(JobSection):
         file=ENDINGS,
     )
     link_feed: float = parameter(
-        5000.0,
+        10000.0,
         "Link feed",
         "Feed of links between passes, and of retracts: straight moves in air, beside the material.",
         unit="mm/min",
@@ -59,7 +59,7 @@ class NcJob(JobSection):
     rapid_feed: float = parameter(
         10000.0,
         "Rapid rate",
-        "Speed of rapid moves, for the machining time and for controllers that need a number.",
+        "Speed of rapid moves where the controller needs a number; others are as fast as the axes.",
         unit="mm/min",
         low=1.0,
         high=100000.0,

@@ -144,7 +144,7 @@ class PathJob(JobSection):
     lead_radius: float = parameter(
         0.0,
         "Lead radius",
-        "Radius of the arcs at most; a half and a quarter of it are tried too. 0: that of the cutter.",
+        "Radius of the arcs at most; a half and a quarter of it are tried too. 0: half of that of the cutter.",
         unit="mm",
         low=0.0,
         high=20.0,

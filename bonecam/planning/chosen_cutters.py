@@ -227,7 +227,7 @@ class _Trial:
         neck = ranking(necks)[0]
         step, rough, last = job.levels.finishing_depth, job.roughing.radius, job.smallest_ball
         steps = partial(self.hollows.steps, step=step)
-        bears = leaves_depths_open(job, neck_found=not job.holding.diameter)
+        bears = leaves_depths_open(job, neck_found=True)
         minutes = neck.machining_min if bears and neck.machining_min else self.layers.minutes(job)
         minutes += REST_MINUTES * steps(rough, at_post=False)
         minutes += FILLET_MINUTES * (steps(rough, at_post=True) - steps(last, at_post=True))

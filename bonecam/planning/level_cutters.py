@@ -21,7 +21,13 @@ def cutter_of(level: int, job: Job, bodies: MachineBodies) -> Cutter:
 def depth_limits(levels: Sequence[Level], level: int, cutters: Mapping[int, Cutter], job: Job) -> DepthLimits:
     """The depths of the cut that leaves a level."""
     before = cutters.get(level + 1)
-    return DepthLimits(levels[level + 1].limit, before.scallop if before else 0.0, least_depth(level, job))
+    limit, outer = levels[level + 1].limit, levels[min(level + 2, len(levels) - 1)].limit
+    return DepthLimits(
+        limit,
+        before.scallop if before else 0.0,
+        least_depth(level, job),
+        cutters[level].rest_depth(limit, outer),
+    )
 
 
 def least_depth(level: int, job: Job) -> float:

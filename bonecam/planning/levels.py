@@ -32,7 +32,7 @@ from bonecam.planning.oriented_path import orient
 from bonecam.planning.passes.contacts import CandidateContacts, candidate_contacts, contact_path
 from bonecam.planning.passes.engaged_segments import UNCERTAIN, DepthLimits
 from bonecam.planning.passes.gouge_lifts import flute_slack
-from bonecam.planning.passes.rest_machining import after_steps, rest_contacts, too_deep
+from bonecam.planning.passes.rest_machining import RestMachining, after_steps, too_deep
 from bonecam.planning.within_depth import Cut, cut_within_depth
 from bonecam.progress import Progress, report, silent
 from bonecam.setup.capsule import Capsule, enclosing_capsule
@@ -89,7 +89,8 @@ def plan_paths(
         report(progress, 1.0, "path of the fine cutter")
         fine = Cutter.from_job(3, "fine", job.tool("fine"), limits.bodies.nose)
         check_lead(fine, job.path.lead_deg)
-        paths = _with_fine(paths, planning, planning.contacts(machined[0], fine), standing)
+        outer = levels[min(2, len(levels) - 1)].limit
+        paths = _with_fine(paths, planning, planning.contacts(machined[0], fine), standing, outer)
     scene = planning.scene_of(part, flute_slack(job.path.gouge_tolerance), standing.material)
     return *paths, *parting_paths(scene, job, limits)
 
@@ -166,7 +167,9 @@ class _Planning:
                     explained=explained and fixed is None,
                 )
 
-            return cut_within_depth(contacts, material, level, allowed, oriented)
+            return cut_within_depth(
+                contacts, material, level, allowed if explained else allowed.of_step, oriented
+            )
 
         rest: list[ToolPath] = []
         if patterns is not None:
@@ -200,13 +203,19 @@ class _Planning:
 
 
 def _with_fine(
-    paths: Sequence[ToolPath], planning: _Planning, level_contacts: LevelContacts, standing: _Standing
+    paths: Sequence[ToolPath],
+    planning: _Planning,
+    level_contacts: LevelContacts,
+    standing: _Standing,
+    outer: float,
 ) -> list[ToolPath]:
     """The paths with those of a finer ball on the part, as further rest paths, where the finishing ball has left more
     than twice its scallop. What is too narrow for the finishing ball is then told of the finer one alone."""
     *before, last = paths
     scallop = last.cutter.scallop
-    allowed = DepthLimits(planning.job.levels.finishing_depth, scallop, 2 * max(scallop, UNCERTAIN))
+    depth = planning.job.levels.finishing_depth
+    step = level_contacts.candidates.cutter.rest_depth(depth, outer)
+    allowed = DepthLimits(depth, scallop, 2 * max(scallop, UNCERTAIN), step)
     fine_paths, _ = planning.paths(level_contacts, allowed, standing)
     if not any((path.kinds == MoveKind.CUT).any() for path in fine_paths):
         return list(paths)
@@ -226,10 +235,11 @@ def _take_rest(
 ) -> tuple[InProcessStock, list[ToolPath]]:
     """The rest paths of a level, whose contacts are given in several patterns, and the material after them."""
     paths: list[ToolPath] = []
-    for step in rest_contacts(patterns, material, allowed, turn_speed):
-        contacts = after_steps(step, material, allowed)
+    steps = RestMachining(patterns, allowed, turn_speed)
+    while (step := steps.contacts(material)) is not None:
+        contacts = after_steps(step, material, allowed.of_step)
         if not len(contacts.contacts):
-            continue
+            break
         try:
             path, material = cut(contacts, material)
         except OrientationError:

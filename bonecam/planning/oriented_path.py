@@ -98,7 +98,7 @@ def _lead_radius(job: PathJob, path: ContactPath) -> float:
     """Radius (mm) of the arcs on which cuts begin and end; 0: straight."""
     if job.lead_in == "straight":
         return 0.0
-    return job.lead_radius or path.cutter.radius
+    return job.lead_radius or path.cutter.radius / 2
 
 
 def _blocked(

@@ -139,12 +139,17 @@ def neck_text(post: Mapping[str, Any]) -> str:
     swing = f"{taken['first_hz']:.0f} Hz ({wanted['first_hz']:.0f} at least)"
     size = f"{taken['diameter_mm']:g} x {taken['length_mm']:g} mm"
     figures = f"{error}, {taken['shift_p99_um']:.0f} at 99 %; {stress}; {swing}"
-    return f"no neck holds: foretold on that of {size} are {figures}"
+    none = "no neck holds" if len(post["necks"]) > 1 else "the neck does not hold"
+    return f"{none}: foretold on that of {size} are {figures}"
 
 
 def neck_remedy_text(post: Mapping[str, Any]) -> str:
-    """With what that neck holds, or nearly."""
-    return " or ".join(_remedy_texts(post)) or "give shallower cuts, or a larger stock for a thicker neck"
+    """With what that neck holds, or nearly; another one where no other was tried."""
+    other = ["holding.diameter = 0 finds a neck"] if len(post["necks"]) == 1 else []
+    return (
+        " or ".join([*other, *_remedy_texts(post)])
+        or "give shallower cuts, or a larger stock for a thicker neck"
+    )
 
 
 def _remedy_texts(post: Mapping[str, Any]) -> list[str]:

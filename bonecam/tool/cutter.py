@@ -16,6 +16,8 @@ from bonecam.job.tool_section import misfit
 from bonecam.machine.frustum import Frustum, stack_length
 from bonecam.tool.enveloping_ball import EnvelopingBall, enveloping_ball
 
+REST_SHARE = 0.2
+"""Of its radius, that a ball may take in one step of a rest path: 0.4 mm for one of 2 mm."""
 TANGENTS = 9
 """Cones that stand for the corner of a bull nose from its bottom to its side, both included: they touch it, and are
 0.5 % of its radius off between."""
@@ -120,6 +122,11 @@ class Cutter:
             corner_radius={"ball": None, "bull": job.corner_radius, "flat": 0.0}[job.shape],
             lead=cls.lead if job.shape == "ball" else float(np.radians(job.lead_deg)),
         )
+
+    def rest_depth(self, limit: float, outer: float) -> float:
+        """Depth (mm) of the steps of rest paths before a cut of the depth `limit`, which follows them: as much as the
+        cut outside that takes, which the holding bears with `limit` left on the part, or as the ball bears."""
+        return max(limit, min(outer, REST_SHARE * self.radius))
 
     @property
     def is_bull(self) -> bool:

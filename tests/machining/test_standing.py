@@ -1,9 +1,10 @@
-"""A part that stands on the neck that is found for it has depths of cuts that this bears."""
+"""A part that stands on a neck has depths of cuts that this bears, or is refused before it is planned."""
 
 from pathlib import Path
 
 import pytest
 
+from bonecam.errors import BonecamError
 from bonecam.job import Job
 from bonecam.machine.machine import read_machine
 from bonecam.machining.standing import stand_part
@@ -28,11 +29,11 @@ HELD = {
     [
         (Job(), True),
         (Job(levels={"finishing_levels": 2}), False),
-        (Job(holding=HELD), False),
+        (Job(holding=HELD), True),
         (Job(holding=HELD, levels={"depths": "found"}), True),
     ],
 )
-def test_depths_are_found_with_the_neck_or_where_they_are_asked_for(job: Job, found: bool) -> None:
+def test_depths_are_found_where_they_are_left_open_whoever_chose_the_neck(job: Job, found: bool) -> None:
     standing = stand_part(PHALANX, job, read_machine(job.nc.machine), StageTimes(), silent)
     assert ("depths_found" in standing.post) == found
     levels = standing.job.levels
@@ -42,3 +43,9 @@ def test_depths_are_found_with_the_neck_or_where_they_are_asked_for(job: Job, fo
         assert levels.scallop_share > 0
     else:
         assert levels == job.levels
+
+
+def test_a_neck_that_breaks_is_refused_with_one_that_is_found_for_a_remedy() -> None:
+    thin = Job(holding=HELD | {"diameter": 2.0})
+    with pytest.raises(BonecamError, match=r"the neck does not hold.*2 x 3 mm.*holding\.diameter = 0"):
+        stand_part(PHALANX, thin, read_machine(thin.nc.machine), StageTimes(), silent)

@@ -19,6 +19,7 @@ from bonecam.report.mechanics_lines import post_lines
 from bonecam.report.warnings import (
     check_warnings,
     header_texts,
+    holding_warnings,
     repair_warnings,
     spindle_warnings,
     warnings_of,
@@ -39,7 +40,7 @@ NECK = {
     "left_mm2": 50.0,
 }
 GIVES_WAY = {
-    "necks": [{**NECK, "holds": False}],
+    "necks": [{**NECK, "holds": False}, {**NECK, "diameter_mm": 8.0, "holds": False}],
     "neck_wanted": {"shift_um": 16.0, "stress_mpa": 83.3, "first_hz": 1000.0},
     "holds_with": [{"change": 'holding.tailstock = "pin"', **NECK, "shift_um": 15.0, "holds": True}],
 }
@@ -51,6 +52,17 @@ CASES: dict[str, dict[str, Any]] = {
     "fit": {"surface": {"tolerance_reached": False, "deviation_max_mm": 0.6, "tolerance_mm": 0.08}},
     "slender": {"post": {"diameter_mm": 2.0, "length_mm": 200.0}},
 }
+
+
+def test_a_neck_that_would_yield_is_refused_though_its_error_may_be_kept() -> None:
+    neck = {**NECK, "shift_p99_um": 20.0, "holds": False}
+    for stress, refused in ((160.0, False), (170.0, True)):
+        post = {**GIVES_WAY, "necks": [{**neck, "stress_mpa": stress}]}
+        warned = list(holding_warnings(post, JOB))
+        assert any(one.refused for one in warned) == refused
+        assert all("holding.diameter = 0 finds a neck" in one.remedy for one in warned), (
+            "the job states this one"
+        )
 
 
 @pytest.mark.parametrize("code", CASES)
@@ -164,7 +176,7 @@ def test_warnings_stand_first_in_report_summary_page_and_sheet(
     assert next(iter(made.report)) == "warnings"
     kept = json.loads((folder / "keep" / "report.json").read_text(encoding="utf-8"))["warnings"]
     assert kept == made.report["warnings"]
-    assert {warned["code"] for warned in kept} == {"bending", "slender"}
+    assert {warned["code"] for warned in kept} == {"bending", "holding", "slender"}
     assert made.summary.startswith("warning   ")
     assert "; WARNING: THE POST IS SLENDER: 3 X 54 MM" in made.program.text
     for warned in kept:

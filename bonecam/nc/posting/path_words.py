@@ -40,8 +40,9 @@ class Posted:
 
     `approaches` (r, 5) are the words from which each run is approached along the tool axis, above everything
     machined. `minutes` (n,) is the time of the move that arrives at each row; where a run begins, the time in
-    which the rotary axes get there. `axis_minutes` (n,) is what its slowest axis needs at least. The control follows
-    the words by the `rule` of its dialect, within the tolerances that it is told.
+    which the rotary axes get there. Rapids that the control drives as such are as fast as the axes. `axis_minutes` (n,)
+    is what its slowest axis needs at least. The control follows the words by the `rule` of its dialect, within the
+    tolerances that it is told.
     """
 
     path: ToolPath
@@ -75,11 +76,8 @@ class Posted:
     @cached_property
     def driven_minutes(self) -> Float[ndarray, "n"]:
         """Minutes of the move that arrives at each row, as the axes drive it: `minutes` where the machine's
-        accelerations are not known, and where a run starts, off the part. Rapids that the control drives as such are as
-        fast as the axes."""
-        fast = (self.moves.kinds == MoveKind.RAPID) & self.dialect.straight_rapids
-        known = self.control.machine.knows_accelerations
-        minutes = np.where(fast & known, self.axis_minutes, self.minutes)
+        accelerations are not known, and where a run starts, off the part."""
+        minutes = self.minutes.copy()
         for first, end in self.runs:
             after = slice(first + 1, end)
             minutes[after] = motion_minutes(
@@ -149,7 +147,8 @@ def post_path(
         look_ahead=dialect.look_ahead,
         parabolic=dialect.corners == "parabolic",
     )
-    feed = np.where(moves.kinds == MoveKind.RAPID, job.nc.rapid_feed, moves.feed_rates)
+    rapid = np.inf if dialect.straight_rapids else job.nc.rapid_feed
+    feed = np.where(moves.kinds == MoveKind.RAPID, rapid, moves.feed_rates)
     minutes = np.maximum(fastest, lengths / feed)
     minutes[0] = 0.0
     minutes[starts] = fastest[starts]

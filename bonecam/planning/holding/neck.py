@@ -13,6 +13,7 @@ import numpy as np
 
 from bonecam.errors import BonecamError
 from bonecam.job import Job, field_error
+from bonecam.job.materials.preset import read_material
 from bonecam.machine.limits import MachineLimits
 from bonecam.planning.estimate import LayersToCut
 from bonecam.planning.holding.neck_figures import Neck, neck_figures
@@ -44,14 +45,18 @@ SHOWN = 3
 
 def find_standing(setup: Setup, job: Job, limits: MachineLimits) -> tuple[Setup, Job, tuple[Neck, ...]]:
     """Setup and job with the stub, neck, length and height of a tailstock that the job leaves open; and the best of
-    the necks that were tried, the one that is taken first, if any were."""
+    the necks that were tried, the one that is taken first: that of the job alone where it states one. None where
+    nothing is known of how stiff its material is."""
     job = replace(job, holding=settled_stub(job.holding, setup.stock.diameter))
     necks: tuple[Neck, ...] = ()
     layers = LayersToCut.between(setup.part.mesh, setup.stock.mesh(STOCK_CHORD))
     if not job.holding.diameter:
         setup, job, necks = _standing_on_best(setup, job, limits, layers)
-    elif not job.holding.length:
-        setup, job = find_post_length(setup, job, limits)
+    else:
+        if not job.holding.length:
+            setup, job = find_post_length(setup, job, limits)
+        if read_material(job.material.name).stiffness is not None:
+            necks = (neck_figures(setup, job, limits, layers),)
     vertices = setup.stock.mesh(STOCK_CHORD).vertices
     job = replace(job, holding=settled_height(job.holding, setup.post.pin, vertices))
     return setup, job, necks

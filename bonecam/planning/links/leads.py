@@ -97,12 +97,12 @@ def led_links(
 
 
 def with_arcs(space: LinkSpace, link: LinkMoves, out: Polyline | None, into: Polyline | None) -> LinkMoves:
-    """A link between the far ends of arcs, with them; the one to the cut goes at the feed of cuts at most."""
+    """A link between the far ends of arcs, with them, at the feed of cuts at most."""
     moves = [link]
+    feed = min(space.feeds.link, space.checker.cutter.feed)
     if out is not None:
-        moves.insert(0, moves_of(MoveKind.LINK, *out, space.feeds.link))
+        moves.insert(0, moves_of(MoveKind.LINK, *out, feed))
     if into is not None:
-        feed = min(space.feeds.link, space.checker.cutter.feed)
         moves.append(moves_of(MoveKind.LINK, into[0][::-1], into[1][::-1], feed))
     return without_rests(join_moves(moves))
 

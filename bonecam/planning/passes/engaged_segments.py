@@ -7,7 +7,7 @@ fillet.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -50,18 +50,24 @@ class Lines:
 
 @dataclass(frozen=True)
 class DepthLimits:
-    """The largest depth (`limit`) of a cut, what it may be deeper where the cutter before left a `scallop`, and
-    the `least` depth that is worth a cut, mm."""
+    """The largest depth (`limit`) of a cut, what it may be deeper where the cutter before left a `scallop`, the
+    `least` depth that is worth a cut, and the depth of the steps of rest paths where they may be deeper, mm."""
 
     limit: float = np.inf
     scallop: float = 0.0
     least: float = 0.0
+    step: float = 0.0
 
     @property
     def deepest(self) -> float:
         """The largest depth that may be measured at a contact, mm. One at which the ball is deeper is left out where
         no step could be cut before it."""
         return self.limit + self.scallop + UNCERTAIN
+
+    @property
+    def of_step(self) -> "DepthLimits":
+        """The depths of a step of a rest path."""
+        return replace(self, limit=max(self.limit, self.step))
 
 
 Run = tuple[Int[ndarray, " _"], Float[ndarray, "_ 3"], int]

@@ -1,9 +1,9 @@
 """Rest paths: what stands too deep for a level's own passes is taken before them, in steps within the limit.
 
 A larger ball leaves fillets in hollows and round the post, where the ball of a level would enter the material
-deeper than allowed. The first rest path goes over these places with its ball raised until it enters by no more than
-the limit; each further one lets every ball come down by the limit on the straight line to its contact. What a ball
-enters by is then the limit at most: all of it is so near to where the ball was before. Of the patterns that may be
+deeper than allowed. A rest path goes over these places with its ball raised until it enters by no more than a step,
+and leaves half of what the level's own cut may take; so does the next one over what is still too deep behind it. A
+step may be deeper than the level's cut, which alone decides the error that is kept. Of the patterns that may be
 taken, the paths follow the one that takes less time: in a fillet round a pole rings, in a groove lines along it.
 """
 
@@ -73,24 +73,33 @@ def too_deep(candidates: CandidateContacts, material: InProcessStock, allowed: D
     return bool((candidates.depths(material)[candidates.usable] > allowed.deepest).any())
 
 
-def rest_contacts(
-    patterns: Sequence[CandidateContacts],
-    material: InProcessStock,
-    allowed: DepthLimits,
-    turn_speed: float = np.inf,
-) -> list[ContactPath]:
-    """The contacts of the rest paths of a level, whose contacts in several patterns are given; none where nothing is
-    too deep. `turn_speed` (rad/min) is that of the axis that changes the azimuth."""
-    first = [_first(candidates, material, allowed) for candidates in patterns]
-    first = [step for step in first if step.runs]
-    if not first:
-        return []
-    step = min(first, key=lambda step: step.minutes(turn_speed))
-    paths: list[ContactPath] = []
-    while step.runs:
-        paths.append(_contact_path(_gouge_free(step), allowed, len(paths) + 1))
-        step = _next(step, allowed.limit)
-    return [path for path in paths if len(path.contacts)]
+@dataclass(eq=False)
+class RestMachining:
+    """The rest paths of a level, whose contacts in several patterns are given, one step at a time: each from the
+    material that the steps before it have left. `turn_speed` (rad/min) is that of the axis that changes the azimuth."""
+
+    patterns: Sequence[CandidateContacts]
+    allowed: DepthLimits
+    turn_speed: float = np.inf
+    taken: int = 0
+
+    def __post_init__(self) -> None:
+        self.depths = [np.full(len(each.centres), np.inf) for each in self.patterns]
+
+    def contacts(self, material: InProcessStock) -> ContactPath | None:
+        """The contacts of the next step; None where nothing is too deep, or what is has come no nearer since the step
+        before: its ball does not get there."""
+        before, self.depths = self.depths, [each.depths(material) for each in self.patterns]
+        steps = [
+            _step(candidates, material, self.allowed, depth, depth < last - UNCERTAIN)
+            for candidates, depth, last in zip(self.patterns, self.depths, before, strict=True)
+        ]
+        steps = [step for step in steps if step.runs]
+        if not steps:
+            return None
+        step = min(steps, key=lambda step: step.minutes(self.turn_speed))
+        self.taken += 1
+        return _contact_path(_gouge_free(step), self.allowed, self.taken)
 
 
 def after_steps(path: ContactPath, material: InProcessStock, allowed: DepthLimits) -> ContactPath:
@@ -109,31 +118,27 @@ def after_steps(path: ContactPath, material: InProcessStock, allowed: DepthLimit
     return replace(path.take(kept), pass_index=np.r_[0, np.cumsum(~goes_on)][: len(kept)])
 
 
-def _first(candidates: CandidateContacts, material: InProcessStock, allowed: DepthLimits) -> RestStep:
-    """The first step on the lines of one pattern."""
-    depth = candidates.depths(material)
-    deep = candidates.usable & (depth > allowed.deepest)
+def _step(
+    candidates: CandidateContacts,
+    material: InProcessStock,
+    allowed: DepthLimits,
+    depth: Float[ndarray, " n"],
+    asked: Bool[ndarray, " n"],
+) -> RestStep:
+    """The step on the lines of one pattern, whose balls would enter by this `depth`, to what is `asked` for: it leaves
+    half of what the level's own cut may take."""
+    deep = candidates.usable & asked & (depth > allowed.deepest)
+    step = allowed.of_step.limit
     runs = _runs(candidates, deep)
-    cut = np.clip(depth, 0.0, allowed.limit)
+    cut = np.clip(depth - allowed.limit / 2, 0.0, step)
     for run in runs:
-        cut[run] = np.minimum(cut[run], allowed.limit * _share(deep[run]))
+        cut[run] = np.minimum(cut[run], step * _share(deep[run]))
     index = np.concatenate([np.zeros(0, dtype=np.int64), *runs])
     raised = np.zeros((len(depth), 3))
     raised[index] = _raised(
         candidates.centres[index], candidates.cutter.envelope_radius, material, cut[index]
     )
     return RestStep(candidates, runs, depth, raised)
-
-
-def _next(step: RestStep, limit: float) -> RestStep:
-    """The step after one: every ball comes down by the limit."""
-    height = np.linalg.norm(step.raised, axis=1)
-    share = np.maximum(height - limit, 0.0) / np.maximum(height, np.finfo(float).tiny)
-    in_runs = np.zeros(len(height), dtype=bool)
-    in_runs[np.concatenate(step.runs)] = True
-    runs = _runs(step.candidates, in_runs & (share > 0))
-    depth = np.where(in_runs, height, step.depth)
-    return RestStep(step.candidates, runs, depth, share[:, None] * step.raised)
 
 
 def _runs(candidates: CandidateContacts, deep: Bool[ndarray, " n"]) -> list[Int[ndarray, " _"]]:
@@ -201,6 +206,6 @@ def _contact_path(step: RestStep, allowed: DepthLimits, number: int) -> ContactP
     """The contacts of a step, its runs entered on ramps."""
     candidates = step.candidates
     lines = candidates.lines
-    runs = entered_runs(lines, step.runs, step.depth, step.raised, allowed.limit)
+    runs = entered_runs(lines, step.runs, step.depth, step.raised, allowed.of_step.limit)
     segments = engaged_segments_of(in_turn(lines, runs))
     return replace(candidates.path_of(segments), rest=number)

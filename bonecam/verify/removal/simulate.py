@@ -161,6 +161,8 @@ class _Simulation:
             move = move_through(place, pieces, cutter.envelope_radius)
             deepest = self._spot(float(depths.depths[depths.deepest]), move, place)
         limit = self.limits.get(group.level) if group.level is not None else None
+        if limit is not None and group.level is not None and group.level >= 0 and group.rest:
+            limit = cutter.rest_depth(limit, self.limits.get(group.level + 1, limit))
         links = group.moves[self.motions.links[group.moves]]
         removed = self.sweeping.volumes
         air, rubbing = time_shares(group.moves, self.minutes, removed, self.motions, cutter.radius)

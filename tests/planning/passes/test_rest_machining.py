@@ -13,12 +13,12 @@ from bonecam.material.in_process_stock import remove_material, uncut_material
 from bonecam.mesh.distance import MeshDistance
 from bonecam.planning.passes.contacts import candidate_contacts, contact_path
 from bonecam.planning.passes.engaged_segments import UNCERTAIN, DepthLimits
-from bonecam.planning.passes.rest_machining import ENTRY, _first, after_steps, rest_contacts, too_deep
+from bonecam.planning.passes.rest_machining import ENTRY, RestMachining, _step, after_steps, too_deep
 from bonecam.setup.capsule import Capsule
 from bonecam.tool.path import MoveKind
 from bonecam.workholding.post import post_below
 
-LIMIT = 0.15
+LIMIT = 0.11
 SCALLOP = 0.03
 JOB = PathJob(pattern="round")
 
@@ -65,26 +65,61 @@ def allowed():
 
 
 @pytest.fixture(scope="module")
-def rest(roughed, allowed):
-    _, candidates, material = roughed
-    return rest_contacts([candidates], material, allowed)
+def rest(roughed, allowed, cut):
+    """The steps of a level, each with the material before it."""
+    part, candidates, material = roughed
+    return steps_of(RestMachining([candidates], allowed), material, lambda *now: cut(now[0], part, now[1]))
 
 
-def test_no_ball_of_a_rest_path_is_deeper_than_the_limit(roughed, rest, cut):
-    part, _, material = roughed
+def steps_of(machining, material, cut):
+    steps = []
+    while (path := machining.contacts(material)) is not None:
+        steps.append((path, material))
+        material = cut(material, path)
+    return steps
+
+
+def step_of(candidates, material, allowed):
+    depth = candidates.depths(material)
+    return _step(candidates, material, allowed, depth, np.ones(len(depth), dtype=bool))
+
+
+def test_no_ball_of_a_rest_path_is_deeper_than_its_step(rest):
     assert len(rest) >= 2
-    for path in rest:
+    for path, material in rest:
         depth, _ = material.depths(path.centres, path.cutter.radius)
         assert depth.max() < LIMIT + UNCERTAIN
         assert depth.max() > 0.5 * LIMIT
-        material = cut(material, part, path)
+
+
+def test_deeper_steps_are_fewer_and_leave_the_cut_of_the_level(roughed, rest, allowed, cut):
+    part, candidates, material = roughed
+    deeper = replace(allowed, step=2 * LIMIT)
+    steps = steps_of(RestMachining([candidates], deeper), material, lambda *now: cut(now[0], part, now[1]))
+    assert 0 < len(steps) < len(rest)
+    path, before = steps[0]
+    assert (
+        LIMIT + UNCERTAIN < before.depths(path.centres, path.cutter.radius)[0].max() < 2 * LIMIT + UNCERTAIN
+    )
+    path, before = steps[-1]
+    after = cut(before, part, path)
+    assert not too_deep(candidates, after, allowed)
+    deep = candidates.usable & (candidates.depths(before) > deeper.deepest)
+    assert (candidates.depths(after)[deep] > 0.3 * LIMIT).all(), "the level's own cut is not taken before it"
+
+
+def test_what_no_step_brings_nearer_is_not_asked_again(roughed, allowed):
+    _, candidates, material = roughed
+    machining = RestMachining([candidates], allowed)
+    assert machining.contacts(material) is not None
+    assert machining.contacts(material) is None
 
 
 def test_after_the_rest_paths_nothing_is_too_deep(roughed, rest, allowed, cut):
     part, candidates, material = roughed
     assert too_deep(candidates, material, allowed)
-    for path in rest:
-        material = cut(material, part, path)
+    path, before = rest[-1]
+    material = cut(before, part, path)
     assert not too_deep(candidates, material, allowed)
     own = contact_path(candidates, material, allowed)
     assert material.depths(own.centres, own.cutter.radius)[0].max() < allowed.deepest
@@ -94,13 +129,13 @@ def test_rest_paths_stay_where_something_is_too_deep(roughed, rest, allowed):
     _, candidates, material = roughed
     deep = candidates.usable & (candidates.depths(material) > allowed.deepest)
     highest = candidates.contacts[deep][:, 2].max()
-    assert all(path.contacts[:, 2].max() < highest + 1.0 for path in rest)
-    assert sum(len(path.contacts) for path in rest) < len(candidates.contacts)
+    assert all(path.contacts[:, 2].max() < highest + 1.0 for path, _ in rest)
+    assert sum(len(path.contacts) for path, _ in rest) < len(candidates.contacts)
 
 
 def test_no_ball_of_a_rest_path_enters_the_part(roughed, rest):
     part, candidates, _ = roughed
-    for path in rest:
+    for path, _ in rest:
         joined = np.flatnonzero(path.pass_index[1:] == path.pass_index[:-1])
         for share in (0.0, 0.5):
             places = (1 - share) * path.centres[joined] + share * path.centres[joined + 1]
@@ -111,7 +146,7 @@ def test_no_ball_of_a_rest_path_enters_the_part(roughed, rest):
 def test_a_turn_that_takes_longer_than_the_way_counts(roughed, allowed):
     """Rings round the part: a whole turn each, however short they are."""
     _, candidates, material = roughed
-    step = _first(candidates, material, allowed)
+    step = step_of(candidates, material, allowed)
     fast = step.minutes(np.inf)
     ways = sum(np.linalg.norm(np.diff(candidates.centres[run], axis=0), axis=1).sum() for run in step.runs)
     assert fast == pytest.approx(ways / candidates.cutter.feed + ENTRY * len(step.runs), rel=0.1)
@@ -130,32 +165,33 @@ def test_the_pattern_that_takes_less_time_is_taken(roughed, allowed, holding):
     lines = candidate_contacts(part, obstacles, rings.cutter, post, PathJob(pattern="along"))
     patterns = [lines, rings]
     for speed in (np.inf, 0.01):
-        minutes = [_first(one, material, allowed).minutes(speed) for one in patterns]
+        minutes = [step_of(one, material, allowed).minutes(speed) for one in patterns]
         soonest = patterns[int(np.argmin(minutes))]
-        taken = rest_contacts(patterns, material, allowed, speed)[0]
+        taken = RestMachining(patterns, allowed, speed).contacts(material)
         away, _ = KDTree(soonest.contacts).query(taken.contacts)
         assert away.max() < 1e-9
     assert np.argmin(minutes) == 0
 
 
-def test_rest_paths_are_numbered_and_begin_in_air(roughed, rest):
-    _, _, material = roughed
-    assert [path.rest for path in rest] == list(range(1, len(rest) + 1))
-    begins = np.r_[0, np.flatnonzero(np.diff(rest[0].pass_index)) + 1]
-    depth, _ = material.depths(rest[0].centres[begins], rest[0].cutter.radius)
+def test_rest_paths_are_numbered_and_begin_in_air(rest):
+    assert [path.rest for path, _ in rest] == list(range(1, len(rest) + 1))
+    path, material = rest[0]
+    begins = np.r_[0, np.flatnonzero(np.diff(path.pass_index)) + 1]
+    depth, _ = material.depths(path.centres[begins], path.cutter.radius)
     assert depth.max() < 0.3 * LIMIT
 
 
-def test_where_a_step_was_left_out_the_steps_and_the_passes_after_it_are_too(roughed, rest, allowed, cut):
-    part, candidates, material = roughed
-    begun = cut(material, part, rest[0])
-    whole = after_steps(rest[1], begun, allowed)
-    assert np.array_equal(whole.centres, rest[1].centres)
-    assert np.array_equal(whole.pass_index, rest[1].pass_index)
-    last = after_steps(rest[-1], material, allowed)
-    assert 0 < len(last.contacts) < len(rest[-1].contacts)
+def test_where_a_step_is_too_deep_it_is_left_out_and_so_are_the_passes_after_it(roughed, rest, allowed):
+    _, candidates, material = roughed
+    path, before = rest[1]
+    whole = after_steps(path, before, allowed)
+    assert np.array_equal(whole.centres, path.centres)
+    assert np.array_equal(whole.pass_index, path.pass_index)
+    path, _ = rest[-1]
+    last = after_steps(path, material, allowed)
+    assert 0 < len(last.contacts) < len(path.contacts)
     assert material.depths(last.centres, last.cutter.radius)[0].max() <= allowed.deepest
-    index = [np.flatnonzero((rest[-1].centres == centre).all(axis=1))[0] for centre in last.centres]
+    index = [np.flatnonzero((path.centres == centre).all(axis=1))[0] for centre in last.centres]
     same = np.diff(last.pass_index) == 0
     assert (np.diff(index)[same] == 1).all()
     own = contact_path(candidates, material, allowed, allowed.deepest)
@@ -163,15 +199,14 @@ def test_where_a_step_was_left_out_the_steps_and_the_passes_after_it_are_too(rou
     assert own.reasons.count("covered") > contact_path(candidates, material, allowed).reasons.count("covered")
 
 
-def test_a_pass_ends_before_a_ridge_that_its_ball_would_cut_through(roughed, rest, allowed):
-    _, _, material = roughed
-    contacts = rest[0].take(np.flatnonzero(rest[0].pass_index == rest[0].pass_index[0]))
-    opposite = np.argmax(np.linalg.norm(contacts.centres - contacts.centres[0], axis=1))
-    across = contacts.take(np.array([0, 1, opposite]))
+def test_a_pass_ends_before_a_ridge_that_its_ball_would_cut_through(rest, allowed):
+    path, material = rest[0]
+    opposite = np.argmax(np.linalg.norm(path.centres - path.centres[0], axis=1))
+    across = replace(path.take(np.array([0, 1, opposite])), pass_index=np.zeros(3, dtype=np.int64))
     assert material.depths(across.centres, across.cutter.radius)[0].max() < allowed.deepest
     assert after_steps(across, material, allowed).pass_index.tolist() == [0, 0, 1]
 
 
 def test_there_is_no_rest_where_nothing_is_too_deep(roughed):
     _, candidates, material = roughed
-    assert rest_contacts([candidates], material, DepthLimits(1.0)) == []
+    assert RestMachining([candidates], DepthLimits(1.0)).contacts(material) is None
