@@ -31,7 +31,7 @@ LENGTH_FACTOR = 1.2
 """Passes of programs are 1.04 to 1.39 times as long."""
 BLOCK_FACTOR, BLOCKS_A_LEVEL = 2.0, 200
 """Programs have so many blocks a move, and for links and lead arcs of each level so many more."""
-TIME_FACTOR, MINUTES_A_LEVEL = 1.61, 0.15
+TIME_FACTOR, MINUTES_A_LEVEL = 1.4, 0.13
 """Programs take so many times as long as evenly spread passes at the cutter's feed, and for the links and approaches of
 each level so much longer; rest paths in hollows (`chosen_cutters.py`) are left out."""
 SECONDS_A_LEVEL, SECONDS_A_BLOCK = 2.0, 0.0022

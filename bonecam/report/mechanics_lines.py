@@ -75,6 +75,11 @@ def cutter_lines(cutters: Mapping[str, Any] | None) -> Iterator[str]:
         bends = f"{one['shift_um']:5.1f} {one['stress_mpa']:5.0f}"
         yield f"          {name:{width}} {one['minutes']:5.1f} {left} {bends}{told}"
     yield f"          foretold; the best of {cutters['tried']} sets"
+    if "finer" in cutters:
+        stays = f"{sets[0]['left_mm']:.2f} mm stay in {sets[0]['left_mm2']:.1f} mm2 of hollows"
+        finer = cutters["finer"]
+        less = f"{finer['left_mm']:.2f} mm in {finer['left_mm2']:.1f} mm2 for {finer['minutes']:.1f} min more"
+        yield f"          {stays}: fine.preset = {finer['preset']} would leave {less}"
 
 
 def post_lines(post: Mapping[str, Any] | None) -> Iterator[str]:

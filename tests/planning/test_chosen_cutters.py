@@ -59,8 +59,7 @@ def test_what_a_ball_leaves_in_a_groove_is_the_closing_by_it() -> None:
         assert hollows.deeper(radius, 1e-4) == pytest.approx(band, rel=0.12)
     assert not hollows.clean(0.5)
     thirds = hollows.deeper(1.0, SHALLOW) + hollows.deeper(1.0, 0.15) + hollows.deeper(1.0, 0.3)
-    assert hollows.steps(1.0, 0.15, at_post=False) == pytest.approx(thirds)
-    assert hollows.steps(1.0, 0.15, at_post=True) < hollows.steps(3.0, 0.15, at_post=True)
+    assert hollows.steps(1.0, 0.15) == pytest.approx(thirds)
 
 
 @pytest.mark.whole
@@ -81,6 +80,11 @@ def test_of_a_shop_s_list_the_best_set_is_taken_and_told(phalanx: Setup, tmp_pat
     assert best["holds"]
     lines = list(cutter_lines(told))
     assert " / ".join(best[name] for name in chosen.cutter_names) in lines[1]
+    finer = told["finer"]
+    assert finer["radius_mm"] < 1.0
+    assert finer["left_mm"] <= best["left_mm"] / 2 + 0.005
+    assert finer["left_mm2"] < best["left_mm2"]
+    assert f"fine.preset = {finer['preset']} would leave" in lines[-1]
 
     with_one, _ = with_chosen_cutters(phalanx, job.with_values(roughing={"radius": 2.5}), LIMITS)
     assert (with_one.roughing.radius, with_one.roughing.preset) == (2.5, "")

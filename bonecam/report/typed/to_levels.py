@@ -169,13 +169,24 @@ class CutterSetFigures(TypedDict):
     holds: bool
 
 
+class FinerFigures(TypedDict):
+    """A finer ball, what it would leave in hollows, and the minutes that it would take."""
+
+    preset: str
+    radius_mm: float
+    left_mm2: float
+    left_mm: float
+    minutes: float
+
+
 class CutterFigures(TypedDict):
-    """The best sets of so many that were tried, the one that is taken first; and the best with the catalogue's cutters,
-    where these would be worth it."""
+    """The best sets of so many that were tried, the one that is taken first; the best with the catalogue's cutters,
+    where these would be worth it; and a `finer` ball that would leave half as much in hollows."""
 
     sets: list[CutterSetFigures]
     tried: int
     more: NotRequired[CutterSetFigures]
+    finer: NotRequired[FinerFigures]
 
 
 class ShorteningFigures(TypedDict):
