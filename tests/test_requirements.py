@@ -115,12 +115,23 @@ def no_work(monkeypatch: pytest.MonkeyPatch) -> None:
             {
                 "roughing": {"overhang": 400.0, "holder_diameter": 20.0},
                 "holding": {"diameter": 4.0, "length": 107.0},
+                "levels": {"roughing_depth": 0.5},
+                "mechanics": {"refuse": False},
             },
             r"539 mm are needed along Z, its travel is 450 mm: .* a shorter post or tool",
         ),
         (
-            {"stock": {"length": 390.0, "diameter": 20.0}, "holding": {"diameter": 4.0, "length": 107.0}},
+            {
+                "stock": {"length": 390.0, "diameter": 20.0},
+                "holding": {"diameter": 4.0, "length": 107.0},
+                "levels": {"roughing_depth": 0.5},
+                "mechanics": {"refuse": False},
+            },
             "mm are needed along Z, its travel is 450 mm",
+        ),
+        (
+            {"holding": {"diameter": 4.0, "length": 107.0}},
+            r"the neck does not hold: .* that of 4 x 107 mm .*: holding\.diameter = 0 finds a neck or holds with",
         ),
         (
             {"stock": {"offset_x": 40.0}},

@@ -86,7 +86,7 @@ def test_cuts_faster_than_a_slower_spindle_allows_stay_cuts_and_are_slowed(
 
 def test_moves_as_fast_as_links_are_links_where_no_mark_tells(part: Path, tmp_path: Path) -> None:
     paths = apt(tmp_path)
-    lines = paths.read_text().replace("300.0", "5000.0").splitlines()
+    lines = paths.read_text().replace("300.0", f"{JOB.nc.link_feed}").splitlines()
     lines.insert(len(lines) - 5, "FEDRAT/MMPM,300.0")
     paths.write_text("\n".join(lines))
     made = bonecam.post(paths, part, JOB)
