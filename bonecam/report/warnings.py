@@ -120,10 +120,13 @@ def repair_warnings(width: float, guessed: float, job: Job, changes: Iterable[st
 
 def holding_warnings(post: Sections, job: Job, kept: float | None = None) -> Iterator[Warned]:
     """The neck that is taken, where none holds: told until it is known what 95 % of the surface keep (`kept`, um), or
-    if that is more than LARGEST_KEPT. Refused where a hundredth of the surface would keep too large an error."""
+    if that is more than LARGEST_KEPT; one that the job states only until then. Refused where a hundredth of the
+    surface would keep too large an error, or it would yield."""
     taken = next(iter(post.get("necks", ())), None)
     if taken is None or taken["holds"] or (kept is not None and kept <= LARGEST_KEPT):
         return
+    if kept is not None and len(post["necks"]) == 1:
+        return  # the job states it: what it keeps is told as bending
     told, most = UM * job.warnings.error, UM * job.mechanics.largest_error / FORETOLD_P99
     refused = most if kept is None and job.mechanics.refuse else None
     shift = taken["shift_p99_um"]

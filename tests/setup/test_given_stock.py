@@ -79,6 +79,7 @@ def test_a_kept_run_is_repeated_from_its_folder(stock: Stock | TriangleMesh, tmp
     job = Job().with_values(
         surface={"tolerance": 0.2},
         holding={"diameter": 4.0, "length": 20.0},
+        mechanics={"refuse": False},
         levels={
             "roughing_depth": 1.5,
             "finishing_levels": 1,

@@ -76,7 +76,7 @@ def test_the_command_line_names_the_patch(
     out.mkdir()
     write_mesh(Capsule(np.array([0.0, 0, 2.5]), np.array([0.0, 0, 7.5]), 2.5).mesh(0.05), part)
     files = [str(part), "-o", str(out / "bone.h"), "--keep", str(out / "keep")]
-    job = ("surface.tolerance=0.2", "holding.diameter=3", "holding.length=60")
+    job = ("surface.tolerance=0.2", "holding.diameter=3", "holding.length=60", "mechanics.refuse=false")
     assert main(["convert", *files, "-q", *(word for value in job for word in ("--set", value))]) == 2
     assert "failed_level_07.ply shows it" in capsys.readouterr().err
     assert [item.name for item in out.iterdir()] == ["keep"]
