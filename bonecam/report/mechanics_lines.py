@@ -150,7 +150,7 @@ def neck_text(post: Mapping[str, Any]) -> str:
 
 def neck_remedy_text(post: Mapping[str, Any]) -> str:
     """With what that neck holds, or nearly; another one where no other was tried."""
-    other = ["holding.diameter = 0 finds a neck"] if len(post["necks"]) == 1 else []
+    other = ["give holding.diameter = 0, which finds one"] if len(post["necks"]) == 1 else []
     return (
         " or ".join([*other, *_remedy_texts(post)])
         or "give shallower cuts, or a larger stock for a thicker neck"

@@ -60,7 +60,7 @@ def test_a_neck_that_would_yield_is_refused_though_its_error_may_be_kept() -> No
         post = {**GIVES_WAY, "necks": [{**neck, "stress_mpa": stress}]}
         warned = list(holding_warnings(post, JOB))
         assert any(one.refused for one in warned) == refused
-        assert all("holding.diameter = 0 finds a neck" in one.remedy for one in warned), (
+        assert all("give holding.diameter = 0, which finds one" in one.remedy for one in warned), (
             "the job states this one"
         )
 

@@ -83,7 +83,9 @@ def test_levels_are_made_where_there_is_nothing_of_unix(tmp_path: Path) -> None:
         Capsule(np.array([0.0, 0, 2.5]), np.array([0.0, 0, 7.5]), 2.5).mesh(0.05), tmp_path / "bone.ply"
     )
     sizes = "surface.tolerance=0.2 stock.diameter=7 stock.length=11 holding.diameter=3 holding.length=60"
-    depths = "levels.roughing_depth=1 levels.finishing_levels=1 levels.finishing_depth=0.3"
+    depths = (
+        "levels.roughing_depth=1 levels.finishing_levels=1 levels.finishing_depth=0.3 mechanics.refuse=false"
+    )
     job = [word for setting in f"{sizes} {depths}".split() for word in ("--set", setting)]
     ended = subprocess.run(
         [sys.executable, "-c", ELSEWHERE, "levels", "bone.ply", "-o", "look", *job],
