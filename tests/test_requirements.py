@@ -131,7 +131,7 @@ def no_work(monkeypatch: pytest.MonkeyPatch) -> None:
         ),
         (
             {"holding": {"diameter": 4.0, "length": 107.0}},
-            r"the neck does not hold: .* that of 4 x 107 mm .*: give holding\.diameter = 0, which finds one or holds with",
+            r"the neck does not hold: .* that of 4 x 107 mm .*: give holding\.diameter = 0, which finds one",
         ),
         (
             {"stock": {"offset_x": 40.0}},
