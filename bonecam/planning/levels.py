@@ -147,7 +147,7 @@ class _Planning:
                 patterns = thread.submit(self._rest_patterns, level_contacts, allowed.scallop)
             smooth = level_axes(contacts, level, scene, self.limits, self.job.path, before=standing.smooth)
 
-        def cut(contacts: ContactPath, material: InProcessStock, explained: bool = False) -> Cut:
+        def cut(contacts: ContactPath, material: InProcessStock, own: bool = False) -> Cut:
             def oriented(contacts: ContactPath) -> ToolPath:
                 wanted = smooth.wanted_for(contacts) if smooth is not None else None
                 job = self.job
@@ -164,12 +164,10 @@ class _Planning:
                     wanted=wanted,
                     fixed=fixed,
                     material=material,
-                    explained=explained and fixed is None,
+                    explained=own and fixed is None,
                 )
 
-            return cut_within_depth(
-                contacts, material, level, allowed if explained else allowed.of_step, oriented
-            )
+            return cut_within_depth(contacts, material, level, allowed if own else allowed.of_step, oriented)
 
         rest: list[ToolPath] = []
         if patterns is not None:

@@ -41,7 +41,7 @@ R10 = (1.0, 1.25, 1.6, 2.0, 2.5, 3.15, 4.0, 5.0, 6.3, 8.0)
 
 def leaves_depths_open(job: Job, *, neck_found: bool) -> bool:
     """Whether depths are to be found: where the job asks for it, or, on levels that are not as published, states none
-    and has its neck found too (`neck_found`)."""
+    and it is known how its neck holds, found or stated (`neck_found`)."""
     morphs = job.path.strategy == "morph" and "published" not in (job.levels.method, job.path.pattern)
     return job.levels.found or (neck_found and morphs and job.levels.automatic)
 

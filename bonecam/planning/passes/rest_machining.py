@@ -1,4 +1,4 @@
-"""Rest paths: what stands too deep for a level's own passes is taken before them, in steps within the limit.
+"""Rest paths: what stands too deep for a level's own passes is taken before them, in steps that the ball bears.
 
 A larger ball leaves fillets in hollows and round the post, where the ball of a level would enter the material
 deeper than allowed. A rest path goes over these places with its ball raised until it enters by no more than a step,
@@ -103,7 +103,7 @@ class RestMachining:
 
 
 def after_steps(path: ContactPath, material: InProcessStock, allowed: DepthLimits) -> ContactPath:
-    """The contacts of a rest path but those where a step before it was left out: the ball would be too deep. A pass
+    """The contacts of a rest path but those at which the ball would still be too deep. A pass
     ends there, and where the straight way to its next contact is too deep: over a ridge that balls are raised out of
     to both sides. None where all of the path is in air."""
     radius = path.cutter.envelope_radius
