@@ -2,8 +2,8 @@
 
 ezdxf is no ACIS kernel: it knows flat faces with straight edges. A body with curved faces, or with holes in
 its faces, is refused whole rather than read in part. From a DXF come 3DFACE, MESH, POLYLINE meshes, 3DSOLID
-and BODY, those inside inserted blocks too. Where the header states a unit (SAT: mm a unit; DXF: $INSUNITS)
-the part comes back in mm; else its numbers stand.
+and BODY, those inside inserted blocks too; blocks of other files and clipped ones are refused. Where the header
+states a unit (SAT: mm a unit; DXF: $INSUNITS) the part comes back in mm; else its numbers stand.
 """
 
 from collections import Counter, deque
@@ -25,6 +25,9 @@ DXF = (".dxf",)
 """Endings of DXF files."""
 SOLIDS = ("3DSOLID", "BODY", "REGION", "SURFACE")
 """Entities of a DXF that hold an ACIS body."""
+
+MOST_INSERTED = 1_000_000
+"""Most faces that a DXF may insert by blocks, those of blocks within blocks counted each time: 0.4 GB in ezdxf."""
 
 Polygon = Sequence[Any]
 
@@ -147,36 +150,86 @@ def _linked(first: Any, link: str, *, ring: bool = False) -> Iterator[Any]:
 
 
 def _from_dxf(file: Path, others: Counter[str]) -> tuple[list[Polygon], float]:
-    """Polygons of the model space of a .dxf file and the mm of its unit, 0 where it states none; `others` counts
-    entities that are no faces by their kinds."""
+    """Polygons of the model space of a .dxf file and the mm of its unit, 0 where it states none; `others` counts by
+    their kinds what is no face, and blocks and layouts with faces that the model space does not show."""
     import ezdxf
-    from ezdxf.disassemble import recursive_decompose
     from ezdxf.units import MM, conversion_factor
+    from ezdxf.xclip import XClip
 
     drawing = ezdxf.readfile(file)
-    polygons: list[Polygon] = []
-    for entity in recursive_decompose(drawing.modelspace()):
-        own = _entity_polygons(file, entity)
-        if own is None:
-            others[entity.dxftype()] += 1
-        polygons += own or []
+    shown: dict[str, list[Polygon] | None] = {}
+    """Polygons of each block, those of the blocks in it too; None of one that is being read."""
+    inserted = 0
+
+    def polygons_of(block: Any) -> list[Polygon]:
+        nonlocal inserted
+        polygons: list[Polygon] = []
+        shown[block.block_record_handle] = None
+        for entity in block:
+            if entity.dxftype() != "INSERT":
+                polygons += _entity_polygons(file, entity) if _is_surface(entity) else []
+                others[entity.dxftype()] += not _is_surface(entity)
+                continue
+            inner = entity.block()
+            if inner is None or inner.block_record.is_xref:
+                what = f"shows the block {entity.dxf.name!r}, which is in another file"
+                raise file_error(file, what, "bind it (XREF) and save the drawing")
+            if XClip(entity).is_clipping_enabled:
+                what = f"shows the block {inner.name!r} clipped (XCLIP)"
+                raise file_error(file, what, "cut the part itself")
+            key = inner.block_record_handle
+            faces = shown[key] if key in shown else polygons_of(inner)
+            if faces is None:
+                raise file_error(file, f"has the block {inner.name!r} within itself", "export the part again")
+            inserted += entity.mcount * len(faces)
+            if inserted > MOST_INSERTED:
+                what = f"inserts more than {MOST_INSERTED:,} faces by its blocks"
+                raise file_error(file, what, "export the part alone")
+            for copy in entity.multi_insert() if faces and entity.mcount > 1 else [entity]:
+                matrix = copy.matrix44()
+                way = -1 if matrix.determinant() < 0 else 1
+                polygons += [list(matrix.transform_vertices(polygon))[::way] for polygon in faces]
+        shown[block.block_record_handle] = polygons
+        return polygons
+
+    polygons = polygons_of(drawing.modelspace())
+    others["blocks or layouts with faces that are not shown"] = sum(
+        block.block_record_handle not in shown and any(map(_is_surface, block)) for block in drawing.blocks
+    )
     return polygons, conversion_factor(drawing.units, MM) if drawing.units else 0.0
 
 
-def _entity_polygons(file: Path, entity: Any) -> list[Polygon] | None:
-    """The polygons of one DXF entity; None where it is no surface. FileError where it is one that is not read."""
+def _is_surface(entity: Any) -> bool:
+    """Whether a DXF entity has faces."""
+    kind = entity.dxftype()
+    if kind == "POLYLINE":
+        return bool(entity.is_poly_face_mesh or entity.is_polygon_mesh)
+    return kind in ("3DFACE", "MESH", *SOLIDS) or kind.endswith("SURFACE")
+
+
+def _entity_polygons(file: Path, entity: Any) -> list[Polygon]:
+    """The polygons of one DXF entity that has faces. FileError where they are not read: a MESH or POLYLINE that is
+    smoothed too."""
     from ezdxf.acis import api
     from ezdxf.render import MeshBuilder
 
     kind = entity.dxftype()
     if kind == "3DFACE":
         return [entity.wcs_vertices()]
-    if kind == "MESH":
+    if kind == "MESH" and not entity.dxf.subdivision_levels:
         return list(MeshBuilder.from_mesh(entity).faces_as_vertices())
-    if kind == "POLYLINE" and (entity.is_poly_face_mesh or entity.is_polygon_mesh):
-        return list(MeshBuilder.from_polyface(entity).faces_as_vertices())
-    if kind not in SOLIDS and not kind.endswith("SURFACE"):
-        return None
+    if kind == "POLYLINE" and entity.is_poly_face_mesh:
+        polygons = list(MeshBuilder.from_polyface(entity).faces_as_vertices())
+        if entity.dxf.n_count not in (0, len(polygons)):
+            what = f"has a POLYLINE of {len(polygons)} faces that tells of {entity.dxf.n_count}"
+            raise file_error(file, what, "export the part again")
+        return polygons
+    if kind == "POLYLINE" and len(entity.vertices) == entity.dxf.m_count * entity.dxf.n_count:
+        grid = np.arange(len(entity.vertices)).reshape(entity.dxf.m_count, -1)
+        grid = np.pad(grid, ((0, entity.is_m_closed), (0, entity.is_n_closed)), mode="wrap")
+        corners = np.stack([grid[:-1, :-1], grid[:-1, 1:], grid[1:, 1:], grid[1:, :-1]], axis=-1)
+        points = list(entity.points())
+        return [[points[corner] for corner in quad] for quad in corners.reshape(-1, 4)]
     bodies = api.load_dxf(entity) if kind in SOLIDS else []
     if not bodies:
         raise file_error(file, f"holds a {kind} that cannot be read", "export the part as STEP")
