@@ -1,5 +1,6 @@
 """Every face, cell or voxel of a file is in the mesh that is read or named, whatever is damaged in the middle."""
 
+import gzip
 import io
 import json
 import struct
@@ -378,7 +379,7 @@ def test_a_label_map_is_read_in_the_unit_that_it_states(tmp_path: Path) -> None:
         prepare_part(tmp_path / "odd.nrrd", MeshJob())
 
 
-def test_a_sheared_label_map_and_one_with_more_voxels_are_refused(tmp_path: Path) -> None:
+def test_a_sheared_label_map_is_refused(tmp_path: Path) -> None:
     itk = pytest.importorskip("SimpleITK")
     told = r"axes of voxels are 3\.00 deg from perpendicular \(a tilted gantry\): resample"
     (tmp_path / "a.nrrd").write_bytes(nrrd("(1,0,0) (0,1,0) (0,0.05240778,1)"))
@@ -387,16 +388,59 @@ def test_a_sheared_label_map_and_one_with_more_voxels_are_refused(tmp_path: Path
     itk.WriteImage(itk.GetImageFromArray(np.pad(np.ones((10, 10, 10), np.uint8), 1)), str(tmp_path / "a.nii"))
     data = bytearray((tmp_path / "a.nii").read_bytes())
     assert len(label_surface(tmp_path / "a.nii", 0, smooth=False).steps.faces)
-    short = bytearray(data)
-    short[46:48] = struct.pack("<h", 6)  # dim[3]
-    (tmp_path / "short.nii").write_bytes(short)
-    with pytest.raises(FileError, match="holds 1728 bytes of voxels, its header tells of 864"):
-        label_surface(tmp_path / "short.nii", 0, smooth=False)
     data[252:256] = struct.pack("<2h", 0, 1)
     data[280:328] = struct.pack("<12f", 1, 0, 0, 0, 0, 1, 0.05240778, 0, 0, 0, 1, 0)
     (tmp_path / "a.nii").write_bytes(data)
     with pytest.raises(FileError, match=told):
         label_surface(tmp_path / "a.nii", 0, smooth=False)
-    (tmp_path / "short.nrrd").write_bytes(nrrd("(1,0,0) (0,1,0) (0,0,1)", sizes="12 12 6"))
-    with pytest.raises(FileError, match="holds 1728 bytes of voxels, its header tells of 864"):
-        label_surface(tmp_path / "short.nrrd", 0, smooth=False)
+
+
+SQUARE = "(1,0,0) (0,1,0) (0,0,1)"
+ENCODED: dict[str, Callable[[bytes], bytes]] = {
+    "raw": bytes,
+    "gzip": gzip.compress,
+    "hex": lambda voxels: voxels.hex("\n", 30).encode(),
+    "text": lambda voxels: b" ".join(b"%d" % voxel for voxel in voxels),
+}
+
+
+@pytest.mark.parametrize("slices", [6, 11, 12, 13, 24])
+@pytest.mark.parametrize("encoding", [*ENCODED, "nii", "nii.gz", "scaled.nii"])
+def test_a_label_map_has_the_voxels_that_its_header_tells_of(
+    encoding: str, slices: int, tmp_path: Path
+) -> None:
+    itk = pytest.importorskip("SimpleITK")
+    if encoding in ENCODED:
+        file = tmp_path / "a.nrrd"
+        head, voxels = nrrd(SQUARE, sizes=f"12 12 {slices}").split(b"\n\n", 1)
+        head = head.replace(b"encoding: raw", f"Encoding: {encoding}".encode())
+        file.write_bytes(head + b"\n\n" + ENCODED[encoding](voxels.lstrip(b"\n")))
+    else:
+        file = tmp_path / f"a.{encoding}"
+        image = itk.GetImageFromArray(np.pad(np.ones((10, 10, 10), np.int16), 1))
+        itk.WriteImage(image, str(tmp_path / "whole.nii"))
+        data = bytearray((tmp_path / "whole.nii").read_bytes())
+        data[46:48] = struct.pack("<h", slices)  # dim[3]
+        if encoding == "scaled.nii":
+            data[112:120] = struct.pack("<2f", 3, 0)  # slope and intercept: ITK returns numbers of 8 bytes
+        file.write_bytes(gzip.compress(data) if encoding == "nii.gz" else data)
+    if slices == 12:
+        assert len(label_surface(file, 0, smooth=False).steps.faces)
+    else:
+        with pytest.raises(
+            FileError, match=r"holds \d+ bytes of voxels, its header tells of \d+|cannot be read"
+        ):
+            label_surface(file, 0, smooth=False)
+
+
+def test_a_label_map_in_two_files_or_with_an_offset_that_is_no_number_is_refused(tmp_path: Path) -> None:
+    itk = pytest.importorskip("SimpleITK")
+    (tmp_path / "a.nrrd").write_bytes(nrrd(SQUARE, "data file: a.raw\n"))
+    with pytest.raises(FileError, match="keeps its voxels in another file: save it as one NRRD"):
+        label_surface(tmp_path / "a.nrrd", 0, smooth=False)
+    itk.WriteImage(itk.GetImageFromArray(np.ones((3, 3, 3), np.uint8)), str(tmp_path / "a.nii"))
+    data = bytearray((tmp_path / "a.nii").read_bytes())
+    data[108:112] = struct.pack("<f", np.nan)
+    (tmp_path / "a.nii").write_bytes(data)
+    with pytest.raises(FileError, match="sizes or axes of voxels that are not numbers"):
+        label_surface(tmp_path / "a.nii", 0, smooth=False)

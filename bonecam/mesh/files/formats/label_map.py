@@ -71,12 +71,14 @@ class LabelMap:
 @dataclass(frozen=True, eq=False)
 class _Header:
     """What a file's header says: the directions of the axes of voxels (3, 3), a row each, or none; the unit after
-    scaling by `mm`, empty where none is stated; bytes of voxels in the file, 0 where that is not known."""
+    scaling by `mm`, empty where none is stated; bytes of voxels in the file, or words of a text; how many a voxel has
+    there, 0 where as many as in memory."""
 
     axes: Float[ndarray, "n 3"]
     unit: str
     mm: float
     size: int
+    width: int
 
 
 def _header(file: Path) -> _Header:
@@ -84,14 +86,17 @@ def _header(file: Path) -> _Header:
     try:
         data = input_bytes(file)
         data = gzip.decompress(data) if file.suffix.lower() == ".gz" else data
+        return _nrrd_header(file, data) if file.suffix.lower() == ".nrrd" else _nifti_header(file, data)
     except (OSError, EOFError, zlib.error) as error:
         raise file_error(file, f"cannot be read ({error})", "write it anew from its source") from error
-    return _nrrd_header(file, data) if file.suffix.lower() == ".nrrd" else _nifti_header(file, data)
 
 
 def _nrrd_header(file: Path, data: bytes) -> _Header:
-    text, *voxels = re.split(rb"\r?\n\r?\n", data, maxsplit=1)
-    fields = dict(re.findall(r"^([^:#\n]+): *(.*?)\r?$", text.decode(errors="replace"), re.MULTILINE))
+    text, voxels = [*re.split(rb"\r?\n\r?\n", data, maxsplit=1), b""][:2]
+    lines = text.decode(errors="replace").lower()
+    fields = dict(re.findall(r"^([^:#\n]+): *(.*?)\s*$", lines, re.MULTILINE))
+    if {"data file", "datafile"} & fields.keys():
+        raise file_error(file, "keeps its voxels in another file", "save it as one NRRD")
     units = set(re.findall(r'"([^"]+)"', fields.get("space units", "") + fields.get("units", "")))
     if len(units) > 1 or units - set(UNITS):
         what = f"states the units {', '.join(sorted(units))}"
@@ -101,19 +106,12 @@ def _nrrd_header(file: Path, data: bytes) -> _Header:
         axes = np.array(rows, dtype=np.float64).reshape(-1, 3)
     except ValueError:
         axes = np.empty((0, 3))  # no axes in space; ITK says what is wrong
-    size = (
-        len(_unpacked(fields.get("encoding", ""), voxels[0])) if voxels and "data file" not in fields else 0
-    )
     scale = UNITS[units.pop()] if units else 0.0
-    return _Header(axes, "mm" if scale else "", scale or 1.0, size)
-
-
-def _unpacked(encoding: str, voxels: bytes) -> bytes:
-    """Bytes of voxels, none where their encoding or what is wrong with them is for ITK to tell."""
-    try:
-        return gzip.decompress(voxels) if encoding in ("gz", "gzip") else voxels if encoding == "raw" else b""
-    except (OSError, EOFError, zlib.error):
-        return b""
+    encoding = fields.get("encoding", "")
+    content = gzip.decompress(voxels) if encoding in ("gz", "gzip") else voxels
+    words = content.split() if encoding not in ("raw", "gz", "gzip") else []
+    size = len(b"".join(words)) // 2 if encoding == "hex" else len(words or content)
+    return _Header(axes, "mm" if scale else "", scale or 1.0, size, int(encoding in ("txt", "text", "ascii")))
 
 
 def _nifti_header(file: Path, data: bytes) -> _Header:
@@ -121,9 +119,9 @@ def _nifti_header(file: Path, data: bytes) -> _Header:
     if NIFTI_2 in (struct.unpack("<i", data[:4].ljust(4))[0], struct.unpack(">i", data[:4].ljust(4))[0]):
         raise file_error(file, "is NIfTI-2, which is not read", "save it as NIfTI-1 or NRRD")
     if len(data) < NIFTI_1 or struct.unpack_from(f"{order}i", data)[0] != NIFTI_1:
-        return _Header(np.empty((0, 3)), "mm", 1.0, 0)
+        return _Header(np.empty((0, 3)), "mm", 1.0, 0, 0)
     if not np.isfinite(
-        struct.unpack_from(f"{order}8f", data, 76) + struct.unpack_from(f"{order}18f", data, 256)
+        struct.unpack_from(f"{order}9f", data, 76) + struct.unpack_from(f"{order}18f", data, 256)
     ).all():
         raise file_error(
             file, "has sizes or axes of voxels that are not numbers", "write it anew from its source"
@@ -131,7 +129,8 @@ def _nifti_header(file: Path, data: bytes) -> _Header:
     by_rows = np.array(struct.unpack_from(f"{order}12f", data, 280)).reshape(3, 4)[:, :3]
     used = struct.unpack_from(f"{order}h", data, 254)[0] > 0
     start = int(struct.unpack_from(f"{order}f", data, 108)[0])
-    return _Header(by_rows.T if used else np.empty((0, 3)), "mm", 1.0, len(data) - start)
+    width = struct.unpack_from(f"{order}h", data, 72)[0] // 8
+    return _Header(by_rows.T if used else np.empty((0, 3)), "mm", 1.0, len(data) - start, width)
 
 
 def _skew(axes: Float[ndarray, "n 3"]) -> float:
@@ -144,7 +143,7 @@ def _skew(axes: Float[ndarray, "n 3"]) -> float:
 
 def read_label_map(file: Path) -> LabelMap:
     """The label map of a file, scaled to mm where it states another unit. FileError where SimpleITK is not installed,
-    the file is no label map in space, its axes are not perpendicular, or it holds more voxels than it tells of."""
+    the file is no label map in space, its axes are not perpendicular, or its header tells of more or fewer voxels."""
     try:
         import SimpleITK
     except ImportError as error:
@@ -166,8 +165,9 @@ def read_label_map(file: Path) -> LabelMap:
     if image.GetDimension() != 3 or image.GetNumberOfComponentsPerPixel() != 1:
         raise file_error(file, "is no map of one number a voxel in space", "export one label map (3D)")
     values = np.asarray(SimpleITK.GetArrayViewFromImage(image)).transpose(2, 1, 0)
-    if header.size > values.nbytes:
-        what = f"holds {header.size} bytes of voxels, its header tells of {values.nbytes}"
+    size = values.size * (header.width or values.itemsize)
+    if header.size != size:
+        what = f"holds {header.size} bytes of voxels, its header tells of {size}"
         raise file_error(file, what, "write it anew from its source")
     with np.errstate(invalid="ignore"):  # of values that are no numbers, which are no whole ones either
         labels = values.astype(np.int64)
