@@ -2,8 +2,9 @@
 
 One point a line, x y z first (normals, colours and what else follows are left out), separated by blanks,
 tabs, commas or semicolons; where semicolons or blanks alone separate, a comma is a decimal comma. Blocks of points are
-separated by empty lines or comments (# or //), or headed by a line with their number (and `3`). One line of
-column names may stand before them; they must begin with x, y, z (tables of blades have other columns).
+separated by empty lines or comments (# or //), or headed by a line with their number (and `3`), which is held against
+the block. One line of column names may stand before them; they must begin with x, y, z (tables of blades have other
+columns).
 
 One block is a point cloud; several blocks are the rows of a surface (`bonecam.surface.skinning.point_rows`).
 """
@@ -15,8 +16,8 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from bonecam.errors import FileError
-from bonecam.files import input_text
+from bonecam.errors import FileError, file_error
+from bonecam.files import required_text
 from bonecam.mesh.triangle_mesh import LARGEST_COORDINATE
 from bonecam.text.numbers import number
 
@@ -34,11 +35,12 @@ def read_blocks(path: str | Path, columns: str = "xyz") -> tuple[Float[ndarray, 
     """
     file = Path(path)
     blocks: list[list[list[float]]] = [[]]
+    heads: list[tuple[int, int, list[list[float]]]] = []
     names = False
-    for at, line in enumerate(_lines_of(file), 1):
+    for at, line in enumerate(required_text(file, "points as text").splitlines(), 1):
         words = _words(line)
         if not words:
-            blocks.append([])
+            blocks += [[]] if blocks[-1] else []
             continue
         try:
             values = [number(word) for word in words]
@@ -52,38 +54,28 @@ def read_blocks(path: str | Path, columns: str = "xyz") -> tuple[Float[ndarray, 
                 f"{line.strip()[:40]!r} is no point",
                 f"write {' '.join(columns)} in columns of that order",
             ) from error
-        if not np.isfinite(values[: len(columns)]).all():
+        place = values[: len(columns)]
+        if not np.isfinite(place).all():
             raise _refusal(file, at, f"{line.strip()[:40]!r} is not finite", "export the points again")
-        if max(map(abs, values[: len(columns)])) > LARGEST_COORDINATE:
-            what = f"a coordinate of {max(values[: len(columns)], key=abs):.3g}"
+        if max(map(abs, place)) > LARGEST_COORDINATE:
+            what = f"a coordinate of {max(place, key=abs):.3g}"
             raise _refusal(file, at, what, "export the points again")
         if len(values) < len(columns):
             if not _is_head(values):
                 asked = f"write {' '.join(columns)}"
                 raise _refusal(file, at, f"{len(values)} numbers are no point", asked)
             blocks.append([])
+            heads.append((at, int(values[0]), blocks[-1]))
         else:
-            blocks[-1].append(values[: len(columns)])
+            blocks[-1].append(place)
+    for at, count, block in heads:
+        if len(block) != count:
+            what = f"tells of {count} points, {len(block)} follow it in one block"
+            raise _refusal(file, at, what, "export the points again, or leave that line out")
     arrays = tuple(np.array(block) for block in blocks if block)
     if not arrays:
-        raise FileError(
-            f"{file}: holds no points: write {' '.join(columns)}, one point a line", file=str(file)
-        )
+        raise file_error(file, "holds no points", f"write {' '.join(columns)}, one point a line")
     return arrays
-
-
-def _lines_of(file: Path) -> list[str]:
-    """The lines of a text file."""
-    try:
-        return input_text(file).splitlines()
-    except OSError as error:
-        raise FileError(
-            f"{file}: cannot be read ({error.strerror}): give the path of a readable file", file=str(file)
-        ) from error
-    except UnicodeDecodeError as error:
-        raise FileError(
-            f"{file}: is no text: give points as text, or name the file by its true kind", file=str(file)
-        ) from error
 
 
 def _words(line: str) -> list[str]:

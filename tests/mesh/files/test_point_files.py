@@ -22,7 +22,7 @@ SAME = {
     "german.asc": "1,0 2,0 3\n4 5\t6,5\n\n7,0E0 8 9\n",
     "narrow.csv": "1,2 ,3 ,4\n4, 5 ,6.5\n\n7,8  9\n",
     "heads.txt": "2 3\n1 2 3\n4 5 6.5\n1 3\n7 8 9\n",
-    "count.pts": "2\n1 2 3\n4 5 6.5\n1\n7 8 9\n",
+    "count.pts": "2\n\n1 2 3\n4 5 6.5\n1\n# a comment\n7 8 9\n",
     "mark.asc": "\ufeff// a comment\n1 2 3\n4 5 6.5\n \n7 8 9",
 }
 
@@ -46,6 +46,8 @@ BAD = {
     "nan head.xyz": (b"nan 3\n1 2 3\n", "line 1: 'nan 3' is not finite"),
     "far.xyz": (b"1 2 3\n4 -1e308 6\n", "far.xyz line 2: a coordinate of -1e+308: export the points again"),
     "binary.xyz": (b"\xff\xfe\x00\x80", "is no text"),
+    "cut.pts": (b"3\n1 2 3\n4 5 6\n", "cut.pts line 1: tells of 3 points, 2 follow it in one block"),
+    "long.xyz": (b"2 3\n1 2 3\n4 5 6\n1\n\n7 8 9\n1 2 3\n", "long.xyz line 4: tells of 1 points, 2 follow"),
     "rows.csv": (b"1 2 3\n4 5 6\n\n1 2 4\n4 5 7\n", "holds 2 rows of points, no mesh"),
     "few.xyz": (b"1 2 3\n4 5 6\n", "2 points are no cloud"),
 }
