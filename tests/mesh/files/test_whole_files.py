@@ -126,9 +126,11 @@ def grid_vtk() -> bytes:
     return (head + f"CELLS {M} {4 * M}\n{cells}CELL_TYPES {M}\n" + "5\n" * M).encode()
 
 
-def glb(count: int = 3 * M, scale: float = 1e-3, sparse: bool = False, **more: object) -> bytes:
+def glb(
+    count: int = 3 * M, scale: float = 1e-3, sparse: bool = False, named: np.ndarray = F, **more: object
+) -> bytes:
     """A GLB in metres; `more` are entries of its header, and `mode` that of its primitive."""
-    points, corners = (V * scale).astype("<f4").tobytes(), F.astype("<u4").tobytes()
+    points, corners = (V * scale).astype("<f4").tobytes(), named.astype("<u4").tobytes()
     indices = np.arange(N, dtype="<u4").tobytes()
     views = [(0, len(points)), (len(points), len(corners)), (len(points) + len(corners), len(indices))]
     position: dict[str, object] = {"componentType": 5126, "count": N, "type": "VEC3"}
@@ -217,6 +219,7 @@ WHOLE: dict[str, Callable[[], bytes]] = {
     "a.vtu": vtu,
     "a.glb": glb,
     "sparse.glb": lambda: glb(sparse=True),
+    "noscene.glb": lambda: glb(scenes=[]),
     "a.3mf": three_mf,
     "nounit.3mf": lambda: three_mf(unit=""),
     "components.3mf": lambda: three_mf("normal_part", components=True),
@@ -280,6 +283,9 @@ UNREAD = {
     "lines.vtk": (vtk(False, more=b"LINES 2 6\n2 0 1\n2 1 2\n"), "holds 2 lines"),
     "tetrahedra.vtu": (vtu(kind=10), "holds 128 tetra cells"),
     "points.glb": (glb(mode=0), "holds 1 points"),
+    "nine.glb": (glb(mode=9), "holds 1 of mode 9, which are no faces that are read"),
+    "twice.glb": (glb(nodes=[{"children": [1, 1]}, {"mesh": 0}]), "has a node within itself or in two others"),
+    "itself.glb": (glb(nodes=[{"mesh": 0, "children": [0]}]), "has a node within itself or in two others"),
     "draco.glb": (
         glb(extensionsRequired=["KHR_draco_mesh_compression"]),
         "needs KHR_draco_mesh_compression, which is not read: export it without compression",
@@ -319,6 +325,15 @@ LEFT_OUT = {
         M,
         "left out of its file: 1 modifier_part",
     ),
+    "scenes.glb": (
+        glb(
+            nodes=[{"mesh": 0}, {"mesh": 0}, {"mesh": 1}],
+            scenes=[{"nodes": [1]}, {"nodes": [0, 2]}],
+            meshes=[{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}] * 2,
+        ),
+        M,
+        "left out of its file: 1 meshes that its scene does not place, 1 more places of its meshes in other scenes",
+    ),
     "unplaced.glb": (
         glb(
             nodes=[{"mesh": 0}], meshes=[{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}] * 2
@@ -339,6 +354,18 @@ def test_what_is_no_face_is_left_out_and_told(name: str, tmp_path: Path) -> None
     assert (
         given.mesh.diagonal * (1000 if given.unit == "m" else 1) < 25
     )  # vertices of what is left out are gone
+
+
+@pytest.mark.parametrize(("mode", "named"), [(5, [4, 0, 2, 5, 1, 3]), (6, [4, 0, 2, 1, 3, 0])])
+def test_strips_and_fans_of_a_glb_are_triangles_that_face_outward(
+    mode: int, named: list[int], tmp_path: Path
+) -> None:
+    corners = np.array([[6.0, 0, 0], [-6, 0, 0], [0, 6, 0], [0, -6, 0], [0, 0, 6], [0, 0, -6]])[named]
+    numbers = np.array([np.abs(V - corner).sum(axis=1).argmin() for corner in corners])
+    (tmp_path / "a.glb").write_bytes(glb(len(named), named=numbers, mode=mode))
+    mesh = read_mesh_file(tmp_path / "a.glb").mesh
+    assert len(mesh.faces) == 4
+    assert (np.linalg.det(mesh.vertices[mesh.faces]) > 0).all()
 
 
 def test_a_stated_unit_is_used_and_another_one_refused_where_it_makes_a_part(tmp_path: Path) -> None:

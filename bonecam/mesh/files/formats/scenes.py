@@ -43,8 +43,8 @@ WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "M
 """Numbers of one element of an accessor."""
 OTHER_MODES = {0: "points", 1: "lines", 2: "line loops", 3: "line strips"}
 """Primitives of glTF that are no faces."""
-STRIP, FAN = 5, 6
-"""The modes of glTF primitives that are triangle strips and fans; 4 are triangles."""
+FACES = TRIANGLE, STRIP, FAN = 4, 5, 6
+"""The modes of glTF primitives that are triangles, triangle strips and fans."""
 MM_OF_3MF = {
     "micron": 0.001,
     "millimeter": 1.0,
@@ -78,8 +78,12 @@ def parse_glb(data: bytes) -> Content:
                     f"needs {name}, which is not read", "export it without compression or extensions"
                 )
         meshes = header.get("meshes", [])
-        modes = [primitive.get("mode", 4) for mesh in meshes for primitive in mesh["primitives"]]
-        refuse_others({name: modes.count(mode) for mode, name in OTHER_MODES.items()})
+        modes = Counter(
+            primitive.get("mode", TRIANGLE) for mesh in meshes for primitive in mesh["primitives"]
+        )
+        refuse_others(
+            {OTHER_MODES.get(mode, f"of mode {mode}"): n for mode, n in modes.items() if mode not in FACES}
+        )
         nodes = header.get("nodes", [])
         if any("skin" in node for node in nodes) or any(
             any(each.get("weights", [])) for each in (*nodes, *meshes)
@@ -96,8 +100,13 @@ def parse_glb(data: bytes) -> Content:
         raise ContentError(
             f"cannot be read as GLB ({type(error).__name__} {str(error)[:100]})", CUT_SHORT
         ) from error
-    unplaced = len(set(range(len(meshes))) - {node["mesh"] for node in _nodes(header) if "mesh" in node})
-    return _content(placed, "m", left_out_note({"meshes that its scene does not place": unplaced}))
+    shown = Counter(node["mesh"] for node in _nodes(header) if "mesh" in node)
+    left_out = {
+        "meshes that its scene does not place": len(meshes) - len(shown),
+        "more places of its meshes in other scenes": sum(node.get("mesh") in shown for node in nodes)
+        - shown.total(),
+    }
+    return _content(placed, "m", left_out_note(left_out))
 
 
 def _chunks(data: bytes) -> tuple[dict[str, Any], list[bytes]]:
@@ -142,11 +151,13 @@ def _nodes(header: dict[str, Any]) -> list[dict[str, Any]]:
     """The nodes of the scene that is shown, parents first, with the `place` of each."""
     nodes = header.get("nodes", [])
     children = {child for node in nodes for child in node.get("children", [])}
-    scenes = header.get("scenes", [{"nodes": sorted(set(range(len(nodes))) - children)}])
+    scenes = header.get("scenes") or [{"nodes": sorted(set(range(len(nodes))) - children)}]
     shown = [(k, np.eye(4)) for k in scenes[header.get("scene", 0)].get("nodes", [])]
+    seen = set()
     for k, above in shown:
-        if len(shown) > len(nodes) + 1:
-            raise ContentError("has nodes within themselves")
+        if k in seen:
+            raise ContentError("has a node within itself or in two others")
+        seen.add(k)
         shown += [(child, above @ _matrix(nodes[k])) for child in nodes[k].get("children", [])]
     return [nodes[k] | {"place": above @ _matrix(nodes[k])} for k, above in shown]
 
@@ -172,7 +183,7 @@ def _glb_meshes(header: dict[str, Any], buffers: list[bytes]) -> Iterator[Placed
                 _accessor(header, buffers, primitive["indices"]).ravel() if given else np.arange(len(points))
             )
             corners = corners.astype(np.int64, casting="safe")
-            mode = primitive.get("mode", 4)
+            mode = primitive.get("mode", TRIANGLE)
             if mode == STRIP:
                 corners = np.array(strip_triangles([corners]), dtype=np.int64)
             elif mode == FAN:
