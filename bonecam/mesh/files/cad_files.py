@@ -11,8 +11,8 @@ from typing import Any
 from bonecam.mesh.files.cad_shapes import refuse_foreign, unreadable
 from bonecam.mesh.files.cad_tessellation import read_and_tessellate
 from bonecam.mesh.files.child import call_in_child
+from bonecam.mesh.files.formats.content import MeshFile
 from bonecam.mesh.files.opencascade import is_failure, kind_of, missing
-from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.progress import Progress, silent
 
 SECONDS = 60.0
@@ -21,18 +21,18 @@ MEMORY = 2**31
 """Memory that OpenCASCADE has for its data, bytes, and 500 more for each byte of the file."""
 
 
-def read_cad_mesh(path: str | Path, chord_tolerance: float | None = None) -> TriangleMesh:
+def read_cad_mesh(path: str | Path, chord_tolerance: float | None = None) -> MeshFile:
     """The part in a STEP or IGES file as triangles in mm, within `chord_tolerance` (mm; default 5e-4 of its
     diagonal) of its faces.
 
     FileError names the file and what is wrong: not installed, no such file, no STEP or IGES, cut short,
     damaged, no surfaces in it.
     """
-    mesh: TriangleMesh = in_child(f"{__name__}:mesh_in", Path(path), chord_tolerance)
-    return mesh
+    given: MeshFile = in_child(f"{__name__}:mesh_in", Path(path), chord_tolerance)
+    return given
 
 
-def mesh_in(file: str, chord_tolerance: float | None, progress: Progress = silent) -> TriangleMesh:
+def mesh_in(file: str, chord_tolerance: float | None, progress: Progress = silent) -> MeshFile:
     """As `read_cad_mesh`, in this process, which a damaged file may end."""
     return read_and_tessellate(Path(file), chord_tolerance)
 

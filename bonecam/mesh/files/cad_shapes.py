@@ -77,21 +77,22 @@ def refuse_foreign(file: Path) -> bytes:
     return data
 
 
+def parts_of(shape: Any, kind: str, outside: str = "SHAPE") -> list[Any]:
+    """The parts of a kind (SOLID, FACE, EDGE, VERTEX) of a shape that lie in none of the kind `outside`, in the order
+    of OpenCASCADE's explorer."""
+    lib = occ()
+    kinds = (getattr(lib.TopAbs.TopAbs_ShapeEnum, f"TopAbs_{name}") for name in (kind, outside))
+    explorer = lib.TopExp.TopExp_Explorer(shape, *kinds)
+    parts = []
+    while explorer.More():
+        parts.append(explorer.Current())
+        explorer.Next()
+    return parts
+
+
 def faces_of(shape: Any) -> list[Any]:
     """The faces of a shape, in the order of OpenCASCADE's explorer."""
-    lib = occ()
-    explorer = lib.TopExp.TopExp_Explorer(shape, lib.TopAbs.TopAbs_ShapeEnum.TopAbs_FACE)
-    faces = []
-    while explorer.More():
-        faces.append(lib.TopoDS.TopoDS.Face(explorer.Current()))
-        explorer.Next()
-    return faces
-
-
-def has_solids(shape: Any) -> bool:
-    """Whether a shape holds a solid, not loose faces alone."""
-    lib = occ()
-    return bool(lib.TopExp.TopExp_Explorer(shape, lib.TopAbs.TopAbs_ShapeEnum.TopAbs_SOLID).More())
+    return [occ().TopoDS.TopoDS.Face(face) for face in parts_of(shape, "FACE")]
 
 
 def diagonal_of(shape: Any) -> float:

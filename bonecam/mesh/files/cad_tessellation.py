@@ -15,8 +15,9 @@ import numpy as np
 from jaxtyping import Float, Int64
 from numpy import ndarray
 
-from bonecam.errors import FileError
-from bonecam.mesh.files.cad_shapes import area_of, diagonal_of, faces_of, has_solids, read_shape, sew
+from bonecam.errors import FileError, counted, file_error
+from bonecam.mesh.files.cad_shapes import area_of, diagonal_of, faces_of, parts_of, read_shape, sew
+from bonecam.mesh.files.formats.content import MeshFile, left_out_note
 from bonecam.mesh.files.opencascade import occ
 from bonecam.mesh.healing.seams import nearest_groups
 from bonecam.mesh.healing.topology import repeats_corner
@@ -46,16 +47,21 @@ WELDING_TOLERANCE = 1e-7
 """Largest distance of mesh points that become one vertex, share of the diagonal."""
 
 
-def read_and_tessellate(file: Path, chord_tolerance: float | None = None) -> TriangleMesh:
-    """The part in a STEP or IGES file as triangles in mm. A damaged file may end the process, so
-    `mesh.files.cad_files` calls this in a process of its own."""
+def read_and_tessellate(file: Path, chord_tolerance: float | None = None) -> MeshFile:
+    """The part in a STEP or IGES file as triangles in mm. What else stands in it is noted: curves and points, and faces
+    beside solids, which are read with them. A damaged file may end the process, so `mesh.files.cad_files` calls this in
+    a process of its own."""
     shape = read_shape(file)
     if not faces_of(shape):
-        raise FileError(f"{file}: holds no surfaces: export the part as a solid or as faces", file=str(file))
+        raise file_error(file, "holds no surfaces", "export the part as a solid or as faces")
     try:
-        return tessellate_shape(shape, chord_tolerance)
+        mesh = tessellate_shape(shape, chord_tolerance)
     except FileError as error:
         raise FileError(f"{file}: {error}", file=str(file)) from error
+    curves, points = parts_of(shape, "EDGE", "FACE"), parts_of(shape, "VERTEX", "EDGE")
+    loose = parts_of(shape, "FACE", "SOLID") if parts_of(shape, "SOLID") else []
+    beside = (f"{counted(len(loose), 'face')} beside its solids, read with them",) if loose else ()
+    return MeshFile(mesh, "mm", left_out_note({"curves": len(curves), "points": len(points)}) + beside)
 
 
 def tessellate_shape(shape: Any, chord_tolerance: float | None = None) -> TriangleMesh:
@@ -70,7 +76,7 @@ def tessellate_shape(shape: Any, chord_tolerance: float | None = None) -> Triang
     if not LEAST_DEFLECTION <= min(DEFLECTION_FACTORS) * DEFLECTION * tolerance < np.inf:
         what = f"{diagonal:g} mm from corner to corner: it cannot be tessellated within {tolerance:g} mm"
         raise FileError(f"{what}: export it in its true size, or give a larger tolerance")
-    whole = shape if has_solids(shape) else sew(shape, SEWING_TOLERANCE * diagonal)
+    whole = shape if parts_of(shape, "SOLID") else sew(shape, SEWING_TOLERANCE * diagonal)
     area = area_of(whole)
     for factor, candidate in product(DEFLECTION_FACTORS, (_cut_closed_faces(whole), whole)):
         lib.BRepTools.BRepTools.Clean_s(candidate)

@@ -108,7 +108,7 @@ def _read_other(file: Path) -> MeshFile:
     """The triangles of a CAD file or of text with points, which MeshLab does not read."""
     ending = file.suffix.lower()
     if ending in (*STEP, *IGES):
-        return MeshFile(read_cad_mesh(file), "mm")
+        return read_cad_mesh(file)
     if ending in (*ACIS, *DXF):
         return read_polyhedra(file)
     blocks = read_blocks(file)

@@ -67,7 +67,7 @@ def test_a_cylinder_is_one_closed_outward_mesh(name: str, tmp_path: Path) -> Non
 def test_the_chord_tolerance_is_kept(tmp_path: Path) -> None:
     file = write(occ().BRepPrimAPI.BRepPrimAPI_MakeSphere(10.0).Shape(), tmp_path / "ball.step")
     for tolerance in (0.1, 0.02):
-        mesh = read_and_tessellate(file, tolerance)
+        mesh = read_and_tessellate(file, tolerance).mesh
         radius = np.linalg.norm(mesh.vertices[mesh.faces].mean(axis=1), axis=1)
         assert 10 - tolerance < radius.min() <= radius.max() <= 10
         assert is_closed(mesh)
@@ -141,7 +141,7 @@ def test_a_face_that_cannot_be_tessellated_is_an_error_and_not_a_hole(
     ("unit", "name"), [("M", "a.step"), ("INCH", "a.step"), ("M", "a.iges"), ("INCH", "a.iges")]
 )
 def test_a_part_stated_in_another_unit_comes_in_mm(unit: str, name: str, tmp_path: Path) -> None:
-    mesh = read_and_tessellate(write(cylinder(), tmp_path / name, unit))
+    mesh = read_and_tessellate(write(cylinder(), tmp_path / name, unit)).mesh
     assert np.ptp(mesh.vertices[:, 2]) == pytest.approx(20.0, rel=1e-6)
     with pytest.raises(UnitsError, match="leave out --units"):
         read_in_mm(tmp_path / name, "m")
@@ -155,7 +155,7 @@ def test_loose_iges_faces_are_sewn(tmp_path: Path) -> None:
     while explorer.More():
         build.Add(loose, lib.BRepBuilderAPI.BRepBuilderAPI_Copy(explorer.Current()).Shape())
         explorer.Next()
-    assert is_closed(read_and_tessellate(write(loose, tmp_path / "loose.iges")))
+    assert is_closed(read_and_tessellate(write(loose, tmp_path / "loose.iges")).mesh)
 
 
 def test_curves_without_surfaces_are_refused(tmp_path: Path) -> None:
@@ -163,6 +163,23 @@ def test_curves_without_surfaces_are_refused(tmp_path: Path) -> None:
     edge = lib.BRepBuilderAPI.BRepBuilderAPI_MakeEdge(lib.gp.gp_Pnt(0, 0, 0), lib.gp.gp_Pnt(1, 2, 3)).Edge()
     with pytest.raises(FileError, match=r"edge\.step: holds no surfaces"):
         read_mesh(write(edge, tmp_path / "edge.step"))
+
+
+@pytest.mark.parametrize("ending", ["step", "iges"])
+def test_what_stands_beside_the_faces_of_a_part_is_told(ending: str, tmp_path: Path) -> None:
+    lib = occ()
+    make, point = lib.BRepBuilderAPI, lib.gp.gp_Pnt
+    build, all_of_it = lib.BRep.BRep_Builder(), lib.TopoDS.TopoDS_Compound()
+    build.MakeCompound(all_of_it)
+    edge = make.BRepBuilderAPI_MakeEdge(point(50, 0, 0), point(51, 2, 3)).Edge()
+    build.Add(all_of_it, cylinder())
+    build.Add(all_of_it, make.BRepBuilderAPI_MakeWire(edge).Wire())
+    build.Add(all_of_it, make.BRepBuilderAPI_MakeVertex(point(0, 60, 0)).Vertex())
+    build.Add(all_of_it, make.BRepBuilderAPI_MakeFace(lib.gp.gp_Pln(), 9.0, 12.0, 9.0, 12.0).Face())
+    given = read_and_tessellate(write(all_of_it, tmp_path / f"a.{ending}"))
+    beside = ("1 face beside its solids, read with them",) if ending == "step" else ()  # IGES has no solids
+    assert given.notes == ("left out of its file: 1 curves, 1 points", *beside)
+    np.testing.assert_allclose(given.mesh.bounds[1], [12, 12, 20])
 
 
 STEP_HEAD = b"ISO-10303-21;\nHEADER;\n"
@@ -224,4 +241,4 @@ def test_a_file_that_ends_opencascade_is_one_line(tmp_path: Path, monkeypatch: p
 )
 def test_the_child_hands_back_the_same_mesh(name: str, tmp_path: Path) -> None:
     file = write(cylinder(), tmp_path / "a.step").rename(tmp_path / name)
-    assert read_mesh(file).vertices.tobytes() == read_and_tessellate(file).vertices.tobytes()
+    assert read_mesh(file).vertices.tobytes() == read_and_tessellate(file).mesh.vertices.tobytes()
