@@ -12,22 +12,28 @@ Elements of lower degree are raised to the highest of the file (at least 3), whi
 T-splines plug-in for Rhino.
 """
 
-from collections.abc import Iterable
+from collections import deque
+from collections.abc import Iterable, Iterator
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int64
 from numpy import ndarray
 
 from bonecam.errors import FileError
 from bonecam.files import input_bytes, write_whole
+from bonecam.mesh.files.formats.content import (
+    CUT_SHORT,
+    ContentError,
+    finite_numbers,
+    numbered_words,
+    whole_numbers,
+)
 from bonecam.surface.tmesh.extracted import ExtractedTMesh
-from bonecam.surface.tspline import LARGEST, TSpline
+from bonecam.surface.tspline import TSpline
 from bonecam.text.faults import shown
-from bonecam.text.numbers import number
 
-EXACT = 2.0**53
-"""From here on whole numbers are not all told apart."""
 LARGEST_DEGREE = 9
 LARGEST_COEFFICIENT = 100.0
 """Bernstein coefficients of blending functions lie in 0 .. 1; this leaves room for functions of another scale."""
@@ -36,13 +42,12 @@ LARGEST_COEFFICIENT = 100.0
 def read_iga(path: str | Path) -> TSpline[ExtractedTMesh]:
     """The surface of an .iga file. Raises FileError with the line where the file departs from the form
     above."""
-    path = Path(path)
     try:
-        text = input_bytes(path).decode("utf-8", errors="replace")
+        return _parse(input_bytes(path))
     except OSError as error:
         raise FileError(f"{path} cannot be read as text: {error}", file=str(path)) from error
-    numbered = [(n, line.split("#", 1)[0].split()) for n, line in enumerate(text.splitlines(), 1)]
-    return _Reader(path, [(n, words) for n, words in numbered if words]).surface()
+    except ContentError as error:
+        raise FileError(f"{path}: {error}", file=str(path), **error.evidence) from error
 
 
 def write_iga(surface: TSpline, path: str | Path) -> None:
@@ -81,100 +86,69 @@ def raise_degree(coefficients: Float[ndarray, "k p q"], degree: int) -> Float[nd
     return coefficients
 
 
-class _Reader:
-    """Takes the lines one by one; every complaint names the line."""
+def _parse(data: bytes) -> TSpline[ExtractedTMesh]:
+    """The surface in the bytes of an .iga file."""
+    nodes: list[ndarray] = []
+    elements: list[tuple[ndarray, ndarray]] = []
+    counts: dict[str, float] = {}
+    lines = numbered_words(data)
+    for line, (word, *values) in lines:
+        if word == "node":
+            nodes.append(finite_numbers(values, line, 4))
+            if not nodes[-1][3] > 0:
+                raise ContentError(f"node {len(nodes) - 1}: weight {nodes[-1][3]} is not positive", line=line)
+        elif word == "belem":
+            elements.append(_element(finite_numbers(values, line, 3), line, lines))
+        elif word in ("nodeN", "elemN"):
+            counts[word] = finite_numbers(values, line, 1)[0]
+        elif word == "type" and values not in (["plane"], ["surface"]):
+            what = f"type {shown(' '.join(values))}: only plane and surface are read"
+            raise ContentError(what, line=line)
+        elif word == "domain":
+            count = 2 + finite_numbers(values, line, 2)[0]
+            deque(islice(lines, int(np.clip(count, 0, len(data)))), maxlen=0)
+        elif word not in ("type", "set"):
+            raise ContentError(f"unknown record {shown(word)}", line=line)
+    if not elements or counts != {"nodeN": len(nodes), "elemN": len(elements)}:
+        what = f"{len(nodes)} nodes and {len(elements)} elements, but it announces {counts or 'none'}"
+        raise ContentError(what)
+    return _assembled(np.array(nodes), elements)
 
-    def __init__(self, path: Path, lines: list[tuple[int, list[str]]]) -> None:
-        self.path = path
-        self.lines = lines
-        self.next = 0
 
-    def surface(self) -> TSpline[ExtractedTMesh]:
-        nodes: list[ndarray] = []
-        elements: list[tuple[ndarray, ndarray]] = []
-        counts: dict[str, int] = {}
-        while self.next < len(self.lines):
-            n, words = self._take()
-            if words[0] == "node":
-                nodes.append(self._numbers(n, words[1:], 4))
-                if not nodes[-1][3] > 0:
-                    raise self._error(n, f"node {len(nodes) - 1}: weight {nodes[-1][3]} is not positive")
-            elif words[0] == "belem":
-                elements.append(self._element(n, words[1:]))
-            elif words[0] in ("nodeN", "elemN"):
-                counts[words[0]] = int(self._numbers(n, words[1:], 1)[0])
-            elif words[0] == "type" and words[1:] not in (["plane"], ["surface"]):
-                raise self._error(n, f"type {shown(' '.join(words[1:]))}: only plane and surface are read")
-            elif words[0] == "domain":
-                for _ in range(2 + int(self._numbers(n, words[1:], 2)[0])):
-                    self._take()
-            elif words[0] not in ("type", "set"):
-                raise self._error(n, f"unknown record {shown(words[0])}")
-        if not elements or counts.get("nodeN") != len(nodes) or counts.get("elemN") != len(elements):
-            raise self._error(
-                None, f"{len(nodes)} nodes and {len(elements)} elements, but it announces {counts or 'none'}"
-            )
-        return _assembled(self, np.array(nodes), elements)
-
-    def _element(self, n: int, words: list[str]) -> tuple[ndarray, ndarray]:
-        """Function numbers and coefficients [function, t, s] of one element."""
-        count, p, q = (int(x) for x in self._numbers(n, words, 3))
-        if count < 1 or not 1 <= min(p, q) <= max(p, q) <= LARGEST_DEGREE:
-            raise self._error(n, f"an element of {count} functions of degrees {p} and {q}")
-        line, ids = self._take()
-        functions = self._numbers(line, ids, count)
-        if (
-            (functions != np.floor(functions)).any()
-            or functions.min() < 0
-            or functions.max() >= EXACT
-            or len(np.unique(functions)) < count
-        ):
-            raise self._error(
-                line, "function numbers must be whole, not negative and different from one another"
-            )
-        rows = [self._numbers(*self._take(), (p + 1) * (q + 1)) for _ in range(count)]
-        largest = float(np.abs(rows).max())
-        if largest > LARGEST_COEFFICIENT:
-            raise self._error(
-                line, f"a coefficient of {largest:g}: those of blending functions lie in 0 .. 1"
-            )
-        order = np.argsort(functions)
-        return functions[order].astype(np.int64), np.array(rows)[order].reshape(count, q + 1, p + 1)
-
-    def _take(self) -> tuple[int, list[str]]:
-        if self.next == len(self.lines):
-            raise self._error(None, "the file ends inside an element")
-        self.next += 1
-        return self.lines[self.next - 1]
-
-    def _numbers(self, n: int, words: list[str], count: int) -> ndarray:
-        try:
-            values = np.array([number(word) for word in words])
-        except ValueError as error:
-            raise self._error(n, str(error)) from error
-        if len(values) != count or not (np.abs(values) < LARGEST).all():
-            raise self._error(n, f"expected {count} finite numbers below {LARGEST:g}, found {len(values)}")
-        return values
-
-    def _error(self, line: int | None, message: str) -> FileError:
-        return FileError(
-            f"{self.path}{f' line {line}' if line else ''}: {message}", file=str(self.path), line=line
+def _element(
+    head: ndarray, line: int, lines: Iterator[tuple[int, list[str]]]
+) -> tuple[Int64[ndarray, " k"], Float[ndarray, "k q p"]]:
+    """Function numbers and coefficients [function, t, s] of the element that has this head in this line."""
+    count, p, q = map(int, head)
+    if count < 1 or not 1 <= min(p, q) <= max(p, q) <= LARGEST_DEGREE:
+        raise ContentError(f"an element of {count} functions of degrees {p} and {q}", line=line)
+    line, ids = next(lines, (line, []))
+    functions = np.array(whole_numbers(ids, line))
+    if len(functions) != count or functions.min() < 0 or len(np.unique(functions)) < count:
+        what = f"expected {count} function numbers, not negative and different from one another"
+        raise ContentError(what, line=line)
+    rows = [finite_numbers(row, n, (p + 1) * (q + 1)) for n, row in islice(lines, count)]
+    if len(rows) < count:
+        raise ContentError("ends inside an element", CUT_SHORT, line)
+    largest = float(np.abs(rows).max())
+    if largest > LARGEST_COEFFICIENT:
+        raise ContentError(
+            f"a coefficient of {largest:g}: those of blending functions lie in 0 .. 1", line=line
         )
+    order = np.argsort(functions)
+    return functions[order], np.array(rows)[order].reshape(count, q + 1, p + 1)
 
 
-def _assembled(
-    reader: _Reader, nodes: ndarray, elements: list[tuple[ndarray, ndarray]]
-) -> TSpline[ExtractedTMesh]:
+def _assembled(nodes: ndarray, elements: list[tuple[ndarray, ndarray]]) -> TSpline[ExtractedTMesh]:
     functions = np.concatenate([ids for ids, _ in elements])
     if functions.max() >= len(nodes):
         element = int(np.argmax([ids.max() >= len(nodes) for ids, _ in elements]))
-        raise reader._error(
-            None, f"element {element} names function {functions.max()}: there are {len(nodes)} nodes"
-        )
+        what = f"element {element} names function {functions.max()}: there are {len(nodes)} nodes"
+        raise ContentError(what)
     degree = max(3, *(max(c.shape[1:]) - 1 for _, c in elements))
     coefficients = np.concatenate([raise_degree(c, degree).reshape(len(ids), -1) for ids, c in elements])
     starts = np.concatenate([[0], np.cumsum([len(ids) for ids, _ in elements])]).astype(np.int64)
     try:
         return TSpline(ExtractedTMesh(len(nodes), starts, functions, coefficients), nodes[:, :3], nodes[:, 3])
     except ValueError as error:
-        raise reader._error(None, str(error)) from error
+        raise ContentError(str(error)) from error

@@ -19,14 +19,19 @@ S(s, t) = sum_ji w_ji N_j(t) B_ji(s) P_ji / sum_ji w_ji N_j(t) B_ji(s); N_j is t
 start with # and empty lines are comments.
 """
 
-from pathlib import Path
+from itertools import islice
 
 import numpy as np
 
-from bonecam.errors import FileError
+from bonecam.mesh.files.formats.content import (
+    CUT_SHORT,
+    ContentError,
+    finite_numbers,
+    numbered_words,
+    whole_numbers,
+)
 from bonecam.surface.tmesh.row_tmesh import RowTMesh
 from bonecam.surface.tspline import TSpline
-from bonecam.text.numbers import number
 
 HEADER = "#bonecam-tspline 1"
 
@@ -44,77 +49,36 @@ def rows_text(surface: TSpline) -> str:
     return "\n".join([*lines, "end", ""])
 
 
-def read_rows(text: str, path: Path) -> TSpline:
-    """The surface of the text form above. Raises FileError with the line where the text departs from it."""
-    records = [
-        (n, line.split())
-        for n, line in enumerate(text.splitlines(), 1)
-        if line.strip() and not line.startswith("#")
-    ]
-    return _RowsReader(path, records).surface()
+def parse_rows(data: bytes) -> TSpline:
+    """The surface in bytes of the text form above. ContentError with the line where they depart from it."""
+    lines = numbered_words(data)
+    end = (data.count(b"\n"), [""])
+    for words in (["degree", "3"], ["units", "mm"]):
+        line, given = next(lines, end)
+        if given != words:
+            raise ContentError(f"expected {' '.join(words)!r}", line=line)
+    line, (word, *knots) = next(lines, end)
+    if word != "t-knots":
+        raise ContentError("expected 't-knots'", line=line)
+    t_knots = finite_numbers(knots, line)
+    rows: list[np.ndarray] = []
+    line, words = next(lines, end)
+    while words != ["end"]:
+        count = max(whole_numbers(words[2:], line), default=0)
+        if len(words) != 3 or words[:2] != ["row", str(len(rows))] or count < 1:
+            raise ContentError(f"expected 'row {len(rows)} COUNT' or 'end'", line=line)
+        rows.append(np.array([finite_numbers(row, n, 5) for n, row in islice(lines, count)]))
+        line, words = next(lines, end)
+    after = next(lines, None)
+    if after:
+        raise ContentError("goes on after 'end'", CUT_SHORT, after[0])
+    try:
+        mesh = RowTMesh.from_rows(t_knots, [row[:, 0] for row in rows])
+        points = np.vstack(rows)
+        return TSpline(mesh, points[:, 1:4], points[:, 4])
+    except ValueError as error:
+        raise ContentError(str(error), line=line) from error
 
 
 def _words(values: np.ndarray) -> str:
     return " ".join(repr(float(value)) for value in values)
-
-
-class _RowsReader:
-    """Takes the records one by one; every complaint names the line."""
-
-    def __init__(self, path: Path, records: list[tuple[int, list[str]]]) -> None:
-        self.path = path
-        self.records = records
-        self.next = 0
-
-    def surface(self) -> TSpline:
-        self._expect(["degree", "3"])
-        self._expect(["units", "mm"])
-        line, words = self._take()
-        if words[0] != "t-knots":
-            raise self._error(line, "expected 't-knots'")
-        t_knots = self._numbers(line, words[1:], None)
-        rows: list[np.ndarray] = []
-        line, words = self._take()
-        while words != ["end"]:
-            rows.append(self._row(line, words, len(rows)))
-            line, words = self._take()
-        try:
-            mesh = RowTMesh.from_rows(t_knots, [row[:, 0] for row in rows])
-            return TSpline(
-                mesh, np.vstack([row[:, 1:4] for row in rows]), np.concatenate([row[:, 4] for row in rows])
-            )
-        except ValueError as error:
-            raise self._error(self.records[-1][0], str(error)) from error
-
-    def _row(self, line: int, words: list[str], expected: int) -> np.ndarray:
-        if (
-            len(words) != 3
-            or words[:2] != ["row", str(expected)]
-            or not words[2].isdigit()
-            or words[2] == "0"
-        ):
-            raise self._error(line, f"expected 'row {expected} COUNT' or 'end'")
-        return np.array([self._numbers(*self._take(), 5) for _ in range(int(words[2]))])
-
-    def _numbers(self, line: int, words: list[str], count: int | None) -> np.ndarray:
-        try:
-            values = np.array([number(word) for word in words])
-        except ValueError as error:
-            raise self._error(line, str(error)) from error
-        if (count is not None and len(values) != count) or not np.isfinite(values).all():
-            raise self._error(line, f"expected {count or 'only'} finite numbers")
-        return values
-
-    def _expect(self, words: list[str]) -> None:
-        line, line_words = self._take()
-        if line_words != words:
-            raise self._error(line, f"expected '{' '.join(words)}'")
-
-    def _take(self) -> tuple[int, list[str]]:
-        if self.next == len(self.records):
-            raise self._error(self.records[-1][0] if self.records else 1, "the file ends before 'end'")
-        self.next += 1
-        return self.records[self.next - 1]
-
-    def _error(self, line: int, message: str) -> FileError:
-        return FileError(f"{self.path} line {line}: {message}", file=str(self.path), line=line)

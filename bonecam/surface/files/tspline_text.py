@@ -16,6 +16,7 @@ from numpy import ndarray
 
 from bonecam.errors import FileError, SurfaceError
 from bonecam.files import input_bytes, write_whole
+from bonecam.mesh.files.formats.content import ContentError
 from bonecam.surface.files import rows_file
 from bonecam.surface.files.tsm.borders import MIRRORED, with_mirrored_borders
 from bonecam.surface.files.tsm.layout import tmesh_of
@@ -42,12 +43,15 @@ def read_tsm(path: str | Path, *, homogeneous: bool = False, to_mm: bool = False
     """
     path = Path(path)
     try:
-        text = input_bytes(path).decode("utf-8", errors="replace")
+        data = input_bytes(path)
+        text = data.decode("utf-8", errors="replace")
+        first = text.split("\n", 1)[0].strip()
+        if first == rows_file.HEADER:
+            return rows_file.parse_rows(data)
     except OSError as error:
         raise FileError(f"{path} cannot be read as text: {error}", file=str(path)) from error
-    first = text.split("\n", 1)[0].strip()
-    if first == rows_file.HEADER:
-        return rows_file.read_rows(text, path)
+    except ContentError as error:
+        raise FileError(f"{path}: {error}", file=str(path), **error.evidence) from error
     if first.split()[:1] != [TSM_HEADER]:
         raise FileError(
             f"{path}: the first line must be '{TSM_HEADER}' or '{rows_file.HEADER}', not '{first[:40]}'",

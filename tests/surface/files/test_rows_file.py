@@ -34,6 +34,7 @@ def test_a_round_trip_is_bit_equal(bone_like: Callable[..., TSpline], tmp_path: 
         ("row 0 1\n0.0 ", "row 0 1\n0_0 ", 6),
         ("row 0 1\n0.0 ", "row 0 1\n0.0 1.0 ", 6),
         ("\nend\n", "\n", 43),
+        ("\nend\n", "\nend\nrow 7 1\n", 45),
     ],
 )
 def test_a_broken_file_is_refused_with_its_line(

@@ -12,7 +12,7 @@ from numpy import ndarray
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.text.faults import shortened
 
-ANEW = "export the mesh again"
+ANEW = "export it again"
 CUT_SHORT = "copy or export it again"
 TRIANGLES = "save its surface alone, as triangles"
 
@@ -97,6 +97,13 @@ def whole_numbers(words: Sequence[str], line: int) -> list[int]:
             raise ContentError(f"has a word where a number should stand ({word[:40]!r})", line=line)
         numbers.append(int(word))
     return numbers
+
+
+def finite_numbers(words: Sequence[str], line: int, count: int | None = None) -> Float[ndarray, " n"]:
+    """The words as finite numbers, `count` of them if it is given; ContentError names the line and the word."""
+    if count not in (None, len(words)):
+        raise ContentError(f"expected {count} numbers, {len(words)} are there", line=line)
+    return np.array(point(words, line, len(words)))
 
 
 def filled(
