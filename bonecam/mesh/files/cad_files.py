@@ -13,7 +13,6 @@ from bonecam.mesh.files.cad_tessellation import read_and_tessellate
 from bonecam.mesh.files.child import call_in_child
 from bonecam.mesh.files.formats.content import MeshFile
 from bonecam.mesh.files.opencascade import is_failure, kind_of, missing
-from bonecam.progress import Progress, silent
 
 SECONDS = 60.0
 """Time that OpenCASCADE has for a file, and 100 s more for each MB."""
@@ -28,13 +27,9 @@ def read_cad_mesh(path: str | Path, chord_tolerance: float | None = None) -> Mes
     FileError names the file and what is wrong: not installed, no such file, no STEP or IGES, cut short,
     damaged, no surfaces in it.
     """
-    given: MeshFile = in_child(f"{__name__}:mesh_in", Path(path), chord_tolerance)
+    work = read_and_tessellate
+    given: MeshFile = in_child(f"{work.__module__}:{work.__name__}", Path(path), chord_tolerance)
     return given
-
-
-def mesh_in(file: str, chord_tolerance: float | None, progress: Progress = silent) -> MeshFile:
-    """As `read_cad_mesh`, in this process, which a damaged file may end."""
-    return read_and_tessellate(Path(file), chord_tolerance)
 
 
 def in_child(work: str, file: Path, *values: Any) -> Any:

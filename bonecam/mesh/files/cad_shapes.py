@@ -53,8 +53,7 @@ def _step_faces(file: Path, data: bytes) -> int:
 def unreadable(file: Path, reason: str) -> FileError:
     """The error of a file that OpenCASCADE makes nothing of."""
     kind = kind_of(file)
-    message = f"{file}: is no readable {kind} file ({reason}): export the part as {kind} again"
-    return FileError(message, file=str(file))
+    return file_error(file, f"is no readable {kind} file ({reason})", f"export the part as {kind} again")
 
 
 def refuse_foreign(file: Path) -> bytes:
@@ -63,8 +62,8 @@ def refuse_foreign(file: Path) -> bytes:
     try:
         data = input_bytes(file)
     except OSError as error:
-        message = f"{file}: cannot be read ({error.strerror}): give the path of a readable file"
-        raise FileError(message, file=str(file)) from error
+        what = f"cannot be read ({error.strerror})"
+        raise file_error(file, what, "give the path of a readable file") from error
     if kind == "STEP":
         begins = b"ISO-10303-21" in data[:256]
         ends = b"END-ISO-10303-21" in data[-256:]

@@ -22,6 +22,7 @@ from bonecam.mesh.files.opencascade import occ
 from bonecam.mesh.healing.seams import nearest_groups
 from bonecam.mesh.healing.topology import repeats_corner
 from bonecam.mesh.triangle_mesh import TriangleMesh, keep_faces
+from bonecam.progress import Progress, silent
 
 DEFAULT_CHORD_TOLERANCE = 5e-4
 """Chord tolerance where none is given, share of the diagonal."""
@@ -47,10 +48,13 @@ WELDING_TOLERANCE = 1e-7
 """Largest distance of mesh points that become one vertex, share of the diagonal."""
 
 
-def read_and_tessellate(file: Path, chord_tolerance: float | None = None) -> MeshFile:
+def read_and_tessellate(
+    path: str | Path, chord_tolerance: float | None = None, progress: Progress = silent
+) -> MeshFile:
     """The part in a STEP or IGES file as triangles in mm. What else stands in it is noted: curves and points, and faces
     beside solids, which are read with them. A damaged file may end the process, so `mesh.files.cad_files` calls this in
     a process of its own."""
+    file = Path(path)
     shape = read_shape(file)
     if not faces_of(shape):
         raise file_error(file, "holds no surfaces", "export the part as a solid or as faces")

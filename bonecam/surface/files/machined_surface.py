@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from bonecam.errors import FileError, SurfaceError
+from bonecam.errors import SurfaceError, file_error
 from bonecam.mesh.files.mesh_files import MESHES, read_in_mm
 from bonecam.mesh.files.opencascade import IGES, STEP
 from bonecam.mesh.files.point_files import POINTS
@@ -32,33 +32,22 @@ def machined_surface(source: str | Path | MeshLike, units: str, tolerance: float
     if ending in ENDINGS:
         surface = read_tsm(file)
     elif ending in (*STEP, *IGES):
-        surface = _only_face(file)
+        faces = read_bsplines(file)
+        if len(faces) != 1:
+            raise file_error(file, f"has {len(faces)} faces", "save the one to machine by itself")
+        surface = from_bspline(faces[0])
     elif ending in (*POINTS, *MESHES):
         try:
-            surface = _skinned(file, units, tolerance)
+            if ending in POINTS:
+                surface = read_rows(file).scaled(mm_of(units)).skin(tolerance)
+            else:
+                surface = patch_surface(read_in_mm(file, units), tolerance)
         except (ValueError, SurfaceError) as error:
             raise SurfaceError(f"{file}: {error}", file=str(file)) from error
     else:
         endings = ", ".join(KINDS)
-        raise FileError(
-            f"{file}: has the ending {ending!r}: give a surface that passes can follow ({endings})",
-            file=str(file),
-        )
+        remedy = f"give a surface that passes can follow ({endings})"
+        raise file_error(file, f"has the ending {ending!r}", remedy)
     if surface.elements().period[1]:
         raise SurfaceError(f"{file}: closes on itself in t: cut it open there", file=str(file))
     return surface
-
-
-def _skinned(file: Path, units: str, tolerance: float) -> TSpline:
-    """The surface through rows of points or through an open mesh."""
-    if file.suffix.lower() in POINTS:
-        return read_rows(file).scaled(mm_of(units)).skin(tolerance)
-    return patch_surface(read_in_mm(file, units), tolerance)
-
-
-def _only_face(file: Path) -> TSpline:
-    """The surface under the only face of a CAD file."""
-    faces = read_bsplines(file)
-    if len(faces) != 1:
-        raise FileError(f"{file}: has {len(faces)} faces: save the one to machine by itself", file=str(file))
-    return from_bspline(faces[0])

@@ -62,12 +62,12 @@ def read_tsm(path: str | Path, *, homogeneous: bool = False, to_mm: bool = False
 
 
 def _read_half_edges(records: Records, path: Path, homogeneous: bool, to_mm: bool) -> TSpline[TMesh]:
-    tmesh, numbers = _lay_out(records, path)
-    values = _control_points(records, numbers)
-    weights = values[:, 3:]
-    points = values[:, :3] / weights if homogeneous else values[:, :3]
-    points = points * (_scale(records.header, path) if to_mm else 1.0)
     try:
+        tmesh, numbers = tmesh_of(records)
+        values = _control_points(records, numbers)
+        weights = values[:, 3:]
+        points = values[:, :3] / weights if homogeneous else values[:, :3]
+        points = points * (_scale(records.header, path) if to_mm else 1.0)
         if _has_mirrored_borders(records, tmesh):
             tmesh, control_points = with_mirrored_borders(tmesh, np.column_stack([points * weights, weights]))
             added = control_points[len(points) :]
@@ -75,10 +75,8 @@ def _read_half_edges(records: Records, path: Path, homogeneous: bool, to_mm: boo
             weights = control_points[:, 3:]
         assert len(tmesh.elements.boxes)
         return TSpline(tmesh, points, weights[:, 0])
-    except SurfaceError as error:
-        raise FileError(f"{path}: {error}", file=str(path), **error.evidence) from error
-    except ValueError as error:
-        raise FileError(f"{path}: {error}", file=str(path)) from error
+    except (SurfaceError, ValueError) as error:
+        raise FileError(f"{path}: {error}", file=str(path), **getattr(error, "evidence", {})) from error
 
 
 def _has_mirrored_borders(records: Records, tmesh: TMesh) -> bool:
@@ -135,13 +133,6 @@ def _prove(text: str, surface: TSpline[TMesh], path: Path) -> None:
             "half edges cannot hold this T-mesh, whose lines with one knot part at a corner: write_iga can",
             file=str(path),
         )
-
-
-def _lay_out(records: Records, path: Path) -> tuple[TMesh, list[int]]:
-    try:
-        return tmesh_of(records)
-    except SurfaceError as error:
-        raise FileError(f"{path}: {error}", file=str(path), **error.evidence) from error
 
 
 def _scale(header: dict[str, list[str]], path: Path) -> float:
