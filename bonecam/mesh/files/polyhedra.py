@@ -48,10 +48,6 @@ def read_polyhedra(path: str | Path) -> MeshFile:
         corners = np.array(
             [[tuple(corner) for corner in triangle] for triangle in _triangles(polygons)], dtype=np.float64
         )
-    except FileNotFoundError as error:
-        raise file_error(
-            file, f"cannot be read ({error.strerror})", "give the path of a readable file"
-        ) from error
     except FileError:
         raise
     except (

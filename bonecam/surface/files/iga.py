@@ -13,7 +13,7 @@ T-splines plug-in for Rhino.
 """
 
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from itertools import islice
 from pathlib import Path
 
@@ -30,6 +30,7 @@ from bonecam.mesh.files.formats.content import (
     numbered_words,
     whole_numbers,
 )
+from bonecam.surface.files.rows_file import number_words
 from bonecam.surface.tmesh.extracted import ExtractedTMesh
 from bonecam.surface.tspline import TSpline
 from bonecam.text.faults import shown
@@ -59,19 +60,15 @@ def write_iga(surface: TSpline, path: str | Path) -> None:
         f"nodeN {len(surface.weights)}",
     ]
     lines += [f"elemN {len(elements.boxes)}"] + [
-        f"node {_words((*p, w))}" for p, w in zip(surface.control_points, surface.weights)
+        f"node {number_words((*p, w))}" for p, w in zip(surface.control_points, surface.weights)
     ]
     for first, last in zip(elements.starts[:-1], elements.starts[1:]):
         lines += [
             f"belem {last - first} {elements.degree} {elements.degree}",
             " ".join(str(f) for f in elements.functions[first:last]),
         ]
-        lines += [_words(row) for row in elements.coefficients[first:last]]
+        lines += [number_words(row) for row in elements.coefficients[first:last]]
     write_whole(path, "\n".join([*lines, ""]))
-
-
-def _words(values: Iterable[float]) -> str:
-    return " ".join(repr(float(x)) for x in values)
 
 
 def raise_degree(coefficients: Float[ndarray, "k p q"], degree: int) -> Float[ndarray, "k r r"]:

@@ -19,6 +19,7 @@ S(s, t) = sum_ji w_ji N_j(t) B_ji(s) P_ji / sum_ji w_ji N_j(t) B_ji(s); N_j is t
 start with # and empty lines are comments.
 """
 
+from collections.abc import Iterable
 from itertools import islice
 
 import numpy as np
@@ -40,12 +41,12 @@ def rows_text(surface: TSpline) -> str:
     """The surface in the text form above."""
     mesh = surface.tmesh
     starts = mesh.row_starts
-    lines = [HEADER, "degree 3", "units mm", "t-knots " + _words(mesh.t_knots)]
+    lines = [HEADER, "degree 3", "units mm", "t-knots " + number_words(mesh.t_knots)]
     for j, knots in enumerate(mesh.s_knots):
         lines.append(f"row {j} {len(knots)}")
         here = slice(starts[j], starts[j + 1])
         records = np.column_stack([knots, surface.control_points[here], surface.weights[here]])
-        lines += [_words(record) for record in records]
+        lines += [number_words(record) for record in records]
     return "\n".join([*lines, "end", ""])
 
 
@@ -80,5 +81,6 @@ def parse_rows(data: bytes) -> TSpline:
         raise ContentError(str(error), line=line) from error
 
 
-def _words(values: np.ndarray) -> str:
+def number_words(values: Iterable[float]) -> str:
+    """Numbers in the shortest decimals that read back as the same doubles."""
     return " ".join(repr(float(value)) for value in values)

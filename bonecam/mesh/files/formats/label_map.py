@@ -116,7 +116,7 @@ def _nrrd_header(file: Path, data: bytes) -> _Header:
 
 def _nifti_header(file: Path, data: bytes) -> _Header:
     order = "<" if data[:4] == struct.pack("<i", NIFTI_1) else ">"
-    if NIFTI_2 in (struct.unpack("<i", data[:4].ljust(4))[0], struct.unpack(">i", data[:4].ljust(4))[0]):
+    if data[:4] in (struct.pack("<i", NIFTI_2), struct.pack(">i", NIFTI_2)):
         raise file_error(file, "is NIfTI-2, which is not read", "save it as NIfTI-1 or NRRD")
     if len(data) < NIFTI_1 or struct.unpack_from(f"{order}i", data)[0] != NIFTI_1:
         return _Header(np.empty((0, 3)), "mm", 1.0, 0, 0)

@@ -11,6 +11,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.errors import SurfaceError
+from bonecam.surface.files.rows_file import number_words
 from bonecam.surface.files.tsm.half_edges import Graph, graph_of, links_of, next_links
 from bonecam.surface.files.tsm.records import DIRECTIONS, TSM_HEADER
 from bonecam.surface.tmesh.general import TMesh
@@ -41,7 +42,7 @@ def tsm_text(surface: TSpline[TMesh], homogeneous: bool = False) -> str:
     points = surface.control_points
     if homogeneous:
         points = _homogeneous(points, surface.weights[:, None])
-    lines += ["0g " + " ".join(repr(float(x)) for x in (*p, w)) for p, w in zip(points, surface.weights)]
+    lines += [f"0g {number_words((*p, w))}" for p, w in zip(points, surface.weights)]
     return "\n".join([*lines, "", "tol 1e-05", ""])
 
 
@@ -65,7 +66,7 @@ def _knot_comments(mesh: TMesh) -> list[str]:
     comments = []
     for letter, lines, period in (("s", mesh.s_lines, mesh.period[0]), ("t", mesh.t_lines, mesh.period[1])):
         knots = lines[np.concatenate([[True], np.diff(lines) > 0])]
-        comments.append(f"#{letter}-knots " + " ".join(repr(float(k)) for k in knots))
+        comments.append(f"#{letter}-knots {number_words(knots)}")
         if period:
             comments.append(f"#{letter}-period {period!r}")
     return comments
