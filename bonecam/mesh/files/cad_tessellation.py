@@ -6,6 +6,7 @@ again, finer and with other faces. The triangles of neighbouring faces share the
 and are welded there; triangles that collapse at a pole are dropped.
 """
 
+import re
 from collections.abc import Iterable
 from itertools import product
 from pathlib import Path
@@ -16,6 +17,7 @@ from jaxtyping import Float, Int64
 from numpy import ndarray
 
 from bonecam.errors import FileError, counted, file_error
+from bonecam.files import input_bytes
 from bonecam.mesh.files.cad_shapes import area_of, diagonal_of, faces_of, parts_of, read_shape, sew
 from bonecam.mesh.files.formats.content import MeshFile, left_out_note
 from bonecam.mesh.files.opencascade import occ
@@ -24,6 +26,8 @@ from bonecam.mesh.healing.topology import repeats_corner
 from bonecam.mesh.triangle_mesh import TriangleMesh, keep_faces
 from bonecam.progress import Progress, silent
 
+TESSELLATED = re.compile(rb"=\s*(?:\w+_)?TRIANGULATED_(?:FACE|SURFACE_SET)\b")
+"""Faces of a STEP file that have triangles and no surface (ISO 10303-42); OpenCASCADE passes over them."""
 DEFAULT_CHORD_TOLERANCE = 5e-4
 """Chord tolerance where none is given, share of the diagonal."""
 DEFLECTION = 0.6
@@ -51,9 +55,9 @@ WELDING_TOLERANCE = 1e-7
 def read_and_tessellate(
     path: str | Path, chord_tolerance: float | None = None, progress: Progress = silent
 ) -> MeshFile:
-    """The part in a STEP or IGES file as triangles in mm. What else stands in it is noted: curves and points, and faces
-    beside solids, which are read with them. A damaged file may end the process, so `mesh.files.cad_files` calls this in
-    a process of its own."""
+    """The part in a STEP or IGES file as triangles in mm. Curves, points and faces without a surface are left out and
+    noted, faces beside solids are read with them and noted too. A damaged file may end the process, so
+    `mesh.files.cad_files` calls this in a process of its own."""
     file = Path(path)
     shape = read_shape(file)
     if not faces_of(shape):
@@ -62,10 +66,14 @@ def read_and_tessellate(
         mesh = tessellate_shape(shape, chord_tolerance)
     except FileError as error:
         raise FileError(f"{file}: {error}", file=str(file)) from error
-    curves, points = parts_of(shape, "EDGE", "FACE"), parts_of(shape, "VERTEX", "EDGE")
+    others = {
+        "curves": len(parts_of(shape, "EDGE", "FACE")),
+        "points": len(parts_of(shape, "VERTEX", "EDGE")),
+        "tessellated faces": len(TESSELLATED.findall(input_bytes(file))),
+    }
     loose = parts_of(shape, "FACE", "SOLID") if parts_of(shape, "SOLID") else []
     beside = (f"{counted(len(loose), 'face')} beside its solids, read with them",) if loose else ()
-    return MeshFile(mesh, "mm", left_out_note({"curves": len(curves), "points": len(points)}) + beside)
+    return MeshFile(mesh, "mm", left_out_note(others) + beside)
 
 
 def tessellate_shape(shape: Any, chord_tolerance: float | None = None) -> TriangleMesh:

@@ -22,7 +22,7 @@ from jaxtyping import Float, Int64
 from numpy import ndarray
 
 from bonecam.errors import FileError
-from bonecam.files import input_bytes, write_whole
+from bonecam.files import write_whole
 from bonecam.mesh.files.formats.content import (
     CUT_SHORT,
     ContentError,
@@ -30,6 +30,7 @@ from bonecam.mesh.files.formats.content import (
     numbered_words,
     whole_numbers,
 )
+from bonecam.mesh.files.mesh_files import bytes_of
 from bonecam.surface.files.rows_file import number_words
 from bonecam.surface.tmesh.extracted import ExtractedTMesh
 from bonecam.surface.tspline import TSpline
@@ -44,9 +45,7 @@ def read_iga(path: str | Path) -> TSpline[ExtractedTMesh]:
     """The surface of an .iga file. Raises FileError with the line where the file departs from the form
     above."""
     try:
-        return _parse(input_bytes(path))
-    except OSError as error:
-        raise FileError(f"{path} cannot be read as text: {error}", file=str(path)) from error
+        return _parse(bytes_of(Path(path)))
     except ContentError as error:
         raise FileError(f"{path}: {error}", file=str(path), **error.evidence) from error
 

@@ -15,8 +15,9 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.errors import FileError, SurfaceError
-from bonecam.files import input_bytes, write_whole
+from bonecam.files import write_whole
 from bonecam.mesh.files.formats.content import ContentError
+from bonecam.mesh.files.mesh_files import bytes_of
 from bonecam.surface.files import rows_file
 from bonecam.surface.files.tsm.borders import MIRRORED, with_mirrored_borders
 from bonecam.surface.files.tsm.layout import tmesh_of
@@ -42,14 +43,12 @@ def read_tsm(path: str | Path, *, homogeneous: bool = False, to_mm: bool = False
     (surface.files.tsm.borders). Raises FileError naming line and record.
     """
     path = Path(path)
+    data = bytes_of(path)
+    text = data.decode("utf-8", errors="replace")
+    first = text.split("\n", 1)[0].strip()
     try:
-        data = input_bytes(path)
-        text = data.decode("utf-8", errors="replace")
-        first = text.split("\n", 1)[0].strip()
         if first == rows_file.HEADER:
             return rows_file.parse_rows(data)
-    except OSError as error:
-        raise FileError(f"{path} cannot be read as text: {error}", file=str(path)) from error
     except ContentError as error:
         raise FileError(f"{path}: {error}", file=str(path), **error.evidence) from error
     if first.split()[:1] != [TSM_HEADER]:

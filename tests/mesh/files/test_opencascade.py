@@ -182,6 +182,15 @@ def test_what_stands_beside_the_faces_of_a_part_is_told(ending: str, tmp_path: P
     np.testing.assert_allclose(given.mesh.bounds[1], [12, 12, 20])
 
 
+def test_faces_of_triangles_in_a_step_file_are_told(tmp_path: Path) -> None:
+    text = write(cylinder(), tmp_path / "a.step").read_text()
+    more = """#9001=COORDINATES_LIST('',4,((0.,0.,0.),(50.,0.,0.),(0.,50.,0.),(0.,0.,50.)));
+    #9002=TRIANGULATED_FACE('',#9001,4,((0.,0.,1.)),$,(),((1,3,2),(1,2,4),(2,3,4),(1,4,3)));
+    #9003=TESSELLATED_SHELL('',(#9002),$);\n"""
+    (tmp_path / "a.step").write_text(more.join(text.rsplit("ENDSEC;", 1)).replace(more, f"{more}ENDSEC;"))
+    assert read_and_tessellate(tmp_path / "a.step").notes == ("left out of its file: 1 tessellated faces",)
+
+
 STEP_HEAD = b"ISO-10303-21;\nHEADER;\n"
 BAD = {
     "empty.step": (b"", "is empty"),
