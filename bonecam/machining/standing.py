@@ -79,8 +79,10 @@ def stand_part(
             placed = place(filled, job, body)
         job = replace(job, holding=settled_bracket(job.holding, placed.part.mesh, limits.bodies.table))
         blocked = blocked_share(placed, job, limits)
+        stated = job.holding.diameter > 0
         setup, job, necks = find_standing(placed, job, limits)
-        figures = neck_report(necks, neck_remedies(setup, job, limits, necks[0]) if necks else (), job)
+        remedies = neck_remedies(setup, job, limits, necks[0]) if necks else ()
+        figures = neck_report(necks, remedies, job, stated=stated)
         for warned in warnings.holding_warnings(figures, job):
             report(progress, 1.0, f"{warned.text}: {warned.remedy}")
             with knowing({"input": input_report(filled), "post": figures}):

@@ -144,13 +144,13 @@ def neck_text(post: Mapping[str, Any]) -> str:
     swing = f"{taken['first_hz']:.0f} Hz ({wanted['first_hz']:.0f} at least)"
     size = f"{taken['diameter_mm']:g} x {taken['length_mm']:g} mm"
     figures = f"{error}, {taken['shift_p99_um']:.0f} at 99 %; {stress}; {swing}"
-    none = "no neck holds" if len(post["necks"]) > 1 else "the neck does not hold"
+    none = "the neck does not hold" if post["neck_stated"] else "no neck holds"
     return f"{none}: foretold on that of {size} are {figures}"
 
 
 def neck_remedy_text(post: Mapping[str, Any]) -> str:
-    """With what that neck holds, or nearly; another one where no other was tried."""
-    other = ["give holding.diameter = 0, which finds one"] if len(post["necks"]) == 1 else []
+    """With what that neck holds, or nearly; another one where the job states it."""
+    other = ["give holding.diameter = 0, which finds one"] if post["neck_stated"] else []
     return (
         " or ".join([*other, *_remedy_texts(post)])
         or "give shallower cuts, or a larger stock for a thicker neck"

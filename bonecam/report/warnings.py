@@ -124,8 +124,8 @@ def holding_warnings(post: Sections, job: Job, kept: float | None = None) -> Ite
     taken = next(iter(post.get("necks", ())), None)
     if taken is None or taken["holds"] or (kept is not None and kept <= LARGEST_KEPT):
         return
-    if kept is not None and len(post["necks"]) == 1:
-        return  # the job states it: what it keeps is told as bending
+    if kept is not None and post["neck_stated"]:
+        return  # what it keeps is told as bending
     told, most = UM * job.warnings.error, UM * job.mechanics.largest_error / FORETOLD_P99
     refused = most if kept is None and job.mechanics.refuse else None
     shift = taken["shift_p99_um"]

@@ -40,6 +40,7 @@ NECK = {
     "left_mm2": 50.0,
 }
 GIVES_WAY = {
+    "neck_stated": False,
     "necks": [{**NECK, "holds": False}, {**NECK, "diameter_mm": 8.0, "holds": False}],
     "neck_wanted": {"shift_um": 16.0, "stress_mpa": 83.3, "first_hz": 1000.0},
     "holds_with": [{"change": 'holding.tailstock = "pin"', **NECK, "shift_um": 15.0, "holds": True}],
@@ -57,7 +58,7 @@ CASES: dict[str, dict[str, Any]] = {
 def test_a_neck_that_would_yield_is_refused_though_its_error_may_be_kept() -> None:
     neck = {**NECK, "shift_p99_um": 20.0, "holds": False}
     for stress, refused in ((160.0, False), (170.0, True)):
-        post = {**GIVES_WAY, "necks": [{**neck, "stress_mpa": stress}]}
+        post = {**GIVES_WAY, "neck_stated": True, "necks": [{**neck, "stress_mpa": stress}]}
         warned = list(holding_warnings(post, JOB))
         assert any(one.refused for one in warned) == refused
         assert all("give holding.diameter = 0, which finds one" in one.remedy for one in warned), (
@@ -93,6 +94,8 @@ def test_a_neck_that_gives_way_is_told_with_what_would_hold_until_the_error_is_k
     figures = "60.0 um of error at 95 % (16 at most), 90 at 99 %; 29 MPa at peaks (83 at most); 1165 Hz (1000 at least)"
     assert warned.text == f"no neck holds: foretold on that of 10 x 3 mm are {figures}"
     assert warned.remedy == 'holds with holding.tailstock = "pin": 15.0 um, 29 MPa, 1165 Hz'
+    alone = {**GIVES_WAY, "necks": GIVES_WAY["necks"][:1]}
+    assert warnings_of({"post": alone}, JOB) == [warned], "one that was found, where no other meets the part"
     assert warned.remedy in "\n".join(post_lines({"diameter_mm": 10.0, "length_mm": 3.0} | GIVES_WAY)), (
         "one wording"
     )

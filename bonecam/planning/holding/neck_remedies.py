@@ -129,12 +129,14 @@ def _pinned(setup: Setup, job: Job, limits: MachineLimits) -> tuple[str, Setup, 
         return None
 
 
-def neck_report(necks: Sequence[Neck], remedies: Sequence[NeckRemedy], job: Job) -> dict[str, Any]:
-    """`necks` of the report's section `post`, where a neck was found; and where it gives way what is wanted of it and
-    with what it `holds_with`."""
+def neck_report(
+    necks: Sequence[Neck], remedies: Sequence[NeckRemedy], job: Job, *, stated: bool
+) -> dict[str, Any]:
+    """`necks` of the report's section `post`, and whether the one that is taken was `stated`; where it gives way what
+    is wanted of it and with what it `holds_with`. Nothing where no neck was judged."""
     if not necks:
         return {}
-    told: dict[str, Any] = {"necks": [neck.report for neck in necks]}
+    told: dict[str, Any] = {"neck_stated": stated, "necks": [neck.report for neck in necks]}
     if necks[0].holds:
         return told
     helps = [{"change": one.change, **one.neck.report} for one in remedies]

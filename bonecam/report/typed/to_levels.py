@@ -229,6 +229,7 @@ class PostFigures(TypedDict):
     neck_mm: NotRequired[float]
     held_by: NotRequired[dict[str, ColumnFigures]]
     tailstock: NotRequired[TailstockFigures]
+    neck_stated: NotRequired[bool]
     necks: NotRequired[list[NeckFigures]]
     neck_wanted: NotRequired[NeckWanted]
     holds_with: NotRequired[list[NeckRemedyFigures]]

@@ -129,8 +129,8 @@ def test_where_none_holds_the_stiffest_is_taken() -> None:
     assert [neck.diameter for neck in none] == [6.0, 8.0, 4.0]
     some = ranking(necks_of((4.0, 90.0, False), (6.0, 9.0, True), (8.0, 4.0, True)))
     assert [neck.diameter for neck in some] == [6.0, 8.0, 4.0]
-    assert neck_report((), (), OPEN) == {}
-    assert neck_report(some, (), OPEN)["necks"][0] == some[0].report
+    assert neck_report((), (), OPEN, stated=False) == {}
+    assert neck_report(some, (), OPEN, stated=False)["necks"][0] == some[0].report
     assert differences(some[0].report, NeckFigures) == []
 
 
@@ -146,10 +146,12 @@ def test_a_thin_neck_whose_cuts_take_much_longer_is_not_taken() -> None:
 
 def test_the_summary_tells_the_time_of_the_cuts_of_each_neck() -> None:
     told = {"diameter_mm": 6.0, "length_mm": 3.0}
-    timed = post_lines(told | neck_report(necks_of((6.0, 9.0, True), minutes=(11.5,)), (), OPEN))
+    timed = post_lines(
+        told | neck_report(necks_of((6.0, 9.0, True), minutes=(11.5,)), (), OPEN, stated=False)
+    )
     assert any(line.endswith("Hz    min") for line in timed)
     assert any(line.endswith("900   11.5") for line in timed)
-    stated = post_lines(told | neck_report(necks_of((6.0, 9.0, True)), (), OPEN))
+    stated = post_lines(told | neck_report(necks_of((6.0, 9.0, True)), (), OPEN, stated=True))
     assert not any("min" in line for line in stated)
 
 

@@ -94,7 +94,7 @@ def test_a_neck_that_holds_needs_none() -> None:
     taken, found = remedies(standing(12.0), JOB)
     assert taken.holds
     assert found == ()
-    assert "holds_with" not in neck_report([taken], found, JOB)
+    assert "holds_with" not in neck_report([taken], found, JOB, stated=False)
 
 
 def test_what_is_not_enough_alone_is_told_together() -> None:
@@ -132,9 +132,11 @@ def test_slower_spindles_are_told_where_only_the_teeth_are_too_fast() -> None:
 
 def test_report_and_summary_tell_them() -> None:
     taken, found = remedies(standing(50.0), JOB)
-    told = {"diameter_mm": 8.0, "length_mm": LOW, "footprint_mm2": 50.0} | neck_report([taken], found, JOB)
+    told = {"diameter_mm": 8.0, "length_mm": LOW, "footprint_mm2": 50.0} | neck_report(
+        [taken], found, JOB, stated=False
+    )
     assert differences(told, PostFigures) == []
     assert told["neck_wanted"]["shift_um"] == pytest.approx(1000 * LARGEST_SHIFT)
     lines = list(post_lines(told))
     assert any('holds with holding.tailstock = "pin": ' in line for line in lines)
-    assert neck_report((), (), JOB) == {}
+    assert neck_report((), (), JOB, stated=False) == {}
