@@ -22,8 +22,9 @@ level. What stands outside the level then is charged at the mm3/min of the level
 after layers down to it, for it meets stairs all over the part. Still no collisions and entries.
 
 With --others, for the phalanx and cancelled after so many minutes each: a bull nose of 6 mm on the levels; and what
-bonecam has of 3+2, with entries and proved: the roughing of `iso-height`, a ball in layers of `roughing_depth` from two
-sides on the clamping of the default job, charged as 3+2 down to level 1.
+bonecam has of 3+2, proved, with entries and retracts: the roughing of `iso-height`, a ball in layers of 0.5 and of
+1.5 mm from two sides on the clamping of the default job, charged as 3+2 down to level 1, though its own finishing takes
+the stairs.
 """
 
 import argparse
@@ -73,6 +74,10 @@ NAMES = ("phalanx", "3midph", "capitate", "1mc")
 OTHERS: dict[str, dict[str, Any]] = {
     "bull": {"roughing": {"preset": "ball-6", "shape": "bull", "corner_radius": 0.75}},
     "iso-height": {"path": {"strategy": "iso-height", "fine_cutter": False}},
+    "iso-height-deep": {
+        "path": {"strategy": "iso-height", "fine_cutter": False},
+        "levels": {"roughing_depth": 1.5},
+    },
 }
 """What the phalanx is converted with too; iso-height with cutters and clamping of the default job."""
 CELLS = 160
@@ -430,7 +435,7 @@ def main() -> None:
             continue
         rows = [rows_of_levels(name, levels)]
         for other, changes in OTHERS.items() if given.others and name == "phalanx" else ():
-            iso = other == "iso-height"
+            iso = other.startswith("iso")
             job = (levels.job if iso else Job()).with_values(**changes)
             own = converted(name, given.folder / f"{name}-{other}", job, given.others)
             if isinstance(own, str):
