@@ -117,7 +117,7 @@ class SurfaceJob(JobSection):
         high=5.0,
     )
     max_control_points: int = parameter(
-        450, "Control points", "Largest number of control points.", low=40, high=20000
+        1500, "Control points", "Largest number of control points.", low=40, high=20000
     )
     largest_deviation: float = parameter(
         0.5,
