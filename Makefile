@@ -11,7 +11,7 @@ BROWSER := chromium fonts-dejavu-core
 # Compiled modules are kept: tests start hundreds of processes, and each would compile the package anew.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: demo test whole processor oldest docs papers gallery lint types system cnc browser clean
+.PHONY: demo test whole processor oldest docs papers replay gallery lint types system cnc browser clean
 
 demo: $(VENV)/installed
 	mkdir -p out
@@ -45,6 +45,10 @@ docs: $(VENV)/documenting
 papers: $(VENV)/developing
 	$(BIN)/pip install -qq -e ".[bench]"
 	$(BIN)/python docs/papers.py $(addprefix --only ,$(ONLY)) $(BONES)
+
+# What runs write on the working tree, beside what they write on the revision BASE.
+replay: $(VENV)/developing
+	$(BIN)/python tests/replay.py --base $(BASE) $(addprefix --only ,$(ONLY))
 
 # The pictures of the docs.
 gallery: $(VENV)/developing
