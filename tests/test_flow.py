@@ -17,7 +17,7 @@ ROOMS = {
     "runtime": "threads loading compiling timing signals temporary worker own_files locking staging".split(),
     "surface": [
         *"basis tmesh query tessellation refinement tspline".split(),
-        *"rows_to_general fitting skinning blades files part_surface".split(),
+        *"fitting skinning blades files part_surface".split(),
     ],
     "levels": [
         *"problem solvers measure refine_for_depth sequences".split(),

@@ -77,7 +77,17 @@ def begin_morph(
     JobError where a number is out of range, LevelError where a level cannot be made.
     """
     require_types(surface, schedule, stock)
-    _require_parameters(attraction, method, solver, stiffness, chord_tolerance)
+
+    # ValueError where a name is not among its choices, JobError where a number is out of its range
+    for name, value, choices in (
+        ("attraction", attraction, ATTRACTIONS),
+        ("method", method, METHODS),
+        ("solver", solver, SOLVERS),
+    ):
+        if value not in tuple(choices):
+            raise ValueError(f"{name} {value!r}: choose one of {', '.join(choices)}")
+    LevelsJob(stiffness=stiffness, chord_tolerance=chord_tolerance)
+
     _require_closed_inside(surface, stock, schedule)
     started = time.perf_counter()
     progress = rising(progress)
@@ -116,20 +126,6 @@ def begin_morph(
         seconds=seconds,
         accepted=math.inf if method == "published" else ACCEPTED,
     )
-
-
-def _require_parameters(
-    attraction: str, method: str, solver: str, stiffness: float, chord_tolerance: float
-) -> None:
-    """ValueError where a name is not among its choices, JobError where a number is out of its range."""
-    for name, value, choices in (
-        ("attraction", attraction, ATTRACTIONS),
-        ("method", method, METHODS),
-        ("solver", solver, SOLVERS),
-    ):
-        if value not in tuple(choices):
-            raise ValueError(f"{name} {value!r}: choose one of {', '.join(choices)}")
-    LevelsJob(stiffness=stiffness, chord_tolerance=chord_tolerance)
 
 
 def _require_closed_inside(surface: TSpline, stock: Stock, schedule: Schedule) -> None:

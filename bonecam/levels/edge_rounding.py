@@ -72,7 +72,10 @@ class BegunLevels:
         """The largest distance from the stock to the part, mm."""
         if self.inner is self.stock:
             return self.morph.distance
-        return _farthest(self.stock.mesh(CHORD).vertices, self.surface, self.part_mesh)
+        # The largest distance of the points from the surface, mm; its mesh within CHORD tells which may have it
+        points = self.stock.mesh(CHORD).vertices
+        distances = MeshDistance(self.part_mesh).unsigned(points)
+        return float(self.surface.project(points[distances >= distances.max() - 2 * CHORD]).distances.max())
 
     def lower_bound(self, schedule: Schedule) -> int:
         """K_min of a schedule."""
@@ -115,13 +118,6 @@ def begin_levels(surface: TSpline, stock: Stock, schedule: Schedule, **options: 
     return BegunLevels(surface, part_mesh, stock, inner, begin_morph(surface, inner, schedule, **options))
 
 
-def _farthest(points: Float[ndarray, "n 3"], surface: TSpline, mesh: TriangleMesh) -> float:
-    """The largest distance of the points from the surface, mm; its mesh within CHORD tells which may have
-    it."""
-    distances = MeshDistance(mesh).unsigned(points)
-    return float(surface.project(points[distances >= distances.max() - 2 * CHORD]).distances.max())
-
-
 def _with_rounding_levels(morph: Morph, inner: Stock, stock: Stock, schedule: Schedule) -> tuple[Level, ...]:
     """All levels: those of the morph to `inner`, which gets a surface, then those that round the stock down
     to it."""
@@ -131,7 +127,12 @@ def _with_rounding_levels(morph: Morph, inner: Stock, stock: Stock, schedule: Sc
     offsets = _offsets(farthest, schedule, first.index)
     bodies = [inner, *(inner.offset(offset) for offset in offsets[:-1])]
     surfaces = body_surfaces(bodies)
-    fit = _fit_over_tmesh_of(morph_surfaces(morph.levels)[-1])
+
+    # The fit that starts at the points of the last level of the morph
+    outermost = morph_surfaces(morph.levels)[-1]
+    samples = samples_of(outermost, *integration_points(outermost))
+    matrix = samples.N + FIT_STIFFNESS * thin_plate(outermost)
+    fit = _ControlPointFit(samples, samples.R @ outermost.control_points, factorise(matrix))
 
     levels = list(morph.levels[:-1])
     for k, (body, surface) in enumerate(zip(bodies, surfaces, strict=True), start=first.index):
@@ -218,10 +219,3 @@ class _ControlPointFit:
             high = np.where(inside, high, middle)
         ends = self.points + high * (target - self.points)
         return np.asarray(self.factorised.solve(self.samples.moments(ends)))
-
-
-def _fit_over_tmesh_of(outermost: TSpline) -> _ControlPointFit:
-    """The fit that starts at the points of the last level of the morph."""
-    samples = samples_of(outermost, *integration_points(outermost))
-    matrix = samples.N + FIT_STIFFNESS * thin_plate(outermost)
-    return _ControlPointFit(samples, samples.R @ outermost.control_points, factorise(matrix))

@@ -152,7 +152,14 @@ def _sequence(
     levels = levels_to_stock(
         [first], rest, schedule, next_level, rest_above, stop=stop, progress=progress, lower_bound=lower_bound
     )
-    return *levels, _stock_level(levels[-1], target, grid, schedule.limit(len(levels)))
+
+    # The stock as the last level, with what is measured on its cut; LevelError where that is out of tolerance
+    below = levels[-1]
+    limit = schedule.limit(len(levels))
+    k = below.index + 1
+    measures, mesh = _measured(k, below.surface, target.surface, target, grid, limit=limit)
+    fitted = replace(measures, outside=target.deviation, outside_place=target.place)
+    return *levels, StockLevel(k, mesh, limit, fitted)
 
 
 @dataclass(frozen=True, eq=False)
@@ -209,14 +216,6 @@ def _measured(
     measures = measure_open_cut(below, above, stock.surface, stock.side, limit)
     require_none(k, violations(measures, limit, above.mesh), above.mesh, REMEDY)
     return measures, above.mesh
-
-
-def _stock_level(below: MachinedLevel, stock: OpenStock, grid: LevelGrid, limit: float) -> StockLevel:
-    """The stock as the last level, with what is measured on its cut; LevelError where that is out of tolerance."""
-    k = below.index + 1
-    measures, mesh = _measured(k, below.surface, stock.surface, stock, grid, limit=limit)
-    fitted = replace(measures, outside=stock.deviation, outside_place=stock.place)
-    return StockLevel(k, mesh, limit, fitted)
 
 
 def _require_near(stock: OpenStock, limit: float) -> None:

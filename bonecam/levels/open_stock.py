@@ -80,7 +80,16 @@ def open_stock(surface: TSpline, matrices: ElementMatrices, stock: object, fixed
     bent = free.with_control_points(np.where(held, surface.control_points, free.control_points))
     fitted = free.positions(*at.T)
     reached = bent.positions(*at.T)
-    _require_upright(bent, at, normals)
+
+    # StockError where the fit faces against the part
+    _, S_s, S_t = bent.derivatives(at[:, 0], at[:, 1], 1)
+    upright = dots(np.cross(S_s, S_t), normals)
+    if upright.min() <= 0:
+        place = bent.positions(*at[[np.argmin(upright)]].T)[0]
+        remedy = "give one that reaches over all of the part, nearer to it than its radii of curvature"
+        message = f"the stock turns over at {place_name(place)}: {remedy}"
+        raise StockError(message, place=place)
+
     _require_ahead(side * dots(reached - points, normals), points, -NESTING_TOLERANCE)
     known, footpoints = _above(free, known)
     off = (
@@ -137,17 +146,6 @@ def _above(surface: TSpline, points: ndarray) -> tuple[Float[ndarray, "n 3"], Pr
     heights = np.abs(dots(points - projection.points, surface.normals(*projection.parameters.T)))
     kept = heights >= ABOVE * projection.distances
     return points[kept], Projection(*(each[kept] for each in projection))
-
-
-def _require_upright(fit: TSpline, at: Float[ndarray, "n 2"], normals: Float[ndarray, "n 3"]) -> None:
-    """StockError where the fit faces against the part."""
-    _, S_s, S_t = fit.derivatives(at[:, 0], at[:, 1], 1)
-    upright = dots(np.cross(S_s, S_t), normals)
-    if upright.min() <= 0:
-        place = fit.positions(*at[[np.argmin(upright)]].T)[0]
-        remedy = "give one that reaches over all of the part, nearer to it than its radii of curvature"
-        message = f"the stock turns over at {place_name(place)}: {remedy}"
-        raise StockError(message, place=place)
 
 
 def _require_ahead(ahead: ndarray, points: ndarray, least: float) -> None:

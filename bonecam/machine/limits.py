@@ -23,12 +23,6 @@ axes (n, 3), the kinds of its moves (n,) and places that cannot be left. Place i
 the next: f is 0 but between two cuts, to whose place the tool comes back."""
 
 
-PathMinutes = Callable[[ndarray, ndarray, ndarray, float], Float[ndarray, " m"]]
-"""Minutes of the moves of a path from rest to rest as the machine's axes drive them, from its tips (n, 3), unit axes
-(n, 3), feeds of the moves that arrive (n,), mm/min, and the length (mm) of the tool. The path is that of fine samples:
-it has no corners."""
-
-
 @dataclass(frozen=True)
 class ReachedAxes:
     """The tool axes of a machine that are no band of polar angles: `contains` tells of unit axes (n, 3) whether each is
@@ -45,15 +39,14 @@ class MachineLimits:
     degrees), and how fast the machine changes its polar angle and azimuth, rad/min. A machine of four axes that turns
     the part about its own Z has one polar angle. Where the machine does not reach these angles all round, `reached` are
     its tool axes. `lift_places` tells where the machine's rotary axes come to their limits within a path; None:
-    nowhere. `path_minutes` tells how long the machine takes for a path; None: not known. The tool is kept clear of the
-    `bodies`. MachineError where the angles do not lie in order within 0 .. 180 degrees."""
+    nowhere. The tool is kept clear of the `bodies`. MachineError where the angles do not lie in order within
+    0 .. 180 degrees."""
 
     largest: float
     smallest: float = 0.0
     tilt_speed: float = math.inf
     turn_speed: float = math.inf
     lift_places: LiftPlaces | None = None
-    path_minutes: PathMinutes | None = None
     bodies: MachineBodies = field(default_factory=MachineBodies)
     reached: ReachedAxes | None = None
 

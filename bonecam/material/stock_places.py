@@ -30,7 +30,12 @@ def places_on_stock(
     stock_points = nearest
     for neighbours in (pairs, faces[sharp.all(axis=0)]):
         meeting = stock.closest_points(_meeting(nearest[neighbours], normals[neighbours]))
-        stock_points = _with_nearest_moved(stock_points, neighbours, meeting)
+
+        # The places, that of the neighbours in each row which is nearest to its target moved there
+        away = np.linalg.norm(stock_points[neighbours] - meeting[:, None], axis=2)
+        moved = stock_points.copy()
+        moved[neighbours[np.arange(len(away)), np.argmin(away, axis=1)]] = meeting
+        stock_points = moved
     return stock_points
 
 
@@ -44,13 +49,3 @@ def _meeting(points: Float[ndarray, "m k 3"], normals: Float[ndarray, "m k 3"]) 
     middle = points.mean(axis=1)
     out = (normals * (points - middle[:, None])).sum(axis=2)
     return np.asarray(middle + (np.linalg.pinv(normals, rcond=PARALLEL) @ out[:, :, None])[:, :, 0])
-
-
-def _with_nearest_moved(
-    points: Float[ndarray, "n 3"], neighbours: Int32[ndarray, "m k"], targets: Float[ndarray, "m 3"]
-) -> Float[ndarray, "n 3"]:
-    """The places, that of the neighbours in each row which is nearest to its target moved there."""
-    away = np.linalg.norm(points[neighbours] - targets[:, None], axis=2)
-    moved = points.copy()
-    moved[neighbours[np.arange(len(away)), np.argmin(away, axis=1)]] = targets
-    return moved

@@ -78,7 +78,12 @@ def remedies(
     pinned = _pinned(work, beam, kept.finished.mesh)
     if pinned is not None:
         pin, propped = pinned
-        lower = stress * _stress_share(propped, beam, kept.finished.points)
+
+        # The share of a stress that stays on another beam, of forces across the middle of some points
+        forces = np.eye(3)[:2]
+        middle = np.tile(kept.finished.points.mean(axis=0), (2, 1))
+        each = [one.moment_stress(forces, middle).max() for one in (propped, beam)]
+        lower = stress * float(each[0] / each[1])
         options.append(Remedy(pin, share(propped), lower))
     if work.post.top - foot > NECK:
         held = beam.sections.between(work.post.top - NECK, float(beam.sections.high[-1]))
@@ -102,14 +107,6 @@ def _pinned(work: Workpiece, beam: Beam, part: TriangleMesh) -> tuple[str, Beam]
     support = tailstock_support(holding, pin_above(part, holding), work.stiffness.elasticity)
     pin = f"a pin of {holding.tailstock_diameter:g} mm at the free end ({change})"
     return pin, replace(beam, support=support)
-
-
-def _stress_share(other: Beam, beam: Beam, points: Float[ndarray, "n 3"]) -> float:
-    """The share of a stress that stays on another beam, of forces across the middle of some points."""
-    forces = np.eye(3)[:2]
-    middle = np.tile(points.mean(axis=0), (2, 1))
-    each = [one.moment_stress(forces, middle).max() for one in (other, beam)]
-    return float(each[0] / each[1])
 
 
 def thickened(sections: Sections, low: float, high: float, times: float) -> Sections:

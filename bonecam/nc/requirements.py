@@ -128,19 +128,16 @@ def check_room(stock: Stock, job: Job, machine: Machine) -> None:
             evidence = {"axis": axis.letter, "needed": needed, "travel": axis.travel}
             raise MachineError(f"{machine.name}: {bound}: {remedy}", **evidence)
     if machine.part_axes:
-        _check_swing(stock, job, machine)
-
-
-def _check_swing(stock: Stock, job: Job, machine: Machine) -> None:
-    """MachineError where Z travels less than from the part to above all that table and chuck sweep as they turn."""
-    from_pivot = np.subtract(machine.part_zero, machine.part_axes[-1].pivot)
-    farthest = float(np.linalg.norm(from_pivot)) + job.holding.length + stock.length + stock.diameter
-    reach = table_reach(machine, job)
-    (travel,) = (axis.travel for axis in machine.linear if axis.letter == "Z")
-    if reach - farthest > travel:
-        what = f"table and chuck reach {reach:.0f} mm from the pivot, the tool clears that, Z travels {travel:.0f} mm"
-        remedy = "correct the machine's [table], or give a smaller chuck (holding.chuck_diameter)"
-        raise MachineError(f"{machine.name}: {what}: {remedy}", axis="Z", reach=reach, travel=travel)
+        # MachineError where Z travels less than from the part to above all that table and chuck sweep as they turn
+        from_pivot = np.subtract(machine.part_zero, machine.part_axes[-1].pivot)
+        farthest = float(np.linalg.norm(from_pivot)) + job.holding.length + stock.length + stock.diameter
+        reach = table_reach(machine, job)
+        (travel,) = (axis.travel for axis in machine.linear if axis.letter == "Z")
+        if reach - farthest > travel:
+            clears = f"table and chuck reach {reach:.0f} mm from the pivot, the tool clears that"
+            remedy = "correct the machine's [table], or give a smaller chuck (holding.chuck_diameter)"
+            message = f"{machine.name}: {clears}, Z travels {travel:.0f} mm: {remedy}"
+            raise MachineError(message, axis="Z", reach=reach, travel=travel)
 
 
 def check_length(part: TriangleMesh, stock: Stock, job: Job, progress: Progress = silent) -> None:

@@ -1,7 +1,6 @@
 from .axes.cones.admissible_cones import AxisCones as AxisCones
 from .axes.cones.admissible_cones import admissible_cones as admissible_cones
 from .axes.cones.cone import ObliqueEllipticCone as ObliqueEllipticCone
-from .axes.cones.cone import oblique_elliptic_cone as oblique_elliptic_cone
 from .axes.cones.cones_mesh import cones_mesh as cones_mesh
 from .axes.cones.verify_cones import ConeVerdict as ConeVerdict
 from .axes.cones.verify_cones import verify_cones as verify_cones

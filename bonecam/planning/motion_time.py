@@ -87,7 +87,14 @@ def motion_minutes(
         turns = largest(np.abs(rates[:, 3:])) > 0
         blended = turns[1:] | turns[:-1]
         corners[blended] = 0.0
-        overlaps[:-1] = blended * _overlaps(rates, ways, acceleration, rule.tolerance)
+
+        # Minutes before the end of each move but the last at which a parabolic blend lets the next one set out
+        heading = unit(rates[:, :3])
+        with np.errstate(divide="ignore"):
+            cosine = np.sqrt(np.maximum(1 - dots(heading[:-1], heading[1:]), 0.0) / 2)
+            blend = 2 * np.sqrt(acceleration[:-1] * rule.tolerance / (lengths(rates[:-1, :3]) * cosine))
+        reached = np.minimum(np.sqrt(acceleration * ways), 1.0)[:-1]
+        overlaps[:-1] = blended * (np.minimum(reached, blend) / acceleration[:-1])
     # it can stop at the end of what it looks ahead over
     stopping = np.r_[0.0, np.cumsum(2 * acceleration * ways)]
     known = np.minimum(np.arange(len(stopping)) + rule.look_ahead, len(ways))
@@ -100,18 +107,3 @@ def motion_minutes(
         times = np.maximum(times, ramped_times(speeds, ways, acceleration, jerk))
     minutes[moving] = times - overlaps
     return minutes
-
-
-def _overlaps(
-    rates: Float[ndarray, "n 5"],
-    ways: Float[ndarray, "n"],
-    acceleration: Float[ndarray, "n"],
-    tolerance: float,
-) -> Float[ndarray, "m"]:
-    """Minutes before the end of each move but the last at which a parabolic blend lets the next one set out."""
-    heading = unit(rates[:, :3])
-    with np.errstate(divide="ignore"):
-        cosine = np.sqrt(np.maximum(1 - dots(heading[:-1], heading[1:]), 0.0) / 2)
-        blend = 2 * np.sqrt(acceleration[:-1] * tolerance / (lengths(rates[:-1, :3]) * cosine))
-    reached = np.minimum(np.sqrt(acceleration * ways), 1.0)[:-1]
-    return np.minimum(reached, blend) / acceleration[:-1]

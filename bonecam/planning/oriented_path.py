@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.arrays import angles_between
@@ -144,22 +144,18 @@ def _idle_path(path: ContactPath, space: LinkSpace) -> ToolPath:
 def _runs(path: ContactPath, chosen: ToolAxes, checker: CollisionChecker) -> list[Run]:
     """The contacts that have an axis, split wherever the tool cannot cut straight from one to the next."""
     index = np.flatnonzero(chosen.found)
-    joined = _joined(path, index, chosen, checker)
-    return np.split(index, np.flatnonzero(~joined[:-1]) + 1)
 
-
-def _joined(
-    path: ContactPath, index: Int[ndarray, " k"], chosen: ToolAxes, checker: CollisionChecker
-) -> Bool[ndarray, " k"]:
-    """Whether the tool cuts straight from each contact of `index` to the next: neighbours on one pass, a
-    small turn off the singularity, proven free."""
+    # Whether the tool cuts straight from each contact of `index` to the next: neighbours on one pass, a small turn
+    # off the singularity, proven free
     passes, axes = path.pass_index[index], chosen.axes[index]
     neighbours = (passes[1:] == passes[:-1]) & (np.diff(index) == 1)
     small_turn = angles_between(axes[1:], axes[:-1]) <= MAX_TURN
     off_singularity = least_polar_angles(axes) > SINGULAR_ANGLE
     joined = np.r_[neighbours & small_turn & off_singularity, False]
     tips = path.cutter.tips_of(path.centres[index], axes)
-    return checker.moves_free(tips, axes, joined, chosen.free_in_motion[index])
+    joined = checker.moves_free(tips, axes, joined, chosen.free_in_motion[index])
+
+    return np.split(index, np.flatnonzero(~joined[:-1]) + 1)
 
 
 def _cut(path: ContactPath, axes: Float[ndarray, "n 3"], run: Run, first_feed: float) -> LinkMoves:
@@ -200,7 +196,15 @@ def _tool_path(
     contact = np.concatenate([*contacts, away])
 
     is_cut = (contact >= 0)[:, None]
-    uncut, reasons = _uncut(path, chosen, runs, linked)
+
+    # The contacts left out and why: those of the path, those without an axis, and those of `runs` that are not
+    # reached
+    cut = [linked.runs[k] for k, _ in linked.links]
+    unreached = np.setdiff1d(np.concatenate(runs), np.concatenate(cut))
+    without_axis = np.flatnonzero(~chosen.found)
+    uncut = np.vstack([path.uncut, path.contacts[without_axis], path.contacts[unreached]])
+    reasons = [chosen.reasons[i] for i in without_axis] + ["collision"] * len(unreached)
+
     return ToolPath(
         level=path.level,
         cutter=path.cutter,
@@ -212,21 +216,8 @@ def _tool_path(
         axes=joined.axes,
         feed_rates=joined.feeds,
         uncut=uncut,
-        reasons=reasons,
+        reasons=path.reasons + tuple(reasons),
         trimmed=path.trimmed,
         rest=path.rest,
         cones=cones.at(contact) if cones else None,
     )
-
-
-def _uncut(
-    path: ContactPath, chosen: ToolAxes, runs: Sequence[Run], linked: LinkedRuns
-) -> tuple[Float[ndarray, "u 3"], tuple[str, ...]]:
-    """The contacts left out and why: those of the path, those without an axis, and those of `runs` that are not
-    reached."""
-    cut = [linked.runs[k] for k, _ in linked.links]
-    unreached = np.setdiff1d(np.concatenate(runs), np.concatenate(cut))
-    without_axis = np.flatnonzero(~chosen.found)
-    uncut = np.vstack([path.uncut, path.contacts[without_axis], path.contacts[unreached]])
-    reasons = [chosen.reasons[i] for i in without_axis] + ["collision"] * len(unreached)
-    return uncut, path.reasons + tuple(reasons)

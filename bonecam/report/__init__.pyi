@@ -6,7 +6,6 @@ from .pictures.depth_curves import draw_depths as draw_depths
 from .pictures.level_sections import draw_levels as draw_levels
 from .pictures.machine.bodies import draw_machine as draw_machine
 from .pictures.machine.drawing import draw_machine_file as draw_machine_file
-from .pictures.tmesh_lines import draw_tmesh as draw_tmesh
 from .pictures.tool_paths import draw_toolpath as draw_toolpath
 from .stage_reports import levels_report as levels_report
 from .stage_reports import nc_report as nc_report

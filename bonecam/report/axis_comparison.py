@@ -132,7 +132,14 @@ def compare_axes(path: ToolPath, scene: Scene, limits: MachineLimits, job: PathJ
     cuts = path.kinds == MoveKind.CUT
     balls, passes = path.balls[cuts], path.pass_index[cuts]
     normals = unit(balls - path.contacts[cuts])
-    ways = _ways(balls, passes)
+
+    # The direction of the feed at each contact: to the next one of the pass, at its end from the one before
+    steps = np.diff(balls, axis=0)
+    same = (np.diff(passes) == 0)[:, None]
+    ahead = np.vstack([np.where(same, steps, 0), np.zeros((1, 3))])
+    behind = np.vstack([np.zeros((1, 3)), np.where(same, steps, 0)])
+    ways = np.where((ahead != 0).any(axis=1, keepdims=True), ahead, behind)
+
     along = unit(ways - dots(ways, normals)[:, None] * normals)
     contacts = ContactPath(
         level=path.level,
@@ -167,15 +174,6 @@ def compare_axes(path: ToolPath, scene: Scene, limits: MachineLimits, job: PathJ
         limits=limits,
         choices=tuple(choices),
     )
-
-
-def _ways(balls: Float[ndarray, "n 3"], passes: Int[ndarray, " n"]) -> Float[ndarray, "n 3"]:
-    """The direction of the feed at each contact: to the next one of the pass, at its end from the one before."""
-    steps = np.diff(balls, axis=0)
-    same = (np.diff(passes) == 0)[:, None]
-    ahead = np.vstack([np.where(same, steps, 0), np.zeros((1, 3))])
-    behind = np.vstack([np.zeros((1, 3)), np.where(same, steps, 0)])
-    return np.where((ahead != 0).any(axis=1, keepdims=True), ahead, behind)
 
 
 def _listed(items: Iterable[object]) -> str:

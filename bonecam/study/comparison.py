@@ -102,7 +102,13 @@ def compare(
     `convert`. What fails later fails one row.
     """
     job = job or Job()
-    chosen = _chosen(strategies)
+
+    known = {strategy.name: strategy for strategy in STRATEGIES}
+    unknown = [name for name in strategies or () if name not in known]
+    if unknown:
+        raise JobError(f"strategy {unknown[0]!r} is unknown: take some of {', '.join(known)}")
+    chosen = [known[name] for name in strategies or known]
+
     if folder is not None:
         check_folder(folder)
     job = job.with_values(holding={"second": ""})
@@ -132,14 +138,6 @@ def compare(
     if folder is not None:
         write_comparison(comparison, folder)
     return comparison
-
-
-def _chosen(names: Sequence[str] | None) -> list[Strategy]:
-    known = {strategy.name: strategy for strategy in STRATEGIES}
-    unknown = [name for name in names or () if name not in known]
-    if unknown:
-        raise JobError(f"strategy {unknown[0]!r} is unknown: take some of {', '.join(known)}")
-    return [known[name] for name in names or known]
 
 
 def _failures(

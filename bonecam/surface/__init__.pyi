@@ -18,7 +18,6 @@ from .query.closest_point import project as project
 from .query.diagnose import Diagnosis as Diagnosis
 from .query.diagnose import diagnose as diagnose
 from .refinement.refine import refine as refine
-from .rows_to_general import as_general as as_general
 from .skinning.mesh_patch import patch_surface as patch_surface
 from .skinning.skin import skin as skin
 from .tessellation.tessellate import Tessellation as Tessellation

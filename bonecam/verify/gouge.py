@@ -145,7 +145,13 @@ def _refine(run: _Run, centres: Float[ndarray, "n 3"], distance: Float[ndarray, 
     ends = centres[moves - 1], centres[moves], distance[moves - 1], distance[moves]
     spans = _Spans(np.arange(count), np.zeros(count), np.ones(count), *ends)
     for _ in range(MAX_ROUNDS):
-        bound = _lower_bound(spans, run.bows)
+        # No point of a span is nearer to the part than this, mm
+        on_chord = lowest_between(np.maximum(spans.near, 0), np.maximum(spans.far, 0), spans.length)
+        lowest = on_chord - _bow(spans, run.bows)
+        # inside the part distances are negative, and the bound holds outside only: the worse end is taken
+        at_ends = np.minimum(spans.near, spans.far)
+        bound = np.minimum(lowest, np.where(at_ends < 0, at_ends, np.inf))
+
         # enough: the ball is clear of the part, or goes no deeper than at the ends, or no deeper than known
         # elsewhere
         reach = np.minimum(np.minimum(spans.near, spans.far), radius - max(best.depth, 0.0))
@@ -177,29 +183,17 @@ def _bow(spans: _Spans, bows: Float[ndarray, "m"]) -> Float[ndarray, "k"]:
     return bows[spans.move] * (spans.end - spans.start) ** 2 / 8
 
 
-def _lower_bound(spans: _Spans, bows: Float[ndarray, "m"]) -> Float[ndarray, "k"]:
-    """No point of a span is nearer to the part than this, mm."""
-    on_chord = lowest_between(np.maximum(spans.near, 0), np.maximum(spans.far, 0), spans.length)
-    lowest = on_chord - _bow(spans, bows)
-    # inside the part distances are negative, and the bound holds outside only: the worse end is taken
-    at_ends = np.minimum(spans.near, spans.far)
-    return np.minimum(lowest, np.where(at_ends < 0, at_ends, np.inf))
-
-
-def _pieces(spans: _Spans, run: _Run) -> Int[ndarray, "k"]:
-    """Pieces that the bound is expected to need on each span."""
+def _divide(spans: _Spans, run: _Run) -> tuple[_Spans, Float[ndarray, "p"], Float[ndarray, "p 3"]]:
+    """The spans divided into pieces; depth (mm) and ball centre at the end of each piece."""
+    # Pieces that the bound is expected to need on each span
     length = spans.length
     for_chord = length / np.sqrt(4 * run.control.radius * run.slack)
     needed = np.maximum(for_chord, np.sqrt(2 * _bow(spans, run.bows) / run.slack))
     # far from the part a span only has to show that the ball stays clear
     gap = np.minimum(spans.near, spans.far) - run.control.radius
     needed = np.where(gap > length / 4, np.minimum(needed, 2), needed)
-    return np.clip(np.ceil(needed), 2, MAX_PIECES).astype(np.int64)
+    pieces = np.clip(np.ceil(needed), 2, MAX_PIECES).astype(np.int64)
 
-
-def _divide(spans: _Spans, run: _Run) -> tuple[_Spans, Float[ndarray, "p"], Float[ndarray, "p 3"]]:
-    """The spans divided into pieces; depth (mm) and ball centre at the end of each piece."""
-    pieces = _pieces(spans, run)
     owner = np.repeat(np.arange(len(pieces)), pieces)
     place = np.arange(len(owner)) - np.repeat(np.cumsum(pieces) - pieces, pieces)
     width = (spans.end - spans.start) / pieces

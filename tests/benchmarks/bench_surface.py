@@ -1,4 +1,4 @@
-"""Speed of the T-spline kernel beside splinepy's NURBS and scipy's NdBSpline: `python
+"""Speed of the T-spline kernel beside splinepy's NURBS and scipy's NdBSpline: `PYTHONPATH=tests/checking python
 tests/benchmarks/bench_surface.py`.
 
 The surface is a closed rational tube with two poles, 19 rows of 15 control points; evaluated are S, S_s and
@@ -13,9 +13,10 @@ from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
+from rows_to_general import as_general
 from scipy.interpolate import NdBSpline
 
-from bonecam.surface import RowTMesh, TSpline, as_general
+from bonecam.surface import RowTMesh, TSpline
 
 ROWS, AROUND, SAMPLES, POINTS = 19, 15, 100_000, 5_000
 AIM = {"evaluate": 10e6, "splinepy": 20.0, "csr": 0.2, "project": 50_000.0}

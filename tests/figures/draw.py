@@ -11,6 +11,7 @@ from clamping import draw_clamping
 from matplotlib.figure import Figure
 from page_picture import picture_page
 from palette import shrink
+from tmesh_picture import draw_tmesh, show_tmesh
 
 import bonecam
 from bonecam.levels.measure.line_depths import line_depths
@@ -21,7 +22,6 @@ from bonecam.report.pictures.depth_colours import draw_coloured
 from bonecam.report.pictures.depth_curves import draw_depths
 from bonecam.report.pictures.level_sections import show_levels
 from bonecam.report.pictures.panels import lay_out
-from bonecam.report.pictures.tmesh_lines import draw_tmesh, show_tmesh
 from bonecam.report.pictures.tool_paths import draw_toolpath, show_path
 from bonecam.setup.placement import place
 from bonecam.surface.files.surface_input import read_part

@@ -65,7 +65,15 @@ def level_grid(
     off_poles = (parameters[faces, 1] > low) & (parameters[faces, 1] < high)
     corner = np.take_along_axis(faces, np.argmax(off_poles, axis=1)[:, None], axis=1)[:, 0]
     own = np.where(off_poles.any(1)[:, None], off_poles, True)
-    middles = _middles(parameters, faces, parameters[corner, 0], own)
+
+    # (s, t) in the middle of each face; s within half a turn of `first`, the mean over the corners that have an s of
+    # their `own`, which poles have not
+    first = parameters[corner, 0]
+    offset = parameters[faces, 0] - first[:, None]
+    offset -= np.round(offset) * (np.abs(offset) > SEAM)
+    s = first + (offset * own).sum(1) / own.sum(1)
+    middles = np.column_stack([np.mod(s, 1.0), parameters[faces, 1].mean(1)])
+
     return _grid(surface, parameters, middles, faces, chord_tolerance)
 
 
@@ -75,7 +83,15 @@ def open_level_grid(surface: TSpline, target: TSpline, chord_tolerance: float) -
     tessellations = [each.tessellate_with_parameters(chord_tolerance) for each in (surface, target)]
     finer = max(tessellations, key=lambda tessellation: len(tessellation.mesh.faces))
     faces = finer.mesh.faces
-    middles = _open_middles(finer.parameters, faces, surface.elements().period)
+
+    # (s, t) in the middle of each face, also where it lies across a seam; a period of 0 means none
+    period = surface.elements().period
+    first = finer.parameters[faces[:, 0]]
+    turn = np.array(period)
+    offset = finer.parameters[faces] - first[:, None]
+    offset -= turn * np.round(offset / np.where(turn > 0, turn, 1.0))
+    middles = np.asarray(first + offset.mean(1))
+
     return _grid(surface, finer.parameters, middles, faces, chord_tolerance)
 
 
@@ -94,21 +110,3 @@ def _grid(
         faces=faces,
         chord_tolerance=chord_tolerance,
     )
-
-
-def _middles(parameters: ndarray, faces: ndarray, first: ndarray, own: ndarray) -> ndarray:
-    """(s, t) in the middle of each face; s within half a turn of `first`, the mean over the corners that have an
-    s of their `own`, which poles have not."""
-    offset = parameters[faces, 0] - first[:, None]
-    offset -= np.round(offset) * (np.abs(offset) > SEAM)
-    s = first + (offset * own).sum(1) / own.sum(1)
-    return np.column_stack([np.mod(s, 1.0), parameters[faces, 1].mean(1)])
-
-
-def _open_middles(parameters: ndarray, faces: ndarray, period: tuple[float, float]) -> Float[ndarray, "f 2"]:
-    """(s, t) in the middle of each face, also where it lies across a seam; a period of 0 means none."""
-    first = parameters[faces[:, 0]]
-    turn = np.array(period)
-    offset = parameters[faces] - first[:, None]
-    offset -= turn * np.round(offset / np.where(turn > 0, turn, 1.0))
-    return np.asarray(first + offset.mean(1))

@@ -31,7 +31,16 @@ def free_moves(surface: TSpline) -> sp.csr_array:
         count = flat.shape[1]
         if not has_pole or len(points) <= count:
             continue
-        leading = _spread(flat)
+
+        # As many of the points as they have coordinates, the farthest first, each next one as independent of those as
+        # can be
+        leading: list[int] = []
+        rest = flat.copy()
+        for _ in range(flat.shape[1]):
+            leading.append(int(np.argmax(np.linalg.norm(rest, axis=1))))
+            away = rest[leading[-1]] / np.linalg.norm(rest[leading[-1]])
+            rest = rest - (rest @ away)[:, None] * away
+
         shares = flat @ np.linalg.inv(flat[leading])
         B[points, :] = 0.0
         B[points, pole] = 1 - shares.sum(1)
@@ -39,15 +48,3 @@ def free_moves(surface: TSpline) -> sp.csr_array:
             B[points, points[leading[k]]] = shares[:, k]
         bound[np.delete(points, leading)] = True
     return sp.csr_array(sp.csc_array(B)[:, np.flatnonzero(~bound)])
-
-
-def _spread(flat: np.ndarray) -> list[int]:
-    """As many of the points as they have coordinates, the farthest first, each next one as independent of
-    those as can be."""
-    chosen: list[int] = []
-    rest = flat.copy()
-    for _ in range(flat.shape[1]):
-        chosen.append(int(np.argmax(np.linalg.norm(rest, axis=1))))
-        away = rest[chosen[-1]] / np.linalg.norm(rest[chosen[-1]])
-        rest = rest - (rest @ away)[:, None] * away
-    return chosen

@@ -90,7 +90,13 @@ class PublishedProgram:
         s, t = creases(even, surface.control_points).T
         self._watch = join(SurfaceSamples, even, samples_of(surface, s, t, np.zeros(len(s))))
         self._main = np.asarray(self._watch.R.argmax(axis=1)).ravel()
-        self.first = _sparse(even)
+
+        # The rings of the watched samples that SPARSE_PATTERN tells, and the points on them; and both ends of t
+        every_ring, every_point = SPARSE_PATTERN
+        _, ring, count = np.unique(even.t[:-2], return_inverse=True, return_counts=True)
+        place = np.round(even.s[:-2] * count[ring])
+        kept = np.flatnonzero((ring % every_ring == every_ring // 2) & (place % every_point == 0))
+        self.first = np.append(kept, [len(even.s) - 2, len(even.s) - 1])
 
     def terms(self, P: Float[ndarray, "c 3"], stiffness: float) -> tuple[sp.csc_array, Float[ndarray, "c 3"]]:
         """Matrix E (c, c) and gradient (c, 3) of the energy over the moves, halved: E(x) = x'Ex + 2 gradient
@@ -165,12 +171,3 @@ class PublishedProgram:
         radii = self.stock.radius + np.maximum(outside[near], -CLEAR)
         axis = self.stock.end - self.stock.start
         return Cones(sp.csr_array(R[near]), self.stock.start - points[near], radii, axis)
-
-
-def _sparse(watch: SurfaceSamples) -> Int[ndarray, " k"]:
-    """The rings of the watched samples that SPARSE_PATTERN tells, and the points on them; and both ends of t."""
-    every_ring, every_point = SPARSE_PATTERN
-    _, ring, count = np.unique(watch.t[:-2], return_inverse=True, return_counts=True)
-    place = np.round(watch.s[:-2] * count[ring])
-    kept = np.flatnonzero((ring % every_ring == every_ring // 2) & (place % every_point == 0))
-    return np.append(kept, [len(watch.s) - 2, len(watch.s) - 1])

@@ -55,20 +55,18 @@ def restore_feasibility(
         if not which or (too_many and trouble(failed.values(), doubts=doubts)[1] > ALL_FAR):
             return inspection
         tries.update(which)
-        _watch_near_limits(watched, inspection)
+
+        # Add to the places `watched` of each level those that are near a limit on it and on its neighbours
+        for level in inspection.levels[1:]:
+            for near in (level.index - 1, level.index, level.index + 1):
+                watched[near].append(level.measures.near_limits)
+
         folded = {k for k in which if failed[k].measures.self_intersections and k + 1 < len(levels)}
         watched_points = {k: np.vstack(some) for k, some in watched.items()}
         attempt, moved = maker.restore_limits(levels, which, folded, watched_points, follow=not doubts)
         inspection = _better_of(
             inspection, maker.onward(attempt), moved=moved, watched=watched, doubts=doubts, progress=progress
         )
-
-
-def _watch_near_limits(watched: defaultdict[int, list[ndarray]], inspection: Inspection) -> None:
-    """Add to the places `watched` of each level those that are near a limit on it and on its neighbours."""
-    for level in inspection.levels[1:]:
-        for near in (level.index - 1, level.index, level.index + 1):
-            watched[near].append(level.measures.near_limits)
 
 
 def _better_of(

@@ -22,10 +22,9 @@ from bonecam.levels.problem.limits.planes import limits_at
 from bonecam.levels.problem.limits.reverse_depth import reverse_depths
 from bonecam.levels.problem.program import program_of
 from bonecam.levels.problem.remaining import Remaining
-from bonecam.levels.problem.samples import Places, multiply
+from bonecam.levels.problem.samples import multiply
 from bonecam.levels.solvers.solver import solve
 from bonecam.surface.query.closest_point import rings
-from bonecam.surface.tspline import TSpline
 
 LARGEST_VIOLATION = 0.03
 """How far (mm) a level may break a limit as it is made; the places measured show what that comes to."""
@@ -127,11 +126,9 @@ def _project_onto_limits(discretisation: Discretisation, P: ndarray, D: ndarray,
         broken = limits.broken(y)
     broken[back.which] = np.maximum(broken[back.which], broken_back)
     worst = int(np.argmax(broken))
-    infeasible = watch.near(_folded(after, watch, limits.n) | (broken > LARGEST_VIOLATION))
-    return ExchangeStep(np.asarray(level - P), float(broken[worst]), y[worst], infeasible)
-
-
-def _folded(after: TSpline, watch: Places, normals: Float[ndarray, "k 3"]) -> Bool[ndarray, " k"]:
-    """Whether the new level faces against the `normals` of the one before, at each watched sample."""
+    # Whether the new level faces against the `normals` of the one before, at each watched sample
     _, along, across = after.derivatives(watch.s, np.clip(watch.t, *rings(after)), 1)
-    return np.asarray(dots(np.cross(along, across), normals) <= 0)
+    infeasible = watch.near(
+        np.asarray(dots(np.cross(along, across), limits.n) <= 0) | (broken > LARGEST_VIOLATION)
+    )
+    return ExchangeStep(np.asarray(level - P), float(broken[worst]), y[worst], infeasible)

@@ -42,7 +42,15 @@ def _run_block(block: str, move: re.Pattern[str], state: ModalState, line: int) 
     if directed:
         _run_vector_move(directed, state, line)
     elif match and any(match.groups()[:-2]):
-        _run_move(match, state, line)
+        letters = state.machine.letters
+        *numbers, uncompensated, feed = match.groups()
+        words = {
+            letter: float(text) for letter, text in zip(letters, numbers, strict=True) if text is not None
+        }
+        state.uncompensated |= uncompensated is not None
+        if not state.uncompensated:
+            raise line_error(line, "an axis moves before R0 is stated")
+        state.move(words, feed == "MAX", None if feed in ("MAX", None) else float(feed), line)
     elif not is_statement(block, state, line):
         bare = block.partition(";")[0].rstrip()
         if bare in ("", block):
@@ -68,16 +76,6 @@ def _unknown(block: str, state: ModalState) -> str:
 def _word_patterns(state: ModalState) -> list[str]:
     """The patterns of the words of an `L` block, with their numbers in groups."""
     return [*axis_words(state.dialect, state.machine.letters), "(R0)", f"F(MAX|{WHOLE})"]
-
-
-def _run_move(match: re.Match[str], state: ModalState, line: int) -> None:
-    letters = state.machine.letters
-    *numbers, uncompensated, feed = match.groups()
-    words = {letter: float(text) for letter, text in zip(letters, numbers, strict=True) if text is not None}
-    state.uncompensated |= uncompensated is not None
-    if not state.uncompensated:
-        raise line_error(line, "an axis moves before R0 is stated")
-    state.move(words, feed == "MAX", None if feed in ("MAX", None) else float(feed), line)
 
 
 def _run_vector_move(match: re.Match[str], state: ModalState, line: int) -> None:

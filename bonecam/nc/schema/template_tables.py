@@ -83,16 +83,12 @@ class TemplatesTable(Record):
             try:
                 check_template(text, fields)
                 if name in ("rapid", "feed") or (name == "feed_kept" and text):
-                    _check_move(text, name)
+                    # ValueError where the numbers of a move could not be filled in one after the other
+                    wanted = ["{words}", "{feed}"] if name == "feed" else ["{words}"]
+                    positions = [text.find(field) for field in wanted]
+                    once = all(text.count(field) == 1 for field in wanted)
+                    if not once or positions != sorted(positions) or text.count("{") != len(wanted):
+                        raise ValueError(f"give {' and then '.join(wanted)}, each once and without a format")
             except ValueError as error:
                 raise KeyFault(name, str(error)) from error
         return self
-
-
-def _check_move(text: str, name: str) -> None:
-    """ValueError where the numbers of a move could not be filled in one after the other."""
-    wanted = ["{words}", "{feed}"] if name == "feed" else ["{words}"]
-    positions = [text.find(field) for field in wanted]
-    once = all(text.count(field) == 1 for field in wanted)
-    if not once or positions != sorted(positions) or text.count("{") != len(wanted):
-        raise ValueError(f"give {' and then '.join(wanted)}, each once and without a format")

@@ -76,16 +76,15 @@ def directions_within(limits: MachineLimits) -> Float[ndarray, "d 3"]:
             stride = max(len(directions) // MOST_SAMPLES, 1)
             directions = directions[::stride]
         elif limits.largest > SINGULAR_CONE:
-            directions = _rings(max(limits.smallest, SINGULAR_CONE), limits.largest)
+            # Directions on rings of polar angles within a narrow band, radians
+            smallest = max(limits.smallest, SINGULAR_CONE)
+            azimuth = np.linspace(0, 2 * np.pi, AROUND, endpoint=False)
+            around = np.column_stack([np.cos(azimuth), np.sin(azimuth), 0 * azimuth])
+            angles = [smallest]
+            if smallest != limits.largest:
+                angles += [(smallest + limits.largest) / 2, limits.largest]
+            directions = np.vstack([with_polar_angles(around, np.full(AROUND, angle)) for angle in angles])
     return frozen(directions)
-
-
-def _rings(smallest: float, largest: float) -> Float[ndarray, "d 3"]:
-    """Directions on rings of polar angles within a narrow band, radians."""
-    azimuth = np.linspace(0, 2 * np.pi, AROUND, endpoint=False)
-    around = np.column_stack([np.cos(azimuth), np.sin(azimuth), 0 * azimuth])
-    angles = [smallest] if smallest == largest else [smallest, (smallest + largest) / 2, largest]
-    return np.vstack([with_polar_angles(around, np.full(AROUND, angle)) for angle in angles])
 
 
 def within_limits(
@@ -171,7 +170,15 @@ def smooth_axes(
     window = np.ones(2 * NEIGHBOURHOOD + 1)
     close = np.convolve(replaced.astype(float), window, mode="same")[: len(axes)] > 0.5
     for _ in range(SMOOTHING_ROUNDS):
-        mean = _average(axes, same_pass)
+        # (1 2 1) / 4 of each axis and its neighbours on the pass, unit; the axis stands for a missing neighbour
+        joined = same_pass[:-1, None]
+        mean = 2 * axes
+        mean[:-1] += np.where(joined, axes[1:], axes[:-1])
+        mean[-1] += axes[-1]
+        mean[1:] += np.where(joined, axes[:-1], axes[1:])
+        mean[0] += axes[0]
+        mean = unit(mean)
+
         if limits.narrow:
             mean = limits.nearest(mean)
         turned = angles_between(mean, axes) > MIN_TURN
@@ -181,15 +188,3 @@ def smooth_axes(
         which = which[free(which, mean[which])]
         axes[which] = mean[which]
     return axes
-
-
-def _average(axes: Float[ndarray, "n 3"], same_pass: Bool[ndarray, " n"]) -> Float[ndarray, "n 3"]:
-    """(1 2 1) / 4 of each axis and its neighbours on the pass, unit; the axis stands for a missing
-    neighbour."""
-    joined = same_pass[:-1, None]
-    mean = 2 * axes
-    mean[:-1] += np.where(joined, axes[1:], axes[:-1])
-    mean[-1] += axes[-1]
-    mean[1:] += np.where(joined, axes[:-1], axes[1:])
-    mean[0] += axes[0]
-    return unit(mean)

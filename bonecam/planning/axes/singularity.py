@@ -100,19 +100,16 @@ def _round_cone(
         start = azimuth[behind] if has_behind and not has_before else azimuth[before]
         end = azimuth[behind] if has_behind else start
 
-        share = _path_shares(centres[before : behind + 1])[first - before :][: last - first]
+        # The share of the length of a polyline that lies before each of its points; all 0 where it has none
+        points = centres[before : behind + 1]
+        lengths = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))]
+        share = (lengths / lengths[-1] if lengths[-1] > 0 else lengths)[first - before :][: last - first]
         turn = float(np.mod(end - start + np.pi, 2 * np.pi) - np.pi)
         angle = start + turn * share
         directions = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(last - first)])
         angles = np.maximum(polar_angles(axes[first:last]), SINGULAR_CONE)
         steered[first:last] = with_polar_angles(directions, angles)
     return steered
-
-
-def _path_shares(points: Float[ndarray, "n 3"]) -> Float[ndarray, " n"]:
-    """The share of the length of a polyline that lies before each of its points; all 0 where it has none."""
-    lengths = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))]
-    return lengths / lengths[-1] if lengths[-1] > 0 else lengths
 
 
 def _stretches(near: Bool[ndarray, " n"], passes: Int[ndarray, " n"]) -> list[tuple[int, int]]:

@@ -114,7 +114,15 @@ def neck_figures(standing: Setup, job: Job, limits: MachineLimits, layers: Layer
     if leaves_depths_open(job, neck_found=True):
         job = with_found_depths(standing, job, limits)
         minutes = layers.minutes(job)
-    rough, fine = _strip_forces(job)
+
+    # The force (N) on an edge at the middle of the deepest strip of the roughing cutter, and that along the normal of
+    # the finishing cutter's
+    material = read_material(job.material.name)
+    force = cutting_force(material.force, stiffness_of(job).yield_strength)
+    _, normal, _ = job_strip_forces(force, job, "finishing")
+    rough = job_strip_force(force, job, "roughing")
+    fine = float(normal)
+
     middle = part.bounds.mean(axis=0)[None]
     tip = np.array([[0.0, 0.0, float(part.bounds[1, 2])]])
     stress = float(beam.moment_stress(PEAK_SHARE * rough * np.array([[1.0, 0.0, 0.0]]), middle)[0])
@@ -159,12 +167,3 @@ def stiffness_of(job: Job) -> StiffnessTable:
             field="name",
         )
     return stiffness
-
-
-def _strip_forces(job: Job) -> tuple[float, float]:
-    """The force (N) on an edge at the middle of the deepest strip of the roughing cutter, and that along the normal
-    of the finishing cutter's."""
-    material = read_material(job.material.name)
-    force = cutting_force(material.force, stiffness_of(job).yield_strength)
-    _, normal, _ = job_strip_forces(force, job, "finishing")
-    return job_strip_force(force, job, "roughing"), float(normal)

@@ -10,7 +10,6 @@ from bonecam.planning.holding.post_length import parting_lift
 from bonecam.planning.oriented_path import orient
 from bonecam.planning.passes.parting import groove_below, groove_core, parting_contacts, parting_cutters
 from bonecam.setup.placement import Setup
-from bonecam.tool.cutter import Cutter
 from bonecam.tool.path import ToolPath
 from bonecam.workholding.clamping import clamping_of
 
@@ -44,22 +43,18 @@ def parting_paths(scene: Scene, job: Job, limits: MachineLimits) -> list[ToolPat
         return []
     for cutter in parting_cutters(job, limits.bodies):
         try:
-            paths = _paths_of(cutter, scene, job, limits)
+            # The paths of one cutter
+            lowest = float(scene.level.bounds[0, 2])
+            groove = groove_below(lowest, scene.post, job.holding, cutter, scene.material)
+            paths = [
+                orient(step, replace(scene, core=groove_core(step, scene.post)), limits, job.path, job.nc)
+                for step in parting_contacts(groove, cutter, job)
+            ]
         except OrientationError:
             continue
         if not any(len(path.uncut) for path in paths):
             return paths
     raise OrientationError(f"parting: no cutter reaches the groove all round: {REMEDY}")
-
-
-def _paths_of(cutter: Cutter, scene: Scene, job: Job, limits: MachineLimits) -> list[ToolPath]:
-    """The paths of one cutter."""
-    lowest = float(scene.level.bounds[0, 2])
-    groove = groove_below(lowest, scene.post, job.holding, cutter, scene.material)
-    return [
-        orient(step, replace(scene, core=groove_core(step, scene.post)), limits, job.path, job.nc)
-        for step in parting_contacts(groove, cutter, job)
-    ]
 
 
 def _error(job: Job, what: str) -> JobError:

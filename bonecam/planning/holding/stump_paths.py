@@ -33,7 +33,6 @@ from bonecam.setup.capsule import smallest_capsule
 from bonecam.tool.cutter import Cutter
 from bonecam.tool.path import ToolPath
 from bonecam.workholding.clamping import clamping_of
-from bonecam.workholding.column import Column
 from bonecam.workholding.post import Post
 from bonecam.workholding.shell import SecondClamping, read_shell
 
@@ -82,19 +81,21 @@ def check_second(part: Part, post: Post, job: Job) -> None:
         remedy = f"end it farther up the part, {job.path.clearance:g} mm (path.clearance) off that ball"
         raise field_error("holding", "second", job.holding.second, f"{what}: {remedy}")
     if post.pin is not None:
-        _require_room_for_stump(around, post.pin, radius, job.holding.second)
-
-
-def _require_room_for_stump(shell: MeshDistance, pin: Column, radius: float, file: str) -> None:
-    """JobError where what stays uncut at the free end enters the shell: the fillet that a ball of `radius` (mm) leaves
-    round pin or upper neck, and the stump of this, which is sawn off a diameter above the part."""
-    wide = pin.radius + radius
-    heights = np.arange(pin.bottom, min(pin.bottom + 2 * pin.radius + radius, pin.top), STEP)
-    along = np.column_stack([np.full(len(heights), pin.x), np.full(len(heights), pin.y), heights])
-    least = float(shell.signed(along).min()) - wide
-    if least < 0:
-        what = f"what stays at the tailstock, up to {heights[-1]:.2f} mm, enters it by {-least:.2f} mm"
-        raise field_error("holding", "second", file, f"{what}: leave a hole there of {2 * wide:g} mm")
+        # JobError where what stays uncut at the free end enters the shell: the fillet that a ball of `radius` (mm)
+        # leaves round pin or upper neck, and the stump of this, which is sawn off a diameter above the part
+        wide = post.pin.radius + radius
+        heights = np.arange(
+            post.pin.bottom, min(post.pin.bottom + 2 * post.pin.radius + radius, post.pin.top), STEP
+        )
+        along = np.column_stack(
+            [np.full(len(heights), post.pin.x), np.full(len(heights), post.pin.y), heights]
+        )
+        least = float(around.signed(along).min()) - wide
+        if least < 0:
+            what = f"what stays at the tailstock, up to {heights[-1]:.2f} mm, enters it by {-least:.2f} mm"
+            raise field_error(
+                "holding", "second", job.holding.second, f"{what}: leave a hole there of {2 * wide:g} mm"
+            )
 
 
 def second_paths(

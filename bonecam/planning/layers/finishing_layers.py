@@ -85,16 +85,15 @@ def _in_steps(
         raised = replace(curves, heights=curves.heights + step * deepest)
         sunk = _sunk(raised, radius, material)
         cut = kept & (sunk <= deepest) & ((sunk > 0) | (step == 0))
-        pieces += [raised.take(run) for run in np.split(np.arange(len(cut)), _ends(raised))]
+        # The first point of each line but the first
+        pieces += [
+            raised.take(run)
+            for run in np.split(np.arange(len(cut)), np.flatnonzero(np.diff(raised.line)) + 1)
+        ]
         used.append(cut)
         if cut.any():
             material = material.lowered(*swept(raised, cut, width), radius)
     return join(pieces), np.concatenate(used), material
-
-
-def _ends(curves: LayerCurves) -> ndarray:
-    """The first point of each line but the first."""
-    return np.flatnonzero(np.diff(curves.line)) + 1
 
 
 def _sunk(curves: LayerCurves, radius: float, material: HeightField) -> Float[ndarray, " n"]:

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 from numpy import ndarray
 
 from bonecam.kernels.height_field import cut_heights, lower
@@ -90,7 +90,17 @@ class HeightField:
             solid, ring = np.vstack([solid, solid[:1]]), np.vstack([number, number[:1]])
         cells = solid[:-1, :-1] & solid[1:, :-1] & solid[:-1, 1:] & solid[1:, 1:]
         faces = _faces(cells, ring, p * q, self.chart.closed)
-        return _outward(np.vstack([upper.reshape(-1, 3), under.reshape(-1, 3)]), faces)
+
+        # The mesh of the vertices that faces use, its faces outward. Vertices at one place, as all lines have one on
+        # the axis, are one; faces without area are left out.
+        vertices = np.vstack([upper.reshape(-1, 3), under.reshape(-1, 3)])
+        points, number = np.unique(vertices + 0.0, axis=0, return_inverse=True)  # -0.0 + 0.0 is 0.0
+        faces = number.reshape(-1)[faces]
+        a, b, c = (points[faces[:, k]] for k in range(3))
+        faces = faces[np.linalg.norm(np.cross(b - a, c - a), axis=1) > LEAST_AREA]
+        used, index = np.unique(faces, return_inverse=True)
+        mesh = TriangleMesh(points[used], index.reshape(faces.shape).astype(np.int32))
+        return mesh if mesh.volume > 0 else TriangleMesh(mesh.vertices, mesh.faces[:, ::-1])
 
 
 def stock_field(chart: Chart, stock: Stock, top: float) -> HeightField:
@@ -132,15 +142,3 @@ def _faces(cells: Bool[ndarray, "p q"], number: ndarray, under: int, closed: boo
         quads.append(np.column_stack([last, first, first + under, last + under]))
     quad = np.vstack(quads)
     return np.vstack([quad[:, [0, 1, 2]], quad[:, [0, 2, 3]]])
-
-
-def _outward(vertices: Float[ndarray, "n 3"], faces: Int[ndarray, "m 3"]) -> TriangleMesh:
-    """The mesh of the vertices that faces use, its faces outward. Vertices at one place, as all lines have one on the
-    axis, are one; faces without area are left out."""
-    points, number = np.unique(vertices + 0.0, axis=0, return_inverse=True)  # -0.0 + 0.0 is 0.0
-    faces = number.reshape(-1)[faces]
-    a, b, c = (points[faces[:, k]] for k in range(3))
-    faces = faces[np.linalg.norm(np.cross(b - a, c - a), axis=1) > LEAST_AREA]
-    used, index = np.unique(faces, return_inverse=True)
-    mesh = TriangleMesh(points[used], index.reshape(faces.shape).astype(np.int32))
-    return mesh if mesh.volume > 0 else TriangleMesh(mesh.vertices, mesh.faces[:, ::-1])

@@ -67,7 +67,14 @@ def sample(
         centres = curves.centres(chart)
         starts, ends = centres[begins], centres[begins + 1]
         middles = LayerCurves(curves.line[begins], middle_a, middle_b, heights)
-        off = _off_segment(middles.centres(chart), starts, ends)
+
+        # Distance of each point from the segment from its start to its end, mm
+        points = middles.centres(chart)
+        along = ends - starts
+        square = np.maximum((along**2).sum(axis=1), np.finfo(float).tiny)
+        share = np.clip(((points - starts) * along).sum(axis=1) / square, 0.0, 1.0)
+        off = np.asarray(np.linalg.norm(points - starts - share[:, None] * along, axis=1))
+
         needed = (off > tolerance) & (np.linalg.norm(ends - starts, axis=1) > SHORTEST)
         if not needed.any():
             break
@@ -98,13 +105,3 @@ def _divided(lines: Sequence[Float[ndarray, "_ 2"]], width: float) -> tuple[ndar
         return np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0)
     a, b = np.vstack(points).T
     return np.concatenate(numbers), a, b
-
-
-def _off_segment(
-    points: Float[ndarray, "n 3"], starts: Float[ndarray, "n 3"], ends: Float[ndarray, "n 3"]
-) -> Float[ndarray, " n"]:
-    """Distance of each point from the segment from its start to its end, mm."""
-    along = ends - starts
-    square = np.maximum((along**2).sum(axis=1), np.finfo(float).tiny)
-    share = np.clip(((points - starts) * along).sum(axis=1) / square, 0.0, 1.0)
-    return np.asarray(np.linalg.norm(points - starts - share[:, None] * along, axis=1))

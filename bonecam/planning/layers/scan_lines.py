@@ -61,10 +61,20 @@ def scan_lines(
                 chart, ball, scallop=scallop, a=a, passes=(one, b, other), heights=heights
             )
             if high_cusps.any():
-                rows[b] = _widened(high_cusps, margin)
+                # The mask and `margin` places on both sides of it
+                rows[b] = (
+                    np.convolve(high_cusps, np.ones(2 * margin + 1), mode="same")[: len(high_cusps)] > 0.5
+                )
                 halves += [(one, b, rows[b]), (b, other, rows[b])]
         gaps = halves
-    return _zigzag(a, rows)
+
+    # The stretches of all rows from the highest down, every other row backwards
+    lines: list[Float[ndarray, "2 2"]] = []
+    for number, b in enumerate(sorted(rows, reverse=True)):
+        edges = np.flatnonzero(np.diff(np.r_[False, rows[b], False].astype(np.int8)))
+        segments = [np.array([[a[i], b], [a[j - 1], b]]) for i, j in edges.reshape(-1, 2) if j - i > 1]
+        lines += [line[::-1] for line in reversed(segments)] if number % 2 else segments
+    return lines
 
 
 def _too_high(
@@ -87,18 +97,3 @@ def _too_high(
     radius = ball.radius
     cusp = radius - np.sqrt(np.maximum(radius**2 - square, 0.0))
     return on_part & (cusp + dots((one + other) / 2 - half, normals) > scallop)
-
-
-def _widened(mask: Bool[ndarray, " n"], margin: int) -> Bool[ndarray, " n"]:
-    """The mask and `margin` places on both sides of it."""
-    return np.convolve(mask, np.ones(2 * margin + 1), mode="same")[: len(mask)] > 0.5
-
-
-def _zigzag(a: Float[ndarray, " n"], rows: dict[float, Bool[ndarray, " n"]]) -> list[Float[ndarray, "2 2"]]:
-    """The stretches of all rows from the highest down, every other row backwards."""
-    lines: list[Float[ndarray, "2 2"]] = []
-    for number, b in enumerate(sorted(rows, reverse=True)):
-        edges = np.flatnonzero(np.diff(np.r_[False, rows[b], False].astype(np.int8)))
-        segments = [np.array([[a[i], b], [a[j - 1], b]]) for i, j in edges.reshape(-1, 2) if j - i > 1]
-        lines += [line[::-1] for line in reversed(segments)] if number % 2 else segments
-    return lines

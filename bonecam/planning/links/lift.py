@@ -92,7 +92,17 @@ def _with_lifts(
     """The path with lifts before some rows; a contact that the tool comes back to is entered at the plunge feed and
     begins a pass of its own."""
     moves = [_there_and_back(transfers[row - 1, SAFE], transfers[SAFE, back]) for row, back in lifts]
-    source = _sources(len(path.tips), lifts, [len(way) for way in moves])
+
+    # The old row of each row of a path with lifts of some lengths, -1 on them
+    rows = len(path.tips)
+    lengths = [len(way) for way in moves]
+    parts = []
+    done = 0
+    for (row, back), length in zip(lifts, lengths, strict=True):
+        parts += [np.arange(done, row), np.full(length, -1)]
+        done = back
+    source = np.concatenate([*parts, np.arange(done, rows)])
+
     away = source < 0
     again = np.isin(source, [back for row, back in lifts if back < row]) & np.r_[False, away[:-1]]
     ends = np.flatnonzero(np.diff(away.astype(np.int64), prepend=0))
@@ -119,13 +129,3 @@ def _there_and_back(up: LinkMoves | None, down: LinkMoves | None) -> LinkMoves:
     assert down is not None
     spot = moves_of(MoveKind.RAPID, up.centres[-1:], up.axes[-1:], float(up.feeds[-1]))
     return join_moves([up, spot, down])
-
-
-def _sources(rows: int, lifts: Sequence[tuple[int, int]], lengths: Sequence[int]) -> Int[ndarray, " m"]:
-    """The old row of each row of a path with lifts of some lengths, -1 on them."""
-    parts = []
-    done = 0
-    for (row, back), length in zip(lifts, lengths, strict=True):
-        parts += [np.arange(done, row), np.full(length, -1)]
-        done = back
-    return np.concatenate([*parts, np.arange(done, rows)])

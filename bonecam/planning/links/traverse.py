@@ -46,7 +46,11 @@ def traverse(
     start = azimuths[0] if azimuths else 0.0
     end = azimuths[-1] if not np.isnan(b[0]) else start
     if options.over_pole:
-        return _over_pole(surface, first, last=last, limits=limits, rise=options.rise, azimuth=start)
+        # The traverse up to the upper pole (approached at an azimuth), where the axis stands upright, and down again
+        pole = surface.frames(np.array([start]), np.array([surface.top]), np.array([options.rise]))[0][0], UP
+        up = traverse(surface, first, pole, limits, TraverseOptions(options.rise))
+        down = traverse(surface, pole, last, limits, TraverseOptions(options.rise))
+        return np.vstack([up[0], down[0][1:]]), np.vstack([up[1], down[1][1:]])
 
     turn = float(np.mod(end - start + np.pi, 2 * np.pi) - np.pi)
     if options.long_way:
@@ -70,24 +74,8 @@ def traverse(
         axes = limits.nearest(axes)
     centres[[0, -1]] = [first[0], last[0]]
     axes[[0, -1]] = [first[1], last[1]]
-    return _thin_out(centres, axes)
 
-
-def _over_pole(
-    surface: ClearanceSurface, first: Pose, last: Pose, limits: MachineLimits, rise: float, azimuth: float
-) -> tuple[Float[ndarray, "n 3"], Float[ndarray, "n 3"]]:
-    """The traverse up to the upper pole (approached at an azimuth), where the axis stands upright, and down
-    again."""
-    pole = surface.frames(np.array([azimuth]), np.array([surface.top]), np.array([rise]))[0][0], UP
-    up = traverse(surface, first, pole, limits, TraverseOptions(rise))
-    down = traverse(surface, pole, last, limits, TraverseOptions(rise))
-    return np.vstack([up[0], down[0][1:]]), np.vstack([up[1], down[1][1:]])
-
-
-def _thin_out(
-    centres: Float[ndarray, "n 3"], axes: Float[ndarray, "n 3"]
-) -> tuple[Float[ndarray, "k 3"], Float[ndarray, "k 3"]]:
-    """Drop poses while the steps since the last kept one amount to less than MAX_STEP or MAX_TURN."""
+    # Drop poses while the steps since the last kept one amount to less than MAX_STEP or MAX_TURN
     length = np.linalg.norm(np.diff(centres, axis=0), axis=1)
     step = length / MAX_STEP + angles_between(axes[1:], axes[:-1]) / MAX_TURN
     whole = np.floor(np.cumsum(step))

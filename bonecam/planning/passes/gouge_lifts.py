@@ -161,9 +161,18 @@ def _most_lacking(
     at_contact = radius - CONTACT_SHARE * tolerance
     on_move = radius - MOVE_SHARE * tolerance
     lacking = np.max([_lacking(o, centres, moves, at_contact, on_move) for o in obstacles], axis=0)
-    unproven = _unproven(
-        centres, moves, lacking=lacking, radius=radius, tolerance=tolerance, obstacles=obstacles
-    )
+
+    # Which of the moves that lack nothing where `_lacking` measures them enter an obstacle in between: only long ones
+    # can, the others are proven by the distances there
+    measured = radius - MOVE_SHARE * tolerance
+    bounded = radius - BETWEEN_SHARE * tolerance
+    quarters = np.linalg.norm(centres[moves + 1] - centres[moves], axis=1) / 4
+    long = (quarters / 2) ** 2 > measured**2 - bounded**2
+    doubtful = np.flatnonzero((lacking <= 0) & long)
+    starts, ends = centres[moves[doubtful]], centres[moves[doubtful] + 1]
+    free = [moves_gouge_free(starts, ends, radius, tolerance, obstacle) for obstacle in obstacles]
+    unproven = doubtful[~np.all(free, axis=0)]
+
     lacking[unproven] = CONTACT_SHARE * tolerance
     return np.asarray(lacking)
 
@@ -195,26 +204,6 @@ def _lacking(
         points = (1 - fraction) * starts[unsure] + fraction * ends[unsure]
         lacking[unsure] = np.maximum(lacking[unsure], on_move - distance(points, on_move))
     return lacking
-
-
-def _unproven(
-    centres: Float[ndarray, "n 3"],
-    moves: Int[ndarray, " m"],
-    lacking: Float[ndarray, " m"],
-    radius: float,
-    tolerance: float,
-    obstacles: Sequence[MeshDistance],
-) -> Int[ndarray, " k"]:
-    """Which of the moves that lack nothing where `_lacking` measures them enter an obstacle in between: only
-    long ones can, the others are proven by the distances there."""
-    measured = radius - MOVE_SHARE * tolerance
-    bounded = radius - BETWEEN_SHARE * tolerance
-    quarters = np.linalg.norm(centres[moves + 1] - centres[moves], axis=1) / 4
-    long = (quarters / 2) ** 2 > measured**2 - bounded**2
-    doubtful = np.flatnonzero((lacking <= 0) & long)
-    starts, ends = centres[moves[doubtful]], centres[moves[doubtful] + 1]
-    free = [moves_gouge_free(starts, ends, radius, tolerance, obstacle) for obstacle in obstacles]
-    return doubtful[~np.all(free, axis=0)]
 
 
 def _lift_contacts(

@@ -16,7 +16,7 @@ from bonecam.mesh.distance import MeshDistance
 from bonecam.planning.layers.chart import RoundChart
 from bonecam.planning.layers.drop import Ball
 from bonecam.planning.layers.finishing_layers import finish_layer, places_of, unreached
-from bonecam.planning.layers.height_field import CELL, HeightField, stock_field
+from bonecam.planning.layers.height_field import CELL, stock_field
 from bonecam.planning.layers.layer import Layer
 from bonecam.planning.layers.roughing_layers import Rough, rough_down
 from bonecam.planning.layers.scan_lines import flat_step
@@ -40,7 +40,16 @@ def rotary_layers(
     extent = float(part.mesh.bounds[0, 2]), float(part.mesh.bounds[1, 2])
     material = stock_field(chart, stock, largest + roughing.radius)
     ball = Ball(roughing.radius, job.levels.finishing_depth, part, post)
-    layers, material = _rough(ball, material, cutter=roughing, job=job, largest=largest, extent=extent)
+
+    # The roughing layers that find material, from the outermost in; `largest` (mm) is the radius of the stock
+    sections = np.linspace(
+        *extent[::-1], 1 + int(np.ceil(np.ptp(extent) / flat_step(roughing.radius, roughing.scallop)))
+    )
+    rough = Rough(roughing, ball.part, job.path, job.path.least_depth, largest)
+    tips = np.linspace(largest, CORE, 1 + int(np.ceil((largest - CORE) / job.levels.layer_depth)))
+    turn = [0.0, 2 * np.pi]
+    sets = [[np.column_stack([turn[:: -1 if k % 2 else 1], [b, b]])] for k, b in enumerate(sections)]
+    layers, material = rough_down(sets, tips.tolist(), ball, material, rough)
 
     fine = Ball(finishing.radius, 0.0, part, post)
     heights = largest + finishing.radius, CORE + finishing.radius
@@ -50,22 +59,3 @@ def rotary_layers(
     points, normals = places_of(part.mesh)
     left = unreached(points, normals, chart=chart, ball=fine, heights=heights, extent=extent)
     return [*layers, layer], points[left]
-
-
-def _rough(
-    ball: Ball,
-    material: HeightField,
-    cutter: Cutter,
-    job: Job,
-    largest: float,
-    extent: tuple[float, float],
-) -> tuple[list[Layer], HeightField]:
-    """The roughing layers that find material, from the outermost in; `largest` (mm) is the radius of the stock."""
-    sections = np.linspace(
-        *extent[::-1], 1 + int(np.ceil(np.ptp(extent) / flat_step(cutter.radius, cutter.scallop)))
-    )
-    rough = Rough(cutter, ball.part, job.path, job.path.least_depth, largest)
-    tips = np.linspace(largest, CORE, 1 + int(np.ceil((largest - CORE) / job.levels.layer_depth)))
-    turn = [0.0, 2 * np.pi]
-    sets = [[np.column_stack([turn[:: -1 if k % 2 else 1], [b, b]])] for k, b in enumerate(sections)]
-    return rough_down(sets, tips.tolist(), ball, material, rough)

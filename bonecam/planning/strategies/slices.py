@@ -35,14 +35,20 @@ def offset_curves(
     Above the part they are the offsets of its ridge.
     """
     blocked = rests > height
-    ridge = _ridge(rests)
+
+    # The highest place on each line along a
+    ridge = np.zeros(rests.shape, dtype=bool)
+    ridge[np.argmax(rests, axis=0), np.arange(rests.shape[1])] = True
+
     has_outline = blocked.any()
     away = distance_transform_edt(~(blocked if has_outline else ridge)) * (chart.b[1] - chart.b[0])
     away = gaussian_filter(away, SMOOTH)
     offsets = np.arange(1, int(away.max() / step) + 1) * step
     curves = [_contours(chart, away, offset) for offset in offsets[::-1]]
     if not has_outline:
-        return [*curves, [_ridge_line(chart, ridge)]]
+        # A straight line along the middle of the ridge
+        across = np.median(chart.a[np.argmax(ridge, axis=0)])
+        return [*curves, [np.column_stack([np.full(2, across), chart.b[[0, -1]]])]]
     around = [line for line in contour_lines(chart.a, chart.b, away, OFF) if len(line) > 2]
     return [*curves, [thinned(_moved_up(chart, away, _spaced(line), is_free)) for line in around]]
 
@@ -69,19 +75,6 @@ def _moved_up(
         free = is_free(*(line + middle[:, None] * inward).T)
         near, far = np.where(free, middle, near), np.where(free, far, middle)
     return np.asarray(line + near[:, None] * inward)
-
-
-def _ridge(rests: Float[ndarray, "p q"]) -> Bool[ndarray, "p q"]:
-    """The highest place on each line along a."""
-    ridge = np.zeros(rests.shape, dtype=bool)
-    ridge[np.argmax(rests, axis=0), np.arange(rests.shape[1])] = True
-    return ridge
-
-
-def _ridge_line(chart: FlatChart, ridge: Bool[ndarray, "p q"]) -> Float[ndarray, "2 2"]:
-    """A straight line along the middle of the ridge."""
-    across = np.median(chart.a[np.argmax(ridge, axis=0)])
-    return np.column_stack([np.full(2, across), chart.b[[0, -1]]])
 
 
 def _contours(chart: FlatChart, field: Float[ndarray, "p q"], value: float) -> list[Float[ndarray, "_ 2"]]:

@@ -66,7 +66,16 @@ def program_contents(
     """
     motions = read_program(text, machine, dialect)
     surfaces = followed_surfaces(job, meshes) if surfaces is None else surfaces
-    level_of = _levels(text, motions, dialect)
+
+    # The level of each move; NO_LEVEL where no comment names one, PARTED behind the last level
+    numbers = {None: NO_LEVEL, PARTING: PARTED}
+    level_of = np.concatenate(
+        [
+            np.full(len(group.moves), numbers.get(group.level, group.level))
+            for group in groups_of(text, motions, dialect)
+        ]
+    )
+
     leads = rows_of_moves(motions, paths, dialect) if paths else None
     kinds, contacts = of_rows(motions, paths, leads) if leads else of_text(motions)
     moves = _moves(motions, kinds, contacts, level_of)
@@ -100,17 +109,6 @@ def program_contents(
             left["left_bent"] = removal.mechanics.error.sizes
         arrays |= left
     return Contents(facts, arrays)
-
-
-def _levels(text: str, motions: Motions, dialect: Dialect) -> Int[ndarray, " n"]:
-    """The level of each move; NO_LEVEL where no comment names one, PARTED behind the last level."""
-    numbers = {None: NO_LEVEL, PARTING: PARTED}
-    return np.concatenate(
-        [
-            np.full(len(group.moves), numbers.get(group.level, group.level))
-            for group in groups_of(text, motions, dialect)
-        ]
-    )
 
 
 def _layers(

@@ -29,7 +29,15 @@ def draw_compared_axes(compared: AxisComparison, surface: TriangleMesh, file: st
     machine cannot take, in another colour and in front."""
     from matplotlib.lines import Line2D
 
-    turned = _turn(surface)
+    # The turn about Z after which the side that shows most of a surface faces the viewer at -y
+    angles = 2 * np.pi * np.arange(SEEN_FROM) / SEEN_FROM
+    towards = np.column_stack([np.cos(angles), np.sin(angles), 0 * angles])
+    shown = np.maximum(surface.face_vectors @ towards.T, 0).sum(axis=0)
+    best = angles[shown.argmax()]
+    turn = -np.pi / 2 - best
+    turned = np.eye(4)
+    turned[:2, :2] = [[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]
+
     figure, plots = new_figure(len(compared.choices))
     mesh = surface.move(turned)
     for plot, choice in zip(plots, compared.choices):
@@ -62,15 +70,3 @@ def _draw_axes(
     for which, colour, width in ((~blocked, FREE_COLOUR, 0.5), (blocked, BLOCKED_COLOUR, 0.7)):
         lines = np.stack([starts[which], ends[which]], axis=1)[:, :, [0, 2]]
         plot.add_collection(LineCollection(list(lines), colors=colour, linewidths=width))
-
-
-def _turn(surface: TriangleMesh) -> Float[ndarray, "4 4"]:
-    """The turn about Z after which the side that shows most of a surface faces the viewer at -y."""
-    angles = 2 * np.pi * np.arange(SEEN_FROM) / SEEN_FROM
-    towards = np.column_stack([np.cos(angles), np.sin(angles), 0 * angles])
-    shown = np.maximum(surface.face_vectors @ towards.T, 0).sum(axis=0)
-    best = angles[shown.argmax()]
-    turn = -np.pi / 2 - best
-    pose = np.eye(4)
-    pose[:2, :2] = [[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]
-    return pose

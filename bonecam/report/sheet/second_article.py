@@ -88,13 +88,6 @@ def _section(solid: TriangleMesh) -> Float[ndarray, "n 2 2"]:
     return section(solid, np.zeros(3), np.eye(3)[1])[:, :, [0, 2]]
 
 
-def _foot(outline: Float[ndarray, "n 2"], radius: float) -> float:
-    """The lowest place (z) at which a stump of `radius` stands on the outline of the part."""
-    sides = np.linspace(-radius, radius, 9)
-    tops = [outline[np.abs(outline[:, 0] - x) < radius / 4, 1] for x in sides]
-    return float(min(top.max() for top in tops if len(top)))
-
-
 def _drawing(clamping: SecondClamping, job: Job, table: Table, zero: ZeroWords) -> str:
     """Part, shell, stump, chuck and table from the front, to scale, with their sizes, as SVG."""
     holding, shell, part = job.holding, clamping.shell, clamping.part
@@ -106,7 +99,12 @@ def _drawing(clamping: SecondClamping, job: Job, table: Table, zero: ZeroWords) 
         paper.column(holding.chuck_diameter / 2, 0.0, holding.chuck_height, "chuck")
     post = holding.diameter / 2
     outlines = {"shell": _section(shell), "part": _section(part)}
-    paper.column(post, _foot(outlines["part"].reshape(-1, 2), post), clamping.top, "post")
+
+    # The lowest place (z) at which a stump of `radius` stands on the outline of the part
+    outline = outlines["part"].reshape(-1, 2)
+    sides = np.linspace(-post, post, 9)
+    tops = [outline[np.abs(outline[:, 0] - x) < post / 4, 1] for x in sides]
+    paper.column(post, float(min(top.max() for top in tops if len(top))), clamping.top, "post")
     for kind, pieces in outlines.items():
         for ends in pieces:
             paper.path(ends, kind, closed=False)

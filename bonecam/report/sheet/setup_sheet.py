@@ -82,6 +82,10 @@ def article(part: str, program: Program, job: Job, nc: Mapping[str, Any], versio
     motions = read_program(program.text, machine, job_dialect(job.nc))
     cutters = {cutter.number: cutter for cutter in cutters_of(job, machine)}
     template = Template((ASSETS / "article.html").read_text(encoding="utf-8"))
+
+    # Coolant, tool change and feeds in one line
+    coolant = "coolant on while cutting" if job.nc.coolant else "no coolant"
+    feeds = f"feeds: median {nc['feed_median_mm_min']:.0f}, a tenth below {nc['feed_low_mm_min']:.0f} mm/min"
     return template.substitute(
         part=html.escape(part),
         program=html.escape(nc["file"] or program.name),
@@ -89,7 +93,7 @@ def article(part: str, program: Program, job: Job, nc: Mapping[str, Any], versio
         controller=html.escape(program.controller),
         minutes=html.escape("; ".join(program.time.texts)),
         tools=_tool_rows([cutters[number] for number in program.tools], program.time.tools),
-        cutting=html.escape(_cutting(job, nc)),
+        cutting=html.escape(f"{_sentence(coolant)}; {CHANGES[job.nc.tool_change]}; {feeds}."),
         axes=_axis_rows(axis_ranges(motions, machine)),
         air_check=items(program.air_check),
         checksum=hashlib.sha256(program.text.encode()).hexdigest(),
@@ -153,13 +157,6 @@ def _axis_rows(ranges: Sequence[AxisRange]) -> str:
         _cells([item.letter, f"{item.low:.2f}", f"{item.high:.2f}", f"{item.high - item.low:.2f}", item.room])
         for item in ranges
     )
-
-
-def _cutting(job: Job, nc: Mapping[str, Any]) -> str:
-    """Coolant, tool change and feeds in one line."""
-    coolant = "coolant on while cutting" if job.nc.coolant else "no coolant"
-    feeds = f"feeds: median {nc['feed_median_mm_min']:.0f}, a tenth below {nc['feed_low_mm_min']:.0f} mm/min"
-    return f"{_sentence(coolant)}; {CHANGES[job.nc.tool_change]}; {feeds}."
 
 
 def bending_checks(report: Mapping[str, Any]) -> Iterator[str]:

@@ -29,7 +29,13 @@ def draw_compared_left(left: Sequence[tuple[str, SimulatedStock]], scallop: floa
     norm = value_range(0, SCALLOPS * scallop)
     figure, plots = new_figure(len(left), 2)
     for k, (name, stock) in enumerate(left):
-        points, heights = _surface(stock)
+        # Places of the surface of what stands, on all rays, and how far each is from the part, mm
+        probes = stock.normal_probes
+        assert probes is not None
+        points = Dexels(tuple(stock.sets), stock.grid).ends
+        points = points[points[:, 2] > probes.points[:, 2].min() - BELOW_PART]
+        heights = MeshDistance(probes.mesh).unsigned(points)
+
         colours = colours_of(norm, heights)[:, :3]
         for side, plot in ((1.0, plots[k]), (-1.0, plots[len(left) + k])):
             view = _seen(points * [side, side, 1.0], PIXEL * stock.grid.cell)
@@ -44,15 +50,6 @@ def draw_compared_left(left: Sequence[tuple[str, SimulatedStock]], scallop: floa
     bar = {"label": "distance from the part, mm", "orientation": "horizontal", "extend": "max"}
     figure.colorbar(colour_scale(norm), cax=bar_below(figure), **bar)
     save_figure(figure, path)
-
-
-def _surface(stock: SimulatedStock) -> tuple[Float[ndarray, "n 3"], Float[ndarray, " n"]]:
-    """Places of the surface of what stands, on all rays, and how far each is from the part, mm."""
-    probes = stock.normal_probes
-    assert probes is not None
-    points = Dexels(tuple(stock.sets), stock.grid).ends
-    points = points[points[:, 2] > probes.points[:, 2].min() - BELOW_PART]
-    return points, MeshDistance(probes.mesh).unsigned(points)
 
 
 @dataclass(frozen=True, eq=False)

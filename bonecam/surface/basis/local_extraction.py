@@ -27,7 +27,11 @@ def extract_local(
 
     In a closed direction (period > 0) functions act again one period on.
     """
-    s, t, ids = _images(s_knots, t_knots, period)
+    # The functions and their images one and two periods away that may reach the domain
+    shifts = [np.arange(-2, 3) * length if length else np.zeros(1) for length in period]
+    moved = [(s_knots + a, t_knots + b, np.arange(len(s_knots))) for a in shifts[0] for b in shifts[1]]
+    s, t, ids = (np.concatenate([part[k] for part in moved]) for k in range(3))
+
     boxes = _cut(faces, s, t)
     s_middle, t_middle = boxes[:, :2].mean(axis=1), boxes[:, 2:].mean(axis=1)
     function, element = _overlaps(
@@ -37,14 +41,6 @@ def extract_local(
     around, along = (_coefficients(k[function], low[:, d], high[:, d]) for d, k in ((0, s), (1, t)))
     values = (along[:, :, None] * around[:, None, :]).reshape(-1, 16)
     return _gathered(boxes, ids[function], element, values, period)
-
-
-def _images(s: ndarray, t: ndarray, period: tuple[float, float]) -> tuple[ndarray, ndarray, ndarray]:
-    """The functions and their images one and two periods away that may reach the domain."""
-    shifts = [np.arange(-2, 3) * length if length else np.zeros(1) for length in period]
-    moved = [(s + a, t + b, np.arange(len(s))) for a in shifts[0] for b in shifts[1]]
-    whole = [np.concatenate([part[k] for part in moved]) for k in range(3)]
-    return whole[0], whole[1], whole[2]
 
 
 def _cut(faces: ndarray, s: ndarray, t: ndarray) -> ndarray:

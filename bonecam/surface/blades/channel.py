@@ -77,29 +77,43 @@ def channel_of(wheel: Wheel, reach: float) -> Channel:
     foot, tip = (mean_line(_section(wheel.blade, end)) for end in wheel.blade.domain[1])
     blade = meridional(wheel.coarse_blade.vertices)
     contour = _contour(tip, blade)
-    floor = _floor(wheel, blade, reach)
+
+    # The hub's profile beside the `blade`, and straight on by `reach` mm at either end
+    lengths = places_on(wheel.profile, blade)
+    curve = stretch(wheel.profile, float(lengths.min()), float(lengths.max()))
+    length = float(lengths_along(curve)[-1])
+    low, first, last, high = point_at(curve, np.array([0.0, STRAIGHT, 1 - STRAIGHT, 1.0]) * length)
+    start, end = low + reach * unit((low - first)[None])[0], high + reach * unit((high - last)[None])[0]
+    floor = np.vstack([start, curve, end])
+
     length = float(lengths_along(floor)[-1])
     lengths = np.linspace(0.0, length, ROWS)
     if not (np.diff(places_on(contour, point_at(floor, lengths))) > 0).all():
         raise SurfaceError(
             "the hub is folded under the blades' tips: give a hub without edges between the blades"
         )
-    blank = _with_hub(wheel, contour)
+
+    # The hub's profile with the contour, between its points nearest to the channel's ends, in place of its own curve
+    # there
+    low, high = wheel.flow
+    along = lengths_along(wheel.profile)
+    ends = point_at(wheel.profile, np.array([low, high]))
+    over = thinned(stretch(contour, *places_on(contour, ends)), THINNED)
+    below, above = wheel.profile[along < low], wheel.profile[along > high]
+    whole = np.vstack([below, ends[:1], over, ends[1:], above])
+    moved = np.r_[True, np.linalg.norm(np.diff(whole, axis=0), axis=1) > 1e-6]
+    blank = np.asarray(whole[moved])
+
     _require_inside(wheel, blank)
-    azimuths = _azimuths(foot, floor, lengths)
+
+    # The azimuth of the blade's mean line at these lengths along the floor; beyond the blade as at its edges
+    at = places_on(floor, foot[:, :2])
+    order = np.argsort(at, kind="stable")
+    azimuths = np.asarray(np.interp(lengths, at[order], foot[order, 2]))
+
     across = np.linspace(0.0, wheel.pitch, ACROSS)
     surface = _finer(skin(_rows(point_at(floor, lengths), azimuths, across), TOLERANCE, closed=False))
     return Channel(wheel, surface, _roof(surface, contour), blank)
-
-
-def _floor(wheel: Wheel, blade: Float[ndarray, "v 2"], reach: float) -> Float[ndarray, "n 2"]:
-    """The hub's profile beside the `blade`, and straight on by `reach` mm at either end."""
-    lengths = places_on(wheel.profile, blade)
-    curve = stretch(wheel.profile, float(lengths.min()), float(lengths.max()))
-    length = float(lengths_along(curve)[-1])
-    low, first, last, high = point_at(curve, np.array([0.0, STRAIGHT, 1 - STRAIGHT, 1.0]) * length)
-    start, end = low + reach * unit((low - first)[None])[0], high + reach * unit((high - last)[None])[0]
-    return np.vstack([start, curve, end])
 
 
 def _finer(floor: TSpline) -> TSpline:
@@ -157,33 +171,19 @@ def _above(curve: Float[ndarray, "k 2"], points: Float[ndarray, "v 2"]) -> float
     return max(float(((points - point_at(curve, lengths)) * outward).sum(axis=1).max()), 0.0)
 
 
-def _azimuths(
-    foot: Float[ndarray, "m 3"], floor: Float[ndarray, "n 2"], lengths: Float[ndarray, " k"]
-) -> Float[ndarray, " k"]:
-    """The azimuth of the blade's mean line at these lengths along the floor; beyond the blade as at its edges."""
-    at = places_on(floor, foot[:, :2])
-    order = np.argsort(at, kind="stable")
-    return np.asarray(np.interp(lengths, at[order], foot[order, 2]))
-
-
-def _with_hub(wheel: Wheel, contour: Float[ndarray, "k 2"]) -> Float[ndarray, "n 2"]:
-    """The hub's profile with the contour, between its points nearest to the channel's ends, in place of its own curve
-    there."""
-    low, high = wheel.flow
-    along = lengths_along(wheel.profile)
-    ends = point_at(wheel.profile, np.array([low, high]))
-    over = thinned(stretch(contour, *places_on(contour, ends)), THINNED)
-    below, above = wheel.profile[along < low], wheel.profile[along > high]
-    whole = np.vstack([below, ends[:1], over, ends[1:], above])
-    moved = np.r_[True, np.linalg.norm(np.diff(whole, axis=0), axis=1) > 1e-6]
-    return np.asarray(whole[moved])
-
-
 def _require_inside(wheel: Wheel, blank: Float[ndarray, "n 2"]) -> None:
     """SurfaceError where a blade stands out of the blank."""
     solid = wheel.coarse_blade.vertices
     points = meridional(solid)
-    out = np.flatnonzero(~_within(blank, points))
+
+    # Whether points (radius, height) lie inside a profile that is closed along the axis, by crossings
+    (r0, z0) = blank[:-1].T[:, :, None]
+    (r1, z1) = blank[1:].T[:, :, None]
+    r, z = points.T
+    with np.errstate(divide="ignore", invalid="ignore"):
+        crossing = r0 + (z - z0) / (z1 - z0) * (r1 - r0)
+    crosses = ((z0 <= z) != (z1 <= z)) & (crossing > r)
+    out = np.flatnonzero(~np.asarray(crosses.sum(axis=0) % 2 == 1))
     off = np.linalg.norm(point_at(blank, places_on(blank, points[out])) - points[out], axis=1)
     if off.max(initial=0.0) > FLUSH:
         place = solid[out[np.argmax(off)]]
@@ -193,17 +193,6 @@ def _require_inside(wheel: Wheel, blank: Float[ndarray, "n 2"]) -> None:
             place=place,
             error=float(off.max()),
         )
-
-
-def _within(profile: Float[ndarray, "n 2"], points: Float[ndarray, "k 2"]) -> ndarray:
-    """Whether points (radius, height) lie inside a profile that is closed along the axis, by crossings."""
-    (r0, z0) = profile[:-1].T[:, :, None]
-    (r1, z1) = profile[1:].T[:, :, None]
-    r, z = points.T
-    with np.errstate(divide="ignore", invalid="ignore"):
-        crossing = r0 + (z - z0) / (z1 - z0) * (r1 - r0)
-    crosses = ((z0 <= z) != (z1 <= z)) & (crossing > r)
-    return np.asarray(crosses.sum(axis=0) % 2 == 1)
 
 
 def _rows(

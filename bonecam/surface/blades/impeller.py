@@ -45,18 +45,16 @@ def impeller(
         raise ValueError(f"{count} blades, wall {wall:g}, chord {chord_tolerance:g} mm: give positive ones")
     solid = blade_solid(blade, chord_tolerance)
     beside = meridional(solid.vertices)
-    inner, outer = (thinned(_beside(curve, beside), chord_tolerance / 2) for curve in (hub, shroud))
+    # The stretch of a flow path beside the points, and MARGIN more at either end
+    inner, outer = (
+        thinned(stretch(curve, *limits_beside(curve, beside)), chord_tolerance / 2) for curve in (hub, shroud)
+    )
     around = segments_around(float(max(inner[:, 0].max(), outer[:, 0].max())), chord_tolerance)
     return Impeller(
         revolve_profile(profile_over(inner, wall), around),
         revolve_ring(_wall(outer, inner, wall), around),
         tuple(turned(solid, 2 * np.pi * k / count) for k in range(count)),
     )
-
-
-def _beside(curve: Float[ndarray, "n 2"], points: Float[ndarray, "k 2"]) -> Float[ndarray, "m 2"]:
-    """The stretch of a flow path beside the points, and MARGIN more at either end."""
-    return stretch(curve, *limits_beside(curve, points))
 
 
 def limits_beside(curve: Float[ndarray, "n 2"], points: Float[ndarray, "k 2"]) -> tuple[float, float]:

@@ -62,7 +62,6 @@ class KnotCandidate:
 
     row: int
     place: float
-    cost: int
     worth: float
 
 
@@ -125,10 +124,14 @@ def _cuts(tmesh: RowTMesh, votes: Votes) -> list[KnotCandidate]:
     side = (functions * np.take_along_axis(widths, acting, axis=1)).sum(axis=1) * votes.around
     height = (tmesh.t_knots[span + 1] - tmesh.t_knots[span]) * votes.along
     tall = height > side
-    return [
-        *_row_cuts(tmesh, votes, ~tall, acting, functions),
-        *_span_cuts(tmesh, votes, tall & (height > LOWEST * votes.goal), span),
-    ]
+
+    voting = tall & (height > LOWEST * votes.goal)
+    worth = np.bincount(span[voting], votes.weight[voting], minlength=len(tmesh.t_knots))
+    cuts = []
+    for k in np.flatnonzero(worth):
+        cost = max(len(tmesh.s_knots[j]) for j in (k - 2, k - 1))
+        cuts.append(KnotCandidate(-1, float(tmesh.t_knots[k : k + 2].mean()), float(worth[k]) / cost))
+    return [*_row_cuts(tmesh, votes, ~tall, acting, functions), *cuts]
 
 
 def _row_cuts(
@@ -144,18 +147,7 @@ def _row_cuts(
         worth = np.bincount(index, share[here], minlength=len(knots))
         gaps = np.diff(np.append(knots, knots[0] + 1))
         for k in np.flatnonzero((worth > 0) & (gaps > NARROWEST)):
-            cuts.append(KnotCandidate(j, float(np.mod(knots[k] + gaps[k] / 2, 1.0)), 1, float(worth[k])))
-    return cuts
-
-
-def _span_cuts(
-    tmesh: RowTMesh, votes: Votes, voting: Bool[ndarray, " n"], span: ndarray
-) -> list[KnotCandidate]:
-    worth = np.bincount(span[voting], votes.weight[voting], minlength=len(tmesh.t_knots))
-    cuts = []
-    for k in np.flatnonzero(worth):
-        cost = max(len(tmesh.s_knots[j]) for j in (k - 2, k - 1))
-        cuts.append(KnotCandidate(-1, float(tmesh.t_knots[k : k + 2].mean()), cost, float(worth[k]) / cost))
+            cuts.append(KnotCandidate(j, float(np.mod(knots[k] + gaps[k] / 2, 1.0)), float(worth[k])))
     return cuts
 
 

@@ -182,7 +182,6 @@ class Ring:
     """A pole, the control points next to it, `arms` that yield their offsets from it, the unit area vector of
     the polygon they make."""
 
-    pole: int
     points: ndarray
     arms: sp.csr_array
     normal: Float[ndarray, "3"]
@@ -204,7 +203,7 @@ def rings(surface: TSpline) -> list[Ring]:
         )
         offsets = arms @ surface.control_points
         normal = np.cross(offsets, np.roll(offsets, -1, axis=0)).sum(axis=0)
-        by_pole.append(Ring(pole, points, arms, normal / np.linalg.norm(normal), knots[row]))
+        by_pole.append(Ring(points, arms, normal / np.linalg.norm(normal), knots[row]))
     return by_pole
 
 

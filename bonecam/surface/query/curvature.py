@@ -76,11 +76,9 @@ def curvature_at(surface: Surface, s: Float[ndarray, " n"], t: Float[ndarray, " 
     for end, here in poles:
         normal, S_t, S_tt = _pole_limits(surface, end)
         curvatures.append((here, pole_curvature(S_t, S_tt, normal)))
-    return _collected(len(s), curvatures)
 
-
-def _collected(count: int, curvatures: list[tuple[ndarray, Curvature]]) -> Curvature:
-    """One curvature of all samples from those at some of their indices; of a pole one row stands for all."""
+    # One curvature of all samples from those at some of their indices; of a pole one row stands for all
+    count = len(s)
     whole = Curvature(np.empty(count), np.empty(count), np.empty((count, 3)), np.empty((count, 3)))
     for where, part in curvatures:
         whole.k1[where] = part.k1

@@ -78,10 +78,31 @@ def diagnose(surface: Surface) -> Diagnosis:
     """Measure what kind of T-spline the surface is; weights and control points play no part."""
     elements = surface.elements()
     tmesh = surface.tmesh
-    matrix = _coefficients(elements, tmesh.size)
-    errors = _sum_errors(elements, matrix @ np.ones(tmesh.size))
+
+    # Row 16 e + c (cubic elements): the c-th Bernstein coefficients on element e of all functions
+    element = np.repeat(np.arange(len(elements.boxes)), np.diff(elements.starts))
+    count = elements.coefficients.shape[1]
+    rows = (count * element[:, None] + np.arange(count)).ravel()
+    columns = np.repeat(elements.functions, count)
+    matrix = sp.csr_array(
+        (elements.coefficients.ravel(), (rows, columns)), shape=(count * len(elements.boxes), tmesh.size)
+    )
+
+    # Largest |sum - 1| on each element, on a grid of places
+    sums = matrix @ np.ones(tmesh.size)
+    x = np.linspace(0, 1, GRID)
+    d = elements.degree
+    bernstein = np.array([math.comb(d, k) * x**k * (1 - x) ** (d - k) for k in range(d + 1)])
+    values = np.einsum("eji,jn,im->enm", sums.reshape(-1, d + 1, d + 1), bernstein, bernstein)
+    errors: ndarray = np.abs(values - 1).max(axis=(1, 2))
+
     gram = (matrix.T @ matrix).toarray()
-    weights = _unit_weights(matrix, gram)
+
+    # Positive weights that make the functions sum to one; None where there are none
+    one = np.ones(matrix.shape[0])
+    solved: ndarray = np.linalg.lstsq(gram, matrix.T @ one, rcond=None)[0]
+    weights = solved if np.abs(matrix @ solved - one).max() <= ONE and solved.min() > 0 else None
+
     values = np.linalg.eigvalsh(gram)
     nullity = int((values <= RANK * values[-1]).sum())
     kind = "standard" if errors.max() <= ONE else "non-standard" if weights is None else "semi-standard"
@@ -92,11 +113,10 @@ def diagnose(surface: Surface) -> Diagnosis:
     none = np.zeros((0, 2), dtype=np.int64)
     crossing, touching = meetings(tmesh) if general else (none, none)
     count = len(junctions(tmesh).vertices) if general else 0
-    sums = int((worst <= ONE).sum())
     return Diagnosis(
         kind=kind,
         sum_error=float(errors.max()),
-        sums_to_one=sums,
+        sums_to_one=int((worst <= ONE).sum()),
         faces=len(worst),
         unit_weights=weights,
         nullity=nullity,
@@ -104,34 +124,6 @@ def diagnose(surface: Surface) -> Diagnosis:
         crossing=crossing,
         touching=touching,
     )
-
-
-def _coefficients(elements: Elements, size: int) -> sp.csr_array:
-    """Row 16 e + c (cubic elements): the c-th Bernstein coefficients on element e of all functions."""
-    element = np.repeat(np.arange(len(elements.boxes)), np.diff(elements.starts))
-    count = elements.coefficients.shape[1]
-    rows = (count * element[:, None] + np.arange(count)).ravel()
-    columns = np.repeat(elements.functions, count)
-    return sp.csr_array(
-        (elements.coefficients.ravel(), (rows, columns)), shape=(count * len(elements.boxes), size)
-    )
-
-
-def _sum_errors(elements: Elements, sums: ndarray) -> Float[ndarray, " e"]:
-    """Largest |sum - 1| on each element, on a grid of places."""
-    x = np.linspace(0, 1, GRID)
-    d = elements.degree
-    bernstein = np.array([math.comb(d, k) * x**k * (1 - x) ** (d - k) for k in range(d + 1)])
-    values = np.einsum("eji,jn,im->enm", sums.reshape(-1, d + 1, d + 1), bernstein, bernstein)
-    errors: ndarray = np.abs(values - 1).max(axis=(1, 2))
-    return errors
-
-
-def _unit_weights(matrix: sp.csr_array, gram: ndarray) -> ndarray | None:
-    """Positive weights that make the functions sum to one; None where there are none."""
-    one = np.ones(matrix.shape[0])
-    weights: ndarray = np.linalg.lstsq(gram, matrix.T @ one, rcond=None)[0]
-    return weights if np.abs(matrix @ weights - one).max() <= ONE and weights.min() > 0 else None
 
 
 def _face_of(elements: Elements, faces: ndarray) -> Int64[ndarray, " e"]:

@@ -60,7 +60,18 @@ def _cut(surface: S, chosen: list[int], directions: str) -> S:
     numbers = [np.arange(len(tmesh.s_lines)), np.arange(len(tmesh.t_lines))]
     for axis in (0, 1):
         if "st"[axis] in directions:
-            middles[axis] = _snap(middles[axis], draft.knots[axis])
+            # Knots for values that differ from them by rounding only; values that equal one another likewise become
+            # one
+            values = middles[axis]
+            knots = draft.knots[axis]
+            snapped = values.copy()
+            for k, x in enumerate(values):
+                known = np.concatenate([knots, snapped[:k]])
+                nearest = known[np.argmin(np.abs(known - x))]
+                if abs(nearest - x) <= SNAP * np.ptp(knots):
+                    snapped[k] = nearest
+            middles[axis] = snapped
+
             numbers[axis] = draft.insert_lines(axis, np.setdiff1d(middles[axis], draft.knots[axis]))
     for box, s, t in zip(boxes, *middles):
         if "s" in directions:
@@ -71,18 +82,6 @@ def _cut(surface: S, chosen: list[int], directions: str) -> S:
         if directions in ("st", "ts"):
             draft.cut(0, draft.line_at(0, s), _piece(draft.knots[1], box[2], box[3], t, upper=True))
     return refine_locally(surface, draft, (numbers[0], numbers[1]))
-
-
-def _snap(values: ndarray, knots: ndarray) -> ndarray:
-    """Knots for values that differ from them by rounding only; values that equal one another likewise become
-    one."""
-    snapped = values.copy()
-    for k, x in enumerate(values):
-        known = np.concatenate([knots, snapped[:k]])
-        nearest = known[np.argmin(np.abs(known - x))]
-        if abs(nearest - x) <= SNAP * np.ptp(knots):
-            snapped[k] = nearest
-    return snapped
 
 
 def _piece(knots: ndarray, low: float, high: float, middle: float, upper: bool) -> int:

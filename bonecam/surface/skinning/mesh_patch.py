@@ -37,7 +37,15 @@ def patch_surface(mesh: TriangleMesh, tolerance: float) -> TSpline:
     flat, size = _layout(mesh)
     count = FEWEST
     while True:
-        rows = _grid(mesh, flat, size, count)
+        # Rows of points on the mesh at equal distances in the rectangle, `count` both ways
+        u, v = (np.linspace(0.0, side, count) for side in size)
+        asked = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
+        raised = TriangleMesh(np.column_stack([flat, np.zeros(len(flat))]), mesh.faces)
+        nearest, face = exact_closest(raised, np.column_stack([asked, np.zeros(len(asked))]))
+        shares = barycentric(raised.vertices[mesh.faces[face]], nearest)
+        points = np.einsum("nk,nkd->nd", shares, mesh.vertices[mesh.faces[face]])
+        rows = list(points.reshape(count, count, 3))
+
         surface = skin(rows, tolerance / 2, closed=False)
         skinned = surface.tessellate(CHORD_SHARE * tolerance)
         deviation = max(hausdorff(skinned, mesh))
@@ -104,16 +112,3 @@ def _sides(vertices: Float[ndarray, "v 3"], edge: Int[ndarray, " e"]) -> list[In
     bounds = [*(corner - corners[0] for corner in corners), len(edge)]
     closed = np.r_[rolled, rolled[:1]]
     return [closed[low : high + 1] for low, high in pairwise(bounds)]
-
-
-def _grid(
-    mesh: TriangleMesh, flat: Float[ndarray, "v 2"], size: Float[ndarray, "2"], count: int
-) -> list[Float[ndarray, "p 3"]]:
-    """Rows of points on the mesh at equal distances in the rectangle, `count` both ways."""
-    u, v = (np.linspace(0.0, side, count) for side in size)
-    asked = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
-    raised = TriangleMesh(np.column_stack([flat, np.zeros(len(flat))]), mesh.faces)
-    nearest, face = exact_closest(raised, np.column_stack([asked, np.zeros(len(asked))]))
-    shares = barycentric(raised.vertices[mesh.faces[face]], nearest)
-    points = np.einsum("nk,nkd->nd", shares, mesh.vertices[mesh.faces[face]])
-    return list(points.reshape(count, count, 3))

@@ -131,19 +131,16 @@ def _oriented(rows: list[ndarray], poles: Float[ndarray, "2 3"] | None) -> list[
         rows = [np.roll(row[::-1], 1, axis=0) for row in rows]
     oriented = rows[:1]
     for row in rows[1:]:
-        oriented.append(np.roll(row, -_twist(oriented[-1], row), axis=0))
+        # The point of a row to begin with, so that it runs beside the row before; 0 where that does not bring it
+        # clearly nearer
+        before = oriented[-1]
+        target = _even(before) - before.mean(axis=0)
+        moved = row - row.mean(axis=0)
+        starts = np.linspace(0, len(row), min(len(row), TRIED), endpoint=False).astype(np.int64)
+        away = np.array([np.linalg.norm(_even(np.roll(moved, -k, axis=0)) - target) for k in starts])
+        best = int(np.argmin(away))
+        oriented.append(np.roll(row, -(int(starts[best]) if away[0] > TWISTED * away[best] else 0), axis=0))
     return oriented
-
-
-def _twist(before: ndarray, row: ndarray) -> int:
-    """The point of a row to begin with, so that it runs beside the row before; 0 where that does not bring it
-    clearly nearer."""
-    target = _even(before) - before.mean(axis=0)
-    moved = row - row.mean(axis=0)
-    starts = np.linspace(0, len(row), min(len(row), TRIED), endpoint=False).astype(np.int64)
-    away = np.array([np.linalg.norm(_even(np.roll(moved, -k, axis=0)) - target) for k in starts])
-    best = int(np.argmin(away))
-    return int(starts[best]) if away[0] > TWISTED * away[best] else 0
 
 
 def _even(row: ndarray) -> ndarray:

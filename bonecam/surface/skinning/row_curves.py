@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.surface.basis.spline_space import collocation, curve_knots, interpolate
@@ -77,15 +77,11 @@ def _check(number: int, row: ndarray, closed: bool) -> None:
         )
     if not np.isfinite(row).all():
         raise ValueError(f"row {number}, point {int(np.argmin(np.isfinite(row).all(axis=1)))} is not finite")
-    coincide = _same(row, closed)
+    # Whether each point lies on the next one, to within rounding
+    coincide = np.linalg.norm(_steps(row, closed), axis=1) <= 64 * np.finfo(float).eps * np.abs(row).max()
     if coincide.any():
         k = int(np.argmax(coincide))
         raise ValueError(f"row {number}: points {k} and {(k + 1) % len(row)} coincide: remove one of them")
-
-
-def _same(row: ndarray, closed: bool) -> Bool[ndarray, " n"]:
-    """Whether each point lies on the next one, to within rounding."""
-    return np.linalg.norm(_steps(row, closed), axis=1) <= 64 * np.finfo(float).eps * np.abs(row).max()
 
 
 def _steps(row: ndarray, closed: bool) -> ndarray:

@@ -113,7 +113,13 @@ def skin(
     """
     if not tolerance > 0:
         raise ValueError(f"tolerance {tolerance}: give a length above 0")
-    curves = _check_rows(rows, closed, poles)
+
+    if len(rows) < 2:
+        raise ValueError(f"{len(rows)} rows: give two or more rows of points")
+    if poles is not None and not (closed and np.shape(poles) == (2, 3) and np.isfinite(poles).all()):
+        raise ValueError("poles are the two finite end points (2, 3) of closed rows")
+    curves = RowCurves.through(rows, closed)
+
     control = control_curves(curves, poles)
     size = float(np.linalg.norm(np.ptp(np.vstack(curves.points), axis=0)))
     if tolerance < NOTHING * size:
@@ -132,14 +138,6 @@ def skin(
     if surface is None:
         raise _too_many(control, tolerance, most)
     return surface
-
-
-def _check_rows(rows: Sequence[ndarray] | ndarray, closed: bool, poles: ndarray | None) -> RowCurves:
-    if len(rows) < 2:
-        raise ValueError(f"{len(rows)} rows: give two or more rows of points")
-    if poles is not None and not (closed and np.shape(poles) == (2, 3) and np.isfinite(poles).all()):
-        raise ValueError("poles are the two finite end points (2, 3) of closed rows")
-    return RowCurves.through(rows, closed)
 
 
 def row_parameters(curves: RowCurves, poles: Float[ndarray, "2 3"] | None = None) -> Float[ndarray, " k"]:
@@ -177,7 +175,8 @@ def control_curves(curves: RowCurves, poles: Float[ndarray, "2 3"] | None = None
         opposite = np.concatenate([ends[0], curves.at(np.mod(at + 0.5, 1.0)), ends[1]])
         sections = np.concatenate([ends[0], sections, ends[1]])
         knots = clamped(t[1:-1])
-        control = _to_poles(t, sections, opposite)
+        # Control curves with the even part flat in the poles, the odd part with natural ends
+        control = _solve(t, (sections + opposite) / 2, 1) + _solve(t, (sections - opposite) / 2, 2)
     elif len(t) < 4:
         knots = clamped(t[1:-1])
         control = _solve(t, sections, 2)
@@ -199,11 +198,6 @@ def _add_opposite(knots: ndarray) -> ndarray:
 def _halve(knots: ndarray, closed: bool) -> ndarray:
     whole = np.append(knots, knots[0] + 1) if closed else np.concatenate([[0.0], knots, [1.0]])
     return np.unique(np.concatenate([knots, np.mod((whole[:-1] + whole[1:]) / 2, 1.0)]))
-
-
-def _to_poles(t: ndarray, sections: ndarray, opposite: ndarray) -> ndarray:
-    """Control curves with the even part flat in the poles, the odd part with natural ends."""
-    return _solve(t, (sections + opposite) / 2, 1) + _solve(t, (sections - opposite) / 2, 2)
 
 
 def _solve(t: ndarray, sections: Float[ndarray, "k n 3"], order: int) -> Float[ndarray, "k+2 n 3"]:

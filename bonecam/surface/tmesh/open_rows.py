@@ -127,12 +127,9 @@ def _clamped(knots: ndarray) -> bool:
         (np.diff(knots) >= 0).all()
         and (knots[:4] == knots[0]).all()
         and (knots[-4:] == knots[-1]).all()
-        and _rises(knots)
+        and len(knots) >= 8
+        and (knots[4:] > knots[:-4]).all()
     )
-
-
-def _rises(knots: ndarray) -> bool:
-    return len(knots) >= 8 and bool((knots[4:] > knots[:-4]).all())
 
 
 def _span(knots: ndarray, x: ndarray) -> ndarray:

@@ -45,25 +45,21 @@ def _check_rotary(motions: Motions, column: int, axis: RotaryAxis) -> None:
     lines = np.r_[motions.lines, partial_lines]
     if axis.endless and motions.short_way:
         # a word says where the axis stands but for whole turns: each stretch may begin in any
-        values = _in_best_turns(values[: len(motions.lines)], motions.known_start, low, high)
+        # Angles (degrees) moved by whole turns, each stretch that goes on from known places alike, to lie within the
+        # limits if they can
+        values = values[: len(motions.lines)]
+        starts = np.flatnonzero(~motions.known_start)
+        moved = values.copy()
+        for first, end in zip(starts, np.r_[starts[1:], len(values)], strict=True):
+            stretch = values[first:end]
+            moved[first:end] = stretch + 360.0 * np.ceil((low - GUARD - stretch.min()) / 360.0)
+        values = moved
+
         lines = motions.lines
     off = (values < low - GUARD) | (values > high + GUARD)
     if off.any():
         at = int(np.flatnonzero(off)[np.argmin(lines[off])])
         raise _beyond(axis.letter, values[at], low if values[at] < low else high, "deg", int(lines[at]))
-
-
-def _in_best_turns(
-    values: Float[ndarray, "n"], goes_on: ndarray, low: float, high: float
-) -> Float[ndarray, "n"]:
-    """Angles (degrees) moved by whole turns, each stretch that goes on from known places alike, to lie within the
-    limits if they can."""
-    starts = np.flatnonzero(~goes_on)
-    moved = values.copy()
-    for first, end in zip(starts, np.r_[starts[1:], len(values)], strict=True):
-        stretch = values[first:end]
-        moved[first:end] = stretch + 360.0 * np.ceil((low - GUARD - stretch.min()) / 360.0)
-    return moved
 
 
 def _check_linear(noses: NoseMoves, column: int, axis: LinearAxis) -> None:

@@ -12,7 +12,6 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 
 from bonecam.arrays import dots
-from bonecam.kernels.removal.sweep import Pieces
 from bonecam.machine.machine import Machine
 from bonecam.mesh.distance import barycentric, exact_closest
 from bonecam.mesh.triangle_mesh import TriangleMesh
@@ -65,7 +64,10 @@ class PostedProgram:
         tools = tools_of(motions, self.cutters)
         for group in groups_of(self.text, motions, self.dialect):
             cutter = tools[group.tool]
-            probes.cut(_fluted(straight_pieces(motions, group.moves, cutter), cutter), cutter.radius)
+            # The pieces with all of their flutes
+            pieces = straight_pieces(motions, group.moves, cutter)
+            reach = np.full(len(pieces.starts), max(cutter.flute_length - cutter.radius, 0.0))
+            probes.cut(pieces._replace(reach=reach), cutter.radius)
         standing = self.removal.remaining
         probes.measure_the_uncut(standing.sets, standing.grid)
         return Machined(points, normals, probes.heights, probes.heights + self._bent(points), probes.owners)
@@ -82,9 +84,3 @@ class PostedProgram:
 
 
 _NO_MESH = TriangleMesh(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int32))
-
-
-def _fluted(pieces: Pieces, cutter: Cutter) -> Pieces:
-    """The pieces with all of their flutes."""
-    reach = np.full(len(pieces.starts), max(cutter.flute_length - cutter.radius, 0.0))
-    return pieces._replace(reach=reach)

@@ -11,11 +11,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.arrays import dots, lengths, unit
-from bonecam.nc.reading.motions import Motions
 from bonecam.verify.probing.machined import PostedProgram
 from bonecam.verify.removal.groups import feed_minutes, tools_of
 
@@ -62,7 +61,19 @@ def roughness_of(program: PostedProgram, flutes: int, count: int = PLACES) -> Ro
     last = motions.tools[probes.owners[cut]] == motions.tools[-1]
     here = cut[last][:: max(1, int(last.sum()) // count)][:count]
     normals = probes.normals[here]
-    feeds, tooth = _feeds(motions, probes.owners[here], normals, flutes)
+
+    # Unit direction of the feed at the contact of each move, at right angles to the normals, and the way between two
+    # edges there, mm; 0 where the tip stands or nothing turns
+    owners = probes.owners[here]
+    before = np.maximum(owners - 1, 0)
+    moved = motions.tips[owners] - motions.tips[before]
+    moved -= dots(moved, normals)[:, None] * normals
+    way = lengths(moved)
+    teeth = feed_minutes(motions)[owners] * motions.spindle[owners] * flutes
+    moves = (teeth > 0) & (way > 0)
+    feeds = unit(np.where(moves[:, None], moved, 1.0))
+    tooth = np.where(moves, way / np.where(moves, teeth, 1.0), 0.0)
+
     known = tooth > 0
     here, normals, feeds, tooth = here[known], normals[known], feeds[known], tooth[known]
     steps = np.arange(-SAMPLING * CUT_OFF / 2, SAMPLING * CUT_OFF / 2, NODE)
@@ -74,20 +85,6 @@ def roughness_of(program: PostedProgram, flutes: int, count: int = PLACES) -> Ro
     along = _profiles(program, probes.points[here], feeds, steps) + 4 * height[:, None] * phase**2
     across = _profiles(program, probes.points[here], np.cross(normals, feeds), steps)
     return Roughness(_ra_rz(along), _ra_rz(across), UM * height)
-
-
-def _feeds(
-    motions: Motions, owners: Int[ndarray, " n"], normals: Float[ndarray, "n 3"], flutes: int
-) -> tuple[Float[ndarray, "n 3"], Float[ndarray, " n"]]:
-    """Unit direction of the feed at the contact of each move, at right angles to the normals, and the way between two
-    edges there, mm; 0 where the tip stands or nothing turns."""
-    before = np.maximum(owners - 1, 0)
-    moved = motions.tips[owners] - motions.tips[before]
-    moved -= dots(moved, normals)[:, None] * normals
-    way = lengths(moved)
-    teeth = feed_minutes(motions)[owners] * motions.spindle[owners] * flutes
-    moves = (teeth > 0) & (way > 0)
-    return unit(np.where(moves[:, None], moved, 1.0)), np.where(moves, way / np.where(moves, teeth, 1.0), 0.0)
 
 
 def _curvature(

@@ -3,8 +3,6 @@
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Bool, Int
-from numpy import ndarray
 from scipy.spatial import cKDTree
 
 from bonecam.arrays import angles_between
@@ -35,7 +33,12 @@ def measure_left(normal_probes: NormalProbes, post: Post | None, radius: float, 
     highest = int(np.argmax(away))
     lowest = int(np.argmin(normal_probes.heights))
     standing = np.flatnonzero(over & ~held)
-    hollow = _in_hollows(normal_probes, standing, radius)
+
+    # Whether a ball that touches the part at these normal probes would enter it at another normal probe
+    centres = normal_probes.points[standing] + radius * normal_probes.normals[standing]
+    nearest, _ = cKDTree(normal_probes.points).query(centres)
+    hollow = np.asarray(nearest < radius - ENTERS)
+
     return Left(
         mesh=normal_probes.mesh,
         heights=normal_probes.heights,
@@ -63,13 +66,6 @@ def beside_limits(left: Left, normal_probes: NormalProbes, limits: MachineLimits
     areas = normal_probes.areas[left.reachable]
     by_reason = {"reachable": float(areas[~beyond].sum()), "limits": float(areas[beyond].sum())}
     return replace(left, by_reason=left.by_reason | by_reason, reachable=left.reachable[~beyond])
-
-
-def _in_hollows(normal_probes: NormalProbes, which: Int[ndarray, " k"], radius: float) -> Bool[ndarray, " k"]:
-    """Whether a ball that touches the part at these normal probes would enter it at another normal probe."""
-    centres = normal_probes.points[which] + radius * normal_probes.normals[which]
-    nearest, _ = cKDTree(normal_probes.points).query(centres)
-    return np.asarray(nearest < radius - ENTERS)
 
 
 def _spot(value: float, normal_probe: int, normal_probes: NormalProbes, motions: Motions) -> Spot:

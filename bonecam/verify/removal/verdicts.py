@@ -57,10 +57,23 @@ def check_removal(
             f"allowed {LINK_ALLOWED:g},",
             "lift them, or mark them as a cut; for a program of bonecam try another path.pattern",
         )
-    if removal.left is not None:
-        _check_gouge(removal.left.deepest_gouge, gouge_tolerance)
+    if removal.left is not None and removal.left.deepest_gouge.value > gouge_tolerance:
+        depth, most = told_apart(removal.left.deepest_gouge.value, gouge_tolerance, decimals=4)
+        _refuse(
+            removal.left.deepest_gouge,
+            f"the tool goes {depth} mm into the part, allowed {most},",
+            "lift the path there; for a program of bonecam try a smaller path.max_step, a larger tip or a longer post "
+            "(holding.length)",
+        )
     for level in removal.levels if limited else ():
-        _check_depth(level)
+        if level.deepest and level.over_limit is not None and level.over_limit > level.over_allowed:
+            name = "the parting" if level.index == PARTING else f"level {level.index}"
+            _refuse(
+                level.deepest,
+                f"a cut of {name} is {level.deepest.value:.3f} mm deep, {level.over_limit:.3f} over its "
+                f"limit, allowed {level.over_allowed:.3f},",
+                "cut the levels in their order; for a program of bonecam try a smaller scallop of the cutter before",
+            )
     _check_parted_last(removal.levels)
     if removal.given is not None:
         removal.given.check()
@@ -80,30 +93,6 @@ def _refuse(spot: Spot, what: str, remedy: str) -> None:
         place=spot.place,
         error=spot.value,
     )
-
-
-def _check_gouge(gouge: Spot, allowed: float) -> None:
-    """VerifyError where a ball goes into the part by more than is allowed, mm."""
-    if gouge.value > allowed:
-        depth, most = told_apart(gouge.value, allowed, decimals=4)
-        _refuse(
-            gouge,
-            f"the tool goes {depth} mm into the part, allowed {most},",
-            "lift the path there; for a program of bonecam try a smaller path.max_step, a larger tip or a longer post "
-            "(holding.length)",
-        )
-
-
-def _check_depth(level: LevelRemoval) -> None:
-    """VerifyError where a cut of this level is too deep."""
-    if level.deepest and level.over_limit is not None and level.over_limit > level.over_allowed:
-        name = "the parting" if level.index == PARTING else f"level {level.index}"
-        _refuse(
-            level.deepest,
-            f"a cut of {name} is {level.deepest.value:.3f} mm deep, {level.over_limit:.3f} over its "
-            f"limit, allowed {level.over_allowed:.3f},",
-            "cut the levels in their order; for a program of bonecam try a smaller scallop of the cutter before",
-        )
 
 
 def _check_parted_last(levels: Sequence[LevelRemoval]) -> None:

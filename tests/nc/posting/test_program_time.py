@@ -12,10 +12,9 @@ from bonecam.job import Job
 from bonecam.machine.machine import ChangeSeconds, Machine, read_machine
 from bonecam.nc.dialect import read_dialect
 from bonecam.nc.posting.path_words import post_path
-from bonecam.nc.posting.rotary.machine_limits import machine_limits
 from bonecam.nc.posting.write import write_program
 from bonecam.nc.program import ProgramTime
-from bonecam.planning.motion_time import ControlRule, motion_minutes
+from bonecam.planning.motion_time import motion_minutes
 from bonecam.tool.path import MoveKind
 
 UCP, XYZBC = read_machine("mikron-ucp600"), read_machine("linuxcnc-xyzbc")
@@ -116,14 +115,3 @@ def test_rows_are_driven_by_the_tolerances_that_the_program_states(paths, contro
         assert f"{np.degrees(one.rule.rotary_tolerance):.3f}" in text
         looser = replace(one.rule, tolerance=1.0, rotary_tolerance=0.1)
         assert motion_minutes(UCP, one.joints, at_feed, looser).sum() < driven.sum()
-
-
-def test_planning_can_ask_how_long_a_path_takes(paths) -> None:
-    path = paths[0]
-    minutes = machine_limits(UCP).path_minutes(path.tips, path.axes, path.feed_rates, 120.0)
-    one = post_path(path, UCP, read_dialect("heidenhain"), Job(), path.tips)
-    smooth = replace(one, rule=ControlRule())
-    assert minutes.shape == (len(path.tips) - 1,)
-    assert minutes.sum() == pytest.approx(smooth.driven_minutes[1:].sum(), rel=0.01)
-    at_feed = np.linalg.norm(np.diff(path.tips, axis=0), axis=1) / path.feed_rates[1:]
-    assert (minutes >= at_feed * (1 - 1e-9)).all()

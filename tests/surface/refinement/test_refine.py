@@ -8,12 +8,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy import ndarray
+from rows_to_general import as_general
 
 from bonecam.errors import SurfaceError
 from bonecam.surface.files.iga import read_iga, write_iga
 from bonecam.surface.files.tspline_text import read_tsm, write_tsm
 from bonecam.surface.fitting.fit import fit
-from bonecam.surface.rows_to_general import as_general
 from bonecam.surface.skinning.skin import skin
 from bonecam.surface.tmesh.general import TMesh
 from bonecam.surface.tmesh.open_rows import OpenRowTMesh

@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy import ndarray
+from rows_to_general import as_general
 
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.surface.files.tspline_text import read_tsm
-from bonecam.surface.rows_to_general import as_general
 from bonecam.surface.tspline import TSpline
 
 igl = pytest.importorskip("igl")

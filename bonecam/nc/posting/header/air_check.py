@@ -36,7 +36,8 @@ def air_check_texts(control: Control, dialect: Dialect, top: float) -> list[str]
     """What must be seen with all rotary axes at zero and as each turns, and of a control that reads machine coordinates
     poses that keep the tip on one place; lines of header and sheet. `top` is the upper end of the blank, mm."""
     machine = control.machine
-    start = _start(machine)
+    # The rotary joints (rad) at which the check begins
+    start = np.array([turn_of(axis)[0] for axis in machine.rotary])
     # that along the spindle last: on a head it is seen by the tilt of the other
     tilting_first = sorted(machine.own_rotary, key=lambda axis: abs(axis.direction[2]) > ALONG_SPINDLE)
     return [
@@ -75,11 +76,6 @@ def turn_of(axis: RotaryAxis) -> tuple[float, float]:
     if start - turn >= low:
         return start, start - turn
     return start, high if high - start >= start - low else low
-
-
-def _start(machine: Machine) -> Float[ndarray, "2"]:
-    """The rotary joints (rad) at which the check begins."""
-    return np.array([turn_of(axis)[0] for axis in machine.rotary])
 
 
 def _turned(machine: Machine, start: Float[ndarray, "2"], *axes: RotaryAxis) -> Float[ndarray, "2"]:

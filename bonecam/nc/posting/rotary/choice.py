@@ -68,7 +68,14 @@ def choose_angles(
     angles = np.zeros((len(axes), 2))
     rewinds = np.zeros(len(axes), dtype=bool)
     if len(fixed):
-        costs = _rewind_costs(kinds, axes, liftable)[fixed[1:]]
+        # What a rewind before each row costs as rotary travel, rad; infinite where there can be none
+        cut = kinds == MoveKind.CUT
+        rapid = kinds == MoveKind.RAPID
+        lifted = np.where(cut & np.r_[False, cut[:-1]], LIFT_COST + CUT_COST, LIFT_COST)
+        costs = np.where(rapid, REWIND_COST + NEAR_COST, lifted)
+        costs[~(rapid if liftable is None else liftable)] = np.inf
+        costs[clear_rapids(kinds, axes)] = REWIND_COST
+        costs = costs[fixed[1:]]
         angles[fixed], rewinds[fixed] = _least_travel(
             machine, solutions[fixed], axes=axes, costs=costs, fixed=fixed, before=before
         )
@@ -90,19 +97,6 @@ def clear_rapids(kinds: Int[ndarray, "n"], axes: Float[ndarray, "n 3"]) -> Bool[
     rapid = kinds == MoveKind.RAPID
     rising = axes[:, 2] >= 0
     return rapid & rising & np.r_[False, (rapid & rising)[:-1]] & np.r_[rapid[1:], True]
-
-
-def _rewind_costs(
-    kinds: Int[ndarray, "n"], axes: Float[ndarray, "n 3"], liftable: Bool[ndarray, "n"] | None
-) -> Float[ndarray, "n"]:
-    """What a rewind before each row costs as rotary travel, rad; infinite where there can be none."""
-    cut = kinds == MoveKind.CUT
-    rapid = kinds == MoveKind.RAPID
-    lifted = np.where(cut & np.r_[False, cut[:-1]], LIFT_COST + CUT_COST, LIFT_COST)
-    costs = np.where(rapid, REWIND_COST + NEAR_COST, lifted)
-    costs[~(rapid if liftable is None else liftable)] = np.inf
-    costs[clear_rapids(kinds, axes)] = REWIND_COST
-    return costs
 
 
 def _check_reach(machine: Machine, angles: ndarray) -> None:

@@ -107,14 +107,6 @@ class AxisCones:
         circles."""
         return replace(self, shapes=EllipticCones.none(len(self.shapes)), circular=True, check=None)
 
-    def blocked(self) -> dict[int, str]:
-        """The contacts without any cone, and what is against it: `limits`, or the section of the tool and the obstacle
-        that it meets along most directions, as `shank against the material`."""
-        nodes = np.flatnonzero(~self.shapes.found)
-        why = dict(zip(nodes.tolist(), self.free.blocking(nodes)))
-        contacts = np.flatnonzero(~self.found)
-        return {int(i): why[int(self.free.net.node_of[i])] for i in contacts}
-
     def of(self, path: ContactPath) -> FreeCones:
         """The cones of the contacts of a path: those of `path`, or some of them."""
         kept = self.shapes.found

@@ -16,7 +16,6 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Bool, Float
 from numpy import ndarray
-from numpy.typing import ArrayLike
 from scipy.interpolate import BSpline
 
 from bonecam.arrays import frozen
@@ -142,15 +141,6 @@ class ObliqueEllipticCone:
         cap = np.column_stack([np.ones(sides, dtype=int), here, following])
         faces = np.vstack([wall, cap]).astype(np.int32)
         return TriangleMesh(vertices, faces if np.linalg.det(self._frame) > 0 else faces[:, ::-1])
-
-
-def oblique_elliptic_cone(
-    apex: ArrayLike, axis: ArrayLike, semi_diameters: tuple[ArrayLike, ArrayLike]
-) -> ObliqueEllipticCone:
-    """The cone from `apex` along `axis` to a section with these conjugate semi-diameters, all mm (Xu et al. 2013,
-    section 3). ValueError as in `ObliqueEllipticCone`."""
-    vectors = (apex, axis, *semi_diameters)
-    return ObliqueEllipticCone(*(np.asarray(vector, dtype=float) for vector in vectors))
 
 
 def elliptic_cone(

@@ -22,12 +22,26 @@ def sphere_leaves() -> tuple[SphereTriangles, LeafMesh]:
     levels = []
     for level in range(FINEST + 1):
         if level:
-            vertices, faces = _divided(vertices, faces)
+            # With every face in four, those of face i from 4 i on
+            edges = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+            ends, which = np.unique(edges, axis=0, return_inverse=True)
+            middles = unit(vertices[ends].sum(axis=1))
+            c, a, b = (which.reshape(-1, 3) + len(vertices)).T
+            i, j, k = faces.T
+            parts = np.stack([(i, c, b), (j, a, c), (k, b, a), (a, b, c)])
+            vertices = np.vstack([vertices, middles])
+            faces = parts.transpose(2, 0, 1).reshape(-1, 3)
         if level >= COARSEST:
             levels.append(_circles(vertices[faces]))
     starts = np.cumsum([0, *(len(caps) for _, caps in levels)])
     centres, caps = (np.concatenate(part) for part in zip(*levels))
-    return SphereTriangles(centres, caps, starts), _mesh(vertices, faces)
+
+    edges = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    ends, which = np.unique(edges, axis=0, return_inverse=True)
+    order = np.argsort(which.ravel(), kind="stable")
+    return SphereTriangles(centres, caps, starts), LeafMesh(
+        vertices, faces, ends, (order // 3).reshape(-1, 2)
+    )
 
 
 def leaf_centres() -> Float[ndarray, "5120 3"]:
@@ -55,27 +69,7 @@ def _icosahedron() -> tuple[Float[ndarray, "12 3"], Int[ndarray, "20 3"]]:
     return vertices, turned
 
 
-def _divided(
-    vertices: Float[ndarray, "v 3"], faces: Int[ndarray, "f 3"]
-) -> tuple[Float[ndarray, "w 3"], Int[ndarray, "g 3"]]:
-    """With every face in four, those of face i from 4 i on."""
-    edges = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
-    ends, which = np.unique(edges, axis=0, return_inverse=True)
-    middles = unit(vertices[ends].sum(axis=1))
-    c, a, b = (which.reshape(-1, 3) + len(vertices)).T
-    i, j, k = faces.T
-    parts = np.stack([(i, c, b), (j, a, c), (k, b, a), (a, b, c)])
-    return np.vstack([vertices, middles]), parts.transpose(2, 0, 1).reshape(-1, 3)
-
-
 def _circles(corners: Float[ndarray, "f 3 3"]) -> tuple[Float[ndarray, "f 3"], Float[ndarray, " f"]]:
     """The centre of each triangle, and the largest angle (radians) to a corner, its rounding included."""
     centres = unit(corners.sum(axis=1))
     return centres, np.arccos(np.einsum("fi,fci->fc", centres, corners).min(axis=1)) + 1e-9
-
-
-def _mesh(vertices: Float[ndarray, "v 3"], faces: Int[ndarray, "f 3"]) -> LeafMesh:
-    edges = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
-    ends, which = np.unique(edges, axis=0, return_inverse=True)
-    order = np.argsort(which.ravel(), kind="stable")
-    return LeafMesh(vertices, faces, ends, (order // 3).reshape(-1, 2))

@@ -155,7 +155,9 @@ def _meeting(cones: AxisCones, rows: Int[ndarray, " m"], pair: _Pair) -> Iterato
     solid = pair.solid
     height = cones.path.cutter.centre_height
     apexes = cones.free.apexes.places[rows]
-    turns = _turns(cones, rows)
+    # From the frames of the meshes to the scene
+    shapes = cones.shapes.take(cones.free.apex_nodes[rows])
+    turns = np.stack([shapes.sides, np.cross(shapes.axes, shapes.sides), shapes.axes], axis=2)
     begins = _begins(cones, rows, pair)
     angles = cones.shapes.angles[cones.free.apex_nodes[rows]]
     growth = cones.free.apexes.growth[rows] + solid.deviation
@@ -177,12 +179,6 @@ def _meeting(cones: AxisCones, rows: Int[ndarray, " m"], pair: _Pair) -> Iterato
         left[some[met]] = False
         for i in some[met]:
             yield int(rows[i]), section.name
-
-
-def _turns(cones: AxisCones, rows: Int[ndarray, " m"]) -> Float[ndarray, "m 3 3"]:
-    """From the frames of the meshes to the scene."""
-    shapes = cones.shapes.take(cones.free.apex_nodes[rows])
-    return np.stack([shapes.sides, np.cross(shapes.axes, shapes.sides), shapes.axes], axis=2)
 
 
 def _begins(cones: AxisCones, rows: Int[ndarray, " m"], pair: _Pair) -> Float[ndarray, " m"]:

@@ -25,7 +25,7 @@ from bonecam.machine.limits import MachineLimits, polar_angles
 from bonecam.mesh.facets.energy.voronoi_areas import voronoi_areas
 from bonecam.mesh.facets.side import heights_above
 from bonecam.planning.axes.admissible import Free, within_limits
-from bonecam.planning.axes.facets.contact_facets import ContactFacets, contact_facets
+from bonecam.planning.axes.facets.contact_facets import contact_facets
 from bonecam.planning.axes.published.candidate_cones import LENGTH, candidate_axes
 from bonecam.planning.axes.singularity import SINGULAR_CONE
 from bonecam.planning.collision.checker import CollisionChecker
@@ -52,7 +52,14 @@ def published_axes(
         flat, np.repeat(path.normals[rows], each, axis=0), limits, np.radians(job.max_tilt_deg)
     )
     allowed &= polar_angles(flat) >= SINGULAR_CONE
-    allowed[allowed] = _above(facets, flat, LENGTH * path.cutter.radius, np.flatnonzero(allowed))
+
+    # Whether the ends of these axes, `length` (mm) from their vertices, are above the facets (Eq. 21).
+    length = LENGTH * path.cutter.radius
+    which = np.flatnonzero(allowed)
+    vertex = which // (len(flat) // len(facets.contact_of))
+    locations = facets.mesh.vertices[vertex] + length * flat[which]
+    outward = dots(facets.vertex_normals[vertex], flat[which]) > 0
+    allowed[allowed] = np.asarray(outward & (heights_above(locations, facets.mesh) > 0))
 
     def free(vertices: Int[ndarray, " k"], axes: Float[ndarray, "k 3"]) -> Bool[ndarray, " k"]:
         return checker.free_by_distance(path.centres[rows[vertices]], axes)
@@ -62,16 +69,6 @@ def published_axes(
     chosen = choose(candidates, allowed.reshape(count, each), energy, voronoi_areas(facets.mesh), free)
     axes = candidates[np.arange(count), chosen]
     return np.where(facets.found[:, None], axes[facets.vertex_of], path.normals)
-
-
-def _above(
-    facets: ContactFacets, axes: Float[ndarray, "m 3"], length: float, which: Int[ndarray, " k"]
-) -> Bool[ndarray, " k"]:
-    """Whether the ends of these axes, `length` (mm) from their vertices, are above the facets (Eq. 21)."""
-    vertex = which // (len(axes) // len(facets.contact_of))
-    locations = facets.mesh.vertices[vertex] + length * axes[which]
-    outward = dots(facets.vertex_normals[vertex], axes[which]) > 0
-    return np.asarray(outward & (heights_above(locations, facets.mesh) > 0))
 
 
 def choose(

@@ -96,16 +96,12 @@ def curve_minutes(surface: TSpline, curves: Curves, cutter: Cutter, turn_speed: 
     if not surface.closed_in_s:
         turns = np.zeros_like(turns)
     cuts = np.maximum(ways / cutter.feed, turns / turn_speed).sum()
-    return float(
-        cuts + _link_minutes(surface, order_curves(surface, curves, "zigzag"), cutter.envelope_radius)
-    )
 
-
-def _link_minutes(surface: TSpline, curves: Curves, radius: float) -> float:
-    """Minutes from curve to curve, for a ball of `radius`."""
+    # Minutes from curve to curve, for a ball of `radius`
+    curves = order_curves(surface, curves, "zigzag")
     starts, ends = (surface.positions(*curves.knots[index].T) for index in (curves.first, curves.last))
-    near = np.linalg.norm(starts[1:] - ends[:-1], axis=1) <= NEAR_RADII * radius
-    return float(np.where(near, STEP_OVER, RETRACT).sum())
+    near = np.linalg.norm(starts[1:] - ends[:-1], axis=1) <= NEAR_RADII * cutter.envelope_radius
+    return float(cuts + float(np.where(near, STEP_OVER, RETRACT).sum()))
 
 
 def _candidates(

@@ -52,7 +52,9 @@ def post_rings(surface: TSpline, post: Post, radius: float, away: float) -> list
     for k in range(REFINEMENTS + 1):
         if np.isnan(t).any():
             return []
-        jumps = np.flatnonzero(_moves(surface, s, t, radius) > LONGEST)
+        # Lengths of the ball's moves from place to place, mm
+        points, normals, _ = contact_frames(surface, np.column_stack([s, t]), ROUND)
+        jumps = np.flatnonzero(lengths(np.diff(points + radius * normals, axis=0)) > LONGEST)
         if not len(jumps) or k == REFINEMENTS:
             break
         middles = (s[jumps] + s[jumps + 1]) / 2
@@ -86,14 +88,6 @@ def _edge(
         free = spare(middle) > 0
         near, far = np.where(free, near, middle), np.where(free, middle, far)
     return np.where(first > 0, far, np.nan)
-
-
-def _moves(
-    surface: TSpline, s: Float[ndarray, " n"], t: Float[ndarray, " n"], radius: float
-) -> Float[ndarray, " m"]:
-    """Lengths of the ball's moves from place to place, mm."""
-    points, normals, _ = contact_frames(surface, np.column_stack([s, t]), ROUND)
-    return lengths(np.diff(points + radius * normals, axis=0))
 
 
 def _line(

@@ -165,20 +165,19 @@ def _lines(
     while (passes[:, -1] - here).max() > spare or not lines:
         cell, place, here = _next_line(across, passes, cell, here, ahead)
         lines.append(place)
-        _require_progress(lines)
+
+        # ToolPathError where the last line did not move on, or there are too many
+        if len(lines) > MAX_LINES or (len(lines) > 1 and not lines[-1] > lines[-2]):
+            raise ToolPathError(
+                f"passes crowd without end at parameter {lines[-1]:.6f}: change path.pattern, "
+                "or raise surface.tolerance",
+                parameter=lines[-1],
+            )
+
         ahead = step
     if last is LineEnd.EDGE and lines[-1] < across[-1]:
         lines.append(float(across[-1]))
     return np.array(lines)
-
-
-def _require_progress(lines: list[float]) -> None:
-    """ToolPathError where the last line did not move on, or there are too many."""
-    if len(lines) > MAX_LINES or (len(lines) > 1 and not lines[-1] > lines[-2]):
-        raise ToolPathError(
-            f"passes crowd without end at parameter {lines[-1]:.6f}: change path.pattern, or raise surface.tolerance",
-            parameter=lines[-1],
-        )
 
 
 def _next_line(

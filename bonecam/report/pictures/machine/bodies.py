@@ -56,7 +56,14 @@ def draw_machine(
     path = paths[int(np.argmin([np.min(each, initial=np.inf) for each in heights]))]
     row = int(np.argmin(_lowest(path)))
     bodies = [*_fixed(part, holding, machine.table), *_tool(path.cutter, path.tips[row], path.axes[row])]
-    joints = _joints(machine, path.cutter, path.tips[[row]], path.axes[[row]])
+
+    # Joints (mm, rad) in which the machine, within its limits, holds a cutter in a pose
+    tips = path.tips[[row]]
+    axes = path.axes[[row]]
+    solutions, _ = inverse_rotary(machine, axes)
+    usable = within_limits(machine, solutions)[0]
+    joints = inverse_linear(machine, tips, solutions[:, int(np.argmax(usable))], path.cutter.length)
+
     bodies += link_meshes(machine, joints, path.cutter.length)
     figure, plots = new_figure(2)
     for plot, side in zip(plots, (1.0, -1.0)):
@@ -137,15 +144,6 @@ def link_meshes(
         pose[:3, :3], pose[:3, 3] = turned[0], at[0]
         meshes.append(("machine", mesh.move(pose)))
     return meshes
-
-
-def _joints(
-    machine: Machine, cutter: Cutter, tips: Float[ndarray, "1 3"], axes: Float[ndarray, "1 3"]
-) -> Float[ndarray, "1 5"]:
-    """Joints (mm, rad) in which the machine, within its limits, holds a cutter in a pose."""
-    solutions, _ = inverse_rotary(machine, axes)
-    usable = within_limits(machine, solutions)[0]
-    return inverse_linear(machine, tips, solutions[:, int(np.argmax(usable))], cutter.length)
 
 
 def _tool(

@@ -106,7 +106,14 @@ def body_clearance(
     has no bodies. They touch where that is not sure to be no contact. MachineError as in `body_meshes`."""
     if not machine.link_bodies:
         return None
-    fixed = [*_clamping_solid(clamping), Solid("box round the stock", block_mesh(bounds))]
+
+    # Table, chuck and what stands there as one solid, if there is any
+    meshes = [table_mesh(0.0)] if clamping.closed else []
+    meshes += [column_mesh(column) for column in clamping.kept_off]
+    fixed = [
+        *([Solid("table or chuck", side_by_side(meshes))] if meshes else []),
+        Solid("box round the stock", block_mesh(bounds)),
+    ]
     solids = link_solids(machine)
     least = Clearance("bodies", None, 0)
     nearest = np.inf
@@ -178,13 +185,6 @@ def _sections(cutter: Cutter) -> list[Solid]:
     return [Solid(name, mesh.move(pose)) for name, mesh in meshes]
 
 
-def _clamping_solid(clamping: Clamping) -> list[Solid]:
-    """Table, chuck and what stands there as one solid, if there is any."""
-    meshes = [table_mesh(0.0)] if clamping.closed else []
-    meshes += [column_mesh(column) for column in clamping.kept_off]
-    return [Solid("table or chuck", side_by_side(meshes))] if meshes else []
-
-
 def _least(pair: _Pair, within: float) -> tuple[float, int, Float[ndarray, "5"]]:
     """The least distance (mm) of a pair on its way, the row where it is and the words there; of distances that are not
     below `within` none."""
@@ -199,7 +199,16 @@ def _least(pair: _Pair, within: float) -> tuple[float, int, Float[ndarray, "5"]]
     places = np.arange(0.0, along[-1] + apart, apart)
     while len(places):
         places = np.minimum(places, along[-1])
-        rows, words = _words_at(way, along, places)
+
+        # Of some places on a way, whose rows are at the lengths `along`, the rows that they lead to and their words
+        after = np.clip(np.searchsorted(along, places), 1, max(len(along) - 1, 1)).clip(max=len(along) - 1)
+        before = np.maximum(after - 1, 0)
+        step = along[after] - along[before]
+        share = np.divide(places - along[before], step, out=np.ones(len(places)), where=step > 0)
+        share = np.where(way.joined[after], share, np.round(share))
+        words = way.words[before] + share[:, None] * (way.words[after] - way.words[before])
+        rows = np.where(share > 0, after, before)
+
         corners = pair.corners(words)
         bounds = np.full(len(places), -np.inf)
         measured = np.zeros(len(places), dtype=bool)
@@ -225,16 +234,3 @@ def _least(pair: _Pair, within: float) -> tuple[float, int, Float[ndarray, "5"]]
 def _to_beat(best: float) -> float:
     """What a distance must be below to be told in the place of the `best` known, mm."""
     return best if best == np.inf else best - max(NEAR, SHARE * best)
-
-
-def _words_at(
-    way: _Way, along: Float[ndarray, " n"], places: Float[ndarray, " m"]
-) -> tuple[Int[ndarray, " m"], Float[ndarray, "m 5"]]:
-    """Of some places on a way, whose rows are at the lengths `along`, the rows that they lead to and their words."""
-    after = np.clip(np.searchsorted(along, places), 1, max(len(along) - 1, 1)).clip(max=len(along) - 1)
-    before = np.maximum(after - 1, 0)
-    step = along[after] - along[before]
-    share = np.divide(places - along[before], step, out=np.ones(len(places)), where=step > 0)
-    share = np.where(way.joined[after], share, np.round(share))
-    words = way.words[before] + share[:, None] * (way.words[after] - way.words[before])
-    return np.where(share > 0, after, before), words

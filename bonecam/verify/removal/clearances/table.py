@@ -83,7 +83,17 @@ def solid_clearance(
     solid than they are by more than half of their distance. That is halved where it matters.
     """
     pieces = straight_pieces(motions, moves, cutter)
-    owner, centres, axes = _poses(pieces, cutter)
+
+    # Moves, ball centres and axes of poses on pieces, between which no point of the tool moves by more than NEAR
+    turns = angles_between(pieces.start_axes, pieces.end_axes)
+    ways = np.linalg.norm(pieces.ends - pieces.starts, axis=1) + turns * cutter.length
+    counts = np.ceil(ways / NEAR).astype(np.int64).clip(1)
+    piece, place = numbered(counts)
+    share = ((place + 1) / counts[piece])[:, None]
+    centres = (1 - share) * pieces.starts[piece] + share * pieces.ends[piece]
+    axes = unit((1 - share) * pieces.start_axes[piece] + share * pieces.end_axes[piece])
+    owner = pieces.moves[piece]
+
     sections, _ = sections_of(cutter)
     best = np.inf
     where = int(moves[0])
@@ -106,15 +116,3 @@ def solid_clearance(
         radius = np.r_[first, (first + last) / 2]
         end_radius = np.r_[(first + last) / 2, last]
     return best, where
-
-
-def _poses(pieces: Pieces, cutter: Cutter) -> tuple[ndarray, ndarray, ndarray]:
-    """Moves, ball centres and axes of poses on pieces, between which no point of the tool moves by more than NEAR."""
-    turns = angles_between(pieces.start_axes, pieces.end_axes)
-    ways = np.linalg.norm(pieces.ends - pieces.starts, axis=1) + turns * cutter.length
-    counts = np.ceil(ways / NEAR).astype(np.int64).clip(1)
-    piece, place = numbered(counts)
-    share = ((place + 1) / counts[piece])[:, None]
-    centres = (1 - share) * pieces.starts[piece] + share * pieces.ends[piece]
-    axes = unit((1 - share) * pieces.start_axes[piece] + share * pieces.end_axes[piece])
-    return pieces.moves[piece], centres, axes

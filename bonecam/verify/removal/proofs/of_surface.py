@@ -23,7 +23,7 @@ from bonecam.verify.removal.of_job import ACCURACY, check_removal_of_job, cutter
 from bonecam.verify.removal.result import Removal
 from bonecam.verify.removal.simulate import simulate_further
 from bonecam.verify.removal.sweeping import SimulatedStock
-from bonecam.workholding.clamping import Clamping, clamping_of
+from bonecam.workholding.clamping import clamping_of
 from bonecam.workholding.post import Post, post_below
 
 CHORD = 0.01
@@ -65,11 +65,16 @@ def prove_surface_removal(
             work = replace(workpiece_of(job, post, clamping), body=carrying)
         except ToolPathError as error:
             unknown = f"force and bending are not known, since {error}"
+
+    # What stands before the surface is finished, on post and stub, with the normal probes of the surface
+    columns = [cylinder(column.radius, column.bottom, column.top, CHORD) for column in clamping.carried(post)]
+    solids = [solid, layer_on(surface, job.levels.finishing_depth), *columns]
+    sets, grid = lay_solids(solids, ACCURACY.cell, ACCURACY.memory_mb)
     removal = simulate_further(
         text,
         machine,
         dialect=dialect,
-        material=_stock(surface, solid, post, clamping, job.levels.finishing_depth),
+        material=SimulatedStock(sets, grid, normal_probes_on(surface)),
         post=post,
         cutters=cutters_of(job, machine),
         clamping=clamping,
@@ -99,13 +104,3 @@ def layer_on(surface: TSpline, depth: float) -> TriangleMesh:
     closed = np.vstack([faces, faces[:, ::-1] + count, walls])
     both = np.vstack([points + depth * normals, points - SUNK * normals])
     return TriangleMesh(both, closed.astype(np.int32))
-
-
-def _stock(
-    surface: TSpline, solid: TriangleMesh, post: Post, clamping: Clamping, depth: float
-) -> SimulatedStock:
-    """What stands before the surface is finished, on post and stub, with the normal probes of the surface."""
-    columns = [cylinder(column.radius, column.bottom, column.top, CHORD) for column in clamping.carried(post)]
-    solids = [solid, layer_on(surface, depth), *columns]
-    sets, grid = lay_solids(solids, ACCURACY.cell, ACCURACY.memory_mb)
-    return SimulatedStock(sets, grid, normal_probes_on(surface))

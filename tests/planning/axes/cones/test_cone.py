@@ -4,9 +4,14 @@ import numpy as np
 import pytest
 from scipy.interpolate import BSpline
 
-from bonecam.planning.axes.cones.cone import CIRCLE_KNOTS, ObliqueEllipticCone, oblique_elliptic_cone
+from bonecam.planning.axes.cones.cone import CIRCLE_KNOTS, ObliqueEllipticCone
 
-CONE = oblique_elliptic_cone([1.0, 2.0, 3.0], [0.8, -0.5, 5.0], ([2.0, 0.3, 0.1], [-0.4, 1.1, 0.6]))
+
+def cone_of(*vectors: list[float]) -> ObliqueEllipticCone:
+    return ObliqueEllipticCone(*np.array(vectors, dtype=float))
+
+
+CONE = cone_of([1.0, 2.0, 3.0], [0.8, -0.5, 5.0], [2.0, 0.3, 0.1], [-0.4, 1.1, 0.6])
 RANDOM = np.random.default_rng(7)
 
 
@@ -45,7 +50,7 @@ def test_directions_inside_are_those_within_the_elliptic_section() -> None:
 
 
 def test_principal_angles_of_a_right_cone_are_its_own() -> None:
-    cone = oblique_elliptic_cone([0, 0, 0], [0, 0, 4.0], ([3.0, 0, 0], [0, 1.0, 0]))
+    cone = cone_of([0, 0, 0], [0, 0, 4.0], [3.0, 0, 0], [0, 1.0, 0])
     axes, semi_angles = cone.principal
     np.testing.assert_allclose(axes[0], [0, 0, 1], atol=1e-12)
     np.testing.assert_allclose(np.abs(axes[1]), [1, 0, 0], atol=1e-12)
@@ -80,10 +85,10 @@ def test_meshes_hold_the_cone_or_lie_in_it(sides: int) -> None:
 
 def test_what_is_no_cone_is_refused() -> None:
     with pytest.raises(ValueError, match="no cone"):
-        oblique_elliptic_cone([0, 0, 0], [1, 1, 0], ([1, 0, 0], [0, 1, 0]))
+        cone_of([0, 0, 0], [1, 1, 0], [1, 0, 0], [0, 1, 0])
     with pytest.raises(ValueError, match="no cone"):
-        oblique_elliptic_cone([0, 0, 0], [0, 0, 1], ([0, 0, 0], [0, 1, 0]))
+        cone_of([0, 0, 0], [0, 0, 1], [0, 0, 0], [0, 1, 0])
     with pytest.raises(ValueError, match=r"apex = .* three finite numbers"):
-        oblique_elliptic_cone([0, 0, np.nan], [0, 0, 1], ([1, 0, 0], [0, 1, 0]))
+        cone_of([0, 0, np.nan], [0, 0, 1], [1, 0, 0], [0, 1, 0])
     with pytest.raises(ValueError, match="3 or more"):
         CONE.tessellate(2, circumscribed=True)
