@@ -73,7 +73,7 @@ def meridians(capsule: Capsule, s: Float[ndarray, " n"], t: Float[ndarray, " n"]
         across * np.sin(2 * np.pi * s),
         rise + capsule.radius * np.sin(angle),
     ]
-    return np.asarray(capsule.start + np.column_stack(local))
+    return capsule.start + np.column_stack(local)
 
 
 def body_surfaces(bodies: Sequence[Stock]) -> list[TSpline]:

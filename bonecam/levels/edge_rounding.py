@@ -218,4 +218,4 @@ class _ControlPointFit:
             low = np.where(inside, middle, low)
             high = np.where(inside, high, middle)
         ends = self.points + high * (target - self.points)
-        return np.asarray(self.factorised.solve(self.samples.moments(ends)))
+        return self.factorised.solve(self.samples.moments(ends))

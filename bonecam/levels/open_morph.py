@@ -78,7 +78,17 @@ def morph_open(
     surface is closed, JobError where a parameter is wrong, StockError where the stock is not on one side of
     the part or its fit too far off, LevelError where a level cannot be made or fails.
     """
-    _require_open(surface, schedule, edges, stiffness, chord_tolerance)
+    # Raise the error of `morph_open` for a closed surface or a parameter out of its range
+    require_types(surface, schedule)
+    LevelsJob(chord_tolerance=chord_tolerance)  # raises where it is out of range
+    if edges not in EDGES:
+        raise JobError(f"edges = {edges!r}: choose one of {', '.join(EDGES)}", field="edges")
+    if not 0 <= stiffness < np.inf:
+        raise JobError(f"stiffness = {stiffness!r}: give a finite number of zero or more", field="stiffness")
+    if all(surface.poles) or all(surface.elements().period):
+        way = "bonecam.levels.edge_rounding.levels_in(surface, stock, schedule)"
+        raise SurfaceError(f"the surface is closed: morph it into a stock with {way}")
+
     matrices = element_matrices(surface)
     fixed = edges == "fixed"
     target = open_stock(surface, matrices, stock, fixed)
@@ -107,21 +117,6 @@ def morph_open(
         lower_bound=lower_bound,
     )
     return Morph(levels, lower_bound, distance, 0.0, 0.0)
-
-
-def _require_open(
-    surface: TSpline, schedule: Schedule, edges: str, stiffness: float, chord_tolerance: float
-) -> None:
-    """Raise the error of `morph_open` for a closed surface or a parameter out of its range."""
-    require_types(surface, schedule)
-    LevelsJob(chord_tolerance=chord_tolerance)  # raises where it is out of range
-    if edges not in EDGES:
-        raise JobError(f"edges = {edges!r}: choose one of {', '.join(EDGES)}", field="edges")
-    if not 0 <= stiffness < np.inf:
-        raise JobError(f"stiffness = {stiffness!r}: give a finite number of zero or more", field="stiffness")
-    if all(surface.poles) or all(surface.elements().period):
-        way = "bonecam.levels.edge_rounding.levels_in(surface, stock, schedule)"
-        raise SurfaceError(f"the surface is closed: morph it into a stock with {way}")
 
 
 def _sequence(
@@ -201,7 +196,22 @@ def _next_surface(
 ) -> TSpline:
     """The surface of the level above one; LevelError where it hardly moves."""
     P = level.control_points
-    moves = _moves(matrices, P, target.surface.control_points, limit, stiffness, held=held)
+
+    # The moves of the control points P to the next level, each on its straight way to its target in Q, `depth` mm at
+    # most; those `held` stay. They solve the level's program, in the distances x that they go.
+    way = target.surface.control_points - P
+    length = np.linalg.norm(way, axis=1)
+    direction = way / np.where(length > 0, length, 1.0)[:, None]
+    most = np.where(held, 0.0, np.minimum(length, limit))
+
+    energy = sp.csc_array(stiffness * matrices.M + matrices.N)
+    along = [sp.diags_array(direction[:, j]) for j in range(3)]
+    x, y, z = (sp.csc_array(D @ energy @ D) for D in along)
+    gradient = -((energy @ way) * direction).sum(1)
+    limits = LinearLimits(sp.eye_array(len(P), format="csr"), np.zeros(len(P)), most)
+    distance = np.clip(solve_qp(sp.csc_array(x + y + z), gradient, limits, SOLVER_TOLERANCE), 0.0, most)
+    moves = distance[:, None] * direction
+
     if np.linalg.norm(moves, axis=1).max() < LEAST_MOVE * limit:
         raise LevelError(f"no control point gets nearer to the stock: {SOFTER}")
     return level.with_control_points(P + moves)
@@ -228,22 +238,3 @@ def _require_near(stock: OpenStock, limit: float) -> None:
             distance=stock.deviation,
             place=stock.place,
         )
-
-
-def _moves(
-    matrices: ElementMatrices, P: ndarray, Q: ndarray, depth: float, stiffness: float, held: ndarray
-) -> Float[ndarray, "c 3"]:
-    """The moves of the control points P to the next level, each on its straight way to its target in Q, `depth`
-    mm at most; those `held` stay. They solve the level's program, in the distances x that they go."""
-    way = Q - P
-    length = np.linalg.norm(way, axis=1)
-    direction = way / np.where(length > 0, length, 1.0)[:, None]
-    most = np.where(held, 0.0, np.minimum(length, depth))
-
-    energy = sp.csc_array(stiffness * matrices.M + matrices.N)
-    along = [sp.diags_array(direction[:, j]) for j in range(3)]
-    x, y, z = (sp.csc_array(D @ energy @ D) for D in along)
-    gradient = -((energy @ way) * direction).sum(1)
-    limits = LinearLimits(sp.eye_array(len(P), format="csr"), np.zeros(len(P)), most)
-    distance = np.clip(solve_qp(sp.csc_array(x + y + z), gradient, limits, SOLVER_TOLERANCE), 0.0, most)
-    return np.asarray(distance[:, None] * direction)

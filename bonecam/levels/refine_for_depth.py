@@ -85,4 +85,4 @@ def _length(surface: TSpline, stock: Stock, s: ndarray, t: ndarray) -> ndarray:
         lengths(np.diff(p.reshape(-1, ALONG + 1, 3), axis=1).reshape(-1, 3))
         for p in (stock.closest_points(points), points)
     )
-    return np.asarray(np.minimum(there, STRETCHED * here).reshape(-1, ALONG).sum(axis=1))
+    return np.minimum(there, STRETCHED * here).reshape(-1, ALONG).sum(axis=1)

@@ -47,7 +47,7 @@ class CutDexels:
         through the poses of each line, behind tools in the poses `removed` of that line."""
         if cutter.is_bull:
             cut = self.cutters.removed_by(lines, removed, cutter.radius, cutter.reach, cutter.body)
-            return np.asarray(cut <= allowed)
+            return cut <= allowed
         little = self.balls.removed_by(lines, removed, cutter.radius) <= allowed
         asked = np.flatnonzero(little).tolist()
         lines, removed = [lines[k] for k in asked], [removed[k] for k in asked]

@@ -106,7 +106,7 @@ class Dexels:
                     rays = with_more_room(rays)
 
         in_pieces(work, len(self.sets), 1)
-        return np.asarray(volumes.mean(axis=0))
+        return volumes.mean(axis=0)
 
     def _ways(self, starts: Poses, ends: Poses, reach: float, direction: int) -> Ways:
         """Straight moves of a tool in the coordinates of one set."""

@@ -108,7 +108,7 @@ class InProcessStock:
         """Thickness of the material above the level at each contact, mm."""
         floor = self.grid.R @ level.control_points
         thickness = np.linalg.norm(self.vertices - floor, axis=1)
-        return np.asarray(thickness[KDTree(floor).query(contacts)[1]])
+        return thickness[KDTree(floor).query(contacts)[1]]
 
     def depths(
         self, centres: Float[ndarray, "n 3"], radius: float
@@ -151,7 +151,7 @@ class InProcessStock:
         goes_on = np.r_[False, passes[1:] == passes[:-1]]
         starts = centres[np.arange(len(centres)) - goes_on]
         useful = useful_moves(probes, starts, centres, radius, least=least, heights=tall[at])
-        return np.asarray(useful | np.r_[useful[1:] & goes_on[1:], False])
+        return useful | np.r_[useful[1:] & goes_on[1:], False]
 
     def entered_anew(
         self, centres: Float[ndarray, "n 3"], contacts: Float[ndarray, "n 3"], radius: float, depth: float

@@ -57,15 +57,15 @@ class RayGrid:
 
     def of_points(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
         """Points of the part's frame in the grid's coordinates."""
-        return np.asarray((points - self.corner) @ self.rotation.T)
+        return (points - self.corner) @ self.rotation.T
 
     def of_vectors(self, vectors: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
         """Directions of the part's frame in the grid's."""
-        return np.asarray(vectors @ self.rotation.T)
+        return vectors @ self.rotation.T
 
     def in_part(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
         """Points in the grid's coordinates in the part's frame."""
-        return np.asarray(points @ self.rotation + self.corner)
+        return points @ self.rotation + self.corner
 
 
 def order(direction: int) -> list[int]:

@@ -41,11 +41,11 @@ def places_on_stock(
 
 def _sharp(u: Float[ndarray, "n 3"], v: Float[ndarray, "n 3"]) -> Bool[ndarray, " n"]:
     """Whether an edge is between neighbours with these normals."""
-    return np.asarray(np.abs((u * v).sum(axis=1)) < np.cos(SHARP))
+    return np.abs((u * v).sum(axis=1)) < np.cos(SHARP)
 
 
 def _meeting(points: Float[ndarray, "m k 3"], normals: Float[ndarray, "m k 3"]) -> Float[ndarray, "m 3"]:
     """Where the planes through k points with these normals meet, nearest to the middle of the points."""
     middle = points.mean(axis=1)
     out = (normals * (points - middle[:, None])).sum(axis=2)
-    return np.asarray(middle + (np.linalg.pinv(normals, rcond=PARALLEL) @ out[:, :, None])[:, :, 0])
+    return middle + (np.linalg.pinv(normals, rcond=PARALLEL) @ out[:, :, None])[:, :, 0]

@@ -114,7 +114,7 @@ class Beam:
         to, by = _cross_matrix(at), _cross_matrix(load)
         turned = to.transpose(0, 2, 1)
         first = sums.a1.transpose(0, 2, 1)
-        return np.asarray(turned @ sums.a0 @ by - turned @ sums.a1 - first @ by + sums.a2)
+        return turned @ sums.a0 @ by - turned @ sums.a1 - first @ by + sums.a2
 
     @cached_property
     def _reaction(self) -> Float[ndarray, "3 3"]:
@@ -122,7 +122,7 @@ class Beam:
         assert self.support is not None
         place = self.support.place[None]
         stiffness = self.support.stiffness
-        return np.asarray(stiffness @ np.linalg.inv(np.eye(3) + self._free(place, place)[0] @ stiffness))
+        return stiffness @ np.linalg.inv(np.eye(3) + self._free(place, place)[0] @ stiffness)
 
     @cached_property
     def _mass(self) -> Float[ndarray, " n"]:
@@ -153,7 +153,7 @@ class Beam:
         area = np.where(self.sections.flexible > 0, self.sections.area, np.inf)
         factor = 6 * (1 + self.poisson) / (7 + 6 * self.poisson)
         shear = 2 * (1 + self.poisson) / factor
-        return np.asarray(np.array([shear, shear, 1.0]) / (self.youngs * area[:, None]))
+        return np.array([shear, shear, 1.0]) / (self.youngs * area[:, None])
 
     def _pieces(
         self, which: Int[ndarray, " n"], top: Float[ndarray, " n"], flexible: Float[ndarray, " n"]
@@ -208,7 +208,7 @@ class Beam:
             moment = self._moment(forces, points, centroids[runs], ends)
             square = np.einsum("nsi,sij,nsj->ns", moment, strength[runs], moment)
             worst = np.maximum(worst, np.where(met, square, 0.0).max(axis=1, initial=0.0))
-        return np.asarray(np.sqrt(worst))
+        return np.sqrt(worst)
 
     def _moment(
         self,

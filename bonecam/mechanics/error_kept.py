@@ -152,4 +152,4 @@ def cut_shares(
     order = np.argsort(values)
     up_to = np.cumsum(weights[order])
     index = np.searchsorted(up_to, np.asarray(shares) * up_to[-1], side="left")
-    return np.asarray(values[order][np.minimum(index, len(values) - 1)])
+    return values[order][np.minimum(index, len(values) - 1)]

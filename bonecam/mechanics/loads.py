@@ -79,7 +79,12 @@ class Loads:
         """The edges of a cutter on pieces of its moves."""
         if self.workpiece is None:
             return AskedEdges(NO_EDGES, NO_EDGES_ASKED)
-        chips = self._chips(pieces, cutter.flutes)
+
+        # Feed a tooth of the ball's centre, mm; 0 of rapids, and where the spindle stands
+        teeth = self._piece_minutes(pieces) * self.spindle[pieces.moves] * cutter.flutes
+        way = lengths(pieces.ends - pieces.starts)
+        chips = np.where(teeth > 0, way / np.where(teeth > 0, teeth, 1.0), 0.0)
+
         edges = edges_on(pieces, chips, self.workpiece.force.array, grid.cell, cutter)
         return AskedEdges(edges, [edges_in_grid(edges, grid, direction) for direction in range(3)])
 
@@ -133,10 +138,4 @@ class Loads:
     def _piece_minutes(self, pieces: Pieces) -> Float[ndarray, " n"]:
         """The time of each piece: its share of that of its move."""
         counts = np.bincount(pieces.moves, minlength=len(self.minutes))
-        return np.asarray(self.minutes[pieces.moves] / counts[pieces.moves])
-
-    def _chips(self, pieces: Pieces, flutes: int) -> Float[ndarray, " n"]:
-        """Feed a tooth of the ball's centre, mm; 0 of rapids, and where the spindle stands."""
-        teeth = self._piece_minutes(pieces) * self.spindle[pieces.moves] * flutes
-        way = lengths(pieces.ends - pieces.starts)
-        return np.where(teeth > 0, way / np.where(teeth > 0, teeth, 1.0), 0.0)
+        return self.minutes[pieces.moves] / counts[pieces.moves]

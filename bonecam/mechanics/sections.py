@@ -144,7 +144,7 @@ def _polygon_moments(p: Float[ndarray, "m 2"], q: Float[ndarray, "m 2"]) -> Floa
     corners[:, 1, 1:], corners[:, 2, 1:] = p, q
     twice = p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0]
     weights = (np.ones((3, 3)) + np.eye(3)) / 24
-    return np.asarray(np.einsum("m,mai,ab,mbk->mik", twice, corners, weights, corners))
+    return np.einsum("m,mai,ab,mbk->mik", twice, corners, weights, corners)
 
 
 def _ray_moments(
@@ -192,7 +192,7 @@ def _risen(
     shift[:, 1:, 0] = middle[:, None] * slope[:2]
     across = np.array([0.0, *slope[:2]])
     within = (feet[:, 0, 0] * height**3 / 12)[:, None, None] * np.outer(across, across)
-    return np.asarray(height[:, None, None] * (shift @ feet @ shift.transpose(0, 2, 1)) + within)
+    return height[:, None, None] * (shift @ feet @ shift.transpose(0, 2, 1)) + within
 
 
 def _binned(

@@ -31,7 +31,7 @@ def strip_force(
     half = math.asin(min(math.sqrt(2 * scallop / radius), 1.0))
     edge = radius * (whole + half)
     area = chip * radius * (2 - math.cos(whole) - math.cos(half))
-    return np.asarray(force.array[:3] * area + force.array[3:] * edge)
+    return force.array[:3] * area + force.array[3:] * edge
 
 
 def job_strip_forces(force: CuttingForce, job: Job, name: str) -> Float[ndarray, "3"]:

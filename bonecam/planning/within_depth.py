@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool
 from numpy import ndarray
 from scipy.spatial import KDTree
 
@@ -69,7 +69,18 @@ def within_depth(
         return kept
     deep = deep[np.argsort(-cuts.depths[deep])][:MOST_PLACES]
     cutting = np.flatnonzero(path.kinds == MoveKind.CUT)
-    touching = _touching(path, cutting, cuts.places[deep], grid.cell)
+
+    # Whether ball or flutes come within `room` (mm) of one of the places in each of these rows
+    points = cuts.places[deep]
+    balls, axes = path.balls[cutting], path.axes[cutting]
+    touching = np.zeros(len(cutting), dtype=bool)
+    for place in points:
+        height = np.clip(
+            dots(place - balls, axes), path.cutter.corner - path.cutter.centre_height, path.cutter.reach
+        )
+        away = np.linalg.norm(place - balls - height[:, None] * axes, axis=1)
+        touching |= away < path.cutter.radius + grid.cell
+
     away, nearest = KDTree(contacts.centres).query(path.balls[cutting[touching]])
     kept[np.asarray(nearest)[np.asarray(away) < SAME]] = False
     return kept
@@ -85,18 +96,3 @@ def leave_out(contacts: ContactPath, kept: Bool[ndarray, " n"]) -> ContactPath:
         uncut=np.vstack([contacts.uncut, contacts.contacts[~kept]]),
         reasons=(*contacts.reasons, *("covered",) * int((~kept).sum())),
     )
-
-
-def _touching(
-    path: ToolPath, rows: ndarray, points: Float[ndarray, "p 3"], room: float
-) -> Bool[ndarray, " r"]:
-    """Whether ball or flutes come within `room` (mm) of one of the places in each of these rows."""
-    balls, axes = path.balls[rows], path.axes[rows]
-    near = np.zeros(len(rows), dtype=bool)
-    for place in points:
-        height = np.clip(
-            dots(place - balls, axes), path.cutter.corner - path.cutter.centre_height, path.cutter.reach
-        )
-        away = np.linalg.norm(place - balls - height[:, None] * axes, axis=1)
-        near |= away < path.cutter.radius + room
-    return near

@@ -61,7 +61,7 @@ class AxisComparison:
     def joined(self) -> Bool[ndarray, " m"]:
         """Which contacts but the last are followed by one of the same pass, in another place."""
         apart = lengths(np.diff(self.balls, axis=0)) > np.finfo(float).eps
-        return np.asarray((np.diff(self.passes) == 0) & apart)
+        return (np.diff(self.passes) == 0) & apart
 
     def figures(self, choice: AxisChoice) -> dict[str, Any]:
         """What is measured of a choice, as in the table."""
@@ -94,7 +94,7 @@ class AxisComparison:
         place = np.flatnonzero(self.joined)
         follows = np.diff(place) == 1
         between = (self.steps[1:] + self.steps[:-1]) / 2
-        return np.asarray((np.diff(rate) / between)[follows])
+        return (np.diff(rate) / between)[follows]
 
     @property
     def report(self) -> list[dict[str, Any]]:

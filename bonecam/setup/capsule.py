@@ -62,7 +62,7 @@ class Capsule(Stock):
     @property
     def middle(self) -> Float[ndarray, "3"]:
         """The middle of the axis, mm."""
-        return np.asarray((self.start + self.end) / 2)
+        return (self.start + self.end) / 2
 
     @property
     def bounds(self) -> Float[ndarray, "2 3"]:

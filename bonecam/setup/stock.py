@@ -106,7 +106,7 @@ class Stock(Protocol):
     def closest_points(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
         """The surface point nearest to each point."""
         distance, normal = self.distances_and_normals(points)
-        return np.asarray(points - distance[:, None] * normal)
+        return points - distance[:, None] * normal
 
     def larger(self, points: Float[ndarray, "n 3"], lack: float) -> str:
         """The remedy of a refusal: what to order instead where `points` need up to `lack` mm more material."""
@@ -136,7 +136,7 @@ def finite_numbers(what: str, values: Any, count: int) -> Float[ndarray, " n"]:
     if not numeric or not (np.abs(numbers.astype(float)) <= LARGEST).all():
         message = "a finite number" if count == 1 else f"{count} finite numbers"
         raise StockError(f"{what} is {values}: give {message} (mm, {LARGEST:g} at most)")
-    return np.asarray(frozen(numbers))
+    return frozen(numbers)
 
 
 def box_sizes(bounds: Float[ndarray, "2 3"]) -> dict[str, float]:

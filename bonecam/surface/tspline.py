@@ -44,7 +44,18 @@ class TSpline(Surface[M], Generic[M]):
         object.__setattr__(self, "control_points", frozen(self.control_points))
         object.__setattr__(self, "weights", frozen(self.weights))
         _check_counts(self.control_points, self.weights, self.tmesh.size)
-        _check_values(self.control_points, self.weights)
+
+        # Raises ValueError on numbers that are not finite, too large, or weights that are not positive
+        points_fit = (np.abs(self.control_points) < LARGEST).all(axis=1)
+        if not points_fit.all():
+            number = int(np.argmin(points_fit))
+            raise ValueError(f"control point {number} is not finite or not below {LARGEST:g} mm")
+        weights_fit = (self.weights > 1 / LARGEST) & (self.weights < LARGEST)
+        if not weights_fit.all():
+            number = int(np.argmin(weights_fit))
+            raise ValueError(
+                f"weight {number} is not positive and finite, or so small or large that nothing else counts"
+            )
 
     def __repr__(self) -> str:
         return f"<TSpline of {len(self.control_points)} control points over a {type(self.tmesh).__name__}>"
@@ -178,17 +189,3 @@ def _check_counts(control_points: ndarray, weights: ndarray, size: int) -> None:
     if control_points.shape != (size, 3) or weights.shape != (size,):
         shapes = f"control_points {control_points.shape} and weights {weights.shape}"
         raise ValueError(f"{shapes}: the T-mesh has {size} vertices, give as many control points and weights")
-
-
-def _check_values(control_points: ndarray, weights: ndarray) -> None:
-    """Raises ValueError on numbers that are not finite, too large, or weights that are not positive."""
-    points_fit = (np.abs(control_points) < LARGEST).all(axis=1)
-    if not points_fit.all():
-        number = int(np.argmin(points_fit))
-        raise ValueError(f"control point {number} is not finite or not below {LARGEST:g} mm")
-    weights_fit = (weights > 1 / LARGEST) & (weights < LARGEST)
-    if not weights_fit.all():
-        number = int(np.argmin(weights_fit))
-        raise ValueError(
-            f"weight {number} is not positive and finite, or so small or large that nothing else counts"
-        )

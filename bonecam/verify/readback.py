@@ -112,7 +112,22 @@ def compare_moves(
 
     reached = np.where(source >= 0, source, -2 - source)
     posted = source != -1
-    _check_tools(motions, posted, rows.tools[reached])
+
+    # VerifyError at the first move that another tool makes than its path says
+    tools = rows.tools[reached]
+    wrong = posted & (motions.tools != tools)
+    if wrong.any():
+        move = int(np.argmax(wrong))
+        line = int(motions.lines[move])
+        tool = int(motions.tools[move])
+        meant = int(tools[move])
+        raise VerifyError(
+            f"line {line}: tool {tool} cuts what tool {meant} was meant to: write it again",
+            line=line,
+            place=tuple(motions.tips[move].tolist()),
+            error=np.inf,
+        )
+
     begins = rows.first[reached] | (rows.from_anywhere[reached] & ~motions.known_start)
     by_turn = _by_turn(motions, np.minimum(rows.slow, rows.feeds)[reached])
     by_turn &= (rows.kinds[reached] != MoveKind.RAPID) | (not dialect.straight_rapids)
@@ -148,22 +163,6 @@ def _ends_early(motions: Motions, row: int, rows: _Rows) -> VerifyError:
     missing = len(rows.tips) - row
     message = f"line {line}: the text ends {missing} points early: write it again"
     return VerifyError(message, line=line, place=tuple(rows.tips[row].tolist()), error=float(missing))
-
-
-def _check_tools(motions: Motions, posted: Bool[ndarray, "n"], tools: Int[ndarray, "n"]) -> None:
-    """VerifyError at the first move that another tool makes than its path says."""
-    wrong = posted & (motions.tools != tools)
-    if wrong.any():
-        move = int(np.argmax(wrong))
-        line = int(motions.lines[move])
-        tool = int(motions.tools[move])
-        meant = int(tools[move])
-        raise VerifyError(
-            f"line {line}: tool {tool} cuts what tool {meant} was meant to: write it again",
-            line=line,
-            place=tuple(motions.tips[move].tolist()),
-            error=np.inf,
-        )
 
 
 def _check_feeds(
@@ -212,4 +211,4 @@ def _by_turn(motions: Motions, slow: Float[ndarray, "n"]) -> Bool[ndarray, "n"]:
     length = np.r_[0.0, np.linalg.norm(np.diff(motions.tips, axis=0), axis=1)]
     slower = motions.feed_rates * length < slow
     lasts = (share <= 1 + FEED_TOLERANCE) & (share >= 1 - FEED_TOLERANCE)
-    return np.asarray(motions.inverse_time & slower & lasts)
+    return motions.inverse_time & slower & lasts

@@ -90,7 +90,7 @@ def open_level_grid(surface: TSpline, target: TSpline, chord_tolerance: float) -
     turn = np.array(period)
     offset = finer.parameters[faces] - first[:, None]
     offset -= turn * np.round(offset / np.where(turn > 0, turn, 1.0))
-    middles = np.asarray(first + offset.mean(1))
+    middles = first + offset.mean(1)
 
     return _grid(surface, finer.parameters, middles, faces, chord_tolerance)
 

@@ -200,22 +200,20 @@ def measure_level(k: int, inner: MeasuredSurface, outer: MeasuredSurface, rules:
     return replace(level, measures=measures.watching(doubted), certificate=proof)
 
 
-def measure_stock(k: int, inner: MeasuredSurface, rules: Rules) -> StockLevel:
-    """The stock as level k, the last, with its cut down to level k - 1 (`inner`) measured, and certified
-    where that is possible."""
+def _measure(k: int, surfaces: dict[int, MeasuredSurface], rules: Rules) -> MorphLevel | StockLevel:
+    """Level k measured, given the surfaces of levels k - 1 and k; the stock where level k has none."""
+    if k in surfaces:
+        return measure_level(k, surfaces[k - 1], surfaces[k], rules)
+
+    # The stock as level k, the last, with its cut down to level k - 1 (`inner`) measured, and certified where that is
+    # possible
+    inner = surfaces[k - 1]
     stock = rules.stock
     limit = rules.schedule.limit(k)
     mesh = stock.mesh(rules.chord_tolerance)
     measures = measure_last_cut(inner, mesh, stock, limit)
     proof = certify_last_cut(inner.surface, stock, limit) if _certifies(inner, rules) else None
     return StockLevel(k, mesh, limit, measures, proof)
-
-
-def _measure(k: int, surfaces: dict[int, MeasuredSurface], rules: Rules) -> MorphLevel | StockLevel:
-    """Level k measured, given the surfaces of levels k - 1 and k; the stock where level k has none."""
-    if k in surfaces:
-        return measure_level(k, surfaces[k - 1], surfaces[k], rules)
-    return measure_stock(k, surfaces[k - 1], rules)
 
 
 def _certifies(inner: MeasuredSurface, rules: Rules) -> bool:

@@ -25,13 +25,25 @@ def measure_open_cut(
     `outside` is measured from the outer level itself, which makes it zero.
     """
     parameters = inner.parameters
+
+    # How far points of the inner level lie behind the outer one, mm: from its mesh, and from its surface where that
+    # seems negative
+    closest, face = exact_closest(outer.mesh, inner.points)
+    normals = outer.mesh.face_vectors[face] / lengths(outer.mesh.face_vectors[face])[:, None]
+    nesting = -side * dots(inner.points - closest, normals)
+
+    doubtful = np.flatnonzero(nesting < 0)
+    points = inner.points[doubtful]
+    projection = outer.surface.project(points)
+    normals = outer.surface.normals(*projection.parameters.T)
+    nesting[doubtful] = -side * dots(points - projection.points, normals)
     samples = CutSamples(
         outer_points=outer.points,
         inner_points=inner.points,
         depth=distances_to(inner.surface, outer.points, parameters),
         outside=np.zeros(len(outer.points)),
         reverse_depth=distances_to(outer.surface, inner.points, parameters),
-        nesting=_nesting(inner, outer, side),
+        nesting=np.asarray(nesting),
         remaining=distances_to(stock, inner.points, parameters),
     )
     return measures_of(samples, inner.mesh, outer.mesh, limit, self_intersections(outer.mesh))
@@ -43,18 +55,3 @@ def distances_to(
     """Distances (mm) of points from a surface: to their footpoints, or to its points at `parameters` where
     those are nearer than the footpoints found."""
     return np.minimum(surface.project(points).distances, lengths(points - surface.positions(*parameters.T)))
-
-
-def _nesting(inner: MeasuredSurface, outer: MeasuredSurface, side: float) -> Float[ndarray, " n"]:
-    """How far points of the inner level lie behind the outer one, mm: from its mesh, and from its surface where
-    that seems negative."""
-    closest, face = exact_closest(outer.mesh, inner.points)
-    normals = outer.mesh.face_vectors[face] / lengths(outer.mesh.face_vectors[face])[:, None]
-    nesting = -side * dots(inner.points - closest, normals)
-
-    doubtful = np.flatnonzero(nesting < 0)
-    points = inner.points[doubtful]
-    projection = outer.surface.project(points)
-    normals = outer.surface.normals(*projection.parameters.T)
-    nesting[doubtful] = -side * dots(points - projection.points, normals)
-    return np.asarray(nesting)

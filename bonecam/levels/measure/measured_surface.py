@@ -79,7 +79,13 @@ class MeasuredSurface:
     ) -> tuple[Float[ndarray, " n"], Float[ndarray, "n 2"]]:
         """Signed distances (mm, negative inside) of points and the parameters of their footpoints, by many
         Newton steps from the nearest point of the mesh and from `parameters`, whichever ends nearer."""
-        distance, footpoints = self._newton_from_mesh(points)
+        # Distances and parameters as `_newton` finds them from the nearest corner of the nearest face of the mesh
+        nearest, face = self.mesh_distance.closest(points)
+        corners = self.grid.faces[face]
+        away = np.linalg.norm(self.mesh.vertices[corners] - nearest[:, None], axis=2)
+        corner = corners[np.arange(len(points)), np.argmin(away, axis=1)]
+        distance, footpoints = self._newton(points, self.grid.parameters[corner], CLOSEST_STEPS)
+
         if parameters is not None:
             other, other_footpoints = self._newton(points, parameters, CLOSEST_STEPS)
             nearer = np.abs(other) < np.abs(distance)
@@ -95,15 +101,6 @@ class MeasuredSurface:
         offset = points - footpoints
         signed = np.copysign(np.linalg.norm(offset, axis=1), dots(offset, normals))
         return signed, np.column_stack([s, t])
-
-    def _newton_from_mesh(self, points: ndarray) -> tuple[ndarray, ndarray]:
-        """Distances and parameters as `_newton` finds them from the nearest corner of the nearest face of the
-        mesh."""
-        nearest, face = self.mesh_distance.closest(points)
-        corners = self.grid.faces[face]
-        away = np.linalg.norm(self.mesh.vertices[corners] - nearest[:, None], axis=2)
-        corner = corners[np.arange(len(points)), np.argmin(away, axis=1)]
-        return self._newton(points, self.grid.parameters[corner], CLOSEST_STEPS)
 
     def _with_sides(self, points: ndarray, distance: ndarray) -> ndarray:
         """The distances with signs that hold beyond a crease too, where the normal at the footpoint misleads:

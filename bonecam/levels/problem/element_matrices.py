@@ -41,11 +41,8 @@ def element_matrices(surface: TSpline) -> ElementMatrices:
     normals = n / np.linalg.norm(n, axis=1, keepdims=True)
     M = thin_plate_matrix(surface, s, t, weights)
     N = sp.csc_array(R.T @ sp.diags_array(weights) @ R)
-    return ElementMatrices(R, weights, normals=normals, M=M, N=N, edge=_on_edge(surface))
 
-
-def _on_edge(surface: TSpline) -> Bool[ndarray, " c"]:
-    """Control points that move an edge of the surface."""
+    # Control points that move an edge of the surface
     ends = surface.domain
     period = surface.elements().period
     reached = np.zeros(surface.tmesh.size)
@@ -56,4 +53,4 @@ def _on_edge(surface: TSpline) -> Bool[ndarray, " c"]:
         for end in ends[across]:
             pair = (np.full(BORDER, end), along) if across == 0 else (along, np.full(BORDER, end))
             reached = np.maximum(reached, surface.basis(*pair)[0].max(axis=0).toarray().ravel())
-    return np.asarray(reached > ON_BORDER)
+    return ElementMatrices(R, weights, normals=normals, M=M, N=N, edge=reached > ON_BORDER)

@@ -20,7 +20,7 @@ class BandedCholesky:
 
     def solve(self, b: Float[ndarray, "m 3"]) -> Float[ndarray, "m 3"]:
         """x of A x = b, for three right sides."""
-        return np.asarray(dpbtrs(self.lower, b, lower=True)[0])
+        return dpbtrs(self.lower, b, lower=True)[0]
 
 
 def factorise(

@@ -77,7 +77,7 @@ class LevelProgram:
     @property
     def gradient(self) -> Float[ndarray, "m 3"]:
         """Half the energy's gradient at D = 0."""
-        return np.asarray(self.R.T @ (self.weights[:, None] * (self.x - self.H)) + self.net.linear)
+        return self.R.T @ (self.weights[:, None] * (self.x - self.H)) + self.net.linear
 
     def at(self, moves: Float[ndarray, "m 3"]) -> "LevelProgram":
         """Limits set up again where the moves take the samples, and H slid beside them: what counts is the

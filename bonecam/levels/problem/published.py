@@ -53,13 +53,13 @@ def bounding_sphere(points: Float[ndarray, "n 3"], stock: Stock) -> Float[ndarra
     holds the stock."""
     away = points - stock.middle
     size = np.linalg.norm(away, axis=1, keepdims=True)
-    return np.asarray(stock.middle + stock.length / 2 * away / np.maximum(size, np.finfo(float).tiny))
+    return stock.middle + stock.length / 2 * away / np.maximum(size, np.finfo(float).tiny)
 
 
 def nearest_stock(points: Float[ndarray, "n 3"], stock: Stock) -> Float[ndarray, "n 3"]:
     """The nearest stock points, CLEAR mm inside."""
     distance, out = stock.distances_and_normals(points)
-    return np.asarray(points - (distance + CLEAR)[:, None] * out)
+    return points - (distance + CLEAR)[:, None] * out
 
 
 SOURCES: dict[str, Source] = {"sphere": bounding_sphere, "stock": nearest_stock}
@@ -113,7 +113,7 @@ class PublishedProgram:
 
     def watched(self, P: Float[ndarray, "c 3"]) -> Float[ndarray, "w 3"]:
         """The watched points of the level with control points P."""
-        return np.asarray(self._watch.R @ P)
+        return self._watch.R @ P
 
     def limits(
         self, P: Float[ndarray, "c 3"], depth: float, active: Int[ndarray, " k"], walls: Planes
@@ -151,7 +151,7 @@ class PublishedProgram:
         order = over[np.lexsort((-broken[over], self._main[over]))]
         owner = self._main[order]
         place = np.arange(len(order)) - np.searchsorted(owner, owner)
-        return np.asarray(order[place < PER_POINT])
+        return order[place < PER_POINT]
 
     def broken(
         self, P: Float[ndarray, "c 3"], moves: Float[ndarray, "c 3"], depth: float

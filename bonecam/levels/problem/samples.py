@@ -72,7 +72,7 @@ class SurfaceSamples(Places):
     def normals(self, control_points: Float[ndarray, "c 3"]) -> Float[ndarray, "n 3"]:
         """Outward unit normals of the surface with these control points."""
         n = self.area_vectors(control_points)
-        return np.asarray(n / np.linalg.norm(n, axis=1, keepdims=True))
+        return n / np.linalg.norm(n, axis=1, keepdims=True)
 
     def area_vectors(self, control_points: Float[ndarray, "c 3"]) -> Float[ndarray, "n 3"]:
         """S_s x S_t: outward, as long as the area per unit of the parameters."""
@@ -85,7 +85,7 @@ class SurfaceSamples(Places):
 
     def moments(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "c 3"]:
         """int R'H for one attracting point a sample."""
-        return np.asarray(self.R.T @ (self.weights[:, None] * points))
+        return self.R.T @ (self.weights[:, None] * points)
 
 
 def multiply(R: sp.csr_array, points: Float[ndarray, "c 3"]) -> Float[ndarray, "n 3"]:

@@ -59,7 +59,7 @@ def published_sequence(
         moves = next_moves(program, P, schedule.limit(k), rest.stiffness)
         if np.linalg.norm(moves, axis=1).max() < STILL * schedule.limit(k):
             raise LevelError(f"the published program hardly moves it any more: {remedy}", place=rest.place)
-        return np.asarray(P + moves)
+        return P + moves
 
     def rest_above(P: ndarray, k: int, before: _Rest) -> _Rest:
         rest = _Rest(*distance_left(grid, P, targets), before.stiffness)

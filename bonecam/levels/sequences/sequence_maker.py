@@ -157,20 +157,19 @@ class SequenceMaker:
     def _broken(self, k: int, step: ExchangeStep) -> LevelError:
         """The error of a level that breaks its limits, with the sharp edge of the part that may be why."""
         what = f"level {k} breaks its limits by {step.broken:.2f} mm at {place_name(step.place)}"
-        radius = self._sharpest(step.place)
+
+        # The least radius of curvature (mm) of the part where it is nearest to a place
+        part, watch = self.discretisation.surface, self.discretisation.watch
+        away = lengths(watch.R @ part.control_points - step.place)
+        near = np.flatnonzero(away < away.min() + AROUND)
+        bends = part.curvature(watch.s[near], np.clip(watch.t[near], *rings(part)))
+        radius = float(1 / max(np.abs(bends.k1).max(), np.abs(bends.k2).max(), np.finfo(float).tiny))
+
         remedy = "give more control points or a larger stock"
         if radius < CREASED:
             what += f", where the part's surface bends with a radius of {radius:.3f} mm"
             remedy = "raise surface.tolerance, or smooth the mesh"
         return LevelError(f"{what}: {remedy}", level=k, place=step.place)
-
-    def _sharpest(self, place: ndarray) -> float:
-        """The least radius of curvature (mm) of the part where it is nearest to a place."""
-        part, watch = self.discretisation.surface, self.discretisation.watch
-        away = lengths(watch.R @ part.control_points - place)
-        near = np.flatnonzero(away < away.min() + AROUND)
-        bends = part.curvature(watch.s[near], np.clip(watch.t[near], *rings(part)))
-        return float(1 / max(np.abs(bends.k1).max(), np.abs(bends.k2).max(), np.finfo(float).tiny))
 
     @property
     def _most_extra(self) -> int:

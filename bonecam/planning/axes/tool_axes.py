@@ -84,7 +84,7 @@ def choose_axes(
 def _with_neighbours(kept: Bool[ndarray, " n"]) -> Bool[ndarray, " n"]:
     """Which contacts are kept with those before and behind them."""
     with_ends = np.r_[True, kept, True]
-    return np.asarray(with_ends[:-2] & kept & with_ends[2:])
+    return with_ends[:-2] & kept & with_ends[2:]
 
 
 def fixed_axes(

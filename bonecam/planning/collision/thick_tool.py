@@ -100,7 +100,7 @@ def _ball_free(around: Surroundings, cutter: Cutter, centres: Float[ndarray, "n 
     distance = around.distance_bound(centres, np.full(len(centres), cutter.envelope_radius))
     clamping = around.scene.clamping
     above = centres[:, 2] > cutter.envelope_radius + clamping.clearance
-    return np.asarray((distance > thin) & (above | (not clamping.closed)))
+    return (distance > thin) & (above | (not clamping.closed))
 
 
 def _classify_section(

@@ -43,7 +43,7 @@ def needed_lifts(
     order = np.argsort(-heights, axis=1)
     falling = np.take_along_axis(heights, order, axis=1)
     discs_over = np.array(offsets)[order], np.array(squares)[order], falling
-    return np.asarray(highest_over(centres, directions, *discs_over, above_table) - centres[:, 2:])
+    return highest_over(centres, directions, *discs_over, above_table) - centres[:, 2:]
 
 
 def _discs(cutter: Cutter) -> list[tuple[float, float, str]]:

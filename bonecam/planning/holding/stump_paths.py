@@ -17,7 +17,7 @@ from bonecam.machine.limits import MachineLimits
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.facets.vertex_normals import vertex_normals
 from bonecam.mesh.part import Part
-from bonecam.mesh.triangle_mesh import TriangleMesh, side_by_side
+from bonecam.mesh.triangle_mesh import side_by_side
 from bonecam.planning.collision.scene import Scene
 from bonecam.planning.layers.chart import FlatChart
 from bonecam.planning.layers.drop import Ball
@@ -58,13 +58,6 @@ class StumpPlaces:
     normals: Float[ndarray, "n 3"]
 
 
-def stump_places(part: TriangleMesh, post: Post, radius: float) -> StumpPlaces:
-    """The vertices of the part that a ball of `radius` (mm) leaves at the post, not at what holds the free end."""
-    normals = vertex_normals(part)
-    held = at_post(part.vertices, normals, post.alone, radius)
-    return StumpPlaces(part.vertices[held], normals[held])
-
-
 def check_second(part: Part, post: Post, job: Job) -> None:
     """Errors of `read_shell`, and JobError where the shell leaves no room for a ball on the places that stay at the
     post."""
@@ -72,7 +65,12 @@ def check_second(part: Part, post: Post, job: Job) -> None:
     if shell is None:
         return
     radius = job.tool("finishing").radius
-    places = stump_places(part.mesh, post, radius)
+
+    # The vertices of the part that a ball of `radius` (mm) leaves at the post, not at what holds the free end
+    normals = vertex_normals(part.mesh)
+    held = at_post(part.mesh.vertices, normals, post.alone, radius)
+    places = StumpPlaces(part.mesh.vertices[held], normals[held])
+
     centres = places.points + radius * places.normals
     around = MeshDistance(shell)
     least = float((around.signed(centres) - radius).min())

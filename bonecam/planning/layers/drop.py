@@ -41,7 +41,7 @@ class Ball:
     def touches(self, centres: Float[ndarray, "n 3"]) -> Bool[ndarray, " n"]:
         """Whether balls are as near to the part as they may be."""
         near = self.radius + self.allowance + 10 * TOUCHING
-        return np.asarray(self.part.unsigned(centres, 2 * near) < near)
+        return self.part.unsigned(centres, 2 * near) < near
 
 
 def drop(

@@ -103,7 +103,7 @@ def _sunk(curves: LayerCurves, radius: float, material: HeightField) -> Float[nd
 
 def depths_in(material: HeightField, centres: Float[ndarray, "n 3"], radius: float) -> Float[ndarray, " n"]:
     """How deep balls of `radius` sink into the material, mm; negative where they keep off it."""
-    return np.asarray(radius - MeshDistance(material.mesh()).signed(centres, radius))
+    return radius - MeshDistance(material.mesh()).signed(centres, radius)
 
 
 def unreached(

@@ -73,7 +73,7 @@ def sample(
         along = ends - starts
         square = np.maximum((along**2).sum(axis=1), np.finfo(float).tiny)
         share = np.clip(((points - starts) * along).sum(axis=1) / square, 0.0, 1.0)
-        off = np.asarray(np.linalg.norm(points - starts - share[:, None] * along, axis=1))
+        off = np.linalg.norm(points - starts - share[:, None] * along, axis=1)
 
         needed = (off > tolerance) & (np.linalg.norm(ends - starts, axis=1) > SHORTEST)
         if not needed.any():

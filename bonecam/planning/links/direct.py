@@ -194,4 +194,4 @@ def _proven_free(
     free = space.checker.moves_free(tips, flat_axes, joined, cutting=True)
     moves = np.flatnonzero(joined)
     free[moves] &= space.ball_free(flat_centres[moves], flat_centres[moves + 1])
-    return np.asarray((free | ~joined).reshape(count, -1).all(axis=1))
+    return (free | ~joined).reshape(count, -1).all(axis=1)

@@ -118,7 +118,7 @@ class LinkSpace:
         depths = self.material.depths
         radius = self.ball_radius
         deepest = max(float(depths(centres, radius)[0].max()) for centres in (starts, ends))
-        return np.asarray(move_depths(depths, starts, ends, radius) <= max(deepest, 0.0) + IN_AIR)
+        return move_depths(depths, starts, ends, radius) <= max(deepest, 0.0) + IN_AIR
 
     def left_in_air(
         self, contacts: Float[ndarray, "k 3"], centres: Float[ndarray, "k p 3"], deepest: float = IN_AIR
@@ -160,7 +160,7 @@ class LinkSpace:
             return np.ones(len(lines), dtype=bool)
         nowhere = [(np.zeros((0, 3)), np.zeros((0, 3)))] * len(lines)
         removed = self.material.rays.balls.removed_by(lines, nowhere, self.ball_radius + RAPID_SPARE)
-        return np.asarray(removed == 0)
+        return removed == 0
 
     def polylines_free(self, polylines: Sequence[Polyline], *, cutting: bool) -> Bool[ndarray, " k"]:
         """Whether all moves of each polyline are proven free; `cutting` as in
@@ -181,4 +181,4 @@ class LinkSpace:
         if cutting:
             free[free] = self.ball_free(starts[free], ends[free])
         polyline = np.repeat(np.arange(len(polylines)), [len(centres) - 1 for centres, _ in polylines])
-        return np.asarray(np.bincount(polyline, ~free, len(polylines)) == 0)
+        return np.bincount(polyline, ~free, len(polylines)) == 0

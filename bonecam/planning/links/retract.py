@@ -145,7 +145,17 @@ def _proven_ways(
     """The retract on each line, by a departure at some lengths; None where it is not proven free."""
     if not lines:
         return []
-    standoffs = _standoffs(space, lines)
+
+    # The point of each retract from which on the tool keeps the clearance: links turn to rapids there
+    centres = np.vstack([line[0] for line in lines])
+    axes = np.vstack([line[1] for line in lines])
+    free = space.checker.free_in_air(centres, axes, RAPID_MARGIN)
+    standoffs = []
+    for here in np.split(free, np.cumsum([len(line[0]) for line in lines])[:-1]):
+        near = np.flatnonzero(~here)
+        first_far = int(near[-1]) + 1 if len(near) else 1
+        standoffs.append(min(first_far, len(here) - 1))
+
     links = [(c[: k + 1], v[: k + 1]) for (c, v), k in zip(lines, standoffs, strict=True)]
     free = space.polylines_free(links, cutting=True)
     rapid = [i for i in np.flatnonzero(free).tolist() if standoffs[i] + 1 < len(lines[i][0])]
@@ -185,19 +195,6 @@ def _polyline(pose: Pose, departure: Departure, lengths: Float[ndarray, " r"]) -
     along_axis = np.outer(np.minimum(lengths, departure.along_axis), axis)
     beyond = np.outer(np.maximum(lengths - departure.along_axis, 0), departure.direction)
     return centre + along_axis + beyond, np.repeat(axis[None], len(lengths), axis=0)
-
-
-def _standoffs(space: LinkSpace, lines: Sequence[Polyline]) -> list[int]:
-    """The point of each retract from which on the tool keeps the clearance: links turn to rapids there."""
-    centres = np.vstack([line[0] for line in lines])
-    axes = np.vstack([line[1] for line in lines])
-    free = space.checker.free_in_air(centres, axes, RAPID_MARGIN)
-    standoffs = []
-    for here in np.split(free, np.cumsum([len(line[0]) for line in lines])[:-1]):
-        near = np.flatnonzero(~here)
-        first_far = int(near[-1]) + 1 if len(near) else 1
-        standoffs.append(min(first_far, len(here) - 1))
-    return standoffs
 
 
 def _retract(

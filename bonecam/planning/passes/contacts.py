@@ -52,7 +52,7 @@ def at_post(
     """Which places of the part stay at the post: those under it, and those that a ball of `radius` (mm) which keeps
     off the post leaves round it."""
     centres = points + radius * normals
-    return np.asarray(np.minimum(post.distance(points), post.distance(centres) - POST_CLEARANCE) < radius)
+    return np.minimum(post.distance(points), post.distance(centres) - POST_CLEARANCE) < radius
 
 
 @dataclass(frozen=True, eq=False)
@@ -248,4 +248,4 @@ def _in_air(level: MachinedLevel, contacts: Float[ndarray, "n 3"]) -> Bool[ndarr
     """Where a level that rounds the edges of the stock has less than MIN_THICKNESS of it to remove."""
     if not isinstance(level, RoundedLevel):
         return np.zeros(len(contacts), dtype=bool)
-    return np.asarray(level.stock.signed_distance(contacts) > -MIN_THICKNESS)
+    return level.stock.signed_distance(contacts) > -MIN_THICKNESS

@@ -140,7 +140,8 @@ def _entered_segments(
 def split_runs(lines: Lines, kept: Bool[ndarray, " n"]) -> list[Int[ndarray, " _"]]:
     """The stretches of contacts that are kept. A closed line with a gap begins behind its first one."""
     runs: list[ndarray] = []
-    for a, b in pairwise(line_bounds(lines.line).tolist()):
+    # First contact of each line, and the number of contacts behind the last; `line` never decreases
+    for a, b in pairwise(np.searchsorted(lines.line, np.arange(lines.line[-1] + 2)).tolist()):
         here = np.arange(a, b)
         gap = np.flatnonzero(~kept[here])
         if len(gap) and kept[a] and kept[b - 1] and lines.closed(a, b - 1):
@@ -165,7 +166,7 @@ def filled(
     change = np.zeros(len(kept) + 1, dtype=np.int64)
     np.add.at(change, first[short], 1)
     np.add.at(change, last[short], -1)
-    return np.asarray(kept | (np.cumsum(change)[:-1] > 0))
+    return kept | (np.cumsum(change)[:-1] > 0)
 
 
 def beside(lines: Lines, kept: Bool[ndarray, " n"], count: int) -> Bool[ndarray, " n"]:
@@ -239,8 +240,3 @@ def engaged_segments_of(found: Sequence[Run], short: Sequence[ndarray] = ()) -> 
         np.concatenate([none, *(np.arange(len(index)) < ramp for index, _, ramp in found)]).astype(bool),
         np.concatenate([none, *short]),
     )
-
-
-def line_bounds(line: Int[ndarray, " n"]) -> Int[ndarray, " k"]:
-    """First contact of each line, and the number of contacts behind the last; `line` never decreases."""
-    return np.searchsorted(line, np.arange(line[-1] + 2))

@@ -74,7 +74,7 @@ def _moved_up(
         middle = (near + far) / 2
         free = is_free(*(line + middle[:, None] * inward).T)
         near, far = np.where(free, middle, near), np.where(free, far, middle)
-    return np.asarray(line + near[:, None] * inward)
+    return line + near[:, None] * inward
 
 
 def _contours(chart: FlatChart, field: Float[ndarray, "p q"], value: float) -> list[Float[ndarray, "_ 2"]]:

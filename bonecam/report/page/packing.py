@@ -105,4 +105,4 @@ def _unpacked(entry: Mapping[str, Any], data: bytes, start: int) -> ndarray:
     if "step" not in entry:
         return np.asarray(whole)
     low = np.array(entry["low"])
-    return np.asarray(whole * entry["step"] + (low if len(shape) > 1 else low[0]))
+    return whole * entry["step"] + (low if len(shape) > 1 else low[0])

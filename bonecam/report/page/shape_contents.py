@@ -32,11 +32,14 @@ def shape_contents(
     """Levels with the depth of their cuts, part as given and as fitted, stock, post, what holds it, and table."""
     facts, arrays = _levels(levels, job)
     shown, which = _given(part)
+    # How far each vertex of the fitted mesh lies outside the given one, mm
+    fitted = levels[0].mesh
+    away = fitted.vertices - exact_closest(shown, fitted.vertices)[0]
     arrays |= {
         "given": shown.vertices,
         "given_faces": shown.faces,
         "given_deviation": _outside(shown, levels[0].mesh),
-        "deviation": _outwards(levels[0].mesh, shown),
+        "deviation": np.sign(dots(away, vertex_normals(fitted))) * lengths(away),
     }
     post = post_below(part.mesh, job.holding)
     facts |= {
@@ -100,17 +103,11 @@ def _given(part: Part) -> tuple[TriangleMesh, str]:
     return part.mesh, "as repaired: the given one has too many faces to show"
 
 
-def _outwards(fitted: TriangleMesh, given: TriangleMesh) -> Float[ndarray, " n"]:
-    """How far each vertex of the fitted mesh lies outside the given one, mm."""
-    away = fitted.vertices - exact_closest(given, fitted.vertices)[0]
-    return np.asarray(np.sign(dots(away, vertex_normals(fitted))) * lengths(away))
-
-
 def _outside(given: TriangleMesh, fitted: TriangleMesh) -> Float[ndarray, " n"]:
     """How far the fitted mesh lies outside each vertex of the given one, mm."""
     closest, faces = exact_closest(fitted, given.vertices)
     away = closest - given.vertices
-    return np.asarray(np.sign(dots(away, fitted.face_vectors[faces])) * lengths(away))
+    return np.sign(dots(away, fitted.face_vectors[faces])) * lengths(away)
 
 
 def bodies(job: Job, table: Table) -> dict[str, Any]:

@@ -40,4 +40,4 @@ def _distances(points: Float[ndarray, "n 3"], kept: Int[ndarray, " k"]) -> Float
     along = after - before
     square = np.maximum(dots(along, along), np.finfo(float).tiny)
     share = np.clip(dots(here - before, along) / square, 0.0, 1.0)
-    return np.asarray(np.linalg.norm(before + share[:, None] * along - here, axis=1))
+    return np.linalg.norm(before + share[:, None] * along - here, axis=1)

@@ -133,7 +133,12 @@ class _Reader:
         if word == "PARTNO":
             self.name = values
         elif word == "PPRINT":
-            self._note(values)
+            # Take what is said of the moves that follow; any other text is passed over
+            match = re.fullmatch(r"LEVEL (\d{1,6})|PARTING", values)
+            if match:
+                self.level = int(match[1] or PARTING)
+            elif values in ("LINK", "CUT"):
+                self.link = values == "LINK"
         elif word == "UNITS":
             if values not in ("MM", "INCHES"):
                 raise ProgramError(f"line {line}: UNITS/{values[:20]}: give MM or INCHES", line=line)
@@ -144,14 +149,6 @@ class _Reader:
             self.ended = True
         else:
             self._numbers(line, word, values.split(","))
-
-    def _note(self, text: str) -> None:
-        """Take what is said of the moves that follow; any other text is passed over."""
-        match = re.fullmatch(r"LEVEL (\d{1,6})|PARTING", text)
-        if match:
-            self.level = int(match[1] or PARTING)
-        elif text in ("LINK", "CUT"):
-            self.link = text == "LINK"
 
     def _numbers(self, line: int, word: str, values: list[str]) -> None:
         """Take a statement of numbers."""

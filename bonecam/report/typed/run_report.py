@@ -24,7 +24,6 @@ from bonecam.surface.fitting.fit import Fit
 from bonecam.tool.path import PARTING, ToolPath
 from bonecam.verify.proof import Verification
 from bonecam.workholding.clamping import holding_columns
-from bonecam.workholding.column import Column
 from bonecam.workholding.post import Post, footprint
 
 
@@ -93,25 +92,21 @@ def post_report(post: Post, part: TriangleMesh, job: HoldingJob) -> dict[str, An
     if held:
         sizes |= {"neck_mm": job.length - job.support_height, "held_by": held}
     if post.pin is not None:
-        sizes["tailstock"] = _tailstock_report(post.pin, part, job)
+        # Pin or upper neck: `at_mm` from the axis of the post, between two heights, and the area of the part that
+        # stays under it; and the bracket's column and arm
+        sizes["tailstock"] = {
+            "kind": job.tailstock,
+            "diameter_mm": 2 * post.pin.radius,
+            "at_mm": [round(post.pin.x, 3), round(post.pin.y, 3)],
+            "from_mm": round(post.pin.bottom, 3),
+            "to_mm": round(post.pin.top, 3),
+            "footprint_mm2": round(footprint(post.pin, part), 2),
+            "reach_mm": job.tailstock_reach,
+            "azimuth_deg": job.tailstock_azimuth_deg,
+            "column_mm": job.tailstock_column,
+            "arm_mm": job.tailstock_arm,
+        }
     return {**sizes, "footprint_mm2": round(footprint(post.column, part), 2)}
-
-
-def _tailstock_report(pin: Column, part: TriangleMesh, job: HoldingJob) -> dict[str, Any]:
-    """Pin or upper neck: `at_mm` from the axis of the post, between two heights, and the area of the part that stays
-    under it; and the bracket's column and arm."""
-    return {
-        "kind": job.tailstock,
-        "diameter_mm": 2 * pin.radius,
-        "at_mm": [round(pin.x, 3), round(pin.y, 3)],
-        "from_mm": round(pin.bottom, 3),
-        "to_mm": round(pin.top, 3),
-        "footprint_mm2": round(footprint(pin, part), 2),
-        "reach_mm": job.tailstock_reach,
-        "azimuth_deg": job.tailstock_azimuth_deg,
-        "column_mm": job.tailstock_column,
-        "arm_mm": job.tailstock_arm,
-    }
 
 
 def report_to_program(

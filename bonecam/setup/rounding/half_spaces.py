@@ -51,7 +51,7 @@ def offset_polyhedron(mesh: TriangleMesh, distance: float) -> TriangleMesh:
 def _first_of_cells(rows: Float[ndarray, "n d"], cell: float) -> Float[ndarray, "m d"]:
     """The first of the rows that lie in one cell of a grid of this width."""
     _, first = np.unique(np.round(rows / cell), axis=0, return_index=True)
-    return np.asarray(rows[np.sort(first)])
+    return rows[np.sort(first)]
 
 
 def _corners(planes: Float[ndarray, "k 4"], inside: Float[ndarray, "3"]) -> Float[ndarray, "n 3"]:

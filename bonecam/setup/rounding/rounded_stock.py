@@ -132,4 +132,4 @@ class RoundedStock(Stock):
         at_corners = self.normals(mesh.vertices)[mesh.faces]
         turned = np.einsum("fcx,fx->fc", at_corners, mesh.face_vectors).min(1)
         tilted = turned < LARGEST_TURN * np.linalg.norm(mesh.face_vectors, axis=1)
-        return np.asarray((height > chord_tolerance) | tilted)
+        return (height > chord_tolerance) | tilted

@@ -56,7 +56,7 @@ class Box(Stock):
     @property
     def middle(self) -> Float[ndarray, "3"]:
         """The middle of the box, mm."""
-        return np.asarray((self.low + self.high) / 2)
+        return (self.low + self.high) / 2
 
     def move(self, shift: Float[ndarray, "3"]) -> "Box":
         """The box translated by `shift`, mm."""
@@ -84,7 +84,7 @@ class Box(Stock):
     def signed_distance(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n"]:
         """Distance of each point to the surface, mm, negative inside."""
         distance, _ = self._outside(points)
-        return np.asarray(np.minimum(distance.max(1), 0) + np.linalg.norm(np.maximum(distance, 0), axis=1))
+        return np.minimum(distance.max(1), 0) + np.linalg.norm(np.maximum(distance, 0), axis=1)
 
     def normals(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
         """Unit outward normals at the nearest points; from the edge or corner to the point where the nearest is
@@ -92,7 +92,7 @@ class Box(Stock):
         distance, sign = self._outside(points)
         nearest_face = np.eye(3)[np.argmax(distance, axis=1)]
         normal = np.where((distance.max(1) > 0)[:, None], np.maximum(distance, 0), nearest_face)
-        return np.asarray(sign * normal / np.linalg.norm(normal, axis=1, keepdims=True))
+        return sign * normal / np.linalg.norm(normal, axis=1, keepdims=True)
 
     def mesh(self, chord_tolerance: float) -> TriangleMesh:
         """A closed outward mesh of faces of nearly one size, as fine as the mesh of a cylinder as wide."""

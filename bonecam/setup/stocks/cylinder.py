@@ -99,7 +99,7 @@ class Cylinder(Stock):
         """Distance of each point to the surface, mm, negative inside."""
         _, wall, end, _ = self._local(points)
         outside = np.hypot(np.maximum(wall, 0), np.maximum(end, 0))
-        return np.asarray(np.minimum(np.maximum(wall, end), 0) + outside)
+        return np.minimum(np.maximum(wall, end), 0) + outside
 
     def normals(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
         """Unit outward normals at the nearest points; from the edge to the point where the nearest is on an

@@ -82,7 +82,7 @@ class ConvexStock(Stock):
     @property
     def middle(self) -> Float[ndarray, "3"]:
         """The middle of the bounding box, mm."""
-        return np.asarray(self.bounds.mean(0))
+        return self.bounds.mean(0)
 
     def move(self, shift: Float[ndarray, "3"]) -> "ConvexStock":
         """The body translated by `shift`, mm."""
@@ -125,7 +125,7 @@ class ConvexStock(Stock):
     @cached_property
     def _normals(self) -> Float[ndarray, "f 3"]:
         size = np.linalg.norm(self.surface.face_vectors, axis=1, keepdims=True)
-        return np.asarray(self.surface.face_vectors / np.where(size > 0, size, 1.0))
+        return self.surface.face_vectors / np.where(size > 0, size, 1.0)
 
     def distances_and_normals(
         self, points: Float[ndarray, "n 3"]

@@ -40,7 +40,19 @@ def extract_local(
     low, high = boxes[element][:, [0, 2]], boxes[element][:, [1, 3]]
     around, along = (_coefficients(k[function], low[:, d], high[:, d]) for d, k in ((0, s), (1, t)))
     values = (along[:, :, None] * around[:, None, :]).reshape(-1, 16)
-    return _gathered(boxes, ids[function], element, values, period)
+
+    # Elements with the images of one function added up and functions in increasing order
+    functions = ids[function]
+    key = element * (functions.max() + 1) + functions
+    unique, inverse = np.unique(key, return_inverse=True)
+    if len(unique) < len(key):
+        summed = np.zeros((len(unique), 16))
+        np.add.at(summed, inverse, values)
+    else:
+        summed = values[np.argsort(key)]
+    owner = unique // (functions.max() + 1)
+    starts = np.searchsorted(owner, np.arange(len(boxes) + 1))
+    return Elements(boxes, starts, unique % (functions.max() + 1), summed, period)
 
 
 def _cut(faces: ndarray, s: ndarray, t: ndarray) -> ndarray:
@@ -98,19 +110,3 @@ def _coefficients(knots: ndarray, low: ndarray, high: ndarray) -> ndarray:
     span = np.clip((knots <= middle[:, None]).sum(axis=1) - 1, 0, 3)
     window = np.take_along_axis(padded, span[:, None] + np.arange(8), axis=1)
     return bernstein_coefficients(window, low, high)[np.arange(len(knots)), 3 - span]
-
-
-def _gathered(
-    boxes: ndarray, functions: ndarray, element: ndarray, values: ndarray, period: tuple[float, float]
-) -> Elements:
-    """Elements with the images of one function added up and functions in increasing order."""
-    key = element * (functions.max() + 1) + functions
-    unique, inverse = np.unique(key, return_inverse=True)
-    if len(unique) < len(key):
-        summed = np.zeros((len(unique), 16))
-        np.add.at(summed, inverse, values)
-    else:
-        summed = values[np.argsort(key)]
-    owner = unique // (functions.max() + 1)
-    starts = np.searchsorted(owner, np.arange(len(boxes) + 1))
-    return Elements(boxes, starts, unique % (functions.max() + 1), summed, period)

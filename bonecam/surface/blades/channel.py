@@ -102,14 +102,14 @@ def channel_of(wheel: Wheel, reach: float) -> Channel:
     below, above = wheel.profile[along < low], wheel.profile[along > high]
     whole = np.vstack([below, ends[:1], over, ends[1:], above])
     moved = np.r_[True, np.linalg.norm(np.diff(whole, axis=0), axis=1) > 1e-6]
-    blank = np.asarray(whole[moved])
+    blank = whole[moved]
 
     _require_inside(wheel, blank)
 
     # The azimuth of the blade's mean line at these lengths along the floor; beyond the blade as at its edges
     at = places_on(floor, foot[:, :2])
     order = np.argsort(at, kind="stable")
-    azimuths = np.asarray(np.interp(lengths, at[order], foot[order, 2]))
+    azimuths = np.interp(lengths, at[order], foot[order, 2])
 
     across = np.linspace(0.0, wheel.pitch, ACROSS)
     surface = _finer(skin(_rows(point_at(floor, lengths), azimuths, across), TOLERANCE, closed=False))
@@ -141,7 +141,7 @@ def _section(blade: TSpline, t: float) -> Float[ndarray, "n 3"]:
     """Points of a closed section of the blade."""
     left, right = blade.domain[0]
     s = np.linspace(left, right, SECTION_POINTS, endpoint=False)
-    return np.asarray(blade.positions(s, np.full(len(s), t)))
+    return blade.positions(s, np.full(len(s), t))
 
 
 def _contour(tip: Float[ndarray, "m 3"], blade: Float[ndarray, "v 2"]) -> Float[ndarray, "k 2"]:
@@ -153,7 +153,7 @@ def _contour(tip: Float[ndarray, "m 3"], blade: Float[ndarray, "v 2"]) -> Float[
         (ends[0] - ends[1]) / np.linalg.norm(ends[0] - ends[1]) for ends in (curve[:2], curve[:-3:-1])
     )
     curve = np.vstack([curve[0] + reach * first, curve, curve[-1] + reach * last])
-    return np.asarray(curve + _above(curve, blade) * _outward(curve))
+    return curve + _above(curve, blade) * _outward(curve)
 
 
 def _outward(curve: Float[ndarray, "k 2"]) -> Float[ndarray, "k 2"]:

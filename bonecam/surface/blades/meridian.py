@@ -73,7 +73,7 @@ def places_on(curve: Float[ndarray, "n 2"], points: Float[ndarray, "k 2"]) -> Fl
     shares = np.clip(np.einsum("kni,ni->kn", points[:, None] - start, step) / lengths**2, 0.0, 1.0)
     away = np.linalg.norm(points[:, None] - start - shares[:, :, None] * step, axis=2)
     nearest = np.argmin(away, axis=1)
-    return np.asarray(along[nearest] + shares[np.arange(len(points)), nearest] * lengths[nearest])
+    return along[nearest] + shares[np.arange(len(points)), nearest] * lengths[nearest]
 
 
 def point_at(curve: Float[ndarray, "n 2"], places: Float[ndarray, " k"]) -> Float[ndarray, "k 2"]:
@@ -108,4 +108,4 @@ def mean_line(section: Float[ndarray, "n 3"]) -> Float[ndarray, "m 3"]:
         resampled.append(np.column_stack([np.interp(at, along, rows[:, k]) for k in range(3)]))
     turns = np.round((resampled[1][0, 2] - resampled[0][0, 2]) / (2 * np.pi))
     resampled[1][:, 2] -= 2 * np.pi * turns
-    return np.asarray((resampled[0] + resampled[1]) / 2)
+    return (resampled[0] + resampled[1]) / 2

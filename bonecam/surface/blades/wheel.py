@@ -61,7 +61,7 @@ class Wheel:
         s = np.linspace(left, right, 40, endpoint=False)
         points = meridional(self.blade.positions(s, np.full(len(s), t)))
         on_hub = point_at(self.profile, places_on(self.profile, points))
-        return np.asarray(np.linalg.norm(points - on_hub, axis=1))
+        return np.linalg.norm(points - on_hub, axis=1)
 
     def lift(self, height: float) -> "Wheel":
         """The wheel moved up, mm."""

@@ -95,7 +95,7 @@ class Quadrature:
 def _row_mean(lengths: ndarray, t: ndarray, share: ndarray) -> ndarray:
     """The mean of lengths over all points with the same t."""
     _, index = np.unique(t, return_inverse=True)
-    return np.asarray((np.bincount(index, lengths * share) / np.bincount(index, share))[index])
+    return (np.bincount(index, lengths * share) / np.bincount(index, share))[index]
 
 
 def _shares(tmesh: RowTMesh) -> Float[ndarray, " n"]:

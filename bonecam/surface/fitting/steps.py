@@ -139,7 +139,7 @@ def _round(
     if not which.any():
         return np.zeros(len(quadrature.s), dtype=bool)
     near, _ = cKDTree(surface.positions(grid[0][which], grid[1][which])).query(quadrature.places)
-    return np.asarray(near < REACH * np.sqrt(quadrature.cells))
+    return near < REACH * np.sqrt(quadrature.cells)
 
 
 def fold_grid(surface: TSpline) -> tuple[Float[ndarray, " n"], Float[ndarray, " n"]]:
@@ -158,7 +158,7 @@ def folds(
     turn = dots(surface.normals(*grid), before[0])
     facing = target.shape.facing(surface, *grid)
     turned = (turn < LEAST_TURN) & (facing < np.minimum(before[1], WELL))
-    return np.asarray(turned | ((facing < LEAST_FACING) & (facing < before[1] - LOSS)))
+    return turned | ((facing < LEAST_FACING) & (facing < before[1] - LOSS))
 
 
 def data_terms(surface: TSpline, target: FitTarget, tolerance: float, slide: float) -> list[Term]:

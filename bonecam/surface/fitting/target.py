@@ -54,7 +54,7 @@ class MeshNormals:
 
     def normals(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
         """The normal of the face nearest to each point."""
-        return np.asarray(self._normals[self.distance.closest(points)[1]])
+        return self._normals[self.distance.closest(points)[1]]
 
     def facing(
         self, surface: TSpline, s: Float[ndarray, " n"], t: Float[ndarray, " n"]

@@ -94,7 +94,7 @@ def _middles(row: Row, s: ndarray, known: ndarray) -> ndarray:
         period = 1.0
     apart = np.abs(np.mod(middles[:, None] - known + period / 2, period) - period / 2)
     nearest = apart.argmin(axis=1)
-    return np.asarray(np.where(apart.min(axis=1) < NEAREST, known[nearest], middles))
+    return np.where(apart.min(axis=1) < NEAREST, known[nearest], middles)
 
 
 def with_knots(row: Row, new: Float[ndarray, " k"]) -> Row:
@@ -115,7 +115,7 @@ def with_knots(row: Row, new: Float[ndarray, " k"]) -> Row:
 
 
 def _blend_points(first: ndarray, second: ndarray, ratio: float) -> ndarray:
-    return np.asarray(first * (1 - ratio) + second * ratio)
+    return first * (1 - ratio) + second * ratio
 
 
 def _insert_periodic(knots: ndarray, points: ndarray, x: float) -> Row:

@@ -80,7 +80,7 @@ def _layout(mesh: TriangleMesh) -> tuple[Float[ndarray, "v 2"], Float[ndarray, "
         share = way[:-1, None] / way[-1]
         border_points.append((1 - share) * corners[k] + share * corners[k + 1])
     border = np.concatenate([side[:-1] for side in sides])
-    flat = np.asarray(igl.harmonic(mesh.vertices, mesh.faces, border, np.vstack(border_points), 1))
+    flat = igl.harmonic(mesh.vertices, mesh.faces, border, np.vstack(border_points), 1)
     return flat, size
 
 

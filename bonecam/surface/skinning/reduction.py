@@ -183,4 +183,4 @@ def _least_squares(matrix: sp.csr_array, points: ndarray, weights: ndarray) -> n
     normal = (weighted @ matrix).toarray()
     factor = la.cho_factor(normal)
     solution = la.cho_solve(factor, weighted @ points)
-    return np.asarray(solution + la.cho_solve(factor, weighted @ (points - matrix @ solution)))
+    return solution + la.cho_solve(factor, weighted @ (points - matrix @ solution))

@@ -58,13 +58,11 @@ class SideVertices:
             self.surface.patches, np.full(len(uv), element, dtype=np.int32), s, t, 1
         )
         normals = np.cross(Ss, St)
-        return np.asarray(
-            normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), np.finfo(float).tiny)
-        )
+        return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), np.finfo(float).tiny)
 
     def _parameters(self, element: int, uv: Float[ndarray, "n 2"]) -> Float[ndarray, "n 2"]:
         box = self.surface.elements().boxes[element]
-        return np.asarray(box[[0, 2]] + uv * (box[[1, 3]] - box[[0, 2]]))
+        return box[[0, 2]] + uv * (box[[1, 3]] - box[[0, 2]])
 
     def added(
         self, element: int, uv: Float[ndarray, "n 2"], places: Float[ndarray, "n 3"]
@@ -115,12 +113,12 @@ def _merge_points(points: Float[ndarray, "n 3"], same: float) -> Int[ndarray, " 
     first = np.arange(len(points))
     for a, b in sorted(cKDTree(points).query_pairs(same)):
         first[b] = min(first[b], first[a])
-    return np.asarray(np.unique(first, return_inverse=True)[1])
+    return np.unique(first, return_inverse=True)[1]
 
 
 def along_side(side: int, x: Float[ndarray, " n"]) -> Float[ndarray, "n 2"]:
     """Places on a side of the square."""
-    return np.asarray(SQUARE[side] + x[:, None] * (SQUARE[(side + 1) % 4] - SQUARE[side]))
+    return SQUARE[side] + x[:, None] * (SQUARE[(side + 1) % 4] - SQUARE[side])
 
 
 def _corners_on(

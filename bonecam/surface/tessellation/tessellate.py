@@ -161,7 +161,7 @@ def _edges_to_split(
 def _too_bent(draft: _Draft, edges: ndarray, chord_tolerance: float, angle_tolerance: float) -> ndarray:
     a, b = (draft.surface.normals(*draft.parameters[edges[:, k]].T) for k in (0, 1))
     length = _lengths(draft.points, edges)
-    return np.asarray((np.einsum("ni,ni->n", a, b) < np.cos(angle_tolerance)) & (length > chord_tolerance))
+    return (np.einsum("ni,ni->n", a, b) < np.cos(angle_tolerance)) & (length > chord_tolerance)
 
 
 def _split_edges(draft: _Draft, edges: ndarray, edge_of_face: ndarray, marked: ndarray) -> None:
@@ -186,7 +186,7 @@ def _split_edges(draft: _Draft, edges: ndarray, edge_of_face: ndarray, marked: n
 
 
 def _lengths(points: ndarray, edges: ndarray) -> ndarray:
-    return np.asarray(np.linalg.norm(points[edges[:, 0]] - points[edges[:, 1]], axis=1))
+    return np.linalg.norm(points[edges[:, 0]] - points[edges[:, 1]], axis=1)
 
 
 def _cut_faces(points: ndarray, faces: ndarray, middle: ndarray) -> ndarray:

@@ -106,7 +106,13 @@ class Draft:
             return
         if self._edge_passes(1 - axis, row, line) or self._edge_passes(axis, line, row):
             self._number_vertex(place)
-            self._cut_empty_intervals(axis, line, row)
+
+            # Cut the empty intervals on both sides of a new vertex, so that all lines of a clamped border have it
+            count = self.inside.shape[1 - axis]
+            closed = bool(self.period[1 - axis])
+            for piece in (row - 1, row):
+                if (closed or 0 <= piece < count) and self._length(1 - axis, piece % count) == 0:
+                    self.cut(axis, line, piece % count)
         else:
             self.cut(axis, line, row % self.inside.shape[1 - axis])
 
@@ -123,15 +129,6 @@ class Draft:
                 for line in (k * len(hits) // FEWEST for k in range(FEWEST)):
                     if not hits[line, row]:
                         self._number_vertex((line, row) if axis == 0 else (row, line))
-
-    def _cut_empty_intervals(self, axis: int, line: int, row: int) -> None:
-        """Cut the empty intervals on both sides of a new vertex, so that all lines of a clamped border have
-        it."""
-        count = self.inside.shape[1 - axis]
-        closed = bool(self.period[1 - axis])
-        for piece in (row - 1, row):
-            if (closed or 0 <= piece < count) and self._length(1 - axis, piece % count) == 0:
-                self.cut(axis, line, piece % count)
 
     def _length(self, axis: int, piece: int) -> float:
         """The knot interval of a piece between two lines of `axis`."""

@@ -200,7 +200,7 @@ def sight(
 def _crossed(edges: ndarray, closed: bool) -> ndarray:
     """Where an edge runs on through a crossing: edges (a, cells) -> (a, b)."""
     if closed:
-        return np.asarray(edges & np.roll(edges, 1, axis=1))
+        return edges & np.roll(edges, 1, axis=1)
     through = np.zeros((edges.shape[0], edges.shape[1] + 1), dtype=bool)
     through[:, 1:-1] = edges[:, :-1] & edges[:, 1:]
     return through
@@ -210,7 +210,7 @@ def beside(inside: ndarray, closed: bool) -> ndarray:
     """Between which crossings of a row there is domain on one side at least: inside (p, q) -> (p, q + 1),
     closed: (p, q)."""
     if closed:
-        return np.asarray(inside | np.roll(inside, 1, axis=1))
+        return inside | np.roll(inside, 1, axis=1)
     wide = np.zeros((inside.shape[0], inside.shape[1] + 1), dtype=bool)
     wide[:, :-1] |= inside
     wide[:, 1:] |= inside

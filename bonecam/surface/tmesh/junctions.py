@@ -26,11 +26,6 @@ class Junctions(NamedTuple):
     directions: Int64[ndarray, " j"]
 
 
-def edge_table(tmesh: TMesh) -> ndarray:
-    """Whether an edge leaves each vertex in the directions +s, +t, -s, -t, (n, 4)."""
-    return _around(tmesh, tmesh.along_s, tmesh.along_t)
-
-
 def _around(tmesh: TMesh, pieces_s: ndarray, pieces_t: ndarray) -> ndarray:
     """The values of the pieces between crossings on the four sides of each vertex, (n, 4); False where there
     is no piece. `pieces_s` run along s, `pieces_t` along t."""
@@ -49,7 +44,8 @@ def _around(tmesh: TMesh, pieces_s: ndarray, pieces_t: ndarray) -> ndarray:
 def junctions(tmesh: TMesh) -> Junctions:
     """All T-junctions. Vertices with the same two knots are one: an edge that goes on from any of them is not
     missing."""
-    edges = edge_table(tmesh)
+    # Whether an edge leaves each vertex in the directions +s, +t, -s, -t, (n, 4)
+    edges = _around(tmesh, tmesh.along_s, tmesh.along_t)
     inside = _around(
         tmesh, beside(tmesh.inside, bool(tmesh.period[1])), beside(tmesh.inside.T, bool(tmesh.period[0])).T
     )

@@ -69,4 +69,4 @@ def knots_of_lines(
     lines: Int64[ndarray, "n k"], knots: Float[ndarray, " a"], period: float
 ) -> Float[ndarray, "n k"]:
     """Knot values of line numbers, those beyond the ends of a closed direction moved by whole periods."""
-    return np.asarray(knots[lines % len(knots)] + period * (lines // len(knots)))
+    return knots[lines % len(knots)] + period * (lines // len(knots))

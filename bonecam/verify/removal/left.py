@@ -37,7 +37,7 @@ def measure_left(normal_probes: NormalProbes, post: Post | None, radius: float, 
     # Whether a ball that touches the part at these normal probes would enter it at another normal probe
     centres = normal_probes.points[standing] + radius * normal_probes.normals[standing]
     nearest, _ = cKDTree(normal_probes.points).query(centres)
-    hollow = np.asarray(nearest < radius - ENTERS)
+    hollow = nearest < radius - ENTERS
 
     return Left(
         mesh=normal_probes.mesh,

@@ -13,7 +13,6 @@ from bonecam.mechanics.workpiece import stump_workpiece, workpiece_of
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.posting.rotary.machine_limits import machine_limits
-from bonecam.nc.reading.motions import Motions
 from bonecam.nc.reading.read import read_program
 from bonecam.planning.layers.layer_limits import layer_limits
 from bonecam.planning.passes.contacts import at_post
@@ -58,15 +57,6 @@ def level_scallops(job: Job, levels: int) -> dict[int, float]:
     """The scallop (mm) that the path of each of so many levels may leave; none of layers, which leave those of their
     cutters."""
     return {index: job.scallop(index) for index in range(levels)} if job.path.strategy == "morph" else {}
-
-
-def stump_limits(text: str, motions: Motions, dialect: Dialect, job: Job) -> dict[int, float]:
-    """The largest depth (mm) of the cut on each layer of a second clamping's program: that of the cutter, as its `text`
-    and its `motions` tell."""
-    depths = {"roughing": job.levels.layer_depth, "finishing": job.levels.finishing_depth}
-    limit_of = {number: depths[name] for number, name in enumerate(job.cutter_names, 1) if name in depths}
-    groups = groups_of(text, motions, dialect)
-    return {group.level: limit_of[group.tool] for group in groups if group.level is not None}
 
 
 def followed_surfaces(job: Job, meshes: Mapping[int, TriangleMesh]) -> dict[int, TriangleMesh]:
@@ -184,7 +174,14 @@ def simulate_stump(
     Errors as in `simulate_removal`; force and bending are left out without `mechanics`.
     """
     motions = read_program(text, machine, dialect)
-    limits = stump_limits(text, motions, dialect, job)
+
+    # The largest depth (mm) of the cut on each layer of a second clamping's program: that of the cutter, as its
+    # `text` and its `motions` tell
+    depths = {"roughing": job.levels.layer_depth, "finishing": job.levels.finishing_depth}
+    limit_of = {number: depths[name] for number, name in enumerate(job.cutter_names, 1) if name in depths}
+    groups = groups_of(text, motions, dialect)
+    limits = {group.level: limit_of[group.tool] for group in groups if group.level is not None}
+
     cutters = cutters_of(job, machine)
     removal = simulate_further(
         text,

@@ -82,6 +82,6 @@ def _solid_angles(
     """Signed solid angles (steradians) of triangles with corners a, b, c seen from the origin (van Oosterom &
     Strackee 1983)."""
     p, q, r = lengths(a), lengths(b), lengths(c)
-    return np.asarray(
-        2 * np.arctan2(dots(a, np.cross(b, c)), p * q * r + dots(a, b) * r + dots(b, c) * p + dots(c, a) * q)
+    return 2 * np.arctan2(
+        dots(a, np.cross(b, c)), p * q * r + dots(a, b) * r + dots(b, c) * p + dots(c, a) * q
     )

@@ -11,7 +11,6 @@ and of several of a kind the tightest holds. A new one is a new file here with o
 name in SLABS or WALLS. The planes are exact at y itself; `Limits.at` sets them up again when y has moved on.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -40,17 +39,6 @@ def heights(cut: Cut, gap: Float[ndarray, " k"]) -> tuple[Float[ndarray, " k"], 
     all slabs, mm."""
     low, high = zip(*(slab(cut, gap) for slab in SLABS))
     return np.maximum.reduce(low), np.minimum.reduce(high)
-
-
-def tightest(
-    y: Float[ndarray, "k 3"], planes: Sequence[tuple[Float[ndarray, "k 3"], Float[ndarray, " k"]]]
-) -> tuple[Float[ndarray, "k 3"], Float[ndarray, " k"]]:
-    """Of the planes m . y <= h at each sample the one that y breaks most."""
-    m, h = planes[0]
-    for other, its in planes[1:]:
-        worse = dots(other, y) - its > dots(m, y) - h
-        m, h = np.where(worse[:, None], other, m), np.where(worse, its, h)
-    return m, h
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,5 +142,12 @@ def limits_at(
     s, t, c, n = closest_points_near(before, y, s, t, steps)
     room = np.minimum(gap, -stock.signed_distance(c))
     low, high = heights(cut, room)
-    m, h = tightest(y, [one(cut, room, stock, y) for one in WALLS])
+
+    # Of the planes m . y <= h at each sample the one that y breaks most.
+    planes = [one(cut, room, stock, y) for one in WALLS]
+    m, h = planes[0]
+    for other, its in planes[1:]:
+        worse = dots(other, y) - its > dots(m, y) - h
+        m, h = np.where(worse[:, None], other, m), np.where(worse, its, h)
+
     return Limits(before, stock, cut=cut, gap=gap, s=s, t=t, c=c, n=n, low=low, high=high, m=m, h=h)

@@ -24,4 +24,4 @@ def inside(
 ) -> Float[ndarray, "k 3"]:
     """The points, those less than their clearance inside the stock taken there along the shortest way."""
     distance, out = stock.distances_and_normals(points)
-    return np.asarray(points - np.maximum(distance + clearance, 0)[:, None] * out)
+    return points - np.maximum(distance + clearance, 0)[:, None] * out

@@ -56,7 +56,7 @@ class AxisCones:
     @property
     def found(self) -> Bool[ndarray, " n"]:
         """Which contacts have a cone."""
-        return np.asarray(self.shapes.found[self.free.net.node_of])
+        return self.shapes.found[self.free.net.node_of]
 
     @property
     def shares(self) -> Float[ndarray, " k"]:
@@ -72,7 +72,7 @@ class AxisCones:
     def depths(self, axes: Float[ndarray, "n 3"]) -> Float[ndarray, " n"]:
         """How far inside its contact's cone each axis is, radians in a circular cone as wide; negative outside."""
         shapes = self.shapes.take(self.free.net.node_of)
-        return np.asarray(shapes.mean_angles - shapes.off(axes))
+        return shapes.mean_angles - shapes.off(axes)
 
     def contain(self, axes: Float[ndarray, "n 3"]) -> Bool[ndarray, " n"]:
         """Whether the axis of each contact lies in its cone and keeps the limits."""
@@ -80,7 +80,7 @@ class AxisCones:
         within = (polar >= self.least_polar - ANGLE_ROUNDING) & (polar <= self.largest_polar + ANGLE_ROUNDING)
         within &= self.limits.allow(axes)
         near = dots(axes, self.path.normals) >= np.cos(self.max_tilt)
-        return np.asarray(within & near & self.found & (self.depths(axes) >= 0))
+        return within & near & self.found & (self.depths(axes) >= 0)
 
     def about(self, axes: Float[ndarray, "n 3"]) -> "AxisCones":
         """The cones that hold these axes best: at each node a large one in which the mean of its contacts lies deep,

@@ -73,7 +73,7 @@ class ObliqueEllipticCone:
     def control_points(self) -> Float[ndarray, "3 9 3"]:
         """The net P_ij = A + i/2 (D + x_j U + y_j V), from the apex to the end, round the cone."""
         ring = self.axis + CIRCLE[:, :1] * self.first + CIRCLE[:, 1:] * self.second
-        return np.asarray(self.apex + np.array([0, 0.5, 1])[:, None, None] * ring)
+        return self.apex + np.array([0, 0.5, 1])[:, None, None] * ring
 
     @property
     def weights(self) -> Float[ndarray, "3 9"]:
@@ -93,26 +93,26 @@ class ObliqueEllipticCone:
         )
         points = np.concatenate([self.control_points, np.ones((3, 9, 1))], axis=2) * self.weights[:, :, None]
         homogeneous = np.einsum("ni,nj,ijk->nk", along, around, points)
-        return np.asarray(homogeneous[:, :3] / homogeneous[:, 3:])
+        return homogeneous[:, :3] / homogeneous[:, 3:]
 
     def implicit(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, " n"]:
         """q1^2 + q2^2 - q3^2 with q = [U V D]^-1 (x - A): zero on the cone and its opposite, negative inside."""
         q = (points - self.apex) @ self._inverse.T
-        return np.asarray(q[:, 0] ** 2 + q[:, 1] ** 2 - q[:, 2] ** 2)
+        return q[:, 0] ** 2 + q[:, 1] ** 2 - q[:, 2] ** 2
 
     def gradient(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
         """Gradient of `implicit`."""
         q = (points - self.apex) @ self._inverse.T
-        return np.asarray(2 * (q * [1, 1, -1]) @ self._inverse)
+        return 2 * (q * [1, 1, -1]) @ self._inverse
 
     def heights(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, " n"]:
         """q3: 0 in the apex, 1 in the plane of the end; negative on the opposite cone."""
-        return np.asarray((points - self.apex) @ self._inverse[2])
+        return (points - self.apex) @ self._inverse[2]
 
     def contains(self, directions: Float[ndarray, "n 3"]) -> Bool[ndarray, " n"]:
         """Whether rays from the apex in these directions run inside the cone or on it."""
         q = directions @ self._inverse.T
-        return np.asarray((q[:, 2] > 0) & (q[:, 0] ** 2 + q[:, 1] ** 2 <= q[:, 2] ** 2))
+        return (q[:, 2] > 0) & (q[:, 0] ** 2 + q[:, 1] ** 2 <= q[:, 2] ** 2)
 
     @cached_property
     def principal(self) -> tuple[Float[ndarray, "3 3"], Float[ndarray, "2"]]:

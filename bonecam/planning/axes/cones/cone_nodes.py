@@ -58,7 +58,7 @@ def make_net(
 
 
 def _means(group: Int[ndarray, " n"], values: Float[ndarray, " n"]) -> Float[ndarray, " k"]:
-    return np.asarray(np.bincount(group, values) / np.bincount(group))
+    return np.bincount(group, values) / np.bincount(group)
 
 
 def _largest(group: Int[ndarray, " n"], values: Float[ndarray, " n"]) -> Float[ndarray, " k"]:

@@ -71,7 +71,7 @@ class Sweep:
     def holds(self, points: Float[ndarray, "n 3"], sides: int) -> Bool[ndarray, " n"]:
         """Which points, in the frame of the mesh, lie within the bounds that it has."""
         sizes = np.tile(self.sizes, (len(points), 1))
-        return np.asarray(swept_hold(sizes, sides, np.ascontiguousarray(points)))
+        return swept_hold(sizes, sides, np.ascontiguousarray(points))
 
 
 @lru_cache(maxsize=64)

@@ -66,7 +66,7 @@ class Obstacle:
         self, sizes: Float[ndarray, "n 6"], places: Float[ndarray, "n 3"], turns: Float[ndarray, "n 3 3"]
     ) -> Bool[ndarray, " n"]:
         """Which of the sweeps, as `crossing` has them, planes tell from every triangle."""
-        return np.asarray(swept_clear(sizes, FINE_SIDES, places, turns, *self.tree))
+        return swept_clear(sizes, FINE_SIDES, places, turns, *self.tree)
 
 
 def crossing(

@@ -65,7 +65,7 @@ class FreeAxes:
     @cached_property
     def free(self) -> Bool[ndarray, "k l"]:
         """Which of the allowed directions are proven free."""
-        return np.asarray(self.proven & self.allowed)
+        return self.proven & self.allowed
 
     @property
     def apex_nodes(self) -> Int[ndarray, " m"]:
@@ -182,7 +182,7 @@ def _maps(
 
     def work(piece: slice) -> Bool[ndarray, "m l"]:
         some = starts[piece.start : piece.stop + 1]
-        return np.asarray(direction_maps(obstacles, apexes, some, asked[piece], sphere_leaves()[0]))
+        return direction_maps(obstacles, apexes, some, asked[piece], sphere_leaves()[0])
 
     return np.concatenate(in_pieces(work, len(asked), NODES))
 
@@ -192,7 +192,7 @@ def _reached_leaves(limits: MachineLimits) -> Bool[ndarray, " l"]:
     centres = leaf_centres()
     if limits.reached is None:
         return np.ones(len(centres), dtype=bool)
-    return np.asarray(angles_between(centres, limits.nearest(centres)) <= LEAF)
+    return angles_between(centres, limits.nearest(centres)) <= LEAF
 
 
 def blocked_by(path: ContactPath, scene: Scene, limits: MachineLimits, max_tilt: float) -> dict[str, int]:

@@ -189,7 +189,7 @@ def _begins(cones: AxisCones, rows: Int[ndarray, " m"], pair: _Pair) -> Float[nd
     apexes = cones.free.apexes
     shapes = cones.shapes.take(cones.free.apex_nodes[rows])
     lean = shapes.largest_angles(apexes.normals[rows]) + apexes.spread[rows] + RIM_ERROR
-    return np.asarray(2 * apexes.room[rows] * np.cos(np.minimum(lean, np.pi / 2)))
+    return 2 * apexes.room[rows] * np.cos(np.minimum(lean, np.pi / 2))
 
 
 def _holds_piece(

@@ -53,7 +53,7 @@ class ContactFacets:
     @property
     def found(self) -> Bool[ndarray, " n"]:
         """Which contacts have facets."""
-        return np.asarray(self.vertex_of >= 0)
+        return self.vertex_of >= 0
 
     @cached_property
     def vertex_normals(self) -> Float[ndarray, "v 3"]:
@@ -114,4 +114,4 @@ def _compact(
     doubled = ways[0, :, 0] * ways[1, :, 1] - ways[0, :, 1] * ways[1, :, 0]
     longest = (ways**2).sum(axis=2).max(axis=0)
     near = edges.max(axis=1) <= LONG * np.percentile(edges, MOST)
-    return np.asarray(near & (doubled > THIN * longest))
+    return near & (doubled > THIN * longest)

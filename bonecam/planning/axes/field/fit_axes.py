@@ -139,7 +139,7 @@ def first_values(energy: AxisEnergy, normals: Float[ndarray, "n 3"]) -> Float[nd
 
 def _solve(matrix: Any, right: Float[ndarray, " c"]) -> Float[ndarray, " c"]:
     dense = matrix.toarray()
-    return np.asarray(solve(dense + 1e-9 * np.trace(dense) * np.eye(len(dense)), right, assume_a="pos"))
+    return solve(dense + 1e-9 * np.trace(dense) * np.eye(len(dense)), right, assume_a="pos")
 
 
 def minimise(

@@ -43,7 +43,7 @@ def candidate_axes(facets: ContactFacets) -> Float[ndarray, "v c 3"]:
     ]
     factors = np.column_stack([np.ones(len(across)), across])
     axes = np.einsum("cf,vfd->vcd", factors, frames)
-    return np.asarray(axes / np.linalg.norm(axes, axis=2, keepdims=True))
+    return axes / np.linalg.norm(axes, axis=2, keepdims=True)
 
 
 def candidate_frames(facets: ContactFacets) -> Float[ndarray, "v 3 3"]:

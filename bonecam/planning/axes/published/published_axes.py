@@ -59,7 +59,7 @@ def published_axes(
     vertex = which // (len(flat) // len(facets.contact_of))
     locations = facets.mesh.vertices[vertex] + length * flat[which]
     outward = dots(facets.vertex_normals[vertex], flat[which]) > 0
-    allowed[allowed] = np.asarray(outward & (heights_above(locations, facets.mesh) > 0))
+    allowed[allowed] = outward & (heights_above(locations, facets.mesh) > 0)
 
     def free(vertices: Int[ndarray, " k"], axes: Float[ndarray, "k 3"]) -> Bool[ndarray, " k"]:
         return checker.free_by_distance(path.centres[rows[vertices]], axes)

@@ -28,18 +28,7 @@ def side_step(radius: float, scallop: float, curvature: Float[ndarray, " n"]) ->
     Where the section is so sharp that one pass leaves no cusp as high, it is the whole circumference. Raises
     ToolPathError where kappa <= -1/R: the ball cannot touch there; ValueError unless 0 < scallop < radius.
     """
-    _require_contact(radius, curvature)
-    if not 0 < scallop < radius:
-        raise ValueError(f"scallop {scallop} must lie between 0 and the radius {radius}")
-    quotient = scallop * (2 * radius - scallop) / ((1 + curvature * radius) * (1 + curvature * scallop))
-    half = np.sqrt(quotient) / 2
-    sine = np.clip(curvature * half, -1, 1)
-    flat = np.abs(sine) < FLAT
-    return np.where(flat, 4 * half, 4 * np.arcsin(sine) / np.where(flat, 1, curvature))
-
-
-def _require_contact(radius: float, curvature: ndarray) -> None:
-    """ToolPathError where a section is hollow and sharper than the ball."""
+    # ToolPathError where a section is hollow and sharper than the ball
     if (1 + curvature * radius <= 0).any():
         worst = int(np.argmin(curvature))
         raise ToolPathError(
@@ -49,3 +38,11 @@ def _require_contact(radius: float, curvature: ndarray) -> None:
             index=worst,
             curvature=float(curvature[worst]),
         )
+
+    if not 0 < scallop < radius:
+        raise ValueError(f"scallop {scallop} must lie between 0 and the radius {radius}")
+    quotient = scallop * (2 * radius - scallop) / ((1 + curvature * radius) * (1 + curvature * scallop))
+    half = np.sqrt(quotient) / 2
+    sine = np.clip(curvature * half, -1, 1)
+    flat = np.abs(sine) < FLAT
+    return np.where(flat, 4 * half, 4 * np.arcsin(sine) / np.where(flat, 1, curvature))
