@@ -4,6 +4,11 @@ the stock inwards.
 It is a height field over the parameter domain that all levels share: each place stays where the balls that
 swept over it left it, scallops and the fillets of larger balls included. Where a contact was left out it stays
 where it was before: an obstacle to shank and holder, and too deep a cut for a ball further in.
+
+A mesh laid on the stock: its vertices on the surface, those next to an edge on the edge.
+
+Nearest points alone would cut the edges off by what the mesh lies below them: material that stays there, because no
+tool reaches it, would not be known.
 """
 
 from collections.abc import Sequence
@@ -11,7 +16,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float, Int, Int32
 from numpy import ndarray
 from scipy.spatial import KDTree
 
@@ -30,12 +35,52 @@ from bonecam.levels.measure.level import Level, MachinedLevel, RoundedLevel, mac
 from bonecam.material.cut_dexels import CutDexels, cut_poses, uncut_rays
 from bonecam.material.entering import ball_depths, enters_beside
 from bonecam.material.in_process_mesh import CHORD, holding, hull
-from bonecam.material.stock_places import places_on_stock
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.facets.vertex_normals import vertex_normals
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.setup.stock import Stock
 from bonecam.tool.path import MoveKind, ToolPath
+
+SHARP = np.radians(40.0)
+"""Neighbours whose normals are farther apart, and as far from opposite, have an edge between them: on round walls of
+1 mm radius they are 36 degrees apart, 0.6 mm."""
+PARALLEL = 0.1
+"""Three walls whose planes have a smaller share of a singular value have no corner, but an edge."""
+
+
+def places_on_stock(
+    stock: Stock, points: Float[ndarray, "n 3"], faces: Int32[ndarray, "f 3"]
+) -> Float[ndarray, "n 3"]:
+    """The place of the stock's surface for each vertex of a closed mesh in it: the nearest one, but for the nearer of
+    two neighbours on both sides of an edge a place on that edge, and where three walls meet their corner."""
+    nearest, normals = stock.closest_points(points), stock.normals(points)
+    sides = faces, faces[:, [1, 2, 0]], faces[:, [2, 0, 1]]
+    sharp = np.array([_sharp(normals[side[:, 0]], normals[side[:, 1]]) for side in sides])
+    pairs = np.vstack([side[across, :2] for side, across in zip(sides, sharp, strict=True)])
+
+    stock_points = nearest
+    for neighbours in (pairs, faces[sharp.all(axis=0)]):
+        meeting = stock.closest_points(_meeting(nearest[neighbours], normals[neighbours]))
+
+        # The places, that of the neighbours in each row which is nearest to its target moved there
+        away = np.linalg.norm(stock_points[neighbours] - meeting[:, None], axis=2)
+        moved = stock_points.copy()
+        moved[neighbours[np.arange(len(away)), np.argmin(away, axis=1)]] = meeting
+        stock_points = moved
+    return stock_points
+
+
+def _sharp(u: Float[ndarray, "n 3"], v: Float[ndarray, "n 3"]) -> Bool[ndarray, " n"]:
+    """Whether an edge is between neighbours with these normals."""
+    return np.abs((u * v).sum(axis=1)) < np.cos(SHARP)
+
+
+def _meeting(points: Float[ndarray, "m k 3"], normals: Float[ndarray, "m k 3"]) -> Float[ndarray, "m 3"]:
+    """Where the planes through k points with these normals meet, nearest to the middle of the points."""
+    middle = points.mean(axis=1)
+    out = (normals * (points - middle[:, None])).sum(axis=2)
+    return middle + (np.linalg.pinv(normals, rcond=PARALLEL) @ out[:, :, None])[:, :, 0]
+
 
 DEPTH_CHORD = 0.005
 """Chord tolerance (mm) of the grid of the places that depths of cut are measured from: about 0.25 mm apart."""

@@ -19,9 +19,8 @@ from pathlib import Path
 
 import numpy as np
 
-from bonecam.surface.skinning.reduction import Reduction
 from bonecam.surface.skinning.row_curves import RowCurves
-from bonecam.surface.skinning.skin import control_curves, row_parameters, skin
+from bonecam.surface.skinning.skin import Reduction, control_curves, row_parameters, skin
 
 FOLDER = Path(__file__).resolve().parents[3] / "shared" / "tspline" / "skinning_sections"
 EXACT = 1e-6  # of the tolerance: the skin that is taken as exact

@@ -15,8 +15,7 @@ from numpy import ndarray
 from bonecam.errors import SurfaceError
 from bonecam.report.pictures.panels import Plot, lay_out, new_figure, save_figure
 from bonecam.report.pictures.shading import draw_shaded
-from bonecam.surface.tmesh.general import TMesh
-from bonecam.surface.tmesh.local_knot_vectors import knots_of_lines
+from bonecam.surface.tmesh.general import TMesh, knots_of_lines
 from bonecam.surface.tmesh.row_tmesh import RowTMesh
 from bonecam.surface.tspline import TSpline
 

@@ -14,7 +14,7 @@ from bonecam.errors import Cancelled, JobError, LevelError, StockError, SurfaceE
 from bonecam.levels.closed_morph import morph
 from bonecam.levels.edge_rounding import levels_in
 from bonecam.levels.measure.grid import level_grid
-from bonecam.levels.measure.measure_cut import measure_cut
+from bonecam.levels.measure.inspection import measure_cut
 from bonecam.levels.measure.measured_surface import MeasuredSurface
 from bonecam.levels.measure.violations import require_none, violations
 from bonecam.levels.problem.samples import integration_points, samples_of, thin_plate

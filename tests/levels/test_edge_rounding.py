@@ -15,8 +15,8 @@ from bonecam.levels.edge_rounding import levels_in
 from bonecam.levels.job_levels import make_levels
 from bonecam.levels.measure.cut_measures import BINS
 from bonecam.levels.measure.grid import level_grid
+from bonecam.levels.measure.inspection import measure_last_cut
 from bonecam.levels.measure.level import RoundedLevel, machined_levels
-from bonecam.levels.measure.measure_cut import measure_last_cut
 from bonecam.levels.measure.measured_surface import MeasuredSurface
 from bonecam.levels.measure.violations import require_none, violations
 from bonecam.levels.sequences.begun_morph import Morph

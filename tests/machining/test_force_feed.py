@@ -17,7 +17,7 @@ from bonecam.nc.posting.write import write_program
 from bonecam.nc.reading.read import read_program
 from bonecam.setup.capsule import Capsule
 from bonecam.tool.path import MoveKind
-from bonecam.verify.control.feeds import check_feeds_of_job
+from bonecam.verify.control.check import check_feeds_of_job
 from bonecam.verify.removal.simulate import simulate_removal
 from bonecam.verify.removal.sweeping import Accuracy
 from bonecam.workholding.post import Post

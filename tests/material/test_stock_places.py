@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bonecam.material.stock_places import places_on_stock
+from bonecam.material.in_process_stock import places_on_stock
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.setup.capsule import Capsule

@@ -7,7 +7,7 @@ from bonecam.job import HoldingJob
 from bonecam.job.materials.mechanical import CuttingForce, StiffnessTable
 from bonecam.material.rays import lay_grid, lay_rays
 from bonecam.mechanics.error_kept import Finished, KeptErrors
-from bonecam.mechanics.remedies import Remedy, best_text, remedies, thickened
+from bonecam.mechanics.result import Remedy, best_text, remedies, thickened
 from bonecam.mechanics.sections import column_sections
 from bonecam.mechanics.workpiece import Standing, Workpiece
 from bonecam.mesh.solids.revolution import cylinder

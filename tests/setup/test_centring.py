@@ -5,8 +5,7 @@ from scipy.spatial import cKDTree
 
 from bonecam.job import StockJob
 from bonecam.setup.capsule import Capsule
-from bonecam.setup.centring import centring_shift
-from bonecam.setup.placement import may_centre
+from bonecam.setup.placement import centring_shift, may_centre
 
 STOCK = Capsule(np.array([0.0, 0.0, 7.5]), np.array([0.0, 0.0, 29.5]), 7.5)
 

@@ -1,4 +1,4 @@
-"""The quadratic program of one level, on the free moves D of the control points (`poles.py`).
+"""The quadratic program of one level, on the free moves D of the control points (`free_moves`).
 
     min  int |S_new - H|^2 + stiffness D'MD + bending P_new'M P_new        S_new = S + R D, over the surface
     s.t. depth, nesting and stock at samples

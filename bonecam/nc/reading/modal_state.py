@@ -2,6 +2,14 @@
 
 Control manuals call a word modal that holds until another word replaces it: the position of each axis, the
 tool, tool-centre control, the way endless axes turn, and the meaning of F.
+
+Words of endless axes: which way the control turns by them, and the angle that it reaches.
+
+What holds as a program is read: what it must have stated before its axes move, its spindle and coolant.
+
+A control begins with what its machine's parameters choose, or with what the program before left on: inches, increments,
+another plane, a tilted plane. A dialect lists what the proof takes for granted (`stated` of `nc.dialect`); a text that
+leaves one of these out may be driven otherwise than it is read.
 """
 
 from collections.abc import Sequence
@@ -9,17 +17,125 @@ from collections.abc import Sequence
 import numpy as np
 from numpy import ndarray
 
+from bonecam.machine.axes import RotaryAxis
 from bonecam.machine.machine import Machine
 from bonecam.nc.dialect import Dialect
-from bonecam.nc.reading.endless_axes import EndlessAxes
-from bonecam.nc.reading.full_moves import MARKS, Blocks, full_move, read_full_moves
+from bonecam.nc.reading.full_moves import MARKS, Blocks, full_move, read_full_moves, unwound
 from bonecam.nc.reading.line_error import line_error
-from bonecam.nc.reading.modes import SpindleAndCoolant, Stated
 from bonecam.nc.reading.motions import COLUMNS, PartialMove, Tool
 from bonecam.nc.reading.number_range import check_range
 from bonecam.nc.reading.tool_words import described_tool
 from bonecam.nc.schema.numbering import block_numbers
 from bonecam.nc.tool_vectors import angles_from
+
+
+class Stated:
+    """What a program has not stated yet, as it is read."""
+
+    def __init__(self, dialect: Dialect) -> None:
+        self._again = tuple(dialect.stated.tool_centre)
+        self._missing = set(dialect.stated.moves)
+        self._missing_within: set[str] = set()
+
+    def read(self, name: str) -> None:
+        """Take a code, or the name of what a statement states, as read."""
+        self._missing.discard(name)
+        self._missing_within.discard(name)
+
+    def begin_tool_centre(self) -> None:
+        """Await what is to be stated after the start of tool-centre control."""
+        self._missing_within = set(self._again)
+
+    def check(self, letters: str, tool_centre: bool, line: int) -> None:
+        """ProgramError where the axes `letters` move before all was stated that they need."""
+        if self._missing:
+            raise line_error(line, f"an axis moves before {min(self._missing)} is stated")
+        if tool_centre and self._missing_within and not {*letters}.isdisjoint("XYZ"):
+            what = f"{min(self._missing_within)} is stated under tool-centre control"
+            raise line_error(line, f"an axis moves before {what}")
+
+
+class SpindleAndCoolant:
+    """What spindle and coolant do: `programmed` is the last speed that was read (S, 1/min), `turns` whether the
+    spindle has been started since the last tool change or stop."""
+
+    def __init__(self) -> None:
+        self.programmed = 0.0
+        self.turns = False
+        self.coolant = False
+
+    @property
+    def speed(self) -> float:
+        """The speed of the spindle, 1/min; 0 where it stands."""
+        return self.programmed if self.turns else 0.0
+
+    def apply(self, effect: str) -> None:
+        """Apply the effect of a code or a statement, if it is one of theirs (see `nc.dialect`)."""
+        effect = effect.replace("_", " ")
+        if effect in ("spindle on", "spindle stop", "halt"):
+            self.turns = effect == "spindle on"
+        if effect in ("coolant on", "coolant off", "halt"):
+            self.coolant = effect == "coolant on"
+
+    def change_tool(self) -> None:
+        """A tool change: the spindle stands, its speed is kept."""
+        self.turns = False
+
+
+AMBIGUOUS_TURN_DEG = 179.0
+"""A word that turns an endless axis by more than this in one block is refused: by half a turn, either way is
+short, and an axis that is wound goes the wrong way round."""
+
+
+class EndlessAxes:
+    """How a control reads the words of endless axes. `short_way`: they turn the short way, or as their words say; None
+    before the program has said which."""
+
+    def __init__(self, dialect: Dialect) -> None:
+        self.dialect = dialect
+        self.bounded_turns = dialect.chooses_way or dialect.endless_words == "wrapped"
+        self.short_way: bool | None = None if dialect.chooses_way else dialect.endless_words == "wrapped"
+
+    def are_wrapped(self, words: ndarray) -> ndarray:
+        """Whether words (degrees) are among those that the dialect's form of the short way takes."""
+        if not self.dialect.has_own_form:
+            return np.ones(np.shape(words), dtype=bool)
+        lowest = self.dialect.endless_from_deg
+        return np.asarray((words >= lowest) & (words < lowest + 360.0))
+
+    def reached(
+        self, axis: RotaryAxis, word: float, before: float | None, *, moves_tip: bool, line: int
+    ) -> float:
+        """The angle (degrees) that an endless axis reaches by its word from `before` (None: not known). ProgramError
+        where the way is not known; where the tip moves with it, a turn of half a turn too."""
+        if self.short_way is None:
+            raise line_error(line, f"{axis.letter} turns before the short way is switched on or off")
+        if self.short_way and not self.are_wrapped(np.array(word)):
+            lowest = self.dialect.endless_from_deg
+            why = f"{axis.letter} {word:g}: give {lowest:g} or more, below {lowest + 360:g}"
+            raise line_error(line, why)
+        if before is None:
+            return word
+        turn = word - before
+        if self.short_way:
+            turn = (turn + 180.0) % 360.0 - 180.0
+        if self.bounded_turns and abs(turn) > AMBIGUOUS_TURN_DEG and moves_tip:
+            why = "either way is possible" if self.short_way else "half a turn is allowed"
+            raise line_error(line, f"{axis.letter} turns by {turn:.3f} deg in one block: {why}")
+        # whole turns are added to the word, so that no rounding builds up over many turns
+        return word + 360.0 * round((before + turn - word) / 360.0)
+
+    def reached_in_turn(self, words: ndarray, before: float) -> tuple[ndarray, ndarray]:
+        """The angles (degrees) that successive words of one endless axis reach from `before`, and whether each is
+        doubtful: `reached` says what is wrong with it."""
+        if self.short_way is None:
+            return words, np.ones(len(words), dtype=bool)
+        doubtful = np.zeros(len(words), dtype=bool)
+        turns = np.diff(words, prepend=before)
+        if self.short_way:
+            doubtful = ~self.are_wrapped(words)
+            words, turns = unwound(before, words)
+        return words, doubtful | (self.bounded_turns & (np.abs(turns) > AMBIGUOUS_TURN_DEG))
 
 
 class ModalState:

@@ -4,6 +4,8 @@
 only those that are needed. `published`: all of them, whole. `round`: lines t = const, from the free end down to the
 post. `iso-scallop`: curves along the part, each at the local step from the one before. `spiral`: one curve round the
 part. `bands`: bands round the part with lines of their own.
+
+The error of a level none of whose contacts can be machined.
 """
 
 from collections.abc import Sequence
@@ -13,10 +15,12 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
+from bonecam.errors import ToolPathError
 from bonecam.job import PathJob
 from bonecam.levels.measure.level import MachinedLevel, RoundedLevel
 from bonecam.material.in_process_stock import InProcessStock
 from bonecam.mesh.distance import MeshDistance
+from bonecam.mesh.facets.nearest_areas import nearest_areas
 from bonecam.planning.passes.engaged_segments import (
     ANYTHING,
     DepthLimits,
@@ -27,7 +31,6 @@ from bonecam.planning.passes.engaged_segments import (
     whole_passes,
 )
 from bonecam.planning.passes.gouge_lifts import gouge_free_lifts, planned_tolerance
-from bonecam.planning.passes.nothing_to_cut import nothing_to_cut
 from bonecam.planning.passes.patterns.fastest import pattern_curves
 from bonecam.planning.passes.patterns.order import order_curves
 from bonecam.planning.passes.patterns.post_ring import LineContacts, post_rings
@@ -37,6 +40,25 @@ from bonecam.tool.cutter import Cutter
 from bonecam.tool.path import ContactPath
 from bonecam.workholding.column import Column
 from bonecam.workholding.post import Post
+
+WHY_NOTHING = {
+    "post": "are too near the post: take a thinner post (holding.diameter) or a smaller cutter",
+    "gouge": "lie where the ball does not fit: take a smaller cutter",
+    "covered": "lie under what the levels round it left uncut: give the tool more room there, by a longer "
+    "overhang, a slimmer holder, a longer or thinner post",
+}
+"""What to do where a level cannot be cut at all, by the reason that most of its contacts have."""
+
+
+def nothing_to_cut(level: MachinedLevel, reasons: ndarray, contacts: Float[ndarray, "n 3"]) -> ToolPathError:
+    """The error of a level none of whose contacts can be machined, for these reasons."""
+    names, counts = np.unique(reasons, return_counts=True)
+    most = str(names[np.argmax(counts)])
+    area = float(nearest_areas(level.mesh, contacts)[reasons == most].sum())
+    what = f"{counts.max()} of its {len(reasons)} contacts ({area:.1f} mm2) {WHY_NOTHING[most]}"
+    evidence = {"level": level.index, "reason": most, "area_mm2": area}
+    return ToolPathError(f"level {level.index}: nothing can be cut: {what}", **evidence)
+
 
 POST_CLEARANCE = 0.1
 """The ball keeps this far from the post, mm."""

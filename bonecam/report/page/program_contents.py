@@ -1,16 +1,25 @@
 """What a page shows of a program: its moves as read back from the text, the tools, what stands after each level, what
-is left."""
+is left.
+
+Fewer rows of a path within a chord tolerance.
+
+The cones of free axes that a page shows at contacts.
+
+What a page shows of a machine: its rotary axes, where they stand in each move, and what they carry.
+"""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 from scipy.spatial import cKDTree
 
+from bonecam.arrays import dots
 from bonecam.job import Job
+from bonecam.machine.axes import RotaryAxis
 from bonecam.machine.machine import Machine
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.dialect import Dialect
@@ -18,18 +27,110 @@ from bonecam.nc.posting.marks import LIFTED, REWIND
 from bonecam.nc.reading.motions import Motions
 from bonecam.nc.reading.read import read_program
 from bonecam.nc.words import comment
-from bonecam.report.page.cone_contents import cone_contents
-from bonecam.report.page.machine_contents import machine_facts, rotary_angles
 from bonecam.report.page.move_sources import of_rows, of_text, rows_of_moves
 from bonecam.report.page.packing import Contents
-from bonecam.report.page.thinning import thinned
 from bonecam.report.summary import WHY
 from bonecam.tool.cutter import Cutter
+from bonecam.tool.elliptic_cones import EllipticCones
 from bonecam.tool.path import PARTING, MoveKind, ToolPath
 from bonecam.verify.removal.groups import feed_minutes, groups_of
 from bonecam.verify.removal.left import LEFT
 from bonecam.verify.removal.of_job import cutters_of, followed_surfaces
 from bonecam.verify.removal.result import Left, Removal
+
+
+def rotary_angles(machine: Machine, words: Float[ndarray, "n 5"]) -> dict[str, Float[ndarray, " n"]]:
+    """`move_angle_B` and so on: the angles of the rotary axes that the machine has, degrees, from joints in radians."""
+    return {
+        f"move_angle_{axis.letter}": np.degrees(words[:, machine.column(axis)]) for axis in machine.own_rotary
+    }
+
+
+def machine_facts(machine: Machine) -> dict[str, Any]:
+    """`rotary`: the letters of its axes; `kinematics`: those that carry the part, from the part outward, those of the
+    head, from the base outward, and the place (mm) and the frame of the part in the machine, all axes at zero, as
+    `bonecam.machine.kinematics` has them."""
+    return {
+        "rotary": [axis.letter for axis in machine.own_rotary],
+        "kinematics": {
+            "table": _axes(machine.part_axes),
+            "head": _axes(machine.tool_axes),
+            "zero": list(machine.part_zero),
+            "frame": [list(row) for row in machine.part_frame],
+        },
+    }
+
+
+def _axes(axes: Sequence[RotaryAxis]) -> list[list[Any]]:
+    """Letter, direction and pivot (mm) of those that have a letter; the others stand at zero."""
+    return [[axis.letter, list(axis.direction), list(axis.pivot)] for axis in axes if axis.letter]
+
+
+def cone_contents(
+    paths: Sequence[ToolPath], rows: Int[ndarray, " n"], arrives: Bool[ndarray, " n"]
+) -> dict[str, ndarray]:
+    """Axes, directions of the largest opening and semi-angles (radians) of cones, and for each move that `arrives` at
+    one of the `rows` of all paths its cone's number from 1; 0 where it has none, or the move ends between contacts.
+    Empty where no axis was chosen in a cone."""
+    shapes = [EllipticCones.none(0)]
+    cone_of = []
+    count = 0
+    for path in paths:
+        cones = path.cones
+        if cones is None:
+            cone_of.append(np.zeros(len(path.tips), dtype=np.int64))
+            continue
+        cone_of.append(np.where(cones.cone_of >= 0, cones.cone_of + count + 1, 0))
+        shapes.append(cones.shapes)
+        count += len(cones.shapes)
+    if not count:
+        return {}
+    used, number = np.unique(np.where(arrives, np.concatenate(cone_of)[rows], 0), return_inverse=True)
+    shift = int(used[0] > 0)  # without a move that has no cone numbers begin at 0 too
+    chosen = used[used > 0] - 1
+    return {
+        "cone_axis": np.vstack([part.axes for part in shapes])[chosen],
+        "cone_side": np.vstack([part.sides for part in shapes])[chosen],
+        "cone_angle": np.vstack([part.angles for part in shapes])[chosen],
+        "move_cone": number + shift,
+    }
+
+
+def thinned(
+    tips: Float[ndarray, "n 3"],
+    axes: Float[ndarray, "n 3"],
+    needed: Bool[ndarray, " n"],
+    tolerance: float,
+    length: float,
+) -> Int[ndarray, " k"]:
+    """Rows that are enough: tips, and the points `length` mm up the axes, lie within `tolerance` (mm) of the lines
+    between neighbours. `needed` rows stay, so do the first and the last.
+
+    Each round leaves out at most every other row, within half of the tolerance that is left.
+    """
+    kept = np.arange(len(tips))
+    rest = tolerance
+    while True:
+        rest /= 2
+        inner = kept[1:-1]
+        far = np.maximum(_distances(tips, kept), _distances(tips + length * axes, kept))
+        droppable = (far < rest) & ~needed[inner]
+        droppable[1::2] = False
+        if droppable.sum() < len(kept) / 100:
+            return kept
+        kept = np.delete(kept, 1 + np.flatnonzero(droppable))
+
+
+def _distances(points: Float[ndarray, "n 3"], kept: Int[ndarray, " k"]) -> Float[ndarray, " m"]:
+    """Distance of each inner point of a polyline from the segment between its neighbours, mm."""
+    before = points[kept[:-2]]
+    here = points[kept[1:-1]]
+    after = points[kept[2:]]
+    along = after - before
+    square = np.maximum(dots(along, along), np.finfo(float).tiny)
+    share = np.clip(dots(here - before, along) / square, 0.0, 1.0)
+    return np.linalg.norm(before + share[:, None] * along - here, axis=1)
+
 
 MOST_MOVES = 150_000
 """Of programs with more moves those that a line within CHORD does without are left out."""

@@ -9,6 +9,15 @@ which cells belong to the domain. A closed direction has as many cells as lines,
 
 Faces are the rectangles that edges bound. Local knot vectors come from rays (surface.rays). Meshes with
 extraordinary points have no such grid: they come as Bezier elements (surface.iga).
+
+The faces of a T-mesh in index space: cells joined where no edge parts them.
+
+Local knot vectors of a T-mesh by ray shooting in index space (Sederberg et al. 2003, Rule 1).
+
+From a vertex a ray runs along its index line and takes the knot of each vertex or perpendicular edge that it
+hits, two to either side. Where the ray leaves the domain the last knot repeats; in a closed direction the ray
+goes round. All comparisons are between line numbers, so knots that a file holds twice with different last
+digits are one.
 """
 
 from collections.abc import Sequence
@@ -16,15 +25,116 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import scipy.sparse as sp
 from jaxtyping import Bool, Float, Int64
 from numpy import ndarray
+from scipy.sparse.csgraph import connected_components
 
 from bonecam.arrays import frozen
 from bonecam.errors import SurfaceError
 from bonecam.surface.basis.elements import Elements
 from bonecam.surface.basis.local_extraction import extract_local
-from bonecam.surface.tmesh.faces import face_rectangles
-from bonecam.surface.tmesh.local_knot_vectors import knots_of_lines, local_lines
+
+
+def local_lines(
+    line: Int64[ndarray, " n"],
+    row: Int64[ndarray, " n"],
+    hits: Bool[ndarray, "a b"],
+    passes: Bool[ndarray, "p b"],
+    closed: bool,
+) -> Int64[ndarray, "n 5"]:
+    """The five lines that the ray through each vertex at (line, row) meets; -1 and a: once round a closed
+    direction, and so on.
+
+    hits[i, j]: a vertex or a perpendicular edge stops the ray of row j on line i. passes[i, j]: the ray of
+    row j may run between lines i and i + 1. Raises SurfaceError for a closed row with fewer than four hits.
+    """
+    count = hits.shape[0]
+    result = np.empty((len(line), 5), dtype=np.int64)
+    for j in np.unique(row):
+        here = np.flatnonzero(row == j)
+        stops = np.flatnonzero(hits[:, j])
+        gaps = np.concatenate([[0], np.cumsum(~passes[:, j])])
+        if closed and passes[:, j].all():
+            if len(stops) < 4:
+                raise SurfaceError(
+                    f"row {j} of a closed direction has {len(stops)} distinct knots: give it four or more",
+                    row=int(j),
+                )
+            place = np.searchsorted(stops, line[here])[:, None] + np.arange(-2, 3)
+            result[here] = stops[place % len(stops)] + count * (place // len(stops))
+        elif closed:
+            unrolled = np.concatenate([stops - count, stops, stops + count])
+            walls = np.concatenate([gaps[:-1], gaps[-1] + gaps[:-1], 2 * gaps[-1] + gaps])
+            result[here] = _open(line[here], unrolled, walls, count)
+        else:
+            result[here] = _open(line[here], stops, gaps, 0)
+    return result
+
+
+def _open(line: ndarray, stops: ndarray, walls: ndarray, shift: int) -> ndarray:
+    """Two stops to either side of each line, the last one before a wall repeated. walls[i + shift]: gaps
+    before line i."""
+    indices = np.empty((len(line), 5), dtype=np.int64)
+    indices[:, 2] = line
+    place = np.searchsorted(stops, line)
+    for step in (-1, 1):
+        last = line
+        for k in (1, 2):
+            index = np.clip(place + step * k, 0, len(stops) - 1)
+            reached = (place + step * k == index) & (walls[stops[index] + shift] == walls[line + shift])
+            last = np.where(reached, stops[index], last)
+            indices[:, 2 + step * k] = last
+    return indices
+
+
+def knots_of_lines(
+    lines: Int64[ndarray, "n k"], knots: Float[ndarray, " a"], period: float
+) -> Float[ndarray, "n k"]:
+    """Knot values of line numbers, those beyond the ends of a closed direction moved by whole periods."""
+    return knots[lines % len(knots)] + period * (lines // len(knots))
+
+
+def face_rectangles(
+    widths: ndarray, heights: ndarray, inside: ndarray, along_s: ndarray, along_t: ndarray
+) -> ndarray:
+    """Cells joined where no edge parts them, as boxes of line numbers; what lies across a seam is parted
+    there.
+
+    Only the part of a face that has an area must be a rectangle: at a clamped corner that turns inwards empty
+    cells are missing.
+    """
+    p, q = inside.shape
+    cell = np.arange(p * q).reshape(p, q)
+    joined_s = inside[:-1] & inside[1:] & ~along_t[1:p, :q]
+    joined_t = inside[:, :-1] & inside[:, 1:] & ~along_s[:p, 1:q]
+    pairs = [(cell[:-1][joined_s], cell[1:][joined_s]), (cell[:, :-1][joined_t], cell[:, 1:][joined_t])]
+    a, b = (np.concatenate([pair[k] for pair in pairs]) for k in (0, 1))
+    label = connected_components(
+        sp.coo_array((np.ones(len(a)), (a, b)), shape=(p * q, p * q)), directed=False
+    )[1].reshape(p, q)
+    counted = inside & (widths > 0)[:, None] & (heights > 0)
+    i, j = np.nonzero(counted)
+    kinds, group = np.unique(label[counted], return_inverse=True)
+    low = np.full((2, len(kinds)), p + q)
+    high = np.full((2, len(kinds)), -1)
+    for k, index in enumerate((i, j)):
+        np.minimum.at(low[k], group, index)
+        np.maximum.at(high[k], group, index + 1)
+    full = np.array(
+        [
+            np.count_nonzero(widths[s0:s1]) * np.count_nonzero(heights[t0:t1])
+            for s0, t0, s1, t1 in zip(*low, *high)
+        ]
+    )
+    wrong = np.flatnonzero(full != np.bincount(group, minlength=len(kinds)))
+    if len(wrong):
+        place = low[:, wrong[0]]
+        raise SurfaceError(
+            f"the face round cell ({place[0]}, {place[1]}) is not a rectangle of index lines", cell=place
+        )
+    return np.column_stack([low[0], high[0], low[1], high[1]])
+
 
 ROUNDING = 1e-12
 """Share of the knots' size: nearer knots must be equal."""

@@ -18,15 +18,21 @@ from bonecam.levels.closed_morph import morph
 from bonecam.levels.edge_rounding import levels_in
 from bonecam.levels.job_levels import make_levels
 from bonecam.levels.measure.certificates.certificate import ROUNDING, Certificate
-from bonecam.levels.measure.certificates.certify import certify, certify_cut, certify_last_cut
+from bonecam.levels.measure.certificates.certify import (
+    bound_inside,
+    bound_mesh_depth,
+    bound_outside,
+    certify,
+    certify_cut,
+    certify_last_cut,
+    faces_of_stock,
+    triangle_nets,
+)
 from bonecam.levels.measure.certificates.depth import MARGIN, depth_target
 from bonecam.levels.measure.certificates.nets import HALVES, bezier_nets
-from bonecam.levels.measure.certificates.stock_depth import bound_mesh_depth, faces_of_stock, triangle_nets
-from bonecam.levels.measure.certificates.stock_distance import bound_inside, bound_outside
 from bonecam.levels.measure.grid import level_grid
-from bonecam.levels.measure.inspection import Rules, excess_bound, inspect
+from bonecam.levels.measure.inspection import Rules, excess_bound, inspect, measure_cut
 from bonecam.levels.measure.level import RoundedLevel
-from bonecam.levels.measure.measure_cut import measure_cut
 from bonecam.levels.measure.measured_surface import MeasuredSurface
 from bonecam.levels.measure.violations import require_none, violations
 from bonecam.levels.problem.tolerances import DEPTH_TOLERANCE, NESTING_TOLERANCE, STOCK_TOLERANCE

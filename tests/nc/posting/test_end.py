@@ -16,7 +16,7 @@ from bonecam.nc.posting.write import write_program
 from bonecam.nc.reading.read import read_program
 from bonecam.tool.path import ToolPath
 from bonecam.verify.control.axis_limits import check_limits
-from bonecam.verify.control.spindle import check_spindle
+from bonecam.verify.control.check import check_spindle
 
 PARK = {
     "heidenhain": "L X+20.000 Y-30.500 R0 FMAX M91",

@@ -13,11 +13,10 @@ from bonecam.machine.frustum import Frustum
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.solids.revolution import revolve
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.planning.collision.checker import CollisionChecker
+from bonecam.planning.collision.checker import CollisionChecker, classify_thick_tool
 from bonecam.planning.collision.fcl_model import FclModel, build_fcl_model
 from bonecam.planning.collision.scene import TANGENT_SLACK, Scene, Surroundings
 from bonecam.planning.collision.sphere_tracing import COLLIDING, FREE, UNDECIDED, Poses, classify_poses
-from bonecam.planning.collision.thick_tool import classify_thick_tool
 from bonecam.planning.collision.tool_mesh import SIDES, cutter_mesh, section_mesh
 from bonecam.planning.passes.gouge_lifts import MESH_SHARE, WORD_ROUNDING, flute_slack, planned_tolerance
 from bonecam.setup.capsule import Capsule

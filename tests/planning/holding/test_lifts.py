@@ -4,7 +4,7 @@ import numpy as np
 
 from bonecam.arrays import unit
 from bonecam.planning.axes.lead import LEAVING, ROOM
-from bonecam.planning.holding.lifts import SLICE, needed_lifts
+from bonecam.planning.holding.post_length import SLICE, needed_lifts
 from bonecam.tool.cutter import Cutter
 from bonecam.workholding.clamping import Clamping
 from bonecam.workholding.column import Column

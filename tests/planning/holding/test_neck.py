@@ -18,11 +18,10 @@ from bonecam.mechanics.sections import column_sections
 from bonecam.mesh.solids.revolution import cylinder
 from bonecam.nc.posting.rotary.machine_limits import machine_limits
 from bonecam.planning.holding.finished_beam import finished_beam
-from bonecam.planning.holding.lifts import needed_lifts
 from bonecam.planning.holding.neck import find_standing, ranking
 from bonecam.planning.holding.neck_figures import Neck
 from bonecam.planning.holding.neck_remedies import neck_remedies, neck_report
-from bonecam.planning.holding.post_length import find_post_length
+from bonecam.planning.holding.post_length import find_post_length, needed_lifts
 from bonecam.progress import silent
 from bonecam.report.mechanics_lines import post_lines
 from bonecam.report.typed.to_levels import NeckFigures

@@ -16,7 +16,7 @@ from bonecam.planning.collision.scene import Scene
 from bonecam.planning.layers.height_mesh import HeightMesh
 from bonecam.planning.links.link_space import LinkSpace
 from bonecam.planning.links.moves import Feeds
-from bonecam.planning.links.step_over import steps_over
+from bonecam.planning.links.near_links import steps_over
 from bonecam.setup.capsule import Capsule
 from bonecam.surface.tspline import TSpline
 from bonecam.tool.cutter import Cutter

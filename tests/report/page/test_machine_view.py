@@ -14,7 +14,7 @@ from bonecam.machine.kinematics import forward, inverse_linear
 from bonecam.machine.machine import Machine, read_machine
 from bonecam.nc.job_dialect import job_dialect
 from bonecam.nc.reading.read import read_program
-from bonecam.report.page.machine_contents import machine_facts, rotary_angles
+from bonecam.report.page.program_contents import machine_facts, rotary_angles
 
 pytestmark = pytest.mark.whole
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from bonecam.surface.basis.spline_space import collocation, interpolate, sites
-from bonecam.surface.skinning.reduction import Reduction
+from bonecam.surface.skinning.skin import Reduction
 
 
 def wandering(count: int, closed: bool, seed: int = 3) -> np.ndarray:

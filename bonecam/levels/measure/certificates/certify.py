@@ -1,18 +1,238 @@
-"""Certify the cuts of a sequence of levels, one by one."""
+"""Certify the cuts of a sequence of levels, one by one.
+
+How deep the last cut is at most, from the stock down to a level.
+
+Every point of the stock's surface is the nearest one to a point of its mesh, and no farther from it than the
+mesh's faces are inside the stock. The faces are bounded as patches are (`kernels.hulls.depth`); finer meshes
+decide where coarse ones leave doubt.
+
+How far a level is out of the stock at most, and how far inside it.
+
+The signed distance of a convex body is convex. So its largest value at control points bounds it from above on
+their patch, and its tangent plane at one point bounds it from below. (A stock given as a mesh may be off
+convex by 1e-5 of its diagonal, and the bounds by as much.)
+
+How far a level lies inside the next one at least.
+
+Let A be level k - 1 moved inwards by tau N, N a spline over the same blending functions with |N_i| = 1, so
+that A is within tau of level k - 1. Where the hulls of all pieces of A are g > 0 apart from those of level k
+the two do not meet. A is connected, so the winding number of level k is the same round all of A; it is found
+to be one round one point far from level k. So A is g deep inside level k, and level k - 1 is g - tau inside.
+"Inside" is winding number one: the solid itself while level k does not cut itself, which
+`levels.measure.inspection` looks for in its tessellation.
+"""
 
 from collections.abc import Sequence
 
 import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+from scipy.spatial import cKDTree
 
-from bonecam.levels.measure.certificates.certificate import Certificate
-from bonecam.levels.measure.certificates.depth import bound_depth
-from bonecam.levels.measure.certificates.nesting import bound_nesting
-from bonecam.levels.measure.certificates.nets import bezier_nets
-from bonecam.levels.measure.certificates.stock_depth import bound_stock_depth
-from bonecam.levels.measure.certificates.stock_distance import bound_inside, bound_outside
+from bonecam.arrays import dots, lengths
+from bonecam.kernels.hulls.depth import depth_bound
+from bonecam.kernels.hulls.footpoints import DepthTarget
+from bonecam.kernels.hulls.separation import separation
+from bonecam.levels.measure.certificates.certificate import (
+    ACCURACY,
+    MAX_HALVINGS,
+    ROUNDING,
+    SMALLEST,
+    Certificate,
+)
+from bonecam.levels.measure.certificates.depth import bound_depth, depth_target
+from bonecam.levels.measure.certificates.nets import CORNERS, bezier_nets, quarter_nets
+from bonecam.levels.problem.tolerances import DEPTH_TOLERANCE
 from bonecam.progress import Progress, report, silent
 from bonecam.setup.stock import Stock
 from bonecam.surface.tspline import TSpline
+
+MOVES = (0.001, 0.0015, 0.003, 0.01, 0.03)
+"""How far (mm) a level is moved inwards before it must not meet the next; the first that does it is taken."""
+
+SMALL = 0.02
+"""Pieces of this size (mm) need not be a whole move apart."""
+
+MOST_PAIRS = 4_000_000
+"""Most pairs of pieces that are compared for one move inwards."""
+
+SAMPLES = 7
+"""Points each way on an element whose triangles the winding number is summed over."""
+
+WINDING_TOLERANCE = 0.1
+"""How far a winding number summed over triangles may be off one."""
+
+
+def bound_nesting(inner: TSpline, outer: Float[ndarray, "e 16 3"]) -> tuple[float, Float[ndarray, "3"]]:
+    """How far inside the outer level, given by its nets, the inner one is at least (mm, -inf where that is
+    not known), and about where it is least."""
+    boxes = inner.elements().boxes
+    s = boxes[:, :2].mean(1)
+    t = boxes[:, 2:].mean(1)
+    _, S_s, S_t = inner.derivatives(s, t, 1)
+    N = inner.basis(s, t)[0].T @ np.cross(S_s, S_t)
+    N /= np.maximum(np.linalg.norm(N, axis=1), np.finfo(float).tiny)[:, None]
+    place = np.zeros(3)
+    for move in MOVES:
+        moved = inner.with_control_points(inner.control_points - move * N)
+        gap, place, _ = separation(
+            bezier_nets(moved),
+            outer,
+            goal=move,
+            enough=move - MOVES[0],
+            small=SMALL,
+            smallest=SMALLEST,
+            most=MOST_PAIRS,
+        )
+        if gap > ROUNDING and _encloses(outer, moved.positions(s, t)):
+            return gap - move - ROUNDING, place
+    return -np.inf, place
+
+
+def _encloses(nets: Float[ndarray, "e 16 3"], points: Float[ndarray, "n 3"]) -> bool:
+    """Whether the winding number of the patches is one round the point that is farthest from them: the sum of
+    the solid angles of triangles on them."""
+    x = np.arange(SAMPLES) / (SAMPLES - 1)
+    B = np.column_stack([(1 - x) ** 3, 3 * x * (1 - x) ** 2, 3 * x**2 * (1 - x), x**3])
+    grid = np.einsum("ai,bj,nijx->nabx", B, B, nets.reshape(-1, 4, 4, 3))
+    around = grid - points[np.argmax(cKDTree(grid.reshape(-1, 3)).query(points)[0])]
+    a, b, c, d = (
+        around[:, i : SAMPLES - 1 + i, j : SAMPLES - 1 + j].reshape(-1, 3)
+        for i, j in ((0, 0), (0, 1), (1, 1), (1, 0))
+    )
+    winding = (_solid_angles(a, b, c).sum() + _solid_angles(a, c, d).sum()) / (4 * np.pi)
+    return bool(abs(winding - 1) < WINDING_TOLERANCE)
+
+
+def _solid_angles(
+    a: Float[ndarray, "n 3"], b: Float[ndarray, "n 3"], c: Float[ndarray, "n 3"]
+) -> Float[ndarray, "n"]:
+    """Signed solid angles (steradians) of triangles with corners a, b, c seen from the origin (van Oosterom &
+    Strackee 1983)."""
+    p, q, r = lengths(a), lengths(b), lengths(c)
+    return 2 * np.arctan2(
+        dots(a, np.cross(b, c)), p * q * r + dots(a, b) * r + dots(b, c) * p + dots(c, a) * q
+    )
+
+
+def bound_outside(nets: Float[ndarray, "e 16 3"], stock: Stock) -> tuple[float, Float[ndarray, "3"]]:
+    """How far patches leave the stock at most (mm, negative: inside) and about where; better than zero only
+    where zero is in doubt."""
+    worst = reached = -np.inf
+    place = np.zeros(3)
+    for halving in range(MAX_HALVINGS):
+        values = stock.signed_distance(nets.reshape(-1, 3)).reshape(-1, 16)
+        bounds = values.max(1)
+        reached = max(reached, float(values[:, CORNERS].max()))
+        doubtful = (bounds > max(0.0, reached + ACCURACY)) & (halving < MAX_HALVINGS - 1)
+        patch = np.argmax(np.where(doubtful, -np.inf, bounds))
+        if not doubtful[patch] and bounds[patch] > worst:
+            worst = float(bounds[patch])
+            place = nets[patch, np.argmax(values[patch])]
+        if not doubtful.any():
+            break
+        nets = quarter_nets(nets[doubtful])
+    return worst + ROUNDING, place
+
+
+def bound_inside(
+    nets: Float[ndarray, "e 16 3"], stock: Stock, limit: float
+) -> tuple[float, Float[ndarray, "3"]]:
+    """How far inside the stock points of patches are at most (mm) and about where; better than `limit` only
+    where that is in doubt."""
+    worst = reached = 0.0
+    place = np.zeros(3)
+    for halving in range(MAX_HALVINGS):
+        middles = nets.mean(1)
+        corners = nets[:, CORNERS]
+        distance, out = stock.distances_and_normals(middles)
+        bounds = -distance - np.einsum("nkx,nx->nk", nets - middles[:, None], out).min(1)
+        reached = max(reached, float(-stock.signed_distance(corners.reshape(-1, 3)).min()))
+        doubtful = (bounds > max(limit, reached + ACCURACY)) & (halving < MAX_HALVINGS - 1)
+        patch = np.argmax(np.where(doubtful, -np.inf, bounds))
+        if not doubtful[patch] and bounds[patch] > worst:
+            worst = float(bounds[patch])
+            place = middles[patch]
+        if not doubtful.any():
+            break
+        nets = quarter_nets(nets[doubtful])
+    return worst + ROUNDING, place
+
+
+CHORD_TOLERANCES = (0.02, 0.005, 0.001)
+"""Chord tolerances (mm) of the stock's mesh, tried in this order until the last cut is certified."""
+
+BOUNDED_FIRST = 50
+"""So many faces of the stock's mesh, those farthest from the level, are bounded first."""
+
+SAGITTA_PARTS = 5
+"""A bound of the faces is good enough up to the sagitta divided by this; the whole sagitta is added to it."""
+
+
+def bound_stock_depth(inner: TSpline, stock: Stock, limit: float) -> tuple[float, Float[ndarray, "3"], int]:
+    """How far the stock's surface is from a level at most, mm; about where; how many pieces were bounded."""
+    target = depth_target(inner)
+    for chord_tolerance in CHORD_TOLERANCES:
+        depth, place, pieces = bound_mesh_depth(target, *faces_of_stock(stock, chord_tolerance))
+        if depth <= limit + DEPTH_TOLERANCE:
+            break
+    return depth, place, pieces
+
+
+def bound_mesh_depth(
+    target: DepthTarget, faces: Float[ndarray, "f 3 3"], sagitta: float
+) -> tuple[float, Float[ndarray, "3"], int]:
+    """How far the stock's surface, at most `sagitta` mm over these faces, is from a level at most, mm; about
+    where; how many pieces were bounded."""
+    middles = faces.mean(1)
+    seeds = target.seeds.reshape(-1, 5)
+    near, nearest_seed = (np.asarray(values) for values in cKDTree(seeds[:, 2:]).query(middles))
+    order = np.argsort(-near, kind="stable")
+    reach = near + np.linalg.norm(faces - middles[:, None], axis=2).max(1)
+    depth = 0.0
+    place = middles[order[0]]
+    pieces = 0
+    for part in (
+        order[:BOUNDED_FIRST],
+        order[BOUNDED_FIRST:],
+    ):  # the bound of the first few suffices for most others
+        part = part[reach[part] > depth]
+        starts = np.repeat(seeds[nearest_seed[part], None, :2], 4, axis=1)
+        bound, (face, _, _), _, count = depth_bound(
+            triangle_nets(faces[part]),
+            starts,
+            on=target,
+            goal=depth,
+            alarm=np.inf,
+            accuracy=sagitta / SAGITTA_PARTS,
+            smallest=SMALLEST,
+        )
+        pieces += count
+        if bound > depth:
+            depth = bound
+            place = middles[part[int(face)]]
+    return depth + sagitta + ROUNDING, place, pieces
+
+
+def faces_of_stock(stock: Stock, chord_tolerance: float) -> tuple[Float[ndarray, "f 3 3"], float]:
+    """The corners of the faces of the stock's mesh, and how far inside the stock they are at most, mm.
+
+    The signed distance is convex: over a face it lies above its tangent plane in the middle of the face.
+    """
+    mesh = stock.mesh(chord_tolerance)
+    faces = mesh.vertices[mesh.faces]
+    middles = faces.mean(1)
+    distance, out = stock.distances_and_normals(middles)
+    slope = np.einsum("fcx,fx->fc", faces - middles[:, None], out).min(1)
+    return faces, max(0.0, float(-(distance + slope).min()))
+
+
+def triangle_nets(faces: Float[ndarray, "f 3 3"]) -> Float[ndarray, "f 16 3"]:
+    """Bicubic nets of triangles, one side of which is a point."""
+    third = np.arange(4) / 3
+    base = faces[:, :1] + third[:, None] * (faces[:, 1:2] - faces[:, :1])
+    rows = base[:, None] + third[:, None, None] * (faces[:, 2][:, None, None] - base[:, None])
+    return np.ascontiguousarray(rows.reshape(-1, 16, 3))
 
 
 def certify(

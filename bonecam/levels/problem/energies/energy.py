@@ -1,7 +1,7 @@
 """What an energy of a level's program is: a function of what is `Given` that yields its matrices, of one of
 two kinds.
 
-    Quadratic   D'(matrix)D + 2 linear . D                   of the control net, D its free moves (`poles.py`)
+    Quadratic   D'(matrix)D + 2 linear . D                   of the control net, D its free moves (`free_moves`)
     Pulled      sum_l w_l |S_new - H_l|^2                    of samples
 
 A new one is a new file here with one such function, and its name in NET or SAMPLED of `program.py`.

@@ -9,6 +9,8 @@ along n. So
 
 and of several of a kind the tightest holds. A new one is a new file here with one function, and its
 name in SLABS or WALLS. The planes are exact at y itself; `Limits.at` sets them up again when y has moved on.
+
+Nesting: no sample falls behind the level before (the published program leaves this out).
 """
 
 from dataclasses import dataclass, replace
@@ -23,11 +25,21 @@ from bonecam.kernels.admm import Planes
 from bonecam.levels.problem.cut import Cut
 from bonecam.levels.problem.limits.depth import depth
 from bonecam.levels.problem.limits.linear_limits import LinearLimits
-from bonecam.levels.problem.limits.nesting import nesting
 from bonecam.levels.problem.limits.wall import wall
 from bonecam.setup.stock import Stock
 from bonecam.surface.query.closest_point import closest_points_near
 from bonecam.surface.tspline import TSpline
+
+MARGIN, SHARE = 0.001, 0.05
+"""The margin: so many mm (as much as a level may fall behind when it is measured), or this share of the room to the
+wall where that is less."""
+
+
+def nesting(cut: Cut, gap: Float[ndarray, " k"]) -> tuple[Float[ndarray, " k"], Float[ndarray, " k"]]:
+    """Least and largest height, mm, of samples that are `gap` inside the stock at the level before: above
+    zero where there is room."""
+    return cut.margin * np.clip(SHARE * (gap - cut.clearance), 0, MARGIN), np.full(len(gap), np.inf)
+
 
 SLABS = (depth, nesting)
 WALLS = (wall,)

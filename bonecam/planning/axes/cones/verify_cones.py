@@ -1,14 +1,17 @@
 """FCL's word on cones of free axes (Xu et al. 2013, section 6): what the tool sweeps in a cone, against the meshes of
 a scene.
 
-The cones are proven by spheres in grids of distances; this shares neither. What the sections of the tool sweep for all
-axes of a cone, grown by the node's reach, are closed meshes (`envelope.py`) that must not cross level, material, post
-or what stands on the table. FCL is asked where no planes tell the sweep from each of their triangles. It never reports
-containment: so a point of each is tested for being inside the obstacles, and one of each of their pieces for being
-inside of it.
+The cones are proven by spheres in grids of distances; this shares neither. What the sections of the tool sweep for
+all axes of a cone, grown by the node's reach, are closed meshes (`envelope_catalogue`) that must not cross level,
+material, post or what stands on the table. FCL is asked where no planes tell the sweep from each of their triangles.
+It never reports containment: so a point of each is tested for being inside the obstacles, and one of each of their
+pieces for being inside of it.
 
 Next to the contact the cutter touches the level: it is asked from where the empty ball at its contacts ends
 (`Apexes.room`). The table's plane, like the limits of the machine, cuts the cones: it is no obstacle.
+
+The contacts of some nodes as apexes of their own: a node's apex is grown by how far its contacts are from it, and
+stands for the largest turn of their normals; those of contacts need half of their moves alone.
 """
 
 from collections.abc import Callable, Iterator
@@ -18,17 +21,38 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
+from bonecam.kernels.closest.cone_marching import Apexes
 from bonecam.kernels.closest.swept_bounds import swept_hold
 from bonecam.mesh.healing.topology import pieces_of
 from bonecam.planning.axes.cones.admissible_cones import AxisCones
-from bonecam.planning.axes.cones.contact_apexes import at_contacts
 from bonecam.planning.axes.cones.envelope_catalogue import SIDES, Obstacle, crossing
+from bonecam.planning.axes.cones.free_axes import FreeAxes, half_moves
 from bonecam.planning.axes.cones.obstacle_grids import require_closed
+from bonecam.planning.axes.cones.obstacles import rooms_at
 from bonecam.planning.collision.scene import Scene, Surroundings
 from bonecam.planning.collision.tool_mesh import column_mesh
 from bonecam.tool.cutter import Cutter, ToolSection
-from bonecam.tool.path import ConeCheck
+from bonecam.tool.path import ConeCheck, ContactPath
 from bonecam.workholding.column import Column
+
+
+def at_contacts(free: FreeAxes, nodes: Int[ndarray, " m"], path: ContactPath, scene: Scene) -> FreeAxes:
+    """The free axes of a path with an apex for each contact of these nodes, and none for other nodes; a node of one
+    contact that has several apexes keeps them."""
+    node_of = free.net.node_of
+    of_apex = free.apex_nodes
+    several = np.diff(free.starts) > 1
+    rows = np.flatnonzero(np.isin(node_of, nodes) & ~several[node_of])
+    kept = np.flatnonzero(np.isin(of_apex, nodes) & several[of_apex])
+    places = path.centres[rows]
+    growth = np.linalg.norm(half_moves(path)[rows] - places[:, None], axis=2).max(axis=1, initial=0.0)
+    made = places, growth, path.normals[rows], np.zeros(len(rows)), rooms_at(path.take(rows), scene)
+    each = np.r_[node_of[rows], of_apex[kept]]
+    order = np.argsort(each, kind="stable")
+    apexes = Apexes(*(np.concatenate([new, old[kept]])[order] for new, old in zip(made, free.apexes)))
+    counts = np.bincount(each, minlength=len(free.net.places))
+    return replace(free, apexes=apexes, starts=np.cumsum(np.r_[0, counts]))
+
 
 SHRUNK = (0.9, 0.75, 0.5)
 """Shares of its angles that a refused cone is tried with."""

@@ -3,7 +3,7 @@
 import numpy as np
 
 from bonecam.planning.axes.cones.admissible_cones import AxisCones
-from bonecam.planning.axes.cones.contact_apexes import at_contacts
+from bonecam.planning.axes.cones.verify_cones import at_contacts
 from bonecam.planning.collision.scene import Scene
 from bonecam.tool.path import ContactPath
 

@@ -8,7 +8,7 @@ import pytest
 from bonecam.arrays import unit
 from bonecam.mesh import MeshDistance
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.planning.axes.cones.envelope import Sweep
+from bonecam.planning.axes.cones.envelope_catalogue import Sweep
 from bonecam.report.pictures.views import is_closed
 
 RANDOM = np.random.default_rng(3)

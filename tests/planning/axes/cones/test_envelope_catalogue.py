@@ -11,8 +11,7 @@ from scipy.spatial.transform import Rotation
 from bonecam.arrays import unit
 from bonecam.kernels.closest.swept_bounds import facets_below
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.planning.axes.cones.envelope import Sweep
-from bonecam.planning.axes.cones.envelope_catalogue import SIDES, Obstacle, crossing
+from bonecam.planning.axes.cones.envelope_catalogue import SIDES, Obstacle, Sweep, crossing
 from bonecam.planning.collision.fcl_model import crosses, solid_object
 
 CASES = 400

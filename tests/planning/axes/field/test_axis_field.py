@@ -13,7 +13,7 @@ from bonecam.planning.axes.field.axis_field import (
     basis,
     second_differences,
 )
-from bonecam.planning.axes.field.fit_axes import minimise
+from bonecam.planning.axes.field.smooth_axes import minimise
 from bonecam.tool.elliptic_cones import EllipticCones
 
 RANDOM = np.random.default_rng(2)
