@@ -11,7 +11,7 @@ from bonecam.errors import JobError
 from bonecam.job import Job
 from bonecam.job.materials.mechanical import cutting_force
 from bonecam.job.materials.preset import FOLDER, material_files, read_material
-from bonecam.machine.machine import read_machine
+from bonecam.machine.machine import USUAL_SPINDLE, read_machine
 from bonecam.nc.dialect import read_dialect
 from bonecam.nc.posting.write import write_program
 from bonecam.tool.path import ToolPath
@@ -66,6 +66,12 @@ def test_aluminium_is_cut_as_fast_as_the_machine_turns() -> None:
     assert deep.feed == 0.02 * 2 * 20000
     thin = Job().with_values(levels={"finishing_depth": 0.005}).tool("finishing")
     assert thin.feed == 0.06 * 2 * 2 * 20000
+
+
+def test_a_machine_that_states_no_speed_turns_as_motor_spindles_do() -> None:
+    """A ball of 1 mm asks for 111,400 1/min, more than a job may state."""
+    job = Job().with_values(nc={"machine": "linuxcnc-xyzbc"}, fine={"radius": 0.5, "preset": ""})
+    assert job.tool("fine").spindle == USUAL_SPINDLE
 
 
 @pytest.mark.parametrize("name", list(material_files()))

@@ -1,5 +1,6 @@
 """The job with all its sections."""
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import wraps
@@ -18,7 +19,7 @@ from bonecam.job.stock_section import StockJob
 from bonecam.job.tool_list import preset_values
 from bonecam.job.tool_section import AUTO, FINE, FINISHING, ROUGHING, MaterialJob, ToolJob
 from bonecam.job.warnings_section import WarningsJob
-from bonecam.machine.machine import read_machine
+from bonecam.machine.machine import USUAL_SPINDLE, read_machine
 from bonecam.text.faults import Faults, shown
 
 Table = Mapping[str, Any]
@@ -146,7 +147,9 @@ class Job:
             return tool
         machine = read_machine(self.nc.machine)
         depth = self.deepest(name) if level is None or level < 0 else self.levels.depth_onto(level)
-        asked = tool.radius, depth, machine.spindle_speed, tool.spindle, given.flutes
+        stated = machine.spindle_speed
+        fastest = stated if stated < math.inf else USUAL_SPINDLE
+        asked = tool.radius, depth, fastest, tool.spindle, given.flutes
         spindle, feed = read_material(self.material.name).speeds(*asked)
         slowest = min(axis.speed for axis in machine.linear)
         return replace(tool, spindle=spindle, feed=tool.feed or min(feed, slowest))

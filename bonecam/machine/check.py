@@ -9,7 +9,7 @@ import numpy as np
 
 from bonecam.machine.axes import LinearAxis, RotaryAxis
 from bonecam.machine.limits import polar_angles
-from bonecam.machine.machine import Machine, machine_files, read_machine
+from bonecam.machine.machine import USUAL_SPINDLE, Machine, machine_files, read_machine
 from bonecam.machine.machine_file import PARALLEL, MachineFile
 from bonecam.machine.reach import farthest_side, reached_axes, tilt_band
 from bonecam.machine.tables import read_table
@@ -182,7 +182,8 @@ def _unsaid(machine: Machine, file: MachineFile) -> list[str]:
     texts = {
         "part_x, part_z: X and Z of the part lie along X and Z of the machine": file.part_x is None,
         "part_zero: the program's zero is the zero of the machine": "part_zero" not in file.model_fields_set,
-        "spindle_speed: any speed is taken": file.spindle_speed is None,
+        f"spindle_speed: cutters without a speed turn at {USUAL_SPINDLE:g} at most": file.spindle_speed
+        is None,
         "spindle.nose: no spindle is kept clear of anything": file.spindle is None,
         "table: it has no edge, nothing of the tool goes below it": file.table is None,
         f"limits of {' '.join(unknown)}: only the span of a program is checked, not its place": bool(unknown),
