@@ -181,12 +181,7 @@ def _reach(job: Job) -> float:
 
 
 def _paths(
-    channel: Channel,
-    blank: TurnedBlank,
-    morph: Morph,
-    workpiece: Workpiece,
-    job: Job,
-    limits: MachineLimits,
+    channel: Channel, blank: TurnedBlank, morph: Morph, workpiece: Workpiece, job: Job, limits: MachineLimits
 ) -> tuple[ToolPath, ...]:
     """The paths of all channels and all blades in machining order. The hub, level 0 of the channel, is a rest path
     before the blades: both are the part."""
@@ -199,13 +194,7 @@ def _paths(
 
 
 def _posted(
-    plan: _Plan,
-    machine: Machine,
-    dialect: Dialect,
-    name: str,
-    file: File,
-    times: StageTimes,
-    progress: Progress,
+    plan: _Plan, machine: Machine, dialect: Dialect, name: str, file: File, times: StageTimes, progress: Progress
 ) -> Bladed:
     """The program of the paths, proved against hub and every blade."""
     job, wheel, solid = plan.job, plan.wheel, plan.workpiece.solid
@@ -217,11 +206,7 @@ def _posted(
         job,
         RepeatedDistance(MeshDistance(wheel.with_one_blade(_chord(job))), wheel.count),
         name=program_name(file or Path(name).name, dialect),
-        comments=[
-            *header_texts(figures, job),
-            f"wheel of {wheel.count} blades: {Path(name).name}",
-            plan.blank.text,
-        ],
+        comments=[*header_texts(figures, job), f"wheel of {wheel.count} blades: {Path(name).name}", plan.blank.text],
         times=times,
         progress=part_of(progress, 0.6, 0.8),
     )
@@ -229,9 +214,7 @@ def _posted(
     reported = report_to_program(*posted, job=job.path, part=solid)
     figures = {**figures, **reported, "removal": NOT_SIMULATED, "mechanics": NOT_KNOWN}
     program = proved.program
-    return Bladed(
-        plan.workpiece, wheel, plan.blank, plan.morph, proved.paths, program=program, report=figures, job=job
-    )
+    return Bladed(plan.workpiece, wheel, plan.blank, plan.morph, proved.paths, program=program, report=figures, job=job)
 
 
 def _simulated(bladed: Bladed, times: StageTimes, progress: Progress, *, mechanics: bool) -> Bladed:

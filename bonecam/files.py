@@ -110,9 +110,7 @@ def require_room(path: Path) -> None:
 def require_name(path: object) -> None:
     """TypeError where a value is no name of a file; FileError where no file can have the name."""
     if not isinstance(path, str | os.PathLike):
-        raise TypeError(
-            f"{path!r} is of type {type(path).__name__}: give the name of a file as text or a Path"
-        )
+        raise TypeError(f"{path!r} is of type {type(path).__name__}: give the name of a file as text or a Path")
     name = os.fspath(path)
     if not isinstance(name, str):
         raise TypeError(f"{name!r} are bytes: give the name of a file as text or a Path")
@@ -155,8 +153,7 @@ def check_files(outputs: Iterable[str | Path], inputs: Iterable[str | Path] = ()
     """FileError, before any work is done for them, where a file cannot be written, is named twice, or would
     overwrite an input."""
     named = {
-        os.path.realpath(path): "is read as well, and would be overwritten: choose another name"
-        for path in inputs
+        os.path.realpath(path): "is read as well, and would be overwritten: choose another name" for path in inputs
     }
     for path in outputs:
         require_name(path)

@@ -122,20 +122,13 @@ def finish(
     return finished
 
 
-def _simulated(
-    finished: Finished, name: str, times: StageTimes, progress: Progress, *, mechanics: bool
-) -> Finished:
+def _simulated(finished: Finished, name: str, times: StageTimes, progress: Progress, *, mechanics: bool) -> Finished:
     """The result with what its posted text removes from the stock before it, and what bends if `mechanics` are asked;
     VerifyError where that is not what a program may do."""
     machine, dialect = read_machine(finished.job.nc.machine), job_dialect(finished.job.nc)
     text, workpiece = finished.program.text, finished.workpiece
     bodies = finished.job, workpiece.surface, workpiece.solid
-    with (
-        times.stage("simulation"),
-        refusing(finished.program, [finished.path]),
-        knowing(finished.report),
-        naming(name),
-    ):
+    with times.stage("simulation"), refusing(finished.program, [finished.path]), knowing(finished.report), naming(name):
         proof = prove_surface_removal(text, machine, dialect, *bodies, progress, mechanics=mechanics)
         removal, bent = proof.removal, proof.removal.mechanics
         skipped = {"skipped": proof.unknown} if proof.unknown else NOT_ASKED
@@ -200,9 +193,7 @@ def _solid(surface: TSpline, name: str, solids: Sequence[Solid], job: Job, *, ha
     elif has_part:
         own = []
     else:
-        raise SurfaceError(
-            f"{name}: an open surface bounds no solid: give the part that it belongs to (--part)"
-        )
+        raise SurfaceError(f"{name}: an open surface bounds no solid: give the part that it belongs to (--part)")
     names = ["the surface"] * len(own) + [_name_of(solid, number) for number, solid in enumerate(solids)]
     return solid_union([*own, *(read_solid(solid, job.mesh.units) for solid in solids)], names)
 
@@ -213,13 +204,7 @@ def _name_of(solid: Solid, number: int) -> str:
 
 
 def _planned(
-    surface: TSpline,
-    solid: TriangleMesh,
-    job: Job,
-    machine: Machine,
-    times: StageTimes,
-    *,
-    progress: Progress,
+    surface: TSpline, solid: TriangleMesh, job: Job, machine: Machine, times: StageTimes, *, progress: Progress
 ) -> tuple[Workpiece, Job, ToolPath]:
     """The surface on its post, the job with the post's length, and the path."""
     report_progress(progress, 0.2, "planning the path")

@@ -162,15 +162,11 @@ def morph_part(
     body: ConvexStock | None = None,
 ) -> Morphed:
     """Part, surface and levels in a stock for which `machine` has room, the `body` where one is given."""
-    standing = stand_part(
-        mesh, job, machine=machine, times=times, progress=part(progress, 0.0, 0.1), body=body
-    )
+    standing = stand_part(mesh, job, machine=machine, times=times, progress=part(progress, 0.0, 0.1), body=body)
     return morph_standing(standing, keep, times, part(progress, 0.1, 1.0))
 
 
-def _program_of(
-    morphed: Morphed, posting: Posting, progress: Progress, simulation: bool, *, mechanics: bool
-) -> Result:
+def _program_of(morphed: Morphed, posting: Posting, progress: Progress, simulation: bool, *, mechanics: bool) -> Result:
     """The program of the levels and its proof, its simulation if that is wanted, and the second clamping's program, if
     the job has one."""
     job, times = morphed.job, posting.times
@@ -184,19 +180,12 @@ def _program_of(
     if job.holding.second:
         share = part(progress, 0.9, 1.0)
         with times.stage("second"), knowing(result.report, part="second"):
-            result = add_second(
-                result, posting.machine, posting.dialect, posting.file, share, mechanics=mechanics
-            )
+            result = add_second(result, posting.machine, posting.dialect, posting.file, share, mechanics=mechanics)
     return result
 
 
 def _simulated(
-    result: Result,
-    times: StageTimes,
-    progress: Progress,
-    before: BeforeForce | None = None,
-    *,
-    mechanics: bool,
+    result: Result, times: StageTimes, progress: Progress, before: BeforeForce | None = None, *, mechanics: bool
 ) -> Result:
     """The result with what its posted text removes, and what bends if `mechanics` are asked; VerifyError where that is
     not what a program may do. `before` is what the program had before its feeds went by the force, if they do."""

@@ -56,21 +56,11 @@ def post_and_prove(
         paths = tuple(drivable_paths(planned, machine, dialect, job))
         share = part(progress, 0.0, 0.5)
         program = write_program(
-            paths,
-            machine,
-            dialect,
-            job,
-            name=name,
-            comments=comments,
-            stock=stock,
-            setup=setup,
-            progress=share,
+            paths, machine, dialect, job, name=name, comments=comments, stock=stock, setup=setup, progress=share
         )
 
     with times.stage("verify"):
         share = part(progress, 0.5, 1.0)
         with refusing(program, paths):
-            proof = verify(
-                program.text, paths, machine, dialect, design, job=job, given=given, progress=share
-            )
+            proof = verify(program.text, paths, machine, dialect, design, job=job, given=given, progress=share)
     return ProvedProgram(paths, record_checks(program, dialect, str(proof)), proof)

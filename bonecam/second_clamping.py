@@ -127,9 +127,7 @@ def second_program(
         **removal.sections,
     }
     figures = cast(SecondFigures, with_warnings(reported, job))
-    return SecondProgram(
-        Path(first.part.file).name, clamping, paths, posted, removal, report=figures, job=job
-    )
+    return SecondProgram(Path(first.part.file).name, clamping, paths, posted, removal, report=figures, job=job)
 
 
 def _turned_over(job: Job) -> Job:
@@ -216,7 +214,5 @@ def _left_at_post(first: Result, removal: Removal, held: Bool[ndarray, " n"]) ->
         "at_post_before_mm2": round(float(before.areas[held & (before.heights > LEFT)].sum()), 3),
         "at_post_after_mm2": round(float(after.areas[held & (after.heights > LEFT)].sum()), 3),
         "at_post_after_max_mm": round(float(after.heights[held].max(initial=0.0)), 4),
-        "at_tailstock_mm2": round(first.removal.left.by_reason["tailstock"], 3)
-        if first.removal.left
-        else 0.0,
+        "at_tailstock_mm2": round(first.removal.left.by_reason["tailstock"], 3) if first.removal.left else 0.0,
     }

@@ -164,9 +164,7 @@ def _simulate_first(
     return with_limits(removal, machine, job), post
 
 
-def _judged(
-    removal: Removal, text: str, given: GivenSurface | NotJudged, post: Post | None, job: Job
-) -> Removal:
+def _judged(removal: Removal, text: str, given: GivenSurface | NotJudged, post: Post | None, job: Job) -> Removal:
     """The removal by a `text` with what it does to the part as it was `given`, on this `post`."""
     if isinstance(given, NotJudged):
         return replace(removal, given=given)

@@ -62,9 +62,7 @@ def ellipsoid(
     return radius * (radius - 1.0) / np.maximum(slope, np.finfo(float).tiny)
 
 
-def smooth_minimum(
-    first: Float[ndarray, " n"], second: Float[ndarray, " n"], width: float
-) -> Float[ndarray, " n"]:
+def smooth_minimum(first: Float[ndarray, " n"], second: Float[ndarray, " n"], width: float) -> Float[ndarray, " n"]:
     """The smaller of two distances with the crease filled over `width` mm."""
     overlap = np.maximum(width - np.abs(first - second), 0.0)
     return np.minimum(first, second) - overlap**2 / (4.0 * width)
@@ -112,8 +110,7 @@ def relax(vertices: Float[ndarray, "n 3"], faces: ndarray, rounds: int = 10) -> 
     points = vertices
     for _ in range(rounds):
         means = (
-            np.column_stack([np.bincount(ends[:, 0], points[ends[:, 1], k], len(points)) for k in range(3)])
-            / valence
+            np.column_stack([np.bincount(ends[:, 0], points[ends[:, 1], k], len(points)) for k in range(3)]) / valence
         )
         points = on_surface((points + means) / 2)
     return points
@@ -123,9 +120,7 @@ def on_surface(points: Float[ndarray, "n 3"], steps: int = 4) -> Float[ndarray, 
     """Newton steps along the gradient of `distance` (central differences of 1 um) to its zero set."""
     for _ in range(steps):
         nudges = 0.001 * np.eye(3)
-        gradient = np.column_stack(
-            [(distance(points + nudge) - distance(points - nudge)) / 0.002 for nudge in nudges]
-        )
+        gradient = np.column_stack([(distance(points + nudge) - distance(points - nudge)) / 0.002 for nudge in nudges])
         points = points - (distance(points) / (gradient**2).sum(1))[:, None] * gradient
     return points
 

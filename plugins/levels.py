@@ -31,11 +31,7 @@ def generate_stock(layers: Layers, values: Mapping[str, Any], progress: Progress
     from bonecam.setup.placement import place
     from bonecam.setup.stock import stock_figures
 
-    job = replace(
-        layers.job(),
-        stock=section_of(StockJob(), values),
-        holding=section_of(POST, values, prefix="post_"),
-    )
+    job = replace(layers.job(), stock=section_of(StockJob(), values), holding=section_of(POST, values, prefix="post_"))
     mesh = layers.bone()
     try:
         placed = place(Part(mesh, layers.name, len(mesh.faces), "mm", (), np.eye(4), mesh), job)
@@ -67,9 +63,7 @@ def morph_levels(layers: Layers, values: Mapping[str, Any], progress: Progress) 
     for level, depth in zip(morph.levels, step_depths(morph.levels), strict=True):
         layers.select(source)
         own = {"level": level} if level.surface is None else {"level": level, "surface": level.surface}
-        key = layers.add(
-            level.mesh, f"level_{level.index:02d}", quality=depth, keep={**kept, **own}, largest=deepest
-        )
+        key = layers.add(level.mesh, f"level_{level.index:02d}", quality=depth, keep={**kept, **own}, largest=deepest)
         part = key if level.index == 0 else part
     layers.select(part)
     whole = {
@@ -105,14 +99,9 @@ def figures(levels: Sequence[Level]) -> dict[str, Any]:
 
     rows = levels_report(levels)
     columns = {
-        name: [row[name] for row in rows]
-        for name in rows[0]
-        if name not in ("index", "depth_shares", "not_certified")
+        name: [row[name] for row in rows] for name in rows[0] if name not in ("index", "depth_shares", "not_certified")
     }
-    return {
-        name: np.array(values, dtype=np.float64 if None in values else None)
-        for name, values in columns.items()
-    }
+    return {name: np.array(values, dtype=np.float64 if None in values else None) for name, values in columns.items()}
 
 
 FILTERS = (

@@ -77,11 +77,7 @@ def harmonic_rows_layer(layers: Layers, values: Mapping[str, Any], progress: Pro
     job = section_of(MeshJob(), values)
     mesh = layers.bone()
     rows = harmonic_rows(
-        mesh,
-        rows=job.rows,
-        points=job.row_points,
-        edge=mesh.diagonal * job.edge_percent / 100,
-        progress=progress,
+        mesh, rows=job.rows, points=job.row_points, edge=mesh.diagonal * job.edge_percent / 100, progress=progress
     )
     count, points = rows.points.shape[:2]
     index = np.arange(count * points).reshape(count, points)

@@ -27,11 +27,7 @@ def fit_tspline(layers: Layers, values: Mapping[str, Any], progress: Progress) -
     mesh = layers.bone()
     part = Part(mesh, layers.name, len(mesh.faces), "mm", (), np.eye(4), mesh)
     fit = fit_surface(part, job, progress)
-    layers.add(
-        fit.surface.tessellate(values["chord_tolerance"]),
-        "surface",
-        keep={"surface": fit.surface, "job": job},
-    )
+    layers.add(fit.surface.tessellate(values["chord_tolerance"]), "surface", keep={"surface": fit.surface, "job": job})
     return surface_report(fit)
 
 

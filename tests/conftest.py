@@ -103,8 +103,7 @@ def pebble() -> Callable[..., TSpline]:
     def build(extra: float = 0.0) -> TSpline:
         return surface_of_revolution(
             lambda share, azimuth: (
-                (3.6 * np.sqrt(np.maximum(1 - (2 * share - 1) ** 2, 0)) + 0.8 + extra)
-                * (1 + 0.1 * np.cos(2 * azimuth))
+                (3.6 * np.sqrt(np.maximum(1 - (2 * share - 1) ** 2, 0)) + 0.8 + extra) * (1 + 0.1 * np.cos(2 * azimuth))
             ),
             31.0 - extra,
             43.0 + extra,
@@ -135,9 +134,7 @@ def mesh_of() -> Callable[..., TriangleMesh]:
 
     @lru_cache(maxsize=32)
     def build(surface: TSpline, around: int = 96, along: int = 120) -> TriangleMesh:
-        s, t = (
-            v.ravel() for v in np.meshgrid(np.arange(around) / around, np.linspace(0, 1, along + 1)[1:-1])
-        )
+        s, t = (v.ravel() for v in np.meshgrid(np.arange(around) / around, np.linspace(0, 1, along + 1)[1:-1]))
         points = np.vstack([surface.evaluate(s, t), surface.evaluate(np.zeros(2), np.array([0.0, 1.0]))])
         index = np.arange(len(s)).reshape(along - 1, around)
         following = np.roll(index, -1, axis=1)
@@ -207,15 +204,10 @@ def capsule_points(turns: float, count: int, offset: float = 0.0) -> tuple[np.nd
     low, arc = -0.2 * radius, 0.97 * np.pi / 2 * radius
     along = np.linspace(low, CAPSULE_TOP - CAPSULE_BOTTOM + arc, count)
     angle = 2 * np.pi * turns * np.linspace(0, 1, count)
-    lower, upper = (
-        np.clip(along, None, 0) / radius,
-        np.clip(along - (CAPSULE_TOP - CAPSULE_BOTTOM), 0, None) / radius,
-    )
+    lower, upper = (np.clip(along, None, 0) / radius, np.clip(along - (CAPSULE_TOP - CAPSULE_BOTTOM), 0, None) / radius)
     slope = lower + upper
     normals = np.column_stack([np.cos(slope) * np.cos(angle), np.cos(slope) * np.sin(angle), np.sin(slope)])
-    centres = np.column_stack(
-        [np.zeros((count, 2)), CAPSULE_BOTTOM + np.clip(along, 0, CAPSULE_TOP - CAPSULE_BOTTOM)]
-    )
+    centres = np.column_stack([np.zeros((count, 2)), CAPSULE_BOTTOM + np.clip(along, 0, CAPSULE_TOP - CAPSULE_BOTTOM)])
     return centres + radius * normals, normals
 
 
@@ -316,9 +308,7 @@ def deepest_entry() -> Callable[..., ndarray]:
 
     def signed(mesh: TriangleMesh, points: ndarray) -> ndarray:
         scene = rays(mesh)
-        found = (
-            scene.compute_signed_distance(o3d.core.Tensor(points.astype(np.float32))).numpy().astype(float)
-        )
+        found = scene.compute_signed_distance(o3d.core.Tensor(points.astype(np.float32))).numpy().astype(float)
         # one ray may run through an edge: what is said to be inside is asked again by eleven
         inside = np.flatnonzero(found < 0)
         again = o3d.core.Tensor(points[inside].astype(np.float32))

@@ -199,32 +199,15 @@ def test_the_command_tells_a_wrong_wheel_in_one_line(
 def test_the_demo_s_wheel_is_the_impeller_that_ships(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     given: list[tuple] = []
     monkeypatch.setattr(
-        bonecam,
-        "blades",
-        lambda *args, **named: given.append((args, named)) or SimpleNamespace(summary="made"),
+        bonecam, "blades", lambda *args, **named: given.append((args, named)) or SimpleNamespace(summary="made")
     )
     monkeypatch.chdir(tmp_path)
     page = str(tmp_path / "wheel.html")
     assert (
-        main(
-            [
-                "demo",
-                "--impeller",
-                "--html",
-                page,
-                "--controller",
-                "siemens-840d",
-                "--set",
-                "nc.coolant=false",
-            ]
-        )
-        == 0
+        main(["demo", "--impeller", "--html", page, "--controller", "siemens-840d", "--set", "nc.coolant=false"]) == 0
     )
     ((blade_file, hub_file, count, obstacles, wheel_job), named) = given[0]
-    assert (blade_file, hub_file) == (
-        bonecam_meshes.path("impeller_blade"),
-        bonecam_meshes.path("impeller_hub"),
-    )
+    assert (blade_file, hub_file) == (bonecam_meshes.path("impeller_blade"), bonecam_meshes.path("impeller_hub"))
     assert (count, obstacles) == (11, [])
     assert wheel_job == bonecam.read_job(bonecam_meshes.job("impeller")).with_values(
         nc={"controller": "siemens-840d", "coolant": False}
@@ -232,9 +215,7 @@ def test_the_demo_s_wheel_is_the_impeller_that_ships(tmp_path: Path, monkeypatch
     assert (named["program"], named["html"], named["mechanics"]) == ("impeller.mpf", page, True)
 
 
-def test_the_demo_s_wheel_has_no_file_for_its_surface(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_demo_s_wheel_has_no_file_for_its_surface(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["demo", "--impeller", "--surface", str(tmp_path / "a.tsm")]) == 2
     assert "give --keep, not --surface" in capsys.readouterr().err
 

@@ -27,24 +27,9 @@ def test_options_override_the_job_file(tmp_path: Path, capsys: pytest.CaptureFix
     file = tmp_path / "job.toml"
     file.write_text('[stock]\ndiameter = 20.0\n[mesh]\nunits = "inch"\n', encoding="utf-8")
     assert (
-        main(
-            [
-                "job",
-                "--job",
-                str(file),
-                "--units",
-                "m",
-                "--set",
-                "stock.length=50",
-                "--set",
-                "nc.coolant=false",
-            ]
-        )
-        == 0
+        main(["job", "--job", str(file), "--units", "m", "--set", "stock.length=50", "--set", "nc.coolant=false"]) == 0
     )
-    wanted = Job().with_values(
-        stock={"diameter": 20.0, "length": 50.0}, mesh={"units": "m"}, nc={"coolant": False}
-    )
+    wanted = Job().with_values(stock={"diameter": 20.0, "length": 50.0}, mesh={"units": "m"}, nc={"coolant": False})
     assert capsys.readouterr().out == write_job(wanted)
 
 
@@ -100,9 +85,7 @@ def test_a_wrong_call_is_one_line_exit_2_and_no_file(
     assert [item.name for item in tmp_path.iterdir()] == ["text.stl"]
 
 
-def test_a_missing_unit_is_refused_with_the_flag_that_fits(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_missing_unit_is_refused_with_the_flag_that_fits(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     from bonecam.mesh.files.mesh_files import read_mesh, write_mesh
     from bonecam.mesh.triangle_mesh import TriangleMesh
 
@@ -214,9 +197,7 @@ def test_a_failed_part_of_a_batch_is_named_once(
     def one_fails(
         meshes: list[str], *_: object, told: Callable[[bonecam.Outcome, int], None], **__: object
     ) -> list[bonecam.Outcome]:
-        failed = bonecam.Outcome(
-            "none", meshes[0], "", "failed", message=f"{meshes[0]}: cannot be read: give a mesh"
-        )
+        failed = bonecam.Outcome("none", meshes[0], "", "failed", message=f"{meshes[0]}: cannot be read: give a mesh")
         told(failed, 0)
         return [failed]
 
@@ -252,9 +233,7 @@ def test_a_help_that_cannot_be_printed_ends_the_process_with_2() -> None:
     assert (done.returncode, done.stderr) == (2, told)
 
 
-def test_the_report_of_a_simulation_is_checked_before_it(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_report_of_a_simulation_is_checked_before_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     outputs = ["--report", str(tmp_path / "nowhere" / "r.json")]
     assert main(["simulate", "none.h", "--keep", str(tmp_path), *outputs]) == 2
     assert "its folder" in capsys.readouterr().err
@@ -314,11 +293,7 @@ def test_a_share_that_is_none_is_refused(share: str, capsys: pytest.CaptureFixtu
 @pytest.mark.parametrize("command", ["simulate", "post"])
 @pytest.mark.parametrize("named", [True, False])
 def test_the_job_of_the_kept_folder_is_taken_and_told(
-    command: str,
-    named: bool,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    command: str, named: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """It is that of --keep, or of the folder that the program lies in; --job and --set change it."""
     keep = tmp_path / "look"
@@ -352,6 +327,4 @@ def test_a_program_with_no_folder_of_its_run_is_told_to_name_it(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["simulate", str(tmp_path / "bone.h")]) == 2
-    assert (
-        "no folder of its run is named: give the one of `convert --keep` (--keep)" in capsys.readouterr().err
-    )
+    assert "no folder of its run is named: give the one of `convert --keep` (--keep)" in capsys.readouterr().err

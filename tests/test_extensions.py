@@ -63,9 +63,7 @@ def test_a_cutter_of_the_user_is_a_preset(mine: Path) -> None:
     job = bonecam.Job(finishing={"preset": "ball-3", "scallop": 0.05})
     assert (job.finishing.radius, job.finishing.scallop, job.finishing.neck_length) == (1.5, 0.05, 0.0)
     assert bonecam.read_job(_written(mine, job)) == job
-    with pytest.raises(
-        JobError, match=r"\[finishing\] preset = 'ball-33' \(did you mean 'ball-3'\?\): use one of"
-    ):
+    with pytest.raises(JobError, match=r"\[finishing\] preset = 'ball-33' \(did you mean 'ball-3'\?\): use one of"):
         bonecam.Job(finishing={"preset": "ball-33"})
 
 
@@ -106,16 +104,7 @@ def test_stock_and_pattern_of_the_page_are_used(mine: Path) -> None:
 def test_a_pattern_that_cannot_be_loaded_is_one_line(mine: Path) -> None:
     (mine / "stocks" / "hexagon.py").write_text("KIND = 1 / 0\n", encoding="utf-8")
     there = {**os.environ, "BONECAM_HOME": str(mine)}
-    command = [
-        sys.executable,
-        "-m",
-        "bonecam",
-        "demo",
-        "-o",
-        str(mine / "p.h"),
-        "--set",
-        "stock.kind=hexagon",
-    ]
+    command = [sys.executable, "-m", "bonecam", "demo", "-o", str(mine / "p.h"), "--set", "stock.kind=hexagon"]
     done = subprocess.run(command, env=there, capture_output=True, text=True)
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1
@@ -143,10 +132,7 @@ def test_a_broken_file_that_no_job_names_stops_no_run(mine: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "why"),
     [
-        (
-            "KIND = StockKind((), lambda job, part, schedule: None, 'nothing')",
-            "makes None: let `make` return",
-        ),
+        ("KIND = StockKind((), lambda job, part, schedule: None, 'nothing')", "makes None: let `make` return"),
         ("KIND = StockKind((), lambda job, part, schedule: job.size, 'it')", "line 2: fails: AttributeError"),
         ("KIND = StockKind(('diametre',), None, 'it')", r"'diametre', which is no field of \[stock\]"),
     ],
@@ -159,9 +145,7 @@ def test_a_stock_that_makes_none_is_one_line(text: str, why: str, mine: Path) ->
 
 def test_a_pattern_without_lines_is_told_before_any_work(mine: Path) -> None:
     (mine / "patterns" / "rings.py").write_text("def line(surface, radius, scallop): ...\n", encoding="utf-8")
-    assert "rings.py: cannot be loaded: AttributeError" in _told(
-        mine, "path.pattern=rings", "stock.diameter=1"
-    )
+    assert "rings.py: cannot be loaded: AttributeError" in _told(mine, "path.pattern=rings", "stock.diameter=1")
 
 
 @pytest.mark.parametrize(
@@ -169,10 +153,7 @@ def test_a_pattern_without_lines_is_told_before_any_work(mine: Path) -> None:
     [
         ("[]", "gives no lines"),
         ("1 / 0", "line 1: fails: ZeroDivisionError: division by zero"),
-        (
-            "[[[0.1, 0.5], [0.2, 9.0]]]",
-            r"leaves the surface at s = 0.2, t = 9: give s from 0 to 1 and t from 0 to 1",
-        ),
+        ("[[[0.1, 0.5], [0.2, 9.0]]]", r"leaves the surface at s = 0.2, t = 9: give s from 0 to 1 and t from 0 to 1"),
         ("[[[0.1, 0.5], [0.2, float('nan')]]]", "leaves the surface at s = 0.2, t = nan"),
     ],
 )
@@ -191,9 +172,7 @@ def test_a_machine_whose_body_is_not_there_is_not_told_to_be_as_it_should_be(
 ) -> None:
     file = tmp_path / "mine.toml"
     body = '\n[[bodies]]\nname = "cradle"\nlink = "bed"\nstl = "none.stl"\n'
-    file.write_text(
-        CATALOGUES["machines"].files()["dmu-45"].read_text(encoding="utf-8") + body, encoding="utf-8"
-    )
+    file.write_text(CATALOGUES["machines"].files()["dmu-45"].read_text(encoding="utf-8") + body, encoding="utf-8")
     assert main(["machines", "check", str(file)]) == 2
     told = capsys.readouterr()
     assert told.out == ""
@@ -230,12 +209,7 @@ def test_schemas_take_what_the_readers_take_and_refuse_what_they_refuse() -> Non
 
     schema = job_schema()
     jsonschema.validate(tomllib.loads(bonecam.write_job(bonecam.Job())), schema)
-    for wrong in (
-        {"stock": {"kind": "ball"}},
-        {"stock": {"diameter": -1.0}},
-        {"stok": {}},
-        {"path": {"x": 1}},
-    ):
+    for wrong in ({"stock": {"kind": "ball"}}, {"stock": {"diameter": -1.0}}, {"stok": {}}, {"path": {"x": 1}}):
         with pytest.raises(jsonschema.ValidationError):
             jsonschema.validate(wrong, schema)
     for kind in ("machines", "materials", "tools"):
@@ -249,9 +223,7 @@ def test_the_slicer_module_has_every_parameter_and_takes_its_own_defaults(
     assert slicer(["--xml"]) == 0
     root = ElementTree.fromstring(capsys.readouterr().out)
     flags = {
-        node.findtext("longflag"): node.findtext("default")
-        for node in root.iter()
-        if node.find("longflag") is not None
+        node.findtext("longflag"): node.findtext("default") for node in root.iter() if node.find("longflag") is not None
     }
     schema = job_schema()["properties"]
     assert set(flags) == {f"{name}.{key}" for name in schema for key in schema[name]["properties"]}

@@ -146,12 +146,7 @@ def test_only_regular_files_of_a_bounded_size_are_opened(folder: Path) -> None:
     os.mkfifo(folder / "pipe")
     with open(folder / "large", "wb") as file:
         file.truncate(LARGEST_INPUT + 1)
-    for name, reason in (
-        ("pipe", "a pipe"),
-        ("inner", "a folder"),
-        ("large", "1.0 GiB"),
-        ("none", "No such"),
-    ):
+    for name, reason in (("pipe", "a pipe"), ("inner", "a folder"), ("large", "1.0 GiB"), ("none", "No such")):
         with pytest.raises(OSError, match=reason):
             input_bytes(folder / name)
     with pytest.raises(OSError, match="a device"):
@@ -168,9 +163,7 @@ def test_a_file_that_is_a_mount_point_is_refused_before_the_work(folder: Path) -
     if subprocess.run(mount, capture_output=True, check=False).returncode:
         pytest.skip("only root may mount")
     try:
-        with pytest.raises(
-            FileError, match=r"program\.h: is a mount point, which no new file can replace: mount its"
-        ):
+        with pytest.raises(FileError, match=r"program\.h: is a mount point, which no new file can replace: mount its"):
             check_files([folder / "program.h"])
     finally:
         subprocess.run(["umount", str(folder / "program.h")], check=True)

@@ -41,9 +41,7 @@ def height(x: np.ndarray, y: np.ndarray) -> np.ndarray:
 def panel() -> TSpline:
     """An open surface over a square of 2 SIZE, its normals upward."""
     x = np.linspace(-SIZE, SIZE, 21)
-    rows = [
-        np.column_stack([x, np.full(21, y), height(x, np.full(21, y))]) for y in np.linspace(-SIZE, SIZE, 9)
-    ]
+    rows = [np.column_stack([x, np.full(21, y), height(x, np.full(21, y))]) for y in np.linspace(-SIZE, SIZE, 9)]
     return skin(rows, 1e-4, closed=False)
 
 
@@ -57,10 +55,7 @@ def block(count: int = 49) -> bonecam.TriangleMesh:
     rim = np.r_[index[:-1, 0], index[-1, :-1], index[:0:-1, -1], index[0, :0:-1]]
     after = np.roll(rim, -1)
     walls = np.vstack(
-        [
-            np.column_stack([rim + count**2, after + count**2, after]),
-            np.column_stack([rim + count**2, after, rim]),
-        ]
+        [np.column_stack([rim + count**2, after + count**2, after]), np.column_stack([rim + count**2, after, rim])]
     )
     faces = np.vstack([upper, upper[:, ::-1] + count**2, walls])
     return bonecam.TriangleMesh(np.vstack([top, top * [1, 1, 0]]), faces.astype(np.int32))
@@ -87,9 +82,7 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> tuple[bonecam.Finished
     return bonecam.finish(panel(), block(), job=JOB, **files), folder
 
 
-def test_an_open_surface_is_cut_whole_from_edge_to_edge(
-    finished: tuple[bonecam.Finished, Path],
-) -> None:
+def test_an_open_surface_is_cut_whole_from_edge_to_edge(finished: tuple[bonecam.Finished, Path]) -> None:
     made, _ = finished
     assert made.report["surface"]["kind"] == "open"
     assert not len(made.path.uncut)
@@ -160,9 +153,7 @@ def test_an_obstacle_over_the_surface_is_kept_clear_of_by_ball_and_shank() -> No
 
 def test_a_closed_surface_needs_no_part_and_finds_its_post() -> None:
     angle = np.linspace(0, 2 * np.pi, 24, endpoint=False)
-    rows = [
-        np.column_stack([6 * np.cos(angle), 3 * np.sin(angle), np.full(24, z)]) for z in np.linspace(0, 12, 5)
-    ]
+    rows = [np.column_stack([6 * np.cos(angle), 3 * np.sin(angle), np.full(24, z)]) for z in np.linspace(0, 12, 5)]
     job = replace(JOB, holding=replace(JOB.holding, length=0.0, diameter=4.0))
     made = bonecam.finish(skin(rows, 0.01), job=job)
     assert made.report["surface"]["kind"] == "closed round s"
@@ -193,9 +184,7 @@ def test_surfaces_that_cannot_be_machined_alone_are_refused(tmp_path: Path) -> N
     with pytest.raises(SurfaceError, match="give the part"):
         bonecam.finish(panel(), job=JOB)
     write_mesh(block(), tmp_path / "block.stl")
-    with pytest.raises(
-        SurfaceError, match=r"block\.stl: a patch of one piece has one edge, this mesh is closed"
-    ):
+    with pytest.raises(SurfaceError, match=r"block\.stl: a patch of one piece has one edge, this mesh is closed"):
         bonecam.finish(tmp_path / "block.stl", block(), job=JOB)
     with pytest.raises(FileError, match=r"ending '\.mlx': give a surface that passes can follow"):
         bonecam.finish(tmp_path / "block.mlx", block(), job=JOB)
@@ -231,25 +220,19 @@ def test_surfaces_far_larger_than_a_part_are_refused_before_they_are_tessellated
     huge = pebble().with_control_points(1e4 * pebble().control_points)
     write_tsm(huge, tmp_path / "huge.tspline")
     for given, name in ((huge, "the surface"), (tmp_path / "huge.tspline", r"huge\.tspline")):
-        with pytest.raises(
-            UnitsError, match=rf"{name}: .*e\+05 mm from corner to corner: .*: scale it first"
-        ):
+        with pytest.raises(UnitsError, match=rf"{name}: .*e\+05 mm from corner to corner: .*: scale it first"):
             bonecam.finish(given, job=JOB)
 
 
 def test_refusals_of_path_and_program_name_the_surface(tmp_path: Path) -> None:
     file = tmp_path / "far.xyz"
     steps = (-9, -3, 3, 9)
-    file.write_text(
-        "\n\n".join("\n".join(f"{9000 + x} {y} 8" for x in steps) for y in steps), encoding="utf-8"
-    )
+    file.write_text("\n\n".join("\n".join(f"{9000 + x} {y} 8" for x in steps) for y in steps), encoding="utf-8")
     with pytest.raises(MachineError, match=r"far.xyz: .*X runs over"):
         bonecam.finish(file, moved_block(9000.0), job=JOB)
 
 
 def test_a_surface_that_faces_into_its_part_is_refused_before_it_is_planned() -> None:
     mirrored = panel().with_control_points(panel().control_points * [-1, 1, 1])
-    with pytest.raises(
-        SurfaceError, match=r"the surface: 100% of it lies in the solids .*: reverse every row"
-    ):
+    with pytest.raises(SurfaceError, match=r"the surface: 100% of it lies in the solids .*: reverse every row"):
         bonecam.finish(mirrored, block(), job=JOB)

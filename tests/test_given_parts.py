@@ -26,9 +26,7 @@ def rows_of(surface: TSpline, turn: np.ndarray, path: Path) -> Path:
         surface.evaluate(angle[: 1 if t in (0, 1) else None], np.full(1 if t in (0, 1) else 20, t)) @ turn.T
         for t in np.linspace(0, 1, 10)
     ]
-    path.write_text(
-        "\n\n".join("\n".join(" ".join(map(repr, point)) for point in block.tolist()) for block in blocks)
-    )
+    path.write_text("\n\n".join("\n".join(" ".join(map(repr, point)) for point in block.tolist()) for block in blocks))
     return path
 
 
@@ -96,9 +94,7 @@ def test_a_surface_is_not_mirrored_or_scaled_in_silence(
 
 
 @pytest.mark.parametrize("name", ["body.step", "body.iges", "body.tspline"])
-def test_the_save_filter_writes_what_the_ending_says(
-    pebble: Callable[..., TSpline], name: str, tmp_path: Path
-) -> None:
+def test_the_save_filter_writes_what_the_ending_says(pebble: Callable[..., TSpline], name: str, tmp_path: Path) -> None:
     if name != "body.tspline":
         pytest.importorskip("OCP", reason="OpenCASCADE's wheel is not installed: pip install 'bonecam[cad]'")
     body, meshes = pebble(), MeshSet(folder=tmp_path)

@@ -30,8 +30,7 @@ TEXT = st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0")
 @pytest.mark.whole
 @settings(max_examples=1000, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
-    mesh=TEXT
-    | st.sampled_from(["C:\\bones\\new", 'the "left" one.stl', "a'b#c=d", "\r\n\t\x7f\u2028", '"""']),
+    mesh=TEXT | st.sampled_from(["C:\\bones\\new", 'the "left" one.stl', "a'b#c=d", "\r\n\t\x7f\u2028", '"""']),
     diameter=st.floats(0.0, 500.0),
     control_points=st.integers(40, 20000),
     coolant=st.booleans(),
@@ -84,10 +83,7 @@ def test_a_section_may_be_given_as_a_table_to_a_job() -> None:
     ("wrong", "told"),
     [
         ({"stck": {}}, r"\[stck\] is no section of a job \(did you mean 'stock'\?\): use one of mesh, "),
-        (
-            {"stock": {"kind": "cylindr"}},
-            r"kind = 'cylindr' \(did you mean 'cylinder'\?\): choose one of capsule, ",
-        ),
+        ({"stock": {"kind": "cylindr"}}, r"kind = 'cylindr' \(did you mean 'cylinder'\?\): choose one of capsule, "),
         ({"nc": {"controller": 5}}, r"\[nc\] controller = 5: give a text$"),
         (
             {"levels": {"depths": "a b", "most_cuts": 0}, "roughing": {"holder": "a", "feed": -1.0}},
@@ -108,12 +104,7 @@ def test_what_is_wrong_in_a_job_is_told_at_once_with_the_word_that_was_meant(
 
 def test_a_job_file_that_is_no_sane_text_is_refused(tmp_path: Path) -> None:
     file = tmp_path / "job.toml"
-    for text in (
-        "a = " + "[\n" * 10_000,
-        "[stock]\nlength = " + "9" * 30,
-        "a = '" + "x" * 20_000,
-        "\n" * 200_000,
-    ):
+    for text in ("a = " + "[\n" * 10_000, "[stock]\nlength = " + "9" * 30, "a = '" + "x" * 20_000, "\n" * 200_000):
         file.write_text(text)
         with pytest.raises(JobError, match=r"job\.toml: .*correct the TOML there") as caught:
             read_job(file)
@@ -159,12 +150,7 @@ def test_a_wrong_job_file_is_refused_with_its_name_and_place(tmp_path: Path, tex
 
 @pytest.mark.parametrize(
     ("given", "cuts"),
-    [
-        ([0.1, 0.3], ((0.1,), 0.3)),
-        ((np.float64(0.2), 1), ((0.2,), 1.0)),
-        (0.3, ((), 0.3)),
-        ("0.1, 0.3", ((0.1,), 0.3)),
-    ],
+    [([0.1, 0.3], ((0.1,), 0.3)), ((np.float64(0.2), 1), ((0.2,), 1.0)), (0.3, ((), 0.3)), ("0.1, 0.3", ((0.1,), 0.3))],
 )
 def test_depths_are_a_text_or_numbers(given: object, cuts: object) -> None:
     job = Job().with_values(levels={"depths": given})
@@ -173,9 +159,7 @@ def test_depths_are_a_text_or_numbers(given: object, cuts: object) -> None:
 
 
 def test_what_a_finishing_cut_takes_off_may_be_rougher_than_the_part() -> None:
-    job = Job().with_values(
-        levels={"depths": "0.1, 0.1, 0.5"}, finishing={"scallop": 0.01}, roughing={"scallop": 0.05}
-    )
+    job = Job().with_values(levels={"depths": "0.1, 0.1, 0.5"}, finishing={"scallop": 0.01}, roughing={"scallop": 0.05})
     assert [job.scallop(level) for level in range(4)] == pytest.approx([0.01, 0.02, 0.02, 0.05])
     smooth = job.with_values(finishing={"scallop": 0.04}, roughing={"scallop": 0.02})
     assert [smooth.scallop(level) for level in range(4)] == pytest.approx([0.04, 0.04, 0.02, 0.02])
@@ -214,9 +198,7 @@ def test_numbers_of_numpy_and_paths_are_taken_for_python_s() -> None:
         stock={"diameter": np.float64(15), "length": np.int64(37), "mesh": Path("a.stl")},
         nc={"coolant": np.bool_(False)},
     )
-    assert job == Job().with_values(
-        stock={"diameter": 15.0, "length": 37.0, "mesh": "a.stl"}, nc={"coolant": False}
-    )
+    assert job == Job().with_values(stock={"diameter": 15.0, "length": 37.0, "mesh": "a.stl"}, nc={"coolant": False})
     assert type(job.stock.diameter) is float
     assert write_job(job).count("diameter = 15.0") == 1
 
@@ -258,20 +240,7 @@ def test_errors_survive_the_way_between_processes() -> None:
     assert (type(error), str(error), error.evidence) == (LevelError, "level 3 folds", {"level": 3})
 
 
-HOSTILE = (
-    np.array(1.0),
-    np.array([[1.0]]),
-    object(),
-    {},
-    b"x",
-    1j,
-    np.nan,
-    10**400,
-    -1,
-    "\0",
-    "\ud800",
-    None,
-)
+HOSTILE = (np.array(1.0), np.array([[1.0]]), object(), {}, b"x", 1j, np.nan, 10**400, -1, "\0", "\ud800", None)
 
 
 def refusal(section: str, name: str, value: object) -> str:
@@ -310,8 +279,7 @@ def test_paths_of_a_job_file_count_from_it_and_names_stay_names(
     (tmp_path / "jobs").mkdir()
     file = tmp_path / "jobs" / "a.toml"
     file.write_text(
-        '[nc]\nmachine = "mill.toml"\ncontroller = "linuxcnc"\n[stock]\nmesh = "/stocks/bar.stl"\n',
-        encoding="utf-8",
+        '[nc]\nmachine = "mill.toml"\ncontroller = "linuxcnc"\n[stock]\nmesh = "/stocks/bar.stl"\n', encoding="utf-8"
     )
     monkeypatch.chdir(tmp_path)
     job = read_job("jobs/a.toml", Job().with_values(material={"name": "own.toml"}))
@@ -344,12 +312,7 @@ def test_the_deepest_roughing_cut_needs_no_finishing_levels() -> None:
 
 
 @pytest.mark.parametrize(
-    "levels",
-    [
-        {"depths": "0.5 1"},
-        {"schedule": "fewest"},
-        {"finishing_levels": 0, "roughing_depth": 0.5},
-    ],
+    "levels", [{"depths": "0.5 1"}, {"schedule": "fewest"}, {"finishing_levels": 0, "roughing_depth": 0.5}]
 )
 def test_the_feed_of_the_finishing_cutter_is_for_the_cut_that_it_takes_onto_the_part(levels: dict) -> None:
     """However deep that is: the finishing depth tells which of the cuts outside it are its too."""

@@ -22,9 +22,7 @@ def decorators(node: ast.stmt) -> set[str]:
 def modules(folder: Path) -> dict[str, ast.Module]:
     """The trees of the modules in a folder by their names."""
     files = sorted(folder.rglob("*.py"))
-    return {
-        ".".join(file.relative_to(ROOT).with_suffix("").parts): ast.parse(file.read_text()) for file in files
-    }
+    return {".".join(file.relative_to(ROOT).with_suffix("").parts): ast.parse(file.read_text()) for file in files}
 
 
 def imports(tree: ast.AST) -> set[tuple[str, str]]:
@@ -43,9 +41,7 @@ INNER = {
 
 @pytest.mark.parametrize("folder", ["bonecam", "plugins", "meshes", "docs", "tests"])
 def test_no_module_beside_the_kernels_imports_one_without_an_entry(folder: str) -> None:
-    beside = {
-        name: tree for name, tree in modules(ROOT / folder).items() if not name.startswith("bonecam.kernels")
-    }
+    beside = {name: tree for name, tree in modules(ROOT / folder).items() if not name.startswith("bonecam.kernels")}
     assert len(INNER) > 50
     assert beside
     assert {name: imports(tree) & INNER for name, tree in beside.items() if imports(tree) & INNER} == {}
@@ -76,9 +72,7 @@ def package(tmp_path: Path) -> Path:
 
 def start(package: Path, limit: int = 0, **variables: str) -> subprocess.Popen[str]:
     """Runs SMALL; no file that it writes may have more than `limit` bytes, as on a disk that is full there."""
-    full = (
-        f"import resource; resource.setrlimit(resource.RLIMIT_FSIZE, ({limit}, {limit})); " if limit else ""
-    )
+    full = f"import resource; resource.setrlimit(resource.RLIMIT_FSIZE, ({limit}, {limit})); " if limit else ""
     environment = {"NUMBA_CACHE_DIR": str(package / "kept"), **os.environ, **variables}
     command = [sys.executable, "-B", "-c", full + SMALL]
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True}

@@ -111,9 +111,7 @@ def test_values_of_the_job_win_each_for_itself() -> None:
 
 def test_a_material_may_be_a_file(tmp_path: Path) -> None:
     file = tmp_path / "wax.toml"
-    file.write_text(
-        (FOLDER / "peek.toml").read_text().replace("cutting_speed = 100.0", "cutting_speed = 50.0")
-    )
+    file.write_text((FOLDER / "peek.toml").read_text().replace("cutting_speed = 100.0", "cutting_speed = 50.0"))
     job = Job().with_values(material={"name": str(file)})
     assert job.tool("roughing").spindle == 3970.0
 
@@ -127,28 +125,14 @@ def test_a_material_may_be_a_file(tmp_path: Path) -> None:
         ("teeth = 2", 'teeth = "two"', "teeth: .*give a whole number"),
         ("teeth = 2", "teeth = 2\ncoolant = 1", "coolant: unknown key"),
         ("teeth = 2", "teeth = ", "wrong.toml: "),
-        (
-            "teeth = 2",
-            'teeth = 2\nmechanics_of = "wrong.toml"',
-            "mechanics_of = 'wrong.toml': give one of al",
-        ),
+        ("teeth = 2", 'teeth = 2\nmechanics_of = "wrong.toml"', "mechanics_of = 'wrong.toml': give one of al"),
         ("elasticity = 4000.0", "elasticity = 0.0", r"\[stiffness\] elasticity = 0: give a positive number"),
         ("elasticity = 4000.0", "", "stiffness.elasticity: missing: add it"),
-        (
-            "[stiffness]",
-            FORCE + "[stiffness]",
-            r"\[force\] band = \[1.5, 2.0\]: give two multiples with 1 between",
-        ),
-        (
-            "[stiffness]",
-            FORCE.replace("kre = 1.0", "kre = -1.0") + "[stiffness]",
-            r"\[force\] kre = -1: give a",
-        ),
+        ("[stiffness]", FORCE + "[stiffness]", r"\[force\] band = \[1.5, 2.0\]: give two multiples with 1 between"),
+        ("[stiffness]", FORCE.replace("kre = 1.0", "kre = -1.0") + "[stiffness]", r"\[force\] kre = -1: give a"),
     ],
 )
-def test_a_wrong_material_file_is_refused_with_file_and_key(
-    old: str, new: str, told: str, tmp_path: Path
-) -> None:
+def test_a_wrong_material_file_is_refused_with_file_and_key(old: str, new: str, told: str, tmp_path: Path) -> None:
     file = tmp_path / "wrong.toml"
     file.write_text((FOLDER / "peek.toml").read_text().replace(old, new))
     with pytest.raises(JobError, match=told) as caught:

@@ -89,11 +89,7 @@ def chain(
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(pipeline, "morph_part", told)
         result = bonecam.convert(
-            phalanx,
-            COARSE,
-            program=folder / "bone.h",
-            keep=folder / "keep",
-            report=folder / "report.json",
+            phalanx, COARSE, program=folder / "bone.h", keep=folder / "keep", report=folder / "report.json"
         )
     return result, folder
 
@@ -144,9 +140,7 @@ def test_the_report_has_the_names_that_stay(chain: tuple[bonecam.Result, Path]) 
     assert machined == list(range(len(report["levels"]) - 2, -1, -1))
 
 
-def test_what_was_expected_before_planning_comes_about_within_half(
-    chain: tuple[bonecam.Result, Path],
-) -> None:
+def test_what_was_expected_before_planning_comes_about_within_half(chain: tuple[bonecam.Result, Path]) -> None:
     report = chain[0].report
     expected = report["estimate"]
     pairs = (
@@ -170,9 +164,7 @@ def test_what_the_text_removes_is_told_and_shown(chain: tuple[bonecam.Result, Pa
     assert removal["rapid_contact_mm3"] == 0
     assert removal["left"]["gouge_max_mm"] <= 0.01
     assert [row["index"] for row in removal["levels"]] == [path.level for path in result.paths]
-    assert sum(row["removed_mm3"] for row in removal["levels"]) > 0.9 * (
-        result.stock.volume - result.surface.volume
-    )
+    assert sum(row["removed_mm3"] for row in removal["levels"]) > 0.9 * (result.stock.volume - result.surface.volume)
     left = read_mesh(folder / "keep" / "left.ply")
     assert len(left.vertices) == len(result.removal.left.heights)
 
@@ -233,8 +225,7 @@ def test_a_part_that_bends_too_much_is_refused(chain: tuple[bonecam.Result, Path
     found = result.removal.mechanics
     strict = replace(found, workpiece=replace(found.workpiece, limits=Job().mechanics))
     with pytest.raises(
-        VerifyError,
-        match=r"more than half of the yield strength .* would keep \d+\.\d um at \d+ MPa.*; or mechanics",
+        VerifyError, match=r"more than half of the yield strength .* would keep \d+\.\d um at \d+ MPa.*; or mechanics"
     ):
         check_removal_of_job(replace(result.removal, mechanics=strict), result.job)
 
@@ -263,9 +254,7 @@ def test_a_word_changed_by_1_mm_is_found(chain: tuple[bonecam.Result, Path], tmp
     lines = (chain[1] / "bone.h").read_text(encoding="utf-8").splitlines(keepends=True)
     at_side = re.compile(r"X\+[2-9]\.\d+ (?:Y[+-]0\.\d+ )?Z\+(\d+\.\d+) .*C\S+( F900)?$")
     begin = max(n for n, line in enumerate(lines) if "LEVEL 0" in line)
-    heights = {
-        n: float(found[1]) for n, line in enumerate(lines) if n > begin and (found := at_side.search(line))
-    }
+    heights = {n: float(found[1]) for n, line in enumerate(lines) if n > begin and (found := at_side.search(line))}
     middle = chain[0].part.mesh.vertices[:, 2].mean()
     at = min(heights, key=lambda n: abs(heights[n] - middle))
     moved = re.sub(r"X\+(\d)", lambda found: f"X+{int(found[1]) - 1}", lines[at])
@@ -284,11 +273,7 @@ def test_a_word_changed_by_1_mm_is_found(chain: tuple[bonecam.Result, Path], tmp
         (r"(?s) F900\n", " F99999\n", "a feed of 99999 mm/min"),
         (r" M3\n", " M5\n", "a feed move while the spindle stands"),
         (r" M8\n", " M9\n", "a cut without coolant"),
-        (
-            r"(TOOL 2 BALL RADIUS \S+ LENGTH )100",
-            r"\g<1>99",
-            "tool 2 has a length of 99 mm here, of 100 mm in the job",
-        ),
+        (r"(TOOL 2 BALL RADIUS \S+ LENGTH )100", r"\g<1>99", "tool 2 has a length of 99 mm here, of 100 mm in the job"),
     ],
 )
 def test_a_text_that_the_control_would_run_otherwise_is_refused_by_simulate(
@@ -315,17 +300,7 @@ def test_what_cannot_be_simulated_is_one_line(
         ([program, "--keep", keep, "--cell", "0.0005"], "give a cell of at least"),
         ([program, "--keep", keep, "--cell", "1000"], "give a cell of at most"),
         (
-            [
-                program,
-                "--keep",
-                keep,
-                "--cell",
-                "0.4",
-                "--set",
-                "path.fine_cutter=true",
-                "--set",
-                "fine.radius=0.5",
-            ],
+            [program, "--keep", keep, "--cell", "0.4", "--set", "path.fine_cutter=true", "--set", "fine.radius=0.5"],
             "rays 0.4 mm apart miss what a ball of 0.5 mm does: give a cell of at most 0.25 mm",
         ),
         ([program, "--keep", keep, "--controller", "linuxcnc"], "give its --controller"),
@@ -378,9 +353,7 @@ def test_keep_writes_levels_path_surface_and_pictures(chain: tuple[bonecam.Resul
     result, folder = chain
     count = len(result.levels.levels)
     names = {item.name for item in (folder / "keep").iterdir()} - {OWN_FILES}
-    pictures = {
-        f"{name}.png" for name in "levels coloured depths toolpath machine engagement stump axes".split()
-    }
+    pictures = {f"{name}.png" for name in "levels coloured depths toolpath machine engagement stump axes".split()}
     assert (
         names
         == {f"level_{k:02d}.ply" for k in range(count)}
@@ -407,32 +380,14 @@ def test_levels_alone_are_the_chain_s_and_take_the_place_of_its_levels_and_paths
     shutil.copytree(folder / "keep", keep)
     job.write_text(write_job(COARSE), encoding="utf-8")
     assert (
-        main(
-            [
-                "levels",
-                str(phalanx),
-                "-o",
-                str(keep),
-                "--report",
-                str(tmp_path / "levels.json"),
-                "--job",
-                str(job),
-            ]
-        )
+        main(["levels", str(phalanx), "-o", str(keep), "--report", str(tmp_path / "levels.json"), "--job", str(job)])
         == 0
     )
     same = ["surface.tspline", *(f"level_{k:02d}.ply" for k in range(len(result.levels.levels)))]
     assert all((keep / name).read_bytes() == (folder / "keep" / name).read_bytes() for name in same)
     told = json.loads((tmp_path / "levels.json").read_text(encoding="utf-8"))
     assert told["levels"] == json.loads(json.dumps(result.report["levels"]))
-    assert set(result.report) - set(told) == {
-        "estimate",
-        "toolpath",
-        "uncut_mm2",
-        "nc",
-        "removal",
-        "mechanics",
-    }
+    assert set(result.report) - set(told) == {"estimate", "toolpath", "uncut_mm2", "nc", "removal", "mechanics"}
     told = capsys.readouterr().out.splitlines()
     lines = [line.partition(" ")[0] for line in told if not line.startswith(" ")]
     assert lines == "warning warning mesh repair surface as stock post levels certified time".split()
@@ -462,9 +417,7 @@ def test_levels_alone_need_no_room_in_a_machine(monkeypatch: pytest.MonkeyPatch,
         bonecam.morph_levels(phalanx, COARSE.with_values(holding={"length": 480.0}))
 
 
-def test_the_transform_leads_from_the_file_to_the_part(
-    chain: tuple[bonecam.Result, Path], phalanx: Path
-) -> None:
+def test_the_transform_leads_from_the_file_to_the_part(chain: tuple[bonecam.Result, Path], phalanx: Path) -> None:
     part = chain[0].part
     moved = read_mesh(phalanx).move(part.transform)
     assert np.abs(moved.bounds - part.mesh.bounds).max() < 1e-9
@@ -526,8 +479,7 @@ def test_an_impossible_job_fails_at_once_and_leaves_no_program(
 
 def test_repair_troubles_name_the_file(tmp_path: Path) -> None:
     flat = TriangleMesh(
-        np.array([[0.0, 0, 0], [20, 0, 0], [20, 30, 0], [0, 30, 0]]),
-        np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32),
+        np.array([[0.0, 0, 0], [20, 0, 0], [20, 30, 0], [0, 30, 0]]), np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32)
     )
     write_mesh(flat, tmp_path / "flat.ply")
     with pytest.raises(MeshError, match=r"flat\.ply"):
@@ -536,15 +488,7 @@ def test_repair_troubles_name_the_file(tmp_path: Path) -> None:
 
 def test_a_result_is_shown_in_a_line(chain: tuple[bonecam.Result, Path]) -> None:
     result = chain[0]
-    values = (
-        result,
-        result.program,
-        result.surface,
-        result.part,
-        result.levels,
-        *result.levels.levels,
-        *result.paths,
-    )
+    values = (result, result.program, result.surface, result.part, result.levels, *result.levels.levels, *result.paths)
     for value in values:
         assert len(repr(value)) < 200
         assert "\n" not in repr(value)

@@ -48,9 +48,7 @@ def program(mesh: Path, folder: Path, kernels: dict[str, str]) -> bytes:
     return (folder / "bent.h").read_bytes()
 
 
-def test_the_program_is_the_same_to_the_byte_on_other_processors_and_threads(
-    bent: Path, tmp_path: Path
-) -> None:
+def test_the_program_is_the_same_to_the_byte_on_other_processors_and_threads(bent: Path, tmp_path: Path) -> None:
     here = program(bent, tmp_path / "here", {})
     assert len(here.splitlines()) > 1000
     assert program(bent, tmp_path / "there", OTHERS) == here

@@ -73,9 +73,7 @@ def test_an_unknown_name_is_refused(name: str) -> None:
 
 def test_import_loads_no_library() -> None:
     code = "import sys, bonecam, bonecam.mesh; print(*{name.split('.')[0] for name in sys.modules})"
-    answer = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT
-    )
+    answer = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
     assert not {"numpy", "scipy", "numba", "open3d", "pymeshlab"} & set(answer.stdout.split())
 
 
@@ -103,9 +101,7 @@ def test_every_package_is_installed_with_its_stubs() -> None:
     assert bonecam.__version__
 
 
-@pytest.mark.parametrize(
-    "function", [bonecam.convert, bonecam.morph_levels, bonecam.clamping_shell, bonecam.finish]
-)
+@pytest.mark.parametrize("function", [bonecam.convert, bonecam.morph_levels, bonecam.clamping_shell, bonecam.finish])
 def test_help_names_the_kinds_of_meshes_in_a_word(function: Callable[..., object]) -> None:
     told = str(signature(function))
     assert "MeshLike" in told

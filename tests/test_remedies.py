@@ -36,9 +36,7 @@ is told, not refused: its remedies are judged in tests/mechanics."""
 NUMBER = r"(\d+(?:\.\d+)?)"
 NAMED = re.compile(rf"([a-z]+)\.([a-z_]+) (?:\([^)]*\) )?(?:at least|to) {NUMBER}")
 FIELD = re.compile(r"^\[(\w+)\] (\w+) = ")
-BOUND = re.compile(
-    rf"(?:give (?:at least|more than|at most|less than) [^;]*\(|sinks |turns at |makes |takes ){NUMBER}"
-)
+BOUND = re.compile(rf"(?:give (?:at least|more than|at most|less than) [^;]*\(|sinks |turns at |makes |takes ){NUMBER}")
 RISE = ("at least", "more than", "or more", "allow more")
 
 
@@ -81,9 +79,7 @@ def test_remedies_followed_to_the_letter_lead_to_a_program(coarse: TriangleMesh)
         *("levels.roughing_depth", "levels.finishing_depth", "levels.most_cuts"),
         *("roughing.flute_length", "roughing.spindle", "finishing.feed"),
     }
-    assert len(changed) == len(asked), (
-        f"a remedy had to be followed by another one of the same field: {changed}"
-    )
+    assert len(changed) == len(asked), f"a remedy had to be followed by another one of the same field: {changed}"
 
 
 @pytest.mark.slow

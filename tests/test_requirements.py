@@ -34,10 +34,7 @@ def no_work(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize(
     ("changes", "named"),
     [
-        (
-            {"holding": {"diameter": 100.0}},
-            r"\[holding\] diameter = 100: the stock is 1\d\.\d\d mm wide: give",
-        ),
+        ({"holding": {"diameter": 100.0}}, r"\[holding\] diameter = 100: the stock is 1\d\.\d\d mm wide: give"),
         (
             {"stock": {"diameter": 300.0, "length": 320.0}},
             r"\[levels\] most_cuts = 250: the stock at .* takes 2\d\d cuts or more: give a smaller",
@@ -56,14 +53,8 @@ def no_work(monkeypatch: pytest.MonkeyPatch) -> None:
         ),
         ({"stock": {"mesh": "block.stl"}}, r"\[stock\] mesh = 'block\.stl': a capsule has none"),
         ({"stock": {"kind": "box", "diameter": 15.0}}, r"\[stock\] diameter = 15: a box has none"),
-        (
-            {"finishing": {"scallop": 1.5}},
-            r"\[finishing\] scallop = 1\.5: give less than the ball's radius \(1 mm\)",
-        ),
-        (
-            {"roughing": {"flute_length": 1.5}},
-            r"\[roughing\] flute_length = 1\.5: give at least the ball's radius",
-        ),
+        ({"finishing": {"scallop": 1.5}}, r"\[finishing\] scallop = 1\.5: give less than the ball's radius \(1 mm\)"),
+        ({"roughing": {"flute_length": 1.5}}, r"\[roughing\] flute_length = 1\.5: give at least the ball's radius"),
         ({"roughing": {"overhang": 6.0}}, r"\[roughing\] overhang = 6: give more than flute_length \(8 mm\)"),
         (
             {"finishing": {"shank_diameter": 25.0}},
@@ -99,14 +90,7 @@ def no_work(monkeypatch: pytest.MonkeyPatch) -> None:
             r"\[holding\] riser_diameter = 900: the table of mikron-ucp600 is \d+ mm across: give less",
         ),
         (
-            {
-                "holding": {
-                    "stub_diameter": 8.0,
-                    "stub_length": 15.0,
-                    "chuck_diameter": 22.0,
-                    "chuck_height": 90.0,
-                }
-            },
+            {"holding": {"stub_diameter": 8.0, "stub_length": 15.0, "chuck_diameter": 22.0, "chuck_height": 90.0}},
             r"\[holding\] stub_diameter = 8: the stock that is turned from this bar is 1\d\.\d\d mm wide: give",
         ),
         ({"holding": {"length": -1.0}}, r"\[holding\] length = -1\.0: keep it within"),
@@ -133,15 +117,10 @@ def no_work(monkeypatch: pytest.MonkeyPatch) -> None:
             {"holding": {"diameter": 4.0, "length": 107.0}},
             r"the neck does not hold: .* that of 4 x 107 mm .*: give holding\.diameter = 0, which finds one",
         ),
-        (
-            {"stock": {"offset_x": 40.0}},
-            r"the post of diameter 10 mm on the Z axis misses the part: .*stock\.offset_x",
-        ),
+        ({"stock": {"offset_x": 40.0}}, r"the post of diameter 10 mm on the Z axis misses the part: .*stock\.offset_x"),
     ],
 )
-def test_an_absurd_job_is_refused_before_the_surface_is_fitted(
-    changes: dict, named: str, tmp_path: Path
-) -> None:
+def test_an_absurd_job_is_refused_before_the_surface_is_fitted(changes: dict, named: str, tmp_path: Path) -> None:
     with pytest.raises(BonecamError, match=named) as caught:
         bonecam.convert(shipped("phalanx"), Job().with_values(**changes), program=tmp_path / "bone.h")
     assert "\n" not in str(caught.value)
@@ -149,9 +128,7 @@ def test_an_absurd_job_is_refused_before_the_surface_is_fitted(
 
 
 @pytest.mark.usefixtures("no_work")
-@pytest.mark.parametrize(
-    ("field", "value"), [("method", "qcqp"), ("method", "published"), ("solver", "clarabel")]
-)
+@pytest.mark.parametrize(("field", "value"), [("method", "qcqp"), ("method", "published"), ("solver", "clarabel")])
 def test_a_solver_that_is_not_installed_is_named_before_the_surface_is_fitted(
     field: str, value: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -190,16 +167,8 @@ HEIDENHAIN = (DIALECTS / "heidenhain.toml").read_text()
     ("old", "new", "named"),
     [
         ("length = { decimals = 3", "length = { decimals = 0", "trial program"),
-        (
-            "length = { decimals = 3, sign = true",
-            "length = { decimals = 3, sign = false",
-            "unknown block 'BLK FORM",
-        ),
-        (
-            "length = { decimals = 3, sign = true",
-            "length = { decimals = 3, sign = true, highest = 20.0",
-            "leaves the",
-        ),
+        ("length = { decimals = 3, sign = true", "length = { decimals = 3, sign = false", "unknown block 'BLK FORM"),
+        ("length = { decimals = 3, sign = true", "length = { decimals = 3, sign = true, highest = 20.0", "leaves the"),
         (
             "angle = { decimals = 3, sign = true, lowest = -99999.999",
             "angle = { decimals = 3, sign = true, lowest = 1.0",
@@ -227,9 +196,7 @@ def test_a_dialect_that_cannot_write_the_job_is_refused_before_the_surface_is_fi
 
 
 @pytest.mark.usefixtures("no_work")
-def test_a_machine_that_the_dialect_does_not_know_is_refused_before_the_surface_is_fitted(
-    tmp_path: Path,
-) -> None:
+def test_a_machine_that_the_dialect_does_not_know_is_refused_before_the_surface_is_fitted(tmp_path: Path) -> None:
     job = Job().with_values(nc={"machine": "linuxcnc-xyzbc", "controller": "heidenhain"})
     with pytest.raises(MachineError, match="tool_centre_control '' is none of heidenhain's"):
         bonecam.convert(shipped("phalanx"), job)
@@ -264,9 +231,7 @@ def test_an_offset_that_takes_the_part_off_its_post_is_to_be_left_out(kind: str)
     place(part, Job().with_values(stock={"kind": kind, "offset_x": x, "offset_y": y, "offset_z": 1.0}))
 
 
-@pytest.mark.parametrize(
-    "stock", [{}, {"tilt_x_deg": 20.0}, {"diameter": 90.0, "length": 90.0, "offset_y": -30.0}]
-)
+@pytest.mark.parametrize("stock", [{}, {"tilt_x_deg": 20.0}, {"diameter": 90.0, "length": 90.0, "offset_y": -30.0}])
 def test_the_offset_that_is_told_brings_the_part_over_its_post(stock: dict[str, Any]) -> None:
     aside = np.eye(4)
     aside[0, 3] = 20.0

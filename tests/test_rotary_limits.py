@@ -30,21 +30,12 @@ SMALL = Job().with_values(
 
 @pytest.fixture(scope="module")
 def levels() -> bonecam.Morphed:
-    return bonecam.morph_levels(
-        Capsule(np.array([0.0, 0, 2.5]), np.array([0.0, 0, 7.5]), 2.5).mesh(0.05), SMALL
-    )
+    return bonecam.morph_levels(Capsule(np.array([0.0, 0, 2.5]), np.array([0.0, 0, 7.5]), 2.5).mesh(0.05), SMALL)
 
 
-@pytest.mark.parametrize(
-    ("low", "high", "orientation"), [(-360, 360, "lead"), (0, 360, "lead"), (-185, 185, "cones")]
-)
+@pytest.mark.parametrize(("low", "high", "orientation"), [(-360, 360, "lead"), (0, 360, "lead"), (-185, 185, "cones")])
 def test_a_turntable_with_limits_gets_a_program_that_keeps_them(
-    low: int,
-    high: int,
-    orientation: str,
-    levels: bonecam.Morphed,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    low: int, high: int, orientation: str, levels: bonecam.Morphed, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     text = (MACHINES / "mikron-ucp600.toml").read_text(encoding="utf-8")
     file = tmp_path / "limited.toml"

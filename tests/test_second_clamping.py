@@ -84,9 +84,7 @@ def parted(pebble, level_of, mesh_of, tmp_path_factory):
     )
     levels = SimpleNamespace(levels=[level_of(pebble())])
     report = {"surface": {"deviation_max_mm": 0.0}}
-    return SimpleNamespace(
-        job=job, part=part_of(lump), levels=levels, removal=removal, paths=paths, report=report
-    )
+    return SimpleNamespace(job=job, part=part_of(lump), levels=levels, removal=removal, paths=paths, report=report)
 
 
 @pytest.fixture(scope="module")
@@ -156,9 +154,7 @@ def test_a_shell_in_the_way_of_the_tool_refuses_the_program(second) -> None:
     shell = second.clamping.shell.move(raised)
     near = shell_clearance(motions, cutters_of(second.job, MACHINE), shell)
     assert near.touched == near.least.line > 0
-    with pytest.raises(
-        VerifyError, match=r"line \d+: the tool comes within 0.2 mm of the shell .*farther up"
-    ):
+    with pytest.raises(VerifyError, match=r"line \d+: the tool comes within 0.2 mm of the shell .*farther up"):
         check_removal_of_job(replace(second.removal, shell=near), second.job)
 
 

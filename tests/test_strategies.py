@@ -37,9 +37,7 @@ def rotary(tmp_path_factory: pytest.TempPathFactory) -> tuple[bonecam.Result, Pa
 
 
 @pytest.mark.slow
-def test_rotary_milling_keeps_its_tool_radial_and_leaves_the_ends(
-    rotary: tuple[bonecam.Result, Path],
-) -> None:
+def test_rotary_milling_keeps_its_tool_radial_and_leaves_the_ends(rotary: tuple[bonecam.Result, Path]) -> None:
     result, _ = rotary
     part = result.levels.levels[0].mesh.bounds
     for path in result.paths:
@@ -63,13 +61,9 @@ def test_rotary_milling_keeps_its_tool_radial_and_leaves_the_ends(
 
 
 @pytest.mark.slow
-def test_a_program_of_another_strategy_is_simulated_alone_as_in_convert(
-    rotary: tuple[bonecam.Result, Path],
-) -> None:
+def test_a_program_of_another_strategy_is_simulated_alone_as_in_convert(rotary: tuple[bonecam.Result, Path]) -> None:
     result, folder = rotary
-    job = COARSE.with_values(
-        path={"strategy": "rotary"}, holding={"length": result.report["post"]["length_mm"]}
-    )
+    job = COARSE.with_values(path={"strategy": "rotary"}, holding={"length": result.report["post"]["length_mm"]})
     alone = bonecam.simulate(folder / "bone.h", folder / "keep", job, cell=0.2)
     assert result.removal is not None
     assert [level.index for level in alone.levels] == [level.index for level in result.removal.levels]

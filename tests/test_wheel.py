@@ -23,9 +23,7 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("wheel")
     copy = folder / "checkout"  # a build leaves a folder, from which the next would take what is gone
     for name in FOLDERS:
-        shutil.copytree(
-            ROOT / name, copy / name, ignore=shutil.ignore_patterns(*(f"*{end}" for end in LEFT_OUT))
-        )
+        shutil.copytree(ROOT / name, copy / name, ignore=shutil.ignore_patterns(*(f"*{end}" for end in LEFT_OUT)))
     for name in ("pyproject.toml", "README.md", "LICENSE"):
         shutil.copy(ROOT / name, copy)
     command = [sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "-w", str(folder), str(copy)]
@@ -59,13 +57,9 @@ def called(python: Path, *words: str) -> str:
 def test_every_file_of_the_packages_is_in_it(wheel: Path) -> None:
     packed = set(zipfile.ZipFile(wheel).namelist())
     for folder, package in FOLDERS.items():
-        files = [
-            path for path in (ROOT / folder).rglob("*") if path.is_file() and path.suffix not in LEFT_OUT
-        ]
+        files = [path for path in (ROOT / folder).rglob("*") if path.is_file() and path.suffix not in LEFT_OUT]
         assert len(files) > 3
-        missing = [
-            path for path in files if f"{package}/{path.relative_to(ROOT / folder).as_posix()}" not in packed
-        ]
+        missing = [path for path in files if f"{package}/{path.relative_to(ROOT / folder).as_posix()}" not in packed]
         assert missing == []
 
 

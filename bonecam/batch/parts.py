@@ -170,9 +170,7 @@ def _lines(table: Path, text: str) -> Iterator[tuple[int, dict[str, str]]]:
                 raise JobError(f"{table}: {what}: quote cells with commas", file=str(table))
             yield rows.line_num, dict(zip(header, cells, strict=False))
     except csv.Error as error:
-        raise JobError(
-            f"{table}: line {rows.line_num}: {error}: correct the quotes", file=str(table)
-        ) from error
+        raise JobError(f"{table}: line {rows.line_num}: {error}: correct the quotes", file=str(table)) from error
 
 
 def _part_of(folder: Path, cells: dict[str, str], job: Job) -> BatchPart:

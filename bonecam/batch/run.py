@@ -66,9 +66,7 @@ def convert_many(
     if executor is None and jobs < 1:
         raise JobError(f"--jobs {jobs}: give 1 or more")
     if executor is not None and not callable(getattr(executor, "submit", None)):
-        raise TypeError(
-            f"executor is a {type(executor).__name__}: give an object whose submit returns a future"
-        )
+        raise TypeError(f"executor is a {type(executor).__name__}: give an object whose submit returns a future")
     given = [parts] if isinstance(parts, str | Path) else parts
     own_parts = batch_parts(given, job or Job())[share[0] - 1 :: share[1]]
     _check_jobs(own_parts, target)
@@ -155,9 +153,7 @@ def _outcome_of(future: "Future[Outcome]", part: BatchPart) -> Outcome:
         return replace(outcome, mesh=str(part.file), message=message)
     except (Exception, CancelledError) as error:
         reason = " ".join(f"{type(error).__name__}: {error}".split())
-        return failed(
-            part.name, str(part.file), part.job_file, 0.0, f"its worker was lost ({reason}): try it again"
-        )
+        return failed(part.name, str(part.file), part.job_file, 0.0, f"its worker was lost ({reason}): try it again")
 
 
 def _in_process(
@@ -190,12 +186,7 @@ def _in_process(
         reason = " ".join(str(error).split())
         message = f"internal error {type(error).__name__}: {reason}: please report it with the part"
     return failed(
-        part.name,
-        str(part.file),
-        job=part.job_file,
-        seconds=time.perf_counter() - began,
-        message=message,
-        code=code,
+        part.name, str(part.file), job=part.job_file, seconds=time.perf_counter() - began, message=message, code=code
     )
 
 

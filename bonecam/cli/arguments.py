@@ -81,9 +81,7 @@ def _add_levels(parsers: Any) -> None:
 def _add_finish(parsers: Any) -> None:
     text = "Make the verified NC program that machines one surface alone, open or closed, beside obstacles."
     finish = _add_command(parsers, "finish", text, commands.run_finish)
-    kinds = (
-        "rows of points, .step, .iges, .tsm, .tspline or an open mesh; normals outward, the table's axis Z"
-    )
+    kinds = "rows of points, .step, .iges, .tsm, .tspline or an open mesh; normals outward, the table's axis Z"
     finish.add_argument("surface", metavar="SURFACE", help=kinds)
     finish.add_argument("--part", metavar="MESH", help="solid that is not gouged; open surfaces need it")
     beside = "solid to keep clear of: hub, shroud, neighbour, fixture (repeat for more)"
@@ -102,9 +100,7 @@ def _add_shell(parsers: Any) -> None:
     text = "Make a shell round the finished end of a part, for its second clamping (holding.second)."
     shell = _add_command(parsers, "shell", text, commands.run_shell)
     shell.add_argument("mesh", metavar="PART", help=PART)
-    shell.add_argument(
-        "-o", "--output", metavar="MESH", required=True, help="file for the shell: .stl or .ply"
-    )
+    shell.add_argument("-o", "--output", metavar="MESH", required=True, help="file for the shell: .stl or .ply")
     covered = "share of the part's height that it covers (0.5)"
     shell.add_argument("--covered", metavar="SHARE", type=positive(), default=0.5, help=covered)
     add_job_options(shell)
@@ -133,9 +129,7 @@ def _add_post(parsers: Any) -> None:
     post = _add_command(parsers, "post", text, commands.run_post)
     post.add_argument("paths", metavar="PATHS", help="APT statements, or with --from-machine an NC program")
     post.add_argument("-o", "--output", metavar="PROGRAM", required=True, help="file for the NC program")
-    solid = (
-        "solid that is not gouged, in the paths' frame: a mesh, or a kept folder or surface (that of --keep)"
-    )
+    solid = "solid that is not gouged, in the paths' frame: a mesh, or a kept folder or surface (that of --keep)"
     post.add_argument("--part", metavar="MESH", help=solid)
     kept = "a folder that `convert --keep` wrote: its stock is cut, without --job by its job (that of PATHS)"
     post.add_argument("--keep", metavar="DIR", help=kept)
@@ -159,9 +153,7 @@ def _add_script(parsers: Any) -> None:
     script.add_argument("script", metavar="SCRIPT.mlx", help=file)
     mesh = "mesh to load as a layer (repeat for more; none where the script makes its meshes)"
     script.add_argument("-i", "--input", action="append", default=[], metavar="MESH", help=mesh)
-    script.add_argument(
-        "-o", "--output", metavar="DIR", required=True, help="folder for the resulting layers"
-    )
+    script.add_argument("-o", "--output", metavar="DIR", required=True, help="folder for the resulting layers")
     outside = "let the script write outside DIR, and read what is not beside it or an input"
     script.add_argument("--allow-outside", action="store_true", help=outside)
     script.add_argument("--force", action="store_true", help="write over files that no earlier run wrote")
@@ -169,9 +161,7 @@ def _add_script(parsers: Any) -> None:
         ("--time-limit", "S", SECONDS, MOST_SECONDS, "seconds that the script may take"),
         ("--memory-limit", "GB", MEMORY, MOST_MEMORY, "memory that its data may take"),
     ):
-        script.add_argument(
-            name, metavar=unit, type=positive(most), default=limit, help=f"{what} ({limit:g})"
-        )
+        script.add_argument(name, metavar=unit, type=positive(most), default=limit, help=f"{what} ({limit:g})")
     _add_verbosity(script)
 
 
@@ -225,9 +215,7 @@ def _add_apt(command: argparse.ArgumentParser) -> None:
 
 
 def _add_results(command: argparse.ArgumentParser) -> None:
-    command.add_argument(
-        "--report", metavar="FILE.json", help="file for the report of everything that was measured"
-    )
+    command.add_argument("--report", metavar="FILE.json", help="file for the report of everything that was measured")
     surface = "file for the T-spline: .tspline, .iga, .step or .iges"
     command.add_argument("--surface", metavar="FILE", help=surface)
     page = "file for a page to look at in a browser: levels, paths, the program played, what is left"

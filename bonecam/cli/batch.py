@@ -23,9 +23,7 @@ def add_batch(add_command: Any, parsers: Any) -> None:
     resume = "skip parts that an earlier run finished with the same mesh, job, files of the job, and package"
     batch.add_argument("--resume", action="store_true", help=resume)
     batch.add_argument("--html", action="store_true", help="write a page of each part, NAME.html")
-    batch.add_argument(
-        "--sheet", action="store_true", help="write a setup sheet of each part, NAME.sheet.html"
-    )
+    batch.add_argument("--sheet", action="store_true", help="write a setup sheet of each part, NAME.sheet.html")
     keep = "write a folder of each part, NAME: surface, levels, tool path and pictures"
     batch.add_argument("--keep", action="store_true", help=keep)
     scheduler = "run on the workers of a Dask scheduler (tcp://HOST:8786), or of one started here (local)"

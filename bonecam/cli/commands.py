@@ -47,10 +47,7 @@ def _convert(mesh: str | Path, options: argparse.Namespace) -> int:
 
 
 def _run(
-    make: Callable[..., "bonecam.Morphed"],
-    mesh: str | Path,
-    options: argparse.Namespace,
-    **outputs: str | None,
+    make: Callable[..., "bonecam.Morphed"], mesh: str | Path, options: argparse.Namespace, **outputs: str | None
 ) -> int:
     """Call `make` with the part, the job and the files to write, and print the summary of the result."""
     job = job_of(options)
@@ -129,9 +126,7 @@ def run_simulate(options: argparse.Namespace) -> int:
 
     job = _kept_job(options, options.program)
     if options.keep is None:
-        raise JobError(
-            f"{options.program}: no folder of its run is named: give the one of `convert --keep` (--keep)"
-        )
+        raise JobError(f"{options.program}: no folder of its run is named: give the one of `convert --keep` (--keep)")
     wanted = [file for file in (options.report, options.html) if file is not None]
     check_files(wanted, [options.program, *input_files(options)])
     with shown_progress(options) as progress:

@@ -25,9 +25,7 @@ def add_job_options(command: argparse.ArgumentParser, *, posted: bool = True) ->
         command.add_argument("--machine", metavar="NAME", help=machine)
         controller = _choice(dialect_names(), "the machine's own")
         command.add_argument("--controller", metavar="NAME", help=controller)
-    tools = (
-        "list of the cutters that there are: a name, or a file of Fusion, FreeCAD, LinuxCNC, .csv or .toml"
-    )
+    tools = "list of the cutters that there are: a name, or a file of Fusion, FreeCAD, LinuxCNC, .csv or .toml"
     command.add_argument("--tools", metavar="FILE", help=tools)
     setting = "a parameter of the job, as `bonecam job` lists them (repeat for more)"
     command.add_argument("--set", action="append", default=[], metavar="SECTION.NAME=VALUE", help=setting)

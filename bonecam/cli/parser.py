@@ -29,9 +29,7 @@ class Parser(argparse.ArgumentParser):
         if action.choices is not None and value not in action.choices:
             known = [str(choice) for choice in action.choices]
             close = did_you_mean(str(value), known)
-            raise argparse.ArgumentError(
-                action, f"{value!r} is unknown{close}: use one of {', '.join(known)}"
-            )
+            raise argparse.ArgumentError(action, f"{value!r} is unknown{close}: use one of {', '.join(known)}")
 
     def refuse_unknown(self, arguments: Sequence[str]) -> NoReturn:
         """End with one line that names the arguments that this command does not know."""

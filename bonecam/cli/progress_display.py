@@ -42,9 +42,7 @@ class ProgressBar:
         from tqdm.auto import tqdm
 
         shape = "{percentage:3.0f}% |{bar:10}| {elapsed}<{remaining} {desc}"
-        self._bar: Any = tqdm(
-            total=1.0, bar_format=shape, dynamic_ncols=True, leave=False, position=0, file=file
-        )
+        self._bar: Any = tqdm(total=1.0, bar_format=shape, dynamic_ncols=True, leave=False, position=0, file=file)
         self._message = ""
         self._compiling = Compiling()
         self._closed = threading.Event()

@@ -116,9 +116,7 @@ def add_blades(add_command: Any, parsers: Any) -> argparse.ArgumentParser:
     flow = '"x r" or "x y z": what the columns of the flow path are (x r)'
     command.add_argument("--hub-columns", metavar="NAMES", default="x r", help=flow)
     command.add_argument("-o", "--output", metavar="PROGRAM", required=True, help="file for the NC program")
-    command.add_argument(
-        "--keep", metavar="DIR", help="folder for blade, wheel, blank, tool paths and pictures"
-    )
+    command.add_argument("--keep", metavar="DIR", help="folder for blade, wheel, blank, tool paths and pictures")
     command.add_argument("--report", metavar="FILE.json", help="file for the report")
     command.add_argument("--html", metavar="FILE.html", help="file for a page to look at in a browser")
     command.add_argument("--sheet", metavar="FILE.html", help="file for the setup sheet, one page to print")
@@ -134,13 +132,7 @@ def run_blades(options: argparse.Namespace) -> int:
     table = {"columns": options.columns, "axis": options.axis, "hub_columns": options.hub_columns}
     blade = options.blade[0] if len(options.blade) == 1 else options.blade
     return _make(
-        options,
-        job_of(options),
-        blade=blade,
-        hub=options.hub,
-        count=options.count,
-        obstacles=options.obstacle,
-        **table,
+        options, job_of(options), blade=blade, hub=options.hub, count=options.count, obstacles=options.obstacle, **table
     )
 
 
@@ -152,9 +144,7 @@ def run_impeller(options: argparse.Namespace) -> int:
     from bonecam.nc.job_dialect import job_dialect
 
     if options.surface is not None:
-        raise JobError(
-            "demo --impeller: the blade's surface is in the kept folder: give --keep, not --surface"
-        )
+        raise JobError("demo --impeller: the blade's surface is in the kept folder: give --keep, not --surface")
     options.job = options.job or str(bonecam_meshes.job("impeller"))
     job = job_of(options)
     if options.output is None:
@@ -164,13 +154,7 @@ def run_impeller(options: argparse.Namespace) -> int:
 
 
 def _make(
-    options: argparse.Namespace,
-    job: Job,
-    blade: Any,
-    hub: str | Path,
-    count: int,
-    obstacles: list[Any],
-    **table: str,
+    options: argparse.Namespace, job: Job, blade: Any, hub: str | Path, count: int, obstacles: list[Any], **table: str
 ) -> int:
     """Call `blades` with the files to write, and print the summary of the result."""
     outputs = {name: getattr(options, name) for name in ("keep", "report", "html", "sheet", "apt")}

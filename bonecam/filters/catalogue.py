@@ -27,19 +27,14 @@ def overview(filters: Iterable[Filter]) -> str:
         lines.append(category)
         for item in items:
             if item.category == category:
-                lines += [
-                    f"  {item.name} ({item.display_name})",
-                    *_wrapped(first_sentence(item.documentation), 6),
-                ]
+                lines += [f"  {item.name} ({item.display_name})", *_wrapped(first_sentence(item.documentation), 6)]
         lines.append("")
     return "\n".join(lines).rstrip()
 
 
 def page(item: Filter) -> str:
     """One filter: documentation, what it changes, parameters."""
-    change = (
-        "Changes the current layer." if item.changes_layer else "The current layer's mesh is not changed."
-    )
+    change = "Changes the current layer." if item.changes_layer else "The current layer's mesh is not changed."
     needs = f" Apply {', then '.join(item.after)} first." if item.after else ""
     lines = [f"{item.name}: {item.display_name}, {item.category}", ""]
     for paragraph in item.documentation.strip().split("\n\n"):

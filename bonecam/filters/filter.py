@@ -64,9 +64,7 @@ class Filter:
             raise ValueError(f"filter {self.name}: state its display name, documentation and category")
         names = [item.name for item in self.parameters]
         if len(set(names)) != len(names):
-            raise ValueError(
-                f"filter {self.name}: {next(n for n in names if names.count(n) > 1)!r} is there twice"
-            )
+            raise ValueError(f"filter {self.name}: {next(n for n in names if names.count(n) > 1)!r} is there twice")
 
     def parameter(self, name: str) -> FilterParameter:
         """The parameter of that name (in any case, as scripts write it). FilterError names the known ones."""
@@ -84,9 +82,7 @@ class Filter:
         values = {self.parameter(name).name: value for name, value in given.items()}
         try:
             return {
-                item.name: item.resolved(values[item.name], mesh)
-                if item.name in values
-                else item.default_on(mesh)
+                item.name: item.resolved(values[item.name], mesh) if item.name in values else item.default_on(mesh)
                 for item in self.parameters
             }
         except FilterError as error:
@@ -104,8 +100,7 @@ class Registry:
             for name in (item.name, item.display_name):
                 if name in reserved or name in self._filters or name in self._display:
                     raise FilterError(
-                        f"two filters are called {name!r}: rename the one or uninstall its plugin",
-                        filter=name,
+                        f"two filters are called {name!r}: rename the one or uninstall its plugin", filter=name
                     )
             self._filters[item.name] = item
             self._display[item.display_name] = item
@@ -120,9 +115,7 @@ class Registry:
         """By name or display name; FilterError where there is none."""
         if name not in self:
             close = did_you_mean(name, self._filters)
-            raise FilterError(
-                f"there is no filter {name!r}{close}: `bonecam filters` lists them", filter=name
-            )
+            raise FilterError(f"there is no filter {name!r}{close}: `bonecam filters` lists them", filter=name)
         return self._filters.get(name) or self._display[name]
 
     @property
@@ -138,14 +131,11 @@ def filters_of(plugin: EntryPoint) -> tuple[Filter, ...]:
         filters = tuple(plugin.load())
     except (Exception, SystemExit) as error:  # whatever a stranger's module raises while it is imported
         raise FilterError(
-            f"{place} cannot be loaded: {type(error).__name__}: {error}: mend or uninstall it",
-            plugin=plugin.name,
+            f"{place} cannot be loaded: {type(error).__name__}: {error}: mend or uninstall it", plugin=plugin.name
         ) from error
     strange = [item for item in filters if not isinstance(item, Filter)]
     if strange:
-        raise FilterError(
-            f"{place} holds {strange[0]!r}, which is no Filter: mend or uninstall it", plugin=plugin.name
-        )
+        raise FilterError(f"{place} holds {strange[0]!r}, which is no Filter: mend or uninstall it", plugin=plugin.name)
     return filters
 
 
@@ -156,8 +146,7 @@ def installed() -> Registry:
     A plugin that cannot be loaded, or whose filters have names that are taken, is left out with a warning.
     """
     plugins = sorted(
-        entry_points(group=GROUP),
-        key=lambda plugin: (not plugin.value.startswith(OURS), plugin.name, plugin.value),
+        entry_points(group=GROUP), key=lambda plugin: (not plugin.value.startswith(OURS), plugin.name, plugin.value)
     )
     reserved = meshlab_names.all_names()
     filters: tuple[Filter, ...] = ()

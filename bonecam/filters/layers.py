@@ -73,9 +73,7 @@ class Layers:
 
     def keep(self, **values: Any) -> None:
         """Keep values beside the current layer; what was kept of an earlier shape of it is dropped."""
-        self._records[self.meshset.current_mesh_id()] = _Record(
-            self._fingerprint(), {**self._valid(), **values}
-        )
+        self._records[self.meshset.current_mesh_id()] = _Record(self._fingerprint(), {**self._valid(), **values})
 
     def kept(self, name: str, kind: type[Value], made_by: str) -> Value:
         """The value `name` beside the current layer. FilterError says which filter makes it, or that the
@@ -84,9 +82,7 @@ class Layers:
         if record is None or not isinstance(record.values.get(name), kind):
             raise FilterError(f"{self.name} has no {name}: apply {made_by} first", value=name)
         if record.fingerprint != self._fingerprint():
-            raise FilterError(
-                f"{self.name} was changed after its {name} was made: apply {made_by} again", value=name
-            )
+            raise FilterError(f"{self.name} was changed after its {name} was made: apply {made_by} again", value=name)
         value: Value = record.values[name]
         return value
 
@@ -111,9 +107,7 @@ class Layers:
         extra = {} if quality is None else {"v_scalar_array": np.asarray(quality, dtype=np.float64)}
         key = self._new(meshlab().Mesh(mesh.vertices, mesh.faces, **extra), name, keep or {})
         if quality is not None:
-            self.native(
-                "compute_color_from_scalar_per_vertex", **(quality_colours(largest) if largest > 0 else {})
-            )
+            self.native("compute_color_from_scalar_per_vertex", **(quality_colours(largest) if largest > 0 else {}))
         return key
 
     def add_polyline(
@@ -135,9 +129,7 @@ class Layers:
 
     def transform(self, matrix: Float[ndarray, "4 4"]) -> None:
         """Move the current layer itself; faces of one that is mirrored go round the other way."""
-        self.native(
-            "set_matrix", transformmatrix=np.asarray(matrix, dtype=np.float64), compose=True, freeze=True
-        )
+        self.native("set_matrix", transformmatrix=np.asarray(matrix, dtype=np.float64), compose=True, freeze=True)
         if np.linalg.det(matrix) < 0:
             self.native("meshing_invert_face_orientation")
 
@@ -151,8 +143,7 @@ class Layers:
         place = self.folder / name
         if not Path(name).is_absolute() and self.folder.resolve() not in place.resolve().parents:
             raise FilterError(
-                f"file {name!r} is no file in the folder of outputs: give a name in it, or an absolute path",
-                file=name,
+                f"file {name!r} is no file in the folder of outputs: give a name in it, or an absolute path", file=name
             )
         return place
 

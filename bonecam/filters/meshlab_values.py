@@ -30,9 +30,7 @@ def checked_value(filter_name: str, item: ScriptParameter) -> tuple[str, Any]:
     name = known.get(_plain(item.name))
     if name is None:
         hint = ", ".join(sorted(known.values())) or "none"
-        raise FilterError(
-            f"{filter_name} knows no parameter {item.name!r}: use one of {hint}", parameter=item.name
-        )
+        raise FilterError(f"{filter_name} knows no parameter {item.name!r}: use one of {hint}", parameter=item.name)
     value = converted(item)
     reason = refusal(filter_name, name, value)
     if reason:
@@ -56,9 +54,7 @@ def refusals_told(filter_name: str, values: Mapping[str, Any]) -> Iterator[None]
     try:
         yield
     except meshlab_refusals() as error:
-        raise FilterError(
-            f"{filter_name}: {_failure(filter_name, values, error)}", filter=filter_name
-        ) from error
+        raise FilterError(f"{filter_name}: {_failure(filter_name, values, error)}", filter=filter_name) from error
 
 
 def _failure(filter_name: str, values: Mapping[str, Any], error: Exception) -> str:
@@ -187,11 +183,7 @@ def _matrix(text: Attributes) -> Any:
 
 
 def _shown(item: ScriptParameter) -> str:
-    return (
-        repr(item.attributes["value"])
-        if "value" in item.attributes
-        else repr(dict(sorted(item.attributes.items())))
-    )
+    return repr(item.attributes["value"]) if "value" in item.attributes else repr(dict(sorted(item.attributes.items())))
 
 
 _READERS: dict[str, Callable[[Attributes], Any]] = {

@@ -181,9 +181,7 @@ class MeshSet(meshlab().MeshSet):  # type: ignore[misc]
             native = str(folder / "native.mlx")
             super().save_filter_script(native)
             calls = read_calls(native)
-        write_script(
-            [calls[item] if isinstance(item, int) else item for item in self._history], filter_script_name
-        )
+        write_script([calls[item] if isinstance(item, int) else item for item in self._history], filter_script_name)
 
     def load_filter_script(self, filter_script_name: str) -> None:
         """Read a script of MeshLab's filters and ours in place of what was applied so far; an error names its line."""

@@ -71,9 +71,7 @@ class _Reader:
         except expat.ExpatError as error:
             reason = expat.errors.messages[error.code]
             raise FileError(
-                f"{self._path}, line {error.lineno}: {reason}: mend the XML there",
-                file=self._path,
-                line=error.lineno,
+                f"{self._path}, line {error.lineno}: {reason}: mend the XML there", file=self._path, line=error.lineno
             ) from error
         except (LookupError, ValueError) as error:  # of an encoding that Python has, but not for XML
             reason = f"its encoding cannot be read ({error})"
@@ -87,26 +85,20 @@ class _Reader:
         if depth >= len(wanted) or tag != wanted[depth]:
             place = f"inside <{self._open[-1]}>" if self._open else "at the top"
             raise FilterError(
-                f"{self._path}, line {line}: <{tag}> {place}: {self._expected(depth)}",
-                line=line,
-                file=self._path,
+                f"{self._path}, line {line}: <{tag}> {place}: {self._expected(depth)}", line=line, file=self._path
             )
         self._open.append(tag)
         if depth == 0:
             return
         if not attributes.get("name") or (tag == "Param" and not attributes.get("type")):
             raise FilterError(
-                f"{self._path}, line {line}: <{tag}> without its name or type: add it",
-                line=line,
-                file=self._path,
+                f"{self._path}, line {line}: <{tag}> without its name or type: add it", line=line, file=self._path
             )
         if tag == "filter":
             self._start = (attributes["name"], line)
             self._parameters = []
         else:
-            kept = {
-                key: value for key, value in attributes.items() if key not in ("name", "type", *SHOWN_ONLY)
-            }
+            kept = {key: value for key, value in attributes.items() if key not in ("name", "type", *SHOWN_ONLY)}
             self._parameters.append(ScriptParameter(attributes["name"], attributes["type"], kept, line))
 
     @staticmethod

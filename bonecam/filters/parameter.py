@@ -139,13 +139,7 @@ class FilterParameter:
         value = self.checked(value)
         if isinstance(value, Percentage):
             return f"{value.value!r}%"
-        return (
-            str(value).lower()
-            if isinstance(value, bool)
-            else str(value)
-            if isinstance(value, str)
-            else repr(value)
-        )
+        return str(value).lower() if isinstance(value, bool) else str(value) if isinstance(value, str) else repr(value)
 
     def _choice(self, value: Any) -> str:
         """MeshLab gives enumerations by number or by name."""
@@ -168,9 +162,7 @@ class FilterParameter:
 
     def _in_range(self, value: Any) -> Any:
         if type(value) in (int, float) and not self.low <= value <= self.high:
-            raise self._refusal(
-                f"{value:g}", f"keep it within {self.low:g} .. {self.high:g} {self.unit}".rstrip()
-            )
+            raise self._refusal(f"{value:g}", f"keep it within {self.low:g} .. {self.high:g} {self.unit}".rstrip())
         return value
 
     def _refusal(self, value: str, remedy: str) -> FilterError:
@@ -198,12 +190,7 @@ def parameters_of(
             continue
         value = getattr(section, item.name)
         known = record(item)
-        kinds = {
-            bool: Kind.BOOL,
-            int: Kind.INT,
-            float: Kind.FLOAT,
-            str: Kind.ENUM if known.choices else Kind.STRING,
-        }
+        kinds = {bool: Kind.BOOL, int: Kind.INT, float: Kind.FLOAT, str: Kind.ENUM if known.choices else Kind.STRING}
         kind = Kind.LENGTH if type(value) is float and known.unit == "mm" else kinds[type(value)]
         parameters.append(
             FilterParameter(

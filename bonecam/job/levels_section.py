@@ -44,12 +44,7 @@ class LevelsJob(JobSection):
     """
 
     finishing_depth: float = parameter(
-        0.1,
-        "Finishing depth",
-        "Largest cutting depth of the levels next to the part.",
-        unit="mm",
-        low=0.005,
-        high=5.0,
+        0.1, "Finishing depth", "Largest cutting depth of the levels next to the part.", unit="mm", low=0.005, high=5.0
     )
     finishing_levels: int = parameter(
         DEFAULT_NUMBERS[0],
@@ -89,13 +84,9 @@ class LevelsJob(JobSection):
         low=0.0,
         high=0.5,
     )
-    most_cuts: int = parameter(
-        250, "Most cuts", "A stock that needs more cuts than this is refused.", low=1, high=2000
-    )
+    most_cuts: int = parameter(250, "Most cuts", "A stock that needs more cuts than this is refused.", low=1, high=2000)
     even: bool = parameter(
-        False,
-        "Even",
-        "Spread the depth evenly over the roughing cuts, so that the outermost cut is not much thinner.",
+        False, "Even", "Spread the depth evenly over the roughing cuts, so that the outermost cut is not much thinner."
     )
     stiffness: float = parameter(
         5e-7,
@@ -140,9 +131,7 @@ class LevelsJob(JobSection):
         usual = DEFAULT_NUMBERS[0]
         if values.get("depths") == FOUND and values.get("finishing_levels", usual) != usual:
             why = "depths = 'found' finds how many: leave one of them out"
-            raise JobError(
-                f"finishing_levels = {values['finishing_levels']}: {why}", field="finishing_levels"
-            )
+            raise JobError(f"finishing_levels = {values['finishing_levels']}: {why}", field="finishing_levels")
         stated = bool(values.keys() & {"finishing_levels", "roughing_depth"})
         return {"schedule": "numbers", **values} if stated and self.schedule == "automatic" else values
 

@@ -42,11 +42,7 @@ class MeshJob(JobSection):
         file=".mlx",
     )
     label: int = parameter(
-        0,
-        "Label",
-        "Label of the part in a label map (NIfTI, NRRD); 0: its only one.",
-        low=0,
-        high=2**31 - 1,
+        0, "Label", "Label of the part in a label map (NIfTI, NRRD); 0: its only one.", low=0, high=2**31 - 1
     )
     upright: bool = parameter(
         True, "Upright", "Turn the part's longest principal axis to +Z and centre the part on the Z axis."
@@ -116,9 +112,7 @@ class SurfaceJob(JobSection):
         low=0.0,
         high=5.0,
     )
-    max_control_points: int = parameter(
-        1500, "Control points", "Largest number of control points.", low=40, high=20000
-    )
+    max_control_points: int = parameter(1500, "Control points", "Largest number of control points.", low=40, high=20000)
     largest_deviation: float = parameter(
         0.5,
         "Largest deviation",

@@ -28,9 +28,7 @@ def park_position(text: str) -> tuple[float, float] | None:
 class NcJob(JobSection):
     """Machine, controller, and the feeds between the cuts."""
 
-    machine: str = parameter(
-        "mikron-ucp600", "Machine", "Name of a machine, or path of its .toml file.", file=".toml"
-    )
+    machine: str = parameter("mikron-ucp600", "Machine", "Name of a machine, or path of its .toml file.", file=".toml")
     controller: str = parameter(
         "",
         "Controller",
@@ -99,11 +97,7 @@ class NcJob(JobSection):
         choices=("flood", "mist", "air", "through"),
     )
     work_offset: int = parameter(
-        1,
-        "Work offset",
-        "Number of the datum of this setup: 1 is G54, or row 1 of the preset table.",
-        low=1,
-        high=99,
+        1, "Work offset", "Number of the datum of this setup: 1 is G54, or row 1 of the preset table.", low=1, high=99
     )
     program_number: int = parameter(
         0,
@@ -138,9 +132,7 @@ class NcJob(JobSection):
         "each tool but the first.",
         choices=("none", "level", "tool"),
     )
-    table_level: bool = parameter(
-        False, "Table level", "Turn the rotary axes to zero at the end, above everything."
-    )
+    table_level: bool = parameter(False, "Table level", "Turn the rotary axes to zero at the end, above everything.")
     park: str = parameter(
         "",
         "Park position",

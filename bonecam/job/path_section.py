@@ -29,16 +29,7 @@ class PathJob(JobSection):
         "(iso-scallop), on each level the fastest of these; in one spiral, in bands of lines of their own; or as "
         "published: whole lines s = const, the next at the least step found on one, air cut too. The paper leaves open "
         "how to enter and to link: here ramps, links and rest paths of the others.",
-        choices=(
-            "fastest",
-            "along",
-            "round",
-            "iso-scallop",
-            "spiral",
-            "bands",
-            "published",
-            *added_names("patterns"),
-        ),
+        choices=("fastest", "along", "round", "iso-scallop", "spiral", "bands", "published", *added_names("patterns")),
     )
     direction: str = parameter(
         "zigzag",
@@ -64,12 +55,7 @@ class PathJob(JobSection):
         high=100000.0,
     )
     clearance: float = parameter(
-        2.0,
-        "Clearance",
-        "Distance kept from the stock while moving between passes.",
-        unit="mm",
-        low=0.2,
-        high=50.0,
+        2.0, "Clearance", "Distance kept from the stock while moving between passes.", unit="mm", low=0.2, high=50.0
     )
     least_depth: float = parameter(
         0.03,
@@ -112,11 +98,7 @@ class PathJob(JobSection):
         high=1.0,
     )
     thin_plate: float = parameter(
-        0.0,
-        "Thin plate",
-        "Weight (beta) of how much that turning changes over the facets.",
-        low=0.0,
-        high=1.0,
+        0.0, "Thin plate", "Weight (beta) of how much that turning changes over the facets.", low=0.0, high=1.0
     )
     certify: str = parameter(
         "automatic",
@@ -164,20 +146,10 @@ class PathJob(JobSection):
         choices=("constant", "force"),
     )
     max_tilt_deg: float = parameter(
-        75.0,
-        "Largest tilt",
-        "Largest angle between tool axis and surface normal.",
-        unit="deg",
-        low=1.0,
-        high=89.0,
+        75.0, "Largest tilt", "Largest angle between tool axis and surface normal.", unit="deg", low=1.0, high=89.0
     )
     gouge_tolerance: float = parameter(
-        0.01,
-        "Gouge tolerance",
-        "Largest depth by which the ball may enter the part.",
-        unit="mm",
-        low=0.002,
-        high=0.5,
+        0.01, "Gouge tolerance", "Largest depth by which the ball may enter the part.", unit="mm", low=0.002, high=0.5
     )
 
     def __post_init__(self) -> None:
@@ -191,12 +163,8 @@ class PathJob(JobSection):
                 bound = f"strategy = {self.strategy!r} has passes and axes of its own: leave it out, or take 'morph'"
                 raise JobError(f"{item.name} = {shown(value)}: {bound}", field=item.name)
         if self.feed == "force" and self.feed_at != "tip":
-            bound = (
-                "feed = 'force' sets the feed of the tip by itself: leave it out, or take feed = 'constant'"
-            )
+            bound = "feed = 'force' sets the feed of the tip by itself: leave it out, or take feed = 'constant'"
             raise JobError(f"feed_at = {shown(self.feed_at)}: {bound}", field="feed_at")
         if self.certify == "fcl" and self.orientation != "cones":
-            bound = (
-                f"orientation = {self.orientation!r} makes no cones to certify: leave it out, or take 'cones'"
-            )
+            bound = f"orientation = {self.orientation!r} makes no cones to certify: leave it out, or take 'cones'"
             raise JobError(f"certify = 'fcl': {bound}", field="certify")

@@ -216,9 +216,7 @@ def _changed(name: str, section: Any, values: object, tools: str) -> Any:
     known = [item.name for item in fields(section)]
     remedy = f"use one of {', '.join(known)}"
     unknown = [str(key) for key in values if key not in known]
-    faults = [
-        (name, key, f"[{name}] knows no {key!r}{did_you_mean(key, known)}: {remedy}") for key in unknown
-    ]
+    faults = [(name, key, f"[{name}] knows no {key!r}{did_you_mean(key, known)}: {remedy}") for key in unknown]
     try:
         if isinstance(section, ToolJob) and values.get("preset") not in (None, "", AUTO):
             values = {**preset_values(str(values["preset"]), tools), **values}

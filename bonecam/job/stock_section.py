@@ -46,19 +46,11 @@ class StockJob(JobSection):
         low=0.0,
         high=2000.0,
     )
-    width: float = parameter(
-        0.0, "Width", "Side of a box along X; 0: the smallest.", unit="mm", low=0.0, high=500.0
-    )
-    depth: float = parameter(
-        0.0, "Depth", "Side of a box along Y; 0: the smallest.", unit="mm", low=0.0, high=500.0
-    )
+    width: float = parameter(0.0, "Width", "Side of a box along X; 0: the smallest.", unit="mm", low=0.0, high=500.0)
+    depth: float = parameter(0.0, "Depth", "Side of a box along Y; 0: the smallest.", unit="mm", low=0.0, high=500.0)
     mesh: str = parameter("", "Mesh", "File of a closed convex stock, in mm, Z upright.", file="")
     scale: float = parameter(
-        1.0,
-        "Scale",
-        "Scale factor of the mesh file; 0: the smallest that holds the part.",
-        low=0.0,
-        high=1000.0,
+        1.0, "Scale", "Scale factor of the mesh file; 0: the smallest that holds the part.", low=0.0, high=1000.0
     )
     allowance: float = parameter(
         0.5,
@@ -76,20 +68,10 @@ class StockJob(JobSection):
         high=1.0,
     )
     offset_x: float = parameter(
-        0.0,
-        "Offset X",
-        "Offset of the part from the stock's axis along X.",
-        unit="mm",
-        low=-500.0,
-        high=500.0,
+        0.0, "Offset X", "Offset of the part from the stock's axis along X.", unit="mm", low=-500.0, high=500.0
     )
     offset_y: float = parameter(
-        0.0,
-        "Offset Y",
-        "Offset of the part from the stock's axis along Y.",
-        unit="mm",
-        low=-500.0,
-        high=500.0,
+        0.0, "Offset Y", "Offset of the part from the stock's axis along Y.", unit="mm", low=-500.0, high=500.0
     )
     offset_z: float = parameter(
         0.0,

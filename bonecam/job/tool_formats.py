@@ -42,13 +42,7 @@ SHAPES = {
 """The ends that are kept, by their names in bonecam, Fusion and FreeCAD."""
 MM = {"mm": 1.0, "millimeters": 1.0, "inch": 25.4, "inches": 25.4, "in": 25.4, '"': 25.4}
 """Millimetres of the units that files name."""
-FUSION = {
-    "DC": "diameter",
-    "LCF": "flute_length",
-    "SFDM": "shank_diameter",
-    "LB": "overhang",
-    "RE": "corner_radius",
-}
+FUSION = {"DC": "diameter", "LCF": "flute_length", "SFDM": "shank_diameter", "LB": "overhang", "RE": "corner_radius"}
 """The keys of a tool's `geometry` in Fusion (those of ISO 13399; LB is the length below the holder)."""
 FREECAD = {
     "Diameter": "diameter",
@@ -195,8 +189,7 @@ def _neck(sizes: Mapping[str, float], shaft: list[dict[str, float]]) -> Entry:
         return {}
     start = sizes["LCF"]
     pieces = [
-        (one.get("height", 0.0), max(one.get("lower-diameter", 0.0), one.get("upper-diameter", 0.0)))
-        for one in shaft
+        (one.get("height", 0.0), max(one.get("lower-diameter", 0.0), one.get("upper-diameter", 0.0))) for one in shaft
     ]
     shoulder = sizes.get("shoulder-length", start) - start
     relief = [(shoulder, sizes.get("shoulder-diameter") or sizes["DC"])] if shoulder > 0 else []

@@ -25,16 +25,7 @@ from typing import Any
 
 from bonecam.errors import JobError, did_you_mean
 from bonecam.files import input_text
-from bonecam.job.tool_formats import (
-    FOREIGN,
-    KEYS,
-    MM,
-    SHAPES,
-    Entry,
-    called,
-    foreign_entries,
-    naming,
-)
+from bonecam.job.tool_formats import FOREIGN, KEYS, MM, SHAPES, Entry, called, foreign_entries, naming
 from bonecam.job.tool_section import SIZES, ToolJob, misfit
 from bonecam.runtime.extensions import named_files
 from bonecam.text.faults import Faults, shown

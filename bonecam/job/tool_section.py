@@ -102,12 +102,7 @@ class ToolJob(JobSection):
         4.0, "Shank diameter", "Diameter of the shank above the flutes.", unit="mm", low=0.1, high=100.0
     )
     neck_diameter: float = parameter(
-        0.0,
-        "Neck diameter",
-        "Diameter of a neck between flutes and shank; 0: none.",
-        unit="mm",
-        low=0.0,
-        high=100.0,
+        0.0, "Neck diameter", "Diameter of a neck between flutes and shank; 0: none.", unit="mm", low=0.0, high=100.0
     )
     neck_length: float = parameter(
         0.0, "Neck length", "From the tip to the end of the neck; 0: none.", unit="mm", low=0.0, high=500.0

@@ -140,8 +140,6 @@ def project(
         if worst < enough:
             break
         for _ in range(BROKEN_SWEEPS):
-            worst, count = _sweep_onto(
-                indptr, indices, data, x, D, planes, broken[:count], broken, 0.01 * enough
-            )
+            worst, count = _sweep_onto(indptr, indices, data, x, D, planes, broken[:count], broken, 0.01 * enough)
             if worst < enough:
                 break

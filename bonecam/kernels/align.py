@@ -110,11 +110,7 @@ def align_moves(
                 continue
             if row > 0:
                 fraction, distance, angle = _between(
-                    tips[move],
-                    axes[move],
-                    path_tips[row - 1 : row + 1],
-                    path_axes[row - 1 : row + 1],
-                    radius[row],
+                    tips[move], axes[move], path_tips[row - 1 : row + 1], path_axes[row - 1 : row + 1], radius[row]
                 )
                 in_order = fraction >= fraction_before - FRACTION_ROUNDING
                 if distance <= tip_tolerance and angle <= axis_tolerance and in_order:

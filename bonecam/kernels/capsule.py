@@ -13,13 +13,7 @@ its distance from the origin."""
 
 @njit(cache=True, fastmath=CONTRACT, nogil=True)
 def distances_and_normals(
-    points: ndarray,
-    start: ndarray,
-    axis: ndarray,
-    radius: float,
-    sideways: ndarray,
-    distance: ndarray,
-    out: ndarray,
+    points: ndarray, start: ndarray, axis: ndarray, radius: float, sideways: ndarray, distance: ndarray, out: ndarray
 ) -> None:
     """Write the signed distances (negative inside) into `distance` (n,) and the outward unit normals into
     `out` (n, 3).
@@ -31,9 +25,7 @@ def distances_and_normals(
     least = ON_AXIS * (radius + np.sqrt(square) + np.sqrt(away))
     for l in range(len(points)):
         x, y, z = points[l, 0] - start[0], points[l, 1] - start[1], points[l, 2] - start[2]
-        along = (
-            min(max((x * axis[0] + y * axis[1] + z * axis[2]) / square, 0.0), 1.0) if square > 0.0 else 0.0
-        )
+        along = min(max((x * axis[0] + y * axis[1] + z * axis[2]) / square, 0.0), 1.0) if square > 0.0 else 0.0
         x, y, z = x - along * axis[0], y - along * axis[1], z - along * axis[2]
         reach = np.sqrt(x * x + y * y + z * z)
         distance[l] = reach - radius

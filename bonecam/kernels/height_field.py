@@ -19,9 +19,7 @@ def _lowest(base: ndarray, axis: ndarray, centre: ndarray, square: float) -> flo
 
 
 @njit(cache=True, nogil=True)
-def lower(
-    heights: ndarray, bases: ndarray, axes: ndarray, centres: ndarray, windows: ndarray, radius: float
-) -> None:
+def lower(heights: ndarray, bases: ndarray, axes: ndarray, centres: ndarray, windows: ndarray, radius: float) -> None:
     """Lower the `heights` (a, b) to where balls cut the lines.
 
     The window of a ball is its first and last line each way; lines across are counted round.

@@ -37,9 +37,7 @@ def add_rows(
     for i in range(len(starts) - 1):
         for a in range(3):
             pull[a] = (
-                metric[i, a, 0] * targets[i, 0]
-                + metric[i, a, 1] * targets[i, 1]
-                + metric[i, a, 2] * targets[i, 2]
+                metric[i, a, 0] * targets[i, 0] + metric[i, a, 1] * targets[i, 1] + metric[i, a, 2] * targets[i, 2]
             )
         for p in range(starts[i], starts[i + 1]):
             j = columns[p]

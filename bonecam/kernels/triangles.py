@@ -10,11 +10,7 @@ from bonecam.kernels import njit
 @njit(inline="always")
 def _segment(px: float, py: float, pz: float, vertices: ndarray, a: int, b: int) -> float:
     """Squared distance of a point from the segment a b."""
-    ux, uy, uz = (
-        vertices[b, 0] - vertices[a, 0],
-        vertices[b, 1] - vertices[a, 1],
-        vertices[b, 2] - vertices[a, 2],
-    )
+    ux, uy, uz = (vertices[b, 0] - vertices[a, 0], vertices[b, 1] - vertices[a, 1], vertices[b, 2] - vertices[a, 2])
     wx, wy, wz = px - vertices[a, 0], py - vertices[a, 1], pz - vertices[a, 2]
     length = ux * ux + uy * uy + uz * uz
     x = min(1.0, max(0.0, (wx * ux + wy * uy + wz * uz) / length)) if length > 0.0 else 0.0

@@ -68,11 +68,7 @@ def meridians(capsule: Capsule, s: Float[ndarray, " n"], t: Float[ndarray, " n"]
     rise = np.clip(arc, 0, straight)
     angle = (arc - rise) / capsule.radius
     across = capsule.radius * np.cos(angle)
-    local = [
-        across * np.cos(2 * np.pi * s),
-        across * np.sin(2 * np.pi * s),
-        rise + capsule.radius * np.sin(angle),
-    ]
+    local = [across * np.cos(2 * np.pi * s), across * np.sin(2 * np.pi * s), rise + capsule.radius * np.sin(angle)]
     return capsule.start + np.column_stack(local)
 
 
@@ -91,8 +87,7 @@ def body_surfaces(bodies: Sequence[Stock]) -> list[TSpline]:
     for s_knots, t_knots, smooth in _knots_to_try(bodies, capsules, around, rows):
         surfaces = _fit(bodies, capsules, s_knots, t_knots, smooth)
         distance, place = max(
-            (_largest_distance(body, surface) for body, surface in zip(bodies, surfaces)),
-            key=lambda one: one[0],
+            (_largest_distance(body, surface) for body, surface in zip(bodies, surfaces)), key=lambda one: one[0]
         )
         if distance <= TOLERANCE:
             return surfaces
@@ -137,9 +132,9 @@ def _smooth(body: Stock, grid: Float[ndarray, "b a 3"]) -> Float[ndarray, "b a 3
     spline oscillates, and may turn over."""
     wide = int(4 * SMOOTHING)
     over_poles = np.pad(grid, ((wide, wide), (0, 0), (0, 0)), mode="reflect", reflect_type="odd")
-    smooth = gaussian_filter1d(
-        gaussian_filter1d(over_poles, SMOOTHING, axis=0), SMOOTHING, axis=1, mode="wrap"
-    )[wide:-wide]
+    smooth = gaussian_filter1d(gaussian_filter1d(over_poles, SMOOTHING, axis=0), SMOOTHING, axis=1, mode="wrap")[
+        wide:-wide
+    ]
     return body.closest_points(smooth.reshape(-1, 3)).reshape(grid.shape)
 
 

@@ -39,11 +39,7 @@ ENOUGH = 0.9
 
 
 def surface_and_levels(
-    setup: Setup,
-    job: Job,
-    times: StageTimes | None = None,
-    progress: Progress = silent,
-    given: Fit | None = None,
+    setup: Setup, job: Job, times: StageTimes | None = None, progress: Progress = silent, given: Fit | None = None
 ) -> tuple[Fit, Morph]:
     """The fitted surface, or the `given` one, and its measured levels, from the first of `fit_choices` with which both
     succeed.
@@ -64,11 +60,7 @@ def surface_and_levels(
                 return fitted, make_levels(fitted.surface, setup.stock, job, morphing)
         except LevelError as error:
             failure = failure or error
-            smoother = (
-                None
-                if given
-                else _smoother(fitted, setup, job=job, times=times, progress=morphing, error=error)
-            )
+            smoother = None if given else _smoother(fitted, setup, job=job, times=times, progress=morphing, error=error)
             if smoother is not None:
                 return smoother
             report(fitting, 0.0, f"{error}; the fit starts again")

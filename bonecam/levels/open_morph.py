@@ -150,24 +150,19 @@ def _given(stock: object) -> float | TriangleMesh:
     if isinstance(stock, Real):
         if not (np.isfinite(float(stock)) and stock != 0):
             raise StockError(
-                f"an offset of {stock} mm is no stock: give a distance above or below zero",
-                distance=float(stock),
+                f"an offset of {stock} mm is no stock: give a distance above or below zero", distance=float(stock)
             )
         return float(stock)
     mesh = stock.tessellate(CHORD) if isinstance(stock, TSpline) else stock
     if not isinstance(mesh, TriangleMesh) or not len(mesh.faces):
         message = "a mesh without faces" if isinstance(mesh, TriangleMesh) else f"a {type(stock).__name__}"
-        raise StockError(
-            f"{message} is no stock of an open surface: give an offset in mm, a TriangleMesh or a TSpline"
-        )
+        raise StockError(f"{message} is no stock of an open surface: give an offset in mm, a TriangleMesh or a TSpline")
     return mesh
 
 
 def _wanted(given: float | TriangleMesh, points: ndarray, normals: ndarray) -> Float[ndarray, "n 3"]:
     """Where points of the part go on the stock as given."""
-    return (
-        np.asarray(points + given * normals) if isinstance(given, float) else exact_closest(given, points)[0]
-    )
+    return np.asarray(points + given * normals) if isinstance(given, float) else exact_closest(given, points)[0]
 
 
 def _above(surface: TSpline, points: ndarray) -> tuple[Float[ndarray, "n 3"], Projection]:
@@ -247,9 +242,7 @@ def morph_open(
     grid = open_level_grid(surface, target.surface, chord_tolerance)
 
     from_stock = distances_to(surface, target.points, target.parameters)
-    distance = min(
-        float(from_stock.max(initial=0.0)), target.farthest
-    )  # its fit may bulge beyond fixed edges
+    distance = min(float(from_stock.max(initial=0.0)), target.farthest)  # its fit may bulge beyond fixed edges
     inner_points = grid.points(surface.control_points)
     from_part = distances_to(target.surface, inner_points, grid.sample_parameters)
     deepest = float(from_part.max()) - target.deviation
@@ -324,10 +317,7 @@ def _rest(level: TSpline, target: OpenStock, grid: LevelGrid, limit: float) -> _
     at = np.vstack([target.parameters, grid.sample_parameters])
     own = grid.points(level.control_points)
     rest = _Rest(0.0, own[0])
-    for surface, points, parameters in (
-        (target.surface, own, grid.sample_parameters),
-        (level, its, at),
-    ):
+    for surface, points, parameters in ((target.surface, own, grid.sample_parameters), (level, its, at)):
         for some in (slice(None, None, STRIDE), slice(None)):
             distances = distances_to(surface, points[some], parameters[some]) - ROUNDING
             worst = int(np.argmax(distances))
@@ -339,12 +329,7 @@ def _rest(level: TSpline, target: OpenStock, grid: LevelGrid, limit: float) -> _
 
 
 def _next_surface(
-    level: TSpline,
-    target: OpenStock,
-    matrices: ElementMatrices,
-    limit: float,
-    stiffness: float,
-    held: ndarray,
+    level: TSpline, target: OpenStock, matrices: ElementMatrices, limit: float, stiffness: float, held: ndarray
 ) -> TSpline:
     """The surface of the level above one; LevelError where it hardly moves."""
     P = level.control_points

@@ -182,8 +182,7 @@ def _unsaid(machine: Machine, file: MachineFile) -> list[str]:
     texts = {
         "part_x, part_z: X and Z of the part lie along X and Z of the machine": file.part_x is None,
         "part_zero: the program's zero is the zero of the machine": "part_zero" not in file.model_fields_set,
-        f"spindle_speed: cutters without a speed turn at {USUAL_SPINDLE:g} at most": file.spindle_speed
-        is None,
+        f"spindle_speed: cutters without a speed turn at {USUAL_SPINDLE:g} at most": file.spindle_speed is None,
         "spindle.nose: no spindle is kept clear of anything": file.spindle is None,
         "table: it has no edge, nothing of the tool goes below it": file.table is None,
         f"limits of {' '.join(unknown)}: only the span of a program is checked, not its place": bool(unknown),

@@ -30,9 +30,7 @@ def stack_of(rows: Iterable[Sequence[float | int]]) -> tuple[Frustum, ...]:
         numbers = [float(value) for value in row]
         if len(numbers) not in (2, 3) or not all(0 < value < math.inf for value in numbers):
             message = " ".join(f"{value:g}" for value in numbers)
-            raise ValueError(
-                f"{message or 'nothing'}: give positive length, diameter and, of a cone, upper diameter"
-            )
+            raise ValueError(f"{message or 'nothing'}: give positive length, diameter and, of a cone, upper diameter")
         stack.append(Frustum(numbers[0], numbers[1], numbers[-1]))
     if len(stack) > MOST_FRUSTUMS:
         raise ValueError(f"{len(stack)} pieces: give at most {MOST_FRUSTUMS}")

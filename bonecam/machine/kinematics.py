@@ -161,9 +161,7 @@ def inverse_rotary(
     if one.locked or two.locked:
         free = np.zeros((len(axes), 2), dtype=bool)
         free[:, column1], free[:, column2] = free1 & (not one.locked), free2 & (not two.locked)
-        return _locked_rotary(
-            machine, axes, pair=(one, two), sign=sign, ends=(v, w), free=free, guard=lock_guard
-        ), free
+        return _locked_rotary(machine, axes, pair=(one, two), sign=sign, ends=(v, w), free=free, guard=lock_guard), free
     dot = float(d1 @ d2)
     along1 = w @ d1
     along2 = v @ d2
@@ -207,9 +205,7 @@ def _locked_rotary(
     for axis, angles in zip(pair, (q1, q2), strict=True):
         column = machine.column(axis) - 3
         solutions[:, 0, column] = np.where(free[:, column], 0.0, angles)
-    far = np.linalg.norm(tool_axes(machine, solutions[:, 0]) - axes, axis=1) > 2 * np.sin(
-        min(guard, np.pi) / 2
-    )
+    far = np.linalg.norm(tool_axes(machine, solutions[:, 0]) - axes, axis=1) > 2 * np.sin(min(guard, np.pi) / 2)
     solutions[far] = np.nan
     return solutions
 
@@ -221,8 +217,6 @@ def within_limits(machine: Machine, found: Float[ndarray, "n 2 2"]) -> Bool[ndar
     for column, axis in enumerate(machine.rotary):
         low, high = axis.limits
         if np.isfinite(low):
-            first = found[:, :, column] + 2 * np.pi * np.ceil(
-                (low - guard - found[:, :, column]) / (2 * np.pi)
-            )
+            first = found[:, :, column] + 2 * np.pi * np.ceil((low - guard - found[:, :, column]) / (2 * np.pi))
             inside &= first <= high + guard
     return inside

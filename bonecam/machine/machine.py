@@ -119,9 +119,7 @@ class Machine:
     @cached_property
     def rotary(self) -> tuple[RotaryAxis, RotaryAxis]:
         """The two rotary axes in alphabetical order: the order of joint columns 3 and 4 and of the words."""
-        first, second = sorted(
-            self.part_axes + self.tool_axes, key=lambda axis: (not axis.letter, axis.letter)
-        )
+        first, second = sorted(self.part_axes + self.tool_axes, key=lambda axis: (not axis.letter, axis.letter))
         return first, second
 
     @cached_property
@@ -199,17 +197,13 @@ def read_machine(name: str | Path) -> Machine:
         part_zero=_vector(table.part_zero),
         programmed_point=table.programmed_point,
         tool_centre_control=table.tool_centre_control,
-        controller=str(path.parent / table.controller)
-        if table.controller.endswith(".toml")
-        else table.controller,
+        controller=str(path.parent / table.controller) if table.controller.endswith(".toml") else table.controller,
         spindle_speed=math.inf if table.spindle_speed is None else table.spindle_speed,
         nose=stack_of(table.spindle.nose) if table.spindle else (),
         table=_table(table.table or BodiesTable()),
         part_frame=_part_frame(table),
         spindle_lowest=table.spindle_lowest,
-        link_bodies=tuple(
-            LinkBody(body.name, body.link, path.parent / body.stl, body.units) for body in table.bodies
-        ),
+        link_bodies=tuple(LinkBody(body.name, body.link, path.parent / body.stl, body.units) for body in table.bodies),
         seconds=ChangeSeconds(**dict(table.seconds)) if table.seconds else None,
         time_assumed=tuple(text for text in table.assumed if any(word in text for word in TIME_WORDS)),
     )
@@ -243,11 +237,7 @@ def _table(table: BodiesTable) -> Table:
         return math.inf if size is None else size / 2
 
     return Table(
-        half(table.diameter),
-        half(table.width),
-        half(table.depth),
-        table.beside == "open",
-        stack_of(table.standing),
+        half(table.diameter), half(table.width), half(table.depth), table.beside == "open", stack_of(table.standing)
     )
 
 

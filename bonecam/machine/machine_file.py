@@ -107,9 +107,7 @@ class RotaryTable(Record):
         if self.jerk_deg_s3 is not None and self.acceleration_deg_s2 is None:
             raise KeyFault("acceleration_deg_s2", "missing beside jerk_deg_s3: add it (deg/s^2)")
         if self.locked_deg is not None and (self.endless or self.limits_deg is not None):
-            raise KeyFault(
-                "locked_deg", "a locked axis has no limits and is not endless: give the one or the other"
-            )
+            raise KeyFault("locked_deg", "a locked axis has no limits and is not endless: give the one or the other")
         if not self.endless and self.limits_deg is None and self.locked_deg is None:
             raise KeyFault("limits_deg", "missing: give limits, locked_deg, or endless = true")
         return self
@@ -148,9 +146,7 @@ class BodiesTable(Record):
         if self.diameter is not None and self.width is not None:
             raise KeyFault("diameter", "a disc has no width and depth: give the one or the other")
         if self.beside == "open" and self.diameter is None and self.width is None:
-            raise KeyFault(
-                "beside", "'open': give diameter, or width and depth: nothing is beside a table without end"
-            )
+            raise KeyFault("beside", "'open': give diameter, or width and depth: nothing is beside a table without end")
         return self
 
 
@@ -228,9 +224,7 @@ class MachineFile(Record):
             axis = getattr(self, inner)
             if axis.locked_deg is None and abs(axis.direction[2]) < 1 - PARALLEL:
                 what = f"missing: {inner} carries the part and does not turn about the machine's Z"
-                remedy = (
-                    "give part_x and part_z, how the part's X and Z (from the table through the part) lie"
-                )
+                remedy = "give part_x and part_z, how the part's X and Z (from the table through the part) lie"
                 raise KeyFault("part_z", f"{what}: {remedy} in the machine, all axes at zero")
         return self
 

@@ -141,9 +141,7 @@ def _reachable(path: ToolPath, posted: Posted) -> ToolPath:
 def _peaks(before: Removal, after: Removal, tool: int) -> dict[str, list[float]]:
     """The peaks (N) of a cutter at 95 % of its time and at most, before and after."""
     pairs = [peaks(_loads(removal, tool), (0.95, 1.0)) for removal in (before, after)]
-    return {
-        name: [round(pair[k], 2) for pair in pairs] for k, name in enumerate(("peak_p95_n", "peak_max_n"))
-    }
+    return {name: [round(pair[k], 2) for pair in pairs] for k, name in enumerate(("peak_p95_n", "peak_max_n"))}
 
 
 def _loads(removal: Removal, tool: int) -> list[PathLoads]:

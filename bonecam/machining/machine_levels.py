@@ -65,11 +65,7 @@ def machine_levels(made: Morphed, posting: Posting, progress: Progress) -> Resul
 
 
 def _posted(
-    morphed: Morphed,
-    planned: Sequence[ToolPath],
-    foretold: Mapping[str, Any],
-    posting: Posting,
-    progress: Progress,
+    morphed: Morphed, planned: Sequence[ToolPath], foretold: Mapping[str, Any], posting: Posting, progress: Progress
 ) -> Result:
     """The planned paths as a proved program, as in `machine_levels`; `foretold` is the report so far."""
     job = morphed.job
@@ -84,11 +80,7 @@ def _posted(
         morph_surfaces(levels)[0],
         given=given_surface(morphed.part, job, morphed.report),
         name=program_name(posting.file or source or "", posting.dialect),
-        comments=[
-            *warning_texts,
-            *([f"part: {Path(source).name}"] if source else []),
-            *morphed.part.header_texts,
-        ],
+        comments=[*warning_texts, *([f"part: {Path(source).name}"] if source else []), *morphed.part.header_texts],
         stock=morphed.stock,
         times=posting.times,
         progress=progress,

@@ -34,9 +34,7 @@ class Depths:
         return int(np.argmax(self.depths))
 
 
-def cut_depths(
-    now: Sequence[RaySet], before: Sequence[RaySet], grid: RayGrid, spacing: float = SPACING
-) -> Depths:
+def cut_depths(now: Sequence[RaySet], before: Sequence[RaySet], grid: RayGrid, spacing: float = SPACING) -> Depths:
     """The depths of all that was cut between `before` and `now`, at places `spacing` mm apart on each set of rays.
 
     A place counts once for each set of rays that ends there, so that slanted places count up to sqrt(3)

@@ -29,19 +29,11 @@ class CutDexels:
         if len(body):
             cutters = self.cutters.without(starts, ends, radius, reach, body)
             one = self.balls is self.cutters
-            return CutDexels(
-                cutters if one else self.balls.without(starts, ends, radius, reach, body), cutters
-            )
-        return CutDexels(
-            self.balls.without(starts, ends, radius), self.cutters.without(starts, ends, radius, reach)
-        )
+            return CutDexels(cutters if one else self.balls.without(starts, ends, radius, reach, body), cutters)
+        return CutDexels(self.balls.without(starts, ends, radius), self.cutters.without(starts, ends, radius, reach))
 
     def cut_little(
-        self,
-        lines: Sequence[Poses],
-        removed: Sequence[Poses],
-        cutter: Cutter,
-        allowed: Float[ndarray, " k"],
+        self, lines: Sequence[Poses], removed: Sequence[Poses], cutter: Cutter, allowed: Float[ndarray, " k"]
     ) -> Bool[ndarray, " k"]:
         """Whether neither the ball alone nor ball and flutes remove more than is `allowed` (mm^3) on straight moves
         through the poses of each line, behind tools in the poses `removed` of that line."""

@@ -38,12 +38,7 @@ class Dexels:
     grid: RayGrid
 
     def without(
-        self,
-        starts: Poses,
-        ends: Poses,
-        radius: float,
-        reach: float = 0.0,
-        body: Float[ndarray, "c 3"] = NO_BODY,
+        self, starts: Poses, ends: Poses, radius: float, reach: float = 0.0, body: Float[ndarray, "c 3"] = NO_BODY
     ) -> "Dexels":
         """What is left behind straight moves of a ball's centre, and of flutes up to `reach` (mm) above it; or of the
         `body` of a bull nose, as `Cutter.body` has it."""

@@ -16,9 +16,7 @@ ROUNDS = 4
 """Times that the mesh is moved out, at most: what is then beyond it was 0.3 mm at most, before 1.1 mm."""
 
 
-def hull(
-    standing: Float[ndarray, "n 3"], floor: Float[ndarray, "n 3"], faces: Int32[ndarray, "f 3"]
-) -> TriangleMesh:
+def hull(standing: Float[ndarray, "n 3"], floor: Float[ndarray, "n 3"], faces: Int32[ndarray, "f 3"]) -> TriangleMesh:
     """The mesh through standing vertices that the material leaves by DEVIATION at most, also where it ends in a cliff
     between a vertex that was cut and one that stands: no vertex is lower than its neighbours by more than that."""
     heights = np.linalg.norm(standing - floor, axis=1)

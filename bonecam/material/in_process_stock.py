@@ -23,13 +23,7 @@ from scipy.spatial import KDTree
 from bonecam.arrays import numbered
 from bonecam.kernels.removal.body import cut_probes_by_body
 from bonecam.kernels.removal.flutes import Ways
-from bonecam.kernels.removal.normal_probes import (
-    Capsules,
-    ProbesByCell,
-    cut_normal_probes,
-    probe_cells,
-    useful_moves,
-)
+from bonecam.kernels.removal.normal_probes import Capsules, ProbesByCell, cut_normal_probes, probe_cells, useful_moves
 from bonecam.levels.measure.grid import LevelGrid, level_grid
 from bonecam.levels.measure.level import Level, MachinedLevel, RoundedLevel, machined_levels
 from bonecam.material.cut_dexels import CutDexels, cut_poses, uncut_rays
@@ -48,9 +42,7 @@ PARALLEL = 0.1
 """Three walls whose planes have a smaller share of a singular value have no corner, but an edge."""
 
 
-def places_on_stock(
-    stock: Stock, points: Float[ndarray, "n 3"], faces: Int32[ndarray, "f 3"]
-) -> Float[ndarray, "n 3"]:
+def places_on_stock(stock: Stock, points: Float[ndarray, "n 3"], faces: Int32[ndarray, "f 3"]) -> Float[ndarray, "n 3"]:
     """The place of the stock's surface for each vertex of a closed mesh in it: the nearest one, but for the nearer of
     two neighbours on both sides of an edge a place on that edge, and where three walls meet their corner."""
     nearest, normals = stock.closest_points(points), stock.normals(points)
@@ -225,13 +217,7 @@ def uncut_material(levels: Sequence[Level], stock: Stock) -> InProcessStock:
     grid, fine = (level_grid(machined[0].surface, nets, chord) for chord in (CHORD, DEPTH_CHORD))
     vertices, places = (places_on_stock(stock, each.R @ nets[-1], each.faces) for each in (grid, fine))
     return InProcessStock(
-        levels[-1].mesh,
-        grid,
-        vertices=vertices,
-        depth_grid=fine,
-        places=places,
-        rays=uncut_rays(stock),
-        uncut=stock,
+        levels[-1].mesh, grid, vertices=vertices, depth_grid=fine, places=places, rays=uncut_rays(stock), uncut=stock
     )
 
 

@@ -114,9 +114,7 @@ def _outline(body: Stock, grid: RayGrid, direction: int) -> ConvexHull:
     return ConvexHull(points[:, order(direction)[:2]])
 
 
-def _lay_set(
-    bodies: Sequence[Stock], outlines: Sequence[ConvexHull], grid: RayGrid, direction: int
-) -> RaySet:
+def _lay_set(bodies: Sequence[Stock], outlines: Sequence[ConvexHull], grid: RayGrid, direction: int) -> RaySet:
     """One set of rays, tile by tile where a body's outline is."""
     across = order(direction)
     side = TILE * grid.cell

@@ -66,9 +66,7 @@ class Beam:
             raise ValueError(f"E = {self.youngs:g} MPa, nu = {self.poisson:g}: give E > 0 and -1 < nu < 0.5")
         empty = (self.sections.area <= 0) & (self.sections.flexible > 0)
         if empty.any():
-            raise ValueError(
-                f"nothing stands at z = {self.sections.z[empty][0]:.2f} mm, below other material"
-            )
+            raise ValueError(f"nothing stands at z = {self.sections.z[empty][0]:.2f} mm, below other material")
 
     def compliance(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3 3"]:
         """Displacement of each point for a unit force there, mm/N; row i is that along coordinate i."""
@@ -79,9 +77,7 @@ class Beam:
         there = self._free(place, points)
         return compliance - self._free(points, place) @ self._reaction @ there
 
-    def moment_stress(
-        self, forces: Float[ndarray, "n 3"], points: Float[ndarray, "n 3"]
-    ) -> Float[ndarray, " n"]:
+    def moment_stress(self, forces: Float[ndarray, "n 3"], points: Float[ndarray, "n 3"]) -> Float[ndarray, " n"]:
         """The largest bending stress (MPa) in the slices below each point under a force (N) there, each slice as the
         ellipse with its second moments: exact for a round neck."""
         stresses = [
@@ -174,9 +170,7 @@ class Beam:
         """The integrals over all slices below each, the first of them zero."""
         whole = self._pieces(np.arange(len(self.sections.low)), self.sections.high, self.sections.flexible)
         zero = np.zeros((1, 3, 3))
-        return _Integrals(
-            *(np.concatenate([zero, np.cumsum(part, axis=0)]) for part in (whole.a0, whole.a1, whole.a2))
-        )
+        return _Integrals(*(np.concatenate([zero, np.cumsum(part, axis=0)]) for part in (whole.a0, whole.a1, whole.a2)))
 
     def _below(self, heights: Float[ndarray, " n"]) -> _Integrals:
         """The integrals over what is below each height."""
@@ -197,9 +191,7 @@ class Beam:
         bends = np.flatnonzero((cut.flexible > 0) & (cut.high > cut.low))
         strength = 4 * self.youngs / cut.area[bends, None, None] * self._flexibility[bends, :2, :2]
         centroids = cut.centroid[bends]
-        new = np.r_[
-            True, (strength[1:] != strength[:-1]).any(axis=(1, 2)) | (np.diff(centroids, axis=0) != 0).any(1)
-        ]
+        new = np.r_[True, (strength[1:] != strength[:-1]).any(axis=(1, 2)) | (np.diff(centroids, axis=0) != 0).any(1)]
         runs = np.flatnonzero(new)
         low, high = cut.low[bends][runs], cut.high[bends][np.r_[runs[1:], len(bends)] - 1]
         met = points[:, 2:] > low

@@ -36,11 +36,7 @@ NO_EDGES_ASKED = (NO_EDGES,) * 3
 
 
 def edges_on(
-    pieces: Pieces,
-    chips: Float[ndarray, " n"],
-    coefficients: Float[ndarray, "6"],
-    cell: float,
-    cutter: Cutter,
+    pieces: Pieces, chips: Float[ndarray, " n"], coefficients: Float[ndarray, "6"], cell: float, cutter: Cutter
 ) -> Edges:
     """The edges of a cutter on pieces of moves in the part's frame, with the feed a tooth of each (`chips`, mm), before
     rays `cell` mm apart are asked."""
@@ -125,6 +121,4 @@ def forces_of(edges: Edges, asked: Sequence[Edges], flutes: int) -> EdgeForces:
     over_turns(single, edges.frames, flutes, mean, peak)
     away = engaged[:, 1:4] / np.maximum(engaged[:, :1], np.finfo(float).tiny)
     points = edges.centres + np.einsum("nk,nkc->nc", away, edges.frames)
-    return EdgeForces(
-        edges, single, mean=mean, peak=peak, places=points, areas=engaged[:, 4], spans=engaged[:, 0]
-    )
+    return EdgeForces(edges, single, mean=mean, peak=peak, places=points, areas=engaged[:, 4], spans=engaged[:, 0])

@@ -36,9 +36,7 @@ class Bodies:
     beam: Beam
     tool: float
 
-    def compliance(
-        self, points: Float[ndarray, "n 3"], axes: Float[ndarray, "n 3"]
-    ) -> Float[ndarray, "n 3 3"]:
+    def compliance(self, points: Float[ndarray, "n 3"], axes: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3 3"]:
         """Displacement of the work at each point against the cutter with this axis, for a unit force, mm/N."""
         return self.beam.compliance(points) + across(self.tool, axes)
 
@@ -97,9 +95,7 @@ class KeptErrors:
         return -dots(self.finished.normals[here], moved)
 
 
-def piece_through(
-    points: Float[ndarray, "n 3"], moves: Int[ndarray, " n"], pieces: Pieces
-) -> Int[ndarray, " n"]:
+def piece_through(points: Float[ndarray, "n 3"], moves: Int[ndarray, " n"], pieces: Pieces) -> Int[ndarray, " n"]:
     """Of the pieces of the move that cut each point the one whose middle is nearest; pieces are in the order of their
     moves."""
     first = np.searchsorted(pieces.moves, moves, side="left")

@@ -14,13 +14,7 @@ from bonecam.kernels.removal.engagement import Edges
 from bonecam.kernels.removal.sweep import Pieces
 from bonecam.material.rays import RayGrid
 from bonecam.mechanics.cutter import cutter_compliance
-from bonecam.mechanics.edges import (
-    NO_EDGES,
-    NO_EDGES_ASKED,
-    edges_in_grid,
-    edges_on,
-    forces_of,
-)
+from bonecam.mechanics.edges import NO_EDGES, NO_EDGES_ASKED, edges_in_grid, edges_on, forces_of
 from bonecam.mechanics.error_kept import Bodies, Finished, KeptErrors
 from bonecam.mechanics.workpiece import Standing, Workpiece
 from bonecam.tool.cutter import Cutter

@@ -44,12 +44,7 @@ class Remedy:
 
 
 def remedies(
-    work: Workpiece,
-    standing: Standing,
-    kept: KeptErrors,
-    areas: Float[ndarray, " n"],
-    tooth_hz: float,
-    stress: float,
+    work: Workpiece, standing: Standing, kept: KeptErrors, areas: Float[ndarray, " n"], tooth_hz: float, stress: float
 ) -> tuple[Remedy, ...]:
     """What would help against the errors that are kept and the `stress` (N/mm^2), that which helps most against the
     errors first; what the edges ask, which pass at `tooth_hz`, stays as it is. A clamp higher up is told to leave the
@@ -129,9 +124,7 @@ def best_text(found: Sequence[Remedy], largest_error: float, largest_stress: flo
         return "give a thicker neck, a chuck or collet nearer to the part, or shallower levels"
     strong = [remedy for remedy in found if remedy.stress <= largest_stress]
     enough = [remedy for remedy in strong if remedy.p99 <= largest_error] or strong[:1] or found[:1]
-    texts = [
-        f"{remedy.what} would keep {UM * remedy.p99:.1f} um at {remedy.stress:.0f} MPa" for remedy in enough
-    ]
+    texts = [f"{remedy.what} would keep {UM * remedy.p99:.1f} um at {remedy.stress:.0f} MPa" for remedy in enough]
     return " or ".join(texts) + ("" if strong else ", shallower levels (levels.roughing_depth) load it less")
 
 
@@ -238,10 +231,7 @@ class Mechanics:
             own = "or mechanics.refuse = false, which the header then tells"
             helps = best_text(self.remedies, limits.largest_error, self.largest_stress)
             raise BendingError(
-                f"{' and '.join(self.faults)}{where}: {helps}{hint}; {own}",
-                line=0,
-                remedy=f"{helps}{hint}",
-                **place,
+                f"{' and '.join(self.faults)}{where}: {helps}{hint}; {own}", line=0, remedy=f"{helps}{hint}", **place
             )
 
     @cached_property
@@ -267,9 +257,7 @@ class Mechanics:
         """What bending does, in the words of the program's header."""
         error = f"bending keeps {UM * self.error.p95:.1f} um in 95 of 100 places, " if self.error else ""
         beyond = ", beyond what holds" if self.faults else ""
-        return (
-            f"{error}stress {self.stress[1]:.0f} of {self.workpiece.stiffness.yield_strength:g} N/mm2{beyond}"
-        )
+        return f"{error}stress {self.stress[1]:.0f} of {self.workpiece.stiffness.yield_strength:g} N/mm2{beyond}"
 
     @property
     def report(self) -> dict[str, Any]:
@@ -291,11 +279,7 @@ class Mechanics:
             "scaled": work.force.scaled,
             "faults": list(self.faults),
             "remedies": [
-                {
-                    "what": one.what,
-                    "p99_um": round(UM * one.p99, 2),
-                    "stress_mpa": round(one.stress, 1),
-                }
+                {"what": one.what, "p99_um": round(UM * one.p99, 2), "stress_mpa": round(one.stress, 1)}
                 for one in self.remedies
             ],
         }
@@ -313,12 +297,7 @@ def mechanics_of(loads: Loads) -> Mechanics | None:
     tooth = max(path.tooth_hz for path in loads.paths)
     if mechanics.faults and np.isfinite(kept.errors).any():
         helps = remedies(
-            work,
-            loads.standing,
-            kept=kept,
-            areas=error.areas,
-            tooth_hz=tooth,
-            stress=float(mechanics.stress[1]),
+            work, loads.standing, kept=kept, areas=error.areas, tooth_hz=tooth, stress=float(mechanics.stress[1])
         )
         mechanics = replace(mechanics, remedies=helps)
     return mechanics

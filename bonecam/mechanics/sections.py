@@ -52,9 +52,7 @@ class Sections:
 
     def between(self, low: float, high: float) -> "Sections":
         """The slices between two heights, those at the ends cut there."""
-        kept = (self.high > low) & (self.low < high) | (self.low == self.high) & (low <= self.low) & (
-            self.low <= high
-        )
+        kept = (self.high > low) & (self.low < high) | (self.low == self.high) & (low <= self.low) & (self.low <= high)
         whole = {each.name: getattr(self, each.name)[kept] for each in fields(self)}
         extent = whole["high"] - whole["low"]
         whole["low"], whole["high"] = np.maximum(whole["low"], low), np.minimum(whole["high"], high)
@@ -78,16 +76,12 @@ def shoulder(diameter: float, height: float, wider: float = np.inf) -> Sections:
     neck = column_sections(diameter / 2, height, height + SLICE)
     at = np.array([height])
     length = SHOULDER * diameter * (1 - min(diameter / wider, 1.0) ** 2)
-    return Sections(
-        at, at, area=neck.area, centroid=neck.centroid, second=neck.second, flexible=np.array([length])
-    )
+    return Sections(at, at, area=neck.area, centroid=neck.centroid, second=neck.second, flexible=np.array([length]))
 
 
 def join(pieces: Sequence[Sections]) -> Sections:
     """Pieces one on the other, the lowest first."""
-    return Sections(
-        *(np.concatenate([getattr(piece, each.name) for piece in pieces]) for each in fields(Sections))
-    )
+    return Sections(*(np.concatenate([getattr(piece, each.name) for piece in pieces]) for each in fields(Sections)))
 
 
 def mesh_sections(mesh: TriangleMesh, low: float | None = None, high: float | None = None) -> Sections:
@@ -147,9 +141,7 @@ def _polygon_moments(p: Float[ndarray, "m 2"], q: Float[ndarray, "m 2"]) -> Floa
     return np.einsum("m,mai,ab,mbk->mik", twice, corners, weights, corners)
 
 
-def _ray_moments(
-    rays: RaySet, grid: RayGrid, direction: int, ends: Float[ndarray, " e"]
-) -> Float[ndarray, "n 3 3"]:
+def _ray_moments(rays: RaySet, grid: RayGrid, direction: int, ends: Float[ndarray, " e"]) -> Float[ndarray, "n 3 3"]:
     """Integrals of (1, x, y) (1, x, y)^T over each slice of one set of rays, over its height.
 
     On all rays x and y grow alike with z, from a foot at z = 0. Of a slice that rays run through only the sums over
@@ -207,9 +199,7 @@ def _binned(
     return sums
 
 
-def _material_ends(
-    rays: RaySet, grid: RayGrid, direction: int
-) -> tuple[Float[ndarray, "m 3"], Float[ndarray, "m 3"]]:
+def _material_ends(rays: RaySet, grid: RayGrid, direction: int) -> tuple[Float[ndarray, "m 3"], Float[ndarray, "m 3"]]:
     """The lower and the upper end of each piece of material on a set of rays, in the part's frame."""
     tiles = np.argwhere(rays.tile_of >= 0)
     tiles = tiles[np.argsort(rays.tile_of[tiles[:, 0], tiles[:, 1]])]

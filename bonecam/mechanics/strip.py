@@ -16,9 +16,7 @@ SHALLOWER = (2.0, 3.0, 5.0)
 """How many times as shallow finishing cuts are asked, with scallops as much lower."""
 
 
-def strip_force(
-    force: CuttingForce, radius: float, depth: float, scallop: float, chip: float
-) -> Float[ndarray, "3"]:
+def strip_force(force: CuttingForce, radius: float, depth: float, scallop: float, chip: float) -> Float[ndarray, "3"]:
     """Forces (N: tangential, radial, that is along the normal of the ball, axial) on an edge of a ball of `radius` mm
     that takes `chip` mm off the middle of a strip `depth` mm deep, beside one that was left with scallops of `scallop`
     mm.
@@ -57,9 +55,7 @@ def lighter_jobs(job: Job) -> Iterator[tuple[str, Job]]:
     if not by_number:
         fields = "levels.finishing_depth, the first of levels.depths where they are stated, finishing.scallop"
     for times in SHALLOWER:
-        depth, scallop = (
-            float(f"{value / times:.2g}") for value in (job.deepest("finishing"), job.finishing.scallop)
-        )
+        depth, scallop = (float(f"{value / times:.2g}") for value in (job.deepest("finishing"), job.finishing.scallop))
         changed: dict[str, float | str] = {"finishing_depth": depth}
         if not by_number:
             outer = levels.listed[1:] or (levels.cuts[1],)
@@ -74,6 +70,4 @@ def lighter_jobs(job: Job) -> Iterator[tuple[str, Job]]:
 def lighter_cuts(force: CuttingForce, job: Job) -> tuple[tuple[str, float], ...]:
     """Finishing cuts of `lighter_jobs`, in words, and the share of its force that each takes."""
     whole = job_strip_force(force, job, "finishing")
-    return tuple(
-        (what, job_strip_force(force, lighter, "finishing") / whole) for what, lighter in lighter_jobs(job)
-    )
+    return tuple((what, job_strip_force(force, lighter, "finishing") / whole) for what, lighter in lighter_jobs(job))

@@ -24,8 +24,7 @@ def meshlab() -> Any:
     if "meshing_isotropic_explicit_remeshing" not in pymeshlab.filter_list():
         count = pymeshlab.plugin_number()
         raise FileError(
-            f"pymeshlab loaded only {count} plugins: install the system packages libgl1 and libopengl0",
-            plugins=count,
+            f"pymeshlab loaded only {count} plugins: install the system packages libgl1 and libopengl0", plugins=count
         )
     return pymeshlab
 
@@ -62,9 +61,7 @@ def quality_colours(largest: float) -> dict[str, Any]:
     return {"minval": 0.0, "maxval": largest, "colormap": "Viridis"}
 
 
-def write_layers(
-    file: str, folder: str, options: Mapping[str, Any], progress: Progress = silent
-) -> dict[str, str]:
+def write_layers(file: str, folder: str, options: Mapping[str, Any], progress: Progress = silent) -> dict[str, str]:
     """Write the layers that MeshLab reads from a file, by `options` of its reader, into a folder; their labels by
     the names of the files.
 

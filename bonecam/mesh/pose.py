@@ -64,14 +64,11 @@ def solid_moments(mesh: TriangleMesh) -> tuple[Float[ndarray, "3"], Float[ndarra
     volume = float(volumes.sum())
     if not volume > 0:
         raise MeshError(
-            f"the mesh encloses {volume:.3g} mm^3: give a closed mesh whose faces point outwards",
-            volume=volume,
+            f"the mesh encloses {volume:.3g} mm^3: give a closed mesh whose faces point outwards", volume=volume
         )
     sums = corners.sum(1)
     centroid = (volumes @ sums) / (4 * volume)
-    second = np.einsum("f,fi,fj->ij", volumes, sums, sums) + np.einsum(
-        "f,fki,fkj->ij", volumes, corners, corners
-    )
+    second = np.einsum("f,fi,fj->ij", volumes, sums, sums) + np.einsum("f,fki,fkj->ij", volumes, corners, corners)
     return centroid + middle, second / (20 * volume) - np.outer(centroid, centroid)
 
 

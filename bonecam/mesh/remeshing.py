@@ -26,11 +26,7 @@ def remesh(mesh: TriangleMesh, edge: float, *, iterations: int = 8) -> TriangleM
     meshset = to_meshset(mesh)
     pure = meshlab().PureValue
     meshset.meshing_isotropic_explicit_remeshing(
-        iterations=iterations,
-        targetlen=pure(edge),
-        checksurfdist=True,
-        maxsurfdist=pure(edge / 4),
-        featuredeg=60.0,
+        iterations=iterations, targetlen=pure(edge), checksurfdist=True, maxsurfdist=pure(edge / 4), featuredeg=60.0
     )
     return _with_tips(from_meshset(meshset), mesh.vertices[angle_sums(mesh) < TIP], edge)
 

@@ -127,11 +127,7 @@ class TriangleMesh:
         return TriangleMesh(turned + transform[:3, 3], self.faces)
 
     def __repr__(self) -> str:
-        size = (
-            " x ".join(f"{length:.4g}" for length in np.ptp(self.bounds, axis=0))
-            if len(self.vertices)
-            else "0"
-        )
+        size = " x ".join(f"{length:.4g}" for length in np.ptp(self.bounds, axis=0)) if len(self.vertices) else "0"
         return f"TriangleMesh({len(self.vertices)} vertices, {len(self.faces)} faces, {size} mm)"
 
     def to_open3d(self) -> Any:
@@ -204,9 +200,7 @@ def _arrays_of(source: Any) -> tuple[Any, ...]:
         return source.vertex_matrix(), source.face_matrix()
     if isinstance(source, PyvistaMesh):
         surface = source.extract_surface().triangulate()
-        return surface.points, surface.faces.reshape(-1, 4)[
-            :, 1:
-        ]  # each with its 3, the number of its corners
+        return surface.points, surface.faces.reshape(-1, 4)[:, 1:]  # each with its 3, the number of its corners
     if isinstance(source, TrimeshMesh):  # before open3d's: it has `triangles` too, as coordinates
         return source.vertices, source.faces
     if isinstance(source, TrimeshScene):

@@ -32,9 +32,7 @@ def mm_of(units: str) -> float:
     return MM_OF[unit_in(units)]
 
 
-def to_mm(
-    mesh: TriangleMesh, units: str, file: str = "the mesh", flag: str = FLAG, stated: str = ""
-) -> TriangleMesh:
+def to_mm(mesh: TriangleMesh, units: str, file: str = "the mesh", flag: str = FLAG, stated: str = "") -> TriangleMesh:
     """`mesh` scaled to mm from `units`, one of MM_OF or STATED; `stated` is the unit that its file states, if any.
 
     UnitsError where another unit than the stated one is given though that one makes a part's size, or where no size
@@ -58,9 +56,7 @@ def to_mm(
 
 def _remedy(diagonal: float, flag: str) -> str:
     """Which units make the diagonal plausible, as a question, and their flags."""
-    fitting = [
-        (unit, diagonal * scale) for unit, scale in MM_OF.items() if SMALLEST <= diagonal * scale <= LARGEST
-    ]
+    fitting = [(unit, diagonal * scale) for unit, scale in MM_OF.items() if SMALLEST <= diagonal * scale <= LARGEST]
     if not fitting:
         return f"no known unit makes it a part of {SMALLEST:g} to {LARGEST:g} mm; scale the mesh first"
     first, *others = (f"{flag.format(unit)} ({size:.3g} mm)" for unit, size in fitting)

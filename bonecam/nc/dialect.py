@@ -82,12 +82,7 @@ from typing import Any
 from bonecam.errors import MachineError
 from bonecam.machine.machine import Machine
 from bonecam.machine.tables import read_table
-from bonecam.nc.schema.dialect_file import (
-    PLAIN_WORD,
-    DialectFile,
-    Form,
-    ToolCentreTable,
-)
+from bonecam.nc.schema.dialect_file import PLAIN_WORD, DialectFile, Form, ToolCentreTable
 from bonecam.nc.schema.grammar_tables import CODES, StatementTable
 from bonecam.runtime.extensions import named_files
 from bonecam.text.pattern import Pattern
@@ -162,8 +157,7 @@ class Dialect(DialectFile):
         if not self.chooses_way:
             what = f"{self.name} has no blocks that switch the short way of endless axes"
             raise MachineError(
-                f"{what}: leave nc.endless_words = {choice!r} out, or add short_way to its file",
-                dialect=self.name,
+                f"{what}: leave nc.endless_words = {choice!r} out, or add short_way to its file", dialect=self.name
             )
         return self.model_copy(update={"endless_words": choice})
 

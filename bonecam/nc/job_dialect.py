@@ -41,12 +41,8 @@ def job_dialect(nc: NcJob) -> Dialect:
     changes: dict[str, object] = {}
     if nc.coolant and nc.coolant_kind != "flood":
         if nc.coolant_kind not in dialect.coolants:
-            raise _refused(
-                dialect, f"nc.coolant_kind = {nc.coolant_kind!r}", "add it to [coolants] of its file"
-            )
-        changes["templates"] = dialect.templates.model_copy(
-            update={"coolant_on": dialect.coolants[nc.coolant_kind]}
-        )
+            raise _refused(dialect, f"nc.coolant_kind = {nc.coolant_kind!r}", "add it to [coolants] of its file")
+        changes["templates"] = dialect.templates.model_copy(update={"coolant_on": dialect.coolants[nc.coolant_kind]})
     for asked, missing, template in _asked(nc, dialect):
         if missing:
             raise _refused(dialect, asked, f"leave it out, or add {template} to its file")
@@ -79,11 +75,7 @@ def _asked(nc: NcJob, dialect: Dialect) -> list[tuple[str, bool, str]]:
             nc.optional_stop != "none" and not templates.optional_stop,
             "a template optional_stop",
         ),
-        (
-            f"nc.park = {nc.park!r}",
-            bool(nc.park.strip()) and not getattr(templates, parks),
-            f"a template {parks}",
-        ),
+        (f"nc.park = {nc.park!r}", bool(nc.park.strip()) and not getattr(templates, parks), f"a template {parks}"),
     ]
 
 

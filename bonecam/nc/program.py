@@ -129,9 +129,7 @@ def check_file_name(file: Path, dialect: Dialect, *, second: bool, split: bool) 
     words = re.sub(r"[^A-Za-z0-9]+", "_", plain).strip("_")
     named = words if pattern.match(words) is not None else f"BONE_{words}"
     proposed = f"{named[:longest].rstrip('_')}{file.suffix}"
-    what = (
-        f"{dialect.name} loads names of {longest} characters at most that match {dialect.file_name.pattern}"
-    )
+    what = f"{dialect.name} loads names of {longest} characters at most that match {dialect.file_name.pattern}"
     raise FileError(f"{file}: {what}: name it {proposed}", file=str(file))
 
 

@@ -115,8 +115,7 @@ def check_room(stock: Stock, job: Job, machine: Machine) -> None:
     if standing > job.holding.length:
         what = f"what stands on the table reaches to z {standing:g} mm, the stock begins at {job.holding.length:g}"
         raise MachineError(
-            f"{machine.name}: {what}: give a longer post (holding.length), or correct table.standing",
-            standing=standing,
+            f"{machine.name}: {what}: give a longer post (holding.length), or correct table.standing", standing=standing
         )
     height = job.holding.length + stock.length + max(job.tool(name).overhang for name in job.cutter_names)
     room = np.abs(machine.in_machine(np.diag([stock.diameter, stock.diameter, height]))).max(axis=0)
@@ -169,9 +168,7 @@ def least_lengths(part: TriangleMesh, volume: float, job: Job) -> dict[str, floa
     for level, depth in enumerate((*first, beyond)):
         name = "finishing" if job.is_finishing(level) else "roughing"
         taken = left if level == len(first) else min(depth * part.area, left)
-        step = float(
-            side_step(job.tool(name).radius, job.scallop(level + (level == len(first))), np.zeros(1))[0]
-        )
+        step = float(side_step(job.tool(name).radius, job.scallop(level + (level == len(first))), np.zeros(1))[0])
         lengths[name] += taken / (depth * step)
         left -= taken
     return lengths

@@ -84,10 +84,7 @@ def angles_from(
 
 
 def _nearest(
-    solution: list[float],
-    stays: list[bool],
-    stand: tuple[float, float],
-    bounds: list[tuple[float, float]],
+    solution: list[float], stays: list[bool], stand: tuple[float, float], bounds: list[tuple[float, float]]
 ) -> tuple[tuple[float, float], float]:
     """The angles (rad) of a solution in the turns nearest to where the axes `stand`, and the way to them, rad; infinite
     beyond the limits."""
@@ -132,9 +129,7 @@ def written_vectors(
     return np.column_stack([words[:, :3], vectors]) + 0.0, np.zeros(len(words), dtype=bool)
 
 
-def _leant(
-    machine: Machine, vectors: Float[ndarray, "n 3"], angles: Float[ndarray, "n 2"]
-) -> Float[ndarray, "n 2"]:
+def _leant(machine: Machine, vectors: Float[ndarray, "n 3"], angles: Float[ndarray, "n 2"]) -> Float[ndarray, "n 2"]:
     """The angles (rad) with the tool leant by LEAST where every angle of an axis gives its direction: then it says
     which one is meant."""
     axes = machine.in_part(vectors)
@@ -151,9 +146,7 @@ def _leant(
     return leant
 
 
-def _between(
-    machine: Machine, solved: Float[ndarray, "n 2"], meant: Float[ndarray, "n 2"]
-) -> Float[ndarray, "m"]:
+def _between(machine: Machine, solved: Float[ndarray, "n 2"], meant: Float[ndarray, "n 2"]) -> Float[ndarray, "m"]:
     """By how much (rad) the tool leans otherwise within each move between successive angles, at most."""
     return np.max(
         [

@@ -215,9 +215,7 @@ class _Trial:
         ]
         found.sort(key=_order)
         equal = [one for one in found if one.neck.holds and one.cost <= EQUAL * found[0].cost]
-        best = min(
-            equal or found[:1], key=lambda one: (round(one.neck.stress_mpa, -1), one.cost), default=None
-        )
+        best = min(equal or found[:1], key=lambda one: (round(one.neck.stress_mpa, -1), one.cost), default=None)
         return sorted(found, key=lambda one: one is not best)
 
     def finer(self, taken: CutterSet, listed: Sequence[ListedTool]) -> dict[str, Any]:
@@ -262,9 +260,7 @@ def _stiffest(listed: Sequence[ListedTool], job: Job, limits: MachineLimits) -> 
     """The stiffest ball end of each radius (mm) that can lean by the lead of a job, the smallest radius first."""
     found = list[tuple[float, float, ListedTool]]()
     for one in listed:
-        cutter = Cutter.from_job(
-            1, one.name, replace(job, roughing=one.tool).tool("roughing"), limits.bodies.nose
-        )
+        cutter = Cutter.from_job(1, one.name, replace(job, roughing=one.tool).tool("roughing"), limits.bodies.nose)
         with suppress(JobError):
             check_lead(cutter, job.path.lead_deg)
             found.append((one.tool.radius, cutter_compliance(cutter), one))

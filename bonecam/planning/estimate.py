@@ -155,11 +155,7 @@ def estimate_lines(report: Mapping[str, Any]) -> Iterator[str]:
     pairs = (
         (f"{expected['length_mm'] / 1000:.1f}", f"{length / 1000:.1f}", "m"),
         (expected["blocks"], nc["blocks"], "blocks"),
-        (
-            f"{expected['machining_min']:.0f}",
-            f"{nc['time_min']:.0f}; at least {expected['least_min']:.0f}",
-            "min",
-        ),
+        (f"{expected['machining_min']:.0f}", f"{nc['time_min']:.0f}; at least {expected['least_min']:.0f}", "min"),
         (expected["planning_cpu_s"], f"{seconds:.0f}", "CPU s"),
     )
     yield f"expected  {', '.join(f'{estimated} {what} (came to {came})' for estimated, came, what in pairs)}"

@@ -23,10 +23,7 @@ def depth_limits(levels: Sequence[Level], level: int, cutters: Mapping[int, Cutt
     before = cutters.get(level + 1)
     limit, outer = levels[level + 1].limit, levels[min(level + 2, len(levels) - 1)].limit
     return DepthLimits(
-        limit,
-        before.scallop if before else 0.0,
-        least_depth(level, job),
-        cutters[level].rest_depth(limit, outer),
+        limit, before.scallop if before else 0.0, least_depth(level, job), cutters[level].rest_depth(limit, outer)
     )
 
 

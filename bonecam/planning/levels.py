@@ -55,11 +55,7 @@ class LevelContacts:
 
 
 def plan_paths(
-    levels: Sequence[Level],
-    stock: Stock,
-    job: Job,
-    limits: MachineLimits,
-    progress: Progress = silent,
+    levels: Sequence[Level], stock: Stock, job: Job, limits: MachineLimits, progress: Progress = silent
 ) -> tuple[ToolPath, ...]:
     """The path of every level in machining order; `limits` are the machine's.
 
@@ -76,14 +72,10 @@ def plan_paths(
     planning = _Planning(job, limits, part, *fixture, enclosing_capsule(stock))
     paths: list[ToolPath] = []
     standing = _Standing(uncut_material(levels, stock))
-    for level_contacts in _one_ahead(
-        lambda level: planning.contacts(level, cutters[level.index]), machined[::-1]
-    ):
+    for level_contacts in _one_ahead(lambda level: planning.contacts(level, cutters[level.index]), machined[::-1]):
         index = level_contacts.level.index
         report(progress, (len(levels) - 2 - index) / (len(levels) - 1), f"path of level {index}")
-        level_paths, standing = planning.paths(
-            level_contacts, depth_limits(levels, index, cutters, job), standing
-        )
+        level_paths, standing = planning.paths(level_contacts, depth_limits(levels, index, cutters, job), standing)
         paths += level_paths
     if job.path.fine_cutter:
         report(progress, 1.0, "path of the fine cutter")
@@ -183,9 +175,7 @@ class _Planning:
         obstacles = [distance, self.part] if level.index else [self.part]
         speed = self.limits.turn_speed
         kept_off = self.clamping.kept_columns("cutter")
-        return candidate_contacts(
-            level, obstacles, cutter, self.post, job, turn_speed=speed, kept_off=kept_off
-        )
+        return candidate_contacts(level, obstacles, cutter, self.post, job, turn_speed=speed, kept_off=kept_off)
 
     def _rest_patterns(self, level_contacts: LevelContacts, scallop: float) -> list[CandidateContacts]:
         """The contacts of a level as it is cut and on rings. Its own path follows: the passes may leave the `scallop`
@@ -201,11 +191,7 @@ class _Planning:
 
 
 def _with_fine(
-    paths: Sequence[ToolPath],
-    planning: _Planning,
-    level_contacts: LevelContacts,
-    standing: _Standing,
-    outer: float,
+    paths: Sequence[ToolPath], planning: _Planning, level_contacts: LevelContacts, standing: _Standing, outer: float
 ) -> list[ToolPath]:
     """The paths with those of a finer ball on the part, as further rest paths, where the finishing ball has left more
     than twice its scallop. What is too narrow for the finishing ball is then told of the finer one alone."""

@@ -59,10 +59,7 @@ class ControlRule:
 
 
 def motion_minutes(
-    machine: Machine,
-    joints: Float[ndarray, "n 5"],
-    at_feed: Float[ndarray, "m"],
-    rule: ControlRule = ControlRule(),
+    machine: Machine, joints: Float[ndarray, "n 5"], at_feed: Float[ndarray, "m"], rule: ControlRule = ControlRule()
 ) -> Float[ndarray, "m"]:
     """Minutes of the n - 1 moves between successive joints (mm, rad) from rest to rest; `at_feed` are those that feed
     and axis speeds alone allow, which they are where the machine's accelerations are not known."""

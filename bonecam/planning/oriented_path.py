@@ -84,12 +84,8 @@ def orient(
     if linked.home is None:
         remedy = "raise path.clearance or the tool's overhang"
         if scene.clamping.beside:
-            remedy = (
-                "beside a tailstock the tool comes lying: give a longer post (holding.length) or overhang"
-            )
-        raise OrientationError(
-            f"level {path.level}: no pass can be reached safely: {remedy}", level=path.level
-        )
+            remedy = "beside a tailstock the tool comes lying: give a longer post (holding.length) or overhang"
+        raise OrientationError(f"level {path.level}: no pass can be reached safely: {remedy}", level=path.level)
     oriented = _tool_path(path, chosen, space, runs, linked, cones=wanted.cones if wanted else None)
     return lift_for_rewinds(replace(oriented, blocked_by=blocked, poses=judged), space)
 

@@ -83,10 +83,7 @@ class AxisComparison:
             "limited_share": float((driven > minutes).mean()),
             "seconds": 60 * float(driven.sum()),
             "feed_mean_mm_min": float(self.steps.sum() / driven.sum()),
-            **{
-                f"seconds_at_{feed}": 60 * float(np.maximum(self.steps / feed, slowest).sum())
-                for feed in FEEDS
-            },
+            **{f"seconds_at_{feed}": 60 * float(np.maximum(self.steps / feed, slowest).sum()) for feed in FEEDS},
         }
 
     def _changes(self, rate: Float[ndarray, " m"]) -> Float[ndarray, " k"]:
@@ -163,16 +160,9 @@ def compare_axes(path: ToolPath, scene: Scene, limits: MachineLimits, job: PathJ
         f"{lead}, turned free": choose_axes(contacts, checker, limits, job).axes,
         "this path": path.axes[cuts],
     }
-    choices = [
-        AxisChoice(name, axes, checker.free(balls, axes), limits.allow(axes)) for name, axes in named.items()
-    ]
+    choices = [AxisChoice(name, axes, checker.free(balls, axes), limits.allow(axes)) for name, axes in named.items()]
     return AxisComparison(
-        path.contacts[cuts],
-        balls,
-        passes=passes,
-        feed=path.cutter.feed,
-        limits=limits,
-        choices=tuple(choices),
+        path.contacts[cuts], balls, passes=passes, feed=path.cutter.feed, limits=limits, choices=tuple(choices)
     )
 
 

@@ -21,8 +21,7 @@ def mechanics_lines(mechanics: Mapping[str, Any] | None) -> Iterator[str]:
         return
     levels = mechanics["levels"]
     mean, high, most = (
-        max((level[name] for level in levels), default=0.0)
-        for name in ("force_mean_n", "peak_p95_n", "peak_max_n")
+        max((level[name] for level in levels), default=0.0) for name in ("force_mean_n", "peak_p95_n", "peak_max_n")
     )
     yield f"force     up to {mean:.1f} N in the mean of a level, peaks {high:.0f} N at 95 %, {most:.0f} N at most"
     yield f"bending   {bending_text(mechanics)}"
@@ -151,10 +150,7 @@ def neck_text(post: Mapping[str, Any]) -> str:
 def neck_remedy_text(post: Mapping[str, Any]) -> str:
     """With what that neck holds, or nearly; another one where the job states it."""
     other = ["give holding.diameter = 0, which finds one"] if post["neck_stated"] else []
-    return (
-        " or ".join([*other, *_remedy_texts(post)])
-        or "give shallower cuts, or a larger stock for a thicker neck"
-    )
+    return " or ".join([*other, *_remedy_texts(post)]) or "give shallower cuts, or a larger stock for a thicker neck"
 
 
 def _remedy_texts(post: Mapping[str, Any]) -> list[str]:

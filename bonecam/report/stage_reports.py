@@ -39,9 +39,7 @@ def levels_report(levels: Sequence[Level]) -> list[dict[str, Any]]:
             "depth_mean_mm": _mm(level.depth_mean),
             "nesting_min_mm": _mm(level.nesting_min),
             "self_intersections": level.measures.self_intersections,
-            "depth_full_mean_mm": _mm(level.measures.full_depth_mean)
-            if level.measures.full_depth_area
-            else None,
+            "depth_full_mean_mm": _mm(level.measures.full_depth_mean) if level.measures.full_depth_area else None,
             "outside_stock_mm": _mm(level.outside),
             "depth_shares": [round(share, 4) for share in level.measures.depth_shares],
             "rounding": level.index in rounding,

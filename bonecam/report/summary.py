@@ -40,12 +40,8 @@ def _cone_lines(toolpath: Sequence[Mapping[str, Any]]) -> Iterator[str]:
     if circular:
         where = f"{circular} of {counted(len(shapes), 'level')}"
         yield f"cones     circular on {where}, where axes turn sooner or less in these"
-    checks = {
-        row["level"]: row["cones"]["fcl"] for row in toolpath if row["cones"]
-    }  # all paths of a level share one
-    of_names = (
-        [check[name] for check in checks.values() if check] for name in ("asked", "narrowed", "refused")
-    )
+    checks = {row["level"]: row["cones"]["fcl"] for row in toolpath if row["cones"]}  # all paths of a level share one
+    of_names = ([check[name] for check in checks.values() if check] for name in ("asked", "narrowed", "refused"))
     asked, narrowed, refused = map(sum, of_names)
     if asked:
         yield f"cones     {asked} checked by planes, else by FCL: {narrowed} narrowed, {refused} refused"
@@ -58,9 +54,7 @@ def _cone_lines(toolpath: Sequence[Mapping[str, Any]]) -> Iterator[str]:
 def _lead_lines(toolpath: Sequence[Mapping[str, Any]]) -> Iterator[str]:
     """Where smooth axes come nearer to the normal than they should."""
     near = [row for row in toolpath if row["near_normal_contacts"]]
-    contacts, forced = (
-        sum(row[f"near_normal_{name}"] for row in near) for name in ("contacts", "without_choice")
-    )
+    contacts, forced = (sum(row[f"near_normal_{name}"] for row in near) for name in ("contacts", "without_choice"))
     if near:
         share = contacts / sum(row["contacts"] for row in toolpath)
         most = max(near, key=lambda row: row["near_normal_contacts"])
@@ -294,9 +288,7 @@ def uncut_lines(toolpath: Sequence[Mapping[str, Any]], areas: Mapping[str, float
         rows = [row for row in toolpath if bool(row["level"]) == outer]
         reasons: Counter[str] = sum((Counter(row["uncut_reasons"]) for row in rows), Counter())
         blocked: Counter[str] = sum((Counter(row["blocked_by"]) for row in rows), Counter())
-        why = WHY | {
-            "collision": ", ".join([WHY["collision"], *(f"{n} {by}" for by, n in blocked.most_common(2))])
-        }
+        why = WHY | {"collision": ", ".join([WHY["collision"], *(f"{n} {by}" for by, n in blocked.most_common(2))])}
         if reasons:
             known = {} if outer else areas
             each = ", ".join(

@@ -234,9 +234,7 @@ def _slender(report: Sections, job: Job) -> Iterator[Warned]:
     if length > limits.slender * diameter:
         text = f"the post is slender: {diameter:g} x {length:g} mm bends under the cut"
         remedy = "a thicker post, a chuck below it or a slimmer holder help"
-        yield Warned(
-            "slender", text, length / diameter, limits.slender, limits.slender_refused, remedy=remedy
-        )
+        yield Warned("slender", text, length / diameter, limits.slender, limits.slender_refused, remedy=remedy)
 
 
 def _depth(report: Sections, job: Job) -> Iterator[Warned]:

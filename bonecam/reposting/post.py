@@ -109,9 +109,7 @@ def post(
 def _design_file(part_file: str | Path | None, keep: str | Path | None) -> Path:
     """The file of what must not be gouged: a part, or the surface of a kept folder."""
     if part_file is None and keep is None:
-        raise JobError(
-            "no part is named that must not be gouged: give --part, or the folder of a run (--keep)"
-        )
+        raise JobError("no part is named that must not be gouged: give --part, or the folder of a run (--keep)")
     if part_file is not None:
         return kept_surface(Path(part_file)) or Path(part_file)
     surface = kept_surface(Path(str(keep)))

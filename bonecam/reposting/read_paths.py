@@ -69,9 +69,7 @@ def _of_apt(text: str, job: Job, machine: Machine) -> Iterator[ToolPath]:
         links = _links(path, cutter, job)
         kinds = np.select([path.rapid, links], [int(MoveKind.RAPID), int(MoveKind.LINK)], int(MoveKind.CUT))
         level = left if path.level is None else path.level
-        yield _tool_path(
-            level, cutter, kinds=kinds, poses=(path.tips, path.axes), feeds=path.feed_rates, job=job
-        )
+        yield _tool_path(level, cutter, kinds=kinds, poses=(path.tips, path.axes), feeds=path.feed_rates, job=job)
 
 
 def _links(path: ClPath, cutter: Cutter, job: Job) -> Bool[ndarray, " n"]:
@@ -89,9 +87,7 @@ def _ball(path: ClPath) -> float:
     return path.corner
 
 
-def _of_program(
-    text: str, origin: Machine, dialect: Dialect, job: Job, machine: Machine
-) -> Iterator[ToolPath]:
+def _of_program(text: str, origin: Machine, dialect: Dialect, job: Job, machine: Machine) -> Iterator[ToolPath]:
     """The paths of a program for another machine and control, one a level and tool; feeds are those of its tip."""
     motions = read_program(text, origin, dialect)
     way = np.linalg.norm(np.diff(motions.tips, axis=0, prepend=motions.tips[:1]), axis=1)
@@ -123,9 +119,7 @@ def _cutter(number: int, radius: float, level: int | None, job: Job, machine: Ma
             return Cutter.from_job(own, name, tool, machine.nose)
     known = ", ".join(f"{name} {getattr(job, name).radius:g}" for name in job.cutter_names)
     what = f"tool {number} is a ball of radius {radius:g} mm, the job has {known}"
-    raise ProgramError(
-        f"{what}: describe it in the job (like --set finishing.radius={radius:g})", tool=number
-    )
+    raise ProgramError(f"{what}: describe it in the job (like --set finishing.radius={radius:g})", tool=number)
 
 
 def _tool_path(

@@ -30,9 +30,7 @@ def user_folder() -> Path:
     return Path(os.environ.get("XDG_CONFIG_HOME") or Path.home() / ".config") / "bonecam"
 
 
-def named_files(
-    kind: str, shipped: Path | None = None, endings: tuple[str, ...] = (".toml",)
-) -> dict[str, Path]:
+def named_files(kind: str, shipped: Path | None = None, endings: tuple[str, ...] = (".toml",)) -> dict[str, Path]:
     """The files of a kind by name: those in the folder that ships, if any does, the user's, those of packages. Of files
     of one name the first counts, in a folder the one whose ending comes first."""
     files: dict[str, Path] = {}

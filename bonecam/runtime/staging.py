@@ -212,9 +212,7 @@ def _require_free(place: Path, output: _Output) -> None:
         raise FileError(f"{place}: a link leads out of the folder: remove it", file=str(place))
     name = str(place.relative_to(output.target))
     if not output.replace and os.path.lexists(place) and not is_own(output.target, name):
-        raise FileError(
-            f"{place}: exists already: name another folder, or write over it with --force", file=str(place)
-        )
+        raise FileError(f"{place}: exists already: name another folder, or write over it with --force", file=str(place))
 
 
 def leads_out(place: Path, folder: Path) -> bool:

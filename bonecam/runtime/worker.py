@@ -89,11 +89,7 @@ def _start(answer: Connection, said: IO[bytes], memory: int) -> "subprocess.Pope
 
 
 def _answer(
-    here: Connection,
-    process: "subprocess.Popen[bytes]",
-    seconds: float | None,
-    progress: Progress,
-    stopped: Event,
+    here: Connection, process: "subprocess.Popen[bytes]", seconds: float | None, progress: Progress, stopped: Event
 ) -> Any:
     """What the process answers, an error among it; WorkerError where it does not."""
     end = math.inf if seconds is None else time.monotonic() + seconds

@@ -93,9 +93,7 @@ class Capsule(Stock):
         """The capsule itself: it has no edges."""
         return self
 
-    def distances_and_normals(
-        self, points: Float[ndarray, "n 3"]
-    ) -> tuple[Float[ndarray, "n"], Float[ndarray, "n 3"]]:
+    def distances_and_normals(self, points: Float[ndarray, "n 3"]) -> tuple[Float[ndarray, "n"], Float[ndarray, "n 3"]]:
         """Signed distances (mm) and outward normals in one pass."""
         points = np.require(points, np.float64, ["C", "W"])
         distance = np.empty(len(points))
@@ -144,9 +142,7 @@ class Capsule(Stock):
         rises = np.linspace(0, straight, int(np.ceil(straight / (2 * np.pi * self.radius / around))) + 1)
 
         height = self.radius * np.concatenate([-np.cos(latitude[1:-1]), 0 * rises, np.cos(latitude[-2:0:-1])])
-        radii = self.radius * np.concatenate(
-            [np.sin(latitude[1:-1]), 0 * rises + 1, np.sin(latitude[-2:0:-1])]
-        )
+        radii = self.radius * np.concatenate([np.sin(latitude[1:-1]), 0 * rises + 1, np.sin(latitude[-2:0:-1])])
         lift = np.concatenate([np.zeros(quarter - 1), rises, np.full(quarter - 1, straight)])
         upright = revolve(radii, height + lift, (-self.radius, self.length - self.radius), around)
         return TriangleMesh(upright.vertices @ self._frame + self.start, upright.faces)
@@ -160,8 +156,7 @@ def enclosing_capsules(points: Float[ndarray, "n 3"], allowance: float) -> list[
     """
     if allowance <= 0:
         raise StockError(
-            f"an allowance of {allowance} mm leaves no material round the part: give a positive one",
-            distance=allowance,
+            f"an allowance of {allowance} mm leaves no material round the part: give a positive one", distance=allowance
         )
     reach = np.linalg.norm(points[:, :2], axis=1)
     radii = reach.max() * np.linspace(1 + 1e-9, RADIUS_SPAN, RADII)

@@ -47,12 +47,8 @@ def _body(stock: "Stock | MeshLike") -> ConvexStock:
     if isinstance(stock, ConvexStock):
         return replace(stock, file="", proven=True)
     if isinstance(stock, Stock):
-        what = (
-            f"a stock of the class {type(stock).__name__} has no name in a job, and no run could be repeated"
-        )
-        remedy = (
-            'give a Capsule, Cylinder, Box, ConvexStock or mesh, or add a kind ("Add a stock" in the docs)'
-        )
+        what = f"a stock of the class {type(stock).__name__} has no name in a job, and no run could be repeated"
+        remedy = 'give a Capsule, Cylinder, Box, ConvexStock or mesh, or add a kind ("Add a stock" in the docs)'
         raise StockError(f"{what}: {remedy}")
     try:
         return ConvexStock(mesh_from(stock))

@@ -59,9 +59,7 @@ def centring_shift(points: Float[ndarray, "n 3"], stock: Stock, margin: float) -
         return float(np.max(tree.query(surface - shift)[0])) + PENALTY * lack
 
     start = FIRST_STEP * np.vstack([np.zeros(2), np.eye(2)])
-    solution = minimize(
-        cost, np.zeros(2), method="Nelder-Mead", options={"maxfev": TRIALS, "initial_simplex": start}
-    )
+    solution = minimize(cost, np.zeros(2), method="Nelder-Mead", options={"maxfev": TRIALS, "initial_simplex": start})
     transform = np.eye(4)
     if solution.fun < cost(np.zeros(2)):
         transform[:2, 3] = solution.x

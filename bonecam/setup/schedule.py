@@ -39,10 +39,7 @@ class Schedule:
     beyond: float
 
     def __post_init__(self) -> None:
-        if not (
-            isinstance(self.first, tuple)
-            and all(isinstance(depth, Real) for depth in (*self.first, self.beyond))
-        ):
+        if not (isinstance(self.first, tuple) and all(isinstance(depth, Real) for depth in (*self.first, self.beyond))):
             raise TypeError(
                 f"Schedule({self.first!r}, {self.beyond!r}): give depths in mm like Schedule((0.1, 0.1), 0.5)"
             )
@@ -99,9 +96,7 @@ def even_out(schedule: Schedule, distance: float, cuts: int, rest: float) -> Sch
         return schedule
     gained = (distance - sum(schedule.first) - rest) / before
     share = gained / schedule.beyond
-    return Schedule(
-        schedule.first, min(schedule.beyond, (distance - sum(schedule.first)) / (before * share + 1))
-    )
+    return Schedule(schedule.first, min(schedule.beyond, (distance - sum(schedule.first)) / (before * share + 1)))
 
 
 def check_cuts(part: TriangleMesh, stock: Stock, job: LevelsJob) -> None:
@@ -116,10 +111,7 @@ def check_cuts(part: TriangleMesh, stock: Stock, job: LevelsJob) -> None:
         what = f"the stock at {place_name(place)} is {farthest:.1f} mm from the part, which takes {cuts} cuts or more"
         deeper = "greater depths" if job.listed else "a greater roughing_depth"
         raise field_error(
-            "levels",
-            "most_cuts",
-            job.most_cuts,
-            f"{what}: give a smaller stock or {deeper}, or allow more",
+            "levels", "most_cuts", job.most_cuts, f"{what}: give a smaller stock or {deeper}, or allow more"
         )
     if farthest > FARTHEST_DIAGONALS * part.diagonal:
         raise StockError(

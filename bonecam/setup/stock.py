@@ -97,9 +97,7 @@ class Stock(Protocol):
     def mesh(self, chord_tolerance: float) -> TriangleMesh:
         """A closed outward mesh, its vertices on the surface, its faces within `chord_tolerance` mm of it."""
 
-    def distances_and_normals(
-        self, points: Float[ndarray, "n 3"]
-    ) -> tuple[Float[ndarray, "n"], Float[ndarray, "n 3"]]:
+    def distances_and_normals(self, points: Float[ndarray, "n 3"]) -> tuple[Float[ndarray, "n"], Float[ndarray, "n 3"]]:
         """Signed distances (mm) and outward normals in one pass."""
         return self.signed_distance(points), self.normals(points)
 

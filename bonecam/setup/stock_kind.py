@@ -48,8 +48,8 @@ class StockKind:
     sizes: tuple[str, ...]
     make: Callable[[StockJob, LyingPart, Schedule], Stock]
     shape: str
-    turn: Callable[[StockJob, Float[ndarray, "n 3"]], tuple[float, Float[ndarray, "2"]] | None] = (
-        lambda job, points: None
+    turn: Callable[[StockJob, Float[ndarray, "n 3"]], tuple[float, Float[ndarray, "2"]] | None] = lambda job, points: (
+        None
     )
     centres: bool = False
 

@@ -61,9 +61,7 @@ def _less(*figures: str, than: Sequence[str]) -> Callable[[Rows, str], Verdict]:
         for figure in figures:
             own = _value(rows, name, figure)
             others = {other: _value(rows, other, figure) for other in than}
-            texts.append(
-                f"{figure} {_shown(own)}; " + ", ".join(f"{k} {_shown(v)}" for k, v in others.items())
-            )
+            texts.append(f"{figure} {_shown(own)}; " + ", ".join(f"{k} {_shown(v)}" for k, v in others.items()))
             verdicts.append(_smaller(own, list(others.values())))
         if CONTRADICTED in verdicts:
             verdict = CONTRADICTED
@@ -99,10 +97,7 @@ def _second_side(rows: Rows, name: str) -> Verdict:
     """Whether the second side bends more while it is finished than the first."""
     first, second = _value(rows, name, "bend_before_last_p95_um"), _value(rows, name, "bend_last_p95_um")
     verdict = OPEN if first is None or second is None else _smaller(first, [second])
-    return (
-        verdict,
-        f"deflection at 95 % while finishing: first side {_shown(first)}, second {_shown(second)} um",
-    )
+    return (verdict, f"deflection at 95 % while finishing: first side {_shown(first)}, second {_shown(second)} um")
 
 
 def _uncut_end(rows: Rows, name: str) -> Verdict:
@@ -110,9 +105,7 @@ def _uncut_end(rows: Rows, name: str) -> Verdict:
     place, most = _value(rows, name, "left_highest_at"), _value(rows, name, "left_max_mm")
     morphs = [_value(rows, other, "left_max_mm") for other in MORPHS]
     known = [value for value in morphs if value is not None]
-    text = (
-        f"at most {_shown(most)} mm at {_shown(place)} of the height; morphs {', '.join(map(_shown, morphs))}"
-    )
+    text = f"at most {_shown(most)} mm at {_shown(place)} of the height; morphs {', '.join(map(_shown, morphs))}"
     if place is None or most is None or not known:
         return OPEN, text
     return (SUPPORTED if place > TOP and min(known) < (1 - MARGIN) * most else CONTRADICTED), text
@@ -135,16 +128,8 @@ CLAIMS: tuple[tuple[str, Sequence[str], Callable[[Rows, str], Verdict]], ...] = 
         MORPHS,
         _less("force_roughing_jump_p99", "force_finishing_jump_p99", than=OTHERS),
     ),
-    (
-        "cutting depths are evenly distributed",
-        MORPHS,
-        _less("depth_roughing_cv", "depth_finishing_cv", than=OTHERS),
-    ),
-    (
-        "the part bends less",
-        MORPHS,
-        _less("error_kept_p95_um", "bend_finishing_p95_um", than=("iso-height",)),
-    ),
+    ("cutting depths are evenly distributed", MORPHS, _less("depth_roughing_cv", "depth_finishing_cv", than=OTHERS)),
+    ("the part bends less", MORPHS, _less("error_kept_p95_um", "bend_finishing_p95_um", than=("iso-height",))),
     ("the deviation is below 0.05 mm at every probed point", MORPHS, _within_band),
     ("no uncut material, a better surface", MORPHS, _less("left_area_mm2", "left_p99_mm", than=OTHERS)),
     ("iso-height is fast", ("iso-height",), _less("axes_min", than=MORPHS)),

@@ -224,9 +224,7 @@ def compare(
     return comparison
 
 
-def _failures(
-    chosen: Sequence[Strategy], job: Job, machine: Machine, dialect: Dialect
-) -> dict[str, BonecamError]:
+def _failures(chosen: Sequence[Strategy], job: Job, machine: Machine, dialect: Dialect) -> dict[str, BonecamError]:
     """Why strategies cannot be run on the machine, by name, before anything is planned; raised where none can."""
     failures: dict[str, BonecamError] = {}
     for strategy in chosen:

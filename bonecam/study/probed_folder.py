@@ -61,9 +61,7 @@ def probe(
     removal = simulate(kept, folder, job, progress=part(progress, 0.0, 0.9))
     report(progress, 0.9, "probing")
     cutters = tuple(cutters_of(job, machine))
-    posted = PostedProgram(
-        text, machine, dialect=dialect, cutters=cutters, part=part_surface, removal=removal
-    )
+    posted = PostedProgram(text, machine, dialect=dialect, cutters=cutters, part=part_surface, removal=removal)
     probed = probe_surface(posted, probed_line, radius)
     if csv is not None:
         write_whole(csv, probed.csv)

@@ -116,9 +116,7 @@ def _times(motions: Motions, cutters: Sequence[Cutter], removal: Removal) -> Fig
 
 def _depths(removal: Removal, cutter: Cutter) -> Figures:
     """Depths of the cut by one cutter."""
-    depths = np.concatenate(
-        [np.zeros(0), *(one.depths for one in removal.levels if one.tool == cutter.number)]
-    )
+    depths = np.concatenate([np.zeros(0), *(one.depths for one in removal.levels if one.tool == cutter.number)])
     name = f"depth_{cutter.name}"
     if not len(depths):
         return dict.fromkeys((f"{name}_mean", f"{name}_p99", f"{name}_max", f"{name}_cv"))
@@ -189,9 +187,7 @@ def _deflection(loads: Sequence[PathLoads]) -> float | None:
     """The deflection under the mean force that 95 % of the cutting time stay below, um."""
     if not loads:
         return None
-    bent, minutes = (
-        np.concatenate([getattr(one, what) for one in loads]) for what in ("deflection", "minutes")
-    )
+    bent, minutes = (np.concatenate([getattr(one, what) for one in loads]) for what in ("deflection", "minutes"))
     return _told(UM * float(cut_shares(bent, minutes, (0.95,))[0]))
 
 

@@ -116,9 +116,7 @@ class TSpline(Surface[M], Generic[M]):
         """The surface of another T-mesh of the same kind."""
         return TSpline(tmesh, control_points, weights)
 
-    def basis(
-        self, s: Float[ndarray, " n"], t: Float[ndarray, " n"], order: int = 0
-    ) -> tuple[sp.csr_array, ...]:
+    def basis(self, s: Float[ndarray, " n"], t: Float[ndarray, " n"], order: int = 0) -> tuple[sp.csr_array, ...]:
         """R, then R_s, R_t (order 1), then R_ss, R_st, R_tt (order 2): sparse (n, control points)."""
         _check_order(order)
         return self.tmesh.elements.basis(self.weights, s, t, order)
@@ -167,15 +165,11 @@ class TSpline(Surface[M], Generic[M]):
         """A watertight, outward triangle mesh within the measured `chord_tolerance` (mm) of the surface."""
         return self.tessellate_with_parameters(chord_tolerance, angle_tolerance).mesh
 
-    def tessellate_with_parameters(
-        self, chord_tolerance: float, angle_tolerance: float | None = None
-    ) -> Tessellation:
+    def tessellate_with_parameters(self, chord_tolerance: float, angle_tolerance: float | None = None) -> Tessellation:
         """The triangle mesh, the (s, t) of every vertex and the chord error that was measured."""
         return tessellate(self, chord_tolerance, angle_tolerance)
 
-    def refine(
-        self, s: Float[ndarray, " n"], t: Float[ndarray, " n"], directions: str = "st"
-    ) -> "TSpline[M]":
+    def refine(self, s: Float[ndarray, " n"], t: Float[ndarray, " n"], directions: str = "st") -> "TSpline[M]":
         """The unchanged surface with more control points: faces that hold samples are cut in their middle."""
         return refine(self, s, t, directions)
 

@@ -34,9 +34,7 @@ def shown(value: object) -> str:
 def in_one_line(text: str) -> str:
     """A text for a terminal: in one line, with control characters, which it would obey, written as Python does."""
     line = " ".join(text.splitlines())
-    return "".join(
-        letter if letter.isprintable() else letter.encode("unicode_escape").decode() for letter in line
-    )
+    return "".join(letter if letter.isprintable() else letter.encode("unicode_escape").decode() for letter in line)
 
 
 def shortened(text: str, length: int) -> str:

@@ -16,8 +16,7 @@ def check_depths(job: Job) -> None:
         if depth > deepest:
             name = _depth_field(job, level, len(first))
             bound = (
-                f"a ball of {section}.radius = {radius:g} mm "
-                f"sinks {deepest:g} mm at most ({MAX_DEPTH_RADII:g} of it)"
+                f"a ball of {section}.radius = {radius:g} mm sinks {deepest:g} mm at most ({MAX_DEPTH_RADII:g} of it)"
             )
             remedy = "give shallower cuts or a larger ball"
             raise field_error("levels", name, getattr(job.levels, name), f"{bound}: {remedy}")

@@ -78,9 +78,7 @@ class Cutter:
 
     def __post_init__(self) -> None:
         if self.corner_radius is not None and not 0 <= self.corner_radius < self.radius:
-            raise self._error(
-                "corner_radius", f"give less than the radius ({self.radius:g} mm), and 0 or more"
-            )
+            raise self._error("corner_radius", f"give less than the radius ({self.radius:g} mm), and 0 or more")
         if not self.flute_length >= self.centre_height:
             what = "the ball's radius" if not self.is_bull else "what its lead asks for"
             remedy = "" if not self.is_bull else f", or more {self.name}.lead_deg"
@@ -92,9 +90,7 @@ class Cutter:
             bound = f"give less than the ball's radius ({self.radius:g} mm), and more than 0"
             raise self._error("scallop", bound)
         if not (self.spindle > 0 and self.feed > 0):
-            raise ValueError(
-                f"{self.name}: no spindle speed or feed: take the cutter of Job.tool({self.name!r})"
-            )
+            raise ValueError(f"{self.name}: no spindle speed or feed: take the cutter of Job.tool({self.name!r})")
 
     def _error(self, name: str, bound: str) -> JobError:
         """The error of a value that breaks a bound."""
@@ -164,15 +160,11 @@ class Cutter:
         """Height above the tip of the centre of the ball that holds the end of the cutter, mm."""
         return self._envelope.height
 
-    def tips_of(
-        self, centres: Float[ndarray, "*n 3"], axes: Float[ndarray, "*n 3"]
-    ) -> Float[ndarray, "*n 3"]:
+    def tips_of(self, centres: Float[ndarray, "*n 3"], axes: Float[ndarray, "*n 3"]) -> Float[ndarray, "*n 3"]:
         """The tips (mm) where the centres of the ball that holds the end are these and the axes so."""
         return np.asarray(centres - self.centre_height * axes)
 
-    def centres_of(
-        self, tips: Float[ndarray, "*n 3"], axes: Float[ndarray, "*n 3"]
-    ) -> Float[ndarray, "*n 3"]:
+    def centres_of(self, tips: Float[ndarray, "*n 3"], axes: Float[ndarray, "*n 3"]) -> Float[ndarray, "*n 3"]:
         """The centres (mm) of the ball that holds the end where the tips are these and the axes so."""
         return np.asarray(tips + self.centre_height * axes)
 
@@ -215,9 +207,7 @@ class Cutter:
     def profile(self) -> tuple[ToolSection, ...]:
         """Cylinders and cones above the ball's centre, from the tip up: cutter, neck and shank, those of the holder
         and of the spindle."""
-        sections = [
-            ToolSection("cutter", self.centre_height, self.flute_length, self.radius, self.radius),
-        ]
+        sections = [ToolSection("cutter", self.centre_height, self.flute_length, self.radius, self.radius)]
         for diameter, end in ((self.neck_diameter, self.neck_length), (self.shank_diameter, self.overhang)):
             if end:
                 start = sections[-1].end

@@ -105,9 +105,7 @@ class EllipticCones:
     def largest_angles(self, directions: Float[ndarray, "k 3"]) -> Float[ndarray, " k"]:
         """The largest angle from each direction to one in its cone, of RIM directions of the rim, radians."""
         turns = 2 * np.pi * np.arange(RIM) / RIM
-        return np.max(
-            [angles_between(self.rims(np.full(len(self), turn)), directions) for turn in turns], axis=0
-        )
+        return np.max([angles_between(self.rims(np.full(len(self), turn)), directions) for turn in turns], axis=0)
 
     def rims(self, turns: Float[ndarray, " k"]) -> Float[ndarray, "k 3"]:
         """Unit directions at the rims, at these turns from `sides`, radians."""

@@ -31,9 +31,7 @@ def enveloping_ball(radius: float, corner: float, lead: float) -> EnvelopingBall
     ValueError unless 0 <= corner <= radius and 0 < lead <= a quarter turn.
     """
     if not 0 <= corner <= radius:
-        raise ValueError(
-            f"a corner of {corner:g} mm on a radius of {radius:g} mm: give at most that, and 0 or more"
-        )
+        raise ValueError(f"a corner of {corner:g} mm on a radius of {radius:g} mm: give at most that, and 0 or more")
     if not 0 < lead <= math.pi / 2:
         raise ValueError(f"a lead of {lead:g} rad: give more than 0, and at most a quarter turn")
     flat = radius - corner

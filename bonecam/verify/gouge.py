@@ -36,9 +36,7 @@ MAX_PIECES = 64
 class Distances(Protocol):
     """Distances from the part: `bonecam.mesh.distance.MeshDistance`, or a shape that knows them."""
 
-    def signed(
-        self, points: Float[ndarray, "n 3"], wanted: float | Float[ndarray, " n"]
-    ) -> Float[ndarray, " n"]:
+    def signed(self, points: Float[ndarray, "n 3"], wanted: float | Float[ndarray, " n"]) -> Float[ndarray, " n"]:
         """A lower bound of the signed distance (negative inside) of each point, mm; exact where it is below
         `wanted`."""
         ...
@@ -211,16 +209,10 @@ def _divide(spans: _Spans, run: _Run) -> tuple[_Spans, Float[ndarray, "p"], Floa
     is_first = place == 0
     first = np.where(is_first[:, None], spans.first[owner], np.roll(last, 1, axis=0))
     near = np.where(is_first, spans.near[owner], np.roll(far, 1))
-    return (
-        _Spans(move, start, end=end, first=first, last=last, near=near, far=far),
-        run.control.radius - far,
-        last,
-    )
+    return (_Spans(move, start, end=end, first=first, last=last, near=near, far=far), run.control.radius - far, last)
 
 
-def centre_bows(
-    control: Control, start: Float[ndarray, "n 5"], end: Float[ndarray, "n 5"]
-) -> Float[ndarray, "n"]:
+def centre_bows(control: Control, start: Float[ndarray, "n 5"], end: Float[ndarray, "n 5"]) -> Float[ndarray, "n"]:
     """An upper bound of |c''| of the ball centre over each move (words at its start and end), u in [0, 1];
     mm.
 

@@ -86,9 +86,7 @@ def _rows_of(paths: Sequence[ToolPath]) -> _Rows:
     )
 
 
-def compare_moves(
-    motions: Motions, paths: Sequence[ToolPath], dialect: Dialect, tolerances: Tolerances
-) -> Readback:
+def compare_moves(motions: Motions, paths: Sequence[ToolPath], dialect: Dialect, tolerances: Tolerances) -> Readback:
     """The row of the paths that each move reaches; VerifyError at the first move that belongs nowhere, is
     missing, or has the wrong tool or feed."""
     rows = _rows_of(paths)
@@ -132,12 +130,7 @@ def compare_moves(
     by_turn = _by_turn(motions, np.minimum(rows.slow, rows.feeds)[reached])
     by_turn &= (rows.kinds[reached] != MoveKind.RAPID) | (not dialect.straight_rapids)
     _check_feeds(
-        motions,
-        posted & ~by_turn,
-        kinds=rows.kinds[reached],
-        feeds=rows.feeds[reached],
-        begins=begins,
-        dialect=dialect,
+        motions, posted & ~by_turn, kinds=rows.kinds[reached], feeds=rows.feeds[reached], begins=begins, dialect=dialect
     )
     return Readback(len(rows.tips), source, tip_error, axis_error)
 

@@ -70,9 +70,7 @@ def post_below(part: TriangleMesh, holding: HoldingJob, lying: tuple[float, floa
     with the offset that would do; `lying` is the one it has.
     """
     if not holding.diameter:
-        raise ValueError(
-            "holding.diameter = 0: the neck is still to be found, as `convert` does: give a diameter"
-        )
+        raise ValueError("holding.diameter = 0: the neck is still to be found, as `convert` does: give a diameter")
     radius = holding.diameter / 2
     heights = undersides(part, places_on_disc(radius))
     met = heights[np.isfinite(heights)]
@@ -102,10 +100,7 @@ def checked_post(part: TriangleMesh, width: float, holding: HoldingJob, lying: t
     if holding.diameter >= width:
         bound = f"the stock is {width:.2f} mm wide"
         raise field_error(
-            "holding",
-            "diameter",
-            holding.diameter,
-            f"{bound}: give a post that is thinner than the part's lower end",
+            "holding", "diameter", holding.diameter, f"{bound}: give a post that is thinner than the part's lower end"
         )
     return post_below(part, holding, lying)
 

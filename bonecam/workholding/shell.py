@@ -71,9 +71,7 @@ def read_shell(job: Job, part: Part) -> TriangleMesh | None:
     return shell
 
 
-def turned_over(
-    part: TriangleMesh, shell: TriangleMesh, holding: HoldingJob, cut_off: float
-) -> SecondClamping:
+def turned_over(part: TriangleMesh, shell: TriangleMesh, holding: HoldingJob, cut_off: float) -> SecondClamping:
     """Part and shell turned over about X, the shell's lower end at its height over the table; the post is cut off at
     the height `cut_off`, mm."""
     pose = turn_over(holding.second_height + float(shell.bounds[1, 2]))
@@ -107,9 +105,7 @@ def _require_outside(part: TriangleMesh, shell: TriangleMesh, file: str) -> None
         worst = int(np.argmax(depths))
         if depths[worst] > ENTERS:
             what = f"it enters the part by {depths[worst]:.2f} mm near {place_name(points[worst])}"
-            raise field_error(
-                "holding", "second", file, f"{what}, allowed {ENTERS:g}: take the part out of it"
-            )
+            raise field_error("holding", "second", file, f"{what}, allowed {ENTERS:g}: take the part out of it")
 
 
 def _require_held(part: TriangleMesh, shell: TriangleMesh, file: str) -> None:
@@ -124,6 +120,4 @@ def _require_held(part: TriangleMesh, shell: TriangleMesh, file: str) -> None:
     if not held.all():
         x, y, z = pushes[np.argmin(held)]
         what = f"it lets the part move towards ({x:.2f}, {y:.2f}, {z:.2f})"
-        raise field_error(
-            "holding", "second", file, f"{what}: bring its walls there within {GAP:g} mm of the part"
-        )
+        raise field_error("holding", "second", file, f"{what}: bring its walls there within {GAP:g} mm of the part")

@@ -61,9 +61,7 @@ def pin_above(part: TriangleMesh, holding: HoldingJob) -> Column | None:
     met = -heights[np.isfinite(heights)]
     if not len(met):
         bound = f"at ({x:.2f}, {y:.2f}) nothing of the part is under the {holding.tailstock}: give tailstock_x and "
-        raise field_error(
-            "holding", "tailstock_x", x, f"{bound}tailstock_y of a place over the part, or neither"
-        )
+        raise field_error("holding", "tailstock_x", x, f"{bound}tailstock_y of a place over the part, or neither")
     bottom = float(max(met.min(), met.max() - holding.tailstock_diameter))
     settled = holding.tailstock_height if holding.length else 0.0
     top = settled or float(met.max()) + holding.tailstock_length
@@ -85,8 +83,7 @@ def bracket(holding: HoldingJob, pin: Column) -> dict[str, tuple[Column, ...]]:
     shares = np.arange(count) / count
     radius = math.hypot(half, float(np.linalg.norm(way)) / count / 2)
     arm = tuple(
-        Column(radius, top, pin.top, float(pin.x + share * way[0]), float(pin.y + share * way[1]))
-        for share in shares
+        Column(radius, top, pin.top, float(pin.x + share * way[0]), float(pin.y + share * way[1])) for share in shares
     )
     column = Column(holding.tailstock_column / 2, top, 0.0, float(foot[0]), float(foot[1]))
     return {"column": (column,), "arm": arm}

@@ -51,16 +51,7 @@ def cluster(folder: Path) -> Iterator[str]:
             return subprocess.Popen([*dask, *words], env=environment, cwd=folder, stdout=log, stderr=log)
 
         running = [
-            start(
-                "scheduler",
-                "--host",
-                "127.0.0.1",
-                "--port",
-                "0",
-                "--no-dashboard",
-                "--scheduler-file",
-                str(file),
-            )
+            start("scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--scheduler-file", str(file))
         ]
         try:
             until(file.exists)
@@ -124,9 +115,7 @@ def test_a_scheduler_that_is_not_there_is_one_line_before_the_work(
         assert main(["batch", str(part), "-o", str(tmp_path / "out"), "--scheduler", given]) == 2
         told = capsys.readouterr().err
         assert told.startswith(f"bonecam: --scheduler {given}: {said} (")
-        assert told.endswith(
-            "start one with `dask scheduler` and give the address it prints, or give local\n"
-        )
+        assert told.endswith("start one with `dask scheduler` and give the address it prints, or give local\n")
         assert told.count("\n") == 1
     assert not (tmp_path / "out").exists()
 
@@ -134,9 +123,7 @@ def test_a_scheduler_that_is_not_there_is_one_line_before_the_work(
 def test_without_dask_one_line_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "distributed", None)
     with (
-        pytest.raises(
-            JobError, match=r"--scheduler local: needs Dask distributed: pip install 'bonecam\[cluster\]'$"
-        ),
+        pytest.raises(JobError, match=r"--scheduler local: needs Dask distributed: pip install 'bonecam\[cluster\]'$"),
         cluster_executor("local"),
     ):
         pass
@@ -149,12 +136,7 @@ def test_real_parts_have_the_same_programs_here_and_on_a_cluster(tmp_path: Path)
         surface={"tolerance": 0.2},
         stock={"diameter": 7.0, "length": 11.0},
         holding={"diameter": 3.0, "length": 60.0},
-        levels={
-            "roughing_depth": 1.0,
-            "finishing_levels": 1,
-            "finishing_depth": 0.3,
-            "chord_tolerance": 0.05,
-        },
+        levels={"roughing_depth": 1.0, "finishing_levels": 1, "finishing_depth": 0.3, "chord_tolerance": 0.05},
         roughing={"scallop": 0.3},
         finishing={"scallop": 0.1},
     )

@@ -77,17 +77,11 @@ def test_a_part_of_a_program_is_taken_as_it_is(tmp_path: Path) -> None:
         ("file,stock.diameter\np1.stl,wide\n", r"line 2: \[stock\] diameter = 'wide': give a number"),
         ("file,stock.girth\np1.stl,3\n", r"line 2: \[stock\] knows no 'girth'"),
         ("file,output\np1.stl,../a\n", r"line 2: output '\.\./a' is no name"),
-        (
-            "file,output\np1.stl,a\np1.stl,a\n",
-            r"would both write a: rename one, name its `output` in a table",
-        ),
+        ("file,output\np1.stl,a\np1.stl,a\n", r"would both write a: rename one, name its `output` in a table"),
         ("file,units\np1.stl,mm,x\n", r"line 2 has 3 cells and the header 2: quote"),
         ('file,units\n"p1.stl,mm\n', r"line 2: .*correct the quotes"),
         ("file\n", "no part given"),
-        (
-            "file,units\nnone.stl,mm\np1.stl,miles\n",
-            r"line 2: .*none\.stl is missing.*; line 3: \[mesh\] units",
-        ),
+        ("file,units\nnone.stl,mm\np1.stl,miles\n", r"line 2: .*none\.stl is missing.*; line 3: \[mesh\] units"),
     ],
 )
 def test_a_wrong_table_is_one_line_that_names_the_place(text: str, told: str, tmp_path: Path) -> None:

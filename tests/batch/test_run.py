@@ -44,9 +44,7 @@ def test_each_mesh_has_its_line_whatever_happens_to_its_process(tmp_path: Path) 
     files = meshes(tmp_path, a="good", b="die", c="refuse", d="break", e="good")
     told: list[tuple[str, int]] = []
     out = tmp_path / "out"
-    outcomes = convert_many(
-        files, out, jobs=2, told=lambda outcome, left: told.append((outcome.mesh, left)), work=WORK
-    )
+    outcomes = convert_many(files, out, jobs=2, told=lambda outcome, left: told.append((outcome.mesh, left)), work=WORK)
     assert [outcome.state for outcome in outcomes] == ["done", "failed", "failed", "failed", "done"]
     rows = table(out)
     assert [list(row) for row in rows] == [ROWS] * 5
@@ -76,9 +74,7 @@ def test_the_real_chain_refuses_what_is_no_mesh(tmp_path: Path) -> None:
 def test_resuming_does_only_what_is_missing_or_was_done_from_something_else(tmp_path: Path) -> None:
     files = meshes(tmp_path, same="good", changed="good", lost="good", broken="good")
     machine = tmp_path / "mill.toml"
-    machine.write_bytes(
-        (Path(bonecam.__file__).parent / "machine" / "machines" / "mikron-ucp600.toml").read_bytes()
-    )
+    machine.write_bytes((Path(bonecam.__file__).parent / "machine" / "machines" / "mikron-ucp600.toml").read_bytes())
     out, job = tmp_path / "out", Job().with_values(nc={"machine": str(machine)})
 
     def states() -> list[str]:
@@ -170,9 +166,7 @@ def test_two_meshes_of_one_name_are_refused_before_anything_runs(tmp_path: Path)
 
 
 @pytest.mark.parametrize("values", [{"machine": "lathe"}, {"controller": "klartext"}])
-def test_a_machine_that_is_not_known_is_refused_before_anything_runs(
-    values: dict[str, str], tmp_path: Path
-) -> None:
+def test_a_machine_that_is_not_known_is_refused_before_anything_runs(values: dict[str, str], tmp_path: Path) -> None:
     with pytest.raises(BonecamError, match="is unknown"):
         convert_many([tmp_path / "bone.stl"], tmp_path / "out", Job().with_values(nc=values))
     assert not (tmp_path / "out").exists()
@@ -251,9 +245,7 @@ def test_a_name_that_is_not_in_utf_8_stands_in_the_table_by_its_bytes(tmp_path: 
     file = tmp_path / os.fsdecode(b"bone\xe9.stl")
     file.write_text("good")
     parts = [*meshes(tmp_path, a="good"), file]
-    with pytest.raises(
-        FileError, match=r"heidenhain loads names of .*: name it bone\.h, by the name of the part"
-    ):
+    with pytest.raises(FileError, match=r"heidenhain loads names of .*: name it bone\.h, by the name of the part"):
         convert_many(parts, tmp_path / "out", work=WORK)
     job = Job().with_values(nc={"machine": "linuxcnc-xyzbc"})  # its control takes all names
     for _ in range(2):
@@ -305,10 +297,7 @@ if __name__ == "__main__":
 
 @pytest.mark.parametrize("changed", ["bonecam/levels/job_levels.py", "bonecam_plugins/levels.py"])
 def test_a_part_is_done_again_when_a_file_of_the_package_has_changed(changed: str, tmp_path: Path) -> None:
-    sources = {
-        "bonecam": Path(bonecam.__file__).parent,
-        "bonecam_plugins": Path(str(resources("bonecam_plugins"))),
-    }
+    sources = {"bonecam": Path(bonecam.__file__).parent, "bonecam_plugins": Path(str(resources("bonecam_plugins")))}
     for name, source in sources.items():
         shutil.copytree(source, tmp_path / name, ignore=shutil.ignore_patterns("__pycache__"))
     files = meshes(tmp_path, a="good")
@@ -316,9 +305,7 @@ def test_a_part_is_done_again_when_a_file_of_the_package_has_changed(changed: st
 
     def state() -> str:
         command = [sys.executable, "-c", RESUME, tmp_path / "out", *files]
-        return subprocess.check_output(
-            command, env=environment, cwd=tmp_path, text=True, timeout=MAX_WAIT
-        ).strip()
+        return subprocess.check_output(command, env=environment, cwd=tmp_path, text=True, timeout=MAX_WAIT).strip()
 
     assert [state(), state()] == ["done", "kept"]
     with open(tmp_path / changed, "a", encoding="utf-8") as module:
@@ -357,11 +344,7 @@ def test_the_table_tells_what_a_report_says(tmp_path: Path) -> None:
     (tmp_path / "a.toml").write_text('[holding]\nsecond = "shell.stl"\nparting = true\n')
     convert_many(meshes(tmp_path, a="good", b="refuse"), tmp_path / "out", work=WORK)
     first, second = table(tmp_path / "out")
-    assert (first["job"], first["program"], first["second"]) == (
-        str(tmp_path / "a.toml"),
-        "a.h",
-        "a.second.h",
-    )
+    assert (first["job"], first["program"], first["second"]) == (str(tmp_path / "a.toml"), "a.h", "a.second.h")
     assert (first["deviation_mm"], first["left_mm2"]) == ("0.02", "3.5")
     assert (first["stock"], first["warnings"]) == ("capsule 6.00 x 16.00 mm", "left-uncut slender")
     assert (second["job"], second["stock"], second["state"]) == ("", "", "failed")
@@ -405,10 +388,7 @@ def test_a_part_that_an_executor_gives_up_is_told(tmp_path: Path) -> None:
     ("changed", "said"),
     [
         ({"version": "9"}, "than this run (their files differ): install the same on both"),
-        (
-            {"folder": Path("/none")},
-            "/none: a worker does not see this folder: give one that all computers share",
-        ),
+        ({"folder": Path("/none")}, "/none: a worker does not see this folder: give one that all computers share"),
     ],
 )
 def test_a_worker_of_another_version_or_without_the_folder_says_so(
@@ -427,10 +407,7 @@ def test_a_worker_of_another_version_or_without_the_folder_says_so(
 @pytest.mark.usefixtures("quick")
 def test_shares_of_an_array_do_every_part_once(tmp_path: Path) -> None:
     files = meshes(tmp_path, **dict.fromkeys("abcdefg", "good"))
-    done = [
-        [one.name for one in convert_many(files, tmp_path / "out", share=(k, 3), work=WORK)]
-        for k in (1, 2, 3)
-    ]
+    done = [[one.name for one in convert_many(files, tmp_path / "out", share=(k, 3), work=WORK)] for k in (1, 2, 3)]
     assert done == [["a", "d", "g"], ["b", "e"], ["c", "f"]]
     assert len(table(tmp_path / "out")) == 7
 

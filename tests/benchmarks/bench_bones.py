@@ -51,13 +51,9 @@ scallop = 0.3
 scallop = 0.1
 """
 WHOLE = "2distph 2mc 2proxph 4distph 4mc 4midph 4proxph 5mc 5midph 5proxph thumbdist thumbprox hamate lunate "
-WHOLE += (
-    "trapezium trapezoid triquetrum l_talus l_patella 1mc 2midph 3distph 3mc 3midph 3proxph capitate scaphoid"
-)
+WHOLE += "trapezium trapezoid triquetrum l_talus l_patella 1mc 2midph 3distph 3mc 3midph 3proxph capitate scaphoid"
 COARSE = "lunate:132 3proxph:200 3mc:176 hamate:414 2midph:150 5midph:170 2distph:250 4proxph:182 5mc:134 scaphoid:300 "
-COARSE += (
-    "capitate:400 3midph:100 trapezium:200 trapezoid:160 triquetrum:140 thumbprox:220 1mc:350 3distph:700"
-)
+COARSE += "capitate:400 3midph:100 trapezium:200 trapezoid:160 triquetrum:140 thumbprox:220 1mc:350 3distph:700"
 COPIES = {
     "coarse": COARSE,
     "noisy": "3midph:0.06 scaphoid:0.04 2midph:0.1 lunate:0.05",
@@ -140,9 +136,7 @@ def coarsened(mesh: TriangleMesh, faces: int) -> TriangleMesh:
     """The mesh with so many faces."""
     layers = pymeshlab.MeshSet()
     layers.add_mesh(pymeshlab.Mesh(mesh.vertices, mesh.faces))
-    layers.meshing_decimation_quadric_edge_collapse(
-        targetfacenum=faces, preservetopology=True, preservenormal=True
-    )
+    layers.meshing_decimation_quadric_edge_collapse(targetfacenum=faces, preservetopology=True, preservenormal=True)
     now = layers.current_mesh()
     return TriangleMesh(now.vertex_matrix(), now.face_matrix().astype(np.int32))
 
@@ -194,11 +188,7 @@ def run(bone: Bone, file: Path, folder: Path, limit: float) -> Row:
     log = folder / "log.txt"
     with open(log, "w") as text:
         process = subprocess.Popen(
-            [sys.executable, "-m", "bonecam", *words],
-            cwd=folder,
-            stdout=text,
-            stderr=text,
-            start_new_session=True,
+            [sys.executable, "-m", "bonecam", *words], cwd=folder, stdout=text, stderr=text, start_new_session=True
         )
         try:
             process.wait(limit)
@@ -207,13 +197,7 @@ def run(bone: Bone, file: Path, folder: Path, limit: float) -> Row:
             process.wait()
     after = os.times()
     spent = after.children_user + after.children_system - before.children_user - before.children_system
-    row = Row(
-        bone.name,
-        bone.kind,
-        len(mesh.faces),
-        seconds=round(time.perf_counter() - began, 1),
-        cpu=round(spent, 1),
-    )
+    row = Row(bone.name, bone.kind, len(mesh.faces), seconds=round(time.perf_counter() - began, 1), cpu=round(spent, 1))
     return _ended(row, process.returncode, log.read_text(), report)
 
 
@@ -279,17 +263,13 @@ def chosen(names: Sequence[str], some: int | None) -> Iterator[tuple[Bone, Path]
     """The bones of these names (all without), `some` of them spread over the list; what is absent is told."""
     picked = [bone for bone in bones() if not names or bone.name in names]
     if unknown := set(names) - {bone.name for bone in picked}:
-        raise SystemExit(
-            f"no bone {', '.join(sorted(unknown))}: known are {' '.join(bone.name for bone in bones())}"
-        )
+        raise SystemExit(f"no bone {', '.join(sorted(unknown))}: known are {' '.join(bone.name for bone in bones())}")
     if some is not None:
         picked = [picked[k] for k in np.unique(np.linspace(0, len(picked) - 1, some).round().astype(int))]
     for bone in picked:
         file = source(bone.mesh)
         if file is None:
-            print(
-                f"{bone.name}: skipped, its mesh is neither in myo-sim's wheel (not installed?) nor in ../shared"
-            )
+            print(f"{bone.name}: skipped, its mesh is neither in myo-sim's wheel (not installed?) nor in ../shared")
         else:
             yield bone, file
 
@@ -309,9 +289,7 @@ def main() -> None:
     for bone, file in chosen(given.names, given.some):
         if bone.name not in rows or given.again:
             row = run(bone, file, given.folder / bone.name, given.limit)
-            rows[bone.name] = {
-                name: "" if value is None else str(value) for name, value in asdict(row).items()
-            }
+            rows[bone.name] = {name: "" if value is None else str(value) for name, value in asdict(row).items()}
             with open(table, "w", newline="") as text:
                 writer = csv.DictWriter(text, [item.name for item in fields(Row)])
                 writer.writeheader()

@@ -40,9 +40,7 @@ FINE = 0.002
 BONES = ("3midph_m.stl", "3distph_m.stl", "scaphoid_m.stl", "1mc_m.stl", "capitate_m.stl")
 
 
-def sampled(
-    surfaces: list[TSpline], stock: Stock, limits: list[float], count: int
-) -> tuple[float, float, float]:
+def sampled(surfaces: list[TSpline], stock: Stock, limits: list[float], count: int) -> tuple[float, float, float]:
     """The largest depth over its limit, the farthest outside the next level and out of the stock, of samples
     of the levels."""
     rng = np.random.default_rng(1)
@@ -87,14 +85,9 @@ def row(mesh: Path, units: str, count: int) -> str:
         max(x.outside for x in known),
     )
     around = stock.mesh(FINE).vertices
-    last = (
-        x - limits[-1]
-        for x in (cuts[-1].depth_max, surfaces[-1].project(around).distances.max(), found[-1].depth)
-    )
+    last = (x - limits[-1] for x in (cuts[-1].depth_max, surfaces[-1].project(around).distances.max(), found[-1].depth))
     columns = [*zip(measured, sampled(surfaces, stock, limits, count), certified), last]
-    figures = " | ".join(
-        "{:7.2f} {:7.2f} {:7.2f}".format(*(1000 * value for value in three)) for three in columns
-    )
+    figures = " | ".join("{:7.2f} {:7.2f} {:7.2f}".format(*(1000 * value for value in three)) for three in columns)
     doubtful = sum(bool(one.shortfalls(limit)) for one, limit in zip(found, limits))
     name = f"{mesh.name:22} {surfaces[0].tmesh.size:5} {len(cuts):4}"
     return f"{name} | {figures} | {made.check_seconds:6.2f} {seconds:6.2f} {seconds / len(cuts):6.3f} | {doubtful}"

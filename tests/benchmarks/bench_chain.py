@@ -63,10 +63,7 @@ def row(case: str) -> list[str]:
     """One line of the table."""
     mesh, units, *size = case.split(":")
     run = subprocess.run(
-        [sys.executable, "-c", ONE, mesh, units, *(size or ["0", "0"])],
-        stdout=subprocess.PIPE,
-        text=True,
-        check=True,
+        [sys.executable, "-c", ONE, mesh, units, *(size or ["0", "0"])], stdout=subprocess.PIPE, text=True, check=True
     )
     found = json.loads(run.stdout)
     name, cost = Path(mesh).stem, [f"{found[key]:.0f}" for key in ("seconds", "cpu", "MB")]

@@ -87,9 +87,7 @@ def tensor_prune(surface: TSpline, target: FitTarget, limit: float, most: int) -
         ):
             gone.add(k)
             now = now + moves[k]
-    return RowTMesh.from_rows(
-        tmesh.t_knots, every_row(tmesh, np.delete(tmesh.s_knots[2], sorted(gone)), rows)
-    )
+    return RowTMesh.from_rows(tmesh.t_knots, every_row(tmesh, np.delete(tmesh.s_knots[2], sorted(gone)), rows))
 
 
 def every_row(tmesh: RowTMesh, knots: np.ndarray, rows: int) -> list[np.ndarray]:

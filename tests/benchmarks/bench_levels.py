@@ -131,8 +131,7 @@ def cases(mesh: str, largest: int) -> list[Case]:
     for tolerance, most in FITS:
         if most <= largest:
             surface = fit_surface(
-                setup.part,
-                replace(job, surface=replace(job.surface, tolerance=tolerance, max_control_points=most)),
+                setup.part, replace(job, surface=replace(job.surface, tolerance=tolerance, max_control_points=most))
             ).surface
             if not found:
                 morph(surface, stock, Schedule((), 2.0))  # compiles and loads what the first call does
@@ -240,9 +239,7 @@ def optimum(call: Call, program: LevelProgram, start: ndarray, watched: bool) ->
         kept = np.isfinite(b)
         A = sp.csc_matrix(sp.csr_array(sp.vstack([rows.A, -rows.A]))[kept])
         cones = [clarabel.NonnegativeConeT(int(kept.sum()))]
-        answer = clarabel.DefaultSolver(
-            energy, program.gradient.T.ravel(), A, b[kept], cones, settings
-        ).solve()
+        answer = clarabel.DefaultSolver(energy, program.gradient.T.ravel(), A, b[kept], cones, settings).solve()
         if str(answer.status) != "Solved":
             raise RuntimeError(f"Clarabel ends as {answer.status}")
         D = np.array(answer.x).reshape(3, -1).T
@@ -265,9 +262,7 @@ def energies(case: Case) -> None:
         moves = admm.solve(program)
         wide = program.at(moves).limits.broken(program.x + program.R @ moves).max()
         pairs = ((moves, False), (call.free_moves, True))
-        ratios.append(
-            [(there := program.at(D)).energy(D) / optimum(call, there, D, watched) for D, watched in pairs]
-        )
+        ratios.append([(there := program.at(D)).energy(D) / optimum(call, there, D, watched) for D, watched in pairs])
         print(
             f"{k:5d} | {ratios[-1][0]:30.4f}  {wide:14.4f} | {ratios[-1][1]:36.4f}  {call.step.broken:14.4f}",
             flush=True,
@@ -286,16 +281,11 @@ def paper(
     E, gradient = program.terms(P, STIFFNESS)
     x, tau = cvxpy.Variable(P.shape), cvxpy.Variable((samples.shape[0], 1))
     move = samples @ x
-    energy = sum(
-        cvxpy.quad_form(x[:, j], cvxpy.psd_wrap(sp.csc_matrix(E))) for j in range(3)
-    ) + 2 * cvxpy.sum(cvxpy.multiply(gradient, x))
+    energy = sum(cvxpy.quad_form(x[:, j], cvxpy.psd_wrap(sp.csc_matrix(E))) for j in range(3)) + 2 * cvxpy.sum(
+        cvxpy.multiply(gradient, x)
+    )
     from_axis = samples @ P - stock.start + move - tau @ (stock.end - stock.start)[None]
-    limits = [
-        cvxpy.norm(move, axis=1) <= depth,
-        cvxpy.norm(from_axis, axis=1) <= stock.radius,
-        tau >= 0,
-        tau <= 1,
-    ]
+    limits = [cvxpy.norm(move, axis=1) <= depth, cvxpy.norm(from_axis, axis=1) <= stock.radius, tau >= 0, tau <= 1]
     problem = cvxpy.Problem(cvxpy.Minimize(energy), limits)
     spent, _ = seconds(problem.solve)
     if problem.status != "optimal":
@@ -326,9 +316,7 @@ def beside_cvxpy(case: Case) -> None:
     low, high = case.surface.domain[1]
     s, t = (
         v.ravel()
-        for v in np.meshgrid(
-            np.arange(ROW_POINTS) / ROW_POINTS, low + (high - low) * (np.arange(ROWS) + 0.5) / ROWS
-        )
+        for v in np.meshgrid(np.arange(ROW_POINTS) / ROW_POINTS, low + (high - low) * (np.arange(ROWS) + 0.5) / ROWS)
     )
     samples, times = case.surface.basis(s, t)[0], level_seconds(case)
     print(

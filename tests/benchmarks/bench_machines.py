@@ -46,9 +46,7 @@ SHORTEST = 0.01
 """The rounding of words makes the speed of a shorter block, mm."""
 ROUNDED = 1e-5
 """rad."""
-COLUMNS = (
-    "paths | machine | control | blocks | minutes | tip um | gouge um | axis speed | lost | cuts | slow cuts"
-)
+COLUMNS = "paths | machine | control | blocks | minutes | tip um | gouge um | axis speed | lost | cuts | slow cuts"
 
 
 def speed_share(motions: Motions) -> float:
@@ -56,9 +54,7 @@ def speed_share(motions: Motions) -> float:
     joints = np.zeros((len(motions.rapid), 5))
     for number, control in motions.controls.items():
         rows = motions.tools == number
-        joints[rows] = inverse_linear(
-            control.machine, motions.tips[rows], motions.words[rows, 3:], control.tool_length
-        )
+        joints[rows] = inverse_linear(control.machine, motions.tips[rows], motions.words[rows, 3:], control.tool_length)
     machine = control.machine
     speeds = np.array([axis.speed for axis in (*machine.linear, *machine.rotary)])
     driven = np.flatnonzero(~motions.rapid & motions.known_start & (np.diff(motions.tools, prepend=-1) == 0))

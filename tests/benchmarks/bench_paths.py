@@ -71,11 +71,7 @@ def rays(surface: TSpline, radius: float) -> tuple[ndarray, ndarray]:
 
 
 def heights(
-    points: Float[ndarray, "n 3"],
-    normals: Float[ndarray, "n 3"],
-    centres: ndarray,
-    joined: ndarray,
-    radius: float,
+    points: Float[ndarray, "n 3"], normals: Float[ndarray, "n 3"], centres: ndarray, joined: ndarray, radius: float
 ) -> Float[ndarray, " n"]:
     """What the swept balls leave above each point, mm."""
     order, starts, corner = probe_cells(points, CELL)
@@ -140,9 +136,7 @@ def report_speed(level: MachinedLevel, cutter: Cutter, job: bonecam.Job) -> None
             lead_axes(found.normals, found.feeds, np.radians(path.lead_deg))
             seconds = time.process_time() - began
         rate = len(found.line) / seconds
-        print(
-            f"  {pattern}: {len(found.line)} contacts on {len(mesh.faces)} triangles: {rate:.0f} a second of CPU"
-        )
+        print(f"  {pattern}: {len(found.line)} contacts on {len(mesh.faces)} triangles: {rate:.0f} a second of CPU")
     report_drop_cutter(mesh, cutter.radius)
 
 

@@ -56,13 +56,7 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.job_dialect import job_dialect
 from bonecam.nc.posting.path_words import post_path
 from bonecam.planning.holding.finished_beam import finished_beam, normal_compliance
-from bonecam.planning.holding.found_depths import (
-    BALL_SHARE,
-    PEAK_SHARE,
-    SCALLOP_SHARE,
-    YIELD_SHARE,
-    preferred_depths,
-)
+from bonecam.planning.holding.found_depths import BALL_SHARE, PEAK_SHARE, SCALLOP_SHARE, YIELD_SHARE, preferred_depths
 from bonecam.planning.motion_time import motion_minutes
 from bonecam.planning.passes.patterns.scallop import side_step
 from bonecam.reposting.read_paths import read_paths
@@ -74,10 +68,7 @@ NAMES = ("phalanx", "3midph", "capitate", "1mc")
 OTHERS: dict[str, dict[str, Any]] = {
     "bull": {"roughing": {"preset": "ball-6", "shape": "bull", "corner_radius": 0.75}},
     "iso-height": {"path": {"strategy": "iso-height", "fine_cutter": False}},
-    "iso-height-deep": {
-        "path": {"strategy": "iso-height", "fine_cutter": False},
-        "levels": {"roughing_depth": 1.5},
-    },
+    "iso-height-deep": {"path": {"strategy": "iso-height", "fine_cutter": False}, "levels": {"roughing_depth": 1.5}},
 }
 """What the phalanx is converted with too; iso-height with cutters and clamping of the default job."""
 CELLS = 160
@@ -194,10 +185,7 @@ def layers_borne(levels: Levels, shape: str, diameter: int, to: int) -> Iterator
     under = sum(levels.job.levels.depth_onto(level) for level in range(to))
     deepest = BALL_SHARE * cutter.radius if shape == "ball" else cutter.flute_length
     for share in STEPS if shape != "ball" else STEPS[:1]:
-        tried = (
-            layers_of(levels, shape, diameter, depth, share)
-            for depth in preferred_depths(SHALLOWEST, deepest)
-        )
+        tried = (layers_of(levels, shape, diameter, depth, share) for depth in preferred_depths(SHALLOWEST, deepest))
         borne = [one for one in tried if one.peak * give <= under and one.peak * stress <= strongest]
         if borne:
             yield borne[-1]
@@ -359,9 +347,7 @@ def figures(levels: Levels, model: Model, layers: Layers, driven: bool) -> tuple
     return bound, cutting + len(arcs) * link + turns + inner + (layers.to > 1) * rest, removed, stands
 
 
-def line(
-    name: str, strategy: str, to: int, cutter: str, layers: str, found: Sequence[float], peak: float
-) -> str:
+def line(name: str, strategy: str, to: int, cutter: str, layers: str, found: Sequence[float], peak: float) -> str:
     """A row of the table; what was `found`: minutes of the bound and as driven, mm3 removed and standing."""
     bound, driven, removed, stands = found
     cells = name, strategy, f"{to}", cutter, layers, f"{bound:.2f}", f"{driven:.2f}", f"{removed:.0f}"
@@ -390,9 +376,7 @@ def rows_of_layers(name: str, levels: Levels) -> Iterator[str]:
     for one in dict.fromkeys(one for _, one in best.values()):
         found = figures(levels, models[one.to], one, driven=True)
         size = f"{one.depth:g} x {one.step:.2g}"
-        yield line(
-            name, f"3+2, {one.tilts} tilts", one.to, f"{one.shape} {one.diameter}", size, found, one.peak
-        )
+        yield line(name, f"3+2, {one.tilts} tilts", one.to, f"{one.shape} {one.diameter}", size, found, one.peak)
 
 
 def row_of_iso_height(levels: Levels, own: Levels) -> str:

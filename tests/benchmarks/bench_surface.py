@@ -46,9 +46,7 @@ def bone_like() -> TSpline[RowTMesh]:
         angle = 2 * np.pi * row
         radius = 5.0 * np.sin(np.pi * (0.1 + 0.8 * j / (ROWS - 1))) * (1 + 0.12 * np.cos(3 * angle))
         knots.append(row)
-        points.append(
-            np.column_stack([radius * np.cos(angle), radius * np.sin(angle), np.full(AROUND, height[j])])
-        )
+        points.append(np.column_stack([radius * np.cos(angle), radius * np.sin(angle), np.full(AROUND, height[j])]))
     knots.append(np.zeros(1))
     points.append(np.array([[0.0, 0.0, height[-1]]]))
     control = np.vstack(points)
@@ -67,10 +65,7 @@ def as_tensor(surface: TSpline[RowTMesh]) -> tuple[np.ndarray, np.ndarray, np.nd
     three points more."""
     starts = surface.tmesh.row_starts
     homogeneous = np.column_stack([surface.control_points * surface.weights[:, None], surface.weights])
-    rows = [
-        homogeneous[a:b] if b - a > 1 else np.repeat(homogeneous[a:b], AROUND, axis=0)
-        for a, b in pairwise(starts)
-    ]
+    rows = [homogeneous[a:b] if b - a > 1 else np.repeat(homogeneous[a:b], AROUND, axis=0) for a, b in pairwise(starts)]
     unrolled = np.array([row[np.arange(-1, AROUND + 2) % AROUND] for row in rows])
     return unrolled, np.arange(-3, AROUND + 4) / AROUND, surface.tmesh.t_knots
 
@@ -82,9 +77,7 @@ def splinepy_rate(surface: TSpline[RowTMesh], s: np.ndarray, t: np.ndarray) -> t
     points, s_knots, t_knots = as_tensor(surface)
     weights = points[:, :, 3].reshape(-1, 1)
     control = (points[:, :, :3] / points[:, :, 3:]).reshape(-1, 3)
-    nurbs = splinepy.NURBS(
-        degrees=[3, 3], knot_vectors=[s_knots, t_knots], control_points=control, weights=weights
-    )
+    nurbs = splinepy.NURBS(degrees=[3, 3], knot_vectors=[s_knots, t_knots], control_points=control, weights=weights)
     at = np.column_stack([s, t])
 
     def run() -> np.ndarray:
@@ -145,12 +138,8 @@ def main() -> None:
         f"splinepy   {own / scipy:6.1f} x scipy"
     )
     print(f"  bonecam, as a general T-mesh          {general / 1e6:8.2f} M points/s")
-    print(
-        f"  splinepy NURBS                        {nurbs / 1e6:8.3f} M points/s   differs by {nurbs_error:.1e} mm"
-    )
-    print(
-        f"  scipy NdBSpline                       {scipy / 1e6:8.3f} M points/s   differs by {scipy_error:.1e} mm"
-    )
+    print(f"  splinepy NURBS                        {nurbs / 1e6:8.3f} M points/s   differs by {nurbs_error:.1e} mm")
+    print(f"  scipy NdBSpline                       {scipy / 1e6:8.3f} M points/s   differs by {scipy_error:.1e} mm")
     print(f"six CSR matrices R ... R_tt, {SAMPLES} samples: {csr:.3f} s")
     print(
         f"projection of {POINTS} points +-1 mm off the tube: {rate:.0f} points/s, {failures} not at their nearest foot"

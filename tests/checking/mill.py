@@ -83,8 +83,7 @@ def flat(radius: float) -> CuttingProfile:
 def bull(radius: float, corner: float) -> CuttingProfile:
     """A bull-nose cutter: a flat end whose `corner` is rounded (a torus). ValueError unless 0 < corner < radius."""
     _require(
-        0 < corner < radius,
-        f"a corner of {corner:g} mm on a radius of {radius:g} mm: give a smaller, positive one",
+        0 < corner < radius, f"a corner of {corner:g} mm on a radius of {radius:g} mm: give a smaller, positive one"
     )
     return CuttingProfile("bull", (Arc(radius - corner, corner, corner, 0.0, QUARTER),))
 
@@ -101,10 +100,7 @@ def drum(radius: float, side: float, nose: float, *, over: float = 0.0) -> Cutti
     _require(0 <= over < QUARTER, f"over = {over:g} rad: give an angle from 0 to a quarter turn")
     joint = float(np.arcsin((side - radius) / (side - nose)))
     widest = nose + (side - nose) * float(np.cos(joint))
-    arcs = (
-        Arc(0.0, nose, nose, 0.0, joint),
-        Arc(radius - side, widest, side, joint, QUARTER + over),
-    )
+    arcs = (Arc(0.0, nose, nose, 0.0, joint), Arc(radius - side, widest, side, joint, QUARTER + over))
     return CuttingProfile("drum", arcs)
 
 
@@ -166,9 +162,7 @@ class Mill:
             pieces.append(("neck", self.neck[1], self.neck[0] / 2, self.neck[0] / 2))
         above = self.flute_length + (self.neck[1] if self.neck else 0.0)
         pieces.append(("shank", self.overhang - above, self.shank_diameter / 2, self.shank_diameter / 2))
-        pieces += [
-            ("holder", piece.length, piece.diameter / 2, piece.top_diameter / 2) for piece in self.holder
-        ]
+        pieces += [("holder", piece.length, piece.diameter / 2, piece.top_diameter / 2) for piece in self.holder]
         sections = list[ToolSection]()
         start = top
         for name, length, radius, end_radius in pieces:
@@ -178,10 +172,7 @@ class Mill:
         return tuple(sections)
 
     def place(
-        self,
-        contacts: Float[ndarray, "n 3"],
-        normals: Float[ndarray, "n 3"],
-        axes: Float[ndarray, "n 3"],
+        self, contacts: Float[ndarray, "n 3"], normals: Float[ndarray, "n 3"], axes: Float[ndarray, "n 3"]
     ) -> Placed:
         """The tool on each contact with a unit normal of the part and a unit axis.
 
@@ -209,10 +200,7 @@ class Mill:
         return Placed(tips, contacts + radius[:, None] * normals, arc, angles, reach)
 
     def effective_radii(
-        self,
-        normals: Float[ndarray, "n 3"],
-        axes: Float[ndarray, "n 3"],
-        feeds: Float[ndarray, "n 3"],
+        self, normals: Float[ndarray, "n 3"], axes: Float[ndarray, "n 3"], feeds: Float[ndarray, "n 3"]
     ) -> Float[ndarray, " n"]:
         """Radius (mm) of the section that the tool sweeps across its unit feed direction, at the contact: that of a
         ball which leaves the same cusps. Infinite where a flat bottom stands upright."""

@@ -24,28 +24,19 @@ def as_general(surface: TSpline) -> TSpline[TMesh]:
     t = surface.tmesh.t_knots
     if not (t[:4] == t[0]).all() or not (t[-4:] == t[-1]).all():
         raise SurfaceError("the t-knots are not clamped: a general T-mesh repeats its end knots")
-    closed = aligned(
-        [row if len(row) > 1 else np.arange(POLE_POINTS) / POLE_POINTS for row in rows.s_knots], 1.0
-    )
+    closed = aligned([row if len(row) > 1 else np.arange(POLE_POINTS) / POLE_POINTS for row in rows.s_knots], 1.0)
     orders = [np.argsort(row) for row in closed]
     knots = [row[order] for row, order in zip(closed, orders)]
     lines = np.unique(np.concatenate(knots))
     place = [np.searchsorted(lines, row) for row in knots]
-    vertices = np.column_stack(
-        [np.concatenate(place), np.repeat(np.arange(len(knots)), [len(row) for row in knots])]
-    )
+    vertices = np.column_stack([np.concatenate(place), np.repeat(np.arange(len(knots)), [len(row) for row in knots])])
     a, b = len(lines), len(knots)
     along_s = np.ones((a, b), dtype=bool)
     along_t = np.zeros((a, b - 1), dtype=bool)
     inside = np.ones((a, b - 1), dtype=bool)
-    mesh = TMesh(
-        lines, t[2:-2], vertices=vertices, along_s=along_s, along_t=along_t, inside=inside, period=(1.0, 0.0)
-    )
+    mesh = TMesh(lines, t[2:-2], vertices=vertices, along_s=along_s, along_t=along_t, inside=inside, period=(1.0, 0.0))
     index = np.concatenate(
-        [
-            start + order % count
-            for order, start, count in zip(orders, rows.row_starts, np.diff(rows.row_starts))
-        ]
+        [start + order % count for order, start, count in zip(orders, rows.row_starts, np.diff(rows.row_starts))]
     )
     return TSpline(mesh, surface.control_points[index], surface.weights[index])
 

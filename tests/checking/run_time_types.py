@@ -121,13 +121,7 @@ def _check(result: Any, function: Callable[..., Any], given: inspect.BoundArgume
     with SIZES:
         for name, value in given.arguments.items():
             kind = given.signature.parameters[name].kind
-            each = (
-                value
-                if kind is kind.VAR_POSITIONAL
-                else value.values()
-                if kind is kind.VAR_KEYWORD
-                else (value,)
-            )
+            each = value if kind is kind.VAR_POSITIONAL else value.values() if kind is kind.VAR_KEYWORD else (value,)
             for one in each if name in annotations else ():
                 assert is_bearable(one, annotations[name], conf=CONF)
         if not is_bearable(result, annotations.get("return", Any), conf=CONF):

@@ -72,8 +72,7 @@ def _of_grid(tmesh: TMesh) -> TMeshLines:
             lines = index.copy()
             lines[:, axis] += step
             s, t = (
-                knots_of_lines(lines[:, [d]], (tmesh.s_lines, tmesh.t_lines)[d], tmesh.period[d])[:, 0]
-                for d in (0, 1)
+                knots_of_lines(lines[:, [d]], (tmesh.s_lines, tmesh.t_lines)[d], tmesh.period[d])[:, 0] for d in (0, 1)
             )
             ends.append(np.column_stack([s, t]))
         pieces.append(np.stack(ends, axis=1))

@@ -46,13 +46,9 @@ OFFSET = Filter(
         FilterParameter("distance", Kind.LENGTH, 1.0, "Distance", "How far.", "mm", 0.0, 20.0),
         FilterParameter("how", Kind.ENUM, "up", "How", "Which way.", choices=("up", "down")),
         FilterParameter("count", Kind.INT, 2, "Count", "How often.", low=1, high=9),
-        FilterParameter(
-            "share", Kind.LENGTH, 5.0, "Share", "Of the range.", "mm", 0.0, 10.0, percentage_of_range=True
-        ),
+        FilterParameter("share", Kind.LENGTH, 5.0, "Share", "Of the range.", "mm", 0.0, 10.0, percentage_of_range=True),
         FilterParameter("fail", Kind.BOOL, False, "Fail", "Raise an error after the layer was added."),
-        FilterParameter(
-            "size", Kind.FLOAT, 0.0, "Size", "Of the mesh.", "mm", computed=lambda mesh: mesh.diagonal
-        ),
+        FilterParameter("size", Kind.FLOAT, 0.0, "Size", "Of the mesh.", "mm", computed=lambda mesh: mesh.diagonal),
         FilterParameter("file", Kind.SAVE_FILE, "", "File", "Written where given."),
     ),
     offset,

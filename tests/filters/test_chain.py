@@ -87,9 +87,7 @@ def test_a_box_is_told_by_its_sides(phalanx: Path) -> None:
     found = meshes.generate_stock(kind="box", width=20.0, depth=14.0, length=38.0)
     assert set(found) == {"kind", "width_mm", "depth_mm", "length_mm", "transform"}
     assert [found[f"{name}_mm"] for name in ("width", "depth", "length")] == pytest.approx([20.0, 14.0, 38.0])
-    with pytest.raises(
-        BonecamError, match=r"stock \(box 11\.00 x 5\.00 x 38\.00 mm\) does not hold the part"
-    ):
+    with pytest.raises(BonecamError, match=r"stock \(box 11\.00 x 5\.00 x 38\.00 mm\) does not hold the part"):
         meshes.generate_stock(kind="box", width=11.0, depth=5.0, length=38.0)
 
 
@@ -114,9 +112,7 @@ def test_a_bone_in_metres_is_refused_by_every_filter_that_works_in_mm(name: str,
 
 
 def test_units_that_do_not_fit_are_refused_in_the_words_of_the_filter(metres: MeshSet) -> None:
-    with pytest.raises(
-        UnitsError, match=r'if its unit is inch: is it in m, .*\? give units="m" \(3\d'
-    ) as caught:
+    with pytest.raises(UnitsError, match=r'if its unit is inch: is it in m, .*\? give units="m" \(3\d') as caught:
         metres.apply_units_in_mm(units="inch")
     assert "--units" not in str(caught.value)
     metres.apply_units_in_mm(units="m")

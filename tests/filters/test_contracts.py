@@ -66,10 +66,7 @@ def keeps_its_word(item: Filter, prepared: MeshSet, values: dict[str, Any]) -> N
     """Results are plain values, and the input layer is as it was unless the filter says that it changes
     it."""
     source = prepared.current_mesh_id()
-    vertices, faces = (
-        prepared.current_mesh().vertex_matrix().copy(),
-        prepared.current_mesh().face_matrix().copy(),
-    )
+    vertices, faces = (prepared.current_mesh().vertex_matrix().copy(), prepared.current_mesh().face_matrix().copy())
     result = prepared.apply_filter(item.name, **values)
     assert isinstance(result, dict)
     assert all(isinstance(value, int | float | str | list | np.ndarray) for value in result.values())
@@ -108,20 +105,15 @@ def test_is_documented(item: Filter) -> None:
         assert parameter.label[0].isupper()
         assert parameter.tooltip.strip().endswith(".")
         assert parameter.kind is not Kind.LENGTH or parameter.unit == "mm"
-        assert (
-            parameter.kind not in (Kind.FLOAT, Kind.INT) or np.isfinite([parameter.low, parameter.high]).all()
-        )
+        assert parameter.kind not in (Kind.FLOAT, Kind.INT) or np.isfinite([parameter.low, parameter.high]).all()
     assert set(item.after) <= set(installed().names)
 
 
 @EVERY
 def test_round_trips_through_a_script(item: Filter, tmp_path: Path) -> None:
-    parameters = tuple(
-        ScriptParameter(p.name, p.kind.value, {"value": p.written(p.default)}) for p in item.parameters
-    )
+    parameters = tuple(ScriptParameter(p.name, p.kind.value, {"value": p.written(p.default)}) for p in item.parameters)
     write_script(
-        [FilterCall(item.display_name, parameters), FilterCall(item.name, parameters)],
-        tmp_path / "script.mlx",
+        [FilterCall(item.display_name, parameters), FilterCall(item.name, parameters)], tmp_path / "script.mlx"
     )
     for step in read_script(tmp_path / "script.mlx", installed()):
         assert step.name == item.name
@@ -149,11 +141,7 @@ def wrong_values(parameter: FilterParameter) -> list[object]:
         bad += [pymeshlab.PercentageValue(3), Percentage(3.0)]
     if parameter.kind in (Kind.LENGTH, Kind.FLOAT, Kind.INT):
         step = 1 if parameter.kind is Kind.INT else 0.5
-        bad += [
-            bound + sign * step
-            for bound, sign in ((parameter.low, -1), (parameter.high, 1))
-            if np.isfinite(bound)
-        ]
+        bad += [bound + sign * step for bound, sign in ((parameter.low, -1), (parameter.high, 1)) if np.isfinite(bound)]
         bad += [float("nan"), "one", True]
     if parameter.kind in (Kind.BOOL, Kind.ENUM):
         bad += ["no such choice", 99]

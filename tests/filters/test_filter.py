@@ -72,9 +72,7 @@ def test_broken_plugin_is_left_out_with_a_warning_that_names_it(
     assert reason in caplog.text
 
 
-def test_a_plugin_with_a_name_of_ours_is_left_out(
-    plugin_folder: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_a_plugin_with_a_name_of_ours_is_left_out(plugin_folder: Path, caplog: pytest.LogCaptureFixture) -> None:
     ours = installed()["generate_morph_levels"]
     install(plugin_folder, "stranger_double", PLUGIN.replace("generate_offset", ours.name))
     installed.cache_clear()
@@ -109,9 +107,7 @@ def test_a_name_of_meshlab_s_is_taken(offset_filter: Filter, name: str) -> None:
         {"category": ""},
     ],
 )
-def test_records_without_verb_family_or_words_are_refused(
-    offset_filter: Filter, wrong: dict[str, str]
-) -> None:
+def test_records_without_verb_family_or_words_are_refused(offset_filter: Filter, wrong: dict[str, str]) -> None:
     with pytest.raises(ValueError, match="filter"):
         replace(offset_filter, **wrong)  # type: ignore[arg-type]
 
@@ -126,9 +122,7 @@ def test_unknown_filters_and_parameters_are_errors_with_the_known_ones(
 ) -> None:
     with pytest.raises(FilterError, match="there is no filter 'nope'"):
         Registry([offset_filter])["nope"]
-    with pytest.raises(
-        FilterError, match=r"generate_offset knows no parameter 'nope': use one of distance, how"
-    ):
+    with pytest.raises(FilterError, match=r"generate_offset knows no parameter 'nope': use one of distance, how"):
         offset_filter.values({"nope": 1}, None)
     with pytest.raises(FilterError, match=r"compute_recall knows no parameter 'nope': use one of none"):
         recall_filter.values({"nope": 1}, None)
@@ -136,13 +130,10 @@ def test_unknown_filters_and_parameters_are_errors_with_the_known_ones(
 
 def test_every_filter_of_meshlab_has_a_shown_name_that_leads_to_it() -> None:
     led_to = {
-        meshlab_names.python_name(name)
-        for name in meshlab_names.all_names()
-        if meshlab_names.python_name(name) != name
+        meshlab_names.python_name(name) for name in meshlab_names.all_names() if meshlab_names.python_name(name) != name
     }
     assert set(pymeshlab.filter_list()) <= led_to
     assert (
-        meshlab_names.python_name("Remeshing: Isotropic Explicit Remeshing")
-        == "meshing_isotropic_explicit_remeshing"
+        meshlab_names.python_name("Remeshing: Isotropic Explicit Remeshing") == "meshing_isotropic_explicit_remeshing"
     )
     assert meshlab_names.python_name("Box/Cube") == "create_cube"

@@ -39,9 +39,7 @@ def test_both_sorts_apply_by_name_and_as_methods(meshes: MeshSet) -> None:
 
 def test_percentages_are_of_the_diagonal_of_the_current_layer(meshes: MeshSet) -> None:
     diagonal = meshes.current_mesh().bounding_box().diagonal()
-    assert meshes.generate_offset(distance=pymeshlab.PercentageValue(10))["distance"] == pytest.approx(
-        diagonal / 10
-    )
+    assert meshes.generate_offset(distance=pymeshlab.PercentageValue(10))["distance"] == pytest.approx(diagonal / 10)
 
 
 def test_lists_and_parameters_hold_both_sorts(meshes: MeshSet, capfd: pytest.CaptureFixture[str]) -> None:
@@ -72,9 +70,7 @@ def test_lists_and_parameters_hold_both_sorts(meshes: MeshSet, capfd: pytest.Cap
         ("create_sphere", {"radius": 2.0, "subdiv": 2.5}, "subdiv = 2.5: give a value of type int"),
     ],
 )
-def test_wrong_calls_are_filter_errors(
-    meshes: MeshSet, name: str, values: dict[str, object], reason: str
-) -> None:
+def test_wrong_calls_are_filter_errors(meshes: MeshSet, name: str, values: dict[str, object], reason: str) -> None:
     with pytest.raises(FilterError, match=reason):
         meshes.apply_filter(name, **values)
     assert meshes.mesh_number() == 1
@@ -104,9 +100,7 @@ def test_a_cancelled_filter_leaves_the_layers_as_they_were(turn_filter: Filter, 
         report(progress, 0.5, "half way")
         return {}
 
-    meshes = MeshSet(
-        progress=lambda fraction, message: False, registry=Registry([replace(turn_filter, act=act)])
-    )
+    meshes = MeshSet(progress=lambda fraction, message: False, registry=Registry([replace(turn_filter, act=act)]))
     meshes.load_new_mesh(str(phalanx))
     with pytest.raises(Cancelled):
         meshes.apply_turn()
@@ -115,9 +109,7 @@ def test_a_cancelled_filter_leaves_the_layers_as_they_were(turn_filter: Filter, 
 
 def test_kept_values_travel_with_new_layers_and_stay_off_others(meshes: MeshSet) -> None:
     first = meshes.current_mesh_id()
-    with pytest.raises(
-        FilterError, match=r"layer 0 'phalanx\.ply' has no distance: apply generate_offset first"
-    ):
+    with pytest.raises(FilterError, match=r"layer 0 'phalanx\.ply' has no distance: apply generate_offset first"):
         meshes.compute_recall()
     meshes.generate_offset(distance=2.0)
     assert meshes.compute_recall() == {"distance": 2.0}
@@ -129,9 +121,7 @@ def test_kept_values_travel_with_new_layers_and_stay_off_others(meshes: MeshSet)
 def test_kept_values_of_a_layer_that_was_changed_are_refused(meshes: MeshSet) -> None:
     meshes.generate_offset(distance=2.0)
     meshes.apply_coord_taubin_smoothing()
-    with pytest.raises(
-        FilterError, match="was changed after its distance was made: apply generate_offset again"
-    ):
+    with pytest.raises(FilterError, match="was changed after its distance was made: apply generate_offset again"):
         meshes.compute_recall()
 
 
@@ -187,9 +177,7 @@ def test_errors_of_filters_are_pymeshlab_s_too(meshes: MeshSet) -> None:
     ("value", "words"),
     [(99, "Enum 99 not valid"), (-1, "Enum -1 not valid"), ("zzz", "'Custom Axis'$"), (None, "of type int")],
 )
-def test_a_choice_that_meshlab_has_not_is_told_with_its_filter(
-    value: object, words: str, meshes: MeshSet
-) -> None:
+def test_a_choice_that_meshlab_has_not_is_told_with_its_filter(value: object, words: str, meshes: MeshSet) -> None:
     name = "generate_polyline_from_planar_section"
     for call in (meshes.apply_filter, meshes.filter_parameter_values):
         with pytest.raises(FilterError, match=rf"^{name}: .*{words}") as caught:
@@ -210,9 +198,7 @@ def test_a_filter_cannot_end_the_program(phalanx: Path) -> None:
 
 
 @pytest.mark.parametrize("place", ["act", "value"])
-def test_a_fault_in_the_code_of_a_filter_is_told_with_its_line(
-    place: str, phalanx: Path, tmp_path: Path
-) -> None:
+def test_a_fault_in_the_code_of_a_filter_is_told_with_its_line(place: str, phalanx: Path, tmp_path: Path) -> None:
     def fail(*_: object) -> dict[str, object]:
         raise KeyError("no\nsuch")
 
@@ -224,9 +210,7 @@ def test_a_fault_in_the_code_of_a_filter_is_told_with_its_line(
     meshes.load_new_mesh(str(phalanx))
     file = tmp_path / "a.mlx"
     file.write_text('<FilterScript>\n<filter name="apply_fail"/>\n</FilterScript>')
-    with pytest.raises(
-        FilterError, match=r"a.mlx, line 2: apply_fail: KeyError: 'no\\nsuch': mend"
-    ) as caught:
+    with pytest.raises(FilterError, match=r"a.mlx, line 2: apply_fail: KeyError: 'no\\nsuch': mend") as caught:
         apply_script(meshes, file)
     assert caught.value.evidence["line"] == 2
     assert meshes.layers.count == 1

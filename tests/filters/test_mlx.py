@@ -22,10 +22,7 @@ TEXT = """<!DOCTYPE FilterScript>
 CHARACTERS = st.characters(blacklist_categories=["Cs", "Cc"], whitelist_characters="\n\t<>&\"'")
 WORDS = st.text(CHARACTERS, min_size=1)
 PARAMETERS = st.builds(
-    ScriptParameter,
-    WORDS,
-    WORDS,
-    st.dictionaries(st.sampled_from(["value", "r", "g", "val0"]), st.text(CHARACTERS)),
+    ScriptParameter, WORDS, WORDS, st.dictionaries(st.sampled_from(["value", "r", "g", "val0"]), st.text(CHARACTERS))
 )
 CALLS = st.lists(st.builds(FilterCall, WORDS, st.lists(PARAMETERS, max_size=3).map(tuple)), max_size=4)
 
@@ -49,9 +46,7 @@ def test_filters_and_parameters_come_with_their_lines(tmp_path: Path) -> None:
 
 
 @given(CALLS)
-def test_round_trip_gives_equal_calls(
-    tmp_path_factory: pytest.TempPathFactory, calls: list[FilterCall]
-) -> None:
+def test_round_trip_gives_equal_calls(tmp_path_factory: pytest.TempPathFactory, calls: list[FilterCall]) -> None:
     path = tmp_path_factory.mktemp("mlx") / "script.mlx"
     write_script(calls, path)
     assert read_calls(path) == calls
@@ -71,11 +66,7 @@ def test_round_trip_gives_equal_calls(
             FilterError,
             r"line 2: <Script> at the top: a script begins with <FilterScript>",
         ),
-        (
-            TEXT.replace("Param", "xmlparam"),
-            FilterError,
-            r"line 4: <xmlparam> inside <filter>: a filter holds <Param>",
-        ),
+        (TEXT.replace("Param", "xmlparam"), FilterError, r"line 4: <xmlparam> inside <filter>: a filter holds <Param>"),
         (TEXT.replace(' name="Box/Cube"', ""), FilterError, r"line 3: <filter> without its name"),
         (TEXT.replace(' type="RichFloat"', ""), FilterError, r"line 4: <Param> without its name or type"),
         ('<!DOCTYPE F [<!ENTITY a "b">]><FilterScript/>', FileError, r"line 1: entity 'a'"),

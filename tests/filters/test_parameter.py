@@ -16,9 +16,7 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 
 BOX = TriangleMesh(np.array([[0.0, 0, 0], [30, 0, 0], [0, 40, 0]]), np.array([[0, 1, 2]], dtype=np.int32))
 LENGTH = FilterParameter("depth", Kind.LENGTH, 0.5, "Depth", "How deep.", "mm", 0.01, 20.0)
-SHARE = FilterParameter(
-    "share", Kind.LENGTH, 5.0, "Share", "Of the range.", "mm", 2.0, 12.0, percentage_of_range=True
-)
+SHARE = FilterParameter("share", Kind.LENGTH, 5.0, "Share", "Of the range.", "mm", 2.0, 12.0, percentage_of_range=True)
 COUNT = FilterParameter("count", Kind.INT, 3, "Count", "How many.", low=1, high=9)
 CHOICE = FilterParameter("how", Kind.ENUM, "up", "How", "Which way.", choices=("up", "down"))
 
@@ -115,19 +113,11 @@ def test_stage_parameters_are_the_job_fields(stage: object) -> None:
     assert list(found) == [item.name for item in fields(job)]
     for item in fields(job):
         known, parameter = record(item), found[item.name]
-        assert (parameter.label, parameter.tooltip, parameter.unit) == (
-            known.label,
-            known.tooltip,
-            known.unit,
-        )
+        assert (parameter.label, parameter.tooltip, parameter.unit) == (known.label, known.tooltip, known.unit)
         assert parameter.default == getattr(job, item.name)
-        assert (parameter.kind is Kind.LENGTH) == (
-            known.unit == "mm" and isinstance(parameter.default, float)
-        )
+        assert (parameter.kind is Kind.LENGTH) == (known.unit == "mm" and isinstance(parameter.default, float))
 
 
 def test_values_lead_back_to_the_stage() -> None:
     assert section_of(LevelsJob(), {"roughing_depth": 0.7, "other": 1}) == LevelsJob(roughing_depth=0.7)
-    assert section_of(StockJob(), {"stock_diameter": 15.0, "diameter": 4.0}, prefix="stock_") == StockJob(
-        diameter=15.0
-    )
+    assert section_of(StockJob(), {"stock_diameter": 15.0, "diameter": 4.0}, prefix="stock_") == StockJob(diameter=15.0)

@@ -58,10 +58,7 @@ def write_cad(file: Path) -> None:
 
 WRITERS = {"a.sat": write_sat, "a.dxf": write_dxf, "a.step": write_cad, "a.igs": write_cad}
 SURFACES = {"a.step": write_step, "a.igs": write_iges}
-COUNTS = [
-    *((name, DEFAULT) for name in ("a.sat", "a.dxf")),
-    *((name, CHILDREN) for name in ("a.step", "a.igs")),
-]
+COUNTS = [*((name, DEFAULT) for name in ("a.sat", "a.dxf")), *((name, CHILDREN) for name in ("a.step", "a.igs"))]
 
 
 @pytest.mark.parametrize(

@@ -79,8 +79,7 @@ def stick(radius: float, length: float, bow: float = 0.0, waist: float = 0.0) ->
 def cone(radius: float, length: float, power: float) -> TriangleMesh:
     """A body with a round foot that narrows to its upper end: a cone's tip at power 1, rounder below that."""
     return tube(
-        straight(length),
-        lambda t: np.outer(radius * np.minimum(1.0, 4 * np.sqrt(t)) * (1 - t) ** power, [1.0, 1.0]),
+        straight(length), lambda t: np.outer(radius * np.minimum(1.0, 4 * np.sqrt(t)) * (1 - t) ** power, [1.0, 1.0])
     )
 
 
@@ -131,10 +130,7 @@ def random_stock(random: np.random.Generator, mesh: TriangleMesh) -> dict[str, A
         sides = {"width": width, "depth": width} if kind == "box" else {"diameter": width}
         stock |= sides | {"length": length}
     if random.random() < 0.2:
-        stock |= {
-            "offset_x": round(random.uniform(-1, 1), 2),
-            "tilt_x_deg": round(random.uniform(-20, 20), 1),
-        }
+        stock |= {"offset_x": round(random.uniform(-1, 1), 2), "tilt_x_deg": round(random.uniform(-20, 20), 1)}
     return stock
 
 
@@ -150,9 +146,7 @@ def random_levels(random: np.random.Generator) -> dict[str, Any]:
     }
 
 
-def random_tool(
-    random: np.random.Generator, radii: tuple[float, ...], scallops: tuple[float, ...]
-) -> dict[str, Any]:
+def random_tool(random: np.random.Generator, radii: tuple[float, ...], scallops: tuple[float, ...]) -> dict[str, Any]:
     radius = pick(random, radii)
     flutes = round(radius * random.uniform(1.5, 5.0), 2)
     return {

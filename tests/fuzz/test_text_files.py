@@ -31,28 +31,9 @@ MANY = 1000
 CHORD = 0.5
 """Chord tolerance (mm) of the tessellation of what was read."""
 VALUES = [
-    *(
-        b"true",
-        b"nan",
-        b"-inf",
-        b"1e999",
-        b'"x"',
-        b"'M128'",
-        b"[]",
-        b"{}",
-        b"[1, 2]",
-        b'[["C"]]',
-        b"1979-05-27",
-    ),
+    *(b"true", b"nan", b"-inf", b"1e999", b'"x"', b"'M128'", b"[]", b"{}", b"[1, 2]", b'[["C"]]', b"1979-05-27"),
     *(b"0", b"-1", b"1e300", b"9" * 25, b'"{text.__class__}"', b'"{text:>20000000000}"', b"[nan, inf, 1.0]"),
-    *(
-        b"[" * 3000 + b"]" * 3000,
-        b"{a." + b"b." * 50 + b"c = 1}",
-        b'"""\n\n"""',
-        b'"(a+)+b"',
-        b'"\\u0000"',
-        b'""',
-    ),
+    *(b"[" * 3000 + b"]" * 3000, b"{a." + b"b." * 50 + b"c = 1}", b'"""\n\n"""', b'"(a+)+b"', b'"\\u0000"', b'""'),
 ]
 """What is written for a value of a TOML file."""
 SCRIPT = b"""<!DOCTYPE FilterScript>
@@ -79,9 +60,7 @@ def patch() -> TSpline:
 
 @pytest.fixture(scope="session")
 def sound(
-    pebble: Callable[..., TSpline],
-    capsule_path: Callable[..., ToolPath],
-    tmp_path_factory: pytest.TempPathFactory,
+    pebble: Callable[..., TSpline], capsule_path: Callable[..., ToolPath], tmp_path_factory: pytest.TempPathFactory
 ) -> dict[str, bytes]:
     """A sound file of every kind."""
     folder = tmp_path_factory.mktemp("sound")
@@ -92,18 +71,13 @@ def sound(
     turn = 2 * np.pi * np.arange(16) / 16
     angles = np.linspace(0.0, np.pi, 9)
     rings = [
-        np.column_stack(
-            [5 * np.sin(a) * np.cos(turn), 4 * np.sin(a) * np.sin(turn), np.full(16, -9 * np.cos(a))]
-        )
+        np.column_stack([5 * np.sin(a) * np.cos(turn), 4 * np.sin(a) * np.sin(turn), np.full(16, -9 * np.cos(a))])
         for a in angles[1:-1]
     ]
     rows = [np.array([[0.0, 0.0, -9.0]]), *rings, np.array([[0.0, 0.0, 9.0]])]
     blocks = ["\n".join("{:.5f} {:.5f} {:.5f}".format(*point) for point in row) for row in rows]
     files = {path.name: path.read_bytes() for path in folder.iterdir()}
-    files |= {
-        "rows.xyz": "\n\n".join(blocks).encode(),
-        "cloud.csv": "\n".join(blocks).replace(" ", ",").encode(),
-    }
+    files |= {"rows.xyz": "\n\n".join(blocks).encode(), "cloud.csv": "\n".join(blocks).replace(" ", ",").encode()}
     files |= {"script.mlx": SCRIPT, "job.toml": write_job(Job()).encode()}
     files |= {f"machine_{path.name}": path.read_bytes() for path in MACHINES.glob("*.toml")}
     files |= {f"dialect_{path.name}": path.read_bytes() for path in DIALECTS.glob("*.toml")}

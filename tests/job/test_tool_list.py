@@ -117,9 +117,7 @@ def test_a_scallop_that_a_list_does_not_state_stays_that_of_the_section() -> Non
 # --- Fusion
 
 
-def test_a_library_of_fusion_is_read_with_neck_stick_out_and_holder_up_to_the_gauge_line(
-    tmp_path: Path,
-) -> None:
+def test_a_library_of_fusion_is_read_with_neck_stick_out_and_holder_up_to_the_gauge_line(tmp_path: Path) -> None:
     file = fusion(
         tmp_path,
         fusion_tool(3, "6 mm ball"),
@@ -167,9 +165,7 @@ def test_each_tool_of_fusion_has_its_unit_and_its_holder_another(tmp_path: Path)
     same = {**CHUCK, "unit": "inches", "gaugeLength": 2.0}
     tool = only(fusion(tmp_path, fusion_tool(1, "1/4 ball", unit="inches", **inch, holder=same)))
     assert tool.holder_stack == (Frustum(50.8, 304.8, 312.42),), "cut at the gauge line"
-    with pytest.raises(
-        JobError, match=r"tool 1 '1/4 ball': unit = None, millimeters: give millimeters or inches"
-    ):
+    with pytest.raises(JobError, match=r"tool 1 '1/4 ball': unit = None, millimeters: give millimeters or inches"):
         read_tool_list(fusion(tmp_path, fusion_tool(1, "1/4 ball", unit=None)))
 
 
@@ -180,13 +176,7 @@ def test_each_tool_of_fusion_has_its_unit_and_its_holder_another(tmp_path: Path)
         ({"shoulder-length": 13}, (0.0, 0.0, 6.0)),
         # a ball of 2 on a shank of 6: neck, cone, shank; the cone is held by the shank
         (
-            {
-                "DC": 2,
-                "LCF": 3,
-                "shoulder-length": 3,
-                "shoulder-diameter": 2,
-                "shaft": [(8, 1.9, 1.9), (3, 1.9, 6)],
-            },
+            {"DC": 2, "LCF": 3, "shoulder-length": 3, "shoulder-diameter": 2, "shaft": [(8, 1.9, 1.9), (3, 1.9, 6)]},
             (1.9, 11.0, 6.0),
         ),
         # a shoulder thicker than the neck of the shaft
@@ -225,9 +215,7 @@ def test_shoulder_and_shaft_of_fusion_become_a_neck_and_a_shank_that_hold_them(
         ({"SFDM": 14, "shoulder-length": 13}, r"shank_diameter = 14: give at most holder_diameter \(12 mm\)"),
     ],
 )
-def test_what_a_library_of_fusion_lacks_is_asked_for_by_name(
-    changes: dict[str, Any], why: str, tmp_path: Path
-) -> None:
+def test_what_a_library_of_fusion_lacks_is_asked_for_by_name(changes: dict[str, Any], why: str, tmp_path: Path) -> None:
     file = fusion(tmp_path, fusion_tool(3, "ball", **changes))
     with pytest.raises(JobError, match=rf"shop\.json: .*{why}") as caught:
         read_tool_list(file)
@@ -237,9 +225,7 @@ def test_what_a_library_of_fusion_lacks_is_asked_for_by_name(
 
 def test_all_that_is_wrong_in_a_list_is_told_at_once(tmp_path: Path) -> None:
     tools = [fusion_tool(number, f"ball {number}", holder=None) for number in (1, 2)]
-    with pytest.raises(
-        JobError, match=r"tool 1 'ball 1': states no holder; tool 2 'ball 2': states no holder"
-    ):
+    with pytest.raises(JobError, match=r"tool 1 'ball 1': states no holder; tool 2 'ball 2': states no holder"):
         read_tool_list(fusion(tmp_path, *tools))
 
 
@@ -266,9 +252,7 @@ def freecad(folder: Path) -> str:
 
 def test_toolbits_of_freecad_are_completed_by_a_list_that_names_their_library(tmp_path: Path) -> None:
     library = freecad(tmp_path)
-    with pytest.raises(
-        JobError, match=r"Default\.fctl: tool 3 '6mm_Ball_End': states no overhang, holder; tool 4"
-    ):
+    with pytest.raises(JobError, match=r"Default\.fctl: tool 3 '6mm_Ball_End': states no overhang, holder; tool 4"):
         read_tool_list(library)
     text = 'from = "Default.fctl"\noverhang = 24\nholder = "60 12 21, 20 63"\n'
     found = tool_list(written(tmp_path, "Library/mill.toml", text))
@@ -296,9 +280,7 @@ def test_a_toolbit_alone_lacks_its_number_and_a_thick_shank_asks_for_the_neck(tm
 def test_a_library_that_names_a_missing_toolbit_is_refused(tmp_path: Path) -> None:
     library = freecad(tmp_path)
     (tmp_path / "Bit" / "Torus.fctb").unlink()
-    with pytest.raises(
-        JobError, match=r"Default\.fctl: names Torus\.fctb, which is neither beside it nor in"
-    ):
+    with pytest.raises(JobError, match=r"Default\.fctl: names Torus\.fctb, which is neither beside it nor in"):
         read_tool_list(library)
 
 
@@ -364,18 +346,10 @@ def test_a_tool_table_of_linuxcnc_is_completed_by_a_list_beside_it(tmp_path: Pat
             "",
             r"mill\.toml: tool 3 '6 mm ball': states no overhang: state it there, or above the first \[\[tool",
         ),
-        (
-            "number = 3",
-            "number = 33",
-            r"\[\[tool\]\] tool 33: tool\.tbl has none: use tool 1 '1/8 end mill', ",
-        ),
+        ("number = 3", "number = 33", r"\[\[tool\]\] tool 33: tool\.tbl has none: use tool 1 '1/8 end mill', "),
         ("number = 3\n", "", r"\[\[tool\]\]: give the number or the name that it has in tool\.tbl"),
         ('shape = "ball"', 'shape = "bal"', "shape = 'bal': choose one of ball, bull, flat"),
-        (
-            "overhang = 24",
-            "overhng = 24",
-            r"\[\[tool\]\] tool 3: unknown key 'overhng' \(did you mean 'overhang'\?\)",
-        ),
+        ("overhang = 24", "overhng = 24", r"\[\[tool\]\] tool 3: unknown key 'overhng' \(did you mean 'overhang'\?\)"),
         ("overhang = 24", "overhang = 'x'", "tool 3 '6 mm ball': overhang = 'x': give a number"),
         ('"tool.tbl"', '"tool.xls"', r"from = 'tool\.xls': give a file that ends in \.json"),
         ('"tool.tbl"', '"none.tbl"', r"none\.tbl: No such file or directory"),
@@ -384,9 +358,7 @@ def test_a_tool_table_of_linuxcnc_is_completed_by_a_list_beside_it(tmp_path: Pat
         ("[holders]\nslim", "[holders]\nother", "tool 3 '6 mm ball': holder = 'slim': 'slim' is no number"),
     ],
 )
-def test_a_list_that_does_not_complete_its_file_is_one_line(
-    old: str, new: str, why: str, tmp_path: Path
-) -> None:
+def test_a_list_that_does_not_complete_its_file_is_one_line(old: str, new: str, why: str, tmp_path: Path) -> None:
     assert old in COMPLETED
     with pytest.raises(JobError, match=why) as caught:
         read_tool_list(linuxcnc(tmp_path, COMPLETED.replace(old, new, 1)))
@@ -395,9 +367,7 @@ def test_a_list_that_does_not_complete_its_file_is_one_line(
 
 def test_a_tool_table_alone_says_what_it_lacks(tmp_path: Path) -> None:
     linuxcnc(tmp_path)
-    with pytest.raises(
-        JobError, match=r'states no shape, flutes, shank, stick-out or holder: .* from = "tool\.tbl"'
-    ):
+    with pytest.raises(JobError, match=r'states no shape, flutes, shank, stick-out or holder: .* from = "tool\.tbl"'):
         read_tool_list(str(tmp_path / "tool.tbl"))
     written(tmp_path, "tool.tbl", "T1 P1 D3\n1 2 3\n")
     with pytest.raises(JobError, match=r"tool\.tbl: line 2: is none of a tool table"):
@@ -453,9 +423,7 @@ def test_a_table_is_read_with_commas_semicolons_or_tabs(apart: str, point: str, 
 
 def test_a_table_in_inches_names_its_unit_in_the_list_that_completes_it(tmp_path: Path) -> None:
     written(
-        tmp_path,
-        "shop.csv",
-        "number,name,shape,diameter,flute_length,shank_diameter,holder\n1,b,ball,.25,.5,.25,2 1\n",
+        tmp_path, "shop.csv", "number,name,shape,diameter,flute_length,shank_diameter,holder\n1,b,ball,.25,.5,.25,2 1\n"
     )
     tool = only(written(tmp_path, "mill.toml", 'from = "shop.csv"\nunits = "inch"\noverhang = 25.0\n'))
     assert (tool.radius, tool.flute_length, tool.overhang) == (3.175, 12.7, 25.0)
@@ -470,10 +438,7 @@ def test_a_table_in_inches_names_its_unit_in_the_list_that_completes_it(tmp_path
         ("3,4,,4,24,60 12,ball", r"tool 3: states no flute_length"),
         (",4,8,4,24,60 12,ball", r"states no number"),
         ("3,4,8,6,24,60 12,ball", r"tool 3: states no neck_length"),
-        (
-            "3,4,8,4,24,60 12,",
-            r"flat end \(1 without a stated shape\): state `shape` in its \[\[tool\]\] of a",
-        ),
+        ("3,4,8,4,24,60 12,", r"flat end \(1 without a stated shape\): state `shape` in its \[\[tool\]\] of a"),
         ('3,4,8,4,24,"60 12', r"unexpected end of data"),
     ],
 )
@@ -487,9 +452,7 @@ def test_a_table_that_is_wrong_or_lacks_something_is_one_line(row: str, why: str
 
 
 def test_a_file_of_one_cutter_is_a_list_of_its_name(tmp_path: Path) -> None:
-    text = (
-        "radius = 1.5\nflute_length = 4.5\nshank_diameter = 6.0\noverhang = 28.0\nholder = [[35, 10, 17]]\n"
-    )
+    text = "radius = 1.5\nflute_length = 4.5\nshank_diameter = 6.0\noverhang = 28.0\nholder = [[35, 10, 17]]\n"
     (listed,) = read_tool_list(written(tmp_path, "ball-3.toml", text))
     assert (listed.name, listed.tool.number, listed.tool.neck_length) == ("ball-3", 0, 0.0)
     with pytest.raises(JobError, match=r"ball-3\.toml: 'ball-3': states no overhang, holder"):
@@ -497,9 +460,7 @@ def test_a_file_of_one_cutter_is_a_list_of_its_name(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("ending", ENDINGS)
-@pytest.mark.parametrize(
-    "content", [b"", b"PK\x03\x04", b"\x00\xff\xfe", b"{" * 5000, b"[1, 2]", b'{"data": [1]}']
-)
+@pytest.mark.parametrize("content", [b"", b"PK\x03\x04", b"\x00\xff\xfe", b"{" * 5000, b"[1, 2]", b'{"data": [1]}'])
 def test_a_file_that_is_no_list_is_one_line(ending: str, content: bytes, tmp_path: Path) -> None:
     (tmp_path / f"shop{ending}").write_bytes(content)
     with pytest.raises(JobError, match=rf"shop\{ending}") as caught:
@@ -508,9 +469,7 @@ def test_a_file_that_is_no_list_is_one_line(ending: str, content: bytes, tmp_pat
 
 
 def test_a_list_that_there_is_not_is_one_line(tmp_path: Path) -> None:
-    with pytest.raises(
-        JobError, match=r"'catalog': is no list of cutters \(did you mean 'catalogue'\?\): use one"
-    ):
+    with pytest.raises(JobError, match=r"'catalog': is no list of cutters \(did you mean 'catalogue'\?\): use one"):
         read_tool_list("catalog")
     with pytest.raises(JobError, match=r"gone\.json: No such file or directory: give a list of cutters"):
         read_tool_list(str(tmp_path / "gone.json"))
@@ -527,12 +486,7 @@ def shop(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
 
 
 def test_a_preset_is_of_the_job_s_list_by_name_or_number_then_of_the_catalogue(shop: str) -> None:
-    job = Job(
-        nc={"tools": shop},
-        roughing={"preset": "3"},
-        finishing={"preset": "ball-2"},
-        fine={"preset": "ball-1"},
-    )
+    job = Job(nc={"tools": shop}, roughing={"preset": "3"}, finishing={"preset": "ball-2"}, fine={"preset": "ball-1"})
     assert (job.roughing.number, job.roughing.radius, job.roughing.overhang) == (3, 3.0, 24.0)
     assert (job.finishing.number, job.finishing.shank_diameter) == (8, 6.0), "the shop's"
     assert job.fine == Job(fine={"preset": "ball-1"}).fine

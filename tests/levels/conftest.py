@@ -41,15 +41,9 @@ def waisted() -> Callable[..., TSpline]:
         for j, n in enumerate(counts):
             t = knots[j + 1 : j + 4].mean()
             z = 1.0 + 18.0 * t
-            reach = (
-                3.2
-                * np.sqrt(max(0.0, 1 - (2 * t - 1) ** 4))
-                * (1 - waist * np.exp(-(((t - 0.5) / 0.2) ** 2)))
-            )
+            reach = 3.2 * np.sqrt(max(0.0, 1 - (2 * t - 1) ** 4)) * (1 - waist * np.exp(-(((t - 0.5) / 0.2) ** 2)))
             angle = 2 * np.pi * np.arange(n) / n
-            points.append(
-                np.column_stack([reach * np.cos(angle), 0.8 * reach * np.sin(angle), np.full(n, z)])
-            )
+            points.append(np.column_stack([reach * np.cos(angle), 0.8 * reach * np.sin(angle), np.full(n, z)]))
         return TSpline(tmesh, np.vstack(points), np.ones(tmesh.size))
 
     return build
@@ -101,8 +95,6 @@ def first_program(given: Given) -> Callable[[], LevelProgram]:
     """Sets up the program of the first level; energies and limits are those listed when it is called."""
 
     def set_up() -> LevelProgram:
-        return program_of(
-            given.discretisation, given.before.control_points, given.rest, given.cut, given.parameters
-        )
+        return program_of(given.discretisation, given.before.control_points, given.rest, given.cut, given.parameters)
 
     return set_up

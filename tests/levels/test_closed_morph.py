@@ -34,13 +34,9 @@ STOCK = Capsule(np.array([0.0, 0.0, 4.5]), np.array([0.0, 0.0, 15.5]), 4.5)
 
 
 @pytest.mark.parametrize("stock", [STOCK, Cylinder(4.5, 0.0, 20.0)])
-def test_a_surface_that_bounds_no_body_is_refused_at_once(
-    waisted: Callable[..., TSpline], stock: Stock
-) -> None:
+def test_a_surface_that_bounds_no_body_is_refused_at_once(waisted: Callable[..., TSpline], stock: Stock) -> None:
     part = waisted()
-    with pytest.raises(
-        SurfaceError, match=r"^the part: .* is turned inside out, its normals point inwards: "
-    ):
+    with pytest.raises(SurfaceError, match=r"^the part: .* is turned inside out, its normals point inwards: "):
         levels_in(part.with_control_points(part.control_points * [-1, 1, 1]), stock, SCHEDULE)
     P = np.array(part.control_points)
     P[np.abs(P[:, 2] - 10) < 3, :2] *= -0.3  # turned through the axis
@@ -97,9 +93,7 @@ def test_arguments_of_another_kind_are_refused_with_what_to_give(
 ) -> None:
     """In a process of its own, without these tests' own check of types."""
     write_tsm(waisted(), tmp_path / "part.tspline")
-    ran = subprocess.run(
-        [sys.executable, "-c", CALLS], cwd=tmp_path, capture_output=True, text=True, check=True
-    )
+    ran = subprocess.run([sys.executable, "-c", CALLS], cwd=tmp_path, capture_output=True, text=True, check=True)
     assert re.sub(", such as.*", "", ran.stdout).splitlines() == [
         "surface is a Capsule: give a TSpline",
         "stock is a Schedule: give a Capsule, Cylinder, Box or ConvexStock",
@@ -141,9 +135,7 @@ def test_levels_keep_the_tmesh_and_end_at_the_stock(made: Morph) -> None:
     assert first.index == 0
     assert last.surface is None
     assert all(
-        level.surface is not None and level.surface.tmesh is first.surface.tmesh
-        for level in between
-        if first.surface
+        level.surface is not None and level.surface.tmesh is first.surface.tmesh for level in between if first.surface
     )
     assert [level.limit for level in made.levels[1:4]] == [0.1, 0.1, 0.5]
 
@@ -210,9 +202,7 @@ def test_an_unknown_attraction_is_refused(waisted: Callable[..., TSpline]) -> No
 
 @pytest.mark.parametrize("name", ["stiffness", "chord_tolerance"])
 @pytest.mark.parametrize("value", [-1.0, 1e6, float("nan"), float("inf")])
-def test_a_number_out_of_its_range_is_refused_by_name(
-    waisted: Callable[..., TSpline], name: str, value: float
-) -> None:
+def test_a_number_out_of_its_range_is_refused_by_name(waisted: Callable[..., TSpline], name: str, value: float) -> None:
     with pytest.raises(JobError, match=f"^{name} = {value}: keep it within"):
         morph(waisted(), STOCK, SCHEDULE, **{name: value})
 
@@ -242,9 +232,7 @@ def test_a_level_that_falls_behind_is_an_error_with_its_place_and_patch(made: Mo
     assert 0 < len(patch.faces) < len(b.mesh.faces)
 
 
-def test_a_level_that_cannot_keep_its_limits_ends_its_sequence_with_the_place(
-    waisted: Callable[..., TSpline],
-) -> None:
+def test_a_level_that_cannot_keep_its_limits_ends_its_sequence_with_the_place(waisted: Callable[..., TSpline]) -> None:
     """A part that folds over itself: no level can hold what lies in the fold."""
     coarse = waisted(rows=10, around=6)
     points = coarse.control_points
@@ -258,9 +246,7 @@ def test_a_level_that_cannot_keep_its_limits_ends_its_sequence_with_the_place(
 
 def test_a_cut_too_deep_is_an_error(waisted: Callable[..., TSpline]) -> None:
     surface = waisted()
-    inner, outer = measured(
-        *(surface.with_control_points(surface.control_points * [k, k, 1.0]) for k in (1.0, 1.2))
-    )
+    inner, outer = measured(*(surface.with_control_points(surface.control_points * [k, k, 1.0]) for k in (1.0, 1.2)))
     found = measure_cut(inner, outer, STOCK, 0.1)
     with pytest.raises(LevelError, match="deep, more than"):
         require_none(1, violations(found, 0.1, outer.mesh), outer.mesh)
@@ -287,9 +273,7 @@ def test_a_groove_left_too_far_behind_is_an_error_at_its_bottom(grooved: Callabl
     limit = (found.depth_max + found.reverse_depth_max) / 2
     with pytest.raises(LevelError, match=f"level 1 is {found.reverse_depth_max:.4f} mm deep") as error:
         require_none(1, violations(found, limit, outer.mesh), outer.mesh)
-    assert (
-        abs(filled.project(error.value.evidence["place"][None]).distances[0] - found.reverse_depth_max) < 0.01
-    )
+    assert abs(filled.project(error.value.evidence["place"][None]).distances[0] - found.reverse_depth_max) < 0.01
 
 
 def test_a_level_through_itself_is_an_error_with_its_place(waisted: Callable[..., TSpline]) -> None:
@@ -314,9 +298,7 @@ def test_distances_are_to_the_surface_not_to_its_tessellation(waisted: Callable[
     assert np.abs(level.mesh_distance.unsigned(places + 0.2 * normals) - 0.2).max() > 1e-3
 
 
-def test_a_coarse_tessellation_does_not_mislead_about_the_side_of_a_point(
-    waisted: Callable[..., TSpline],
-) -> None:
+def test_a_coarse_tessellation_does_not_mislead_about_the_side_of_a_point(waisted: Callable[..., TSpline]) -> None:
     surface = waisted()
     level = MeasuredSurface(surface, level_grid(surface, [surface.control_points], 0.2))
     rng = np.random.default_rng(5)

@@ -48,11 +48,7 @@ STOCKS: dict[str, Stock] = {"cylinder": BAR, "box": BOX, "mesh": ConvexStock(BOX
 
 def cloud(low: float, high: float) -> np.ndarray:
     points = np.random.default_rng(11).normal(size=(300, 3))
-    return points / np.linalg.norm(points, axis=1)[:, None] * [2.5, 2.5, (high - low) / 2] + [
-        0,
-        0,
-        (low + high) / 2,
-    ]
+    return points / np.linalg.norm(points, axis=1)[:, None] * [2.5, 2.5, (high - low) / 2] + [0, 0, (low + high) / 2]
 
 
 @pytest.mark.parametrize("stock", STOCKS.values(), ids=STOCKS)
@@ -83,14 +79,10 @@ ROUNDED = {
 
 @pytest.mark.parametrize("chord", [0.01, 0.1])
 @pytest.mark.parametrize("body", ROUNDED.values(), ids=ROUNDED)
-def test_the_mesh_of_a_rounded_body_keeps_its_tolerance_and_does_not_cut_itself(
-    body: Stock, chord: float
-) -> None:
+def test_the_mesh_of_a_rounded_body_keeps_its_tolerance_and_does_not_cut_itself(body: Stock, chord: float) -> None:
     mesh, rng = body.mesh(chord), np.random.default_rng(3)
     corners = mesh.vertices[mesh.faces]
-    inside = body.signed_distance(
-        np.einsum("kc,fcx->fkx", rng.dirichlet(np.ones(3), 10), corners).reshape(-1, 3)
-    )
+    inside = body.signed_distance(np.einsum("kc,fcx->fkx", rng.dirichlet(np.ones(3), 10), corners).reshape(-1, 3))
     assert -chord <= inside.min() <= inside.max() < 1e-9
     surface = body.closest_points(body.middle + 100 * rng.normal(size=(5000, 3)))
     assert np.linalg.norm(surface - exact_closest(mesh, surface)[0], axis=1).max() < chord
@@ -204,9 +196,7 @@ def test_a_spline_that_cannot_follow_its_body_is_refused_with_distance_and_place
 ) -> None:
     monkeypatch.setattr(body_surface, "MAX_TRIES", 1)
     body = RoundedStock(Box(np.full(3, -4.0), np.full(3, 4.0)), 0.005)
-    with pytest.raises(
-        LevelError, match=r"mm off it at \(.*\), more than 0\.002 mm: give a larger stock"
-    ) as caught:
+    with pytest.raises(LevelError, match=r"mm off it at \(.*\), more than 0\.002 mm: give a larger stock") as caught:
         body_surfaces([body])
     assert caught.value.evidence["distance"] > TOLERANCE
     assert abs(body.signed_distance(caught.value.evidence["place"][None])[0]) == pytest.approx(
@@ -279,8 +269,7 @@ def test_every_level_can_be_followed_on_the_parts_tmesh(waisted: Callable[..., T
     rounding = next(level for level in made.levels if isinstance(level, RoundedLevel))
     assert (
         np.abs(
-            rounding.mesh.bounds
-            - waisted().with_control_points(rounding.control_points).tessellate(0.02).bounds
+            rounding.mesh.bounds - waisted().with_control_points(rounding.control_points).tessellate(0.02).bounds
         ).max()
         < 0.3
     )
@@ -293,9 +282,7 @@ def test_a_mesh_that_cannot_be_made_true_is_refused_with_its_place() -> None:
     assert np.abs(body.signed_distance(caught.value.evidence["place"][None])).max() < 1e-9
 
 
-def test_a_part_that_leaves_the_bar_is_refused_at_once_with_its_place(
-    waisted: Callable[..., TSpline],
-) -> None:
+def test_a_part_that_leaves_the_bar_is_refused_at_once_with_its_place(waisted: Callable[..., TSpline]) -> None:
     with pytest.raises(StockError, match=r"cylinder 4\.00 x 20\.00 mm\) does not hold the part") as caught:
         levels_in(waisted(), Cylinder(2.0, 0.0, 20.0), SCHEDULE)
     assert caught.value.evidence["distance"] > 0
@@ -319,9 +306,7 @@ def test_a_part_in_the_edges_of_a_bar_is_refused_at_once(waisted: Callable[..., 
     ("box", "more"),
     [
         pytest.param(
-            StockJob(kind="box", width=8.21, depth=8.44, length=17.98, turn_deg=45.0),
-            1,
-            marks=pytest.mark.slow,
+            StockJob(kind="box", width=8.21, depth=8.44, length=17.98, turn_deg=45.0), 1, marks=pytest.mark.slow
         ),
         (StockJob(kind="box"), 2),  # the smallest: one cut less of a bound that is two less
     ],

@@ -30,9 +30,7 @@ from bonecam.surface.tspline import TSpline
 pytestmark = pytest.mark.whole
 
 JOB = Job().with_values(
-    holding={"diameter": 2.0, "length": 60.0},
-    mesh={"rows": 8, "row_points": 24},
-    surface={"tolerance": 0.08},
+    holding={"diameter": 2.0, "length": 60.0}, mesh={"rows": 8, "row_points": 24}, surface={"tolerance": 0.08}
 )
 
 
@@ -67,9 +65,7 @@ def test_other_rows_are_tried_where_the_first_fail(
     monkeypatch.setattr(job_levels, "smoother_fit", lambda *given: None)
     monkeypatch.setattr(job_levels, fails, failing_first)
     told: list[str] = []
-    found, levels = surface_and_levels(
-        setup, JOB, StageTimes(), lambda fraction, message: told.append(message)
-    )
+    found, levels = surface_and_levels(setup, JOB, StageTimes(), lambda fraction, message: told.append(message))
     assert found is fits[1]
     assert levels is morph
     assert not np.allclose(used[0].points, used[1].points)
@@ -117,9 +113,7 @@ def test_the_first_failure_is_told_where_all_rows_fail(setup: Setup, monkeypatch
     assert len(tries) == MOST_CHOICES + 1
 
 
-def test_a_fit_that_fails_starts_again_within_the_widest_tolerance_and_last_with_fewer_points(
-    setup: Setup,
-) -> None:
+def test_a_fit_that_fails_starts_again_within_the_widest_tolerance_and_last_with_fewer_points(setup: Setup) -> None:
     found = JOB.with_values(surface={"tolerance": 0.0})
     part = replace(setup.part, coarseness=replace(setup.part.coarseness, sagitta=0.02))
     choices = list(fit_choices(part, found))
@@ -146,9 +140,7 @@ SCHEDULE = Schedule((0.2,), 1.0)
 def test_the_outermost_cut_is_as_deep_as_the_others_and_there_are_as_many(
     capsule: Capsule, waisted: Callable[..., TSpline]
 ) -> None:
-    plain, even = (
-        make(waisted(), capsule, SCHEDULE, chord_tolerance=0.05) for make in (levels_in, even_levels)
-    )
+    plain, even = (make(waisted(), capsule, SCHEDULE, chord_tolerance=0.05) for make in (levels_in, even_levels))
     assert plain.levels[-1].depth_max < 0.75
     assert even.cuts == plain.cuts
     assert even.lower_bound == plain.lower_bound

@@ -34,9 +34,7 @@ def tube() -> TSpline:
     for v in np.linspace(0, 1, 8):
         x, y, turn = 6 * np.cos(angle), 2 * np.sin(angle), np.radians(20) * v
         rows.append(
-            np.column_stack(
-                [x * np.cos(turn) - y * np.sin(turn), x * np.sin(turn) + y * np.cos(turn), 25 * v + 0 * x]
-            )
+            np.column_stack([x * np.cos(turn) - y * np.sin(turn), x * np.sin(turn) + y * np.cos(turn), 25 * v + 0 * x])
         )
     return skin(rows, 0.02, closed=True)
 
@@ -46,9 +44,7 @@ BLADES = {"side": side, "tube": tube}
 
 @pytest.mark.parametrize("blade", BLADES)
 def test_the_morph_of_a_closed_part_refuses_an_open_one_at_once(blade: str) -> None:
-    with pytest.raises(
-        SurfaceError, match=r"not closed between two poles: morph an open one with .*morph_open"
-    ):
+    with pytest.raises(SurfaceError, match=r"not closed between two poles: morph an open one with .*morph_open"):
         levels_in(BLADES[blade](), Capsule(np.array([0.0, 0, -30]), np.array([0.0, 0, 60]), 40.0), SCHEDULE)
 
 
@@ -111,10 +107,7 @@ def test_a_given_surface_is_met() -> None:
 
 def test_a_stock_through_the_part_is_refused_with_its_place() -> None:
     flat = skin(
-        [
-            np.column_stack([np.linspace(-12, 12, 9), np.full(9, 1.0), np.full(9, z)])
-            for z in np.linspace(-18, 18, 5)
-        ],
+        [np.column_stack([np.linspace(-12, 12, 9), np.full(9, 1.0), np.full(9, z)]) for z in np.linspace(-18, 18, 5)],
         0.01,
         closed=False,
     )
@@ -148,28 +141,20 @@ def blade() -> TSpline:
     """A wave of 50 x 60 mm, with radii of curvature from 45 mm."""
     x = np.linspace(0, 50, 30)
     return skin(
-        [np.column_stack([x, np.full(30, y), 5 * np.sin(x / 15)]) for y in range(0, 70, 10)],
-        0.01,
-        closed=False,
+        [np.column_stack([x, np.full(30, y), 5 * np.sin(x / 15)]) for y in range(0, 70, 10)], 0.01, closed=False
     )
 
 
 def above(height: float, bump: float) -> TriangleMesh:
     """A mesh so far above the blade, with a bump of 1 mm radius in the middle."""
-    x, y = (
-        axis.ravel()
-        for axis in np.meshgrid(np.linspace(-5, 55, 121), np.linspace(-5, 65, 141), indexing="ij")
-    )
+    x, y = (axis.ravel() for axis in np.meshgrid(np.linspace(-5, 55, 121), np.linspace(-5, 65, 141), indexing="ij"))
     z = 5 * np.sin(x / 15) + height + bump * np.exp(-((x - 25) ** 2 + (y - 30) ** 2) / 2)
     a, b, c, d = (
         i.ravel()
-        for i in (lambda n: (n[:-1, :-1], n[1:, :-1], n[1:, 1:], n[:-1, 1:]))(
-            np.arange(len(x)).reshape(121, 141)
-        )
+        for i in (lambda n: (n[:-1, :-1], n[1:, :-1], n[1:, 1:], n[:-1, 1:]))(np.arange(len(x)).reshape(121, 141))
     )
     return TriangleMesh(
-        np.column_stack([x, y, z]),
-        np.vstack([np.column_stack([a, b, c]), np.column_stack([a, c, d])]).astype(np.int32),
+        np.column_stack([x, y, z]), np.vstack([np.column_stack([a, b, c]), np.column_stack([a, c, d])]).astype(np.int32)
     )
 
 
@@ -242,8 +227,7 @@ def test_the_last_cut_keeps_its_depth_from_the_bottom_of_a_groove(edges: str) ->
         closed=False,
     )
     flat = TriangleMesh(
-        np.array([[-5.0, -5, 1], [25, -5, 1], [25, 25, 1], [-5, 25, 1]]),
-        np.array([[0, 1, 2], [0, 2, 3]], np.int32),
+        np.array([[-5.0, -5, 1], [25, -5, 1], [25, 25, 1], [-5, 25, 1]]), np.array([[0, 1, 2], [0, 2, 3]], np.int32)
     )
     morph = morph_open(groove, flat, Schedule((), 0.5), edges=edges)
     assert max(level.deepest for level in morph.levels[1:]) <= 0.502
@@ -254,17 +238,11 @@ def test_the_last_cut_keeps_its_depth_from_the_bottom_of_a_groove(edges: str) ->
 def test_a_stock_may_meet_fixed_edges_but_not_cross_them() -> None:
     u, v = np.linspace(-1, 1, 21), np.linspace(-1, 1, 9)
     flat, bulge = (
-        skin(
-            [np.column_stack([10 * u, 0 * u + 15 * w, h * (1 - u**2) * (1 - w**2)]) for w in v],
-            1e-3,
-            closed=False,
-        )
+        skin([np.column_stack([10 * u, 0 * u + 15 * w, h * (1 - u**2) * (1 - w**2)]) for w in v], 1e-3, closed=False)
         for h in (0, 2)
     )
     bulge_mesh = bulge.tessellate(1e-3)
-    assert morph_open(flat, bulge_mesh, Schedule((), 1.0), edges="fixed").distance == pytest.approx(
-        2.0, abs=0.03
-    )
+    assert morph_open(flat, bulge_mesh, Schedule((), 1.0), edges="fixed").distance == pytest.approx(2.0, abs=0.03)
     with pytest.raises(StockError, match="touches the part"):
         morph_open(flat, bulge_mesh, Schedule((), 1.0))
     lower = TriangleMesh(bulge_mesh.vertices - [0, 0, 0.1], bulge_mesh.faces)
@@ -272,9 +250,7 @@ def test_a_stock_may_meet_fixed_edges_but_not_cross_them() -> None:
         morph_open(flat, lower, Schedule((), 1.0), edges="fixed")
 
 
-def test_open_levels_are_measured_on_their_surfaces_and_tell_the_depth_used(
-    made: tuple[TSpline, str, Morph],
-) -> None:
+def test_open_levels_are_measured_on_their_surfaces_and_tell_the_depth_used(made: tuple[TSpline, str, Morph]) -> None:
     cuts = made[2].levels[1:]
     area = made[0].area
     assert all(level.deepest <= level.limit + 0.002 for level in cuts)
@@ -293,9 +269,7 @@ def test_the_fewest_cuts_of_an_offset_are_no_more_where_its_edges_bend() -> None
     """With fixed edges the fit of this offset bulges 0.002 mm beyond it."""
     x = np.linspace(0, 50, 30)
     blade = skin(
-        [np.column_stack([x, np.full(30, y), 5 * np.sin(x / 15)]) for y in range(0, 70, 10)],
-        0.01,
-        closed=False,
+        [np.column_stack([x, np.full(30, y), 5 * np.sin(x / 15)]) for y in range(0, 70, 10)], 0.01, closed=False
     )
     made = morph_open(blade, 3.0, Schedule((0.1, 0.1), 2.8), edges="fixed", chord_tolerance=0.02)
     assert made.distance == pytest.approx(3.0, abs=1e-9)

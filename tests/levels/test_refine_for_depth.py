@@ -21,9 +21,7 @@ def box() -> Box:
     return Box(np.array([-4.5, -4.5, 0.0]), np.array([4.5, 4.5, 20.0]))
 
 
-def test_the_surface_is_the_same_with_more_control_points(
-    discretisation: Discretisation, capsule: Capsule
-) -> None:
+def test_the_surface_is_the_same_with_more_control_points(discretisation: Discretisation, capsule: Capsule) -> None:
     part = discretisation.surface
     found = refine_for_depth(part, capsule, 0.1)
     assert part.tmesh.size < found.tmesh.size <= MOST_IN_CAPSULES
@@ -32,9 +30,7 @@ def test_the_surface_is_the_same_with_more_control_points(
     assert found.poles == part.poles
 
 
-def test_a_surface_that_is_fine_enough_stays_as_it_is(
-    discretisation: Discretisation, capsule: Capsule
-) -> None:
+def test_a_surface_that_is_fine_enough_stays_as_it_is(discretisation: Discretisation, capsule: Capsule) -> None:
     part = discretisation.surface
     assert refine_for_depth(part, capsule, 100.0).tmesh.size == part.tmesh.size
 
@@ -47,9 +43,7 @@ def test_no_more_control_points_than_allowed(discretisation: Discretisation, cap
         assert part.tmesh.size < refine_for_depth(part, stock, depth).tmesh.size <= most
 
 
-def test_a_surface_of_many_control_points_stays_as_it_is(
-    waisted: Callable[..., TSpline], capsule: Capsule
-) -> None:
+def test_a_surface_of_many_control_points_stays_as_it_is(waisted: Callable[..., TSpline], capsule: Capsule) -> None:
     many, fewer = waisted(rows=30, around=32), waisted(rows=22, around=32)
     assert fewer.tmesh.size < MANY_IN_CAPSULES <= many.tmesh.size
     assert refine_for_depth(many, capsule, 0.05) is many
@@ -64,9 +58,7 @@ def test_spans_are_shorter_in_a_stock_with_flats(discretisation: Discretisation,
     )
 
 
-def test_spans_across_the_stocks_axis_are_not_halved_for_ever(
-    discretisation: Discretisation, capsule: Capsule
-) -> None:
+def test_spans_across_the_stocks_axis_are_not_halved_for_ever(discretisation: Discretisation, capsule: Capsule) -> None:
     """The nearest points of a short line across the axis lie a stock's diameter apart: that alone would
     double the control points."""
     part = discretisation.surface

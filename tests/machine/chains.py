@@ -54,9 +54,7 @@ def chains(machine_text: Callable[..., str], axis: Callable[..., dict[str, objec
     turntable = {"direction": [0, 0, 1], "pivot": [1, 2, 0], "sign": -1, "endless": True}
     tilted = [0.0, 0.5**0.5, 0.5**0.5]
     return {
-        "table-table": machine_text(
-            ["C", "A", "XYZ"], {"C": turntable, "A": axis([1, 0, 0], [0, 5, -7], -1)}
-        ),
+        "table-table": machine_text(["C", "A", "XYZ"], {"C": turntable, "A": axis([1, 0, 0], [0, 5, -7], -1)}),
         "head-table": machine_text(["C", "XYZ", "B"], {"C": turntable, "B": axis([0, 1, 0], [0, 0, 40])}),
         "head-head": machine_text(
             ["XYZ", "C", "A"], {"C": axis([0, 0, 1], [0, 0, 90]), "A": axis([1, 0, 0], [3, 0, 60])}

@@ -49,11 +49,7 @@ def test_what_a_file_leaves_out_is_assumed(tmp_path) -> None:
 @pytest.mark.parametrize(
     ("right", "wrong", "asked"),
     [
-        (
-            "spindle_speed = 20000.0",
-            "spindle_speed = 333.0",
-            "spindle_speed: 333 1/min at most: is it in 1/s?",
-        ),
+        ("spindle_speed = 20000.0", "spindle_speed = 333.0", "spindle_speed: 333 1/min at most: is it in 1/s?"),
         ("travel = 600.0", "travel = 0.6", "X: a travel of 0.6 mm: is it in m or inch?"),
         ("travel = 600.0", "travel = 24.0", "X: a travel of 24 mm: is it in m or inch?"),
         ("speed = 22000.0", "speed = 366.0", "X: a speed of 366 mm/min: is it in mm/s or m/min?"),
@@ -95,31 +91,11 @@ def test_a_table_turned_over_and_a_pivot_out_of_reach_are_asked_about(
 @pytest.mark.parametrize(
     ("name", "right", "wrong", "asked"),
     [
-        (
-            "pocket-nc",
-            '["B", "A", "XYZ"]',
-            '["A", "B", "XYZ"]',
-            "carries A: is it from the part outward, not B, A?",
-        ),
-        (
-            "pocket-nc",
-            '["B", "A", "XYZ"]',
-            '["XYZ", "A", "B"]',
-            "both axes carry the tool, yet part_z is not",
-        ),
-        (
-            "mill-4axis",
-            "part_z = [1.0, 0.0, 0.0]",
-            "part_z = [0.0, 1.0, 0.0]",
-            "some sides .* part_z and direction",
-        ),
+        ("pocket-nc", '["B", "A", "XYZ"]', '["A", "B", "XYZ"]', "carries A: is it from the part outward, not B, A?"),
+        ("pocket-nc", '["B", "A", "XYZ"]', '["XYZ", "A", "B"]', "both axes carry the tool, yet part_z is not"),
+        ("mill-4axis", "part_z = [1.0, 0.0, 0.0]", "part_z = [0.0, 1.0, 0.0]", "some sides .* part_z and direction"),
         ("mill-4axis", "endless = true", "limits_deg = [-5.0, 5.0]", "some sides .* limits_deg of A right"),
-        (
-            "mikron-ucp600",
-            "[-115.0, 30.0]",
-            "[-5.0, 5.0]",
-            "leans by 5 deg at most, the sides of a part need 15",
-        ),
+        ("mikron-ucp600", "[-115.0, 30.0]", "[-5.0, 5.0]", "leans by 5 deg at most, the sides of a part need 15"),
         (
             "dmu-45",
             "pivot = [0.0, 0.0, 0.0]\nsign = 1\n",
@@ -132,23 +108,11 @@ def test_a_table_turned_over_and_a_pivot_out_of_reach_are_asked_about(
             "pivot = [0.0, 90.0, 30.0]\nsign = 1\n",
             "B: its pivot is 60 mm in front of the spindle nose",
         ),
-        (
-            "mikron-ucp600",
-            "[Z]\ntravel = 450.0",
-            "[Z]\nlimits = [-500.0, -50.0]",
-            "Z: its limits end at -50, below",
-        ),
-        (
-            "mikron-ucp600",
-            "[X]\ntravel = 600.0",
-            "[X]\nlimits = [50.0, 650.0]",
-            "X: its limits begin at 50, above",
-        ),
+        ("mikron-ucp600", "[Z]\ntravel = 450.0", "[Z]\nlimits = [-500.0, -50.0]", "Z: its limits end at -50, below"),
+        ("mikron-ucp600", "[X]\ntravel = 600.0", "[X]\nlimits = [50.0, 650.0]", "X: its limits begin at 50, above"),
     ],
 )
-def test_what_no_machine_is_like_is_asked_about(
-    name: str, right: str, wrong: str, asked: str, tmp_path: Path
-) -> None:
+def test_what_no_machine_is_like_is_asked_about(name: str, right: str, wrong: str, asked: str, tmp_path: Path) -> None:
     text = (MACHINES / f"{name}.toml").read_text()
     if wrong.startswith("part_z"):
         text = text.replace("part_x = [0.0, 0.0, 1.0]", "part_x = [1.0, 0.0, 0.0]")
@@ -176,9 +140,7 @@ def test_what_no_machine_is_like_is_asked_about(
         ),
     ],
 )
-def test_an_axis_that_leans_nothing_is_refused(
-    name: str, right: str, wrong: str, told: str, tmp_path: Path
-) -> None:
+def test_an_axis_that_leans_nothing_is_refused(name: str, right: str, wrong: str, told: str, tmp_path: Path) -> None:
     text = (MACHINES / f"{name}.toml").read_text()
     assert right in text
     path = tmp_path / "own.toml"

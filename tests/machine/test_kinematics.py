@@ -3,15 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bonecam.machine.kinematics import (
-    UP,
-    forward,
-    inverse_linear,
-    inverse_rotary,
-    link_poses,
-    rotate,
-    tool_axes,
-)
+from bonecam.machine.kinematics import UP, forward, inverse_linear, inverse_rotary, link_poses, rotate, tool_axes
 from bonecam.machine.machine import machine_names, read_machine
 from bonecam.machine.reach import tilt_band
 
@@ -110,9 +102,7 @@ def test_an_upright_axis_leaves_the_table_free():
 
 def test_an_axis_beyond_a_nutating_head_is_out_of_reach(write_machine, chains, tmp_path):
     machine = read_machine(write_machine(tmp_path, chains["nutating"]))
-    found, _ = inverse_rotary(
-        machine, np.array([[0.0, 0.0, -1.0], [0.0, 1.0, -0.1]]) / [[1.0], [np.hypot(1, 0.1)]]
-    )
+    found, _ = inverse_rotary(machine, np.array([[0.0, 0.0, -1.0], [0.0, 1.0, -0.1]]) / [[1.0], [np.hypot(1, 0.1)]])
     assert np.isnan(found).all()
 
 

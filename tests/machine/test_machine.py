@@ -62,9 +62,7 @@ def test_a_wrong_value_in_a_machine_file_is_refused_with_file_and_key(
 
 
 @pytest.mark.parametrize(
-    ("more", "key"),
-    [("\n[Q]\nspeed = 1", "Q"), ('\n[A2]\nx = "', "correct the file")],
-    ids=["table", "quote"],
+    ("more", "key"), [("\n[Q]\nspeed = 1", "Q"), ('\n[A2]\nx = "', "correct the file")], ids=["table", "quote"]
 )
 def test_what_does_not_belong_into_a_machine_file_is_refused_with_file_and_key(
     write_machine, chains, more, key, tmp_path
@@ -86,16 +84,10 @@ def test_what_does_not_belong_into_a_machine_file_is_refused_with_file_and_key(
             "direction = [0.0, 1.0, 1.0]",
             "A.direction: has length 1.41421: give a unit vector, [0.0, 0.7071",
         ),
-        (
-            "direction = [1.0, 0.0, 0.0]",
-            "direction = [0.0, 0.0, 0.0]",
-            "A.direction: has length 0: give a unit vector",
-        ),
+        ("direction = [1.0, 0.0, 0.0]", "direction = [0.0, 0.0, 0.0]", "A.direction: has length 0: give a unit vector"),
     ],
 )
-def test_a_wrong_chain_or_direction_is_told_with_the_right_one(
-    old: str, new: str, told: str, tmp_path: Path
-) -> None:
+def test_a_wrong_chain_or_direction_is_told_with_the_right_one(old: str, new: str, told: str, tmp_path: Path) -> None:
     text = (MACHINES / "pocket-nc.toml").read_text()
     assert old in text
     path = tmp_path / "own.toml"
@@ -108,9 +100,7 @@ def test_a_machine_file_without_an_axis_or_with_an_unknown_point_is_refused(
 ):
     chain = ["C", "A", "XYZ"]
     check_refused(write_machine(tmp_path, machine_text(chain, {"C": axis([0, 0, 1], [0, 0, 0])})), "[A]")
-    check_refused(
-        write_machine(tmp_path, machine_text(chain, {}, 'programmed_point = "top"')), "programmed_point"
-    )
+    check_refused(write_machine(tmp_path, machine_text(chain, {}, 'programmed_point = "top"')), "programmed_point")
 
 
 def test_a_machine_file_holds_spindle_nose_and_table(write_machine, chains, tmp_path):
@@ -157,9 +147,7 @@ def test_bodies_that_are_none_are_refused_with_file_and_key(write_machine, chain
 
 def test_all_faults_of_a_machine_file_are_told_at_once(chains, write_machine, tmp_path):
     text = (
-        chains["table-table"]
-        .replace("speed = 10000.0", 'speed = "fast"', 1)
-        .replace("endless = true", "endless = 1")
+        chains["table-table"].replace("speed = 10000.0", 'speed = "fast"', 1).replace("endless = true", "endless = 1")
     )
     path = write_machine(tmp_path, text.replace("sign = -1", "sign = 2", 1) + "colour = 3\n")
     with pytest.raises(MachineError) as caught:
@@ -194,23 +182,14 @@ def test_a_machine_file_that_is_no_sane_text_is_refused(text, why, tmp_path):
 @pytest.mark.parametrize(
     ("change", "key"),
     [
-        (
-            ("part_zero", "part_z = [0.0, 1.0, 0.0]\npart_zero"),
-            "part_x: missing: part_x and part_z belong together",
-        ),
+        (("part_zero", "part_z = [0.0, 1.0, 0.0]\npart_zero"), "part_x: missing: part_x and part_z belong together"),
         (
             ("part_zero", "part_z = [0.0, 1.0, 0.0]\npart_x = [0.0, 1.0, 0.0]\npart_zero"),
             "part_x: is not at right angles to part_z",
         ),
-        (
-            ('["C", "A"', '["A", "C"'),
-            "part_z: missing: A carries the part and does not turn about the machine's Z",
-        ),
+        (('["C", "A"', '["A", "C"'), "part_z: missing: A carries the part and does not turn about the machine's Z"),
         (("limits_deg", "locked_deg = 3.0\nlimits_deg"), "A.locked_deg: a locked axis has no limits"),
-        (
-            ("part_zero", "spindle_speed = 100.0\nspindle_lowest = 200.0\npart_zero"),
-            "spindle_lowest: 200: above",
-        ),
+        (("part_zero", "spindle_speed = 100.0\nspindle_lowest = 200.0\npart_zero"), "spindle_lowest: 200: above"),
     ],
 )
 def test_what_a_machine_assumes_of_its_part_is_asked_for(write_machine, chains, change, key, tmp_path):
@@ -238,8 +217,7 @@ def test_an_unknown_machine_is_refused_with_the_known_ones():
     with pytest.raises(MachineError, match=r"'nosuch' is unknown: use one of dmu-45, haas-umc750, "):
         read_machine("nosuch")
     with pytest.raises(
-        MachineError,
-        match=r"^none/mill\.toml: no such file: give a machine's \.toml file, or one of dmu-45, haas",
+        MachineError, match=r"^none/mill\.toml: no such file: give a machine's \.toml file, or one of dmu-45, haas"
     ):
         read_machine("none/mill.toml")
 
@@ -249,9 +227,7 @@ def test_a_jerk_is_read_per_minute_and_needs_an_acceleration(
 ) -> None:
     text = (MACHINES / "hermle-c600u.toml").read_text()
     jerked = text.replace("acceleration = 6000.0", "acceleration = 6000.0\njerk = 50000.0")
-    jerked = jerked.replace(
-        "acceleration_deg_s2 = 600.0", "acceleration_deg_s2 = 600.0\njerk_deg_s3 = 5000.0"
-    )
+    jerked = jerked.replace("acceleration_deg_s2 = 600.0", "acceleration_deg_s2 = 600.0\njerk_deg_s3 = 5000.0")
     machine = read_machine(write_machine(tmp_path, jerked))
     assert [axis.jerk for axis in machine.linear] == [50000.0 * 60**3] * 3
     assert [axis.jerk for axis in machine.rotary] == [pytest.approx(np.radians(5000.0) * 60**3), np.inf]

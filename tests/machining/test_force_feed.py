@@ -35,9 +35,7 @@ def simulated(paths):
     stock = Capsule(np.array([0.0, 0, 45.0]) + OFF, np.array([0.0, 0, 65.0]) + OFF, 5.4)
     work = Workpiece("test", *mechanics_of_job(JOB), POST, 0.0)
     cutters = [path.cutter for path in paths]
-    removal = simulate_removal(
-        text, MACHINE, DIALECT, stock, POST, cutters, accuracy=Accuracy(0.15), workpiece=work
-    )
+    removal = simulate_removal(text, MACHINE, DIALECT, stock, POST, cutters, accuracy=Accuracy(0.15), workpiece=work)
     return text, removal
 
 

@@ -87,10 +87,7 @@ def test_rays_have_room_for_many_ribs(block: Dexels) -> None:
     across = np.array([[0.0, -6.0, 30.0], [0.0, 6.0, 30.0]])
     gone = float(cut.removed_by([poses(across)], NOTHING, 0.2)[0])
     assert 0 < gone < float(block.removed_by([poses(across)], NOTHING, 0.2)[0])
-    assert (
-        cut.without(poses(across[:1]), poses(across[1:]), 0.2).removed_by([poses(across)], NOTHING, 0.2)[0]
-        == 0
-    )
+    assert cut.without(poses(across[:1]), poses(across[1:]), 0.2).removed_by([poses(across)], NOTHING, 0.2)[0] == 0
 
 
 def test_flutes_remove_what_the_ball_below_them_passes_by(block: Dexels) -> None:
@@ -122,9 +119,7 @@ def test_what_flutes_have_removed_is_gone(block: Dexels) -> None:
     contact = line.mean(axis=0)[None]
     there = poses(contact)
     assert block.removed_by([there], [there], RADIUS, 5.0)[0] == pytest.approx(0, abs=1e-3)
-    assert block.removed_by([there], NOTHING, RADIUS, 5.0)[0] == pytest.approx(
-        3 * np.pi * RADIUS**2, rel=0.02
-    )
+    assert block.removed_by([there], NOTHING, RADIUS, 5.0)[0] == pytest.approx(3 * np.pi * RADIUS**2, rel=0.02)
 
 
 def test_a_bull_nose_is_taken_out_once_where_balls_have_cut_what_cutters_have(path_of: Callable) -> None:
@@ -137,9 +132,7 @@ def test_a_bull_nose_is_taken_out_once_where_balls_have_cut_what_cutters_have(pa
     once = uncut.after(path)
     assert once.balls is once.cutters
     # behind a ball the two differ, and each is cut
-    apart = uncut.after(replace(path, cutter=replace(bull, corner_radius=None), tips=tips - 3.0 * UP)).after(
-        path
-    )
+    apart = uncut.after(replace(path, cutter=replace(bull, corner_radius=None), tips=tips - 3.0 * UP)).after(path)
     assert apart.balls is not apart.cutters
     for left in (apart.balls, apart.cutters):
         assert np.mean(volumes(left.sets)) < np.mean(volumes(once.balls.sets))

@@ -63,9 +63,7 @@ def levels(
 def path_on(stock: Skin, post: Post) -> Callable[[MachinedLevel, InProcessStock, Cutter], ToolPath]:
     def build(level: MachinedLevel, material: InProcessStock, cutter: Cutter) -> ToolPath:
         meshes = [MeshDistance(level.mesh)]
-        contacts = contact_path(
-            candidate_contacts(level, meshes, cutter, post, PathJob(pattern="round")), material
-        )
+        contacts = contact_path(candidate_contacts(level, meshes, cutter, post, PathJob(pattern="round")), material)
         scene = Scene(level.mesh, material.mesh, stock, post, DEVIATION)
         return orient(contacts, scene, MachineLimits(2.0), PathJob(), NcJob())
 
@@ -100,9 +98,7 @@ def test_the_balls_touch_the_places_left_and_enter_none(machined: tuple[InProces
     assert np.median(distance) < path.cutter.radius + 0.01
 
 
-def test_no_ball_of_the_path_is_inside_the_material_left(
-    machined: tuple[InProcessStock, ToolPath], post: Post
-) -> None:
+def test_no_ball_of_the_path_is_inside_the_material_left(machined: tuple[InProcessStock, ToolPath], post: Post) -> None:
     material, path = machined
     rows = np.flatnonzero(path.kinds == 0)
     centres = path.tips[rows] + path.cutter.radius * path.axes[rows]
@@ -181,9 +177,7 @@ def test_a_ball_that_rises_from_its_contact_enters_nothing_anew(
 
 
 def test_passes_that_find_only_what_passes_before_left_are_of_no_use(
-    levels: tuple[MachinedLevel, MachinedLevel, StockLevel],
-    stock: Skin,
-    machined: tuple[InProcessStock, ToolPath],
+    levels: tuple[MachinedLevel, MachinedLevel, StockLevel], stock: Skin, machined: tuple[InProcessStock, ToolPath]
 ) -> None:
     path = machined[1]
     cuts = path.kinds == MoveKind.CUT
@@ -292,10 +286,7 @@ def test_depths_count_from_the_edges_of_a_bar_before_the_first_cut_and_after_it(
 
 
 def test_a_rest_path_of_the_next_level_makes_no_ball_deeper(
-    machined: tuple[InProcessStock, ToolPath],
-    roughing_cutter: Cutter,
-    levels,
-    path_of: Callable[..., ToolPath],
+    machined: tuple[InProcessStock, ToolPath], roughing_cutter: Cutter, levels, path_of: Callable[..., ToolPath]
 ) -> None:
     """Beside the post places stand that the ball has passed: how deep it is there is known from where it was."""
     material, path = machined

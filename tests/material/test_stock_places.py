@@ -11,10 +11,7 @@ from bonecam.setup.stock import Stock
 from bonecam.setup.stocks.box import Box
 from bonecam.setup.stocks.cylinder import Cylinder
 
-BARS = {
-    "cylinder": Cylinder(4.0, 10.0, 30.0),
-    "box": Box(np.array([-5.0, -4.0, 10.0]), np.array([5.0, 4.0, 30.0])),
-}
+BARS = {"cylinder": Cylinder(4.0, 10.0, 30.0), "box": Box(np.array([-5.0, -4.0, 10.0]), np.array([5.0, 4.0, 30.0]))}
 
 
 def missed(bar: Stock, points: np.ndarray, faces: np.ndarray) -> float:

@@ -59,11 +59,7 @@ def test_a_section_without_symmetry_bends_aside() -> None:
     plain = column_sections(2.0, 0.0, 40.0)
     second = np.array([[9.0, 4.0], [4.0, 6.0]])
     beam = Beam(
-        Sections(
-            plain.low, plain.high, plain.area, plain.centroid, np.tile(second, (80, 1, 1)), plain.flexible
-        ),
-        E,
-        NU,
+        Sections(plain.low, plain.high, plain.area, plain.centroid, np.tile(second, (80, 1, 1)), plain.flexible), E, NU
     )
     found = beam.compliance(at(0, 0, 40.0))[0, :2, :2]
     wanted = 40.0**3 / (3 * E) * np.linalg.inv(second) + shear(40.0, np.pi * 4) * np.eye(2)
@@ -129,9 +125,7 @@ def test_the_stress_is_the_moment_over_the_modulus_at_the_weakest_slice() -> Non
 def test_a_support_takes_the_moment_off_the_foot() -> None:
     length = 4000.0
     stiff = Support(np.array([0.0, 0.0, length]), np.diag([1e9, 1e9, 0.0]))
-    found = Beam(column_sections(2.0, 0.0, length), E, NU, stiff).moment_stress(
-        FORCES[:1], at(0, 0, length / 2)
-    )
+    found = Beam(column_sections(2.0, 0.0, length), E, NU, stiff).moment_stress(FORCES[:1], at(0, 0, length / 2))
     assert found[0] == pytest.approx(3 * length / 16 / (np.pi / 4 * 8), rel=1e-4)
 
 
@@ -171,17 +165,14 @@ def test_a_shoulder_softens_a_neck_as_a_piece_of_it_would() -> None:
 
 
 @pytest.mark.parametrize(("radius", "wide", "neck"), [(4.0, 6.0, 7.0), (3.0, 6.0, 6.0), (3.0, 9.0, 6.0)])
-def test_finite_elements_find_a_neck_with_its_shoulders_as_soft(
-    radius: float, wide: float, neck: float
-) -> None:
+def test_finite_elements_find_a_neck_with_its_shoulders_as_soft(radius: float, wide: float, neck: float) -> None:
     """Bodies of revolution under a load across their axis: one wave round the axis, quadratic elements in r and z."""
     skfem = pytest.importorskip("skfem")
     low, high, step = 2 * wide, 40.0, 0.5
     top = low + neck
     total = top + high
     radii = np.r_[
-        np.linspace(0, radius, int(radius / step) + 1),
-        np.linspace(radius, wide, int((wide - radius) / step) + 1),
+        np.linspace(0, radius, int(radius / step) + 1), np.linspace(radius, wide, int((wide - radius) / step) + 1)
     ]
     heights = [
         np.linspace(*ends, int((ends[1] - ends[0]) / size) + 1)

@@ -117,9 +117,7 @@ def test_more_flutes_carry_the_mean_and_even_the_peak():
     one, two, four = (cut(1.0, flutes=flutes)[0] for flutes in (1, 2, 4))
     middle = len(one.mean) // 2
     assert two.mean[middle] == pytest.approx(2 * one.mean[middle], rel=1e-9)
-    ratios = [
-        np.linalg.norm(each.peak[middle]) / np.linalg.norm(each.mean[middle]) for each in (one, two, four)
-    ]
+    ratios = [np.linalg.norm(each.peak[middle]) / np.linalg.norm(each.mean[middle]) for each in (one, two, four)]
     assert ratios[0] > ratios[1] > ratios[2] > 1
     # of one edge in a slot the largest force is that of the thickest chip, ahead
     thickest = np.linalg.norm(one.single[middle], axis=1)

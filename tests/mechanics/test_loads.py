@@ -132,10 +132,7 @@ def test_what_bends_too_much_is_told_with_what_would_help():
     assert (sound.faults, sound.remedies) == ((), ())
     stress, error = weak.faults
     assert "stress at the peaks is 975 MPa, more than half of the yield strength (125 MPa)" in stress
-    assert (
-        f"bending keeps errors of {1000 * weak.error.p99:.1f} um, more than mechanics.largest_error (50 um)"
-        in error
-    )
+    assert f"bending keeps errors of {1000 * weak.error.p99:.1f} um, more than mechanics.largest_error (50 um)" in error
     assert weak.report["faults"] == [stress, error]
     assert 0 < weak.remedies[0].p99 < weak.error.p99
     assert "a chuck or collet 6 mm below the part" in {one["what"] for one in weak.report["remedies"]}
@@ -186,9 +183,7 @@ def test_the_figures_of_the_report_are_those_of_the_loads():
     assert told["error_kept_um"]["place"][2] == AT
     assert told["neck_stress_max_mpa"] == pytest.approx(path.stress.max(), abs=0.1)
     assert told["levels"][0]["peak_max_n"] == pytest.approx(path.peak.max(), abs=0.01)
-    assert told["levels"][0]["force_mean_n"] == pytest.approx(
-        np.average(path.mean, weights=path.minutes), abs=0.01
-    )
+    assert told["levels"][0]["force_mean_n"] == pytest.approx(np.average(path.mean, weights=path.minutes), abs=0.01)
     assert (told["first_hz"], told["tooth_hz"]) == (round(path.first_hz, 1), 150.0)
     assert told["band"] == [0.6, 1.9]
     forces = found.move_forces(100)

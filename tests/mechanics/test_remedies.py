@@ -37,9 +37,7 @@ def found(
     work = Workpiece("test", ALUMINIUM, FORCE, Post(RADIUS, neck), 0.0, **held)  # type: ignore[arg-type]
     points = np.array([[0.0, 0.0, AT]] * 3)
     mesh = cylinder(RADIUS, neck, TOP, 0.05)
-    kept = KeptErrors(
-        Finished(mesh, points, np.tile([1.0, 0, 0], (3, 1)), np.ones(3), np.zeros(3, dtype=np.int64))
-    )
+    kept = KeptErrors(Finished(mesh, points, np.tile([1.0, 0, 0], (3, 1)), np.ones(3), np.zeros(3, dtype=np.int64)))
     kept.passing[:], kept.mean[:] = [-passing, 0.0, 0.0], [-force, 0.0, 0.0]
     kept.axes[:] = [0.0, 0.0, 1.0]
     kept.tool[:] = tool
@@ -48,9 +46,7 @@ def found(
     told = remedies(work, standing, kept, np.ones(3), tooth_hz, 135.0)
     assert [one.p99 for one in told] == sorted(one.p99 for one in told)
     assert all(
-        one.stress == (pytest.approx(40.0) if "neck of" in one.what else 135.0)
-        for one in told
-        if "pin" not in one.what
+        one.stress == (pytest.approx(40.0) if "neck of" in one.what else 135.0) for one in told if "pin" not in one.what
     )
     assert all(one.stress < 135.0 for one in told if "pin" in one.what)
     return {one.what: one.p99 for one in told}, float(kept.errors[0])
@@ -72,9 +68,7 @@ def test_a_pin_at_the_free_end_is_offered_to_a_part_without_one() -> None:
     assert not any("pin" in what for what in found(NECK, 1e-6)[0])
     left = HoldingJob(diameter=2 * RADIUS, length=NECK, tailstock_x=30.0, tailstock_height=NECK + 1.0)
     forgotten = " and holding.tailstock_x = 0 and holding.tailstock_height = 0)"
-    as_new = {
-        what.replace(forgotten, ")"): error for what, error in found(NECK, 1e-6, holding=left)[0].items()
-    }
+    as_new = {what.replace(forgotten, ")"): error for what, error in found(NECK, 1e-6, holding=left)[0].items()}
     assert as_new == pytest.approx(told)
     has_one = HoldingJob(diameter=2 * RADIUS, tailstock="pin", tailstock_reach=100.0)
     assert not any("pin of" in what for what in found(NECK, 1e-6, holding=has_one)[0])

@@ -18,18 +18,14 @@ SIDES = np.array([[1, 2, 6], [1, 6, 5], [2, 3, 7], [2, 7, 6], [3, 0, 4], [3, 4, 
 def leaning_box(width: float, depth: float, shift: float) -> TriangleMesh:
     """A box of 10 mm height with its lowest corner at the origin, whose top is moved along X."""
     base = np.array([[0.0, 0, 0], [width, 0, 0], [width, depth, 0], [0, depth, 0]])
-    return TriangleMesh(
-        np.vstack([base, base + np.array([shift, 0, 10.0])]), np.vstack([BOX, SIDES]).astype(np.int32)
-    )
+    return TriangleMesh(np.vstack([base, base + np.array([shift, 0, 10.0])]), np.vstack([BOX, SIDES]).astype(np.int32))
 
 
 def test_a_leaning_box_has_its_area_its_middle_and_its_moments() -> None:
     cut = mesh_sections(leaning_box(3.0, 2.0, 5.0))
     assert np.allclose(cut.high - cut.low, 0.5)
     np.testing.assert_allclose(cut.area, 6.0, rtol=1e-12)
-    np.testing.assert_allclose(
-        cut.centroid, np.column_stack([1.5 + cut.z / 2, np.ones(len(cut.z))]), rtol=1e-12
-    )
+    np.testing.assert_allclose(cut.centroid, np.column_stack([1.5 + cut.z / 2, np.ones(len(cut.z))]), rtol=1e-12)
     np.testing.assert_allclose(cut.second, np.broadcast_to(np.diag([4.5, 2.0]), (20, 2, 2)), atol=1e-11)
 
 

@@ -10,9 +10,7 @@ from bonecam.mechanics.strip import job_strip_force, lighter_cuts, strip_force
 FORCE = CuttingForce((631.0, 99.0, 273.0, 13.0, 10.0, 2.8), (0.6, 1.9), "test", scaled=False)
 
 
-@pytest.mark.parametrize(
-    ("radius", "depth", "scallop", "chip"), [(2.0, 0.5, 0.05, 0.1), (1.0, 0.3, 0.1, 0.04)]
-)
+@pytest.mark.parametrize(("radius", "depth", "scallop", "chip"), [(2.0, 0.5, 0.05, 0.1), (1.0, 0.3, 0.1, 0.04)])
 def test_the_force_is_the_sum_over_the_engaged_edge(radius, depth, scallop, chip) -> None:
     """A pass beside one that is w away: the edge meets material where the ball is below the surface and outside the
     ball of the pass before."""

@@ -11,9 +11,7 @@ from bonecam.mechanics.sections import column_sections
 from bonecam.mechanics.tailstock import STEEL, tailstock_support
 from bonecam.workholding.column import Column
 
-RIGID = HoldingJob(
-    diameter=6.0, tailstock="pin", tailstock_column=200.0, tailstock_arm=200.0, tailstock_reach=120.0
-)
+RIGID = HoldingJob(diameter=6.0, tailstock="pin", tailstock_column=200.0, tailstock_arm=200.0, tailstock_reach=120.0)
 E = 70000.0
 
 
@@ -29,9 +27,7 @@ def test_a_pin_of_2_by_10_mm_of_steel_gives_495_newtons_a_millimetre() -> None:
 
 
 def test_an_upper_neck_is_of_the_parts_material() -> None:
-    pin, neck = (
-        stiffness(replace(RIGID, tailstock=kind), Column(1.0, 60.0, 50.0)) for kind in ("pin", "neck")
-    )
+    pin, neck = (stiffness(replace(RIGID, tailstock=kind), Column(1.0, 60.0, 50.0)) for kind in ("pin", "neck"))
     assert neck[0, 0] / pin[0, 0] == pytest.approx(E / STEEL, rel=0.003)
 
 

@@ -13,8 +13,7 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 
 def solid_of(vertices: np.ndarray, faces: np.ndarray) -> TriangleMesh:
     return TriangleMesh(
-        np.asarray(vertices, dtype=np.float64).reshape(-1, 3),
-        np.asarray(faces, dtype=np.int32).reshape(-1, 3),
+        np.asarray(vertices, dtype=np.float64).reshape(-1, 3), np.asarray(faces, dtype=np.int32).reshape(-1, 3)
     )
 
 
@@ -70,24 +69,17 @@ def together() -> Callable[..., TriangleMesh]:
 def ellipsoid() -> Callable[..., TriangleMesh]:
     """Makes an ellipsoid of semi-axes a, b, c about the origin; `thick_end` > 0 swells the lower half."""
 
-    def build(
-        a: float, b: float, c: float, rings: int = 24, columns: int = 32, thick_end: float = 0.0
-    ) -> TriangleMesh:
+    def build(a: float, b: float, c: float, rings: int = 24, columns: int = 32, thick_end: float = 0.0) -> TriangleMesh:
         angle = np.pi * np.arange(1, rings + 1) / (rings + 1)
         turn = 2 * np.pi * np.arange(columns) / columns
         height = -np.cos(angle)[:, None] * np.ones(columns)
         width = np.sin(angle)[:, None] * (1 - thick_end * height)
-        tube = np.stack([a * width * np.cos(turn), b * width * np.sin(turn), c * height], axis=2).reshape(
-            -1, 3
-        )
+        tube = np.stack([a * width * np.cos(turn), b * width * np.sin(turn), c * height], axis=2).reshape(-1, 3)
         low, high = len(tube), len(tube) + 1
         j = np.arange(columns)
         k = (j + 1) % columns
         last = (rings - 1) * columns
-        caps = [
-            np.stack([np.full(columns, low), k, j], 1),
-            np.stack([np.full(columns, high), last + j, last + k], 1),
-        ]
+        caps = [np.stack([np.full(columns, low), k, j], 1), np.stack([np.full(columns, high), last + j, last + k], 1)]
         faces = np.concatenate([tube_faces(rings, columns, False), *caps])
         return solid_of(np.concatenate([tube, [[0, 0, -c], [0, 0, c]]]), faces)
 
@@ -101,14 +93,10 @@ def torus() -> Callable[..., TriangleMesh]:
     def build(radius: float = 10.0, tube: float = 3.0) -> TriangleMesh:
         u, v = (
             x.ravel()
-            for x in np.meshgrid(
-                2 * np.pi * np.arange(40) / 40, 2 * np.pi * np.arange(16) / 16, indexing="ij"
-            )
+            for x in np.meshgrid(2 * np.pi * np.arange(40) / 40, 2 * np.pi * np.arange(16) / 16, indexing="ij")
         )
         ring = radius + tube * np.cos(v)
-        mesh = solid_of(
-            np.stack([ring * np.cos(u), ring * np.sin(u), tube * np.sin(v)], 1), tube_faces(40, 16, True)
-        )
+        mesh = solid_of(np.stack([ring * np.cos(u), ring * np.sin(u), tube * np.sin(v)], 1), tube_faces(40, 16, True))
         return mesh if mesh.volume > 0 else solid_of(mesh.vertices, mesh.faces[:, ::-1])
 
     return build

@@ -99,15 +99,11 @@ def test_the_tree_finds_the_distances_of_the_exact_search(
 
 
 def test_a_triangle_without_area_is_as_far_as_its_edges(solid: Callable[..., TriangleMesh]) -> None:
-    flat = solid(
-        np.array([[0.0, 0, 0], [4, 0, 0], [2, 0, 0], [2, 0, 0]]), np.array([[0, 1, 2], [1, 2, 3], [3, 3, 2]])
-    )
+    flat = solid(np.array([[0.0, 0, 0], [4, 0, 0], [2, 0, 0], [2, 0, 0]]), np.array([[0, 1, 2], [1, 2, 3], [3, 3, 2]]))
     points = np.random.default_rng(3).normal(size=(500, 3)) * 3
     x = np.clip(points[:, 0], 0, 4)
     assert np.allclose(
-        MeshDistance(flat).unsigned(points),
-        np.hypot(points[:, 0] - x, np.hypot(points[:, 1], points[:, 2])),
-        atol=1e-9,
+        MeshDistance(flat).unsigned(points), np.hypot(points[:, 0] - x, np.hypot(points[:, 1], points[:, 2])), atol=1e-9
     )
 
 

@@ -16,9 +16,7 @@ def pear(ellipsoid: Callable[..., TriangleMesh]) -> TriangleMesh:
     return ellipsoid(5, 3, 14, thick_end=0.3)
 
 
-def test_any_pose_ends_upright_with_the_thick_end_down(
-    solid: Callable[..., TriangleMesh], pear: TriangleMesh
-) -> None:
+def test_any_pose_ends_upright_with_the_thick_end_down(solid: Callable[..., TriangleMesh], pear: TriangleMesh) -> None:
     placed = solid(pear.vertices @ TURN.T + [100, -50, 7], pear.faces)
     mesh, transform = upright(placed)
     assert np.allclose(placed.vertices @ transform[:3, :3].T + transform[:3, 3], mesh.vertices, atol=1e-9)
@@ -50,14 +48,10 @@ def test_the_circle_touches_and_holds_all_points() -> None:
     assert distances.max() == pytest.approx(radius)
     touching = points[distances > radius * (1 - 1e-9)] - centre
     angles = np.sort(np.arctan2(touching[:, 1], touching[:, 0]))
-    assert np.diff(np.append(angles, angles[0] + 2 * np.pi)).max() <= np.pi + 1e-6, (
-        "no smaller circle holds them"
-    )
+    assert np.diff(np.append(angles, angles[0] + 2 * np.pi)).max() <= np.pi + 1e-6, "no smaller circle holds them"
 
 
-def test_an_inside_out_mesh_has_no_pose(
-    torus: Callable[..., TriangleMesh], solid: Callable[..., TriangleMesh]
-) -> None:
+def test_an_inside_out_mesh_has_no_pose(torus: Callable[..., TriangleMesh], solid: Callable[..., TriangleMesh]) -> None:
     mesh = torus()
     with pytest.raises(MeshError, match="outwards"):
         upright(solid(mesh.vertices, mesh.faces[:, ::-1]))

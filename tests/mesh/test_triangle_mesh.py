@@ -21,9 +21,7 @@ MADE_BY: dict[str, Callable[[], Any]] = {
     "lists": lambda: (CORNERS.tolist(), FACES.tolist()),
     "ours": lambda: TriangleMesh(CORNERS, FACES),
     "open3d": lambda: TriangleMesh(CORNERS, FACES).to_open3d(),
-    "open3d tensors": lambda: open3d.t.geometry.TriangleMesh.from_legacy(
-        TriangleMesh(CORNERS, FACES).to_open3d()
-    ),
+    "open3d tensors": lambda: open3d.t.geometry.TriangleMesh.from_legacy(TriangleMesh(CORNERS, FACES).to_open3d()),
     "trimesh": lambda: TriangleMesh(CORNERS, FACES).to_trimesh(),
     "trimesh's scene": lambda: trimesh.Scene([TriangleMesh(CORNERS, FACES).to_trimesh()]),
     "pymeshlab": lambda: pymeshlab.Mesh(CORNERS, FACES),

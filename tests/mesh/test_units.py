@@ -30,9 +30,7 @@ def test_metres_taken_for_mm_are_refused_with_the_flag_that_fits(
         to_mm(moved(bone, (0, 0, 0), 0.001), "mm", "bone.stl")
 
 
-def test_units_that_fit_are_told_in_one_remedy(
-    moved: Callable[..., TriangleMesh], bone: TriangleMesh
-) -> None:
+def test_units_that_fit_are_told_in_one_remedy(moved: Callable[..., TriangleMesh], bone: TriangleMesh) -> None:
     asked = r"is it in m, in inch, in cm, or wrongly scaled\? "
     remedy = (
         r"give --units m \(941 mm\) or --units inch \(23\.9 mm\) or --units cm \(9\.41 mm\), "

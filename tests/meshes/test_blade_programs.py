@@ -50,9 +50,7 @@ def test_every_pass_of_the_hecc_blade_is_reached_between_its_neighbours(shared: 
     folder = shared / "meshes" / "blades" / "sections" / "hecc"
     files = sorted(folder.glob("*main_blade_section*"))
     blade = read_sections(files, columns="x r*theta r", axis="-x", scale=10.0).skin(0.01)
-    flow = [
-        read_flow_path(next(folder.glob(f"*{end}.txt")), axis="-x", scale=10.0) for end in ("hub", "shroud")
-    ]
+    flow = [read_flow_path(next(folder.glob(f"*{end}.txt")), axis="-x", scale=10.0) for end in ("hub", "shroud")]
     wheel = impeller(blade, *flow, 15)
     made = bonecam.finish(blade, wheel.hub, wheel.blades[1:], HECC)
     assert made.path.reasons.count("collision") == sum(made.path.blocked_by.values())

@@ -17,9 +17,7 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 def shipped() -> TriangleMesh:
     meshes = pymeshlab.MeshSet()
     meshes.load_new_mesh(str(bonecam_meshes.path("phalanx")))
-    return TriangleMesh(
-        meshes.current_mesh().vertex_matrix(), meshes.current_mesh().face_matrix().astype(np.int32)
-    )
+    return TriangleMesh(meshes.current_mesh().vertex_matrix(), meshes.current_mesh().face_matrix().astype(np.int32))
 
 
 @pytest.fixture(scope="module")

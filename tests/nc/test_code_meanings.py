@@ -47,9 +47,7 @@ def test_a_statement_that_takes_such_a_code_is_refused(pattern, tmp_path):
 def test_a_program_in_inches_does_not_begin_in_klartext(tmp_path):
     path = tmp_path / "mine.toml"
     text = (DIALECTS / "heidenhain.toml").read_text()
-    path.write_text(
-        text.replace('[A-Z0-9_]+) MM\'\neffect = "begin"', '[A-Z0-9_]+) (MM|INCH)\'\neffect = "begin"')
-    )
+    path.write_text(text.replace('[A-Z0-9_]+) MM\'\neffect = "begin"', '[A-Z0-9_]+) (MM|INCH)\'\neffect = "begin"'))
     with pytest.raises(MachineError, match="takes BEGIN PGM A INCH, inches, for harmless: leave it out"):
         read_dialect(path)
 

@@ -47,11 +47,7 @@ def test_a_wrong_dialect_file_is_refused_with_file_and_key(text, key, tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "key"),
     [
-        (
-            'comment = "({text})"',
-            'comment = "{text.__class__}"',
-            "comment: field 'text.__class__' is unknown",
-        ),
+        ('comment = "({text})"', 'comment = "{text.__class__}"', "comment: field 'text.__class__' is unknown"),
         ('comment = "({text})"', 'comment = "({text:>20000000000})"', "comment: field 'text' has the format"),
         (
             'comment = "({text})"',
@@ -88,17 +84,9 @@ def test_templates_and_numbers_hold_data_only(old, new, key, tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "key"),
     [
-        (
-            "{letter}=DC({number})",
-            "{number}=DC({letter})",
-            "endless_word: '{number}=DC({letter})': give {letter} and",
-        ),
+        ("{letter}=DC({number})", "{number}=DC({letter})", "endless_word: '{number}=DC({letter})': give {letter} and"),
         ("{letter}=DC({number})", "{letter}= DC({number})", "endless_word: '{letter}= DC({number})': give"),
-        (
-            "{letter}=DC({number})",
-            "{letter}=DC({number:>9})",
-            "endless_word: '{letter}=DC({number:>9})': give",
-        ),
+        ("{letter}=DC({number})", "{letter}=DC({number:>9})", "endless_word: '{letter}=DC({number:>9})': give"),
         ("{letter}=DC({number})", "{letter.upper}{number}", "endless_word: field 'letter.upper' is unknown"),
         ("endless_from_deg = 0.0", "endless_from_deg = 90.0", "endless_from_deg: 90.0: give at most 0"),
         (
@@ -106,18 +94,10 @@ def test_templates_and_numbers_hold_data_only(old, new, key, tmp_path):
             "G54 D{length}\n",
             "tool_centre_control.TRAORI.on: field 'length' is unknown: use one of height, tool",
         ),
-        (
-            'off = "TRAFOOF"',
-            'off = "TRAFOOF {tool}"',
-            "tool_centre_control.TRAORI.off: field 'tool' is unknown",
-        ),
+        ('off = "TRAFOOF"', 'off = "TRAFOOF {tool}"', "tool_centre_control.TRAORI.off: field 'tool' is unknown"),
         ("first = 10\nstep = 10", "first = 10\nstep = 0", "numbering.step: 0: give 1 or more"),
         ("highest = 99999990", "highest = 10", "numbering.highest: 10: give more than first (10)"),
-        (
-            'format = "N{number} {text}"',
-            'format = "{text} N{number}"',
-            "numbering.format: '{text} N{number}': give",
-        ),
+        ('format = "N{number} {text}"', 'format = "{text} N{number}"', "numbering.format: '{text} N{number}': give"),
         ('["G0"]', '["G0", "G1"]', "codes.rapid: G1 is a feed move: list it in feed"),
         ('["G0"]', '["G0", "G17"]', "codes.rapid: G17 is in none too: a code does one thing"),
         ('["TRAORI"]', '["TRAORI(1)"]', "codes.tool_centre_on[0]: 'TRAORI(1)'"),
@@ -168,9 +148,7 @@ def test_a_percent_sign_in_a_template_of_moves_is_written_as_it_is(tmp_path):
 
 
 def test_an_unknown_controller_is_refused_with_the_known_ones():
-    with pytest.raises(
-        MachineError, match="'nosuch' is unknown: use one of fanuc-30i, heidenhain, linuxcnc, makino, "
-    ):
+    with pytest.raises(MachineError, match="'nosuch' is unknown: use one of fanuc-30i, heidenhain, linuxcnc, makino, "):
         read_dialect("nosuch")
 
 

@@ -40,9 +40,7 @@ def test_another_work_offset_is_written_and_asked_for_again_when_read(
 
 
 @pytest.mark.parametrize("controller", dialect_names())
-def test_mist_is_switched_on_in_the_place_of_flood(
-    controller: str, capsule_path: Callable[..., ToolPath]
-) -> None:
+def test_mist_is_switched_on_in_the_place_of_flood(controller: str, capsule_path: Callable[..., ToolPath]) -> None:
     asked = job(controller, coolant_kind="mist")
     machine, dialect = read_machine("mikron-ucp600"), job_dialect(asked.nc)
     text = write_program([capsule_path(count=60)], machine, dialect, asked).text
@@ -50,9 +48,7 @@ def test_mist_is_switched_on_in_the_place_of_flood(
     assert read_program(text, machine, dialect).coolant.any()
 
 
-def test_blocks_without_numbers_and_with_other_decimals_are_read_back(
-    capsule_path: Callable[..., ToolPath],
-) -> None:
+def test_blocks_without_numbers_and_with_other_decimals_are_read_back(capsule_path: Callable[..., ToolPath]) -> None:
     asked = job("fanuc-30i", block_numbers=False, decimals=4, program_number=4711)
     machine, dialect = read_machine("mikron-ucp600"), job_dialect(asked.nc)
     text = write_program([capsule_path(count=60)], machine, dialect, asked).text

@@ -28,9 +28,7 @@ LONG = "Proximale Phalanx links - Versuch Nr 12 Größe L (für Dr X) - bitte ni
 
 @pytest.mark.parametrize("name", dialect_names())
 @pytest.mark.parametrize(("second", "split"), [(False, False), (True, True)])
-def test_a_name_that_a_control_refuses_is_told_with_one_that_it_takes(
-    name: str, second: bool, split: bool
-) -> None:
+def test_a_name_that_a_control_refuses_is_told_with_one_that_it_takes(name: str, second: bool, split: bool) -> None:
     dialect = read_dialect(name)
     check_file_name(Path(f"bone{dialect.extension}"), dialect, second=second, split=split)
     for stem in (LONG, "1", "größe", "a" * 300):
@@ -64,9 +62,7 @@ def test_comments_keep_to_the_longest_line(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", dialect_names())
-def test_every_line_of_a_program_is_one_that_the_control_loads(
-    name: str, three_paths: Sequence[ToolPath]
-) -> None:
+def test_every_line_of_a_program_is_one_that_the_control_loads(name: str, three_paths: Sequence[ToolPath]) -> None:
     long = "part: " + "Größe L, towards X+ and Y+ " * 40
     for form in ("controller", *read_dialect(name).forms):
         dialect = read_dialect(name).in_form(form)
@@ -77,9 +73,7 @@ def test_every_line_of_a_program_is_one_that_the_control_loads(
         read_program(program.text, machine, dialect)
 
 
-def test_a_line_that_the_control_does_not_load_is_refused_with_its_number(
-    three_paths: Sequence[ToolPath],
-) -> None:
+def test_a_line_that_the_control_does_not_load_is_refused_with_its_number(three_paths: Sequence[ToolPath]) -> None:
     machine, dialect = read_machine("linuxcnc-xyzbc"), read_dialect("linuxcnc")
     text = write_program(three_paths, machine, dialect, Job()).text
     for length, fits in ((252, True), (253, False)):
@@ -87,9 +81,7 @@ def test_a_line_that_the_control_does_not_load_is_refused_with_its_number(
         if fits:
             read_program(longer, machine, dialect)
             continue
-        with pytest.raises(
-            ProgramError, match=r"line 2: it has 253 characters, linuxcnc loads 252: divide it"
-        ):
+        with pytest.raises(ProgramError, match=r"line 2: it has 253 characters, linuxcnc loads 252: divide it"):
             read_program(longer, machine, dialect)
 
 
@@ -113,9 +105,7 @@ def test_the_program_of_a_part_with_a_long_name_has_one_that_the_control_takes()
 def test_a_batch_refuses_a_name_before_any_part(tmp_path: Path) -> None:
     parts = [tmp_path / f"{name}.stl" for name in ("bone", LONG)]
     job = Job().with_values(nc={"controller": "siemens-840d"})
-    with pytest.raises(
-        FileError, match=r"verwechseln\.stl: .*: name it Proximale_Phalanx_links\.mpf, by the name"
-    ):
+    with pytest.raises(FileError, match=r"verwechseln\.stl: .*: name it Proximale_Phalanx_links\.mpf, by the name"):
         bonecam.convert_many(parts, tmp_path / "out", job)
     assert not (tmp_path / "out").exists()
 
@@ -135,16 +125,12 @@ def test_the_usual_controller_of_every_machine_fits_it(name: str) -> None:
     check_posting(job, read_machine(name), job_dialect(job.nc))
 
 
-def test_the_controller_of_a_machine_file_lies_beside_it_and_a_job_that_names_one_wins(
-    tmp_path: Path,
-) -> None:
+def test_the_controller_of_a_machine_file_lies_beside_it_and_a_job_that_names_one_wins(tmp_path: Path) -> None:
     text = (machine_files()["linuxcnc-xyzbc"]).read_text(encoding="utf-8")
     (tmp_path / "own.toml").write_text('like = "linuxcnc"\ntitle = "Our own"\n')
     mine = tmp_path / "mill.toml"
     for stated, title in (("own.toml", "Our own"), ("", "Heidenhain Klartext")):
-        mine.write_text(
-            re.sub(r"(?m)^controller = .*\n", f'controller = "{stated}"\n' if stated else "", text)
-        )
+        mine.write_text(re.sub(r"(?m)^controller = .*\n", f'controller = "{stated}"\n' if stated else "", text))
         assert job_dialect(NcJob(machine=str(mine))).title == title
     assert job_dialect(NcJob(machine=str(mine), controller="makino")).name == "makino"
     mine.write_text(text.replace('controller = "linuxcnc"', 'controller = "linuxcmc"'))

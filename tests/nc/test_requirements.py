@@ -54,9 +54,7 @@ def test_what_stands_on_the_table_and_reaches_into_the_stock_is_refused_before_a
         if fits:
             check_room(stock, job, crowded)
             continue
-        with pytest.raises(
-            MachineError, match=r"reaches to z 50 mm, the stock begins at 40: give a longer post"
-        ):
+        with pytest.raises(MachineError, match=r"reaches to z 50 mm, the stock begins at 40: give a longer post"):
             check_room(stock, job, crowded)
 
 
@@ -66,9 +64,7 @@ def test_a_table_that_sweeps_more_than_z_travels_is_refused_before_anything_is_p
     job = Job().with_values(holding={"length": 40.0})
     check_room(stock, job, replace(machine, table=Table(standing=(Frustum(30.0, 300.0, 300.0),))))
     huge = replace(machine, table=Table(standing=(Frustum(30.0, 90_000.0, 90_000.0),)))
-    with pytest.raises(
-        MachineError, match=r"reach 45\d\d\d mm from the pivot.*correct the machine's \[table\]"
-    ):
+    with pytest.raises(MachineError, match=r"reach 45\d\d\d mm from the pivot.*correct the machine's \[table\]"):
         check_room(stock, job, huge)
 
 
@@ -93,16 +89,8 @@ def test_turntables_with_limits_reach_all_round(turns: tuple[float, float]) -> N
 @pytest.mark.parametrize(
     ("limits", "job", "told"),
     [
-        (
-            {"B": (-10, 10)},
-            {},
-            "leans by 9 deg all round at most, the sides of the stock need 15: .*path.max_tilt",
-        ),
-        (
-            {"B": (-80, 80)},
-            {"path": {"strategy": "rotary"}},
-            "the sides of the stock need 90: take another machine",
-        ),
+        ({"B": (-10, 10)}, {}, "leans by 9 deg all round at most, the sides of the stock need 15: .*path.max_tilt"),
+        ({"B": (-80, 80)}, {"path": {"strategy": "rotary"}}, "the sides of the stock need 90: take another machine"),
         ({"B": (-0.5, 0.5)}, {}, "leans to some sides only: give wider limits"),
         ({"C": (-80, 80), "B": (-115, 0)}, {}, "C -80 to 80 deg the tool axis leans to some sides only"),
     ],
@@ -125,9 +113,7 @@ def test_a_table_that_would_turn_over_for_a_rewind_is_refused_before_anything_is
     first, second = machine.part_axes
     round_x = replace(first, letter="A", direction=(1.0, 0.0, 0.0), endless=False, limits=(0.0, 2 * np.pi))
     tilted = replace(second, limits=(-np.radians(179), np.radians(179)))
-    with pytest.raises(
-        MachineError, match=r"A must be rewound by 3\d\d deg .* turns the table over"
-    ) as caught:
+    with pytest.raises(MachineError, match=r"A must be rewound by 3\d\d deg .* turns the table over") as caught:
         check_reach(Job(), replace(machine, part_axes=(round_x, tilted)))
     assert caught.value.evidence["axis"] == "A"
     middle = replace(round_x, limits=(-np.pi, np.pi))

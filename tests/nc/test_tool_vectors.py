@@ -44,9 +44,7 @@ def path(capsule_path: Callable[..., ToolPath]) -> ToolPath:
 
 @pytest.mark.parametrize("machine", ["mikron-ucp600", "hermle-c600u", "dmu-45"])
 @pytest.mark.parametrize("controller", WITH_VECTORS)
-def test_vectors_are_written_in_every_move_and_read_back(
-    controller: str, machine: str, path: ToolPath
-) -> None:
+def test_vectors_are_written_in_every_move_and_read_back(controller: str, machine: str, path: ToolPath) -> None:
     text, chosen, dialect, _ = posted(path, controller, "vectors", machine)
     assert "UNPROVED" in text or "UNVERIFIED" in text
     form = FIRST.get(controller, FIRST["fanuc-30i"])
@@ -69,9 +67,7 @@ def test_a_program_of_vectors_turns_the_axes_as_one_of_angles(controller: str, p
 
 @pytest.mark.parametrize("machine", ["mikron-ucp600", "hermle-c600u"])
 @pytest.mark.parametrize("controller", WITH_JOINTS)
-def test_joints_in_inverse_time_are_written_and_read_back(
-    controller: str, machine: str, path: ToolPath
-) -> None:
+def test_joints_in_inverse_time_are_written_and_read_back(controller: str, machine: str, path: ToolPath) -> None:
     text, chosen, dialect, _ = posted(path, controller, "joints", machine)
     assert "G93" in text
     assert not re.search(r"(?m)^(N\d+ )?(TRAORI|.*G43\.4)", text)
@@ -103,8 +99,7 @@ FAULTS = {
 
 
 @pytest.mark.parametrize(
-    ("controller", "pattern", "wrong", "told"),
-    [(name, *fault) for name, faults in FAULTS.items() for fault in faults],
+    ("controller", "pattern", "wrong", "told"), [(name, *fault) for name, faults in FAULTS.items() for fault in faults]
 )
 def test_a_wrong_vector_is_refused_with_its_line(
     controller: str, pattern: str, wrong: str, told: str, path: ToolPath
@@ -131,10 +126,7 @@ def test_a_vector_that_leans_otherwise_is_found_by_the_readback(controller: str,
 
 
 def test_the_axes_take_the_nearest_solution_and_stay_at_the_pole() -> None:
-    machine, vector = (
-        read_machine("mikron-ucp600"),
-        job_dialect(Job().with_values(nc={"axes": "vectors"}).nc).vector,
-    )
+    machine, vector = (read_machine("mikron-ucp600"), job_dialect(Job().with_values(nc={"axes": "vectors"}).nc).vector)
     angles = np.radians([[-20.0, 170.0], [-20.0, 185.0], [-20.0, 200.0], [0.0, 200.0], [-10.0, 200.0]])
     solved, _ = solved_angles(machine, vectors_of(machine, vector, angles), angles[0])
     np.testing.assert_allclose(solved, angles, atol=1e-5)
@@ -151,9 +143,7 @@ def test_a_change_to_the_other_solution_that_no_vector_states_is_refused() -> No
     machine, vector = read_machine("mikron-ucp600"), read_dialect("fanuc-30i").in_form("vectors").vector
     words = np.zeros((3, 5))
     words[:, 3:] = [[-5.0, 0.0], [5.0, 180.0], [5.0, 190.0]]
-    with pytest.raises(
-        MachineError, match=r"near B 5.000, C 180.000 deg a tool vector does not say .*nc.axes"
-    ):
+    with pytest.raises(MachineError, match=r"near B 5.000, C 180.000 deg a tool vector does not say .*nc.axes"):
         written_vectors(machine, vector, words)
     assert written_vectors(machine, vector, words[1:])[0].shape == (2, 6)
 
@@ -214,9 +204,7 @@ def test_a_rapid_that_turns_at_the_pole_lasts_as_long_as_its_axis_needs_in_joint
 
 
 def test_klartext_has_no_joints_in_inverse_time() -> None:
-    with pytest.raises(
-        MachineError, match=r"heidenhain has no \[forms.joints\]: give nc.axes = 'angles' or 'vectors'"
-    ):
+    with pytest.raises(MachineError, match=r"heidenhain has no \[forms.joints\]: give nc.axes = 'angles' or 'vectors'"):
         job_dialect(Job().with_values(nc={"axes": "joints"}).nc)
 
 
@@ -238,9 +226,7 @@ def test_vectors_lean_as_the_tool_does() -> None:
         ("[forms.cones]\ntitle = 'x'", r"forms.cones"),
     ],
 )
-def test_a_form_that_is_no_dialect_is_refused_when_its_file_is_read(
-    text: str, told: str, tmp_path: Path
-) -> None:
+def test_a_form_that_is_no_dialect_is_refused_when_its_file_is_read(text: str, told: str, tmp_path: Path) -> None:
     file = tmp_path / "own.toml"
     file.write_text(f"like = 'fanuc-30i'\n{text}\n")
     with pytest.raises(MachineError, match=rf"own.toml: .*{told}"):

@@ -46,9 +46,7 @@ def phalanx() -> Setup:
 def test_what_a_ball_leaves_in_a_groove_is_the_closing_by_it() -> None:
     """A right-angled groove round a waist: the ball that touches both its sides stays R (sqrt 2 - 1) off its bottom.
     Depths are those at the middles of faces, R / 2 long at most."""
-    profile = np.array(
-        [[0.0, 0.0], [10.0, 0.0], [10.0, 6.0], [8.0, 8.0], [10.0, 10.0], [10.0, 16.0], [0.0, 16.0]]
-    )
+    profile = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 6.0], [8.0, 8.0], [10.0, 10.0], [10.0, 16.0], [0.0, 16.0]])
     part = revolve_profile(profile, 180)
     hollows = Hollows(part, Post(2.0, 1.0))
     for radius in (0.5, 1.0):

@@ -41,12 +41,8 @@ def levels(grooved_pebble: Callable[..., TSpline]) -> Callable[..., list[Level]]
     return make
 
 
-def test_passes_on_a_ball_are_as_long_as_its_area_and_the_step_say(
-    levels: Callable[..., list[Level]],
-) -> None:
-    job = JOB.with_values(
-        roughing={"radius": 2.0, "scallop": 0.01}, finishing={"radius": 2.0, "scallop": 0.01}
-    )
+def test_passes_on_a_ball_are_as_long_as_its_area_and_the_step_say(levels: Callable[..., list[Level]]) -> None:
+    job = JOB.with_values(roughing={"radius": 2.0, "scallop": 0.01}, finishing={"radius": 2.0, "scallop": 0.01})
     step = 2 * np.sqrt(0.01 * 3.99)
     on_each = 4 * np.pi * 12**2 / step
     found = estimate(levels(DEEP), job, MachineBodies())

@@ -61,17 +61,14 @@ def test_a_fine_cutter_cuts_the_hollow_that_the_finishing_ball_does_not_enter(tm
 def test_the_part_comes_out_the_same_without_cuts_in_air(tmp_path: Path) -> None:
     """In a stock that is near to its ends and far from its sides: outer levels have air at the ends."""
     job = JOB.with_values(
-        stock={"diameter": 9.0, "length": 11.0},
-        levels={"roughing_depth": 0.5},
-        path={"fine_cutter": False},
+        stock={"diameter": 9.0, "length": 11.0}, levels={"roughing_depth": 0.5}, path={"fine_cutter": False}
     )
     made = [
         bonecam.convert(waisted(), job.with_values(path={"least_depth": depth}), program=tmp_path / "w.h")
         for depth in (0.03, 0.0)
     ]
     length, air = (
-        [sum(row[name] for row in one.report["toolpath"]) for one in made]
-        for name in ("length_mm", "trimmed_mm")
+        [sum(row[name] for row in one.report["toolpath"]) for one in made] for name in ("length_mm", "trimmed_mm")
     )
     assert air[1] == 0
     assert air[0] > 0.05 * length[1]

@@ -84,10 +84,7 @@ def test_a_circle_is_driven_by_its_curvature_however_finely_it_is_sampled() -> N
 
 def test_a_control_can_stop_at_the_end_of_what_it_looks_ahead_over() -> None:
     line, at_feed = joints(*np.linspace(0, 10, 101)), np.full(100, 0.1 / 60)
-    times = [
-        motion_minutes(MILL, line, at_feed, ControlRule(look_ahead=moves)).sum()
-        for moves in (0, 1, 4, 20, 100)
-    ]
+    times = [motion_minutes(MILL, line, at_feed, ControlRule(look_ahead=moves)).sum() for moves in (0, 1, 4, 20, 100)]
     assert times[0] == pytest.approx(100 * 2 * np.sqrt(0.1 / 600))
     # v^2 = 2 a N l at every point but the ends, and one ramp more
     speed = np.sqrt(2 * 600 * 4 * 0.1)
@@ -126,10 +123,7 @@ def test_less_jerk_takes_longer_and_much_of_it_as_none() -> None:
     places = joints(*np.cumsum(np.tile([1.0, 3.0, -2.0, 5.0], 10)))
     at_feed = np.abs(np.diff(places[:, 0])) / 60
     rule = ControlRule(1e-6, 1e-6)
-    times = [
-        motion_minutes(mill(jerk=factor * 12000.0), places, at_feed, rule).sum()
-        for factor in (0.1, 1, 10, 1e9)
-    ]
+    times = [motion_minutes(mill(jerk=factor * 12000.0), places, at_feed, rule).sum() for factor in (0.1, 1, 10, 1e9)]
     assert times == sorted(times, reverse=True)
     assert times[-1] == pytest.approx(motion_minutes(MILL, places, at_feed, rule).sum(), rel=1e-3)
 
@@ -137,10 +131,7 @@ def test_less_jerk_takes_longer_and_much_of_it_as_none() -> None:
 K = np.arange(201)
 STILL = np.zeros(201)
 BACK_AND_FORTH = np.abs(K % 20 - 10)
-SIDES = (
-    np.interp(K % 40, [0, 10, 20, 30, 40], [0, 1, 1, 0, 0]),
-    np.interp(K % 40, [0, 10, 20, 30], [0, 0, 1, 1]),
-)
+SIDES = (np.interp(K % 40, [0, 10, 20, 30, 40], [0, 1, 1, 0, 0]), np.interp(K % 40, [0, 10, 20, 30], [0, 0, 1, 1]))
 LINUXCNC = {
     # X, Y, Z, A, C by move (mm, degrees), seconds a move, tolerance of G64 (mm), seconds that LinuxCNC took, within
     "smooth": ((0.5 * K, 5 * np.sin(K / 20), STILL, 20 * np.sin(K / 15), 1.5 * K), 0.03, 0.02, 20.130, 0.01),
@@ -171,9 +162,7 @@ PER_PIECE = 12
 """Points at which the simulated control knows from which speed it can brake, in each line and each corner."""
 
 
-def stepped_seconds(
-    machine: Machine, places: ndarray, at_feed: ndarray, rule: ControlRule, cycle: float
-) -> float:
+def stepped_seconds(machine: Machine, places: ndarray, at_feed: ndarray, rule: ControlRule, cycle: float) -> float:
     """The seconds that a simulated control takes for moves, in steps of a `cycle` (s): it rounds each corner by a
     parabola in all axes, goes through it no faster than their accelerations allow at an even speed, and in each cycle
     speeds up by what they have left, as long as it can brake before what comes."""
@@ -207,9 +196,7 @@ def stepped_seconds(
     for point in reversed(range(len(slopes))):
         step = points[point + 1] - points[point]
         braked = brakes[point + 1] + 2 * step * left(point, brakes[point + 1], -1)
-        brakes[point] = min(
-            brakes[point], brakes[point + 1] + 2 * step * left(point, min(braked, brakes[point]), -1)
-        )
+        brakes[point] = min(brakes[point], brakes[point + 1] + 2 * step * left(point, min(braked, brakes[point]), -1))
     place = speed = time = 0.0
     point, cycle = 0, cycle / SECONDS
     while place < points[-1] * (1 - 1e-9):
@@ -253,9 +240,7 @@ def program(name: str, machine: Machine) -> tuple[ndarray, ndarray]:
     if name == "rounded words":
         uneven = np.sort(np.random.default_rng(3).uniform(0, 160, 161))
         turned = around_a_capsule(machine, 0.06 * uneven, 0.02 * uneven, 0.9 + 0.2 * np.sin(uneven / 12))
-        return np.column_stack(
-            [turned[:, :3].round(3), np.radians(np.degrees(turned[:, 3:]).round(3))]
-        ), feeds
+        return np.column_stack([turned[:, :3].round(3), np.radians(np.degrees(turned[:, 3:]).round(3))]), feeds
     if name == "links":
         away = spiral.copy()
         away[40::40, 2] += 15.0

@@ -20,12 +20,7 @@ from bonecam.mesh.facets.hull import convex_hull
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.planning.axes.admissible import candidate_directions
 from bonecam.planning.axes.lead import lead_axes
-from bonecam.planning.axes.singularity import (
-    SINGULAR_ANGLE,
-    SINGULAR_CONE,
-    avoid_singularity,
-    least_polar_angles,
-)
+from bonecam.planning.axes.singularity import SINGULAR_ANGLE, SINGULAR_CONE, avoid_singularity, least_polar_angles
 from bonecam.planning.collision.checker import CollisionChecker
 from bonecam.planning.collision.scene import Scene
 from bonecam.planning.layers.height_mesh import HeightMesh
@@ -83,11 +78,7 @@ def between(path: ToolPath, parts: int = 4) -> tuple[np.ndarray, np.ndarray, np.
     f = np.repeat(np.arange(1, parts + 1) / parts, len(path.tips) - 1)[:, None]
     tile = lambda rows: np.tile(rows, (parts, 1))  # noqa: E731
     tips = (1 - f) * tile(path.tips[:-1]) + f * tile(path.tips[1:])
-    return (
-        tips,
-        unit((1 - f) * tile(path.axes[:-1]) + f * tile(path.axes[1:])),
-        np.tile(path.kinds[1:], parts),
-    )
+    return (tips, unit((1 - f) * tile(path.axes[:-1]) + f * tile(path.axes[1:])), np.tile(path.kinds[1:], parts))
 
 
 def tool_points(cutter: Cutter) -> list[tuple[str, np.ndarray]]:
@@ -181,9 +172,7 @@ def test_a_part_too_low_for_a_tool_that_comes_lying_is_told(
     made: Callable[..., tuple[ContactPath, Scene, ToolPath]], roughing_cutter: Cutter
 ) -> None:
     wide = replace(roughing_cutter, holder=(Frustum(40.0, 8.0, 16.0),), nose=(Frustum(50.0, 200.0, 200.0),))
-    with pytest.raises(
-        OrientationError, match=r"no pass can be reached safely: .* longer post \(holding.length\)"
-    ):
+    with pytest.raises(OrientationError, match=r"no pass can be reached safely: .* longer post \(holding.length\)"):
         made(wide, clamping=Clamping(clearance=4.0, beside=(Column(6.0, 80.0, 0.0, 120.0, 0.0),)))
 
 
@@ -289,9 +278,7 @@ def test_passes_are_entered_on_arcs_at_their_feed_where_the_material_is_known(
     for lead_in, material in (("straight", known), ("arc", HeightMesh(scene.level))):
         job = PathJob(pattern="along", lead_in=lead_in)
         without = orient(contacts, scene, MIKRON, job, NcJob(), material=material)
-        assert not any(
-            begins_tangentially(without.balls[k - 1], without.balls[k : k + 2]) for k in entries(without)
-        )
+        assert not any(begins_tangentially(without.balls[k - 1], without.balls[k : k + 2]) for k in entries(without))
 
 
 def test_passes_that_begin_in_air_are_entered_at_the_feed_of_their_cuts(
@@ -309,9 +296,7 @@ def test_passes_that_begin_in_air_are_entered_at_the_feed_of_their_cuts(
     assert (path.feed_rates[first][~high] == NcJob().plunge_feed).all()
 
 
-def test_narrow_limits_turn_axes_up_and_list_the_rest(
-    made: Callable[..., tuple[ContactPath, Scene, ToolPath]],
-) -> None:
+def test_narrow_limits_turn_axes_up_and_list_the_rest(made: Callable[..., tuple[ContactPath, Scene, ToolPath]]) -> None:
     contacts, _, path = made(limits=MachineLimits(np.radians(60.0)), max_tilt_deg=50.0)
     assert polar_angles(path.axes).max() <= np.radians(60.0) + 1e-6
     listed = path.uncut[[reason == "limits" for reason in path.reasons]]
@@ -374,9 +359,7 @@ def test_a_longer_link_runs_over_the_material_like_a_taut_string(grooved: tuple[
     assert length < 1.1 * np.linalg.norm(centres[1] - centres[0])
 
 
-def test_a_link_whose_turn_leaves_the_limits_between_its_ends_is_refused(
-    grooved: tuple[TSpline, LinkSpace],
-) -> None:
+def test_a_link_whose_turn_leaves_the_limits_between_its_ends_is_refused(grooved: tuple[TSpline, LinkSpace]) -> None:
     """The shortest turn between two axes below the horizon passes lower than both."""
     surface, space = grooved
     s, t = np.array([0.1, 0.2]), np.full(2, 0.35)

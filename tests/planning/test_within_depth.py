@@ -40,11 +40,7 @@ def contacts(upright_capsule: Capsule, roughing_cutter: Cutter) -> Callable[[nda
         heights = np.linspace(upright_capsule.start[2], upright_capsule.end[2], len(depths))
         count, radius = len(depths), roughing_cutter.radius
         surface = upright_capsule.radius - np.asarray(depths)
-        places = np.column_stack([surface, np.zeros(count), heights]) + upright_capsule.start * [
-            1.0,
-            1.0,
-            0.0,
-        ]
+        places = np.column_stack([surface, np.zeros(count), heights]) + upright_capsule.start * [1.0, 1.0, 0.0]
         flat = np.zeros(count)
         return ContactPath(
             level=0,
@@ -118,9 +114,7 @@ def test_depths_are_measured_as_near_to_one_another_as_in_the_proof(
         depths[at] = ALLOWED.deepest + SLACK + 0.01
         tried = contacts(depths)
         path = along(OUTWARD)(tried)
-        found += not within_depth(
-            tried, path, material, remove_material(material, level, path), ALLOWED
-        ).all()
+        found += not within_depth(tried, path, material, remove_material(material, level, path), ALLOWED).all()
     assert found == 20
 
 

@@ -50,9 +50,7 @@ def test_entries_along_the_cut_are_told_from_straight_ones(path_of: Callable[...
     assert (row["entries"], row["entries_tangential"], row["exits_tangential"]) == (2, 1, 1)
 
 
-def test_axes_near_the_normal_are_counted_and_those_that_had_no_other(
-    path_of: Callable[..., ToolPath],
-) -> None:
+def test_axes_near_the_normal_are_counted_and_those_that_had_no_other(path_of: Callable[..., ToolPath]) -> None:
     """Leads of 0, 4, 8, 12 degrees; cones of 1, 30 and none."""
     lead = np.radians([0.0, 4, 8, 12])
     axes = np.column_stack([np.sin(lead), 0 * lead, np.cos(lead)])
@@ -67,11 +65,7 @@ def test_axes_near_the_normal_are_counted_and_those_that_had_no_other(
     row = toolpath_report([replace(path, cones=cones)], np.radians(10.0))[0]
     assert row["near_normal_contacts"] == 3
     assert row["near_normal_without_choice"] == 2
-    assert row["cones"] == {
-        "count": 2,
-        "shape": "elliptic",
-        "fcl": None,
-    }
+    assert row["cones"] == {"count": 2, "shape": "elliptic", "fcl": None}
     checked = replace(cones, check=ConeCheck(5, 1, 0), cone_of=np.full(4, -1))
     assert toolpath_report([replace(path, cones=checked)], 0.0)[0]["cones"] == {
         "count": 0,
@@ -150,15 +144,12 @@ def test_the_summary_tells_each_repair() -> None:
         "note      mirrored in X of its file",
         "repair    closed 1 hole with 33 faces, 9.66 mm across",
     ]
-    assert (
-        "as given  max 1.083 mm to the mesh as given, with 1.079 mm of repair, smoothing and filling" in told
-    )
+    assert "as given  max 1.083 mm to the mesh as given, with 1.079 mm of repair, smoothing and filling" in told
     assert "levels    1 cut, no schedule needs fewer than 1; depth max 0.5000 mm" in told
     assert "hold everywhere on 1 of 1 cut" in told[8]
     broken = summary_of({**report, "levels_break_mm": 0.0042})
     assert (
-        "levels    1 cut, no schedule needs fewer than 1; depth max 0.5000 mm; a limit is broken by 0.0042 mm"
-        in broken
+        "levels    1 cut, no schedule needs fewer than 1; depth max 0.5000 mm; a limit is broken by 0.0042 mm" in broken
     )
     assert summary_of({**report, "input": {**report["input"], "notes": [], "repairs": []}}).startswith(
         "mesh      993 faces, mm; 0 repairs\nsurface"
@@ -171,9 +162,7 @@ def test_a_cut_that_is_not_certified_is_told_with_its_place_although_it_measures
         Certificate(depth, gap, -0.01, place, place, place, np.empty((0, 2)), 9)
         for depth, gap in ((0.5, 0.0), (0.5035, 0.0), (0.5, -np.inf))
     )
-    levels = [
-        StockLevel(k, mesh, 0.5, MEASURES, found) for k, found in enumerate((None, good, deep, unknown))
-    ]
+    levels = [StockLevel(k, mesh, 0.5, MEASURES, found) for k, found in enumerate((None, good, deep, unknown))]
     rows = levels_report(levels)
     assert [row["not_certified"] for row in rows[:2]] == [None, []]
     assert {row["depth_full_mean_mm"] for row in rows} == {None}
@@ -214,9 +203,7 @@ def test_why_cuts_have_no_certificate_is_told_as_it_is(pebble: Callable[..., TSp
     )
 
 
-def test_the_area_left_uncut_is_that_round_the_contacts_left_out(
-    path_of: Callable[..., ToolPath],
-) -> None:
+def test_the_area_left_uncut_is_that_round_the_contacts_left_out(path_of: Callable[..., ToolPath]) -> None:
     """Of a flat square of 4 x 4 mm a row of contacts at one edge is left out."""
     x, y = (v.ravel() for v in np.meshgrid(*2 * [np.linspace(-2, 2, 41)], indexing="ij"))
     index = np.arange(41**2).reshape(41, 41)

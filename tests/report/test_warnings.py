@@ -96,16 +96,12 @@ def test_a_neck_that_gives_way_is_told_with_what_would_hold_until_the_error_is_k
     assert warned.remedy == 'holds with holding.tailstock = "pin": 15.0 um, 29 MPa, 1165 Hz'
     alone = {**GIVES_WAY, "necks": GIVES_WAY["necks"][:1]}
     assert warnings_of({"post": alone}, JOB) == [warned], "one that was found, where no other meets the part"
-    assert warned.remedy in "\n".join(post_lines({"diameter_mm": 10.0, "length_mm": 3.0} | GIVES_WAY)), (
-        "one wording"
-    )
+    assert warned.remedy in "\n".join(post_lines({"diameter_mm": 10.0, "length_mm": 3.0} | GIVES_WAY)), "one wording"
 
     def simulated(p95: float) -> list[str]:
         bent = {"error_kept_um": {"p95": p95, "p99": 25.0}, "faults": [], "remedies": [], "band": [0.6, 1.9]}
         told = warnings_of(CASES["holding"] | {"mechanics": bent}, JOB)
-        assert not any(one.refused for one in told), (
-            "the error is known: [mechanics] refuses it, or none does"
-        )
+        assert not any(one.refused for one in told), "the error is known: [mechanics] refuses it, or none does"
         return [one.code for one in told]
 
     bent = {"error_kept_um": {"p95": 19.0, "p99": 45.0}, "faults": [], "remedies": [], "band": [0.6, 1.9]}
@@ -130,9 +126,7 @@ def test_what_was_planned_to_stay_is_told_in_the_header_but_for_the_post() -> No
 
 def test_a_spindle_below_its_lowest_speed_is_told_and_refused_below_half_of_it() -> None:
     machine = read_machine("mikron-ucp600")
-    slow = JOB.with_values(
-        roughing={"spindle": 1500.0, "feed": 300.0}, finishing={"spindle": 400.0, "feed": 100.0}
-    )
+    slow = JOB.with_values(roughing={"spindle": 1500.0, "feed": 300.0}, finishing={"spindle": 400.0, "feed": 100.0})
     found = list(spindle_warnings(slow, replace(machine, spindle_lowest=1000.0)))
     assert [warned.text.split()[0] for warned in found] == ["[finishing]"]
     assert found[0].refused
@@ -146,9 +140,7 @@ def test_a_second_limit_below_the_first_is_refused() -> None:
         bonecam.Job(warnings={"hole": 1.0, "hole_refused": 0.5})
 
 
-def test_a_wide_hole_is_refused_in_one_line_before_the_fit(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_wide_hole_is_refused_in_one_line_before_the_fit(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     mesh = Capsule(np.array([0.0, 0, 10]), np.array([0.0, 0, 30]), 8.0).mesh(0.05)
     middles = mesh.vertices[mesh.faces].mean(axis=1)
     open_mesh = keep_faces(mesh, np.linalg.norm(middles - [8.0, 0.0, 20.0], axis=1) > 3.5)
@@ -172,9 +164,7 @@ def test_a_wide_face_that_is_missing_alone_is_put_back_without_a_warning() -> No
         assert bool(list(repair_warnings(width, 0.0, bonecam.Job()))) is told
 
 
-def test_warnings_stand_first_in_report_summary_page_and_sheet(
-    small_run: tuple[bonecam.Result, Path],
-) -> None:
+def test_warnings_stand_first_in_report_summary_page_and_sheet(small_run: tuple[bonecam.Result, Path]) -> None:
     made, folder = small_run
     assert next(iter(made.report)) == "warnings"
     kept = json.loads((folder / "keep" / "report.json").read_text(encoding="utf-8"))["warnings"]

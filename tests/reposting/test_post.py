@@ -103,10 +103,7 @@ def test_foreign_paths_that_gouge_are_refused_and_not_written(part: Path, tmp_pa
 
 @pytest.mark.parametrize(
     ("changed", "why"),
-    [
-        ({"cutter": "2.0,0.5"}, "no ball: give paths of ball-end"),
-        ({"cutter": "6.0,3.0"}, "a ball of radius 3 mm"),
-    ],
+    [({"cutter": "2.0,0.5"}, "no ball: give paths of ball-end"), ({"cutter": "6.0,3.0"}, "a ball of radius 3 mm")],
 )
 def test_a_cutter_that_the_job_does_not_have_is_named(
     changed: dict[str, str], why: str, part: Path, tmp_path: Path
@@ -132,9 +129,7 @@ def kept(tmp_path: Path, revolved: Callable[..., TSpline]) -> Path:
     surface = revolved(lambda share, azimuth: 3.0 + 0 * azimuth, low=9.0, high=27.0)
     with whole_folder(folder, "never") as work:
         write_tsm(surface, work / "surface.tspline")
-        write_mesh(
-            Capsule(np.array([0.0, 0, 12]), np.array([0.0, 0, 24]), 8.0).mesh(0.05), work / "level_00.ply"
-        )
+        write_mesh(Capsule(np.array([0.0, 0, 12]), np.array([0.0, 0, 24]), 8.0).mesh(0.05), work / "level_00.ply")
     return folder
 
 

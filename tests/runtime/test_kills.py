@@ -127,9 +127,7 @@ def kill(command: str, part: Path, folder: Path, kind: signal.Signals, after: fl
 
 def left(folder: Path) -> list[Path]:
     """The temporary files in a folder and those in it."""
-    return [
-        item for item in folder.rglob("*") if item.name.endswith(".part") or item.name.startswith(".bone.")
-    ]
+    return [item for item in folder.rglob("*") if item.name.endswith(".part") or item.name.startswith(".bone.")]
 
 
 def prove_whole(folder: Path) -> None:

@@ -49,9 +49,7 @@ def _append(folder: Path, order: list[str]) -> None:
         order.append("second")
 
 
-def test_a_lock_that_was_left_does_not_hold_up_for_ever(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_lock_that_was_left_does_not_hold_up_for_ever(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(locking, "MAX_WAIT", 0.2)
     (tmp_path / LOCK).write_text("1\nanother-host\n")
     for _ in range(2):
@@ -79,13 +77,9 @@ sys.exit(main())
 
 def test_levels_are_made_where_there_is_nothing_of_unix(tmp_path: Path) -> None:
     """What Windows does not have is taken away: this is no run on Windows."""
-    write_mesh(
-        Capsule(np.array([0.0, 0, 2.5]), np.array([0.0, 0, 7.5]), 2.5).mesh(0.05), tmp_path / "bone.ply"
-    )
+    write_mesh(Capsule(np.array([0.0, 0, 2.5]), np.array([0.0, 0, 7.5]), 2.5).mesh(0.05), tmp_path / "bone.ply")
     sizes = "surface.tolerance=0.2 stock.diameter=7 stock.length=11 holding.diameter=3 holding.length=60"
-    depths = (
-        "levels.roughing_depth=1 levels.finishing_levels=1 levels.finishing_depth=0.3 mechanics.refuse=false"
-    )
+    depths = "levels.roughing_depth=1 levels.finishing_levels=1 levels.finishing_depth=0.3 mechanics.refuse=false"
     job = [word for setting in f"{sizes} {depths}".split() for word in ("--set", setting)]
     ended = subprocess.run(
         [sys.executable, "-c", ELSEWHERE, "levels", "bone.ply", "-o", "look", *job],

@@ -37,9 +37,7 @@ def test_only_what_has_the_content_that_the_list_tells_is_ours(tmp_path: Path) -
 def test_any_name_is_listed_as_sha256sum_does(name: str, tmp_path: Path) -> None:
     (tmp_path / name).write_text(name)
     text = list_of_own(tmp_path, tmp_path, [name], [])
-    told = subprocess.run(
-        ["sha256sum", name], cwd=tmp_path, capture_output=True, text=True, check=True
-    ).stdout
+    told = subprocess.run(["sha256sum", name], cwd=tmp_path, capture_output=True, text=True, check=True).stdout
     assert text == told
     (tmp_path / OWN_FILES).write_text(text)
     subprocess.run(["sha256sum", "--check", OWN_FILES], cwd=tmp_path, check=True)
@@ -61,10 +59,5 @@ def test_the_digest_of_a_folder_is_that_of_names_and_bytes_but_for_what_was_comp
     same = digest_of(a="1", b_in_c="2")
     assert digest_of(b_in_c="2", a="1") == same
     assert digest_of(a="1", b_in_c="2", __pycache___in_a="3") == same
-    others = [
-        digest_of(a="1"),
-        digest_of(a="1", c="2"),
-        digest_of(a="12", b_in_c=""),
-        digest_of(a="2", b_in_c="1"),
-    ]
+    others = [digest_of(a="1"), digest_of(a="1", c="2"), digest_of(a="12", b_in_c=""), digest_of(a="2", b_in_c="1")]
     assert len({same, *others}) == 5

@@ -45,9 +45,7 @@ def write_two(folder: Path) -> None:
         write_whole(work / "two", "2")
 
 
-def test_a_link_to_a_folder_of_another_file_system_is_written(
-    tmp_path: Path, other_file_system: Path
-) -> None:
+def test_a_link_to_a_folder_of_another_file_system_is_written(tmp_path: Path, other_file_system: Path) -> None:
     (tmp_path / "kept").symlink_to(other_file_system)
     (tmp_path / "none").symlink_to(other_file_system / "made")
     for name in ("kept", "none"):
@@ -134,13 +132,9 @@ def test_what_cannot_be_written_costs_nothing_else(
         assert "is written and complete" in caught.value.__notes__[0]
 
 
-def test_a_folder_in_the_place_of_a_kept_file_costs_the_kept_folder_only(
-    outputs: Outputs, tmp_path: Path
-) -> None:
+def test_a_folder_in_the_place_of_a_kept_file_costs_the_kept_folder_only(outputs: Outputs, tmp_path: Path) -> None:
     (tmp_path / "keep" / "a.png").mkdir(parents=True)
-    complete = (
-        rf"a\.png: is a folder, .*: remove it .* \({re.escape(str(tmp_path))}/p\.h is written and complete\)$"
-    )
+    complete = rf"a\.png: is a folder, .*: remove it .* \({re.escape(str(tmp_path))}/p\.h is written and complete\)$"
     with pytest.raises(FileError, match=complete):
         write(outputs)
     assert {item.name for item in tmp_path.iterdir()} == {"p.h", "r.json", "s.iga", "keep"}

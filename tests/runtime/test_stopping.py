@@ -44,10 +44,7 @@ sys.exit(stopping.run_stoppable(lambda arguments: {work}()))
 def test_a_stop_is_one_line_and_leaves_nothing(work: str, tmp_path) -> None:
     began = time.monotonic()
     run = subprocess.run(
-        [sys.executable, "-c", RUN.replace("{work}", work), tmp_path],
-        capture_output=True,
-        text=True,
-        check=False,
+        [sys.executable, "-c", RUN.replace("{work}", work), tmp_path], capture_output=True, text=True, check=False
     )
     assert run.stderr == "bonecam: stopped; nothing was written\n"
     assert run.returncode == 143

@@ -45,9 +45,7 @@ def test_nearest_points_lie_on_the_surface_at_the_signed_distance(body: Stock) -
 def test_distances_agree_with_the_mesh(body: Stock) -> None:
     points = cloud()
     closest, _ = exact_closest(body.mesh(0.002), points)
-    assert np.allclose(
-        np.linalg.norm(points - closest, axis=1), np.abs(body.signed_distance(points)), atol=0.004
-    )
+    assert np.allclose(np.linalg.norm(points - closest, axis=1), np.abs(body.signed_distance(points)), atol=0.004)
 
 
 def test_no_planes_of_nearest_points_cut_the_body(body: Stock) -> None:
@@ -72,9 +70,7 @@ def test_a_moved_body_is_the_same_elsewhere(body: Stock) -> None:
     shift, points = np.array([1.0, -2.0, 3.0]), cloud(50)
     moved = body.move(shift)
     assert np.allclose(moved.signed_distance(points + shift), body.signed_distance(points), atol=1e-9)
-    assert (moved.kind, moved.diameter, moved.length) == pytest.approx(
-        (body.kind, body.diameter, body.length)
-    )
+    assert (moved.kind, moved.diameter, moved.length) == pytest.approx((body.kind, body.diameter, body.length))
 
 
 SIZES = {
@@ -87,10 +83,7 @@ SIZES = {
 
 @pytest.mark.parametrize("kind", SIZES)
 def test_a_stock_is_described_by_its_own_sizes(kind: str) -> None:
-    assert stock_figures(BODIES[kind]) == {
-        "kind": kind,
-        **{f"{name}_mm": size for name, size in SIZES[kind].items()},
-    }
+    assert stock_figures(BODIES[kind]) == {"kind": kind, **{f"{name}_mm": size for name, size in SIZES[kind].items()}}
     assert (
         stock_text(stock_figures(BODIES[kind]))
         == f"{kind} {' x '.join(f'{size:.2f}' for size in SIZES[kind].values())} mm"
@@ -121,8 +114,7 @@ def test_a_mesh_in_absurd_units_is_refused() -> None:
 def test_two_bodies_are_not_one_convex_body() -> None:
     mesh = Box(np.zeros(3), np.ones(3)).mesh(1.0)
     two = TriangleMesh(
-        np.vstack([mesh.vertices, mesh.vertices + 3]),
-        np.vstack([mesh.faces, mesh.faces + len(mesh.vertices)]),
+        np.vstack([mesh.vertices, mesh.vertices + 3]), np.vstack([mesh.faces, mesh.faces + len(mesh.vertices)])
     )
     with pytest.raises(StockError, match="not convex"):
         ConvexStock(two)
@@ -134,8 +126,7 @@ def test_a_body_twice_in_one_mesh_is_told_by_its_volume() -> None:
         np.vstack([mesh.vertices, mesh.vertices]), np.vstack([mesh.faces, mesh.faces + len(mesh.vertices)])
     )
     with pytest.raises(
-        StockError,
-        match=r"no single convex body: its faces hold 2\.0 mm3, their convex hull 1\.0: give the hull$",
+        StockError, match=r"no single convex body: its faces hold 2\.0 mm3, their convex hull 1\.0: give the hull$"
     ):
         ConvexStock(twice)
 
@@ -167,11 +158,7 @@ def test_a_flat_mesh_is_refused_as_that(thickness: float) -> None:
 
 @pytest.mark.parametrize(
     "make",
-    [
-        lambda: Cylinder(0.0, 0.0, 1.0),
-        lambda: Cylinder(1.0, 2.0, 1.0),
-        lambda: Box(np.zeros(3), np.array([1.0, 1, 0])),
-    ],
+    [lambda: Cylinder(0.0, 0.0, 1.0), lambda: Cylinder(1.0, 2.0, 1.0), lambda: Box(np.zeros(3), np.array([1.0, 1, 0]))],
 )
 def test_a_bar_without_extent_is_refused(make: object) -> None:
     with pytest.raises(StockError, match="positive"):

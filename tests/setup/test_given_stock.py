@@ -23,10 +23,7 @@ pytestmark = pytest.mark.whole
 
 PRISM = Cylinder(6.0, 3.0, 30.0).mesh(5.0)
 SIZES = {
-    "capsule": (
-        Capsule(np.array([1.0, 2, 9]), np.array([1.0, 2, 29]), 5.0),
-        {"diameter": 10.0, "length": 30.0},
-    ),
+    "capsule": (Capsule(np.array([1.0, 2, 9]), np.array([1.0, 2, 29]), 5.0), {"diameter": 10.0, "length": 30.0}),
     "cylinder": (Cylinder(5.0, 3.0, 33.0, (4.0, 0.0)), {"diameter": 10.0, "length": 30.0}),
     "box": (Box(np.zeros(3), np.array([8.0, 9, 30])), {"width": 8.0, "depth": 9.0, "length": 30.0}),
 }
@@ -80,12 +77,7 @@ def test_a_kept_run_is_repeated_from_its_folder(stock: Stock | TriangleMesh, tmp
         surface={"tolerance": 0.2},
         holding={"diameter": 4.0, "length": 20.0},
         mechanics={"refuse": False},
-        levels={
-            "roughing_depth": 1.5,
-            "finishing_levels": 1,
-            "finishing_depth": 0.3,
-            "chord_tolerance": 0.05,
-        },
+        levels={"roughing_depth": 1.5, "finishing_levels": 1, "finishing_depth": 0.3, "chord_tolerance": 0.05},
     )
     write_mesh(ellipsoid(), tmp_path / "part.ply")
     first = bonecam.morph_levels(tmp_path / "part.ply", job, stock=stock, keep=tmp_path / "kept")

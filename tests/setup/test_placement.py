@@ -60,9 +60,7 @@ def test_the_least_allowance_there_is_finds_a_stock(kind: str, spare: float) -> 
 
 def test_a_little_larger_capsule_that_takes_fewer_cuts_is_taken() -> None:
     angle, height = np.meshgrid(2 * np.pi * np.arange(60) / 60, np.linspace(-15.0, 15.0, 80))
-    reach = 6.0 - 0.2 * (
-        height + 15.0
-    )  # a cone: in the smallest capsule its thin end lies far from the cap's rim
+    reach = 6.0 - 0.2 * (height + 15.0)  # a cone: in the smallest capsule its thin end lies far from the cap's rim
     points = np.stack([reach * np.cos(angle), reach * np.sin(angle), height], axis=2).reshape(-1, 3)
 
     def cuts(capsule: Stock) -> int:
@@ -116,9 +114,7 @@ def test_the_part_is_shifted_in_the_stock_not_the_stock(kind: str) -> None:
 def test_the_part_is_tilted_about_its_middle() -> None:
     points = cloud()
     _, transform = stock_for(
-        points,
-        StockJob(diameter=20.0, length=36.0, tilt_x_deg=30.0, tilt_y_deg=-10.0, turn_deg=45.0),
-        SCHEDULE,
+        points, StockJob(diameter=20.0, length=36.0, tilt_x_deg=30.0, tilt_y_deg=-10.0, turn_deg=45.0), SCHEDULE
     )
     middle = (points.min(0) + points.max(0)) / 2
     assert np.allclose(lying(middle[None], transform)[0], middle)
@@ -131,9 +127,7 @@ def test_the_part_is_tilted_about_its_middle() -> None:
 
 def test_a_box_without_sides_turns_the_part_to_its_narrowest() -> None:
     turn = np.radians(30)
-    points = cloud() @ np.array(
-        [[np.cos(turn), np.sin(turn), 0], [-np.sin(turn), np.cos(turn), 0], [0, 0, 1]]
-    )
+    points = cloud() @ np.array([[np.cos(turn), np.sin(turn), 0], [-np.sin(turn), np.cos(turn), 0], [0, 0, 1]])
     stock, _ = stock_for(points, StockJob(kind="box", allowance=0.5), SCHEDULE)
     assert isinstance(stock, Box)
     assert np.sort((stock.high - stock.low)[:2]) == pytest.approx([7.0, 9.0], abs=0.3)
@@ -174,9 +168,7 @@ def test_a_stock_from_a_file_is_taken_as_it_is_or_as_its_smallest_copy(tmp_path:
     assert np.allclose(stock.middle, [0, 0, 3], atol=0.05)
     assert (stock.diameter, stock.length) == pytest.approx((16.0, 40.0), abs=0.2)
     assert stock_text(stock_figures(stock)) == f"mesh 15.77 x 15.88 x 40.00 mm of {file}"
-    smallest, transform = stock_for(
-        cloud(), StockJob(kind="mesh", mesh=str(file), scale=0.0, allowance=0.4), SCHEDULE
-    )
+    smallest, transform = stock_for(cloud(), StockJob(kind="mesh", mesh=str(file), scale=0.0, allowance=0.4), SCHEDULE)
     assert smallest.signed_distance(lying(cloud(), transform)).max() == pytest.approx(-0.4, abs=1e-6)
     assert smallest.length < stock.length
 
@@ -185,9 +177,7 @@ def test_the_body_of_a_file_is_proven_once(tmp_path: Path, monkeypatch: pytest.M
     write_mesh(Cylinder(8.0, 0.0, 40.0).mesh(0.5), tmp_path / "block.ply")
     proofs: list[TriangleMesh] = []
     monkeypatch.setattr("bonecam.setup.stocks.mesh._require_convex", proofs.append)
-    stock, _ = stock_for(
-        cloud(), StockJob(kind="mesh", mesh=str(tmp_path / "block.ply"), scale=0.0), SCHEDULE
-    )
+    stock, _ = stock_for(cloud(), StockJob(kind="mesh", mesh=str(tmp_path / "block.ply"), scale=0.0), SCHEDULE)
     assert len(proofs) == 1
     ConvexStock(stock.mesh(10.0))
     assert len(proofs) == 2
@@ -196,10 +186,7 @@ def test_the_body_of_a_file_is_proven_once(tmp_path: Path, monkeypatch: pytest.M
 def test_a_stock_file_that_is_no_convex_body_is_named(tmp_path: Path) -> None:
     bar = Cylinder(8.0, 0.0, 40.0).mesh(0.5)
     waist = 1 - 0.3 * np.exp(-(((bar.vertices[:, 2:] - 20) / 6) ** 2))
-    write_mesh(
-        TriangleMesh(bar.vertices * np.hstack([waist, waist, 1 + 0 * waist]), bar.faces),
-        tmp_path / "waist.stl",
-    )
+    write_mesh(TriangleMesh(bar.vertices * np.hstack([waist, waist, 1 + 0 * waist]), bar.faces), tmp_path / "waist.stl")
     with pytest.raises(
         StockError, match=r"waist\.stl: the stock is not convex: it lies 2\.\d+ mm inside .* at \("
     ) as caught:
@@ -207,9 +194,7 @@ def test_a_stock_file_that_is_no_convex_body_is_named(tmp_path: Path) -> None:
     assert caught.value.evidence["distance"] > 2
 
 
-@pytest.mark.parametrize(
-    ("factor", "hint"), [(1e-3, ", or stock.scale = 1000 where its file is in metres"), (0.1, "")]
-)
+@pytest.mark.parametrize(("factor", "hint"), [(1e-3, ", or stock.scale = 1000 where its file is in metres"), (0.1, "")])
 def test_a_stock_file_in_metres_is_told_as_that(factor: float, hint: str, tmp_path: Path) -> None:
     bar = Cylinder(8.0, 0.0, 40.0).mesh(0.5)
     write_mesh(TriangleMesh(factor * bar.vertices, bar.faces), tmp_path / "bar.stl")
@@ -247,14 +232,8 @@ IMPOSSIBLE = {
         StockJob(kind="box", width=9.0, depth=9.0, length=26.0, tilt_x_deg=60.0),
         r"leaves it by .* at \(.*, or less of stock\.tilt_x_deg$",
     ),
-    "touches the wall": (
-        StockJob(kind="cylinder", diameter=8.01, length=30.0),
-        "comes within 0.0.* mm of its wall",
-    ),
-    "too narrow": (
-        StockJob(diameter=7.0),
-        "mm from the axis and .* mm above its lower end, .*: give at least",
-    ),
+    "touches the wall": (StockJob(kind="cylinder", diameter=8.01, length=30.0), "comes within 0.0.* mm of its wall"),
+    "too narrow": (StockJob(diameter=7.0), "mm from the axis and .* mm above its lower end, .*: give at least"),
     "no diameter": (StockJob(length=30.0), "give the diameter"),
     "in the edges": (
         StockJob(kind="box", width=8.2, depth=6.2, length=24.2),

@@ -35,14 +35,7 @@ def test_a_sum_of_depths_that_rounding_leaves_short_reaches() -> None:
 
 @pytest.mark.parametrize(
     "depths",
-    [
-        ((0.1, 0.0), 0.5),
-        ((), -1.0),
-        ((), float("nan")),
-        ((), 1e-300),
-        ((), float("inf")),
-        ((float("inf"),), 0.5),
-    ],
+    [((0.1, 0.0), 0.5), ((), -1.0), ((), float("nan")), ((), 1e-300), ((), float("inf")), ((float("inf"),), 0.5)],
 )
 def test_a_depth_of_nothing_or_without_end_is_refused(depths: tuple[tuple[float, ...], float]) -> None:
     with pytest.raises(LevelError, match="finite depth of at least"):
@@ -78,9 +71,7 @@ def test_a_list_may_be_an_array_but_not_empty() -> None:
 
 
 def test_a_list_of_depths_and_the_fewest_cuts_are_not_both_taken() -> None:
-    with pytest.raises(
-        JobError, match=r"^depths = '0\.1 0\.5': .*schedule = 'fewest'.* leave one of them out$"
-    ):
+    with pytest.raises(JobError, match=r"^depths = '0\.1 0\.5': .*schedule = 'fewest'.* leave one of them out$"):
         LevelsJob(depths="0.1 0.5", schedule="fewest")
 
 
@@ -110,9 +101,7 @@ def test_the_finishing_cutter_machines_what_is_cut_no_deeper_than_finishing(
 
 
 @given(st.floats(0.2, 1.0), st.floats(0.8, 1.0), st.integers(2, 30), st.floats(0.02, 0.98))
-def test_evened_cuts_share_what_the_last_had_left(
-    beyond: float, share: float, count: int, left: float
-) -> None:
+def test_evened_cuts_share_what_the_last_had_left(beyond: float, share: float, count: int, left: float) -> None:
     """`count` cuts that each gain `share` of their depth and a last one of `left` of its depth."""
     first = (0.1, 0.1)
     rest = left * beyond

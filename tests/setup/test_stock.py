@@ -118,11 +118,7 @@ def test_a_given_capsule_is_centred_on_the_part() -> None:
 @pytest.mark.parametrize(
     ("diameter", "length", "told"),
     [
-        (
-            15.0,
-            10.0,
-            r"stock\.length = 10: .* diameter 15 mm .*: give at least 15, or a smaller stock\.diameter",
-        ),
+        (15.0, 10.0, r"stock\.length = 10: .* diameter 15 mm .*: give at least 15, or a smaller stock\.diameter"),
         (0.0, 10.0, r"stock\.diameter = 0: .*: give the diameter"),
         (-1.0, 3.0, r"stock\.diameter = -1: .*: give the diameter"),
     ],
@@ -153,9 +149,7 @@ def test_an_allowance_of_nothing_is_refused() -> None:
     ],
 )
 def test_ends_of_a_stock_are_three_finite_numbers(values: object) -> None:
-    with pytest.raises(
-        StockError, match=r"^a capsule's end is .*: give 3 finite numbers \(mm, 1e\+06 at most\)$"
-    ):
+    with pytest.raises(StockError, match=r"^a capsule's end is .*: give 3 finite numbers \(mm, 1e\+06 at most\)$"):
         finite_numbers("a capsule's end", values, 3)
 
 

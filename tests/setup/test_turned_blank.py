@@ -20,6 +20,4 @@ def test_rays_hold_the_body_and_no_recess(profile: np.ndarray) -> None:
 
 
 def test_what_is_to_be_turned_is_told() -> None:
-    assert TurnedBlank(WAISTED).text == (
-        "blank: turned to the blades' tips, diameter 20.00 mm, from Z 0.00 to Z 12.00"
-    )
+    assert TurnedBlank(WAISTED).text == ("blank: turned to the blades' tips, diameter 20.00 mm, from Z 0.00 to Z 12.00")

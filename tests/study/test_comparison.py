@@ -68,9 +68,7 @@ def test_the_figures_are_those_of_the_program(made: tuple[Path, Comparison]) -> 
     assert row["depth_finishing_max"] == pytest.approx(max(level.depths.max() for level in cut), rel=1e-3)
     loads = [path for path in removal.mechanics.paths if len(path.moves)]
     peak = max(path.peak.max() for path in loads)
-    assert max(row["force_roughing_peak_max"], row["force_finishing_peak_max"]) == pytest.approx(
-        peak, rel=1e-3
-    )
+    assert max(row["force_roughing_peak_max"], row["force_finishing_peak_max"]) == pytest.approx(peak, rel=1e-3)
     assert row["program_min"] >= row["axes_min"] >= row["feed_min"] > 0
     assert 0 < row["air_share"] < 1
     assert row["probe_points"] == 8
@@ -146,10 +144,7 @@ def test_the_part_is_read_and_fitted_once_for_all_strategies(pebble, mesh_of, mo
 
 @pytest.mark.parametrize(
     ("given", "told"),
-    [
-        ({"line": 1.5}, "line 1.5 is off the part: give a parameter s from 0 to 1"),
-        ({"points": 1}, "1 points"),
-    ],
+    [({"line": 1.5}, "line 1.5 is off the part: give a parameter s from 0 to 1"), ({"points": 1}, "1 points")],
 )
 def test_a_line_off_the_part_is_refused_before_the_part_is_read(given: dict[str, Any], told: str) -> None:
     with pytest.raises(JobError, match=told):
@@ -170,7 +165,5 @@ def test_strategies_that_the_machine_cannot_run_are_known_before_anything_is_pla
 
 
 def test_an_unknown_strategy_is_refused_in_a_line() -> None:
-    with pytest.raises(
-        JobError, match=r"^strategy 'spiral' is unknown: take some of published, bonecam, iso-height"
-    ):
+    with pytest.raises(JobError, match=r"^strategy 'spiral' is unknown: take some of published, bonecam, iso-height"):
         bonecam.compare("no.stl", strategies=["spiral"])

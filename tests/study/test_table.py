@@ -25,10 +25,4 @@ def test_the_csv_has_a_row_a_strategy() -> None:
     first, second = csv.DictReader(io.StringIO(table_csv(ROWS)))
     assert first["length_m"] == "4.7"
     assert first["air_share"] == ""
-    assert second == {
-        "strategy": "rotary",
-        "state": "failed",
-        "reason": "no axis, so",
-        "length_m": "",
-        "air_share": "",
-    }
+    assert second == {"strategy": "rotary", "state": "failed", "reason": "no axis, so", "length_m": "", "air_share": ""}

@@ -40,13 +40,9 @@ def bone_like() -> Callable[..., TSpline]:
             angle = 2 * np.pi * row
             r = radius * np.sin(np.pi * (0.1 + 0.8 * j / (rows - 1))) * (1 + 0.12 * np.cos(3 * angle))
             knots.append(row)
-            points.append(
-                np.column_stack([r * np.cos(angle), r * np.sin(angle), np.full(around, length * height[j])])
-            )
+            points.append(np.column_stack([r * np.cos(angle), r * np.sin(angle), np.full(around, length * height[j])]))
         control = np.vstack(points)
-        return TSpline(
-            RowTMesh.from_rows(t, knots), control, rng.uniform(1 - spread, 1 + spread, len(control))
-        )
+        return TSpline(RowTMesh.from_rows(t, knots), control, rng.uniform(1 - spread, 1 + spread, len(control)))
 
     return build
 
@@ -91,12 +87,8 @@ def tensor(seed: int, s_count: int = 4, t_count: int = 3, closed: bool = False) 
         mesh = full_grid(np.concatenate([[0.0, 0.0], s, [s[-1] + 0.5] * 2]), t)
     x, y = mesh.s_lines[mesh.vertices[:, 0]], mesh.t_lines[mesh.vertices[:, 1]]
     angle = 2 * np.pi * x / mesh.period[0] if closed else x
-    points = np.column_stack(
-        [3 * np.cos(angle), 3 * np.sin(angle), y] if closed else [x, y, np.zeros(mesh.size)]
-    )
-    return TSpline(
-        mesh, points + 0.15 * rng.standard_normal((mesh.size, 3)), rng.uniform(0.7, 1.4, mesh.size)
-    )
+    points = np.column_stack([3 * np.cos(angle), 3 * np.sin(angle), y] if closed else [x, y, np.zeros(mesh.size)])
+    return TSpline(mesh, points + 0.15 * rng.standard_normal((mesh.size, 3)), rng.uniform(0.7, 1.4, mesh.size))
 
 
 @pytest.fixture(scope="session")
@@ -113,18 +105,14 @@ def inner_samples() -> Callable[..., tuple[ndarray, ndarray]]:
 
 
 @pytest.fixture(scope="session")
-def random_tspline(
-    inner_samples: Callable[..., tuple[ndarray, ndarray]],
-) -> Callable[..., TSpline[TMesh]]:
+def random_tspline(inner_samples: Callable[..., tuple[ndarray, ndarray]]) -> Callable[..., TSpline[TMesh]]:
     """Makes a T-spline with T-junctions, its control points moved after each cut."""
 
     def build(seed: int, closed: bool = False, rounds: int = 3) -> TSpline[TMesh]:
         rng = np.random.default_rng(seed)
         surface = tensor(seed, int(rng.integers(1, 4)), int(rng.integers(1, 4)), closed)
         for k in range(rounds):
-            surface = surface.refine(
-                *inner_samples(surface, seed + k, 1), ("s", "t", "st")[int(rng.integers(3))]
-            )
+            surface = surface.refine(*inner_samples(surface, seed + k, 1), ("s", "t", "st")[int(rng.integers(3))])
             surface = surface.with_control_points(
                 surface.control_points + 0.02 * rng.standard_normal(surface.control_points.shape)
             )
@@ -205,9 +193,7 @@ def sections() -> Callable[..., list[ndarray]]:
             angle = 2 * np.pi * np.arange(points + j % 3) / (points + j % 3)
             r = np.sqrt(1 - height**2)
             found.append(
-                np.column_stack(
-                    [4 * r * np.cos(angle), 3 * r * np.sin(angle), np.full(len(angle), 9 * height)]
-                )
+                np.column_stack([4 * r * np.cos(angle), 3 * r * np.sin(angle), np.full(len(angle), 9 * height)])
             )
         return found
 
@@ -220,8 +206,7 @@ def write_rows() -> Callable[..., Path]:
 
     def write(blocks: Sequence[ndarray], path: Path) -> Path:
         path.write_text(
-            "\n\n".join("\n".join(",".join(map(repr, point)) for point in block.tolist()) for block in blocks)
-            + "\n"
+            "\n\n".join("\n".join(",".join(map(repr, point)) for point in block.tolist()) for block in blocks) + "\n"
         )
         return path
 

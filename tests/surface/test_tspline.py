@@ -91,9 +91,7 @@ def test_the_seam_is_c2(bone_like: Callable[..., TSpline]) -> None:
     zero, one = surface.evaluate(np.zeros(50), t, 2), surface.evaluate(np.full(50, np.nextafter(1, 0)), t, 2)
     for a, b in zip(zero, one):
         np.testing.assert_allclose(a, b, atol=1e-11 * abs(a).max())
-    np.testing.assert_array_equal(
-        surface.evaluate(np.full(50, -0.25), t), surface.evaluate(np.full(50, 0.75), t)
-    )
+    np.testing.assert_array_equal(surface.evaluate(np.full(50, -0.25), t), surface.evaluate(np.full(50, 0.75), t))
 
 
 def test_poles_are_one_point_with_the_limit_normal(bone_like: Callable[..., TSpline]) -> None:
@@ -101,12 +99,8 @@ def test_poles_are_one_point_with_the_limit_normal(bone_like: Callable[..., TSpl
     s = np.linspace(0, 1, 41)
     for t, index, normal in ((0.0, 0, [0, 0, -1]), (1.0, -1, [0, 0, 1])):
         points = surface.evaluate(s, np.full(41, t))
-        np.testing.assert_allclose(
-            points, np.broadcast_to(surface.control_points[index], (41, 3)), atol=1e-13
-        )
-        np.testing.assert_allclose(
-            surface.normals(s, np.full(41, t)), np.broadcast_to(normal, (41, 3)), atol=1e-9
-        )
+        np.testing.assert_allclose(points, np.broadcast_to(surface.control_points[index], (41, 3)), atol=1e-13)
+        np.testing.assert_allclose(surface.normals(s, np.full(41, t)), np.broadcast_to(normal, (41, 3)), atol=1e-9)
         near = surface.normals(s, np.full(41, abs(t - 1e-6)))
         np.testing.assert_allclose(near, np.broadcast_to(normal, (41, 3)), atol=1e-3)
 
@@ -159,9 +153,7 @@ def test_a_knot_that_is_the_seam_but_for_rounding_leaves_no_gap_before_it() -> N
     points = np.vstack([ring + np.array([0, 0, z]) for z in range(8)])
     last = np.nextafter(1.0, 0.0)
     fifths = np.array([0.2, 0.4, 0.6, 0.8])
-    surface = TSpline(
-        RowTMesh.from_rows(t, [np.r_[fifths, last]] * 4 + [np.r_[0.0, fifths]] * 4), points, np.ones(40)
-    )
+    surface = TSpline(RowTMesh.from_rows(t, [np.r_[fifths, last]] * 4 + [np.r_[0.0, fifths]] * 4), points, np.ones(40))
     assert surface.domain[0].tolist() == [0.0, 1.0]
     for height in (0.1, 0.5, 0.9):
         sides = surface.positions(np.array([0.0, last, 1.0]), np.full(3, height))
@@ -181,11 +173,7 @@ def test_arrays_of_wrong_lengths_are_refused_where_no_types_are_checked(
     for call in WRONG:
         lines += ["try:", f"    {call}", "except ValueError as e:", "    print(e)"]
     done = subprocess.run(
-        [sys.executable, "-c", "\n".join(lines)],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        check=True,
+        [sys.executable, "-c", "\n".join(lines)], cwd=tmp_path, capture_output=True, text=True, check=True
     )
     for line, said in zip(done.stdout.splitlines(), WRONG.values(), strict=True):
         assert line.startswith(said)

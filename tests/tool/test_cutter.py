@@ -73,26 +73,15 @@ def test_a_stated_holder_of_one_cylinder_takes_the_place_of_the_default_pieces()
 @pytest.mark.parametrize(
     ("values", "message"),
     [
-        (
-            {"neck_length": 3.0},
-            r"neck_length = 3: give more than flute_length \(3 mm\) and less than overhang",
-        ),
+        ({"neck_length": 3.0}, r"neck_length = 3: give more than flute_length \(3 mm\) and less than overhang"),
         ({"neck_length": 20.0}, r"neck_length = 20: give more than flute_length"),
         ({"neck_length": 0.0}, r"neck_length = 0: give more than flute_length"),
-        (
-            {"neck_diameter": 2.1},
-            r"neck_diameter = 2.1: give a diameter up to that of ball and shank \(2 mm\)",
-        ),
+        ({"neck_diameter": 2.1}, r"neck_diameter = 2.1: give a diameter up to that of ball and shank \(2 mm\)"),
         ({"neck_diameter": 0.0}, r"neck_diameter = 0: give a diameter up to"),
-        (
-            {"shank_diameter": 1.5},
-            r"neck_diameter = 1.9: give a diameter up to that of ball and shank \(1.5 mm\)",
-        ),
+        ({"shank_diameter": 1.5}, r"neck_diameter = 1.9: give a diameter up to that of ball and shank \(1.5 mm\)"),
     ],
 )
-def test_a_neck_that_is_not_between_flutes_and_shank_is_refused(
-    values: dict[str, float], message: str
-) -> None:
+def test_a_neck_that_is_not_between_flutes_and_shank_is_refused(values: dict[str, float], message: str) -> None:
     with pytest.raises(JobError, match=rf"\[finishing\] {message}"):
         Cutter.from_job(2, "finishing", ToolJob(**{**NECKED, **values}, spindle=9000.0, feed=900.0))
 

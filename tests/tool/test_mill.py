@@ -17,12 +17,7 @@ from bonecam.planning import side_step
 from bonecam.tool import Cutter
 
 HEIGHT = 12.0
-PROFILES = {
-    "ball": ball(2.0),
-    "flat": flat(2.0),
-    "bull": bull(2.0, 0.5),
-    "drum": drum(3.0, 20.0, 1.0, over=0.1),
-}
+PROFILES = {"ball": ball(2.0), "flat": flat(2.0), "bull": bull(2.0, 0.5), "drum": drum(3.0, 20.0, 1.0, over=0.1)}
 
 
 def mill(profile: CuttingProfile) -> Mill:
@@ -82,11 +77,7 @@ def half_plane(points: np.ndarray, tip: np.ndarray, axis: np.ndarray) -> tuple[n
     return np.linalg.norm(np.cross(away, axis), axis=1), h
 
 
-poses = st.tuples(
-    st.sampled_from(sorted(PROFILES)),
-    st.floats(0.02, 1.5),
-    st.integers(0, 2**32 - 1),
-)
+poses = st.tuples(st.sampled_from(sorted(PROFILES)), st.floats(0.02, 1.5), st.integers(0, 2**32 - 1))
 
 
 def posed(angle: float, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -108,11 +99,7 @@ def test_the_contact_is_on_the_cutter_and_the_plane_through_it_is_not_cut(pose: 
     assert abs(on[0]) < (2e-4 if name == "drum" else 1e-9)
     # the support of the body along the normal, from its outline: nothing lies below the tangent plane
     cosine, sine = np.cos(angle), np.sin(angle)
-    lowest = {
-        "ball": 2 * cosine - 2.0,
-        "flat": -2 * sine,
-        "bull": 0.5 * cosine - 1.5 * sine - 0.5,
-    }
+    lowest = {"ball": 2 * cosine - 2.0, "flat": -2 * sine, "bull": 0.5 * cosine - 1.5 * sine - 0.5}
     if name in lowest:
         assert (tip - contact) @ normal + lowest[name] == pytest.approx(0.0, abs=1e-9)
 

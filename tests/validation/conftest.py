@@ -18,11 +18,7 @@ def exact_cubic() -> Callable[[list[float], Fraction], Fraction]:
         for p in (1, 2, 3):
             values = [
                 (values[i] * (x - k[i]) / (k[i + p] - k[i]) if k[i + p] > k[i] else 0)
-                + (
-                    values[i + 1] * (k[i + p + 1] - x) / (k[i + p + 1] - k[i + 1])
-                    if k[i + p + 1] > k[i + 1]
-                    else 0
-                )
+                + (values[i + 1] * (k[i + p + 1] - x) / (k[i + p + 1] - k[i + 1]) if k[i + p + 1] > k[i + 1] else 0)
                 for i in range(len(values) - 1)
             ]
         return values[0]

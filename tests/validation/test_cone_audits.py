@@ -61,10 +61,7 @@ class Machined:
         places, axes = centres[above], axes[above]
         parts = range(0, len(places), CHUNK)
         return np.concatenate(
-            [
-                deepest_entry(self.scene, self.path.cutter, places[k : k + CHUNK], axes[k : k + CHUNK])
-                for k in parts
-            ]
+            [deepest_entry(self.scene, self.path.cutter, places[k : k + CHUNK], axes[k : k + CHUNK]) for k in parts]
         )
 
 
@@ -88,17 +85,9 @@ def hecc(shared: Callable[[], Path]) -> Machined:
 
 
 def wheel_job() -> bonecam.Job:
-    tool = {
-        "radius": 1.5,
-        "flute_length": 4.0,
-        "shank_diameter": 2.4,
-        "overhang": 42.0,
-        "holder_diameter": 16.0,
-    }
+    tool = {"radius": 1.5, "flute_length": 4.0, "shank_diameter": 2.4, "overhang": 42.0, "holder_diameter": 16.0}
     return bonecam.Job().with_values(
-        holding={"diameter": 20.0},
-        finishing={**tool, "scallop": 0.1, "feed": 1200.0},
-        path={"max_tilt_deg": 85.0},
+        holding={"diameter": 20.0}, finishing={**tool, "scallop": 0.1, "feed": 1200.0}, path={"max_tilt_deg": 85.0}
     )
 
 
@@ -165,23 +154,17 @@ def random_poses(path: ToolPath, scale: float, rim: bool) -> tuple[np.ndarray, n
 
 
 @pytest.mark.slow
-def test_no_axis_in_a_cone_collides_and_wider_cones_are_caught(
-    machined: Machined, deepest_entry: Entry
-) -> None:
+def test_no_axis_in_a_cone_collides_and_wider_cones_are_caught(machined: Machined, deepest_entry: Entry) -> None:
     entered = machined.entries(deepest_entry, *random_poses(machined.path, 1.0, rim=False))
     wider = machined.entries(deepest_entry, *random_poses(machined.path, 1.3, rim=True)) > ENTERED
-    print(
-        f"{machined.name}: {len(entered)} axes, deepest {entered.max():.4f} mm; x 1.3: {wider.mean():.1%} caught"
-    )
+    print(f"{machined.name}: {len(entered)} axes, deepest {entered.max():.4f} mm; x 1.3: {wider.mean():.1%} caught")
     assert len(entered) > 0.6 * AXES
     assert (entered > ENTERED).sum() == 0
     assert wider.mean() > 0.005
 
 
 @pytest.mark.slow
-def test_no_axis_of_the_path_collides_nor_a_pose_between_contacts(
-    machined: Machined, deepest_entry: Entry
-) -> None:
+def test_no_axis_of_the_path_collides_nor_a_pose_between_contacts(machined: Machined, deepest_entry: Entry) -> None:
     path = machined.path
     cuts = np.flatnonzero(path.kinds == MoveKind.CUT)
     entered = machined.entries(deepest_entry, path.balls[cuts], path.axes[cuts])

@@ -48,9 +48,7 @@ def test_the_default_cutters_are_those_of_the_paper() -> None:
 
 @pytest.mark.parametrize(("radius", "scallop"), PUBLISHED)
 @pytest.mark.parametrize("curvature", [0.0, *CURVATURES])
-def test_balls_a_side_step_apart_leave_exactly_the_scallop(
-    radius: float, scallop: float, curvature: float
-) -> None:
+def test_balls_a_side_step_apart_leave_exactly_the_scallop(radius: float, scallop: float, curvature: float) -> None:
     step = float(side_step(radius, scallop, np.array([curvature]))[0])
     assert cusp_height(radius, step, curvature) == pytest.approx(scallop, abs=1e-11)
 

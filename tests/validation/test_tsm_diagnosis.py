@@ -17,21 +17,12 @@ import pytest
 from bonecam.surface import read_tsm
 
 SUMS = {"mouse": (0.068, 0.068, 0.084), "face": (0.196, 0.31, 0.464), "gearbox2-9": (0.429, 0.45, 0.572)}
-MEETINGS = {
-    "simple": (0, 0),
-    "fan": (0, 16),
-    "Bike": (0, 0),
-    "mouse": (0, 0),
-    "face": (16, 0),
-    "gearbox2-9": (50, 24),
-}
+MEETINGS = {"simple": (0, 0), "fan": (0, 16), "Bike": (0, 0), "mouse": (0, 0), "face": (16, 0), "gearbox2-9": (50, 24)}
 
 
 def exact_sum(exact_cubic: Callable[..., Fraction], nodes: list[dict], s: float, t: float) -> float:
     """The sum of all blending functions at a place, from the oracle's local knots."""
-    return float(
-        sum(exact_cubic(node["u"], Fraction(s)) * exact_cubic(node["v"], Fraction(t)) for node in nodes)
-    )
+    return float(sum(exact_cubic(node["u"], Fraction(s)) * exact_cubic(node["v"], Fraction(t)) for node in nodes))
 
 
 @pytest.mark.parametrize("name", SUMS)
@@ -39,10 +30,7 @@ def test_the_sums_go_as_far_off_as_the_diagnosis_says(
     exact_cubic: Callable[..., Fraction], shared: Path, name: str
 ) -> None:
     folder = shared / "tspline" / "tsm"
-    surface, oracle = (
-        read_tsm(folder / f"{name}.tsm"),
-        json.loads((folder / f"{name}.oracle.json").read_text()),
-    )
+    surface, oracle = (read_tsm(folder / f"{name}.tsm"), json.loads((folder / f"{name}.oracle.json").read_text()))
     elements = surface.elements()
     x = (np.arange(16) + 0.5) / 16
     u, v = (a.ravel() for a in np.meshgrid(x, x))
@@ -51,9 +39,7 @@ def test_the_sums_go_as_far_off_as_the_diagnosis_says(
     unit = type(surface)(surface.tmesh, surface.control_points, np.ones(surface.tmesh.size))
     sums = sum_of(oracle["nodes"], s, t)
     worst = int(np.argmax(np.abs(sums - 1)))
-    assert (
-        abs(exact_sum(exact_cubic, oracle["nodes"], float(s[worst]), float(t[worst])) - sums[worst]) < 1e-12
-    )
+    assert abs(exact_sum(exact_cubic, oracle["nodes"], float(s[worst]), float(t[worst])) - sums[worst]) < 1e-12
     sampled, published, dense = SUMS[name]
     assert abs(sums[worst] - 1) == pytest.approx(dense, abs=2e-3)
     samples = np.array([sample[:2] for face in oracle["faces"] for sample in face["samples"]])
@@ -85,10 +71,7 @@ def test_extensions_meet_as_often_as_integer_segments_do(shared: Path, name: str
     from bonecam.surface.tmesh.junctions import junctions
 
     folder = shared / "tspline" / "tsm"
-    surface, oracle = (
-        read_tsm(folder / f"{name}.tsm"),
-        json.loads((folder / f"{name}.oracle.json").read_text()),
-    )
+    surface, oracle = (read_tsm(folder / f"{name}.tsm"), json.loads((folder / f"{name}.oracle.json").read_text()))
     if any(surface.tmesh.period):
         pytest.skip("a closed direction has no integer ranks of its own")
     nodes = oracle["nodes"]

@@ -52,15 +52,11 @@ def test_the_surface_and_its_derivatives_are_the_oracles(
     )
     assert len(off) == (2 if name == "Bike" else 0)
     for n in off:
-        for f, exact, x in zip(
-            found, exact_derivatives(exact_cubic, oracle["nodes"], *samples[n, :2]), scale
-        ):
+        for f, exact, x in zip(found, exact_derivatives(exact_cubic, oracle["nodes"], *samples[n, :2]), scale):
             assert np.abs(f[n] - exact).max() < 1e-12 * x
 
 
-def exact_derivatives(
-    exact_cubic: Callable[..., Fraction], nodes: list[dict], s: float, t: float
-) -> list[np.ndarray]:
+def exact_derivatives(exact_cubic: Callable[..., Fraction], nodes: list[dict], s: float, t: float) -> list[np.ndarray]:
     """S, S_s, S_t, S_ss, S_st, S_tt of the rational surface in fractions, by the quotient rule."""
     s, t = Fraction(s), Fraction(t)
     orders = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
@@ -78,16 +74,13 @@ def exact_derivatives(
     for a, b in orders:
         rest = [(i, j) for i in range(a + 1) for j in range(b + 1) if (i, j) != (a, b)]
         lower = [
-            sum(math.comb(a, i) * math.comb(b, j) * A[a - i, b - j][3] * S[i, j][d] for i, j in rest)
-            for d in range(3)
+            sum(math.comb(a, i) * math.comb(b, j) * A[a - i, b - j][3] * S[i, j][d] for i, j in rest) for d in range(3)
         ]
         S[a, b] = [(A[a, b][d] - lower[d]) / A[0, 0][3] for d in range(3)]
     return [np.array([float(x) for x in S[order]]) for order in orders]
 
 
-def exact_derivative(
-    exact_cubic: Callable[..., Fraction], knots: list[float], x: Fraction, order: int
-) -> Fraction:
+def exact_derivative(exact_cubic: Callable[..., Fraction], knots: list[float], x: Fraction, order: int) -> Fraction:
     """The order-th derivative of the cubic on five knots, from its pieces: exact differences of a polynomial
     of degree three."""
     k = [Fraction(value) for value in knots]

@@ -47,10 +47,7 @@ def densely(part: ExactCapsule, motions, count=400) -> float:
         moves = np.flatnonzero((motions.tools == number) & motions.known_start)
         for fraction in np.linspace(0, 1, count):
             tips, axes = control.between(motions.words[moves - 1], motions.words[moves], fraction)
-            deepest = max(
-                deepest,
-                float((control.radius - part.signed(tips + control.radius * axes, 0.0)).max()),
-            )
+            deepest = max(deepest, float((control.radius - part.signed(tips + control.radius * axes, 0.0)).max()))
     return deepest
 
 
@@ -86,14 +83,10 @@ def test_a_turn_on_the_spot_that_swings_the_ball_into_the_part_is_found(path_of,
     # the tip rests beside the capsule while the axis leans over: only the ball's centre moves
     tips = np.array([[6.1, 0, 55.0], [6.1, 0, 54.0], [6.1, 0, 54.0], [12.0, 0, 54.0]])
     lean = np.radians(-60)
-    axes = np.array(
-        [[0, 0, 1.0], [0, 0, 1.0], [np.sin(lean), 0, np.cos(lean)], [np.sin(lean), 0, np.cos(lean)]]
-    )
+    axes = np.array([[0, 0, 1.0], [0, 0, 1.0], [np.sin(lean), 0, np.cos(lean)], [np.sin(lean), 0, np.cos(lean)]])
     pair = PAIRS["heidenhain"]
     motions = motions_of([path_of(tips, axes)], pair)
-    assert measure_gouge(motions, part).depth == pytest.approx(
-        1 - (6.1 - np.sin(np.radians(60)) - 5), abs=0.002
-    )
+    assert measure_gouge(motions, part).depth == pytest.approx(1 - (6.1 - np.sin(np.radians(60)) - 5), abs=0.002)
 
 
 def test_a_ball_within_the_part_is_a_gouge_of_more_than_its_radius(part, path_of, pair):

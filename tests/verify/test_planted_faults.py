@@ -56,9 +56,7 @@ def test_the_program_without_a_fault_is_accepted(blocks, paths):
 
 
 @pytest.mark.parametrize("share", [0.1, 0.5, 0.9])
-@pytest.mark.parametrize(
-    ("letter", "by"), [(w, s * d) for w, d in zip("XYZBC", (1, 1, 1, 5, 5)) for s in (1, -1)]
-)
+@pytest.mark.parametrize(("letter", "by"), [(w, s * d) for w, d in zip("XYZBC", (1, 1, 1, 5, 5)) for s in (1, -1)])
 def test_a_changed_word_is_found(blocks, paths, letter, by, share):
     cuts = cuts_of(blocks)
     at = cuts[int(share * len(cuts))]

@@ -135,9 +135,7 @@ def without(text: str, start: int, count: int) -> str:
     lines = [line for i, line in enumerate(lines) if i not in places]
     if lines[0].startswith("0 "):
         numbers = iter(range(len(lines)))
-        lines = [
-            line if line.startswith(" ") else f"{next(numbers)} {line.split(' ', 1)[1]}" for line in lines
-        ]
+        lines = [line if line.startswith(" ") else f"{next(numbers)} {line.split(' ', 1)[1]}" for line in lines]
     return "\n".join(lines) + "\n"
 
 
@@ -159,18 +157,14 @@ def test_a_move_too_many_is_found(paths, pair):
 
 
 def test_a_tool_exchanged_is_found(paths, pair):
-    exchanged = tuple(
-        replace(path, cutter=replace(path.cutter, number=3 - path.cutter.number)) for path in paths
-    )
+    exchanged = tuple(replace(path, cutter=replace(path.cutter, number=3 - path.cutter.number)) for path in paths)
     with pytest.raises(VerifyError, match="tool 1 cuts what tool 2"):
         check(text_of(pair, paths), pair, exchanged)
 
 
 def test_a_path_through_the_part_is_refused_with_line_and_place(paths, capsule_path, pair, mesh):
     deep = (paths[0], capsule_path(level=0, number=2, offset=-0.05, count=600))
-    with pytest.raises(
-        VerifyError, match=r"line \d+: the ball enters the part by 0.05\d+ mm at \("
-    ) as caught:
+    with pytest.raises(VerifyError, match=r"line \d+: the ball enters the part by 0.05\d+ mm at \(") as caught:
         verify(text_of(pair, deep), deep, *pair, mesh)
     assert caught.value.evidence["error"] == pytest.approx(0.05, abs=0.005)
 

@@ -88,10 +88,7 @@ def test_a_bar_thinner_than_the_stock_and_a_chuck_that_cannot_hold_it_are_refuse
         ),
         ({"riser_height": 50.0}, "riser_diameter = 0: give both sizes of the riser"),
         ({"chuck_height": 50.0}, "chuck_diameter = 0: give both sizes of the chuck"),
-        (
-            {"diameter": 13.0, "stub_diameter": 13.0, "stub_length": 15.0},
-            "stub_diameter = 13: give more than",
-        ),
+        ({"diameter": 13.0, "stub_diameter": 13.0, "stub_length": 15.0}, "stub_diameter = 13: give more than"),
         ({"stub_diameter": 13.0}, "stub_diameter = 13: give stub_length too"),
         ({"diameter": 0.3}, "diameter = 0.3: give 0.5 mm or more, or 0"),
         (

@@ -37,9 +37,7 @@ def test_the_pin_stands_over_the_highest_place_and_reaches_the_arm() -> None:
     assert (pin.x, pin.y) == pytest.approx((4.0, 0.0), abs=0.5)
     assert (pin.bottom, pin.top) == pytest.approx((160.0, 172.0))
     assert found.tailstock_height == pytest.approx(172.0)
-    assert footprint(pin, part()) == pytest.approx(0.0, abs=0.01), (
-        "it touches a flat end and is in it nowhere"
-    )
+    assert footprint(pin, part()) == pytest.approx(0.0, abs=0.01), "it touches a flat end and is in it nowhere"
 
 
 def test_on_a_slope_the_pin_goes_in_until_all_of_its_end_has_met_the_part() -> None:
@@ -93,10 +91,7 @@ def test_a_column_off_the_axis_is_as_far_as_one_on_it_from_points_moved_along() 
         ({"tailstock_x": 40.0}, r"tailstock_x = 40: at \(40.00, 0.00\) nothing of the part is under the pin"),
         ({"tailstock_height": 158.0}, r"tailstock_height = 158: the part reaches up to 160.00 mm there"),
         ({"tailstock_reach": 296.0}, r"tailstock_reach = 296: .* table of 600 mm at 285 mm at most"),
-        (
-            {"tailstock_reach": 15.0},
-            r"tailstock_reach = 15: the column stands in the stock: give \d+ mm or more",
-        ),
+        ({"tailstock_reach": 15.0}, r"tailstock_reach = 15: the column stands in the stock: give \d+ mm or more"),
     ],
 )
 def test_a_tailstock_that_misses_enters_or_stands_beside_the_table_is_told(changes: dict, told: str) -> None:
@@ -105,18 +100,14 @@ def test_a_tailstock_that_misses_enters_or_stands_beside_the_table_is_told(chang
 
 
 def test_the_height_of_the_arm_is_refused_where_that_of_the_part_is_found() -> None:
-    with pytest.raises(
-        JobError, match=r"tailstock_height = 172: .* give holding.length too, or tailstock_length"
-    ):
+    with pytest.raises(JobError, match=r"tailstock_height = 172: .* give holding.length too, or tailstock_length"):
         settled(replace(PIN, length=0.0, tailstock_height=172.0))
 
 
 def test_an_arm_in_the_stock_is_told_with_the_length_that_clears_it() -> None:
     found = settled_bracket(PIN, part(), TABLE)
     taller = cylinder(8.0, 95.0, 175.0, 0.1).vertices
-    with pytest.raises(
-        JobError, match=r"tailstock_length = 12: the arm begins at 172.00 mm, in the stock"
-    ) as error:
+    with pytest.raises(JobError, match=r"tailstock_length = 12: the arm begins at 172.00 mm, in the stock") as error:
         settled_height(found, pin_above(part(), found), taller)
     assert "give 16 mm or more" in str(error.value)
     longer = replace(found, tailstock_length=16.0)

@@ -75,9 +75,7 @@ def run_catalogue(options: argparse.Namespace) -> int:
     elif options.what is not None:
         if options.what not in entries:
             close = did_you_mean(options.what, entries)
-            raise JobError(
-                f"{options.what!r} is unknown{close}: use check FILE, or one of {', '.join(entries)}"
-            )
+            raise JobError(f"{options.what!r} is unknown{close}: use check FILE, or one of {', '.join(entries)}")
         print(entries[options.what][1], end="")
         _draw(options, options.what)
     else:
@@ -144,8 +142,6 @@ def _draw(options: argparse.Namespace, name: str) -> None:
 def _about(path: Path) -> str:
     """The title or the first comment of a file, and its place where it does not ship."""
     text = path.read_text(encoding="utf-8")
-    titles = [
-        line.partition("=")[2].strip().strip('"') for line in text.splitlines() if line.startswith("title")
-    ]
+    titles = [line.partition("=")[2].strip().strip('"') for line in text.splitlines() if line.startswith("title")]
     about = (titles or [text.partition("\n")[0].lstrip("# ")])[0]
     return about if _ships(path) else f"{about} ({path})"

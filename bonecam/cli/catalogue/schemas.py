@@ -32,11 +32,7 @@ def file_schema(kind: str) -> dict[str, Any]:
     """The schema of the files of a catalogue: machines, dialects, materials or tools."""
     if kind == "tools":
         return _tool_list() | {"$schema": DRAFT, "title": "bonecam tools"}
-    models: dict[str, type[Record]] = {
-        "machines": MachineFile,
-        "dialects": DialectFile,
-        "materials": MaterialFile,
-    }
+    models: dict[str, type[Record]] = {"machines": MachineFile, "dialects": DialectFile, "materials": MaterialFile}
     return models[kind].model_json_schema() | {"$schema": DRAFT}
 
 
@@ -64,9 +60,7 @@ def _parameter(item: "Field[Any]", value: Any) -> dict[str, Any]:
     known = record(item)
     unit = f" [{known.unit}]" if known.unit else ""
     schema: dict[str, Any] = {"title": known.label, "description": f"{known.tooltip}{unit}", "default": value}
-    schema["type"] = (
-        [TYPES[type(value)], "number", "array"] if item.name in ALSO_LISTS else TYPES[type(value)]
-    )
+    schema["type"] = [TYPES[type(value)], "number", "array"] if item.name in ALSO_LISTS else TYPES[type(value)]
     if known.choices:
         schema["enum"] = list(known.choices)
     if math.isfinite(known.low):

@@ -53,10 +53,7 @@ def _call(given: Sequence[str]) -> tuple[Path, Path, list[str]]:
 def _tell(fraction: float, message: str) -> None:
     """Progress as Slicer reads it from standard output."""
     text = escape(in_one_line(message))
-    print(
-        f"<filter-progress>{fraction:.3f}</filter-progress><filter-comment>{text}</filter-comment>",
-        flush=True,
-    )
+    print(f"<filter-progress>{fraction:.3f}</filter-progress><filter-comment>{text}</filter-comment>", flush=True)
 
 
 SLICER = {int: "integer", float: "double", str: "string"}

@@ -67,12 +67,7 @@ def run_script(
     target = Path(os.path.realpath(output_dir))
     with whole_folder(output_dir, own=NOTHING_STALE, replace=force) as folder:
         run = Run(
-            str(script),
-            tuple(map(str, inputs)),
-            folder=folder,
-            target=target,
-            allow_outside=allow_outside,
-            force=force,
+            str(script), tuple(map(str, inputs)), folder=folder, target=target, allow_outside=allow_outside, force=force
         )
         if registry is None:
             _work_in_child(run, progress, seconds, memory)
@@ -105,9 +100,7 @@ def _work_in_child(run: Run, progress: Progress, seconds: float, memory: float) 
         return progress(fraction, message)
 
     try:
-        call_in_worker(
-            WORK, run, None, seconds=seconds, memory=int(memory * 2**30), progress=noted, heard=True
-        )
+        call_in_worker(WORK, run, None, seconds=seconds, memory=int(memory * 2**30), progress=noted, heard=True)
     except WorkerError as error:
         remedy = "leave it out, give it less to do, or allow more with --time-limit and --memory-limit"
         if not steps:

@@ -119,13 +119,9 @@ class ScriptFiles:
         if leads_out(final, self.output):
             raise FilterError(f"file {name!r}: {final}: a link leads out of the folder: remove it", file=name)
         if blocked is not None:
-            raise FilterError(
-                f"file {name!r}: {blocked} is a file: give another name, or remove it", file=name
-            )
+            raise FilterError(f"file {name!r}: {blocked} is a file: give another name, or remove it", file=name)
         if final.is_dir():
-            raise FilterError(
-                f"file {name!r}: {final} is a folder: give another name, or remove it", file=name
-            )
+            raise FilterError(f"file {name!r}: {final} is a folder: give another name, or remove it", file=name)
 
     def to_read(self, name: str) -> Path:
         """Where a file to be read is: beside the script or an input. FilterError where it is elsewhere."""
@@ -136,9 +132,7 @@ class ScriptFiles:
                 return place
         if any(place.exists() for place in candidates):
             remedy = "put it there, or allow it with --allow-outside"
-            raise FilterError(
-                f"file {name!r} is not in the folder of the script or of an input: {remedy}", file=name
-            )
+            raise FilterError(f"file {name!r} is not in the folder of the script or of an input: {remedy}", file=name)
         raise FilterError(f"file {name!r} does not exist: put it into the script's folder", file=name)
 
 

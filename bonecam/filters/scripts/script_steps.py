@@ -45,9 +45,7 @@ def read_script(script: str | Path, registry: Registry) -> list[ScriptStep]:
     return [_step(call, str(script), registry) for call in read_calls(script)]
 
 
-def apply_steps(
-    meshes: Applies, steps: Sequence[ScriptStep], script: str, progress: Progress = silent
-) -> None:
+def apply_steps(meshes: Applies, steps: Sequence[ScriptStep], script: str, progress: Progress = silent) -> None:
     """Apply steps in their order; an error keeps its kind and gains the line."""
     before = meshes.progress
     try:
@@ -69,34 +67,24 @@ def apply_steps(
 def _step(call: FilterCall, script: str, registry: Registry) -> ScriptStep:
     name = registry[call.name].name if call.name in registry else meshlab_names.python_name(call.name)
     if name not in registry and name not in meshlab_filters():
-        shown = (
-            known
-            for known in meshlab_names.all_names()
-            if meshlab_names.python_name(known) in meshlab_filters()
-        )
+        shown = (known for known in meshlab_names.all_names() if meshlab_names.python_name(known) in meshlab_filters())
         names = {*registry.names, *(item.display_name for item in registry), *meshlab_filters(), *shown}
         what = f"there is no filter {call.name!r}{did_you_mean(call.name, names)}"
         message = f"{script}, line {call.line}: {what}: `bonecam filters` and MeshLab list them"
         raise FilterError(message, line=call.line, file=script, filter=call.name)
     values: dict[str, Any] = {}
     if name in CAMERAS:
-        message = (
-            f"{script}, line {call.line}: {name} takes a camera, which pymeshlab cannot pass: leave it out"
-        )
+        message = f"{script}, line {call.line}: {name} takes a camera, which pymeshlab cannot pass: leave it out"
         raise FilterError(message, line=call.line, file=script, filter=call.name)
     for item in call.parameters:
         try:
             key, value = _ours(item, name, registry) if name in registry else checked_value(name, item)
         except FilterError as error:
             evidence = {**error.evidence, "line": item.line, "file": script}
-            raise FilterError(
-                f"{script}, line {item.line}: {_with_name(name, str(error))}", **evidence
-            ) from error
+            raise FilterError(f"{script}, line {item.line}: {_with_name(name, str(error))}", **evidence) from error
         if key in values:
             raise FilterError(
-                f"{script}, line {item.line}: {name}: {key} is there twice: leave one",
-                line=item.line,
-                file=script,
+                f"{script}, line {item.line}: {name}: {key} is there twice: leave one", line=item.line, file=script
             )
         values[key] = value
     return ScriptStep(name, values, call.line)

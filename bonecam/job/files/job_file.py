@@ -91,10 +91,7 @@ def _lines(name: str, section: Any) -> list[str]:
         if isinstance(value, str) and not is_unicode(value):
             remedy = "rename the file, so that its name is UTF-8"
             raise JobError(f"[{name}] {key} = {value!a}: {remedy}", section=name, field=key)
-    comments = [
-        f"{known.tooltip} [{known.allowed}]" if known.allowed else known.tooltip
-        for known in known_of.values()
-    ]
+    comments = [f"{known.tooltip} [{known.allowed}]" if known.allowed else known.tooltip for known in known_of.values()]
     return [f"{line}  # {comment}" for line, comment in zip(toml_lines(values), comments, strict=True)]
 
 

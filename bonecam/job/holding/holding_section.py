@@ -42,12 +42,7 @@ class HoldingJob(TailstockJob):
         high=1000.0,
     )
     chuck_height: float = parameter(
-        0.0,
-        "Chuck height",
-        "From the table to the top of the chuck or collet.",
-        unit="mm",
-        low=0.0,
-        high=500.0,
+        0.0, "Chuck height", "From the table to the top of the chuck or collet.", unit="mm", low=0.0, high=500.0
     )
     riser_diameter: float = parameter(
         0.0,
@@ -58,12 +53,7 @@ class HoldingJob(TailstockJob):
         high=1000.0,
     )
     riser_height: float = parameter(
-        0.0,
-        "Riser height",
-        "From the table to the top of the riser.",
-        unit="mm",
-        low=0.0,
-        high=500.0,
+        0.0, "Riser height", "From the table to the top of the riser.", unit="mm", low=0.0, high=500.0
     )
     stub_diameter: float = parameter(
         0.0,
@@ -90,9 +80,7 @@ class HoldingJob(TailstockJob):
         high=100.0,
     )
     parting: bool = parameter(
-        False,
-        "Parting",
-        "Turn a groove round the post below the finished part, down to a bridge that holds it.",
+        False, "Parting", "Turn a groove round the post below the finished part, down to a bridge that holds it."
     )
     parting_stand_off: float = parameter(
         1.0,
@@ -135,12 +123,7 @@ class HoldingJob(TailstockJob):
         high=1000.0,
     )
     second_chuck_height: float = parameter(
-        0.0,
-        "Second chuck height",
-        "From the table to the top of that chuck or vice.",
-        unit="mm",
-        low=0.0,
-        high=500.0,
+        0.0, "Second chuck height", "From the table to the top of that chuck or vice.", unit="mm", low=0.0, high=500.0
     )
 
     @property
@@ -199,16 +182,10 @@ class HoldingJob(TailstockJob):
             "chuck_diameter": [
                 (0 < chuck <= post, f"give more than the post's diameter ({post:g} mm)"),
                 (0 < riser < chuck, f"give at most the riser's diameter ({riser:g} mm), or a wider riser"),
-                (
-                    0 < chuck <= stub,
-                    f"give more than the stub's diameter ({stub:g} mm), which the chuck holds",
-                ),
+                (0 < chuck <= stub, f"give more than the stub's diameter ({stub:g} mm), which the chuck holds"),
             ],
             "chuck_height": [
-                (
-                    0 < self.chuck_height <= self.riser_height,
-                    f"give more than riser_height ({self.riser_height:g} mm)",
-                )
+                (0 < self.chuck_height <= self.riser_height, f"give more than riser_height ({self.riser_height:g} mm)")
             ],
             "stub_diameter": [
                 (stub > 0 and not self.stub_length, "give stub_length too, or 0 for no stub"),
@@ -220,9 +197,7 @@ class HoldingJob(TailstockJob):
                 if wrong:
                     raise JobError(f"{field} = {getattr(self, field):g}: {bound}", field=field)
         if 0 < self.length <= self.support_height:
-            field = next(
-                name for name in ("stub_length", "chuck_height", "riser_height") if getattr(self, name)
-            )
+            field = next(name for name in ("stub_length", "chuck_height", "riser_height") if getattr(self, name))
             ends = f"it ends at {self.support_height:g} mm: " if field == "stub_length" else ""
             bound = f"{ends}give less than the post's length ({self.length:g} mm), or a longer post"
             raise JobError(f"{field} = {getattr(self, field):g}: {bound}", field=field)

@@ -47,9 +47,7 @@ class TailstockJob(JobSection):
         low=-500.0,
         high=500.0,
     )
-    tailstock_y: float = parameter(
-        0.0, "Tailstock Y", "As tailstock_x, along Y.", unit="mm", low=-500.0, high=500.0
-    )
+    tailstock_y: float = parameter(0.0, "Tailstock Y", "As tailstock_x, along Y.", unit="mm", low=-500.0, high=500.0)
     tailstock_reach: float = parameter(
         0.0,
         "Tailstock reach",
@@ -82,6 +80,4 @@ class TailstockJob(JobSection):
         """JobError where pin or upper neck are no thinner than the arm that holds them."""
         if self.has_tailstock and self.tailstock_diameter >= self.tailstock_arm:
             bound = f"give less than the arm that holds it ({self.tailstock_arm:g} mm), or a wider arm"
-            raise JobError(
-                f"tailstock_diameter = {self.tailstock_diameter:g}: {bound}", field="tailstock_diameter"
-            )
+            raise JobError(f"tailstock_diameter = {self.tailstock_diameter:g}: {bound}", field="tailstock_diameter")

@@ -18,10 +18,6 @@ class MechanicsJob(JobSection):
         high=10.0,
     )
     refuse: bool = parameter(
-        True,
-        "Refuse",
-        "Refuse a program whose stress or error is larger; false: header and summary tell it.",
+        True, "Refuse", "Refuse a program whose stress or error is larger; false: header and summary tell it."
     )
-    flutes: int = parameter(
-        2, "Flutes", "Cutting edges of a cutter whose section does not tell.", low=1, high=4
-    )
+    flutes: int = parameter(2, "Flutes", "Cutting edges of a cutter whose section does not tell.", low=1, high=4)

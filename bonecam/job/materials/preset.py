@@ -107,23 +107,15 @@ def read_material(name: str) -> Material:
 def _material(name: str, table: MaterialFile) -> Material:
     """The material of a file; ValueError where a number is not positive or the numbers of neither way are whole."""
     fixed = {"spindle": table.spindle, "feed": table.feed}
-    scaled = {
-        "cutting_speed": table.cutting_speed,
-        "feed_per_tooth": table.feed_per_tooth,
-        "teeth": table.teeth,
-    }
+    scaled = {"cutting_speed": table.cutting_speed, "feed_per_tooth": table.feed_per_tooth, "teeth": table.teeth}
     given = {key: value for key, value in {**fixed, **scaled}.items() if value is not None}
     if set(given) not in (set(fixed), set(scaled)):
-        raise ValueError(
-            f"has {', '.join(given) or 'no numbers'}: give {' and '.join(fixed)}, or {', '.join(scaled)}"
-        )
+        raise ValueError(f"has {', '.join(given) or 'no numbers'}: give {' and '.join(fixed)}, or {', '.join(scaled)}")
     for key, value in given.items():
         if value <= 0:
             raise ValueError(f"{key} = {value:g}: give a positive number")
     if table.mechanics_of:
-        shipped = sorted(
-            path.stem for path in FOLDER.glob("*.toml")
-        )  # these end: none names one that names it
+        shipped = sorted(path.stem for path in FOLDER.glob("*.toml"))  # these end: none names one that names it
         if table.mechanics_of not in shipped:
             known = ", ".join(shipped)
             raise ValueError(f"mechanics_of = {shown(table.mechanics_of)}: give one of {known}")

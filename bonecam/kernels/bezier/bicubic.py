@@ -17,9 +17,7 @@ Four: TypeAlias = tuple[float, float, float, float]
 
 
 @njit(cache=True, fastmath=CONTRACT)
-def homogeneous_patches(
-    starts: ndarray, functions: ndarray, coefficients: ndarray, weighted: ndarray
-) -> ndarray:
+def homogeneous_patches(starts: ndarray, functions: ndarray, coefficients: ndarray, weighted: ndarray) -> ndarray:
     """Sum of coefficient x weighted control point over the functions of each element: (e, 16, 4) for bicubic
     ones."""
     count = coefficients.shape[1]
@@ -66,9 +64,7 @@ def positions(patches: ndarray, boxes: ndarray, element: ndarray, s: ndarray, t:
         A = np.zeros(4)
         for j in range(4):
             for d in range(4):
-                A[d] += b[j] * (
-                    a0 * p[4 * j, d] + a1 * p[4 * j + 1, d] + a2 * p[4 * j + 2, d] + a3 * p[4 * j + 3, d]
-                )
+                A[d] += b[j] * (a0 * p[4 * j, d] + a1 * p[4 * j + 1, d] + a2 * p[4 * j + 2, d] + a3 * p[4 * j + 3, d])
         for d in range(3):
             S[n, d] = A[d] / A[3]
 
@@ -122,14 +118,7 @@ spread_first_jet = njit(inline="always")(first_jet.py_func)
 
 @njit(cache=True, fastmath=CONTRACT)
 def first_derivatives(
-    patches: ndarray,
-    boxes: ndarray,
-    element: ndarray,
-    s: ndarray,
-    t: ndarray,
-    S: ndarray,
-    S_s: ndarray,
-    S_t: ndarray,
+    patches: ndarray, boxes: ndarray, element: ndarray, s: ndarray, t: ndarray, S: ndarray, S_s: ndarray, S_t: ndarray
 ) -> None:
     """Write S, S_s and S_t at each sample into arrays (n, 3)."""
     for n in range(len(s)):
@@ -175,9 +164,7 @@ def jet(p: ndarray, box: ndarray, s: float, t: float, D: ndarray) -> None:
 
 
 @njit(cache=True, fastmath=CONTRACT)
-def second_derivatives(
-    patches: ndarray, boxes: ndarray, element: ndarray, s: ndarray, t: ndarray, D: ndarray
-) -> None:
+def second_derivatives(patches: ndarray, boxes: ndarray, element: ndarray, s: ndarray, t: ndarray, D: ndarray) -> None:
     """Write S and all derivatives to the second order at each sample into D (6, n, 3)."""
     one = np.empty((6, 3))
     for n in range(len(s)):

@@ -69,7 +69,5 @@ def locate(
         if lows[i] <= x <= highs[i]:
             elements[n] = ids[i]
         else:
-            elements[n] = locate_one(
-                strip_knots, strip_table, strip_starts, lows, highs, ids, tables, x, t[n]
-            )
+            elements[n] = locate_one(strip_knots, strip_table, strip_starts, lows, highs, ids, tables, x, t[n])
     return elements

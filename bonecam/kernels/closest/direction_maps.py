@@ -78,9 +78,7 @@ def _prove_triangle(
 
 
 @njit(cache=True, nogil=True)
-def direction_maps(
-    o: Obstacles, p: Apexes, starts: ndarray, asked: ndarray, triangles: SphereTriangles
-) -> ndarray:
+def direction_maps(o: Obstacles, p: Apexes, starts: ndarray, asked: ndarray, triangles: SphereTriangles) -> ndarray:
     """For each node (k), which has the apexes from `starts[k]` up to `starts[k + 1]`, the leaves (l) that are proven
     free for all of these apexes; those that are not `asked` (k, l) need not be told."""
     last = len(triangles.starts) - 2

@@ -69,9 +69,7 @@ def flood(distances: ndarray, step: float, outside: ndarray) -> ndarray:
 
 
 @njit(cache=True, nogil=True)
-def distance_bound(
-    cells: ndarray, values: ndarray, first: int, end: int, x: float, y: float, z: float
-) -> float:
+def distance_bound(cells: ndarray, values: ndarray, first: int, end: int, x: float, y: float, z: float) -> float:
     """A lower bound of the distance of a point to the solid of the rows `first` up to `end` of `cells`, mm; 0
     inside."""
     for g in range(first, end - 1):

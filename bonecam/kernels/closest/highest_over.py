@@ -8,12 +8,7 @@ from bonecam.kernels import njit
 
 @njit(cache=True, nogil=True)
 def highest_over(
-    centres: ndarray,
-    directions: ndarray,
-    offsets: ndarray,
-    squares: ndarray,
-    heights: ndarray,
-    least: ndarray,
+    centres: ndarray, directions: ndarray, offsets: ndarray, squares: ndarray, heights: ndarray, least: ndarray
 ) -> ndarray:
     """The largest of the `heights` (d, k), in falling order for each of the `directions` (d, 3), of which the point
     `offsets` (d, k) along the direction from each of the `centres` (n, 3) is over its column: nearer to the Z axis than

@@ -45,9 +45,7 @@ def _holds(mesh: LeafMesh, leaf: int, w: ndarray) -> bool:
     for i in range(3):
         a, b = mesh.vertices[mesh.leaves[leaf, i]], mesh.vertices[mesh.leaves[leaf, (i + 1) % 3]]
         cross = (
-            (a[1] * b[2] - a[2] * b[1]) * w[0]
-            + (a[2] * b[0] - a[0] * b[2]) * w[1]
-            + (a[0] * b[1] - a[1] * b[0]) * w[2]
+            (a[1] * b[2] - a[2] * b[1]) * w[0] + (a[2] * b[0] - a[0] * b[2]) * w[1] + (a[0] * b[1] - a[1] * b[0]) * w[2]
         )
         if cross < 0:
             return False

@@ -200,10 +200,7 @@ def closest_of_seeds(
                 ds = abs(seeds[n, k, 0] - seeds[n, j, 0])
                 if period[0] > 0.0:
                     ds = min(ds, period[0] - ds)
-                if (
-                    ds <= SAME_SEED * limit[0]
-                    and abs(seeds[n, k, 1] - seeds[n, j, 1]) <= SAME_SEED * limit[1]
-                ):
+                if ds <= SAME_SEED * limit[0] and abs(seeds[n, k, 1] - seeds[n, j, 1]) <= SAME_SEED * limit[1]:
                     known = True
             if known:
                 continue

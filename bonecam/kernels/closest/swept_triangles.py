@@ -87,9 +87,7 @@ def _edge_is_clear(b: Bounds, corners: ndarray, heights: ndarray) -> bool:
         for out, down in TILTS:
             lowest = np.inf
             for i in range(3):
-                beside = (
-                    x * corners[3 * i] + y * corners[3 * i + 1] + z * corners[3 * i + 2] - b.wide + b.growth
-                )
+                beside = x * corners[3 * i] + y * corners[3 * i + 1] + z * corners[3 * i + 2] - b.wide + b.growth
                 lowest = min(lowest, out * beside + down * (b.least + b.growth - heights[i]))
             if lowest > b.growth:
                 return True

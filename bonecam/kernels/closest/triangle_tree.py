@@ -61,11 +61,7 @@ def tree_order(middles: ndarray, leaves: int) -> ndarray:
     parts = leaves
     while parts > 1:
         for first in range(0, leaves, parts):
-            low, middle, high = (
-                first * n // leaves,
-                (first + parts // 2) * n // leaves,
-                (first + parts) * n // leaves,
-            )
+            low, middle, high = (first * n // leaves, (first + parts // 2) * n // leaves, (first + parts) * n // leaves)
             if not low < middle < high:
                 continue
             here = order[low:high]
@@ -157,9 +153,7 @@ def squared_triangle_distance(px: float, py: float, pz: float, t: ndarray) -> fl
 
 
 @njit(cache=True, nogil=True)
-def distances_within(
-    points: ndarray, limits: ndarray, slack: float, triangles: ndarray, boxes: ndarray
-) -> ndarray:
+def distances_within(points: ndarray, limits: ndarray, slack: float, triangles: ndarray, boxes: ndarray) -> ndarray:
     """Distance of each point from the nearest triangle, or its limit where none is nearer. With a `slack` a lower bound
     of it, less by no more than this share: boxes that could not bring it down by more are left out."""
     near = (1 + slack) ** 2

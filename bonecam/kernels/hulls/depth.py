@@ -12,12 +12,7 @@ from numpy import ndarray
 from bonecam.kernels import inner_njit, njit
 from bonecam.kernels.bezier.element_search import locate_one
 from bonecam.kernels.hulls.footpoints import DepthTarget, footpoint, nearest_footpoint
-from bonecam.kernels.hulls.mapped_distance import (
-    UNIT_BOX,
-    mapped_distance_bound,
-    middle_parameters,
-    patch_point,
-)
+from bonecam.kernels.hulls.mapped_distance import UNIT_BOX, mapped_distance_bound, middle_parameters, patch_point
 from bonecam.kernels.hulls.net import STACK_SIZE, copy, extents, halve
 
 POINT_LIKE = 0.1
@@ -64,9 +59,7 @@ def _bound_from_middle(
 
 
 @inner_njit()
-def _divide(
-    nets: ndarray, corners: ndarray, parts: ndarray, k: int, axis: int, on: DepthTarget, D: ndarray
-) -> None:
+def _divide(nets: ndarray, corners: ndarray, parts: ndarray, k: int, axis: int, on: DepthTarget, D: ndarray) -> None:
     """Replace piece k by its two halves, k and k + 1: their nets, the parameters of their corners'
     footpoints, and the part of the first net that they are."""
     halve(nets[k], axis, nets[k], nets[k + 1])
@@ -78,10 +71,7 @@ def _divide(
     step, across = (1, 2) if axis == 0 else (2, 1)
     for side in range(2):
         first, last = side * across, side * across + step
-        s, t = (
-            0.5 * (corners[k, first, 0] + corners[k, last, 0]),
-            0.5 * (corners[k, first, 1] + corners[k, last, 1]),
-        )
+        s, t = (0.5 * (corners[k, first, 0] + corners[k, last, 0]), 0.5 * (corners[k, first, 1] + corners[k, last, 1]))
         s, t, _ = footpoint(nets[k + 1, CORNERS[first]], s, t, on, D)
         corners[k, last, 0] = corners[k + 1, first, 0] = s
         corners[k, last, 1] = corners[k + 1, first, 1] = t
@@ -124,12 +114,7 @@ def depth_bound(
                 s, t = extents(net)
                 if axis < 0 or max(s, t) > SLENDER * (s if axis == 0 else t):
                     axis = 0 if s >= t else 1
-                if (
-                    corner_distance > enough
-                    or max(s, t) < POINT_LIKE
-                    or bound <= corner_distance + accuracy
-                    or last
-                ):
+                if corner_distance > enough or max(s, t) < POINT_LIKE or bound <= corner_distance + accuracy or last:
                     bound, distance = _bound_from_middle(net, corners[height], bound, on, D)
                     last = (
                         last

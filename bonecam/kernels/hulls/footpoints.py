@@ -37,16 +37,12 @@ def footpoint(point: ndarray, s: float, t: float, on: DepthTarget, D: ndarray) -
     infinite distance: its s is a direction. `D` (6, 3) is overwritten."""
     if (on.poles[0] and t <= on.domain[1, 0]) or (on.poles[1] and t >= on.domain[1, 1]):
         return s, t, np.inf
-    a, b, half = descend(
-        on.patches, on.boxes, on.strips, on.domain, on.period, on.poles, on.limit, point, s, t, D
-    )
+    a, b, half = descend(on.patches, on.boxes, on.strips, on.domain, on.period, on.poles, on.limit, point, s, t, D)
     return a + math.floor(s - a + 0.5), b, math.sqrt(2.0 * half)
 
 
 @inner_njit()
-def nearest_footpoint(
-    point: ndarray, s: float, t: float, on: DepthTarget, D: ndarray
-) -> tuple[float, float, float]:
+def nearest_footpoint(point: ndarray, s: float, t: float, on: DepthTarget, D: ndarray) -> tuple[float, float, float]:
     """Parameters and distance (mm) of the nearest footpoint found from (s, t) and from the nearest seed of
     every element whose box is nearer than the best footpoint so far. `D` (6, 3) is overwritten."""
     s, t, distance = footpoint(point, s, t, on, D)

@@ -38,9 +38,7 @@ def _control_points_from_values(degree: int) -> ndarray:
     included, to its Bezier control points."""
     x = np.arange(degree + 1) / degree
     return np.linalg.inv(
-        np.array(
-            [[math.comb(degree, j) * a**j * (1 - a) ** (degree - j) for j in range(degree + 1)] for a in x]
-        )
+        np.array([[math.comb(degree, j) * a**j * (1 - a) ** (degree - j) for j in range(degree + 1)] for a in x])
     )
 
 
@@ -131,9 +129,7 @@ def _extension_error(on: DepthTarget, m: int, turn: int, a: float, b: float, c: 
                 if low < high and not (n == m and other == turn):
                     worst = max(
                         worst,
-                        _element_difference(
-                            on, m, turn, n, other, low, high, max(c, boxes[n, 2]), min(d, boxes[n, 3])
-                        ),
+                        _element_difference(on, m, turn, n, other, low, high, max(c, boxes[n, 2]), min(d, boxes[n, 3])),
                     )
     return worst
 
@@ -155,12 +151,7 @@ def mapped_distance_bound(net: ndarray, corners: ndarray, on: DepthTarget) -> tu
     a = b = corners[0, 0]
     c = d = corners[0, 1]
     for k in range(1, 4):
-        a, b, c, d = (
-            min(a, corners[k, 0]),
-            max(b, corners[k, 0]),
-            min(c, corners[k, 1]),
-            max(d, corners[k, 1]),
-        )
+        a, b, c, d = (min(a, corners[k, 0]), max(b, corners[k, 0]), min(c, corners[k, 1]), max(d, corners[k, 1]))
     s, t = middle_parameters(corners)
     turn = math.floor(s)
     m = locate_one(*on.strips, s - turn, t)

@@ -24,11 +24,7 @@ def halve(net: ndarray, axis: int, low: ndarray, high: ndarray) -> None:
         a = k * other
         b, c, d = a + step, a + 2 * step, a + 3 * step
         for x in range(3):
-            pq, qr, rs = (
-                0.5 * (net[a, x] + net[b, x]),
-                0.5 * (net[b, x] + net[c, x]),
-                0.5 * (net[c, x] + net[d, x]),
-            )
+            pq, qr, rs = (0.5 * (net[a, x] + net[b, x]), 0.5 * (net[b, x] + net[c, x]), 0.5 * (net[c, x] + net[d, x]))
             pqr, qrs = 0.5 * (pq + qr), 0.5 * (qr + rs)
             middle = 0.5 * (pqr + qrs)
             first = net[a, x]
@@ -48,9 +44,7 @@ def copy(source: ndarray, target: ndarray) -> None:
 @njit(inline="always")
 def _distance(net: ndarray, a: int, b: int) -> float:
     """Distance of two control points of a net."""
-    return math.sqrt(
-        (net[b, 0] - net[a, 0]) ** 2 + (net[b, 1] - net[a, 1]) ** 2 + (net[b, 2] - net[a, 2]) ** 2
-    )
+    return math.sqrt((net[b, 0] - net[a, 0]) ** 2 + (net[b, 1] - net[a, 1]) ** 2 + (net[b, 2] - net[a, 2]) ** 2)
 
 
 @inner_njit()

@@ -114,12 +114,7 @@ def separation(
                 a_s, a_t = extents(a)
                 b_s, b_t = extents(b)
                 size = max(max(a_s, a_t), max(b_s, b_t))
-                if (
-                    (gap > enough and size <= small)
-                    or size <= smallest
-                    or height + 2 > STACK_SIZE
-                    or count >= most
-                ):
+                if (gap > enough and size <= small) or size <= smallest or height + 2 > STACK_SIZE or count >= most:
                     least = gap
                     for x in range(3):
                         place[x] = 0.25 * (a[0, x] + a[3, x] + a[12, x] + a[15, x])

@@ -165,10 +165,6 @@ def new_ends(now: RaySet, before: RaySet, step: int) -> ndarray:
                         for n in range(3):
                             larger[m, n] = ends[m, n]
                     ends = larger
-                ends[count, 0], ends[count, 1], ends[count, 2] = (
-                    (i + 0.5) * now.cell,
-                    (j + 0.5) * now.cell,
-                    w,
-                )
+                ends[count, 0], ends[count, 1], ends[count, 2] = ((i + 0.5) * now.cell, (j + 0.5) * now.cell, w)
                 count += 1
     return ends[:count]

@@ -20,9 +20,7 @@ from bonecam.kernels.removal.rays import TILE, TINY, RaySet, tiles_reached
 
 
 @inner_njit()
-def _cone_chord(
-    sine: float, s: float, rise: float, across: float, turn: float, square: float
-) -> tuple[float, float]:
+def _cone_chord(sine: float, s: float, rise: float, across: float, turn: float, square: float) -> tuple[float, float]:
     """Where a line lies in a cone: t; the first is larger where it misses. On it s + cos h = `s` + `rise` t, and the
     square of the distance from the axis is `square` + 2 `turn` t + `across` t^2."""
     if sine == 0.0:
@@ -134,9 +132,7 @@ def _deepest_end(rays: RaySet, i: int, j: int, w: float, lows: ndarray, highs: n
 
 
 @inner_njit()
-def _walk(
-    rays: RaySet, ways: Ways, i: int, foot: ndarray, axis: ndarray, cuts: bool
-) -> tuple[float, float, bool]:
+def _walk(rays: RaySet, ways: Ways, i: int, foot: ndarray, axis: ndarray, cuts: bool) -> tuple[float, float, bool]:
     """What the body meets on way `i`, its place at the start left out. Where it `cuts`, that goes: the volume (mm^3),
     and last whether a ray has no room for one more interval. Else how deep its ends lie in what stands (mm), second."""
     lows, highs = np.empty(TILE * TILE), np.empty(TILE * TILE)
@@ -184,13 +180,7 @@ def _off_body(px: float, py: float, pz: float, axis: ndarray, body: ndarray) -> 
 
 @njit(cache=True, nogil=True)
 def cut_probes_by_body(
-    probes: ProbesByCell,
-    reach: float,
-    ways: Ways,
-    heights: ndarray,
-    names: ndarray,
-    owners: ndarray,
-    from_top: bool,
+    probes: ProbesByCell, reach: float, ways: Ways, heights: ndarray, names: ndarray, owners: ndarray, from_top: bool
 ) -> None:
     """Lower `heights` (n,) to where the body cuts the normal probes on its ways (w,), and set `owners` (n,) to the one
     of the `names` (w,) that did; as `cut_normal_probes` does by capsules."""

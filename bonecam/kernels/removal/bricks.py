@@ -30,13 +30,7 @@ class Bricks(NamedTuple):
 
 @njit(cache=True, nogil=True)
 def mark_bricks(
-    rays: RaySet,
-    rotation: ndarray,
-    origin: ndarray,
-    step: int,
-    corner: ndarray,
-    size: float,
-    occupied: ndarray,
+    rays: RaySet, rotation: ndarray, origin: ndarray, step: int, corner: ndarray, size: float, occupied: ndarray
 ) -> None:
     """Set `occupied` (l, m, n) in each brick that material on every `step`-th ray either way lies in.
 

@@ -100,9 +100,7 @@ def tile_chords(
 
 
 @inner_njit()
-def _end_flat(
-    u: float, v: float, cell: float, d: ndarray, length: float, lows: ndarray, highs: ndarray
-) -> None:
+def _end_flat(u: float, v: float, cell: float, d: ndarray, length: float, lows: ndarray, highs: ndarray) -> None:
     """End the chords of a tile at the plane across the axis at its end."""
     for ray in range(TILE * TILE):
         rest = length - (u + cell * ALONG_U[ray]) * d[0] - (v + cell * ALONG_V[ray]) * d[1]

@@ -182,9 +182,7 @@ def over_turns(forces: ndarray, frames: ndarray, flutes: int, means: ndarray, pe
             t, r, a = forces[i, k]
             for c in range(3):
                 one, two = frames[i, 0, c], frames[i, 1, c]
-                total[k, c] = (
-                    t * (sine * one - cosine * two) + r * (cosine * one + sine * two) + a * frames[i, 2, c]
-                )
+                total[k, c] = t * (sine * one - cosine * two) + r * (cosine * one + sine * two) + a * frames[i, 2, c]
                 means[i, c] += flutes * total[k, c] / TURN
         largest = 0.0
         for k in range(share):

@@ -11,9 +11,7 @@ from bonecam.kernels.removal.sweep import TOOL_STEP, Pieces, ways_of
 
 
 @inner_njit()
-def _distance(
-    foot: ndarray, axis: ndarray, section: ndarray, columns: ndarray, closed: bool, within: float
-) -> float:
+def _distance(foot: ndarray, axis: ndarray, section: ndarray, columns: ndarray, closed: bool, within: float) -> float:
     """The distance of one section from plane and cylinders, or `within`; below the plane it is negative."""
     near = within
     from_axis = foot.copy()

@@ -19,9 +19,7 @@ def _segment_distance(x: float, y: float, ax: float, ay: float, bx: float, by: f
 
 
 @njit(cache=True, nogil=True)
-def frustum_distance(
-    along: float, out: float, start: float, end: float, radius: float, taper: float
-) -> float:
+def frustum_distance(along: float, out: float, start: float, end: float, radius: float, taper: float) -> float:
     """Signed distance to a cone from `start` to `end` on its axis, whose radius grows from `radius` by `taper` a
     mm, of a point that is `along` the axis and `out` from it."""
     last = radius + taper * (end - start)
@@ -37,9 +35,7 @@ def frustum_distance(
 
 
 @inner_njit()
-def _at(
-    u: float, v: float, w: float, axis: ndarray, start: float, end: float, radius: float, taper: float
-) -> float:
+def _at(u: float, v: float, w: float, axis: ndarray, start: float, end: float, radius: float, taper: float) -> float:
     """Signed distance of the point (u, v, w), told from the tool's foot, to a cone about its unit `axis`."""
     along = u * axis[0] + v * axis[1] + w * axis[2]
     out = np.sqrt(max(u * u + v * v + w * w - along * along, 0.0))
@@ -48,15 +44,7 @@ def _at(
 
 @inner_njit()
 def _least_distance(
-    u: float,
-    v: float,
-    low: float,
-    high: float,
-    axis: ndarray,
-    start: float,
-    end: float,
-    radius: float,
-    taper: float,
+    u: float, v: float, low: float, high: float, axis: ndarray, start: float, end: float, radius: float, taper: float
 ) -> float:
     """The least signed distance to the cone on the interval [low, high] of the ray through (u, v), by thirds; all
     told from the tool's foot."""
@@ -75,14 +63,7 @@ def _least_distance(
 
 @njit(cache=True, nogil=True)
 def frustum_clearance(
-    rays: RaySet,
-    foot: ndarray,
-    axis: ndarray,
-    start: float,
-    end: float,
-    radius: float,
-    taper: float,
-    within: float,
+    rays: RaySet, foot: ndarray, axis: ndarray, start: float, end: float, radius: float, taper: float, within: float
 ) -> float:
     """The least signed distance between the material on the rays and a cone, or `within` where it is more.
 

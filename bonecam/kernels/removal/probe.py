@@ -84,9 +84,7 @@ def _room_for(rays: RaySet, count: int) -> RaySet:
     spans = np.empty((count, rays.spans.shape[1], rays.spans.shape[2]), dtype=np.float32)
     counts = np.empty((count, rays.counts.shape[1]), dtype=np.uint8)
     mask, stale = np.empty(count, dtype=np.uint64), np.empty(count, dtype=np.bool_)
-    return RaySet(
-        rays.tile_of, spans, counts, np.empty(count), np.empty(count), mask, stale, rays.cell, rays.length
-    )
+    return RaySet(rays.tile_of, spans, counts, np.empty(count), np.empty(count), mask, stale, rays.cell, rays.length)
 
 
 @inner_njit()
@@ -101,9 +99,7 @@ def _copy_tile(source: RaySet, tile: int, target: RaySet, place: int) -> None:
 
 
 @njit(cache=True, nogil=True)
-def probe(
-    rays: RaySet, ways: Ways, ends: ndarray, gone: ndarray, radius: float, first: int, volumes: ndarray
-) -> int:
+def probe(rays: RaySet, ways: Ways, ends: ndarray, gone: ndarray, radius: float, first: int, volumes: ndarray) -> int:
     """Write what a tool would remove on the ways of each line into `volumes` (k,), mm^3, from line `first` on; returns
     the line at which a ray has no room for one more interval, or their number.
 

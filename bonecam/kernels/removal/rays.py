@@ -68,10 +68,7 @@ def summarise_tile(rays: RaySet, tile: int) -> None:
             low = min(low, rays.spans[tile, ray, 0])
             high = max(high, rays.spans[tile, ray, 2 * count - 1])
             for k in range(count):
-                start, end = (
-                    np.float64(rays.spans[tile, ray, 2 * k]),
-                    np.float64(rays.spans[tile, ray, 2 * k + 1]),
-                )
+                start, end = (np.float64(rays.spans[tile, ray, 2 * k]), np.float64(rays.spans[tile, ray, 2 * k + 1]))
                 mask |= bits(start, end, rays.length)
     rays.low[tile] = low
     rays.high[tile] = high
@@ -211,9 +208,7 @@ def direction_of(start: ndarray, end: ndarray) -> tuple[ndarray, float]:
 
 
 @inner_njit()
-def tiles_reached(
-    rays: RaySet, start: ndarray, end: ndarray, d: ndarray, length: float, radius: float
-) -> ndarray:
+def tiles_reached(rays: RaySet, start: ndarray, end: ndarray, d: ndarray, length: float, radius: float) -> ndarray:
     """The tiles (n, 2) along u and v whose material a capsule, whose axis has the unit direction `d` and `length`,
     may reach."""
     side = rays.cell * TILE

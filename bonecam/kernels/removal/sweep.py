@@ -87,14 +87,7 @@ def _capsule_depth(rays: RaySet, start: ndarray, end: ndarray, radius: float) ->
 
 @njit(cache=True, nogil=True)
 def _clearance(
-    rays: RaySet,
-    ways: Ways,
-    i: int,
-    bounds: ndarray,
-    section: ndarray,
-    least: float,
-    foot: ndarray,
-    axis: ndarray,
+    rays: RaySet, ways: Ways, i: int, bounds: ndarray, section: ndarray, least: float, foot: ndarray, axis: ndarray
 ) -> float:
     """The distance that a section keeps from material over a way, or `least` where it is more; material may be nearer
     between the heights `bounds` (2,) alone. Measured are poses along the way, which come closer while half of the way

@@ -117,9 +117,7 @@ def measures_of(
         depth_max=float(samples.depth.max()),
         depth_mean=float(np.average(face_depth, weights=outer_areas)),
         reverse_depth_max=float(samples.reverse_depth.max()),
-        full_depth_mean=float(np.average(face_reverse_depth[full], weights=inner_areas[full]))
-        if full.any()
-        else limit,
+        full_depth_mean=float(np.average(face_reverse_depth[full], weights=inner_areas[full])) if full.any() else limit,
         full_depth_area=float(inner_areas[full].sum()),
         depth_shares=depth_shares(face_depth, outer_areas, limit),
         nesting_min=float(samples.nesting.min()),
@@ -136,7 +134,5 @@ def measures_of(
 def depth_shares(depth: Float[ndarray, " f"], areas: Float[ndarray, " f"], limit: float) -> tuple[float, ...]:
     """The shares of the area in BINS even bins of depth from 0 to `limit` (mm); what is deeper counts in the
     last bin."""
-    shares = np.histogram(np.minimum(depth, limit), bins=BINS, range=(0, limit), weights=areas / areas.sum())[
-        0
-    ]
+    shares = np.histogram(np.minimum(depth, limit), bins=BINS, range=(0, limit), weights=areas / areas.sum())[0]
     return tuple(float(share) for share in shares)

@@ -53,9 +53,7 @@ class LevelGrid:
         return np.vstack([self.R @ control_points, self.R_middles @ control_points])
 
 
-def level_grid(
-    surface: TSpline, levels: Sequence[Float[ndarray, "c 3"]], chord_tolerance: float
-) -> LevelGrid:
+def level_grid(surface: TSpline, levels: Sequence[Float[ndarray, "c 3"]], chord_tolerance: float) -> LevelGrid:
     """The grid on which the levels are within about `chord_tolerance` of their surfaces."""
     chosen = [*levels[:-1:STRIDE], levels[-1]]
     parameters, faces = shared_parameters(
@@ -95,18 +93,11 @@ def open_level_grid(surface: TSpline, target: TSpline, chord_tolerance: float) -
     return _grid(surface, finer.parameters, middles, faces, chord_tolerance)
 
 
-def _grid(
-    surface: TSpline, parameters: ndarray, middles: ndarray, faces: ndarray, chord_tolerance: float
-) -> LevelGrid:
+def _grid(surface: TSpline, parameters: ndarray, middles: ndarray, faces: ndarray, chord_tolerance: float) -> LevelGrid:
     """The grid with these parameters of vertices and faces' middles."""
     R = surface.basis(*parameters.T)[0]
     R_middles = surface.basis(*middles.T)[0]
     faces = frozen(faces, np.int32)
     return LevelGrid(
-        frozen(parameters),
-        frozen(middles),
-        R=R,
-        R_middles=R_middles,
-        faces=faces,
-        chord_tolerance=chord_tolerance,
+        frozen(parameters), frozen(middles), R=R, R_middles=R_middles, faces=faces, chord_tolerance=chord_tolerance
     )

@@ -72,12 +72,7 @@ def measure_cut(inner: MeasuredSurface, outer: MeasuredSurface, stock: Stock, li
         remaining=remaining,
     )
     return measures_of(
-        samples,
-        inner.mesh,
-        outer=outer.mesh,
-        limit=limit,
-        crossing_faces=crossing_faces,
-        near_limits=near_limits,
+        samples, inner.mesh, outer=outer.mesh, limit=limit, crossing_faces=crossing_faces, near_limits=near_limits
     )
 
 
@@ -158,9 +153,7 @@ class Inspection:
     def uncertain(self) -> tuple[Level, ...]:
         """The levels of the cuts that measure well but that their certificates do not prove."""
         return tuple(
-            level
-            for level in self.levels[1:]
-            if level.certified is False and not self.rules.violations(level)
+            level for level in self.levels[1:] if level.certified is False and not self.rules.violations(level)
         )
 
     def require_passed(self) -> None:
@@ -211,10 +204,7 @@ def inspect(
 
 
 def inspect_again(
-    inspection: Inspection,
-    made: Sequence[Float[ndarray, "c 3"]],
-    cuts: Collection[int],
-    progress: Progress = silent,
+    inspection: Inspection, made: Sequence[Float[ndarray, "c 3"]], cuts: Collection[int], progress: Progress = silent
 ) -> Inspection:
     """The inspection with these cuts measured anew, between the levels with control points `made`; the other
     cuts stay as measured."""
@@ -232,8 +222,7 @@ def inspect_again(
             report(progress, some[0] / (len(made) + 1), f"checking level {some[0]}")
             needed = {j for k in some for j in (k - 1, k) if j < len(made)}
             surfaces = {
-                j: surfaces.get(j) or MeasuredSurface(surface.with_control_points(made[j]), grid)
-                for j in needed
+                j: surfaces.get(j) or MeasuredSurface(surface.with_control_points(made[j]), grid) for j in needed
             }
             measures = pool.map(lambda k, at=surfaces: _measure(k, at, rules), some)
             measured.update(zip(some, measures))

@@ -60,9 +60,7 @@ class MeasuredSurface:
         """Parameters (s, t) of `points`."""
         return self.grid.sample_parameters
 
-    def distances_near(
-        self, points: Float[ndarray, "n 3"], parameters: Float[ndarray, "n 2"]
-    ) -> Float[ndarray, " n"]:
+    def distances_near(self, points: Float[ndarray, "n 3"], parameters: Float[ndarray, "n 2"]) -> Float[ndarray, " n"]:
         """Distances (mm) of points from the footpoints that few Newton steps find from these parameters;
         never less than the true ones."""
         return np.abs(self._newton(points, parameters, STEPS)[0])
@@ -95,9 +93,7 @@ class MeasuredSurface:
 
     def _newton(self, points: ndarray, parameters: ndarray, steps: int) -> tuple[ndarray, ndarray]:
         """Distances with the sign of the normal at the footpoints that Newton finds, and their parameters."""
-        s, t, footpoints, normals = closest_points_near(
-            self.surface, points, parameters[:, 0], parameters[:, 1], steps
-        )
+        s, t, footpoints, normals = closest_points_near(self.surface, points, parameters[:, 0], parameters[:, 1], steps)
         offset = points - footpoints
         signed = np.copysign(np.linalg.norm(offset, axis=1), dots(offset, normals))
         return signed, np.column_stack([s, t])

@@ -29,10 +29,7 @@ def violations(
     """All measures of a cut that are out of tolerance; `mesh` is the tessellation of its outer level, `limit`
     its depth in mm."""
     out_of_tolerance = []
-    depths = (
-        (measures.depth_max, measures.depth_place),
-        (measures.reverse_depth_max, measures.reverse_depth_place),
-    )
+    depths = ((measures.depth_max, measures.depth_place), (measures.reverse_depth_max, measures.reverse_depth_place))
     for depth, place in depths:
         if depth > limit + DEPTH_TOLERANCE:
             out_of_tolerance.append((f"is {depth:.4f} mm deep, more than {limit} mm,", place))

@@ -17,15 +17,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.levels.problem.energies.attraction import Attraction
-from bonecam.levels.problem.samples import (
-    Places,
-    SurfaceSamples,
-    creases,
-    join,
-    places_at,
-    ring_pattern,
-    thin_plate,
-)
+from bonecam.levels.problem.samples import Places, SurfaceSamples, creases, join, places_at, ring_pattern, thin_plate
 from bonecam.setup.stock import Stock
 from bonecam.surface.tspline import TSpline
 
@@ -93,9 +85,7 @@ class Discretisation:
     def watched(self, level: Float[ndarray, "c 3"], before: Float[ndarray, "c 3"]) -> Places:
         """All places on which the limits of a level are watched, given its control points and those
         before."""
-        return join(
-            Places, self.watch, places_at(self.surface, creases(self.watch, level, before)), self.broken
-        )
+        return join(Places, self.watch, places_at(self.surface, creases(self.watch, level, before)), self.broken)
 
     @cached_property
     def free_M(self) -> sp.csc_array:

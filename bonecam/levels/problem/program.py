@@ -125,9 +125,7 @@ def program_of(
     R = sp.csr_array(pulled.R @ discretisation.free)
     gap = -stock.signed_distance(x)
     limits = limits_at(before, stock, cut=cut, gap=gap, y=target, s=pulled.s, t=pulled.t, steps=2)
-    H = inside(
-        stock, limits.c + pulled.beyond[:, None] * (target - limits.c), np.minimum(gap, cut.landing) - PRESS
-    )
+    H = inside(stock, limits.c + pulled.beyond[:, None] * (target - limits.c), np.minimum(gap, cut.landing) - PRESS)
     hollow = np.zeros(len(x), dtype=bool)
     return LevelProgram(
         pulled.s,

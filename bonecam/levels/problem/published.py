@@ -77,9 +77,7 @@ class PublishedProgram:
         self, surface: TSpline, stock: Stock, attraction: str, *, hull: bool = False, printed: bool = False
     ) -> None:
         if attraction not in SOURCES:
-            raise ValueError(
-                f"attraction {attraction!r} of the published program: choose one of {', '.join(SOURCES)}"
-            )
+            raise ValueError(f"attraction {attraction!r} of the published program: choose one of {', '.join(SOURCES)}")
         self.stock, self.attraction = stock, attraction
         self.printed = printed
         self.samples = samples_of(surface, *integration_points(surface))
@@ -134,9 +132,7 @@ class PublishedProgram:
         gap = -self.stock.signed_distance(self.watched(P))
         return self.walls(P, P, np.flatnonzero(gap < depth))
 
-    def walls(
-        self, P: Float[ndarray, "c 3"], after: Float[ndarray, "c 3"], which: Int[ndarray, " k"]
-    ) -> Planes:
+    def walls(self, P: Float[ndarray, "c 3"], after: Float[ndarray, "c 3"], which: Int[ndarray, " k"]) -> Planes:
         """Planes that hold the watched samples `which` inside the stock: those that touch it nearest to where
         the level with control points `after` has them."""
         R = sp.csr_array(self._watch.R[which])

@@ -95,17 +95,13 @@ def remaining(discretisation: Discretisation, P: Float[ndarray, "c 3"], before: 
         footpoints = footpoints[first][nearest]
     farthest = distance[first].max()
     others = np.flatnonzero(distance > farthest)
-    distance[others], footpoints[others] = _nearest(
-        level, before.points[others], footpoints[others], farthest
-    )
+    distance[others], footpoints[others] = _nearest(level, before.points[others], footpoints[others], farthest)
     measure(others[distance[others] > farthest])
     order = np.argsort(-distance, kind="stable")
     own = multiply(discretisation.watch.R, P)
     depths = -discretisation.stock.signed_distance(own)
     deepest = int(np.argmax(depths))
-    return Remaining(
-        before.points[order], distance[order], footpoints[order], own[deepest], float(depths[deepest])
-    )
+    return Remaining(before.points[order], distance[order], footpoints[order], own[deepest], float(depths[deepest]))
 
 
 def _nearest(level: TSpline, points: ndarray, start: ndarray, enough: float = 0.0) -> tuple[ndarray, ndarray]:

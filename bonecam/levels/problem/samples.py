@@ -97,9 +97,7 @@ def multiply(R: sp.csr_array, points: Float[ndarray, "c 3"]) -> Float[ndarray, "
 
 def gram(R: sp.csr_array, weights: Float[ndarray, "n"]) -> sp.csc_array:
     """R'WR."""
-    weighed = sp.csr_array(
-        (R.data * np.repeat(weights, np.diff(R.indptr)), R.indices, R.indptr), shape=R.shape
-    )
+    weighed = sp.csr_array((R.data * np.repeat(weights, np.diff(R.indptr)), R.indices, R.indptr), shape=R.shape)
     return sp.csc_array(R.T @ weighed)
 
 
@@ -123,9 +121,7 @@ def ring_pattern(surface: TSpline, along: int, around: int) -> SurfaceSamples:
     rings = (spans[:-1, None] + np.diff(spans)[:, None] * parts).ravel()
     share = np.repeat(np.diff(spans), along) / along
     near = np.array(CLOSE_TO_POLE)
-    rings = np.concatenate(
-        [spans[0] + near * (spans[1] - spans[0]), rings, spans[-1] - near * (spans[-1] - spans[-2])]
-    )
+    rings = np.concatenate([spans[0] + near * (spans[1] - spans[0]), rings, spans[-1] - near * (spans[-1] - spans[-2])])
     share = np.concatenate([0 * near, share, 0 * near])
     first = np.searchsorted(knots, rings, side="right") - 4
     counts = np.array([max(LEAST_AROUND, around * max(len(row) for row in rows[j : j + 4])) for j in first])
@@ -189,9 +185,7 @@ def creases(
         more = np.clip(np.ceil(more) - 1, 0, MOST_BETWEEN).astype(int)
         which = np.repeat(place, more)
         share = (np.arange(len(which)) - np.repeat(np.cumsum(more) - more, more) + 1) / (more[which] + 1)
-        parameters.append(
-            np.column_stack([(s[which] + share * ds[which]) % 1.0, pattern.t[which] + share * dt[which]])
-        )
+        parameters.append(np.column_stack([(s[which] + share * ds[which]) % 1.0, pattern.t[which] + share * dt[which]]))
     return np.vstack(parameters)
 
 

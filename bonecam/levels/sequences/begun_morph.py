@@ -48,9 +48,7 @@ class Morph:
         all their area."""
         cuts = self.levels[1:]
         whole = sum(level.measures.full_depth_area for level in cuts)
-        used = sum(
-            level.measures.full_depth_area * level.measures.full_depth_mean / level.limit for level in cuts
-        )
+        used = sum(level.measures.full_depth_area * level.measures.full_depth_mean / level.limit for level in cuts)
         return used / whole if whole else 1.0
 
 

@@ -40,11 +40,7 @@ class _Rest:
 
 
 def published_sequence(
-    program: PublishedProgram,
-    surface: TSpline,
-    schedule: Schedule,
-    stiffness: float,
-    progress: Progress,
+    program: PublishedProgram, surface: TSpline, schedule: Schedule, stiffness: float, progress: Progress
 ) -> list[ndarray]:
     """Control points of levels 0, 1, 2, ... up to the last below the stock, by the `program` of a `surface`.
 

@@ -47,9 +47,7 @@ def restore_feasibility(
         levels = inspection.control_points
         failed = {level.index: level for level in inspection.failed + inspection.uncertain * doubts}
         which = {
-            k
-            for k in failed
-            if k < len(levels) and trouble([failed[k]], doubts=doubts)[1] <= FAR and tries[k] < most
+            k for k in failed if k < len(levels) and trouble([failed[k]], doubts=doubts)[1] <= FAR and tries[k] < most
         }
         too_many = len(failed) > len(levels) / 2
         if not which or (too_many and trouble(failed.values(), doubts=doubts)[1] > ALL_FAR):
@@ -94,9 +92,7 @@ def _better_of(
     return inspection
 
 
-def restore_certificates(
-    inspection: Inspection, maker: SequenceMaker, progress: Progress = silent
-) -> Inspection:
+def restore_certificates(inspection: Inspection, maker: SequenceMaker, progress: Progress = silent) -> Inspection:
     """The levels with those moved that only their certificates doubt, and with one more below the stock where
     the last cut is too deep: the points that a sequence measures may miss what is left in a slit or a pit.
 

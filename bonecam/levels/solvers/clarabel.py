@@ -78,9 +78,7 @@ def solve_cones(
     return _minimum(P, q, A, b, kinds)[: 3 * count].reshape(3, count).T
 
 
-def _minimum(
-    P: sp.sparray, q: ndarray, A: sp.sparray, b: ndarray, kinds: list[object]
-) -> Float[ndarray, " v"]:
+def _minimum(P: sp.sparray, q: ndarray, A: sp.sparray, b: ndarray, kinds: list[object]) -> Float[ndarray, " v"]:
     """x of least x'Px / 2 + q.x with b - A x in the cones `kinds`; LevelError where there is none."""
     import clarabel
 

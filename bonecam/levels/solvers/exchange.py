@@ -65,9 +65,7 @@ def next_level(
 
     `pull_factor` is a factor of the pull on each control point (1 unless given), less where the level would fold.
     """
-    program = program_of(
-        discretisation, P, rest=rest, cut=cut, parameters=parameters, pull_factor=pull_factor
-    )
+    program = program_of(discretisation, P, rest=rest, cut=cut, parameters=parameters, pull_factor=pull_factor)
     return _project_onto_limits(discretisation, P, solve(program, solver), cut)
 
 
@@ -106,14 +104,7 @@ def _project_onto_limits(discretisation: Discretisation, P: ndarray, D: ndarray,
         start = np.vstack([x[near], R_back @ P])
         planes = limits.only(near).planes_with(x[back.which], back.n, limits.high[back.which])
         kernel.project(
-            indptr=R.indptr,
-            indices=R.indices,
-            data=R.data,
-            x=start,
-            D=D,
-            planes=planes,
-            sweeps=SWEEPS,
-            enough=ENOUGH,
+            indptr=R.indptr, indices=R.indices, data=R.data, x=start, D=D, planes=planes, sweeps=SWEEPS, enough=ENOUGH
         )
 
         level = P + free @ D
@@ -128,7 +119,5 @@ def _project_onto_limits(discretisation: Discretisation, P: ndarray, D: ndarray,
     worst = int(np.argmax(broken))
     # Whether the new level faces against the `normals` of the one before, at each watched sample
     _, along, across = after.derivatives(watch.s, np.clip(watch.t, *rings(after)), 1)
-    infeasible = watch.near(
-        np.asarray(dots(np.cross(along, across), limits.n) <= 0) | (broken > LARGEST_VIOLATION)
-    )
+    infeasible = watch.near(np.asarray(dots(np.cross(along, across), limits.n) <= 0) | (broken > LARGEST_VIOLATION))
     return ExchangeStep(np.asarray(level - P), float(broken[worst]), y[worst], infeasible)

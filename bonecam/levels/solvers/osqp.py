@@ -75,7 +75,6 @@ def solve_qp(
     violation = float(max(0.0, (limits.low - value).max(), (value - limits.high).max()))
     if not np.isfinite(x).all() or violation > ACCEPTED * tolerance:
         raise LevelError(
-            f"OSQP left the limits by {violation:.2g} mm ({status}): give a lower stiffness",
-            violation=violation,
+            f"OSQP left the limits by {violation:.2g} mm ({status}): give a lower stiffness", violation=violation
         )
     return x

@@ -39,7 +39,6 @@ def next_moves(
         return moves
     place = program.watched(P + moves)[np.argmax(broken)]
     what = (
-        f"the published program leaves its limits by {broken.max():.4f} mm at {place_name(place)} after "
-        f"{ROUNDS} rounds"
+        f"the published program leaves its limits by {broken.max():.4f} mm at {place_name(place)} after {ROUNDS} rounds"
     )
     raise LevelError(f"{what}: raise surface.max_control_points", place=place)

@@ -71,11 +71,7 @@ class Coarseness:
 
     @property
     def _pitch_text(self) -> str:
-        return (
-            f" (every {' x '.join(f'{size:.3g}' for size in self.pitch)} mm)"
-            if self.pitch is not None
-            else ""
-        )
+        return f" (every {' x '.join(f'{size:.3g}' for size in self.pitch)} mm)" if self.pitch is not None else ""
 
     @property
     def report(self) -> dict[str, float | bool | list[float] | None]:

@@ -73,9 +73,7 @@ def tangent_axes(normals: Float[ndarray, "n 3"], along: Float[ndarray, "n 3"]) -
     return np.stack([first, np.cross(normals, first)], axis=1)
 
 
-def surface_curvature(
-    derivatives: tuple[Float[ndarray, "n 3"], ...], normals: Float[ndarray, "n 3"]
-) -> Curvature:
+def surface_curvature(derivatives: tuple[Float[ndarray, "n 3"], ...], normals: Float[ndarray, "n 3"]) -> Curvature:
     """Curvature where S_s and S_t are independent, from S_s, S_t, S_ss, S_st, S_tt and the outward unit
     normals."""
     S_s, S_t, S_ss, S_st, S_tt = derivatives

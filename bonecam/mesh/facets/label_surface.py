@@ -28,20 +28,14 @@ class LabelSurface:
     @property
     def mesh(self) -> TriangleMesh:
         """The surface, smoothed if it was."""
-        return (
-            self.smoothed.mesh.move(self.map.transform)
-            if self.smoothed
-            else self.steps.move(self.map.transform)
-        )
+        return self.smoothed.mesh.move(self.map.transform) if self.smoothed else self.steps.move(self.map.transform)
 
     @property
     def notes(self) -> tuple[str, ...]:
         """What is to be known of it."""
         size = " x ".join(f"{pitch:.3g}" for pitch in self.map.pitch)
         how = (
-            f"smoothed within {self.smoothed.largest:.3f} mm of them"
-            if self.smoothed
-            else "their steps kept as asked"
+            f"smoothed within {self.smoothed.largest:.3f} mm of them" if self.smoothed else "their steps kept as asked"
         )
         description = f"label {self.label}, one of {len(self.map.counts)}, voxels of {size} mm, {how}"
         cut = "the label reaches the edge of its map: the scan ends there, and the part with it"
@@ -56,9 +50,7 @@ def label_surface(file: Path, label: int, *, smooth: bool) -> LabelSurface:
     spans = [np.flatnonzero(inside.any(axis=tuple({0, 1, 2} - {axis}))) for axis in range(3)]
     low, high = (np.array([span[end] for span in spans]) for end in (0, -1))
     if np.prod(high - low + 3) > MOST_VOXELS:
-        what = (
-            f"label {label} spans {' x '.join(map(str, high - low + 1))} voxels, {MOST_VOXELS:,} are allowed"
-        )
+        what = f"label {label} spans {' x '.join(map(str, high - low + 1))} voxels, {MOST_VOXELS:,} are allowed"
         raise file_error(file, what, "resample the map")
     box = tuple(slice(a, b + 1) for a, b in zip(low, high))
     steps = _marched(np.pad(inside[box], 1), label_map.pitch, low - 1)
@@ -66,9 +58,7 @@ def label_surface(file: Path, label: int, *, smooth: bool) -> LabelSurface:
     mirrored = np.linalg.det(label_map.transform[:3, :3]) < 0
     if mirrored:  # faces go round the other way in space
         steps = TriangleMesh(steps.vertices, steps.faces[:, ::-1].copy())
-    return LabelSurface(
-        label_map, label, cut, steps, without_steps(steps, label_map.pitch) if smooth else None
-    )
+    return LabelSurface(label_map, label, cut, steps, without_steps(steps, label_map.pitch) if smooth else None)
 
 
 def _marched(inside: np.ndarray, pitch: np.ndarray, first: np.ndarray) -> TriangleMesh:

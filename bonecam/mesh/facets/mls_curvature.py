@@ -52,8 +52,7 @@ def mls_curvature(mesh: TriangleMesh, radius: float | None = None, *, few_allowe
         vertex = int(few[0])
         count = int(np.diff(starts)[few[0]]) - 1
         raise MeshError(
-            f"vertex {vertex} has {count} neighbours, too few for its curvature: give a larger radius",
-            vertex=vertex,
+            f"vertex {vertex} has {count} neighbours, too few for its curvature: give a larger radius", vertex=vertex
         )
     parts = [
         _fit(
@@ -74,9 +73,7 @@ def _within_two_edges(mesh: TriangleMesh) -> Int[ndarray, "2 p"]:
     """Pairs (vertex, neighbour) in the order of the vertices, each vertex its own neighbour too."""
     count = len(mesh.vertices)
     start, end = np.concatenate([mesh.faces[:, pair] for pair in permutations(range(3), 2)]).T
-    edges = csr_array((np.ones(len(start)), (start, end)), shape=(count, count)) + eye_array(
-        count, format="csr"
-    )
+    edges = csr_array((np.ones(len(start)), (start, end)), shape=(count, count)) + eye_array(count, format="csr")
     return _pairs(edges @ edges)
 
 

@@ -108,9 +108,7 @@ def is_rough(coarseness: Coarseness, tolerance: float) -> bool:
     return (coarseness.noise or coarseness.steps) and coarseness.bumps > ROUGH * tolerance
 
 
-def smooth_facets(
-    mesh: TriangleMesh, coarseness: Coarseness, job: MeshJob, tolerance: float
-) -> Smoothing | None:
+def smooth_facets(mesh: TriangleMesh, coarseness: Coarseness, job: MeshJob, tolerance: float) -> Smoothing | None:
     """The smooth surface near the vertices of a closed mesh, mm, where the job asks for one and none where facets are
     kept: fine ones, those of a part with true edges, or all of them.
 
@@ -167,9 +165,7 @@ def _beside(smooth: TriangleMesh, faceted: TriangleMesh, coarseness: Coarseness,
         if kept[corners].all():
             place = surface.vertices[surface.faces[cut[0]]].mean(axis=0)
             raise MeshError(
-                f"the facets cut themselves near {place_name(place)}: mend the mesh there",
-                place=place,
-                faces=cut,
+                f"the facets cut themselves near {place_name(place)}: mend the mesh there", place=place, faces=cut
             )
         kept[corners] = 1.0
         share = _halved(kept, faceted.faces, halvings)
@@ -227,9 +223,7 @@ def _loop(mesh: TriangleMesh, halvings: int, within: float = inf) -> TriangleMes
     return TriangleMesh(smooth, fine.astype(np.int32))
 
 
-def _halved(
-    values: Float[ndarray, "n 3"], faces: Int[ndarray, "m 3"], halvings: int
-) -> Float[ndarray, "k 3"]:
+def _halved(values: Float[ndarray, "n 3"], faces: Int[ndarray, "m 3"], halvings: int) -> Float[ndarray, "k 3"]:
     """Values at the vertices of facets, as points or shares, at those of the facets with edges `halvings` times
     halved, between which they are linear."""
     import igl

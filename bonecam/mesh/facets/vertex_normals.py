@@ -21,7 +21,6 @@ def vertex_normals(mesh: TriangleMesh) -> Float[ndarray, "n 3"]:
     if len(lengths) and not lengths.min() > 0:
         vertex = int(np.argmin(lengths))
         raise MeshError(
-            f"vertex {vertex} has no normal: remove vertices without faces, and faces without area",
-            vertex=vertex,
+            f"vertex {vertex} has no normal: remove vertices without faces, and faces without area", vertex=vertex
         )
     return np.asarray(sums / lengths[:, None])

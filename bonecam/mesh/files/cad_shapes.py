@@ -44,9 +44,7 @@ def _step_faces(file: Path, data: bytes) -> int:
     missing = set(re.findall(rb"#\d+", text)) - set(re.findall(rb"(#\d+)\s*=", text))
     if missing:
         raise unreadable(file, f"{min(missing).decode()} is named in it and not there")
-    in_shells = sum(
-        shell.count(b"#") for shell in re.findall(rb"=\s*(?:CLOSED|OPEN)_SHELL\s*\(([^;]*);", text)
-    )
+    in_shells = sum(shell.count(b"#") for shell in re.findall(rb"=\s*(?:CLOSED|OPEN)_SHELL\s*\(([^;]*);", text))
     return max(in_shells, len(re.findall(rb"=\s*(?:ADVANCED_FACE|FACE_SURFACE)\s*\(", text)))
 
 

@@ -97,9 +97,7 @@ def tessellate_shape(shape: Any, chord_tolerance: float | None = None) -> Triang
         mesh = _mesh_of(candidate, tolerance, WELDING_TOLERANCE * diagonal)
         if mesh is not None and abs(mesh.area - area) <= AREA_TOLERANCE * area:
             return mesh
-    raise FileError(
-        "a face of the part cannot be tessellated: heal the part in its CAD system and export it again"
-    )
+    raise FileError("a face of the part cannot be tessellated: heal the part in its CAD system and export it again")
 
 
 def _cut_closed_faces(shape: Any) -> Any:
@@ -152,9 +150,7 @@ def _coordinates(points: Iterable[Any]) -> Float[ndarray, "n 3"]:
     return np.array([(p.X(), p.Y(), p.Z()) for p in points])
 
 
-def _plane_distances(
-    triangles: Float[ndarray, "m 3 3"], points: Float[ndarray, "m 3"]
-) -> Float[ndarray, " m"]:
+def _plane_distances(triangles: Float[ndarray, "m 3 3"], points: Float[ndarray, "m 3"]) -> Float[ndarray, " m"]:
     """Distance of each point from the plane of its triangle; 0 for a triangle without area."""
     normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     lengths = np.linalg.norm(normals, axis=1)

@@ -7,13 +7,7 @@ from bonecam.runtime.worker import WorkerError, call_in_worker
 
 
 def call_in_child(
-    work: str,
-    file: str,
-    *words: Any,
-    library: str,
-    remedy: str,
-    seconds: float | None = None,
-    memory: int = 0,
+    work: str, file: str, *words: Any, library: str, remedy: str, seconds: float | None = None, memory: int = 0
 ) -> Any:
     """What a function, named "module:function", returns for `file`, `words` and a progress in a process of its own.
 

@@ -146,17 +146,13 @@ def write_mesh(
     target = Path(path)
     if target.suffix.lower() not in WRITABLE:
         raise file_error(
-            target,
-            f"has the unknown ending {target.suffix!r}",
-            f"end the name in one of {', '.join(WRITABLE)}",
+            target, f"has the unknown ending {target.suffix!r}", f"end the name in one of {', '.join(WRITABLE)}"
         )
     if quality is not None and (len(quality) != len(mesh.vertices) or target.suffix.lower() != ".ply"):
         raise ValueError(
             f"quality needs a .ply and one number for each of {len(mesh.vertices)} vertices, not {len(quality)}"
         )
-    extra: dict[str, Any] = (
-        {} if quality is None else {"v_scalar_array": np.asarray(quality, dtype=np.float64)}
-    )
+    extra: dict[str, Any] = {} if quality is None else {"v_scalar_array": np.asarray(quality, dtype=np.float64)}
     meshset = meshlab().MeshSet()
     meshset.add_mesh(meshlab().Mesh(mesh.vertices, mesh.faces, **extra))
     shown = quality is not None and largest > 0
@@ -195,9 +191,7 @@ def _require_readable(file: Path, also: tuple[str, ...]) -> None:
     if file.suffix.lower() in READABLE or os.path.isdir(file):
         return
     if file.suffix or os.path.exists(file):
-        ending = (
-            f"has the unknown ending {file.suffix!r}" if file.suffix else "has no ending that tells its kind"
-        )
+        ending = f"has the unknown ending {file.suffix!r}" if file.suffix else "has no ending that tells its kind"
         raise file_error(file, ending, f"give a file that ends in one of {', '.join((*READABLE, *also))}")
 
 
@@ -211,9 +205,7 @@ def bytes_of(file: Path) -> bytes:
     try:
         data = input_bytes(file)
     except OSError as error:
-        raise file_error(
-            file, f"cannot be read ({error.strerror})", "give the path of a readable mesh file"
-        ) from error
+        raise file_error(file, f"cannot be read ({error.strerror})", "give the path of a readable mesh file") from error
     if not data:
         raise file_error(file, "is empty", "write it anew from its source")
     return data

@@ -35,9 +35,7 @@ the file it reads and the one it writes."""
 
 
 @contextmanager
-def layers_of(
-    file: Path, options: Mapping[str, Any], *, allow_outside: bool
-) -> Iterator[list[tuple[Path, str]]]:
+def layers_of(file: Path, options: Mapping[str, Any], *, allow_outside: bool) -> Iterator[list[tuple[Path, str]]]:
     """Files that MeshLab wrote of the layers of `file`, and their labels; they are removed with the block.
 
     `options` are those of MeshLab's reader of this kind of file. FileError names the file and what is wrong, which

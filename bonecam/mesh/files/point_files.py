@@ -49,10 +49,7 @@ def read_blocks(path: str | Path, columns: str = "xyz") -> tuple[Float[ndarray, 
                 names = True
                 continue
             raise _refusal(
-                file,
-                at,
-                f"{line.strip()[:40]!r} is no point",
-                f"write {' '.join(columns)} in columns of that order",
+                file, at, f"{line.strip()[:40]!r} is no point", f"write {' '.join(columns)} in columns of that order"
             ) from error
         place = values[: len(columns)]
         if not np.isfinite(place).all():

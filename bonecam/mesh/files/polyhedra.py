@@ -50,23 +50,17 @@ def read_polyhedra(path: str | Path) -> MeshFile:
         )
     except FileError:
         raise
-    except (
-        Exception
-    ) as error:  # ezdxf raises all kinds on damaged files: StopIteration, ZeroDivisionError, KeyError
+    except Exception as error:  # ezdxf raises all kinds on damaged files: StopIteration, ZeroDivisionError, KeyError
         kind = file.suffix[1:].upper()
         reason = shortened(" ".join(str(error).split()), 200) or type(error).__name__
-        raise file_error(
-            file, f"is no readable {kind} file ({reason})", "export the part again, or as STEP"
-        ) from error
+        raise file_error(file, f"is no readable {kind} file ({reason})", "export the part again, or as STEP") from error
     if not len(corners):
         raise file_error(file, "holds no faces", "give a part with faces, not curves or points")
     vertices, index = np.unique(corners.reshape(-1, 3) * (scale or 1.0) + 0.0, axis=0, return_inverse=True)
     try:
         mesh = TriangleMesh(vertices, index.reshape(-1, 3).astype(np.int32))
     except ValueError as error:
-        raise file_error(
-            file, f"has coordinates that are not numbers ({error})", "export the part again"
-        ) from error
+        raise file_error(file, f"has coordinates that are not numbers ({error})", "export the part again") from error
     return MeshFile(mesh, "mm" if scale else "", left_out_note(others))
 
 
@@ -112,11 +106,7 @@ def _body_polygons(file: Path, bodies: Iterable[Any]) -> Iterator[Polygon]:
         if curved or holed:
             what = f"has {curved} curved faces of {len(faces)}" if curved else f"has {holed} faces with holes"
             raise file_error(
-                file,
-                what,
-                "only flat faces can be read from ACIS: export the part as STEP",
-                curved=curved,
-                holed=holed,
+                file, what, "only flat faces can be read from ACIS: export the part as STEP", curved=curved, holed=holed
             )
         yield from polygons
 

@@ -46,12 +46,6 @@ def _directions(letters: str) -> float:
 
 def axes_text(letters: str) -> str:
     """What is told of stated axes."""
-    where = ", ".join(
-        f"{axis} to the {POINTS_TO[letter][3]}" for axis, letter in zip("xyz", letters, strict=True)
-    )
+    where = ", ".join(f"{axis} to the {POINTS_TO[letter][3]}" for axis, letter in zip("xyz", letters, strict=True))
     message = f"its header states the axes {letters}: {where}"
-    return (
-        message
-        if _directions(letters) > 0
-        else f"{message}; they are left-handed: check that it is no mirror image"
-    )
+    return message if _directions(letters) > 0 else f"{message}; they are left-handed: check that it is no mirror image"

@@ -90,9 +90,7 @@ def drop_fins(state: RepairState) -> RepairState:
     if not count:
         return state
     return state.keep(
-        ~fins,
-        f"removed {counted(count, 'face')} that {'stick' if count > 1 else 'sticks'} out",
-        outside=True,
+        ~fins, f"removed {counted(count, 'face')} that {'stick' if count > 1 else 'sticks'} out", outside=True
     )
 
 
@@ -125,9 +123,7 @@ def close_holes(state: RepairState) -> RepairState:
     if widths[widest] > WIDEST_HOLE * state.mesh.diagonal:
         place = state.mesh.vertices[holes[widest]].mean(0)
         what = f"the mesh is an open sheet: a hole {widths[widest]:.1f} mm wide near {place_name(place)}"
-        remedy = (
-            "give a closed solid, or its surface (rows of points, STEP, IGES, .tspline) to `bonecam finish`"
-        )
+        remedy = "give a closed solid, or its surface (rows of points, STEP, IGES, .tspline) to `bonecam finish`"
         raise MeshError(f"{what}: {remedy}", place=place, width=widths[widest], tried=state.done)
     meshset = to_meshset(state.mesh)
     meshset.meshing_close_holes(maxholesize=len(state.mesh.faces) + 3, selfintersection=False)

@@ -31,9 +31,7 @@ def components_of(mesh: TriangleMesh) -> Int[ndarray, " m"]:
     sides = edge_names(half_edges(mesh), len(mesh.vertices)).ravel()
     _, edge_of, counts = np.unique(sides, return_inverse=True, return_counts=True)
     shared = counts[edge_of] > 2
-    own, faces = np.unique(
-        np.column_stack([edge_of, np.repeat(patches, 3)])[shared], axis=0, return_counts=True
-    )
+    own, faces = np.unique(np.column_stack([edge_of, np.repeat(patches, 3)])[shared], axis=0, return_counts=True)
     ends = own[faces == 1]
     met = np.flatnonzero(ends[1:, 0] == ends[:-1, 0])
     count = int(patches.max(initial=-1)) + 1
@@ -61,9 +59,7 @@ def keep_part(state: RepairState) -> RepairState:
         share = areas[loose].max() / areas[part]
         place = _middle(mesh, component_of == np.argmax(np.where(loose, areas, 0.0)))
         largest = "the largest " if loose.sum() > 1 else ""
-        pieces = (
-            f"dropped {counted(int(loose.sum()), 'loose piece')} of at most {share:.2%} of the part's area"
-        )
+        pieces = f"dropped {counted(int(loose.sum()), 'loose piece')} of at most {share:.2%} of the part's area"
         state = state.keep(~loose[component_of], f"{pieces}, {largest}near {place_name(place)}", outside=True)
     if inner.any():
         enclosed = np.where(inner, closed * np.abs(volumes), -1.0)
@@ -80,9 +76,7 @@ def _outermost(mesh: TriangleMesh, component_of: Int[ndarray, " m"], largest: in
     return int(max(holding, key=lambda k: np.prod(high[k] - low[k]), default=largest))
 
 
-def _extremes(
-    mesh: TriangleMesh, component_of: Int[ndarray, " m"], extreme: np.ufunc
-) -> Float[ndarray, "c 3"]:
+def _extremes(mesh: TriangleMesh, component_of: Int[ndarray, " m"], extreme: np.ufunc) -> Float[ndarray, "c 3"]:
     """The lowest or highest coordinates of each component."""
     order = np.argsort(component_of, kind="stable")
     starts = np.searchsorted(component_of[order], np.arange(component_of.max() + 1))
@@ -116,10 +110,7 @@ def _shares_inside(mesh: TriangleMesh, component_of: Int[ndarray, " m"], outer: 
 
 
 def _inner_shells(
-    mesh: TriangleMesh,
-    component_of: Int[ndarray, " m"],
-    volumes: Float[ndarray, " c"],
-    inside: Float[ndarray, " c"],
+    mesh: TriangleMesh, component_of: Int[ndarray, " m"], volumes: Float[ndarray, " c"], inside: Float[ndarray, " c"]
 ) -> str:
     """The sentence on the inner shells, whose `volumes` are not negative: how many were left out, their volume and
     place, and where one comes out of the part."""

@@ -45,9 +45,7 @@ def decimate(
             continue
         deviation = max(hausdorff(mesh, fewer))
         if deviation <= LARGEST_DEVIATION:
-            message = (
-                f"decimated {len(mesh.faces)} faces to {len(fewer.faces)}, {deviation:.4f} mm apart at most"
-            )
+            message = f"decimated {len(mesh.faces)} faces to {len(fewer.faces)}, {deviation:.4f} mm apart at most"
             return fewer, state.moved(fewer, message).done
     moved = f"moves the surface by {deviation:.3f} mm" if np.isfinite(deviation) else "is not possible"
     raise MeshError(

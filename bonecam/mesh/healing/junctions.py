@@ -43,9 +43,7 @@ def resolve_junctions(state: RepairState) -> RepairState:
     if not surface.all():
         outside = ~part[cells].all(axis=1)
         state = state.keep(surface, _left_out(mesh, cells, part, surface), outside=outside)
-    return state.then(
-        after, *([f"turned {counted(int(turned.sum()), 'face')} round"] if turned.any() else [])
-    )
+    return state.then(after, *([f"turned {counted(int(turned.sum()), 'face')} round"] if turned.any() else []))
 
 
 def _other_parts(mesh: TriangleMesh, cells: Int[ndarray, "m 2"], part: Bool[ndarray, " c"]) -> bool:
@@ -114,9 +112,7 @@ def _part_cells(mesh: TriangleMesh, cells: Int[ndarray, "m 2"]) -> Bool[ndarray,
     return part
 
 
-def _is_behind_wall(
-    mesh: TriangleMesh, cells: Int[ndarray, "m 2"], part: Bool[ndarray, " c"], cell: int
-) -> bool:
+def _is_behind_wall(mesh: TriangleMesh, cells: Int[ndarray, "m 2"], part: Bool[ndarray, " c"], cell: int) -> bool:
     """Whether a cell is a piece of the part behind a wall, not debris upon it: it is no smaller than parts are, or the
     outer surface goes on over it more smoothly than below it, where it would turn sharply."""
     on_front, on_back = part[cells].T
@@ -128,9 +124,7 @@ def _is_behind_wall(
     areas = np.linalg.norm(mesh.face_vectors, axis=1) / 2
     if areas[of_cell].sum() > DEBRIS * areas[of_part].sum():
         return True
-    outward = np.where(on_back | (~of_part & (cells[:, 1] == cell)), 1.0, -1.0)[:, None] * unit(
-        mesh.face_vectors
-    )
+    outward = np.where(on_back | (~of_part & (cells[:, 1] == cell)), 1.0, -1.0)[:, None] * unit(mesh.face_vectors)
     beside, below, over = (
         _normals_at_edges(mesh, faces, outward) for faces in (of_part & ~shared, shared, of_cell & ~shared)
     )
@@ -147,6 +141,4 @@ def _normals_at_edges(
 ) -> dict[tuple[int, int], ndarray]:
     """The normal of one of these faces at each of their edges."""
     sides = np.sort(half_edges(mesh)[faces], axis=2)
-    return {
-        (int(a), int(b)): normal for trio, normal in zip(sides, normals[faces], strict=True) for a, b in trio
-    }
+    return {(int(a), int(b)): normal for trio, normal in zip(sides, normals[faces], strict=True) for a, b in trio}

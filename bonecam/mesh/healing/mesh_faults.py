@@ -36,11 +36,7 @@ def faults_of(mesh: TriangleMesh) -> tuple[Fault, ...]:
 
 def _null_faults(mesh: TriangleMesh) -> tuple[Fault, ...]:
     null = np.flatnonzero(~mesh.face_vectors.any(axis=1))
-    return (
-        (Fault("null", f"{len(null)} faces without area", _place_of_face(mesh, int(null[0]))),)
-        if len(null)
-        else ()
-    )
+    return (Fault("null", f"{len(null)} faces without area", _place_of_face(mesh, int(null[0]))),) if len(null) else ()
 
 
 def _edge_faults(mesh: TriangleMesh) -> tuple[Fault, ...]:
@@ -51,17 +47,13 @@ def _edge_faults(mesh: TriangleMesh) -> tuple[Fault, ...]:
         ("nonmanifold", "edges with more than two faces", counts > 2),
     ):
         if wrong.any():
-            faults.append(
-                Fault(kind, f"{wrong.sum()} {phrase}", mesh.vertices[edges[np.argmax(wrong)]].mean(0))
-            )
+            faults.append(Fault(kind, f"{wrong.sum()} {phrase}", mesh.vertices[edges[np.argmax(wrong)]].mean(0)))
     halves = half_edges(mesh).reshape(-1, 2)
     _, first, same = np.unique(halves, axis=0, return_index=True, return_counts=True)
     if not faults and (same > 1).any():
         place = mesh.vertices[halves[first[np.argmax(same)], 0]]
         faults.append(
-            Fault(
-                "mixed", f"{(same > 1).sum()} edges between faces that are oriented against each other", place
-            )
+            Fault("mixed", f"{(same > 1).sum()} edges between faces that are oriented against each other", place)
         )
     return tuple(faults)
 
@@ -73,25 +65,15 @@ def _shape_faults(mesh: TriangleMesh) -> tuple[Fault, ...]:
     whole = igl.is_vertex_manifold(mesh.faces.astype(np.int64))
     pinched = np.setdiff1d(np.flatnonzero(~whole), np.setdiff1d(np.arange(len(whole)), mesh.faces))
     if len(pinched):
-        return (
-            Fault("pinched", f"{len(pinched)} vertices where two surfaces touch", mesh.vertices[pinched[0]]),
-        )
+        return (Fault("pinched", f"{len(pinched)} vertices where two surfaces touch", mesh.vertices[pinched[0]]),)
     if pieces.max() > 0:
-        return (
-            Fault(
-                "parts", f"{pieces.max() + 1} separate parts", _place_of_face(mesh, int(np.argmax(pieces)))
-            ),
-        )
+        return (Fault("parts", f"{pieces.max() + 1} separate parts", _place_of_face(mesh, int(np.argmax(pieces)))),)
     if not mesh.volume > 0:
-        return (
-            Fault("inward", f"an enclosed volume of {mesh.volume:.3g} mm^3", mesh.vertices[mesh.faces[0, 0]]),
-        )
+        return (Fault("inward", f"an enclosed volume of {mesh.volume:.3g} mm^3", mesh.vertices[mesh.faces[0, 0]]),)
     handles = genus(mesh)
     centre = mesh.vertices[np.unique(mesh.faces)].mean(0)
     return (
-        (Fault("genus", f"{handles} handle{'s' if handles > 1 else ''} (genus {handles})", centre),)
-        if handles
-        else ()
+        (Fault("genus", f"{handles} handle{'s' if handles > 1 else ''} (genus {handles})", centre),) if handles else ()
     )
 
 

@@ -74,18 +74,14 @@ def _as_cleaned(state: RepairState) -> RepairState:
 
 def _refuse_handles(faults: tuple[Fault, ...], state: RepairState) -> None:
     """MeshError where a mesh has no faults but handles (and self-intersections): no stage removes handles."""
-    if any(fault.kind == "genus" for fault in faults) and {fault.kind for fault in faults} <= {
-        "genus",
-        "intersecting",
-    }:
+    if any(fault.kind == "genus" for fault in faults) and {fault.kind for fault in faults} <= {"genus", "intersecting"}:
         raise _refusal(tuple(fault for fault in faults if fault.kind == "genus"), state)
 
 
 def _refusal(faults: tuple[Fault, ...], state: RepairState) -> MeshError:
     tried = f" after repair ({state.changes})" if state.done else ""
     remedy = next(
-        (_REMEDIES[fault.kind] for fault in faults if fault.kind in _REMEDIES),
-        "mend it there in a mesh editor",
+        (_REMEDIES[fault.kind] for fault in faults if fault.kind in _REMEDIES), "mend it there in a mesh editor"
     )
     message = f"the mesh has {', '.join(map(str, faults))}{tried}: {remedy}"
     return MeshError(message, faults=faults, place=faults[0].place, tried=state.done)

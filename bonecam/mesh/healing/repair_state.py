@@ -92,9 +92,7 @@ class RepairState:
         return "; ".join(map(str, self.done))
 
 
-def apply_filter(
-    state: RepairState, name: str, elements: str = "", sentence: str = "", noun: str = ""
-) -> RepairState:
+def apply_filter(state: RepairState, name: str, elements: str = "", sentence: str = "", noun: str = "") -> RepairState:
     """`state` after one MeshLab filter.
 
     The sentence is added where the number of `elements` (faces or vertices) changed.

@@ -44,11 +44,7 @@ def weld_seams(state: RepairState) -> RepairState:
     distance = _largest_distance(mesh, welded)
     message = f"merged {counted(merged, 'duplicate vertex')} along open edges"
     after = keep_faces(welded)
-    return (
-        state.moved(after, f"{message}, at most {distance:.2g} mm apart")
-        if distance
-        else state.then(after, message)
-    )
+    return state.moved(after, f"{message}, at most {distance:.2g} mm apart") if distance else state.then(after, message)
 
 
 def _tolerances(mesh: TriangleMesh) -> list[float]:

@@ -34,9 +34,7 @@ class SurfaceMovement:
         return max(self.outward, self.inward)
 
 
-def surface_moves(
-    before: TriangleMesh, after: TriangleMesh, solid: TriangleMesh | None = None
-) -> SurfaceMovement:
+def surface_moves(before: TriangleMesh, after: TriangleMesh, solid: TriangleMesh | None = None) -> SurfaceMovement:
     """How far the corners and middles of the old faces are from the new surface.
 
     Old faces with material on both sides, as the closed `solid` tells where it is given, lie inside another part of
@@ -89,7 +87,5 @@ def without(mesh: TriangleMesh, left_out: Sequence[TriangleMesh], kept: Triangle
     if not left_out:
         return mesh
     middles = mesh.vertices[mesh.faces].mean(axis=1)
-    away, apart = (
-        lengths(exact_closest(other, middles)[0] - middles) for other in (kept, side_by_side(left_out))
-    )
+    away, apart = (lengths(exact_closest(other, middles)[0] - middles) for other in (kept, side_by_side(left_out)))
     return keep_faces(mesh, away <= apart + NOT_MOVED)

@@ -59,11 +59,7 @@ class Rows:
 
 
 def harmonic_rows(
-    mesh: TriangleMesh,
-    rows: int = 24,
-    points: int = 100,
-    edge: float | None = None,
-    progress: Progress = silent,
+    mesh: TriangleMesh, rows: int = 24, points: int = 100, edge: float | None = None, progress: Progress = silent
 ) -> Rows:
     """Rows of points on a closed genus-0 mesh that stands upright (see `pose.upright`).
 
@@ -79,9 +75,7 @@ def harmonic_rows(
     isolines = Isolines.of(even, harmonic_field(even, poles))
     heights, field_values = measured_heights(isolines)
     wanted = row_heights(rows)
-    guide_heights = np.interp(
-        np.arange(1, (rows + 1) * GUIDES) / GUIDES, np.arange(rows + 2), [0.0, *wanted, 1.0]
-    )
+    guide_heights = np.interp(np.arange(1, (rows + 1) * GUIDES) / GUIDES, np.arange(rows + 2), [0.0, *wanted, 1.0])
     report(progress, 0.6, "tracing the rows")
     values = np.interp(guide_heights, heights, field_values)
     guides = _align_loops([isolines.loop(float(value)) for value in values], points)
@@ -139,9 +133,7 @@ def _align_loops(loops: list[ndarray], points: int) -> Float[ndarray, "g p 3"]:
     return np.stack([equally_spaced(loop, start, points) for loop, start in zip(loops, starts)])
 
 
-def nearest_on_loop(
-    loop: Float[ndarray, "k 3"], point: Float[ndarray, "3"]
-) -> tuple[int, Float[ndarray, "3"]]:
+def nearest_on_loop(loop: Float[ndarray, "k 3"], point: Float[ndarray, "3"]) -> tuple[int, Float[ndarray, "3"]]:
     """The side of a closed polygon nearest to `point`, and the nearest place on it."""
     sides = np.roll(loop, -1, axis=0) - loop
     squares = np.maximum((sides**2).sum(1), np.finfo(float).tiny)
@@ -151,9 +143,7 @@ def nearest_on_loop(
     return side, footpoints[side]
 
 
-def equally_spaced(
-    loop: Float[ndarray, "k 3"], start: Float[ndarray, "3"], points: int
-) -> Float[ndarray, "p 3"]:
+def equally_spaced(loop: Float[ndarray, "k 3"], start: Float[ndarray, "3"], points: int) -> Float[ndarray, "p 3"]:
     """`points` points on a closed polygon at equal arc lengths from the place nearest to `start`."""
     side, place = nearest_on_loop(loop, start)
     chain = np.concatenate([[place], np.roll(loop, -(side + 1), axis=0), [place]])

@@ -60,9 +60,7 @@ class Isolines:
         low, middle, high = self._sorted_corners
         cut_low = (value - low) ** 2 / ((middle - low) * (high - low) + np.finfo(float).tiny)
         cut_high = 1 - (high - value) ** 2 / ((high - middle) * (high - low) + np.finfo(float).tiny)
-        share = np.select(
-            [value <= low, value < middle, value < high], [np.zeros_like(low), cut_low, cut_high], 1.0
-        )
+        share = np.select([value <= low, value < middle, value < high], [np.zeros_like(low), cut_low, cut_high], 1.0)
         return float(share @ self._areas)
 
     @cached_property
@@ -81,9 +79,7 @@ class Isolines:
         faces = np.flatnonzero((count > 0) & (count < 3))
         return faces, self._edges(above, faces, rises=True)
 
-    def _edges(
-        self, above: Bool[ndarray, " v"], faces: Int[ndarray, " k"], *, rises: bool
-    ) -> Int[ndarray, " k"]:
+    def _edges(self, above: Bool[ndarray, " v"], faces: Int[ndarray, " k"], *, rises: bool) -> Int[ndarray, " k"]:
         """The local edge of each crossed face where the field rises through the value, or falls."""
         corners = above[self.mesh.faces[faces]]
         following = np.roll(corners, -1, axis=1)
@@ -99,13 +95,9 @@ class Isolines:
             here = successor[here]
         return faces[order]
 
-    def _crossings(
-        self, faces: Int[ndarray, " k"], edges: Int[ndarray, " k"], value: float
-    ) -> Float[ndarray, "k 3"]:
+    def _crossings(self, faces: Int[ndarray, " k"], edges: Int[ndarray, " k"], value: float) -> Float[ndarray, "k 3"]:
         """Where the isoline crosses one edge of each face."""
         start = self.mesh.faces[faces, edges]
         end = self.mesh.faces[faces, (edges + 1) % 3]
         share = (value - self.field[start]) / (self.field[end] - self.field[start])
-        return self.mesh.vertices[start] + share[:, None] * (
-            self.mesh.vertices[end] - self.mesh.vertices[start]
-        )
+        return self.mesh.vertices[start] + share[:, None] * (self.mesh.vertices[end] - self.mesh.vertices[start])

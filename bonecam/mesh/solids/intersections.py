@@ -14,7 +14,5 @@ def self_intersections(mesh: TriangleMesh) -> Int[ndarray, " k"]:
 
     if not len(mesh.faces):
         return np.empty(0, dtype=np.int64)
-    crossings = cgal.remesh_self_intersections(
-        np.array(mesh.vertices), mesh.faces.astype(np.int64), detect_only=True
-    )
+    crossings = cgal.remesh_self_intersections(np.array(mesh.vertices), mesh.faces.astype(np.int64), detect_only=True)
     return np.unique(np.asarray(crossings[2], dtype=np.int64).ravel())

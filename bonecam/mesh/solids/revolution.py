@@ -57,9 +57,7 @@ def revolve_ring(profile: Float[ndarray, "r 2"], around: int) -> TriangleMesh:
     ring = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(around)])
     points = profile[:, :1, None] * ring + profile[:, 1:, None] * np.array([0.0, 0.0, 1.0])
     index = np.arange(len(profile) * around).reshape(-1, around)
-    return TriangleMesh(
-        points.reshape(-1, 3), _band_faces(index, np.roll(index, -1, axis=0)).astype(np.int32)
-    )
+    return TriangleMesh(points.reshape(-1, 3), _band_faces(index, np.roll(index, -1, axis=0)).astype(np.int32))
 
 
 def _band_faces(lower: ndarray, upper: ndarray) -> ndarray:

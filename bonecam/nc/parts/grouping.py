@@ -52,9 +52,7 @@ def grouped(sections: Sequence[Section], dialect: Dialect, nc: NcJob) -> list[li
     filled = 0
     for section in sections:
         blocks = section.blocks(dialect)
-        begins = (
-            not files or nc.split == "level" or (nc.split == "tool" and files[-1][-1].tool != section.tool)
-        )
+        begins = not files or nc.split == "level" or (nc.split == "tool" and files[-1][-1].tool != section.tool)
         if begins or (nc.split_blocks and filled + blocks > nc.split_blocks):
             files.append([])
             filled = WRAPPING

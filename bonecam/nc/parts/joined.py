@@ -62,9 +62,7 @@ def joined(program: Path, dialect: Dialect) -> Joined:
     return Joined(numbered if ended else numbered.removesuffix("\n"), tuple(origins))
 
 
-def _inner(
-    file: Path, fields: dict[str, str | int], calls: CallsTable, dialect: Dialect
-) -> tuple[int, list[str]]:
+def _inner(file: Path, fields: dict[str, str | int], calls: CallsTable, dialect: Dialect) -> tuple[int, list[str]]:
     """The first line (from 1) of a called file between how it begins and how it ends, and these lines."""
     text = required_text(file, "a part of an NC program")
     lines = unnumbered(text.split("\n"), dialect)
@@ -72,9 +70,7 @@ def _inner(
     inner = lines[len(begin) : len(lines) - len(end) - 1]
     if lines != [*begin, *inner, *end, ""] or not inner:
         wanted = f"begin with {begin[0]!r} and " if begin else ""
-        raise ProgramError(
-            f"{file}: a called program must {wanted}end with {end[-1]!r}: write it again", line=0
-        )
+        raise ProgramError(f"{file}: a called program must {wanted}end with {end[-1]!r}: write it again", line=0)
     _check_numbers(text, lines, file, dialect)
     return len(begin) + 1, inner
 

@@ -54,6 +54,5 @@ def unnumbered(lines: Sequence[str], dialect: Dialect) -> list[str]:
     pattern = re.compile(numbered_pattern(numbering, "(.*)"))
     matches = [pattern.fullmatch(line) for line in lines]
     return [
-        each[2] if each and has_number(each[2], numbering) else line
-        for line, each in zip(lines, matches, strict=True)
+        each[2] if each and has_number(each[2], numbering) else line for line, each in zip(lines, matches, strict=True)
     ]

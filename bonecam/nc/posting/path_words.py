@@ -80,9 +80,7 @@ class Posted:
         minutes = self.minutes.copy()
         for first, end in self.runs:
             after = slice(first + 1, end)
-            minutes[after] = motion_minutes(
-                self.control.machine, self.joints[first:end], minutes[after], self.rule
-            )
+            minutes[after] = motion_minutes(self.control.machine, self.joints[first:end], minutes[after], self.rule)
         return minutes
 
     @cached_property
@@ -108,9 +106,7 @@ def post_path(
     """
     cutter = path.cutter
     # the tool is as long as overhang and holder together
-    control = Control(
-        machine, dialect.tool_centre, cutter.envelope_radius, cutter.length, cutter.centre_height
-    )
+    control = Control(machine, dialect.tool_centre, cutter.envelope_radius, cutter.length, cutter.centre_height)
     # half of the chord tolerance, but no more than gouges allow
     tolerance = min(job.path.chord_tolerance / 2, POSTING_SHARE * planned_tolerance(job.path.gouge_tolerance))
     # a tilt below half the last decimal of its word is written as zero: the other angle is free there
@@ -120,22 +116,15 @@ def post_path(
     except MachineError as error:
         row = min(error.evidence.get("row", 0), len(path.tips) - 1)
         raise MachineError(
-            f"level {path.level}, pass {int(path.pass_index[row])}, {error}",
-            level=path.level,
-            **error.evidence,
+            f"level {path.level}, pass {int(path.pass_index[row])}, {error}", level=path.level, **error.evidence
         ) from error
     starts = np.r_[0, np.flatnonzero(moves.rewinds)]
     runs = tuple((int(a), int(b)) for a, b in zip(starts, np.r_[starts[1:], len(moves.tips)], strict=True))
     words = round_words(dialect, control, moves.tips, moves.angles)
     angles = np.radians(words[:, 3:])
-    lift = (
-        (around @ moves.axes[starts].T).max(0)
-        - dots(moves.tips[starts], moves.axes[starts])
-        + APPROACH_HEIGHT
-    )
+    lift = (around @ moves.axes[starts].T).max(0) - dots(moves.tips[starts], moves.axes[starts]) + APPROACH_HEIGHT
     above = (
-        moves.tips[starts]
-        + np.maximum(lift, APPROACH_HEIGHT)[:, None] * control.poses(np.radians(words[starts]))[1]
+        moves.tips[starts] + np.maximum(lift, APPROACH_HEIGHT)[:, None] * control.poses(np.radians(words[starts]))[1]
     )
     approaches = round_words(dialect, control, above, angles[starts])
     joints, lengths = joints_and_lengths(control, words)

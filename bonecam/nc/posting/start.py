@@ -21,11 +21,7 @@ from bonecam.nc.posting.rows.split import MAX_TURN
 
 
 def start_texts(
-    dialect: Dialect,
-    control: Control,
-    angles_deg: Float[ndarray, "2"],
-    start: Float[ndarray, "3"],
-    rapid: float,
+    dialect: Dialect, control: Control, angles_deg: Float[ndarray, "2"], start: Float[ndarray, "3"], rapid: float
 ) -> tuple[str, str, list[str]]:
     """The words of the rotary axes at zero, the word of Z without its letter where tool-centre control is switched on,
     and the blocks that turn the axes under it to `angles_deg`, at the feed `rapid` (mm/min) or what the axes can."""

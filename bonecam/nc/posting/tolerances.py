@@ -24,9 +24,7 @@ def contour_tolerance(dialect: Dialect, job: Job, finishing: bool) -> float:
 def rotary_tolerance_deg(dialect: Dialect, job: Job, finishing: bool, radius: float) -> float:
     """How far the rotary axes may leave their words, degrees, for a ball of `radius` mm; rounded down, but at least
     one last decimal of an angle."""
-    allowed = (
-        job.path.chord_tolerance if finishing else max(job.nc.roughing_tolerance, job.path.chord_tolerance)
-    )
+    allowed = job.path.chord_tolerance if finishing else max(job.nc.roughing_tolerance, job.path.chord_tolerance)
     step = dialect.numbers.angle.step
     angle = math.degrees(math.asin(min(allowed / radius, 1.0)))
     return max(math.floor(angle / step + 1e-9) * step, step)

@@ -40,9 +40,7 @@ def travel_of(machine: Machine, job: Job, paths: Sequence[Posted]) -> Travel:
     for posted in paths:
         dialect, control = posted.dialect, posted.control
         starts = [
-            start_words(dialect, control, words[3:], start)
-            for words in posted.approaches
-            if dialect.starts_at_zero
+            start_words(dialect, control, words[3:], start) for words in posted.approaches if dialect.starts_at_zero
         ]
         more, _ = joints_and_lengths(control, np.vstack([posted.approaches, *starts]))
         # what the template that moves a tool over zero does not say is that of the first joints
@@ -74,9 +72,7 @@ def lifted(posted: Posted, run: int, retract: float) -> Float[ndarray, "5"]:
     return _raised(posted, posted.words[end][None], retract, more)
 
 
-def _raised(
-    posted: Posted, words: Float[ndarray, "1 5"], height: float, more: float = 0.0
-) -> Float[ndarray, "5"]:
+def _raised(posted: Posted, words: Float[ndarray, "1 5"], height: float, more: float = 0.0) -> Float[ndarray, "5"]:
     """Words (mm, deg) moved along the tool axis until the tip is at a machine Z of `height`, and by `more`."""
     joints, _ = joints_and_lengths(posted.control, words)
     lift = max(height - float(joints[0, 2]), 0.0) + more
@@ -120,9 +116,7 @@ def table_reach(machine: Machine, job: Job) -> float:
         edges.append((height, max(piece.diameter, piece.top_diameter) / 2))
     zero = np.array(machine.part_zero) - pivot
     up = machine.in_machine(np.array([[0.0, 0.0, 1.0]]))[0]
-    return max(
-        float(np.linalg.norm(zero + high * up)) + radius for high, radius in edges if np.isfinite(radius)
-    )
+    return max(float(np.linalg.norm(zero + high * up)) + radius for high, radius in edges if np.isfinite(radius))
 
 
 def _check_travel(machine: Machine, ranges: Float[ndarray, "5 2"], level: int) -> None:
@@ -139,9 +133,7 @@ def _check_travel(machine: Machine, ranges: Float[ndarray, "5 2"], level: int) -
             )
 
 
-def _check_limits(
-    letter: str, limits: tuple[float, float], nose: ndarray, posted: Posted, machine: Machine
-) -> None:
+def _check_limits(letter: str, limits: tuple[float, float], nose: ndarray, posted: Posted, machine: Machine) -> None:
     """MachineError where the spindle nose (mm along one axis) leaves the limits of the axis."""
     for value, limit, off in (
         (nose.min(), limits[0], nose.min() < limits[0]),

@@ -60,9 +60,7 @@ def check_end(job: Job, machine: Machine) -> None:
             low, high = np.degrees(rotary.limits)
             if not low <= 0.0 <= high:
                 what = f"{rotary.letter} of {machine.name} cannot stand at zero ({low:g} to {high:g} deg)"
-                raise MachineError(
-                    f"{what}: leave nc.table_level out", machine=machine.name, axis=rotary.letter
-                )
+                raise MachineError(f"{what}: leave nc.table_level out", machine=machine.name, axis=rotary.letter)
 
 
 def end_blocks(machine: Machine, dialect: Dialect, nc: NcJob) -> list[str]:
@@ -212,9 +210,7 @@ class ProgramWriter:
         has a template for it, else a tool call where the cutter is another."""
         cutter, title = posted.path.cutter, posted.path.title
         changes = cutter.number != tool
-        stops = tool is not None and self.job.nc.optional_stop in (
-            ("level", "tool") if changes else ("level",)
-        )
+        stops = tool is not None and self.job.nc.optional_stop in (("level", "tool") if changes else ("level",))
         lines = self.dialect.lines("tool_end") if tool is not None and (changes or stops) else []
         lines += self.dialect.lines("optional_stop") if stops else []
         lines += [comment(title, self.dialect)]
@@ -285,9 +281,7 @@ class ProgramWriter:
         """The blocks that bring the rotary axes to a run's angles and switch tool-centre control on: in this order, or
         where it starts at zero the other way round."""
         if not self.dialect.starts_at_zero:
-            return self._moving("position", rotary=" ".join(words[3:])) + self._switch(
-                self.on, posted, self.retract
-            )
+            return self._moving("position", rotary=" ".join(words[3:])) + self._switch(self.on, posted, self.retract)
         rotary, height, turn = start_texts(
             self.dialect, posted.control, angles_deg, self.travel.start, self.job.nc.rapid_feed
         )

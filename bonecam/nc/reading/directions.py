@@ -48,11 +48,7 @@ class DirectionWords:
             return set()
         angles = sorted({*axes} - {*"XYZ"})
         if angles or len(given) < len(COMPONENTS):
-            what = (
-                f"{angles[0]} stands beside a tool vector"
-                if angles
-                else "a component of the tool vector is missing"
-            )
+            what = f"{angles[0]} stands beside a tool vector" if angles else "a component of the tool vector is missing"
             raise line_error(line, f"{what}: give all three, and no angle")
         turn_to(self.state, [float(values[letter]) for letter in COMPONENTS], line)
         return given

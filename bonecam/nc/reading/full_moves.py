@@ -77,14 +77,11 @@ def full_move(dialect: Dialect, machine: Machine, short_way: bool) -> re.Pattern
             return re.compile(rf"({WHOLE}) {vector_move(dialect, dialect.vector)}")
         words = " ".join(axis_words(dialect, letters))
         return re.compile(rf"({WHOLE}) (L) {words}(?: R0)?(?: F(MAX|{WHOLE}))?")
-    codes = "|".join(
-        re.escape(code) for code, effect in dialect.effect_of.items() if effect in ("rapid", "feed")
-    )
+    codes = "|".join(re.escape(code) for code, effect in dialect.effect_of.items() if effect in ("rapid", "feed"))
     endless = endless_letters(machine) if short_way else ""
     number = POINTED_NUMBER if dialect.decimal_point else ISO_NUMBER
     patterns = [
-        endless_word_pattern(dialect, letter) if letter in endless else f"{letter}({number})"
-        for letter in letters
+        endless_word_pattern(dialect, letter) if letter in endless else f"{letter}({number})" for letter in letters
     ]
     if dialect.vector is not None:
         patterns = patterns[:3] + vector_patterns(dialect.vector, number)
@@ -95,9 +92,7 @@ def full_move(dialect: Dialect, machine: Machine, short_way: bool) -> re.Pattern
 
 def axis_words(dialect: Dialect, letters: str) -> list[str]:
     """The patterns of the words of an `L` block's axes, with their numbers in groups."""
-    length, angle = (
-        klartext_number(kind.decimals) for kind in (dialect.numbers.length, dialect.numbers.angle)
-    )
+    length, angle = (klartext_number(kind.decimals) for kind in (dialect.numbers.length, dialect.numbers.angle))
     return [f"{letter}({length if letter in 'XYZ' else angle})" for letter in letters]
 
 
@@ -166,9 +161,7 @@ def read_full_moves(
     modal = _modal([None if value == "MAX" else value for value in written], feed)
     table = np.array(words, dtype=np.float64).T
     # zeros for the second rotary axis of a machine that has only one
-    rotary = (
-        np.pad(table[:, 3:], ((0, 0), (0, 5 - len(words)))) if dialect.vector is None else solve(table[:, 3:])
-    )
+    rotary = np.pad(table[:, 3:], ((0, 0), (0, 5 - len(words)))) if dialect.vector is None else solve(table[:, 3:])
     return Blocks(
         words=np.column_stack([table[:, :3], rotary]),
         rapid=rapid,

@@ -27,9 +27,7 @@ def run_iso(lines: Sequence[str], state: ModalState) -> None:
     """Run the blocks of a program; ProgramError names the line of a word that is unknown or out of place."""
     frame = state.dialect.frame
     if frame and lines[0] != frame:
-        raise line_error(
-            1, f"a line of {frame} is missing, with which a program of {state.dialect.title} begins"
-        )
+        raise line_error(1, f"a line of {frame} is missing, with which a program of {state.dialect.title} begins")
     closed = not frame or (lines[-1] == frame and len(lines) > 1)
     blocks = lines[:-1] if frame and closed else lines
     reader = _BlockReader(state)

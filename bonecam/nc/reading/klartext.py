@@ -44,9 +44,7 @@ def _run_block(block: str, move: re.Pattern[str], state: ModalState, line: int) 
     elif match and any(match.groups()[:-2]):
         letters = state.machine.letters
         *numbers, uncompensated, feed = match.groups()
-        words = {
-            letter: float(text) for letter, text in zip(letters, numbers, strict=True) if text is not None
-        }
+        words = {letter: float(text) for letter, text in zip(letters, numbers, strict=True) if text is not None}
         state.uncompensated |= uncompensated is not None
         if not state.uncompensated:
             raise line_error(line, "an axis moves before R0 is stated")

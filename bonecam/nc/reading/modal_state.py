@@ -103,9 +103,7 @@ class EndlessAxes:
         lowest = self.dialect.endless_from_deg
         return np.asarray((words >= lowest) & (words < lowest + 360.0))
 
-    def reached(
-        self, axis: RotaryAxis, word: float, before: float | None, *, moves_tip: bool, line: int
-    ) -> float:
+    def reached(self, axis: RotaryAxis, word: float, before: float | None, *, moves_tip: bool, line: int) -> float:
         """The angle (degrees) that an endless axis reaches by its word from `before` (None: not known). ProgramError
         where the way is not known; where the tip moves with it, a turn of half a turn too."""
         if self.short_way is None:

@@ -22,9 +22,7 @@ def read_program(text: str, machine: Machine, dialect: Dialect, tools: Sequence[
     lines = text.removesuffix("\n").split("\n")
     longest = max(range(len(lines)), key=lambda at: len(lines[at]))
     if len(lines[longest]) > dialect.longest_line:
-        why = (
-            f"it has {len(lines[longest])} characters, {dialect.name} loads {dialect.longest_line}: divide it"
-        )
+        why = f"it has {len(lines[longest])} characters, {dialect.name} loads {dialect.longest_line}: divide it"
         raise line_error(longest + 1, why)
     state = ModalState(machine, dialect, tools)
     if dialect.grammar == "klartext":
@@ -48,10 +46,5 @@ def _motions(state: ModalState, line: int) -> Motions:
     }
     short_way = bool(state.endless.short_way)
     return motions_of(
-        state.table,
-        controls,
-        blocks=state.blocks,
-        partial=state.partial,
-        short_way=short_way,
-        described=state.tools,
+        state.table, controls, blocks=state.blocks, partial=state.partial, short_way=short_way, described=state.tools
     )

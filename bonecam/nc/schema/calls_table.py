@@ -12,12 +12,7 @@ from bonecam.text.template import check_template
 
 SAMPLES: dict[str, str | int] = {"name": "BONE_1", "lower": "bone_1", "number": 1002, "file": "BONE_1.h"}
 """What a called program is told by, with samples: its name, the same in small letters, its number, its file."""
-FORMS = {
-    "name": "[A-Z0-9_]+",
-    "lower": "[a-z0-9_]+",
-    "number": "[0-9]+",
-    "file": r"[A-Za-z0-9_]+\.[A-Za-z0-9]+",
-}
+FORMS = {"name": "[A-Z0-9_]+", "lower": "[a-z0-9_]+", "number": "[0-9]+", "file": r"[A-Za-z0-9_]+\.[A-Za-z0-9]+"}
 """The patterns of these."""
 
 
@@ -32,9 +27,7 @@ def _call(text: str) -> str:
 def _file(text: str) -> str:
     check_template(one_block(text), {name: value for name, value in SAMPLES.items() if name != "file"})
     if not re.fullmatch(FORMS["file"], text.format(**SAMPLES)) or not fields_of(text):
-        raise ValueError(
-            f"{text!r}: give a name with a field and an ending, like {{name}}.h, without a folder"
-        )
+        raise ValueError(f"{text!r}: give a name with a field and an ending, like {{name}}.h, without a folder")
     return text
 
 
@@ -56,9 +49,7 @@ class CallsTable(Record):
         for key in ("file", "begin", "end"):
             missing = fields_of(getattr(self, key)) - known
             if missing:
-                raise KeyFault(
-                    key, f"{{{min(missing)}}} cannot be told from call: give call this field, or {{file}}"
-                )
+                raise KeyFault(key, f"{{{min(missing)}}} cannot be told from call: give call this field, or {{file}}")
         return self
 
     def wrapping(self, fields: dict[str, str | int]) -> tuple[list[str], list[str]]:

@@ -75,9 +75,7 @@ def remark_on(code: str) -> str:
 def blocks_of_pattern(pattern: str) -> list[tuple[str, Meaning]]:
     """What a statement of this `pattern` takes as a whole block, or names, and what that means."""
     compiled = Pattern(pattern)
-    named = [
-        word.replace("\\", "") for word in re.findall(r"(?<![A-Z0-9])[A-Z]+[0-9]*(?:\\?\.[0-9])?", pattern)
-    ]
+    named = [word.replace("\\", "") for word in re.findall(r"(?<![A-Z0-9])[A-Z]+[0-9]*(?:\\?\.[0-9])?", pattern)]
     taken = [(block, meaning) for block, meaning in WHOLE_BLOCKS.items() if compiled.match(block) is not None]
     meanings = [(word, meaning_of(word)) for word in named]
     return taken + [(word, meaning) for word, meaning in meanings if meaning is not None]

@@ -50,12 +50,7 @@ class ToolCentreTable(Record):
 
 def _vector_word(text: str) -> str:
     check_template(text, {"number": "1.0"})
-    if (
-        text.count("{number}") != 1
-        or not text.endswith("{number}")
-        or len(text.split()) != 1
-        or text[0] == "{"
-    ):
+    if text.count("{number}") != 1 or not text.endswith("{number}") or len(text.split()) != 1 or text[0] == "{":
         raise ValueError(f"{text!r}: give letters and then {{number}}, in one word")
     return text
 
@@ -137,8 +132,7 @@ class DialectFile(Record):
     comment: Annotated[str, Field(max_length=100), AfterValidator(_comment)]
     comment_characters: Annotated[str, Field(max_length=1000), AfterValidator(one_block)]
     work_offset: Annotated[
-        dict[str, Annotated[str, AfterValidator(partial(check_template, fields=OFFSET))]],
-        Field(max_length=10),
+        dict[str, Annotated[str, AfterValidator(partial(check_template, fields=OFFSET))]], Field(max_length=10)
     ] = Field(default_factory=dict)
     work_offsets: Annotated[int, Field(ge=1, le=999)] = 1
     coolants: Annotated[dict[Literal["mist", "air", "through"], Block], Field(max_length=3)] = Field(
@@ -146,9 +140,7 @@ class DialectFile(Record):
     )
     numbers: NumbersTable
     numbering: NumberingTable = NumberingTable()
-    tool_centre_control: Annotated[dict[str, ToolCentreTable], Field(max_length=50)] = Field(
-        default_factory=dict
-    )
+    tool_centre_control: Annotated[dict[str, ToolCentreTable], Field(max_length=50)] = Field(default_factory=dict)
     calls: CallsTable | None = None
     vector: VectorTable | None = None
     forms: Annotated[dict[Form, dict[str, Any]], Field(max_length=3)] = Field(default_factory=dict)
@@ -168,9 +160,7 @@ class DialectFile(Record):
             why = "in inverse time every block has its own feed: leave it out"
             raise KeyFault("templates.feed_kept", why)
         chooses = self.short_way is not None or self.endless_word != PLAIN_WORD
-        if self.starts_at_zero and (
-            self.interpolation != "tool-centre" or self.endless_words != "wrapped" or chooses
-        ):
+        if self.starts_at_zero and (self.interpolation != "tool-centre" or self.endless_words != "wrapped" or chooses):
             why = "true: only with tool-centre control and words that are always wrapped: leave it out"
             raise KeyFault("starts_at_zero", why)
         return self

@@ -64,8 +64,7 @@ class NumberFormat(Record):
         if outside.any():
             value = float(values[outside].flat[0])
             raise ProgramError(
-                f"{value:g} leaves the control's range {self.lowest:g} .. {self.highest:g}: change the job",
-                value=value,
+                f"{value:g} leaves the control's range {self.lowest:g} .. {self.highest:g}: change the job", value=value
             )
 
     def text(self, value: float) -> str:

@@ -39,8 +39,8 @@ class NumberingTable(Record):
     first: Annotated[int, Field(ge=0, le=1_000_000)] = 0
     step: Annotated[int, Field(ge=1, le=1000)] = 1
     highest: Annotated[int, Field(ge=1, le=999_999_999)] = 999_999_999
-    unnumbered: Annotated[list[Annotated[str, Field(min_length=1, max_length=8)]], Field(max_length=20)] = (
-        Field(default_factory=list)
+    unnumbered: Annotated[list[Annotated[str, Field(min_length=1, max_length=8)]], Field(max_length=20)] = Field(
+        default_factory=list
     )
     continuation: Annotated[str, Field(min_length=1, max_length=8), AfterValidator(one_block)] | None = None
 

@@ -95,9 +95,7 @@ class _Easing:
         ways = lengths(np.diff(self.path.cutter.tips_of(self.path.centres, axes), axis=0))
         return self.joined & np.r_[limits.turning_minutes(axes) * SHARE * self.path.cutter.feed > ways, False]
 
-    def eased(
-        self, axes: Float[ndarray, "n 3"], slow: Bool[ndarray, " n"], half: float
-    ) -> Float[ndarray, "n 3"]:
+    def eased(self, axes: Float[ndarray, "n 3"], slow: Bool[ndarray, " n"], half: float) -> Float[ndarray, "n 3"]:
         """The axes, eased over stretches of this half length (mm) round the slow moves where that leaves fewer."""
         tried = axes.copy()
         part = np.full(len(axes), -1)
@@ -138,9 +136,7 @@ class _Easing:
         """Whether each axis is in its contact's cone."""
         return np.zeros(len(axes), dtype=bool) if self.cones is None else self.cones.hold(axes)
 
-    def _shares(
-        self, rows: Int[ndarray, " r"], slow: Bool[ndarray, " n"], half: float
-    ) -> Float[ndarray, " r"]:
+    def _shares(self, rows: Int[ndarray, " r"], slow: Bool[ndarray, " n"], half: float) -> Float[ndarray, " r"]:
         """How much each contact of a pass takes of the mean: all of it at slow moves, none `half` (mm) beside them."""
         ends = np.flatnonzero(slow[rows])
         along = self.along[rows]
@@ -148,9 +144,7 @@ class _Easing:
         away = np.abs(along[:, None] - marked[None]).min(axis=1)
         return np.clip(1 - away / half, 0.0, 1.0)
 
-    def _means(
-        self, rows: Int[ndarray, " r"], axes: Float[ndarray, "n 3"], half: float
-    ) -> Float[ndarray, "r 3"]:
+    def _means(self, rows: Int[ndarray, " r"], axes: Float[ndarray, "n 3"], half: float) -> Float[ndarray, "r 3"]:
         """The mean axis of a pass from `half` (mm) before each contact to as much behind it."""
         along = self.along[rows]
         weights = np.gradient(along) + 1e-6 if len(rows) > 1 else np.ones(1)

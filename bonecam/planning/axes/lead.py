@@ -37,9 +37,7 @@ def check_lead(cutter: Cutter, lead_deg: float) -> None:
     lead = cutter.lead if cutter.is_bull else math.radians(abs(lead_deg))
     for section in cutter.profile[1:]:
         for height, radius in ((section.start, section.radius), (section.end, section.end_radius)):
-            if cutter.envelope_radius + (height - cutter.centre_height) * math.cos(lead) <= radius * math.sin(
-                lead
-            ):
+            if cutter.envelope_radius + (height - cutter.centre_height) * math.cos(lead) <= radius * math.sin(lead):
                 raise _lead_error(cutter, section, lead_deg)
 
 
@@ -53,9 +51,7 @@ def _lead_error(cutter: Cutter, section: ToolSection, lead_deg: float) -> JobErr
     return field_error(cutter.name, f"{name}_diameter", 2 * section.radius, f"{enters}: {remedy}")
 
 
-def lead_axes(
-    normals: Float[ndarray, "n 3"], feeds: Float[ndarray, "n 3"], lead: float
-) -> Float[ndarray, "n 3"]:
+def lead_axes(normals: Float[ndarray, "n 3"], feeds: Float[ndarray, "n 3"], lead: float) -> Float[ndarray, "n 3"]:
     """cos(lead) n + sin(lead) f, unit; `lead` in radians, positive leans forward."""
     return unit(np.cos(lead) * normals + np.sin(lead) * feeds)
 

@@ -56,10 +56,7 @@ def avoid_singularity(
 
 
 def avoid_singularity_where(
-    axes: Float[ndarray, "n 3"],
-    centres: Float[ndarray, "n 3"],
-    passes: Int[ndarray, " n"],
-    admissible: Admissible,
+    axes: Float[ndarray, "n 3"], centres: Float[ndarray, "n 3"], passes: Int[ndarray, " n"], admissible: Admissible
 ) -> Float[ndarray, "n 3"]:
     """As `avoid_singularity`, but a stretch keeps its axes where one of its new axes is not admissible."""
     steered = avoid_singularity(axes, centres, passes)
@@ -85,10 +82,7 @@ def least_polar_angles(axes: Float[ndarray, "n 3"]) -> Float[ndarray, " m"]:
 
 
 def _round_cone(
-    axes: Float[ndarray, "n 3"],
-    near: Bool[ndarray, " n"],
-    centres: Float[ndarray, "n 3"],
-    passes: Int[ndarray, " n"],
+    axes: Float[ndarray, "n 3"], near: Bool[ndarray, " n"], centres: Float[ndarray, "n 3"], passes: Int[ndarray, " n"]
 ) -> Float[ndarray, "n 3"]:
     """The axes with the stretches that are `near` moved onto the cone, or out to it."""
     azimuth = np.arctan2(axes[:, 1], axes[:, 0])

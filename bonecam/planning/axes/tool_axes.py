@@ -50,11 +50,7 @@ class ToolAxes:
 
 
 def choose_axes(
-    path: ContactPath,
-    checker: CollisionChecker,
-    limits: MachineLimits,
-    job: PathJob,
-    wanted: WantedAxes | None = None,
+    path: ContactPath, checker: CollisionChecker, limits: MachineLimits, job: PathJob, wanted: WantedAxes | None = None
 ) -> ToolAxes:
     """An axis for every contact that is within limits and free of collision; `wanted` are the axes to start from,
     by default those that lean forward by the lead angle."""
@@ -74,9 +70,7 @@ def choose_axes(
     open_ = np.flatnonzero(admissible & ~in_motion)
     admissible[open_] = checker.free_by_distance(centres[open_], preferred[open_])
 
-    axes, reasons = _replace(
-        path, preferred, admissible=admissible, checker=checker, limits=limits, max_tilt=max_tilt
-    )
+    axes, reasons = _replace(path, preferred, admissible=admissible, checker=checker, limits=limits, max_tilt=max_tilt)
     kept = (axes == preferred).all(axis=1) & np.array([not reason for reason in reasons])
     return ToolAxes(axes, tuple(reasons), in_motion & _with_neighbours(kept))
 

@@ -83,9 +83,7 @@ def classify_thick_tool(
     return states
 
 
-def _thick(
-    scene: Scene, cutter: Cutter, section: ToolSection, margin: float, air: float | None
-) -> ThickSection:
+def _thick(scene: Scene, cutter: Cutter, section: ToolSection, margin: float, air: float | None) -> ThickSection:
     """A section above the cutter, thicker by its margin."""
     by = sweep_margin(cutter, section, margin)
     inner = min(section.radius, section.end_radius) + by
@@ -129,10 +127,7 @@ def _classify_section(
 
 
 def _raise(
-    tips: Float[ndarray, "n 3"],
-    axes: Float[ndarray, "n 3"],
-    proven: Float[ndarray, " n"],
-    section: ThickSection,
+    tips: Float[ndarray, "n 3"], axes: Float[ndarray, "n 3"], proven: Float[ndarray, " n"], section: ThickSection
 ) -> tuple[Float[ndarray, " n"], Bool[ndarray, " n"]]:
     """The proven height (mm) of each tool raised by the first sphere of LOOK_AHEAD that begins below it, and
     whether one before that told a collision."""
@@ -191,9 +186,7 @@ class CollisionChecker:
         """The FCL objects that poses on moves are checked with."""
         return build_fcl_model(self.scene, self.cutter, SWEEP_MARGIN)
 
-    def free_by_distance(
-        self, centres: Float[ndarray, "n 3"], axes: Float[ndarray, "n 3"]
-    ) -> Bool[ndarray, " n"]:
+    def free_by_distance(self, centres: Float[ndarray, "n 3"], axes: Float[ndarray, "n 3"]) -> Bool[ndarray, " n"]:
         """Whether poses at rest with these ball centres are proven free by distances alone."""
         return self._classify_at_rest(centres, axes, UNDECIDED) == FREE
 
@@ -244,9 +237,7 @@ class CollisionChecker:
         state = np.full(len(tips), FREE)
         asked = np.arange(len(tips)) if known_free is None else np.flatnonzero(~known_free)
         poses = Poses.in_motion(tips, axes, joined).take(asked)
-        state[asked] = classify_poses(
-            self.scene, self.cutter, poses, air=self._air(cutting), settled=UNDECIDED
-        )
+        state[asked] = classify_poses(self.scene, self.cutter, poses, air=self._air(cutting), settled=UNDECIDED)
         free = joined & (state == FREE) & (np.r_[state[1:], COLLIDING] == FREE)
         doubtful = np.flatnonzero(joined & ~free)
         if len(doubtful):
@@ -261,11 +252,7 @@ class CollisionChecker:
         return classify_poses(self.scene, self.cutter, poses, settled=settled)
 
     def _subdivided_free(
-        self,
-        tips: Float[ndarray, "n 3"],
-        axes: Float[ndarray, "n 3"],
-        moves: Int[ndarray, " m"],
-        cutting: bool,
+        self, tips: Float[ndarray, "n 3"], axes: Float[ndarray, "n 3"], moves: Int[ndarray, " m"], cutting: bool
     ) -> Bool[ndarray, " m"]:
         """Whether moves are free in steps: proven by distances, or by FCL at the poses that those leave
         undecided."""
@@ -273,9 +260,7 @@ class CollisionChecker:
         shift = np.linalg.norm(tips[moves + 1] - tips[moves], axis=1)
         displacement = shift + turn * reach_to_gauge_line(self.cutter)
         steps = np.maximum(MIN_STEPS, np.ceil(displacement / SWEEP_MARGIN)).astype(int)
-        sampled_tips, turned = interpolate_poses(
-            tips[moves], tips[moves + 1], axes[moves], axes[moves + 1], steps
-        )
+        sampled_tips, turned = interpolate_poses(tips[moves], tips[moves + 1], axes[moves], axes[moves + 1], steps)
 
         starts = np.r_[0, np.cumsum(steps + 1)]
         joined = np.ones(len(sampled_tips), dtype=bool)

@@ -19,13 +19,7 @@ from numpy import ndarray
 from bonecam.arrays import dots, lengths, rotations_of
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.planning.collision.scene import Scene, Surroundings
-from bonecam.planning.collision.tool_mesh import (
-    column_mesh,
-    cutter_mesh,
-    section_mesh,
-    sweep_margin,
-    table_mesh,
-)
+from bonecam.planning.collision.tool_mesh import column_mesh, cutter_mesh, section_mesh, sweep_margin, table_mesh
 from bonecam.tool.cutter import Cutter, ToolSection
 from bonecam.workholding.clamping import Clamping
 from bonecam.workholding.column import Column
@@ -54,10 +48,7 @@ class FclModel:
     sections: tuple[FclSection, ...]
 
     def colliding_sections(
-        self,
-        tips: Float[ndarray, "n 3"],
-        axes: Float[ndarray, "n 3"],
-        asked: Bool[ndarray, "n k"] | None = None,
+        self, tips: Float[ndarray, "n 3"], axes: Float[ndarray, "n 3"], asked: Bool[ndarray, "n k"] | None = None
     ) -> list[str]:
         """The name of a section of the tool that collides in each pose, or an empty string; of the k sections only
         those are tested that are `asked` for, if it is told."""
@@ -169,17 +160,13 @@ def solid_object(vertices: Float[ndarray, "v 3"], faces: Int[ndarray, "f 3"]) ->
     return fcl.CollisionObject(model, fcl.Transform())
 
 
-def crosses(
-    solid: FclObject, turned: Float[ndarray, "3 3"], at: Float[ndarray, "3"], other: FclObject
-) -> bool:
+def crosses(solid: FclObject, turned: Float[ndarray, "3 3"], at: Float[ndarray, "3"], other: FclObject) -> bool:
     """Whether the surface of an object, turned and moved there, crosses that of another."""
     solid.setTransform(fcl.Transform(turned, at))
     return _cross(solid, other)
 
 
-def distance_of(
-    solid: FclObject, turned: Float[ndarray, "3 3"], at: Float[ndarray, "3"], other: FclObject
-) -> float:
+def distance_of(solid: FclObject, turned: Float[ndarray, "3 3"], at: Float[ndarray, "3"], other: FclObject) -> float:
     """The distance (mm) of the surface of an object, turned and moved there, from that of another; 0 where they
     cross."""
     solid.setTransform(fcl.Transform(turned, at))

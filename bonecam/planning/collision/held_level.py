@@ -32,9 +32,7 @@ def distance_to_part(levels: Sequence[Level], gouge_tolerance: float) -> MeshDis
     return MeshDistance(morph_surfaces(levels)[0].tessellate(part_chord(gouge_tolerance)))
 
 
-def held_level(
-    level: MachinedLevel, part: MeshDistance, gouge_tolerance: float
-) -> tuple[MeshDistance, float]:
+def held_level(level: MachinedLevel, part: MeshDistance, gouge_tolerance: float) -> tuple[MeshDistance, float]:
     """Distances to the mesh of a `level`, and how deep (mm) flutes may go into it (`Scene.tangent_slack`) so that they
     go into the `part`, whose mesh has `part_chord`, by `flute_slack` at most."""
     slack = flute_slack(gouge_tolerance)

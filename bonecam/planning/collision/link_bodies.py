@@ -70,9 +70,7 @@ def body_texts(machine: Machine) -> list[str]:
     for link, solids in link_solids(machine).items():
         for solid in solids:
             low, high = solid.mesh.bounds.round(1).tolist()
-            room = ", ".join(
-                f"{letter} {a:g} to {b:g}" for letter, a, b in zip("XYZ", low, high, strict=True)
-            )
+            room = ", ".join(f"{letter} {a:g} to {b:g}" for letter, a, b in zip("XYZ", low, high, strict=True))
             from_where = " from the spindle nose" if link in carried_links(machine) else ""
             carrier = "stands still" if link == BED else f"moves with {link}"
             texts.append(f"{solid.name}: {carrier}, {room} mm{from_where}, all axes at zero")
@@ -89,9 +87,7 @@ def check_bodies(machine: Machine) -> None:
     the spindle nose, or of the part over the program's zero."""
     heights, radius = np.array([PIN_FROM, PIN_TO]), np.full(2, PIN)
     part = Solid("the part over the program's zero", revolve(radius, heights, (PIN_FROM, PIN_TO), SIDES))
-    tool = Solid(
-        "the tool in front of the spindle nose", revolve(radius, -heights[::-1], (-PIN_TO, -PIN_FROM), SIDES)
-    )
+    tool = Solid("the tool in front of the spindle nose", revolve(radius, -heights[::-1], (-PIN_TO, -PIN_FROM), SIDES))
     for link, solids in link_solids(machine).items():
         turned, at = link_poses(machine, link, np.zeros((1, 5)))
         for solid in solids:

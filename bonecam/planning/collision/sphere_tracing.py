@@ -55,9 +55,7 @@ class Poses:
     turn: Float[ndarray, " n"]
 
     @classmethod
-    def at_rest(
-        cls, tips: Float[ndarray, "n 3"], axes: Float[ndarray, "n 3"], margin: float = 0.0
-    ) -> "Poses":
+    def at_rest(cls, tips: Float[ndarray, "n 3"], axes: Float[ndarray, "n 3"], margin: float = 0.0) -> "Poses":
         """Poses without moves, with an even margin (mm)."""
         return cls(tips, axes, np.full(len(tips), margin), np.zeros(len(tips)))
 
@@ -76,9 +74,7 @@ class Poses:
         return Poses(self.tips[which], self.axes[which], self.shift[which], self.turn[which])
 
 
-def _largest_beside(
-    moves: Int[ndarray, " m"], values: Float[ndarray, " m"], count: int
-) -> Float[ndarray, " n"]:
+def _largest_beside(moves: Int[ndarray, " m"], values: Float[ndarray, " m"], count: int) -> Float[ndarray, " n"]:
     """The largest value of the moves that begin or end at each pose (0 without any); move i begins at pose
     `moves[i]` and ends at the next."""
     largest = np.zeros(count)
@@ -170,9 +166,7 @@ def _first_heights(around: Surroundings, poses: Poses, section: ToolSection) -> 
     needed = section.widest + poses.shift + poses.turn * reach
     distance = around.distance_bound(poses.tips + ahead * poses.axes, np.hypot(needed, ahead - section.start))
     half = np.sqrt(np.maximum(distance**2 - needed**2, 0.0)) * np.sign(np.maximum(distance, 0.0))
-    return np.where(
-        (half > 0) & (ahead - half <= section.start), np.minimum(ahead + half, section.end), section.start
-    )
+    return np.where((half > 0) & (ahead - half <= section.start), np.minimum(ahead + half, section.end), section.start)
 
 
 def _margins(

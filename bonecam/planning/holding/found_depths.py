@@ -59,9 +59,7 @@ def with_found_depths(setup: Setup, job: Job, limits: MachineLimits) -> Job:
 
     finishing = job.levels.finishing_depth
     tried = preferred_depths(finishing, BALL_SHARE * cutter.radius)
-    peaks = {
-        depth: PEAK_SHARE * job_strip_force(force, _with_depths(job, [depth]), "roughing") for depth in tried
-    }
+    peaks = {depth: PEAK_SHARE * job_strip_force(force, _with_depths(job, [depth]), "roughing") for depth in tried}
 
     def bears(depth: float, under: float) -> bool:
         """Whether a roughing cut may take a depth (mm) where `under` mm more stand on the part."""

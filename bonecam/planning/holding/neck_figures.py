@@ -42,12 +42,7 @@ from bonecam.mesh.facets.vertex_normals import vertex_normals
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.planning.estimate import LayersToCut
 from bonecam.planning.holding.finished_beam import finished_beam, normal_compliances
-from bonecam.planning.holding.found_depths import (
-    PEAK_SHARE,
-    YIELD_SHARE,
-    leaves_depths_open,
-    with_found_depths,
-)
+from bonecam.planning.holding.found_depths import PEAK_SHARE, YIELD_SHARE, leaves_depths_open, with_found_depths
 from bonecam.planning.holding.post_length import STOCK_CHORD
 from bonecam.planning.passes.contacts import at_post
 from bonecam.setup.placement import Setup
@@ -59,9 +54,7 @@ FORCE_SHARE = 0.225
 in the mean as much, and 99 % 0.65 to 1.24 times; on one of titanium 1.1 times, on one of PEEK 99 % 1.35 times."""
 
 
-def foretold_errors(
-    beam: Beam, part: TriangleMesh, tool: float, force: float, shares: Sequence[float]
-) -> list[float]:
+def foretold_errors(beam: Beam, part: TriangleMesh, tool: float, force: float, shares: Sequence[float]) -> list[float]:
     """The errors (mm) that these shares of the area of a `part` on its `beam` stay below; `tool` is the compliance of
     the cutter (mm/N), `force` that along the normal on an edge in the middle of a finishing strip, N."""
     compliances, areas = normal_compliances(beam, part)

@@ -65,10 +65,7 @@ def neck_remedies(setup: Setup, job: Job, limits: MachineLimits, taken: Neck) ->
     for before, one, asked in standings:
         for change, lighter in lighter_jobs(asked):
             both = figures(f"{before} and {change}" if before else change, one, lighter)
-            slow = [
-                figures(f"{both.change} and {what}", one, slower)
-                for what, slower in _slower(lighter, both.neck)
-            ]
+            slow = [figures(f"{both.change} and {what}", one, slower) for what, slower in _slower(lighter, both.neck)]
             for remedy in (both, *slow):
                 if remedy.neck.holds:
                     return (remedy,)
@@ -129,9 +126,7 @@ def _pinned(setup: Setup, job: Job, limits: MachineLimits) -> tuple[str, Setup, 
         return None
 
 
-def neck_report(
-    necks: Sequence[Neck], remedies: Sequence[NeckRemedy], job: Job, *, stated: bool
-) -> dict[str, Any]:
+def neck_report(necks: Sequence[Neck], remedies: Sequence[NeckRemedy], job: Job, *, stated: bool) -> dict[str, Any]:
     """`necks` of the report's section `post`, and whether the one that is taken was `stated`; where it gives way what
     is wanted of it and with what it `holds_with`. Nothing where no neck was judged."""
     if not necks:

@@ -24,10 +24,7 @@ def check_parting(setup: Setup, job: Job, limits: MachineLimits) -> None:
     clamping = clamping_of(job.holding, limits.bodies.table).below
     kept = max((column.top for column in clamping.kept_columns("cutter")), default=clamping.clearance)
     lowest = float(setup.part.mesh.bounds[0, 2])
-    grooves = [
-        groove_below(lowest, setup.post, job.holding, cutter)
-        for cutter in parting_cutters(job, limits.bodies)
-    ]
+    grooves = [groove_below(lowest, setup.post, job.holding, cutter) for cutter in parting_cutters(job, limits.bodies)]
     bottom = max(groove.bottom for groove in grooves)
     if bottom < kept:
         bound = f"the groove ends at z {bottom:.2f}, all is kept off what is below z {kept:.2f}"

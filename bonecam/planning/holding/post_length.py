@@ -38,10 +38,7 @@ SLICE = 4.0
 
 
 def needed_lifts(
-    centres: Float[ndarray, "n 3"],
-    directions: Float[ndarray, "d 3"],
-    cutter: Cutter,
-    clamping: Clamping,
+    centres: Float[ndarray, "n 3"], directions: Float[ndarray, "d 3"], cutter: Cutter, clamping: Clamping
 ) -> Float[ndarray, "n d"]:
     """How much higher (mm) each ball centre must be for a tool in each direction to keep the clearance above the
     table's plane, and above columns (chuck, what stands on the table) where it is over them, while it leaves the
@@ -119,9 +116,7 @@ def find_post_length(setup: Setup, job: Job, limits: MachineLimits) -> tuple[Set
     the machine's."""
     clamping = clamping_of(job.holding, limits.bodies.table)
     lifts = np.r_[
-        sampled_lifts(setup, job, limits),
-        level_lifts(setup, job, limits.bodies),
-        parting_lift(setup, job, limits),
+        sampled_lifts(setup, job, limits), level_lifts(setup, job, limits.bodies), parting_lift(setup, job, limits)
     ]
     height = float(setup.stock.bounds[0, 2])
     length = shortest_post(lifts, height, clamping)
@@ -159,9 +154,7 @@ def parting_lift(setup: Setup, job: Job, limits: MachineLimits) -> float:
         *_, contacts = parting_contacts(groove, cutter, job)
         scene = replace(_scene_of(mesh, setup, job, depth), core=groove_core(contacts, setup.post))
         some = np.linspace(0, len(contacts.normals) - 1, ROUND).astype(np.int64)
-        sampled = SampledContacts(
-            CollisionChecker(scene, cutter), contacts.centres[some], contacts.normals[some]
-        )
+        sampled = SampledContacts(CollisionChecker(scene, cutter), contacts.centres[some], contacts.normals[some])
         lifts.append(least_lifts(sampled, clamping, job, limits).max())
     return float(min(lifts))
 
@@ -184,9 +177,7 @@ def shortest_post(lifts: Float[ndarray, " n"], height: float, clamping: Clamping
     return length
 
 
-def sampled_lifts(
-    setup: Setup, job: Job, limits: MachineLimits, most: int = MOST_CONTACTS
-) -> Float[ndarray, " n"]:
+def sampled_lifts(setup: Setup, job: Job, limits: MachineLimits, most: int = MOST_CONTACTS) -> Float[ndarray, " n"]:
     """How much higher (mm; lower where negative) the part would have to stand for each of about `most` sampled contacts
     on part and stock each to be reached; infinite where it is not, however high."""
     clamping = clamping_of(job.holding, limits.bodies.table)
@@ -218,9 +209,7 @@ def sampled_lifts_of_part(
     return least_lifts(on_part, clamping_of(job.holding, limits.bodies.table), job, limits)
 
 
-def _sampled(
-    setup: Setup, job: Job, bodies: MachineBodies, most: int = MOST_CONTACTS
-) -> list[SampledContacts]:
+def _sampled(setup: Setup, job: Job, bodies: MachineBodies, most: int = MOST_CONTACTS) -> list[SampledContacts]:
     """Contacts of the finishing cutter on the part, and of the roughing cutter on the stock."""
     finishing = Cutter.from_job(2, "finishing", job.tool("finishing"), bodies.nose)
     roughing = Cutter.from_job(1, "roughing", job.tool("roughing"), bodies.nose)
@@ -259,9 +248,7 @@ def _scene_of(mesh: TriangleMesh, setup: Setup, job: Job, depth: float) -> Scene
     return Scene(mesh, mesh, enclosing_capsule(setup.stock), setup.post, depth, clamping=clamping)
 
 
-def least_lifts(
-    contacts: SampledContacts, clamping: Clamping, job: Job, limits: MachineLimits
-) -> Float[ndarray, " n"]:
+def least_lifts(contacts: SampledContacts, clamping: Clamping, job: Job, limits: MachineLimits) -> Float[ndarray, " n"]:
     """The least lift (mm) of each contact among its free directions; infinite where it has none."""
     directions = directions_within(limits)
     directions = directions[limits.allow(directions)]

@@ -52,9 +52,7 @@ class ReachAdvice:
         """The advice in the report's section `post`."""
         return {
             "remedies": [{"change": each.change, "length_mm": each.length} for each in self.remedies],
-            "shorter": [
-                {"length_mm": each.length, "uncut_mm2": round(each.uncut, 1)} for each in self.shorter
-            ],
+            "shorter": [{"length_mm": each.length, "uncut_mm2": round(each.uncut, 1)} for each in self.shorter],
         }
 
 

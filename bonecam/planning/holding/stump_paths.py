@@ -82,18 +82,12 @@ def check_second(part: Part, post: Post, job: Job) -> None:
         # JobError where what stays uncut at the free end enters the shell: the fillet that a ball of `radius` (mm)
         # leaves round pin or upper neck, and the stump of this, which is sawn off a diameter above the part
         wide = post.pin.radius + radius
-        heights = np.arange(
-            post.pin.bottom, min(post.pin.bottom + 2 * post.pin.radius + radius, post.pin.top), STEP
-        )
-        along = np.column_stack(
-            [np.full(len(heights), post.pin.x), np.full(len(heights), post.pin.y), heights]
-        )
+        heights = np.arange(post.pin.bottom, min(post.pin.bottom + 2 * post.pin.radius + radius, post.pin.top), STEP)
+        along = np.column_stack([np.full(len(heights), post.pin.x), np.full(len(heights), post.pin.y), heights])
         least = float(around.signed(along).min()) - wide
         if least < 0:
             what = f"what stays at the tailstock, up to {heights[-1]:.2f} mm, enters it by {-least:.2f} mm"
-            raise field_error(
-                "holding", "second", job.holding.second, f"{what}: leave a hole there of {2 * wide:g} mm"
-            )
+            raise field_error("holding", "second", job.holding.second, f"{what}: leave a hole there of {2 * wide:g} mm")
 
 
 def second_paths(
@@ -120,9 +114,7 @@ def second_paths(
     chart = stump_chart(axis, places.points, roughing.radius)
     heights = _heights(axis, places, top, job.holding.diameter)
     stump = off_part(fields(chart, *heights), around, job.levels.finishing_depth)
-    layers = stump_layers(
-        stump, around, post=post, places=places.points, cutters=(roughing, finishing), job=job
-    )
+    layers = stump_layers(stump, around, post=post, places=places.points, cutters=(roughing, finishing), job=job)
     stands = clamping_of(job.holding, limits.bodies.table)
     paths = []
     capsule = smallest_capsule(np.vstack([clamping.solids.vertices, stump.mesh().vertices]), ALLOWANCE)
@@ -154,9 +146,7 @@ def _best_axis(
 ) -> tuple[Float[ndarray, "3"], ndarray]:
     """The direction of the tool from which fewest of the places are hidden, and which are."""
     turns = 2 * np.pi * np.arange(AROUND) / AROUND
-    tried = np.column_stack(
-        [np.sin(LEAN) * np.cos(turns), np.sin(LEAN) * np.sin(turns), np.full(AROUND, np.cos(LEAN))]
-    )
+    tried = np.column_stack([np.sin(LEAN) * np.cos(turns), np.sin(LEAN) * np.sin(turns), np.full(AROUND, np.cos(LEAN))])
     tried = tried[limits.allow(tried)]
     if not len(tried):
         raise OrientationError(
@@ -169,9 +159,7 @@ def _best_axis(
         high, low = _heights(axis, places, top, 2 * radius)
         extent = float(chart.b[0]), float(chart.b[-1])
         hidden_from.append(
-            unreached(
-                places.points, places.normals, chart=chart, ball=ball, heights=(high, low), extent=extent
-            )
+            unreached(places.points, places.normals, chart=chart, ball=ball, heights=(high, low), extent=extent)
         )
     best = int(np.argmin([hidden.sum() for hidden in hidden_from]))
     return tried[best], hidden_from[best]

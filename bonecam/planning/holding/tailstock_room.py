@@ -20,9 +20,7 @@ def blocked_share(setup: Setup, job: Job, limits: MachineLimits) -> float:
     if not job.holding.has_tailstock:
         return 0.0
     bare = replace(job, holding=replace(job.holding, tailstock=NO_TAILSTOCK))
-    without = np.isfinite(
-        sampled_lifts_of_part(replace(setup, post=setup.post.alone), bare, limits, CONTACTS)
-    )
+    without = np.isfinite(sampled_lifts_of_part(replace(setup, post=setup.post.alone), bare, limits, CONTACTS))
     with_it = np.isfinite(sampled_lifts_of_part(setup, job, limits, CONTACTS))
     if not without.any():
         return 0.0  # whatever is in the way, the tailstock is not what keeps the tool off
@@ -30,9 +28,6 @@ def blocked_share(setup: Setup, job: Job, limits: MachineLimits) -> float:
         reach = job.holding.tailstock_reach
         bound = "arm and column stand in the way of holder and spindle everywhere: give more, a longer pin "
         raise field_error(
-            "holding",
-            "tailstock_reach",
-            reach,
-            f"{bound}(tailstock_length), a longer overhang, or no tailstock",
+            "holding", "tailstock_reach", reach, f"{bound}(tailstock_length), a longer overhang, or no tailstock"
         )
     return max(1.0 - with_it.sum() / without.sum(), 0.0)

@@ -112,11 +112,7 @@ class RoundChart:
 
 
 def windows(
-    chart: Chart,
-    a: Float[ndarray, " n"],
-    b: Float[ndarray, " n"],
-    heights: Float[ndarray, " n"],
-    radius: float,
+    chart: Chart, a: Float[ndarray, " n"], b: Float[ndarray, " n"], heights: Float[ndarray, " n"], radius: float
 ) -> Int[ndarray, "n 4"]:
     """First and last line of the grid that each ball may meet, across and along."""
     across, along = chart.a[1] - chart.a[0], chart.b[1] - chart.b[0]

@@ -64,12 +64,7 @@ def drop(
 
 
 def drop_balls(
-    chart: Chart,
-    a: Float[ndarray, " n"],
-    b: Float[ndarray, " n"],
-    ball: Ball,
-    top: float,
-    floor: float,
+    chart: Chart, a: Float[ndarray, " n"], b: Float[ndarray, " n"], ball: Ball, top: float, floor: float
 ) -> Float[ndarray, " n"]:
     """The heights of ball centres that came down their lines from `top`, mm; at `floor` at the lowest."""
     return drop(chart.bases(a, b), chart.axes(a), ball.clearance, top, floor)

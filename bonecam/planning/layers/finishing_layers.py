@@ -86,10 +86,7 @@ def _in_steps(
         sunk = _sunk(raised, radius, material)
         cut = kept & (sunk <= deepest) & ((sunk > 0) | (step == 0))
         # The first point of each line but the first
-        pieces += [
-            raised.take(run)
-            for run in np.split(np.arange(len(cut)), np.flatnonzero(np.diff(raised.line)) + 1)
-        ]
+        pieces += [raised.take(run) for run in np.split(np.arange(len(cut)), np.flatnonzero(np.diff(raised.line)) + 1)]
         used.append(cut)
         if cut.any():
             material = material.lowered(*swept(raised, cut, width), radius)

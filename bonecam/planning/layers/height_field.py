@@ -117,9 +117,7 @@ def stock_field(chart: Chart, stock: Stock, top: float) -> HeightField:
     middle = (tops + bottoms) / 2
     missed = tops <= bottoms
     return HeightField(
-        chart,
-        np.where(missed, middle, tops).reshape(shape),
-        np.where(missed, middle, bottoms).reshape(shape),
+        chart, np.where(missed, middle, tops).reshape(shape), np.where(missed, middle, bottoms).reshape(shape)
     )
 
 
@@ -131,12 +129,7 @@ def _faces(cells: Bool[ndarray, "p q"], number: ndarray, under: int, closed: boo
     wide = np.pad(cells, 1)
     if closed:
         wide[[0, -1], 1:-1] = cells[[-1, 0]]
-    beside = {
-        (0, 1): wide[i + 1, j],
-        (1, 2): wide[i + 2, j + 1],
-        (2, 3): wide[i + 1, j + 2],
-        (3, 0): wide[i, j + 1],
-    }
+    beside = {(0, 1): wide[i + 1, j], (1, 2): wide[i + 2, j + 1], (2, 3): wide[i + 1, j + 2], (3, 0): wide[i, j + 1]}
     for (one, other), solid in beside.items():
         first, last = corners[one][~solid], corners[other][~solid]
         quads.append(np.column_stack([last, first, first + under, last + under]))

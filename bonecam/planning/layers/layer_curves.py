@@ -46,8 +46,7 @@ def join(pieces: Sequence[LayerCurves]) -> LayerCurves:
     """Curves one behind the other, each piece a line."""
     line = np.repeat(np.arange(len(pieces)), [len(piece.a) for piece in pieces])
     a, b, heights = (
-        np.concatenate([np.zeros(0), *(getattr(piece, name) for piece in pieces)])
-        for name in ("a", "b", "heights")
+        np.concatenate([np.zeros(0), *(getattr(piece, name) for piece in pieces)]) for name in ("a", "b", "heights")
     )
     return LayerCurves(line, a, b, heights)
 

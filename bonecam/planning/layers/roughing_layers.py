@@ -33,10 +33,7 @@ class Rough:
 
 
 def rough_layer(
-    sets: Sequence[Sequence[Float[ndarray, "_ 2"]]],
-    height_of: Heights,
-    material: HeightField,
-    rough: Rough,
+    sets: Sequence[Sequence[Float[ndarray, "_ 2"]]], height_of: Heights, material: HeightField, rough: Rough
 ) -> tuple[Layer, HeightField]:
     """The layer that cuts sets of polylines (a, b) one set after the other, and the material behind it. Where a move
     would gouge the part the ball is raised, or the place left out."""
@@ -49,12 +46,7 @@ def rough_layer(
     every = sample(polylines, chart, height_of, rough.width, rough.job.chord_tolerance)
     all_points = np.ones(len(every.line), dtype=bool)
     every, free = gouge_free(
-        every,
-        all_points,
-        chart=chart,
-        part=rough.part,
-        radius=radius,
-        gouge_tolerance=rough.job.gouge_tolerance,
+        every, all_points, chart=chart, part=rough.part, radius=radius, gouge_tolerance=rough.job.gouge_tolerance
     )
     ends = np.searchsorted(every.line, np.cumsum([len(lines) for lines in sets]))
     for points in np.split(np.arange(len(every.line)), ends[:-1]):
@@ -119,9 +111,7 @@ def _swept(runs: Sequence[LayerCurves], width: float) -> tuple[ndarray, ndarray,
         counts = np.ceil(steps / (CELL / 2)).astype(np.int64).clip(1)
         ends = np.r_[0, np.cumsum(counts)]
         at = np.arange(ends[-1] + 1)
-        samples.append(
-            np.column_stack([np.interp(at, ends, values) for values in (run.a, run.b, run.heights)])
-        )
+        samples.append(np.column_stack([np.interp(at, ends, values) for values in (run.a, run.b, run.heights)]))
     a, b, heights = np.vstack(samples).T
     return a, b, heights
 

@@ -31,12 +31,7 @@ def flat_step(radius: float, scallop: float) -> float:
 
 
 def scan_lines(
-    chart: Chart,
-    ball: Ball,
-    scallop: float,
-    height_of: Heights,
-    extent: tuple[float, float],
-    width: float,
+    chart: Chart, ball: Ball, scallop: float, height_of: Heights, extent: tuple[float, float], width: float
 ) -> list[Float[ndarray, "2 2"]]:
     """Straight lines (a, b) in the order from the highest b down, run to and fro; `extent` is that of b, `width` the
     length (mm) of a unit of a where it is largest."""
@@ -57,14 +52,10 @@ def scan_lines(
         heights |= heights_on([(one + other) / 2 for one, other, _ in gaps])
         for one, other, asked in gaps:
             b = (one + other) / 2
-            high_cusps = asked & _too_high(
-                chart, ball, scallop=scallop, a=a, passes=(one, b, other), heights=heights
-            )
+            high_cusps = asked & _too_high(chart, ball, scallop=scallop, a=a, passes=(one, b, other), heights=heights)
             if high_cusps.any():
                 # The mask and `margin` places on both sides of it
-                rows[b] = (
-                    np.convolve(high_cusps, np.ones(2 * margin + 1), mode="same")[: len(high_cusps)] > 0.5
-                )
+                rows[b] = np.convolve(high_cusps, np.ones(2 * margin + 1), mode="same")[: len(high_cusps)] > 0.5
                 halves += [(one, b, rows[b]), (b, other, rows[b])]
         gaps = halves
 

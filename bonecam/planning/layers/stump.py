@@ -44,8 +44,7 @@ def stump_chart(axis: Float[ndarray, "3"], places: Float[ndarray, "n 3"], radius
     along = np.cross(axis, across)
     room = radius + LEAD + OVERLAP + CELL
     a, b = (
-        np.arange((places @ side).min() - room, (places @ side).max() + room + CELL, CELL)
-        for side in (across, along)
+        np.arange((places @ side).min() - room, (places @ side).max() + room + CELL, CELL) for side in (across, along)
     )
     return FlatChart(axis, across, a, b, along)
 
@@ -135,9 +134,7 @@ def _fine_layers(
         def height_of(a: Float[ndarray, " n"], b: Float[ndarray, " n"], ball: Ball = raised) -> ndarray:
             return drop_balls(chart, a, b, ball, *heights)
 
-        lines = scan_lines(
-            chart, raised, scallop=cutter.scallop, height_of=height_of, extent=_extent(chart), width=1.0
-        )
+        lines = scan_lines(chart, raised, scallop=cutter.scallop, height_of=height_of, extent=_extent(chart), width=1.0)
         layer, material = rough_layer([[line] for line in lines], height_of, material, rough)
         if len(layer.path.contacts):
             layers.append(layer)
@@ -168,9 +165,7 @@ def _thickness(ball: Ball, material: HeightField, heights: tuple[float, float]) 
         centres = chart.bases(a, b) + drop_balls(chart, a, b, ball, *heights)[:, None] * chart.axes(a)
         return depths_in(material, centres, ball.radius)
 
-    near = (
-        distance_transform_edt(~material.solid, sampling=CELL) < ball.radius
-    )  # no other ball meets the material
+    near = distance_transform_edt(~material.solid, sampling=CELL) < ball.radius  # no other ball meets the material
     lines = np.stack(np.meshgrid(chart.a, chart.b, indexing="ij"), axis=2)[near]
     depths = sunk(lines)
     step = CELL / 2

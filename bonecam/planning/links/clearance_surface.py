@@ -59,9 +59,7 @@ class ClearanceSurface:
         x /= np.linalg.norm(x)
         return np.column_stack([x, np.cross(axis, x), axis])
 
-    def exit_lengths(
-        self, centres: Float[ndarray, "n 3"], directions: Float[ndarray, "n 3"]
-    ) -> Float[ndarray, " n"]:
+    def exit_lengths(self, centres: Float[ndarray, "n 3"], directions: Float[ndarray, "n 3"]) -> Float[ndarray, " n"]:
         """How far each ball goes in its direction until it leaves the inside of the surface, mm; 0 where it
         is outside."""
         low = np.zeros(len(centres))

@@ -69,9 +69,7 @@ def direct_links(
             break
         a, b = (contacts_of(contacts, left) for contacts in (ends, starts))
         links = _straight(a, b, lift * a[along], lift * b[along])
-        left = left[
-            ~_take(link_moves, left, links=links, between=(a, b), arcs=arcs[left], space=space, feed=feed)
-        ]
+        left = left[~_take(link_moves, left, links=links, between=(a, b), arcs=arcs[left], space=space, feed=feed)]
 
     turns = np.maximum(turns, angles_between(ends[1], starts[1]))
     open_ = np.array([link is None for link in link_moves], dtype=bool)
@@ -79,9 +77,7 @@ def direct_links(
     if len(left):
         a, b = (contacts_of(contacts, left) for contacts in (ends, starts))
         taut = _taut(space, a, b)
-        _take(
-            link_moves, left, links=taut, between=(a, b), arcs=arcs[left], space=space, feed=space.feeds.link
-        )
+        _take(link_moves, left, links=taut, between=(a, b), arcs=arcs[left], space=space, feed=space.feeds.link)
     return link_moves
 
 

@@ -63,9 +63,7 @@ def arcs_to(space: LinkSpace, contacts: OfLevel, runs: Sequence[Int[ndarray, " _
     return _of_all(runs, _lead_arcs(space, ends))
 
 
-def arcs_from(
-    space: LinkSpace, contacts: OfLevel, runs: Sequence[Int[ndarray, " _"]]
-) -> list[Polyline | None]:
+def arcs_from(space: LinkSpace, contacts: OfLevel, runs: Sequence[Int[ndarray, " _"]]) -> list[Polyline | None]:
     """As `arcs_to`, the arcs that lead from the ends of the runs, behind what each has removed."""
     centres, _, axes = contacts
     last, before = (np.array([run[-k] for run in _long(runs)], dtype=np.int64) for k in (1, 2))

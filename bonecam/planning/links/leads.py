@@ -56,9 +56,7 @@ class Leads:
         return with_arcs(space, link, *(None if k is None else self.arcs[k] for k in (out, into)))
 
 
-def find_leads(
-    space: LinkSpace, contacts: OfLevel, runs: Sequence[Run], direct: Sequence[LinkMoves | None]
-) -> Leads:
+def find_leads(space: LinkSpace, contacts: OfLevel, runs: Sequence[Run], direct: Sequence[LinkMoves | None]) -> Leads:
     """The arcs of the runs that no direct link leads to or away from; `contacts` are ball centres, normals and axes.
     None where `space.lead_radius` is 0, or a run is too short to have a direction."""
     count = len(contacts[0])

@@ -93,9 +93,7 @@ class LinkSpace:
         hold a thinner one against the level."""
         free = np.ones(len(starts), dtype=bool)
         for obstacle in self.checker.scene.remaining:
-            free[free] = moves_gouge_free(
-                starts[free], ends[free], self.ball_radius, self.gouge_tolerance, obstacle
-            )
+            free[free] = moves_gouge_free(starts[free], ends[free], self.ball_radius, self.gouge_tolerance, obstacle)
         return free
 
     def in_air(self, centres: Float[ndarray, "k p 3"]) -> Bool[ndarray, " k"]:
@@ -109,9 +107,7 @@ class LinkSpace:
         """Whether the ball is in air at each centre; nowhere where the material is not known."""
         return self.in_air(centres[:, None]) & (self.material is not None)
 
-    def no_deeper_between(
-        self, starts: Float[ndarray, "m 3"], ends: Float[ndarray, "m 3"]
-    ) -> Bool[ndarray, " m"]:
+    def no_deeper_between(self, starts: Float[ndarray, "m 3"], ends: Float[ndarray, "m 3"]) -> Bool[ndarray, " m"]:
         """Whether the ball goes no deeper on each straight move of its centre than at the deepest of all their ends."""
         if self.material is None or not len(starts):
             return np.ones(len(starts), dtype=bool)

@@ -41,9 +41,7 @@ NO_MOVES = LinkMoves(np.zeros(0, dtype=np.int64), np.zeros((0, 3)), np.zeros((0,
 """Nothing is between two runs: the tool cuts straight on."""
 
 
-def moves_of(
-    kind: MoveKind, centres: Float[ndarray, "n 3"], axes: Float[ndarray, "n 3"], feed: float
-) -> LinkMoves:
+def moves_of(kind: MoveKind, centres: Float[ndarray, "n 3"], axes: Float[ndarray, "n 3"], feed: float) -> LinkMoves:
     """Moves of one kind at one feed."""
     return LinkMoves(np.full(len(centres), int(kind)), centres, axes, np.full(len(centres), feed))
 

@@ -68,9 +68,7 @@ def near_links(
     return runs, links
 
 
-def _between(
-    path: ContactPath, axes: Float[ndarray, "n 3"], runs: Sequence[Run]
-) -> tuple[Contacts, Contacts]:
+def _between(path: ContactPath, axes: Float[ndarray, "n 3"], runs: Sequence[Run]) -> tuple[Contacts, Contacts]:
     """The last contacts of all runs but the last one, and the first ones of those that follow."""
     last = np.array([run[-1] for run in runs[:-1]], dtype=np.int64)
     first = np.array([run[0] for run in runs[1:]], dtype=np.int64)

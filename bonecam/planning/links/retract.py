@@ -34,9 +34,7 @@ LEANS = np.radians([8.0, 16.0, 30.0])
 along the axis."""
 AROUND = 8
 """So many of them round the axis at each angle."""
-LENGTHS = np.array(
-    [0, 0.1, 0.25, 0.5, 1, 1.5, 2, 3, 4, 5, 6, 8, 10, 13, 16, 20, 26, 34, 45, 60, 80], dtype=np.float64
-)
+LENGTHS = np.array([0, 0.1, 0.25, 0.5, 1, 1.5, 2, 3, 4, 5, 6, 8, 10, 13, 16, 20, 26, 34, 45, 60, 80], dtype=np.float64)
 """Lengths of a retract (mm) at which it is checked, and at one of which the rapid part may begin; BENDS are
 among them."""
 DEEPEST = 0.05
@@ -175,9 +173,7 @@ def _in_air(space: LinkSpace, centres: Float[ndarray, "n 3"], deepest: float) ->
     return bool(space.left_in_air(centres[:1], np.vstack([centres[1:], halfway])[None], deepest)[0])
 
 
-def _lengths(
-    space: LinkSpace, poses: Sequence[Pose], chosen: Sequence[Departure]
-) -> list[Float[ndarray, " r"]]:
+def _lengths(space: LinkSpace, poses: Sequence[Pose], chosen: Sequence[Departure]) -> list[Float[ndarray, " r"]]:
     """The lengths (mm) of each retract from its contact (0) to the clearance surface at which it is
     checked."""
     if not poses:

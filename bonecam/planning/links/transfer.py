@@ -68,9 +68,7 @@ def no_transfers(
     in_air: frozenset[int] = frozenset(),
 ) -> Transfers:
     """Nothing found yet between these poses, of which some stand `in_air`; the `traverses` are tried in their order."""
-    return Transfers(
-        space, poses, retracts={SAFE: safe_retract(space)}, found={}, traverses=traverses, in_air=in_air
-    )
+    return Transfers(space, poses, retracts={SAFE: safe_retract(space)}, found={}, traverses=traverses, in_air=in_air)
 
 
 def _find_transfers(
@@ -82,11 +80,7 @@ def _find_transfers(
         None if moves is None else join_moves([out.moves, moves, approach(into, space.feeds)])
         for moves, (out, into) in zip(traverses, pairs, strict=True)
     ]
-    blocked = [
-        k
-        for k, (out, into) in enumerate(pairs)
-        if transfers[k] is None and len(out.moves) and len(into.moves)
-    ]
+    blocked = [k for k, (out, into) in enumerate(pairs) if transfers[k] is None and len(out.moves) and len(into.moves)]
     if blocked:
         safe = safe_retract(space)
         home = _find_transfers(space, [(pairs[k][0], safe) for k in blocked], options)

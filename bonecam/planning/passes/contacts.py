@@ -243,10 +243,7 @@ def _trimmed(candidates: CandidateContacts, usable: Bool[ndarray, " n"], segment
 
 
 def _stretches(
-    candidates: CandidateContacts,
-    usable: Bool[ndarray, " n"],
-    material: InProcessStock | None,
-    allowed: DepthLimits,
+    candidates: CandidateContacts, usable: Bool[ndarray, " n"], material: InProcessStock | None, allowed: DepthLimits
 ) -> EngagedSegments:
     """The passes over the usable contacts where they are worth a cut, also behind the passes before them."""
     lines = candidates.lines

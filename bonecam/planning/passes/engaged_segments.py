@@ -152,9 +152,7 @@ def split_runs(lines: Lines, kept: Bool[ndarray, " n"]) -> list[Int[ndarray, " _
     return runs
 
 
-def filled(
-    lines: Lines, kept: Bool[ndarray, " n"], usable: Bool[ndarray, " n"], length: float
-) -> Bool[ndarray, " n"]:
+def filled(lines: Lines, kept: Bool[ndarray, " n"], usable: Bool[ndarray, " n"], length: float) -> Bool[ndarray, " n"]:
     """`kept` with the gaps between two kept contacts of a line that are usable throughout and shorter than
     `length` mm."""
     index = np.flatnonzero(kept)
@@ -189,9 +187,7 @@ def entered_runs(
 ) -> list[Run]:
     """The runs that are worth a plunge, raised and with their ramps."""
     rest = np.clip(depth - np.linalg.norm(raised, axis=1), 0.0, limit)
-    return [
-        _entered(lines, run, raised[run], float(rest[run[0]])) for run in runs if len(run) >= LEAST_CONTACTS
-    ]
+    return [_entered(lines, run, raised[run], float(rest[run[0]])) for run in runs if len(run) >= LEAST_CONTACTS]
 
 
 def in_turn(lines: Lines, runs: list[Run]) -> list[Run]:

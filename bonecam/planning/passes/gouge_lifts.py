@@ -110,11 +110,7 @@ def gouge_free_lifts(
 
 
 def moves_gouge_free(
-    starts: Float[ndarray, "m 3"],
-    ends: Float[ndarray, "m 3"],
-    radius: float,
-    tolerance: float,
-    obstacle: MeshDistance,
+    starts: Float[ndarray, "m 3"], ends: Float[ndarray, "m 3"], radius: float, tolerance: float, obstacle: MeshDistance
 ) -> Bool[ndarray, " m"]:
     """Whether the ball, its centre moved straight from start to end, stays within `tolerance` (mm) of free.
 
@@ -178,11 +174,7 @@ def _most_lacking(
 
 
 def _lacking(
-    obstacle: MeshDistance,
-    centres: Float[ndarray, "n 3"],
-    moves: Int[ndarray, " m"],
-    at_contact: float,
-    on_move: float,
+    obstacle: MeshDistance, centres: Float[ndarray, "n 3"], moves: Int[ndarray, " m"], at_contact: float, on_move: float
 ) -> Float[ndarray, " m"]:
     """By how much the distance falls below `on_move` (mm) along the move from centre i to centre i + 1.
 

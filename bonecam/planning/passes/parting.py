@@ -100,9 +100,7 @@ def groove_core(contacts: ContactPath, post: Post) -> Post:
     return Post(floor - POST_CLEARANCE, post.top)
 
 
-def _step(
-    middle: float, before: float, floor: float, number: int, cutter: Cutter, job: PathJob
-) -> ContactPath:
+def _step(middle: float, before: float, floor: float, number: int, cutter: Cutter, job: PathJob) -> ContactPath:
     """The contacts of one step, from the radius `before` to the `floor` (mm), counter-clockwise."""
     farthest = before + cutter.radius
     half = np.arccos(1 - job.chord_tolerance / farthest)

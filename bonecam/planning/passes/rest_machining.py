@@ -135,9 +135,7 @@ def _step(
         cut[run] = np.minimum(cut[run], step * _share(deep[run]))
     index = np.concatenate([np.zeros(0, dtype=np.int64), *runs])
     raised = np.zeros((len(depth), 3))
-    raised[index] = _raised(
-        candidates.centres[index], candidates.cutter.envelope_radius, material, cut[index]
-    )
+    raised[index] = _raised(candidates.centres[index], candidates.cutter.envelope_radius, material, cut[index])
     return RestStep(candidates, runs, depth, raised)
 
 

@@ -61,9 +61,4 @@ def _cones(cones: FreeCones, count: int) -> FreeCones:
     copies: Int[ndarray, " n"] = np.concatenate(
         [np.where(cones.cone_of < 0, -1, cones.cone_of + k * kept) for k in range(count)]
     )
-    return replace(
-        cones,
-        apexes=_turned(cones.apexes, count),
-        shapes=turned,
-        cone_of=copies,
-    )
+    return replace(cones, apexes=_turned(cones.apexes, count), shapes=turned, cone_of=copies)

@@ -69,9 +69,7 @@ def iso_height_layers(
     return layers, points[left]
 
 
-def _sides(
-    part: TriangleMesh, stock: Stock, roughing: Cutter, finishing: Cutter
-) -> tuple[MillingSide, MillingSide]:
+def _sides(part: TriangleMesh, stock: Stock, roughing: Cutter, finishing: Cutter) -> tuple[MillingSide, MillingSide]:
     """The two sides, towards which the part is thinnest."""
     points, normals = places_of(part)
     axis = np.r_[np.linalg.eigh(np.cov(points[:, :2].T))[1][:, 0], 0.0]
@@ -96,9 +94,7 @@ def _rough_side(
     a, b = (each.ravel() for each in np.meshgrid(side.chart.a, side.chart.b, indexing="ij"))
     top = side.top + cutter.radius
     lowest = side.floor + cutter.radius
-    rests = drop_balls(side.chart, a, b=b, ball=ball, top=top, floor=lowest - 1.0).reshape(
-        material.tops.shape
-    )
+    rests = drop_balls(side.chart, a, b=b, ball=ball, top=top, floor=lowest - 1.0).reshape(material.tops.shape)
     count = int(np.ceil((side.top - side.floor) / job.levels.layer_depth))
     rough = Rough(cutter, ball.part, job.path, job.path.least_depth, 1.0)
     step = flat_step(cutter.radius, cutter.scallop)

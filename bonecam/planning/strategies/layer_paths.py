@@ -35,11 +35,7 @@ LEVEL = np.array([[1.0, 0.0, 0.0]])
 
 
 def plan_layer_paths(
-    levels: Sequence[Level],
-    stock: Stock,
-    job: Job,
-    limits: MachineLimits,
-    progress: Progress = silent,
+    levels: Sequence[Level], stock: Stock, job: Job, limits: MachineLimits, progress: Progress = silent
 ) -> tuple[ToolPath, ...]:
     """The paths of the layers of `job.path.strategy` in machining order, the last one numbered 0; `levels` begin at
     the part, `limits` are the machine's.

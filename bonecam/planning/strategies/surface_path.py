@@ -79,9 +79,7 @@ def stand_workpiece(surface: TSpline, solid: TriangleMesh, job: Job, limits: Mac
     """The workpiece on its post; one of length 0 in the job is the shortest with which all that the tool can reach is
     reached. OrientationError where that is too long, JobError where the job wants to be parted from it."""
     if job.holding.parting:
-        raise field_error(
-            "holding", "parting", True, "a surface that is finished alone is not parted: leave it out"
-        )
+        raise field_error("holding", "parting", True, "a surface that is finished alone is not parted: leave it out")
     given = Workpiece(surface, solid, 0.0)
     if job.holding.length:
         return given.stand(job.holding.length)

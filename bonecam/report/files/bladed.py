@@ -80,9 +80,7 @@ class Bladed(Written):
         write_mesh(self.workpiece.solid, work / "solid.ply")
         write_mesh(self.blank.mesh, work / "blank.ply")
         rows = [f"{radius:.4f},{height:.4f}\n" for radius, height in self.blank.profile]
-        (work / "blank.csv").write_text(
-            "".join(["radius_mm,height_mm\n", *rows]), encoding="utf-8", newline=""
-        )
+        (work / "blank.csv").write_text("".join(["radius_mm,height_mm\n", *rows]), encoding="utf-8", newline="")
         self._draw(work / "toolpath.png")
         machine = read_machine(self.job.nc.machine)
         draw_machine(self.paths, self.workpiece.solid, self.job.holding, machine, work / "machine.png")

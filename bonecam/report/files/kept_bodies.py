@@ -120,9 +120,7 @@ def with_kept_holding(job: Job, keep: Path) -> Job:
         kept = read_job(file)
     except BonecamError as error:
         what = "levels.depths were found" if held else "[holding] was found"
-        raise FileError(
-            f"{what}, and {file} does not tell how ({error}): {REMEDY}", file=str(file)
-        ) from error
+        raise FileError(f"{what}, and {file} does not tell how ({error}): {REMEDY}", file=str(file)) from error
     return replace(job, holding=holding if held else kept.holding, levels=job.levels if deep else kept.levels)
 
 
@@ -142,9 +140,7 @@ def kept_stock(keep: Path, mesh: TriangleMesh, chord: float) -> Stock:
     except (OSError, ValueError, KeyError, TypeError, BonecamError) as error:
         raise FileError(f"{file}: tells no stock ({error}): {REMEDY}", file=str(file)) from error
     if np.abs(stock.bounds - mesh.bounds).max() > SAME_STOCK + chord:
-        raise FileError(
-            f"{file}: tells another stock ({stock}) than the kept levels: {REMEDY}", file=str(file)
-        )
+        raise FileError(f"{file}: tells another stock ({stock}) than the kept levels: {REMEDY}", file=str(file))
     return stock
 
 

@@ -90,11 +90,7 @@ def fill_kept_folder(work: Path, made: Morphed, post: tuple[float, float]) -> No
 def keep_job(work: Path, made: Morphed) -> None:
     """Write the job as job.toml, beside it the body of a stock that no file of the job tells."""
     beside = {}
-    if (
-        isinstance(made.stock, ConvexStock)
-        and made.job.stock.kind == made.stock.kind
-        and not made.job.stock.mesh
-    ):
+    if isinstance(made.stock, ConvexStock) and made.job.stock.kind == made.stock.kind and not made.job.stock.mesh:
         write_mesh(made.stock.surface, work / KEPT_STOCK)
         beside = {"stock": {"mesh": KEPT_STOCK}}
     write_whole(work / "job.toml", write_job(made.job, beside))
@@ -159,11 +155,7 @@ def keep_levels(
 
 
 def keep_into(
-    work: Path,
-    levels: Sequence[Level],
-    stock: Stock | None,
-    post: tuple[float, float] | None,
-    line: float = LINE,
+    work: Path, levels: Sequence[Level], stock: Stock | None, post: tuple[float, float] | None, line: float = LINE
 ) -> None:
     """Write the files of `keep_levels` into the folder `work`."""
     deepest = max(level.limit for level in levels)

@@ -60,9 +60,7 @@ def level_meshes(contents: Contents) -> dict[int, TriangleMesh]:
     """The meshes of the levels that a page shows, by number."""
     arrays = contents.arrays
     return {
-        level["index"]: TriangleMesh(
-            arrays[f"level_{level['index']}"], arrays[level["faces"]].astype(np.int32)
-        )
+        level["index"]: TriangleMesh(arrays[f"level_{level['index']}"], arrays[level["faces"]].astype(np.int32))
         for level in contents.facts["levels"]
     }
 

@@ -35,9 +35,7 @@ def of_rows(
     """The kind of each move and the place where its ball touches the level (its tip where it does not cut), from the
     row of the paths that it leads to; moves that are away from all rows are rapids."""
     rows = leads.rows
-    radius = np.repeat([path.cutter.centre_height for path in paths], [len(path.tips) for path in paths])[
-        rows
-    ]
+    radius = np.repeat([path.cutter.centre_height for path in paths], [len(path.tips) for path in paths])[rows]
     tips, axes, contacts = (
         np.vstack([getattr(path, name) for path in paths])[rows] for name in ("tips", "axes", "contacts")
     )

@@ -11,19 +11,7 @@ from string import Template
 
 ASSETS = Path(__file__).parent / "assets"
 THREE = ASSETS / "three" / "three.min.js"
-SCRIPTS = (
-    "unpack",
-    "colours",
-    "orbit",
-    "bodies",
-    "controls",
-    "shapes",
-    "cones",
-    "path",
-    "program",
-    "timeline",
-    "main",
-)
+SCRIPTS = ("unpack", "colours", "orbit", "bodies", "controls", "shapes", "cones", "path", "program", "timeline", "main")
 """The scripts in the order in which the page runs them."""
 
 

@@ -41,9 +41,7 @@ from bonecam.verify.removal.result import Left, Removal
 
 def rotary_angles(machine: Machine, words: Float[ndarray, "n 5"]) -> dict[str, Float[ndarray, " n"]]:
     """`move_angle_B` and so on: the angles of the rotary axes that the machine has, degrees, from joints in radians."""
-    return {
-        f"move_angle_{axis.letter}": np.degrees(words[:, machine.column(axis)]) for axis in machine.own_rotary
-    }
+    return {f"move_angle_{axis.letter}": np.degrees(words[:, machine.column(axis)]) for axis in machine.own_rotary}
 
 
 def machine_facts(machine: Machine) -> dict[str, Any]:
@@ -194,10 +192,7 @@ def program_contents(
         "layers": _layers(level_of, surfaces, meshes),
         **machine_facts(machine),
     }
-    facts: dict[str, Any] = {
-        "tools": [_tool(cutter) for cutter in cutters_of(job, machine)],
-        "program": reported,
-    }
+    facts: dict[str, Any] = {"tools": [_tool(cutter) for cutter in cutters_of(job, machine)], "program": reported}
     if leads:
         facts["uncut"], uncut = _uncut(paths)
         arrays |= {**uncut, **cone_contents(paths, leads.rows[kept], leads.arrives[kept])}
@@ -292,12 +287,7 @@ def _standing(
 
 def _left(left: Left) -> tuple[dict[str, Any], dict[str, ndarray]]:
     """The surface of the part with what stays on it."""
-    facts = {
-        "highest": left.highest.value,
-        "area": left.area,
-        "post_area": left.by_reason["post"],
-        "over": LEFT,
-    }
+    facts = {"highest": left.highest.value, "area": left.area, "post_area": left.by_reason["post"], "over": LEFT}
     return facts, {"left": left.mesh.vertices, "left_faces": left.mesh.faces, "left_height": left.heights}
 
 
@@ -314,11 +304,7 @@ def _uncut(paths: Sequence[ToolPath]) -> tuple[dict[str, Any], dict[str, ndarray
         "reasons": [{"name": name, "why": WHY.get(name, name), "on_part": on_part[name]} for name in names],
         "contacts": len(points),
     }
-    return facts, {
-        "uncut": points[some],
-        "uncut_reason": numbers[some],
-        "uncut_level": levels[some].astype(np.int64),
-    }
+    return facts, {"uncut": points[some], "uncut_reason": numbers[some], "uncut_level": levels[some].astype(np.int64)}
 
 
 def _tool(cutter: Cutter) -> dict[str, Any]:

@@ -26,9 +26,7 @@ MOST_FACES = 100_000
 """A mesh as given with more faces is shown as it was after repair and decimation."""
 
 
-def shape_contents(
-    part: Part, levels: Sequence[Level], stock: Stock, job: Job, table: Table, name: str
-) -> Contents:
+def shape_contents(part: Part, levels: Sequence[Level], stock: Stock, job: Job, table: Table, name: str) -> Contents:
     """Levels with the depth of their cuts, part as given and as fitted, stock, post, what holds it, and table."""
     facts, arrays = _levels(levels, job)
     shown, which = _given(part)
@@ -67,9 +65,7 @@ def _levels(levels: Sequence[Level], job: Job) -> tuple[dict[str, Any], dict[str
             faces[shape] = f"faces_{len(faces)}"
             arrays[faces[shape]] = level.mesh.faces
         arrays[f"level_{level.index}"] = level.mesh.vertices
-        arrays[f"depth_{level.index}"] = lengths(
-            level.mesh.vertices - exact_closest(before, level.mesh.vertices)[0]
-        )
+        arrays[f"depth_{level.index}"] = lengths(level.mesh.vertices - exact_closest(before, level.mesh.vertices)[0])
         before = level.mesh
         reported.append(
             {

@@ -30,9 +30,7 @@ def surface_contents(
     meshes = {0: surface, 1: solid}
     dialect = job_dialect(job.nc)
     shown = {0: surface}
-    posted = program_contents(
-        program, meshes, job, machine, dialect, paths=[path], removal=removal, surfaces=shown
-    )
+    posted = program_contents(program, meshes, job, machine, dialect, paths=[path], removal=removal, surfaces=shown)
     posted.facts["program"]["time"] = report["nc"]["time_texts"][0]
     figures = report["surface"]
     facts = {

@@ -102,12 +102,7 @@ def wheel_contents(
     )
     posted.facts["program"]["time"] = report["nc"]["time_texts"][0]
     levels = [
-        {
-            "index": level.index,
-            "name": _name(level.index),
-            "faces": f"faces_{level.index}",
-            "limit": level.limit,
-        }
+        {"index": level.index, "name": _name(level.index), "faces": f"faces_{level.index}", "limit": level.limit}
         for level in morph.levels
     ]
     facts = {

@@ -17,9 +17,7 @@ MAX_LABELS = 10
 """The most lines that carry their cut's number."""
 
 
-def draw_depths(
-    levels: Sequence[Level], line: Float[ndarray, "k n"], path: str | Path, s: float = LINE
-) -> None:
+def draw_depths(levels: Sequence[Level], line: Float[ndarray, "k n"], path: str | Path, s: float = LINE) -> None:
     """Write, above, the depth of each cut of the morph along the line s (`line`, mm); below, the share of
     each level's area by depth."""
     from matplotlib import figure
@@ -31,9 +29,7 @@ def draw_depths(
     save_figure(drawing, path)
 
 
-def _draw_lines(
-    figure: Figure, plot: Plot, levels: Sequence[Level], line: Float[ndarray, "k n"], s: float
-) -> None:
+def _draw_lines(figure: Figure, plot: Plot, levels: Sequence[Level], line: Float[ndarray, "k n"], s: float) -> None:
     """A coloured line a cut, its number on some, and dashed lines at the limits."""
     design = morph_surfaces(levels)[0]
     along = line_lengths(design, s, line.shape[1])

@@ -42,9 +42,7 @@ def draw_engagement(
     panels = [(number, side) for number in chosen for side in (1.0, -1.0)]
     for plot, (number, side) in zip(plots, panels, strict=True):
         draw_shaded(plot, levels[number if numbers[0] == len(levels) - 2 else 0].mesh, side)
-        here = (
-            np.flatnonzero(shown[1:] & shown[:-1] & (level_of[1:] == number) & (level_of[:-1] == number)) + 1
-        )
+        here = np.flatnonzero(shown[1:] & shown[:-1] & (level_of[1:] == number) & (level_of[:-1] == number)) + 1
         here = here[side * outward[here, 1] < 0]
         ends = np.stack([contacts[here - 1], contacts[here]], axis=1)[:, :, [0, 2]] * np.array([side, 1.0])
         _draw(plot, ends, sections[here], norm)

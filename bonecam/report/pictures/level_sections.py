@@ -68,9 +68,7 @@ def show_levels(
     plot.set_xlabel(f"{'xy'[across]} (mm)")
 
 
-def draw_stump(
-    part: TriangleMesh, post: tuple[float, float], groove: Groove | None, path: str | Path
-) -> None:
+def draw_stump(part: TriangleMesh, post: tuple[float, float], groove: Groove | None, path: str | Path) -> None:
     """Write sections of the part's lower end with what stays of the `post` (diameter, top z), mm: down to the parting
     `groove`, or all of it."""
     from matplotlib.collections import LineCollection
@@ -89,21 +87,14 @@ def draw_stump(
         plot.set_xlabel(f"{'xy'[across]} (mm)")
         plot.set_title(f"section {'yx'[across]} = 0", fontsize="medium")
     plots[0].set_ylabel("z (mm)")
-    message = (
-        f"parting groove at z {groove.middle:.2f}, bridge {2 * groove.bridge:.2f} mm"
-        if groove
-        else "not parted"
-    )
+    message = f"parting groove at z {groove.middle:.2f}, bridge {2 * groove.bridge:.2f} mm" if groove else "not parted"
     figure.suptitle(f"The post below the part: {diameter:g} mm, {message}", fontsize="medium")
     lay_out(figure, plots, above=TITLE_ABOVE)
     save_figure(figure, path)
 
 
 def draw_refused(
-    place: Float[ndarray, "3"] | Sequence[float],
-    levels: Sequence[Level],
-    paths: Sequence[ToolPath],
-    path: str | Path,
+    place: Float[ndarray, "3"] | Sequence[float], levels: Sequence[Level], paths: Sequence[ToolPath], path: str | Path
 ) -> None:
     """Write sections of all levels through the `place` (mm), across y and across x, with the centres of the balls that
     cut near it."""

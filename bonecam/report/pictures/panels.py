@@ -74,9 +74,7 @@ def lay_out(figure: Figure, plots: Any, below: float = BELOW, above: float = ABO
     figure.set_size_inches(*whole)
     start, bottom = np.array([LEFT, below]) / whole
     end, top = 1 - np.array([RIGHT, above]) / whole
-    figure.subplots_adjust(
-        left=start, bottom=bottom, right=end, top=top, wspace=GAP / width, hspace=above / height
-    )
+    figure.subplots_adjust(left=start, bottom=bottom, right=end, top=top, wspace=GAP / width, hspace=above / height)
 
 
 def label_rows(plots: Any, rows: int) -> None:

@@ -15,9 +15,7 @@ DIFFUSE = 0.4
 """Brightness of a face that turns away from the light, and what is added where it faces the light."""
 
 
-def draw_shaded(
-    plot: Plot, mesh: TriangleMesh, side: float, colours: Float[ndarray, "f 3"] | None = None
-) -> None:
+def draw_shaded(plot: Plot, mesh: TriangleMesh, side: float, colours: Float[ndarray, "f 3"] | None = None) -> None:
     """Triangles that face the viewer at -y (`side` = 1) or y (-1), the far ones first; grey, or of one colour
     (RGB) a face."""
     from matplotlib.collections import PolyCollection

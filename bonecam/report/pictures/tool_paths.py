@@ -25,10 +25,7 @@ LEGEND = 0.4
 
 
 def draw_toolpath(
-    paths: Sequence[ToolPath],
-    levels: Sequence[Level],
-    path: str | Path,
-    post: tuple[float, float] | None = None,
+    paths: Sequence[ToolPath], levels: Sequence[Level], path: str | Path, post: tuple[float, float] | None = None
 ) -> None:
     """Write the outermost, a middle and the innermost level from the front (-y) and from behind: contacts, some
     tool axes, links by their tips; the `post` (diameter, top z), mm.
@@ -44,9 +41,7 @@ def draw_toolpath(
         if post:
             draw_post(plot, post, levels)
         cuts = int((item.kinds == MoveKind.CUT).sum())
-        message = (
-            f"{item.cutter.end_name} R {item.cutter.radius:g} mm\n{cuts} cuts" if side > 0 else "from behind"
-        )
+        message = f"{item.cutter.end_name} R {item.cutter.radius:g} mm\n{cuts} cuts" if side > 0 else "from behind"
         title = f"level {item.level}\n{message}"
         plot.set_title(title, fontsize="medium")
     plots[0].set_ylabel("z (mm)")

@@ -13,9 +13,7 @@ SHARP_ANGLE = np.radians(25.0)
 shaded by their own normals."""
 
 
-def section(
-    mesh: TriangleMesh, origin: Float[ndarray, "3"], normal: Float[ndarray, "3"]
-) -> Float[ndarray, "k 2 3"]:
+def section(mesh: TriangleMesh, origin: Float[ndarray, "3"], normal: Float[ndarray, "3"]) -> Float[ndarray, "k 2 3"]:
     """The segments in which the plane through `origin` cuts the triangles, mm."""
     height = (mesh.vertices - origin) @ normal
     height = np.where(height == 0, np.finfo(float).eps, height)

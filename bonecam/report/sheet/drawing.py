@@ -59,15 +59,11 @@ class Paper:
     def text(self, x: float, y: float, words: str, anchor: str = "middle", kind: str = "size") -> None:
         """Words at a place on paper."""
         reported = html.escape(words)
-        self.elements.append(
-            f'<text class="{kind}" x="{x:.2f}" y="{y:.2f}" text-anchor="{anchor}">{reported}</text>'
-        )
+        self.elements.append(f'<text class="{kind}" x="{x:.2f}" y="{y:.2f}" text-anchor="{anchor}">{reported}</text>')
 
     def line(self, x1: float, y1: float, x2: float, y2: float, kind: str) -> None:
         """A line between places on paper."""
-        self.elements.append(
-            f'<line class="{kind}" x1="{x1:.2f}" y1="{y1:.2f}" x2="{x2:.2f}" y2="{y2:.2f}"/>'
-        )
+        self.elements.append(f'<line class="{kind}" x1="{x1:.2f}" y1="{y1:.2f}" x2="{x2:.2f}" y2="{y2:.2f}"/>')
 
     def height(self, low: float, high: float, from_x: float, column: float, words: str) -> None:
         """A dimension between two heights, `column` mm of paper right of the middle; its words beside it."""
@@ -129,18 +125,14 @@ def clamping_drawing(
     return paper.svg("Stock, post, chuck and table from the front")
 
 
-def _draw_post(
-    paper: Paper, post: Post, top: float, parting: Mapping[str, Any] | None, widest: float
-) -> None:
+def _draw_post(paper: Paper, post: Post, top: float, parting: Mapping[str, Any] | None, widest: float) -> None:
     """The post up to a height, with its parting groove and the height of that, beside the sizes right of what is
     `widest`."""
     if parting is None:
         paper.column(post.radius, 0.0, top, "post")
         return
     groove = Groove(parting["z_mm"], parting["width_mm"] / 2, parting["bridge_diameter_mm"] / 2, post.radius)
-    side = np.vstack(
-        [[[post.radius, 0.0]], groove.outline(post.radius), [[post.radius, max(top, groove.middle)]]]
-    )
+    side = np.vstack([[[post.radius, 0.0]], groove.outline(post.radius), [[post.radius, max(top, groove.middle)]]])
     paper.path(np.vstack([side, (side * [-1.0, 1.0])[::-1]]), "post")
     x, y = paper.at(groove.bridge, groove.middle)
     beside = paper.at(widest, 0.0)[0] + SIZES
@@ -151,18 +143,11 @@ def _draw_post(
 def draw_table(paper: Paper, table: Table) -> None:
     """The top of the table, as wide as the paper, and what stands on it."""
     y = paper.zero
-    paper.elements.append(
-        f'<rect class="table" x="4" y="{y:.2f}" width="{WIDTH - 8:g}" height="{TABLE_THICKNESS:g}"/>'
-    )
+    paper.elements.append(f'<rect class="table" x="4" y="{y:.2f}" width="{WIDTH - 8:g}" height="{TABLE_THICKNESS:g}"/>')
     height = 0.0
     for piece in table.standing:
         bottom, top = piece.diameter / 2, piece.top_diameter / 2
-        corners = [
-            [-bottom, height],
-            [bottom, height],
-            [top, height + piece.length],
-            [-top, height + piece.length],
-        ]
+        corners = [[-bottom, height], [bottom, height], [top, height + piece.length], [-top, height + piece.length]]
         paper.path(np.array(corners), "chuck")
         height += piece.length
     paper.text(WIDTH - 5, y + TABLE_THICKNESS + 3.2, _table_words(table), "end")

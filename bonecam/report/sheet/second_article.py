@@ -24,12 +24,7 @@ from bonecam.workholding.shell import SecondClamping
 
 
 def second_article(
-    name: str,
-    clamping: SecondClamping,
-    job: Job,
-    program: Program,
-    report: Mapping[str, Any],
-    version: str,
+    name: str, clamping: SecondClamping, job: Job, program: Program, report: Mapping[str, Any], version: str
 ) -> str:
     """The second clamping of the part in the file `name`; `report` is `second` of the run's, the job's [holding] that
     of the shell."""

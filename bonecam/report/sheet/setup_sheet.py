@@ -39,14 +39,10 @@ def setup_sheet(title: str, articles: Sequence[str]) -> str:
     """The text of the sheet's HTML file, a page an article."""
     template = Template((ASSETS / "sheet.html").read_text(encoding="utf-8"))
     style = (ASSETS / "sheet.css").read_text(encoding="utf-8")
-    return template.substitute(
-        title=html.escape(f"{title}: setup sheet"), style=style, articles="".join(articles)
-    )
+    return template.substitute(title=html.escape(f"{title}: setup sheet"), style=style, articles="".join(articles))
 
 
-def setup_article(
-    part: Part, stock: Stock, job: Job, program: Program, report: Mapping[str, Any], version: str
-) -> str:
+def setup_article(part: Part, stock: Stock, job: Job, program: Program, report: Mapping[str, Any], version: str) -> str:
     """The first clamping."""
     machine = read_machine(job.nc.machine)
     zero = zero_words(machine, job_dialect(job.nc))

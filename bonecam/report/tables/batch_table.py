@@ -85,9 +85,7 @@ def read_rows(table: Path) -> dict[str, dict[str, Any]]:
     except (OSError, ValueError, csv.Error) as error:
         raise FileError(f"{table}: cannot be read ({error}): move it away", file=str(table)) from error
     if not ours:
-        raise FileError(
-            f"{table}: is no table of a batch: move it away, or use another folder", file=str(table)
-        )
+        raise FileError(f"{table}: is no table of a batch: move it away, or use another folder", file=str(table))
     return {row["name"]: dict(row) for row in rows}
 
 

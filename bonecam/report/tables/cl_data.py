@@ -21,9 +21,7 @@ from bonecam.tool.path import PARTING
 
 STATEMENT = re.compile(r"([A-Z][A-Z0-9]*)\s*(?:/(.*))?")
 NUMBER = re.compile(r"[+-]?(?:\d{1,12}\.?\d{0,20}|\.\d{1,20})(?:[Ee][+-]?\d{1,2})?")
-PASSED_OVER = frozenset(
-    {"SPINDL", "COOLNT", "MULTAX", "TLAXIS", "INSERT", "REMARK", "DISPLY", "STOP", "OPSTOP", "END"}
-)
+PASSED_OVER = frozenset({"SPINDL", "COOLNT", "MULTAX", "TLAXIS", "INSERT", "REMARK", "DISPLY", "STOP", "OPSTOP", "END"})
 """Words that say nothing of where the tool goes."""
 INCH = 25.4
 UNIT_TOLERANCE = 1e-4
@@ -73,9 +71,7 @@ def read_apt(text: str) -> ClData:
         reader.take(line, word, values)
     if not reader.ended:
         line = text.count("\n") + 1
-        raise ProgramError(
-            f"line {line}: the text ends without FINI: it is cut off, write it again", line=line
-        )
+        raise ProgramError(f"line {line}: the text ends without FINI: it is cut off, write it again", line=line)
     return ClData(reader.name, tuple(reader.paths()))
 
 
@@ -93,21 +89,15 @@ def _statements(text: str) -> Iterator[tuple[int, str, str]]:
             if statement:
                 yield (first, *_divided(statement, first))
         if len(begun) > LONGEST:
-            raise ProgramError(
-                f"line {first}: a statement of over {LONGEST} characters: divide it", line=first
-            )
+            raise ProgramError(f"line {first}: a statement of over {LONGEST} characters: divide it", line=first)
     if begun:
-        raise ProgramError(
-            f"line {first}: the text ends in the middle of a statement: write it again", line=first
-        )
+        raise ProgramError(f"line {first}: the text ends in the middle of a statement: write it again", line=first)
 
 
 def _divided(statement: str, line: int) -> tuple[str, str]:
     match = STATEMENT.fullmatch(statement) if len(statement) <= LONGEST else None
     if match is None:
-        raise ProgramError(
-            f"line {line}: {statement[:40]!r} is no APT statement: give WORD or WORD/values", line=line
-        )
+        raise ProgramError(f"line {line}: {statement[:40]!r} is no APT statement: give WORD or WORD/values", line=line)
     return match[1], (match[2] or "").strip()
 
 
@@ -161,8 +151,7 @@ class _Reader:
             sizes = [self.scale * _number(line, word, value) for value in values]
             if not (sizes[0] > 0 and all(0 <= size <= sizes[0] / 2 for size in sizes[1:2])):
                 raise ProgramError(
-                    f"line {line}: CUTTER/{','.join(values)[:40]}: give a diameter and a corner that fits it",
-                    line=line,
+                    f"line {line}: CUTTER/{','.join(values)[:40]}: give a diameter and a corner that fits it", line=line
                 )
             self.cutter = (sizes[0], sizes[1] if len(sizes) > 1 else 0.0)
         elif word == "FEDRAT":
@@ -170,17 +159,13 @@ class _Reader:
         elif word in ("GOTO", "FROM"):
             self._goto(line, word, [_number(line, word, value) for value in values])
         else:
-            raise ProgramError(
-                f"line {line}: the word {word} is not known here: give straight moves (GOTO)", line=line
-            )
+            raise ProgramError(f"line {line}: the word {word} is not known here: give straight moves (GOTO)", line=line)
 
     def _feed(self, line: int, values: list[str]) -> None:
         units = [value.strip() for value in values if not NUMBER.fullmatch(value.strip())]
         numbers = [value for value in values if NUMBER.fullmatch(value.strip())]
         if len(numbers) != 1 or not set(units) <= {"MMPM", "IPM", "PERMIN"}:
-            raise ProgramError(
-                f"line {line}: FEDRAT/{','.join(values)[:40]}: give MMPM and one number", line=line
-            )
+            raise ProgramError(f"line {line}: FEDRAT/{','.join(values)[:40]}: give MMPM and one number", line=line)
         unit = 1.0 if "MMPM" in units else INCH if "IPM" in units else self.scale
         self.feed = unit * _number(line, "FEDRAT", numbers[0])
         if not self.feed > 0:
@@ -188,21 +173,15 @@ class _Reader:
 
     def _goto(self, line: int, word: str, values: list[float]) -> None:
         if len(values) not in (3, 6):
-            raise ProgramError(
-                f"line {line}: {word} with {len(values)} numbers: give x, y, z, i, j, k", line=line
-            )
+            raise ProgramError(f"line {line}: {word} with {len(values)} numbers: give x, y, z, i, j, k", line=line)
         axis = tuple(values[3:]) or (0.0, 0.0, 1.0)
         if abs(math.hypot(*axis) - 1) > UNIT_TOLERANCE:
             raise ProgramError(f"line {line}: the tool axis {axis} is no unit vector", line=line)
         if self.tool is None or not self.cutter[0]:
-            raise ProgramError(
-                f"line {line}: {word} before LOADTL and CUTTER: name the tool first", line=line
-            )
+            raise ProgramError(f"line {line}: {word} before LOADTL and CUTTER: name the tool first", line=line)
         rapid = self.rapid or word == "FROM"
         if not rapid and math.isnan(self.feed):
-            raise ProgramError(
-                f"line {line}: {word} without a feed: give FEDRAT or RAPID before it", line=line
-            )
+            raise ProgramError(f"line {line}: {word} without a feed: give FEDRAT or RAPID before it", line=line)
         feed = math.nan if rapid else self.feed
         tip = (self.scale * value for value in values[:3])
         self.rows.append(

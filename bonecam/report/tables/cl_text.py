@@ -37,6 +37,4 @@ def _moves(path: ToolPath) -> Iterator[str]:
         if kind != MoveKind.RAPID and wanted != feed:
             feed = wanted
             yield f"FEDRAT/MMPM,{feed:.3f}"
-        yield "GOTO/{:.6f},{:.6f},{:.6f},{:.9f},{:.9f},{:.9f}".format(
-            *(value + 0.0 for value in (*tip, *axis))
-        )
+        yield "GOTO/{:.6f},{:.6f},{:.6f},{:.9f},{:.9f},{:.9f}".format(*(value + 0.0 for value in (*tip, *axis)))

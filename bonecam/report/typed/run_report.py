@@ -11,13 +11,7 @@ from bonecam.levels.sequences.begun_morph import Morph
 from bonecam.mesh.part import Part
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.program import Program
-from bonecam.report.stage_reports import (
-    levels_report,
-    nc_report,
-    parting_report,
-    surface_report,
-    toolpath_report,
-)
+from bonecam.report.stage_reports import levels_report, nc_report, parting_report, surface_report, toolpath_report
 from bonecam.setup.stock import Stock, stock_figures
 from bonecam.surface.fitting.deviation import distance_both_ways
 from bonecam.surface.fitting.fit import Fit
@@ -110,12 +104,7 @@ def post_report(post: Post, part: TriangleMesh, job: HoldingJob) -> dict[str, An
 
 
 def report_to_program(
-    file: str,
-    paths: Sequence[ToolPath],
-    program: Program,
-    proof: Verification,
-    job: PathJob,
-    part: TriangleMesh,
+    file: str, paths: Sequence[ToolPath], program: Program, proof: Verification, job: PathJob, part: TriangleMesh
 ) -> dict[str, Any]:
     """The sections of tool paths, of the parting groove of the `part` if there is one, and of the program; `file` is
     the program's, empty where none is written."""

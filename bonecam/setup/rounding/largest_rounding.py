@@ -45,9 +45,7 @@ def round_most(stock: Stock, points: Float[ndarray, "n 3"], margin: float) -> St
     return stock.round_edges(low)
 
 
-def require_roundable(
-    stock: Stock, points: Float[ndarray, "n 3"], margin: float, otherwise: str = ""
-) -> Stock:
+def require_roundable(stock: Stock, points: Float[ndarray, "n 3"], margin: float, otherwise: str = "") -> Stock:
     """The stock with its edges rounded as far as the part allows; a stock without edges itself.
 
     StockError with the place where the part comes too near to an edge for any radius; `otherwise` is added to

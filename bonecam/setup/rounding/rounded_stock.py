@@ -82,9 +82,7 @@ class RoundedStock(Stock):
         """Unit outward normals of the surface at the points nearest to `points`."""
         return self.core.normals(points)
 
-    def distances_and_normals(
-        self, points: Float[ndarray, "n 3"]
-    ) -> tuple[Float[ndarray, "n"], Float[ndarray, "n 3"]]:
+    def distances_and_normals(self, points: Float[ndarray, "n 3"]) -> tuple[Float[ndarray, "n"], Float[ndarray, "n 3"]]:
         """Signed distances (mm) and outward normals in one pass."""
         distance, normals = self.core.distances_and_normals(points)
         return distance - self.radius, normals

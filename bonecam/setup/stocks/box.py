@@ -149,8 +149,5 @@ def smallest_base(points: Float[ndarray, "n 2"], allowance: float) -> tuple[floa
 
 
 KIND = StockKind(
-    ("width", "depth", "length"),
-    _make,
-    "a square bar, its sides along X and Y, both ends faced flat",
-    turn=_turn,
+    ("width", "depth", "length"), _make, "a square bar, its sides along X and Y, both ends faced flat", turn=_turn
 )

@@ -71,12 +71,9 @@ def capsule_of_size(diameter: float, length: float, middle: float) -> Capsule:
         )
     if length < diameter:
         what = (
-            f"stock.length = {length:g}: a capsule of diameter {diameter:g} mm is no shorter than that "
-            "over both caps"
+            f"stock.length = {length:g}: a capsule of diameter {diameter:g} mm is no shorter than that over both caps"
         )
-        raise StockError(
-            f"{what}: give at least {diameter:g}, or a smaller stock.diameter", distance=diameter - length
-        )
+        raise StockError(f"{what}: give at least {diameter:g}, or a smaller stock.diameter", distance=diameter - length)
     half = (length - diameter) / 2
     return Capsule(np.array([0, 0, middle - half]), np.array([0, 0, middle + half]), diameter / 2)
 

@@ -127,9 +127,7 @@ class ConvexStock(Stock):
         size = np.linalg.norm(self.surface.face_vectors, axis=1, keepdims=True)
         return self.surface.face_vectors / np.where(size > 0, size, 1.0)
 
-    def distances_and_normals(
-        self, points: Float[ndarray, "n 3"]
-    ) -> tuple[Float[ndarray, "n"], Float[ndarray, "n 3"]]:
+    def distances_and_normals(self, points: Float[ndarray, "n 3"]) -> tuple[Float[ndarray, "n"], Float[ndarray, "n 3"]]:
         """Signed distances (mm) and outward normals in one pass.
 
         A point outside lies on the other side of its nearest point than the body's middle does; a point
@@ -164,19 +162,13 @@ def _require_closed(mesh: TriangleMesh) -> None:
     lonely = np.flatnonzero(~np.isin(forward, backward))
     if not len(edges) or len(lonely) or len(np.unique(forward)) < len(forward):
         place = mesh.vertices[edges[lonely[0] if len(lonely) else 0]].mean(0) if len(edges) else np.zeros(3)
-        raise StockError(
-            f"the stock's mesh is not closed at {place_name(place)}: close it", distance=0.0, place=place
-        )
+        raise StockError(f"the stock's mesh is not closed at {place_name(place)}: close it", distance=0.0, place=place)
     if abs(mesh.volume) <= FLAT * mesh.diagonal * mesh.area:
         raise StockError(
-            "the stock's mesh is flat and holds nothing: give a solid body",
-            distance=0.0,
-            place=mesh.vertices[0],
+            "the stock's mesh is flat and holds nothing: give a solid body", distance=0.0, place=mesh.vertices[0]
         )
     if mesh.volume <= 0:
-        raise StockError(
-            "the stock's mesh is turned inside out: flip its faces", distance=0.0, place=mesh.vertices[0]
-        )
+        raise StockError("the stock's mesh is turned inside out: flip its faces", distance=0.0, place=mesh.vertices[0])
 
 
 def _require_convex(mesh: TriangleMesh) -> None:
@@ -205,9 +197,7 @@ def _make(job: StockJob, part: LyingPart, schedule: Schedule) -> ConvexStock:
     """The body of the job's file with the middle of its box on the axis; scale 0: the smallest copy that
     leaves the allowance."""
     if not job.mesh:
-        raise StockError(
-            "a stock of kind 'mesh' needs a file: give stock.mesh = \"block.stl\" (mm, Z upright)"
-        )
+        raise StockError("a stock of kind 'mesh' needs a file: give stock.mesh = \"block.stl\" (mm, Z upright)")
     try:
         given = ConvexStock(read_mesh(job.mesh), file=job.mesh)
     except StockError as error:

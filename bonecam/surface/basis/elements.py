@@ -77,9 +77,7 @@ class Elements:
         lows, highs = self.boxes[ids, 0].copy(), self.boxes[ids, 1].copy()
         table = (
             np.searchsorted(
-                knots,
-                np.linspace(knots[0], knots[-1], SLICES, endpoint=False) - 1e-9 * np.ptp(knots),
-                side="right",
+                knots, np.linspace(knots[0], knots[-1], SLICES, endpoint=False) - 1e-9 * np.ptp(knots), side="right"
             )
             - 1
         )
@@ -87,9 +85,7 @@ class Elements:
         for k in range(len(members)):
             a = starts[k]
             b = starts[k + 1]
-            slots = np.linspace(lows[a], highs[b - 1], SLOTS, endpoint=False) - 1e-9 * (
-                highs[b - 1] - lows[a]
-            )
+            slots = np.linspace(lows[a], highs[b - 1], SLOTS, endpoint=False) - 1e-9 * (highs[b - 1] - lows[a])
             tables[k] = a + np.clip(np.searchsorted(lows[a:b], slots, side="right") - 1, 0, None)
         return knots, np.clip(table, 0, None).astype(np.int32), starts, lows, highs, ids, tables
 
@@ -116,9 +112,7 @@ class Elements:
         if x.size == 0 or (low <= x.min() and x.max() <= high):
             return x
         if not np.isfinite(x).all():
-            raise ValueError(
-                f"parameter {'st'[direction]} of sample {int(np.argmin(np.isfinite(x)))} is not finite"
-            )
+            raise ValueError(f"parameter {'st'[direction]} of sample {int(np.argmin(np.isfinite(x)))} is not finite")
         if self.period[direction]:
             return low + np.mod(x - low, self.period[direction])
         slack = 64 * np.finfo(float).eps * max(abs(low), abs(high), high - low)
@@ -141,9 +135,7 @@ class Elements:
         derivatives = np.empty(((1, 3, 6)[order], len(s), 3))
         s, t = np.ascontiguousarray(s), np.ascontiguousarray(t)
         if self.degree != 3:
-            any_degree.derivatives(
-                patches, self.boxes, element=element, s=s, t=t, degree=self.degree, D=derivatives
-            )
+            any_degree.derivatives(patches, self.boxes, element=element, s=s, t=t, degree=self.degree, D=derivatives)
         elif order == 0:
             bicubic.positions(patches, self.boxes, element=element, s=s, t=t, S=derivatives[0])
         elif order == 1:
@@ -160,9 +152,7 @@ class Elements:
         Raises SurfaceError where the elements are not cubic.
         """
         if self.degree != 3:
-            raise SurfaceError(
-                f"the elements have degree {self.degree}: the basis is assembled for cubic ones"
-            )
+            raise SurfaceError(f"the elements have degree {self.degree}: the basis is assembled for cubic ones")
         place, s, t = self.place(s, t)
         ends = np.cumsum(np.diff(self.starts)[place])
         total = int(ends[-1]) if len(ends) else 0
@@ -187,9 +177,7 @@ class Elements:
         shape = (len(s), len(weights))
         return tuple(sp.csr_array((v, indices.copy(), indptr.copy()), shape=shape) for v in values)
 
-    def patches(
-        self, control_points: Float[ndarray, "n 3"], weights: Float[ndarray, " n"]
-    ) -> Float[ndarray, "e c 4"]:
+    def patches(self, control_points: Float[ndarray, "n 3"], weights: Float[ndarray, " n"]) -> Float[ndarray, "e c 4"]:
         """Homogeneous Bezier control points of every element."""
         weighted = np.column_stack([control_points * weights[:, None], weights])
         return bicubic.homogeneous_patches(self.starts, self.functions, self.coefficients, weighted)

@@ -16,9 +16,7 @@ def unit_rule(count: int) -> tuple[Float[ndarray, " k"], Float[ndarray, " k"]]:
     return (nodes + 1) / 2, weights / 2
 
 
-def span_points(
-    breaks: Float[ndarray, " b"], count: int
-) -> tuple[Float[ndarray, " n"], Float[ndarray, " n"]]:
+def span_points(breaks: Float[ndarray, " b"], count: int) -> tuple[Float[ndarray, " n"], Float[ndarray, " n"]]:
     """`count` points in every interval between increasing breaks, and their weights (sum: the length)."""
     nodes, weights = unit_rule(count)
     sizes = np.diff(breaks)[:, None]

@@ -38,9 +38,7 @@ def _differences(lower: ndarray, knots: ndarray, degree: int) -> ndarray:
     return functions
 
 
-def span_functions(
-    knots: Float[ndarray, "n 8"], x: Float[ndarray, " n"], order: int
-) -> Float[ndarray, "c n 4"]:
+def span_functions(knots: Float[ndarray, "n 8"], x: Float[ndarray, " n"], order: int) -> Float[ndarray, "c n 4"]:
     """The four cubics that live on the span [knots[:, 3], knots[:, 4]] at x, and their derivatives up to
     `order`.
 

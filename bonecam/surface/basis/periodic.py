@@ -33,9 +33,7 @@ def functions_at(
     return span_functions(window, s, 0)[0], (span[:, None] + np.arange(-1, 3)) % len(knots)
 
 
-def spans(
-    knots: Float[ndarray, " r"], s: Float[ndarray, " n"]
-) -> tuple[Int[ndarray, " n"], Float[ndarray, "n 8"]]:
+def spans(knots: Float[ndarray, " r"], s: Float[ndarray, " n"]) -> tuple[Int[ndarray, " n"], Float[ndarray, "n 8"]]:
     """The last knot at or below each parameter in [0, 1), and the four knots round it on either side, unwrapped."""
     span = np.searchsorted(knots, s, side="right") - 1
     window = span[:, None] + np.arange(-3, 5)

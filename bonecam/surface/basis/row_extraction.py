@@ -16,15 +16,11 @@ def extract_rows(t_knots: ndarray, s_knots: tuple[ndarray, ...]) -> Elements:
     row_starts = np.concatenate([[0], np.cumsum([len(row) for row in s_knots])])
     spans = np.flatnonzero(np.diff(t_knots) > 0)
     spans = spans[(spans >= 3) & (spans < len(t_knots) - 4)]
-    along = bernstein_coefficients(
-        t_knots[spans[:, None] + np.arange(-3, 5)], t_knots[spans], t_knots[spans + 1]
-    )
+    along = bernstein_coefficients(t_knots[spans[:, None] + np.arange(-3, 5)], t_knots[spans], t_knots[spans + 1])
     breaks = [_breaks(s_knots[k - 3 : k + 1]) for k in spans]
     rows = [_row(knots, strip) for k, strip in zip(spans, breaks) for knots in s_knots[k - 3 : k + 1]]
     windows, low, high = (np.concatenate([row[part] for row in rows]) for part in range(3))
-    around = np.split(
-        bernstein_coefficients(windows, low, high), np.cumsum([len(row[0]) for row in rows])[:-1]
-    )
+    around = np.split(bernstein_coefficients(windows, low, high), np.cumsum([len(row[0]) for row in rows])[:-1])
     parts = []
     for n, (k, strip) in enumerate(zip(spans, breaks)):
         four = range(4 * n, 4 * n + 4)
@@ -32,9 +28,7 @@ def extract_rows(t_knots: ndarray, s_knots: tuple[ndarray, ...]) -> Elements:
         ids = [row_starts[k - 3 + i - 4 * n] + rows[i][3] for i in four]
         parts.append(_strip(strip, t_knots[k : k + 2], values, along[n], ids))
     boxes, counts, functions, coefficients = (np.concatenate(part) for part in zip(*parts))
-    return Elements(
-        boxes, np.concatenate([[0], np.cumsum(counts)]), functions, coefficients, period=(1.0, 0.0)
-    )
+    return Elements(boxes, np.concatenate([[0], np.cumsum(counts)]), functions, coefficients, period=(1.0, 0.0))
 
 
 def _breaks(rows: tuple[ndarray, ...]) -> ndarray:
@@ -51,9 +45,7 @@ def _strip(
     """Boxes, function counts, function ids and coefficients of the elements on one t-span, from those of its
     four rows."""
     low, high = breaks[:-1], breaks[1:]
-    values = [
-        (t[None, None, :, None] * s[:, :, None, :]).reshape(len(low), -1, 16) for s, t in zip(around, along)
-    ]
+    values = [(t[None, None, :, None] * s[:, :, None, :]).reshape(len(low), -1, 16) for s, t in zip(around, along)]
     functions = np.concatenate(ids, axis=1)
     coefficients = np.concatenate(values, axis=1)
     order = np.argsort(functions, axis=1)

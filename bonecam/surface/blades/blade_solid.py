@@ -61,10 +61,7 @@ def _fractions(chain: Float[ndarray, "k 3"]) -> Float[ndarray, " k"]:
 
 
 def _strip(
-    one: Int[ndarray, " a"],
-    at_one: Float[ndarray, " a"],
-    other: Int[ndarray, " b"],
-    at_other: Float[ndarray, " b"],
+    one: Int[ndarray, " a"], at_one: Float[ndarray, " a"], other: Int[ndarray, " b"], at_other: Float[ndarray, " b"]
 ) -> Int[ndarray, "f 3"]:
     """Triangles between two chains of vertices at growing places, forward along the first."""
     faces = []

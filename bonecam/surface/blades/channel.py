@@ -16,14 +16,7 @@ from scipy.sparse.linalg import spsolve
 from bonecam.arrays import unit
 from bonecam.errors import SurfaceError, place_name
 from bonecam.surface.blades.impeller import thinned
-from bonecam.surface.blades.meridian import (
-    lengths_along,
-    mean_line,
-    meridional,
-    places_on,
-    point_at,
-    stretch,
-)
+from bonecam.surface.blades.meridian import lengths_along, mean_line, meridional, places_on, point_at, stretch
 from bonecam.surface.blades.wheel import Wheel
 from bonecam.surface.skinning.skin import skin
 from bonecam.surface.tspline import TSpline
@@ -89,9 +82,7 @@ def channel_of(wheel: Wheel, reach: float) -> Channel:
     length = float(lengths_along(floor)[-1])
     lengths = np.linspace(0.0, length, ROWS)
     if not (np.diff(places_on(contour, point_at(floor, lengths))) > 0).all():
-        raise SurfaceError(
-            "the hub is folded under the blades' tips: give a hub without edges between the blades"
-        )
+        raise SurfaceError("the hub is folded under the blades' tips: give a hub without edges between the blades")
 
     # The hub's profile with the contour, between its points nearest to the channel's ends, in place of its own curve
     # there
@@ -149,9 +140,7 @@ def _contour(tip: Float[ndarray, "m 3"], blade: Float[ndarray, "v 2"]) -> Float[
     that no point of the `blade` lies above it."""
     curve = tip[:, :2] if tip[0, 1] <= tip[-1, 1] else tip[::-1, :2]
     reach = EXTENDED * lengths_along(curve)[-1]
-    first, last = (
-        (ends[0] - ends[1]) / np.linalg.norm(ends[0] - ends[1]) for ends in (curve[:2], curve[:-3:-1])
-    )
+    first, last = ((ends[0] - ends[1]) / np.linalg.norm(ends[0] - ends[1]) for ends in (curve[:2], curve[:-3:-1]))
     curve = np.vstack([curve[0] + reach * first, curve, curve[-1] + reach * last])
     return curve + _above(curve, blade) * _outward(curve)
 
@@ -201,6 +190,4 @@ def _rows(
     """Points of the surface of revolution of a curve, each row across the channel from its own azimuth on."""
     angle = azimuths[:, None] + across
     radius, height = curve.T[:, :, None]
-    return np.stack(
-        [radius * np.cos(angle), radius * np.sin(angle), np.broadcast_to(height, angle.shape)], axis=2
-    )
+    return np.stack([radius * np.cos(angle), radius * np.sin(angle), np.broadcast_to(height, angle.shape)], axis=2)

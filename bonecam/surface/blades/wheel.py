@@ -120,11 +120,7 @@ def repeated(mesh: TriangleMesh, count: int) -> TriangleMesh:
 
 
 def wheel_of(
-    blade: TSpline,
-    profile: Float[ndarray, "n 2"],
-    count: int,
-    others: Sequence[TriangleMesh] = (),
-    edge: float = 0.0,
+    blade: TSpline, profile: Float[ndarray, "n 2"], count: int, others: Sequence[TriangleMesh] = (), edge: float = 0.0
 ) -> Wheel:
     """The wheel of `count` blades, whose blunt edge of this width was rounded. SurfaceError where the blade is not
     closed round, the `others` do not repeat from pitch to pitch, or neighbours overlap."""

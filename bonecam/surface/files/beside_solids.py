@@ -26,9 +26,7 @@ def check_on_solids(surface: TSpline, solid: TriangleMesh, file: str) -> None:
     covered = float(distance.inside(places + ABOVE * surface.normals(s, t)).mean())
     if covered > 0.5:
         what = f"{covered:.0%} of it lies in the solids that must not be gouged, or faces into them"
-        raise SurfaceError(
-            f"{file}: {what}: reverse every row, or leave the solid out that covers it", file=file
-        )
+        raise SurfaceError(f"{file}: {what}: reverse every row, or leave the solid out that covers it", file=file)
     away = distance.unsigned(places)
     if np.median(away) > FLOATING:
         what = f"half of it lies {np.median(away):.1f} to {away.max():.1f} mm off part and obstacles"

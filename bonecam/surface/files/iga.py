@@ -23,13 +23,7 @@ from numpy import ndarray
 
 from bonecam.errors import FileError
 from bonecam.files import write_whole
-from bonecam.mesh.files.formats.content import (
-    CUT_SHORT,
-    ContentError,
-    finite_numbers,
-    numbered_words,
-    whole_numbers,
-)
+from bonecam.mesh.files.formats.content import CUT_SHORT, ContentError, finite_numbers, numbered_words, whole_numbers
 from bonecam.mesh.files.mesh_files import bytes_of
 from bonecam.surface.files.rows_file import number_words
 from bonecam.surface.tmesh.extracted import ExtractedTMesh
@@ -54,10 +48,7 @@ def write_iga(surface: TSpline, path: str | Path) -> None:
     """Write the Bezier elements of any T-spline; `read_iga` gives points, weights and coefficients back bit
     for bit."""
     elements = surface.elements()
-    lines = [
-        f"type {'surface' if surface.control_points[:, 2].any() else 'plane'}",
-        f"nodeN {len(surface.weights)}",
-    ]
+    lines = [f"type {'surface' if surface.control_points[:, 2].any() else 'plane'}", f"nodeN {len(surface.weights)}"]
     lines += [f"elemN {len(elements.boxes)}"] + [
         f"node {number_words((*p, w))}" for p, w in zip(surface.control_points, surface.weights)
     ]
@@ -128,9 +119,7 @@ def _element(
         raise ContentError("ends inside an element", CUT_SHORT, line)
     largest = float(np.abs(rows).max())
     if largest > LARGEST_COEFFICIENT:
-        raise ContentError(
-            f"a coefficient of {largest:g}: those of blending functions lie in 0 .. 1", line=line
-        )
+        raise ContentError(f"a coefficient of {largest:g}: those of blending functions lie in 0 .. 1", line=line)
     order = np.argsort(functions)
     return functions[order], np.array(rows)[order].reshape(count, q + 1, p + 1)
 

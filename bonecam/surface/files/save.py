@@ -27,9 +27,7 @@ def check_target(path: str | Path) -> None:
         occ(f"{path}: writing {'STEP' if ending in STEP else 'IGES'}")
     elif ending not in TEXTS:
         endings = ", ".join((*TEXTS, *STEP, *IGES))
-        raise FileError(
-            f"{path}: has the unknown ending {ending!r}: end the name in one of {endings}", file=str(path)
-        )
+        raise FileError(f"{path}: has the unknown ending {ending!r}: end the name in one of {endings}", file=str(path))
 
 
 def save_surface(surface: TSpline, path: str | Path) -> None:
@@ -42,14 +40,8 @@ def save_surface(surface: TSpline, path: str | Path) -> None:
     elif ending in TEXTS:
         rows = isinstance(surface.tmesh, RowTMesh)
         if rows != (ending == ".tspline"):
-            what = (
-                "rows of control points have no .tsm form"
-                if rows
-                else "a general T-mesh has no .tspline form"
-            )
-            raise FileError(
-                f"{path}: {what}: end the name in {'.tspline' if rows else '.tsm'}", file=str(path)
-            )
+            what = "rows of control points have no .tsm form" if rows else "a general T-mesh has no .tspline form"
+            raise FileError(f"{path}: {what}: end the name in {'.tspline' if rows else '.tsm'}", file=str(path))
         write_tsm(surface, path)
     else:
         from bonecam.surface.files.cad.write import write_iges, write_step

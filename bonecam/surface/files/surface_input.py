@@ -35,19 +35,12 @@ SPARE = 2.0
 """By so much the control points of a surface's Bezier elements may be farther apart than its points."""
 
 
-def read_part(
-    source: str | Path | MeshLike, job: Job, progress: Progress = silent
-) -> tuple[Part, Fit | None]:
+def read_part(source: str | Path | MeshLike, job: Job, progress: Progress = silent) -> tuple[Part, Fit | None]:
     """The part of a mesh or file, upright, its pits open, and the surface, in the file's mm, where the file gives that.
     MeshError where repairs take more off the part than the job's largest deviation."""
     if not isinstance(source, str | Path) or not holds_surface(source):
         part = repaired_part(
-            source,
-            job.mesh,
-            progress=progress,
-            also=ENDINGS,
-            surface=job.surface,
-            scripted=scripted_mesh,
+            source, job.mesh, progress=progress, also=ENDINGS, surface=job.surface, scripted=scripted_mesh
         )
         return part.require_kept(job.surface.largest_deviation), None
     return read_surface_part(source, job.mesh, job.surface)
@@ -111,8 +104,7 @@ def _saved(path: str | Path, scale: float, max_control_points: int) -> tuple[TSp
     """The T-spline of a file, and no points."""
     if scale != 1:
         raise UnitsError(
-            f"{path}: states its unit itself and was read in mm: leave out --units (mesh.units)",
-            file=str(path),
+            f"{path}: states its unit itself and was read in mm: leave out --units (mesh.units)", file=str(path)
         )
     surface = read_tsm(path)
     count = surface.tmesh.size
@@ -165,9 +157,7 @@ def check_outward(surface: TSpline, file: str) -> None:
     """SurfaceError where a closed surface encloses no volume, or its normals point inward."""
     volume = surface.volume
     if abs(volume) <= NO_VOLUME:
-        raise SurfaceError(
-            f"{file}: encloses no volume: give rows that go round a part", file=file, volume=volume
-        )
+        raise SurfaceError(f"{file}: encloses no volume: give rows that go round a part", file=file, volume=volume)
     if not volume > 0:
         remedy = "its normals S_s x S_t point inward: reverse every row"
         raise SurfaceError(f"{file}: {remedy}", file=file, volume=volume)
@@ -228,6 +218,4 @@ def reverse_parameters(surface: TSpline) -> TSpline:
     rows = [np.mod(-row, 1.0)[order] for row, order in zip(tmesh.s_knots, orders)]
     index = np.concatenate([starts[j] + orders[j] for j in range(len(rows))[::-1]])
     t_knots = (tmesh.t_knots[0] + tmesh.t_knots[-1] - tmesh.t_knots)[::-1]
-    return TSpline(
-        RowTMesh.from_rows(t_knots, rows[::-1]), surface.control_points[index], surface.weights[index]
-    )
+    return TSpline(RowTMesh.from_rows(t_knots, rows[::-1]), surface.control_points[index], surface.weights[index])

@@ -105,9 +105,7 @@ def write_tsm(surface: TSpline, path: str | Path, *, homogeneous: bool = False) 
     were refined beside a corner of the domain that turns inwards. `write_iga` holds every surface.
     """
     if isinstance(surface.tmesh, OpenRowTMesh):
-        raise SurfaceError(
-            "rows that are open have no text form: write_tsm takes closed rows and general T-meshes"
-        )
+        raise SurfaceError("rows that are open have no text form: write_tsm takes closed rows and general T-meshes")
     if isinstance(surface.tmesh, RowTMesh):
         if homogeneous:
             raise ValueError("row-structured files hold points that are not homogeneous")

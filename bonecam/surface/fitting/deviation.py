@@ -52,9 +52,7 @@ class Measured:
     def deviation(self) -> Deviation:
         """The largest and the root mean square distance."""
         inward, outward = self.inward, self.outward
-        squares = [
-            np.average(d**2, weights=w) for d, w in ((inward, self.mesh_areas), (outward, self.surface_areas))
-        ]
+        squares = [np.average(d**2, weights=w) for d, w in ((inward, self.mesh_areas), (outward, self.surface_areas))]
         at_mesh = inward.max() >= outward.max()
         return Deviation(
             max=float(max(inward.max(), outward.max())),
@@ -68,9 +66,7 @@ class Measured:
         """Points of the mesh that are, or that a surface sample finds, farther than the tolerance; and (s, t)
         of such surface samples."""
         far = self.outward > tolerance
-        return np.vstack([self.mesh_points[self.inward > tolerance], self.nearest[far]]), self.surface_places[
-            far
-        ]
+        return np.vstack([self.mesh_points[self.inward > tolerance], self.nearest[far]]), self.surface_places[far]
 
 
 def deviation(surface: TSpline, mesh: TriangleMesh, samples: int = 20000) -> Deviation:

@@ -16,17 +16,7 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.progress import Progress, part, report, rising, silent
 from bonecam.surface.fitting.adapt import refine
 from bonecam.surface.fitting.deviation import Deviation, measure
-from bonecam.surface.fitting.growth import (
-    GAIN,
-    LEAST_POINTS,
-    Aim,
-    Prune,
-    Refine,
-    first_surface,
-    grow,
-    settle,
-    thin,
-)
+from bonecam.surface.fitting.growth import GAIN, LEAST_POINTS, Aim, Prune, Refine, first_surface, grow, settle, thin
 from bonecam.surface.fitting.prune import prune
 from bonecam.surface.fitting.steps import OFF
 from bonecam.surface.fitting.target import FitTarget
@@ -151,9 +141,7 @@ def _fit_rows(mesh: TriangleMesh, rows: Rows, aim: Aim, progress: Progress) -> F
         missed, parameters = measured.missed(max(aim.tolerance, target.worst))
         spent = surface.tmesh.size >= aim.most
         why = SPENT if spent else STUCK if target.worst > aim.tolerance else OFTEN
-        if not len(missed) or (
-            why != OFTEN and number > 0 and now.max > GAIN * min(one[1] for one in rounds[:-1])
-        ):
+        if not len(missed) or (why != OFTEN and number > 0 and now.max > GAIN * min(one[1] for one in rounds[:-1])):
             break
         target = target.with_points(missed, parameters, surface)
     folded, _, _, surface, now = min(rounds, key=lambda one: one[:3])

@@ -11,14 +11,7 @@ from bonecam.progress import Progress, report, silent
 from bonecam.surface.fitting.adapt import Votes, miss_votes, refine
 from bonecam.surface.fitting.initial_surface import first_tmesh, through_loops, transfer
 from bonecam.surface.fitting.prune import prune
-from bonecam.surface.fitting.steps import (
-    FINAL_PLANE_WEIGHT,
-    LEAST_FACING,
-    OFF,
-    flatten_poles,
-    fold_grid,
-    step,
-)
+from bonecam.surface.fitting.steps import FINAL_PLANE_WEIGHT, LEAST_FACING, OFF, flatten_poles, fold_grid, step
 from bonecam.surface.fitting.target import FitTarget
 from bonecam.surface.tmesh.row_tmesh import RowTMesh
 from bonecam.surface.tspline import TSpline
@@ -91,9 +84,7 @@ class Aim:
     off: float = OFF
 
 
-def grow(
-    surface: TSpline, target: FitTarget, aim: Aim, progress: Progress = silent
-) -> tuple[TSpline, FitTarget]:
+def grow(surface: TSpline, target: FitTarget, aim: Aim, progress: Progress = silent) -> tuple[TSpline, FitTarget]:
     """The surface refined where samples are missed, until none is or the control points are spent.
 
     The last steps make the poles' surroundings plane. Also the target with the closest points on it.
@@ -103,11 +94,7 @@ def grow(
         size = surface.tmesh.size
         worst = target.worst
         way = 1 - np.log(worst / (GOAL * aim.tolerance)) / np.log(first)
-        report(
-            progress,
-            float(np.clip(max(way, size / aim.most), 0, 1)),
-            f"{size} control points, {worst:.3f} mm",
-        )
+        report(progress, float(np.clip(max(way, size / aim.most), 0, 1)), f"{size} control points, {worst:.3f} mm")
         votes = miss_votes(surface, target.all, GOAL * aim.tolerance)
         assert isinstance(surface.tmesh, RowTMesh)
         tmesh = aim.refine(surface.tmesh, votes, aim.most - size)
@@ -141,17 +128,12 @@ def thin(surface: TSpline, target: FitTarget, aim: Aim) -> tuple[TSpline, FitTar
         size = surface.tmesh.size
         worst = target.worst
         tmesh = aim.prune(
-            surface,
-            target,
-            pruning.spare * max(aim.tolerance, worst),
-            round(share * pruning.removable * size),
+            surface, target, pruning.spare * max(aim.tolerance, worst), round(share * pruning.removable * size)
         )
         fewer = transfer(surface, tmesh)
         fewer, new_target = settle(fewer, target.on(fewer, aim.tolerance), aim)
         fewer, new_target = grow(fewer, new_target, replace(aim, most=size - 1 if reached else aim.most))
-        better = new_target.worst <= (aim.tolerance if reached else worst) and (
-            folded or not new_target.folded(fewer)
-        )
+        better = new_target.worst <= (aim.tolerance if reached else worst) and (folded or not new_target.folded(fewer))
         gained = fewer.tmesh.size / size if reached else new_target.worst / worst
         if better:
             surface = fewer

@@ -43,11 +43,7 @@ def through_loops(rows: Rows, tmesh: RowTMesh) -> TSpline:
     weighted = sp.diags_array(np.append(weights, [1.0, 1.0])) @ basis
     points = np.vstack([rows.guides.reshape(-1, 3), rows.poles])
     nets = np.concatenate(
-        [
-            np.repeat(rows.poles[:1, None], count, axis=1),
-            rows.guides,
-            np.repeat(rows.poles[1:, None], count, axis=1),
-        ]
+        [np.repeat(rows.poles[:1, None], count, axis=1), rows.guides, np.repeat(rows.poles[1:, None], count, axis=1)]
     )
     anchor_s, anchor_t = anchors(tmesh)
     column = np.rint(anchor_s * count).astype(int) % count
@@ -56,9 +52,7 @@ def through_loops(rows: Rows, tmesh: RowTMesh) -> TSpline:
     share = (place - level)[:, None]
     held = nets[level, column] * (1 - share) + nets[level + 1, column] * share
     normal = (basis.T @ weighted).toarray() + LOOP_DAMPING * np.eye(tmesh.size)
-    return TSpline(
-        tmesh, np.linalg.solve(normal, weighted.T @ points + LOOP_DAMPING * held), np.ones(tmesh.size)
-    )
+    return TSpline(tmesh, np.linalg.solve(normal, weighted.T @ points + LOOP_DAMPING * held), np.ones(tmesh.size))
 
 
 def transfer(surface: TSpline, tmesh: RowTMesh) -> TSpline:

@@ -58,9 +58,7 @@ def prune(surface: TSpline, target: FitTarget, limit: float, most: int) -> RowTM
         if len(then) == 0 or np.abs(then).max() < limit:
             gone[one.row].add(one.knot)
             now[one.samples] = then
-    return RowTMesh.from_rows(
-        tmesh.t_knots, [np.delete(knots, sorted(g)) for knots, g in zip(tmesh.s_knots, gone)]
-    )
+    return RowTMesh.from_rows(tmesh.t_knots, [np.delete(knots, sorted(g)) for knots, g in zip(tmesh.s_knots, gone)])
 
 
 def _widest(knots: Float[ndarray, " k"]) -> float:
@@ -76,9 +74,7 @@ def spare_knots(surface: TSpline, target: FitTarget) -> tuple[Float[ndarray, " n
     now = dots(surface.positions(samples.s, samples.t) - samples.points, normals)
     basis = sp.csc_array(surface.basis(samples.s, samples.t)[0])
     return now, [
-        one
-        for row in range(len(surface.tmesh.row_starts) - 1)
-        for one in _row(surface, basis, normals, now, row)
+        one for row in range(len(surface.tmesh.row_starts) - 1) for one in _row(surface, basis, normals, now, row)
     ]
 
 

@@ -55,9 +55,7 @@ class Form:
         """The form with more terms, whose matrices are no wider than those of the first ones."""
         band, gradient = self.band.copy(), self.gradient.copy()
         for term in terms:
-            metric, targets = (
-                np.require(part, requirements=["C", "W"]) for part in (term.metric, term.targets)
-            )
+            metric, targets = (np.require(part, requirements=["C", "W"]) for part in (term.metric, term.targets))
             add_rows(band, gradient, *csr_parts(term.matrix), metric, targets)
         return Form(band, gradient)
 

@@ -76,14 +76,7 @@ class Quadrature:
         cells = (basis[0] @ _shares(surface.tmesh)) * e * g
         parts = ((basis[3], 1 / e**4), (basis[4], 2 / (e * g) ** 2), (basis[5], 1 / g**4))
         return cls(
-            s,
-            t,
-            places=points,
-            normals=normals,
-            areas=share * e * g,
-            cells=cells,
-            blending=basis[0],
-            parts=parts,
+            s, t, places=points, normals=normals, areas=share * e * g, cells=cells, blending=basis[0], parts=parts
         )
 
     def terms(self, surface: TSpline, bend: float, drift: float, folded: Bool[ndarray, " n"]) -> list[Term]:
@@ -115,9 +108,7 @@ def _shares(tmesh: RowTMesh) -> Float[ndarray, " n"]:
     """The part of the parameter domain each control point has: its support divided by the knot intervals in
     it, in both directions."""
     t = tmesh.t_knots
-    tall = (t[4:] - t[:-4]) / sum(
-        (t[k + 1 : len(t) - 3 + k] > t[k : len(t) - 4 + k]).astype(float) for k in range(4)
-    )
+    tall = (t[4:] - t[:-4]) / sum((t[k + 1 : len(t) - 3 + k] > t[k : len(t) - 4 + k]).astype(float) for k in range(4))
     return np.concatenate([h * _widths(knots) for h, knots in zip(tall, tmesh.s_knots)])
 
 
@@ -202,9 +193,7 @@ def step(surface: TSpline, target: FitTarget, tolerance: float, plane: float, of
         folded = folds(stepped, target, grid, before)
         if not folded.any():
             return stepped
-        damping = np.where(
-            _round(surface, quadrature, grid, folded), np.maximum(FIRMER * damping, 1.0), damping
-        )
+        damping = np.where(_round(surface, quadrature, grid, folded), np.maximum(FIRMER * damping, 1.0), damping)
     (basis,) = surface.basis(*grid)
     moving = np.ones(surface.tmesh.size, dtype=bool)
     for _ in range(TRIES):
@@ -235,9 +224,7 @@ def fair_step(
     return surface.with_control_points(Form.of(terms, surface.tmesh.size).least())
 
 
-def _round(
-    surface: TSpline, quadrature: Quadrature, grid: tuple[ndarray, ndarray], which: ndarray
-) -> ndarray:
+def _round(surface: TSpline, quadrature: Quadrature, grid: tuple[ndarray, ndarray], which: ndarray) -> ndarray:
     """The quadrature points near to some of the grid."""
     if not which.any():
         return np.zeros(len(quadrature.s), dtype=bool)
@@ -274,9 +261,7 @@ def data_terms(surface: TSpline, target: FitTarget, tolerance: float, slide: flo
         np.full(len(target.inward.areas), least), np.zeros(len(target.outward.areas))
     )  # the latter come and go unnoticed
     weights = samples.areas * (met + (samples.distances / max(tolerance, target.worst / NEAR)) ** power)
-    metric = weights[:, None, None] * (
-        slide * np.eye(3) + (1 - slide) * normals[:, :, None] * normals[:, None, :]
-    )
+    metric = weights[:, None, None] * (slide * np.eye(3) + (1 - slide) * normals[:, :, None] * normals[:, None, :])
     return [Term(basis, metric, samples.points)]
 
 
@@ -346,7 +331,5 @@ def pole_rings(surface: TSpline, weight: float, free: float) -> list[Term]:
         within = free * np.sqrt((arms**2).sum(axis=1).mean())
         far = np.linalg.norm(now, axis=1)
         nearer = now * np.minimum(1.0, within / np.maximum(far, np.finfo(float).tiny))[:, None]
-        terms.append(
-            Term(sp.csr_array(off @ ring.arms), (weight * (far > within))[:, None, None] * np.eye(3), nearer)
-        )
+        terms.append(Term(sp.csr_array(off @ ring.arms), (weight * (far > within))[:, None, None] * np.eye(3), nearer))
     return terms

@@ -56,9 +56,7 @@ class MeshNormals:
         """The normal of the face nearest to each point."""
         return self._normals[self.distance.closest(points)[1]]
 
-    def facing(
-        self, surface: TSpline, s: Float[ndarray, " n"], t: Float[ndarray, " n"]
-    ) -> Float[ndarray, " n"]:
+    def facing(self, surface: TSpline, s: Float[ndarray, " n"], t: Float[ndarray, " n"]) -> Float[ndarray, " n"]:
         """Cosines between the surface normals and those of the mesh's nearest faces."""
         return dots(surface.normals(s, t), self.normals(surface.positions(s, t)))
 
@@ -115,9 +113,7 @@ class FitTarget:
         s, t = harmonic_parameters(rows, points)
         none = np.empty(0)
         inward = MeshSamples(points, areas, s, t, np.full(len(points), np.inf))
-        return cls(
-            MeshNormals(mesh), inward, MeshSamples(np.empty((0, 3)), none, none, none, none), np.empty((0, 2))
-        )
+        return cls(MeshNormals(mesh), inward, MeshSamples(np.empty((0, 3)), none, none, none, none), np.empty((0, 2)))
 
     @classmethod
     def at_feet(cls, mesh: TriangleMesh, surface: TSpline, samples: int, tolerance: float) -> "FitTarget":
@@ -176,9 +172,7 @@ class FitTarget:
     def on(self, surface: TSpline, tolerance: float) -> "FitTarget":
         """The target with the closest points of `surface`, and the surface points that miss the mesh now."""
         s, t, share = element_points(surface.elements().boxes, OUTWARD)
-        limits = np.append(
-            np.full(len(s), PULLED * tolerance), np.full(len(self.places), WATCHED * tolerance)
-        )
+        limits = np.append(np.full(len(s), PULLED * tolerance), np.full(len(self.places), WATCHED * tolerance))
         s, t = np.append(s, self.places[:, 0]), np.append(t, self.places[:, 1])
         share = np.append(share, np.full(len(self.places), np.median(share)))
         S, Ss, St = surface.evaluate(s, t, 1)
@@ -190,9 +184,7 @@ class FitTarget:
         return replace(self, inward=self.inward.on(surface, tolerance), outward=outward)
 
 
-def harmonic_parameters(
-    rows: Rows, points: Float[ndarray, "n 3"]
-) -> tuple[Float[ndarray, " n"], Float[ndarray, " n"]]:
+def harmonic_parameters(rows: Rows, points: Float[ndarray, "n 3"]) -> tuple[Float[ndarray, " n"], Float[ndarray, " n"]]:
     """(s, t) of points near the mesh, linear in each face between those of its vertices.
 
     Over the seam s is unwrapped from the corner that is farthest from the poles.
@@ -204,6 +196,4 @@ def harmonic_parameters(
     base = np.take_along_axis(s, np.abs(t - 0.5).argmin(axis=1)[:, None], axis=1)
     turned = np.mod(s - base + 0.5, 1.0) - 0.5
     turned[(t <= 0) | (t >= 1)] = 0.0
-    return np.mod(base[:, 0] + (weights * turned).sum(axis=1), 1.0), np.clip(
-        (weights * t).sum(axis=1), 0.0, 1.0
-    )
+    return np.mod(base[:, 0] + (weights * turned).sum(axis=1), 1.0), np.clip((weights * t).sum(axis=1), 0.0, 1.0)

@@ -68,9 +68,7 @@ class ClosestPoints(NamedTuple):
 
 def project(surface: Surface, points: Float[ndarray, "n 3"]) -> Projection:
     """The closest point of the surface for each point. Raises ValueError for points that are not finite."""
-    points = np.require(
-        points, np.float64, ["C", "W"]
-    )  # one kind of array, for which kernels are compiled once
+    points = np.require(points, np.float64, ["C", "W"])  # one kind of array, for which kernels are compiled once
     elements = surface.elements()
     if elements.degree != 3:
         raise SurfaceError(f"the elements have degree {elements.degree}: points are projected on cubic ones")
@@ -140,9 +138,7 @@ def closest_points_near(
     return ClosestPoints(s, t, closest, normals)
 
 
-def grid_parameters(
-    surface: Surface, around: int, along: int
-) -> tuple[Float[ndarray, " n"], Float[ndarray, " n"]]:
+def grid_parameters(surface: Surface, around: int, along: int) -> tuple[Float[ndarray, " n"], Float[ndarray, " n"]]:
     """s and t of a regular grid over the whole domain, poles included: n = around * (along + 1)."""
     low, high = surface.domain[1]
     s, t = np.meshgrid(np.arange(around) / around, np.linspace(low, high, along + 1))

@@ -42,9 +42,7 @@ def pole_normal(S_t: Float[ndarray, "n 3"], upper: bool) -> Float[ndarray, "3"]:
     return unit((area if upper else -area)[None])[0]
 
 
-def pole_curvature(
-    S_t: Float[ndarray, "n 3"], S_tt: Float[ndarray, "n 3"], normal: Float[ndarray, "3"]
-) -> Curvature:
+def pole_curvature(S_t: Float[ndarray, "n 3"], S_tt: Float[ndarray, "n 3"], normal: Float[ndarray, "3"]) -> Curvature:
     """Curvature (one row) of a pole from S_t and S_tt at n parameters s round it."""
     axes = tangent_axes(normal[None], S_t[:1])
     x, y = (S_t @ axis for axis in axes[0])

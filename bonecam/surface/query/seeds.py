@@ -65,9 +65,7 @@ def _seeds_on_rows(surface: Surface) -> Seeds:
 def _counts_along(surface: Surface, breaks: ndarray) -> list[int]:
     """How many seeds each strip of t needs to space them as along s."""
     s = np.linspace(float(surface.domain[0, 0]), float(surface.domain[0, 1]), AROUND, endpoint=False)
-    points = surface.positions(np.tile(s, len(breaks)), np.repeat(breaks, AROUND)).reshape(
-        len(breaks), AROUND, 3
-    )
+    points = surface.positions(np.tile(s, len(breaks)), np.repeat(breaks, AROUND)).reshape(len(breaks), AROUND, 3)
     around = np.linalg.norm(np.diff(points, axis=1), axis=2).mean()
     across = np.linalg.norm(np.diff(points, axis=0), axis=2).mean(axis=1)
     return [int(count) for count in np.clip(np.ceil(across / around), *ALONG)]

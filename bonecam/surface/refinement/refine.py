@@ -64,14 +64,10 @@ class Sight:
         turns = np.append(np.arange(TURNS + 1), np.arange(-TURNS, 0))
         pairs = zip((tmesh.s_lines, tmesh.t_lines), tmesh.period)
         s_knots, t_knots = ((turns[:, None] * period + knots).ravel().tolist() for knots, period in pairs)
-        return cls(
-            tmesh.crossings, lines, (len(tmesh.s_lines), len(tmesh.t_lines)), (s_knots, t_knots), tmesh.period
-        )
+        return cls(tmesh.crossings, lines, (len(tmesh.s_lines), len(tmesh.t_lines)), (s_knots, t_knots), tmesh.period)
 
 
-def split_at_lack(
-    s: Lines, t: Lines, s_lack: Lack, t_lack: Lack, sight: Sight
-) -> list[tuple[Lines, Lines, float]]:
+def split_at_lack(s: Lines, t: Lines, s_lack: Lack, t_lack: Lack, sight: Sight) -> list[tuple[Lines, Lines, float]]:
     """The term split at a line that it lacks; nothing where it lacks none.
 
     Lines that the domain's end repeats come last: by then the term has been split from what lies beside that
@@ -85,13 +81,11 @@ def split_at_lack(
     else:
         terms = [(s, part, factor) for part, factor in _split(t, t_lack[0], sight, 1)]
     if any(
-        _knots(a, sight, 0) == _knots(s, sight, 0) and _knots(b, sight, 1) == _knots(t, sight, 1)
-        for a, b, _ in terms
+        _knots(a, sight, 0) == _knots(s, sight, 0) and _knots(b, sight, 1) == _knots(t, sight, 1) for a, b, _ in terms
     ):
         place = (sight.knots[0][s[2]], sight.knots[1][t[2]])
         raise SurfaceError(
-            f"a function at (s, t) = {place} reaches over a gap of the domain: it cannot be refined there",
-            place=place,
+            f"a function at (s, t) = {place} reaches over a gap of the domain: it cannot be refined there", place=place
         )
     return terms
 
@@ -139,8 +133,7 @@ def unseen_lines(own: Lines, seen: Sequence[int], sight: Sight, axis: int) -> li
                 unseen = [line for line in near if line not in seen]
                 if not unseen:
                     raise SurfaceError(
-                        f"knot {knot} of {'st'[axis]} is repeated more often than the T-mesh has lines "
-                        "for it",
+                        f"knot {knot} of {'st'[axis]} is repeated more often than the T-mesh has lines for it",
                         knot=knot,
                     )
                 lines.append(unseen[0])
@@ -237,9 +230,7 @@ def _old_terms(tmesh: TMesh, draft: Draft, lines: tuple[ndarray, ndarray]) -> Te
     return {(tuple(s), tuple(t)): {n: 1.0} for n, (s, t) in enumerate(zip(*numbers))}
 
 
-def _settle_terms(
-    terms: Terms, sight: Sight, faces: Float[ndarray, "f 4"]
-) -> tuple[Terms, set[tuple[int, int, int]]]:
+def _settle_terms(terms: Terms, sight: Sight, faces: Float[ndarray, "f 4"]) -> tuple[Terms, set[tuple[int, int, int]]]:
     """Terms split until none lacks a knot, and the vertices that others want: (axis, line, row)."""
     stack = [(s, t, coefficients) for (s, t), coefficients in terms.items()]
     done: Terms = {}
@@ -265,8 +256,7 @@ def _settle_terms(
             continue
         for axis, own, row in ((0, s, t[2]), (1, t, s[2])):
             wanted.update(
-                (axis, k % sight.counts[axis], row)
-                for k in unseen_lines(own, sight.lines[axis][vertex], sight, axis)
+                (axis, k % sight.counts[axis], row) for k in unseen_lines(own, sight.lines[axis][vertex], sight, axis)
             )
         _add(done, s, t, coefficients)
     return done, wanted
@@ -297,21 +287,16 @@ def refine(surface: S, s: Float[ndarray, " n"], t: Float[ndarray, " n"], directi
         return refine_rows(surface, s, t, directions)
     if not isinstance(tmesh, TMesh):
         raise SurfaceError(
-            "Bezier elements without a T-mesh (.iga) cannot be refined: read the surface from a .tsm "
-            "or .tspline file"
+            "Bezier elements without a T-mesh (.iga) cannot be refined: read the surface from a .tsm or .tspline file"
         )
     middle = surface.elements().boxes[place]
-    chosen = sorted(
-        {_face_at(tmesh, a, b) for a, b in zip(middle[:, :2].mean(axis=1), middle[:, 2:].mean(axis=1))}
-    )
+    chosen = sorted({_face_at(tmesh, a, b) for a, b in zip(middle[:, :2].mean(axis=1), middle[:, 2:].mean(axis=1))})
     return _cut(surface, chosen, directions)
 
 
 def _face_at(tmesh: TMesh, s: float, t: float) -> int:
     boxes = tmesh.face_boxes
-    return int(
-        np.flatnonzero((boxes[:, 0] < s) & (s < boxes[:, 1]) & (boxes[:, 2] < t) & (t < boxes[:, 3]))[0]
-    )
+    return int(np.flatnonzero((boxes[:, 0] < s) & (s < boxes[:, 1]) & (boxes[:, 2] < t) & (t < boxes[:, 3]))[0])
 
 
 def _cut(surface: S, chosen: list[int], directions: str) -> S:

@@ -21,12 +21,7 @@ Row = tuple[ndarray, ndarray]  # knots and homogeneous control points (r, 4); on
 T = TypeVar("T")
 
 
-def refine_rows(
-    surface: S,
-    s: Float[ndarray, " n"],
-    t: Float[ndarray, " n"],
-    directions: str,
-) -> S:
+def refine_rows(surface: S, s: Float[ndarray, " n"], t: Float[ndarray, " n"], directions: str) -> S:
     """The unchanged surface with a knot in the middle of the interval that holds s in each row that acts at
     t ("s"), and in the middle of the t-span ("t").
     """
@@ -37,9 +32,7 @@ def refine_rows(
         for j in range(len(rows)):
             acting = (span - 3 <= j) & (j <= span)
             if len(rows[j][0]) > 1 and acting.any():
-                rows[j] = with_knots(
-                    rows[j], _middles(rows[j], s[acting], np.concatenate([row[0] for row in rows]))
-                )
+                rows[j] = with_knots(rows[j], _middles(rows[j], s[acting], np.concatenate([row[0] for row in rows])))
     t_knots = tmesh.t_knots
     if "t" in directions:
         for x in np.unique((tmesh.t_knots[span] + tmesh.t_knots[span + 1]) / 2):
@@ -51,9 +44,7 @@ def with_row_knots(surface: S, new: Sequence[Float[ndarray, " _"]]) -> S:
     """The unchanged surface with more s-knots in its rows. `new` holds for each row knots in [0, 1) that it
     does not have yet, none for a pole.
     """
-    rows = [
-        with_knots(row, knots) if len(knots) else row for row, knots in zip(_rows(surface), new, strict=True)
-    ]
+    rows = [with_knots(row, knots) if len(knots) else row for row, knots in zip(_rows(surface), new, strict=True)]
     return _surface_of(surface, surface.tmesh.t_knots, rows)
 
 
@@ -71,9 +62,7 @@ def _rows(surface: Surface) -> list[Row]:
     points = np.split(np.hstack([surface.control_points * weights, weights]), starts[1:-1])
     if isinstance(surface.tmesh, OpenRowTMesh):
         return list(zip(aligned(surface.tmesh.s_knots), points))
-    rows = [
-        (knots, np.argsort(knots), part) for knots, part in zip(aligned(surface.tmesh.s_knots, 1.0), points)
-    ]
+    rows = [(knots, np.argsort(knots), part) for knots, part in zip(aligned(surface.tmesh.s_knots, 1.0), points)]
     return [(knots[order], part[order]) for knots, order, part in rows]
 
 
@@ -141,9 +130,7 @@ def _insert_periodic(knots: ndarray, points: ndarray, x: float) -> Row:
     return np.insert(knots, place, x), result
 
 
-def _insert(
-    knots: ndarray, items: Sequence[T], x: float, mixed: Callable[[T, T, float], T]
-) -> tuple[ndarray, list[T]]:
+def _insert(knots: ndarray, items: Sequence[T], x: float, mixed: Callable[[T, T, float], T]) -> tuple[ndarray, list[T]]:
     """Clamped knots with x, and the control points or rows: three lie between two old ones each."""
     k = int(np.searchsorted(knots, x, side="right")) - 1
     inserted = list(items[: k - 2])

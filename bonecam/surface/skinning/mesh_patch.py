@@ -67,9 +67,7 @@ def _layout(mesh: TriangleMesh) -> tuple[Float[ndarray, "v 2"], Float[ndarray, "
     loops = igl.boundary_loop_all(mesh.faces)
     if len(loops) != 1:
         what = f"has {len(loops)} edges" if len(loops) else "is closed"
-        raise SurfaceError(
-            f"a patch of one piece has one edge, this mesh {what}: cut it open", edges=len(loops)
-        )
+        raise SurfaceError(f"a patch of one piece has one edge, this mesh {what}: cut it open", edges=len(loops))
     edge = np.asarray(loops[0], dtype=np.int64)
     sides = _sides(mesh.vertices, edge)
     ways = [np.r_[0.0, np.cumsum(lengths(np.diff(mesh.vertices[side], axis=0)))] for side in sides]

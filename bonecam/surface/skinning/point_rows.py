@@ -45,20 +45,12 @@ class PointRows:
     def scaled(self, factor: float) -> "PointRows":
         """The rows with all coordinates multiplied by a factor."""
         return PointRows(
-            tuple(row * factor for row in self.rows),
-            None if self.poles is None else self.poles * factor,
-            self.closed,
+            tuple(row * factor for row in self.rows), None if self.poles is None else self.poles * factor, self.closed
         )
 
     def skin(self, tolerance: float, max_control_points: int | None = None) -> TSpline:
         """The T-spline through the rows: see `surface.skin`."""
-        return skin(
-            self.rows,
-            tolerance,
-            closed=self.closed,
-            poles=self.poles,
-            max_control_points=max_control_points,
-        )
+        return skin(self.rows, tolerance, closed=self.closed, poles=self.poles, max_control_points=max_control_points)
 
 
 def holds_rows(path: str | Path) -> bool:
@@ -87,15 +79,11 @@ def rows_of(blocks: list[Float[ndarray, "_ 3"]], path: Path) -> PointRows:
         steps = np.linalg.norm(np.roll(row, -1, axis=0) - row, axis=1)[: None if closed else -1]
         if len(row) < fewest:
             remedy = f"give {fewest} or more"
-            raise FileError(
-                f"{path}: row {number} has {len(row)} points: {remedy}", file=str(path), row=number
-            )
+            raise FileError(f"{path}: row {number} has {len(row)} points: {remedy}", file=str(path), row=number)
         if steps.min() <= least:
             place = int(np.argmin(steps))
             raise FileError(
-                f"{path}: row {number}: points {place} and the next coincide: remove one",
-                file=str(path),
-                row=number,
+                f"{path}: row {number}: points {place} and the next coincide: remove one", file=str(path), row=number
             )
     return PointRows(tuple(_oriented(rows, poles) if closed else rows), poles, closed)
 
@@ -105,8 +93,7 @@ def _poles(blocks: list[ndarray], file: Path) -> Float[ndarray, "2 3"] | None:
     single = [len(block) == 1 for block in (blocks[0], blocks[-1])]
     if any(single) and not all(single):
         raise FileError(
-            f"{file}: has one pole only: give the other as the {'last' if single[0] else 'first'} block",
-            file=str(file),
+            f"{file}: has one pole only: give the other as the {'last' if single[0] else 'first'} block", file=str(file)
         )
     return np.vstack([blocks[0], blocks[-1]]) if all(single) and len(blocks) > 1 else None
 

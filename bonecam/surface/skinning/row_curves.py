@@ -72,8 +72,7 @@ def _check(number: int, row: ndarray, closed: bool) -> None:
     fewest = FEWEST_CLOSED if closed else FEWEST_OPEN
     if len(row) < fewest:
         raise ValueError(
-            f"row {number} has {len(row)} points: {'a closed' if closed else 'an open'} row needs at "
-            f"least {fewest}"
+            f"row {number} has {len(row)} points: {'a closed' if closed else 'an open'} row needs at least {fewest}"
         )
     if not np.isfinite(row).all():
         raise ValueError(f"row {number}, point {int(np.argmin(np.isfinite(row).all(axis=1)))} is not finite")

@@ -258,13 +258,9 @@ class ControlCurves:
     def _surface(self, rows: list[tuple[ndarray, ndarray]]) -> TSpline:
         points = np.vstack([control for _, control in rows])
         if self.closed:
-            return TSpline(
-                RowTMesh.from_rows(self.t_knots, [knots for knots, _ in rows]), points, np.ones(len(points))
-            )
+            return TSpline(RowTMesh.from_rows(self.t_knots, [knots for knots, _ in rows]), points, np.ones(len(points)))
         return TSpline(
-            OpenRowTMesh.from_rows(self.t_knots, [clamped(knots) for knots, _ in rows]),
-            points,
-            np.ones(len(points)),
+            OpenRowTMesh.from_rows(self.t_knots, [clamped(knots) for knots, _ in rows]), points, np.ones(len(points))
         )
 
 
@@ -301,8 +297,7 @@ def skin(
     size = float(np.linalg.norm(np.ptp(np.vstack(curves.points), axis=0)))
     if tolerance < NOTHING * size:
         raise SurfaceError(
-            f"{tolerance} mm is below rounding: ask for {NOTHING * size:.1e} mm or more",
-            reached=NOTHING * size,
+            f"{tolerance} mm is below rounding: ask for {NOTHING * size:.1e} mm or more", reached=NOTHING * size
         )
     if max_control_points is not None and control.least > max_control_points:
         raise SurfaceError(

@@ -66,9 +66,7 @@ class SideVertices:
         """Unit normals of one element at places in its square; 0 where it has none."""
         elements = self.surface.elements()
         s, t = self._parameters(element, uv).T
-        _, Ss, St = elements.derivatives(
-            self.surface.patches, np.full(len(uv), element, dtype=np.int32), s, t, 1
-        )
+        _, Ss, St = elements.derivatives(self.surface.patches, np.full(len(uv), element, dtype=np.int32), s, t, 1)
         normals = np.cross(Ss, St)
         return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), np.finfo(float).tiny)
 
@@ -76,9 +74,7 @@ class SideVertices:
         box = self.surface.elements().boxes[element]
         return box[[0, 2]] + uv * (box[[1, 3]] - box[[0, 2]])
 
-    def added(
-        self, element: int, uv: Float[ndarray, "n 2"], places: Float[ndarray, "n 3"]
-    ) -> Int[ndarray, " n"]:
+    def added(self, element: int, uv: Float[ndarray, "n 2"], places: Float[ndarray, "n 3"]) -> Int[ndarray, " n"]:
         """Numbers of new vertices."""
         self.parameters.append(self._parameters(element, uv))
         self.points.append(places)
@@ -100,10 +96,7 @@ def pieces_of_sides(surface: Surface, same: float) -> list[list[Piece]]:
         for side in range(4):
             a = vertex[4 * e + side]
             b = vertex[4 * e + (side + 1) % 4]
-            if (
-                a == b
-                and np.ptp(net.positions(e, along_side(side, np.linspace(0, 1, 9))), axis=0).max() <= same
-            ):
+            if a == b and np.ptp(net.positions(e, along_side(side, np.linspace(0, 1, 9))), axis=0).max() <= same:
                 continue  # a side that is one point
             cuts = [
                 (0.0, int(a)),
@@ -186,8 +179,7 @@ def element_mesh(
         net, faces, worst, bent = _triangulate(surface, pieces, cells, tolerance, angle)
         if net.gap > tolerance:
             raise SurfaceError(
-                f"elements part by {net.gap:.3g} mm along a common side: ask for a tolerance above that",
-                gap=net.gap,
+                f"elements part by {net.gap:.3g} mm along a common side: ask for a tolerance above that", gap=net.gap
             )
         missed = (worst > tolerance) | bent
         if not missed.any():
@@ -203,11 +195,7 @@ def element_mesh(
 
 
 def _triangulate(
-    surface: Surface,
-    pieces: list[list[Piece]],
-    cells: Int[ndarray, " e"],
-    shortest: float,
-    angle: float | None,
+    surface: Surface, pieces: list[list[Piece]], cells: Int[ndarray, " e"], shortest: float, angle: float | None
 ) -> tuple[SideVertices, ndarray, Float[ndarray, " e"], Bool[ndarray, " e"]]:
     """The mesh with so many cells in each element, the largest distance in each, and whether an edge in it
     turns by more than the angle."""

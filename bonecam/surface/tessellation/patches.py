@@ -29,9 +29,7 @@ def patch_mesh(surface: Surface) -> tuple[Float[ndarray, "n 2"], Bool[ndarray, "
         if elements.period[axis]:
             end = elements.domain[axis, 1]
             wrapped[:, axis] = np.where(
-                np.abs(wrapped[:, axis] - end) <= ONE_POINT * np.abs(elements.domain).max(),
-                low[axis],
-                wrapped[:, axis],
+                np.abs(wrapped[:, axis] - end) <= ONE_POINT * np.abs(elements.domain).max(), low[axis], wrapped[:, axis]
             )
     parameters, vertex = np.unique(wrapped, axis=0, return_inverse=True)
     faces, centres = _triangles(boxes, parameters, vertex.reshape(-1, 4), elements.domain, elements.period)

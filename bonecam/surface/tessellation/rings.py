@@ -86,9 +86,7 @@ def _zip(lower: int, m: int, upper: int, n: int) -> ndarray:
     if n == 1:
         return np.column_stack([lower + np.arange(m), lower + (np.arange(m) + 1) % m, np.full(m, upper)])
     step = np.concatenate([(np.arange(m) + 0.5) / m, (np.arange(n) + 0.5) / n])
-    is_lower = np.concatenate([np.ones(m, dtype=bool), np.zeros(n, dtype=bool)])[
-        np.argsort(step, kind="stable")
-    ]
+    is_lower = np.concatenate([np.ones(m, dtype=bool), np.zeros(n, dtype=bool)])[np.argsort(step, kind="stable")]
     i, j = np.cumsum(is_lower) - is_lower, np.cumsum(~is_lower) - ~is_lower
     third = np.where(is_lower, lower + (i + 1) % m, upper + (j + 1) % n)
     return np.column_stack([lower + i % m, third, upper + j % n])

@@ -13,14 +13,7 @@ from numpy import ndarray
 
 from bonecam.errors import SurfaceError
 from bonecam.surface.tessellation.rings import ring_mesh
-from bonecam.surface.tessellation.tessellate import (
-    MARGIN,
-    ROUNDS,
-    _Draft,
-    _edges,
-    _edges_to_split,
-    _split_edges,
-)
+from bonecam.surface.tessellation.tessellate import MARGIN, ROUNDS, _Draft, _edges, _edges_to_split, _split_edges
 from bonecam.surface.tmesh.surface import Surface
 
 

@@ -71,10 +71,7 @@ class _Draft:
 
 
 def tessellate(
-    surface: Surface,
-    chord_tolerance: float,
-    angle_tolerance: float | None = None,
-    most_vertices: int = MOST_VERTICES,
+    surface: Surface, chord_tolerance: float, angle_tolerance: float | None = None, most_vertices: int = MOST_VERTICES
 ) -> Tessellation:
     """Triangles within `chord_tolerance` (mm) of the surface; with `angle_tolerance` (rad) the normals along
     an edge, too.
@@ -93,9 +90,7 @@ def tessellate(
     rows = isinstance(surface.tmesh, RowTMesh)
     parameters, poles, faces = ring_mesh(surface, chord_tolerance) if rows else patch_mesh(surface)
     points = surface.positions(*parameters.T)
-    draft = _Draft(
-        surface, parameters, poles=poles, points=points, faces=faces, fresh=np.ones(len(faces), dtype=bool)
-    )
+    draft = _Draft(surface, parameters, poles=poles, points=points, faces=faces, fresh=np.ones(len(faces), dtype=bool))
     for _ in range(ROUNDS):
         edges, edge_of_face = _edges(draft.faces)
         marked = _edges_to_split(draft, edges, edge_of_face, MARGIN * chord_tolerance, angle_tolerance)
@@ -122,11 +117,7 @@ def _edges(faces: ndarray) -> tuple[ndarray, ndarray]:
 
 
 def _edges_to_split(
-    draft: _Draft,
-    edges: ndarray,
-    edge_of_face: ndarray,
-    chord_tolerance: float,
-    angle_tolerance: float | None,
+    draft: _Draft, edges: ndarray, edge_of_face: ndarray, chord_tolerance: float, angle_tolerance: float | None
 ) -> ndarray:
     """Which edges must be split, by the fresh faces and their edges. What passes is measured into
     draft.deviation."""
@@ -145,9 +136,7 @@ def _edges_to_split(
     inside = triangles.triangle_distances(centre, draft.points, faces)
     normals = np.cross(S_s, S_t)
     height = np.einsum("ni,ni->n", normals, draft.points[faces].mean(axis=1) - centre)
-    inside = np.maximum(
-        inside, np.abs(height) / np.maximum(np.linalg.norm(normals, axis=1), np.finfo(float).tiny)
-    )
+    inside = np.maximum(inside, np.abs(height) / np.maximum(np.linalg.norm(normals, axis=1), np.finfo(float).tiny))
     length = _lengths(draft.points, edges)[sides]
     a, b, c = (draft.points[faces[:, k]] for k in range(3))
     against = np.einsum("ni,ni->n", np.cross(b - a, c - a), normals) <= 0
@@ -196,9 +185,7 @@ def _cut_faces(points: ndarray, faces: ndarray, middle: ndarray) -> ndarray:
     """
     marked = middle >= 0
     count = marked.sum(axis=1)
-    turn = np.where(
-        count == 1, np.argmax(marked, axis=1), np.where(count == 2, (np.argmin(marked, axis=1) + 1) % 3, 0)
-    )
+    turn = np.where(count == 1, np.argmax(marked, axis=1), np.where(count == 2, (np.argmin(marked, axis=1) + 1) % 3, 0))
     order = (turn[:, None] + np.arange(3)) % 3
     a, b, c = np.take_along_axis(faces, order, axis=1).T
     m, n, o = np.take_along_axis(middle, order, axis=1).T
@@ -220,8 +207,7 @@ def _check_mesh(surface: Surface, parameters: ndarray, points: ndarray, faces: n
     if not area.min() > 0:
         place = parameters[mesh.faces[int(np.argmin(area))][0]]
         raise SurfaceError(
-            f"control points coincide near (s, t) = ({place[0]:.4f}, {place[1]:.4f}): move them apart",
-            place=place,
+            f"control points coincide near (s, t) = ({place[0]:.4f}, {place[1]:.4f}): move them apart", place=place
         )
     inward = not isinstance(surface.tmesh, RowTMesh) and _closed(mesh.faces) and mesh.volume < 0
     return TriangleMesh(mesh.vertices, mesh.faces[:, ::-1]) if inward else mesh

@@ -17,13 +17,10 @@ def require_valid(surface: Surface, chord_tolerance: float, name: str) -> Triang
         place = mesh.vertices[mesh.faces[cut]].mean(axis=1)[0]
         remedy = "raise surface.max_control_points, or smooth the mesh or fill the cleft there"
         raise SurfaceError(
-            f"{what} cuts itself in {len(cut)} faces, first near {place_name(place)}: {remedy}",
-            faces=cut,
-            place=place,
+            f"{what} cuts itself in {len(cut)} faces, first near {place_name(place)}: {remedy}", faces=cut, place=place
         )
     if mesh.volume <= 0:
         raise SurfaceError(
-            f"{what} is turned inside out, its normals point inwards: reverse its s parameter or do "
-            "not mirror it"
+            f"{what} is turned inside out, its normals point inwards: reverse its s parameter or do not mirror it"
         )
     return mesh

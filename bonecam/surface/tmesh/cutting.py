@@ -33,9 +33,7 @@ class Draft:
     def of(cls, tmesh: TMesh) -> "Draft":
         """A draft of the T-mesh as it is."""
         edges = [tmesh.along_s.copy(), tmesh.along_t.copy()]
-        return cls(
-            [tmesh.s_lines, tmesh.t_lines], edges, tmesh.inside.copy(), tmesh.crossings.copy(), tmesh.period
-        )
+        return cls([tmesh.s_lines, tmesh.t_lines], edges, tmesh.inside.copy(), tmesh.crossings.copy(), tmesh.period)
 
     def tmesh(self) -> TMesh:
         """The finished T-mesh; vertices keep their numbers."""
@@ -59,9 +57,7 @@ class Draft:
         before = np.searchsorted(old, knots, side="right")
         self.knots[axis] = np.insert(old, before, knots)
         pieces = before - 1
-        self.edges[axis] = np.insert(
-            self.edges[axis], before, self.edges[axis].take(pieces, axis=axis), axis=axis
-        )
+        self.edges[axis] = np.insert(self.edges[axis], before, self.edges[axis].take(pieces, axis=axis), axis=axis)
         self.edges[1 - axis] = np.insert(self.edges[1 - axis], before, False, axis=axis)
         self.inside = np.insert(self.inside, before, self.inside.take(pieces, axis=axis), axis=axis)
         self.crossings = np.insert(self.crossings, before, -1, axis=axis)
@@ -119,9 +115,7 @@ class Draft:
     def _fill_rings(self) -> None:
         """Draw each row that passes all round a closed direction with vertices but too few knots as a ring
         with more."""
-        for axis, (hits, passes) in enumerate(
-            sight(self.crossings >= 0, self.edges, self.inside, self.period)
-        ):
+        for axis, (hits, passes) in enumerate(sight(self.crossings >= 0, self.edges, self.inside, self.period)):
             vertex = self.crossings >= 0 if axis == 0 else self.crossings.T >= 0
             short = (hits.sum(axis=0) < FEWEST) & vertex.any(axis=0) & passes.all(axis=0)
             for row in np.flatnonzero(short).tolist() if self.period[axis] else ():

@@ -58,8 +58,7 @@ def local_lines(
         if closed and passes[:, j].all():
             if len(stops) < 4:
                 raise SurfaceError(
-                    f"row {j} of a closed direction has {len(stops)} distinct knots: give it four or more",
-                    row=int(j),
+                    f"row {j} of a closed direction has {len(stops)} distinct knots: give it four or more", row=int(j)
                 )
             place = np.searchsorted(stops, line[here])[:, None] + np.arange(-2, 3)
             result[here] = stops[place % len(stops)] + count * (place // len(stops))
@@ -88,16 +87,12 @@ def _open(line: ndarray, stops: ndarray, walls: ndarray, shift: int) -> ndarray:
     return indices
 
 
-def knots_of_lines(
-    lines: Int64[ndarray, "n k"], knots: Float[ndarray, " a"], period: float
-) -> Float[ndarray, "n k"]:
+def knots_of_lines(lines: Int64[ndarray, "n k"], knots: Float[ndarray, " a"], period: float) -> Float[ndarray, "n k"]:
     """Knot values of line numbers, those beyond the ends of a closed direction moved by whole periods."""
     return knots[lines % len(knots)] + period * (lines // len(knots))
 
 
-def face_rectangles(
-    widths: ndarray, heights: ndarray, inside: ndarray, along_s: ndarray, along_t: ndarray
-) -> ndarray:
+def face_rectangles(widths: ndarray, heights: ndarray, inside: ndarray, along_s: ndarray, along_t: ndarray) -> ndarray:
     """Cells joined where no edge parts them, as boxes of line numbers; what lies across a seam is parted
     there.
 
@@ -110,9 +105,9 @@ def face_rectangles(
     joined_t = inside[:, :-1] & inside[:, 1:] & ~along_s[:p, 1:q]
     pairs = [(cell[:-1][joined_s], cell[1:][joined_s]), (cell[:, :-1][joined_t], cell[:, 1:][joined_t])]
     a, b = (np.concatenate([pair[k] for pair in pairs]) for k in (0, 1))
-    label = connected_components(
-        sp.coo_array((np.ones(len(a)), (a, b)), shape=(p * q, p * q)), directed=False
-    )[1].reshape(p, q)
+    label = connected_components(sp.coo_array((np.ones(len(a)), (a, b)), shape=(p * q, p * q)), directed=False)[
+        1
+    ].reshape(p, q)
     counted = inside & (widths > 0)[:, None] & (heights > 0)
     i, j = np.nonzero(counted)
     kinds, group = np.unique(label[counted], return_inverse=True)
@@ -122,10 +117,7 @@ def face_rectangles(
         np.minimum.at(low[k], group, index)
         np.maximum.at(high[k], group, index + 1)
     full = np.array(
-        [
-            np.count_nonzero(widths[s0:s1]) * np.count_nonzero(heights[t0:t1])
-            for s0, t0, s1, t1 in zip(*low, *high)
-        ]
+        [np.count_nonzero(widths[s0:s1]) * np.count_nonzero(heights[t0:t1]) for s0, t0, s1, t1 in zip(*low, *high)]
     )
     wrong = np.flatnonzero(full != np.bincount(group, minlength=len(kinds)))
     if len(wrong):
@@ -165,18 +157,13 @@ class TMesh:
         kinds = (np.float64, np.float64, np.int64, np.bool_, np.bool_, np.bool_)
         for name, kind in zip(("s_lines", "t_lines", "vertices", "along_s", "along_t", "inside"), kinds):
             object.__setattr__(self, name, frozen(getattr(self, name), kind))
-        for letter, lines, period in (
-            ("s", self.s_lines, self.period[0]),
-            ("t", self.t_lines, self.period[1]),
-        ):
+        for letter, lines, period in (("s", self.s_lines, self.period[0]), ("t", self.t_lines, self.period[1])):
             _check_knots(letter, lines, period)
         a, b = len(self.s_lines), len(self.t_lines)
         cells = (a if self.period[0] else a - 1, b if self.period[1] else b - 1)
         for name, shape in (("along_s", (cells[0], b)), ("along_t", (a, cells[1])), ("inside", cells)):
             if getattr(self, name).shape != shape:
-                raise ValueError(
-                    f"{name} has the shape {getattr(self, name).shape}: {a} x {b} lines need {shape}"
-                )
+                raise ValueError(f"{name} has the shape {getattr(self, name).shape}: {a} x {b} lines need {shape}")
         v = self.vertices
         if len(v) == 0 or v.min() < 0 or (v >= [a, b]).any() or len(np.unique(v @ [b, 1])) != len(v):
             raise SurfaceError("every vertex needs a crossing of its own among the index lines")
@@ -224,9 +211,7 @@ class TMesh:
     def local_knots(self) -> tuple[Float[ndarray, "n 5"], Float[ndarray, "n 5"]]:
         """The local knot vectors in s and in t of every vertex."""
         s, t = self.knot_lines
-        return knots_of_lines(s, self.s_lines, self.period[0]), knots_of_lines(
-            t, self.t_lines, self.period[1]
-        )
+        return knots_of_lines(s, self.s_lines, self.period[0]), knots_of_lines(t, self.t_lines, self.period[1])
 
     @cached_property
     def faces(self) -> Int64[ndarray, "f 4"]:
@@ -278,8 +263,7 @@ def _check_knots(letter: str, lines: ndarray, period: float) -> None:
         )
     if not (max(np.ptp(lines), period) > 1 / LARGEST and max(np.abs(lines).max(), period) < LARGEST):
         raise SurfaceError(
-            f"the knots in {letter} are all equal, or their range is not between {1 / LARGEST:g} and "
-            f"{LARGEST:g}"
+            f"the knots in {letter} are all equal, or their range is not between {1 / LARGEST:g} and {LARGEST:g}"
         )
     close = (np.diff(lines) > 0) & (np.diff(lines) < ROUNDING * max(np.ptp(lines), np.abs(lines).max()))
     if close.any():
@@ -288,9 +272,7 @@ def _check_knots(letter: str, lines: ndarray, period: float) -> None:
             f"the knots of {letter}-lines {k - 1} and {k} differ by rounding only: make them equal", line=k
         )
     if period < 0 or (period and not period > np.ptp(lines)):
-        raise SurfaceError(
-            f"the period of {letter} must be longer than its knots' range {np.ptp(lines)}, not {period}"
-        )
+        raise SurfaceError(f"the period of {letter} must be longer than its knots' range {np.ptp(lines)}, not {period}")
 
 
 def sight(

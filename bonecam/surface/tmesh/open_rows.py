@@ -42,8 +42,7 @@ class OpenRowTMesh:
         for j, row in enumerate(s_knots):
             if len(row) < 8 or fault(row) or not _clamped(row) or row[0] != 0 or row[-1] != 1:
                 raise ValueError(
-                    f"row {j}: an open row needs knots that never decrease, 0 and 1 four times at the "
-                    f"ends{fault(row)}"
+                    f"row {j}: an open row needs knots that never decrease, 0 and 1 four times at the ends{fault(row)}"
                 )
         return cls(t, tuple(frozen(row) for row in s_knots))
 
@@ -98,21 +97,15 @@ class OpenRowTMesh:
         starts = self.row_starts
         breaks = distinct(np.concatenate([self.s_knots[j] for j in rows]))
         low, high = breaks[:-1], breaks[1:]
-        along = bernstein_coefficients(
-            self.t_knots[None, k - 3 : k + 5], self.t_knots[[k]], self.t_knots[[k + 1]]
-        )[0]
+        along = bernstein_coefficients(self.t_knots[None, k - 3 : k + 5], self.t_knots[[k]], self.t_knots[[k + 1]])[0]
         ids = []
         values = []
         for j in rows:
             span = _span(self.s_knots[j], (low + high) / 2)
             around = bernstein_coefficients(self.s_knots[j][span[:, None] + np.arange(-3, 5)], low, high)
-            values.append(
-                (along[j - k + 3][None, None, :, None] * around[:, :, None, :]).reshape(len(low), 4, 16)
-            )
+            values.append((along[j - k + 3][None, None, :, None] * around[:, :, None, :]).reshape(len(low), 4, 16))
             ids.append(starts[j] + span[:, None] + np.arange(-3, 1))
-        boxes = np.column_stack(
-            [low, high, np.full_like(low, self.t_knots[k]), np.full_like(low, self.t_knots[k + 1])]
-        )
+        boxes = np.column_stack([low, high, np.full_like(low, self.t_knots[k]), np.full_like(low, self.t_knots[k + 1])])
         return (
             boxes,
             np.full(len(low), 16),

@@ -39,9 +39,7 @@ class RowTMesh:
         wrong counts."""
         t = frozen(t_knots)
         if len(t) < 8 or len(t) != len(s_knots) + 4:
-            raise ValueError(
-                f"{len(s_knots)} rows (four or more) need {len(s_knots) + 4} t-knots, not {len(t)}"
-            )
+            raise ValueError(f"{len(s_knots)} rows (four or more) need {len(s_knots) + 4} t-knots, not {len(t)}")
         if fault(t):
             raise ValueError(f"t-knots must never decrease{fault(t)}")
         steps = np.diff(t)[(np.diff(t) > 0)]
@@ -56,8 +54,7 @@ class RowTMesh:
                 row[0] >= 0 and row[-1] < 1 and (np.diff(row, append=row[0] + 1) > NEAREST).all()
             ):
                 raise ValueError(
-                    f"row {j}: a closed row needs four or more increasing knots in [0, 1), a pole "
-                    f"one{fault(row)}"
+                    f"row {j}: a closed row needs four or more increasing knots in [0, 1), a pole one{fault(row)}"
                 )
         return cls(t, tuple(frozen(row) for row in s_knots))
 

@@ -64,9 +64,7 @@ class Surface(ABC, Generic[M]):
         """The Bezier elements of the T-mesh: boxes, function ids, coefficients."""
 
     @abstractmethod
-    def basis(
-        self, s: Float[ndarray, " n"], t: Float[ndarray, " n"], order: int = 0
-    ) -> tuple[sp.csr_array, ...]:
+    def basis(self, s: Float[ndarray, " n"], t: Float[ndarray, " n"], order: int = 0) -> tuple[sp.csr_array, ...]:
         """R, then R_s, R_t (order 1), then R_ss, R_st, R_tt (order 2): sparse (n, control points)."""
 
     @abstractmethod
@@ -88,9 +86,7 @@ class Surface(ABC, Generic[M]):
         """The surface of the same T-mesh and weights with other control points."""
 
     @abstractmethod
-    def with_tmesh(
-        self: "S", tmesh: Any, control_points: Float[ndarray, "n 3"], weights: Float[ndarray, " n"]
-    ) -> "S":
+    def with_tmesh(self: "S", tmesh: Any, control_points: Float[ndarray, "n 3"], weights: Float[ndarray, " n"]) -> "S":
         """The surface of another T-mesh of the same kind."""
 
 

@@ -91,9 +91,7 @@ def _check_travel(noses: NoseMoves, column: int, axis: LinearAxis) -> None:
         middle = float(np.median(values))
         line = high_line if high - middle > middle - low else low_line
         what = f"{axis.letter} runs over {high - low:.1f} mm in the program, its travel is {axis.travel:g} mm"
-        raise VerifyError(
-            f"line {line}: {what}: {LARGER}", line=line, place=None, error=high - low - axis.travel
-        )
+        raise VerifyError(f"line {line}: {what}: {LARGER}", line=line, place=None, error=high - low - axis.travel)
 
 
 def _extreme(
@@ -125,9 +123,7 @@ def _check_retracts(noses: NoseMoves, axis: LinearAxis) -> None:
         if height < top - GUARD:
             what = f"the retract to Z {height:g} of the machine is below the spindle nose at its highest ({top:.1f} mm)"
             remedy = "correct the limits and part_zero of the machine's file, or the retract of the dialect's"
-            raise VerifyError(
-                f"line {move.line}: {what}: {remedy}", line=move.line, place=None, error=top - height
-            )
+            raise VerifyError(f"line {move.line}: {what}: {remedy}", line=move.line, place=None, error=top - height)
 
 
 def _beyond(letter: str, value: float, limit: float, unit: str, line: int) -> VerifyError:

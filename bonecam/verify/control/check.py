@@ -157,10 +157,7 @@ def _check_tools(motions: Motions, cutters: dict[int, Cutter]) -> None:
                 what = f"tool {number} has a {name} of {value:g} mm here, of {wanted:g} mm in the job"
                 remedy = "give the job that the program was made with"
                 raise VerifyError(
-                    f"line {reported.line}: {what}: {remedy}",
-                    line=reported.line,
-                    place=None,
-                    error=abs(value - wanted),
+                    f"line {reported.line}: {what}: {remedy}", line=reported.line, place=None, error=abs(value - wanted)
                 )
 
 

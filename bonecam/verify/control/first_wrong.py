@@ -16,6 +16,4 @@ def refuse_first(motions: Motions, wrong: Bool[ndarray, "n"], why: Callable[[int
         return
     move = int(np.argmax(wrong))
     line = int(motions.lines[move])
-    raise VerifyError(
-        f"line {line}: {why(move)}", line=line, place=tuple(motions.tips[move].tolist()), error=np.inf
-    )
+    raise VerifyError(f"line {line}: {why(move)}", line=line, place=tuple(motions.tips[move].tolist()), error=np.inf)

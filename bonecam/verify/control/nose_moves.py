@@ -48,8 +48,7 @@ class NoseMoves:
     def highest(self, column: int, sign: float, moves: Int[ndarray, "k"]) -> Float[ndarray, "k"]:
         """The largest value of `sign` times an axis in some moves, mm."""
         highest = [
-            self._sampled(column, sign, moves[at : at + MOST_AT_ONCE])
-            for at in range(0, len(moves), MOST_AT_ONCE)
+            self._sampled(column, sign, moves[at : at + MOST_AT_ONCE]) for at in range(0, len(moves), MOST_AT_ONCE)
         ]
         return np.concatenate([np.zeros(0), *highest])
 
@@ -111,9 +110,7 @@ def _bows(motions: Motions, machine: Machine) -> Float[ndarray, "n"]:
         still = np.zeros(len(turns))
         bows[rows] = (
             part
-            + _accelerations(
-                machine, machine.tool_axes[::-1], turns=turns, points=tip, speed=still, acceleration=still
-            )
+            + _accelerations(machine, machine.tool_axes[::-1], turns=turns, points=tip, speed=still, acceleration=still)
         ) / 8
     return bows
 

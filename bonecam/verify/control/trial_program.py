@@ -41,8 +41,7 @@ def check_posting(job: Job, machine: Machine, dialect: Dialect) -> None:
     axes = tool_axes(machine, np.array([zero, further]))
     cutters = [Cutter.from_job(number, name, job.tool(name)) for number, name in enumerate(names, 1)]
     paths = [
-        _path(cutter, level, axis, job)
-        for cutter, level, axis in zip(cutters, range(len(names))[::-1], cycle(axes))
+        _path(cutter, level, axis, job) for cutter, level, axis in zip(cutters, range(len(names))[::-1], cycle(axes))
     ]
     try:
         program = write_program(paths, machine, dialect, job, name="TRIAL", comments=["trial"])
@@ -61,8 +60,7 @@ def _path(cutter: Cutter, level: int, axis: Float[ndarray, "3"], job: Job) -> To
     above = [cuts[end] + height * axis for end in (0, -1) for height in ABOVE]
     tips = np.vstack([above[:2], cuts, above[:1:-1]])
     kinds = np.array(
-        [MoveKind.RAPID, MoveKind.LINK, *[MoveKind.CUT] * len(cuts), MoveKind.LINK, MoveKind.RAPID],
-        dtype=np.int64,
+        [MoveKind.RAPID, MoveKind.LINK, *[MoveKind.CUT] * len(cuts), MoveKind.LINK, MoveKind.RAPID], dtype=np.int64
     )
     nc = job.nc
     feeds = [nc.rapid_feed, nc.plunge_feed, *[cutter.feed] * len(cuts), nc.link_feed, nc.rapid_feed]

@@ -35,9 +35,7 @@ class ProbeLine:
     along: Float[ndarray, " n"]
 
 
-def probe_line(
-    part: TSpline, post: Post, radius: float, count: int = 100, s: float | None = None
-) -> ProbeLine:
+def probe_line(part: TSpline, post: Post, radius: float, count: int = 100, s: float | None = None) -> ProbeLine:
     """So many places of the line `s` (None: the back) where a ball of this `radius` (mm) is clear of the post.
 
     JobError where the line is not on the part, or all of it is at the post, and for fewer than two places.

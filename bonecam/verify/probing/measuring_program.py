@@ -35,9 +35,7 @@ Point = tuple[int, Float[ndarray, "3"], Float[ndarray, "3"]]
 """Number of a point, its place and its outward normal."""
 
 
-def measuring_program(
-    line: ProbeLine, radius: float, part: MeshDistance, controller: str, name: str = "PROBE"
-) -> str:
+def measuring_program(line: ProbeLine, radius: float, part: MeshDistance, controller: str, name: str = "PROBE") -> str:
     """The text for one of CONTROLLERS, which touches the points of a line with a ball of this `radius`, mm; `part` is
     the nominal one.
 
@@ -67,9 +65,7 @@ def is_free(
     return _column_is_free(touching, radius, stem, part) & _column_is_free(beginning, 0.0, radius, part)
 
 
-def _column_is_free(
-    foot: Float[ndarray, "n 3"], low: float, radius: float, part: MeshDistance
-) -> Bool[ndarray, " n"]:
+def _column_is_free(foot: Float[ndarray, "n 3"], low: float, radius: float, part: MeshDistance) -> Bool[ndarray, " n"]:
     """Whether a column of this radius above each foot, from the height `low` on, is clear of the part."""
     above = np.arange(low, STEM_LENGTH, radius / 2)
     points = foot[:, None] + above[:, None] * np.array([0.0, 0.0, 1.0])

@@ -67,9 +67,7 @@ class Probed:
                 f"deviation {figures['min_mm']:g} to {figures['max_mm']:g} mm, {share:.0f} % of the points within "
                 f"{BAND:g} mm; as if nothing bent at most {figures['rigid_max_mm']:g} mm"
             )
-        return (
-            f"{figures['touched']} of {figures['points']} points of line s = {figures['line']:g}: {summary}"
-        )
+        return f"{figures['touched']} of {figures['points']} points of line s = {figures['line']:g}: {summary}"
 
     @property
     def report(self) -> dict[str, Any]:
@@ -90,9 +88,7 @@ class Probed:
     def csv(self) -> str:
         """The points: number, way along the line, nominal place and normal, deviations; mm."""
         head = "number,along,x,y,z,nx,ny,nz,deviation,deviation_rigid"
-        rows = np.column_stack(
-            [self.line.along, self.line.places, self.line.normals, self.deviation, self.rigid]
-        )
+        rows = np.column_stack([self.line.along, self.line.places, self.line.normals, self.deviation, self.rigid])
         lines = [f"{k}," + ",".join(f"{value:.6f}" for value in row) for k, row in enumerate(rows, 1)]
         return "\n".join([head, *lines]) + "\n"
 
@@ -141,9 +137,7 @@ def _patches(line: ProbeLine, side: Float[ndarray, " k"]) -> tuple[Float[ndarray
     right = corner[1:, :-1]
     up = corner[:-1, 1:]
     far = corner[1:, 1:]
-    cells = np.vstack(
-        [np.column_stack([x.ravel() for x in three]) for three in ((low, right, far), (low, far, up))]
-    )
+    cells = np.vstack([np.column_stack([x.ravel() for x in three]) for three in ((low, right, far), (low, far, up))])
     faces = np.arange(len(line.places))[:, None, None] * len(a) + cells
     return nodes.reshape(-1, 3), faces.reshape(-1, 3).astype(np.int32)
 

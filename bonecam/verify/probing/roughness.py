@@ -45,10 +45,7 @@ class Roughness:
         for name, values in (("along", self.along), ("across", self.across)):
             medians = np.median(values, axis=0).round(3).tolist() if len(values) else [None, None]
             figures |= {f"ra_{name}_um": medians[0], f"rz_{name}_um": medians[1]}
-        return {
-            **figures,
-            "feed_marks_um": round(float(np.median(self.marks)), 3) if len(self.marks) else None,
-        }
+        return {**figures, "feed_marks_um": round(float(np.median(self.marks)), 3) if len(self.marks) else None}
 
 
 def roughness_of(program: PostedProgram, flutes: int, count: int = PLACES) -> Roughness:

@@ -37,9 +37,7 @@ class GivenSurface:
     distance: MeshDistance
     allowed: float
 
-    def signed(
-        self, points: Float[ndarray, "n 3"], wanted: float | Float[ndarray, " n"]
-    ) -> Float[ndarray, " n"]:
+    def signed(self, points: Float[ndarray, "n 3"], wanted: float | Float[ndarray, " n"]) -> Float[ndarray, " n"]:
         """The distance of each point, mm, or `wanted` where that is less."""
         return self.distance.unsigned(points, wanted)
 

@@ -104,9 +104,7 @@ def link_volumes(
     begins = np.flatnonzero(links & ~np.r_[False, links[:-1]])
     ends = np.flatnonzero(links & ~np.r_[links[1:], False]) + 1
     removed = np.array([volumes[a:b].sum() for a, b in zip(begins, ends, strict=True)])
-    most = np.array(
-        [a + int(np.argmax(volumes[a:b])) for a, b in zip(begins, ends, strict=True)], dtype=np.int64
-    )
+    most = np.array([a + int(np.argmax(volumes[a:b])) for a, b in zip(begins, ends, strict=True)], dtype=np.int64)
     return removed, most
 
 

@@ -45,8 +45,7 @@ def measure_left(normal_probes: NormalProbes, post: Post | None, radius: float, 
         highest=_spot(float(normal_probes.heights[highest]), highest, normal_probes, motions),
         deepest_gouge=_spot(-float(normal_probes.heights[lowest]), lowest, normal_probes, motions),
         areas_over={
-            height: float(normal_probes.areas[~held & (normal_probes.heights > height)].sum())
-            for height in HEIGHTS
+            height: float(normal_probes.areas[~held & (normal_probes.heights > height)].sum()) for height in HEIGHTS
         },
         by_reason={
             "post": float(normal_probes.areas[over & at_lower].sum()),

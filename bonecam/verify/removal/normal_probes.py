@@ -61,9 +61,7 @@ class NormalProbes:
         """The normal probes under a rigid transform (4, 4), as they have been cut before another program is run."""
         turn = pose[:3, :3].T
         shift = pose[:3, 3]
-        moved = NormalProbes(
-            self.mesh.move(pose), self.points @ turn + shift, self.normals @ turn, self.areas
-        )
+        moved = NormalProbes(self.mesh.move(pose), self.points @ turn + shift, self.normals @ turn, self.areas)
         cut = self.owners != NOT_CUT
         moved.heights[cut] = self.heights[cut]
         moved.owners[cut] = CUT_BEFORE

@@ -199,9 +199,7 @@ def simulate_stump(
     return replace(removal, shell=shell_clearance(motions, cutters, shell))
 
 
-def check_removal_of_job(
-    removal: Removal, job: Job, deviation: float = 0.0, *, assumed: bool = False
-) -> None:
+def check_removal_of_job(removal: Removal, job: Job, deviation: float = 0.0, *, assumed: bool = False) -> None:
     """VerifyError as in `check_removal`, with the tolerance and the bridge of a job, and where the text does not part
     though the job wants it. Slices and sections of the part promise no depth: what they leave between them is told.
     A second clamping keeps the depths of its cutters, and parts nothing. What bends more than the job allows is refused

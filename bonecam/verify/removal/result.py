@@ -156,9 +156,7 @@ class Removal:
             "levels": [_level_figures(level) for level in self.levels],
             "rapid_contact_mm3": _rounded(self.rapid_volume),
             "links": self._link_figures(),
-            "clearance_mm": {
-                name: _rounded(spot.value) if spot else None for name, spot in clearances.items()
-            },
+            "clearance_mm": {name: _rounded(spot.value) if spot else None for name, spot in clearances.items()},
             "left": _left_figures(self.left) if self.left else None,
             "given": self.given.report if self.given else None,
             "bridge_diameter_mm": None if self.bridge is None else _rounded(self.bridge),

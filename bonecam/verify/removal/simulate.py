@@ -197,9 +197,7 @@ class _Simulation:
         line = int(self.motions.lines[touched]) if touched >= 0 else 0
         return Clearance(part, self._spot(least, touched if line else move), line) if move >= 0 else known
 
-    def result(
-        self, levels: Sequence[LevelRemoval], tools: Mapping[int, Cutter], post: Post | None
-    ) -> Removal:
+    def result(self, levels: Sequence[LevelRemoval], tools: Mapping[int, Cutter], post: Post | None) -> Removal:
         """What was found over all levels."""
         removed = self.sweeping.volumes
         rapid = np.where(self.motions.rapid, removed, 0.0)

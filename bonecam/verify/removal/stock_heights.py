@@ -95,11 +95,7 @@ def height_field_of_rays(
 
 
 def heights_of_material(
-    starts: Float[ndarray, "n 3"],
-    axis: Float[ndarray, "3"],
-    floor: float,
-    sets: Sequence[RaySet],
-    grid: RayGrid,
+    starts: Float[ndarray, "n 3"], axis: Float[ndarray, "3"], floor: float, sets: Sequence[RaySet], grid: RayGrid
 ) -> Float[ndarray, " n"]:
     """How high (mm) above its start material reaches on each line along the unit `axis`, looked for from starts that
     lie above all of it down to the height `floor` (negative), in steps of STEP; `floor` where there is none."""

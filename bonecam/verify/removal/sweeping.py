@@ -87,9 +87,7 @@ def material_of(bodies: Sequence[Stock], part: TSpline | None, accuracy: Accurac
     grid = lay_grid(bodies, accuracy.cell)
     if accuracy.coarser:
         grid = lay_grid(bodies, max(accuracy.cell, least_cell(bodies, grid, accuracy.memory_mb)))
-    return SimulatedStock(
-        lay_rays(bodies, grid, accuracy.memory_mb), grid, normal_probes_on(part) if part else None
-    )
+    return SimulatedStock(lay_rays(bodies, grid, accuracy.memory_mb), grid, normal_probes_on(part) if part else None)
 
 
 class Sweeping:
@@ -99,9 +97,7 @@ class Sweeping:
     within `bounds`.
     """
 
-    def __init__(
-        self, sets: Sequence[RaySet], grid: RayGrid, bounds: Float[ndarray, "2 3"], moves: int
-    ) -> None:
+    def __init__(self, sets: Sequence[RaySet], grid: RayGrid, bounds: Float[ndarray, "2 3"], moves: int) -> None:
         self.sets = list(sets)
         self.grid = grid
         self.bounds = bounds
@@ -111,11 +107,7 @@ class Sweeping:
         ]
 
     def run(
-        self,
-        pieces: Pieces,
-        cutter: Cutter,
-        beside: Callable[[Pieces], None],
-        edges: Sequence[Edges] = NO_EDGES_ASKED,
+        self, pieces: Pieces, cutter: Cutter, beside: Callable[[Pieces], None], edges: Sequence[Edges] = NO_EDGES_ASKED
     ) -> Pieces:
         """Take the pieces of one cutter out of the material, in their order, while a core that has no set of
         rays to cut works on them `beside`; returns them with their `reach`. Each set of rays answers what its `edges`
@@ -135,12 +127,7 @@ class Sweeping:
         return bounded
 
     def _sweep(
-        self,
-        pieces: Pieces,
-        sections: Float[ndarray, "s 4"],
-        parts: Int[ndarray, " s"],
-        direction: int,
-        edges: Edges,
+        self, pieces: Pieces, sections: Float[ndarray, "s 4"], parts: Int[ndarray, " s"], direction: int, edges: Edges
     ) -> None:
         """Take the pieces out of one set of rays, with more room on them where it is needed."""
         turned = in_grid(pieces, self.grid, direction)
@@ -183,9 +170,7 @@ class Sweeping:
     @property
     def standing(self) -> Standing:
         """What stands now."""
-        return Standing(
-            self.sets, self.grid, float(self.bounds[1, 2]), float(np.ptp(self.bounds[:, :2], axis=0).min())
-        )
+        return Standing(self.sets, self.grid, float(self.bounds[1, 2]), float(np.ptp(self.bounds[:, :2], axis=0).min()))
 
     @property
     def volumes(self) -> Float[ndarray, " n"]:
@@ -233,9 +218,7 @@ def sections_of(cutter: Cutter) -> tuple[Float[ndarray, "s 4"], Int[ndarray, " s
     return np.array(rows), np.array([-1, *(PARTS.index(one.name) for one in cutter.profile[1:])])
 
 
-def _bounded(
-    pieces: Pieces, sections: Float[ndarray, "s 4"], watched: Float[ndarray, " s"], bricks: Bricks
-) -> Pieces:
+def _bounded(pieces: Pieces, sections: Float[ndarray, "s 4"], watched: Float[ndarray, " s"], bricks: Bricks) -> Pieces:
     """The pieces with what the bricks tell of flutes and of the sections above them."""
     bounds = np.empty((len(pieces.starts), len(sections)))
     near = np.empty((len(pieces.starts), len(sections), 2))

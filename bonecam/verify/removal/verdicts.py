@@ -105,9 +105,7 @@ def _check_parted_last(levels: Sequence[LevelRemoval]) -> None:
         parted |= level.index == PARTING
 
 
-def _check_clearance(
-    clearance: Clearance, what: str, remedy: str, kind: type[VerifyError] = VerifyError
-) -> None:
+def _check_clearance(clearance: Clearance, what: str, remedy: str, kind: type[VerifyError] = VerifyError) -> None:
     """The error of this kind where this part of the tool touches."""
     if clearance.touched and clearance.least:
         place = clearance.least.place

@@ -37,25 +37,19 @@ def script(folder: Path, *filters: str) -> Path:
 
 
 def test_a_mixed_script_does_what_the_calls_do(tmp_path: Path, phalanx: Path, registry: Registry) -> None:
-    written = run_script(
-        script(tmp_path, REMESH, MOVE, SMOOTH), [phalanx], tmp_path / "out", registry=registry
-    )
+    written = run_script(script(tmp_path, REMESH, MOVE, SMOOTH), [phalanx], tmp_path / "out", registry=registry)
     assert [path.name for path in written] == ["moved.ply", "phalanx.ply"]
     by_hand = pymeshlab.MeshSet()
     by_hand.load_new_mesh(str(phalanx))
     by_hand.meshing_isotropic_explicit_remeshing(iterations=2, targetlen=pymeshlab.PureValue(1.2))
     found = pymeshlab.MeshSet()
     found.load_new_mesh(str(tmp_path / "out" / "phalanx.ply"))
-    assert np.allclose(
-        found.current_mesh().vertex_matrix(), by_hand.current_mesh().vertex_matrix(), atol=1e-6
-    )
+    assert np.allclose(found.current_mesh().vertex_matrix(), by_hand.current_mesh().vertex_matrix(), atol=1e-6)
     found.load_new_mesh(str(tmp_path / "out" / "moved.ply"))
     rise = 0.1 * by_hand.current_mesh().bounding_box().diagonal()
     by_hand.compute_matrix_from_translation(axisz=rise)
     by_hand.apply_coord_taubin_smoothing()
-    assert np.allclose(
-        found.current_mesh().vertex_matrix(), by_hand.current_mesh().vertex_matrix(), atol=1e-4
-    )
+    assert np.allclose(found.current_mesh().vertex_matrix(), by_hand.current_mesh().vertex_matrix(), atol=1e-4)
 
 
 def test_two_runs_write_the_same_bytes(tmp_path: Path, phalanx: Path, registry: Registry) -> None:
@@ -69,11 +63,7 @@ def test_two_runs_write_the_same_bytes(tmp_path: Path, phalanx: Path, registry: 
     ("bad", "line", "reason"),
     [
         (' <filter name="Generate Nothing"/>\n', 12, "there is no filter 'Generate Nothing'"),
-        (
-            ' <filter name="Isotropic Remeshing"/>\n',
-            12,
-            r"did you mean 'meshing_isotropic_explicit_remeshing'\?",
-        ),
+        (' <filter name="Isotropic Remeshing"/>\n', 12, r"did you mean 'meshing_isotropic_explicit_remeshing'\?"),
         (MOVE.replace("distance", "nope"), 13, "generate_offset knows no parameter 'nope'"),
         (MOVE.replace("10%", "ten"), 13, "generate_offset: parameter distance = 'ten': give a number of mm"),
         (MOVE.replace("10%", "21"), 13, r"distance = 21: keep it within 0 \.\. 20 mm"),
@@ -81,11 +71,7 @@ def test_two_runs_write_the_same_bytes(tmp_path: Path, phalanx: Path, registry: 
         (MOVE.replace('value="1"', 'value="sideways"'), 14, "how = 'sideways': choose one of up, down"),
         (MOVE.replace('value="1"', ""), 14, "parameter how has no value"),
         (MOVE.replace('name="how"', 'name="distance"'), 14, "distance is there twice|give a number"),
-        (
-            REMESH.replace("Iterations", "nope"),
-            13,
-            "meshing_isotropic_explicit_remeshing knows no parameter 'nope'",
-        ),
+        (REMESH.replace("Iterations", "nope"), 13, "meshing_isotropic_explicit_remeshing knows no parameter 'nope'"),
         (REMESH.replace('value="2"', 'value="two"'), 13, "parameter Iterations = 'two': no RichInt"),
         (REMESH.replace('"RichInt" value="2"', '"RichFloat" value="2.5"'), 13, "of another type"),
         (REMESH.replace('"RichInt"', '"RichThing"'), 13, "type 'RichThing' is unknown"),
@@ -116,22 +102,14 @@ def test_wrong_scripts_fail_with_their_line_before_anything_ran(
             FilterError,
             r"line 3: generate_offset: parameter distance = 25\.\d+: keep it within",
         ),
-        (
-            [SMOOTH, ' <filter name="Recall"/>\n'],
-            FilterError,
-            r"line 4: layer 0 'phalanx.ply' has no distance",
-        ),
+        ([SMOOTH, ' <filter name="Recall"/>\n'], FilterError, r"line 4: layer 0 'phalanx.ply' has no distance"),
         (
             [MOVE.replace('name="how"', 'name="fail"').replace("RichEnum", "RichBool")],
             StockError,
             "line 3: the stock is too small",
         ),
         (
-            [
-                MOVE.replace(
-                    "</filter>", '<Param type="RichSaveFile" value="../gone.txt" name="file"/></filter>'
-                )
-            ],
+            [MOVE.replace("</filter>", '<Param type="RichSaveFile" value="../gone.txt" name="file"/></filter>')],
             FilterError,
             "line 3: file '../gone",
         ),
@@ -139,12 +117,7 @@ def test_wrong_scripts_fail_with_their_line_before_anything_ran(
     ],
 )
 def test_a_run_that_fails_names_the_line_and_writes_nothing(
-    tmp_path: Path,
-    phalanx: Path,
-    registry: Registry,
-    filters: list[str],
-    kind: type[BonecamError],
-    reason: str,
+    tmp_path: Path, phalanx: Path, registry: Registry, filters: list[str], kind: type[BonecamError], reason: str
 ) -> None:
     path = script(tmp_path, *filters)
     with pytest.raises(kind, match=reason):
@@ -160,9 +133,7 @@ def test_a_missing_or_broken_mesh_is_a_file_error(tmp_path: Path, registry: Regi
     assert not (tmp_path / "out").exists()
 
 
-def test_a_folder_that_cannot_be_made_is_refused_before_anything_ran(
-    tmp_path: Path, registry: Registry
-) -> None:
+def test_a_folder_that_cannot_be_made_is_refused_before_anything_ran(tmp_path: Path, registry: Registry) -> None:
     path = script(tmp_path, SMOOTH)
     with pytest.raises(FileError, match="is a file: name a folder"):
         run_script(path, [tmp_path / "none.ply"], path, registry=registry)
@@ -170,26 +141,14 @@ def test_a_folder_that_cannot_be_made_is_refused_before_anything_ran(
 
 def test_cancelling_writes_nothing(tmp_path: Path, phalanx: Path, registry: Registry) -> None:
     with pytest.raises(Cancelled):
-        run_script(
-            script(tmp_path, SMOOTH), [phalanx], tmp_path / "out", lambda fraction, message: False, registry
-        )
+        run_script(script(tmp_path, SMOOTH), [phalanx], tmp_path / "out", lambda fraction, message: False, registry)
     assert not (tmp_path / "out").exists()
 
 
-def test_files_of_filters_and_layers_of_one_name_stay_apart(
-    tmp_path: Path, phalanx: Path, registry: Registry
-) -> None:
+def test_files_of_filters_and_layers_of_one_name_stay_apart(tmp_path: Path, phalanx: Path, registry: Registry) -> None:
     file = MOVE.replace("</filter>", '<Param type="RichSaveFile" value="note.txt" name="file"/></filter>')
-    written = run_script(
-        script(tmp_path, file, MOVE), [phalanx, phalanx], tmp_path / "out", registry=registry
-    )
-    assert [path.name for path in written] == [
-        "moved.ply",
-        "moved_1.ply",
-        "note.txt",
-        "phalanx.ply",
-        "phalanx_1.ply",
-    ]
+    written = run_script(script(tmp_path, file, MOVE), [phalanx, phalanx], tmp_path / "out", registry=registry)
+    assert [path.name for path in written] == ["moved.ply", "moved_1.ply", "note.txt", "phalanx.ply", "phalanx_1.ply"]
     assert all(path.is_file() for path in written)
 
 
@@ -200,10 +159,7 @@ def test_parsed_steps_and_written_calls_agree(tmp_path: Path, registry: Registry
     ]
     write_script(calls, tmp_path / "script.mlx")
     steps = read_script(tmp_path / "script.mlx", registry)
-    assert [(step.name, step.values) for step in steps] == [
-        ("generate_offset", {"distance": 2.5}),
-        ("apply_turn", {}),
-    ]
+    assert [(step.name, step.values) for step in steps] == [("generate_offset", {"distance": 2.5}), ("apply_turn", {})]
 
 
 def test_values_of_meshlab_s_types_are_converted() -> None:
@@ -215,16 +171,12 @@ def test_values_of_meshlab_s_types_are_converted() -> None:
     assert value("RichEnum", value="Quadric Fitting") == "Quadric Fitting"
     assert isinstance(value("RichColor", r="1", g="2", b="3"), pymeshlab.Color)
     assert np.array_equal(value("RichPoint3f", x="1", y="2", z="3"), [1, 2, 3])  # type: ignore[arg-type]
-    assert np.array_equal(
-        value("RichMatrix44f", **{f"val{i}": str(i) for i in range(16)}), np.arange(16).reshape(4, 4)
-    )  # type: ignore[arg-type]
+    assert np.array_equal(value("RichMatrix44f", **{f"val{i}": str(i) for i in range(16)}), np.arange(16).reshape(4, 4))  # type: ignore[arg-type]
     assert value("RichAbsPerc", value="3").value() == 3.0  # type: ignore[attr-defined]
     assert isinstance(value("RichAbsPerc", value="3%"), pymeshlab.PercentageValue)
 
 
-def test_a_script_that_meshlab_saved_runs_to_the_same_mesh(
-    tmp_path: Path, phalanx: Path, registry: Registry
-) -> None:
+def test_a_script_that_meshlab_saved_runs_to_the_same_mesh(tmp_path: Path, phalanx: Path, registry: Registry) -> None:
     meshes = pymeshlab.MeshSet()
     meshes.load_new_mesh(str(phalanx))
     meshes.compute_matrix_from_rotation(angle=10)
@@ -247,12 +199,8 @@ def test_a_cad_part_is_a_layer_like_a_mesh(tmp_path: Path, registry: Registry) -
     from ezdxf.acis import api
     from ezdxf.render import forms
 
-    (tmp_path / "block.sat").write_text(
-        "\n".join(api.export_sat([api.body_from_mesh(forms.cube().scale(10, 10, 20))]))
-    )
-    (written,) = run_script(
-        script(tmp_path, SMOOTH), [tmp_path / "block.sat"], tmp_path / "out", registry=registry
-    )
+    (tmp_path / "block.sat").write_text("\n".join(api.export_sat([api.body_from_mesh(forms.cube().scale(10, 10, 20))])))
+    (written,) = run_script(script(tmp_path, SMOOTH), [tmp_path / "block.sat"], tmp_path / "out", registry=registry)
     assert written.name == "block.ply"
 
 

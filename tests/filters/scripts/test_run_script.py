@@ -27,17 +27,13 @@ def script(folder: Path, *filters: str) -> Path:
 
 def test_a_script_works_in_a_process_of_its_own(tmp_path: Path) -> None:
     seen: list[str] = []
-    written = run_script(
-        script(tmp_path, CUBE), [], tmp_path / "out", progress=lambda share, what: seen.append(what)
-    )
+    written = run_script(script(tmp_path, CUBE), [], tmp_path / "out", progress=lambda share, what: seen.append(what))
     assert [path.name for path in written] == ["Box_Cube.ply"]
     assert seen == ["line 2: create_cube"]
 
 
 def test_a_script_that_takes_too_long_is_stopped(tmp_path: Path) -> None:
-    with pytest.raises(
-        FilterError, match=r"mlx, line 3: create_sphere: took more than 10 s: .*--time-limit"
-    ) as caught:
+    with pytest.raises(FilterError, match=r"mlx, line 3: create_sphere: took more than 10 s: .*--time-limit") as caught:
         run_script(script(tmp_path, CUBE, ENDLESS), [], tmp_path / "out", seconds=10.0)
     assert caught.value.evidence == {"filter": "create_sphere", "line": 3}
     assert not (tmp_path / "out").exists()
@@ -49,9 +45,7 @@ def test_a_script_that_wants_too_much_memory_is_stopped(tmp_path: Path) -> None:
     assert not (tmp_path / "out").exists()
 
 
-def test_the_command_line_tells_and_takes_the_limits(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_line_tells_and_takes_the_limits(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
         main(["script", "--help"])
     told = " ".join(capsys.readouterr().out.split())
@@ -71,15 +65,11 @@ def test_the_command_line_tells_and_takes_the_limits(
 
 @pytest.mark.parametrize("limit", [{"seconds": 0.0}, {"memory": 1e300}, {"seconds": float("nan")}])
 def test_a_limit_that_is_none_is_a_wrong_call(limit: dict[str, float], tmp_path: Path) -> None:
-    with pytest.raises(
-        ValueError, match=rf"{next(iter(limit))} = .*: give a number above 0, at most 1,000,000"
-    ):
+    with pytest.raises(ValueError, match=rf"{next(iter(limit))} = .*: give a number above 0, at most 1,000,000"):
         run_script(script(tmp_path, CUBE), [], tmp_path / "out", **limit)
 
 
-def test_a_script_without_filters_and_meshes_prints_nothing(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_script_without_filters_and_meshes_prints_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     call = ["script", str(script(tmp_path)), "-o", str(tmp_path / "out")]
     assert main([*call, "--time-limit", "0.01"]) == 2
     assert "its beginning: took more than 0.01 s:" in capsys.readouterr().err
@@ -97,13 +87,9 @@ def test_what_ends_meshlab_is_one_line(tmp_path: Path, monkeypatch: pytest.Monke
     monkeypatch.delenv("DISPLAY", raising=False)
     meshes = MeshSet()
     meshes.create_cube()
-    with pytest.raises(
-        pymeshlab.PyMeshLabException, match=r"MeshLab's save_snapshot broke down \(exit -\d+\)"
-    ):
+    with pytest.raises(pymeshlab.PyMeshLabException, match=r"MeshLab's save_snapshot broke down \(exit -\d+\)"):
         meshes.save_snapshot(imagefilename=str(tmp_path / "a.png"))
-    with pytest.raises(
-        FileError, match=r"line 3: .*gpu_generated_image.png: MeshLab's save_snapshot broke down"
-    ):
+    with pytest.raises(FileError, match=r"line 3: .*gpu_generated_image.png: MeshLab's save_snapshot broke down"):
         run_script(script(tmp_path, CUBE, '<filter name="save_snapshot"/>'), [], tmp_path / "out")
     assert sorted(os.listdir(tmp_path)) == ["script.mlx"]
 

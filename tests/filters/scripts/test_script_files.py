@@ -19,9 +19,7 @@ from bonecam.filters.scripts.run_script import run_script
 from bonecam.filters.scripts.script_files import NAMES, READ, TEXTS, TEXTURES
 
 OURS = '<filter name="generate_offset"><Param type="RichSaveFile" value="{}" name="file"/></filter>'
-CAMERAS_OUT = (
-    '<filter name="save_active_raster_cameras"><Param type="RichString" value="{}" name="newName"/></filter>'
-)
+CAMERAS_OUT = '<filter name="save_active_raster_cameras"><Param type="RichString" value="{}" name="newName"/></filter>'
 TEXTURE = """<filter name="compute_texcoord_parametrization_triangle_trivial_per_wedge"/>
 <filter name="compute_color_by_function_per_vertex"/>
 <filter name="compute_texmap_from_color"><Param type="RichString" value="{}" name="textName"/></filter>"""
@@ -62,16 +60,9 @@ def test_no_script_writes_outside_the_folder_of_outputs(
     assert files(tmp_path) == {"given/script.mlx"}
 
 
-@pytest.mark.parametrize(
-    ("writes", "written"), [(OURS, "b/in"), (CAMERAS_OUT, "b/in.out"), (TEXTURE, "b/in.png")]
-)
+@pytest.mark.parametrize(("writes", "written"), [(OURS, "b/in"), (CAMERAS_OUT, "b/in.out"), (TEXTURE, "b/in.png")])
 def test_what_a_script_names_is_written_into_the_folder(
-    writes: str,
-    written: str,
-    folder: Path,
-    tmp_path: Path,
-    registry: Registry,
-    monkeypatch: pytest.MonkeyPatch,
+    writes: str, written: str, folder: Path, tmp_path: Path, registry: Registry, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(folder)
     name = written if writes is not CAMERAS_OUT else "b/in"
@@ -84,9 +75,7 @@ def test_a_file_that_meshlab_names_by_itself_is_written_into_the_folder(
     folder: Path, tmp_path: Path, registry: Registry, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(folder)
-    run_script(
-        script(folder, '<filter name="save_active_raster_cameras"/>'), [], tmp_path / "out", registry=registry
-    )
+    run_script(script(folder, '<filter name="save_active_raster_cameras"/>'), [], tmp_path / "out", registry=registry)
     assert "cameras.out" in files(tmp_path / "out")
     assert files(folder) == {"script.mlx"}
 
@@ -130,10 +119,7 @@ def test_a_file_that_is_there_is_written_over_by_force_only_or_where_a_run_wrote
     out.mkdir()
     for name in ("note.txt", "moved.ply"):
         (out / name).write_text("mine")
-    for name, kind, place in (
-        ("note.txt", FilterError, "line 3: file 'note.txt': "),
-        ("new.txt", FileError, "moved"),
-    ):
+    for name, kind, place in (("note.txt", FilterError, "line 3: file 'note.txt': "), ("new.txt", FileError, "moved")):
         with pytest.raises(kind, match=f"{place}.*exists already: .*--force"):
             run_script(script(folder, OURS.format(name)), [], out, registry=registry)
         assert {(out / name).read_text() for name in ("note.txt", "moved.ply")} == {"mine"}
@@ -208,31 +194,14 @@ def test_an_input_of_a_kind_that_names_files_is_allowed_by_name_only(
     folder: Path, tmp_path: Path, registry: Registry
 ) -> None:
     (folder / "a.gltf").write_text("{}")
-    for allowed, what in (
-        (False, "may name files anywhere: .*--allow-outside"),
-        (True, "Failed opening gltf"),
-    ):
+    for allowed, what in ((False, "may name files anywhere: .*--allow-outside"), (True, "Failed opening gltf")):
         with pytest.raises(FileError, match=rf"a\.gltf: .*{what}"):
-            run_script(
-                script(folder),
-                [folder / "a.gltf"],
-                tmp_path / "out",
-                registry=registry,
-                allow_outside=allowed,
-            )
+            run_script(script(folder), [folder / "a.gltf"], tmp_path / "out", registry=registry, allow_outside=allowed)
 
 
-def test_the_command_line_allows_both(
-    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_line_allows_both(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "evil.out").write_text("old")
-    call = [
-        "script",
-        str(script(folder, CAMERAS_OUT.format("../evil.out"))),
-        "-o",
-        str(tmp_path / "out"),
-        "-q",
-    ]
+    call = ["script", str(script(folder, CAMERAS_OUT.format("../evil.out"))), "-o", str(tmp_path / "out"), "-q"]
     assert main(call) == 2
     assert "--allow-outside" in capsys.readouterr().err
     place = str(tmp_path / "evil")
@@ -258,12 +227,7 @@ def test_a_mesh_set_s_scripts_stay_in_its_folder(folder: Path, tmp_path: Path, r
 
 def test_nothing_is_sent_away(folder: Path, tmp_path: Path, registry: Registry) -> None:
     with pytest.raises(FilterError, match=r"line 3: export_mesh_to_sketchfab sends the mesh"):
-        run_script(
-            script(folder, '<filter name="export_mesh_to_sketchfab"/>'),
-            [],
-            tmp_path / "out",
-            registry=registry,
-        )
+        run_script(script(folder, '<filter name="export_mesh_to_sketchfab"/>'), [], tmp_path / "out", registry=registry)
 
 
 @pytest.mark.parametrize("name", sorted(CAMERAS))
@@ -276,17 +240,13 @@ def test_a_filter_on_which_pymeshlab_ends_the_process_is_refused(
 
 def test_every_free_text_of_meshlab_is_known() -> None:
     order = "import sys; from bonecam.filters.meshlab_values import free_texts; free_texts(sys.argv[1])"
-    ended = subprocess.run(
-        [sys.executable, "-c", order, "set_camera_per_mesh"], capture_output=True, check=False
-    )
+    ended = subprocess.run([sys.executable, "-c", order, "set_camera_per_mesh"], capture_output=True, check=False)
     assert ended.returncode != 0
     texts = {(name, key) for name in set(pymeshlab.filter_list()) - CAMERAS for key in free_texts(name)}
     written = {
         (name, key)
         for name, key in texts
-        if key not in TEXTS | TEXTURES
-        and name not in NAMES | {"export_mesh_to_sketchfab"}
-        and (name, key) not in READ
+        if key not in TEXTS | TEXTURES and name not in NAMES | {"export_mesh_to_sketchfab"} and (name, key) not in READ
     }
     assert written == {
         ("nxs_build", "output_file"),

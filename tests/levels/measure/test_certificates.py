@@ -64,16 +64,10 @@ def waisted(waist: float = 0.35) -> TSpline:
     s = [np.arange(n) / n for n in [1, *(10 + j % 2 for j in range(1, len(t) - 5)), 1]]
     points = []
     for share, row in zip(heights, s):
-        reach = (
-            3.2
-            * np.sqrt(max(0.0, 1 - (2 * share - 1) ** 4))
-            * (1 - waist * np.exp(-(((share - 0.5) / 0.2) ** 2)))
-        )
+        reach = 3.2 * np.sqrt(max(0.0, 1 - (2 * share - 1) ** 4)) * (1 - waist * np.exp(-(((share - 0.5) / 0.2) ** 2)))
         angle = 2 * np.pi * row
         points.append(
-            np.column_stack(
-                [reach * np.cos(angle), 0.8 * reach * np.sin(angle), np.full(len(row), 1 + 18 * share)]
-            )
+            np.column_stack([reach * np.cos(angle), 0.8 * reach * np.sin(angle), np.full(len(row), 1 + 18 * share)])
         )
     tmesh = RowTMesh.from_rows(t, s)
     return TSpline(tmesh, np.vstack(points), np.ones(tmesh.size))
@@ -106,9 +100,7 @@ def made() -> Morph:
 @pytest.fixture(scope="module")
 def certified(made: Morph) -> tuple[Certificate, ...]:
     return certify(
-        [level.surface for level in made.levels if level.surface],
-        STOCK,
-        [level.limit for level in made.levels[1:]],
+        [level.surface for level in made.levels if level.surface], STOCK, [level.limit for level in made.levels[1:]]
     )
 
 
@@ -214,9 +206,7 @@ def test_a_bump_with_its_peak_between_the_samples_passes_the_check_but_not_the_c
 def test_depths_are_bounded_both_ways(grooved: Callable[[float], TSpline]) -> None:
     inner, outer = grooved(0.4), grooved(1.0)
     found, s, t = certify_cut(inner, outer, STOCK, 0.1), *dense(5, 40_000)
-    there, back = (
-        to.project(of.positions(s, t)).distances.max() for of, to in ((outer, inner), (inner, outer))
-    )
+    there, back = (to.project(of.positions(s, t)).distances.max() for of, to in ((outer, inner), (inner, outer)))
     assert there < back <= found.depth <= back + 0.05
     assert np.linalg.norm(inner.positions(s, t) - found.depth_place, axis=1).min() < 0.1
 
@@ -254,13 +244,9 @@ def test_what_is_not_certain_is_named_with_its_place() -> None:
 
 @pytest.mark.whole
 def test_the_levels_of_a_bar_are_certified_up_to_the_body_they_round_it_from() -> None:
-    levels = levels_in(
-        waisted(), Cylinder(4.5, 0.0, 20.0), Schedule((0.1, 0.1), 0.5), chord_tolerance=0.02
-    ).levels
+    levels = levels_in(waisted(), Cylinder(4.5, 0.0, 20.0), Schedule((0.1, 0.1), 0.5), chord_tolerance=0.02).levels
     body = next(level.index for level in levels if isinstance(level, RoundedLevel))
-    assert [level.certificate is None for level in levels] == [
-        not 0 < level.index <= body for level in levels
-    ]
+    assert [level.certificate is None for level in levels] == [not 0 < level.index <= body for level in levels]
     assert all(level.certified for level in levels if level.certificate)
 
 
@@ -268,8 +254,7 @@ def test_a_surface_with_other_weights_is_morphed_without_certificates() -> None:
     surface = waisted()
     heavy = TSpline(surface.tmesh, surface.control_points, np.full(surface.tmesh.size, 2.0))
     assert all(
-        level.certificate is None
-        for level in morph(heavy, STOCK, Schedule((), 0.5), chord_tolerance=0.02).levels
+        level.certificate is None for level in morph(heavy, STOCK, Schedule((), 0.5), chord_tolerance=0.02).levels
     )
 
 
@@ -295,9 +280,7 @@ def test_surfaces_that_are_not_polynomial_are_refused() -> None:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_no_point_is_farther_from_its_image_than_the_bound_where_maps_cross_elements_seam_and_poles(
-    seed: int,
-) -> None:
+def test_no_point_is_farther_from_its_image_than_the_bound_where_maps_cross_elements_seam_and_poles(seed: int) -> None:
     rng = np.random.default_rng(seed)
     surface = waisted()
     rough = surface.control_points + rng.normal(scale=0.5, size=surface.control_points.shape)
@@ -309,26 +292,20 @@ def test_no_point_is_farther_from_its_image_than_the_bound_where_maps_cross_elem
     points = np.einsum("ni,nj,jix->nx", *B, net.reshape(4, 4, 3))
     for _ in range(50):
         feet = np.column_stack(
-            [
-                rng.uniform(-0.15, 0.15, 4) + rng.choice([s, 0.0, 1.0]),
-                rng.uniform(-0.1, 0.1, 4) + rng.choice([t, 0, 1]),
-            ]
+            [rng.uniform(-0.15, 0.15, 4) + rng.choice([s, 0.0, 1.0]), rng.uniform(-0.1, 0.1, 4) + rng.choice([t, 0, 1])]
         )
         feet[:, 1] = np.clip(feet[:, 1], 0, 1)
         low, high = (feet[i] + u[:, None] * (feet[i + 1] - feet[i]) for i in (0, 2))
         at = low + v[:, None] * (high - low)
         assert (
-            np.linalg.norm(points - surface.positions(*at.T), axis=1).max()
-            <= mapped_distance_bound(net, feet, on)[0]
+            np.linalg.norm(points - surface.positions(*at.T), axis=1).max() <= mapped_distance_bound(net, feet, on)[0]
         )
 
 
 def test_the_stock_between_the_vertices_of_its_mesh_is_bounded() -> None:
     (inner,) = body_surfaces([Capsule(STOCK.start, STOCK.end, 3.0)])
     for angle in np.linspace(0, 1, 5):
-        moved = inner.with_control_points(
-            inner.control_points + np.array([np.cos(angle), np.sin(angle), 0.0])
-        )
+        moved = inner.with_control_points(inner.control_points + np.array([np.cos(angle), np.sin(angle), 0.0]))
         coarse = bound_mesh_depth(depth_target(moved), *faces_of_stock(STOCK, 0.4))[0]
         assert 2.5 - FITTED <= coarse <= 2.5 + 0.5
 

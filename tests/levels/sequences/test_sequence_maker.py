@@ -33,39 +33,28 @@ def maker(capsule: Capsule, waisted: Callable[..., TSpline], schedule: Schedule)
     discretisation = discretise(waisted(), capsule, ATTRACTIONS["stock"])
     around = whole(capsule)
     rest = remaining(discretisation, discretisation.surface.control_points, around)
-    return SequenceMaker(
-        discretisation, around, schedule, schedule.lower_bound(rest.left), silent, "admm", STIFFNESS
-    )
+    return SequenceMaker(discretisation, around, schedule, schedule.lower_bound(rest.left), silent, "admm", STIFFNESS)
 
 
 @pytest.fixture(scope="module")
 def made(capsule: Capsule, maker: SequenceMaker) -> list[np.ndarray]:
     discretisation = maker.discretisation
-    return maker.sequence(
-        PARAMETERS, remaining(discretisation, discretisation.surface.control_points, whole(capsule))
-    )
+    return maker.sequence(PARAMETERS, remaining(discretisation, discretisation.surface.control_points, whole(capsule)))
 
 
 def unwatched(made: list[np.ndarray]) -> dict[int, np.ndarray]:
     return {k: np.empty((0, 2)) for k in range(len(made))}
 
 
-def test_mended_levels_keep_their_limits_and_move_little(
-    maker: SequenceMaker, made: list[np.ndarray]
-) -> None:
+def test_mended_levels_keep_their_limits_and_move_little(maker: SequenceMaker, made: list[np.ndarray]) -> None:
     discretisation, spoilt = maker.discretisation, [*made]
     spoilt[3] = made[2] + 1.02 * (made[3] - made[2])
     mended, moved = maker.restore_limits(spoilt, {3}, (), unwatched(made))
     assert 3 in moved
     assert all(np.array_equal(mended[k], spoilt[k]) for k in range(len(made)) if k not in moved)
-    assert (
-        max(np.linalg.norm(discretisation.watch.R @ (mended[k] - spoilt[k]), axis=1).max() for k in moved)
-        < 0.1
-    )
+    assert max(np.linalg.norm(discretisation.watch.R @ (mended[k] - spoilt[k]), axis=1).max() for k in moved) < 0.1
     assert all(
-        project_level(
-            discretisation, mended[k - 1], mended[k], replace(maker.cut(k), margin=RESTORED_MARGIN)
-        ).broken
+        project_level(discretisation, mended[k - 1], mended[k], replace(maker.cut(k), margin=RESTORED_MARGIN)).broken
         < 0.001
         for k in moved
     )
@@ -96,14 +85,10 @@ def spoilt(
     """Level 3 is too deep, and measured."""
     levels = [*made]
     levels[3] = made[2] + 1.02 * (made[3] - made[2])
-    return levels, inspect(
-        maker.discretisation.surface, levels, Rules(capsule, schedule, 0.001, 0.001, 0.02), silent
-    )
+    return levels, inspect(maker.discretisation.surface, levels, Rules(capsule, schedule, 0.001, 0.001, 0.02), silent)
 
 
-def test_what_is_mended_is_measured_again(
-    maker: SequenceMaker, spoilt: tuple[list[np.ndarray], Inspection]
-) -> None:
+def test_what_is_mended_is_measured_again(maker: SequenceMaker, spoilt: tuple[list[np.ndarray], Inspection]) -> None:
     _, inspection = spoilt
     assert trouble(inspection.levels[3:5], doubts=False) > (0, 0.005)
     inspection = restore_feasibility(inspection, maker)
@@ -113,23 +98,13 @@ def test_what_is_mended_is_measured_again(
 
 @pytest.mark.parametrize(("out", "mended"), [(0.006, True), (0.03, False)])
 def test_most_levels_are_mended_only_where_all_break_little(
-    capsule: Capsule,
-    schedule: Schedule,
-    maker: SequenceMaker,
-    made: list[np.ndarray],
-    out: float,
-    mended: bool,
+    capsule: Capsule, schedule: Schedule, maker: SequenceMaker, made: list[np.ndarray], out: float, mended: bool
 ) -> None:
     """Of three levels two go `out` mm farther than they may."""
     moves = np.diff(made, axis=0)
     moves *= out / np.linalg.norm(moves, axis=2).max(axis=1)[:, None, None]
-    levels = [
-        made[0],
-        *(level + k % 3 * move for k, (level, move) in enumerate(zip(made[1:], moves), start=1)),
-    ]
-    inspection = inspect(
-        maker.discretisation.surface, levels, Rules(capsule, schedule, 0.001, 0.001, 0.02), silent
-    )
+    levels = [made[0], *(level + k % 3 * move for k, (level, move) in enumerate(zip(made[1:], moves), start=1))]
+    inspection = inspect(maker.discretisation.surface, levels, Rules(capsule, schedule, 0.001, 0.001, 0.02), silent)
     failed = len(inspection.failed)
     assert failed > len(levels) / 2
     inspection = restore_feasibility(inspection, maker)
@@ -142,8 +117,7 @@ def test_levels_above_a_mended_one_follow_or_stay(
     levels, inspection = spoilt
     which = {level.index for level in inspection.failed}
     alone, followed = (
-        maker.restore_limits(levels, {min(which)}, (), unwatched(levels), follow=follow)[1]
-        for follow in (False, True)
+        maker.restore_limits(levels, {min(which)}, (), unwatched(levels), follow=follow)[1] for follow in (False, True)
     )
     assert alone == [min(which)]
     assert followed[0] == min(which)
@@ -156,15 +130,11 @@ def test_what_is_no_better_mended_stays_as_it_was(
     levels, inspection = spoilt
     before = trouble(inspection.levels[1:], doubts=False)
 
-    def worse(
-        self: SequenceMaker, made: list[np.ndarray], *_: Any, **__: Any
-    ) -> tuple[list[np.ndarray], list[int]]:
-        return [
-            *made[:3],
-            made[2] + 1.1 * (made[3] - made[2]),
-            *made[4:-1],
-            1.5 * made[-1] - 0.5 * made[-2],
-        ], [3, len(made) - 1]
+    def worse(self: SequenceMaker, made: list[np.ndarray], *_: Any, **__: Any) -> tuple[list[np.ndarray], list[int]]:
+        return [*made[:3], made[2] + 1.1 * (made[3] - made[2]), *made[4:-1], 1.5 * made[-1] - 0.5 * made[-2]], [
+            3,
+            len(made) - 1,
+        ]
 
     monkeypatch.setattr(SequenceMaker, "restore_limits", worse)
     inspection = restore_feasibility(inspection, maker)
@@ -199,9 +169,7 @@ def test_a_last_cut_that_is_measured_too_deep_takes_one_more_level(
     capsule: Capsule, schedule: Schedule, maker: SequenceMaker, made: list[np.ndarray]
 ) -> None:
     levels = maker.restore_limits(made, {5}, (), unwatched(made))[0][:-1]
-    inspection = inspect(
-        maker.discretisation.surface, levels, Rules(capsule, schedule, 0.01, 0.001, 0.02), silent
-    )
+    inspection = inspect(maker.discretisation.surface, levels, Rules(capsule, schedule, 0.01, 0.001, 0.02), silent)
     assert [level.index for level in inspection.failed] == [len(levels)]
     again = restore_certificates(inspection, maker)
     assert len(again.levels) == len(levels) + 2
@@ -217,9 +185,7 @@ def test_a_broken_limit_names_the_edge_that_the_part_follows_there(
     place = part.positions(np.array([0.0]), np.array([0.5]))[0]
     discretisation = discretise(part, capsule, ATTRACTIONS["stock"])
     step = replace(
-        project_level(discretisation, part.control_points, part.control_points, maker.cut(1)),
-        broken=0.05,
-        place=place,
+        project_level(discretisation, part.control_points, part.control_points, maker.cut(1)), broken=0.05, place=place
     )
     message = str(replace(maker, discretisation=discretisation)._broken(1, step))
     assert message.endswith("smooth the mesh" if sharp else "give more control points or a larger stock")

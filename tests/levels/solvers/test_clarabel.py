@@ -107,13 +107,9 @@ def test_as_printed_the_program_forgets_nesting_and_what_lies_between_its_sample
     waisted: Callable[..., TSpline], capsule: Capsule
 ) -> None:
     P = np.array(waisted().control_points)
-    ours, printed = (
-        PublishedProgram(waisted(), capsule, "sphere", printed=printed) for printed in (False, True)
-    )
+    ours, printed = (PublishedProgram(waisted(), capsule, "sphere", printed=printed) for printed in (False, True))
     moves = next_moves(printed, P, 0.5, STIFFNESS)
-    assert printed.energy(P, moves, STIFFNESS) < ours.energy(
-        P, next_moves(ours, P, 0.5, STIFFNESS), STIFFNESS
-    )
+    assert printed.energy(P, moves, STIFFNESS) < ours.energy(P, next_moves(ours, P, 0.5, STIFFNESS), STIFFNESS)
     rng = np.random.default_rng(3)
     R = waisted().basis(rng.random(3000), rng.random(3000))[0]
     assert 0.5 < np.linalg.norm(R @ moves, axis=1).max() < 0.6
@@ -166,9 +162,7 @@ def test_a_level_that_leaves_its_limits_is_told_with_its_place(
     assert waisted().project(caught.value.evidence["place"][None]).distances[0] <= schedule.reach(1) + 0.01
 
 
-def test_a_level_within_what_is_measured_as_sound_is_taken(
-    capsule: Capsule, waisted: Callable[..., TSpline]
-) -> None:
+def test_a_level_within_what_is_measured_as_sound_is_taken(capsule: Capsule, waisted: Callable[..., TSpline]) -> None:
     program = NearlyMet(waisted(), capsule, "sphere")
     P = np.array(waisted().control_points)
     broken, _ = program.broken(P, next_moves(program, P, 0.5, STIFFNESS), 0.5)
@@ -176,10 +170,7 @@ def test_a_level_within_what_is_measured_as_sound_is_taken(
 
 
 def test_levels_that_get_no_nearer_end_soon_and_tell_another_attraction(
-    capsule: Capsule,
-    schedule: Schedule,
-    waisted: Callable[..., TSpline],
-    monkeypatch: pytest.MonkeyPatch,
+    capsule: Capsule, schedule: Schedule, waisted: Callable[..., TSpline], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def outwards(program: PublishedProgram, P: np.ndarray, depth: float, stiffness: float) -> np.ndarray:
         return depth * P / np.linalg.norm(P, axis=1, keepdims=True)
@@ -196,15 +187,11 @@ def test_levels_that_get_no_nearer_end_soon_and_tell_another_attraction(
         published_sequence(program, waisted(), schedule, STIFFNESS, silent)
 
 
-def test_an_unknown_method_is_refused(
-    capsule: Capsule, schedule: Schedule, waisted: Callable[..., TSpline]
-) -> None:
+def test_an_unknown_method_is_refused(capsule: Capsule, schedule: Schedule, waisted: Callable[..., TSpline]) -> None:
     with pytest.raises(ValueError, match="choose one of qp, qcqp"):
         morph(waisted(), capsule, schedule, method="magic")
 
 
-def test_an_attraction_the_paper_has_not_is_refused(
-    capsule: Capsule, waisted: Callable[..., TSpline]
-) -> None:
+def test_an_attraction_the_paper_has_not_is_refused(capsule: Capsule, waisted: Callable[..., TSpline]) -> None:
     with pytest.raises(ValueError, match="choose one of"):
         PublishedProgram(waisted(), capsule, "nearest")

@@ -72,20 +72,14 @@ def exact(one: LevelProgram) -> np.ndarray:
     settings.verbose = False
     P = sp.csc_matrix(sp.triu(sp.block_diag([one.matrix] * 3), format="csc"))
     cones = [clarabel.NonnegativeConeT(int(kept.sum()))]
-    answer = clarabel.DefaultSolver(
-        P, one.gradient.T.ravel(), sp.csc_matrix(A[kept]), b[kept], cones, settings
-    ).solve()
+    answer = clarabel.DefaultSolver(P, one.gradient.T.ravel(), sp.csc_matrix(A[kept]), b[kept], cones, settings).solve()
     return np.array(answer.x).reshape(3, -1).T
 
 
 def test_osqp_finds_the_same_optimum(program: Callable[[int], LevelProgram]) -> None:
     one = program(1)
     rows = one.limits.rows(one.R, one.x)
-    found = (
-        solve_qp(sp.csc_array(sp.block_diag([one.matrix] * 3)), one.gradient.T.ravel(), rows, 1e-5)
-        .reshape(3, -1)
-        .T
-    )
+    found = solve_qp(sp.csc_array(sp.block_diag([one.matrix] * 3)), one.gradient.T.ravel(), rows, 1e-5).reshape(3, -1).T
     assert one.energy(found) == pytest.approx(one.energy(admm.solve(one, set_up_every=10**6)), rel=0.01)
 
 
@@ -113,9 +107,7 @@ def test_feet_are_nearest_places(waisted: Callable[..., TSpline]) -> None:
     rng = np.random.default_rng(2)
     s, t = rng.random(300), rng.uniform(0.02, 0.98, 300)
     points = surface.evaluate(s, t) + 0.3 * surface.normals(s, t)
-    found_s, found_t, foot, normals = closest_points_near(
-        surface, points, s + 0.01, np.clip(t + 0.01, 0, 1), 8
-    )
+    found_s, found_t, foot, normals = closest_points_near(surface, points, s + 0.01, np.clip(t + 0.01, 0, 1), 8)
     assert np.allclose(surface.evaluate(found_s, found_t), foot, atol=1e-12)
     assert np.abs(np.linalg.norm(points - foot, axis=1) - 0.3).max() < 1e-3
     assert np.einsum("ij,ij->i", points - foot, normals).min() > 0

@@ -14,9 +14,7 @@ def rows(A: np.ndarray, low: list[float], high: list[float]) -> LinearLimits:
 
 
 def test_the_answer_is_the_nearest_point_of_the_box() -> None:
-    found = solve_qp(
-        sp.csc_array(sp.eye_array(2)), np.array([-3.0, -0.25]), rows(np.eye(2), [0, 0], [1, 1]), 1e-6
-    )
+    found = solve_qp(sp.csc_array(sp.eye_array(2)), np.array([-3.0, -0.25]), rows(np.eye(2), [0, 0], [1, 1]), 1e-6)
     assert np.allclose(found, [1, 0.25], atol=1e-4)
     assert ((found > -1e-4) & (found < 1 + 1e-4)).all()
 

@@ -16,12 +16,7 @@ COARSE = Job().with_values(
     surface={"tolerance": 0.5, "largest_deviation": 1.0, "max_control_points": 60},
     holding={"diameter": 4.0, "length": 110.0},
     path={"orientation": "lead"},
-    levels={
-        "finishing_levels": 1,
-        "finishing_depth": 0.5,
-        "roughing_depth": 1.5,
-        "chord_tolerance": 0.05,
-    },
+    levels={"finishing_levels": 1, "finishing_depth": 0.5, "roughing_depth": 1.5, "chord_tolerance": 0.05},
     roughing={"preset": "ball-4", "scallop": 0.4},
     finishing={"radius": 2.0, "flute_length": 8.0, "shank_diameter": 4.0, "scallop": 0.4},
 )

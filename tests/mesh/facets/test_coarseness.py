@@ -35,9 +35,7 @@ def test_the_sagitta_is_near_the_distance_of_facets_from_the_sphere_and_falls_wi
 
 
 @pytest.mark.parametrize("sides", [4, 6, 12, 64])
-def test_boxes_prisms_and_cylinders_have_true_edges_and_stay_as_they_are_however_they_are_divided(
-    sides: int,
-) -> None:
+def test_boxes_prisms_and_cylinders_have_true_edges_and_stay_as_they_are_however_they_are_divided(sides: int) -> None:
     assert coarseness_of(prism(sides)).true_edges
     for edge in (8.0, 3.0, 1.0):
         divided = split_edges(prism(sides), edge)

@@ -67,9 +67,7 @@ def test_a_label_lies_where_its_map_says_within_half_a_voxel(turn: str, ending: 
     assert mesh.volume == pytest.approx(4 / 3 * np.pi * HALF_AXES.prod(), rel=0.02)
     assert found.smoothed is not None
     steps = found.steps.move(found.map.transform)
-    apart = max(
-        MeshDistance(one).unsigned(other.vertices).max() for one, other in ((mesh, steps), (steps, mesh))
-    )
+    apart = max(MeshDistance(one).unsigned(other.vertices).max() for one, other in ((mesh, steps), (steps, mesh)))
     assert apart <= found.smoothed.largest <= PITCH.max() / 2 + 1e-6
 
 
@@ -102,14 +100,8 @@ def test_a_label_at_the_edge_of_its_map_is_told(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("label", "told"),
     [
-        (
-            7,
-            r"hand\.nii\.gz: label 7 is not in the map, which has 3 \(\d+ voxels\), 9 \(1 voxels\): set mesh\.label",
-        ),
-        (
-            0,
-            r"hand\.nii\.gz: holds the labels 3 \(\d+ voxels\), 9 \(1 voxels\): set mesh\.label to that of the part",
-        ),
+        (7, r"hand\.nii\.gz: label 7 is not in the map, which has 3 \(\d+ voxels\), 9 \(1 voxels\): set mesh\.label"),
+        (0, r"hand\.nii\.gz: holds the labels 3 \(\d+ voxels\), 9 \(1 voxels\): set mesh\.label to that of the part"),
     ],
 )
 def test_a_label_that_is_not_there_is_one_line(label: int, told: str, hand: Path) -> None:
@@ -121,11 +113,7 @@ def test_a_label_that_is_not_there_is_one_line(label: int, told: str, hand: Path
     ("name", "values", "told"),
     [
         ("empty.nrrd", np.zeros((4, 4, 4), np.uint8), "no label but 0: segment the bone first"),
-        (
-            "scan.nrrd",
-            np.arange(2000, dtype=np.int16).reshape(10, 10, 20),
-            "1999 different values: give the segm",
-        ),
+        ("scan.nrrd", np.arange(2000, dtype=np.int16).reshape(10, 10, 20), "1999 different values: give the segm"),
         ("parts.nii", np.full((4, 4, 4), 0.5, np.float32), "no whole numbers: give the segmentation"),
         ("flat.nrrd", np.zeros((4, 4), np.uint8), "is no map of one number a voxel"),
     ],

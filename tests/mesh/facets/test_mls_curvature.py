@@ -38,10 +38,7 @@ def errors(around: int, across: int) -> tuple[float, float]:
     found = mls_curvature(mesh)
     along = np.cos(v) / (RING + TUBE * np.cos(v))
     clear = np.abs(np.cos(v)) > 0.2
-    return (
-        float(np.median(np.abs(found.k1 * TUBE - 1))),
-        float(np.median(np.abs(found.k2 / along - 1)[clear])),
-    )
+    return (float(np.median(np.abs(found.k1 * TUBE - 1))), float(np.median(np.abs(found.k2 / along - 1)[clear])))
 
 
 def test_errors_on_a_torus_fall_with_the_square_of_the_edge() -> None:
@@ -95,9 +92,7 @@ def test_the_other_side_of_a_thin_plate_does_not_count() -> None:
     faces = delaunay(grid)
     below = np.column_stack([grid, np.full(len(grid), -0.5)])
     above = np.column_stack([grid, np.zeros(len(grid))])
-    plate = TriangleMesh(
-        np.vstack([above, below]), np.vstack([faces, faces[:, ::-1] + len(grid)]).astype(np.int32)
-    )
+    plate = TriangleMesh(np.vstack([above, below]), np.vstack([faces, faces[:, ::-1] + len(grid)]).astype(np.int32))
     found = mls_curvature(plate, radius=2.5)
     assert np.abs([found.k1, found.k2]).max() < 1e-12
 

@@ -163,9 +163,7 @@ def test_the_walls_of_a_narrow_slit_keep_their_facets() -> None:
     assert found.kept > 2 * 16 * 5
 
 
-def test_facets_that_cut_themselves_are_refused_with_their_place(
-    ellipsoid: Callable[..., TriangleMesh],
-) -> None:
+def test_facets_that_cut_themselves_are_refused_with_their_place(ellipsoid: Callable[..., TriangleMesh]) -> None:
     even = ellipsoid(5, 4, 14, rings=10, columns=12)
     points = even.vertices.copy()
     points[60] *= -4.0
@@ -218,12 +216,7 @@ def test_the_phalanx_stays_to_the_bit() -> None:
 
 @pytest.mark.parametrize(
     "name",
-    [
-        "3midph",
-        "2midph",
-        "scaphoid",
-        *(pytest.param(name, marks=pytest.mark.slow) for name in ("1mc", "capitate")),
-    ],
+    ["3midph", "2midph", "scaphoid", *(pytest.param(name, marks=pytest.mark.slow) for name in ("1mc", "capitate"))],
 )
 def test_finely_meshed_bones_stay_to_the_bit(shared: Path, name: str) -> None:
     assert_kept(shared / "meshes" / "bones" / f"{name}_m.stl", "m")

@@ -22,15 +22,8 @@ OBJ = "".join(f"v {line}\n" for line in TETRAHEDRON.splitlines()) + "f 1 3 2\nf 
 
 def ascii_stl() -> str:
     points = TETRAHEDRON.splitlines()
-    loops = [
-        "outer loop\n" + "".join(f"vertex {points[int(k)]}\n" for k in face.split()) + "endloop"
-        for face in FACES
-    ]
-    return (
-        "solid nan\n"
-        + "".join(f"facet normal 0 0 0\n{loop}\nendfacet\n" for loop in loops)
-        + "endsolid nan\n"
-    )
+    loops = ["outer loop\n" + "".join(f"vertex {points[int(k)]}\n" for k in face.split()) + "endloop" for face in FACES]
+    return "solid nan\n" + "".join(f"facet normal 0 0 0\n{loop}\nendfacet\n" for loop in loops) + "endsolid nan\n"
 
 
 GOOD = {
@@ -84,10 +77,7 @@ BAD = {
     "empty.stl": (b"", "is empty"),
     "text.stl": (b"hello, this is a letter and no mesh", "is text but no STL"),
     "short.stl": (binary_stl(4, TRIANGLES), "header tells of 4 triangles, 2 are there"),
-    "nan.stl": (
-        binary_stl(2, np.where(TRIANGLES > 50, np.nan, TRIANGLES)),
-        "not numbers in 1 of 2 triangles",
-    ),
+    "nan.stl": (binary_stl(2, np.where(TRIANGLES > 50, np.nan, TRIANGLES)), "not numbers in 1 of 2 triangles"),
     "nan.off": (OFF.replace("1 0 0", "1 nan 0").encode(), "line 4: 'nan' is not a number"),
     "inf.obj": (OBJ.replace("v 1 0 0", "v -inf 0 0").encode(), "line 2: '-inf' is not a number"),
     "nan.ply": (
@@ -103,18 +93,12 @@ BAD = {
     "word.obj": (OBJ.replace("v 1 0 0", "v one 0 0").encode(), "line 2: 'one' is not a number"),
     "huge.obj": (OBJ.replace("v 1 0 0", "v 1e300 0 0").encode(), "a coordinate of 1e+300"),
     "endless.obj": (OBJ.replace("v 1 0 0", "v 1e999 0 0").encode(), "line 2: '1e999' is not a number"),
-    "twice.obj": (
-        OBJ.replace("f 2 3 4", "f 2 3 4 4 4 4").encode(),
-        "line 7: a face of 6 corners, 3 of them different",
-    ),
+    "twice.obj": (OBJ.replace("f 2 3 4", "f 2 3 4 4 4 4").encode(), "line 7: a face of 6 corners, 3 of them different"),
     "two.obj": (OBJ.replace("f 2 3 4", "f 2 3").encode(), "line 7: a face of 2 corners"),
     "normal.obj": (OBJ.replace("f 2 3 4", "f 2//9 3//9 4//9").encode(), "line 7: a face names normal 9 of 0"),
     "strange.obj": ((OBJ + "n").encode(), "line 9: 'n' is nothing of an OBJ"),
     "word.stl": (ascii_stl().replace("1 0 0", "1 zero 0", 1).encode(), "'zero' is not a number"),
-    "none.stl": (
-        binary_stl(2, TRIANGLES)[:80] + bytes(4) + bytes(100),
-        "header tells of 0 triangles, 2 are there",
-    ),
+    "none.stl": (binary_stl(2, TRIANGLES)[:80] + bytes(4) + bytes(100), "header tells of 0 triangles, 2 are there"),
     "all.stl": (binary_stl(2**32 - 1, TRIANGLES), "header tells of 4294967295 triangles, 2 are there"),
     "noend.ply": (PLY[:-30].encode(), "its header has no end"),
     "nameless.ply": (
@@ -125,10 +109,7 @@ BAD = {
         (PLY.replace("property float y", "propertyfloat y") + TETRAHEDRON).encode(),
         "line 5: 'propertyfloat' is no word",
     ),
-    "many.ply": (
-        (PLY.replace("face 4", "face 4000000000") + TETRAHEDRON).encode(),
-        "line 7 tells of more elements",
-    ),
+    "many.ply": ((PLY.replace("face 4", "face 4000000000") + TETRAHEDRON).encode(), "line 7 tells of more elements"),
     "long.ply": (
         (PLY.replace("face 4", "face 4\nproperty float " + "p" * 2**20) + TETRAHEDRON).encode(),
         "has a header of 1048746 bytes, 1048576 are allowed",
@@ -168,9 +149,7 @@ def test_a_binary_ply_with_vertices_that_are_no_numbers_is_refused(tmp_path: Pat
         read_mesh(tmp_path / "nan.ply")
 
 
-def test_a_missing_file_and_a_missing_folder_are_named(
-    ellipsoid: Callable[..., TriangleMesh], tmp_path: Path
-) -> None:
+def test_a_missing_file_and_a_missing_folder_are_named(ellipsoid: Callable[..., TriangleMesh], tmp_path: Path) -> None:
     with pytest.raises(FileError, match=r"xxx\.stl: cannot be read \(File name too long\)"):
         read_mesh("x" * 300 + ".stl")
     with pytest.raises(FileError, match=r"nowhere\.stl: cannot be read"):

@@ -35,11 +35,7 @@ def end_process(file, progress):
 
 @pytest.mark.parametrize(
     ("work", "what"),
-    [
-        ("hang", "took more than 2 s"),
-        ("fill_memory", "wanted more than 2 GB of memory"),
-        ("end_process", "exit -6"),
-    ],
+    [("hang", "took more than 2 s"), ("fill_memory", "wanted more than 2 GB of memory"), ("end_process", "exit -6")],
 )
 def test_a_child_that_breaks_down_is_one_line(
     work: str, what: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -48,9 +44,7 @@ def test_a_child_that_breaks_down_is_one_line(
     monkeypatch.syspath_prepend(tmp_path)
     seconds = 2.0 if work == "hang" else 60.0
     with pytest.raises(FileError, match=f"^a.3ds: MeshLab .*{what}.*: try again$"):
-        call_in_child(
-            f"broken:{work}", "a.3ds", library="MeshLab", remedy="try again", seconds=seconds, memory=2**31
-        )
+        call_in_child(f"broken:{work}", "a.3ds", library="MeshLab", remedy="try again", seconds=seconds, memory=2**31)
 
 
 def test_layers_have_the_colours_and_labels_that_meshlab_gives_them(tmp_path: Path) -> None:
@@ -62,9 +56,7 @@ def test_layers_have_the_colours_and_labels_that_meshlab_gives_them(tmp_path: Pa
         meshset.load_new_mesh(str(tmp_path / "a.obj"))
     assert [layer.label() for layer in ours] == [layer.label() for layer in native] == ["a.obj", "a(1).obj"]
     for name in ("vertex_matrix", "face_matrix", "vertex_color_matrix", "vertex_normal_matrix"):
-        assert np.array_equal(getattr(ours.current_mesh(), name)(), getattr(native.current_mesh(), name)()), (
-            name
-        )
+        assert np.array_equal(getattr(ours.current_mesh(), name)(), getattr(native.current_mesh(), name)()), name
 
 
 def test_options_of_meshlabs_reader_are_taken(tmp_path: Path) -> None:
@@ -118,9 +110,7 @@ def test_a_texture_of_another_folder_is_not_opened(kind: str, painted_ply: str, 
 
     assert load("skins/paint.png").current_mesh().face_number()
     for name in ("../paint.png", str(picture)):
-        with pytest.raises(
-            FileError, match=r"line \d: '.*paint\.png' is not in the folder of the mesh: put it"
-        ):
+        with pytest.raises(FileError, match=r"line \d: '.*paint\.png' is not in the folder of the mesh: put it"):
             load(name)
         assert load(name, allow_outside=True).current_mesh().face_number()
 

@@ -100,9 +100,7 @@ def test_no_part_of_a_face_is_lost(part: Callable[[], Any], tolerance: float | N
 
 def test_a_part_too_small_to_be_tessellated_is_told(tmp_path: Path) -> None:
     speck = write(occ().BRepPrimAPI.BRepPrimAPI_MakeBox(1e-5, 1e-5, 1e-5).Shape(), tmp_path / "speck.step")
-    with pytest.raises(
-        FileError, match=r"speck.step: .* mm from corner to corner: it cannot be .*: export it"
-    ):
+    with pytest.raises(FileError, match=r"speck.step: .* mm from corner to corner: it cannot be .*: export it"):
         read_and_tessellate(speck)
     with pytest.raises(FileError, match="give a larger tolerance"):
         tessellate_shape(cylinder(), np.nan)
@@ -137,9 +135,7 @@ def test_a_face_that_cannot_be_tessellated_is_an_error_and_not_a_hole(
         read_and_tessellate(file)
 
 
-@pytest.mark.parametrize(
-    ("unit", "name"), [("M", "a.step"), ("INCH", "a.step"), ("M", "a.iges"), ("INCH", "a.iges")]
-)
+@pytest.mark.parametrize(("unit", "name"), [("M", "a.step"), ("INCH", "a.step"), ("M", "a.iges"), ("INCH", "a.iges")])
 def test_a_part_stated_in_another_unit_comes_in_mm(unit: str, name: str, tmp_path: Path) -> None:
     mesh = read_and_tessellate(write(cylinder(), tmp_path / name, unit)).mesh
     assert np.ptp(mesh.vertices[:, 2]) == pytest.approx(20.0, rel=1e-6)
@@ -245,9 +241,7 @@ def test_a_file_that_ends_opencascade_is_one_line(tmp_path: Path, monkeypatch: p
         read_mesh(tmp_path / "a.step")
 
 
-@pytest.mark.parametrize(
-    "name", ["a part.step", os.fsdecode(b"not in UTF-8 \xe9.step")], ids=["blank", "bytes"]
-)
+@pytest.mark.parametrize("name", ["a part.step", os.fsdecode(b"not in UTF-8 \xe9.step")], ids=["blank", "bytes"])
 def test_the_child_hands_back_the_same_mesh(name: str, tmp_path: Path) -> None:
     file = write(cylinder(), tmp_path / "a.step").rename(tmp_path / name)
     assert read_mesh(file).vertices.tobytes() == read_and_tessellate(file).mesh.vertices.tobytes()

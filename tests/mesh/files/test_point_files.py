@@ -106,10 +106,7 @@ def test_a_number_with_an_underscore_is_none(tmp_path: Path) -> None:
     ("lines", "match"),
     [
         (["1 2 3"] * 500, "a.xyz: 1 different points are too few for a surface"),
-        (
-            [f"{k}e-320 1e-320 0" for k in range(300)],
-            "so close together that they have no size: export them in mm",
-        ),
+        ([f"{k}e-320 1e-320 0" for k in range(300)], "so close together that they have no size: export them in mm"),
     ],
 )
 def test_a_cloud_without_extent_is_refused(lines: list[str], match: str, tmp_path: Path) -> None:

@@ -194,9 +194,7 @@ def test_a_polygon_mesh_that_closes_has_its_last_faces(tmp_path: Path) -> None:
     across = np.linspace(0, 2 * np.pi, 6)
     for (i, j), _ in np.ndenumerate(np.empty((6, 5))):
         out = 10 + 3 * np.cos(across[j])
-        mesh.set_mesh_vertex(
-            (i, j), (out * np.cos(around[i]), out * np.sin(around[i]), 3 * np.sin(across[j]))
-        )
+        mesh.set_mesh_vertex((i, j), (out * np.cos(around[i]), out * np.sin(around[i]), 3 * np.sin(across[j])))
     drawing.saveas(tmp_path / "ring.dxf")
     ring = read_mesh(tmp_path / "ring.dxf")
     assert len(ring.faces) == 2 * 6 * 5

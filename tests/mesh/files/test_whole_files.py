@@ -28,9 +28,7 @@ def solid() -> TriangleMesh:
         corners = np.stack([a, (a + b) / 2, (a + c) / 2, b, (b + c) / 2, c], axis=1)
         vertices, index = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
         index = index.reshape(-1, 6)
-        faces = np.concatenate(
-            [index[:, [0, 1, 2]], index[:, [1, 3, 4]], index[:, [2, 4, 5]], index[:, [1, 4, 2]]]
-        )
+        faces = np.concatenate([index[:, [0, 1, 2]], index[:, [1, 3, 4]], index[:, [2, 4, 5]], index[:, [1, 4, 2]]])
     return TriangleMesh(vertices, faces.astype(np.int32))
 
 
@@ -50,16 +48,12 @@ def stl(count: int = M) -> bytes:
 
 
 def text_stl() -> bytes:
-    body = "".join(
-        f"facet normal 0 0 0\nouter loop\n{rows(corners, 'vertex ')}endloop\nendfacet\n" for corners in V[F]
-    )
+    body = "".join(f"facet normal 0 0 0\nouter loop\n{rows(corners, 'vertex ')}endloop\nendfacet\n" for corners in V[F])
     return f"solid a\n{body}endsolid a\n".encode()
 
 
 def ply(form: str, count: int = M, more: str = "", tail: bytes = b"") -> bytes:
-    head = (
-        f"ply\nformat {form} 1.0\nelement vertex {N}\nproperty float x\nproperty float y\nproperty float z\n"
-    )
+    head = f"ply\nformat {form} 1.0\nelement vertex {N}\nproperty float x\nproperty float y\nproperty float z\n"
     head += f"element face {count}\nproperty list uchar int vertex_indices\n{more}end_header\n"
     if form == "ascii":
         return (head + rows(V) + rows(F, "3 ")).encode() + tail
@@ -126,9 +120,7 @@ def grid_vtk() -> bytes:
     return (head + f"CELLS {M} {4 * M}\n{cells}CELL_TYPES {M}\n" + "5\n" * M).encode()
 
 
-def glb(
-    count: int = 3 * M, scale: float = 1e-3, sparse: bool = False, named: np.ndarray = F, **more: object
-) -> bytes:
+def glb(count: int = 3 * M, scale: float = 1e-3, sparse: bool = False, named: np.ndarray = F, **more: object) -> bytes:
     """A GLB in metres; `more` are entries of its header, and `mode` that of its primitive."""
     points, corners = (V * scale).astype("<f4").tobytes(), named.astype("<u4").tobytes()
     indices = np.arange(N, dtype="<u4").tobytes()
@@ -154,22 +146,16 @@ def glb(
     text = json.dumps(header).encode()
     text += b" " * (-len(text) % 4)
     binary = points + corners + indices
-    chunks = (
-        struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(binary), b"BIN\0") + binary
-    )
+    chunks = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(binary), b"BIN\0") + binary
     return struct.pack("<4s2I", b"glTF", 2, 12 + len(chunks)) + chunks
 
 
-def three_mf(
-    volume: str = "", unit: str = 'unit="millimeter"', components: bool = False, **extra: str
-) -> bytes:
+def three_mf(volume: str = "", unit: str = 'unit="millimeter"', components: bool = False, **extra: str) -> bytes:
     """A 3MF; the last eight triangles are a volume of the kind `volume` in PrusaSlicer's words."""
     vertices = "".join(f'<vertex x="{x}" y="{y}" z="{z}"/>' for x, y, z in V.tolist())
     faces = "".join(f'<triangle v1="{a}" v2="{b}" v3="{c}"/>' for a, b, c in F.tolist())
     core = "http://schemas.microsoft.com/3dmanufacturing/core/2015/02"
-    mesh = (
-        f"<mesh><vertices>{vertices}</vertices><triangles>{faces}</triangles>{extra.get('inside', '')}</mesh>"
-    )
+    mesh = f"<mesh><vertices>{vertices}</vertices><triangles>{faces}</triangles>{extra.get('inside', '')}</mesh>"
     body = f'<object id="1" type="{extra.get("kind", "model")}">{mesh}</object>'
     item = '<item objectid="1"/>'
     if components:  # two components out of one file, the second a modifier in Bambu Studio's words
@@ -187,18 +173,14 @@ def three_mf(
         if components:
             package.writestr("3D/Objects/a.model", part)
             subtype = f'<part id="1" subtype="normal_part"/><part id="2" subtype="{volume}"/>'
-            package.writestr(
-                "Metadata/model_settings.config", f'<config><object id="3">{subtype}</object></config>'
-            )
+            package.writestr("Metadata/model_settings.config", f'<config><object id="3">{subtype}</object></config>')
         elif volume:
             spans = [(0, M - 9, "ModelPart"), (M - 8, M - 1, volume)]
             text = "".join(
                 f'<volume firstid="{a}" lastid="{b}"><metadata key="volume_type" value="{kind}"/></volume>'
                 for a, b, kind in spans
             )
-            package.writestr(
-                "Metadata/Slic3r_PE_model.config", f'<config><object id="1">{text}</object></config>'
-            )
+            package.writestr("Metadata/Slic3r_PE_model.config", f'<config><object id="1">{text}</object></config>')
     return stream.getvalue()
 
 
@@ -320,11 +302,7 @@ LEFT_OUT = {
         "left out of its file: 2 of 'edge'",
     ),
     "modifier.3mf": (three_mf("ParameterModifier"), M - 8, "left out of its file: 1 ParameterModifier"),
-    "modifier_part.3mf": (
-        three_mf("modifier_part", components=True),
-        M,
-        "left out of its file: 1 modifier_part",
-    ),
+    "modifier_part.3mf": (three_mf("modifier_part", components=True), M, "left out of its file: 1 modifier_part"),
     "scenes.glb": (
         glb(
             nodes=[{"mesh": 0}, {"mesh": 0}, {"mesh": 1}],
@@ -335,9 +313,7 @@ LEFT_OUT = {
         "left out of its file: 1 meshes that its scene does not place, 1 more places of its meshes in other scenes",
     ),
     "unplaced.glb": (
-        glb(
-            nodes=[{"mesh": 0}], meshes=[{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}] * 2
-        ),
+        glb(nodes=[{"mesh": 0}], meshes=[{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}] * 2),
         M,
         "left out of its file: 1 meshes that its scene does not place",
     ),
@@ -351,15 +327,11 @@ def test_what_is_no_face_is_left_out_and_told(name: str, tmp_path: Path) -> None
     given = read_mesh_file(tmp_path / name)
     assert len(given.mesh.faces) == faces
     assert given.notes == (note,)
-    assert (
-        given.mesh.diagonal * (1000 if given.unit == "m" else 1) < 25
-    )  # vertices of what is left out are gone
+    assert given.mesh.diagonal * (1000 if given.unit == "m" else 1) < 25  # vertices of what is left out are gone
 
 
 @pytest.mark.parametrize(("mode", "named"), [(5, [4, 0, 2, 5, 1, 3]), (6, [4, 0, 2, 1, 3, 0])])
-def test_strips_and_fans_of_a_glb_are_triangles_that_face_outward(
-    mode: int, named: list[int], tmp_path: Path
-) -> None:
+def test_strips_and_fans_of_a_glb_are_triangles_that_face_outward(mode: int, named: list[int], tmp_path: Path) -> None:
     corners = np.array([[6.0, 0, 0], [-6, 0, 0], [0, 6, 0], [0, -6, 0], [0, 0, 6], [0, 0, -6]])[named]
     numbers = np.array([np.abs(V - corner).sum(axis=1).argmin() for corner in corners])
     (tmp_path / "a.glb").write_bytes(glb(len(named), named=numbers, mode=mode))
@@ -393,9 +365,7 @@ def test_a_label_map_is_read_in_the_unit_that_it_states(tmp_path: Path) -> None:
     pytest.importorskip("SimpleITK")
     micrometres = "(1000,0,0) (0,1000,0) (0,0,1000)"
     (tmp_path / "um.nrrd").write_bytes(nrrd(micrometres, 'space units: "um" "um" "um"\n'))
-    assert prepare_part(tmp_path / "um.nrrd", MeshJob(facets="exact")).mesh.volume == pytest.approx(
-        1000, rel=0.1
-    )
+    assert prepare_part(tmp_path / "um.nrrd", MeshJob(facets="exact")).mesh.volume == pytest.approx(1000, rel=0.1)
     (tmp_path / "none.nrrd").write_bytes(nrrd(micrometres))
     with pytest.raises(UnitsError, match="give --units um"):
         prepare_part(tmp_path / "none.nrrd", MeshJob())
@@ -433,9 +403,7 @@ ENCODED: dict[str, Callable[[bytes], bytes]] = {
 
 @pytest.mark.parametrize("slices", [6, 11, 12, 13, 24])
 @pytest.mark.parametrize("encoding", [*ENCODED, "nii", "nii.gz", "scaled.nii"])
-def test_a_label_map_has_the_voxels_that_its_header_tells_of(
-    encoding: str, slices: int, tmp_path: Path
-) -> None:
+def test_a_label_map_has_the_voxels_that_its_header_tells_of(encoding: str, slices: int, tmp_path: Path) -> None:
     itk = pytest.importorskip("SimpleITK")
     if encoding in ENCODED:
         file = tmp_path / "a.nrrd"
@@ -454,9 +422,7 @@ def test_a_label_map_has_the_voxels_that_its_header_tells_of(
     if slices == 12:
         assert len(label_surface(file, 0, smooth=False).steps.faces)
     else:
-        with pytest.raises(
-            FileError, match=r"holds \d+ bytes of voxels, its header tells of \d+|cannot be read"
-        ):
+        with pytest.raises(FileError, match=r"holds \d+ bytes of voxels, its header tells of \d+|cannot be read"):
             label_surface(file, 0, smooth=False)
 
 

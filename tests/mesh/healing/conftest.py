@@ -64,8 +64,6 @@ def is_same() -> Callable[[TriangleMesh, TriangleMesh], bool]:
     def compare(one: TriangleMesh, other: TriangleMesh) -> bool:
         soups = [np.sort(mesh.vertices[mesh.faces], axis=1).reshape(-1, 9) for mesh in (one, other)]
         same = same_rows(one.vertices, other.vertices) and same_rows(*soups)
-        return (
-            same and len(one.faces) == len(other.faces) and bool(np.isclose(one.volume, other.volume, 1e-12))
-        )
+        return same and len(one.faces) == len(other.faces) and bool(np.isclose(one.volume, other.volume, 1e-12))
 
     return compare

@@ -65,21 +65,16 @@ def test_much_debris_is_dropped_at_once(
 def test_an_inner_shell_is_filled_and_told_with_its_volume(
     bone: TriangleMesh, is_same: Callable[..., bool], share: float, height: float, inward: bool
 ) -> None:
-    shell = TriangleMesh(
-        share * bone.vertices + [0, 0, height * (1 - share)], bone.faces[:, :: -1 if inward else 1]
-    )
+    shell = TriangleMesh(share * bone.vertices + [0, 0, height * (1 - share)], bone.faces[:, :: -1 if inward else 1])
     mesh, done = repair(side_by_side([shell, bone]))
     assert is_same(mesh, bone)
     assert [each.change for each in done] == [
-        f"filled an inner shell (cavity) of {abs(shell.volume):.3g} mm3 near "
-        f"(0.00, 0.00, {height * (1 - share):z.2f})"
+        f"filled an inner shell (cavity) of {abs(shell.volume):.3g} mm3 near (0.00, 0.00, {height * (1 - share):z.2f})"
     ]
     assert done[0].guessed == 0.0
 
 
-def test_a_cavity_that_comes_out_of_the_part_is_told_to(
-    bone: TriangleMesh, is_same: Callable[..., bool]
-) -> None:
+def test_a_cavity_that_comes_out_of_the_part_is_told_to(bone: TriangleMesh, is_same: Callable[..., bool]) -> None:
     through = TriangleMesh(0.5 * bone.vertices + [2.7, 0, 0], bone.faces[:, ::-1])
     mesh, done = repair(side_by_side([bone, through]))
     assert is_same(mesh, bone)
@@ -100,9 +95,7 @@ def test_a_closed_piece_beside_the_part_is_another_part(bone: TriangleMesh) -> N
             repair(side_by_side([bone, TriangleMesh(0.8 * bone.vertices + shift, bone.faces)]))
 
 
-def test_a_folded_shell_inside_is_not_taken_for_the_part(
-    bone: TriangleMesh, is_same: Callable[..., bool]
-) -> None:
+def test_a_folded_shell_inside_is_not_taken_for_the_part(bone: TriangleMesh, is_same: Callable[..., bool]) -> None:
     length = np.linalg.norm(bone.vertices, axis=1, keepdims=True)
     folds = 1 - 0.35 * (1 + np.cos(np.arange(len(bone.vertices)) * np.pi))[:, None] * (length > 0)
     rough = TriangleMesh(0.97 * bone.vertices * folds, bone.faces[:, ::-1])
@@ -133,12 +126,8 @@ def test_the_mesh_as_given_is_compared_without_what_was_left_out(
     assert part.move(np.eye(4)).taken_off is part.taken_off
 
 
-def test_an_open_sheet_inside_is_dropped_and_told_as_that(
-    bone: TriangleMesh, is_same: Callable[..., bool]
-) -> None:
-    sheet = keep_faces(
-        TriangleMesh(0.5 * bone.vertices, bone.faces), bone.vertices[bone.faces].mean(1)[:, 2] > 2
-    )
+def test_an_open_sheet_inside_is_dropped_and_told_as_that(bone: TriangleMesh, is_same: Callable[..., bool]) -> None:
+    sheet = keep_faces(TriangleMesh(0.5 * bone.vertices, bone.faces), bone.vertices[bone.faces].mean(1)[:, 2] > 2)
     mesh, done = repair(side_by_side([sheet, bone]))
     assert is_same(mesh, bone)
     assert str(done[0]).startswith("dropped 1 open sheet inside the part, near (")

@@ -14,9 +14,7 @@ from bonecam.mesh.part import prepare_part
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
 
-def test_a_large_mesh_is_decimated_within_the_stated_deviation(
-    ellipsoid: Callable[..., TriangleMesh],
-) -> None:
+def test_a_large_mesh_is_decimated_within_the_stated_deviation(ellipsoid: Callable[..., TriangleMesh]) -> None:
     mesh = ellipsoid(4, 3, 9, rings=120, columns=160)
     fewer, told = decimate(mesh, 8000)
     assert len(fewer.faces) <= 8000 < len(mesh.faces)
@@ -39,9 +37,7 @@ def test_triangles_without_common_vertices_are_decimated_too(ellipsoid: Callable
 def test_a_rough_mesh_is_refused_rather_than_smoothed(ellipsoid: Callable[..., TriangleMesh]) -> None:
     mesh = ellipsoid(4, 3, 9, rings=60, columns=80)
     rough = np.random.default_rng(1).normal(scale=0.1, size=mesh.vertices.shape)
-    with pytest.raises(
-        MeshError, match=r"9600 faces, and decimating it to 1000 moves the surface by 0\.\d+ mm"
-    ):
+    with pytest.raises(MeshError, match=r"9600 faces, and decimating it to 1000 moves the surface by 0\.\d+ mm"):
         decimate(TriangleMesh(mesh.vertices + rough, mesh.faces), 500)
 
 

@@ -26,9 +26,7 @@ def test_a_sound_mesh_comes_back_as_it_is(bone: TriangleMesh) -> None:
     assert mesh is bone
 
 
-def test_vertices_of_no_face_go_even_from_a_sound_mesh(
-    solid: Callable[..., TriangleMesh], bone: TriangleMesh
-) -> None:
+def test_vertices_of_no_face_go_even_from_a_sound_mesh(solid: Callable[..., TriangleMesh], bone: TriangleMesh) -> None:
     mesh, done = repair(solid(np.concatenate([bone.vertices, [[100, 0, 0]]]), bone.faces))
     assert [str(each) for each in done] == ["removed 1 vertex of no face"]
     assert (mesh.bounds == bone.bounds).all()
@@ -71,9 +69,7 @@ WORDS = {
 
 
 @pytest.mark.parametrize("kind", WORDS)
-def test_a_broken_mesh_is_mended_and_told(
-    broken: dict[str, TriangleMesh], bone: TriangleMesh, kind: str
-) -> None:
+def test_a_broken_mesh_is_mended_and_told(broken: dict[str, TriangleMesh], bone: TriangleMesh, kind: str) -> None:
     mesh, done = repair(broken[kind])
     assert WORDS[kind] in "; ".join(map(str, done))
     assert faults_of(mesh) == ()
@@ -81,9 +77,7 @@ def test_a_broken_mesh_is_mended_and_told(
     assert sum(each.guessed for each in done) == pytest.approx(AREAS.get(kind, 0.0), abs=0.02)
 
 
-def test_a_surface_that_cuts_itself_keeps_its_outside(
-    bone: TriangleMesh, solid: Callable[..., TriangleMesh]
-) -> None:
+def test_a_surface_that_cuts_itself_keeps_its_outside(bone: TriangleMesh, solid: Callable[..., TriangleMesh]) -> None:
     vertices = np.array(bone.vertices)
     pushed = np.argmax(vertices[:, 0])
     vertices[pushed] += [-0.5, 2, 3]
@@ -143,9 +137,7 @@ def test_what_cannot_be_one_solid_is_refused_with_a_remedy(
 
 
 def test_a_tube_is_closed_at_its_ends(
-    solid: Callable[..., TriangleMesh],
-    grid_faces: Callable[..., ndarray],
-    ellipsoid: Callable[..., TriangleMesh],
+    solid: Callable[..., TriangleMesh], grid_faces: Callable[..., ndarray], ellipsoid: Callable[..., TriangleMesh]
 ) -> None:
     mesh, done = repair(solid(ellipsoid(5, 4, 14).vertices[:-2], grid_faces(24, 32, False)))
     assert faults_of(mesh) == ()

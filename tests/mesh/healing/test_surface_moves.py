@@ -46,9 +46,7 @@ def test_winding_numbers_tell_the_side_of_open_and_turned_meshes_too(bone: Trian
     places = np.array([[0, 0, 0], [0, 0, 13.0], [9, 0, 0], [4.8, 0, 0.0]])
     inside = np.array([1, 1, 0, 1])
     assert np.allclose(winding_numbers(bone, places), inside, atol=0.01)
-    assert np.allclose(
-        winding_numbers(TriangleMesh(bone.vertices, bone.faces[:, ::-1]), places), -inside, atol=0.01
-    )
+    assert np.allclose(winding_numbers(TriangleMesh(bone.vertices, bone.faces[:, ::-1]), places), -inside, atol=0.01)
     assert np.allclose(winding_numbers(TriangleMesh(bone.vertices, bone.faces[3:]), places), inside, atol=0.1)
 
 
@@ -60,9 +58,7 @@ def test_a_sentence_tells_the_movement_and_the_report_has_it(bone: TriangleMesh)
     assert str(Repair("changed it", 4e-4, 4e-4)) == "changed it"
 
 
-def test_a_new_skin_tells_how_far_it_lies_from_the_mesh(
-    bone: TriangleMesh, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_new_skin_tells_how_far_it_lies_from_the_mesh(bone: TriangleMesh, monkeypatch: pytest.MonkeyPatch) -> None:
     def refuses(*_: object, **__: object) -> None:
         raise RuntimeError("Mesh boolean failed")
 

@@ -33,9 +33,7 @@ def assert_rows(rows: Rows, mesh: TriangleMesh) -> None:
     middle = rows.points.mean(1, keepdims=True)
     turning = np.cross(rows.points - middle, np.roll(rows.points, -1, axis=1) - middle)[..., 2].sum(1)
     assert (turning > 0).all(), "counter-clockwise from above"
-    gaps = np.linalg.norm(
-        np.diff(np.concatenate([rows.poles[:1], rows.points[:, 0], rows.poles[1:]]), axis=0), axis=1
-    )
+    gaps = np.linalg.norm(np.diff(np.concatenate([rows.poles[:1], rows.points[:, 0], rows.poles[1:]]), axis=0), axis=1)
     assert gaps.max() < 4 * np.median(gaps), "the seam does not jump"
 
 

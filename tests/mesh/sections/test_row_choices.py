@@ -17,9 +17,7 @@ def wedge(ellipsoid: Callable[..., TriangleMesh]) -> TriangleMesh:
 
 
 @pytest.mark.parametrize("frame", OTHER_FRAMES)
-def test_rows_in_another_frame_lie_on_the_mesh_and_turn_outwards(
-    wedge: TriangleMesh, frame: np.ndarray
-) -> None:
+def test_rows_in_another_frame_lie_on_the_mesh_and_turn_outwards(wedge: TriangleMesh, frame: np.ndarray) -> None:
     assert np.linalg.det(frame) == pytest.approx(1.0)
     rows = rows_in_frame(wedge, frame, 12, 40, 0.8)
     flat = rows.points.reshape(-1, 3)

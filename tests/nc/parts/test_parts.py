@@ -62,13 +62,7 @@ def test_the_files_run_the_moves_of_the_program_in_one(
     ("controller", "call", "file", "first", "last"),
     [
         ("heidenhain", "CALL PGM BONE_1.h", "BONE_1.h", "0 BEGIN PGM BONE_1 MM", "END PGM BONE_1 MM"),
-        (
-            "siemens-840d",
-            'EXTCALL("BONE_1.mpf")',
-            "BONE_1.mpf",
-            "; PART 1 OF 2 OF BONE LEVEL 5 TO LEVEL 4",
-            "M17",
-        ),
+        ("siemens-840d", 'EXTCALL("BONE_1.mpf")', "BONE_1.mpf", "; PART 1 OF 2 OF BONE LEVEL 5 TO LEVEL 4", "M17"),
         ("fanuc-30i", "M98 P0078", "O0078.nc", "%", "%"),
         ("makino", "M98 P0078", "O0078.nc", "%", "%"),
         ("mitsubishi", "M98 P0078", "O0078.nc", "%", "%"),
@@ -92,15 +86,7 @@ def test_every_part_begins_with_all_that_a_restart_needs(three_paths: list[ToolP
     for part in (1, 2, 3):
         text = caller.with_name(f"BONE_{part}.h").read_text()
         start = text[: text.index("CUT")]
-        for word in (
-            "CYCL DEF 247",
-            "PLANE RESET",
-            "CYCL DEF 32.1",
-            "TOOL CALL",
-            "M140 MB MAX",
-            "M126",
-            "M3",
-        ):
+        for word in ("CYCL DEF 247", "PLANE RESET", "CYCL DEF 32.1", "TOOL CALL", "M140 MB MAX", "M126", "M3"):
             assert word in start
 
 
@@ -157,9 +143,7 @@ def test_files_that_are_not_those_of_the_program_are_refused(
         joined(caller, made[1])
 
 
-def test_a_fault_in_a_part_is_told_with_its_file_and_line(
-    three_paths: list[ToolPath], tmp_path: Path
-) -> None:
+def test_a_fault_in_a_part_is_told_with_its_file_and_line(three_paths: list[ToolPath], tmp_path: Path) -> None:
     program, dialect, job = made_of(three_paths, "heidenhain", split="level")
     caller = written((program, dialect, job), tmp_path)
     part = tmp_path / "BONE_2.h"
@@ -167,9 +151,7 @@ def test_a_fault_in_a_part_is_told_with_its_file_and_line(
     row = next(at for at, line in enumerate(lines) if " F900" in line)
     lines[row] = lines[row].replace("F900", "F9e2")
     part.write_text("\n".join(lines))
-    with pytest.raises(
-        (VerifyError, ProgramError), match=rf"BONE_2\.h: line {row + 1} \(of the whole program line "
-    ):
+    with pytest.raises((VerifyError, ProgramError), match=rf"BONE_2\.h: line {row + 1} \(of the whole program line "):
         program_text(caller, MACHINE, dialect, job)
 
 
@@ -207,9 +189,7 @@ def test_a_part_does_not_replace_a_file_that_is_none(three_paths: list[ToolPath]
     assert [path.name for path in tmp_path.iterdir()] == ["O0079.nc"]
 
 
-def test_a_program_does_not_replace_a_part_that_another_calls(
-    three_paths: list[ToolPath], tmp_path: Path
-) -> None:
+def test_a_program_does_not_replace_a_part_that_another_calls(three_paths: list[ToolPath], tmp_path: Path) -> None:
     made = made_of(three_paths, "linuxcnc", split="tool")
     written(made, tmp_path)
     dialect, job = made[1:]
@@ -228,9 +208,7 @@ def test_a_dialect_without_calls_cannot_split(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("controller", dialect_names())
-def test_parts_of_a_longer_program_go_with_it(
-    controller: str, three_paths: list[ToolPath], tmp_path: Path
-) -> None:
+def test_parts_of_a_longer_program_go_with_it(controller: str, three_paths: list[ToolPath], tmp_path: Path) -> None:
     other = tmp_path / "notes.txt"
     other.write_text("mine")
     first = made_of(three_paths, controller, split="level", program_number=77)
@@ -251,9 +229,7 @@ def test_parts_of_longer_programs_of_both_clampings_go(
         job = Job().with_values(nc={"controller": controller, **nc})
         dialect = job_dialect(job.nc)
         named = {
-            tmp_path / f"{name}{dialect.extension}": write_program(
-                three_paths, MACHINE, dialect, job, name=name
-            )
+            tmp_path / f"{name}{dialect.extension}": write_program(three_paths, MACHINE, dialect, job, name=name)
             for name in ("BONE", "BONE_SECOND")
         }
         with staged() as staging:

@@ -63,9 +63,7 @@ def test_a_text_that_parks_outside_the_limits_or_beside_the_part_is_refused(
 ) -> None:
     dialect = job_dialect(Job().with_values(nc={"controller": controller}).nc)
     text = text_of(three_paths[:1], machine, controller, park="20, -30.5")
-    beyond = text.replace(
-        PARK[controller], PARK[controller].replace("X20.", "X420.").replace("X+20.", "X+420.")
-    )
+    beyond = text.replace(PARK[controller], PARK[controller].replace("X20.", "X420.").replace("X+20.", "X+420."))
     with pytest.raises(VerifyError, match=r"^line \d+: X goes to 420.000 mm, its limit is 400 mm"):
         check_limits(read_program(beyond, machine, dialect), machine)
     low = PARK[controller].replace("X", "Z", 1).replace("Y", "Z", 1)
@@ -74,9 +72,7 @@ def test_a_text_that_parks_outside_the_limits_or_beside_the_part_is_refused(
 
 
 @pytest.mark.parametrize("controller", ["fanuc-30i", "makino", "mitsubishi", "linuxcnc"])
-def test_the_program_ends_at_the_reference_point_of_x_and_y(
-    controller: str, three_paths: list[ToolPath]
-) -> None:
+def test_the_program_ends_at_the_reference_point_of_x_and_y(controller: str, three_paths: list[ToolPath]) -> None:
     machine = read_machine("mikron-ucp600")
     text = text_of(three_paths[:1], machine, controller, park="home")
     assert len(re.findall(r"(?m)^(N\d+ )?G28 G91 X0\.? Y0\.?$", text)) == 1
@@ -96,9 +92,7 @@ def test_where_a_control_has_no_words_for_home_that_is_one_line(controller: str)
         job_dialect(Job().with_values(nc={"controller": controller, "park": "home"}).nc)
 
 
-def test_a_park_position_without_a_retract_before_it_is_refused(
-    three_paths: list[ToolPath], machine: Machine
-) -> None:
+def test_a_park_position_without_a_retract_before_it_is_refused(three_paths: list[ToolPath], machine: Machine) -> None:
     job = Job().with_values(nc={"controller": "linuxcnc", "park": "0, 0"})
     text = write_program(three_paths[:1], machine, job_dialect(job.nc), job).text
     lines = text.split("\n")
@@ -111,10 +105,7 @@ def test_a_park_position_without_a_retract_before_it_is_refused(
 
 @pytest.mark.parametrize(
     ("park", "told"),
-    [
-        ("500, 0", r"X of mikron-ucp600 runs from -400 to 400 mm"),
-        ("0, -401", r"Y of mikron-ucp600 runs from"),
-    ],
+    [("500, 0", r"X of mikron-ucp600 runs from -400 to 400 mm"), ("0, -401", r"Y of mikron-ucp600 runs from")],
 )
 def test_a_park_position_outside_the_limits_is_one_line(
     park: str, told: str, three_paths: list[ToolPath], machine: Machine
@@ -134,9 +125,7 @@ def test_what_is_no_park_position_is_told(park: str) -> None:
         Job().with_values(nc={"park": park})
 
 
-def test_an_axis_that_cannot_stand_at_zero_is_not_levelled(
-    three_paths: list[ToolPath], machine: Machine
-) -> None:
+def test_an_axis_that_cannot_stand_at_zero_is_not_levelled(three_paths: list[ToolPath], machine: Machine) -> None:
     tilted = tuple(
         replace(axis, limits=(np.radians(-115.0), np.radians(-1.0))) if axis.letter == "B" else axis
         for axis in machine.part_axes
@@ -172,7 +161,5 @@ def test_a_park_position_by_increments_is_refused(
     read_program(text, machine, dialect)
     moved = re.sub(r"(?m)^(G53 G0+ X20)", r"G91 \1", text)
     assert moved != text
-    with pytest.raises(
-        ProgramError, match=r"^line \d+: machine coordinates by increments: switch to absolute"
-    ):
+    with pytest.raises(ProgramError, match=r"^line \d+: machine coordinates by increments: switch to absolute"):
         read_program(moved, machine, dialect)

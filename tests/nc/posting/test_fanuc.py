@@ -80,9 +80,7 @@ def test_g43_4_is_read_with_its_length_and_all_rotary_axes_at_zero(text: str, na
         ]
 
 
-def test_the_table_turns_above_everything_and_there_is_no_g00_under_g43_4(
-    text: str, name: str, paths
-) -> None:
+def test_the_table_turns_above_everything_and_there_is_no_g00_under_g43_4(text: str, name: str, paths) -> None:
     motions = read_program(text, MIKRON, read_dialect(name))
     checked = compare_moves(motions, paths, read_dialect(name), Tolerances())
     first = np.flatnonzero(~motions.known_start)
@@ -167,9 +165,7 @@ def test_block_numbers_begin_again_behind_the_highest(paths, tmp_path) -> None:
     file.write_text((DIALECTS / "fanuc-30i.toml").read_text().replace("highest = 99999\n", "highest = 100\n"))
     dialect = read_dialect(file)
     text = write_program(paths, MIKRON, dialect, Job()).text
-    assert (
-        len(re.findall("^N100 ", text, re.MULTILINE)) == len(re.findall("^N1 ", text, re.MULTILINE)) - 1 > 1
-    )
+    assert len(re.findall("^N100 ", text, re.MULTILINE)) == len(re.findall("^N1 ", text, re.MULTILINE)) - 1 > 1
     compare_moves(read_program(text, MIKRON, dialect), paths, dialect, Tolerances())
 
 

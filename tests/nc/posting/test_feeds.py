@@ -127,9 +127,7 @@ def test_feeds_that_every_axis_can_follow_are_left_alone(path_of: Callable[..., 
     assert np.array_equal(same.feed_rates, path.feed_rates)
 
 
-def test_the_contact_keeps_the_feed_of_the_cutter_where_the_job_asks(
-    path_of: Callable[..., ToolPath], pair
-) -> None:
+def test_the_contact_keeps_the_feed_of_the_cutter_where_the_job_asks(path_of: Callable[..., ToolPath], pair) -> None:
     # an arc of 8 mm whose tips lie 4 mm outside: there the tip is 1.5 times as fast as the contact
     machine, dialect = pair
     angle = np.linspace(0.2, 1.2, 200)
@@ -176,9 +174,7 @@ def over_the_pole(path_of: Callable[..., ToolPath], off_deg: float, step: float,
 @pytest.mark.parametrize("off_deg", [0.0001, 0.01, 0.1, 0.5])
 @pytest.mark.parametrize("step", [0.3, 0.002])
 @pytest.mark.parametrize("still", [False, True])
-def test_beside_the_pole_the_tool_waits_for_its_slowest_axis_and_no_longer(
-    path_of, off_deg, step, still
-) -> None:
+def test_beside_the_pole_the_tool_waits_for_its_slowest_axis_and_no_longer(path_of, off_deg, step, still) -> None:
     machine, dialect = PAIRS["linuxcnc"]
     lowered = drivable_paths([over_the_pole(path_of, off_deg, step, still)], machine, dialect, Job())
     program = write_program(lowered, machine, dialect, Job())
@@ -221,9 +217,7 @@ def test_a_program_has_a_few_dozen_feeds_and_states_them_where_they_change(paths
     feeds = motions.feed_rates[~motions.rapid]
     assert len(feeds) > 1500
     assert len(np.unique(feeds)) <= 60
-    in_runs = [
-        line for line in text.splitlines() if "X" in line and "Y" in line and "Z" in line and "(" not in line
-    ]
+    in_runs = [line for line in text.splitlines() if "X" in line and "Y" in line and "Z" in line and "(" not in line]
     assert sum(" F" in line for line in in_runs) < 0.7 * len(in_runs)
 
 

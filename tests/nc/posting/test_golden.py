@@ -16,14 +16,7 @@ from bonecam.tool.path import ToolPath
 from bonecam.verify.readback import Tolerances, compare_moves
 
 GOLDEN = Path(__file__).parents[2] / "golden"
-CASES = (
-    "heidenhain-mikron",
-    "linuxcnc-xyzbc",
-    "siemens-mikron",
-    "fanuc-mikron",
-    "makino-mikron",
-    "mitsubishi-mikron",
-)
+CASES = ("heidenhain-mikron", "linuxcnc-xyzbc", "siemens-mikron", "fanuc-mikron", "makino-mikron", "mitsubishi-mikron")
 
 
 @pytest.fixture(scope="module")

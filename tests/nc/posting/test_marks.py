@@ -32,9 +32,7 @@ def test_the_text_tells_which_moves_are_links(capsule_path, name):
 
 def test_a_text_without_marks_has_no_links(capsule_path):
     machine, dialect = read_machine("linuxcnc-xyzbc"), read_dialect("linuxcnc")
-    text = write_program(
-        [capsule_path(level=0, radius=1.0, number=1, count=50)], machine, dialect, Job()
-    ).text
+    text = write_program([capsule_path(level=0, radius=1.0, number=1, count=50)], machine, dialect, Job()).text
     bare = text.replace("(LINK)\n", "").replace("(CUT)\n", "")
     with_marks, without = read_program(text, machine, dialect), read_program(bare, machine, dialect)
     assert not without.links.any()

@@ -31,10 +31,7 @@ def test_it_tells_minutes_at_the_feed_as_the_axes_move_and_with_changes(paths) -
     assert feed < axes < whole
     told = f"ABOUT {feed:.1f} MIN AT THE FEED, {axes:.1f} AS THE AXES MOVE, {whole:.1f} WITH CHANGES"
     assert f" ; TIME {told}\n" in program.text
-    assert (
-        " ; TIME ASSUMED: SPEEDS OF AXES AND SPINDLE, ACCELERATIONS OF AXES, SECONDS OF CHANGES"
-        in program.text
-    )
+    assert " ; TIME ASSUMED: SPEEDS OF AXES AND SPINDLE, ACCELERATIONS OF AXES, SECONDS OF CHANGES" in program.text
     assert sum(program.time.tools) == pytest.approx(axes)
     assert len(program.time.tools) == 2
 
@@ -74,9 +71,7 @@ def rapids_between_runs(text: str) -> Iterator[tuple[ndarray, ndarray]]:
             cutting = first = line == "G93"
         words = dict(re.findall(r"([XYZBC])(-?[0-9.]+)", re.sub(r"\(.*\)", "", line)))
         if line.startswith(("G0 ", "G1 ")) and words:
-            to = np.array(
-                [float(words.get(letter, value)) for letter, value in zip("XYZBC", at, strict=True)]
-            )
+            to = np.array([float(words.get(letter, value)) for letter, value in zip("XYZBC", at, strict=True)])
             if not cutting or first:
                 yield at, to
             at, first = to, False

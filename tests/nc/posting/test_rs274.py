@@ -74,9 +74,7 @@ def paths(capsule_path: Callable[..., ToolPath]) -> list[ToolPath]:
 
 
 @pytest.fixture(scope="module", params=["changer", "stop"])
-def run(
-    request: pytest.FixtureRequest, paths: list[ToolPath], tmp_path_factory: pytest.TempPathFactory
-) -> Run:
+def run(request: pytest.FixtureRequest, paths: list[ToolPath], tmp_path_factory: pytest.TempPathFactory) -> Run:
     job = Job().with_values(nc={"tool_change": request.param})
     return run_text(write_program(paths, MACHINE, DIALECT, job), tmp_path_factory.mktemp("rs274"))
 
@@ -113,9 +111,7 @@ def test_the_interpreters_positions_agree_to_its_four_decimals(run: Run) -> None
     assert [run.rapid[row] for row in rows] == motions.rapid.tolist()
 
 
-def test_both_balls_are_on_their_paths_whatever_the_lengths_of_their_tools(
-    run: Run, paths: list[ToolPath]
-) -> None:
+def test_both_balls_are_on_their_paths_whatever_the_lengths_of_their_tools(run: Run, paths: list[ToolPath]) -> None:
     from scipy.spatial import KDTree
 
     motions = read_program(run.program.text, MACHINE, DIALECT)
@@ -161,9 +157,6 @@ def test_the_interpreter_calls_the_parts_and_makes_the_moves_of_the_whole(
     assert called.words[-1][3:].tolist() == [0.0, 0.0]
     (tmp_path / "parts" / "bone_2.ngc").unlink()
     lost = subprocess.run(
-        ["rs274", "-g", "-t", "tool.tbl", "bone.ngc"],
-        cwd=tmp_path / "parts",
-        capture_output=True,
-        check=False,
+        ["rs274", "-g", "-t", "tool.tbl", "bone.ngc"], cwd=tmp_path / "parts", capture_output=True, check=False
     )
     assert lost.returncode != 0

@@ -107,9 +107,7 @@ def test_a_mode_that_is_missing_is_refused(text: str, old: str, new: str, why: s
 
 
 def test_a_tool_is_not_changed_while_tool_centre_control_is_on(text: str) -> None:
-    first = re.search(
-        r"^N\d+ TRAFOOF\nN\d+ G0 SUPA Z0 D0\nN\d+ M5\n(.*\n)*?(?=N\d+ T2\n)", text, re.MULTILINE
-    )
+    first = re.search(r"^N\d+ TRAFOOF\nN\d+ G0 SUPA Z0 D0\nN\d+ M5\n(.*\n)*?(?=N\d+ T2\n)", text, re.MULTILINE)
     assert first
     kept = re.sub(r"^(N\d+) .*$", r"\1 M5", first[0], flags=re.MULTILINE)
     with pytest.raises(ProgramError, match="a tool change while tool-centre control is on"):

@@ -14,17 +14,13 @@ from bonecam.nc.reading.read import read_program
 
 
 @pytest.mark.parametrize("name", ["siemens-840d", "heidenhain", "fanuc-30i"])
-def test_a_tool_that_starts_over_zero_beyond_a_limit_is_refused(
-    name, chains, write_machine, path_of, tmp_path
-):
+def test_a_tool_that_starts_over_zero_beyond_a_limit_is_refused(name, chains, write_machine, path_of, tmp_path):
     """The path itself is at X 200 upright, X 0 is beyond the limit of 60."""
     tips = np.column_stack([np.linspace(200.0, 220.0, 9), np.zeros(9), np.full(9, 60.0)])
     path = path_of(tips, np.tile([0.0, 0.0, 1.0], (9, 1)))
     text = chains["head-head"].replace("[X]\ntravel = 4000.0", "[X]\nlimits = [60.0, 400.0]")
     machine = read_machine(write_machine(tmp_path, text))
-    with pytest.raises(
-        MachineError, match=r"the start of its tool: X 1\.0 mm leaves the limit 60\.0 mm"
-    ) as caught:
+    with pytest.raises(MachineError, match=r"the start of its tool: X 1\.0 mm leaves the limit 60\.0 mm") as caught:
         write_program([path], machine, read_dialect(name), Job())
     assert caught.value.evidence["axis"] == "X"
 

@@ -132,9 +132,7 @@ def test_a_known_limit_of_the_spindle_nose_is_kept(chains, paths, write_machine,
 def test_a_tilt_beyond_the_machine_names_level_and_pass(path_of):
     axes = np.tile([np.sin(np.radians(120)), 0, np.cos(np.radians(120))], (5, 1))
     tips = np.column_stack([np.linspace(0, 1, 5), np.zeros(5), np.full(5, 60.0)])
-    with pytest.raises(
-        MachineError, match=r"level 0, pass -1, point 0: B -120.000 deg leaves the limit -115.000 deg"
-    ):
+    with pytest.raises(MachineError, match=r"level 0, pass -1, point 0: B -120.000 deg leaves the limit -115.000 deg"):
         write_program([path_of(tips, axes)], read_machine("mikron-ucp600"), read_dialect("heidenhain"), Job())
 
 

@@ -170,12 +170,7 @@ N2 G68.2 X0. Y0. Z0. I0. J30. K0.
         4,
         "unknown word G68.2 (a tilted plane)",
     ),
-    "fanuc, without %": (
-        "mitsubishi",
-        "O1234\nN1 G17 G21 G40 G49 G80 G90 G94\nN2 M30\n",
-        1,
-        "a line of % is missing",
-    ),
+    "fanuc, without %": ("mitsubishi", "O1234\nN1 G17 G21 G40 G49 G80 G90 G94\nN2 M30\n", 1, "a line of % is missing"),
     "fanuc, the last % cut off, and an unknown word before": (
         "fanuc-30i",
         "%\nO1234\nN1 G17 G21\nN2 G05.2 Q1",
@@ -195,12 +190,7 @@ N20 G53 G0 Z0.
         3,
         "unknown word N10",
     ),
-    "linuxcnc, arcs": (
-        "linuxcnc",
-        "%\nG90 G94 G17\nG2 X1.0 Y1.0 I1.0 J0.0 F100\n%\n",
-        3,
-        "unknown word G2 (an arc)",
-    ),
+    "linuxcnc, arcs": ("linuxcnc", "%\nG90 G94 G17\nG2 X1.0 Y1.0 I1.0 J0.0 F100\n%\n", 3, "unknown word G2 (an arc)"),
     "linuxcnc, variables": ("linuxcnc", "%\nG90 G94\n#100=5\n%\n", 3, "'#100=5' is no word"),
     "no end of the last line": ("linuxcnc", "%\nG90 G94\nM2\n%", 4, "the last line is not ended"),
 }

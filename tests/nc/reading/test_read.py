@@ -121,9 +121,7 @@ def test_what_the_dialect_does_not_know_is_refused_with_its_line(texts, name, pa
 def test_a_feed_holds_until_another_is_written(texts, name):
     motions = read_program(texts[name], *PAIRS[name])
     point = "." if name == "fanuc-30i" else ""
-    number, line = next(
-        item for item in enumerate(texts[name].splitlines(), 1) if item[1].endswith(f" F900{point}")
-    )
+    number, line = next(item for item in enumerate(texts[name].splitlines(), 1) if item[1].endswith(f" F900{point}"))
     cuts = np.flatnonzero(motions.lines >= number)[:20]
     assert (motions.feed_rates[cuts] == 900.0).all()
     assert sum(" F" in one for one in texts[name].splitlines()[number : number + 19]) == 0
@@ -205,8 +203,7 @@ def test_an_endless_axis_is_unwound_by_the_short_way(texts):
         "L X+0.000 Y+0.000 Z+60.000 R0 FMAX",
     ]
     blocks += [
-        f"L X+{i}.000 Y+0.000 Z+60.000 B-30.000 C{c} R0 F100"
-        for i, c in enumerate(["-150.000", "-90.000", "+20.000"])
+        f"L X+{i}.000 Y+0.000 Z+60.000 B-30.000 C{c} R0 F100" for i, c in enumerate(["-150.000", "-90.000", "+20.000"])
     ]
     blocks += ["FUNCTION RESET TCPM", "M30", "END PGM BONE MM"]
     lines = head[: start - 1] + [f"{start - 2 + i} {block}" for i, block in enumerate(blocks)]

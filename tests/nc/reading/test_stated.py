@@ -140,8 +140,6 @@ def test_every_shipped_dialect_states_unit_plane_and_datum(name: str) -> None:
 
 def test_what_no_word_states_is_refused_in_the_file(tmp_path: Path) -> None:
     path = tmp_path / "mine.toml"
-    path.write_text(
-        (DIALECTS / "siemens-840d.toml").read_text().replace('moves = ["TRAFOOF", ', 'moves = ["G71", ')
-    )
+    path.write_text((DIALECTS / "siemens-840d.toml").read_text().replace('moves = ["TRAFOOF", ', 'moves = ["G71", '))
     with pytest.raises(MachineError, match=r"stated\.moves: 'G71' is no code and no statement states it"):
         read_dialect(path)

@@ -34,13 +34,7 @@ class Open(CollisionChecker):
         return ~((centres[:, 0] >= low) & (centres[:, 0] <= high))
 
     def moves_free(
-        self,
-        tips: ndarray,
-        axes: ndarray,
-        joined: ndarray,
-        known_free: ndarray | None = None,
-        *,
-        cutting: bool = True,
+        self, tips: ndarray, axes: ndarray, joined: ndarray, known_free: ndarray | None = None, *, cutting: bool = True
     ) -> ndarray:
         return joined
 
@@ -83,9 +77,7 @@ def feeds(path: ContactPath, axes: ndarray) -> ndarray:
     ways = np.linalg.norm(np.diff(path.centres - path.cutter.radius * axes, axis=0), axis=1)
     azimuths = np.unwrap(np.arctan2(axes[:, 1], axes[:, 0]))
     polar = np.arccos(axes[:, 2])
-    minutes = np.maximum(
-        np.abs(np.diff(azimuths)) / LIMITS.turn_speed, np.abs(np.diff(polar)) / LIMITS.tilt_speed
-    )
+    minutes = np.maximum(np.abs(np.diff(azimuths)) / LIMITS.turn_speed, np.abs(np.diff(polar)) / LIMITS.tilt_speed)
     return ways / np.maximum(minutes, 1e-12)
 
 
@@ -126,10 +118,7 @@ def test_axes_stay_where_the_eased_ones_collide_or_nothing_is_slow(
 @pytest.mark.parametrize("certified", [False, True])
 @pytest.mark.parametrize(("angle_deg", "changes"), [(5.0, False), (40.0, True)])
 def test_axes_that_lie_in_their_cones_stay_there(
-    pass_of: Callable[[ndarray], tuple[ContactPath, ToolAxes]],
-    angle_deg: float,
-    changes: bool,
-    certified: bool,
+    pass_of: Callable[[ndarray], tuple[ContactPath, ToolAxes]], angle_deg: float, changes: bool, certified: bool
 ) -> None:
     """Also on a path that is made anew of some of a level's contacts: its moves are not certified by the cones."""
     path, chosen = pass_of(TURNED)
@@ -141,9 +130,7 @@ def test_axes_that_lie_in_their_cones_stay_there(
     assert angles_between(made.axes, chosen.axes).max() < np.radians(angle_deg)
 
 
-def test_a_short_pass_whose_axis_runs_round_is_held(
-    pass_of: Callable[[ndarray], tuple[ContactPath, ToolAxes]],
-) -> None:
+def test_a_short_pass_whose_axis_runs_round_is_held(pass_of: Callable[[ndarray], tuple[ContactPath, ToolAxes]]) -> None:
     """Means of a whole turn stand on the normal, nearer than the least lead: the axis is held beside it."""
     path, chosen = pass_of(np.linspace(0, 2 * np.pi, 21))
     made = eased(path, chosen, Open())

@@ -5,20 +5,15 @@ import pytest
 
 from bonecam.arrays import angles_between, unit
 from bonecam.machine.limits import polar_angles
-from bonecam.planning.axes.singularity import (
-    MIN_PASS_ANGLE,
-    SINGULAR_CONE,
-    avoid_singularity,
-    avoid_singularity_where,
-)
+from bonecam.planning.axes.singularity import MIN_PASS_ANGLE, SINGULAR_CONE, avoid_singularity, avoid_singularity_where
 
 
 def over_the_top(miss: float, count: int = 101) -> tuple[np.ndarray, np.ndarray]:
     """Axes that lean from -20 to 20 degrees past the pole at `miss` (rad), and centres an even way apart."""
     lean = np.linspace(-np.radians(20), np.radians(20), count)
-    return unit(
-        np.column_stack([np.tan(lean), np.full(count, np.tan(miss)), np.ones(count)])
-    ), np.column_stack([np.linspace(0, 4, count), np.zeros((count, 2))])
+    return unit(np.column_stack([np.tan(lean), np.full(count, np.tan(miss)), np.ones(count)])), np.column_stack(
+        [np.linspace(0, 4, count), np.zeros((count, 2))]
+    )
 
 
 @pytest.mark.parametrize("miss_deg", [0.0, 1e-6, 0.04, 1.0, 2.5])
@@ -65,10 +60,7 @@ def test_a_single_move_past_the_pole_is_spread_over_its_neighbours(lean_deg: flo
     steered = avoid_singularity(axes, centres, np.zeros(16, dtype=np.int64))
     assert np.allclose(polar_angles(steered), polar_angles(axes))
     f = np.linspace(0, 1, 101)[:, None, None]
-    assert (
-        polar_angles(unit(((1 - f) * steered[:-1] + f * steered[1:]).reshape(-1, 3))).min()
-        > MIN_PASS_ANGLE - 1e-9
-    )
+    assert polar_angles(unit(((1 - f) * steered[:-1] + f * steered[1:]).reshape(-1, 3))).min() > MIN_PASS_ANGLE - 1e-9
     assert (steered[[0, -1]] == axes[[0, -1]]).all()
 
 
@@ -76,8 +68,6 @@ def test_a_stretch_with_one_forbidden_axis_stays_as_it_was() -> None:
     axes, centres = over_the_top(np.radians(0.5))
     twice, passes = np.vstack([axes, axes]), np.repeat([0, 1], len(axes))
     forbidden = len(axes) // 2
-    steered = avoid_singularity_where(
-        twice, np.vstack([centres, centres]), passes, lambda i, tried: i != forbidden
-    )
+    steered = avoid_singularity_where(twice, np.vstack([centres, centres]), passes, lambda i, tried: i != forbidden)
     assert (steered[passes == 0] == axes).all()
     assert (steered[passes == 1] == avoid_singularity(axes, centres, passes[: len(axes)])).all()

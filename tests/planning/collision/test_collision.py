@@ -30,9 +30,7 @@ UP = np.array([0.0, 0.0, 1.0])
 
 
 @pytest.fixture(scope="module")
-def scene(
-    mesh_of: Callable[..., TriangleMesh], pebble: Callable[..., TSpline], upright_capsule: Capsule
-) -> Scene:
+def scene(mesh_of: Callable[..., TriangleMesh], pebble: Callable[..., TSpline], upright_capsule: Capsule) -> Scene:
     level, material = mesh_of(pebble()), mesh_of(pebble(0.3))
     return Scene(level, material, upright_capsule, Post(1.0, 31.5))
 
@@ -54,9 +52,7 @@ def colliding_section(model: FclModel, tip: np.ndarray, axis: np.ndarray) -> str
     return model.colliding_sections(tip[None], axis[None])[0]
 
 
-def both_free(
-    finishing_cutter: Cutter, scene: Scene, model: FclModel, tip: np.ndarray, axis: np.ndarray
-) -> bool:
+def both_free(finishing_cutter: Cutter, scene: Scene, model: FclModel, tip: np.ndarray, axis: np.ndarray) -> bool:
     assert not (proven(finishing_cutter, scene, tip, axis) and colliding_section(model, tip, axis)), (
         "the proof by distance contradicts FCL"
     )
@@ -67,17 +63,13 @@ def test_a_tangent_contact_is_free(finishing_cutter: Cutter, scene: Scene, model
     assert both_free(finishing_cutter, scene, model, np.array([0.0, 0.0, top_of(scene)]), UP)
 
 
-def test_a_ball_sunk_into_the_level_is_caught(
-    finishing_cutter: Cutter, scene: Scene, model: FclModel
-) -> None:
+def test_a_ball_sunk_into_the_level_is_caught(finishing_cutter: Cutter, scene: Scene, model: FclModel) -> None:
     tip = np.array([0.0, 0.0, top_of(scene) - 0.1])
     assert colliding_section(model, tip, UP) == "cutter"
     assert not proven(finishing_cutter, scene, tip, UP)
 
 
-def test_an_axis_through_the_material_is_caught(
-    finishing_cutter: Cutter, scene: Scene, model: FclModel
-) -> None:
+def test_an_axis_through_the_material_is_caught(finishing_cutter: Cutter, scene: Scene, model: FclModel) -> None:
     tip, axis = np.array([0.0, 0.0, top_of(scene)]), -UP
     assert colliding_section(model, tip, axis)
     assert not proven(finishing_cutter, scene, tip, axis)
@@ -92,9 +84,7 @@ def test_a_shank_that_cuts_the_material_but_not_the_level_is_caught(
     assert not proven(finishing_cutter, scene, tip, UP)
 
 
-def test_a_cutter_wholly_inside_the_material_is_caught(
-    upright_capsule: Capsule, finishing_cutter: Cutter
-) -> None:
+def test_a_cutter_wholly_inside_the_material_is_caught(upright_capsule: Capsule, finishing_cutter: Cutter) -> None:
     big = revolve(np.full(2, 200.0), np.array([0.0, 400.0]), (0.0, 400.0), SIDES)
     scene = Scene(big, big, upright_capsule, Post(1.0, 1.0))
     tip = np.array([0.0, 0.0, 200.0])
@@ -110,9 +100,7 @@ def test_material_wholly_inside_the_holder_is_caught(finishing_cutter: Cutter, s
     assert colliding_section(build_fcl_model(inside, finishing_cutter), tip, UP) == "holder"
 
 
-def test_a_thin_post_in_the_holder_s_way_is_caught(
-    upright_capsule: Capsule, finishing_cutter: Cutter
-) -> None:
+def test_a_thin_post_in_the_holder_s_way_is_caught(upright_capsule: Capsule, finishing_cutter: Cutter) -> None:
     crumb = revolve(np.full(2, 0.3), np.array([60.0, 61.0]), (60.0, 61.0), SIDES)
     scene = Scene(crumb, crumb, upright_capsule, Post(0.05, 55.0))
     tip, axis = np.array([40.0, 3.0, 40.0]), np.array([-1.0, 0.0, 0.0])
@@ -127,9 +115,7 @@ def test_a_holder_in_the_table_is_caught(finishing_cutter: Cutter, scene: Scene,
     assert not proven(finishing_cutter, scene, tip, axis)
 
 
-def test_the_proof_never_passes_a_tool_that_touches(
-    finishing_cutter: Cutter, scene: Scene, model: FclModel
-) -> None:
+def test_the_proof_never_passes_a_tool_that_touches(finishing_cutter: Cutter, scene: Scene, model: FclModel) -> None:
     rng = np.random.default_rng(3)
     tips = np.array([0.0, 0.0, 37.0]) + rng.normal(size=(600, 3)) * [6, 6, 8]
     axes = unit(rng.normal(size=(600, 3)))
@@ -232,9 +218,7 @@ NOSE = (Frustum(40.0, 60.0, 60.0), Frustum(40.0, 60.0, 100.0))
 def surface_points(section: ToolSection) -> np.ndarray:
     """Points on the wall and the ends of a section with the tip at the origin and the axis along +Z."""
     angle = np.arange(72) * (2 * np.pi / 72)
-    rings = [(f, 1.0) for f in np.linspace(0, 1, 30)] + [
-        (e, f) for e in (0.0, 1.0) for f in (0.25, 0.5, 0.75)
-    ]
+    rings = [(f, 1.0) for f in np.linspace(0, 1, 30)] + [(e, f) for e in (0.0, 1.0) for f in (0.25, 0.5, 0.75)]
     shares = np.array(rings)
     u = section.start + shares[:, 0] * (section.end - section.start)
     r = (section.radius + section.taper * (u - section.start)) * shares[:, 1]
@@ -319,9 +303,7 @@ def test_what_is_proven_free_keeps_every_clearance_by_closed_form(
 
 
 @pytest.mark.parametrize("name", ["shank", "holder", "spindle"])
-def test_a_chuck_in_the_way_of_any_section_is_caught(
-    finishing_cutter: Cutter, scene: Scene, name: str
-) -> None:
+def test_a_chuck_in_the_way_of_any_section_is_caught(finishing_cutter: Cutter, scene: Scene, name: str) -> None:
     """The chuck reaches just up to the section, and the clearance too much."""
     cutter = replace(finishing_cutter, nose=NOSE)
     section = next(s for s in cutter.profile if s.name == name)
@@ -336,9 +318,7 @@ def test_a_chuck_in_the_way_of_any_section_is_caught(
         assert found == ("" if free else name)
 
 
-def test_the_shank_above_a_neck_is_caught_where_the_neck_is_free(
-    finishing_cutter: Cutter, scene: Scene
-) -> None:
+def test_the_shank_above_a_neck_is_caught_where_the_neck_is_free(finishing_cutter: Cutter, scene: Scene) -> None:
     """A level tool over a chuck whose clearance the neck keeps, and the shank above it does not."""
     slim = replace(finishing_cutter, neck_diameter=1.0, neck_length=12.0, shank_diameter=4.0, overhang=20.0)
     axis = np.array([1.0, 0.0, 0.0])

@@ -35,13 +35,7 @@ from bonecam.tool.cutter import Cutter
 from bonecam.workholding.post import Post
 
 LIMITS = machine_limits(read_machine("mikron-ucp600"))
-HOLDING = {
-    "diameter": 6.0,
-    "chuck_diameter": 28.0,
-    "chuck_height": 100.0,
-    "stub_diameter": 13.0,
-    "stub_length": 15.0,
-}
+HOLDING = {"diameter": 6.0, "chuck_diameter": 28.0, "chuck_height": 100.0, "stub_diameter": 13.0, "stub_length": 15.0}
 FOUND = Job(levels={"depths": "found"}, holding=HOLDING)
 RADIUS, LOW, TOP = 6.0, 120.0, 150.0
 TRIED = preferred_depths(0.1, 1.0)
@@ -66,9 +60,7 @@ def setup() -> Setup:
 def borne(job: Job, setup: Setup, depth: float, under: float) -> bool:
     """Whether the roughing cut of a depth holds by the beam, by hand."""
     stiffness, force = mechanics_of_job(job)
-    one = job.with_values(
-        levels={"depths": f"{depth}"}, roughing={"scallop": max(0.05, SCALLOP_SHARE * depth)}
-    )
+    one = job.with_values(levels={"depths": f"{depth}"}, roughing={"scallop": max(0.05, SCALLOP_SHARE * depth)})
     peak = PEAK_SHARE * job_strip_force(force, one, "roughing")
     beam = finished_beam(setup.part.mesh, setup.post, job.holding, stiffness)
     tool = cutter_compliance(Cutter.from_job(1, "roughing", one.tool("roughing"), LIMITS.bodies.nose))

@@ -10,9 +10,7 @@ from bonecam.workholding.clamping import Clamping
 from bonecam.workholding.column import Column
 
 
-def test_a_lift_is_the_largest_that_any_slice_asks_for_over_table_and_columns(
-    finishing_cutter: Cutter,
-) -> None:
+def test_a_lift_is_the_largest_that_any_slice_asks_for_over_table_and_columns(finishing_cutter: Cutter) -> None:
     random = np.random.default_rng(3)
     columns = Column(14.0, 20.0, 0.0), Column(40.0, 6.0, 0.0)
     clamping = Clamping(columns, closed=True, clearance=1.0, stub=Column(6.0, 30.0, 20.0))

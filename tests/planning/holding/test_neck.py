@@ -45,9 +45,7 @@ def found() -> tuple[Setup, Job, tuple[Neck, ...]]:
     """The phalanx on the neck that is found for it."""
     unplaced, _ = read_part(PHALANX, OPEN, silent)
     setup = place(unplaced, OPEN)
-    return find_standing(
-        setup, replace(OPEN, holding=settled_stub(OPEN.holding, setup.stock.diameter)), LIMITS
-    )
+    return find_standing(setup, replace(OPEN, holding=settled_stub(OPEN.holding, setup.stock.diameter)), LIMITS)
 
 
 def test_the_neck_that_is_taken_is_the_thinnest_that_holds(found) -> None:
@@ -145,9 +143,7 @@ def test_a_thin_neck_whose_cuts_take_much_longer_is_not_taken() -> None:
 
 def test_the_summary_tells_the_time_of_the_cuts_of_each_neck() -> None:
     told = {"diameter_mm": 6.0, "length_mm": 3.0}
-    timed = post_lines(
-        told | neck_report(necks_of((6.0, 9.0, True), minutes=(11.5,)), (), OPEN, stated=False)
-    )
+    timed = post_lines(told | neck_report(necks_of((6.0, 9.0, True), minutes=(11.5,)), (), OPEN, stated=False))
     assert any(line.endswith("Hz    min") for line in timed)
     assert any(line.endswith("900   11.5") for line in timed)
     stated = post_lines(told | neck_report(necks_of((6.0, 9.0, True)), (), OPEN, stated=True))
@@ -157,9 +153,7 @@ def test_the_summary_tells_the_time_of_the_cuts_of_each_neck() -> None:
 def test_a_cut_that_takes_more_force_wants_a_thicker_neck(found) -> None:
     setup, job, necks = found
     deep = {"levels": {"finishing_depth": 0.3}, "finishing": {"scallop": 0.1}}
-    _, other, tried = find_standing(
-        setup, job.with_values(**deep, holding={"diameter": 0.0, "length": 0.0}), LIMITS
-    )
+    _, other, tried = find_standing(setup, job.with_values(**deep, holding={"diameter": 0.0, "length": 0.0}), LIMITS)
     assert other.holding.diameter > necks[0].diameter
     assert tried[0].holds
 

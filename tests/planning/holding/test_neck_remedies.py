@@ -72,13 +72,7 @@ def test_a_pin_and_lighter_cuts_are_told_where_each_is_enough() -> None:
 
 @pytest.mark.slow
 def test_a_stiffer_cutter_is_told_where_the_cutter_bends_most() -> None:
-    slim = {
-        "radius": 1.0,
-        "flute_length": 3.0,
-        "shank_diameter": 4.0,
-        "neck_diameter": 1.4,
-        "neck_length": 16.0,
-    }
+    slim = {"radius": 1.0, "flute_length": 3.0, "shank_diameter": 4.0, "neck_diameter": 1.4, "neck_length": 16.0}
     job = JOB.with_values(finishing={**slim, "overhang": 25.0})
     taken, found = remedies(standing(25.0), job)
     assert not taken.holds
@@ -117,8 +111,7 @@ def test_where_nothing_is_enough_the_nearest_is_told() -> None:
 
 def test_slower_spindles_are_told_where_only_the_teeth_are_too_fast() -> None:
     fast = JOB.with_values(
-        mechanics={"flutes": 4},
-        **{name: {"spindle": 40000.0, "feed": 4000.0} for name in ("roughing", "finishing")},
+        mechanics={"flutes": 4}, **{name: {"spindle": 40000.0, "feed": 4000.0} for name in ("roughing", "finishing")}
     )
     taken, found = remedies(standing(25.0), fast)
     assert not taken.holds

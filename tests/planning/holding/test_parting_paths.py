@@ -37,9 +37,7 @@ from bonecam.workholding.post import Post
 
 MACHINE, DIALECT = read_machine("mikron-ucp600"), read_dialect("heidenhain")
 LIMITS = machine_limits(MACHINE)
-JOB = Job().with_values(
-    holding={"diameter": 4.0, "length": 31.0, "parting": True}, levels={"roughing_depth": 0.6}
-)
+JOB = Job().with_values(holding={"diameter": 4.0, "length": 31.0, "parting": True}, levels={"roughing_depth": 0.6})
 
 
 @pytest.fixture(scope="module")
@@ -198,9 +196,7 @@ def test_a_groove_that_no_cutter_reaches_is_refused(setup):
 
 
 def test_the_lower_the_part_stands_the_more_it_has_to_be_lifted_for_the_groove(setup):
-    lifts = [
-        parting_lift(setup.lift(by), JOB.with_values(holding={"length": 0.0}), LIMITS) for by in (0.0, -25.0)
-    ]
+    lifts = [parting_lift(setup.lift(by), JOB.with_values(holding={"length": 0.0}), LIMITS) for by in (0.0, -25.0)]
     assert lifts[0] <= 0 < lifts[1]
     assert lifts[1] == pytest.approx(lifts[0] + 25.0)
     assert parting_lift(setup, JOB.with_values(holding={"parting": False}), LIMITS) == -np.inf

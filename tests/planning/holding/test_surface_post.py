@@ -9,9 +9,7 @@ from bonecam.planning.holding.surface_post import carrying_solid, surface_holdin
 from bonecam.surface import skin
 
 ANGLE = np.linspace(0, 2 * np.pi, 24, endpoint=False)
-TUBE = skin(
-    [np.column_stack([3 * np.cos(ANGLE), 3 * np.sin(ANGLE), np.full(24, z)]) for z in (0.0, 4.0, 8.0)], 0.01
-)
+TUBE = skin([np.column_stack([3 * np.cos(ANGLE), 3 * np.sin(ANGLE), np.full(24, z)]) for z in (0.0, 4.0, 8.0)], 0.01)
 ROD = cylinder(3.05, 0.0, 8.0, 0.01)
 CASING = cylinder(9.0, 12.0, 14.0, 0.05)
 

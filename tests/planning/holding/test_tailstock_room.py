@@ -48,12 +48,8 @@ def test_a_bracket_that_stands_off_takes_little_but_what_is_round_the_pin(bar: P
 def test_a_bracket_in_the_way_of_everything_is_refused(bar: Part) -> None:
     """A machine that leans its tool by 40 degrees comes from above alone, where a wide arm is."""
     steep = replace(LIMITS, largest=np.radians(40.0))
-    setup, job = standing(
-        bar, tailstock="pin", tailstock_length=2.0, tailstock_arm=200.0, tailstock_reach=60.0
-    )
-    with pytest.raises(
-        JobError, match=r"tailstock_reach = 60: arm and column stand in the way .* everywhere"
-    ):
+    setup, job = standing(bar, tailstock="pin", tailstock_length=2.0, tailstock_arm=200.0, tailstock_reach=60.0)
+    with pytest.raises(JobError, match=r"tailstock_reach = 60: arm and column stand in the way .* everywhere"):
         blocked_share(setup, job, steep)
     assert blocked_share(setup, replace(job, holding=replace(job.holding, tailstock="none")), steep) == 0
 

@@ -11,13 +11,9 @@ from bonecam.setup.stocks.cylinder import Cylinder
 def test_a_ball_enters_no_deeper_than_is_told() -> None:
     stock = Cylinder(6.0, 0.0, 20.0)
     across = np.arange(-7.0, 7.0, CELL)
-    chart = FlatChart(
-        np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0]), across, np.arange(-1.0, 21.0, CELL)
-    )
+    chart = FlatChart(np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0]), across, np.arange(-1.0, 21.0, CELL))
     standing = HeightMesh(stock_field(chart, stock, 8.0).mesh())
-    around, along = (
-        each.ravel() for each in np.meshgrid(np.linspace(0.0, 6.2, 60), np.linspace(-1.0, 21.0, 40))
-    )
+    around, along = (each.ravel() for each in np.meshgrid(np.linspace(0.0, 6.2, 60), np.linspace(-1.0, 21.0, 40)))
     centres = np.column_stack([7.5 * np.cos(around), 7.5 * np.sin(around), along])
     over = standing.depths(centres, 2.0)[0] - (2.0 - stock.signed_distance(centres))
     assert over.min() >= 0.0, "the mesh ends up to a cell before the edge of what stands"

@@ -19,18 +19,13 @@ JOB = Job().with_values(roughing={"radius": 2.0}, finishing={"radius": 0.75, "sc
 
 def groove() -> TriangleMesh:
     """A block along X with its top at Z 10 and a groove of 90 degrees, DEEP, along its middle."""
-    outline = np.array(
-        [[-WIDTH, 0], [WIDTH, 0], [WIDTH, 10], [DEEP, 10], [0, 10 - DEEP], [-DEEP, 10], [-WIDTH, 10]]
-    )
+    outline = np.array([[-WIDTH, 0], [WIDTH, 0], [WIDTH, 10], [DEEP, 10], [0, 10 - DEEP], [-DEEP, 10], [-WIDTH, 10]])
     n = len(outline)
     ends = [np.column_stack([np.full(n, x), outline]) for x in (-LENGTH, LENGTH)]
     ring = np.arange(n)
     following = np.roll(ring, -1)
     fan = np.array([[4, 5, 6], [4, 6, 0], [4, 0, 1], [4, 1, 2], [4, 2, 3]])
-    sides = [
-        np.column_stack([ring, following, following + n]),
-        np.column_stack([ring, following + n, ring + n]),
-    ]
+    sides = [np.column_stack([ring, following, following + n]), np.column_stack([ring, following + n, ring + n])]
     faces = np.vstack([*sides, fan[:, ::-1], fan + n]).astype(np.int32)
     mesh = TriangleMesh(np.vstack(ends), faces)
     return mesh if mesh.volume > 0 else TriangleMesh(mesh.vertices, mesh.faces[:, ::-1])

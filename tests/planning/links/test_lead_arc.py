@@ -84,9 +84,7 @@ def test_an_arc_that_would_go_through_a_wall_is_refused_and_a_smaller_one_taken(
     assert arcs_from(near, contacts, runs) == [None]
 
 
-def test_runs_are_linked_by_their_arcs_and_straight_where_there_is_none(
-    floor: Callable[[float], LinkSpace],
-) -> None:
+def test_runs_are_linked_by_their_arcs_and_straight_where_there_is_none(floor: Callable[[float], LinkSpace]) -> None:
     """The first approach comes on an arc at the feed of cuts, no move of it at the plunge feed; beside the wall the
     last contact is left straight up."""
     space = floor(ALONG[-1] + RADIUS + 0.02)

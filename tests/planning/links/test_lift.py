@@ -97,9 +97,7 @@ def test_several_lifts_keep_their_places(made: Made) -> None:
     assert np.array_equal(lifted.tips[lifted.lifts[:, 1] + 1], before)
 
 
-def test_a_place_that_cannot_be_left_is_not_asked_for_again(
-    made: Made, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_place_that_cannot_be_left_is_not_asked_for_again(made: Made, monkeypatch: pytest.MonkeyPatch) -> None:
     path, _, oriented = made
     blocked, free = cuts_in_a_row(path)[[20, 30]].tolist()
     real = lift.no_transfers

@@ -75,15 +75,11 @@ def test_a_link_of_a_layer_is_held_against_what_stands_on_rays(
     standing = HeightMesh(mesh, rays=uncut_rays(upright_capsule))
     assert replace(space, material=standing).cuts_little(lines, [nowhere] * 2).tolist() == [False, True]
     side = upright_capsule.radius + space.ball_radius + np.array([0.05, 0.5])
-    rapids = [
-        upright(np.array([[x, 0.0, 36.0], [x, 0.0, 38.0]])) for x in side + float(upright_capsule.start[0])
-    ]
+    rapids = [upright(np.array([[x, 0.0, 36.0], [x, 0.0, 38.0]])) for x in side + float(upright_capsule.start[0])]
     assert replace(space, material=standing).rapids_cut_nothing(rapids).tolist() == [False, True]
 
 
-def test_a_ball_is_known_to_be_in_air_outside_the_material_only(
-    space: LinkSpace, upright_capsule: Capsule
-) -> None:
+def test_a_ball_is_known_to_be_in_air_outside_the_material_only(space: LinkSpace, upright_capsule: Capsule) -> None:
     side = upright_capsule.radius + space.ball_radius + np.array([0.3, 0.0, -0.1])
     height = upright_capsule.bounds[:, 2].mean()
     centres = np.column_stack([side, 0 * side, np.full(3, height)]) + upright_capsule.start * [1.0, 1.0, 0.0]
@@ -133,9 +129,7 @@ def told_by_rays(space: LinkSpace, monkeypatch: pytest.MonkeyPatch) -> LinkSpace
     return space
 
 
-def test_a_link_and_the_arcs_at_its_ends_share_what_may_be_removed_between_two_cuts(
-    told_by_rays: LinkSpace,
-) -> None:
+def test_a_link_and_the_arcs_at_its_ends_share_what_may_be_removed_between_two_cuts(told_by_rays: LinkSpace) -> None:
     space, depth = told_by_rays, 0.007
     assert CUT_ALLOWED - 2 * ARC_ALLOWED < volume(space, depth, -1.0, 1.0) < CUT_ALLOWED - ARC_ALLOWED
     line, nowhere = beside_the_stock(space, depth, -1.0, 1.0)[::2], upright(np.zeros((0, 3)))

@@ -27,19 +27,11 @@ def roofed() -> LinkSpace:
     """A plate with a roof over y > 3: no tool that stands below it gets away."""
     mesh = boxes(([-9, -10, FLOOR - 5], [9, 10, FLOOR]), ([-9, 3, ROOF], [9, 10, ROOF + 3]))
     scene = Scene(
-        mesh,
-        mesh,
-        smallest_capsule(mesh.vertices, 0.5),
-        Post(2.0, FLOOR - 5),
-        known_level_distance=MeshDistance(mesh),
+        mesh, mesh, smallest_capsule(mesh.vertices, 0.5), Post(2.0, FLOOR - 5), known_level_distance=MeshDistance(mesh)
     )
     thin = Cutter(1, "ball", 1.0, 1.0, 0.8, 40.0, (Frustum(30.0, 4.0, 4.0),), 4500.0, 900.0, 0.02)
     return LinkSpace(
-        CollisionChecker(scene, thin, 2.0),
-        MachineLimits(np.radians(80.0)),
-        Feeds(1500.0, 300.0, 10000.0),
-        2.0,
-        0.01,
+        CollisionChecker(scene, thin, 2.0), MachineLimits(np.radians(80.0)), Feeds(1500.0, 300.0, 10000.0), 2.0, 0.01
     )
 
 
@@ -48,9 +40,7 @@ def poses_at(x: float, along: ndarray) -> list[Pose]:
 
 
 @pytest.mark.whole
-def test_a_run_that_ends_where_the_tool_is_caught_is_cut_short_and_the_next_is_reached(
-    roofed: LinkSpace,
-) -> None:
+def test_a_run_that_ends_where_the_tool_is_caught_is_cut_short_and_the_next_is_reached(roofed: LinkSpace) -> None:
     poses = poses_at(-3.0, ALONG) + poses_at(3.0, ALONG[::-1])
     runs = [np.arange(len(ALONG)), np.arange(len(ALONG)) + len(ALONG)]
     found = link_runs(roofed, poses, runs, [None])
@@ -66,9 +56,7 @@ def test_a_run_that_ends_where_the_tool_is_caught_is_cut_short_and_the_next_is_r
         assert set(run) < set(whole)
 
 
-def test_runs_that_are_reached_stay_whole_and_one_that_lies_all_below_the_roof_is_left_out(
-    roofed: LinkSpace,
-) -> None:
+def test_runs_that_are_reached_stay_whole_and_one_that_lies_all_below_the_roof_is_left_out(roofed: LinkSpace) -> None:
     free, caught = ALONG[ALONG < 0], ALONG[ALONG > 6]
     poses = poses_at(-3.0, free) + poses_at(0.0, caught)
     runs = [np.arange(len(free)), np.arange(len(caught)) + len(free)]

@@ -49,16 +49,9 @@ def grooved(
 ) -> Grooved:
     surface, material = grooved_pebble(0.8), mesh_of(grooved_pebble(0.8, 0.4))
     level = mesh_of(surface)
-    checker = CollisionChecker(
-        Scene(level, material, upright_capsule, post_below(level, holding)), roughing_cutter
-    )
+    checker = CollisionChecker(Scene(level, material, upright_capsule, post_below(level, holding)), roughing_cutter)
     job = PathJob()
-    planned = (
-        MachineLimits(np.radians(115.0)),
-        Feeds(500.0, 200.0, 5000.0),
-        job.clearance,
-        job.gouge_tolerance,
-    )
+    planned = (MachineLimits(np.radians(115.0)), Feeds(500.0, 200.0, 5000.0), job.clearance, job.gouge_tolerance)
     return Grooved(surface, LinkSpace(checker, *planned, HeightMesh(material)))
 
 

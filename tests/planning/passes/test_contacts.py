@@ -49,9 +49,7 @@ def joined(path: ContactPath) -> np.ndarray:
 
 def swept_centres(path: ContactPath, parts: int = 12) -> np.ndarray:
     i = joined(path)
-    return np.vstack(
-        [(1 - f) * path.centres[i] + f * path.centres[i + 1] for f in np.linspace(0, 1, parts + 1)]
-    )
+    return np.vstack([(1 - f) * path.centres[i] + f * path.centres[i + 1] for f in np.linspace(0, 1, parts + 1)])
 
 
 def heights_left(surface: TSpline, path: ContactPath, count: int) -> tuple[np.ndarray, np.ndarray]:
@@ -111,16 +109,12 @@ def test_the_ball_never_enters_the_level(
     surface = grooved_pebble(1.6)
     path = covered(surface, pattern)
     fine = MeshDistance(mesh_of(surface))
-    assert path.lifts.max() > path.cutter.scallop, (
-        "the groove must be too sharp for the ball, else this proves nothing"
-    )
+    assert path.lifts.max() > path.cutter.scallop, "the groove must be too sharp for the ball, else this proves nothing"
     assert (path.cutter.radius - fine.signed(swept_centres(path, 8))).max() <= PathJob().gouge_tolerance
     assert "gouge" in path.reasons
 
 
-def test_a_convex_body_needs_no_lift(
-    covered: Callable[..., ContactPath], pebble: Callable[..., TSpline]
-) -> None:
+def test_a_convex_body_needs_no_lift(covered: Callable[..., ContactPath], pebble: Callable[..., TSpline]) -> None:
     path = covered(pebble(), "round")
     assert path.lifts.max() == 0
     assert set(path.reasons) == {"post"}
@@ -146,9 +140,7 @@ def test_neighbouring_passes_run_opposite_ways(
     path = covered(pebble(), "round")
     i = joined(path)
     round_ = np.cross(path.centres[i], path.centres[i + 1])[:, 2]
-    sense = np.array(
-        [np.sign(round_[path.pass_index[i] == k].sum()) for k in range(path.pass_index.max() + 1)]
-    )
+    sense = np.array([np.sign(round_[path.pass_index[i] == k].sum()) for k in range(path.pass_index.max() + 1)])
     rings = np.array(
         [np.ptp(path.parameters[path.pass_index == k, 0]) > 0.999 for k in range(path.pass_index.max() + 1)]
     )
@@ -159,9 +151,7 @@ def test_neighbouring_passes_run_opposite_ways(
     assert ((path.feeds[i] * moves).sum(1) > 0).all()
 
 
-def test_two_runs_are_identical(
-    covered: Callable[..., ContactPath], grooved_pebble: Callable[..., TSpline]
-) -> None:
+def test_two_runs_are_identical(covered: Callable[..., ContactPath], grooved_pebble: Callable[..., TSpline]) -> None:
     first, second = (covered.__wrapped__(grooved_pebble(0.5), "round") for _ in range(2))  # type: ignore[attr-defined]
     assert first.centres.tobytes() == second.centres.tobytes()
     assert first.pass_index.tobytes() == second.pass_index.tobytes()
@@ -181,15 +171,11 @@ def test_the_post_ends_inside_the_part(
 ) -> None:
     mesh = mesh_of(pebble())
     post = post_below(mesh, holding)
-    rim = np.array(
-        [[post.radius * np.cos(a), post.radius * np.sin(a), post.top + 0.05] for a in np.linspace(0, 6, 9)]
-    )
+    rim = np.array([[post.radius * np.cos(a), post.radius * np.sin(a), post.top + 0.05] for a in np.linspace(0, 6, 9)])
     assert MeshDistance(mesh).inside(rim).all()
 
 
-def test_nothing_to_cut_is_an_error(
-    covered: Callable[..., ContactPath], pebble: Callable[..., TSpline]
-) -> None:
+def test_nothing_to_cut_is_an_error(covered: Callable[..., ContactPath], pebble: Callable[..., TSpline]) -> None:
     with pytest.raises(ToolPathError, match=r"contacts \(\d+\.\d mm2\) are too near the post") as told:
         covered(pebble(), "round", post_clearance=50.0)
     assert told.value.evidence["area_mm2"] == pytest.approx(pebble().area, rel=0.01)

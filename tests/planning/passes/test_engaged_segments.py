@@ -138,9 +138,7 @@ def test_lines_that_meet_at_a_pole_are_cut_side_by_side():
     count = 24
     angle, height = np.meshgrid(2 * np.pi * np.arange(count) / count, np.linspace(0.05, 1, 20), indexing="ij")
     height[1::2] = height[1::2, ::-1]  # to and fro
-    centres = np.column_stack(
-        [(12 * height * f(angle)).ravel() for f in (np.cos, np.sin)] + [np.zeros(angle.size)]
-    )
+    centres = np.column_stack([(12 * height * f(angle)).ravel() for f in (np.cos, np.sin)] + [np.zeros(angle.size)])
     lines = Lines(np.repeat(np.arange(count), 20), centres, np.tile(UP, (len(centres), 1)))
     away = np.linalg.norm(centres, axis=1)
     near_pole = np.isin(lines.line % 3, (1, 2)) & (away > 2) & (away < 4)

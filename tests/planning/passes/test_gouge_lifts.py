@@ -29,8 +29,7 @@ def roof(height: float = 10.0) -> MeshDistance:
 
 
 @pytest.mark.parametrize(
-    ("deep", "free"),
-    [(0.0, True), (0.9 * MOVE_SHARE, True), (1.05 * BETWEEN_SHARE, False), (5.0, False)],
+    ("deep", "free"), [(0.0, True), (0.9 * MOVE_SHARE, True), (1.05 * BETWEEN_SHARE, False), (5.0, False)]
 )
 @pytest.mark.parametrize("length", [0.1, 4.0])
 def test_a_ball_that_passes_over_a_ridge_may_not_enter_it(deep: float, free: bool, length: float) -> None:
@@ -56,9 +55,7 @@ def bump(place: float) -> MeshDistance:
     x = np.array([-20.0, place - 0.05, place, place + 0.05, 20.0, 20.0, -20.0])
     z = np.array([0.0, 0.0, 0.05, 0.0, 0.0, -10.0, -10.0])
     vertices = np.vstack([np.column_stack([x, np.full(7, y), z]) for y in (-20.0, 20.0)])
-    around = [
-        [a, b, c] for i in range(7) for j in [(i + 1) % 7] for a, b, c in ((i, j, j + 7), (i, j + 7, i + 7))
-    ]
+    around = [[a, b, c] for i in range(7) for j in [(i + 1) % 7] for a, b, c in ((i, j, j + 7), (i, j + 7, i + 7))]
     cap = [(0, 1, 6), (1, 3, 6), (1, 2, 3), (3, 5, 6), (3, 4, 5)]
     ends = [(c, b, a) for a, b, c in cap] + [(a + 7, b + 7, c + 7) for a, b, c in cap]
     faces = np.array(around + ends, dtype=np.int32)

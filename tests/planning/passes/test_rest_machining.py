@@ -98,9 +98,7 @@ def test_deeper_steps_are_fewer_and_leave_the_cut_of_the_level(roughed, rest, al
     steps = steps_of(RestMachining([candidates], deeper), material, lambda *now: cut(now[0], part, now[1]))
     assert 0 < len(steps) < len(rest)
     path, before = steps[0]
-    assert (
-        LIMIT + UNCERTAIN < before.depths(path.centres, path.cutter.radius)[0].max() < 2 * LIMIT + UNCERTAIN
-    )
+    assert LIMIT + UNCERTAIN < before.depths(path.centres, path.cutter.radius)[0].max() < 2 * LIMIT + UNCERTAIN
     path, before = steps[-1]
     after = cut(before, part, path)
     assert not too_deep(candidates, after, allowed)

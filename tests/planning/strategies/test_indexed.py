@@ -66,9 +66,7 @@ def test_each_copy_is_turned_by_a_pitch_more(cutter: Cutter) -> None:
         assert made.cones is not None
         assert one.cones is not None
         places = made.cones.cone_of[rows][1:5]
-        np.testing.assert_allclose(
-            made.cones.apexes[places], one.cones.apexes[[0, 0, 1, 1]] @ turn.T, atol=1e-12
-        )
+        np.testing.assert_allclose(made.cones.apexes[places], one.cones.apexes[[0, 0, 1, 1]] @ turn.T, atol=1e-12)
         np.testing.assert_allclose(
             made.cones.shapes.axes[places], one.cones.shapes.axes[[0, 0, 1, 1]] @ turn.T, atol=1e-12
         )

@@ -41,14 +41,10 @@ def replayed(path: ToolPath, rays: CutDexels) -> tuple[list[float], CutDexels]:
 
 @pytest.mark.slow
 def test_links_of_layers_remove_nothing_that_the_proof_would_refuse(
-    grooved_pebble: Callable[..., TSpline],
-    level_of: Callable[..., Level],
-    upright_capsule: Capsule,
+    grooved_pebble: Callable[..., TSpline], level_of: Callable[..., Level], upright_capsule: Capsule
 ) -> None:
     job = COARSE.with_values(path={"strategy": "rotary"})
-    paths = plan_layer_paths(
-        [level_of(grooved_pebble(1.2))], upright_capsule, job, MachineLimits(np.radians(115.0))
-    )
+    paths = plan_layer_paths([level_of(grooved_pebble(1.2))], upright_capsule, job, MachineLimits(np.radians(115.0)))
     rays = uncut_rays(upright_capsule)
     worst = []
     for path in paths:

@@ -24,16 +24,12 @@ def tube(tmp_path_factory: pytest.TempPathFactory) -> tuple[bonecam.Finished, Pa
     """An elliptic tube of 12 mm, finished, and the folder with all that was written."""
     folder = tmp_path_factory.mktemp("tube")
     angle = np.linspace(0, 2 * np.pi, 24, endpoint=False)
-    rows = [
-        np.column_stack([6 * np.cos(angle), 3 * np.sin(angle), np.full(24, z)]) for z in np.linspace(0, 12, 5)
-    ]
+    rows = [np.column_stack([6 * np.cos(angle), 3 * np.sin(angle), np.full(24, z)]) for z in np.linspace(0, 12, 5)]
     files = {"program": folder / "tube.h", "keep": folder / "keep", "html": folder / "tube.html"}
     return bonecam.finish(skin(rows, 0.01), job=JOB, **files), folder
 
 
-def test_the_page_from_kept_files_is_that_of_the_run(
-    tube: tuple[bonecam.Finished, Path], tmp_path: Path
-) -> None:
+def test_the_page_from_kept_files_is_that_of_the_run(tube: tuple[bonecam.Finished, Path], tmp_path: Path) -> None:
     made, folder = tube
     assert main(["view", str(folder / "keep"), "-o", str(tmp_path / "again.html")]) == 0
     text = (tmp_path / "again.html").read_text(encoding="utf-8")
@@ -44,9 +40,7 @@ def test_the_page_from_kept_files_is_that_of_the_run(
     assert bonecam.read_job(kept / "job.toml") == made.job
 
 
-def test_axes_are_compared_with_normals_and_lead_at_the_same_contacts(
-    tube: tuple[bonecam.Finished, Path],
-) -> None:
+def test_axes_are_compared_with_normals_and_lead_at_the_same_contacts(tube: tuple[bonecam.Finished, Path]) -> None:
     """On a tube whose walls stand the holder keeps off whatever the axis: smooth axes are free, no slower than the
     others, and off the normal; with an axis along the feed the shank meets the post."""
     made, folder = tube

@@ -88,32 +88,18 @@ def test_levels_are_kept_with_their_pictures_before_there_is_a_path(
     made = levels_in(grooved_pebble(0.2), upright_capsule, Schedule((), 1.5), chord_tolerance=0.1)
     keep_levels(tmp_path / "levels", made.levels, upright_capsule)
     levels = {f"level_{level.index:02d}.ply" for level in made.levels}
-    assert seen(tmp_path / "levels") == {
-        *levels,
-        "levels.png",
-        "coloured.png",
-        "depths.png",
-    }
+    assert seen(tmp_path / "levels") == {*levels, "levels.png", "coloured.png", "depths.png"}
 
 
 @pytest.mark.parametrize("closed", [False, True], ids=["sheet", "tube"])
 def test_open_levels_are_kept_with_their_pictures_without_a_stock(tmp_path: Path, closed: bool) -> None:
     turn = np.linspace(0, 2 * np.pi, 16, endpoint=False)
-    across = (
-        (6 * np.cos(turn), 2 * np.sin(turn))
-        if closed
-        else (np.linspace(0, 20, 16), np.sin(np.linspace(0, 2, 16)))
-    )
+    across = (6 * np.cos(turn), 2 * np.sin(turn)) if closed else (np.linspace(0, 20, 16), np.sin(np.linspace(0, 2, 16)))
     rows = [np.column_stack([across[0], np.full(16, y), across[1]]) for y in range(20, 0, -4)]
     made = morph_open(skin(rows, 0.01, closed=closed), 1.0, Schedule((0.1,), 0.5), chord_tolerance=0.05)
     keep_levels(tmp_path / "blade", made.levels, line=0.4)
     levels = {f"level_{level.index:02d}.ply" for level in made.levels}
-    assert seen(tmp_path / "blade") == {
-        *levels,
-        "levels.png",
-        "coloured.png",
-        "depths.png",
-    }
+    assert seen(tmp_path / "blade") == {*levels, "levels.png", "coloured.png", "depths.png"}
     depths = line_depths(made.levels, None, 0.4)
     assert depths.shape[0] == made.cuts
     assert (depths.max(axis=1) <= [level.limit + 0.05 for level in made.levels[1:]]).all()
@@ -165,9 +151,7 @@ def test_a_level_that_a_person_has_changed_stays(
     levels = [level_of(pebble(0.5 * k), k, 0.5) for k in range(2)]
     keep_levels(tmp_path, [*levels, StockLevel(2, levels[1].mesh, 0.5, levels[1].measures)], upright_capsule)
     (tmp_path / "level_02.ply").write_text("mine")
-    keep_levels(
-        tmp_path, [levels[0], StockLevel(1, levels[1].mesh, 0.5, levels[1].measures)], upright_capsule
-    )
+    keep_levels(tmp_path, [levels[0], StockLevel(1, levels[1].mesh, 0.5, levels[1].measures)], upright_capsule)
     assert (tmp_path / "level_02.ply").read_text() == "mine"
 
 
@@ -189,11 +173,7 @@ def test_a_patch_that_cannot_be_written_hides_no_error(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("room", [0, 500, 5000, 60000])
 def test_a_disk_that_is_full_leaves_the_folder_as_it_was(
-    room: int,
-    level_of: Callable[..., Level],
-    pebble: Callable[..., TSpline],
-    upright_capsule: Capsule,
-    tmp_path: Path,
+    room: int, level_of: Callable[..., Level], pebble: Callable[..., TSpline], upright_capsule: Capsule, tmp_path: Path
 ) -> None:
     levels = [level_of(pebble(0.5 * k), k, 0.5) for k in range(2)]
     levels[-1] = StockLevel(1, levels[-1].mesh, 0.5, levels[-1].measures)
@@ -216,8 +196,6 @@ def test_the_picture_of_engagement_shows_levels_and_no_parting(monkeypatch, tmp_
     view = pack(Contents({"tools": [{"number": 1, "radius": 2.0}]}, moves))
     made = SimpleNamespace(packed_view=view, levels=SimpleNamespace(levels=[]))
     drawn = []
-    monkeypatch.setattr(
-        kept_folder, "draw_engagement", lambda *given, **named: drawn.extend(given[1][named["cuts"]])
-    )
+    monkeypatch.setattr(kept_folder, "draw_engagement", lambda *given, **named: drawn.extend(given[1][named["cuts"]]))
     kept_folder._draw_engagement(made, tmp_path / "engagement.png")
     assert drawn == [1, 0]

@@ -38,9 +38,7 @@ def test_a_program_named_for_another_controller_is_refused_with_the_name_that_fi
 
 
 def test_parts_of_both_clampings_do_not_share_a_file() -> None:
-    first, second = (
-        {Path(name): "" for name in names.split()} for names in ("a.nc O0078.nc", "b.nc O0078.nc")
-    )
+    first, second = ({Path(name): "" for name in names.split()} for names in ("a.nc O0078.nc", "b.nc O0078.nc"))
     with pytest.raises(FileError, match=r"O0078\.nc: both clampings have a part of this name: give another"):
         check_apart(first, second)
     check_apart(first, {Path("b.nc"): ""})
@@ -57,12 +55,8 @@ def test_a_program_is_never_named_as_a_part() -> None:
 
 
 @pytest.mark.parametrize(("name", "proposed"), [("p", "p.h"), ("out/p.", "p.h"), (".h", "h.h"), ("-", "-.h")])
-def test_a_program_without_an_ending_is_refused_with_the_one_that_the_control_lists(
-    name: str, proposed: str
-) -> None:
-    with pytest.raises(
-        FileError, match=rf"has no ending, heidenhain programs end in \.h: name it {proposed}$"
-    ):
+def test_a_program_without_an_ending_is_refused_with_the_one_that_the_control_lists(name: str, proposed: str) -> None:
+    with pytest.raises(FileError, match=rf"has no ending, heidenhain programs end in \.h: name it {proposed}$"):
         check_ending(Path(name), read_dialect("heidenhain"))
 
 

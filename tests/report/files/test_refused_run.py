@@ -8,23 +8,8 @@ import pytest
 
 import bonecam
 from bonecam import pipeline
-from bonecam.errors import (
-    Cancelled,
-    JobError,
-    LevelError,
-    LimitError,
-    ToolPathError,
-    VerifyError,
-    knowing,
-)
-from bonecam.report.files.refused_run import (
-    FAULT,
-    code_of,
-    keep_refused,
-    refused_figures,
-    refusing,
-    report_refused,
-)
+from bonecam.errors import Cancelled, JobError, LevelError, LimitError, ToolPathError, VerifyError, knowing
+from bonecam.report.files.refused_run import FAULT, code_of, keep_refused, refused_figures, refusing, report_refused
 from bonecam.runtime.own_files import OWN_FILES
 from bonecam.runtime.timing import StageTimes
 
@@ -42,9 +27,7 @@ def refuse(result: bonecam.Result, folder: Path | None) -> VerifyError:
     return caught.value
 
 
-def test_a_refusal_of_a_program_of_ours_is_kept_with_program_place_and_picture(
-    small_run: Run, tmp_path: Path
-) -> None:
+def test_a_refusal_of_a_program_of_ours_is_kept_with_program_place_and_picture(small_run: Run, tmp_path: Path) -> None:
     result, _ = small_run
     error = refuse(result, tmp_path / "keep")
     assert str(error).startswith("line 7: too deep: go slower (")
@@ -54,15 +37,7 @@ def test_a_refusal_of_a_program_of_ours_is_kept_with_program_place_and_picture(
     names = {item.name for item in (tmp_path / "keep").iterdir()} - {OWN_FILES}
     levels = {f"level_{level.index:02d}.ply" for level in result.levels.levels}
     pictures = {"levels.png", "coloured.png", "depths.png", "refused.png"}
-    texts = {
-        "refused.txt",
-        "report.json",
-        "job.toml",
-        "given.ply",
-        "surface.tspline",
-        "program.h",
-        "toolpath.csv",
-    }
+    texts = {"refused.txt", "report.json", "job.toml", "given.ply", "surface.tspline", "program.h", "toolpath.csv"}
     assert names == levels | pictures | texts
     assert (tmp_path / "keep" / "program.h").read_text() == result.program.text
     assert (tmp_path / "keep" / "refused.txt").read_text() == "line 7: too deep: go slower\n"
@@ -84,10 +59,7 @@ def test_a_folder_that_cannot_be_written_does_not_hide_the_refusal(small_run: Ru
 
 
 def test_other_errors_pass(small_run: Run, tmp_path: Path) -> None:
-    with (
-        pytest.raises(LevelError, match=r"^no level$"),
-        keep_refused(small_run[0], tmp_path / "keep", StageTimes()),
-    ):
+    with pytest.raises(LevelError, match=r"^no level$"), keep_refused(small_run[0], tmp_path / "keep", StageTimes()):
         raise LevelError("no level")
     assert not list(tmp_path.iterdir())
 
@@ -114,9 +86,7 @@ def test_convert_keeps_what_its_simulation_refuses(
     assert not (tmp_path / "bone.h").exists()
     assert (tmp_path / "keep" / "program.h").read_text() == result.program.text
     assert (tmp_path / "keep" / "refused.png").is_file()
-    written, kept = (
-        json.loads(file.read_text()) for file in (tmp_path / "bone.json", tmp_path / "keep/report.json")
-    )
+    written, kept = (json.loads(file.read_text()) for file in (tmp_path / "bone.json", tmp_path / "keep/report.json"))
     assert (
         written["refused"]
         == kept["refused"]

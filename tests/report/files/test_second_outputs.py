@@ -156,9 +156,7 @@ def test_cutter_location_data_has_the_moves_of_the_second_clamping(second: Secon
         np.testing.assert_allclose(found.axes, path.axes, atol=1e-8)
 
 
-def test_view_makes_both_pages_again(
-    second_run: Run, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_view_makes_both_pages_again(second_run: Run, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = second_run[1]
     assert main(["view", str(folder / "keep"), "-o", str(tmp_path / "again.html")]) == 0
     pages = [tmp_path / "again.html", tmp_path / "again.second.html"]
@@ -228,14 +226,10 @@ def test_simulate_finds_in_the_kept_texts_what_the_run_found(
     packed = base64.b64decode(page.split('<script id="payload" type="text/plain">')[1].split("<")[0])
     shown = unpack(packed, "again.html")
     assert shown.facts["solid"] == "shell"
-    assert [layer["level"] for layer in shown.facts["program"]["layers"]] == sorted(
-        path.level for path in second.paths
-    )
+    assert [layer["level"] for layer in shown.facts["program"]["layers"]] == sorted(path.level for path in second.paths)
 
 
-def test_simulate_begins_the_first_text_with_the_exact_stock(
-    second_run: Run, simulated: dict[str, Simulated]
-) -> None:
+def test_simulate_begins_the_first_text_with_the_exact_stock(second_run: Run, simulated: dict[str, Simulated]) -> None:
     found = simulated["bone.h"].report["removal"]
     assert found["levels"] == second_run[0].report["removal"]["levels"]
 

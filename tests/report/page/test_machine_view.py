@@ -57,13 +57,9 @@ def page(small_run: Run, browser: Any) -> Iterator[Any]:
 
 
 @pytest.fixture(params=KINDS.values(), ids=KINDS)
-def machine(
-    chains: dict[str, str], write_machine: Callable[..., Path], request: Any, tmp_path: Path
-) -> Machine:
+def machine(chains: dict[str, str], write_machine: Callable[..., Path], request: Any, tmp_path: Path) -> Machine:
     # Z along a spindle that lies: the table's normal is the machine's Y
-    lying = chains["table-table"].replace(
-        "part_zero", "part_x = [1.0, 0.0, 0.0]\npart_z = [0.0, 1.0, 0.0]\npart_zero"
-    )
+    lying = chains["table-table"].replace("part_zero", "part_x = [1.0, 0.0, 0.0]\npart_z = [0.0, 1.0, 0.0]\npart_zero")
     text = {**chains, "lying": lying}.get(request.param)
     return read_machine(request.param if text is None else write_machine(tmp_path, text))
 
@@ -104,9 +100,7 @@ def test_any_chain_stands_as_its_kinematics(page: Any, machine: Machine) -> None
     zero = np.array(machine.part_zero)
     height = np.c_[np.zeros((count, 2)), joints[:, 2] - zero[2]]
     head = machine.tool_axes[::-1]
-    swung, above = (
-        turned(np.tile([0.0, 0.0, z], (count, 1)), head, machine, rotary) for z in (-length, 1 - length)
-    )
+    swung, above = (turned(np.tile([0.0, 0.0, z], (count, 1)), head, machine, rotary) for z in (-length, 1 - length))
     part = np.tile(machine.in_machine(np.array([MARK]))[0] + zero, (count, 1))
     mark = turned(part, machine.part_axes, machine, rotary)
     assert np.allclose(found[:, 0], height + swung + [0, 0, length], atol=1e-3)

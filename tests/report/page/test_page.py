@@ -81,14 +81,7 @@ def test_every_view_draws_with_its_legend(page: Any, mode: str) -> None:
 
 @pytest.mark.parametrize("colouring", ["kind", "feed", "tilt", "depth", "section", "force"])
 def test_each_colouring_of_the_path_is_another_picture_with_its_unit(page: Any, colouring: str) -> None:
-    units = {
-        "kind": "rapid",
-        "feed": "mm/min",
-        "tilt": "degrees",
-        "depth": "mm",
-        "section": "mm²",
-        "force": "(n)",
-    }
+    units = {"kind": "rapid", "feed": "mm/min", "tilt": "degrees", "depth": "mm", "section": "mm²", "force": "(n)"}
     page.keyboard.press("3")
     page.evaluate("change({level: 0, colouring: 'kind'})")
     plain = picture(page)
@@ -122,8 +115,7 @@ def test_cones_are_drawn_at_contacts_of_the_level_and_under_the_tool(page: Any, 
     shown = page.evaluate("someCones(movesOf(0, page.state))")
     assert 10 < len(shown) <= 40
     axes = page.evaluate(
-        "(moves) => moves.map((i) => [axisOf(page.arrays.cone_axis, coneOf(i)).toArray(), ballOf(i).toArray()])",
-        shown,
+        "(moves) => moves.map((i) => [axisOf(page.arrays.cone_axis, coneOf(i)).toArray(), ballOf(i).toArray()])", shown
     )
     balls = path.balls[inside]
     for axis, ball in axes:
@@ -252,9 +244,7 @@ def test_a_simulated_program_has_a_page_of_its_own(small_run: Run, tmp_path: Pat
     assert not any(name.startswith("uncut") for name in shown.arrays)
 
 
-def test_bad_folders_and_names_are_one_line(
-    small_run: Run, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_bad_folders_and_names_are_one_line(small_run: Run, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     keep = tmp_path / "keep"
     shutil.copytree(small_run[1] / "keep", keep)
     (keep / "view.gz").unlink()
@@ -305,9 +295,7 @@ def test_a_notebook_shows_summary_and_page(small_run: Run, browser: Any, tmp_pat
     cell.close()
 
 
-def test_a_page_too_large_for_a_notebook_is_a_picture(
-    small_run: Run, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_page_too_large_for_a_notebook_is_a_picture(small_run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("bonecam.report.files.shown.INLINE", 1000)
     shown = small_run[0]._repr_html_()
     assert 'src="data:image/png;base64,' in shown

@@ -63,9 +63,7 @@ def test_graphs_tell_feed_and_rotary_words_with_ranges(page: Any, small_run: Run
     assert labels.count("mm/min") == 1
     assert labels.count("°") == len(axes)
     for axis, angle in zip(axes, angles[at], strict=True):
-        assert re.search(
-            rf"{axis.letter} {0.0 if abs(angle) < 0.05 else angle:.1f}".replace("-", "\u2212"), labels
-        )
+        assert re.search(rf"{axis.letter} {0.0 if abs(angle) < 0.05 else angle:.1f}".replace("-", "\u2212"), labels)
 
 
 def test_a_column_has_least_and_greatest_of_its_moves(page: Any) -> None:

@@ -111,9 +111,7 @@ def test_engagement_is_drawn_on_levels_with_the_share_of_cuts_in_air(
     """Of level 3 all is air, of level 0 nothing; links are not drawn."""
     moves = [path(capsule_path, level) for level in (3, 1, 0)]
     levels = np.repeat([3, 1, 0], [len(each.tips) for each in moves])
-    tips, axes, kinds = (
-        np.concatenate([getattr(each, name) for each in moves]) for name in ("tips", "axes", "kinds")
-    )
+    tips, axes, kinds = (np.concatenate([getattr(each, name) for each in moves]) for name in ("tips", "axes", "kinds"))
     cuts = kinds == MoveKind.CUT
     sections = np.where(levels == 3, 0.0, 0.2)
     draw_engagement(boxed(pebble, *STOCKS[0]), levels, tips, axes, sections, cuts, "")
@@ -141,9 +139,7 @@ def test_panels_have_one_scale_and_nothing_is_clipped_or_covered(
         assert np.ptp([np.diff(pair, axis=0) for pair in per_mm]) < 0.01
         assert len({plot.get_ylim() for plot in panels}) == 1
         assert len({round(plot.get_window_extent().y0, 6) for plot in panels}) == 1
-        assert all(
-            plot.dataLim.y1 <= plot.get_ylim()[1] and plot.dataLim.y0 >= plot.get_ylim()[0] for plot in panels
-        )
+        assert all(plot.dataLim.y1 <= plot.get_ylim()[1] and plot.dataLim.y0 >= plot.get_ylim()[0] for plot in panels)
         titles, labels = extents(plot.title for plot in panels), extents(plot.xaxis.label for plot in panels)
         ticks = [box for plot in panels for box in extents(plot.get_xticklabels())]
         assert len(ticks) >= len(panels)
@@ -169,8 +165,7 @@ def test_depths_beyond_the_limit_are_shown_and_titles_say_which_cuts_and_which_l
     assert above.get_ylim()[1] > 0.9
     assert list(rounding_cuts(levels)) == [3, 4]
     assert (
-        "cuts 1 to 2 along the line s = 0.7 (cuts 3 to 4, which only round the stock, not shown)"
-        in above.get_title()
+        "cuts 1 to 2 along the line s = 0.7 (cuts 3 to 4, which only round the stock, not shown)" in above.get_title()
     )
     assert any("cuts 1 to 4" in title for title in texts(drawn[0])[1:])
 
@@ -205,9 +200,7 @@ def test_some_lines_are_labelled_apart_from_each_other_each_on_its_own(cuts: int
 
 
 @pytest.mark.parametrize("towards", ["x", "y", "z"])
-def test_an_open_mesh_is_seen_from_where_it_faces_and_cut_through_its_middle(
-    towards: str, drawn: list[Figure]
-) -> None:
+def test_an_open_mesh_is_seen_from_where_it_faces_and_cut_through_its_middle(towards: str, drawn: list[Figure]) -> None:
     mesh = sheet(**{towards: 1.0})
     assert np.allclose(view(mesh)[1], [-1.0 * (axis == towards) for axis in "xyz"])
     assert np.isclose(np.linalg.det(view(mesh)[[0, 1, 2]]), 1.0)

@@ -102,9 +102,7 @@ def test_damaged_statements_are_refused_with_their_line(statement: str) -> None:
         read_apt(f"{HEAD}{statement}\nFINI\n")
 
 
-@pytest.mark.parametrize(
-    "text", ["", HEAD, "GOTO/1,2,3\nFINI", "LOADTL/1\nCUTTER/4\nGOTO/1,2,3\nFINI", "GOTO/1,$"]
-)
+@pytest.mark.parametrize("text", ["", HEAD, "GOTO/1,2,3\nFINI", "LOADTL/1\nCUTTER/4\nGOTO/1,2,3\nFINI", "GOTO/1,$"])
 def test_texts_without_end_tool_or_feed_are_refused(text: str) -> None:
     with pytest.raises(ProgramError, match="line"):
         read_apt(text)

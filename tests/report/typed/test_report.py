@@ -24,9 +24,7 @@ def test_a_name_too_many_one_too_few_and_a_wrong_type_are_found() -> None:
     assert differences({"surface": SURFACE | {"more": 1}}, Report) == [".surface.more: has no name"]
     fewer = {name: value for name, value in SURFACE.items() if name != "tolerance_mm"}
     assert differences({"surface": fewer}, Report) == [".surface.tolerance_mm: missing"]
-    assert differences({"surface": SURFACE | {"tolerance_mm": None}}, Report) == [
-        ".surface.tolerance_mm: None"
-    ]
+    assert differences({"surface": SURFACE | {"tolerance_mm": None}}, Report) == [".surface.tolerance_mm: None"]
     assert differences({"removal": {"skipped": "not asked", "given": {"skipped": 1}}}, Report) == [
         ".removal.given.skipped: 1"
     ]

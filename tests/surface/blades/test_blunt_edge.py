@@ -14,9 +14,7 @@ def rows(width: float) -> PointRows:
     u = np.linspace(-1.0, 1.0, 81)
     side = (width / 2 + (1 - u**2) * 1.5) * np.sign(u)
     section = np.column_stack([LENGTH * u**2, np.where(u == 0, 0.0, -side)])
-    return PointRows(
-        tuple(np.column_stack([section, np.full(len(u), z)]) for z in (0.0, 3.0, 6.0)), None, closed=False
-    )
+    return PointRows(tuple(np.column_stack([section, np.full(len(u), z)]) for z in (0.0, 3.0, 6.0)), None, closed=False)
 
 
 def test_the_cap_is_a_half_circle_over_the_edge() -> None:

@@ -44,9 +44,7 @@ def test_polar_and_cartesian_tables_give_the_same_outward_rows(profiles: Profile
     assert solid.volume == pytest.approx(np.pi * 12 * 10, rel=0.01)
     reversed_rows = tmp_path / "reversed"
     reversed_rows.mkdir()
-    turned = read_sections(
-        written(reversed_rows, [p[::-1] for p in profiles], ""), columns="x r*theta r", axis="x"
-    )
+    turned = read_sections(written(reversed_rows, [p[::-1] for p in profiles], ""), columns="x r*theta r", axis="x")
     assert blade_solid(turned.skin(0.01), 0.01).volume == pytest.approx(solid.volume, rel=0.01)
 
 
@@ -131,8 +129,7 @@ def test_a_wheel_of_nasa_tables_is_of_closed_solids(name: str, shared: Path) -> 
     else:
         rows = read_sections(folder / "profile_R37.dat", axis="y", scale=10.0)
         hub, shroud = (
-            read_flow_path(folder / f"{wall}_R37.dat", columns="x y z", scale=10.0)
-            for wall in ("hub", "shroud")
+            read_flow_path(folder / f"{wall}_R37.dat", columns="x y z", scale=10.0) for wall in ("hub", "shroud")
         )
         radius, count = 252.0, 36
     made = impeller(rows.skin(0.01), hub, shroud, count, chord_tolerance=0.1)

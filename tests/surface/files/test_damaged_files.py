@@ -57,9 +57,7 @@ def outcome(data: bytes, path: Path, seed: int) -> bool:
     boxes = surface.elements().boxes
     rng = np.random.default_rng(seed)
     box, u = boxes[rng.integers(0, len(boxes), 20)], rng.random((2, 20))
-    found = surface.evaluate(
-        box[:, 0] + (box[:, 1] - box[:, 0]) * u[0], box[:, 2] + (box[:, 3] - box[:, 2]) * u[1], 2
-    )
+    found = surface.evaluate(box[:, 0] + (box[:, 1] - box[:, 0]) * u[0], box[:, 2] + (box[:, 3] - box[:, 2]) * u[1], 2)
     assert all(np.isfinite(one).all() for one in found), f"seed {seed}"
     return True
 
@@ -69,9 +67,7 @@ def survive(originals: list[Path], folder: Path, seeds: range) -> float:
     read = 0
     for seed in seeds:
         original = originals[seed % len(originals)]
-        read += outcome(
-            damaged(original.read_bytes(), random.Random(seed)), folder / f"damaged{original.suffix}", seed
-        )
+        read += outcome(damaged(original.read_bytes(), random.Random(seed)), folder / f"damaged{original.suffix}", seed)
     return read / len(seeds)
 
 
@@ -87,12 +83,8 @@ def test_of_a_thousand_damaged_files_none_gives_more_than_an_error_or_a_surface(
 
 
 @pytest.mark.slow
-def test_of_a_thousand_damaged_models_none_gives_more_than_an_error_or_a_surface(
-    shared: Path, tmp_path: Path
-) -> None:
-    models = sorted(
-        file for file in (shared / "tspline").glob("[ti]*/*.[ti]*") if file.suffix in (".tsm", ".iga")
-    )
+def test_of_a_thousand_damaged_models_none_gives_more_than_an_error_or_a_surface(shared: Path, tmp_path: Path) -> None:
+    models = sorted(file for file in (shared / "tspline").glob("[ti]*/*.[ti]*") if file.suffix in (".tsm", ".iga"))
     assert len(models) == 11
     assert 0.05 < survive(models, tmp_path, range(1000)) < 0.6
 

@@ -58,9 +58,7 @@ def test_raising_the_degree_changes_nothing(
         np.testing.assert_allclose(a, b, atol=1e-11 * max(1.0, abs(a).max()))
 
 
-def test_a_round_trip_is_bit_equal(
-    random_tspline: Callable[..., TSpline], shared: Path, tmp_path: Path
-) -> None:
+def test_a_round_trip_is_bit_equal(random_tspline: Callable[..., TSpline], shared: Path, tmp_path: Path) -> None:
     for first in (read_iga(shared / "tspline" / "iga" / "square_unstructured.iga"), random_tspline(5)):
         write_iga(first, tmp_path / "a.iga")
         again = read_iga(tmp_path / "a.iga")

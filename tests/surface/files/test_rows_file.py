@@ -48,9 +48,7 @@ def test_a_broken_file_is_refused_with_its_line(
     assert caught.value.evidence["line"] == line
 
 
-def test_decreasing_knots_and_bad_weights_are_refused(
-    bone_like: Callable[..., TSpline], tmp_path: Path
-) -> None:
+def test_decreasing_knots_and_bad_weights_are_refused(bone_like: Callable[..., TSpline], tmp_path: Path) -> None:
     surface = bone_like(7, 6, spread=0.0)
     text = rows_text(surface)
     (tmp_path / "bad.tsr").write_text(text.replace(" 1.0\nrow 2", " -1.0\nrow 2"))

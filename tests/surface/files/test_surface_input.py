@@ -72,16 +72,12 @@ def test_a_surface_that_would_take_minutes_to_mesh_is_refused_at_once(
     points = surface.control_points.copy()
     points[len(points) // 3, 2] = far
     began = time.process_time()
-    with pytest.raises(
-        SurfaceError, match=rf"a\.tspline: .* with {len(points)},000 vertices, .*correct weights"
-    ):
+    with pytest.raises(SurfaceError, match=rf"a\.tspline: .* with {len(points)},000 vertices, .*correct weights"):
         closed_mesh(TSpline(surface.tmesh, points, surface.weights), "a.tspline")
     assert time.process_time() < began + 5.0
 
 
-def test_a_surface_that_is_put_upside_down_runs_from_the_lower_pole_again(
-    bone_like: Callable[..., TSpline],
-) -> None:
+def test_a_surface_that_is_put_upside_down_runs_from_the_lower_pole_again(bone_like: Callable[..., TSpline]) -> None:
     given = bone_like(9, 7, 4)
     upside_down = np.diag([1.0, -1.0, -1.0, 1.0])
     upside_down[:3, 3] = [1, 2, 30]
@@ -119,9 +115,7 @@ def test_what_encloses_no_part_is_refused(
         read_surface(tmp_path / "inward.tspline", 1000.0, 0.1, 450)
 
 
-def test_the_ending_decides_what_is_written(
-    bone_like: Callable[..., TSpline], tmp_path: Path, shared: Path
-) -> None:
+def test_the_ending_decides_what_is_written(bone_like: Callable[..., TSpline], tmp_path: Path, shared: Path) -> None:
     pytest.importorskip("OCP", reason="OpenCASCADE's wheel is not installed: pip install 'bonecam[cad]'")
     surface = bone_like(7, 5, 1)
     for name, head in (
@@ -138,9 +132,7 @@ def test_the_ending_decides_what_is_written(
     assert (tmp_path / "b.tsm").read_text().startswith("#TS0200")
 
 
-def test_a_name_that_fits_no_form_is_refused_before_the_work(
-    bone_like: Callable[..., TSpline], tmp_path: Path
-) -> None:
+def test_a_name_that_fits_no_form_is_refused_before_the_work(bone_like: Callable[..., TSpline], tmp_path: Path) -> None:
     with pytest.raises(FileError, match=r"unknown ending '\.prt'"):
         check_target(tmp_path / "a.prt")
     with pytest.raises(FileError, match=r"have no \.tsm form: end the name in \.tspline"):

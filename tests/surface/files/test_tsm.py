@@ -98,9 +98,7 @@ def test_a_border_without_its_control_points_is_refused(shared: Path, tmp_path: 
 def fusion_patch(grid: Callable[..., TMesh], points: np.ndarray, ends: str = "SUBD_CREASES") -> str:
     """An open grid of control points (a, b, 3) the way Fusion writes it: no 0m records, one 0g a vertex."""
     a, b = points.shape[:2]
-    text = tsm_text(
-        TSpline(grid(np.arange(float(a)), np.arange(float(b))), points.reshape(-1, 3), np.ones(a * b))
-    )
+    text = tsm_text(TSpline(grid(np.arange(float(a)), np.arange(float(b))), points.reshape(-1, 3), np.ones(a * b)))
     lines = [line for line in text.splitlines() if not line.startswith(("0m", "force-bezier"))]
     return "\n".join([*lines[:2], f"end-conditions {ends}", "star-knot-rule NURCCS", *lines[2:], ""])
 

@@ -33,9 +33,7 @@ def creased(pebble: Callable[..., TSpline], mesh: TriangleMesh) -> Fit:
     return Fit(surface, missed, 2.0 * missed.max, reached=True)
 
 
-def test_the_least_radius_grows_and_the_surface_stays_within_the_limit(
-    mesh: TriangleMesh, creased: Fit
-) -> None:
+def test_the_least_radius_grows_and_the_surface_stays_within_the_limit(mesh: TriangleMesh, creased: Fit) -> None:
     sharpest = least_radius(creased.surface)
     assert sharpest < 0.3
     found = without_creases(creased, mesh, 0.3, creased.tolerance)

@@ -57,10 +57,7 @@ def test_the_normals_point_outward_everywhere(fitted: Fit, body: tuple[Rows, Tri
 
 def test_the_row_next_to_a_pole_lies_in_one_plane_with_it(fitted: Fit) -> None:
     starts, points = fitted.surface.tmesh.row_starts, fitted.surface.control_points
-    for pole, ring in (
-        (points[0], points[starts[1] : starts[2]]),
-        (points[-1], points[starts[-3] : starts[-2]]),
-    ):
+    for pole, ring in ((points[0], points[starts[1] : starts[2]]), (points[-1], points[starts[-3] : starts[-2]])):
         assert np.linalg.svd(ring - pole)[1][2] < 1e-10
 
 
@@ -133,11 +130,7 @@ def test_a_cone_is_followed_to_its_tip(turn: float) -> None:
     height = np.concatenate([np.zeros(7), 1 - np.arange(19, 0, -1) / 20])
     rings = np.stack([r * np.column_stack([np.cos(angle), np.sin(angle)]) for r in radius])
     points = np.vstack(
-        [
-            [0, 0, 0],
-            *(np.column_stack([3 * ring, np.full(40, 12 * z)]) for ring, z in zip(rings, height)),
-            [0, 0, 12.0],
-        ]
+        [[0, 0, 0], *(np.column_stack([3 * ring, np.full(40, 12 * z)]) for ring, z in zip(rings, height)), [0, 0, 12.0]]
     )
     i, k = np.arange(40), 1 + 40 * np.arange(len(radius) - 1)[:, None]
     right, last = (i + 1) % 40, len(points) - 1
@@ -149,9 +142,7 @@ def test_a_cone_is_followed_to_its_tip(turn: float) -> None:
         np.stack([0 * i, 1 + right, 1 + i], axis=1),
         np.stack([0 * i + last, last - 40 + i, last - 40 + right], axis=1),
     ]
-    cone = TriangleMesh(
-        points, np.concatenate([*(side.reshape(-1, 3) for side in sides), *ends]).astype(np.int32)
-    )
+    cone = TriangleMesh(points, np.concatenate([*(side.reshape(-1, 3) for side in sides), *ends]).astype(np.int32))
     found = fit(cone, 0.15, 200)
     assert found.reached, (found.deviation, found.shortfall)
 
@@ -161,10 +152,7 @@ def test_the_best_cut_is_made_even_where_it_costs_much() -> None:
     one = np.ones(1)
     finer = refine(tmesh, Votes(0.3 * one, 0.42 * one, one, 0.1 * one, 100 * one, 0.001, 0.05), 100)
     assert finer.size == tmesh.size + 30
-    assert (
-        refine(tmesh, Votes(0.3 * one, 0.42 * one, one, 0.1 * one, 100 * one, 0.001, 0.05), 20).size
-        == tmesh.size
-    )
+    assert refine(tmesh, Votes(0.3 * one, 0.42 * one, one, 0.1 * one, 100 * one, 0.001, 0.05), 20).size == tmesh.size
 
 
 def test_low_cells_are_not_cut_along_t() -> None:
@@ -174,9 +162,7 @@ def test_low_cells_are_not_cut_along_t() -> None:
         assert len(refine(tmesh, votes, 100).s_knots) == len(tmesh.s_knots) + rows
 
 
-def test_rings_round_poles_are_drawn_only_where_they_are_far_off_an_ellipse(
-    bone_like: Callable[..., TSpline],
-) -> None:
+def test_rings_round_poles_are_drawn_only_where_they_are_far_off_an_ellipse(bone_like: Callable[..., TSpline]) -> None:
     surface = bone_like(8, 5, spread=0.0)
     even = surface.tmesh.from_rows(
         surface.tmesh.t_knots, [row if len(row) == 1 else np.arange(5) / 5 for row in surface.tmesh.s_knots]

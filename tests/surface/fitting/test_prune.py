@@ -45,9 +45,7 @@ def test_no_more_knots_go_than_may(settled: tuple[TSpline, FitTarget]) -> None:
     assert prune(surface, target, 1e-9, 1000).size == surface.tmesh.size
 
 
-def test_a_surface_moved_to_a_finer_tmesh_that_holds_it_is_the_same(
-    settled: tuple[TSpline, FitTarget],
-) -> None:
+def test_a_surface_moved_to_a_finer_tmesh_that_holds_it_is_the_same(settled: tuple[TSpline, FitTarget]) -> None:
     surface = settled[0]
     assert isinstance(surface.tmesh, RowTMesh)
     finer = RowTMesh.from_rows(

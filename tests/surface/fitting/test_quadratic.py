@@ -21,8 +21,7 @@ def test_the_gradient_vanishes_at_the_least(widths: tuple[int, int]) -> None:
     one, two = (random_term(seed, 30, width) for seed, width in enumerate(widths))
     found = Form.of([one], 30).plus([two]).least()
     gradient = sum(
-        term.matrix.T @ np.einsum("mab,mb->ma", term.metric, term.matrix @ found - term.targets)
-        for term in (one, two)
+        term.matrix.T @ np.einsum("mab,mb->ma", term.metric, term.matrix @ found - term.targets) for term in (one, two)
     )
     assert np.abs(gradient).max() < 1e-9
 

@@ -19,9 +19,7 @@ def offset_points(
     s, t = samples(count, seed)
     t[: count // 10] *= 0.02
     t[-count // 10 :] = 1 - 0.02 * t[-count // 10 :]
-    points = surface.evaluate(s, t) + surface.normals(s, t) * np.random.default_rng(seed).uniform(
-        -1, 1, (count, 1)
-    )
+    points = surface.evaluate(s, t) + surface.normals(s, t) * np.random.default_rng(seed).uniform(-1, 1, (count, 1))
     return surface, points
 
 

@@ -26,9 +26,7 @@ def ball(radius: float, rows: int = 24, around: int = 32) -> TSpline:
     return flat.with_control_points(np.linalg.solve(flat.basis(s, t)[0].toarray(), points))
 
 
-def test_a_ball_has_positive_curvature_one_over_its_radius(
-    samples: Callable[..., tuple[ndarray, ndarray]],
-) -> None:
+def test_a_ball_has_positive_curvature_one_over_its_radius(samples: Callable[..., tuple[ndarray, ndarray]]) -> None:
     surface = ball(4.0)
     s, t = samples(2000)
     found = surface.curvature(s, 0.05 + 0.9 * t)
@@ -59,14 +57,11 @@ def test_directions_are_principal(
     for k, d in ((found.k1, found.direction1), (found.k2, found.direction2)):
         _, S_s, S_t = surface.evaluate(s, t, 1)
         step = (
-            np.array(
-                [np.linalg.lstsq(np.column_stack([a, b]), v, rcond=None)[0] for a, b, v in zip(S_s, S_t, d)]
-            )
-            * h
+            np.array([np.linalg.lstsq(np.column_stack([a, b]), v, rcond=None)[0] for a, b, v in zip(S_s, S_t, d)]) * h
         )
-        change = (
-            surface.normals(s + step[:, 0], t + step[:, 1]) - surface.normals(s - step[:, 0], t - step[:, 1])
-        ) / (2 * h)
+        change = (surface.normals(s + step[:, 0], t + step[:, 1]) - surface.normals(s - step[:, 0], t - step[:, 1])) / (
+            2 * h
+        )
         np.testing.assert_allclose(change, k[:, None] * d, atol=2e-3 * np.abs(found.k1).max())
     np.testing.assert_allclose(np.cross(found.direction1, found.direction2), normals * np.sign(
         np.einsum("ni,ni->n", np.cross(found.direction1, found.direction2), normals))[:, None], atol=1e-9)  # fmt: skip

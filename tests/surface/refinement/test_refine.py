@@ -30,9 +30,7 @@ def assert_same(
     order: int = 1,
 ) -> None:
     s, t = inner_samples(second, seed, 400)
-    for a, b, tolerance in zip(
-        first.evaluate(s, t, 2), second.evaluate(s, t, 2), [1e-13] + [2e-12] * 2 + [1e-10] * 3
-    ):
+    for a, b, tolerance in zip(first.evaluate(s, t, 2), second.evaluate(s, t, 2), [1e-13] + [2e-12] * 2 + [1e-10] * 3):
         np.testing.assert_allclose(a, b, atol=tolerance * max(1.0, abs(a).max()))
 
 
@@ -205,9 +203,7 @@ def test_open_rows_stay_what_they_are(seed: int, directions: str) -> None:
     finer = surface.refine(*np.random.default_rng(seed).random((2, 3)), directions)
     assert isinstance(finer.tmesh, OpenRowTMesh)
     assert finer.tmesh.size > surface.tmesh.size
-    s, t = np.concatenate(
-        [np.random.default_rng(seed + 1).random((2, 500)), [[0, 1, 0.5], [1, 1, 0]]], axis=1
-    )
+    s, t = np.concatenate([np.random.default_rng(seed + 1).random((2, 500)), [[0, 1, 0.5], [1, 1, 0]]], axis=1)
     np.testing.assert_allclose(finer.evaluate(s, t), surface.evaluate(s, t), atol=1e-13 * 5)
 
 

@@ -59,18 +59,13 @@ def test_a_mesh_that_is_no_patch_is_refused() -> None:
     corners = np.array([[0, 0, 0], [20, 0, 0], [0, 20, 0], [0, 0, 20.0]])
     with pytest.raises(SurfaceError, match="is closed"):
         patch_surface(
-            TriangleMesh(corners, np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]], dtype=np.int32)),
-            0.05,
+            TriangleMesh(corners, np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]], dtype=np.int32)), 0.05
         )
 
 
-def test_a_mesh_too_rough_for_the_tolerance_is_refused_with_what_is_reached(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_mesh_too_rough_for_the_tolerance_is_refused_with_what_is_reached(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(mesh_patch, "MOST", 2 * mesh_patch.FEWEST)
     mesh = patch()
     rough = mesh.vertices + np.random.default_rng(1).normal(0, 0.4, mesh.vertices.shape)
-    with pytest.raises(
-        SurfaceError, match=r"misses it by .* mm: smooth the mesh, or raise surface.tolerance"
-    ):
+    with pytest.raises(SurfaceError, match=r"misses it by .* mm: smooth the mesh, or raise surface.tolerance"):
         patch_surface(TriangleMesh(rough, mesh.faces), 0.01)

@@ -21,9 +21,7 @@ def test_reduction_keeps_its_bound_everywhere(closed: bool) -> None:
     s = np.linspace(0, 1, 2000, endpoint=closed is False)
     assert len(found) < len(points)
     assert (
-        np.linalg.norm(
-            collocation(knots, s, closed) @ points - collocation(kept, s, closed) @ found, axis=1
-        ).max()
+        np.linalg.norm(collocation(knots, s, closed) @ points - collocation(kept, s, closed) @ found, axis=1).max()
         < 0.2
     )
     if not closed:
@@ -32,10 +30,7 @@ def test_reduction_keeps_its_bound_everywhere(closed: bool) -> None:
 
 @pytest.mark.parametrize("closed", [True, False])
 def test_a_curve_with_inserted_knots_gives_them_back(closed: bool) -> None:
-    few, many = (
-        np.array([0.05, 0.2, 0.5, 0.6, 0.9]),
-        np.array([0.05, 0.1, 0.2, 0.3, 0.5, 0.55, 0.6, 0.75, 0.9, 0.95]),
-    )
+    few, many = (np.array([0.05, 0.2, 0.5, 0.6, 0.9]), np.array([0.05, 0.1, 0.2, 0.3, 0.5, 0.55, 0.6, 0.75, 0.9, 0.95]))
     points = np.random.default_rng(4).normal(size=(len(sites(few, closed)), 3))
     at = sites(many, closed)
     fine = interpolate(many, at, collocation(few, at, closed) @ points, closed)

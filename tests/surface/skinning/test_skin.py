@@ -42,10 +42,7 @@ def worst_miss(surface: TSpline, curves: RowCurves, t: np.ndarray) -> float:
 
 
 def test_open_rows_of_four_points_have_no_knots_between() -> None:
-    rows = [
-        np.column_stack([[0.0, 1.0, 2.5, 3.0], np.full(4, y), [0.0, 0.5, 0.5, 0.0]])
-        for y in (0.0, 1.0, 2.0, 4.0)
-    ]
+    rows = [np.column_stack([[0.0, 1.0, 2.5, 3.0], np.full(4, y), [0.0, 0.5, 0.5, 0.0]]) for y in (0.0, 1.0, 2.0, 4.0)]
     surface = skin(rows, 0.01, closed=False)
     assert surface.tmesh.size == 16
     assert surface.project(np.vstack(rows)).distances.max() < 0.01
@@ -83,8 +80,7 @@ def test_the_whole_surface_stays_within_the_tolerance_of_the_one_through_all_poi
     s, t = (v.ravel() for v in np.meshgrid(np.linspace(0, 0.999, 57), np.linspace(0, 1, 80)))
     exact = skin(ellipsoid_rows(), 1e-10, poles=POLES).positions(s, t)
     assert (
-        np.linalg.norm(exact - skin(ellipsoid_rows(), tolerance, poles=POLES).positions(s, t), axis=1).max()
-        < tolerance
+        np.linalg.norm(exact - skin(ellipsoid_rows(), tolerance, poles=POLES).positions(s, t), axis=1).max() < tolerance
     )
 
 
@@ -122,13 +118,10 @@ def test_two_straight_rows_make_a_flat_ruled_patch() -> None:
 
 def test_few_rows_of_knots_are_kept_where_the_rows_are_simple() -> None:
     simple = [
-        np.column_stack([np.linspace(0, 4, 15), np.full(15, y), y * np.linspace(-1, 1, 15) ** 2])
-        for y in range(5)
+        np.column_stack([np.linspace(0, 4, 15), np.full(15, y), y * np.linspace(-1, 1, 15) ** 2]) for y in range(5)
     ]
     assert skin(simple, 1e-6, closed=False).tmesh.size < 5 * 15
-    bumpy = [
-        row + 0.3 * (k == 2) * np.sin(5 * row[:, :1]) * np.array([0, 0, 1]) for k, row in enumerate(simple)
-    ]
+    bumpy = [row + 0.3 * (k == 2) * np.sin(5 * row[:, :1]) * np.array([0, 0, 1]) for k, row in enumerate(simple)]
     counts = np.diff(skin(bumpy, 0.01, closed=False).tmesh.row_starts)
     assert counts[0] < counts[2]
 
@@ -137,9 +130,7 @@ def test_open_elements_evaluate_as_the_blending_functions_do() -> None:
     surface = skin(wing_rows((9, 12, 7, 15, 9, 10)), 0.02, closed=False)
     rng = np.random.default_rng(2)
     s, t = np.append(rng.random(200), [0, 1, 0, 1]), np.append(rng.random(200), [0, 0, 1, 1])
-    for basis, direct, value in zip(
-        surface.basis(s, t, 2), surface.tmesh.blending(s, t, 2), surface.evaluate(s, t, 2)
-    ):
+    for basis, direct, value in zip(surface.basis(s, t, 2), surface.tmesh.blending(s, t, 2), surface.evaluate(s, t, 2)):
         assert np.allclose((basis - direct).toarray(), 0, atol=1e-9 * np.abs(direct).max())
         assert np.allclose(direct @ surface.control_points, value, atol=1e-8 * np.abs(value).max())
 
@@ -186,9 +177,7 @@ def test_rows_of_noise_are_refused_soon() -> None:
     random = np.random.default_rng(1)
     rows = [row[: 36 + k % 5] for k, row in enumerate(ellipsoid_rows())]
     noise = [row + random.normal(size=row.shape) for row in rows]
-    with pytest.raises(
-        SurfaceError, match=r"needs more than 60 control points, which reach .*: smooth the rows"
-    ):
+    with pytest.raises(SurfaceError, match=r"needs more than 60 control points, which reach .*: smooth the rows"):
         skin(noise, 0.1, poles=POLES, max_control_points=60)
 
 

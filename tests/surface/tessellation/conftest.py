@@ -13,9 +13,7 @@ def assert_closed_sphere() -> Callable[[TriangleMesh], None]:
     """Asserts that a mesh is one closed oriented surface of genus 0 with no empty face and no vertex unused."""
 
     def check(mesh: TriangleMesh) -> None:
-        directed = np.vstack([mesh.faces[:, [0, 1]], mesh.faces[:, [1, 2]], mesh.faces[:, [2, 0]]]).astype(
-            np.int64
-        )
+        directed = np.vstack([mesh.faces[:, [0, 1]], mesh.faces[:, [1, 2]], mesh.faces[:, [2, 0]]]).astype(np.int64)
         key = directed[:, 0] * len(mesh.vertices) + directed[:, 1]
         back = directed[:, 1] * len(mesh.vertices) + directed[:, 0]
         assert len(np.unique(key)) == len(key)

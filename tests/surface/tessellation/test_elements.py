@@ -33,9 +33,7 @@ def borders(mesh: TriangleMesh) -> int:
 
 @pytest.mark.parametrize("tolerance", [1e-2, 1e-3])
 @pytest.mark.parametrize("model", AREAS)
-def test_the_models_become_one_conforming_mesh_within_the_tolerance(
-    shared: Path, model: str, tolerance: float
-) -> None:
+def test_the_models_become_one_conforming_mesh_within_the_tolerance(shared: Path, model: str, tolerance: float) -> None:
     surface = read_iga(shared / "tspline" / "iga" / f"{model}.iga")
     found = surface.tessellate_with_parameters(tolerance)
     assert borders(found.mesh) == 1
@@ -44,9 +42,7 @@ def test_the_models_become_one_conforming_mesh_within_the_tolerance(
     np.testing.assert_allclose(surface.evaluate(*found.parameters.T), found.mesh.vertices, atol=1e-9)
 
 
-def test_a_bone_with_poles_comes_back_closed_and_outward(
-    bone_like: Callable[..., TSpline], tmp_path: Path
-) -> None:
+def test_a_bone_with_poles_comes_back_closed_and_outward(bone_like: Callable[..., TSpline], tmp_path: Path) -> None:
     bone = bone_like(8, 6, 2)
     write_iga(bone, tmp_path / "bone.iga")
     mesh = read_iga(tmp_path / "bone.iga").tessellate(0.02)
@@ -77,9 +73,7 @@ def test_what_cannot_be_had_is_an_error(random_tspline: Callable[..., TSpline], 
         surface.tessellate(0.1, 0.0)
 
 
-def test_the_normals_along_an_edge_keep_the_angle(
-    random_tspline: Callable[..., TSpline], tmp_path: Path
-) -> None:
+def test_the_normals_along_an_edge_keep_the_angle(random_tspline: Callable[..., TSpline], tmp_path: Path) -> None:
     write_iga(random_tspline(4), tmp_path / "a.iga")
     surface = read_iga(tmp_path / "a.iga")
     coarse, fine = surface.tessellate(0.1), surface.tessellate_with_parameters(0.1, 0.15)

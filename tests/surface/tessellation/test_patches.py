@@ -28,10 +28,7 @@ def border(mesh: TriangleMesh) -> np.ndarray:
 
 
 def assert_within(
-    inner_samples: Callable[..., tuple[ndarray, ndarray]],
-    surface: TSpline,
-    mesh: TriangleMesh,
-    tolerance: float,
+    inner_samples: Callable[..., tuple[ndarray, ndarray]], surface: TSpline, mesh: TriangleMesh, tolerance: float
 ) -> None:
     points = surface.positions(*inner_samples(surface, 3, 5000))
     assert np.sqrt(igl.point_mesh_squared_distance(points, mesh.vertices, mesh.faces)[0].max()) <= tolerance
@@ -90,9 +87,7 @@ def test_a_bone_on_a_general_tmesh_is_one_closed_outward_sphere(
     assert surface.volume == pytest.approx(rows.volume, rel=1e-12)
     s = np.linspace(0, 1, 7)
     for t in (0.0, 1.0):
-        np.testing.assert_allclose(
-            surface.normals(s, np.full(7, t)), rows.normals(s, np.full(7, t)), atol=1e-9
-        )
+        np.testing.assert_allclose(surface.normals(s, np.full(7, t)), rows.normals(s, np.full(7, t)), atol=1e-9)
 
 
 def test_a_torus_turned_inside_out_is_outward(torus_text: Callable[..., str], tmp_path: Path) -> None:

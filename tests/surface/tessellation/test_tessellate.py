@@ -31,9 +31,7 @@ def test_a_tessellation_is_one_closed_outward_sphere(
     centres = found.mesh.vertices[found.mesh.faces].mean(axis=1)
     foot = surface.project(centres)
     assert foot.distances.max() <= tolerance
-    assert (
-        np.mean(np.einsum("ni,ni->n", found.mesh.face_vectors, surface.normals(foot.s, foot.t)) > 0) > 0.999
-    )
+    assert np.mean(np.einsum("ni,ni->n", found.mesh.face_vectors, surface.normals(foot.s, foot.t)) > 0) > 0.999
     assert abs(found.mesh.volume - surface.volume) <= tolerance * surface.area
 
 

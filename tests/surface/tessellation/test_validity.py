@@ -26,6 +26,4 @@ def test_a_surface_that_cuts_itself_is_refused_with_the_place(
     ) as caught:
         require_valid(crossed, 0.05, "bone.stl")
     low, high = mesh_of(crossed).bounds
-    assert (
-        (caught.value.evidence["place"] >= low - 0.1) & (caught.value.evidence["place"] <= high + 0.1)
-    ).all()
+    assert ((caught.value.evidence["place"] >= low - 0.1) & (caught.value.evidence["place"] <= high + 0.1)).all()

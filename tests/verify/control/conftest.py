@@ -66,9 +66,7 @@ def posted_of(capsule_path: Callable[..., ToolPath]) -> Callable[[str], Posted]:
         if name not in made:
             machine = read_machine("linuxcnc-xyzbc" if name == "linuxcnc" else "mikron-ucp600")
             dialect = read_dialect(name)
-            job = Job().with_values(
-                nc={"machine": machine.name, "controller": name}, material={"name": "paper"}
-            )
+            job = Job().with_values(nc={"machine": machine.name, "controller": name}, material={"name": "paper"})
             roughing, finishing = cutters_of(job, machine)
             paths = (
                 replace(capsule_path(level=1, radius=2.0, offset=0.3, count=90, turns=3.0), cutter=roughing),

@@ -49,9 +49,7 @@ def test_the_place_that_is_out_of_the_way_is_named_where_a_travel_is_passed(path
     at = [k for k, line in enumerate(lines) if re.search(r" L X.* C\S+$", line)][7]
     lines[at] = re.sub(r" X\S+", " X-2000.000", lines[at])
     motions = read_program("\n".join(lines) + "\n", MIKRON, HEIDENHAIN)
-    with pytest.raises(
-        VerifyError, match=r"runs over \d+\.\d mm in the program, its travel is \d+ mm"
-    ) as caught:
+    with pytest.raises(VerifyError, match=r"runs over \d+\.\d mm in the program, its travel is \d+ mm") as caught:
         check_limits(motions, MIKRON)
     assert caught.value.evidence["line"] in (at + 1, at + 2)
 

@@ -94,9 +94,7 @@ def word(posted, letter: str, value: float) -> Edit:
 
     def edit(posted, blocks):
         sign = "+" if posted.klartext else ""
-        return changed(
-            blocks, middle(posted), rf" {letter}(=DC\()?[-+]?[\d.]+", rf" {letter}\g<1>{value:{sign}.3f}"
-        )
+        return changed(blocks, middle(posted), rf" {letter}(=DC\()?[-+]?[\d.]+", rf" {letter}\g<1>{value:{sign}.3f}")
 
     return edit
 
@@ -124,9 +122,7 @@ def every_feed(change: Callable[[float], float]) -> Edit:
             point = "." if found[2] == "." else ""
             return f" F{change(float(found[1])):.{digits}f}{point}"
 
-        return [
-            re.sub(r" F(\d+(?:\.\d+)?)(\.?)$", new, b) if k in chosen else b for k, b in enumerate(blocks)
-        ]
+        return [re.sub(r" F(\d+(?:\.\d+)?)(\.?)$", new, b) if k in chosen else b for k, b in enumerate(blocks)]
 
     return edit
 
@@ -186,8 +182,7 @@ def rapid_in_cut(posted, blocks):
 
 def spindle_speed(factor: float) -> Edit:
     return lambda posted, blocks: [
-        re.sub(r"\bS(\d+)( M0?3)?$", lambda f: f"S{factor * float(f[1]):.0f}{f[2] or ''}", block)
-        for block in blocks
+        re.sub(r"\bS(\d+)( M0?3)?$", lambda f: f"S{factor * float(f[1]):.0f}{f[2] or ''}", block) for block in blocks
     ]
 
 
@@ -273,9 +268,7 @@ WRONG: dict[str, Edit] = {
 
 def remark(posted, blocks):
     """A remark behind a block."""
-    return changed(
-        blocks, middle(posted), "$", " (SEEN)" if posted.dialect.comment == "({text})" else " ; SEEN"
-    )
+    return changed(blocks, middle(posted), "$", " (SEEN)" if posted.dialect.comment == "({text})" else " ; SEEN")
 
 
 HARMLESS: dict[str, Edit] = {
@@ -297,9 +290,7 @@ HARMLESS: dict[str, Edit] = {
         before(b, first(b, "^M0?8$"), code(p, "M9", "M9")), first(b, "^M0?8$"), code(p, "M8", "M8")
     ),
     "blanks and zeros as the control takes them": lambda p, b: (
-        b
-        if p.klartext
-        else changed(changed(b, middle(p), r" Y", "   Y"), middle(p), r"(\.\d+?)0*(?= Y|   Y)", r"\1")
+        b if p.klartext else changed(changed(b, middle(p), r" Y", "   Y"), middle(p), r"(\.\d+?)0*(?= Y|   Y)", r"\1")
     ),
 }
 

@@ -51,9 +51,7 @@ def test_from_a_level_on_a_program_states_all_that_it_needs(posted):
     whole = judge(posted, blocks)
     motions = judge(posted, frame + blocks[level:])
     assert (motions.tips == whole.tips[whole.tools == 2]).all()
-    modes = next(
-        k for k, block in enumerate(blocks[level:]) if re.match(r"TRAFOOF|G49|G21|FUNCTION RESET", block)
-    )
+    modes = next(k for k, block in enumerate(blocks[level:]) if re.match(r"TRAFOOF|G49|G21|FUNCTION RESET", block))
     with pytest.raises(ProgramError, match="is stated"):
         judge(posted, frame + blocks[level + modes + 6 :])
 

@@ -60,7 +60,5 @@ def test_an_approach_goes_along_the_normal_through_the_nominal_point(probed, par
 
 
 def test_a_controller_without_probe_words_is_refused(probed, part):
-    with pytest.raises(
-        MachineError, match="no measuring program is known for linuxcnc: take one of heidenhain"
-    ):
+    with pytest.raises(MachineError, match="no measuring program is known for linuxcnc: take one of heidenhain"):
         measuring_program(probed.line, probed.radius, part, "linuxcnc")

@@ -79,9 +79,7 @@ def test_the_back_is_the_least_hollow_side(revolved):
         lambda share, azimuth: (
             3.0
             + np.sin(np.pi * share)
-            - 1.5
-            * np.exp(-(((share - 0.5) / 0.15) ** 2))
-            * np.maximum(np.cos(azimuth - 2 * np.pi * hollow), 0)
+            - 1.5 * np.exp(-(((share - 0.5) / 0.15) ** 2)) * np.maximum(np.cos(azimuth - 2 * np.pi * hollow), 0)
         ),
         rows=20,
     )

@@ -50,9 +50,7 @@ def dented(mesh: TriangleMesh, depth: float) -> TriangleMesh:
 
 
 @pytest.mark.parametrize("height", [-0.2, -0.01, 0.0, 0.15])
-def test_what_is_left_lies_as_far_inside_or_outside_as_it_was_cut(
-    capsule: TriangleMesh, height: float
-) -> None:
+def test_what_is_left_lies_as_far_inside_or_outside_as_it_was_cut(capsule: TriangleMesh, height: float) -> None:
     none = np.zeros(len(capsule.vertices), dtype=bool)
     found = measure_given(probes_of(capsule, height), none, as_given(capsule, 1.0))
     assert found.inside == pytest.approx(-height, abs=0.002)
@@ -70,15 +68,11 @@ def test_the_post_keeps_material_that_is_not_told_as_left(capsule: TriangleMesh)
     )
 
 
-def test_a_surface_too_deep_in_the_mesh_as_given_is_refused_with_place_and_remedy(
-    capsule: TriangleMesh,
-) -> None:
+def test_a_surface_too_deep_in_the_mesh_as_given_is_refused_with_place_and_remedy(capsule: TriangleMesh) -> None:
     normal_probes = probes_of(capsule, 0.0)
     normal_probes.heights[7] = -0.2
     none = np.zeros(len(capsule.vertices), dtype=bool)
-    with pytest.raises(
-        VerifyError, match=r"0\.[12]\d+ mm inside the mesh as given .* raise surface.largest_deviation"
-    ):
+    with pytest.raises(VerifyError, match=r"0\.[12]\d+ mm inside the mesh as given .* raise surface.largest_deviation"):
         measure_given(normal_probes, none, as_given(capsule, 0.1)).check()
 
 
@@ -91,9 +85,7 @@ def test_a_ball_too_deep_in_the_mesh_as_given_is_refused_with_its_line(capsule: 
 
 
 def test_faces_that_do_not_close_are_measured_too(capsule: TriangleMesh) -> None:
-    opened = TriangleMesh(
-        capsule.vertices, capsule.faces[capsule.vertices[capsule.faces].mean(axis=1)[:, 0] > 0]
-    )
+    opened = TriangleMesh(capsule.vertices, capsule.faces[capsule.vertices[capsule.faces].mean(axis=1)[:, 0] > 0])
     points = np.array([[4.0, 0.0, 5.0], [RADIUS - 0.3, 0.0, 5.0]])
     assert as_given(opened, 1.0).signed(points, 9.0) == pytest.approx([1.5, 0.3], abs=0.002)
 
@@ -107,17 +99,13 @@ def test_a_program_may_go_as_deep_as_the_largest_deviation_the_fit_and_the_gouge
     assert allowed == job.surface.largest_deviation + 0.06 + job.path.gouge_tolerance
 
 
-def test_a_mesh_off_which_repairs_take_too_much_is_refused_with_file_and_place(
-    capsule: TriangleMesh,
-) -> None:
+def test_a_mesh_off_which_repairs_take_too_much_is_refused_with_file_and_place(capsule: TriangleMesh) -> None:
     taken = measure_taken_off(capsule, dented(capsule, 0.7))
     assert taken.depth == pytest.approx(0.7, abs=1e-3)
     assert taken.place[0] == pytest.approx(RADIUS, abs=1e-3)
     made = replace(prepare_part(capsule, MeshJob()), file="bone.stl", taken_off=taken)
     assert made.require_kept(taken.depth + 0.01) is made
-    with pytest.raises(
-        MeshError, match=r"bone.stl: the repairs take 0\.\d+ mm off .* raise surface.largest_deviation"
-    ):
+    with pytest.raises(MeshError, match=r"bone.stl: the repairs take 0\.\d+ mm off .* raise surface.largest_deviation"):
         made.require_kept(0.1)
 
 
@@ -129,9 +117,7 @@ def part_of(given: TriangleMesh, repaired: TriangleMesh, smooth: TriangleMesh) -
     """A part whose mesh was repaired, then smoothed."""
     moves = surface_moves(repaired, smooth)
     place = moves.place
-    found = Smoothing(
-        smooth, repaired, coarseness_of(repaired), moves.outward, moves.inward, moves.largest, 0.1, place
-    )
+    found = Smoothing(smooth, repaired, coarseness_of(repaired), moves.outward, moves.inward, moves.largest, 0.1, place)
     done = (Repair("repaired"), found.change)
     return Part(smooth, "bone.stl", 10, "mm", done, np.eye(4), given, smoothing=found)
 

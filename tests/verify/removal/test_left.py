@@ -15,12 +15,7 @@ NOWHERE = Spot(0.0, 0, (0.0, 0.0, 0.0))
 
 @pytest.mark.parametrize(
     ("name", "tilt_deg", "caps"),
-    [
-        ("mill-4axis", 75.0, 2),
-        ("mill-4axis", 60.0, 2),
-        ("mikron-ucp600", 75.0, 0),
-        ("mikron-ucp600", 30.0, 1),
-    ],
+    [("mill-4axis", 75.0, 2), ("mill-4axis", 60.0, 2), ("mikron-ucp600", 75.0, 0), ("mikron-ucp600", 30.0, 1)],
 )
 def test_places_that_no_tool_axis_faces_are_a_reason(name: str, tilt_deg: float, caps: int) -> None:
     """On a ball of 1 mm they are caps: about both ends under a level tool, about the lower one where it leans by 114

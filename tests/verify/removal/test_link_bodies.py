@@ -75,9 +75,7 @@ def motions_of(path: ToolPath, machine: Machine):
 def test_the_least_clearance_is_that_of_all_poses(names: list[str], machine_with, leaning: ToolPath) -> None:
     machine = machine_with({name: BLOCKS[name] for name in names})
     motions = motions_of(leaning, machine)
-    told = body_clearance(
-        motions, machine, CUTTERS, Clamping((Column(140.0, 0.0, -np.inf),), closed=False), BOUNDS
-    )
+    told = body_clearance(motions, machine, CUTTERS, Clamping((Column(140.0, 0.0, -np.inf),), closed=False), BOUNDS)
     assert told is not None
     assert told.least is not None
     way = link_bodies._way_of(motions, np.arange(len(motions.tips)), motions.controls[1])
@@ -113,9 +111,7 @@ def test_a_program_that_meets_a_body_is_refused_and_no_fault_of_the_part(
     machine = machine_with({"wall": ("C", [[70, -50, 0], [120, 50, 300]])})
     stock = Capsule(np.array([0.0, 0.0, 60.0]), np.array([0.0, 0.0, 80.0]), 3.0)
     text = write_program([path], machine, HEIDENHAIN, Job()).text
-    removal = simulate_removal(
-        text, machine, HEIDENHAIN, stock, Post(1.0, 57.0), CUTTERS, accuracy=Accuracy(0.4)
-    )
+    removal = simulate_removal(text, machine, HEIDENHAIN, stock, Post(1.0, 57.0), CUTTERS, accuracy=Accuracy(0.4))
     assert removal.report["clearance_mm"]["bodies"] < NEAR
     with pytest.raises(BodiesError, match=r"line \d+: the holder comes within 0\.5 mm of the wall at"):
         check_removal(removal)
@@ -126,24 +122,12 @@ def test_a_program_that_meets_a_body_is_refused_and_no_fault_of_the_part(
     ("bodies", "scale", "units", "told"),
     [
         ({"table": ("C", [[-100, -100, -40], [100, 100, 5]])}, 1.0, "mm", "'table' overlaps the part over"),
-        (
-            {"head": ("XYZ", [[-100, -100, -40], [100, 100, 5]])},
-            1.0,
-            "mm",
-            "'head' overlaps the tool in front",
-        ),
-        (
-            {"table": ("C", [[-100, -100, -40], [100, 100, 0]])},
-            0.001,
-            "mm",
-            "is 0.286 mm from corner to corner",
-        ),
+        ({"head": ("XYZ", [[-100, -100, -40], [100, 100, 5]])}, 1.0, "mm", "'head' overlaps the tool in front"),
+        ({"table": ("C", [[-100, -100, -40], [100, 100, 0]])}, 0.001, "mm", "is 0.286 mm from corner to corner"),
         ({"table": ("C", [[-100, -100, -40], [100, 100, 0]])}, 1.0, "m", "correct units, or the file"),
     ],
 )
-def test_a_body_out_of_place_is_told_in_a_line(
-    bodies: dict, scale: float, units: str, told: str, machine_with
-) -> None:
+def test_a_body_out_of_place_is_told_in_a_line(bodies: dict, scale: float, units: str, told: str, machine_with) -> None:
     with pytest.raises(MachineError, match=told) as caught:
         check_bodies(machine_with(bodies, scale, units))
     assert "\n" not in str(caught.value)
@@ -151,9 +135,7 @@ def test_a_body_out_of_place_is_told_in_a_line(
 
 def test_bodies_in_another_unit_stand_where_they_are(machine_with) -> None:
     for scale, units in ((0.1, "cm"), (0.001, "m"), (1 / 25.4, "inch")):
-        cradle, head = body_texts(
-            machine_with({name: BLOCKS[name] for name in ("cradle", "head")}, scale, units)
-        )
+        cradle, head = body_texts(machine_with({name: BLOCKS[name] for name in ("cradle", "head")}, scale, units))
         assert cradle == "cradle: moves with B, X -150 to 150, Y 150 to 200, Z -60 to 60 mm, all axes at zero"
         assert "Z 120 to 400 mm from the spindle nose" in head
 
@@ -174,10 +156,7 @@ def test_a_body_that_is_open_or_not_there_is_told_in_a_line(machine_with, tmp_pa
     block = block_mesh(np.array(BLOCKS["cradle"][1], dtype=float))
     write_mesh(TriangleMesh(block.vertices, block.faces[1:]), tmp_path / "open.stl")
     (body,) = machine.link_bodies
-    for file, told in (
-        ("open.stl", "has 3 open edges: export it as a closed solid"),
-        ("none.stl", "none.stl"),
-    ):
+    for file, told in (("open.stl", "has 3 open edges: export it as a closed solid"), ("none.stl", "none.stl")):
         changed = replace(machine, link_bodies=(replace(body, file=tmp_path / file),))
         with pytest.raises(MachineError, match=told):
             check_bodies(changed)
@@ -186,17 +165,9 @@ def test_a_body_that_is_open_or_not_there_is_told_in_a_line(machine_with, tmp_pa
 @pytest.mark.parametrize(
     ("right", "wrong", "told"),
     [
-        (
-            'link = "B"',
-            'link = "A"',
-            r"bodies\.1\.link: A: use one of C, B, XYZ, bed",
-        ),
+        ('link = "B"', 'link = "A"', r"bodies\.1\.link: A: use one of C, B, XYZ, bed"),
         ('name = "head"', 'name = "cradle"', r"bodies\.2\.name: 'cradle' is there twice"),
-        (
-            'stl = "head.stl"',
-            'stl = "head.step"',
-            r"bodies\.2\.stl: 'head\.step': give a file that ends in \.stl",
-        ),
+        ('stl = "head.stl"', 'stl = "head.step"', r"bodies\.2\.stl: 'head\.step': give a file that ends in \.stl"),
         ('units = "mm"', 'units = "feet"', "units"),
     ],
 )

@@ -83,19 +83,9 @@ def text(ring_path, part):
 
 @pytest.fixture(scope="module")
 def simulate(stock, part, finishing_cutter, roughing_cutter):
-    def run(
-        text,
-        pair=PAIR,
-        finishing=finishing_cutter,
-        roughing=roughing_cutter,
-        accuracy=COARSE,
-        post=POST,
-        **given,
-    ):
+    def run(text, pair=PAIR, finishing=finishing_cutter, roughing=roughing_cutter, accuracy=COARSE, post=POST, **given):
         cutters = [roughing, finishing]
-        return simulate_removal(
-            text, *pair, stock, post, cutters, accuracy=accuracy, **{"part": part, **given}
-        )
+        return simulate_removal(text, *pair, stock, post, cutters, accuracy=accuracy, **{"part": part, **given})
 
     return run
 
@@ -112,13 +102,9 @@ def words_of(text, line):
 def changed(text, letter, by, share=0.5):
     """The text with one word of one cutting block changed, and the line of that block."""
     lines = text.split("\n")
-    cuts = [
-        k for k, line in enumerate(lines) if f" {letter}" in line and re.search(r" L X.* C\S+( F\d+)?$", line)
-    ]
+    cuts = [k for k, line in enumerate(lines) if f" {letter}" in line and re.search(r" L X.* C\S+( F\d+)?$", line)]
     at = cuts[int(share * len(cuts))]
-    lines[at] = re.sub(
-        rf" {letter}([+-]\d+\.\d+)", lambda found: f" {letter}{float(found[1]) + by:+.3f}", lines[at]
-    )
+    lines[at] = re.sub(rf" {letter}([+-]\d+\.\d+)", lambda found: f" {letter}{float(found[1]) + by:+.3f}", lines[at])
     return "\n".join(lines), at + 1
 
 
@@ -171,16 +157,7 @@ def test_what_takes_hundredths_of_a_mm_rubs(capsule_path, path_capsule):
 
 
 def test_the_report_has_its_keys(sound):
-    names = {
-        "cell_mm",
-        "levels",
-        "rapid_contact_mm3",
-        "links",
-        "clearance_mm",
-        "left",
-        "given",
-        "bridge_diameter_mm",
-    }
+    names = {"cell_mm", "levels", "rapid_contact_mm3", "links", "clearance_mm", "left", "given", "bridge_diameter_mm"}
     assert set(sound.report) == names
     assert set(sound.report["clearance_mm"]) == {"shank", "holder", "spindle", "table"}
     assert set(sound.report["left"]) >= {"area_over_0_02_mm2", "max_mm", "place", "by_reason"}
@@ -307,9 +284,7 @@ def test_a_tool_below_the_table_is_found(ring_path, pebble, simulate, finishing_
 
 
 @pytest.mark.parametrize("kind", [MoveKind.LINK, MoveKind.CUT])
-def test_a_link_through_standing_material_is_found(
-    path_of, finishing_cutter, upright_capsule, simulate, kind
-):
+def test_a_link_through_standing_material_is_found(path_of, finishing_cutter, upright_capsule, simulate, kind):
     # 0.3 mm deep along the side of the stock
     x = np.linspace(-1.0, 1.0, 9)
     away = upright_capsule.radius + finishing_cutter.radius - 0.3
@@ -328,9 +303,7 @@ def test_a_link_through_standing_material_is_found(
     assert found.levels[0].link_depth.value == pytest.approx(0.3, abs=0.08)
     assert "Y-" in words_of(text, found.link_contact.line)
     assert "F900" in words_of(text, found.levels[0].link_depth.line)
-    with pytest.raises(
-        VerifyError, match=rf"line {found.link_contact.line}: the moves from one pass to the next"
-    ):
+    with pytest.raises(VerifyError, match=rf"line {found.link_contact.line}: the moves from one pass to the next"):
         check_removal(found)
 
 
@@ -360,9 +333,7 @@ def test_two_levels_swapped_are_found(ring_path, part, pebble, simulate):
     assert wrong.levels[1].removed < 0.05 * right.levels[0].removed
     check_removal(right)
     deepest = wrong.levels[0].deepest
-    with pytest.raises(
-        VerifyError, match=rf"line {deepest.line}: a cut of level 0 is .* over its limit"
-    ) as caught:
+    with pytest.raises(VerifyError, match=rf"line {deepest.line}: a cut of level 0 is .* over its limit") as caught:
         check_removal(wrong)
     assert caught.value.evidence["place"] == deepest.place
     check_removal(wrong, limited=False)
@@ -378,9 +349,7 @@ def test_a_cut_may_be_deeper_by_the_scallop_of_the_level_before(ring_path, part,
     assert stated[0].over_allowed == by_tool[0].over_allowed
 
 
-def test_a_rest_path_is_told_apart_and_the_depth_after_it_counts_from_what_it_left(
-    ring_path, part, pebble, simulate
-):
+def test_a_rest_path_is_told_apart_and_the_depth_after_it_counts_from_what_it_left(ring_path, part, pebble, simulate):
     rest = replace(ring_path(pebble(0.3)), rest=1)
     both = simulate(write_program([rest, ring_path(part)], *PAIR, Job()).text, limits={0: 0.5}).levels
     alone = simulate(write_program([ring_path(part)], *PAIR, Job()).text, limits={0: 0.5}).levels

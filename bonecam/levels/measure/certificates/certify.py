@@ -33,13 +33,7 @@ from bonecam.arrays import dots, lengths
 from bonecam.kernels.hulls.depth import depth_bound
 from bonecam.kernels.hulls.footpoints import DepthTarget
 from bonecam.kernels.hulls.separation import separation
-from bonecam.levels.measure.certificates.certificate import (
-    ACCURACY,
-    MAX_HALVINGS,
-    ROUNDING,
-    SMALLEST,
-    Certificate,
-)
+from bonecam.levels.measure.certificates.certificate import ACCURACY, MAX_HALVINGS, ROUNDING, SMALLEST, Certificate
 from bonecam.levels.measure.certificates.depth import bound_depth, depth_target
 from bonecam.levels.measure.certificates.nets import CORNERS, bezier_nets, quarter_nets
 from bonecam.levels.problem.tolerances import DEPTH_TOLERANCE
@@ -97,22 +91,17 @@ def _encloses(nets: Float[ndarray, "e 16 3"], points: Float[ndarray, "n 3"]) -> 
     grid = np.einsum("ai,bj,nijx->nabx", B, B, nets.reshape(-1, 4, 4, 3))
     around = grid - points[np.argmax(cKDTree(grid.reshape(-1, 3)).query(points)[0])]
     a, b, c, d = (
-        around[:, i : SAMPLES - 1 + i, j : SAMPLES - 1 + j].reshape(-1, 3)
-        for i, j in ((0, 0), (0, 1), (1, 1), (1, 0))
+        around[:, i : SAMPLES - 1 + i, j : SAMPLES - 1 + j].reshape(-1, 3) for i, j in ((0, 0), (0, 1), (1, 1), (1, 0))
     )
     winding = (_solid_angles(a, b, c).sum() + _solid_angles(a, c, d).sum()) / (4 * np.pi)
     return bool(abs(winding - 1) < WINDING_TOLERANCE)
 
 
-def _solid_angles(
-    a: Float[ndarray, "n 3"], b: Float[ndarray, "n 3"], c: Float[ndarray, "n 3"]
-) -> Float[ndarray, "n"]:
+def _solid_angles(a: Float[ndarray, "n 3"], b: Float[ndarray, "n 3"], c: Float[ndarray, "n 3"]) -> Float[ndarray, "n"]:
     """Signed solid angles (steradians) of triangles with corners a, b, c seen from the origin (van Oosterom &
     Strackee 1983)."""
     p, q, r = lengths(a), lengths(b), lengths(c)
-    return 2 * np.arctan2(
-        dots(a, np.cross(b, c)), p * q * r + dots(a, b) * r + dots(b, c) * p + dots(c, a) * q
-    )
+    return 2 * np.arctan2(dots(a, np.cross(b, c)), p * q * r + dots(a, b) * r + dots(b, c) * p + dots(c, a) * q)
 
 
 def bound_outside(nets: Float[ndarray, "e 16 3"], stock: Stock) -> tuple[float, Float[ndarray, "3"]]:
@@ -135,9 +124,7 @@ def bound_outside(nets: Float[ndarray, "e 16 3"], stock: Stock) -> tuple[float, 
     return worst + ROUNDING, place
 
 
-def bound_inside(
-    nets: Float[ndarray, "e 16 3"], stock: Stock, limit: float
-) -> tuple[float, Float[ndarray, "3"]]:
+def bound_inside(nets: Float[ndarray, "e 16 3"], stock: Stock, limit: float) -> tuple[float, Float[ndarray, "3"]]:
     """How far inside the stock points of patches are at most (mm) and about where; better than `limit` only
     where that is in doubt."""
     worst = reached = 0.0
@@ -192,10 +179,7 @@ def bound_mesh_depth(
     depth = 0.0
     place = middles[order[0]]
     pieces = 0
-    for part in (
-        order[:BOUNDED_FIRST],
-        order[BOUNDED_FIRST:],
-    ):  # the bound of the first few suffices for most others
+    for part in (order[:BOUNDED_FIRST], order[BOUNDED_FIRST:]):  # the bound of the first few suffices for most others
         part = part[reach[part] > depth]
         starts = np.repeat(seeds[nearest_seed[part], None, :2], 4, axis=1)
         bound, (face, _, _), _, count = depth_bound(

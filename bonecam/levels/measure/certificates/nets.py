@@ -26,11 +26,7 @@ CORNERS = [0, 3, 12, 15]
 
 def certifiable(surface: TSpline) -> bool:
     """Whether it is a closed row-structured T-spline with poles and weights of one."""
-    return (
-        isinstance(surface.tmesh, RowTMesh)
-        and surface.poles == (True, True)
-        and bool((surface.weights == 1).all())
-    )
+    return isinstance(surface.tmesh, RowTMesh) and surface.poles == (True, True) and bool((surface.weights == 1).all())
 
 
 def bezier_nets(surface: TSpline) -> Float[ndarray, "e 16 3"]:

@@ -26,9 +26,7 @@ reached."""
 Attraction = Callable[[ndarray, ndarray, Stock], ndarray]
 
 
-def towards_stock(
-    points: Float[ndarray, "n 3"], normals: Float[ndarray, "n 3"], stock: Stock
-) -> Float[ndarray, "n 3"]:
+def towards_stock(points: Float[ndarray, "n 3"], normals: Float[ndarray, "n 3"], stock: Stock) -> Float[ndarray, "n 3"]:
     """The level's normals, half way to the shortest way to the stock where they are at it."""
     distance, out = stock.distances_and_normals(points)
     return unit(normals + np.clip(1 + distance / BLEND, 0, 1)[:, None] * out)
@@ -48,8 +46,4 @@ def towards_sphere(
     return unit(points - stock.middle)
 
 
-ATTRACTIONS: dict[str, Attraction] = {
-    "stock": towards_stock,
-    "sphere": towards_sphere,
-    "nearest": towards_nearest,
-}
+ATTRACTIONS: dict[str, Attraction] = {"stock": towards_stock, "sphere": towards_sphere, "nearest": towards_nearest}

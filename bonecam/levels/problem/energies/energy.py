@@ -71,11 +71,5 @@ def stack(parts: Sequence[Pulled]) -> Pulled:
         for name in ("s", "t", "x", "weights", "target", "beyond")
     )
     return Pulled(
-        s,
-        t,
-        R=sp.csr_array(sp.vstack([part.R for part in parts])),
-        x=x,
-        weights=weights,
-        target=target,
-        beyond=beyond,
+        s, t, R=sp.csr_array(sp.vstack([part.R for part in parts])), x=x, weights=weights, target=target, beyond=beyond
     )

@@ -39,6 +39,4 @@ def farthest(given: Given) -> Pulled:
     x = x[kept]
     towards = unit(across[kept])
     target = targets(given, x, s=s, t=t, normals=towards, towards=towards, share=np.ones(len(s)))
-    return Pulled(
-        s, t, R=before.basis(s, t)[0], x=x, weights=weights, target=target, beyond=np.full(len(s), OVERSHOOT)
-    )
+    return Pulled(s, t, R=before.basis(s, t)[0], x=x, weights=weights, target=target, beyond=np.full(len(s), OVERSHOOT))

@@ -14,6 +14,4 @@ less."""
 
 def depth(cut: Cut, gap: Float[ndarray, " k"]) -> tuple[Float[ndarray, " k"], Float[ndarray, " k"]]:
     """Least and largest height, mm, of samples that are `gap` inside the stock at the level before."""
-    return np.full(len(gap), -np.inf), np.full(
-        len(gap), cut.depth - cut.margin * min(MARGIN, SHARE * cut.depth)
-    )
+    return np.full(len(gap), -np.inf), np.full(len(gap), cut.depth - cut.margin * min(MARGIN, SHARE * cut.depth))

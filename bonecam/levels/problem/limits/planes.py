@@ -76,9 +76,7 @@ class Limits:
         """The planes alone, as compiled loops take them."""
         return Planes(self.c, self.n, self.low, self.high, m=self.m, h=self.h)
 
-    def planes_with(
-        self, c: Float[ndarray, "n 3"], n: Float[ndarray, "n 3"], high: Float[ndarray, " n"]
-    ) -> Planes:
+    def planes_with(self, c: Float[ndarray, "n 3"], n: Float[ndarray, "n 3"], high: Float[ndarray, " n"]) -> Planes:
         """The planes with those of more samples, which have only n . (y - c) <= high."""
         no_limit = np.full(len(c), np.inf)
         slabs = Planes(c, n, low=-no_limit, high=high, m=np.zeros((len(c), 3)), h=no_limit)
@@ -95,9 +93,7 @@ class Limits:
 
     def at(self, y: Float[ndarray, "k 3"], steps: int) -> "Limits":
         """The limits set up again where the samples are at y; `steps` of Newton find their closest points."""
-        return limits_at(
-            self.before, self.stock, cut=self.cut, gap=self.gap, y=y, s=self.s, t=self.t, steps=steps
-        )
+        return limits_at(self.before, self.stock, cut=self.cut, gap=self.gap, y=y, s=self.s, t=self.t, steps=steps)
 
     def only(self, which: ndarray) -> "Limits":
         """The limits of some of the samples."""
@@ -129,9 +125,7 @@ class Limits:
         start = self.heights(x)
         low = np.concatenate([self.low - start, np.full(len(x), -np.inf)])
         return LinearLimits(
-            sp.csr_array(sp.vstack([along, wall])),
-            low,
-            np.concatenate([self.high - start, self.h - dots(self.m, x)]),
+            sp.csr_array(sp.vstack([along, wall])), low, np.concatenate([self.high - start, self.h - dots(self.m, x)])
         )
 
 

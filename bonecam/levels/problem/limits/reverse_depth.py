@@ -51,9 +51,7 @@ def reverse_depths(
     which = np.flatnonzero(lengths(y - x) > far)
     _, _, foot, _ = closest_points_near(after, x[which], (2 * s - foot_s)[which], (2 * t - foot_t)[which], 0)
     which = which[lengths(foot - x[which]) > far[which]]
-    s, t, foot, _ = closest_points_near(
-        after, x[which], s=s[which], t=t[which], steps=steps, near_enough=far[which]
-    )
+    s, t, foot, _ = closest_points_near(after, x[which], s=s[which], t=t[which], steps=steps, near_enough=far[which])
     across = foot - x[which]
     away = lengths(across)
     kept = away > far[which]

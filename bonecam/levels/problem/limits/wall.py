@@ -19,9 +19,7 @@ def wall(
     return m, dots(m, y) - distance - np.minimum(gap, cut.clearance)
 
 
-def inside(
-    stock: Stock, points: Float[ndarray, "k 3"], clearance: Float[ndarray, " k"]
-) -> Float[ndarray, "k 3"]:
+def inside(stock: Stock, points: Float[ndarray, "k 3"], clearance: Float[ndarray, " k"]) -> Float[ndarray, "k 3"]:
     """The points, those less than their clearance inside the stock taken there along the shortest way."""
     distance, out = stock.distances_and_normals(points)
     return points - np.maximum(distance + clearance, 0)[:, None] * out

@@ -68,11 +68,7 @@ def point(words: Sequence[str], line: int, size: int = 3) -> list[float]:
         coordinates = list(map(float, words[:size]))
     except ValueError:
         coordinates = []
-    if (
-        len(coordinates) == size
-        and isfinite(sum(coordinates))
-        and not any("_" in word for word in words[:size])
-    ):
+    if len(coordinates) == size and isfinite(sum(coordinates)) and not any("_" in word for word in words[:size]):
         return coordinates
     for word in words[:size]:
         if not _is_number(word):

@@ -120,12 +120,8 @@ def _nifti_header(file: Path, data: bytes) -> _Header:
         raise file_error(file, "is NIfTI-2, which is not read", "save it as NIfTI-1 or NRRD")
     if len(data) < NIFTI_1 or struct.unpack_from(f"{order}i", data)[0] != NIFTI_1:
         return _Header(np.empty((0, 3)), "mm", 1.0, 0, 0)
-    if not np.isfinite(
-        struct.unpack_from(f"{order}9f", data, 76) + struct.unpack_from(f"{order}18f", data, 256)
-    ).all():
-        raise file_error(
-            file, "has sizes or axes of voxels that are not numbers", "write it anew from its source"
-        )
+    if not np.isfinite(struct.unpack_from(f"{order}9f", data, 76) + struct.unpack_from(f"{order}18f", data, 256)).all():
+        raise file_error(file, "has sizes or axes of voxels that are not numbers", "write it anew from its source")
     by_rows = np.array(struct.unpack_from(f"{order}12f", data, 280)).reshape(3, 4)[:, :3]
     used = struct.unpack_from(f"{order}h", data, 254)[0] > 0
     start = int(struct.unpack_from(f"{order}f", data, 108)[0])
@@ -154,9 +150,7 @@ def read_label_map(file: Path) -> LabelMap:
     angle = _skew(header.axes)
     if angle > MOST_SKEW:
         what = f"its axes of voxels are {np.degrees(angle):.2f} deg from perpendicular (a tilted gantry)"
-        raise file_error(
-            file, what, "resample the map to perpendicular axes", angle_deg=float(np.degrees(angle))
-        )
+        raise file_error(file, what, "resample the map to perpendicular axes", angle_deg=float(np.degrees(angle)))
     try:
         image = SimpleITK.ReadImage(str(file))
     except RuntimeError as error:
@@ -172,9 +166,7 @@ def read_label_map(file: Path) -> LabelMap:
     with np.errstate(invalid="ignore"):  # of values that are no numbers, which are no whole ones either
         labels = values.astype(np.int64)
     if values.dtype.kind == "f" and not (labels == values).all():
-        raise file_error(
-            file, "holds values that are no whole numbers", "give the segmentation, not the scan"
-        )
+        raise file_error(file, "holds values that are no whole numbers", "give the segmentation, not the scan")
     transform = np.eye(4)
     transform[:3, :3] = np.array(image.GetDirection()).reshape(3, 3)
     transform[:3, 3] = header.mm * np.array(image.GetOrigin())

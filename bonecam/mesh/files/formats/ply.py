@@ -63,9 +63,7 @@ def parse_ply(data: bytes) -> Content:
         except (ValueError, OverflowError, TypeError) as error:
             raise ContentError(f"has a word where a number should stand ({_reason(error)})") from error
     if _goes_on(ply, body, stream):
-        raise ContentError(
-            "goes on after all that its header tells of: a count in it is too small", CUT_SHORT
-        )
+        raise ContentError("goes on after all that its header tells of: a count in it is too small", CUT_SHORT)
     tables = {element.name: element for element in ply.elements}
     if "vertex" not in tables or not {"x", "y", "z"} <= set(tables["vertex"].data.dtype.names or ()):
         raise ContentError("holds no vertices with x, y and z")
@@ -81,9 +79,7 @@ def parse_ply(data: bytes) -> Content:
     others = {name: table for name, table in tables.items() if name not in READ and table.count}
     for name, table in others.items():
         if set(INDICES) & set(table.data.dtype.names or ()):
-            raise ContentError(
-                f"holds {table.count} of the element {name!r}, which lists vertices", TRIANGLES
-            )
+            raise ContentError(f"holds {table.count} of the element {name!r}, which lists vertices", TRIANGLES)
     polygons = [*_lists(tables.get("face")), *strip_triangles(_lists(tables.get("tristrips")))]
     counts = np.array([len(polygon) for polygon in polygons], dtype=np.int64)
     joined = np.concatenate([*polygons, np.empty(0, dtype=np.int64)])
@@ -125,9 +121,7 @@ def _header_of(data: bytes) -> tuple[bytes, bytes]:
         if kind == b"property" and len(words) != (5 if words[1:2] == [b"list"] else 3):
             raise ContentError("a property without its type or name", line=number)
         if kind not in WORDS:
-            raise ContentError(
-                f"{kind[:40].decode(errors='replace')!r} is no word of a PLY header", line=number
-            )
+            raise ContentError(f"{kind[:40].decode(errors='replace')!r} is no word of a PLY header", line=number)
         room -= count if kind == b"property" else 0
         if min(room, len(data) - count) < 0:
             what = f"is cut short: line {reported} tells of more elements than the file has bytes"

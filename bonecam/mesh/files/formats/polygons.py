@@ -51,10 +51,7 @@ def strip_triangles(strips: list[ndarray]) -> list[ndarray]:
 
 
 def _turned(
-    vertices: Float[ndarray, "n 3"],
-    triangles: Int64[ndarray, "m 3"],
-    polygon: Int64[ndarray, " m"],
-    count: int,
+    vertices: Float[ndarray, "n 3"], triangles: Int64[ndarray, "m 3"], polygon: Int64[ndarray, " m"], count: int
 ) -> ndarray:
     """Which triangles of a fan face away from their polygon, whose area vector is the sum of theirs."""
     a, b, c = (vertices[triangles[:, k]] for k in range(3))

@@ -21,14 +21,7 @@ from jaxtyping import Float, Int64
 from numpy import ndarray
 from scipy.spatial.transform import Rotation
 
-from bonecam.mesh.files.formats.content import (
-    CUT_SHORT,
-    TRIANGLES,
-    Content,
-    ContentError,
-    left_out_note,
-    refuse_others,
-)
+from bonecam.mesh.files.formats.content import CUT_SHORT, TRIANGLES, Content, ContentError, left_out_note, refuse_others
 from bonecam.mesh.files.formats.polygons import strip_triangles
 
 PADDING = 4
@@ -45,14 +38,7 @@ OTHER_MODES = {0: "points", 1: "lines", 2: "line loops", 3: "line strips"}
 """Primitives of glTF that are no faces."""
 FACES = TRIANGLE, STRIP, FAN = 4, 5, 6
 """The modes of glTF primitives that are triangles, triangle strips and fans."""
-MM_OF_3MF = {
-    "micron": 0.001,
-    "millimeter": 1.0,
-    "centimeter": 10.0,
-    "inch": 25.4,
-    "foot": 304.8,
-    "meter": 1000.0,
-}
+MM_OF_3MF = {"micron": 0.001, "millimeter": 1.0, "centimeter": 10.0, "inch": 25.4, "foot": 304.8, "meter": 1000.0}
 """The units of 3MF (Core Specification 1.3, 3.4)."""
 EXTENSIONS_3MF = ("production", "material", "trianglesets")
 """Extensions of 3MF that a model may require, by a word of their name spaces."""
@@ -74,37 +60,24 @@ def parse_glb(data: bytes) -> Content:
         header, buffers = _chunks(data)
         for name in header.get("extensionsRequired", []):
             if not name.startswith(HARMLESS):
-                raise ContentError(
-                    f"needs {name}, which is not read", "export it without compression or extensions"
-                )
+                raise ContentError(f"needs {name}, which is not read", "export it without compression or extensions")
         meshes = header.get("meshes", [])
-        modes = Counter(
-            primitive.get("mode", TRIANGLE) for mesh in meshes for primitive in mesh["primitives"]
-        )
-        refuse_others(
-            {OTHER_MODES.get(mode, f"of mode {mode}"): n for mode, n in modes.items() if mode not in FACES}
-        )
+        modes = Counter(primitive.get("mode", TRIANGLE) for mesh in meshes for primitive in mesh["primitives"])
+        refuse_others({OTHER_MODES.get(mode, f"of mode {mode}"): n for mode, n in modes.items() if mode not in FACES})
         nodes = header.get("nodes", [])
-        if any("skin" in node for node in nodes) or any(
-            any(each.get("weights", [])) for each in (*nodes, *meshes)
-        ):
-            raise ContentError(
-                "moves its vertices by a skeleton or shape keys", "apply the pose and export it again"
-            )
+        if any("skin" in node for node in nodes) or any(any(each.get("weights", [])) for each in (*nodes, *meshes)):
+            raise ContentError("moves its vertices by a skeleton or shape keys", "apply the pose and export it again")
         refuse_others({"instanced nodes": sum(INSTANCES in node.get("extensions", {}) for node in nodes)})
         _require_covered(header)
         placed = list(_glb_meshes(header, buffers))
     except ContentError:
         raise
     except Exception as error:  # damaged names, numbers and places raise all kinds
-        raise ContentError(
-            f"cannot be read as GLB ({type(error).__name__} {str(error)[:100]})", CUT_SHORT
-        ) from error
+        raise ContentError(f"cannot be read as GLB ({type(error).__name__} {str(error)[:100]})", CUT_SHORT) from error
     shown = Counter(node["mesh"] for node in _nodes(header) if "mesh" in node)
     left_out = {
         "meshes that its scene does not place": len(meshes) - len(shown),
-        "more places of its meshes in other scenes": sum(node.get("mesh") in shown for node in nodes)
-        - shown.total(),
+        "more places of its meshes in other scenes": sum(node.get("mesh") in shown for node in nodes) - shown.total(),
     }
     return _content(placed, "m", left_out_note(left_out))
 
@@ -114,9 +87,7 @@ def _chunks(data: bytes) -> tuple[dict[str, Any], list[bytes]]:
     header."""
     magic, _, length, size, kind = struct.unpack_from("<4s2I I4s", data)
     if magic != b"glTF" or kind != b"JSON":
-        raise ContentError(
-            "cannot be read as GLB (no glTF 2 in it)", "give a GLB, or name the file by its true kind"
-        )
+        raise ContentError("cannot be read as GLB (no glTF 2 in it)", "give a GLB, or name the file by its true kind")
     if length != len(data):
         raise ContentError(f"tells of {length} bytes, {len(data)} are there", CUT_SHORT)
     header = json.loads(data[20 : 20 + size])
@@ -179,17 +150,13 @@ def _glb_meshes(header: dict[str, Any], buffers: list[bytes]) -> Iterator[Placed
             with np.errstate(invalid="ignore"):  # of a signalling NaN
                 points = _accessor(header, buffers, primitive["attributes"]["POSITION"]).astype(np.float64)
             given = "indices" in primitive
-            corners = (
-                _accessor(header, buffers, primitive["indices"]).ravel() if given else np.arange(len(points))
-            )
+            corners = _accessor(header, buffers, primitive["indices"]).ravel() if given else np.arange(len(points))
             corners = corners.astype(np.int64, casting="safe")
             mode = primitive.get("mode", TRIANGLE)
             if mode == STRIP:
                 corners = np.array(strip_triangles([corners]), dtype=np.int64)
             elif mode == FAN:
-                corners = np.stack(
-                    [np.full(len(corners) - 2, corners[0]), corners[1:-1], corners[2:]], axis=1
-                )
+                corners = np.stack([np.full(len(corners) - 2, corners[0]), corners[1:-1], corners[2:]], axis=1)
             yield points, corners.reshape(-1, 3), node["place"]
 
 
@@ -229,35 +196,24 @@ def parse_3mf(data: bytes) -> Content:
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as package:
             if sum(entry.file_size for entry in package.infolist()) > MOST_UNPACKED:
-                raise ContentError(
-                    f"is larger than {MOST_UNPACKED:,} bytes unpacked", "export the part alone"
-                )
+                raise ContentError(f"is larger than {MOST_UNPACKED:,} bytes unpacked", "export the part alone")
             files = {name.lstrip("/").lower(): package.read(name) for name in package.namelist()}
         return _build(files)
     except ContentError:
         raise
     except Exception as error:  # zipfile and the decoders of its methods raise all kinds on damaged bytes
-        raise ContentError(
-            f"cannot be read as 3MF ({type(error).__name__} {str(error)[:100]})", CUT_SHORT
-        ) from error
+        raise ContentError(f"cannot be read as 3MF ({type(error).__name__} {str(error)[:100]})", CUT_SHORT) from error
 
 
 def _build(files: dict[str, bytes]) -> Content:
     """What the files of a 3MF package build."""
     named = re.findall(rb'Target="/?([^"]+\.model)"', files.get("_rels/.rels", b""))
-    names = [
-        *(name.decode().lower() for name in named),
-        *(name for name in files if name.endswith("3dmodel.model")),
-    ]
+    names = [*(name.decode().lower() for name in named), *(name for name in files if name.endswith("3dmodel.model"))]
     root = next(name for name in names if name in files)
     models = {name: ElementTree.fromstring(text) for name, text in files.items() if name.endswith(".model")}
     for name, model in models.items():
         _require_known(model, files[name])
-    objects = {
-        (name, each.get("id")): each
-        for name, model in models.items()
-        for each in model.findall(".//{*}object")
-    }
+    objects = {(name, each.get("id")): each for name, model in models.items() for each in model.findall(".//{*}object")}
     ranges, parts = _volumes(files)
     left_out: Counter[str] = Counter()
     counted: Counter[str] = Counter()
@@ -270,9 +226,7 @@ def _build(files: dict[str, bytes]) -> Content:
 
     def is_part(kind: str) -> bool:
         if "negative" in kind.lower():
-            raise ContentError(
-                f"has a volume to be subtracted ({kind})", "subtract it, and export the result"
-            )
+            raise ContentError(f"has a volume to be subtracted ({kind})", "subtract it, and export the result")
         if kind.lower() not in PART_VOLUMES:
             left_out[kind] += 1
         return kind.lower() in PART_VOLUMES
@@ -287,12 +241,8 @@ def _build(files: dict[str, bytes]) -> Content:
         if mesh is None and body.find("{*}components") is None:
             raise ContentError(f"has an object {number} that is no mesh", TRIANGLES)
         if mesh is not None and is_part(body.get("type", "model")):
-            points = [
-                [float(vertex.attrib[axis]) for axis in "xyz"] for vertex in mesh.findall("{*}vertices/*")
-            ]
-            faces = [
-                [int(face.attrib[v]) for v in ("v1", "v2", "v3")] for face in mesh.findall("{*}triangles/*")
-            ]
+            points = [[float(vertex.attrib[axis]) for axis in "xyz"] for vertex in mesh.findall("{*}vertices/*")]
+            faces = [[int(face.attrib[v]) for v in ("v1", "v2", "v3")] for face in mesh.findall("{*}triangles/*")]
             kept = np.ones(len(faces), dtype=bool)
             for kind, first, last in ranges.get(number, []):
                 kept[first : last + 1] = is_part(kind)
@@ -305,11 +255,7 @@ def _build(files: dict[str, bytes]) -> Content:
                 yield from placed(path_of(part, file), own, matrix @ _transform(part))
 
     items = models[root].findall("{*}build/*")
-    meshes = [
-        mesh
-        for item in items
-        for mesh in placed(path_of(item, root), item.attrib["objectid"], _transform(item))
-    ]
+    meshes = [mesh for item in items for mesh in placed(path_of(item, root), item.attrib["objectid"], _transform(item))]
     left_out["objects that are not built"] = len(objects.keys() - built)
     scale = np.diag([*[MM_OF_3MF[models[root].get("unit", "millimeter")]] * 3, 1.0])
     scaled = [(points, faces, scale @ matrix) for points, faces, matrix in meshes]
@@ -326,17 +272,13 @@ def _require_known(model: ElementTree.Element, text: bytes) -> None:
     refuse_others({"beams": len(model.findall(".//{*}beam"))})
 
 
-def _volumes(
-    files: dict[str, bytes],
-) -> tuple[dict[str, list[tuple[str, int, int]]], dict[tuple[str, str], str]]:
+def _volumes(files: dict[str, bytes]) -> tuple[dict[str, list[tuple[str, int, int]]], dict[tuple[str, str], str]]:
     """What slicers say of volumes: kinds of ranges of triangles of an object (PrusaSlicer), and kinds of components
     of an object (Bambu Studio)."""
     ranges: dict[str, list[tuple[str, int, int]]] = {}
     parts = {}
     for name in files:
-        if not (
-            name.startswith("metadata/") and name.endswith(".config") and files[name].lstrip()[:1] == b"<"
-        ):
+        if not (name.startswith("metadata/") and name.endswith(".config") and files[name].lstrip()[:1] == b"<"):
             continue
         for body in ElementTree.fromstring(files[name]).findall("object"):
             for volume in body.findall("volume"):
@@ -370,6 +312,4 @@ def _content(placed: Sequence[Placed], unit: str, notes: tuple[str, ...]) -> Con
         for start, (_, corners, matrix) in zip(starts, placed)
     ]
     corners = np.concatenate([*faces, np.empty((0, 3), dtype=np.int64)]).ravel()
-    return Content(
-        np.concatenate([*points, np.empty((0, 3))]), corners, np.full(len(corners) // 3, 3), unit, notes
-    )
+    return Content(np.concatenate([*points, np.empty((0, 3))]), corners, np.full(len(corners) // 3, 3), unit, notes)

@@ -41,18 +41,14 @@ def parse_vtk(data: bytes) -> Content:
         raise ContentError("is no VTK file", "give a VTK file, or name the file by its true kind")
     head = re.match(rb"[^\n]*\n[^\n]*\n\s*(ASCII|BINARY)\s+DATASET\s+(\w+)", data)
     if head is not None and head[2] == b"UNSTRUCTURED_GRID":
-        cells = re.split(rb"(?<=\s)(?:POINT|CELL)_DATA\s", data)[
-            0
-        ]  # attributes, some of which meshio does not know
+        cells = re.split(rb"(?<=\s)(?:POINT|CELL)_DATA\s", data)[0]  # attributes, some of which meshio does not know
         return _grid_content(_read(cells, "vtk", "VTK"), re.findall(rb"\sCELL_TYPES\s+(\d+)", cells))
     if head is None or head[2] != b"POLYDATA":
         raise ContentError(f"holds no surface but {head[2].decode() if head else 'nothing'}", SURFACE)
     binary = head[1] == b"BINARY"
     numbers, end = _numbers(data, rb"POINTS\s+(\d+)\s+(\w+)", head.end(), binary, 3)
     points = numbers.reshape(-1, 3)
-    others = {
-        name: re.compile(rb"(?<!\w)%b\s+(\d+)" % name.upper().encode()).search(data, end) for name in OTHERS
-    }
+    others = {name: re.compile(rb"(?<!\w)%b\s+(\d+)" % name.upper().encode()).search(data, end) for name in OTHERS}
     refuse_others({name: int(match[1]) for name, match in others.items() if match})
     polygons = _section(data, b"POLYGONS", end, binary)
     strips = _section(data, b"TRIANGLE_STRIPS", end, binary)
@@ -157,9 +153,7 @@ def parse_vtp(data: bytes) -> Content:
     if b'type="PolyData"' not in head or b"NumberOfPolys" not in head:
         raise ContentError("is no VTP", "give a VTP, or name the file by its true kind")
     refuse_others({"vertices": totals[b"Verts"], "lines": totals[b"Lines"]})
-    grids = {
-        name: _read(_as_grid(data, name), "vtu", "VTP") for name in (b"Polys", b"Strips") if totals[name]
-    }
+    grids = {name: _read(_as_grid(data, name), "vtu", "VTP") for name in (b"Polys", b"Strips") if totals[name]}
     if not grids:
         raise ContentError("holds no polygons", SURFACE)
     cells = {name: _cells(grid, totals[name]) for name, grid in grids.items()}
@@ -170,9 +164,7 @@ def parse_vtp(data: bytes) -> Content:
 def _grid_content(grid: Any, numbers: list[bytes]) -> Content:
     """The faces of an unstructured grid whose file tells of so many cells in each piece. ContentError where it has
     other cells."""
-    others = [
-        block for block in grid.cells if block.type not in FACES and not block.type.startswith("polygon")
-    ]
+    others = [block for block in grid.cells if block.type not in FACES and not block.type.startswith("polygon")]
     refuse_others({f"{block.type} cells": len(block.data) for block in others})
     return _content(grid.points, _cells(grid, sum(map(int, numbers))))
 

@@ -50,9 +50,7 @@ class Ball:
             nearer = np.asarray(away) < lengths(centres - points) - ACCURACY
             if not nearer.any():
                 break
-            centres[nearer] = nearest_centres(
-                self.distance, points[nearer], centres[other][nearer], self.radius
-            )
+            centres[nearer] = nearest_centres(self.distance, points[nearer], centres[other][nearer], self.radius)
         return centres
 
     def onto(self, points: Float[ndarray, "n 3"], *, both_ways: bool = False) -> Float[ndarray, "n 3"]:

@@ -66,16 +66,10 @@ class Fill:
         ball = f"that a ball of {self.radius:g} mm cannot reach"
         repairs = []
         if self.hollows:
-            size = (
-                f"{self.area:.1f} mm2, {self.volume:.2f} mm3, deepest at {place_name(np.array(self.place))}"
-            )
-            repairs.append(
-                Repair(f"filled {counted(self.hollows, 'hollow')} {ball}, {size}", outward=self.depth)
-            )
+            size = f"{self.area:.1f} mm2, {self.volume:.2f} mm3, deepest at {place_name(np.array(self.place))}"
+            repairs.append(Repair(f"filled {counted(self.hollows, 'hollow')} {ball}, {size}", outward=self.depth))
         if self.open:
-            repairs.append(
-                Repair(f"left {counted(self.open, 'hollow')} {ball} open: a fill would cut the part")
-            )
+            repairs.append(Repair(f"left {counted(self.open, 'hollow')} {ball} open: a fill would cut the part"))
         return tuple(repairs)
 
     @property
@@ -185,9 +179,7 @@ def _joined(faces: Int[ndarray, "m 3"], vertices: int) -> Int[ndarray, " v"]:
     return connected_components(coo_matrix(edges, shape=(vertices, vertices)), directed=False)[1]
 
 
-def _put_back(
-    vertices: Float[ndarray, "n 3"], divided: TriangleMesh, of_vertex: Int[ndarray, " n"]
-) -> set[int]:
+def _put_back(vertices: Float[ndarray, "n 3"], divided: TriangleMesh, of_vertex: Int[ndarray, " n"]) -> set[int]:
     """Put the `vertices` of hollows whose faces cut each other back to where they were; the numbers of these."""
     opened: set[int] = set()
     every = set(of_vertex.tolist()) - {-1}
@@ -201,12 +193,7 @@ def _put_back(
     return opened
 
 
-def _told(
-    mesh: TriangleMesh,
-    vertices: Float[ndarray, "n 3"],
-    divided: TriangleMesh,
-    fill: Fill,
-) -> Fill:
+def _told(mesh: TriangleMesh, vertices: Float[ndarray, "n 3"], divided: TriangleMesh, fill: Fill) -> Fill:
     """The figures of a `fill` of a mesh whose faces were `divided`, and their vertices moved."""
     depths = lengths(vertices - divided.vertices)
     x, y, z = vertices[np.argmax(depths)].tolist()

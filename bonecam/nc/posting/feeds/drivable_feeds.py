@@ -51,9 +51,7 @@ LARGEST_RATIO = 2.0
 """Largest ratio of the feeds of successive rows of a pass, and of a row's feed to the cutter's."""
 
 
-def drivable_paths(
-    paths: Sequence[ToolPath], machine: Machine, dialect: Dialect, job: Job
-) -> tuple[ToolPath, ...]:
+def drivable_paths(paths: Sequence[ToolPath], machine: Machine, dialect: Dialect, job: Job) -> tuple[ToolPath, ...]:
     """The paths with feeds that the machine's axes can follow when they are posted in this order, without rows whose
     words are those of the row before; rapids are left as they are where the control drives them as rapids.
     MachineError where a path cannot be posted."""

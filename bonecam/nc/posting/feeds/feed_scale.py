@@ -12,9 +12,7 @@ from numpy import ndarray
 from bonecam.nc.schema.number_format import NumberFormat
 from bonecam.tool.path import MoveKind, ToolPath
 
-R20 = np.array(
-    [100, 112, 125, 140, 160, 180, 200, 224, 250, 280, 315, 355, 400, 450, 500, 560, 630, 710, 800, 900]
-)
+R20 = np.array([100, 112, 125, 140, 160, 180, 200, 224, 250, 280, 315, 355, 400, 450, 500, 560, 630, 710, 800, 900])
 """The rounded preferred numbers of a decade."""
 DECADES = 6
 """From 1 to 999,999 mm/min."""

@@ -86,13 +86,9 @@ def _turned(machine: Machine, start: Float[ndarray, "2"], *axes: RotaryAxis) -> 
     return joints
 
 
-def _in_machine(
-    machine: Machine, vectors: Float[ndarray, "n 3"], rotary: Float[ndarray, "2"]
-) -> Float[ndarray, "n 3"]:
+def _in_machine(machine: Machine, vectors: Float[ndarray, "n 3"], rotary: Float[ndarray, "2"]) -> Float[ndarray, "n 3"]:
     """Directions fixed to the part, in the machine's frame."""
-    positions = inverse_linear(
-        machine, np.vstack([np.zeros(3), vectors]), np.tile(rotary, (len(vectors) + 1, 1))
-    )
+    positions = inverse_linear(machine, np.vstack([np.zeros(3), vectors]), np.tile(rotary, (len(vectors) + 1, 1)))
     return positions[1:, :3] - positions[0, :3]
 
 

@@ -51,10 +51,7 @@ def setup_texts(job: Job, stock: Stock | None, zero: ZeroWords) -> list[str]:
     stub = held.pop("stub", None)
     name, foot = ("post", 0.0) if stub is None else ("neck", stub.top)
     post = f"{name} below it: diameter {job.holding.diameter:.2f} mm, from Z {foot:.2f} to Z {top:.2f}"
-    texts = [
-        f"{post}, turned before, {'parted at the end' if job.holding.parting else 'left uncut'}",
-        *part_texts(job),
-    ]
+    texts = [f"{post}, turned before, {'parted at the end' if job.holding.parting else 'left uncut'}", *part_texts(job)]
     if stub is not None:
         bar = f"bar of diameter {2 * stub.radius:.2f} mm, from Z {stub.bottom:.2f} to Z {stub.top:.2f}"
         texts.append(f"stub below the neck: {bar}, stock and neck are turned from it")
@@ -127,9 +124,7 @@ def parting_texts(paths: Sequence[ToolPath]) -> list[str]:
     groove = cut_groove(paths)
     if groove is None:
         return []
-    where = (
-        f"parting: at the end a groove of {2 * groove.radius:.2f} mm round the post at Z {groove.middle:.2f}"
-    )
+    where = f"parting: at the end a groove of {2 * groove.radius:.2f} mm round the post at Z {groove.middle:.2f}"
     bridge = f"parting: a bridge of diameter {2 * groove.bridge:.2f} mm holds the part, break or saw it there"
     return [where, bridge]
 
@@ -227,8 +222,7 @@ def _of_machine(text: str, machine: Machine) -> str:
 def _body_texts(machine: Machine) -> list[str]:
     """The bodies of the machine that the paths were kept clear of."""
     nose = ", ".join(
-        f"{piece.length:.0f} mm of diameter {max(piece.diameter, piece.top_diameter):.0f}"
-        for piece in machine.nose
+        f"{piece.length:.0f} mm of diameter {max(piece.diameter, piece.top_diameter):.0f}" for piece in machine.nose
     )
     table = machine.table
     size = "of any size"

@@ -119,9 +119,7 @@ def _check_reach(machine: Machine, angles: ndarray) -> None:
     column = int(np.argmax(excess[solution]))
     letter = machine.rotary[column].letter
     value = float(np.degrees(solutions[solution, column]))
-    limit = float(
-        np.degrees(bounds[column, 0] if np.radians(value) < bounds[column, 0] else bounds[column, 1])
-    )
+    limit = float(np.degrees(bounds[column, 0] if np.radians(value) < bounds[column, 0] else bounds[column, 1]))
     raise MachineError(
         f"point {row}: {letter} {value:.3f} deg leaves the limit {limit:.3f} deg of {machine.title}: "
         "make path.max_tilt_deg smaller",

@@ -63,9 +63,7 @@ def _axes_at(axes: Float[ndarray, "n 3"], places: Float[ndarray, " k"]) -> Float
     return between(axes, axes, 0.0, row, places - row)[1]
 
 
-def _fine_places(
-    machine: Machine, axes: Float[ndarray, "n 3"], kinds: Int[ndarray, "n"]
-) -> Float[ndarray, " k"]:
+def _fine_places(machine: Machine, axes: Float[ndarray, "n 3"], kinds: Int[ndarray, "n"]) -> Float[ndarray, " k"]:
     """The rows of a path and, on the moves but rapids of a machine with limits on turns, so many places between them
     that no joint turns by more than FINE: beside the pole the axes turn round between two rows."""
     places = np.arange(len(axes), dtype=np.float64)
@@ -97,9 +95,7 @@ def _at_limits(
                 end = start + _wrapped(off[cut + 1] - off[cut])
                 crossing = cut[(start * end < 0) & (np.abs(start) + np.abs(end) < np.pi)]
                 ends = fine[crossing], fine[crossing + 1]
-                places.append(
-                    _halved(machine, axes, ends=ends, solution=solution, column=column, limit=limit)
-                )
+                places.append(_halved(machine, axes, ends=ends, solution=solution, column=column, limit=limit))
     return np.unique(np.concatenate(places))
 
 

@@ -16,9 +16,7 @@ def machine_limits(machine: Machine) -> MachineLimits:
     """The tool axes that paths for the machine may use: polar angles within the band that it has all round, or else
     those that its joints reach. The rotary axis nearer to the part's Z changes the azimuth, the other one the polar
     angle. MachineError where the tool has a single direction."""
-    turn, tilt = sorted(
-        machine.rotary, key=lambda axis: -abs(machine.in_part(np.array([axis.direction]))[0, 2])
-    )
+    turn, tilt = sorted(machine.rotary, key=lambda axis: -abs(machine.in_part(np.array([axis.direction]))[0, 2]))
     band = planned_band(machine)
     reached = None
     if band is None:

@@ -27,18 +27,14 @@ def row_blocks(posted: Posted, run: tuple[int, int], machine: Machine, dialect: 
         for row in np.flatnonzero(off).tolist():
             lines[row] = by_angle[row]
             for start, own in dialect.vector.instead.items():
-                lines[row] = (
-                    own + lines[row].removeprefix(start) if lines[row].startswith(start) else lines[row]
-                )
+                lines[row] = own + lines[row].removeprefix(start) if lines[row].startswith(start) else lines[row]
     # the rows of the run that begin a way to the safe point and back to rewind rotary axes
     lifts = np.searchsorted(posted.moves.rows, posted.path.lifts[:, 0])
     lifted = lifts[(lifts >= run[0]) & (lifts < run[1])] - run[0]
     return with_marks(lines, kinds, fast, lifted, dialect)
 
 
-def _blocks(
-    words: MoveWords, rates: Float[ndarray, "n"], fast: Bool[ndarray, "n"], dialect: Dialect
-) -> list[str]:
+def _blocks(words: MoveWords, rates: Float[ndarray, "n"], fast: Bool[ndarray, "n"], dialect: Dialect) -> list[str]:
     """The blocks of moves at their `rates` (feed words), rapids where they are `fast`."""
     form = " ".join(words.formats)
     rapid = "\n".join(dialect.move_lines("rapid", words=form))
@@ -49,8 +45,7 @@ def _blocks(
     stated = ~fast & changed if kept else ~fast
     table = zip(words.numbers.tolist(), rates.tolist(), fast.tolist(), stated.tolist(), strict=True)
     return [
-        feed % (*row, rate) if states else (rapid if quick else kept) % tuple(row)
-        for row, rate, quick, states in table
+        feed % (*row, rate) if states else (rapid if quick else kept) % tuple(row) for row, rate, quick, states in table
     ]
 
 

@@ -55,11 +55,7 @@ class ProgramMoves:
 
 
 def split_moves(
-    path: ToolPath,
-    control: Control,
-    tolerance: float,
-    hold_cone: float,
-    before: Float[ndarray, "2"] | None = None,
+    path: ToolPath, control: Control, tolerance: float, hold_cone: float, before: Float[ndarray, "2"] | None = None
 ) -> ProgramMoves:
     """The moves of one tool path, fine enough for `control` to follow within `tolerance` (mm; rapids 20 times
     as much).
@@ -85,12 +81,7 @@ def split_moves(
         pieces = np.ones(len(tips) - 1, dtype=np.int64)
         ends = asked[:, None] + [0, 1]
         pieces[asked] = _pieces(
-            control,
-            kinds[asked + 1],
-            tips=tips[ends],
-            axes=axes[ends],
-            angles=choice.angles[ends],
-            tolerance=tolerance,
+            control, kinds[asked + 1], tips=tips[ends], axes=axes[ends], angles=choice.angles[ends], tolerance=tolerance
         )
         pieces[choice.rewinds[1:]] = 1
         if (pieces == 1).all():
@@ -143,9 +134,7 @@ def between(
     whole = fractions == 1
     start = fractions == 0
     turned = np.where(whole[:, None], b, np.where(start[:, None], a, turned))
-    meant = np.where(
-        whole[:, None], tips[after], np.where(start[:, None], tips[before], centres - radius * turned)
-    )
+    meant = np.where(whole[:, None], tips[after], np.where(start[:, None], tips[before], centres - radius * turned))
     return meant, turned
 
 
@@ -164,11 +153,7 @@ def _pieces(
     worst = np.zeros(len(kinds))
     centres = tips + control.centre_height * axes
     middle = _axis_halfway(axes[:, 0], axes[:, 1])
-    quarters = (
-        (0.25, _axis_halfway(axes[:, 0], middle)),
-        (0.5, middle),
-        (0.75, _axis_halfway(middle, axes[:, 1])),
-    )
+    quarters = ((0.25, _axis_halfway(axes[:, 0], middle)), (0.5, middle), (0.75, _axis_halfway(middle, axes[:, 1])))
     for fraction, turned in quarters:
         tip, axis = control.between(first, last, fraction)
         tilted = axis - turned
@@ -178,9 +163,7 @@ def _pieces(
         worst = np.maximum(worst, np.maximum(off / allowed, lengths(tilted) / AXIS_TOLERANCE))
     pieces = np.where(worst > 1, np.ceil(np.sqrt(1.1 * np.minimum(worst, 1e4))), 1)
     at_pole = lengths(axes[:, 1] - axes[:, 0]) < POLE_PASS
-    rotation = largest(np.abs(angles[:, 1] - angles[:, 0])) / np.where(
-        rapid | at_pole, MAX_RAPID_TURN, MAX_TURN
-    )
+    rotation = largest(np.abs(angles[:, 1] - angles[:, 0])) / np.where(rapid | at_pole, MAX_RAPID_TURN, MAX_TURN)
     pieces = np.maximum(pieces, np.ceil(rotation - 1e-9))
     if not control.tool_centre:
         length = lengths(tips[:, 1] - tips[:, 0])

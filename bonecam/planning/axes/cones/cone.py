@@ -56,9 +56,7 @@ class ObliqueEllipticCone:
             object.__setattr__(self, name, value)
         sizes = np.linalg.norm(self._frame, axis=0)
         if not (sizes.min() > 0 and abs(np.linalg.det(self._frame / sizes)) > FLATTEST):
-            raise ValueError(
-                "the axis lies in the plane of the semi-diameters, or these on one line: no cone"
-            )
+            raise ValueError("the axis lies in the plane of the semi-diameters, or these on one line: no cone")
 
     @property
     def _frame(self) -> Float[ndarray, "3 3"]:
@@ -143,9 +141,7 @@ class ObliqueEllipticCone:
         return TriangleMesh(vertices, faces if np.linalg.det(self._frame) > 0 else faces[:, ::-1])
 
 
-def elliptic_cone(
-    apex: Float[ndarray, "3"], cones: EllipticCones, which: int, length: float
-) -> ObliqueEllipticCone:
+def elliptic_cone(apex: Float[ndarray, "3"], cones: EllipticCones, which: int, length: float) -> ObliqueEllipticCone:
     """One of several cones, from `apex` to `length` (mm) along its axis."""
     axis, side = cones.axes[which], cones.sides[which]
     first, second = length * np.tan(cones.angles[which])

@@ -34,10 +34,7 @@ class ConeNodes:
 
 
 def make_net(
-    centres: Float[ndarray, "n 3"],
-    normals: Float[ndarray, "n 3"],
-    middles: Float[ndarray, "n 2 3"],
-    spacing: float,
+    centres: Float[ndarray, "n 3"], normals: Float[ndarray, "n 3"], middles: Float[ndarray, "n 2 3"], spacing: float
 ) -> ConeNodes:
     """Nodes about `spacing` (mm) apart; `middles` are those of the moves to and from each contact."""
     cells = np.floor(centres / spacing).astype(np.int64)

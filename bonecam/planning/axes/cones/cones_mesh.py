@@ -17,8 +17,7 @@ def cones_mesh(path: ToolPath, count: int = 100, length: float = 3.0) -> Triangl
     rows = np.flatnonzero(path.cones.cone_of >= 0) if path.cones else np.zeros(0, dtype=np.int64)
     if path.cones is None or not len(rows):
         raise OrientationError(
-            f"{path.title}: no contact has a cone: take path.orientation = 'cones', or another level",
-            level=path.level,
+            f"{path.title}: no contact has a cone: take path.orientation = 'cones', or another level", level=path.level
         )
     some = rows[np.unique(np.linspace(0, len(rows) - 1, min(count, len(rows))).astype(np.int64))]
     cones = [

@@ -69,14 +69,7 @@ class Sweep:
         for out, down in STAIRS:
             start, radius = self.start - down * self.growth, self.radius + out * self.growth
             sweeps.append(
-                Sweep(
-                    start,
-                    self.end + self.growth,
-                    radius=radius,
-                    first=self.first,
-                    second=self.second,
-                    growth=0.0,
-                )
+                Sweep(start, self.end + self.growth, radius=radius, first=self.first, second=self.second, growth=0.0)
             )
         return tuple(sweeps)
 
@@ -140,10 +133,7 @@ class Obstacle:
 
 
 def crossing(
-    sizes: Float[ndarray, "n 6"],
-    places: Float[ndarray, "n 3"],
-    turns: Float[ndarray, "n 3 3"],
-    obstacle: Obstacle,
+    sizes: Float[ndarray, "n 6"], places: Float[ndarray, "n 3"], turns: Float[ndarray, "n 3 3"], obstacle: Obstacle
 ) -> Bool[ndarray, " n"]:
     """Which of the sweeps (rows are the fields of `Sweep`), turned and with their apexes at `places`, cross the surface
     of an obstacle, as FCL has it."""
@@ -156,9 +146,7 @@ def crossing(
     return met
 
 
-def _own_crosses(
-    sweep: Sweep, place: Float[ndarray, "3"], turn: Float[ndarray, "3 3"], obstacle: Obstacle
-) -> bool:
+def _own_crosses(sweep: Sweep, place: Float[ndarray, "3"], turn: Float[ndarray, "3 3"], obstacle: Obstacle) -> bool:
     """Whether a sweep's own mesh crosses the surface of an obstacle, and those of its steps do."""
 
     def meets(some: Sweep, sides: int) -> bool:

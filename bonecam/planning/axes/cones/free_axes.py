@@ -146,9 +146,7 @@ def _in_pieces(free: FreeAxes, middles: Float[ndarray, "n 2 3"]) -> FreeAxes:
     """With several apexes at the nodes of one contact that have FEW free directions, and their maps anew."""
     net, one = free.net, free.apexes
     alone = np.bincount(net.node_of) == 1
-    nodes = np.flatnonzero(
-        alone & (free.free.sum(axis=1) < FEW * free.free.shape[1]) & free.allowed.any(axis=1)
-    )
+    nodes = np.flatnonzero(alone & (free.free.sum(axis=1) < FEW * free.free.shape[1]) & free.allowed.any(axis=1))
     if not len(nodes):
         return free
     contact = np.empty(len(net.places), dtype=np.int64)
@@ -213,9 +211,7 @@ def half_moves(path: ContactPath) -> Float[ndarray, "n 2 3"]:
     return np.stack([before, behind], axis=1)
 
 
-def _limits(
-    net: ConeNodes, cutter: Cutter, limits: MachineLimits, max_tilt: float, clearance: float
-) -> AxisLimits:
+def _limits(net: ConeNodes, cutter: Cutter, limits: MachineLimits, max_tilt: float, clearance: float) -> AxisLimits:
     """What the axes of a net's nodes keep to."""
     lowest = net.places - np.outer(net.reach, [0.0, 0.0, 1.0])
     above = table_limits(lowest, cutter, clearance) if np.isfinite(clearance) else np.full(len(lowest), np.pi)

@@ -17,9 +17,7 @@ USUAL_SIZE = 65.0
 """Diagonal (mm) of what a grid is about, up to which GRIDS hold: a quarter of a million nodes."""
 
 
-def distance_grids(
-    distance: MeshDistance, radius: float, far: float, centres: Float[ndarray, "n 3"]
-) -> Grids:
+def distance_grids(distance: MeshDistance, radius: float, far: float, centres: Float[ndarray, "n 3"]) -> Grids:
     """The grids of a mesh for tools of a `radius` that reach `far` out of it (mm) with their balls at `centres`: fine
     ones only where the tools are, since a bound of interpolated distances is low by the square of the cells.
 
@@ -38,9 +36,7 @@ def distance_grids(
         step = side * max(1.0, float(np.linalg.norm(last - first)) / USUAL_SIZE) * max(1.0, radius**0.5)
         origin = first - max(reach, 2 * step)
         shape = np.ceil((last - first + 2 * max(reach, 2 * step)) / step).astype(np.int64) + 1
-        nodes = (
-            origin + step * np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), axis=-1)
-        ).reshape(-1, 3)
+        nodes = (origin + step * np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), axis=-1)).reshape(-1, 3)
         apart = distance.lower_bound(nodes, slack).reshape(shape)
         off = ((nodes < low) | (nodes > high)).any(axis=1)
         values = flood(apart, step, off | (distance_bounds(grids, nodes) > 0)).ravel()
@@ -56,6 +52,5 @@ def require_closed(mesh: TriangleMesh) -> None:
     if (counts % 2).any():
         open_ = int((counts % 2 == 1).sum())
         raise OrientationError(
-            f"an obstacle is not closed: {open_} edges have a face on one side only: close it first",
-            edges=open_,
+            f"an obstacle is not closed: {open_} edges have a face on one side only: close it first", edges=open_
         )

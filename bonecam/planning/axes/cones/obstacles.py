@@ -41,10 +41,7 @@ def obstacles_of(scene: Scene, cutter: Cutter, centres: Float[ndarray, "n 3"]) -
     to_level = sections[:, 3] > 0
     grids = [
         distance_grids(
-            distance,
-            cutter.envelope_radius,
-            sections[held, 1].max(initial=0.0) + cutter.envelope_radius,
-            centres,
+            distance, cutter.envelope_radius, sections[held, 1].max(initial=0.0) + cutter.envelope_radius, centres
         )
         for distance, held in ((scene.level_distance, to_level), (scene.material_distance, ~to_level))
     ]

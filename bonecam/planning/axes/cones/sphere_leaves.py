@@ -39,9 +39,7 @@ def sphere_leaves() -> tuple[SphereTriangles, LeafMesh]:
     edges = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
     ends, which = np.unique(edges, axis=0, return_inverse=True)
     order = np.argsort(which.ravel(), kind="stable")
-    return SphereTriangles(centres, caps, starts), LeafMesh(
-        vertices, faces, ends, (order // 3).reshape(-1, 2)
-    )
+    return SphereTriangles(centres, caps, starts), LeafMesh(vertices, faces, ends, (order // 3).reshape(-1, 2))
 
 
 def leaf_centres() -> Float[ndarray, "5120 3"]:

@@ -133,9 +133,7 @@ class AxisEnergy:
         for angle, wound in ((0, self.winding * facets.wound), (1, 0.0)):
             scale = facets.feed / self.speeds[angle]
             slopes = (scale * each, 0 * each)
-            residuals.append(
-                (scale * (facets.matrix @ values[angle] + wound), *slopes[:: -1 if angle else 1])
-            )
+            residuals.append((scale * (facets.matrix @ values[angle] + wound), *slopes[:: -1 if angle else 1]))
         return Residuals.of(facets.matrix, residuals)
 
     def _turning(self, values: Float[ndarray, "2 c"]) -> "Residuals":
@@ -152,10 +150,7 @@ class AxisEnergy:
             avoidable = np.abs(scale * wound) < SPEED_SHARE * share
             over = np.where(avoidable, np.maximum(np.abs(rate) - SPEED_SHARE * share, 0.0), 0.0)
             slope = SPEED_WEIGHT * np.sign(rate) * (over > 0) * scale
-            for residual, by_angle in (
-                (self.weights[0] * rate, self.weights[0] * scale),
-                (SPEED_WEIGHT * over, slope),
-            ):
+            for residual, by_angle in ((self.weights[0] * rate, self.weights[0] * scale), (SPEED_WEIGHT * over, slope)):
                 residuals.append((residual, none, by_angle) if angle else (residual, by_angle, none))
         return Residuals.of(self.steps, residuals)
 
@@ -193,8 +188,7 @@ class AxisEnergy:
         beyond = np.where(bounds.cones.found, np.maximum(beyond, 0.0), 0.0)
         scale = (beyond > 0) * weight * flat / np.maximum((flat * across) ** 2 + q[:, 2] ** 2, STRAIGHT)
         by_azimuth, by_polar = (
-            scale * (q[:, 2] * dots(q[:, :2], slope[:, :2]) / across - across * slope[:, 2])
-            for slope in slopes
+            scale * (q[:, 2] * dots(q[:, :2], slope[:, :2]) / across - across * slope[:, 2]) for slope in slopes
         )
         residuals.append((weight * beyond, by_azimuth, by_polar))
         return Residuals.of(self.values_at, residuals)

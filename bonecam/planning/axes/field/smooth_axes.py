@@ -155,9 +155,7 @@ def _solve(matrix: Any, right: Float[ndarray, " c"]) -> Float[ndarray, " c"]:
     return solve(dense + 1e-9 * np.trace(dense) * np.eye(len(dense)), right, assume_a="pos")
 
 
-def minimise(
-    energy: AxisEnergy, values: Float[ndarray, "2 c"], steps: int
-) -> tuple[Float[ndarray, "2 c"], float]:
+def minimise(energy: AxisEnergy, values: Float[ndarray, "2 c"], steps: int) -> tuple[Float[ndarray, "2 c"], float]:
     """Control values of least energy near `values`, by Levenberg's and Marquardt's method in at most `steps` steps,
     and their energy."""
     damping = FIRST_DAMPING
@@ -172,9 +170,7 @@ def minimise(
         while damping < LARGEST_DAMPING:
             damped = band.copy()
             damped[:, 0] += damping * diagonal
-            step = solveh_banded(
-                damped.T, gradient.T.ravel(), overwrite_ab=True, lower=True, check_finite=False
-            )
+            step = solveh_banded(damped.T, gradient.T.ravel(), overwrite_ab=True, lower=True, check_finite=False)
             tried = values - step.reshape(-1, 2).T
             residuals = energy.residuals(tried)
             tried_energy = sum(part.energy for part in residuals)
@@ -262,18 +258,14 @@ def smooth_axes(
     """
     if preset == AUTOMATIC:
         candidates = [
-            smooth_axes(
-                cones, domain, limits=limits, job=job, preset=one, start=start, haste=haste, facets=facets
-            )
+            smooth_axes(cones, domain, limits=limits, job=job, preset=one, start=start, haste=haste, facets=facets)
             for one in PRESETS
         ]
         return min(candidates, key=lambda one: machine_minutes(cones.path, one.axes, limits))
     if preset not in PRESETS:
         raise ValueError(f"preset = {preset!r}: give {', '.join(PRESETS)} or {AUTOMATIC}")
     rows = sample_rows(cones.path)
-    energy = axis_energy(
-        cones, rows, domain=domain, limits=limits, job=job, weights=PRESETS[preset], facets=facets
-    )
+    energy = axis_energy(cones, rows, domain=domain, limits=limits, job=job, weights=PRESETS[preset], facets=facets)
     energy = replace(energy, times=energy.times / haste)
     if start is None:
         values, least = minimise(energy, first_values(energy, cones.path.normals[rows]), FIRST_STEPS)
@@ -320,8 +312,7 @@ def soonest(found: Sequence[SmoothAxes], limits: MachineLimits) -> SmoothAxes:
     """Of several axes of one path those that cost the fewest minutes for each contact certified free; of those that
     are as soon, the ones with the least travel of the rotary axes."""
     costs = [
-        machine_minutes(one.cones.path, one.axes, limits) / max(int(one.wanted.certified.sum()), 1)
-        for one in found
+        machine_minutes(one.cones.path, one.axes, limits) / max(int(one.wanted.certified.sum()), 1) for one in found
     ]
     as_soon = [one for one, cost in zip(found, costs, strict=True) if cost <= AS_SOON * min(costs)]
     return min(as_soon, key=lambda one: rotary_travel(one.cones.path, one.axes))

@@ -48,9 +48,7 @@ def published_axes(
     candidates = candidate_axes(facets)
     count, each = candidates.shape[:2]
     flat = candidates.reshape(-1, 3)
-    allowed = within_limits(
-        flat, np.repeat(path.normals[rows], each, axis=0), limits, np.radians(job.max_tilt_deg)
-    )
+    allowed = within_limits(flat, np.repeat(path.normals[rows], each, axis=0), limits, np.radians(job.max_tilt_deg))
     allowed &= polar_angles(flat) >= SINGULAR_CONE
 
     # Whether the ends of these axes, `length` (mm) from their vertices, are above the facets (Eq. 21).
@@ -118,8 +116,7 @@ def _faired(
         axes = candidates[every, chosen]
         wanted = solve(areas[:, None] * axes), energy.diagonal()[:, None] * axes - energy @ axes
         tried = [
-            np.where(allowed, np.einsum("vcd,vd->vc", candidates, unit(each)), -2.0).argmax(axis=1)
-            for each in wanted
+            np.where(allowed, np.einsum("vcd,vd->vc", candidates, unit(each)), -2.0).argmax(axis=1) for each in wanted
         ]
         best = min(tried, key=energy_of)
         best_energy = energy_of(best)

@@ -13,13 +13,7 @@ from scipy.ndimage import find_objects, label
 
 from bonecam.kernels.removal.normal_probes import Capsules, ProbesByCell, cut_normal_probes, probe_cells
 from bonecam.planning.passes.patterns.curves import Curves, curves_of
-from bonecam.planning.passes.patterns.sampling import (
-    ROUND,
-    ball_centres,
-    contact_frames,
-    sample_lines,
-    tangent_range,
-)
+from bonecam.planning.passes.patterns.sampling import ROUND, ball_centres, contact_frames, sample_lines, tangent_range
 from bonecam.surface.tspline import TSpline
 from bonecam.tool.cutter import Cutter
 
@@ -73,11 +67,7 @@ def with_arcs(surface: TSpline, curves: Curves, cutter: Cutter) -> Curves:
 
 
 def _cut(
-    surface: TSpline,
-    curves: Curves,
-    cutter: Cutter,
-    normal_probes: ProbesByCell,
-    heights: Float[ndarray, " n"],
+    surface: TSpline, curves: Curves, cutter: Cutter, normal_probes: ProbesByCell, heights: Float[ndarray, " n"]
 ) -> Float[ndarray, " n"]:
     """The heights of normal probes behind the balls that sweep the curves, mm."""
     radius = cutter.envelope_radius
@@ -118,9 +108,7 @@ def _arcs(
         strip = np.where(numbers[rows, columns] == number, excess[rows, columns], -np.inf)
         row, column = np.arange(rows.start, rows.stop), np.arange(columns.start, columns.stop)
         across, along = row[strip.argmax(axis=0)], column[strip.argmax(axis=1)]
-        lengths = [
-            np.ptp(surface.positions(s[i], t[j]), axis=0).max() for i, j in ((row, along), (across, column))
-        ]
+        lengths = [np.ptp(surface.positions(s[i], t[j]), axis=0).max() for i, j in ((row, along), (across, column))]
         if lengths[0] >= lengths[1]:
             pieces = [(_longer(i), _held(j)) for i, j in _smooth(row, along)]
         else:

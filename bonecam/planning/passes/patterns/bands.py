@@ -34,9 +34,7 @@ def band_curves(metric: StepMetric, feed: float, step_over: float, turn: float) 
     return curves_of(knots)
 
 
-def _shares(
-    metric: StepMetric,
-) -> tuple[Float[ndarray, "c b"], Float[ndarray, " b"], Float[ndarray, " b"]]:
+def _shares(metric: StepMetric) -> tuple[Float[ndarray, "c b"], Float[ndarray, " b"], Float[ndarray, " b"]]:
     """The share of the lines of each section that lie before each s (the seam again at its end), the number of lines
     that the section needs, and the mean length (mm) of a line at it."""
     count = len(metric.s)
@@ -51,9 +49,7 @@ def _shares(
     return share, passes[-1], length
 
 
-def _borders(
-    count: Float[ndarray, " b"], minutes: Float[ndarray, " b"], step_over: float, turn: float
-) -> list[int]:
+def _borders(count: Float[ndarray, " b"], minutes: Float[ndarray, " b"], step_over: float, turn: float) -> list[int]:
     """The sections at which bands of least time begin and end, from the first to the last; `minutes` takes a
     line at each section."""
     at = np.linspace(0, len(count) - 1, BORDERS + 1).astype(np.int64)

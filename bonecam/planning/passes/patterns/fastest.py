@@ -68,9 +68,7 @@ def _added(surface: TSpline, pattern: str, cutter: Cutter) -> Curves:
     polyline (k, 2) of parameters s, t. JobError where it gives none."""
     lines = added("patterns", pattern, "lines")
     with run_added("patterns", pattern):
-        drawn = [
-            np.asarray(line, dtype=float) for line in lines(surface, cutter.envelope_radius, cutter.scallop)
-        ]
+        drawn = [np.asarray(line, dtype=float) for line in lines(surface, cutter.envelope_radius, cutter.scallop)]
     if not drawn or not all(line.ndim == 2 and line.shape[1] == 2 and len(line) > 1 for line in drawn):
         remedy = "give one polyline or more, each an array (k, 2) of s and t with two points or more"
         raise JobError(f"the pattern {pattern!r} that was added gives no lines: {remedy}", pattern=pattern)
@@ -104,9 +102,7 @@ def curve_minutes(surface: TSpline, curves: Curves, cutter: Cutter, turn_speed: 
     return float(cuts + float(np.where(near, STEP_OVER, RETRACT).sum()))
 
 
-def _candidates(
-    surface: TSpline, names: Sequence[str], cutter: Cutter, turn_speed: float
-) -> Iterator[Curves]:
+def _candidates(surface: TSpline, names: Sequence[str], cutter: Cutter, turn_speed: float) -> Iterator[Curves]:
     """Every way to lay the patterns of these names."""
     radius, scallop = cutter.envelope_radius, cutter.scallop
     for name in ISO_PARAMETRIC:
@@ -138,6 +134,4 @@ def iso_parametric_curves(
     if pattern == "published":
         return curves_of([np.column_stack([np.full(2, s), surface.domain[1]]) for s in across])
     ranges = needed_ranges(surface, across, radius, scallop)
-    return curves_of(
-        [np.column_stack([[s, s], ends]) for s, ends in zip(across, ranges) if np.isfinite(ends).all()]
-    )
+    return curves_of([np.column_stack([[s, s], ends]) for s, ends in zip(across, ranges) if np.isfinite(ends).all()])

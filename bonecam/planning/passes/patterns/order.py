@@ -36,10 +36,7 @@ def order_curves(surface: TSpline, curves: Curves, direction: str) -> Curves:
 
 
 def _in_turn(
-    group: Int[ndarray, " c"],
-    starts: Float[ndarray, "c 3"],
-    ends: Float[ndarray, "c 3"],
-    both_ways: bool,
+    group: Int[ndarray, " c"], starts: Float[ndarray, "c 3"], ends: Float[ndarray, "c 3"], both_ways: bool
 ) -> tuple[Int[ndarray, " c"], ndarray]:
     """The order of the curves, and which of them are followed from their ends to their starts."""
     is_ring = np.linalg.norm(ends - starts, axis=1) < CLOSED

@@ -67,9 +67,7 @@ def post_rings(surface: TSpline, post: Post, radius: float, away: float) -> list
     return [_line(surface, s[part], t[part], closed=False) for part in parts if len(part) > 1]
 
 
-def _edge(
-    surface: TSpline, post: Post, s: Float[ndarray, " n"], radius: float, away: float
-) -> Float[ndarray, " n"]:
+def _edge(surface: TSpline, post: Post, s: Float[ndarray, " n"], radius: float, away: float) -> Float[ndarray, " n"]:
     """Where each line s = const comes off the post first, NaN where it begins off it or never does."""
 
     def spare(t: ndarray) -> Float[ndarray, " n"]:
@@ -90,9 +88,7 @@ def _edge(
     return np.where(first > 0, far, np.nan)
 
 
-def _line(
-    surface: TSpline, s: Float[ndarray, " n"], t: Float[ndarray, " n"], *, closed: bool
-) -> LineContacts:
+def _line(surface: TSpline, s: Float[ndarray, " n"], t: Float[ndarray, " n"], *, closed: bool) -> LineContacts:
     """The contacts at these places."""
     parameters = np.column_stack([s, t])
     points, normals, _ = contact_frames(surface, parameters, ROUND)

@@ -72,12 +72,7 @@ def sample_lines(
     unchecked = np.ones(len(lines.x), dtype=bool)
     for _ in range(MAX_HALVINGS):
         lines, unchecked = _halve(
-            surface,
-            lines,
-            unchecked=unchecked,
-            radius=radius,
-            chord_tolerance=chord_tolerance,
-            max_step=max_step,
+            surface, lines, unchecked=unchecked, radius=radius, chord_tolerance=chord_tolerance, max_step=max_step
         )
         if not unchecked.any():
             break
@@ -97,9 +92,7 @@ def dense_samples(curves: Curves, moves: int) -> LineSamples:
     return LineSamples(curves, np.repeat(np.arange(len(counts)), counts + 1), np.concatenate(x))
 
 
-def _spread(
-    surface: TSpline, curves: Curves, radius: float, chord_tolerance: float, max_step: float
-) -> LineSamples:
+def _spread(surface: TSpline, curves: Curves, radius: float, chord_tolerance: float, max_step: float) -> LineSamples:
     """First samples, spread by the curvature of the densely sampled offset curves."""
     dense = dense_samples(curves, DENSE_MOVES)
     moves = np.diff(ball_centres(surface, dense, radius), axis=0)

@@ -149,10 +149,7 @@ def across_feed(
 
 
 def _lines(
-    across: Float[ndarray, " a"],
-    passes: Float[ndarray, "f a"],
-    step: float,
-    ends: tuple[LineEnd, LineEnd],
+    across: Float[ndarray, " a"], passes: Float[ndarray, "f a"], step: float, ends: tuple[LineEnd, LineEnd]
 ) -> Float[ndarray, " k"]:
     """Lines by whole steps from the first end to the last, as each end asks for."""
     first, last = ends
@@ -181,11 +178,7 @@ def _lines(
 
 
 def _next_line(
-    across: Float[ndarray, " a"],
-    passes: Float[ndarray, "f a"],
-    start: int,
-    here: Float[ndarray, " f"],
-    step: float,
+    across: Float[ndarray, " a"], passes: Float[ndarray, "f a"], start: int, here: Float[ndarray, " f"], step: float
 ) -> tuple[int, float, Float[ndarray, " f"]]:
     """The cell (from `start` on) and the parameter at which the pass count has grown by `step` since `here`
     at one place along the feed and nowhere by more, and the counts there."""

@@ -126,16 +126,12 @@ def table_bodies(table: Table) -> list[tuple[str, TriangleMesh]]:
     bodies = [("table", bar(-half / 10, 0.0, half, half))]
     height = 0.0
     for piece in table.standing:
-        bodies.append(
-            ("table", bar(height, height + piece.length, piece.diameter / 2, piece.top_diameter / 2))
-        )
+        bodies.append(("table", bar(height, height + piece.length, piece.diameter / 2, piece.top_diameter / 2)))
         height += piece.length
     return bodies
 
 
-def link_meshes(
-    machine: Machine, joints: Float[ndarray, "1 5"], tool_length: float
-) -> list[tuple[str, TriangleMesh]]:
+def link_meshes(machine: Machine, joints: Float[ndarray, "1 5"], tool_length: float) -> list[tuple[str, TriangleMesh]]:
     """The bodies of the machine's links in the part's frame at the joints (mm, rad)."""
     meshes = []
     for body, mesh in body_meshes(machine).items():
@@ -146,17 +142,13 @@ def link_meshes(
     return meshes
 
 
-def _tool(
-    cutter: Cutter, tip: Float[ndarray, "3"], axis: Float[ndarray, "3"]
-) -> list[tuple[str, TriangleMesh]]:
+def _tool(cutter: Cutter, tip: Float[ndarray, "3"], axis: Float[ndarray, "3"]) -> list[tuple[str, TriangleMesh]]:
     """The sections of a tool in a pose."""
     pose = np.eye(4)
     pose[:3, :3] = rotations_of(axis[None])[0]
     pose[:3, 3] = tip
     angle = np.linspace(0, np.pi / 2, 6)[1:]
-    ball = revolve(
-        cutter.radius * np.sin(angle), cutter.radius * (1 - np.cos(angle)), (0.0, cutter.radius), SIDES
-    )
+    ball = revolve(cutter.radius * np.sin(angle), cutter.radius * (1 - np.cos(angle)), (0.0, cutter.radius), SIDES)
     sections = [
         (section.name, bar(section.start, section.end, section.radius, section.end_radius))
         for section in (*cutter.bull_end, *cutter.profile)
@@ -181,7 +173,5 @@ def draw_bodies(plot: Plot, bodies: Sequence[tuple[str, TriangleMesh]], side: fl
     starts = np.cumsum([0, *(len(mesh.vertices) for _, mesh in bodies[:-1])])
     vertices = np.vstack([mesh.vertices for _, mesh in bodies])
     faces = np.vstack([mesh.faces + start for (_, mesh), start in zip(bodies, starts)]).astype(np.int32)
-    colours = np.repeat(
-        [to_rgb(COLOURS[name]) for name, _ in bodies], [len(mesh.faces) for _, mesh in bodies], axis=0
-    )
+    colours = np.repeat([to_rgb(COLOURS[name]) for name, _ in bodies], [len(mesh.faces) for _, mesh in bodies], axis=0)
     draw_shaded(plot, TriangleMesh(vertices, faces), side, colours)

@@ -35,9 +35,7 @@ def draw_machine_file(machine: Machine, file: str | Path) -> None:
     tool = [("shank", bar(-TOOL, 0.0, SHAFT, SHAFT))]
     height = 0.0
     for piece in machine.nose:
-        tool.append(
-            ("spindle", bar(height, height + piece.length, piece.diameter / 2, piece.top_diameter / 2))
-        )
+        tool.append(("spindle", bar(height, height + piece.length, piece.diameter / 2, piece.top_diameter / 2)))
         height += piece.length
     bodies = [*fixed, *((name, mesh.move(stand)) for name, mesh in tool)]
     figure, plots = new_figure(2)

@@ -89,8 +89,7 @@ class BSplineSurface:
         wanted = (self.s_knots.poles, self.t_knots.poles)
         if self.poles.shape != (*wanted, 3) or self.weights.shape != wanted:
             raise ValueError(
-                f"the knots need {wanted} poles and weights, not {self.poles.shape[:2]} and "
-                f"{self.weights.shape}"
+                f"the knots need {wanted} poles and weights, not {self.poles.shape[:2]} and {self.weights.shape}"
             )
 
     @property
@@ -106,9 +105,7 @@ class BSplineSurface:
     @property
     def collapsed(self) -> tuple[bool, bool]:
         """Whether the first and the last row of poles along t is one point."""
-        return bool(np.ptp(self.poles[:, 0], axis=0).max() == 0), bool(
-            np.ptp(self.poles[:, -1], axis=0).max() == 0
-        )
+        return bool(np.ptp(self.poles[:, 0], axis=0).max() == 0), bool(np.ptp(self.poles[:, -1], axis=0).max() == 0)
 
     @property
     def watertight(self) -> bool:
@@ -121,7 +118,6 @@ class BSplineSurface:
         along, j = self.t_knots.functions(t)
         share = around[:, :, None] * along[:, None, :] * self.weights[i[:, :, None], j[:, None, :]]
         points: ndarray = (
-            np.einsum("nij,nijc->nc", share, self.poles[i[:, :, None], j[:, None, :]])
-            / share.sum(axis=(1, 2))[:, None]
+            np.einsum("nij,nijc->nc", share, self.poles[i[:, :, None], j[:, None, :]]) / share.sum(axis=(1, 2))[:, None]
         )
         return points

@@ -44,9 +44,7 @@ def to_bspline(surface: TSpline) -> BSplineSurface:
     return result
 
 
-def join_elements(
-    elements: Elements, patches: Float[ndarray, "e 16 4"], closed: tuple[bool, bool]
-) -> BSplineSurface:
+def join_elements(elements: Elements, patches: Float[ndarray, "e 16 4"], closed: tuple[bool, bool]) -> BSplineSurface:
     """Bezier elements that fill a rectangle as one B-spline, closed in s, in t; with as few knots as their
     continuity allows.
 
@@ -83,8 +81,7 @@ def bezier_grid(
     if len(element) != shape[0] * shape[1] or len(np.unique(cell[0] * shape[1] + cell[1])) != len(element):
         covered = len(np.unique(cell[0] * shape[1] + cell[1]))
         raise SurfaceError(
-            f"the domain is no rectangle ({covered} of {shape[0] * shape[1]} cells): write Bezier "
-            "faces instead"
+            f"the domain is no rectangle ({covered} of {shape[0] * shape[1]} cells): write Bezier faces instead"
         )
     cuts = [_cut(breaks[k], cell[k], first[k][element], last[k][element]) for k in (0, 1)]
     grid = np.empty((*shape, 4, 4, 4))
@@ -113,9 +110,7 @@ def _scale(grid: Float[ndarray, "a b 4 4 4"]) -> Float[ndarray, "4"]:
     return np.array([*[largest[:3].max()] * 3, largest[3]])
 
 
-def _knots(
-    breaks: ndarray, grid: Float[ndarray, "a b 4 4 4"], closed: bool, scale: Float[ndarray, "4"]
-) -> Knots:
+def _knots(breaks: ndarray, grid: Float[ndarray, "a b 4 4 4"], closed: bool, scale: Float[ndarray, "4"]) -> Knots:
     """Multiplicity 1 where the grid is C2 across a line of its first index, 2 where C1, 3 where C0; 4 at open
     ends."""
     cells = len(breaks) - 1
@@ -141,9 +136,7 @@ def _multiplicity(
     """4 less the number of the narrower cell's Bezier points that continue the wider one's polynomial, at
     least 1."""
     wide, narrow, r = (
-        (left[:, ::-1], right, h_right / h_left)
-        if h_left >= h_right
-        else (right, left[:, ::-1], h_left / h_right)
+        (left[:, ::-1], right, h_right / h_left) if h_left >= h_right else (right, left[:, ::-1], h_left / h_right)
     )
     w0, w1, w2 = (wide[:, k] for k in range(3))
     continued = (w0, w0 + r * (w0 - w1), w0 + 2 * r * (w0 - w1) + r * r * (w0 - 2 * w1 + w2))
@@ -177,12 +170,10 @@ def _poles(knots: Knots, grid: ndarray) -> ndarray:
 def _prove(result: BSplineSurface, surface: TSpline) -> None:
     """SurfaceError where the two differ in the middle of a cell."""
     s, t = (
-        a.ravel()
-        for a in np.meshgrid(*[(k.values[1:] + k.values[:-1]) / 2 for k in (result.s_knots, result.t_knots)])
+        a.ravel() for a in np.meshgrid(*[(k.values[1:] + k.values[:-1]) / 2 for k in (result.s_knots, result.t_knots)])
     )
     error = np.abs(result.evaluate(s, t) - surface.positions(s, t)).max()
     if not error <= EXACT * np.abs(result.poles).max():
         raise SurfaceError(
-            f"the B-spline departs from the T-spline by {error:.1e} mm: write Bezier faces instead",
-            error=float(error),
+            f"the B-spline departs from the T-spline by {error:.1e} mm: write Bezier faces instead", error=float(error)
         )

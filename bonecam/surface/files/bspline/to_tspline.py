@@ -31,14 +31,11 @@ def from_bspline(spline: BSplineSurface) -> TSpline:
     t_knots = _unit(spline.t_knots, spline.t_knots.flat)
     if not spline.s_knots.closed:
         rows = [_unit(spline.s_knots, spline.s_knots.flat)] * spline.t_knots.poles
-        surface = TSpline(
-            OpenRowTMesh.from_rows(t_knots, rows), _by_rows(spline.poles), spline.weights.T.ravel()
-        )
+        surface = TSpline(OpenRowTMesh.from_rows(t_knots, rows), _by_rows(spline.poles), spline.weights.T.ravel())
         return _close_seam(spline, surface)
     if spline.s_knots.multiplicities.max() > 1 or spline.s_knots.poles < FEWEST:
         raise SurfaceError(
-            "the surface is closed along s with repeated knots, or fewer than four: open it or smooth "
-            "its knots first"
+            "the surface is closed along s with repeated knots, or fewer than four: open it or smooth its knots first"
         )
     knots = _unit(spline.s_knots, spline.s_knots.values[:-1])
     points, weights = (np.roll(values, -1, axis=0) for values in (spline.poles, spline.weights))
@@ -58,9 +55,7 @@ def from_bspline(spline: BSplineSurface) -> TSpline:
 
 def _close_seam(spline: BSplineSurface, surface: TSpline) -> TSpline:
     """The surface, periodic where its first and last columns meet C2."""
-    if not (
-        _near(spline.poles[[0, -1]], spline.size) and _near(spline.weights[[0, -1]], spline.weights.max())
-    ):
+    if not (_near(spline.poles[[0, -1]], spline.size) and _near(spline.weights[[0, -1]], spline.weights.max())):
         return surface
     closed = join_elements(surface.elements(), surface.patches, (True, False))
     simple = closed.s_knots.multiplicities.max() == 1 and closed.s_knots.poles >= FEWEST

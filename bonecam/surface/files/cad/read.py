@@ -37,9 +37,7 @@ def _bspline_of(face: Any, file: Path) -> BSplineSurface:
     if not isinstance(spline, lib.Geom.Geom_BSplineSurface) or max(spline.UDegree(), spline.VDegree()) > 3:
         kind = type(spline).__name__.removeprefix("Geom_")
         raise FileError(
-            f"{file}: a face lies on a {kind}, no bicubic B-spline: read the part as a mesh",
-            file=str(file),
-            kind=kind,
+            f"{file}: a face lies on a {kind}, no bicubic B-spline: read the part as a mesh", file=str(file), kind=kind
         )
     spline.IncreaseDegree(3, 3)
     loose = (not spline.IsUPeriodic() and spline.UMultiplicity(1) < 4) or (
@@ -59,8 +57,7 @@ def _bspline_of(face: Any, file: Path) -> BSplineSurface:
 def _knots_along(spline: Any, way: str) -> Knots:
     """The knots of OpenCASCADE's B-spline along "U" or "V"."""
     count, knot, multiplicity, closed = (
-        getattr(spline, name)
-        for name in (f"Nb{way}Knots", f"{way}Knot", f"{way}Multiplicity", f"Is{way}Periodic")
+        getattr(spline, name) for name in (f"Nb{way}Knots", f"{way}Knot", f"{way}Multiplicity", f"Is{way}Periodic")
     )
     numbers = range(1, count() + 1)
     return Knots(np.array([knot(i) for i in numbers]), np.array([multiplicity(i) for i in numbers]), closed())

@@ -52,9 +52,7 @@ def _geometry(spline: BSplineSurface) -> Any:
 
 def _points(poles: Float[ndarray, "a b 3"]) -> Any:
     lib = occ()
-    return _grid(
-        lib.collections.Array2_gp_Pnt, [[lib.gp.gp_Pnt(*pole) for pole in row] for row in poles.tolist()]
-    )
+    return _grid(lib.collections.Array2_gp_Pnt, [[lib.gp.gp_Pnt(*pole) for pole in row] for row in poles.tolist()])
 
 
 def _list(kind: Any, values: ndarray) -> Any:
@@ -102,8 +100,6 @@ def _bezier_shell(surface: TSpline) -> Any:
         weights = _grid(lib.collections.Array2_double, patch[..., 3].tolist())
         faces.append(_face_of(lib.Geom.Geom_BezierSurface(_points(patch[..., :3] / patch[..., 3:]), weights)))
     shape = sew(_compose("Compound", faces), max(EDGE, JOINED * size))
-    if shape.ShapeType() != lib.TopAbs.TopAbs_ShapeEnum.TopAbs_SHELL or not lib.BRep.BRep_Tool.IsClosed_s(
-        shape
-    ):
+    if shape.ShapeType() != lib.TopAbs.TopAbs_ShapeEnum.TopAbs_SHELL or not lib.BRep.BRep_Tool.IsClosed_s(shape):
         return shape
     return _solid_in(lib.TopoDS.TopoDS.Shell(shape))

@@ -60,11 +60,7 @@ def _step_text(shape: Any) -> str:
     writer.Transfer(shape, lib.STEPControl.STEPControl_StepModelType.STEPControl_AsIs)
     model = writer.Model(False)
     header = lib.APIHeaderSection.APIHeaderSection_MakeHeader(model)
-    for put, word in (
-        (header.SetName, NAME),
-        (header.SetTimeStamp, NO_DATE),
-        (header.SetOriginatingSystem, "bonecam"),
-    ):
+    for put, word in ((header.SetName, NAME), (header.SetTimeStamp, NO_DATE), (header.SetOriginatingSystem, "bonecam")):
         put(_word(word))
     for i in range(1, model.NbEntities() + 1):  # OpenCASCADE numbers the products of a process
         if isinstance(model.Entity(i), lib.StepBasic.StepBasic_Product):

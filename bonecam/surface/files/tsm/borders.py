@@ -67,8 +67,7 @@ def _mirror_across_s(mesh: TMesh, points: ndarray) -> tuple[TMesh, ndarray]:
         inner = crossings[border + step]
         if not mesh.along_t[near].all() or ((outer >= 0) != (inner >= 0)).any():
             raise SurfaceError(
-                f"a line ends beside its open border at s- or t-line {border}: let two lines run along "
-                "all of it"
+                f"a line ends beside its open border at s- or t-line {border}: let two lines run along all of it"
             )
         rows.append(np.flatnonzero(outer >= 0))
         new.append(2 * points[outer[rows[-1]]] - points[inner[rows[-1]]])
@@ -80,16 +79,8 @@ def _mirror_across_s(mesh: TMesh, points: ndarray) -> tuple[TMesh, ndarray]:
     before = mesh.s_lines[0] - np.cumsum(np.resize(low, 2))
     behind = mesh.s_lines[-1] + np.cumsum(np.resize(high, 2))
     lines = np.concatenate([before[::-1], mesh.s_lines, behind])
-    along_s, along_t = (
-        np.pad(edges, ((2, 2), (0, 0)), mode="edge") for edges in (mesh.along_s, mesh.along_t)
-    )
+    along_s, along_t = (np.pad(edges, ((2, 2), (0, 0)), mode="edge") for edges in (mesh.along_s, mesh.along_t))
     inside = np.pad(mesh.inside, ((2, 2), (0, 0)))
     return TMesh(
-        lines,
-        mesh.t_lines,
-        vertices=vertices,
-        along_s=along_s,
-        along_t=along_t,
-        inside=inside,
-        period=mesh.period,
+        lines, mesh.t_lines, vertices=vertices, along_s=along_s, along_t=along_t, inside=inside, period=mesh.period
     ), np.vstack([points, *new])

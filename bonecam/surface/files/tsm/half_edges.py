@@ -71,9 +71,7 @@ def _neighbours(mesh: TMesh, direction: int) -> ndarray:
         at = [place[0], place[1]]
         at[axis] = np.where(possible, piece, 0) % edges.shape[axis]
         walking = possible & edges[at[0], at[1]]
-        place[axis] = np.where(
-            walking, (place[axis] + sign) % count if closed else place[axis] + sign, place[axis]
-        )
+        place[axis] = np.where(walking, (place[axis] + sign) % count if closed else place[axis] + sign, place[axis])
         here = grid[place[0], place[1]]
         neighbours = np.where(walking & (here >= 0), here, neighbours)
         walking &= here < 0
@@ -89,9 +87,7 @@ def _own_point(members: ndarray, mesh: TMesh, joined: list[ndarray]) -> int:
         if len(lines) < 3:
             low, high = (members[place[:, axis] == line] for line in (lines[0], lines[-1]))
             wanted.append(
-                lines[0]
-                if _at_border(low, mesh, axis, -1) and not _at_border(high, mesh, axis, 1)
-                else lines[-1]
+                lines[0] if _at_border(low, mesh, axis, -1) and not _at_border(high, mesh, axis, 1) else lines[-1]
             )
         else:
             wanted.append(lines[1])
@@ -140,9 +136,7 @@ def next_links(graph: Graph, links: list[tuple[int, int]], ids: dict[tuple[int, 
     for v, direction in links:
         end = int(graph.neighbours[v, direction])
         turns = [
-            (end, (direction + turn) % 4)
-            for turn in (1, 0, -1)
-            if graph.neighbours[end, (direction + turn) % 4] >= 0
+            (end, (direction + turn) % 4) for turn in (1, 0, -1) if graph.neighbours[end, (direction + turn) % 4] >= 0
         ]
         if not turns:
             raise SurfaceError(

@@ -47,9 +47,7 @@ def _nodes(records: Records, chart: TMeshChart) -> tuple[ndarray, list[int]]:
                 nodes.append((v, *offset))
                 grips.append(grip)
     if len(set(grips)) < len(grips) or max(grips) >= len(records.grips):
-        grip = (
-            max(grips) if max(grips) >= len(records.grips) else next(g for g in grips if grips.count(g) > 1)
-        )
+        grip = max(grips) if max(grips) >= len(records.grips) else next(g for g in grips if grips.count(g) > 1)
         raise records.error("0g", grip, "it is missing, or belongs to two places of the T-mesh")
     order = np.argsort(grips)
     return np.array(nodes)[order], [grips[k] for k in order]
@@ -101,8 +99,7 @@ def _index_grid(records: Records, chart: TMeshChart, nodes: ndarray) -> TMesh:
     own = np.column_stack([principal[axis][chart.lines[:, axis]] for axis in (0, 1)])
     index = np.column_stack(vertices)
     edges = [
-        _edges(records, chart, nodes=nodes, index=index, axis=axis, counts=[len(k) for k in knots])
-        for axis in (0, 1)
+        _edges(records, chart, nodes=nodes, index=index, axis=axis, counts=[len(k) for k in knots]) for axis in (0, 1)
     ]
     shape = tuple(len(k) - (not length) for k, length in zip(knots, chart.period))
     inside = np.zeros(shape, dtype=bool)
@@ -158,9 +155,7 @@ def _facing(group: dict[tuple[int, int], tuple[int, int]], extreme: Callable) ->
     return {across: place for (along, across), place in group.items() if along == side}
 
 
-def _mark_face(
-    inside: ndarray, records: Records, chart: TMeshChart, own: ndarray, k: int, start: int
-) -> None:
+def _mark_face(inside: ndarray, records: Records, chart: TMeshChart, own: ndarray, k: int, start: int) -> None:
     """Mark the cells of face k; its sides are the lines of its corners' own control points."""
     corners = []
     n = start

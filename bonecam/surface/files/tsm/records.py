@@ -83,12 +83,7 @@ def _add_record(records: Records, n: int, kind: str, words: list[str]) -> None:
     if kind in HEADER_WORDS:
         records.header[kind] = words
     elif kind in ("f", "e", "v", "l"):
-        tables: dict[str, list] = {
-            "f": records.faces,
-            "e": records.edges,
-            "v": records.vertices,
-            "l": records.links,
-        }
+        tables: dict[str, list] = {"f": records.faces, "e": records.edges, "v": records.vertices, "l": records.links}
         target = tables[kind]
         records.lines[kind, len(target)] = n
         target.append(_entity(path, n, kind, words) if words else None)
@@ -125,9 +120,7 @@ def _entity(path: Path, n: int, kind: str, words: list[str]) -> tuple:
     if kind == "v":
         if len(words) != 2 or words[1] not in DIRECTIONS:
             raise FileError(
-                f"{path} line {n}: a vertex needs a link and one of {', '.join(DIRECTIONS)}",
-                file=str(path),
-                line=n,
+                f"{path} line {n}: a vertex needs a link and one of {', '.join(DIRECTIONS)}", file=str(path), line=n
             )
         return _numbers(path, n, words[:1], whole_number, 1)[0], DIRECTIONS.index(words[1])
     return tuple(_numbers(path, n, words, whole_number, 2 if kind == "f" else 7))
@@ -144,9 +137,7 @@ def _numbers(path: Path, n: int, words: list[str], kind: Callable[[str], float],
             f"{path} line {n}: expected {count} finite numbers, found {len(values)}", file=str(path), line=n
         )
     if not all(abs(value) < LARGEST for value in values):
-        raise FileError(
-            f"{path} line {n}: expected finite numbers of a size below {LARGEST:g}", file=str(path), line=n
-        )
+        raise FileError(f"{path} line {n}: expected finite numbers of a size below {LARGEST:g}", file=str(path), line=n)
     return values
 
 
@@ -154,9 +145,7 @@ def _check_references(records: Records) -> None:
     """FileError where a record names one that does not exist, or where links contradict one another."""
     if records.header.get("degree", ["3"]) != ["3"]:
         degree = " ".join(records.header["degree"])
-        raise FileError(
-            f"{records.path}: degree '{degree}': only cubic T-splines are read", file=str(records.path)
-        )
+        raise FileError(f"{records.path}: degree '{degree}': only cubic T-splines are read", file=str(records.path))
     if not any(link is not None for link in records.links):
         raise FileError(f"{records.path}: the file has no links (l records)", file=str(records.path))
     tables: dict[str, list] = {
@@ -195,18 +184,12 @@ def _check_link(records: Records, n: int, link: tuple[int, ...]) -> None:
     assert following is not None
     assert opposite is not None
     if previous[1] != n or following[0] != n:
-        raise records.error(
-            "l", n, f"previous link {link[0]} and next link {link[1]} do not point back to it"
-        )
+        raise records.error("l", n, f"previous link {link[0]} and next link {link[1]} do not point back to it")
     if opposite[2] != n or link[2] == n or opposite[5] != link[5]:
         raise records.error("l", n, f"opposite link {link[2]} does not point back to it along edge {link[5]}")
     if opposite[3] != following[3]:
         raise records.error(
-            "l",
-            n,
-            f"it ends at vertex {following[3]}, its opposite link {link[2]} starts at vertex {opposite[3]}",
+            "l", n, f"it ends at vertex {following[3]}, its opposite link {link[2]} starts at vertex {opposite[3]}"
         )
     if following[4] != link[4]:
-        raise records.error(
-            "l", n, f"it belongs to face {link[4]}, its next link {link[1]} to face {following[4]}"
-        )
+        raise records.error("l", n, f"it belongs to face {link[4]}, its next link {link[1]} to face {following[4]}")

@@ -127,9 +127,7 @@ def _check_faces(steps: dict[int, ndarray], records: Records, slack: float) -> N
     if len(wrong):
         s, t = total[wrong[0]]
         raise records.error(
-            "f",
-            int(wrong[0]),
-            f"the knot intervals round it do not add up: they miss by {s:.6g} in s and {t:.6g} in t",
+            "f", int(wrong[0]), f"the knot intervals round it do not add up: they miss by {s:.6g} in s and {t:.6g} in t"
         )
 
 
@@ -171,7 +169,5 @@ def _exact_knots(records: Records, letter: str, knots: ndarray) -> ndarray:
     intervals, where it has none. FileError where the two differ."""
     stated = np.array(records.knots.get(f"{letter}-knots", knots))
     if len(stated) != len(knots) or (np.abs(stated - stated[0] - knots) > 1e-6 * np.ptp(knots)).any():
-        raise records.error(
-            f"#{letter}-knots", 0, "its knots are not those that the edges' intervals add up to"
-        )
+        raise records.error(f"#{letter}-knots", 0, "its knots are not those that the edges' intervals add up to")
     return stated

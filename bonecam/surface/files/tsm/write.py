@@ -120,16 +120,12 @@ def _is_face(mesh: TMesh, graph: Graph, link: tuple[int, int]) -> bool:
 def _grips(graph: Graph) -> list[str]:
     """The records 0m: which control point belongs to which vertex, and where."""
     own = set(graph.own)
-    records = ["0m odd-grip-map"] + [
-        f"0m {'gvp' if n in own else 'gv'} {v}" for n, v in enumerate(graph.vertex_of)
-    ]
+    records = ["0m odd-grip-map"] + [f"0m {'gvp' if n in own else 'gv'} {v}" for n, v in enumerate(graph.vertex_of)]
     for v in range(len(graph.own)):
         members = np.flatnonzero(graph.vertex_of == v)
         if len(members) > 1:
             member_at = {tuple(graph.offsets[n].tolist()): int(n) for n in members}
-            sides = [
-                any(o[axis] == sign for o in member_at) for axis, sign in ((1, 1), (0, -1), (1, -1), (0, 1))
-            ]
+            sides = [any(o[axis] == sign for o in member_at) for axis, sign in ((1, 1), (0, -1), (1, -1), (0, 1))]
             wanted = [
                 a
                 for k, a in enumerate(AROUND)

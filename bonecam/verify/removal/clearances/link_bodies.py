@@ -20,13 +20,7 @@ from bonecam.machine.machine import Machine
 from bonecam.mesh.triangle_mesh import side_by_side
 from bonecam.nc.reading.motions import Motions
 from bonecam.planning.collision.link_bodies import Solid, carried_links, link_solids
-from bonecam.planning.collision.tool_mesh import (
-    block_mesh,
-    column_mesh,
-    cutter_mesh,
-    section_mesh,
-    table_mesh,
-)
+from bonecam.planning.collision.tool_mesh import block_mesh, column_mesh, cutter_mesh, section_mesh, table_mesh
 from bonecam.tool.cutter import Cutter
 from bonecam.verify.removal.result import Clearance, Spot
 from bonecam.workholding.clamping import Clamping
@@ -95,11 +89,7 @@ class _Pair:
 
 
 def body_clearance(
-    motions: Motions,
-    machine: Machine,
-    cutters: Sequence[Cutter],
-    clamping: Clamping,
-    bounds: Float[ndarray, "2 3"],
+    motions: Motions, machine: Machine, cutters: Sequence[Cutter], clamping: Clamping, bounds: Float[ndarray, "2 3"]
 ) -> Clearance | None:
     """How near the bodies of a machine come to the tool, to one another, to table and chuck and to the box round the
     stock (`bounds`, mm), to NEAR or SHARE: the least of all pairs that move against each other; None where it
@@ -142,9 +132,7 @@ def _clearance(
         name = min(parts)[1]
     x, y, z = (float(value) for value in pair.way.control.poses(words[None])[0][0])
     line = int(motions.lines[move])
-    return Clearance(
-        name, Spot(distance, line, (x, y, z)), line if distance < NEAR else 0, other=pair.other.name
-    )
+    return Clearance(name, Spot(distance, line, (x, y, z)), line if distance < NEAR else 0, other=pair.other.name)
 
 
 def _way_of(motions: Motions, rows: Int[ndarray, " n"], control: Control) -> _Way:
@@ -159,9 +147,7 @@ def _way_of(motions: Motions, rows: Int[ndarray, " n"], control: Control) -> _Wa
     return _Way(control, words, rows[owner], joined[owner] | (place > 0))
 
 
-def _pairs(
-    way: _Way, cutter: Cutter, solids: dict[str, list[Solid]], fixed: Sequence[Solid]
-) -> Iterator[_Pair]:
+def _pairs(way: _Way, cutter: Cutter, solids: dict[str, list[Solid]], fixed: Sequence[Solid]) -> Iterator[_Pair]:
     """The pairs of solids on links that move against each other, or may: bodies beside the part against what is on the
     tool's side, and bodies there against what stands on the table."""
     heads = carried_links(way.control.machine)

@@ -29,9 +29,7 @@ DEEPEST = -1e4
 """Columns without end go down to here, mm."""
 
 
-def table_clearance(
-    pieces: Pieces, cutter: Cutter, clamping: Clamping, within: float
-) -> tuple[float, int, str, int]:
+def table_clearance(pieces: Pieces, cutter: Cutter, clamping: Clamping, within: float) -> tuple[float, int, str, int]:
     """The least distance (mm) of the tool from its clamping, its move and the part of the tool (-1 and none where it
     is more than `within`); and the first move in which they meet, -1 for none."""
     sections, _ = sections_of(cutter)
@@ -49,12 +47,7 @@ def table_clearance(
             within=within,
         )
         move = int(part.moves[where]) if where >= 0 else -1
-        return (
-            least,
-            move,
-            names[section] if where >= 0 else "",
-            int(part.moves[touched]) if touched >= 0 else -1,
-        )
+        return (least, move, names[section] if where >= 0 else "", int(part.moves[touched]) if touched >= 0 else -1)
 
     clearances = in_pieces(measure, len(pieces.starts), AT_ONCE)
     least, move, name, _ = min(clearances, key=lambda one: one[0])

@@ -47,22 +47,16 @@ def test_its_matrices_are_those_of_a_convex_energy(
     assert eigenvalues[0] >= -1e-12 * eigenvalues[-1]
 
 
-def test_the_gradient_is_the_slope_of_the_energy_written_out(
-    first_program: Callable[[], LevelProgram],
-) -> None:
+def test_the_gradient_is_the_slope_of_the_energy_written_out(first_program: Callable[[], LevelProgram]) -> None:
     one, step = first_program(), 1e-3
     D = RNG.normal(size=one.net.linear.shape)
 
     def energy(length: float) -> float:
         moves = length * D
-        net = np.einsum("ij,ij->", moves, one.net.matrix @ moves) + 2 * np.einsum(
-            "ij,ij->", one.net.linear, moves
-        )
+        net = np.einsum("ij,ij->", moves, one.net.matrix @ moves) + 2 * np.einsum("ij,ij->", one.net.linear, moves)
         return float(one.weights @ ((one.x + one.R @ moves - one.H) ** 2).sum(1) + net)
 
-    assert np.einsum("ij,ij->", one.gradient, D) == pytest.approx(
-        (energy(step) - energy(-step)) / (4 * step), rel=1e-6
-    )
+    assert np.einsum("ij,ij->", one.gradient, D) == pytest.approx((energy(step) - energy(-step)) / (4 * step), rel=1e-6)
     assert one.energy(D) == pytest.approx(energy(1.0))
 
 
@@ -82,10 +76,7 @@ def test_what_is_near_the_wall_is_not_drawn_along_it(
 ) -> None:
     middle = capsule.start + (capsule.end - capsule.start) / 2
     net = middle + 1.09 * (given.before.control_points - middle)
-    near, samples = (
-        replace(given, before=discretisation.surface.with_control_points(net)),
-        discretisation.samples,
-    )
+    near, samples = (replace(given, before=discretisation.surface.with_control_points(net)), discretisation.samples)
     x = samples.R @ net
     gap, outward = -capsule.signed_distance(x), capsule.normals(x)
     assert gap.min() < 0.5 * half_millimetre.depth < 0.5 < gap.max()
@@ -104,11 +95,7 @@ def test_bending_alone_takes_no_sample_farther_than_some_depths(
     def with_bending(bending: float) -> tuple[LevelProgram, float]:
         """And how far bending alone takes samples."""
         found = program_of(
-            one.discretisation,
-            one.before.control_points,
-            one.rest,
-            one.cut,
-            replace(one.parameters, bending=bending),
+            one.discretisation, one.before.control_points, one.rest, one.cut, replace(one.parameters, bending=bending)
         )
         moves = np.linalg.solve(found.matrix.toarray(), -found.net.linear)
         return found, float(np.linalg.norm(found.R @ moves, axis=1).max())

@@ -29,12 +29,10 @@ def test_a_slab_leaves_room_and_the_tightest_counts(half_millimetre: Cut, slab) 
 
 
 @pytest.mark.parametrize("wall", WALLS, ids=lambda wall: wall.__name__)
-def test_a_wall_holds_what_it_may_and_its_plane_is_its_slope(
-    capsule: Capsule, half_millimetre: Cut, wall
-) -> None:  # type: ignore[no-untyped-def]
-    y = capsule.closest_points(
-        capsule.middle + RNG.normal(size=(len(GAP), 3)) * [1, 1, 5]
-    ) + 0.1 * RNG.normal(size=(len(GAP), 3))
+def test_a_wall_holds_what_it_may_and_its_plane_is_its_slope(capsule: Capsule, half_millimetre: Cut, wall) -> None:  # type: ignore[no-untyped-def]
+    y = capsule.closest_points(capsule.middle + RNG.normal(size=(len(GAP), 3)) * [1, 1, 5]) + 0.1 * RNG.normal(
+        size=(len(GAP), 3)
+    )
     m, h = wall(half_millimetre, GAP, capsule, y)
     assert np.allclose(np.linalg.norm(m, axis=1), 1)
     outside = (m * y).sum(1) - h

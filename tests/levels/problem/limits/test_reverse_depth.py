@@ -14,9 +14,7 @@ from bonecam.setup.capsule import Capsule
 from bonecam.surface.tspline import TSpline
 
 
-def test_what_a_filled_groove_leaves_behind_is_found_at_its_distance(
-    grooved: Callable[[float], TSpline],
-) -> None:
+def test_what_a_filled_groove_leaves_behind_is_found_at_its_distance(grooved: Callable[[float], TSpline]) -> None:
     part, filled = grooved(0.4), grooved(1.0)
     rng = np.random.default_rng(1)
     s, t = rng.random(3000), rng.uniform(0.1, 0.9, 3000)

@@ -28,9 +28,7 @@ def test_the_thin_plate_of_a_parabola_is_half_its_laplacian_squared_times_the_ar
 
 def test_both_weights_and_all_components_add_up() -> None:
     axes = np.random.default_rng(1).normal(size=(len(GRID), 3))
-    parts = [
-        ENERGY.of_values(axes[:, [k]], *weights) for k in range(3) for weights in ((0.3, 0.0), (0.0, 0.7))
-    ]
+    parts = [ENERGY.of_values(axes[:, [k]], *weights) for k in range(3) for weights in ((0.3, 0.0), (0.0, 0.7))]
     assert ENERGY.of_values(axes, 0.3, 0.7) == pytest.approx(sum(parts))
     assert ENERGY.of_values(axes, 0.0, 0.0) == 0
 

@@ -51,18 +51,13 @@ ODD_BUT_SOUND = {
     "pairs.ply": ply(rows("<Biii") + struct.pack("<Bii", 2, 0, 1), count=5),
     "solid.stl": b"solid facet".ljust(80)
     + struct.pack("<I", 4)
-    + b"".join(
-        bytes(12) + np.array([CORNERS[k] for k in face], "<f4").tobytes() + bytes(2) for face in FACES
-    ),
+    + b"".join(bytes(12) + np.array([CORNERS[k] for k in face], "<f4").tobytes() + bytes(2) for face in FACES),
 }
 DAMAGED = {
     "billion.ply": (ply(rows("<Biii", ((0, 2, 1), (0, 1, 3), (1, 2, 10**9), (0, 3, 2)))), "names a vertex"),
     "lists.ply": (ply(b"\xff" + rows("<Biii")), "early end-of-file"),
     "minus.ply": (ply(struct.pack("<bi", -3, 0) + rows("<Biii"), "char int"), "early end-of-file"),
-    "none.ply": (
-        ply(b"").replace(b"4\nproperty list uchar int vertex_indices", b"99999999999"),
-        "more elements",
-    ),
+    "none.ply": (ply(b"").replace(b"4\nproperty list uchar int vertex_indices", b"99999999999"), "more elements"),
     "types.ply": (ply(rows("<Biii"), "uchar quaternion"), "is no readable PLY file"),
     "signal.ply": (
         ply(rows("<Biii")).replace(b"end_header\n\0\0\0\0", b"end_header\n\x01\x00\x80\x7f", 1),
@@ -102,9 +97,7 @@ def test_polygons_that_are_not_convex_keep_their_area(ending: str, start: int, t
     points = "".join("{} {} {}\n".format(*corner) for corner in outline)
     polygon = [(k + start) % 6 for k in range(6)]
     indices = " ".join(map(str, polygon))
-    header = (
-        "ply\nformat ascii 1.0\nelement vertex 6\nproperty double x\nproperty double y\nproperty double z\n"
-    )
+    header = "ply\nformat ascii 1.0\nelement vertex 6\nproperty double x\nproperty double y\nproperty double z\n"
     header += "element face 1\nproperty list uchar int vertex_index\nend_header\n"
     corners = "v ".join(["", *points.splitlines(keepends=True)])
     text = {

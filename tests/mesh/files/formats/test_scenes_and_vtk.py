@@ -30,9 +30,7 @@ def legacy_text() -> bytes:
 
 def legacy_binary() -> bytes:
     rows = np.array([[4, *side] for side in SIDES]).astype(">i4").tobytes()
-    return (
-        HEAD.format("4.2", "BINARY").encode() + POINTS.astype(">f8").tobytes() + b"\nPOLYGONS 6 30\n" + rows
-    )
+    return HEAD.format("4.2", "BINARY").encode() + POINTS.astype(">f8").tobytes() + b"\nPOLYGONS 6 30\n" + rows
 
 
 def with_offsets(binary: bool) -> bytes:
@@ -58,9 +56,7 @@ def vtp(packed: bool) -> bytes:
         data = values.tobytes()
         if packed:
             squeezed = zlib.compress(data)
-            text = base64.b64encode(struct.pack("<4I", 1, len(data), 0, len(squeezed))) + base64.b64encode(
-                squeezed
-            )
+            text = base64.b64encode(struct.pack("<4I", 1, len(data), 0, len(squeezed))) + base64.b64encode(squeezed)
         else:
             text = " ".join(map(str, values.ravel().tolist())).encode()
         form = "binary" if packed else "ascii"
@@ -89,9 +85,7 @@ KINDS: dict[str, Callable[[], bytes]] = {
 
 
 def box() -> TriangleMesh:
-    return TriangleMesh(
-        POINTS, np.array([[s[0], s[k], s[k + 1]] for s in SIDES for k in (1, 2)], dtype=np.int32)
-    )
+    return TriangleMesh(POINTS, np.array([[s[0], s[k], s[k + 1]] for s in SIDES for k in (1, 2)], dtype=np.int32))
 
 
 @pytest.mark.parametrize("name", KINDS)
@@ -119,11 +113,7 @@ def test_a_scene_is_one_solid_where_the_scene_has_it(ending: str, tmp_path: Path
     ("name", "data", "told"),
     [
         ("a.vtk", b"solid", "is no VTK file"),
-        (
-            "a.vtk",
-            b"# vtk DataFile Version 3.0\nx\nASCII\nDATASET STRUCTURED_POINTS\n",
-            "holds no surface but STRUCT",
-        ),
+        ("a.vtk", b"# vtk DataFile Version 3.0\nx\nASCII\nDATASET STRUCTURED_POINTS\n", "holds no surface but STRUCT"),
         ("a.vtk", legacy_text()[:150], "is cut short|a word where a number"),
         ("a.vtk", legacy_binary()[:150], "is cut short"),
         ("a.vtk", legacy_binary()[:-40], "is cut short"),

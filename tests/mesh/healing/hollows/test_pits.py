@@ -31,9 +31,7 @@ def bone(ellipsoid: Callable[..., TriangleMesh]) -> TriangleMesh:
 
 
 @pytest.fixture(scope="module")
-def pitted(
-    solid: Callable[..., TriangleMesh], ellipsoid: Callable[..., TriangleMesh]
-) -> Callable[..., TriangleMesh]:
+def pitted(solid: Callable[..., TriangleMesh], ellipsoid: Callable[..., TriangleMesh]) -> Callable[..., TriangleMesh]:
     """Makes an ellipsoid with a pit in its side at SIDE, about `width` mm wide and `depth` mm deep."""
     fine = ellipsoid(4, 3, 4, rings=60, columns=120)
 
@@ -138,9 +136,7 @@ def test_a_fill_ends_where_balls_outside_the_part_lie(pitted: Callable[[float, f
     assert len(added) > 20
     step = 0.02
     across = np.arange(-0.8, 0.8, step)
-    grid = np.stack(np.meshgrid(np.arange(4.5, 5.3, step), across, across, indexing="ij"), axis=-1).reshape(
-        -1, 3
-    )
+    grid = np.stack(np.meshgrid(np.arange(4.5, 5.3, step), across, across, indexing="ij"), axis=-1).reshape(-1, 3)
     centres = grid[signed_distances(mesh, grid) >= 1.0]
     nearest = np.linalg.norm(added[:, None] - centres[None], axis=2).min(axis=1)
     assert nearest.min() > 1.0 - 1e-4
@@ -189,9 +185,7 @@ def test_an_undercut_pore_is_closed_over_at_its_mouth_as_deep_as_the_ball_goes(p
     assert np.abs(found - deepest).max() < SHALLOW + CHORD
 
 
-def test_a_capped_pore_takes_nothing_off_the_part_and_is_told_with_its_depth_and_volume(
-    pored: TriangleMesh,
-) -> None:
+def test_a_capped_pore_takes_nothing_off_the_part_and_is_told_with_its_depth_and_volume(pored: TriangleMesh) -> None:
     mesh = pored
     fill = fill_pits(mesh, RADIUS)
     assert signed_distances(mesh, probes_of(fill.mesh)).min() > -1e-6
@@ -208,9 +202,7 @@ def test_a_smaller_ball_goes_in(pitted: Callable[[float, float], TriangleMesh]) 
     assert fill_pits(mesh, 1.5).repairs
 
 
-def test_pits_are_filled_up_to_the_smallest_ball_of_the_job(
-    pitted: Callable[[float, float], TriangleMesh],
-) -> None:
+def test_pits_are_filled_up_to_the_smallest_ball_of_the_job(pitted: Callable[[float, float], TriangleMesh]) -> None:
     mesh = pitted(1.6, 0.6)
     job = Job()
     assert job.smallest_ball == job.finishing.radius

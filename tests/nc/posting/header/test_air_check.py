@@ -40,10 +40,7 @@ class Seen:
     def turn(self, letter: str, points: np.ndarray, angles_deg: dict[str, float]) -> np.ndarray:
         axis = self.file[letter]
         angle = np.radians(angles_deg.get(letter, 0.0)) * axis["sign"]
-        return (
-            Rotation.from_rotvec(angle * np.array(axis["direction"])).apply(points - axis["pivot"])
-            + axis["pivot"]
-        )
+        return Rotation.from_rotvec(angle * np.array(axis["direction"])).apply(points - axis["pivot"]) + axis["pivot"]
 
     def of_table(self, points: np.ndarray, angles_deg: dict[str, float]) -> np.ndarray:
         """Places of the part's points in the machine."""
@@ -144,9 +141,7 @@ def test_the_check_of_the_mikron_and_of_its_wrong_b(tmp_path: Path) -> None:
     ]
 
 
-def test_a_head_is_watched_at_its_tip_and_its_turn_by_the_tilt(
-    chains: dict[str, str], tmp_path: Path
-) -> None:
+def test_a_head_is_watched_at_its_tip_and_its_turn_by_the_tilt(chains: dict[str, str], tmp_path: Path) -> None:
     assert texts_of(chains["head-head"], tmp_path)[4:] == [
         "A to +30: the tip of the tool must swing to Y+",
         "A to +30: the tool, from tip to spindle, leans to Y- of the table",
@@ -166,9 +161,7 @@ def test_turns_stay_within_limits_and_begin_at_them(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("kind", ["linuxcnc-xyzbc", *KINDS])
-def test_words_of_the_place_check_keep_the_tip_on_it(
-    kind: str, chains: dict[str, str], tmp_path: Path
-) -> None:
+def test_words_of_the_place_check_keep_the_tip_on_it(kind: str, chains: dict[str, str], tmp_path: Path) -> None:
     text = {**SHIPPED, **chains}[kind]
     path = tmp_path / "machine.toml"
     path.write_text(text)
@@ -195,12 +188,8 @@ def test_poses_beyond_a_limit_are_left_out(chains: dict[str, str], tmp_path: Pat
     assert [re.search(r"B\S+", line)[0] for line in told[1:]] == ["B0.00000", "B0.00000"]  # type: ignore[index]
 
 
-@pytest.mark.parametrize(
-    "name", ["heidenhain", "siemens-840d", "fanuc-30i", "makino", "mitsubishi", "linuxcnc"]
-)
-def test_every_dialect_tells_the_check_and_which_way_it_goes(
-    name: str, paths, upright_capsule: Capsule
-) -> None:
+@pytest.mark.parametrize("name", ["heidenhain", "siemens-840d", "fanuc-30i", "makino", "mitsubishi", "linuxcnc"])
+def test_every_dialect_tells_the_check_and_which_way_it_goes(name: str, paths, upright_capsule: Capsule) -> None:
     machine, dialect = read_machine("mikron-ucp600"), read_dialect(name)
     text = write_program(paths, machine, dialect, Job(), stock=upright_capsule).text
     plus = "X+" if "+" in dialect.comment_characters else "X PLUS"
@@ -226,11 +215,7 @@ def test_the_page_leans_the_tool_as_the_check_tells(name: str, paths) -> None:
     checked = 0
     for line, axis in zip(arrays["move_line"], arrays["move_axis"], strict=True):
         words = dict(re.findall(r"([BC])([+-]?[\d.]+)", lines[int(line) - 1]))
-        if (
-            set(words) == {"B", "C"}
-            and np.cos(np.radians(float(words["C"]))) > 0.9
-            and abs(float(words["B"])) > 1
-        ):
+        if set(words) == {"B", "C"} and np.cos(np.radians(float(words["C"]))) > 0.9 and abs(float(words["B"])) > 1:
             assert np.sign(axis[0]) == np.sign(float(words["B"])) * float(f"{told[1]}1")
             checked += 1
     assert checked

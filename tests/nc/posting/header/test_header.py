@@ -83,9 +83,7 @@ def test_a_chuck_and_a_conical_holder_are_told(paths, upright_capsule: Capsule) 
         holding={"chuck_diameter": 30.0, "chuck_height": 12.0}, roughing={"holder": "35 10 17, 20 40"}
     )
     cutter = Cutter.from_job(1, "roughing", job.tool("roughing"), MIKRON.nose)
-    told = write_program(
-        [replace(paths[0], cutter=cutter)], MIKRON, HEIDENHAIN, job, stock=upright_capsule
-    ).text
+    told = write_program([replace(paths[0], cutter=cutter)], MIKRON, HEIDENHAIN, job, stock=upright_capsule).text
     assert "A CHUCK OR COLLET OF AT MOST DIAMETER 30.00 MM ROUND THE POST, UP TO Z 12.00" in told
     assert "Z 0 ON THE TABLE UNDER THE CHUCK" in told
     assert "TOOL 1: HOLDER TO 55.00 DIAMETER 10.00 TO 17.00, HOLDER TO 75.00 DIAMETER 40.00\n" in told
@@ -146,9 +144,7 @@ def test_after_a_tool_call_x_and_y_come_first_and_the_way_down_is_along_the_tool
     starts = np.flatnonzero(~motions.known_start)
     assert len(starts) == 2
     # the table's edge, 140 mm from the pivot, may stand upright beside the part
-    assert (
-        inverse_linear(MIKRON, motions.tips[starts], motions.words[starts, 3:])[:, 2] >= 150.0 - 0.002
-    ).all()
+    assert (inverse_linear(MIKRON, motions.tips[starts], motions.words[starts, 3:])[:, 2] >= 150.0 - 0.002).all()
     for row in starts:
         down = motions.tips[row] - motions.tips[row + 1]
         assert down @ motions.axes[row] == pytest.approx(np.linalg.norm(down), abs=2e-3)
@@ -254,9 +250,7 @@ def test_where_rapids_may_be_bent_they_are_feeds_beside_the_part(paths, name: st
     kinds = np.concatenate([path.kinds for path in paths])
     reached = checked.source >= 0
     begins = (
-        ~motions.known_start
-        | np.r_[False, ~motions.known_start[:-1]]
-        | np.r_[[False] * 2, ~motions.known_start[:-2]]
+        ~motions.known_start | np.r_[False, ~motions.known_start[:-1]] | np.r_[[False] * 2, ~motions.known_start[:-2]]
     )
     assert (kinds[checked.source[reached & ~begins]] == MoveKind.RAPID).any()
     assert not motions.rapid[reached & ~begins].any()

@@ -15,9 +15,7 @@ HOLD = np.radians(0.0005)
 
 def test_the_chosen_angles_point_the_axis_and_stay_within_limits(pointing, cuts):
     rng = np.random.default_rng(3)
-    axes = pointing(
-        60 + 40 * np.sin(np.linspace(0, 9, 800)), np.linspace(0, 2000, 800) + rng.normal(0, 0.1, 800)
-    )
+    axes = pointing(60 + 40 * np.sin(np.linspace(0, 9, 800)), np.linspace(0, 2000, 800) + rng.normal(0, 0.1, 800))
     choice = choose_angles(MIKRON, axes, cuts(800), HOLD)
     assert np.abs(tool_axes(MIKRON, choice.angles) - axes).max() < 1e-9
     assert choice.angles[:, 0].min() >= np.radians(-115)
@@ -41,11 +39,7 @@ def test_through_the_singular_axis_the_tilt_changes_sign_and_the_table_rests(poi
 
 def test_the_table_is_held_where_the_axis_is_upright(pointing, cuts):
     axes = np.vstack(
-        [
-            pointing(np.linspace(10, 1, 10), 50.0),
-            np.tile([0, 0, 1.0], (20, 1)),
-            pointing(np.linspace(1, 10, 10), 50.0),
-        ]
+        [pointing(np.linspace(10, 1, 10), 50.0), np.tile([0, 0, 1.0], (20, 1)), pointing(np.linspace(1, 10, 10), 50.0)]
     )
     choice = choose_angles(MIKRON, axes, cuts(40), HOLD)
     assert np.degrees(np.ptp(choice.angles[:, 1])) < 1e-6
@@ -59,15 +53,11 @@ def test_noise_within_the_hold_cone_does_not_turn_the_table(cuts):
     axes /= np.linalg.norm(axes, axis=1, keepdims=True)
     choice = choose_angles(MIKRON, axes, cuts(200), HOLD)
     assert np.ptp(choice.angles[:, 1]) == 0
-    assert (
-        np.degrees(np.arccos(np.clip((tool_axes(MIKRON, choice.angles) * axes).sum(1), -1, 1))).max() < 0.0006
-    )
+    assert np.degrees(np.arccos(np.clip((tool_axes(MIKRON, choice.angles) * axes).sum(1), -1, 1))).max() < 0.0006
 
 
 def test_beyond_the_tilt_limit_the_error_names_axis_value_and_limit(pointing, cuts):
-    with pytest.raises(
-        MachineError, match=r"point 3: B -?1[12]\d\.\d+ deg leaves the limit -115.000 deg"
-    ) as caught:
+    with pytest.raises(MachineError, match=r"point 3: B -?1[12]\d\.\d+ deg leaves the limit -115.000 deg") as caught:
         choose_angles(MIKRON, pointing([50.0, 90.0, 114.0, 120.0], 10.0), cuts(4), HOLD)
     assert caught.value.evidence["row"] == 3
     assert caught.value.evidence["limit_deg"] == pytest.approx(-115)
@@ -99,14 +89,7 @@ def test_a_limited_table_is_never_rewound_in_the_cut(limited, pointing, cuts):
 @pytest.mark.parametrize("endless", [False, True])
 @pytest.mark.parametrize(
     ("low", "high", "turns", "rewinds"),
-    [
-        (-360, 360, 1.9, 0),
-        (-360, 360, 3, 1),
-        (-1000, 1000, 5, 0),
-        (0, 360, 0.9, 0),
-        (-185, 185, 3, 2),
-        (90, 810, 3, 1),
-    ],
+    [(-360, 360, 1.9, 0), (-360, 360, 3, 1), (-1000, 1000, 5, 0), (0, 360, 0.9, 0), (-185, 185, 3, 2), (90, 810, 3, 1)],
 )
 def test_a_winding_path_is_rewound_as_seldom_as_its_limits_allow(
     winding, low, high, turns, rewinds, endless, pointing, cuts
@@ -137,9 +120,7 @@ def test_a_path_begins_in_the_turn_next_to_where_the_machine_comes_from(winding,
     machine = winding(-450, 450, True)
     before = np.array([0.0, np.radians(400.0)])
     axes = tool_axes(machine, np.radians(np.column_stack([np.full(5, -60.0), np.linspace(40, 60, 5)])))
-    assert np.degrees(choose_angles(machine, axes, cuts(5), HOLD, before).angles[0, 1]) == pytest.approx(
-        400.0
-    )
+    assert np.degrees(choose_angles(machine, axes, cuts(5), HOLD, before).angles[0, 1]) == pytest.approx(400.0)
     assert np.degrees(choose_angles(machine, axes, cuts(5), HOLD).angles[0, 1]) == pytest.approx(40.0)
 
 
@@ -154,16 +135,11 @@ def test_where_no_turn_fits_the_path_is_lifted_from_a_link_rather_than_from_a_cu
     lifted = choose_angles(machine, axes, kinds, HOLD, liftable=np.arange(51) == 37)
     assert np.flatnonzero(lifted.rewinds).tolist() == [37]
     kinds[[35, 38]] = MoveKind.RAPID
-    assert np.flatnonzero(choose_angles(machine, axes, kinds, HOLD, liftable=everywhere).rewinds)[0] in (
-        35,
-        38,
-    )
+    assert np.flatnonzero(choose_angles(machine, axes, kinds, HOLD, liftable=everywhere).rewinds)[0] in (35, 38)
 
 
 def test_a_rewind_is_done_where_rapids_lead_to_and_from_it(winding, pointing, cuts):
-    choice = choose_angles(
-        winding(-200, 200), pointing(60.0, np.linspace(0, 700, 71)), cuts(71, 34, 35, 36, 37), HOLD
-    )
+    choice = choose_angles(winding(-200, 200), pointing(60.0, np.linspace(0, 700, 71)), cuts(71, 34, 35, 36, 37), HOLD)
     assert np.flatnonzero(choice.rewinds).tolist()[0] in (35, 36)
 
 
@@ -196,10 +172,7 @@ def test_no_other_sequence_has_fewer_rewinds_or_as_many_and_less_travel(winding,
     low, high = [(-360, 360), (0, 360), (-185, 185), (-100, 300)][seed % 4]
     machine = winding(low, high, endless=seed % 3 == 1, tilts=(-100, 100))
     azimuths = rng.uniform(0, 360) + np.cumsum(rng.uniform(25, 55, 7) * rng.choice([-1, 1]))
-    axes, kinds = (
-        pointing(rng.uniform(55, 65, 7), azimuths),
-        cuts(7, *rng.choice(np.arange(1, 7), 3, replace=False)),
-    )
+    axes, kinds = (pointing(rng.uniform(55, 65, 7), azimuths), cuts(7, *rng.choice(np.arange(1, 7), 3, replace=False)))
     rewinds, _, travel = least_by_trial(machine, axes, kinds, low, high)
     if not np.isfinite(rewinds):
         with pytest.raises(MachineError, match="reach their limits within a cut"):
@@ -211,9 +184,7 @@ def test_no_other_sequence_has_fewer_rewinds_or_as_many_and_less_travel(winding,
 
 
 @pytest.mark.parametrize("kind", ["table-table", "head-table", "head-head", "nutating"])
-def test_every_chain_follows_a_gentle_path_without_a_flip(
-    write_machine, chains, kind, tmp_path, pointing, cuts
-):
+def test_every_chain_follows_a_gentle_path_without_a_flip(write_machine, chains, kind, tmp_path, pointing, cuts):
     machine = read_machine(write_machine(tmp_path, chains[kind]))
     axes = pointing(40 + 10 * np.sin(np.linspace(0, 6, 200)), np.linspace(-60, 60, 200))
     choice = choose_angles(machine, axes, cuts(200), HOLD)
@@ -221,8 +192,6 @@ def test_every_chain_follows_a_gentle_path_without_a_flip(
     assert np.degrees(np.abs(np.diff(choice.angles, axis=0)).max()) < 5
 
 
-def test_beyond_the_tilt_the_error_names_the_axis_that_cannot_reach_not_the_one_that_turns(
-    winding, pointing, cuts
-):
+def test_beyond_the_tilt_the_error_names_the_axis_that_cannot_reach_not_the_one_that_turns(winding, pointing, cuts):
     with pytest.raises(MachineError, match=r"point 1: B -110.000 deg leaves the limit -100.000 deg"):
         choose_angles(winding(0, 360), pointing([50.0, 110.0], 234.0), cuts(2), HOLD)

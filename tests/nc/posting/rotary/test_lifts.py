@@ -23,11 +23,7 @@ def lifted(axes, kinds, places, turned):
                 there = [axis[None]] * 3 if inside else [axes[row - 1 : row]] * 2
                 rows += there + [axes[row : row + 1]] * (not inside)
                 moves.append(
-                    np.array(
-                        [int(MoveKind.CUT), *[int(MoveKind.RAPID)] * 2]
-                        if inside
-                        else [int(MoveKind.RAPID)] * 3
-                    )
+                    np.array([int(MoveKind.CUT), *[int(MoveKind.RAPID)] * 2] if inside else [int(MoveKind.RAPID)] * 3)
                 )
         rows.append(axes[row : row + 1])
         moves.append(kinds[row : row + 1])
@@ -45,9 +41,7 @@ def lifted(axes, kinds, places, turned):
         (-90, 270, 0.9, 0),
     ],
 )
-def test_a_path_of_cuts_is_lifted_as_seldom_as_its_limits_allow(
-    winding, pointing, cuts, low, high, turns, lifts
-):
+def test_a_path_of_cuts_is_lifted_as_seldom_as_its_limits_allow(winding, pointing, cuts, low, high, turns, lifts):
     machine = winding(low, high)
     begin = tool_axes(machine, np.radians([[-60.0, low + 1.0]]))[0]
     azimuth = np.degrees(np.arctan2(begin[1], begin[0])) + np.linspace(0, 360 * turns, 141)
@@ -87,9 +81,7 @@ def test_links_are_lifted_first_and_places_that_cannot_be_left_never(winding, po
     assert places.tolist() == [71.0]
     (other,), _ = lift_places(machine, axes, kinds, np.array([71.0]))
     assert other != 71.0
-    with pytest.raises(
-        MachineError, match=r"point \d+: the rotary axes of test reach their limits"
-    ) as caught:
+    with pytest.raises(MachineError, match=r"point \d+: the rotary axes of test reach their limits") as caught:
         block_all(machine, axes, kinds, np.r_[np.arange(101.0), other])
     assert 0 <= caught.value.evidence["row"] < 101
 

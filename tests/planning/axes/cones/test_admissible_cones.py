@@ -38,9 +38,7 @@ def axes_in(cones: AxisCones, contacts: np.ndarray, scale: float = 1.0, rim: boo
     return shapes.scaled(scale * share).rims(RANDOM.uniform(0, 2 * np.pi, len(shapes)))
 
 
-def test_no_axis_inside_a_cone_collides(
-    made: Made, cones: AxisCones, deepest_entry: Callable[..., np.ndarray]
-) -> None:
+def test_no_axis_inside_a_cone_collides(made: Made, cones: AxisCones, deepest_entry: Callable[..., np.ndarray]) -> None:
     path, scene = made
     contacts = RANDOM.choice(np.flatnonzero(cones.found), 500)
     for rim in (False, True):
@@ -49,9 +47,7 @@ def test_no_axis_inside_a_cone_collides(
         assert deepest_entry(scene, path.cutter, path.centres[chosen], axes).max() < 0.011
 
 
-def test_widened_cones_are_caught(
-    made: Made, cones: AxisCones, deepest_entry: Callable[..., np.ndarray]
-) -> None:
+def test_widened_cones_are_caught(made: Made, cones: AxisCones, deepest_entry: Callable[..., np.ndarray]) -> None:
     """The audit sees collisions of cones that are wider than those certified."""
     path, scene = made
     contacts = RANDOM.choice(np.flatnonzero(cones.found), 400)

@@ -16,9 +16,7 @@ RANDOM = np.random.default_rng(7)
 
 
 def angles(directions: np.ndarray, axis: np.ndarray) -> np.ndarray:
-    return np.arccos(
-        np.clip(directions @ axis / np.linalg.norm(directions, axis=1) / np.linalg.norm(axis), -1, 1)
-    )
+    return np.arccos(np.clip(directions @ axis / np.linalg.norm(directions, axis=1) / np.linalg.norm(axis), -1, 1))
 
 
 def test_the_nurbs_surface_lies_on_its_quadric() -> None:

@@ -20,9 +20,7 @@ def test_each_contact_of_the_nodes_is_an_apex_with_less_growth_and_no_less_room(
     contacts = np.flatnonzero(np.isin(free.net.node_of, nodes))
     assert len(node) == len(contacts) > 2 * len(nodes)
     assert set(node.tolist()) == set(nodes.tolist())
-    assert {tuple(place) for place in near.apexes.places} == {
-        tuple(place) for place in path.centres[contacts]
-    }
+    assert {tuple(place) for place in near.apexes.places} == {tuple(place) for place in path.centres[contacts]}
     assert near.apexes.growth.mean() < 0.8 * free.net.reach[node].mean()
     assert (near.apexes.room >= free.apexes.room[free.starts[node]]).all()
     away = np.linalg.norm(near.apexes.places - free.net.places[node], axis=1)

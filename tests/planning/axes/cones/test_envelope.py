@@ -111,12 +111,7 @@ def test_the_fine_mesh_is_hardly_larger_than_its_bounds(name: str) -> None:
 def test_points_that_no_axis_reaches_are_not_held() -> None:
     """Below the flutes, above the spindle, and beside the cone."""
     sweep = replace(SWEEPS["shank"], growth=0.0)
-    outside = [
-        [0, 0, 2.9],
-        [0, 0, 24.1],
-        [2.0, 1.0 / np.cos(0.2) + 10 * np.tan(0.2) + 0.5, 10.0],
-        [0, 0, -5.0],
-    ]
+    outside = [[0, 0, 2.9], [0, 0, 24.1], [2.0, 1.0 / np.cos(0.2) + 10 * np.tan(0.2) + 0.5, 10.0], [0, 0, -5.0]]
     inside = [[0, 0, 3.1], [0, 0, 23.9], [10 * np.tan(0.69), 0.0, 10.0], [0, 10 * np.tan(0.2), 10.0]]
     assert not sweep.holds(np.array(outside), SIDES).any()
     assert sweep.holds(np.array(inside), SIDES).all()

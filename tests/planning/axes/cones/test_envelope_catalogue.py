@@ -120,11 +120,7 @@ def test_the_catalogue_answers_as_fine_meshes_do() -> None:
 
 
 def test_a_sweep_that_no_mesh_holds_is_taken_to_cross() -> None:
-    size, origin, upright = (
-        np.array([[0.0, 1.495, 0.5, 0.816, 0.087, 0.254]]),
-        np.zeros((1, 3)),
-        np.eye(3)[None],
-    )
+    size, origin, upright = (np.array([[0.0, 1.495, 0.5, 0.816, 0.087, 0.254]]), np.zeros((1, 3)), np.eye(3)[None])
     assert Sweep(*size[0].tolist()).mesh(SIDES) is None
     *_, solid = cases()[0]
     far = Obstacle.of(TriangleMesh(solid.vertices + 100.0, solid.faces))

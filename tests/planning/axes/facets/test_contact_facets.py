@@ -83,9 +83,7 @@ def test_contacts_that_follow_once_more_share_their_cell(capsule: TSpline, latti
     assert again.areas.sum() == pytest.approx(once.areas.sum())
 
 
-def test_contacts_on_a_line_have_no_facets(
-    capsule: TSpline, at_parameters: Callable[..., ContactPath]
-) -> None:
+def test_contacts_on_a_line_have_no_facets(capsule: TSpline, at_parameters: Callable[..., ContactPath]) -> None:
     line = np.column_stack([np.full(50, 0.25), np.linspace(0.2, 0.8, 50)])
     assert contact_facets(at_parameters(capsule, line), capsule) is None
     assert contact_facets(at_parameters(capsule, line[:2]), capsule) is None

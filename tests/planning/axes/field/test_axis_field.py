@@ -5,14 +5,7 @@ import pytest
 
 from bonecam.arrays import perpendicular
 from bonecam.planning.axes.field.axis_energy import BOUND_WEIGHT, PRESETS, AxisBounds, AxisEnergy
-from bonecam.planning.axes.field.axis_field import (
-    ALONG,
-    AROUND,
-    AxisField,
-    FieldDomain,
-    basis,
-    second_differences,
-)
+from bonecam.planning.axes.field.axis_field import ALONG, AROUND, AxisField, FieldDomain, basis, second_differences
 from bonecam.planning.axes.field.smooth_axes import minimise
 from bonecam.tool.elliptic_cones import EllipticCones
 
@@ -108,22 +101,16 @@ def test_a_field_within_its_bounds_has_no_energy_of_bounds() -> None:
     cones = EllipticCones.circular(axes, np.full(300, 0.2))
     for margin, holds in ((0.1, True), (0.3, False)):
         bounds = AxisBounds(0.1, np.full(300, 2.0), 0.2, np.full(300, 1.2), cones, np.full(300, margin))
-        made = AxisEnergy(
-            PLACES, normals, DOMAIN, 1, none, np.zeros(0), (np.inf, np.inf), bounds, PRESETS["membrane"]
-        )
+        made = AxisEnergy(PLACES, normals, DOMAIN, 1, none, np.zeros(0), (np.inf, np.inf), bounds, PRESETS["membrane"])
         assert (np.abs(residuals(made, even)).max() < 1e-12) == holds
 
 
 @pytest.mark.parametrize(("polar", "beyond"), [(0.19, 0.01), (1.22, 0.02), (0.21, 0.0), (1.19, 0.0)])
-def test_an_angle_beyond_a_bound_from_the_normal_counts_as_one_beyond_a_cone(
-    polar: float, beyond: float
-) -> None:
+def test_an_angle_beyond_a_bound_from_the_normal_counts_as_one_beyond_a_cone(polar: float, beyond: float) -> None:
     """Normals are upright, so angles from them are polar ones: at least 0.2, at most 1.2."""
     even = np.stack([np.zeros(AROUND * ALONG), np.full(AROUND * ALONG, polar)])
     none = np.zeros(0, dtype=np.int64)
-    bounds = AxisBounds(
-        0.1, np.full(300, 2.0), 0.2, np.full(300, 1.2), EllipticCones.none(300), np.zeros(300)
-    )
+    bounds = AxisBounds(0.1, np.full(300, 2.0), 0.2, np.full(300, 1.2), EllipticCones.none(300), np.zeros(300))
     made = AxisEnergy(
         *(PLACES, np.tile([0.0, 0.0, 1.0], (300, 1)), DOMAIN, 1, none, np.zeros(0)),
         *((np.inf, np.inf), bounds, PRESETS["membrane"]),

@@ -38,9 +38,7 @@ def test_residuals_have_the_energy_of_the_values_at_the_facets(
     assert ((made.matrix @ VALUES) ** 2).sum() == pytest.approx(expected, rel=1e-6)
 
 
-def test_an_azimuth_that_winds_turns_the_short_way_over_the_seam(
-    case: tuple[FieldDomain, ContactFacets],
-) -> None:
+def test_an_azimuth_that_winds_turns_the_short_way_over_the_seam(case: tuple[FieldDomain, ContactFacets]) -> None:
     """Edge by edge: with its cotangent weight the square of what the azimuth turns by. The part that no control value
     changes is left out, so differences from the field that only winds are compared."""
     domain, facets = case
@@ -62,9 +60,7 @@ def test_the_energy_on_facets_counts_beside_the_others(case: tuple[FieldDomain, 
     domain, facets = case
     rows = facets.contact_of[:200]
     count = len(rows)
-    bounds = AxisBounds(
-        0.0, np.full(count, 9.0), 0.0, np.full(count, 9.0), EllipticCones.none(count), np.zeros(count)
-    )
+    bounds = AxisBounds(0.0, np.full(count, 9.0), 0.0, np.full(count, 9.0), EllipticCones.none(count), np.zeros(count))
     none = np.zeros(0, dtype=np.int64)
     path = facets.path
     alone = AxisEnergy(

@@ -14,13 +14,7 @@ from bonecam.planning.axes.cones.admissible_cones import admissible_cones
 from bonecam.planning.axes.facets.contact_facets import contact_facets
 from bonecam.planning.axes.field.axis_field import ALONG, AROUND, AxisField, FieldDomain
 from bonecam.planning.axes.field.level_axes import SLOW, level_axes
-from bonecam.planning.axes.field.smooth_axes import (
-    SmoothAxes,
-    machine_minutes,
-    rotary_travel,
-    smooth_axes,
-    soonest,
-)
+from bonecam.planning.axes.field.smooth_axes import SmoothAxes, machine_minutes, rotary_travel, smooth_axes, soonest
 from bonecam.planning.axes.lead import lead_axes
 from bonecam.planning.collision.scene import Scene
 from bonecam.planning.oriented_path import orient
@@ -40,9 +34,7 @@ NEAR = Clamping(clearance=0.5)
 Made = tuple[TSpline, ContactPath, Scene]
 
 
-def smoothed(
-    made: Made, job: PathJob = JOB, preset: str = "membrane", start: AxisField | None = None
-) -> SmoothAxes:
+def smoothed(made: Made, job: PathJob = JOB, preset: str = "membrane", start: AxisField | None = None) -> SmoothAxes:
     surface, contacts, scene = made
     cones = admissible_cones(contacts, scene, LIMITS, job)
     facets = contact_facets(contacts, surface)
@@ -139,9 +131,7 @@ def test_a_path_of_which_no_contact_is_left_has_no_axes(case: Made, smooth: Smoo
     assert smooth.wanted_for(nothing).axes.shape == (0, 3)
 
 
-def test_a_neighbours_field_is_a_start_that_leads_to_the_same_smoothness(
-    case: Made, smooth: SmoothAxes
-) -> None:
+def test_a_neighbours_field_is_a_start_that_leads_to_the_same_smoothness(case: Made, smooth: SmoothAxes) -> None:
     again = smoothed(case, start=smooth.field)
     (one, time), (other, _) = (rates(case[1], found.axes) for found in (smooth, again))
     one, other = (np.sqrt(np.average(rate**2, weights=time)) for rate in (one, other))
@@ -182,9 +172,7 @@ def test_where_no_contact_has_a_cone_no_axis_is_certified(case: Made) -> None:
 
 def test_verified_cones_keep_the_word_of_fcl(case: Made, smooth: SmoothAxes) -> None:
     some = np.arange(len(smooth.cones.shapes)) % 40 == 0
-    few = replace(
-        smooth, cones=replace(smooth.cones, shapes=smooth.cones.shapes.scaled(np.where(some, 1.0, -1.0)))
-    )
+    few = replace(smooth, cones=replace(smooth.cones, shapes=smooth.cones.shapes.scaled(np.where(some, 1.0, -1.0))))
     assert few.wanted.cones.check is None
     check = few.verified(case[2]).wanted.cones.check
     assert check.asked == few.cones.shapes.found.sum() > 0

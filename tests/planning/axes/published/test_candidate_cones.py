@@ -70,9 +70,7 @@ def test_eq_20_offsets_a_circle_to_its_centre_by_the_ball_s_radius_at_most(
     assert np.linalg.norm(found, axis=1).max() <= path.cutter.radius * (1 + 1e-12)
 
 
-def test_candidates_are_on_the_oblique_elliptic_cone_of_each_contact(
-    capsule: TSpline, lattice: ContactPath
-) -> None:
+def test_candidates_are_on_the_oblique_elliptic_cone_of_each_contact(capsule: TSpline, lattice: ContactPath) -> None:
     """Eq. 16: in the frame of middle and conjugate semi-diameters q1^2 + q2^2 = (share q3)^2."""
     facets = contact_facets(lattice, capsule)
     assert facets is not None

@@ -86,8 +86,6 @@ def test_its_path_collides_nowhere_and_tells_what_is_refused(
 
 def test_contacts_on_a_line_get_the_surface_s_normals(case: Made) -> None:
     surface, contacts, scene = case
-    line = contacts.take(
-        np.flatnonzero(contacts.pass_index == contacts.pass_index[len(contacts.pass_index) // 2])[:2]
-    )
+    line = contacts.take(np.flatnonzero(contacts.pass_index == contacts.pass_index[len(contacts.pass_index) // 2])[:2])
     axes = published_axes(line, surface, CollisionChecker(scene, line.cutter), LIMITS, JOB)
     assert np.array_equal(axes, line.normals)

@@ -36,9 +36,7 @@ def cusps(surface: TSpline, curves: Curves, radius: float) -> Float[ndarray, " n
     return found
 
 
-def test_arcs_cut_what_a_spiral_leaves_too_high(
-    pebble: Callable[..., TSpline], roughing_cutter: Cutter
-) -> None:
+def test_arcs_cut_what_a_spiral_leaves_too_high(pebble: Callable[..., TSpline], roughing_cutter: Cutter) -> None:
     surface, radius, scallop = pebble(), roughing_cutter.radius, roughing_cutter.scallop
     spiral = spiral_curves(step_metric(surface, radius, 1.6 * scallop))
     assert cusps(surface, spiral, radius).max() > 1.5 * scallop

@@ -47,8 +47,7 @@ def lengths(pebble: Callable[..., TSpline], finishing_cutter: Cutter) -> dict[st
         return float(np.linalg.norm(np.diff(points, axis=0), axis=1)[same].sum())
 
     found = {
-        pattern: length(pattern_curves(pebble(), pattern, finishing_cutter))
-        for pattern in ISO_PARAMETRIC + CLOSED
+        pattern: length(pattern_curves(pebble(), pattern, finishing_cutter)) for pattern in ISO_PARAMETRIC + CLOSED
     }
     across = line_positions(pebble(), "along", finishing_cutter.radius, finishing_cutter.scallop)
     return {**found, "pole to pole": length(curves_of([np.array([[s, 0.0], [s, 1.0]]) for s in across]))}
@@ -96,9 +95,7 @@ def test_one_way_curves_have_the_rest_on_one_side(
     assert ((steps * towards_rest[inner]).sum(1) > 0).all()
 
 
-def test_zigzag_enters_each_curve_at_the_nearer_end(
-    pebble: Callable[..., TSpline], finishing_cutter: Cutter
-) -> None:
+def test_zigzag_enters_each_curve_at_the_nearer_end(pebble: Callable[..., TSpline], finishing_cutter: Cutter) -> None:
     surface = pebble()
     curves = order_curves(surface, pattern_curves(surface, "iso-scallop", finishing_cutter), "zigzag")
     begins, ends = (surface.positions(*curves.knots[k].T) for k in (curves.first, curves.last))
@@ -113,9 +110,7 @@ def test_an_unknown_direction_is_refused(pebble: Callable[..., TSpline], finishi
         order_curves(pebble(), curves, "up")
 
 
-def test_curves_of_a_group_that_meet_at_a_pole_are_followed_side_by_side(
-    pebble: Callable[..., TSpline],
-) -> None:
+def test_curves_of_a_group_that_meet_at_a_pole_are_followed_side_by_side(pebble: Callable[..., TSpline]) -> None:
     """Else each would cut a slot across the pole, and the last ones cusps only."""
     count = 30
     low = [(0.06, 0.01, 0.03, 0.01)[i % 4] for i in range(count)]

@@ -6,13 +6,7 @@ import numpy as np
 import pytest
 
 from bonecam.planning.passes.patterns.curves import curves_of
-from bonecam.planning.passes.patterns.fastest import (
-    ISO_PARAMETRIC,
-    RETRACT,
-    STEP_OVER,
-    curve_minutes,
-    pattern_curves,
-)
+from bonecam.planning.passes.patterns.fastest import ISO_PARAMETRIC, RETRACT, STEP_OVER, curve_minutes, pattern_curves
 from bonecam.surface.tspline import TSpline
 from bonecam.tool.cutter import Cutter
 
@@ -35,18 +29,13 @@ def test_curves_that_begin_far_from_the_end_of_the_last_cost_retracts(
 ) -> None:
     def minutes(apart: float) -> float:
         return curve_minutes(
-            pebble(),
-            curves_of([np.array([[s, 0.3], [s, 0.7]]) for s in (0.0, apart)]),
-            roughing_cutter,
-            np.inf,
+            pebble(), curves_of([np.array([[s, 0.3], [s, 0.7]]) for s in (0.0, apart)]), roughing_cutter, np.inf
         )
 
     assert minutes(0.5) - minutes(0.01) == pytest.approx(RETRACT - STEP_OVER, rel=0.05)
 
 
-def test_a_pass_round_takes_the_table_one_turn(
-    pebble: Callable[..., TSpline], roughing_cutter: Cutter
-) -> None:
+def test_a_pass_round_takes_the_table_one_turn(pebble: Callable[..., TSpline], roughing_cutter: Cutter) -> None:
     very_slow = np.radians(1.0) * 60
     rings = pattern_curves(pebble(), "round", roughing_cutter)
     minutes = curve_minutes(pebble(), rings, roughing_cutter, very_slow)
@@ -55,8 +44,6 @@ def test_a_pass_round_takes_the_table_one_turn(
     assert curve_minutes(pebble(), along, roughing_cutter, very_slow) < 0.01 * minutes
 
 
-def test_a_pattern_that_is_unknown_is_refused(
-    pebble: Callable[..., TSpline], roughing_cutter: Cutter
-) -> None:
+def test_a_pattern_that_is_unknown_is_refused(pebble: Callable[..., TSpline], roughing_cutter: Cutter) -> None:
     with pytest.raises(ValueError, match="'swirl': on this surface give fastest, along"):
         pattern_curves(pebble(), "swirl", roughing_cutter)

@@ -26,17 +26,10 @@ def test_a_post_beside_the_part_has_no_ring(pebble):
     assert post_rings(pebble(), Post(1.0, 10.0), 1.0, 1.1) == []
 
 
-def test_where_the_lower_lobe_is_narrower_than_the_post_the_ring_jumps_to_the_upper_one_and_is_parted(
-    revolved,
-):
+def test_where_the_lower_lobe_is_narrower_than_the_post_the_ring_jumps_to_the_upper_one_and_is_parted(revolved):
     def lobes(share, azimuth):
         bulge = (1.4 + 0.8 * np.cos(2 * azimuth)) * np.exp(-(((share - 0.2) / 0.1) ** 2))
-        return (
-            2.6
-            + bulge
-            + 4.0 * np.clip((share - 0.4) / 0.3, 0, 1)
-            - 2.4 * np.clip((share - 0.95) / 0.05, 0, 1)
-        )
+        return 2.6 + bulge + 4.0 * np.clip((share - 0.4) / 0.3, 0, 1) - 2.4 * np.clip((share - 0.95) / 0.05, 0, 1)
 
     surface = revolved(lobes, rows=24, around=24)
     rings = post_rings(surface, Post(3.6, 38.5), 1.0, 1.1)

@@ -50,12 +50,9 @@ def test_scallop_of_the_step_is_the_scallop(radius: float, scallop: float, curva
 
 
 @pytest.mark.parametrize(
-    ("radius", "scallop", "curvature"),
-    [(1.0, 0.01, 0.0), (1.0, 0.01, 0.25), (2.0, 0.05, -0.3), (3.0, 0.1, 0.1)],
+    ("radius", "scallop", "curvature"), [(1.0, 0.01, 0.0), (1.0, 0.01, 0.25), (2.0, 0.05, -0.3), (3.0, 0.1, 0.1)]
 )
-def test_two_balls_a_side_step_apart_leave_exactly_the_scallop(
-    radius: float, scallop: float, curvature: float
-) -> None:
+def test_two_balls_a_side_step_apart_leave_exactly_the_scallop(radius: float, scallop: float, curvature: float) -> None:
     step = float(side_step(radius, scallop, np.array([curvature]))[0])
     assert cusp_by_geometry(radius, step, curvature) == pytest.approx(scallop, abs=2e-6 * radius)
 

@@ -12,9 +12,7 @@ from bonecam.surface.tspline import TSpline
 
 @pytest.mark.parametrize("pattern", ["round", "along"])
 @pytest.mark.parametrize("radius", [1.0, 2.0])
-def test_lines_increase_within_the_domain(
-    grooved_pebble: Callable[..., TSpline], pattern: str, radius: float
-) -> None:
+def test_lines_increase_within_the_domain(grooved_pebble: Callable[..., TSpline], pattern: str, radius: float) -> None:
     lines = line_positions(grooved_pebble(1.0), pattern, radius, 0.02)
     assert (np.diff(lines) > 0).all()
     assert 0 <= lines[0] < lines[-1] < 1
@@ -28,9 +26,7 @@ def test_a_crease_does_not_crowd_lines_without_end(pebble: Callable[..., TSpline
     points[37:41] = points[25]
     points[49:53] = points[25]
     creased = TSpline(smooth.tmesh, points, smooth.weights)
-    assert len(line_positions(creased, pattern, 2.0, 0.05)) < 6 * len(
-        line_positions(smooth, pattern, 2.0, 0.05)
-    )
+    assert len(line_positions(creased, pattern, 2.0, 0.05)) < 6 * len(line_positions(smooth, pattern, 2.0, 0.05))
 
 
 def test_a_smaller_scallop_takes_more_lines_by_its_root(pebble: Callable[..., TSpline]) -> None:

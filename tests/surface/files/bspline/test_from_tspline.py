@@ -16,9 +16,7 @@ from bonecam.surface.tmesh.row_tmesh import RowTMesh
 from bonecam.surface.tspline import TSpline
 
 
-def relative_error(
-    samples: Callable[..., tuple[ndarray, ndarray]], spline: BSplineSurface, surface: TSpline
-) -> float:
+def relative_error(samples: Callable[..., tuple[ndarray, ndarray]], spline: BSplineSurface, surface: TSpline) -> float:
     s, t = samples(10_000)
     return float(np.abs(spline.evaluate(s, t) - surface.evaluate(s, t)).max()) / spline.size
 
@@ -26,10 +24,7 @@ def relative_error(
 @pytest.mark.parametrize("poles", [True, False])
 @pytest.mark.parametrize("spread", [0.0, 0.2])
 def test_the_b_spline_equals_the_t_spline_to_rounding(
-    bone_like: Callable[..., TSpline],
-    samples: Callable[..., tuple[ndarray, ndarray]],
-    spread: float,
-    poles: bool,
+    bone_like: Callable[..., TSpline], samples: Callable[..., tuple[ndarray, ndarray]], spread: float, poles: bool
 ) -> None:
     surface = bone_like(12, 9, 3, spread=spread, poles=poles)
     spline = to_bspline(surface)
@@ -39,9 +34,7 @@ def test_the_b_spline_equals_the_t_spline_to_rounding(
     assert spline.watertight == poles
 
 
-def test_the_knots_are_the_union_of_the_rows_knots_and_the_seam_all_simple(
-    bone_like: Callable[..., TSpline],
-) -> None:
+def test_the_knots_are_the_union_of_the_rows_knots_and_the_seam_all_simple(bone_like: Callable[..., TSpline]) -> None:
     surface = bone_like(8, 5, 1)
     spline = to_bspline(surface)
     union = np.unique(np.concatenate([[0.0, 1.0], *[row for row in surface.tmesh.s_knots if len(row) > 1]]))
@@ -64,9 +57,7 @@ def test_a_repeated_knot_keeps_its_multiplicity(samples: Callable[..., tuple[nda
 def test_rows_whose_knots_nearly_meet_lose_no_digit(samples: Callable[..., tuple[ndarray, ndarray]]) -> None:
     rng = np.random.default_rng(5)
     t = np.concatenate([[0.0] * 4, [0.1, 0.1001, 0.5], [1.0] * 4])
-    rows = [
-        np.sort(np.concatenate([[0.1, 0.4, 0.7, 0.9], 0.5 + 10.0 ** -rng.uniform(3, 7, 2)])) for _ in range(7)
-    ]
+    rows = [np.sort(np.concatenate([[0.1, 0.4, 0.7, 0.9], 0.5 + 10.0 ** -rng.uniform(3, 7, 2)])) for _ in range(7)]
     mesh = RowTMesh.from_rows(t, rows)
     surface = TSpline(mesh, rng.normal(size=(mesh.size, 3)), np.ones(mesh.size))
     assert relative_error(samples, to_bspline(surface), surface) < 1e-14
@@ -79,9 +70,7 @@ def test_an_independent_evaluation_agrees(
     spline = to_bspline(surface)
     wrapped = np.arange(len(spline.s_knots.flat) - 4 + 3) % spline.s_knots.poles
     flat = np.concatenate([spline.s_knots.flat, spline.s_knots.flat[4:7] + 1.0])
-    homogeneous = np.concatenate(
-        [spline.poles * spline.weights[..., None], spline.weights[..., None]], axis=2
-    )[wrapped]
+    homogeneous = np.concatenate([spline.poles * spline.weights[..., None], spline.weights[..., None]], axis=2)[wrapped]
     s, t = samples(1000)
     found = NdBSpline((flat, spline.t_knots.flat), homogeneous, 3)(np.column_stack([s, t]))
     np.testing.assert_allclose(found[:, :3] / found[:, 3:], surface.evaluate(s, t), rtol=0, atol=1e-13)

@@ -22,10 +22,7 @@ CLAMPED = np.repeat([0.0, 1.0], 4)
 
 @pytest.mark.parametrize(("spread", "poles"), [(0.0, True), (0.2, True), (0.2, False)])
 def test_there_and_back_is_the_same_surface(
-    bone_like: Callable[..., TSpline],
-    samples: Callable[..., tuple[ndarray, ndarray]],
-    spread: float,
-    poles: bool,
+    bone_like: Callable[..., TSpline], samples: Callable[..., tuple[ndarray, ndarray]], spread: float, poles: bool
 ) -> None:
     surface = bone_like(9, 7, 3, spread=spread, poles=poles)
     again = from_bspline(to_bspline(surface))

@@ -67,9 +67,7 @@ def test_opencascade_itself_evaluates_the_same_points(
     assert np.abs(found - surface.evaluate(s, t)).max() < 1e-12 * 28
 
 
-def test_step_keeps_the_direction_round_the_part_periodic(
-    bone_like: Callable[..., TSpline], tmp_path: Path
-) -> None:
+def test_step_keeps_the_direction_round_the_part_periodic(bone_like: Callable[..., TSpline], tmp_path: Path) -> None:
     write_step(bone_like(8, 5, 1), tmp_path / "a.step")
     (spline,) = read_bsplines(tmp_path / "a.step")
     assert spline.s_knots.closed
@@ -190,9 +188,7 @@ def test_without_opencascade_one_line_names_the_extra(
 
 
 @pytest.mark.parametrize(("model", "faces"), [("simple", 1), ("gearbox2-9", 1), ("mouse", 18), ("Bike", 85)])
-def test_general_t_meshes_come_back_with_the_same_area(
-    model: str, faces: int, shared: Path, tmp_path: Path
-) -> None:
+def test_general_t_meshes_come_back_with_the_same_area(model: str, faces: int, shared: Path, tmp_path: Path) -> None:
     surface = read_tsm(shared / "tspline" / "tsm" / f"{model}.tsm")
     assert write_step(surface, tmp_path / "a.step") == faces
     shape = read_shape(tmp_path / "a.step")
