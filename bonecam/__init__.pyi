@@ -13,10 +13,10 @@ from . import surface as surface
 from . import tool as tool
 from . import verify as verify
 from . import workholding as workholding
-from .batch.parts import BatchPart as BatchPart
+from .batch.run import BatchPart as BatchPart
 from .batch.run import convert_many as convert_many
 from .blading import blades as blades
-from .cli.progress_display import ProgressBar as ProgressBar
+from .cli.stopping import ProgressBar as ProgressBar
 from .errors import BonecamError as BonecamError
 from .filters.meshset import MeshSet as MeshSet
 from .finishing import finish as finish
@@ -27,18 +27,18 @@ from .mesh.part import Part as Part
 from .mesh.triangle_mesh import TriangleMesh as TriangleMesh
 from .pipeline import convert as convert
 from .pipeline import morph_levels as morph_levels
-from .report.files.bladed import Bladed as Bladed
-from .report.files.finished import Finished as Finished
-from .report.files.kept_folder import keep_levels as keep_levels
-from .report.files.kept_view import view as view
-from .report.files.result import Morphed as Morphed
-from .report.files.result import Result as Result
-from .report.tables.batch_table import Outcome as Outcome
+from .report.kept import Morphed as Morphed
+from .report.kept import Result as Result
+from .report.kept import keep_levels as keep_levels
+from .report.kept import view as view
+from .report.outputs import Bladed as Bladed
+from .report.outputs import Finished as Finished
+from .report.tables import Outcome as Outcome
 from .reposting.post import Posted as Posted
 from .reposting.post import post as post
 from .second_clamping import clamping_shell as clamping_shell
 from .simulation import simulate as simulate
 from .study.comparison import compare as compare
-from .study.probed_folder import probe as probe
+from .study.comparison import probe as probe
 
 __version__: str

@@ -9,53 +9,50 @@ from bonecam.files import check_files
 from bonecam.finishing import Solid, naming
 from bonecam.job import Job
 from bonecam.levels.open_morph import morph_open
-from bonecam.levels.sequences.begun_morph import Morph
+from bonecam.levels.sequences import Morph
 from bonecam.machine.limits import MachineLimits
 from bonecam.machine.machine import Machine, read_machine
-from bonecam.machining.force_feed import check_one_feed
-from bonecam.mechanics.workpiece import mechanics_of_job
+from bonecam.machining import check_one_feed
+from bonecam.mechanics.loads import mechanics_of_job
 from bonecam.mesh.distance import MeshDistance
 from bonecam.nc.dialect import Dialect
-from bonecam.nc.job_dialect import job_dialect
-from bonecam.nc.parts.grouping import is_split
-from bonecam.nc.posting.header.header import record_simulation
-from bonecam.nc.posting.rotary.machine_limits import machine_limits
-from bonecam.nc.posting.rotary.wheel_checks import require_room, require_upright
+from bonecam.nc.header import record_simulation
+from bonecam.nc.parts import is_split
+from bonecam.nc.path_words import machine_limits, require_room, require_upright
 from bonecam.nc.program import program_name
+from bonecam.nc.requirements import job_dialect
 from bonecam.pipeline import check_job
-from bonecam.planning.holding.surface_post import surface_holding
-from bonecam.planning.passes.gouge_lifts import MESH_SHARE, planned_tolerance
-from bonecam.planning.strategies.channel_paths import ChannelPlanner
-from bonecam.planning.strategies.indexed import indexed
-from bonecam.planning.strategies.surface_path import Workpiece, plan_surface, stand_workpiece
+from bonecam.planning.contacts import MESH_SHARE, planned_tolerance
+from bonecam.planning.post_length import surface_holding
+from bonecam.planning.strategies import indexed
+from bonecam.planning.surface_paths import ChannelPlanner, Workpiece, plan_surface, stand_workpiece
 from bonecam.post_and_prove import post_and_prove
 from bonecam.progress import Progress, silent
 from bonecam.progress import part as part_of
 from bonecam.progress import report as report_progress
-from bonecam.report.files.bladed import Bladed
-from bonecam.report.files.finished import write_run
-from bonecam.report.files.output_files import File, Outputs
-from bonecam.report.files.refused_run import refusing, report_refused
-from bonecam.report.mechanics_lines import NOT_ASKED, NOT_KNOWN
-from bonecam.report.page.wheel_contents import wheel_figures
+from bonecam.report.outputs import Bladed, File, Outputs, refusing, report_refused, write_run
+from bonecam.report.page.contents import wheel_figures
 from bonecam.report.summary import NOT_SIMULATED
-from bonecam.report.typed.run_report import report_to_program
-from bonecam.report.warnings import header_texts, simulated_text, with_warnings
+from bonecam.report.typed import report_to_program
+from bonecam.report.warnings import NOT_ASKED, NOT_KNOWN, header_texts, simulated_text, with_warnings
 from bonecam.runtime.timing import StageTimes
 from bonecam.setup.capsule import smallest_capsule
+from bonecam.setup.placement import TurnedBlank
 from bonecam.setup.schedule import schedule_of
-from bonecam.setup.turned_blank import TurnedBlank
-from bonecam.surface.blades.channel import Channel, channel_of
-from bonecam.surface.blades.flow_path import MERIDIONAL
-from bonecam.surface.blades.section_tables import CARTESIAN
-from bonecam.surface.blades.wheel import Wheel, wheel_of
-from bonecam.surface.files.surface_input import check_surface_size, refuse_changes
-from bonecam.surface.files.wheel_input import BladeFile, read_blade, read_hub, read_solid
+from bonecam.surface.blades import CARTESIAN, MERIDIONAL, Channel, Wheel, channel_of, wheel_of
+from bonecam.surface.files.surface_input import (
+    BladeFile,
+    check_surface_size,
+    read_blade,
+    read_hub,
+    read_solid,
+    refuse_changes,
+)
 from bonecam.surface.tspline import TSpline
+from bonecam.tool.cutter import only_balls
 from bonecam.tool.path import ToolPath
-from bonecam.tool.shapes import only_balls
-from bonecam.verify.removal.proofs.of_wheel import prove_removal_of_wheel, wheel_surfaces
-from bonecam.verify.repeated import RepeatedDistance
+from bonecam.verify.proof import prove_removal_of_wheel, wheel_surfaces
+from bonecam.verify.readback import RepeatedDistance
 from bonecam.workholding.post import Post
 
 LEVEL_CHORD = 0.05

@@ -10,8 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from bonecam.errors import FileError
-from bonecam.runtime.staging import FULL, staged, unwritable
-from bonecam.runtime.temporary import temporary_folder
+from bonecam.runtime.staging import FULL, staged, temporary_folder, unwritable
 
 LARGEST_INPUT = 2**30
 """Most bytes of a file that is read: what is larger does not fit into 2 GB of memory with what is made of it."""

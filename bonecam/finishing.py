@@ -10,48 +10,44 @@ from bonecam.errors import BonecamError, JobError, SurfaceError, knowing
 from bonecam.files import check_files
 from bonecam.job import Job
 from bonecam.machine.machine import Machine, read_machine
-from bonecam.machining.force_feed import check_one_feed
-from bonecam.mechanics.workpiece import mechanics_of_job
+from bonecam.machining import check_one_feed
+from bonecam.mechanics.loads import mechanics_of_job
 from bonecam.mesh.distance import MeshDistance
-from bonecam.mesh.solids.booleans import solid_union
+from bonecam.mesh.solids import solid_union
 from bonecam.mesh.triangle_mesh import MeshLike, TriangleMesh
-from bonecam.nc.job_dialect import job_dialect
-from bonecam.nc.parts.grouping import is_split
-from bonecam.nc.posting.header.header import record_simulation
-from bonecam.nc.posting.rotary.machine_limits import machine_limits
+from bonecam.nc.header import record_simulation
+from bonecam.nc.parts import is_split
+from bonecam.nc.path_words import machine_limits
 from bonecam.nc.program import program_name
+from bonecam.nc.requirements import job_dialect
 from bonecam.pipeline import check_job
-from bonecam.planning.holding.surface_post import surface_holding
-from bonecam.planning.passes.gouge_lifts import MESH_SHARE, planned_tolerance
-from bonecam.planning.strategies.surface_path import Workpiece, plan_surface, stand_workpiece
+from bonecam.planning.contacts import MESH_SHARE, planned_tolerance
+from bonecam.planning.post_length import surface_holding
+from bonecam.planning.surface_paths import Workpiece, plan_surface, stand_workpiece
 from bonecam.post_and_prove import post_and_prove
 from bonecam.progress import Progress, silent
 from bonecam.progress import part as part_of
 from bonecam.progress import report as report_progress
-from bonecam.report.files.finished import Finished, write_run
-from bonecam.report.files.output_files import File, Outputs
-from bonecam.report.files.refused_run import refusing, report_refused
-from bonecam.report.mechanics_lines import NOT_ASKED, NOT_KNOWN
+from bonecam.report.outputs import File, Finished, Outputs, refusing, report_refused, write_run
 from bonecam.report.stage_reports import uncut_areas
 from bonecam.report.summary import NOT_SIMULATED
-from bonecam.report.typed.run_report import report_to_program
-from bonecam.report.warnings import header_texts, simulated_text, with_warnings
+from bonecam.report.typed import report_to_program
+from bonecam.report.warnings import NOT_ASKED, NOT_KNOWN, header_texts, simulated_text, with_warnings
 from bonecam.runtime.timing import StageTimes
-from bonecam.surface.blades.blade_solid import blade_solid
-from bonecam.surface.blades.blunt_edge import has_blunt_edge
-from bonecam.surface.files.beside_solids import check_on_solids
-from bonecam.surface.files.machined_surface import machined_surface
+from bonecam.surface.blades import blade_solid, has_blunt_edge
 from bonecam.surface.files.surface_input import (
+    check_on_solids,
     check_outward,
     check_surface_size,
     closed_mesh,
+    machined_surface,
     mesh_of_surface,
+    read_solid,
     refuse_changes,
 )
-from bonecam.surface.files.wheel_input import read_solid
 from bonecam.surface.tspline import TSpline
 from bonecam.tool.path import ToolPath
-from bonecam.verify.removal.proofs.of_surface import CHORD, prove_surface_removal
+from bonecam.verify.proof import CHORD, prove_surface_removal
 
 OWN_CHORD = 0.002
 """Largest chord tolerance (mm) of the solid that the surface bounds: MESH_SHARE of the gouge allowed by default."""

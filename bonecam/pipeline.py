@@ -13,35 +13,39 @@ from bonecam.job import Job
 from bonecam.job.tool_list import read_tool_list
 from bonecam.levels.job_levels import check_method
 from bonecam.machine.machine import Machine, read_machine
-from bonecam.machining.force_feed import BeforeForce, check_force_asked, with_constant_feed
-from bonecam.machining.machine_levels import Posting, machine_levels, post_by_force
-from bonecam.machining.standing import morph_standing, stand_part
-from bonecam.mechanics.workpiece import mechanics_of_job
+from bonecam.machining import (
+    BeforeForce,
+    Posting,
+    check_force_asked,
+    machine_levels,
+    morph_standing,
+    post_by_force,
+    stand_part,
+    with_constant_feed,
+)
+from bonecam.mechanics.loads import mechanics_of_job
 from bonecam.mesh.triangle_mesh import MeshLike, TriangleMesh, mesh_from
 from bonecam.nc.dialect import Dialect
-from bonecam.nc.job_dialect import job_dialect
-from bonecam.nc.parts.grouping import is_split
-from bonecam.nc.posting.header.header import record_simulation
-from bonecam.nc.requirements import check_reach, check_table, check_tools
-from bonecam.planning.passes.patterns.fastest import check_pattern
+from bonecam.nc.header import record_simulation
+from bonecam.nc.parts import is_split
+from bonecam.nc.requirements import check_reach, check_table, check_tools, job_dialect
+from bonecam.planning.patterns import check_pattern
 from bonecam.progress import Progress, part, silent
 from bonecam.report import warnings
-from bonecam.report.files.output_files import File, Outputs
-from bonecam.report.files.refused_run import keep_refused, refusing, report_refused
-from bonecam.report.files.result import Morphed, Result
-from bonecam.report.mechanics_lines import NOT_ASKED
-from bonecam.report.typed.report import Report
+from bonecam.report.kept import Morphed, Result
+from bonecam.report.outputs import File, Outputs, keep_refused, refusing, report_refused
+from bonecam.report.typed import Report
+from bonecam.report.warnings import NOT_ASKED
 from bonecam.runtime.timing import StageTimes
 from bonecam.second_clamping import add_second, check_simulated
-from bonecam.setup.given_stock import with_stock
+from bonecam.setup.placement import with_stock
 from bonecam.setup.stock import Stock
 from bonecam.setup.stock_kind import check_sizes
 from bonecam.setup.stocks.mesh import ConvexStock
-from bonecam.tool.ball_depth import check_depths
-from bonecam.tool.shapes import check_shapes
-from bonecam.verify.control.trial_program import check_posting
-from bonecam.verify.removal.given import given_surface
-from bonecam.verify.removal.of_job import prove_removal
+from bonecam.tool.cutter import check_depths, check_shapes
+from bonecam.verify.control import check_posting
+from bonecam.verify.findings import given_surface
+from bonecam.verify.removal import prove_removal
 
 
 def convert(

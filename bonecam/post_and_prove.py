@@ -6,19 +6,19 @@ from dataclasses import dataclass
 from bonecam.job import Job
 from bonecam.machine.machine import Machine
 from bonecam.nc.dialect import Dialect
-from bonecam.nc.posting.feeds.drivable_feeds import drivable_paths
-from bonecam.nc.posting.header.header import record_checks
-from bonecam.nc.posting.write import write_program
+from bonecam.nc.feeds import drivable_paths
+from bonecam.nc.header import record_checks
+from bonecam.nc.posting import write_program
 from bonecam.nc.program import Program
 from bonecam.progress import Progress, part, silent
-from bonecam.report.files.refused_run import refusing
+from bonecam.report.outputs import refusing
 from bonecam.runtime.timing import StageTimes
 from bonecam.setup.stock import Stock
 from bonecam.surface.tspline import TSpline
 from bonecam.tool.path import ToolPath
+from bonecam.verify.findings import GivenSurface
 from bonecam.verify.gouge import Distances
 from bonecam.verify.proof import Verification, verify
-from bonecam.verify.removal.given import GivenSurface
 
 
 @dataclass(frozen=True, eq=False)

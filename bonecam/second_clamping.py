@@ -17,7 +17,7 @@ from scipy.spatial import KDTree
 
 from bonecam.files import check_files
 from bonecam.job import Job, field_error
-from bonecam.levels.measure.level import morph_surfaces
+from bonecam.levels.measure import morph_surfaces
 from bonecam.machine.machine import Machine
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.files.mesh_files import write_mesh
@@ -25,35 +25,27 @@ from bonecam.mesh.part import with_filled_pits
 from bonecam.mesh.triangle_mesh import MeshLike, TriangleMesh, mesh_from
 from bonecam.mesh.units import mm_of
 from bonecam.nc.dialect import Dialect
-from bonecam.nc.posting.header.header import record_simulation
-from bonecam.nc.posting.header.program_zero import zero_words
-from bonecam.nc.posting.header.texts import second_setup_texts
-from bonecam.nc.posting.rotary.machine_limits import machine_limits
+from bonecam.nc.header import record_simulation, second_setup_texts, zero_words
+from bonecam.nc.path_words import machine_limits
 from bonecam.nc.program import program_name, second_program_file
-from bonecam.planning.collision.held_level import PART_CHORD
-from bonecam.planning.holding.stump_paths import StumpPlaces, second_paths
-from bonecam.planning.passes.contacts import at_post
-from bonecam.planning.passes.parting import cut_groove
+from bonecam.planning.contacts import at_post
+from bonecam.planning.scene import PART_CHORD
+from bonecam.planning.stump import StumpPlaces, cut_groove, second_paths
 from bonecam.post_and_prove import post_and_prove
 from bonecam.progress import Progress, part, silent
-from bonecam.report.files.output_files import File
-from bonecam.report.files.result import Result
-from bonecam.report.files.second_program import SecondProgram
-from bonecam.report.mechanics_lines import NOT_ASKED
+from bonecam.report.kept import Result, SecondProgram
+from bonecam.report.outputs import File
 from bonecam.report.stage_reports import nc_report, toolpath_report
-from bonecam.report.typed.report import SecondFigures
-from bonecam.report.warnings import with_warnings
+from bonecam.report.typed import SecondFigures
+from bonecam.report.warnings import NOT_ASKED, with_warnings
 from bonecam.setup.placement import place
 from bonecam.surface.files.surface_input import read_part
 from bonecam.tool.path import ToolPath
-from bonecam.verify.removal.given import given_surface
-from bonecam.verify.removal.left import LEFT
-from bonecam.verify.removal.of_job import beside_given, check_removal_of_job, simulate_stump
-from bonecam.verify.removal.result import Removal
-from bonecam.verify.removal.stock_heights import height_field_of_rays
+from bonecam.verify.findings import LEFT, Removal, given_surface
+from bonecam.verify.removal import beside_given, check_removal_of_job, simulate_stump
+from bonecam.verify.sweeping import height_field_of_rays
 from bonecam.workholding.post import post_below
-from bonecam.workholding.shell import SecondClamping, read_shell, turned_over
-from bonecam.workholding.shell_maker import shell_round
+from bonecam.workholding.shell import SecondClamping, read_shell, shell_round, turned_over
 
 
 def add_second(

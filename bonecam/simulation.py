@@ -13,15 +13,18 @@ from bonecam.errors import FileError, JobError, ProgramError
 from bonecam.files import check_files, write_whole
 from bonecam.job import Job
 from bonecam.machine.machine import read_machine
-from bonecam.mechanics.workpiece import workpiece_of
+from bonecam.mechanics.loads import workpiece_of
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.nc.job_dialect import job_dialect
-from bonecam.nc.reading.read import read_program
-from bonecam.planning.layers.layer_limits import layer_limits
+from bonecam.nc.reading import read_program
+from bonecam.nc.requirements import job_dialect
+from bonecam.planning.layers import layer_limits
 from bonecam.progress import Progress, part, silent
-from bonecam.report.files.kept_bodies import (
+from bonecam.report.kept import (
     REMEDY,
     SAME_STOCK,
+    SECOND_VIEW,
+    check_page_name,
+    kept_contents,
     kept_given,
     kept_job,
     kept_levels,
@@ -29,32 +32,26 @@ from bonecam.report.files.kept_bodies import (
     with_kept_cutters,
     with_kept_holding,
 )
-from bonecam.report.files.kept_view import SECOND_VIEW, check_page_name, kept_contents
-from bonecam.report.mechanics_lines import NOT_ASKED, mechanics_lines
-from bonecam.report.page.contents import level_meshes, with_program
-from bonecam.report.page.packing import Contents, pack
+from bonecam.report.page.contents import Contents, layers_on, level_meshes, pack, program_contents, with_program
 from bonecam.report.page.page import page_html
-from bonecam.report.page.program_contents import program_contents
-from bonecam.report.page.second_contents import layers_on
 from bonecam.report.stage_reports import gouge_to_given
 from bonecam.report.summary import removal_lines
-from bonecam.report.warnings import warning_lines, warnings_of
+from bonecam.report.warnings import NOT_ASKED, mechanics_lines, warning_lines, warnings_of
 from bonecam.surface.files.tspline_text import read_tsm
 from bonecam.tool.path import PARTING
-from bonecam.verify.control.program_file import header_of, program_text
+from bonecam.verify.control import header_of, program_text
+from bonecam.verify.findings import GivenRemoval, GivenSurface, NotJudged, Removal, into_given
 from bonecam.verify.gouge import measure_gouge
-from bonecam.verify.removal.given import GivenRemoval, GivenSurface, NotJudged, into_given
-from bonecam.verify.removal.of_job import (
+from bonecam.verify.removal import (
     ACCURACY,
     beside_given,
     cutters_of,
     followed_surfaces,
     level_scallops,
+    simulate_removal,
     simulate_stump,
     with_limits,
 )
-from bonecam.verify.removal.result import Removal
-from bonecam.verify.removal.simulate import simulate_removal
 from bonecam.workholding.clamping import clamping_of
 from bonecam.workholding.post import Post, post_below
 from bonecam.workholding.shell import turn_over

@@ -11,8 +11,8 @@ from bonecam.filters.filter import Filter
 from bonecam.filters.layers import Layers
 from bonecam.filters.parameter import FilterParameter, Kind, parameters_of, section_of
 from bonecam.job import HoldingJob, LevelsJob, StockJob
-from bonecam.levels.measure.level import Level
-from bonecam.levels.problem.tolerances import DEPTH_TOLERANCE, NESTING_TOLERANCE
+from bonecam.levels.measure import Level
+from bonecam.levels.problem import DEPTH_TOLERANCE, NESTING_TOLERANCE
 from bonecam.progress import Progress
 from bonecam.surface.tspline import TSpline
 
@@ -26,8 +26,8 @@ def generate_stock(layers: Layers, values: Mapping[str, Any], progress: Progress
     post."""
     from bonecam.machine.machine import read_machine
     from bonecam.mesh.part import Part
-    from bonecam.nc.posting.rotary.machine_limits import machine_limits
-    from bonecam.planning.holding.neck import find_standing
+    from bonecam.nc.path_words import machine_limits
+    from bonecam.planning.neck import find_standing
     from bonecam.setup.placement import place
     from bonecam.setup.stock import stock_figures
 
@@ -49,7 +49,7 @@ def generate_stock(layers: Layers, values: Mapping[str, Any], progress: Progress
 def morph_levels(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
     """Filter `generate_morph_levels`: a layer for each level, coloured by the depth of its cut."""
     from bonecam.levels.job_levels import make_levels
-    from bonecam.levels.measure.line_depths import step_depths
+    from bonecam.levels.measure import step_depths
     from bonecam.setup.stock import Stock
 
     surface = layers.kept("surface", TSpline, "compute_tspline_surface")
@@ -77,7 +77,7 @@ def morph_levels(layers: Layers, values: Mapping[str, Any], progress: Progress) 
 
 def level_check(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
     """Filter `compute_level_check`: LevelError where a level exceeds a tolerance, else what was measured."""
-    from bonecam.levels.sequences.begun_morph import Morph
+    from bonecam.levels.sequences import Morph
 
     levels = layers.kept("morph", Morph, "generate_morph_levels").levels
     for level in levels[1:]:

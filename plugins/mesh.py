@@ -29,7 +29,7 @@ def scale_to_mm(layers: Layers, values: Mapping[str, Any], progress: Progress) -
 
 def repair_bone(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
     """Filter `meshing_repair_bone`: a layer of the repaired mesh."""
-    from bonecam.mesh.healing.repair import repair
+    from bonecam.mesh.healing import repair
 
     mesh, changes = repair(layers.bone(), progress=progress)
     layers.add(mesh, "repaired")
@@ -38,8 +38,7 @@ def repair_bone(layers: Layers, values: Mapping[str, Any], progress: Progress) -
 
 def smooth_facets_layer(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
     """Filter `meshing_smooth_facets`: a layer of the mesh with a smooth surface in place of coarse facets."""
-    from bonecam.mesh.facets.coarseness import coarseness_of
-    from bonecam.mesh.facets.smooth_surface import note_on_kept_facets, smooth_facets
+    from bonecam.mesh.smooth_surface import coarseness_of, note_on_kept_facets, smooth_facets
 
     mesh = layers.bone()
     job = section_of(MeshJob(), values)
@@ -54,7 +53,7 @@ def smooth_facets_layer(layers: Layers, values: Mapping[str, Any], progress: Pro
 
 def fill_pits_layer(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
     """Filter `meshing_fill_pits`: a layer of the mesh without its pits."""
-    from bonecam.mesh.healing.hollows.pits import fill_pits
+    from bonecam.mesh.hollows import fill_pits
 
     fill = fill_pits(layers.bone(), values["pit_radius"])
     layers.add(fill.mesh, "filled")
@@ -72,7 +71,7 @@ def stand_upright(layers: Layers, values: Mapping[str, Any], progress: Progress)
 
 def harmonic_rows_layer(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
     """Filter `compute_harmonic_rows`: a layer of closed polylines."""
-    from bonecam.mesh.sections.harmonic_rows import harmonic_rows
+    from bonecam.mesh.rows import harmonic_rows
 
     job = section_of(MeshJob(), values)
     mesh = layers.bone()
@@ -91,7 +90,7 @@ def harmonic_rows_layer(layers: Layers, values: Mapping[str, Any], progress: Pro
 
 def curvature_layer(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
     """Filter `compute_mls_curvature`: the mesh as a new layer, coloured by its curvature."""
-    from bonecam.mesh.facets.mls_curvature import mls_curvature
+    from bonecam.mesh.facets import mls_curvature
 
     mesh = layers.mesh()
     found = mls_curvature(mesh, values["radius"] or None)

@@ -17,10 +17,10 @@ CATEGORY = "Bonecam: NC"
 
 def save_program(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
     """Filter `save_nc_program`: the program of the kept tool paths, written where its proof holds."""
-    from bonecam.levels.measure.level import morph_surfaces
-    from bonecam.levels.sequences.begun_morph import Morph
+    from bonecam.levels.measure import morph_surfaces
+    from bonecam.levels.sequences import Morph
     from bonecam.machine.machine import read_machine
-    from bonecam.nc.job_dialect import job_dialect
+    from bonecam.nc.requirements import job_dialect
     from bonecam.post_and_prove import post_and_prove
     from bonecam.report.stage_reports import nc_report
     from bonecam.setup.stock import Stock

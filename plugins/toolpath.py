@@ -23,9 +23,9 @@ FINISH = ToolJob(radius=1.0, flute_length=4.0, shank_diameter=2.0, overhang=25.0
 
 def plan_toolpath(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
     """Filter `generate_toolpath`: a polyline layer of the tip for each level."""
-    from bonecam.levels.sequences.begun_morph import Morph
+    from bonecam.levels.sequences import Morph
     from bonecam.machine.machine import read_machine
-    from bonecam.nc.posting.rotary.machine_limits import machine_limits
+    from bonecam.nc.path_words import machine_limits
     from bonecam.nc.requirements import check_tools
     from bonecam.planning.levels import plan_paths
     from bonecam.setup.stock import Stock
@@ -67,7 +67,7 @@ def add_path(layers: Layers, path: ToolPath) -> None:
 
 def draw_cones(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
     """Filter `generate_axis_cones`: a layer of the cones of some contacts of a level."""
-    from bonecam.planning.axes.cones.cones_mesh import cones_mesh
+    from bonecam.planning.axes.cones import cones_mesh
 
     paths = layers.kept("toolpath", tuple, "generate_toolpath")
     found = [path for path in paths if path.level == values["level"] and not path.rest]

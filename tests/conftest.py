@@ -20,12 +20,11 @@ hypothesis.settings.load_profile("bonecam")
 check_stages([f"bonecam.{stage}" for stage in STAGES])
 
 from bonecam.job import HoldingJob, ToolJob  # noqa: E402
-from bonecam.levels.measure.cut_measures import NO_CUT  # noqa: E402
-from bonecam.levels.measure.level import MorphLevel, PartLevel  # noqa: E402
-from bonecam.machine.frustum import Frustum  # noqa: E402
+from bonecam.levels.measure import NO_CUT, MorphLevel, PartLevel  # noqa: E402
+from bonecam.machine.bodies import Frustum  # noqa: E402
 from bonecam.mesh.triangle_mesh import TriangleMesh  # noqa: E402
 from bonecam.setup.capsule import Capsule  # noqa: E402
-from bonecam.surface.tmesh.row_tmesh import RowTMesh  # noqa: E402
+from bonecam.surface.tmesh import RowTMesh  # noqa: E402
 from bonecam.surface.tspline import TSpline  # noqa: E402
 from bonecam.tool.cutter import Cutter  # noqa: E402
 from bonecam.tool.path import MoveKind, ToolPath  # noqa: E402

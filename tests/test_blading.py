@@ -14,19 +14,18 @@ from bonecam.cli import main
 from bonecam.errors import BendingError, JobError, SurfaceError, VerifyError
 from bonecam.machine.machine import read_machine
 from bonecam.mesh import MeshDistance, write_mesh
-from bonecam.mesh.solids.revolution import cylinder
-from bonecam.nc.job_dialect import job_dialect
-from bonecam.nc.posting.rotary.wheel_checks import require_room
-from bonecam.nc.posting.write import write_program
-from bonecam.report.page.packing import unpack
+from bonecam.mesh.solids import cylinder
+from bonecam.nc.path_words import require_room
+from bonecam.nc.posting import write_program
+from bonecam.nc.requirements import job_dialect
+from bonecam.report.page.contents import unpack
 from bonecam.surface import skin
-from bonecam.surface.blades.wheel import wheel_of
+from bonecam.surface.blades import wheel_of
+from bonecam.surface.files.surface_input import read_blade, read_hub
 from bonecam.surface.files.tspline_text import write_tsm
-from bonecam.surface.files.wheel_input import read_blade, read_hub
 from bonecam.tool.path import MoveKind, ToolPath
-from bonecam.verify.proof import verify
-from bonecam.verify.removal.proofs.of_wheel import prove_removal_of_wheel
-from bonecam.verify.repeated import RepeatedDistance
+from bonecam.verify.proof import prove_removal_of_wheel, verify
+from bonecam.verify.readback import RepeatedDistance
 
 pytestmark = pytest.mark.whole
 

@@ -28,7 +28,7 @@ from bonecam_meshes import path as shipped
 
 import bonecam
 from bonecam.cli.arguments import make_parser
-from bonecam.cli.catalogue.catalogues import CATALOGUES
+from bonecam.cli.catalogues import CATALOGUES
 from bonecam.machine import read_machine
 from bonecam.mesh import TriangleMesh, read_mesh, write_mesh
 

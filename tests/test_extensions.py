@@ -13,13 +13,12 @@ import pytest
 
 import bonecam
 from bonecam.cli import main
-from bonecam.cli.catalogue.catalogues import CATALOGUES
-from bonecam.cli.catalogue.schemas import file_schema, job_schema
-from bonecam.cli.catalogue.slicer import main as slicer
+from bonecam.cli.catalogues import CATALOGUES, file_schema, job_schema
+from bonecam.cli.slicer import main as slicer
 from bonecam.errors import JobError, MachineError
 from bonecam.machine.machine import read_machine
 from bonecam.nc.dialect import dialect_names, read_dialect
-from bonecam.planning.passes.patterns.fastest import pattern_curves
+from bonecam.planning.patterns import pattern_curves
 from bonecam.surface.tspline import TSpline
 from bonecam.tool.cutter import Cutter
 
@@ -31,7 +30,7 @@ USE = """
 import numpy as np
 import bonecam
 from bonecam.job import StockJob
-from bonecam.planning.passes.patterns.fastest import pattern_curves
+from bonecam.planning.patterns import pattern_curves
 from bonecam.setup import Capsule, place
 from bonecam.mesh import prepare_part
 from bonecam.surface import skin

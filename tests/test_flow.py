@@ -14,30 +14,27 @@ ORDER = [
     "__main__",
 ]
 ROOMS = {
-    "runtime": "threads loading compiling timing signals temporary worker own_files locking staging".split(),
+    "runtime": "threads loading compiling timing own_files locking staging worker extensions".split(),
     "surface": [
-        *"basis tmesh query tessellation refinement tspline".split(),
-        *"fitting skinning blades files part_surface".split(),
+        *"basis tmesh query tessellation refinement diagnosis tspline fitting skinning blades".split(),
+        *"growth files part_surface".split(),
     ],
     "levels": [
-        *"problem solvers measure refine_for_depth sequences".split(),
-        *"closed_morph open_stock open_morph body_surface edge_rounding job_levels".split(),
+        *"problem program solvers certificates measure sequences published closed_morph".split(),
+        *"open_morph edge_rounding job_levels".split(),
     ],
-    "mechanics": [
-        *"sections beam tailstock cutter edges error_kept strip workpiece".split(),
-        *"loads feed_schedule remedies result".split(),
-    ],
+    "mechanics": "beam edges loads result".split(),
     "planning": [
-        *"motion_time passes layers collision axes links oriented_path level_cutters estimate".split(),
-        *"holding chosen_cutters strategies within_depth levels".split(),
+        *"motion_time spacing patterns contacts layers scene collision axes link_space links".split(),
+        *"oriented_path estimate stump post_length neck chosen_cutters rest_machining levels".split(),
+        *"strategies surface_paths".split(),
     ],
-    "machining": "standing force_feed machine_levels".split(),
-    "batch": "parts one_part run cluster".split(),
-    "verify": "gouge repeated readback removal control probing proof".split(),
-    "study": "rows claims compared table pictures files comparison probed_folder".split(),
+    "batch": "run cluster".split(),
+    "verify": "gouge readback sweeping findings clearances removal control probing proof".split(),
+    "study": "rows pictures comparison".split(),
     "report": [
-        *"mechanics_lines warnings axis_lines axis_comparison stage_reports".split(),
-        *"typed tables summary pictures page sheet files".split(),
+        *"warnings axis_lines stage_reports typed tables summary pictures page sheet".split(),
+        *"machine_picture kept outputs".split(),
     ],
 }
 """The order of the modules and sub-packages inside a stage."""
@@ -47,21 +44,21 @@ MODULES = sorted(path for path in ROOT.rglob("*.py") if path != ROOT / "__init__
 DOORS = {
     "osqp": {"levels/solvers/osqp.py"},
     "clarabel": {"levels/solvers/clarabel.py"},
-    "fcl": {"planning/collision/fcl_model.py"},
-    "matplotlib": {"report/pictures", "study/pictures"},
-    "contourpy": {"planning/strategies/slices.py"},
+    "fcl": {"planning/collision.py"},
+    "matplotlib": {"report/pictures.py", "report/machine_picture.py", "study/pictures.py"},
+    "contourpy": {"planning/strategies.py"},
     "numba": {"kernels", "runtime/compiling.py"},
     "open3d": {"mesh/distance.py", "mesh/triangle_mesh.py"},
-    "OCP": {"mesh/files/opencascade.py"},
+    "OCP": {"mesh/files/cad.py"},
     "pymeshlab": {"mesh/meshlab.py"},
-    "pydantic": {"text/record.py", "nc/schema", "machine/machine_file.py"},
+    "pydantic": {"text/record.py", "nc/schema.py", "machine/machine_file.py"},
     "distributed": {"batch/cluster.py"},
     "filelock": {"runtime/locking.py"},
-    "SimpleITK": {"mesh/files/formats/label_map.py"},
-    "meshio": {"mesh/files/formats/vtk.py"},
+    "SimpleITK": {"mesh/files/label_map.py"},
+    "meshio": {"mesh/files/vtk.py"},
     "re2": {"text/pattern.py"},
     "ezdxf": {"mesh/files/polyhedra.py"},
-    "plyfile": {"mesh/files/formats/ply.py"},
+    "plyfile": {"mesh/files/polygons.py"},
 }
 
 

@@ -9,11 +9,10 @@ import pytest
 
 from bonecam.errors import JobError
 from bonecam.job import Job
-from bonecam.job.materials.mechanical import cutting_force
-from bonecam.job.materials.preset import FOLDER, material_files, read_material
+from bonecam.job.materials.preset import FOLDER, cutting_force, material_files, read_material
 from bonecam.machine.machine import USUAL_SPINDLE, read_machine
 from bonecam.nc.dialect import read_dialect
-from bonecam.nc.posting.write import write_program
+from bonecam.nc.posting import write_program
 from bonecam.tool.path import ToolPath
 
 FORCE = """

@@ -38,18 +38,18 @@ from bonecam.machine.machine import read_machine
 from bonecam.mesh.files.mesh_files import read_mesh, write_mesh
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.dialect import read_dialect
-from bonecam.nc.job_dialect import job_dialect
 from bonecam.nc.program import program_name
-from bonecam.nc.reading.read import read_program
-from bonecam.report.typed.report import Report
+from bonecam.nc.reading import read_program
+from bonecam.nc.requirements import job_dialect
+from bonecam.report.typed import Report
 from bonecam.runtime.own_files import OWN_FILES
 from bonecam.simulation import simulation_report, simulation_text
 from bonecam.surface import part_surface
-from bonecam.surface.fitting.deviation import Deviation
-from bonecam.surface.fitting.fit import Fit, fit
+from bonecam.surface.fitting import Deviation
+from bonecam.surface.growth import Fit, fit
 from bonecam.surface.tspline import TSpline
 from bonecam.verify import check_removal, prove_removal
-from bonecam.verify.removal.of_job import check_removal_of_job
+from bonecam.verify.removal import check_removal_of_job
 
 COARSE = Job().with_values(
     material={"name": "paper"},

@@ -6,7 +6,7 @@ import numba
 import numpy as np
 
 import bonecam
-from bonecam.cli.progress_display import COMPILING, ProgressBar
+from bonecam.cli.stopping import COMPILING, ProgressBar
 
 
 def test_it_tells_share_stage_and_time_left_and_goes_away() -> None:

@@ -11,7 +11,7 @@ from bonecam import pipeline
 from bonecam.job import Job
 from bonecam.machine.machine import MACHINES, read_machine
 from bonecam.nc.dialect import read_dialect
-from bonecam.nc.reading.read import read_program
+from bonecam.nc.reading import read_program
 from bonecam.setup.capsule import Capsule
 
 pytestmark = pytest.mark.whole

@@ -10,8 +10,8 @@ import bonecam
 from bonecam.errors import OrientationError
 from bonecam.job import Job
 from bonecam.machine.limits import MachineLimits
-from bonecam.mesh.facets.nearest_areas import nearest_areas
-from bonecam.planning.strategies.layer_paths import plan_layer_paths
+from bonecam.mesh.smooth_surface import nearest_areas
+from bonecam.planning.strategies import plan_layer_paths
 from bonecam.setup.stocks.cylinder import Cylinder
 from bonecam.tool import MoveKind
 

@@ -1,33 +1,317 @@
-"""The run of a batch on an executor: any object whose `submit(function, *arguments)` returns a future as those of
+"""What a batch consists of: files, folders of files, and tables of parts, each part with its job.
+
+A job file beside a part that has its name (patient_07.toml beside patient_07.stl) holds what differs for it from the
+job of the batch. A table (CSV with a header) has a part a line:
+
+    file            the part; paths count from the table's folder
+    job             a job file, in place of one beside the part
+    units           the unit of the part's coordinates
+    stock           a kind of stock, or the file of a closed convex one
+    output          the name of its results without ending; that of the part by default
+    section.name    any other parameter of the job, such as stock.diameter or mesh.label
+
+Empty cells leave what the job says. Of job, job file and cells the latter win.
+
+The work on one part of a batch, in a process of its own: its program and what else is wanted, its report last.
+
+NAME.json has the report and a fingerprint of all that decides the outcome, by which a later run knows that the part is
+done.
+
+The run of a batch on an executor: any object whose `submit(function, *arguments)` returns a future as those of
 concurrent.futures. Each part is worked on in a process of its own, wherever the executor runs its task, so that a part
 that fails, or ends its process, stops no other and not its worker.
 """
 
+import csv
+import hashlib
+import json
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import CancelledError, Executor, Future, ThreadPoolExecutor, as_completed
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from functools import partial
+from importlib.resources import files as resources
 from pathlib import Path
 from threading import Event
+from typing import Any
 
 import bonecam
-from bonecam.batch.one_part import Wanted, convert_part, kept_outcome, package_digest
-from bonecam.batch.parts import BatchPart, batch_parts
-from bonecam.errors import BonecamError, FileError, JobError
-from bonecam.files import check_folder, write_whole
-from bonecam.job import Job
+from bonecam.errors import BonecamError, FileError, JobError, did_you_mean
+from bonecam.files import check_folder, input_text, require_name, write_whole
+from bonecam.job import Job, read_job, write_job
+from bonecam.job.files.job_file import counted_from, from_anywhere, named_files
+from bonecam.job.sections import setting
+from bonecam.job.stock_section import STOCK_KINDS
+from bonecam.job.tool_list import tool_list
 from bonecam.machine.machine import read_machine
+from bonecam.mesh.files.label_map import LABEL_MAPS
+from bonecam.mesh.files.mesh_files import READABLE, ending_of
 from bonecam.nc.dialect import Dialect
-from bonecam.nc.job_dialect import job_dialect
-from bonecam.nc.parts.grouping import is_split
-from bonecam.nc.program import check_file_name
+from bonecam.nc.parts import is_split
+from bonecam.nc.program import check_file_name, second_program_file
+from bonecam.nc.requirements import job_dialect
 from bonecam.pipeline import check_job
-from bonecam.report.tables.batch_table import TABLE, Outcome, failed, read_rows, table_text
+from bonecam.progress import Progress
+from bonecam.report.tables import TABLE, Outcome, failed, outcome_of, read_rows, table_text
 from bonecam.runtime.locking import locked
-from bonecam.runtime.signals import undisturbed
-from bonecam.runtime.temporary import remove_abandoned
+from bonecam.runtime.own_files import PACKAGE, folder_digest
+from bonecam.runtime.staging import remove_abandoned, undisturbed
 from bonecam.runtime.worker import WorkerError, call_in_worker
+from bonecam.surface.files.tspline_text import ENDINGS
+from bonecam.text.numbers import Faults, shown
+
+COLUMNS = ("file", "job", "units", "stock", "output")
+"""The columns of a table beside section.name; `file` is the one that it must have."""
+
+
+@dataclass(frozen=True)
+class BatchPart:
+    """A part of a batch: its file, the name of its results without ending, its job, and the job file that is its own,
+    if it has one."""
+
+    file: Path
+    name: str
+    job: Job
+    job_file: str = ""
+
+
+def batch_parts(given: Sequence[str | Path | BatchPart], job: Job) -> list[BatchPart]:
+    """The parts of files, folders and tables, in their order, with `job` where they have none of their own. JobError
+    where there is none, two have one name, or a table or a job file is wrong."""
+    parts = [part for each in given for part in _parts_of(each, job)]
+    if not parts:
+        raise JobError("no part given: name at least one")
+    seen: dict[str, Path] = {}
+    for part in parts:
+        require_name(part.file)
+        if part.name in seen:
+            what = f"{seen[part.name]} and {part.file} would both write {part.name}"
+            remedy = "rename one, name its `output` in a table, or use two folders"
+            raise JobError(f"{what}: {remedy}", file=str(part.file))
+        seen[part.name] = part.file
+    return parts
+
+
+def _parts_of(given: str | Path | BatchPart, job: Job) -> list[BatchPart]:
+    if isinstance(given, BatchPart):
+        return [given]
+    require_name(given)
+    place = Path(given)
+    if place.is_dir():
+        return [_with_job_beside(file, job) for file in _files_in(place)]
+    columns = _columns_of(place)
+    if "file" in columns:
+        return _parts_in_table(place, job)
+    if set(columns) & set(COLUMNS):  # as a part a .csv is a cloud of points
+        what = "line 1: no column `file`: a table of parts names them there"
+        raise JobError(f"{place}: {what}", file=str(place))
+    return [_with_job_beside(place, job)]
+
+
+def _with_job_beside(file: Path, job: Job) -> BatchPart:
+    """The part of a file, with the job beside it, if there is one."""
+    name = name_of(file)
+    beside = file.with_name(f"{name}.toml")
+    if beside.is_file():
+        return BatchPart(file, name, from_anywhere(read_job(beside, job)), str(beside))
+    return BatchPart(file, name, from_anywhere(job))
+
+
+def name_of(file: Path) -> str:
+    """The name of a file without the ending that tells its kind."""
+    return file.name[: len(file.name) - len(ending_of(file))]
+
+
+def _files_in(folder: Path) -> list[Path]:
+    """The files of parts in a folder, hidden ones and the table of results left out, in alphabetical order. JobError
+    where there are none, or a table of parts among them."""
+    endings = (*READABLE, *LABEL_MAPS, *ENDINGS)
+    shown = [file for file in folder.iterdir() if not file.name.startswith(".") and file.name != TABLE]
+    files = sorted(file for file in shown if ending_of(file) in endings)
+    if not files:
+        remedy = f"give files that end in one of {', '.join(endings)}"
+        raise JobError(f"{folder}: holds no part: {remedy}", file=str(folder))
+    tables = [file for file in files if is_table(file)]
+    if tables:
+        remedy = "give the table itself, or move it out of the folder"
+        raise JobError(f"{folder}: {tables[0].name} in it is a table of parts: {remedy}", file=str(folder))
+    return files
+
+
+def is_table(file: Path) -> bool:
+    """Whether a file is a table of parts: a .csv whose first line names the column `file`."""
+    return "file" in _columns_of(file)
+
+
+def _columns_of(file: Path) -> list[str]:
+    """What the first line of a .csv names; nothing of another file, or one that cannot be read."""
+    if file.suffix.lower() != ".csv":
+        return []
+    try:
+        return _header(input_text(file))
+    except (OSError, ValueError):
+        return []
+
+
+def _header(text: str) -> list[str]:
+    first = text.partition("\n")[0]
+    return [name.strip().lower() for name in first.split(_separator(first))]
+
+
+def _separator(first: str) -> str:
+    """What parts the cells: a semicolon where the first line has one, as spreadsheets write it where the decimal
+    separator is a comma."""
+    return ";" if ";" in first else ","
+
+
+def _parts_in_table(table: Path, job: Job) -> list[BatchPart]:
+    """The parts of a table. JobError tells all that is wrong in it with the lines."""
+    text = input_text(table)
+    header = _header(text)
+    unknown = [name for name in header if name not in COLUMNS and "." not in name]
+    if unknown:
+        remedy = f"use {', '.join(COLUMNS)}, or section.name of a job{did_you_mean(unknown[0], COLUMNS)}"
+        raise JobError(f"{table}: column {shown(unknown[0])} is unknown: {remedy}", file=str(table))
+    faults: list[tuple[str, str]] = []
+    parts = []
+    for line, cells in _lines(table, text):
+        try:
+            parts.append(_part_of(table.parent, cells, job))
+        except BonecamError as error:
+            faults.append((f"line {line}", str(error)))
+    if faults:
+        raise JobError(f"{table}: {Faults(faults)}", file=str(table))
+    return parts
+
+
+def _lines(table: Path, text: str) -> Iterator[tuple[int, dict[str, str]]]:
+    """The number and the cells of each line that has one, by their columns; JobError where it has more than the
+    header."""
+    header = _header(text)
+    try:
+        rows = csv.reader(text.splitlines(), delimiter=_separator(text.partition("\n")[0]), strict=True)
+        for row in rows:
+            cells = [cell.strip() for cell in row]
+            if rows.line_num == 1 or not any(cells):
+                continue
+            if len(cells) > len(header):
+                what = f"line {rows.line_num} has {len(cells)} cells and the header {len(header)}"
+                raise JobError(f"{table}: {what}: quote cells with commas", file=str(table))
+            yield rows.line_num, dict(zip(header, cells, strict=False))
+    except csv.Error as error:
+        raise JobError(f"{table}: line {rows.line_num}: {error}: correct the quotes", file=str(table)) from error
+
+
+def _part_of(folder: Path, cells: dict[str, str], job: Job) -> BatchPart:
+    """The part of a line of a table."""
+    given = cells.get("file", "")
+    file = folder / given
+    if not given or not file.is_file():
+        raise JobError(f"{file if given else 'file'} is missing: give the file of a part", file=str(file))
+    if cells.get("job"):
+        own = folder / cells["job"]
+        part = BatchPart(file, "", from_anywhere(read_job(own, job)), str(own))
+    else:
+        part = _with_job_beside(file, job)
+    name = cells.get("output") or name_of(file)
+    if name.startswith(".") or Path(name).name != name:
+        raise JobError(f"output {shown(name)} is no name of a file in the folder: leave out folders and dots")
+    changed = part.job.with_values(**_changes(folder, cells))
+    return BatchPart(file, name, changed, part.job_file)
+
+
+def _changes(folder: Path, cells: dict[str, str]) -> dict[str, dict[str, Any]]:
+    """What the cells of a line change in a job, by section and name."""
+    keys = {"units": "mesh.units"}
+    given = [(keys.get(column, column), cell) for column, cell in cells.items() if cell]
+    settings = [each for each in (setting(key, cell) for key, cell in given) if each]
+    stock = cells.get("stock", "")
+    if stock in STOCK_KINDS:
+        settings.append(("stock", "kind", stock))
+    elif stock:
+        settings += [("stock", "kind", "mesh"), ("stock", "mesh", str((folder / stock).absolute()))]
+    changes: dict[str, dict[str, Any]] = {}
+    for section, name, value in settings:
+        changes.setdefault(section, {})[name] = value
+    return counted_from(str(folder.absolute()), changes)
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What a batch writes of each part beside program and report: the page NAME.html, the setup sheet NAME.sheet.html,
+    the folder NAME of --keep."""
+
+    html: bool = False
+    sheet: bool = False
+    keep: bool = False
+
+    def files(self, part: BatchPart, folder: Path) -> dict[str, Path]:
+        """Every output of `bonecam.convert` for the part, by its name."""
+        extension = job_dialect(part.job.nc).extension
+        outputs = {"program": folder / f"{part.name}{extension}"}
+        if self.html:
+            outputs["html"] = folder / f"{part.name}.html"
+        if self.sheet:
+            outputs["sheet"] = folder / f"{part.name}.sheet.html"
+        if self.keep:
+            outputs["keep"] = folder / part.name
+        return outputs
+
+
+def convert_part(part: BatchPart, folder: Path, wanted: Wanted, progress: Progress) -> Outcome:
+    """Convert in this process and write program and report into `folder`, the fingerprint last; of a part that is
+    refused the report alone."""
+    began = time.perf_counter()
+    mark = fingerprint(part)
+    files = {**wanted.files(part, folder), "report": _report_of(part, folder)}
+    result = bonecam.convert(part.file, part.job, **files, progress=progress)  # type: ignore[arg-type]
+    report = {**result.report, "fingerprint": mark}
+    write_whole(files["report"], json.dumps(report, indent=2) + "\n")
+    return outcome_of(part.name, str(part.file), part.job_file, report, time.perf_counter() - began)
+
+
+def kept_outcome(part: BatchPart, folder: Path, wanted: Wanted) -> Outcome | None:
+    """The outcome of an earlier run with the same mesh, job and package, if all that is wanted of it is there."""
+    try:
+        report = json.loads(input_text(_report_of(part, folder)))
+        files = wanted.files(part, folder)
+        if part.job.holding.second:
+            files["second"] = second_program_file(files["program"], job_dialect(part.job.nc))
+        if report["fingerprint"] != fingerprint(part) or not all(file.exists() for file in files.values()):
+            return None
+        seconds = sum(report["seconds"].values())
+        return outcome_of(part.name, str(part.file), part.job_file, report, seconds, state="kept")
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        return None
+
+
+def _report_of(part: BatchPart, folder: Path) -> Path:
+    return folder / f"{part.name}.json"
+
+
+def package_digest() -> str:
+    """One for the content of bonecam and of the filters that come with it, which the script of a job may run."""
+    return folder_digest(PACKAGE) + folder_digest(Path(str(resources("bonecam_plugins"))))
+
+
+def fingerprint(part: BatchPart) -> str:
+    """A hash of all that decides the outcome: the content of the package, the job, the bytes of the part, of each file
+    that the job names, and of those that its list of cutters names. Where these files are does not count."""
+    named = [*named_files(part.job), *(("nc", "tools", file) for file in tool_list(part.job.nc.tools).files)]
+    digest = hashlib.sha256(package_digest().encode())
+    digest.update(write_job(_without_paths(part.job)).encode())
+    for section, name, file in [("", "", part.file), *named]:
+        content = file.read_bytes() if file.is_file() else b""
+        digest.update(f"{section}.{name}\0".encode() + hashlib.sha256(content).digest())
+    return digest.hexdigest()
+
+
+def _without_paths(job: Job) -> Job:
+    changes: dict[str, dict[str, str]] = {}
+    for section, name, _ in named_files(job):
+        changes.setdefault(section, {})[name] = ""
+    return job.with_values(**changes)
+
 
 WAITING = "waits"
 """What `progress` is told of each part that is to be done, before the first."""
@@ -45,14 +329,14 @@ def convert_many(
     executor: Executor | None = None,
     resume: bool = False,
     share: tuple[int, int] = (1, 1),
-    wanted: Wanted = Wanted(),  # noqa: B008  # frozen
+    wanted: Wanted = Wanted(),  # frozen
     told: Callable[[Outcome, int], object] = lambda outcome, left: None,
     progress: PartProgress = lambda name, fraction, message: None,
     work: str = WORK,
 ) -> list[Outcome]:
     """Convert every part into `folder`; also writes `batch.csv` there after each. The outcomes, in the parts' order.
 
-    Parts are files, folders, tables (or one of these) and `BatchPart`s, as `bonecam.batch.parts` has them. Without an
+    Parts are files, folders, tables (or one of these) and `BatchPart`s, as `bonecam.batch.run` has them. Without an
     `executor`, `jobs` parts at a time are worked on here, and `progress` tells of them, from other threads; no process
     is left, however this one ends. An executor takes one task a part; its workers need this version of bonecam and see
     the same files.

@@ -19,8 +19,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         # until the handlers are here Ctrl-C would be a traceback, and the others an end without a word
         if hasattr(_signal, "pthread_sigmask"):  # Windows has none
             _signal.pthread_sigmask(_signal.SIG_BLOCK, (_signal.SIGINT, _signal.SIGTERM, _signal.SIGHUP))
-        from bonecam.cli.stopping import run_stoppable
-        from bonecam.cli.streams import open_closed_streams
+        from bonecam.cli.stopping import open_closed_streams, run_stoppable
 
         open_closed_streams()
         gc.set_threshold(COLLECT_AFTER)

@@ -6,13 +6,20 @@ from typing import Any
 import bonecam
 from bonecam.cli import commands
 from bonecam.cli.batch import add_batch
-from bonecam.cli.catalogue.catalogues import CATALOGUES, add_catalogue
-from bonecam.cli.help_texts import EXAMPLES, EXIT_CODES, PART
-from bonecam.cli.job_options import add_job_options, add_no_mechanics, add_no_simulation
-from bonecam.cli.parser import Parser, positive
+from bonecam.cli.catalogues import CATALOGUES, add_catalogue
+from bonecam.cli.parser import (
+    EXAMPLES,
+    EXIT_CODES,
+    PART,
+    Parser,
+    add_job_options,
+    add_no_mechanics,
+    add_no_simulation,
+    positive,
+)
 from bonecam.cli.stopping import NOTHING
 from bonecam.cli.study import add_blades, add_compare, add_probe
-from bonecam.filters.scripts.run_script import MEMORY, MOST_MEMORY, MOST_SECONDS, SECONDS
+from bonecam.filters.scripting import MEMORY, MOST_MEMORY, MOST_SECONDS, SECONDS
 
 
 def make_parser() -> Parser:

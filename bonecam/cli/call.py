@@ -12,7 +12,7 @@ from bonecam.cli.arguments import make_parser
 from bonecam.cli.stopping import arrived, tell
 from bonecam.errors import BonecamError
 from bonecam.runtime.staging import placed
-from bonecam.text.faults import in_one_line
+from bonecam.text.numbers import in_one_line
 
 STOPPED = 130
 """Exit code after Ctrl-C: 128 and the number of the signal, as shells have it."""

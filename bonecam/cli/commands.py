@@ -7,12 +7,12 @@ from functools import partial
 from pathlib import Path
 
 import bonecam
-from bonecam.cli.job_options import input_files, job_of
-from bonecam.cli.progress_display import native_output_to_stderr, shown_progress
+from bonecam.cli.parser import input_files, job_of
+from bonecam.cli.stopping import native_output_to_stderr, shown_progress
 from bonecam.cli.study import run_impeller
 from bonecam.errors import JobError
 from bonecam.files import check_files, write_whole
-from bonecam.filters.scripts import run_script as scripts
+from bonecam.filters import scripting
 from bonecam.job import Job, write_job
 
 
@@ -25,7 +25,7 @@ def run_demo(options: argparse.Namespace) -> int:
     """`bonecam demo`: the NC program of the phalanx, or of the impeller, that is installed with bonecam."""
     from bonecam_meshes import path
 
-    from bonecam.nc.job_dialect import job_dialect
+    from bonecam.nc.requirements import job_dialect
 
     if options.impeller:
         return run_impeller(options)
@@ -64,7 +64,7 @@ def _run(
 
 def run_view(options: argparse.Namespace) -> int:
     """`bonecam view`: the page of a run, from its kept files, and that of its second clamping."""
-    from bonecam.report.files.kept_view import kept_pages
+    from bonecam.report.kept import kept_pages
 
     bonecam.view(options.keep, options.output)
     print("\n".join(str(page) for page in kept_pages(options.keep, options.output)))
@@ -106,7 +106,7 @@ def run_shell(options: argparse.Namespace) -> int:
 def _kept_job(options: argparse.Namespace, program: str) -> Job:
     """The job of the options of a command on a `program` or its paths: without --keep their own folder is taken, where
     a run kept it, without --job the job.toml of the folder, which is told in a line."""
-    from bonecam.report.files.kept_bodies import folder_of, job_file_of
+    from bonecam.report.kept import folder_of, job_file_of
 
     options.keep = options.keep or folder_of(program)
     kept = job_file_of(options.keep)
@@ -119,10 +119,10 @@ def _kept_job(options: argparse.Namespace, program: str) -> Job:
 
 def run_simulate(options: argparse.Namespace) -> int:
     """`bonecam simulate`: what a program removes, from its text."""
-    from bonecam.report.typed.run_report import report_text
+    from bonecam.report.typed import report_text
     from bonecam.report.warnings import check_warnings, warnings_of
     from bonecam.simulation import simulation_report, simulation_text
-    from bonecam.verify.removal.of_job import check_removal_of_job
+    from bonecam.verify.removal import check_removal_of_job
 
     job = _kept_job(options, options.program)
     if options.keep is None:
@@ -174,7 +174,7 @@ def run_post(options: argparse.Namespace) -> int:
 def run_script(options: argparse.Namespace) -> int:
     """`bonecam script`: a MeshLab filter script on meshes; prints the files of the resulting layers."""
     with shown_progress(options) as progress, native_output_to_stderr():
-        written = scripts.run_script(
+        written = scripting.run_script(
             options.script,
             options.input,
             options.output,
@@ -200,7 +200,7 @@ def run_filters(options: argparse.Namespace) -> int:
 def run_job(options: argparse.Namespace) -> int:
     """`bonecam job`: the job file of the options, or the schema of such files."""
     if options.schema:
-        from bonecam.cli.catalogue.schemas import job_schema
+        from bonecam.cli.catalogues import job_schema
 
         print(json.dumps(job_schema(), indent=2))
     else:

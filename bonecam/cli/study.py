@@ -6,10 +6,8 @@ from pathlib import Path
 from typing import Any
 
 import bonecam
-from bonecam.cli.help_texts import PART
-from bonecam.cli.job_options import add_job_options, add_no_simulation, input_files, job_of
-from bonecam.cli.parser import positive
-from bonecam.cli.progress_display import shown_progress
+from bonecam.cli.parser import PART, add_job_options, add_no_simulation, input_files, job_of, positive
+from bonecam.cli.stopping import shown_progress
 from bonecam.errors import JobError
 from bonecam.files import check_files
 from bonecam.job import Job
@@ -58,8 +56,7 @@ def _add_line(command: argparse.ArgumentParser) -> None:
 
 def run_compare(options: argparse.Namespace) -> int:
     """`bonecam compare`: strategies side by side."""
-    from bonecam.study.comparison import compare
-    from bonecam.study.table import claims_text, table_text
+    from bonecam.study.comparison import claims_text, compare, table_text
 
     job = job_of(options)
     with shown_progress(options) as progress:
@@ -80,7 +77,7 @@ def run_compare(options: argparse.Namespace) -> int:
 
 def run_probe(options: argparse.Namespace) -> int:
     """`bonecam probe`: the deviations along a line of a kept program."""
-    from bonecam.study.probed_folder import probe
+    from bonecam.study.comparison import probe
 
     with shown_progress(options) as progress:
         probed = probe(
@@ -141,7 +138,7 @@ def run_impeller(options: argparse.Namespace) -> int:
     import bonecam_meshes
     from bonecam_meshes.impeller import BLADES
 
-    from bonecam.nc.job_dialect import job_dialect
+    from bonecam.nc.requirements import job_dialect
 
     if options.surface is not None:
         raise JobError("demo --impeller: the blade's surface is in the kept folder: give --keep, not --surface")

@@ -7,5 +7,5 @@ from .meshset import MeshSetError as MeshSetError
 from .parameter import FilterParameter as FilterParameter
 from .parameter import Kind as Kind
 from .parameter import Percentage as Percentage
-from .scripts.apply_script import apply_script as apply_script
-from .scripts.run_script import run_script as run_script
+from .scripting import apply_script as apply_script
+from .scripting import run_script as run_script

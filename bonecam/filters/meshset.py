@@ -24,12 +24,11 @@ from bonecam.filters.filter import Filter, Registry, installed
 from bonecam.filters.layers import Layers
 from bonecam.filters.meshlab_values import refusals_told
 from bonecam.filters.mlx import FilterCall, ScriptParameter, read_calls, write_script
-from bonecam.filters.scripts.script_files import ScriptFiles
-from bonecam.filters.scripts.script_steps import ScriptStep, apply_steps, read_script
-from bonecam.mesh.files.meshlab_files import ENDING, layers_of, try_filter, try_reading
+from bonecam.filters.scripts import ScriptFiles, ScriptStep, apply_steps, read_script
+from bonecam.mesh.files.mesh_files import ENDING, layers_of, try_filter, try_reading
 from bonecam.mesh.meshlab import meshlab, meshlab_filters
 from bonecam.progress import Progress, silent
-from bonecam.runtime.temporary import temporary_folder
+from bonecam.runtime.staging import temporary_folder
 
 
 class MeshSetError(FilterError, meshlab().PyMeshLabException):  # type: ignore[misc]

@@ -1,9 +1,9 @@
 from .files.job_file import job_files as job_files
 from .files.job_file import read_job as read_job
 from .files.job_file import write_job as write_job
-from .holding.holding_section import HoldingJob as HoldingJob
+from .holding_section import HoldingJob as HoldingJob
 from .levels_section import LevelsJob as LevelsJob
-from .materials.mechanics_section import MechanicsJob as MechanicsJob
+from .materials.preset import MechanicsJob as MechanicsJob
 from .mesh_section import MeshJob as MeshJob
 from .mesh_section import SurfaceJob as SurfaceJob
 from .nc_section import NcJob as NcJob

@@ -6,8 +6,7 @@ from typing import Any
 
 from bonecam.errors import JobError
 from bonecam.job.parameter import JobSection, check, is_list, parameter
-from bonecam.text.faults import shown
-from bonecam.text.numbers import number
+from bonecam.text.numbers import number, shown
 
 MOST_LEVELS = 2000
 """A number of cuts, or of depths in a list, beyond this is refused: a mistaken depth or unit."""

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, TypeGuard
 
 from bonecam.errors import JobError, did_you_mean
-from bonecam.text.faults import shown
+from bonecam.text.numbers import shown
 
 
 @dataclass(frozen=True)

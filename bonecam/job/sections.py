@@ -7,10 +7,9 @@ from functools import wraps
 from typing import TYPE_CHECKING, Any
 
 from bonecam.errors import JobError, did_you_mean
-from bonecam.job.holding.holding_section import HoldingJob
+from bonecam.job.holding_section import HoldingJob
 from bonecam.job.levels_section import LevelsJob
-from bonecam.job.materials.mechanics_section import MechanicsJob
-from bonecam.job.materials.preset import read_material
+from bonecam.job.materials.preset import MechanicsJob, read_material
 from bonecam.job.mesh_section import MeshJob, SurfaceJob
 from bonecam.job.nc_section import NcJob
 from bonecam.job.parameter import JobSection
@@ -20,7 +19,7 @@ from bonecam.job.tool_list import preset_values
 from bonecam.job.tool_section import AUTO, FINE, FINISHING, ROUGHING, MaterialJob, ToolJob
 from bonecam.job.warnings_section import WarningsJob
 from bonecam.machine.machine import USUAL_SPINDLE, read_machine
-from bonecam.text.faults import Faults, shown
+from bonecam.text.numbers import Faults, shown
 
 Table = Mapping[str, Any]
 """Values of a section by name."""

@@ -26,9 +26,8 @@ from bonecam.errors import JobError
 from bonecam.files import LARGEST_INPUT, input_bytes
 from bonecam.job.parameter import record
 from bonecam.job.tool_section import ToolJob
-from bonecam.machine.frustum import stack_as_text, stack_from_text
-from bonecam.text.faults import shown
-from bonecam.text.numbers import number, whole_number
+from bonecam.machine.bodies import stack_as_text, stack_from_text
+from bonecam.text.numbers import number, shown, whole_number
 
 FOREIGN = (".json", ".tools", ".fctl", ".fctb", ".tbl", ".csv")
 """How the names of these files end."""

@@ -28,7 +28,7 @@ from bonecam.files import input_text
 from bonecam.job.tool_formats import FOREIGN, KEYS, MM, SHAPES, Entry, called, foreign_entries, naming
 from bonecam.job.tool_section import SIZES, ToolJob, misfit
 from bonecam.runtime.extensions import named_files
-from bonecam.text.faults import Faults, shown
+from bonecam.text.numbers import Faults, shown
 from bonecam.text.toml import parse_toml
 
 ENDINGS = (".toml", *FOREIGN)

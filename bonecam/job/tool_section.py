@@ -5,8 +5,8 @@ from typing import Any
 
 from bonecam.errors import JobError
 from bonecam.job.parameter import JobSection, check, is_list, parameter
-from bonecam.machine.frustum import Frustum, stack_as_text, stack_from_text
-from bonecam.text.faults import shown
+from bonecam.machine.bodies import Frustum, stack_as_text, stack_from_text
+from bonecam.text.numbers import shown
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ import numba
 from numba.core.caching import IndexDataCacheFile
 
 from bonecam.runtime.own_files import folder_digest
-from bonecam.runtime.temporary import make_temporary
+from bonecam.runtime.staging import make_temporary
 
 
 def _find_room() -> None:

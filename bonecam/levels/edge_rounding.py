@@ -17,21 +17,17 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from bonecam.levels.body_surface import body_surfaces
 from bonecam.levels.closed_morph import begin_morph, require_seeds_inside, require_types
-from bonecam.levels.measure.cut_measures import CutSamples, Measures, measures_of
-from bonecam.levels.measure.level import Level, RoundedLevel, StockLevel, morph_surfaces
-from bonecam.levels.problem.factorisation import BandedCholesky, factorise
-from bonecam.levels.problem.samples import SurfaceSamples, integration_points, samples_of, thin_plate
-from bonecam.levels.sequences.begun_morph import BegunMorph, Morph
+from bonecam.levels.measure import CutSamples, Level, Measures, RoundedLevel, StockLevel, measures_of, morph_surfaces
+from bonecam.levels.open_morph import body_surfaces
+from bonecam.levels.problem import BandedCholesky, SurfaceSamples, factorise, integration_points, samples_of, thin_plate
+from bonecam.levels.sequences import BegunMorph, Morph
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.remeshing import split_edges
-from bonecam.mesh.solids.intersections import self_intersections
+from bonecam.mesh.solids import self_intersections
 from bonecam.mesh.triangle_mesh import TriangleMesh, probes
 from bonecam.runtime.threads import on_one_blas_thread
-from bonecam.setup.containment import MARGIN, require_inside
-from bonecam.setup.rounding.half_spaces import half_spaces_of, intersect
-from bonecam.setup.rounding.largest_rounding import require_roundable
+from bonecam.setup.rounding import MARGIN, half_spaces_of, intersect, require_inside, require_roundable
 from bonecam.setup.schedule import Schedule
 from bonecam.setup.stock import Stock
 from bonecam.surface.tspline import TSpline

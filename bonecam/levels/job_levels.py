@@ -13,20 +13,18 @@ from typing import Any
 from bonecam.errors import LevelError, SurfaceError
 from bonecam.job import Job, LevelsJob
 from bonecam.levels.edge_rounding import begin_levels, levels_in
-from bonecam.levels.measure.cut_measures import NO_CUT
-from bonecam.levels.measure.level import PartLevel, StockLevel
-from bonecam.levels.sequences.begun_morph import Morph
+from bonecam.levels.measure import NO_CUT, PartLevel, StockLevel
+from bonecam.levels.sequences import Morph
 from bonecam.levels.solvers.clarabel import require_clarabel
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.part import Part
-from bonecam.mesh.sections.harmonic_rows import Rows
-from bonecam.mesh.sections.row_choices import MOST_CHOICES
+from bonecam.mesh.rows import MOST_CHOICES, Rows
 from bonecam.progress import Progress, part, report, rising, silent
 from bonecam.runtime.timing import StageTimes
 from bonecam.setup.placement import Setup
 from bonecam.setup.schedule import Schedule, even_out, schedule_of
 from bonecam.setup.stock import Stock
-from bonecam.surface.fitting.fit import Fit
+from bonecam.surface.growth import Fit
 from bonecam.surface.part_surface import fit_surface, part_rows, smoother_fit
 from bonecam.surface.tspline import TSpline
 

@@ -1,5 +1,3 @@
-from .axes import LinearAxis as LinearAxis
-from .axes import RotaryAxis as RotaryAxis
 from .check import MachineCheck as MachineCheck
 from .check import check_machine as check_machine
 from .kinematics import forward as forward
@@ -9,3 +7,5 @@ from .limits import MachineLimits as MachineLimits
 from .machine import Machine as Machine
 from .machine import machine_names as machine_names
 from .machine import read_machine as read_machine
+from .machine_file import LinearAxis as LinearAxis
+from .machine_file import RotaryAxis as RotaryAxis

@@ -7,12 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from bonecam.machine.axes import LinearAxis, RotaryAxis
-from bonecam.machine.limits import polar_angles
+from bonecam.machine.limits import farthest_side, polar_angles, reached_axes, tilt_band
 from bonecam.machine.machine import USUAL_SPINDLE, Machine, machine_files, read_machine
-from bonecam.machine.machine_file import PARALLEL, MachineFile
-from bonecam.machine.reach import farthest_side, reached_axes, tilt_band
-from bonecam.machine.tables import read_table
+from bonecam.machine.machine_file import PARALLEL, LinearAxis, MachineFile, RotaryAxis, read_table
 
 LEAST_SPINDLE = 1000.0
 """Spindles that drive ball-ends turn faster, 1/min."""

@@ -1,17 +1,25 @@
 """What planning must know of a machine: the limits of its tool axis, the speeds of its rotary axes, and its bodies.
 
-The polar angle of a tool axis is its angle from +Z."""
+The polar angle of a tool axis is its angle from +Z.
+
+Which tool axes a machine has: a band of polar angles all round the part, or a curve or a region.
+"""
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
+import scipy
 from jaxtyping import Bool, Float
 from numpy import ndarray
 
+from bonecam.arrays import frozen, lengths
 from bonecam.errors import MachineError
 from bonecam.machine.bodies import MachineBodies
+from bonecam.machine.kinematics import inverse_rotary, tool_axes, within_limits
+from bonecam.machine.machine import Machine
+from bonecam.machine.machine_file import RotaryAxis
 
 ANGLE_ROUNDING = 1e-9
 """Angles this little (radians) beyond a limit are on it."""
@@ -99,3 +107,118 @@ def with_polar_angles(axes: Float[ndarray, "n 3"], angles: Float[ndarray, " n"])
     y = np.where(upright, 0.0, axes[:, 1])
     length = np.where(upright, 1.0, horizontal)
     return np.column_stack([np.sin(angles) * x / length, np.sin(angles) * y / length, np.cos(angles)])
+
+
+AXIS_MARGIN = np.radians(1.0)
+"""Kept from the machine's tilt limit, radians: a turn of up to 30 degrees between two axes at the limit
+bulges past it by less."""
+STEP = np.radians(2.0)
+"""Between the joints at which the tool axes of a machine are sampled, radians."""
+ON_CURVE = 1e-7
+"""A unit axis this near to one that a machine has is that."""
+ROUND = 360
+"""Sides of a stock that are tried."""
+EVEN = 1e-9
+"""Polar angles that differ by less, radians, are one."""
+
+
+def tilt_band(machine: Machine) -> tuple[float, float] | None:
+    """The lowest and the highest angle (rad) from +Z of the widest band that the tool axis reaches in every direction
+    round the part; None where there is no such angle."""
+    if any(axis.locked for axis in machine.rotary):
+        return _band_of_locked(machine)
+    azimuths = np.linspace(0, 2 * np.pi, 73)[:-1]
+    tilts = np.radians(np.arange(0.0, 180.01, 0.25))
+    tilt, azimuth = (grid.ravel() for grid in np.meshgrid(tilts, azimuths, indexing="ij"))
+    axes = np.column_stack([np.sin(tilt) * np.cos(azimuth), np.sin(tilt) * np.sin(azimuth), np.cos(tilt)])
+    solutions, _ = inverse_rotary(machine, axes)
+    reached = within_limits(machine, solutions).any(1).reshape(len(tilts), -1).all(1)
+    edges = np.flatnonzero(np.diff(np.r_[False, reached, False]))
+    bands = edges.reshape(-1, 2) - [0, 1]
+    if not len(bands):
+        return None
+    low, high = bands[np.argmax(np.diff(bands, axis=1))]
+    return (float(tilts[low]), float(tilts[high])) if low < high else None
+
+
+def _band_of_locked(machine: Machine) -> tuple[float, float] | None:
+    """The one polar angle of a machine whose only free axis turns the part about its Z, all the way round."""
+    free = [axis for axis in machine.rotary if not axis.locked]
+    if len(free) != 1 or (free[0].bounded and not free[0].has_choice):
+        return None
+    samples = _sampled(machine)
+    angles = polar_angles(samples)
+    if np.ptp(angles) > EVEN or np.ptp(samples, axis=0).max() < ON_CURVE:
+        return None
+    return float(angles.mean()), float(angles.mean())
+
+
+def _sampled(machine: Machine) -> Float[ndarray, "k 3"]:
+    """Unit tool axes all over those that a machine has, about STEP apart in its joints."""
+    joints = [_steps(axis) for axis in machine.rotary]
+    return tool_axes(machine, np.stack(np.meshgrid(*joints, indexing="ij"), axis=-1).reshape(-1, 2))
+
+
+def _steps(axis: RotaryAxis) -> Float[ndarray, " n"]:
+    low, high = axis.limits
+    if not axis.bounded or axis.has_choice:
+        return np.arange(0.0, 2 * np.pi - STEP / 2, STEP)
+    return np.linspace(low, high, 1 + int(np.ceil((high - low) / STEP)))
+
+
+def planned_band(machine: Machine) -> tuple[float, float] | None:
+    """The band of `tilt_band` that paths may use, rad: AXIS_MARGIN within it; None where it is too narrow for that."""
+    band = tilt_band(machine)
+    if band is None or band[0] == band[1]:
+        return band
+    low, high = band[0] + AXIS_MARGIN if band[0] > 0 else 0.0, band[1] - AXIS_MARGIN
+    return (low, high) if low < high else None
+
+
+def reached_axes(machine: Machine) -> ReachedAxes:
+    """The tool axes of a machine, its joints AXIS_MARGIN within their limits."""
+    inner = replace(
+        machine,
+        part_axes=tuple(map(_within_margin, machine.part_axes)),
+        tool_axes=tuple(map(_within_margin, machine.tool_axes)),
+    )
+    samples = _sampled(inner)
+    if np.ptp(samples, axis=0).max() < ON_CURVE:
+        what = f"{machine.name}: its tool has a single direction in the part"
+        remedy = "give one of its rotary axes room, or correct direction: one along the spindle leans nothing"
+        raise MachineError(f"{what}: {remedy}", machine=machine.name)
+    tree = scipy.spatial.KDTree(samples)
+
+    def brought(axes: Float[ndarray, "n 3"]) -> tuple[Float[ndarray, "n 3"], Bool[ndarray, " n"]]:
+        """Of each axis the one of the machine by its first solution within the limits, and whether there is one."""
+        solutions, _ = inverse_rotary(inner, axes, lock_guard=np.pi)
+        usable = within_limits(inner, solutions)
+        first = solutions[np.arange(len(axes)), np.argmax(usable, axis=1)]
+        some = np.asarray(usable.any(axis=1))
+        return tool_axes(inner, np.where(some[:, None], first, 0.0)), some
+
+    def contains(axes: Float[ndarray, "n 3"]) -> Bool[ndarray, " n"]:
+        own, reached = brought(axes)
+        return reached & (lengths(own - axes) <= ON_CURVE)
+
+    def nearest(axes: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
+        own, reached = brought(axes)
+        near = samples[tree.query(axes)[1]]
+        return np.where(reached[:, None], own, near)
+
+    return ReachedAxes(contains, nearest, frozen(samples))
+
+
+def farthest_side(axes: Float[ndarray, "k 3"]) -> float:
+    """The largest angle (rad) of a level direction, which the side of a stock faces, from all of these unit axes."""
+    azimuths = np.radians(np.arange(ROUND))
+    sides = np.column_stack([np.cos(azimuths), np.sin(azimuths), np.zeros(ROUND)])
+    return float(np.arccos(np.clip((axes @ sides.T).max(axis=0), -1, 1)).max())
+
+
+def _within_margin(axis: RotaryAxis) -> RotaryAxis:
+    """The axis with limits AXIS_MARGIN narrower, or as wide as they are where there is no room for it."""
+    low, high = axis.limits
+    if axis.locked or high - low <= 2 * AXIS_MARGIN:
+        return axis
+    return replace(axis, limits=(low + AXIS_MARGIN, high - AXIS_MARGIN))

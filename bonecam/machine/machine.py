@@ -53,11 +53,18 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.arrays import frozen
-from bonecam.machine.axes import LinearAxis, RotaryAxis, Vector
-from bonecam.machine.bodies import LinkBody, MachineBodies, Table
-from bonecam.machine.frustum import Frustum, stack_of
-from bonecam.machine.machine_file import LINEAR, BodiesTable, LinearTable, MachineFile, RotaryTable
-from bonecam.machine.tables import read_table
+from bonecam.machine.bodies import Frustum, LinkBody, MachineBodies, Table, stack_of
+from bonecam.machine.machine_file import (
+    LINEAR,
+    BodiesTable,
+    LinearAxis,
+    LinearTable,
+    MachineFile,
+    RotaryAxis,
+    RotaryTable,
+    Vector,
+    read_table,
+)
 from bonecam.runtime.extensions import named_files
 
 UPRIGHT: tuple[Vector, Vector, Vector] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))

@@ -1,14 +1,148 @@
-"""The schema of a machine file: keys, types and ranges. The text of `nc.machine` says what they mean."""
+"""The axes of a machine.
+
+The TOML files of machines and dialects, by name or by path, checked against a schema.
+
+The schema of a machine file: keys, types and ranges. The text of `nc.machine` says what they mean.
+"""
 
 import math
-from typing import Annotated, Literal
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
-from bonecam.errors import counted
-from bonecam.machine.frustum import MOST_FRUSTUMS
-from bonecam.text.record import KeyFault, Record
+from bonecam.errors import MachineError, counted, did_you_mean
+from bonecam.files import input_text
+from bonecam.machine.bodies import MOST_FRUSTUMS
+from bonecam.text.numbers import Faults, shown
+from bonecam.text.record import KeyFault, Record, checked
 from bonecam.text.template import check_printable
+from bonecam.text.toml import parse_toml
+
+Vector = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class LinearAxis:
+    """One of X, Y, Z: limits of the spindle nose in mm (infinite where unknown), travel in mm, speed in mm/min,
+    acceleration in mm/min^2 and jerk in mm/min^3, infinite where they are not known."""
+
+    letter: str
+    limits: tuple[float, float]
+    travel: float
+    speed: float
+    acceleration: float = math.inf
+    jerk: float = math.inf
+
+
+@dataclass(frozen=True)
+class RotaryAxis:
+    """A rotary axis; `direction` already carries the sign: a positive angle turns what it carries
+    right-handed about it.
+
+    Limits in radians, speed in rad/min; acceleration in rad/min^2 and jerk in rad/min^3, infinite where not known.
+    `endless`: the axis may wind; its limits, if any, bound the winding. One without a letter stands for the second axis
+    of a machine that has one: it has no words.
+    """
+
+    letter: str
+    direction: Vector
+    pivot: Vector
+    limits: tuple[float, float]
+    endless: bool
+    speed: float
+    acceleration: float = math.inf
+    jerk: float = math.inf
+
+    @property
+    def bounded(self) -> bool:
+        """Whether it has limits."""
+        return math.isfinite(self.limits[0])
+
+    @property
+    def locked(self) -> bool:
+        """Whether it stands at one angle."""
+        return bool(self.limits[0] == self.limits[1])
+
+    @property
+    def has_choice(self) -> bool:
+        """Whether its limits are a turn or more apart: it can stand in some direction in more than one turn."""
+        return bool(self.bounded and self.limits[1] - self.limits[0] >= 2 * math.pi * (1 - 1e-9))
+
+
+R = TypeVar("R", bound=Record)
+
+
+def read_table(
+    kind: str, name: str | Path, files: Mapping[str, Path], schema: type[R], *, may_be_like: bool = False
+) -> tuple[Path, R]:
+    """Path and record of the TOML file of a `name` among `files`, or of a path that ends in .toml.
+
+    With `may_be_like` the file may name another one of the `files` as `like`, which has what it leaves out. `kind` is
+    the word for it in messages. MachineError where there is no such file, or it is no TOML; where it departs from the
+    schema, with every key that is wrong (`faults`: key, what and remedy).
+    """
+    path = Path(name) if str(name).endswith(".toml") else files.get(str(name))
+    if path is None:
+        raise MachineError(
+            f"{kind} {str(name)!r} is unknown{did_you_mean(str(name), files)}: use one of {', '.join(files)}, or the "
+            "path of a .toml file",
+            name=str(name),
+        )
+    values = _values(kind, path, files)
+    if may_be_like and "like" in values:
+        values = _completed(values, kind, path, files)
+    try:
+        return path, checked(schema, values)
+    except Faults as error:
+        key = error.found[0][0]
+        raise MachineError(f"{path}: {error}", file=str(path), key=key, faults=error.found) from error
+
+
+def _values(kind: str, path: Path, files: Mapping[str, Path]) -> dict[str, Any]:
+    try:
+        return parse_toml(_text(kind, path, files))
+    except Faults as error:
+        raise MachineError(f"{path}: {error}: correct the file", file=str(path)) from error
+
+
+def _completed(values: dict[str, Any], kind: str, path: Path, files: Mapping[str, Path]) -> dict[str, Any]:
+    """The values of a file with those of the file that it is like."""
+    own = dict(values)
+    name = own.pop("like")
+    known = [each for each in files if files[each] != path]
+    if name not in known:
+        raise MachineError(f"{path}: like: {shown(str(name))}: use one of {', '.join(known)}", file=str(path))
+    base = _values(kind, files[name], files)
+    if "like" in base:
+        raise MachineError(f"{path}: like: {name} is itself like another: use {base['like']}", file=str(path))
+    return merged(base, own)
+
+
+def merged(base: dict[str, Any], own: dict[str, Any]) -> dict[str, Any]:
+    """Tables joined key by key; what is no table in both is that of `own`."""
+    joined = dict(base)
+    for key, value in own.items():
+        both = isinstance(value, dict) and isinstance(joined.get(key), dict)
+        joined[key] = merged(joined[key], value) if both else value
+    return joined
+
+
+def _text(kind: str, path: Path, files: Mapping[str, Path]) -> str:
+    try:
+        return input_text(path)
+    except FileNotFoundError as error:
+        known = ", ".join(files)
+        raise MachineError(
+            f"{path}: no such file: give a {kind}'s .toml file, or one of {known}", file=str(path)
+        ) from error
+    except (OSError, UnicodeDecodeError) as error:
+        raise MachineError(f"{path}: {error}: correct the file", file=str(path)) from error
+    except ValueError as error:  # a name with a zero character
+        raise MachineError(f"{str(path)!r}: {error}: give a name or a file", file=str(path)) from error
+
 
 FARTHEST = 1e5
 """No place or travel of a machine is beyond this, mm: 100 m."""

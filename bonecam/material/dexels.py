@@ -4,22 +4,35 @@ have left of the stock, and what they would remove on other ways.
 The height field of `in_process_stock.py` knows the material along its own lines only: where the wall that a level
 leaves meets a face of the stock that is not cut, a rib between two of them may be wider than a link may cut. Rays that
 cross one another miss nothing that is wider than their distance.
+
+How deep balls enter material on straight moves between places.
+
+What stands after tool paths, on rays: what their balls have left of the stock, and what balls and flutes have.
+
+Depth of cut: how far the nearest air was from each place of the surface that a level leaves, when it
+began.
+
+How deep balls enter the surface of what stands, and whether they do where none has been.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from numpy import ndarray
+from scipy.spatial import KDTree
 
-from bonecam.kernels.removal.air import new_ends
-from bonecam.kernels.removal.flutes import NO_BODY, Ways
-from bonecam.kernels.removal.probe import cut_ways, probe
-from bonecam.kernels.removal.rays import RaySet
+from bonecam.arrays import numbered
+from bonecam.kernels.bodies import NO_BODY, Ways
+from bonecam.kernels.rays import RaySet, air_distances, new_ends
+from bonecam.kernels.removal import Pieces, cut_ways, probe
 from bonecam.material.rays import RayGrid, lay_grid, lay_rays, least_cell, order
+from bonecam.mesh.distance import MeshDistance
 from bonecam.runtime.threads import in_pieces
 from bonecam.setup.stock import Stock
+from bonecam.tool.cutter import Cutter
+from bonecam.tool.path import MoveKind, ToolPath
 
 CELL = 0.2
 """Distance of the rays, mm: eight of them meet a cube of which a link may remove no more."""
@@ -145,3 +158,157 @@ def with_more_room(rays: RaySet) -> RaySet:
     spans = np.zeros((*rays.spans.shape[:2], 2 * rays.spans.shape[2]), dtype=np.float32)
     spans[:, :, : rays.spans.shape[2]] = rays.spans
     return rays._replace(spans=spans)
+
+
+DENSE = 0.25
+"""Depths on a move are measured no farther apart, mm, as the places of the material are."""
+
+
+def move_depths(
+    depths: Callable[[ndarray, float], tuple[ndarray, ndarray]],
+    starts: Float[ndarray, "m 3"],
+    ends: Float[ndarray, "m 3"],
+    radius: float,
+) -> Float[ndarray, " m"]:
+    """The largest depth (mm) of a ball between start and end of each move of its centre, both left out; 0 where it
+    enters nothing there. `depths` are those of a material at given centres."""
+    counts = np.ceil(np.linalg.norm(ends - starts, axis=1) / DENSE).astype(np.int64) - 1
+    counts = np.maximum(counts, 0)
+    move, place = numbered(counts)
+    share = ((place + 1) / (counts[move] + 1))[:, None]
+    deepest = np.zeros(len(starts))
+    np.maximum.at(deepest, move, depths((1 - share) * starts[move] + share * ends[move], radius)[0])
+    return deepest
+
+
+@dataclass(frozen=True, eq=False)
+class CutDexels:
+    """What `balls` alone have left, and what whole `cutters`, balls and the flutes above them, have left."""
+
+    balls: Dexels
+    cutters: Dexels
+
+    def after(self, path: ToolPath) -> "CutDexels":
+        """What is left behind the cuts of a path."""
+        starts, ends = cut_poses(path)
+        if not len(ends[0]):
+            return self
+        radius, reach, body = path.cutter.radius, path.cutter.reach, path.cutter.body
+        if len(body):
+            cutters = self.cutters.without(starts, ends, radius, reach, body)
+            one = self.balls is self.cutters
+            return CutDexels(cutters if one else self.balls.without(starts, ends, radius, reach, body), cutters)
+        return CutDexels(self.balls.without(starts, ends, radius), self.cutters.without(starts, ends, radius, reach))
+
+    def cut_little(
+        self, lines: Sequence[Poses], removed: Sequence[Poses], cutter: Cutter, allowed: Float[ndarray, " k"]
+    ) -> Bool[ndarray, " k"]:
+        """Whether neither the ball alone nor ball and flutes remove more than is `allowed` (mm^3) on straight moves
+        through the poses of each line, behind tools in the poses `removed` of that line."""
+        if cutter.is_bull:
+            cut = self.cutters.removed_by(lines, removed, cutter.radius, cutter.reach, cutter.body)
+            return cut <= allowed
+        little = self.balls.removed_by(lines, removed, cutter.radius) <= allowed
+        asked = np.flatnonzero(little).tolist()
+        lines, removed = [lines[k] for k in asked], [removed[k] for k in asked]
+        little[asked] = self.cutters.removed_by(lines, removed, cutter.radius, cutter.reach) <= allowed[asked]
+        return np.asarray(little)
+
+
+def uncut_rays(stock: Stock) -> CutDexels:
+    """The stock before the first cut."""
+    dexels = dexels_of(stock)
+    return CutDexels(dexels, dexels)
+
+
+def cut_poses(path: ToolPath) -> tuple[Poses, Poses]:
+    """Ball centre and axis at beginning and end of each cutting move; a pass begins with one of no length."""
+    centres = path.balls
+    cutting = path.kinds == MoveKind.CUT
+    goes_on = np.r_[False, cutting[:-1] & (path.pass_index[1:] == path.pass_index[:-1])]
+    before = np.where(goes_on, np.arange(len(centres)) - 1, np.arange(len(centres)))
+    starts = centres[before[cutting]], path.axes[before[cutting]]
+    return starts, (centres[cutting], path.axes[cutting])
+
+
+SPACING = 0.2
+"""Depths are measured this far apart, mm, on each set of rays."""
+MEASURED = 2048
+"""Places measured at once."""
+
+
+@dataclass(frozen=True, eq=False)
+class Depths:
+    """Places (n, 3) of the surface that was cut, in the part's frame, and the depth of the cut there (n,),
+    mm."""
+
+    places: Float[ndarray, "n 3"]
+    depths: Float[ndarray, " n"]
+
+    @property
+    def deepest(self) -> int:
+        """The index of the deepest place."""
+        return int(np.argmax(self.depths))
+
+
+def cut_depths(now: Sequence[RaySet], before: Sequence[RaySet], grid: RayGrid, spacing: float = SPACING) -> Depths:
+    """The depths of all that was cut between `before` and `now`, at places `spacing` mm apart on each set of rays.
+
+    A place counts once for each set of rays that ends there, so that slanted places count up to sqrt(3)
+    times.
+    """
+    step = max(round(spacing / grid.cell), 1)
+    points_of_sets = []
+    for direction in range(3):
+        ends = new_ends(now[direction], before[direction], step)
+        points = np.empty_like(ends)
+        points[:, order(direction)] = ends
+        points_of_sets.append(points)
+    points = np.vstack(points_of_sets)
+    depths = np.empty(len(points))
+
+    def measure(some: slice) -> None:
+        air_distances(*before, points[some], depths[some])
+
+    in_pieces(measure, len(points), MEASURED)
+    return Depths(grid.in_part(points), depths)
+
+
+def move_through(place: Float[ndarray, "3"], pieces: Pieces, radius: float) -> int:
+    """The move whose ball left the surface at `place`: it passes nearest to it."""
+    along = pieces.ends - pieces.starts
+    square = np.maximum((along**2).sum(1), np.finfo(float).tiny)
+    share = np.clip(((place - pieces.starts) * along).sum(1) / square, 0.0, 1.0)
+    away = np.linalg.norm(pieces.starts + share[:, None] * along - place, axis=1)
+    return int(pieces.moves[np.argmin(np.abs(away - radius))])
+
+
+def ball_depths(
+    surface: MeshDistance, centres: Float[ndarray, "n 3"], radius: float
+) -> tuple[Float[ndarray, " n"], Float[ndarray, "n 3"]]:
+    """How deep a ball of this radius at each centre enters a closed surface (mm; negative: it is off), and the unit
+    direction out of it at the nearest place."""
+    points, _ = surface.closest(centres)
+    outward = np.where(surface.inside(centres), -1.0, 1.0)
+    distance = outward * np.linalg.norm(centres - points, axis=1)
+    return radius - distance, (centres - points) / np.where(distance, distance, np.inf)[:, None]
+
+
+def enters_beside(
+    places: KDTree,
+    deep: Float[ndarray, " n"],
+    outward: Float[ndarray, "n 3"],
+    centres: Float[ndarray, "n 3"],
+    contacts: Float[ndarray, "n 3"],
+    radius: float,
+    depth: float,
+) -> Bool[ndarray, " n"]:
+    """Whether balls that are `deep` in material with these `places`, which is left along `outward`, enter it by more
+    than `depth` (mm) where a ball at their contact has not been."""
+    entered = deep > depth
+    which = np.flatnonzero(entered)
+    nearest = centres - (radius - deep)[:, None] * outward
+    for i, near in zip(which, places.query_ball_point(centres[which], radius - depth), strict=True):
+        here = np.vstack([nearest[i], places.data[near]])
+        entered[i] = bool((np.linalg.norm(here - contacts[i], axis=1) > radius).any())
+    return np.asarray(entered)

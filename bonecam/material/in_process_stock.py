@@ -1,4 +1,6 @@
-"""The in-process material: what is left of the stock while the levels are machined one after the other, from
+"""The closed mesh of what stands: through the vertices that balls have lowered, and out to what rays tell beyond it.
+
+The in-process material: what is left of the stock while the levels are machined one after the other, from
 the stock inwards.
 
 It is a height field over the parameter domain that all levels share: each place stays where the balls that
@@ -21,19 +23,56 @@ from numpy import ndarray
 from scipy.spatial import KDTree
 
 from bonecam.arrays import numbered
-from bonecam.kernels.removal.body import cut_probes_by_body
-from bonecam.kernels.removal.flutes import Ways
-from bonecam.kernels.removal.normal_probes import Capsules, ProbesByCell, cut_normal_probes, probe_cells, useful_moves
-from bonecam.levels.measure.grid import LevelGrid, level_grid
-from bonecam.levels.measure.level import Level, MachinedLevel, RoundedLevel, machined_levels
-from bonecam.material.cut_dexels import CutDexels, cut_poses, uncut_rays
-from bonecam.material.entering import ball_depths, enters_beside
-from bonecam.material.in_process_mesh import CHORD, holding, hull
+from bonecam.kernels.bodies import Ways, cut_probes_by_body
+from bonecam.kernels.rays import Capsules, ProbesByCell, cut_normal_probes, probe_cells, useful_moves
+from bonecam.levels.measure import Level, LevelGrid, MachinedLevel, RoundedLevel, level_grid, machined_levels
+from bonecam.material.dexels import CutDexels, ball_depths, cut_poses, enters_beside, uncut_rays
 from bonecam.mesh.distance import MeshDistance
-from bonecam.mesh.facets.vertex_normals import vertex_normals
+from bonecam.mesh.facets import vertex_normals
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.setup.stock import Stock
 from bonecam.tool.path import MoveKind, ToolPath
+
+MESH_CHORD = 0.05
+"""Chord tolerance (mm) of the grid of the material."""
+DEVIATION = 2.5 * MESH_CHORD
+"""How far the material may reach out of its mesh, mm."""
+ROUNDS = 4
+"""Times that the mesh is moved out, at most: what is then beyond it was 0.3 mm at most, before 1.1 mm."""
+
+
+def hull(standing: Float[ndarray, "n 3"], floor: Float[ndarray, "n 3"], faces: Int32[ndarray, "f 3"]) -> TriangleMesh:
+    """The mesh through standing vertices that the material leaves by DEVIATION at most, also where it ends in a cliff
+    between a vertex that was cut and one that stands: no vertex is lower than its neighbours by more than that."""
+    heights = np.linalg.norm(standing - floor, axis=1)
+    least = heights.copy()
+    for k in range(3):
+        one, other = faces[:, k], faces[:, k - 1]
+        np.maximum.at(least, one, heights[other] - DEVIATION)
+        np.maximum.at(least, other, heights[one] - DEVIATION)
+    up = vertex_normals(TriangleMesh(floor, faces))
+    return TriangleMesh(standing + (least - heights)[:, None] * up, faces)
+
+
+def holding(mesh: TriangleMesh, ends: Float[ndarray, "e 3"]) -> TriangleMesh:
+    """The mesh, its vertices moved out until it holds the `ends` of what stands, but for DEVIATION: an edge between
+    the wall that a level leaves and a face of the stock that stays runs through no vertex."""
+    for _ in range(ROUNDS):
+        surface = MeshDistance(mesh)
+        beyond = ends[surface.unsigned(ends, 2 * DEVIATION) > DEVIATION]
+        beyond = beyond[~surface.inside(beyond)]
+        if not len(beyond):
+            break
+        nearest, faces = surface.closest(beyond)
+        out = beyond - nearest
+        # of the ends beyond the faces round a vertex the farthest moves it
+        order = np.argsort(np.linalg.norm(out, axis=1))
+        moved = mesh.vertices.copy()
+        at = mesh.faces[faces[order]]
+        moved[at] = mesh.vertices[at] + out[order][:, None]
+        mesh = TriangleMesh(moved, mesh.faces)
+    return mesh
+
 
 SHARP = np.radians(40.0)
 """Neighbours whose normals are farther apart, and as far from opposite, have an edge between them: on round walls of
@@ -214,7 +253,7 @@ def uncut_material(levels: Sequence[Level], stock: Stock) -> InProcessStock:
     """The material before the first cut: the stock. `levels` begin at the part and end at the stock."""
     machined = machined_levels(levels)
     nets = [level.control_points for level in machined]
-    grid, fine = (level_grid(machined[0].surface, nets, chord) for chord in (CHORD, DEPTH_CHORD))
+    grid, fine = (level_grid(machined[0].surface, nets, chord) for chord in (MESH_CHORD, DEPTH_CHORD))
     vertices, places = (places_on_stock(stock, each.R @ nets[-1], each.faces) for each in (grid, fine))
     return InProcessStock(
         levels[-1].mesh, grid, vertices=vertices, depth_grid=fine, places=places, rays=uncut_rays(stock), uncut=stock

@@ -15,14 +15,10 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.errors import BendingError, place_name
-from bonecam.mechanics.beam import Beam
-from bonecam.mechanics.error_kept import UM, KeptErrors, cut_shares
-from bonecam.mechanics.loads import SLOW, Loads, PathLoads
-from bonecam.mechanics.sections import Sections
-from bonecam.mechanics.tailstock import tailstock_support
-from bonecam.mechanics.workpiece import Standing, Workpiece
+from bonecam.mechanics.beam import Beam, Sections, tailstock_support
+from bonecam.mechanics.loads import SLOW, UM, KeptErrors, Loads, PathLoads, Standing, Workpiece, cut_shares
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.workholding.tailstock import REACH, pin_above, with_pin
+from bonecam.workholding.post import REACH, pin_above, with_pin
 
 THICKER = 1.5
 """How many times as thick a neck is tried."""

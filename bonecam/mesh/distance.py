@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 from bonecam.arrays import dots
-from bonecam.kernels.closest.triangle_tree import boxes_of, distances_within, tree_order
+from bonecam.kernels.closest_points import boxes_of, distances_within, tree_order
 from bonecam.mesh.triangle_mesh import TriangleMesh, probes
 from bonecam.runtime.loading import loaded_once
 from bonecam.runtime.threads import in_pieces

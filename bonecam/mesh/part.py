@@ -13,19 +13,20 @@ from bonecam.errors import MeshError, counted, place_name
 from bonecam.job import MeshJob, SurfaceJob
 from bonecam.job.tool_section import FINISHING
 from bonecam.mesh.distance import MeshDistance, hausdorff
-from bonecam.mesh.facets.coarseness import Coarseness, coarseness_of
-from bonecam.mesh.facets.label_surface import label_surface
-from bonecam.mesh.facets.smooth_surface import Smoothing, note_on_kept_facets, smooth_facets
-from bonecam.mesh.files.formats.content import MeshFile
-from bonecam.mesh.files.formats.label_map import LABEL_MAPS
-from bonecam.mesh.files.mesh_files import bytes_of, ending_of, read_mesh_file
-from bonecam.mesh.files.stated_axes import axes_text, stated_axes
-from bonecam.mesh.healing.decimation import decimate
-from bonecam.mesh.healing.hollows.pits import Fill, fill_pits
-from bonecam.mesh.healing.repair import repair
-from bonecam.mesh.healing.repair_state import Repair
-from bonecam.mesh.healing.surface_moves import without
+from bonecam.mesh.files.label_map import LABEL_MAPS
+from bonecam.mesh.files.mesh_files import axes_text, bytes_of, ending_of, read_mesh_file, stated_axes
+from bonecam.mesh.files.polygons import MeshFile
+from bonecam.mesh.healing import Repair, decimate, repair, without
+from bonecam.mesh.hollows import Fill, fill_pits
 from bonecam.mesh.pose import settled_pose, upright
+from bonecam.mesh.smooth_surface import (
+    Coarseness,
+    Smoothing,
+    coarseness_of,
+    label_surface,
+    note_on_kept_facets,
+    smooth_facets,
+)
 from bonecam.mesh.triangle_mesh import MeshLike, TriangleMesh, mesh_from, probes
 from bonecam.mesh.units import mirror_and_scale, to_mm, unit_in
 from bonecam.progress import Progress, report, silent

@@ -10,8 +10,8 @@ from numpy import ndarray
 from scipy.spatial import cKDTree
 
 from bonecam.arrays import angles_between, unit
-from bonecam.mesh.healing.topology import half_edges
 from bonecam.mesh.meshlab import from_meshset, meshlab, to_meshset
+from bonecam.mesh.solids import half_edges
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
 TIP = float(np.pi)

@@ -59,7 +59,7 @@ How to add a dialect: copy a file of `bonecam/nc/dialects/` (name it, or give it
   statement: `machine position` with the groups x and y), and so is a `reference_return` of Z by `incremental` words;
   the group `spindle` of a statement `tool`, or S, is the spindle's speed; M3 is `spindle_on`, M5 `spindle_stop`, M7 and
   M8 are `coolant_on`, M9 is `coolant_off`; `tolerance` is the contour's, by P, or by the group of that name of a
-  statement. What a code means everywhere (`nc/schema/code_meanings.py`) it cannot mean otherwise: units, planes, arcs
+  statement. What a code means everywhere (`nc/schema.py`) it cannot mean otherwise: units, planes, arcs
   and increments are never without effect;
 - [stated]: what the proof takes for granted and a text must therefore state, by codes, or by names that statements
   have as `states`: before the first move of an axis (`moves`), and again after each start of tool-centre control
@@ -81,9 +81,8 @@ from typing import Any
 
 from bonecam.errors import MachineError
 from bonecam.machine.machine import Machine
-from bonecam.machine.tables import read_table
-from bonecam.nc.schema.dialect_file import PLAIN_WORD, DialectFile, Form, ToolCentreTable
-from bonecam.nc.schema.grammar_tables import CODES, StatementTable
+from bonecam.machine.machine_file import read_table
+from bonecam.nc.schema import CODES, PLAIN_WORD, DialectFile, Form, StatementTable, ToolCentreTable
 from bonecam.runtime.extensions import named_files
 from bonecam.text.pattern import Pattern
 

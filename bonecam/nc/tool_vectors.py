@@ -18,7 +18,7 @@ from bonecam.errors import MachineError
 from bonecam.machine.kinematics import LIMIT_GUARD, inverse_rotary, tool_axes
 from bonecam.machine.machine import Machine
 from bonecam.nc.dialect import Dialect
-from bonecam.nc.schema.dialect_file import VectorTable
+from bonecam.nc.schema import VectorTable
 
 UNIT = 1e-4
 """A vector is a unit vector where its length differs from 1 by less."""

@@ -28,23 +28,19 @@ from bonecam.errors import BonecamError, JobError
 from bonecam.job import HoldingJob, Job
 from bonecam.job.tool_list import ListedTool, known_cutters, read_tool_list
 from bonecam.machine.limits import MachineLimits
-from bonecam.mechanics.cutter import cutter_compliance
-from bonecam.mesh.healing.hollows.ball import Ball
-from bonecam.mesh.healing.hollows.closing import ACCURACY
-from bonecam.mesh.solids.booleans import solid_union
-from bonecam.mesh.solids.revolution import cylinder
+from bonecam.mechanics.edges import cutter_compliance
+from bonecam.mesh.hollows import ACCURACY, Ball
+from bonecam.mesh.solids import cylinder, solid_union
 from bonecam.mesh.triangle_mesh import TriangleMesh, keep_faces
 from bonecam.planning.axes.lead import check_lead
+from bonecam.planning.contacts import at_post
 from bonecam.planning.estimate import LayersToCut
-from bonecam.planning.holding.neck import neck_diameters, ranking, shortest_neck
-from bonecam.planning.holding.neck_figures import Neck
-from bonecam.planning.holding.post_length import STOCK_CHORD
-from bonecam.planning.passes.contacts import at_post
+from bonecam.planning.neck import Neck, neck_diameters, ranking, shortest_neck
+from bonecam.planning.post_length import STOCK_CHORD
 from bonecam.setup.placement import Setup
-from bonecam.text.faults import shown
+from bonecam.text.numbers import shown
 from bonecam.tool.cutter import Cutter
-from bonecam.workholding.bar import settled_stub
-from bonecam.workholding.post import Post, post_below
+from bonecam.workholding.post import Post, post_below, settled_stub
 
 CLEAN = 0.10
 """What may stay in the deepest hollow, mm: of a phalanx's 0.10 a program leaves 0.135, of a middle phalanx's 0.09

@@ -1,4 +1,6 @@
-"""What a program will take, told before it is planned: length of its passes, blocks, machining time, planning time.
+"""What each level of a morph is cut with: the cutter, and how deep the cut may be.
+
+What a program will take, told before it is planned: length of its passes, blocks, machining time, planning time.
 
 The ball's centre runs on the offset surface of a level at the ball's radius, of area A'; passes a side step L apart,
 that on a plane, are A' / L long. A roughing cut leaves out what is shallower than `path.least_depth`. A move is as long
@@ -8,8 +10,9 @@ are factors, from the programs of eight bones of 16 to 60 mm (`tests/benchmarks/
 `path.fine_cutter`, the parting and the second clamping are left out.
 """
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -18,14 +21,44 @@ from numpy import ndarray
 
 from bonecam.arrays import lengths
 from bonecam.job import Job
-from bonecam.levels.measure.level import Level, machined_levels
+from bonecam.levels.measure import Level, machined_levels
 from bonecam.machine.bodies import MachineBodies
 from bonecam.mesh.distance import MeshDistance
-from bonecam.mesh.facets.vertex_normals import vertex_normals
+from bonecam.mesh.facets import vertex_normals
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.planning.level_cutters import cutter_of, least_depth
-from bonecam.planning.passes.patterns.scallop import side_step
+from bonecam.planning.contacts import DepthLimits
+from bonecam.planning.spacing import side_step
 from bonecam.setup.schedule import schedule_of
+from bonecam.tool.cutter import Cutter
+
+
+def cutter_of(level: int, job: Job, bodies: MachineBodies) -> Cutter:
+    """The cutter of a level, with the scallop that it may leave there and the feed of that cut."""
+    number, name = (2, "finishing") if job.is_finishing(level) else (1, "roughing")
+    cutter = Cutter.from_job(number, name, job.tool(name, level), bodies.nose)
+    return replace(cutter, scallop=job.scallop(level))
+
+
+def depth_limits(levels: Sequence[Level], level: int, cutters: Mapping[int, Cutter], job: Job) -> DepthLimits:
+    """The depths of the cut that leaves a level."""
+    before = cutters.get(level + 1)
+    limit, outer = levels[level + 1].limit, levels[min(level + 2, len(levels) - 1)].limit
+    return DepthLimits(
+        limit, before.scallop if before else 0.0, least_depth(level, job), cutters[level].rest_depth(limit, outer)
+    )
+
+
+def least_depth(level: int, job: Job) -> float:
+    """The depth (mm) below which a cut that leaves the level is left to the next one, if that is a roughing one too:
+    `path.least_depth`, or half of the scallop that the next one takes off there in any case. The published pattern
+    leaves none out, nor do jobs whose least depth is 0."""
+    if job.path.pattern == "published":
+        return -math.inf
+    to_roughing = level > 0 and not job.is_finishing(level) and not job.is_finishing(level - 1)
+    if not (to_roughing and job.path.least_depth):
+        return 0.0
+    return max(job.path.least_depth, job.scallop(level) / 2)
+
 
 LENGTH_FACTOR = 1.2
 """Passes of programs are 1.04 to 1.39 times as long."""

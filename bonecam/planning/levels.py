@@ -1,4 +1,13 @@
-"""The tool paths of all levels of a morph in machining order: from the level next to the stock down to the
+"""Contacts of a path that would cut deeper than allowed, told by the rays that the proof measures with.
+
+The depth at a contact (`InProcessStock.depths`) is that of the ball there, among places of a height field. What a path
+removes in all, its flutes and the moves between its contacts included, is measured as the simulation of the posted text
+measures it: how far the nearest air was from places of the new surface (`material/dexels.py`), as near to one
+another as there, on the rays of the planner, which are farther apart.
+
+The tool paths of the parting pass (`planning/stump.py`), and whether a cutter reaches its groove at all.
+
+The tool paths of all levels of a morph in machining order: from the level next to the stock down to the
 part.
 
 Each level needs the material that the level before it left, so the levels follow one another; what does not
@@ -11,36 +20,164 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
+from jaxtyping import Bool
+from numpy import ndarray
+from scipy.spatial import KDTree
 
-from bonecam.errors import OrientationError
-from bonecam.job import Job, PathJob
-from bonecam.levels.measure.level import Level, MachinedLevel, machined_levels
+from bonecam.arrays import dots
+from bonecam.errors import JobError, OrientationError
+from bonecam.job import Job, PathJob, field_error
+from bonecam.levels.measure import Level, MachinedLevel, machined_levels
 from bonecam.machine.limits import MachineLimits
-from bonecam.material.in_process_mesh import DEVIATION
-from bonecam.material.in_process_stock import InProcessStock, uncut_material
+from bonecam.material.dexels import cut_depths
+from bonecam.material.in_process_stock import DEVIATION, InProcessStock, remove_material, uncut_material
 from bonecam.mesh.distance import MeshDistance
-from bonecam.planning.axes.field.level_axes import level_axes
-from bonecam.planning.axes.field.smooth_axes import SmoothAxes
+from bonecam.planning.axes.field import SmoothAxes, level_axes
 from bonecam.planning.axes.lead import check_lead
-from bonecam.planning.axes.published.published_axes import published_axes
-from bonecam.planning.collision.checker import CollisionChecker
-from bonecam.planning.collision.held_level import distance_to_part, held_level
-from bonecam.planning.collision.scene import Scene
-from bonecam.planning.holding.parting_paths import parting_paths
-from bonecam.planning.level_cutters import cutter_of, depth_limits
+from bonecam.planning.axes.published import published_axes
+from bonecam.planning.collision import CollisionChecker
+from bonecam.planning.contacts import (
+    UNCERTAIN,
+    CandidateContacts,
+    DepthLimits,
+    candidate_contacts,
+    contact_path,
+    flute_slack,
+)
+from bonecam.planning.estimate import cutter_of, depth_limits
 from bonecam.planning.oriented_path import orient
-from bonecam.planning.passes.contacts import CandidateContacts, candidate_contacts, contact_path
-from bonecam.planning.passes.engaged_segments import UNCERTAIN, DepthLimits
-from bonecam.planning.passes.gouge_lifts import flute_slack
-from bonecam.planning.passes.rest_machining import RestMachining, after_steps, too_deep
-from bonecam.planning.within_depth import Cut, cut_within_depth
+from bonecam.planning.post_length import parting_lift
+from bonecam.planning.rest_machining import RestMachining, after_steps, too_deep
+from bonecam.planning.scene import Scene, distance_to_part, held_level
+from bonecam.planning.stump import groove_below, groove_core, parting_contacts, parting_cutters
 from bonecam.progress import Progress, report, silent
 from bonecam.setup.capsule import Capsule, enclosing_capsule
+from bonecam.setup.placement import Setup
 from bonecam.setup.stock import Stock
 from bonecam.tool.cutter import Cutter
 from bonecam.tool.path import ContactPath, MoveKind, ToolPath
 from bonecam.workholding.clamping import Clamping, clamping_of
 from bonecam.workholding.post import Post, post_below
+
+SLACK = 0.02
+"""A place may be so much (mm) deeper than is allowed at a contact. The proof allows 0.04 (half of the distance of its
+rays, of which a contact's depth takes UNCERTAIN), and finds places up to 0.016 deeper than the planner's rays do."""
+MOST_PLACES = 500
+"""So many of the places that are too deep are asked for what cut them at once, the deepest."""
+MAX_ROUNDS = 3
+"""Times that a path is made anew without the contacts at which it was too deep, at most."""
+SAME = 1e-6
+"""A ball of the path and a contact's are one, mm."""
+
+
+Cut = tuple[ToolPath, InProcessStock]
+"""A path, and what stands behind it."""
+
+
+def cut_within_depth(
+    contacts: ContactPath,
+    material: InProcessStock,
+    level: MachinedLevel,
+    allowed: DepthLimits,
+    oriented: Callable[[ContactPath], ToolPath],
+) -> Cut:
+    """The path that is `oriented` over the contacts of a level and what it leaves of the material, made anew without
+    those at which it cuts too deep."""
+    for _ in range(MAX_ROUNDS):
+        path = oriented(contacts)
+        after = remove_material(material, level, path)
+        kept = within_depth(contacts, path, material, after, allowed)
+        if kept.all():
+            break
+        contacts = leave_out(contacts, kept)
+    return path, after
+
+
+def within_depth(
+    contacts: ContactPath, path: ToolPath, before: InProcessStock, after: InProcessStock, allowed: DepthLimits
+) -> Bool[ndarray, " n"]:
+    """Which of the contacts may stay, where `path`, made of them, leads from the material `before` to that `after` it:
+    all but those at which the cutter touches a place that it cuts too deep."""
+    kept = np.ones(len(contacts.centres), dtype=bool)
+    left = after.rays.cutters
+    grid = after.rays.cutters.grid
+    cuts = cut_depths(left.sets, before.rays.cutters.sets, grid)
+    deep = np.flatnonzero(cuts.depths > allowed.deepest + SLACK)
+    if not len(deep):
+        return kept
+    deep = deep[np.argsort(-cuts.depths[deep])][:MOST_PLACES]
+    cutting = np.flatnonzero(path.kinds == MoveKind.CUT)
+
+    # Whether ball or flutes come within `room` (mm) of one of the places in each of these rows
+    points = cuts.places[deep]
+    balls, axes = path.balls[cutting], path.axes[cutting]
+    touching = np.zeros(len(cutting), dtype=bool)
+    for place in points:
+        height = np.clip(dots(place - balls, axes), path.cutter.corner - path.cutter.centre_height, path.cutter.reach)
+        away = np.linalg.norm(place - balls - height[:, None] * axes, axis=1)
+        touching |= away < path.cutter.radius + grid.cell
+
+    away, nearest = KDTree(contacts.centres).query(path.balls[cutting[touching]])
+    kept[np.asarray(nearest)[np.asarray(away) < SAME]] = False
+    return kept
+
+
+def leave_out(contacts: ContactPath, kept: Bool[ndarray, " n"]) -> ContactPath:
+    """The contacts that are `kept`, their passes ended where one is left out; the others are `covered`."""
+    index = np.flatnonzero(kept)
+    goes_on = (np.diff(index) == 1) & (np.diff(contacts.pass_index[index]) == 0)
+    return replace(
+        contacts.take(index),
+        pass_index=np.r_[0, np.cumsum(~goes_on)][: len(index)],
+        uncut=np.vstack([contacts.uncut, contacts.contacts[~kept]]),
+        reasons=(*contacts.reasons, *("covered",) * int((~kept).sum())),
+    )
+
+
+REMEDY = "give a larger holding.parting_stand_off, a longer post or a longer overhang, or no parting"
+
+
+def check_parting(setup: Setup, job: Job, limits: MachineLimits) -> None:
+    """JobError where the parting groove of a job would come too near to what stands on the table, or no cutter
+    reaches it with the part on its post."""
+    if not job.holding.parting:
+        return
+    clamping = clamping_of(job.holding, limits.bodies.table).below
+    kept = max((column.top for column in clamping.kept_columns("cutter")), default=clamping.clearance)
+    lowest = float(setup.part.mesh.bounds[0, 2])
+    grooves = [groove_below(lowest, setup.post, job.holding, cutter) for cutter in parting_cutters(job, limits.bodies)]
+    bottom = max(groove.bottom for groove in grooves)
+    if bottom < kept:
+        bound = f"the groove ends at z {bottom:.2f}, all is kept off what is below z {kept:.2f}"
+        raise _error(job, f"{bound}: give less, or a longer post (holding.length)")
+    if not parting_lift(setup, job, limits) <= 0:
+        raise _error(job, f"no cutter reaches the groove: {REMEDY}")
+
+
+def parting_paths(scene: Scene, job: Job, limits: MachineLimits) -> list[ToolPath]:
+    """The paths of the parting groove below the finished part, the level of `scene`, whose material is what stands
+    then; none where the job wants none. OrientationError where no cutter gets all round."""
+    if not job.holding.parting:
+        return []
+    for cutter in parting_cutters(job, limits.bodies):
+        try:
+            # The paths of one cutter
+            lowest = float(scene.level.bounds[0, 2])
+            groove = groove_below(lowest, scene.post, job.holding, cutter, scene.material)
+            paths = [
+                orient(step, replace(scene, core=groove_core(step, scene.post)), limits, job.path, job.nc)
+                for step in parting_contacts(groove, cutter, job)
+            ]
+        except OrientationError:
+            continue
+        if not any(len(path.uncut) for path in paths):
+            return paths
+    raise OrientationError(f"parting: no cutter reaches the groove all round: {REMEDY}")
+
+
+def _error(job: Job, what: str) -> JobError:
+    """The error of a groove that cannot be."""
+    return field_error("holding", "parting_stand_off", job.holding.parting_stand_off, what)
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,7 +23,7 @@ from rest to rest, and the next one sets out while it slows down, below the spee
 at which the corner stays within the tolerance P: L is the rate of X, Y and Z together, 2 g the angle between a move,
 backwards, and the next one (tpComputeBlendVelocity). Both then move for min(v, b) / a.
 
-Where the jerk of all axes is known, the ramps along the path are S-shaped (`kernels/motion/ramps.py`). Both passes then
+Where the jerk of all axes is known, the ramps along the path are S-shaped (`kernels/motion.py`). Both passes then
 heed how far each ramp has come: over many short moves it builds up one acceleration, with the least acceleration and
 jerk that it has met. What that leaves out is that a control may overshoot a mean speed within a ramp; a move in the
 middle of one is told at the mean of the speeds at its ends. The jerk of corners is left out.
@@ -36,7 +36,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.arrays import dots, largest, lengths, unit
-from bonecam.kernels.motion.ramps import ramped_times, rounded_times
+from bonecam.kernels.motion import ramped_times, rounded_times
 from bonecam.machine.machine import Machine
 
 ALONG, ACROSS = 0.5, 0.75**0.5

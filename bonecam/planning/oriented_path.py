@@ -13,23 +13,24 @@ from bonecam.errors import OrientationError
 from bonecam.job import NcJob, PathJob
 from bonecam.machine.limits import MachineLimits
 from bonecam.material.in_process_stock import InProcessStock
-from bonecam.mesh.facets.nearest_areas import nearest_areas
-from bonecam.planning.axes.cones.free_axes import blocked_by
-from bonecam.planning.axes.eased_axes import eased_axes
-from bonecam.planning.axes.judged_axes import judged_axes
-from bonecam.planning.axes.singularity import SINGULAR_ANGLE, least_polar_angles
-from bonecam.planning.axes.tool_axes import ToolAxes, WantedAxes, choose_axes, fixed_axes
-from bonecam.planning.collision.checker import CollisionChecker
-from bonecam.planning.collision.scene import Scene
-from bonecam.planning.layers.height_mesh import HeightMesh
-from bonecam.planning.links.lead_arc import begins_tangentially
-from bonecam.planning.links.leads import Run, find_leads
-from bonecam.planning.links.lift import lift_for_rewinds
-from bonecam.planning.links.link_space import LinkSpace
-from bonecam.planning.links.moves import Feeds, LinkMoves, join_moves, moves_of
-from bonecam.planning.links.near_links import near_links
-from bonecam.planning.links.sequence import LinkedRuns, link_runs
-from bonecam.planning.passes.gouge_lifts import planned_tolerance
+from bonecam.mesh.smooth_surface import nearest_areas
+from bonecam.planning.axes.free_axes import blocked_by
+from bonecam.planning.axes.lead import SINGULAR_ANGLE, least_polar_angles
+from bonecam.planning.axes.tool_axes import ToolAxes, WantedAxes, choose_axes, eased_axes, fixed_axes, judged_axes
+from bonecam.planning.collision import CollisionChecker
+from bonecam.planning.contacts import planned_tolerance
+from bonecam.planning.layers import HeightMesh
+from bonecam.planning.link_space import Feeds, LinkMoves, LinkSpace, join_moves, moves_of
+from bonecam.planning.links import (
+    LinkedRuns,
+    Run,
+    begins_tangentially,
+    find_leads,
+    lift_for_rewinds,
+    link_runs,
+    near_links,
+)
+from bonecam.planning.scene import Scene
 from bonecam.tool.path import ContactPath, FreeCones, MoveKind, ToolPath
 
 MAX_TURN = np.radians(30.0)

@@ -8,14 +8,14 @@ import numpy as np
 
 from bonecam.arrays import unit
 from bonecam.errors import counted
-from bonecam.levels.measure.level import Level, rounding_cuts
-from bonecam.mesh.facets.nearest_areas import nearest_areas
+from bonecam.levels.measure import Level, rounding_cuts
+from bonecam.mesh.smooth_surface import nearest_areas
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.nc.parts.marks import part_count
+from bonecam.nc.parts import part_count
 from bonecam.nc.program import Program
-from bonecam.planning.links.lead_arc import begins_tangentially
-from bonecam.planning.passes.parting import cut_groove
-from bonecam.surface.fitting.fit import Fit
+from bonecam.planning.links import begins_tangentially
+from bonecam.planning.stump import cut_groove
+from bonecam.surface.growth import Fit
 from bonecam.tool.path import PARTING, MoveKind, ToolPath
 from bonecam.verify.gouge import Gouge
 from bonecam.verify.proof import Verification

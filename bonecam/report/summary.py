@@ -10,13 +10,12 @@ from typing import Any
 
 from bonecam.errors import counted
 from bonecam.levels.closed_morph import METHODS
-from bonecam.levels.problem.tolerances import NESTING_TOLERANCE
+from bonecam.levels.problem import NESTING_TOLERANCE
 from bonecam.planning.estimate import estimate_lines
-from bonecam.report.mechanics_lines import cutter_lines, feed_lines, mechanics_lines, post_lines
 from bonecam.report.stage_reports import parting_text
-from bonecam.report.warnings import WIDTH, warning_lines
+from bonecam.report.warnings import WIDTH, cutter_lines, feed_lines, mechanics_lines, post_lines, warning_lines
 from bonecam.setup.stock import stock_text
-from bonecam.verify.removal.given import given_lines, into_given
+from bonecam.verify.findings import given_lines, into_given
 
 
 def entry_lines(toolpath: Sequence[Mapping[str, Any]]) -> Iterator[str]:

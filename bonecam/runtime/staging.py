@@ -1,4 +1,11 @@
-"""Outputs are written in temporary folders on the file system where they belong, and take their places together.
+"""Signals that stop a run: put off while files take their place, and kept from the processes that work for it.
+
+Temporary folders beside outputs, `.bonecam-HOST-PID-xxxxxxxx.part`: removed by the process that made them,
+however it ends, and after a kill by the next one that writes there.
+
+A folder of another host, or of a process that runs, is never touched, nor is a file of any other name.
+
+Outputs are written in temporary folders on the file system where they belong, and take their places together.
 
 A file is made beside the one it replaces, the files of a folder inside that folder: so a folder may be a mount
 point, a link to another file system, or lie in a folder that cannot be written. Each file is replaced in one
@@ -6,18 +13,159 @@ step (`os.replace`), and keeps its mode. Runs that write into one folder take th
 there in the end is of one run.
 """
 
+import atexit
 import errno
 import os
+import platform
+import re
+import shutil
+import signal
+import tempfile
+import threading
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from threading import RLock
 
 from bonecam.errors import BonecamError, FileError
 from bonecam.runtime.locking import locked
 from bonecam.runtime.own_files import OWN_FILES, is_own, list_of_own, stale_files
-from bonecam.runtime.signals import undisturbed
-from bonecam.runtime.temporary import is_temporary, make_temporary, remove_temporary
+
+STOPPING = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
+"""The signals that ask a run to stop: Ctrl-C, `kill`, and the end of the terminal, which Windows has not."""
+
+
+@contextmanager
+def undisturbed() -> Iterator[None]:
+    """Signals that stop a run take effect when the block has ended, not inside it.
+
+    Blocks may stand inside each other. Python handles signals in the main thread only, so that in another
+    thread nothing has to be put off. Handlers that were not set from Python, and ignored signals, stay.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    arrived: list[int] = []
+    handlers = {kind: signal.getsignal(kind) for kind in STOPPING}
+    handlers = {kind: handler for kind, handler in handlers.items() if handler not in (None, signal.SIG_IGN)}
+    try:
+        for kind in handlers:
+            signal.signal(kind, lambda number, frame: arrived.append(number))
+        yield
+    finally:
+        for kind, handler in handlers.items():
+            signal.signal(kind, handler)
+        if arrived:
+            signal.raise_signal(arrived[0])
+
+
+@contextmanager
+def kept_from_children() -> Iterator[None]:
+    """Processes that are started in the block never see the signals that stop a run: Ctrl-C and the end of a
+    terminal reach a whole group of processes, and the one that started them decides."""
+    if not hasattr(signal, "pthread_sigmask"):  # Windows: a console tells each process by itself
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, STOPPING)
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+HOST = re.sub(r"[^\w.]", "_", platform.node())[:64] or "localhost"
+"""The name of this computer as it stands in names of folders."""
+NAME = re.compile(r"\.bonecam-(?P<host>[\w.]+)-(?P<process>\d+)-\w+\.part")
+"""The name of a temporary folder."""
+_LIVE: set[Path] = set()
+"""The temporary folders of this process."""
+_MAKING = RLock()
+"""Held while a folder is made and entered into `_LIVE`, so that no other thread takes it for abandoned in between."""
+
+
+def make_temporary(parent: Path) -> Path:
+    """A new folder in `parent`, for files on their way to it; abandoned ones there are removed first. OSError
+    where none can be made."""
+    remove_abandoned(parent)
+    with undisturbed(), _MAKING:
+        name = f".bonecam-{HOST}-{os.getpid()}-"
+        folder = Path(tempfile.mkdtemp(dir=parent.absolute(), prefix=name, suffix=".part"))
+        _LIVE.add(folder)
+    return folder
+
+
+def is_temporary(file: Path) -> bool:
+    """Whether a file is in a temporary folder."""
+    return any(NAME.fullmatch(folder.name) for folder in file.parents)
+
+
+def remove_temporary(folder: Path) -> None:
+    """Remove a folder that `make_temporary` made, with what is in it."""
+    with undisturbed():
+        shutil.rmtree(folder, ignore_errors=True)
+        _LIVE.discard(folder)
+
+
+@contextmanager
+def temporary_folder(parent: str | Path | None = None) -> Iterator[Path]:
+    """A folder in `parent` (default: the system's folder of temporary files) that is removed after the block."""
+    folder = make_temporary(Path(tempfile.gettempdir() if parent is None else parent))
+    try:
+        yield folder
+    finally:
+        remove_temporary(folder)
+
+
+def remove_abandoned(parent: Path) -> None:
+    """Remove from `parent` the temporary folders of processes of this computer that are gone.
+
+    What cannot be removed is left, with no error: the work does not need it gone.
+    """
+    try:
+        with _MAKING:
+            abandoned = [item for item in parent.iterdir() if _is_abandoned(item)]
+    except OSError:
+        return
+    for item in abandoned:
+        shutil.rmtree(item, ignore_errors=True)
+
+
+def _is_abandoned(item: Path) -> bool:
+    name = NAME.fullmatch(item.name)
+    if name is None or name["host"] != HOST or item.is_symlink():
+        return False
+    process = int(name["process"])
+    return item.absolute() not in _LIVE if process == os.getpid() else not is_running(process)
+
+
+def is_running(process: int) -> bool:
+    """Whether a process of that number works: one that has ended and whose parent has not asked yet how (a zombie, as
+    for ever where process 1 of a container asks nobody) does not."""
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except (PermissionError, OverflowError):
+        return True
+    return not _is_zombie(process)
+
+
+def _is_zombie(process: int) -> bool:
+    """Whether a process has ended, as Linux tells it: False where the system does not."""
+    try:
+        reported = Path(f"/proc/{process}/stat").read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        return False
+    return reported.rpartition(")")[2].split()[0] in "ZX"
+
+
+@atexit.register
+def remove_all() -> None:
+    """Remove the temporary folders that this process still has."""
+    for folder in [folder for folder in _LIVE if f"-{os.getpid()}-" in folder.name]:
+        remove_temporary(folder)
+
 
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 PERMISSIONS = 0o777

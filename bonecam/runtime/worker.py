@@ -22,8 +22,7 @@ from typing import IO, Any, NoReturn
 
 from bonecam.errors import Cancelled
 from bonecam.progress import Progress, report, silent
-from bonecam.runtime.signals import kept_from_children
-from bonecam.runtime.temporary import remove_abandoned
+from bonecam.runtime.staging import kept_from_children, remove_abandoned
 
 CHILD = "from bonecam.runtime.worker import serve; serve()"
 """Python code that the process runs."""

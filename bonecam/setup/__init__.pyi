@@ -4,7 +4,7 @@ from .capsule import smallest_capsule as smallest_capsule
 from .placement import Setup as Setup
 from .placement import place as place
 from .placement import stock_for as stock_for
-from .rounding.rounded_stock import RoundedStock as RoundedStock
+from .rounding import RoundedStock as RoundedStock
 from .schedule import Schedule as Schedule
 from .schedule import schedule_of as schedule_of
 from .stock import Stock as Stock

@@ -12,8 +12,8 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.errors import StockError
-from bonecam.kernels import capsule
-from bonecam.mesh.solids.revolution import half_angle, revolve, segments_around
+from bonecam.kernels import distances
+from bonecam.mesh.solids import half_angle, revolve, segments_around
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.setup.stock import Stock, finite_numbers, larger_sizes
 
@@ -99,7 +99,7 @@ class Capsule(Stock):
         distance = np.empty(len(points))
         normals = np.empty((len(points), 3))
         axis = self.end - self.start
-        capsule.distances_and_normals(
+        distances.distances_and_normals(
             points,
             self.start,
             axis=axis,

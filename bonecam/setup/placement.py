@@ -1,4 +1,9 @@
-"""The setup: the stock a job asks for, how the part lies in it, the post below it, the depths of the cuts.
+"""A stock that a caller gives as an object, in the words of a job: where its kind has sizes the job has them; a body of
+flat faces goes along, and is kept as a file where the run is kept.
+
+A blank of revolution, turned before, and what a machinist is told of it.
+
+The setup: the stock a job asks for, how the part lies in it, the post below it, the depths of the cuts.
 
 The stock stands upright on the Z axis. The part is turned (first about X, then Y, then Z, about the middle of
 its box) and shifted in it as the job says; without that it lies in the middle of the stock's height.
@@ -11,7 +16,8 @@ Turns and shifts along the axis would lower K_min further, but measured they lea
 where control points are few.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -19,17 +25,91 @@ from numpy import ndarray
 from scipy.optimize import minimize
 from scipy.spatial import cKDTree
 
-from bonecam.errors import BonecamError, ToolPathError
+from bonecam.errors import BonecamError, JobError, StockError, ToolPathError
 from bonecam.job import Job, StockJob
 from bonecam.mesh.part import Part
 from bonecam.mesh.pose import rotation, settled_pose
-from bonecam.setup.containment import MARGIN, require_inside
-from bonecam.setup.rounding.largest_rounding import require_roundable
+from bonecam.mesh.solids import revolve_profile, segments_around
+from bonecam.mesh.triangle_mesh import MeshLike, TriangleMesh, mesh_from
+from bonecam.setup.capsule import Capsule
+from bonecam.setup.rounding import MARGIN, require_inside, require_roundable
 from bonecam.setup.schedule import Schedule, schedule_of
 from bonecam.setup.stock import Stock
-from bonecam.setup.stock_kind import LyingPart, check_sizes, is_posed, kind_of, pose_remedy, stock_round
+from bonecam.setup.stock_kind import SIZES, LyingPart, check_sizes, is_posed, kind_of, pose_remedy, stock_round
+from bonecam.setup.stocks.box import Box
+from bonecam.setup.stocks.cylinder import Cylinder
 from bonecam.setup.stocks.mesh import ConvexStock
 from bonecam.workholding.post import MISSES, Post, checked_post
+
+KEPT_STOCK = "stock.ply"
+"""The body of a stock in memory, as a kept folder has it beside its job.toml."""
+GIVING = ("kind", *SIZES)
+"""The fields of [stock] that a stock object stands for."""
+
+
+def with_stock(job: Job, stock: "Stock | MeshLike | None") -> tuple[Job, ConvexStock | None]:
+    """The job with the kind and sizes of a `stock` object (mm, Z upright, wherever it lies), and its body where only
+    that tells them: the job then has a stock of kind "mesh" without a file. None leaves the job as it is.
+
+    JobError where the job gives a stock too, StockError where the object is no upright body that a job can tell: give
+    the mesh of another, or add its kind.
+    """
+    if stock is None:
+        return job, None
+    given = [name for name in GIVING if getattr(job.stock, name) != getattr(StockJob, name)]
+    if given:
+        names = " and ".join(f"stock.{name}" for name in given)
+        raise JobError(f"the stock is an object, and the job gives {names}: give one of them", fields=given)
+    if isinstance(stock, Capsule | Cylinder | Box):
+        if isinstance(stock, Capsule) and (stock.start != stock.end)[:2].any():
+            raise StockError(f"the {stock} lies askew: give a stock upright along Z, and turn the part in it")
+        sizes: dict[str, Any] = {"kind": stock.kind, **stock.sizes}
+        return job.with_values(stock=sizes), None
+    body = _body(stock)
+    return job.with_values(stock={"kind": body.kind}), body
+
+
+def _body(stock: "Stock | MeshLike") -> ConvexStock:
+    """The body with flat faces of an object: a ConvexStock, or a closed convex mesh."""
+    if isinstance(stock, ConvexStock):
+        return replace(stock, file="", proven=True)
+    if isinstance(stock, Stock):
+        what = f"a stock of the class {type(stock).__name__} has no name in a job, and no run could be repeated"
+        remedy = 'give a Capsule, Cylinder, Box, ConvexStock or mesh, or add a kind ("Add a stock" in the docs)'
+        raise StockError(f"{what}: {remedy}")
+    try:
+        return ConvexStock(mesh_from(stock))
+    except (TypeError, ValueError) as error:
+        raise StockError(f"the stock is no stock and no mesh: {error}") from error
+
+
+TURNED_CHORD = 0.02
+"""Chord tolerance round the axis, mm."""
+
+
+@dataclass(frozen=True, eq=False)
+class TurnedBlank:
+    """The body of revolution about Z of a `profile`, rows (radius, height) in mm from its lower pole to its upper
+    one."""
+
+    profile: Float[ndarray, "n 2"]
+
+    @property
+    def diameter(self) -> float:
+        """mm."""
+        return 2 * float(self.profile[:, 0].max())
+
+    @property
+    def mesh(self) -> TriangleMesh:
+        """The closed mesh of the blank."""
+        return revolve_profile(self.profile, segments_around(self.diameter / 2, TURNED_CHORD))
+
+    @property
+    def text(self) -> str:
+        """What is to be mounted."""
+        low, high = self.profile[:, 1].min(), self.profile[:, 1].max()
+        return f"blank: turned to the blades' tips, diameter {self.diameter:.2f} mm, from Z {low:.2f} to Z {high:.2f}"
+
 
 CHORD = 0.1
 """Chord tolerance, mm, of the stock's mesh on which the largest distance is measured."""

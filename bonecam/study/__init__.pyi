@@ -1,9 +1,9 @@
-from .claims import Claim as Claim
-from .claims import claims_of as claims_of
-from .compared import Comparison as Comparison
 from .comparison import STRATEGIES as STRATEGIES
 from .comparison import compare as compare
-from .probed_folder import probe as probe
+from .comparison import probe as probe
+from .comparison import table_csv as table_csv
+from .comparison import table_text as table_text
+from .rows import Claim as Claim
+from .rows import Comparison as Comparison
 from .rows import Row as Row
-from .table import table_csv as table_csv
-from .table import table_text as table_text
+from .rows import claims_of as claims_of

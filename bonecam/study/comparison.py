@@ -1,4 +1,9 @@
-"""One part by several strategies (Gan et al. 2014, section 5.3): each planned, posted, read back, simulated, probed.
+"""The table of a comparison with a strategy a column, as text and in Markdown, as CSV with a strategy a row; its
+claims.
+
+A probe of the program that `convert --keep` wrote: simulated from its text, touched along a line.
+
+One part by several strategies (Gan et al. 2014, section 5.3): each planned, posted, read back, simulated, probed.
 
 Part, placement, fitted surface, stock and holding are made once; every strategy starts from them. A program that its
 own proof would refuse is measured all the same, and its row says so; a strategy that has no program is a row with its
@@ -7,56 +12,219 @@ reason.
 The folder of a comparison: table, claims, curves, pictures and pages. No program is written: some are refused.
 """
 
+import csv
 import html
+import io
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, cast
 
-from bonecam.errors import BonecamError, JobError, LevelError
-from bonecam.files import check_folder, whole_folder, write_whole
-from bonecam.job import Job, PathJob
+from bonecam.errors import BonecamError, FileError, JobError, LevelError
+from bonecam.files import check_files, check_folder, whole_folder, write_whole
+from bonecam.job import Job, PathJob, read_job
 from bonecam.job.path_section import OF_MORPH
 from bonecam.levels.job_levels import make_levels
 from bonecam.machine.machine import Machine, read_machine
-from bonecam.machining.force_feed import check_one_feed
-from bonecam.machining.machine_levels import Posting, machine_levels
-from bonecam.machining.standing import morph_standing, stand_part
-from bonecam.mechanics.workpiece import mechanics_of_job
+from bonecam.machining import Posting, check_one_feed, machine_levels, morph_standing, stand_part
+from bonecam.mechanics.loads import mechanics_of_job
+from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.triangle_mesh import MeshLike, mesh_from
 from bonecam.nc.dialect import Dialect
-from bonecam.nc.job_dialect import job_dialect
-from bonecam.nc.requirements import check_reach
+from bonecam.nc.requirements import check_reach, job_dialect
 from bonecam.pipeline import check_job
 from bonecam.progress import Progress, part, report, silent
-from bonecam.report.files.result import Morphed, Result
-from bonecam.report.typed.report import Report
+from bonecam.report.kept import REMEDY, Morphed, Result, kept_contents, kept_levels
+from bonecam.report.typed import Report
 from bonecam.runtime.timing import StageTimes
-from bonecam.study.claims import claims_of
-from bonecam.study.compared import Comparison, Measured
-from bonecam.study.pictures.compared_left import draw_compared_left
-from bonecam.study.pictures.compared_paths import draw_compared_paths
-from bonecam.study.pictures.probed_line import draw_probed
-from bonecam.study.rows import Row, figures_of
-from bonecam.study.table import (
-    CLAIM_HEAD,
-    claim_cells,
-    claims_text,
-    markdown,
-    reasons,
-    table_cells,
-    table_csv,
-    table_text,
-)
+from bonecam.simulation import simulate
+from bonecam.study.pictures import draw_compared_left, draw_compared_paths, draw_probed
+from bonecam.study.rows import Claim, Comparison, Measured, Row, claims_of, figures_of
 from bonecam.surface.files.surface_input import holds_surface
-from bonecam.verify.probing.line import ProbeLine, check_line, probe_line
-from bonecam.verify.probing.machined import PostedProgram
-from bonecam.verify.probing.probe import RUBY, probe_surface
-from bonecam.verify.probing.roughness import roughness_of
-from bonecam.verify.removal.given import given_surface
-from bonecam.verify.removal.of_job import check_removal_of_job, cutters_of, removal_of_job
+from bonecam.surface.files.tspline_text import read_tsm
+from bonecam.verify.control import program_text
+from bonecam.verify.findings import given_surface
+from bonecam.verify.probing import (
+    RUBY,
+    PostedProgram,
+    Probed,
+    ProbeLine,
+    check_line,
+    measuring_program,
+    probe_line,
+    probe_surface,
+    roughness_of,
+)
+from bonecam.verify.removal import check_removal_of_job, cutters_of, removal_of_job
 from bonecam.workholding.post import post_below
+
+LINES: tuple[tuple[str, str], ...] = (
+    ("length_m", "length of the cuts, m"),
+    ("feed_min", "time at the feed, min"),
+    ("axes_min", "time with the limits of the axes, min"),
+    ("program_min", "time of the program with rapids and links, min"),
+    ("air_share", "share of the feed time in air"),
+    *(
+        (f"depth_{cutter}_{name}", f"depth {cutter}, {what}")
+        for cutter in ("roughing", "finishing")
+        for name, what in (("mean", "mean mm"), ("p99", "99 % mm"), ("max", "max mm"), ("cv", "cv"))
+    ),
+    *(
+        (f"force_{cutter}_{name}", f"force {cutter}, {what}")
+        for cutter in ("roughing", "finishing")
+        for name, what in (
+            ("mean", "mean N"),
+            ("peak_p99", "peak 99 % N"),
+            ("peak_max", "peak max N"),
+            ("ripple", "ripple"),
+            ("jump_p99", "jump 99 % N"),
+            ("jump_max", "jump max N"),
+            ("jumps_per_min", "jumps over 10 N a minute"),
+        )
+    ),
+    ("bend_finishing_p95_um", "deflection while finishing, 95 % um"),
+    ("error_kept_median_um", "error kept by bending, median um"),
+    ("error_kept_p95_um", "error kept by bending, 95 % um"),
+    ("error_kept_p99_um", "error kept by bending, 99 % um"),
+    ("stress_p99_mpa", "stress at the peaks, 99 % MPa"),
+    ("left_mean_mm", "what stays, mean mm"),
+    ("left_p99_mm", "what stays, 99 % mm"),
+    ("left_max_mm", "what stays, max mm"),
+    ("left_area_mm2", "more than 0.02 mm stays, mm2"),
+    ("gouge_mm", "deepest gouge, mm"),
+    ("probe_mean_mm", "probed deviation, mean mm"),
+    ("probe_min_mm", "probed deviation, min mm"),
+    ("probe_max_mm", "probed deviation, max mm"),
+    ("probe_within_0_05_share", "share of points within 0.05 mm"),
+    ("probe_waves_mm", "waves from point to point, mm"),
+    ("probe_lean_mm", "lean by bending over the line, mm"),
+    ("rough_ra_along_um", "Ra along the feed, um"),
+    ("rough_rz_along_um", "Rz along the feed, um"),
+    ("rough_ra_across_um", "Ra across the feed, um"),
+    ("rough_rz_across_um", "Rz across the feed, um"),
+    ("rough_feed_marks_um", "height of the feed marks, um"),
+)
+"""Figures of a row, and what the table says they are."""
+
+
+CLAIM_HEAD = ("claim", "of", "told", "figures")
+
+
+def table_cells(rows: Sequence[Row]) -> list[list[str]]:
+    """The lines of the table: names of the strategies, how they ended, and their figures; what each is comes first."""
+    cells = [["", *(row.name for row in rows)], ["ended", *(row.state for row in rows)]]
+    return cells + [[what, *(_shown(row.figures.get(name)) for row in rows)] for name, what in LINES]
+
+
+def claim_cells(claims: Sequence[Claim]) -> list[list[str]]:
+    """The lines of the claims, below CLAIM_HEAD."""
+    return [[claim.text, claim.of, claim.verdict, claim.figures] for claim in claims]
+
+
+def reasons(rows: Sequence[Row]) -> list[str]:
+    """Why a strategy was refused or failed, a line each."""
+    return [f"{row.name} {row.state}: {row.reason}" for row in rows if row.reason]
+
+
+def table_text(rows: Sequence[Row]) -> str:
+    """The table, and below it why a strategy was refused or failed."""
+    cells = table_cells(rows)
+    widths = [max(len(line[k]) for line in cells) for k in range(len(rows) + 1)]
+    text = [
+        "  ".join(
+            cell.ljust(width) if not k else cell.rjust(width)
+            for k, (cell, width) in enumerate(zip(line, widths, strict=True))
+        ).rstrip()
+        for line in cells
+    ]
+    return "\n".join([*text, *reasons(rows)]) + "\n"
+
+
+def claims_text(claims: Sequence[Claim]) -> str:
+    """Each claim, whether it holds, and the figures that say so."""
+    lines = (f"{told:13}  {text} ({of}): {figures}\n" for text, of, told, figures in claim_cells(claims))
+    return "".join(lines)
+
+
+def markdown(rows: Sequence[Row], claims: Sequence[Claim]) -> str:
+    """Table, reasons and claims in Markdown."""
+    head, *cells = table_cells(rows)
+    lines = [_piped(head), "|---" + "|---:" * len(rows) + "|", *map(_piped, cells)]
+    lines += [f"\n{reason}" for reason in reasons(rows)]
+    lines += ["", _piped(CLAIM_HEAD), "|---" * len(CLAIM_HEAD) + "|", *map(_piped, claim_cells(claims))]
+    return "\n".join(lines) + "\n"
+
+
+def _piped(cells: Sequence[str]) -> str:
+    return f"| {' | '.join(cells)} |"
+
+
+def table_csv(rows: Sequence[Row]) -> str:
+    """All figures, a strategy a row."""
+    names = list(dict.fromkeys(name for row in rows for name in row.figures))
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(["strategy", "state", "reason", *names])
+    for row in rows:
+        values = (row.figures.get(name) for name in names)
+        writer.writerow([row.name, row.state, row.reason, *("" if v is None else v for v in values)])
+    return out.getvalue()
+
+
+def _shown(value: float | None) -> str:
+    return "-" if value is None else f"{value:g}"
+
+
+File = str | Path | None
+
+
+def probe(
+    keep: str | Path,
+    *,
+    points: int = 100,
+    line: float | None = None,
+    radius: float = RUBY,
+    csv: File = None,
+    picture: File = None,
+    program: File = None,
+    progress: Progress = silent,
+) -> Probed:
+    """Touch the surface that the program of a kept folder leaves with a ball of `radius` (mm), at so many `points` of
+    the line s = `line` (None: the back of the part), approaching along the nominal normal.
+
+    Writes the points as `csv`, the curve as `picture`, and a measuring `program` for the machine's own probe in the
+    words of the job's controller. FileError where the folder is of another version or not whole, JobError for a line
+    off the part, MachineError where no measuring program is known for the controller.
+    """
+    folder = Path(keep)
+    check_files([file for file in (csv, picture, program) if file is not None])
+    kept_contents(folder)  # a folder of another version is refused
+    job = read_job(folder / "job.toml")
+    machine, dialect = read_machine(job.nc.machine), job_dialect(job.nc)
+    kept = folder / f"program{dialect.extension}"
+    if not kept.exists():
+        raise FileError(f"{folder}: has no {kept.name}: {REMEDY}", file=str(kept))
+    text = program_text(kept, machine, dialect, job)
+    mesh, _, _ = kept_levels(text, kept, folder)
+    part_surface = read_tsm(folder / "surface.tspline")
+    probed_line = probe_line(part_surface, post_below(mesh, job.holding), radius, points, line)
+    measuring = ""
+    if program is not None:
+        measuring = measuring_program(probed_line, radius, MeshDistance(mesh), dialect.name)
+    removal = simulate(kept, folder, job, progress=part(progress, 0.0, 0.9))
+    report(progress, 0.9, "probing")
+    cutters = tuple(cutters_of(job, machine))
+    posted = PostedProgram(text, machine, dialect=dialect, cutters=cutters, part=part_surface, removal=removal)
+    probed = probe_surface(posted, probed_line, radius)
+    if csv is not None:
+        write_whole(csv, probed.csv)
+    if picture is not None:
+        draw_probed([("as simulated", probed)], picture)
+    if program is not None:
+        write_whole(program, measuring)
+    return probed
+
 
 OWN = r"comparison\.(txt|md|csv|json)|probe_[\w-]+\.csv|(paths|left|probe)\.png|(index|page_[\w-]+)\.html"
 """Names of the files of a comparison, as a regular expression; a later one removes those of an earlier."""

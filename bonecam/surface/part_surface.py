@@ -7,14 +7,12 @@ from bonecam.arrays import SURFACE_QUANTUM, settled
 from bonecam.errors import SurfaceError, hundredths, place_name
 from bonecam.job import Job
 from bonecam.mesh.part import Part
-from bonecam.mesh.sections.harmonic_rows import Rows
-from bonecam.mesh.sections.row_choices import row_choices
+from bonecam.mesh.rows import Rows, row_choices
 from bonecam.progress import Progress, part, silent
 from bonecam.runtime.threads import on_one_blas_thread
 from bonecam.surface.files import surface_input
-from bonecam.surface.fitting.fair_creases import without_creases
-from bonecam.surface.fitting.fit import Fit, fit
-from bonecam.surface.tessellation.validity import require_valid
+from bonecam.surface.growth import Fit, fit, without_creases
+from bonecam.surface.tessellation import require_valid
 from bonecam.surface.tspline import TSpline
 
 SHARP = 0.3

@@ -10,17 +10,15 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.arrays import frozen
-from bonecam.mesh.facets.curvature import Curvature
+from bonecam.mesh.facets import Curvature
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.surface.basis.elements import Elements
-from bonecam.surface.query import measures
-from bonecam.surface.query.closest_point import Projection, project
-from bonecam.surface.query.curvature import curvature_at, normals_at
-from bonecam.surface.query.diagnose import Diagnosis, diagnose
-from bonecam.surface.query.seeds import seeds_on
-from bonecam.surface.refinement.refine import refine
-from bonecam.surface.tessellation.tessellate import Tessellation, tessellate
-from bonecam.surface.tmesh.surface import M, Seeds, Surface
+from bonecam.surface import query
+from bonecam.surface.basis import Elements
+from bonecam.surface.diagnosis import Diagnosis, diagnose
+from bonecam.surface.query import Projection, curvature_at, normals_at, project, seeds_on
+from bonecam.surface.refinement import refine
+from bonecam.surface.tessellation import Tessellation, tessellate
+from bonecam.surface.tmesh import M, Seeds, Surface
 
 POLE_SAMPLES = 256
 """Parameters s at which an end of t is looked at whether it is one point."""
@@ -95,12 +93,12 @@ class TSpline(Surface[M], Generic[M]):
     @cached_property
     def area(self) -> float:
         """Surface area, mm^2."""
-        return measures.area(self)
+        return query.area(self)
 
     @cached_property
     def volume(self) -> float:
         """Enclosed volume, mm^3, of a closed surface."""
-        return measures.volume(self)
+        return query.volume(self)
 
     def elements(self) -> Elements:
         """The Bezier elements of the T-mesh: boxes, function ids, coefficients."""

@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from pydantic_core import ErrorDetails
 
 from bonecam.errors import did_you_mean
-from bonecam.text.faults import Faults, shown
+from bonecam.text.numbers import Faults, shown
 
 
 class Record(BaseModel):

@@ -9,7 +9,7 @@ from typing import Any
 
 import tomli_w
 
-from bonecam.text.faults import Faults
+from bonecam.text.numbers import Faults
 
 LARGEST = 100_000
 """Most characters of a text: machines and jobs have below 10,000."""

@@ -1,6 +1,26 @@
-"""A cutter as a stack of revolved shapes above the tip: ball, bull nose or flat end and flutes, shank, holder, spindle
-nose."""
+"""Where a cutter must be a ball: a bull nose or a flat end roughs the levels of a morph, and nothing else.
 
+How deep the ball of a cutter may sink into the material.
+
+The ball that holds the end of a cutter and touches the part where it does, whichever way the cutter leans.
+
+A bull nose of radius R with corners of radius r (a torus) that leans from the normal of the part by the lead angle phi
+touches with the circle of its corner whose normals make phi with the axis. All these normals meet on the axis:
+
+    rho = r + (R - r) / sin(phi)    from the contact,
+    H   = r + (R - r) cot(phi)      above the tip.
+
+The ball of radius rho about that place holds the end of the cutter, for it is at least as wide as the corner on the
+circle where they touch, and cuts the same cusps where the cutter leans along the feed. So a path of its centre that
+keeps the ball out of the part keeps the cutter out, and centre and tip lie H apart on every axis. Where the axis leans
+by delta more or less the cutter stays off the surface by (R - r) / sin(phi) (1 - cos(delta)).
+A ball-end cutter has R = r, and is its own. A flat end has r = 0: its rim lies on the ball.
+
+A cutter as a stack of revolved shapes above the tip: ball, bull nose or flat end and flutes, shank, holder, spindle
+nose.
+"""
+
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
@@ -11,10 +31,88 @@ from numpy import ndarray
 
 from bonecam.arrays import frozen
 from bonecam.errors import JobError
-from bonecam.job import ToolJob, field_error
+from bonecam.job import Job, ToolJob, field_error
 from bonecam.job.tool_section import misfit
-from bonecam.machine.frustum import Frustum, stack_length
-from bonecam.tool.enveloping_ball import EnvelopingBall, enveloping_ball
+from bonecam.machine.bodies import Frustum, stack_length
+from bonecam.machine.machine import Machine
+
+
+def check_shapes(job: Job, machine: Machine) -> None:
+    """JobError where a bull nose or a flat end is asked to do what is planned for balls alone."""
+    for name in ("finishing", "fine"):
+        if getattr(job, name).shape != "ball":
+            raise _refused(job, name, "only a ball finishes")
+    if job.roughing.shape == "ball":
+        return
+    if job.path.strategy != "morph" or job.path.pattern == "published":
+        why = "other ends than balls rough the levels of a morph, in other patterns than the published one"
+        raise _refused(job, "roughing", why)
+    if job.holding.second:
+        raise _refused(job, "roughing", "the second clamping roughs with a ball")
+    if job.holding.parting:
+        raise _refused(job, "roughing", "the groove that parts is turned by a ball")
+    if machine.programmed_point == "centre":
+        raise _refused(job, "roughing", f"{machine.name} programs the centre of a ball")
+
+
+def only_balls(job: Job, what: str) -> None:
+    """JobError where `what` is planned for balls alone and the roughing cutter is none."""
+    if job.roughing.shape != "ball":
+        raise _refused(job, "roughing", f"{what} is roughed with a ball")
+
+
+def _refused(job: Job, name: str, why: str) -> JobError:
+    return field_error(name, "shape", getattr(job, name).shape, f"{why}: give shape = 'ball'")
+
+
+MAX_DEPTH_RADII = 0.75
+"""A ball is never sunk deeper than this many radii into the material."""
+
+
+def check_depths(job: Job) -> None:
+    """JobError where the depth of a cut is more than the ball of its cutter may sink into the material."""
+    first, beyond = job.levels.cuts
+    for level, depth in enumerate((*first, beyond)):
+        section = "finishing" if job.is_finishing(level) else "roughing"
+        radius = getattr(job, section).radius
+        deepest = MAX_DEPTH_RADII * radius
+        if depth > deepest:
+            name = _depth_field(job, level, len(first))
+            bound = (
+                f"a ball of {section}.radius = {radius:g} mm sinks {deepest:g} mm at most ({MAX_DEPTH_RADII:g} of it)"
+            )
+            remedy = "give shallower cuts or a larger ball"
+            raise field_error("levels", name, getattr(job.levels, name), f"{bound}: {remedy}")
+
+
+def _depth_field(job: Job, level: int, first: int) -> str:
+    """The field of the levels' job that gives the depth of a level's cut, where `first` depths are listed
+    apart."""
+    if job.levels.listed:
+        return "depths"
+    return "finishing_depth" if level < first else "roughing_depth"
+
+
+@dataclass(frozen=True)
+class EnvelopingBall:
+    """A ball of `radius` with its centre at a `height` above the tip, mm."""
+
+    radius: float
+    height: float
+
+
+def enveloping_ball(radius: float, corner: float, lead: float) -> EnvelopingBall:
+    """The ball that holds a cutter of this radius with a `corner` (mm) and touches where it leans by `lead` (radians).
+
+    ValueError unless 0 <= corner <= radius and 0 < lead <= a quarter turn.
+    """
+    if not 0 <= corner <= radius:
+        raise ValueError(f"a corner of {corner:g} mm on a radius of {radius:g} mm: give at most that, and 0 or more")
+    if not 0 < lead <= math.pi / 2:
+        raise ValueError(f"a lead of {lead:g} rad: give more than 0, and at most a quarter turn")
+    flat = radius - corner
+    return EnvelopingBall(corner + flat / math.sin(lead), corner + flat / math.tan(lead))
+
 
 REST_SHARE = 0.2
 """Of its radius, that a ball may take in one step of a rest path: 0.4 mm for one of 2 mm."""

@@ -1,24 +1,233 @@
-"""The proof of a posted text: read back (`nc/reading`), judged as its control would run it (`control`), compared with
-the tool paths (`readback.py`), and checked for gouges of the part (`gouge.py`)."""
+"""The removal of the program of one surface that is machined alone, from the stock that stands before it is finished:
+the solids, and on the surface as much material as its finishing cut is deep.
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+The removal of the program of a wheel from its turned blank.
+
+The proof of a posted text: read back (`nc/reading`), judged as its control would run it (`control`), compared with
+the tool paths (`readback.py`), and checked for gouges of the part (`gouge.py`).
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from bonecam.errors import VerifyError
+from bonecam.errors import ToolPathError, VerifyError, knowing
 from bonecam.job import Job
+from bonecam.levels.measure import Level, morph_surfaces
 from bonecam.machine.machine import Machine
+from bonecam.material.rays import lay_solids
+from bonecam.mechanics.loads import workpiece_of
 from bonecam.mesh.distance import MeshDistance
+from bonecam.mesh.solids import cylinder, half_edges
+from bonecam.mesh.triangle_mesh import TriangleMesh, keep_faces, side_by_side
 from bonecam.nc.dialect import Dialect
-from bonecam.nc.reading.read import read_program
+from bonecam.nc.reading import read_program
+from bonecam.planning.post_length import carrying_solid
+from bonecam.planning.surface_paths import wall_cusp
 from bonecam.progress import Progress, report, silent
+from bonecam.setup.placement import TurnedBlank
+from bonecam.surface.blades import Wheel, meridional, places_on, point_at, pose_about_z, repeated, revolved
 from bonecam.surface.tspline import TSpline
 from bonecam.tool.path import ToolPath
-from bonecam.verify.control.check import check_control
+from bonecam.verify.control import check_control
+from bonecam.verify.findings import GivenSurface, Removal
 from bonecam.verify.gouge import Distances, Gouge, measure_gouge
 from bonecam.verify.readback import Tolerances, compare_moves
-from bonecam.verify.removal.given import GivenSurface
+from bonecam.verify.removal import (
+    ACCURACY,
+    check_removal,
+    check_removal_of_job,
+    cutters_of,
+    level_scallops,
+    simulate_further,
+)
+from bonecam.verify.sweeping import NormalProbes, SimulatedStock, normal_probes_on
+from bonecam.workholding.clamping import clamping_of
+from bonecam.workholding.post import Post, post_below
+
+CHORD = 0.01
+"""Chord tolerance of the layer on the surface, of the post, and of the surface on which is told what stands, mm."""
+SUNK = 0.02
+"""The layer reaches so far into the solid below it, mm: both are tessellated."""
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceRemoval:
+    """What the text of a surface's program removes, and why force and bending are not known, "" where they are."""
+
+    removal: Removal
+    unknown: str
+
+
+def prove_surface_removal(
+    text: str,
+    machine: Machine,
+    dialect: Dialect,
+    job: Job,
+    surface: TSpline,
+    solid: TriangleMesh,
+    progress: Progress = silent,
+    *,
+    mechanics: bool = True,
+) -> SurfaceRemoval:
+    """What the posted `text` removes from the stock before it, where a `surface` and the `solid` of everything that
+    must not be gouged stand on the post of the job. Errors as in `check_removal_of_job`, for an
+    assumed stock."""
+    carrying = carrying_solid(surface, solid)
+    clamping = clamping_of(job.holding, machine.table)
+    post = Post(job.holding.diameter / 2, float(solid.bounds[0, 2]))
+    shown = surface.tessellate(CHORD)
+    unknown, work = "", None
+    if mechanics:
+        try:
+            post = post_below(carrying, job.holding)
+            work = replace(workpiece_of(job, post, clamping), body=carrying)
+        except ToolPathError as error:
+            unknown = f"force and bending are not known, since {error}"
+
+    # What stands before the surface is finished, on post and stub, with the normal probes of the surface
+    columns = [cylinder(column.radius, column.bottom, column.top, CHORD) for column in clamping.carried(post)]
+    solids = [solid, layer_on(surface, job.levels.finishing_depth), *columns]
+    sets, grid = lay_solids(solids, ACCURACY.cell, ACCURACY.memory_mb)
+    removal = simulate_further(
+        text,
+        machine,
+        dialect=dialect,
+        material=SimulatedStock(sets, grid, normal_probes_on(surface)),
+        post=post,
+        cutters=cutters_of(job, machine),
+        clamping=clamping,
+        limits={0: job.levels.finishing_depth},
+        surfaces={0: shown},
+        workpiece=work,
+        progress=progress,
+    )
+    over = float(MeshDistance(solid).signed(shown.vertices).max(initial=0.0))
+    with knowing(removal.sections):
+        check_removal_of_job(removal, job, over, assumed=True)
+    return SurfaceRemoval(removal, unknown)
+
+
+def layer_on(surface: TSpline, depth: float) -> TriangleMesh:
+    """The closed mesh of a layer of material that is `depth` mm thick on a surface, along its normals."""
+    tessellation = surface.tessellate_with_parameters(CHORD)
+    s, t = tessellation.parameters.T
+    normals = surface.normals(s, t)
+    faces = tessellation.mesh.faces
+    points = tessellation.mesh.vertices
+    count = len(tessellation.mesh.vertices)
+    edges = half_edges(tessellation.mesh).reshape(-1, 2).astype(np.int64)
+    forward, backward = edges[:, 0] * count + edges[:, 1], edges[:, 1] * count + edges[:, 0]
+    a, b = edges[~np.isin(forward, backward)].T
+    walls = np.vstack([np.column_stack([a + count, b + count, b]), np.column_stack([a + count, b, a])])
+    closed = np.vstack([faces, faces[:, ::-1] + count, walls])
+    both = np.vstack([points + depth * normals, points - SUNK * normals])
+    return TriangleMesh(both, closed.astype(np.int32))
+
+
+ABOVE = 0.1
+"""The hub is bare where no blade is this far above it, mm."""
+ROUGH = 0.05
+"""The floor of a channel lies so near to the hub that it stands for, mm: within the facets of the hub's mesh."""
+DEEP = 0.3
+"""Probes stand so far from the hub's edges, mm: beside one a ball that cuts no hub crosses their lines."""
+
+
+def prove_removal_of_wheel(
+    text: str,
+    machine: Machine,
+    dialect: Dialect,
+    job: Job,
+    blank: TurnedBlank,
+    wheel: Wheel,
+    levels: Sequence[Level],
+    progress: Progress = silent,
+    surfaces: Mapping[int, TriangleMesh] | None = None,
+    *,
+    mechanics: bool = True,
+) -> Removal:
+    """What the posted `text` removes from the blank, and what it leaves on all blades; `levels` are those of a channel,
+    `surfaces` the meshes, by level, on which is told what stands.
+    The wheel bends as what stands of it does, its blades do not; without `mechanics` force and bending are left out.
+    Errors as in `simulate_removal`, `check_removal` and `Mechanics.check`."""
+    post = Post(job.holding.diameter / 2, float(blank.profile[:, 1].min()))
+    clamping = clamping_of(job.holding, machine.table)
+    columns = clamping.carried(post)
+    held = [cylinder(column.radius, column.bottom, column.top, CHORD) for column in columns]
+    sets, grid = lay_solids([blank.mesh, *held], ACCURACY.cell, ACCURACY.memory_mb)
+    probes = wheel_probes(wheel, morph_surfaces(levels)[0])
+    removal = simulate_further(
+        text,
+        machine,
+        dialect=dialect,
+        material=SimulatedStock(sets, grid, probes),
+        post=None,
+        cutters=cutters_of(job, machine),
+        clamping=clamping,
+        limits={index: levels[index + 1].limit for index in range(len(levels) - 1)},
+        scallops=_scallops(job, len(levels)),
+        surfaces=surfaces,
+        workpiece=workpiece_of(job, post, clamping) if mechanics else None,
+        progress=progress,
+    )
+    with knowing(removal.sections):
+        check_removal(removal, job.path.gouge_tolerance)
+        if removal.mechanics is not None:
+            removal.mechanics.check()
+    return removal
+
+
+def _scallops(job: Job, levels: int) -> dict[int, float]:
+    """What each of so many levels may leave, mm: the paths of level 0, which follow level 1, meet on the blades what
+    stands between all levels."""
+    scallops = level_scallops(job, levels)
+    return scallops | {1: max(scallops[1], wall_cusp(job))}
+
+
+def wheel_surfaces(wheel: Wheel, solid: TriangleMesh, levels: Sequence[Level]) -> dict[int, TriangleMesh]:
+    """The meshes that the levels leave in all channels, by number; level 0 leaves the `solid` of the wheel."""
+    return {0: solid} | {level.index: repeated(level.mesh, wheel.count) for level in levels[1:]}
+
+
+def wheel_probes(wheel: Wheel, floor: TSpline) -> NormalProbes:
+    """Normal probes on both sides of every blade and on the hub between them; `floor` is the surface of that in one
+    channel, which reaches beyond the hub's ends."""
+    one = _side_by_side(normal_probes_on(wheel.blade, CHORD), _hub_probes(wheel, floor))
+    moved = [one.move(pose_about_z(2 * np.pi * k / wheel.count)) for k in range(wheel.count)]
+    points, normals = np.vstack([each.points for each in moved]), np.vstack([each.normals for each in moved])
+    return NormalProbes(repeated(one.mesh, wheel.count), points, normals, np.tile(one.areas, wheel.count))
+
+
+def _hub_probes(wheel: Wheel, floor: TSpline) -> NormalProbes:
+    """Normal probes on the hub itself below a `floor`, where no blade stands on it; none where the floor, which goes
+    straight on beyond the blades, is no longer on the hub."""
+    on_floor = normal_probes_on(floor, CHORD)
+    curve = meridional(on_floor.points)
+    lengths = places_on(wheel.profile, curve)
+    foot = point_at(wheel.profile, lengths)
+    points = np.column_stack([on_floor.points[:, :2] * (foot[:, :1] / curve[:, :1]), foot[:, 1]])
+    low, high = wheel.flow
+    bare = (lengths > low) & (lengths < high) & (np.linalg.norm(curve - foot, axis=1) < ROUGH)
+    hub = MeshDistance(revolved(wheel.profile, CHORD))
+    bare[bare] = hub.signed((points - DEEP * on_floor.normals)[bare]) < -0.8 * DEEP
+    beside = MeshDistance(repeated(wheel.coarse_blade, wheel.count))
+    bare[bare] = ~beside.inside((points + ABOVE * on_floor.normals)[bare])
+    faces = bare[on_floor.mesh.faces].all(axis=1)
+    used = np.unique(on_floor.mesh.faces[faces])
+    mesh = keep_faces(replace(on_floor.mesh, vertices=points), faces)
+    return NormalProbes(mesh, points[used], on_floor.normals[used], on_floor.areas[used])
+
+
+def _side_by_side(*probes: NormalProbes) -> NormalProbes:
+    """Normal probes that nothing has cut, of several surfaces."""
+    return NormalProbes(
+        side_by_side([each.mesh for each in probes]),
+        np.vstack([each.points for each in probes]),
+        np.vstack([each.normals for each in probes]),
+        np.hstack([each.areas for each in probes]),
+    )
+
 
 DESIGN_CHORD = 0.001
 """Largest chord tolerance (mm) of the tessellated design surface: DESIGN_SHARE of the gouge allowed by

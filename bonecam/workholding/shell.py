@@ -1,4 +1,8 @@
-"""The second clamping: the parted part, turned over about X, stands with its finished end in a shell on the table.
+"""A shell for the second clamping: a cylinder about the Z axis with the form of the finished end in it.
+
+For trying, and for printing: where the part is wider inside than at the opening, print it in two halves.
+
+The second clamping: the parted part, turned over about X, stands with its finished end in a shell on the table.
 
 The shell is cast or printed round the finished end; it is given as a closed mesh in the frame and unit of the part's
 file. It has to fit the part: it holds against every push to a side and down into it, and enters the part nowhere.
@@ -14,10 +18,41 @@ from numpy import ndarray
 from bonecam.errors import MeshError, place_name
 from bonecam.job import HoldingJob, Job, field_error
 from bonecam.mesh.distance import MeshDistance
+from bonecam.mesh.facets import vertex_normals
 from bonecam.mesh.files.mesh_files import read_in_mm
 from bonecam.mesh.part import Part
-from bonecam.mesh.solids.booleans import solid_union
+from bonecam.mesh.solids import cylinder, solid_difference, solid_union
 from bonecam.mesh.triangle_mesh import TriangleMesh, probes, side_by_side
+
+CHORD = 0.05
+"""Chord tolerance of the cylinder, mm."""
+
+
+def shell_round(part: TriangleMesh, covered: float, wall: float, gap: float) -> TriangleMesh:
+    """The shell round the upper end of a standing part, its opening down.
+
+    `covered` is the share of the part's height in it, `wall` (mm) its least thickness, `gap` (mm) what it keeps from
+    the part. ValueError where these make no shell.
+    """
+    if not (0 < covered < 1 and wall > 0 and gap >= 0):
+        raise ValueError(
+            f"covered = {covered:g}, wall = {wall:g}, gap = {gap:g}: give a share between 0 and 1, a positive wall "
+            "and no negative gap"
+        )
+    low, high = part.bounds[:, 2]
+    opening = float(high - covered * (high - low))
+    inside = _grown(part, gap)
+    held = inside.vertices[inside.vertices[:, 2] > opening]
+    radius = float(np.hypot(held[:, 0], held[:, 1]).max()) + wall
+    block = cylinder(radius, opening, float(high) + gap + wall, CHORD)
+    return solid_difference(block, inside)
+
+
+def _grown(part: TriangleMesh, gap: float) -> TriangleMesh:
+    """The part with its vertices moved out along their normals."""
+    moved: Float[ndarray, "n 3"] = part.vertices + gap * vertex_normals(part)
+    return TriangleMesh(moved, part.faces)
+
 
 GAP = 0.3
 """A shell that is no farther from the part holds it, mm: what a printer or a layer of wax leaves."""

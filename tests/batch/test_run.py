@@ -26,7 +26,7 @@ from bonecam.batch import Wanted, convert_many
 from bonecam.batch.run import WAITING
 from bonecam.errors import BonecamError, FileError, JobError
 from bonecam.job import Job
-from bonecam.report.tables.batch_table import Outcome
+from bonecam.report.tables import Outcome
 
 pytestmark = pytest.mark.whole
 

@@ -26,8 +26,8 @@ from numpy import ndarray
 from threadpoolctl import threadpool_limits
 
 from bonecam.job import Job, MeshJob
+from bonecam.levels.certificates import certify
 from bonecam.levels.closed_morph import morph
-from bonecam.levels.measure.certificates.certify import certify
 from bonecam.mesh.part import prepare_part
 from bonecam.setup.placement import place
 from bonecam.setup.stock import Stock

@@ -21,14 +21,23 @@ from threadpoolctl import threadpool_limits
 
 from bonecam.job import MeshJob
 from bonecam.mesh.part import prepare_part
-from bonecam.mesh.sections.harmonic_rows import harmonic_rows
+from bonecam.mesh.rows import harmonic_rows
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.surface.fitting.adapt import GROWTH_BY_MISS, LOWEST, MIN_GROWTH, Votes, refine
-from bonecam.surface.fitting.fit import Fit, fit
-from bonecam.surface.fitting.growth import Prune, Refine
-from bonecam.surface.fitting.prune import prune, spare_knots
-from bonecam.surface.fitting.target import FitTarget
-from bonecam.surface.tmesh.row_tmesh import RowTMesh
+from bonecam.surface.fitting import FitTarget
+from bonecam.surface.growth import (
+    GROWTH_BY_MISS,
+    LOWEST,
+    MIN_GROWTH,
+    Fit,
+    Prune,
+    Refine,
+    Votes,
+    fit,
+    prune,
+    refine,
+    spare_knots,
+)
+from bonecam.surface.tmesh import RowTMesh
 from bonecam.surface.tspline import TSpline
 
 BONES = Path(__file__).resolve().parents[3] / "shared" / "meshes" / "bones"

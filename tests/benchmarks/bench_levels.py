@@ -38,18 +38,13 @@ from threadpoolctl import threadpool_limits
 from bonecam.arrays import settled
 from bonecam.job import Job, LevelsJob
 from bonecam.levels.closed_morph import morph
-from bonecam.levels.measure.grid import level_grid
-from bonecam.levels.problem.cut import Cut, StepParameters
-from bonecam.levels.problem.discretisation import Discretisation
-from bonecam.levels.problem.limits.linear_limits import LinearLimits
-from bonecam.levels.problem.limits.planes import limits_at
-from bonecam.levels.problem.program import LevelProgram, program_of
-from bonecam.levels.problem.published import PublishedProgram
-from bonecam.levels.problem.remaining import Remaining
-from bonecam.levels.sequences.begun_morph import Morph
+from bonecam.levels.measure import level_grid
+from bonecam.levels.problem import Cut, Discretisation, Remaining, StepParameters
+from bonecam.levels.program import LevelProgram, LinearLimits, limits_at, program_of
+from bonecam.levels.published import PublishedProgram, next_moves
+from bonecam.levels.sequences import Morph
 from bonecam.levels.solvers import admm
 from bonecam.levels.solvers.exchange import ExchangeStep, next_level
-from bonecam.levels.solvers.published import next_moves
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.part import prepare_part
 from bonecam.setup.capsule import Capsule
@@ -156,10 +151,7 @@ def recorded(surface: TSpline, stock: Capsule) -> Case:
         calls.append(Call(discretisation, P, rest, cut, parameters, step))
         return step
 
-    with (
-        patch("time.perf_counter", time.process_time),
-        patch("bonecam.levels.sequences.sequence_maker.next_level", noted),
-    ):
+    with patch("time.perf_counter", time.process_time), patch("bonecam.levels.sequences.next_level", noted):
         made = morph(surface, stock, SCHEDULE)
     nets = [level.surface.control_points for level in made.levels if level.surface is not None]
     made_by = {

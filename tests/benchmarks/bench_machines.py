@@ -18,10 +18,10 @@ import bonecam
 from bonecam.job import read_job
 from bonecam.machine.kinematics import inverse_linear
 from bonecam.machine.machine import read_machine
-from bonecam.nc.job_dialect import job_dialect
-from bonecam.nc.posting.path_words import post_path
-from bonecam.nc.reading.motions import Motions
-from bonecam.nc.reading.read import read_program
+from bonecam.nc.motions import Motions
+from bonecam.nc.path_words import post_path
+from bonecam.nc.reading import read_program
+from bonecam.nc.requirements import job_dialect
 from bonecam.reposting.post import Posted
 from bonecam.tool.path import MoveKind
 

@@ -20,17 +20,15 @@ from jaxtyping import Float
 from numpy import ndarray
 
 import bonecam
-from bonecam.kernels.removal.normal_probes import Capsules, ProbesByCell, cut_normal_probes, probe_cells
-from bonecam.levels.measure.level import MachinedLevel, machined_levels
+from bonecam.kernels.rays import Capsules, ProbesByCell, cut_normal_probes, probe_cells
+from bonecam.levels.measure import MachinedLevel, machined_levels
 from bonecam.machine.machine import read_machine
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.planning.axes.lead import lead_axes
-from bonecam.planning.passes.contacts import candidate_contacts
-from bonecam.planning.passes.patterns.curves import Curves
-from bonecam.planning.passes.patterns.fastest import CLOSED, ISO_PARAMETRIC, curve_minutes, pattern_curves
-from bonecam.planning.passes.patterns.sampling import ROUND, ball_centres, contact_frames, sample_lines
-from bonecam.planning.passes.patterns.scallop import side_step
+from bonecam.planning.contacts import candidate_contacts
+from bonecam.planning.patterns import CLOSED_PATTERNS, ISO_PARAMETRIC, curve_minutes, pattern_curves
+from bonecam.planning.spacing import ROUND, Curves, ball_centres, contact_frames, sample_lines, side_step
 from bonecam.surface.tspline import TSpline
 from bonecam.tool.cutter import Cutter
 from bonecam.workholding.post import post_below
@@ -104,7 +102,7 @@ def report_level(name: str, level: MachinedLevel, cutter: Cutter) -> None:
     points, normals = rays(surface, radius)
     least = surface.area / mean_step(surface, cutter)
     print(f"{name} level {level.index}, R {radius:g}, {cutter.scallop:g} mm: area / mean step {least:.0f} mm")
-    for pattern in ISO_PARAMETRIC + CLOSED:
+    for pattern in ISO_PARAMETRIC + CLOSED_PATTERNS:
         began = time.process_time()
         curves: Curves = pattern_curves(surface, pattern, cutter, TURN_SPEED)
         seconds = time.process_time() - began

@@ -48,18 +48,24 @@ import bonecam
 from bonecam.job import Job, read_job
 from bonecam.job.materials.preset import read_material
 from bonecam.machine.machine import Machine, read_machine
-from bonecam.mechanics.cutter import cutter_compliance
-from bonecam.mechanics.strip import strip_force
-from bonecam.mechanics.workpiece import mechanics_of_job
+from bonecam.mechanics.edges import cutter_compliance, strip_force
+from bonecam.mechanics.loads import mechanics_of_job
 from bonecam.mesh.files.mesh_files import read_mesh
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.nc.job_dialect import job_dialect
-from bonecam.nc.posting.path_words import post_path
-from bonecam.planning.holding.finished_beam import finished_beam, normal_compliance
-from bonecam.planning.holding.found_depths import BALL_SHARE, PEAK_SHARE, SCALLOP_SHARE, YIELD_SHARE, preferred_depths
+from bonecam.nc.path_words import post_path
+from bonecam.nc.requirements import job_dialect
 from bonecam.planning.motion_time import motion_minutes
-from bonecam.planning.passes.patterns.scallop import side_step
-from bonecam.reposting.read_paths import read_paths
+from bonecam.planning.neck import (
+    BALL_SHARE,
+    PEAK_SHARE,
+    SCALLOP_SHARE,
+    YIELD_SHARE,
+    finished_beam,
+    normal_compliance,
+    preferred_depths,
+)
+from bonecam.planning.spacing import side_step
+from bonecam.reposting.post import read_paths
 from bonecam.tool.cutter import Cutter
 from bonecam.workholding.post import post_below
 

@@ -19,8 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
-from bonecam.surface.skinning.row_curves import RowCurves
-from bonecam.surface.skinning.skin import Reduction, control_curves, row_parameters, skin
+from bonecam.surface.skinning import Reduction, RowCurves, control_curves, row_parameters, skin
 
 FOLDER = Path(__file__).resolve().parents[3] / "shared" / "tspline" / "skinning_sections"
 EXACT = 1e-6  # of the tolerance: the skin that is taken as exact
@@ -51,7 +50,7 @@ def b_splines(rows: list[np.ndarray], tolerance: float) -> tuple[int, int]:
 
 
 def _on_fine(curves: RowCurves, fine: np.ndarray) -> np.ndarray:
-    from bonecam.surface.basis.spline_space import interpolate, sites
+    from bonecam.surface.basis import interpolate, sites
 
     at = sites(fine, False)
     return np.array([interpolate(fine, at, section, False) for section in curves.at(at)])

@@ -9,11 +9,11 @@ from types import SimpleNamespace
 
 import bonecam
 from bonecam.batch import BatchPart, Wanted
-from bonecam.batch.one_part import convert_part
+from bonecam.batch.run import convert_part
 from bonecam.errors import FileError
 from bonecam.job import Job
 from bonecam.progress import Progress
-from bonecam.report.tables.batch_table import Outcome
+from bonecam.report.tables import Outcome
 
 WORK = "batch_orders:work"
 REPORT = {

@@ -18,7 +18,7 @@ from numpy import ndarray
 
 from bonecam.arrays import dots, unit
 from bonecam.errors import ToolPathError
-from bonecam.machine.frustum import Frustum
+from bonecam.machine.bodies import Frustum
 from bonecam.tool.cutter import ToolSection
 
 QUARTER = np.pi / 2

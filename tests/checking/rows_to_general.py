@@ -5,9 +5,8 @@ import numpy as np
 from numpy import ndarray
 
 from bonecam.errors import SurfaceError
-from bonecam.surface.basis.knots import aligned
-from bonecam.surface.tmesh.general import TMesh
-from bonecam.surface.tmesh.open_rows import OpenRowTMesh
+from bonecam.surface.basis import aligned
+from bonecam.surface.tmesh import OpenRowTMesh, TMesh
 from bonecam.surface.tspline import TSpline
 
 POLE_POINTS = 4

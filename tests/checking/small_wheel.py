@@ -5,7 +5,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 import bonecam
-from bonecam.mesh.solids.revolution import revolve_profile
+from bonecam.mesh.solids import revolve_profile
 from bonecam.surface import skin
 from bonecam.surface.tspline import TSpline
 

@@ -14,15 +14,11 @@ from palette import shrink
 from tmesh_picture import draw_tmesh, show_tmesh
 
 import bonecam
-from bonecam.levels.measure.line_depths import line_depths
+from bonecam.levels.measure import line_depths
 from bonecam.machine.machine import read_machine
 from bonecam.mesh import TriangleMesh
 from bonecam.report import AxisComparison, draw_compared_axes, draw_machine
-from bonecam.report.pictures.depth_colours import draw_coloured
-from bonecam.report.pictures.depth_curves import draw_depths
-from bonecam.report.pictures.level_sections import show_levels
-from bonecam.report.pictures.panels import lay_out
-from bonecam.report.pictures.tool_paths import draw_toolpath, show_path
+from bonecam.report.pictures import draw_coloured, draw_depths, draw_toolpath, lay_out, show_levels, show_path
 from bonecam.setup.placement import place
 from bonecam.surface.files.surface_input import read_part
 from bonecam.workholding.post import post_below

@@ -13,10 +13,8 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.errors import SurfaceError
-from bonecam.report.pictures.panels import Plot, lay_out, new_figure, save_figure
-from bonecam.report.pictures.shading import draw_shaded
-from bonecam.surface.tmesh.general import TMesh, knots_of_lines
-from bonecam.surface.tmesh.row_tmesh import RowTMesh
+from bonecam.report.pictures import Plot, draw_shaded, lay_out, new_figure, save_figure
+from bonecam.surface.tmesh import RowTMesh, TMesh, knots_of_lines
 from bonecam.surface.tspline import TSpline
 
 CHORD = 0.01

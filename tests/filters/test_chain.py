@@ -9,7 +9,7 @@ import pytest
 
 from bonecam.errors import BonecamError, UnitsError
 from bonecam.filters.meshset import MeshSet
-from bonecam.filters.scripts.run_script import run_script
+from bonecam.filters.scripting import run_script
 
 CHAIN = """<!DOCTYPE FilterScript>
 <FilterScript>

@@ -15,7 +15,7 @@ from bonecam.filters.filter import Filter, Registry
 from bonecam.filters.layers import Layers
 from bonecam.filters.meshset import MeshSet
 from bonecam.filters.parameter import FilterParameter, Kind
-from bonecam.filters.scripts.apply_script import apply_script
+from bonecam.filters.scripting import apply_script
 from bonecam.progress import Progress, report
 
 SCRIPT_OF_UNKNOWN = '<!DOCTYPE FilterScript><FilterScript><filter name="nothing"/></FilterScript>'

@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 
 from bonecam.mesh.files.mesh_files import read_mesh
-from bonecam.surface.files.cad.read import read_bsplines
-from bonecam.surface.files.cad.write import write_iges, write_step
+from bonecam.surface.files.cad import read_bsplines, write_iges, write_step
 
 pytestmark = pytest.mark.whole
 

@@ -12,15 +12,15 @@ from bonecam.errors import BonecamError
 from bonecam.filters.mlx import read_calls
 from bonecam.job import Job, read_job, write_job
 from bonecam.machine.machine import MACHINES, read_machine
-from bonecam.mesh.files.point_files import read_blocks
+from bonecam.mesh.files.points import read_blocks
 from bonecam.nc.dialect import DIALECTS, read_dialect
-from bonecam.nc.posting.write import write_program
-from bonecam.nc.reading.read import read_program
+from bonecam.nc.posting import write_program
+from bonecam.nc.reading import read_program
 from bonecam.pipeline import check_job
 from bonecam.surface.files.iga import read_iga, write_iga
 from bonecam.surface.files.surface_input import read_part
 from bonecam.surface.files.tspline_text import read_tsm, write_tsm
-from bonecam.surface.tmesh.general import TMesh
+from bonecam.surface.tmesh import TMesh
 from bonecam.surface.tspline import TSpline
 from bonecam.tool.path import ToolPath
 

@@ -10,14 +10,13 @@ from typing import Any
 import pytest
 
 import bonecam
-from bonecam.batch.one_part import fingerprint
-from bonecam.batch.parts import BatchPart
+from bonecam.batch.run import BatchPart, fingerprint
 from bonecam.cli import main
-from bonecam.cli.catalogue.catalogues import described
+from bonecam.cli.catalogues import described
 from bonecam.errors import JobError
 from bonecam.job import Job, ToolJob
 from bonecam.job.tool_list import ENDINGS, known_cutters, read_tool_list, tool_list
-from bonecam.machine.frustum import Frustum
+from bonecam.machine.bodies import Frustum
 from bonecam.tool.cutter import Cutter
 
 CHUCK = {

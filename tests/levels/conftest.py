@@ -5,15 +5,11 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from bonecam.levels.problem.cut import Cut, StepParameters
-from bonecam.levels.problem.discretisation import Discretisation, discretise
-from bonecam.levels.problem.energies.attraction import ATTRACTIONS
-from bonecam.levels.problem.energies.energy import Given
-from bonecam.levels.problem.program import LevelProgram, program_of
-from bonecam.levels.problem.remaining import remaining, whole
+from bonecam.levels.problem import ATTRACTIONS, Cut, Discretisation, StepParameters, discretise, remaining, whole
+from bonecam.levels.program import Given, LevelProgram, program_of
 from bonecam.setup.capsule import Capsule
 from bonecam.setup.schedule import Schedule
-from bonecam.surface.tmesh.row_tmesh import RowTMesh
+from bonecam.surface.tmesh import RowTMesh
 from bonecam.surface.tspline import TSpline
 
 

@@ -13,20 +13,23 @@ import pytest
 from bonecam.errors import Cancelled, JobError, LevelError, StockError, SurfaceError
 from bonecam.levels.closed_morph import morph
 from bonecam.levels.edge_rounding import levels_in
-from bonecam.levels.measure.grid import level_grid
-from bonecam.levels.measure.inspection import measure_cut
-from bonecam.levels.measure.measured_surface import MeasuredSurface
-from bonecam.levels.measure.violations import require_none, violations
-from bonecam.levels.problem.samples import integration_points, samples_of, thin_plate
-from bonecam.levels.problem.tolerances import DEPTH_TOLERANCE, NESTING_TOLERANCE, STOCK_TOLERANCE
-from bonecam.levels.sequences.begun_morph import Morph
+from bonecam.levels.measure import MeasuredSurface, level_grid, measure_cut, require_none, violations
+from bonecam.levels.problem import (
+    DEPTH_TOLERANCE,
+    NESTING_TOLERANCE,
+    STOCK_TOLERANCE,
+    integration_points,
+    samples_of,
+    thin_plate,
+)
+from bonecam.levels.sequences import Morph
 from bonecam.mesh.distance import MeshDistance
 from bonecam.setup.capsule import Capsule
 from bonecam.setup.schedule import Schedule
 from bonecam.setup.stock import Stock
 from bonecam.setup.stocks.cylinder import Cylinder
 from bonecam.surface.files.tspline_text import write_tsm
-from bonecam.surface.query.closest_point import closest_points_near
+from bonecam.surface.query import closest_points_near
 from bonecam.surface.tspline import TSpline
 
 SCHEDULE = Schedule((0.1, 0.1), 0.5)

@@ -9,28 +9,29 @@ import pytest
 from bonecam.arrays import unit
 from bonecam.errors import LevelError, StockError
 from bonecam.job import Job, MeshJob, StockJob
-from bonecam.levels import body_surface
-from bonecam.levels.body_surface import TOLERANCE, body_surfaces
+from bonecam.levels import open_morph
 from bonecam.levels.edge_rounding import levels_in
 from bonecam.levels.job_levels import make_levels
-from bonecam.levels.measure.cut_measures import BINS
-from bonecam.levels.measure.grid import level_grid
-from bonecam.levels.measure.inspection import measure_last_cut
-from bonecam.levels.measure.level import RoundedLevel, machined_levels
-from bonecam.levels.measure.measured_surface import MeasuredSurface
-from bonecam.levels.measure.violations import require_none, violations
-from bonecam.levels.sequences.begun_morph import Morph
+from bonecam.levels.measure import (
+    BINS,
+    MeasuredSurface,
+    RoundedLevel,
+    level_grid,
+    machined_levels,
+    measure_last_cut,
+    require_none,
+    violations,
+)
+from bonecam.levels.open_morph import TOLERANCE, body_surfaces
+from bonecam.levels.sequences import Morph
 from bonecam.mesh.distance import exact_closest
-from bonecam.mesh.facets.hull import convex_hull
 from bonecam.mesh.part import prepare_part
-from bonecam.mesh.solids.intersections import self_intersections
-from bonecam.mesh.solids.revolution import revolve
+from bonecam.mesh.smooth_surface import convex_hull
+from bonecam.mesh.solids import revolve, self_intersections
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.setup.capsule import Capsule, enclosing_capsule
 from bonecam.setup.placement import place
-from bonecam.setup.rounding.half_spaces import half_spaces_of, intersect
-from bonecam.setup.rounding.largest_rounding import round_most
-from bonecam.setup.rounding.rounded_stock import RoundedStock
+from bonecam.setup.rounding import RoundedStock, half_spaces_of, intersect, round_most
 from bonecam.setup.schedule import Schedule
 from bonecam.setup.stock import Stock
 from bonecam.setup.stocks.box import Box
@@ -194,7 +195,7 @@ def test_the_spline_of_a_large_box_with_sharp_edges_lies_on_it_and_turns_nowhere
 def test_a_spline_that_cannot_follow_its_body_is_refused_with_distance_and_place(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(body_surface, "MAX_TRIES", 1)
+    monkeypatch.setattr(open_morph, "MAX_TRIES", 1)
     body = RoundedStock(Box(np.full(3, -4.0), np.full(3, 4.0)), 0.005)
     with pytest.raises(LevelError, match=r"mm off it at \(.*\), more than 0\.002 mm: give a larger stock") as caught:
         body_surfaces([body])

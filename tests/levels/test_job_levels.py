@@ -13,17 +13,16 @@ from bonecam.job import Job
 from bonecam.levels import closed_morph, edge_rounding, job_levels
 from bonecam.levels.edge_rounding import BegunLevels, levels_in
 from bonecam.levels.job_levels import even_levels, fit_choices, surface_and_levels
-from bonecam.levels.measure.level import RoundedLevel
-from bonecam.levels.sequences.begun_morph import Morph
+from bonecam.levels.measure import RoundedLevel
+from bonecam.levels.sequences import Morph
 from bonecam.mesh.part import prepare_part
-from bonecam.mesh.sections.harmonic_rows import Rows
-from bonecam.mesh.sections.row_choices import MOST_CHOICES
+from bonecam.mesh.rows import MOST_CHOICES, Rows
 from bonecam.runtime.timing import StageTimes
 from bonecam.setup.capsule import Capsule
 from bonecam.setup.placement import Setup, place
 from bonecam.setup.schedule import Schedule
 from bonecam.setup.stocks.cylinder import Cylinder
-from bonecam.surface.fitting.fit import Fit
+from bonecam.surface.growth import Fit
 from bonecam.surface.part_surface import fit_surface
 from bonecam.surface.tspline import TSpline
 

@@ -8,13 +8,13 @@ import pytest
 
 from bonecam.errors import JobError, LevelError, StockError, SurfaceError
 from bonecam.levels.edge_rounding import levels_in
-from bonecam.levels.measure.level import Level
+from bonecam.levels.measure import Level
 from bonecam.levels.open_morph import morph_open
-from bonecam.levels.sequences.begun_morph import Morph
+from bonecam.levels.sequences import Morph
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.setup.capsule import Capsule
 from bonecam.setup.schedule import Schedule
-from bonecam.surface.skinning.skin import skin
+from bonecam.surface.skinning import skin
 from bonecam.surface.tspline import TSpline
 
 SCHEDULE = Schedule((0.1,), 0.5)

@@ -4,8 +4,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from bonecam.levels.problem.discretisation import Discretisation
-from bonecam.levels.refine_for_depth import refine_for_depth
+from bonecam.levels.closed_morph import refine_for_depth
+from bonecam.levels.problem import Discretisation
 from bonecam.setup.capsule import Capsule
 from bonecam.setup.stocks.box import Box
 from bonecam.surface.tspline import TSpline

@@ -4,8 +4,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bonecam.machine.kinematics import UP, forward, inverse_linear, inverse_rotary, link_poses, rotate, tool_axes
+from bonecam.machine.limits import tilt_band
 from bonecam.machine.machine import machine_names, read_machine
-from bonecam.machine.reach import tilt_band
 
 CHAIN_KINDS = ("table-table", "head-table", "head-head", "nutating")
 

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from bonecam.errors import MachineError
-from bonecam.machine.bodies import Table
-from bonecam.machine.frustum import Frustum
+from bonecam.machine.bodies import Frustum, Table
 from bonecam.machine.machine import MACHINES, ChangeSeconds, machine_names, read_machine
 
 

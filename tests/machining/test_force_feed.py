@@ -9,17 +9,17 @@ import pytest
 from bonecam.errors import JobError, VerifyError
 from bonecam.job import Job
 from bonecam.machine.machine import read_machine
-from bonecam.machining.force_feed import BeforeForce, check_force_asked, check_one_feed, paths_by_force
-from bonecam.mechanics.workpiece import Workpiece, mechanics_of_job
+from bonecam.machining import BeforeForce, check_force_asked, check_one_feed, paths_by_force
+from bonecam.mechanics.loads import Workpiece, mechanics_of_job
 from bonecam.nc.dialect import read_dialect
-from bonecam.nc.posting.feeds.drivable_feeds import drivable_paths, fastest_cut
-from bonecam.nc.posting.write import write_program
-from bonecam.nc.reading.read import read_program
+from bonecam.nc.feeds import drivable_paths, fastest_cut
+from bonecam.nc.posting import write_program
+from bonecam.nc.reading import read_program
 from bonecam.setup.capsule import Capsule
 from bonecam.tool.path import MoveKind
-from bonecam.verify.control.check import check_feeds_of_job
-from bonecam.verify.removal.simulate import simulate_removal
-from bonecam.verify.removal.sweeping import Accuracy
+from bonecam.verify.control import check_feeds_of_job
+from bonecam.verify.removal import simulate_removal
+from bonecam.verify.sweeping import Accuracy
 from bonecam.workholding.post import Post
 
 MACHINE, DIALECT = read_machine("mikron-ucp600"), read_dialect("heidenhain")

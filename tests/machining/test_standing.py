@@ -7,7 +7,7 @@ import pytest
 from bonecam.errors import BonecamError
 from bonecam.job import Job
 from bonecam.machine.machine import read_machine
-from bonecam.machining.standing import stand_part
+from bonecam.machining import stand_part
 from bonecam.progress import silent
 from bonecam.runtime.timing import StageTimes
 

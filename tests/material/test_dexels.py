@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 
 from bonecam.job import Job
-from bonecam.material.cut_dexels import uncut_rays
-from bonecam.material.dexels import Dexels, dexels_of
+from bonecam.material.dexels import Dexels, dexels_of, uncut_rays
 from bonecam.setup.stocks.box import Box
 from bonecam.tool.cutter import Cutter
-from bonecam.verify.removal.sweeping import volumes
+from bonecam.verify.sweeping import volumes
 
 BLOCK = Box(np.array([-5.0, -4.0, 10.0]), np.array([5.0, 4.0, 30.0]))
 UP = np.array([0.0, 0.0, 1.0])

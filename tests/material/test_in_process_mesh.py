@@ -3,7 +3,7 @@
 import numpy as np
 
 from bonecam.material.dexels import dexels_of
-from bonecam.material.in_process_mesh import DEVIATION, holding
+from bonecam.material.in_process_stock import DEVIATION, holding
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.setup.stocks.cylinder import Cylinder

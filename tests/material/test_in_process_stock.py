@@ -10,17 +10,14 @@ from numpy import ndarray
 from scipy.spatial import KDTree
 
 from bonecam.job import HoldingJob, NcJob, PathJob
-from bonecam.levels.measure.cut_measures import NO_CUT
-from bonecam.levels.measure.level import Level, MachinedLevel, StockLevel
+from bonecam.levels.measure import NO_CUT, Level, MachinedLevel, StockLevel
 from bonecam.machine.limits import MachineLimits
-from bonecam.material.in_process_mesh import DEVIATION, hull
-from bonecam.material.in_process_stock import InProcessStock, remove_material, uncut_material
+from bonecam.material.in_process_stock import DEVIATION, InProcessStock, hull, remove_material, uncut_material
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.planning.collision.scene import Scene
+from bonecam.planning.contacts import DepthLimits, candidate_contacts, contact_path
 from bonecam.planning.oriented_path import orient
-from bonecam.planning.passes.contacts import candidate_contacts, contact_path
-from bonecam.planning.passes.engaged_segments import DepthLimits
+from bonecam.planning.scene import Scene
 from bonecam.setup.capsule import Capsule
 from bonecam.setup.stocks.cylinder import Cylinder
 from bonecam.surface.tspline import TSpline

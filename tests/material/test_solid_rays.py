@@ -4,12 +4,11 @@ import numpy as np
 import pytest
 
 from bonecam.errors import JobError
-from bonecam.material.rays import lay_grid, lay_rays
-from bonecam.material.solid_rays import lay_solids
-from bonecam.mesh.solids.revolution import cylinder, revolve_ring
+from bonecam.material.rays import lay_grid, lay_rays, lay_solids
+from bonecam.mesh.solids import cylinder, revolve_ring
 from bonecam.mesh.triangle_mesh import keep_faces
 from bonecam.setup.stocks.cylinder import Cylinder
-from bonecam.verify.removal.sweeping import volumes
+from bonecam.verify.sweeping import volumes
 
 RING = revolve_ring(np.array([[3.0, 0.0], [5.0, 0.0], [5.0, 4.0], [3.0, 4.0]]), 400)
 

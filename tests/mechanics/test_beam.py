@@ -5,9 +5,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bonecam.mechanics.beam import Beam, Support
-from bonecam.mechanics.sections import Sections, column_sections, join, mesh_sections, shoulder
-from bonecam.mesh.solids.revolution import revolve
+from bonecam.mechanics.beam import Beam, Sections, Support, column_sections, join, mesh_sections, shoulder
+from bonecam.mesh.solids import revolve
 
 E, NU = 70000.0, 0.33
 G = E / (2 * (1 + NU))

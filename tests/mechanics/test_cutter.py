@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from bonecam.job import Job
-from bonecam.machine.frustum import Frustum
-from bonecam.mechanics.cutter import CARBIDE, CORE, across, cutter_compliance
+from bonecam.machine.bodies import Frustum
+from bonecam.mechanics.edges import CARBIDE, CORE, across, cutter_compliance
 from bonecam.tool.cutter import Cutter
 
 HOLDER = (Frustum(50.0, 20.0, 20.0),)

@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bonecam.kernels.removal.sweep import Pieces
-from bonecam.machine.frustum import Frustum
+from bonecam.kernels.removal import Pieces
+from bonecam.machine.bodies import Frustum
 from bonecam.material.rays import lay_grid, lay_rays
 from bonecam.mechanics.edges import edges_in_grid, edges_on, forces_of
 from bonecam.setup.stocks.box import Box
 from bonecam.tool.cutter import Cutter
-from bonecam.verify.removal.sweeping import Sweeping
+from bonecam.verify.sweeping import Sweeping
 
 RADIUS = 2.0
 BLOCK = Box(np.array([-8.0, -6.0, 0.0]), np.array([8.0, 6.0, 8.0]))

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from bonecam.mechanics.feed_schedule import LEAST, MOST, feed_schedule
-from bonecam.mechanics.loads import PathLoads
+from bonecam.mechanics.loads import LEAST, MOST, PathLoads, feed_schedule
 from bonecam.tool.path import PARTING
 
 

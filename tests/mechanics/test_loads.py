@@ -7,25 +7,31 @@ import pytest
 
 from bonecam.errors import JobError, VerifyError
 from bonecam.job import Job, MechanicsJob
-from bonecam.job.materials.mechanical import CuttingForce, StiffnessTable
-from bonecam.job.materials.preset import FOLDER
-from bonecam.kernels.removal.sweep import Pieces
-from bonecam.machine.frustum import Frustum
+from bonecam.job.materials.preset import FOLDER, CuttingForce, StiffnessTable
+from bonecam.kernels.removal import Pieces
+from bonecam.machine.bodies import Frustum
 from bonecam.material.rays import lay_grid, lay_rays
-from bonecam.mechanics.beam import Beam
-from bonecam.mechanics.cutter import cutter_compliance
-from bonecam.mechanics.error_kept import Finished, KeptErrors, cut_shares, passing_force, piece_through
-from bonecam.mechanics.loads import Loads
+from bonecam.mechanics.beam import Beam, column_sections, join, shoulder
+from bonecam.mechanics.edges import cutter_compliance
+from bonecam.mechanics.loads import (
+    Finished,
+    KeptErrors,
+    Loads,
+    Standing,
+    Workpiece,
+    cut_shares,
+    mechanics_of_job,
+    passing_force,
+    piece_through,
+    workpiece_of,
+)
 from bonecam.mechanics.result import mechanics_of
-from bonecam.mechanics.sections import column_sections, join, shoulder
-from bonecam.mechanics.workpiece import Standing, Workpiece, mechanics_of_job, workpiece_of
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.setup.stocks.cylinder import Cylinder
 from bonecam.tool.cutter import Cutter
-from bonecam.verify.removal.sweeping import Sweeping
+from bonecam.verify.sweeping import Sweeping
 from bonecam.workholding.clamping import Clamping
-from bonecam.workholding.column import Column
-from bonecam.workholding.post import Post
+from bonecam.workholding.post import Column, Post
 
 ALUMINIUM = StiffnessTable(elasticity=70000.0, density=2700.0, yield_strength=250.0, source="test")
 FORCE = CuttingForce((631.0, 99.0, 273.0, 13.0, 10.0, 2.8), (0.6, 1.9), "test", scaled=False)

@@ -4,13 +4,12 @@ import numpy as np
 import pytest
 
 from bonecam.job import HoldingJob
-from bonecam.job.materials.mechanical import CuttingForce, StiffnessTable
+from bonecam.job.materials.preset import CuttingForce, StiffnessTable
 from bonecam.material.rays import lay_grid, lay_rays
-from bonecam.mechanics.error_kept import Finished, KeptErrors
+from bonecam.mechanics.beam import column_sections
+from bonecam.mechanics.loads import Finished, KeptErrors, Standing, Workpiece
 from bonecam.mechanics.result import Remedy, best_text, remedies, thickened
-from bonecam.mechanics.sections import column_sections
-from bonecam.mechanics.workpiece import Standing, Workpiece
-from bonecam.mesh.solids.revolution import cylinder
+from bonecam.mesh.solids import cylinder
 from bonecam.setup.stocks.cylinder import Cylinder
 from bonecam.workholding.post import Post
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from bonecam.material.rays import lay_grid, lay_rays
-from bonecam.mechanics.sections import column_sections, join, mesh_sections, ray_sections, shoulder
-from bonecam.mesh.solids.revolution import revolve
+from bonecam.mechanics.beam import column_sections, join, mesh_sections, ray_sections, shoulder
+from bonecam.mesh.solids import revolve
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.setup.stocks.capsule import Capsule
 from bonecam.setup.stocks.cylinder import Cylinder

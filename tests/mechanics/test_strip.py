@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from bonecam.job import Job
-from bonecam.job.materials.mechanical import CuttingForce
-from bonecam.mechanics.strip import job_strip_force, lighter_cuts, strip_force
+from bonecam.job.materials.preset import CuttingForce
+from bonecam.mechanics.edges import job_strip_force, lighter_cuts, strip_force
 
 FORCE = CuttingForce((631.0, 99.0, 273.0, 13.0, 10.0, 2.8), (0.6, 1.9), "test", scaled=False)
 

@@ -6,10 +6,8 @@ import numpy as np
 import pytest
 
 from bonecam.job import HoldingJob
-from bonecam.mechanics.beam import Beam
-from bonecam.mechanics.sections import column_sections
-from bonecam.mechanics.tailstock import STEEL, tailstock_support
-from bonecam.workholding.column import Column
+from bonecam.mechanics.beam import STEEL, Beam, column_sections, tailstock_support
+from bonecam.workholding.post import Column
 
 RIGID = HoldingJob(diameter=6.0, tailstock="pin", tailstock_column=200.0, tailstock_arm=200.0, tailstock_reach=120.0)
 E = 70000.0

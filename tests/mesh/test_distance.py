@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bonecam.mesh.distance import CHUNK, EXACT_CHUNK, MeshDistance, exact_closest, lowest_between
-from bonecam.mesh.solids.intersections import self_intersections
+from bonecam.mesh.solids import self_intersections
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
 FAR = (300.0, -200.0, 500.0)

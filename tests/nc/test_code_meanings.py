@@ -4,8 +4,7 @@ import pytest
 
 from bonecam.errors import MachineError
 from bonecam.nc.dialect import DIALECTS, dialect_names, read_dialect
-from bonecam.nc.schema.code_meanings import MEANINGS
-from bonecam.nc.schema.grammar_tables import CODES
+from bonecam.nc.schema import CODES, MEANINGS
 
 ISO = """like = "linuxcnc"
 [codes]

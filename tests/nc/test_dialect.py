@@ -3,7 +3,7 @@ import pytest
 from bonecam.errors import MachineError
 from bonecam.machine.machine import MACHINES, read_machine
 from bonecam.nc.dialect import DIALECTS, dialect_names, read_dialect
-from bonecam.nc.schema.template_tables import FIELDS
+from bonecam.nc.schema import FIELDS
 
 GOOD = (DIALECTS / "linuxcnc.toml").read_text()
 KLARTEXT = (DIALECTS / "heidenhain.toml").read_text()

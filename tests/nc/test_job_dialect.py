@@ -8,9 +8,9 @@ from bonecam.errors import MachineError
 from bonecam.job import Job
 from bonecam.machine.machine import read_machine
 from bonecam.nc.dialect import dialect_names, read_dialect
-from bonecam.nc.job_dialect import job_dialect
-from bonecam.nc.posting.write import write_program
-from bonecam.nc.reading.read import read_program
+from bonecam.nc.posting import write_program
+from bonecam.nc.reading import read_program
+from bonecam.nc.requirements import job_dialect
 from bonecam.tool.path import ToolPath
 
 

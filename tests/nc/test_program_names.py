@@ -13,15 +13,15 @@ from bonecam.errors import FileError, MachineError, ProgramError
 from bonecam.job import Job, NcJob
 from bonecam.machine.machine import machine_files, machine_names, read_machine
 from bonecam.nc.dialect import dialect_names, read_dialect
-from bonecam.nc.job_dialect import job_dialect
-from bonecam.nc.posting.header.header import record_checks, record_simulation
-from bonecam.nc.posting.write import write_program
+from bonecam.nc.header import record_checks, record_simulation
+from bonecam.nc.posting import write_program
 from bonecam.nc.program import check_file_name, program_name, second_program_file
-from bonecam.nc.reading.read import read_program
+from bonecam.nc.reading import read_program
+from bonecam.nc.requirements import job_dialect
 from bonecam.nc.words import comment, comments_of
-from bonecam.report.files.output_files import Outputs
+from bonecam.report.outputs import Outputs
 from bonecam.tool.path import ToolPath
-from bonecam.verify.control.trial_program import check_posting
+from bonecam.verify.control import check_posting
 
 LONG = "Proximale Phalanx links - Versuch Nr 12 Größe L (für Dr X) - bitte nicht verwechseln"
 

@@ -7,8 +7,7 @@ import pytest
 
 from bonecam.errors import JobError, MachineError
 from bonecam.job import Job
-from bonecam.machine.bodies import Table
-from bonecam.machine.frustum import Frustum
+from bonecam.machine.bodies import Frustum, Table
 from bonecam.machine.machine import UPRIGHT, Machine, read_machine
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.requirements import check_length, check_reach, check_room, least_lengths

@@ -13,13 +13,13 @@ from bonecam.job import Job
 from bonecam.machine.kinematics import tool_axes
 from bonecam.machine.machine import read_machine
 from bonecam.nc.dialect import dialect_names, read_dialect
-from bonecam.nc.job_dialect import job_dialect
-from bonecam.nc.posting.feeds.drivable_feeds import drivable_paths
-from bonecam.nc.posting.write import write_program
-from bonecam.nc.reading.read import read_program
+from bonecam.nc.feeds import drivable_paths
+from bonecam.nc.posting import write_program
+from bonecam.nc.reading import read_program
+from bonecam.nc.requirements import job_dialect
 from bonecam.nc.tool_vectors import solved_angles, vectors_of, written_vectors
 from bonecam.tool.path import MoveKind, ToolPath
-from bonecam.verify.control.check import check_control
+from bonecam.verify.control import check_control
 from bonecam.verify.readback import Tolerances, compare_moves
 
 WITH_VECTORS = [name for name in dialect_names() if "vectors" in read_dialect(name).forms]

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bonecam.errors import ProgramError
-from bonecam.nc.schema.number_format import NumberFormat
+from bonecam.nc.schema import NumberFormat
 from bonecam.nc.words import plain_text, wrapped
 
 

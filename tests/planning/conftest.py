@@ -5,11 +5,11 @@ from collections.abc import Callable
 import pytest
 
 from bonecam.job import HoldingJob, PathJob
-from bonecam.levels.measure.level import Level
+from bonecam.levels.measure import Level
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.planning.collision.scene import Scene
-from bonecam.planning.passes.contacts import candidate_contacts, contact_path
+from bonecam.planning.contacts import candidate_contacts, contact_path
+from bonecam.planning.scene import Scene
 from bonecam.setup.capsule import Capsule
 from bonecam.surface.tspline import TSpline
 from bonecam.tool.cutter import Cutter

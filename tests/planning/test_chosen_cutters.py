@@ -12,11 +12,11 @@ from bonecam.job import Job, read_job, write_job
 from bonecam.job.tool_section import AUTO, SIZES
 from bonecam.machine.machine import read_machine
 from bonecam.mesh.part import repaired_part
-from bonecam.mesh.solids.revolution import revolve_profile
-from bonecam.nc.posting.rotary.machine_limits import machine_limits
+from bonecam.mesh.solids import revolve_profile
+from bonecam.nc.path_words import machine_limits
 from bonecam.planning.chosen_cutters import CLEAN, SHALLOW, Hollows, with_chosen_cutters
-from bonecam.report.mechanics_lines import cutter_lines
-from bonecam.report.typed.to_levels import CutterFigures
+from bonecam.report.typed import CutterFigures
+from bonecam.report.warnings import cutter_lines
 from bonecam.setup.placement import Setup, place
 from bonecam.workholding.post import Post
 

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from bonecam.job import Job
-from bonecam.levels.measure.cut_measures import NO_CUT
-from bonecam.levels.measure.level import Level, MorphLevel, PartLevel, StockLevel
+from bonecam.levels.measure import NO_CUT, Level, MorphLevel, PartLevel, StockLevel
 from bonecam.machine.bodies import MachineBodies
 from bonecam.planning.estimate import (
     BLOCK_FACTOR,

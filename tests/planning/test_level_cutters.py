@@ -5,7 +5,7 @@ import math
 import pytest
 
 from bonecam.job import Job
-from bonecam.planning.level_cutters import least_depth
+from bonecam.planning.estimate import least_depth
 
 
 def test_a_roughing_cut_leaves_what_the_next_one_takes_off_in_any_case() -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import bonecam
-from bonecam.mesh.solids.revolution import revolve
+from bonecam.mesh.solids import revolve
 from bonecam.tool.path import PARTING
 
 JOB = bonecam.Job().with_values(

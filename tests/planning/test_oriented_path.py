@@ -10,36 +10,36 @@ import pytest
 from bonecam.arrays import angles_between, unit
 from bonecam.errors import MachineError, OrientationError
 from bonecam.job import HoldingJob, NcJob, PathJob
-from bonecam.levels.measure.cut_measures import NO_CUT
-from bonecam.levels.measure.level import Level, MachinedLevel, RoundedLevel, StockLevel
-from bonecam.machine.frustum import Frustum
+from bonecam.levels.measure import NO_CUT, Level, MachinedLevel, RoundedLevel, StockLevel
+from bonecam.machine.bodies import Frustum
 from bonecam.machine.limits import MachineLimits, polar_angles
 from bonecam.material.in_process_stock import uncut_material
 from bonecam.mesh.distance import MeshDistance
-from bonecam.mesh.facets.hull import convex_hull
+from bonecam.mesh.smooth_surface import convex_hull
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.planning.axes.admissible import candidate_directions
-from bonecam.planning.axes.lead import lead_axes
-from bonecam.planning.axes.singularity import SINGULAR_ANGLE, SINGULAR_CONE, avoid_singularity, least_polar_angles
-from bonecam.planning.collision.checker import CollisionChecker
-from bonecam.planning.collision.scene import Scene
-from bonecam.planning.layers.height_mesh import HeightMesh
-from bonecam.planning.links import retract
-from bonecam.planning.links.direct import ABOVE, direct_links
-from bonecam.planning.links.lead_arc import begins_tangentially
-from bonecam.planning.links.link_space import LinkSpace
-from bonecam.planning.links.moves import Feeds
-from bonecam.planning.links.retract import Departure
+from bonecam.planning import link_space
+from bonecam.planning.axes.lead import (
+    SINGULAR_ANGLE,
+    SINGULAR_CONE,
+    avoid_singularity,
+    candidate_directions,
+    lead_axes,
+    least_polar_angles,
+)
+from bonecam.planning.collision import CollisionChecker
+from bonecam.planning.contacts import candidate_contacts, contact_path
+from bonecam.planning.layers import HeightMesh
+from bonecam.planning.link_space import Departure, Feeds, LinkSpace
+from bonecam.planning.links import ABOVE, begins_tangentially, direct_links
 from bonecam.planning.oriented_path import MAX_TURN, orient
-from bonecam.planning.passes.contacts import candidate_contacts, contact_path
+from bonecam.planning.scene import Scene
 from bonecam.setup.capsule import Capsule
 from bonecam.setup.stocks.mesh import ConvexStock
 from bonecam.surface.tspline import TSpline
 from bonecam.tool.cutter import Cutter
 from bonecam.tool.path import ContactPath, MoveKind, ToolPath
 from bonecam.workholding.clamping import Clamping
-from bonecam.workholding.column import Column
-from bonecam.workholding.post import post_below
+from bonecam.workholding.post import Column, post_below
 
 pytestmark = pytest.mark.whole
 
@@ -182,7 +182,7 @@ def test_bent_retracts_and_approaches_stay_clear_and_slow_near_the_part(
     def bent(axis: np.ndarray) -> list[Departure]:
         return [Departure(0.5, unit((axis + np.array([0.3, 0.2, 0.1]))[None])[0])]
 
-    monkeypatch.setattr(retract, "departures", bent)
+    monkeypatch.setattr(link_space, "departures", bent)
     _, scene, path = made(pattern="along")
     assert_nothing_is_entered(scene, path)
     last_in = np.flatnonzero(

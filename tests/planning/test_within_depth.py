@@ -7,16 +7,15 @@ import pytest
 from numpy import ndarray
 
 from bonecam.arrays import unit
-from bonecam.levels.measure.cut_measures import NO_CUT
-from bonecam.levels.measure.level import MachinedLevel, StockLevel
+from bonecam.levels.measure import NO_CUT, MachinedLevel, StockLevel
 from bonecam.material.in_process_stock import InProcessStock, remove_material, uncut_material
-from bonecam.planning.passes.engaged_segments import DepthLimits
-from bonecam.planning.within_depth import SLACK, cut_within_depth, within_depth
+from bonecam.planning.contacts import DepthLimits
+from bonecam.planning.levels import SLACK, cut_within_depth, within_depth
 from bonecam.setup.capsule import Capsule
 from bonecam.surface.tspline import TSpline
 from bonecam.tool.cutter import Cutter
 from bonecam.tool.path import ContactPath, MoveKind, ToolPath
-from bonecam.verify.removal.of_job import ACCURACY
+from bonecam.verify.removal import ACCURACY
 
 ALLOWED = DepthLimits(0.5, 0.05)
 OUTWARD = np.array([1.0, 0.0, 0.0])

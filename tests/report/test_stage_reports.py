@@ -6,9 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bonecam.levels.measure.certificates.certificate import Certificate
-from bonecam.levels.measure.cut_measures import NO_CUT
-from bonecam.levels.measure.level import RoundedLevel, StockLevel
+from bonecam.levels.certificates import Certificate
+from bonecam.levels.measure import NO_CUT, RoundedLevel, StockLevel
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.program import ProgramTime
 from bonecam.report.stage_reports import levels_report, toolpath_report, uncut_areas

@@ -13,13 +13,13 @@ from bonecam.cli import main
 from bonecam.errors import JobError, LimitError
 from bonecam.machine.machine import read_machine
 from bonecam.mesh.files.mesh_files import write_mesh
-from bonecam.mesh.healing.repair import repair
+from bonecam.mesh.healing import repair
 from bonecam.mesh.triangle_mesh import TriangleMesh, keep_faces
-from bonecam.report.mechanics_lines import post_lines
 from bonecam.report.warnings import (
     check_warnings,
     header_texts,
     holding_warnings,
+    post_lines,
     repair_warnings,
     spindle_warnings,
     warnings_of,

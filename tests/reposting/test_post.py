@@ -13,7 +13,7 @@ from bonecam.job import Job
 from bonecam.machine.machine import read_machine
 from bonecam.mesh import write_mesh
 from bonecam.nc.dialect import read_dialect
-from bonecam.nc.reading.read import read_program
+from bonecam.nc.reading import read_program
 from bonecam.setup.capsule import Capsule
 from bonecam.surface.files.tspline_text import write_tsm
 from bonecam.surface.tspline import TSpline

@@ -10,7 +10,7 @@ from numba.core import caching
 WORK = """
 import os
 import numpy as np
-from bonecam.kernels.rows import times
+from bonecam.kernels.matrices import times
 y = np.zeros((1, 3))
 times(np.array([0, 1]), np.array([0]), np.array([2.0]), np.array([[1.0, 2.0, 3.0]]), y)
 print(y[0, 2], os.environ["NUMBA_CACHE_DIR"])

@@ -15,7 +15,7 @@ from uuid import uuid4
 import pytest
 
 from bonecam.mesh.files.mesh_files import write_mesh
-from bonecam.surface.files.save import save_surface
+from bonecam.surface.files.tspline_text import save_surface
 
 pytestmark = pytest.mark.whole
 

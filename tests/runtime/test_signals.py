@@ -4,7 +4,7 @@ import signal
 
 import pytest
 
-from bonecam.runtime.signals import STOPPING, undisturbed
+from bonecam.runtime.staging import STOPPING, undisturbed
 
 
 def test_a_signal_takes_effect_after_the_block() -> None:

@@ -20,9 +20,9 @@ from bonecam.mesh.files.mesh_files import write_mesh
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.program import Program
-from bonecam.report.files import output_files
-from bonecam.report.files.output_files import Outputs
-from bonecam.report.files.result import Result
+from bonecam.report import outputs as output_files
+from bonecam.report.kept import Result
+from bonecam.report.outputs import Outputs
 from bonecam.runtime.own_files import OWN_FILES
 from bonecam.runtime.staging import Staging, placed, staged
 

@@ -11,7 +11,7 @@ import pytest
 RUN = """
 import os, signal, sys, time
 from bonecam.cli import stopping
-from bonecam.runtime.temporary import make_temporary
+from bonecam.runtime.staging import make_temporary
 from pathlib import Path
 make_temporary(Path(sys.argv.pop()))
 def stop():

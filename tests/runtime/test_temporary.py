@@ -9,12 +9,12 @@ from threading import Thread
 
 import pytest
 
-from bonecam.runtime.temporary import HOST, is_running, make_temporary, remove_abandoned, temporary_folder
+from bonecam.runtime.staging import HOST, is_running, make_temporary, remove_abandoned, temporary_folder
 
 KILLED = """
 import os, signal, sys
 from pathlib import Path
-from bonecam.runtime.temporary import make_temporary
+from bonecam.runtime.staging import make_temporary
 (make_temporary(Path(sys.argv[1])) / "half").write_text("half")
 os.kill(os.getpid(), getattr(signal, sys.argv[2]))
 """

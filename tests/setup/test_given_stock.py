@@ -12,8 +12,8 @@ from bonecam.job import Job, read_job
 from bonecam.mesh.files.mesh_files import write_mesh
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.setup.capsule import Capsule
-from bonecam.setup.given_stock import with_stock
-from bonecam.setup.rounding.rounded_stock import RoundedStock
+from bonecam.setup.placement import with_stock
+from bonecam.setup.rounding import RoundedStock
 from bonecam.setup.stock import Stock
 from bonecam.setup.stocks.box import Box
 from bonecam.setup.stocks.cylinder import Cylinder

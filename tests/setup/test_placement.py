@@ -15,8 +15,8 @@ from bonecam.mesh.files.mesh_files import write_mesh
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.setup import stocks
 from bonecam.setup.capsule import Capsule, smallest_capsule
-from bonecam.setup.containment import MARGIN
 from bonecam.setup.placement import stock_for
+from bonecam.setup.rounding import MARGIN
 from bonecam.setup.schedule import Schedule
 from bonecam.setup.stock import Stock, stock_figures, stock_text
 from bonecam.setup.stock_kind import kind_of

@@ -10,8 +10,8 @@ from bonecam.errors import StockError
 from bonecam.job import StockJob
 from bonecam.mesh.distance import exact_closest
 from bonecam.setup.capsule import Capsule, smallest_capsule
-from bonecam.setup.containment import require_inside
 from bonecam.setup.placement import stock_for
+from bonecam.setup.rounding import require_inside
 from bonecam.setup.schedule import Schedule
 from bonecam.setup.stock import finite_numbers
 from bonecam.setup.stocks.capsule import capsule_of_size

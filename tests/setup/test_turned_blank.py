@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from bonecam.material.solid_rays import lay_solids
-from bonecam.setup.turned_blank import TurnedBlank
-from bonecam.verify.removal.sweeping import volumes
+from bonecam.material.rays import lay_solids
+from bonecam.setup.placement import TurnedBlank
+from bonecam.verify.sweeping import volumes
 
 WAISTED = np.array([[0, 0], [10, 0], [10, 3], [8, 3], [7, 6], [4, 9], [4, 12], [0, 12]], float)
 RECESSED = np.array([[0, 0], [10, 0], [10, 3], [8, 3], [7, 6], [8, 11], [4, 9], [0, 9]], float)

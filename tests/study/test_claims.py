@@ -2,8 +2,7 @@
 
 import pytest
 
-from bonecam.study.claims import CONTRADICTED, OPEN, SUPPORTED, claims_of
-from bonecam.study.rows import Row
+from bonecam.study.rows import CONTRADICTED, OPEN, SUPPORTED, Row, claims_of
 
 
 def row(name: str, **figures: float) -> Row:

@@ -3,8 +3,8 @@
 import csv
 import io
 
+from bonecam.study.comparison import LINES, table_csv, table_text
 from bonecam.study.rows import Row
-from bonecam.study.table import LINES, table_csv, table_text
 
 ROWS = [
     Row("bonecam", "", "done", "", {"length_m": 4.7, "air_share": None}),

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from numpy import ndarray
 
-from bonecam.surface.tmesh.general import TMesh
-from bonecam.surface.tmesh.row_tmesh import RowTMesh
+from bonecam.surface.tmesh import RowTMesh, TMesh
 from bonecam.surface.tspline import TSpline
 
 

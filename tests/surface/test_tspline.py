@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from numpy import ndarray
 
 from bonecam.surface.files.tspline_text import write_tsm
-from bonecam.surface.tmesh.row_tmesh import RowTMesh
+from bonecam.surface.tmesh import RowTMesh
 from bonecam.surface.tspline import TSpline
 
 seeds = st.integers(0, 10_000)

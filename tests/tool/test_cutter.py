@@ -9,7 +9,7 @@ import pytest
 from bonecam.errors import JobError
 from bonecam.job import FINISHING, HoldingJob, Job, ToolJob
 from bonecam.job.tool_list import read_tool_list
-from bonecam.machine.frustum import Frustum, stack_as_text, stack_from_text
+from bonecam.machine.bodies import Frustum, stack_as_text, stack_from_text
 from bonecam.tool.cutter import Cutter, ToolSection
 
 SHRINK_FIT: Any = [[35, 10, 17], [20, 40]]

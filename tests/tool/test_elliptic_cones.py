@@ -3,7 +3,7 @@
 import numpy as np
 
 from bonecam.arrays import angles_between, dots, unit
-from bonecam.planning.axes.cones.cone import ObliqueEllipticCone, elliptic_cone
+from bonecam.planning.axes.cones import ObliqueEllipticCone, elliptic_cone
 from bonecam.tool.elliptic_cones import EllipticCones
 
 RANDOM = np.random.default_rng(8)

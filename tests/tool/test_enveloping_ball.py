@@ -8,10 +8,8 @@ from bonecam.arrays import lengths
 from bonecam.errors import JobError
 from bonecam.job import Job
 from bonecam.machine.machine import read_machine
-from bonecam.planning.collision.tool_mesh import cutter_mesh
-from bonecam.tool.cutter import Cutter
-from bonecam.tool.enveloping_ball import enveloping_ball
-from bonecam.tool.shapes import check_shapes, only_balls
+from bonecam.planning.collision import cutter_mesh
+from bonecam.tool.cutter import Cutter, check_shapes, enveloping_ball, only_balls
 
 PROFILES = {"bull": bull(2.0, 0.5), "flat": flat(2.0)}
 

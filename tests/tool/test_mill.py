@@ -12,7 +12,7 @@ from scipy.spatial import KDTree
 
 from bonecam.errors import ToolPathError
 from bonecam.job import Job
-from bonecam.machine.frustum import Frustum
+from bonecam.machine.bodies import Frustum
 from bonecam.planning import side_step
 from bonecam.tool import Cutter
 

@@ -14,18 +14,17 @@ import pytest
 
 import bonecam
 from bonecam.arrays import unit
-from bonecam.levels.measure.level import machined_levels
+from bonecam.levels.measure import machined_levels
 from bonecam.machine import read_machine
 from bonecam.machine.limits import polar_angles
 from bonecam.nc import machine_limits
-from bonecam.planning.axes.field.level_axes import level_axes
+from bonecam.planning.axes.field import level_axes
 from bonecam.planning.axes.lead import table_limits
-from bonecam.planning.collision.interpolation import interpolate_poses
-from bonecam.planning.collision.level_scene import level_scene
-from bonecam.planning.collision.scene import Scene
+from bonecam.planning.collision import interpolate_poses, level_scene
+from bonecam.planning.contacts import candidate_contacts, contact_path
 from bonecam.planning.oriented_path import orient
-from bonecam.planning.passes.contacts import candidate_contacts, contact_path
-from bonecam.planning.strategies.surface_path import finishing_cutter
+from bonecam.planning.scene import Scene
+from bonecam.planning.surface_paths import finishing_cutter
 from bonecam.tool import ToolPath
 from bonecam.tool.path import MoveKind
 from bonecam.workholding.clamping import clamping_of

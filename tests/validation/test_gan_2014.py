@@ -12,14 +12,13 @@ import pytest
 from numpy import ndarray
 
 from bonecam.job import FINISHING, ROUGHING, LevelsJob, MeshJob, PathJob
-from bonecam.levels.problem.element_matrices import element_matrices
+from bonecam.levels.problem import element_matrices
 from bonecam.mesh.part import prepare_part
-from bonecam.mesh.sections.harmonic_rows import Rows, harmonic_rows
+from bonecam.mesh.rows import Rows, harmonic_rows
 from bonecam.planning.axes.lead import lead_axes
 from bonecam.setup.schedule import schedule_of
 from bonecam.setup.stocks.capsule import capsule_of_size
-from bonecam.surface.skinning.row_curves import RowCurves
-from bonecam.surface.skinning.skin import control_curves, row_parameters, skin
+from bonecam.surface.skinning import RowCurves, control_curves, row_parameters, skin
 
 RNG = np.random.default_rng(2014)
 DIAMETER, LENGTH = 15.0, 37.0

@@ -68,7 +68,7 @@ def sum_of(nodes: list[dict], s: np.ndarray, t: np.ndarray) -> np.ndarray:
 def test_extensions_meet_as_often_as_integer_segments_do(shared: Path, name: str) -> None:
     """Extensions rebuilt from the diagnosis' junctions and the oracle's knots as integer ranks, met pair by
     pair in plain Python."""
-    from bonecam.surface.tmesh.junctions import junctions
+    from bonecam.surface.tmesh import junctions
 
     folder = shared / "tspline" / "tsm"
     surface, oracle = (read_tsm(folder / f"{name}.tsm"), json.loads((folder / f"{name}.oracle.json").read_text()))

@@ -14,7 +14,7 @@ import pytest
 from scipy.spatial import KDTree
 
 from bonecam.surface.files.tspline_text import read_tsm
-from bonecam.surface.tmesh.general import TMesh
+from bonecam.surface.tmesh import TMesh
 from bonecam.surface.tspline import TSpline
 
 MODELS = ("simple", "fan", "Bike", "mouse", "face", "gearbox2-9")

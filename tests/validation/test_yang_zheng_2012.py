@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 from numpy import ndarray
 
-from bonecam.surface.skinning.row_curves import RowCurves
-from bonecam.surface.skinning.skin import row_parameters, skin
+from bonecam.surface.skinning import RowCurves, row_parameters, skin
 
 PUBLISHED = [
     ("bonnet", 1e-3, 175),

@@ -5,8 +5,8 @@ from bonecam.errors import VerifyError
 from bonecam.job import Job
 from bonecam.machine.machine import read_machine
 from bonecam.nc.dialect import read_dialect
-from bonecam.nc.posting.write import write_program
-from bonecam.nc.reading.read import read_program
+from bonecam.nc.posting import write_program
+from bonecam.nc.reading import read_program
 from bonecam.verify.gouge import SLACK, measure_gouge
 
 PAIRS = {

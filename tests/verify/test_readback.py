@@ -11,8 +11,8 @@ from bonecam.machine.machine import read_machine
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.dialect import read_dialect
-from bonecam.nc.posting.write import write_program
-from bonecam.nc.reading.read import read_program
+from bonecam.nc.posting import write_program
+from bonecam.nc.reading import read_program
 from bonecam.tool.path import ToolPath
 from bonecam.verify.proof import verify
 from bonecam.verify.readback import Tolerances, compare_moves

@@ -3,10 +3,10 @@
 import numpy as np
 
 from bonecam.mesh.distance import MeshDistance
-from bonecam.mesh.solids.revolution import cylinder
+from bonecam.mesh.solids import cylinder
 from bonecam.mesh.triangle_mesh import side_by_side
-from bonecam.surface.blades.impeller import turned
-from bonecam.verify.repeated import RepeatedDistance
+from bonecam.surface.blades import turned
+from bonecam.verify.readback import RepeatedDistance
 
 COUNT = 5
 

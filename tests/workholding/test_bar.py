@@ -5,10 +5,8 @@ import pytest
 from bonecam.errors import JobError
 from bonecam.job import HoldingJob
 from bonecam.machine.bodies import Table
-from bonecam.workholding.bar import collet_for, next_bar, settled_stub
 from bonecam.workholding.clamping import STUB_CLEARANCE, clamping_of, holding_columns
-from bonecam.workholding.column import Column
-from bonecam.workholding.post import Post
+from bonecam.workholding.post import Column, Post, collet_for, next_bar, settled_stub
 
 NOTHING = HoldingJob(diameter=0.0)
 

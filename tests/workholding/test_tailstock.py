@@ -8,12 +8,18 @@ import pytest
 from bonecam.errors import JobError
 from bonecam.job import HoldingJob
 from bonecam.machine.bodies import Table
-from bonecam.mesh.solids.revolution import cylinder
+from bonecam.mesh.solids import cylinder
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.workholding.clamping import clamping_of
-from bonecam.workholding.column import Column
-from bonecam.workholding.post import footprint, post_below
-from bonecam.workholding.tailstock import pin_above, refuse_tailstock, settled_bracket, settled_height
+from bonecam.workholding.post import (
+    Column,
+    footprint,
+    pin_above,
+    post_below,
+    refuse_tailstock,
+    settled_bracket,
+    settled_height,
+)
 
 TABLE = Table(radius=300.0)
 PIN = HoldingJob(diameter=6.0, length=100.0, tailstock="pin")

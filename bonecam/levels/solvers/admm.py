@@ -11,10 +11,9 @@ import scipy.sparse as sp
 from jaxtyping import Float
 from numpy import ndarray
 
-from bonecam.kernels import admm as kernel
-from bonecam.kernels import rows
-from bonecam.levels.problem.factorisation import factorise
-from bonecam.levels.problem.program import LevelProgram
+from bonecam.kernels import matrices
+from bonecam.levels.problem import factorise
+from bonecam.levels.program import LevelProgram
 
 ITERATIONS = 240
 """The most iterations of a level."""
@@ -45,8 +44,8 @@ def solve(
     for k in range(1, iterations + 1):
         if k % set_up_every == 0:
             program = program.at(D)
-        rows.times(*csr, np.ascontiguousarray(D), y)
-        unsettled = kernel.sweep(
+        matrices.times(*csr, np.ascontiguousarray(D), y)
+        unsettled = matrices.sweep(
             x=x,
             y=y,
             H=program.H,
@@ -57,7 +56,7 @@ def solve(
             z=z,
             u=u,
         )
-        rows.transposed_times(*csr, y, moments)
+        matrices.transposed_times(*csr, y, moments)
         D = fit.solve(moments - linear)
         if k > set_up_every and unsettled < settled:
             break

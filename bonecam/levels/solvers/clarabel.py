@@ -13,9 +13,8 @@ from numpy import ndarray
 
 from bonecam.errors import LevelError
 from bonecam.job import field_error
-from bonecam.levels.problem.cones import Cones, Planes
-from bonecam.levels.problem.limits.linear_limits import LinearLimits
-from bonecam.levels.problem.program import LevelProgram
+from bonecam.levels.problem import Cones, Planes
+from bonecam.levels.program import LevelProgram, LinearLimits
 from bonecam.levels.solvers.linearised import solve_linearised
 
 ACCURACY = 1e-6

@@ -14,17 +14,11 @@ from jaxtyping import Bool, Float
 from numpy import ndarray
 
 from bonecam.arrays import dots, lengths
-from bonecam.kernels import admm as kernel
-from bonecam.levels.problem.cut import Cut, StepParameters
-from bonecam.levels.problem.discretisation import Discretisation
-from bonecam.levels.problem.factorisation import factorise
-from bonecam.levels.problem.limits.planes import limits_at
-from bonecam.levels.problem.limits.reverse_depth import reverse_depths
-from bonecam.levels.problem.program import program_of
-from bonecam.levels.problem.remaining import Remaining
-from bonecam.levels.problem.samples import multiply
+from bonecam.kernels import matrices
+from bonecam.levels.problem import Cut, Discretisation, Remaining, StepParameters, factorise, multiply
+from bonecam.levels.program import limits_at, program_of, reverse_depths
 from bonecam.levels.solvers.solver import solve
-from bonecam.surface.query.closest_point import rings
+from bonecam.surface.query import rings
 
 LARGEST_VIOLATION = 0.03
 """How far (mm) a level may break a limit as it is made; the places measured show what that comes to."""
@@ -103,7 +97,7 @@ def _project_onto_limits(discretisation: Discretisation, P: ndarray, D: ndarray,
         R = sp.csr_array(sp.vstack([watch.R[near], R_back]) @ free)
         start = np.vstack([x[near], R_back @ P])
         planes = limits.only(near).planes_with(x[back.which], back.n, limits.high[back.which])
-        kernel.project(
+        matrices.project(
             indptr=R.indptr, indices=R.indices, data=R.data, x=start, D=D, planes=planes, sweeps=SWEEPS, enough=ENOUGH
         )
 

@@ -10,8 +10,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from bonecam.levels.problem.limits.linear_limits import LinearLimits
-from bonecam.levels.problem.program import LevelProgram
+from bonecam.levels.program import LevelProgram, LinearLimits
 
 SET_UPS = 3
 """How often the planes are set up."""

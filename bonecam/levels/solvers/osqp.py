@@ -10,8 +10,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.errors import LevelError
-from bonecam.levels.problem.limits.linear_limits import LinearLimits
-from bonecam.levels.problem.program import LevelProgram
+from bonecam.levels.program import LevelProgram, LinearLimits
 from bonecam.levels.solvers.linearised import solve_linearised
 
 TOLERANCE = 1e-5

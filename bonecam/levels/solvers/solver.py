@@ -5,7 +5,7 @@ from collections.abc import Callable
 from jaxtyping import Float
 from numpy import ndarray
 
-from bonecam.levels.problem.program import LevelProgram
+from bonecam.levels.program import LevelProgram
 from bonecam.levels.solvers import admm, clarabel, osqp
 
 SOLVERS: dict[str, Callable[[LevelProgram], Float[ndarray, "m 3"]]] = {

@@ -1,14 +1,38 @@
-"""Mesh files: STL (binary, ASCII), PLY, OBJ, OFF, VTK, VTP, VTU, GLB, 3MF in; PLY and STL out, through MeshLab.
+"""The anatomical axes that a mesh file states in its header: `SPACE=LPS`, as 3D Slicer writes it.
+
+The three letters tell where x, y and z point: Left or Right, Anterior or Posterior, Superior or Inferior. LPS (DICOM)
+and RAS (3D Slicer inside) are right-handed; coordinates in left-handed axes are a mirror image of the bone.
+
+Files that a mesh file names and MeshLab opens with it: materials (OBJ: `mtllib`) and textures (their `map_Kd`;
+PLY: `comment TextureFile`).
+
+MeshLab looks for them beside the file that names them and in the folder of the process, takes a backslash for a
+slash, and the words that follow for one name or for several (measured, pymeshlab 2025.7). How other kinds of
+files name files is not known here.
+
+Mesh files: STL (binary, ASCII), PLY, OBJ, OFF, VTK, VTP, VTU, GLB, 3MF in; PLY and STL out, through MeshLab.
 
 `read_mesh_file` reads every kind of part file: for STEP, IGES, SAT, DXF and point clouds it asks the modules that
 know them. Coordinates are read and written as they stand in the file; `bonecam.mesh.units` gives them their
 unit.
+
+Files that MeshLab reads into its own layers, with colours, textures and all that it knows of a format.
+
+Its readers end their process on some damaged files, so they work in a child with limits of time and memory,
+which hands back layers that MeshLab wrote itself. STL, PLY, OBJ and OFF are read by `mesh.files.formats` first:
+what is wrong with them is told with its line.
+
+What else of MeshLab may end its process, or take all its time, is tried in a child before it is done here: it cannot
+hand over a project or a raster as it can a mesh, and a snapshot needs its window.
 """
 
 import os
-from dataclasses import replace
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 from jaxtyping import Float
@@ -16,22 +40,134 @@ from numpy import ndarray
 
 from bonecam.errors import FileError, MeshError, file_error
 from bonecam.files import input_bytes, library_name, require_room, whole_file
-from bonecam.mesh.files.cad_files import read_cad_mesh
-from bonecam.mesh.files.formats.content import ContentError, MeshFile
-from bonecam.mesh.files.formats.obj import parse_obj
-from bonecam.mesh.files.formats.off import parse_off
-from bonecam.mesh.files.formats.ply import parse_ply
-from bonecam.mesh.files.formats.polygons import triangles_of
-from bonecam.mesh.files.formats.scenes import parse_3mf, parse_glb
-from bonecam.mesh.files.formats.stl import parse_stl
-from bonecam.mesh.files.formats.vtk import parse_vtk, parse_vtp, parse_vtu
-from bonecam.mesh.files.opencascade import IGES, STEP
-from bonecam.mesh.files.point_cloud import FEWEST, reconstruct
-from bonecam.mesh.files.point_files import POINTS, read_blocks
+from bonecam.mesh.files.cad import IGES, STEP, call_in_child, read_cad_mesh
+from bonecam.mesh.files.points import FEWEST, POINTS, read_blocks, reconstruct
+from bonecam.mesh.files.polygons import ContentError, MeshFile, parse_obj, parse_off, parse_ply, parse_stl, triangles_of
 from bonecam.mesh.files.polyhedra import ACIS, DXF, read_polyhedra
-from bonecam.mesh.meshlab import meshlab, quality_colours
+from bonecam.mesh.files.scenes import parse_3mf, parse_glb
+from bonecam.mesh.files.vtk import parse_vtk, parse_vtp, parse_vtu
+from bonecam.mesh.meshlab import call_on_cube, meshlab, quality_colours, write_layers
 from bonecam.mesh.triangle_mesh import LARGEST_COORDINATE, TriangleMesh
 from bonecam.mesh.units import STATED, to_mm
+from bonecam.runtime.staging import temporary_folder
+
+STATED_AXES = re.compile(rb"\b(?:space|coordinate[ _-]?system)\s*[=:]\s*([a-z]+(?:-[a-z]+)*)", re.IGNORECASE)
+"""A statement in a comment."""
+POINTS_TO = {
+    "L": (-1, 0, 0, "left"),
+    "R": (1, 0, 0, "right"),
+    "P": (0, -1, 0, "back"),
+    "A": (0, 1, 0, "front"),
+    "I": (0, 0, -1, "feet"),
+    "S": (0, 0, 1, "head"),
+}
+"""Direction of each letter in RAS, and in plain words."""
+COMMENTS = (b"comment", b"obj_info", b"#", b"solid")
+"""How lines that hold comments begin, in PLY, OBJ, OFF and ASCII STL."""
+STL_HEADER = 80
+"""Bytes of the text that a binary STL begins with."""
+LOOKED_AT = 2**16
+"""Bytes from a file's beginning in which a comment is looked for."""
+
+
+def stated_axes(data: bytes) -> str:
+    """The three letters that the bytes of a mesh file state, like LPS; empty where they state none."""
+    head = data[:LOOKED_AT]
+    lines = [line for line in head.splitlines() if line.lstrip().lower().startswith(COMMENTS)]
+    for match in STATED_AXES.finditer(b"\n".join([head[:STL_HEADER], *lines])):
+        words = match[1].decode().upper()
+        letters = "".join(word[0] for word in words.split("-")) if "-" in words else words
+        if len(letters) == 3 and all(letter in POINTS_TO for letter in letters) and _directions(letters):
+            return letters
+    return ""
+
+
+def _directions(letters: str) -> float:
+    """1 where the axes are right-handed, -1 where left-handed, 0 where they are no axes of space."""
+    return float(np.linalg.det([POINTS_TO[letter][:3] for letter in letters]))
+
+
+def axes_text(letters: str) -> str:
+    """What is told of stated axes."""
+    where = ", ".join(f"{axis} to the {POINTS_TO[letter][3]}" for axis, letter in zip("xyz", letters, strict=True))
+    message = f"its header states the axes {letters}: {where}"
+    return message if _directions(letters) > 0 else f"{message}; they are left-handed: check that it is no mirror image"
+
+
+PLY = re.compile(rb"[ \t]*comment.*?Texture(?:Normal)?File(.*)")
+OBJ = re.compile(rb"[ \t]*(?:mtllib|usemap|maplib)\s+(.*)")
+MATERIALS = re.compile(rb"[ \t]*(?:map_\w+|bump|disp|decal|refl|norm)\s+(.*)", re.IGNORECASE)
+"""Lines that name files, up to the name."""
+NAMING = {".ply": PLY, ".obj": OBJ}
+"""The lines of each kind of mesh file that name files."""
+
+
+@dataclass(frozen=True)
+class NamedFile:
+    """A file that is there, by the line of the file `by` that names it."""
+
+    place: Path
+    by: Path
+    line: int
+
+    def refuse(self, what: str) -> NoReturn:
+        """Raise FileError: `what` is wrong with the file, and the remedy."""
+        message = f"{self.by}: line {self.line}: {str(self.place)!r} {what}"
+        raise FileError(message, file=str(self.by), line=self.line)
+
+
+def refuse_special_names(file: Path, data: bytes) -> None:
+    """FileError where a PLY or OBJ of the bytes `data`, or its materials, names a pipe, a device or a folder."""
+    for named in named_files(file, data):
+        if not named.place.is_file():
+            named.refuse("is no regular file: remove the line")
+
+
+def refuse_names_outside(file: Path, data: bytes, folders: Sequence[Path], remedy: str) -> None:
+    """FileError with the `remedy` where a PLY or OBJ of the bytes `data`, or its materials, names a file that is below
+    none of the folders."""
+    roots = [Path(os.path.realpath(folder)) for folder in folders]
+    for named in named_files(file, data):
+        if not any(root in Path(os.path.realpath(named.place)).parents for root in roots):
+            named.refuse(remedy)
+
+
+def named_files(file: Path, data: bytes) -> Iterator[NamedFile]:
+    """The files that a PLY or OBJ of the bytes `data` names, and its materials, where they are there. None of them
+    is opened but materials that are regular files."""
+    naming = NAMING.get(file.suffix.lower())
+    if naming is None:
+        return
+    for named in _found(file, data, naming):
+        yield named
+        if naming is OBJ and named.place.is_file():
+            yield from _found(named.place, _materials(named), MATERIALS)
+
+
+def _found(file: Path, data: bytes, naming: re.Pattern[bytes]) -> Iterator[NamedFile]:
+    """What is there of the files that the lines of a file name."""
+    for number, line in enumerate(data.splitlines(), 1):
+        match = naming.match(line)
+        if match:
+            for folder in dict.fromkeys((file.parent, Path())):
+                for name in _names(match[1]):
+                    if os.path.exists(folder / name):
+                        yield NamedFile(folder / name, file, number)
+
+
+def _names(rest: bytes) -> list[str]:
+    """The names that the end of a line may mean."""
+    text = os.fsdecode(rest).replace("\\", "/").strip(" \t\"'")
+    words = text.split()
+    return list(dict.fromkeys([text, words[0], words[-1]])) if words else []
+
+
+def _materials(named: NamedFile) -> bytes:
+    try:
+        return input_bytes(named.place)
+    except OSError as error:
+        named.refuse(f"cannot be read ({error.strerror}): remove the line")
+
 
 PARSERS = {".stl": parse_stl, ".ply": parse_ply, ".obj": parse_obj, ".off": parse_off}
 MESHES = tuple(PARSERS)
@@ -114,9 +250,7 @@ def _read_other(file: Path) -> MeshFile:
     blocks = read_blocks(file)
     if len(blocks) > 1:
         raise file_error(
-            file,
-            f"holds {len(blocks)} rows of points, no mesh",
-            "skin them with bonecam.surface.skinning.point_rows.read_rows",
+            file, f"holds {len(blocks)} rows of points, no mesh", "skin them with bonecam.surface.skinning.read_rows"
         )
     return MeshFile(_round_points(file, blocks[0]))
 
@@ -209,3 +343,79 @@ def bytes_of(file: Path) -> bytes:
     if not data:
         raise file_error(file, "is empty", "write it anew from its source")
     return data
+
+
+SECONDS = 60.0
+"""Time that MeshLab has for a file, and one second more for each MB."""
+MEMORY = 2**31
+"""Memory that MeshLab has for its data, bytes, and 50 more for each byte of the file."""
+OUTSIDE = "is not in the folder of the mesh: put it there, or allow it with MeshSet(allow_outside=True)"
+"""What is wrong with a material or texture that a mesh names elsewhere: MeshLab would open it."""
+ENDING = {
+    "save_snapshot": ("", "imagefilename"),
+    "nxs_build": ("input_file", "output_file"),
+    "nxs_compress": ("input_file", "output_file"),
+}
+"""MeshLab's filters that end the process without a display, or on damaged files, and the parameters of each that are
+the file it reads and the one it writes."""
+
+
+@contextmanager
+def layers_of(file: Path, options: Mapping[str, Any], *, allow_outside: bool) -> Iterator[list[tuple[Path, str]]]:
+    """Files that MeshLab wrote of the layers of `file`, and their labels; they are removed with the block.
+
+    `options` are those of MeshLab's reader of this kind of file. FileError names the file and what is wrong, which
+    without `allow_outside` is a material or texture in another folder too.
+    """
+    remedy = "it may be damaged: write it anew from its source"
+    data = bytes_of(file)
+    if file.suffix.lower() in MESHES:
+        read_content(file, data)
+    refuse_special_names(file, data)
+    if not allow_outside:
+        refuse_names_outside(file, data, [file.parent], OUTSIDE)
+    with temporary_folder() as folder:
+        answer = call_in_child(
+            f"{write_layers.__module__}:{write_layers.__name__}",
+            str(file),
+            str(folder),
+            dict(options),
+            library="MeshLab",
+            remedy=remedy,
+            seconds=SECONDS + len(data) / 1e6,
+            memory=MEMORY + 50 * len(data),
+        )
+        yield [(folder / name, label) for name, label in answer.items()]
+
+
+def try_reading(method: str, names: str | Sequence[str], values: Mapping[str, Any]) -> None:
+    """Call a method of MeshLab's that reads files, on a scratch cube. FileError names the first of them where it
+    breaks down, takes longer than a mesh of their size may, or is refused."""
+    files = [names] if isinstance(names, str) else names
+    _try(method, files[0], files, values, "they may be damaged: write them anew from their source")
+
+
+def try_filter(name: str, given: Mapping[str, Any], values: Mapping[str, Any]) -> None:
+    """Apply a filter of ENDING to a scratch cube and the files that it reads. `values` are those that are given, and
+    defaults. FileError names the file that it would write where it breaks down."""
+    reads, writes = ENDING[name]
+    read = [str(values[reads])] if reads else []
+    written = Path(str(values[writes]))
+    remedy = "leave it out: it needs a display with OpenGL" if not read else "give it another file"
+    with temporary_folder() as folder:
+        work = {**given, writes: str(folder / written.name)}
+        _try(name, str(written), read, work, remedy)
+
+
+def _try(method: str, named: str, read: Sequence[str], values: Mapping[str, Any], remedy: str) -> None:
+    size = sum(len(bytes_of(Path(file))) for file in read)
+    call_in_child(
+        f"{call_on_cube.__module__}:{call_on_cube.__name__}",
+        named,
+        method,
+        dict(values),
+        library=f"MeshLab's {method}",
+        remedy=remedy,
+        seconds=SECONDS + size / 1e6,
+        memory=MEMORY + 50 * size,
+    )

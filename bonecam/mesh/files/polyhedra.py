@@ -15,9 +15,9 @@ import numpy as np
 
 from bonecam.errors import FileError, file_error
 from bonecam.files import input_bytes
-from bonecam.mesh.files.formats.content import MeshFile, left_out_note
+from bonecam.mesh.files.polygons import MeshFile, left_out_note
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.text.faults import shortened
+from bonecam.text.numbers import shortened
 
 ACIS = (".sat", ".sab")
 """Endings of ACIS files."""

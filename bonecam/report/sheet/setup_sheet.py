@@ -1,31 +1,265 @@
-"""The setup sheet as HTML: what the machinist mounts, sets and checks, on one page of A4 for each clamping."""
+"""What the axes of the machine travel in a program, read back from its text.
+
+The drawing of the sheet: stock, part, post, chuck and table from the front, to scale, with their sizes, as SVG.
+
+The setup sheet as HTML: what the machinist mounts, sets and checks, on one page of A4 for each clamping.
+
+The page of the sheet for the second clamping: the part turned over in its shell, and its stump.
+
+The page of the sheet for a wheel: the turned blank on its post, and the wheel in it.
+"""
 
 import hashlib
 import html
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from string import Template
 from typing import Any
 
-from bonecam.job import Job
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+from scipy.spatial import ConvexHull
+
+from bonecam.job import HoldingJob, Job
 from bonecam.job.materials.preset import read_material
-from bonecam.machine.machine import read_machine
+from bonecam.machine.bodies import Table
+from bonecam.machine.kinematics import inverse_linear
+from bonecam.machine.machine import Machine, read_machine
+from bonecam.machine.machine_file import RotaryAxis
 from bonecam.mesh.part import Part
-from bonecam.nc.job_dialect import job_dialect
-from bonecam.nc.posting.header.program_zero import zero_words
-from bonecam.nc.posting.header.texts import setup_texts
+from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.nc.header import ZeroWords, second_setup_texts, setup_texts, zero_words
+from bonecam.nc.motions import Motions
 from bonecam.nc.program import Program
-from bonecam.nc.reading.read import read_program
-from bonecam.report.mechanics_lines import bending_text
-from bonecam.report.sheet.axes import AxisRange, axis_ranges
-from bonecam.report.sheet.drawing import clamping_drawing
+from bonecam.nc.reading import read_program
+from bonecam.nc.requirements import job_dialect
+from bonecam.planning.stump import Groove
+from bonecam.report.pictures import section
 from bonecam.report.stage_reports import parting_text
 from bonecam.report.summary import certified_text, uncut_lines
-from bonecam.report.warnings import warning_texts
+from bonecam.report.warnings import bending_text, warning_texts
+from bonecam.setup.placement import TurnedBlank
 from bonecam.setup.stock import Stock
 from bonecam.tool.cutter import Cutter
-from bonecam.verify.removal.of_job import cutters_of
-from bonecam.workholding.post import post_below
+from bonecam.verify.removal import cutters_of
+from bonecam.workholding.clamping import holding_columns
+from bonecam.workholding.post import Post, post_below, tailstock_bodies
+from bonecam.workholding.shell import SecondClamping
+
+
+@dataclass(frozen=True)
+class AxisRange:
+    """Lowest and highest value of an axis: mm of the spindle nose with the planned tool lengths, degrees unwound; and
+    the room there is, in words."""
+
+    letter: str
+    low: float
+    high: float
+    room: str
+
+
+def axis_ranges(motions: Motions, machine: Machine) -> list[AxisRange]:
+    """The range of every axis over all moves to known places."""
+    lengths = {number: control.tool_length for number, control in motions.controls.items()}
+    parts = []
+    for number in np.unique(motions.tools).tolist():
+        moves = motions.tools == number
+        nose = inverse_linear(machine, motions.tips[moves], motions.words[moves, 3:], lengths[number])
+        nose[:, 2] += lengths[number]
+        parts.append(nose)
+    joints = np.vstack(parts)
+    joints[:, 3:] = np.degrees(joints[:, 3:])
+    lows, highs = joints.min(axis=0), joints.max(axis=0)
+    rooms = [*(f"{axis.travel:g} mm of travel" for axis in machine.linear), *map(_room, machine.own_rotary)]
+    return [
+        AxisRange(letter, float(low), float(high), room)
+        for letter, low, high, room in zip(machine.letters, lows, highs, rooms, strict=False)
+    ]
+
+
+def _room(axis: RotaryAxis) -> str:
+    """The limits of a rotary axis in words."""
+    low, high = np.degrees(axis.limits)
+    if axis.endless and not np.isfinite(low):
+        return "endless"
+    return f"{low:g} to {high:g} degrees"
+
+
+WIDTH, HEIGHT = 86.0, 102.0
+"""Of the drawing on paper, mm."""
+MARGIN = 5.0
+"""Above and below what is drawn, mm on paper."""
+DIMENSIONS = 24.0
+"""Room for dimensions to either side, mm on paper."""
+SIZES = 6.0
+"""The lines of sizes are so far beside what is drawn, mm on paper."""
+TABLE_THICKNESS = 3.0
+"""Of the table as drawn, mm on paper."""
+CHORD = 0.05
+"""Chord tolerance of the stock's outline, mm."""
+
+
+class Paper:
+    """SVG elements in mm on paper, from coordinates x (right) and z (up) of the part's frame, mm."""
+
+    def __init__(self, half_width: float, top: float) -> None:
+        self.scale = min((WIDTH / 2 - DIMENSIONS) / half_width, (HEIGHT - 2 * MARGIN - TABLE_THICKNESS) / top)
+        self.zero = HEIGHT - MARGIN - TABLE_THICKNESS
+        self.elements: list[str] = []
+
+    def at(self, x: float, z: float) -> tuple[float, float]:
+        """The place on paper."""
+        return WIDTH / 2 + self.scale * x, self.zero - self.scale * z
+
+    def path(self, points: Float[ndarray, "n 2"], kind: str, closed: bool = True) -> None:
+        """A line through points (x, z)."""
+        coordinates = " L".join(f"{x:.2f} {y:.2f}" for x, y in (self.at(*point) for point in points.tolist()))
+        self.elements.append(f'<path class="{kind}" d="M{coordinates}{"Z" if closed else ""}"/>')
+
+    def column(self, radius: float, low: float, high: float, kind: str, x: float = 0.0) -> None:
+        """An upright cylinder, or its upper part."""
+        corners = [[-radius, low], [radius, low], [radius, high], [-radius, high]]
+        self.path(np.array(corners) + np.array([x, 0.0]), kind)
+
+    def text(self, x: float, y: float, words: str, anchor: str = "middle", kind: str = "size") -> None:
+        """Words at a place on paper."""
+        reported = html.escape(words)
+        self.elements.append(f'<text class="{kind}" x="{x:.2f}" y="{y:.2f}" text-anchor="{anchor}">{reported}</text>')
+
+    def line(self, x1: float, y1: float, x2: float, y2: float, kind: str) -> None:
+        """A line between places on paper."""
+        self.elements.append(f'<line class="{kind}" x1="{x1:.2f}" y1="{y1:.2f}" x2="{x2:.2f}" y2="{y2:.2f}"/>')
+
+    def height(self, low: float, high: float, from_x: float, column: float, words: str) -> None:
+        """A dimension between two heights, `column` mm of paper right of the middle; its words beside it."""
+        x = WIDTH / 2 + column
+        start, end = self.at(from_x, low), self.at(from_x, high)
+        for _, y in (start, end):
+            self.line(start[0] + np.sign(column), y, x + np.sign(column) * 1.5, y, "extension")
+        self.line(x, start[1], x, end[1], "dimension")
+        anchor = "start" if column > 0 else "end"
+        self.text(x + np.sign(column) * 1.6, (start[1] + end[1]) / 2 + 1, words, anchor)
+
+    def svg(self, label: str) -> str:
+        """All that was drawn as the text of an SVG element of WIDTH x HEIGHT mm."""
+        body = "\n".join(self.elements)
+        return (
+            f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH:g} {HEIGHT:g}" width="{WIDTH:g}mm" '
+            f'height="{HEIGHT:g}mm" role="img" aria-label="{html.escape(label)}">\n{body}\n</svg>'
+        )
+
+    def width(self, radius: float, z: float, words: str, above: float = 0.0) -> None:
+        """A dimension across at height z, its words above it."""
+        (left, y) = self.at(-radius, z)
+        (right, _) = self.at(radius, z)
+        self.line(left, y - above, right, y - above, "dimension")
+        self.text((left + right) / 2, y - above - 1.2, words)
+
+
+def clamping_drawing(
+    part: TriangleMesh,
+    stock: Stock,
+    post: Post,
+    holding: HoldingJob,
+    table: Table,
+    zero: ZeroWords,
+    parting: Mapping[str, Any] | None = None,
+) -> str:
+    """The drawing as the text of an SVG element of WIDTH x HEIGHT mm; `zero` are the words of the program's zero,
+    `parting` is that section of the report."""
+    low, high = (float(value) for value in stock.bounds[:, 2])
+    held = holding_columns(holding)
+    widest = max([float(np.abs(stock.bounds[:, 0]).max()), *(column.radius for column in held.values())])
+    beside = tailstock_bodies(holding)
+    # the column of a bracket stands beside the paper: header and list tell where
+    paper = Paper(widest, max([high, *(column.top for column in beside)]))
+    draw_table(paper, table)
+    _draw_post(paper, post, low + post.radius, parting, widest)
+    for name, column in held.items():
+        paper.column(column.radius, column.bottom, column.top, "stock" if name == "stub" else "chuck")
+    for column in (*beside, *post.solids[1:]):
+        paper.column(column.radius, column.bottom, column.top, "chuck", column.x)
+    outline = stock.mesh(CHORD).vertices[:, [0, 2]]
+    paper.path(outline[ConvexHull(outline).vertices], "stock")
+    for ends in section(part, np.zeros(3), np.eye(3)[1])[:, :, [0, 2]]:
+        paper.path(ends, "part", closed=False)
+    x, bottom = paper.at(0.0, -2.0 / paper.scale)
+    paper.line(x, bottom, x, paper.at(0.0, high)[1] - 3, "axis")
+    _draw_sizes(paper, stock, post, holding, widest)
+    draw_zero(paper, zero)
+    return paper.svg("Stock, post, chuck and table from the front")
+
+
+def _draw_post(paper: Paper, post: Post, top: float, parting: Mapping[str, Any] | None, widest: float) -> None:
+    """The post up to a height, with its parting groove and the height of that, beside the sizes right of what is
+    `widest`."""
+    if parting is None:
+        paper.column(post.radius, 0.0, top, "post")
+        return
+    groove = Groove(parting["z_mm"], parting["width_mm"] / 2, parting["bridge_diameter_mm"] / 2, post.radius)
+    side = np.vstack([[[post.radius, 0.0]], groove.outline(post.radius), [[post.radius, max(top, groove.middle)]]])
+    paper.path(np.vstack([side, (side * [-1.0, 1.0])[::-1]]), "post")
+    x, y = paper.at(groove.bridge, groove.middle)
+    beside = paper.at(widest, 0.0)[0] + SIZES
+    paper.line(x + 1, y, beside + 1, y, "extension")
+    paper.text(beside + 1.6, y + 3.5, f"parting Z {groove.middle:.2f}", "start")
+
+
+def draw_table(paper: Paper, table: Table) -> None:
+    """The top of the table, as wide as the paper, and what stands on it."""
+    y = paper.zero
+    paper.elements.append(f'<rect class="table" x="4" y="{y:.2f}" width="{WIDTH - 8:g}" height="{TABLE_THICKNESS:g}"/>')
+    height = 0.0
+    for piece in table.standing:
+        bottom, top = piece.diameter / 2, piece.top_diameter / 2
+        corners = [[-bottom, height], [bottom, height], [top, height + piece.length], [-top, height + piece.length]]
+        paper.path(np.array(corners), "chuck")
+        height += piece.length
+    paper.text(WIDTH - 5, y + TABLE_THICKNESS + 3.2, _table_words(table), "end")
+
+
+def _table_words(table: Table) -> str:
+    """The table with its sizes."""
+    if np.isfinite(table.radius):
+        return f"table, diameter {2 * table.radius:g}"
+    if np.isfinite(table.half_width) and np.isfinite(table.half_depth):
+        return f"table, {2 * table.half_width:g} x {2 * table.half_depth:g}"
+    return "table"
+
+
+def _draw_sizes(paper: Paper, stock: Stock, post: Post, holding: HoldingJob, widest: float) -> None:
+    """Sizes of stock, post and what holds it, mm."""
+    low, high = (float(value) for value in stock.bounds[:, 2])
+    right = paper.scale * widest
+    paper.height(low, high, float(stock.bounds[1, 0]), right + SIZES, f"{high - low:.2f}")
+    foot = holding.support_height if holding.stub_length else 0.0
+    name = "neck" if holding.stub_length else "post"
+    paper.height(foot, low, post.radius, right + SIZES, f"{name} {low - foot:.2f}")
+    paper.height(0.0, high, -float(stock.bounds[1, 0]), -right - SIZES, f"Z {high:.2f}")
+    half = float(np.ptp(stock.bounds[:, 0])) / 2
+    name = "\u2300 " if "diameter" in stock.sizes else ""
+    depth = f" x {np.ptp(stock.bounds[:, 1]):.2f}" if "depth" in stock.sizes else ""
+    paper.width(half, high, f"{name}{2 * half:.2f}{depth}", above=1.5)
+    x, y = paper.at(post.radius, foot + (low - foot) * 0.55)
+    paper.text(x + 1.5, y, f"\u2300 {2 * post.radius:g}", "start")
+    for name, column in holding_columns(holding).items():
+        x, y = paper.at(-column.radius, column.top)
+        height = column.top - column.bottom if name == "stub" else column.top
+        paper.text(x - 1.5, y + 3, f"{name} \u2300 {2 * column.radius:g} x {height:g}", "end")
+
+
+def draw_zero(paper: Paper, zero: ZeroWords) -> None:
+    """The program's zero and its words."""
+    x, y = paper.at(0.0, 0.0)
+    paper.elements.append(
+        f'<g transform="translate({x:.2f} {y:.2f})"><circle r="2" class="zero"/>'
+        '<path class="quarter" d="M0 0V-2A2 2 0 0 1 2 0Z M0 0V2A2 2 0 0 1 -2 0Z"/></g>'
+    )
+    paper.line(x - 3, y + 1, x - 9, y + TABLE_THICKNESS + 2, "extension")
+    paper.text(x - 9.5, y + TABLE_THICKNESS + 3.2, f"zero: {zero.over} {zero.height}", "end", "strong")
+
 
 ASSETS = Path(__file__).parent / "assets"
 CHANGES = {
@@ -232,3 +466,161 @@ def _warnings(job: Job, report: Mapping[str, Any]) -> Iterator[str]:
 
 IN_AIR = "The program has not run on a control: run it in the air first, and check datum and tool lengths"
 """What is told of every program."""
+
+
+def second_article(
+    name: str, clamping: SecondClamping, job: Job, program: Program, report: Mapping[str, Any], version: str
+) -> str:
+    """The second clamping of the part in the file `name`; `report` is `second` of the run's, the job's [holding] that
+    of the shell."""
+    machine = read_machine(job.nc.machine)
+    zero = zero_words(machine, job_dialect(job.nc))
+    return article(
+        name,
+        program,
+        job,
+        report,
+        version,
+        heading="Setup sheet: second clamping",
+        caption="From the front (\u2212Y), sizes in mm: part and shell in section Y 0, and the stump.",
+        mounted="Part, shell, clamping, zero",
+        drawing=_second_drawing(clamping, job, machine.table, zero),
+        setup=items(second_setup_texts(job, clamping.shell, clamping.top, zero)),
+        checks=items(_second_checks(report)),
+        left=items(_second_left(report)),
+        warnings=items([*warning_texts(report["warnings"]), IN_AIR, *WARNINGS]),
+    )
+
+
+WARNINGS = (
+    "How exactly the part lies in its shell is not known here: it shows as a step round the place of the post",
+    "A stump that is left higher than the drawing tells is met by the tool where nothing is expected",
+)
+"""What the machinist must look at before the start."""
+
+
+def _second_checks(report: Mapping[str, Any]) -> Iterator[str]:
+    """What was checked, and how well it held."""
+    removal = report["removal"]
+    yield from proof_lines(report)
+    yield (
+        f"Simulated from the text (cells of {removal['cell_mm']:g} mm), beginning with what the first program left: "
+        "rapids cut nothing, shank and holder touch nothing"
+    )
+    yield from bending_checks(report)
+    yield f"A ball goes {report['gouge_to_given_max_mm']:.3f} mm into the mesh as given at most"
+    yield f"The tool stays {removal['clearance_mm']['shell']:.2f} mm from the shell"
+
+
+def _second_left(report: Mapping[str, Any]) -> Iterator[str]:
+    """What stays where the post stood."""
+    before, after = report["at_post_before_mm2"], report["at_post_after_mm2"]
+    most = f"{report['at_post_after_max_mm']:.2f} mm at most"
+    yield f"At the post {after:.1f} of {before:.1f} mm² still keep more than 0.02 mm, {most}"
+    if report.get("at_tailstock_mm2"):
+        yield f"At the tailstock {report['at_tailstock_mm2']:.1f} mm² stay, to be cut by hand"
+    for line in uncut_lines(report["toolpath"], {}):
+        yield f"Uncut: {line}"
+
+
+def _section(solid: TriangleMesh) -> Float[ndarray, "n 2 2"]:
+    """The lines, from end to end (x, z), on which the plane Y 0 meets a solid."""
+    return section(solid, np.zeros(3), np.eye(3)[1])[:, :, [0, 2]]
+
+
+def _second_drawing(clamping: SecondClamping, job: Job, table: Table, zero: ZeroWords) -> str:
+    """Part, shell, stump, chuck and table from the front, to scale, with their sizes, as SVG."""
+    holding, shell, part = job.holding, clamping.shell, clamping.part
+    low, high = shell.bounds[:, 2].tolist()
+    widest = max(float(np.abs(clamping.solids.bounds[:, 0]).max()), holding.chuck_diameter / 2)
+    paper = Paper(widest, clamping.top)
+    draw_table(paper, table)
+    if holding.chuck_height:
+        paper.column(holding.chuck_diameter / 2, 0.0, holding.chuck_height, "chuck")
+    post = holding.diameter / 2
+    outlines = {"shell": _section(shell), "part": _section(part)}
+
+    # The lowest place (z) at which a stump of `radius` stands on the outline of the part
+    outline = outlines["part"].reshape(-1, 2)
+    sides = np.linspace(-post, post, 9)
+    tops = [outline[np.abs(outline[:, 0] - x) < post / 4, 1] for x in sides]
+    paper.column(post, float(min(top.max() for top in tops if len(top))), clamping.top, "post")
+    for kind, pieces in outlines.items():
+        for ends in pieces:
+            paper.path(ends, kind, closed=False)
+    x, bottom = paper.at(0.0, -2.0 / paper.scale)
+    paper.line(x, bottom, x, paper.at(0.0, clamping.top)[1] - 3, "axis")
+    right = paper.scale * widest
+    paper.height(low, high, float(shell.bounds[1, 0]), right + 6, f"shell {high - low:.2f}")
+    paper.height(0.0, clamping.top, -post, -right - 6, f"Z {clamping.top:.2f}")
+    if low:
+        paper.height(0.0, low, float(shell.bounds[1, 0]), right + 6, f"{low:.2f}")
+    paper.width(post, clamping.top, f"stump \u2300 {holding.diameter:g}", above=1.5)
+    if holding.chuck_height:
+        x, y = paper.at(-holding.chuck_diameter / 2, holding.chuck_height)
+        size = f"chuck \u2300 {holding.chuck_diameter:g} x {holding.chuck_height:g}"
+        paper.text(x - 1.5, y + 3, size, "end")
+    draw_zero(paper, zero)
+    return paper.svg("Part, shell, stump, chuck and table of the second clamping from the front")
+
+
+PROFILE = "the blank's profile stands in blank.csv of the kept folder and in the report, rows (radius, Z)"
+"""Where the machinist finds what to turn."""
+
+
+def wheel_article(
+    name: str,
+    solid: TriangleMesh,
+    blank: TurnedBlank,
+    job: Job,
+    program: Program,
+    report: Mapping[str, Any],
+    version: str,
+) -> str:
+    """The one clamping of a wheel."""
+    machine = read_machine(job.nc.machine)
+    zero = zero_words(machine, job_dialect(job.nc))
+    return article(
+        name,
+        program,
+        job,
+        report["nc"],
+        version,
+        heading="Setup sheet: wheel",
+        caption="From the front (\u2212Y), sizes in mm: the blank, and the wheel in section Y 0.",
+        mounted="Blank, clamping, zero",
+        drawing=_wheel_drawing(solid, blank, job, machine.table, zero),
+        setup=items([blank.text, PROFILE, *setup_texts(job, None, zero)]),
+        checks=items(_wheel_checks(report)),
+        left=items(left_lines(report, "blades and hub")),
+        warnings=items([*warning_texts(report["warnings"]), IN_AIR]),
+    )
+
+
+def _wheel_drawing(solid: TriangleMesh, blank: TurnedBlank, job: Job, table: Table, zero: ZeroWords) -> str:
+    radius = blank.diameter / 2
+    top = float(blank.profile[:, 1].max())
+    low = float(blank.profile[:, 1].min())
+    paper = Paper(radius, top)
+    draw_table(paper, table)
+    paper.column(job.holding.diameter / 2, 0.0, low, "post")
+    paper.path(np.vstack([blank.profile, blank.profile[::-1] * [-1.0, 1.0]]), "stock")
+    for ends in section(solid, np.zeros(3), np.eye(3)[1])[:, :, [0, 2]]:
+        paper.path(ends, "part", closed=False)
+    paper.height(0.0, low, radius, 32.0, f"{low:.2f}")
+    paper.height(low, top, radius, 32.0, f"{top - low:.2f}")
+    paper.width(radius, top, f"\u2300 {blank.diameter:.2f}", 4.0)
+    draw_zero(paper, zero)
+    return paper.svg("Turned blank, wheel, post and table from the front")
+
+
+def _wheel_checks(report: Mapping[str, Any]) -> Iterator[str]:
+    """What was checked, and how well it held."""
+    yield from proof_lines(report["nc"])
+    wheel = report["wheel"]
+    yield f"{wheel['blades']} blades, {wheel['gap_mm']:.2f} mm apart where they are nearest"
+    removal = report["removal"]
+    if "skipped" not in removal:
+        cell = removal["cell_mm"]
+        yield f"Simulated from the text (cells of {cell:g} mm): rapids cut nothing, shank and holder touch nothing"
+    yield from bending_checks(report)

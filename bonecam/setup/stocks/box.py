@@ -12,7 +12,7 @@ from bonecam.errors import StockError
 from bonecam.job import StockJob
 from bonecam.mesh.pose import rotation
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.setup.rounding.rounded_stock import RoundedStock
+from bonecam.setup.rounding import RoundedStock
 from bonecam.setup.schedule import Schedule
 from bonecam.setup.stock import Stock, box_sizes, finite_numbers, larger_sizes
 from bonecam.setup.stock_kind import LyingPart, StockKind, half_size

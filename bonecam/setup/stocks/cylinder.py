@@ -9,10 +9,10 @@ from numpy import ndarray
 
 from bonecam.errors import StockError
 from bonecam.job import StockJob
-from bonecam.mesh.solids.revolution import cylinder
+from bonecam.mesh.solids import cylinder
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.setup.capsule import Capsule
-from bonecam.setup.rounding.rounded_stock import ALL, RoundedStock
+from bonecam.setup.rounding import ALL, RoundedStock
 from bonecam.setup.schedule import Schedule
 from bonecam.setup.stock import Stock, finite_numbers, larger_sizes
 from bonecam.setup.stock_kind import LyingPart, StockKind, half_size

@@ -11,13 +11,12 @@ from numpy import ndarray
 from bonecam.errors import StockError, place_name, require_type
 from bonecam.job import StockJob
 from bonecam.mesh.distance import exact_closest
-from bonecam.mesh.facets.hull import convex_hull
 from bonecam.mesh.files.mesh_files import read_mesh
-from bonecam.mesh.healing.topology import half_edges
 from bonecam.mesh.remeshing import split_edges
+from bonecam.mesh.smooth_surface import convex_hull
+from bonecam.mesh.solids import half_edges
 from bonecam.mesh.triangle_mesh import TriangleMesh, keep_faces
-from bonecam.setup.rounding.half_spaces import deepest_point, half_spaces_of, offset_polyhedron
-from bonecam.setup.rounding.rounded_stock import RoundedStock
+from bonecam.setup.rounding import RoundedStock, deepest_point, half_spaces_of, offset_polyhedron
 from bonecam.setup.schedule import Schedule
 from bonecam.setup.stock import LARGEST, Stock, box_sizes
 from bonecam.setup.stock_kind import LyingPart, StockKind

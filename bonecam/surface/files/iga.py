@@ -23,12 +23,12 @@ from numpy import ndarray
 
 from bonecam.errors import FileError
 from bonecam.files import write_whole
-from bonecam.mesh.files.formats.content import CUT_SHORT, ContentError, finite_numbers, numbered_words, whole_numbers
 from bonecam.mesh.files.mesh_files import bytes_of
+from bonecam.mesh.files.polygons import CUT_SHORT, ContentError, finite_numbers, numbered_words, whole_numbers
 from bonecam.surface.files.rows_file import number_words
-from bonecam.surface.tmesh.extracted import ExtractedTMesh
+from bonecam.surface.tmesh import ExtractedTMesh
 from bonecam.surface.tspline import TSpline
-from bonecam.text.faults import shown
+from bonecam.text.numbers import shown
 
 LARGEST_DEGREE = 9
 LARGEST_COEFFICIENT = 100.0

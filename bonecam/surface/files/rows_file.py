@@ -24,8 +24,8 @@ from itertools import islice
 
 import numpy as np
 
-from bonecam.mesh.files.formats.content import CUT_SHORT, ContentError, finite_numbers, numbered_words, whole_numbers
-from bonecam.surface.tmesh.row_tmesh import RowTMesh
+from bonecam.mesh.files.polygons import CUT_SHORT, ContentError, finite_numbers, numbered_words, whole_numbers
+from bonecam.surface.tmesh import RowTMesh
 from bonecam.surface.tspline import TSpline
 
 HEADER = "#bonecam-tspline 1"

@@ -1,6 +1,16 @@
-"""Parts that come as a surface and need no fit: rows of points that are skinned, or a T-spline that was saved
-before."""
+"""Whether a surface that is machined alone lies on the solids that are given with it.
 
+A filter script (.mlx) that a part's mesh goes through before anything else.
+
+A surface that is machined alone, from a file or a mesh: closed or open, in the parameters that its passes follow.
+
+Parts that come as a surface and need no fit: rows of points that are skinned, or a T-spline that was saved
+before.
+
+A wheel from files: tables of sections and of the hub's flow path, CAD files, T-splines, and meshes.
+"""
+
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,22 +18,124 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from bonecam.errors import MeshError, SurfaceError, UnitsError
+from bonecam.errors import FilterError, MeshError, SurfaceError, UnitsError, counted, file_error
+from bonecam.filters.scripting import run_script
 from bonecam.job import Job, MeshJob, SurfaceJob, field_error
+from bonecam.mesh.distance import MeshDistance
+from bonecam.mesh.files.cad import IGES, STEP
+from bonecam.mesh.files.mesh_files import MESHES, read_in_mm, read_mesh, write_mesh
+from bonecam.mesh.files.points import POINTS
 from bonecam.mesh.part import Part, repaired_part
 from bonecam.mesh.pose import upright
-from bonecam.mesh.solids.intersections import self_intersections
-from bonecam.mesh.triangle_mesh import MeshLike, TriangleMesh
+from bonecam.mesh.solids import self_intersections
+from bonecam.mesh.triangle_mesh import MeshLike, TriangleMesh, mesh_from
 from bonecam.mesh.units import LARGEST, mm_of, to_mm, unit_in
 from bonecam.progress import Progress, silent
-from bonecam.surface.files.scripted import scripted_mesh
+from bonecam.runtime.staging import temporary_folder
+from bonecam.surface.blades import (
+    CARTESIAN,
+    COARSE,
+    MERIDIONAL,
+    blade_solid,
+    hub_profile,
+    limits_beside,
+    meridional,
+    profile_over,
+    read_flow_path,
+    read_sections,
+    rounded_edge,
+    stretch,
+    thinned,
+    widest_edge,
+)
+from bonecam.surface.files.bspline import from_bspline
+from bonecam.surface.files.cad import read_bsplines
 from bonecam.surface.files.tspline_text import ENDINGS, read_tsm
-from bonecam.surface.fitting.deviation import Deviation
-from bonecam.surface.fitting.fit import Fit
-from bonecam.surface.skinning.point_rows import holds_rows, read_rows
-from bonecam.surface.tessellation.tessellate import tessellate
-from bonecam.surface.tmesh.row_tmesh import RowTMesh
+from bonecam.surface.fitting import Deviation
+from bonecam.surface.growth import Fit
+from bonecam.surface.skinning import holds_rows, patch_surface, read_rows
+from bonecam.surface.tessellation import tessellate
+from bonecam.surface.tmesh import RowTMesh
 from bonecam.surface.tspline import TSpline
+
+SAMPLED = 20
+"""Places along s and along t at which a surface is looked at from outside."""
+ABOVE = 0.1
+"""From so far, mm: ten times the gouge allowed by default."""
+FLOATING = 1.0
+"""A surface that lies farther from the solids, mm, is none of theirs: an allowance on a part is less."""
+
+
+def check_on_solids(surface: TSpline, solid: TriangleMesh, file: str) -> None:
+    """SurfaceError where most of a surface lies in the solid that it belongs to, faces into it, or lies off it: links
+    would go through what it bounds."""
+    shares = (np.arange(SAMPLED) + 0.5) / SAMPLED
+    along = (low + shares * (high - low) for low, high in surface.domain)
+    s, t = (places.ravel() for places in np.meshgrid(*along))
+    places = surface.positions(s, t)
+    distance = MeshDistance(solid)
+    covered = float(distance.inside(places + ABOVE * surface.normals(s, t)).mean())
+    if covered > 0.5:
+        what = f"{covered:.0%} of it lies in the solids that must not be gouged, or faces into them"
+        raise SurfaceError(f"{file}: {what}: reverse every row, or leave the solid out that covers it", file=file)
+    away = distance.unsigned(places)
+    if np.median(away) > FLOATING:
+        what = f"half of it lies {np.median(away):.1f} to {away.max():.1f} mm off part and obstacles"
+        raise SurfaceError(f"{file}: {what}: give the solid that it bounds (--part) beside them", file=file)
+
+
+def scripted_mesh(mesh: TriangleMesh, script: str) -> TriangleMesh:
+    """What a script leaves of a mesh.
+
+    FilterError where it leaves more or less than one layer with faces, or what `run_script` raises.
+    """
+    with temporary_folder() as folder:
+        write_mesh(mesh, folder / "mesh.ply")
+        layers = map(read_mesh, run_script(script, [folder / "mesh.ply"], folder / "layers"))
+        meshes = [layer for layer in layers if len(layer.faces)]
+    if len(meshes) != 1:
+        what = f"leaves {counted(len(meshes), 'layer')} with faces"
+        raise FilterError(f"{script}: {what}: let it end with the part's mesh alone", file=script)
+    return meshes[0]
+
+
+KINDS = (*POINTS, *ENDINGS, *STEP, *IGES, *MESHES)
+"""Endings of the files that hold such a surface."""
+
+
+def machined_surface(source: str | Path | MeshLike, units: str, tolerance: float) -> TSpline:
+    """The surface in a file, mm: rows of points or an open mesh (in `units`), skinned within `tolerance` mm; a saved
+    T-spline; or the B-spline of a STEP or IGES file with one face. Or that of an open mesh in memory.
+
+    FileError or SurfaceError where the file holds no such surface, or one that closes on itself in t.
+    """
+    if not isinstance(source, str | Path):
+        return patch_surface(to_mm(mesh_from(source), units), tolerance)
+    file = Path(source)
+    ending = file.suffix.lower()
+    if ending in ENDINGS:
+        surface = read_tsm(file)
+    elif ending in (*STEP, *IGES):
+        faces = read_bsplines(file)
+        if len(faces) != 1:
+            raise file_error(file, f"has {len(faces)} faces", "save the one to machine by itself")
+        surface = from_bspline(faces[0])
+    elif ending in (*POINTS, *MESHES):
+        try:
+            if ending in POINTS:
+                surface = read_rows(file).scaled(mm_of(units)).skin(tolerance)
+            else:
+                surface = patch_surface(read_in_mm(file, units), tolerance)
+        except (ValueError, SurfaceError) as error:
+            raise SurfaceError(f"{file}: {error}", file=str(file)) from error
+    else:
+        endings = ", ".join(KINDS)
+        remedy = f"give a surface that passes can follow ({endings})"
+        raise file_error(file, f"has the ending {ending!r}", remedy)
+    if surface.elements().period[1]:
+        raise SurfaceError(f"{file}: closes on itself in t: cut it open there", file=str(file))
+    return surface
+
 
 CHORD = 0.01
 """Chord tolerance of the mesh that stands for the surface, mm."""
@@ -219,3 +331,52 @@ def reverse_parameters(surface: TSpline) -> TSpline:
     index = np.concatenate([starts[j] + orders[j] for j in range(len(rows))[::-1]])
     t_knots = (tmesh.t_knots[0] + tmesh.t_knots[-1] - tmesh.t_knots)[::-1]
     return TSpline(RowTMesh.from_rows(t_knots, rows[::-1]), surface.control_points[index], surface.weights[index])
+
+
+BACK = 4.0
+"""A hub that is given by its flow path is solid, with a back of so many mm."""
+HUB_CHORD = 0.005
+"""Chord tolerance of the hub's profile, mm."""
+
+BladeFile = str | Path | TSpline | Sequence[str | Path]
+"""A blade: a file, several files of sections, or the surface itself."""
+
+
+def read_blade(
+    blade: BladeFile, units: str, tolerance: float, *, columns: str = CARTESIAN, axis: str = "z"
+) -> tuple[TSpline, float]:
+    """The surface of a blade, mm, about the Z axis, and how wide the blunt edge is that was rounded (0: none): tables
+    of sections (`columns` and `axis` as in `read_sections`) are skinned within `tolerance` mm, blunt edges rounded;
+    other files are those of `machined_surface`."""
+    if isinstance(blade, TSpline):
+        return blade, 0.0
+    files = [blade] if isinstance(blade, str | Path) else list(blade)
+    if len(files) == 1 and Path(files[0]).suffix.lower() not in POINTS:
+        return machined_surface(files[0], units, tolerance), 0.0
+    given = read_sections(files, columns=columns, axis=axis, scale=mm_of(units))
+    rows = rounded_edge(given)
+    try:
+        return rows.skin(tolerance), widest_edge(given) if rows.closed else 0.0
+    except (ValueError, SurfaceError) as error:
+        raise SurfaceError(f"{files[0]}: {error}", file=str(files[0])) from error
+
+
+def read_hub(
+    hub: str | Path | MeshLike, blade: TSpline, units: str, *, columns: str = MERIDIONAL, axis: str = "z"
+) -> Float[ndarray, "n 2"]:
+    """The profile of a solid hub, mm: that of a closed mesh of revolution, or of a table of its flow path (`columns` as
+    in `read_flow_path`, whose first column runs along the machine's axis, down where `axis` has a -), cut off beside
+    the blade."""
+    if isinstance(hub, str | Path) and Path(hub).suffix.lower() in POINTS:
+        along = "-x" if axis.startswith("-") else "x"
+        curve = read_flow_path(hub, columns=columns, axis=along, scale=mm_of(units))
+        points = meridional(blade_solid(blade, COARSE).vertices)
+        return profile_over(thinned(stretch(curve, *limits_beside(curve, points)), HUB_CHORD), BACK)
+    return hub_profile(read_solid(hub, units), str(hub) if isinstance(hub, str | Path) else "the hub")
+
+
+def read_solid(solid: str | Path | MeshLike, units: str) -> TriangleMesh:
+    """The triangles of a solid in a file or in memory, mm."""
+    if isinstance(solid, str | Path):
+        return read_in_mm(solid, units)
+    return to_mm(mesh_from(solid), units)

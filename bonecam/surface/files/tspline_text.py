@@ -6,6 +6,15 @@ by the first line:
 - `#bonecam-tspline 1`: row-structured T-splines, which half edges cannot hold (surface.rows_file).
 
 Both come back bit for bit. Any other first line is a FileError.
+
+One surface into a file of any kind: the ending decides.
+
+| ending | what is written |
+|---|---|
+| .tspline | bonecam's own text form of row-structured T-splines, bit for bit (`surface.rows_file`) |
+| .tsm | general T-meshes as Rhino writes them (`surface.files.tsm.write`) |
+| .iga | the Bezier elements of any T-spline, bit for bit (`surface.iga`) |
+| .step, .stp, .iges, .igs | one exact B-spline face, or Bezier faces (`surface.cad`; extra `cad`) |
 """
 
 from pathlib import Path
@@ -16,16 +25,21 @@ from numpy import ndarray
 
 from bonecam.errors import FileError, SurfaceError
 from bonecam.files import write_whole
-from bonecam.mesh.files.formats.content import ContentError
+from bonecam.mesh.files.cad import IGES, STEP, occ
 from bonecam.mesh.files.mesh_files import bytes_of
+from bonecam.mesh.files.polygons import ContentError
 from bonecam.surface.files import rows_file
-from bonecam.surface.files.tsm.borders import MIRRORED, with_mirrored_borders
-from bonecam.surface.files.tsm.layout import tmesh_of
-from bonecam.surface.files.tsm.records import TSM_HEADER, Records, parse_tsm
-from bonecam.surface.files.tsm.write import tsm_text
-from bonecam.surface.tmesh.general import TMesh
-from bonecam.surface.tmesh.open_rows import OpenRowTMesh
-from bonecam.surface.tmesh.row_tmesh import RowTMesh
+from bonecam.surface.files.iga import write_iga
+from bonecam.surface.files.tsm import (
+    MIRRORED,
+    TSM_HEADER,
+    Records,
+    parse_tsm,
+    tmesh_of,
+    tsm_text,
+    with_mirrored_borders,
+)
+from bonecam.surface.tmesh import OpenRowTMesh, RowTMesh, TMesh
 from bonecam.surface.tspline import TSpline
 
 ENDINGS = (".tspline", ".tsm")
@@ -137,3 +151,35 @@ def _scale(header: dict[str, list[str]], path: Path) -> float:
     if unit not in MILLIMETRES:
         raise FileError(f"{path}: unit '{unit}' is none of {', '.join(MILLIMETRES)}", file=str(path))
     return MILLIMETRES[unit]
+
+
+TEXTS = (*ENDINGS, ".iga")
+
+
+def check_target(path: str | Path) -> None:
+    """FileError, before any work is done for it, where a surface cannot be saved under this name."""
+    ending = Path(path).suffix.lower()
+    if ending in (*STEP, *IGES):
+        occ(f"{path}: writing {'STEP' if ending in STEP else 'IGES'}")
+    elif ending not in TEXTS:
+        endings = ", ".join((*TEXTS, *STEP, *IGES))
+        raise FileError(f"{path}: has the unknown ending {ending!r}: end the name in one of {endings}", file=str(path))
+
+
+def save_surface(surface: TSpline, path: str | Path) -> None:
+    """Write the surface, whole or not at all. FileError where the ending is unknown, unfit for the T-mesh, or
+    its writer is missing."""
+    check_target(path)
+    ending = Path(path).suffix.lower()
+    if ending == ".iga":
+        write_iga(surface, path)
+    elif ending in TEXTS:
+        rows = isinstance(surface.tmesh, RowTMesh)
+        if rows != (ending == ".tspline"):
+            what = "rows of control points have no .tsm form" if rows else "a general T-mesh has no .tspline form"
+            raise FileError(f"{path}: {what}: end the name in {'.tspline' if rows else '.tsm'}", file=str(path))
+        write_tsm(surface, path)
+    else:
+        from bonecam.surface.files.cad import write_iges, write_step
+
+        (write_step if ending in STEP else write_iges)(surface, path)

@@ -10,8 +10,7 @@ from bonecam.errors import BonecamError, Cancelled, FileError, FilterError, Stoc
 from bonecam.filters.filter import Registry
 from bonecam.filters.meshlab_values import converted
 from bonecam.filters.mlx import FilterCall, ScriptParameter, write_script
-from bonecam.filters.scripts.apply_script import read_script
-from bonecam.filters.scripts.run_script import run_script
+from bonecam.filters.scripting import read_script, run_script
 
 REMESH = """ <filter name="Remeshing: Isotropic Explicit Remeshing">
   <Param type="RichInt" value="2" name="Iterations"/>

@@ -10,7 +10,7 @@ import pytest
 from bonecam.cli import main
 from bonecam.errors import Cancelled, FileError, FilterError
 from bonecam.filters.meshset import MeshSet
-from bonecam.filters.scripts.run_script import run_script
+from bonecam.filters.scripting import run_script
 
 pytestmark = pytest.mark.whole
 

@@ -14,9 +14,8 @@ from bonecam.errors import FileError, FilterError
 from bonecam.filters.filter import Registry
 from bonecam.filters.meshlab_values import CAMERAS, free_texts
 from bonecam.filters.meshset import MeshSet
-from bonecam.filters.scripts.apply_script import apply_script
-from bonecam.filters.scripts.run_script import run_script
-from bonecam.filters.scripts.script_files import NAMES, READ, TEXTS, TEXTURES
+from bonecam.filters.scripting import apply_script, run_script
+from bonecam.filters.scripts import NAMES, READ, TEXTS, TEXTURES
 
 OURS = '<filter name="generate_offset"><Param type="RichSaveFile" value="{}" name="file"/></filter>'
 CAMERAS_OUT = '<filter name="save_active_raster_cameras"><Param type="RichString" value="{}" name="newName"/></filter>'

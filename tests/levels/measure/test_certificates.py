@@ -10,33 +10,40 @@ import pytest
 from numpy import ndarray
 
 from bonecam.job import Job, MeshJob
-from bonecam.kernels.hulls.mapped_distance import mapped_distance_bound
-from bonecam.kernels.hulls.net import halve
-from bonecam.kernels.hulls.separation import separation
-from bonecam.levels.body_surface import body_surfaces
-from bonecam.levels.closed_morph import morph
-from bonecam.levels.edge_rounding import levels_in
-from bonecam.levels.job_levels import make_levels
-from bonecam.levels.measure.certificates.certificate import ROUNDING, Certificate
-from bonecam.levels.measure.certificates.certify import (
+from bonecam.kernels.hulls import halve, mapped_distance_bound, separation
+from bonecam.levels.certificates import (
+    HALVES,
+    MARGIN,
+    ROUNDING,
+    Certificate,
+    bezier_nets,
     bound_inside,
     bound_mesh_depth,
     bound_outside,
     certify,
     certify_cut,
     certify_last_cut,
+    depth_target,
     faces_of_stock,
     triangle_nets,
 )
-from bonecam.levels.measure.certificates.depth import MARGIN, depth_target
-from bonecam.levels.measure.certificates.nets import HALVES, bezier_nets
-from bonecam.levels.measure.grid import level_grid
-from bonecam.levels.measure.inspection import Rules, excess_bound, inspect, measure_cut
-from bonecam.levels.measure.level import RoundedLevel
-from bonecam.levels.measure.measured_surface import MeasuredSurface
-from bonecam.levels.measure.violations import require_none, violations
-from bonecam.levels.problem.tolerances import DEPTH_TOLERANCE, NESTING_TOLERANCE, STOCK_TOLERANCE
-from bonecam.levels.sequences.begun_morph import Morph
+from bonecam.levels.closed_morph import morph
+from bonecam.levels.edge_rounding import levels_in
+from bonecam.levels.job_levels import make_levels
+from bonecam.levels.measure import (
+    MeasuredSurface,
+    RoundedLevel,
+    Rules,
+    excess_bound,
+    inspect,
+    level_grid,
+    measure_cut,
+    require_none,
+    violations,
+)
+from bonecam.levels.open_morph import body_surfaces
+from bonecam.levels.problem import DEPTH_TOLERANCE, NESTING_TOLERANCE, STOCK_TOLERANCE
+from bonecam.levels.sequences import Morph
 from bonecam.mesh.part import prepare_part
 from bonecam.progress import silent
 from bonecam.setup.capsule import Capsule
@@ -46,7 +53,7 @@ from bonecam.setup.stock import Stock
 from bonecam.setup.stocks.box import Box
 from bonecam.setup.stocks.cylinder import Cylinder
 from bonecam.surface.part_surface import fit_surface
-from bonecam.surface.tmesh.row_tmesh import RowTMesh
+from bonecam.surface.tmesh import RowTMesh
 from bonecam.surface.tspline import TSpline
 
 STOCK = Capsule(np.array([0.0, 0.0, 4.5]), np.array([0.0, 0.0, 15.5]), 4.5)

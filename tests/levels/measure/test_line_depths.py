@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 
 from bonecam.levels.edge_rounding import levels_in
-from bonecam.levels.measure.level import RoundedLevel
-from bonecam.levels.measure.line_depths import POINTS, line_depths, step_depths
-from bonecam.levels.sequences.begun_morph import Morph
-from bonecam.report.pictures.depth_curves import draw_depths
+from bonecam.levels.measure import POINTS, RoundedLevel, line_depths, step_depths
+from bonecam.levels.sequences import Morph
+from bonecam.report.pictures import draw_depths
 from bonecam.setup.capsule import Capsule
 from bonecam.setup.schedule import Schedule
 from bonecam.setup.stocks.cylinder import Cylinder

@@ -5,7 +5,7 @@ import pytest
 import scipy.sparse as sp
 
 from bonecam.errors import LevelError
-from bonecam.levels.problem.factorisation import factorise
+from bonecam.levels.problem import factorise
 
 
 def test_a_factored_band_solves() -> None:

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 from bonecam.arrays import dots
-from bonecam.levels.problem.program import LevelProgram
+from bonecam.levels.program import LevelProgram
 
 
 def test_targets_keep_their_way_along_the_normals_and_stand_still_at_the_poles(

@@ -3,8 +3,8 @@
 import numpy as np
 import scipy.sparse as sp
 
-from bonecam.kernels.rows import transposed_times
-from bonecam.levels.problem.samples import multiply
+from bonecam.kernels.matrices import transposed_times
+from bonecam.levels.problem import multiply
 
 
 def test_rows_times_points_and_back_are_scipys() -> None:

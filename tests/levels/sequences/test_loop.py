@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from bonecam.errors import LevelError
-from bonecam.levels.sequences.loop import Stop, levels_to_stock
+from bonecam.levels.sequences import Stop, levels_to_stock
 from bonecam.progress import silent
 from bonecam.setup.schedule import Schedule
 

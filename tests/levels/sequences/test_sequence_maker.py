@@ -8,16 +8,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bonecam.levels.measure.certificates.certify import certify_last_cut
-from bonecam.levels.measure.inspection import Inspection, Rules, excess_bound, inspect, trouble
-from bonecam.levels.problem.cut import StepParameters
-from bonecam.levels.problem.discretisation import discretise
-from bonecam.levels.problem.energies.attraction import ATTRACTIONS
-from bonecam.levels.problem.remaining import remaining, whole
-from bonecam.levels.problem.samples import creases
-from bonecam.levels.problem.tolerances import DEPTH_TOLERANCE
-from bonecam.levels.sequences.restore_feasibility import _runs, restore_certificates, restore_feasibility
-from bonecam.levels.sequences.sequence_maker import LANDING, MOST_CREEP, RESTORED_MARGIN, SequenceMaker
+from bonecam.levels.certificates import certify_last_cut
+from bonecam.levels.measure import Inspection, Rules, excess_bound, inspect, trouble
+from bonecam.levels.problem import ATTRACTIONS, DEPTH_TOLERANCE, StepParameters, creases, discretise, remaining, whole
+from bonecam.levels.sequences import (
+    LANDING,
+    MOST_CREEP,
+    RESTORED_MARGIN,
+    SequenceMaker,
+    _runs,
+    restore_certificates,
+    restore_feasibility,
+)
 from bonecam.levels.solvers.exchange import project_level
 from bonecam.progress import silent
 from bonecam.setup.capsule import Capsule

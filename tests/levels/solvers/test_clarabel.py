@@ -9,13 +9,10 @@ import scipy.sparse as sp
 
 from bonecam.errors import LevelError
 from bonecam.levels.closed_morph import morph
-from bonecam.levels.measure.inspection import Rules
-from bonecam.levels.problem.cones import Cones, Planes
-from bonecam.levels.problem.published import PublishedProgram
-from bonecam.levels.problem.tolerances import DEPTH_TOLERANCE
-from bonecam.levels.sequences.published_sequence import published_sequence
+from bonecam.levels.measure import Rules
+from bonecam.levels.problem import DEPTH_TOLERANCE, Cones, Planes
+from bonecam.levels.published import PublishedProgram, next_moves, published_sequence
 from bonecam.levels.solvers.clarabel import solve_cones
-from bonecam.levels.solvers.published import next_moves
 from bonecam.progress import silent
 from bonecam.setup.capsule import Capsule
 from bonecam.setup.schedule import Schedule
@@ -175,10 +172,8 @@ def test_levels_that_get_no_nearer_end_soon_and_tell_another_attraction(
     def outwards(program: PublishedProgram, P: np.ndarray, depth: float, stiffness: float) -> np.ndarray:
         return depth * P / np.linalg.norm(P, axis=1, keepdims=True)
 
-    monkeypatch.setattr("bonecam.levels.sequences.published_sequence.next_moves", outwards)
-    monkeypatch.setattr(
-        "bonecam.levels.sequences.published_sequence.distance_left", lambda grid, P, targets: (3.0, P[0])
-    )
+    monkeypatch.setattr("bonecam.levels.published.next_moves", outwards)
+    monkeypatch.setattr("bonecam.levels.published.distance_left", lambda grid, P, targets: (3.0, P[0]))
     program = PublishedProgram(waisted(), capsule, "sphere")
     with pytest.raises(
         LevelError,

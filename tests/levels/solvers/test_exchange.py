@@ -9,16 +9,14 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from bonecam.levels.body_surface import body_surfaces
-from bonecam.levels.problem.cut import Cut, StepParameters
-from bonecam.levels.problem.discretisation import Discretisation
-from bonecam.levels.problem.program import LevelProgram, program_of
-from bonecam.levels.problem.remaining import remaining, whole
+from bonecam.levels.open_morph import body_surfaces
+from bonecam.levels.problem import Cut, Discretisation, StepParameters, remaining, whole
+from bonecam.levels.program import LevelProgram, program_of
 from bonecam.levels.solvers import admm
 from bonecam.levels.solvers.exchange import next_level
 from bonecam.levels.solvers.osqp import solve_qp
 from bonecam.setup.capsule import Capsule
-from bonecam.surface.query.closest_point import closest_points_near
+from bonecam.surface.query import closest_points_near
 from bonecam.surface.tspline import TSpline
 
 

@@ -5,7 +5,7 @@ import pytest
 import scipy.sparse as sp
 
 from bonecam.errors import LevelError
-from bonecam.levels.problem.limits.linear_limits import LinearLimits
+from bonecam.levels.program import LinearLimits
 from bonecam.levels.solvers.osqp import solve_qp
 
 

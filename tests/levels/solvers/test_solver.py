@@ -28,7 +28,7 @@ def test_a_reference_solver_leads_to_a_verified_program(solver: str, monkeypatch
     the rest."""
     if solver == "clarabel":
         pytest.importorskip("clarabel", reason="the extra `reference` is not installed")
-    monkeypatch.setattr("bonecam.levels.measure.inspection.certifiable", lambda surface: False)
+    monkeypatch.setattr("bonecam.levels.measure.certifiable", lambda surface: False)
     job = COARSE.with_values(levels={"solver": solver})
     whole = read_mesh(shipped("phalanx"))
     result = bonecam.convert((0.5 * whole.vertices, whole.faces), job, simulation=False)

@@ -5,12 +5,10 @@ import pytest
 from bonecam_meshes import path as shipped
 
 from bonecam.job.mesh_section import COARSEST_FIT
-from bonecam.mesh.facets.coarseness import coarseness_of
-from bonecam.mesh.facets.hull import convex_hull
-from bonecam.mesh.facets.smooth_surface import is_coarse
 from bonecam.mesh.files.mesh_files import read_mesh
 from bonecam.mesh.meshlab import from_meshset, to_meshset
 from bonecam.mesh.remeshing import split_edges
+from bonecam.mesh.smooth_surface import coarseness_of, convex_hull, is_coarse
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
 TOLERANCE = COARSEST_FIT

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from numpy import ndarray
 from scipy.spatial import Delaunay
 
-from bonecam.mesh.facets.delaunay import delaunay
+from bonecam.mesh.facets import delaunay
 
 SCATTERED = np.random.default_rng(1).random((300, 2))
 GRID = np.stack(np.meshgrid(np.arange(12) * 0.1, np.arange(7) * 0.3), axis=-1).reshape(-1, 2)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from bonecam.mesh.facets.hull import convex_hull
+from bonecam.mesh.smooth_surface import convex_hull
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
 

@@ -10,10 +10,9 @@ import pytest
 from bonecam.errors import FileError, UnitsError
 from bonecam.job import MeshJob
 from bonecam.mesh.distance import MeshDistance
-from bonecam.mesh.facets.label_surface import label_surface
-from bonecam.mesh.facets.voxel_steps import step_pitch, without_steps
 from bonecam.mesh.files.mesh_files import read_mesh
 from bonecam.mesh.part import prepare_part
+from bonecam.mesh.smooth_surface import label_surface, step_pitch, without_steps
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
 SimpleITK = pytest.importorskip("SimpleITK", reason="the extra `ct` is not installed")
@@ -84,7 +83,7 @@ def test_the_part_tells_label_voxels_and_the_largest_deviation(hand: Path) -> No
 
 def _neighbours(mesh: TriangleMesh) -> tuple[np.ndarray, np.ndarray]:
     from bonecam.arrays import unit
-    from bonecam.mesh.healing.topology import neighbours_of
+    from bonecam.mesh.solids import neighbours_of
 
     normals = unit(mesh.face_vectors)
     return normals, normals[neighbours_of(mesh)[:, 0]]

@@ -5,10 +5,7 @@ import pytest
 from numpy import ndarray
 
 from bonecam.errors import MeshError
-from bonecam.mesh.facets.curvature import SurfaceShape
-from bonecam.mesh.facets.delaunay import delaunay
-from bonecam.mesh.facets.mls_curvature import mls_curvature
-from bonecam.mesh.facets.vertex_normals import vertex_normals
+from bonecam.mesh.facets import SurfaceShape, delaunay, mls_curvature, vertex_normals
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
 RING, TUBE = 20.0, 6.0

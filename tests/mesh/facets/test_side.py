@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from bonecam.mesh.facets.delaunay import delaunay
-from bonecam.mesh.facets.side import heights_above
+from bonecam.mesh.facets import delaunay
+from bonecam.mesh.smooth_surface import heights_above
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
 PLACES = np.random.default_rng(5).random((80, 2)) * 10

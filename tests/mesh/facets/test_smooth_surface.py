@@ -9,14 +9,12 @@ from bonecam.arrays import unit
 from bonecam.errors import MeshError
 from bonecam.job import MeshJob, SurfaceJob
 from bonecam.mesh.distance import MeshDistance
-from bonecam.mesh.facets.coarseness import coarseness_of
-from bonecam.mesh.facets.hull import convex_hull
-from bonecam.mesh.facets.smooth_surface import FINE, Smoothing, smooth_facets
 from bonecam.mesh.files.mesh_files import read_mesh
-from bonecam.mesh.healing.repair import repair
+from bonecam.mesh.healing import repair
 from bonecam.mesh.meshlab import from_meshset, to_meshset
 from bonecam.mesh.part import prepare_part, repaired_part
-from bonecam.mesh.solids.intersections import self_intersections
+from bonecam.mesh.smooth_surface import FINE, Smoothing, coarseness_of, convex_hull, smooth_facets
+from bonecam.mesh.solids import self_intersections
 from bonecam.mesh.triangle_mesh import TriangleMesh, probes
 
 TOLERANCE = 0.08

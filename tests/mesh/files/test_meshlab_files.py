@@ -11,7 +11,7 @@ import pytest
 from bonecam.errors import FileError
 from bonecam.filters.meshset import MeshSet
 from bonecam.mesh import meshlab
-from bonecam.mesh.files.child import call_in_child
+from bonecam.mesh.files.cad import call_in_child
 from bonecam.runtime import worker
 
 OBJ = "v 0 0 0 1 0 0\nv 1 0 0 0 1 0\nv 0 1 0 0 0 1\nv 0 0 1 1 1 1\n"

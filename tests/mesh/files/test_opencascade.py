@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 
 from bonecam.errors import FileError, UnitsError
-from bonecam.mesh.files import cad_files, cad_tessellation
-from bonecam.mesh.files.cad_tessellation import read_and_tessellate, tessellate_shape
+from bonecam.mesh.files import cad
+from bonecam.mesh.files.cad import occ, read_and_tessellate, tessellate_shape
 from bonecam.mesh.files.mesh_files import read_in_mm, read_mesh
-from bonecam.mesh.files.opencascade import occ
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.progress import silent
 from bonecam.runtime import worker
@@ -52,7 +51,7 @@ def without_child(monkeypatch: pytest.MonkeyPatch) -> None:
     def call(work: str, *given: Any, **_: Any) -> Any:
         return worker.function_of(work)(*given, silent)
 
-    monkeypatch.setattr(cad_files, "call_in_child", call)
+    monkeypatch.setattr(cad, "call_in_child", call)
 
 
 @pytest.mark.usefixtures("without_child")
@@ -130,7 +129,7 @@ def test_a_face_that_cannot_be_tessellated_is_an_error_and_not_a_hole(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     file = write(cylinder(), tmp_path / "a.step")
-    monkeypatch.setattr(cad_tessellation, "DEFLECTION", 1e3)
+    monkeypatch.setattr(cad, "DEFLECTION", 1e3)
     with pytest.raises(FileError, match=r"a\.step: a face of the part cannot be tessellated"):
         read_and_tessellate(file)
 
@@ -221,7 +220,7 @@ def test_an_error_of_opencascade_itself_is_one_line(tmp_path: Path, monkeypatch:
         raise occ().Transfer.Transfer_TransferFailure("Transfer in Error Status")
 
     file = write(cylinder(), tmp_path / "part.iges")
-    monkeypatch.setattr(cad_files, "call_in_child", fail)
+    monkeypatch.setattr(cad, "call_in_child", fail)
     with pytest.raises(FileError, match=r"part\.iges: is no readable IGES file \(Transfer in Error Status\)"):
         read_mesh(file)
 
@@ -229,7 +228,7 @@ def test_an_error_of_opencascade_itself_is_one_line(tmp_path: Path, monkeypatch:
 def test_a_shape_without_faces_has_no_mesh() -> None:
     nothing = occ().TopoDS.TopoDS_Compound()
     occ().BRep.BRep_Builder().MakeCompound(nothing)
-    assert cad_tessellation._mesh_of(nothing, 0.1, 0.1) is None
+    assert cad._mesh_of(nothing, 0.1, 0.1) is None
 
 
 def test_a_file_that_ends_opencascade_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

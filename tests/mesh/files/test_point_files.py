@@ -8,8 +8,7 @@ import pytest
 
 from bonecam.errors import FileError, MeshError
 from bonecam.mesh.files.mesh_files import read_mesh
-from bonecam.mesh.files.point_cloud import reconstruct
-from bonecam.mesh.files.point_files import read_blocks
+from bonecam.mesh.files.points import read_blocks, reconstruct
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
 SAME = {

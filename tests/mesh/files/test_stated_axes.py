@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from bonecam.job import MeshJob
-from bonecam.mesh.files.stated_axes import axes_text, stated_axes
+from bonecam.mesh.files.mesh_files import axes_text, stated_axes
 from bonecam.mesh.part import prepare_part
 from bonecam.mesh.triangle_mesh import TriangleMesh
 

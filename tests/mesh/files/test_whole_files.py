@@ -13,9 +13,9 @@ import pytest
 
 from bonecam.errors import FileError, UnitsError
 from bonecam.job import MeshJob
-from bonecam.mesh.facets.label_surface import label_surface
 from bonecam.mesh.files.mesh_files import read_in_mm, read_mesh_file
 from bonecam.mesh.part import prepare_part
+from bonecam.mesh.smooth_surface import label_surface
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
 

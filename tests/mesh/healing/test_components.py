@@ -7,9 +7,7 @@ import pytest
 
 from bonecam.errors import MeshError
 from bonecam.job import MeshJob
-from bonecam.mesh.healing.components import components_of
-from bonecam.mesh.healing.mesh_faults import faults_of
-from bonecam.mesh.healing.repair import repair
+from bonecam.mesh.healing import components_of, faults_of, repair
 from bonecam.mesh.part import prepare_part
 from bonecam.mesh.triangle_mesh import TriangleMesh, keep_faces, side_by_side
 

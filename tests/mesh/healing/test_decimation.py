@@ -8,8 +8,7 @@ import pytest
 from bonecam.errors import MeshError
 from bonecam.job import MeshJob
 from bonecam.mesh.distance import hausdorff
-from bonecam.mesh.healing.decimation import LARGEST_DEVIATION, decimate
-from bonecam.mesh.healing.mesh_faults import faults_of
+from bonecam.mesh.healing import DECIMATION_DEVIATION, decimate, faults_of
 from bonecam.mesh.part import prepare_part
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
@@ -18,7 +17,7 @@ def test_a_large_mesh_is_decimated_within_the_stated_deviation(ellipsoid: Callab
     mesh = ellipsoid(4, 3, 9, rings=120, columns=160)
     fewer, told = decimate(mesh, 8000)
     assert len(fewer.faces) <= 8000 < len(mesh.faces)
-    assert max(hausdorff(mesh, fewer)) <= LARGEST_DEVIATION
+    assert max(hausdorff(mesh, fewer)) <= DECIMATION_DEVIATION
     assert not faults_of(fewer)
     assert told[0].change.startswith(f"decimated {len(mesh.faces)} faces to {len(fewer.faces)}, 0.00")
     assert decimate(mesh, len(mesh.faces)) == (mesh, ())

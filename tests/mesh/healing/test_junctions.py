@@ -6,10 +6,7 @@ import igl.copyleft.cgal as cgal
 import numpy as np
 import pytest
 
-from bonecam.mesh.healing.junctions import resolve_junctions
-from bonecam.mesh.healing.mesh_faults import faults_of
-from bonecam.mesh.healing.repair import repair
-from bonecam.mesh.healing.repair_state import RepairState
+from bonecam.mesh.healing import RepairState, faults_of, repair, resolve_junctions
 from bonecam.mesh.triangle_mesh import TriangleMesh, keep_faces, side_by_side
 
 

@@ -8,9 +8,7 @@ from numpy import ndarray
 from bonecam.errors import MeshError
 from bonecam.mesh.distance import exact_closest
 from bonecam.mesh.files.mesh_files import read_mesh
-from bonecam.mesh.healing.mesh_faults import faults_of
-from bonecam.mesh.healing.repair import repair, wrap
-from bonecam.mesh.healing.repair_state import RepairState
+from bonecam.mesh.healing import RepairState, faults_of, repair, wrap
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.mesh.units import to_mm
 

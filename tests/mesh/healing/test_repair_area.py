@@ -6,7 +6,7 @@ from bonecam_meshes import path
 
 from bonecam.errors import LimitError
 from bonecam.job import Job, MeshJob
-from bonecam.machining.standing import stand_part
+from bonecam.machining import stand_part
 from bonecam.mesh.files.mesh_files import read_mesh
 from bonecam.mesh.part import repaired_part
 from bonecam.mesh.triangle_mesh import TriangleMesh

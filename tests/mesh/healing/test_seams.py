@@ -6,10 +6,7 @@ import numpy as np
 import pytest
 
 from bonecam.errors import MeshError
-from bonecam.mesh.healing.mesh_faults import faults_of
-from bonecam.mesh.healing.repair import repair
-from bonecam.mesh.healing.repair_state import RepairState
-from bonecam.mesh.healing.seams import weld_seams
+from bonecam.mesh.healing import RepairState, faults_of, repair, weld_seams
 from bonecam.mesh.triangle_mesh import TriangleMesh, keep_faces, side_by_side
 
 

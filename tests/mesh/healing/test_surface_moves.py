@@ -3,9 +3,7 @@
 import numpy as np
 import pytest
 
-from bonecam.mesh.healing.repair import repair
-from bonecam.mesh.healing.repair_state import Repair
-from bonecam.mesh.healing.surface_moves import surface_moves, winding_numbers
+from bonecam.mesh.healing import Repair, repair, surface_moves, winding_numbers
 from bonecam.mesh.triangle_mesh import TriangleMesh, side_by_side
 
 

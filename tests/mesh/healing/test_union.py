@@ -5,8 +5,7 @@ import pytest
 
 from bonecam.errors import MeshError
 from bonecam.mesh.distance import MeshDistance
-from bonecam.mesh.solids.booleans import solid_union
-from bonecam.mesh.solids.revolution import revolve, revolve_ring
+from bonecam.mesh.solids import revolve, revolve_ring, solid_union
 from bonecam.mesh.triangle_mesh import TriangleMesh, keep_faces
 
 

@@ -9,11 +9,9 @@ import pytest
 from bonecam.errors import Cancelled, MeshError
 from bonecam.mesh.distance import exact_closest
 from bonecam.mesh.files.mesh_files import read_mesh
-from bonecam.mesh.healing.repair import repair
+from bonecam.mesh.healing import repair
 from bonecam.mesh.pose import upright
-from bonecam.mesh.sections.harmonic import end_poles, harmonic_field, positive_laplacian
-from bonecam.mesh.sections.harmonic_rows import Rows, harmonic_rows, row_heights
-from bonecam.mesh.sections.isolines import Isolines
+from bonecam.mesh.rows import Isolines, Rows, end_poles, harmonic_field, harmonic_rows, positive_laplacian, row_heights
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.mesh.units import to_mm
 

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from bonecam.mesh.distance import exact_closest
-from bonecam.mesh.sections.harmonic_rows import harmonic_rows
-from bonecam.mesh.sections.row_choices import OTHER_FRAMES, distortion, row_choices, rows_in_frame
+from bonecam.mesh.rows import OTHER_FRAMES, distortion, harmonic_rows, row_choices, rows_in_frame
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
 

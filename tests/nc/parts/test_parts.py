@@ -10,16 +10,14 @@ from bonecam.errors import FileError, JobError, MachineError, ProgramError, Veri
 from bonecam.job import Job
 from bonecam.machine.machine import read_machine
 from bonecam.nc.dialect import Dialect, dialect_names
-from bonecam.nc.job_dialect import job_dialect
-from bonecam.nc.parts.files import program_files, stage_program_files, write_program_files
-from bonecam.nc.parts.joined import joined
-from bonecam.nc.parts.marks import part_count
-from bonecam.nc.posting.write import write_program
+from bonecam.nc.parts import joined, part_count, program_files, stage_program_files, write_program_files
+from bonecam.nc.posting import write_program
 from bonecam.nc.program import Program
-from bonecam.nc.reading.read import read_program
+from bonecam.nc.reading import read_program
+from bonecam.nc.requirements import job_dialect
 from bonecam.runtime.staging import staged
 from bonecam.tool.path import ToolPath
-from bonecam.verify.control.program_file import program_text
+from bonecam.verify.control import program_text
 
 MACHINE = read_machine("mikron-ucp600")
 Made = tuple[Program, Dialect, Job]

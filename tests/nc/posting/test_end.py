@@ -11,12 +11,11 @@ from bonecam.errors import JobError, MachineError, ProgramError, VerifyError
 from bonecam.job import Job
 from bonecam.machine.machine import Machine, read_machine
 from bonecam.nc.dialect import dialect_names
-from bonecam.nc.job_dialect import job_dialect
-from bonecam.nc.posting.write import write_program
-from bonecam.nc.reading.read import read_program
+from bonecam.nc.posting import write_program
+from bonecam.nc.reading import read_program
+from bonecam.nc.requirements import job_dialect
 from bonecam.tool.path import ToolPath
-from bonecam.verify.control.axis_limits import check_limits
-from bonecam.verify.control.check import check_spindle
+from bonecam.verify.control import check_limits, check_spindle
 
 PARK = {
     "heidenhain": "L X+20.000 Y-30.500 R0 FMAX M91",

@@ -10,10 +10,10 @@ from bonecam.job import Job
 from bonecam.machine.kinematics import inverse_linear
 from bonecam.machine.machine import read_machine
 from bonecam.nc.dialect import DIALECTS, read_dialect
-from bonecam.nc.posting.write import write_program
+from bonecam.nc.motions import Motions
+from bonecam.nc.posting import write_program
 from bonecam.nc.program import program_number
-from bonecam.nc.reading.motions import Motions
-from bonecam.nc.reading.read import read_program
+from bonecam.nc.reading import read_program
 from bonecam.tool.path import ToolPath
 from bonecam.verify.readback import Tolerances, compare_moves
 

@@ -9,15 +9,13 @@ import pytest
 from bonecam.arrays import unit
 from bonecam.errors import VerifyError
 from bonecam.job import Job
-from bonecam.machine.control import Control
-from bonecam.machine.kinematics import inverse_linear
+from bonecam.machine.kinematics import Control, inverse_linear
 from bonecam.machine.machine import Machine, read_machine
 from bonecam.nc.dialect import Dialect, read_dialect
-from bonecam.nc.posting.feeds.drivable_feeds import FEED_PER_MM, LARGEST_RATIO, drivable_paths
-from bonecam.nc.posting.feeds.feed_scale import FLOOR, feed_scale, on_scale
-from bonecam.nc.posting.write import write_program
-from bonecam.nc.reading.motions import Motions
-from bonecam.nc.reading.read import read_program
+from bonecam.nc.feeds import FEED_PER_MM, FLOOR, LARGEST_RATIO, drivable_paths, feed_scale, on_scale
+from bonecam.nc.motions import Motions
+from bonecam.nc.posting import write_program
+from bonecam.nc.reading import read_program
 from bonecam.tool.path import MoveKind, ToolPath
 from bonecam.verify.readback import Tolerances, compare_moves
 

@@ -8,10 +8,10 @@ import pytest
 from bonecam.job import read_job
 from bonecam.machine.machine import read_machine
 from bonecam.nc.dialect import read_dialect
-from bonecam.nc.job_dialect import job_dialect
-from bonecam.nc.posting.write import write_program
+from bonecam.nc.posting import write_program
 from bonecam.nc.program import Program
-from bonecam.nc.reading.read import read_program
+from bonecam.nc.reading import read_program
+from bonecam.nc.requirements import job_dialect
 from bonecam.tool.path import ToolPath
 from bonecam.verify.readback import Tolerances, compare_moves
 

@@ -6,8 +6,8 @@ import pytest
 from bonecam.job import Job
 from bonecam.machine.machine import read_machine
 from bonecam.nc.dialect import dialect_names, read_dialect
-from bonecam.nc.posting.write import write_program
-from bonecam.nc.reading.read import read_program
+from bonecam.nc.posting import write_program
+from bonecam.nc.reading import read_program
 from bonecam.tool.path import MoveKind
 from bonecam.verify.readback import Tolerances, compare_moves
 

@@ -11,8 +11,8 @@ from numpy import ndarray
 from bonecam.job import Job
 from bonecam.machine.machine import ChangeSeconds, Machine, read_machine
 from bonecam.nc.dialect import read_dialect
-from bonecam.nc.posting.path_words import post_path
-from bonecam.nc.posting.write import write_program
+from bonecam.nc.path_words import post_path
+from bonecam.nc.posting import write_program
 from bonecam.nc.program import ProgramTime
 from bonecam.planning.motion_time import motion_minutes
 from bonecam.tool.path import MoveKind

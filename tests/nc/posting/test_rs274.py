@@ -14,10 +14,10 @@ from bonecam.job import Job
 from bonecam.machine.kinematics import forward
 from bonecam.machine.machine import read_machine
 from bonecam.nc.dialect import read_dialect
-from bonecam.nc.parts.files import program_files
-from bonecam.nc.posting.write import write_program
+from bonecam.nc.parts import program_files
+from bonecam.nc.posting import write_program
 from bonecam.nc.program import Program
-from bonecam.nc.reading.read import read_program
+from bonecam.nc.reading import read_program
 from bonecam.tool.path import ToolPath
 
 MACHINE, DIALECT = read_machine("linuxcnc-xyzbc"), read_dialect("linuxcnc")

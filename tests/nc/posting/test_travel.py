@@ -9,8 +9,8 @@ from bonecam.errors import MachineError
 from bonecam.job import Job
 from bonecam.machine.machine import read_machine
 from bonecam.nc.dialect import read_dialect
-from bonecam.nc.posting.write import write_program
-from bonecam.nc.reading.read import read_program
+from bonecam.nc.posting import write_program
+from bonecam.nc.reading import read_program
 
 
 @pytest.mark.parametrize("name", ["siemens-840d", "heidenhain", "fanuc-30i"])

@@ -7,8 +7,8 @@ from bonecam.errors import MachineError, ProgramError
 from bonecam.job import Job
 from bonecam.machine.machine import read_machine
 from bonecam.nc.dialect import dialect_names, read_dialect
-from bonecam.nc.posting.write import write_program
-from bonecam.nc.reading.read import read_program
+from bonecam.nc.posting import write_program
+from bonecam.nc.reading import read_program
 from bonecam.nc.words import plain_text
 from bonecam.verify.readback import Tolerances, compare_moves
 

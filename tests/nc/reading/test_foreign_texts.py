@@ -6,7 +6,7 @@ import pytest
 from bonecam.errors import ProgramError
 from bonecam.machine.machine import read_machine
 from bonecam.nc.dialect import read_dialect
-from bonecam.nc.reading.read import read_program
+from bonecam.nc.reading import read_program
 
 MIKRON, TRT = read_machine("mikron-ucp600"), read_machine("linuxcnc-xyzbc")
 

@@ -12,8 +12,8 @@ import pytest
 from bonecam.job import Job
 from bonecam.machine.machine import read_machine
 from bonecam.nc.dialect import read_dialect
-from bonecam.nc.posting.write import write_program
-from bonecam.nc.reading.read import read_program
+from bonecam.nc.posting import write_program
+from bonecam.nc.reading import read_program
 
 MIKRON = read_machine("mikron-ucp600")
 ROUNDING = 0.0005

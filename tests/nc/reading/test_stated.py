@@ -10,8 +10,8 @@ from bonecam.errors import MachineError, ProgramError
 from bonecam.job import read_job
 from bonecam.machine.machine import Machine, read_machine
 from bonecam.nc.dialect import DIALECTS, Dialect, dialect_names, read_dialect
-from bonecam.nc.job_dialect import job_dialect
-from bonecam.nc.reading.read import read_program
+from bonecam.nc.reading import read_program
+from bonecam.nc.requirements import job_dialect
 
 GOLDEN = Path(__file__).parents[2] / "golden"
 ISO_OTHERS = (

@@ -10,9 +10,8 @@ from numpy import ndarray
 from bonecam.arrays import angles_between, unit
 from bonecam.job import PathJob
 from bonecam.machine.limits import MachineLimits
-from bonecam.planning.axes.eased_axes import eased_axes
-from bonecam.planning.axes.tool_axes import ToolAxes, WantedAxes
-from bonecam.planning.collision.checker import CollisionChecker
+from bonecam.planning.axes.tool_axes import ToolAxes, WantedAxes, eased_axes
+from bonecam.planning.collision import CollisionChecker
 from bonecam.tool.cutter import Cutter
 from bonecam.tool.elliptic_cones import EllipticCones
 from bonecam.tool.path import ContactPath, FreeCones

@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 from bonecam.job import PathJob
-from bonecam.machine.frustum import Frustum
-from bonecam.planning.axes.judged_axes import judged_axes
-from bonecam.planning.axes.tool_axes import ToolAxes, WantedAxes
-from bonecam.planning.collision.checker import CollisionChecker
+from bonecam.machine.bodies import Frustum
+from bonecam.planning.axes.tool_axes import ToolAxes, WantedAxes, judged_axes
+from bonecam.planning.collision import CollisionChecker
 from bonecam.tool.cutter import Cutter
 from bonecam.tool.elliptic_cones import EllipticCones
 from bonecam.tool.path import ConeCheck, ContactPath, FreeCones

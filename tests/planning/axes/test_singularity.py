@@ -5,7 +5,7 @@ import pytest
 
 from bonecam.arrays import angles_between, unit
 from bonecam.machine.limits import polar_angles
-from bonecam.planning.axes.singularity import MIN_PASS_ANGLE, SINGULAR_CONE, avoid_singularity, avoid_singularity_where
+from bonecam.planning.axes.lead import MIN_PASS_ANGLE, SINGULAR_CONE, avoid_singularity, avoid_singularity_where
 
 
 def over_the_top(miss: float, count: int = 101) -> tuple[np.ndarray, np.ndarray]:

@@ -9,22 +9,31 @@ import numpy as np
 import pytest
 
 from bonecam.arrays import unit
-from bonecam.machine.frustum import Frustum
+from bonecam.machine.bodies import Frustum
 from bonecam.mesh.distance import MeshDistance
-from bonecam.mesh.solids.revolution import revolve
+from bonecam.mesh.solids import revolve
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.planning.collision.checker import CollisionChecker, classify_thick_tool
-from bonecam.planning.collision.fcl_model import FclModel, build_fcl_model
-from bonecam.planning.collision.scene import TANGENT_SLACK, Scene, Surroundings
-from bonecam.planning.collision.sphere_tracing import COLLIDING, FREE, UNDECIDED, Poses, classify_poses
-from bonecam.planning.collision.tool_mesh import SIDES, cutter_mesh, section_mesh
-from bonecam.planning.passes.gouge_lifts import MESH_SHARE, WORD_ROUNDING, flute_slack, planned_tolerance
+from bonecam.planning.collision import (
+    COLLIDING,
+    FREE,
+    SIDES,
+    UNDECIDED,
+    CollisionChecker,
+    FclModel,
+    Poses,
+    build_fcl_model,
+    classify_poses,
+    classify_thick_tool,
+    cutter_mesh,
+    section_mesh,
+)
+from bonecam.planning.contacts import MESH_SHARE, WORD_ROUNDING, flute_slack, planned_tolerance
+from bonecam.planning.scene import TANGENT_SLACK, Scene, Surroundings
 from bonecam.setup.capsule import Capsule
 from bonecam.surface.tspline import TSpline
 from bonecam.tool.cutter import Cutter, ToolSection
 from bonecam.workholding.clamping import Clamping
-from bonecam.workholding.column import Column
-from bonecam.workholding.post import Post
+from bonecam.workholding.post import Column, Post
 
 UP = np.array([0.0, 0.0, 1.0])
 

@@ -4,11 +4,10 @@ from collections.abc import Callable
 
 import pytest
 
-from bonecam.levels.measure.level import MachinedLevel
+from bonecam.levels.measure import MachinedLevel
 from bonecam.mesh.distance import MeshDistance
-from bonecam.planning.collision.held_level import held_level, part_chord
-from bonecam.planning.collision.scene import TANGENT_SLACK
-from bonecam.planning.passes.gouge_lifts import flute_slack
+from bonecam.planning.contacts import flute_slack
+from bonecam.planning.scene import TANGENT_SLACK, held_level, part_chord
 from bonecam.surface.tspline import TSpline
 
 Levels = Callable[..., MachinedLevel]

@@ -3,11 +3,9 @@
 import numpy as np
 import pytest
 
-from bonecam.mechanics.beam import Beam
-from bonecam.mechanics.sections import column_sections
-from bonecam.mesh.solids.revolution import cylinder
-from bonecam.planning.holding.finished_beam import normal_compliances
-from bonecam.planning.holding.neck_figures import FORCE_SHARE, foretold_errors
+from bonecam.mechanics.beam import Beam, column_sections
+from bonecam.mesh.solids import cylinder
+from bonecam.planning.neck import FORCE_SHARE, foretold_errors, normal_compliances
 
 ALUMINIUM = 69000.0
 BAR = cylinder(3.0, 0.0, 60.0, 0.01)

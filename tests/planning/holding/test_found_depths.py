@@ -9,25 +9,25 @@ import pytest
 from bonecam.errors import JobError
 from bonecam.job import Job, LevelsJob, read_job, write_job
 from bonecam.machine.machine import read_machine
-from bonecam.mechanics.cutter import cutter_compliance
-from bonecam.mechanics.strip import job_strip_force
-from bonecam.mechanics.workpiece import mechanics_of_job
+from bonecam.mechanics.edges import cutter_compliance, job_strip_force
+from bonecam.mechanics.loads import mechanics_of_job
 from bonecam.mesh.part import Part
-from bonecam.mesh.solids.revolution import cylinder
-from bonecam.nc.posting.rotary.machine_limits import machine_limits
-from bonecam.planning.holding.finished_beam import finished_beam, normal_compliance
-from bonecam.planning.holding.found_depths import (
+from bonecam.mesh.solids import cylinder
+from bonecam.nc.path_words import machine_limits
+from bonecam.planning.neck import (
     BALL_SHARE,
     PEAK_SHARE,
     SCALLOP_SHARE,
     YIELD_SHARE,
     depths_report,
+    finished_beam,
     found_depths,
     leaves_depths_open,
+    normal_compliance,
     preferred_depths,
     with_found_depths,
 )
-from bonecam.report.mechanics_lines import post_lines
+from bonecam.report.warnings import post_lines
 from bonecam.setup.capsule import Capsule
 from bonecam.setup.placement import Setup
 from bonecam.setup.schedule import schedule_of

@@ -4,10 +4,10 @@ import numpy as np
 
 from bonecam.arrays import unit
 from bonecam.planning.axes.lead import LEAVING, ROOM
-from bonecam.planning.holding.post_length import SLICE, needed_lifts
+from bonecam.planning.post_length import SLICE, needed_lifts
 from bonecam.tool.cutter import Cutter
 from bonecam.workholding.clamping import Clamping
-from bonecam.workholding.column import Column
+from bonecam.workholding.post import Column
 
 
 def test_a_lift_is_the_largest_that_any_slice_asks_for_over_table_and_columns(finishing_cutter: Cutter) -> None:

@@ -13,25 +13,19 @@ from bonecam.job import Job
 from bonecam.job.materials.preset import read_material
 from bonecam.machine.limits import MachineLimits
 from bonecam.machine.machine import read_machine
-from bonecam.mechanics.beam import Beam
-from bonecam.mechanics.sections import column_sections
-from bonecam.mesh.solids.revolution import cylinder
-from bonecam.nc.posting.rotary.machine_limits import machine_limits
-from bonecam.planning.holding.finished_beam import finished_beam
-from bonecam.planning.holding.neck import find_standing, ranking
-from bonecam.planning.holding.neck_figures import Neck
-from bonecam.planning.holding.neck_remedies import neck_remedies, neck_report
-from bonecam.planning.holding.post_length import find_post_length, needed_lifts
+from bonecam.mechanics.beam import Beam, column_sections
+from bonecam.mesh.solids import cylinder
+from bonecam.nc.path_words import machine_limits
+from bonecam.planning.neck import Neck, find_standing, finished_beam, neck_remedies, neck_report, ranking
+from bonecam.planning.post_length import find_post_length, needed_lifts
 from bonecam.progress import silent
-from bonecam.report.mechanics_lines import post_lines
-from bonecam.report.typed.to_levels import NeckFigures
+from bonecam.report.typed import NeckFigures
+from bonecam.report.warnings import post_lines
 from bonecam.setup.placement import Setup, place
 from bonecam.surface.files.surface_input import read_part
 from bonecam.tool.cutter import Cutter
-from bonecam.workholding.bar import settled_stub
 from bonecam.workholding.clamping import LEAST_NECK, Clamping, clamping_of
-from bonecam.workholding.column import Column
-from bonecam.workholding.post import NECKS, Post
+from bonecam.workholding.post import NECKS, Column, Post, settled_stub
 
 pytestmark = pytest.mark.whole
 
@@ -67,7 +61,7 @@ def test_a_neck_that_gives_way_at_the_length_of_all_contacts_is_not_taken(found,
         more = 30.0 * (job.holding.diameter == necks[0].diameter)
         return setup.lift(more), job.with_values(holding={"length": job.holding.length + more})
 
-    monkeypatch.setattr("bonecam.planning.holding.neck.find_post_length", longer)
+    monkeypatch.setattr("bonecam.planning.neck.find_post_length", longer)
     _, other, tried = find_standing(setup, given, LIMITS)
     assert other.holding.diameter == tried[0].diameter > necks[0].diameter
     assert tried[0].holds

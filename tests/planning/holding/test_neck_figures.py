@@ -8,15 +8,13 @@ import pytest
 
 from bonecam.job import Job
 from bonecam.machine.machine import read_machine
-from bonecam.mechanics.strip import job_strip_force
-from bonecam.mechanics.workpiece import mechanics_of_job
+from bonecam.mechanics.edges import job_strip_force
+from bonecam.mechanics.loads import mechanics_of_job
 from bonecam.mesh.part import Part
-from bonecam.mesh.solids.revolution import cylinder
-from bonecam.nc.posting.rotary.machine_limits import machine_limits
+from bonecam.mesh.solids import cylinder
+from bonecam.nc.path_words import machine_limits
 from bonecam.planning.estimate import LayersToCut
-from bonecam.planning.holding.finished_beam import finished_beam
-from bonecam.planning.holding.found_depths import PEAK_SHARE, with_found_depths
-from bonecam.planning.holding.neck_figures import Neck, neck_figures
+from bonecam.planning.neck import PEAK_SHARE, Neck, finished_beam, neck_figures, with_found_depths
 from bonecam.setup.capsule import Capsule
 from bonecam.setup.placement import Setup
 from bonecam.setup.schedule import schedule_of

@@ -7,13 +7,12 @@ from typed_values import differences
 from bonecam.job import Job
 from bonecam.machine.machine import read_machine
 from bonecam.mesh.part import Part
-from bonecam.mesh.solids.revolution import cylinder
-from bonecam.nc.posting.rotary.machine_limits import machine_limits
+from bonecam.mesh.solids import cylinder
+from bonecam.nc.path_words import machine_limits
 from bonecam.planning.estimate import LayersToCut
-from bonecam.planning.holding.neck_figures import FREQUENCY_MULTIPLE, LARGEST_SHIFT, neck_figures
-from bonecam.planning.holding.neck_remedies import neck_remedies, neck_report
-from bonecam.report.mechanics_lines import post_lines
-from bonecam.report.typed.to_levels import PostFigures
+from bonecam.planning.neck import FREQUENCY_MULTIPLE, LARGEST_SHIFT, neck_figures, neck_remedies, neck_report
+from bonecam.report.typed import PostFigures
+from bonecam.report.warnings import post_lines
 from bonecam.setup.capsule import Capsule
 from bonecam.setup.placement import Setup
 from bonecam.setup.schedule import schedule_of

@@ -11,27 +11,24 @@ from bonecam.job import HoldingJob, Job
 from bonecam.machine.limits import MachineLimits
 from bonecam.machine.machine import read_machine
 from bonecam.mesh.distance import MeshDistance
-from bonecam.mesh.facets.hull import convex_hull
 from bonecam.mesh.part import Part
+from bonecam.mesh.smooth_surface import convex_hull
 from bonecam.nc.dialect import read_dialect
-from bonecam.nc.posting.rotary.machine_limits import machine_limits
-from bonecam.nc.posting.write import write_program
-from bonecam.planning.collision.scene import Scene
-from bonecam.planning.holding.parting_paths import check_parting, parting_paths
-from bonecam.planning.holding.post_length import parting_lift
-from bonecam.planning.passes.parting import cut_groove
-from bonecam.report.tables.cl_data import read_apt
-from bonecam.report.tables.cl_text import apt_text
+from bonecam.nc.path_words import machine_limits
+from bonecam.nc.posting import write_program
+from bonecam.planning.levels import check_parting, parting_paths
+from bonecam.planning.post_length import parting_lift
+from bonecam.planning.scene import Scene
+from bonecam.planning.stump import cut_groove
+from bonecam.report.tables import apt_text, read_apt
 from bonecam.setup.capsule import smallest_capsule
 from bonecam.setup.placement import Setup
 from bonecam.setup.schedule import schedule_of
 from bonecam.setup.stocks.mesh import ConvexStock
 from bonecam.tool.path import PARTING
 from bonecam.verify.proof import verify
-from bonecam.verify.removal.of_job import check_removal_of_job, cutters_of
-from bonecam.verify.removal.simulate import simulate_removal
-from bonecam.verify.removal.sweeping import Accuracy
-from bonecam.verify.removal.verdicts import check_removal
+from bonecam.verify.removal import check_removal, check_removal_of_job, cutters_of, simulate_removal
+from bonecam.verify.sweeping import Accuracy
 from bonecam.workholding.clamping import clamping_of
 from bonecam.workholding.post import Post
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bonecam.errors import OrientationError
-from bonecam.planning.holding.post_length import shortest_post
+from bonecam.planning.post_length import shortest_post
 from bonecam.workholding.clamping import Clamping
 
 NOTHING = Clamping((), closed=True, clearance=1.0)

@@ -9,11 +9,10 @@ import pytest
 
 from bonecam.errors import OrientationError
 from bonecam.job import Job
-from bonecam.machine.frustum import Frustum
+from bonecam.machine.bodies import Frustum
 from bonecam.machine.machine import read_machine
-from bonecam.nc.posting.rotary.machine_limits import machine_limits
-from bonecam.planning.holding.post_length import check_reached, find_post_length, level_lifts
-from bonecam.planning.holding.reach import STEEP_TILT, what_would_help
+from bonecam.nc.path_words import machine_limits
+from bonecam.planning.post_length import STEEP_TILT, check_reached, find_post_length, level_lifts, what_would_help
 from bonecam.progress import silent
 from bonecam.setup.placement import place
 from bonecam.surface.files.surface_input import read_part

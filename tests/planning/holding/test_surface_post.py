@@ -3,9 +3,9 @@
 import numpy as np
 
 from bonecam.job import HoldingJob
-from bonecam.mesh.solids.revolution import cylinder
+from bonecam.mesh.solids import cylinder
 from bonecam.mesh.triangle_mesh import side_by_side
-from bonecam.planning.holding.surface_post import carrying_solid, surface_holding
+from bonecam.planning.post_length import carrying_solid, surface_holding
 from bonecam.surface import skin
 
 ANGLE = np.linspace(0, 2 * np.pi, 24, endpoint=False)

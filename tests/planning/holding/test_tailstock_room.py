@@ -10,18 +10,17 @@ from bonecam.errors import JobError
 from bonecam.job import Job
 from bonecam.machine.machine import read_machine
 from bonecam.mesh.part import Part
-from bonecam.mesh.solids.revolution import cylinder
-from bonecam.nc.posting.rotary.machine_limits import machine_limits
-from bonecam.planning.holding.neck import find_standing
-from bonecam.planning.holding.parting_paths import check_parting
-from bonecam.planning.holding.tailstock_room import blocked_share
+from bonecam.mesh.solids import cylinder
+from bonecam.nc.path_words import machine_limits
+from bonecam.planning.levels import check_parting
+from bonecam.planning.neck import find_standing
+from bonecam.planning.post_length import blocked_share
 from bonecam.progress import silent
-from bonecam.report.typed.run_report import post_report
-from bonecam.report.typed.to_levels import TailstockFigures
+from bonecam.report.typed import TailstockFigures, post_report
 from bonecam.setup.placement import Setup, place
 from bonecam.surface.files.surface_input import read_part
 from bonecam.workholding.clamping import clamping_of
-from bonecam.workholding.tailstock import settled_bracket
+from bonecam.workholding.post import settled_bracket
 
 LIMITS = machine_limits(read_machine("mikron-ucp600"))
 COLLET = {"diameter": 5.0, "chuck_diameter": 22.0, "chuck_height": 100.0, "stub_length": 15.0}

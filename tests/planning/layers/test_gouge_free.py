@@ -4,9 +4,7 @@ import numpy as np
 
 from bonecam.job import Job, PathJob
 from bonecam.mesh.distance import MeshDistance
-from bonecam.planning.layers.chart import FlatChart
-from bonecam.planning.layers.height_field import HeightField
-from bonecam.planning.layers.roughing_layers import Rough, rough_layer
+from bonecam.planning.layers import FlatChart, HeightField, Rough, rough_layer
 from bonecam.setup.stocks.cylinder import Cylinder
 from bonecam.tool.cutter import Cutter
 

@@ -2,9 +2,7 @@
 
 import numpy as np
 
-from bonecam.planning.layers.chart import FlatChart
-from bonecam.planning.layers.height_field import CELL, DEVIATION, stock_field
-from bonecam.planning.layers.height_mesh import HeightMesh
+from bonecam.planning.layers import CELL, DEVIATION, FlatChart, HeightMesh, stock_field
 from bonecam.setup.stocks.cylinder import Cylinder
 
 

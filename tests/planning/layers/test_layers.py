@@ -8,20 +8,23 @@ import pytest
 
 from bonecam.job import Job
 from bonecam.mesh.distance import MeshDistance
-from bonecam.mesh.healing.topology import edges_of
+from bonecam.mesh.solids import edges_of
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.planning.layers.chart import FlatChart, RoundChart
-from bonecam.planning.layers.drop import Ball, drop_balls
-from bonecam.planning.layers.height_field import HeightField, stock_field
-from bonecam.planning.layers.layer_curves import sample
-from bonecam.planning.layers.scan_lines import flat_step, scan_lines
-from bonecam.planning.strategies.iso_height import iso_height_layers
-from bonecam.planning.strategies.rotary import rotary_layers
-from bonecam.planning.strategies.slices import offset_curves, thinned
+from bonecam.planning.layers import (
+    Ball,
+    FlatChart,
+    HeightField,
+    RoundChart,
+    drop_balls,
+    flat_step,
+    sample,
+    scan_lines,
+    stock_field,
+)
+from bonecam.planning.strategies import iso_height_layers, offset_curves, rotary_layers, thinned
 from bonecam.setup.capsule import Capsule
 from bonecam.setup.stocks.cylinder import Cylinder
-from bonecam.tool.ball_depth import MAX_DEPTH_RADII
-from bonecam.tool.cutter import Cutter
+from bonecam.tool.cutter import MAX_DEPTH_RADII, Cutter
 from bonecam.workholding.post import Post
 
 Plan = Callable[..., tuple]

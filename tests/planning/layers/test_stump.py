@@ -6,9 +6,8 @@ import pytest
 from bonecam.job import Job
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.planning.layers.finishing_layers import depths_in
-from bonecam.planning.layers.height_field import HeightField
-from bonecam.planning.layers.stump import STEPS, off_part, stump_chart, stump_layers
+from bonecam.planning.layers import HeightField, depths_in
+from bonecam.planning.stump import STEPS, off_part, stump_chart, stump_layers
 from bonecam.tool.cutter import Cutter
 from bonecam.workholding.post import Post
 

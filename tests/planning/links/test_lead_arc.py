@@ -8,16 +8,13 @@ from boxes import boxes
 from numpy import ndarray
 
 from bonecam.arrays import unit
-from bonecam.machine.frustum import Frustum
+from bonecam.machine.bodies import Frustum
 from bonecam.machine.limits import MachineLimits
 from bonecam.mesh.distance import MeshDistance
-from bonecam.planning.collision.checker import CollisionChecker
-from bonecam.planning.collision.scene import Scene
-from bonecam.planning.links.lead_arc import STEPS, arcs_from, arcs_to, begins_tangentially
-from bonecam.planning.links.leads import find_leads, led_links
-from bonecam.planning.links.link_space import LinkSpace
-from bonecam.planning.links.moves import Feeds
-from bonecam.planning.links.sequence import link_runs
+from bonecam.planning.collision import CollisionChecker
+from bonecam.planning.link_space import Feeds, LinkSpace
+from bonecam.planning.links import ARC_STEPS, arcs_from, arcs_to, begins_tangentially, find_leads, led_links, link_runs
+from bonecam.planning.scene import Scene
 from bonecam.setup.capsule import smallest_capsule
 from bonecam.tool.cutter import Cutter
 from bonecam.tool.path import MoveKind
@@ -62,7 +59,7 @@ def test_an_arc_is_tangential_to_the_cut_and_rises_from_it(floor: Callable[[floa
     assert into is not None
     assert out is not None
     for (centres, axes), end, way in ((into, ALONG[0], -1.0), (out, ALONG[-1], 1.0)):
-        assert len(centres) == STEPS
+        assert len(centres) == ARC_STEPS
         middle = np.array([0.0, end, FLOOR + 2 * RADIUS])
         assert np.allclose(np.linalg.norm(centres - middle, axis=1), RADIUS)
         assert (np.diff(centres[:, 2]) > 0).all()
@@ -97,8 +94,8 @@ def test_runs_are_linked_by_their_arcs_and_straight_where_there_is_none(floor: C
     assert [k for k, _ in found.links] == [0, 1]
     for (_, link), run in zip(found.links, runs, strict=True):
         assert begins_tangentially(link.centres[-1], contacts[0][run])
-        assert (link.feeds[-STEPS:] == 900.0).all()
-        assert (link.kinds[-STEPS:] == MoveKind.LINK).all()
+        assert (link.feeds[-ARC_STEPS:] == 900.0).all()
+        assert (link.kinds[-ARC_STEPS:] == MoveKind.LINK).all()
         assert 300.0 not in link.feeds
     assert found.home is not None
     assert np.allclose(found.home.centres[0, :2], contacts[0][runs[1][-1], :2])

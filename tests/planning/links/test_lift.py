@@ -10,9 +10,9 @@ from bonecam.errors import MachineError
 from bonecam.job import NcJob, PathJob
 from bonecam.machine.limits import LiftPlaces, MachineLimits
 from bonecam.mesh.distance import MeshDistance
-from bonecam.planning.collision.scene import Scene
-from bonecam.planning.links import lift
+from bonecam.planning import links
 from bonecam.planning.oriented_path import orient
+from bonecam.planning.scene import Scene
 from bonecam.surface.tspline import TSpline
 from bonecam.tool.cutter import Cutter
 from bonecam.tool.path import ContactPath, MoveKind, ToolPath
@@ -100,7 +100,7 @@ def test_several_lifts_keep_their_places(made: Made) -> None:
 def test_a_place_that_cannot_be_left_is_not_asked_for_again(made: Made, monkeypatch: pytest.MonkeyPatch) -> None:
     path, _, oriented = made
     blocked, free = cuts_in_a_row(path)[[20, 30]].tolist()
-    real = lift.no_transfers
+    real = links.no_transfers
 
     class Blocked:
         """Transfers, but none from one pose."""
@@ -115,7 +115,7 @@ def test_a_place_that_cannot_be_left_is_not_asked_for_again(made: Made, monkeypa
         def found(self):  # type: ignore[no-untyped-def]
             return {pair: None if blocked - 1 in pair else way for pair, way in self.transfers.found.items()}
 
-    monkeypatch.setattr(lift, "no_transfers", lambda *given, **named: Blocked(real(*given, **named)))
+    monkeypatch.setattr(links, "no_transfers", lambda *given, **named: Blocked(real(*given, **named)))
 
     def places(axes: np.ndarray, kinds: np.ndarray, left: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return at(axes, free - 1 if blocked - 1 in left else blocked - 1)

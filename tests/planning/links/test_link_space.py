@@ -7,18 +7,16 @@ import numpy as np
 import pytest
 
 from bonecam.job import HoldingJob
-from bonecam.levels.measure.cut_measures import NO_CUT
-from bonecam.levels.measure.level import MachinedLevel, StockLevel
+from bonecam.levels.measure import NO_CUT, MachinedLevel, StockLevel
 from bonecam.machine.limits import MachineLimits
-from bonecam.material.cut_dexels import uncut_rays
+from bonecam.material.dexels import uncut_rays
 from bonecam.material.in_process_stock import remove_material, uncut_material
-from bonecam.planning.collision.checker import CollisionChecker
-from bonecam.planning.collision.scene import Scene
-from bonecam.planning.layers.height_mesh import HeightMesh
-from bonecam.planning.links import direct
-from bonecam.planning.links.direct import direct_links
-from bonecam.planning.links.link_space import ARC_ALLOWED, CUT_ALLOWED, LinkSpace
-from bonecam.planning.links.moves import Feeds
+from bonecam.planning import links
+from bonecam.planning.collision import CollisionChecker
+from bonecam.planning.layers import HeightMesh
+from bonecam.planning.link_space import ARC_ALLOWED, CUT_ALLOWED, Feeds, LinkSpace
+from bonecam.planning.links import direct_links
+from bonecam.planning.scene import Scene
 from bonecam.setup.capsule import Capsule
 from bonecam.surface.tspline import TSpline
 from bonecam.tool.cutter import Cutter
@@ -125,7 +123,7 @@ def runs_straight(space: LinkSpace, depth: float, y: tuple[float, float], arcs: 
 
 @pytest.fixture
 def told_by_rays(space: LinkSpace, monkeypatch: pytest.MonkeyPatch) -> LinkSpace:
-    monkeypatch.setattr(direct, "_proven_free", lambda _, centres, axes: np.ones(len(centres), dtype=bool))
+    monkeypatch.setattr(links, "_proven_free", lambda _, centres, axes: np.ones(len(centres), dtype=bool))
     return space
 
 

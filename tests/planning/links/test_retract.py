@@ -6,16 +6,14 @@ import numpy as np
 import pytest
 from boxes import BOX
 
-from bonecam.machine.frustum import Frustum
+from bonecam.machine.bodies import Frustum
 from bonecam.machine.limits import MachineLimits
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.planning.collision.checker import CollisionChecker
-from bonecam.planning.collision.scene import Scene
-from bonecam.planning.links import retract
-from bonecam.planning.links.link_space import LinkSpace, Polyline
-from bonecam.planning.links.moves import Feeds
-from bonecam.planning.links.retract import departures, find_retracts
+from bonecam.planning import link_space
+from bonecam.planning.collision import CollisionChecker
+from bonecam.planning.link_space import Feeds, LinkSpace, Polyline, departures, find_retracts
+from bonecam.planning.scene import Scene
 from bonecam.setup.capsule import smallest_capsule
 from bonecam.tool.cutter import Cutter
 from bonecam.workholding.post import Post
@@ -53,7 +51,7 @@ def test_between_leaning_walls_the_way_out_leans_as_they_do(monkeypatch: pytest.
     way = found.moves.centres[-1] - CENTRE
     assert 11 < np.degrees(np.arctan2(way[0], way[2])) < 17
     assert np.allclose(found.moves.axes, up)
-    monkeypatch.setattr(retract, "LEANS", np.zeros(0))
+    monkeypatch.setattr(link_space, "LEANS", np.zeros(0))
     assert find_retracts(leaning, [(CENTRE, up)]) == [None]
 
 

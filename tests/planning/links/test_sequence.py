@@ -5,14 +5,13 @@ import pytest
 from boxes import boxes
 from numpy import ndarray
 
-from bonecam.machine.frustum import Frustum
+from bonecam.machine.bodies import Frustum
 from bonecam.machine.limits import MachineLimits
 from bonecam.mesh.distance import MeshDistance
-from bonecam.planning.collision.checker import CollisionChecker
-from bonecam.planning.collision.scene import Scene
-from bonecam.planning.links.link_space import LinkSpace
-from bonecam.planning.links.moves import Feeds, Pose
-from bonecam.planning.links.sequence import link_runs
+from bonecam.planning.collision import CollisionChecker
+from bonecam.planning.link_space import Feeds, LinkSpace, Pose
+from bonecam.planning.links import link_runs
+from bonecam.planning.scene import Scene
 from bonecam.setup.capsule import smallest_capsule
 from bonecam.tool.cutter import Cutter
 from bonecam.workholding.post import Post

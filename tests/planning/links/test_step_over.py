@@ -11,12 +11,11 @@ from numpy import ndarray
 from bonecam.job import HoldingJob, PathJob
 from bonecam.machine.limits import MachineLimits
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.planning.collision.checker import CollisionChecker
-from bonecam.planning.collision.scene import Scene
-from bonecam.planning.layers.height_mesh import HeightMesh
-from bonecam.planning.links.link_space import LinkSpace
-from bonecam.planning.links.moves import Feeds
-from bonecam.planning.links.near_links import steps_over
+from bonecam.planning.collision import CollisionChecker
+from bonecam.planning.layers import HeightMesh
+from bonecam.planning.link_space import Feeds, LinkSpace
+from bonecam.planning.links import steps_over
+from bonecam.planning.scene import Scene
 from bonecam.setup.capsule import Capsule
 from bonecam.surface.tspline import TSpline
 from bonecam.tool.cutter import Cutter

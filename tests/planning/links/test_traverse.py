@@ -7,8 +7,7 @@ import pytest
 
 from bonecam.arrays import angles_between, unit
 from bonecam.machine.limits import MachineLimits
-from bonecam.planning.links.clearance_surface import ClearanceSurface
-from bonecam.planning.links.traverse import MAX_TURN, TraverseOptions, traverse
+from bonecam.planning.link_space import MAX_TURN, ClearanceSurface, TraverseOptions, traverse
 from bonecam.setup.capsule import Capsule
 
 STOCK = Capsule(np.array([1.0, -2.0, 45.0]), np.array([1.0, -2.0, 60.0]), 6.0)

@@ -11,10 +11,10 @@ from scipy.spatial import KDTree
 
 from bonecam.errors import ToolPathError
 from bonecam.job import HoldingJob, PathJob
-from bonecam.levels.measure.level import Level
+from bonecam.levels.measure import Level
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.planning.passes.contacts import POST_CLEARANCE, candidate_contacts, contact_path
+from bonecam.planning.contacts import POST_CLEARANCE, candidate_contacts, contact_path
 from bonecam.surface.tspline import TSpline
 from bonecam.tool.cutter import Cutter
 from bonecam.tool.path import ContactPath

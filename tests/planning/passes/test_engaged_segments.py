@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bonecam.planning.passes.engaged_segments import (
+from bonecam.planning.contacts import (
     BESIDE,
     LEAST_CONTACTS,
     SHORT_GAP,

@@ -5,7 +5,7 @@ import pytest
 
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.planning.passes.gouge_lifts import (
+from bonecam.planning.contacts import (
     BETWEEN_SHARE,
     FLUTE_SHARE,
     MESH_SHARE,

@@ -7,13 +7,11 @@ import pytest
 from scipy.spatial import KDTree
 
 from bonecam.job import PathJob
-from bonecam.levels.measure.cut_measures import NO_CUT
-from bonecam.levels.measure.level import StockLevel
+from bonecam.levels.measure import NO_CUT, StockLevel
 from bonecam.material.in_process_stock import remove_material, uncut_material
 from bonecam.mesh.distance import MeshDistance
-from bonecam.planning.passes.contacts import candidate_contacts, contact_path
-from bonecam.planning.passes.engaged_segments import UNCERTAIN, DepthLimits
-from bonecam.planning.passes.rest_machining import ENTRY, RestMachining, _step, after_steps, too_deep
+from bonecam.planning.contacts import UNCERTAIN, DepthLimits, candidate_contacts, contact_path
+from bonecam.planning.rest_machining import ENTRY, RestMachining, _step, after_steps, too_deep
 from bonecam.setup.capsule import Capsule
 from bonecam.tool.path import MoveKind
 from bonecam.workholding.post import post_below

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from bonecam.planning.strategies.indexed import indexed
+from bonecam.planning.strategies import indexed
 from bonecam.tool.cutter import Cutter
 from bonecam.tool.elliptic_cones import EllipticCones
 from bonecam.tool.path import FreeCones, MoveKind, ToolPath

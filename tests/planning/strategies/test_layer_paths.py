@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from bonecam.job import Job
-from bonecam.levels.measure.level import Level
+from bonecam.levels.measure import Level
 from bonecam.machine.limits import MachineLimits
-from bonecam.material.cut_dexels import CutDexels, uncut_rays
-from bonecam.planning.strategies.layer_paths import plan_layer_paths
+from bonecam.material.dexels import CutDexels, uncut_rays
+from bonecam.planning.strategies import plan_layer_paths
 from bonecam.setup.capsule import Capsule
 from bonecam.surface.tspline import TSpline
 from bonecam.tool.path import MoveKind, ToolPath

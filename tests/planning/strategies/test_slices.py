@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from bonecam.planning.layers.chart import FlatChart
-from bonecam.planning.strategies.slices import SPACED, STRAIGHT, offset_curves
+from bonecam.planning.layers import FlatChart
+from bonecam.planning.strategies import SPACED, STRAIGHT, offset_curves
 
 X, Y = np.eye(3)[:2]
 

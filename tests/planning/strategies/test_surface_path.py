@@ -4,11 +4,11 @@ import numpy as np
 
 import bonecam
 from bonecam.machine.machine import read_machine
-from bonecam.nc.posting.rotary.machine_limits import machine_limits
-from bonecam.planning.axes.field.smooth_axes import machine_minutes
-from bonecam.planning.strategies.surface_path import Workpiece, finishing_cutter, surface_contacts, wanted_axes
+from bonecam.nc.path_words import machine_limits
+from bonecam.planning.axes.field import machine_minutes
+from bonecam.planning.surface_paths import Workpiece, finishing_cutter, surface_contacts, wanted_axes
 from bonecam.surface import skin
-from bonecam.surface.blades.blade_solid import blade_solid
+from bonecam.surface.blades import blade_solid
 from bonecam.workholding.clamping import clamping_of
 
 JOB = bonecam.Job().with_values(

@@ -12,20 +12,18 @@ from bonecam.cli import main
 from bonecam.errors import FileError, LevelError
 from bonecam.levels import job_levels
 from bonecam.levels.edge_rounding import levels_in
-from bonecam.levels.measure.level import Level, StockLevel
-from bonecam.levels.measure.line_depths import line_depths
+from bonecam.levels.measure import Level, StockLevel, line_depths
 from bonecam.levels.open_morph import morph_open
 from bonecam.mesh.files.mesh_files import read_mesh, write_mesh
 from bonecam.mesh.meshlab import meshlab
-from bonecam.report.files import kept_folder
-from bonecam.report.files.kept_folder import keep_failed_level, keep_levels
-from bonecam.report.page.packing import Contents, pack
-from bonecam.report.page.program_contents import NO_LEVEL, PARTED
+from bonecam.report import kept
+from bonecam.report.kept import keep_failed_level, keep_levels
+from bonecam.report.page.contents import NO_LEVEL, PARTED, Contents, pack
 from bonecam.runtime.own_files import OWN_FILES
 from bonecam.setup.capsule import Capsule
 from bonecam.setup.schedule import Schedule
 from bonecam.setup.stocks.cylinder import Cylinder
-from bonecam.surface.skinning.skin import skin
+from bonecam.surface.skinning import skin
 from bonecam.surface.tspline import TSpline
 from bonecam.tool.path import MoveKind
 
@@ -196,6 +194,6 @@ def test_the_picture_of_engagement_shows_levels_and_no_parting(monkeypatch, tmp_
     view = pack(Contents({"tools": [{"number": 1, "radius": 2.0}]}, moves))
     made = SimpleNamespace(packed_view=view, levels=SimpleNamespace(levels=[]))
     drawn = []
-    monkeypatch.setattr(kept_folder, "draw_engagement", lambda *given, **named: drawn.extend(given[1][named["cuts"]]))
-    kept_folder._draw_engagement(made, tmp_path / "engagement.png")
+    monkeypatch.setattr(kept, "draw_engagement", lambda *given, **named: drawn.extend(given[1][named["cuts"]]))
+    kept._draw_engagement(made, tmp_path / "engagement.png")
     assert drawn == [1, 0]

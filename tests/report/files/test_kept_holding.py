@@ -8,7 +8,7 @@ import pytest
 
 from bonecam.errors import FileError
 from bonecam.job import Job, write_job
-from bonecam.report.files.kept_bodies import with_kept_cutters, with_kept_holding
+from bonecam.report.kept import with_kept_cutters, with_kept_holding
 
 OPEN = Job().with_values(holding={"diameter": 0.0}, levels={"finishing_levels": 2})
 FOUND = OPEN.with_values(

@@ -10,13 +10,12 @@ import bonecam
 from bonecam.errors import FileError
 from bonecam.machine.machine import read_machine
 from bonecam.nc.dialect import read_dialect
-from bonecam.nc.job_dialect import job_dialect
-from bonecam.nc.parts.files import check_apart
-from bonecam.nc.parts.joined import joined
-from bonecam.nc.posting.write import write_program
-from bonecam.nc.reading.read import read_program
+from bonecam.nc.parts import check_apart, joined
+from bonecam.nc.posting import write_program
+from bonecam.nc.reading import read_program
+from bonecam.nc.requirements import job_dialect
 from bonecam.report import read_apt
-from bonecam.report.files.output_files import Outputs, check_ending
+from bonecam.report.outputs import Outputs, check_ending
 from bonecam.verify.readback import Tolerances, compare_moves
 
 

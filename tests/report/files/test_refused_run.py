@@ -9,7 +9,7 @@ import pytest
 import bonecam
 from bonecam import pipeline
 from bonecam.errors import Cancelled, JobError, LevelError, LimitError, ToolPathError, VerifyError, knowing
-from bonecam.report.files.refused_run import FAULT, code_of, keep_refused, refused_figures, refusing, report_refused
+from bonecam.report.outputs import FAULT, code_of, keep_refused, refused_figures, refusing, report_refused
 from bonecam.runtime.own_files import OWN_FILES
 from bonecam.runtime.timing import StageTimes
 

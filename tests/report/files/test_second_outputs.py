@@ -20,14 +20,12 @@ from bonecam.errors import FileError
 from bonecam.machine.machine import read_machine
 from bonecam.mesh.files.mesh_files import read_mesh, write_mesh
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.nc.job_dialect import job_dialect
-from bonecam.nc.reading.read import read_program
-from bonecam.report.files.kept_bodies import GIVEN
-from bonecam.report.files.kept_view import SECOND_VIEW
-from bonecam.report.files.output_files import Outputs
-from bonecam.report.files.second_program import SecondProgram
-from bonecam.report.page.packing import Contents, unpack
-from bonecam.report.tables.cl_data import read_apt
+from bonecam.nc.reading import read_program
+from bonecam.nc.requirements import job_dialect
+from bonecam.report.kept import GIVEN, SECOND_VIEW, SecondProgram
+from bonecam.report.outputs import Outputs
+from bonecam.report.page.contents import Contents, unpack
+from bonecam.report.tables import read_apt
 from bonecam.tool.path import MoveKind
 
 pytestmark = pytest.mark.whole

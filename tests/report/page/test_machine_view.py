@@ -12,9 +12,9 @@ from scipy.spatial.transform import Rotation
 import bonecam
 from bonecam.machine.kinematics import forward, inverse_linear
 from bonecam.machine.machine import Machine, read_machine
-from bonecam.nc.job_dialect import job_dialect
-from bonecam.nc.reading.read import read_program
-from bonecam.report.page.program_contents import machine_facts, rotary_angles
+from bonecam.nc.reading import read_program
+from bonecam.nc.requirements import job_dialect
+from bonecam.report.page.contents import machine_facts, rotary_angles
 
 pytestmark = pytest.mark.whole
 

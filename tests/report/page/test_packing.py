@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from bonecam.errors import FileError
-from bonecam.report.page.packing import FLOAT_BYTES, VERSION, Contents, pack, unpack
+from bonecam.report.page.contents import FLOAT_BYTES, VERSION, Contents, pack, unpack
 
 
 @settings(max_examples=40)

@@ -15,10 +15,10 @@ import bonecam
 from bonecam.cli import main
 from bonecam.errors import FileError
 from bonecam.machine.machine import read_machine
-from bonecam.nc.job_dialect import job_dialect
-from bonecam.nc.reading.read import read_program
-from bonecam.report.files.kept_view import kept_contents
-from bonecam.report.page.packing import Contents, pack, unpack
+from bonecam.nc.reading import read_program
+from bonecam.nc.requirements import job_dialect
+from bonecam.report.kept import kept_contents
+from bonecam.report.page.contents import Contents, pack, unpack
 from bonecam.tool.path import MoveKind
 
 pytestmark = pytest.mark.whole
@@ -296,7 +296,7 @@ def test_a_notebook_shows_summary_and_page(small_run: Run, browser: Any, tmp_pat
 
 
 def test_a_page_too_large_for_a_notebook_is_a_picture(small_run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("bonecam.report.files.shown.INLINE", 1000)
+    monkeypatch.setattr("bonecam.report.kept.INLINE", 1000)
     shown = small_run[0]._repr_html_()
     assert 'src="data:image/png;base64,' in shown
     assert "MB: show() opens it" in shown

@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 from numpy import ndarray
 
-from bonecam.report.page.program_contents import thinned
+from bonecam.report.page.contents import thinned
 
 LENGTH = 10.0
 

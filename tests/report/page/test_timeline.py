@@ -10,9 +10,9 @@ import pytest
 
 import bonecam
 from bonecam.machine.machine import read_machine
-from bonecam.nc.job_dialect import job_dialect
-from bonecam.nc.reading.motions import Motions
-from bonecam.nc.reading.read import read_program
+from bonecam.nc.motions import Motions
+from bonecam.nc.reading import read_program
+from bonecam.nc.requirements import job_dialect
 
 pytestmark = pytest.mark.whole
 

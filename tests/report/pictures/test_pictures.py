@@ -12,15 +12,18 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.transforms import Bbox
 
-from bonecam.levels.measure.cut_measures import NO_CUT
-from bonecam.levels.measure.level import Level, PartLevel, RoundedLevel, StockLevel, rounding_cuts
+from bonecam.levels.measure import NO_CUT, Level, PartLevel, RoundedLevel, StockLevel, rounding_cuts
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.report.pictures.depth_colours import draw_coloured
-from bonecam.report.pictures.depth_curves import draw_depths, label_places
-from bonecam.report.pictures.engagement import draw_engagement
-from bonecam.report.pictures.level_sections import draw_levels
-from bonecam.report.pictures.tool_paths import draw_toolpath
-from bonecam.report.pictures.views import corner_normals, view
+from bonecam.report.pictures import (
+    corner_normals,
+    draw_coloured,
+    draw_depths,
+    draw_engagement,
+    draw_levels,
+    draw_toolpath,
+    label_places,
+    view,
+)
 from bonecam.setup.capsule import Capsule
 from bonecam.setup.stock import Stock
 from bonecam.setup.stocks.box import Box

@@ -13,11 +13,10 @@ import pytest
 import bonecam
 from bonecam.cli import main
 from bonecam.machine.machine import read_machine
-from bonecam.nc.job_dialect import job_dialect
-from bonecam.nc.posting.header.program_zero import ZeroWords
-from bonecam.nc.reading.read import read_program
-from bonecam.report.sheet.axes import axis_ranges
-from bonecam.report.sheet.drawing import Paper, draw_zero
+from bonecam.nc.header import ZeroWords
+from bonecam.nc.reading import read_program
+from bonecam.nc.requirements import job_dialect
+from bonecam.report.sheet.setup_sheet import Paper, axis_ranges, draw_zero
 from bonecam.report.summary import NOT_SIMULATED
 from bonecam.report.warnings import with_warnings
 

@@ -2,7 +2,7 @@
 
 from typed_values import differences
 
-from bonecam.report.typed.report import Report
+from bonecam.report.typed import Report
 
 SURFACE = {
     "control_points": 80,

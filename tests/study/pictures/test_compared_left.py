@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bonecam.study.pictures.compared_left import _seen
+from bonecam.study.pictures import _seen
 
 
 def test_the_place_nearest_to_the_viewer_is_seen() -> None:

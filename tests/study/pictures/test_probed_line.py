@@ -5,9 +5,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from bonecam.study.pictures import probed_line
-from bonecam.study.pictures.probed_line import LARGEST, draw_probed
-from bonecam.verify.probing.probe import BAND
+from bonecam.study import pictures
+from bonecam.study.pictures import LARGEST, draw_probed
+from bonecam.verify.probing import BAND
 
 
 def probed(deviation):
@@ -20,7 +20,7 @@ def probed(deviation):
 def drawn(monkeypatch):
     """Draws curves, and answers the plot and the words of its legend."""
     figures = []
-    monkeypatch.setattr(probed_line, "save_figure", lambda figure, _: figures.append(figure))
+    monkeypatch.setattr(pictures, "save_figure", lambda figure, _: figures.append(figure))
 
     def draw(*curves):
         draw_probed(curves, "probe.png")

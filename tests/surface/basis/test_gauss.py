@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bonecam.surface.basis.gauss import element_points, span_points, unit_rule
+from bonecam.surface.basis import element_points, span_points, unit_rule
 
 
 @pytest.mark.parametrize("count", [1, 2, 3, 4, 6, 12])

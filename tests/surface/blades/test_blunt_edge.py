@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from bonecam.surface.blades.blunt_edge import BLUNT, has_blunt_edge, rounded_edge, widest_edge
-from bonecam.surface.skinning.point_rows import PointRows
+from bonecam.surface.blades import BLUNT, has_blunt_edge, rounded_edge, widest_edge
+from bonecam.surface.skinning import PointRows
 
 LENGTH, WIDTH = 20.0, 0.3
 

@@ -10,7 +10,7 @@ from numpy import ndarray
 
 from bonecam.errors import FileError
 from bonecam.surface import blade_solid, impeller, read_flow_path, read_sections
-from bonecam.surface.blades.section_tables import about_z
+from bonecam.surface.blades import about_z
 
 Profiles = list[Float[ndarray, "n 3"]]
 

@@ -8,12 +8,9 @@ from small_wheel import HEIGHT, PROFILE, blade, hub
 
 import bonecam
 from bonecam.errors import SurfaceError
-from bonecam.mesh.solids.booleans import solid_difference
-from bonecam.mesh.solids.revolution import cylinder
-from bonecam.surface.blades.channel import channel_of
-from bonecam.surface.blades.meridian import hub_profile, meridional, places_on, point_at
-from bonecam.surface.blades.wheel import Wheel, wheel_of
-from bonecam.surface.files.wheel_input import read_blade, read_hub
+from bonecam.mesh.solids import cylinder, solid_difference
+from bonecam.surface.blades import Wheel, channel_of, hub_profile, meridional, places_on, point_at, wheel_of
+from bonecam.surface.files.surface_input import read_blade, read_hub
 
 REACH = 2.0
 

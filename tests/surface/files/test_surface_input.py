@@ -9,7 +9,6 @@ import pytest
 from numpy import ndarray
 
 from bonecam.errors import FileError, SurfaceError, UnitsError
-from bonecam.surface.files.save import check_target, save_surface
 from bonecam.surface.files.surface_input import (
     closed_mesh,
     holds_surface,
@@ -17,9 +16,9 @@ from bonecam.surface.files.surface_input import (
     read_surface,
     reverse_parameters,
 )
-from bonecam.surface.files.tspline_text import read_tsm, write_tsm
-from bonecam.surface.fitting.deviation import Deviation
-from bonecam.surface.fitting.fit import Fit
+from bonecam.surface.files.tspline_text import check_target, read_tsm, save_surface, write_tsm
+from bonecam.surface.fitting import Deviation
+from bonecam.surface.growth import Fit
 from bonecam.surface.tspline import TSpline
 
 

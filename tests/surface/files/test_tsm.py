@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 from bonecam.errors import FileError, SurfaceError
-from bonecam.surface.files.tsm.borders import with_mirrored_borders
-from bonecam.surface.files.tsm.write import tsm_text
+from bonecam.surface.files.tsm import tsm_text, with_mirrored_borders
 from bonecam.surface.files.tspline_text import read_tsm, write_tsm
-from bonecam.surface.tmesh.general import TMesh
+from bonecam.surface.tmesh import TMesh
 from bonecam.surface.tspline import TSpline
 
 MODELS = ("simple", "fan", "Bike", "mouse", "face", "gearbox2-9")

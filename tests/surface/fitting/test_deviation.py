@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.surface.fitting.deviation import deviation
-from bonecam.surface.fitting.mesh_samples import sample_mesh
-from bonecam.surface.skinning.skin import skin
+from bonecam.surface.fitting import deviation, sample_mesh
+from bonecam.surface.skinning import skin
 from bonecam.surface.tspline import TSpline
 
 POLES = np.array([[0.0, 0.0, -2.0], [0.0, 0.0, 2.0]])

@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.surface.fitting.deviation import deviation
-from bonecam.surface.fitting.fair_creases import least_radius, without_creases
-from bonecam.surface.fitting.fit import Fit
+from bonecam.surface.fitting import deviation
+from bonecam.surface.growth import Fit, least_radius, without_creases
 from bonecam.surface.tspline import TSpline
 
 

@@ -9,14 +9,11 @@ from scipy.spatial.transform import Rotation
 
 from bonecam.errors import MeshError
 from bonecam.mesh.distance import MeshDistance
-from bonecam.mesh.sections.harmonic_rows import Rows, harmonic_rows
+from bonecam.mesh.rows import Rows, harmonic_rows
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.surface.fitting.adapt import LOWEST, Votes, refine, with_t_knots
-from bonecam.surface.fitting.deviation import deviation
-from bonecam.surface.fitting.fit import Fit, fit
-from bonecam.surface.fitting.initial_surface import first_tmesh
-from bonecam.surface.fitting.steps import OFF, pole_rings
-from bonecam.surface.skinning.skin import skin
+from bonecam.surface.fitting import OFF, deviation, first_tmesh, pole_rings
+from bonecam.surface.growth import LOWEST, Fit, Votes, fit, refine, with_t_knots
+from bonecam.surface.skinning import skin
 from bonecam.surface.tspline import TSpline
 
 

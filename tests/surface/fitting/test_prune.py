@@ -3,14 +3,12 @@
 import numpy as np
 import pytest
 
-from bonecam.mesh.sections.harmonic_rows import Rows, harmonic_rows
+from bonecam.mesh.rows import Rows, harmonic_rows
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.surface.fitting.growth import Aim, settle
-from bonecam.surface.fitting.initial_surface import first_tmesh, through_loops, transfer
-from bonecam.surface.fitting.prune import prune
-from bonecam.surface.fitting.target import FitTarget, harmonic_parameters
-from bonecam.surface.skinning.skin import skin
-from bonecam.surface.tmesh.row_tmesh import RowTMesh
+from bonecam.surface.fitting import FitTarget, first_tmesh, harmonic_parameters, through_loops, transfer
+from bonecam.surface.growth import Aim, prune, settle
+from bonecam.surface.skinning import skin
+from bonecam.surface.tmesh import RowTMesh
 from bonecam.surface.tspline import TSpline
 
 POLES = np.array([[0.0, 0.0, -3.0], [0.0, 0.0, 3.0]])

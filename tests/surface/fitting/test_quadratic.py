@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from bonecam.surface.fitting.quadratic import Form, Term
+from bonecam.surface.fitting import Form, Term
 
 
 def random_term(seed: int, size: int, width: int) -> Term:

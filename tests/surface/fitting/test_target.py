@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy import ndarray
 
-from bonecam.surface.fitting.target import MeshSamples
+from bonecam.surface.fitting import MeshSamples
 from bonecam.surface.tspline import TSpline
 
 

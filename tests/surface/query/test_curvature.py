@@ -7,7 +7,7 @@ import pytest
 from numpy import ndarray
 
 from bonecam.errors import SurfaceError
-from bonecam.surface.tmesh.row_tmesh import RowTMesh
+from bonecam.surface.tmesh import RowTMesh
 from bonecam.surface.tspline import TSpline
 
 

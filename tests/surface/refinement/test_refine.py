@@ -13,10 +13,9 @@ from rows_to_general import as_general
 from bonecam.errors import SurfaceError
 from bonecam.surface.files.iga import read_iga, write_iga
 from bonecam.surface.files.tspline_text import read_tsm, write_tsm
-from bonecam.surface.fitting.fit import fit
-from bonecam.surface.skinning.skin import skin
-from bonecam.surface.tmesh.general import TMesh
-from bonecam.surface.tmesh.open_rows import OpenRowTMesh
+from bonecam.surface.growth import fit
+from bonecam.surface.skinning import skin
+from bonecam.surface.tmesh import OpenRowTMesh, TMesh
 from bonecam.surface.tspline import TSpline
 
 seeds = st.integers(0, 10_000)

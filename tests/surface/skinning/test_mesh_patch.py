@@ -7,8 +7,7 @@ from scipy.spatial import Delaunay
 from bonecam.errors import SurfaceError
 from bonecam.mesh.distance import hausdorff
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.surface import patch_surface
-from bonecam.surface.skinning import mesh_patch
+from bonecam.surface import patch_surface, skinning
 
 
 def patch(across: int = 24, along: int = 36, *, flipped: bool = False) -> TriangleMesh:
@@ -64,7 +63,7 @@ def test_a_mesh_that_is_no_patch_is_refused() -> None:
 
 
 def test_a_mesh_too_rough_for_the_tolerance_is_refused_with_what_is_reached(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(mesh_patch, "MOST", 2 * mesh_patch.FEWEST)
+    monkeypatch.setattr(skinning, "MOST", 2 * skinning.FEWEST)
     mesh = patch()
     rough = mesh.vertices + np.random.default_rng(1).normal(0, 0.4, mesh.vertices.shape)
     with pytest.raises(SurfaceError, match=r"misses it by .* mm: smooth the mesh, or raise surface.tolerance"):

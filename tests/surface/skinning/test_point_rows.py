@@ -8,7 +8,7 @@ import pytest
 from numpy import ndarray
 
 from bonecam.errors import FileError
-from bonecam.surface.skinning.point_rows import holds_rows, read_rows
+from bonecam.surface.skinning import holds_rows, read_rows
 
 
 def test_rows_between_two_poles_are_skinned_to_a_closed_outward_surface(

@@ -4,8 +4,8 @@ kept."""
 import numpy as np
 import pytest
 
-from bonecam.surface.basis.spline_space import collocation, interpolate, sites
-from bonecam.surface.skinning.skin import Reduction
+from bonecam.surface.basis import collocation, interpolate, sites
+from bonecam.surface.skinning import Reduction
 
 
 def wandering(count: int, closed: bool, seed: int = 3) -> np.ndarray:

@@ -5,9 +5,8 @@ import numpy as np
 import pytest
 
 from bonecam.errors import SurfaceError
-from bonecam.surface.basis.periodic import collocation
-from bonecam.surface.skinning.row_curves import RowCurves
-from bonecam.surface.skinning.skin import control_curves, row_parameters, skin
+from bonecam.surface.basis import periodic_collocation
+from bonecam.surface.skinning import RowCurves, control_curves, row_parameters, skin
 from bonecam.surface.tspline import TSpline
 
 POLES = np.array([[0.0, 0.0, -3.0], [0.0, 0.0, 3.0]])
@@ -146,7 +145,7 @@ def test_the_control_curves_leave_the_poles_in_odd_directions() -> None:
     assert np.allclose(control.points[0], POLES[0], atol=1e-12)
     assert np.allclose(control.points[-1], POLES[1], atol=1e-12)
     s = np.arange(17) / 17
-    near, far = (collocation(control.fine, x) @ control.points[1] - POLES[0] for x in (s, np.mod(s + 0.5, 1)))
+    near, far = (periodic_collocation(control.fine, x) @ control.points[1] - POLES[0] for x in (s, np.mod(s + 0.5, 1)))
     assert np.allclose(near, -far, atol=1e-10)
 
 

@@ -10,8 +10,8 @@ import pytest
 from bonecam.errors import SurfaceError
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.surface import ExtractedTMesh, TSpline, read_iga, write_iga
-from bonecam.surface.files.save import save_surface
-from bonecam.surface.tessellation.tessellate import tessellate
+from bonecam.surface.files.tspline_text import save_surface
+from bonecam.surface.tessellation import tessellate
 
 AREAS = {"arch_nurbs": 3 * np.pi / 4, "arch_tsplines": 3 * np.pi / 4, "plate_with_hole": 16 - np.pi / 4}
 AREAS |= {"square_structured": 1.0, "square_unstructured": 1.0}

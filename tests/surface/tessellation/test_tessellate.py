@@ -81,6 +81,6 @@ def test_what_cannot_be_tessellated_is_an_error(bone_like: Callable[..., TSpline
 def test_rounds_that_do_not_suffice_are_told(
     bone_like: Callable[..., TSpline], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("bonecam.surface.tessellation.tessellate.ROUNDS", 1)
+    monkeypatch.setattr("bonecam.surface.tessellation.ROUNDS", 1)
     with pytest.raises(SurfaceError, match=r"cannot be tessellated to 0\.002 mm .* in 1 rounds?, near"):
         bone_like(8, 8, 3).tessellate(0.002)

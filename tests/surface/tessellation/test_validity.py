@@ -7,7 +7,7 @@ import pytest
 
 from bonecam.errors import SurfaceError
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.surface.tessellation.validity import require_valid
+from bonecam.surface.tessellation import require_valid
 from bonecam.surface.tspline import TSpline
 
 

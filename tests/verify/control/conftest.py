@@ -10,13 +10,13 @@ import pytest
 from bonecam.job import Job
 from bonecam.machine.machine import Machine, read_machine
 from bonecam.nc.dialect import Dialect, dialect_names, read_dialect
-from bonecam.nc.posting.block_numbers import number_blocks
-from bonecam.nc.posting.feeds.drivable_feeds import drivable_paths
-from bonecam.nc.posting.write import write_program
-from bonecam.nc.reading.motions import Motions
-from bonecam.nc.reading.read import read_program
+from bonecam.nc.feeds import drivable_paths
+from bonecam.nc.motions import Motions
+from bonecam.nc.posting import write_program
+from bonecam.nc.reading import read_program
+from bonecam.nc.words import number_blocks
 from bonecam.tool.path import ToolPath
-from bonecam.verify.removal.of_job import cutters_of
+from bonecam.verify.removal import cutters_of
 
 
 @dataclass(frozen=True, eq=False)

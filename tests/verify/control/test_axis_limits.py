@@ -10,9 +10,9 @@ from bonecam.errors import VerifyError
 from bonecam.job import Job
 from bonecam.machine.machine import read_machine
 from bonecam.nc.dialect import read_dialect
-from bonecam.nc.posting.write import write_program
-from bonecam.nc.reading.read import read_program
-from bonecam.verify.control.axis_limits import check_limits
+from bonecam.nc.posting import write_program
+from bonecam.nc.reading import read_program
+from bonecam.verify.control import check_limits
 
 MIKRON = read_machine("mikron-ucp600")
 HEIDENHAIN, SIEMENS = read_dialect("heidenhain"), read_dialect("siemens-840d")

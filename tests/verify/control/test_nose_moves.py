@@ -10,10 +10,9 @@ from bonecam.job import Job
 from bonecam.machine.kinematics import inverse_linear
 from bonecam.machine.machine import read_machine
 from bonecam.nc.dialect import read_dialect
-from bonecam.nc.posting.write import write_program
-from bonecam.nc.reading.read import read_program
-from bonecam.verify.control.axis_limits import check_limits
-from bonecam.verify.control.nose_moves import nose_moves
+from bonecam.nc.posting import write_program
+from bonecam.nc.reading import read_program
+from bonecam.verify.control import check_limits, nose_moves
 
 SIEMENS = read_dialect("siemens-840d")
 

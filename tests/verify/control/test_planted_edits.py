@@ -9,16 +9,14 @@ import pytest
 
 from bonecam.errors import ProgramError, VerifyError
 from bonecam.mesh.distance import MeshDistance
-from bonecam.mesh.facets.hull import convex_hull
-from bonecam.nc.reading.read import read_program
+from bonecam.mesh.smooth_surface import convex_hull
+from bonecam.nc.reading import read_program
 from bonecam.setup.stocks.mesh import ConvexStock
 from bonecam.tool.cutter import Cutter
-from bonecam.verify.control.check import check_control
+from bonecam.verify.control import check_control
 from bonecam.verify.gouge import measure_gouge
-from bonecam.verify.removal.of_job import cutters_of
-from bonecam.verify.removal.simulate import simulate_removal
-from bonecam.verify.removal.sweeping import Accuracy
-from bonecam.verify.removal.verdicts import check_removal
+from bonecam.verify.removal import check_removal, cutters_of, simulate_removal
+from bonecam.verify.sweeping import Accuracy
 from bonecam.workholding.post import Post
 
 Blocks = list[str]

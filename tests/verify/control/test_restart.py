@@ -5,8 +5,8 @@ import re
 import pytest
 
 from bonecam.errors import ProgramError, VerifyError
-from bonecam.nc.reading.read import read_program
-from bonecam.verify.control.check import check_control
+from bonecam.nc.reading import read_program
+from bonecam.verify.control import check_control
 
 RETRACTS = {"siemens-840d": 1, "fanuc-30i": 2, "makino": 2, "mitsubishi": 2}
 """Blocks of the retract before the call of a tool."""

@@ -8,11 +8,11 @@ import pytest
 from bonecam.job import Job
 from bonecam.machine.machine import read_machine
 from bonecam.nc.dialect import read_dialect
-from bonecam.nc.posting.write import write_program
+from bonecam.nc.posting import write_program
 from bonecam.tool.path import MoveKind
-from bonecam.verify.probing.machined import PostedProgram
-from bonecam.verify.removal.simulate import simulate_removal
-from bonecam.verify.removal.sweeping import Accuracy
+from bonecam.verify.probing import PostedProgram
+from bonecam.verify.removal import simulate_removal
+from bonecam.verify.sweeping import Accuracy
 from bonecam.workholding.post import Post
 
 PAIR = read_machine("mikron-ucp600"), read_dialect("heidenhain")

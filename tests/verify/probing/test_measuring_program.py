@@ -7,9 +7,7 @@ import pytest
 
 from bonecam.errors import MachineError
 from bonecam.mesh.distance import MeshDistance
-from bonecam.verify.probing.line import probe_line
-from bonecam.verify.probing.measuring_program import CONTROLLERS, measuring_program
-from bonecam.verify.probing.probe import probe_surface
+from bonecam.verify.probing import CONTROLLERS, measuring_program, probe_line, probe_surface
 from bonecam.workholding.post import Post
 
 

@@ -6,9 +6,7 @@ import pytest
 
 from bonecam.errors import JobError
 from bonecam.mesh.distance import MeshDistance
-from bonecam.verify.probing.line import back_of, probe_line
-from bonecam.verify.probing.machined import Machined, PostedProgram
-from bonecam.verify.probing.probe import probe_surface, touching_centres
+from bonecam.verify.probing import Machined, PostedProgram, back_of, probe_line, probe_surface, touching_centres
 from bonecam.workholding.post import Post
 
 POST = Post(1.0, 32.0)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bonecam.verify.probing.roughness import CUT_OFF, NODE, SAMPLING, _ra_rz, roughness_of
+from bonecam.verify.probing import CUT_OFF, NODE, SAMPLING, _ra_rz, roughness_of
 
 
 @pytest.mark.parametrize(("pitch", "radius"), [(0.1, 1.0), (0.08, 2.0)])

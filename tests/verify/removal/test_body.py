@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from bonecam.job import Job
-from bonecam.kernels.removal.body import body_chord
+from bonecam.kernels.bodies import body_chord
 from bonecam.material.dexels import dexels_of
-from bonecam.nc.posting.header.texts import _shapes, tool_text
-from bonecam.nc.reading.tool_words import described_tool
+from bonecam.nc.header import _shapes, tool_text
+from bonecam.nc.motions import described_tool
 from bonecam.setup.stocks.cylinder import Cylinder
 from bonecam.tool.cutter import Cutter
-from bonecam.verify.removal.sweeping import volumes
+from bonecam.verify.sweeping import volumes
 
 CUTTER = Cutter.from_job(1, "roughing", Job().with_values(roughing={"shape": "bull"}).tool("roughing"))
 

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from bonecam.kernels.removal.convex import column_distance
-from bonecam.kernels.removal.frustum import frustum_distance
+from bonecam.kernels.bodies import column_distance, frustum_distance
 
 POINTS = 400
 

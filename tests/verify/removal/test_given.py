@@ -8,16 +8,14 @@ import pytest
 from bonecam.errors import MeshError, VerifyError
 from bonecam.job import Job, MeshJob
 from bonecam.mesh.distance import MeshDistance
-from bonecam.mesh.facets.coarseness import coarseness_of
-from bonecam.mesh.facets.smooth_surface import Smoothing
-from bonecam.mesh.healing.repair_state import Repair
-from bonecam.mesh.healing.surface_moves import surface_moves
+from bonecam.mesh.healing import Repair, surface_moves
 from bonecam.mesh.part import Part, measure_taken_off, prepare_part
+from bonecam.mesh.smooth_surface import Smoothing, coarseness_of
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.setup.capsule import Capsule
+from bonecam.verify.findings import GivenSurface, given_surface, measure_given
 from bonecam.verify.gouge import Gouge
-from bonecam.verify.removal.given import GivenSurface, given_surface, measure_given
-from bonecam.verify.removal.normal_probes import NormalProbes
+from bonecam.verify.sweeping import NormalProbes
 
 RADIUS = 2.5
 

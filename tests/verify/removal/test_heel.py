@@ -8,13 +8,12 @@ from bonecam.errors import VerifyError
 from bonecam.job import Job
 from bonecam.machine.machine import read_machine
 from bonecam.nc.dialect import read_dialect
-from bonecam.nc.posting.write import write_program
+from bonecam.nc.posting import write_program
 from bonecam.tool.cutter import Cutter
 from bonecam.tool.path import MoveKind, ToolPath
-from bonecam.verify.removal.result import Removal
-from bonecam.verify.removal.simulate import simulate_removal
-from bonecam.verify.removal.sweeping import Accuracy
-from bonecam.verify.removal.verdicts import check_removal
+from bonecam.verify.findings import Removal
+from bonecam.verify.removal import check_removal, simulate_removal
+from bonecam.verify.sweeping import Accuracy
 from bonecam.workholding.post import Post
 
 pytestmark = pytest.mark.whole

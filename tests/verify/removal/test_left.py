@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 
 from bonecam.machine.machine import read_machine
-from bonecam.nc.posting.rotary.machine_limits import machine_limits
+from bonecam.nc.path_words import machine_limits
 from bonecam.setup.capsule import Capsule
-from bonecam.verify.removal.left import beside_limits
-from bonecam.verify.removal.normal_probes import NormalProbes
-from bonecam.verify.removal.result import Left, Spot
+from bonecam.verify.findings import Left, Spot, beside_limits
+from bonecam.verify.sweeping import NormalProbes
 
 NOWHERE = Spot(0.0, 0, (0.0, 0.0, 0.0))
 

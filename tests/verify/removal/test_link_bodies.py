@@ -12,25 +12,22 @@ from bonecam.errors import BodiesError, MachineError
 from bonecam.job import Job
 from bonecam.machine.machine import MACHINES, Machine, read_machine
 from bonecam.mesh.files.mesh_files import write_mesh
-from bonecam.mesh.solids.revolution import cylinder
+from bonecam.mesh.solids import cylinder
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.dialect import read_dialect
-from bonecam.nc.posting.write import write_program
-from bonecam.nc.reading.read import read_program
-from bonecam.planning.collision.link_bodies import body_texts, check_bodies
-from bonecam.planning.collision.tool_mesh import block_mesh
+from bonecam.nc.posting import write_program
+from bonecam.nc.reading import read_program
+from bonecam.planning.collision import block_mesh, body_texts, check_bodies
 from bonecam.setup.capsule import Capsule
 from bonecam.tool.cutter import Cutter
 from bonecam.tool.path import ToolPath
-from bonecam.verify.removal.clearances import link_bodies
-from bonecam.verify.removal.clearances.link_bodies import NEAR, SHARE, body_clearance
-from bonecam.verify.removal.result import Clearance
-from bonecam.verify.removal.simulate import simulate_removal
-from bonecam.verify.removal.sweeping import Accuracy
-from bonecam.verify.removal.verdicts import check_removal
+from bonecam.verify import clearances
+from bonecam.verify.clearances import SHARE, TOUCHING, body_clearance
+from bonecam.verify.findings import Clearance
+from bonecam.verify.removal import check_removal, simulate_removal
+from bonecam.verify.sweeping import Accuracy
 from bonecam.workholding.clamping import Clamping
-from bonecam.workholding.column import Column
-from bonecam.workholding.post import Post
+from bonecam.workholding.post import Column, Post
 
 HEIDENHAIN = read_dialect("heidenhain")
 CUTTERS = [Cutter.from_job(1, "finishing", Job().tool("finishing"), read_machine("mikron-ucp600").nose)]
@@ -78,15 +75,15 @@ def test_the_least_clearance_is_that_of_all_poses(names: list[str], machine_with
     told = body_clearance(motions, machine, CUTTERS, Clamping((Column(140.0, 0.0, -np.inf),), closed=False), BOUNDS)
     assert told is not None
     assert told.least is not None
-    way = link_bodies._way_of(motions, np.arange(len(motions.tips)), motions.controls[1])
+    way = clearances._way_of(motions, np.arange(len(motions.tips)), motions.controls[1])
     fixed = [
-        link_bodies.Solid("box round the stock", block_mesh(BOUNDS)),
-        link_bodies.Solid("table", cylinder(140.0, -2000.0, 0.0, 0.2)),
+        clearances.Solid("box round the stock", block_mesh(BOUNDS)),
+        clearances.Solid("table", cylinder(140.0, -2000.0, 0.0, 0.2)),
     ]
-    pairs = link_bodies._pairs(way, CUTTERS[0], link_bodies.link_solids(machine), fixed)
+    pairs = clearances._pairs(way, CUTTERS[0], clearances.link_solids(machine), fixed)
     least = min(pair.distance(words) for pair in pairs for words in way.words)
-    assert told.least.value <= least + 1e-9 + max(NEAR, SHARE * least)
-    assert told.least.value >= least - NEAR
+    assert told.least.value <= least + 1e-9 + max(TOUCHING, SHARE * least)
+    assert told.least.value >= least - TOUCHING
 
 
 def test_a_wall_beside_the_tool_is_as_far_as_it_is(machine_with, path_of: Callable[..., ToolPath]) -> None:
@@ -99,8 +96,8 @@ def test_a_wall_beside_the_tool_is_as_far_as_it_is(machine_with, path_of: Callab
     assert told is not None
     assert told.least is not None
     assert (told.part, told.other, told.touched) == ("spindle", "wall", 0)
-    assert told.least.value == pytest.approx(20.0, abs=NEAR)
-    assert told.least.place == pytest.approx((40.0, 0.0, 100.0), abs=NEAR)
+    assert told.least.value == pytest.approx(20.0, abs=TOUCHING)
+    assert told.least.place == pytest.approx((40.0, 0.0, 100.0), abs=TOUCHING)
 
 
 def test_a_program_that_meets_a_body_is_refused_and_no_fault_of_the_part(
@@ -112,7 +109,7 @@ def test_a_program_that_meets_a_body_is_refused_and_no_fault_of_the_part(
     stock = Capsule(np.array([0.0, 0.0, 60.0]), np.array([0.0, 0.0, 80.0]), 3.0)
     text = write_program([path], machine, HEIDENHAIN, Job()).text
     removal = simulate_removal(text, machine, HEIDENHAIN, stock, Post(1.0, 57.0), CUTTERS, accuracy=Accuracy(0.4))
-    assert removal.report["clearance_mm"]["bodies"] < NEAR
+    assert removal.report["clearance_mm"]["bodies"] < TOUCHING
     with pytest.raises(BodiesError, match=r"line \d+: the holder comes within 0\.5 mm of the wall at"):
         check_removal(removal)
     check_removal(replace(removal, bodies=Clearance("bodies", None, 0)))

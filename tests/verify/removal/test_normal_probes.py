@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy import ndarray
 
-from bonecam.kernels.removal.normal_probes import Capsules, ProbesByCell, cut_normal_probes, probe_cells
+from bonecam.kernels.rays import Capsules, ProbesByCell, cut_normal_probes, probe_cells
 
 RADIUS = 2.0
 REACH = 0.3

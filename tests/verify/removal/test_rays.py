@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 
 from bonecam.errors import JobError
-from bonecam.kernels.removal.air import air_distances, in_material
-from bonecam.kernels.removal.cut import cut_capsule
-from bonecam.kernels.removal.frustum import frustum_clearance
-from bonecam.kernels.removal.sweep import Pieces
+from bonecam.kernels.bodies import frustum_clearance
+from bonecam.kernels.rays import air_distances, cut_capsule, in_material
+from bonecam.kernels.removal import Pieces
 from bonecam.material.dexels import copy_of, with_more_room
 from bonecam.material.rays import lay_grid, lay_rays, order
 from bonecam.mesh.triangle_mesh import TriangleMesh
@@ -15,8 +14,7 @@ from bonecam.setup.capsule import Capsule
 from bonecam.setup.stocks.box import Box
 from bonecam.setup.stocks.cylinder import Cylinder
 from bonecam.setup.stocks.mesh import ConvexStock
-from bonecam.verify.removal.normal_probes import NormalProbes
-from bonecam.verify.removal.sweeping import SimulatedStock, Sweeping, volumes
+from bonecam.verify.sweeping import NormalProbes, SimulatedStock, Sweeping, volumes
 
 BLOCK = Box(np.array([-5.0, -4.0, 10.0]), np.array([5.0, 4.0, 18.0]))
 

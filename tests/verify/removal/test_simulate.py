@@ -8,21 +8,18 @@ import pytest
 
 from bonecam.errors import JobError, ProgramError, VerifyError
 from bonecam.job import Job
-from bonecam.machine.frustum import Frustum
+from bonecam.machine.bodies import Frustum
 from bonecam.machine.machine import read_machine
 from bonecam.nc.dialect import read_dialect
-from bonecam.nc.posting.write import write_program
-from bonecam.nc.reading.read import read_program
+from bonecam.nc.posting import write_program
+from bonecam.nc.reading import read_program
 from bonecam.setup.capsule import Capsule
 from bonecam.tool.path import MoveKind
-from bonecam.verify.removal.left import measure_left
-from bonecam.verify.removal.normal_probes import NormalProbes
-from bonecam.verify.removal.simulate import simulate_removal
-from bonecam.verify.removal.sweeping import Accuracy
-from bonecam.verify.removal.verdicts import check_removal
+from bonecam.verify.findings import measure_left
+from bonecam.verify.removal import check_removal, simulate_removal
+from bonecam.verify.sweeping import Accuracy, NormalProbes
 from bonecam.workholding.clamping import Clamping
-from bonecam.workholding.column import Column
-from bonecam.workholding.post import Post
+from bonecam.workholding.post import Column, Post
 
 pytestmark = pytest.mark.whole
 

@@ -8,16 +8,23 @@ import pytest
 import scipy.sparse as sp
 
 from bonecam.arrays import unit
-from bonecam.levels.problem import program
-from bonecam.levels.problem.cut import ROUGH, Cut, StepParameters
-from bonecam.levels.problem.discretisation import Discretisation
-from bonecam.levels.problem.energies.energy import Given, Pulled, Quadratic
-from bonecam.levels.problem.energies.pull import targets
-from bonecam.levels.problem.energies.thin_plate import plate
-from bonecam.levels.problem.program import MOST_BENT, NET, SAMPLED, LevelProgram, program_of
+from bonecam.levels import program
+from bonecam.levels.problem import ROUGH, Cut, Discretisation, StepParameters
+from bonecam.levels.program import (
+    MOST_BENT,
+    NET,
+    SAMPLED,
+    Given,
+    LevelProgram,
+    Pulled,
+    Quadratic,
+    plate,
+    program_of,
+    targets,
+)
 from bonecam.levels.solvers import admm
 from bonecam.setup.capsule import Capsule
-from bonecam.surface.query.closest_point import closest_points_near
+from bonecam.surface.query import closest_points_near
 
 RNG = np.random.default_rng(4)
 

@@ -5,10 +5,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from bonecam.levels.problem.cut import Cut
-from bonecam.levels.problem.limits import planes as limits
-from bonecam.levels.problem.limits.planes import SLABS, WALLS, heights
-from bonecam.levels.problem.program import LevelProgram
+from bonecam.levels import program as limits
+from bonecam.levels.problem import Cut
+from bonecam.levels.program import SLABS, WALLS, LevelProgram, heights
 from bonecam.levels.solvers import admm
 from bonecam.setup.capsule import Capsule
 

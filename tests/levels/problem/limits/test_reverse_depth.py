@@ -6,10 +6,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from bonecam.levels.problem.discretisation import discretise
-from bonecam.levels.problem.energies.attraction import ATTRACTIONS
-from bonecam.levels.problem.limits.reverse_depth import reverse_depths
-from bonecam.levels.problem.remaining import remaining, whole
+from bonecam.levels.problem import ATTRACTIONS, discretise, remaining, whole
+from bonecam.levels.program import reverse_depths
 from bonecam.setup.capsule import Capsule
 from bonecam.surface.tspline import TSpline
 

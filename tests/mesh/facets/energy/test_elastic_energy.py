@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from bonecam.mesh.facets.delaunay import delaunay
-from bonecam.mesh.facets.energy.elastic_energy import ElasticEnergy
+from bonecam.mesh.facets import ElasticEnergy, delaunay
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
 SIZE = 21

@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from bonecam.mesh.facets.delaunay import delaunay
-from bonecam.mesh.facets.energy.voronoi_areas import voronoi_areas
+from bonecam.mesh.facets import delaunay, voronoi_areas
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
 

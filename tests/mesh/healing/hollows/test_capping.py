@@ -2,7 +2,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from bonecam.mesh.healing.hollows.capping import cap
+from bonecam.mesh.hollows import cap
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
 

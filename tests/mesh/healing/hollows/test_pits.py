@@ -5,11 +5,10 @@ import numpy as np
 import pytest
 
 from bonecam.job import Job, MeshJob
-from bonecam.mesh.healing.hollows.ball import CHORD
-from bonecam.mesh.healing.hollows.pits import LEAST, SHALLOW, Fill, fill_pits
+from bonecam.mesh.hollows import CHORD, LEAST, SHALLOW, Fill, fill_pits
 from bonecam.mesh.part import prepare_part
 from bonecam.mesh.remeshing import split_edges
-from bonecam.mesh.solids.intersections import self_intersections
+from bonecam.mesh.solids import self_intersections
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
 pytestmark = pytest.mark.whole

@@ -10,12 +10,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from bonecam.job import Job
-from bonecam.machine.control import Control
+from bonecam.machine.kinematics import Control
 from bonecam.machine.machine import MACHINES, machine_names, read_machine
 from bonecam.nc.dialect import read_dialect
-from bonecam.nc.posting.header.air_check import air_check_texts
-from bonecam.nc.posting.write import write_program
-from bonecam.report.page.program_contents import program_contents
+from bonecam.nc.header import air_check_texts
+from bonecam.nc.posting import write_program
+from bonecam.report.page.contents import program_contents
 from bonecam.setup.capsule import Capsule
 
 KINDS = ("table-table", "head-table", "head-head", "nutating")

@@ -14,12 +14,10 @@ from bonecam.machine.kinematics import forward, inverse_linear
 from bonecam.machine.machine import read_machine
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.dialect import read_dialect
-from bonecam.nc.posting.header.header import record_checks, record_simulation
-from bonecam.nc.posting.header.program_zero import zero_words
-from bonecam.nc.posting.header.texts import part_texts, second_setup_texts
-from bonecam.nc.posting.tolerances import contour_tolerance, rotary_tolerance_deg
-from bonecam.nc.posting.write import write_program
-from bonecam.nc.reading.read import read_program
+from bonecam.nc.header import part_texts, record_checks, record_simulation, second_setup_texts, zero_words
+from bonecam.nc.posting import write_program
+from bonecam.nc.reading import read_program
+from bonecam.nc.words import contour_tolerance, rotary_tolerance_deg
 from bonecam.setup.capsule import Capsule
 from bonecam.tool.cutter import Cutter
 from bonecam.tool.path import MoveKind, ToolPath

@@ -6,7 +6,7 @@ import pytest
 from bonecam.errors import MachineError
 from bonecam.machine.kinematics import inverse_rotary, tool_axes
 from bonecam.machine.machine import read_machine
-from bonecam.nc.posting.rotary.choice import choose_angles
+from bonecam.nc.rotary import choose_angles
 from bonecam.tool.path import MoveKind
 
 MIKRON = read_machine("mikron-ucp600")

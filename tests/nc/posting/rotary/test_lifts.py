@@ -6,8 +6,8 @@ import pytest
 from bonecam.errors import MachineError
 from bonecam.machine.kinematics import inverse_rotary, tool_axes
 from bonecam.machine.machine import read_machine
-from bonecam.nc.posting.rotary.choice import choose_angles
-from bonecam.nc.posting.rotary.lifts import lift_places
+from bonecam.nc.path_words import lift_places
+from bonecam.nc.rotary import choose_angles
 from bonecam.tool.path import MoveKind
 
 NOWHERE = np.zeros(0)

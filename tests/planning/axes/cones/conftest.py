@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from bonecam.job import PathJob
-from bonecam.machine.frustum import Frustum
+from bonecam.machine.bodies import Frustum
 from bonecam.machine.limits import MachineLimits
-from bonecam.planning.axes.cones.admissible_cones import AxisCones, admissible_cones
-from bonecam.planning.collision.scene import Scene
+from bonecam.planning.axes.cones import AxisCones, admissible_cones
+from bonecam.planning.scene import Scene
 from bonecam.tool.cutter import Cutter
 from bonecam.tool.path import ContactPath
 from bonecam.workholding.clamping import Clamping

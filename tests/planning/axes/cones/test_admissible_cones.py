@@ -10,17 +10,15 @@ from scipy.spatial import cKDTree
 from bonecam.arrays import unit
 from bonecam.errors import OrientationError
 from bonecam.job import PathJob
-from bonecam.kernels.closest.cone_marching import Apexes
-from bonecam.kernels.closest.direction_maps import direction_maps
+from bonecam.kernels.cones import Apexes, direction_maps
 from bonecam.machine.limits import MachineLimits, ReachedAxes, polar_angles
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.planning.axes.cones.admissible_cones import AxisCones, admissible_cones
-from bonecam.planning.axes.cones.sphere_leaves import leaf_centres, sphere_leaves
-from bonecam.planning.axes.cones.verify_cones import verify_cones
-from bonecam.planning.collision.scene import Scene
+from bonecam.planning.axes.cones import AxisCones, admissible_cones, verify_cones
+from bonecam.planning.axes.free_axes import leaf_centres, sphere_leaves
+from bonecam.planning.scene import Scene
 from bonecam.tool.path import ContactPath
 from bonecam.workholding.clamping import Clamping
-from bonecam.workholding.column import Column
+from bonecam.workholding.post import Column
 
 pytestmark = pytest.mark.whole
 

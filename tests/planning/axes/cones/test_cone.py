@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import BSpline
 
-from bonecam.planning.axes.cones.cone import CIRCLE_KNOTS, ObliqueEllipticCone
+from bonecam.planning.axes.cones import CIRCLE_KNOTS, ObliqueEllipticCone
 
 
 def cone_of(*vectors: list[float]) -> ObliqueEllipticCone:

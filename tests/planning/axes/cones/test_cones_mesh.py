@@ -9,7 +9,7 @@ import pytest
 from bonecam.arrays import angles_between, perpendicular, unit
 from bonecam.errors import OrientationError
 from bonecam.planning import cones_mesh
-from bonecam.report.pictures.views import is_closed
+from bonecam.report.pictures import is_closed
 from bonecam.tool import FreeCones, ToolPath
 from bonecam.tool.elliptic_cones import EllipticCones
 

@@ -2,9 +2,8 @@
 
 import numpy as np
 
-from bonecam.planning.axes.cones.admissible_cones import AxisCones
-from bonecam.planning.axes.cones.verify_cones import at_contacts
-from bonecam.planning.collision.scene import Scene
+from bonecam.planning.axes.cones import AxisCones, at_contacts
+from bonecam.planning.scene import Scene
 from bonecam.tool.path import ContactPath
 
 

@@ -8,8 +8,8 @@ import pytest
 from bonecam.arrays import unit
 from bonecam.mesh import MeshDistance
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.planning.axes.cones.envelope_catalogue import Sweep
-from bonecam.report.pictures.views import is_closed
+from bonecam.planning.axes.cones import Sweep
+from bonecam.report.pictures import is_closed
 
 RANDOM = np.random.default_rng(3)
 SIDES = 20

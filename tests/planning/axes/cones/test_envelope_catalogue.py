@@ -9,10 +9,10 @@ from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
 from bonecam.arrays import unit
-from bonecam.kernels.closest.swept_bounds import facets_below
+from bonecam.kernels.cones import facets_below
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.planning.axes.cones.envelope_catalogue import SIDES, Obstacle, Sweep, crossing
-from bonecam.planning.collision.fcl_model import crosses, solid_object
+from bonecam.planning.axes.cones import COARSE_SIDES, Obstacle, Sweep, crossing
+from bonecam.planning.collision import crosses, solid_object
 
 CASES = 400
 
@@ -83,7 +83,7 @@ def test_planes_tell_no_point_from_what_holds_it() -> None:
 def test_facets_that_are_left_cross_where_the_whole_mesh_does() -> None:
     left, met = [], 0
     for size, place, turn, solid in cases():
-        vertices, faces = Sweep(*size.tolist()).mesh(SIDES)
+        vertices, faces = Sweep(*size.tolist()).mesh(COARSE_SIDES)
         obstacle = Obstacle.of(solid)
         near = facets_below(vertices, faces, place, turn, obstacle.directions, obstacle.supports)
         whole = crosses(solid_object(vertices, faces), turn, place, obstacle.surface)
@@ -96,7 +96,7 @@ def test_facets_that_are_left_cross_where_the_whole_mesh_does() -> None:
 
 
 def test_left_facets_keep_their_places() -> None:
-    vertices, faces = Sweep(2.0, 12.0, 1.0, 0.5, 0.3, 0.2).mesh(SIDES)
+    vertices, faces = Sweep(2.0, 12.0, 1.0, 0.5, 0.3, 0.2).mesh(COARSE_SIDES)
     plane = np.array([[1.0, 0.0, 0.0]])
     kept, names = facets_below(vertices, faces, np.zeros(3), np.eye(3), plane, np.array([0.0]))
     corners = vertices[faces]
@@ -121,7 +121,7 @@ def test_the_catalogue_answers_as_fine_meshes_do() -> None:
 
 def test_a_sweep_that_no_mesh_holds_is_taken_to_cross() -> None:
     size, origin, upright = (np.array([[0.0, 1.495, 0.5, 0.816, 0.087, 0.254]]), np.zeros((1, 3)), np.eye(3)[None])
-    assert Sweep(*size[0].tolist()).mesh(SIDES) is None
+    assert Sweep(*size[0].tolist()).mesh(COARSE_SIDES) is None
     *_, solid = cases()[0]
     far = Obstacle.of(TriangleMesh(solid.vertices + 100.0, solid.faces))
     assert crossing(size, origin, upright, far).all()

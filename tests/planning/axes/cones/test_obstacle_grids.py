@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from bonecam.kernels.closest.distance_grids import distance_bounds
+from bonecam.kernels.distances import distance_bounds
 from bonecam.mesh.distance import MeshDistance
-from bonecam.mesh.facets.hull import convex_hull
-from bonecam.mesh.solids.booleans import solid_union
+from bonecam.mesh.smooth_surface import convex_hull
+from bonecam.mesh.solids import solid_union
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.planning.axes.cones.obstacle_grids import distance_grids
+from bonecam.planning.axes.free_axes import distance_grids
 
 RANDOM = np.random.default_rng(4)
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from bonecam.planning.axes.cones.obstacles import ROOMS, rooms_at
-from bonecam.planning.collision.scene import TANGENT_SLACK, Scene
+from bonecam.planning.axes.free_axes import ROOMS, rooms_at
+from bonecam.planning.scene import TANGENT_SLACK, Scene
 from bonecam.tool.path import ContactPath
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bonecam.planning.axes.cones.sphere_leaves import leaf_centres, sphere_leaves
+from bonecam.planning.axes.free_axes import leaf_centres, sphere_leaves
 
 
 def corners() -> np.ndarray:

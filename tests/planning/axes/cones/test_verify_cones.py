@@ -5,11 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bonecam.mesh.solids.revolution import revolve
+from bonecam.mesh.solids import revolve
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.planning.axes.cones.admissible_cones import AxisCones
-from bonecam.planning.axes.cones.verify_cones import verified_cones, verify_cones
-from bonecam.planning.collision.scene import Scene
+from bonecam.planning.axes.cones import AxisCones, verified_cones, verify_cones
+from bonecam.planning.scene import Scene
 from bonecam.tool.path import ContactPath
 
 SOME = 30

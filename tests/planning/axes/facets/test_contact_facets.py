@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from bonecam.arrays import angles_between, dots
-from bonecam.planning.axes.facets.contact_facets import LONG, ContactFacets, contact_facets
+from bonecam.planning.axes.field import LONG, ContactFacets, contact_facets
 from bonecam.surface.tspline import TSpline
 from bonecam.tool.path import ContactPath
 

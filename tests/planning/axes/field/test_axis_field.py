@@ -4,9 +4,19 @@ import numpy as np
 import pytest
 
 from bonecam.arrays import perpendicular
-from bonecam.planning.axes.field.axis_energy import BOUND_WEIGHT, PRESETS, AxisBounds, AxisEnergy
-from bonecam.planning.axes.field.axis_field import ALONG, AROUND, AxisField, FieldDomain, basis, second_differences
-from bonecam.planning.axes.field.smooth_axes import minimise
+from bonecam.planning.axes.field import (
+    ALONG,
+    AROUND,
+    BOUND_WEIGHT,
+    PRESETS,
+    AxisBounds,
+    AxisEnergy,
+    AxisField,
+    FieldDomain,
+    basis,
+    minimise,
+    second_differences,
+)
 from bonecam.tool.elliptic_cones import EllipticCones
 
 RANDOM = np.random.default_rng(2)

@@ -6,10 +6,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bonecam.planning.axes.facets.contact_facets import ContactFacets, contact_facets
-from bonecam.planning.axes.field.axis_energy import PRESETS, AxisBounds, AxisEnergy
-from bonecam.planning.axes.field.axis_field import ALONG, AROUND, FieldDomain, basis
-from bonecam.planning.axes.field.facet_energy import FacetEnergy
+from bonecam.planning.axes.field import (
+    ALONG,
+    AROUND,
+    PRESETS,
+    AxisBounds,
+    AxisEnergy,
+    ContactFacets,
+    FacetEnergy,
+    FieldDomain,
+    basis,
+    contact_facets,
+)
 from bonecam.surface.tspline import TSpline
 from bonecam.tool.elliptic_cones import EllipticCones
 from bonecam.tool.path import ContactPath

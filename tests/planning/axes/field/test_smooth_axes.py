@@ -8,20 +8,30 @@ import pytest
 
 from bonecam.arrays import dots
 from bonecam.job import NcJob, PathJob
-from bonecam.levels.measure.level import Level
+from bonecam.levels.measure import Level
 from bonecam.machine.limits import MachineLimits, polar_angles
-from bonecam.planning.axes.cones.admissible_cones import admissible_cones
-from bonecam.planning.axes.facets.contact_facets import contact_facets
-from bonecam.planning.axes.field.axis_field import ALONG, AROUND, AxisField, FieldDomain
-from bonecam.planning.axes.field.level_axes import SLOW, level_axes
-from bonecam.planning.axes.field.smooth_axes import SmoothAxes, machine_minutes, rotary_travel, smooth_axes, soonest
+from bonecam.planning.axes.cones import admissible_cones
+from bonecam.planning.axes.field import (
+    ALONG,
+    AROUND,
+    SLOW,
+    AxisField,
+    FieldDomain,
+    SmoothAxes,
+    contact_facets,
+    level_axes,
+    machine_minutes,
+    rotary_travel,
+    smooth_axes,
+    soonest,
+)
 from bonecam.planning.axes.lead import lead_axes
-from bonecam.planning.collision.scene import Scene
 from bonecam.planning.oriented_path import orient
+from bonecam.planning.scene import Scene
 from bonecam.surface.tspline import TSpline
 from bonecam.tool.path import ContactPath, MoveKind
 from bonecam.workholding.clamping import Clamping
-from bonecam.workholding.column import Column
+from bonecam.workholding.post import Column
 
 pytestmark = pytest.mark.whole
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from bonecam.arrays import dots
-from bonecam.mesh.facets.curvature import Curvature
-from bonecam.planning.axes.facets.contact_facets import ContactFacets, contact_facets
-from bonecam.planning.axes.published.candidate_cones import (
+from bonecam.mesh.facets import Curvature
+from bonecam.planning.axes.field import ContactFacets, contact_facets
+from bonecam.planning.axes.published import (
     HIGH,
     LENGTH,
     LOW,

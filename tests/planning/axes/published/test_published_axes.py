@@ -7,14 +7,12 @@ import pytest
 
 from bonecam.job import NcJob, PathJob
 from bonecam.machine.limits import MachineLimits
-from bonecam.mesh.facets.delaunay import delaunay
-from bonecam.mesh.facets.energy.elastic_energy import ElasticEnergy
-from bonecam.mesh.facets.energy.voronoi_areas import voronoi_areas
+from bonecam.mesh.facets import ElasticEnergy, delaunay, voronoi_areas
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.planning.axes.published.published_axes import choose, published_axes
-from bonecam.planning.collision.checker import CollisionChecker
-from bonecam.planning.collision.scene import Scene
+from bonecam.planning.axes.published import choose, published_axes
+from bonecam.planning.collision import CollisionChecker
 from bonecam.planning.oriented_path import orient
+from bonecam.planning.scene import Scene
 from bonecam.surface.tspline import TSpline
 from bonecam.tool.path import ContactPath, MoveKind
 from bonecam.workholding.clamping import Clamping

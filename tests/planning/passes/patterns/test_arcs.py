@@ -7,12 +7,8 @@ from jaxtyping import Float
 from numpy import ndarray
 from scipy.spatial import KDTree
 
-from bonecam.planning.passes.patterns.arcs import with_arcs
-from bonecam.planning.passes.patterns.curves import Curves
-from bonecam.planning.passes.patterns.fastest import pattern_curves
-from bonecam.planning.passes.patterns.sampling import ROUND, ball_centres, contact_frames, dense_samples
-from bonecam.planning.passes.patterns.spiral import spiral_curves
-from bonecam.planning.passes.patterns.step_metric import step_metric
+from bonecam.planning.patterns import pattern_curves, spiral_curves
+from bonecam.planning.spacing import ROUND, Curves, ball_centres, contact_frames, dense_samples, step_metric, with_arcs
 from bonecam.surface.tspline import TSpline
 from bonecam.tool.cutter import Cutter
 

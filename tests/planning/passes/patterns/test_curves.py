@@ -5,12 +5,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from bonecam.planning.passes.patterns.curves import Curves, curves_of, ranges
-from bonecam.planning.passes.patterns.fastest import CLOSED, ISO_PARAMETRIC, pattern_curves
-from bonecam.planning.passes.patterns.order import order_curves
-from bonecam.planning.passes.patterns.sampling import contact_frames, dense_samples
-from bonecam.planning.passes.patterns.scallop import side_step
-from bonecam.planning.passes.patterns.spacing import line_positions
+from bonecam.planning.patterns import CLOSED_PATTERNS, ISO_PARAMETRIC, order_curves, pattern_curves
+from bonecam.planning.spacing import Curves, contact_frames, curves_of, dense_samples, line_positions, ranges, side_step
 from bonecam.surface.tspline import TSpline
 from bonecam.tool.cutter import Cutter
 
@@ -47,7 +43,8 @@ def lengths(pebble: Callable[..., TSpline], finishing_cutter: Cutter) -> dict[st
         return float(np.linalg.norm(np.diff(points, axis=0), axis=1)[same].sum())
 
     found = {
-        pattern: length(pattern_curves(pebble(), pattern, finishing_cutter)) for pattern in ISO_PARAMETRIC + CLOSED
+        pattern: length(pattern_curves(pebble(), pattern, finishing_cutter))
+        for pattern in ISO_PARAMETRIC + CLOSED_PATTERNS
     }
     across = line_positions(pebble(), "along", finishing_cutter.radius, finishing_cutter.scallop)
     return {**found, "pole to pole": length(curves_of([np.array([[s, 0.0], [s, 1.0]]) for s in across]))}

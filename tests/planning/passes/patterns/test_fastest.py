@@ -5,8 +5,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from bonecam.planning.passes.patterns.curves import curves_of
-from bonecam.planning.passes.patterns.fastest import ISO_PARAMETRIC, RETRACT, STEP_OVER, curve_minutes, pattern_curves
+from bonecam.planning.patterns import ISO_PARAMETRIC, RETRACT, STEP_OVER, curve_minutes, pattern_curves
+from bonecam.planning.spacing import curves_of
 from bonecam.surface.tspline import TSpline
 from bonecam.tool.cutter import Cutter
 

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from bonecam.planning.passes.patterns.fastest import iso_parametric_curves
-from bonecam.planning.passes.patterns.sampling import contact_frames, sample_lines
-from bonecam.planning.passes.patterns.spacing import line_positions
+from bonecam.planning.patterns import iso_parametric_curves
+from bonecam.planning.spacing import contact_frames, line_positions, sample_lines
 from bonecam.surface import skin
 from bonecam.surface.tspline import TSpline
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bonecam.arrays import dots
-from bonecam.planning.passes.patterns.post_ring import LONGEST, OUTSIDE, post_rings
+from bonecam.planning.patterns import LONGEST, OUTSIDE, post_rings
 from bonecam.workholding.post import Post, post_below
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bonecam.errors import ToolPathError
-from bonecam.planning.passes.patterns.scallop import FLAT, side_step
+from bonecam.planning.spacing import FLAT, side_step
 
 CASES = [
     (R, h, k)

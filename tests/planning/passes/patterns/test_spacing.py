@@ -5,8 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from bonecam.planning.passes.patterns.scallop import side_step
-from bonecam.planning.passes.patterns.spacing import across_feed, line_positions, needed_ranges
+from bonecam.planning.spacing import across_feed, line_positions, needed_ranges, side_step
 from bonecam.surface.tspline import TSpline
 
 

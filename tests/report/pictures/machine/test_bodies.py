@@ -8,11 +8,9 @@ import numpy as np
 import pytest
 
 from bonecam.job import HoldingJob, Job
-from bonecam.machine.bodies import Table
-from bonecam.machine.frustum import Frustum
+from bonecam.machine.bodies import Frustum, Table
 from bonecam.machine.machine import read_machine
-from bonecam.report import draw_machine
-from bonecam.report.pictures.machine import bodies as machine_bodies
+from bonecam.report import draw_machine, machine_picture
 from bonecam.setup.capsule import Capsule
 from bonecam.tool import Cutter, ToolPath
 
@@ -28,11 +26,11 @@ def path(path_of: Callable[..., ToolPath]) -> ToolPath:
 
 
 def test_the_height_told_is_that_of_the_body_drawn(path: ToolPath) -> None:
-    heights = machine_bodies._lowest(path)
+    heights = machine_picture._lowest(path)
     assert np.isinf(heights[0])
     assert heights.argmin() == 4
     for row in range(1, 6):
-        bodies = machine_bodies._tool(path.cutter, path.tips[row], path.axes[row])
+        bodies = machine_picture._tool(path.cutter, path.tips[row], path.axes[row])
         drawn = min(mesh.vertices[:, 2].min() for name, mesh in bodies if name in ("holder", "spindle"))
         assert heights[row] == pytest.approx(drawn, abs=0.3)
 
@@ -47,5 +45,5 @@ def test_the_picture_is_written_from_both_sides_with_what_there_is(path: ToolPat
 
 
 def test_a_table_is_drawn_as_wide_as_it_is() -> None:
-    drawn = machine_bodies.table_bodies(Table(radius=140.0))[0][1]
+    drawn = machine_picture.table_bodies(Table(radius=140.0))[0][1]
     assert drawn.bounds[1, 0] == pytest.approx(140.0)

@@ -9,10 +9,9 @@ from numpy import ndarray
 from scipy.interpolate import NdBSpline
 
 from bonecam.errors import SurfaceError
-from bonecam.surface.files.bspline.bspline_surface import BSplineSurface, Knots
-from bonecam.surface.files.bspline.from_tspline import bezier_grid, to_bspline
+from bonecam.surface.files.bspline import BSplineSurface, Knots, bezier_grid, to_bspline
 from bonecam.surface.files.tspline_text import read_tsm
-from bonecam.surface.tmesh.row_tmesh import RowTMesh
+from bonecam.surface.tmesh import RowTMesh
 from bonecam.surface.tspline import TSpline
 
 

@@ -8,13 +8,9 @@ import pytest
 from numpy import ndarray
 
 from bonecam.errors import SurfaceError
-from bonecam.surface.files.bspline.bspline_surface import BSplineSurface, Knots
-from bonecam.surface.files.bspline.from_tspline import to_bspline
-from bonecam.surface.files.bspline.to_tspline import from_bspline
-from bonecam.surface.files.cad.read import bsplines_in
-from bonecam.surface.files.cad.write import write_iges, write_step
-from bonecam.surface.tmesh.open_rows import OpenRowTMesh
-from bonecam.surface.tmesh.row_tmesh import RowTMesh
+from bonecam.surface.files.bspline import BSplineSurface, Knots, from_bspline, to_bspline
+from bonecam.surface.files.cad import bsplines_in, write_iges, write_step
+from bonecam.surface.tmesh import OpenRowTMesh, RowTMesh
 from bonecam.surface.tspline import TSpline
 
 CLAMPED = np.repeat([0.0, 1.0], 4)

@@ -11,14 +11,10 @@ import pytest
 from numpy import ndarray
 
 from bonecam.errors import FileError
-from bonecam.mesh.files.cad_shapes import faces_of, read_shape
-from bonecam.mesh.files.cad_tessellation import tessellate_shape
+from bonecam.mesh.files.cad import faces_of, occ, read_shape, tessellate_shape
 from bonecam.mesh.files.mesh_files import read_mesh
-from bonecam.mesh.files.opencascade import occ
-from bonecam.surface.files.cad import shapes
-from bonecam.surface.files.cad.read import bsplines_in, read_bsplines
-from bonecam.surface.files.cad.shapes import shape_of
-from bonecam.surface.files.cad.write import write_iges, write_step
+from bonecam.surface.files import cad
+from bonecam.surface.files.cad import bsplines_in, read_bsplines, shape_of, write_iges, write_step
 from bonecam.surface.files.tspline_text import read_tsm
 from bonecam.surface.tspline import TSpline
 
@@ -128,9 +124,9 @@ def test_what_is_no_rectangle_is_written_as_sewn_bezier_faces(
     bone_like: Callable[..., TSpline], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def refuse(surface: TSpline) -> None:
-        raise shapes.SurfaceError("no rectangle")
+        raise cad.SurfaceError("no rectangle")
 
-    monkeypatch.setattr(shapes, "to_bspline", refuse)
+    monkeypatch.setattr(cad, "to_bspline", refuse)
     surface = bone_like(7, 5, 2)
     assert write_step(surface, tmp_path / "a.step") == len(surface.elements().boxes)
     solid = read_shape(tmp_path / "a.step")
@@ -175,11 +171,11 @@ def test_a_folder_that_is_not_there_is_refused_and_nothing_is_left(
 def test_without_opencascade_one_line_names_the_extra(
     bone_like: Callable[..., TSpline], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from bonecam.mesh.files import opencascade
+    from bonecam.mesh.files import cad
 
     surface = bone_like(6, 5, 2)
     write_step(surface, tmp_path / "a.step")
-    opencascade._packages.cache_clear()
+    cad._packages.cache_clear()
     monkeypatch.setitem(sys.modules, "OCP", None)
     for act in (lambda: write_iges(surface, tmp_path / "b.iges"), lambda: read_mesh(tmp_path / "a.step")):
         with pytest.raises(FileError, match=r"^[^\n]*needs OpenCASCADE: pip install 'bonecam\[cad\]'$"):

@@ -4,10 +4,8 @@ import numpy as np
 import pytest
 from small_wheel import EDGES, HALF, PROFILE, blade
 
-from bonecam.surface.blades.channel import channel_of
-from bonecam.surface.blades.meridian import meridional, places_on, point_at
-from bonecam.surface.blades.wheel import Wheel, wheel_of
-from bonecam.verify.removal.proofs.of_wheel import wheel_probes
+from bonecam.surface.blades import Wheel, channel_of, meridional, places_on, point_at, wheel_of
+from bonecam.verify.proof import wheel_probes
 
 COUNT = 2
 REACH = 2.0

@@ -1,1 +1,0 @@
-"""Files that users add by name: listed, checked, described by schemas."""

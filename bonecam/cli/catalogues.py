@@ -1,0 +1,210 @@
+"""JSON schemas of jobs, machines, dialects, materials and tools for editors, made of the declarations that check the
+files.
+
+`bonecam machines | dialects | materials | tools`: what there is by name, one shown, or a file checked.
+"""
+
+import argparse
+import json
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import Field, dataclass, fields
+from pathlib import Path
+from typing import Any
+
+from bonecam.errors import JobError, did_you_mean
+from bonecam.job import Job
+from bonecam.job.materials.preset import MaterialFile, material_files, read_material
+from bonecam.job.parameter import record
+from bonecam.job.tool_formats import KEYS, MM
+from bonecam.job.tool_list import ToolList, known_lists, list_files, tool_list
+from bonecam.job.tool_section import ToolJob
+from bonecam.machine.check import MachineCheck, check_machine
+from bonecam.machine.machine import machine_files, read_machine
+from bonecam.machine.machine_file import MachineFile
+from bonecam.nc.dialect import dialect_files, read_dialect
+from bonecam.nc.schema import DialectFile
+from bonecam.text.record import Record
+from bonecam.text.toml import toml_lines
+
+DRAFT = "https://json-schema.org/draft/2020-12/schema"
+TYPES = {bool: "boolean", int: "integer", float: "number", str: "string"}
+"""What JSON calls the type of a parameter."""
+ALSO_LISTS = ("depths", "holder")
+"""Texts that may be given as a number or a list, too."""
+
+
+def job_schema() -> dict[str, Any]:
+    """The schema of a job file: sections, parameters, their ranges, choices, units and defaults."""
+    job = Job()
+    sections = {item.name: _section(getattr(job, item.name)) for item in fields(job)}
+    return _closed(sections) | {"$schema": DRAFT, "title": "bonecam job"}
+
+
+def file_schema(kind: str) -> dict[str, Any]:
+    """The schema of the files of a catalogue: machines, dialects, materials or tools."""
+    if kind == "tools":
+        return _tool_list() | {"$schema": DRAFT, "title": "bonecam tools"}
+    models: dict[str, type[Record]] = {"machines": MachineFile, "dialects": DialectFile, "materials": MaterialFile}
+    return models[kind].model_json_schema() | {"$schema": DRAFT}
+
+
+def _tool_list() -> dict[str, Any]:
+    """The schema of a list of cutters, or of a file of one."""
+    text = {"type": "string"}
+    cutter = _section(ToolJob())["properties"] | {"name": text, "source": text}
+    del cutter["preset"]
+    holders = {"type": "object", "additionalProperties": {"type": ["string", "array"]}}
+    whole = {"from": text, "units": {"enum": list(MM)}, "only": {"type": ["array", "integer", "string"]}}
+    tools = {"type": "array", "items": _closed(cutter)}
+    return _closed({**cutter, **whole, "holders": holders, "tool": tools})
+
+
+def _closed(properties: dict[str, Any]) -> dict[str, Any]:
+    return {"type": "object", "properties": properties, "additionalProperties": False}
+
+
+def _section(section: Any) -> dict[str, Any]:
+    """The schema of a section, whose defaults are its values."""
+    return _closed({item.name: _parameter(item, getattr(section, item.name)) for item in fields(section)})
+
+
+def _parameter(item: "Field[Any]", value: Any) -> dict[str, Any]:
+    known = record(item)
+    unit = f" [{known.unit}]" if known.unit else ""
+    schema: dict[str, Any] = {"title": known.label, "description": f"{known.tooltip}{unit}", "default": value}
+    schema["type"] = [TYPES[type(value)], "number", "array"] if item.name in ALSO_LISTS else TYPES[type(value)]
+    if known.choices:
+        schema["enum"] = list(known.choices)
+    if math.isfinite(known.low):
+        schema["minimum"] = known.low
+    if math.isfinite(known.high):
+        schema["maximum"] = known.high
+    return schema
+
+
+@dataclass(frozen=True)
+class Catalogue:
+    """Things that are TOML files: where they are by name, and what reads one; that raises a BonecamError."""
+
+    files: Callable[[], Mapping[str, Path]]
+    read: Callable[[str], Any]
+    one: str
+
+
+CATALOGUES = {
+    "machines": Catalogue(machine_files, check_machine, "machine"),
+    "dialects": Catalogue(dialect_files, read_dialect, "dialect of a controller"),
+    "materials": Catalogue(material_files, read_material, "material"),
+    "tools": Catalogue(list_files, tool_list, "list of cutters"),
+}
+"""By the name of the command."""
+
+
+def add_catalogue(add_command: Any, parsers: Any, kind: str) -> None:
+    """The command of a kind."""
+    one = CATALOGUES[kind].one
+    text = f"List the {kind} that are known by name, show one, or check a file."
+    command = add_command(parsers, kind, text, run_catalogue)
+    command.set_defaults(kind=kind)
+    command.add_argument("what", metavar="NAME|check", nargs="?", help=f"a {one} to show, or check")
+    command.add_argument("file", metavar="FILE", nargs="?", help="the .toml file to check")
+    if kind == "tools":
+        tools = "list of cutters: a name, or a file of Fusion, FreeCAD, LinuxCNC, .csv or .toml (catalogue)"
+        command.add_argument("--tools", metavar="LIST", help=tools)
+    if kind == "machines":
+        command.add_argument("--picture", metavar="PNG", help="draw the machine of NAME, or of the file")
+    command.add_argument("--schema", action="store_true", help="print the JSON schema of such files")
+
+
+def run_catalogue(options: argparse.Namespace) -> int:
+    """List all names, show the file of one, check a file, or print the schema of such files."""
+    known = CATALOGUES[options.kind]
+    lists = list[ToolList]()
+    if options.kind == "tools":
+        lists = known_lists(options.tools or "")
+    entries = _cutters(lists, options.what) if lists else _files(known.files())
+    if options.schema:
+        print(json.dumps(file_schema(options.kind), indent=2))
+    elif options.what == "check":
+        if options.file is None:
+            raise JobError(f"bonecam {options.kind} check: name a file")
+        content = known.read(options.file)
+        bodies = _body_lines(content) if isinstance(content, MachineCheck) else []
+        print(f"{options.file}: a {known.one} as it should be")
+        if isinstance(content, MachineCheck):
+            print(content, *bodies, sep="\n")
+        _draw(options, options.file)
+    elif options.what is not None:
+        if options.what not in entries:
+            close = did_you_mean(options.what, entries)
+            raise JobError(f"{options.what!r} is unknown{close}: use check FILE, or one of {', '.join(entries)}")
+        print(entries[options.what][1], end="")
+        _draw(options, options.what)
+    else:
+        wide = max(map(len, entries), default=0)
+        print("".join(f"{name:{wide}}  {about}\n" for name, (about, _) in entries.items()), end="")
+        for kind, count in (lists[0].left_out if lists else {}).items():
+            print(f"left out: {count} {kind}")
+    return 0
+
+
+def _files(files: Mapping[str, Path]) -> dict[str, tuple[str, str]]:
+    """What files are about, and their texts, by name."""
+    return {name: (_about(path), path.read_text(encoding="utf-8")) for name, path in files.items()}
+
+
+def _cutters(lists: Sequence[ToolList], asked: str | None) -> dict[str, tuple[str, str]]:
+    """What the cutters of lists are, and the text of a file of each, by name, or by number where that is `asked` for or
+    the name is taken; left out where it has none."""
+    entries = dict[str, tuple[str, str]]()
+    for one in lists:
+        for listed in one.tools:
+            tool, stated = listed.tool, listed.stated
+            place = "" if tool.number or _ships(one.files[0]) else f" ({one.files[0]})"
+            about = f"{f'tool {tool.number}: ' if tool.number else ''}{described(tool)}{place}"
+            lines = toml_lines({key: getattr(tool, key) for key in KEYS if key in stated})
+            source = [f"# {stated['source']}"] if "source" in stated else []
+            text = "\n".join([f"# {listed.name}: {about}", *source, *lines, ""])
+            number = str(tool.number or listed.name)
+            by_number = listed.name in entries or asked == number
+            entries.setdefault(number if by_number else listed.name, (about, text))
+    return entries
+
+
+def described(tool: ToolJob) -> str:
+    """A cutter in a line; mm."""
+    bull = f"bull nose with corners of {tool.corner_radius:g}"
+    end = {"ball": "ball", "bull": bull, "flat": "flat end"}[tool.shape]
+    neck = f"neck {tool.neck_diameter:g} up to {tool.neck_length:g}, " if tool.neck_length else ""
+    held = f"{tool.overhang:g} out of a holder of {tool.holder_stack[0].diameter:g}"
+    flutes = f"{end} of {2 * tool.radius:g} mm, flutes of {tool.flute_length:g}"
+    return f"{flutes}, {neck}shank {tool.shank_diameter:g}, {held}"
+
+
+def _ships(path: Path) -> bool:
+    return Path(__file__).parents[2] in path.parents
+
+
+def _body_lines(check: MachineCheck) -> list[str]:
+    """What moves with what; MachineError where a body cannot be."""
+    from bonecam.planning.collision import body_texts
+
+    return [f"{'' if k else 'bodies':10}{text}" for k, text in enumerate(body_texts(check.machine))]
+
+
+def _draw(options: argparse.Namespace, name: str) -> None:
+    """Draw the machine of a name or a file, where a picture is asked for."""
+    if getattr(options, "picture", None):
+        from bonecam.report import draw_machine_file
+
+        draw_machine_file(read_machine(name), options.picture)
+        print(f"drawn in {options.picture}")
+
+
+def _about(path: Path) -> str:
+    """The title or the first comment of a file, and its place where it does not ship."""
+    text = path.read_text(encoding="utf-8")
+    titles = [line.partition("=")[2].strip().strip('"') for line in text.splitlines() if line.startswith("title")]
+    about = (titles or [text.partition("\n")[0].lstrip("# ")])[0]
+    return about if _ships(path) else f"{about} ({path})"

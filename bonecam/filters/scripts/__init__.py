@@ -1,1 +1,0 @@
-"""Filter scripts (.mlx): read, checked, and run in a process of their own."""

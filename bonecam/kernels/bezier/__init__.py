@@ -1,1 +1,0 @@
-"""Rational Bezier patches and their basis: find the element, evaluate, differentiate."""

@@ -1,0 +1,624 @@
+"""What the flutes above a ball sweep out of the material of one set of rays, compiled.
+
+Taking the convex body of a bull nose out of material, compiled.
+
+The body is what lies in all of its cones (`Cutter.body`): with h along the axis from the ball's centre and r from the
+axis, sin(phi) r - cos(phi) h <= s. On the line p + t n, n being unit, h = h0 + h' t, and a cone is
+
+    sin^2 (|p + t n|^2 - h^2) <= (s + cos h)^2,    s + cos h >= 0,
+
+a quadratic in t whose solutions on one side of the apex are one interval, or a half line.
+
+The distance of a cone of the tool from an upright cylinder about the Z axis, compiled.
+
+Two points, one on either body, are projected onto the other body in turn, from the common perpendicular of the axes
+on; the plane between them bounds the distance from below. Along faces that are almost parallel that creeps: there the
+nearest point lies on a rim, so the rims are searched too.
+
+How far a cylinder or cone of a tool is from the material on one set of rays, compiled.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy import ndarray
+
+from bonecam.kernels import inner_njit, njit
+from bonecam.kernels.rays import (
+    ALONG_U,
+    ALONG_V,
+    TILE,
+    TINY,
+    ProbesByCell,
+    RaySet,
+    air_on_set,
+    bits,
+    capsule_chord,
+    cut_capsule,
+    cut_tile,
+    cylinder_chord,
+    cylinder_meets,
+    tiles_reached,
+)
+
+FLUTE_STEP = 0.1
+"""The flutes stand this far apart (mm) where they are taken out of the material: between two cuts of a
+cylinder of radius R they leave a ridge of FLUTE_STEP^2 / (8 R), 1.3 um for 1 mm."""
+
+
+NO_BODY = np.zeros((0, 3))
+"""The body of a ball-end cutter: its capsules are known without."""
+
+
+class Ways(NamedTuple):
+    """Straight moves of a ball's centre while the axis of its tool turns, in the coordinates of the rays: `starts`,
+    `ends`, `start_axes`, `end_axes` (n, 3); `reach` (n,): height of the flutes above the ball's centre, mm, 0 for a
+    ball alone. `body` (k, 3): the cones of a bull nose, as `Cutter.body` has them, none of a ball-end cutter."""
+
+    starts: ndarray
+    ends: ndarray
+    start_axes: ndarray
+    end_axes: ndarray
+    reach: ndarray
+    body: ndarray
+
+
+@inner_njit()
+def piece_pose(ways: Ways, i: int, share: float, foot: ndarray, axis: ndarray) -> None:
+    """Write the ball's centre and the unit axis at this share of way `i`."""
+    size = 0.0
+    for k in range(3):
+        foot[k] = (1 - share) * ways.starts[i, k] + share * ways.ends[i, k]
+        axis[k] = (1 - share) * ways.start_axes[i, k] + share * ways.end_axes[i, k]
+        size += axis[k] * axis[k]
+    size = np.sqrt(size)
+    for k in range(3):
+        axis[k] /= size
+
+
+@inner_njit()
+def travel_of(ways: Ways, i: int, height: float) -> float:
+    """How far a point of the tool at this distance from the ball's centre travels at most, mm."""
+    shift, turn = 0.0, 0.0
+    for k in range(3):
+        shift += (ways.ends[i, k] - ways.starts[i, k]) ** 2
+        turn += (ways.end_axes[i, k] - ways.start_axes[i, k]) ** 2
+    return np.sqrt(shift) + np.sqrt(turn) * height
+
+
+@inner_njit()
+def flutes_meet(rays: RaySet, ways: Ways, i: int, radius: float, foot: ndarray, axis: ndarray) -> bool:
+    """Whether the flutes may meet material: those in the middle of way `i`, larger by half of their travel, which
+    `foot` and `axis` then hold."""
+    reach = ways.reach[i]
+    half = travel_of(ways, i, reach) / 2
+    piece_pose(ways, i, 0.5, foot, axis)
+    for k in range(3):
+        foot[k] -= half * axis[k]
+    return bool(cylinder_meets(rays, foot, axis, reach + 2 * half, radius + half))
+
+
+@inner_njit()
+def cut_flutes(
+    rays: RaySet, ways: Ways, i: int, radius: float, foot: ndarray, axis: ndarray, top: ndarray
+) -> tuple[float, bool]:
+    """Take what the flutes sweep on way `i` out of the material, their place at its start left out; the volume removed
+    (mm^3), and whether a ray has no room for one more interval. `foot`, `axis` and `top` (3,) are written on."""
+    removed = 0.0
+    if ways.reach[i] <= 0.0 or not flutes_meet(rays, ways, i, radius, foot, axis):
+        return removed, False
+    steps = max(int(np.ceil(travel_of(ways, i, ways.reach[i]) / FLUTE_STEP)), 1)
+    for k in range(1, steps + 1):
+        piece_pose(ways, i, k / steps, foot, axis)
+        if not cylinder_meets(rays, foot, axis, ways.reach[i], radius):
+            continue
+        for n in range(3):
+            top[n] = foot[n] + ways.reach[i] * axis[n]
+        volume, full = cut_capsule(rays, foot, top, radius, np.bool_(True))
+        removed += volume
+        if full:
+            return removed, True
+    return removed, False
+
+
+@inner_njit()
+def _cone_chord(sine: float, s: float, rise: float, across: float, turn: float, square: float) -> tuple[float, float]:
+    """Where a line lies in a cone: t; the first is larger where it misses. On it s + cos h = `s` + `rise` t, and the
+    square of the distance from the axis is `square` + 2 `turn` t + `across` t^2."""
+    if sine == 0.0:
+        if abs(rise) < TINY:
+            return (-np.inf, np.inf) if s >= 0.0 else (np.inf, -np.inf)
+        return (-s / rise, np.inf) if rise > 0.0 else (-np.inf, -s / rise)
+    a = sine * sine * across - rise * rise
+    b = sine * sine * turn - s * rise
+    c = sine * sine * square - s * s
+    if abs(a) < TINY:
+        # along a side of the cone: in it towards where it widens
+        if rise == 0.0:
+            return (-np.inf, np.inf) if c <= 0.0 and s >= 0.0 else (np.inf, -np.inf)
+        if b * rise >= 0.0:
+            return np.inf, -np.inf
+        return (-c / (2 * b), np.inf) if rise > 0.0 else (-np.inf, -c / (2 * b))
+    rest = b * b - a * c
+    if a > 0.0:
+        if rest <= 0.0 or s - rise * b / a < 0.0:
+            return np.inf, -np.inf
+        root = np.sqrt(rest)
+        return (-b - root) / a, (-b + root) / a
+    root = np.sqrt(max(rest, 0.0))
+    return ((-b - root) / a, np.inf) if rise > 0.0 else (-np.inf, (-b + root) / a)
+
+
+@njit(cache=True, nogil=True)
+def body_chord(
+    px: float, py: float, pz: float, nx: float, ny: float, nz: float, axis: ndarray, body: ndarray
+) -> tuple[float, float]:
+    """Where the line through (px, py, pz), told from the ball's centre, along the unit (nx, ny, nz) lies in a body
+    about the unit `axis`: t; the first is larger where it misses."""
+    height = px * axis[0] + py * axis[1] + pz * axis[2]
+    slope = nx * axis[0] + ny * axis[1] + nz * axis[2]
+    square = px * px + py * py + pz * pz - height * height
+    turn = px * nx + py * ny + pz * nz - height * slope
+    across = max(1.0 - slope * slope, 0.0)
+    low, high = -np.inf, np.inf
+    # the side and the top first: they miss most lines
+    for k in range(len(body) - 1, -1, -1):
+        sine, cosine = body[k, 0], body[k, 1]
+        first, last = _cone_chord(sine, body[k, 2] + cosine * height, cosine * slope, across, turn, square)
+        low, high = max(low, first), min(high, last)
+        if low >= high:
+            return np.inf, -np.inf
+    return low, high
+
+
+@inner_njit()
+def _travel(ways: Ways, i: int) -> float:
+    """How far a point of the body travels on way `i` at most, mm."""
+    side, top = ways.body[-2, 2], ways.body[-1, 2]
+    return travel_of(ways, i, np.hypot(max(ways.body[0, 2], abs(top)), side))
+
+
+@inner_njit()
+def _steps_of(ways: Ways, i: int) -> int:
+    """Poses on way `i` that the body is taken out at."""
+    return max(int(np.ceil(_travel(ways, i) / FLUTE_STEP)), 1)
+
+
+@njit(cache=True, nogil=True)
+def body_ends(ways: Ways, foot: ndarray, axis: ndarray, start: ndarray, end: ndarray) -> float:
+    """Write the `start` and the `end` of the capsule that holds the body whose ball's centre is at `foot`: on its axis,
+    at tip and top. Its radius."""
+    for k in range(3):
+        start[k] = foot[k] - ways.body[0, 2] * axis[k]
+        end[k] = foot[k] + ways.body[-1, 2] * axis[k]
+    return ways.body[-2, 2]
+
+
+@njit(cache=True, nogil=True)
+def body_in_motion(ways: Ways, i: int, foot: ndarray, axis: ndarray, start: ndarray, end: ndarray) -> float:
+    """Write the ends of a capsule that holds the body all along way `i`, as `body_ends` does; its radius."""
+    piece_pose(ways, i, 0.5, foot, axis)
+    return body_ends(ways, foot, axis, start, end) + _travel(ways, i) / 2
+
+
+@inner_njit()
+def _tiles_at(rays: RaySet, ways: Ways, foot: ndarray, axis: ndarray) -> ndarray:
+    """The tiles whose material the body in a pose may reach."""
+    start, end = np.empty(3), np.empty(3)
+    radius = body_ends(ways, foot, axis, start, end)
+    return tiles_reached(rays, start, end, axis, ways.body[0, 2] + ways.body[-1, 2], radius)
+
+
+@inner_njit()
+def _tile_chords(
+    rays: RaySet, i: int, j: int, ways: Ways, foot: ndarray, axis: ndarray, lows: ndarray, highs: ndarray
+) -> None:
+    """Write where each ray of tile (i, j) lies in the body: w from its ball's centre."""
+    for ray in range(TILE * TILE):
+        u = (i * TILE + ALONG_U[ray]) * rays.cell - foot[0]
+        v = (j * TILE + ALONG_V[ray]) * rays.cell - foot[1]
+        lows[ray], highs[ray] = body_chord(u, v, 0.0, 0.0, 0.0, 1.0, axis, ways.body)
+
+
+@inner_njit()
+def _deepest_end(rays: RaySet, i: int, j: int, w: float, lows: ndarray, highs: ndarray) -> float:
+    """The largest distance to the nearest air, mm, of the ends of the chords, told from `w`, of tile (i, j)."""
+    deepest = 0.0
+    for ray in range(TILE * TILE):
+        if lows[ray] < highs[ray]:
+            u = (i * TILE + ALONG_U[ray]) * rays.cell
+            v = (j * TILE + ALONG_V[ray]) * rays.cell
+            deepest = max(deepest, air_on_set(rays, u, v, w + lows[ray]))
+            deepest = max(deepest, air_on_set(rays, u, v, w + highs[ray]))
+    return deepest
+
+
+@inner_njit()
+def _walk(rays: RaySet, ways: Ways, i: int, foot: ndarray, axis: ndarray, cuts: bool) -> tuple[float, float, bool]:
+    """What the body meets on way `i`, its place at the start left out. Where it `cuts`, that goes: the volume (mm^3),
+    and last whether a ray has no room for one more interval. Else how deep its ends lie in what stands (mm), second."""
+    lows, highs = np.empty(TILE * TILE), np.empty(TILE * TILE)
+    removed, deepest, full = 0.0, 0.0, False
+    steps = _steps_of(ways, i)
+    for k in range(1, steps + 1):
+        piece_pose(ways, i, k / steps, foot, axis)
+        for a, b in _tiles_at(rays, ways, foot, axis):
+            _tile_chords(rays, a, b, ways, foot, axis, lows, highs)
+            if not cuts:
+                deepest = max(deepest, _deepest_end(rays, a, b, foot[2], lows, highs))
+                continue
+            in_tile, full = cut_tile(rays, np.int64(rays.tile_of[a, b]), foot[2], lows, highs)
+            removed += in_tile * rays.cell * rays.cell
+            if full:
+                return removed, deepest, full
+    return removed, deepest, full
+
+
+@njit(cache=True, nogil=True)
+def cut_body(rays: RaySet, ways: Ways, i: int, foot: ndarray, axis: ndarray) -> tuple[float, bool]:
+    """Take what the body sweeps on way `i` out of the material, its place at the start left out; the volume removed
+    (mm^3), and whether a ray has no room for one more interval. `foot` and `axis` (3,) are written on."""
+    removed, _, full = _walk(rays, ways, i, foot, axis, True)
+    return removed, full
+
+
+@njit(cache=True, nogil=True)
+def body_depth(rays: RaySet, ways: Ways, i: int, foot: ndarray, axis: ndarray) -> float:
+    """The largest distance to the nearest air, mm, of the places where the rays leave the body inside material on way
+    `i`; 0 where it meets none. `foot` and `axis` (3,) are written on."""
+    return _walk(rays, ways, i, foot, axis, False)[1]
+
+
+@inner_njit()
+def _off_body(px: float, py: float, pz: float, axis: ndarray, body: ndarray) -> float:
+    """How far a point, told from the ball's centre, lies off the body of which it is inside, mm: not more than 0."""
+    height = px * axis[0] + py * axis[1] + pz * axis[2]
+    out = np.sqrt(max(px * px + py * py + pz * pz - height * height, 0.0))
+    off = -np.inf
+    for k in range(len(body)):
+        off = max(off, body[k, 0] * out - body[k, 1] * height - body[k, 2])
+    return min(off, 0.0)
+
+
+@njit(cache=True, nogil=True)
+def cut_probes_by_body(
+    probes: ProbesByCell, reach: float, ways: Ways, heights: ndarray, names: ndarray, owners: ndarray, from_top: bool
+) -> None:
+    """Lower `heights` (n,) to where the body cuts the normal probes on its ways (w,), and set `owners` (n,) to the one
+    of the `names` (w,) that did; as `cut_normal_probes` does by capsules."""
+    points, normals, cell_starts, corner, size = probes
+    shape = cell_starts.shape
+    flat = cell_starts.ravel()
+    low, high = np.empty(3, dtype=np.int64), np.empty(3, dtype=np.int64)
+    foot, axis, start, end = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    for i in range(len(ways.starts)):
+        steps = _steps_of(ways, i)
+        for step in range(1, steps + 1):
+            piece_pose(ways, i, step / steps, foot, axis)
+            radius = body_ends(ways, foot, axis, start, end) + reach
+            beside = False
+            for k in range(3):
+                low[k] = max(int(np.floor((min(start[k], end[k]) - radius - corner[k]) / size)), 0)
+                last = int(np.floor((max(start[k], end[k]) + radius - corner[k]) / size))
+                high[k] = min(last, shape[k] - 1 - (k == 2))
+                beside = beside or low[k] > high[k]
+            if beside:
+                continue
+            for a in range(low[0], high[0] + 1):
+                for b in range(low[1], high[1] + 1):
+                    row = (a * shape[1] + b) * shape[2]
+                    for m in range(flat[row + low[2]], flat[row + high[2] + 1]):
+                        p, n = points[m], normals[m]
+                        x, y, z = p[0] - foot[0], p[1] - foot[1], p[2] - foot[2]
+                        enter, leave = body_chord(x, y, z, n[0], n[1], n[2], axis, ways.body)
+                        lowest = heights[m] if from_top else 0.0
+                        if enter < leave and leave > lowest and enter < heights[m]:
+                            height = enter if enter > 0.0 else _off_body(x, y, z, axis, ways.body)
+                            if height < heights[m]:
+                                heights[m] = height
+                                owners[m] = names[i]
+
+
+MOST_STEPS = 300
+"""Projections at most; about ten are usual."""
+TOLERANCE = 1e-3
+"""Where the distance and its bound agree so well the search ends, mm."""
+RIM_POINTS = 24
+"""Points of a rim that are looked at first."""
+RIM_STEPS = 16
+"""Thirds of the arc between the two beside the best of them: to 0.1 um of a rim of 40 mm radius."""
+
+
+@inner_njit()
+def _onto_segment(x: float, y: float, ax: float, ay: float, bx: float, by: float) -> tuple[float, float]:
+    """The point of the segment from a to b that is nearest to (x, y)."""
+    sx, sy = bx - ax, by - ay
+    square = sx * sx + sy * sy
+    share = 0.0
+    if square > 0.0:
+        share = min(max(((x - ax) * sx + (y - ay) * sy) / square, 0.0), 1.0)
+    return ax + share * sx, ay + share * sy
+
+
+@inner_njit()
+def _onto_cone(p: ndarray, foot: ndarray, axis: ndarray, section: ndarray, nearest: ndarray) -> None:
+    """Write the point of a cone that is nearest to `p` into `nearest`; `section` (4,): from, to along the unit `axis`
+    from `foot`, radius at either."""
+    start, end, first, last = section[0], section[1], section[2], section[3]
+    along = 0.0
+    for k in range(3):
+        along += (p[k] - foot[k]) * axis[k]
+    square = 0.0
+    for k in range(3):
+        nearest[k] = p[k] - foot[k] - along * axis[k]
+        square += nearest[k] ** 2
+    out = np.sqrt(square)
+    height, radius = along, out
+    length = end - start
+    inside = start <= along <= end and out * length <= first * (end - along) + last * (along - start)
+    if not inside:
+        height, radius = _onto_segment(along, out, start, first, end, last)
+        best = np.hypot(along - height, out - radius)
+        for level, wide in ((start, first), (end, last)):
+            near = min(out, wide)
+            if np.hypot(along - level, out - near) < best:
+                best = np.hypot(along - level, out - near)
+                height = level
+                radius = near
+    share = radius / out if out > 0.0 else 0.0
+    for k in range(3):
+        nearest[k] = foot[k] + height * axis[k] + share * nearest[k]
+
+
+@inner_njit()
+def _onto_column(p: ndarray, column: ndarray, nearest: ndarray) -> None:
+    """Write the point of an upright cylinder that is nearest to `p`; `column` (3,): radius, z of top and bottom."""
+    out = np.hypot(p[0], p[1])
+    share = min(column[0] / out, 1.0) if out > 0.0 else 1.0
+    nearest[0], nearest[1] = share * p[0], share * p[1]
+    nearest[2] = min(max(p[2], column[2]), column[1])
+
+
+@inner_njit()
+def _cone_support(n: ndarray, foot: ndarray, axis: ndarray, section: ndarray, farthest: ndarray) -> None:
+    """Write the point of a cone that is farthest along -n into `farthest`."""
+    along = n[0] * axis[0] + n[1] * axis[1] + n[2] * axis[2]
+    size = np.sqrt(max(1.0 - along * along, 0.0))
+    height, radius = section[0], section[2]
+    if section[1] * along - section[3] * size < section[0] * along - section[2] * size:
+        height, radius = section[1], section[3]
+    share = radius / size if size > 0.0 else 0.0
+    for k in range(3):
+        farthest[k] = foot[k] + height * axis[k] - share * (n[k] - along * axis[k])
+
+
+@inner_njit()
+def _column_support(n: ndarray, column: ndarray, farthest: ndarray) -> None:
+    """Write the point of an upright cylinder that is farthest along n into `farthest`."""
+    flat = np.hypot(n[0], n[1])
+    share = column[0] / flat if flat > 0.0 else 0.0
+    farthest[0], farthest[1] = share * n[0], share * n[1]
+    farthest[2] = column[1] if n[2] > 0.0 else column[2]
+
+
+@inner_njit()
+def _apart(a: ndarray, b: ndarray) -> float:
+    return np.sqrt((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2)
+
+
+@inner_njit()
+def _rim_point(angle: float, middle: ndarray, e: ndarray, f: ndarray, radius: float, point: ndarray) -> None:
+    for k in range(3):
+        point[k] = middle[k] + radius * (np.cos(angle) * e[k] + np.sin(angle) * f[k])
+
+
+@inner_njit()
+def _cone_rims(foot: ndarray, axis: ndarray, section: ndarray, column: ndarray) -> float:
+    """The least distance of the two rims of a cone from the cylinder."""
+    e, f, middle, p, q = np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    flat = np.hypot(axis[0], axis[1])
+    e[0], e[1], e[2] = (-axis[1] / flat, axis[0] / flat, 0.0) if flat > 0.0 else (1.0, 0.0, 0.0)
+    f[0] = axis[1] * e[2] - axis[2] * e[1]
+    f[1] = axis[2] * e[0] - axis[0] * e[2]
+    f[2] = axis[0] * e[1] - axis[1] * e[0]
+    best = np.inf
+    for side in range(2):
+        for k in range(3):
+            middle[k] = foot[k] + section[side] * axis[k]
+        low, high = 0.0, 2 * np.pi
+        for step in range(1 + RIM_STEPS):
+            count = RIM_POINTS if step == 0 else 2
+            nearest = np.inf
+            at = 0.0
+            for m in range(count):
+                angle = low + (high - low) * (m + (step > 0)) / (count + (step > 0))
+                _rim_point(angle, middle, e, f, section[2 + side], p)
+                _onto_column(p, column, q)
+                if _apart(p, q) < nearest:
+                    nearest = _apart(p, q)
+                    at = angle
+            half = 2 * np.pi / RIM_POINTS if step == 0 else (high - low) / 3
+            low, high = at - half, at + half
+            best = min(best, nearest)
+    return best
+
+
+@inner_njit()
+def _column_rims(foot: ndarray, axis: ndarray, section: ndarray, column: ndarray) -> float:
+    """The least distance of the two rims of the cylinder from the cone."""
+    p, q = np.empty(3), np.empty(3)
+    best = np.inf
+    for side in range(2):
+        p[2] = column[1 + side]
+        low, high = 0.0, 2 * np.pi
+        for step in range(1 + RIM_STEPS):
+            count = RIM_POINTS if step == 0 else 2
+            nearest = np.inf
+            at = 0.0
+            for m in range(count):
+                angle = low + (high - low) * (m + (step > 0)) / (count + (step > 0))
+                p[0], p[1] = column[0] * np.cos(angle), column[0] * np.sin(angle)
+                _onto_cone(p, foot, axis, section, q)
+                if _apart(p, q) < nearest:
+                    nearest = _apart(p, q)
+                    at = angle
+            half = 2 * np.pi / RIM_POINTS if step == 0 else (high - low) / 3
+            low, high = at - half, at + half
+            best = min(best, nearest)
+    return best
+
+
+@njit(cache=True, nogil=True)
+def column_distance(foot: ndarray, axis: ndarray, section: ndarray, column: ndarray, within: float) -> float:
+    """The distance of a cone of the tool from an upright cylinder, mm: 0 where they meet, `within` where it is more.
+
+    `section` (4,): from, to along the unit `axis` from `foot`, radius at either; `column` (3,): radius, z of top
+    and bottom.
+    """
+    x, y, n = np.empty(3), np.empty(3), np.empty(3)
+    x_far, y_far = np.empty(3), np.empty(3)
+    # where the axes are nearest to one another
+    flat = axis[0] ** 2 + axis[1] ** 2
+    along = -(foot[0] * axis[0] + foot[1] * axis[1]) / flat if flat > 0.0 else 0.0
+    along = min(max(along, section[0]), section[1])
+    for k in range(3):
+        x[k] = foot[k] + along * axis[k]
+    _onto_column(x, column, y)
+    apart = np.inf
+    for _ in range(MOST_STEPS):
+        _onto_cone(y, foot, axis, section, x)
+        _onto_column(x, column, y)
+        apart = _apart(x, y)
+        if apart <= TOLERANCE:
+            return 0.0
+        for k in range(3):
+            n[k] = (x[k] - y[k]) / apart
+        _cone_support(n, foot, axis, section, x_far)
+        _column_support(n, column, y_far)
+        bound = 0.0
+        for k in range(3):
+            bound += n[k] * (x_far[k] - y_far[k])
+        if bound >= within:
+            return within
+        if apart - bound <= TOLERANCE:
+            return apart
+    apart = min(apart, _cone_rims(foot, axis, section, column), _column_rims(foot, axis, section, column))
+    return min(apart, within)
+
+
+SEARCH_STEPS = 24
+"""Thirds that the interval of the least distance is divided into: to 1e-4 of its length."""
+
+
+@inner_njit()
+def _segment_distance(x: float, y: float, ax: float, ay: float, bx: float, by: float) -> float:
+    """Distance of (x, y) from the segment from a to b."""
+    sx, sy = bx - ax, by - ay
+    share = min(max(((x - ax) * sx + (y - ay) * sy) / (sx * sx + sy * sy), 0.0), 1.0)
+    return np.hypot(x - ax - share * sx, y - ay - share * sy)
+
+
+@njit(cache=True, nogil=True)
+def frustum_distance(along: float, out: float, start: float, end: float, radius: float, taper: float) -> float:
+    """Signed distance to a cone from `start` to `end` on its axis, whose radius grows from `radius` by `taper` a
+    mm, of a point that is `along` the axis and `out` from it."""
+    last = radius + taper * (end - start)
+    up = max(start - along, along - end)
+    side = (out - radius - taper * (along - start)) / np.sqrt(1.0 + taper * taper)
+    if max(up, side) <= 0.0:
+        return max(up, side)
+    if taper == 0.0:
+        return np.hypot(max(out - radius, 0.0), max(up, 0.0))
+    near = _segment_distance(along, out, start, radius, end, last)
+    near = min(near, np.hypot(along - start, max(out - radius, 0.0)))
+    return min(near, np.hypot(along - end, max(out - last, 0.0)))
+
+
+@inner_njit()
+def _at(u: float, v: float, w: float, axis: ndarray, start: float, end: float, radius: float, taper: float) -> float:
+    """Signed distance of the point (u, v, w), told from the tool's foot, to a cone about its unit `axis`."""
+    along = u * axis[0] + v * axis[1] + w * axis[2]
+    out = np.sqrt(max(u * u + v * v + w * w - along * along, 0.0))
+    return frustum_distance(along, out, start, end, radius, taper)
+
+
+@inner_njit()
+def _least_distance(
+    u: float, v: float, low: float, high: float, axis: ndarray, start: float, end: float, radius: float, taper: float
+) -> float:
+    """The least signed distance to the cone on the interval [low, high] of the ray through (u, v), by thirds; all
+    told from the tool's foot."""
+    for _ in range(SEARCH_STEPS):
+        if high - low < 1e-3:
+            break
+        one, two = low + (high - low) / 3, high - (high - low) / 3
+        at_one = _at(u, v, one, axis, start, end, radius, taper)
+        if at_one < _at(u, v, two, axis, start, end, radius, taper):
+            high = two
+        else:
+            low = one
+    at_low = _at(u, v, low, axis, start, end, radius, taper)
+    return min(at_low, _at(u, v, high, axis, start, end, radius, taper))
+
+
+@njit(cache=True, nogil=True)
+def frustum_clearance(
+    rays: RaySet, foot: ndarray, axis: ndarray, start: float, end: float, radius: float, taper: float, within: float
+) -> float:
+    """The least signed distance between the material on the rays and a cone, or `within` where it is more.
+
+    Rays are taken a quarter of `within` apart: the nearest of them is then told to within / 64.
+    The cone runs from `start` to `end` along the unit `axis` from `foot` (u, v, w), its radius grows by `taper` a
+    mm; tiles and intervals are first looked at with a cylinder that holds it. Signed distance to a convex body is
+    convex along a ray, so thirds of an interval find its least value.
+    """
+    best = within
+    apart = min(max(int(within / 4 / rays.cell), 1), TILE)
+    cell = rays.cell
+    side = rays.cell * TILE
+    length = end - start
+    dx, dy, dz = axis[0], axis[1], axis[2]
+    px, py, pz = foot[0] + start * axis[0], foot[1] + start * axis[1], foot[2] + start * axis[2]
+    qx, qy = foot[0] + end * axis[0], foot[1] + end * axis[1]
+    widest = max(radius, radius + taper * length)
+    wide = widest + max(within, 0.0)
+    rows, columns = rays.tile_of.shape
+    first_u = max(int(np.floor((min(px, qx) - wide) / side)), 0)
+    last_u = min(int(np.floor((max(px, qx) + wide) / side)), rows - 1)
+    first_v = max(int(np.floor((min(py, qy) - wide) / side)), 0)
+    last_v = min(int(np.floor((max(py, qy) + wide) / side)), columns - 1)
+    half_diagonal = side * np.sqrt(0.5)
+    for i in range(first_u, last_u + 1):
+        for j in range(first_v, last_v + 1):
+            tile = rays.tile_of[i, j]
+            if tile < 0 or rays.low[tile] > rays.high[tile]:
+                continue
+            # the ray through the tile's middle, with all as much larger as the tile is wide
+            more = best + half_diagonal
+            x, y = (i + 0.5) * side - px, (j + 0.5) * side - py
+            lowest, highest = cylinder_chord(x, y, dx, dy, dz, -more, length + more, widest + more)
+            lowest, highest = pz + lowest, pz + highest
+            if lowest >= highest or lowest > rays.high[tile] or highest < rays.low[tile]:
+                continue
+            if not rays.mask[tile] & bits(lowest, highest, rays.length):
+                continue
+            for ray in range(TILE * TILE):
+                count = rays.counts[tile, ray]
+                if not count or (ray % TILE) % apart or (ray // TILE) % apart:
+                    continue
+                u = (i * TILE + ray % TILE + 0.5) * cell
+                v = (j * TILE + ray // TILE + 0.5) * cell
+                # nearer than the nearest so far: else the ray cannot tell more
+                thick = widest + best
+                if thick <= 0.0:
+                    return best
+                enter, leave = capsule_chord(u - px, v - py, axis[0], axis[1], axis[2], length, thick)
+                for k in range(count):
+                    low = max(rays.spans[tile, ray, 2 * k], pz + enter)
+                    high = min(rays.spans[tile, ray, 2 * k + 1], pz + leave)
+                    if low <= high:
+                        x, y = u - foot[0], v - foot[1]
+                        low, high = low - foot[2], high - foot[2]
+                        distance = _least_distance(x, y, low, high, axis, start, end, radius, taper)
+                        best = min(best, distance)
+    return best

@@ -1,1 +1,0 @@
-"""The program of one level: discretisation, energies and limits."""

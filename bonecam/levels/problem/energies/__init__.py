@@ -1,1 +1,0 @@
-"""Energies of one level's program, a file each."""

@@ -1,1 +1,0 @@
-"""Limits of one level's program, a file each."""

@@ -1,1 +1,0 @@
-"""Sequences of levels from the part to the last one below the stock."""

@@ -1,1 +1,0 @@
-"""Rows of points round a bone: isolines of a harmonic field."""

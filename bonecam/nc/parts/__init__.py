@@ -1,1 +1,0 @@
-"""A program in numbered files, which a caller runs one after the other."""

@@ -1,0 +1,361 @@
+"""Posting: from tool paths to the text of a program.
+
+The time of a program: at its feeds, as the axes drive it, and with what is between its runs.
+
+Writing the NC text: the dialect's templates filled with the words of the posted paths.
+
+A program is one section a level, which begins with all that a restart there needs: modes, datum, tool call, spindle. In
+it are one or more runs: retract, turn the rotary axes off the part, tool-centre control on where the control has it,
+approach along the tool axis, the moves, tool-centre control off, retract. The comments CUT and LINK stand where feed
+moves begin to cut, or to lead from one pass to another.
+
+The blocks behind the last retract: the table levelled and the spindle parked, where a job asks for it.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from bonecam.arrays import lengths
+from bonecam.errors import MachineError, ProgramError
+from bonecam.job import Job, NcJob, field_error
+from bonecam.job.nc_section import HOME, park_position
+from bonecam.machine.machine import Machine
+from bonecam.nc.dialect import Dialect
+from bonecam.nc.feeds import feed_figures
+from bonecam.nc.header import (
+    Travel,
+    above,
+    air_check_texts,
+    header_lines,
+    level_lines,
+    lifted,
+    over_zero,
+    setup_texts,
+    start_texts,
+    travel_of,
+    zero_words,
+)
+from bonecam.nc.parts import Section, is_split, marked_parts
+from bonecam.nc.path_words import Posted, axis_minutes, joints_and_lengths, post_path, row_blocks
+from bonecam.nc.program import Program, ProgramTime, program_number
+from bonecam.nc.words import REWIND, comment, number_blocks, plain_text, word_texts
+from bonecam.planning.motion_time import ControlRule, motion_minutes
+from bonecam.progress import Progress, report, silent
+from bonecam.setup.stock import Stock
+from bonecam.tool.cutter import Cutter
+from bonecam.tool.path import MoveKind, ToolPath
+
+EXACT_STOP = ControlRule(look_ahead=0)
+"""Between two runs every block ends at rest."""
+
+
+def program_time(posted: Sequence[Posted], travel: Travel, job: Job) -> ProgramTime:
+    """The minutes of posted paths in their order. The first tool is changed for too; the spindle stops for changes and
+    for the stops that the job asks for (`nc.optional_stop`), whose length is left out."""
+    machine = posted[0].control.machine
+    tools = dict.fromkeys((one.path.cutter.number for one in posted), 0.0)
+    for one in posted:
+        tools[one.path.cutter.number] += float(one.driven_minutes.sum())
+    feed, axes = sum(float(one.minutes.sum()) for one in posted), sum(tools.values())
+    minutes = tuple(tools.values())
+    assumed = machine.time_assumed
+    if not machine.knows_accelerations or machine.seconds is None:
+        return ProgramTime(feed, minutes, axes if machine.knows_accelerations else None, assumed=assumed)
+    numbers = [one.path.cutter.number for one in posted]
+    changes = 1 + sum(a != b for a, b in pairwise(numbers))
+    starts = len(posted) if job.nc.optional_stop == "level" else changes
+    runs = sum(len(one.runs) for one in posted)
+    by_hand = changes if job.nc.tool_change == "stop" else 0
+    seconds = (changes - by_hand) * machine.seconds.tool_change + starts * machine.seconds.spindle_start
+    if "{retract}" not in posted[0].dialect.templates.retract:
+        seconds += runs * machine.seconds.retract
+    # the turns of rotary axes to where runs begin are among these ways
+    turns = sum(float(one.driven_minutes[[first for first, _ in one.runs]].sum()) for one in posted)
+    ways = 0.0
+    for one, way in _ways(posted, travel):
+        # rapid moves between joints, each from rest to rest
+        fastest = axis_minutes(machine, way)[1:]
+        if not one.dialect.straight_rapids:
+            fastest = np.maximum(fastest, lengths(np.diff(way[:, :3], axis=0)) / job.nc.rapid_feed)
+        ways += float(motion_minutes(machine, way, fastest, EXACT_STOP).sum())
+    return ProgramTime(feed, minutes, axes, axes - turns + ways + seconds / 60, by_hand, assumed)
+
+
+def _ways(posted: Sequence[Posted], travel: Travel) -> Iterator[tuple[Posted, Float[ndarray, "k 5"]]]:
+    """The joints between two runs: from the end of one up, to where tools start, the turn of the rotary axes, over the
+    approach, down to it and to the first row of the next; behind the last run up alone."""
+    at = [np.r_[travel.start, _level(posted[0], posted[0].joints[0])]]
+    for one in posted:
+        for run, (first, end) in enumerate(one.runs):
+            words = (above(one, run, travel.retract), one.approaches[run], lifted(one, run, travel.retract))
+            high, low, over = joints_and_lengths(one.control, np.array(words))[0]
+            if not run and "{over_zero}" in one.dialect.templates.tool:
+                at.append(np.r_[travel.start, at[-1][3:]])
+            if one.dialect.starts_at_zero:
+                at.append(np.r_[travel.start, _level(one, at[-1])])
+            turned = np.r_[at[-1][:3], low[3:]]
+            yield one, np.array([*at, turned, high, low, one.joints[first]])
+            at = [one.joints[end - 1], over]
+    yield posted[-1], np.array(at)
+
+
+def _level(posted: Posted, joints: Float[ndarray, "5"]) -> Float[ndarray, "2"]:
+    """The angles (rad) nearest to those of the joints at which all rotary words are zero."""
+    turns = [axis.endless and not axis.bounded for axis in posted.control.machine.rotary]
+    return np.where(turns, 2 * np.pi * np.round(joints[3:] / (2 * np.pi)), 0.0)
+
+
+def check_end(job: Job, machine: Machine) -> None:
+    """JobError where the park position is outside the limits of X or Y, or these are not known; MachineError where a
+    rotary axis that is to be levelled cannot stand at zero."""
+    position = park_position(job.nc.park) or ()
+    for axis, value in zip(machine.linear, position, strict=False):
+        low, high = axis.limits
+        if not math.isfinite(high - low):
+            why = f"{machine.name} states the travel of {axis.letter}, not its limits: give these in a machine file"
+            raise field_error("nc", "park", job.nc.park, why)
+        if not low <= value <= high:
+            why = f"{axis.letter} of {machine.name} runs from {low:g} to {high:g} mm: give a place within"
+            raise field_error("nc", "park", job.nc.park, why)
+    if job.nc.table_level:
+        for rotary in machine.own_rotary:
+            low, high = np.degrees(rotary.limits)
+            if not low <= 0.0 <= high:
+                what = f"{rotary.letter} of {machine.name} cannot stand at zero ({low:g} to {high:g} deg)"
+                raise MachineError(f"{what}: leave nc.table_level out", machine=machine.name, axis=rotary.letter)
+
+
+def end_blocks(machine: Machine, dialect: Dialect, nc: NcJob) -> list[str]:
+    """The blocks of the end, the tool being above everything: rotary axes to zero, then X and Y."""
+    lines = list[str]()
+    length = dialect.numbers.length
+    if nc.table_level:
+        rotary = word_texts(machine, dialect, np.zeros(5))[3:]
+        lines += dialect.lines("position", rotary=" ".join(rotary))
+    if nc.park.strip() == HOME:
+        lines += dialect.lines("home")
+    position = park_position(nc.park)
+    if position is not None:
+        x, y = map(length.text, position)
+        lines += dialect.lines("park", linear=f"X{x} Y{y}")
+    return lines
+
+
+def write_program(
+    paths: Sequence[ToolPath],
+    machine: Machine,
+    dialect: Dialect,
+    job: Job,
+    *,
+    name: str = "BONE",
+    comments: Sequence[str] = (),
+    stock: Stock | None = None,
+    setup: Sequence[str] = (),
+    progress: Progress = silent,
+) -> Program:
+    """The program that machines `paths` in their order.
+
+    `name` has letters, digits and underscores. The header describes the `stock`, whose box is the blank in the
+    control's simulation; without it that is the box of the tips. `setup` tells another mounting than the job's.
+    MachineError where an axis leaves its limits or cannot be written as the job says, ProgramError for a number.
+    """
+    if not paths:
+        raise ValueError("no tool path: give at least one")
+    if not name or not all(letter.isascii() and (letter.isalnum() or letter == "_") for letter in name):
+        raise ProgramError(f"program name {name!r}: use letters, digits and _", name=name)
+    dialect = dialect.writing_endless_words(job.nc.endless_words, machine)
+    if job.nc.tool_change == "stop" and not dialect.templates.stop:
+        remedy = 'take nc.tool_change = "changer", or add the template to its file'
+        raise MachineError(f"{dialect.name} has no template stop: {remedy}", dialect=dialect.name)
+    check_end(job, machine)
+    around = np.vstack([path.tips for path in paths])
+    posted = list[Posted]()
+    for index, path in enumerate(paths):
+        report(progress, index / len(paths), f"level {path.level}: angles and words")
+        before = posted[-1].moves.angles[-1] if posted else None
+        posted.append(post_path(path, machine, dialect, job, around, before=before))
+    travel = travel_of(machine, job, posted)
+    bounds = np.array([around.min(0), around.max(0)]) if stock is None else stock.bounds
+    texts = [*comments, *(setup or setup_texts(job, stock, zero_words(machine, dialect)))]
+    air_check = air_check_texts(posted[0].control, dialect, float(bounds[1, 2]))
+    name = name.upper()
+    time = program_time(posted, travel, job)
+    header = header_lines(
+        machine,
+        dialect,
+        job,
+        name,
+        posted,
+        bounds=bounds,
+        comments=texts,
+        travel=travel,
+        time=time,
+        air_check=air_check,
+    )
+    writer = ProgramWriter(machine, dialect, job, name, posted, travel=travel, time=time)
+    return writer.program(header, air_check)
+
+
+@dataclass(eq=False)
+class ProgramWriter:
+    """Writes the blocks of one program from its posted paths; `moves` counts those written so far."""
+
+    machine: Machine
+    dialect: Dialect
+    job: Job
+    name: str
+    posted: Sequence[Posted]
+    travel: Travel
+    time: ProgramTime
+    moves: int = 0
+
+    def __post_init__(self) -> None:
+        self.length = self.dialect.numbers.length
+        self.feed = self.dialect.numbers.feed
+        switch = self.dialect.tool_centre_switch(self.machine)
+        self.on, self.off = (switch.on, switch.off) if switch else ("", "")
+        self.retract = self.length.text(self.travel.retract)
+        rapid = np.clip(self.job.nc.rapid_feed, self.feed.lowest, self.feed.highest)
+        self.rapid = self.feed.text(float(rapid))
+
+    def program(self, header: list[str], air_check: Sequence[str]) -> Program:
+        """The whole program, which begins with the blocks of the `header`; that tells the `air_check`."""
+        sections = self._sections()
+        lines = list(header)
+        if is_split(self.job.nc):
+            lines += marked_parts(sections, self.name, self.dialect, self.job.nc)
+        else:
+            lines += [line for section in sections for line in section.lines]
+        lines += (
+            self.dialect.lines("tool_end")
+            + self._counted(end_blocks(self.machine, self.dialect, self.job.nc))
+            + self.dialect.lines("footer", name=self.name)
+        )
+        return self._finish(lines, air_check)
+
+    def _sections(self) -> list[Section]:
+        """The blocks of each path."""
+        sections = list[Section]()
+        tool = None
+        for posted in self.posted:
+            lines = self._begin(posted, tool)
+            tool = posted.path.cutter.number
+            for index in range(len(posted.runs)):
+                lines += self._run(posted, index)
+            sections.append(Section(posted.path.title, tool, lines))
+        return sections
+
+    def _finish(self, lines: list[str], air_check: Sequence[str]) -> Program:
+        """The program of these blocks, numbered, with its counts and its time."""
+        text, blocks = number_blocks(lines, self.dialect)
+        return Program(
+            text=text,
+            name=self.name,
+            number=self.job.nc.program_number or program_number(self.name),
+            machine=self.machine.name,
+            controller=self.dialect.name,
+            extension=self.dialect.extension,
+            blocks=blocks,
+            moves=self.moves,
+            split_moves=sum(len(posted.words) - len(posted.path.tips) for posted in self.posted),
+            rewinds=sum(posted.rewinds for posted in self.posted),
+            lifts=sum(len(posted.path.lifts) for posted in self.posted),
+            tools=tuple(dict.fromkeys(posted.path.cutter.number for posted in self.posted)),
+            time=self.time,
+            feeds=feed_figures(self.posted, self.job.path.feed_at),
+            rotary_max_deg_per_block=max(posted.largest_rotation_deg for posted in self.posted),
+            air_check=tuple(air_check),
+        )
+
+    def _begin(self, posted: Posted, tool: int | None) -> list[str]:
+        """The blocks that begin a path, `tool` being in the spindle: all that a restart there needs, where the dialect
+        has a template for it, else a tool call where the cutter is another."""
+        cutter, title = posted.path.cutter, posted.path.title
+        changes = cutter.number != tool
+        stops = tool is not None and self.job.nc.optional_stop in (("level", "tool") if changes else ("level",))
+        lines = self.dialect.lines("tool_end") if tool is not None and (changes or stops) else []
+        lines += self.dialect.lines("optional_stop") if stops else []
+        lines += [comment(title, self.dialect)]
+        if tool is not None or is_split(self.job.nc):
+            name = plain_text(title, self.dialect.comment_characters)
+            lines += self.dialect.lines("restart", title=name, tool=cutter.number, tool_centre_off=self.off)
+        lines += level_lines(self.dialect, self.job, posted)
+        if changes or stops or self.dialect.templates.restart:
+            lines += self._tool(cutter, halts=changes and self.job.nc.tool_change == "stop")
+        return lines
+
+    def _tool(self, cutter: Cutter, *, halts: bool) -> list[str]:
+        """The blocks that bring a cutter into the spindle and to where tools start; for a change by hand it
+        `halts`."""
+        stop = self.dialect.lines("stop", tool=cutter.number) if halts else []
+        return self._moving(
+            "tool",
+            tool=cutter.number,
+            spindle=self.dialect.numbers.spindle.text(cutter.spindle),
+            retract=self.retract,
+            endless=self.dialect.endless_block,
+            over_zero=over_zero(self.machine, self.dialect, self.travel.start),
+            stop="\n".join(stop),
+        )
+
+    def _moving(self, template: str, **fields: object) -> list[str]:
+        """The blocks of a template, whose moves are counted."""
+        return self._counted(self.dialect.lines(template, **fields))
+
+    def _counted(self, lines: list[str]) -> list[str]:
+        """Blocks, whose moves are counted."""
+        self.moves += sum(line.startswith(tuple(self.dialect.moving_blocks)) for line in lines)
+        return lines
+
+    def _switch(self, blocks: str, posted: Posted, height: str) -> list[str]:
+        """The blocks that switch tool-centre control, for the tool of a path and the `height` (Z) to start from."""
+        text = blocks.format(tool=posted.path.cutter.number, height=height)
+        return self._counted([line for line in text.split("\n") if line])
+
+    def _run(self, posted: Posted, index: int) -> list[str]:
+        """The blocks of one run: turn the rotary axes, approach along the tool axis, machine, retract."""
+        words = word_texts(self.machine, self.dialect, posted.approaches[index])
+        high = word_texts(self.machine, self.dialect, above(posted, index, self.travel.retract))
+        end = word_texts(self.machine, self.dialect, lifted(posted, index, self.travel.retract))
+        lines = [comment(REWIND, self.dialect)] if index else []
+        lines += self._start(posted, words, posted.approaches[index][3:])
+        approach = self.dialect.lines(
+            "approach",
+            linear=" ".join(words[:3]),
+            plane=" ".join(words[:2]),
+            above=" ".join(high[:3]),
+            rapid=self.rapid,
+        )
+        # where the turn under tool-centre control ends above the approach, there is no way to there
+        there = f" {' '.join(high[:3])} " in lines[-1]
+        lines += self._counted(approach[1:] if there else approach)
+        if self.job.nc.coolant:
+            lines += self.dialect.lines("coolant_on")
+        lines += row_blocks(posted, posted.runs[index], self.machine, self.dialect)
+        self.moves += int(np.diff(posted.runs[index])[0])
+        if self.job.nc.coolant:
+            lines += self.dialect.lines("coolant_off")
+        lift = self._moving("lift", lifted=" ".join(end[:3]), rapid=self.rapid)
+        lines += [comment(MoveKind.LINK.name, self.dialect), *lift] if lift else []
+        return lines + self._switch(self.off, posted, "") + self._moving("retract", retract=self.retract)
+
+    def _start(self, posted: Posted, words: list[str], angles_deg: Float[ndarray, "2"]) -> list[str]:
+        """The blocks that bring the rotary axes to a run's angles and switch tool-centre control on: in this order, or
+        where it starts at zero the other way round."""
+        if not self.dialect.starts_at_zero:
+            return self._moving("position", rotary=" ".join(words[3:])) + self._switch(self.on, posted, self.retract)
+        rotary, height, turn = start_texts(
+            self.dialect, posted.control, angles_deg, self.travel.start, self.job.nc.rapid_feed
+        )
+        return [
+            *self._moving("position", rotary=rotary),
+            *self._switch(self.on, posted, height),
+            comment(MoveKind.LINK.name, self.dialect),
+            *self._counted(turn),
+        ]

@@ -1,1 +1,0 @@
-"""Posting: from tool paths to the text of a program."""

@@ -1,1 +1,0 @@
-"""Feeds that the machine can drive, in the steps of a scale, and the time of what is driven."""

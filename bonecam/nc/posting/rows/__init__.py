@@ -1,1 +1,0 @@
-"""Rows of a path as blocks: split where axes leave the straight line, without those that do not move."""

@@ -1,1 +1,0 @@
-"""From the text of a program back to moves."""

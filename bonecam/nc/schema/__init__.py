@@ -1,1 +1,0 @@
-"""The schemas of machine and dialect files, told once."""

@@ -1,1 +1,0 @@
-"""Cones of tool axes: their surface, and where it meets others."""

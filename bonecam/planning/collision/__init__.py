@@ -1,1 +1,0 @@
-"""Proofs that the whole tool is free of collision with level, material, post and table."""

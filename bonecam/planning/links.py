@@ -1,0 +1,754 @@
+"""Moves between passes: retract, traverse round the stock, approach; or a direct link above the surface.
+
+Direct links: from the end of one pass to the near start of the next, just above what stands between them.
+
+A short link runs straight, as low as it can. A longer one runs over the material like a taut string: the straight line
+is raised along the normals, which turn from the one end's to the other's, until the ball is off the material, and then
+to the concave envelope of these heights.
+
+Lead arcs: the ball comes onto its first contact, and leaves the last one, on an arc tangential to the cut.
+
+The arc lies in the plane of the cut and of the contact's normal, or else of the tool axis; the axis stands still on it.
+It removes nothing but what the cut behind it has removed, and is proven as links are. Onto a cut that begins in
+material the first move of the cut is a chord of the arc. A smaller one is tried where a large one does not fit; where
+none does, the way is straight.
+
+The lead arcs of the runs of a level, and the links from the far end of one to the far end of another.
+
+Links near the level from the end of each run to the begin of the next: a step over on the surface, or a direct link,
+by way of lead arcs where there is room for them.
+
+Steps over on the surface: from the end of one pass the tool cuts straight on to the near start of the next.
+
+The links of a level: how its runs of contacts are reached one after the other, from the safe point and
+back to it.
+
+A run is cut without lifting the tool. One that cannot be left, or not be reached, loses its lead arcs; if that is not
+enough, it is cut short by as little as lets the tool on and off; where nothing does, it is left out.
+
+Lifts within a path: where the machine's rotary axes come to their limits between two rapids, the tool leaves for the
+safe point above the stock, where they are rewound, and comes back to go on.
+
+Between two cuts it comes back to the contact that it left, so that nothing stays between; else to the place where it
+was to go.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import combinations, pairwise, product
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from numpy import ndarray
+
+from bonecam.arrays import angles_between, dots, lengths, unit
+from bonecam.errors import MachineError
+from bonecam.machine.limits import LiftPlaces
+from bonecam.planning.axes.lead import SINGULAR_ANGLE, avoid_singularity, least_polar_angles
+from bonecam.planning.collision import interpolate_poses
+from bonecam.planning.link_space import (
+    NO_MOVES,
+    SAFE,
+    TRAVERSES,
+    LinkMoves,
+    LinkSpace,
+    Polyline,
+    Pose,
+    Transfers,
+    TraverseOptions,
+    join_moves,
+    moves_of,
+    no_transfers,
+    without_rests,
+)
+from bonecam.tool.path import ContactPath, MoveKind, ToolPath
+
+LIFTS = (0.2, 0.5, 1.0)
+"""Heights of a straight link above the contacts, along their normals or else their axes, in the order they are tried,
+mm: it is to pass over what still stands between them. By the post a normal may lead into the fillet round it."""
+LIFTED = np.arange(1, 8) / 8
+"""Shares of a lift at which is looked whether it is in air."""
+STEPS = 6
+"""Straight moves of a straight link between its lifted ends."""
+MAX_TURN = np.radians(30.0)
+"""A straight link that would turn the axis by more is none, radians."""
+
+ABOVE = 0.3
+"""Longer links run so far above the mesh of the material, mm: more than twice what it may lie below the material."""
+LONG_STEPS = 20
+"""Straight moves of a longer link."""
+LONG = 20.0
+"""No link is longer, mm: 0.8 s at 1500 mm/min, which is what a retract takes."""
+MAX_LONG_TURN = np.radians(150.0)
+"""A longer link that would turn axis or normal by more is none, radians: opposite ones have no turn between them."""
+ROUNDS = 6
+"""Times that a ball is raised out of the material."""
+
+Contacts = tuple[Float[ndarray, "k 3"], Float[ndarray, "k 3"], Float[ndarray, "k 3"]]
+"""Ball centres, contact normals and tool axes."""
+Poses = tuple[Float[ndarray, "m p 3"], Float[ndarray, "m p 3"]]
+"""Ball centres and axes of the p poses of each link, its ends at the contacts left out."""
+
+
+def direct_links(
+    space: LinkSpace,
+    ends: Contacts,
+    starts: Contacts,
+    short: float,
+    lifts: Sequence[float] = LIFTS,
+    arcs: Bool[ndarray, "k 2"] | None = None,
+) -> list[LinkMoves | None]:
+    """The lowest link from each end to its start, both left out, that removes nothing; None where it is too long,
+    turns too far, passes the singularity, leaves the limits, or is not proven free. Straight links are no longer than
+    `short`, mm; they are raised by one of the `lifts`, mm. `arcs`: whether the end, and the start, is that of an arc.
+    """
+    arcs = np.zeros((len(ends[0]), 2), dtype=bool) if arcs is None else arcs
+    link_moves: list[LinkMoves | None] = [None] * len(ends[0])
+    away = np.linalg.norm(starts[0] - ends[0], axis=1)
+    turns = angles_between(ends[2], starts[2])
+    left = np.flatnonzero((away <= short) & (turns <= MAX_TURN))
+    feed = min(space.feeds.link, space.checker.cutter.feed)
+    for lift, along in product(lifts, (1, 2)):
+        if not len(left):
+            break
+        a, b = (contacts_of(contacts, left) for contacts in (ends, starts))
+        links = _straight(a, b, lift * a[along], lift * b[along])
+        left = left[~_take(link_moves, left, links=links, between=(a, b), arcs=arcs[left], space=space, feed=feed)]
+
+    turns = np.maximum(turns, angles_between(ends[1], starts[1]))
+    open_ = np.array([link is None for link in link_moves], dtype=bool)
+    left = np.flatnonzero(open_ & (away <= LONG) & (turns <= MAX_LONG_TURN))
+    if len(left):
+        a, b = (contacts_of(contacts, left) for contacts in (ends, starts))
+        taut = _taut(space, a, b)
+        _take(link_moves, left, links=taut, between=(a, b), arcs=arcs[left], space=space, feed=space.feeds.link)
+    return link_moves
+
+
+def contacts_of(contacts: Contacts, which: Int[ndarray, " m"]) -> tuple[ndarray, ndarray, ndarray]:
+    """Some of the contacts."""
+    centres, normals, axes = contacts
+    return centres[which], normals[which], axes[which]
+
+
+def _take(
+    link_moves: list[LinkMoves | None],
+    which: Int[ndarray, " m"],
+    links: Poses,
+    between: tuple[Contacts, Contacts],
+    arcs: Bool[ndarray, "m 2"],
+    space: LinkSpace,
+    feed: float,
+) -> Bool[ndarray, " m"]:
+    """Put those of the links that may be taken into `link_moves`, at `which`; whether each of them is."""
+    axes = _off_singularity(*links)
+    free = _free_links(space, (links[0], axes), *between, arcs)
+    for k, c, v in zip(which[free], links[0][free], axes[free], strict=True):
+        link_moves[k] = moves_of(MoveKind.LINK, c, v, feed)
+    return free
+
+
+def _straight(
+    ends: Contacts, starts: Contacts, lifts: Float[ndarray, "m 3"], last_lifts: Float[ndarray, "m 3"]
+) -> Poses:
+    """Straight links between contacts that are lifted so."""
+    return _poses(ends[0] + lifts, starts[0] + last_lifts, ends[2], starts[2], STEPS)
+
+
+def _taut(space: LinkSpace, ends: Contacts, starts: Contacts) -> Poses:
+    """Links that run over the material like taut strings."""
+    (a, normals_a, axes_a), (b, normals_b, axes_b) = ends, starts
+    line, axes = _poses(a, b, axes_a, axes_b, LONG_STEPS)
+    _, normals = _poses(a, b, normals_a, normals_b, LONG_STEPS)
+    wanted = space.ball_radius + ABOVE
+    material = space.checker.scene.material_distance
+    heights = np.full(line.shape[:2], ABOVE)
+    for _ in range(ROUNDS):
+        centres = (line + heights[:, :, None] * normals).reshape(-1, 3)
+        heights += np.maximum(wanted - material.signed(centres, wanted), 0.0).reshape(heights.shape)
+    return line + _envelope(heights)[:, :, None] * normals, axes
+
+
+def _envelope(heights: Float[ndarray, "m p"]) -> Float[ndarray, "m p"]:
+    """The least concave functions above the heights of each row."""
+    envelope = heights.copy()
+    for i, j in combinations(range(heights.shape[1]), 2):
+        f = np.linspace(0, 1, j - i + 1)
+        chord = (1 - f) * heights[:, i, None] + f * heights[:, j, None]
+        envelope[:, i : j + 1] = np.maximum(envelope[:, i : j + 1], chord)
+    return envelope
+
+
+def _poses(
+    first: Float[ndarray, "m 3"],
+    last: Float[ndarray, "m 3"],
+    first_axes: Float[ndarray, "m 3"],
+    last_axes: Float[ndarray, "m 3"],
+    steps: int,
+) -> Poses:
+    """The poses of `interpolate_poses`, one row a link."""
+    centres, axes = interpolate_poses(first, last, first_axes, last_axes, steps)
+    shape = (len(first), steps + 1, 3)
+    return centres.reshape(shape), axes.reshape(shape)
+
+
+def _off_singularity(centres: Float[ndarray, "m p 3"], axes: Float[ndarray, "m p 3"]) -> ndarray:
+    """The axes, led round the singularity."""
+    link = np.repeat(np.arange(len(axes)), axes.shape[1])
+    return avoid_singularity(axes.reshape(-1, 3), centres.reshape(-1, 3), link).reshape(axes.shape)
+
+
+def _free_links(
+    space: LinkSpace, links: Poses, ends: Contacts, starts: Contacts, arcs: Bool[ndarray, "m 2"]
+) -> Bool[ndarray, " m"]:
+    """Whether each link keeps off the singularity and within the limits, removes nothing and is proven free, with the
+    moves from its end and to its start."""
+    centres, axes = links
+    all_centres = np.concatenate([ends[0][:, None], centres, starts[0][:, None]], axis=1)
+    all_axes = np.concatenate([ends[2][:, None], axes, starts[2][:, None]], axis=1)
+    free = np.array([least_polar_angles(v).min() > SINGULAR_ANGLE for v in all_axes], dtype=bool)
+    free &= space.limits.allow(axes.reshape(-1, 3)).reshape(axes.shape[:2]).all(axis=1)
+    halfway = (centres[:, 1:] + centres[:, :-1]) / 2
+    free[free] = space.in_air(np.concatenate([centres, halfway], axis=1)[free])
+    for contacts, lifted in ((ends[0], centres[:, 0]), (starts[0], centres[:, -1])):
+        rising = contacts[:, None] + LIFTED[:, None] * (lifted - contacts)[:, None]
+        free[free] = space.left_in_air(contacts[free], rising[free])
+    # the move onto a contact is a cut, the one onto an arc is not
+    stops = np.where(arcs[:, 1], all_centres.shape[1], all_centres.shape[1] - 1)
+    lines = [(all_centres[k, : stops[k]], all_axes[k, : stops[k]]) for k in np.flatnonzero(free)]
+    free[free] = space.cuts_little(lines, [(c[:1], v[:1]) for c, v in lines], arcs[free].sum(axis=1))
+    free[free] = _proven_free(space, all_centres[free], all_axes[free])
+    return free
+
+
+def _proven_free(
+    space: LinkSpace, centres: Float[ndarray, "k p 3"], axes: Float[ndarray, "k p 3"]
+) -> Bool[ndarray, " k"]:
+    """Whether the straight moves through the p poses of each link are free of collision and gouge."""
+    if not len(centres):
+        return np.zeros(0, dtype=bool)
+    count, poses = centres.shape[:2]
+    flat_centres, flat_axes = centres.reshape(-1, 3), axes.reshape(-1, 3)
+    joined = np.tile(np.r_[np.ones(poses - 1, dtype=bool), False], count)
+    tips = space.checker.cutter.tips_of(flat_centres, flat_axes)
+    free = space.checker.moves_free(tips, flat_axes, joined, cutting=True)
+    moves = np.flatnonzero(joined)
+    free[moves] &= space.ball_free(flat_centres[moves], flat_centres[moves + 1])
+    return (free | ~joined).reshape(count, -1).all(axis=1)
+
+
+SWEEP = np.radians(80.0)
+"""Angle of an arc, radians: at its far end the tool comes and goes nearly along the normal."""
+ARC_STEPS = 5
+"""Straight moves of an arc."""
+SHARES = (1.0, 0.5, 0.25)
+"""Radii of the arcs that are tried, as shares of the lead radius."""
+TANGENT = np.radians(20.0)
+"""A cut whose first move turns off by less from the move that leads to it (radians) begins tangentially."""
+CHORDS = (1, 2)
+"""Straight moves of an arc whose chord is the first move of the cut: the longer one turns off by 16 degrees."""
+LEAST_SIDE = 0.5
+"""A unit vector bends an arc to its side if as much of it stands across the cut."""
+NEAR = 3.0
+"""A cut has removed what lies round its end within so many radii of the ball."""
+
+
+OfLevel = tuple[Float[ndarray, "n 3"], Float[ndarray, "n 3"], Float[ndarray, "n 3"]]
+"""Ball centres, normals and axes of all contacts of a level, which runs index."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Ends:
+    """Ends of cuts: `contacts`, the unit directions `away` from the cut along its tangent, and the poses of the cut
+    near each end that have removed material when the tool is there: none where it begins."""
+
+    contacts: Contacts
+    away: Float[ndarray, "k 3"]
+    removed: Sequence[Polyline]
+
+    def take(self, which: Int[ndarray, " m"]) -> "_Ends":
+        """Some of the ends."""
+        removed = [self.removed[k] for k in which]
+        return _Ends(contacts_of(self.contacts, which), self.away[which], removed)
+
+
+def arcs_to(space: LinkSpace, contacts: OfLevel, runs: Sequence[Int[ndarray, " _"]]) -> list[Polyline | None]:
+    """The largest arc of at most the lead radius of `space` that leads to the begin of each run, from the end of the
+    first move of the cut back to its far end, all in air; None where there is room for none."""
+    centres, _, axes = contacts
+    first, then = (np.array([run[k] for run in _long(runs)], dtype=np.int64) for k in (0, 1))
+    removed = [(centres[:0], axes[:0])] * len(first)
+    ends = _Ends(contacts_of(contacts, first), unit(centres[first] - centres[then]), removed)
+    return _of_all(runs, _lead_arcs(space, ends))
+
+
+def arcs_from(space: LinkSpace, contacts: OfLevel, runs: Sequence[Int[ndarray, " _"]]) -> list[Polyline | None]:
+    """As `arcs_to`, the arcs that lead from the ends of the runs, behind what each has removed."""
+    centres, _, axes = contacts
+    last, before = (np.array([run[-k] for run in _long(runs)], dtype=np.int64) for k in (1, 2))
+    around = NEAR * space.ball_radius
+    near = [run[lengths(centres[run] - centres[run[-1]]) <= around] for run in _long(runs)]
+    removed = [(centres[k], axes[k]) for k in near]
+    ends = _Ends(contacts_of(contacts, last), unit(centres[last] - centres[before]), removed)
+    return _of_all(runs, _lead_arcs(space, ends))
+
+
+def _long(runs: Sequence[Int[ndarray, " _"]]) -> list[Int[ndarray, " _"]]:
+    """The runs of more than one contact: others have no direction."""
+    return [run for run in runs if len(run) > 1]
+
+
+def _of_all(runs: Sequence[Int[ndarray, " _"]], arcs: Sequence[Polyline | None]) -> list[Polyline | None]:
+    """The arcs of the long runs, and None for the others."""
+    arcs_left = iter(arcs)
+    return [next(arcs_left) if len(run) > 1 else None for run in runs]
+
+
+def _lead_arcs(space: LinkSpace, ends: _Ends) -> list[Polyline | None]:
+    """The largest arc that leads away from each end; None where there is room for none."""
+    arcs: list[Polyline | None] = [None] * len(ends.away)
+    for share, along, chord in product(SHARES, (1, 2), CHORDS):
+        left = np.array([k for k, arc in enumerate(arcs) if arc is None], dtype=np.int64)
+        if not len(left):
+            break
+        asked = ends.take(left)
+        centres = _arcs(asked, asked.contacts[along], share * space.lead_radius)
+        lines = [
+            (np.vstack([centre, arc[chord - 1 :]]), np.repeat(axis[None], ARC_STEPS + 2 - chord, axis=0))
+            for centre, arc, axis in zip(asked.contacts[0], centres, asked.contacts[2], strict=True)
+        ]
+        for k in np.flatnonzero(_free_arcs(space, asked, lines)).tolist():
+            arcs[left[k]] = lines[k][0][1:], lines[k][1][1:]
+    return arcs
+
+
+def begins_tangentially(before: Float[ndarray, "3"], cut: Float[ndarray, "n 3"]) -> bool:
+    """Whether a cut through these ball centres begins in the direction in which the ball comes from `before`."""
+    if len(cut) < 2:
+        return False
+    came = unit((cut[0] - before)[None])
+    goes = unit((cut[1] - cut[0])[None])
+    return bool(angles_between(came, goes)[0] <= TANGENT)
+
+
+def _arcs(ends: _Ends, up: Float[ndarray, "m 3"], radius: float) -> Float[ndarray, "m p 3"]:
+    """Ball centres on arcs that leave the contacts along `away` and bend to the side of `up`."""
+    up = up - dots(up, ends.away)[:, None] * ends.away
+    # a direction nearly along the cut bends to no side
+    up = unit(np.where(lengths(up)[:, None] > LEAST_SIDE, up, np.nan))
+    angle = SWEEP * np.arange(1, ARC_STEPS + 1) / ARC_STEPS
+    along, rise = (radius * f[:, None] for f in (np.sin(angle), 1 - np.cos(angle)))
+    return ends.contacts[0][:, None] + along * ends.away[:, None] + rise * up[:, None]
+
+
+def _free_arcs(space: LinkSpace, ends: _Ends, lines: Sequence[Polyline]) -> Bool[ndarray, " m"]:
+    """Whether each arc, its contact first, removes nothing anew, and is proven free of collision and gouge."""
+    free = np.array([np.isfinite(centres).all() for centres, _ in lines], dtype=bool)
+    # the first move of a cut cuts
+    links = [line if len(cut[0]) else (line[0][1:], line[1][1:]) for line, cut in zip(lines, ends.removed)]
+    for k in np.flatnonzero(free).tolist():
+        centres = links[k][0]
+        cut = ends.removed[k][0]
+        samples = np.vstack([centres[1:], (centres[1:] + centres[:-1]) / 2])
+        if len(cut):
+            nearest = cut[np.argmin(np.linalg.norm(samples[:, None] - cut[None], axis=2), axis=1)]
+            free[k] = space.left_in_air(nearest, samples[:, None]).all()
+        else:
+            free[k] = space.in_air(np.vstack([centres[:1], samples])[None])[0]
+    asked = np.flatnonzero(free).tolist()
+    free[asked] = space.arcs_cut_little([links[k] for k in asked], [ends.removed[k] for k in asked])
+    asked = np.flatnonzero(free).tolist()
+    free[asked] = space.polylines_free([lines[k] for k in asked], cutting=True)
+    return free
+
+
+Run = Int[ndarray, " _"]
+"""Contacts, by index, that are cut without lifting the tool."""
+
+
+@dataclass(frozen=True, eq=False)
+class Leads:
+    """Arcs from behind a contact on; those, by index, on which the tool comes to contacts (`enter`) and goes from them
+    (`leave`). Their far ends are numbered on behind the `contacts` of the level, so many."""
+
+    contacts: int
+    arcs: Sequence[Polyline] = ()
+    enter: Mapping[int, int] = field(default_factory=dict)
+    leave: Mapping[int, int] = field(default_factory=dict)
+
+    @property
+    def far_ends(self) -> list[Pose]:
+        """The poses at the far ends of the arcs."""
+        return [(centres[-1], axes[-1]) for centres, axes in self.arcs]
+
+    @property
+    def numbers(self) -> frozenset[int]:
+        """The numbers of the far ends."""
+        return frozenset(range(self.contacts, self.contacts + len(self.arcs)))
+
+    def ends(self, run: Run) -> tuple[int, int]:
+        """The poses, by number, that the tool comes to and goes from to cut a run."""
+        first, last = int(run[0]), int(run[-1])
+        begin, end = self.enter.get(first), self.leave.get(last)
+        return first if begin is None else self.contacts + begin, last if end is None else self.contacts + end
+
+    def without(self, runs: Sequence[Run]) -> "Leads":
+        """The leads without the arcs of these runs."""
+        firsts, lasts = {int(run[0]) for run in runs}, {int(run[-1]) for run in runs}
+        enter = {contact: arc for contact, arc in self.enter.items() if contact not in firsts}
+        return replace(self, enter=enter, leave={k: arc for k, arc in self.leave.items() if k not in lasts})
+
+    def led(self, space: LinkSpace, link: LinkMoves, left: Run | None, entered: Run | None) -> LinkMoves:
+        """A transfer from a run that is `left` to one that is `entered`, with their arcs."""
+        out = None if left is None else self.leave.get(int(left[-1]))
+        into = None if entered is None else self.enter.get(int(entered[0]))
+        return with_arcs(space, link, *(None if k is None else self.arcs[k] for k in (out, into)))
+
+
+def find_leads(space: LinkSpace, contacts: OfLevel, runs: Sequence[Run], direct: Sequence[LinkMoves | None]) -> Leads:
+    """The arcs of the runs that no direct link leads to or away from; `contacts` are ball centres, normals and axes.
+    None where `space.lead_radius` is 0, or a run is too short to have a direction."""
+    count = len(contacts[0])
+    if space.lead_radius <= 0:
+        return Leads(count)
+    begun = [run for run, link in zip(runs, [None, *direct], strict=True) if link is None]
+    left = [run for run, link in zip(runs, [*direct, None], strict=True) if link is None]
+    arcs: list[Polyline] = []
+    enter: dict[int, int] = {}
+    leave: dict[int, int] = {}
+    for asked, place, leads, arc_of_contact in (
+        (begun, 0, arcs_to(space, contacts, begun), enter),
+        (left, -1, arcs_from(space, contacts, left), leave),
+    ):
+        for run, arc in zip(asked, leads, strict=True):
+            if arc is not None:
+                arc_of_contact[int(run[place])] = len(arcs)
+                arcs.append(arc)
+    return Leads(count, arcs, enter, leave)
+
+
+def led_links(
+    space: LinkSpace, contacts: OfLevel, ended: Sequence[Run], begun: Sequence[Run], short: float
+) -> list[LinkMoves | None]:
+    """The direct links from the ends of some runs to the begins of others, those left out, by way of lead arcs where
+    there is room; None where there is no arc, and as `direct_links` has it."""
+    out, into = arcs_from(space, contacts, ended), arcs_to(space, contacts, begun)
+    asked = [k for k, pair in enumerate(zip(out, into, strict=True)) if pair != (None, None)]
+    ends = _far_ends(contacts, [int(ended[k][-1]) for k in asked], [out[k] for k in asked])
+    starts = _far_ends(contacts, [int(begun[k][0]) for k in asked], [into[k] for k in asked])
+    arcs = np.array([(out[k] is not None, into[k] is not None) for k in asked], dtype=bool).reshape(-1, 2)
+    links: list[LinkMoves | None] = [None] * len(out)
+    for k, link in zip(asked, direct_links(space, ends, starts, short, (0.0, *LIFTS), arcs), strict=True):
+        links[k] = None if link is None else with_arcs(space, link, out[k], into[k])
+    return links
+
+
+def with_arcs(space: LinkSpace, link: LinkMoves, out: Polyline | None, into: Polyline | None) -> LinkMoves:
+    """A link between the far ends of arcs, with them, at the feed of cuts at most."""
+    moves = [link]
+    feed = min(space.feeds.link, space.checker.cutter.feed)
+    if out is not None:
+        moves.insert(0, moves_of(MoveKind.LINK, *out, feed))
+    if into is not None:
+        moves.append(moves_of(MoveKind.LINK, into[0][::-1], into[1][::-1], feed))
+    return without_rests(join_moves(moves))
+
+
+def _far_ends(contacts: OfLevel, indices: Sequence[int], arcs: Sequence[Polyline | None]) -> Contacts:
+    """Contacts, by index, moved to the far ends of their arcs."""
+    centres, normals, axes = contacts_of(contacts, np.array(indices, dtype=np.int64))
+    for k, arc in enumerate(arcs):
+        centres[k] = centres[k] if arc is None else arc[0][-1]
+    return centres, normals, axes
+
+
+def steps_over(space: LinkSpace, ends: Contacts, starts: Contacts, longest: float) -> Bool[ndarray, " k"]:
+    """Whether the tool may cut straight from each end to its start: no farther than `longest` (mm), by a small turn off
+    the singularity, no deeper than at the deepest of them all, proven free of collision and gouge."""
+    may = np.linalg.norm(starts[0] - ends[0], axis=1) <= longest
+    may &= angles_between(ends[2], starts[2]) <= MAX_TURN
+    axes = np.stack([ends[2], starts[2]], axis=1)
+    may &= np.array([least_polar_angles(pair).min() > SINGULAR_ANGLE for pair in axes], dtype=bool)
+    may[may] = space.no_deeper_between(ends[0][may], starts[0][may])
+    may[may] = space.ball_free(ends[0][may], starts[0][may])
+    if not may.any():
+        return may
+    centres = np.stack([ends[0], starts[0]], axis=1)[may].reshape(-1, 3)
+    turned = axes[may].reshape(-1, 3)
+    joined = np.tile([True, False], int(may.sum()))
+    free = space.checker.moves_free(space.checker.cutter.tips_of(centres, turned), turned, joined)
+    may[may] = free[::2]
+    return may
+
+
+DIRECT_RADII = 2.5
+"""A direct link is no longer than this many radii of the ball."""
+
+
+def near_links(
+    space: LinkSpace, path: ContactPath, axes: Float[ndarray, "n 3"], runs: Sequence[Run]
+) -> tuple[list[Run], list[LinkMoves | None]]:
+    """The runs, and the link near the level from each but the last to the next: no moves where the tool steps over on
+    the surface, if it can to behind the ramp, which is then left out; else the direct link, or None."""
+    longest = DIRECT_RADII * path.cutter.radius
+    level = [run[np.argmin(path.ramp[run]) :] for run in runs]
+    over = steps_over(space, *_between(path, axes, level), longest)
+    runs = [flat if stepped else run for run, flat, stepped in zip(runs, level, np.r_[False, over])]
+
+    links: list[LinkMoves | None] = [NO_MOVES] * len(over)
+    apart = np.flatnonzero(~over)
+    ends, starts = (contacts_of(contacts, apart) for contacts in _between(path, axes, runs))
+    left = np.flatnonzero(~steps_over(space, ends, starts, longest))
+    if space.lead_radius:
+        ended, begun = ([runs[k + step] for k in apart[left]] for step in (0, 1))
+        led = led_links(space, (path.centres, path.normals, axes), ended, begun, longest)
+        for k, link in zip(apart[left], led, strict=True):
+            links[k] = link
+        left = left[[link is None for link in led]]
+    direct = direct_links(space, contacts_of(ends, left), contacts_of(starts, left), longest)
+    for k, link in zip(apart[left], direct, strict=True):
+        links[k] = link
+    return runs, links
+
+
+def _between(path: ContactPath, axes: Float[ndarray, "n 3"], runs: Sequence[Run]) -> tuple[Contacts, Contacts]:
+    """The last contacts of all runs but the last one, and the first ones of those that follow."""
+    last = np.array([run[-1] for run in runs[:-1]], dtype=np.int64)
+    first = np.array([run[0] for run in runs[1:]], dtype=np.int64)
+    ends = path.centres[last], path.normals[last], axes[last]
+    return ends, (path.centres[first], path.normals[first], axes[first])
+
+
+SHORTER = (0, 1, 2, 4, 8, 16, 32, 64)
+"""By so many contacts the ends of a run are cut short, the first that does."""
+
+
+@dataclass(frozen=True, eq=False)
+class LinkedRuns:
+    """The `runs`, some of them shorter than they came; those that are reached, in order: each one's number and the
+    moves to it; and the moves `home` from the last one (None where no run is reached)."""
+
+    runs: tuple[Run, ...]
+    links: tuple[tuple[int, LinkMoves], ...]
+    home: LinkMoves | None
+
+
+def link_runs(
+    space: LinkSpace,
+    poses: Sequence[Pose],
+    runs: Sequence[Run],
+    direct: Sequence[LinkMoves | None],
+    leads: Leads | None = None,
+) -> LinkedRuns:
+    """Link runs (contacts, as indices into `poses`); `direct[k]` is the direct link from run k to the next,
+    if there is one: without moves where the tool cuts straight on. Others begin and end on the arcs of the `leads`."""
+    after = [*direct, None]
+    leads = leads or Leads(len(poses))
+    transfers = no_transfers(space, [*poses, *leads.far_ends], in_air=leads.numbers)
+    transfers, links = _links(transfers, runs, after, leads)
+    if leads.arcs and len(links) < len(runs):
+        leads = leads.without(_missed(runs, links))
+        transfers, links = _links(transfers, runs, after, leads)
+    if len(links) < len(runs):
+        missed = sorted(set(range(len(runs))) - {k for k, _ in links})
+        transfers, runs, after = _shortened(transfers, runs, after, missed)
+        transfers, links = _links(transfers, runs, after, leads)
+    if not links:
+        return LinkedRuns(tuple(runs), (), None)
+    last = runs[links[-1][0]]
+    pair = (leads.ends(last)[1], SAFE)
+    home = transfers.extend([pair]).found[pair]
+    assert home is not None
+    return LinkedRuns(tuple(runs), tuple(links), leads.led(space, home, last, None))
+
+
+def _missed(runs: Sequence[Run], links: Sequence[tuple[int, LinkMoves]]) -> list[Run]:
+    """The runs that are not reached, and those beside them."""
+    reached = {k for k, _ in links}
+    return [run for k, run in enumerate(runs) if not {k - 1, k, k + 1} & set(range(len(runs))) <= reached]
+
+
+def _links(
+    transfers: Transfers, runs: Sequence[Run], after: Sequence[LinkMoves | None], leads: Leads
+) -> tuple[Transfers, list[tuple[int, LinkMoves]]]:
+    """The runs that are reached, in order, each with the moves to it."""
+    ends = [leads.ends(run) for run in runs]
+    transfers, leavable = _find_leavable(transfers, ends, after)
+
+    reachable = [k for k in range(len(runs)) if leavable[k]]
+    jumps = [(a, b) for a, b in pairwise(reachable) if b > a + 1 or after[a] is None]
+    first = [(SAFE, ends[k][0]) for k in reachable[:1]]
+    transfers = transfers.extend(first + [(ends[a][1], ends[b][0]) for a, b in jumps])
+
+    links: list[tuple[int, LinkMoves]] = []
+    for k in reachable:
+        last = links[-1][0] if links else None
+        link = after[last] if last is not None and last == k - 1 else None
+        if link is None:
+            pair = (SAFE if last is None else ends[last][1], ends[k][0])
+            transfers = transfers.extend([pair])
+            moves = transfers.found[pair]
+            left = None if last is None else runs[last]
+            link = None if moves is None else leads.led(transfers.space, moves, left, runs[k])
+        if link is not None:
+            links.append((k, link))
+    return transfers, links
+
+
+def _shortened(
+    transfers: Transfers, runs: Sequence[Run], after: Sequence[LinkMoves | None], missed: Sequence[int]
+) -> tuple[Transfers, list[Run], list[LinkMoves | None]]:
+    """The runs, of which those `missed` end where the tool gets on and off, if it does so somewhere near their ends;
+    and their direct links, none at an end that moved."""
+    shorter, links = list(runs), list(after)
+    for k in missed:
+        run = runs[k]
+        head: int | None = 0
+        if not k or links[k - 1] is None:
+            transfers, head = _first_linked(transfers, [(SAFE, int(contact)) for contact in run])
+        transfers, tail = _first_linked(transfers, [(int(contact), SAFE) for contact in run[::-1]])
+        if head is None or tail is None or head + tail >= len(run) - 1:
+            continue
+        shorter[k] = run[head : len(run) - tail]
+        if head and k:
+            links[k - 1] = None
+        if tail:
+            links[k] = None
+    return transfers, shorter, links
+
+
+def _first_linked(transfers: Transfers, pairs: Sequence[tuple[int, int]]) -> tuple[Transfers, int | None]:
+    """By how many contacts a run is cut short until a transfer of these is found."""
+    for short in (short for short in SHORTER if short < len(pairs)):
+        transfers = transfers.extend([pairs[short]])
+        if transfers.found[pairs[short]] is not None:
+            return transfers, short
+    return transfers, None
+
+
+def _find_leavable(
+    transfers: Transfers, ends: Sequence[tuple[int, int]], after: Sequence[LinkMoves | None]
+) -> tuple[Transfers, list[bool]]:
+    """Whether the tool gets away from the end of each run: directly to a run that it gets away from, or to
+    the safe point."""
+    transfers = transfers.extend([(end, SAFE) for (_, end), link in zip(ends, after) if link is None])
+    leavable = [False] * len(ends)
+    for k in reversed(range(len(ends))):
+        if after[k] is not None and leavable[k + 1]:
+            leavable[k] = True
+            continue
+        pair = (ends[k][1], SAFE)
+        transfers = transfers.extend([pair])
+        leavable[k] = transfers.found[pair] is not None
+    return transfers, leavable
+
+
+LIFT_TRAVERSES = (TraverseOptions(one_azimuth=True), TraverseOptions(rise=5.0, one_azimuth=True), *TRAVERSES)
+"""The traverses to the safe point and back in the order they are tried: first those on which an axis about Z that is at
+its limit stands still."""
+
+
+def lift_for_rewinds(path: ToolPath, space: LinkSpace) -> ToolPath:
+    """The path with as few lifts as the machine's rotary axes need, where the tool gets away and back without
+    collision; MachineError with the level where it does not, or its axes do not reach."""
+    blocked = np.zeros(0)
+    while space.limits.lift_places is not None:
+        places, axes = _places(path, space.limits.lift_places, blocked)
+        if not len(places):
+            break
+        whole, rows = _with_points(path, places, axes)
+        lifts = [(row, _return(whole, row)) for row in rows.tolist()]
+        pairs = [((row - 1, SAFE), (SAFE, back)) for row, back in lifts]
+        poses = list(zip(whole.balls, whole.axes))
+        transfers = no_transfers(space, poses, LIFT_TRAVERSES).extend([one for pair in pairs for one in pair]).found
+        stuck = [k for k, pair in enumerate(pairs) if any(transfers[one] is None for one in pair)]
+        if not stuck:
+            return _with_lifts(whole, lifts, transfers, space.feeds.plunge)
+        blocked = np.r_[blocked, places[stuck]]
+    return path
+
+
+def _places(
+    path: ToolPath, lift_places: LiftPlaces, blocked: Float[ndarray, " b"]
+) -> tuple[Float[ndarray, " k"], Float[ndarray, "k 3"]]:
+    """The places from which the path is to be lifted, in order, and the axes there."""
+    try:
+        return lift_places(path.axes, path.kinds, blocked)
+    except MachineError as error:
+        raise MachineError(f"level {path.level}, {error}", level=path.level, **error.evidence) from error
+
+
+def _with_points(
+    path: ToolPath, places: Float[ndarray, " k"], axes: Float[ndarray, "k 3"]
+) -> tuple[ToolPath, Int[ndarray, " k"]]:
+    """The path with points at the places that are on the way between two rows, and the row behind each place."""
+    row = np.floor(places).astype(np.int64)
+    fraction = (places - row)[:, None]
+    inside = fraction[:, 0] > 0
+    behind = row + 1 + np.cumsum(inside)
+    source = np.insert(np.arange(len(path.tips)), row[inside] + 1, row[inside] + 1)
+    points = (behind - 1)[inside]
+    names = ("kinds", "pass_index", "feed_rates", "parameters", "contacts", "tips", "axes")
+    arrays = {name: getattr(path, name)[source] for name in names}
+    balls = (1 - fraction) * path.balls[row] + fraction * path.balls[row + 1]
+    arrays["axes"][points] = axes[inside]
+    arrays["tips"][points] = path.cutter.tips_of(balls, axes)[inside]
+    for name in ("parameters", "contacts"):
+        values = getattr(path, name)
+        arrays[name][points] = ((1 - fraction) * values[row] + fraction * values[row + 1])[inside]
+    new = np.isin(np.arange(len(source)), points)
+    cones = path.cones.at(np.where(new, -1, source)) if path.cones else None
+    return replace(path, **arrays, cones=cones), behind
+
+
+def _return(path: ToolPath, row: int) -> int:
+    """The row that the tool comes back to from a lift before `row`."""
+    return row - 1 if path.kinds[row - 1] == path.kinds[row] == MoveKind.CUT else row
+
+
+def _with_lifts(
+    path: ToolPath,
+    lifts: Sequence[tuple[int, int]],
+    transfers: Mapping[tuple[int, int], LinkMoves | None],
+    plunge_feed: float,
+) -> ToolPath:
+    """The path with lifts before some rows; a contact that the tool comes back to is entered at the plunge feed and
+    begins a pass of its own."""
+    moves = [_there_and_back(transfers[row - 1, SAFE], transfers[SAFE, back]) for row, back in lifts]
+
+    # The old row of each row of a path with lifts of some lengths, -1 on them
+    rows = len(path.tips)
+    lengths = [len(way) for way in moves]
+    parts = []
+    done = 0
+    for (row, back), length in zip(lifts, lengths, strict=True):
+        parts += [np.arange(done, row), np.full(length, -1)]
+        done = back
+    source = np.concatenate([*parts, np.arange(done, rows)])
+
+    away = source < 0
+    again = np.isin(source, [back for row, back in lifts if back < row]) & np.r_[False, away[:-1]]
+    ends = np.flatnonzero(np.diff(away.astype(np.int64), prepend=0))
+    passes = path.pass_index[source]
+
+    joined = join_moves(moves)
+    feed_rates = np.where(again, np.minimum(path.feed_rates[source], plunge_feed), path.feed_rates[source])
+    names = ("kinds", "tips", "axes", "parameters", "contacts")
+    arrays = {name: getattr(path, name)[source] for name in names} | {"feed_rates": feed_rates}
+    arrays["kinds"][away] = joined.kinds
+    arrays["tips"][away] = path.cutter.tips_of(joined.centres, joined.axes)
+    arrays["axes"][away] = joined.axes
+    arrays["feed_rates"][away] = joined.feeds
+    arrays["parameters"][away] = np.nan
+    arrays["contacts"][away] = np.nan
+    arrays["pass_index"] = np.where(away | (passes < 0), -1, passes + np.cumsum(again))
+    cones = path.cones.at(source) if path.cones else None
+    return replace(path, **arrays, cones=cones, lifts=ends.reshape(-1, 2) - [0, 1])
+
+
+def _there_and_back(up: LinkMoves | None, down: LinkMoves | None) -> LinkMoves:
+    """The moves to the safe point and from there, with one on the spot between them, for the rotary axes to turn."""
+    assert up is not None
+    assert down is not None
+    spot = moves_of(MoveKind.RAPID, up.centres[-1:], up.axes[-1:], float(up.feeds[-1]))
+    return join_moves([up, spot, down])

@@ -1,1 +1,0 @@
-"""Moves between passes: retract, traverse round the stock, approach; or a direct link above the surface."""

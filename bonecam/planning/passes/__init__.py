@@ -1,1 +1,0 @@
-"""Contacts of a level and the passes through them; what is left out, lifted or cut in steps."""

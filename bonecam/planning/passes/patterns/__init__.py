@@ -1,1 +1,0 @@
-"""Where the passes of a level lie: their side steps, lines and samples."""

@@ -1,0 +1,210 @@
+"""Rest paths: what stands too deep for a level's own passes is taken before them, in steps that the ball bears.
+
+A larger ball leaves fillets in hollows and round the post, where the ball of a level would enter the material
+deeper than allowed. A rest path goes over these places with its ball raised until it enters by no more than a step,
+and leaves half of what the level's own cut may take; so does the next one over what is still too deep behind it. A
+step may be deeper than the level's cut, which alone decides the error that is kept. Of the patterns that may be
+taken, the paths follow the one that takes less time: in a fillet round a pole rings, in a groove lines along it.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from numpy import ndarray
+
+from bonecam.material.dexels import move_depths
+from bonecam.material.in_process_stock import InProcessStock
+from bonecam.planning.contacts import (
+    MAX_LIFT_RADII,
+    UNCERTAIN,
+    CandidateContacts,
+    DepthLimits,
+    beside,
+    engaged_segments_of,
+    entered_runs,
+    filled,
+    gouge_free_lifts,
+    in_turn,
+    split_runs,
+)
+from bonecam.tool.path import ContactPath
+
+SHORT_GAP = 6.0
+"""A gap of a rest pass that is shorter is not worth a retract, mm."""
+BESIDE = 3
+"""A rest pass begins and ends so many contacts beside what is too deep."""
+MAX_ROUNDS = 20
+"""Times that a ball is moved out of the material, at most."""
+OVERSHOOT = 1.2
+"""A ball is moved by its excess depth times this factor, to get out of narrow places in fewer rounds."""
+ENTRY = 0.6 / 60
+"""Time from the end of one rest pass to the begin of the next, minutes: links whose turns take 0.5 s, and retracts."""
+
+
+@dataclass(frozen=True, eq=False)
+class RestStep:
+    """One rest path on the lines of one pattern: its runs of contacts (by index), how deep the ball would enter at
+    each contact of the pattern if it were not raised (mm), and what its centre is raised by (mm)."""
+
+    candidates: CandidateContacts
+    runs: list[Int[ndarray, " _"]]
+    depth: Float[ndarray, " n"]
+    raised: Float[ndarray, "n 3"]
+
+    def minutes(self, turn_speed: float) -> float:
+        """What a machine takes for the passes at least, and to get from one to the next: each move takes as long as its
+        way at the feed, or as the turn of the axis of the azimuth, which follows 2 pi s on closed surfaces, at
+        `turn_speed` (rad/min)."""
+        candidates = self.candidates
+        centres = candidates.centres + self.raised
+        around = candidates.parameters[:, 0]
+        turn = 2 * np.pi * candidates.level.surface.closed_in_s / turn_speed
+        passes = 0.0
+        for run in self.runs:
+            ways = np.linalg.norm(np.diff(centres[run], axis=0), axis=1) / candidates.cutter.feed
+            turns = np.abs((np.diff(around[run]) + 0.5) % 1.0 - 0.5)
+            passes += float(np.maximum(ways, turns * turn).sum())
+        return passes + ENTRY * len(self.runs)
+
+
+def too_deep(candidates: CandidateContacts, material: InProcessStock, allowed: DepthLimits) -> bool:
+    """Whether the ball would enter the material deeper than allowed on a contact that it reaches."""
+    return bool((candidates.depths(material)[candidates.usable] > allowed.deepest).any())
+
+
+@dataclass(eq=False)
+class RestMachining:
+    """The rest paths of a level, whose contacts in several patterns are given, one step at a time: each from the
+    material that the steps before it have left. `turn_speed` (rad/min) is that of the axis that changes the azimuth."""
+
+    patterns: Sequence[CandidateContacts]
+    allowed: DepthLimits
+    turn_speed: float = np.inf
+    taken: int = 0
+
+    def __post_init__(self) -> None:
+        self.depths = [np.full(len(each.centres), np.inf) for each in self.patterns]
+
+    def contacts(self, material: InProcessStock) -> ContactPath | None:
+        """The contacts of the next step; None where nothing is too deep, or what is has come no nearer since the step
+        before: its ball does not get there."""
+        before, self.depths = self.depths, [each.depths(material) for each in self.patterns]
+        steps = [
+            _step(candidates, material, self.allowed, depth, depth < last - UNCERTAIN)
+            for candidates, depth, last in zip(self.patterns, self.depths, before, strict=True)
+        ]
+        steps = [step for step in steps if step.runs]
+        if not steps:
+            return None
+        step = min(steps, key=lambda step: step.minutes(self.turn_speed))
+        self.taken += 1
+        return _contact_path(_gouge_free(step), self.allowed, self.taken)
+
+
+def after_steps(path: ContactPath, material: InProcessStock, allowed: DepthLimits) -> ContactPath:
+    """The contacts of a rest path but those at which the ball would still be too deep. A pass
+    ends there, and where the straight way to its next contact is too deep: over a ridge that balls are raised out of
+    to both sides. None where all of the path is in air."""
+    radius = path.cutter.envelope_radius
+    depth, _ = material.depths(path.centres, radius)
+    if not (depth > UNCERTAIN).any():
+        return path.take(np.zeros(0, dtype=np.int64))
+    kept = np.flatnonzero(depth <= allowed.deepest)
+    goes_on = (np.diff(kept) == 1) & (np.diff(path.pass_index[kept]) == 0)
+    first, last = kept[:-1][goes_on], kept[1:][goes_on]
+    between = move_depths(material.depths, path.centres[first], path.centres[last], radius)
+    goes_on[goes_on] = between <= allowed.deepest
+    return replace(path.take(kept), pass_index=np.r_[0, np.cumsum(~goes_on)][: len(kept)])
+
+
+def _step(
+    candidates: CandidateContacts,
+    material: InProcessStock,
+    allowed: DepthLimits,
+    depth: Float[ndarray, " n"],
+    asked: Bool[ndarray, " n"],
+) -> RestStep:
+    """The step on the lines of one pattern, whose balls would enter by this `depth`, to what is `asked` for: it leaves
+    half of what the level's own cut may take."""
+    deep = candidates.usable & asked & (depth > allowed.deepest)
+    step = allowed.of_step.limit
+    runs = _runs(candidates, deep)
+    cut = np.clip(depth - allowed.limit / 2, 0.0, step)
+    for run in runs:
+        cut[run] = np.minimum(cut[run], step * _share(deep[run]))
+    index = np.concatenate([np.zeros(0, dtype=np.int64), *runs])
+    raised = np.zeros((len(depth), 3))
+    raised[index] = _raised(candidates.centres[index], candidates.cutter.envelope_radius, material, cut[index])
+    return RestStep(candidates, runs, depth, raised)
+
+
+def _runs(candidates: CandidateContacts, deep: Bool[ndarray, " n"]) -> list[Int[ndarray, " _"]]:
+    """The runs over what is too deep, and beside it."""
+    lines, usable = candidates.lines, candidates.usable
+    here = filled(lines, beside(lines, deep, BESIDE) & usable, usable, SHORT_GAP)
+    return [run for run in split_runs(lines, here) if deep[run].any()]
+
+
+def _share(deep: Bool[ndarray, " r"]) -> Float[ndarray, " r"]:
+    """Share of the limit that a run cuts at each contact: it comes from air to what is deep, and leaves so."""
+    index = np.flatnonzero(deep)
+    before = index[0]
+    behind = len(deep) - 1 - index[-1]
+    rising = np.arange(len(deep)) / before if before else np.ones(len(deep))
+    falling = np.arange(len(deep))[::-1] / behind if behind else np.ones(len(deep))
+    return np.minimum(np.minimum(rising, falling), 1.0)
+
+
+def _raised(
+    centres: Float[ndarray, "n 3"], radius: float, material: InProcessStock, cut: Float[ndarray, " n"]
+) -> Float[ndarray, "n 3"]:
+    """What each ball has to be moved by to enter the material by `cut` (mm) only: by what is too deep, away from the
+    nearest place, and again, as it may then be too deep in another wall."""
+    raised = np.zeros((len(centres), 3))
+    left = np.arange(len(centres))
+    for _ in range(MAX_ROUNDS):
+        depth, away = material.depths(centres[left] + raised[left], radius)
+        more = depth - cut[left]
+        moved = more > UNCERTAIN / 2
+        left = left[moved]
+        if not len(left):
+            break
+        raised[left] += OVERSHOOT * more[moved, None] * away[moved]
+    return raised
+
+
+def _gouge_free(step: RestStep) -> RestStep:
+    """The step, lifted where the raised ball would enter what must remain, and cut apart where it does not fit."""
+    candidates = step.candidates
+    radius = step.candidates.cutter.envelope_radius
+    index = np.concatenate(step.runs)
+    ends = np.cumsum([len(run) for run in step.runs])
+    joined = np.ones(len(index), dtype=bool)
+    joined[ends - 1] = False
+    normals = candidates.normals[index]
+    lifts = gouge_free_lifts(
+        candidates.centres[index] + step.raised[index] - radius * normals,
+        normals,
+        radius=radius,
+        tolerance=candidates.gouge_tolerance,
+        obstacles=candidates.obstacles,
+        joined=joined,
+        max_lift=MAX_LIFT_RADII * candidates.cutter.radius,
+    )
+    raised = step.raised.copy()
+    raised[index] += np.nan_to_num(lifts)[:, None] * normals
+    fits = np.isfinite(lifts)
+    apart = np.unique(np.r_[ends[:-1], np.flatnonzero(~fits)])
+    pieces = [piece[fits[piece]] for piece in np.split(np.arange(len(index)), apart)]
+    return RestStep(candidates, [index[piece] for piece in pieces if len(piece)], step.depth, raised)
+
+
+def _contact_path(step: RestStep, allowed: DepthLimits, number: int) -> ContactPath:
+    """The contacts of a step, its runs entered on ramps."""
+    candidates = step.candidates
+    lines = candidates.lines
+    runs = entered_runs(lines, step.runs, step.depth, step.raised, allowed.of_step.limit)
+    segments = engaged_segments_of(in_turn(lines, runs))
+    return replace(candidates.path_of(segments), rest=number)

@@ -1,0 +1,407 @@
+"""Iso-height and rotary milling (compared with morphing by Gan et al. 2014), and finishing one open surface.
+
+The curves of a slice: the outline that the ball's centre may come up to, and its offsets a side step apart.
+
+Iso-height (Z-level) milling of a bone from both sides.
+
+The part stands on its post along Z and is not clamped again: the tool is level, and the two sides are two indexed
+positions of the rotary axes, C turned by 180 degrees between them (3+2 milling). The first side is the one towards
+which the part is thinnest. From each side slices of one height go down by the depth of roughing cuts until the
+outline of the part and its finishing cutter are passed; then each side is finished by parallel passes round the part.
+What neither side sees stays.
+
+Sectional rotary milling of a bone: "the part keeps turning around its pivot while the tool feeds from the radial
+direction" (Gan et al. 2014, section 5.3).
+
+The tool axis is level and points at the Z axis, about which the part turns. A layer is a row of sections z = const,
+from the free end down to the post; the tool feeds in by the depth of roughing cuts from layer to layer, and out where
+the part is in its way. A last layer finishes with sections as close as the scallop asks for. The tool stays beside the
+part: beyond its ends, and nearer to the axis than CORE, nothing is cut, so that the ends stay.
+
+The path of one blade or channel of a wheel, repeated at every pitch about the Z axis.
+
+The tool paths of a strategy that works in layers, with the tool axes that it fixes: iso-height milling from two
+sides, sectional rotary milling. They are linked and checked for collisions as the levels of a morph are.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from numpy import ndarray
+from scipy.ndimage import distance_transform_edt, gaussian_filter, map_coordinates
+
+from bonecam.arrays import unit
+from bonecam.errors import OrientationError
+from bonecam.job import Job
+from bonecam.levels.measure import Level
+from bonecam.machine.limits import MachineLimits
+from bonecam.material.dexels import uncut_rays
+from bonecam.mesh.distance import MeshDistance
+from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.planning.contacts import flute_slack
+from bonecam.planning.layers import (
+    CELL,
+    DEVIATION,
+    Ball,
+    FlatChart,
+    HeightField,
+    HeightMesh,
+    Layer,
+    Rough,
+    RoundChart,
+    drop_balls,
+    finish_layer,
+    flat_step,
+    places_of,
+    rough_down,
+    rough_layer,
+    stock_field,
+    unreached,
+)
+from bonecam.planning.levels import parting_paths
+from bonecam.planning.oriented_path import orient
+from bonecam.planning.scene import Scene, distance_to_part
+from bonecam.progress import Progress, report, silent
+from bonecam.setup.capsule import enclosing_capsule
+from bonecam.setup.stock import Stock
+from bonecam.tool.cutter import Cutter
+from bonecam.tool.elliptic_cones import EllipticCones
+from bonecam.tool.path import FreeCones, ToolPath
+from bonecam.workholding.clamping import clamping_of
+from bonecam.workholding.post import Post, post_below
+
+Free = Callable[[Float[ndarray, " n"], Float[ndarray, " n"]], Bool[ndarray, " n"]]
+"""Whether balls of a slice are free at coordinates a and b."""
+SPACED = 0.3
+"""The outline is found at places about so far apart, mm: on an arc of the radius of a 2 mm ball it runs 6 um off the
+straight lines between them."""
+OFF = 0.3
+"""A curve so far from the outline is free, mm: two cells, as the outline is known from cell to cell."""
+HALVINGS = 6
+"""Times that the distance to the outline is halved: to a hundredth of OFF."""
+STRAIGHT = 0.02
+"""Offset curves deviate from their polylines by this at most, mm."""
+SMOOTH = 1.0
+"""The distance to the outline is smoothed over so many cells: it is known from cell to cell only."""
+
+
+def offset_curves(
+    chart: FlatChart, rests: Float[ndarray, "p q"], height: float, step: float, is_free: Free
+) -> list[list[Float[ndarray, "_ 2"]]]:
+    """Polylines (a, b) of the slice on which the centre of a ball is at `height`, the farthest from the part first
+    and its outline last; `rests` are the heights at which balls come to rest on the part.
+
+    Above the part they are the offsets of its ridge.
+    """
+    blocked = rests > height
+
+    # The highest place on each line along a
+    ridge = np.zeros(rests.shape, dtype=bool)
+    ridge[np.argmax(rests, axis=0), np.arange(rests.shape[1])] = True
+
+    has_outline = blocked.any()
+    away = distance_transform_edt(~(blocked if has_outline else ridge)) * (chart.b[1] - chart.b[0])
+    away = gaussian_filter(away, SMOOTH)
+    offsets = np.arange(1, int(away.max() / step) + 1) * step
+    curves = [_contours(chart, away, offset) for offset in offsets[::-1]]
+    if not has_outline:
+        # A straight line along the middle of the ridge
+        across = np.median(chart.a[np.argmax(ridge, axis=0)])
+        return [*curves, [np.column_stack([np.full(2, across), chart.b[[0, -1]]])]]
+    around = [line for line in contour_lines(chart.a, chart.b, away, OFF) if len(line) > 2]
+    return [*curves, [thinned(_moved_up(chart, away, _spaced(line), is_free)) for line in around]]
+
+
+def _spaced(line: Float[ndarray, "n 2"]) -> Float[ndarray, "k 2"]:
+    """The points of a line about SPACED apart, with its ends: what is straight here may not be on the outline."""
+    along = np.r_[0.0, np.linalg.norm(np.diff(line, axis=0), axis=1).cumsum()]
+    steps = np.diff(np.floor(along / SPACED), prepend=-1.0)
+    steps[-1] = 1.0
+    return line[steps > 0]
+
+
+def _moved_up(
+    chart: FlatChart, away: Float[ndarray, "p q"], line: Float[ndarray, "n 2"], is_free: Free
+) -> Float[ndarray, "n 2"]:
+    """The points of a line that is OFF the outline moved on to it: as near as balls are free."""
+    cell = chart.b[1] - chart.b[0]
+    coordinates = ((line - [chart.a[0], chart.b[0]]) / cell).T
+    slopes = [map_coordinates(slope, coordinates, order=1, mode="nearest") for slope in np.gradient(away)]
+    inward = -unit(np.column_stack(slopes) + np.finfo(float).tiny)
+    near, far = np.zeros(len(line)), np.full(len(line), 2 * OFF)
+    for _ in range(HALVINGS):
+        middle = (near + far) / 2
+        free = is_free(*(line + middle[:, None] * inward).T)
+        near, far = np.where(free, middle, near), np.where(free, far, middle)
+    return line + near[:, None] * inward
+
+
+def _contours(chart: FlatChart, field: Float[ndarray, "p q"], value: float) -> list[Float[ndarray, "_ 2"]]:
+    """The lines on which a field has a value, in as few straight pieces as STRAIGHT allows."""
+    contours = contour_lines(chart.a, chart.b, field, value)
+    return [thinned(line) for line in contours if len(line) > 2]
+
+
+def contour_lines(
+    a: Float[ndarray, " p"], b: Float[ndarray, " q"], field: Float[ndarray, "p q"], value: float
+) -> list[Float[ndarray, "_ 2"]]:
+    """The lines (a, b) on which a field over a grid has a value."""
+    from contourpy import contour_generator
+
+    return [line[:, ::-1] for line in contour_generator(b, a, field).lines(value)]
+
+
+def thinned(line: Float[ndarray, "n 2"], tolerance: float = STRAIGHT) -> Float[ndarray, "k 2"]:
+    """The polyline with only so many of its points that no other is farther from it than `tolerance`
+    (Douglas & Peucker 1973)."""
+    kept = {0, len(line) // 2, len(line) - 1}
+    open_ = list(pairwise(sorted(kept)))
+    while open_:
+        first, last = open_.pop()
+        if last - first < 2:
+            continue
+        along = line[last] - line[first]
+        length = max(float(np.hypot(*along)), np.finfo(float).tiny)
+        beside = line[first + 1 : last] - line[first]
+        off = np.abs(beside[:, 0] * along[1] - beside[:, 1] * along[0]) / length
+        worst = first + 1 + int(np.argmax(off))
+        if off.max() > tolerance:
+            kept.add(worst)
+            open_ += [(first, worst), (worst, last)]
+    return line[sorted(kept)]
+
+
+EDGE = 0.05
+"""Places whose normal is at right angles to the tool within this cosine are on the outline."""
+
+
+@dataclass(frozen=True, eq=False)
+class MillingSide:
+    """One side: its lines, and the tip heights (mm) of its first and its last slice."""
+
+    chart: FlatChart
+    top: float
+    floor: float
+
+
+def iso_height_layers(
+    part: MeshDistance, stock: Stock, post: Post, roughing: Cutter, finishing: Cutter, job: Job
+) -> tuple[list[Layer], ndarray]:
+    """The layers in machining order, and the places of the part that neither side reaches."""
+    ball = Ball(roughing.radius, job.levels.finishing_depth, part, post)
+    fine = Ball(finishing.radius, 0.0, part, post)
+    sides = _sides(part.mesh, stock, roughing, finishing)
+    material = stock_field(sides[0].chart, stock, sides[0].top + roughing.radius)
+    layers: list[Layer] = []
+    for side in sides:
+        rough_layers, material = _rough_side(side, ball, material, roughing, job)
+        layers += rough_layers
+        material = material.turned_over()
+
+    extent = float(sides[0].chart.b[0]), float(sides[0].chart.b[-1])
+    points, normals = places_of(part.mesh)
+    left = np.ones(len(points), dtype=bool)
+    for side in sides:
+        heights = side.top + finishing.radius, side.floor + finishing.radius
+        layer, material = finish_layer(
+            fine, finishing, material=material, job=job.path, heights=heights, extent=extent, width=1.0
+        )
+        layers.append(layer)
+        left &= unreached(points, normals, chart=side.chart, ball=fine, heights=heights, extent=extent)
+        material = material.turned_over()
+    return layers, points[left]
+
+
+def _sides(part: TriangleMesh, stock: Stock, roughing: Cutter, finishing: Cutter) -> tuple[MillingSide, MillingSide]:
+    """The two sides, towards which the part is thinnest."""
+    points, normals = places_of(part)
+    axis = np.r_[np.linalg.eigh(np.cov(points[:, :2].T))[1][:, 0], 0.0]
+    across = np.cross(np.array([0.0, 0.0, 1.0]), axis)
+    outer = stock.mesh(CELL / 2).vertices
+    room = roughing.radius + CELL
+    a = np.arange((outer @ across).min() - room, (outer @ across).max() + room + CELL, CELL)
+    b = np.arange(outer[:, 2].min() - room, outer[:, 2].max() + room + CELL, CELL)
+    chart = FlatChart(axis, across, a, b)
+    outline = (points @ axis)[np.abs(normals @ axis) < EDGE]
+    heights = outer @ axis
+    return (
+        MillingSide(chart, float(heights.max()), float(outline.min()) - finishing.radius),
+        MillingSide(chart.turned_over, float(-heights.min()), float(-outline.max()) - finishing.radius),
+    )
+
+
+def _rough_side(
+    side: MillingSide, ball: Ball, material: HeightField, cutter: Cutter, job: Job
+) -> tuple[list[Layer], HeightField]:
+    """The slices of a side that find material, from the top down."""
+    a, b = (each.ravel() for each in np.meshgrid(side.chart.a, side.chart.b, indexing="ij"))
+    top = side.top + cutter.radius
+    lowest = side.floor + cutter.radius
+    rests = drop_balls(side.chart, a, b=b, ball=ball, top=top, floor=lowest - 1.0).reshape(material.tops.shape)
+    count = int(np.ceil((side.top - side.floor) / job.levels.layer_depth))
+    rough = Rough(cutter, ball.part, job.path, job.path.least_depth, 1.0)
+    step = flat_step(cutter.radius, cutter.scallop)
+    layers = []
+    for height in np.linspace(top, lowest, count + 1)[1:]:
+
+        def is_free(a: Float[ndarray, " n"], b: Float[ndarray, " n"], at: float = float(height)) -> ndarray:
+            # most balls that are not free are not so in their place: that is asked first, the way down takes many steps
+            free = ball.clearance(side.chart.bases(a, b) + at * side.chart.axes(a)) >= 0.0
+            free[free] = drop_balls(side.chart, a[free], b=b[free], ball=ball, top=top, floor=at) <= at
+            return free
+
+        def height_of(a: Float[ndarray, " n"], b: Float[ndarray, " n"], at: float = float(height)) -> ndarray:
+            return np.full(len(a), at)
+
+        sets = offset_curves(side.chart, rests, float(height), step, is_free)
+        layer, material = rough_layer(sets, height_of, material, rough)
+        if len(layer.path.contacts):
+            layers.append(layer)
+    return layers, material
+
+
+CORE = 1.0
+"""The tip of the tool comes no nearer to the axis, mm: what lies beyond the free end stays on a core of the part."""
+
+
+def rotary_layers(
+    part: MeshDistance, stock: Stock, post: Post, roughing: Cutter, finishing: Cutter, job: Job
+) -> tuple[list[Layer], Float[ndarray, "u 3"]]:
+    """The layers in machining order, and the places of the part that no section reaches."""
+    outer = stock.mesh(CELL / 2).vertices
+    largest = float(np.hypot(outer[:, 0], outer[:, 1]).max())
+    angles = np.linspace(0, 2 * np.pi, int(np.ceil(2 * np.pi * largest / CELL)), endpoint=False)
+    room = roughing.radius + CELL
+    chart = RoundChart(angles, np.arange(outer[:, 2].min() - room, outer[:, 2].max() + room + CELL, CELL))
+    extent = float(part.mesh.bounds[0, 2]), float(part.mesh.bounds[1, 2])
+    material = stock_field(chart, stock, largest + roughing.radius)
+    ball = Ball(roughing.radius, job.levels.finishing_depth, part, post)
+
+    # The roughing layers that find material, from the outermost in; `largest` (mm) is the radius of the stock
+    sections = np.linspace(
+        *extent[::-1], 1 + int(np.ceil(np.ptp(extent) / flat_step(roughing.radius, roughing.scallop)))
+    )
+    rough = Rough(roughing, ball.part, job.path, job.path.least_depth, largest)
+    tips = np.linspace(largest, CORE, 1 + int(np.ceil((largest - CORE) / job.levels.layer_depth)))
+    turn = [0.0, 2 * np.pi]
+    sets = [[np.column_stack([turn[:: -1 if k % 2 else 1], [b, b]])] for k, b in enumerate(sections)]
+    layers, material = rough_down(sets, tips.tolist(), ball, material, rough)
+
+    fine = Ball(finishing.radius, 0.0, part, post)
+    heights = largest + finishing.radius, CORE + finishing.radius
+    layer, _ = finish_layer(
+        fine, finishing, material=material, job=job.path, heights=heights, extent=extent, width=largest
+    )
+    points, normals = places_of(part.mesh)
+    left = unreached(points, normals, chart=chart, ball=fine, heights=heights, extent=extent)
+    return [*layers, layer], points[left]
+
+
+ON_AXIS = 1e-6
+"""A path that begins and ends so near to the Z axis with an upright tool goes on from turn to turn there, mm."""
+
+
+def indexed(path: ToolPath, count: int) -> ToolPath:
+    """The moves of a path and of its copies, each turned by a `count`-th of a turn more, one after the other.
+
+    ValueError where the safe point of the path is not on the axis, the tool upright: turning there moves no tip.
+    """
+    ends = path.tips[[0, -1]], path.axes[[0, -1], :2]
+    if max(float(np.abs(ends[0][:, :2]).max()), float(np.abs(ends[1]).max())) > ON_AXIS:
+        raise ValueError("a path that is repeated about Z begins and ends over Z, its tool upright")
+    rows = len(path.tips)
+    passes = int(path.pass_index.max()) + 1
+    number = np.repeat(np.arange(count), rows)
+    index = np.tile(path.pass_index, count)
+    return replace(
+        path,
+        kinds=np.tile(path.kinds, count),
+        pass_index=np.where(index < 0, -1, index + number * passes),
+        parameters=np.tile(path.parameters, (count, 1)),
+        contacts=_turned(path.contacts, count),
+        tips=_turned(path.tips, count),
+        axes=_turned(path.axes, count),
+        feed_rates=np.tile(path.feed_rates, count),
+        uncut=_turned(path.uncut, count),
+        reasons=path.reasons * count,
+        trimmed=path.trimmed * count,
+        blocked_by={what: number * count for what, number in path.blocked_by.items()},
+        cones=None if path.cones is None else _cones(path.cones, count),
+        lifts=np.vstack([path.lifts + k * rows for k in range(count)]),
+    )
+
+
+def _turned(vectors: Float[ndarray, "n 3"], count: int) -> Float[ndarray, "m 3"]:
+    """Vectors, then those turned by a pitch about Z, and so on."""
+    angle = 2 * np.pi * np.arange(count)[:, None] / count
+    x, y, z = vectors.T
+    flat = x * np.cos(angle) - y * np.sin(angle), x * np.sin(angle) + y * np.cos(angle)
+    return np.stack([*flat, np.broadcast_to(z, flat[0].shape)], axis=2).reshape(-1, 3)
+
+
+def _cones(cones: FreeCones, count: int) -> FreeCones:
+    """The cones of all copies."""
+    kept = len(cones.apexes)
+    shapes = cones.shapes
+    turned = EllipticCones(
+        _turned(shapes.axes, count), _turned(shapes.sides, count), np.tile(shapes.angles, (count, 1))
+    )
+    copies: Int[ndarray, " n"] = np.concatenate(
+        [np.where(cones.cone_of < 0, -1, cones.cone_of + k * kept) for k in range(count)]
+    )
+    return replace(cones, apexes=_turned(cones.apexes, count), shapes=turned, cone_of=copies)
+
+
+STRATEGIES = {"iso-height": iso_height_layers, "rotary": rotary_layers}
+"""What plans the layers of each strategy (`path.strategy`)."""
+LEVEL = np.array([[1.0, 0.0, 0.0]])
+"""A tool axis that is level, as those of both strategies are."""
+
+
+def plan_layer_paths(
+    levels: Sequence[Level], stock: Stock, job: Job, limits: MachineLimits, progress: Progress = silent
+) -> tuple[ToolPath, ...]:
+    """The paths of the layers of `job.path.strategy` in machining order, the last one numbered 0; `levels` begin at
+    the part, `limits` are the machine's.
+
+    OrientationError where the machine cannot lay its tool axis level, or no contact of a layer is reached.
+    """
+    if not limits.allow(LEVEL).all():
+        raise OrientationError(
+            f"path.strategy = {job.path.strategy!r} needs a tool axis at 90 deg to the table, which this machine "
+            f"does not reach ({np.degrees(limits.largest):g} deg): take strategy = 'morph' or another machine"
+        )
+    report(progress, 0.0, "planning layers")
+    distance = distance_to_part(levels, job.path.gouge_tolerance)
+    post = post_below(distance.mesh, job.holding)
+    roughing = Cutter.from_job(1, "roughing", job.tool("roughing"), limits.bodies.nose)
+    finishing = Cutter.from_job(2, "finishing", job.tool("finishing"), limits.bodies.nose)
+    layers_of = STRATEGIES[job.path.strategy]
+    layers, unreached = layers_of(distance, stock, post, roughing=roughing, finishing=finishing, job=job)
+    paths = list[ToolPath]()
+    rays = uncut_rays(stock)
+    for count, layer in enumerate(layers):
+        report(progress, 0.3 + 0.7 * count / len(layers), f"path of layer {len(layers) - 1 - count}")
+        standing = HeightMesh(layer.material.mesh(), rays=rays)
+        scene = Scene(
+            level=distance.mesh,
+            material=standing.mesh,
+            stock=enclosing_capsule(stock),
+            post=post,
+            material_deviation=DEVIATION,
+            known_level_distance=distance,
+            part_distance=None,
+            clamping=clamping_of(job.holding, limits.bodies.table),
+            tangent_slack=flute_slack(job.path.gouge_tolerance),
+        )
+        path = replace(layer.path, level=len(layers) - 1 - count)
+        if not path.level:
+            near = post.distance(unreached) < 2 * path.cutter.radius
+            reasons = *path.reasons, *np.where(near, "post", "hidden").tolist()
+            path = replace(path, uncut=np.vstack([path.uncut, unreached]), reasons=reasons)
+        paths.append(orient(path, scene, limits, job.path, job.nc, fixed=layer.axes, material=standing))
+        rays = rays.after(paths[-1])
+    return *paths, *parting_paths(scene, job, limits)

@@ -1,1 +1,0 @@
-"""What a run writes: program, report, surface, and the folder of --keep."""

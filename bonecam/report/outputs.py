@@ -1,0 +1,533 @@
+"""The files that a run writes. Their places are tried before the work; each file is written whole, the program
+even where another cannot be.
+
+What a refused run writes: its report, as far as it came, and where its own proof refused the program the kept
+folder: what planned the program should have known, so that this is a fault of bonecam's, and the folder is what a
+report of it needs.
+
+What `bonecam.finish` hands back, and its files.
+
+What `bonecam.blades` hands back, and its files.
+"""
+
+import os
+import re
+from abc import abstractmethod
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import bonecam
+from bonecam.errors import (
+    BendingError,
+    BodiesError,
+    BonecamError,
+    Cancelled,
+    FileError,
+    LimitError,
+    VerifyError,
+    knowing,
+)
+from bonecam.files import check_files, check_folder, second_file, whole_folder, write_whole
+from bonecam.job import Job, write_job
+from bonecam.levels.sequences import Morph
+from bonecam.machine.machine import read_machine
+from bonecam.mesh.files.mesh_files import CAD, MESHES, write_mesh
+from bonecam.nc.dialect import Dialect, dialect_names, read_dialect
+from bonecam.nc.parts import stage_program_files
+from bonecam.nc.path_words import machine_limits
+from bonecam.nc.program import Program, check_file_name, second_program_file
+from bonecam.nc.requirements import job_dialect
+from bonecam.planning.surface_paths import Workpiece
+from bonecam.progress import Progress, report, silent
+from bonecam.report.axis_lines import AxisComparison, compare_axes
+from bonecam.report.kept import (
+    GIVEN,
+    SERIES,
+    VIEW,
+    Morphed,
+    Result,
+    Shown,
+    check_page_name,
+    fill_kept_folder,
+    keep_into,
+    keep_job,
+    write_simulated,
+)
+from bonecam.report.machine_picture import draw_machine
+from bonecam.report.page.contents import bladed_summary, pack, surface_contents, wheel_contents
+from bonecam.report.pictures import draw_axes, draw_compared_axes, draw_refused, draw_wheel
+from bonecam.report.sheet.setup_sheet import setup_sheet, wheel_article
+from bonecam.report.summary import finished_summary
+from bonecam.report.tables import apt_text, cones_csv, toolpath_csv
+from bonecam.report.typed import RefusedFigures, report_text
+from bonecam.runtime.staging import Staging, placed, staged
+from bonecam.runtime.timing import StageTimes
+from bonecam.setup.placement import TurnedBlank
+from bonecam.surface.blades import Wheel
+from bonecam.surface.files.iga import write_iga
+from bonecam.surface.files.tspline_text import TEXTS, check_target, save_surface, write_tsm
+from bonecam.tool.path import ToolPath
+from bonecam.verify.findings import Removal
+from bonecam.verify.proof import CHORD
+from bonecam.workholding.clamping import clamping_of
+from bonecam.workholding.post import post_below
+
+File = str | Path | None
+
+ISO = (".gcode", ".gco", ".g", ".tap", ".cnc", ".eia", ".iso")
+"""Endings that say G code, which no Klartext program is."""
+APT = (".apt", ".cl", ".cls")
+"""Endings of files of APT statements."""
+
+
+@dataclass(frozen=True)
+class Outputs:
+    """The files of program, report, surface, page, sheet and cutter location data, and the folder of --keep; None where
+    not wanted. Where a run has a `second` clamping, program, page and cutter location data are two files each; a
+    program that is `split` has parts beside it."""
+
+    program: File = None
+    keep: File = None
+    report: File = None
+    surface: File = None
+    html: File = None
+    sheet: File = None
+    apt: File = None
+    second: bool = False
+    split: bool = False
+
+    def check(self, part: str | Path | None = None, dialect: Dialect | None = None) -> None:
+        """FileError where a file cannot be written, has an ending of another kind of file, or is the part's
+        file.
+
+        `dialect` is that of the program, where one is wanted.
+        """
+        twice = [file for file in (self.program, self.html, self.apt) if file is not None]
+        once = [file for file in (self.report, self.surface, self.sheet) if file is not None]
+        files = [*twice, *once, *(second_file(file) for file in twice if self.second)]
+        check_files(files, [] if part is None else [part])
+        if self.program is not None and dialect is not None:
+            check_ending(Path(self.program), dialect)
+            check_file_name(Path(self.program), dialect, second=self.second, split=self.split)
+        if self.surface is not None:
+            check_target(self.surface)
+        for page in (self.html, self.sheet):
+            if page is not None:
+                check_page_name(page)
+        if self.apt is not None and Path(self.apt).suffix.lower() not in APT:
+            remedy = f"name it {Path(self.apt).name}.apt"
+            raise FileError(f"{self.apt}: APT files end in {', '.join(APT)}: {remedy}", file=str(self.apt))
+        if self.keep is not None:
+            check_folder(self.keep)
+
+    def write(self, made: Morphed, progress: Progress = silent) -> None:
+        """Write the wanted files of a run, each whole; together they take their places.
+
+        What cannot be written keeps neither the program nor the other files from being written: FileError then
+        names it, and what was. Where the program itself cannot be written, nothing is.
+        """
+        report(progress, 0.0, "writing the files")
+        before = len(placed)
+        try:
+            self._write(made)
+        except Exception as error:
+            if self.program is None or os.path.realpath(self.program) not in placed[before:]:
+                raise
+            remark = f"{self.program} is written and complete"
+            if not isinstance(error, BonecamError):
+                error.add_note(remark)
+                raise
+            raise type(error)(f"{error} ({remark})", **error.evidence) from error
+
+    def _write(self, morphed: Morphed) -> None:
+        troubles: list[Exception] = []
+        with staged() as staging:
+            if self.program is not None and isinstance(morphed, Result):
+                programs = {Path(self.program): morphed.program}
+                dialect = job_dialect(morphed.job.nc)
+                if morphed.second is not None:
+                    programs[second_program_file(self.program, dialect)] = morphed.second.program
+                stage_program_files(staging, programs, dialect)
+            for path, write in self._beside(morphed, staging):
+                try:
+                    write()
+                except Exception as error:  # it is raised once the program is written
+                    troubles.append(staging.told(error))
+                    staging.drop(path)
+        if troubles:
+            raise troubles[0]
+
+    def _beside(self, morphed: Morphed, staging: Staging) -> list[tuple[str | Path, Callable[[], None]]]:
+        """The wanted outputs beside the program, and what writes each."""
+        outputs: list[tuple[str | Path, Callable[[], None]]] = []
+        file = self.report
+        if file is not None:
+            outputs.append((file, lambda: staging.write(file, report_text(morphed.report))))
+        surface = self.surface
+        if surface is not None:
+            outputs.append((surface, lambda: save_surface(morphed.surface, staging.file(surface))))
+        page = self.html
+        if page is not None:
+            outputs.append((page, lambda: staging.write(page, morphed.page)))
+        sheet = self.sheet
+        if sheet is not None and isinstance(morphed, Result):
+            outputs.append((sheet, lambda: staging.write(sheet, morphed.sheet)))
+        apt = self.apt
+        if apt is not None and isinstance(morphed, Result):
+            text = apt_text(morphed.paths, morphed.program.name)
+            outputs.append((apt, lambda: staging.write(apt, text)))
+        outputs += self._of_second(morphed, staging)
+        keep = self.keep
+        if keep is not None:
+            holding = morphed.job.holding
+            post = (holding.diameter, post_below(morphed.part.mesh, holding).top)
+            outputs.append((keep, lambda: fill_kept_folder(staging.folder(keep, SERIES), morphed, post)))
+        return outputs
+
+    def _of_second(self, morphed: Morphed, staging: Staging) -> list[tuple[str | Path, Callable[[], None]]]:
+        """Page and cutter location data of a second clamping, and what writes each."""
+        second = morphed.second if isinstance(morphed, Result) else None
+        if second is None:
+            return []
+        outputs: list[tuple[str | Path, Callable[[], None]]] = []
+        if self.html is not None:
+            page = second_file(self.html)
+            outputs.append((page, lambda: staging.write(page, second.page)))
+        if self.apt is not None:
+            apt = second_file(self.apt)
+            outputs.append((apt, lambda: staging.write(apt, second.apt)))
+        return outputs
+
+
+SHARED = ".nc"
+"""An ending that programs of many controls have: none of them owns it."""
+
+
+def check_ending(program: Path, dialect: Dialect) -> None:
+    """FileError where the name of a program has no ending, or the ending of another controller or of a
+    part."""
+    proposed = program.with_name(f"{program.stem.strip('.') or 'program'}{dialect.extension}").name
+    if len(program.suffix) < 2:
+        trouble = f"has no ending, {dialect.name} programs end in {dialect.extension}: name it {proposed}"
+        raise FileError(f"{program}: {trouble}", file=str(program))
+
+    programs = {read_dialect(name).extension for name in dialect_names()}
+    other = ISO if dialect.grammar == "klartext" else ()
+    foreign = {*MESHES, *CAD, *TEXTS, *programs, *other} - {dialect.extension, SHARED}
+    if program.suffix.lower() in foreign:
+        trouble = f"{dialect.name} programs do not end in {program.suffix}"
+        remedy = f"name it {proposed}, or choose another --controller"
+        raise FileError(f"{program}: {trouble}: {remedy}", file=str(program))
+
+
+FAULT = "a fault of bonecam, which planned this program, not of the mesh or the job"
+"""What is added to a refusal by the proof of a program that bonecam planned."""
+
+
+@contextmanager
+def refusing(program: Program, paths: Sequence[ToolPath]) -> Iterator[None]:
+    """A VerifyError or LimitError of the block knows the `program` that it refuses, and its `paths`."""
+    try:
+        yield
+    except (VerifyError, LimitError) as error:
+        error.evidence |= {"program": program, "paths": tuple(paths)}
+        raise
+
+
+@contextmanager
+def report_refused(file: File) -> Iterator[StageTimes]:
+    """The block takes the times of its stages. Where it raises a BonecamError, write the report `file` (None: nothing
+    is written): `refused`, and the sections that are known so far. The error then knows the section `refused` too."""
+    times = StageTimes()
+    try:
+        yield times
+    except Cancelled:
+        raise
+    except BonecamError as error:
+        report = _report(error, times)
+        if file is None:
+            raise
+        try:
+            write_whole(file, report_text(report))
+        except FileError as trouble:
+            raise type(error)(f"{error} ({trouble})", **error.evidence) from error
+        raise
+
+
+@contextmanager
+def keep_refused(made: Morphed, folder: File, times: StageTimes) -> Iterator[None]:
+    """Where the block raises a VerifyError or LimitError, the `folder` (None: nothing is kept) gets report.json,
+    refused.txt, refused.png with the place, job, part, surface and levels of what was `made`, and the program with its
+    tool path where one was posted. A VerifyError that is not of bending or of bodies says whose fault it is."""
+    try:
+        with knowing(made.report):
+            yield
+    except (VerifyError, LimitError) as error:
+        report = _report(error, times)
+        how = _kept(made, folder, error, report)
+        if isinstance(error, BendingError | BodiesError | LimitError):
+            raise
+        raise VerifyError(f"{error} ({FAULT}: {how})", **error.evidence) from error
+
+
+def _report(error: BonecamError, times: StageTimes) -> dict[str, Any]:
+    """The report of a run that the error refuses, which knows its section `refused` from now on."""
+    refused = error.evidence.setdefault("refused", refused_figures(error, times.reached))
+    known = {"seconds": times.seconds, "cpu_seconds": times.cpu_seconds}
+    return {"refused": refused, **known, **error.evidence.get("report", {})}
+
+
+def refused_figures(error: BonecamError, stage: str) -> RefusedFigures:
+    """`refused` of the report of a run whose `stage` raised the error. The remedy of a message is behind its last
+    colon, where the error does not know it apart."""
+    message = str(error)
+    evidence = error.evidence
+    figures: RefusedFigures = {
+        "code": evidence.get("code", code_of(error)),
+        "stage": stage,
+        "message": message,
+        "remedy": evidence.get("remedy", message.rpartition(": ")[2]),
+    }
+    if evidence.get("place") is not None:
+        figures["place"] = [round(float(value), 3) for value in evidence["place"]]
+    if evidence.get("line"):
+        figures["line"] = int(evidence["line"])
+    if "level" in evidence:
+        figures["level"] = int(evidence["level"])
+    return figures
+
+
+def code_of(error: BonecamError) -> str:
+    """The kind of an error in small letters: `tool_path` of a ToolPathError."""
+    return re.sub(r"(?<=[a-z])(?=[A-Z])", "_", type(error).__name__.removesuffix("Error")).lower()
+
+
+def _kept(morphed: Morphed, folder: File, error: BonecamError, report: Mapping[str, Any]) -> str:
+    """Keep what a report of the refusal needs in the `folder`, and say how to report it."""
+    if folder is None:
+        return "report it with what --keep DIR writes of this run"
+    try:
+        with whole_folder(folder, SERIES) as work:
+            _fill(work, morphed, error)
+            write_whole(work / "report.json", report_text(report))
+    except FileError as trouble:
+        return f"nothing could be kept: {trouble}"
+    return f"report it with {folder}, which holds program, place and picture"
+
+
+def _fill(work: Path, morphed: Morphed, error: BonecamError) -> None:
+    """Write the files of a refused run into `work`."""
+    levels, holding = morphed.levels.levels, morphed.job.holding
+    write_whole(work / "refused.txt", f"{error}\n")
+    keep_job(work, morphed)
+    write_mesh(morphed.part.placed_given, work / GIVEN)
+    write_tsm(morphed.surface, work / "surface.tspline")
+    keep_into(work, levels, morphed.stock, (holding.diameter, post_below(morphed.part.mesh, holding).top))
+    program = error.evidence.get("program")
+    paths = error.evidence.get("paths", ())
+    if program is not None:
+        write_whole(work / f"program{program.extension}", program.text)
+        write_whole(work / "toolpath.csv", toolpath_csv(paths))
+    if "place" in error.evidence:
+        draw_refused(error.evidence["place"], levels, paths, work / "refused.png")
+
+
+class Written(Shown):
+    """A result with a program and a folder of its own to keep."""
+
+    program: Program
+    report: dict[str, Any]
+    job: Job
+
+    @property
+    @abstractmethod
+    def all_paths(self) -> Sequence[ToolPath]:
+        """The paths in machining order."""
+
+    @property
+    def sheet(self) -> str:
+        """The setup sheet as the text of an HTML file."""
+        raise NotImplementedError(f"{type(self).__name__} has no setup sheet")
+
+    @abstractmethod
+    def fill_folder(self, work: Path) -> None:
+        """Write the files of the folder to keep."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Finished(Written):
+    """The result of `bonecam.finish`: surface and solid as they stand on the post, the path, the program, and
+    what it removes, if that was simulated. `report` is the content of the file of --report."""
+
+    workpiece: Workpiece
+    path: ToolPath
+    program: Program
+    report: dict[str, Any]
+    job: Job
+    removal: Removal | None = None
+
+    @cached_property
+    def packed_view(self) -> bytes:
+        """What `view` shows, packed as `bonecam.report.page` has it."""
+        surface = self.workpiece.surface.tessellate(CHORD)
+        parts = (surface, self.workpiece.solid, self.path, self.program.text, self.job, self.report)
+        return pack(surface_contents(*parts, bonecam.__version__, self.removal))
+
+    def compare_axes(self) -> AxisComparison:
+        """The tool axes beside the surface's normals and axes that lean by the lead angle, at the same contacts:
+        turning, collisions, speeds and time."""
+        machine = read_machine(self.job.nc.machine)
+        scene = self.workpiece.scene(self.job, clamping_of(self.job.holding, machine.table))
+        return compare_axes(self.path, scene, machine_limits(machine), self.job.path)
+
+    @property
+    def _title(self) -> str:
+        return self.report["surface"]["file"] or "a surface"
+
+    def _draw(self, file: Path) -> str:
+        draw_axes(self.path, self.workpiece.surface, file)
+        return "the surface with its contacts and tool axes, from two sides"
+
+    @property
+    def all_paths(self) -> Sequence[ToolPath]:
+        """The path."""
+        return [self.path]
+
+    def fill_folder(self, work: Path) -> None:
+        """Write surface.iga, solid.ply, toolpath.png, axes.png, axes.md, machine.png, what all runs have, and where it
+        was simulated left.ply, error.ply and error.png."""
+        write_iga(self.workpiece.surface, work / "surface.iga")
+        write_mesh(self.workpiece.solid, work / "solid.ply")
+        self._draw(work / "toolpath.png")
+        compared = self.compare_axes()
+        draw_compared_axes(compared, self.workpiece.surface.tessellate(CHORD), work / "axes.png")
+        machine = read_machine(self.job.nc.machine)
+        draw_machine([self.path], self.workpiece.solid, self.job.holding, machine, work / "machine.png")
+        (work / "axes.md").write_text(compared.table, encoding="utf-8", newline="")
+        write_simulated(work, self.removal)
+        fill_shared(work, self, axes=compared.report)
+
+    def __repr__(self) -> str:
+        return f"<Finished of {self._title}: {self.program!r}>"
+
+    @property
+    def summary(self) -> str:
+        """The report in a few lines of text."""
+        return finished_summary(self.report)
+
+
+def write_run(made: Written, wanted: Outputs) -> None:
+    """Write the wanted files, all or none: program, report, page, sheet, cutter location data, and the folder to keep.
+    FileError names what cannot be written."""
+    texts: tuple[tuple[File, Callable[[], str]], ...] = (
+        (wanted.report, lambda: report_text(made.report)),
+        (wanted.html, lambda: made.page),
+        (wanted.sheet, lambda: made.sheet),
+        (wanted.apt, lambda: apt_text(made.all_paths, made.program.name)),
+    )
+    with staged() as staging:
+        if wanted.program is not None:
+            programs = {Path(wanted.program): made.program}
+            stage_program_files(staging, programs, job_dialect(made.job.nc))
+        for file, text in texts:
+            if file is not None:
+                staging.write(file, text())
+        if wanted.keep is not None:
+            made.fill_folder(staging.folder(wanted.keep, SERIES))
+
+
+def fill_shared(work: Path, made: Written, **more: Any) -> None:
+    """Write toolpath.csv and .apt, cones.csv, program, view.gz, job.toml and report.json, which tells `more`."""
+    (work / VIEW).write_bytes(made.packed_view)
+    paths = made.all_paths
+    texts = {
+        f"program{made.program.extension}": made.program.text,
+        "toolpath.csv": toolpath_csv(paths),
+        "toolpath.apt": apt_text(paths, made.program.name),
+        "job.toml": write_job(made.job),
+        "report.json": report_text({**made.report, **more}),
+    }
+    if any(path.cones for path in paths):
+        texts["cones.csv"] = cones_csv(paths)
+    for name, text in texts.items():
+        (work / name).write_text(text, encoding="utf-8", newline="")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Bladed(Written):
+    """The result of `bonecam.blades`: the wheel as it stands on its post, its blank, the levels of a channel, the paths
+    of all channels and blades, the program, and what it removes (None where that was not simulated)."""
+
+    workpiece: Workpiece
+    wheel: Wheel
+    blank: TurnedBlank
+    levels: Morph
+    paths: tuple[ToolPath, ...]
+    program: Program
+    report: dict[str, Any]
+    job: Job
+    removal: Removal | None = None
+
+    @property
+    def all_paths(self) -> Sequence[ToolPath]:
+        """The paths in machining order."""
+        return self.paths
+
+    @cached_property
+    def packed_view(self) -> bytes:
+        """What `view` shows, packed as `bonecam.report.page` has it."""
+        return pack(
+            wheel_contents(
+                self.workpiece.solid,
+                self.blank,
+                morph=self.levels,
+                wheel=self.wheel,
+                paths=self.paths,
+                program=self.program.text,
+                job=self.job,
+                report=self.report,
+                removal=self.removal,
+                version=bonecam.__version__,
+            )
+        )
+
+    @property
+    def sheet(self) -> str:
+        """The setup sheet as the text of an HTML file."""
+        shapes = self.workpiece.solid, self.blank
+        page = wheel_article(self._title, *shapes, self.job, self.program, self.report, bonecam.__version__)
+        return setup_sheet(self._title, [page])
+
+    def fill_folder(self, work: Path) -> None:
+        """Write surface.iga, solid.ply, blank.ply, blank.csv, toolpath.png, machine.png, what all runs have, and where
+        it was simulated left.ply, error.ply and error.png."""
+        write_iga(self.wheel.blade, work / "surface.iga")
+        write_mesh(self.workpiece.solid, work / "solid.ply")
+        write_mesh(self.blank.mesh, work / "blank.ply")
+        rows = [f"{radius:.4f},{height:.4f}\n" for radius, height in self.blank.profile]
+        (work / "blank.csv").write_text("".join(["radius_mm,height_mm\n", *rows]), encoding="utf-8", newline="")
+        self._draw(work / "toolpath.png")
+        machine = read_machine(self.job.nc.machine)
+        draw_machine(self.paths, self.workpiece.solid, self.job.holding, machine, work / "machine.png")
+        write_simulated(work, self.removal)
+        fill_shared(work, self)
+
+    @property
+    def _title(self) -> str:
+        return str(self.report["surface"]["file"])
+
+    def _draw(self, file: Path) -> str:
+        draw_wheel(self.workpiece.solid, self.blank, self.paths, self.wheel.count, file)
+        return "the wheel with the paths of one channel and of one blade, and its blank in section"
+
+    def __repr__(self) -> str:
+        return f"<Bladed of {self._title}: {self.wheel.count} blades, {self.program!r}>"
+
+    @property
+    def summary(self) -> str:
+        """The report in a few lines of text."""
+        return bladed_summary(self.report)

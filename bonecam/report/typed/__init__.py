@@ -1,1 +1,0 @@
-"""The report of a run: its types, and how its sections are made."""

@@ -1,1 +1,0 @@
-"""Stocks with edges, rounded: what a morph can follow."""

@@ -1,1 +1,0 @@
-"""Knots, B-spline bases and Bezier extraction."""

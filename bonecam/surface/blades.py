@@ -1,0 +1,786 @@
+"""Blades of turbomachines: tables of their sections and flow paths, and the solids that are made of these.
+
+Tables of blade sections, as rows of points about the Z axis: one file with a block for each section, or one file
+for each.
+
+    x y z            Cartesian, the machine's axis being one of the three (NASA Rotor 37)
+    x r*theta r      along the machine's axis, arc, radius (NASA HECC):  (r cos theta, r sin theta, x)
+
+Sections run round the blade, from the hub outward. Those that end where they began are closed; others end at a blunt
+edge that the rows leave open.
+
+Sections of a blade that end at a blunt edge: told from one side of a blade, and closed by half circles over it.
+
+Curves of a wheel in its meridional plane, as rows (radius, height) in mm about the Z axis.
+
+Flow paths of turbomachines: the meridional curve of a hub or a shroud as rows (radius, height).
+
+The closed solid of a blade: the skin of its sections, with its blunt edge and both ends closed.
+
+Two chains of vertices are joined by a strip of triangles that advances on both alike: the edges s = low and s = high
+of an open surface, and at each end the two sides of the blade between the two points farthest from one another.
+
+An impeller or rotor from the sections of one blade and the flow paths of hub and shroud, as closed solids.
+
+A wheel of equal blades round a hub of revolution, from one of its blades.
+
+The channel between two neighbouring blades of a wheel: the hub between them as an open surface, and the blank's
+contour over it, which the blades' tips lie on.
+
+Lines s = const of both follow the blade's mean line, so that passes run through the channel; those of all pitches
+cover the hub beside the blades without a gap. The blank is turned: hub, contour and the straight ends between them.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+import scipy.sparse as sp
+from jaxtyping import Float, Int
+from numpy import ndarray
+from scipy.sparse.linalg import spsolve
+
+from bonecam.arrays import unit
+from bonecam.errors import FileError, MeshError, SurfaceError, place_name
+from bonecam.mesh.distance import MeshDistance
+from bonecam.mesh.facets import vertex_normals
+from bonecam.mesh.files.points import read_blocks
+from bonecam.mesh.healing import holes_of
+from bonecam.mesh.rows import Isolines
+from bonecam.mesh.solids import revolve_profile, revolve_ring, segments_around, solid_union
+from bonecam.mesh.triangle_mesh import TriangleMesh, side_by_side
+from bonecam.surface.skinning import PointRows, rows_of, skin
+from bonecam.surface.tspline import TSpline
+
+CARTESIAN = "x y z"
+POLAR = "x r*theta r"
+AXES = {"x": (1, 2, 0), "y": (2, 0, 1), "z": (0, 1, 2)}
+"""The coordinates that become x, y and z where this one is the machine's axis."""
+
+
+def read_sections(
+    files: str | Path | Sequence[str | Path], *, columns: str = CARTESIAN, axis: str = "z", scale: float = 1.0
+) -> PointRows:
+    """The sections of a blade in one file or several, mm, about the Z axis, wound so that a skin faces outward.
+
+    `columns` as above; `axis` is the one that becomes +Z, with `-` before it where it points down; `scale` is mm a
+    unit of the file. FileError names the file and the line or row that is wrong.
+    """
+    paths = [Path(files)] if isinstance(files, str | Path) else [Path(file) for file in files]
+    if columns not in (CARTESIAN, POLAR):
+        raise ValueError(f"columns {columns!r}: give {CARTESIAN!r} or {POLAR!r}")
+    names = "".join(word[0] for word in columns.split())
+    sections = [(path, block) for path in paths for block in read_blocks(path, names)]
+    if len(sections) < 2:
+        raise FileError(f"{paths[0]}: one section is no blade: give two or more", file=str(paths[0]))
+    if columns == POLAR:
+        sections = [(path, _cartesian(block, path)) for path, block in sections]
+        axis = axis.replace("x", "z")
+    blocks = [scale * about_z(block, axis) for _, block in sections]
+    rows = rows_of(blocks, paths[0])
+    return PointRows(_outward(rows.rows), rows.poles, rows.closed)
+
+
+def about_z(points: Float[ndarray, "n 3"], axis: str) -> Float[ndarray, "n 3"]:
+    """The points turned so that an axis (x, y, z, -x, -y or -z) becomes +Z. ValueError for another one."""
+    name = axis.removeprefix("-")
+    if name not in AXES:
+        raise ValueError(f"axis {axis!r}: give x, y or z, with - before it where it points down")
+    turned = points[:, AXES[name]]
+    return turned * [1.0, -1.0, -1.0] if axis.startswith("-") else turned
+
+
+def _cartesian(table: Float[ndarray, "n 3"], path: Path) -> Float[ndarray, "n 3"]:
+    """Points of (x, r theta, r) about the Z axis; FileError where a radius is not positive."""
+    x, arc, r = table.T
+    if not (r > 0).all():
+        row = int(np.argmin(r > 0))
+        raise FileError(
+            f"{path}: point {row} of a section has the radius {r[row]:g}: give x, r*theta and r",
+            file=str(path),
+            row=row,
+        )
+    return np.column_stack([r * np.cos(arc / r), r * np.sin(arc / r), x])
+
+
+def _outward(rows: Sequence[Float[ndarray, "_ 3"]]) -> tuple[Float[ndarray, "_ 3"], ...]:
+    """Rows wound counter-clockwise seen along the way from the first to the last: S_s x S_t faces outward."""
+    middles = np.array([row.mean(axis=0) for row in rows])
+    way = np.gradient(middles, axis=0)
+    areas = [np.cross(row - m, np.roll(row, -1, axis=0) - m).sum(axis=0) / 2 for row, m in zip(rows, middles)]
+    if np.einsum("ri,ri->", np.array(areas), way) < 0:
+        return tuple(row[::-1] for row in rows)
+    return tuple(rows)
+
+
+BLUNT = 0.02
+"""Sections whose ends lie farther apart than this share of their length are one side of a blade."""
+INSERTED = 7
+"""Points on each half circle."""
+SECTIONS = 9
+"""So many sections of a surface are looked at,"""
+PLACES = 101
+"""and so many places on each."""
+
+
+def widest_edge(rows: PointRows) -> float:
+    """The largest distance between the two ends of an open section, mm; 0 of closed ones."""
+    return 0.0 if rows.closed else max(float(np.linalg.norm(row[0] - row[-1])) for row in rows.rows)
+
+
+def has_blunt_edge(surface: TSpline) -> bool:
+    """Whether a surface that is open in s bounds a blade up to a blunt edge: it is no one side of a blade."""
+    if surface.closed_in_s:
+        return False
+    (left, right), (low, high) = surface.domain
+    s, t = np.meshgrid(np.linspace(left, right, PLACES), np.linspace(low, high, SECTIONS))
+    rows = surface.positions(s.ravel(), t.ravel()).reshape(SECTIONS, PLACES, 3)
+    return all(_nearly_closed(row) for row in rows)
+
+
+def rounded_edge(rows: PointRows) -> PointRows:
+    """The rows closed by half circles that stand out of their blunt edges by half of their widths; unchanged where they
+    are closed, or where one is open by more than BLUNT of its length."""
+    if rows.closed or not all(_nearly_closed(row) for row in rows.rows):
+        return rows
+    return PointRows(tuple(_closed(row) for row in rows.rows), rows.poles, closed=True)
+
+
+def _nearly_closed(row: Float[ndarray, "p 3"]) -> bool:
+    """Whether the ends of a section are no farther apart than a blunt edge is wide."""
+    length = float(np.linalg.norm(np.diff(row, axis=0), axis=1).sum())
+    return float(np.linalg.norm(row[0] - row[-1])) <= BLUNT * length
+
+
+def _closed(row: Float[ndarray, "p 3"]) -> Float[ndarray, "q 3"]:
+    """A row that goes on from its end to its start on a half circle, in the plane of that and the way it ends."""
+    middle = (row[0] + row[-1]) / 2
+    half = (row[-1] - row[0]) / 2
+    size = float(np.linalg.norm(half))
+    ends = unit(np.array([row[-1] - row[-2], row[0] - row[1]])).sum(axis=0)
+    across = half / size
+    out = unit((ends - (ends @ across) * across)[None])[0]
+    angle = np.pi * np.arange(1, INSERTED + 1)[:, None] / (INSERTED + 1)
+    return np.vstack([row, middle + np.cos(angle) * half + np.sin(angle) * size * out])
+
+
+REVOLVED = 0.1
+"""A solid is a body of revolution where its vertices lie so near to the one of its section, mm: the chord tolerance of
+a coarse mesh."""
+OFF = 1e-4
+"""The section passes so far beside the axis, as a share of the solid's width: through no pole of its mesh."""
+MEAN_POINTS = 64
+"""Points of a mean line."""
+
+
+def hub_profile(hub: TriangleMesh, name: str) -> Float[ndarray, "n 2"]:
+    """The curve that a solid hub is the body of revolution of, from its lower pole (on the axis) to its upper one.
+
+    SurfaceError where the hub has a bore or is no body of revolution; messages say `name` for it.
+    """
+    width = float(np.ptp(hub.vertices[:, 1]))
+    try:
+        loop = Isolines.of(hub, hub.vertices[:, 1]).loop(OFF * width)
+    except MeshError as error:
+        remedy = "give it solid, without bore and bolt holes, its axis Z"
+        raise SurfaceError(f"{name}: the hub has no plain section through its axis: {remedy}") from error
+    first = int(np.argmax((loop[:, 0] > 0) & (np.roll(loop[:, 0], 1) <= 0)))
+    loop = np.roll(loop, -first, axis=0)
+    half = loop[loop[:, 0] > 4 * OFF * width]
+    curve = np.column_stack([np.hypot(half[:, 0], half[:, 1]), half[:, 2]])
+    curve = curve if curve[0, 1] < curve[-1, 1] else curve[::-1]
+    low, high = curve[0], curve[-1]
+    whole = np.vstack([[0.0, low[1]], curve, [0.0, high[1]]])
+    moved = np.r_[True, np.linalg.norm(np.diff(whole, axis=0), axis=1) > 1e-6]
+    whole = whole[moved]
+    distance = MeshDistance(revolved(whole, REVOLVED / 2))
+    off = distance.unsigned(hub.vertices)
+    if off.max() > REVOLVED:
+        place = hub.vertices[np.argmax(off)]
+        raise SurfaceError(
+            f"{name}: the hub is no body of revolution about Z: it lies {off.max():.2f} mm off one at "
+            f"{place_name(place)}: give it without blades, keyways and holes",
+            place=place,
+            error=float(off.max()),
+        )
+    return whole
+
+
+def revolved(profile: Float[ndarray, "n 2"], chord_tolerance: float, count: int = 1) -> TriangleMesh:
+    """The closed mesh of a body of revolution whose profile runs from the lower pole to the upper one; turned by a
+    `count`-th of a turn it is the same."""
+    around = segments_around(float(profile[:, 0].max()), chord_tolerance)
+    return revolve_profile(profile, count * -(-around // count))
+
+
+def lengths_along(curve: Float[ndarray, "n 2"]) -> Float[ndarray, " n"]:
+    """Length along a curve up to each of its points, mm."""
+    return np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(curve, axis=0), axis=1))]
+
+
+def places_on(curve: Float[ndarray, "n 2"], points: Float[ndarray, "k 2"]) -> Float[ndarray, " k"]:
+    """Length along a curve up to its point nearest to each of the `points`, mm."""
+    along = lengths_along(curve)
+    start = curve[:-1]
+    step = np.diff(curve, axis=0)
+    lengths = np.linalg.norm(step, axis=1)
+    shares = np.clip(np.einsum("kni,ni->kn", points[:, None] - start, step) / lengths**2, 0.0, 1.0)
+    away = np.linalg.norm(points[:, None] - start - shares[:, :, None] * step, axis=2)
+    nearest = np.argmin(away, axis=1)
+    return along[nearest] + shares[np.arange(len(points)), nearest] * lengths[nearest]
+
+
+def point_at(curve: Float[ndarray, "n 2"], places: Float[ndarray, " k"]) -> Float[ndarray, "k 2"]:
+    """The points of a curve at these lengths along it."""
+    along = lengths_along(curve)
+    return np.column_stack([np.interp(places, along, curve[:, k]) for k in range(2)])
+
+
+def stretch(curve: Float[ndarray, "n 2"], low: float, high: float) -> Float[ndarray, "m 2"]:
+    """The part of a curve between two lengths along it, its own points between them included."""
+    along = lengths_along(curve)
+    return point_at(curve, np.r_[low, along[(along > low) & (along < high)], high])
+
+
+def meridional(points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 2"]:
+    """(radius, height) of each point."""
+    return np.column_stack([np.hypot(points[:, 0], points[:, 1]), points[:, 2]])
+
+
+def mean_line(section: Float[ndarray, "n 3"]) -> Float[ndarray, "m 3"]:
+    """The line midway between the two sides of a closed section of a blade, from edge to edge, as rows (radius, height,
+    azimuth in radians, continuous). The edges are the two points farthest apart."""
+    away = np.linalg.norm(section[:, None] - section, axis=2)
+    start, end = sorted(int(i) for i in np.unravel_index(np.argmax(away), away.shape))
+    sides = section[start : end + 1], np.vstack([section[end:], section[: start + 1]])[::-1]
+    resampled = []
+    for side in sides:
+        along = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(side, axis=0), axis=1))]
+        at = np.linspace(0.0, along[-1], MEAN_POINTS)
+        azimuth = np.unwrap(np.arctan2(side[:, 1], side[:, 0]))
+        rows = np.column_stack([meridional(side), azimuth])
+        resampled.append(np.column_stack([np.interp(at, along, rows[:, k]) for k in range(3)]))
+    turns = np.round((resampled[1][0, 2] - resampled[0][0, 2]) / (2 * np.pi))
+    resampled[1][:, 2] -= 2 * np.pi * turns
+    return (resampled[0] + resampled[1]) / 2
+
+
+MERIDIONAL = "x r"
+COLUMNS = {MERIDIONAL: "xr", CARTESIAN: "xyz"}
+
+
+def read_flow_path(
+    path: str | Path, *, columns: str = MERIDIONAL, axis: str = "x", scale: float = 1.0
+) -> Float[ndarray, "n 2"]:
+    """The rows (radius, height) of a hub or shroud in the order of the file, mm, the machine's axis being +Z.
+
+    `columns`: `x r` (along the axis, radius), or `x y z`, of which the first is along the axis. `axis` is `x`, or
+    `-x` where that points down; `scale` is mm a unit of the file. FileError names what is wrong with the table.
+    """
+    file = Path(path)
+    if columns not in COLUMNS:
+        raise ValueError(f"columns {columns!r}: give one of {', '.join(map(repr, COLUMNS))}")
+    if axis not in ("x", "-x"):
+        raise ValueError(f"axis {axis!r}: give x, or -x where it points down")
+    blocks = read_blocks(file, COLUMNS[columns])
+    if len(blocks) > 1:
+        raise FileError(f"{file}: holds {len(blocks)} curves: give one flow path a file", file=str(file))
+    table = blocks[0]
+    if len(table) < 2:
+        raise FileError(f"{file}: one point is no curve: give two or more", file=str(file))
+    radius = np.hypot(table[:, 1], table[:, 2]) if table.shape[1] == 3 else table[:, 1]
+    height = -table[:, 0] if axis == "-x" else table[:, 0]
+    rows = scale * np.column_stack([radius, height])
+    _check(rows, file)
+    return rows
+
+
+def _check(curve: Float[ndarray, "n 2"], file: Path) -> None:
+    """FileError where a radius is not positive, or two points are one."""
+    if not (curve[:, 0] > 0).all():
+        row = int(np.argmin(curve[:, 0] > 0))
+        raise FileError(
+            f"{file}: point {row} has the radius {curve[row, 0]:g}: give the axial place and the radius",
+            file=str(file),
+            row=row,
+        )
+    steps = np.linalg.norm(np.diff(curve, axis=0), axis=1)
+    if not (steps > 0).all():
+        row = int(np.argmin(steps > 0))
+        raise FileError(f"{file}: points {row} and {row + 1} coincide: remove one", file=str(file), row=row)
+
+
+def blade_solid(surface: TSpline, chord_tolerance: float) -> TriangleMesh:
+    """The closed outward mesh of a surface without poles, within `chord_tolerance` mm of it where that is.
+
+    SurfaceError where no closed outward mesh comes of it.
+    """
+    tessellation = surface.tessellate_with_parameters(chord_tolerance)
+    s, t = tessellation.parameters.T
+    points = tessellation.mesh.vertices
+    (left, right), (low, high) = surface.domain
+    faces = [tessellation.mesh.faces]
+    if not surface.closed_in_s:
+        first, last = (_sorted(s == side, t) for side in (left, right))
+        faces.append(_strip(first, t[first], last, t[last]))
+    for end in (low, high):
+        loop = _sorted(t == end, s)
+        faces.append(_cap(loop if end == low else loop[::-1], points))
+    solid = TriangleMesh(points, np.vstack(faces).astype(np.int32))
+    if holes_of(solid) or not solid.volume > 0:
+        raise SurfaceError(
+            f"the blade encloses {solid.volume:.3g} mm^3 and keeps {len(holes_of(solid))} holes: give sections that "
+            "run once round it, from the hub outward"
+        )
+    return solid
+
+
+def _sorted(chosen: ndarray, along: Float[ndarray, " n"]) -> Int[ndarray, " k"]:
+    """The chosen vertices in the order of a parameter."""
+    index = np.flatnonzero(chosen)
+    return index[np.argsort(along[index])]
+
+
+def _cap(loop: Int[ndarray, " k"], points: Float[ndarray, "n 3"]) -> Int[ndarray, "f 3"]:
+    """Triangles that close a loop and run against it."""
+    away = np.linalg.norm(points[loop][:, None] - points[loop], axis=2)
+    start, end = sorted(int(i) for i in np.unravel_index(np.argmax(away), away.shape))
+    one = loop[start : end + 1][::-1]
+    other = np.r_[loop[end:], loop[: start + 1]]
+    return _strip(one, _fractions(points[one]), other, _fractions(points[other]))
+
+
+def _fractions(chain: Float[ndarray, "k 3"]) -> Float[ndarray, " k"]:
+    """Length along a chain up to each of its points, as a share of the whole."""
+    along = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(chain, axis=0), axis=1))]
+    return along / along[-1]
+
+
+def _strip(
+    one: Int[ndarray, " a"], at_one: Float[ndarray, " a"], other: Int[ndarray, " b"], at_other: Float[ndarray, " b"]
+) -> Int[ndarray, "f 3"]:
+    """Triangles between two chains of vertices at growing places, forward along the first."""
+    faces = []
+    i = j = 0
+    while i + 1 < len(one) or j + 1 < len(other):
+        if j + 1 == len(other) or (i + 1 < len(one) and at_one[i + 1] <= at_other[j + 1]):
+            faces.append((one[i], one[i + 1], other[j]))
+            i += 1
+        else:
+            faces.append((one[i], other[j + 1], other[j]))
+            j += 1
+    triangles = np.array(faces)
+    apart = (triangles != np.roll(triangles, 1, axis=1)).all(axis=1)
+    return triangles[apart]
+
+
+MARGIN = 1.0
+"""Hub and shroud reach beyond the blade by so much along their curves, mm."""
+
+
+@dataclass(frozen=True, eq=False)
+class Impeller:
+    """Closed outward solids about the Z axis, mm; `blades[0]` is the one whose sections were given, the others
+    follow counter-clockwise."""
+
+    hub: TriangleMesh
+    shroud: TriangleMesh
+    blades: tuple[TriangleMesh, ...]
+
+
+def impeller(
+    blade: TSpline,
+    hub: Float[ndarray, "h 2"],
+    shroud: Float[ndarray, "k 2"],
+    count: int,
+    *,
+    wall: float = 4.0,
+    chord_tolerance: float = 0.02,
+) -> Impeller:
+    """The impeller of `count` blades between the flow paths of `hub` and `shroud`, rows (radius, height) along the
+    flow.
+
+    The hub is solid, with a back of `wall` mm below its lowest point; the shroud is `wall` mm thick. Both are cut
+    off MARGIN beyond the blade. ValueError where a size is not positive.
+    """
+    if count < 1 or not (wall > 0 and chord_tolerance > 0):
+        raise ValueError(f"{count} blades, wall {wall:g}, chord {chord_tolerance:g} mm: give positive ones")
+    solid = blade_solid(blade, chord_tolerance)
+    beside = meridional(solid.vertices)
+    # The stretch of a flow path beside the points, and MARGIN more at either end
+    inner, outer = (
+        thinned(stretch(curve, *limits_beside(curve, beside)), chord_tolerance / 2) for curve in (hub, shroud)
+    )
+    around = segments_around(float(max(inner[:, 0].max(), outer[:, 0].max())), chord_tolerance)
+    return Impeller(
+        revolve_profile(profile_over(inner, wall), around),
+        revolve_ring(_wall(outer, inner, wall), around),
+        tuple(turned(solid, 2 * np.pi * k / count) for k in range(count)),
+    )
+
+
+def limits_beside(curve: Float[ndarray, "n 2"], points: Float[ndarray, "k 2"]) -> tuple[float, float]:
+    """The lengths along a flow path between which the points lie beside it, and MARGIN more at either end, mm."""
+    lengths = places_on(curve, points)
+    low = max(float(lengths.min()) - MARGIN, 0.0)
+    return low, min(float(lengths.max()) + MARGIN, float(lengths_along(curve)[-1]))
+
+
+def thinned(curve: Float[ndarray, "n 2"], tolerance: float) -> Float[ndarray, "m 2"]:
+    """The fewest points of a curve that halving it where it is farthest from its chord leaves, within `tolerance` mm
+    (Douglas & Peucker 1973)."""
+    chord = curve[-1] - curve[0]
+    share = np.clip((curve - curve[0]) @ chord / max(float(chord @ chord), np.finfo(float).tiny), 0.0, 1.0)
+    away = np.linalg.norm(curve - curve[0] - share[:, None] * chord, axis=1)
+    worst = int(np.argmax(away))
+    if away[worst] <= tolerance:
+        return curve[[0, -1]]
+    return np.vstack([thinned(curve[: worst + 1], tolerance)[:-1], thinned(curve[worst:], tolerance)])
+
+
+def profile_over(curve: Float[ndarray, "n 2"], wall: float) -> Float[ndarray, "m 2"]:
+    """The profile, from pole to pole, of the solid inside a hub's curve with a back `wall` mm below it."""
+    upward = curve if curve[-1, 1] >= curve[0, 1] else curve[::-1]
+    back = float(upward[:, 1].min() - wall)
+    return np.vstack([[[0.0, back], [upward[0, 0], back]], upward, [[0.0, upward[-1, 1]]]])
+
+
+def _wall(curve: Float[ndarray, "n 2"], hub: Float[ndarray, "h 2"], wall: float) -> Float[ndarray, "m 2"]:
+    """The polygon, counter-clockwise, of a shroud's curve and the curve `wall` mm off it, away from the hub."""
+    tangent = np.gradient(curve, axis=0)
+    normal = np.column_stack([tangent[:, 1], -tangent[:, 0]])
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    middle = len(curve) // 2
+    nearest = hub[np.argmin(np.linalg.norm(hub - curve[middle], axis=1))]
+    away = 1.0 if normal[middle] @ (curve[middle] - nearest) > 0 else -1.0
+    polygon = np.vstack([curve, (curve + away * wall * normal)[::-1]])
+    x, y = polygon.T
+    area = np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)
+    return polygon if area > 0 else polygon[::-1]
+
+
+def turned(mesh: TriangleMesh, angle: float) -> TriangleMesh:
+    """The mesh turned about the Z axis by an angle in radians."""
+    return mesh.move(pose_about_z(angle))
+
+
+def pose_about_z(angle: float) -> Float[ndarray, "4 4"]:
+    """The rigid transform that turns about the Z axis by an angle in radians."""
+    pose = np.eye(4)
+    pose[:2, :2] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
+    return pose
+
+
+MOST_BLADES = 100
+"""A wheel has no more."""
+REPEATS = 0.1
+"""Other solids may lie so far off after a turn by one pitch, mm: the chord tolerance of a coarse mesh."""
+COARSE = 0.05
+"""Chord tolerance of the blades beside the first one, mm; they are grown by as much."""
+
+
+@dataclass(frozen=True, eq=False)
+class Wheel:
+    """The `blade` (closed round s, from hub to tip along t), `count` of them a pitch apart, and the `profile` of the
+    solid hub, rows (radius, height) in mm from its lower pole to its upper one. `others` are further closed solids that
+    repeat as the blades do, such as splitters. `edge` is the width of a blunt edge of the blades that was rounded,
+    mm."""
+
+    blade: TSpline
+    count: int
+    profile: Float[ndarray, "n 2"]
+    others: tuple[TriangleMesh, ...] = field(default=())
+    edge: float = 0.0
+
+    @property
+    def pitch(self) -> float:
+        """The angle from one blade to the next, radians."""
+        return 2 * np.pi / self.count
+
+    @cached_property
+    def coarse_blade(self) -> TriangleMesh:
+        """The solid of the blade within COARSE."""
+        return blade_solid(self.blade, COARSE)
+
+    @cached_property
+    def flow(self) -> tuple[float, float]:
+        """The lengths along the profile between which the blades stand, with a margin."""
+        return limits_beside(self.profile, meridional(self.coarse_blade.vertices))
+
+    def off_hub(self, t: float) -> Float[ndarray, " n"]:
+        """How far points of the blade's section at t are from the hub's profile, mm."""
+        left, right = self.blade.domain[0]
+        s = np.linspace(left, right, 40, endpoint=False)
+        points = meridional(self.blade.positions(s, np.full(len(s), t)))
+        on_hub = point_at(self.profile, places_on(self.profile, points))
+        return np.linalg.norm(points - on_hub, axis=1)
+
+    def lift(self, height: float) -> "Wheel":
+        """The wheel moved up, mm."""
+        points = self.blade.control_points + np.array([0.0, 0.0, height])
+        pose = np.eye(4)
+        pose[2, 3] = height
+        others = tuple(solid.move(pose) for solid in self.others)
+        blade = self.blade.with_control_points(points)
+        profile = self.profile + np.array([0.0, height])
+        return replace(self, blade=blade, profile=profile, others=others)
+
+    def grown_blades(self, allowance: float, chord_tolerance: float = COARSE) -> list[TriangleMesh]:
+        """Blades that hold the true ones and `allowance` mm on them everywhere, in the order of their azimuth; meshed
+        within the chord tolerance, mm."""
+        solid = blade_solid(self.blade, chord_tolerance)
+        grown = solid.vertices + (allowance + chord_tolerance) * unit(vertex_normals(solid))
+        mesh = TriangleMesh(grown, solid.faces)
+        return [turned(mesh, k * self.pitch) for k in range(self.count)]
+
+    def solid(self, chord_tolerance: float) -> TriangleMesh:
+        """Hub, blades and others as one closed mesh, hub and first blade within the chord tolerance (mm); the other
+        blades are coarser and grown by their own."""
+        hub = revolved(self.profile, chord_tolerance, self.count)
+        first = blade_solid(self.blade, chord_tolerance)
+        return solid_union([hub, first, *self.grown_blades(0.0)[1:], *self.others])
+
+    def with_one_blade(self, chord_tolerance: float) -> TriangleMesh:
+        """Hub, first blade and others as one closed mesh within the chord tolerance, mm."""
+        hub = revolved(self.profile, chord_tolerance, self.count)
+        return solid_union([hub, blade_solid(self.blade, chord_tolerance), *self.others])
+
+    def gap(self) -> tuple[float, Float[ndarray, "3"]]:
+        """The least distance between two neighbours outside the hub, mm, and its place. SurfaceError where they
+        overlap."""
+        solid = self.coarse_blade
+        hub = MeshDistance(revolved(self.profile, COARSE))
+        points = turned(solid, self.pitch).vertices
+        points = points[~hub.inside(points)]
+        if not len(points):
+            raise SurfaceError("the blade lies inside the hub: give both in one frame and one unit")
+        away = MeshDistance(solid).signed(points)
+        worst = int(np.argmin(away))
+        if away[worst] <= 0:
+            raise SurfaceError(
+                f"{self.count} blades overlap their neighbours, at {place_name(points[worst])}: give fewer blades, or "
+                "the blade about the wheel's axis Z",
+                place=points[worst],
+                error=-float(away[worst]),
+            )
+        return float(away[worst]), points[worst]
+
+
+def repeated(mesh: TriangleMesh, count: int) -> TriangleMesh:
+    """The mesh and its copies at every pitch, side by side."""
+    return side_by_side([turned(mesh, 2 * np.pi * k / count) for k in range(count)])
+
+
+def wheel_of(
+    blade: TSpline, profile: Float[ndarray, "n 2"], count: int, others: Sequence[TriangleMesh] = (), edge: float = 0.0
+) -> Wheel:
+    """The wheel of `count` blades, whose blunt edge of this width was rounded. SurfaceError where the blade is not
+    closed round, the `others` do not repeat from pitch to pitch, or neighbours overlap."""
+    if not 2 <= count <= MOST_BLADES:
+        raise SurfaceError(f"{count} blades: give from 2 to {MOST_BLADES}")
+    if not blade.closed_in_s or all(blade.poles):
+        raise SurfaceError(
+            "the blade is not closed round from hub to tip: give sections that run round both of its sides"
+        )
+    wheel = Wheel(blade, count, profile, tuple(others), edge)
+    foot, tip = (np.median(wheel.off_hub(end)) for end in blade.domain[1])
+    if not foot < tip:
+        raise SurfaceError("the blade's sections run from its tip to the hub: give them from the hub on")
+    wheel.gap()
+    if wheel.others:
+        _require_repeating(wheel)
+    return wheel
+
+
+def _require_repeating(wheel: Wheel) -> None:
+    """SurfaceError where the others, turned by a pitch, do not lie on the wheel."""
+    blades = [turned(wheel.coarse_blade, k * wheel.pitch) for k in range(wheel.count)]
+    whole = side_by_side([revolved(wheel.profile, COARSE), *blades, *wheel.others])
+    points = turned(side_by_side(wheel.others), wheel.pitch).vertices
+    points = points[~MeshDistance(revolved(wheel.profile, COARSE)).inside(points)]
+    if not len(points):
+        return
+    off = MeshDistance(whole).unsigned(points)
+    worst = int(np.argmax(off))
+    if off[worst] > REPEATS:
+        raise SurfaceError(
+            f"the wheel does not repeat from blade to blade: turned by {np.degrees(wheel.pitch):.2f} degrees an "
+            f"obstacle lies {off[worst]:.2f} mm off at {place_name(points[worst])}: give all of its copies, or the "
+            "true number of blades",
+            place=points[worst],
+            error=float(off[worst]),
+        )
+
+
+TOLERANCE = 0.005
+"""Of the skins of floor and roof, mm."""
+ROWS, ACROSS = 33, 13
+"""Points along and across, through which the skins go."""
+SECTION_POINTS = 200
+"""Points of the blade's sections at hub and tip."""
+EXTENDED = 0.5
+"""The contour goes on straight by so many of its lengths at either end."""
+THINNED = 0.01
+"""Profiles of levels keep the points that they need for this, mm."""
+BELOW = 0.1
+"""The body under a level ends so far below its lowest point, mm, where it is in the hub or in air."""
+STRAIGHT = 0.02
+"""The floor goes straight on as its ends do over this share of its length."""
+FLUSH = 0.02
+"""A blade may stand out of the blank by so much, mm: what its sections are rough by."""
+
+
+@dataclass(frozen=True, eq=False)
+class Channel:
+    """`floor` (on the hub) and `roof` (on the blank), open surfaces with normals away from the hub, t along the hub's
+    profile from below; and the `blank`'s profile, rows (radius, height) from pole to pole, mm."""
+
+    wheel: Wheel
+    floor: TSpline
+    roof: TSpline
+    blank: Float[ndarray, "n 2"]
+
+    def under(self, level: TSpline) -> tuple[Float[ndarray, "n 2"], float]:
+        """The profile of a body of revolution that a level between floor and roof leaves whole, and how far what lies
+        under the level reaches out of it at most, mm."""
+        (left, right), (low, high) = level.domain
+        t = np.linspace(low, high, 4 * ROWS)
+        curve = meridional(level.positions(np.full(len(t), (left + right) / 2), t))
+        rows = [meridional(level.positions(np.full(len(t), s), t)) for s in np.linspace(left, right, ACROSS)]
+        points = np.vstack(rows)
+        above, below = _above(curve, points), _above(curve[::-1], points)
+        inner = thinned(curve - below * _normals_outward(curve), THINNED)
+        base = float(inner[:, 1].min()) - BELOW
+        closed = np.vstack([[[0.0, base], [inner[0, 0], base]], inner, [[0.0, inner[-1, 1]]]])
+        return closed, above + below + 2 * THINNED
+
+
+def channel_of(wheel: Wheel, reach: float) -> Channel:
+    """The channel from the first blade to the next; floor and roof reach this far (mm) beyond the blades' edges,
+    straight on where the hub ends. SurfaceError where the blades stand out of the blank that their tips give."""
+    foot, tip = (mean_line(_section(wheel.blade, end)) for end in wheel.blade.domain[1])
+    blade = meridional(wheel.coarse_blade.vertices)
+    contour = _contour(tip, blade)
+
+    # The hub's profile beside the `blade`, and straight on by `reach` mm at either end
+    lengths = places_on(wheel.profile, blade)
+    curve = stretch(wheel.profile, float(lengths.min()), float(lengths.max()))
+    length = float(lengths_along(curve)[-1])
+    low, first, last, high = point_at(curve, np.array([0.0, STRAIGHT, 1 - STRAIGHT, 1.0]) * length)
+    start, end = low + reach * unit((low - first)[None])[0], high + reach * unit((high - last)[None])[0]
+    floor = np.vstack([start, curve, end])
+
+    length = float(lengths_along(floor)[-1])
+    lengths = np.linspace(0.0, length, ROWS)
+    if not (np.diff(places_on(contour, point_at(floor, lengths))) > 0).all():
+        raise SurfaceError("the hub is folded under the blades' tips: give a hub without edges between the blades")
+
+    # The hub's profile with the contour, between its points nearest to the channel's ends, in place of its own curve
+    # there
+    low, high = wheel.flow
+    along = lengths_along(wheel.profile)
+    ends = point_at(wheel.profile, np.array([low, high]))
+    over = thinned(stretch(contour, *places_on(contour, ends)), THINNED)
+    below, above = wheel.profile[along < low], wheel.profile[along > high]
+    whole = np.vstack([below, ends[:1], over, ends[1:], above])
+    moved = np.r_[True, np.linalg.norm(np.diff(whole, axis=0), axis=1) > 1e-6]
+    blank = whole[moved]
+
+    _require_inside(wheel, blank)
+
+    # The azimuth of the blade's mean line at these lengths along the floor; beyond the blade as at its edges
+    at = places_on(floor, foot[:, :2])
+    order = np.argsort(at, kind="stable")
+    azimuths = np.interp(lengths, at[order], foot[order, 2])
+
+    across = np.linspace(0.0, wheel.pitch, ACROSS)
+    surface = _finer(skin(_rows(point_at(floor, lengths), azimuths, across), TOLERANCE, closed=False))
+    return Channel(wheel, surface, _roof(surface, contour), blank)
+
+
+def _finer(floor: TSpline) -> TSpline:
+    """The unchanged floor with twice as many control points along t, for levels that the roof forms too."""
+    (left, right), (low, high) = floor.domain
+    t = np.linspace(low, high, 4 * ROWS)
+    return floor.refine(np.full(len(t), (left + right) / 2), t, "t")
+
+
+def _roof(floor: TSpline, contour: Float[ndarray, "k 2"]) -> TSpline:
+    """The surface over the floor's T-mesh whose points lie, at the azimuths of the floor's, on the contour's points
+    nearest to those."""
+    along = (np.linspace(low, high, 4 * ROWS) for low, high in floor.domain)
+    s, t = (x.ravel() for x in np.meshgrid(*along))
+    points = floor.positions(s, t)
+    on_floor = meridional(points)
+    above = point_at(contour, places_on(contour, on_floor))
+    wanted = np.column_stack([points[:, :2] * (above[:, :1] / on_floor[:, :1]), above[:, 1]])
+    R = sp.csr_array(floor.basis(s, t)[0])
+    ways = spsolve(sp.csc_array(R.T @ R), R.T @ (wanted - points))
+    return floor.with_control_points(floor.control_points + ways)
+
+
+def _section(blade: TSpline, t: float) -> Float[ndarray, "n 3"]:
+    """Points of a closed section of the blade."""
+    left, right = blade.domain[0]
+    s = np.linspace(left, right, SECTION_POINTS, endpoint=False)
+    return blade.positions(s, np.full(len(s), t))
+
+
+def _contour(tip: Float[ndarray, "m 3"], blade: Float[ndarray, "v 2"]) -> Float[ndarray, "k 2"]:
+    """The contour of the blank over the blades, straight on at both ends: the tip's mean line, from below, as far off
+    that no point of the `blade` lies above it."""
+    curve = tip[:, :2] if tip[0, 1] <= tip[-1, 1] else tip[::-1, :2]
+    reach = EXTENDED * lengths_along(curve)[-1]
+    first, last = ((ends[0] - ends[1]) / np.linalg.norm(ends[0] - ends[1]) for ends in (curve[:2], curve[:-3:-1]))
+    curve = np.vstack([curve[0] + reach * first, curve, curve[-1] + reach * last])
+    return curve + _above(curve, blade) * _normals_outward(curve)
+
+
+def _normals_outward(curve: Float[ndarray, "k 2"]) -> Float[ndarray, "k 2"]:
+    """Unit normals of a curve, away from a hub that it runs round from below."""
+    along = unit(np.gradient(curve, axis=0))
+    return np.column_stack([along[:, 1], -along[:, 0]])
+
+
+def _above(curve: Float[ndarray, "k 2"], points: Float[ndarray, "v 2"]) -> float:
+    """How far the points stand out of a curve at most, mm."""
+    lengths = places_on(curve, points)
+    along = lengths_along(curve)
+    normals = _normals_outward(curve)
+    outward = np.column_stack([np.interp(lengths, along, normals[:, k]) for k in range(2)])
+    return max(float(((points - point_at(curve, lengths)) * outward).sum(axis=1).max()), 0.0)
+
+
+def _require_inside(wheel: Wheel, blank: Float[ndarray, "n 2"]) -> None:
+    """SurfaceError where a blade stands out of the blank."""
+    solid = wheel.coarse_blade.vertices
+    points = meridional(solid)
+
+    # Whether points (radius, height) lie inside a profile that is closed along the axis, by crossings
+    (r0, z0) = blank[:-1].T[:, :, None]
+    (r1, z1) = blank[1:].T[:, :, None]
+    r, z = points.T
+    with np.errstate(divide="ignore", invalid="ignore"):
+        crossing = r0 + (z - z0) / (z1 - z0) * (r1 - r0)
+    crosses = ((z0 <= z) != (z1 <= z)) & (crossing > r)
+    out = np.flatnonzero(~np.asarray(crosses.sum(axis=0) % 2 == 1))
+    off = np.linalg.norm(point_at(blank, places_on(blank, points[out])) - points[out], axis=1)
+    if off.max(initial=0.0) > FLUSH:
+        place = solid[out[np.argmax(off)]]
+        raise SurfaceError(
+            f"the blade stands {off.max():.2f} mm out of the blank that its tip gives at {place_name(place)}: give "
+            "sections that end on one surface of revolution, or a longer hub",
+            place=place,
+            error=float(off.max()),
+        )
+
+
+def _rows(
+    curve: Float[ndarray, "m 2"], azimuths: Float[ndarray, " m"], across: Float[ndarray, " n"]
+) -> Float[ndarray, "m n 3"]:
+    """Points of the surface of revolution of a curve, each row across the channel from its own azimuth on."""
+    angle = azimuths[:, None] + across
+    radius, height = curve.T[:, :, None]
+    return np.stack([radius * np.cos(angle), radius * np.sin(angle), np.broadcast_to(height, angle.shape)], axis=2)

@@ -1,1 +1,0 @@
-"""T-splines as tensor-product B-splines, and back."""

@@ -1,1 +1,0 @@
-"""T-splines in files of CAD systems: STEP and IGES."""

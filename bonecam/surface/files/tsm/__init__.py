@@ -1,1 +1,0 @@
-"""General T-splines in .tsm files, as Rhino and Fusion write them."""

@@ -1,1 +1,0 @@
-"""Fitting a T-spline to a mesh."""

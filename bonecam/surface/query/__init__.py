@@ -1,1 +1,0 @@
-"""Questions to a surface: closest points, curvature, measures, validity."""

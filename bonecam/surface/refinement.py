@@ -1,0 +1,480 @@
+"""Exact refinement: more control points, the same surface.
+
+Exact knot insertion in row-structured surfaces (Boehm 1980): knots in single rows, and new rows.
+
+In t a new row is a combination of two old ones, S = sum_j N_j(t) Q_j(s); both are first brought to the knots
+of either. All points are homogeneous, so weights take part like coordinates. Rows are closed (periodic knots,
+one a point) or open (clamped, four more than points).
+
+Refinement that leaves the surface what it is: the faces that hold given samples are cut in the middle
+(exact local knot insertion).
+
+Local refinement of a general T-spline without changing it (Sederberg, Cardon, Finnigan, North, Zheng &
+Lyche 2004, section 4).
+
+A term is a blending function on five s- and five t-lines of the new T-mesh with its coefficients over the old
+functions. Terms and T-mesh are made to agree: a term that lacks a knot its vertex sees (violation 1) is split
+there by knot insertion; a term with a knot that its vertex does not see (violation 2) gets an edge or vertex
+there; a term without vertex (violation 3) gets one. Lines are finite in number, so this ends. New control
+points are the terms' combinations of the old ones in homogeneous form: weights take part like coordinates,
+and nothing is assumed of the functions' sum, so the surface stays what it was for any model.
+
+Terms of a local refinement: blending functions on lines of the new T-mesh, compared with what their vertices
+see, and split by knot insertion.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+import numpy as np
+import scipy.sparse as sp
+from jaxtyping import Float, Int64
+from numpy import ndarray
+
+from bonecam.errors import SurfaceError
+from bonecam.surface.basis import aligned
+from bonecam.surface.tmesh import NEAREST, Draft, OpenRowTMesh, RowTMesh, S, Surface, TMesh
+
+Row = tuple[ndarray, ndarray]  # knots and homogeneous control points (r, 4); one of each: a pole
+T = TypeVar("T")
+
+
+def refine_rows(surface: S, s: Float[ndarray, " n"], t: Float[ndarray, " n"], directions: str) -> S:
+    """The unchanged surface with a knot in the middle of the interval that holds s in each row that acts at
+    t ("s"), and in the middle of the t-span ("t").
+    """
+    tmesh: Any = surface.tmesh
+    rows = _rows(surface)
+    span = np.clip(np.searchsorted(tmesh.t_knots, t, side="right") - 1, 3, len(tmesh.t_knots) - 5)
+    if "s" in directions:
+        for j in range(len(rows)):
+            acting = (span - 3 <= j) & (j <= span)
+            if len(rows[j][0]) > 1 and acting.any():
+                rows[j] = with_knots(rows[j], _middles(rows[j], s[acting], np.concatenate([row[0] for row in rows])))
+    t_knots = tmesh.t_knots
+    if "t" in directions:
+        for x in np.unique((tmesh.t_knots[span] + tmesh.t_knots[span + 1]) / 2):
+            t_knots, rows = _insert(t_knots, rows, float(x), _blend_rows)
+    return _surface_of(surface, t_knots, rows)
+
+
+def with_row_knots(surface: S, new: Sequence[Float[ndarray, " _"]]) -> S:
+    """The unchanged surface with more s-knots in its rows. `new` holds for each row knots in [0, 1) that it
+    does not have yet, none for a pole.
+    """
+    rows = [with_knots(row, knots) if len(knots) else row for row, knots in zip(_rows(surface), new, strict=True)]
+    return _surface_of(surface, surface.tmesh.t_knots, rows)
+
+
+def _surface_of(surface: S, t_knots: ndarray, rows: Sequence[Row]) -> S:
+    points = np.vstack([row[1] for row in rows])
+    tmesh = type(surface.tmesh).from_rows(t_knots, [row[0] for row in rows])
+    return surface.with_tmesh(tmesh, points[:, :3] / points[:, 3:], points[:, 3])
+
+
+def _rows(surface: Surface) -> list[Row]:
+    """The rows with homogeneous points; knots of different rows that differ by rounding only are made
+    equal."""
+    starts = surface.tmesh.row_starts
+    weights = surface.weights[:, None]
+    points = np.split(np.hstack([surface.control_points * weights, weights]), starts[1:-1])
+    if isinstance(surface.tmesh, OpenRowTMesh):
+        return list(zip(aligned(surface.tmesh.s_knots), points))
+    rows = [(knots, np.argsort(knots), part) for knots, part in zip(aligned(surface.tmesh.s_knots, 1.0), points)]
+    return [(knots[order], part[order]) for knots, order, part in rows]
+
+
+def _is_open(row: Row) -> bool:
+    return len(row[0]) > len(row[1])
+
+
+def _middles(row: Row, s: ndarray, known: ndarray) -> ndarray:
+    """The middles of the intervals that hold s; one that is a known knot but for rounding is that knot."""
+    knots = row[0]
+    if _is_open(row):
+        k = np.unique(np.clip(np.searchsorted(knots, s, side="right") - 1, 3, len(knots) - 5))
+        middles = (knots[k] + knots[k + 1]) / 2
+        period = 2.0
+    else:
+        k = np.unique((np.searchsorted(knots, np.mod(s, 1.0), side="right") - 1) % len(knots))
+        middles = np.mod((knots[k] + np.append(knots, knots[0] + 1)[k + 1]) / 2, 1.0)
+        period = 1.0
+    apart = np.abs(np.mod(middles[:, None] - known + period / 2, period) - period / 2)
+    nearest = apart.argmin(axis=1)
+    return np.where(apart.min(axis=1) < NEAREST, known[nearest], middles)
+
+
+def with_knots(row: Row, new: Float[ndarray, " k"]) -> Row:
+    """The unchanged curve with more knots. A closed curve must have none of them yet; a pole gets its point
+    at each of them.
+    """
+    knots, points = row
+    if len(knots) == 1:
+        every = np.sort(new)
+        return every, np.repeat(points, len(every), axis=0)
+    for x in new:
+        if _is_open((knots, points)):
+            knots, legs = _insert(knots, list(points), float(x), _blend_points)
+            points = np.array(legs)
+        else:
+            knots, points = _insert_periodic(knots, points, float(x))
+    return knots, points
+
+
+def _blend_points(first: ndarray, second: ndarray, ratio: float) -> ndarray:
+    return first * (1 - ratio) + second * ratio
+
+
+def _insert_periodic(knots: ndarray, points: ndarray, x: float) -> Row:
+    """One more knot. Control point i is centred on knot i; between its new neighbours a point divides an old
+    leg."""
+    count = len(knots)
+    k = int(np.searchsorted(knots, x, side="right")) - 1
+
+    def old(i: int) -> float:
+        return float(knots[i % count] + i // count)
+
+    at = x if k >= 0 else x + 1  # k = -1: the last interval, before the first knot
+    k %= count
+    fresh = []
+    for i in (k - 1, k, k + 1):  # legs from control point i to i + 1, knots i - 1 .. i + 2
+        ratio = (at - old(i - 1)) / (old(i + 2) - old(i - 1))
+        fresh.append(points[i % count] * (1 - ratio) + points[(i + 1) % count] * ratio)
+    # new centres: knot k gets leg k - 1, the new knot leg k, knot k + 1 leg k + 1
+    place = k + 1 if x > knots[0] else 0
+    result = np.insert(points, place, fresh[1], axis=0)
+    result[(place - 1) % (count + 1)] = fresh[0]
+    result[(place + 1) % (count + 1)] = fresh[2]
+    return np.insert(knots, place, x), result
+
+
+def _insert(knots: ndarray, items: Sequence[T], x: float, mixed: Callable[[T, T, float], T]) -> tuple[ndarray, list[T]]:
+    """Clamped knots with x, and the control points or rows: three lie between two old ones each."""
+    k = int(np.searchsorted(knots, x, side="right")) - 1
+    inserted = list(items[: k - 2])
+    for i in (k - 2, k - 1, k):
+        inserted.append(mixed(items[i - 1], items[i], (x - knots[i]) / (knots[i + 3] - knots[i])))
+    return np.insert(knots, k + 1, x), [*inserted, *items[k:]]
+
+
+def _blend_rows(first: Row, second: Row, ratio: float) -> Row:
+    """(1 - ratio) first + ratio second, on the knots of both."""
+    if len(first[0]) == 1 and len(second[0]) == 1:
+        return first[0], first[1] * (1 - ratio) + second[1] * ratio
+    a = with_knots(first, _lacking(first, second))
+    b = with_knots(second, _lacking(second, first))
+    return a[0], a[1] * (1 - ratio) + b[1] * ratio
+
+
+def _lacking(row: Row, other: Row) -> ndarray:
+    """The knots of `other` that `row` has not, or not as often; a pole has none of its own."""
+    knots, others = (x[0] if len(x[0]) > 1 else np.zeros(0) for x in (row, other))
+    every, times = np.unique(others, return_counts=True)
+    own = np.searchsorted(knots, every, side="right") - np.searchsorted(knots, every, side="left")
+    return np.repeat(every, np.maximum(times - own, 0))
+
+
+Lines = tuple[int, ...]
+
+
+Terms = dict[tuple[Lines, Lines], dict[int, float]]
+
+
+TURNS = 4
+"""Round a closed direction: more than any function and what lies beside it reach."""
+
+
+Lack = tuple[int, bool] | None  # a line that a term lacks, and whether it only repeats the end of the domain
+
+
+@dataclass(eq=False)
+class Sight:
+    """The lines that the vertices of a drafted T-mesh see, as plain lists. knots[axis][line] holds for line
+    numbers up to TURNS times round a closed direction, both ways.
+    """
+
+    crossings: ndarray
+    lines: tuple[list[list[int]], list[list[int]]]
+    counts: tuple[int, int]
+    knots: tuple[list[float], list[float]]
+    period: tuple[float, float]
+
+    @classmethod
+    def of(cls, tmesh: TMesh) -> "Sight":
+        """The lines that the vertices of this T-mesh see."""
+        lines = (tmesh.knot_lines[0].tolist(), tmesh.knot_lines[1].tolist())
+        turns = np.append(np.arange(TURNS + 1), np.arange(-TURNS, 0))
+        pairs = zip((tmesh.s_lines, tmesh.t_lines), tmesh.period)
+        s_knots, t_knots = ((turns[:, None] * period + knots).ravel().tolist() for knots, period in pairs)
+        return cls(tmesh.crossings, lines, (len(tmesh.s_lines), len(tmesh.t_lines)), (s_knots, t_knots), tmesh.period)
+
+
+def split_at_lack(s: Lines, t: Lines, s_lack: Lack, t_lack: Lack, sight: Sight) -> list[tuple[Lines, Lines, float]]:
+    """The term split at a line that it lacks; nothing where it lacks none.
+
+    Lines that the domain's end repeats come last: by then the term has been split from what lies beside that
+    end.
+    """
+    if s_lack is None and t_lack is None:
+        return []
+    if t_lack is None or (s_lack is not None and s_lack[1] <= t_lack[1]):
+        assert s_lack is not None
+        terms = [(part, t, factor) for part, factor in _split(s, s_lack[0], sight, 0)]
+    else:
+        terms = [(s, part, factor) for part, factor in _split(t, t_lack[0], sight, 1)]
+    if any(
+        _knots(a, sight, 0) == _knots(s, sight, 0) and _knots(b, sight, 1) == _knots(t, sight, 1) for a, b, _ in terms
+    ):
+        place = (sight.knots[0][s[2]], sight.knots[1][t[2]])
+        raise SurfaceError(
+            f"a function at (s, t) = {place} reaches over a gap of the domain: it cannot be refined there", place=place
+        )
+    return terms
+
+
+def first_turn(lines: Lines, sight: Sight, axis: int) -> Lines:
+    """The function moved by whole periods, so that its middle knot lies in the first one."""
+    count = sight.counts[axis]
+    turn = lines[2] // count
+    return tuple(k - turn * count for k in lines) if turn else lines
+
+
+def compare(own: Lines, seen: Sequence[int], sight: Sight, axis: int) -> tuple[Lines, Lack]:
+    """The term's lines, those with equal knots renamed to what the vertex sees; and what it lacks."""
+    lines = list(own)
+    lacks = []
+    for sign in (-1, 1):
+        for k in (2 + sign, 2 + 2 * sign):
+            mine, its = sight.knots[axis][lines[k]], sight.knots[axis][seen[k]]
+            if mine == its:
+                lines[k] = seen[k]
+            else:
+                if sign * its < sign * mine:
+                    lacks.append((seen[k], seen[k] == seen[k - sign]))
+                break
+    return tuple(lines), min(lacks, key=lambda lack: lack[1], default=None)
+
+
+def _knots(lines: Lines, sight: Sight, axis: int) -> list[float]:
+    return [sight.knots[axis][k] for k in lines]
+
+
+def unseen_lines(own: Lines, seen: Sequence[int], sight: Sight, axis: int) -> list[int]:
+    """Lines that the vertex has to see so that it sees the term's knots; of a repeated knot one that it does
+    not see yet."""
+    lines = []
+    for sign in (-1, 1):
+        for k in (2 + sign, 2 + 2 * sign):
+            knot = sight.knots[axis][own[k]]
+            if knot != sight.knots[axis][seen[k]]:
+                near = [
+                    line
+                    for line in (own[k], own[k] - 1, own[k] + 1, own[k] - 2, own[k] + 2)
+                    if sight.knots[axis][line] == knot
+                ]
+                unseen = [line for line in near if line not in seen]
+                if not unseen:
+                    raise SurfaceError(
+                        f"knot {knot} of {'st'[axis]} is repeated more often than the T-mesh has lines for it",
+                        knot=knot,
+                    )
+                lines.append(unseen[0])
+                break
+    return lines
+
+
+def _split(lines: Lines, new: int, sight: Sight, axis: int) -> list[tuple[Lines, float]]:
+    """Knot insertion (Boehm 1980): one cubic as the sum of two with the knot of line `new`, and their
+    factors."""
+    x = _knots(lines, sight, axis)
+    y = sight.knots[axis][new]
+    place = next(
+        n
+        for n in range(1, 5)
+        if lines[n - 1] <= new <= lines[n] and x[n - 1] <= y <= x[n] and (new > lines[2]) == (n > 2)
+    )
+    six = (*lines[:place], new, *lines[place:])
+    left = 1.0 if y >= x[3] else (y - x[0]) / (x[3] - x[0])
+    right = 1.0 if y <= x[1] else (x[4] - y) / (x[4] - x[1])
+    return [(part, factor) for part, factor in ((six[:5], left), (six[1:], right)) if factor > 0]
+
+
+def reaches_domain(s: Lines, t: Lines, sight: Sight, faces: ndarray) -> bool:
+    """Whether the function is not zero everywhere on the domain."""
+    s_low = sight.knots[0][s[0]]
+    s_high = sight.knots[0][s[4]]
+    t_low = sight.knots[1][t[0]]
+    t_high = sight.knots[1][t[4]]
+    if s_low == s_high or t_low == t_high:
+        return False
+    for a in (-sight.period[0], 0.0, sight.period[0]):
+        for b in (-sight.period[1], 0.0, sight.period[1]):
+            meet = (
+                (s_low + a < faces[:, 1])
+                & (s_high + a > faces[:, 0])
+                & (t_low + b < faces[:, 3])
+                & (t_high + b > faces[:, 2])
+            )
+            if meet.any():
+                return True
+    return False
+
+
+def refine_locally(surface: S, draft: Draft, lines: tuple[Int64[ndarray, " a"], Int64[ndarray, " b"]]) -> S:
+    """The unchanged surface over the drafted T-mesh, which is refined further where blending functions need
+    it.
+
+    `lines` are the new numbers of the old T-mesh's lines. Raises SurfaceError where a function cannot be
+    represented (its support reaches over a gap of the domain that ends inside it).
+    """
+    terms = _old_terms(surface.tmesh, draft, lines)
+    for _ in range(draft.crossings.size):
+        tmesh = draft.tmesh()
+        terms, wanted = _settle_terms(terms, Sight.of(tmesh), tmesh.face_boxes)
+        if not wanted:
+            return _combine(surface, tmesh, terms)
+        for axis, line, row in sorted(wanted):
+            draft.add_vertex(axis, line, row)
+    raise AssertionError("local refinement did not end")
+
+
+def insertion_matrix(terms: Terms, crossings: ndarray, size: tuple[int, int]) -> sp.csr_array:
+    """New control points from old ones: row n holds the coefficients of the term at vertex n."""
+    rows = []
+    columns = []
+    values = []
+    for (s, t), coefficients in terms.items():
+        rows += [int(crossings[s[2], t[2]])] * len(coefficients)
+        columns += list(coefficients.keys())
+        values += list(coefficients.values())
+    return sp.csr_array((values, (rows, columns)), shape=size)
+
+
+def _combine(surface: S, tmesh: TMesh, terms: Terms) -> S:
+    matrix = insertion_matrix(terms, tmesh.crossings, (tmesh.size, surface.tmesh.size))
+    weights = matrix @ surface.weights
+    if not weights.min() > 0:
+        i, j = tmesh.vertices[int(np.argmin(weights))]
+        raise SurfaceError(
+            f"no function reaches the new vertex at s = {tmesh.s_lines[i]}, t = {tmesh.t_lines[j]}",
+            vertex=int(np.argmin(weights)),
+        )
+    points = matrix @ (surface.control_points * surface.weights[:, None]) / weights[:, None]
+    return surface.with_tmesh(tmesh, points, weights)
+
+
+def _old_terms(tmesh: TMesh, draft: Draft, lines: tuple[ndarray, ndarray]) -> Terms:
+    """Every old function as a term of its own."""
+    numbers = []
+    for axis in (0, 1):
+        turn, k = np.divmod(tmesh.knot_lines[axis], len(lines[axis]))
+        numbers.append((lines[axis][k] + turn * len(draft.knots[axis])).tolist())
+    return {(tuple(s), tuple(t)): {n: 1.0} for n, (s, t) in enumerate(zip(*numbers))}
+
+
+def _settle_terms(terms: Terms, sight: Sight, faces: Float[ndarray, "f 4"]) -> tuple[Terms, set[tuple[int, int, int]]]:
+    """Terms split until none lacks a knot, and the vertices that others want: (axis, line, row)."""
+    stack = [(s, t, coefficients) for (s, t), coefficients in terms.items()]
+    done: Terms = {}
+    wanted: set[tuple[int, int, int]] = set()
+    while stack:
+        s, t, coefficients = stack.pop()
+        s, t = first_turn(s, sight, 0), first_turn(t, sight, 1)
+        vertex = int(sight.crossings[s[2], t[2]])
+        if vertex < 0:
+            if reaches_domain(s, t, sight, faces):
+                wanted.add((0, s[2], t[2]))
+                _add(done, s, t, coefficients)
+            continue
+        s, s_lack = compare(s, sight.lines[0][vertex], sight, 0)
+        t, t_lack = compare(t, sight.lines[1][vertex], sight, 1)
+        pieces = split_at_lack(s, t, s_lack, t_lack, sight)
+        if pieces:
+            stack += [
+                (a, b, {n: f * c for n, c in coefficients.items()})
+                for a, b, f in pieces
+                if reaches_domain(a, b, sight, faces)
+            ]
+            continue
+        for axis, own, row in ((0, s, t[2]), (1, t, s[2])):
+            wanted.update(
+                (axis, k % sight.counts[axis], row) for k in unseen_lines(own, sight.lines[axis][vertex], sight, axis)
+            )
+        _add(done, s, t, coefficients)
+    return done, wanted
+
+
+def _add(terms: Terms, s: Lines, t: Lines, coefficients: dict[int, float]) -> None:
+    target = terms.setdefault((s, t), {})
+    for n, c in coefficients.items():
+        target[n] = target.get(n, 0.0) + c
+
+
+SNAP = 1e-9
+"""Share of the knots' range: a middle as near as this to a knot is that knot."""
+
+
+def refine(surface: S, s: Float[ndarray, " n"], t: Float[ndarray, " n"], directions: str = "st") -> S:
+    """The unchanged surface with more control points near the samples.
+
+    Each face that holds a sample is cut in its middle, across s ("s"), across t ("t") or both. In a row-
+    structured surface the rows that act at a sample get a knot ("s"), and the t-span gets a row ("t"). In a
+    general T-mesh old control points keep their numbers. Raises ValueError for samples outside the domain.
+    """
+    if directions not in ("s", "t", "st", "ts"):
+        raise ValueError(f"directions must be 's', 't' or 'st', not {directions!r}")
+    place, s, t = surface.elements().place(s, t)
+    tmesh: Any = surface.tmesh
+    if isinstance(tmesh, RowTMesh | OpenRowTMesh):
+        return refine_rows(surface, s, t, directions)
+    if not isinstance(tmesh, TMesh):
+        raise SurfaceError(
+            "Bezier elements without a T-mesh (.iga) cannot be refined: read the surface from a .tsm or .tspline file"
+        )
+    middle = surface.elements().boxes[place]
+    chosen = sorted({_face_at(tmesh, a, b) for a, b in zip(middle[:, :2].mean(axis=1), middle[:, 2:].mean(axis=1))})
+    return _cut(surface, chosen, directions)
+
+
+def _face_at(tmesh: TMesh, s: float, t: float) -> int:
+    boxes = tmesh.face_boxes
+    return int(np.flatnonzero((boxes[:, 0] < s) & (s < boxes[:, 1]) & (boxes[:, 2] < t) & (t < boxes[:, 3]))[0])
+
+
+def _cut(surface: S, chosen: list[int], directions: str) -> S:
+    tmesh = surface.tmesh
+    draft = Draft.of(tmesh)
+    boxes = tmesh.face_boxes[chosen]
+    middles = [boxes[:, :2].mean(axis=1), boxes[:, 2:].mean(axis=1)]
+    numbers = [np.arange(len(tmesh.s_lines)), np.arange(len(tmesh.t_lines))]
+    for axis in (0, 1):
+        if "st"[axis] in directions:
+            # Knots for values that differ from them by rounding only; values that equal one another likewise become
+            # one
+            values = middles[axis]
+            knots = draft.knots[axis]
+            snapped = values.copy()
+            for k, x in enumerate(values):
+                known = np.concatenate([knots, snapped[:k]])
+                nearest = known[np.argmin(np.abs(known - x))]
+                if abs(nearest - x) <= SNAP * np.ptp(knots):
+                    snapped[k] = nearest
+            middles[axis] = snapped
+
+            numbers[axis] = draft.insert_lines(axis, np.setdiff1d(middles[axis], draft.knots[axis]))
+    for box, s, t in zip(boxes, *middles):
+        if "s" in directions:
+            draft.cut(0, draft.line_at(0, s), _piece(draft.knots[1], box[2], box[3], t, upper=False))
+        if "t" in directions:
+            for piece in {_piece(draft.knots[0], box[0], box[1], s, upper=upper) for upper in (False, True)}:
+                draft.cut(1, draft.line_at(1, t), piece)
+        if directions in ("st", "ts"):
+            draft.cut(0, draft.line_at(0, s), _piece(draft.knots[1], box[2], box[3], t, upper=True))
+    return refine_locally(surface, draft, (numbers[0], numbers[1]))
+
+
+def _piece(knots: ndarray, low: float, high: float, middle: float, upper: bool) -> int:
+    """A piece that is not empty inside [low, high], below its middle or above."""
+    k = int(np.searchsorted(knots, middle, side="left"))
+    return k if upper and k < len(knots) and knots[k] == middle else k - 1

@@ -1,1 +1,0 @@
-"""Exact refinement: more control points, the same surface."""

@@ -1,1 +1,0 @@
-"""Skinning: one T-spline through rows of points."""

@@ -1,1 +1,0 @@
-"""Triangles within a chord tolerance of a surface."""

@@ -1,1 +1,0 @@
-"""T-meshes: which control points there are and which knots each sees."""

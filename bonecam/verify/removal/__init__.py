@@ -1,1 +1,0 @@
-"""Material removal simulated from the posted text: what each move removes, what stays, and what touches."""
