@@ -8,7 +8,7 @@ What is measured on one cut, between a level (outer) and the level before it (in
 - *Outside*: how far the outer level leaves the stock.
 
 The points are the vertices of the tessellations and the surface points in the middle of every face. Nearest
-points are sought on the tessellations, distances are taken to the surfaces (`measure.py`), the signed
+points are sought on the tessellations, distances are taken to the surfaces, the signed
 distance of a stock is exact. Faces that cut each other are those of the outer tessellation.
 
 The measures of a cut that are out of tolerance, and the error of a level that has such a cut.

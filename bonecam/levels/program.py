@@ -35,7 +35,7 @@ two kinds.
     Quadratic   D'(matrix)D + 2 linear . D                   of the control net, D its free moves (`free_moves`)
     Pulled      sum_l w_l |S_new - H_l|^2                    of samples
 
-A new one is a new file here with one such function, and its name in NET or SAMPLED of `program.py`.
+A new one is one such function here, and its name in NET or SAMPLED.
 
 The thin plate, twice: stiffness of the moves, D'MD, and bending of the new level, (P + D)'M(P + D), as
 published.
@@ -465,7 +465,7 @@ class LevelProgram:
     targets; `net` is the second half.
 
     The samples are at parameters (s, t); the moves of all control points are `free` times D. From where
-    `hollow` samples are now the new level has become too far once (`program.py`): they are limited along the way
+    `hollow` samples are now the new level has become too far once: they are limited along the way
     from there to it.
     """
 

@@ -15,11 +15,11 @@ they leave is triangulated.
 
 Hollows that the smallest ball of a job cannot reach: filled up to where it comes to lie in them.
 
-What is filled is the closing of the part by the ball (`hollows.py`): the material that stays whatever the program.
+What is filled is the closing of the part by the ball: the material that stays whatever the program.
 Every vertex of a hollow moves towards the nearest ball that stays outside the part, onto that ball: never into the
 part, and by no more than the ball leaves there. The faces of hollows are divided first, so that facets follow the ball
 within CHORD; all others stay as they are. A surface that followed a pit instead would fold on the levels above it.
-An undercut pit, all of whose walls move into its mouth over one another, is capped (`hollows.py`), or left open where
+An undercut pit, all of whose walls move into its mouth over one another, is capped, or left open where
 no cap closes it.
 """
 

@@ -16,7 +16,7 @@ Along the cuts of a pass it is lowered further, forwards and backwards, so that 
 no more than half of the cutter's feed per mm of path, and by no more than a factor of two. The chip load F / (spindle
 speed x teeth) changes as evenly. That lowers no feed below FLOOR of what is asked: the ball would rub, where the axes
 allow more. On the shipped phalanx this takes 2.5 % more time than the model of a control that changes its feed at once
-from block to block. Then each feed is rounded down to one of a few dozen values (`feeds.py`), which takes 1 %. The
+from block to block. Then each feed is rounded down to one of a few dozen values, which takes 1 %. The
 first row of a pass, entered at the plunge feed, is left out of it.
 
 In inverse time each block has its own time. Beside the pole, where the axes turn round while the tip hardly moves, the

@@ -1,6 +1,6 @@
 """The start of a run where the control fixes X, Y, Z to the table as it stands when tool-centre control is switched on.
 
-It is switched on with all rotary axes at zero, the spindle where tools start (`header.py`). Then the
+It is switched on with all rotary axes at zero, the spindle where tools start. Then the
 rotary axes turn to their angles in steps, the spindle staying where it is: its words follow the table. Between two
 steps the tip runs straight in the part instead of on its arc; over a step of 10 degrees it comes nearer to the pivot
 by 0.4 % of its distance from it, which the approach height allows for.

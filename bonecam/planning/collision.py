@@ -32,7 +32,7 @@ obstacle:
                 obstacle comes nearer than that
     free        the sphere of radius d is empty; it holds the disc at every height within sqrt(d^2 - r^2) of u
 
-In contrast to `collision.py`, a sphere may begin up to 4 radii above the height that is proven so far:
+In contrast to marching along one axis, a sphere may begin up to 4 radii above the height that is proven so far:
 of a wide disc close above a level no sphere about its own middle holds the rim.
 
 What stands round the tool on a level of a morph, taken as the levels have it: no more than the level before.

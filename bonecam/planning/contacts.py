@@ -636,7 +636,7 @@ def contact_path(
     deepest: float = np.inf,
 ) -> ContactPath:
     """The contacts of a level that can be machined while `material` is left on it, but for where the ball would
-    remove less than is `allowed` (`contacts.py`).
+    remove less than is `allowed`.
 
     Left out are contacts too near the post (`post`), under more material than MAX_DEPTH_RADII or where the ball would
     enter it by more than `deepest` mm (`covered`: an outer level was left uncut there), or where the ball does not fit

@@ -10,7 +10,7 @@ The cut onto the part takes `levels.finishing_depth`. Each one outside it takes 
 
 So cuts are deep where much stands under them, and thin at the end. Before a roughing cut the roughing cutter leaves
 scallops of `levels.scallop_share` (0: SCALLOP_SHARE) of its depth, or `roughing.scallop` where that is more. A
-neck is found with its depths (`neck.py`): a weak one has shallower cuts.
+neck is found with its depths: a weak one has shallower cuts.
 
 What a neck leaves uncut, how the part on it bends, yields and swings, and how long the cuts take that it bears.
 
@@ -20,7 +20,7 @@ As a beam, clamped at the top of the chuck, with the finished part on it, a neck
     the peak of a roughing pass at the middle of the part keeps it below a third of its yield strength, and
     with part or stock on it its lowest frequency is FREQUENCY_MULTIPLE times that of the teeth at least.
 
-Depths of the cuts that a job leaves open are those that this neck bears (`neck.py`).
+Depths of the cuts that a job leaves open are those that this neck bears.
 
 The error that a finished surface keeps, foretold before there are paths.
 
@@ -35,7 +35,7 @@ size of the force would foretell half of what is kept.
 The neck between stub and part, found by stiffness together with the depths of the cuts that it bears.
 
 Of necks of some diameters each has the shortest length with which all is reached, and, where a job leaves them open,
-the fewest and deepest cuts that it bears. Of those that hold (`neck.py`) the thinnest is taken with which
+the fewest and deepest cuts that it bears. Of those that hold the thinnest is taken with which
 machining takes no more than MOST_MINUTES of the time of the quickest, since what stays uncut round a neck grows with
 it; where none holds, the stiffest.
 

@@ -27,7 +27,7 @@ before. A surface may be closed in s or open, and its t may end at poles or at e
 
 With the feed along s, the distance to the neighbouring line across the feed grows by h = sqrt(EG - F^2) /
 sqrt(E) per unit of t, E, F, G being the first fundamental form (Eqs. 13-14 of Gan et al. 2014 solved for the
-distance). Divided by the exact side step of the section across the feed (`spacing.py`) and integrated over t,
+distance). Divided by the exact side step of the section across the feed and integrated over t,
 it counts passes. No place of a line is more than one pass from the next line. With the feed along t, s and t
 are exchanged.
 
@@ -37,7 +37,7 @@ The passes of a pattern are the level curves psi(s, t) = 1/2, 3/2, ... of a func
 distance is 1 / |grad psi|, with |grad psi|^2 = (G a^2 - 2 F a b + E b^2) / (E G - F^2) for a = psi_s, b = psi_t
 and the first fundamental form E, F, G; the section across them has the normal curvature in the direction of
 grad psi. They leave no more than the scallop where |grad psi| L >= 1, with L the exact side step of that
-section (`spacing.py`).
+section.
 
 Arcs through what the curves of a pattern leave too high: cusps are measured, not computed from steps.
 

@@ -4,9 +4,9 @@ Tool paths as cutter location data in APT words (ISO 4343), which other systems 
 
 Written are PARTNO, UNITS, MULTAX, PPRINT (level; LINK and CUT before feeds of that kind), LOADTL, CUTTER, SPINDL,
 RAPID, FEDRAT, GOTO and FINI, in the frame of the tool paths. Other systems pass over PPRINT: to them links and cuts
-are both feeds. `tables.py` reads them back.
+are both feeds. They are read back below.
 
-Cutter location data in APT words (ISO 4343), read; `tables.py` writes them.
+Cutter location data in APT words (ISO 4343), read.
 
 One statement a line, `WORD` or `WORD/minor words and numbers, separated by commas`; `$$` begins a comment, `$` at the
 end of a line continues it. GOTO has the tip of the tool and its axis (unit, from the tip to the spindle); RAPID is for

@@ -14,7 +14,7 @@ is that of the nearest triangle of the simulated part.
 Roughness of what a program leaves: Ra and Rz (ISO 4287) of profiles along and across the feed.
 
 At places of the part that the finishing cutter has cut last a profile of SAMPLING lengths is laid out either way, as
-the balls leave it (`probing.py`: cusps), and along the feed with the marks of the edges: each cuts an arc of the ball
+the balls leave it (cusps), and along the feed with the marks of the edges: each cuts an arc of the ball
 every feed per tooth f, which leaves f^2 (1/R + k) / 8, k the curvature along the feed. Form is taken off each sampling
 length as a parabola. Left out: run-out (f is then that of a turn, four times the height with two flutes), chatter, the
 radius of the edge, and what the material does.
@@ -22,7 +22,7 @@ radius of the edge, and what the material does.
 The probe of Gan et al. (2014, section 5.3): a ruby ball of 1 mm touches the machined surface at points of a line.
 
 Round each point a patch of the machined surface is laid out, its nodes SPACING apart, exact at every
-node (`probing.py`). The ball comes along the nominal normal. The deviation is the signed distance of its centre from
+node. The ball comes along the nominal normal. The deviation is the signed distance of its centre from
 the nominal surface less its radius.
 
 A measuring program for a probe in the spindle: the points of a line, each approached along its nominal normal.

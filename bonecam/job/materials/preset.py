@@ -15,7 +15,7 @@ thinner than the feed of a tooth by sin(acos(1 - a / R)) at least, so that
     spindle = min(1000 v / (pi D), what the machine turns),
     feed = min(f / sin(acos(1 - a / R)), 0.06) D z spindle.
 
-Its tables [stiffness] and [force] (`preset.py`) say how it bends and what force cuts it; `mechanics_of` names the
+Its tables [stiffness] and [force] say how it bends and what force cuts it; `mechanics_of` names the
 material whose tables they are instead.
 
 The section [mechanics] of a job.

@@ -39,7 +39,7 @@ The machine's limits and the largest tilt cut the cones by planes. Differs from 
    moves between these contacts too, not at the contacts alone.
 2. The cone is the largest one in the map of proven directions in which the wanted axis lies deep; the paper says not
    how it finds its own.
-3. The proof is a lower bound of distances, not a check of sampled axes; FCL is asked afterwards (`cones.py`).
+3. The proof is a lower bound of distances, not a check of sampled axes; FCL is asked afterwards (`verify_cones`).
 
 Cones of free tool axes as one mesh, to look at.
 
