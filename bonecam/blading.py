@@ -38,7 +38,7 @@ from bonecam.report.warnings import NOT_ASKED, NOT_KNOWN, header_texts, simulate
 from bonecam.runtime.timing import StageTimes
 from bonecam.setup.capsule import smallest_capsule
 from bonecam.setup.placement import TurnedBlank
-from bonecam.setup.schedule import schedule_of
+from bonecam.setup.stock import schedule_of
 from bonecam.surface.blades import CARTESIAN, MERIDIONAL, Channel, Wheel, channel_of, wheel_of
 from bonecam.surface.files.surface_input import (
     BladeFile,

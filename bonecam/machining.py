@@ -64,7 +64,7 @@ from bonecam.report.typed import Report, input_report, post_report, report_to_le
 from bonecam.report.warnings import NOT_KNOWN
 from bonecam.runtime.timing import StageTimes
 from bonecam.setup.placement import Setup, place
-from bonecam.setup.schedule import check_cuts
+from bonecam.setup.stock import check_cuts
 from bonecam.setup.stocks.mesh import ConvexStock
 from bonecam.surface.files.surface_input import read_part
 from bonecam.surface.growth import Fit

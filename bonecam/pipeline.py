@@ -39,8 +39,7 @@ from bonecam.report.warnings import NOT_ASKED
 from bonecam.runtime.timing import StageTimes
 from bonecam.second_clamping import add_second, check_simulated
 from bonecam.setup.placement import with_stock
-from bonecam.setup.stock import Stock
-from bonecam.setup.stock_kind import check_sizes
+from bonecam.setup.stock import Stock, check_sizes
 from bonecam.setup.stocks.mesh import ConvexStock
 from bonecam.tool.cutter import check_depths, check_shapes
 from bonecam.verify.control import check_posting

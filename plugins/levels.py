@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 
 from bonecam.errors import LevelError, StockError, ToolPathError
-from bonecam.filters.filter import Filter
+from bonecam.filters.filter import Filter, FilterParameter, Kind, parameters_of, section_of
 from bonecam.filters.layers import Layers
-from bonecam.filters.parameter import FilterParameter, Kind, parameters_of, section_of
 from bonecam.job import HoldingJob, LevelsJob, StockJob
 from bonecam.levels.measure import Level
 from bonecam.levels.problem import DEPTH_TOLERANCE, NESTING_TOLERANCE

@@ -6,9 +6,8 @@ from dataclasses import replace
 from typing import Any
 
 from bonecam.files import write_whole
-from bonecam.filters.filter import Filter
+from bonecam.filters.filter import Filter, FilterParameter, Kind, parameters_of, section_of
 from bonecam.filters.layers import Layers
-from bonecam.filters.parameter import FilterParameter, Kind, parameters_of, section_of
 from bonecam.job import NcJob
 from bonecam.progress import Progress
 

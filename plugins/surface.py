@@ -6,9 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from bonecam.filters.filter import Filter
+from bonecam.filters.filter import Filter, FilterParameter, Kind, parameters_of, section_of
 from bonecam.filters.layers import Layers
-from bonecam.filters.parameter import FilterParameter, Kind, parameters_of, section_of
 from bonecam.job import LevelsJob, MeshJob, SurfaceJob
 from bonecam.progress import Progress
 from bonecam.surface.tspline import TSpline

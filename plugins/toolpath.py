@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 
 from bonecam.errors import FilterError
-from bonecam.filters.filter import Filter
+from bonecam.filters.filter import Filter, FilterParameter, Kind, parameters_of, section_of
 from bonecam.filters.layers import Layers
-from bonecam.filters.parameter import FilterParameter, Kind, parameters_of, section_of
 from bonecam.job import MaterialJob, NcJob, PathJob, ToolJob
 from bonecam.progress import Progress
 from bonecam.tool.path import MoveKind, ToolPath

@@ -10,7 +10,7 @@ from bonecam_meshes import path as shipped
 import bonecam
 from bonecam.batch.run import WAITING
 from bonecam.cli import main
-from bonecam.cli.batch import BatchDisplay
+from bonecam.cli.batch_display import BatchDisplay
 from bonecam.cli.stopping import ProgressLog
 from bonecam.errors import BonecamError
 from bonecam.job import Job, write_job

@@ -13,7 +13,8 @@ import pytest
 
 import bonecam
 from bonecam.cli import main
-from bonecam.cli.catalogues import CATALOGUES, file_schema, job_schema
+from bonecam.cli.catalogues import CATALOGUES
+from bonecam.cli.schemas import file_schema, job_schema
 from bonecam.cli.slicer import main as slicer
 from bonecam.errors import JobError, MachineError
 from bonecam.machine.machine import read_machine

@@ -14,14 +14,14 @@ ORDER = [
     "__main__",
 ]
 ROOMS = {
-    "runtime": "threads loading compiling timing own_files locking staging worker extensions".split(),
+    "runtime": "threads loading compiling timing own_files staging worker".split(),
     "surface": [
         *"basis tmesh query tessellation refinement diagnosis tspline fitting skinning blades".split(),
         *"growth files part_surface".split(),
     ],
     "levels": [
         *"problem program solvers certificates measure sequences published closed_morph".split(),
-        *"open_morph edge_rounding job_levels".split(),
+        *"open_morph job_levels".split(),
     ],
     "mechanics": "beam edges loads result".split(),
     "planning": [
@@ -33,8 +33,8 @@ ROOMS = {
     "verify": "gouge readback sweeping findings clearances removal control probing proof".split(),
     "study": "rows pictures comparison".split(),
     "report": [
-        *"warnings axis_lines stage_reports typed tables summary pictures page sheet".split(),
-        *"machine_picture kept outputs".split(),
+        *"warnings stage_reports typed tables summary pictures page sheet machine_picture kept".split(),
+        *"outputs".split(),
     ],
 }
 """The order of the modules and sub-packages inside a stage."""
@@ -53,7 +53,7 @@ DOORS = {
     "pymeshlab": {"mesh/meshlab.py"},
     "pydantic": {"text/record.py", "nc/schema.py", "machine/machine_file.py"},
     "distributed": {"batch/cluster.py"},
-    "filelock": {"runtime/locking.py"},
+    "filelock": {"runtime/own_files.py"},
     "SimpleITK": {"mesh/files/label_map.py"},
     "meshio": {"mesh/files/vtk.py"},
     "re2": {"text/pattern.py"},

@@ -53,8 +53,7 @@ from bonecam.nc.requirements import job_dialect
 from bonecam.pipeline import check_job
 from bonecam.progress import Progress
 from bonecam.report.tables import TABLE, Outcome, failed, outcome_of, read_rows, table_text
-from bonecam.runtime.locking import locked
-from bonecam.runtime.own_files import PACKAGE, folder_digest
+from bonecam.runtime.own_files import PACKAGE, folder_digest, locked
 from bonecam.runtime.staging import remove_abandoned, undisturbed
 from bonecam.runtime.worker import WorkerError, call_in_worker
 from bonecam.surface.files.tspline_text import ENDINGS

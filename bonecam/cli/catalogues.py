@@ -1,86 +1,20 @@
-"""JSON schemas of jobs, machines, dialects, materials and tools for editors, made of the declarations that check the
-files.
-
-`bonecam machines | dialects | materials | tools`: what there is by name, one shown, or a file checked.
-"""
+"""`bonecam machines | dialects | materials | tools`: what there is by name, one shown, or a file checked."""
 
 import argparse
 import json
-import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import Field, dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from bonecam.errors import JobError, did_you_mean
-from bonecam.job import Job
-from bonecam.job.materials.preset import MaterialFile, material_files, read_material
-from bonecam.job.parameter import record
-from bonecam.job.tool_formats import KEYS, MM
-from bonecam.job.tool_list import ToolList, known_lists, list_files, tool_list
+from bonecam.job.materials.preset import material_files, read_material
+from bonecam.job.tool_list import KEYS, ToolList, known_lists, list_files, tool_list
 from bonecam.job.tool_section import ToolJob
 from bonecam.machine.check import MachineCheck, check_machine
 from bonecam.machine.machine import machine_files, read_machine
-from bonecam.machine.machine_file import MachineFile
 from bonecam.nc.dialect import dialect_files, read_dialect
-from bonecam.nc.schema import DialectFile
-from bonecam.text.record import Record
 from bonecam.text.toml import toml_lines
-
-DRAFT = "https://json-schema.org/draft/2020-12/schema"
-TYPES = {bool: "boolean", int: "integer", float: "number", str: "string"}
-"""What JSON calls the type of a parameter."""
-ALSO_LISTS = ("depths", "holder")
-"""Texts that may be given as a number or a list, too."""
-
-
-def job_schema() -> dict[str, Any]:
-    """The schema of a job file: sections, parameters, their ranges, choices, units and defaults."""
-    job = Job()
-    sections = {item.name: _section(getattr(job, item.name)) for item in fields(job)}
-    return _closed(sections) | {"$schema": DRAFT, "title": "bonecam job"}
-
-
-def file_schema(kind: str) -> dict[str, Any]:
-    """The schema of the files of a catalogue: machines, dialects, materials or tools."""
-    if kind == "tools":
-        return _tool_list() | {"$schema": DRAFT, "title": "bonecam tools"}
-    models: dict[str, type[Record]] = {"machines": MachineFile, "dialects": DialectFile, "materials": MaterialFile}
-    return models[kind].model_json_schema() | {"$schema": DRAFT}
-
-
-def _tool_list() -> dict[str, Any]:
-    """The schema of a list of cutters, or of a file of one."""
-    text = {"type": "string"}
-    cutter = _section(ToolJob())["properties"] | {"name": text, "source": text}
-    del cutter["preset"]
-    holders = {"type": "object", "additionalProperties": {"type": ["string", "array"]}}
-    whole = {"from": text, "units": {"enum": list(MM)}, "only": {"type": ["array", "integer", "string"]}}
-    tools = {"type": "array", "items": _closed(cutter)}
-    return _closed({**cutter, **whole, "holders": holders, "tool": tools})
-
-
-def _closed(properties: dict[str, Any]) -> dict[str, Any]:
-    return {"type": "object", "properties": properties, "additionalProperties": False}
-
-
-def _section(section: Any) -> dict[str, Any]:
-    """The schema of a section, whose defaults are its values."""
-    return _closed({item.name: _parameter(item, getattr(section, item.name)) for item in fields(section)})
-
-
-def _parameter(item: "Field[Any]", value: Any) -> dict[str, Any]:
-    known = record(item)
-    unit = f" [{known.unit}]" if known.unit else ""
-    schema: dict[str, Any] = {"title": known.label, "description": f"{known.tooltip}{unit}", "default": value}
-    schema["type"] = [TYPES[type(value)], "number", "array"] if item.name in ALSO_LISTS else TYPES[type(value)]
-    if known.choices:
-        schema["enum"] = list(known.choices)
-    if math.isfinite(known.low):
-        schema["minimum"] = known.low
-    if math.isfinite(known.high):
-        schema["maximum"] = known.high
-    return schema
 
 
 @dataclass(frozen=True)
@@ -125,6 +59,8 @@ def run_catalogue(options: argparse.Namespace) -> int:
         lists = known_lists(options.tools or "")
     entries = _cutters(lists, options.what) if lists else _files(known.files())
     if options.schema:
+        from bonecam.cli.schemas import file_schema
+
         print(json.dumps(file_schema(options.kind), indent=2))
     elif options.what == "check":
         if options.file is None:

@@ -191,7 +191,7 @@ def run_script(options: argparse.Namespace) -> int:
 
 def run_filters(options: argparse.Namespace) -> int:
     """`bonecam filters`: the list of filters, or the description of one."""
-    from bonecam.filters.catalogue import catalogue
+    from bonecam.filters.filter import catalogue
 
     print(catalogue(options.name))
     return 0
@@ -200,7 +200,7 @@ def run_filters(options: argparse.Namespace) -> int:
 def run_job(options: argparse.Namespace) -> int:
     """`bonecam job`: the job file of the options, or the schema of such files."""
     if options.schema:
-        from bonecam.cli.catalogues import job_schema
+        from bonecam.cli.schemas import job_schema
 
         print(json.dumps(job_schema(), indent=2))
     else:

@@ -1,11 +1,11 @@
 from .filter import Filter as Filter
+from .filter import FilterParameter as FilterParameter
+from .filter import Kind as Kind
+from .filter import Percentage as Percentage
 from .filter import Registry as Registry
 from .filter import installed as installed
 from .layers import Layers as Layers
 from .meshset import MeshSet as MeshSet
 from .meshset import MeshSetError as MeshSetError
-from .parameter import FilterParameter as FilterParameter
-from .parameter import Kind as Kind
-from .parameter import Percentage as Percentage
-from .scripting import apply_script as apply_script
+from .script_on_mesh import apply_script as apply_script
 from .scripting import run_script as run_script

@@ -1,4 +1,16 @@
-"""The Filter record and the Registry of what is installed.
+"""Typed filter parameters, MeshLab's way: a length is a number of mm or a percentage of the bounding box's
+diagonal.
+
+Parameters of a stage are derived from its job record (`parameters_of`), so that default, unit, range, label
+and tooltip stay stated once, in `bonecam.job`. Text in scripts is read and written here too, one form a kind.
+
+MeshLab's filters have two names: the one its dialogs and scripts show, and pymeshlab's.
+`meshlab_names.tsv` pairs them.
+
+The pairs were read off scripts that pymeshlab 2025.7 saved after running each filter, and for the filters
+that need a raster, a texture or a GPU off the texts of its plugins.
+
+The Filter record and the Registry of what is installed.
 
 A filter is a function `act(layers, values, progress) -> dict` with everything a person needs to know of it. A
 third party adds filters by an entry point of the group `bonecam.filters` that names an iterable of Filter
@@ -6,22 +18,254 @@ records:
 
     [project.entry-points."bonecam.filters"]
     my_family = "my_package.my_module:FILTERS"
+
+The filters as text for a person: `bonecam filters` and `bonecam filters NAME`.
 """
 
 import logging
+import math
 import re
+import textwrap
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, fields, replace
+from enum import Enum
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
-from typing import Any
+from importlib.resources import files
+from pathlib import Path
+from typing import Any, TypeVar
 
 from bonecam.errors import FilterError, did_you_mean
-from bonecam.filters import meshlab_names
 from bonecam.filters.layers import Layers
-from bonecam.filters.parameter import FilterParameter
+from bonecam.job.parameter import record
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.progress import Progress
+
+Section = TypeVar("Section")
+
+
+class Kind(Enum):
+    """What values a parameter takes; the value is the name of the kind in MeshLab's scripts."""
+
+    FLOAT = "RichFloat"
+    INT = "RichInt"
+    BOOL = "RichBool"
+    ENUM = "RichEnum"
+    STRING = "RichString"
+    LENGTH = "RichPercentage"
+    OPEN_FILE = "RichOpenFile"
+    SAVE_FILE = "RichSaveFile"
+
+
+TYPE_NAMES = {
+    Kind.FLOAT: "a number",
+    Kind.INT: "a whole number",
+    Kind.BOOL: "true or false",
+    Kind.ENUM: "a choice",
+    Kind.STRING: "a text",
+    Kind.LENGTH: "a number of mm, a PureValue or a PercentageValue",
+    Kind.OPEN_FILE: "a file name",
+    Kind.SAVE_FILE: "a file name",
+}
+
+
+@dataclass(frozen=True)
+class Percentage:
+    """A length as a percentage of the bounding box's diagonal (or of the parameter's own range where it says
+    so)."""
+
+    value: float
+
+
+@dataclass(frozen=True)
+class FilterParameter:
+    """One parameter of a filter. `computed` gives the default where it depends on the mesh; `default` is then
+    shown as example.
+
+    Raises ValueError where the record contradicts itself: a default of the wrong kind or out of range, an
+    empty label or tooltip.
+    """
+
+    name: str
+    kind: Kind
+    default: Any
+    label: str
+    tooltip: str
+    unit: str = ""
+    low: float = -math.inf
+    high: float = math.inf
+    choices: tuple[str, ...] = ()
+    percentage_of_range: bool = False
+    computed: Callable[[TriangleMesh], Any] | None = field(default=None, compare=False)
+
+    def __post_init__(self) -> None:
+        if not (self.name.isidentifier() and self.name == self.name.lower() and self.label and self.tooltip):
+            raise ValueError(f"parameter {self.name!r} needs a lower-case name, a label and a tooltip")
+        if self.percentage_of_range and not math.isfinite(self.high - self.low):
+            raise ValueError(f"parameter {self.name!r}: a percentage of its range needs a range")
+        if (self.kind is Kind.ENUM) != bool(self.choices):
+            raise ValueError(f"parameter {self.name!r}: choices belong to {Kind.ENUM}, and to nothing else")
+        try:
+            self.checked(self.default)
+        except FilterError as error:
+            raise ValueError(f"the default of {error}") from error
+
+    def checked(self, value: Any) -> Any:
+        """`value` as the kind's own type; lengths stay Percentage until `resolved`. FilterError names
+        parameter, value and range."""
+        value = _plain(value)
+        if self.kind is Kind.ENUM:
+            return self._choice(value)
+        if isinstance(value, Percentage):
+            if self.kind is not Kind.LENGTH:
+                raise self._refusal(f"{value.value:g} %", f"give {TYPE_NAMES[self.kind]}")
+            if self.percentage_of_range and not 0 <= value.value <= 100:
+                raise self._refusal(f"{value.value:g} %", "keep it within 0 .. 100 %")
+            return value
+        return self._in_range(self._typed(value))
+
+    def resolved(self, value: Any, mesh: TriangleMesh | None) -> Any:
+        """`checked`, with a percentage turned into mm on `mesh`."""
+        value = self.checked(value)
+        if not isinstance(value, Percentage):
+            return value
+        if self.percentage_of_range:
+            return self.low + value.value / 100 * (self.high - self.low)
+        if mesh is None or not len(mesh.vertices):
+            raise self._refusal(f"{value.value:g} %", "a percentage needs a current layer: load a mesh first")
+        return self._in_range(value.value / 100 * mesh.diagonal)
+
+    def default_on(self, mesh: TriangleMesh | None) -> Any:
+        """The default on `mesh`, resolved."""
+        value = self.computed(mesh) if self.computed is not None and mesh is not None else self.default
+        return self.resolved(value, mesh)
+
+    def read(self, text: str) -> Any:
+        """The value of a script's text; numbers of a length are mm, `3%` a percentage. FilterError where it
+        is malformed."""
+        text = text.strip() if self.kind not in (Kind.STRING, Kind.OPEN_FILE, Kind.SAVE_FILE) else text
+        try:
+            if self.kind is Kind.BOOL:
+                return {"true": True, "false": False, "1": True, "0": False}[text.lower()]
+            if self.kind is Kind.INT or (
+                self.kind is Kind.ENUM and text not in self.choices and text.lstrip("-").isdigit()
+            ):
+                return self.checked(int(text))
+            if self.kind is Kind.LENGTH and text.endswith("%"):
+                return self.checked(Percentage(float(text[:-1])))
+            if self.kind in (Kind.FLOAT, Kind.LENGTH):
+                return self.checked(float(text))
+        except (ValueError, KeyError) as error:
+            raise self._refusal(repr(text), f"give {TYPE_NAMES[self.kind]}") from error
+        return self.checked(text)
+
+    def written(self, value: Any) -> str:
+        """The text of a value in a script: what `read` gives back."""
+        value = self.checked(value)
+        if isinstance(value, Percentage):
+            return f"{value.value!r}%"
+        return str(value).lower() if isinstance(value, bool) else str(value) if isinstance(value, str) else repr(value)
+
+    def _choice(self, value: Any) -> str:
+        """MeshLab gives enumerations by number or by name."""
+        if type(value) is int and 0 <= value < len(self.choices):
+            return self.choices[value]
+        if value not in self.choices:
+            what = f"{value!r}{did_you_mean(str(value), self.choices)}"
+            raise self._refusal(what, f"choose one of {', '.join(self.choices)}")
+        return str(value)
+
+    def _typed(self, value: Any) -> Any:
+        wanted = {Kind.BOOL: bool, Kind.INT: int, Kind.FLOAT: float, Kind.LENGTH: float}.get(self.kind, str)
+        if wanted is float and type(value) is int:
+            value = float(value)
+        if wanted is str and isinstance(value, Path):
+            value = str(value)
+        if type(value) is not wanted or (isinstance(value, float) and not math.isfinite(value)):
+            raise self._refusal(repr(value), f"give {TYPE_NAMES[self.kind]}")
+        return value
+
+    def _in_range(self, value: Any) -> Any:
+        if type(value) in (int, float) and not self.low <= value <= self.high:
+            raise self._refusal(f"{value:g}", f"keep it within {self.low:g} .. {self.high:g} {self.unit}".rstrip())
+        return value
+
+    def _refusal(self, value: str, remedy: str) -> FilterError:
+        return FilterError(f"parameter {self.name} = {value}: {remedy}", parameter=self.name)
+
+
+def _plain(value: Any) -> Any:
+    """numpy scalars as Python's, pymeshlab's PureValue as a number, its PercentageValue as Percentage."""
+    kind = type(value).__name__
+    if type(value).__module__.startswith("pymeshlab") and kind in ("PureValue", "PercentageValue"):
+        return Percentage(float(value.value())) if kind == "PercentageValue" else float(value.value())
+    return value.item() if hasattr(value, "item") and getattr(value, "ndim", 1) == 0 else value
+
+
+def parameters_of(
+    section: Any, prefix: str = "", only: Collection[str] = (), without: Collection[str] = ()
+) -> tuple[FilterParameter, ...]:
+    """The parameters of a section of a job, whose values are the defaults; their names begin with `prefix`.
+
+    Lengths in mm take percentages of the bounding box's diagonal as well.
+    """
+    parameters = []
+    for item in fields(section):
+        if (only and item.name not in only) or item.name in without:
+            continue
+        value = getattr(section, item.name)
+        known = record(item)
+        kinds = {bool: Kind.BOOL, int: Kind.INT, float: Kind.FLOAT, str: Kind.ENUM if known.choices else Kind.STRING}
+        kind = Kind.LENGTH if type(value) is float and known.unit == "mm" else kinds[type(value)]
+        parameters.append(
+            FilterParameter(
+                prefix + item.name,
+                kind,
+                default=value,
+                label=known.label,
+                tooltip=known.tooltip,
+                unit=known.unit,
+                low=known.low,
+                high=known.high,
+                choices=known.choices,
+            )
+        )
+    return tuple(parameters)
+
+
+def section_of(section: Section, values: Mapping[str, Any], prefix: str = "") -> Section:
+    """A section of a job with the values of a filter's parameters, whose names are `prefix` and the field's
+    name.
+
+    The reverse of `parameters_of`.
+    """
+    known = {item.name for item in fields(section)}  # type: ignore[arg-type]
+    changes = {name.removeprefix(prefix): value for name, value in values.items() if name.startswith(prefix)}
+    kept = {name: value for name, value in changes.items() if name in known}
+    return replace(section, **kept)  # type: ignore[type-var]
+
+
+@cache
+def _pairs() -> tuple[tuple[str, str], ...]:
+    text = files("bonecam.filters").joinpath("meshlab_names.tsv").read_text(encoding="utf-8")
+    rows = [line.split("\t") for line in text.splitlines()]
+    return tuple((python, shown) for python, shown in rows)
+
+
+@cache
+def _python_of_shown() -> dict[str, str]:
+    return {shown: python for python, shown in _pairs()}
+
+
+def all_names() -> frozenset[str]:
+    """Every name of either sort."""
+    return frozenset(name for pair in _pairs() for name in pair)
+
+
+def python_name(name: str) -> str:
+    """pymeshlab's name of a shown name; any other name is given back as it is."""
+    return _python_of_shown().get(name, name)
+
 
 log = logging.getLogger(__name__)
 
@@ -148,7 +392,7 @@ def installed() -> Registry:
     plugins = sorted(
         entry_points(group=GROUP), key=lambda plugin: (not plugin.value.startswith(OURS), plugin.name, plugin.value)
     )
-    reserved = meshlab_names.all_names()
+    reserved = all_names()
     filters: tuple[Filter, ...] = ()
     for plugin in plugins:
         try:
@@ -159,3 +403,80 @@ def installed() -> Registry:
             continue
         filters = more
     return Registry(filters, taken=reserved)
+
+
+WIDTH = 100
+"""Columns of the text."""
+
+
+def catalogue(name: str | None = None, registry: Registry | None = None) -> str:
+    """Every filter by category, or the filter `name` with its parameters. FilterError where there is none of
+    that name."""
+    known = installed() if registry is None else registry
+    return overview(known) if name is None else page(known[name])
+
+
+def overview(filters: Iterable[Filter]) -> str:
+    """One paragraph a filter, under its category."""
+    items = list(filters)
+    lines = []
+    for category in sorted({item.category for item in items}):
+        lines.append(category)
+        for item in items:
+            if item.category == category:
+                lines += [f"  {item.name} ({item.display_name})", *_wrapped(first_sentence(item.documentation), 6)]
+        lines.append("")
+    return "\n".join(lines).rstrip()
+
+
+def page(item: Filter) -> str:
+    """One filter: documentation, what it changes, parameters."""
+    change = "Changes the current layer." if item.changes_layer else "The current layer's mesh is not changed."
+    needs = f" Apply {', then '.join(item.after)} first." if item.after else ""
+    lines = [f"{item.name}: {item.display_name}, {item.category}", ""]
+    for paragraph in item.documentation.strip().split("\n\n"):
+        lines += [*_wrapped(" ".join(paragraph.split()), 0), ""]
+    lines += [*_wrapped(change + needs, 0), ""]
+    lines += ["Parameters:"] if item.parameters else ["No parameters."]
+    for parameter in item.parameters:
+        lines += entry(parameter)
+    if item.references:
+        lines += ["", "References:", *(line for each in item.references for line in _wrapped(each, 2))]
+    return "\n".join(lines).rstrip()
+
+
+def entry(item: FilterParameter) -> list[str]:
+    """The lines of one parameter: name, kind, default and unit, range; then what it means."""
+    default = "from the mesh" if item.computed is not None else item.written(item.default)
+    unit = f"{item.unit or ''} or %".strip() if item.kind is Kind.LENGTH else item.unit or ""
+    facts = [f"{item.kind.name.lower()} = {default} {unit}".rstrip(), limits(item)]
+    return [f"  {item.name}: {', '.join(filter(None, facts))}", *_wrapped(f"{item.label}. {item.tooltip}", 6)]
+
+
+def _wrapped(text: str, indent: int) -> list[str]:
+    """A text in lines of WIDTH columns."""
+    blanks = " " * indent
+    return textwrap.wrap(text, WIDTH, initial_indent=blanks, subsequent_indent=blanks)
+
+
+def limits(item: FilterParameter) -> str:
+    """The range or the choices of a parameter, nothing where it has none."""
+    if item.choices:
+        return f"one of {', '.join(item.choices)}"
+    low, high = (f"{value:g}" if math.isfinite(value) else "" for value in (item.low, item.high))
+    return f"{low} .. {high}" if low or high else ""
+
+
+def parameter_list(item: Filter) -> str:
+    """The parameters in the form that pymeshlab prints them."""
+    lines = [f"{item.name} filter - list of parameter names:"]
+    lines += [
+        f"\t{p.name} : {p.kind.name.lower()} = {p.written(p.default)}{f' {p.unit}' if p.unit else ''}"
+        for p in item.parameters
+    ]
+    return "\n".join([*lines, ""])
+
+
+def first_sentence(text: str) -> str:
+    """Up to the first full stop that ends a sentence; an ellipsis does not."""
+    return re.split(r"(?<=[^.\s])\.(?:\s|$)", " ".join(text.split()))[0] + "."

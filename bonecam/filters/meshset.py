@@ -19,11 +19,9 @@ from pathlib import Path
 from typing import Any
 
 from bonecam.errors import BonecamError, FileError, FilterError, did_you_mean
-from bonecam.filters.catalogue import parameter_list
-from bonecam.filters.filter import Filter, Registry, installed
+from bonecam.filters.filter import Filter, Registry, installed, parameter_list
 from bonecam.filters.layers import Layers
-from bonecam.filters.meshlab_values import refusals_told
-from bonecam.filters.mlx import FilterCall, ScriptParameter, read_calls, write_script
+from bonecam.filters.meshlab_values import FilterCall, ScriptParameter, read_calls, refusals_told, write_script
 from bonecam.filters.scripts import ScriptFiles, ScriptStep, apply_steps, read_script
 from bonecam.mesh.files.mesh_files import ENDING, layers_of, try_filter, try_reading
 from bonecam.mesh.meshlab import meshlab, meshlab_filters

@@ -2,8 +2,6 @@
 
 A script may ask for more time and memory than there is, and some of MeshLab's filters end their process. It works
 in a process of its own, with limits.
-
-What a filter script (.mlx) does in its process: load meshes as layers, apply filters, write the layers.
 """
 
 import os
@@ -13,20 +11,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from bonecam.errors import FileError, FilterError
-from bonecam.files import check_folder, in_unicode, library_name, require_name, require_room, whole_folder
-from bonecam.filters.filter import Registry, installed
-from bonecam.filters.meshset import MeshSet
-from bonecam.filters.scripts import ScriptFiles, apply_steps, read_script
-from bonecam.mesh.files.mesh_files import CAD, READABLE, bytes_of, read_mesh, refuse_names_outside
-from bonecam.mesh.meshlab import meshlab
+from bonecam.errors import FilterError
+from bonecam.files import check_folder, require_name, whole_folder
 from bonecam.progress import Progress, silent
 from bonecam.runtime.worker import WorkerError, call_in_worker, function_of
 
 NOTHING_STALE = "(?!)"
 """A regular expression of no name: layers of earlier runs stay."""
 
-WORK = "bonecam.filters.scripting:apply_run"
+WORK = "bonecam.filters.script_on_mesh:apply_run"
 """The function that does the work."""
 STEP = r"^line (\d+): (\w+)$"
 """A regular expression of the message with which each filter of a script begins."""
@@ -115,78 +108,3 @@ def _work_in_child(run: Run, progress: Progress, seconds: float, memory: float) 
         line, name = steps[-1].groups()
         message = f"{run.script}, line {line}: {name}: {error}: {remedy}"
         raise FilterError(message, filter=name, line=int(line)) from error
-
-
-NAMING = frozenset(".3ds .3mf .ctm .dae .fbx .glb .gltf .qobj .vmi .wrl .x3d .x3dv".split())
-"""Endings of files, besides PLY and OBJ, that MeshLab reads and that name others: textures, buffers, parts."""
-
-
-def apply_run(run: Run, registry: Registry | None, progress: Progress) -> None:
-    """Run a script on its inputs in this process, and write all layers into its folder."""
-    known = installed() if registry is None else registry
-    steps = read_script(run.script, known)
-    readable = tuple(Path(file).absolute().parent for file in (run.script, *run.inputs))
-    files = ScriptFiles(run.folder, run.target, readable, run.allow_outside, run.force)
-    steps = files.placed(steps, run.script, known)
-    # what its inputs name is held against `readable` here
-    meshes = MeshSet(registry=known, folder=run.folder, allow_outside=True)
-    for file in run.inputs:
-        if not run.allow_outside:
-            _refuse_outside(Path(file), readable)
-        load(meshes, file)
-    apply_steps(meshes, steps, run.script, progress)
-    save_layers(meshes, run.folder)
-
-
-def apply_script(meshes: MeshSet, script: str | Path, progress: Progress = silent) -> None:
-    """Run a script on the layers of `meshes`; FilterError with the line, before anything ran, where it is
-    wrong."""
-    steps = meshes.placed(read_script(script, meshes.registry), str(script))
-    apply_steps(meshes, steps, str(script), progress)
-
-
-def load(meshes: MeshSet, file: str | Path) -> None:
-    """Load a mesh file as a layer, as it stands in the file; a CAD part as its triangles, in mm. FileError
-    names what is wrong with it."""
-    if Path(file).suffix.lower() in CAD:
-        mesh = read_mesh(file)
-        meshes.add_mesh(meshlab().Mesh(mesh.vertices, mesh.faces), in_unicode(Path(file).name))
-        return
-    meshes.load_new_mesh(str(file))
-
-
-def _refuse_outside(file: Path, readable: Sequence[Path]) -> None:
-    """FileError where an input names files in other folders, or may do so in ways that are not known."""
-    if file.suffix.lower() in NAMING:
-        what = "may name files anywhere: give a PLY, OBJ, STL or OFF, or allow it with --allow-outside"
-        raise FileError(f"{file}: files of this kind {what}", file=str(file))
-    where = "is not in the folder of the script or of an input"
-    remedy = f"{where}: put it there, or allow it with --allow-outside"
-    refuse_names_outside(file, bytes_of(file), readable, remedy)
-
-
-def save_layers(meshes: MeshSet, folder: Path) -> None:
-    """Write every layer under a name made of its label; a name that is there already gets a number."""
-    for key in sorted(meshes.layers.keys()):
-        meshes.set_current_mesh(key)
-        layer = meshes.current_mesh()
-        lines = layer.edge_number() > 0 and layer.face_number() == 0
-        file = _free_name(folder, layer.label(), ".obj" if lines else ".ply")
-        try:
-            with library_name(file.parent) as place:
-                meshes.save_current_mesh(str(Path(place) / file.name))
-        except meshlab().PyMeshLabException as error:
-            what = f"{file}: cannot be written (is the disk full?): make room there or choose another folder"
-            raise FileError(what, file=str(file)) from error
-        require_room(file)
-
-
-def _free_name(folder: Path, label: str, ending: str) -> Path:
-    stem = label[: -len(Path(label).suffix)] if Path(label).suffix.lower() in READABLE else label
-    stem = re.sub(r"[^\w.-]+", "_", stem).strip("._") or "layer"
-    number = 1
-    name = stem
-    while (folder / f"{name}{ending}").exists():
-        number += 1
-        name = f"{stem}_{number}"
-    return folder / f"{name}{ending}"

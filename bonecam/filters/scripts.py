@@ -23,11 +23,9 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from bonecam.errors import BonecamError, FilterError, did_you_mean
-from bonecam.filters import meshlab_names
-from bonecam.filters.filter import Registry
-from bonecam.filters.meshlab_values import CAMERAS, checked_value, free_texts
-from bonecam.filters.mlx import FilterCall, ScriptParameter, read_calls
-from bonecam.filters.parameter import Kind
+from bonecam.filters import filter
+from bonecam.filters.filter import Kind, Registry
+from bonecam.filters.meshlab_values import CAMERAS, FilterCall, ScriptParameter, checked_value, free_texts, read_calls
 from bonecam.mesh.meshlab import meshlab_filters
 from bonecam.progress import Progress, part, report, silent
 from bonecam.runtime.own_files import is_own
@@ -78,9 +76,9 @@ def apply_steps(meshes: Applies, steps: Sequence[ScriptStep], script: str, progr
 
 
 def _step(call: FilterCall, script: str, registry: Registry) -> ScriptStep:
-    name = registry[call.name].name if call.name in registry else meshlab_names.python_name(call.name)
+    name = registry[call.name].name if call.name in registry else filter.python_name(call.name)
     if name not in registry and name not in meshlab_filters():
-        shown = (known for known in meshlab_names.all_names() if meshlab_names.python_name(known) in meshlab_filters())
+        shown = (known for known in filter.all_names() if filter.python_name(known) in meshlab_filters())
         names = {*registry.names, *(item.display_name for item in registry), *meshlab_filters(), *shown}
         what = f"there is no filter {call.name!r}{did_you_mean(call.name, names)}"
         message = f"{script}, line {call.line}: {what}: `bonecam filters` and MeshLab list them"

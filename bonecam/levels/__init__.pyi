@@ -1,8 +1,8 @@
 from .certificates import Certificate as Certificate
 from .certificates import certify as certify
 from .closed_morph import morph as morph
-from .edge_rounding import levels_in as levels_in
 from .job_levels import even_levels as even_levels
+from .job_levels import levels_in as levels_in
 from .job_levels import surface_and_levels as surface_and_levels
 from .measure import Level as Level
 from .measure import Measures as Measures

@@ -33,8 +33,7 @@ from bonecam.mesh.distance import MeshDistance
 from bonecam.progress import Progress, part, rising, silent
 from bonecam.runtime.threads import on_one_blas_thread
 from bonecam.setup.rounding import MARGIN, require_inside
-from bonecam.setup.schedule import Schedule
-from bonecam.setup.stock import Stock
+from bonecam.setup.stock import Schedule, Stock
 from bonecam.surface.refinement import with_row_knots
 from bonecam.surface.tessellation import require_valid
 from bonecam.surface.tspline import TSpline

@@ -34,7 +34,7 @@ level k - 1 machines it. There are four kinds of levels:
 
 - `PartLevel`: level 0; no cut lies below it.
 - `MorphLevel`: a surface over the T-mesh of the part, made by the morph.
-- `RoundedLevel`: a level of a stock with edges (`levels/edge_rounding.py`). The morph of such a stock ends at a
+- `RoundedLevel`: a level of a stock with edges (`levels/job_levels.py`). The morph of such a stock ends at a
   body whose edges are rounded; further levels are larger bodies of the same kind.
 - `StockLevel`: the last level, the stock itself.
 
@@ -80,8 +80,7 @@ from bonecam.mesh.solids import self_intersections
 from bonecam.mesh.triangle_mesh import TriangleMesh, probes
 from bonecam.progress import Progress, report, silent
 from bonecam.runtime.threads import cores
-from bonecam.setup.schedule import Schedule
-from bonecam.setup.stock import Stock
+from bonecam.setup.stock import Schedule, Stock
 from bonecam.surface.query import closest_points_near
 from bonecam.surface.tessellation import shared_parameters
 from bonecam.surface.tspline import TSpline

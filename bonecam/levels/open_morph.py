@@ -68,8 +68,7 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.progress import Progress, silent
 from bonecam.runtime.threads import on_one_blas_thread
 from bonecam.setup.capsule import Capsule, enclosing_capsule
-from bonecam.setup.schedule import Schedule
-from bonecam.setup.stock import Stock
+from bonecam.setup.stock import Schedule, Stock
 from bonecam.surface.query import Projection
 from bonecam.surface.tmesh import RowTMesh
 from bonecam.surface.tspline import TSpline
@@ -422,7 +421,7 @@ def morph_open(
     if not 0 <= stiffness < np.inf:
         raise JobError(f"stiffness = {stiffness!r}: give a finite number of zero or more", field="stiffness")
     if all(surface.poles) or all(surface.elements().period):
-        way = "bonecam.levels.edge_rounding.levels_in(surface, stock, schedule)"
+        way = "bonecam.levels.job_levels.levels_in(surface, stock, schedule)"
         raise SurfaceError(f"the surface is closed: morph it into a stock with {way}")
 
     matrices = element_matrices(surface)

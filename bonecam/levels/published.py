@@ -45,8 +45,7 @@ from bonecam.levels.solvers.clarabel import solve_cones
 from bonecam.mesh.distance import MeshDistance
 from bonecam.progress import Progress
 from bonecam.setup.capsule import Capsule
-from bonecam.setup.schedule import Schedule
-from bonecam.setup.stock import Stock
+from bonecam.setup.stock import Schedule, Stock
 from bonecam.surface.tspline import TSpline
 
 TOLERANCE = 1e-3

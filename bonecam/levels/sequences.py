@@ -34,7 +34,7 @@ from bonecam.levels.measure import Inspection, Level, excess_bound, inspect_agai
 from bonecam.levels.problem import Cut, Discretisation, Remaining, StepParameters, remaining
 from bonecam.levels.solvers.exchange import LARGEST_VIOLATION, ExchangeStep, next_level, project_level
 from bonecam.progress import Progress, report, silent
-from bonecam.setup.schedule import Schedule
+from bonecam.setup.stock import Schedule
 from bonecam.surface.query import rings
 
 STALL = 0.25

@@ -16,9 +16,8 @@ from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 from bonecam.errors import MachineError, counted, did_you_mean
 from bonecam.files import input_text
 from bonecam.machine.bodies import MOST_FRUSTUMS
-from bonecam.text.numbers import Faults, shown
+from bonecam.text.numbers import Faults, check_printable, shown
 from bonecam.text.record import KeyFault, Record, checked
-from bonecam.text.template import check_printable
 from bonecam.text.toml import parse_toml
 
 Vector = tuple[float, float, float]

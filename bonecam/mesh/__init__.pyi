@@ -12,12 +12,12 @@ from .healing import Fault as Fault
 from .healing import faults_of as faults_of
 from .healing import repair as repair
 from .hollows import fill_pits as fill_pits
+from .meshlab import remesh as remesh
 from .part import Part as Part
 from .part import prepare_part as prepare_part
 from .part import repaired_part as repaired_part
 from .part import with_filled_pits as with_filled_pits
 from .pose import upright as upright
-from .remeshing import remesh as remesh
 from .rows import Rows as Rows
 from .rows import harmonic_rows as harmonic_rows
 from .smooth_surface import Coarseness as Coarseness

@@ -41,8 +41,7 @@ from bonecam.kernels.cones import project_on_half_spaces
 from bonecam.mesh.distance import MeshDistance, exact_closest
 from bonecam.mesh.facets import vertex_normals
 from bonecam.mesh.healing import Repair
-from bonecam.mesh.meshlab import from_meshset, to_meshset
-from bonecam.mesh.remeshing import bisect_faces, split_edges
+from bonecam.mesh.meshlab import bisect_faces, from_meshset, split_edges, to_meshset
 from bonecam.mesh.solids import edges_of, genus, neighbour_middles, pieces_of, self_intersections
 from bonecam.mesh.triangle_mesh import TriangleMesh
 

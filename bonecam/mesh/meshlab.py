@@ -1,12 +1,25 @@
-"""The door to pymeshlab: MeshLab's module, and triangle meshes into and out of its mesh sets."""
+"""The door to pymeshlab: MeshLab's module, and triangle meshes into and out of its mesh sets.
+
+Remeshing by MeshLab: even triangles of one edge length (Hoppe et al.'s split, collapse, flip, smooth,
+reproject), or shorter edges.
+
+And by Rivara's bisection, where only chosen faces are too large.
+"""
 
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from jaxtyping import Bool, Float
+from numpy import ndarray
+from scipy.spatial import cKDTree
+
+from bonecam.arrays import angles_between, unit
 from bonecam.errors import FileError
 from bonecam.files import library_name
+from bonecam.mesh.solids import half_edges
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.progress import Progress, silent
 from bonecam.runtime.loading import loaded_once
@@ -94,3 +107,82 @@ def call_on_cube(file: str, method: str, values: Mapping[str, Any], progress: Pr
     except meshlab().PyMeshLabException as error:
         reason = " ".join(str(error).split()).rstrip(":")
         raise FileError(f"{file}: {reason}: give a readable file", file=file) from error
+
+
+TIP = float(np.pi)
+"""Radians: a vertex whose faces' angles sum to less is the tip of a spike, as of a cone narrower than 60 degrees."""
+
+
+def remesh(mesh: TriangleMesh, edge: float, *, iterations: int = 8) -> TriangleMesh:
+    """A mesh of the same surface with edges near `edge` (mm); its vertices lie on the old surface, some of them at the
+    tips of its spikes. ValueError: edge <= 0."""
+    if not edge > 0:
+        raise ValueError(f"edge {edge} mm: give a positive length")
+    meshset = to_meshset(mesh)
+    pure = meshlab().PureValue
+    meshset.meshing_isotropic_explicit_remeshing(
+        iterations=iterations, targetlen=pure(edge), checksurfdist=True, maxsurfdist=pure(edge / 4), featuredeg=60.0
+    )
+    return _with_tips(from_meshset(meshset), mesh.vertices[angle_sums(mesh) < TIP], edge)
+
+
+def angle_sums(mesh: TriangleMesh) -> Float[ndarray, " v"]:
+    """The sum of the faces' angles at each vertex, radians: 2 pi where the surface is flat."""
+    corners = mesh.vertices[mesh.faces]
+    sides = [unit(corners[:, (k + 1) % 3] - corners[:, k]) for k in range(3)]
+    angles = np.stack([angles_between(sides[k], -sides[k - 1]) for k in range(3)], axis=1)
+    return np.bincount(mesh.faces.ravel(), angles.ravel(), minlength=len(mesh.vertices))
+
+
+def _with_tips(mesh: TriangleMesh, tips: Float[ndarray, "t 3"], edge: float) -> TriangleMesh:
+    """The mesh with the vertex nearest to each of the `tips`, where one lies within two edges, moved there: collapses
+    cut tips off, as they measure only how far new faces lie off the old ones."""
+    away, nearest = cKDTree(mesh.vertices).query(tips)
+    near = away < 2 * edge
+    vertices = mesh.vertices.copy()
+    vertices[np.asarray(nearest)[near]] = tips[near]
+    return TriangleMesh(vertices, mesh.faces)
+
+
+def split_edges(mesh: TriangleMesh, edge: float) -> TriangleMesh:
+    """The mesh with every edge that is longer than `edge` (mm) split in the middle until none is; its surface
+    stays where it was. ValueError: edge <= 0."""
+    if not edge > 0:
+        raise ValueError(f"edge {edge} mm: give a positive length")
+    corners = mesh.vertices[mesh.faces]
+    longest = float(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max())
+    if longest <= edge:
+        return mesh
+    meshset = to_meshset(mesh)
+    halvings = 2 * int(np.ceil(np.log2(longest / edge)))
+    meshset.meshing_surface_subdivision_midpoint(iterations=halvings, threshold=meshlab().PureValue(edge))
+    return from_meshset(meshset)
+
+
+def bisect_faces(mesh: TriangleMesh, chosen: Bool[ndarray, " f"]) -> TriangleMesh:
+    """The mesh with the longest edge of every chosen face cut in the middle, and that of every face an edge of
+    which is cut; its surface stays where it was.
+
+    Angles stay at least half as wide (Rivara 1984). New vertices come last.
+    """
+    ends = np.sort(half_edges(mesh).reshape(-1, 2), axis=1)
+    edges, index = np.unique(ends, axis=0, return_inverse=True)
+    edge_of = index.reshape(-1, 3)
+    length = np.linalg.norm(mesh.vertices[edges[:, 0]] - mesh.vertices[edges[:, 1]], axis=1)
+    first = np.argmax(length[edge_of], axis=1)
+    longest = edge_of[np.arange(len(edge_of)), first]
+    cut = np.zeros(len(edges), dtype=bool)
+    hit = chosen
+    while not cut[longest[hit]].all():
+        cut[longest[hit]] = True
+        hit = np.any(cut[edge_of], axis=1)
+    middle = len(mesh.vertices) - 1 + np.cumsum(cut)
+    turn = (first[:, None] + np.arange(3)) % 3
+    (a, b, c), (ab, bc, ca) = (np.take_along_axis(v, turn, axis=1)[hit].T for v in (mesh.faces, edge_of))
+    faces = [mesh.faces[~hit]]
+    for start, end, side in ((b, c, bc), (c, a, ca)):
+        halved, m, q = cut[side], middle[ab], middle[side]
+        faces.append(np.column_stack([start, end, m])[~halved])
+        faces.extend(np.column_stack(three)[halved] for three in ((start, q, m), (q, end, m)))
+    vertices = np.vstack([mesh.vertices, mesh.vertices[edges[cut]].mean(axis=1)])
+    return TriangleMesh(vertices, np.vstack(faces).astype(np.int32))

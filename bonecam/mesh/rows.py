@@ -44,7 +44,7 @@ from bonecam.arrays import frozen, lengths
 from bonecam.errors import MeshError
 from bonecam.mesh.distance import exact_closest
 from bonecam.mesh.facets import cotangent_weights
-from bonecam.mesh.remeshing import remesh
+from bonecam.mesh.meshlab import remesh
 from bonecam.mesh.solids import neighbours_of
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.progress import Progress, report, silent

@@ -39,7 +39,8 @@ from bonecam.arrays import lengths, unit
 from bonecam.errors import MachineError
 from bonecam.job import Job
 from bonecam.job.materials.preset import read_material
-from bonecam.machine.kinematics import Control, forward, inverse_linear, tool_axes
+from bonecam.machine.control import Control
+from bonecam.machine.kinematics import forward, inverse_linear, tool_axes
 from bonecam.machine.machine import Machine
 from bonecam.machine.machine_file import RotaryAxis
 from bonecam.mesh.triangle_mesh import TriangleMesh
@@ -57,8 +58,7 @@ from bonecam.nc.path_words import (
 from bonecam.nc.program import Program, ProgramTime, program_number
 from bonecam.nc.words import comment, comments_of, contour_tolerance, move_words, rotary_tolerance_deg, word_texts
 from bonecam.planning.stump import cut_groove
-from bonecam.setup.stock import Stock
-from bonecam.setup.stock_kind import kind_of
+from bonecam.setup.stock import Stock, kind_of
 from bonecam.tool.cutter import Cutter
 from bonecam.tool.path import MoveKind, ToolPath
 from bonecam.workholding.clamping import holding_columns

@@ -38,10 +38,11 @@ from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 from bonecam.errors import ProgramError
-from bonecam.machine.kinematics import Control
+from bonecam.machine.control import Control
 from bonecam.machine.machine import Machine
 from bonecam.machine.machine_file import RotaryAxis
 from bonecam.nc.dialect import Dialect
+from bonecam.nc.program import angles_from, vector_patterns
 from bonecam.nc.schema import (
     WHOLE,
     NumbersTable,
@@ -51,7 +52,6 @@ from bonecam.nc.schema import (
     has_number,
     numbered_pattern,
 )
-from bonecam.nc.tool_vectors import angles_from, vector_patterns
 from bonecam.text.numbers import shown
 from bonecam.tool.cutter import EnvelopingBall, enveloping_ball
 

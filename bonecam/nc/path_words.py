@@ -1,7 +1,7 @@
 """The moves of a program: a tool path with its rotary angles, split where the control would leave the path.
 
 Between two points of the path the ball centre runs straight and the tool axis turns evenly on the great
-circle. The control interpolates its words instead (`machine/kinematics.py`). A move is split evenly until tip and ball
+circle. The control interpolates its words instead (`machine/control.py`). A move is split evenly until tip and ball
 centre stay within the tolerance at 1/4, 1/2 and 3/4 of it (the deviation is of second order in the move, so
 its square root tells how often), no joint turns by more than 10 degrees in a feed move or a right angle in a
 rapid or at the pole itself, and, without tool-centre control, no feed move is longer than 1 mm.
@@ -35,7 +35,8 @@ from bonecam.arrays import angles_between, dots, largest, lengths, unit
 from bonecam.arrays import lengths as lengths_of
 from bonecam.errors import MachineError, place_name
 from bonecam.job import Job, field_error
-from bonecam.machine.kinematics import Control, inverse_linear, inverse_rotary, tool_axes
+from bonecam.machine.control import Control
+from bonecam.machine.kinematics import inverse_linear, inverse_rotary, tool_axes
 from bonecam.machine.limits import EVEN, MachineLimits, planned_band, polar_angles, reached_axes
 from bonecam.machine.machine import Machine
 from bonecam.nc.dialect import Dialect

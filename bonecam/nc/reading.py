@@ -18,7 +18,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from bonecam.machine.kinematics import Control
+from bonecam.machine.control import Control
 from bonecam.machine.machine import Machine
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.motions import (

@@ -28,8 +28,7 @@ from bonecam.planning.axes.lead import check_lead
 from bonecam.planning.collision import check_bodies
 from bonecam.planning.spacing import side_step
 from bonecam.progress import Progress, report, silent
-from bonecam.setup.schedule import STOCK_CHORD_SHARE
-from bonecam.setup.stock import Stock
+from bonecam.setup.stock import STOCK_CHORD_SHARE, Stock
 from bonecam.text.numbers import told_apart
 from bonecam.tool.cutter import Cutter
 from bonecam.tool.path import MoveKind

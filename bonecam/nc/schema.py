@@ -35,10 +35,9 @@ from pydantic import AfterValidator, Field, model_validator
 
 from bonecam.errors import ProgramError
 from bonecam.machine.machine_file import Name, merged
-from bonecam.text.numbers import Faults
+from bonecam.text.numbers import Faults, check_printable, check_template
 from bonecam.text.pattern import Pattern
 from bonecam.text.record import KeyFault, Record, checked
-from bonecam.text.template import check_printable, check_template
 
 
 class Meaning(NamedTuple):

@@ -31,8 +31,8 @@ from numpy import ndarray
 from bonecam.job import Job
 from bonecam.machine.machine import Machine
 from bonecam.nc.dialect import Dialect
+from bonecam.nc.program import vector_formats, written_vectors
 from bonecam.nc.schema import PLAIN_WORD, block_numbers, has_number
-from bonecam.nc.tool_vectors import vector_formats, written_vectors
 from bonecam.text.numbers import shortened
 from bonecam.tool.path import MoveKind
 

@@ -28,7 +28,7 @@ from bonecam.mesh.facets import vertex_normals
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.planning.contacts import DepthLimits
 from bonecam.planning.spacing import side_step
-from bonecam.setup.schedule import schedule_of
+from bonecam.setup.stock import schedule_of
 from bonecam.tool.cutter import Cutter
 
 

@@ -65,7 +65,7 @@ from bonecam.planning.spacing import (
     step_metric,
     with_arcs,
 )
-from bonecam.runtime.extensions import added, added_names, run_added
+from bonecam.runtime.own_files import added, added_names, run_added
 from bonecam.surface.tspline import TSpline
 from bonecam.tool.cutter import Cutter
 from bonecam.workholding.post import Post

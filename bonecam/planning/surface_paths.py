@@ -26,7 +26,7 @@ from bonecam.levels.measure import NO_CUT, Level, MachinedLevel, PartLevel, mach
 from bonecam.machine.bodies import MachineBodies
 from bonecam.machine.limits import MachineLimits
 from bonecam.mesh.distance import MeshDistance
-from bonecam.mesh.remeshing import split_edges
+from bonecam.mesh.meshlab import split_edges
 from bonecam.mesh.solids import solid_union
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.planning.axes.cones import AxisCones, admissible_cones

@@ -1,5 +1,3 @@
-from .axis_lines import AxisComparison as AxisComparison
-from .axis_lines import compare_axes as compare_axes
 from .machine_picture import draw_machine as draw_machine
 from .machine_picture import draw_machine_file as draw_machine_file
 from .pictures import draw_coloured as draw_coloured
@@ -11,6 +9,8 @@ from .stage_reports import levels_report as levels_report
 from .stage_reports import nc_report as nc_report
 from .stage_reports import surface_report as surface_report
 from .stage_reports import toolpath_report as toolpath_report
+from .summary import AxisComparison as AxisComparison
+from .summary import compare_axes as compare_axes
 from .summary import summary_of as summary_of
 from .tables import ClData as ClData
 from .tables import ClPath as ClPath

@@ -43,7 +43,6 @@ from bonecam.nc.path_words import machine_limits
 from bonecam.nc.program import Program
 from bonecam.planning.collision import level_scene
 from bonecam.planning.stump import cut_groove
-from bonecam.report.axis_lines import AxisComparison, compare_axes
 from bonecam.report.machine_picture import draw_machine
 from bonecam.report.page.contents import NO_LEVEL, Contents, pack, run_contents, second_contents, unpack
 from bonecam.report.page.page import page_html
@@ -59,15 +58,13 @@ from bonecam.report.pictures import (
     draw_toolpath,
 )
 from bonecam.report.sheet.setup_sheet import second_article, setup_article, setup_sheet
-from bonecam.report.summary import second_text, summary_of
+from bonecam.report.summary import AxisComparison, compare_axes, second_text, summary_of
 from bonecam.report.tables import apt_text, cones_csv, toolpath_csv
 from bonecam.report.typed import Report, SecondFigures, report_text
 from bonecam.runtime.own_files import is_own
 from bonecam.runtime.staging import staged
 from bonecam.setup.placement import KEPT_STOCK
-from bonecam.setup.schedule import schedule_of
-from bonecam.setup.stock import Stock
-from bonecam.setup.stock_kind import LyingPart, stock_round
+from bonecam.setup.stock import LyingPart, Stock, schedule_of, stock_round
 from bonecam.setup.stocks.mesh import ConvexStock
 from bonecam.surface.files.tspline_text import write_tsm
 from bonecam.surface.tspline import TSpline

@@ -43,7 +43,6 @@ from bonecam.nc.program import Program, check_file_name, second_program_file
 from bonecam.nc.requirements import job_dialect
 from bonecam.planning.surface_paths import Workpiece
 from bonecam.progress import Progress, report, silent
-from bonecam.report.axis_lines import AxisComparison, compare_axes
 from bonecam.report.kept import (
     GIVEN,
     SERIES,
@@ -61,7 +60,7 @@ from bonecam.report.machine_picture import draw_machine
 from bonecam.report.page.contents import bladed_summary, pack, surface_contents, wheel_contents
 from bonecam.report.pictures import draw_axes, draw_compared_axes, draw_refused, draw_wheel
 from bonecam.report.sheet.setup_sheet import setup_sheet, wheel_article
-from bonecam.report.summary import finished_summary
+from bonecam.report.summary import AxisComparison, compare_axes, finished_summary
 from bonecam.report.tables import apt_text, cones_csv, toolpath_csv
 from bonecam.report.typed import RefusedFigures, report_text
 from bonecam.runtime.staging import Staging, placed, staged

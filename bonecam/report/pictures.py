@@ -37,11 +37,11 @@ from numpy import ndarray
 
 from bonecam.levels.measure import LINE, Level, depths_from, line_lengths, morph_surfaces, rounding_cuts
 from bonecam.mechanics.result import ErrorKept
-from bonecam.mesh.remeshing import split_edges
+from bonecam.mesh.meshlab import split_edges
 from bonecam.mesh.solids import edges_of
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.planning.stump import Groove
-from bonecam.report.axis_lines import AxisChoice, AxisComparison
+from bonecam.report.summary import AxisChoice, AxisComparison
 from bonecam.setup.placement import TurnedBlank
 from bonecam.surface.tspline import TSpline
 from bonecam.tool.path import MoveKind, ToolPath

@@ -29,8 +29,7 @@ from pathlib import Path
 from threading import RLock
 
 from bonecam.errors import BonecamError, FileError
-from bonecam.runtime.locking import locked
-from bonecam.runtime.own_files import OWN_FILES, is_own, list_of_own, stale_files
+from bonecam.runtime.own_files import OWN_FILES, is_own, list_of_own, locked, stale_files
 
 STOPPING = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
 """The signals that ask a run to stop: Ctrl-C, `kill`, and the end of the terminal, which Windows has not."""

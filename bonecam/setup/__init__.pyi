@@ -5,11 +5,11 @@ from .placement import Setup as Setup
 from .placement import place as place
 from .placement import stock_for as stock_for
 from .rounding import RoundedStock as RoundedStock
-from .schedule import Schedule as Schedule
-from .schedule import schedule_of as schedule_of
+from .stock import Schedule as Schedule
 from .stock import Stock as Stock
+from .stock import StockKind as StockKind
+from .stock import schedule_of as schedule_of
 from .stock import stock_figures as stock_figures
-from .stock_kind import StockKind as StockKind
 from .stocks.box import Box as Box
 from .stocks.cylinder import Cylinder as Cylinder
 from .stocks.mesh import ConvexStock as ConvexStock

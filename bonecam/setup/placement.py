@@ -33,9 +33,18 @@ from bonecam.mesh.solids import revolve_profile, segments_around
 from bonecam.mesh.triangle_mesh import MeshLike, TriangleMesh, mesh_from
 from bonecam.setup.capsule import Capsule
 from bonecam.setup.rounding import MARGIN, require_inside, require_roundable
-from bonecam.setup.schedule import Schedule, schedule_of
-from bonecam.setup.stock import Stock
-from bonecam.setup.stock_kind import SIZES, LyingPart, check_sizes, is_posed, kind_of, pose_remedy, stock_round
+from bonecam.setup.stock import (
+    SIZES,
+    LyingPart,
+    Schedule,
+    Stock,
+    check_sizes,
+    is_posed,
+    kind_of,
+    pose_remedy,
+    schedule_of,
+    stock_round,
+)
 from bonecam.setup.stocks.box import Box
 from bonecam.setup.stocks.cylinder import Cylinder
 from bonecam.setup.stocks.mesh import ConvexStock

@@ -24,7 +24,7 @@ from scipy.spatial import ConvexHull, HalfspaceIntersection
 
 from bonecam.arrays import ROUNDING
 from bonecam.errors import StockError, place_name
-from bonecam.mesh.remeshing import bisect_faces
+from bonecam.mesh.meshlab import bisect_faces
 from bonecam.mesh.smooth_surface import convex_hull
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.setup.capsule import smallest_capsule

@@ -18,7 +18,8 @@ from numpy import ndarray
 
 from bonecam.arrays import angles_between, numbered, unit
 from bonecam.kernels.removal import Pieces, fixed_clearance
-from bonecam.machine.kinematics import Control, inverse_linear, link_poses
+from bonecam.machine.control import Control
+from bonecam.machine.kinematics import inverse_linear, link_poses
 from bonecam.machine.machine import Machine
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.triangle_mesh import TriangleMesh, side_by_side

@@ -51,7 +51,8 @@ from numpy import ndarray
 from bonecam.arrays import lengths
 from bonecam.errors import MachineError, ProgramError, VerifyError
 from bonecam.job import Job
-from bonecam.machine.kinematics import UP, Control, inverse_linear, tool_axes
+from bonecam.machine.control import Control
+from bonecam.machine.kinematics import UP, inverse_linear, tool_axes
 from bonecam.machine.machine import Machine
 from bonecam.machine.machine_file import LinearAxis, RotaryAxis
 from bonecam.nc.dialect import Dialect

@@ -1,6 +1,6 @@
 """Whether the ball enters the design surface anywhere along the moves of a program, between their ends too.
 
-Each move is run as the control runs it (`machine/kinematics.py`), and the distance d from the ball centre c to the
+Each move is run as the control runs it (`machine/control.py`), and the distance d from the ball centre c to the
 part is taken at samples. Between two samples a chord s apart the distance is bounded: for every point q of
 the part, Stewart's theorem gives
 
@@ -20,7 +20,7 @@ from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 from bonecam.errors import VerifyError
-from bonecam.machine.kinematics import Control
+from bonecam.machine.control import Control
 from bonecam.mesh.distance import lowest_between
 from bonecam.nc.motions import Motions
 

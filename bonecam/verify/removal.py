@@ -6,7 +6,7 @@ too deep.
 Material removal simulated from the posted text.
 
 The text is read back and run through the machine's kinematics. Between blocks the control moves as
-`machine/kinematics.py` says; the path of the ball's centre is divided until it is straight within 1 um, and each piece
+`machine/control.py` says; the path of the ball's centre is divided until it is straight within 1 um, and each piece
 removes its capsule from the stock, which is held as intervals on three sets of rays (Benouamer & Michelucci 1997).
 Post and stub are part of the material, above what holds them, and so is what holds the free end. Of a move from an
 unknown place, after a retract or a tool change, only the end is run.

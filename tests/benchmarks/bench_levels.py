@@ -49,7 +49,7 @@ from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.part import prepare_part
 from bonecam.setup.capsule import Capsule
 from bonecam.setup.placement import place
-from bonecam.setup.schedule import Schedule
+from bonecam.setup.stock import Schedule
 from bonecam.surface.part_surface import fit_surface
 from bonecam.surface.tspline import TSpline
 

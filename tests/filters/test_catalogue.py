@@ -5,8 +5,7 @@ import re
 import pytest
 
 from bonecam.errors import FilterError
-from bonecam.filters.catalogue import catalogue, first_sentence
-from bonecam.filters.filter import Registry
+from bonecam.filters.filter import Registry, catalogue, first_sentence
 
 
 def test_overview_has_one_entry_a_filter_by_category(registry: Registry) -> None:

@@ -9,11 +9,10 @@ import pymeshlab
 import pytest
 
 from bonecam.errors import FilterError
-from bonecam.filters.filter import VERBS, Filter, installed
+from bonecam.filters.filter import VERBS, Filter, FilterParameter, Kind, Percentage, installed
+from bonecam.filters.meshlab_values import FilterCall, ScriptParameter, write_script
 from bonecam.filters.meshset import MeshSet
-from bonecam.filters.mlx import FilterCall, ScriptParameter, write_script
-from bonecam.filters.parameter import FilterParameter, Kind, Percentage
-from bonecam.filters.scripting import read_script
+from bonecam.filters.script_on_mesh import read_script
 
 OURS = [item for item in installed() if item.act.__module__.startswith("bonecam_plugins")]
 EVERY = pytest.mark.parametrize("item", OURS, ids=lambda item: item.name)

@@ -11,7 +11,7 @@ import pymeshlab
 import pytest
 
 from bonecam.errors import FilterError
-from bonecam.filters import meshlab_names
+from bonecam.filters import filter
 from bonecam.filters.filter import GROUP, Filter, Registry, filters_of, installed
 
 PLUGIN = """
@@ -94,7 +94,7 @@ def test_two_filters_of_one_name_are_an_error(offset_filter: Filter) -> None:
 def test_a_name_of_meshlab_s_is_taken(offset_filter: Filter, name: str) -> None:
     clash = replace(offset_filter, name=name) if name.islower() else replace(offset_filter, display_name=name)
     with pytest.raises(FilterError, match=name):
-        Registry([clash], taken=meshlab_names.all_names())
+        Registry([clash], taken=filter.all_names())
 
 
 @pytest.mark.parametrize(
@@ -129,11 +129,7 @@ def test_unknown_filters_and_parameters_are_errors_with_the_known_ones(
 
 
 def test_every_filter_of_meshlab_has_a_shown_name_that_leads_to_it() -> None:
-    led_to = {
-        meshlab_names.python_name(name) for name in meshlab_names.all_names() if meshlab_names.python_name(name) != name
-    }
+    led_to = {filter.python_name(name) for name in filter.all_names() if filter.python_name(name) != name}
     assert set(pymeshlab.filter_list()) <= led_to
-    assert (
-        meshlab_names.python_name("Remeshing: Isotropic Explicit Remeshing") == "meshing_isotropic_explicit_remeshing"
-    )
-    assert meshlab_names.python_name("Box/Cube") == "create_cube"
+    assert filter.python_name("Remeshing: Isotropic Explicit Remeshing") == "meshing_isotropic_explicit_remeshing"
+    assert filter.python_name("Box/Cube") == "create_cube"

@@ -11,11 +11,10 @@ import pymeshlab
 import pytest
 
 from bonecam.errors import BonecamError, Cancelled, FilterError, StockError
-from bonecam.filters.filter import Filter, Registry
+from bonecam.filters.filter import Filter, FilterParameter, Kind, Registry
 from bonecam.filters.layers import Layers
 from bonecam.filters.meshset import MeshSet
-from bonecam.filters.parameter import FilterParameter, Kind
-from bonecam.filters.scripting import apply_script
+from bonecam.filters.script_on_mesh import apply_script
 from bonecam.progress import Progress, report
 
 SCRIPT_OF_UNKNOWN = '<!DOCTYPE FilterScript><FilterScript><filter name="nothing"/></FilterScript>'

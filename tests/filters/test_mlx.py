@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bonecam.errors import BonecamError, FileError, FilterError
-from bonecam.filters.mlx import FilterCall, ScriptParameter, read_calls, script_text, write_script
+from bonecam.filters.meshlab_values import FilterCall, ScriptParameter, read_calls, script_text, write_script
 
 TEXT = """<!DOCTYPE FilterScript>
 <FilterScript>

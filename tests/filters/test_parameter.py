@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bonecam.errors import FilterError
-from bonecam.filters.parameter import FilterParameter, Kind, Percentage, parameters_of, section_of
+from bonecam.filters.filter import FilterParameter, Kind, Percentage, parameters_of, section_of
 from bonecam.job import Job, LevelsJob, StockJob
 from bonecam.job.parameter import record
 from bonecam.mesh.triangle_mesh import TriangleMesh

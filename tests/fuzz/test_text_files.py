@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from bonecam.errors import BonecamError
-from bonecam.filters.mlx import read_calls
+from bonecam.filters.meshlab_values import read_calls
 from bonecam.job import Job, read_job, write_job
 from bonecam.machine.machine import MACHINES, read_machine
 from bonecam.mesh.files.points import read_blocks

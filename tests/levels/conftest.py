@@ -8,7 +8,7 @@ import pytest
 from bonecam.levels.problem import ATTRACTIONS, Cut, Discretisation, StepParameters, discretise, remaining, whole
 from bonecam.levels.program import Given, LevelProgram, program_of
 from bonecam.setup.capsule import Capsule
-from bonecam.setup.schedule import Schedule
+from bonecam.setup.stock import Schedule
 from bonecam.surface.tmesh import RowTMesh
 from bonecam.surface.tspline import TSpline
 

@@ -12,7 +12,7 @@ import pytest
 
 from bonecam.errors import Cancelled, JobError, LevelError, StockError, SurfaceError
 from bonecam.levels.closed_morph import morph
-from bonecam.levels.edge_rounding import levels_in
+from bonecam.levels.job_levels import levels_in
 from bonecam.levels.measure import MeasuredSurface, level_grid, measure_cut, require_none, violations
 from bonecam.levels.problem import (
     DEPTH_TOLERANCE,
@@ -25,8 +25,7 @@ from bonecam.levels.problem import (
 from bonecam.levels.sequences import Morph
 from bonecam.mesh.distance import MeshDistance
 from bonecam.setup.capsule import Capsule
-from bonecam.setup.schedule import Schedule
-from bonecam.setup.stock import Stock
+from bonecam.setup.stock import Schedule, Stock
 from bonecam.setup.stocks.cylinder import Cylinder
 from bonecam.surface.files.tspline_text import write_tsm
 from bonecam.surface.query import closest_points_near
@@ -56,8 +55,8 @@ from bonecam.setup.stocks.mesh import ConvexStock
 from bonecam.setup.stocks.cylinder import Cylinder
 from bonecam.levels.closed_morph import morph
 from bonecam.levels.open_morph import morph_open
-from bonecam.levels.edge_rounding import levels_in
-from bonecam.setup.schedule import Schedule
+from bonecam.levels.job_levels import levels_in
+from bonecam.setup.stock import Schedule
 from bonecam.setup.capsule import Capsule
 from bonecam.surface.files.tspline_text import read_tsm
 SCHEDULE = Schedule((0.1, 0.1), 0.5)

@@ -10,8 +10,7 @@ from bonecam.arrays import unit
 from bonecam.errors import LevelError, StockError
 from bonecam.job import Job, MeshJob, StockJob
 from bonecam.levels import open_morph
-from bonecam.levels.edge_rounding import levels_in
-from bonecam.levels.job_levels import make_levels
+from bonecam.levels.job_levels import levels_in, make_levels
 from bonecam.levels.measure import (
     BINS,
     MeasuredSurface,
@@ -32,8 +31,7 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.setup.capsule import Capsule, enclosing_capsule
 from bonecam.setup.placement import place
 from bonecam.setup.rounding import RoundedStock, half_spaces_of, intersect, round_most
-from bonecam.setup.schedule import Schedule
-from bonecam.setup.stock import Stock
+from bonecam.setup.stock import Schedule, Stock
 from bonecam.setup.stocks.box import Box
 from bonecam.setup.stocks.cylinder import Cylinder
 from bonecam.setup.stocks.mesh import ConvexStock

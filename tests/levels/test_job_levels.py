@@ -10,9 +10,9 @@ import pytest
 
 from bonecam.errors import LevelError, SurfaceError
 from bonecam.job import Job
-from bonecam.levels import closed_morph, edge_rounding, job_levels
-from bonecam.levels.edge_rounding import BegunLevels, levels_in
-from bonecam.levels.job_levels import even_levels, fit_choices, surface_and_levels
+from bonecam.levels import closed_morph, job_levels
+from bonecam.levels import job_levels as edge_rounding
+from bonecam.levels.job_levels import BegunLevels, even_levels, fit_choices, levels_in, surface_and_levels
 from bonecam.levels.measure import RoundedLevel
 from bonecam.levels.sequences import Morph
 from bonecam.mesh.part import prepare_part
@@ -20,7 +20,7 @@ from bonecam.mesh.rows import MOST_CHOICES, Rows
 from bonecam.runtime.timing import StageTimes
 from bonecam.setup.capsule import Capsule
 from bonecam.setup.placement import Setup, place
-from bonecam.setup.schedule import Schedule
+from bonecam.setup.stock import Schedule
 from bonecam.setup.stocks.cylinder import Cylinder
 from bonecam.surface.growth import Fit
 from bonecam.surface.part_surface import fit_surface

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from bonecam.errors import JobError, LevelError, StockError, SurfaceError
-from bonecam.levels.edge_rounding import levels_in
+from bonecam.levels.job_levels import levels_in
 from bonecam.levels.measure import Level
 from bonecam.levels.open_morph import morph_open
 from bonecam.levels.sequences import Morph
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.setup.capsule import Capsule
-from bonecam.setup.schedule import Schedule
+from bonecam.setup.stock import Schedule
 from bonecam.surface.skinning import skin
 from bonecam.surface.tspline import TSpline
 

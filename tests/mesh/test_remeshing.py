@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bonecam.mesh.remeshing import angle_sums, bisect_faces, remesh, split_edges
+from bonecam.mesh.meshlab import angle_sums, bisect_faces, remesh, split_edges
 from bonecam.mesh.solids import self_intersections
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.setup.stocks.box import Box

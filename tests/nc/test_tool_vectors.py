@@ -15,9 +15,9 @@ from bonecam.machine.machine import read_machine
 from bonecam.nc.dialect import dialect_names, read_dialect
 from bonecam.nc.feeds import drivable_paths
 from bonecam.nc.posting import write_program
+from bonecam.nc.program import solved_angles, vectors_of, written_vectors
 from bonecam.nc.reading import read_program
 from bonecam.nc.requirements import job_dialect
-from bonecam.nc.tool_vectors import solved_angles, vectors_of, written_vectors
 from bonecam.tool.path import MoveKind, ToolPath
 from bonecam.verify.control import check_control
 from bonecam.verify.readback import Tolerances, compare_moves

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bonecam.machine import MachineLimits
-from bonecam.report.axis_lines import AxisChoice, AxisComparison
+from bonecam.report.summary import AxisChoice, AxisComparison
 
 STEP = 0.5
 TURN = np.radians(3.0)

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from bonecam.mesh.files.mesh_files import write_mesh
-from bonecam.runtime import locking
-from bonecam.runtime.locking import LOCK, locked
+from bonecam.runtime import own_files
+from bonecam.runtime.own_files import LOCK, locked
 from bonecam.setup.capsule import Capsule
 
 pytestmark = pytest.mark.whole
@@ -19,7 +19,7 @@ pytestmark = pytest.mark.whole
 HOLD = """
 import sys, time
 from pathlib import Path
-from bonecam.runtime.locking import locked
+from bonecam.runtime.own_files import locked
 with locked([Path(sys.argv[1])]):
     print("held", flush=True)
     time.sleep(float(sys.argv[2]))
@@ -50,7 +50,7 @@ def _append(folder: Path, order: list[str]) -> None:
 
 
 def test_a_lock_that_was_left_does_not_hold_up_for_ever(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(locking, "MAX_WAIT", 0.2)
+    monkeypatch.setattr(own_files, "MAX_WAIT", 0.2)
     (tmp_path / LOCK).write_text("1\nanother-host\n")
     for _ in range(2):
         with locked([tmp_path]):

@@ -17,9 +17,7 @@ from bonecam.setup import stocks
 from bonecam.setup.capsule import Capsule, smallest_capsule
 from bonecam.setup.placement import stock_for
 from bonecam.setup.rounding import MARGIN
-from bonecam.setup.schedule import Schedule
-from bonecam.setup.stock import Stock, stock_figures, stock_text
-from bonecam.setup.stock_kind import kind_of
+from bonecam.setup.stock import Schedule, Stock, kind_of, stock_figures, stock_text
 from bonecam.setup.stocks.box import Box
 from bonecam.setup.stocks.cylinder import Cylinder
 from bonecam.setup.stocks.mesh import ConvexStock

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from bonecam.arrays import ROUNDING
 from bonecam.errors import JobError, LevelError
 from bonecam.job import Job, LevelsJob
-from bonecam.setup.schedule import Schedule, even_out, schedule_of
+from bonecam.setup.stock import Schedule, even_out, schedule_of
 
 
 def test_the_papers_schedule_needs_sixteen_cuts_for_its_finger_bone() -> None:

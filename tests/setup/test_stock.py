@@ -12,8 +12,7 @@ from bonecam.mesh.distance import exact_closest
 from bonecam.setup.capsule import Capsule, smallest_capsule
 from bonecam.setup.placement import stock_for
 from bonecam.setup.rounding import require_inside
-from bonecam.setup.schedule import Schedule
-from bonecam.setup.stock import finite_numbers
+from bonecam.setup.stock import Schedule, finite_numbers
 from bonecam.setup.stocks.capsule import capsule_of_size
 
 CAPSULE = Capsule(np.array([0.0, 0.0, 7.5]), np.array([0.0, 0.0, 29.5]), 7.5)

@@ -16,7 +16,7 @@ from bonecam.levels.problem import element_matrices
 from bonecam.mesh.part import prepare_part
 from bonecam.mesh.rows import Rows, harmonic_rows
 from bonecam.planning.axes.lead import lead_axes
-from bonecam.setup.schedule import schedule_of
+from bonecam.setup.stock import schedule_of
 from bonecam.setup.stocks.capsule import capsule_of_size
 from bonecam.surface.skinning import RowCurves, control_curves, row_parameters, skin
 

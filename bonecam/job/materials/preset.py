@@ -32,7 +32,7 @@ from numpy import ndarray
 from bonecam.errors import JobError, did_you_mean
 from bonecam.files import input_text
 from bonecam.job.parameter import JobSection, parameter
-from bonecam.runtime.extensions import named_files
+from bonecam.runtime.own_files import named_files
 from bonecam.text.numbers import Faults, shown
 from bonecam.text.record import Record, checked
 from bonecam.text.toml import parse_toml

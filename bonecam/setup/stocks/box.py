@@ -13,9 +13,16 @@ from bonecam.job import StockJob
 from bonecam.mesh.pose import rotation
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.setup.rounding import RoundedStock
-from bonecam.setup.schedule import Schedule
-from bonecam.setup.stock import Stock, box_sizes, finite_numbers, larger_sizes
-from bonecam.setup.stock_kind import LyingPart, StockKind, half_size
+from bonecam.setup.stock import (
+    LyingPart,
+    Schedule,
+    Stock,
+    StockKind,
+    box_sizes,
+    finite_numbers,
+    half_size,
+    larger_sizes,
+)
 
 
 @dataclass(frozen=True, eq=False)

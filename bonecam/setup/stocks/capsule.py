@@ -9,8 +9,7 @@ from bonecam.errors import StockError
 from bonecam.job import StockJob
 from bonecam.mesh.triangle_mesh import probes
 from bonecam.setup.capsule import Capsule, enclosing_capsules, shortest_capsule
-from bonecam.setup.schedule import Schedule
-from bonecam.setup.stock_kind import LyingPart, StockKind, pose_remedy
+from bonecam.setup.stock import LyingPart, Schedule, StockKind, pose_remedy
 
 CUTS_CHORD = 0.001
 """Chord tolerance, in radii, of the capsules on which cuts are counted."""

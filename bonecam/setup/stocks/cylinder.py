@@ -13,9 +13,7 @@ from bonecam.mesh.solids import cylinder
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.setup.capsule import Capsule
 from bonecam.setup.rounding import ALL, RoundedStock
-from bonecam.setup.schedule import Schedule
-from bonecam.setup.stock import Stock, finite_numbers, larger_sizes
-from bonecam.setup.stock_kind import LyingPart, StockKind, half_size
+from bonecam.setup.stock import LyingPart, Schedule, Stock, StockKind, finite_numbers, half_size, larger_sizes
 from bonecam.setup.stocks.capsule import capsule_of_fewest_cuts
 
 

@@ -12,14 +12,12 @@ from bonecam.errors import StockError, place_name, require_type
 from bonecam.job import StockJob
 from bonecam.mesh.distance import exact_closest
 from bonecam.mesh.files.mesh_files import read_mesh
-from bonecam.mesh.remeshing import split_edges
+from bonecam.mesh.meshlab import split_edges
 from bonecam.mesh.smooth_surface import convex_hull
 from bonecam.mesh.solids import half_edges
 from bonecam.mesh.triangle_mesh import TriangleMesh, keep_faces
 from bonecam.setup.rounding import RoundedStock, deepest_point, half_spaces_of, offset_polyhedron
-from bonecam.setup.schedule import Schedule
-from bonecam.setup.stock import LARGEST, Stock, box_sizes
-from bonecam.setup.stock_kind import LyingPart, StockKind
+from bonecam.setup.stock import LARGEST, LyingPart, Schedule, Stock, StockKind, box_sizes
 
 FLAT = 1e-5
 """A point of the mesh may lie this far inside its hull, as a share of the mesh's diagonal: the rounding of a

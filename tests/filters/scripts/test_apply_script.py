@@ -8,9 +8,9 @@ import pytest
 
 from bonecam.errors import BonecamError, Cancelled, FileError, FilterError, StockError
 from bonecam.filters.filter import Registry
-from bonecam.filters.meshlab_values import converted
-from bonecam.filters.mlx import FilterCall, ScriptParameter, write_script
-from bonecam.filters.scripting import read_script, run_script
+from bonecam.filters.meshlab_values import FilterCall, ScriptParameter, converted, write_script
+from bonecam.filters.script_on_mesh import read_script
+from bonecam.filters.scripting import run_script
 
 REMESH = """ <filter name="Remeshing: Isotropic Explicit Remeshing">
   <Param type="RichInt" value="2" name="Iterations"/>

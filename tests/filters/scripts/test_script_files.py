@@ -14,7 +14,8 @@ from bonecam.errors import FileError, FilterError
 from bonecam.filters.filter import Registry
 from bonecam.filters.meshlab_values import CAMERAS, free_texts
 from bonecam.filters.meshset import MeshSet
-from bonecam.filters.scripting import apply_script, run_script
+from bonecam.filters.script_on_mesh import apply_script
+from bonecam.filters.scripting import run_script
 from bonecam.filters.scripts import NAMES, READ, TEXTS, TEXTURES
 
 OURS = '<filter name="generate_offset"><Param type="RichSaveFile" value="{}" name="file"/></filter>'

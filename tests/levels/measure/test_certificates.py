@@ -28,8 +28,7 @@ from bonecam.levels.certificates import (
     triangle_nets,
 )
 from bonecam.levels.closed_morph import morph
-from bonecam.levels.edge_rounding import levels_in
-from bonecam.levels.job_levels import make_levels
+from bonecam.levels.job_levels import levels_in, make_levels
 from bonecam.levels.measure import (
     MeasuredSurface,
     RoundedLevel,
@@ -48,8 +47,7 @@ from bonecam.mesh.part import prepare_part
 from bonecam.progress import silent
 from bonecam.setup.capsule import Capsule
 from bonecam.setup.placement import place
-from bonecam.setup.schedule import Schedule
-from bonecam.setup.stock import Stock
+from bonecam.setup.stock import Schedule, Stock
 from bonecam.setup.stocks.box import Box
 from bonecam.setup.stocks.cylinder import Cylinder
 from bonecam.surface.part_surface import fit_surface

@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bonecam.levels.edge_rounding import levels_in
+from bonecam.levels.job_levels import levels_in
 from bonecam.levels.measure import POINTS, RoundedLevel, line_depths, step_depths
 from bonecam.levels.sequences import Morph
 from bonecam.report.pictures import draw_depths
 from bonecam.setup.capsule import Capsule
-from bonecam.setup.schedule import Schedule
+from bonecam.setup.stock import Schedule
 from bonecam.setup.stocks.cylinder import Cylinder
 from bonecam.surface.tspline import TSpline
 

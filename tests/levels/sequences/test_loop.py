@@ -8,7 +8,7 @@ import pytest
 from bonecam.errors import LevelError
 from bonecam.levels.sequences import Stop, levels_to_stock
 from bonecam.progress import silent
-from bonecam.setup.schedule import Schedule
+from bonecam.setup.stock import Schedule
 
 SCHEDULE = Schedule((0.1, 0.1), 0.5)
 STOP = Stop("mend it", max_stalled=2, most=20)

@@ -23,7 +23,7 @@ from bonecam.levels.sequences import (
 from bonecam.levels.solvers.exchange import project_level
 from bonecam.progress import silent
 from bonecam.setup.capsule import Capsule
-from bonecam.setup.schedule import Schedule
+from bonecam.setup.stock import Schedule
 from bonecam.surface.tspline import TSpline
 
 STIFFNESS = 5e-7

@@ -15,7 +15,7 @@ from bonecam.levels.published import PublishedProgram, next_moves, published_seq
 from bonecam.levels.solvers.clarabel import solve_cones
 from bonecam.progress import silent
 from bonecam.setup.capsule import Capsule
-from bonecam.setup.schedule import Schedule
+from bonecam.setup.stock import Schedule
 from bonecam.setup.stocks.cylinder import Cylinder
 from bonecam.surface.tspline import TSpline
 

@@ -6,8 +6,7 @@ from bonecam_meshes import path as shipped
 
 from bonecam.job.mesh_section import COARSEST_FIT
 from bonecam.mesh.files.mesh_files import read_mesh
-from bonecam.mesh.meshlab import from_meshset, to_meshset
-from bonecam.mesh.remeshing import split_edges
+from bonecam.mesh.meshlab import from_meshset, split_edges, to_meshset
 from bonecam.mesh.smooth_surface import coarseness_of, convex_hull, is_coarse
 from bonecam.mesh.triangle_mesh import TriangleMesh
 

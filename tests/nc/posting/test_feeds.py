@@ -9,7 +9,8 @@ import pytest
 from bonecam.arrays import unit
 from bonecam.errors import VerifyError
 from bonecam.job import Job
-from bonecam.machine.kinematics import Control, inverse_linear
+from bonecam.machine.control import Control
+from bonecam.machine.kinematics import inverse_linear
 from bonecam.machine.machine import Machine, read_machine
 from bonecam.nc.dialect import Dialect, read_dialect
 from bonecam.nc.feeds import FEED_PER_MM, FLOOR, LARGEST_RATIO, drivable_paths, feed_scale, on_scale

@@ -3,7 +3,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from bonecam.machine.kinematics import Control
+from bonecam.machine.control import Control
 from bonecam.machine.machine import read_machine
 from bonecam.nc.path_words import POLE_PASS, between, split_moves
 from bonecam.tool.path import ToolPath

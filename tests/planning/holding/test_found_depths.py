@@ -30,7 +30,7 @@ from bonecam.planning.neck import (
 from bonecam.report.warnings import post_lines
 from bonecam.setup.capsule import Capsule
 from bonecam.setup.placement import Setup
-from bonecam.setup.schedule import schedule_of
+from bonecam.setup.stock import schedule_of
 from bonecam.tool.cutter import Cutter
 from bonecam.workholding.post import Post
 

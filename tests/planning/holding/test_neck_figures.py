@@ -17,7 +17,7 @@ from bonecam.planning.estimate import LayersToCut
 from bonecam.planning.neck import PEAK_SHARE, Neck, finished_beam, neck_figures, with_found_depths
 from bonecam.setup.capsule import Capsule
 from bonecam.setup.placement import Setup
-from bonecam.setup.schedule import schedule_of
+from bonecam.setup.stock import schedule_of
 from bonecam.workholding.post import Post
 
 LIMITS = machine_limits(read_machine("mikron-ucp600"))

@@ -15,7 +15,7 @@ from bonecam.report.typed import PostFigures
 from bonecam.report.warnings import post_lines
 from bonecam.setup.capsule import Capsule
 from bonecam.setup.placement import Setup
-from bonecam.setup.schedule import schedule_of
+from bonecam.setup.stock import schedule_of
 from bonecam.workholding.post import Post
 
 pytestmark = pytest.mark.whole

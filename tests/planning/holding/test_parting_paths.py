@@ -23,7 +23,7 @@ from bonecam.planning.stump import cut_groove
 from bonecam.report.tables import apt_text, read_apt
 from bonecam.setup.capsule import smallest_capsule
 from bonecam.setup.placement import Setup
-from bonecam.setup.schedule import schedule_of
+from bonecam.setup.stock import schedule_of
 from bonecam.setup.stocks.mesh import ConvexStock
 from bonecam.tool.path import PARTING
 from bonecam.verify.proof import verify

@@ -11,7 +11,7 @@ import pytest
 from bonecam.cli import main
 from bonecam.errors import FileError, LevelError
 from bonecam.levels import job_levels
-from bonecam.levels.edge_rounding import levels_in
+from bonecam.levels.job_levels import levels_in
 from bonecam.levels.measure import Level, StockLevel, line_depths
 from bonecam.levels.open_morph import morph_open
 from bonecam.mesh.files.mesh_files import read_mesh, write_mesh
@@ -21,7 +21,7 @@ from bonecam.report.kept import keep_failed_level, keep_levels
 from bonecam.report.page.contents import NO_LEVEL, PARTED, Contents, pack
 from bonecam.runtime.own_files import OWN_FILES
 from bonecam.setup.capsule import Capsule
-from bonecam.setup.schedule import Schedule
+from bonecam.setup.stock import Schedule
 from bonecam.setup.stocks.cylinder import Cylinder
 from bonecam.surface.skinning import skin
 from bonecam.surface.tspline import TSpline

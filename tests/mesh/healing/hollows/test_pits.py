@@ -6,8 +6,8 @@ import pytest
 
 from bonecam.job import Job, MeshJob
 from bonecam.mesh.hollows import CHORD, LEAST, SHALLOW, Fill, fill_pits
+from bonecam.mesh.meshlab import split_edges
 from bonecam.mesh.part import prepare_part
-from bonecam.mesh.remeshing import split_edges
 from bonecam.mesh.solids import self_intersections
 from bonecam.mesh.triangle_mesh import TriangleMesh
 

@@ -10,7 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from bonecam.job import Job
-from bonecam.machine.kinematics import Control
+from bonecam.machine.control import Control
 from bonecam.machine.machine import MACHINES, machine_names, read_machine
 from bonecam.nc.dialect import read_dialect
 from bonecam.nc.header import air_check_texts

@@ -1,1 +1,0 @@
-"""Closest points on a surface and on triangles."""
