@@ -77,6 +77,21 @@ def test_import_loads_no_library() -> None:
     assert not {"numpy", "scipy", "numba", "open3d", "pymeshlab"} & set(answer.stdout.split())
 
 
+def test_help_loads_nothing_that_computes() -> None:
+    """What a command needs is loaded when it runs: kernels and mesh libraries take two seconds."""
+    code = """
+import sys
+from bonecam.cli import main
+try:
+    main(["--help"])
+finally:
+    print("LOADED", *{name.split(".")[0] for name in sys.modules})
+"""
+    answer = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT)
+    _, loaded = answer.stdout.split("LOADED")
+    assert not {"numba", "open3d", "pymeshlab", "igl", "fcl", "matplotlib"} & set(loaded.split())
+
+
 @pytest.mark.parametrize("name", WANTED)
 def test_public_names_are_typed(name: str, answers: dict[str, str]) -> None:
     assert "Revealed type is" in answers[name]
