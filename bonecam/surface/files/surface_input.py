@@ -114,7 +114,7 @@ def machined_surface(source: str | Path | MeshLike, units: str, tolerance: float
     file = Path(source)
     ending = file.suffix.lower()
     if ending in ENDINGS:
-        surface = read_tsm(file)
+        surface = read_tsm(file, to_mm=True)
     elif ending in (*STEP, *IGES):
         faces = read_bsplines(file)
         if len(faces) != 1:
@@ -218,7 +218,7 @@ def _saved(path: str | Path, scale: float, max_control_points: int) -> tuple[TSp
         raise UnitsError(
             f"{path}: states its unit itself and was read in mm: leave out --units (mesh.units)", file=str(path)
         )
-    surface = read_tsm(path)
+    surface = read_tsm(path, to_mm=True)
     count = surface.tmesh.size
     if count > max_control_points:
         what = f"has {count} control points, {max_control_points} are allowed"

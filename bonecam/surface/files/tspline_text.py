@@ -23,7 +23,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from bonecam.errors import FileError, SurfaceError
+from bonecam.errors import FileError, SurfaceError, file_error
 from bonecam.files import write_whole
 from bonecam.mesh.files.cad import IGES, STEP, occ
 from bonecam.mesh.files.mesh_files import bytes_of
@@ -149,7 +149,7 @@ def _prove(text: str, surface: TSpline[TMesh], path: Path) -> None:
 def _scale(header: dict[str, list[str]], path: Path) -> float:
     unit = header.get("units", ["", "?"])[-1]
     if unit not in MILLIMETRES:
-        raise FileError(f"{path}: unit '{unit}' is none of {', '.join(MILLIMETRES)}", file=str(path))
+        raise file_error(path, f"its unit {unit!r} is not known", f"state one of {', '.join(MILLIMETRES)} (units)")
     return MILLIMETRES[unit]
 
 

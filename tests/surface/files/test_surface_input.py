@@ -12,6 +12,7 @@ from bonecam.errors import FileError, SurfaceError, UnitsError
 from bonecam.surface.files.surface_input import (
     closed_mesh,
     holds_surface,
+    machined_surface,
     move_with_part,
     read_surface,
     reverse_parameters,
@@ -137,3 +138,15 @@ def test_a_name_that_fits_no_form_is_refused_before_the_work(bone_like: Callable
     with pytest.raises(FileError, match=r"have no \.tsm form: end the name in \.tspline"):
         save_surface(bone_like(), tmp_path / "a.tsm")
     assert not list(tmp_path.iterdir())
+
+
+def test_a_tsm_is_machined_in_the_unit_that_it_states(shared: Path, tmp_path: Path) -> None:
+    text = (shared / "tspline" / "tsm" / "simple.tsm").read_text()
+    sizes = []
+    for unit in ("millimeters", "inches"):
+        (tmp_path / "a.tsm").write_text(text.replace("units 0.001 millimeters", f"units 0.001 {unit}"))
+        sizes.append(np.ptp(machined_surface(tmp_path / "a.tsm", "stated", 0.1).control_points, axis=0))
+    np.testing.assert_allclose(sizes[1], 25.4 * sizes[0])
+    (tmp_path / "a.tsm").write_text(text.replace("units 0.001 millimeters", ""))
+    with pytest.raises(FileError, match=r"a\.tsm: its unit '\?' is not known: state one of millimeters"):
+        machined_surface(tmp_path / "a.tsm", "stated", 0.1)
