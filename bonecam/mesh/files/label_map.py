@@ -28,6 +28,8 @@ UNITS = {"mm": 1.0, "um": 0.001, "\N{MICRO SIGN}m": 0.001, "micron": 0.001, "cm"
 """The mm of units that an NRRD may state."""
 MOST_SKEW = 1e-3
 """Most angle of axes of voxels from perpendicular, radians: 0.05 mm in a bone of 50 mm."""
+MOST_OFF = 1e-3
+"""Largest difference between a NIfTI's two sizes of a voxel, share of it: the same."""
 NIFTI_1, NIFTI_2 = 348, 540
 """Bytes of the headers of NIfTI-1 and 2, which begin with these numbers."""
 SHOWN = 12
@@ -94,14 +96,20 @@ def _header(file: Path) -> _Header:
 def _nrrd_header(file: Path, data: bytes) -> _Header:
     text, voxels = [*re.split(rb"\r?\n\r?\n", data, maxsplit=1), b""][:2]
     lines = text.decode(errors="replace").lower()
-    fields = dict(re.findall(r"^([^:#\n]+): *(.*?)\s*$", lines, re.MULTILINE))
+    fields = dict(re.findall(r"^([^:#\n]+):(?!=) *(.*?)\s*$", lines, re.MULTILINE))
     if {"data file", "datafile"} & fields.keys():
         raise file_error(file, "keeps its voxels in another file", "save it as one NRRD")
+    if "left-handed" in fields.get("space", ""):
+        raise file_error(file, "states left-handed axes, whose mirror image would be read", "save it in LPS or RAS")
     units = set(re.findall(r'"([^"]+)"', fields.get("space units", "") + fields.get("units", "")))
     if len(units) > 1 or units - set(UNITS):
         what = f"states the units {', '.join(sorted(units))}"
         raise file_error(file, what, f"write it in one of {', '.join(UNITS)}")
     rows = [row.split(",") for row in re.findall(r"\(([^)]*)\)", fields.get("space directions", ""))]
+    spacings = fields.get("spacings", "")
+    if fields and not rows and (not spacings or "nan" in spacings):
+        what = "does not state how far apart its voxels are along every axis"
+        raise file_error(file, what, "state it (space directions or spacings)")
     try:
         axes = np.array(rows, dtype=np.float64).reshape(-1, 3)
     except ValueError:
@@ -122,11 +130,19 @@ def _nifti_header(file: Path, data: bytes) -> _Header:
         return _Header(np.empty((0, 3)), "mm", 1.0, 0, 0)
     if not np.isfinite(struct.unpack_from(f"{order}9f", data, 76) + struct.unpack_from(f"{order}18f", data, 256)).all():
         raise file_error(file, "has sizes or axes of voxels that are not numbers", "write it anew from its source")
-    by_rows = np.array(struct.unpack_from(f"{order}12f", data, 280)).reshape(3, 4)[:, :3]
+    pitch = struct.unpack_from(f"{order}3f", data, 80)
+    axes = np.array(struct.unpack_from(f"{order}12f", data, 280)).reshape(3, 4)[:, :3].T
     used = struct.unpack_from(f"{order}h", data, 254)[0] > 0
+    lengths = np.linalg.norm(axes, axis=1) if used else np.abs(pitch)
+    if not (np.allclose(pitch, lengths, rtol=MOST_OFF) or _skew(axes) > MOST_SKEW) or min(pitch) <= 0:
+        shown = (" x ".join(f"{size:.4g}" for size in sizes) for sizes in (pitch, lengths))
+        what = "has voxels of {} by pixdim and {} by its transform".format(*shown)
+        raise file_error(file, what, "write it anew with one transform")
     start = int(struct.unpack_from(f"{order}f", data, 108)[0])
-    width = struct.unpack_from(f"{order}h", data, 72)[0] // 8
-    return _Header(by_rows.T if used else np.empty((0, 3)), "mm", 1.0, len(data) - start, width)
+    bits = struct.unpack_from(f"{order}h", data, 72)[0]
+    if bits % 8:
+        raise file_error(file, f"has voxels of {bits} bits", "save it with one byte a voxel")
+    return _Header(axes if used else np.empty((0, 3)), "mm", 1.0, len(data) - start, bits // 8)
 
 
 def _skew(axes: Float[ndarray, "n 3"]) -> float:

@@ -392,6 +392,48 @@ def test_a_sheared_label_map_is_refused(tmp_path: Path) -> None:
         label_surface(tmp_path / "a.nii", 0, smooth=False)
 
 
+STATED = ("space directions: (1,0,0) (0,1,0) (0,0,1)", "space: left-posterior-superior\n", "space origin: (0,0,0)\n")
+UNSTATED = {
+    "nothing": ("", "does not state how far apart its voxels are along every axis: state it"),
+    "one axis": ("spacings: 1 1 nan\n", "does not state how far apart"),
+    "its ends": ("axis mins: 0 0 0\naxis maxs: 12 12 12\n", "does not state how far apart"),
+    "left": (f"space: 3D-left-handed\n{STATED[0]}\n", "states left-handed axes.*: save it in LPS or RAS"),
+}
+
+
+@pytest.mark.parametrize("name", UNSTATED)
+def test_an_nrrd_without_its_voxels_size_or_in_left_handed_axes_is_refused(name: str, tmp_path: Path) -> None:
+    pytest.importorskip("SimpleITK")
+    text = nrrd("(1,0,0) (0,1,0) (0,0,1)")
+    for line in (STATED[0] + "\n", *STATED[1:]):
+        text = text.replace(line.encode(), b"")
+    (tmp_path / "a.nrrd").write_bytes(text.replace(b"kinds", UNSTATED[name][0].encode() + b"kinds"))
+    with pytest.raises(FileError, match=UNSTATED[name][1]):
+        label_surface(tmp_path / "a.nrrd", 0, smooth=False)
+    (tmp_path / "b.nrrd").write_bytes(text.replace(b"kinds", b'spacings: 1 1 1\nspace units:="cm"\nkinds'))
+    assert label_surface(tmp_path / "b.nrrd", 0, smooth=False).map.unit == ""
+
+
+@pytest.mark.parametrize(
+    ("at", "values", "told"),
+    [
+        (80, (2, 2, 2), r"voxels of 2 x 2 x 2 by pixdim and 1 x 1 x 1 by its transform: write it anew with one transf"),
+        (80, (-1, 1, 1), "voxels of -1 x 1 x 1 by pixdim"),
+        (280, (2, 0, 0, 0, 0, 2, 0, 0, 0, 0, 2, 0), "voxels of 1 x 1 x 1 by pixdim and 2 x 2 x 2"),
+    ],
+)
+def test_a_nifti_with_two_sizes_of_a_voxel_is_refused(
+    at: int, values: tuple[float, ...], told: str, tmp_path: Path
+) -> None:
+    itk = pytest.importorskip("SimpleITK")
+    itk.WriteImage(itk.GetImageFromArray(np.pad(np.ones((10, 10, 10), np.uint8), 1)), str(tmp_path / "a.nii"))
+    data = bytearray((tmp_path / "a.nii").read_bytes())
+    struct.pack_into(f"<{len(values)}f", data, at, *values)
+    (tmp_path / "a.nii").write_bytes(data)
+    with pytest.raises(FileError, match=told):
+        label_surface(tmp_path / "a.nii", 0, smooth=False)
+
+
 SQUARE = "(1,0,0) (0,1,0) (0,0,1)"
 ENCODED: dict[str, Callable[[bytes], bytes]] = {
     "raw": bytes,
