@@ -9,8 +9,8 @@ Points from text files: XYZ, CSV, ASC, PTS, TXT, DAT.
 One point a line, x y z first (normals, colours and what else follows are left out), separated by blanks,
 tabs, commas or semicolons; where semicolons or blanks alone separate, a comma is a decimal comma. Blocks of points are
 separated by empty lines or comments (# or //), or headed by a line with their number (and `3`), which is held against
-the block. One line of column names may stand before them; they must begin with x, y, z (tables of blades have other
-columns).
+the block. One line of column names may stand before them, one for each column: those with the names x, y and z are taken, or the
+first ones where these begin with x, y, z (tables of blades have other columns).
 
 One block is a point cloud; several blocks are the rows of a surface (`bonecam.surface.skinning`).
 """
@@ -78,27 +78,29 @@ def read_blocks(path: str | Path, columns: str = "xyz") -> tuple[Float[ndarray, 
     """The blocks of points of a text file, in the file's unit. FileError names the file, the line and what is
     wrong with it.
 
-    `columns` are the letters that the names of the columns begin with; as many numbers of a line are taken.
+    `columns` are the names of the columns that are taken, a letter each; without a line of names they are the first.
     """
     file = Path(path)
     blocks: list[list[list[float]]] = [[]]
     heads: list[tuple[int, int, list[list[float]]]] = []
-    names = False
+    named = None
     for at, line in enumerate(required_text(file, "points as text").splitlines(), 1):
-        words = _words(line)
-        if not words:
+        fields = _fields(line)
+        if not fields:
             blocks += [[]] if blocks[-1] else []
             continue
         try:
-            values = [number(word) for word in words]
+            values = [number(word) for field in fields for word in field.split() or [field]]
         except ValueError as error:
-            if not names and not any(blocks) and _names_columns(words, columns):
-                names = True
-                continue
+            if not named and not any(blocks):
+                named = _named_columns(fields, columns)
+                if named:
+                    continue
             raise _refusal(
                 file, at, f"{line.strip()[:40]!r} is no point", f"write {' '.join(columns)} in columns of that order"
             ) from error
-        place = values[: len(columns)]
+        count, places = named or (len(values), range(len(columns)))
+        place = [values[k] for k in places if k < len(values)]
         if not np.isfinite(place).all():
             raise _refusal(file, at, f"{line.strip()[:40]!r} is not finite", "export the points again")
         if max(map(abs, place)) > LARGEST_COORDINATE:
@@ -110,6 +112,9 @@ def read_blocks(path: str | Path, columns: str = "xyz") -> tuple[Float[ndarray, 
                 raise _refusal(file, at, f"{len(values)} numbers are no point", asked)
             blocks.append([])
             heads.append((at, int(values[0]), blocks[-1]))
+        elif len(values) != count:
+            what = f"{len(values)} numbers under the names of {count} columns"
+            raise _refusal(file, at, what, "name every column, or none")
         else:
             blocks[-1].append(place)
     for at, count, block in heads:
@@ -122,14 +127,14 @@ def read_blocks(path: str | Path, columns: str = "xyz") -> tuple[Float[ndarray, 
     return arrays
 
 
-def _words(line: str) -> list[str]:
-    """The words of a line, decimal commas made points; none for a comment."""
-    text = line.strip()
-    if text.startswith(("#", "//")):
+def _fields(line: str) -> list[str]:
+    """What commas, or semicolons, separate in a line, decimal commas made points; nothing for a comment."""
+    text = line.strip().rstrip(",; \t")
+    if not text or (text.startswith(("#", "//")) and text[1:2] not in (",", ";")):
         return []
     if ";" in text or ("," in text and _has_decimal_commas(text.split())):
-        return text.replace(",", ".").replace(";", " ").split()
-    return text.replace(",", " ").split()
+        return text.replace(",", ".").split(";")
+    return text.split(",")
 
 
 def _has_decimal_commas(words: list[str]) -> bool:
@@ -137,11 +142,19 @@ def _has_decimal_commas(words: list[str]) -> bool:
     return len(words) > 2 and all(DECIMAL.fullmatch(word) for word in words)
 
 
-def _names_columns(words: list[str], columns: str) -> bool:
-    """Whether column names, units between them left out, begin with these letters."""
-    bare = [word.strip("\"'").lower() for word in words]
-    names = [name for name in bare if name[:1].isalpha()]
-    return [name[0] for name in names[: len(columns)]] == list(columns)
+def _named_columns(fields: list[str], columns: str) -> tuple[int, list[int]] | None:
+    """How many columns names tell of, and the places of those that have these letters for names, units behind them
+    left out, or begin with them; None where there are none."""
+    words = fields if len(fields) > 1 else fields[0].split()
+    names = [word.strip("\"' \t").lower() for word in words]
+    if len(fields) == 1:
+        names = [name for name in names if name[:1].isalpha()]
+    bare = [re.split("[^a-z_]", name)[0] for name in names]
+    if all(bare.count(letter) == columns.count(letter) == 1 for letter in columns):
+        return len(names), list(map(bare.index, columns))
+    first = bare[: len(columns)]
+    begin = [name[:1] for name in first] == list(columns) and "norm" not in "".join(first)
+    return (len(names), list(range(len(columns)))) if begin else None
 
 
 def _is_head(values: list[float]) -> bool:

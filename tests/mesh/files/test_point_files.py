@@ -22,6 +22,10 @@ SAME = {
     "narrow.csv": "1,2 ,3 ,4\n4, 5 ,6.5\n\n7,8  9\n",
     "heads.txt": "2 3\n1 2 3\n4 5 6.5\n1 3\n7 8 9\n",
     "count.pts": "2\n\n1 2 3\n4 5 6.5\n1\n# a comment\n7 8 9\n",
+    "index.csv": ",x,y,z\n0,1,2,3\n1,4,5,6.5\n\n2,7,8,9\n",
+    "quoted.csv": '"","x","y","z"\n0,1,2,3\n1,4,5,6.5\n\n2,7,8,9\n',
+    "hash.csv": "#,x,y,z,\n0,1,2,3,\n1,4,5,6.5\n,,,\n2,7,8,9\n",
+    "normals.csv": "x_normal;x;y;z\n0,5;1;2;3\n0,5;4;5;6,5\n\n0;7;8;9\n",
     "mark.asc": "\ufeff// a comment\n1 2 3\n4 5 6.5\n \n7 8 9",
 }
 
@@ -45,6 +49,9 @@ BAD = {
     "nan head.xyz": (b"nan 3\n1 2 3\n", "line 1: 'nan 3' is not finite"),
     "far.xyz": (b"1 2 3\n4 -1e308 6\n", "far.xyz line 2: a coordinate of -1e+308: export the points again"),
     "binary.xyz": (b"\xff\xfe\x00\x80", "is no text"),
+    "hole.csv": (b"1,2,3,4\n1,,2,3\n", "hole.csv line 2: '1,,2,3' is no point"),
+    "wide.csv": (b"x,y,z\n0,1,2,3\n", "wide.csv line 2: 4 numbers under the names of 3 columns: name every column"),
+    "turned.csv": (b"x_normal,y_normal,z_normal\n0,1,2\n", "turned.csv line 1"),
     "cut.pts": (b"3\n1 2 3\n4 5 6\n", "cut.pts line 1: tells of 3 points, 2 follow it in one block"),
     "long.xyz": (b"2 3\n1 2 3\n4 5 6\n1\n\n7 8 9\n1 2 3\n", "long.xyz line 4: tells of 1 points, 2 follow"),
     "rows.csv": (b"1 2 3\n4 5 6\n\n1 2 4\n4 5 7\n", "holds 2 rows of points, no mesh"),
