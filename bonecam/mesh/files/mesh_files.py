@@ -173,7 +173,7 @@ PARSERS = {".stl": parse_stl, ".ply": parse_ply, ".obj": parse_obj, ".off": pars
 MESHES = tuple(PARSERS)
 """Endings of mesh files that MeshLab reads too."""
 SCENES = {".vtk": parse_vtk, ".vtp": parse_vtp, ".vtu": parse_vtu, ".glb": parse_glb, ".3mf": parse_3mf}
-"""Other files of surfaces; .vtp, .vtu and grids in .vtk need the extra `formats`."""
+"""Other files of surfaces; .vtp and .vtu need the extra `formats`."""
 CAD = (*STEP, *IGES, *ACIS, *DXF)
 """Endings of CAD files, which need the extra `cad`."""
 READABLE = (*MESHES, *SCENES, *CAD, *POINTS)

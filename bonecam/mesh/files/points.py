@@ -9,8 +9,8 @@ Points from text files: XYZ, CSV, ASC, PTS, TXT, DAT.
 One point a line, x y z first (normals, colours and what else follows are left out), separated by blanks,
 tabs, commas or semicolons; where semicolons or blanks alone separate, a comma is a decimal comma. Blocks of points are
 separated by empty lines or comments (# or //), or headed by a line with their number (and `3`), which is held against
-the block. One line of column names may stand before them, one for each column: those with the names x, y and z are taken, or the
-first ones where these begin with x, y, z (tables of blades have other columns).
+the block. One line of column names may stand before them, one for each column: those with the names x, y and z are
+taken, or the first ones where these begin with x, y, z (tables of blades have other columns).
 
 One block is a point cloud; several blocks are the rows of a surface (`bonecam.surface.skinning`).
 """

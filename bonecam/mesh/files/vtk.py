@@ -1,12 +1,13 @@
 """VTK's surfaces: legacy files (.vtk, versions to 4.2 and 5.1, text or binary) and XML files (.vtp, .vtu).
 
-meshio reads VTK's unstructured grids only. Of legacy POLYDATA points, polygons and strips are read here: their sizes
-stand before them. The head of a .vtp is rewritten as that of an unstructured grid of polygons, whose data meshio
-decodes, and once more for its strips. Cells that are no faces are counted and refused.
+Legacy files are read here: sizes stand before what they tell of. meshio decodes the data of a .vtu; the head of a .vtp
+is rewritten as that of an unstructured grid of polygons, and once more for its strips. Cells that are no faces are
+counted and refused.
 """
 
 import io
 import re
+from collections import Counter
 from contextlib import redirect_stderr
 from importlib import import_module
 from typing import Any
@@ -21,8 +22,10 @@ from bonecam.runtime.staging import temporary_folder
 TYPES = {b"float": ">f4", b"double": ">f8", b"int": ">i4", b"vtktypeint64": ">i8", b"long": ">i8"}
 """Numbers of a binary legacy file, the high byte first, by the words for them."""
 SURFACE = "save the surface as PolyData with polygons"
-VTK_POLYGON = "7"
+VTK_POLYGON = 7
 """The type of a cell that is a polygon, in VTK's numbers."""
+CORNERS = {5: 3, VTK_POLYGON: 0, 9: 4}
+"""Corners of the types of cells that are faces, 0 for any number."""
 OTHERS = ("vertices", "lines")
 """Sections of a legacy surface that are no faces."""
 PARTS = (b"Verts", b"Lines", b"Strips", b"Polys")
@@ -38,27 +41,31 @@ def parse_vtk(data: bytes) -> Content:
     """The vertices and faces of a legacy file."""
     if not data.startswith(b"# vtk DataFile"):
         raise ContentError("is no VTK file", "give a VTK file, or name the file by its true kind")
-    head = re.match(rb"[^\n]*\n[^\n]*\n\s*(ASCII|BINARY)\s+DATASET\s+(\w+)", data)
-    if head is not None and head[2] == b"UNSTRUCTURED_GRID":
-        cells = re.split(rb"(?<=\s)(?:POINT|CELL)_DATA\s", data)[0]  # attributes, some of which meshio does not know
-        return _grid_content(_read(cells, "vtk", "VTK"), re.findall(rb"\sCELL_TYPES\s+(\d+)", cells))
-    if head is None or head[2] != b"POLYDATA":
-        raise ContentError(f"holds no surface but {head[2].decode() if head else 'nothing'}", SURFACE)
-    binary = head[1] == b"BINARY"
+    head = re.match(rb"[^\n]*\n[^\n]*\n\s*(ASCII|BINARY)\s+DATASET\s+(\w+)", data, re.IGNORECASE)
+    dataset = head[2].upper() if head else b"nothing"
+    if head is None or dataset not in (b"POLYDATA", b"UNSTRUCTURED_GRID"):
+        raise ContentError(f"holds no surface but {dataset.decode()}", SURFACE)
+    binary = head[1].upper() == b"BINARY"
     numbers, end = _numbers(data, rb"POINTS\s+(\d+)\s+(\w+)", head.end(), binary, 3)
     points = numbers.reshape(-1, 3)
-    others = {name: re.compile(rb"(?<!\w)%b\s+(\d+)" % name.upper().encode()).search(data, end) for name in OTHERS}
+    others = {name: _compiled(rb"(?<!\w)%b\s+(\d+)" % name.encode()).search(data, end) for name in OTHERS}
     refuse_others({name: int(match[1]) for name, match in others.items() if match})
-    polygons = _section(data, b"POLYGONS", end, binary)
+    grid = dataset == b"UNSTRUCTURED_GRID"
+    polygons = _section(data, b"CELLS" if grid else b"POLYGONS", end, binary, typed=grid)
     strips = _section(data, b"TRIANGLE_STRIPS", end, binary)
     if polygons is None and strips is None:
         raise ContentError("holds no polygons", SURFACE)
     return _content(points, polygons, strips)
 
 
-def _section(data: bytes, word: bytes, start: int, binary: bool) -> Cells | None:
-    """Corners and counts of the cells behind the `word`; None where it is not there."""
-    heads = list(re.compile(rb"(?<!\w)%b\s+(\d+)\s+(\d+)[^\S\n]*\n" % word).finditer(data, start))
+def _compiled(pattern: bytes) -> re.Pattern[bytes]:
+    return re.compile(pattern, re.IGNORECASE)  # as VTK reads its words
+
+
+def _section(data: bytes, word: bytes, start: int, binary: bool, typed: bool = False) -> Cells | None:
+    """Corners and counts of the cells behind the `word`, whose types follow if they are `typed`; None where it is not
+    there."""
+    heads = list(_compiled(rb"(?<!\w)%b\s+(\d+)\s+(\d+)[^\S\n]*\n" % word).finditer(data, start))
     if not heads:
         return None
     if len(heads) > 1:
@@ -73,8 +80,18 @@ def _section(data: bytes, word: bytes, start: int, binary: bool) -> Cells | None
         if (rows != np.rint(rows)).any():
             raise ContentError("has corners that are no whole numbers")
         cells = _unrolled(rows.astype(np.int64), int(head[1]))
-    if not re.compile(rb"\s*([A-Za-z]|\Z)").match(data, end):
-        raise ContentError(f"goes on after the {int(head[1])} {word.decode()} that it tells of", CUT_SHORT)
+    ends = [end]
+    if typed:
+        types, end = _numbers(data, rb"CELL_TYPES\s+(\d+)()", end, binary, 1)
+        ends.append(end)
+        others = Counter(types[~np.isin(types, list(CORNERS))].astype(np.int64).tolist())
+        refuse_others({f"cells of type {kind}": count for kind, count in others.items()})
+        told = np.array([CORNERS[kind] for kind in types])
+        if len(told) != len(cells[1]) or (told * (told != cells[1])).any():
+            raise ContentError(f"tells of {len(cells[1])} cells whose {len(told)} types do not fit", CUT_SHORT)
+    for end in ends:
+        if not re.compile(rb"\s*([A-Za-z]|\Z)").match(data, end):
+            raise ContentError(f"goes on after the {int(head[1])} {word.decode()} that it tells of", CUT_SHORT)
     return cells
 
 
@@ -82,10 +99,12 @@ def _numbers(
     data: bytes, pattern: bytes, start: int, binary: bool, size: int, count: int | None = None
 ) -> tuple[ndarray, int]:
     """The numbers behind a keyword with its count (unless that is known) and type, `size` each, and where they end."""
-    match = re.compile(pattern + rb"[^\S\n]*\n").search(data, start)
+    match = _compiled(pattern + rb"[^\S\n]*\n").search(data, start)
     if match is None:
         raise ContentError("is cut short: points or corners are missing", CUT_SHORT)
-    return _values(data, match.end(), binary, match[2], size * (int(match[1]) if count is None else count))
+    return _values(
+        data, match.end(), binary, match[2].lower() or b"int", size * (int(match[1]) if count is None else count)
+    )
 
 
 def _values(data: bytes, start: int, binary: bool, kind: bytes, count: int) -> tuple[ndarray, int]:
@@ -141,71 +160,81 @@ def _content(points: ndarray, polygons: Cells | None, strips: Cells | None = Non
 
 def parse_vtu(data: bytes) -> Content:
     """The vertices and faces of an XML file of an unstructured grid."""
-    return _grid_content(_read(data, "vtu", "VTU"), re.findall(rb'NumberOfCells="(\d+)"', data))
+    points, cells = _read(data, "VTU", sum(_told(data.partition(b"<AppendedData")[0], b"Cells")))
+    return _content(points, cells)
 
 
 def parse_vtp(data: bytes) -> Content:
     """The vertices and faces of an XML file of a surface. ContentError names the extra where meshio is not
     installed."""
     head = data.partition(b"<AppendedData")[0]
-    totals = {name: sum(map(int, re.findall(rb'NumberOf%b="(\d+)"' % name, head))) for name in PARTS}
     if b'type="PolyData"' not in head or b"NumberOfPolys" not in head:
         raise ContentError("is no VTP", "give a VTP, or name the file by its true kind")
+    totals = {name: sum(_told(head, name)) for name in PARTS}
+    for name, total in totals.items():
+        inside = re.findall(rb"<%b\b[^>]*>(.*?)</%b>" % (name, name), head, re.DOTALL)
+        words = re.sub(rb"<[^>]*>", b" ", b"".join(inside)).split()
+        if total > len(data) or (words and not total and all(map(bytes.isdigit, words))):
+            raise ContentError(f"tells of {total} {name.decode()}, which are not those that are there", CUT_SHORT)
     refuse_others({"vertices": totals[b"Verts"], "lines": totals[b"Lines"]})
-    grids = {name: _read(_as_grid(data, name), "vtu", "VTP") for name in (b"Polys", b"Strips") if totals[name]}
+    grids = {name: _read(_as_grid(data, name), "VTP", totals[name]) for name in (b"Polys", b"Strips") if totals[name]}
     if not grids:
         raise ContentError("holds no polygons", SURFACE)
-    cells = {name: _cells(grid, totals[name]) for name, grid in grids.items()}
-    points = next(iter(grids.values())).points
-    return _content(points, cells.get(b"Polys"), cells.get(b"Strips"))
+    points = next(iter(grids.values()))[0]
+    return _content(points, *(grids[name][1] if name in grids else None for name in (b"Polys", b"Strips")))
 
 
-def _grid_content(grid: Any, numbers: list[bytes]) -> Content:
-    """The faces of an unstructured grid whose file tells of so many cells in each piece. ContentError where it has
-    other cells."""
-    others = [block for block in grid.cells if block.type not in FACES and not block.type.startswith("polygon")]
-    refuse_others({f"{block.type} cells": len(block.data) for block in others})
-    return _content(grid.points, _cells(grid, sum(map(int, numbers))))
+def _told(head: bytes, part: bytes) -> list[int]:
+    """How many cells of a kind the head of an XML file tells of, in each piece."""
+    return list(map(int, re.findall(rb"NumberOf%b\s*=\s*[\"'](\d+)[\"']" % part, head)))
 
 
-def _cells(grid: Any, total: int) -> Cells:
-    """Corners and counts of all cells of a grid, `total` of them."""
-    blocks = [block.data for block in grid.cells]
-    counts = np.concatenate([np.full(len(block), block.shape[1]) for block in blocks] or [np.empty(0)])
-    if len(counts) != total:
-        raise ContentError(f"tells of {total} cells, {len(counts)} are there", CUT_SHORT)
-    corners = np.concatenate([block.ravel() for block in blocks] or [np.empty(0)])
-    return corners.astype(np.int64), counts.astype(np.int64)
-
-
-def _read(data: bytes, kind: str, name: str) -> Any:
-    """What meshio makes of the bytes of a .vtu or legacy .vtk file (`kind`), called `name`; it raises errors of many
-    kinds on damaged ones."""
+def _read(data: bytes, name: str, total: int) -> tuple[ndarray, Cells]:
+    """The points, and corners and counts of all cells, that meshio finds in the bytes of a .vtu, called `name`, that
+    tells of `total` cells; it raises errors of many kinds on damaged ones. ContentError where it has cells that are no
+    faces."""
     try:
-        reader = import_module(f"meshio.{kind}")
+        library = import_module("meshio.vtu")._vtu.VtuReader
     except ImportError as error:
         raise ContentError(f"reading {name} needs meshio", "pip install 'bonecam[formats]'") from error
+    named = 0
+
+    def read_data(reader: Any, element: Any) -> Any:
+        nonlocal named
+        values = library.read_data(reader, element)
+        named += len(values) if element.get("Name") == "connectivity" else 0
+        return values.astype(np.int64) if element.get("Name") in ("connectivity", "offsets") else values
+
     with temporary_folder() as folder, redirect_stderr(io.StringIO()):
-        file = folder / f"surface.{kind}"
+        file = folder / "surface.vtu"
         file.write_bytes(data)
         try:
-            return reader.read(str(file))
+            grid = type("Reader", (library,), {"read_data": read_data})(str(file))
         except (Exception, SystemExit) as error:
             reason = " ".join(f"{type(error).__name__} {error}".split())[:200]
             remedy = "save it anew, its data in text or binary and not appended raw"
             raise ContentError(f"cannot be read as {name} ({reason})", remedy) from error
+    others = [block for block in grid.cells if block.type not in FACES and not block.type.startswith("polygon")]
+    refuse_others({f"{block.type} cells": len(block.data) for block in others})
+    blocks = [block.data for block in grid.cells]
+    counts = np.concatenate([np.full(len(block), block.shape[1]) for block in blocks] or [np.empty(0)])
+    corners = np.concatenate([block.ravel() for block in blocks] or [np.empty(0)])
+    if (len(counts), len(corners)) != (total, named):
+        what = f"tells of {total} cells and {named} corners, {len(counts)} and {len(corners)} are there"
+        raise ContentError(what, CUT_SHORT)
+    return grid.points, (corners.astype(np.int64), counts.astype(np.int64))
 
 
 def _as_grid(data: bytes, part: bytes) -> bytes:
     """The bytes of a .vtp as those of a .vtu whose cells are its polygons, or its strips as if these were polygons."""
     head, mark, appended = data.partition(b"<AppendedData")
-    numbers = re.findall(rb'NumberOf%b="(\d+)"' % part, head)
+    numbers = _told(head, part)
     for name in {*PARTS, b"PointData", b"CellData", b"FieldData"} - {part}:
         head = re.sub(rb"<%b\b[^>]*/>|<%b\b.*?</%b>" % (name, name, name), b"", head, flags=re.DOTALL)
     head = head.replace(b"PolyData", b"UnstructuredGrid").replace(b"NumberOf" + part, b"NumberOfCells")
     head = head.replace(b"<" + part, b"<Cells")
     for number in numbers:
-        types = " ".join([VTK_POLYGON] * int(number)).encode()
+        types = " ".join([str(VTK_POLYGON)] * number).encode()
         array = b'<DataArray type="UInt8" Name="types" format="ascii">%b</DataArray></Cells>' % types
         head = head.replace(b"</%b>" % part, array, 1)
     return head + mark + appended

@@ -194,9 +194,12 @@ WHOLE: dict[str, Callable[[], bytes]] = {
     "normals.obj": lambda: b"vn nan nan nan\n" + obj(),
     "text.vtk": lambda: vtk(binary=False),
     "binary.vtk": lambda: vtk(binary=True),
+    "small.vtk": lambda: vtk(binary=False).lower().replace(b"# vtk datafile", b"# vtk DataFile"),
     "grid.vtk": grid_vtk,
     "a.vtp": vtp,
     "strips.vtp": lambda: vtp(strips=M // 2),
+    "quoted.vtp": lambda: vtp(strips=9).replace(b'NumberOfStrips="9"', b"NumberOfStrips = '9'"),
+    "unsigned.vtp": lambda: vtp().replace(b"Int64", b"UInt64"),
     "only_strips.vtp": lambda: vtp(strips=M),
     "a.vtu": vtu,
     "a.glb": glb,
@@ -249,6 +252,17 @@ COUNTS = {
     "binary.vtk": (vtk(True, HALF), "goes on after"),
     "a.vtp": (vtp(HALF), "cannot be read as VTP"),
     "a.vtu": (vtu(HALF), "cannot be read as VTU"),
+    "grid.vtk": (grid_vtk().replace(b"CELLS %d" % M, b"CELLS %d" % HALF), f"{HALF} cells whose {M} types do not fit"),
+    "types.vtk": (grid_vtk().replace(b"TYPES %d" % M, b"TYPES %d" % HALF), f"{M} cells whose {HALF} types do not fit"),
+    "kinds.vtk": (grid_vtk().replace(b"\n5\n", b"\n9\n"), "types do not fit"),
+    "corners.vtu": (
+        vtu().replace(
+            b'</DataArray><DataArray type="Int64" Name="o', b' 0 1 2</DataArray><DataArray type="Int64" Name="o'
+        ),
+        f"tells of {M} cells and {3 * M + 3} corners, {M} and {3 * M} are there",
+    ),
+    "no_strips.vtp": (vtp(strips=9).replace(b'NumberOfStrips="9"', b""), "tells of 0 Strips, which are not"),
+    "many.vtp": (vtp().replace(b'Polys="%d' % M, b'Polys="100000000'), "tells of 100000000 Polys, which are not"),
     "a.glb": (glb(3 * HALF), "goes on for"),
 }
 
@@ -263,6 +277,7 @@ def test_a_count_that_is_too_small_or_large_is_refused(
 UNREAD = {
     "lines.vtp": (vtp(lines=3), "holds 3 lines, which are no faces"),
     "lines.vtk": (vtk(False, more=b"LINES 2 6\n2 0 1\n2 1 2\n"), "holds 2 lines"),
+    "tetrahedra.vtk": (grid_vtk().replace(b"\n5\n", b"\n10\n"), "cells of type 10, which are no faces"),
     "tetrahedra.vtu": (vtu(kind=10), "holds 128 tetra cells"),
     "points.glb": (glb(mode=0), "holds 1 points"),
     "nine.glb": (glb(mode=9), "holds 1 of mode 9, which are no faces that are read"),
