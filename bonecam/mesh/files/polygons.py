@@ -298,6 +298,8 @@ OTHERS = frozenset("vp l p g o s mg usemtl mtllib usemap maplib lod bevel c_inte
 """Words that may begin a line besides those of NAMES and f."""
 LEFT_OUT = {"l": "lines", "p": "points"}
 """Elements that are no faces."""
+NO_CONTINUATION = re.compile(rb"^((?:[^#\n]*#|[ \t]*mtllib).*)\\(?=\r?\n)", re.MULTILINE)
+"""Lines whose \\ at the end is part of a path: the next line is no part of them."""
 MAY_STAND_ALONE = frozenset("g o s usemtl".split())
 
 
@@ -309,7 +311,8 @@ def parse_obj(data: bytes) -> Content:
     totals = dict.fromkeys(NAMES, 0)
     highest = dict.fromkeys(NAMES, (0, 0))
     left_out = dict.fromkeys(LEFT_OUT, 0)
-    for line, words in numbered_words(data.replace(b"\\\n", b"  ").replace(b"\\\r\n", b"   ")):
+    data = NO_CONTINUATION.sub(rb"\1", data).replace(b"\\\n", b"  ").replace(b"\\\r\n", b"   ")
+    for line, words in numbered_words(data):
         kind = words[0]
         if kind in NAMES:
             totals[kind] += 1
@@ -539,7 +542,7 @@ def _lists(element: Any) -> list[ndarray]:
     """The lists of vertex numbers of an element; none where there is no such element."""
     if element is None or not element.count:
         return []
-    name = next((name for name in INDICES if name in (element.data.dtype.names or ())), None)
-    if name is None or element.data[name].dtype.kind != "O":
-        raise ContentError(f"its element {element.name!r} has no list {INDICES[0]!r}")
-    return list(element.data[name])
+    names = [name for name in INDICES if name in (element.data.dtype.names or ())]
+    if len(names) != 1 or element.data[names[0]].dtype.kind != "O":
+        raise ContentError(f"its element {element.name!r} has {len(names) or 'no'} lists {INDICES[0]!r}")
+    return list(element.data[names[0]])

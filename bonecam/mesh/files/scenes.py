@@ -75,7 +75,7 @@ def parse_glb(data: bytes) -> Content:
         if any("skin" in node for node in nodes) or any(any(each.get("weights", [])) for each in (*nodes, *meshes)):
             raise ContentError("moves its vertices by a skeleton or shape keys", "apply the pose and export it again")
         refuse_others({"instanced nodes": sum(INSTANCES in node.get("extensions", {}) for node in nodes)})
-        _require_covered(header)
+        _require_covered(header, buffers)
         placed = list(_glb_meshes(header, buffers))
     except ContentError:
         raise
@@ -107,22 +107,34 @@ def _chunks(data: bytes) -> tuple[dict[str, Any], list[bytes]]:
     return header, buffers
 
 
-def _require_covered(header: dict[str, Any]) -> None:
-    """ContentError where accessors leave out the end of a view or go beyond it: a count is wrong."""
-    ends: dict[int, int] = {}
+def _require_covered(header: dict[str, Any], buffers: list[bytes]) -> None:
+    """ContentError where accessors leave out more of a view than its padding, or go beyond it: a count is wrong."""
+    spans: dict[int, list[tuple[int, int]]] = {}
+
+    def cover(place: dict[str, Any], component: int, width: int, count: int) -> None:
+        row = np.dtype(COMPONENTS[component]).itemsize * width
+        start = place.get("byteOffset", 0)
+        end = start + (count - 1) * header["bufferViews"][place["bufferView"]].get("byteStride", row) + row
+        spans.setdefault(place["bufferView"], []).append((start, end))
+
     for accessor in header.get("accessors", []):
         if "bufferView" in accessor:
-            view = header["bufferViews"][accessor["bufferView"]]
-            row = np.dtype(COMPONENTS[accessor["componentType"]]).itemsize * WIDTHS[accessor["type"]]
-            stride = view.get("byteStride", row)
-            end = accessor.get("byteOffset", 0) + (accessor["count"] - 1) * stride + row
-            ends[accessor["bufferView"]] = max(end, ends.get(accessor["bufferView"], 0))
-    for number, end in ends.items():
+            cover(accessor, accessor["componentType"], WIDTHS[accessor["type"]], accessor["count"])
+        if "sparse" in accessor:
+            sparse = accessor["sparse"]
+            cover(sparse["indices"], sparse["indices"]["componentType"], 1, sparse["count"])
+            cover(sparse["values"], accessor["componentType"], WIDTHS[accessor["type"]], sparse["count"])
+    for number, places in spans.items():
         view = header["bufferViews"][number]
-        rest = view["byteLength"] - end
-        if rest >= max(view.get("byteStride", 0), PADDING) or rest < 0:
-            what = "goes on for" if rest > 0 else "is short by"
-            raise ContentError(f"{what} {abs(rest)} bytes after the numbers that it tells of", CUT_SHORT)
+        stride, size = view.get("byteStride", 0), view["byteLength"]
+        data = buffers[view["buffer"]][view.get("byteOffset", 0) :]
+        end = 0
+        for start, stop in [*sorted(places), (size, size)]:
+            if start - end >= max(stride, PADDING) or (not stride and any(data[end:start])):
+                raise ContentError(f"goes on for {start - end} bytes after the numbers that it tells of", CUT_SHORT)
+            end = max(end, stop)
+        if end > size:
+            raise ContentError(f"is short by {end - size} bytes after the numbers that it tells of", CUT_SHORT)
 
 
 def _nodes(header: dict[str, Any]) -> list[dict[str, Any]]:
@@ -220,7 +232,13 @@ def _build(files: dict[str, bytes]) -> Content:
     models = {name: ElementTree.fromstring(text) for name, text in files.items() if name.endswith(".model")}
     for name, model in models.items():
         _require_known(model, files[name])
-    objects = {(name, each.get("id")): each for name, model in models.items() for each in model.findall(".//{*}object")}
+    bodies = [(name, each) for name, model in models.items() for each in model.findall(".//{*}object")]
+    objects = {(name, each.get("id")): each for name, each in bodies}
+    if len(objects) < len(bodies) or any(len(each.findall("{*}mesh")) > 1 for _, each in bodies):
+        raise ContentError("has two objects with one id, or two meshes in one object")
+    units = {model.get("unit", "millimeter") for model in models.values()}
+    if len(units) > 1:
+        raise ContentError(f"has models in {' and '.join(sorted(units))}", "export it in one unit")
     ranges, parts = _volumes(files)
     left_out: Counter[str] = Counter()
     counted: Counter[str] = Counter()
@@ -264,7 +282,7 @@ def _build(files: dict[str, bytes]) -> Content:
     items = models[root].findall("{*}build/*")
     meshes = [mesh for item in items for mesh in placed(path_of(item, root), item.attrib["objectid"], _transform(item))]
     left_out["objects that are not built"] = len(objects.keys() - built)
-    scale = np.diag([*[MM_OF_3MF[models[root].get("unit", "millimeter")]] * 3, 1.0])
+    scale = np.diag([*[MM_OF_3MF[units.pop()]] * 3, 1.0])
     scaled = [(points, faces, scale @ matrix) for points, faces, matrix in meshes]
     return _content(scaled, "mm", left_out_note(left_out))
 

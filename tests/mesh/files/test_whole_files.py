@@ -191,6 +191,8 @@ WHOLE: dict[str, Callable[[], bytes]] = {
     "binary.ply": lambda: ply("binary_little_endian"),
     "a.off": off,
     "a.obj": obj,
+    "paths.obj": lambda: obj().replace(b"f ", b"# from C:\\models\\\nmtllib C:\\models\\\r\nf ", 1),
+    "folded.obj": lambda: obj().replace(b"f ", b"f \\\n", 9),
     "normals.obj": lambda: b"vn nan nan nan\n" + obj(),
     "text.vtk": lambda: vtk(binary=False),
     "binary.vtk": lambda: vtk(binary=True),
@@ -286,6 +288,31 @@ UNREAD = {
     "draco.glb": (
         glb(extensionsRequired=["KHR_draco_mesh_compression"]),
         "needs KHR_draco_mesh_compression, which is not read: export it without compression",
+    ),
+    "gap.glb": (
+        glb(
+            accessors=[
+                {"bufferView": 0, "componentType": 5126, "count": N, "type": "VEC3"},
+                *(
+                    {"bufferView": 1, "byteOffset": at, "componentType": 5125, "count": 3, "type": "SCALAR"}
+                    for at in (0, 12 * (M - 1))
+                ),
+            ]
+        ),
+        f"goes on for {12 * (M - 2)} bytes",
+    ),
+    "fewer.glb": (glb(sparse=True).replace(b'"sparse": {"count": %d' % N, b'"sparse": {"count": 33'), "goes on for"),
+    "two_lists.ply": (
+        ply("ascii").replace(b"end_header", b"property list uchar int vertex_index\nend_header").replace(
+            rows(F, "3 ").encode(), rows(np.column_stack([F, np.full(M, 3), F]), "3 ").encode()
+        ),
+        "its element 'face' has 2 lists",
+    ),
+    "two_meshes.3mf": (three_mf(inside="</mesh><mesh>"), "two meshes in one object"),
+    "two_ids.3mf": (three_mf(inside='</mesh></object><object id="1"><mesh>'), "has two objects with one id"),
+    "units.3mf": (
+        three_mf(components=True, unit="", root='unit="inch"'),
+        "has models in inch and millimeter: export it in one unit",
     ),
     "negative.3mf": (three_mf("NegativeVolume"), "a volume to be subtracted (NegativeVolume)"),
     "negative_part.3mf": (three_mf("negative_part", components=True), "a volume to be subtracted (negative_part)"),
