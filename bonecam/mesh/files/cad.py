@@ -132,20 +132,37 @@ def read_shape(path: str | Path) -> Any:
     shape = reader.OneShape() if roots else None
     if shape is None or shape.IsNull():
         raise unreadable(file, "cut short, or nothing in it")
-    told = _step_faces(file, data) if kind == "STEP" else len(IGES_FACES.findall(data))
-    if len(faces_of(shape)) < told:
-        raise unreadable(file, f"{len(faces_of(shape))} of its {told} faces could be read")
+    faces = faces_of(shape)
+    alone = lib.TopLoc.TopLoc_Location()
+    read = len(faces), len({hash(face.Located(alone)) for face in faces})  # of a part in two places its faces once
+    told = _step_faces(file, data) if kind == "STEP" else (len(IGES_FACES.findall(data)), 0)
+    for found, count in zip(read, told):
+        if found < count:
+            raise unreadable(file, f"{found} of its {count} faces could be read")
     return shape
 
 
-def _step_faces(file: Path, data: bytes) -> int:
-    """How many faces the text of a STEP file has; FileError where an entity in it names one that is not there."""
+def _step_faces(file: Path, data: bytes) -> tuple[int, int]:
+    """How many faces the shells of a STEP file name, and how many it has; FileError where an entity in it names one
+    that is not there, or a part is scaled or mirrored into its place, which OpenCASCADE would not do."""
     text = re.sub(rb"'(?:[^']|'')*'", b"", data)
     missing = set(re.findall(rb"#\d+", text)) - set(re.findall(rb"(#\d+)\s*=", text))
     if missing:
         raise unreadable(file, f"{min(missing).decode()} is named in it and not there")
     in_shells = sum(shell.count(b"#") for shell in re.findall(rb"=\s*(?:CLOSED|OPEN)_SHELL\s*\(([^;]*);", text))
-    return max(in_shells, len(re.findall(rb"=\s*(?:ADVANCED_FACE|FACE_SURFACE)\s*\(", text)))
+    axes = dict(re.findall(rb"(#\d+)\s*=\s*DIRECTION\s*\([^(]*\(([^)]*)\)", text))
+    for words in re.findall(rb"CARTESIAN_TRANSFORMATION_OPERATOR_3D\s*\(([^;]*)\)\s*;", text):
+        try:
+            first, second, _, scale, third = [word.strip() for word in words.split(b",")][-5:]
+            given = zip((first, second, third), (b"1,0,0", b"0,1,0", b"0,0,1"))
+            turn = np.array([axes.get(axis, usual).split(b",") for axis, usual in given]).astype(np.float64)
+            kept = (scale == b"$" or float(scale) == 1) and np.linalg.det(turn) >= 0
+        except ValueError as error:
+            raise unreadable(file, "a transformation without its numbers") from error
+        if not kept:
+            what = "scales or mirrors a part into its place (MAPPED_ITEM)"
+            raise file_error(file, what, "export it with the part as it is to become")
+    return in_shells, len(re.findall(rb"=\s*(?:ADVANCED_FACE|FACE_SURFACE)\s*\(", text))
 
 
 def unreadable(file: Path, reason: str) -> FileError:

@@ -6,6 +6,7 @@ and BODY, those inside inserted blocks too; blocks of other files and clipped on
 states a unit (SAT: mm a unit; DXF: $INSUNITS) the part comes back in mm; else its numbers stand.
 """
 
+import re
 from collections import Counter, deque
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
@@ -28,6 +29,9 @@ SOLIDS = ("3DSOLID", "BODY", "REGION", "SURFACE")
 
 MOST_INSERTED = 1_000_000
 """Most faces that a DXF may insert by blocks, those of blocks within blocks counted each time: 0.4 GB in ezdxf."""
+
+SCALE_DIGITS = 1e-5
+"""A transform whose scale is nearer to 1 has none: it is written with six digits."""
 
 Polygon = Sequence[Any]
 
@@ -84,6 +88,7 @@ def _from_acis(file: Path) -> tuple[list[Polygon], float]:
     from ezdxf.acis import api, sab, sat
 
     data = input_bytes(file)
+    _refuse_scaled(file, data)
     if file.suffix.lower() == ".sab":
         bodies = api.load(data)
         header = sab.parse_sab(data).header
@@ -92,6 +97,13 @@ def _from_acis(file: Path) -> tuple[list[Polygon], float]:
         bodies = api.load(text)
         header = sat.parse_sat(text).header
     return list(_body_polygons(file, bodies)), max(header.units_in_mm, 0.0)
+
+
+def _refuse_scaled(file: Path, data: bytes) -> None:
+    """FileError where a transform in ACIS data has a scale: ezdxf passes over it."""
+    for scale in re.findall(rb"(\S+)\s+(?:no_)?rotate\b", data):
+        if abs(float(scale) - 1) > SCALE_DIGITS:
+            raise file_error(file, f"scales a body by {float(scale):g}", "apply the scale, and export it again")
 
 
 def _body_polygons(file: Path, bodies: Iterable[Any]) -> Iterator[Polygon]:
@@ -216,7 +228,10 @@ def _entity_polygons(file: Path, entity: Any) -> list[Polygon]:
         corners = np.stack([grid[:-1, :-1], grid[:-1, 1:], grid[1:, 1:], grid[1:, :-1]], axis=-1)
         points = list(entity.points())
         return [[points[corner] for corner in quad] for quad in corners.reshape(-1, 4)]
-    bodies = api.load_dxf(entity) if kind in SOLIDS else []
+    bodies = []
+    if kind in SOLIDS:
+        _refuse_scaled(file, entity.sab or "\n".join(entity.sat).encode())
+        bodies = api.load_dxf(entity)
     if not bodies:
         raise file_error(file, f"holds a {kind} that cannot be read", "export the part as STEP")
     return list(_body_polygons(file, bodies))

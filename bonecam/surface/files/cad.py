@@ -26,9 +26,9 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from bonecam.errors import FileError, SurfaceError
+from bonecam.errors import FileError, SurfaceError, file_error
 from bonecam.files import write_whole
-from bonecam.mesh.files.cad import faces_of, in_child, occ, read_shape, sew
+from bonecam.mesh.files.cad import area_of, faces_of, in_child, occ, read_shape, sew
 from bonecam.progress import Progress, silent
 from bonecam.surface.files.bspline import BSplineSurface, Knots, to_bspline
 from bonecam.surface.tspline import TSpline
@@ -125,11 +125,11 @@ def _bezier_shell(surface: TSpline) -> Any:
 
 
 def read_bsplines(path: str | Path) -> tuple[BSplineSurface, ...]:
-    """The bicubic (or lower) B-spline surfaces under the faces of a STEP or IGES file, in mm, untrimmed and
-    in the file's order.
+    """The bicubic (or lower) B-spline surfaces of the faces of a STEP or IGES file, in mm, in the file's
+    order.
 
-    Raises FileError as `mesh.files.cad_files` does, and where a face lies on another kind of surface: read such a
-    part with `read_mesh`.
+    Raises FileError as `mesh.files.cad_files` does, and where a face is trimmed or lies on another kind of surface:
+    read such a part with `read_mesh`.
     """
     surfaces: tuple[BSplineSurface, ...] = in_child(f"{__name__}:bsplines_in", Path(path))
     return surfaces
@@ -149,6 +149,10 @@ def _bspline_of(face: Any, file: Path) -> BSplineSurface:
         raise FileError(
             f"{file}: a face lies on a {kind}, no bicubic B-spline: read the part as a mesh", file=str(file), kind=kind
         )
+    whole = area_of(_face_of(spline))
+    if abs(area_of(face) - whole) > TRIMMED * whole:
+        what = f"a face is trimmed: {area_of(face):.4g} of the {whole:.4g} mm^2 of its surface are in it"
+        raise file_error(file, what, "cut the surface itself to its borders, or read the part as a mesh")
     spline.IncreaseDegree(3, 3)
     loose = (not spline.IsUPeriodic() and spline.UMultiplicity(1) < 4) or (
         not spline.IsVPeriodic() and spline.VMultiplicity(1) < 4
@@ -174,6 +178,10 @@ def _knots_along(spline: Any, way: str) -> Knots:
 
 
 DIGITS = "%#.17G"
+
+
+TRIMMED = 1e-4
+"""A face whose area differs more from that of its surface, share of it, is trimmed."""
 
 
 NAME = "bonecam T-spline"

@@ -244,3 +244,42 @@ def test_a_file_that_ends_opencascade_is_one_line(tmp_path: Path, monkeypatch: p
 def test_the_child_hands_back_the_same_mesh(name: str, tmp_path: Path) -> None:
     file = write(cylinder(), tmp_path / "a.step").rename(tmp_path / name)
     assert read_mesh(file).vertices.tobytes() == read_and_tessellate(file).mesh.vertices.tobytes()
+
+
+@pytest.mark.parametrize(
+    ("operator", "told"),
+    [
+        ("$,$,#9001,1.,$", ""),
+        ("$,$,#9001,2.,$", r"a\.step: scales or mirrors a part into its place"),
+        ("#9002,$,#9001,$,$", r"a\.step: scales or mirrors a part into its place"),
+        ("$,$,#9001,x,$", r"a\.step: is no readable STEP file \(a transformation without its numbers\)"),
+    ],
+)
+def test_a_part_that_is_scaled_or_mirrored_into_its_place_is_refused(operator: str, told: str, tmp_path: Path) -> None:
+    more = f"""#9001=CARTESIAN_POINT('',(0.,0.,0.));
+    #9002=DIRECTION('',(-1.,0.,0.));
+    #9003=CARTESIAN_TRANSFORMATION_OPERATOR_3D('','',$,{operator});\nENDSEC;"""
+    text = write(cylinder(), tmp_path / "a.step").read_text()
+    (tmp_path / "a.step").write_text(more.join(text.rsplit("ENDSEC;", 1)))
+    if told:
+        with pytest.raises(FileError, match=told):
+            read_and_tessellate(tmp_path / "a.step")
+    else:
+        assert len(read_and_tessellate(tmp_path / "a.step").mesh.faces)
+
+
+def test_a_face_that_is_lost_beside_a_part_in_two_places_is_told(tmp_path: Path) -> None:
+    lib = occ()
+    build, both, move = lib.BRep.BRep_Builder(), lib.TopoDS.TopoDS_Compound(), lib.gp.gp_Trsf()
+    move.SetTranslation(lib.gp.gp_Vec(100, 0, 0))
+    build.MakeCompound(both)
+    one, other = (lib.BRepPrimAPI.BRepPrimAPI_MakeBox(size, 20.0, 20.0).Shape() for size in (20.0, 30.0))
+    for shape in (one, one.Moved(lib.TopLoc.TopLoc_Location(move)), other):
+        build.Add(both, shape)
+    lib.Interface.Interface_Static.SetIVal_s("write.step.assembly", 1)
+    text = write(both, tmp_path / "a.step").read_text()
+    assert read_and_tessellate(tmp_path / "a.step").mesh.volume == pytest.approx(28000)
+    head, _, tail = text.rpartition("PLANE('',")
+    (tmp_path / "a.step").write_text(f"{head}DIRECTION('',(1.,0.,0.){tail[tail.index(')') :]}")
+    with pytest.raises(FileError, match="11 of its 12 faces could be read"):
+        read_and_tessellate(tmp_path / "a.step")

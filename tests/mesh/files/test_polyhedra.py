@@ -216,6 +216,7 @@ BAD = {
     "text.sat": ("a letter", "is no readable SAT file"),
     "cut.sat": (sat_text(forms.cube())[:900], "is no readable SAT file"),
     "curved.sat": (curved(sat_text(forms.cube())), "has 1 curved faces of 6"),
+    "scaled.sat": (f"{sat_text(forms.cube())}transform 1 0 0 2 no_rotate #", "scales a body by 2: apply the scale"),
     "text.dxf": ("a letter", "is no readable DXF file"),
     "empty.dxf": ("", "is empty"),
 }

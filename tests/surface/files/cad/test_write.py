@@ -150,6 +150,20 @@ def test_the_written_solid_is_read_as_a_watertight_outward_mesh_within_the_toler
         assert surface.project(mesh.vertices[mesh.faces].mean(axis=1)).distances.max() < tolerance
 
 
+def test_a_trimmed_face_is_refused(bone_like: Callable[..., TSpline], tmp_path: Path) -> None:
+    lib = occ()
+    geometry = lib.BRep.BRep_Tool.Surface_s(faces_of(shape_of(bone_like(7, 5, 1)))[0])
+    low, high, start, end = geometry.Bounds()
+    cut = lib.BRepBuilderAPI.BRepBuilderAPI_MakeFace(geometry, low, high, start, (start + end) / 2, 1e-7).Face()
+    writer = lib.STEPControl.STEPControl_Writer()
+    writer.Transfer(cut, lib.STEPControl.STEPControl_StepModelType.STEPControl_AsIs)
+    writer.Write(str(tmp_path / "cut.step"))
+    with pytest.raises(
+        FileError, match=r"cut\.step: a face is trimmed: .* mm\^2 of its surface are in it: cut the surf"
+    ):
+        bsplines_in(tmp_path / "cut.step")
+
+
 def test_a_face_on_another_surface_is_refused_by_its_kind(tmp_path: Path) -> None:
     lib = occ()
     writer = lib.STEPControl.STEPControl_Writer()
