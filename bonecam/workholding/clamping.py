@@ -12,7 +12,7 @@ from bonecam.errors import FileError, MachineError, MeshError
 from bonecam.job import HoldingJob
 from bonecam.machine.bodies import LinkBody, Table
 from bonecam.machine.machine import Machine
-from bonecam.mesh import read_mesh
+from bonecam.mesh.files.mesh_files import read_whole
 from bonecam.mesh.solids import edges_of
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.mesh.units import MM_OF
@@ -132,23 +132,24 @@ SMALLEST, LARGEST = 10.0, 1e4
 
 @lru_cache(maxsize=24)
 def _body_mesh(body: LinkBody, _written: int) -> TriangleMesh:
-    """The mesh of a body as its file was `_written` (ns)."""
+    """The mesh of a body as its file was `_written` (ns), in the unit that the file states, else that of the body."""
     who = f"{body.file}: the body {body.name!r}"
     try:
-        mesh = read_mesh(body.file)
+        given = read_whole(body.file)
     except (FileError, MeshError) as error:
         raise MachineError(f"the body {body.name!r} of the machine: {error}", file=str(body.file)) from error
+    mesh, unit = given.mesh, given.unit or body.units
     if len(mesh.faces) > MOST_FACES:
         remedy = f"give at most {MOST_FACES}, without threads and roundings"
         raise _error(body, f"{who} has {len(mesh.faces)} triangles: {remedy}")
-    size = mesh.diagonal * MM_OF[body.units]
+    size = mesh.diagonal * MM_OF[unit]
     if not SMALLEST <= size <= LARGEST:
-        what = f"is {size:.3g} mm from corner to corner if its unit is {body.units}"
+        what = f"is {size:.3g} mm from corner to corner if its unit is {unit}"
         raise _error(body, f"{who} {what}: correct units, or the file")
     _, counts = edges_of(mesh)
     if (counts % 2).any():
         raise _error(body, f"{who} has {int((counts % 2).sum())} open edges: export it as a closed solid")
-    return TriangleMesh(mesh.vertices * MM_OF[body.units], mesh.faces)
+    return TriangleMesh(mesh.vertices * MM_OF[unit], mesh.faces)
 
 
 def body_meshes(machine: Machine) -> dict[LinkBody, TriangleMesh]:

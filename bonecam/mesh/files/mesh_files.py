@@ -42,7 +42,16 @@ from bonecam.errors import FileError, MeshError, file_error
 from bonecam.files import input_bytes, library_name, require_room, whole_file
 from bonecam.mesh.files.cad import IGES, STEP, call_in_child, read_cad_mesh
 from bonecam.mesh.files.points import FEWEST, POINTS, read_blocks, reconstruct
-from bonecam.mesh.files.polygons import ContentError, MeshFile, parse_obj, parse_off, parse_ply, parse_stl, triangles_of
+from bonecam.mesh.files.polygons import (
+    LEFT_OUT,
+    ContentError,
+    MeshFile,
+    parse_obj,
+    parse_off,
+    parse_ply,
+    parse_stl,
+    triangles_of,
+)
 from bonecam.mesh.files.polyhedra import ACIS, DXF, read_polyhedra
 from bonecam.mesh.files.scenes import parse_3mf, parse_glb
 from bonecam.mesh.files.vtk import parse_vtk, parse_vtp, parse_vtu
@@ -197,9 +206,19 @@ def read_mesh(path: str | Path) -> TriangleMesh:
 
 def read_in_mm(path: str | Path, units: str = STATED) -> TriangleMesh:
     """The triangles of a file, mm. `units` is one of UNITS: that of its coordinates, or `stated`: the one that it
-    states, mm where it states none. FileError as `read_mesh_file`, UnitsError as `to_mm`."""
-    given = read_mesh_file(path)
+    states, mm where it states none. FileError as `read_whole`, UnitsError as `to_mm`."""
+    given = read_whole(path)
     return to_mm(given.mesh, units, str(path), stated=given.unit)
+
+
+def read_whole(path: str | Path) -> MeshFile:
+    """What `read_mesh_file` gives where nothing can be told beside it; FileError where it left out any of the file."""
+    given = read_mesh_file(path)
+    for note in given.notes:
+        if note.startswith(LEFT_OUT):
+            what = f"holds {note.removeprefix(LEFT_OUT)}, which would be left out"
+            raise file_error(path, what, "export its surface alone")
+    return given
 
 
 def read_mesh_file(path: str | Path, also: tuple[str, ...] = ()) -> MeshFile:

@@ -38,6 +38,8 @@ from bonecam.text.numbers import shortened
 
 ANEW = "export it again"
 CUT_SHORT = "copy or export it again"
+LEFT_OUT = "left out of its file: "
+"""How the note on elements that are no faces begins."""
 TRIANGLES = "save its surface alone, as triangles"
 
 
@@ -143,7 +145,7 @@ def named_counts(counts: Mapping[str, int]) -> str:
 def left_out_note(counts: Mapping[str, int]) -> tuple[str, ...]:
     """What is told of elements, counted by their names, that are no faces."""
     named = named_counts(counts)
-    return (f"left out of its file: {named}",) if named else ()
+    return (f"{LEFT_OUT}{named}",) if named else ()
 
 
 def refuse_others(counts: Mapping[str, int]) -> None:
@@ -296,7 +298,7 @@ NAMES = {"v": "vertex", "vt": "texture corner", "vn": "normal"}
 """What faces name, in the order of the numbers of a corner."""
 OTHERS = frozenset("vp l p g o s mg usemtl mtllib usemap maplib lod bevel c_interp d_interp".split())
 """Words that may begin a line besides those of NAMES and f."""
-LEFT_OUT = {"l": "lines", "p": "points"}
+NO_FACES = {"l": "lines", "p": "points"}
 """Elements that are no faces."""
 NO_CONTINUATION = re.compile(rb"^((?:[^#\n]*#|[ \t]*mtllib).*)\\(?=\r?\n)", re.MULTILINE)
 """Lines whose \\ at the end is part of a path: the next line is no part of them."""
@@ -310,7 +312,7 @@ def parse_obj(data: bytes) -> Content:
     counts = array("q")
     totals = dict.fromkeys(NAMES, 0)
     highest = dict.fromkeys(NAMES, (0, 0))
-    left_out = dict.fromkeys(LEFT_OUT, 0)
+    left_out = dict.fromkeys(NO_FACES, 0)
     data = NO_CONTINUATION.sub(rb"\1", data).replace(b"\\\n", b"  ").replace(b"\\\r\n", b"   ")
     for line, words in numbered_words(data):
         kind = words[0]
@@ -331,7 +333,7 @@ def parse_obj(data: bytes) -> Content:
     for table, (index, line) in highest.items():
         if index > totals[table]:
             raise ContentError(f"a face names {NAMES[table]} {index} of {totals[table]}", line=line)
-    notes = left_out_note({LEFT_OUT[kind]: count for kind, count in left_out.items()})
+    notes = left_out_note({NO_FACES[kind]: count for kind, count in left_out.items()})
     return filled(points, corners, counts, notes)
 
 

@@ -11,7 +11,7 @@ from numpy import ndarray
 from bonecam.errors import StockError, place_name, require_type
 from bonecam.job import StockJob
 from bonecam.mesh.distance import exact_closest
-from bonecam.mesh.files.mesh_files import read_mesh
+from bonecam.mesh.files.mesh_files import read_in_mm
 from bonecam.mesh.meshlab import split_edges
 from bonecam.mesh.smooth_surface import convex_hull
 from bonecam.mesh.solids import half_edges
@@ -196,7 +196,7 @@ def _make(job: StockJob, part: LyingPart, schedule: Schedule) -> ConvexStock:
     if not job.mesh:
         raise StockError("a stock of kind 'mesh' needs a file: give stock.mesh = \"block.stl\" (mm, Z upright)")
     try:
-        given = ConvexStock(read_mesh(job.mesh), file=job.mesh)
+        given = ConvexStock(read_in_mm(job.mesh), file=job.mesh)
     except StockError as error:
         raise StockError(f"{job.mesh}: {error}", file=job.mesh, **error.evidence) from error
     stock = given.on_axis(part.middle)

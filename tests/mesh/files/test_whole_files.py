@@ -521,3 +521,11 @@ def test_a_label_map_in_two_files_or_with_an_offset_that_is_no_number_is_refused
     (tmp_path / "a.nii").write_bytes(data)
     with pytest.raises(FileError, match="sizes or axes of voxels that are not numbers"):
         label_surface(tmp_path / "a.nii", 0, smooth=False)
+
+
+@pytest.mark.parametrize("name", ["lines.obj", "modifier.3mf", "unplaced.glb"])
+def test_what_cannot_be_told_is_not_left_out(name: str, tmp_path: Path) -> None:
+    data, _, note = LEFT_OUT[name]
+    (tmp_path / name).write_bytes(data)
+    with pytest.raises(FileError, match=f"{name}: holds {note.removeprefix('left out of its file: ')}, which would be"):
+        read_in_mm(tmp_path / name)
