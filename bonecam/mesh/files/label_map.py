@@ -30,6 +30,8 @@ MOST_SKEW = 1e-3
 """Most angle of axes of voxels from perpendicular, radians: 0.05 mm in a bone of 50 mm."""
 MOST_OFF = 1e-3
 """Largest difference between a NIfTI's two sizes of a voxel, share of it: the same."""
+NUMBERS = (2, 4, 8, 16, 64, 256, 512, 768, 1024, 1280)
+"""The types of a NIfTI's voxels that are one number each."""
 NIFTI_1, NIFTI_2 = 348, 540
 """Bytes of the headers of NIfTI-1 and 2, which begin with these numbers."""
 SHOWN = 12
@@ -127,7 +129,7 @@ def _nifti_header(file: Path, data: bytes) -> _Header:
     if data[:4] in (struct.pack("<i", NIFTI_2), struct.pack(">i", NIFTI_2)):
         raise file_error(file, "is NIfTI-2, which is not read", "save it as NIfTI-1 or NRRD")
     if len(data) < NIFTI_1 or struct.unpack_from(f"{order}i", data)[0] != NIFTI_1:
-        return _Header(np.empty((0, 3)), "mm", 1.0, 0, 0)
+        raise file_error(file, "is no NIfTI", "write it anew from its source")
     if not np.isfinite(struct.unpack_from(f"{order}9f", data, 76) + struct.unpack_from(f"{order}18f", data, 256)).all():
         raise file_error(file, "has sizes or axes of voxels that are not numbers", "write it anew from its source")
     pitch = struct.unpack_from(f"{order}3f", data, 80)
@@ -139,9 +141,11 @@ def _nifti_header(file: Path, data: bytes) -> _Header:
         what = "has voxels of {} by pixdim and {} by its transform".format(*shown)
         raise file_error(file, what, "write it anew with one transform")
     start = int(struct.unpack_from(f"{order}f", data, 108)[0])
-    bits = struct.unpack_from(f"{order}h", data, 72)[0]
-    if bits % 8:
-        raise file_error(file, f"has voxels of {bits} bits", "save it with one byte a voxel")
+    kind, bits = struct.unpack_from(f"{order}2h", data, 70)
+    if kind not in NUMBERS or not 0 < struct.unpack_from(f"{order}h", data, 40)[0] < 8:
+        raise file_error(
+            file, f"has voxels of the type {kind}, or no size", "save it with whole numbers of 8 or 16 bits"
+        )
     return _Header(axes if used else np.empty((0, 3)), "mm", 1.0, len(data) - start, bits // 8)
 
 

@@ -100,7 +100,7 @@ def read_blocks(path: str | Path, columns: str = "xyz") -> tuple[Float[ndarray, 
                 file, at, f"{line.strip()[:40]!r} is no point", f"write {' '.join(columns)} in columns of that order"
             ) from error
         count, places = named or (len(values), range(len(columns)))
-        place = [values[k] for k in places if k < len(values)]
+        place = [values[k] for k in places] if len(values) > max(places) else values
         if not np.isfinite(place).all():
             raise _refusal(file, at, f"{line.strip()[:40]!r} is not finite", "export the points again")
         if max(map(abs, place)) > LARGEST_COORDINATE:

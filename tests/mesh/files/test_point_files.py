@@ -51,6 +51,7 @@ BAD = {
     "binary.xyz": (b"\xff\xfe\x00\x80", "is no text"),
     "hole.csv": (b"1,2,3,4\n1,,2,3\n", "hole.csv line 2: '1,,2,3' is no point"),
     "wide.csv": (b"x,y,z\n0,1,2,3\n", "wide.csv line 2: 4 numbers under the names of 3 columns: name every column"),
+    "stub.csv": (b"n,x,y,z\ninf,1\n", "stub.csv line 2: 'inf,1' is not finite"),
     "turned.csv": (b"x_normal,y_normal,z_normal\n0,1,2\n", "turned.csv line 1"),
     "cut.pts": (b"3\n1 2 3\n4 5 6\n", "cut.pts line 1: tells of 3 points, 2 follow it in one block"),
     "long.xyz": (b"2 3\n1 2 3\n4 5 6\n1\n\n7 8 9\n1 2 3\n", "long.xyz line 4: tells of 1 points, 2 follow"),

@@ -459,6 +459,7 @@ def test_an_nrrd_without_its_voxels_size_or_in_left_handed_axes_is_refused(name:
 @pytest.mark.parametrize(
     ("at", "values", "told"),
     [
+        (70, (0.0,), "has voxels of the type 0, or no size: save it with whole numbers"),
         (80, (2, 2, 2), r"voxels of 2 x 2 x 2 by pixdim and 1 x 1 x 1 by its transform: write it anew with one transf"),
         (80, (-1, 1, 1), "voxels of -1 x 1 x 1 by pixdim"),
         (280, (2, 0, 0, 0, 0, 2, 0, 0, 0, 0, 2, 0), "voxels of 1 x 1 x 1 by pixdim and 2 x 2 x 2"),
