@@ -11,11 +11,12 @@ from numpy import ndarray
 from bonecam.errors import StockError, place_name, require_type
 from bonecam.job import StockJob
 from bonecam.mesh.distance import exact_closest
-from bonecam.mesh.files.mesh_files import read_in_mm
+from bonecam.mesh.files.mesh_files import read_whole
 from bonecam.mesh.meshlab import split_edges
 from bonecam.mesh.smooth_surface import convex_hull
 from bonecam.mesh.solids import half_edges
 from bonecam.mesh.triangle_mesh import TriangleMesh, keep_faces
+from bonecam.mesh.units import MM_OF
 from bonecam.setup.rounding import RoundedStock, deepest_point, half_spaces_of, offset_polyhedron
 from bonecam.setup.stock import LARGEST, LyingPart, Schedule, Stock, StockKind, box_sizes
 
@@ -196,7 +197,9 @@ def _make(job: StockJob, part: LyingPart, schedule: Schedule) -> ConvexStock:
     if not job.mesh:
         raise StockError("a stock of kind 'mesh' needs a file: give stock.mesh = \"block.stl\" (mm, Z upright)")
     try:
-        given = ConvexStock(read_in_mm(job.mesh), file=job.mesh)
+        read = read_whole(job.mesh)
+        mesh = TriangleMesh(read.mesh.vertices * MM_OF[read.unit or "mm"], read.mesh.faces)
+        given = ConvexStock(mesh, file=job.mesh)
     except StockError as error:
         raise StockError(f"{job.mesh}: {error}", file=job.mesh, **error.evidence) from error
     stock = given.on_axis(part.middle)
