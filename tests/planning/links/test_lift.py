@@ -115,7 +115,11 @@ def test_a_place_that_cannot_be_left_is_not_asked_for_again(made: Made, monkeypa
         def found(self):  # type: ignore[no-untyped-def]
             return {pair: None if blocked - 1 in pair else way for pair, way in self.transfers.found.items()}
 
-    monkeypatch.setattr(links, "no_transfers", lambda *given, **named: Blocked(real(*given, **named)))
+    def of_lifts(space, poses, traverses=links.TRAVERSES, **named):  # type: ignore[no-untyped-def]
+        found = real(space, poses, traverses, **named)
+        return Blocked(found) if traverses is links.LIFT_TRAVERSES else found
+
+    monkeypatch.setattr(links, "no_transfers", of_lifts)
 
     def places(axes: np.ndarray, kinds: np.ndarray, left: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return at(axes, free - 1 if blocked - 1 in left else blocked - 1)
