@@ -2,6 +2,7 @@
 back, and for work that a stranger asks for. It ends with this process, however that ends."""
 
 import ctypes
+import errno
 import math
 import os
 import pickle
@@ -125,11 +126,11 @@ def serve() -> None:
     work, arguments = answer.recv()
     try:
         outcome = function_of(work)(*arguments, lambda *step: answer.send((False, step)))
-    except MemoryError:
-        outcome = WorkerError(f"wanted more than {memory / 2**30:.3g} GB of memory")
     except Exception as error:
         error.add_note(traceback.format_exc())
         outcome = error
+        if isinstance(error, MemoryError) or (isinstance(error, OSError) and error.errno == errno.ENOMEM):
+            outcome = WorkerError(f"wanted more than {memory / 2**30:.3g} GB of memory")
     sys.stdout.flush()
     answer.send_bytes(_packed(outcome))
 

@@ -11,7 +11,6 @@ import pytest
 from bonecam.errors import LevelError, SurfaceError
 from bonecam.job import Job
 from bonecam.levels import closed_morph, job_levels
-from bonecam.levels import job_levels as edge_rounding
 from bonecam.levels.job_levels import BegunLevels, even_levels, fit_choices, levels_in, surface_and_levels
 from bonecam.levels.measure import RoundedLevel
 from bonecam.levels.sequences import Morph
@@ -159,9 +158,10 @@ def test_only_the_levels_that_are_kept_are_measured(
     capsule: Capsule, waisted: Callable[..., TSpline], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     begun = []
+    begin_levels = job_levels.begin_levels
 
     def counted(*given: object, **options: object) -> BegunLevels:
-        begun.append(edge_rounding.begin_levels(*given, **options))
+        begun.append(begin_levels(*given, **options))
         return begun[-1]
 
     measured = Mock(side_effect=closed_morph.inspect)
