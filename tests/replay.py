@@ -3,9 +3,9 @@
     python tests/replay.py --base REF [--only NAME ...] [--jobs N]      or  make replay BASE=REF
 
 The runs stand in `replay.toml`: calls of `bonecam`, with {meshes} for the meshes that ship, {small} for the phalanx at
-0.45 of its size, {coarse} for a job that is soon done, {jobs} for the folder of this file and {out} for a fresh folder
-of the run. What is printed is compared too, and of JSON files all but seconds. The base is checked out, and its results
-are kept, under out/replay. Exit 1 where something differs, or fails where the base did not.
+0.45 of its size, {coarse} for a job that is soon done and {out} for a fresh folder of the run. What is printed is
+compared too, and of JSON files all but seconds. The base is checked out, and its results are kept, under out/replay.
+Exit 1 where something differs, or fails where the base did not.
 """
 
 import argparse
@@ -53,7 +53,7 @@ def play(calls: list[str], tree: Path, place: Path) -> dict[str, bytes]:
     """Play the calls of a run on a tree: what they write, with what they print and their exit codes."""
     shutil.rmtree(place, ignore_errors=True)
     place.mkdir(parents=True)
-    names = {"meshes": tree / "meshes", "small": KEPT / "small.ply", "jobs": ROOT / "tests", "out": place}
+    names = {"meshes": tree / "meshes", "small": KEPT / "small.ply", "out": place}
     coarse = f"--job {ROOT / 'tests' / 'coarse.toml'}"
     environment = {
         **os.environ,
@@ -65,7 +65,8 @@ def play(calls: list[str], tree: Path, place: Path) -> dict[str, bytes]:
     for words in calls:
         call = [sys.executable, "-m", "bonecam", *words.format(coarse=coarse, **names).split()]
         done = subprocess.run(call, cwd=place, env=environment, capture_output=True, text=True)
-        printed += f"{words}\n{done.stdout}{done.stderr}exit {done.returncode}\n".replace(str(tree), "TREE")
+        printed += f"{words}\n{done.stdout}{done.stderr}exit {done.returncode}\n"
+    printed = printed.replace(str(place), "OUT").replace(str(tree), "TREE")
     (place / "printed.txt").write_text(printed, encoding="utf-8")
     return written(place)
 
@@ -79,6 +80,8 @@ def checked_out(reference: str) -> Path:
         tree.mkdir(parents=True)
         archive = subprocess.run(["git", "archive", revision], cwd=ROOT, capture_output=True, check=True)
         subprocess.run(["tar", "-x", "-C", str(tree)], input=archive.stdout, check=True)
+        for name in ("plugins", "meshes"):  # those of the base, not the installed ones
+            (tree / f"bonecam_{name}").symlink_to(name)
     return tree
 
 

@@ -189,7 +189,8 @@ FORETOLD_STRESS = 1.3
 """The stress at the peaks that is simulated is 0.90 to 1.29 times the one foretold (23 programs of seven bones): it is
 more than half of the yield strength where so many times that is foretold."""
 YIELDS = 1.5 * FORETOLD_STRESS
-"""The same as a multiple of the stress that is wanted of a neck, a third of the yield strength."""
+"""A neck is refused where so many times the stress that is wanted of it, a third of the yield strength, is foretold:
+half of that strength would then be simulated."""
 FORETOLD_P99 = 0.7
 """The error that 99 % of a finished surface keep is nearly always more than this share of the one foretold."""
 

@@ -10,7 +10,7 @@ feed (`bound`), mm3 as simulated, the largest 95 % peak (N) of a path; `of them`
 
 3+2: layers from two to four tilts round the bar, the axis across it, down to level 1, or to level 2 with the level 1 of
 the levels after them (`to`). Flat, bull-nose and ball ends of 3, 4 and 6 mm on the shanks of the catalogue. Depths are
-what `found_depths.py` would bear there (peak, deflection, stress), or half of that; the peak of a flat end is that of a
+what `neck.py` would bear there (peak, deflection, stress), or half of that; the peak of a flat end is that of a
 straight edge as long as the depth with the thickest chip, also for a bull nose. The feed is `Material.speeds` of the
 step, or of a ball's depth. Steps: a quarter or a half of the diameter; of a ball, scallops of a tenth of the depth.
 Shown is, by the bound, the quickest of each end and of each number of tilts.
