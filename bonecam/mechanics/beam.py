@@ -328,14 +328,16 @@ class Beam:
         solid = np.flatnonzero(self._mass > 0)
         centroids = self._centroids[solid]
         count = len(solid)
-        one, other = (each.ravel() for each in np.indices((count, count)))
+        one, other = np.tril_indices(count)  # `eigh` reads no more
         pairs = self._free(centroids[one], centroids[other])
         if self.support is not None:
             fixed = np.broadcast_to(self.support.place, centroids.shape)
             to, back = self._free(centroids, fixed), self._free(fixed, centroids)
             pairs = pairs - to[one] @ self._reaction @ back[other]
         root = np.repeat(np.sqrt(1e-12 * density * self._mass[solid]), 3)
-        flexibility = pairs.reshape(count, count, 3, 3).transpose(0, 2, 1, 3).reshape(3 * count, -1)
+        blocks = np.zeros((count, count, 3, 3))
+        blocks[one, other] = pairs
+        flexibility = blocks.transpose(0, 2, 1, 3).reshape(3 * count, -1)
         matrix = root[:, None] * flexibility * root
         largest = eigh(matrix, eigvals_only=True, subset_by_index=[3 * count - 1] * 2)[0]
         return float(1 / (2 * np.pi * np.sqrt(largest)))
