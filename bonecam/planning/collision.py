@@ -481,7 +481,7 @@ def classify_thick_tool(
     The tool above the cutter is thicker by `sweep_margin`s of `margin` (mm), the cutter is thinner by
     the scene's `tangent_slack`; `air` as in `classify_poses`.
     """
-    sections = []
+    sections: list[ThickSection] = []
     for section in cutter.profile:
         around = scene.around(section.name, cutter.envelope_radius, air)
         # the prisms that stand for columns

@@ -383,8 +383,17 @@ def sample(
     lines: Sequence[Float[ndarray, "_ 2"]], chart: Chart, height_of: Heights, width: float, tolerance: float
 ) -> LayerCurves:
     """The points of polylines (a, b); `width` is the length (mm) of a unit of a where it is largest."""
-    line, a, b = _divided(lines, width)
-    curves = LayerCurves(line, a, b, height_of(a, b))
+    # First points are no farther apart than FIRST_STEP
+    numbers, points = [np.zeros(0, dtype=np.int64)], [np.zeros((0, 2))]
+    for number, polyline in enumerate(lines):
+        steps = np.diff(polyline, axis=0)
+        counts = np.ceil(np.hypot(steps[:, 0] * width, steps[:, 1]) / FIRST_STEP).astype(np.int64).clip(1)
+        ends = np.r_[0, np.cumsum(counts)]
+        places = np.arange(ends[-1] + 1)
+        points.append(np.column_stack([np.interp(places, ends, polyline[:, k]) for k in range(2)]))
+        numbers.append(np.full(len(places), number))
+    a, b = np.vstack(points).T
+    curves = LayerCurves(np.concatenate(numbers), a, b, height_of(a, b))
     fresh = curves.joined()
     for _ in range(MOST_HALVINGS):
         begins = np.flatnonzero(fresh)
@@ -392,17 +401,17 @@ def sample(
         middle_b = (curves.b[begins] + curves.b[begins + 1]) / 2
         heights = height_of(middle_a, middle_b)
         centres = curves.centres(chart)
-        starts, ends = centres[begins], centres[begins + 1]
+        starts, stops = centres[begins], centres[begins + 1]
         middles = LayerCurves(curves.line[begins], middle_a, middle_b, heights)
 
         # Distance of each point from the segment from its start to its end, mm
-        points = middles.centres(chart)
-        along = ends - starts
+        middle = middles.centres(chart)
+        along = stops - starts
         square = np.maximum((along**2).sum(axis=1), np.finfo(float).tiny)
-        share = np.clip(((points - starts) * along).sum(axis=1) / square, 0.0, 1.0)
-        off = np.linalg.norm(points - starts - share[:, None] * along, axis=1)
+        share = np.clip(((middle - starts) * along).sum(axis=1) / square, 0.0, 1.0)
+        off = np.linalg.norm(middle - starts - share[:, None] * along, axis=1)
 
-        needed = (off > tolerance) & (np.linalg.norm(ends - starts, axis=1) > SHORTEST)
+        needed = (off > tolerance) & (np.linalg.norm(stops - starts, axis=1) > SHORTEST)
         if not needed.any():
             break
         indices = begins[needed] + 1
@@ -416,22 +425,6 @@ def sample(
         fresh = np.zeros(len(curves.a), dtype=bool)
         fresh[added] = fresh[added - 1] = True
     return curves
-
-
-def _divided(lines: Sequence[Float[ndarray, "_ 2"]], width: float) -> tuple[ndarray, ndarray, ndarray]:
-    """Number, a and b of points on polylines that are no farther apart than FIRST_STEP."""
-    numbers, points = [], []
-    for number, polyline in enumerate(lines):
-        steps = np.diff(polyline, axis=0)
-        counts = np.ceil(np.hypot(steps[:, 0] * width, steps[:, 1]) / FIRST_STEP).astype(np.int64).clip(1)
-        ends = np.r_[0, np.cumsum(counts)]
-        at = np.arange(ends[-1] + 1)
-        points.append(np.column_stack([np.interp(at, ends, polyline[:, k]) for k in range(2)]))
-        numbers.append(np.full(len(at), number))
-    if not points:
-        return np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0)
-    a, b = np.vstack(points).T
-    return np.concatenate(numbers), a, b
 
 
 @dataclass(frozen=True, eq=False)

@@ -149,7 +149,7 @@ def _taut(space: LinkSpace, ends: Contacts, starts: Contacts) -> Poses:
 
     # The least concave functions above the heights of each row
     envelope = heights.copy()
-    for i, j in combinations(range(heights.shape[1]), 2):
+    for i, j in combinations(range(line.shape[1]), 2):
         f = np.linspace(0, 1, j - i + 1)
         chord = (1 - f) * heights[:, i, None] + f * heights[:, j, None]
         envelope[:, i : j + 1] = np.maximum(envelope[:, i : j + 1], chord)

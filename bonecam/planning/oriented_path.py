@@ -171,10 +171,10 @@ def _tool_path(
         number += len(link) > 0
         run = linked.runs[k]
         straight = len(link) and not begins_tangentially(link.centres[-1], path.centres[run])
-        cut = moves_of(MoveKind.CUT, path.centres[run], chosen.axes[run], path.cutter.feed)
+        cutting = moves_of(MoveKind.CUT, path.centres[run], chosen.axes[run], path.cutter.feed)
         if straight and not in_air[k]:
-            cut.feeds[0] = min(space.feeds.plunge, path.cutter.feed)
-        moves += [link, cut]
+            cutting.feeds[0] = min(space.feeds.plunge, path.cutter.feed)
+        moves += [link, cutting]
         contacts += [np.full(len(link), -1), run]
         passes += [np.full(len(link), -1), np.full(len(run), number)]
     away = np.full(len(linked.home), -1)
