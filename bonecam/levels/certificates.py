@@ -149,21 +149,12 @@ LONGEST_STEPS = (0.02, 0.05)
 """Longest step of a search for a footpoint in s and in t, shares of the domain."""
 
 
-@dataclass(frozen=True, eq=False)
-class DepthBound:
-    """No point of a level is farther from another than `distance`, mm; `place` is where the bound is largest;
-    `too_deep` are parameters (s, t) of pieces that may be deeper than allowed; `pieces` is how many were
+def bound_depth(
+    level: TSpline, other: TSpline, limit: float
+) -> tuple[float, Float[ndarray, "3"], Float[ndarray, "k 2"], int]:
+    """How far points of a level are at most from another one over the same T-mesh, mm, good enough where it is within
+    `limit`; where the bound is largest; parameters (s, t) of pieces that may be deeper than allowed; and how many were
     bounded."""
-
-    distance: float
-    place: Float[ndarray, "3"]
-    too_deep: Float[ndarray, "k 2"]
-    pieces: int
-
-
-def bound_depth(level: TSpline, other: TSpline, limit: float) -> DepthBound:
-    """How far points of a level are at most from another one over the same T-mesh; good enough where it is
-    within `limit` mm."""
     boxes = level.elements().boxes
     corners = np.ascontiguousarray(boxes[:, [[0, 2], [1, 2], [0, 3], [1, 3]]])
     distance, deepest, too_deep, pieces = depth_bound(
@@ -176,7 +167,7 @@ def bound_depth(level: TSpline, other: TSpline, limit: float) -> DepthBound:
         smallest=SMALLEST,
     )
     place = level.positions(*_parameters(boxes, deepest[None]).T)[0]
-    return DepthBound(distance + ROUNDING, place, _parameters(boxes, too_deep), pieces)
+    return distance + ROUNDING, place, _parameters(boxes, too_deep), pieces
 
 
 def depth_target(surface: TSpline) -> DepthTarget:
@@ -326,16 +317,6 @@ SAGITTA_PARTS = 5
 """A bound of the faces is good enough up to the sagitta divided by this; the whole sagitta is added to it."""
 
 
-def bound_stock_depth(inner: TSpline, stock: Stock, limit: float) -> tuple[float, Float[ndarray, "3"], int]:
-    """How far the stock's surface is from a level at most, mm; about where; how many pieces were bounded."""
-    target = depth_target(inner)
-    for chord_tolerance in CHORD_TOLERANCES:
-        depth, place, pieces = bound_mesh_depth(target, *faces_of_stock(stock, chord_tolerance))
-        if depth <= limit + DEPTH_TOLERANCE:
-            break
-    return depth, place, pieces
-
-
 def bound_mesh_depth(
     target: DepthTarget, faces: Float[ndarray, "f 3 3"], sagitta: float
 ) -> tuple[float, Float[ndarray, "3"], int]:
@@ -413,20 +394,19 @@ def certify_cut(inner: TSpline, outer: TSpline, stock: Stock, limit: float) -> C
     """The certificate of the cut from level k (`outer`) down to level k - 1 (`inner`), at most `limit` mm
     deep."""
     nets = bezier_nets(outer)
-    of_outer = bound_depth(outer, inner, limit)
-    of_inner = bound_depth(inner, outer, limit)
+    depth, depth_place, outer_deep, outer_pieces = bound_depth(outer, inner, limit)
+    reverse_depth, reverse_place, inner_deep, inner_pieces = bound_depth(inner, outer, limit)
     nesting, nesting_place = bound_nesting(inner, nets)
     outside, outside_place = bound_outside(nets, stock)
-    deeper = of_inner if of_inner.distance > of_outer.distance else of_outer
     return Certificate(
-        depth=deeper.distance,
+        depth=max(depth, reverse_depth),
         nesting=nesting,
         outside=outside,
-        depth_place=deeper.place,
+        depth_place=reverse_place if reverse_depth > depth else depth_place,
         nesting_place=nesting_place,
         outside_place=outside_place,
-        too_deep=np.vstack([of_outer.too_deep, of_inner.too_deep]),
-        pieces=of_outer.pieces + of_inner.pieces,
+        too_deep=np.vstack([outer_deep, inner_deep]),
+        pieces=outer_pieces + inner_pieces,
     )
 
 
@@ -434,7 +414,11 @@ def certify_last_cut(inner: TSpline, stock: Stock, limit: float) -> Certificate:
     """The certificate of the last cut, from the stock down to level K - 1 (`inner`), at most `limit` mm
     deep."""
     nets = bezier_nets(inner)
-    stock_depth, stock_place, pieces = bound_stock_depth(inner, stock, limit)
+    target = depth_target(inner)
+    for chord_tolerance in CHORD_TOLERANCES:
+        stock_depth, stock_place, pieces = bound_mesh_depth(target, *faces_of_stock(stock, chord_tolerance))
+        if stock_depth <= limit + DEPTH_TOLERANCE:
+            break
     inside, inside_place = bound_inside(nets, stock, limit)
     outside, outside_place = bound_outside(nets, stock)
     depth_place = inside_place if inside > stock_depth else stock_place

@@ -165,7 +165,19 @@ def begin_morph(
             raise ValueError(f"{name} {value!r}: choose one of {', '.join(choices)}")
     LevelsJob(stiffness=stiffness, chord_tolerance=chord_tolerance)
 
-    _require_closed_inside(surface, stock, schedule)
+    # SurfaceError where the surface bounds no body, StockError where that leaves the stock, LevelError where it takes
+    # too many cuts
+    if not all(surface.poles):
+        raise SurfaceError(
+            "the surface is not closed between two poles: morph an open one with "
+            "bonecam.levels.open_morph.morph_open, or close its ends"
+        )
+    require_seeds_inside(stock, surface)
+    mesh = require_valid(surface, COARSE, "the part")
+    require_inside(stock, mesh.vertices, MARGIN)
+    farthest = MeshDistance(mesh).unsigned(stock.mesh(COARSE * stock.diameter).vertices).max()
+    schedule.lower_bound(float(farthest) - COARSE)
+
     started = time.perf_counter()
     progress = rising(progress)
     solving, measuring = part(progress, 0.0, 0.7), part(progress, 0.7, 1.0)
@@ -203,21 +215,6 @@ def begin_morph(
         seconds=seconds,
         accepted=math.inf if method == "published" else ACCEPTED,
     )
-
-
-def _require_closed_inside(surface: TSpline, stock: Stock, schedule: Schedule) -> None:
-    """SurfaceError where the surface bounds no body, StockError where that leaves the stock, LevelError where
-    it takes too many cuts."""
-    if not all(surface.poles):
-        raise SurfaceError(
-            "the surface is not closed between two poles: morph an open one with "
-            "bonecam.levels.open_morph.morph_open, or close its ends"
-        )
-    require_seeds_inside(stock, surface)
-    mesh = require_valid(surface, COARSE, "the part")
-    require_inside(stock, mesh.vertices, MARGIN)
-    farthest = MeshDistance(mesh).unsigned(stock.mesh(COARSE * stock.diameter).vertices).max()
-    schedule.lower_bound(float(farthest) - COARSE)
 
 
 def require_types(surface: object, schedule: object, *stocks: object) -> None:

@@ -22,15 +22,12 @@ from itertools import islice
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
-from numpy import ndarray
 
 from bonecam.errors import LevelError, SurfaceError
 from bonecam.job import Job, LevelsJob
 from bonecam.levels.closed_morph import begin_morph, require_seeds_inside, require_types
 from bonecam.levels.measure import (
     NO_CUT,
-    CutSamples,
     Level,
     Measures,
     PartLevel,
@@ -40,7 +37,7 @@ from bonecam.levels.measure import (
     morph_surfaces,
 )
 from bonecam.levels.open_morph import body_surfaces
-from bonecam.levels.problem import BandedCholesky, SurfaceSamples, factorise, integration_points, samples_of, thin_plate
+from bonecam.levels.problem import factorise, integration_points, samples_of, thin_plate
 from bonecam.levels.sequences import BegunMorph, Morph
 from bonecam.levels.solvers.clarabel import require_clarabel
 from bonecam.mesh.distance import MeshDistance
@@ -155,11 +152,23 @@ def _with_rounding_levels(morph: Morph, inner: Stock, stock: Stock, schedule: Sc
     outermost = morph_surfaces(morph.levels)[-1]
     samples = samples_of(outermost, *integration_points(outermost))
     matrix = samples.N + FIT_STIFFNESS * thin_plate(outermost)
-    fit = _ControlPointFit(samples, samples.R @ outermost.control_points, factorise(matrix))
+    points = samples.R @ outermost.control_points
+    fit = factorise(matrix)
 
     levels = list(morph.levels[:-1])
     for k, (body, surface) in enumerate(zip(bodies, surfaces, strict=True), start=first.index):
-        control_points = fit.control_points(body, stock)
+        # Each point goes to the nearest point of the body, but no farther than to the wall of the stock, which
+        # bisection finds
+        target = body.closest_points(points)
+        low = np.zeros((len(points), 1))
+        high = np.ones((len(points), 1))
+        for _ in range(BISECTIONS):
+            middle = (low + high) / 2
+            inside = stock.signed_distance(points + middle * (target - points))[:, None] <= 0
+            low = np.where(inside, middle, low)
+            high = np.where(inside, high, middle)
+        control_points = fit.solve(samples.moments(points + high * (target - points)))
+
         if k == first.index:
             mesh, measures = first.mesh, first.measures
         else:
@@ -207,41 +216,19 @@ def _measure(inner: TriangleMesh, outer: TriangleMesh, before: Stock, stock: Sto
     inner_points, outer_points = probes(inner), probes(fine)
     depth = np.maximum(before.signed_distance(outer_points), 0.0)
     nesting = -np.minimum(MeshDistance(outer).signed(inner_points), stock.signed_distance(inner_points))
-    none_left = np.zeros(len(inner_points))
-    samples = CutSamples(
-        outer_points=outer_points,
+    return measures_of(
+        inner,
+        fine,
+        limit,
         inner_points=inner_points,
+        outer_points=outer_points,
         depth=depth,
         outside=stock.signed_distance(outer_points),
         reverse_depth=np.full(len(inner_points), depth.max()),
         nesting=nesting,
-        remaining=none_left,
+        remaining=np.zeros(len(inner_points)),
+        crossing_faces=self_intersections(outer),
     )
-    return measures_of(samples, inner, fine, limit, self_intersections(outer))
-
-
-@dataclass(frozen=True, eq=False)
-class _ControlPointFit:
-    """A least-squares fit of control points over the T-mesh of the part: to the `points` of the last level of
-    the morph at `samples`, moved outwards; `factorised` is its normal matrix."""
-
-    samples: SurfaceSamples
-    points: Float[ndarray, "n 3"]
-    factorised: BandedCholesky
-
-    def control_points(self, body: Stock, stock: Stock) -> Float[ndarray, "c 3"]:
-        """Control points of a surface that follows the part of `body` inside `stock`: each point goes to the
-        nearest point of the body, but no farther than to the wall of the stock, which bisection finds."""
-        target = body.closest_points(self.points)
-        low = np.zeros((len(self.points), 1))
-        high = np.ones((len(self.points), 1))
-        for _ in range(BISECTIONS):
-            middle = (low + high) / 2
-            inside = stock.signed_distance(self.points + middle * (target - self.points))[:, None] <= 0
-            low = np.where(inside, middle, low)
-            high = np.where(inside, high, middle)
-        ends = self.points + high * (target - self.points)
-        return self.factorised.solve(self.samples.moments(ends))
 
 
 TRIES = 3
@@ -319,7 +306,11 @@ def make_levels(surface: TSpline, stock: Stock, job: Job, progress: Progress = s
     """The measured levels from a closed part to its stock, with the parameters of `job.levels`; of another
     strategy than morphing only the part and the stock."""
     if job.path.strategy != "morph":
-        return part_and_stock(surface, stock, job.levels.chord_tolerance)
+        part = PartLevel(surface, surface.tessellate(job.levels.chord_tolerance), NO_CUT)
+        around = stock.mesh(job.levels.chord_tolerance)
+        distance = float(MeshDistance(part.mesh).unsigned(around.vertices).max())
+        levels = part, StockLevel(1, around, distance, NO_CUT)
+        return Morph(levels, lower_bound=1, distance=distance, solve_seconds=0.0, check_seconds=0.0)
     levels_to = even_levels if job.levels.even else levels_in
     return levels_to(
         surface,
@@ -332,15 +323,6 @@ def make_levels(surface: TSpline, stock: Stock, job: Job, progress: Progress = s
         chord_tolerance=job.levels.chord_tolerance,
         progress=progress,
     )
-
-
-def part_and_stock(surface: TSpline, stock: Stock, chord_tolerance: float) -> Morph:
-    """The part and the stock without levels between them, for a strategy that does not morph."""
-    part = PartLevel(surface, surface.tessellate(chord_tolerance), NO_CUT)
-    around = stock.mesh(chord_tolerance)
-    distance = float(MeshDistance(part.mesh).unsigned(around.vertices).max())
-    levels = part, StockLevel(1, around, distance, NO_CUT)
-    return Morph(levels, lower_bound=1, distance=distance, solve_seconds=0.0, check_seconds=0.0)
 
 
 def check_method(levels: LevelsJob) -> None:

@@ -48,7 +48,7 @@ on which the stock lies.
 
 Inspect a sequence of levels: measure and certify every cut, and list those that are out of tolerance.
 
-`measure_level` and `measure_stock` measure one cut. `inspect` measures all cuts of a sequence on one grid;
+`inspect` measures all cuts of a sequence on one grid;
 `inspect_again` measures some of them again when their levels have moved by microns, on the same grid.
 
 Measure one cut: sample both of its levels and find depths, nesting and how far it leaves the stock.
@@ -148,61 +148,51 @@ NO_CUT = Measures(
 """The measures of a level that no cut ends at."""
 
 
-@dataclass(frozen=True, eq=False)
-class CutSamples:
-    """Points of the two levels of a cut and what was found there, mm; of each level the vertices of its mesh
-    first, then one point a face.
-
-    `depth` and `outside` belong to the `outer_points`; `reverse_depth`, `nesting` (signed, positive inside the
-    outer level) and `remaining` (the distance to the stock) to the `inner_points`.
-    """
-
-    outer_points: Float[ndarray, "n 3"]
-    inner_points: Float[ndarray, "m 3"]
-    depth: Float[ndarray, " n"]
-    outside: Float[ndarray, " n"]
-    reverse_depth: Float[ndarray, " m"]
-    nesting: Float[ndarray, " m"]
-    remaining: Float[ndarray, " m"]
-
-
 def measures_of(
-    samples: CutSamples,
     inner: TriangleMesh,
     outer: TriangleMesh,
     limit: float,
+    *,
+    inner_points: Float[ndarray, "m 3"],
+    outer_points: Float[ndarray, "n 3"],
+    depth: Float[ndarray, " n"],
+    outside: Float[ndarray, " n"],
+    reverse_depth: Float[ndarray, " m"],
+    nesting: Float[ndarray, " m"],
+    remaining: Float[ndarray, " m"],
     crossing_faces: Int[ndarray, " x"],
     near_limits: Float[ndarray, "k 2"] = NO_CUT.near_limits,
 ) -> Measures:
-    """The worst values and the means over the areas of the two meshes; `limit` is the depth of the cut, mm."""
+    """The worst values and the means over the areas of the two meshes of a cut; `limit` is its depth, mm.
+
+    The points of each level are the vertices of its mesh first, then one a face. `depth` and `outside` (mm) belong to
+    the `outer_points`; `reverse_depth`, `nesting` (signed, positive inside the outer level) and `remaining` (the
+    distance to the stock) to the `inner_points`.
+    """
     inner_areas = np.linalg.norm(inner.face_vectors, axis=1) / 2
     outer_areas = np.linalg.norm(outer.face_vectors, axis=1) / 2
-    face_depth = samples.depth[len(outer.vertices) :]
-    face_reverse_depth = np.abs(samples.reverse_depth[len(inner.vertices) :])
-    full = samples.remaining[len(inner.vertices) :] >= FULL_DEPTH * limit
+    face_depth = depth[len(outer.vertices) :]
+    face_reverse_depth = np.abs(reverse_depth[len(inner.vertices) :])
+    full = remaining[len(inner.vertices) :] >= FULL_DEPTH * limit
+    # what is deeper than the limit counts in the last bin
+    weights = outer_areas / outer_areas.sum()
+    shares, _ = np.histogram(np.minimum(face_depth, limit), bins=BINS, range=(0, limit), weights=weights)
     return Measures(
-        depth_max=float(samples.depth.max()),
+        depth_max=float(depth.max()),
         depth_mean=float(np.average(face_depth, weights=outer_areas)),
-        reverse_depth_max=float(samples.reverse_depth.max()),
+        reverse_depth_max=float(reverse_depth.max()),
         full_depth_mean=float(np.average(face_reverse_depth[full], weights=inner_areas[full])) if full.any() else limit,
         full_depth_area=float(inner_areas[full].sum()),
-        depth_shares=depth_shares(face_depth, outer_areas, limit),
-        nesting_min=float(samples.nesting.min()),
-        outside=float(samples.outside.max()),
-        depth_place=samples.outer_points[np.argmax(samples.depth)],
-        reverse_depth_place=samples.inner_points[np.argmax(samples.reverse_depth)],
-        nesting_place=samples.inner_points[np.argmin(samples.nesting)],
-        outside_place=samples.outer_points[np.argmax(samples.outside)],
+        depth_shares=tuple(float(share) for share in shares),
+        nesting_min=float(nesting.min()),
+        outside=float(outside.max()),
+        depth_place=outer_points[np.argmax(depth)],
+        reverse_depth_place=inner_points[np.argmax(reverse_depth)],
+        nesting_place=inner_points[np.argmin(nesting)],
+        outside_place=outer_points[np.argmax(outside)],
         crossing_faces=crossing_faces,
         near_limits=near_limits,
     )
-
-
-def depth_shares(depth: Float[ndarray, " f"], areas: Float[ndarray, " f"], limit: float) -> tuple[float, ...]:
-    """The shares of the area in BINS even bins of depth from 0 to `limit` (mm); what is deeper counts in the
-    last bin."""
-    shares = np.histogram(np.minimum(depth, limit), bins=BINS, range=(0, limit), weights=areas / areas.sum())[0]
-    return tuple(float(share) for share in shares)
 
 
 PATCH = 2.0
@@ -249,21 +239,12 @@ def require_none(index: int, found: list[Violation], mesh: TriangleMesh, remedy:
     round it; without violations nothing is raised."""
     if found:
         trouble, place = found[0]
-        raise LevelError(
-            f"level {index} {trouble} at {place_name(place)}: {remedy}",
-            level=index,
-            place=place,
-            patch=patch_of(mesh, place),
-        )
-
-
-def patch_of(mesh: TriangleMesh, place: Float[ndarray, "3"]) -> TriangleMesh:
-    """The faces of a mesh within PATCH mm of a place (at least the nearest one), without the other
-    vertices."""
-    distance = np.linalg.norm(mesh.vertices[mesh.faces] - place, axis=2).min(1)
-    faces = mesh.faces[distance <= max(PATCH, float(distance.min()))]
-    kept, faces = np.unique(faces, return_inverse=True)
-    return TriangleMesh(mesh.vertices[kept], faces.reshape(-1, 3).astype(np.int32))
+        distance = np.linalg.norm(mesh.vertices[mesh.faces] - place, axis=2).min(1)
+        faces = mesh.faces[distance <= max(PATCH, float(distance.min()))]
+        kept, faces = np.unique(faces, return_inverse=True)
+        patch = TriangleMesh(mesh.vertices[kept], faces.reshape(-1, 3).astype(np.int32))
+        message = f"level {index} {trouble} at {place_name(place)}: {remedy}"
+        raise LevelError(message, level=index, place=place, patch=patch)
 
 
 STRIDE = 3
@@ -660,16 +641,19 @@ def measure_open_cut(
     projection = outer.surface.project(points)
     normals = outer.surface.normals(*projection.parameters.T)
     nesting[doubtful] = -side * dots(points - projection.points, normals)
-    samples = CutSamples(
-        outer_points=outer.points,
+    return measures_of(
+        inner.mesh,
+        outer.mesh,
+        limit,
         inner_points=inner.points,
+        outer_points=outer.points,
         depth=distances_to(inner.surface, outer.points, parameters),
         outside=np.zeros(len(outer.points)),
         reverse_depth=distances_to(outer.surface, inner.points, parameters),
         nesting=np.asarray(nesting),
         remaining=distances_to(stock, inner.points, parameters),
+        crossing_faces=self_intersections(outer.mesh),
     )
-    return measures_of(samples, inner.mesh, outer.mesh, limit, self_intersections(outer.mesh))
 
 
 def distances_to(
@@ -704,18 +688,19 @@ def measure_cut(inner: MeasuredSurface, outer: MeasuredSurface, stock: Stock, li
             outer.grid.parameters[np.unique(outer.mesh.faces[crossing_faces])],
         ]
     )
-    remaining = -stock.signed_distance(inner.points)
-    samples = CutSamples(
-        outer.points,
-        inner.points,
+    return measures_of(
+        inner.mesh,
+        outer.mesh,
+        limit,
+        inner_points=inner.points,
+        outer_points=outer.points,
         depth=depth,
         outside=outside,
         reverse_depth=nesting,
         nesting=nesting,
-        remaining=remaining,
-    )
-    return measures_of(
-        samples, inner.mesh, outer=outer.mesh, limit=limit, crossing_faces=crossing_faces, near_limits=near_limits
+        remaining=-stock.signed_distance(inner.points),
+        crossing_faces=crossing_faces,
+        near_limits=near_limits,
     )
 
 
@@ -726,19 +711,20 @@ def measure_last_cut(inner: MeasuredSurface, mesh: TriangleMesh, stock: Stock, l
     No part of it counts as cut at full depth: nothing is left above the stock.
     """
     points = probes(mesh)
-    outside = stock.signed_distance(points)
-    depth = np.abs(inner.closest(points)[0])
     nesting = -stock.signed_distance(inner.points)
-    samples = CutSamples(
-        points,
-        inner.points,
-        depth=depth,
-        outside=outside,
+    return measures_of(
+        inner.mesh,
+        mesh,
+        limit,
+        inner_points=inner.points,
+        outer_points=points,
+        depth=np.abs(inner.closest(points)[0]),
+        outside=stock.signed_distance(points),
         reverse_depth=nesting,
         nesting=nesting,
         remaining=np.zeros(len(nesting)),
+        crossing_faces=self_intersections(mesh),
     )
-    return measures_of(samples, inner.mesh, mesh, limit, self_intersections(mesh))
 
 
 MAX_DOUBTED_PLACES = 100
@@ -874,54 +860,32 @@ def inspect_again(
     return Inspection(grid, rules, levels, inspection.seconds + time.perf_counter() - began)
 
 
-def with_cuts_of(inspection: Inspection, other: Inspection, cuts: Collection[int]) -> Inspection:
-    """The inspection with these cuts as another one has them; those that the other lacks are left out."""
-    kept = [level for level in inspection.levels if level.index not in cuts]
-    taken = [level for level in other.levels if level.index in cuts]
-    return replace(inspection, levels=tuple(sorted(kept + taken, key=lambda level: level.index)))
-
-
 def measure_part(part: MeasuredSurface) -> PartLevel:
     """The part as level 0, with the faces of its tessellation that cut others."""
     crossing_faces = self_intersections(part.mesh)
     return PartLevel(part.surface, part.mesh, replace(NO_CUT, crossing_faces=crossing_faces))
 
 
-def measure_level(k: int, inner: MeasuredSurface, outer: MeasuredSurface, rules: Rules) -> MorphLevel:
-    """Level k (`outer`) with its cut down to level k - 1 (`inner`) measured, and certified where that is
-    possible."""
-    stock = rules.stock
+def _measure(k: int, surfaces: dict[int, MeasuredSurface], rules: Rules) -> MorphLevel | StockLevel:
+    """Level k with its cut measured, given the surfaces of levels k - 1 and k, and certified where that is possible and
+    says something: not where levels may lie farther outside one another than a certificate allows. The stock where
+    level k has no surface."""
+    inner, stock = surfaces[k - 1], rules.stock
     limit = rules.schedule.limit(k)
-    measures = measure_cut(inner, outer, stock, limit)
-    level = MorphLevel(k, outer.surface, outer.mesh, limit, measures)
-    if not _certifies(inner, rules):
-        return level
+    certifies = certifiable(inner.surface) and rules.nesting_tolerance <= NESTING_TOLERANCE
+    if k not in surfaces:
+        mesh = stock.mesh(rules.chord_tolerance)
+        measures = measure_last_cut(inner, mesh, stock, limit)
+        last_proof = certify_last_cut(inner.surface, stock, limit) if certifies else None
+        return StockLevel(k, mesh, limit, measures, last_proof)
 
+    outer = surfaces[k]
+    measures = measure_cut(inner, outer, stock, limit)
+    if not certifies:
+        return MorphLevel(k, outer.surface, outer.mesh, limit, measures)
     proof = certify_cut(inner.surface, outer.surface, stock, limit)
     doubted = proof.too_deep[:MAX_DOUBTED_PLACES]
     if proof.nesting < -NESTING_TOLERANCE:
         nearest = outer.surface.project(proof.nesting_place[None]).parameters
         doubted = np.vstack([doubted, nearest])
-    return replace(level, measures=measures.watching(doubted), certificate=proof)
-
-
-def _measure(k: int, surfaces: dict[int, MeasuredSurface], rules: Rules) -> MorphLevel | StockLevel:
-    """Level k measured, given the surfaces of levels k - 1 and k; the stock where level k has none."""
-    if k in surfaces:
-        return measure_level(k, surfaces[k - 1], surfaces[k], rules)
-
-    # The stock as level k, the last, with its cut down to level k - 1 (`inner`) measured, and certified where that is
-    # possible
-    inner = surfaces[k - 1]
-    stock = rules.stock
-    limit = rules.schedule.limit(k)
-    mesh = stock.mesh(rules.chord_tolerance)
-    measures = measure_last_cut(inner, mesh, stock, limit)
-    proof = certify_last_cut(inner.surface, stock, limit) if _certifies(inner, rules) else None
-    return StockLevel(k, mesh, limit, measures, proof)
-
-
-def _certifies(inner: MeasuredSurface, rules: Rules) -> bool:
-    """Whether a certificate can be made, and says something: not where levels may lie farther outside one
-    another than a certificate allows."""
-    return certifiable(inner.surface) and rules.nesting_tolerance <= NESTING_TOLERANCE
+    return MorphLevel(k, outer.surface, outer.mesh, limit, measures.watching(doubted), proof)

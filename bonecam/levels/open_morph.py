@@ -36,7 +36,7 @@ from numbers import Real
 
 import numpy as np
 import scipy.sparse as sp
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 from numpy import ndarray
 from scipy.ndimage import gaussian_filter1d
 
@@ -45,7 +45,6 @@ from bonecam.errors import JobError, LevelError, StockError, SurfaceError, place
 from bonecam.job import LevelsJob
 from bonecam.levels.closed_morph import require_types
 from bonecam.levels.measure import (
-    Level,
     LevelGrid,
     MachinedLevel,
     MeasuredSurface,
@@ -181,17 +180,6 @@ def _points_of_body(
     return body.closest_points(meridians(capsule, ss, tt)).reshape(len(t), len(s), 3)
 
 
-def _smooth(body: Stock, grid: Float[ndarray, "b a 3"]) -> Float[ndarray, "b a 3"]:
-    """Points of the body without the jumps that their steps have at the ends of flats: after such a jump a
-    spline oscillates, and may turn over."""
-    wide = int(4 * SMOOTHING)
-    over_poles = np.pad(grid, ((wide, wide), (0, 0), (0, 0)), mode="reflect", reflect_type="odd")
-    smooth = gaussian_filter1d(gaussian_filter1d(over_poles, SMOOTHING, axis=0), SMOOTHING, axis=1, mode="wrap")[
-        wide:-wide
-    ]
-    return body.closest_points(smooth.reshape(-1, 3)).reshape(grid.shape)
-
-
 def _knot_density(grid: Float[ndarray, "b a 3"]) -> Float[ndarray, " b"]:
     """The density of knots along the first index that makes the error of a fit even: the root of the largest
     second difference there."""
@@ -231,8 +219,18 @@ def _fit_body(
     weighted = sp.csr_array(R.T @ sp.diags_array(np.where((tt == 0) | (tt == 1), POLE_WEIGHT, 1.0)))
     fit = factorise(sp.csc_array(weighted @ R))
     grids = [_points_of_body(body, capsule, s, t) for body, capsule in zip(bodies, capsules)]
-    targets = [(_smooth(body, grid) if smooth else grid).reshape(-1, 3) for body, grid in zip(bodies, grids)]
-    return [spline.with_control_points(fit.solve(np.asarray(weighted @ target))) for target in targets]
+    surfaces = []
+    for body, grid in zip(bodies, grids, strict=True):
+        targets = grid.reshape(-1, 3)
+        if smooth:
+            # without the jumps that steps have at the ends of flats: after such a jump a spline oscillates, and may
+            # turn over
+            wide = int(4 * SMOOTHING)
+            over_poles = np.pad(grid, ((wide, wide), (0, 0), (0, 0)), mode="reflect", reflect_type="odd")
+            even = gaussian_filter1d(gaussian_filter1d(over_poles, SMOOTHING, axis=0), SMOOTHING, axis=1, mode="wrap")
+            targets = body.closest_points(even[wide:-wide].reshape(-1, 3))
+        surfaces.append(spline.with_control_points(fit.solve(np.asarray(weighted @ targets))))
+    return surfaces
 
 
 def _largest_distance(body: Stock, surface: TSpline) -> tuple[float, Float[ndarray, "3"]]:
@@ -435,39 +433,19 @@ def morph_open(
     from_part = distances_to(target.surface, inner_points, grid.sample_parameters)
     deepest = float(from_part.max()) - target.deviation
     lower_bound = schedule.lower_bound(max(distance, deepest))
-    _require_near(target, schedule.limit(lower_bound))
-
-    held = matrices.edge & fixed
-    levels = _sequence(
-        surface,
-        target,
-        matrices,
-        grid,
-        schedule,
-        stiffness=stiffness,
-        held=held,
-        progress=progress,
-        lower_bound=lower_bound,
-    )
-    return Morph(levels, lower_bound, distance, 0.0, 0.0)
-
-
-def _sequence(
-    surface: TSpline,
-    target: OpenStock,
-    matrices: ElementMatrices,
-    grid: LevelGrid,
-    schedule: Schedule,
-    stiffness: float,
-    held: Bool[ndarray, " c"],
-    progress: Progress,
-    lower_bound: int,
-) -> tuple[Level, ...]:
-    """The levels from a surface to its stock, each measured when it is made; control points `held` stay."""
+    limit = schedule.limit(lower_bound)
+    if target.deviation > limit:
+        raise StockError(
+            f"the stock over the part's control points lies {target.deviation:.3f} mm off the one given at "
+            f"{place_name(target.place)}, "
+            f"more than one cut ({limit:.3f} mm): give a smoother stock or more control points",
+            distance=target.deviation,
+            place=target.place,
+        )
 
     def next_level(level: MachinedLevel, k: int, _: _Rest) -> MachinedLevel:
         limit = schedule.limit(k)
-        surface = _next_surface(level.surface, target, matrices, limit, stiffness, held=held)
+        surface = _next_surface(level.surface, target, matrices, limit, stiffness, held=matrices.edge & fixed)
         measures, mesh = _measured(k, level.surface, surface, target, grid, limit=limit)
         return MorphLevel(k, surface, mesh, limit, measures)
 
@@ -475,19 +453,23 @@ def _sequence(
         return _rest(level.surface, target, grid, schedule.limit(k + 1))
 
     first: MachinedLevel = measure_part(MeasuredSurface(surface, grid))
-    rest = rest_above(first, 0)
-    stop = Stop(SOFTER)
     levels = levels_to_stock(
-        [first], rest, schedule, next_level, rest_above, stop=stop, progress=progress, lower_bound=lower_bound
+        [first],
+        rest_above(first, 0),
+        schedule,
+        next_level,
+        rest_above,
+        stop=Stop(SOFTER),
+        progress=progress,
+        lower_bound=lower_bound,
     )
 
     # The stock as the last level, with what is measured on its cut; LevelError where that is out of tolerance
-    below = levels[-1]
-    limit = schedule.limit(len(levels))
-    k = below.index + 1
-    measures, mesh = _measured(k, below.surface, target.surface, target, grid, limit=limit)
+    k = len(levels)
+    limit = schedule.limit(k)
+    measures, mesh = _measured(k, levels[-1].surface, target.surface, target, grid, limit=limit)
     fitted = replace(measures, outside=target.deviation, outside_place=target.place)
-    return *levels, StockLevel(k, mesh, limit, fitted)
+    return Morph((*levels, StockLevel(k, mesh, limit, fitted)), lower_bound, distance, 0.0, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -551,15 +533,3 @@ def _measured(
     measures = measure_open_cut(below, above, stock.surface, stock.side, limit)
     require_none(k, violations(measures, limit, above.mesh), above.mesh, REMEDY)
     return measures, above.mesh
-
-
-def _require_near(stock: OpenStock, limit: float) -> None:
-    """StockError where the stock over the part's T-mesh lies more than `limit` mm off the one given."""
-    if stock.deviation > limit:
-        raise StockError(
-            f"the stock over the part's control points lies {stock.deviation:.3f} mm off the one given at "
-            f"{place_name(stock.place)}, "
-            f"more than one cut ({limit:.3f} mm): give a smoother stock or more control points",
-            distance=stock.deviation,
-            place=stock.place,
-        )

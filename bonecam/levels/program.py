@@ -540,6 +540,12 @@ def program_of(
     x, target = pulled.x, pulled.target
     weights = pulled.weights if pull_factor is None else pulled.weights * (pulled.R @ pull_factor)
     R = sp.csr_array(pulled.R @ discretisation.free)
+
+    # The linear part of the net's energy is reduced where that alone would take a sample too far
+    far = float(lengths(R @ factorise(net.matrix, R, weights).solve(net.linear)).max())
+    if far > MOST_BENT * cut.depth:
+        net = replace(net, linear=net.linear * (MOST_BENT * cut.depth / far))
+
     gap = -stock.signed_distance(x)
     limits = limits_at(before, stock, cut=cut, gap=gap, y=target, s=pulled.s, t=pulled.t, steps=2)
     H = inside(stock, limits.c + pulled.beyond[:, None] * (target - limits.c), np.minimum(gap, cut.landing) - PRESS)
@@ -555,11 +561,5 @@ def program_of(
         H=H,
         start=target,
         limits=limits,
-        net=_limit_bending(net, R, weights, MOST_BENT * cut.depth),
+        net=net,
     )
-
-
-def _limit_bending(net: Quadratic, R: sp.csr_array, weights: ndarray, most: float) -> Quadratic:
-    """The energy, its linear part reduced where that alone would take a sample farther than `most`, mm."""
-    far = float(lengths(R @ factorise(net.matrix, R, weights).solve(net.linear)).max())
-    return net if far <= most else replace(net, linear=net.linear * (most / far))

@@ -30,7 +30,7 @@ from numpy import ndarray
 from bonecam.arrays import lengths, settled
 from bonecam.errors import LevelError, counted, place_name
 from bonecam.job.levels_section import MOST_LEVELS
-from bonecam.levels.measure import Inspection, Level, excess_bound, inspect_again, trouble, with_cuts_of
+from bonecam.levels.measure import Inspection, Level, excess_bound, inspect_again, trouble
 from bonecam.levels.problem import Cut, Discretisation, Remaining, StepParameters, remaining
 from bonecam.levels.solvers.exchange import LARGEST_VIOLATION, ExchangeStep, next_level, project_level
 from bonecam.progress import Progress, report, silent
@@ -373,7 +373,10 @@ def _better_of(
         if trouble(now, doubts=doubts) >= trouble(then, doubts=doubts):
             for level in now:
                 watched[level.index].append(level.measures.near_limits)
-            inspection = with_cuts_of(inspection, before, range(first, after + 1))
+            cuts_before = [level for level in before.levels if first <= level.index <= after]
+            others = [level for level in inspection.levels if not first <= level.index <= after]
+            levels = sorted(others + cuts_before, key=lambda level: level.index)
+            inspection = replace(inspection, levels=tuple(levels))
     return inspection
 
 
@@ -468,11 +471,36 @@ class BegunMorph:
     accepted: float = ACCEPTED
 
     def measured(self) -> Morph:
-        """The morph: the first levels, or those of the next way to make them, that keep their limits as measured.
-        LevelError where none do."""
+        """The morph: the first levels, or those of the next way to make them, of which every cut keeps its limits as
+        measured; levels that do not are restored by the `maker`, if there is one. Where there are none the first that
+        exceed their limits by what is `accepted` at most; else LevelError."""
         started = time.perf_counter()
-        sequences = chain([self.first], self.others)
-        inspection, checking = _first_within_limits(sequences, self.maker, self.measure, self.accepted)
+        failure: LevelError | None = None
+        nearly: Inspection | None = None
+        checking = 0.0
+        for levels in chain([self.first], self.others):
+            try:
+                inspection = self.measure(levels)
+                if self.maker is not None:
+                    inspection = restore_certificates(restore_feasibility(inspection, self.maker), self.maker)
+            except LevelError as error:
+                failure = failure or error
+                continue
+            checking += inspection.seconds
+            try:
+                inspection.require_passed()
+            except LevelError as error:
+                failure = failure or error
+            else:
+                break
+            breaks = max(excess_bound(level) for level in inspection.failed)
+            if nearly is None and not inspection.crosses and breaks <= self.accepted:
+                nearly = inspection
+        else:
+            if nearly is None:
+                assert failure is not None
+                raise failure
+            inspection = nearly
         breaks = max((excess_bound(level) for level in inspection.failed), default=0.0)
         solving = self.seconds + time.perf_counter() - started - checking
         lower_bound = self.schedule.lower_bound(self.apart)
@@ -484,41 +512,3 @@ class BegunMorph:
             check_seconds=checking,
             breaks=breaks,
         )
-
-
-def _first_within_limits(
-    sequences: Iterator[list[ndarray]],
-    maker: SequenceMaker | None,
-    measure: Callable[[list[ndarray]], Inspection],
-    accepted: float,
-) -> tuple[Inspection, float]:
-    """The first sequence of which every cut keeps its limits as measured, and the seconds of all measuring;
-    levels that do not are restored by `maker`, if there is one.
-
-    Where there is none the first that exceeds its limits by `accepted` (mm) at most; else LevelError.
-    """
-    failure: LevelError | None = None
-    nearly: Inspection | None = None
-    checking = 0.0
-    for levels in sequences:
-        try:
-            inspection = measure(levels)
-            if maker is not None:
-                inspection = restore_certificates(restore_feasibility(inspection, maker), maker)
-        except LevelError as error:
-            failure = failure or error
-            continue
-        checking += inspection.seconds
-        try:
-            inspection.require_passed()
-        except LevelError as error:
-            failure = failure or error
-        else:
-            return inspection, checking
-        breaks = max(excess_bound(level) for level in inspection.failed)
-        if nearly is None and not inspection.crosses and breaks <= accepted:
-            nearly = inspection
-    if nearly is None:
-        assert failure is not None
-        raise failure
-    return nearly, checking

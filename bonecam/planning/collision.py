@@ -40,7 +40,7 @@ What stands round the tool on a level of a morph, taken as the levels have it: n
 Solids as FCL measures their distances, and whether the bodies of a machine leave room for tool and part.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from itertools import compress
@@ -220,20 +220,15 @@ class Poses:
         i = np.flatnonzero(joined)
         shift = np.linalg.norm(tips[i + 1] - tips[i], axis=1) / 2
         turn = angles_between(axes[i + 1], axes[i]) / 2
-        return cls(tips, axes, _largest_beside(i, shift, len(tips)), _largest_beside(i, turn, len(tips)))
+        largest = np.zeros((2, len(tips)))
+        for beside, values in zip(largest, (shift, turn), strict=True):
+            np.maximum.at(beside, i, values)
+            np.maximum.at(beside, i + 1, values)
+        return cls(tips, axes, *largest)
 
     def take(self, which: Int[ndarray, " k"]) -> "Poses":
         """The poses of the given rows."""
         return Poses(self.tips[which], self.axes[which], self.shift[which], self.turn[which])
-
-
-def _largest_beside(moves: Int[ndarray, " m"], values: Float[ndarray, " m"], count: int) -> Float[ndarray, " n"]:
-    """The largest value of the moves that begin or end at each pose (0 without any); move i begins at pose
-    `moves[i]` and ends at the next."""
-    largest = np.zeros(count)
-    np.maximum.at(largest, moves, values)
-    np.maximum.at(largest, moves + 1, values)
-    return largest
 
 
 def classify_poses(
@@ -244,33 +239,24 @@ def classify_poses(
     While cutting (`air` None) the cutter is held against the level, less the scene's `tangent_slack`; else the whole
     tool keeps `air` mm from the material, which the rest of it always stays out of. A pose is left as soon as it is
     `settled`: UNDECIDED where only proofs count. The sections are tried from the spindle down: the wide ones
-    decide soonest.
+    decide soonest. A closed table is kept clear of by the lowest rims of the sections: on a straight move a rim sinks
+    below its ends by no more than (u + r) turn^2, turn being half of the move's angle.
     """
-    state = _table_state(scene.clamping, cutter, poses)
+    state = np.full(len(poses.tips), FREE)
+    if scene.clamping.closed:
+        lowest = np.full(len(poses.tips), np.inf)
+        across = np.hypot(poses.axes[:, 0], poses.axes[:, 1])
+        for section in cutter.profile:
+            for u, radius in ((section.start, section.radius), (section.end, section.end_radius)):
+                rim = poses.tips[:, 2] + u * poses.axes[:, 2] - radius * across
+                lowest = np.minimum(lowest, rim - (u + radius) * poses.turn**2)
+        state[~(lowest >= scene.clamping.clearance)] = COLLIDING
     for section in cutter.profile[::-1]:
         open_ = np.flatnonzero(state < settled)
         around = scene.around(section.name, cutter.envelope_radius, air)
         traced = _trace(around, poses.take(open_), section, cutter)
         state[open_] = np.maximum(state[open_], traced)
     return state
-
-
-def _table_state(clamping: Clamping, cutter: Cutter, poses: Poses) -> Int[ndarray, " n"]:
-    """FREE where the table is open, or the lowest rims of the tool's sections keep the clearance above it; else
-    COLLIDING.
-
-    On a straight move a rim sinks below its ends by no more than (u + r) turn^2, turn being half of the
-    move's angle.
-    """
-    lowest = np.full(len(poses.tips), np.inf)
-    if not clamping.closed:
-        return np.full(len(lowest), FREE)
-    across = np.hypot(poses.axes[:, 0], poses.axes[:, 1])
-    for section in cutter.profile:
-        for u, radius in ((section.start, section.radius), (section.end, section.end_radius)):
-            rim = poses.tips[:, 2] + u * poses.axes[:, 2] - radius * across
-            lowest = np.minimum(lowest, rim - (u + radius) * poses.turn**2)
-    return np.where(lowest >= clamping.clearance, FREE, COLLIDING)
 
 
 def _trace(around: Surroundings, poses: Poses, section: ToolSection, cutter: Cutter) -> Int[ndarray, " n"]:
@@ -293,14 +279,25 @@ def _trace(around: Surroundings, poses: Poses, section: ToolSection, cutter: Cut
             break
         radius = section.radius + taper * (u - section.start)
         here = poses.take(active)
-        margin, slope = _margins(here, u, radius, cutter.centre_height if tangent else None)
+        # what the moves of each pose need at height u, and how fast it grows with u
+        margin = here.shift + here.turn * np.hypot(u, radius)
+        slope = here.turn
+        if tangent:
+            near = NEAR_SLOPE * (u - cutter.centre_height)
+            slope = np.where(near < margin, NEAR_SLOPE, slope)
+            margin = np.minimum(margin, near)
         needed = radius - slack + margin
         points = here.tips + u[:, None] * here.axes
         if section.name == "cutter" and not sphere:
             needed = needed + cutter.envelope_radius - cutter.radius
         # every sphere but the first begins inside the empty one before
         distance = around.distance_bound(points, needed, outside=sphere > 0)
-        step = _provable_step(distance, needed, slope * np.hypot(1.0, taper) + taper)
+        # the height w at which a disc that grows by `slope` (shrinks, where negative) still fits into the sphere:
+        # w^2 + (needed + slope w)^2 = distance^2; 0 where none does
+        slope = slope * np.hypot(1.0, taper) + taper
+        spare = np.maximum(distance**2 - needed**2, 0.0)
+        root = np.sqrt((needed * slope) ** 2 + (1 + slope**2) * spare)
+        step = STEP_SHARE * (root - needed * slope) / (1 + slope**2)
         u = u + step
         state[active[u >= section.end]] = FREE
         from_ends = np.minimum(u - step - section.start, section.end - u + step)
@@ -320,28 +317,6 @@ def _first_heights(around: Surroundings, poses: Poses, section: ToolSection) -> 
     distance = around.distance_bound(poses.tips + ahead * poses.axes, np.hypot(needed, ahead - section.start))
     half = np.sqrt(np.maximum(distance**2 - needed**2, 0.0)) * np.sign(np.maximum(distance, 0.0))
     return np.where((half > 0) & (ahead - half <= section.start), np.minimum(ahead + half, section.end), section.start)
-
-
-def _margins(
-    poses: Poses, u: Float[ndarray, " n"], radius: Float[ndarray, " n"], centre: float | None
-) -> tuple[Float[ndarray, " n"], Float[ndarray, " n"]]:
-    """Margin (mm) that the moves of each pose need at height u, and how fast it grows with u; bounded by
-    NEAR_SLOPE above the `centre` (mm from the tip) of a ball that touches the level."""
-    margin = poses.shift + poses.turn * np.hypot(u, radius)
-    if centre is None:
-        return margin, poses.turn
-    near = NEAR_SLOPE * (u - centre)
-    return np.minimum(margin, near), np.where(near < margin, NEAR_SLOPE, poses.turn)
-
-
-def _provable_step(
-    distance: Float[ndarray, " n"], needed: Float[ndarray, " n"], slope: Float[ndarray, " n"]
-) -> Float[ndarray, " n"]:
-    """The height w at which a disc that grows by `slope` (shrinks, where negative) still fits into the sphere:
-    w^2 + (needed + slope w)^2 = distance^2; 0 where none does."""
-    spare = np.maximum(distance**2 - needed**2, 0.0)
-    root = np.sqrt((needed * slope) ** 2 + (1 + slope**2) * spare)
-    return STEP_SHARE * (root - needed * slope) / (1 + slope**2)
 
 
 FclObject = Any
@@ -374,23 +349,18 @@ class FclModel:
         those are tested that are `asked` for, if it is told."""
         if asked is None:
             asked = np.ones((len(tips), len(self.sections)), dtype=bool)
-        poses = zip(rotations_of(axes), tips, asked, strict=True)
-        names = [_crossing(turn, tip, compress(self.sections, here)) for turn, tip, here in poses]
-
-        open_ = np.array([k for k, name in enumerate(names) if not name], dtype=np.int64)
-        contained = self._contained_sections(tips[open_], axes[open_], asked[open_])
-        for k, name in zip(open_, contained, strict=True):
-            names[k] = name
-        return names
-
-    def _contained_sections(
-        self, tips: Float[ndarray, "n 3"], axes: Float[ndarray, "n 3"], asked: Bool[ndarray, "n k"]
-    ) -> list[str]:
-        """The first section asked for in each pose that lies wholly inside an obstacle, or contains one; an empty
-        string where none does."""
         names = np.full(len(tips), "", dtype=object)
+        for k, (turn, tip) in enumerate(zip(rotations_of(axes), tips, strict=True)):
+            for item in compress(self.sections, asked[k]):
+                place = tip + item.at * turn[:, 2]
+                if any(crosses(item.tool, turn, place, other) for other in item.obstacles):
+                    names[k] = item.section.name
+                    break
+
+        # else the first that lies wholly inside an obstacle, or contains one
+        open_ = np.flatnonzero(names == "")
         for k, item in reversed(list(enumerate(self.sections))):
-            here = np.flatnonzero(asked[:, k])
+            here = open_[asked[open_, k]]
             names[here[self._contained(item, tips[here], axes[here])]] = item.section.name
         return names.tolist()
 
@@ -421,7 +391,7 @@ class FclModel:
 def build_fcl_model(scene: Scene, cutter: Cutter, margin: float = 0.0) -> FclModel:
     """The FCL objects of a cutter in a scene; above the cutter the tool is thicker by `sweep_margin`s of `margin`
     (mm). Those made last, of one with and of one without a margin, are kept: the rest paths of a level have one scene,
-    of which they take .1 to .3 s each."""
+    of which they take .1 to .3 s each. FCL answers for a cylinder twice as fast as for a mesh of one."""
     meshes = {"level": obstacle_object(scene.level), "material": obstacle_object(scene.material)}
     table = (fcl_object(table_mesh(scene.clamping.clearance)),) if scene.clamping.closed else ()
     columns: dict[Column, FclObject] = {}
@@ -429,34 +399,21 @@ def build_fcl_model(scene: Scene, cutter: Cutter, margin: float = 0.0) -> FclMod
     for section in cutter.profile:
         around = scene.around(section.name, cutter.envelope_radius)
         by = sweep_margin(cutter, section, margin) + scene.material_deviation
-        tool, at = _section_object(cutter, section, by, scene.tangent_slack)
+        at = 0.0
+        if section.name == "cutter":
+            tool = fcl_object(cutter_mesh(cutter, scene.tangent_slack))
+        elif section.taper:
+            tool = fcl_object(section_mesh(section, by))
+        else:
+            cylinder = fcl.Cylinder(section.radius + by, section.end - section.start + 2 * by)
+            tool = fcl.CollisionObject(cylinder, fcl.Transform())
+            at = (section.start + section.end) / 2
         for column in around.columns:
             columns.setdefault(column, fcl_object(column_mesh(column)))
         standing = [columns[column] for column in around.columns]
         obstacles = (meshes[around.obstacle], *standing, *table)
         sections.append(FclSection(section, tool, at, around, obstacles))
     return FclModel(scene.clamping, tuple(sections))
-
-
-def _section_object(cutter: Cutter, section: ToolSection, by: float, slack: float) -> tuple[FclObject, float]:
-    """A section, thicker by `by` (mm) above the cutter, which is thinner by `slack` (mm), and its origin's height above
-    the tip (mm). FCL answers for a cylinder twice as fast as for a mesh of one."""
-    if section.name == "cutter":
-        return fcl_object(cutter_mesh(cutter, slack)), 0.0
-    if section.taper:
-        return fcl_object(section_mesh(section, by)), 0.0
-    cylinder = fcl.Cylinder(section.radius + by, section.end - section.start + 2 * by)
-    return fcl.CollisionObject(cylinder, fcl.Transform()), (section.start + section.end) / 2
-
-
-def _crossing(turn: Float[ndarray, "3 3"], tip: Float[ndarray, "3"], sections: Iterable[FclSection]) -> str:
-    """The name of the first section whose surface, so placed, crosses that of an obstacle, or an empty
-    string."""
-    for item in sections:
-        item.tool.setTransform(fcl.Transform(turn, tip + item.at * turn[:, 2]))
-        if any(_cross(item.tool, other) for other in item.obstacles):
-            return item.section.name
-    return ""
 
 
 def fcl_object(mesh: TriangleMesh) -> FclObject:
@@ -483,20 +440,8 @@ def solid_object(vertices: Float[ndarray, "v 3"], faces: Int[ndarray, "f 3"]) ->
 def crosses(solid: FclObject, turned: Float[ndarray, "3 3"], at: Float[ndarray, "3"], other: FclObject) -> bool:
     """Whether the surface of an object, turned and moved there, crosses that of another."""
     solid.setTransform(fcl.Transform(turned, at))
-    return _cross(solid, other)
-
-
-def distance_of(solid: FclObject, turned: Float[ndarray, "3 3"], at: Float[ndarray, "3"], other: FclObject) -> float:
-    """The distance (mm) of the surface of an object, turned and moved there, from that of another; 0 where they
-    cross."""
-    solid.setTransform(fcl.Transform(turned, at))
-    return max(float(fcl.distance(solid, other, fcl.DistanceRequest(), fcl.DistanceResult())), 0.0)
-
-
-def _cross(one: FclObject, other: FclObject) -> bool:
-    """Whether the surfaces of two objects cross."""
     request = fcl.CollisionRequest(num_max_contacts=1, enable_contact=False)
-    return bool(fcl.collide(one, other, request, fcl.CollisionResult()))
+    return bool(fcl.collide(solid, other, request, fcl.CollisionResult()))
 
 
 LOOK_AHEAD = (4.0, 2.0, 1.0, 0.5, 0.25, 0.0)
@@ -536,45 +481,32 @@ def classify_thick_tool(
     The tool above the cutter is thicker by `sweep_margin`s of `margin` (mm), the cutter is thinner by
     the scene's `tangent_slack`; `air` as in `classify_poses`.
     """
-    centres = cutter.centres_of(tips, axes)
-    ball, *above = cutter.profile
-    around = _with_prisms(scene.around(ball.name, cutter.envelope_radius, air))
-    thin = cutter.radius - scene.tangent_slack
-    sections = [
-        ThickSection(ball.start, ball.end, thin, thin, around),
-        *(_thick(scene, cutter, section, margin, air) for section in above),
-    ]
+    sections: list[ThickSection] = []
+    for section in cutter.profile:
+        around = scene.around(section.name, cutter.envelope_radius, air)
+        # the prisms that stand for columns
+        columns = [replace(column, radius=column.radius * CIRCUMSCRIBED) for column in around.columns]
+        around = replace(around, columns=tuple(columns))
+        by = sweep_margin(cutter, section, margin)
+        inner = min(section.radius, section.end_radius) + by
+        outer = section.widest + by * float(np.hypot(1.0, section.taper))
+        if not sections:
+            by = 0.0
+            inner = outer = cutter.radius - scene.tangent_slack
+        sections.append(ThickSection(section.start - by, section.end + by, inner, outer, around))
     states = np.full((len(tips), len(sections)), UNDECIDED)
     for k in reversed(range(len(sections))):
         open_ = np.flatnonzero((states != COLLIDING).all(axis=1))
         states[open_, k] = _classify_section(tips[open_], axes[open_], sections[k])
-    ball_free = _ball_free(around, cutter, centres)
+
+    # Whether the ball, thinner by the scene's `tangent_slack`, is free
+    radius = cutter.envelope_radius
+    centres = cutter.centres_of(tips, axes)
+    distance = sections[0].around.distance_bound(centres, np.full(len(centres), radius))
+    above = centres[:, 2] > radius + scene.clamping.clearance
+    ball_free = (distance > radius - scene.tangent_slack) & (above | (not scene.clamping.closed))
     states[:, 0] = np.where(ball_free, states[:, 0], np.maximum(states[:, 0], UNDECIDED))
     return states
-
-
-def _thick(scene: Scene, cutter: Cutter, section: ToolSection, margin: float, air: float | None) -> ThickSection:
-    """A section above the cutter, thicker by its margin."""
-    by = sweep_margin(cutter, section, margin)
-    inner = min(section.radius, section.end_radius) + by
-    outer = section.widest + by * float(np.hypot(1.0, section.taper))
-    around = _with_prisms(scene.around(section.name, cutter.envelope_radius, air))
-    return ThickSection(section.start - by, section.end + by, inner, outer, around)
-
-
-def _with_prisms(around: Surroundings) -> Surroundings:
-    """Surroundings whose columns hold the prisms that stand for them."""
-    columns = [replace(column, radius=column.radius * CIRCUMSCRIBED) for column in around.columns]
-    return replace(around, columns=tuple(columns))
-
-
-def _ball_free(around: Surroundings, cutter: Cutter, centres: Float[ndarray, "n 3"]) -> Bool[ndarray, " n"]:
-    """Whether the ball, thinner by the scene's `tangent_slack`, is free at each centre."""
-    thin = cutter.envelope_radius - around.scene.tangent_slack
-    distance = around.distance_bound(centres, np.full(len(centres), cutter.envelope_radius))
-    clamping = around.scene.clamping
-    above = centres[:, 2] > cutter.envelope_radius + clamping.clearance
-    return (distance > thin) & (above | (not clamping.closed))
 
 
 def _classify_section(
@@ -587,31 +519,25 @@ def _classify_section(
     for _ in range(ROUNDS):
         if not len(going):
             break
-        raised, hit = _raise(tips[going], axes[going], proven[going], section)
+        # raised by the first sphere that begins below the proven height, unless one before tells a collision
+        low = proven[going]
+        raised = low.copy()
+        hit = np.zeros(len(going), dtype=bool)
+        for ahead in LOOK_AHEAD:
+            open_ = np.flatnonzero(~hit & (raised <= low + MIN_RISE))
+            if not len(open_):
+                break
+            here = going[open_]
+            u = np.minimum(low[open_] + ahead * section.outer, section.top)
+            half, hit[open_] = _sphere(tips[here] + u[:, None] * axes[here], u, low[open_], section)
+            reached = u - half <= low[open_]
+            raised[open_] = np.where(reached, np.maximum(raised[open_], u + half), raised[open_])
         state[going[hit]] = COLLIDING
         state[going[~hit & (raised >= section.top)]] = FREE
-        rising = ~hit & (raised < section.top) & (raised > proven[going] + MIN_RISE)
+        rising = ~hit & (raised < section.top) & (raised > low + MIN_RISE)
         proven[going] = raised
         going = going[rising]
     return state
-
-
-def _raise(
-    tips: Float[ndarray, "n 3"], axes: Float[ndarray, "n 3"], proven: Float[ndarray, " n"], section: ThickSection
-) -> tuple[Float[ndarray, " n"], Bool[ndarray, " n"]]:
-    """The proven height (mm) of each tool raised by the first sphere of LOOK_AHEAD that begins below it, and
-    whether one before that told a collision."""
-    raised = proven.copy()
-    hit = np.zeros(len(proven), dtype=bool)
-    for ahead in LOOK_AHEAD:
-        open_ = np.flatnonzero(~hit & (raised <= proven + MIN_RISE))
-        if not len(open_):
-            break
-        low = proven[open_]
-        u = np.minimum(low + ahead * section.outer, section.top)
-        half, hit[open_] = _sphere(tips[open_] + u[:, None] * axes[open_], u, low, section)
-        raised[open_] = np.where(u - half <= low, np.maximum(raised[open_], u + half), raised[open_])
-    return raised, hit
 
 
 def _sphere(
@@ -830,7 +756,8 @@ class Solid:
     def distance(self, turned: Float[ndarray, "3 3"], at: Float[ndarray, "3"], other: "Solid") -> float:
         """The distance (mm) of this solid, turned and moved there, from another; 0 where one meets or holds the
         other."""
-        distance = distance_of(self.fcl, turned, at, other.fcl)
+        self.fcl.setTransform(fcl.Transform(turned, at))
+        distance = max(float(fcl.distance(self.fcl, other.fcl, fcl.DistanceRequest(), fcl.DistanceResult())), 0.0)
         own, its = self.mesh.vertices[:1] @ turned.T + at, (other.mesh.vertices[:1] - at) @ turned
         return 0.0 if other._holds(own) or self._holds(its) else distance
 

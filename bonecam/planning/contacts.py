@@ -188,10 +188,9 @@ def _most_lacking(
 
     # Which of the moves that lack nothing where `_lacking` measures them enter an obstacle in between: only long ones
     # can, the others are proven by the distances there
-    measured = radius - MOVE_SHARE * tolerance
     bounded = radius - BETWEEN_SHARE * tolerance
     quarters = np.linalg.norm(centres[moves + 1] - centres[moves], axis=1) / 4
-    long = (quarters / 2) ** 2 > measured**2 - bounded**2
+    long = (quarters / 2) ** 2 > on_move**2 - bounded**2
     doubtful = np.flatnonzero((lacking <= 0) & long)
     starts, ends = centres[moves[doubtful]], centres[moves[doubtful] + 1]
     free = [moves_gouge_free(starts, ends, radius, tolerance, obstacle) for obstacle in obstacles]
@@ -484,16 +483,6 @@ WHY_NOTHING = {
 """What to do where a level cannot be cut at all, by the reason that most of its contacts have."""
 
 
-def nothing_to_cut(level: MachinedLevel, reasons: ndarray, contacts: Float[ndarray, "n 3"]) -> ToolPathError:
-    """The error of a level none of whose contacts can be machined, for these reasons."""
-    names, counts = np.unique(reasons, return_counts=True)
-    most = str(names[np.argmax(counts)])
-    area = float(nearest_areas(level.mesh, contacts)[reasons == most].sum())
-    what = f"{counts.max()} of its {len(reasons)} contacts ({area:.1f} mm2) {WHY_NOTHING[most]}"
-    evidence = {"level": level.index, "reason": most, "area_mm2": area}
-    return ToolPathError(f"level {level.index}: nothing can be cut: {what}", **evidence)
-
-
 POST_CLEARANCE = 0.1
 """The ball keeps this far from the post, mm."""
 MIN_THICKNESS = 0.002
@@ -611,7 +600,9 @@ def candidate_contacts(
     at_post = post.distance(centres) < cutter.envelope_radius + post_clearance
     for column in kept_off:
         at_post |= column.distance(centres) < cutter.envelope_radius
-    in_air = _in_air(level, contacts)
+    in_air = np.zeros(len(contacts), dtype=bool)
+    if isinstance(level, RoundedLevel):
+        in_air = level.stock.signed_distance(contacts) > -MIN_THICKNESS
     return CandidateContacts(
         level=level,
         cutter=cutter,
@@ -657,23 +648,25 @@ def contact_path(
     uncut = ~candidates.in_air & (left_out | (lifts > cutter.scallop))
     reasons = np.select([candidates.at_post[uncut], covered[uncut]], ["post", "covered"], "gouge")
     if left_out.all() and not isinstance(level, RoundedLevel):
-        raise nothing_to_cut(level, reasons, candidates.contacts[uncut])
+        names, counts = np.unique(reasons, return_counts=True)
+        most = str(names[np.argmax(counts)])
+        area = float(nearest_areas(level.mesh, candidates.contacts[uncut])[reasons == most].sum())
+        what = f"{counts.max()} of its {len(reasons)} contacts ({area:.1f} mm2) {WHY_NOTHING[most]}"
+        evidence = {"level": level.index, "reason": most, "area_mm2": area}
+        raise ToolPathError(f"level {level.index}: nothing can be cut: {what}", **evidence)
     segments = _stretches(candidates, ~left_out, material, allowed)
+
+    # Usable moves that no stretch passes over
+    passed = np.zeros(len(lifts), dtype=bool)
+    passed[segments.index] = True
+    same = candidates.line[1:] == candidates.line[:-1]
+    trimmed = same & ~left_out[1:] & ~left_out[:-1] & ~(passed[1:] & passed[:-1])
     return replace(
         candidates.path_of(segments),
         uncut=np.vstack([candidates.contacts[uncut], candidates.contacts[segments.short]]),
         reasons=(*reasons.tolist(), *("short",) * len(segments.short)),
-        trimmed=_trimmed(candidates, ~left_out, segments),
+        trimmed=float(np.linalg.norm(np.diff(candidates.centres, axis=0), axis=1)[trimmed].sum()),
     )
-
-
-def _trimmed(candidates: CandidateContacts, usable: Bool[ndarray, " n"], segments: EngagedSegments) -> float:
-    """Length of the usable moves that no stretch passes over, mm."""
-    passed = np.zeros(len(usable), dtype=bool)
-    passed[segments.index] = True
-    same = candidates.line[1:] == candidates.line[:-1]
-    left = same & usable[1:] & usable[:-1] & ~(passed[1:] & passed[:-1])
-    return float(np.linalg.norm(np.diff(candidates.centres, axis=0), axis=1)[left].sum())
 
 
 def _stretches(
@@ -695,10 +688,3 @@ def _stretches(
     lowers = material.useful(candidates.level, centres, segments.passes, radius, allowed.least)
     useful[segments.index[lowers]] = True
     return useful_passes(lines, useful & usable, usable | in_air, depths, allowed)
-
-
-def _in_air(level: MachinedLevel, contacts: Float[ndarray, "n 3"]) -> Bool[ndarray, " n"]:
-    """Where a level that rounds the edges of the stock has less than MIN_THICKNESS of it to remove."""
-    if not isinstance(level, RoundedLevel):
-        return np.zeros(len(contacts), dtype=bool)
-    return level.stock.signed_distance(contacts) > -MIN_THICKNESS

@@ -108,7 +108,14 @@ def estimate(levels: Sequence[Level], job: Job, bodies: MachineBodies) -> Estima
     machined = machined_levels(levels)
     for level in machined:
         cutter = cutter_of(level.index, job, bodies)
-        cut = _cut_share(levels[level.index + 1], least_depth(level.index, job))
+        # the share of the area where the cut is at least as deep
+        before = levels[level.index + 1]
+        least = least_depth(level.index, job)
+        shares = np.array(before.measures.depth_shares)
+        cut = 1.0
+        if len(shares) and least > 0:
+            filled = least / before.limit * len(shares) - np.arange(len(shares))
+            cut = float(1.0 - np.clip(filled, 0.0, 1.0) @ shares)
         areas, curvatures = _offset(level.mesh, cutter.envelope_radius)
         passes = cut * areas / float(side_step(cutter.envelope_radius, cutter.scallop, np.zeros(1))[0])
         steps = np.sqrt(8 * job.path.chord_tolerance / np.maximum(curvatures, np.finfo(float).tiny))
@@ -166,15 +173,6 @@ def _offset(mesh: TriangleMesh, radius: float) -> tuple[Float[ndarray, " f"], Fl
     edges = np.linalg.norm(offset.vertices[ends] - offset.vertices[starts], axis=2)
     curvatures = (turns / np.maximum(edges, np.finfo(float).eps)).mean(axis=1)
     return np.linalg.norm(offset.face_vectors, axis=1) / 2, curvatures
-
-
-def _cut_share(before: Level, least: float) -> float:
-    """Share of a level's area where the cut from the level `before` is at least so deep (mm)."""
-    shares = np.array(before.measures.depth_shares)
-    if not len(shares) or least <= 0:
-        return 1.0
-    filled = least / before.limit * len(shares) - np.arange(len(shares))
-    return float(1.0 - np.clip(filled, 0.0, 1.0) @ shares)
 
 
 def estimate_lines(report: Mapping[str, Any]) -> Iterator[str]:

@@ -45,7 +45,6 @@ Finishing from one direction: parallel passes of a ball that touches the part.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -78,37 +77,6 @@ def layer_limits(job: Job) -> dict[int, float]:
 
 
 Z = np.array([0.0, 0.0, 1.0])
-
-
-@runtime_checkable
-class Chart(Protocol):
-    """A grid of lines, at all pairs of the coordinates `a` and `b`."""
-
-    @property
-    def a(self) -> Float[ndarray, " p"]:
-        """Coordinates across, evenly spaced."""
-
-    @property
-    def b(self) -> Float[ndarray, " q"]:
-        """Coordinates along, evenly spaced, mm."""
-
-    @property
-    def closed(self) -> bool:
-        """Whether the last a is followed by the first."""
-
-    def bases(self, a: Float[ndarray, " n"], b: Float[ndarray, " n"]) -> Float[ndarray, "n 3"]:
-        """The points of height 0."""
-
-    def axes(self, a: Float[ndarray, " n"]) -> Float[ndarray, "n 3"]:
-        """The unit directions of the lines, away from the part."""
-
-    def coordinates(
-        self, points: Float[ndarray, "n 3"]
-    ) -> tuple[Float[ndarray, " n"], Float[ndarray, " n"], Float[ndarray, " n"]]:
-        """a, b and the height of points."""
-
-    def reach(self, heights: Float[ndarray, " n"], radius: float) -> Float[ndarray, " n"]:
-        """How far from their own line, as a difference of a, balls at these heights meet others."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,6 +140,11 @@ class RoundChart:
     def reach(self, heights: Float[ndarray, " n"], radius: float) -> Float[ndarray, " n"]:
         """How far from their own line, in radians, balls at these heights meet others."""
         return np.where(heights > radius, np.arcsin(radius / np.maximum(heights, radius)), np.pi)
+
+
+Chart = FlatChart | RoundChart
+"""A grid of lines, at all pairs of the evenly spaced coordinates `a` across and `b` (mm) along; where it is `closed`
+the last a is followed by the first."""
 
 
 def windows(
@@ -321,7 +294,19 @@ class HeightField:
         if self.chart.closed:
             solid, ring = np.vstack([solid, solid[:1]]), np.vstack([number, number[:1]])
         cells = solid[:-1, :-1] & solid[1:, :-1] & solid[:-1, 1:] & solid[1:, 1:]
-        faces = _faces(cells, ring, p * q, self.chart.closed)
+        # Two triangles above and two below each solid cell, and two on each of its sides without a neighbour
+        i, j = np.nonzero(cells)
+        corners = ring[i, j], ring[i + 1, j], ring[i + 1, j + 1], ring[i, j + 1]
+        quads = [np.column_stack(corners), np.column_stack([c + p * q for c in corners[::-1]])]
+        wide = np.pad(cells, 1)
+        if self.chart.closed:
+            wide[[0, -1], 1:-1] = cells[[-1, 0]]
+        beside = (wide[i + 1, j], wide[i + 2, j + 1], wide[i + 1, j + 2], wide[i, j + 1])
+        for side, neighbour in enumerate(beside):
+            first, last = corners[side][~neighbour], corners[(side + 1) % 4][~neighbour]
+            quads.append(np.column_stack([last, first, first + p * q, last + p * q]))
+        quad = np.vstack(quads)
+        faces = np.vstack([quad[:, [0, 1, 2]], quad[:, [0, 2, 3]]])
 
         # The mesh of the vertices that faces use, its faces outward. Vertices at one place, as all lines have one on
         # the axis, are one; faces without area are left out.
@@ -351,22 +336,6 @@ def stock_field(chart: Chart, stock: Stock, top: float) -> HeightField:
     return HeightField(
         chart, np.where(missed, middle, tops).reshape(shape), np.where(missed, middle, bottoms).reshape(shape)
     )
-
-
-def _faces(cells: Bool[ndarray, "p q"], number: ndarray, under: int, closed: bool) -> ndarray:
-    """Two triangles above and two below each solid cell, and two on each of its sides without a neighbour."""
-    i, j = np.nonzero(cells)
-    corners = number[i, j], number[i + 1, j], number[i + 1, j + 1], number[i, j + 1]
-    quads = [np.column_stack(corners), np.column_stack([c + under for c in corners[::-1]])]
-    wide = np.pad(cells, 1)
-    if closed:
-        wide[[0, -1], 1:-1] = cells[[-1, 0]]
-    beside = {(0, 1): wide[i + 1, j], (1, 2): wide[i + 2, j + 1], (2, 3): wide[i + 1, j + 2], (3, 0): wide[i, j + 1]}
-    for (one, other), solid in beside.items():
-        first, last = corners[one][~solid], corners[other][~solid]
-        quads.append(np.column_stack([last, first, first + under, last + under]))
-    quad = np.vstack(quads)
-    return np.vstack([quad[:, [0, 1, 2]], quad[:, [0, 2, 3]]])
 
 
 Heights = Callable[[Float[ndarray, " n"], Float[ndarray, " n"]], Float[ndarray, " n"]]
@@ -414,8 +383,17 @@ def sample(
     lines: Sequence[Float[ndarray, "_ 2"]], chart: Chart, height_of: Heights, width: float, tolerance: float
 ) -> LayerCurves:
     """The points of polylines (a, b); `width` is the length (mm) of a unit of a where it is largest."""
-    line, a, b = _divided(lines, width)
-    curves = LayerCurves(line, a, b, height_of(a, b))
+    # First points are no farther apart than FIRST_STEP
+    numbers, points = [np.zeros(0, dtype=np.int64)], [np.zeros((0, 2))]
+    for number, polyline in enumerate(lines):
+        steps = np.diff(polyline, axis=0)
+        counts = np.ceil(np.hypot(steps[:, 0] * width, steps[:, 1]) / FIRST_STEP).astype(np.int64).clip(1)
+        ends = np.r_[0, np.cumsum(counts)]
+        places = np.arange(ends[-1] + 1)
+        points.append(np.column_stack([np.interp(places, ends, polyline[:, k]) for k in range(2)]))
+        numbers.append(np.full(len(places), number))
+    a, b = np.vstack(points).T
+    curves = LayerCurves(np.concatenate(numbers), a, b, height_of(a, b))
     fresh = curves.joined()
     for _ in range(MOST_HALVINGS):
         begins = np.flatnonzero(fresh)
@@ -423,17 +401,17 @@ def sample(
         middle_b = (curves.b[begins] + curves.b[begins + 1]) / 2
         heights = height_of(middle_a, middle_b)
         centres = curves.centres(chart)
-        starts, ends = centres[begins], centres[begins + 1]
+        starts, stops = centres[begins], centres[begins + 1]
         middles = LayerCurves(curves.line[begins], middle_a, middle_b, heights)
 
         # Distance of each point from the segment from its start to its end, mm
-        points = middles.centres(chart)
-        along = ends - starts
+        middle = middles.centres(chart)
+        along = stops - starts
         square = np.maximum((along**2).sum(axis=1), np.finfo(float).tiny)
-        share = np.clip(((points - starts) * along).sum(axis=1) / square, 0.0, 1.0)
-        off = np.linalg.norm(points - starts - share[:, None] * along, axis=1)
+        share = np.clip(((middle - starts) * along).sum(axis=1) / square, 0.0, 1.0)
+        off = np.linalg.norm(middle - starts - share[:, None] * along, axis=1)
 
-        needed = (off > tolerance) & (np.linalg.norm(ends - starts, axis=1) > SHORTEST)
+        needed = (off > tolerance) & (np.linalg.norm(stops - starts, axis=1) > SHORTEST)
         if not needed.any():
             break
         indices = begins[needed] + 1
@@ -447,22 +425,6 @@ def sample(
         fresh = np.zeros(len(curves.a), dtype=bool)
         fresh[added] = fresh[added - 1] = True
     return curves
-
-
-def _divided(lines: Sequence[Float[ndarray, "_ 2"]], width: float) -> tuple[ndarray, ndarray, ndarray]:
-    """Number, a and b of points on polylines that are no farther apart than FIRST_STEP."""
-    numbers, points = [], []
-    for number, polyline in enumerate(lines):
-        steps = np.diff(polyline, axis=0)
-        counts = np.ceil(np.hypot(steps[:, 0] * width, steps[:, 1]) / FIRST_STEP).astype(np.int64).clip(1)
-        ends = np.r_[0, np.cumsum(counts)]
-        at = np.arange(ends[-1] + 1)
-        points.append(np.column_stack([np.interp(at, ends, polyline[:, k]) for k in range(2)]))
-        numbers.append(np.full(len(at), number))
-    if not points:
-        return np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0)
-    a, b = np.vstack(points).T
-    return np.concatenate(numbers), a, b
 
 
 @dataclass(frozen=True, eq=False)
@@ -782,11 +744,6 @@ def _swept(runs: Sequence[LayerCurves], width: float) -> tuple[ndarray, ndarray,
     return a, b, heights
 
 
-def swept(layer_curves: LayerCurves, kept: ndarray, width: float) -> tuple[ndarray, ndarray, ndarray]:
-    """a, b and heights on the moves of the kept stretches of curves."""
-    return _swept([layer_curves.take(run) for run in split(layer_curves, kept)], width)
-
-
 Wanted = Callable[[Float[ndarray, "n 3"]], Bool[ndarray, " n"]]
 """Which contacts are wanted."""
 FACING = 0.02
@@ -844,23 +801,19 @@ def _in_steps(
     deeper into the material; which of their points are kept, not those that are still too deep; and the material
     behind them."""
     deepest = MAX_DEPTH_RADII * radius
-    count = int(np.ceil(_sunk(curves, radius, material)[kept].max(initial=0.0) / deepest))
+    chart = material.chart
+    count = int(np.ceil(depths_in(material, curves.centres(chart), radius)[kept].max(initial=0.0) / deepest))
     pieces, used = list[LayerCurves](), list[ndarray]()
     for step in range(max(count, 1) - 1, -1, -1):
         raised = replace(curves, heights=curves.heights + step * deepest)
-        sunk = _sunk(raised, radius, material)
+        sunk = depths_in(material, raised.centres(chart), radius)
         cut = kept & (sunk <= deepest) & ((sunk > 0) | (step == 0))
         # The first point of each line but the first
         pieces += [raised.take(run) for run in np.split(np.arange(len(cut)), np.flatnonzero(np.diff(raised.line)) + 1)]
         used.append(cut)
         if cut.any():
-            material = material.lowered(*swept(raised, cut, width), radius)
+            material = material.lowered(*_swept([raised.take(run) for run in split(raised, cut)], width), radius)
     return join(pieces), np.concatenate(used), material
-
-
-def _sunk(curves: LayerCurves, radius: float, material: HeightField) -> Float[ndarray, " n"]:
-    """How deep each ball sinks into the material, mm."""
-    return depths_in(material, curves.centres(material.chart), radius)
 
 
 def depths_in(material: HeightField, centres: Float[ndarray, "n 3"], radius: float) -> Float[ndarray, " n"]:

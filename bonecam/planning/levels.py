@@ -182,10 +182,9 @@ def _error(job: Job, what: str) -> JobError:
 
 @dataclass(frozen=True, eq=False)
 class LevelContacts:
-    """A level, the distance to its tessellation, how deep (mm) flutes may go into that, and the contacts of the level
+    """The distance to the tessellation of a level, how deep (mm) flutes may go into that, and the contacts of the level
     before any is left out."""
 
-    level: MachinedLevel
     distance: MeshDistance
     flute_slack: float
     candidates: CandidateContacts
@@ -208,28 +207,27 @@ def plan_paths(
     fixture = post_below(part.mesh, job.holding), clamping_of(job.holding, limits.bodies.table)
     planning = _Planning(job, limits, part, *fixture, enclosing_capsule(stock))
     paths: list[ToolPath] = []
-    standing = _Standing(uncut_material(levels, stock))
+    material = uncut_material(levels, stock)
+    smooth = None
     for level_contacts in _one_ahead(lambda level: planning.contacts(level, cutters[level.index]), machined[::-1]):
-        index = level_contacts.level.index
+        index = level_contacts.candidates.level.index
         report(progress, (len(levels) - 2 - index) / (len(levels) - 1), f"path of level {index}")
-        level_paths, standing = planning.paths(level_contacts, depth_limits(levels, index, cutters, job), standing)
+        allowed = depth_limits(levels, index, cutters, job)
+        level_paths, material, smooth = planning.paths(level_contacts, allowed, material, smooth)
         paths += level_paths
     if job.path.fine_cutter:
         report(progress, 1.0, "path of the fine cutter")
         fine = Cutter.from_job(3, "fine", job.tool("fine"), limits.bodies.nose)
         check_lead(fine, job.path.lead_deg)
         outer = levels[min(2, len(levels) - 1)].limit
-        paths = _with_fine(paths, planning, planning.contacts(machined[0], fine), standing, outer)
-    scene = planning.scene_of(part, flute_slack(job.path.gouge_tolerance), standing.material)
+        level_contacts = planning.contacts(machined[0], fine)
+        step = fine.rest_depth(job.levels.finishing_depth, outer)
+        # where the finishing ball has left more than twice its scallop
+        scallop = paths[-1].cutter.scallop
+        allowed = DepthLimits(job.levels.finishing_depth, scallop, 2 * max(scallop, UNCERTAIN), step)
+        paths = _with_fine(paths, planning.paths(level_contacts, allowed, material, smooth)[0])
+    scene = planning.scene_of(part, flute_slack(job.path.gouge_tolerance), material)
     return *paths, *parting_paths(scene, job, limits)
-
-
-@dataclass(frozen=True, eq=False)
-class _Standing:
-    """What stands before a path, and the smooth axes of the path before."""
-
-    material: InProcessStock
-    smooth: SmoothAxes | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -246,7 +244,7 @@ class _Planning:
     def contacts(self, level: MachinedLevel, cutter: Cutter) -> LevelContacts:
         """The contacts of a level; its balls stay out of the level and of the part."""
         distance, slack = held_level(level, self.part, self.job.path.gouge_tolerance)
-        return LevelContacts(level, distance, slack, self._candidates(level, distance, cutter, self.job.path))
+        return LevelContacts(distance, slack, self._candidates(level, distance, cutter, self.job.path))
 
     def scene_of(self, level: MeshDistance, slack: float, material: InProcessStock) -> Scene:
         """What stands round the tool on a level, into which flutes may go by `slack` mm; beside it the part is measured
@@ -264,17 +262,18 @@ class _Planning:
         )
 
     def paths(
-        self, level_contacts: LevelContacts, allowed: DepthLimits, standing: _Standing
-    ) -> tuple[list[ToolPath], _Standing]:
-        """The rest paths of a level and its own one, and what stands after them."""
-        level, material = level_contacts.level, standing.material
+        self, level_contacts: LevelContacts, allowed: DepthLimits, material: InProcessStock, before: SmoothAxes | None
+    ) -> tuple[list[ToolPath], InProcessStock, SmoothAxes | None]:
+        """The rest paths of a level and its own one, what stands after them, and the smooth axes of these; `before` are
+        those of the level before."""
+        level = level_contacts.candidates.level
         scene = self.scene_of(level_contacts.distance, level_contacts.flute_slack, material)
         contacts = contact_path(level_contacts.candidates, material, allowed)
         with ThreadPoolExecutor(1) as thread:
             patterns = None
             if too_deep(level_contacts.candidates, material, allowed):
                 patterns = thread.submit(self._rest_patterns, level_contacts, allowed.scallop)
-            smooth = level_axes(contacts, level, scene, self.limits, self.job.path, before=standing.smooth)
+            smooth = level_axes(contacts, level, scene, self.limits, self.job.path, before=before)
 
         def cut(contacts: ContactPath, material: InProcessStock, own: bool = False) -> Cut:
             def oriented(contacts: ContactPath) -> ToolPath:
@@ -303,7 +302,7 @@ class _Planning:
             material, rest = _take_rest(patterns.result(), material, allowed, cut, self.limits.turn_speed)
             contacts = contact_path(level_contacts.candidates, material, allowed, allowed.deepest)
         path, after = cut(contacts, material, True)
-        return [*rest, path], _Standing(after, smooth)
+        return [*rest, path], after, smooth
 
     def _candidates(
         self, level: MachinedLevel, distance: MeshDistance, cutter: Cutter, job: PathJob
@@ -322,24 +321,17 @@ class _Planning:
         cutter = replace(cutter, scallop=wide)
         rings = replace(self.job.path, pattern="round")
         return [
-            self._candidates(level_contacts.level, level_contacts.distance, cutter, job)
+            self._candidates(level_contacts.candidates.level, level_contacts.distance, cutter, job)
             for job in (self.job.path, rings)
         ]
 
 
-def _with_fine(
-    paths: Sequence[ToolPath], planning: _Planning, level_contacts: LevelContacts, standing: _Standing, outer: float
-) -> list[ToolPath]:
-    """The paths with those of a finer ball on the part, as further rest paths, where the finishing ball has left more
-    than twice its scallop. What is too narrow for the finishing ball is then told of the finer one alone."""
-    *before, last = paths
-    scallop = last.cutter.scallop
-    depth = planning.job.levels.finishing_depth
-    step = level_contacts.candidates.cutter.rest_depth(depth, outer)
-    allowed = DepthLimits(depth, scallop, 2 * max(scallop, UNCERTAIN), step)
-    fine_paths, _ = planning.paths(level_contacts, allowed, standing)
+def _with_fine(paths: Sequence[ToolPath], fine_paths: Sequence[ToolPath]) -> list[ToolPath]:
+    """The paths with those of a finer ball on the part, as further rest paths. What is too narrow for the finishing
+    ball is then told of the finer one alone."""
     if not any((path.kinds == MoveKind.CUT).any() for path in fine_paths):
         return list(paths)
+    *before, last = paths
     kept = np.flatnonzero([reason not in ("gouge", "post") for reason in last.reasons])
     last = replace(last, uncut=last.uncut[kept], reasons=tuple(last.reasons[k] for k in kept))
     done = sum(path.level == last.level for path in before)

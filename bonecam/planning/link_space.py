@@ -24,10 +24,9 @@ Transfers: retract from one contact, traverse on the clearance surface, approach
 Where no traverse is free, the transfer goes by way of the safe point above the stock.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -302,22 +301,10 @@ class LinkSpace:
         return np.asarray(~entered.reshape(centres.shape[:2]).any(axis=1))
 
     def cuts_little(
-        self, lines: Sequence[Polyline], contacts: Sequence[Polyline], arcs: Int[ndarray, " k"] | None = None
-    ) -> Bool[ndarray, " k"]:
-        """Whether neither the ball alone nor ball and flutes remove more than CUT_ALLOWED on straight moves through the
-        poses of each line, but for what they have removed at the contacts of that line; `arcs`, so many, that lie
-        between the same two cuts take their share of it."""
-        allowed = CUT_ALLOWED - ARC_ALLOWED * (np.zeros(len(lines)) if arcs is None else arcs)
-        return self._cut_little(lines, contacts, allowed)
-
-    def arcs_cut_little(self, lines: Sequence[Polyline], contacts: Sequence[Polyline]) -> Bool[ndarray, " k"]:
-        """As `cuts_little`, whether they remove no more than ARC_ALLOWED on each line."""
-        return self._cut_little(lines, contacts, np.full(len(lines), ARC_ALLOWED))
-
-    def _cut_little(
         self, lines: Sequence[Polyline], contacts: Sequence[Polyline], allowed: Float[ndarray, " k"]
     ) -> Bool[ndarray, " k"]:
-        """Whether no more than is `allowed` (mm^3) goes on each line."""
+        """Whether neither the ball alone nor ball and flutes remove more than is `allowed` (mm^3) on straight moves
+        through the poses of each line, but for what they have removed at the contacts of that line."""
         if self.material is None or self.material.rays is None:
             return np.ones(len(lines), dtype=bool)
         return self.material.rays.cut_little(lines, contacts, self.checker.cutter, allowed)
@@ -496,40 +483,45 @@ def find_retracts(
     arcs = np.zeros(len(poses), dtype=np.int64) if behind_arc is None else behind_arc.astype(np.int64)
     choices = [departures(axis) for _, axis in poses]
     retracts: list[Retract | None] = [None] * len(poses)
-    entering: list[list[_Way]] = [[] for _ in poses]
+    entering: list[list[tuple[Retract, ndarray]]] = [[] for _ in poses]
     for k in range(max((len(ways) for ways in choices), default=0)):
         left = [i for i, ways in enumerate(choices) if retracts[i] is None and k < len(ways)]
         tried = _free_ways(space, [poses[i] for i in left], [choices[i][k] for i in left], arcs[left])
         for i, way in zip(left, tried, strict=True):
-            if way is not None and _in_air(space, way.link, IN_AIR):
-                retracts[i] = way.retract
+            if way is not None and _in_air(space, way[1], IN_AIR):
+                retracts[i] = way[0]
             elif way is not None:
                 entering[i].append(way)
-    return [retract or _shallow(space, ways) for retract, ways in zip(retracts, entering, strict=True)]
-
-
-class _Way(NamedTuple):
-    """A retract that is proven free, and the ball centres of its link at which it is checked."""
-
-    retract: Retract
-    link: Float[ndarray, "n 3"]
-
-
-def _shallow(space: LinkSpace, ways: Sequence[_Way]) -> Retract | None:
-    """The first of the ways that goes no deeper than DEEPEST; None where there is none."""
-    return next((way.retract for way in ways if _in_air(space, way.link, DEEPEST)), None)
+    return [
+        retract or next((shallow for shallow, link in ways if _in_air(space, link, DEEPEST)), None)
+        for retract, ways in zip(retracts, entering, strict=True)
+    ]
 
 
 def _free_ways(
     space: LinkSpace, poses: Sequence[Pose], chosen: Sequence[Departure], arcs: Int[ndarray, " n"]
-) -> list[_Way | None]:
-    """The retract of each pose by its departure; None where its ball cuts, or it is not proven free. Rays are asked
-    before: in a pocket most departures cut, and the proofs take ten times as long."""
-    ways = list(zip(poses, chosen, _lengths(space, poses, chosen), strict=True))
-    lines = [_polyline(*way) for way in ways]
+) -> list[tuple[Retract, Float[ndarray, "_ 3"]] | None]:
+    """The retract of each pose by its departure, and the ball centres of its link at which it is checked; None where
+    its ball cuts, or it is not proven free. Rays are asked before: in a pocket most departures cut, and the proofs take
+    ten times as long."""
+    if not poses:
+        return []
+    along = np.array([departure.along_axis for departure in chosen])
+    corners = np.array([c + d.along_axis * axis for (c, axis), d in zip(poses, chosen, strict=True)])
+    directions = np.array([departure.direction for departure in chosen])
+    whole = np.maximum(along + space.surface.exit_lengths(corners, directions), MIN_LENGTH)
+    ways = []
+    lines = []
+    for (centre, axis), departure, length in zip(poses, chosen, whole, strict=True):
+        lengths = np.r_[LENGTHS[length - MIN_LAST_STEP > LENGTHS], length]
+        along_axis = np.outer(np.minimum(lengths, departure.along_axis), axis)
+        beyond = np.outer(np.maximum(lengths - departure.along_axis, 0), departure.direction)
+        ways.append((departure, lengths))
+        lines.append((centre + along_axis + beyond, np.repeat(axis[None], len(lengths), axis=0)))
+
     starts = [(centre[None], axis[None]) for centre, axis in poses]
-    little = np.flatnonzero(space.cuts_little(lines, starts, arcs)).tolist()
-    free_ways: list[_Way | None] = [None] * len(poses)
+    little = np.flatnonzero(space.cuts_little(lines, starts, CUT_ALLOWED - ARC_ALLOWED * arcs)).tolist()
+    free_ways: list[tuple[Retract, ndarray] | None] = [None] * len(poses)
     proven = _proven_ways(space, [lines[i] for i in little], [ways[i] for i in little])
     for i, way in zip(little, proven, strict=True):
         free_ways[i] = way
@@ -537,9 +529,10 @@ def _free_ways(
 
 
 def _proven_ways(
-    space: LinkSpace, lines: Sequence[Polyline], ways: Sequence[tuple[Pose, Departure, Float[ndarray, " _"]]]
-) -> list[_Way | None]:
-    """The retract on each line, by a departure at some lengths; None where it is not proven free."""
+    space: LinkSpace, lines: Sequence[Polyline], ways: Sequence[tuple[Departure, Float[ndarray, " _"]]]
+) -> list[tuple[Retract, Float[ndarray, "_ 3"]] | None]:
+    """The retract on each line, by a departure at some lengths, in straight moves but for the bend, and the ball
+    centres of its link; None where it is not proven free."""
     if not lines:
         return []
 
@@ -559,51 +552,22 @@ def _proven_ways(
     rapids = [(lines[i][0][standoffs[i] :], lines[i][1][standoffs[i] :]) for i in rapid]
     free[rapid] = space.polylines_free(rapids, cutting=False)
     free[rapid] &= space.rapids_cut_nothing(rapids)
-    retracts = [
-        _retract(space.feeds, line, lengths, departure, standoff)
-        for line, (_, departure, lengths), standoff in zip(lines, ways, standoffs, strict=True)
-    ]
-    return [_Way(retracts[i], links[i][0]) if ok else None for i, ok in enumerate(free)]
+    retracts: list[tuple[Retract, ndarray] | None] = [None] * len(lines)
+    for i in np.flatnonzero(free).tolist():
+        (centres, axes), (departure, lengths), standoff = lines[i], ways[i], standoffs[i]
+        bend = np.flatnonzero((lengths == departure.along_axis) & (lengths > 0))
+        stops = np.unique(np.r_[bend, standoff, len(centres) - 1])
+        is_link = stops <= standoff
+        kinds = np.where(is_link, int(MoveKind.LINK), int(MoveKind.RAPID))
+        moves = LinkMoves(kinds, centres[stops], axes[stops], np.where(is_link, space.feeds.link, space.feeds.rapid))
+        retracts[i] = Retract(moves, (centres[-1], axes[-1]), space.feeds.plunge), links[i][0]
+    return retracts
 
 
 def _in_air(space: LinkSpace, centres: Float[ndarray, "n 3"], deepest: float) -> bool:
     """Whether the ball goes no deeper than `deepest` (mm) on its way from the contact that comes first."""
     halfway = (centres[1:] + centres[:-1]) / 2
     return bool(space.left_in_air(centres[:1], np.vstack([centres[1:], halfway])[None], deepest)[0])
-
-
-def _lengths(space: LinkSpace, poses: Sequence[Pose], chosen: Sequence[Departure]) -> list[Float[ndarray, " r"]]:
-    """The lengths (mm) of each retract from its contact (0) to the clearance surface at which it is
-    checked."""
-    if not poses:
-        return []
-    along = np.array([departure.along_axis for departure in chosen])
-    corners = np.array([c + d.along_axis * axis for (c, axis), d in zip(poses, chosen, strict=True)])
-    directions = np.array([departure.direction for departure in chosen])
-    whole = np.maximum(along + space.surface.exit_lengths(corners, directions), MIN_LENGTH)
-    return [np.r_[LENGTHS[length - MIN_LAST_STEP > LENGTHS], length] for length in whole]
-
-
-def _polyline(pose: Pose, departure: Departure, lengths: Float[ndarray, " r"]) -> Polyline:
-    """Ball centres and axes of a retract at the given lengths."""
-    centre, axis = pose
-    along_axis = np.outer(np.minimum(lengths, departure.along_axis), axis)
-    beyond = np.outer(np.maximum(lengths - departure.along_axis, 0), departure.direction)
-    return centre + along_axis + beyond, np.repeat(axis[None], len(lengths), axis=0)
-
-
-def _retract(
-    feeds: Feeds, line: Polyline, lengths: Float[ndarray, " r"], departure: Departure, standoff: int
-) -> Retract:
-    """Link to the standoff and rapid from there to the end, in straight moves but for the bend."""
-    centres, axes = line
-    bend = np.flatnonzero((lengths == departure.along_axis) & (lengths > 0))
-    stops = np.unique(np.r_[bend, standoff, len(centres) - 1])
-    is_link = stops <= standoff
-    kinds = np.where(is_link, int(MoveKind.LINK), int(MoveKind.RAPID))
-    speeds = np.where(is_link, feeds.link, feeds.rapid)
-    moves = LinkMoves(kinds, centres[stops], axes[stops], speeds)
-    return Retract(moves, (centres[-1], axes[-1]), feeds.plunge)
 
 
 TRAVERSES = (
@@ -622,7 +586,8 @@ SAFE = -1
 
 @dataclass(frozen=True, eq=False)
 class Transfers:
-    """The transfers found so far between contacts (by index into `poses`, or SAFE); None where there is none.
+    """Transfers between poses (by index into `poses`, or SAFE), by the first of the `traverses` that is free; each is
+    looked for once.
 
     A transfer leaves its first pose out, and its last one where that is a contact. `in_air` are the poses (by index)
     that are no contacts but stand in air: they are approached at the feed of links.
@@ -630,37 +595,27 @@ class Transfers:
 
     space: LinkSpace
     poses: Sequence[Pose]
-    retracts: Mapping[int, Retract | None]
-    found: Mapping[tuple[int, int], LinkMoves | None]
     traverses: Sequence[TraverseOptions] = TRAVERSES
     in_air: frozenset[int] = frozenset()
+    _retracts: dict[int, Retract | None] = field(default_factory=dict, init=False)
+    _found: dict[tuple[int, int], LinkMoves | None] = field(default_factory=dict, init=False)
 
-    def extend(self, pairs: Sequence[tuple[int, int]]) -> "Transfers":
-        """The transfers, with those of more pairs of contacts; all pairs at once are quicker than one by one."""
-        fresh = [pair for pair in dict.fromkeys(pairs) if pair not in self.found]
-        contacts = dict.fromkeys(contact for pair in fresh for contact in pair)
-        new = [contact for contact in contacts if contact not in self.retracts]
+    def find(self, pairs: Sequence[tuple[int, int]]) -> list[LinkMoves | None]:
+        """The transfer of each pair, None where there is none; all pairs at once are quicker than one by one."""
+        fresh = [pair for pair in dict.fromkeys(pairs) if pair not in self._found]
+        self._retracts[SAFE] = safe_retract(self.space)
+        poses = dict.fromkeys(pose for pair in fresh for pose in pair)
+        new = [pose for pose in poses if pose not in self._retracts]
         behind_arc = np.array([k in self.in_air for k in new], dtype=bool)
         ways = find_retracts(self.space, [self.poses[k] for k in new], behind_arc)
-        retracts = dict(self.retracts)
         for pose, led, way in zip(new, behind_arc, ways, strict=True):
-            retracts[pose] = replace(way, entry_feed=self.space.feeds.link) if way and led else way
+            self._retracts[pose] = replace(way, entry_feed=self.space.feeds.link) if way and led else way
 
-        ends = [(retracts[a], retracts[b]) for a, b in fresh]
+        ends = [(self._retracts[a], self._retracts[b]) for a, b in fresh]
         possible = [(out, into) for out, into in ends if out is not None and into is not None]
         moves = iter(_find_transfers(self.space, possible, self.traverses))
-        links = [None if out is None or into is None else next(moves) for out, into in ends]
-        return replace(self, retracts=retracts, found={**self.found, **dict(zip(fresh, links))})
-
-
-def no_transfers(
-    space: LinkSpace,
-    poses: Sequence[Pose],
-    traverses: Sequence[TraverseOptions] = TRAVERSES,
-    in_air: frozenset[int] = frozenset(),
-) -> Transfers:
-    """Nothing found yet between these poses, of which some stand `in_air`; the `traverses` are tried in their order."""
-    return Transfers(space, poses, retracts={SAFE: safe_retract(space)}, found={}, traverses=traverses, in_air=in_air)
+        self._found.update((pair, next(moves) if all(both) else None) for pair, both in zip(fresh, ends, strict=True))
+        return [self._found[pair] for pair in pairs]
 
 
 def _find_transfers(
@@ -691,14 +646,9 @@ def _find_traverses(
     for options in tried:
         left = [k for k, moves in enumerate(traverses) if moves is None]
         routes = [traverse(space.surface, *pairs[k], space.limits, options) for k in left]
-        for k, (centres, axes), free in zip(left, routes, _routes_free(space, routes), strict=True):
-            if free:
+        free = np.array([space.limits.allow(axes).all() for _, axes in routes], dtype=bool)
+        free[free] = space.polylines_free([route for route, ok in zip(routes, free) if ok], cutting=False)
+        for k, (centres, axes), ok in zip(left, routes, free, strict=True):
+            if ok:
                 traverses[k] = moves_of(MoveKind.RAPID, centres[1:], axes[1:], space.feeds.rapid)
     return traverses
-
-
-def _routes_free(space: LinkSpace, routes: Sequence[Polyline]) -> list[bool]:
-    """Whether the axes of each route are within the limits, and its moves free."""
-    free = np.array([space.limits.allow(axes).all() for _, axes in routes], dtype=bool)
-    free[free] = space.polylines_free([route for route, ok in zip(routes, free) if ok], cutting=False)
-    return free.tolist()

@@ -43,10 +43,11 @@ from numpy import ndarray
 
 from bonecam.arrays import angles_between, dots, lengths, unit
 from bonecam.errors import MachineError
-from bonecam.machine.limits import LiftPlaces
 from bonecam.planning.axes.lead import SINGULAR_ANGLE, avoid_singularity, least_polar_angles
 from bonecam.planning.collision import interpolate_poses
 from bonecam.planning.link_space import (
+    ARC_ALLOWED,
+    CUT_ALLOWED,
     NO_MOVES,
     SAFE,
     TRAVERSES,
@@ -58,7 +59,6 @@ from bonecam.planning.link_space import (
     TraverseOptions,
     join_moves,
     moves_of,
-    no_transfers,
     without_rests,
 )
 from bonecam.tool.path import ContactPath, MoveKind, ToolPath
@@ -112,16 +112,20 @@ def direct_links(
         if not len(left):
             break
         a, b = (contacts_of(contacts, left) for contacts in (ends, starts))
-        links = _straight(a, b, lift * a[along], lift * b[along])
-        left = left[~_take(link_moves, left, links=links, between=(a, b), arcs=arcs[left], space=space, feed=feed)]
+        straight = _poses(a[0] + lift * a[along], b[0] + lift * b[along], a[2], b[2], STEPS)
+        links = _free_links(space, straight, a, b, arcs[left], feed)
+        for k, link in zip(left, links, strict=True):
+            link_moves[k] = link
+        left = left[[link is None for link in links]]
 
     turns = np.maximum(turns, angles_between(ends[1], starts[1]))
     open_ = np.array([link is None for link in link_moves], dtype=bool)
     left = np.flatnonzero(open_ & (away <= LONG) & (turns <= MAX_LONG_TURN))
     if len(left):
         a, b = (contacts_of(contacts, left) for contacts in (ends, starts))
-        taut = _taut(space, a, b)
-        _take(link_moves, left, links=taut, between=(a, b), arcs=arcs[left], space=space, feed=space.feeds.link)
+        links = _free_links(space, _taut(space, a, b), a, b, arcs[left], space.feeds.link)
+        for k, link in zip(left, links, strict=True):
+            link_moves[k] = link
     return link_moves
 
 
@@ -129,30 +133,6 @@ def contacts_of(contacts: Contacts, which: Int[ndarray, " m"]) -> tuple[ndarray,
     """Some of the contacts."""
     centres, normals, axes = contacts
     return centres[which], normals[which], axes[which]
-
-
-def _take(
-    link_moves: list[LinkMoves | None],
-    which: Int[ndarray, " m"],
-    links: Poses,
-    between: tuple[Contacts, Contacts],
-    arcs: Bool[ndarray, "m 2"],
-    space: LinkSpace,
-    feed: float,
-) -> Bool[ndarray, " m"]:
-    """Put those of the links that may be taken into `link_moves`, at `which`; whether each of them is."""
-    axes = _off_singularity(*links)
-    free = _free_links(space, (links[0], axes), *between, arcs)
-    for k, c, v in zip(which[free], links[0][free], axes[free], strict=True):
-        link_moves[k] = moves_of(MoveKind.LINK, c, v, feed)
-    return free
-
-
-def _straight(
-    ends: Contacts, starts: Contacts, lifts: Float[ndarray, "m 3"], last_lifts: Float[ndarray, "m 3"]
-) -> Poses:
-    """Straight links between contacts that are lifted so."""
-    return _poses(ends[0] + lifts, starts[0] + last_lifts, ends[2], starts[2], STEPS)
 
 
 def _taut(space: LinkSpace, ends: Contacts, starts: Contacts) -> Poses:
@@ -166,17 +146,14 @@ def _taut(space: LinkSpace, ends: Contacts, starts: Contacts) -> Poses:
     for _ in range(ROUNDS):
         centres = (line + heights[:, :, None] * normals).reshape(-1, 3)
         heights += np.maximum(wanted - material.signed(centres, wanted), 0.0).reshape(heights.shape)
-    return line + _envelope(heights)[:, :, None] * normals, axes
 
-
-def _envelope(heights: Float[ndarray, "m p"]) -> Float[ndarray, "m p"]:
-    """The least concave functions above the heights of each row."""
+    # The least concave functions above the heights of each row
     envelope = heights.copy()
-    for i, j in combinations(range(heights.shape[1]), 2):
+    for i, j in combinations(range(line.shape[1]), 2):
         f = np.linspace(0, 1, j - i + 1)
         chord = (1 - f) * heights[:, i, None] + f * heights[:, j, None]
         envelope[:, i : j + 1] = np.maximum(envelope[:, i : j + 1], chord)
-    return envelope
+    return line + envelope[:, :, None] * normals, axes
 
 
 def _poses(
@@ -192,18 +169,14 @@ def _poses(
     return centres.reshape(shape), axes.reshape(shape)
 
 
-def _off_singularity(centres: Float[ndarray, "m p 3"], axes: Float[ndarray, "m p 3"]) -> ndarray:
-    """The axes, led round the singularity."""
-    link = np.repeat(np.arange(len(axes)), axes.shape[1])
-    return avoid_singularity(axes.reshape(-1, 3), centres.reshape(-1, 3), link).reshape(axes.shape)
-
-
 def _free_links(
-    space: LinkSpace, links: Poses, ends: Contacts, starts: Contacts, arcs: Bool[ndarray, "m 2"]
-) -> Bool[ndarray, " m"]:
-    """Whether each link keeps off the singularity and within the limits, removes nothing and is proven free, with the
-    moves from its end and to its start."""
+    space: LinkSpace, links: Poses, ends: Contacts, starts: Contacts, arcs: Bool[ndarray, "m 2"], feed: float
+) -> list[LinkMoves | None]:
+    """The links, led round the singularity; None where one does not keep off it and within the limits, removes
+    something, or is not proven free, with the moves from its end and to its start."""
     centres, axes = links
+    link = np.repeat(np.arange(len(axes)), axes.shape[1])
+    axes = avoid_singularity(axes.reshape(-1, 3), centres.reshape(-1, 3), link).reshape(axes.shape)
     all_centres = np.concatenate([ends[0][:, None], centres, starts[0][:, None]], axis=1)
     all_axes = np.concatenate([ends[2][:, None], axes, starts[2][:, None]], axis=1)
     free = np.array([least_polar_angles(v).min() > SINGULAR_ANGLE for v in all_axes], dtype=bool)
@@ -216,9 +189,11 @@ def _free_links(
     # the move onto a contact is a cut, the one onto an arc is not
     stops = np.where(arcs[:, 1], all_centres.shape[1], all_centres.shape[1] - 1)
     lines = [(all_centres[k, : stops[k]], all_axes[k, : stops[k]]) for k in np.flatnonzero(free)]
-    free[free] = space.cuts_little(lines, [(c[:1], v[:1]) for c, v in lines], arcs[free].sum(axis=1))
+    allowed = CUT_ALLOWED - ARC_ALLOWED * arcs[free].sum(axis=1)
+    free[free] = space.cuts_little(lines, [(c[:1], v[:1]) for c, v in lines], allowed)
     free[free] = _proven_free(space, all_centres[free], all_axes[free])
-    return free
+    moves = zip(centres, axes, free, strict=True)
+    return [moves_of(MoveKind.LINK, c, v, feed) if ok else None for c, v, ok in moves]
 
 
 def _proven_free(
@@ -257,67 +232,48 @@ OfLevel = tuple[Float[ndarray, "n 3"], Float[ndarray, "n 3"], Float[ndarray, "n 
 """Ball centres, normals and axes of all contacts of a level, which runs index."""
 
 
-@dataclass(frozen=True, eq=False)
-class _Ends:
-    """Ends of cuts: `contacts`, the unit directions `away` from the cut along its tangent, and the poses of the cut
-    near each end that have removed material when the tool is there: none where it begins."""
-
-    contacts: Contacts
-    away: Float[ndarray, "k 3"]
-    removed: Sequence[Polyline]
-
-    def take(self, which: Int[ndarray, " m"]) -> "_Ends":
-        """Some of the ends."""
-        removed = [self.removed[k] for k in which]
-        return _Ends(contacts_of(self.contacts, which), self.away[which], removed)
-
-
 def arcs_to(space: LinkSpace, contacts: OfLevel, runs: Sequence[Int[ndarray, " _"]]) -> list[Polyline | None]:
     """The largest arc of at most the lead radius of `space` that leads to the begin of each run, from the end of the
     first move of the cut back to its far end, all in air; None where there is room for none."""
-    centres, _, axes = contacts
-    first, then = (np.array([run[k] for run in _long(runs)], dtype=np.int64) for k in (0, 1))
-    removed = [(centres[:0], axes[:0])] * len(first)
-    ends = _Ends(contacts_of(contacts, first), unit(centres[first] - centres[then]), removed)
-    return _of_all(runs, _lead_arcs(space, ends))
+    nothing = contacts[0][:0], contacts[2][:0]
+    return _lead_arcs(space, contacts, [run[:2] for run in runs], [nothing] * len(runs))
 
 
 def arcs_from(space: LinkSpace, contacts: OfLevel, runs: Sequence[Int[ndarray, " _"]]) -> list[Polyline | None]:
     """As `arcs_to`, the arcs that lead from the ends of the runs, behind what each has removed."""
     centres, _, axes = contacts
-    last, before = (np.array([run[-k] for run in _long(runs)], dtype=np.int64) for k in (1, 2))
     around = NEAR * space.ball_radius
-    near = [run[lengths(centres[run] - centres[run[-1]]) <= around] for run in _long(runs)]
-    removed = [(centres[k], axes[k]) for k in near]
-    ends = _Ends(contacts_of(contacts, last), unit(centres[last] - centres[before]), removed)
-    return _of_all(runs, _lead_arcs(space, ends))
+    near = [run[lengths(centres[run] - centres[run[-1]]) <= around] for run in runs]
+    return _lead_arcs(space, contacts, [run[:-3:-1] for run in runs], [(centres[k], axes[k]) for k in near])
 
 
-def _long(runs: Sequence[Int[ndarray, " _"]]) -> list[Int[ndarray, " _"]]:
-    """The runs of more than one contact: others have no direction."""
-    return [run for run in runs if len(run) > 1]
-
-
-def _of_all(runs: Sequence[Int[ndarray, " _"]], arcs: Sequence[Polyline | None]) -> list[Polyline | None]:
-    """The arcs of the long runs, and None for the others."""
-    arcs_left = iter(arcs)
-    return [next(arcs_left) if len(run) > 1 else None for run in runs]
-
-
-def _lead_arcs(space: LinkSpace, ends: _Ends) -> list[Polyline | None]:
-    """The largest arc that leads away from each end; None where there is room for none."""
-    arcs: list[Polyline | None] = [None] * len(ends.away)
-    for share, along, chord in product(SHARES, (1, 2), CHORDS):
-        left = np.array([k for k, arc in enumerate(arcs) if arc is None], dtype=np.int64)
-        if not len(left):
+def _lead_arcs(
+    space: LinkSpace, contacts: OfLevel, ends: Sequence[Int[ndarray, " _"]], removed: Sequence[Polyline]
+) -> list[Polyline | None]:
+    """The largest arc that leads away from the end of each cut, along its tangent; None where there is room for none.
+    `ends` are the last contact of each cut and the one before, where there is one: else it has no direction.
+    `removed` are the poses of the cut near its end that have removed material when the tool is there."""
+    centres, _, axes = contacts
+    angle = SWEEP * np.arange(1, ARC_STEPS + 1) / ARC_STEPS
+    arcs: list[Polyline | None] = [None] * len(ends)
+    for share, side, chord in product(SHARES, (1, 2), CHORDS):
+        left = [k for k, arc in enumerate(arcs) if arc is None and len(ends[k]) > 1]
+        if not left:
             break
-        asked = ends.take(left)
-        centres = _arcs(asked, asked.contacts[along], share * space.lead_radius)
+        last, before = np.array([ends[k] for k in left]).T
+        away = unit(centres[last] - centres[before])
+        up = contacts[side][last]
+        up = up - dots(up, away)[:, None] * away
+        # a direction nearly along the cut bends to no side
+        up = unit(np.where(lengths(up)[:, None] > LEAST_SIDE, up, np.nan))
+        radius = share * space.lead_radius
+        along, rise = (radius * f[:, None] for f in (np.sin(angle), 1 - np.cos(angle)))
+        bent = centres[last][:, None] + along * away[:, None] + rise * up[:, None]
         lines = [
             (np.vstack([centre, arc[chord - 1 :]]), np.repeat(axis[None], ARC_STEPS + 2 - chord, axis=0))
-            for centre, arc, axis in zip(asked.contacts[0], centres, asked.contacts[2], strict=True)
+            for centre, arc, axis in zip(centres[last], bent, axes[last], strict=True)
         ]
-        for k in np.flatnonzero(_free_arcs(space, asked, lines)).tolist():
+        for k in np.flatnonzero(_free_arcs(space, [removed[k] for k in left], lines)).tolist():
             arcs[left[k]] = lines[k][0][1:], lines[k][1][1:]
     return arcs
 
@@ -331,24 +287,14 @@ def begins_tangentially(before: Float[ndarray, "3"], cut: Float[ndarray, "n 3"])
     return bool(angles_between(came, goes)[0] <= TANGENT)
 
 
-def _arcs(ends: _Ends, up: Float[ndarray, "m 3"], radius: float) -> Float[ndarray, "m p 3"]:
-    """Ball centres on arcs that leave the contacts along `away` and bend to the side of `up`."""
-    up = up - dots(up, ends.away)[:, None] * ends.away
-    # a direction nearly along the cut bends to no side
-    up = unit(np.where(lengths(up)[:, None] > LEAST_SIDE, up, np.nan))
-    angle = SWEEP * np.arange(1, ARC_STEPS + 1) / ARC_STEPS
-    along, rise = (radius * f[:, None] for f in (np.sin(angle), 1 - np.cos(angle)))
-    return ends.contacts[0][:, None] + along * ends.away[:, None] + rise * up[:, None]
-
-
-def _free_arcs(space: LinkSpace, ends: _Ends, lines: Sequence[Polyline]) -> Bool[ndarray, " m"]:
+def _free_arcs(space: LinkSpace, removed: Sequence[Polyline], lines: Sequence[Polyline]) -> Bool[ndarray, " m"]:
     """Whether each arc, its contact first, removes nothing anew, and is proven free of collision and gouge."""
     free = np.array([np.isfinite(centres).all() for centres, _ in lines], dtype=bool)
     # the first move of a cut cuts
-    links = [line if len(cut[0]) else (line[0][1:], line[1][1:]) for line, cut in zip(lines, ends.removed)]
+    links = [line if len(cut[0]) else (line[0][1:], line[1][1:]) for line, cut in zip(lines, removed)]
     for k in np.flatnonzero(free).tolist():
         centres = links[k][0]
-        cut = ends.removed[k][0]
+        cut = removed[k][0]
         samples = np.vstack([centres[1:], (centres[1:] + centres[:-1]) / 2])
         if len(cut):
             nearest = cut[np.argmin(np.linalg.norm(samples[:, None] - cut[None], axis=2), axis=1)]
@@ -356,7 +302,8 @@ def _free_arcs(space: LinkSpace, ends: _Ends, lines: Sequence[Polyline]) -> Bool
         else:
             free[k] = space.in_air(np.vstack([centres[:1], samples])[None])[0]
     asked = np.flatnonzero(free).tolist()
-    free[asked] = space.arcs_cut_little([links[k] for k in asked], [ends.removed[k] for k in asked])
+    allowed = np.full(len(asked), ARC_ALLOWED)
+    free[asked] = space.cuts_little([links[k] for k in asked], [removed[k] for k in asked], allowed)
     asked = np.flatnonzero(free).tolist()
     free[asked] = space.polylines_free([lines[k] for k in asked], cutting=True)
     return free
@@ -375,16 +322,6 @@ class Leads:
     arcs: Sequence[Polyline] = ()
     enter: Mapping[int, int] = field(default_factory=dict)
     leave: Mapping[int, int] = field(default_factory=dict)
-
-    @property
-    def far_ends(self) -> list[Pose]:
-        """The poses at the far ends of the arcs."""
-        return [(centres[-1], axes[-1]) for centres, axes in self.arcs]
-
-    @property
-    def numbers(self) -> frozenset[int]:
-        """The numbers of the far ends."""
-        return frozenset(range(self.contacts, self.contacts + len(self.arcs)))
 
     def ends(self, run: Run) -> tuple[int, int]:
         """The poses, by number, that the tool comes to and goes from to cut a run."""
@@ -544,60 +481,61 @@ def link_runs(
     if there is one: without moves where the tool cuts straight on. Others begin and end on the arcs of the `leads`."""
     after = [*direct, None]
     leads = leads or Leads(len(poses))
-    transfers = no_transfers(space, [*poses, *leads.far_ends], in_air=leads.numbers)
-    transfers, links = _links(transfers, runs, after, leads)
+    poses = [*poses, *((centres[-1], axes[-1]) for centres, axes in leads.arcs)]
+    transfers = Transfers(space, poses, in_air=frozenset(range(leads.contacts, len(poses))))
+    links = _links(transfers, runs, after, leads)
     if leads.arcs and len(links) < len(runs):
-        leads = leads.without(_missed(runs, links))
-        transfers, links = _links(transfers, runs, after, leads)
+        reached = {k for k, _ in links}
+        beside = [{k - 1, k, k + 1} & set(range(len(runs))) for k in range(len(runs))]
+        leads = leads.without([run for run, near in zip(runs, beside, strict=True) if not near <= reached])
+        links = _links(transfers, runs, after, leads)
     if len(links) < len(runs):
         missed = sorted(set(range(len(runs))) - {k for k, _ in links})
-        transfers, runs, after = _shortened(transfers, runs, after, missed)
-        transfers, links = _links(transfers, runs, after, leads)
+        runs, after = _shortened(transfers, runs, after, missed)
+        links = _links(transfers, runs, after, leads)
     if not links:
         return LinkedRuns(tuple(runs), (), None)
     last = runs[links[-1][0]]
-    pair = (leads.ends(last)[1], SAFE)
-    home = transfers.extend([pair]).found[pair]
+    (home,) = transfers.find([(leads.ends(last)[1], SAFE)])
     assert home is not None
     return LinkedRuns(tuple(runs), tuple(links), leads.led(space, home, last, None))
 
 
-def _missed(runs: Sequence[Run], links: Sequence[tuple[int, LinkMoves]]) -> list[Run]:
-    """The runs that are not reached, and those beside them."""
-    reached = {k for k, _ in links}
-    return [run for k, run in enumerate(runs) if not {k - 1, k, k + 1} & set(range(len(runs))) <= reached]
-
-
 def _links(
     transfers: Transfers, runs: Sequence[Run], after: Sequence[LinkMoves | None], leads: Leads
-) -> tuple[Transfers, list[tuple[int, LinkMoves]]]:
+) -> list[tuple[int, LinkMoves]]:
     """The runs that are reached, in order, each with the moves to it."""
     ends = [leads.ends(run) for run in runs]
-    transfers, leavable = _find_leavable(transfers, ends, after)
+
+    # Whether the tool gets away from the end of each run: directly to a run that it gets away from, or to the safe
+    # point
+    transfers.find([(end, SAFE) for (_, end), link in zip(ends, after) if link is None])
+    leavable = [False] * len(ends)
+    for k in reversed(range(len(ends))):
+        directly = after[k] is not None and leavable[k + 1]
+        leavable[k] = directly or transfers.find([(ends[k][1], SAFE)]) != [None]
 
     reachable = [k for k in range(len(runs)) if leavable[k]]
     jumps = [(a, b) for a, b in pairwise(reachable) if b > a + 1 or after[a] is None]
     first = [(SAFE, ends[k][0]) for k in reachable[:1]]
-    transfers = transfers.extend(first + [(ends[a][1], ends[b][0]) for a, b in jumps])
+    transfers.find(first + [(ends[a][1], ends[b][0]) for a, b in jumps])
 
     links: list[tuple[int, LinkMoves]] = []
     for k in reachable:
         last = links[-1][0] if links else None
         link = after[last] if last is not None and last == k - 1 else None
         if link is None:
-            pair = (SAFE if last is None else ends[last][1], ends[k][0])
-            transfers = transfers.extend([pair])
-            moves = transfers.found[pair]
+            (moves,) = transfers.find([(SAFE if last is None else ends[last][1], ends[k][0])])
             left = None if last is None else runs[last]
             link = None if moves is None else leads.led(transfers.space, moves, left, runs[k])
         if link is not None:
             links.append((k, link))
-    return transfers, links
+    return links
 
 
 def _shortened(
     transfers: Transfers, runs: Sequence[Run], after: Sequence[LinkMoves | None], missed: Sequence[int]
-) -> tuple[Transfers, list[Run], list[LinkMoves | None]]:
+) -> tuple[list[Run], list[LinkMoves | None]]:
     """The runs, of which those `missed` end where the tool gets on and off, if it does so somewhere near their ends;
     and their direct links, none at an end that moved."""
     shorter, links = list(runs), list(after)
@@ -605,8 +543,8 @@ def _shortened(
         run = runs[k]
         head: int | None = 0
         if not k or links[k - 1] is None:
-            transfers, head = _first_linked(transfers, [(SAFE, int(contact)) for contact in run])
-        transfers, tail = _first_linked(transfers, [(int(contact), SAFE) for contact in run[::-1]])
+            head = _first_linked(transfers, [(SAFE, int(contact)) for contact in run])
+        tail = _first_linked(transfers, [(int(contact), SAFE) for contact in run[::-1]])
         if head is None or tail is None or head + tail >= len(run) - 1:
             continue
         shorter[k] = run[head : len(run) - tail]
@@ -614,33 +552,12 @@ def _shortened(
             links[k - 1] = None
         if tail:
             links[k] = None
-    return transfers, shorter, links
+    return shorter, links
 
 
-def _first_linked(transfers: Transfers, pairs: Sequence[tuple[int, int]]) -> tuple[Transfers, int | None]:
+def _first_linked(transfers: Transfers, pairs: Sequence[tuple[int, int]]) -> int | None:
     """By how many contacts a run is cut short until a transfer of these is found."""
-    for short in (short for short in SHORTER if short < len(pairs)):
-        transfers = transfers.extend([pairs[short]])
-        if transfers.found[pairs[short]] is not None:
-            return transfers, short
-    return transfers, None
-
-
-def _find_leavable(
-    transfers: Transfers, ends: Sequence[tuple[int, int]], after: Sequence[LinkMoves | None]
-) -> tuple[Transfers, list[bool]]:
-    """Whether the tool gets away from the end of each run: directly to a run that it gets away from, or to
-    the safe point."""
-    transfers = transfers.extend([(end, SAFE) for (_, end), link in zip(ends, after) if link is None])
-    leavable = [False] * len(ends)
-    for k in reversed(range(len(ends))):
-        if after[k] is not None and leavable[k + 1]:
-            leavable[k] = True
-            continue
-        pair = (ends[k][1], SAFE)
-        transfers = transfers.extend([pair])
-        leavable[k] = transfers.found[pair] is not None
-    return transfers, leavable
+    return next((k for k in SHORTER if k < len(pairs) and transfers.find([pairs[k]]) != [None]), None)
 
 
 LIFT_TRAVERSES = (TraverseOptions(one_azimuth=True), TraverseOptions(rise=5.0, one_azimuth=True), *TRAVERSES)
@@ -653,29 +570,24 @@ def lift_for_rewinds(path: ToolPath, space: LinkSpace) -> ToolPath:
     collision; MachineError with the level where it does not, or its axes do not reach."""
     blocked = np.zeros(0)
     while space.limits.lift_places is not None:
-        places, axes = _places(path, space.limits.lift_places, blocked)
+        try:
+            places, axes = space.limits.lift_places(path.axes, path.kinds, blocked)
+        except MachineError as error:
+            raise MachineError(f"level {path.level}, {error}", level=path.level, **error.evidence) from error
         if not len(places):
             break
         whole, rows = _with_points(path, places, axes)
-        lifts = [(row, _return(whole, row)) for row in rows.tolist()]
-        pairs = [((row - 1, SAFE), (SAFE, back)) for row, back in lifts]
-        poses = list(zip(whole.balls, whole.axes))
-        transfers = no_transfers(space, poses, LIFT_TRAVERSES).extend([one for pair in pairs for one in pair]).found
-        stuck = [k for k, pair in enumerate(pairs) if any(transfers[one] is None for one in pair)]
+        # between two cuts the tool comes back to the contact that it left
+        cut = whole.kinds == MoveKind.CUT
+        lifts = list(zip(rows.tolist(), (rows - (cut[rows - 1] & cut[rows])).tolist(), strict=True))
+        transfers = Transfers(space, list(zip(whole.balls, whole.axes)), LIFT_TRAVERSES)
+        moves = transfers.find([pair for row, back in lifts for pair in ((row - 1, SAFE), (SAFE, back))])
+        ways = list(zip(moves[::2], moves[1::2], strict=True))
+        stuck = [k for k, way in enumerate(ways) if None in way]
         if not stuck:
-            return _with_lifts(whole, lifts, transfers, space.feeds.plunge)
+            return _with_lifts(whole, lifts, ways, space.feeds.plunge)
         blocked = np.r_[blocked, places[stuck]]
     return path
-
-
-def _places(
-    path: ToolPath, lift_places: LiftPlaces, blocked: Float[ndarray, " b"]
-) -> tuple[Float[ndarray, " k"], Float[ndarray, "k 3"]]:
-    """The places from which the path is to be lifted, in order, and the axes there."""
-    try:
-        return lift_places(path.axes, path.kinds, blocked)
-    except MachineError as error:
-        raise MachineError(f"level {path.level}, {error}", level=path.level, **error.evidence) from error
 
 
 def _with_points(
@@ -701,20 +613,21 @@ def _with_points(
     return replace(path, **arrays, cones=cones), behind
 
 
-def _return(path: ToolPath, row: int) -> int:
-    """The row that the tool comes back to from a lift before `row`."""
-    return row - 1 if path.kinds[row - 1] == path.kinds[row] == MoveKind.CUT else row
-
-
 def _with_lifts(
     path: ToolPath,
     lifts: Sequence[tuple[int, int]],
-    transfers: Mapping[tuple[int, int], LinkMoves | None],
+    ways: Sequence[tuple[LinkMoves | None, LinkMoves | None]],
     plunge_feed: float,
 ) -> ToolPath:
-    """The path with lifts before some rows; a contact that the tool comes back to is entered at the plunge feed and
-    begins a pass of its own."""
-    moves = [_there_and_back(transfers[row - 1, SAFE], transfers[SAFE, back]) for row, back in lifts]
+    """The path with lifts before some rows, by ways to the safe point and back; a contact that the tool comes back to
+    is entered at the plunge feed and begins a pass of its own."""
+    moves = []
+    for up, down in ways:
+        assert up is not None
+        assert down is not None
+        # on the spot the rotary axes turn
+        spot = moves_of(MoveKind.RAPID, up.centres[-1:], up.axes[-1:], float(up.feeds[-1]))
+        moves.append(join_moves([up, spot, down]))
 
     # The old row of each row of a path with lifts of some lengths, -1 on them
     rows = len(path.tips)
@@ -744,11 +657,3 @@ def _with_lifts(
     arrays["pass_index"] = np.where(away | (passes < 0), -1, passes + np.cumsum(again))
     cones = path.cones.at(source) if path.cones else None
     return replace(path, **arrays, cones=cones, lifts=ends.reshape(-1, 2) - [0, 1])
-
-
-def _there_and_back(up: LinkMoves | None, down: LinkMoves | None) -> LinkMoves:
-    """The moves to the safe point and from there, with one on the spot between them, for the rotary axes to turn."""
-    assert up is not None
-    assert down is not None
-    spot = moves_of(MoveKind.RAPID, up.centres[-1:], up.axes[-1:], float(up.feeds[-1]))
-    return join_moves([up, spot, down])

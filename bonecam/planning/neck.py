@@ -258,24 +258,16 @@ class Neck:
         return {**rounded, "holds": self.holds, "tailstock": self.tailstock}
 
 
-@dataclass(frozen=True)
-class Wanted:
-    """What a neck that holds has: `shift_um` and `stress_mpa` at most, `first_hz` at least."""
-
-    shift_um: float
-    stress_mpa: float
-    first_hz: float
-
-
-def wanted_of(job: Job) -> Wanted:
-    """What a neck that holds has, with material and cutters of a job."""
+def wanted_of(job: Job) -> dict[str, float]:
+    """What a neck that holds has, with material and cutters of a job: `shift_um` and `stress_mpa` at most, `first_hz`
+    at least."""
     tools = [job.tool(name) for name in job.cutter_names]
     teeth = max(tool.flutes * tool.spindle for tool in tools) / 60
-    return Wanted(
-        shift_um=1000 * LARGEST_SHIFT,
-        stress_mpa=YIELD_SHARE * stiffness_of(job).yield_strength,
-        first_hz=FREQUENCY_MULTIPLE * teeth,
-    )
+    return {
+        "shift_um": 1000 * LARGEST_SHIFT,
+        "stress_mpa": YIELD_SHARE * stiffness_of(job).yield_strength,
+        "first_hz": FREQUENCY_MULTIPLE * teeth,
+    }
 
 
 def neck_figures(standing: Setup, job: Job, limits: MachineLimits, layers: LayersToCut) -> Neck:
@@ -292,19 +284,18 @@ def neck_figures(standing: Setup, job: Job, limits: MachineLimits, layers: Layer
 
     # The force (N) on an edge at the middle of the deepest strip of the roughing cutter, and that along the normal of
     # the finishing cutter's
-    material = read_material(job.material.name)
-    force = cutting_force(material.force, stiffness_of(job).yield_strength)
-    _, normal, _ = job_strip_forces(force, job, "finishing")
+    force = cutting_force(read_material(job.material.name).force, stiffness.yield_strength)
+    _, fine, _ = job_strip_forces(force, job, "finishing")
     rough = job_strip_force(force, job, "roughing")
-    fine = float(normal)
 
     middle = part.bounds.mean(axis=0)[None]
     tip = np.array([[0.0, 0.0, float(part.bounds[1, 2])]])
     stress = float(beam.moment_stress(PEAK_SHARE * rough * np.array([[1.0, 0.0, 0.0]]), middle)[0])
     cutter = Cutter.from_job(2, "finishing", job.tool("finishing"), limits.bodies.nose)
-    shift, worst = foretold_errors(beam, part, cutter_compliance(cutter), fine, (0.95, 0.99))
+    shift, worst = foretold_errors(beam, part, cutter_compliance(cutter), float(fine), (0.95, 0.99))
     first = min(each.first_frequency(stiffness.density) for each in (beam, uncut))
     wanted = wanted_of(job)
+    holds = 1000 * shift <= wanted["shift_um"] and stress <= wanted["stress_mpa"] and first >= wanted["first_hz"]
     return Neck(
         diameter=holding.diameter,
         length=holding.length - holding.support_height,
@@ -315,7 +306,7 @@ def neck_figures(standing: Setup, job: Job, limits: MachineLimits, layers: Layer
         stress_mpa=stress,
         first_hz=first,
         shift_p99_um=1000 * worst,
-        holds=1000 * shift <= wanted.shift_um and stress <= wanted.stress_mpa and first >= wanted.first_hz,
+        holds=holds,
         tailstock=holding.tailstock,
         machining_min=minutes,
     )
@@ -543,7 +534,7 @@ def _stiffer(job: Job, limits: MachineLimits) -> Iterator[tuple[str, Job]]:
 
 def _slower(job: Job, taken: Neck) -> Iterator[tuple[str, Job]]:
     """The job whose teeth pass as slowly as a neck asks, and its spindles in words; none where they do."""
-    if taken.first_hz >= wanted_of(job).first_hz:
+    if taken.first_hz >= wanted_of(job)["first_hz"]:
         return
     edges = 60 * taken.first_hz / FREQUENCY_MULTIPLE  # a minute
     tools = {name: job.tool(name) for name in job.cutter_names}
@@ -585,4 +576,4 @@ def neck_report(necks: Sequence[Neck], remedies: Sequence[NeckRemedy], job: Job,
     if necks[0].holds:
         return told
     helps = [{"change": one.change, **one.neck.report} for one in remedies]
-    return told | {"neck_wanted": asdict(wanted_of(job)), "holds_with": helps}
+    return told | {"neck_wanted": wanted_of(job), "holds_with": helps}

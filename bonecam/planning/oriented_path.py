@@ -20,7 +20,7 @@ from bonecam.planning.axes.tool_axes import ToolAxes, WantedAxes, choose_axes, e
 from bonecam.planning.collision import CollisionChecker
 from bonecam.planning.contacts import planned_tolerance
 from bonecam.planning.layers import HeightMesh
-from bonecam.planning.link_space import Feeds, LinkMoves, LinkSpace, join_moves, moves_of
+from bonecam.planning.link_space import Feeds, LinkSpace, join_moves, moves_of
 from bonecam.planning.links import (
     LinkedRuns,
     Run,
@@ -63,7 +63,9 @@ def orient(
     feeds = Feeds(nc.link_feed, nc.plunge_feed, nc.rapid_feed)
     tolerance = planned_tolerance(job.gouge_tolerance)
     # an arc sweeps what lies beside the cut: how much that is must be known
-    lead = _lead_radius(job, path) if isinstance(material, InProcessStock) else 0.0
+    lead = 0.0
+    if job.lead_in != "straight" and isinstance(material, InProcessStock):
+        lead = job.lead_radius or path.cutter.radius / 2
     space = LinkSpace(checker, limits, feeds, job.clearance, tolerance, material=material, lead_radius=lead)
     if not len(path.contacts):
         return _idle_path(path, space)
@@ -89,13 +91,6 @@ def orient(
         raise OrientationError(f"level {path.level}: no pass can be reached safely: {remedy}", level=path.level)
     oriented = _tool_path(path, chosen, space, runs, linked, cones=wanted.cones if wanted else None)
     return lift_for_rewinds(replace(oriented, blocked_by=blocked, poses=judged), space)
-
-
-def _lead_radius(job: PathJob, path: ContactPath) -> float:
-    """Radius (mm) of the arcs on which cuts begin and end; 0: straight."""
-    if job.lead_in == "straight":
-        return 0.0
-    return job.lead_radius or path.cutter.radius / 2
 
 
 def _blocked(
@@ -155,13 +150,6 @@ def _runs(path: ContactPath, chosen: ToolAxes, checker: CollisionChecker) -> lis
     return np.split(index, np.flatnonzero(~joined[:-1]) + 1)
 
 
-def _cut(path: ContactPath, axes: Float[ndarray, "n 3"], run: Run, first_feed: float) -> LinkMoves:
-    """The cutting moves of a run; it is entered at the first feed."""
-    feeds = np.full(len(run), path.cutter.feed)
-    feeds[0] = min(first_feed, path.cutter.feed)
-    return LinkMoves(np.full(len(run), int(MoveKind.CUT)), path.centres[run], axes[run], feeds)
-
-
 def _tool_path(
     path: ContactPath,
     chosen: ToolAxes,
@@ -183,9 +171,10 @@ def _tool_path(
         number += len(link) > 0
         run = linked.runs[k]
         straight = len(link) and not begins_tangentially(link.centres[-1], path.centres[run])
-        plunges = straight and not in_air[k]
-        first_feed = space.feeds.plunge if plunges else path.cutter.feed
-        moves += [link, _cut(path, chosen.axes, run, first_feed)]
+        cutting = moves_of(MoveKind.CUT, path.centres[run], chosen.axes[run], path.cutter.feed)
+        if straight and not in_air[k]:
+            cutting.feeds[0] = min(space.feeds.plunge, path.cutter.feed)
+        moves += [link, cutting]
         contacts += [np.full(len(link), -1), run]
         passes += [np.full(len(link), -1), np.full(len(run), number)]
     away = np.full(len(linked.home), -1)

@@ -46,7 +46,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.arrays import dots, lengths, unit
@@ -83,21 +83,11 @@ def order_curves(surface: TSpline, curves: Curves, direction: str) -> Curves:
     starts, ends = (surface.positions(*curves.knots[index].T) for index in (curves.first, curves.last))
     if direction == "conventional":
         starts, ends = ends, starts
-    order, turned = _in_turn(curves.group, starts, ends, direction == "zigzag")
-    if direction == "conventional":
-        turned = ~turned
-
-    pieces = np.split(curves.knots, curves.first[1:])
-    followed = [pieces[k][::-1] if back else pieces[k] for k, back in zip(order, turned)]
-    return curves_of(followed, curves.group[order])
-
-
-def _in_turn(
-    group: Int[ndarray, " c"], starts: Float[ndarray, "c 3"], ends: Float[ndarray, "c 3"], both_ways: bool
-) -> tuple[Int[ndarray, " c"], ndarray]:
-    """The order of the curves, and which of them are followed from their ends to their starts."""
+    both_ways = direction == "zigzag"
+    group = curves.group
     is_ring = np.linalg.norm(ends - starts, axis=1) < RING_GAP
     order = [0]
+    # followed from their ends to their starts
     turned = [False]
     left = np.ones(len(group), dtype=bool)
     left[0] = False
@@ -114,7 +104,11 @@ def _in_turn(
         order.append(chosen)
         turned.append(back)
         left[chosen] = False
-    return np.array(order), np.array(turned)
+
+    pieces = np.split(curves.knots, curves.first[1:])
+    reverse = direction == "conventional"
+    followed = [pieces[k][::-1] if back != reverse else pieces[k] for k, back in zip(order, turned)]
+    return curves_of(followed, group[order])
 
 
 STEP = 0.25
@@ -266,30 +260,26 @@ BORDERS = 80
 def band_curves(metric: StepMetric, feed: float, step_over: float, turn: float) -> Curves:
     """The lines of those bands that take the least time at `feed` (mm/min), with `step_over` minutes from line to line
     and `turn` minutes from band to band."""
-    share, count, lengths = _shares(metric)
+    # The share of the lines of each section that lie before each s (the seam again at its end), the number of lines
+    # that the section needs, and the mean length (mm) of a line at it
+    a, b = np.ones_like(metric.E), np.zeros_like(metric.E)
+    for _ in range(BAND_ROUNDS):
+        a = metric.rate(a, metric.coverage(a, b))
+        steps = (a + np.roll(a, -1, axis=0)) / 2 / len(metric.s)
+        passes = np.vstack([np.zeros(len(metric.t)), np.cumsum(steps, axis=0)])
+        share = passes / passes[-1]
+        b = passes[-1] * np.gradient(share[:-1], metric.t, axis=1)
+    count = passes[-1]
+    length = (metric.area * metric.gradient(a, b)).mean(axis=0) / count * (metric.t[1] - metric.t[0])
+
     s = np.r_[metric.s, 1.0]
     knots: list[ndarray] = []
-    for start, end in list(pairwise(_borders(count, lengths / feed, step_over, turn)))[::-1]:
+    for start, end in list(pairwise(_borders(count, length / feed, step_over, turn)))[::-1]:
         lines = int(np.ceil(count[start : end + 1].max()))
         wanted = (np.arange(lines) + 0.5) / lines
         s_of_lines = np.array([np.interp(wanted, column, s) for column in share[:, start : end + 1].T])
         knots += [np.column_stack([line, metric.t[start : end + 1]]) for line in s_of_lines.T]
     return curves_of(knots)
-
-
-def _shares(metric: StepMetric) -> tuple[Float[ndarray, "c b"], Float[ndarray, " b"], Float[ndarray, " b"]]:
-    """The share of the lines of each section that lie before each s (the seam again at its end), the number of lines
-    that the section needs, and the mean length (mm) of a line at it."""
-    count = len(metric.s)
-    a, b = np.ones_like(metric.E), np.zeros_like(metric.E)
-    for _ in range(BAND_ROUNDS):
-        a = metric.rate(a, metric.coverage(a, b))
-        steps = (a + np.roll(a, -1, axis=0)) / 2 / count
-        passes = np.vstack([np.zeros(len(metric.t)), np.cumsum(steps, axis=0)])
-        share = passes / passes[-1]
-        b = passes[-1] * np.gradient(share[:-1], metric.t, axis=1)
-    length = (metric.area * metric.gradient(a, b)).mean(axis=0) / passes[-1] * (metric.t[1] - metric.t[0])
-    return share, passes[-1], length
 
 
 def _borders(count: Float[ndarray, " b"], minutes: Float[ndarray, " b"], step_over: float, turn: float) -> list[int]:
@@ -317,15 +307,6 @@ FREE_ROUNDS = 3
 """The first rounds, in which slopes of the curves are still found, are not mended."""
 
 
-@dataclass(frozen=True, eq=False)
-class SeedSide:
-    """One side of a seed: the passes counted from it at the places `s` (h,) x t; `s` runs away from the seed
-    and ends at the border to the next one."""
-
-    s: Float[ndarray, " h"]
-    passes: Float[ndarray, "h b"]
-
-
 def iso_scallop_curves(metric: StepMetric, seeds: int) -> Curves:
     """The curves counted from `seeds` meridians, which must divide the places of the grid in s by an even number.
 
@@ -335,7 +316,7 @@ def iso_scallop_curves(metric: StepMetric, seeds: int) -> Curves:
     pieces: list[ndarray] = []
     group: list[int] = []
     for k in range(seeds):
-        beyond = [_pieces(metric, side) for side in (sides[2 * k], sides[(2 * k + 3) % len(sides)])]
+        beyond = [_pieces(metric, *side) for side in (sides[2 * k], sides[(2 * k + 3) % len(sides)])]
         turn = np.array([1.0 if k == seeds - 1 else 0.0, 0.0])
         seed_pieces = beyond[0] + [turn + piece for piece in beyond[1][::-1]]
         pieces += seed_pieces
@@ -343,8 +324,9 @@ def iso_scallop_curves(metric: StepMetric, seeds: int) -> Curves:
     return curves_of(pieces, np.array(group))
 
 
-def _sides(metric: StepMetric, seeds: int) -> list[SeedSide]:
-    """The two sides of each seed meridian, that of growing s first."""
+def _sides(metric: StepMetric, seeds: int) -> list[tuple[Float[ndarray, " h"], Float[ndarray, "h b"]]]:
+    """The two sides of each seed meridian, that of growing s first: places s, which run away from the seed and end at
+    the border to the next one, and the passes counted from it at s x t."""
     cell = metric.s[1] - metric.s[0]
     count = len(metric.s)
     half = count // (2 * seeds)
@@ -356,27 +338,27 @@ def _sides(metric: StepMetric, seeds: int) -> list[SeedSide]:
             closer = closer * metric.shortfall(coverage)
         rate = closer * metric.rate(a, coverage)
         between = (rate + np.roll(rate, -1, axis=0)) / 2 * cell
-        sides: list[SeedSide] = []
+        sides = []
         b = np.empty_like(rate)
         for seed in np.arange(seeds) * 2 * half:
             for sign in (1, -1):
                 index = seed + sign * np.arange(half + 1)
                 steps = between[(index[:-1] if sign > 0 else index[1:]) % count]
                 passes = np.vstack([np.zeros(len(metric.t)), np.cumsum(steps, axis=0)])
-                sides.append(SeedSide(index * cell, passes))
+                sides.append((index * cell, passes))
                 b[index % count] = sign * np.gradient(passes, metric.t, axis=1)
         a = rate
     return sides
 
 
-def _pieces(metric: StepMetric, side: SeedSide) -> list[Float[ndarray, "_ 2"]]:
+def _pieces(metric: StepMetric, s: Float[ndarray, " h"], passes: Float[ndarray, "h b"]) -> list[Float[ndarray, "_ 2"]]:
     """The curves of one side from the seed on, from low to high t."""
-    width = side.passes[-1]
+    width = passes[-1]
     cell = float(np.sqrt(metric.G.mean())) * (metric.t[1] - metric.t[0])
     short = SHORT_GAP * metric.flat_step / cell
     curves: list[ndarray] = []
     numbers = np.arange(int(width.max()) + 1)
-    s_of_curves = np.array([np.interp(numbers + 0.5, column, side.s) for column in side.passes.T])
+    s_of_curves = np.array([np.interp(numbers + 0.5, column, s) for column in passes.T])
     for number in numbers:
         knots = np.column_stack([s_of_curves[:, number], metric.t])
         curves += [knots[a:b] for a, b in ranges(width >= number, short)]

@@ -64,13 +64,17 @@ def needed_lifts(
     """
     across = np.hypot(directions[:, 0], directions[:, 1])
     sunk = LEAVING * np.maximum(-directions[:, 2], 0.0)
-    discs = _discs(cutter)
+    discs = []
+    for section in cutter.profile:
+        count = int(np.ceil((section.end - section.start) / SLICE)) + 1
+        for u in np.linspace(section.start, section.end, count):
+            discs.append((float(u) - cutter.centre_height, section.widest, section.name))
     rims = [radius * across - height * directions[:, 2] for height, radius, _ in discs]
     above_table = clamping.clearance + ROOM + (sunk + np.max(rims, axis=0))
     offsets, squares, above = [], [], []
     for column in clamping.solids:
-        for height, radius, section in discs:
-            room = clamping.room(column, section) + ROOM
+        for height, radius, name in discs:
+            room = clamping.room(column, name) + ROOM
             offsets.append(height)
             squares.append((column.radius + room + radius) ** 2)
             above.append(room + column.top + radius * across + sunk - height * directions[:, 2])
@@ -81,17 +85,6 @@ def needed_lifts(
     falling = np.take_along_axis(heights, order, axis=1)
     discs_over = np.array(offsets)[order], np.array(squares)[order], falling
     return highest_over(centres, directions, *discs_over, above_table) - centres[:, 2:]
-
-
-def _discs(cutter: Cutter) -> list[tuple[float, float, str]]:
-    """Heights above the ball's centre and radii (mm) of discs across the tool, no more than SLICE apart, each as
-    wide as the tool is near it; and the names of their sections."""
-    discs = []
-    for section in cutter.profile:
-        count = int(np.ceil((section.end - section.start) / SLICE)) + 1
-        for u in np.linspace(section.start, section.end, count):
-            discs.append((float(u) - cutter.centre_height, section.widest, section.name))
-    return discs
 
 
 SPACING = 0.5
@@ -297,63 +290,32 @@ SHARES = (0.75, 0.5)
 """Shares of the post's length for which is told what would stay uncut."""
 
 
-@dataclass(frozen=True)
-class Remedy:
-    """A change of the job or the machine, and the length of the post with it, mm."""
-
-    change: str
-    length: float
-
-
-@dataclass(frozen=True)
-class ShorterPost:
-    """Length of a shorter post, mm, and the area of the part that would stay uncut with it, mm^2."""
-
-    length: float
-    uncut: float
-
-
-@dataclass(frozen=True)
-class ReachAdvice:
-    """What shortens the post, the most helpful first, and what it costs to cut it shorter as it is."""
-
-    remedies: tuple[Remedy, ...]
-    shorter: tuple[ShorterPost, ...]
-
-    @property
-    def report(self) -> dict[str, list[dict[str, float | str]]]:
-        """The advice in the report's section `post`."""
-        return {
-            "remedies": [{"change": each.change, "length_mm": each.length} for each in self.remedies],
-            "shorter": [{"length_mm": each.length, "uncut_mm2": round(each.uncut, 1)} for each in self.shorter],
-        }
-
-
 def post_advice(setup: Setup, job: Job, limits: MachineLimits) -> dict[str, Any]:
     """`remedies` and `shorter` of the report of a post that was found, where it is slender; nothing where it is not."""
     if job.holding.length - job.holding.support_height <= job.warnings.slender * job.holding.diameter:
         return {}
-    return what_would_help(setup, job, limits).report
+    return what_would_help(setup, job, limits)
 
 
-def what_would_help(setup: Setup, job: Job, limits: MachineLimits) -> ReachAdvice:
-    """What would shorten the post of a job, on which the part stands already."""
+def what_would_help(setup: Setup, job: Job, limits: MachineLimits) -> dict[str, Any]:
+    """What would shorten the post of a job, on which the part stands already, the most helpful first, and what it costs
+    to cut it shorter as it is: the length of the post, and the area of the part that would stay uncut with it."""
     length = job.holding.length
     height = float(setup.stock.bounds[0, 2])
     clamping = clamping_of(job.holding, limits.bodies.table)
-    remedies = [
-        Remedy(change, shortest_post(sampled_lifts(setup, changed, other), height, clamping))
+    remedies: list[dict[str, Any]] = [
+        {"change": change, "length_mm": shortest_post(sampled_lifts(setup, changed, other), height, clamping)}
         for change, changed, other in _changes(job, limits)
     ]
-    helpful = sorted((each for each in remedies if each.length < length), key=lambda each: each.length)
+    helpful = sorted((one for one in remedies if one["length_mm"] < length), key=lambda one: one["length_mm"])
 
     lifts = sampled_lifts_of_part(setup, job, limits)
     each_area = setup.part.mesh.area / len(lifts)
     shorter = []
     for wanted in (float(np.ceil(share * length)) for share in SHARES):
         missed = np.isfinite(lifts) & (lifts > wanted - height)
-        shorter.append(ShorterPost(wanted, float(missed.sum() * each_area)))
-    return ReachAdvice(tuple(helpful), tuple(shorter))
+        shorter.append({"length_mm": wanted, "uncut_mm2": round(float(missed.sum() * each_area), 1)})
+    return {"remedies": helpful, "shorter": shorter}
 
 
 def _changes(job: Job, limits: MachineLimits) -> Iterator[tuple[str, Job, MachineLimits]]:

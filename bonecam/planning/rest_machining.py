@@ -100,7 +100,11 @@ class RestMachining:
             return None
         step = min(steps, key=lambda step: step.minutes(self.turn_speed))
         self.taken += 1
-        return _contact_path(_gouge_free(step), self.allowed, self.taken)
+        step = _gouge_free(step)
+        lines = step.candidates.lines
+        runs = entered_runs(lines, step.runs, step.depth, step.raised, self.allowed.of_step.limit)
+        segments = engaged_segments_of(in_turn(lines, runs))
+        return replace(step.candidates.path_of(segments), rest=self.taken)
 
 
 def after_steps(path: ContactPath, material: InProcessStock, allowed: DepthLimits) -> ContactPath:
@@ -128,33 +132,24 @@ def _step(
 ) -> RestStep:
     """The step on the lines of one pattern, whose balls would enter by this `depth`, to what is `asked` for: it leaves
     half of what the level's own cut may take."""
-    deep = candidates.usable & asked & (depth > allowed.deepest)
+    lines, usable = candidates.lines, candidates.usable
+    deep = usable & asked & (depth > allowed.deepest)
     step = allowed.of_step.limit
-    runs = _runs(candidates, deep)
+    here = filled(lines, beside(lines, deep, BESIDE) & usable, usable, SHORT_GAP)
+    runs = [run for run in split_runs(lines, here) if deep[run].any()]
     cut = np.clip(depth - allowed.limit / 2, 0.0, step)
     for run in runs:
-        cut[run] = np.minimum(cut[run], step * _share(deep[run]))
+        # the run comes from air to what is deep, and leaves so
+        index = np.flatnonzero(deep[run])
+        before = index[0]
+        behind = len(run) - 1 - index[-1]
+        rising = np.arange(len(run)) / before if before else np.ones(len(run))
+        falling = np.arange(len(run))[::-1] / behind if behind else np.ones(len(run))
+        cut[run] = np.minimum(cut[run], step * np.minimum(np.minimum(rising, falling), 1.0))
     index = np.concatenate([np.zeros(0, dtype=np.int64), *runs])
     raised = np.zeros((len(depth), 3))
     raised[index] = _raised(candidates.centres[index], candidates.cutter.envelope_radius, material, cut[index])
     return RestStep(candidates, runs, depth, raised)
-
-
-def _runs(candidates: CandidateContacts, deep: Bool[ndarray, " n"]) -> list[Int[ndarray, " _"]]:
-    """The runs over what is too deep, and beside it."""
-    lines, usable = candidates.lines, candidates.usable
-    here = filled(lines, beside(lines, deep, BESIDE) & usable, usable, SHORT_GAP)
-    return [run for run in split_runs(lines, here) if deep[run].any()]
-
-
-def _share(deep: Bool[ndarray, " r"]) -> Float[ndarray, " r"]:
-    """Share of the limit that a run cuts at each contact: it comes from air to what is deep, and leaves so."""
-    index = np.flatnonzero(deep)
-    before = index[0]
-    behind = len(deep) - 1 - index[-1]
-    rising = np.arange(len(deep)) / before if before else np.ones(len(deep))
-    falling = np.arange(len(deep))[::-1] / behind if behind else np.ones(len(deep))
-    return np.minimum(np.minimum(rising, falling), 1.0)
 
 
 def _raised(
@@ -199,12 +194,3 @@ def _gouge_free(step: RestStep) -> RestStep:
     apart = np.unique(np.r_[ends[:-1], np.flatnonzero(~fits)])
     pieces = [piece[fits[piece]] for piece in np.split(np.arange(len(index)), apart)]
     return RestStep(candidates, [index[piece] for piece in pieces if len(piece)], step.depth, raised)
-
-
-def _contact_path(step: RestStep, allowed: DepthLimits, number: int) -> ContactPath:
-    """The contacts of a step, its runs entered on ramps."""
-    candidates = step.candidates
-    lines = candidates.lines
-    runs = entered_runs(lines, step.runs, step.depth, step.raised, allowed.of_step.limit)
-    segments = engaged_segments_of(in_turn(lines, runs))
-    return replace(candidates.path_of(segments), rest=number)

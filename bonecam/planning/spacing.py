@@ -45,7 +45,7 @@ Normal probes on a grid are cut by the balls that sweep the curves. Places that 
 strips between two curves; an arc follows the ridge of each, and the probes are cut again, until none is too high.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
 from functools import cached_property
@@ -334,8 +334,24 @@ def line_positions(surface: TSpline, pattern: str, radius: float, scallop: float
     if pattern not in ("round", "along"):
         raise ValueError(f"pattern {pattern!r}: give round or along, such as fastest_pattern(...)")
     across, passes = _count_passes(surface, pattern, radius, scallop)
-    ends = _line_ends(surface, pattern)
-    return _even_out(lambda step: _lines(across, passes, step, ends))
+    if pattern == "round":
+        first, last = (LineEnd.POLE if pole else LineEnd.EDGE for pole in surface.poles)
+    else:
+        first = last = LineEnd.SEAM if surface.closed_in_s else LineEnd.EDGE
+
+    # The lines of the smallest step that needs no more of them than the full step does
+    low = MIN_FULLNESS
+    high = FULLNESS
+    best = _lines(across, passes, high, (first, last))
+    for _ in range(6):
+        middle = (low + high) / 2
+        lines = _lines(across, passes, middle, (first, last))
+        if len(lines) <= len(best):
+            best = lines
+            high = middle
+        else:
+            low = middle
+    return best
 
 
 def needed_ranges(
@@ -362,15 +378,6 @@ def needed_ranges(
         if len(needed):
             ranges[i] = t[max(needed[0] - 1, 0)], t[min(needed[-1] + 1, len(t) - 1)]
     return ranges
-
-
-def _line_ends(surface: TSpline, pattern: str) -> tuple[LineEnd, LineEnd]:
-    """What the parameter across the feed begins and ends with."""
-    if pattern == "round":
-        first, last = (LineEnd.POLE if pole else LineEnd.EDGE for pole in surface.poles)
-        return first, last
-    sides = LineEnd.SEAM if surface.closed_in_s else LineEnd.EDGE
-    return sides, sides
 
 
 def _count_passes(
@@ -431,10 +438,20 @@ def _lines(
     ahead = step / 2 if at_pole else step
     spare = step / 2 if last is LineEnd.POLE else step
     cell = 1
+    end = len(across) - 1
     here = passes[:, 0]
     while (passes[:, -1] - here).max() > spare or not lines:
-        cell, place, here = _next_line(across, passes, cell, here, ahead)
-        lines.append(place)
+        # The cell in which the pass count has grown by the step since the last line at one place along the feed and
+        # nowhere by more; the search begins one cell before the last: the line before may lie in it
+        window = WINDOW
+        while cell + window < end and (passes[:, cell + window] - here).max() < ahead:
+            window *= 2
+        moved = (passes[:, cell - 1 : cell + window + 1] - here[:, None]).max(axis=0)
+        index = int(np.clip(np.searchsorted(moved, ahead), 1, len(moved) - 1))
+        ratio = np.clip((ahead - moved[index - 1]) / (moved[index] - moved[index - 1]), 0.0, 1.0)
+        cell += index - 1
+        lines.append(float(across[cell - 1] + ratio * (across[cell] - across[cell - 1])))
+        here = passes[:, cell - 1] + ratio * (passes[:, cell] - passes[:, cell - 1])
 
         # ToolPathError where the last line did not move on, or there are too many
         if len(lines) > MAX_LINES or (len(lines) > 1 and not lines[-1] > lines[-2]):
@@ -448,42 +465,6 @@ def _lines(
     if last is LineEnd.EDGE and lines[-1] < across[-1]:
         lines.append(float(across[-1]))
     return np.array(lines)
-
-
-def _next_line(
-    across: Float[ndarray, " a"], passes: Float[ndarray, "f a"], start: int, here: Float[ndarray, " f"], step: float
-) -> tuple[int, float, Float[ndarray, " f"]]:
-    """The cell (from `start` on) and the parameter at which the pass count has grown by `step` since `here`
-    at one place along the feed and nowhere by more, and the counts there."""
-    last = len(across) - 1
-    window = WINDOW
-    while start + window < last and (passes[:, start + window] - here).max() < step:
-        window *= 2
-    # the search begins one cell before `start`: the line before may lie in it
-    moved = (passes[:, start - 1 : start + window + 1] - here[:, None]).max(axis=0)
-    index = int(np.clip(np.searchsorted(moved, step), 1, len(moved) - 1))
-    ratio = np.clip((step - moved[index - 1]) / (moved[index] - moved[index - 1]), 0.0, 1.0)
-
-    cell = index + start - 1
-    place = float(across[cell - 1] + ratio * (across[cell] - across[cell - 1]))
-    counts = passes[:, cell - 1] + ratio * (passes[:, cell] - passes[:, cell - 1])
-    return cell, place, counts
-
-
-def _even_out(lines_of: Callable[[float], Float[ndarray, " k"]]) -> Float[ndarray, " k"]:
-    """The lines of the smallest step that needs no more of them than the full step does."""
-    low = MIN_FULLNESS
-    high = FULLNESS
-    best = lines_of(high)
-    for _ in range(6):
-        middle = (low + high) / 2
-        lines = lines_of(middle)
-        if len(lines) <= len(best):
-            best = lines
-            high = middle
-        else:
-            low = middle
-    return best
 
 
 AROUND, ALONG = 192, 400
@@ -612,8 +593,18 @@ def with_arcs(surface: TSpline, curves: Curves, cutter: Cutter) -> Curves:
     heights = np.full(len(points), REACH * cutter.scallop)
     pieces = np.split(curves.knots, curves.first[1:])
     added = curves
+    radius = cutter.envelope_radius
     for _ in range(ROUNDS):
-        heights[order] = _cut(surface, added, cutter, normal_probes, heights[order])
+        # The heights of the normal probes behind the balls that sweep the curves
+        lines = sample_lines(surface, added, radius, CHORD * cutter.scallop, LONGEST * radius)
+        centres = ball_centres(surface, lines, radius)
+        joined = lines.line[1:] == lines.line[:-1]
+        starts, ends = centres[:-1][joined], centres[1:][joined]
+        capsules = Capsules(starts, ends, np.full(len(starts), radius), np.arange(len(starts)))
+        left = heights[order]
+        owners = np.full(len(left), -1)
+        cut_normal_probes(normal_probes, REACH * cutter.scallop, capsules, left, owners, from_top=False)
+        heights[order] = left
         grid = heights.reshape(ARCS_AROUND, ARCS_ALONG)
         tips = np.maximum(_tips(grid, "wrap"), _tips(grid.T, "edge").T)
         arcs = _arcs(surface, s, t, np.where(fits, tips - EXCESS * cutter.scallop, -np.inf))
@@ -622,22 +613,6 @@ def with_arcs(surface: TSpline, curves: Curves, cutter: Cutter) -> Curves:
         added = curves_of(arcs)
         pieces += arcs
     return curves_of(pieces)
-
-
-def _cut(
-    surface: TSpline, curves: Curves, cutter: Cutter, normal_probes: ProbesByCell, heights: Float[ndarray, " n"]
-) -> Float[ndarray, " n"]:
-    """The heights of normal probes behind the balls that sweep the curves, mm."""
-    radius = cutter.envelope_radius
-    lines = sample_lines(surface, curves, radius, CHORD * cutter.scallop, LONGEST * radius)
-    centres = ball_centres(surface, lines, radius)
-    joined = lines.line[1:] == lines.line[:-1]
-    starts, ends = centres[:-1][joined], centres[1:][joined]
-    left = heights.copy()
-    owners = np.full(len(left), -1)
-    capsules = Capsules(starts, ends, np.full(len(starts), radius), np.arange(len(starts)))
-    cut_normal_probes(normal_probes, REACH * cutter.scallop, capsules, left, owners, from_top=False)
-    return left
 
 
 def _tips(heights: Float[ndarray, "a b"], ends: Literal["wrap", "edge"]) -> Float[ndarray, "a b"]:
@@ -667,25 +642,13 @@ def _arcs(
         row, column = np.arange(rows.start, rows.stop), np.arange(columns.start, columns.stop)
         across, along = row[strip.argmax(axis=0)], column[strip.argmax(axis=1)]
         lengths = [np.ptp(surface.positions(s[i], t[j]), axis=0).max() for i, j in ((row, along), (across, column))]
-        if lengths[0] >= lengths[1]:
-            pieces = [(_longer(i), _held(j)) for i, j in _smooth(row, along)]
-        else:
-            pieces = [(_held(i), _longer(j)) for j, i in _smooth(column, across)]
-        arcs += [np.column_stack([s[begin] + i * step, t[j.clip(0, len(t) - 1)]]) for i, j in pieces]
+        along_s = lengths[0] >= lengths[1]
+        at, ridge = (row, along) if along_s else (column, across)
+        # from one strip to another the surface is not to be crossed
+        jumps = np.flatnonzero(np.abs(np.diff(ridge)) > JUMP) + 1
+        for places, piece in zip(np.split(at, jumps), np.split(ridge, jumps), strict=True):
+            longer = np.arange(places[0] - LONGER, places[-1] + LONGER + 1)
+            held = np.pad(piece, LONGER, mode="edge")
+            i, j = (longer, held) if along_s else (held, longer)
+            arcs.append(np.column_stack([s[begin] + i * step, t[j.clip(0, len(t) - 1)]]))
     return arcs
-
-
-def _smooth(at: Int[ndarray, " n"], ridge: Int[ndarray, " n"]) -> list[tuple[ndarray, ndarray]]:
-    """The pieces of a ridge that do not jump: from one strip to another the surface is not to be crossed."""
-    jumps = np.flatnonzero(np.abs(np.diff(ridge)) > JUMP) + 1
-    return list(zip(np.split(at, jumps), np.split(ridge, jumps)))
-
-
-def _longer(at: Int[ndarray, " n"]) -> Int[ndarray, " m"]:
-    """Places one behind the other, LONGER more at both ends."""
-    return np.arange(at[0] - LONGER, at[-1] + LONGER + 1)
-
-
-def _held(ridge: Int[ndarray, " n"]) -> Int[ndarray, " m"]:
-    """The ridge on these places: its ends go straight on."""
-    return np.pad(ridge, LONGER, mode="edge")

@@ -25,11 +25,11 @@ sides, sectional rotary milling. They are linked and checked for collisions as t
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 from numpy import ndarray
 from scipy.ndimage import distance_transform_edt, gaussian_filter, map_coordinates
 
@@ -40,7 +40,6 @@ from bonecam.levels.measure import Level
 from bonecam.machine.limits import MachineLimits
 from bonecam.material.dexels import uncut_rays
 from bonecam.mesh.distance import MeshDistance
-from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.planning.contacts import flute_slack
 from bonecam.planning.layers import (
     CELL,
@@ -69,7 +68,7 @@ from bonecam.setup.capsule import enclosing_capsule
 from bonecam.setup.stock import Stock
 from bonecam.tool.cutter import Cutter
 from bonecam.tool.elliptic_cones import EllipticCones
-from bonecam.tool.path import FreeCones, ToolPath
+from bonecam.tool.path import ToolPath
 from bonecam.workholding.clamping import clamping_of
 from bonecam.workholding.post import Post, post_below
 
@@ -106,21 +105,23 @@ def offset_curves(
     away = distance_transform_edt(~(blocked if has_outline else ridge)) * (chart.b[1] - chart.b[0])
     away = gaussian_filter(away, SMOOTH)
     offsets = np.arange(1, int(away.max() / step) + 1) * step
-    curves = [_contours(chart, away, offset) for offset in offsets[::-1]]
+    curves = [
+        [thinned(line) for line in contour_lines(chart.a, chart.b, away, offset) if len(line) > 2]
+        for offset in offsets[::-1]
+    ]
     if not has_outline:
         # A straight line along the middle of the ridge
         across = np.median(chart.a[np.argmax(ridge, axis=0)])
         return [*curves, [np.column_stack([np.full(2, across), chart.b[[0, -1]]])]]
-    around = [line for line in contour_lines(chart.a, chart.b, away, OFF) if len(line) > 2]
-    return [*curves, [thinned(_moved_up(chart, away, _spaced(line), is_free)) for line in around]]
-
-
-def _spaced(line: Float[ndarray, "n 2"]) -> Float[ndarray, "k 2"]:
-    """The points of a line about SPACED apart, with its ends: what is straight here may not be on the outline."""
-    along = np.r_[0.0, np.linalg.norm(np.diff(line, axis=0), axis=1).cumsum()]
-    steps = np.diff(np.floor(along / SPACED), prepend=-1.0)
-    steps[-1] = 1.0
-    return line[steps > 0]
+    outline = []
+    for line in contour_lines(chart.a, chart.b, away, OFF):
+        if len(line) > 2:
+            # its points about SPACED apart, with its ends: what is straight here may not be on the outline
+            along = np.r_[0.0, np.linalg.norm(np.diff(line, axis=0), axis=1).cumsum()]
+            steps = np.diff(np.floor(along / SPACED), prepend=-1.0)
+            steps[-1] = 1.0
+            outline.append(thinned(_moved_up(chart, away, line[steps > 0], is_free)))
+    return [*curves, outline]
 
 
 def _moved_up(
@@ -137,12 +138,6 @@ def _moved_up(
         free = is_free(*(line + middle[:, None] * inward).T)
         near, far = np.where(free, middle, near), np.where(free, far, middle)
     return line + near[:, None] * inward
-
-
-def _contours(chart: FlatChart, field: Float[ndarray, "p q"], value: float) -> list[Float[ndarray, "_ 2"]]:
-    """The lines on which a field has a value, in as few straight pieces as STRAIGHT allows."""
-    contours = contour_lines(chart.a, chart.b, field, value)
-    return [thinned(line) for line in contours if len(line) > 2]
 
 
 def contour_lines(
@@ -178,46 +173,15 @@ EDGE = 0.05
 """Places whose normal is at right angles to the tool within this cosine are on the outline."""
 
 
-@dataclass(frozen=True, eq=False)
-class MillingSide:
-    """One side: its lines, and the tip heights (mm) of its first and its last slice."""
-
-    chart: FlatChart
-    top: float
-    floor: float
-
-
 def iso_height_layers(
     part: MeshDistance, stock: Stock, post: Post, roughing: Cutter, finishing: Cutter, job: Job
 ) -> tuple[list[Layer], ndarray]:
     """The layers in machining order, and the places of the part that neither side reaches."""
     ball = Ball(roughing.radius, job.levels.finishing_depth, part, post)
     fine = Ball(finishing.radius, 0.0, part, post)
-    sides = _sides(part.mesh, stock, roughing, finishing)
-    material = stock_field(sides[0].chart, stock, sides[0].top + roughing.radius)
-    layers: list[Layer] = []
-    for side in sides:
-        rough_layers, material = _rough_side(side, ball, material, roughing, job)
-        layers += rough_layers
-        material = material.turned_over()
 
-    extent = float(sides[0].chart.b[0]), float(sides[0].chart.b[-1])
+    # The two sides, towards which the part is thinnest: its lines, and the tip heights (mm) of its first and last slice
     points, normals = places_of(part.mesh)
-    left = np.ones(len(points), dtype=bool)
-    for side in sides:
-        heights = side.top + finishing.radius, side.floor + finishing.radius
-        layer, material = finish_layer(
-            fine, finishing, material=material, job=job.path, heights=heights, extent=extent, width=1.0
-        )
-        layers.append(layer)
-        left &= unreached(points, normals, chart=side.chart, ball=fine, heights=heights, extent=extent)
-        material = material.turned_over()
-    return layers, points[left]
-
-
-def _sides(part: TriangleMesh, stock: Stock, roughing: Cutter, finishing: Cutter) -> tuple[MillingSide, MillingSide]:
-    """The two sides, towards which the part is thinnest."""
-    points, normals = places_of(part)
     axis = np.r_[np.linalg.eigh(np.cov(points[:, :2].T))[1][:, 0], 0.0]
     across = np.cross(np.array([0.0, 0.0, 1.0]), axis)
     outer = stock.mesh(CELL / 2).vertices
@@ -226,22 +190,43 @@ def _sides(part: TriangleMesh, stock: Stock, roughing: Cutter, finishing: Cutter
     b = np.arange(outer[:, 2].min() - room, outer[:, 2].max() + room + CELL, CELL)
     chart = FlatChart(axis, across, a, b)
     outline = (points @ axis)[np.abs(normals @ axis) < EDGE]
-    heights = outer @ axis
-    return (
-        MillingSide(chart, float(heights.max()), float(outline.min()) - finishing.radius),
-        MillingSide(chart.turned_over, float(-heights.min()), float(-outline.max()) - finishing.radius),
-    )
+    ends = outer @ axis
+    sides = [
+        (chart, float(ends.max()), float(outline.min()) - finishing.radius),
+        (chart.turned_over, float(-ends.min()), float(-outline.max()) - finishing.radius),
+    ]
+
+    material = stock_field(chart, stock, sides[0][1] + roughing.radius)
+    layers: list[Layer] = []
+    for _, top, floor in sides:
+        rough_layers, material = _rough_side(top, floor, ball, material, roughing, job)
+        layers += rough_layers
+        material = material.turned_over()
+
+    extent = float(b[0]), float(b[-1])
+    left = np.ones(len(points), dtype=bool)
+    for chart, top, floor in sides:
+        heights = top + finishing.radius, floor + finishing.radius
+        layer, material = finish_layer(
+            fine, finishing, material=material, job=job.path, heights=heights, extent=extent, width=1.0
+        )
+        layers.append(layer)
+        left &= unreached(points, normals, chart=chart, ball=fine, heights=heights, extent=extent)
+        material = material.turned_over()
+    return layers, points[left]
 
 
 def _rough_side(
-    side: MillingSide, ball: Ball, material: HeightField, cutter: Cutter, job: Job
+    first: float, last: float, ball: Ball, material: HeightField, cutter: Cutter, job: Job
 ) -> tuple[list[Layer], HeightField]:
-    """The slices of a side that find material, from the top down."""
-    a, b = (each.ravel() for each in np.meshgrid(side.chart.a, side.chart.b, indexing="ij"))
-    top = side.top + cutter.radius
-    lowest = side.floor + cutter.radius
-    rests = drop_balls(side.chart, a, b=b, ball=ball, top=top, floor=lowest - 1.0).reshape(material.tops.shape)
-    count = int(np.ceil((side.top - side.floor) / job.levels.layer_depth))
+    """The slices that find material, from the top down: tip heights (mm) of the `first` and the `last`."""
+    chart = material.chart
+    assert isinstance(chart, FlatChart)
+    a, b = (each.ravel() for each in np.meshgrid(chart.a, chart.b, indexing="ij"))
+    top = first + cutter.radius
+    lowest = last + cutter.radius
+    rests = drop_balls(chart, a, b=b, ball=ball, top=top, floor=lowest - 1.0).reshape(material.tops.shape)
+    count = int(np.ceil((first - last) / job.levels.layer_depth))
     rough = Rough(cutter, ball.part, job.path, job.path.least_depth, 1.0)
     step = flat_step(cutter.radius, cutter.scallop)
     layers = []
@@ -249,14 +234,14 @@ def _rough_side(
 
         def is_free(a: Float[ndarray, " n"], b: Float[ndarray, " n"], at: float = float(height)) -> ndarray:
             # most balls that are not free are not so in their place: that is asked first, the way down takes many steps
-            free = ball.clearance(side.chart.bases(a, b) + at * side.chart.axes(a)) >= 0.0
-            free[free] = drop_balls(side.chart, a[free], b=b[free], ball=ball, top=top, floor=at) <= at
+            free = ball.clearance(chart.bases(a, b) + at * chart.axes(a)) >= 0.0
+            free[free] = drop_balls(chart, a[free], b=b[free], ball=ball, top=top, floor=at) <= at
             return free
 
         def height_of(a: Float[ndarray, " n"], b: Float[ndarray, " n"], at: float = float(height)) -> ndarray:
             return np.full(len(a), at)
 
-        sets = offset_curves(side.chart, rests, float(height), step, is_free)
+        sets = offset_curves(chart, rests, float(height), step, is_free)
         layer, material = rough_layer(sets, height_of, material, rough)
         if len(layer.path.contacts):
             layers.append(layer)
@@ -314,6 +299,16 @@ def indexed(path: ToolPath, count: int) -> ToolPath:
         raise ValueError("a path that is repeated about Z begins and ends over Z, its tool upright")
     rows = len(path.tips)
     passes = int(path.pass_index.max()) + 1
+    cones = path.cones
+    if cones:
+        axes, sides = (_turned(vectors, count) for vectors in (cones.shapes.axes, cones.shapes.sides))
+        copies = [np.where(cones.cone_of < 0, -1, cones.cone_of + k * len(cones.apexes)) for k in range(count)]
+        cones = replace(
+            cones,
+            apexes=_turned(cones.apexes, count),
+            shapes=EllipticCones(axes, sides, np.tile(cones.shapes.angles, (count, 1))),
+            cone_of=np.concatenate(copies),
+        )
     number = np.repeat(np.arange(count), rows)
     index = np.tile(path.pass_index, count)
     return replace(
@@ -329,7 +324,7 @@ def indexed(path: ToolPath, count: int) -> ToolPath:
         reasons=path.reasons * count,
         trimmed=path.trimmed * count,
         blocked_by={what: number * count for what, number in path.blocked_by.items()},
-        cones=None if path.cones is None else _cones(path.cones, count),
+        cones=cones,
         lifts=np.vstack([path.lifts + k * rows for k in range(count)]),
     )
 
@@ -340,19 +335,6 @@ def _turned(vectors: Float[ndarray, "n 3"], count: int) -> Float[ndarray, "m 3"]
     x, y, z = vectors.T
     flat = x * np.cos(angle) - y * np.sin(angle), x * np.sin(angle) + y * np.cos(angle)
     return np.stack([*flat, np.broadcast_to(z, flat[0].shape)], axis=2).reshape(-1, 3)
-
-
-def _cones(cones: FreeCones, count: int) -> FreeCones:
-    """The cones of all copies."""
-    kept = len(cones.apexes)
-    shapes = cones.shapes
-    turned = EllipticCones(
-        _turned(shapes.axes, count), _turned(shapes.sides, count), np.tile(shapes.angles, (count, 1))
-    )
-    copies: Int[ndarray, " n"] = np.concatenate(
-        [np.where(cones.cone_of < 0, -1, cones.cone_of + k * kept) for k in range(count)]
-    )
-    return replace(cones, apexes=_turned(cones.apexes, count), shapes=turned, cone_of=copies)
 
 
 STRATEGIES = {"iso-height": iso_height_layers, "rotary": rotary_layers}

@@ -27,7 +27,7 @@ from scipy.spatial import KDTree
 
 from bonecam.arrays import perpendicular
 from bonecam.errors import OrientationError
-from bonecam.job import HoldingJob, Job, PathJob, field_error
+from bonecam.job import HoldingJob, Job, field_error
 from bonecam.machine.bodies import MachineBodies
 from bonecam.machine.limits import MachineLimits
 from bonecam.mesh.distance import MeshDistance
@@ -134,42 +134,38 @@ def parting_cutters(job: Job, bodies: MachineBodies) -> Iterator[Cutter]:
 
 
 def parting_contacts(groove: Groove, cutter: Cutter, job: Job) -> Iterator[ContactPath]:
-    """The contacts of each step of the groove, a pass each; a step is no deeper than a roughing cut."""
+    """The contacts of each step of the groove, a pass each, counter-clockwise; a step is no deeper than a roughing
+    cut."""
     for number, (before, floor) in enumerate(pairwise(groove.floors(job.levels.layer_depth)), 1):
-        yield _step(groove.middle, before, floor=floor, number=number, cutter=cutter, job=job.path)
+        farthest = before + cutter.radius
+        half = np.arccos(1 - job.path.chord_tolerance / farthest)
+        turn = min(2 * half, job.path.max_step / farthest)
+        ramp = np.linspace(-RAMP, 0.0, int(np.ceil(RAMP / turn)) + 1)
+        angle = np.r_[ramp[:-1], np.linspace(0.0, 2 * np.pi, int(np.ceil(2 * np.pi / turn)) + 1)]
+        radii = np.asarray(np.interp(angle, [-RAMP, 0.0], [before, floor]))
+        normals = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(len(angle))])
+        up = np.array([0.0, 0.0, groove.middle])
+        yield ContactPath(
+            level=PARTING,
+            cutter=cutter,
+            pass_index=np.zeros(len(angle), dtype=np.int64),
+            parameters=np.full((len(angle), 2), np.nan),
+            contacts=radii[:, None] * normals + up,
+            normals=normals,
+            feeds=np.column_stack([-np.sin(angle), np.cos(angle), np.zeros(len(angle))]),
+            centres=(radii + cutter.radius)[:, None] * normals + up,
+            lifts=np.zeros(len(angle)),
+            ramp=np.zeros(len(angle), dtype=bool),
+            uncut=np.zeros((0, 3)),
+            reasons=(),
+            rest=number,
+        )
 
 
 def groove_core(contacts: ContactPath, post: Post) -> Post:
     """What stays of the post within a step of the groove, less POST_CLEARANCE."""
     floor = float(np.hypot(*contacts.contacts[-1, :2]))
     return Post(floor - POST_CLEARANCE, post.top)
-
-
-def _step(middle: float, before: float, floor: float, number: int, cutter: Cutter, job: PathJob) -> ContactPath:
-    """The contacts of one step, from the radius `before` to the `floor` (mm), counter-clockwise."""
-    farthest = before + cutter.radius
-    half = np.arccos(1 - job.chord_tolerance / farthest)
-    turn = min(2 * half, job.max_step / farthest)
-    ramp = np.linspace(-RAMP, 0.0, int(np.ceil(RAMP / turn)) + 1)
-    angle = np.r_[ramp[:-1], np.linspace(0.0, 2 * np.pi, int(np.ceil(2 * np.pi / turn)) + 1)]
-    radii = np.asarray(np.interp(angle, [-RAMP, 0.0], [before, floor]))
-    normals = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(len(angle))])
-    up = np.array([0.0, 0.0, middle])
-    return ContactPath(
-        level=PARTING,
-        cutter=cutter,
-        pass_index=np.zeros(len(angle), dtype=np.int64),
-        parameters=np.full((len(angle), 2), np.nan),
-        contacts=radii[:, None] * normals + up,
-        normals=normals,
-        feeds=np.column_stack([-np.sin(angle), np.cos(angle), np.zeros(len(angle))]),
-        centres=(radii + cutter.radius)[:, None] * normals + up,
-        lifts=np.zeros(len(angle)),
-        ramp=np.zeros(len(angle), dtype=bool),
-        uncut=np.zeros((0, 3)),
-        reasons=(),
-        rest=number,
-    )
 
 
 OVERLAP = 0.5
@@ -360,9 +356,7 @@ def check_second(part: Part, post: Post, job: Job) -> None:
     # The vertices of the part that a ball of `radius` (mm) leaves at the post, not at what holds the free end
     normals = vertex_normals(part.mesh)
     held = at_post(part.mesh.vertices, normals, post.alone, radius)
-    places = StumpPlaces(part.mesh.vertices[held], normals[held])
-
-    centres = places.points + radius * places.normals
+    centres = part.mesh.vertices[held] + radius * normals[held]
     around = MeshDistance(shell)
     least = float((around.signed(centres) - radius).min())
     if least < job.path.clearance:
@@ -449,11 +443,8 @@ def _best_axis(
     hidden_from = []
     for axis in tried:
         chart = stump_chart(axis, places.points, radius)
-        high, low = _heights(axis, places, top, 2 * radius)
-        extent = float(chart.b[0]), float(chart.b[-1])
-        hidden_from.append(
-            unreached(places.points, places.normals, chart=chart, ball=ball, heights=(high, low), extent=extent)
-        )
+        heights = _heights(axis, places, top, 2 * radius)
+        hidden_from.append(unreached(places.points, places.normals, chart, ball, heights, _extent(chart)))
     best = int(np.argmin([hidden.sum() for hidden in hidden_from]))
     return tried[best], hidden_from[best]
 

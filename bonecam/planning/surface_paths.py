@@ -17,8 +17,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
 import numpy as np
-from jaxtyping import Float
-from numpy import ndarray
 
 from bonecam.arrays import lengths
 from bonecam.job import Job, PathJob, field_error
@@ -29,7 +27,7 @@ from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.meshlab import split_edges
 from bonecam.mesh.solids import solid_union
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.planning.axes.cones import AxisCones, admissible_cones
+from bonecam.planning.axes.cones import admissible_cones
 from bonecam.planning.axes.field import HASTES, AxisField, FieldDomain, contact_facets, smooth_axes, soonest
 from bonecam.planning.axes.lead import check_lead
 from bonecam.planning.axes.published import published_axes
@@ -73,26 +71,8 @@ def wall_cusp(job: Job) -> float:
 def wall_contacts(surface: TSpline, distance: MeshDistance, radius: float) -> list[LineContacts]:
     """The lines on which a ball of `radius` (mm) that follows an open surface comes nearest to the walls on it."""
     (left, right), (low, high) = surface.domain
-    across, along = _lengths(surface)
-    s = np.linspace(left, right, int(across / CELL) + 2)
-    t = np.linspace(low, high, int(along / CELL) + 2)
-    parameters = np.stack(np.meshgrid(s, t, indexing="ij"), axis=2).reshape(-1, 2)
-    points, normals, _ = contact_frames(surface, parameters, ROUND)
-    least = radius + SPARE
-    # walls are beside the ball; the level itself touches it from below, by up to its mesh's deviation
-    field = distance.signed(points + (radius + SPARE) * normals, least + CELL) - least
-    contours = contour_lines(s, t, np.minimum(field + RESTS, CELL).reshape(len(s), len(t)), 0.0)
-    lines = [_contacts(surface, line) for line in contours]
-    return [line for line in lines if line is not None]
 
-
-RESTS = 0.02
-"""A ball enters the mesh of its own level by so much, mm."""
-
-
-def _lengths(surface: TSpline) -> tuple[float, float]:
-    """The largest extents of a surface along s and along t, mm, on a few lines."""
-    (left, right), (low, high) = surface.domain
+    # The largest extents along s and along t, mm, on a few lines
     extents = []
     for k in range(2):
         ways = []
@@ -102,18 +82,30 @@ def _lengths(surface: TSpline) -> tuple[float, float]:
             line = surface.positions(left + s * (right - left), low + t * (high - low))
             ways.append(float(lengths(np.diff(line, axis=0)).sum()))
         extents.append(max(ways))
-    return extents[0], extents[1]
+    across, along = extents
 
-
-def _contacts(surface: TSpline, line: Float[ndarray, "n 2"]) -> LineContacts | None:
-    """The contacts of a line in (s, t), STEP apart; None where it is short."""
-    way = np.r_[0.0, np.cumsum(lengths(np.diff(surface.positions(*line.T), axis=0)))]
-    if way[-1] < SHORTEST:
-        return None
-    at = np.linspace(0.0, way[-1], int(way[-1] / STEP) + 2)
-    parameters = np.column_stack([np.interp(at, way, line[:, k]) for k in range(2)])
+    s = np.linspace(left, right, int(across / CELL) + 2)
+    t = np.linspace(low, high, int(along / CELL) + 2)
+    parameters = np.stack(np.meshgrid(s, t, indexing="ij"), axis=2).reshape(-1, 2)
     points, normals, _ = contact_frames(surface, parameters, ROUND)
-    return LineContacts(parameters, points, normals, feeds_along(np.gradient(points, axis=0), normals))
+    least = radius + SPARE
+    # walls are beside the ball; the level itself touches it from below, by up to its mesh's deviation
+    field = distance.signed(points + (radius + SPARE) * normals, least + CELL) - least
+    contours = contour_lines(s, t, np.minimum(field + RESTS, CELL).reshape(len(s), len(t)), 0.0)
+    lines = []
+    for contour in contours:
+        way = np.r_[0.0, np.cumsum(lengths(np.diff(surface.positions(*contour.T), axis=0)))]
+        if way[-1] >= SHORTEST:
+            places = np.linspace(0.0, way[-1], int(way[-1] / STEP) + 2)
+            parameters = np.column_stack([np.interp(places, way, contour[:, k]) for k in range(2)])
+            points, normals, _ = contact_frames(surface, parameters, ROUND)
+            feeds = feeds_along(np.gradient(points, axis=0), normals)
+            lines.append(LineContacts(parameters, points, normals, feeds))
+    return lines
+
+
+RESTS = 0.02
+"""A ball enters the mesh of its own level by so much, mm."""
 
 
 PLACES = 0.8
@@ -326,7 +318,12 @@ def wanted_axes(
         return None
     cones = admissible_cones(contacts, scene, limits, job)
     domain = FieldDomain.of(workpiece.surface)
-    starts = [None, swinging_field(cones, domain)] if domain.closed else [None]
+    starts: list[AxisField | None] = [None]
+    if domain.closed:
+        # a constant field of winding 0: the direction that is free at most contacts
+        contacts_of_node = np.bincount(cones.free.net.node_of, minlength=len(cones.shapes))
+        direction = cones.free.directions[(contacts_of_node @ cones.free.free).argmax()]
+        starts.append(AxisField.constant(domain, direction))
     facets = contact_facets(contacts, workpiece.surface)
     make = partial(smooth_axes, cones, domain, limits, job, preset="membrane", facets=facets)
     best = soonest([make(start=start) for start in starts], limits)
@@ -337,10 +334,3 @@ def wanted_axes(
         candidates.append(make(start=candidates[-1].field, haste=haste, facets=asked))
     best = soonest(candidates, limits)
     return (best if job.certify == "distances" else best.verified(scene)).wanted
-
-
-def swinging_field(cones: AxisCones, domain: FieldDomain) -> AxisField:
-    """A constant field of winding 0: the direction that is free at most contacts."""
-    contacts = np.bincount(cones.free.net.node_of, minlength=len(cones.shapes))
-    direction = cones.free.directions[(contacts @ cones.free.free).argmax()]
-    return AxisField.constant(domain, direction)

@@ -60,12 +60,20 @@ def solve_cones(
     import clarabel
 
     count = energy.shape[0]
-    blocks = [_plane_rows(planes)]
+    below_planes = sp.hstack([sp.diags_array(planes.normals[:, j]) @ planes.R for j in range(3)])
+    blocks = [(sp.csr_array(below_planes), planes.high)]
     blocks += [_cone_rows(one) for one in cones]
-    blocks += [_slide_rows(one, count) for one in cones]
-    width = max(block[0].shape[1] for block in blocks)
-    A = sp.vstack([_widen(block[0], width) for block in blocks])
-    b = np.concatenate([block[1] for block in blocks])
+    for one in cones:
+        # 0 <= tau <= 1
+        tau = sp.eye_array(one.slides, format="csr")
+        before = sp.csr_array((one.slides, 3 * count))
+        rows = sp.csr_array(sp.vstack([sp.hstack([before, tau]), sp.hstack([before, -tau])]))
+        blocks.append((rows, np.concatenate([np.ones(one.slides), np.zeros(one.slides)])))
+    width = max(rows.shape[1] for rows, _ in blocks)
+    A = sp.vstack(
+        [sp.csr_array((rows.data, rows.indices, rows.indptr), shape=(rows.shape[0], width)) for rows, _ in blocks]
+    )
+    b = np.concatenate([high for _, high in blocks])
 
     balls = sum(len(one.radii) for one in cones)
     slides = sum(one.slides for one in cones)
@@ -95,15 +103,6 @@ def _minimum(P: sp.sparray, q: ndarray, A: sp.sparray, b: ndarray, kinds: list[o
     return np.array(answer.x)
 
 
-def _widen(A: sp.csr_array, width: int) -> sp.csr_array:
-    return sp.csr_array((A.data, A.indices, A.indptr), shape=(A.shape[0], width))
-
-
-def _plane_rows(planes: Planes) -> tuple[sp.csr_array, ndarray]:
-    rows = sp.hstack([sp.diags_array(planes.normals[:, j]) @ planes.R for j in range(3)])
-    return sp.csr_array(rows), planes.high
-
-
 def _cone_rows(cones: Cones) -> tuple[sp.csr_array, ndarray]:
     """Rows [radius, R_l x - centre - tau axis] of each cone in turn, as b - A z, z = (x, tau)."""
     k, c = cones.R.shape
@@ -118,11 +117,3 @@ def _cone_rows(cones: Cones) -> tuple[sp.csr_array, ndarray]:
     entries = (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns)))
     A = sp.csr_array(entries, shape=(4 * k, 3 * c + cones.slides))
     return A, np.column_stack([cones.radii, -cones.centres]).ravel()
-
-
-def _slide_rows(cones: Cones, count: int) -> tuple[sp.csr_array, ndarray]:
-    """0 <= tau <= 1."""
-    one = sp.eye_array(cones.slides, format="csr")
-    before = sp.csr_array((cones.slides, 3 * count))
-    A = sp.csr_array(sp.vstack([sp.hstack([before, one]), sp.hstack([before, -one])]))
-    return A, np.concatenate([np.ones(cones.slides), np.zeros(cones.slides)])

@@ -570,7 +570,7 @@ def verified_cones(cones: AxisCones, scene: Scene) -> AxisCones:
 
 
 def _judged(
-    cones: AxisCones, nodes: Int[ndarray, " m"], scene: Scene, pairs: list["_Pair"]
+    cones: AxisCones, nodes: Int[ndarray, " m"], scene: Scene, pairs: "list[_Pair]"
 ) -> tuple[AxisCones, dict[int, str]]:
     """The cones, those that FCL refuses at their nodes taken to each of their contacts, and what it refuses there
     too."""
@@ -608,21 +608,16 @@ class _Solid:
         return cls(name, Obstacle.of(column_mesh(column)), top, 0.0, column.holds)
 
 
-@dataclass(frozen=True, eq=False)
-class _Pair:
-    """Neighbouring sections of the tool, by how much thinner they are held against the level (mm; None: against
-    anything else), and one obstacle of theirs."""
-
-    sections: tuple[ToolSection, ...]
-    slack: float | None
-    solid: _Solid
+_Pair = tuple[tuple[ToolSection, ...], float | None, _Solid]
+"""Neighbouring sections of the tool, by how much thinner they are held against the level (mm; None: against anything
+else), and one obstacle of theirs."""
 
 
 def _pairs(scene: Scene, cutter: Cutter) -> list[_Pair]:
     """What is asked together: the sections that stay out of one mesh, and each section with each of its columns."""
     meshes: dict[str, tuple[list[ToolSection], _Solid]] = {}
     columns: dict[Column, _Solid] = {}
-    pairs = []
+    pairs: list[_Pair] = []
     for section in cutter.profile:
         around = scene.around(section.name, cutter.envelope_radius)
         if around.obstacle not in meshes:
@@ -631,9 +626,9 @@ def _pairs(scene: Scene, cutter: Cutter) -> list[_Pair]:
         for name, column in zip(["post", *["clamping"] * len(around.columns)], around.columns):
             if column not in columns:
                 columns[column] = _Solid.of_column(name, column)
-            pairs.append(_Pair((section,), None, columns[column]))
+            pairs.append(((section,), None, columns[column]))
     for name, (sections, solid) in meshes.items():
-        pairs.append(_Pair(tuple(sections), scene.tangent_slack if name == "level" else None, solid))
+        pairs.append((tuple(sections), scene.tangent_slack if name == "level" else None, solid))
     return pairs
 
 
@@ -644,59 +639,45 @@ def _refusals(cones: AxisCones, nodes: Int[ndarray, " m"], pairs: list[_Pair]) -
     refusals: dict[int, str] = {}
     for pair in pairs:
         for row, name in _meeting(cones, np.flatnonzero(asked), pair):
-            refusals[int(node_of[row])] = f"{name} against the {pair.solid.name}"
+            refusals[int(node_of[row])] = f"{name} against the {pair[2].name}"
         asked &= ~np.isin(node_of, list(refusals))
     return refusals
 
 
 def _meeting(cones: AxisCones, rows: Int[ndarray, " m"], pair: _Pair) -> Iterator[tuple[int, str]]:
     """The apexes about which sections of the tool meet a solid in their cones, and the lowest of these sections."""
-    solid = pair.solid
+    sections, slack, solid = pair
     height = cones.path.cutter.centre_height
-    apexes = cones.free.apexes.places[rows]
+    every = cones.free.apexes
+    apexes = every.places[rows]
     # From the frames of the meshes to the scene
     shapes = cones.shapes.take(cones.free.apex_nodes[rows])
     turns = np.stack([shapes.sides, np.cross(shapes.axes, shapes.sides), shapes.axes], axis=2)
-    begins = _begins(cones, rows, pair)
-    angles = cones.shapes.angles[cones.free.apex_nodes[rows]]
-    growth = cones.free.apexes.growth[rows] + solid.deviation
+    growth = every.growth[rows] + solid.deviation
+    # From where on the sections are asked, mm above the apexes: flutes from where the empty ball at the contact ends
+    begins = np.zeros(len(rows))
+    if slack is not None:
+        lean = shapes.largest_angles(every.normals[rows]) + every.spread[rows] + RIM_ERROR
+        begins = 2 * every.room[rows] * np.cos(np.minimum(lean, np.pi / 2))
     # sections follow each other, so where none crosses the solid, all are inside of it with their lowest point, or none
-    lowest = np.maximum(begins, pair.sections[0].start - height)
+    lowest = np.maximum(begins, sections[0].start - height)
     inside = solid.inside(apexes + lowest[:, None] * turns[:, :, 2])
     left = np.ones(len(rows), dtype=bool)
-    for section in pair.sections:
+    for section in sections:
         starts, end = np.maximum(begins, section.start - height), section.end - height
         some = np.flatnonzero(left & (starts < end))
-        shape = np.tile([end, section.widest - (pair.slack or 0.0)], (len(some), 1))
-        sizes = np.column_stack([starts[some], shape, angles[some], growth[some]])
+        shape = np.tile([end, section.widest - (slack or 0.0)], (len(some), 1))
+        sizes = np.column_stack([starts[some], shape, shapes.angles[some], growth[some]])
         met = inside[some]
         asked = np.flatnonzero(~met)
         asked = asked[~solid.obstacle.clear(sizes[asked], apexes[some[asked]], turns[some[asked]])]
         here = sizes[asked]
         poses = (apexes[some[asked]], turns[some[asked]])
-        met[asked] = _holds_piece(here, *poses, solid) | crossing(here, *poses, solid.obstacle)
+        met[asked] = crossing(here, *poses, solid.obstacle)
+        for point in solid.pieces:
+            # a piece may lie inside of what is swept
+            seen = np.einsum("nij,ni->nj", poses[1], point - poses[0])
+            met[asked] |= swept_hold(here, COARSE_SIDES, seen)
         left[some[met]] = False
         for i in some[met]:
             yield int(rows[i]), section.name
-
-
-def _begins(cones: AxisCones, rows: Int[ndarray, " m"], pair: _Pair) -> Float[ndarray, " m"]:
-    """From where on the sections are asked, mm above the apexes: flutes from where the empty ball at the contact
-    ends."""
-    if pair.slack is None:
-        return np.zeros(len(rows))
-    apexes = cones.free.apexes
-    shapes = cones.shapes.take(cones.free.apex_nodes[rows])
-    lean = shapes.largest_angles(apexes.normals[rows]) + apexes.spread[rows] + RIM_ERROR
-    return 2 * apexes.room[rows] * np.cos(np.minimum(lean, np.pi / 2))
-
-
-def _holds_piece(
-    sizes: Float[ndarray, "n 6"], apexes: Float[ndarray, "n 3"], turns: Float[ndarray, "n 3 3"], solid: _Solid
-) -> Bool[ndarray, " n"]:
-    """Where a piece of a solid may lie inside of what is swept."""
-    held = np.zeros(len(sizes), dtype=bool)
-    for point in solid.pieces:
-        seen = np.einsum("nij,ni->nj", turns, point - apexes)
-        held |= swept_hold(sizes, COARSE_SIDES, seen)
-    return held

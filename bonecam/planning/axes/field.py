@@ -183,7 +183,14 @@ def contact_facets(path: ContactPath, surface: TSpline) -> ContactFacets | None:
     except ValueError:
         return None
     vertices = path.contacts[first]
-    faces = faces[_compact(vertices, points, faces)]
+    # Facets that have no edge much longer than most, and are no line in the plane
+    edges = np.linalg.norm(np.roll(vertices[faces], -1, axis=1) - vertices[faces], axis=2)
+    a, b, c = np.swapaxes(points[faces], 0, 1)
+    ways = np.stack([b - a, c - a, c - b])
+    doubled = ways[0, :, 0] * ways[1, :, 1] - ways[0, :, 1] * ways[1, :, 0]
+    longest = (ways**2).sum(axis=2).max(axis=0)
+    near = edges.max(axis=1) <= LONG * np.percentile(edges, MOST)
+    faces = faces[near & (doubled > THIN * longest)]
     if not len(faces):
         return None
     used, index = np.unique(faces, return_inverse=True)
@@ -194,19 +201,6 @@ def contact_facets(path: ContactPath, surface: TSpline) -> ContactFacets | None:
     if outward < 0:
         mesh = TriangleMesh(mesh.vertices, mesh.faces[:, ::-1])
     return ContactFacets(path, mesh, number[vertex_of.ravel()], first[used])
-
-
-def _compact(
-    vertices: Float[ndarray, "v 3"], points: Float[ndarray, "v 2"], faces: Int[ndarray, "m 3"]
-) -> Bool[ndarray, " m"]:
-    """Which faces have no edge that is much longer than most, and are no line in the plane."""
-    edges = np.linalg.norm(np.roll(vertices[faces], -1, axis=1) - vertices[faces], axis=2)
-    first, second, third = np.swapaxes(points[faces], 0, 1)
-    ways = np.stack([second - first, third - first, third - second])
-    doubled = ways[0, :, 0] * ways[1, :, 1] - ways[0, :, 1] * ways[1, :, 0]
-    longest = (ways**2).sum(axis=2).max(axis=0)
-    near = edges.max(axis=1) <= LONG * np.percentile(edges, MOST)
-    return near & (doubled > THIN * longest)
 
 
 AROUND = 20
@@ -584,25 +578,26 @@ def axis_energy(
     normals = path.normals[rows]
     moves = np.flatnonzero(passes[1:] == passes[:-1])
     lengths = np.linalg.norm(centres[moves + 1] - centres[moves], axis=1)
+    winding = 0
+    if domain.closed:
+        # whether the azimuth of the normals grows (1) or falls (-1) with the share of the way round
+        horizontal = normals[:, 0] + 1j * normals[:, 1]
+        turned = np.exp(2j * np.pi * domain.round(path.parameters[rows, 0]))
+        winding = 1 if abs((horizontal * turned.conj()).sum()) >= abs((horizontal * turned).sum()) else -1
+    elastic = job.membrane, job.thin_plate
     return AxisEnergy(
         parameters=path.parameters[rows],
         normals=normals,
         domain=domain,
-        winding=_winding(domain.round(path.parameters[rows, 0]), normals) if domain.closed else 0,
+        winding=winding,
         moves=moves,
         times=np.maximum(lengths, SPACING / 100) / path.cutter.feed,
         speeds=(limits.turn_speed, limits.tilt_speed),
         bounds=_bounds(normals, cones.largest_polar[rows], limits, job),
         weights=weights,
         areas=None if facets is None else np.add.reduceat(facets.areas, rows),
-        facets=_on_facets(facets, domain, job),
+        facets=FacetEnergy.of(facets, domain, *elastic) if facets is not None and any(elastic) else None,
     )
-
-
-def _on_facets(facets: ContactFacets | None, domain: FieldDomain, job: PathJob) -> FacetEnergy | None:
-    """The energy on facets with the job's weights, where one is above 0."""
-    weights = job.membrane, job.thin_plate
-    return FacetEnergy.of(facets, domain, *weights) if facets is not None and any(weights) else None
 
 
 def _bounds(
@@ -625,13 +620,6 @@ def _bounds(
         cones=EllipticCones.none(len(normals)),
         cone_margin=np.zeros(len(normals)),
     )
-
-
-def _winding(share: Float[ndarray, " n"], normals: Float[ndarray, "n 3"]) -> int:
-    """Whether the azimuth of the normals grows (1) or falls (-1) with the share of the way round."""
-    horizontal = normals[:, 0] + 1j * normals[:, 1]
-    turned = np.exp(2j * np.pi * share)
-    return 1 if abs((horizontal * turned.conj()).sum()) >= abs((horizontal * turned).sum()) else -1
 
 
 def first_values(energy: AxisEnergy, normals: Float[ndarray, "n 3"]) -> Float[ndarray, "2 c"]:

@@ -17,6 +17,7 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
+from itertools import combinations
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -39,7 +40,7 @@ from bonecam.machine.limits import MachineLimits
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.solids import edges_of
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.planning.axes.lead import table_limits
+from bonecam.planning.axes.lead import icosahedron_vertices, table_limits
 from bonecam.planning.scene import Scene
 from bonecam.runtime.threads import in_pieces
 from bonecam.tool.cutter import Cutter
@@ -117,7 +118,11 @@ COARSEST, FINEST_LEVEL = 2, 4
 @lru_cache(maxsize=1)
 def sphere_leaves() -> tuple[SphereTriangles, LeafMesh]:
     """The triangles of all levels, and the leaves as a mesh."""
-    vertices, faces = _icosahedron()
+    vertices = icosahedron_vertices()
+    near = vertices @ vertices.T > 0.4
+    faces = np.array([(i, j, k) for i, j, k in combinations(range(12), 3) if near[i, j] and near[j, k] and near[i, k]])
+    inward = np.linalg.det(vertices[faces]) < 0
+    faces[inward] = faces[inward][:, [0, 2, 1]]
     levels = []
     for level in range(FINEST_LEVEL + 1):
         if level:
@@ -131,7 +136,10 @@ def sphere_leaves() -> tuple[SphereTriangles, LeafMesh]:
             vertices = np.vstack([vertices, middles])
             faces = parts.transpose(2, 0, 1).reshape(-1, 3)
         if level >= COARSEST:
-            levels.append(_circles(vertices[faces]))
+            # The centre of each triangle, and the largest angle (radians) to a corner, its rounding included
+            corners = vertices[faces]
+            centres = unit(corners.sum(axis=1))
+            levels.append((centres, np.arccos(np.einsum("fi,fci->fc", centres, corners).min(axis=1)) + 1e-9))
     starts = np.cumsum([0, *(len(caps) for _, caps in levels)])
     centres, caps = (np.concatenate(part) for part in zip(*levels))
 
@@ -145,31 +153,6 @@ def leaf_centres() -> Float[ndarray, "5120 3"]:
     """Unit vectors to the centres of the leaves."""
     triangles, _ = sphere_leaves()
     return triangles.centres[triangles.starts[-2] :]
-
-
-def _icosahedron() -> tuple[Float[ndarray, "12 3"], Int[ndarray, "20 3"]]:
-    """Its unit vertices, and its faces, counter-clockwise from outside."""
-    golden = (1 + np.sqrt(5)) / 2
-    corners = [(0, a, b * golden) for a in (-1, 1) for b in (-1, 1)]
-    vertices = unit(np.array([np.roll(corner, k) for k in range(3) for corner in corners]))
-    near = vertices @ vertices.T > 0.4
-    faces = [
-        (i, j, k)
-        for i in range(12)
-        for j in range(i + 1, 12)
-        for k in range(j + 1, 12)
-        if near[i, j] and near[j, k] and near[i, k]
-    ]
-    turned = np.array(faces)
-    inward = np.linalg.det(vertices[turned]) < 0
-    turned[inward] = turned[inward][:, [0, 2, 1]]
-    return vertices, turned
-
-
-def _circles(corners: Float[ndarray, "f 3 3"]) -> tuple[Float[ndarray, "f 3"], Float[ndarray, " f"]]:
-    """The centre of each triangle, and the largest angle (radians) to a corner, its rounding included."""
-    centres = unit(corners.sum(axis=1))
-    return centres, np.arccos(np.einsum("fi,fci->fc", centres, corners).min(axis=1)) + 1e-9
 
 
 GRIDS = ((0.4, 3.0, 2.0, 0.0), (1.2, 14.0, 14.0, 0.02), (4.0, 60.0, np.inf, 0.01))
@@ -292,13 +275,6 @@ def rooms_at(path: ContactPath, scene: Scene) -> Float[ndarray, " n"]:
     return rooms[free]
 
 
-def apexes_of(net: ConeNodes, room: Float[ndarray, " n"]) -> Apexes:
-    """Where the cutter pivots: the nodes of a net, with the least `room` (mm, `rooms_at`) of their contacts."""
-    least = np.full(len(net.places), np.inf)
-    np.minimum.at(least, net.node_of, room)
-    return Apexes(net.places, net.reach, net.normals, net.spread, least)
-
-
 SPACING = 0.7
 """Distance of the nodes, mm. A node's reach costs 1 to 1.5 % of the directions."""
 ENOUGH = 0.5
@@ -390,7 +366,10 @@ def free_axes(path: ContactPath, scene: Scene, limits: MachineLimits, max_tilt: 
     spacing = SPACING
     while len(left):
         net = make_net(path.centres[left], path.normals[left], middles[left], spacing)
-        apexes = apexes_of(net, room[left])
+        # where the cutter pivots, with the least room of the contacts there
+        least = np.full(len(net.places), np.inf)
+        np.minimum.at(least, net.node_of, room[left])
+        apexes = Apexes(net.places, net.reach, net.normals, net.spread, least)
         kept = _limits(net, path.cutter, limits, max_tilt, clearance)
         starts = np.arange(len(net.places) + 1)
         allowed = within_limits(kept, leaf_centres(), 0.0) & reached

@@ -9,7 +9,7 @@ Near +Z the two rotary axes of tables and heads say the same, and a small turn o
 the machine. An axis that would come within SINGULAR_CONE of +Z runs round it on that cone instead, its
 azimuth turning evenly; so do axes between which a move would come within MIN_PASS_ANGLE of +Z.
 
-Admissible tool axes: within the machine's limits, near enough to the contact normal, and free of
+Free tool axes: within the machine's limits, near enough to the contact normal, and free of
 collision.
 
 Where the preferred axis is not admissible, the nearest admissible direction of a fixed set takes its place.
@@ -27,10 +27,9 @@ from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 from bonecam.arrays import angles_between, dots, frozen, unit
-from bonecam.errors import JobError
 from bonecam.job import field_error
 from bonecam.machine.limits import MachineLimits, polar_angles, with_polar_angles
-from bonecam.tool.cutter import Cutter, ToolSection
+from bonecam.tool.cutter import Cutter
 from bonecam.workholding.clamping import Clamping
 
 OUTWARD = 0.3
@@ -54,17 +53,13 @@ def check_lead(cutter: Cutter, lead_deg: float) -> None:
     for section in cutter.profile[1:]:
         for height, radius in ((section.start, section.radius), (section.end, section.end_radius)):
             if cutter.envelope_radius + (height - cutter.centre_height) * math.cos(lead) <= radius * math.sin(lead):
-                raise _lead_error(cutter, section, lead_deg)
-
-
-def _lead_error(cutter: Cutter, section: ToolSection, lead_deg: float) -> JobError:
-    name = section.name
-    enters = f"at the lead of {lead_deg:g} degrees the {name} would cut into a flat part"
-    if name == "spindle":
-        remedy = "give a longer overhang or holder, or less path.lead_deg"
-        return field_error(cutter.name, "overhang", cutter.overhang, f"{enters}: {remedy}")
-    remedy = f"give a slimmer {name}, less path.lead_deg, or a longer overhang or flute_length"
-    return field_error(cutter.name, f"{name}_diameter", 2 * section.radius, f"{enters}: {remedy}")
+                name = section.name
+                enters = f"at the lead of {lead_deg:g} degrees the {name} would cut into a flat part"
+                if name == "spindle":
+                    remedy = "give a longer overhang or holder, or less path.lead_deg"
+                    raise field_error(cutter.name, "overhang", cutter.overhang, f"{enters}: {remedy}")
+                remedy = f"give a slimmer {name}, less path.lead_deg, or a longer overhang or flute_length"
+                raise field_error(cutter.name, f"{name}_diameter", 2 * section.radius, f"{enters}: {remedy}")
 
 
 def lead_axes(normals: Float[ndarray, "n 3"], feeds: Float[ndarray, "n 3"], lead: float) -> Float[ndarray, "n 3"]:
@@ -140,8 +135,8 @@ retracts and comes back."""
 MAX_ROUNDS = 8
 """Times that a stretch on the cone may grow until its moves keep MIN_PASS_ANGLE."""
 
-Admissible = Callable[[Int[ndarray, " k"], Float[ndarray, "k 3"]], Bool[ndarray, " k"]]
-"""Whether contacts (by index) may have the given axes."""
+Free = Callable[[Int[ndarray, " k"], Float[ndarray, "k 3"]], Bool[ndarray, " k"]]
+"""Whether contacts (by index) may have the given axes, or the tool on them is free of collision with these."""
 
 
 def avoid_singularity(
@@ -170,7 +165,7 @@ def avoid_singularity(
 
 
 def avoid_singularity_where(
-    axes: Float[ndarray, "n 3"], centres: Float[ndarray, "n 3"], passes: Int[ndarray, " n"], admissible: Admissible
+    axes: Float[ndarray, "n 3"], centres: Float[ndarray, "n 3"], passes: Int[ndarray, " n"], admissible: Free
 ) -> Float[ndarray, "n 3"]:
     """As `avoid_singularity`, but a stretch keeps its axes where one of its new axes is not admissible."""
     steered = avoid_singularity(axes, centres, passes)
@@ -201,7 +196,10 @@ def _round_cone(
     """The axes with the stretches that are `near` moved onto the cone, or out to it."""
     azimuth = np.arctan2(axes[:, 1], axes[:, 0])
     steered = axes.copy()
-    for first, last in _stretches(near, passes):
+    changes = np.flatnonzero((near[1:] != near[:-1]) | (passes[1:] != passes[:-1])) + 1
+    for first, last in pairwise([0, *changes.tolist(), len(near)]):
+        if not near[first]:
+            continue
         before = first - 1 if first > 0 and passes[first - 1] == passes[first] else first
         behind = last if last < len(axes) and passes[last] == passes[first] else last - 1
         has_before, has_behind = before < first, behind == last
@@ -218,12 +216,6 @@ def _round_cone(
         angles = np.maximum(polar_angles(axes[first:last]), SINGULAR_CONE)
         steered[first:last] = with_polar_angles(directions, angles)
     return steered
-
-
-def _stretches(near: Bool[ndarray, " n"], passes: Int[ndarray, " n"]) -> list[tuple[int, int]]:
-    """Ranges (first, behind the last) of neighbours on one pass that are all near."""
-    changes = np.flatnonzero((near[1:] != near[:-1]) | (passes[1:] != passes[:-1])) + 1
-    return [(a, b) for a, b in pairwise([0, *changes.tolist(), len(near)]) if near[a]]
 
 
 SUBDIVISIONS = 3
@@ -251,16 +243,18 @@ COSINE_ROUNDING = 1e-9
 COLLISION, LIMITS = -1, -2
 """Why a contact has no direction, in the place of the direction's index."""
 
-Free = Callable[[Int[ndarray, " k"], Float[ndarray, "k 3"]], Bool[ndarray, " k"]]
-"""Whether the tool on contacts (by index) is free of collision with the given axes."""
+
+def icosahedron_vertices() -> Float[ndarray, "12 3"]:
+    """Unit vectors to the vertices of an icosahedron."""
+    golden = (1 + np.sqrt(5)) / 2
+    corners = [(0, a, b * golden) for a in (-1, 1) for b in (-1, 1)]
+    return unit(np.array([np.roll(corner, k) for k in range(3) for corner in corners], dtype=np.float64))
 
 
 def candidate_directions() -> Float[ndarray, "647 3"]:
     """The vertices of an icosphere, about 8 degrees apart; six directions on the singular cone stand for
     those inside it."""
-    golden = (1 + np.sqrt(5)) / 2
-    corners = [(0, a, b * golden) for a in (-1, 1) for b in (-1, 1)]
-    points = unit(np.array([np.roll(c, k) for k in range(3) for c in corners], dtype=np.float64))
+    points = icosahedron_vertices()
     edge = 1.2
     for _ in range(SUBDIVISIONS):
         i, j = np.triu_indices(len(points), 1)
@@ -315,50 +309,31 @@ def nearest_free_axes(
     is none the preferred axis, and why: `limits` or `collision`."""
     directions = directions_within(limits)
     directions = directions[limits.allow(directions)]
-    starts = range(0, len(contacts), CHUNK)
-    chunks = [slice(start, start + CHUNK) for start in starts]
-    chosen = [
-        _nearest_free(
-            contacts[c], preferred[c], normals=normals[c], directions=directions, max_tilt=max_tilt, free=free
-        )
-        for c in chunks
-    ]
-    index = np.concatenate([np.zeros(0, dtype=np.int64), *chosen])
+    index = np.full(len(contacts), LIMITS)
+    for begin in range(0, len(contacts), CHUNK):
+        chunk = slice(begin, begin + CHUNK)
+        too_far = normals[chunk] @ directions.T < np.cos(max_tilt)
+        behind_all = 9.0
+        order = np.argsort(np.where(too_far, behind_all, -preferred[chunk] @ directions.T), axis=1, kind="stable")
+        order = order[:, :MAX_DIRECTIONS]
+        usable = ~np.take_along_axis(too_far, order, axis=1)
+        index[chunk][usable.any(axis=1)] = COLLISION
+        left = np.flatnonzero(usable.any(axis=1))
+        for start in range(0, order.shape[1], BATCH):
+            batch = order[left, start : start + BATCH]
+            good = usable[left, start : start + BATCH]
+            row, column = np.nonzero(good)
+            if len(row):
+                good[row, column] = free(contacts[begin + left[row]], directions[batch[row, column]])
+            has_free = good.any(axis=1)
+            index[begin + left[has_free]] = batch[has_free, good[has_free].argmax(axis=1)]
+            left = left[~has_free]
+            if not len(left):
+                break
     axes = preferred.copy()
     axes[index >= 0] = directions[index[index >= 0]]
     reasons = np.select([index == LIMITS, index == COLLISION], ["limits", "collision"], "")
     return axes, reasons.tolist()
-
-
-def _nearest_free(
-    contacts: Int[ndarray, " k"],
-    preferred: Float[ndarray, "k 3"],
-    normals: Float[ndarray, "k 3"],
-    directions: Float[ndarray, "d 3"],
-    max_tilt: float,
-    free: Free,
-) -> Int[ndarray, " k"]:
-    """Index of the free direction nearest to each preferred axis, or COLLISION or LIMITS."""
-    too_far = normals @ directions.T < np.cos(max_tilt)
-    behind_all = 9.0
-    order = np.argsort(np.where(too_far, behind_all, -preferred @ directions.T), axis=1, kind="stable")
-    order = order[:, :MAX_DIRECTIONS]
-    usable = ~np.take_along_axis(too_far, order, axis=1)
-
-    chosen = np.where(usable.any(axis=1), COLLISION, LIMITS)
-    left = np.flatnonzero(usable.any(axis=1))
-    for start in range(0, order.shape[1], BATCH):
-        batch = order[left, start : start + BATCH]
-        good = usable[left, start : start + BATCH]
-        row, column = np.nonzero(good)
-        if len(row):
-            good[row, column] = free(contacts[left[row]], directions[batch[row, column]])
-        has_free = good.any(axis=1)
-        chosen[left[has_free]] = batch[has_free, good[has_free].argmax(axis=1)]
-        left = left[~has_free]
-        if not len(left):
-            break
-    return chosen
 
 
 def smooth_axes(

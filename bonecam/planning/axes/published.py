@@ -26,8 +26,6 @@ energy falls. The chosen ones are put before the planner's own proof of collisio
 surfaces (Eq. 23); where one collides the choice goes on without it.
 """
 
-from collections.abc import Callable
-
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
@@ -165,10 +163,24 @@ def choose(
     step = splu((diags_array(areas) + float(np.mean(areas)) * energy).tocsc())
     every = np.arange(len(candidates))
     chosen = allowed.argmax(axis=1)
+
+    def energy_of(choice: Int[ndarray, " v"]) -> float:
+        axes = candidates[every, choice]
+        return float((axes * (energy @ axes)).sum())
+
     while True:
         first = allowed.argmax(axis=1)
         chosen = np.where(allowed[every, chosen], chosen, first)
-        chosen = _faired(candidates, allowed, chosen=chosen, energy=energy, areas=areas, solve=step.solve)
+        least = energy_of(chosen)
+        for _ in range(SWEEPS):
+            axes = candidates[every, chosen]
+            wanted = step.solve(areas[:, None] * axes), energy.diagonal()[:, None] * axes - energy @ axes
+            towards = [np.einsum("vcd,vd->vc", candidates, unit(each)) for each in wanted]
+            best = min((np.where(allowed, each, -2.0).argmax(axis=1) for each in towards), key=energy_of)
+            best_energy = energy_of(best)
+            if best_energy >= least:
+                break
+            chosen, least = best, best_energy
         asked = np.flatnonzero(allowed[every, chosen] & ~proven[every, chosen])
         if not len(asked):
             return np.where(allowed.any(axis=1), chosen, 0)
@@ -176,33 +188,3 @@ def choose(
         proven[asked[is_free], chosen[asked[is_free]]] = True
         blocked = asked[~is_free]
         allowed[blocked, chosen[blocked]] = False
-
-
-def _faired(
-    candidates: Float[ndarray, "v c 3"],
-    allowed: Bool[ndarray, "v c"],
-    chosen: Int[ndarray, " v"],
-    energy: csr_array,
-    areas: Float[ndarray, " v"],
-    solve: Callable[[ndarray], ndarray],
-) -> Int[ndarray, " v"]:
-    """The choice after steps of fairing, from one."""
-    every = np.arange(len(candidates))
-
-    def energy_of(choice: Int[ndarray, " v"]) -> float:
-        axes = candidates[every, choice]
-        return float((axes * (energy @ axes)).sum())
-
-    least = energy_of(chosen)
-    for _ in range(SWEEPS):
-        axes = candidates[every, chosen]
-        wanted = solve(areas[:, None] * axes), energy.diagonal()[:, None] * axes - energy @ axes
-        tried = [
-            np.where(allowed, np.einsum("vcd,vd->vc", candidates, unit(each)), -2.0).argmax(axis=1) for each in wanted
-        ]
-        best = min(tried, key=energy_of)
-        best_energy = energy_of(best)
-        if best_energy >= least:
-            break
-        chosen, least = best, best_energy
-    return chosen

@@ -249,8 +249,18 @@ class _Easing:
         for rows in self.rows:
             if not slow[rows].any():
                 continue
-            share = self._shares(rows, slow, half)
-            means = self._means(rows, axes, half)
+            # How much each contact of a pass takes of the mean: all of it at slow moves, none `half` (mm) beside them
+            ends = np.flatnonzero(slow[rows])
+            along = self.along[rows]
+            marked = along[np.unique(np.r_[ends, np.minimum(ends + 1, len(rows) - 1)])]
+            away = np.abs(along[:, None] - marked[None]).min(axis=1)
+            share = np.clip(1 - away / half, 0.0, 1.0)
+
+            # The mean axis from `half` (mm) before each contact to as much behind it
+            weights = np.gradient(along) + 1e-6 if len(rows) > 1 else np.ones(1)
+            sums = np.vstack([np.zeros(3), np.cumsum(weights[:, None] * axes[rows], axis=0)])
+            first, last = np.searchsorted(along, along - half), np.searchsorted(along, along + half, "right")
+            means = unit(sums[last] - sums[first])
             tried[rows] = unit((1 - share)[:, None] * axes[rows] + share[:, None] * means)
             inside = share > 0
             part[rows] = np.where(inside, parts + np.cumsum(np.diff(inside, prepend=False)), -1)
@@ -281,22 +291,6 @@ class _Easing:
     def _in_cones(self, axes: Float[ndarray, "n 3"]) -> Bool[ndarray, " n"]:
         """Whether each axis is in its contact's cone."""
         return np.zeros(len(axes), dtype=bool) if self.cones is None else self.cones.hold(axes)
-
-    def _shares(self, rows: Int[ndarray, " r"], slow: Bool[ndarray, " n"], half: float) -> Float[ndarray, " r"]:
-        """How much each contact of a pass takes of the mean: all of it at slow moves, none `half` (mm) beside them."""
-        ends = np.flatnonzero(slow[rows])
-        along = self.along[rows]
-        marked = along[np.unique(np.r_[ends, np.minimum(ends + 1, len(rows) - 1)])]
-        away = np.abs(along[:, None] - marked[None]).min(axis=1)
-        return np.clip(1 - away / half, 0.0, 1.0)
-
-    def _means(self, rows: Int[ndarray, " r"], axes: Float[ndarray, "n 3"], half: float) -> Float[ndarray, "r 3"]:
-        """The mean axis of a pass from `half` (mm) before each contact to as much behind it."""
-        along = self.along[rows]
-        weights = np.gradient(along) + 1e-6 if len(rows) > 1 else np.ones(1)
-        sums = np.vstack([np.zeros(3), np.cumsum(weights[:, None] * axes[rows], axis=0)])
-        first, last = np.searchsorted(along, along - half), np.searchsorted(along, along + half, "right")
-        return unit(sums[last] - sums[first])
 
     def _taken(
         self,

@@ -100,26 +100,16 @@ def test_several_lifts_keep_their_places(made: Made) -> None:
 def test_a_place_that_cannot_be_left_is_not_asked_for_again(made: Made, monkeypatch: pytest.MonkeyPatch) -> None:
     path, _, oriented = made
     blocked, free = cuts_in_a_row(path)[[20, 30]].tolist()
-    real = links.no_transfers
 
-    class Blocked:
-        """Transfers, but none from one pose."""
+    class Blocked(links.Transfers):
+        """Transfers, but no lifts from one pose."""
 
-        def __init__(self, transfers):  # type: ignore[no-untyped-def]
-            self.transfers = transfers
+        def find(self, pairs):  # type: ignore[no-untyped-def]
+            lifts = self.traverses is links.LIFT_TRAVERSES
+            ways = zip(pairs, super().find(pairs), strict=True)
+            return [None if lifts and blocked - 1 in pair else way for pair, way in ways]
 
-        def extend(self, pairs):  # type: ignore[no-untyped-def]
-            return Blocked(self.transfers.extend(pairs))
-
-        @property
-        def found(self):  # type: ignore[no-untyped-def]
-            return {pair: None if blocked - 1 in pair else way for pair, way in self.transfers.found.items()}
-
-    def of_lifts(space, poses, traverses=links.TRAVERSES, **named):  # type: ignore[no-untyped-def]
-        found = real(space, poses, traverses, **named)
-        return Blocked(found) if traverses is links.LIFT_TRAVERSES else found
-
-    monkeypatch.setattr(links, "no_transfers", of_lifts)
+    monkeypatch.setattr(links, "Transfers", Blocked)
 
     def places(axes: np.ndarray, kinds: np.ndarray, left: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return at(axes, free - 1 if blocked - 1 in left else blocked - 1)

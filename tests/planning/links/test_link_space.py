@@ -62,7 +62,7 @@ def test_a_link_whose_flutes_cut_where_its_ball_is_in_air_is_refused(space: Link
     nowhere = upright(np.zeros((0, 3)))
     assert space.in_air(below[0][None]).all()
     lower = upright(below[0] - 5.0 * UP)
-    assert space.cuts_little([below, lower], [nowhere, nowhere]).tolist() == [False, True]
+    assert space.cuts_little([below, lower], [nowhere, nowhere], np.full(2, CUT_ALLOWED)).tolist() == [False, True]
 
 
 def test_a_link_of_a_layer_is_held_against_what_stands_on_rays(
@@ -71,7 +71,10 @@ def test_a_link_of_a_layer_is_held_against_what_stands_on_rays(
     mesh, nowhere = upright_capsule.mesh(0.1), upright(np.zeros((0, 3)))
     lines = [below, upright(below[0] - 5.0 * UP)]
     standing = HeightMesh(mesh, rays=uncut_rays(upright_capsule))
-    assert replace(space, material=standing).cuts_little(lines, [nowhere] * 2).tolist() == [False, True]
+    assert replace(space, material=standing).cuts_little(lines, [nowhere] * 2, np.full(2, CUT_ALLOWED)).tolist() == [
+        False,
+        True,
+    ]
     side = upright_capsule.radius + space.ball_radius + np.array([0.05, 0.5])
     rapids = [upright(np.array([[x, 0.0, 36.0], [x, 0.0, 38.0]])) for x in side + float(upright_capsule.start[0])]
     assert replace(space, material=standing).rapids_cut_nothing(rapids).tolist() == [False, True]
@@ -93,7 +96,7 @@ def test_what_flutes_removed_on_a_pass_may_be_passed_again(
     kinds, passes = np.full(len(centres), int(MoveKind.CUT)), np.zeros(len(centres), dtype=np.int64)
     path = path_of(centres - cutter.radius * axes, axes, kinds=kinds, passes=passes, tool=cutter)
     cut = replace(space, material=remove_material(space.material, level_of(pebble()), path))  # type: ignore[arg-type]
-    assert cut.cuts_little([below], [upright(np.zeros((0, 3)))]).all()
+    assert cut.cuts_little([below], [upright(np.zeros((0, 3)))], np.array([CUT_ALLOWED])).all()
 
 
 def beside_the_stock(space: LinkSpace, depth: float, *y: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -131,8 +134,8 @@ def test_a_link_and_the_arcs_at_its_ends_share_what_may_be_removed_between_two_c
     space, depth = told_by_rays, 0.007
     assert CUT_ALLOWED - 2 * ARC_ALLOWED < volume(space, depth, -1.0, 1.0) < CUT_ALLOWED - ARC_ALLOWED
     line, nowhere = beside_the_stock(space, depth, -1.0, 1.0)[::2], upright(np.zeros((0, 3)))
-    assert space.cuts_little([line] * 3, [nowhere] * 3, np.arange(3)).tolist() == [True, True, False]
-    assert not space.arcs_cut_little([line], [nowhere]).any()
+    allowed = np.r_[CUT_ALLOWED - ARC_ALLOWED * np.arange(3), ARC_ALLOWED]
+    assert space.cuts_little([line] * 4, [nowhere] * 4, allowed).tolist() == [True, True, False, False]
     assert runs_straight(space, depth, (-1.0, 1.0), [True, False])
     assert not runs_straight(space, depth, (-1.0, 1.0), [True, True])
 
