@@ -36,6 +36,9 @@ _find_room()
 
 SOURCES = folder_digest(Path(__file__).parent)
 """One for the sources of all kernels together."""
+CONTRACT = {"contract", "nsz"}
+"""LLVM's flags of what the compiled loops may do with floating point numbers: a product and a sum may become one
+operation, the sign of a zero may be lost. The order of sums stays, so a run gives the same bits again."""
 CHECKSUM = hashlib.sha256().digest_size
 """Bytes of the checksum before what is kept."""
 

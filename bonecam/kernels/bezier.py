@@ -1,17 +1,9 @@
-"""Rational Bezier patches and their basis: find the element, evaluate, differentiate.
+"""Rational Bezier patches and their basis, compiled: find the element, evaluate, differentiate.
 
-Rational bicubic Bezier patches, compiled: find the element, evaluate, differentiate, assemble the basis.
-
-A patch is 16 homogeneous control points (w x, w y, w z, w), s fastest: row 4 j + i belongs to
-B_i(u) B_j(v) on the element's box. The derivatives follow from differentiating S W = A.
-
-The rational basis and its derivatives at given parameters, compiled: rows of sparse matrices.
-
-Rational Bezier patches of any degree, compiled; `kernels.bezier.bicubic` is faster, for bicubic ones only.
-
-A patch is (d + 1)^2 homogeneous control points, s fastest.
-
-Which element of a surface holds (s, t): search in strips of t, compiled.
+A patch of degree d is (d + 1)^2 homogeneous control points (w x, w y, w z, w), s fastest: of a bicubic one row 4 j + i
+belongs to B_i(u) B_j(v) on the element's box. The derivatives follow from differentiating S W = A. All but
+`derivatives`, which is slower, are for bicubic patches only. The rational basis and its derivatives are written as rows
+of sparse matrices. The element that holds (s, t) is searched in strips of t.
 """
 
 from typing import TypeAlias
@@ -19,10 +11,9 @@ from typing import TypeAlias
 import numpy as np
 from numpy import ndarray
 
-from bonecam.kernels import inner_njit, njit
-from bonecam.kernels.fastmath import CONTRACT
+from bonecam.kernels import CONTRACT, inner_njit, njit
+from bonecam.kernels.vectors import Three
 
-Three: TypeAlias = tuple[float, float, float]
 Four: TypeAlias = tuple[float, float, float, float]
 
 
@@ -62,14 +53,21 @@ def bernstein_second(x: float, h: float) -> Four:
     return (1.0 - x) * g, (3.0 * x - 2.0) * g, (1.0 - 3.0 * x) * g, x * g
 
 
+@njit(inline="always")
+def _in_element(box: ndarray, s: float, t: float) -> Four:
+    """The place of (s, t) on an element, 0 to 1, and 1 / its widths."""
+    h, k = 1.0 / (box[1] - box[0]), 1.0 / (box[3] - box[2])
+    return (s - box[0]) * h, (t - box[2]) * k, h, k
+
+
 @njit(cache=True, fastmath=CONTRACT)
 def positions(patches: ndarray, boxes: ndarray, element: ndarray, s: ndarray, t: ndarray, S: ndarray) -> None:
     """Write the surface points at each sample into S (n, 3)."""
     for n in range(len(s)):
         e = element[n]
-        h, k = 1.0 / (boxes[e, 1] - boxes[e, 0]), 1.0 / (boxes[e, 3] - boxes[e, 2])
-        a0, a1, a2, a3 = bernstein((s[n] - boxes[e, 0]) * h)
-        b = bernstein((t[n] - boxes[e, 2]) * k)
+        x, y, _, _ = _in_element(boxes[e], s[n], t[n])
+        a0, a1, a2, a3 = bernstein(x)
+        b = bernstein(y)
         p = patches[e]
         A = np.zeros(4)
         for j in range(4):
@@ -106,8 +104,7 @@ def _coordinate(p: ndarray, d: int, a: Four, a_s: Four, b: Four, b_t: Four) -> T
 @njit(cache=True, fastmath=CONTRACT, forceinline=True)
 def first_jet(p: ndarray, box: ndarray, s: float, t: float) -> tuple[Three, Three, Three]:
     """S, S_s and S_t of one patch at (s, t): numbers, no arrays, which takes half the time."""
-    h, k = 1.0 / (box[1] - box[0]), 1.0 / (box[3] - box[2])
-    x, y = (s - box[0]) * h, (t - box[2]) * k
+    x, y, h, k = _in_element(box, s, t)
     a = bernstein(x)
     a_s = bernstein_first(x, h)
     b = bernstein(y)
@@ -141,8 +138,7 @@ def first_derivatives(
 @inner_njit(fastmath=CONTRACT)
 def jet(p: ndarray, box: ndarray, s: float, t: float, D: ndarray) -> None:
     """Write S, S_s, S_t, S_ss, S_st, S_tt of one patch at (s, t) into the rows of D (6, 3)."""
-    h, k = 1.0 / (box[1] - box[0]), 1.0 / (box[3] - box[2])
-    x, y = (s - box[0]) * h, (t - box[2]) * k
+    x, y, h, k = _in_element(box, s, t)
     a, a1, a2 = bernstein(x), bernstein_first(x, h), bernstein_second(x, h)
     b, b1, b2 = bernstein(y), bernstein_first(y, k), bernstein_second(y, k)
     w = ws = wt = wss = wst = wtt = 0.0
@@ -206,8 +202,7 @@ def basis_values(
     """
     for n in range(len(s)):
         e = element[n]
-        h, k = 1.0 / (boxes[e, 1] - boxes[e, 0]), 1.0 / (boxes[e, 3] - boxes[e, 2])
-        x, y = (s[n] - boxes[e, 0]) * h, (t[n] - boxes[e, 2]) * k
+        x, y, h, k = _in_element(boxes[e], s[n], t[n])
         a, a1, a2 = bernstein(x), bernstein_first(x, h), bernstein_second(x, h)
         b, b1, b2 = bernstein(y), bernstein_first(y, k), bernstein_second(y, k)
         W = Ws = Wt = Wss = Wst = Wtt = 0.0
@@ -299,9 +294,9 @@ def derivatives(
     orders = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
     for n in range(len(s)):
         e = element[n]
-        h, k = 1.0 / (boxes[e, 1] - boxes[e, 0]), 1.0 / (boxes[e, 3] - boxes[e, 2])
-        _bernstein((s[n] - boxes[e, 0]) * h, h, degree, a)
-        _bernstein((t[n] - boxes[e, 2]) * k, k, degree, b)
+        x, y, h, k = _in_element(boxes[e], s[n], t[n])
+        _bernstein(x, h, degree, a)
+        _bernstein(y, k, degree, b)
         A[:] = 0.0
         for m in range(len(D)):
             i, j = orders[m]

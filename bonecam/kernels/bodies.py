@@ -1,21 +1,16 @@
-"""What the flutes above a ball sweep out of the material of one set of rays, compiled.
+"""What the bodies of a tool take out of the material of one set of rays, and how far they stay from it; compiled.
 
-Taking the convex body of a bull nose out of material, compiled.
-
-The body is what lies in all of its cones (`Cutter.body`): with h along the axis from the ball's centre and r from the
-axis, sin(phi) r - cos(phi) h <= s. On the line p + t n, n being unit, h = h0 + h' t, and a cone is
+Flutes above a ball stand in steps along a move. The convex body of a bull nose is what lies in all of its cones
+(`Cutter.body`): with h along the axis from the ball's centre and r from the axis, sin(phi) r - cos(phi) h <= s. On the
+line p + t n, n being unit, h = h0 + h' t, and a cone is
 
     sin^2 (|p + t n|^2 - h^2) <= (s + cos h)^2,    s + cos h >= 0,
 
 a quadratic in t whose solutions on one side of the apex are one interval, or a half line.
 
-The distance of a cone of the tool from an upright cylinder about the Z axis, compiled.
-
-Two points, one on either body, are projected onto the other body in turn, from the common perpendicular of the axes
-on; the plane between them bounds the distance from below. Along faces that are almost parallel that creeps: there the
-nearest point lies on a rim, so the rims are searched too.
-
-How far a cylinder or cone of a tool is from the material on one set of rays, compiled.
+Of a cone of the tool and an upright cylinder about the Z axis two points, one on either body, are projected onto the
+other body in turn, from the common perpendicular of the axes on; the plane between them bounds the distance from below.
+Along faces that are almost parallel that creeps: there the nearest point lies on a rim, so the rims are searched too.
 """
 
 from typing import NamedTuple
@@ -32,14 +27,16 @@ from bonecam.kernels.rays import (
     ProbesByCell,
     RaySet,
     air_on_set,
-    bits,
-    capsule_chord,
+    cells_near,
     cut_capsule,
     cut_tile,
     cylinder_chord,
     cylinder_meets,
+    may_hold,
+    steps_between,
     tiles_reached,
 )
+from bonecam.kernels.vectors import Three, cross, distance, dot, length, minus
 
 FLUTE_STEP = 0.1
 """The flutes stand this far apart (mm) where they are taken out of the material: between two cuts of a
@@ -64,14 +61,50 @@ class Ways(NamedTuple):
 
 
 @inner_njit()
+def _capsule_chord(
+    x: float, y: float, dx: float, dy: float, dz: float, length: float, radius: float
+) -> tuple[float, float]:
+    """Where a ray along w lies in a capsule: w from its start's; the first is larger where it misses.
+
+    The ray is at (x, y) from the capsule's start, whose axis has the unit direction (dx, dy, dz) and
+    `length`.
+    """
+    low, high = np.inf, -np.inf
+    square = radius * radius
+    rest = square - x * x - y * y
+    if rest > 0.0:
+        half = np.sqrt(rest)
+        low, high = -half, half
+    if length <= 0.0:
+        return low, high
+    ex = x - length * dx
+    ey = y - length * dy
+    ez = length * dz
+    rest = square - ex * ex - ey * ey
+    if rest > 0.0:
+        half = np.sqrt(rest)
+        low, high = min(low, ez - half), max(high, ez + half)
+    across = 1.0 - dz * dz
+    if across > TINY:
+        along = x * dx + y * dy
+        rest = along * along * dz * dz - across * (x * x + y * y - along * along - square)
+        if rest > 0.0:
+            root = np.sqrt(rest)
+            first, last = (along * dz - root) / across, (along * dz + root) / across
+            if 0.0 <= along + first * dz <= length:
+                low = min(low, first)
+            if 0.0 <= along + last * dz <= length:
+                high = max(high, last)
+    return low, high
+
+
+@inner_njit()
 def piece_pose(ways: Ways, i: int, share: float, foot: ndarray, axis: ndarray) -> None:
     """Write the ball's centre and the unit axis at this share of way `i`."""
-    size = 0.0
     for k in range(3):
         foot[k] = (1 - share) * ways.starts[i, k] + share * ways.ends[i, k]
         axis[k] = (1 - share) * ways.start_axes[i, k] + share * ways.end_axes[i, k]
-        size += axis[k] * axis[k]
-    size = np.sqrt(size)
+    size = length(axis)
     for k in range(3):
         axis[k] /= size
 
@@ -79,11 +112,7 @@ def piece_pose(ways: Ways, i: int, share: float, foot: ndarray, axis: ndarray) -
 @inner_njit()
 def travel_of(ways: Ways, i: int, height: float) -> float:
     """How far a point of the tool at this distance from the ball's centre travels at most, mm."""
-    shift, turn = 0.0, 0.0
-    for k in range(3):
-        shift += (ways.ends[i, k] - ways.starts[i, k]) ** 2
-        turn += (ways.end_axes[i, k] - ways.start_axes[i, k]) ** 2
-    return np.sqrt(shift) + np.sqrt(turn) * height
+    return distance(ways.ends[i], ways.starts[i]) + distance(ways.end_axes[i], ways.start_axes[i]) * height
 
 
 @inner_njit()
@@ -150,15 +179,13 @@ def _cone_chord(sine: float, s: float, rise: float, across: float, turn: float, 
 
 
 @njit(cache=True, nogil=True)
-def body_chord(
-    px: float, py: float, pz: float, nx: float, ny: float, nz: float, axis: ndarray, body: ndarray
-) -> tuple[float, float]:
-    """Where the line through (px, py, pz), told from the ball's centre, along the unit (nx, ny, nz) lies in a body
-    about the unit `axis`: t; the first is larger where it misses."""
-    height = px * axis[0] + py * axis[1] + pz * axis[2]
-    slope = nx * axis[0] + ny * axis[1] + nz * axis[2]
-    square = px * px + py * py + pz * pz - height * height
-    turn = px * nx + py * ny + pz * nz - height * slope
+def body_chord(p: Three, n: Three, axis: ndarray, body: ndarray) -> tuple[float, float]:
+    """Where the line through p, told from the ball's centre, along the unit n lies in a body about the unit `axis`: t;
+    the first is larger where it misses."""
+    height = dot(p, axis)
+    slope = dot(n, axis)
+    square = dot(p, p) - height * height
+    turn = dot(p, n) - height * slope
     across = max(1.0 - slope * slope, 0.0)
     low, high = -np.inf, np.inf
     # the side and the top first: they miss most lines
@@ -202,26 +229,7 @@ def body_in_motion(ways: Ways, i: int, foot: ndarray, axis: ndarray, start: ndar
 
 
 @inner_njit()
-def _tiles_at(rays: RaySet, ways: Ways, foot: ndarray, axis: ndarray) -> ndarray:
-    """The tiles whose material the body in a pose may reach."""
-    start, end = np.empty(3), np.empty(3)
-    radius = body_ends(ways, foot, axis, start, end)
-    return tiles_reached(rays, start, end, axis, ways.body[0, 2] + ways.body[-1, 2], radius)
-
-
-@inner_njit()
-def _tile_chords(
-    rays: RaySet, i: int, j: int, ways: Ways, foot: ndarray, axis: ndarray, lows: ndarray, highs: ndarray
-) -> None:
-    """Write where each ray of tile (i, j) lies in the body: w from its ball's centre."""
-    for ray in range(TILE * TILE):
-        u = (i * TILE + ALONG_U[ray]) * rays.cell - foot[0]
-        v = (j * TILE + ALONG_V[ray]) * rays.cell - foot[1]
-        lows[ray], highs[ray] = body_chord(u, v, 0.0, 0.0, 0.0, 1.0, axis, ways.body)
-
-
-@inner_njit()
-def _deepest_end(rays: RaySet, i: int, j: int, w: float, lows: ndarray, highs: ndarray) -> float:
+def deepest_end(rays: RaySet, i: int, j: int, w: float, lows: ndarray, highs: ndarray) -> float:
     """The largest distance to the nearest air, mm, of the ends of the chords, told from `w`, of tile (i, j)."""
     deepest = 0.0
     for ray in range(TILE * TILE):
@@ -234,18 +242,24 @@ def _deepest_end(rays: RaySet, i: int, j: int, w: float, lows: ndarray, highs: n
 
 
 @inner_njit()
-def _walk(rays: RaySet, ways: Ways, i: int, foot: ndarray, axis: ndarray, cuts: bool) -> tuple[float, float, bool]:
+def sweep_body(rays: RaySet, ways: Ways, i: int, foot: ndarray, axis: ndarray, cuts: bool) -> tuple[float, float, bool]:
     """What the body meets on way `i`, its place at the start left out. Where it `cuts`, that goes: the volume (mm^3),
-    and last whether a ray has no room for one more interval. Else how deep its ends lie in what stands (mm), second."""
+    and last whether a ray has no room for one more interval. Else, second, the largest distance to the nearest air, mm,
+    of the places where the rays leave it inside material. `foot` and `axis` (3,) are written on."""
     lows, highs = np.empty(TILE * TILE), np.empty(TILE * TILE)
+    start, end = np.empty(3), np.empty(3)
     removed, deepest, full = 0.0, 0.0, False
     steps = _steps_of(ways, i)
     for k in range(1, steps + 1):
         piece_pose(ways, i, k / steps, foot, axis)
-        for a, b in _tiles_at(rays, ways, foot, axis):
-            _tile_chords(rays, a, b, ways, foot, axis, lows, highs)
+        radius = body_ends(ways, foot, axis, start, end)
+        for a, b in tiles_reached(rays, start, end, axis, ways.body[0, 2] + ways.body[-1, 2], radius):
+            for ray in range(TILE * TILE):
+                u = (a * TILE + ALONG_U[ray]) * rays.cell - foot[0]
+                v = (b * TILE + ALONG_V[ray]) * rays.cell - foot[1]
+                lows[ray], highs[ray] = body_chord((u, v, 0.0), (0.0, 0.0, 1.0), axis, ways.body)
             if not cuts:
-                deepest = max(deepest, _deepest_end(rays, a, b, foot[2], lows, highs))
+                deepest = max(deepest, deepest_end(rays, a, b, foot[2], lows, highs))
                 continue
             in_tile, full = cut_tile(rays, np.int64(rays.tile_of[a, b]), foot[2], lows, highs)
             removed += in_tile * rays.cell * rays.cell
@@ -255,38 +269,12 @@ def _walk(rays: RaySet, ways: Ways, i: int, foot: ndarray, axis: ndarray, cuts: 
 
 
 @njit(cache=True, nogil=True)
-def cut_body(rays: RaySet, ways: Ways, i: int, foot: ndarray, axis: ndarray) -> tuple[float, bool]:
-    """Take what the body sweeps on way `i` out of the material, its place at the start left out; the volume removed
-    (mm^3), and whether a ray has no room for one more interval. `foot` and `axis` (3,) are written on."""
-    removed, _, full = _walk(rays, ways, i, foot, axis, True)
-    return removed, full
-
-
-@njit(cache=True, nogil=True)
-def body_depth(rays: RaySet, ways: Ways, i: int, foot: ndarray, axis: ndarray) -> float:
-    """The largest distance to the nearest air, mm, of the places where the rays leave the body inside material on way
-    `i`; 0 where it meets none. `foot` and `axis` (3,) are written on."""
-    return _walk(rays, ways, i, foot, axis, False)[1]
-
-
-@inner_njit()
-def _off_body(px: float, py: float, pz: float, axis: ndarray, body: ndarray) -> float:
-    """How far a point, told from the ball's centre, lies off the body of which it is inside, mm: not more than 0."""
-    height = px * axis[0] + py * axis[1] + pz * axis[2]
-    out = np.sqrt(max(px * px + py * py + pz * pz - height * height, 0.0))
-    off = -np.inf
-    for k in range(len(body)):
-        off = max(off, body[k, 0] * out - body[k, 1] * height - body[k, 2])
-    return min(off, 0.0)
-
-
-@njit(cache=True, nogil=True)
 def cut_probes_by_body(
     probes: ProbesByCell, reach: float, ways: Ways, heights: ndarray, names: ndarray, owners: ndarray, from_top: bool
 ) -> None:
     """Lower `heights` (n,) to where the body cuts the normal probes on its ways (w,), and set `owners` (n,) to the one
     of the `names` (w,) that did; as `cut_normal_probes` does by capsules."""
-    points, normals, cell_starts, corner, size = probes
+    points, normals, cell_starts, _, _ = probes
     shape = cell_starts.shape
     flat = cell_starts.ravel()
     low, high = np.empty(3, dtype=np.int64), np.empty(3, dtype=np.int64)
@@ -296,24 +284,26 @@ def cut_probes_by_body(
         for step in range(1, steps + 1):
             piece_pose(ways, i, step / steps, foot, axis)
             radius = body_ends(ways, foot, axis, start, end) + reach
-            beside = False
-            for k in range(3):
-                low[k] = max(int(np.floor((min(start[k], end[k]) - radius - corner[k]) / size)), 0)
-                last = int(np.floor((max(start[k], end[k]) + radius - corner[k]) / size))
-                high[k] = min(last, shape[k] - 1 - (k == 2))
-                beside = beside or low[k] > high[k]
-            if beside:
+            if not cells_near(start, end, radius, 0.0, probes, low, high):
                 continue
             for a in range(low[0], high[0] + 1):
                 for b in range(low[1], high[1] + 1):
                     row = (a * shape[1] + b) * shape[2]
                     for m in range(flat[row + low[2]], flat[row + high[2] + 1]):
-                        p, n = points[m], normals[m]
-                        x, y, z = p[0] - foot[0], p[1] - foot[1], p[2] - foot[2]
-                        enter, leave = body_chord(x, y, z, n[0], n[1], n[2], axis, ways.body)
+                        p, n = minus(points[m], foot), (normals[m, 0], normals[m, 1], normals[m, 2])
+                        enter, leave = body_chord(p, n, axis, ways.body)
                         lowest = heights[m] if from_top else 0.0
                         if enter < leave and leave > lowest and enter < heights[m]:
-                            height = enter if enter > 0.0 else _off_body(x, y, z, axis, ways.body)
+                            height = enter
+                            if not enter > 0.0:
+                                # how far the point lies off the body, which it is inside
+                                height = -np.inf
+                                up = dot(p, axis)
+                                out = np.sqrt(max(dot(p, p) - up * up, 0.0))
+                                for k in range(len(ways.body)):
+                                    off = ways.body[k, 0] * out - ways.body[k, 1] * up - ways.body[k, 2]
+                                    height = max(height, off)
+                                height = min(height, 0.0)
                             if height < heights[m]:
                                 heights[m] = height
                                 owners[m] = names[i]
@@ -330,34 +320,22 @@ RIM_STEPS = 16
 
 
 @inner_njit()
-def _onto_segment(x: float, y: float, ax: float, ay: float, bx: float, by: float) -> tuple[float, float]:
-    """The point of the segment from a to b that is nearest to (x, y)."""
-    sx, sy = bx - ax, by - ay
-    square = sx * sx + sy * sy
-    share = 0.0
-    if square > 0.0:
-        share = min(max(((x - ax) * sx + (y - ay) * sy) / square, 0.0), 1.0)
-    return ax + share * sx, ay + share * sy
-
-
-@inner_njit()
 def _onto_cone(p: ndarray, foot: ndarray, axis: ndarray, section: ndarray, nearest: ndarray) -> None:
     """Write the point of a cone that is nearest to `p` into `nearest`; `section` (4,): from, to along the unit `axis`
     from `foot`, radius at either."""
     start, end, first, last = section[0], section[1], section[2], section[3]
-    along = 0.0
-    for k in range(3):
-        along += (p[k] - foot[k]) * axis[k]
-    square = 0.0
+    along = dot(minus(p, foot), axis)
     for k in range(3):
         nearest[k] = p[k] - foot[k] - along * axis[k]
-        square += nearest[k] ** 2
-    out = np.sqrt(square)
+    out = length(nearest)
     height, radius = along, out
-    length = end - start
-    inside = start <= along <= end and out * length <= first * (end - along) + last * (along - start)
+    inside = start <= along <= end and out * (end - start) <= first * (end - along) + last * (along - start)
     if not inside:
-        height, radius = _onto_segment(along, out, start, first, end, last)
+        # the nearest point of the side, then of either end
+        sx, sy = end - start, last - first
+        square = sx * sx + sy * sy
+        share = min(max(((along - start) * sx + (out - first) * sy) / square, 0.0), 1.0) if square > 0.0 else 0.0
+        height, radius = start + share * sx, first + share * sy
         best = np.hypot(along - height, out - radius)
         for level, wide in ((start, first), (end, last)):
             near = min(out, wide)
@@ -382,7 +360,7 @@ def _onto_column(p: ndarray, column: ndarray, nearest: ndarray) -> None:
 @inner_njit()
 def _cone_support(n: ndarray, foot: ndarray, axis: ndarray, section: ndarray, farthest: ndarray) -> None:
     """Write the point of a cone that is farthest along -n into `farthest`."""
-    along = n[0] * axis[0] + n[1] * axis[1] + n[2] * axis[2]
+    along = dot(n, axis)
     size = np.sqrt(max(1.0 - along * along, 0.0))
     height, radius = section[0], section[2]
     if section[1] * along - section[3] * size < section[0] * along - section[2] * size:
@@ -402,29 +380,15 @@ def _column_support(n: ndarray, column: ndarray, farthest: ndarray) -> None:
 
 
 @inner_njit()
-def _apart(a: ndarray, b: ndarray) -> float:
-    return np.sqrt((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2)
-
-
-@inner_njit()
-def _rim_point(angle: float, middle: ndarray, e: ndarray, f: ndarray, radius: float, point: ndarray) -> None:
-    for k in range(3):
-        point[k] = middle[k] + radius * (np.cos(angle) * e[k] + np.sin(angle) * f[k])
-
-
-@inner_njit()
-def _cone_rims(foot: ndarray, axis: ndarray, section: ndarray, column: ndarray) -> float:
-    """The least distance of the two rims of a cone from the cylinder."""
-    e, f, middle, p, q = np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+def _rim_distance(foot: ndarray, axis: ndarray, section: ndarray, column: ndarray) -> float:
+    """The least distance of a rim of the cone from the cylinder, or of a rim of the cylinder from the cone."""
+    p, q, e = np.empty(3), np.empty(3), np.zeros(3)
     flat = np.hypot(axis[0], axis[1])
-    e[0], e[1], e[2] = (-axis[1] / flat, axis[0] / flat, 0.0) if flat > 0.0 else (1.0, 0.0, 0.0)
-    f[0] = axis[1] * e[2] - axis[2] * e[1]
-    f[1] = axis[2] * e[0] - axis[0] * e[2]
-    f[2] = axis[0] * e[1] - axis[1] * e[0]
+    e[0], e[1] = (-axis[1] / flat, axis[0] / flat) if flat > 0.0 else (1.0, 0.0)
+    f = cross(axis, e)
     best = np.inf
-    for side in range(2):
-        for k in range(3):
-            middle[k] = foot[k] + section[side] * axis[k]
+    for rim in range(4):
+        side = rim % 2
         low, high = 0.0, 2 * np.pi
         for step in range(1 + RIM_STEPS):
             count = RIM_POINTS if step == 0 else 2
@@ -432,35 +396,16 @@ def _cone_rims(foot: ndarray, axis: ndarray, section: ndarray, column: ndarray) 
             at = 0.0
             for m in range(count):
                 angle = low + (high - low) * (m + (step > 0)) / (count + (step > 0))
-                _rim_point(angle, middle, e, f, section[2 + side], p)
-                _onto_column(p, column, q)
-                if _apart(p, q) < nearest:
-                    nearest = _apart(p, q)
-                    at = angle
-            half = 2 * np.pi / RIM_POINTS if step == 0 else (high - low) / 3
-            low, high = at - half, at + half
-            best = min(best, nearest)
-    return best
-
-
-@inner_njit()
-def _column_rims(foot: ndarray, axis: ndarray, section: ndarray, column: ndarray) -> float:
-    """The least distance of the two rims of the cylinder from the cone."""
-    p, q = np.empty(3), np.empty(3)
-    best = np.inf
-    for side in range(2):
-        p[2] = column[1 + side]
-        low, high = 0.0, 2 * np.pi
-        for step in range(1 + RIM_STEPS):
-            count = RIM_POINTS if step == 0 else 2
-            nearest = np.inf
-            at = 0.0
-            for m in range(count):
-                angle = low + (high - low) * (m + (step > 0)) / (count + (step > 0))
-                p[0], p[1] = column[0] * np.cos(angle), column[0] * np.sin(angle)
-                _onto_cone(p, foot, axis, section, q)
-                if _apart(p, q) < nearest:
-                    nearest = _apart(p, q)
+                cosine, sine = np.cos(angle), np.sin(angle)
+                if rim < 2:
+                    for k in range(3):
+                        p[k] = foot[k] + section[side] * axis[k] + section[2 + side] * (cosine * e[k] + sine * f[k])
+                    _onto_column(p, column, q)
+                else:
+                    p[0], p[1], p[2] = column[0] * cosine, column[0] * sine, column[1 + side]
+                    _onto_cone(p, foot, axis, section, q)
+                if distance(p, q) < nearest:
+                    nearest = distance(p, q)
                     at = angle
             half = 2 * np.pi / RIM_POINTS if step == 0 else (high - low) / 3
             low, high = at - half, at + half
@@ -488,34 +433,23 @@ def column_distance(foot: ndarray, axis: ndarray, section: ndarray, column: ndar
     for _ in range(MOST_STEPS):
         _onto_cone(y, foot, axis, section, x)
         _onto_column(x, column, y)
-        apart = _apart(x, y)
+        apart = distance(x, y)
         if apart <= TOLERANCE:
             return 0.0
         for k in range(3):
             n[k] = (x[k] - y[k]) / apart
         _cone_support(n, foot, axis, section, x_far)
         _column_support(n, column, y_far)
-        bound = 0.0
-        for k in range(3):
-            bound += n[k] * (x_far[k] - y_far[k])
+        bound = dot(n, minus(x_far, y_far))
         if bound >= within:
             return within
         if apart - bound <= TOLERANCE:
             return apart
-    apart = min(apart, _cone_rims(foot, axis, section, column), _column_rims(foot, axis, section, column))
-    return min(apart, within)
+    return min(apart, _rim_distance(foot, axis, section, column), within)
 
 
 SEARCH_STEPS = 24
 """Thirds that the interval of the least distance is divided into: to 1e-4 of its length."""
-
-
-@inner_njit()
-def _segment_distance(x: float, y: float, ax: float, ay: float, bx: float, by: float) -> float:
-    """Distance of (x, y) from the segment from a to b."""
-    sx, sy = bx - ax, by - ay
-    share = min(max(((x - ax) * sx + (y - ay) * sy) / (sx * sx + sy * sy), 0.0), 1.0)
-    return np.hypot(x - ax - share * sx, y - ay - share * sy)
 
 
 @njit(cache=True, nogil=True)
@@ -529,7 +463,9 @@ def frustum_distance(along: float, out: float, start: float, end: float, radius:
         return max(up, side)
     if taper == 0.0:
         return np.hypot(max(out - radius, 0.0), max(up, 0.0))
-    near = _segment_distance(along, out, start, radius, end, last)
+    sx, sy = end - start, last - radius
+    share = min(max(((along - start) * sx + (out - radius) * sy) / (sx * sx + sy * sy), 0.0), 1.0)
+    near = np.hypot(along - start - share * sx, out - radius - share * sy)
     near = min(near, np.hypot(along - start, max(out - radius, 0.0)))
     return min(near, np.hypot(along - end, max(out - last, 0.0)))
 
@@ -537,8 +473,9 @@ def frustum_distance(along: float, out: float, start: float, end: float, radius:
 @inner_njit()
 def _at(u: float, v: float, w: float, axis: ndarray, start: float, end: float, radius: float, taper: float) -> float:
     """Signed distance of the point (u, v, w), told from the tool's foot, to a cone about its unit `axis`."""
-    along = u * axis[0] + v * axis[1] + w * axis[2]
-    out = np.sqrt(max(u * u + v * v + w * w - along * along, 0.0))
+    p = u, v, w
+    along = dot(p, axis)
+    out = np.sqrt(max(dot(p, p) - along * along, 0.0))
     return frustum_distance(along, out, start, end, radius, taper)
 
 
@@ -583,10 +520,8 @@ def frustum_clearance(
     widest = max(radius, radius + taper * length)
     wide = widest + max(within, 0.0)
     rows, columns = rays.tile_of.shape
-    first_u = max(int(np.floor((min(px, qx) - wide) / side)), 0)
-    last_u = min(int(np.floor((max(px, qx) + wide) / side)), rows - 1)
-    first_v = max(int(np.floor((min(py, qy) - wide) / side)), 0)
-    last_v = min(int(np.floor((max(py, qy) + wide) / side)), columns - 1)
+    first_u, last_u = steps_between(min(px, qx) - wide, max(px, qx) + wide, side, rows)
+    first_v, last_v = steps_between(min(py, qy) - wide, max(py, qy) + wide, side, columns)
     half_diagonal = side * np.sqrt(0.5)
     for i in range(first_u, last_u + 1):
         for j in range(first_v, last_v + 1):
@@ -598,9 +533,7 @@ def frustum_clearance(
             x, y = (i + 0.5) * side - px, (j + 0.5) * side - py
             lowest, highest = cylinder_chord(x, y, dx, dy, dz, -more, length + more, widest + more)
             lowest, highest = pz + lowest, pz + highest
-            if lowest >= highest or lowest > rays.high[tile] or highest < rays.low[tile]:
-                continue
-            if not rays.mask[tile] & bits(lowest, highest, rays.length):
+            if lowest >= highest or not may_hold(rays, tile, lowest, highest):
                 continue
             for ray in range(TILE * TILE):
                 count = rays.counts[tile, ray]
@@ -612,7 +545,7 @@ def frustum_clearance(
                 thick = widest + best
                 if thick <= 0.0:
                     return best
-                enter, leave = capsule_chord(u - px, v - py, axis[0], axis[1], axis[2], length, thick)
+                enter, leave = _capsule_chord(u - px, v - py, axis[0], axis[1], axis[2], length, thick)
                 for k in range(count):
                     low = max(rays.spans[tile, ray, 2 * k], pz + enter)
                     high = min(rays.spans[tile, ray, 2 * k + 1], pz + leave)

@@ -1,34 +1,29 @@
-"""Closest points on a rational bicubic surface: damped Newton on |S(s, t) - p|^2 / 2, compiled.
+"""Closest points: on a rational bicubic surface, and of many triangles; compiled.
 
-The step takes the full Hessian (Piegl & Tiller 1997, section 6.1) where it is positive and leaves the second
-derivatives out (Gauss-Newton) elsewhere. Every step must bring the point nearer. `into_domain` is the one
-place that says what a step over a pole, a seam or an open border leads to.
+`descend` is damped Newton on |S(s, t) - p|^2 / 2. The step takes the full Hessian (Piegl & Tiller 1997, section 6.1)
+where it is positive and leaves the second derivatives out (Gauss-Newton) elsewhere. Every step must bring the point
+nearer. `into_domain` is the one place that says what a step over a pole, a seam or an open border leads to.
 
-Closest points from parameters that are known to be near: a few steps of Gauss-Newton, compiled.
+From parameters that are known to be near a few steps of Gauss-Newton do. `walk` is for points next to a level: s is
+periodic over [0, 1), t is held between two rings `ends` next to the poles, within which the surface is as good as
+straight. `advance` is one step for many points, over the poles, on a surface that its caller evaluates: of any degree,
+closed or open. Both differ from `descend` in how they damp the step and when they end, as one iteration for all would
+cost more than it saves. Of 40,000 points within 0.4 mm of a surface of 112 control points, each started 0.005 of the
+domain off, `descend` finds all in 1.9 us a point, `walk` (20 steps at most, to 0.0002 mm) in 0.46 us, four steps of
+`advance` (999 of 1000 to 0.01 mm) in 0.8 us; measured 2026-11-24 on one core. Levels are made of millions of such
+searches.
 
-`walk` is for points next to a level: s is periodic over [0, 1), t is held between two rings `ends` next to
-the poles, within which the surface is as good as straight. `advance` is one step for many points, over the
-poles, on a surface that its caller evaluates: of any degree, closed or open.
-
-Both take the step of `kernels.closest.newton`, and differ from its `descend` in how they damp it and when
-they end, as one iteration for all would cost more than it saves. Of 40,000 points within 0.4 mm of a surface
-of 112 control points, each started 0.005 of the domain off, `descend` finds all in 1.9 us a point, `walk`
-(20 steps at most, to 0.0002 mm) in 0.46 us, four steps of `advance` (999 of 1000 to 0.01 mm) in 0.8 us;
-measured 2026-11-24 on one core. Levels are made of millions of such searches.
-
-The distance to the nearest of many triangles, up to a limit, compiled: a tree of bounding boxes.
-
-The tree is complete: node n has the children 2n + 1 and 2n + 2, its last row are the leaves, which share the
-triangles evenly. Each search begins with the triangle that was nearest to the point before, so points in the
-order of a path find their way quickly.
+The distance to the nearest of many triangles, up to a limit, is found in a tree of bounding boxes. It is complete: node
+n has the children 2n + 1 and 2n + 2, its last row are the leaves, which share the triangles evenly. Each search begins
+with the triangle that was nearest to the point before, so points in the order of a path find their way quickly.
 """
 
 import numpy as np
 from numpy import ndarray
 
-from bonecam.kernels import inner_njit, njit
-from bonecam.kernels.bezier import Three, first_jet, jet, locate_one, spread_first_jet
-from bonecam.kernels.fastmath import CONTRACT
+from bonecam.kernels import CONTRACT, inner_njit, njit
+from bonecam.kernels.bezier import first_jet, jet, locate_one, spread_first_jet
+from bonecam.kernels.vectors import Three, cross, dot, minus, times, unit
 
 MAX_STEPS = 60
 """Steps from one seed: Newton needs under ten but where it starts far away on a folded surface."""
@@ -133,7 +128,7 @@ def descend(
     patches: ndarray, boxes: ndarray, strips: tuple, domain: ndarray, period: ndarray, poles: ndarray,
     limit: ndarray, p: ndarray,
     s: float, t: float, D: ndarray,
-) -> tuple[float, float, float]:  # fmt: skip
+) -> Three:  # fmt: skip
     """Parameters of the closest point reached from one seed (s, t), and half the squared distance."""
     s, t = into_domain(s, t, domain, period, poles)
     e = locate_one(*strips, s, t)
@@ -253,32 +248,6 @@ FLATTEST = 1e-9
 TINY = np.finfo(np.float64).tiny
 
 
-@njit(inline="always")
-def _dot(a: Three, b: Three) -> float:
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-@njit(inline="always")
-def _cross(a: Three, b: Three) -> Three:
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
-
-
-@njit(inline="always")
-def _times(factor: float, a: Three) -> Three:
-    return factor * a[0], factor * a[1], factor * a[2]
-
-
-@njit(inline="always")
-def _minus(a: Three, b: Three) -> Three:
-    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
-
-
-@njit(inline="always")
-def _unit(a: Three) -> Three:
-    size = np.sqrt(_dot(a, a))
-    return _times(1.0 / size, a) if size > 0.0 else a
-
-
 @inner_njit(fastmath=CONTRACT)
 def _pole_normal(patches: ndarray, boxes: ndarray, strips: tuple, end: float) -> Three:
     """The mean normal round a pole, which may be the tip of a cone."""
@@ -286,8 +255,8 @@ def _pole_normal(patches: ndarray, boxes: ndarray, strips: tuple, end: float) ->
     for k in range(POLE_DIRECTIONS):
         e = locate_one(*strips, k / POLE_DIRECTIONS, end)
         _, S_s, S_t = first_jet(patches[e], boxes[e], k / POLE_DIRECTIONS, end)
-        n = _minus(n, _cross(S_t, S_s))
-    return _unit(n)
+        n = minus(n, cross(S_t, S_s))
+    return unit(n)
 
 
 @njit(cache=True, fastmath=CONTRACT, nogil=True)
@@ -321,18 +290,18 @@ def walk(
             if not (boxes[e, 0] <= u < boxes[e, 1] and boxes[e, 2] <= v < boxes[e, 3]):
                 e = locate_one(*strips, u, v)
             x, S_s, S_t = spread_first_jet(patches[e], boxes[e], u, v)
-            r = _minus(p, x)
-            square = _dot(r, r)
+            r = minus(p, x)
+            square = dot(r, r)
             if square < best:
                 best = square
                 nearest_u = u
                 nearest_v = v
                 nearest = x
-                n = _cross(S_s, S_t)
+                n = cross(S_s, S_t)
                 if square <= enough[l] * enough[l]:
                     break
-                F, G, a, b = _dot(S_s, S_t), _dot(S_t, S_t), _dot(r, S_s), _dot(r, S_t)
-                E = _dot(S_s, S_s) + RIDGE * G
+                F, G, a, b = dot(S_s, S_t), dot(S_t, S_t), dot(r, S_s), dot(r, S_t)
+                E = dot(S_s, S_s) + RIDGE * G
                 across = E * G - F * F * (1.0 - RIDGE)
                 if across <= 0.0:
                     break
@@ -347,20 +316,20 @@ def walk(
             u = nearest_u + ds
             u -= np.floor(u)
             v = min(max(nearest_v + dt, ends[0]), ends[1])
-        n = first if nearest_v == ends[0] else last if nearest_v == ends[1] else _unit(n)
+        n = first if nearest_v == ends[0] else last if nearest_v == ends[1] else unit(n)
         end = domain[0] if nearest_v == ends[0] else domain[1] if nearest_v == ends[1] else nearest_v
         if end != nearest_v:
             e = locate_one(*strips, nearest_u, end)
             tip = first_jet(patches[e], boxes[e], nearest_u, end)[0]
-            along = _minus(nearest, tip)
-            share = min(max(_dot(_minus(p, tip), along) / max(_dot(along, along), TINY), 0.0), 1.0)
+            along = minus(nearest, tip)
+            share = min(max(dot(minus(p, tip), along) / max(dot(along, along), TINY), 0.0), 1.0)
             nearest_v = end + share * (nearest_v - end)
-            nearest = _minus(tip, _times(-share, along))
-            r = _minus(p, nearest)
-            best = _dot(r, r)
+            nearest = minus(tip, times(-share, along))
+            r = minus(p, nearest)
+            best = dot(r, r)
         if best > clear_of * clear_of:
-            r = _minus(p, nearest)
-            n = _times(1.0 / np.copysign(np.sqrt(best), _dot(r, n)), r)
+            r = minus(p, nearest)
+            n = times(1.0 / np.copysign(np.sqrt(best), dot(r, n)), r)
         s[l], t[l] = nearest_u, nearest_v
         for i in range(3):
             foot[l, i], normal[l, i] = nearest[i], n[i]
@@ -476,53 +445,47 @@ def boxes_of(triangles: ndarray, leaves: int) -> ndarray:
 
 
 @njit(inline="always")
-def _squared(x: float, y: float, z: float) -> float:
+def squared_box_distance(p: Three, boxes: ndarray, n: int) -> float:
+    """Squared distance of a point from box n; infinite where it is empty."""
+    x = max(max(boxes[n, 0] - p[0], p[0] - boxes[n, 3]), 0.0)
+    y = max(max(boxes[n, 1] - p[1], p[1] - boxes[n, 4]), 0.0)
+    z = max(max(boxes[n, 2] - p[2], p[2] - boxes[n, 5]), 0.0)
     return x * x + y * y + z * z
 
 
-@njit(inline="always")
-def _squared_box_distance(px: float, py: float, pz: float, boxes: ndarray, n: int) -> float:
-    """Squared distance from a box; infinite where it is empty."""
-    x = max(max(boxes[n, 0] - px, px - boxes[n, 3]), 0.0)
-    y = max(max(boxes[n, 1] - py, py - boxes[n, 4]), 0.0)
-    z = max(max(boxes[n, 2] - pz, pz - boxes[n, 5]), 0.0)
-    return _squared(x, y, z)
-
-
 @inner_njit()
-def squared_triangle_distance(px: float, py: float, pz: float, t: ndarray) -> float:
-    """Squared distance from a triangle (Ericson 2005, section 5.1.5)."""
-    abx, aby, abz = t[3] - t[0], t[4] - t[1], t[5] - t[2]
-    acx, acy, acz = t[6] - t[0], t[7] - t[1], t[8] - t[2]
-    apx, apy, apz = px - t[0], py - t[1], pz - t[2]
-    d1, d2 = abx * apx + aby * apy + abz * apz, acx * apx + acy * apy + acz * apz
+def squared_triangle_distance(p: Three, t: ndarray) -> float:
+    """Squared distance of a point from a triangle (9,) (Ericson 2005, section 5.1.5)."""
+    a, b, c = (t[0], t[1], t[2]), (t[3], t[4], t[5]), (t[6], t[7], t[8])
+    ab, ac, ap = minus(b, a), minus(c, a), minus(p, a)
+    d1, d2 = dot(ab, ap), dot(ac, ap)
     if d1 <= 0.0 and d2 <= 0.0:
-        return _squared(apx, apy, apz)
-    bpx, bpy, bpz = px - t[3], py - t[4], pz - t[5]
-    d3, d4 = abx * bpx + aby * bpy + abz * bpz, acx * bpx + acy * bpy + acz * bpz
+        return dot(ap, ap)
+    bp = minus(p, b)
+    d3, d4 = dot(ab, bp), dot(ac, bp)
     if d3 >= 0.0 and d4 <= d3:
-        return _squared(bpx, bpy, bpz)
+        return dot(bp, bp)
     vc = d1 * d4 - d3 * d2
     if vc <= 0.0 and d1 >= 0.0 and d3 <= 0.0 and d1 > d3:
-        v = d1 / (d1 - d3)
-        return _squared(apx - v * abx, apy - v * aby, apz - v * abz)
-    cpx, cpy, cpz = px - t[6], py - t[7], pz - t[8]
-    d5, d6 = abx * cpx + aby * cpy + abz * cpz, acx * cpx + acy * cpy + acz * cpz
+        away = minus(ap, times(d1 / (d1 - d3), ab))
+        return dot(away, away)
+    cp = minus(p, c)
+    d5, d6 = dot(ab, cp), dot(ac, cp)
     if d6 >= 0.0 and d5 <= d6:
-        return _squared(cpx, cpy, cpz)
+        return dot(cp, cp)
     vb = d5 * d2 - d1 * d6
     if vb <= 0.0 and d2 >= 0.0 and d6 <= 0.0 and d2 > d6:
-        w = d2 / (d2 - d6)
-        return _squared(apx - w * acx, apy - w * acy, apz - w * acz)
+        away = minus(ap, times(d2 / (d2 - d6), ac))
+        return dot(away, away)
     va = d3 * d6 - d5 * d4
     if va <= 0.0 and d4 >= d3 and d5 >= d6 and (d4 - d3) + (d5 - d6) > 0.0:
-        w = (d4 - d3) / ((d4 - d3) + (d5 - d6))
-        return _squared(bpx - w * (t[6] - t[3]), bpy - w * (t[7] - t[4]), bpz - w * (t[8] - t[5]))
+        away = minus(bp, times((d4 - d3) / ((d4 - d3) + (d5 - d6)), minus(c, b)))
+        return dot(away, away)
     whole = va + vb + vc
     if whole <= 0.0:  # a triangle without area
-        return min(_squared(apx, apy, apz), min(_squared(bpx, bpy, bpz), _squared(cpx, cpy, cpz)))
-    v, w = vb / whole, vc / whole
-    return _squared(apx - v * abx - w * acx, apy - v * aby - w * acy, apz - v * abz - w * acz)
+        return min(dot(ap, ap), min(dot(bp, bp), dot(cp, cp)))
+    away = minus(minus(ap, times(vb / whole, ab)), times(vc / whole, ac))
+    return dot(away, away)
 
 
 @njit(cache=True, nogil=True)
@@ -537,12 +500,11 @@ def distances_within(points: ndarray, limits: ndarray, slack: float, triangles: 
     reach = np.empty(DEEPEST)
     last = 0
     for i in range(len(points)):
-        px, py, pz = points[i, 0], points[i, 1], points[i, 2]
-        best = limits[i] * limits[i]
-        best = min(best, squared_triangle_distance(px, py, pz, triangles[last]))
+        p = points[i, 0], points[i, 1], points[i, 2]
+        best = min(limits[i] * limits[i], squared_triangle_distance(p, triangles[last]))
         left_out = np.inf
         stack[0] = 0
-        reach[0] = _squared_box_distance(px, py, pz, boxes, 0)
+        reach[0] = squared_box_distance(p, boxes, 0)
         height = 1
         while height:
             height -= 1
@@ -553,13 +515,13 @@ def distances_within(points: ndarray, limits: ndarray, slack: float, triangles: 
             if node >= leaves - 1:
                 leaf = node - leaves + 1
                 for k in range(leaf * n // leaves, (leaf + 1) * n // leaves):
-                    d = squared_triangle_distance(px, py, pz, triangles[k])
+                    d = squared_triangle_distance(p, triangles[k])
                     if d < best:
                         best, last = d, k
                 continue
             a, b = 2 * node + 1, 2 * node + 2
-            to_a = _squared_box_distance(px, py, pz, boxes, a)
-            to_b = _squared_box_distance(px, py, pz, boxes, b)
+            to_a = squared_box_distance(p, boxes, a)
+            to_b = squared_box_distance(p, boxes, b)
             if to_a < to_b:
                 a, b, to_a, to_b = b, a, to_b, to_a
             # the nearer child comes off the stack first

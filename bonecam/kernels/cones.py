@@ -1,24 +1,15 @@
-"""The projection of points onto intersections of half-spaces, compiled.
+"""Cones of proven tool axes, compiled.
 
-Tools proven free for all axes of a cone at once, compiled: spheres about points of the cone's axis, one behind
-the other.
-
-A sphere of radius D about the point of the axis at height u is empty. For every axis within the angle rho of the cone's
+Tools are proven free for all axes of a cone at once by spheres about points of the cone's axis, one behind the other. A
+sphere of radius D about the point of the axis at height u is empty. For every axis within the angle rho of the cone's
 it holds the tool's disc of radius r at each height between
 
     u cos(rho) -+ sqrt(D^2 - (r + u sin(rho))^2);
 
-with rho = 0 these are the spheres of one tool. Where the apex may lie anywhere within `growth` of its place, D is
-less by that.
-
-Maps of proven directions, compiled: the triangles of a subdivided icosahedron whose cones are proven free.
-
-Each is proven by itself or in a larger one that holds it. One that is not proven is divided into four, whose proofs
-begin where its own ended.
-
-`prove` is compiled into what calls it here, and kept with this file: a change of it asks for one here too.
-
-The largest elliptic cones in maps of proven directions, compiled.
+with rho = 0 these are the spheres of one tool. Where the apex may lie anywhere within `growth` of its place, D is less
+by that. A map of proven directions holds the triangles of a subdivided icosahedron whose cones are proven free, each by
+itself or in a larger one that holds it. One that is not proven is divided into four, whose proofs begin where its own
+ended.
 
 In the chart of a direction w, where a direction is its point in the plane tangent to the unit sphere at w (gnomonic
 projection), great circles are straight and cones ellipses. An ellipse that holds w and no point of an edge between
@@ -29,28 +20,20 @@ proven leaves and others holds proven directions alone. Sought is, over its cent
 s^2 being its area over pi, q the place of w in it (0 at its centre, 1 at its rim): it is large, not far off w, and w
 lies deep in it. A pattern search finds it, in two parameters at a time: the best lies against several edges.
 
-What a section of the tool sweeps for all axes of an elliptic cone, compiled: the vertices of a mesh that holds it.
+What a section of the tool sweeps for all axes of an elliptic cone is held by a mesh. A `size` is start and end of the
+section above the apex, its radius, both semi-angles of the cone, and the growth: how far the apex may be from its place
+(mm, radians; `Sweep` of `planning.axes.cones` tells the bounds). The apex lies in the origin, the axis of the cone
+along Z, its largest opening along X. Rows are written number by number: sums, products and copies of whole rows bring
+numpy's broadcasting and the texts of its errors, which take longer to compile than all that is computed here.
 
-A `size` is start and end of the section above the apex, its radius, both semi-angles of the cone, and the growth: how
-far the apex may be from its place (mm, radians; `Sweep` of `planning.axes.cones.envelope` tells the bounds). The apex
-lies in the origin, the axis of the cone along Z, its largest opening along X.
-
-Rows are written number by number: sums, products and copies of whole rows bring numpy's broadcasting and the texts of
-its errors, which take longer to compile than all that is computed here.
-
-Where what a section of the tool sweeps in an elliptic cone is, compiled: which points it holds, and which facets of
-its mesh are near a solid. Sizes are those of `swept_cones`.
-
-What a section of the tool sweeps in an elliptic cone, told from the triangles of a solid by planes, compiled.
-
-With n the outward normal of a plane tangent to the cone, a point x of a section of radius r that begins at h, grown by
-g, has for its axis a, where h > g,
+Such a sweep is told from the triangles of a solid by planes. With n the outward normal of a plane tangent to the cone,
+a point x of a section of radius r that begins at h, grown by g, has for its axis a, where h > g,
 
     out (n . x - r) + down (h - x . a) <= g,    out^2 + down^2 = 1,    out, down >= 0,
 
 and for the highest x . a of an axis of the cone the left side is concave in x. So a triangle is clear where it is more
 than g at all three corners, for one n, out and down; and where it is farther away than the section reaches. A tree of
-boxes (`triangle_tree`) leaves out most triangles. Sizes are those of `swept_cones`.
+boxes leaves out most triangles.
 """
 
 from typing import Any, NamedTuple
@@ -61,6 +44,7 @@ from numpy import ndarray
 from bonecam.kernels import inner_njit, njit
 from bonecam.kernels.closest_points import DEEPEST, squared_triangle_distance
 from bonecam.kernels.distances import distance_bound
+from bonecam.kernels.vectors import cross, dot, length, minus
 
 SWEEPS = 2000
 """Times that all multipliers of a point are taken anew, at most: walls of a gap of 5 degrees take as many."""
@@ -166,8 +150,7 @@ def prove(
         begins = up
         if o.sections[s, 3] > 0:
             n = p.normals[k]
-            dot = min(max(a[0] * n[0] + a[1] * n[1] + a[2] * n[2], -1.0), 1.0)
-            lean = np.arccos(dot) + p.spread[k] + angle
+            lean = np.arccos(min(max(dot(a, n), -1.0), 1.0)) + p.spread[k] + angle
             # balls along an axis that leans by this from the normal stay in the larger ball as long
             up = max(up, 2 * p.room[k] * np.cos(min(lean, np.pi / 2)))
             begins = max(begins, 2 * p.room[k])
@@ -228,34 +211,8 @@ def within_limits(limits: AxisLimits, directions: ndarray, band: float) -> ndarr
         n = limits.normals[k]
         most = min(limits.largest, limits.above[k]) + band
         for i in range(len(directions)):
-            dot = directions[i, 0] * n[0] + directions[i, 1] * n[1] + directions[i, 2] * n[2]
-            allowed[k, i] = dot >= near and limits.least - band <= polar[i] <= most
+            allowed[k, i] = dot(directions[i], n) >= near and limits.least - band <= polar[i] <= most
     return allowed
-
-
-@inner_njit()
-def _prove_triangle(
-    o: Obstacles,
-    p: Apexes,
-    first: int,
-    triangles: SphereTriangles,
-    t: int,
-    level: int,
-    sections: ndarray,
-    heights: ndarray,
-) -> int:
-    """What `prove` tells of a triangle and the apexes from `first` on together. Row `level` of `sections` and
-    `heights` (levels + 1, apexes) are how far the larger triangle that holds it is proven; the next row becomes that of
-    this one."""
-    verdict = PROVEN
-    for i in range(sections.shape[1]):
-        one, sections[level + 1, i], heights[level + 1, i] = prove(
-            o, p, first + i, triangles.centres[t], triangles.caps[t], sections[level, i], heights[level, i]
-        )
-        verdict = min(verdict, one)
-        if verdict == REJECTED:
-            break
-    return verdict
 
 
 @njit(cache=True, nogil=True)
@@ -281,7 +238,21 @@ def direction_maps(o: Obstacles, p: Apexes, starts: ndarray, asked: ndarray, tri
                 if not wanted:
                     continue
                 t = triangles.starts[level] + i
-                verdict = _prove_triangle(o, p, starts[k], triangles, t, level, sections, heights)
+                # how far this triangle is proven for each apex goes on from the larger one that holds it
+                verdict = PROVEN
+                for apex in range(starts[k + 1] - starts[k]):
+                    proof, sections[level + 1, apex], heights[level + 1, apex] = prove(
+                        o,
+                        p,
+                        starts[k] + apex,
+                        triangles.centres[t],
+                        triangles.caps[t],
+                        sections[level, apex],
+                        heights[level, apex],
+                    )
+                    verdict = min(verdict, proof)
+                    if verdict == REJECTED:
+                        break
                 if verdict == PROVEN:
                     proven[k, i * size : (i + 1) * size] = True
                 elif verdict == OPEN and level < last:
@@ -313,34 +284,24 @@ class LeafMesh(NamedTuple):
     beside: ndarray
 
 
-@njit(cache=True, nogil=True)
-def _holds(mesh: LeafMesh, leaf: int, w: ndarray) -> bool:
-    """Whether a direction lies in a leaf or on its edge."""
-    for i in range(3):
-        a, b = mesh.vertices[mesh.leaves[leaf, i]], mesh.vertices[mesh.leaves[leaf, (i + 1) % 3]]
-        cross = (
-            (a[1] * b[2] - a[2] * b[1]) * w[0] + (a[2] * b[0] - a[0] * b[2]) * w[1] + (a[0] * b[1] - a[1] * b[0]) * w[2]
-        )
-        if cross < 0:
-            return False
-    return True
-
-
 @inner_njit()
 def _place_in(mesh: LeafMesh, centres: ndarray, proven: ndarray, w: ndarray) -> int:
     """Whether (-2) w lies in a proven leaf, else the proven leaf whose centre is nearest; -1 where there is none."""
     near, nearest = -1.0, -1
-    close = -1.0
-    closest: Any = np.int64(-1)  # a literal compiles `_holds` twice
+    close, closest = -1.0, -1
     for leaf in range(len(centres)):
-        dot = centres[leaf, 0] * w[0] + centres[leaf, 1] * w[1] + centres[leaf, 2] * w[2]
-        if proven[leaf] and dot > near:
-            near, nearest = dot, leaf
-        if dot > close:
-            close, closest = dot, leaf
-    if nearest == closest and _holds(mesh, closest, w):
-        return -2
-    return nearest
+        cosine = dot(centres[leaf], w)
+        if proven[leaf] and cosine > near:
+            near, nearest = cosine, leaf
+        if cosine > close:
+            close, closest = cosine, leaf
+    if nearest != closest:
+        return nearest
+    for i in range(3):
+        a, b = mesh.vertices[mesh.leaves[closest, i]], mesh.vertices[mesh.leaves[closest, (i + 1) % 3]]
+        if dot(cross(a, b), w) < 0:
+            return nearest
+    return -2
 
 
 @inner_njit()
@@ -406,16 +367,6 @@ def _seen(edges: ndarray, count: int) -> int:
 
 
 @inner_njit()
-def _moved(at: ndarray, s: float, move: ndarray, out: ndarray) -> None:
-    """Write an ellipse, whose s this is, moved: its centre by shares of its semi-axes, its turn and its ratio."""
-    cosine, sine = np.cos(at[2]), np.sin(at[2])
-    along, across = s * np.exp(at[3]) * move[0], s * np.exp(-at[3]) * move[1]
-    out[0] = at[0] + cosine * along - sine * across
-    out[1] = at[1] + sine * along + cosine * across
-    out[2], out[3] = at[2] + move[2], at[3] + move[3]
-
-
-@inner_njit()
 def _search(edges: ndarray, count: int, at: ndarray, free: int) -> float:
     """Improve an ellipse in its first `free` parameters, one or two at a time; what it is worth."""
     steps = np.array(FIRST_STEPS)
@@ -433,7 +384,12 @@ def _search(edges: ndarray, count: int, at: ndarray, free: int) -> float:
                 move[:], move[i] = 0.0, steps[i] * (2 * (k % 2) - 1)
                 if j > i:
                     move[j] = steps[j] * (2 * (k // 2 % 2) - 1)
-                _moved(at, s, move, moved)
+                # the centre by shares of the semi-axes
+                cosine, sine = np.cos(at[2]), np.sin(at[2])
+                along, across = s * np.exp(at[3]) * move[0], s * np.exp(-at[3]) * move[1]
+                moved[0] = at[0] + cosine * along - sine * across
+                moved[1] = at[1] + sine * along + cosine * across
+                moved[2], moved[3] = at[2] + move[2], at[3] + move[3]
                 worth = _worth(edges, count, moved)
                 if worth > best + 1e-3:
                     at[:] = moved
@@ -442,50 +398,6 @@ def _search(edges: ndarray, count: int, at: ndarray, free: int) -> float:
                     s = _reach(edges, count, at[0], at[1], at[2], at[3])
         steps /= 2
     return best
-
-
-@inner_njit()
-def _dot(a: ndarray, b: ndarray) -> float:
-    return 0.0 + a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-@inner_njit()
-def _cross(a: ndarray, b: ndarray, product: ndarray) -> None:
-    product[0] = a[1] * b[2] - a[2] * b[1]
-    product[1] = a[2] * b[0] - a[0] * b[2]
-    product[2] = a[0] * b[1] - a[1] * b[0]
-
-
-@inner_njit()
-def _tangents(w: ndarray, t1: ndarray, t2: ndarray) -> None:
-    """Write two unit vectors across the unit vector w, and each other."""
-    side = np.zeros(3)
-    axis = 0
-    for d in range(1, 3):
-        if abs(w[d]) < abs(w[axis]):
-            axis = d
-    side[axis] = 1.0
-    _cross(w, side, t1)
-    size = np.sqrt(_dot(t1, t1))
-    for d in range(3):
-        t1[d] /= size
-    _cross(w, t1, t2)
-
-
-@inner_njit()
-def _rim(mesh: LeafMesh, proven: ndarray, w: ndarray, t1: ndarray, t2: ndarray, edges: ndarray) -> int:
-    """Write the edges between proven leaves and others into `edges`, in the chart of w; how many they are."""
-    count: Any = np.int64(0)  # a literal compiles what takes it twice
-    for e in range(len(mesh.edges)):
-        if proven[mesh.beside[e, 0]] == proven[mesh.beside[e, 1]]:
-            continue
-        a, b = mesh.vertices[mesh.edges[e, 0]], mesh.vertices[mesh.edges[e, 1]]
-        za, zb = _dot(a, w), _dot(b, w)
-        if za > LOWEST and zb > LOWEST:
-            edges[count, 0], edges[count, 1] = _dot(a, t1) / za, _dot(a, t2) / za
-            edges[count, 2], edges[count, 3] = _dot(b, t1) / zb, _dot(b, t2) / zb
-            count += 1
-    return count
 
 
 @njit(cache=True, nogil=True)
@@ -498,14 +410,37 @@ def largest_ellipses(
     frames = np.zeros((len(wanted), 3, 3))
     has_cone = np.zeros(len(wanted), dtype=np.bool_)
     edges = np.empty((len(mesh.edges), 4))
-    t1, t2 = np.empty((2, 3))
+    t1, side = np.empty((2, 3))
     for k in range(len(wanted)):
         leaf = _place_in(mesh, centres, proven[k], wanted[k])
         if leaf == -1:
             continue
         w = wanted[k] if leaf == -2 else centres[leaf]
-        _tangents(w, t1, t2)
-        count = _rim(mesh, proven[k], w, t1, t2, edges)
+        # two unit vectors across w, and each other
+        smallest = 0
+        for d in range(1, 3):
+            if abs(w[d]) < abs(w[smallest]):
+                smallest = d
+        side[:] = 0.0
+        side[smallest] = 1.0
+        t1[0], t1[1], t1[2] = cross(w, side)
+        size = length(t1)
+        for d in range(3):
+            t1[d] /= size
+        t2 = cross(w, t1)
+
+        # the edges between proven leaves and others in the chart of w
+        count: Any = np.int64(0)  # a literal compiles what takes it twice
+        for e in range(len(mesh.edges)):
+            if proven[k, mesh.beside[e, 0]] == proven[k, mesh.beside[e, 1]]:
+                continue
+            a, b = mesh.vertices[mesh.edges[e, 0]], mesh.vertices[mesh.edges[e, 1]]
+            za, zb = dot(a, w), dot(b, w)
+            if za > LOWEST and zb > LOWEST:
+                edges[count, 0], edges[count, 1] = dot(a, t1) / za, dot(a, t2) / za
+                edges[count, 2], edges[count, 3] = dot(b, t1) / zb, dot(b, t2) / zb
+                count += 1
+
         seen = _seen(edges, count)
         best = np.zeros(4)
         _search(edges, seen, best, 2 if circular else 4)
@@ -549,16 +484,6 @@ def _turn(first: float, second: float, number: float, sides: int) -> tuple[float
 
 
 @inner_njit()
-def _middles_of(first: float, second: float, sides: int, out: ndarray) -> None:
-    """Unit directions of the rim, in the middle between each side and the next."""
-    for k in range(sides):
-        c, s = _turn(first, second, k + 0.5, sides)
-        x, y = first * c, second * s
-        long = np.sqrt(x * x + y * y + 1.0)
-        out[k, 0], out[k, 1], out[k, 2] = x / long, y / long, 1.0 / long
-
-
-@inner_njit()
 def normals_of(first: float, second: float, sides: int, out: ndarray) -> None:
     """Outward unit normals of the sides."""
     for k in range(sides):
@@ -566,12 +491,6 @@ def normals_of(first: float, second: float, sides: int, out: ndarray) -> None:
         x, y, z = second * c, first * s, -first * second
         long = np.sqrt(x * x + y * y + z * z)
         out[k, 0], out[k, 1], out[k, 2] = x / long, y / long, z / long
-
-
-@inner_njit()
-def dot(a: ndarray, b: ndarray) -> float:
-    """The dot product of two vectors in space."""
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @inner_njit()
@@ -599,45 +518,24 @@ def edges_of(first: float, second: float, sides: int, wide: float, foot: ndarray
     for k in range(sides):
         m, n = normals[k], normals[(k + 1) % sides]
         share = wide / (1.0 + dot(m, n))
-        x = m[1] * n[2] - m[2] * n[1]
-        y = m[2] * n[0] - m[0] * n[2]
-        z = m[0] * n[1] - m[1] * n[0]
-        long = np.sqrt(x * x + y * y + z * z) * np.sign(z)
-        along[k, 0], along[k, 1], along[k, 2] = x / long, y / long, z / long
+        edge = cross(m, n)
+        long = length(edge) * np.sign(edge[2])
         for i in range(3):
+            along[k, i] = edge[i] / long
             foot[k, i] = share * (m[i] + n[i])
 
 
 @inner_njit()
 def _nearest_of_triangle(a: ndarray, b: ndarray, c: ndarray) -> float:
     """The least distance of a triangle, whose corners are equally far from the origin, from there."""
-    u = (b[0] - a[0], b[1] - a[1], b[2] - a[2])
-    v = (c[0] - a[0], c[1] - a[1], c[2] - a[2])
-    w = (v[0] - u[0], v[1] - u[1], v[2] - u[2])
+    u, v = minus(b, a), minus(c, a)
+    w = minus(v, u)
     uu, vv, ww = dot(u, u), dot(v, v), dot(w, w)
     most = max(uu, vv, ww)
     if 2 * most >= uu + vv + ww:  # obtuse: the middle of the longest edge is nearest, not that of the plane
         return np.sqrt(dot(a, a) - most / 4)
-    n = (u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0])
-    return abs(dot(n, a)) / np.sqrt(dot(n, n))
-
-
-@inner_njit()
-def _cap_distance(rings: ndarray, radius: float) -> float:
-    """The least distance of the facets between rings on a sphere of this radius, and to its pole, from its middle."""
-    count, sides = rings.shape[:2]
-    pole = np.zeros(3)
-    pole[2] = radius
-    least = np.inf
-    for k in range(count):
-        for j in range(sides):
-            a, b = rings[k, j], rings[k, (j + 1) % sides]
-            if k == count - 1:
-                least = min(least, _nearest_of_triangle(pole, a, b))
-                continue
-            c, d = rings[k + 1, (j + 1) % sides], rings[k + 1, j]
-            least = min(least, _nearest_of_triangle(a, b, c), _nearest_of_triangle(a, c, d))
-    return least
+    n = cross(u, v)
+    return abs(dot(n, a)) / length(n)
 
 
 @inner_njit()
@@ -645,7 +543,7 @@ def _upper(top: float, foot: ndarray, along: ndarray) -> tuple[ndarray, float]:
     """The rings from the edges of the sides to the upper pole, and the height of the pole: their facets are nowhere
     nearer than `top`."""
     sides = len(foot)
-    directions = np.empty((sides, 3))
+    directions, pole = np.empty((sides, 3)), np.zeros(3)
     radius = top
     turn = 0
     while True:
@@ -660,7 +558,17 @@ def _upper(top: float, foot: ndarray, along: ndarray) -> tuple[ndarray, float]:
         for k in range(count):
             for j in range(sides):
                 _lean(directions[j], 1.0 - k / count, radius, rings[k, j])
-        nearest = _cap_distance(rings, radius)
+        # the least distance of the facets between rings, and to the pole
+        pole[2] = radius
+        nearest = np.inf
+        for k in range(count):
+            for j in range(sides):
+                a, b = rings[k, j], rings[k, (j + 1) % sides]
+                if k == count - 1:
+                    nearest = min(nearest, _nearest_of_triangle(pole, a, b))
+                    continue
+                c, d = rings[k + 1, (j + 1) % sides], rings[k + 1, j]
+                nearest = min(nearest, _nearest_of_triangle(a, b, c), _nearest_of_triangle(a, c, d))
         turn += 1
         if turn >= TOUCHING and nearest >= top:
             return rings, radius
@@ -741,11 +649,15 @@ def swept_vertices(size: ndarray, sides: int) -> ndarray:
     arcs = 1 + int(widest / ARC_STEP) if bottom > 0 else 0
     count = arcs + 1 + len(upper)
     vertices = np.zeros((count * sides + 2, 3))
-    middles = np.empty((sides, 3))
-    _middles_of(first, second, sides, middles)
+    middle = np.empty(3)
     for j in range(sides):
+        # the rim between this side and the next
+        cosine, sine = _turn(first, second, j + 0.5, sides)
+        x, y = first * cosine, second * sine
+        long = np.sqrt(x * x + y * y + 1.0)
+        middle[0], middle[1], middle[2] = x / long, y / long, 1.0 / long
         for k in range(arcs):
-            _lean(middles[j], (k + 1) / arcs, bottom, vertices[k * sides + j])
+            _lean(middle, (k + 1) / arcs, bottom, vertices[k * sides + j])
         for i in range(3):
             vertices[arcs * sides + j, i] = ends[j, i]
             for k in range(len(upper)):
@@ -760,34 +672,29 @@ PLANES = 12
 
 
 @njit(cache=True, nogil=True)
-def _bound_holds(size: ndarray, sides: int, point: ndarray) -> bool:
-    """Whether a point lies within the bounds of a mesh."""
-    x, y, z = point
-    first, second = opening_of(size)
-    growth = max(size[5], LEAST_GROWTH)
-    away, bottom = np.sqrt(x * x + y * y + z * z), size[0] - growth
-    if away > np.hypot(size[2], size[1]) + growth or away < bottom:
-        return False
-    normals = np.empty((RIM_STEPS * sides, 3))
-    normals_of(first, second, RIM_STEPS * sides, normals)
-    beyond = normals @ point
-    if beyond[::RIM_STEPS].max() > size[2] + growth:
-        return False
-    if z > 0 and np.hypot(x / first, y / second) <= z:
-        return True
-    if bottom > 0:
-        return away * away - max(beyond.max(), 0.0) ** 2 >= bottom * bottom
-    between, around = np.empty_like(normals), np.empty_like(normals)
-    edges_of(first, second, RIM_STEPS * sides, 0.0, between, around)
-    return bool((around @ point).max() >= bottom)
-
-
-@njit(cache=True, nogil=True)
 def swept_hold(sizes: ndarray, sides: int, points: ndarray) -> ndarray:
     """Whether each point (n, 3) lies within the bounds that the mesh of its size (n, 6) with so many sides has."""
-    held = np.empty(len(points), np.bool_)
+    held = np.zeros(len(points), np.bool_)
+    normals = np.empty((RIM_STEPS * sides, 3))
+    between, around = np.empty_like(normals), np.empty_like(normals)
     for k in range(len(points)):
-        held[k] = _bound_holds(sizes[k], sides, points[k])
+        size, point = sizes[k], points[k]
+        first, second = opening_of(size)
+        growth = max(size[5], LEAST_GROWTH)
+        away, bottom = length(point), size[0] - growth
+        if away > np.hypot(size[2], size[1]) + growth or away < bottom:
+            continue
+        normals_of(first, second, RIM_STEPS * sides, normals)
+        beyond = normals @ point
+        if beyond[::RIM_STEPS].max() > size[2] + growth:
+            continue
+        if point[2] > 0 and np.hypot(point[0] / first, point[1] / second) <= point[2]:
+            held[k] = True
+        elif bottom > 0:
+            held[k] = away * away - max(beyond.max(), 0.0) ** 2 >= bottom * bottom
+        else:
+            edges_of(first, second, RIM_STEPS * sides, 0.0, between, around)
+            held[k] = (around @ point).max() >= bottom
     return held
 
 
@@ -848,17 +755,6 @@ class Bounds(NamedTuple):
     cosine: float
 
 
-@njit(cache=True, nogil=True)
-def _bounds(size: ndarray, sides: int) -> Bounds:
-    first, second = opening_of(size)
-    growth = max(size[5], LEAST_GROWTH)
-    normals = np.empty((sides, 3))
-    normals_of(first, second, sides, normals)
-    widest = np.arctan(max(first, second))
-    top = np.hypot(size[2], size[1]) + growth
-    return Bounds(normals, size[2] + growth, top, size[0] - growth, growth, np.sin(widest), np.cos(widest))
-
-
 @inner_njit()
 def _height(b: Bounds, x: float, y: float, z: float, beyond: float) -> float:
     """How high above the apex a point is at most, seen along axes of the cone; it is `beyond` the tangent planes (0
@@ -872,36 +768,18 @@ def _height(b: Bounds, x: float, y: float, z: float, beyond: float) -> float:
 @inner_njit()
 def _box_is_clear(b: Bounds, middle: ndarray, half: ndarray) -> bool:
     """Whether a box, turned into the frame of the sweep, is told: its middle, and its half edges (rows)."""
-    x, y, z = middle
     radius = np.sqrt((half * half).sum())
-    if np.sqrt(x * x + y * y + z * z) - radius > b.top:
+    if length(middle) - radius > b.top:
         return True
     beyond = 0.0
     for j in range(len(b.normals)):
-        n = b.normals[j]
-        least = n[0] * x + n[1] * y + n[2] * z
+        least = dot(b.normals[j], middle)
         beyond = max(beyond, least)
         for i in range(3):
-            least -= abs(n[0] * half[i, 0] + n[1] * half[i, 1] + n[2] * half[i, 2])
+            least -= abs(dot(b.normals[j], half[i]))
         if least > b.wide:
             return True
-    return _height(b, x, y, z, beyond) + radius < b.least
-
-
-@inner_njit()
-def _edge_is_clear(b: Bounds, corners: ndarray, heights: ndarray) -> bool:
-    """Whether a triangle, whose corners are no higher than these heights, is told from the lower edge of the section by
-    a tilted plane."""
-    for j in range(len(b.normals)):
-        x, y, z = b.normals[j, 0], b.normals[j, 1], b.normals[j, 2]
-        for out, down in TILTS:
-            lowest = np.inf
-            for i in range(3):
-                beside = x * corners[3 * i] + y * corners[3 * i + 1] + z * corners[3 * i + 2] - b.wide + b.growth
-                lowest = min(lowest, out * beside + down * (b.least + b.growth - heights[i]))
-            if lowest > b.growth:
-                return True
-    return False
+    return _height(b, middle[0], middle[1], middle[2], beyond) + radius < b.least
 
 
 @inner_njit()
@@ -921,9 +799,19 @@ def _triangle_is_clear(b: Bounds, corners: ndarray, beyond: ndarray) -> bool:
     for i in range(3):
         beyond[i] = _height(b, corners[3 * i], corners[3 * i + 1], corners[3 * i + 2], beyond[i])
         highest = max(highest, beyond[i])
-    if highest < b.least or squared_triangle_distance(0.0, 0.0, 0.0, corners) > b.top * b.top:
+    if highest < b.least or squared_triangle_distance((0.0, 0.0, 0.0), corners) > b.top * b.top:
         return True
-    return b.least > 0.0 and _edge_is_clear(b, corners, beyond)
+    # else by a tilted plane, from the lower edge of the section
+    for j in range(len(b.normals) if b.least > 0.0 else 0):
+        x, y, z = b.normals[j, 0], b.normals[j, 1], b.normals[j, 2]
+        for out, down in TILTS:
+            lowest = np.inf
+            for i in range(3):
+                beside = x * corners[3 * i] + y * corners[3 * i + 1] + z * corners[3 * i + 2] - b.wide + b.growth
+                lowest = min(lowest, out * beside + down * (b.least + b.growth - beyond[i]))
+            if lowest > b.growth:
+                return True
+    return False
 
 
 @njit(cache=True, nogil=True)
@@ -939,8 +827,15 @@ def swept_clear(
     middle = np.empty(3)
     half = np.empty((3, 3))
     corners, beyond = np.empty(9), np.empty(3)
+    normals = np.empty((sides, 3))
     for k in range(len(sizes)):
-        bounds = _bounds(sizes[k], sides)
+        size = sizes[k]
+        first, second = opening_of(size)
+        growth = max(size[5], LEAST_GROWTH)
+        normals_of(first, second, sides, normals)
+        widest = np.arctan(max(first, second))
+        reach = np.hypot(size[2], size[1]) + growth
+        bounds = Bounds(normals, size[2] + growth, reach, size[0] - growth, growth, np.sin(widest), np.cos(widest))
         turn = turns[k]
         place = places[k]
         stack[0], height = 0, 1

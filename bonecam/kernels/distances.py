@@ -1,18 +1,11 @@
-"""Signed distances of points from a capsule and its normals there, compiled.
+"""Signed distances of points from capsules, cylinders and columns of material, and bounds of them; compiled.
 
-Lower bounds of the distance to a solid from nested grids of distances, compiled.
+A solid is bounded by nested grids of distances. Outside it the distance d is semiconcave: d(x) - |x|^2 / (2 m) is
+concave where d >= m. So its trilinear interpolant I on a cell of side h overestimates it by 3 h^2 / (8 m) at most, m
+being the least distance in the cell, no less than the least one at a corner less half of the diagonal.
 
-Outside a solid the distance d is semiconcave: d(x) - |x|^2 / (2 m) is concave where d >= m. So its trilinear
-interpolant I on a cell of side h overestimates it by 3 h^2 / (8 m) at most, m being the least distance in the cell, no
-less than the least one at a corner less half of the diagonal.
-
-Distances of points to upright cylinders, compiled: rows of `columns` (m, 5) are radius, top, bottom, x and y, mm.
-
-How high a tool must stand for what it holds over columns about the Z axis, compiled.
-
-A height field on a grid of lines, lowered by balls, compiled.
-
-Line (i, j) begins at base[i, j] and runs along the unit axis[i]; its height is where the material on it ends.
+Upright cylinders are rows of `columns` (m, 5): radius, top, bottom, x and y, mm. A height field has line (i, j) from
+base[i, j] along the unit axis[i]; its height is where the material on it ends, and balls lower it.
 """
 
 from typing import NamedTuple
@@ -20,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy import ndarray
 
-from bonecam.kernels import njit
-from bonecam.kernels.fastmath import CONTRACT
+from bonecam.kernels import CONTRACT, inner_njit, njit
+from bonecam.kernels.vectors import dot, length, minus, times
 
 ON_AXIS = 1e5 * np.finfo(np.float64).eps
 """Points nearer to the axis segment have a direction that is rounding alone: share of the capsule's size and
@@ -37,19 +30,16 @@ def distances_and_normals(
 
     The axis segment goes from `start` to `start + axis`; points on it take the normal `sideways`.
     """
-    square = axis[0] * axis[0] + axis[1] * axis[1] + axis[2] * axis[2]
-    away = start[0] * start[0] + start[1] * start[1] + start[2] * start[2]
-    least = ON_AXIS * (radius + np.sqrt(square) + np.sqrt(away))
+    square = dot(axis, axis)
+    least = ON_AXIS * (radius + np.sqrt(square) + length(start))
     for l in range(len(points)):
-        x, y, z = points[l, 0] - start[0], points[l, 1] - start[1], points[l, 2] - start[2]
-        along = min(max((x * axis[0] + y * axis[1] + z * axis[2]) / square, 0.0), 1.0) if square > 0.0 else 0.0
-        x, y, z = x - along * axis[0], y - along * axis[1], z - along * axis[2]
-        reach = np.sqrt(x * x + y * y + z * z)
+        away = minus(points[l], start)
+        along = min(max(dot(away, axis) / square, 0.0), 1.0) if square > 0.0 else 0.0
+        away = minus(away, times(along, axis))
+        reach = length(away)
         distance[l] = reach - radius
-        if reach > least:
-            out[l, 0], out[l, 1], out[l, 2] = x / reach, y / reach, z / reach
-        else:
-            out[l, 0], out[l, 1], out[l, 2] = sideways[0], sideways[1], sideways[2]
+        for k in range(3):
+            out[l, k] = away[k] / reach if reach > least else sideways[k]
 
 
 ROUNDING = 1e-9
@@ -148,16 +138,21 @@ def distance_bounds(grids: Grids, points: ndarray) -> ndarray:
     return bounds
 
 
+@inner_njit()
+def from_column(p: ndarray, column: ndarray) -> float:
+    """The signed distance of a point from a solid upright cylinder, mm."""
+    out = np.hypot(p[0] - column[3], p[1] - column[4]) - column[0]
+    up = max(p[2] - column[1], column[2] - p[2])
+    return min(max(out, up), 0.0) + np.hypot(max(out, 0.0), max(up, 0.0))
+
+
 @njit(cache=True, nogil=True)
 def column_bound(points: ndarray, columns: ndarray, distance: ndarray) -> None:
     """Lower each `distance` (n,), mm, to the signed one of its point (n, 3) from the nearest solid column, if that is
     less."""
     for i in range(len(points)):
         for c in range(len(columns)):
-            out = np.hypot(points[i, 0] - columns[c, 3], points[i, 1] - columns[c, 4]) - columns[c, 0]
-            up = max(points[i, 2] - columns[c, 1], columns[c, 2] - points[i, 2])
-            away = min(max(out, up), 0.0) + np.hypot(max(out, 0.0), max(up, 0.0))
-            distance[i] = min(distance[i], away)
+            distance[i] = min(distance[i], from_column(points[i], columns[c]))
 
 
 @njit(cache=True, nogil=True)
@@ -185,9 +180,9 @@ def highest_over(
 @njit(cache=True, nogil=True)
 def _lowest(base: ndarray, axis: ndarray, centre: ndarray, square: float) -> float:
     """Where a line enters a ball, from below; infinite where it misses."""
-    x, y, z = centre[0] - base[0], centre[1] - base[1], centre[2] - base[2]
-    along = x * axis[0] + y * axis[1] + z * axis[2]
-    rest = square - (x * x + y * y + z * z - along * along)
+    off = minus(centre, base)
+    along = dot(off, axis)
+    rest = square - (dot(off, off) - along * along)
     return along - np.sqrt(rest) if rest > 0.0 else np.inf
 
 

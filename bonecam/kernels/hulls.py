@@ -1,38 +1,20 @@
-"""Bounds that hold between the points: a bicubic patch lies in the convex hull of its Bezier control
-points.
+"""Bounds that hold between the points, compiled: a bicubic patch lies in the convex hull of its Bezier control points.
 
-Nets of control points, compiled: their halves, sizes and bounding boxes.
+A net is the 16 control points (16, 3) of a bicubic Bezier patch, s fastest. The nets of its halves (de Casteljau's
+algorithm at 1/2) are closer to the patch, so nets are halved until their bounds are good enough: what separates the
+hulls of two nets separates their patches, and how far a patch is at most from a surface is bounded by the distance of
+its net from one point, or along a map of the patch's parameters.
 
-A net is the 16 control points (16, 3) of a bicubic Bezier patch, s fastest. The patch lies in the convex hull
-of its net; the nets of its halves (de Casteljau's algorithm at 1/2) are closer to it.
+The map is bilinear and takes the corners of the patch to footpoints of theirs on the surface. The difference of the
+patch and the image of the map is a polynomial of degree six in both parameters, no larger anywhere than the largest of
+its control points. Where the map leaves one element of the surface, that element's polynomial is extended, and a bound
+of what the extension is off there is added. The bound is true whatever the map; good footpoints make it tight. They are
+found from parameters near them, the nearest of all from seeds all over the surface.
 
-Where rays lie in polyhedra, compiled.
-
-Of a convex one the planes of the faces that a ray passes bound it. Every face is drawn in the grid of the rays. A plane
-of another face than the one that a ray passes bounds the body too, so that rays through an edge, which count to both
-faces, take no harm. Of any other the crossings with all faces are listed, an edge belonging to one of its two.
-
-A distance that two sets of bicubic patches have at least, compiled: what separates the hulls of two nets
-separates their patches.
-
-Nets (`kernels.hulls.net`) are halved until their bounds are good enough.
-
-Footpoints on the surface that depths are measured to, compiled: from parameters near them, and the nearest
-of all that are found from seeds all over the surface.
-
-A bound of the distance between a net's patch and a surface, along a map of the patch's parameters,
-compiled.
-
-The map is bilinear and takes the corners of the patch to footpoints of theirs on the surface. The difference
-of the patch and the image of the map is a polynomial of degree six in both parameters, no larger anywhere
-than the largest of its control points. Where the map leaves one element of the surface, that element's
-polynomial is extended, and a bound of what the extension is off there is added. The bound is true whatever
-the map; good footpoints make it tight.
-
-How far patches are at most from a surface: a bound that holds between the points, compiled.
-
-A patch is bounded along a map of its parameters (`kernels.hulls.mapped_distance`), or by the distance of its
-net from one point, and halved until the bound is good enough.
+Where rays lie in a convex polyhedron the planes of the faces that a ray passes bound it. Every face is drawn in the
+grid of the rays. A plane of another face than the one that a ray passes bounds the body too, so that rays through an
+edge, which count to both faces, take no harm. Of any other polyhedron the crossings with all faces are listed, an edge
+belonging to one of its two.
 """
 
 import math
@@ -41,11 +23,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy import ndarray
 
-from bonecam.kernels import inner_njit, njit
+from bonecam.kernels import CONTRACT, inner_njit, njit
 from bonecam.kernels.bezier import bernstein, locate_one
-from bonecam.kernels.closest_points import descend
-from bonecam.kernels.fastmath import CONTRACT
+from bonecam.kernels.closest_points import descend, squared_box_distance
 from bonecam.kernels.rays import TILE, TINY
+from bonecam.kernels.vectors import Three, cross, distance, minus
 
 STACK_SIZE = 128
 """Room for nets on the stack of one search that halves them: one net for each halving of the first, and one
@@ -81,7 +63,7 @@ def copy(source: ndarray, target: ndarray) -> None:
 @njit(inline="always")
 def _distance(net: ndarray, a: int, b: int) -> float:
     """Distance of two control points of a net."""
-    return math.sqrt((net[b, 0] - net[a, 0]) ** 2 + (net[b, 1] - net[a, 1]) ** 2 + (net[b, 2] - net[a, 2]) ** 2)
+    return distance(net[b], net[a])
 
 
 @inner_njit()
@@ -108,15 +90,6 @@ def box_of(net: ndarray, box: ndarray) -> None:
             box[x], box[3 + x] = min(box[x], net[i, x]), max(box[3 + x], net[i, x])
 
 
-@njit(inline="always")
-def box_distance(box: ndarray, point: ndarray) -> float:
-    """Distance of a point from a box."""
-    square = 0.0
-    for x in range(3):
-        square += max(0.0, max(box[x] - point[x], point[x] - box[3 + x])) ** 2
-    return math.sqrt(square)
-
-
 EDGE = 1e-9
 """A ray that passes a face outside by this share of its area passes it."""
 
@@ -128,6 +101,12 @@ def _rays_over(a: float, b: float, c: float, cell: float, count: int) -> tuple[i
     return first, min(int(np.floor(max(a, b, c) / cell - 0.5)), count - 1)
 
 
+@njit(inline="always")
+def _orientation(a: ndarray, b: ndarray, p: ndarray) -> float:
+    """Twice the area of the triangle a b p in u and v, positive where p is to the left of the way from a to b."""
+    return (b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0])
+
+
 @njit(cache=True, nogil=True)
 def polyhedron_chords(corners: ndarray, cell: float, tile_of: ndarray, low: ndarray, high: ndarray) -> None:
     """Raise `low` and lower `high` (tiles, rays of a tile) to where rays enter and leave a convex polyhedron: w, mm.
@@ -136,9 +115,7 @@ def polyhedron_chords(corners: ndarray, cell: float, tile_of: ndarray, low: ndar
     rows, columns = TILE * tile_of.shape[0], TILE * tile_of.shape[1]
     for f in range(len(corners)):
         a, b, c = corners[f, 0], corners[f, 1], corners[f, 2]
-        nu = (b[1] - a[1]) * (c[2] - a[2]) - (b[2] - a[2]) * (c[1] - a[1])
-        nv = (b[2] - a[2]) * (c[0] - a[0]) - (b[0] - a[0]) * (c[2] - a[2])
-        nw = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+        nu, nv, nw = cross(minus(b, a), minus(c, a))
         if nw * nw <= TINY * (nu * nu + nv * nv):
             continue
         first, last = _rays_over(a[0], b[0], c[0], cell, rows)
@@ -149,8 +126,7 @@ def polyhedron_chords(corners: ndarray, cell: float, tile_of: ndarray, low: ndar
                 tile = tile_of[i // TILE, j // TILE]
                 ray = j % TILE * TILE + i % TILE
                 v = (j + 0.5) * cell
-                one = (b[0] - a[0]) * (v - a[1]) - (b[1] - a[1]) * (u - a[0])
-                two = (c[0] - b[0]) * (v - b[1]) - (c[1] - b[1]) * (u - b[0])
+                one, two = _orientation(a, b, (u, v)), _orientation(b, c, (u, v))
                 three = nw - one - two
                 if tile < 0 or min(one / nw, two / nw, three / nw) < -EDGE:
                     continue
@@ -159,13 +135,6 @@ def polyhedron_chords(corners: ndarray, cell: float, tile_of: ndarray, low: ndar
                     low[tile, ray] = max(low[tile, ray], w)
                 else:
                     high[tile, ray] = min(high[tile, ray], w)
-
-
-@njit(cache=True, nogil=True)
-def count_crossings(corners: ndarray, cell: float, rows: int, columns: int) -> int:
-    """How many times rays cross triangles, as `find_crossings`."""
-    none = np.empty(0, dtype=np.int64)
-    return find_crossings(corners, cell, rows, columns, none, np.empty(0), np.empty(0, dtype=np.int8))
 
 
 @njit(cache=True, nogil=True)
@@ -182,7 +151,7 @@ def find_crossings(
     crossings = 0
     for f in range(len(corners)):
         a, b, c = corners[f, 0], corners[f, 1], corners[f, 2]
-        area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+        area = _orientation(a, b, c)
         if area == 0.0:
             continue
         first, last = _rays_over(a[0], b[0], c[0], cell, rows)
@@ -190,27 +159,25 @@ def find_crossings(
         for i in range(first, last + 1):
             u = (i + 0.5) * cell
             for j in range(left, right + 1):
-                v = (j + 0.5) * cell
-                one, two, three = _left_of(a, b, u, v), _left_of(b, c, u, v), _left_of(c, a, u, v)
+                p = u, (j + 0.5) * cell
+                one, two, three = _left_of(a, b, p), _left_of(b, c, p), _left_of(c, a, p)
                 if one != two or two != three:
                     continue
                 if crossings < len(ray):
-                    p = (b[0] - a[0]) * (v - a[1]) - (b[1] - a[1]) * (u - a[0])
-                    q = (u - a[0]) * (c[1] - a[1]) - (v - a[1]) * (c[0] - a[0])
+                    to_b, to_c = _orientation(a, p, c), _orientation(a, b, p)
                     ray[crossings] = i * columns + j
-                    w[crossings] = a[2] + (q * (b[2] - a[2]) + p * (c[2] - a[2])) / area
+                    w[crossings] = a[2] + (to_b * (b[2] - a[2]) + to_c * (c[2] - a[2])) / area
                     into[crossings] = -1 if area > 0.0 else 1
                 crossings += 1
     return crossings
 
 
 @inner_njit()
-def _left_of(a: ndarray, b: ndarray, u: float, v: float) -> bool:
-    """Whether (u, v) is to the left of the edge from a to b; of one and the same edge the two ways answer unlike."""
+def _left_of(a: ndarray, b: ndarray, p: tuple[float, float]) -> bool:
+    """Whether a point is to the left of the edge from a to b; of one and the same edge the two ways answer unlike."""
     back = b[0] < a[0] or (b[0] == a[0] and b[1] < a[1])
-    p, q = (b, a) if back else (a, b)
-    side = (q[0] - p[0]) * (v - p[1]) - (q[1] - p[1]) * (u - p[0])
-    return (side > 0.0) != back
+    low, high = (b, a) if back else (a, b)
+    return (_orientation(low, high, p) > 0.0) != back
 
 
 FINITE = {"nnan", "nsz", "reassoc", "contract"}
@@ -240,7 +207,7 @@ def _separation_along(a: ndarray, b: ndarray, x: float, y: float, z: float) -> f
 
 
 @njit(inline="always")
-def _diagonals_normal(net: ndarray) -> tuple[float, float, float]:
+def _diagonals_normal(net: ndarray) -> Three:
     """The cross product of a net's two diagonals, not of unit length."""
     a, b, c = net[15, 0] - net[0, 0], net[15, 1] - net[0, 1], net[15, 2] - net[0, 2]
     d, e, f = net[12, 0] - net[3, 0], net[12, 1] - net[3, 1], net[12, 2] - net[3, 2]
@@ -333,10 +300,9 @@ def separation(
 
 
 class DepthTarget(NamedTuple):
-    """The surface that depths are measured to, as `kernels.closest.newton.descend` takes it: patches (e, 16,
-    4) whose weights are all one, over `boxes` in `strips`, s closed with the period 1. `seeds` (e, k, 5) are
-    s, t, x, y, z of points on each element; `hulls` (e, 6) are boxes round its elements, lowest x, y, z
-    first."""
+    """The surface that depths are measured to, as `descend` takes it: patches (e, 16, 4) whose weights are all one,
+    over `boxes` in `strips`, s closed with the period 1. `seeds` (e, k, 5) are s, t, x, y, z of points on each element;
+    `hulls` (e, 6) are boxes round its elements, lowest x, y, z first."""
 
     patches: ndarray
     boxes: ndarray
@@ -350,7 +316,7 @@ class DepthTarget(NamedTuple):
 
 
 @inner_njit()
-def footpoint(point: ndarray, s: float, t: float, on: DepthTarget, D: ndarray) -> tuple[float, float, float]:
+def footpoint(point: ndarray, s: float, t: float, on: DepthTarget, D: ndarray) -> Three:
     """Parameters of the footpoint of a point reached from (s, t), and its distance (mm). The footpoint's s is
     moved on by whole turns to within half a turn of the start. A start at a pole is returned as it is, at an
     infinite distance: its s is a direction. `D` (6, 3) is overwritten."""
@@ -361,12 +327,12 @@ def footpoint(point: ndarray, s: float, t: float, on: DepthTarget, D: ndarray) -
 
 
 @inner_njit()
-def nearest_footpoint(point: ndarray, s: float, t: float, on: DepthTarget, D: ndarray) -> tuple[float, float, float]:
+def nearest_footpoint(point: ndarray, s: float, t: float, on: DepthTarget, D: ndarray) -> Three:
     """Parameters and distance (mm) of the nearest footpoint found from (s, t) and from the nearest seed of
     every element whose box is nearer than the best footpoint so far. `D` (6, 3) is overwritten."""
     s, t, distance = footpoint(point, s, t, on, D)
     for e in range(len(on.seeds)):
-        if box_distance(on.hulls[e], point) >= distance:
+        if math.sqrt(squared_box_distance(point, on.hulls, e)) >= distance:
             continue
         best = np.inf
         k = 0
@@ -409,7 +375,7 @@ SEXTIC_FROM_VALUES = _control_points_from_values(6)
 
 
 @inner_njit(fastmath=CONTRACT)
-def patch_point(p: ndarray, box: ndarray, s: float, t: float) -> tuple[float, float, float]:
+def patch_point(p: ndarray, box: ndarray, s: float, t: float) -> Three:
     """The polynomial of a patch or net at (s, t), also outside its box."""
     a = bernstein((s - box[0]) / (box[1] - box[0]))
     b = bernstein((t - box[2]) / (box[3] - box[2]))

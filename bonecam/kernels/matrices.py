@@ -20,8 +20,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy import ndarray
 
-from bonecam.kernels import inner_njit, njit
-from bonecam.kernels.fastmath import CONTRACT
+from bonecam.kernels import CONTRACT, inner_njit, njit
+from bonecam.kernels.vectors import Three, cross, distance, dot, length
 
 
 @njit(cache=True, fastmath=CONTRACT)
@@ -50,7 +50,7 @@ def transposed_times(indptr: ndarray, indices: ndarray, data: ndarray, y: ndarra
             D[j, 2] += r * y2
 
 
-def csr_parts(matrix: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def csr_parts(matrix: Any) -> tuple[ndarray, ndarray, ndarray]:
     """Starts, columns and values of a CSR matrix as the loops here take them: of one kind, for which they are compiled
     once."""
     starts, columns = (part.astype(np.int64, copy=False) for part in (matrix.indptr, matrix.indices))
@@ -59,13 +59,13 @@ def csr_parts(matrix: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 @njit(cache=True)
 def add_rows(
-    band: np.ndarray,
-    gradient: np.ndarray,
-    starts: np.ndarray,
-    columns: np.ndarray,
-    values: np.ndarray,
-    metric: np.ndarray,
-    targets: np.ndarray,
+    band: ndarray,
+    gradient: ndarray,
+    starts: ndarray,
+    columns: ndarray,
+    values: ndarray,
+    metric: ndarray,
+    targets: ndarray,
 ) -> None:
     """Add v_ij v_ik M_i to the band and v_ij M_i X_i to the gradient (n, 3), for the rows i of a CSR matrix
     v.
@@ -98,7 +98,7 @@ def add_rows(
 
 
 @njit(cache=True)
-def width(starts: np.ndarray, columns: np.ndarray) -> int:
+def width(starts: ndarray, columns: ndarray) -> int:
     """How many diagonals the lower band of the normal equations of a CSR matrix's rows has."""
     most = 0
     for i in range(len(starts) - 1):
@@ -111,9 +111,7 @@ def width(starts: np.ndarray, columns: np.ndarray) -> int:
 
 
 @njit(cache=True, fastmath=CONTRACT)
-def add_weighted(
-    band: np.ndarray, starts: np.ndarray, columns: np.ndarray, values: np.ndarray, weights: np.ndarray
-) -> None:
+def add_weighted(band: ndarray, starts: ndarray, columns: ndarray, values: ndarray, weights: ndarray) -> None:
     """Add w_i v_ij v_ik to the band, for the rows i of a CSR matrix v; band[p, q - p] holds H[q, p] for q >=
     p."""
     for i in range(len(starts) - 1):
@@ -126,9 +124,7 @@ def add_weighted(
 
 
 @njit(cache=True, nogil=True, fastmath=CONTRACT)
-def add_pairs(
-    band: np.ndarray, starts: np.ndarray, columns: np.ndarray, values: np.ndarray, metric: np.ndarray
-) -> None:
+def add_pairs(band: ndarray, starts: ndarray, columns: ndarray, values: ndarray, metric: ndarray) -> None:
     """Add v_ij v_ik M_i to the band, for the rows i of a CSR matrix v and symmetric 2 x 2 metrics M (m, 2, 2).
 
     Unknown 2 j + a is value a of control point j; band[p, q - p] holds H[q, p] for q >= p.
@@ -297,19 +293,13 @@ FRACTION_ROUNDING = 1e-3
 
 
 @inner_njit()
-def _dot(a: np.ndarray, b: np.ndarray) -> float:
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-@inner_njit()
-def _angle(a: np.ndarray, b: np.ndarray) -> float:
+def _angle(a: ndarray, b: ndarray) -> float:
     """Angle between two vectors, radians."""
-    x, y, z = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
-    return np.arctan2(np.sqrt(x * x + y * y + z * z), _dot(a, b))
+    return np.arctan2(length(cross(a, b)), dot(a, b))
 
 
 @inner_njit()
-def _slerp(a: np.ndarray, b: np.ndarray, fraction: float) -> np.ndarray:
+def _slerp(a: ndarray, b: ndarray, fraction: float) -> ndarray:
     """Spherical linear interpolation between two unit vectors."""
     angle = _angle(a, b)
     vector = np.empty(3)
@@ -326,9 +316,7 @@ def _slerp(a: np.ndarray, b: np.ndarray, fraction: float) -> np.ndarray:
 
 
 @inner_njit()
-def _between(
-    tip: np.ndarray, axis: np.ndarray, tips: np.ndarray, axes: np.ndarray, radius: float
-) -> tuple[float, float, float]:
+def _between(tip: ndarray, axis: ndarray, tips: ndarray, axes: ndarray, radius: float) -> Three:
     """Fraction, tip error (mm) and axis error (rad) of a move against the path from one row to the next: the
     ball centre on the straight line, the axis on the great circle."""
     start, chord, off = np.empty(3), np.empty(3), np.empty(3)
@@ -337,31 +325,31 @@ def _between(
         chord[d] = tips[1, d] + radius * axes[1, d] - start[d]
         off[d] = tip[d] + radius * axis[d] - start[d]
     turn = _angle(axes[0], axes[1])
-    square = _dot(chord, chord)
+    square = dot(chord, chord)
     if turn * AXIS_WEIGHT > np.sqrt(square):
         fraction = _angle(axes[0], axis) / turn
     else:
-        fraction = _dot(chord, off) / square if square > 0 else 0.0
+        fraction = dot(chord, off) / square if square > 0 else 0.0
     fraction = min(max(fraction, 0.0), 1.0)
     meant = _slerp(axes[0], axes[1], fraction)
     for d in range(3):
         end = tips[1, d] + radius * axes[1, d]
         off[d] = (1 - fraction) * start[d] + fraction * end - radius * meant[d] - tip[d]
-    return fraction, np.sqrt(_dot(off, off)), _angle(meant, axis)
+    return fraction, length(off), _angle(meant, axis)
 
 
 @njit(cache=True)
 def align_moves(
-    tips: np.ndarray,
-    axes: np.ndarray,
-    may_be_extra: np.ndarray,
-    path_tips: np.ndarray,
-    path_axes: np.ndarray,
-    from_anywhere: np.ndarray,
-    radius: np.ndarray,
+    tips: ndarray,
+    axes: ndarray,
+    may_be_extra: ndarray,
+    path_tips: ndarray,
+    path_axes: ndarray,
+    from_anywhere: ndarray,
+    radius: ndarray,
     tip_tolerance: float,
     axis_tolerance: float,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, int, int]:
+) -> tuple[ndarray, ndarray, ndarray, int, int]:
     """The row of the path that each move reaches, its tip error (mm) and axis error (rad), and where the
     search stopped.
 
@@ -377,24 +365,21 @@ def align_moves(
     row, fraction_before = 0, 0.0
     for move in range(n):
         if row < m:
-            distance = 0.0
-            for d in range(3):
-                distance += (path_tips[row, d] - tips[move, d]) ** 2
-            distance = np.sqrt(distance)
+            off = distance(path_tips[row], tips[move])
             angle = _angle(path_axes[row], axes[move])
-            if distance <= tip_tolerance and angle <= axis_tolerance:
-                source[move], tip_error[move], axis_error[move] = row, distance, angle
+            if off <= tip_tolerance and angle <= axis_tolerance:
+                source[move], tip_error[move], axis_error[move] = row, off, angle
                 row = row + 1
                 fraction_before = 0.0
                 continue
             if row > 0:
-                fraction, distance, angle = _between(
+                fraction, off, angle = _between(
                     tips[move], axes[move], path_tips[row - 1 : row + 1], path_axes[row - 1 : row + 1], radius[row]
                 )
                 in_order = fraction >= fraction_before - FRACTION_ROUNDING
-                if distance <= tip_tolerance and angle <= axis_tolerance and in_order:
+                if off <= tip_tolerance and angle <= axis_tolerance and in_order:
                     source[move] = -2 - row
-                    tip_error[move] = distance
+                    tip_error[move] = off
                     axis_error[move] = angle
                     fraction_before = fraction
                     continue

@@ -27,7 +27,7 @@ FULL_TURN = 2 * np.pi
 
 
 @inner_njit()
-def _least(costs: np.ndarray) -> float:
+def _least(costs: ndarray) -> float:
     """The least of the costs."""
     least = np.inf
     for cost in costs:
@@ -37,15 +37,15 @@ def _least(costs: np.ndarray) -> float:
 
 @njit(cache=True)
 def cheapest_chain(
-    start: np.ndarray,
-    travel: np.ndarray,
-    wraps: np.ndarray,
+    start: ndarray,
+    travel: ndarray,
+    wraps: ndarray,
     size: tuple[int, int],
-    values: np.ndarray,
-    allowed: np.ndarray,
-    bounded: np.ndarray,
-    jumps: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray]:
+    values: ndarray,
+    allowed: ndarray,
+    bounded: ndarray,
+    jumps: ndarray,
+) -> tuple[ndarray, ndarray]:
     """The state (n,) of each row in the cheapest chain, by dynamic programming, and which rows a jump leads to.
 
     State (s T1 + i) T2 + j of a row is its solution s with turns i and j of the two joints, `size` = (T1, T2); `values`

@@ -1,12 +1,6 @@
-"""Compiled loops of the removal simulation: material as intervals on rays, cut by the capsules that balls
-sweep.
-
-The moves of a program through one set of rays, in their order, compiled.
-
-What tools would remove from the material of one set of rays, which stays as it is, compiled.
-
-How far the whole tool stays from what is never cut, compiled: the table's plane, and upright cylinders
-that stand for chuck, table and what stands on it.
+"""Removal, compiled: the moves of a program through the material of one set of rays, in their order, what tools would
+remove from material that stays as it is, and how far the whole tool stays from what is never cut: the table's plane,
+and upright cylinders that stand for chuck, table and what stands on it.
 """
 
 from typing import Any, NamedTuple
@@ -18,27 +12,18 @@ from bonecam.kernels import inner_njit, njit
 from bonecam.kernels.bodies import (
     NO_BODY,
     Ways,
-    body_depth,
     body_in_motion,
     column_distance,
-    cut_body,
     cut_flutes,
+    deepest_end,
     flutes_meet,
     frustum_clearance,
     piece_pose,
+    sweep_body,
     travel_of,
 )
-from bonecam.kernels.rays import (
-    TILE,
-    Edges,
-    RaySet,
-    air_on_set,
-    cut_capsule,
-    direction_of,
-    engage,
-    tile_chords,
-    tiles_reached,
-)
+from bonecam.kernels.distances import from_column
+from bonecam.kernels.rays import TILE, Edges, RaySet, cut_capsule, direction_of, engage, tile_chords, tiles_reached
 
 SETS = 3
 """Sets of rays."""
@@ -101,13 +86,7 @@ def _capsule_depth(rays: RaySet, start: ndarray, end: ndarray, radius: float) ->
     deepest = 0.0
     for i, j in tiles_reached(rays, start, end, d, length, radius):
         tile_chords(i * side - start[0], j * side - start[1], rays.cell, d, length, radius, lows, highs)
-        for ray in range(TILE * TILE):
-            if lows[ray] >= highs[ray]:
-                continue
-            u = (i * TILE + ray % TILE + 0.5) * rays.cell
-            v = (j * TILE + ray // TILE + 0.5) * rays.cell
-            deepest = max(deepest, air_on_set(rays, u, v, start[2] + lows[ray]))
-            deepest = max(deepest, air_on_set(rays, u, v, start[2] + highs[ray]))
+        deepest = max(deepest, deepest_end(rays, i, j, start[2], lows, highs))
     return deepest
 
 
@@ -164,14 +143,14 @@ def sweep(
     for i in range(first, len(pieces.starts)):
         if pieces.probed[i]:
             if len(pieces.body):
-                depth = body_depth(rays, ways, i, foot, axis)
+                depth = sweep_body(rays, ways, i, foot, axis, np.bool_(False))[1]
             else:
                 depth = _capsule_depth(rays, pieces.starts[i], pieces.ends[i], radius)
             found.depths[pieces.moves[i]] = max(found.depths[pieces.moves[i]], depth)
         if len(edges.chips):
             engage(rays, edges, i, radius, pieces.reach[i])
         if len(pieces.body):
-            volume, full = cut_body(rays, ways, i, foot, axis)
+            volume, _, full = sweep_body(rays, ways, i, foot, axis, np.bool_(True))
         else:
             volume, full = cut_capsule(rays, pieces.starts[i], pieces.ends[i], radius, np.bool_(False))
             found.volumes[pieces.moves[i]] += volume
@@ -210,63 +189,19 @@ def _add_tiles(rays: RaySet, start: ndarray, end: ndarray, radius: float, tiles:
 
 
 @inner_njit()
-def _tiles_of(rays: RaySet, ways: Ways, first: int, last: int, radius: float, tiles: ndarray) -> int:
-    """Write the tiles that a tool may reach on the ways from `first` to `last` into `tiles`; their number."""
-    foot, axis, start, top = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    count: Any = np.int64(0)  # a literal would have `_add_tiles` compiled once more
-    for i in range(first, last):
-        if len(ways.body):
-            # the body lies in a capsule about its axis in the middle of the way, larger by half of what it travels
-            wide = body_in_motion(ways, i, foot, axis, start, top)
-            count = _add_tiles(rays, start, top, wide, tiles, count)
-            continue
-        count = _add_tiles(rays, ways.starts[i], ways.ends[i], radius, tiles, count)
-        if ways.reach[i] <= 0.0 or not flutes_meet(rays, ways, i, radius, foot, axis):
-            continue
-        half = travel_of(ways, i, ways.reach[i]) / 2
-        for k in range(3):
-            top[k] = foot[k] + (ways.reach[i] + 2 * half) * axis[k]
-        count = _add_tiles(rays, foot, top, radius + half, tiles, count)
-    return count
-
-
-@inner_njit()
 def _cut(
     rays: RaySet, ways: Ways, i: int, radius: float, foot: ndarray, axis: ndarray, top: ndarray
 ) -> tuple[float, bool]:
     """Take what ball and flutes sweep on way `i` out of the material: the volume (mm^3), and whether a ray has no more
     room."""
     if len(ways.body):
-        return cut_body(rays, ways, i, foot, axis)
+        volume, _, full = sweep_body(rays, ways, i, foot, axis, np.bool_(True))
+        return volume, full
     volume, full = cut_capsule(rays, ways.starts[i], ways.ends[i], radius, np.bool_(False))
     if full:
         return volume, True
     by_flutes, full = cut_flutes(rays, ways, i, radius, foot, axis, top)
     return volume + by_flutes, full
-
-
-@inner_njit()
-def _volume(rays: RaySet, ways: Ways, first: int, last: int, gone: int, radius: float) -> float:
-    """What a tool removes on the ways from `first` to `last`, mm^3, but for those before `gone`; negative where a ray
-    has no room for one more interval."""
-    foot, axis, top = np.empty(3), np.empty(3), np.empty(3)
-    volume = 0.0
-    for i in range(first, last):
-        removed, full = _cut(rays, ways, i, radius, foot, axis, top)
-        if full:
-            return -1.0
-        if i >= gone:
-            volume += removed
-    return volume
-
-
-@inner_njit()
-def _room_for(rays: RaySet, count: int) -> RaySet:
-    """A set with room for `count` tiles of the rays."""
-    spans = np.empty((count, rays.spans.shape[1], rays.spans.shape[2]), dtype=np.float32)
-    counts = np.empty((count, rays.counts.shape[1]), dtype=np.uint8)
-    mask, stale = np.empty(count, dtype=np.uint64), np.empty(count, dtype=np.bool_)
-    return RaySet(rays.tile_of, spans, counts, np.empty(count), np.empty(count), mask, stale, rays.cell, rays.length)
 
 
 @inner_njit()
@@ -288,17 +223,45 @@ def probe(rays: RaySet, ways: Ways, ends: ndarray, gone: ndarray, radius: float,
     The ways of line i end before `ends` (k,) i; what is removed on those before `gone` (k,) i is taken as gone before
     the line is.
     """
+    foot, axis, begin, top = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     tiles = np.empty(len(rays.counts), dtype=np.int64)
     for i in range(first, len(ends)):
         start = ends[i - 1] if i else 0
-        count = _tiles_of(rays, ways, start, ends[i], radius, tiles)
-        kept = _room_for(rays, count)
+        # the tiles that the tool may reach on the ways of the line
+        count: Any = np.int64(0)  # a literal would have `_add_tiles` compiled once more
+        for way in range(start, ends[i]):
+            if len(ways.body):
+                # the body lies in a capsule about its axis in the middle of the way, larger by half of what it travels
+                wide = body_in_motion(ways, way, foot, axis, begin, top)
+                count = _add_tiles(rays, begin, top, wide, tiles, count)
+                continue
+            count = _add_tiles(rays, ways.starts[way], ways.ends[way], radius, tiles, count)
+            if ways.reach[way] <= 0.0 or not flutes_meet(rays, ways, way, radius, foot, axis):
+                continue
+            half = travel_of(ways, way, ways.reach[way]) / 2
+            for k in range(3):
+                top[k] = foot[k] + (ways.reach[way] + 2 * half) * axis[k]
+            count = _add_tiles(rays, foot, top, radius + half, tiles, count)
+
+        # they are kept while the tool cuts
+        spans = np.empty((count, rays.spans.shape[1], rays.spans.shape[2]), dtype=np.float32)
+        counts = np.empty((count, rays.counts.shape[1]), dtype=np.uint8)
+        mask, stale = np.empty(count, dtype=np.uint64), np.empty(count, dtype=np.bool_)
+        low, high = np.empty(count), np.empty(count)
+        kept = RaySet(rays.tile_of, spans, counts, low, high, mask, stale, rays.cell, rays.length)
         for k in range(count):
             _copy_tile(rays, tiles[k], kept, k)
-        volumes[i] = _volume(rays, ways, start, ends[i], gone[i], radius)
+        volumes[i] = 0.0
+        full = False
+        for way in range(start, ends[i]):
+            removed, full = _cut(rays, ways, way, radius, foot, axis, top)
+            if full:
+                break
+            if way >= gone[i]:
+                volumes[i] += removed
         for k in range(count):
             _copy_tile(kept, k, rays, tiles[k])
-        if volumes[i] < 0.0:
+        if full:
             return i
     return len(ends)
 
@@ -328,16 +291,6 @@ def _distance(foot: ndarray, axis: ndarray, section: ndarray, columns: ndarray, 
             from_axis[0], from_axis[1] = foot[0] - columns[c, 3], foot[1] - columns[c, 4]
             near = min(near, column_distance(from_axis, axis, section, columns[c], near))
     return near
-
-
-@inner_njit()
-def _ball_distance(foot: ndarray, radius: float, columns: ndarray, closed: bool) -> float:
-    near = foot[2] if closed else np.inf
-    for c in range(len(columns)):
-        out = np.hypot(foot[0] - columns[c, 3], foot[1] - columns[c, 4]) - columns[c, 0]
-        up = max(foot[2] - columns[c, 1], columns[c, 2] - foot[2])
-        near = min(near, min(max(out, up), 0.0) + np.hypot(max(out, 0.0), max(up, 0.0)))
-    return near - radius
 
 
 @njit(cache=True, nogil=True)
@@ -374,7 +327,10 @@ def fixed_clearance(
                 for k in range(steps):
                     piece_pose(ways, i, (k + 0.5) / steps, foot, axis)
                     if ball:
-                        distance = _ball_distance(foot, radius, columns, closed)
+                        distance = foot[2] if closed else np.inf
+                        for c in range(len(columns)):
+                            distance = min(distance, from_column(foot, columns[c]))
+                        distance -= radius
                     else:
                         distance = _distance(foot, axis, sections[s], columns, closed, max(near, 0.0) + slack)
                     bare = min(bare, distance)

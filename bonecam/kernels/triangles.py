@@ -5,16 +5,7 @@ import numpy as np
 from numpy import ndarray
 
 from bonecam.kernels import njit
-
-
-@njit(inline="always")
-def _segment(px: float, py: float, pz: float, vertices: ndarray, a: int, b: int) -> float:
-    """Squared distance of a point from the segment a b."""
-    ux, uy, uz = (vertices[b, 0] - vertices[a, 0], vertices[b, 1] - vertices[a, 1], vertices[b, 2] - vertices[a, 2])
-    wx, wy, wz = px - vertices[a, 0], py - vertices[a, 1], pz - vertices[a, 2]
-    length = ux * ux + uy * uy + uz * uz
-    x = min(1.0, max(0.0, (wx * ux + wy * uy + wz * uz) / length)) if length > 0.0 else 0.0
-    return (wx - x * ux) ** 2 + (wy - x * uy) ** 2 + (wz - x * uz) ** 2
+from bonecam.kernels.vectors import squared_segment_distance
 
 
 @njit(cache=True)
@@ -25,7 +16,7 @@ def segment_distances(points: ndarray, vertices: ndarray, edges: ndarray) -> nda
         worst = 0.0
         for k in range(points.shape[1]):
             p = points[n, k]
-            worst = max(worst, _segment(p[0], p[1], p[2], vertices, edges[n, 0], edges[n, 1]))
+            worst = max(worst, squared_segment_distance(p, vertices[edges[n, 0]], vertices[edges[n, 1]]))
         result[n] = np.sqrt(worst)
     return result
 
@@ -47,9 +38,9 @@ def triangle_distances(points: ndarray, vertices: ndarray, faces: ndarray) -> nd
             result[n] = np.sqrt(np.dot(r, r))
         else:
             p = points[n]
-            best = _segment(p[0], p[1], p[2], vertices, a, b)
-            best = min(best, _segment(p[0], p[1], p[2], vertices, b, c))
-            result[n] = np.sqrt(min(best, _segment(p[0], p[1], p[2], vertices, c, a)))
+            best = squared_segment_distance(p, vertices[a], vertices[b])
+            best = min(best, squared_segment_distance(p, vertices[b], vertices[c]))
+            result[n] = np.sqrt(min(best, squared_segment_distance(p, vertices[c], vertices[a])))
     return result
 
 

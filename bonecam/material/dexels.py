@@ -5,14 +5,8 @@ The height field of `in_process_stock.py` knows the material along its own lines
 leaves meets a face of the stock that is not cut, a rib between two of them may be wider than a link may cut. Rays that
 cross one another miss nothing that is wider than their distance.
 
-How deep balls enter material on straight moves between places.
-
-What stands after tool paths, on rays: what their balls have left of the stock, and what balls and flutes have.
-
-Depth of cut: how far the nearest air was from each place of the surface that a level leaves, when it
-began.
-
-How deep balls enter the surface of what stands, and whether they do where none has been.
+The depth of a cut is how far the nearest air was from each place of the surface that it leaves, when it began; that of
+a ball, how deep it enters the surface of what stands.
 """
 
 from collections.abc import Callable, Sequence
@@ -55,11 +49,11 @@ class Dexels:
     ) -> "Dexels":
         """What is left behind straight moves of a ball's centre, and of flutes up to `reach` (mm) above it; or of the
         `body` of a bull nose, as `Cutter.body` has it."""
-        left = [_copy_with_bounds(rays) for rays in self.sets]
+        left = [copy_of(rays) for rays in self.sets]
 
         def work(which: slice) -> None:
             k = which.start
-            ways = self._ways(starts, ends, reach, k)._replace(body=body)
+            ways = self._ways(starts, ends, reach, body, k)
             at = 0
             while at < len(ways.starts):
                 at = cut_ways(left[k], ways, radius, at)
@@ -72,14 +66,8 @@ class Dexels:
     @property
     def ends(self) -> Float[ndarray, "e 3"]:
         """Where the rays enter and leave the material."""
-        ends = []
-        for k, rays in enumerate(self.sets):
-            nothing = rays._replace(counts=np.zeros_like(rays.counts))
-            points = new_ends(rays, nothing, 1)
-            in_grid = np.empty_like(points)
-            in_grid[:, order(k)] = points
-            ends.append(self.grid.in_part(in_grid))
-        return np.vstack(ends)
+        nothing = [rays._replace(counts=np.zeros_like(rays.counts)) for rays in self.sets]
+        return np.vstack([self.grid.in_part(points) for points in _new_ends(self.sets, nothing, 1)])
 
     def removed_by(
         self,
@@ -95,18 +83,19 @@ class Dexels:
         if not len(lines):
             return volumes[0]
         pairs = list(zip(removed, lines, strict=True))
-        # each line begins at its first place, behind the tools that are there already
-        starts = _stacked(
-            [part for gone, line in pairs for part in (gone, _some(line, slice(1)), _some(line, slice(-1)))]
-        )
-        ends = _stacked([part for pair in pairs for part in pair])
+        starts, ends = [], []
+        for part in range(2):
+            ends.append(np.vstack([poses[part] for pair in pairs for poses in pair]))
+            # each line begins at its first place, behind the tools that are there already
+            before = [(gone[part], line[part][:1], line[part][:-1]) for gone, line in pairs]
+            starts.append(np.vstack([poses for each in before for poses in each]))
         lasts = np.cumsum([len(gone[0]) + len(line[0]) for gone, line in pairs])
         begun = lasts - [len(line[0]) for _, line in pairs]
 
         def work(which: slice) -> None:
             k = which.start
-            rays = self.sets[which.start]
-            ways = self._ways(starts, ends, reach, k)._replace(body=body)
+            rays = self.sets[k]
+            ways = self._ways((starts[0], starts[1]), (ends[0], ends[1]), reach, body, k)
             at = 0
             while at < len(lines):
                 at = probe(rays, ways, ends=lasts, gone=begun, radius=radius, first=at, volumes=volumes[k])
@@ -116,48 +105,34 @@ class Dexels:
         in_pieces(work, len(self.sets), 1)
         return volumes.mean(axis=0)
 
-    def _ways(self, starts: Poses, ends: Poses, reach: float, direction: int) -> Ways:
+    def _ways(self, starts: Poses, ends: Poses, reach: float, body: Float[ndarray, "c 3"], direction: int) -> Ways:
         """Straight moves of a tool in the coordinates of one set."""
         across = order(direction)
         first, last = (np.ascontiguousarray(self.grid.of_points(c)[:, across]) for c, _ in (starts, ends))
         before, after = (np.ascontiguousarray(self.grid.of_vectors(v)[:, across]) for _, v in (starts, ends))
-        return Ways(first, last, before, after, np.full(len(first), reach), NO_BODY)
-
-
-def _some(poses: Poses, which: slice) -> Poses:
-    """Some of the poses."""
-    return poses[0][which], poses[1][which]
-
-
-def _stacked(poses: Sequence[Poses]) -> Poses:
-    """All poses, one behind the other."""
-    centres, axes = zip(*poses, strict=True)
-    return np.vstack(centres), np.vstack(axes)
-
-
-def dexels_of(stock: Stock) -> Dexels:
-    """The stock before the first cut."""
-    grid = lay_grid([stock], CELL)
-    grid = lay_grid([stock], max(CELL, least_cell([stock], grid, MEMORY_MB)))
-    return Dexels(tuple(lay_rays([stock], grid, MEMORY_MB)), grid)
-
-
-def _copy_with_bounds(rays: RaySet) -> RaySet:
-    """A copy of the material that can be cut while the first one is still asked."""
-    bounds = {name: getattr(rays, name).copy() for name in ("low", "high", "mask", "stale")}
-    return copy_of(rays)._replace(**bounds)
+        return Ways(first, last, before, after, np.full(len(first), reach), body)
 
 
 def copy_of(rays: RaySet) -> RaySet:
-    """A copy of the material; where rays lie, and the bounds of tiles, are shared."""
-    return rays._replace(spans=rays.spans.copy(), counts=rays.counts.copy())
+    """A copy of the material that can be cut while the first one is still asked."""
+    copied = "spans", "counts", "low", "high", "mask", "stale"
+    return rays._replace(**{name: getattr(rays, name).copy() for name in copied})
 
 
 def with_more_room(rays: RaySet) -> RaySet:
     """A copy of the rays with room for twice as many intervals on a ray."""
-    spans = np.zeros((*rays.spans.shape[:2], 2 * rays.spans.shape[2]), dtype=np.float32)
-    spans[:, :, : rays.spans.shape[2]] = rays.spans
-    return rays._replace(spans=spans)
+    return rays._replace(spans=np.concatenate([rays.spans, np.zeros_like(rays.spans)], axis=2))
+
+
+def _new_ends(now: Sequence[RaySet], before: Sequence[RaySet], step: int) -> list[Float[ndarray, "_ 3"]]:
+    """As the kernel, of each of three sets of rays, in the grid's coordinates."""
+    found = []
+    for k in range(3):
+        ends = new_ends(now[k], before[k], step)
+        points = np.empty_like(ends)
+        points[:, order(k)] = ends
+        found.append(points)
+    return found
 
 
 DENSE = 0.25
@@ -194,11 +169,11 @@ class CutDexels:
         if not len(ends[0]):
             return self
         radius, reach, body = path.cutter.radius, path.cutter.reach, path.cutter.body
-        if len(body):
-            cutters = self.cutters.without(starts, ends, radius, reach, body)
-            one = self.balls is self.cutters
-            return CutDexels(cutters if one else self.balls.without(starts, ends, radius, reach, body), cutters)
-        return CutDexels(self.balls.without(starts, ends, radius), self.cutters.without(starts, ends, radius, reach))
+        cutters = self.cutters.without(starts, ends, radius, reach, body)
+        if not len(body):
+            return CutDexels(self.balls.without(starts, ends, radius), cutters)
+        one = self.balls is self.cutters
+        return CutDexels(cutters if one else self.balls.without(starts, ends, radius, reach, body), cutters)
 
     def cut_little(
         self, lines: Sequence[Poses], removed: Sequence[Poses], cutter: Cutter, allowed: Float[ndarray, " k"]
@@ -217,7 +192,9 @@ class CutDexels:
 
 def uncut_rays(stock: Stock) -> CutDexels:
     """The stock before the first cut."""
-    dexels = dexels_of(stock)
+    grid = lay_grid([stock], CELL)
+    grid = lay_grid([stock], max(CELL, least_cell([stock], grid, MEMORY_MB)))
+    dexels = Dexels(tuple(lay_rays([stock], grid, MEMORY_MB)), grid)
     return CutDexels(dexels, dexels)
 
 
@@ -226,9 +203,8 @@ def cut_poses(path: ToolPath) -> tuple[Poses, Poses]:
     centres = path.balls
     cutting = path.kinds == MoveKind.CUT
     goes_on = np.r_[False, cutting[:-1] & (path.pass_index[1:] == path.pass_index[:-1])]
-    before = np.where(goes_on, np.arange(len(centres)) - 1, np.arange(len(centres)))
-    starts = centres[before[cutting]], path.axes[before[cutting]]
-    return starts, (centres[cutting], path.axes[cutting])
+    before = (np.arange(len(centres)) - goes_on)[cutting]
+    return (centres[before], path.axes[before]), (centres[cutting], path.axes[cutting])
 
 
 SPACING = 0.2
@@ -258,13 +234,7 @@ def cut_depths(now: Sequence[RaySet], before: Sequence[RaySet], grid: RayGrid, s
     times.
     """
     step = max(round(spacing / grid.cell), 1)
-    points_of_sets = []
-    for direction in range(3):
-        ends = new_ends(now[direction], before[direction], step)
-        points = np.empty_like(ends)
-        points[:, order(direction)] = ends
-        points_of_sets.append(points)
-    points = np.vstack(points_of_sets)
+    points = np.vstack(_new_ends(now, before, step))
     depths = np.empty(len(points))
 
     def measure(some: slice) -> None:

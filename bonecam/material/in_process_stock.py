@@ -1,16 +1,14 @@
-"""The closed mesh of what stands: through the vertices that balls have lowered, and out to what rays tell beyond it.
+"""The in-process material: what is left of the stock while the levels are machined one after the other, from the stock
+inwards.
 
-The in-process material: what is left of the stock while the levels are machined one after the other, from
-the stock inwards.
+It is a height field over the parameter domain that all levels share: each place stays where the balls that swept over
+it left it, scallops and the fillets of larger balls included. Where a contact was left out it stays where it was
+before: an obstacle to shank and holder, and too deep a cut for a ball further in. The closed mesh of what stands goes
+through the vertices that balls have lowered, and out to what rays tell beyond it.
 
-It is a height field over the parameter domain that all levels share: each place stays where the balls that
-swept over it left it, scallops and the fillets of larger balls included. Where a contact was left out it stays
-where it was before: an obstacle to shank and holder, and too deep a cut for a ball further in.
-
-A mesh laid on the stock: its vertices on the surface, those next to an edge on the edge.
-
-Nearest points alone would cut the edges off by what the mesh lies below them: material that stays there, because no
-tool reaches it, would not be known.
+At first the mesh is laid on the stock: its vertices on the surface, those next to an edge on the edge. Nearest points
+alone would cut the edges off by what the mesh lies below them: material that stays there, because no tool reaches it,
+would not be known.
 """
 
 from collections.abc import Sequence
@@ -86,12 +84,18 @@ def places_on_stock(stock: Stock, points: Float[ndarray, "n 3"], faces: Int32[nd
     two neighbours on both sides of an edge a place on that edge, and where three walls meet their corner."""
     nearest, normals = stock.closest_points(points), stock.normals(points)
     sides = faces, faces[:, [1, 2, 0]], faces[:, [2, 0, 1]]
-    sharp = np.array([_sharp(normals[side[:, 0]], normals[side[:, 1]]) for side in sides])
+    sharp = np.abs(
+        [(normals[one] * normals[other]).sum(axis=1) for one, other, _ in (side.T for side in sides)]
+    ) < np.cos(SHARP)
     pairs = np.vstack([side[across, :2] for side, across in zip(sides, sharp, strict=True)])
 
     stock_points = nearest
     for neighbours in (pairs, faces[sharp.all(axis=0)]):
-        meeting = stock.closest_points(_meeting(nearest[neighbours], normals[neighbours]))
+        # where the planes through the neighbours meet, nearest to their middle
+        planes, corners = normals[neighbours], nearest[neighbours]
+        middle = corners.mean(axis=1)
+        out = (planes * (corners - middle[:, None])).sum(axis=2)
+        meeting = stock.closest_points(middle + (np.linalg.pinv(planes, rcond=PARALLEL) @ out[:, :, None])[:, :, 0])
 
         # The places, that of the neighbours in each row which is nearest to its target moved there
         away = np.linalg.norm(stock_points[neighbours] - meeting[:, None], axis=2)
@@ -99,18 +103,6 @@ def places_on_stock(stock: Stock, points: Float[ndarray, "n 3"], faces: Int32[nd
         moved[neighbours[np.arange(len(away)), np.argmin(away, axis=1)]] = meeting
         stock_points = moved
     return stock_points
-
-
-def _sharp(u: Float[ndarray, "n 3"], v: Float[ndarray, "n 3"]) -> Bool[ndarray, " n"]:
-    """Whether an edge is between neighbours with these normals."""
-    return np.abs((u * v).sum(axis=1)) < np.cos(SHARP)
-
-
-def _meeting(points: Float[ndarray, "m k 3"], normals: Float[ndarray, "m k 3"]) -> Float[ndarray, "m 3"]:
-    """Where the planes through k points with these normals meet, nearest to the middle of the points."""
-    middle = points.mean(axis=1)
-    out = (normals * (points - middle[:, None])).sum(axis=2)
-    return middle + (np.linalg.pinv(normals, rcond=PARALLEL) @ out[:, :, None])[:, :, 0]
 
 
 DEPTH_CHORD = 0.005
@@ -134,23 +126,6 @@ class Swept:
     level: int
     radius: float
     places: KDTree
-
-
-def _swept_after(path: ToolPath, before: Sequence[Swept]) -> tuple[Swept, ...]:
-    """Where balls cut on the level of a path and on the one before it: the rest paths of a level cut only parts of
-    it. What a bull nose leaves in a ball is not known by its place alone."""
-    if path.cutter.is_bull:
-        return tuple(before)
-    level = path.level
-    radius = path.cutter.radius
-    points = [_dense(*_cuts(path))]
-    kept: list[Swept] = []
-    for swept in before:
-        if (swept.level, swept.radius) == (level, radius):
-            points.append(swept.places.data)
-        elif swept.level <= level + 1:
-            kept.append(swept)
-    return (*kept, Swept(level, radius, KDTree(np.vstack(points))))
 
 
 @dataclass(frozen=True, eq=False)
@@ -267,7 +242,16 @@ def remove_material(material: InProcessStock, level: MachinedLevel, path: ToolPa
     floor = material.grid.R @ level.control_points
     vertices = _lowered(material.vertices, floor, path)
     places = _lowered(material.places, material.depth_grid.R @ level.control_points, path)
-    swept = _swept_after(path, material.swept)
+    # Where balls cut on the level of the path and on the one before it: the rest paths of a level cut only parts of it.
+    # What a bull nose leaves in a ball is not known by its place alone.
+    swept = material.swept
+    radius = path.cutter.radius
+    if not path.cutter.is_bull:
+        (starts, _), (ends, _) = cut_poses(path)
+        same = [each for each in swept if (each.level, each.radius) == (path.level, radius)]
+        cut = np.vstack([_dense(starts, ends), *(each.places.data for each in same)])
+        kept = [each for each in swept if each not in same and each.level <= path.level + 1]
+        swept = (*kept, Swept(path.level, radius, KDTree(cut)))
     return replace(
         material,
         vertices=vertices,
@@ -312,9 +296,3 @@ def _lowered(standing: Float[ndarray, "n 3"], floor: Float[ndarray, "n 3"], path
     # never below the level, where a ball may be by the gouge tolerance: the next direction would be inwards
     lowered[above] = feet + np.maximum(tall, 0.0)[:, None] * normals
     return lowered
-
-
-def _cuts(path: ToolPath) -> tuple[Float[ndarray, "m 3"], Float[ndarray, "m 3"]]:
-    """Where the ball's centre begins and ends each cutting move; a pass begins with one of no length."""
-    (starts, _), (ends, _) = cut_poses(path)
-    return starts, ends

@@ -1,14 +1,14 @@
 """The material as three sets of rays that cross one another (tri-dexels, Benouamer & Michelucci 1997): where
-they lie, and convex bodies on them.
+they lie, and convex bodies and closed meshes of any form on them.
 
 The grid is turned so that its directions are even to the axis of the part: faces of a bar, which are parallel
 to the coordinate axes, then lie across no set of rays, and no ray runs along one.
 
-Closed meshes of any form on three sets of rays: material where they wind round a place more than once, so that
-solids may overlap, touch and have hollows.
+Of closed meshes there is material where they wind round a place more than once, so that solids may overlap, touch and
+have hollows.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +17,7 @@ from numpy import ndarray
 from scipy.spatial import ConvexHull
 
 from bonecam.errors import JobError
-from bonecam.kernels.hulls import count_crossings, find_crossings, polyhedron_chords
+from bonecam.kernels.hulls import find_crossings, polyhedron_chords
 from bonecam.kernels.rays import TILE, RaySet, summarise
 from bonecam.mesh.triangle_mesh import TriangleMesh, side_by_side
 from bonecam.runtime.threads import in_pieces
@@ -97,8 +97,7 @@ def lay_rays(bodies: Sequence[Stock], grid: RayGrid, memory_mb: float) -> list[R
     if grid.cell < fits:
         what = f"rays {grid.cell:g} mm apart need more than the {memory_mb:g} MB allowed"
         raise JobError(f"{what}: give a cell of at least {fits:.2f} mm", cell=fits)
-    outlines = [[_outline(body, grid, k) for body in bodies] for k in range(3)]
-    return [_lay_set(bodies, outlines[k], grid, k) for k in range(3)]
+    return [_lay_set(bodies, grid, k) for k in range(3)]
 
 
 def least_cell(bodies: Sequence[Stock], grid: RayGrid, memory_mb: float) -> float:
@@ -117,94 +116,78 @@ def _outline(body: Stock, grid: RayGrid, direction: int) -> ConvexHull:
     return ConvexHull(points[:, order(direction)[:2]])
 
 
-def _lay_set(bodies: Sequence[Stock], outlines: Sequence[ConvexHull], grid: RayGrid, direction: int) -> RaySet:
-    """One set of rays, tile by tile where a body's outline is."""
-    across = order(direction)
-    side = TILE * grid.cell
-    counts = np.ceil(grid.size[across[:2]] / side).astype(int)
-    middles = [(np.arange(count) + 0.5) * side for count in counts]
-    u, v = (x.ravel() for x in np.meshgrid(*middles, indexing="ij"))
-    below = np.empty((len(u), len(bodies)), dtype=bool)
-    for k, hull in enumerate(outlines):
-        outside = np.full(len(u), -np.inf)
-        for a, b, c in hull.equations:
-            outside = np.maximum(outside, a * u + b * v + c)
-        below[:, k] = outside <= side * np.sqrt(0.5) + CHORD
-    met = below.any(1)
-    tile_of = np.full(len(u), -1, dtype=np.int32)
-    tile_of[met] = np.arange(met.sum())
-
-    rays = RaySet(
-        tile_of.reshape(tuple(counts)),
-        np.zeros((met.sum(), TILE * TILE, 2 * ROOM), dtype=np.float32),
-        np.zeros((met.sum(), TILE * TILE), dtype=np.uint8),
-        np.zeros(met.sum()),
-        np.zeros(met.sum()),
-        mask=np.zeros(met.sum(), dtype=np.uint64),
-        stale=np.zeros(met.sum(), dtype=bool),
+def _empty_set(tile_of: Int32[ndarray, "i j"], room: int, grid: RayGrid, direction: int) -> RaySet:
+    """A set of rays without material, with room for so many intervals on each ray of its tiles."""
+    count = int(tile_of.max(initial=-1)) + 1
+    return RaySet(
+        tile_of,
+        spans=np.zeros((count, TILE * TILE, 2 * room), dtype=np.float32),
+        counts=np.zeros((count, TILE * TILE), dtype=np.uint8),
+        low=np.zeros(count),
+        high=np.zeros(count),
+        mask=np.zeros(count, dtype=np.uint64),
+        stale=np.zeros(count, dtype=bool),
         cell=grid.cell,
         length=float(grid.size[direction]),
     )
+
+
+def _lay_set(bodies: Sequence[Stock], grid: RayGrid, direction: int) -> RaySet:
+    """One set of rays, tile by tile where a body's outline is."""
+    across = order(direction)
+    side = TILE * grid.cell
+    shape = np.ceil(grid.size[across[:2]] / side).astype(int)
+    middles = [(np.arange(count) + 0.5) * side for count in shape]
+    u, v = (x.ravel() for x in np.meshgrid(*middles, indexing="ij"))
+    below = np.empty((len(u), len(bodies)), dtype=bool)
+    for k, body in enumerate(bodies):
+        outside = np.full(len(u), -np.inf)
+        for a, b, c in _outline(body, grid, direction).equations:
+            outside = np.maximum(outside, a * u + b * v + c)
+        below[:, k] = outside <= side * np.sqrt(0.5) + CHORD
+    met = below.any(1)
+    below = below[met]
+    tile_of = np.full(len(u), -1, dtype=np.int32)
+    tile_of[met] = np.arange(met.sum())
+    rays = _empty_set(tile_of.reshape(tuple(shape)), ROOM, grid, direction)
+
+    # where rays enter and leave convex meshes: they are drawn in all tiles at once
+    drawn = {}
+    for k, body in enumerate(bodies):
+        if isinstance(body, ConvexStock):
+            low = np.full((len(below), TILE * TILE), -np.inf)
+            high = np.full(low.shape, np.inf)
+            corners = grid.of_points(body.surface.vertices)[:, across][body.surface.faces]
+            polyhedron_chords(corners, grid.cell, rays.tile_of, low, high)
+            drawn[k] = low, high
+
     corners = np.column_stack([u[met], v[met]]) - side / 2
-    drawn = {
-        k: _chords_of(body.surface, grid, direction, rays.tile_of)
-        for k, body in enumerate(bodies)
-        if isinstance(body, ConvexStock)
-    }
+    ray = np.arange(TILE * TILE)
+    within = grid.cell * (np.column_stack([ray % TILE, ray // TILE]) + 0.5)
+    along = grid.rotation[direction]
 
     def fill(tiles: slice) -> None:
-        known = {k: (low[tiles].ravel(), high[tiles].ravel()) for k, (low, high) in drawn.items()}
-        own, under = corners[tiles], below[met][tiles]
-        _fill(rays, bodies, known, grid, direction, corners=own, below=under, tiles=tiles)
+        own = corners[tiles]
+        points = np.zeros((len(own) * len(ray), 3))
+        points[:, across[:2]] = (own[:, None] + within).reshape(-1, 2)
+        starts = grid.in_part(points)
+        low = np.full((len(starts), len(bodies)), np.inf)
+        high = np.full((len(starts), len(bodies)), -np.inf)
+        for k, body in enumerate(bodies):
+            on_rays = np.flatnonzero(np.repeat(below[tiles, k], len(ray)))
+            if k in drawn:
+                enter, leave = (ends[tiles].ravel()[on_rays] for ends in drawn[k])
+            else:
+                enter = _entries(body, starts[on_rays], along, rays.length)
+                leave = rays.length - _entries(body, starts[on_rays] + rays.length * along, -along, rays.length)
+            hit = np.isfinite(enter) & np.isfinite(leave) & (enter < leave)
+            low[on_rays[hit], k] = enter[hit]
+            high[on_rays[hit], k] = leave[hit]
+        _store(rays, tiles, low, high)
 
     in_pieces(fill, len(corners), PIECE)
     summarise(rays)
     return rays
-
-
-def _chords_of(
-    mesh: TriangleMesh, grid: RayGrid, direction: int, tile_of: Int32[ndarray, "i j"]
-) -> tuple[Float[ndarray, "t r"], Float[ndarray, "t r"]]:
-    """Where the rays of all tiles enter and leave a convex mesh; infinite where they pass by."""
-    corners = grid.of_points(mesh.vertices)[:, order(direction)][mesh.faces]
-    low = np.full((tile_of.max() + 1, TILE * TILE), -np.inf)
-    high = np.full(low.shape, np.inf)
-    polyhedron_chords(corners, grid.cell, tile_of, low, high)
-    return low, high
-
-
-def _fill(
-    rays: RaySet,
-    bodies: Sequence[Stock],
-    drawn: Mapping[int, tuple[Float[ndarray, " n"], Float[ndarray, " n"]]],
-    grid: RayGrid,
-    direction: int,
-    corners: Float[ndarray, "t 2"],
-    below: Bool[ndarray, "t b"],
-    tiles: slice,
-) -> None:
-    """Write the material of some tiles, whose low corners are given, which bodies may be on their rays, and where those
-    that are `drawn` lie on them."""
-    ray = np.arange(TILE * TILE)
-    within = grid.cell * (np.column_stack([ray % TILE, ray // TILE]) + 0.5)
-    points = np.zeros((len(corners) * len(ray), 3))
-    points[:, order(direction)[:2]] = (corners[:, None] + within).reshape(-1, 2)
-    starts = grid.in_part(points)
-    along = grid.rotation[direction]
-    length = float(grid.size[direction])
-    low = np.full((len(starts), len(bodies)), np.inf)
-    high = np.full((len(starts), len(bodies)), -np.inf)
-    for k, body in enumerate(bodies):
-        met = np.flatnonzero(np.repeat(below[:, k], len(ray)))
-        if k in drawn:
-            enter, leave = (ends[met] for ends in drawn[k])
-        else:
-            enter = _entries(body, starts[met], along, length)
-            leave = length - _entries(body, starts[met] + length * along, -along, length)
-        hit = np.isfinite(enter) & np.isfinite(leave) & (enter < leave)
-        low[met[hit], k] = enter[hit]
-        high[met[hit], k] = leave[hit]
-    _store(rays, tiles, low, high)
 
 
 def _store(rays: RaySet, tiles: slice, low: Float[ndarray, "n b"], high: Float[ndarray, "n b"]) -> None:
@@ -268,7 +251,7 @@ def _lay_solid_set(whole: TriangleMesh, grid: RayGrid, direction: int) -> RaySet
     corners = np.ascontiguousarray(grid.of_points(whole.vertices)[:, columns][whole.faces])
     tiles = np.ceil(grid.size[columns[:2]] / (TILE * grid.cell)).astype(int)
     shape = grid.cell, TILE * int(tiles[0]), TILE * int(tiles[1])
-    count = count_crossings(corners, *shape)
+    count = find_crossings(corners, *shape, np.empty(0, np.int64), np.empty(0), np.empty(0, np.int8))
     ray = np.empty(count, dtype=np.int64)
     w = np.empty(count)
     into = np.empty(count, dtype=np.int8)
@@ -276,7 +259,21 @@ def _lay_solid_set(whole: TriangleMesh, grid: RayGrid, direction: int) -> RaySet
     ray, low, high = _material(ray, w, into)
     if not len(ray):
         raise JobError("the solids hold no material: give closed meshes whose normals face outward")
-    return _stored(ray, low, high=high, tiles=tiles, grid=grid, direction=direction)
+
+    # the stretches, which lie one behind the other on each ray, in the tiles that have any
+    i, j = np.divmod(ray, shape[2])
+    used, tile = np.unique(i // TILE * tiles[1] + j // TILE, return_inverse=True)
+    within = j % TILE * TILE + i % TILE
+    first = np.flatnonzero(np.diff(ray, prepend=-1))
+    number = np.arange(len(ray)) - np.repeat(first, np.diff(np.r_[first, len(ray)]))
+    tile_of = np.full(tiles[0] * tiles[1], -1, dtype=np.int32)
+    tile_of[used] = np.arange(len(used))
+    room = max(ROOM, int(number.max()) + 1)
+    rays = _empty_set(tile_of.reshape(tuple(tiles)), room, grid, direction)
+    rays.spans[tile, within, 2 * number], rays.spans[tile, within, 2 * number + 1] = low, high
+    np.add.at(rays.counts, (tile, within), 1)
+    summarise(rays)
+    return rays
 
 
 def _material(
@@ -297,40 +294,3 @@ def _material(
     if winding[np.r_[starts[1:], len(ray)] - 1].any():
         raise JobError("a solid is not closed: give closed meshes")
     return ray[begins], w[begins], w[ends]
-
-
-def _stored(
-    ray: Int[ndarray, " k"],
-    low: Float[ndarray, " k"],
-    high: Float[ndarray, " k"],
-    tiles: Int[ndarray, "2"],
-    grid: RayGrid,
-    direction: int,
-) -> RaySet:
-    """The stretches, which lie one behind the other on each ray, as a set of rays."""
-    i, j = np.divmod(ray, TILE * tiles[1])
-    tile = i // TILE * tiles[1] + j // TILE
-    used, tile = np.unique(tile, return_inverse=True)
-    within = j % TILE * TILE + i % TILE
-    first = np.flatnonzero(np.diff(ray, prepend=-1))
-    number = np.arange(len(ray)) - np.repeat(first, np.diff(np.r_[first, len(ray)]))
-    room = max(ROOM, int(number.max()) + 1)
-    spans = np.zeros((len(used), TILE * TILE, 2 * room), dtype=np.float32)
-    spans[tile, within, 2 * number], spans[tile, within, 2 * number + 1] = low, high
-    counts = np.zeros((len(used), TILE * TILE), dtype=np.uint8)
-    np.add.at(counts, (tile, within), 1)
-    tile_of = np.full(tiles[0] * tiles[1], -1, dtype=np.int32)
-    tile_of[used] = np.arange(len(used))
-    rays = RaySet(
-        tile_of=tile_of.reshape(tuple(tiles)),
-        spans=spans,
-        counts=counts,
-        low=np.zeros(len(used)),
-        high=np.zeros(len(used)),
-        mask=np.zeros(len(used), dtype=np.uint64),
-        stale=np.zeros(len(used), dtype=bool),
-        cell=grid.cell,
-        length=float(grid.size[direction]),
-    )
-    summarise(rays)
-    return rays

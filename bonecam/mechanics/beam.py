@@ -1,9 +1,8 @@
-"""Slices of an upright body: area, centroid and second moments of each, of columns, meshes and ray sets.
+"""What stands as an upright beam, held at its lower end: compliance, stress and lowest frequency.
 
-A slice is even: what a cone or a leaning bone does within its 0.5 mm is left out. All that is at one height counts as
-one section, also where it is in two pieces.
-
-What stands as an upright beam, held at its lower end: compliance, stress and lowest frequency.
+It is cut into slices, of columns, meshes and ray sets, with area, centroid and second moments of each. A slice is even:
+what a cone or a leaning bone does within its 0.5 mm is left out. All that is at one height counts as one section, also
+where it is in two pieces.
 
 A force F at the place p bends the slice at the place c by the moment (p - c) x F, and a turn of that slice moves p.
 With the flexibility S of a slice a length, P = [p]x and [c]x the matrices of the cross product, all slices below p give
@@ -14,12 +13,10 @@ With the flexibility S of a slice a length, P = [p]x and [c]x the matrices of th
 
 (Saint-Venant's J; Ixx = int y^2), as sums over slices that are made once. Shear is that of a round section (Cowper
 1966: 6 (1 + nu) / (7 + 6 nu)). Left out: what the holder of the lower end gives way, and all that is not bending of
-slender pieces (a shoulder is a slice of `sections.shoulder`).
+slender pieces (a shoulder is a slice of `shoulder`).
 
-How stiffly a tailstock holds the free end.
-
-Pin or upper neck bend as a cantilever under the arm, hinged at the part; the arm bends across itself, and the column
-bends and, where the force is across the arm, twists:
+A tailstock holds the free end. Its pin or upper neck bends as a cantilever under the arm, hinged at the part; the arm
+bends across itself, and the column bends and, where the force is across the arm, twists:
 
     pin     L^3 / (3 E I)
     along   H^3 / (3 E Ic) + a / (E w^2)
@@ -126,8 +123,24 @@ def mesh_sections(mesh: TriangleMesh, low: float | None = None, high: float | No
     last = np.searchsorted(planes, heights.max(axis=1), side="right")
     face, number = numbered(last - first)
     plane = first[face] + number
-    corners = mesh.vertices[mesh.faces[face]]
-    each = _polygon_moments(*_crossing(corners, planes[plane])).reshape(-1, 9)
+
+    # where planes cross triangles, the corner that is alone on its side first; the inside is to the left of p q
+    corners, height = mesh.vertices[mesh.faces[face]], planes[plane]
+    row = np.arange(len(corners))
+    above = corners[:, :, 2] >= height[:, None]
+    alone = np.argmax(above == (above.sum(axis=1) == 1)[:, None], axis=1)
+    a, b, c = (corners[row, (alone + k) % 3] for k in range(3))
+    one, other = (a[:, :2] + ((height - a[:, 2]) / (end[:, 2] - a[:, 2]))[:, None] * (end - a)[:, :2] for end in (b, c))
+    up = above[row, alone][:, None]
+    p, q = np.where(up, one, other), np.where(up, other, one)
+
+    # integrals of (1, x, y) (1, x, y)^T over the triangle from the origin to each edge p q
+    triangles = np.zeros((len(p), 3, 3))
+    triangles[:, :, 0] = 1.0
+    triangles[:, 1, 1:], triangles[:, 2, 1:] = p, q
+    twice = p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0]
+    weights = (np.ones((3, 3)) + np.eye(3)) / 24
+    each = np.einsum("m,mai,ab,mbk->mik", twice, triangles, weights, triangles).reshape(-1, 9)
     sums = np.column_stack([np.bincount(plane, entry, len(planes)) for entry in each.T])
     return _from_moments(ends, sums.reshape(-1, 3, 3))
 
@@ -144,35 +157,6 @@ def _ends(low: float, high: float) -> Float[ndarray, " n"]:
     return np.linspace(low, high, max(int(np.ceil((high - low) / SLICE - 1e-9)), 1) + 1)
 
 
-def _crossing(
-    corners: Float[ndarray, "m 3 3"], planes: Float[ndarray, " m"]
-) -> tuple[Float[ndarray, "m 2"], Float[ndarray, "m 2"]]:
-    """Where level planes cross triangles that reach below and above them: x and y of start and end, the inside of an
-    outward triangle to the left."""
-    above = corners[:, :, 2] >= planes[:, None]
-    # the corner that is alone on its side first
-    alone = np.argmax(above == (above.sum(axis=1) == 1)[:, None], axis=1)
-    a, b, c = (corners[np.arange(len(corners)), (alone + k) % 3] for k in range(3))
-
-    def meet(p: ndarray, q: ndarray) -> ndarray:
-        share = (planes - p[:, 2]) / (q[:, 2] - p[:, 2])
-        return p[:, :2] + share[:, None] * (q - p)[:, :2]
-
-    one, other = meet(a, b), meet(a, c)
-    up = above[np.arange(len(corners)), alone][:, None]
-    return np.where(up, one, other), np.where(up, other, one)
-
-
-def _polygon_moments(p: Float[ndarray, "m 2"], q: Float[ndarray, "m 2"]) -> Float[ndarray, "m 3 3"]:
-    """Integrals of (1, x, y) (1, x, y)^T over the triangle from the origin to each edge p q."""
-    corners = np.zeros((len(p), 3, 3))
-    corners[:, :, 0] = 1.0
-    corners[:, 1, 1:], corners[:, 2, 1:] = p, q
-    twice = p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0]
-    weights = (np.ones((3, 3)) + np.eye(3)) / 24
-    return np.einsum("m,mai,ab,mbk->mik", twice, corners, weights, corners)
-
-
 def _ray_moments(rays: RaySet, grid: RayGrid, direction: int, ends: Float[ndarray, " e"]) -> Float[ndarray, "n 3 3"]:
     """Integrals of (1, x, y) (1, x, y)^T over each slice of one set of rays, over its height.
 
@@ -182,6 +166,7 @@ def _ray_moments(rays: RaySet, grid: RayGrid, direction: int, ends: Float[ndarra
     low, high = _material_ends(rays, grid, direction)
     rise = grid.rotation[direction]  # downwards where the material was turned over
     slope = rise / rise[2]
+    across = np.array([0.0, *slope[:2]])
     met = (high[:, 2] > ends[0]) & (low[:, 2] < ends[-1])
     bottom, top = np.maximum(low[met, 2], ends[0]), np.minimum(high[met, 2], ends[-1])
     foot = (low - low[:, 2:] * slope)[met]
@@ -195,7 +180,6 @@ def _ray_moments(rays: RaySet, grid: RayGrid, direction: int, ends: Float[ndarra
     def partly(slices: ndarray, start: ndarray, end: ndarray, feet: ndarray) -> Float[ndarray, "n 3 3"]:
         span = end - start
         moments = _binned(slices, feet + (start + end)[:, None] / 2 * slope, span, count)
-        across = np.array([0.0, *slope[:2]])
         return moments + np.bincount(slices, span**3 / 12, count)[:, None, None] * np.outer(across, across)
 
     moments = partly(first, bottom, np.minimum(top, ends[first + 1]), foot)
@@ -203,20 +187,12 @@ def _ray_moments(rays: RaySet, grid: RayGrid, direction: int, ends: Float[ndarra
 
     through = _binned(first[taller] + 1, foot[taller], np.ones(taller.sum()), count)
     through = np.cumsum(through - _binned(last[taller], foot[taller], np.ones(taller.sum()), count), axis=0)
-    return (moments + _risen(through, ends, slope)) * (grid.cell**2 / abs(rise[2]))
-
-
-def _risen(
-    feet: Float[ndarray, "n 3 3"], ends: Float[ndarray, " e"], slope: Float[ndarray, "3"]
-) -> Float[ndarray, "n 3 3"]:
-    """Integrals over whole slices of rays with these sums of (1, x, y) (1, x, y)^T over their feet."""
-    middle = (ends[1:] + ends[:-1]) / 2
     height = np.diff(ends)
-    shift = np.broadcast_to(np.eye(3), (len(middle), 3, 3)).copy()
-    shift[:, 1:, 0] = middle[:, None] * slope[:2]
-    across = np.array([0.0, *slope[:2]])
-    within = (feet[:, 0, 0] * height**3 / 12)[:, None, None] * np.outer(across, across)
-    return height[:, None, None] * (shift @ feet @ shift.transpose(0, 2, 1)) + within
+    shift = np.broadcast_to(np.eye(3), (count, 3, 3)).copy()
+    shift[:, 1:, 0] = ((ends[1:] + ends[:-1]) / 2)[:, None] * slope[:2]
+    within = (through[:, 0, 0] * height**3 / 12)[:, None, None] * np.outer(across, across)
+    risen = height[:, None, None] * (shift @ through @ shift.transpose(0, 2, 1)) + within
+    return (moments + risen) * (grid.cell**2 / abs(rise[2]))
 
 
 def _binned(
@@ -237,15 +213,13 @@ def _material_ends(rays: RaySet, grid: RayGrid, direction: int) -> tuple[Float[n
     tiles = tiles[np.argsort(rays.tile_of[tiles[:, 0], tiles[:, 1]])]
     room = rays.spans.shape[2] // 2
     tile, ray, piece = np.nonzero(np.arange(room) < rays.counts[:, :, None])
-    ends = []
-    for end in (2 * piece, 2 * piece + 1):
-        local = np.empty((len(tile), 3))
-        u, v, w = order(direction)
-        local[:, u] = (tiles[tile, 0] * TILE + ray % TILE + 0.5) * rays.cell
-        local[:, v] = (tiles[tile, 1] * TILE + ray // TILE + 0.5) * rays.cell
-        local[:, w] = rays.spans[tile, ray, end]
-        ends.append(grid.in_part(local))
-    return (ends[0], ends[1]) if grid.rotation[direction, 2] > 0 else (ends[1], ends[0])
+    u, v, w = order(direction)
+    local = np.empty((2, len(tile), 3))
+    local[:, :, u] = (tiles[tile, 0] * TILE + ray % TILE + 0.5) * rays.cell
+    local[:, :, v] = (tiles[tile, 1] * TILE + ray // TILE + 0.5) * rays.cell
+    local[0, :, w], local[1, :, w] = rays.spans[tile, ray, 2 * piece], rays.spans[tile, ray, 2 * piece + 1]
+    start, end = (grid.in_part(each) for each in local)
+    return (start, end) if grid.rotation[direction, 2] > 0 else (end, start)
 
 
 def _from_moments(ends: Float[ndarray, " e"], moments: Float[ndarray, "n 3 3"]) -> Sections:
@@ -266,6 +240,10 @@ AT_ONCE = 4000
 """Contacts whose stress is found at once."""
 
 
+_Integrals = tuple[Float[ndarray, "n 3 3"], Float[ndarray, "n 3 3"], Float[ndarray, "n 3 3"]]
+"""Sums over the slices below a height: A0, A1, A2 of the bending, with what shear and pull give; mm, N."""
+
+
 @dataclass(frozen=True, eq=False)
 class Support:
     """What holds a beam at a further `place` (3,), mm: its `stiffness` (3, 3), N/mm. A pin that carries no force along
@@ -273,15 +251,6 @@ class Support:
 
     place: Float[ndarray, "3"]
     stiffness: Float[ndarray, "3 3"]
-
-
-@dataclass(frozen=True, eq=False)
-class _Integrals:
-    """Sums over the slices below a height: A0, A1, A2 of the bending, and what shear and pull give; mm, N."""
-
-    a0: Float[ndarray, "n 3 3"]
-    a1: Float[ndarray, "n 3 3"]
-    a2: Float[ndarray, "n 3 3"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -325,8 +294,10 @@ class Beam:
     @on_one_blas_thread
     def first_frequency(self, density: float) -> float:
         """The lowest natural frequency (Hz) of the beam, the mass of a `density` (kg/m^3) in the middles of slices."""
-        solid = np.flatnonzero(self._mass > 0)
-        centroids = self._centroids[solid]
+        cut = self.sections
+        mass = cut.area * (cut.high - cut.low)
+        solid = np.flatnonzero(mass > 0)
+        centroids = np.column_stack([cut.centroid, cut.z])[solid]
         count = len(solid)
         one, other = np.tril_indices(count)  # `eigh` reads no more
         pairs = self._free(centroids[one], centroids[other])
@@ -334,7 +305,7 @@ class Beam:
             fixed = np.broadcast_to(self.support.place, centroids.shape)
             to, back = self._free(centroids, fixed), self._free(fixed, centroids)
             pairs = pairs - to[one] @ self._reaction @ back[other]
-        root = np.repeat(np.sqrt(1e-12 * density * self._mass[solid]), 3)
+        root = np.repeat(np.sqrt(1e-12 * density * mass[solid]), 3)
         blocks = np.zeros((count, count, 3, 3))
         blocks[one, other] = pairs
         flexibility = blocks.transpose(0, 2, 1, 3).reshape(3 * count, -1)
@@ -344,11 +315,10 @@ class Beam:
 
     def _free(self, at: Float[ndarray, "n 3"], load: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3 3"]:
         """Displacement of the places `at` for unit forces at `load`, without the support, mm/N."""
-        sums = self._below(np.minimum(at[:, 2], load[:, 2]))
+        a0, a1, a2 = self._below(np.minimum(at[:, 2], load[:, 2]))
         to, by = _cross_matrix(at), _cross_matrix(load)
         turned = to.transpose(0, 2, 1)
-        first = sums.a1.transpose(0, 2, 1)
-        return turned @ sums.a0 @ by - turned @ sums.a1 - first @ by + sums.a2
+        return turned @ a0 @ by - turned @ a1 - a1.transpose(0, 2, 1) @ by + a2
 
     @cached_property
     def _reaction(self) -> Float[ndarray, "3 3"]:
@@ -357,15 +327,6 @@ class Beam:
         place = self.support.place[None]
         stiffness = self.support.stiffness
         return stiffness @ np.linalg.inv(np.eye(3) + self._free(place, place)[0] @ stiffness)
-
-    @cached_property
-    def _mass(self) -> Float[ndarray, " n"]:
-        """Volumes of the slices, mm^3."""
-        return self.sections.area * (self.sections.high - self.sections.low)
-
-    @cached_property
-    def _centroids(self) -> Float[ndarray, "n 3"]:
-        return np.column_stack([self.sections.centroid, self.sections.z])
 
     @cached_property
     def _flexibility(self) -> Float[ndarray, "n 3 3"]:
@@ -401,14 +362,14 @@ class Beam:
         within = ((top - low) ** 2 / 12)[:, None, None] * (upward.transpose(0, 2, 1) @ each @ upward)
         second = cross.transpose(0, 2, 1) @ each @ cross + within
         straight = (self._stretch[which] * flexible[:, None])[:, :, None] * np.eye(3)
-        return _Integrals(each, each @ cross, second + straight)
+        return each, each @ cross, second + straight
 
     @cached_property
     def _sums(self) -> _Integrals:
         """The integrals over all slices below each, the first of them zero."""
         whole = self._pieces(np.arange(len(self.sections.low)), self.sections.high, self.sections.flexible)
-        zero = np.zeros((1, 3, 3))
-        return _Integrals(*(np.concatenate([zero, np.cumsum(part, axis=0)]) for part in (whole.a0, whole.a1, whole.a2)))
+        a0, a1, a2 = (np.concatenate([np.zeros((1, 3, 3)), np.cumsum(part, axis=0)]) for part in whole)
+        return a0, a1, a2
 
     def _below(self, heights: Float[ndarray, " n"]) -> _Integrals:
         """The integrals over what is below each height."""
@@ -420,11 +381,16 @@ class Beam:
         within = (full < len(cut.low)) & (extent > 0)
         share = np.where(within, (top - cut.low[which]) / np.where(extent > 0, extent, 1.0), 0.0)
         part = self._pieces(which, top, cut.flexible[which] * share)
-        sums = self._sums
-        return _Integrals(sums.a0[full] + part.a0, sums.a1[full] + part.a1, sums.a2[full] + part.a2)
+        a0, a1, a2 = (whole[full] + one for whole, one in zip(self._sums, part, strict=True))
+        return a0, a1, a2
 
     def _stress(self, forces: Float[ndarray, "n 3"], points: Float[ndarray, "n 3"]) -> Float[ndarray, " n"]:
         """As `moment_stress`; of a run of like slices both ends tell all."""
+        loads = [(points, forces)]
+        if self.support is not None:
+            place = np.broadcast_to(self.support.place, points.shape)
+            moved = (self._free(place, points) @ forces[:, :, None])[:, :, 0]
+            loads.append((place, -moved @ self._reaction.T))
         cut = self.sections
         bends = np.flatnonzero((cut.flexible > 0) & (cut.high > cut.low))
         strength = 4 * self.youngs / cut.area[bends, None, None] * self._flexibility[bends, :2, :2]
@@ -435,32 +401,17 @@ class Beam:
         met = points[:, 2:] > low
         worst = np.zeros(len(points))
         for ends in (np.broadcast_to(low, met.shape), np.minimum(high, points[:, 2:])):
-            moment = self._moment(forces, points, centroids[runs], ends)
+            # bending moments (Nmm) about X and Y at the heights of the ends, of all forces above
+            moment = np.zeros((*met.shape, 2))
+            for place, force in loads:
+                x, y = (place[:, None, k] - centroids[runs, k] for k in range(2))
+                up = place[:, 2:] - ends
+                above = up >= 0
+                moment[:, :, 0] += np.where(above, y * force[:, 2:] - up * force[:, 1:2], 0.0)
+                moment[:, :, 1] += np.where(above, up * force[:, :1] - x * force[:, 2:], 0.0)
             square = np.einsum("nsi,sij,nsj->ns", moment, strength[runs], moment)
             worst = np.maximum(worst, np.where(met, square, 0.0).max(axis=1, initial=0.0))
         return np.sqrt(worst)
-
-    def _moment(
-        self,
-        forces: Float[ndarray, "n 3"],
-        points: Float[ndarray, "n 3"],
-        centroids: Float[ndarray, "s 2"],
-        heights: Float[ndarray, "n s"],
-    ) -> Float[ndarray, "n s 2"]:
-        """Bending moments (Nmm) about X and Y at places of each of some heights, of all forces above."""
-        pairs = [(points, forces)]
-        if self.support is not None:
-            place = np.broadcast_to(self.support.place, points.shape)
-            moved = (self._free(place, points) @ forces[:, :, None])[:, :, 0]
-            pairs.append((place, -moved @ self._reaction.T))
-        moments = np.zeros((*heights.shape, 2))
-        for place, force in pairs:
-            x, y = (place[:, None, k] - centroids[:, k] for k in range(2))
-            up = place[:, 2:] - heights
-            above = up >= 0
-            moments[:, :, 0] += np.where(above, y * force[:, 2:] - up * force[:, 1:2], 0.0)
-            moments[:, :, 1] += np.where(above, up * force[:, :1] - x * force[:, 2:], 0.0)
-        return moments
 
 
 def _cross_matrix(vectors: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3 3"]:

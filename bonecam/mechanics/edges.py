@@ -1,13 +1,12 @@
-"""How far a cutter's ball gives way across its axis: the cutter as a stepped beam that the holder holds rigidly.
+"""The edges of a cutter: how far its ball gives way across its axis, what force one edge takes, and where they stand on
+the pieces of its moves.
 
-A force across the axis at the ball's centre bends a piece of the second moment I at the distance x above it by the
-moment x F; Castigliano gives c = sum int x^2 / (E I) dx over flutes, neck and shank up to the holder. Pull along
-the axis is left out: the displacement is c (I - a a^T) F.
+The cutter is a stepped beam that the holder holds rigidly. A force across the axis at the ball's centre bends a piece
+of the second moment I at the distance x above it by the moment x F; Castigliano gives c = sum int x^2 / (E I) dx over
+flutes, neck and shank up to the holder. Pull along the axis is left out: the displacement is c (I - a a^T) F.
 
-The force of one edge of a ball at the middle of a strip, in closed form: what clamping is chosen by, before any path
-is planned.
-
-The edges of a cutter on the pieces of its moves: where they stand, and how much a tooth takes.
+The force of one edge of a ball at the middle of a strip has a closed form: clamping is chosen by it, before any path is
+planned.
 """
 
 import math
@@ -36,29 +35,26 @@ CORE = 0.8
 
 def cutter_compliance(cutter: Cutter) -> float:
     """Displacement of the ball's centre across the axis for a unit force there, mm/N."""
+    # int x^2 / I dx over a cylinder or cone, 1/mm, by Gauss's rule with 8 points: exact for a cylinder, to 1e-6 for a
+    # cone that doubles its radius
+    nodes, weights = np.polynomial.legendre.leggauss(8)
+    along = (nodes + 1) / 2
     total = 0.0
     for piece in cutter.profile:
         if piece.name in ("holder", "spindle"):
             break
         share = CORE if piece.name == "cutter" else 1.0
         low, high = piece.start - cutter.centre_height, piece.end - cutter.centre_height
-        total += _bending(low, high, share * piece.radius, share * piece.end_radius)
+        radius, end_radius = share * piece.radius, share * piece.end_radius
+        x = low + along * (high - low)
+        r = radius + along * (end_radius - radius)
+        total += float((weights * x**2 * 4 / (np.pi * r**4)).sum() * (high - low) / 2)
     return total / CARBIDE
 
 
 def across(compliance: float, axes: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3 3"]:
     """c (I - a a^T) for unit axes, mm/N."""
     return compliance * (np.eye(3) - axes[:, :, None] * axes[:, None, :])
-
-
-def _bending(low: float, high: float, radius: float, end_radius: float) -> float:
-    """int x^2 / I dx over a cylinder or cone from `low` to `high`, 1/mm, by Gauss's rule with 8 points: exact for a
-    cylinder, to 1e-6 for a cone that doubles its radius."""
-    nodes, weights = np.polynomial.legendre.leggauss(8)
-    share = (nodes + 1) / 2
-    x = low + share * (high - low)
-    r = radius + share * (end_radius - radius)
-    return float((weights * x**2 * 4 / (np.pi * r**4)).sum() * (high - low) / 2)
 
 
 SHALLOWER = (2.0, 3.0, 5.0)

@@ -1,8 +1,7 @@
-"""What is cut, as far as force and bending go: its material, and what holds it.
+"""The loads of a program, path by path while its removal is simulated: force, deflection, stress, and what bends.
 
-The error that a place of the finished surface keeps, because part and cutter give way.
-
-At a place p with the outward normal n, cut last by a move with the tool axis a, it is
+A place of the finished surface keeps an error, because part and cutter give way. At a place p with the outward normal
+n, cut last by a move with the tool axis a, it is
 
     -n . (C(p) + c (I - a a^T)) F,
 
@@ -10,13 +9,10 @@ where C is the compliance of what stands behind that path (the softest that it w
 the force on the work while an edge leaves p finished, or, of a body that does not follow single edges, the mean.
 Positive: material stays.
 
-The loads of a program, path by path while its removal is simulated: force, deflection, stress, and what bends.
-
-Feeds for an even peak of the force, from the force that each move of a program takes at its feed.
-
-A peak is F = E + C f: what edges press whatever the feed, and what grows with it (Altintas 2012, 2.8). So the feed that
-gives the peak T is that of the program times (T - E) / (F - E). T is one for each cutter: QUANTILE of its cutting time
-is below it, so that what the peaks lose in time the rest wins.
+Feeds for an even peak follow from the force that each move of a program takes at its feed. A peak is F = E + C f: what
+edges press whatever the feed, and what grows with it (Altintas 2012, 2.8). So the feed that gives the peak T is that of
+the program times (T - E) / (F - E). T is one for each cutter: QUANTILE of its cutting time is below it, so that what
+the peaks lose in time the rest wins.
 """
 
 from collections.abc import Mapping, Sequence
@@ -169,18 +165,6 @@ TIP = 0.05
 
 
 @dataclass(frozen=True, eq=False)
-class Bodies:
-    """What gives way: the work as a `beam`, and the cutter by its compliance across its axis (`tool`, mm/N)."""
-
-    beam: Beam
-    tool: float
-
-    def compliance(self, points: Float[ndarray, "n 3"], axes: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3 3"]:
-        """Displacement of the work at each point against the cutter with this axis, for a unit force, mm/N."""
-        return self.beam.compliance(points) + across(self.tool, axes)
-
-
-@dataclass(frozen=True, eq=False)
 class Finished:
     """Places of the finished surface: vertices of `mesh`, on the exact surface `points` (n, 3) with `normals` and their
     `areas` (mm^2), and the move that cut each last (`owners`, negative where none has)."""
@@ -208,9 +192,9 @@ class KeptErrors:
         self.axes = np.zeros((count, 3))
         self.tool = np.zeros(count)
 
-    def take(self, pieces: Pieces, edges: EdgeForces, bodies: Bodies, flutes: int, *, follows: bool) -> None:
-        """Set the errors of the places that a path has cut last by so many `flutes`; the work `follows` single edges,
-        or gives way under the mean force."""
+    def take(self, pieces: Pieces, edges: EdgeForces, beam: Beam, tool: float, flutes: int, *, follows: bool) -> None:
+        """Set the errors of the places that a path has cut last by so many `flutes` of a cutter of this compliance
+        (`tool`, mm/N); the work, a `beam`, `follows` single edges, or gives way under the mean force."""
         owners = self.finished.owners
         here = np.flatnonzero(np.isin(owners, np.unique(pieces.moves)))
         if not len(here):
@@ -218,10 +202,10 @@ class KeptErrors:
         points = self.finished.points[here]
         piece = piece_through(points, owners[here], pieces)
         self.axes[here] = edges.edges.frames[piece, 2]
-        self.tool[here] = bodies.tool
+        self.tool[here] = tool
         self.passing[here] = passing_force(points, piece, edges, flutes)
         self.mean[here] = edges.mean[piece]
-        self.errors[here] = self.errors_with(bodies.beam, here, follows=follows)
+        self.errors[here] = self.errors_with(beam, here, follows=follows)
 
     def errors_with(
         self, beam: Beam, here: Int[ndarray, " k"], *, follows: bool, tool_share: float = 1.0
@@ -300,8 +284,7 @@ class PathLoads:
     """What one path of a level loads: of its pieces that cut (k,) the `moves`, `minutes`, `mean` and `peak` force (N),
     the `edge_share` of the peak that does not grow with the feed, deflection of part and cutter under the mean
     (`deflection`, mm), and the largest bending stress of what stands below at the peak (`stress`, N/mm^2); the lowest
-    frequency (`first_hz`) of what stands behind it, and that of the edges (`tooth_hz`); `rigid`: slices at the upper
-    end that are too small to be told of."""
+    frequency (`first_hz`) of what stands behind it, and that of the edges (`tooth_hz`)."""
 
     index: int | None
     rest: int
@@ -314,7 +297,6 @@ class PathLoads:
     stress: Float[ndarray, " k"]
     first_hz: float
     tooth_hz: float
-    rigid: int
 
 
 class AskedEdges(NamedTuple):
@@ -368,16 +350,17 @@ class Loads:
             return
         forces = forces_of(edges.edges, edges.asked, cutter.flutes)
         try:
-            bodies = Bodies(work.beam(standing), cutter_compliance(cutter))
+            beam = work.beam(standing)
         except ValueError as error:
             named = "a path of the program" if level[0] is None else f"the path of level {level[0]}"
             what = f"{named} cuts through the work: {error}"
             raise VerifyError(f"{what}: cut less deep there, or what holds the part less", line=0) from error
-        first = bodies.beam.first_frequency(work.stiffness.density)
+        first = beam.first_frequency(work.stiffness.density)
+        tool = cutter_compliance(cutter)
         tooth = cutter.flutes * float(self.spindle[pieces.moves].max()) / 60
         cut = np.flatnonzero(forces.cut)
         points, mean = forces.places[cut], forces.mean[cut]
-        gives = bodies.compliance(points, edges.edges.frames[cut, 2])
+        gives = beam.compliance(points) + across(tool, edges.edges.frames[cut, 2])
         self.paths.append(
             PathLoads(
                 index=level[0],
@@ -388,16 +371,15 @@ class Loads:
                 peak=lengths(forces.peak[cut]),
                 edge_share=forces.edge_shares[cut],
                 deflection=lengths(np.einsum("nij,nj->ni", gives, mean)),
-                stress=bodies.beam.moment_stress(forces.peak[cut], points),
+                stress=beam.moment_stress(forces.peak[cut], points),
                 first_hz=np.inf if level[0] == PARTING else first,
                 tooth_hz=tooth,
-                rigid=bodies.beam.sections.rigid,
             )
         )
         self.standing = standing
         if finished is not None:
             self.kept = self.kept or KeptErrors(finished)
-            self.kept.take(pieces, forces, bodies, cutter.flutes, follows=first >= SLOW * tooth)
+            self.kept.take(pieces, forces, beam, tool, cutter.flutes, follows=first >= SLOW * tooth)
 
     def _piece_minutes(self, pieces: Pieces) -> Float[ndarray, " n"]:
         """The time of each piece: its share of that of its move."""

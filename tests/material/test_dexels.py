@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from bonecam.job import Job
-from bonecam.material.dexels import Dexels, dexels_of, uncut_rays
+from bonecam.material.dexels import Dexels, uncut_rays
 from bonecam.setup.stocks.box import Box
 from bonecam.tool.cutter import Cutter
 from bonecam.verify.sweeping import volumes
@@ -21,7 +21,7 @@ ALONG = np.array([[5.0, 0.0, 15.0], [5.0, 0.0, 18.0], [5.0, 0.0, 25.0]])
 
 @pytest.fixture(scope="module")
 def block() -> Dexels:
-    return dexels_of(BLOCK)
+    return uncut_rays(BLOCK).balls
 
 
 def poses(centres: np.ndarray, axis: np.ndarray = UP) -> tuple[np.ndarray, np.ndarray]:
@@ -50,7 +50,7 @@ def test_asking_leaves_the_material_as_it_is(block: Dexels) -> None:
         first = block.removed_by(lines, NOTHING * len(lines), RADIUS, reach)
         again = block.removed_by(lines[::-1], NOTHING * len(lines), RADIUS, reach)
         assert np.array_equal(first, again[::-1])
-        assert np.array_equal(first, dexels_of(BLOCK).removed_by(lines, NOTHING * len(lines), RADIUS, reach))
+        assert np.array_equal(first, uncut_rays(BLOCK).balls.removed_by(lines, NOTHING * len(lines), RADIUS, reach))
 
 
 def test_what_a_ball_at_a_contact_holds_is_not_removed_on_its_way_from_there(block: Dexels) -> None:

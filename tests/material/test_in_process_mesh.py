@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from bonecam.material.dexels import dexels_of
+from bonecam.material.dexels import uncut_rays
 from bonecam.material.in_process_stock import DEVIATION, holding
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.triangle_mesh import TriangleMesh
@@ -18,7 +18,7 @@ def beyond(mesh: TriangleMesh, ends: np.ndarray) -> np.ndarray:
 
 
 def test_a_mesh_that_cuts_an_edge_off_is_moved_out_to_it() -> None:
-    mesh, ends = BAR.mesh(0.01), dexels_of(BAR).ends
+    mesh, ends = BAR.mesh(0.01), uncut_rays(BAR).balls.ends
     assert beyond(mesh, ends).max() < 0.02
     away = np.linalg.norm(mesh.vertices - [5.0, 0.0, 30.0], axis=1)
     cut_off = mesh.vertices - np.clip(1.5 - away, 0, None)[:, None] * np.array([0.7, 0.0, 0.7])
@@ -32,4 +32,4 @@ def test_a_mesh_that_cuts_an_edge_off_is_moved_out_to_it() -> None:
 
 def test_a_mesh_that_holds_all_stays_as_it_is() -> None:
     mesh = BAR.mesh(0.01)
-    assert holding(mesh, dexels_of(BAR).ends) is mesh
+    assert holding(mesh, uncut_rays(BAR).balls.ends) is mesh

@@ -12,7 +12,7 @@ def loads(peak, edge_share, index=0):
     count = len(peak)
     rest = [np.ones(count) for _ in range(2)]
     peak, share = np.array(peak), np.full(count, edge_share)
-    return PathLoads(index, 0, np.arange(count), np.full(count, 0.1), peak / 2, peak, share, *rest, 900.0, 150.0, 0)
+    return PathLoads(index, 0, np.arange(count), np.full(count, 0.1), peak / 2, peak, share, *rest, 900.0, 150.0)
 
 
 def test_the_part_that_grows_with_the_feed_makes_every_peak_the_same() -> None:

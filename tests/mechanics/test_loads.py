@@ -227,9 +227,9 @@ def one_path_forces(**how):
     kept = []
     original = KeptErrors.take
 
-    def keep(self, pieces, forces, bodies, flutes, *, follows):
+    def keep(self, pieces, forces, *rest, **how):
         kept.append(forces)
-        original(self, pieces, forces, bodies, flutes, follows=follows)
+        original(self, pieces, forces, *rest, **how)
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(KeptErrors, "take", keep)

@@ -7,7 +7,7 @@ import pytest
 
 from bonecam.job import Job
 from bonecam.kernels.bodies import body_chord
-from bonecam.material.dexels import dexels_of
+from bonecam.material.dexels import uncut_rays
 from bonecam.nc.header import _shapes, tool_text
 from bonecam.nc.motions import described_tool
 from bonecam.setup.stocks.cylinder import Cylinder
@@ -24,7 +24,7 @@ def test_chords_end_where_the_cones_do() -> None:
     for _ in range(500):
         axis, way = (v / np.linalg.norm(v) for v in rng.normal(size=(2, 3)))
         point = rng.uniform(-3, 3, 3)
-        low, high = body_chord(*point, *way, axis, CUTTER.body)
+        low, high = body_chord(tuple(point), tuple(way), axis, CUTTER.body)
         t = np.linspace(-15, 15, 3001)
         line = point + t[:, None] * way
         h = line @ axis
@@ -37,7 +37,7 @@ def test_chords_end_where_the_cones_do() -> None:
 
 def test_a_straight_cut_removes_what_the_profile_sweeps() -> None:
     stock = Cylinder(10.0, 0.0, 6.0)
-    dexels = dexels_of(stock)
+    dexels = uncut_rays(stock).balls
     up = np.array([[0.0, 0.0, 1.0]])
     # upright, 1 mm deep, right across: the corners of radius 0.5 leave what they round
     centre = np.array([[-15.0, 0.0, 5.0 + CUTTER.centre_height]])
