@@ -17,7 +17,7 @@ from bonecam.machine.kinematics import inverse_linear, inverse_rotary, link_pose
 from bonecam.machine.machine import Machine
 from bonecam.mesh.solids import revolve
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.report.pictures import BELOW, Plot, draw_shaded, lay_out, new_figure, save_figure
+from bonecam.report.pictures import BELOW, Plot, draw_shaded, lay_out, legend_below, new_figure, save_figure
 from bonecam.tool.cutter import Cutter
 from bonecam.tool.path import MoveKind, ToolPath
 from bonecam.workholding.clamping import body_meshes, holding_columns
@@ -51,8 +51,6 @@ def draw_machine(
 ) -> None:
     """Write table, chuck, post, part, the whole tool and the bodies of the machine's links, from the front (-y) and
     from behind, at the cut in which holder or spindle are nearest to the table's plane."""
-    from matplotlib.lines import Line2D
-
     heights = [_lowest(path) for path in paths]
     path = paths[int(np.argmin([np.min(each, initial=np.inf) for each in heights]))]
     row = int(np.argmin(_lowest(path)))
@@ -73,9 +71,9 @@ def draw_machine(
     plots[0].set_title(message, fontsize="small")
     plots[1].set_title("from behind", fontsize="small")
     plots[0].set_ylabel("z (mm)")
-    used = [name for name in COLOURS if any(name == each for each, _ in bodies)]
-    lines = [Line2D([], [], color=COLOURS[name], lw=6, label=name) for name in used]
-    figure.legend(handles=lines, loc="lower center", ncols=len(lines), fontsize="small")
+    drawn = {name for name, _ in bodies}
+    used = {name: colour for name, colour in COLOURS.items() if name in drawn}
+    legend_below(figure, used, "small", lw=6)
     lay_out(figure, plots, below=BELOW + LEGEND)
     save_figure(figure, file)
 

@@ -21,20 +21,18 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.report.kept import Result
 from bonecam.report.pictures import (
     AMBIENT,
-    BAR_BELOW,
     BELOW,
     DIFFUSE,
     DPI,
     LEGEND,
     LIGHT,
     add_legend,
-    bar_below,
-    colour_scale,
     colours_of,
     label_rows,
     lay_out,
     new_figure,
     save_figure,
+    save_with_bar,
     show_path,
     value_range,
 )
@@ -73,10 +71,7 @@ def draw_compared_left(left: Sequence[tuple[str, SimulatedStock]], scallop: floa
             plot.set_title(f"{name}\nfrom {'the front' if side > 0 else 'behind'}", fontsize="medium")
             plot.set_xlabel("across (mm)")
     label_rows(plots, 2)
-    lay_out(figure, plots, below=BAR_BELOW, rows=2)
-    bar = {"label": "distance from the part, mm", "orientation": "horizontal", "extend": "max"}
-    figure.colorbar(colour_scale(norm), cax=bar_below(figure), **bar)
-    save_figure(figure, path)
+    save_with_bar(figure, plots, norm, path, rows=2, label="distance from the part, mm", extend="max")
 
 
 @dataclass(frozen=True, eq=False)
