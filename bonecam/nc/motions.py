@@ -31,6 +31,7 @@ import math
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
+from functools import cached_property
 from itertools import islice
 
 import numpy as np
@@ -131,6 +132,16 @@ class Motions:
     partial: tuple[PartialMove, ...]
     short_way: bool
     described: dict[int, Tool]
+
+    @cached_property
+    def lengths(self) -> Float[ndarray, "n"]:
+        """How far the tip goes in each move, mm, along the straight line between its ends; 0 in the first."""
+        return np.r_[0.0, np.linalg.norm(np.diff(self.tips, axis=0), axis=1)]
+
+    @property
+    def tip_feeds(self) -> Float[ndarray, "n"]:
+        """The feed of each move along that line, mm/min; NaN for rapids."""
+        return np.where(self.inverse_time, self.feed_rates * self.lengths, self.feed_rates)
 
 
 def motions_of(

@@ -34,7 +34,7 @@ from bonecam.report.kept import Result
 from bonecam.tool.cutter import Cutter
 from bonecam.verify.findings import LEFT, Removal
 from bonecam.verify.probing import BAND, Probed, Roughness
-from bonecam.verify.sweeping import AIR, feed_minutes, motion_lengths
+from bonecam.verify.sweeping import AIR, feed_minutes
 from bonecam.workholding.post import post_below
 
 JUMP = 10.0
@@ -104,7 +104,7 @@ def lean(probed: Probed) -> float | None:
 
 def _times(motions: Motions, cutters: Sequence[Cutter], removal: Removal) -> Figures:
     """Length of the cuts, feed times without and with the limits of the axes, and the share in air."""
-    ways = motion_lengths(motions)
+    ways = motions.lengths
     cuts = ~motions.rapid & ~motions.links & motions.known_start
     feeds = np.ones(len(ways))
     for cutter in cutters:

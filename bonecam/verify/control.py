@@ -390,10 +390,8 @@ def check_feeds_of_job(motions: Motions, dialect: Dialect, job: Job, cutters: di
 def tip_speeds(motions: Motions, dialect: Dialect) -> tuple[Float[ndarray, "n"], Bool[ndarray, "n"]]:
     """The speed (mm/min) that the feed of each move asks of the tip, and whether it is known: of feed moves, in
     inverse time of those that are long beside the last decimal of their words."""
-    lengths = np.r_[0.0, np.linalg.norm(np.diff(motions.tips, axis=0), axis=1)]
-    speeds = np.where(motions.inverse_time, motions.feed_rates * lengths, motions.feed_rates)
-    long_enough = motions.known_start & (lengths > MIN_LENGTH_STEPS * dialect.numbers.length.step)
-    return speeds, ~motions.rapid & (~motions.inverse_time | long_enough)
+    long_enough = motions.known_start & (motions.lengths > MIN_LENGTH_STEPS * dialect.numbers.length.step)
+    return motions.tip_feeds, ~motions.rapid & (~motions.inverse_time | long_enough)
 
 
 SAME_SIZE = 1e-3

@@ -172,8 +172,7 @@ def _check_feeds(
     """VerifyError where a rapid is none, or a feed is not what its path says within the rounding of its word;
     a move that begins a path may be a rapid. Rapids that the control may bend are feeds at the rapid rate."""
     rapid = (kinds == MoveKind.RAPID) & dialect.straight_rapids
-    length = np.r_[0.0, np.linalg.norm(np.diff(motions.tips, axis=0), axis=1)]
-    written = np.where(motions.inverse_time, motions.feed_rates * length, motions.feed_rates)
+    length, written = motions.lengths, motions.tip_feeds
     feed = dialect.numbers.feed
     long_enough = length > MIN_LENGTH_STEPS * dialect.numbers.length.step
     below_limit = motions.feed_rates < feed.highest - feed.step
@@ -204,8 +203,7 @@ def _by_turn(motions: Motions, slow: Float[ndarray, "n"]) -> Bool[ndarray, "n"]:
         joints, _ = joints_and_lengths(control, words)
         needed[rows] = axis_minutes(control.machine, joints)[rows]
     share = motions.feed_rates * needed
-    length = np.r_[0.0, np.linalg.norm(np.diff(motions.tips, axis=0), axis=1)]
-    slower = motions.feed_rates * length < slow
+    slower = motions.feed_rates * motions.lengths < slow
     lasts = (share <= 1 + FEED_TOLERANCE) & (share >= 1 - FEED_TOLERANCE)
     return motions.inverse_time & slower & lasts
 

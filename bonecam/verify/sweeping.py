@@ -160,18 +160,12 @@ def _level_comments(text: str, dialect: Dialect) -> Iterator[tuple[int, int, int
         yield line, *((PARTING, int(match[3])) if match[3] else (int(match[1]), int(match[2] or 0)))
 
 
-def motion_lengths(motions: Motions) -> Float[ndarray, " n"]:
-    """How far the tip goes in each move, mm, along the straight line between its ends."""
-    return np.r_[0.0, np.linalg.norm(np.diff(motions.tips, axis=0), axis=1)]
-
-
 def feed_minutes(motions: Motions) -> Float[ndarray, " n"]:
     """The time of each feed move, as its feed and the speeds of the machine's rotary axes allow; 0 for rapids
     and moves whose start is unknown."""
     machine = motions.controls[int(motions.tools[0])].machine
-    length = motion_lengths(motions)
     with np.errstate(divide="ignore", invalid="ignore"):
-        by_feed = np.where(motions.inverse_time, 1 / motions.feed_rates, length / motions.feed_rates)
+        by_feed = np.where(motions.inverse_time, 1 / motions.feed_rates, motions.lengths / motions.feed_rates)
     turns = np.abs(np.diff(motions.words[:, 3:], axis=0, prepend=motions.words[:1, 3:]))
     by_axes = (turns / np.array([axis.speed for axis in machine.rotary])).max(1)
     return np.where(motions.rapid | ~motions.known_start, 0.0, np.maximum(by_feed, by_axes))
@@ -190,7 +184,7 @@ def time_shares(
     cuts = moves[~motions.links[moves]]
     reach = radius - RUBBING
     section = radius**2 * np.arccos(reach / radius) - reach * np.sqrt(radius**2 - reach**2)
-    rubs = volumes[cuts] < section * motion_lengths(motions)[cuts]
+    rubs = volumes[cuts] < section * motions.lengths[cuts]
     return _share(minutes[moves], volumes[moves] < AIR), _share(minutes[cuts], rubs)
 
 
