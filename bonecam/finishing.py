@@ -125,12 +125,11 @@ def _simulated(finished: Finished, name: str, times: StageTimes, progress: Progr
     text, workpiece = finished.program.text, finished.workpiece
     bodies = finished.job, workpiece.surface, workpiece.solid
     with times.stage("simulation"), refusing(finished.program, [finished.path]), knowing(finished.report), naming(name):
-        proof = prove_surface_removal(text, machine, dialect, *bodies, progress, mechanics=mechanics)
-        removal, bent = proof.removal, proof.removal.mechanics
-        skipped = {"skipped": proof.unknown} if proof.unknown else NOT_ASKED
+        removal, unknown = prove_surface_removal(text, machine, dialect, *bodies, progress, mechanics=mechanics)
+        skipped = {"skipped": unknown} if unknown else NOT_ASKED
         sections = {"mechanics": skipped, **removal.sections}
         figures = with_warnings(finished.report | sections, finished.job)
-    summary = simulated_text(figures, str(bent or skipped["skipped"]))
+    summary = simulated_text(figures, str(removal.mechanics or skipped["skipped"]))
     program = record_simulation(finished.program, dialect, removal.cell, summary)
     return replace(finished, program=program, report=figures, removal=removal)
 

@@ -70,7 +70,7 @@ from bonecam.surface.files.surface_input import read_part
 from bonecam.surface.growth import Fit
 from bonecam.tool.path import PARTING, MoveKind, ToolPath
 from bonecam.verify.findings import Removal, given_surface
-from bonecam.verify.removal import removal_of_job
+from bonecam.verify.removal import prove_removal
 from bonecam.workholding.post import settled_bracket
 
 
@@ -358,7 +358,7 @@ def post_by_force(result: Result, posting: Posting, progress: Progress) -> tuple
     machine, dialect = posting.machine, posting.dialect
     with posting.times.stage("simulation"):
         cut = result.program.text, machine, dialect, result.job, result.stock, result.levels.levels
-        removal = removal_of_job(*cut, part(progress, 0.0, 0.6))
+        removal = prove_removal(*cut, part(progress, 0.0, 0.6), check=False)
     scheduled = paths_by_force(
         result.paths, result.program.text, removal=removal, machine=machine, dialect=dialect, job=job
     )

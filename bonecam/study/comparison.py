@@ -56,7 +56,7 @@ from bonecam.verify.probing import (
     probe_surface,
     roughness_of,
 )
-from bonecam.verify.removal import check_removal_of_job, cutters_of, removal_of_job
+from bonecam.verify.removal import check_removal_of_job, cutters_of, prove_removal
 from bonecam.workholding.post import post_below
 
 LINES: tuple[tuple[str, str], ...] = (
@@ -470,7 +470,7 @@ class _Study:
         """The program with what it removes, whatever that is."""
         given = given_surface(result.part, result.job, result.report)
         cut = result.program.text, self.machine, self.dialect, result.job, result.stock, result.levels.levels
-        removal = removal_of_job(*cut, progress, given)
+        removal = prove_removal(*cut, progress, given, check=False)
         sections = {"removal": removal.report}
         if removal.mechanics is not None:
             sections["mechanics"] = removal.mechanics.report
