@@ -212,9 +212,9 @@ def paths_by_force(
     motions = read_program(text, machine, dialect)
     tools = [level.tool for level in removal.levels]
     schedule = feed_schedule(removal.mechanics.paths, tools, len(motions.tips))
-    leads = rows_of_moves(motions, paths, dialect)
+    rows, _, away = rows_of_moves(motions, paths, dialect)
     ratios = np.full(sum(len(path.tips) for path in paths), np.inf)
-    np.minimum.at(ratios, leads.rows[~leads.away], schedule.ratios[~leads.away])
+    np.minimum.at(ratios, rows[~away], schedule.ratios[~away])
     ratios[~np.isfinite(ratios)] = 1.0
     around = np.vstack([path.tips for path in paths])
     before = None

@@ -16,11 +16,10 @@ from abc import abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
-import bonecam
 from bonecam.errors import (
     BendingError,
     BodiesError,
@@ -160,46 +159,26 @@ class Outputs:
         if troubles:
             raise troubles[0]
 
-    def _beside(self, morphed: Morphed, staging: Staging) -> list[tuple[str | Path, Callable[[], None]]]:
+    def _beside(self, made: Morphed, staging: Staging) -> list[tuple[str | Path, Callable[[], None]]]:
         """The wanted outputs beside the program, and what writes each."""
-        outputs: list[tuple[str | Path, Callable[[], None]]] = []
-        file = self.report
-        if file is not None:
-            outputs.append((file, lambda: staging.write(file, report_text(morphed.report))))
-        surface = self.surface
-        if surface is not None:
-            outputs.append((surface, lambda: save_surface(morphed.surface, staging.file(surface))))
-        page = self.html
-        if page is not None:
-            outputs.append((page, lambda: staging.write(page, morphed.page)))
-        sheet = self.sheet
-        if sheet is not None and isinstance(morphed, Result):
-            outputs.append((sheet, lambda: staging.write(sheet, morphed.sheet)))
-        apt = self.apt
-        if apt is not None and isinstance(morphed, Result):
-            text = apt_text(morphed.paths, morphed.program.name)
-            outputs.append((apt, lambda: staging.write(apt, text)))
-        outputs += self._of_second(morphed, staging)
-        keep = self.keep
-        if keep is not None:
-            holding = morphed.job.holding
-            post = (holding.diameter, post_below(morphed.part.mesh, holding).top)
-            outputs.append((keep, lambda: fill_kept_folder(staging.folder(keep, SERIES), morphed, post)))
-        return outputs
-
-    def _of_second(self, morphed: Morphed, staging: Staging) -> list[tuple[str | Path, Callable[[], None]]]:
-        """Page and cutter location data of a second clamping, and what writes each."""
-        second = morphed.second if isinstance(morphed, Result) else None
-        if second is None:
-            return []
-        outputs: list[tuple[str | Path, Callable[[], None]]] = []
-        if self.html is not None:
-            page = second_file(self.html)
-            outputs.append((page, lambda: staging.write(page, second.page)))
-        if self.apt is not None:
-            apt = second_file(self.apt)
-            outputs.append((apt, lambda: staging.write(apt, second.apt)))
-        return outputs
+        wanted: list[tuple[File, Callable[[str | Path], None]]] = [
+            (self.report, lambda file: staging.write(file, report_text(made.report))),
+            (self.surface, lambda file: save_surface(made.surface, staging.file(file))),
+            (self.html, lambda file: staging.write(file, made.page)),
+        ]
+        if isinstance(made, Result):
+            wanted += [
+                (self.sheet, lambda file: staging.write(file, made.sheet)),
+                (self.apt, lambda file: staging.write(file, apt_text(made.paths, made.program.name))),
+            ]
+            second = made.second
+            if second is not None:
+                wanted += [
+                    (self.html and second_file(self.html), lambda file: staging.write(file, second.page)),
+                    (self.apt and second_file(self.apt), lambda file: staging.write(file, second.apt)),
+                ]
+        wanted.append((self.keep, lambda file: fill_kept_folder(staging.folder(file, SERIES), made)))
+        return [(file, partial(write, file)) for file, write in wanted if file is not None]
 
 
 SHARED = ".nc"
@@ -372,9 +351,8 @@ class Finished(Written):
     @cached_property
     def packed_view(self) -> bytes:
         """What `view` shows, packed as `bonecam.report.page` has it."""
-        surface = self.workpiece.surface.tessellate(CHORD)
-        parts = (surface, self.workpiece.solid, self.path, self.program.text, self.job, self.report)
-        return pack(surface_contents(*parts, bonecam.__version__, self.removal))
+        shapes = self.workpiece.surface.tessellate(CHORD), self.workpiece.solid
+        return pack(surface_contents(*shapes, self.path, self.program.text, self.job, self.report, self.removal))
 
     def compare_axes(self) -> AxisComparison:
         """The tool axes beside the surface's normals and axes that lean by the lead angle, at the same contacts:
@@ -479,26 +457,13 @@ class Bladed(Written):
     @cached_property
     def packed_view(self) -> bytes:
         """What `view` shows, packed as `bonecam.report.page` has it."""
-        return pack(
-            wheel_contents(
-                self.workpiece.solid,
-                self.blank,
-                morph=self.levels,
-                wheel=self.wheel,
-                paths=self.paths,
-                program=self.program.text,
-                job=self.job,
-                report=self.report,
-                removal=self.removal,
-                version=bonecam.__version__,
-            )
-        )
+        shapes = self.workpiece.solid, self.blank, self.levels, self.wheel
+        return pack(wheel_contents(*shapes, self.paths, self.program.text, self.job, self.report, self.removal))
 
     @property
     def sheet(self) -> str:
         """The setup sheet as the text of an HTML file."""
-        shapes = self.workpiece.solid, self.blank
-        page = wheel_article(self._title, *shapes, self.job, self.program, self.report, bonecam.__version__)
+        page = wheel_article(self._title, self.workpiece.solid, self.blank, self.job, self.program, self.report)
         return setup_sheet(self._title, [page])
 
     def fill_folder(self, work: Path) -> None:
