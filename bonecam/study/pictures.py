@@ -1,10 +1,6 @@
-"""Pictures of a study: paths, what is left and deviations along a line, strategies beside one another.
-
-Picture: the stock that each strategy leaves, coloured by its distance from the part (Gan et al. 2014, Fig. 17).
-
-Picture: the last path of each strategy on the part (Gan et al. 2014, Fig. 16).
-
-Picture: deviations along the line that was probed (Gan et al. 2014, Fig. 18), with the paper's band.
+"""Pictures of a study, strategies beside one another (Gan et al. 2014): the last path of each on the part (Fig. 16),
+the stock that each leaves, coloured by its distance from the part (Fig. 17), and deviations along the line that was
+probed with the paper's band (Fig. 18).
 """
 
 from collections.abc import Sequence
@@ -55,8 +51,7 @@ def draw_compared_left(left: Sequence[tuple[str, SimulatedStock]], scallop: floa
     figure, plots = new_figure(len(left), 2)
     for k, (name, stock) in enumerate(left):
         # Places of the surface of what stands, on all rays, and how far each is from the part, mm
-        probes = stock.normal_probes
-        assert probes is not None
+        probes = stock.probes
         points = Dexels(tuple(stock.sets), stock.grid).ends
         points = points[points[:, 2] > probes.points[:, 2].min() - BELOW_PART]
         heights = MeshDistance(probes.mesh).unsigned(points)

@@ -1,10 +1,8 @@
-"""The removal of the program of one surface that is machined alone, from the stock that stands before it is finished:
-the solids, and on the surface as much material as its finishing cut is deep.
-
-The removal of the program of a wheel from its turned blank.
-
-The proof of a posted text: read back (`nc/reading`), judged as its control would run it (`control`), compared with
+"""The proof of a posted text: read back (`nc/reading`), judged as its control would run it (`control`), compared with
 the tool paths (`readback.py`), and checked for gouges of the part (`gouge.py`).
+
+And the removal of programs whose stock is no plain one: of one surface that is machined alone, from the solids and as
+much material on it as its finishing cut is deep; of a wheel, from its turned blank.
 """
 
 from collections.abc import Mapping, Sequence
@@ -163,7 +161,7 @@ def prove_removal_of_wheel(
         None,
         cutters_of(job, machine),
         clamping=clamping,
-        limits={index: levels[index + 1].limit for index in range(len(levels) - 1)},
+        limits=dict(enumerate(level.limit for level in levels[1:])),
         scallops=scallops,
         surfaces=surfaces,
         workpiece=workpiece_of(job, post, clamping) if mechanics else None,

@@ -1,20 +1,15 @@
-"""Material removal simulated from the posted text: what each move removes, what stays, and what touches.
-
-What refuses a program: rapids and links that cut, a tool that touches what it may not, a ball in the part, a cut
-too deep.
-
-Material removal simulated from the posted text.
+"""Material removal simulated from the posted text: what each move removes, what stays, and what touches; and what of
+it refuses a program: rapids and links that cut, a tool that touches what it may not, a ball in the part, a cut too
+deep.
 
 The text is read back and run through the machine's kinematics. Between blocks the control moves as
 `machine/control.py` says; the path of the ball's centre is divided until it is straight within 1 um, and each piece
 removes its capsule from the stock, which is held as intervals on three sets of rays (Benouamer & Michelucci 1997).
 Post and stub are part of the material, above what holds them, and so is what holds the free end. Of a move from an
 unknown place, after a retract or a tool change, only the end is run.
-
-The removal of the program that a job was posted as.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -382,12 +377,11 @@ def cutters_of(job: Job, machine: Machine) -> list[Cutter]:
     ]
 
 
-def depth_limits(job: Job, levels: Sequence[Level]) -> dict[int, float]:
-    """The largest depth (mm) of the cut on each level, or on each layer of a strategy in layers, and of PARTING."""
-    parting = {PARTING: job.levels.layer_depth}
-    if job.path.strategy == "morph":
-        return parting | {index: levels[index + 1].limit for index in range(len(levels) - 1)}
-    return parting | layer_limits(job)
+def depth_limits(job: Job, limits: Iterable[float]) -> dict[int, float]:
+    """The largest depth (mm) of the cut on each level, of which `limits` tells, or on each layer of a strategy in
+    layers, and of PARTING."""
+    of_path = dict(enumerate(limits)) if job.path.strategy == "morph" else layer_limits(job)
+    return {PARTING: job.levels.layer_depth} | of_path
 
 
 def level_scallops(job: Job, levels: int) -> dict[int, float]:
@@ -406,11 +400,9 @@ def followed_surfaces(job: Job, meshes: Mapping[int, TriangleMesh]) -> dict[int,
 
 def with_limits(removal: Removal, machine: Machine, job: Job) -> Removal:
     """The removal with what it leaves where no tool axis of the machine is within path.max_tilt_deg of the normal."""
-    probes = removal.remaining.normal_probes
-    assert probes is not None
     assert removal.left is not None
     tilt = float(np.radians(job.path.max_tilt_deg))
-    return replace(removal, left=beside_limits(removal.left, probes, machine_limits(machine), tilt))
+    return replace(removal, left=beside_limits(removal.left, removal.remaining.probes, machine_limits(machine), tilt))
 
 
 def prove_removal(
@@ -441,7 +433,7 @@ def prove_removal(
         cutters_of(job, machine),
         clamping=clamping,
         part=morph_surfaces(levels)[0],
-        limits=depth_limits(job, levels),
+        limits=depth_limits(job, (level.limit for level in levels[1:])),
         scallops=level_scallops(job, len(levels)),
         surfaces=followed_surfaces(job, {level.index: level.mesh for level in levels}),
         accuracy=ACCURACY,
@@ -461,12 +453,11 @@ def beside_given(
 ) -> Removal:
     """The removal with what it leaves beside the part as it was `given`, which stands on this `post`; `ball` is where
     one goes deepest into that, if it was measured."""
-    normal_probes = removal.remaining.normal_probes
-    assert normal_probes is not None
-    held = np.zeros(len(normal_probes.points), dtype=bool)
+    probes = removal.remaining.probes
+    held = np.zeros(len(probes.points), dtype=bool)
     if post is not None:
-        held = at_post(normal_probes.points, normal_probes.normals, post, job.smallest_ball)
-    return replace(removal, given=measure_given(normal_probes, held, given, ball))
+        held = at_post(probes.points, probes.normals, post, job.smallest_ball)
+    return replace(removal, given=measure_given(probes, held, given, ball))
 
 
 def simulate_stump(

@@ -1,16 +1,12 @@
-"""The moves read from a text as straight pieces of the ball centre's path.
+"""The material while a program runs: levels are swept one after the other, the three sets of rays side by side.
 
-The moves of a program level by level, as the comments of its text name the levels.
+The moves read from a text are straight pieces of the ball centre's path, level by level as the comments of the text
+name the levels. What stands is told as heights along the normals of a surface, what stands of a post that is parted as
+the area of its sections.
 
-Heights of the material that stands on a surface, along its normals, and what stands of a post that is parted.
-
-Gouges and leftovers on the part: normal probes on its exact surface, cut by every ball.
-
-A normal probe is a line along the normal (the vector method, Chappel 1983). What is left on it is the height of the
-lowest cut, exact to rounding; where no ball came within REACH the material that stands is measured along the probe.
-
-The material while a program runs: levels are swept one after the other, the three sets of rays side by
-side.
+Gouges and leftovers are told by normal probes on the part's exact surface, cut by every ball: lines along the normal
+(the vector method, Chappel 1983). What is left on one is the height of the lowest cut, exact to rounding; where no
+ball came within REACH the material that stands is measured along the probe.
 """
 
 import re
@@ -474,6 +470,12 @@ class SimulatedStock:
     sets: Sequence[RaySet]
     grid: RayGrid
     normal_probes: NormalProbes | None
+
+    @property
+    def probes(self) -> NormalProbes:
+        """The normal probes, of a stock that has them."""
+        assert self.normal_probes is not None
+        return self.normal_probes
 
     @property
     def bounds(self) -> Float[ndarray, "2 3"]:
