@@ -1,14 +1,8 @@
-"""The page of a run that is over: made from its kept files, or opened in the browser.
+"""What a run hands back, its page in the browser, and the folder of `--keep`: surface, levels, tool path and pictures,
+to look at or to use again.
 
-What results have in common: a page in the browser, which a notebook shows beside their summary.
-
-The program of the second clamping, as a result keeps it, what the report tells of it, and its page.
-
-What a run hands back: part, surface, stock, levels, tool paths, program and report.
-
-Part, stock and the mesh as given, as `convert --keep` left them in its folder, for another look at the program.
-
-The folder of `--keep`: surface, levels, tool path and pictures, to look at or to use again.
+Results show themselves as a page, which a notebook shows beside their summary. A kept folder gives that page again,
+and part, stock and the mesh as given for another look at its program.
 """
 
 import base64
@@ -488,11 +482,7 @@ def fill_kept_folder(work: Path, made: Morphed) -> None:
     keep_job(work, made)
     axes = {}
     if isinstance(made, Result):
-        write_whole(work / f"program{made.program.extension}", made.program.text)
-        write_whole(work / "toolpath.csv", toolpath_csv(made.paths))
-        write_whole(work / "toolpath.apt", apt_text(made.paths, made.program.name))
-        if any(path.cones for path in made.paths):
-            write_whole(work / "cones.csv", cones_csv(made.paths))
+        write_paths(work, made.program, made.paths)
         if made.job.path.strategy == "morph":
             compared = made.compare_axes()
             draw_compared_axes(compared, levels[0].mesh, work / "axes.png")
@@ -513,6 +503,15 @@ def fill_kept_folder(work: Path, made: Morphed) -> None:
         if made.removal and made.removal.left:
             _draw_engagement(made, work / "engagement.png")
     write_whole(work / "report.json", report_text({**made.report, **axes}))
+
+
+def write_paths(work: Path, program: Program, paths: Sequence[ToolPath]) -> None:
+    """Write a program, its paths as toolpath.csv and toolpath.apt, and cones.csv if axes are chosen in cones."""
+    write_whole(work / f"program{program.extension}", program.text)
+    write_whole(work / "toolpath.csv", toolpath_csv(paths))
+    write_whole(work / "toolpath.apt", apt_text(paths, program.name))
+    if any(path.cones for path in paths):
+        write_whole(work / "cones.csv", cones_csv(paths))
 
 
 def keep_job(work: Path, made: Morphed) -> None:

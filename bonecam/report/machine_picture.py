@@ -1,6 +1,5 @@
-"""Picture: the machine's bodies round the part where the tool comes nearest to the table.
-
-Picture of a machine file, all axes at zero: table, spindle nose, the rotary axes and the frame of the part.
+"""Pictures of a machine: its bodies round the part where the tool comes nearest to the table; and of a machine file,
+all axes at zero, table, spindle nose, the rotary axes and the frame of the part.
 """
 
 from collections.abc import Sequence

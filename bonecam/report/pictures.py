@@ -1,30 +1,10 @@
-"""Pictures of what was made, each drawn by one file. The only door to matplotlib, which loads when a picture
-is drawn and needs no display.
+"""Pictures of what was made, each drawn by one function. The door to matplotlib, which loads when a picture is drawn
+and needs no display.
 
-The colours of levels and cuts, and the ticks of their colour bars.
-
-Figures of panels side by side, with one scale and the same limits, and room for what belongs to them.
-
-What a picture shows of a mesh: where a plane cuts it, from where it is seen, and the normals that shade
-it.
-
-Shaded triangles, seen along y.
-
-Picture: tool axes on one surface before and after smoothing (Xu et al. 2013, Fig. 10).
-
-Pictures: some levels coloured by the depth of their cut, the part by the error that bending keeps.
-
-Picture: the depth of the cuts along a line of the part (Gan et al. 2014, Fig. 11), and shares of the area
-by depth.
-
-Picture: the cuts on some levels coloured by engagement, after Fig. 12 of Gan et al. (2014).
-
-Pictures: two sections of all levels (Gan et al. 2014, Fig. 10), also through a place that refused a program, of what
-stays of the post below the part, and of the part in its second clamping.
-
-Pictures: tool axes on one surface (Xu et al. 2013, Fig. 10); and the paths of a channel and a blade of a wheel.
-
-Picture: the tool path on some levels (Gan et al. 2014, Fig. 12).
+Panels stand side by side with one scale and the same limits; meshes are shaded triangles, seen along y. After Gan et
+al. (2014) are sections of all levels (Fig. 10), depths of the cuts along a line (Fig. 11), and paths on some levels,
+also coloured by engagement (Fig. 12); after Xu et al. (2013) tool axes on a surface, before and after smoothing (Fig.
+10).
 """
 
 from collections.abc import Mapping, Sequence

@@ -25,6 +25,7 @@ from bonecam.machine.check import reach_text
 from bonecam.machine.kinematics import inverse_rotary, within_limits
 from bonecam.machine.limits import polar_angles
 from bonecam.machine.machine import Machine, read_machine
+from bonecam.machining import ProvedProgram, post_and_prove
 from bonecam.mesh import read_in_mm
 from bonecam.mesh.distance import MeshDistance
 from bonecam.nc.dialect import Dialect
@@ -34,7 +35,6 @@ from bonecam.nc.parts import is_split, joined, part_count, write_program_files
 from bonecam.nc.program import Program, program_name
 from bonecam.nc.reading import read_program
 from bonecam.nc.requirements import job_dialect
-from bonecam.post_and_prove import ProvedProgram, post_and_prove
 from bonecam.progress import Progress, part, silent
 from bonecam.report.kept import kept_job, kept_surface, with_kept_cutters
 from bonecam.report.outputs import Outputs

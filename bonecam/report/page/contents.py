@@ -1,29 +1,13 @@
-"""Facts and arrays as one compressed block of bytes, which a page and a kept folder hold.
+"""All that a page shows, gathered by stage, and how it is packed into one block of bytes, which a page and a kept
+folder hold.
+
+Shown are levels, the mesh as given, deviation, and the bodies round the part; of a program its moves as read back from
+the text, the cones of their axes, the tools, what stands after each level and what is left; the machine's rotary axes
+and what they carry. A run has all of it, a finished surface, a second clamping and a wheel their own shapes.
 
 Floats become whole numbers of 16 bits over the range of their array (a range of 100 mm in steps of 1.5 um). Columns
 follow one another as differences, their bytes in planes: neighbours on paths and meshes differ little, so that gzip
 halves them. Bytes (of a text) stay as they are. `assets/unpack.js` reads it too.
-
-What a move of a program is and where it touches: from the row of the paths that it leads to, or from the text.
-
-What a page shows before there is a program: levels, the mesh as given, deviation, and the bodies round the part.
-
-What a page shows of a program: its moves as read back from the text, the tools, what stands after each level, what
-is left.
-
-Fewer rows of a path within a chord tolerance.
-
-The cones of free axes that a page shows at contacts.
-
-What a page shows of a machine: its rotary axes, where they stand in each move, and what they carry.
-
-All that a page shows of one surface machined alone.
-
-All that a page shows of a second clamping.
-
-A wheel for people: the sections of its report, the whole in a few lines, and all that a page shows of it.
-
-All that a page shows of a run.
 """
 
 import gzip
@@ -42,7 +26,7 @@ from scipy.spatial import cKDTree
 
 import bonecam
 from bonecam.arrays import dots, lengths
-from bonecam.errors import FileError, counted
+from bonecam.errors import FileError
 from bonecam.job import Job
 from bonecam.levels.measure import Level, rounding_cuts
 from bonecam.levels.sequences import Morph
@@ -59,7 +43,15 @@ from bonecam.nc.reading import read_program
 from bonecam.nc.requirements import job_dialect
 from bonecam.nc.words import LIFTED, REWIND, comment
 from bonecam.report.stage_reports import levels_report, uncut_areas
-from bonecam.report.summary import WHY, finished_summary, program_lines, removal_lines, second_text, summary_of
+from bonecam.report.summary import (
+    WHY,
+    cuts_text,
+    finished_summary,
+    program_lines,
+    removal_lines,
+    second_text,
+    summary_of,
+)
 from bonecam.report.warnings import mechanics_lines, post_lines, warning_lines
 from bonecam.setup.placement import TurnedBlank
 from bonecam.setup.stock import Stock, stock_figures, stock_text
@@ -672,15 +664,12 @@ def bladed_summary(report: Mapping[str, Any]) -> str:
     wheel = report["wheel"]
     seconds = sum(report["seconds"].values())
     area = report["surface"]["area_mm2"]
-    levels = report["levels"]
-    deepest = max(row[depth] for row in levels for depth in ("depth_max_mm", "depth_back_max_mm"))
-    bound = f"no schedule needs fewer than {report['levels_lower_bound']}"
     lines = [
         *warning_lines(report["warnings"]),
         f"wheel     {wheel['blades']} blades, {wheel['gap_mm']:.2f} mm apart; {area:.0f} mm2 with the hub",
         f"blank     turned to the blades' tips, diameter {wheel['blank_diameter_mm']:.2f} mm",
         *post_lines(report["post"]),
-        f"channels  {counted(len(levels) - 1, 'cut')}, {bound}; depth max {deepest:.4f} mm",
+        f"channels  {cuts_text(report)}",
         *program_lines(report),
         *removal_lines(report["removal"]),
         *mechanics_lines(report.get("mechanics")),

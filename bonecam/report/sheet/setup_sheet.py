@@ -1,12 +1,8 @@
-"""What the axes of the machine travel in a program, read back from its text.
+"""The setup sheet as HTML: what the machinist mounts, sets and checks, on one page of A4 for each clamping.
 
-The drawing of the sheet: stock, part, post, chuck and table from the front, to scale, with their sizes, as SVG.
-
-The setup sheet as HTML: what the machinist mounts, sets and checks, on one page of A4 for each clamping.
-
-The page of the sheet for the second clamping: the part turned over in its shell, and its stump.
-
-The page of the sheet for a wheel: the turned blank on its post, and the wheel in it.
+Its drawing shows stock, part, post, chuck and table from the front, to scale, with their sizes, as SVG; a second
+clamping shows the part turned over in its shell, and its stump, a wheel its turned blank. What the axes travel is read
+back from the program's text.
 """
 
 import hashlib
