@@ -11,7 +11,7 @@ from bonecam.finishing import Solid, naming
 from bonecam.job import Job
 from bonecam.levels.open_morph import morph_open
 from bonecam.levels.sequences import Morph
-from bonecam.machine.machine import Machine, read_machine
+from bonecam.machine.machine import Machine
 from bonecam.machining import check_one_feed, post_and_prove
 from bonecam.mechanics.loads import mechanics_of_job
 from bonecam.mesh.distance import MeshDistance
@@ -19,7 +19,7 @@ from bonecam.nc.dialect import Dialect
 from bonecam.nc.parts import is_split
 from bonecam.nc.path_words import machine_limits, require_room, require_upright
 from bonecam.nc.program import program_name
-from bonecam.nc.requirements import job_dialect
+from bonecam.nc.requirements import machine_and_dialect
 from bonecam.pipeline import check_job
 from bonecam.planning.contacts import MESH_SHARE, planned_tolerance
 from bonecam.planning.post_length import surface_holding
@@ -92,16 +92,17 @@ def blades(
     BonecamError.
     """
     job = job or Job()
-    machine, dialect = read_machine(job.nc.machine), job_dialect(job.nc)
+    machine, dialect = machine_and_dialect(job.nc)
     check_job(job, machine, dialect)
     check_one_feed(job, "a wheel has one feed a cutter")
     require_upright(machine)
     if simulation and mechanics:
         mechanics_of_job(job)
-    inputs = _files(blade, hub, obstacles)
+    several = [blade] if isinstance(blade, str | Path | TSpline) else blade
+    inputs = [file for file in (*several, hub, *obstacles) if isinstance(file, str | Path)]
     wanted = Outputs(program, keep, report, html=html, sheet=sheet, apt=apt, split=is_split(job.nc))
     wanted.check(None, dialect)
-    check_files([file for file in (program, report, html, sheet, apt) if file is not None], inputs)
+    check_files([program, report, html, sheet, apt], inputs)
     name = str(inputs[0]) if inputs else "the blade"
     with report_refused(report) as times, naming(name):
         with times.stage("surface"):
@@ -121,12 +122,6 @@ def blades(
         bladed = replace(bladed, report=with_warnings(figures, bladed.job))
     write_run(bladed, wanted)
     return bladed
-
-
-def _files(blade: BladeFile, hub: Solid, obstacles: Sequence[Solid]) -> list[str | Path]:
-    """The files among what is given."""
-    several = [blade] if isinstance(blade, str | Path | TSpline) else blade
-    return [file for file in (*several, hub, *obstacles) if isinstance(file, str | Path)]
 
 
 class _Plan(NamedTuple):
@@ -200,7 +195,7 @@ def _posted(
 def _simulated(bladed: Bladed, times: StageTimes, progress: Progress, *, mechanics: bool) -> Bladed:
     """The result with what its posted text removes of the blank, and what bends if `mechanics` are asked; VerifyError
     where that is not what it may do."""
-    machine, dialect = read_machine(bladed.job.nc.machine), job_dialect(bladed.job.nc)
+    machine, dialect = machine_and_dialect(bladed.job.nc)
     with times.stage("simulation"), refusing(bladed.program, bladed.paths), knowing(bladed.report):
         levels = bladed.levels.levels
         surfaces = wheel_surfaces(bladed.wheel, bladed.workpiece.solid, levels[:-1])

@@ -9,7 +9,7 @@ from typing import Any
 from bonecam.errors import BonecamError, JobError, SurfaceError, knowing
 from bonecam.files import check_files
 from bonecam.job import Job
-from bonecam.machine.machine import Machine, read_machine
+from bonecam.machine.machine import Machine
 from bonecam.machining import check_one_feed, post_and_prove
 from bonecam.mechanics.loads import mechanics_of_job
 from bonecam.mesh.distance import MeshDistance
@@ -18,7 +18,7 @@ from bonecam.mesh.triangle_mesh import MeshLike, TriangleMesh
 from bonecam.nc.parts import is_split
 from bonecam.nc.path_words import machine_limits
 from bonecam.nc.program import program_name
-from bonecam.nc.requirements import job_dialect
+from bonecam.nc.requirements import machine_and_dialect
 from bonecam.pipeline import check_job
 from bonecam.planning.contacts import MESH_SHARE, planned_tolerance
 from bonecam.planning.post_length import surface_holding
@@ -79,7 +79,7 @@ def finish(
     the surface; force and bending are asked (`mechanics`). Raises a BonecamError.
     """
     job = job or Job()
-    machine, dialect = read_machine(job.nc.machine), job_dialect(job.nc)
+    machine, dialect = machine_and_dialect(job.nc)
     check_job(job, machine, dialect)
     check_one_feed(job, "a surface that is finished alone has one feed")
     if simulation and mechanics:
@@ -88,10 +88,7 @@ def finish(
     wanted = Outputs(program, keep, report, html=html, apt=apt, split=is_split(job.nc))
     wanted.check(source, dialect)
     solids = [solid for solid in (part, *obstacles) if solid is not None]
-    check_files(
-        [file for file in (program, report, html, apt) if file is not None],
-        [file for file in solids if isinstance(file, str | Path)],
-    )
+    check_files([program, report, html, apt], solids)
     name = str(surface) if source else "the surface"
     with report_refused(report) as times:
         shape, solid = _read(surface, name, solids, job, times, has_part=part is not None)
@@ -122,7 +119,7 @@ def finish(
 def _simulated(finished: Finished, name: str, times: StageTimes, progress: Progress, *, mechanics: bool) -> Finished:
     """The result with what its posted text removes from the stock before it, and what bends if `mechanics` are asked;
     VerifyError where that is not what a program may do."""
-    machine, dialect = read_machine(finished.job.nc.machine), job_dialect(finished.job.nc)
+    machine, dialect = machine_and_dialect(finished.job.nc)
     text, workpiece = finished.program.text, finished.workpiece
     bodies = finished.job, workpiece.surface, workpiece.solid
     with times.stage("simulation"), refusing(finished.program, [finished.path]), knowing(finished.report), naming(name):

@@ -11,13 +11,13 @@ from bonecam.errors import knowing
 from bonecam.job import Job
 from bonecam.job.tool_list import read_tool_list
 from bonecam.levels.job_levels import check_method
-from bonecam.machine.machine import Machine, read_machine
+from bonecam.machine.machine import Machine
 from bonecam.machining import Posting, check_force_asked, machine_levels, morph_standing, post_by_force, stand_part
 from bonecam.mechanics.loads import mechanics_of_job
 from bonecam.mesh.triangle_mesh import MeshLike, TriangleMesh, mesh_from
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.parts import is_split
-from bonecam.nc.requirements import check_reach, check_table, check_tools, job_dialect
+from bonecam.nc.requirements import check_reach, check_table, check_tools, machine_and_dialect
 from bonecam.planning.patterns import check_pattern
 from bonecam.progress import Progress, part, silent
 from bonecam.report import warnings
@@ -63,8 +63,7 @@ def convert(
     Raises a BonecamError that names the trouble and the remedy.
     """
     job, body = with_stock(_require_job(job), stock)
-    machine = read_machine(job.nc.machine)
-    dialect = job_dialect(job.nc)
+    machine, dialect = machine_and_dialect(job.nc)
     check_job(job, machine, dialect)
     check_reach(job, machine)
     check_simulated(job, simulation=simulation)

@@ -136,8 +136,7 @@ def clamping_shell(
     `gap` mm off the part. It is written to the mesh file `output`. ValueError where these make no shell.
     """
     job = job or Job()
-    if output is not None:
-        check_files([output], [mesh] if isinstance(mesh, str | Path) else [])
+    check_files([output], [mesh])
     given = mesh if isinstance(mesh, str | Path) else mesh_from(mesh)
     part, _ = read_part(given, job)
     part = with_filled_pits(part, job.mesh, job.smallest_ball)

@@ -12,11 +12,10 @@ import numpy as np
 from bonecam.errors import FileError, JobError, ProgramError
 from bonecam.files import check_files, write_whole
 from bonecam.job import Job
-from bonecam.machine.machine import read_machine
 from bonecam.mechanics.loads import workpiece_of
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.reading import read_program
-from bonecam.nc.requirements import job_dialect
+from bonecam.nc.requirements import machine_and_dialect
 from bonecam.progress import Progress, part, silent
 from bonecam.report.kept import (
     REMEDY,
@@ -90,8 +89,7 @@ def simulate(
     if cell > COARSEST * radius:
         what = f"rays {cell:g} mm apart miss what a ball of {radius:g} mm does"
         raise JobError(f"{what}: give a cell of at most {COARSEST * radius:g} mm")
-    machine = read_machine(job.nc.machine)
-    dialect = job_dialect(job.nc)
+    machine, dialect = machine_and_dialect(job.nc)
     if html is not None:
         check_files([html], [program])
         check_page_name(html)
@@ -117,7 +115,7 @@ def simulate(
 
 def _write_page(html: str | Path, name: str, text: str, run: Contents, job: Job, removal: Removal) -> None:
     """Write the page of a `run` with the moves of another `text` and what they remove."""
-    machine, dialect = read_machine(job.nc.machine), job_dialect(job.nc)
+    machine, dialect = machine_and_dialect(job.nc)
     meshes = level_meshes(run)
     surfaces = layers_on(meshes[0], removal) if removal.shell is not None else None
     posted = program_contents(text, meshes, job, machine, dialect, removal=removal, surfaces=surfaces)
@@ -139,7 +137,7 @@ def _simulate_first(
 ) -> tuple[Removal, Post]:
     """What the `text` of a first clamping removes, and its post; what stands is told on the levels of the page of a
     `run`."""
-    machine, dialect = read_machine(job.nc.machine), job_dialect(job.nc)
+    machine, dialect = machine_and_dialect(job.nc)
     part, stock_mesh, levels = kept_levels(text, program, keep)
     post = post_below(part, job.holding)
     clamping = clamping_of(job.holding, machine.table)
@@ -166,7 +164,7 @@ def _judged(removal: Removal, text: str, given: GivenSurface | NotJudged, post: 
     """The removal by a `text` with what it does to the part as it was `given`, on this `post`."""
     if isinstance(given, NotJudged):
         return replace(removal, given=given)
-    motions = read_program(text, read_machine(job.nc.machine), job_dialect(job.nc))
+    motions = read_program(text, *machine_and_dialect(job.nc))
     return beside_given(removal, given, post, job, measure_gouge(motions, given))
 
 
@@ -198,7 +196,7 @@ def _simulate_second(
 ) -> Removal:
     """What the `text` of a second clamping removes of what the kept first program leaves; part, shell and pose are
     those of the page of a `run`."""
-    machine, dialect = read_machine(job.nc.machine), job_dialect(job.nc)
+    machine, dialect = machine_and_dialect(job.nc)
     kept = keep / f"program{dialect.extension}"
     first = program_text(kept, machine, dialect, job)
     before, _ = _simulate_first(first, kept, keep, job, None, cell, part(progress, 0.0, 0.8), mechanics=False)

@@ -30,7 +30,7 @@ from numpy import ndarray
 from bonecam.arrays import lengths, unit
 from bonecam.errors import MachineError
 from bonecam.job import Job
-from bonecam.job.materials.preset import read_material
+from bonecam.job.materials.preset import Material, read_material
 from bonecam.machine.control import Control
 from bonecam.machine.kinematics import forward, inverse_linear, tool_axes
 from bonecam.machine.machine import Machine
@@ -569,8 +569,8 @@ def tool_texts(job: Job, posted: Sequence[Posted], time: ProgramTime) -> list[st
         ]
     figures = feed_figures(posted, job.path.feed_at)
     source = ""
-    if not all(getattr(job, name).spindle and getattr(job, name).feed for name in job.cutter_names):
-        material = read_material(job.material.name)
+    material = asked_material(job)
+    if material is not None:
         source = f"speeds not in the job are of {material.title}: {material.source}; {material.note}"
     return [
         *texts,
@@ -581,6 +581,12 @@ def tool_texts(job: Job, posted: Sequence[Posted], time: ProgramTime) -> list[st
         f"cutting feeds: median {figures.median:.0f}, a tenth below {figures.low:.0f} mm/min: "
         f"an axis limits {100 * figures.limited:.0f} percent",
     ]
+
+
+def asked_material(job: Job) -> Material | None:
+    """The material that speeds are of which the job does not give; None where it gives all."""
+    given = all(getattr(job, name).spindle and getattr(job, name).feed for name in job.cutter_names)
+    return None if given else read_material(job.material.name)
 
 
 def _shapes(cutter: Cutter) -> list[str]:

@@ -61,7 +61,6 @@ from bonecam.nc.words import (
 from bonecam.planning.motion_time import ControlRule, motion_minutes
 from bonecam.progress import Progress, report, silent
 from bonecam.setup.stock import Stock
-from bonecam.tool.cutter import Cutter
 from bonecam.tool.path import MoveKind, ToolPath
 
 EXACT_STOP = ControlRule(look_ahead=0)
@@ -338,22 +337,17 @@ class ProgramWriter:
             machining=machining.finishing if finishing else machining.roughing,
         )
         if changes or stops or self.dialect.templates.restart:
-            lines += self._tool(cutter, halts=changes and self.job.nc.tool_change == "stop")
+            halts = changes and self.job.nc.tool_change == "stop"
+            lines += self._moving(
+                "tool",
+                tool=cutter.number,
+                spindle=self.dialect.numbers.spindle.text(cutter.spindle),
+                retract=self.retract,
+                endless=self.dialect.endless_block,
+                over_zero=over_zero(self.machine, self.dialect, self.start),
+                stop="\n".join(self.dialect.lines("stop", tool=cutter.number) if halts else []),
+            )
         return lines
-
-    def _tool(self, cutter: Cutter, *, halts: bool) -> list[str]:
-        """The blocks that bring a cutter into the spindle and to where tools start; for a change by hand it
-        `halts`."""
-        stop = self.dialect.lines("stop", tool=cutter.number) if halts else []
-        return self._moving(
-            "tool",
-            tool=cutter.number,
-            spindle=self.dialect.numbers.spindle.text(cutter.spindle),
-            retract=self.retract,
-            endless=self.dialect.endless_block,
-            over_zero=over_zero(self.machine, self.dialect, self.start),
-            stop="\n".join(stop),
-        )
 
     def _moving(self, template: str, **fields: object) -> list[str]:
         """The blocks of a template, whose moves are counted."""

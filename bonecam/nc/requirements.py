@@ -96,6 +96,11 @@ def job_dialect(nc: NcJob) -> Dialect:
     return dialect.model_copy(update=changes) if changes else dialect
 
 
+def machine_and_dialect(nc: NcJob) -> tuple[Machine, Dialect]:
+    """The machine and the dialect of the section [nc] of a job; MachineError as in `job_dialect`."""
+    return read_machine(nc.machine), job_dialect(nc)
+
+
 def _refused(dialect: Dialect, what: str, remedy: str) -> MachineError:
     return MachineError(f"{what}: {dialect.name} has no such: {remedy}", dialect=dialect.name)
 

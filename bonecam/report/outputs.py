@@ -53,10 +53,10 @@ from bonecam.report.kept import (
     write_simulated,
 )
 from bonecam.report.machine_picture import draw_machine
-from bonecam.report.page.contents import bladed_summary, pack, surface_contents, wheel_contents
+from bonecam.report.page.contents import pack, surface_contents, wheel_contents
 from bonecam.report.pictures import draw_axes, draw_compared_axes, draw_refused, draw_wheel
 from bonecam.report.sheet.setup_sheet import setup_sheet, wheel_article
-from bonecam.report.summary import AxisComparison, compare_axes, finished_summary
+from bonecam.report.summary import AxisComparison, bladed_summary, compare_axes, finished_summary
 from bonecam.report.tables import apt_text, toolpath_csv
 from bonecam.report.typed import RefusedFigures, report_text
 from bonecam.report.warnings import NOT_ASKED, simulated_text, with_warnings
@@ -102,10 +102,9 @@ class Outputs:
 
         `dialect` is that of the program, where one is wanted.
         """
-        twice = [file for file in (self.program, self.html, self.apt) if file is not None]
-        once = [file for file in (self.report, self.surface, self.sheet) if file is not None]
-        files = [*twice, *once, *(second_file(file) for file in twice if self.second)]
-        check_files(files, [] if part is None else [part])
+        twice = (self.program, self.html, self.apt)
+        seconds = [second_file(file) for file in twice if file is not None and self.second]
+        check_files([*twice, self.report, self.surface, self.sheet, *seconds], [part])
         if self.program is not None and dialect is not None:
             check_ending(Path(self.program), dialect)
             check_file_name(Path(self.program), dialect, second=self.second, split=self.split)

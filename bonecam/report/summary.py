@@ -280,16 +280,31 @@ def _second_lines(second: Mapping[str, Any]) -> Iterator[str]:
 def finished_summary(report: Mapping[str, Any]) -> str:
     """The report of one surface machined alone in a few lines for a person."""
     surface = report["surface"]
-    seconds = sum(report["seconds"].values())
     shape = f"{surface['kind']}, {surface['area_mm2']:.0f} mm2, {surface['control_points']} control points"
+    return _summary(report, [f"surface   {shape}; {counted(surface['solids'], 'solid')} kept clear of"])
+
+
+def bladed_summary(report: Mapping[str, Any]) -> str:
+    """The report of a wheel likewise: wheel, blank, channels, program and removal."""
+    wheel, area = report["wheel"], report["surface"]["area_mm2"]
+    shape = [
+        f"wheel     {wheel['blades']} blades, {wheel['gap_mm']:.2f} mm apart; {area:.0f} mm2 with the hub",
+        f"blank     turned to the blades' tips, diameter {wheel['blank_diameter_mm']:.2f} mm",
+    ]
+    return _summary(report, shape, [f"channels  {cuts_text(report)}"])
+
+
+def _summary(report: Mapping[str, Any], shape: Sequence[str], levels: Sequence[str] = ()) -> str:
+    """The warnings of a report, lines on the `shape`, its post, lines on its `levels`, and its program."""
     lines = [
         *warning_lines(report["warnings"]),
-        f"surface   {shape}; {counted(surface['solids'], 'solid')} kept clear of",
+        *shape,
         *post_lines(report["post"]),
+        *levels,
         *program_lines(report),
         *removal_lines(report["removal"]),
-        *mechanics_lines(report["mechanics"]),
-        f"time      {seconds:.1f} s",
+        *mechanics_lines(report.get("mechanics")),
+        f"time      {sum(report['seconds'].values()):.1f} s",
     ]
     return "\n".join(lines)
 

@@ -40,19 +40,10 @@ from bonecam.mesh.triangle_mesh import TriangleMesh, side_by_side
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.motions import Motions
 from bonecam.nc.reading import read_program
-from bonecam.nc.requirements import job_dialect
+from bonecam.nc.requirements import machine_and_dialect
 from bonecam.nc.words import LIFTED, REWIND, comment
 from bonecam.report.stage_reports import levels_report, uncut_areas
-from bonecam.report.summary import (
-    WHY,
-    cuts_text,
-    finished_summary,
-    program_lines,
-    removal_lines,
-    second_text,
-    summary_of,
-)
-from bonecam.report.warnings import mechanics_lines, post_lines, warning_lines
+from bonecam.report.summary import WHY, bladed_summary, finished_summary, second_text, summary_of
 from bonecam.setup.placement import TurnedBlank
 from bonecam.setup.stock import Stock, stock_figures, stock_text
 from bonecam.surface.blades import Wheel, repeated
@@ -588,7 +579,7 @@ def _with_program(
     facts = {**shape.facts, "report": report, "summary": summary, "version": bonecam.__version__}
     if not program:
         return Contents(facts, shape.arrays)
-    machine, dialect = read_machine(job.nc.machine), job_dialect(job.nc)
+    machine, dialect = machine_and_dialect(job.nc)
     moves = program_contents(program, meshes, job, machine, dialect, **posted)
     moves.facts["program"]["time"] = report.get("nc", report)["time_texts"][0]
     return Contents({**facts, **moves.facts}, {**shape.arrays, **moves.arrays})
@@ -611,12 +602,17 @@ def surface_contents(
         "name": figures["file"] or "a surface",
         "stock": {"text": f"surface {figures['kind']}, {figures['area_mm2']:.0f} mm\u00b2"},
         "stock_bounds": surface.bounds.tolist(),
-        "post": {"radius": job.holding.diameter / 2, "top": float(solid.bounds[0, 2])},
-        **bodies(job, read_machine(job.nc.machine).table),
+        **_held(solid, job),
     }
     shape = Contents(facts, _level_in_solid(surface, solid))
     posted = {"paths": [path], "removal": removal, "surfaces": {0: surface}}
     return _with_program(shape, program, {0: surface, 1: solid}, job, report, finished_summary(report), **posted)
+
+
+def _held(solid: TriangleMesh, job: Job) -> dict[str, Any]:
+    """The post below a solid, and what holds it, mm."""
+    post = {"radius": job.holding.diameter / 2, "top": float(solid.bounds[0, 2])}
+    return {"post": post, **bodies(job, read_machine(job.nc.machine).table)}
 
 
 def _level_in_solid(level: TriangleMesh, solid: TriangleMesh) -> dict[str, ndarray]:
@@ -657,25 +653,6 @@ def layers_on(part: TriangleMesh, removal: Removal) -> dict[int, TriangleMesh]:
 
 WHEEL_CHORD = 0.01
 """Chord tolerance of the blade on which uncut areas are told, mm."""
-
-
-def bladed_summary(report: Mapping[str, Any]) -> str:
-    """Wheel, blank, channels, program and removal."""
-    wheel = report["wheel"]
-    seconds = sum(report["seconds"].values())
-    area = report["surface"]["area_mm2"]
-    lines = [
-        *warning_lines(report["warnings"]),
-        f"wheel     {wheel['blades']} blades, {wheel['gap_mm']:.2f} mm apart; {area:.0f} mm2 with the hub",
-        f"blank     turned to the blades' tips, diameter {wheel['blank_diameter_mm']:.2f} mm",
-        *post_lines(report["post"]),
-        f"channels  {cuts_text(report)}",
-        *program_lines(report),
-        *removal_lines(report["removal"]),
-        *mechanics_lines(report.get("mechanics")),
-        f"time      {seconds:.1f} s",
-    ]
-    return "\n".join(lines)
 
 
 def wheel_figures(
@@ -737,8 +714,7 @@ def wheel_contents(
         "name": report["surface"]["file"],
         "stock": {"text": blank.text},
         "stock_bounds": blank.mesh.bounds.tolist(),
-        "post": {"radius": job.holding.diameter / 2, "top": float(solid.bounds[0, 2])},
-        **bodies(job, read_machine(job.nc.machine).table),
+        **_held(solid, job),
     }
     arrays = {"solid": solid.vertices, "solid_faces": solid.faces}
     meshes = wheel_surfaces(wheel, solid, morph.levels)

@@ -20,18 +20,17 @@ from scipy.spatial import ConvexHull
 
 import bonecam
 from bonecam.job import HoldingJob, Job
-from bonecam.job.materials.preset import read_material
 from bonecam.machine.bodies import Table
 from bonecam.machine.kinematics import inverse_linear
-from bonecam.machine.machine import Machine, read_machine
+from bonecam.machine.machine import Machine
 from bonecam.machine.machine_file import RotaryAxis
 from bonecam.mesh.part import Part
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.nc.header import ZeroWords, second_setup_texts, setup_texts, zero_words
+from bonecam.nc.header import ZeroWords, asked_material, second_setup_texts, setup_texts, zero_words
 from bonecam.nc.motions import Motions
 from bonecam.nc.program import Program
 from bonecam.nc.reading import read_program
-from bonecam.nc.requirements import job_dialect
+from bonecam.nc.requirements import machine_and_dialect
 from bonecam.planning.stump import Groove
 from bonecam.report.pictures import outline
 from bonecam.report.stage_reports import parting_text
@@ -271,8 +270,8 @@ def setup_sheet(title: str, articles: Sequence[str]) -> str:
 
 def setup_article(part: Part, stock: Stock, job: Job, program: Program, report: Mapping[str, Any]) -> str:
     """The first clamping."""
-    machine = read_machine(job.nc.machine)
-    zero = zero_words(machine, job_dialect(job.nc))
+    machine, dialect = machine_and_dialect(job.nc)
+    zero = zero_words(machine, dialect)
     post = post_below(part.mesh, job.holding)
     return article(
         Path(part.file).name,
@@ -294,8 +293,8 @@ def setup_article(part: Part, stock: Stock, job: Job, program: Program, report: 
 
 def article(part: str, program: Program, job: Job, nc: Mapping[str, Any], **told: str) -> str:
     """The page of one clamping: what every clamping tells of its `program`, `nc` of the report, and what is `told`."""
-    machine = read_machine(job.nc.machine)
-    motions = read_program(program.text, machine, job_dialect(job.nc))
+    machine, dialect = machine_and_dialect(job.nc)
+    motions = read_program(program.text, machine, dialect)
     cutters = {cutter.number: cutter for cutter in cutters_of(job, machine)}
     used = zip((cutters[number] for number in program.tools), program.time.tools, strict=True)
     axes = [
@@ -421,8 +420,8 @@ def _warnings(job: Job, report: Mapping[str, Any]) -> Iterator[str]:
     """What the machinist must look at before the start."""
     yield from warning_texts(report["warnings"])
     yield IN_AIR
-    if not all(getattr(job, name).spindle and getattr(job, name).feed for name in job.cutter_names):
-        material = read_material(job.material.name)
+    material = asked_material(job)
+    if material is not None:
         yield f"Speeds of {material.title}: {material.note}"
 
 
@@ -433,8 +432,8 @@ IN_AIR = "The program has not run on a control: run it in the air first, and che
 def second_article(name: str, clamping: SecondClamping, job: Job, program: Program, report: Mapping[str, Any]) -> str:
     """The second clamping of the part in the file `name`; `report` is `second` of the run's, the job's [holding] that
     of the shell."""
-    machine = read_machine(job.nc.machine)
-    zero = zero_words(machine, job_dialect(job.nc))
+    machine, dialect = machine_and_dialect(job.nc)
+    zero = zero_words(machine, dialect)
     return article(
         name,
         program,
@@ -522,8 +521,8 @@ def wheel_article(
     name: str, solid: TriangleMesh, blank: TurnedBlank, job: Job, program: Program, report: Mapping[str, Any]
 ) -> str:
     """The one clamping of a wheel."""
-    machine = read_machine(job.nc.machine)
-    zero = zero_words(machine, job_dialect(job.nc))
+    machine, dialect = machine_and_dialect(job.nc)
+    zero = zero_words(machine, dialect)
     return article(
         name,
         program,
