@@ -1,8 +1,9 @@
 """A wheel machined from its turned blank: the channels between its blades level by level, the hub, and the blades."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 from bonecam.errors import knowing
 from bonecam.files import check_files
@@ -10,36 +11,33 @@ from bonecam.finishing import Solid, naming
 from bonecam.job import Job
 from bonecam.levels.open_morph import morph_open
 from bonecam.levels.sequences import Morph
-from bonecam.machine.limits import MachineLimits
-from bonecam.machine.machine import Machine, read_machine
-from bonecam.machining import check_one_feed
+from bonecam.machine.machine import Machine
+from bonecam.machining import check_one_feed, post_and_prove
 from bonecam.mechanics.loads import mechanics_of_job
 from bonecam.mesh.distance import MeshDistance
 from bonecam.nc.dialect import Dialect
-from bonecam.nc.header import record_simulation
 from bonecam.nc.parts import is_split
 from bonecam.nc.path_words import machine_limits, require_room, require_upright
 from bonecam.nc.program import program_name
-from bonecam.nc.requirements import job_dialect
+from bonecam.nc.requirements import machine_and_dialect
 from bonecam.pipeline import check_job
 from bonecam.planning.contacts import MESH_SHARE, planned_tolerance
 from bonecam.planning.post_length import surface_holding
 from bonecam.planning.strategies import indexed
 from bonecam.planning.surface_paths import ChannelPlanner, Workpiece, plan_surface, stand_workpiece
-from bonecam.post_and_prove import post_and_prove
 from bonecam.progress import Progress, silent
 from bonecam.progress import part as part_of
 from bonecam.progress import report as report_progress
-from bonecam.report.outputs import Bladed, File, Outputs, refusing, report_refused, write_run
+from bonecam.report.outputs import Bladed, File, Outputs, refusing, report_refused, with_removal, write_run
 from bonecam.report.page.contents import wheel_figures
 from bonecam.report.summary import NOT_SIMULATED
 from bonecam.report.typed import report_to_program
-from bonecam.report.warnings import NOT_ASKED, NOT_KNOWN, header_texts, simulated_text, with_warnings
+from bonecam.report.warnings import NOT_KNOWN, header_texts, with_warnings
 from bonecam.runtime.timing import StageTimes
 from bonecam.setup.capsule import smallest_capsule
 from bonecam.setup.placement import TurnedBlank
 from bonecam.setup.stock import schedule_of
-from bonecam.surface.blades import CARTESIAN, MERIDIONAL, Channel, Wheel, channel_of, wheel_of
+from bonecam.surface.blades import CARTESIAN, MERIDIONAL, Wheel, channel_of, wheel_of
 from bonecam.surface.files.surface_input import (
     BladeFile,
     check_surface_size,
@@ -94,16 +92,17 @@ def blades(
     BonecamError.
     """
     job = job or Job()
-    machine, dialect = read_machine(job.nc.machine), job_dialect(job.nc)
+    machine, dialect = machine_and_dialect(job.nc)
     check_job(job, machine, dialect)
     check_one_feed(job, "a wheel has one feed a cutter")
     require_upright(machine)
     if simulation and mechanics:
         mechanics_of_job(job)
-    inputs = _files(blade, hub, obstacles)
+    several = [blade] if isinstance(blade, str | Path | TSpline) else blade
+    inputs = [file for file in (*several, hub, *obstacles) if isinstance(file, str | Path)]
     wanted = Outputs(program, keep, report, html=html, sheet=sheet, apt=apt, split=is_split(job.nc))
     wanted.check(None, dialect)
-    check_files([file for file in (program, report, html, sheet, apt) if file is not None], inputs)
+    check_files([program, report, html, sheet, apt], inputs)
     name = str(inputs[0]) if inputs else "the blade"
     with report_refused(report) as times, naming(name):
         with times.stage("surface"):
@@ -125,14 +124,7 @@ def blades(
     return bladed
 
 
-def _files(blade: BladeFile, hub: Solid, obstacles: Sequence[Solid]) -> list[str | Path]:
-    """The files among what is given."""
-    several = [blade] if isinstance(blade, str | Path | TSpline) else blade
-    return [file for file in (*several, hub, *obstacles) if isinstance(file, str | Path)]
-
-
-@dataclass(frozen=True, eq=False)
-class _Plan:
+class _Plan(NamedTuple):
     """The wheel on its post, its blank, the levels between hub and blank, and all paths."""
 
     workpiece: Workpiece
@@ -153,41 +145,29 @@ def _planned(wheel: Wheel, job: Job, machine: Machine, times: StageTimes, progre
         workpiece = stand_workpiece(wheel.blade, solid, job, limits)
         job = replace(job, holding=replace(job.holding, length=workpiece.length))
         wheel = wheel.lift(workpiece.length - float(wheel.profile[:, 1].min()))
-        channel = channel_of(wheel, _reach(job))
+        only_balls(job, "a wheel")
+        # passes go on beyond the blades' edges until a ball is past the allowance there
+        widest = max(job.tool(name).radius for name in ("roughing", "finishing"))
+        channel = channel_of(wheel, widest + job.levels.finishing_depth + BEYOND)
         blank = TurnedBlank(channel.blank)
     with times.stage("levels"):
         report_progress(progress, 0.1, "levels from the hub to the blank")
         morph = morph_open(channel.floor, channel.roof, schedule_of(job.levels), chord_tolerance=LEVEL_CHORD)
     with times.stage("toolpath"):
+        # in machining order; the hub, level 0 of the channel, is a rest path before the blades: both are the part
         report_progress(progress, 0.2, "paths of the channel")
-        paths = _paths(channel, blank, morph, workpiece, job, limits=limits)
-    return _Plan(workpiece, wheel, blank, morph, paths, job=job)
+        post = Post(job.holding.diameter / 2, workpiece.length)
+        capsule = smallest_capsule(blank.mesh.vertices, CAPSULE)
+        channel_paths, standing = ChannelPlanner(channel, job, limits, post, capsule).paths(morph.levels)
+        channel_paths[-1] = replace(channel_paths[-1], rest=1)
+        blade = plan_surface(workpiece, job, limits, capsule, standing)
+        paths = tuple(indexed(path, wheel.count) for path in (*channel_paths, blade))
+    return _Plan(workpiece, wheel, blank, morph, paths, job)
 
 
 def _chord(job: Job) -> float:
     """Chord tolerance (mm) of what must not be gouged, as fine as the gouge tolerance asks for."""
     return MESH_SHARE * planned_tolerance(job.path.gouge_tolerance)
-
-
-def _reach(job: Job) -> float:
-    """How far passes go on beyond the blades' edges, mm: until a ball is past the allowance there. JobError where the
-    job has no balls."""
-    only_balls(job, "a wheel")
-    widest = max(job.tool(name).radius for name in ("roughing", "finishing"))
-    return widest + job.levels.finishing_depth + BEYOND
-
-
-def _paths(
-    channel: Channel, blank: TurnedBlank, morph: Morph, workpiece: Workpiece, job: Job, limits: MachineLimits
-) -> tuple[ToolPath, ...]:
-    """The paths of all channels and all blades in machining order. The hub, level 0 of the channel, is a rest path
-    before the blades: both are the part."""
-    count, post = channel.wheel.count, Post(job.holding.diameter / 2, workpiece.length)
-    capsule = smallest_capsule(blank.mesh.vertices, CAPSULE)
-    channel_paths, standing = ChannelPlanner(channel, job, limits, post, capsule).paths(morph.levels)
-    channel_paths[-1] = replace(channel_paths[-1], rest=1)
-    blade = plan_surface(workpiece, job, limits, capsule, standing)
-    return tuple(indexed(path, count) for path in (*channel_paths, blade))
 
 
 def _posted(
@@ -207,25 +187,18 @@ def _posted(
         times=times,
         progress=part_of(progress, 0.6, 0.8),
     )
-    posted = Path(file or "").name, proved.paths, proved.program, proved.proof
-    reported = report_to_program(*posted, job=job.path, part=solid)
+    reported = report_to_program(file, *proved, job=job.path, part=solid)
     figures = {**figures, **reported, "removal": NOT_SIMULATED, "mechanics": NOT_KNOWN}
-    program = proved.program
-    return Bladed(plan.workpiece, wheel, plan.blank, plan.morph, proved.paths, program=program, report=figures, job=job)
+    return Bladed(plan.workpiece, wheel, plan.blank, plan.morph, proved.paths, proved.program, figures, job)
 
 
 def _simulated(bladed: Bladed, times: StageTimes, progress: Progress, *, mechanics: bool) -> Bladed:
     """The result with what its posted text removes of the blank, and what bends if `mechanics` are asked; VerifyError
     where that is not what it may do."""
-    machine, dialect = read_machine(bladed.job.nc.machine), job_dialect(bladed.job.nc)
+    machine, dialect = machine_and_dialect(bladed.job.nc)
     with times.stage("simulation"), refusing(bladed.program, bladed.paths), knowing(bladed.report):
         levels = bladed.levels.levels
         surfaces = wheel_surfaces(bladed.wheel, bladed.workpiece.solid, levels[:-1])
         cut = bladed.program.text, machine, dialect, bladed.job, bladed.blank, bladed.wheel, levels
         removal = prove_removal_of_wheel(*cut, progress, surfaces, mechanics=mechanics)
-    bent = removal.mechanics
-    sections = {"mechanics": NOT_ASKED, **removal.sections}
-    figures = with_warnings(bladed.report | sections, bladed.job)
-    summary = simulated_text(figures, str(bent or NOT_ASKED["skipped"]))
-    program = record_simulation(bladed.program, dialect, removal.cell, summary)
-    return replace(bladed, program=program, report=figures, removal=removal)
+    return with_removal(bladed, removal)

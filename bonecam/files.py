@@ -148,13 +148,14 @@ def is_unicode(text: str) -> bool:
     return True
 
 
-def check_files(outputs: Iterable[str | Path], inputs: Iterable[str | Path] = ()) -> None:
+def check_files(outputs: Iterable[str | Path | None], inputs: Iterable[object] = ()) -> None:
     """FileError, before any work is done for them, where a file cannot be written, is named twice, or would
-    overwrite an input."""
-    named = {
-        os.path.realpath(path): "is read as well, and would be overwritten: choose another name" for path in inputs
-    }
+    overwrite an input. Inputs that are no names of files are passed over, and outputs that are None."""
+    read = "is read as well, and would be overwritten: choose another name"
+    named = {os.path.realpath(path): read for path in inputs if isinstance(path, str | Path)}
     for path in outputs:
+        if path is None:
+            continue
         require_name(path)
         place = os.path.realpath(path)
         trouble = named.get(place) or _trouble_of(path, Path(place))

@@ -9,30 +9,28 @@ from typing import Any
 from bonecam.errors import BonecamError, JobError, SurfaceError, knowing
 from bonecam.files import check_files
 from bonecam.job import Job
-from bonecam.machine.machine import Machine, read_machine
-from bonecam.machining import check_one_feed
+from bonecam.machine.machine import Machine
+from bonecam.machining import check_one_feed, post_and_prove
 from bonecam.mechanics.loads import mechanics_of_job
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.solids import solid_union
 from bonecam.mesh.triangle_mesh import MeshLike, TriangleMesh
-from bonecam.nc.header import record_simulation
 from bonecam.nc.parts import is_split
 from bonecam.nc.path_words import machine_limits
 from bonecam.nc.program import program_name
-from bonecam.nc.requirements import job_dialect
+from bonecam.nc.requirements import machine_and_dialect
 from bonecam.pipeline import check_job
 from bonecam.planning.contacts import MESH_SHARE, planned_tolerance
 from bonecam.planning.post_length import surface_holding
 from bonecam.planning.surface_paths import Workpiece, plan_surface, stand_workpiece
-from bonecam.post_and_prove import post_and_prove
 from bonecam.progress import Progress, silent
 from bonecam.progress import part as part_of
 from bonecam.progress import report as report_progress
-from bonecam.report.outputs import File, Finished, Outputs, refusing, report_refused, write_run
+from bonecam.report.outputs import File, Finished, Outputs, refusing, report_refused, with_removal, write_run
 from bonecam.report.stage_reports import uncut_areas
 from bonecam.report.summary import NOT_SIMULATED
 from bonecam.report.typed import report_to_program
-from bonecam.report.warnings import NOT_ASKED, NOT_KNOWN, header_texts, simulated_text, with_warnings
+from bonecam.report.warnings import NOT_ASKED, NOT_KNOWN, header_texts, with_warnings
 from bonecam.runtime.timing import StageTimes
 from bonecam.surface.blades import blade_solid, has_blunt_edge
 from bonecam.surface.files.surface_input import (
@@ -81,7 +79,7 @@ def finish(
     the surface; force and bending are asked (`mechanics`). Raises a BonecamError.
     """
     job = job or Job()
-    machine, dialect = read_machine(job.nc.machine), job_dialect(job.nc)
+    machine, dialect = machine_and_dialect(job.nc)
     check_job(job, machine, dialect)
     check_one_feed(job, "a surface that is finished alone has one feed")
     if simulation and mechanics:
@@ -89,7 +87,8 @@ def finish(
     source = Path(surface) if isinstance(surface, str | Path) else None
     wanted = Outputs(program, keep, report, html=html, apt=apt, split=is_split(job.nc))
     wanted.check(source, dialect)
-    solids = _checked_solids((part, *obstacles), program, report, html, apt)
+    solids = [solid for solid in (part, *obstacles) if solid is not None]
+    check_files([program, report, html, apt], solids)
     name = str(surface) if source else "the surface"
     with report_refused(report) as times:
         shape, solid = _read(surface, name, solids, job, times, has_part=part is not None)
@@ -107,8 +106,7 @@ def finish(
                 times=times,
                 progress=part_of(progress, 0.8, 0.9),
             )
-        arguments = proved.paths, proved.program, proved.proof
-        figures |= report_to_program(Path(program or "").name, *arguments, job=job.path, part=workpiece.solid)
+        figures |= report_to_program(program, *proved, job=job.path, part=workpiece.solid)
         figures = with_warnings({**figures, "removal": NOT_SIMULATED}, job)
         finished = Finished(workpiece, proved.paths[0], proved.program, figures, job)
         if simulation:
@@ -121,26 +119,12 @@ def finish(
 def _simulated(finished: Finished, name: str, times: StageTimes, progress: Progress, *, mechanics: bool) -> Finished:
     """The result with what its posted text removes from the stock before it, and what bends if `mechanics` are asked;
     VerifyError where that is not what a program may do."""
-    machine, dialect = read_machine(finished.job.nc.machine), job_dialect(finished.job.nc)
+    machine, dialect = machine_and_dialect(finished.job.nc)
     text, workpiece = finished.program.text, finished.workpiece
     bodies = finished.job, workpiece.surface, workpiece.solid
     with times.stage("simulation"), refusing(finished.program, [finished.path]), knowing(finished.report), naming(name):
-        proof = prove_surface_removal(text, machine, dialect, *bodies, progress, mechanics=mechanics)
-        removal, bent = proof.removal, proof.removal.mechanics
-        skipped = {"skipped": proof.unknown} if proof.unknown else NOT_ASKED
-        sections = {"mechanics": skipped, **removal.sections}
-        figures = with_warnings(finished.report | sections, finished.job)
-    summary = simulated_text(figures, str(bent or skipped["skipped"]))
-    program = record_simulation(finished.program, dialect, removal.cell, summary)
-    return replace(finished, program=program, report=figures, removal=removal)
-
-
-def _checked_solids(given: Sequence[Solid | None], *wanted: File) -> list[Solid]:
-    """The solids that are given; FileError where an output would be written over one."""
-    solids = [solid for solid in given if solid is not None]
-    outputs = [file for file in wanted if file is not None]
-    check_files(outputs, [file for file in solids if isinstance(file, str | Path)])
-    return solids
+        removal, unknown = prove_surface_removal(text, machine, dialect, *bodies, progress, mechanics=mechanics)
+        return with_removal(finished, removal, {"skipped": unknown} if unknown else NOT_ASKED)
 
 
 @contextmanager

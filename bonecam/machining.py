@@ -1,24 +1,20 @@
 """Machining: the program of the levels of a part, and once more with feeds by the force that its simulation finds.
 
-The first half of the flow: a part is read and stands on its post in its stock, then its surface and levels are made.
+A part is read and stands on its post in its stock, then its surface and levels are made; the two halves are apart, as
+strategies that are compared share the first. Tool paths on the levels are posted, read back and proved: `convert`,
+`finish`, the second clamping and the filter end in `post_and_prove`.
 
-The two halves are apart, as strategies that are compared share the first.
-
-Feeds by the force: the paths of a program whose removal was simulated, with feeds for an even peak
-(`mechanics/loads.py`) where cutter and machine allow them.
-
-No tooth takes more than the largest chip of the material's cutting data or leaves feed marks over the scallop, nor less
-than half of what it takes at the cutter's feed: it would rub. No feed is raised beyond what the accelerations of the
-machine's axes let a move reach, where they are known; `drivable_paths` keeps it within their speeds.
-
-The tool paths on the levels of a part, their program and its proof; and the program once more with feeds by the
-force.
+Feeds by the force keep an even peak (`mechanics/loads.py`) where cutter and machine allow it. No tooth takes more than
+the largest chip of the material's cutting data or leaves feed marks over the scallop, nor less than half of what it
+takes at the cutter's feed: it would rub. No feed is raised beyond what the accelerations of the machine's axes let a
+move reach, where they are known; `drivable_paths` keeps it within their speeds.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 from jaxtyping import Float
@@ -33,9 +29,11 @@ from bonecam.mechanics.loads import LEAST, FeedSchedule, PathLoads, feed_schedul
 from bonecam.mesh.part import with_filled_pits
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.dialect import Dialect
-from bonecam.nc.feeds import fastest_cut
+from bonecam.nc.feeds import drivable_paths, fastest_cut
+from bonecam.nc.header import record_checks
 from bonecam.nc.path_words import Posted, machine_limits, post_path
-from bonecam.nc.program import program_name
+from bonecam.nc.posting import write_program
+from bonecam.nc.program import Program, program_name
 from bonecam.nc.reading import read_program
 from bonecam.nc.requirements import check_length, check_room
 from bonecam.planning.chosen_cutters import leaves_cutters_open, with_chosen_cutters
@@ -52,11 +50,10 @@ from bonecam.planning.neck import (
 from bonecam.planning.post_length import blocked_share, check_reached, post_advice
 from bonecam.planning.strategies import plan_layer_paths
 from bonecam.planning.stump import check_second
-from bonecam.post_and_prove import post_and_prove
-from bonecam.progress import Progress, part, report
+from bonecam.progress import Progress, part, report, silent
 from bonecam.report import warnings
 from bonecam.report.kept import Morphed, Result, keep_failed_level
-from bonecam.report.outputs import File
+from bonecam.report.outputs import File, refusing
 from bonecam.report.page.contents import rows_of_moves
 from bonecam.report.stage_reports import uncut_areas
 from bonecam.report.summary import NOT_SIMULATED
@@ -64,13 +61,16 @@ from bonecam.report.typed import Report, input_report, post_report, report_to_le
 from bonecam.report.warnings import NOT_KNOWN
 from bonecam.runtime.timing import StageTimes
 from bonecam.setup.placement import Setup, place
-from bonecam.setup.stock import check_cuts
+from bonecam.setup.stock import Stock, check_cuts
 from bonecam.setup.stocks.mesh import ConvexStock
 from bonecam.surface.files.surface_input import read_part
 from bonecam.surface.growth import Fit
+from bonecam.surface.tspline import TSpline
 from bonecam.tool.path import PARTING, MoveKind, ToolPath
-from bonecam.verify.findings import Removal, given_surface
-from bonecam.verify.removal import removal_of_job
+from bonecam.verify.findings import GivenSurface, Removal, given_surface
+from bonecam.verify.gouge import Distances
+from bonecam.verify.proof import Verification, verify
+from bonecam.verify.removal import prove_removal
 from bonecam.workholding.post import settled_bracket
 
 
@@ -159,29 +159,19 @@ STEP = 1.25
 """Ratio of one feed to the next: few words of F."""
 
 
-@dataclass(frozen=True, eq=False)
-class PathsByForce:
-    """Paths with feeds by a `schedule`."""
-
-    paths: tuple[ToolPath, ...]
-    schedule: FeedSchedule
-
-
-@dataclass(frozen=True, eq=False)
-class BeforeForce:
-    """What a program with constant feeds had: its removal, its time, and the schedule that was made of these."""
-
-    schedule: FeedSchedule
-    removal: Removal
-    minutes: float
-
-    def report(self, after: Removal, minutes: float) -> dict[str, Any]:
-        """`feed` of the report: times and peaks before and after."""
-        cutters = [
-            {"tool": tool, "target_n": round(target, 2), **_peaks(self.removal, after, tool)}
-            for tool, target in self.schedule.targets.items()
-        ]
-        return {"by": "force", "time_min": [round(self.minutes, 3), round(minutes, 3)], "cutters": cutters}
+def feed_report(
+    schedule: FeedSchedule, before: Removal, minutes_before: float, after: Removal, minutes: float
+) -> dict[str, Any]:
+    """`feed` of the report: the times, and the peaks (N) of each cutter at 95 % of its time and at most, before and
+    after the feeds went by the force."""
+    cutters = []
+    for tool, target in schedule.targets.items():
+        pairs = [peaks(_loads(removal, tool), (0.95, 1.0)) for removal in (before, after)]
+        (high, most), (lower, least) = ([round(peak, 2) for peak in pair] for pair in pairs)
+        cutters.append(
+            {"tool": tool, "target_n": round(target, 2), "peak_p95_n": [high, lower], "peak_max_n": [most, least]}
+        )
+    return {"by": "force", "time_min": [round(minutes_before, 3), round(minutes, 3)], "cutters": cutters}
 
 
 def check_force_asked(job: Job, *, asked: bool) -> None:
@@ -197,24 +187,19 @@ def check_one_feed(job: Job, why: str) -> None:
         raise field_error("path", "feed", job.path.feed, f"{why}: leave it out, or use `convert`")
 
 
-def with_constant_feed(job: Job) -> Job:
-    """The job with one feed for each cutter."""
-    return replace(job, path=replace(job.path, feed="constant"))
-
-
 def paths_by_force(
     paths: Sequence[ToolPath], text: str, removal: Removal, machine: Machine, dialect: Dialect, job: Job
-) -> PathsByForce:
-    """The `paths` that the `text` was posted from, with feeds by the force that its removal tells; ValueError where
-    that was not asked."""
+) -> tuple[tuple[ToolPath, ...], FeedSchedule]:
+    """The `paths` that the `text` was posted from, with feeds by the force that its removal tells, and the schedule of
+    these; ValueError where that was not asked."""
     if removal.mechanics is None:
         raise ValueError("the removal knows no force: simulate it with a workpiece")
     motions = read_program(text, machine, dialect)
     tools = [level.tool for level in removal.levels]
     schedule = feed_schedule(removal.mechanics.paths, tools, len(motions.tips))
-    leads = rows_of_moves(motions, paths, dialect)
+    rows, _, away = rows_of_moves(motions, paths, dialect)
     ratios = np.full(sum(len(path.tips) for path in paths), np.inf)
-    np.minimum.at(ratios, leads.rows[~leads.away], schedule.ratios[~leads.away])
+    np.minimum.at(ratios, rows[~away], schedule.ratios[~away])
     ratios[~np.isfinite(ratios)] = 1.0
     around = np.vstack([path.tips for path in paths])
     before = None
@@ -226,7 +211,7 @@ def paths_by_force(
         before = posted.moves.angles[-1]
         by_force.append(_reachable(path, posted))
         first += len(path.tips)
-    return PathsByForce(tuple(by_force), schedule)
+    return tuple(by_force), schedule
 
 
 def _wanted(path: ToolPath, ratios: Float[ndarray, " n"], job: Job) -> ToolPath:
@@ -267,17 +252,55 @@ def _reachable(path: ToolPath, posted: Posted) -> ToolPath:
     return replace(path, feed_rates=feeds)
 
 
-def _peaks(before: Removal, after: Removal, tool: int) -> dict[str, list[float]]:
-    """The peaks (N) of a cutter at 95 % of its time and at most, before and after."""
-    pairs = [peaks(_loads(removal, tool), (0.95, 1.0)) for removal in (before, after)]
-    return {name: [round(pair[k], 2) for pair in pairs] for k, name in enumerate(("peak_p95_n", "peak_max_n"))}
-
-
 def _loads(removal: Removal, tool: int) -> list[PathLoads]:
     """The loads of the paths of a cutter, but of those that part."""
     assert removal.mechanics is not None
     both = zip(removal.mechanics.paths, removal.levels, strict=True)
     return [path for path, level in both if level.tool == tool and path.index != PARTING]
+
+
+class ProvedProgram(NamedTuple):
+    """The paths as the machine can drive them, their program, whose header says what was checked, and the proof."""
+
+    paths: tuple[ToolPath, ...]
+    program: Program
+    proof: Verification
+
+
+def post_and_prove(
+    planned: Sequence[ToolPath],
+    machine: Machine,
+    dialect: Dialect,
+    job: Job,
+    design: TSpline | Distances,
+    *,
+    given: GivenSurface | None = None,
+    name: str = "BONE",
+    comments: Sequence[str] = (),
+    setup: Sequence[str] = (),
+    stock: Stock | None = None,
+    times: StageTimes | None = None,
+    progress: Progress = silent,
+) -> ProvedProgram:
+    """Post the paths as a program of this `name`, read it back, and prove it against the `design`: a surface, or the
+    distances to what must not be gouged.
+
+    `given`, `comments`, `setup` and `stock` are those of `verify` and `write_program`, and so are the errors; `times`
+    takes the seconds of the stages nc and verify.
+    """
+    times = times or StageTimes()
+    with times.stage("nc"):
+        paths = tuple(drivable_paths(planned, machine, dialect, job))
+        share = part(progress, 0.0, 0.5)
+        program = write_program(
+            paths, machine, dialect, job, name=name, comments=comments, stock=stock, setup=setup, progress=share
+        )
+
+    with times.stage("verify"):
+        share = part(progress, 0.5, 1.0)
+        with refusing(program, paths):
+            proof = verify(program.text, paths, machine, dialect, design, job=job, given=given, progress=share)
+    return ProvedProgram(paths, record_checks(program, dialect, str(proof)), proof)
 
 
 @dataclass(frozen=True, eq=False)
@@ -333,10 +356,7 @@ def _posted(
         times=posting.times,
         progress=progress,
     )
-    paths, program = proved.paths, proved.program
-    reported = report_to_program(
-        Path(posting.file or "").name, paths, program, proved.proof, job=job.path, part=levels[0].mesh
-    )
+    reported = report_to_program(posting.file, *proved, job=job.path, part=levels[0].mesh)
     figures = {**foretold, **reported, "removal": NOT_SIMULATED, "mechanics": NOT_KNOWN}
     checked = cast(Report, warnings.with_warnings(figures, job))
     return Result(
@@ -346,23 +366,21 @@ def _posted(
         levels=morphed.levels,
         report=checked,
         job=job,
-        paths=paths,
-        program=program,
+        paths=proved.paths,
+        program=proved.program,
     )
 
 
-def post_by_force(result: Result, posting: Posting, progress: Progress) -> tuple[Result, BeforeForce]:
-    """The result with feeds by the force that the simulation of its text finds, posted and proved again; and what that
-    text had."""
-    job = replace(result.job, path=replace(result.job.path, feed="force"))
-    machine, dialect = posting.machine, posting.dialect
+def post_by_force(
+    result: Result, posting: Posting, progress: Progress
+) -> tuple[Result, Callable[[Removal, float], dict[str, Any]]]:
+    """The result with feeds by the force that the simulation of its text finds, posted and proved again; and what makes
+    `feed` of the report of its own removal and minutes."""
+    by_force = replace(result, job=replace(result.job, path=replace(result.job.path, feed="force")))
+    machine, dialect, text = posting.machine, posting.dialect, result.program.text
     with posting.times.stage("simulation"):
-        cut = result.program.text, machine, dialect, result.job, result.stock, result.levels.levels
-        removal = removal_of_job(*cut, part(progress, 0.0, 0.6))
-    scheduled = paths_by_force(
-        result.paths, result.program.text, removal=removal, machine=machine, dialect=dialect, job=job
-    )
-    before = BeforeForce(scheduled.schedule, removal, result.program.time_min)
-    share = part(progress, 0.6, 1.0)
-    by_force = replace(result, job=job)
-    return _posted(by_force, scheduled.paths, result.report, posting, share), before
+        cut = text, machine, dialect, result.job, result.stock, result.levels.levels
+        removal = prove_removal(*cut, part(progress, 0.0, 0.6), check=False)
+    paths, schedule = paths_by_force(result.paths, text, removal, machine, dialect, job=by_force.job)
+    feed = partial(feed_report, schedule, removal, result.program.time_min)
+    return _posted(by_force, paths, result.report, posting, part(progress, 0.6, 1.0)), feed

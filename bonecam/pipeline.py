@@ -6,38 +6,25 @@ the post stands on it.
 
 from dataclasses import replace
 from pathlib import Path
-from typing import cast
 
 from bonecam.errors import knowing
 from bonecam.job import Job
 from bonecam.job.tool_list import read_tool_list
 from bonecam.levels.job_levels import check_method
-from bonecam.machine.machine import Machine, read_machine
-from bonecam.machining import (
-    BeforeForce,
-    Posting,
-    check_force_asked,
-    machine_levels,
-    morph_standing,
-    post_by_force,
-    stand_part,
-    with_constant_feed,
-)
+from bonecam.machine.machine import Machine
+from bonecam.machining import Posting, check_force_asked, machine_levels, morph_standing, post_by_force, stand_part
 from bonecam.mechanics.loads import mechanics_of_job
 from bonecam.mesh.triangle_mesh import MeshLike, TriangleMesh, mesh_from
 from bonecam.nc.dialect import Dialect
-from bonecam.nc.header import record_simulation
 from bonecam.nc.parts import is_split
-from bonecam.nc.requirements import check_reach, check_table, check_tools, job_dialect
+from bonecam.nc.requirements import check_reach, check_table, check_tools, machine_and_dialect
 from bonecam.planning.patterns import check_pattern
 from bonecam.progress import Progress, part, silent
 from bonecam.report import warnings
 from bonecam.report.kept import Morphed, Result
-from bonecam.report.outputs import File, Outputs, keep_refused, refusing, report_refused
-from bonecam.report.typed import Report
-from bonecam.report.warnings import NOT_ASKED
+from bonecam.report.outputs import File, Outputs, keep_refused, refusing, report_refused, with_removal
 from bonecam.runtime.timing import StageTimes
-from bonecam.second_clamping import add_second, check_simulated
+from bonecam.second_clamping import check_simulated, second_program
 from bonecam.setup.placement import with_stock
 from bonecam.setup.stock import Stock, check_sizes
 from bonecam.setup.stocks.mesh import ConvexStock
@@ -76,8 +63,7 @@ def convert(
     Raises a BonecamError that names the trouble and the remedy.
     """
     job, body = with_stock(_require_job(job), stock)
-    machine = read_machine(job.nc.machine)
-    dialect = job_dialect(job.nc)
+    machine, dialect = machine_and_dialect(job.nc)
     check_job(job, machine, dialect)
     check_reach(job, machine)
     check_simulated(job, simulation=simulation)
@@ -173,37 +159,26 @@ def _program_of(morphed: Morphed, posting: Posting, progress: Progress, simulati
     """The program of the levels and its proof, its simulation if that is wanted, and the second clamping's program, if
     the job has one."""
     job, times = morphed.job, posting.times
-    constant = replace(morphed, job=with_constant_feed(job))
+    constant = replace(morphed, job=replace(job, path=replace(job.path, feed="constant")))
     result = machine_levels(constant, posting, part(progress, 0.0, 0.75))
-    before = None
+    feed = None
     if job.path.feed == "force":
-        result, before = post_by_force(result, posting, part(progress, 0.75, 0.82))
+        result, feed = post_by_force(result, posting, part(progress, 0.75, 0.82))
     if simulation:
-        result = _simulated(result, times, part(progress, 0.82, 0.9), before, mechanics=mechanics)
+        share = part(progress, 0.82, 0.9)
+        with times.stage("simulation"), refusing(result.program, result.paths), knowing(result.report):
+            given = given_surface(result.part, result.job, result.report)
+            stands = result.job, result.stock, result.levels.levels
+            cut = result.program.text, posting.machine, posting.dialect, *stands
+            removal = prove_removal(*cut, share, given, mechanics=mechanics)
+            reported = {"feed": feed(removal, result.program.time_min)} if feed else {}
+            result = with_removal(result, removal, **reported)
     if job.holding.second:
         share = part(progress, 0.9, 1.0)
         with times.stage("second"), knowing(result.report, part="second"):
-            result = add_second(result, posting.machine, posting.dialect, posting.file, share, mechanics=mechanics)
+            second = second_program(result, posting.machine, posting.dialect, posting.file, share, mechanics=mechanics)
+            result = replace(result, second=second, report={**result.report, "second": second.report})
     return result
-
-
-def _simulated(
-    result: Result, times: StageTimes, progress: Progress, before: BeforeForce | None = None, *, mechanics: bool
-) -> Result:
-    """The result with what its posted text removes, and what bends if `mechanics` are asked; VerifyError where that is
-    not what a program may do. `before` is what the program had before its feeds went by the force, if they do."""
-    machine, dialect = read_machine(result.job.nc.machine), job_dialect(result.job.nc)
-    with times.stage("simulation"), refusing(result.program, result.paths), knowing(result.report):
-        given = given_surface(result.part, result.job, result.report)
-        cut = result.program.text, machine, dialect, result.job, result.stock, result.levels.levels
-        removal = prove_removal(*cut, progress, given, mechanics=mechanics)
-        bent = removal.mechanics
-        sections = {"mechanics": NOT_ASKED, **removal.sections}
-        sections |= {"feed": before.report(removal, result.program.time_min)} if before else {}
-        figures = cast(Report, warnings.with_warnings({**result.report, **sections}, result.job))
-    summary = warnings.simulated_text(figures, str(bent or NOT_ASKED["skipped"]))
-    program = record_simulation(result.program, dialect, removal.cell, summary)
-    return replace(result, program=program, report=figures, removal=removal)
 
 
 def _require_job(job: Job | None) -> Job:

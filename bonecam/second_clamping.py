@@ -11,14 +11,13 @@ from pathlib import Path
 from typing import cast
 
 import numpy as np
-from jaxtyping import Bool
-from numpy import ndarray
 from scipy.spatial import KDTree
 
 from bonecam.files import check_files
 from bonecam.job import Job, field_error
 from bonecam.levels.measure import morph_surfaces
 from bonecam.machine.machine import Machine
+from bonecam.machining import post_and_prove
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.files.mesh_files import write_mesh
 from bonecam.mesh.part import with_filled_pits
@@ -31,7 +30,6 @@ from bonecam.nc.program import program_name, second_program_file
 from bonecam.planning.contacts import at_post
 from bonecam.planning.scene import PART_CHORD
 from bonecam.planning.stump import StumpPlaces, cut_groove, second_paths
-from bonecam.post_and_prove import post_and_prove
 from bonecam.progress import Progress, part, silent
 from bonecam.report.kept import Result, SecondProgram
 from bonecam.report.outputs import File
@@ -41,25 +39,11 @@ from bonecam.report.warnings import NOT_ASKED, with_warnings
 from bonecam.setup.placement import place
 from bonecam.surface.files.surface_input import read_part
 from bonecam.tool.path import ToolPath
-from bonecam.verify.findings import LEFT, Removal, given_surface
+from bonecam.verify.findings import LEFT, given_surface
 from bonecam.verify.removal import beside_given, check_removal_of_job, simulate_stump
-from bonecam.verify.sweeping import height_field_of_rays
+from bonecam.verify.sweeping import NormalProbes, height_field_of_rays
 from bonecam.workholding.post import post_below
-from bonecam.workholding.shell import SecondClamping, read_shell, shell_round, turned_over
-
-
-def add_second(
-    first: Result,
-    machine: Machine,
-    dialect: Dialect,
-    program: File,
-    progress: Progress = silent,
-    *,
-    mechanics: bool = True,
-) -> Result:
-    """The result with its `second_program`, and `second` in its report."""
-    second = second_program(first, machine, dialect, program, progress, mechanics=mechanics)
-    return replace(first, second=second, report={**first.report, "second": second.report})
+from bonecam.workholding.shell import read_shell, shell_round, turned_over
 
 
 def second_program(
@@ -76,15 +60,25 @@ def second_program(
 
     OrientationError, MachineError or VerifyError where there is no such program, or it is not proved.
     """
-    job = _turned_over(first.job)
-    clamping = _clamping(first)
+    # a number of the program that the job gives is that of the first one: another is drawn from its name
+    job = replace(first.job, holding=first.job.holding.turned_over, nc=replace(first.job.nc, program_number=0))
+
+    # The part that `first` parted, turned over in its shell
+    shell, groove = read_shell(first.job, first.part), cut_groove(first.paths)
+    assert shell is not None
+    assert groove is not None
+    design = morph_surfaces(first.levels.levels)[0].tessellate(PART_CHORD)
+    clamping = turned_over(design, shell, first.job.holding, groove.middle)
+
+    # What stands, and its normal probes that a finishing ball left at the post
     assert first.removal is not None
+    before = first.removal.remaining.probes
+    post = post_below(first.part.mesh, first.job.holding)
+    held = at_post(before.points, before.normals, post.alone, job.tool("finishing").radius)
     material = first.removal.remaining.above(clamping.cut_off).move(clamping.pose)
-    held = _at_post(first, job.tool("finishing").radius)
-    assert material.normal_probes is not None
     planned = second_paths(
         clamping,
-        StumpPlaces(material.normal_probes.points[held], material.normal_probes.normals[held]),
+        StumpPlaces(material.probes.points[held], material.probes.normals[held]),
         top=clamping.top,
         fields=partial(height_field_of_rays, sets=material.sets, grid=material.grid),
         job=job,
@@ -106,26 +100,25 @@ def second_program(
     posted, solids = proved.program, (clamping.part, clamping.shell)
     cut = posted.text, machine, dialect, job, material, *solids, part(progress, 0.8, 1.0)
     removal = simulate_stump(*cut, mechanics=mechanics)
-    removal, bent = beside_given(removal, given, None, job), removal.mechanics
+    removal = beside_given(removal, given, None, job)
     check_removal_of_job(removal, job)
-    paths = tuple(_told(path, removal) for path in proved.paths)
-    posted = record_simulation(posted, dialect, removal.cell, str(bent or NOT_ASKED["skipped"]))
+    after = removal.remaining.probes
+    paths = tuple(_told(path, after) for path in proved.paths)
+    posted = record_simulation(posted, dialect, removal.cell, str(removal.mechanics or NOT_ASKED["skipped"]))
     reported = {
         "file": file.name if file else "",
         **nc_report(posted, proved.proof),
-        **_left_at_post(first, removal, held),
+        # what kept more than LEFT at the post before and behind the second program
+        "at_post_before_mm2": round(float(before.areas[held & (before.heights > LEFT)].sum()), 3),
+        "at_post_after_mm2": round(float(after.areas[held & (after.heights > LEFT)].sum()), 3),
+        "at_post_after_max_mm": round(float(after.heights[held].max(initial=0.0)), 4),
+        "at_tailstock_mm2": round(first.removal.left.by_reason["tailstock"], 3) if first.removal.left else 0.0,
         "toolpath": toolpath_report(paths, float(np.radians(job.path.least_lead_deg))),
         "mechanics": NOT_ASKED,
         **removal.sections,
     }
     figures = cast(SecondFigures, with_warnings(reported, job))
     return SecondProgram(Path(first.part.file).name, clamping, paths, posted, removal, report=figures, job=job)
-
-
-def _turned_over(job: Job) -> Job:
-    """The job of the second clamping: its holding, and a number drawn from the program's name, since a number that the
-    job gives is that of the first program."""
-    return replace(job, holding=job.holding.turned_over, nc=replace(job.nc, program_number=0))
 
 
 def clamping_shell(
@@ -143,8 +136,7 @@ def clamping_shell(
     `gap` mm off the part. It is written to the mesh file `output`. ValueError where these make no shell.
     """
     job = job or Job()
-    if output is not None:
-        check_files([output], [mesh] if isinstance(mesh, str | Path) else [])
+    check_files([output], [mesh])
     given = mesh if isinstance(mesh, str | Path) else mesh_from(mesh)
     part, _ = read_part(given, job)
     part = with_filled_pits(part, job.mesh, job.smallest_ball)
@@ -165,46 +157,11 @@ def check_simulated(job: Job, *, simulation: bool) -> None:
         raise field_error("holding", "second", job.holding.second, why)
 
 
-def _clamping(first: Result) -> SecondClamping:
-    """The part that `first` parted, turned over in its shell."""
-    shell, groove = read_shell(first.job, first.part), cut_groove(first.paths)
-    assert shell is not None
-    assert groove is not None
-    design = morph_surfaces(first.levels.levels)[0].tessellate(PART_CHORD)
-    return turned_over(design, shell, first.job.holding, groove.middle)
-
-
-def _told(path: ToolPath, removal: Removal) -> ToolPath:
+def _told(path: ToolPath, probes: NormalProbes) -> ToolPath:
     """The path without those of its hidden places that nothing stays on: the ball that cuts beside them took it."""
-    normal_probes = removal.remaining.normal_probes
-    assert normal_probes is not None
     hidden = np.array([reason == "hidden" for reason in path.reasons], dtype=bool)
     if not hidden.any():
         return path
-    kept = ~hidden | (normal_probes.heights[KDTree(normal_probes.points).query(path.uncut)[1]] > LEFT)
+    kept = ~hidden | (probes.heights[KDTree(probes.points).query(path.uncut)[1]] > LEFT)
     reasons = tuple(reason for reason, known in zip(path.reasons, kept, strict=True) if known)
     return replace(path, uncut=path.uncut[kept], reasons=reasons)
-
-
-def _at_post(first: Result, radius: float) -> Bool[ndarray, " n"]:
-    """The normal probes of the first program's simulation that a ball of `radius` (mm) leaves at the post."""
-    assert first.removal is not None
-    normal_probes = first.removal.remaining.normal_probes
-    assert normal_probes is not None
-    post = post_below(first.part.mesh, first.job.holding)
-    return at_post(normal_probes.points, normal_probes.normals, post.alone, radius)
-
-
-def _left_at_post(first: Result, removal: Removal, held: Bool[ndarray, " n"]) -> dict[str, float]:
-    """What kept more than LEFT on the probes `held` at the post before the second program and keeps it behind it, mm2,
-    and how high that is."""
-    assert first.removal is not None
-    before, after = first.removal.remaining.normal_probes, removal.remaining.normal_probes
-    assert before is not None
-    assert after is not None
-    return {
-        "at_post_before_mm2": round(float(before.areas[held & (before.heights > LEFT)].sum()), 3),
-        "at_post_after_mm2": round(float(after.areas[held & (after.heights > LEFT)].sum()), 3),
-        "at_post_after_max_mm": round(float(after.heights[held].max(initial=0.0)), 4),
-        "at_tailstock_mm2": round(first.removal.left.by_reason["tailstock"], 3) if first.removal.left else 0.0,
-    }

@@ -12,12 +12,10 @@ import numpy as np
 from bonecam.errors import FileError, JobError, ProgramError
 from bonecam.files import check_files, write_whole
 from bonecam.job import Job
-from bonecam.machine.machine import read_machine
 from bonecam.mechanics.loads import workpiece_of
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.reading import read_program
-from bonecam.nc.requirements import job_dialect
-from bonecam.planning.layers import layer_limits
+from bonecam.nc.requirements import machine_and_dialect
 from bonecam.progress import Progress, part, silent
 from bonecam.report.kept import (
     REMEDY,
@@ -38,7 +36,6 @@ from bonecam.report.stage_reports import gouge_to_given
 from bonecam.report.summary import removal_lines
 from bonecam.report.warnings import NOT_ASKED, mechanics_lines, warning_lines, warnings_of
 from bonecam.surface.files.tspline_text import read_tsm
-from bonecam.tool.path import PARTING
 from bonecam.verify.control import header_of, program_text
 from bonecam.verify.findings import GivenRemoval, GivenSurface, NotJudged, Removal, into_given
 from bonecam.verify.gouge import measure_gouge
@@ -46,6 +43,7 @@ from bonecam.verify.removal import (
     ACCURACY,
     beside_given,
     cutters_of,
+    depth_limits,
     followed_surfaces,
     level_scallops,
     simulate_removal,
@@ -87,9 +85,11 @@ def simulate(
     `check_removal` refuses what a program may not do.
     """
     job = with_kept_cutters(job or kept_job(keep), keep)
-    _check_cell(cell, job)
-    machine = read_machine(job.nc.machine)
-    dialect = job_dialect(job.nc)
+    radius = job.smallest_ball
+    if cell > COARSEST * radius:
+        what = f"rays {cell:g} mm apart miss what a ball of {radius:g} mm does"
+        raise JobError(f"{what}: give a cell of at most {COARSEST * radius:g} mm")
+    machine, dialect = machine_and_dialect(job.nc)
     if html is not None:
         check_files([html], [program])
         check_page_name(html)
@@ -106,8 +106,7 @@ def simulate(
         job = replace(job, holding=job.holding.turned_over)
     else:
         run = kept_contents(keep)[1] if html is not None else None
-        first = keep, job, run, cell, progress
-        removal, post = _simulate_first(text, Path(program), *first, mechanics=mechanics)
+        removal, post = _simulate_first(text, Path(program), keep, job, run, cell, progress, mechanics=mechanics)
         removal = _judged(removal, text, given, post, job)
     if html is not None and run is not None:
         _write_page(html, Path(program).name, text=text, run=run, job=job, removal=removal)
@@ -116,7 +115,7 @@ def simulate(
 
 def _write_page(html: str | Path, name: str, text: str, run: Contents, job: Job, removal: Removal) -> None:
     """Write the page of a `run` with the moves of another `text` and what they remove."""
-    machine, dialect = read_machine(job.nc.machine), job_dialect(job.nc)
+    machine, dialect = machine_and_dialect(job.nc)
     meshes = level_meshes(run)
     surfaces = layers_on(meshes[0], removal) if removal.shell is not None else None
     posted = program_contents(text, meshes, job, machine, dialect, removal=removal, surfaces=surfaces)
@@ -138,7 +137,7 @@ def _simulate_first(
 ) -> tuple[Removal, Post]:
     """What the `text` of a first clamping removes, and its post; what stands is told on the levels of the page of a
     `run`."""
-    machine, dialect = read_machine(job.nc.machine), job_dialect(job.nc)
+    machine, dialect = machine_and_dialect(job.nc)
     part, stock_mesh, levels = kept_levels(text, program, keep)
     post = post_below(part, job.holding)
     clamping = clamping_of(job.holding, machine.table)
@@ -151,7 +150,7 @@ def _simulate_first(
         cutters=cutters_of(job, machine),
         clamping=clamping,
         part=read_tsm(keep / "surface.tspline"),
-        limits=_limits(job, levels),
+        limits=depth_limits(job, map(job.levels.depth_onto, range(levels - 1))),
         scallops=level_scallops(job, levels),
         surfaces=followed_surfaces(job, level_meshes(run)) if run else {},
         accuracy=replace(ACCURACY, cell=cell, coarser=False),
@@ -165,7 +164,7 @@ def _judged(removal: Removal, text: str, given: GivenSurface | NotJudged, post: 
     """The removal by a `text` with what it does to the part as it was `given`, on this `post`."""
     if isinstance(given, NotJudged):
         return replace(removal, given=given)
-    motions = read_program(text, read_machine(job.nc.machine), job_dialect(job.nc))
+    motions = read_program(text, *machine_and_dialect(job.nc))
     return beside_given(removal, given, post, job, measure_gouge(motions, given))
 
 
@@ -197,19 +196,16 @@ def _simulate_second(
 ) -> Removal:
     """What the `text` of a second clamping removes of what the kept first program leaves; part, shell and pose are
     those of the page of a `run`."""
-    machine, dialect = read_machine(job.nc.machine), job_dialect(job.nc)
+    machine, dialect = machine_and_dialect(job.nc)
     kept = keep / f"program{dialect.extension}"
     first = program_text(kept, machine, dialect, job)
-    before, _ = _simulate_first(
-        first, kept, keep, job, run=None, cell=cell, progress=part(progress, 0.0, 0.8), mechanics=False
-    )
+    before, _ = _simulate_first(first, kept, keep, job, None, cell, part(progress, 0.0, 0.8), mechanics=False)
     turned = run.facts["turned"]
     pose = turn_over(turned["zero_mm"])
     material = before.remaining.above(turned["cut_off_mm"]).move(pose)
     shell = TriangleMesh(run.arrays["solid"], run.arrays["solid_faces"].astype(np.int32))
     job = replace(job, holding=job.holding.turned_over)
-    solids = level_meshes(run)[0], shell
-    cut = text, machine, dialect, job, material, *solids, part(progress, 0.8, 1.0)
+    cut = text, machine, dialect, job, material, level_meshes(run)[0], shell, part(progress, 0.8, 1.0)
     removal = simulate_stump(*cut, mechanics=mechanics)
     return _judged(removal, text, given.move(pose), None, job)
 
@@ -227,19 +223,3 @@ def _kept_second(text: str, program: Path, keep: Path) -> Contents:
         what = f"its stump reaches up to z {float(reported[1]):.2f} mm, that of {keep} up to {top:.2f}"
         raise ProgramError(f"{program}: {what}: {REMEDY}", line=0)
     return run
-
-
-def _limits(job: Job, levels: int) -> dict[int, float]:
-    """The largest depth (mm) of the cut on each level, or on each layer of a strategy in layers, and of PARTING."""
-    parting = {PARTING: job.levels.layer_depth}
-    if job.path.strategy != "morph":
-        return parting | layer_limits(job)
-    return parting | {index: job.levels.depth_onto(index) for index in range(levels - 1)}
-
-
-def _check_cell(cell: float, job: Job) -> None:
-    """JobError where the smallest ball passes between the rays."""
-    radius = job.smallest_ball
-    if cell > COARSEST * radius:
-        what = f"rays {cell:g} mm apart miss what a ball of {radius:g} mm does"
-        raise JobError(f"{what}: give a cell of at most {COARSEST * radius:g} mm")

@@ -19,8 +19,8 @@ def save_program(layers: Layers, values: Mapping[str, Any], progress: Progress) 
     from bonecam.levels.measure import morph_surfaces
     from bonecam.levels.sequences import Morph
     from bonecam.machine.machine import read_machine
+    from bonecam.machining import post_and_prove
     from bonecam.nc.requirements import job_dialect
-    from bonecam.post_and_prove import post_and_prove
     from bonecam.report.stage_reports import nc_report
     from bonecam.setup.stock import Stock
 

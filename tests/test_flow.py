@@ -9,7 +9,7 @@ import pytest
 ORDER = [
     *"errors progress arrays runtime files text machine job kernels tool mesh filters surface".split(),
     *"workholding setup levels material mechanics planning nc verify report".split(),
-    *"post_and_prove machining second_clamping pipeline simulation reposting finishing blading".split(),
+    *"machining second_clamping pipeline simulation reposting finishing blading".split(),
     *"study batch cli".split(),
     "__main__",
 ]

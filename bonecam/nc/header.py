@@ -1,34 +1,26 @@
-"""The start of a run where the control fixes X, Y, Z to the table as it stands when tool-centre control is switched on.
+"""The header of a program: what a machinist must know before the start, as comments.
 
-It is switched on with all rotary axes at zero, the spindle where tools start. Then the
-rotary axes turn to their angles in steps, the spindle staying where it is: its words follow the table. Between two
-steps the tip runs straight in the part instead of on its arc; over a step of 10 degrees it comes nearer to the pivot
-by 0.4 % of its distance from it, which the approach height allows for.
+It tells what must be mounted, how the control must be set, what the program will do, the room that it takes (the range
+of every axis, and the height above all that it does), where its zero is in the words that the control reads, and how
+the words of its axes are written.
 
-The room that a program takes: the range of every axis, and the height above all that it does.
+The air check is one small turn of each rotary axis and what must be seen, from the machine file alone. A control that
+turns an axis the other way, counts it from another zero or takes one axis for the other shows something else than
+these sentences tell, before anything is cut. Of an axis that carries the part a mark on the table is watched, of one
+that carries the tool the tip. Directions are those of the machine; they are told as seen from the middle of the table,
+or from the pivot of the head, so that they hold wherever the axes lie.
 
-Where the program's zero is, in the words that a control reads.
-
-The air check of a program: one small turn of each rotary axis and what must be seen, from the machine file alone.
-
-A control that turns an axis the other way, counts it from another zero or takes one axis for the other shows something
-else than these sentences tell, before anything is cut. Of an axis that carries the part a mark on the table is watched,
-of one that carries the tool the tip. Directions are those of the machine; they are told as seen from the middle of the
-table, or from the pivot of the head, so that they hold wherever the axes lie.
-
-The comments of a program's header, as plain texts: what a machinist must know before the start.
-
-The header of a program: what must be mounted, how the control must be set, and what the program will do, as
-comments; the blank; the safe start.
-
-The comments of a program's header on its axes: the room that they take, and how their words are written.
+Where the control fixes X, Y, Z to the table as it stands when tool-centre control is switched on, a run starts so: it
+is switched on with all rotary axes at zero, the spindle where tools start. Then the rotary axes turn to their angles
+in steps, the spindle staying where it is: its words follow the table. Between two steps the tip runs straight in the
+part instead of on its arc; over a step of 10 degrees it comes nearer to the pivot by 0.4 % of its distance from it,
+which the approach height allows for.
 """
 
 import math
 import textwrap
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from itertools import product
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -38,7 +30,7 @@ from numpy import ndarray
 from bonecam.arrays import lengths, unit
 from bonecam.errors import MachineError
 from bonecam.job import Job
-from bonecam.job.materials.preset import read_material
+from bonecam.job.materials.preset import Material, read_material
 from bonecam.machine.control import Control
 from bonecam.machine.kinematics import forward, inverse_linear, tool_axes
 from bonecam.machine.machine import Machine
@@ -55,8 +47,8 @@ from bonecam.nc.path_words import (
     joints_and_lengths,
     round_words,
 )
-from bonecam.nc.program import Program, ProgramTime, program_number
-from bonecam.nc.words import comment, comments_of, contour_tolerance, move_words, rotary_tolerance_deg, word_texts
+from bonecam.nc.program import Program, ProgramTime
+from bonecam.nc.words import comment, move_words, word_texts
 from bonecam.planning.stump import cut_groove
 from bonecam.setup.stock import Stock, kind_of
 from bonecam.tool.cutter import Cutter
@@ -112,23 +104,11 @@ def start_words(
     return round_words(dialect, control, tips, angles)
 
 
-@dataclass(frozen=True, eq=False)
-class Travel:
-    """Lowest and highest value of every axis in a program, (5, 2): X, Y, Z of the spindle nose in mm, rotary axes in
-    degrees, unwound; and where every tool is to `start`, X, Y and Z of its tip in the machine's frame (mm)."""
-
-    ranges: Float[ndarray, "5 2"]
-    start: Float[ndarray, "3"]
-
-    @property
-    def retract(self) -> float:
-        """The machine Z (mm, of the tip) above everything that the program does."""
-        return float(self.start[2])
-
-
-def travel_of(machine: Machine, job: Job, paths: Sequence[Posted]) -> Travel:
-    """The room that the posted paths take; MachineError with axis, value, limit and level where the spindle nose
-    leaves its limits or the program its travel."""
+def travel_of(machine: Machine, job: Job, paths: Sequence[Posted]) -> tuple[Float[ndarray, "5 2"], Float[ndarray, "3"]]:
+    """Lowest and highest value of every axis in a program: X, Y, Z of the spindle nose in mm, rotary axes in degrees,
+    unwound; and where every tool is to start, X, Y and Z of its tip in the machine's frame (mm): above everything that
+    the program does. MachineError with axis, value, limit and level where the spindle nose leaves its limits or the
+    program its travel."""
     start = _starting_point(machine, job, paths)
     retract = float(start[2])
     ranges = np.column_stack([np.full(5, np.inf), np.full(5, -np.inf)])
@@ -150,7 +130,7 @@ def travel_of(machine: Machine, job: Job, paths: Sequence[Posted]) -> Travel:
         ranges[:, 0] = np.minimum(ranges[:, 0], nose.min(0))
         ranges[:, 1] = np.maximum(ranges[:, 1], np.vstack([nose, top]).max(0))
         _check_travel(machine, ranges, posted.path.level)
-    return Travel(ranges, start)
+    return ranges, start
 
 
 def above(posted: Posted, run: int, retract: float) -> Float[ndarray, "5"]:
@@ -403,27 +383,23 @@ def _square_text(machine: Machine, start: Float[ndarray, "2"]) -> str:
 
 def _turn_texts(machine: Machine, axis: RotaryAxis, start: Float[ndarray, "2"]) -> list[str]:
     """What must be seen as one axis turns, and how the tool then stands on the table, if it leans."""
-    if axis in machine.part_axes:
-        seen = f"{_to(axis)}: {_mark_text(machine, axis, start)}"
-    else:
-        seen = _tip_text(machine, axis, start)
     end = _turned(machine, start, axis)
+    if axis not in machine.part_axes:
+        seen = _tip_text(machine, axis, start)
+    else:
+        # a mark on the X+ or Y+ side of the table, whichever moves more
+        turn = np.linalg.inv(_part_frame(machine, start)) @ _part_frame(machine, end)
+        sides = np.eye(3)[:2]
+        ways = np.array([_across(side, side @ turn) for side in sides])
+        # rounded: of two that move equally far the first
+        side = int(np.argmax(np.round(np.linalg.norm(ways, axis=1), 6)))
+        mark = f"a mark at {_words_of(sides[side])} of the table must go to {_words_of(ways[side])}"
+        seen = f"{_to(axis)}: {mark}"
     # sides of the table are those that lie so with all axes at zero
     lean = machine.in_machine(tool_axes(machine, end[None]) * [1.0, 1.0, 0.0])[0]
     if np.linalg.norm(lean) < SEEN:
         return [seen]
     return [seen, f"{_to(axis)}: the tool, from tip to spindle, leans to {_words_of(lean)} of the table"]
-
-
-def _mark_text(machine: Machine, axis: RotaryAxis, start: Float[ndarray, "2"]) -> str:
-    """Where a mark on the X+ or Y+ side of the table goes, whichever moves more, as an axis turns the table."""
-    end = _turned(machine, start, axis)
-    turn = np.linalg.inv(_part_frame(machine, start)) @ _part_frame(machine, end)
-    sides = np.eye(3)[:2]
-    ways = np.array([_across(side, side @ turn) for side in sides])
-    # rounded: of two that move equally far the first
-    side = int(np.argmax(np.round(np.linalg.norm(ways, axis=1), 6)))
-    return f"a mark at {_words_of(sides[side])} of the table must go to {_words_of(ways[side])}"
 
 
 def _tip_text(machine: Machine, axis: RotaryAxis, start: Float[ndarray, "2"]) -> str:
@@ -593,8 +569,8 @@ def tool_texts(job: Job, posted: Sequence[Posted], time: ProgramTime) -> list[st
         ]
     figures = feed_figures(posted, job.path.feed_at)
     source = ""
-    if not all(getattr(job, name).spindle and getattr(job, name).feed for name in job.cutter_names):
-        material = read_material(job.material.name)
+    material = asked_material(job)
+    if material is not None:
         source = f"speeds not in the job are of {material.title}: {material.source}; {material.note}"
     return [
         *texts,
@@ -605,6 +581,12 @@ def tool_texts(job: Job, posted: Sequence[Posted], time: ProgramTime) -> list[st
         f"cutting feeds: median {figures.median:.0f}, a tenth below {figures.low:.0f} mm/min: "
         f"an axis limits {100 * figures.limited:.0f} percent",
     ]
+
+
+def asked_material(job: Job) -> Material | None:
+    """The material that speeds are of which the job does not give; None where it gives all."""
+    given = all(getattr(job, name).spindle and getattr(job, name).feed for name in job.cutter_names)
+    return None if given else read_material(job.material.name)
 
 
 def _shapes(cutter: Cutter) -> list[str]:
@@ -680,15 +662,15 @@ def _body_texts(machine: Machine) -> list[str]:
     return [f"kept clear of: a spindle nose of {nose or 'no known size'}; a table {size} mm"]
 
 
-def axis_texts(machine: Machine, travel: Travel, dialect: Dialect) -> list[str]:
-    """The room that the program takes, and how endless axes are written."""
+def axis_texts(machine: Machine, ranges: Float[ndarray, "5 2"], dialect: Dialect) -> list[str]:
+    """The room that the program takes by the `ranges` of its axes, and how endless axes are written."""
     linear = ", ".join(
         f"{axis.letter} {high - low:.1f} of {axis.travel:.1f}"
-        for axis, (low, high) in zip(machine.linear, travel.ranges.tolist(), strict=False)
+        for axis, (low, high) in zip(machine.linear, ranges.tolist(), strict=False)
     )
     rotary = ", ".join(
         f"{axis.letter} {low:+.3f} to {high:+.3f}"
-        for axis, (low, high) in zip(machine.own_rotary, travel.ranges[3:].tolist(), strict=False)
+        for axis, (low, high) in zip(machine.own_rotary, ranges[3:].tolist(), strict=False)
     )
     return [
         f"travel, mm: {linear}, pivots and tool lengths as assumed",
@@ -717,70 +699,6 @@ UNCHECKED = "checks passed: none, this text was not read back"
 """The line of a program before its proof; `record_checks` replaces it."""
 UNSIMULATED = "removal not simulated"
 """The line of a program whose removal of material is not simulated; `record_simulation` replaces it."""
-
-
-def header_lines(
-    machine: Machine,
-    dialect: Dialect,
-    job: Job,
-    name: str,
-    posted: Sequence[Posted],
-    bounds: Float[ndarray, "2 3"],
-    comments: Sequence[str],
-    travel: Travel,
-    time: ProgramTime,
-    air_check: Sequence[str],
-) -> list[str]:
-    """The first blocks of a program: its `comments`, of what must be mounted too, the blank, which fills `bounds`
-    (mm) in the control's simulation, the `air_check`, and the safe start with the finest tolerances."""
-    length = dialect.numbers.length
-    fields = "low_x low_y low_z high_x high_y high_z".split()
-    blank = machine.in_machine(np.array(list(product(*bounds.T))))
-    box = np.array([blank.min(axis=0), blank.max(axis=0)])
-    corners = dict(zip(fields, map(length.text, box.ravel()), strict=True))
-    texts = [
-        f"machine {machine.title}",
-        f"control {dialect.title}",
-        *comments,
-        *parting_texts([one.path for one in posted]),
-        *tool_texts(job, posted, time),
-        *control_texts(machine, dialect, posted),
-        *axis_texts(machine, travel, dialect),
-        *(line for text in time.texts for line in textwrap.wrap(f"time {text}", WIDEST)),
-        *(f"air check: {text}" for text in air_check),
-        UNCHECKED,
-        UNSIMULATED,
-    ]
-    smallest = min(one.path.cutter.radius for one in posted)
-    switch = dialect.tool_centre_switch(machine)
-    return dialect.lines(
-        "header",
-        name=name,
-        number=job.nc.program_number or program_number(name),
-        comments="\n".join(line for text in texts for line in comments_of(text, dialect)),
-        tolerance=length.text(contour_tolerance(dialect, job, finishing=True)),
-        rotary_tolerance=rotary_text(dialect, rotary_tolerance_deg(dialect, job, True, smallest)),
-        tool_centre_off=switch.off if switch else "",
-        **corners,
-    )
-
-
-def level_lines(dialect: Dialect, job: Job, posted: Posted) -> list[str]:
-    """The blocks that begin a level: its tolerances and whether it is roughed."""
-    finishing = job.is_finishing(posted.path.level)
-    turn = rotary_tolerance_deg(dialect, job, finishing, posted.path.cutter.radius)
-    return dialect.lines(
-        "level",
-        tolerance=dialect.numbers.length.text(contour_tolerance(dialect, job, finishing)),
-        rotary_tolerance=rotary_text(dialect, turn),
-        hsc_mode=int(not finishing),
-        machining=dialect.machining.finishing if finishing else dialect.machining.roughing,
-    )
-
-
-def rotary_text(dialect: Dialect, angle: float) -> str:
-    """An angle of a tolerance, degrees, with the decimals of the dialect's angles and no sign."""
-    return f"{angle:.{dialect.numbers.angle.decimals}f}"
 
 
 def record_checks(program: Program, dialect: Dialect, checks: str) -> Program:

@@ -18,7 +18,7 @@ tool, tool-centre control, the way endless axes turn, and the meaning of F.
 
 Words of endless axes: which way the control turns by them, and the angle that it reaches.
 
-What holds as a program is read: what it must have stated before its axes move, its spindle and coolant.
+What holds as a program is read: what it must have stated before its axes move.
 
 A control begins with what its machine's parameters choose, or with what the program before left on: inches, increments,
 another plane, a tilted plane. A dialect lists what the proof takes for granted (`stated` of `nc.dialect`); a text that
@@ -30,8 +30,10 @@ Words that turn the tool to a vector, in blocks that are read one by one.
 import math
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
+from functools import cached_property
 from itertools import islice
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -85,7 +87,8 @@ class Tool:
 
 
 COLUMNS = 15
-"""Columns of the table that `motions_of` takes."""
+"""Columns of the table of moves: five words (mm, degrees), rapid, feed, inverse time, line, tool, known start, link,
+speed of the spindle, coolant, tolerance."""
 
 
 @dataclass(frozen=True)
@@ -132,44 +135,15 @@ class Motions:
     short_way: bool
     described: dict[int, Tool]
 
+    @cached_property
+    def lengths(self) -> Float[ndarray, "n"]:
+        """How far the tip goes in each move, mm, along the straight line between its ends; 0 in the first."""
+        return np.r_[0.0, np.linalg.norm(np.diff(self.tips, axis=0), axis=1)]
 
-def motions_of(
-    table: Float[ndarray, "n 15"],
-    controls: dict[int, Control],
-    blocks: int,
-    partial: Sequence[PartialMove],
-    short_way: bool,
-    described: dict[int, Tool],
-) -> Motions:
-    """The moves of a table of rows: five words (mm, degrees), rapid, feed, inverse time, line, tool, known start,
-    link, speed of the spindle, coolant, tolerance."""
-    words = np.column_stack([table[:, :3], np.radians(table[:, 3:5])])
-    numbers = table[:, 9].astype(np.int64)
-    tips = np.zeros((len(table), 3))
-    axes = np.zeros((len(table), 3))
-    for number, control in controls.items():
-        rows = numbers == number
-        tips[rows], axes[rows] = control.poses(words[rows])
-    return Motions(
-        rapid=table[:, 5] == 1,
-        words=words,
-        feed_rates=table[:, 6],
-        inverse_time=table[:, 7] == 1,
-        lines=table[:, 8].astype(np.int64),
-        tools=numbers,
-        known_start=table[:, 10] == 1,
-        links=(table[:, 11] == 1) & (table[:, 5] == 0),
-        tips=tips,
-        axes=axes,
-        blocks=blocks,
-        controls=controls,
-        spindle=table[:, 12],
-        coolant=table[:, 13] == 1,
-        tolerances=table[:, 14],
-        partial=tuple(partial),
-        short_way=short_way,
-        described=described,
-    )
+    @property
+    def tip_feeds(self) -> Float[ndarray, "n"]:
+        """The feed of each move along that line, mm/min; NaN for rapids."""
+        return np.where(self.inverse_time, self.feed_rates * self.lengths, self.feed_rates)
 
 
 SIZE = rf"({WHOLE}\.[0-9]+)"
@@ -223,8 +197,7 @@ MARKS = {"CUT": False, "LINK": True}
 """Comments, and whether the feed moves after them are links."""
 
 
-@dataclass(frozen=True, eq=False)
-class Blocks:
+class Blocks(NamedTuple):
     """Successive full moves. `words` (n, 5) in mm and degrees as written; `feeds` are NaN where `rapid`, or none is
     known; `modal` is the last feed that was written.
 
@@ -244,7 +217,7 @@ class Blocks:
 
     def first(self, count: int) -> "Blocks":
         """The first `count` blocks."""
-        return Blocks(*(getattr(self, column.name)[:count] for column in fields(self)))
+        return Blocks(*(column[:count] for column in self))
 
     def outside(self, numbers: NumbersTable) -> Bool[ndarray, "n"]:
         """Which have a number that the control does not take, or no feed where they need one."""
@@ -404,7 +377,7 @@ class Stated:
     """What a program has not stated yet, as it is read."""
 
     def __init__(self, dialect: Dialect) -> None:
-        self._again = tuple(dialect.stated.tool_centre)
+        self.stated = dialect.stated
         self._missing = set(dialect.stated.moves)
         self._missing_within: set[str] = set()
 
@@ -415,7 +388,7 @@ class Stated:
 
     def begin_tool_centre(self) -> None:
         """Await what is to be stated after the start of tool-centre control."""
-        self._missing_within = set(self._again)
+        self._missing_within = set(self.stated.tool_centre)
 
     def check(self, letters: str, tool_centre: bool, line: int) -> None:
         """ProgramError where the axes `letters` move before all was stated that they need."""
@@ -424,33 +397,6 @@ class Stated:
         if tool_centre and self._missing_within and not {*letters}.isdisjoint("XYZ"):
             what = f"{min(self._missing_within)} is stated under tool-centre control"
             raise line_error(line, f"an axis moves before {what}")
-
-
-class SpindleAndCoolant:
-    """What spindle and coolant do: `programmed` is the last speed that was read (S, 1/min), `turns` whether the
-    spindle has been started since the last tool change or stop."""
-
-    def __init__(self) -> None:
-        self.programmed = 0.0
-        self.turns = False
-        self.coolant = False
-
-    @property
-    def speed(self) -> float:
-        """The speed of the spindle, 1/min; 0 where it stands."""
-        return self.programmed if self.turns else 0.0
-
-    def apply(self, effect: str) -> None:
-        """Apply the effect of a code or a statement, if it is one of theirs (see `nc.dialect`)."""
-        effect = effect.replace("_", " ")
-        if effect in ("spindle on", "spindle stop", "halt"):
-            self.turns = effect == "spindle on"
-        if effect in ("coolant on", "coolant off", "halt"):
-            self.coolant = effect == "coolant on"
-
-    def change_tool(self) -> None:
-        """A tool change: the spindle stands, its speed is kept."""
-        self.turns = False
 
 
 AMBIGUOUS_TURN_DEG = 179.0
@@ -514,8 +460,9 @@ class ModalState:
     `tool_centre`: tool-centre control (TCPM, RTCP) is on. `inverse_time`: F is in 1/min; `incremental`: words are
     increments. `length_of`: the tool whose length is compensated, `selected` the one that the next change brings.
     `feed` is the last F (mm/min), NaN where none holds; `uncompensated`: a Klartext program has stated R0.
-    `tolerance` is that of the contour, mm. `retracted`: a retract was the last that moved the tool along Z.
-    `linking`: feed moves are links, as the last comment CUT or LINK says. Used for one program.
+    `speed` is the last one of the spindle that was read (S, 1/min), which `turns` where it has been started since the
+    last tool change or stop. `tolerance` is that of the contour, mm. `retracted`: a retract was the last that moved the
+    tool along Z. `linking`: feed moves are links, as the last comment CUT or LINK says. Used for one program.
     """
 
     def __init__(self, machine: Machine, dialect: Dialect, tools: Sequence[Tool]) -> None:
@@ -530,7 +477,8 @@ class ModalState:
         self.tool_centre = False
         self.stated = Stated(dialect)
         self.endless = EndlessAxes(dialect)
-        self.spindle = SpindleAndCoolant()
+        self.speed = 0.0
+        self.turns = self.coolant = False
         self.tolerance = np.nan
         self.inverse_time = False
         self.feed = np.nan
@@ -563,9 +511,17 @@ class ModalState:
         self.tool = number
         self.selected = 0
         self.length_of = 0 if self.needs_length else number
-        self.spindle.change_tool()
+        self.turns = False
         self.feed = np.nan
         self.forget_tip()
+
+    def switch_spindle_and_coolant(self, effect: str) -> None:
+        """Apply the effect of a code or a statement, if it is one of theirs (see `nc.dialect`)."""
+        effect = effect.replace("_", " ")
+        if effect in ("spindle on", "spindle stop", "halt"):
+            self.turns = effect == "spindle on"
+        if effect in ("coolant on", "coolant off", "halt"):
+            self.coolant = effect == "coolant on"
 
     def take_length(self, number: int, line: int) -> None:
         """Compensate the length of a tool, that in the spindle, 0: of none."""
@@ -641,7 +597,7 @@ class ModalState:
             numbers = [float(value or 0.0) for value in self.position]
             rate = np.nan if rapid else feed
             modes = self.inverse_time, line, self.tool, known, self.linking
-            held = self.spindle.speed, self.spindle.coolant, self.tolerance
+            held = self.turns * self.speed, self.coolant, self.tolerance
             self.rows.append((*numbers, rapid, rate, *modes, *held))
 
     def _reached(self, column: int, value: float, line: int) -> float:
@@ -715,7 +671,7 @@ class ModalState:
 
     def _take(self, blocks: Blocks, line: int) -> None:
         count = len(blocks.rapid)
-        modes = self.tool, True, self.spindle.speed, self.spindle.coolant, self.tolerance
+        modes = self.tool, True, self.turns * self.speed, self.coolant, self.tolerance
         tool, known, *held = (np.full(count, float(mode)) for mode in modes)
         moves = blocks.words, blocks.rapid, blocks.feeds, np.full(count, self.inverse_time)
         columns = [*moves, line + blocks.offsets, tool, known, blocks.links, *held]
@@ -731,7 +687,7 @@ class ModalState:
 
     @property
     def table(self) -> ndarray:
-        """All moves to known positions so far, rows as `motions_of` takes them."""
+        """All moves to known positions so far, a row of COLUMNS each."""
         return np.vstack([*self.tables, self._table()])
 
 

@@ -40,12 +40,6 @@ class PartMark(NamedTuple):
     caller: str
 
 
-def part_mark(mark: PartMark, told: str, dialect: Dialect) -> str:
-    """The comment that begins a part, with what is `told` of it."""
-    caller = mark.caller if "_" in dialect.comment_characters else mark.caller.replace("_", "-")
-    return comment(f"PART {mark.part} OF {mark.parts} OF {caller} {told}", dialect)
-
-
 def part_count(text: str) -> int:
     """How many files a whole program calls, 0 where it is in one."""
     found = PART.search(text)
@@ -102,9 +96,10 @@ def marked_parts(sections: Sequence[Section], caller: str, dialect: Dialect, nc:
     """The lines of all sections, with the marks between which each file of the program `caller` has its own."""
     files = grouped(sections, dialect, nc)
     lines = list[str]()
+    named = caller if "_" in dialect.comment_characters else caller.replace("_", "-")
     for part, file in enumerate(files, start=1):
         titles = " TO ".join(dict.fromkeys([file[0].title, file[-1].title]))
-        lines.append(part_mark(PartMark(part, len(files), caller), titles, dialect))
+        lines.append(comment(f"PART {part} OF {len(files)} OF {named} {titles}", dialect))
         lines += [line for section in file for line in section.lines]
     return [*lines, end_mark(dialect)]
 

@@ -1,21 +1,21 @@
-"""Posting: from tool paths to the text of a program.
+"""Posting: from tool paths to the text of a program, the dialect's templates filled with the words of the posted
+paths.
 
-The time of a program: at its feeds, as the axes drive it, and with what is between its runs.
+A program is one section a level, which begins with all that a restart there needs: modes, datum, tool call, spindle.
+In it are one or more runs: retract, turn the rotary axes off the part, tool-centre control on where the control has
+it, approach along the tool axis, the moves, tool-centre control off, retract. The comments CUT and LINK stand where
+feed moves begin to cut, or to lead from one pass to another. Before them stands the header: what must be mounted, how
+the control must be set, and what the program will do, as comments; the blank; the safe start. Behind the last retract
+the table is levelled and the spindle parked, where a job asks for it.
 
-Writing the NC text: the dialect's templates filled with the words of the posted paths.
-
-A program is one section a level, which begins with all that a restart there needs: modes, datum, tool call, spindle. In
-it are one or more runs: retract, turn the rotary axes off the part, tool-centre control on where the control has it,
-approach along the tool axis, the moves, tool-centre control off, retract. The comments CUT and LINK stand where feed
-moves begin to cut, or to lead from one pass to another.
-
-The blocks behind the last retract: the table levelled and the spindle parked, where a job asks for it.
+The time of a program is that at its feeds, as the axes drive it, and with what is between its runs.
 """
 
 import math
+import textwrap
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import pairwise, product
 
 import numpy as np
 from jaxtyping import Float
@@ -29,35 +29,48 @@ from bonecam.machine.machine import Machine
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.feeds import feed_figures
 from bonecam.nc.header import (
-    Travel,
+    UNCHECKED,
+    UNSIMULATED,
+    WIDEST,
     above,
     air_check_texts,
-    header_lines,
-    level_lines,
+    axis_texts,
+    control_texts,
     lifted,
     over_zero,
+    parting_texts,
     setup_texts,
     start_texts,
+    tool_texts,
     travel_of,
     zero_words,
 )
 from bonecam.nc.parts import Section, is_split, marked_parts
 from bonecam.nc.path_words import Posted, axis_minutes, joints_and_lengths, post_path, row_blocks
 from bonecam.nc.program import Program, ProgramTime, program_number
-from bonecam.nc.words import REWIND, comment, number_blocks, plain_text, word_texts
+from bonecam.nc.words import (
+    REWIND,
+    comment,
+    comments_of,
+    contour_tolerance,
+    number_blocks,
+    plain_text,
+    rotary_tolerance_deg,
+    word_texts,
+)
 from bonecam.planning.motion_time import ControlRule, motion_minutes
 from bonecam.progress import Progress, report, silent
 from bonecam.setup.stock import Stock
-from bonecam.tool.cutter import Cutter
 from bonecam.tool.path import MoveKind, ToolPath
 
 EXACT_STOP = ControlRule(look_ahead=0)
 """Between two runs every block ends at rest."""
 
 
-def program_time(posted: Sequence[Posted], travel: Travel, job: Job) -> ProgramTime:
-    """The minutes of posted paths in their order. The first tool is changed for too; the spindle stops for changes and
-    for the stops that the job asks for (`nc.optional_stop`), whose length is left out."""
+def program_time(posted: Sequence[Posted], start: Float[ndarray, "3"], job: Job) -> ProgramTime:
+    """The minutes of posted paths in their order, whose tools `start` as in `travel_of`. The first tool is changed for
+    too; the spindle stops for changes and for the stops that the job asks for (`nc.optional_stop`), whose length is
+    left out."""
     machine = posted[0].control.machine
     tools = dict.fromkeys((one.path.cutter.number for one in posted), 0.0)
     for one in posted:
@@ -78,7 +91,7 @@ def program_time(posted: Sequence[Posted], travel: Travel, job: Job) -> ProgramT
     # the turns of rotary axes to where runs begin are among these ways
     turns = sum(float(one.driven_minutes[[first for first, _ in one.runs]].sum()) for one in posted)
     ways = 0.0
-    for one, way in _ways(posted, travel):
+    for one, way in _ways(posted, start):
         # rapid moves between joints, each from rest to rest
         fastest = axis_minutes(machine, way)[1:]
         if not one.dialect.straight_rapids:
@@ -87,18 +100,19 @@ def program_time(posted: Sequence[Posted], travel: Travel, job: Job) -> ProgramT
     return ProgramTime(feed, minutes, axes, axes - turns + ways + seconds / 60, by_hand, assumed)
 
 
-def _ways(posted: Sequence[Posted], travel: Travel) -> Iterator[tuple[Posted, Float[ndarray, "k 5"]]]:
+def _ways(posted: Sequence[Posted], start: Float[ndarray, "3"]) -> Iterator[tuple[Posted, Float[ndarray, "k 5"]]]:
     """The joints between two runs: from the end of one up, to where tools start, the turn of the rotary axes, over the
     approach, down to it and to the first row of the next; behind the last run up alone."""
-    at = [np.r_[travel.start, _level(posted[0], posted[0].joints[0])]]
+    retract = float(start[2])
+    at = [np.r_[start, _level(posted[0], posted[0].joints[0])]]
     for one in posted:
         for run, (first, end) in enumerate(one.runs):
-            words = (above(one, run, travel.retract), one.approaches[run], lifted(one, run, travel.retract))
+            words = (above(one, run, retract), one.approaches[run], lifted(one, run, retract))
             high, low, over = joints_and_lengths(one.control, np.array(words))[0]
             if not run and "{over_zero}" in one.dialect.templates.tool:
-                at.append(np.r_[travel.start, at[-1][3:]])
+                at.append(np.r_[start, at[-1][3:]])
             if one.dialect.starts_at_zero:
-                at.append(np.r_[travel.start, _level(one, at[-1])])
+                at.append(np.r_[start, _level(one, at[-1])])
             turned = np.r_[at[-1][:3], low[3:]]
             yield one, np.array([*at, turned, high, low, one.joints[first]])
             at = [one.joints[end - 1], over]
@@ -180,38 +194,26 @@ def write_program(
         report(progress, index / len(paths), f"level {path.level}: angles and words")
         before = posted[-1].moves.angles[-1] if posted else None
         posted.append(post_path(path, machine, dialect, job, around, before=before))
-    travel = travel_of(machine, job, posted)
     bounds = np.array([around.min(0), around.max(0)]) if stock is None else stock.bounds
     texts = [*comments, *(setup or setup_texts(job, stock, zero_words(machine, dialect)))]
     air_check = air_check_texts(posted[0].control, dialect, float(bounds[1, 2]))
-    name = name.upper()
-    time = program_time(posted, travel, job)
-    header = header_lines(
-        machine,
-        dialect,
-        job,
-        name,
-        posted,
-        bounds=bounds,
-        comments=texts,
-        travel=travel,
-        time=time,
-        air_check=air_check,
-    )
-    writer = ProgramWriter(machine, dialect, job, name, posted, travel=travel, time=time)
-    return writer.program(header, air_check)
+    ranges, start = travel_of(machine, job, posted)
+    time = program_time(posted, start, job)
+    writer = ProgramWriter(machine, dialect, job, name.upper(), posted, start=start, time=time)
+    return writer.program(ranges, bounds, texts, air_check)
 
 
 @dataclass(eq=False)
 class ProgramWriter:
-    """Writes the blocks of one program from its posted paths; `moves` counts those written so far."""
+    """Writes the blocks of one program from its posted paths; every tool is to `start`, X, Y and Z of its tip in the
+    machine's frame (mm). `moves` counts those written so far."""
 
     machine: Machine
     dialect: Dialect
     job: Job
     name: str
     posted: Sequence[Posted]
-    travel: Travel
+    start: Float[ndarray, "3"]
     time: ProgramTime
     moves: int = 0
 
@@ -220,40 +222,36 @@ class ProgramWriter:
         self.feed = self.dialect.numbers.feed
         switch = self.dialect.tool_centre_switch(self.machine)
         self.on, self.off = (switch.on, switch.off) if switch else ("", "")
-        self.retract = self.length.text(self.travel.retract)
+        self.retract = self.length.text(float(self.start[2]))
         rapid = np.clip(self.job.nc.rapid_feed, self.feed.lowest, self.feed.highest)
         self.rapid = self.feed.text(float(rapid))
 
-    def program(self, header: list[str], air_check: Sequence[str]) -> Program:
-        """The whole program, which begins with the blocks of the `header`; that tells the `air_check`."""
-        sections = self._sections()
-        lines = list(header)
+    def program(
+        self,
+        ranges: Float[ndarray, "5 2"],
+        bounds: Float[ndarray, "2 3"],
+        comments: Sequence[str],
+        air_check: Sequence[str],
+    ) -> Program:
+        """The whole program, with its counts and its time. Its header tells the `ranges` of the axes, the blank, which
+        fills `bounds` (mm) in the control's simulation, its `comments` and the `air_check`."""
+        lines = self._header(ranges, bounds, comments, air_check)
+        sections = list[Section]()
+        tool = None
+        for posted in self.posted:
+            blocks = self._begin(posted, tool)
+            tool = posted.path.cutter.number
+            for index in range(len(posted.runs)):
+                blocks += self._run(posted, index)
+            sections.append(Section(posted.path.title, tool, blocks))
         if is_split(self.job.nc):
             lines += marked_parts(sections, self.name, self.dialect, self.job.nc)
         else:
             lines += [line for section in sections for line in section.lines]
-        lines += (
-            self.dialect.lines("tool_end")
-            + self._counted(end_blocks(self.machine, self.dialect, self.job.nc))
-            + self.dialect.lines("footer", name=self.name)
-        )
-        return self._finish(lines, air_check)
-
-    def _sections(self) -> list[Section]:
-        """The blocks of each path."""
-        sections = list[Section]()
-        tool = None
-        for posted in self.posted:
-            lines = self._begin(posted, tool)
-            tool = posted.path.cutter.number
-            for index in range(len(posted.runs)):
-                lines += self._run(posted, index)
-            sections.append(Section(posted.path.title, tool, lines))
-        return sections
-
-    def _finish(self, lines: list[str], air_check: Sequence[str]) -> Program:
-        """The program of these blocks, numbered, with its counts and its time."""
-        text, blocks = number_blocks(lines, self.dialect)
+        lines += self.dialect.lines("tool_end")
+        lines += self._counted(end_blocks(self.machine, self.dialect, self.job.nc))
+        lines += self.dialect.lines("footer", name=self.name)
+        text, count = number_blocks(lines, self.dialect)
         return Program(
             text=text,
             name=self.name,
@@ -261,7 +259,7 @@ class ProgramWriter:
             machine=self.machine.name,
             controller=self.dialect.name,
             extension=self.dialect.extension,
-            blocks=blocks,
+            blocks=count,
             moves=self.moves,
             split_moves=sum(len(posted.words) - len(posted.path.tips) for posted in self.posted),
             rewinds=sum(posted.rewinds for posted in self.posted),
@@ -272,6 +270,51 @@ class ProgramWriter:
             rotary_max_deg_per_block=max(posted.largest_rotation_deg for posted in self.posted),
             air_check=tuple(air_check),
         )
+
+    def _header(
+        self,
+        ranges: Float[ndarray, "5 2"],
+        bounds: Float[ndarray, "2 3"],
+        comments: Sequence[str],
+        air_check: Sequence[str],
+    ) -> list[str]:
+        """The first blocks: comments, the blank, and the safe start with the finest tolerances."""
+        machine, dialect, job, posted = self.machine, self.dialect, self.job, self.posted
+        fields = "low_x low_y low_z high_x high_y high_z".split()
+        blank = machine.in_machine(np.array(list(product(*bounds.T))))
+        box = np.array([blank.min(axis=0), blank.max(axis=0)])
+        corners = dict(zip(fields, map(self.length.text, box.ravel()), strict=True))
+        texts = [
+            f"machine {machine.title}",
+            f"control {dialect.title}",
+            *comments,
+            *parting_texts([one.path for one in posted]),
+            *tool_texts(job, posted, self.time),
+            *control_texts(machine, dialect, posted),
+            *axis_texts(machine, ranges, dialect),
+            *(line for text in self.time.texts for line in textwrap.wrap(f"time {text}", WIDEST)),
+            *(f"air check: {text}" for text in air_check),
+            UNCHECKED,
+            UNSIMULATED,
+        ]
+        return dialect.lines(
+            "header",
+            name=self.name,
+            number=job.nc.program_number or program_number(self.name),
+            comments="\n".join(line for text in texts for line in comments_of(text, dialect)),
+            tool_centre_off=self.off,
+            **self._tolerances(True, min(one.path.cutter.radius for one in posted)),
+            **corners,
+        )
+
+    def _tolerances(self, finishing: bool, radius: float) -> dict[str, str]:
+        """How far the control may leave the points of a ball of `radius` (mm): mm, and degrees without a sign."""
+        dialect = self.dialect
+        turn = rotary_tolerance_deg(dialect, self.job, finishing, radius)
+        return {
+            "tolerance": self.length.text(contour_tolerance(dialect, self.job, finishing)),
+            "rotary_tolerance": f"{turn:.{dialect.numbers.angle.decimals}f}",
+        }
 
     def _begin(self, posted: Posted, tool: int | None) -> list[str]:
         """The blocks that begin a path, `tool` being in the spindle: all that a restart there needs, where the dialect
@@ -285,24 +328,26 @@ class ProgramWriter:
         if tool is not None or is_split(self.job.nc):
             name = plain_text(title, self.dialect.comment_characters)
             lines += self.dialect.lines("restart", title=name, tool=cutter.number, tool_centre_off=self.off)
-        lines += level_lines(self.dialect, self.job, posted)
-        if changes or stops or self.dialect.templates.restart:
-            lines += self._tool(cutter, halts=changes and self.job.nc.tool_change == "stop")
-        return lines
-
-    def _tool(self, cutter: Cutter, *, halts: bool) -> list[str]:
-        """The blocks that bring a cutter into the spindle and to where tools start; for a change by hand it
-        `halts`."""
-        stop = self.dialect.lines("stop", tool=cutter.number) if halts else []
-        return self._moving(
-            "tool",
-            tool=cutter.number,
-            spindle=self.dialect.numbers.spindle.text(cutter.spindle),
-            retract=self.retract,
-            endless=self.dialect.endless_block,
-            over_zero=over_zero(self.machine, self.dialect, self.travel.start),
-            stop="\n".join(stop),
+        finishing = self.job.is_finishing(posted.path.level)
+        machining = self.dialect.machining
+        lines += self.dialect.lines(
+            "level",
+            **self._tolerances(finishing, cutter.radius),
+            hsc_mode=int(not finishing),
+            machining=machining.finishing if finishing else machining.roughing,
         )
+        if changes or stops or self.dialect.templates.restart:
+            halts = changes and self.job.nc.tool_change == "stop"
+            lines += self._moving(
+                "tool",
+                tool=cutter.number,
+                spindle=self.dialect.numbers.spindle.text(cutter.spindle),
+                retract=self.retract,
+                endless=self.dialect.endless_block,
+                over_zero=over_zero(self.machine, self.dialect, self.start),
+                stop="\n".join(self.dialect.lines("stop", tool=cutter.number) if halts else []),
+            )
+        return lines
 
     def _moving(self, template: str, **fields: object) -> list[str]:
         """The blocks of a template, whose moves are counted."""
@@ -321,8 +366,8 @@ class ProgramWriter:
     def _run(self, posted: Posted, index: int) -> list[str]:
         """The blocks of one run: turn the rotary axes, approach along the tool axis, machine, retract."""
         words = word_texts(self.machine, self.dialect, posted.approaches[index])
-        high = word_texts(self.machine, self.dialect, above(posted, index, self.travel.retract))
-        end = word_texts(self.machine, self.dialect, lifted(posted, index, self.travel.retract))
+        high = word_texts(self.machine, self.dialect, above(posted, index, float(self.start[2])))
+        end = word_texts(self.machine, self.dialect, lifted(posted, index, float(self.start[2])))
         lines = [comment(REWIND, self.dialect)] if index else []
         lines += self._start(posted, words, posted.approaches[index][3:])
         approach = self.dialect.lines(
@@ -350,9 +395,8 @@ class ProgramWriter:
         where it starts at zero the other way round."""
         if not self.dialect.starts_at_zero:
             return self._moving("position", rotary=" ".join(words[3:])) + self._switch(self.on, posted, self.retract)
-        rotary, height, turn = start_texts(
-            self.dialect, posted.control, angles_deg, self.travel.start, self.job.nc.rapid_feed
-        )
+        rapid = self.job.nc.rapid_feed
+        rotary, height, turn = start_texts(self.dialect, posted.control, angles_deg, self.start, rapid)
         return [
             *self._moving("position", rotary=rotary),
             *self._switch(self.on, posted, height),

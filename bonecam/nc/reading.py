@@ -32,7 +32,6 @@ from bonecam.nc.motions import (
     endless_letters,
     endless_word_pattern,
     line_error,
-    motions_of,
     tool_number,
     turn_to,
     vector_move,
@@ -54,13 +53,13 @@ def is_statement(block: str, state: ModalState, line: int) -> bool:
 
 def _apply(effect: str, values: dict[str, str], state: ModalState, line: int) -> None:
     """Apply the effect of a statement (see `nc.dialect`) to the state."""
-    state.spindle.apply(effect)
+    state.switch_spindle_and_coolant(effect)
     if effect == "comment":
         state.read_comment(values["comment"], line)
     elif effect == "tool":
         state.change_tool(tool_number(values["tool"], line), line)
         if "spindle" in values:
-            state.spindle.programmed = float(values["spindle"])
+            state.speed = float(values["spindle"])
     elif effect == "retract":
         state.retract(line)
     elif effect == "machine position":
@@ -285,11 +284,11 @@ class _BlockReader:
             by_edge = self.by_edge and "tool_length" in effects
             state.take_length(state.tool if by_edge else tool_number(values.get("H", "0"), line), line)
         if "S" in values:
-            state.spindle.programmed = float(values["S"])
-            if not state.spindle.programmed > 0:
+            state.speed = float(values["S"])
+            if not state.speed > 0:
                 raise line_error(line, f"S{values['S']} is no speed of the spindle")
         for effect in effects:
-            state.spindle.apply(effect)
+            state.switch_spindle_and_coolant(effect)
         if "tolerance" in effects:
             state.tolerance = float(values.get("P", "inf"))
         self._switch_tool_centre(effects, values, line)
@@ -401,7 +400,30 @@ def _motions(state: ModalState, line: int) -> Motions:
         )
         for tool in state.tools.values()
     }
-    short_way = bool(state.endless.short_way)
-    return motions_of(
-        state.table, controls, blocks=state.blocks, partial=state.partial, short_way=short_way, described=state.tools
+    table = state.table
+    words = np.column_stack([table[:, :3], np.radians(table[:, 3:5])])
+    numbers = table[:, 9].astype(np.int64)
+    tips, axes = np.zeros((2, len(table), 3))
+    for number, control in controls.items():
+        rows = numbers == number
+        tips[rows], axes[rows] = control.poses(words[rows])
+    return Motions(
+        rapid=table[:, 5] == 1,
+        words=words,
+        feed_rates=table[:, 6],
+        inverse_time=table[:, 7] == 1,
+        lines=table[:, 8].astype(np.int64),
+        tools=numbers,
+        known_start=table[:, 10] == 1,
+        links=(table[:, 11] == 1) & (table[:, 5] == 0),
+        tips=tips,
+        axes=axes,
+        blocks=state.blocks,
+        controls=controls,
+        spindle=table[:, 12],
+        coolant=table[:, 13] == 1,
+        tolerances=table[:, 14],
+        partial=tuple(state.partial),
+        short_way=bool(state.endless.short_way),
+        described=state.tools,
     )

@@ -54,14 +54,32 @@ def job_dialect(nc: NcJob) -> Dialect:
     except MachineError as error:
         place = "" if nc.controller else f"{nc.machine}: "
         raise MachineError(f"{place}{error}", **error.evidence) from error
+    if nc.work_offset > dialect.work_offsets:
+        most = f"give 1 to {dialect.work_offsets}" if dialect.work_offsets > 1 else "leave it out"
+        raise _refused(dialect, f"nc.work_offset = {nc.work_offset}", most)
     if nc.work_offset != 1:
-        dialect = _with_work_offset(dialect, nc.work_offset)
+        text = json.dumps(dialect.model_dump(exclude={"name"}, exclude_unset=True))
+        for first, form in dialect.work_offset.items():
+            own = form.format(number=nc.work_offset, code=FIRST_CODE + nc.work_offset)
+            text = re.sub(rf"(?<![A-Z0-9.]){re.escape(first)}(?![0-9.])", own, text)
+        dialect = Dialect.model_validate({**json.loads(text), "name": dialect.name})
     changes: dict[str, object] = {}
     if nc.coolant and nc.coolant_kind != "flood":
         if nc.coolant_kind not in dialect.coolants:
             raise _refused(dialect, f"nc.coolant_kind = {nc.coolant_kind!r}", "add it to [coolants] of its file")
         changes["templates"] = dialect.templates.model_copy(update={"coolant_on": dialect.coolants[nc.coolant_kind]})
-    for asked, missing, template in _asked(nc, dialect):
+    # what needs words that a dialect may not have: as the job says it, whether they are missing, and what has them
+    templates = dialect.templates
+    parks = HOME if nc.park.strip() == HOME else "park"
+    name = "split" if nc.split != "none" else "split_blocks"
+    split = f"nc.{name} = {getattr(nc, name)!r}"
+    stops = nc.optional_stop != "none" and not templates.optional_stop
+    for asked, missing, template in (
+        (split, is_split(nc) and dialect.calls is None, "a table [calls]"),
+        (split, is_split(nc) and not templates.restart, "a template restart"),
+        (f"nc.optional_stop = {nc.optional_stop!r}", stops, "a template optional_stop"),
+        (f"nc.park = {nc.park!r}", nc.park.strip() and not getattr(templates, parks), f"a template {parks}"),
+    ):
         if missing:
             raise _refused(dialect, asked, f"leave it out, or add {template} to its file")
     if is_split(nc) and dialect.calls is not None:
@@ -78,36 +96,9 @@ def job_dialect(nc: NcJob) -> Dialect:
     return dialect.model_copy(update=changes) if changes else dialect
 
 
-def _asked(nc: NcJob, dialect: Dialect) -> list[tuple[str, bool, str]]:
-    """What of a section [nc] needs words that a dialect may not have: as the job says it, whether they are missing
-    though it is asked for, and what has them."""
-    templates = dialect.templates
-    parks = HOME if nc.park.strip() == HOME else "park"
-    name = "split" if nc.split != "none" else "split_blocks"
-    split = f"nc.{name} = {getattr(nc, name)!r}"
-    return [
-        (split, is_split(nc) and dialect.calls is None, "a table [calls]"),
-        (split, is_split(nc) and not templates.restart, "a template restart"),
-        (
-            f"nc.optional_stop = {nc.optional_stop!r}",
-            nc.optional_stop != "none" and not templates.optional_stop,
-            "a template optional_stop",
-        ),
-        (f"nc.park = {nc.park!r}", bool(nc.park.strip()) and not getattr(templates, parks), f"a template {parks}"),
-    ]
-
-
-def _with_work_offset(dialect: Dialect, number: int) -> Dialect:
-    """The dialect with another work offset than its first."""
-    if number > dialect.work_offsets:
-        most = f"give 1 to {dialect.work_offsets}" if dialect.work_offsets > 1 else "leave it out"
-        raise _refused(dialect, f"nc.work_offset = {number}", most)
-    text = json.dumps(dialect.model_dump(exclude={"name"}, exclude_unset=True))
-    for first, form in dialect.work_offset.items():
-        own = form.format(number=number, code=FIRST_CODE + number)
-        text = re.sub(rf"(?<![A-Z0-9.]){re.escape(first)}(?![0-9.])", own, text)
-    values = json.loads(text)
-    return Dialect.model_validate({**values, "name": dialect.name})
+def machine_and_dialect(nc: NcJob) -> tuple[Machine, Dialect]:
+    """The machine and the dialect of the section [nc] of a job; MachineError as in `job_dialect`."""
+    return read_machine(nc.machine), job_dialect(nc)
 
 
 def _refused(dialect: Dialect, what: str, remedy: str) -> MachineError:

@@ -40,6 +40,11 @@ from bonecam.text.pattern import Pattern
 from bonecam.text.record import KeyFault, Record, checked
 
 
+def no_items() -> Any:
+    """The default of a field that is a list: an empty one, which schemas leave out."""
+    return Field(default_factory=list)
+
+
 class Meaning(NamedTuple):
     """What a code does, in words, and its effect in [codes]; no such effect where no reader knows it."""
 
@@ -207,9 +212,7 @@ class NumberingTable(Record):
     first: Annotated[int, Field(ge=0, le=1_000_000)] = 0
     step: Annotated[int, Field(ge=1, le=1000)] = 1
     highest: Annotated[int, Field(ge=1, le=999_999_999)] = 999_999_999
-    unnumbered: Annotated[list[Annotated[str, Field(min_length=1, max_length=8)]], Field(max_length=20)] = Field(
-        default_factory=list
-    )
+    unnumbered: Annotated[list[Annotated[str, Field(min_length=1, max_length=8)]], Field(max_length=20)] = no_items()
     continuation: Annotated[str, Field(min_length=1, max_length=8), AfterValidator(one_block)] | None = None
 
     @model_validator(mode="after")
@@ -353,7 +356,7 @@ class CallsTable(Record):
     call: Annotated[str, Field(max_length=200), AfterValidator(_call)]
     begin: Annotated[str, Field(max_length=400), AfterValidator(_of_part)] = ""
     end: Annotated[str, Field(max_length=400), AfterValidator(_of_part)] = ""
-    needs: Annotated[list[Block], Field(max_length=20)] = Field(default_factory=list)
+    needs: Annotated[list[Block], Field(max_length=20)] = no_items()
 
     @model_validator(mode="after")
     def _leads_to_the_file(self) -> "CallsTable":
@@ -452,26 +455,26 @@ Codes = Annotated[list[Annotated[str, Field(pattern=CODE)]], Field(max_length=20
 class CodesTable(Record):
     """What the codes of an ISO dialect do: G, M and D with their numbers, or words like TRAORI."""
 
-    none: Codes = Field(default_factory=list)
-    rapid: Codes = Field(default_factory=list)
-    feed: Codes = Field(default_factory=list)
-    inverse_time: Codes = Field(default_factory=list)
-    per_minute: Codes = Field(default_factory=list)
-    tool_change: Codes = Field(default_factory=list)
-    tool_length: Codes = Field(default_factory=list)
-    tool_length_off: Codes = Field(default_factory=list)
-    tool_centre_on: Codes = Field(default_factory=list)
-    tool_centre_off: Codes = Field(default_factory=list)
-    machine_coordinates: Codes = Field(default_factory=list)
-    absolute: Codes = Field(default_factory=list)
-    incremental: Codes = Field(default_factory=list)
-    reference_return: Codes = Field(default_factory=list)
-    spindle_on: Codes = Field(default_factory=list)
-    spindle_stop: Codes = Field(default_factory=list)
-    coolant_on: Codes = Field(default_factory=list)
-    coolant_off: Codes = Field(default_factory=list)
-    tolerance: Codes = Field(default_factory=list)
-    program_end: Codes = Field(default_factory=list)
+    none: Codes = no_items()
+    rapid: Codes = no_items()
+    feed: Codes = no_items()
+    inverse_time: Codes = no_items()
+    per_minute: Codes = no_items()
+    tool_change: Codes = no_items()
+    tool_length: Codes = no_items()
+    tool_length_off: Codes = no_items()
+    tool_centre_on: Codes = no_items()
+    tool_centre_off: Codes = no_items()
+    machine_coordinates: Codes = no_items()
+    absolute: Codes = no_items()
+    incremental: Codes = no_items()
+    reference_return: Codes = no_items()
+    spindle_on: Codes = no_items()
+    spindle_stop: Codes = no_items()
+    coolant_on: Codes = no_items()
+    coolant_off: Codes = no_items()
+    tolerance: Codes = no_items()
+    program_end: Codes = no_items()
 
     @model_validator(mode="after")
     def _do_what_they_mean(self) -> "CodesTable":
@@ -501,8 +504,8 @@ class StatedTable(Record):
     """What a program must have stated: codes, and names of what statements state. `moves`: before an axis moves;
     `tool_centre`: between the start of tool-centre control and the next move of X, Y or Z."""
 
-    moves: Names = Field(default_factory=list)
-    tool_centre: Names = Field(default_factory=list)
+    moves: Names = no_items()
+    tool_centre: Names = no_items()
 
 
 CODES = tuple(CodesTable.model_fields)
@@ -535,8 +538,8 @@ class ToolCentreTable(Record):
 
     on: SwitchOn
     off: SwitchOff
-    tip: Lines = Field(default_factory=list)
-    centre: Lines = Field(default_factory=list)
+    tip: Lines = no_items()
+    centre: Lines = no_items()
 
 
 def _vector_word(text: str) -> str:
@@ -617,7 +620,7 @@ class DialectFile(Record):
     tolerance_factor: Annotated[float, Field(gt=0, le=10)] = 1.0
     corners: Literal["smoothed", "parabolic"] = "smoothed"
     look_ahead: Annotated[int, Field(ge=1, le=1_000_000)] = 1000
-    needs: Lines = Field(default_factory=list)
+    needs: Lines = no_items()
     file_name: FileNameTable = FileNameTable()
     longest_line: Annotated[int, Field(ge=60, le=10000)] = 1000
     comment: Annotated[str, Field(max_length=100), AfterValidator(_comment)]
@@ -636,7 +639,7 @@ class DialectFile(Record):
     vector: VectorTable | None = None
     forms: Annotated[dict[Form, dict[str, Any]], Field(max_length=3)] = Field(default_factory=dict)
     templates: TemplatesTable
-    statements: Annotated[list[StatementTable], Field(max_length=200)] = Field(default_factory=list)
+    statements: Annotated[list[StatementTable], Field(max_length=200)] = no_items()
     codes: CodesTable = CodesTable()
     stated: StatedTable = StatedTable()
 

@@ -1,14 +1,8 @@
-"""The page of a run that is over: made from its kept files, or opened in the browser.
+"""What a run hands back, its page in the browser, and the folder of `--keep`: surface, levels, tool path and pictures,
+to look at or to use again.
 
-What results have in common: a page in the browser, which a notebook shows beside their summary.
-
-The program of the second clamping, as a result keeps it, what the report tells of it, and its page.
-
-What a run hands back: part, surface, stock, levels, tool paths, program and report.
-
-Part, stock and the mesh as given, as `convert --keep` left them in its folder, for another look at the program.
-
-The folder of `--keep`: surface, levels, tool path and pictures, to look at or to use again.
+Results show themselves as a page, which a notebook shows beside their summary. A kept folder gives that page again,
+and part, stock and the mesh as given for another look at its program.
 """
 
 import base64
@@ -27,7 +21,6 @@ from typing import Any
 
 import numpy as np
 
-import bonecam
 from bonecam.errors import BonecamError, FileError, LevelError, ProgramError
 from bonecam.files import check_files, input_bytes, input_text, second_file, whole_folder, write_whole
 from bonecam.job import Job, LevelsJob, StockJob, read_job, write_job
@@ -71,6 +64,7 @@ from bonecam.surface.tspline import TSpline
 from bonecam.tool.path import MoveKind, ToolPath
 from bonecam.verify.control import header_of
 from bonecam.verify.findings import GivenSurface, NotJudged, Removal, allowed_depth
+from bonecam.workholding.post import post_below
 from bonecam.workholding.shell import SecondClamping
 
 PAGES = (".html", ".htm")
@@ -119,24 +113,14 @@ def kept_contents(keep: Path, name: str = VIEW) -> tuple[bytes, Contents]:
         remedy = "give the folder of `--keep` or `levels -o`, made by this version"
         raise FileError(f"{keep}: {trouble}: {remedy}", file=str(path)) from error
     contents = unpack(packed, str(path))
-    if not _is_whole(contents):
+    try:
+        names = [name for level in contents.facts["levels"] for name in (f"level_{level['index']}", level["faces"])]
+        whole = bool(contents.facts["name"]) and contents.arrays.keys() >= set(names)
+    except (KeyError, TypeError):
+        whole = False
+    if not whole:
         raise FileError(f"{path}: is damaged: make it again with --keep", file=str(path))
     return packed, contents
-
-
-def _is_whole(contents: Contents) -> bool:
-    """Whether a page has a title, and its levels their meshes."""
-    try:
-        names = [(f"level_{level['index']}", level["faces"]) for level in contents.facts["levels"]]
-        return bool(contents.facts["name"]) and all(set(pair) <= contents.arrays.keys() for pair in names)
-    except (KeyError, TypeError):
-        return False
-
-
-def show_page(file: Path) -> Path:
-    """Open a page in the browser; returns its name."""
-    webbrowser.open(file.resolve().as_uri())
-    return file
 
 
 INLINE = 30_000_000
@@ -180,7 +164,9 @@ class Shown(ABC):
 
     def show(self) -> Path:
         """Show the run in the browser; returns the page's file, in a new folder for temporary files."""
-        return show_page(self.view(Path(mkdtemp(prefix="bonecam-")) / "view.html"))
+        page = self.view(Path(mkdtemp(prefix="bonecam-")) / "view.html")
+        webbrowser.open(page.resolve().as_uri())
+        return page
 
     def _repr_html_(self) -> str:
         """The summary and the page, as notebooks show a value; a picture where the page is too large for one."""
@@ -215,7 +201,7 @@ class SecondProgram(Shown):
     def packed_view(self) -> bytes:
         """What `view` shows, packed as `bonecam.report.page` has it."""
         posted = (self.clamping, self.program.text, self.paths, self.removal)
-        return pack(second_contents(*posted, self.job, self.report, self.name, bonecam.__version__))
+        return pack(second_contents(*posted, self.job, self.report, self.name))
 
     @property
     def apt(self) -> str:
@@ -225,8 +211,7 @@ class SecondProgram(Shown):
     @property
     def setup_article(self) -> str:
         """Its page of the run's setup sheet."""
-        arguments = (self.clamping, self.job, self.program, self.report)
-        return second_article(self.name, *arguments, bonecam.__version__)
+        return second_article(self.name, self.clamping, self.job, self.program, self.report)
 
     @property
     def summary(self) -> str:
@@ -260,8 +245,7 @@ class Morphed(Shown):
     @cached_property
     def packed_view(self) -> bytes:
         """What `view` shows, packed as `bonecam.report.page` has it."""
-        parts = (self.part, self.levels.levels, self.stock, self.job, self.report, bonecam.__version__)
-        return pack(run_contents(*parts, **self._posted))
+        return pack(run_contents(self.part, self.levels.levels, self.stock, self.job, self.report, **self._posted))
 
     @property
     def _title(self) -> str:
@@ -304,12 +288,7 @@ class Result(Morphed):
     @property
     def sheet(self) -> str:
         """The setup sheet as the text of an HTML file, with a page for each clamping."""
-        version = bonecam.__version__
-        pages = [
-            setup_article(
-                self.part, self.stock, job=self.job, program=self.program, report=self.report, version=version
-            )
-        ]
+        pages = [setup_article(self.part, self.stock, self.job, self.program, self.report)]
         if self.second is not None:
             pages.append(self.second.setup_article)
         return setup_sheet(Path(self.part.file).name, pages)
@@ -489,13 +468,13 @@ SERIES = (
 removes those that an earlier one wrote there."""
 
 
-def fill_kept_folder(work: Path, made: Morphed, post: tuple[float, float]) -> None:
+def fill_kept_folder(work: Path, made: Morphed) -> None:
     """Write into `work` surface.tspline, given.ply, the files of `keep_levels`, view.gz, job.toml and report.json; of a
     program its text, toolpath.csv, toolpath.apt, toolpath.png, machine.png, stump.png, second.* if there is a second
     clamping, cones.csv if axes are chosen in cones, axes.png and axes.md of the part if levels are cut, left.ply and
-    engagement.png where it was simulated, and error.ply and error.png where it was asked what bends. `post` is
-    (diameter, top z), mm."""
+    engagement.png where it was simulated, and error.ply and error.png where it was asked what bends."""
     levels = made.levels.levels
+    post = (made.job.holding.diameter, post_below(made.part.mesh, made.job.holding).top)
     write_tsm(made.surface, work / "surface.tspline")
     write_mesh(made.part.placed_given, work / GIVEN)
     keep_into(work, levels, made.stock, post)
@@ -503,19 +482,20 @@ def fill_kept_folder(work: Path, made: Morphed, post: tuple[float, float]) -> No
     keep_job(work, made)
     axes = {}
     if isinstance(made, Result):
-        write_whole(work / f"program{made.program.extension}", made.program.text)
-        write_whole(work / "toolpath.csv", toolpath_csv(made.paths))
-        write_whole(work / "toolpath.apt", apt_text(made.paths, made.program.name))
-        if any(path.cones for path in made.paths):
-            write_whole(work / "cones.csv", cones_csv(made.paths))
+        write_paths(work, made.program, made.paths)
         if made.job.path.strategy == "morph":
             compared = made.compare_axes()
             draw_compared_axes(compared, levels[0].mesh, work / "axes.png")
             write_whole(work / "axes.md", compared.table)
             axes = {"axes": compared.report}
         draw_toolpath(made.paths, levels, work / "toolpath.png", post)
-        if made.second is not None:
-            _write_second(work, made.second)
+        second = made.second
+        if second is not None:
+            write_whole(work / f"second{second.program.extension}", second.program.text)
+            write_whole(work / "second.apt", second.apt)
+            (work / SECOND_VIEW).write_bytes(second.packed_view)
+            write_mesh(second.clamping.solids, work / "second.ply")
+            draw_second(second.clamping, second.paths, work / "second.png")
         machine = read_machine(made.job.nc.machine)
         draw_stump(levels[0].mesh, post, cut_groove(made.paths), work / "stump.png")
         draw_machine(made.paths, levels[0].mesh, made.job.holding, machine, work / "machine.png")
@@ -523,6 +503,15 @@ def fill_kept_folder(work: Path, made: Morphed, post: tuple[float, float]) -> No
         if made.removal and made.removal.left:
             _draw_engagement(made, work / "engagement.png")
     write_whole(work / "report.json", report_text({**made.report, **axes}))
+
+
+def write_paths(work: Path, program: Program, paths: Sequence[ToolPath]) -> None:
+    """Write a program, its paths as toolpath.csv and toolpath.apt, and cones.csv if axes are chosen in cones."""
+    write_whole(work / f"program{program.extension}", program.text)
+    write_whole(work / "toolpath.csv", toolpath_csv(paths))
+    write_whole(work / "toolpath.apt", apt_text(paths, program.name))
+    if any(path.cones for path in paths):
+        write_whole(work / "cones.csv", cones_csv(paths))
 
 
 def keep_job(work: Path, made: Morphed) -> None:
@@ -544,16 +533,6 @@ def write_simulated(work: Path, removal: Removal | None) -> None:
         error = removal.mechanics.error
         write_mesh(error.mesh, work / "error.ply", quality=error.sizes, largest=error.p99)
         draw_error(error, work / "error.png")
-
-
-def _write_second(work: Path, second: SecondProgram) -> None:
-    """The second clamping: its program and cutter location data, part and shell as they stand, its page and its
-    picture."""
-    write_whole(work / f"second{second.program.extension}", second.program.text)
-    write_whole(work / "second.apt", second.apt)
-    (work / SECOND_VIEW).write_bytes(second.packed_view)
-    write_mesh(second.clamping.solids, work / "second.ply")
-    draw_second(second.clamping, second.paths, work / "second.png")
 
 
 def _draw_engagement(result: Result, file: Path) -> None:

@@ -1,10 +1,10 @@
-"""Picture: the machine's bodies round the part where the tool comes nearest to the table.
-
-Picture of a machine file, all axes at zero: table, spindle nose, the rotary axes and the frame of the part.
+"""Pictures of a machine: its bodies round the part where the tool comes nearest to the table; and of a machine file,
+all axes at zero, table, spindle nose, the rotary axes and the frame of the part.
 """
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -12,12 +12,12 @@ from numpy import ndarray
 
 from bonecam.arrays import rotations_of
 from bonecam.job import HoldingJob
-from bonecam.machine.bodies import Table, stack_length
+from bonecam.machine.bodies import Frustum, Table, stack_length
 from bonecam.machine.kinematics import inverse_linear, inverse_rotary, link_poses, within_limits
 from bonecam.machine.machine import Machine
 from bonecam.mesh.solids import revolve
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.report.pictures import BELOW, Plot, draw_shaded, lay_out, new_figure, save_figure
+from bonecam.report.pictures import BELOW, Figure, Plot, draw_shaded, lay_out, legend_below, new_figure, save_figure
 from bonecam.tool.cutter import Cutter
 from bonecam.tool.path import MoveKind, ToolPath
 from bonecam.workholding.clamping import body_meshes, holding_columns
@@ -42,6 +42,8 @@ RING = 3.0
 """Rings of their meshes are about so far apart, mm: what lies behind is sorted by triangles."""
 TABLE_SHOWN = 150.0
 """A table without an edge is drawn so far from its middle, mm."""
+SIDES_SEEN = (1.0, -1.0)
+"""From the front (-y) and from behind (y)."""
 LEGEND = 0.45
 """Inches that the legend takes below the panels."""
 
@@ -51,8 +53,6 @@ def draw_machine(
 ) -> None:
     """Write table, chuck, post, part, the whole tool and the bodies of the machine's links, from the front (-y) and
     from behind, at the cut in which holder or spindle are nearest to the table's plane."""
-    from matplotlib.lines import Line2D
-
     heights = [_lowest(path) for path in paths]
     path = paths[int(np.argmin([np.min(each, initial=np.inf) for each in heights]))]
     row = int(np.argmin(_lowest(path)))
@@ -66,16 +66,11 @@ def draw_machine(
     joints = inverse_linear(machine, tips, solutions[:, int(np.argmax(usable))], path.cutter.length)
 
     bodies += link_meshes(machine, joints, path.cutter.length)
-    figure, plots = new_figure(2)
-    for plot, side in zip(plots, (1.0, -1.0)):
-        draw_bodies(plot, bodies, side)
-    message = f"{path.title}, where holder or spindle are lowest: {_lowest(path)[row]:.0f} mm above the table"
-    plots[0].set_title(message, fontsize="small")
-    plots[1].set_title("from behind", fontsize="small")
-    plots[0].set_ylabel("z (mm)")
-    used = [name for name in COLOURS if any(name == each for each, _ in bodies)]
-    lines = [Line2D([], [], color=COLOURS[name], lw=6, label=name) for name in used]
-    figure.legend(handles=lines, loc="lower center", ncols=len(lines), fontsize="small")
+    lowest = f"{_lowest(path)[row]:.0f} mm above the table"
+    figure, plots = _drawn(bodies, f"{path.title}, where holder or spindle are lowest: {lowest}")
+    drawn = {name for name, _ in bodies}
+    used = {name: colour for name, colour in COLOURS.items() if name in drawn}
+    legend_below(figure, used, "small", lw=6)
     lay_out(figure, plots, below=BELOW + LEGEND)
     save_figure(figure, file)
 
@@ -124,10 +119,15 @@ def table_bodies(table: Table) -> list[tuple[str, TriangleMesh]]:
     """The table as wide as it is, a plate by the disc inside it, and what stands on it."""
     half = min(table.radius, table.half_width, table.half_depth)
     half = half if np.isfinite(half) else TABLE_SHOWN
-    bodies = [("table", bar(-half / 10, 0.0, half, half))]
+    return [("table", bar(-half / 10, 0.0, half, half)), *_stacked("table", table.standing)]
+
+
+def _stacked(name: str, pieces: Sequence[Frustum]) -> list[tuple[str, TriangleMesh]]:
+    """Pieces one on the other, from z = 0 up."""
+    bodies = []
     height = 0.0
-    for piece in table.standing:
-        bodies.append(("table", bar(height, height + piece.length, piece.diameter / 2, piece.top_diameter / 2)))
+    for piece in pieces:
+        bodies.append((name, bar(height, height + piece.length, piece.diameter / 2, piece.top_diameter / 2)))
         height += piece.length
     return bodies
 
@@ -167,15 +167,22 @@ def bar(start: float, end: float, radius: float, end_radius: float) -> TriangleM
     return revolve(radii, heights, (start, end), SIDES)
 
 
-def draw_bodies(plot: Plot, bodies: Sequence[tuple[str, TriangleMesh]], side: float) -> None:
-    """All bodies as one mesh, so that what lies before is drawn over what lies behind."""
+def _drawn(bodies: Sequence[tuple[str, TriangleMesh]], title: str) -> tuple[Figure, Any]:
+    """A figure of all bodies from the front and from behind, and its panels. They are drawn as one mesh, so that what
+    lies before is drawn over what lies behind."""
     from matplotlib.colors import to_rgb
 
     starts = np.cumsum([0, *(len(mesh.vertices) for _, mesh in bodies[:-1])])
     vertices = np.vstack([mesh.vertices for _, mesh in bodies])
     faces = np.vstack([mesh.faces + start for (_, mesh), start in zip(bodies, starts)]).astype(np.int32)
     colours = np.repeat([to_rgb(COLOURS[name]) for name, _ in bodies], [len(mesh.faces) for _, mesh in bodies], axis=0)
-    draw_shaded(plot, TriangleMesh(vertices, faces), side, colours)
+    figure, plots = new_figure(2)
+    for plot, side in zip(plots, SIDES_SEEN):
+        draw_shaded(plot, TriangleMesh(vertices, faces), side, colours)
+    plots[0].set_title(title, fontsize="small")
+    plots[1].set_title("from behind", fontsize="small")
+    plots[0].set_ylabel("z (mm)")
+    return figure, plots
 
 
 TOOL = 100.0
@@ -201,19 +208,11 @@ def draw_machine_file(machine: Machine, file: str | Path) -> None:
     nose = zero + np.array([0.0, 0.0, 2 * TOOL])
     stand = np.eye(4)
     stand[:3, 3] = nose
-    tool = [("shank", bar(-TOOL, 0.0, SHAFT, SHAFT))]
-    height = 0.0
-    for piece in machine.nose:
-        tool.append(("spindle", bar(height, height + piece.length, piece.diameter / 2, piece.top_diameter / 2)))
-        height += piece.length
+    tool = [("shank", bar(-TOOL, 0.0, SHAFT, SHAFT)), *_stacked("spindle", machine.nose)]
     bodies = [*fixed, *((name, mesh.move(stand)) for name, mesh in tool)]
-    figure, plots = new_figure(2)
-    for plot, side in zip(plots, (1.0, -1.0)):
-        draw_bodies(plot, bodies, side)
+    figure, plots = _drawn(bodies, f"{machine.title}, all axes at zero")
+    for plot, side in zip(plots, SIDES_SEEN):
         _draw_axes(plot, machine, side, nose)
-    plots[0].set_title(f"{machine.title}, all axes at zero", fontsize="small")
-    plots[1].set_title("from behind", fontsize="small")
-    plots[0].set_ylabel("z (mm)")
     top = nose[2] + stack_length(machine.nose)
     plots[0].update_datalim([[zero[0], zero[2]], [zero[0], top]])
     lay_out(figure, plots)

@@ -1,26 +1,20 @@
-"""The files that a run writes. Their places are tried before the work; each file is written whole, the program
-even where another cannot be.
+"""The files that a run writes. Their places are tried before the work; each file is written whole, the program even
+where another cannot be.
 
-What a refused run writes: its report, as far as it came, and where its own proof refused the program the kept
-folder: what planned the program should have known, so that this is a fault of bonecam's, and the folder is what a
-report of it needs.
-
-What `bonecam.finish` hands back, and its files.
-
-What `bonecam.blades` hands back, and its files.
+A refused run writes its report, as far as it came, and where its own proof refused the program the kept folder: what
+planned the program should have known, so that this is a fault of bonecam's, and the folder is what a report of it
+needs. What `bonecam.finish` and `bonecam.blades` hand back writes itself, all or nothing.
 """
 
 import os
 import re
-from abc import abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
-import bonecam
 from bonecam.errors import (
     BendingError,
     BodiesError,
@@ -37,6 +31,7 @@ from bonecam.levels.sequences import Morph
 from bonecam.machine.machine import read_machine
 from bonecam.mesh.files.mesh_files import CAD, MESHES, write_mesh
 from bonecam.nc.dialect import Dialect, dialect_names, read_dialect
+from bonecam.nc.header import record_simulation
 from bonecam.nc.parts import stage_program_files
 from bonecam.nc.path_words import machine_limits
 from bonecam.nc.program import Program, check_file_name, second_program_file
@@ -54,15 +49,17 @@ from bonecam.report.kept import (
     fill_kept_folder,
     keep_into,
     keep_job,
+    write_paths,
     write_simulated,
 )
 from bonecam.report.machine_picture import draw_machine
-from bonecam.report.page.contents import bladed_summary, pack, surface_contents, wheel_contents
+from bonecam.report.page.contents import pack, surface_contents, wheel_contents
 from bonecam.report.pictures import draw_axes, draw_compared_axes, draw_refused, draw_wheel
 from bonecam.report.sheet.setup_sheet import setup_sheet, wheel_article
-from bonecam.report.summary import AxisComparison, compare_axes, finished_summary
-from bonecam.report.tables import apt_text, cones_csv, toolpath_csv
+from bonecam.report.summary import AxisComparison, bladed_summary, compare_axes, finished_summary
+from bonecam.report.tables import apt_text, toolpath_csv
 from bonecam.report.typed import RefusedFigures, report_text
+from bonecam.report.warnings import NOT_ASKED, simulated_text, with_warnings
 from bonecam.runtime.staging import Staging, placed, staged
 from bonecam.runtime.timing import StageTimes
 from bonecam.setup.placement import TurnedBlank
@@ -105,10 +102,9 @@ class Outputs:
 
         `dialect` is that of the program, where one is wanted.
         """
-        twice = [file for file in (self.program, self.html, self.apt) if file is not None]
-        once = [file for file in (self.report, self.surface, self.sheet) if file is not None]
-        files = [*twice, *once, *(second_file(file) for file in twice if self.second)]
-        check_files(files, [] if part is None else [part])
+        twice = (self.program, self.html, self.apt)
+        seconds = [second_file(file) for file in twice if file is not None and self.second]
+        check_files([*twice, self.report, self.surface, self.sheet, *seconds], [part])
         if self.program is not None and dialect is not None:
             check_ending(Path(self.program), dialect)
             check_file_name(Path(self.program), dialect, second=self.second, split=self.split)
@@ -160,46 +156,26 @@ class Outputs:
         if troubles:
             raise troubles[0]
 
-    def _beside(self, morphed: Morphed, staging: Staging) -> list[tuple[str | Path, Callable[[], None]]]:
+    def _beside(self, made: Morphed, staging: Staging) -> list[tuple[str | Path, Callable[[], None]]]:
         """The wanted outputs beside the program, and what writes each."""
-        outputs: list[tuple[str | Path, Callable[[], None]]] = []
-        file = self.report
-        if file is not None:
-            outputs.append((file, lambda: staging.write(file, report_text(morphed.report))))
-        surface = self.surface
-        if surface is not None:
-            outputs.append((surface, lambda: save_surface(morphed.surface, staging.file(surface))))
-        page = self.html
-        if page is not None:
-            outputs.append((page, lambda: staging.write(page, morphed.page)))
-        sheet = self.sheet
-        if sheet is not None and isinstance(morphed, Result):
-            outputs.append((sheet, lambda: staging.write(sheet, morphed.sheet)))
-        apt = self.apt
-        if apt is not None and isinstance(morphed, Result):
-            text = apt_text(morphed.paths, morphed.program.name)
-            outputs.append((apt, lambda: staging.write(apt, text)))
-        outputs += self._of_second(morphed, staging)
-        keep = self.keep
-        if keep is not None:
-            holding = morphed.job.holding
-            post = (holding.diameter, post_below(morphed.part.mesh, holding).top)
-            outputs.append((keep, lambda: fill_kept_folder(staging.folder(keep, SERIES), morphed, post)))
-        return outputs
-
-    def _of_second(self, morphed: Morphed, staging: Staging) -> list[tuple[str | Path, Callable[[], None]]]:
-        """Page and cutter location data of a second clamping, and what writes each."""
-        second = morphed.second if isinstance(morphed, Result) else None
-        if second is None:
-            return []
-        outputs: list[tuple[str | Path, Callable[[], None]]] = []
-        if self.html is not None:
-            page = second_file(self.html)
-            outputs.append((page, lambda: staging.write(page, second.page)))
-        if self.apt is not None:
-            apt = second_file(self.apt)
-            outputs.append((apt, lambda: staging.write(apt, second.apt)))
-        return outputs
+        wanted: list[tuple[File, Callable[[str | Path], None]]] = [
+            (self.report, lambda file: staging.write(file, report_text(made.report))),
+            (self.surface, lambda file: save_surface(made.surface, staging.file(file))),
+            (self.html, lambda file: staging.write(file, made.page)),
+        ]
+        if isinstance(made, Result):
+            wanted += [
+                (self.sheet, lambda file: staging.write(file, made.sheet)),
+                (self.apt, lambda file: staging.write(file, apt_text(made.paths, made.program.name))),
+            ]
+            second = made.second
+            if second is not None:
+                wanted += [
+                    (self.html and second_file(self.html), lambda file: staging.write(file, second.page)),
+                    (self.apt and second_file(self.apt), lambda file: staging.write(file, second.apt)),
+                ]
+        wanted.append((self.keep, lambda file: fill_kept_folder(staging.folder(file, SERIES), made)))
+        return [(file, partial(write, file)) for file, write in wanted if file is not None]
 
 
 SHARED = ".nc"
@@ -335,30 +311,8 @@ def _fill(work: Path, morphed: Morphed, error: BonecamError) -> None:
         draw_refused(error.evidence["place"], levels, paths, work / "refused.png")
 
 
-class Written(Shown):
-    """A result with a program and a folder of its own to keep."""
-
-    program: Program
-    report: dict[str, Any]
-    job: Job
-
-    @property
-    @abstractmethod
-    def all_paths(self) -> Sequence[ToolPath]:
-        """The paths in machining order."""
-
-    @property
-    def sheet(self) -> str:
-        """The setup sheet as the text of an HTML file."""
-        raise NotImplementedError(f"{type(self).__name__} has no setup sheet")
-
-    @abstractmethod
-    def fill_folder(self, work: Path) -> None:
-        """Write the files of the folder to keep."""
-
-
 @dataclass(frozen=True, eq=False, repr=False)
-class Finished(Written):
+class Finished(Shown):
     """The result of `bonecam.finish`: surface and solid as they stand on the post, the path, the program, and
     what it removes, if that was simulated. `report` is the content of the file of --report."""
 
@@ -372,9 +326,8 @@ class Finished(Written):
     @cached_property
     def packed_view(self) -> bytes:
         """What `view` shows, packed as `bonecam.report.page` has it."""
-        surface = self.workpiece.surface.tessellate(CHORD)
-        parts = (surface, self.workpiece.solid, self.path, self.program.text, self.job, self.report)
-        return pack(surface_contents(*parts, bonecam.__version__, self.removal))
+        shapes = self.workpiece.surface.tessellate(CHORD), self.workpiece.solid
+        return pack(surface_contents(*shapes, self.path, self.program.text, self.job, self.report, self.removal))
 
     def compare_axes(self) -> AxisComparison:
         """The tool axes beside the surface's normals and axes that lean by the lead angle, at the same contacts:
@@ -397,18 +350,14 @@ class Finished(Written):
         return [self.path]
 
     def fill_folder(self, work: Path) -> None:
-        """Write surface.iga, solid.ply, toolpath.png, axes.png, axes.md, machine.png, what all runs have, and where it
-        was simulated left.ply, error.ply and error.png."""
+        """Write surface.iga, solid.ply, toolpath.png, axes.png, axes.md, and what all runs have."""
         write_iga(self.workpiece.surface, work / "surface.iga")
         write_mesh(self.workpiece.solid, work / "solid.ply")
         self._draw(work / "toolpath.png")
         compared = self.compare_axes()
         draw_compared_axes(compared, self.workpiece.surface.tessellate(CHORD), work / "axes.png")
-        machine = read_machine(self.job.nc.machine)
-        draw_machine([self.path], self.workpiece.solid, self.job.holding, machine, work / "machine.png")
-        (work / "axes.md").write_text(compared.table, encoding="utf-8", newline="")
-        write_simulated(work, self.removal)
-        fill_shared(work, self, axes=compared.report)
+        write_whole(work / "axes.md", compared.table)
+        _fill_shared(work, self, axes=compared.report)
 
     def __repr__(self) -> str:
         return f"<Finished of {self._title}: {self.program!r}>"
@@ -419,45 +368,8 @@ class Finished(Written):
         return finished_summary(self.report)
 
 
-def write_run(made: Written, wanted: Outputs) -> None:
-    """Write the wanted files, all or none: program, report, page, sheet, cutter location data, and the folder to keep.
-    FileError names what cannot be written."""
-    texts: tuple[tuple[File, Callable[[], str]], ...] = (
-        (wanted.report, lambda: report_text(made.report)),
-        (wanted.html, lambda: made.page),
-        (wanted.sheet, lambda: made.sheet),
-        (wanted.apt, lambda: apt_text(made.all_paths, made.program.name)),
-    )
-    with staged() as staging:
-        if wanted.program is not None:
-            programs = {Path(wanted.program): made.program}
-            stage_program_files(staging, programs, job_dialect(made.job.nc))
-        for file, text in texts:
-            if file is not None:
-                staging.write(file, text())
-        if wanted.keep is not None:
-            made.fill_folder(staging.folder(wanted.keep, SERIES))
-
-
-def fill_shared(work: Path, made: Written, **more: Any) -> None:
-    """Write toolpath.csv and .apt, cones.csv, program, view.gz, job.toml and report.json, which tells `more`."""
-    (work / VIEW).write_bytes(made.packed_view)
-    paths = made.all_paths
-    texts = {
-        f"program{made.program.extension}": made.program.text,
-        "toolpath.csv": toolpath_csv(paths),
-        "toolpath.apt": apt_text(paths, made.program.name),
-        "job.toml": write_job(made.job),
-        "report.json": report_text({**made.report, **more}),
-    }
-    if any(path.cones for path in paths):
-        texts["cones.csv"] = cones_csv(paths)
-    for name, text in texts.items():
-        (work / name).write_text(text, encoding="utf-8", newline="")
-
-
 @dataclass(frozen=True, eq=False, repr=False)
-class Bladed(Written):
+class Bladed(Shown):
     """The result of `bonecam.blades`: the wheel as it stands on its post, its blank, the levels of a channel, the paths
     of all channels and blades, the program, and what it removes (None where that was not simulated)."""
 
@@ -479,41 +391,24 @@ class Bladed(Written):
     @cached_property
     def packed_view(self) -> bytes:
         """What `view` shows, packed as `bonecam.report.page` has it."""
-        return pack(
-            wheel_contents(
-                self.workpiece.solid,
-                self.blank,
-                morph=self.levels,
-                wheel=self.wheel,
-                paths=self.paths,
-                program=self.program.text,
-                job=self.job,
-                report=self.report,
-                removal=self.removal,
-                version=bonecam.__version__,
-            )
-        )
+        shapes = self.workpiece.solid, self.blank, self.levels, self.wheel
+        return pack(wheel_contents(*shapes, self.paths, self.program.text, self.job, self.report, self.removal))
 
     @property
     def sheet(self) -> str:
         """The setup sheet as the text of an HTML file."""
-        shapes = self.workpiece.solid, self.blank
-        page = wheel_article(self._title, *shapes, self.job, self.program, self.report, bonecam.__version__)
+        page = wheel_article(self._title, self.workpiece.solid, self.blank, self.job, self.program, self.report)
         return setup_sheet(self._title, [page])
 
     def fill_folder(self, work: Path) -> None:
-        """Write surface.iga, solid.ply, blank.ply, blank.csv, toolpath.png, machine.png, what all runs have, and where
-        it was simulated left.ply, error.ply and error.png."""
+        """Write surface.iga, solid.ply, blank.ply, blank.csv, toolpath.png, and what all runs have."""
         write_iga(self.wheel.blade, work / "surface.iga")
         write_mesh(self.workpiece.solid, work / "solid.ply")
         write_mesh(self.blank.mesh, work / "blank.ply")
         rows = [f"{radius:.4f},{height:.4f}\n" for radius, height in self.blank.profile]
-        (work / "blank.csv").write_text("".join(["radius_mm,height_mm\n", *rows]), encoding="utf-8", newline="")
+        write_whole(work / "blank.csv", "".join(["radius_mm,height_mm\n", *rows]))
         self._draw(work / "toolpath.png")
-        machine = read_machine(self.job.nc.machine)
-        draw_machine(self.paths, self.workpiece.solid, self.job.holding, machine, work / "machine.png")
-        write_simulated(work, self.removal)
-        fill_shared(work, self)
+        _fill_shared(work, self)
 
     @property
     def _title(self) -> str:
@@ -530,3 +425,47 @@ class Bladed(Written):
     def summary(self) -> str:
         """The report in a few lines of text."""
         return bladed_summary(self.report)
+
+
+def write_run(made: Finished | Bladed, wanted: Outputs) -> None:
+    """Write the wanted files, all or none: program, report, page, sheet, cutter location data, and the folder to keep.
+    FileError names what cannot be written."""
+    texts: list[tuple[File, Callable[[], str]]] = [
+        (wanted.report, lambda: report_text(made.report)),
+        (wanted.html, lambda: made.page),
+    ]
+    if isinstance(made, Bladed):
+        texts.append((wanted.sheet, lambda: made.sheet))
+    texts.append((wanted.apt, lambda: apt_text(made.all_paths, made.program.name)))
+    with staged() as staging:
+        if wanted.program is not None:
+            stage_program_files(staging, {Path(wanted.program): made.program}, job_dialect(made.job.nc))
+        for file, text in texts:
+            if file is not None:
+                staging.write(file, text())
+        if wanted.keep is not None:
+            made.fill_folder(staging.folder(wanted.keep, SERIES))
+
+
+def _fill_shared(work: Path, made: Finished | Bladed, **more: Any) -> None:
+    """Write toolpath.csv and .apt, cones.csv, program, view.gz, job.toml and report.json, which tells `more`; where it
+    was simulated left.ply, error.ply and error.png; and machine.png."""
+    (work / VIEW).write_bytes(made.packed_view)
+    write_paths(work, made.program, made.all_paths)
+    write_whole(work / "job.toml", write_job(made.job))
+    write_whole(work / "report.json", report_text({**made.report, **more}))
+    machine = read_machine(made.job.nc.machine)
+    draw_machine(made.all_paths, made.workpiece.solid, made.job.holding, machine, work / "machine.png")
+    write_simulated(work, made.removal)
+
+
+Made = TypeVar("Made", Result, Finished, Bladed)
+
+
+def with_removal(made: Made, removal: Removal, skipped: Mapping[str, str] = NOT_ASKED, **sections: Any) -> Made:
+    """The result with what its posted text removes: in its report, with more `sections`, and in the program's header;
+    `skipped` says why force and bending are not known, where they are not. LimitError as in `with_warnings`."""
+    report: Any = with_warnings({**made.report, "mechanics": skipped, **removal.sections, **sections}, made.job)
+    summary = simulated_text(report, str(removal.mechanics or skipped["skipped"]))
+    program = record_simulation(made.program, job_dialect(made.job.nc), removal.cell, summary)
+    return replace(made, program=program, report=report, removal=removal)

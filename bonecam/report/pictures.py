@@ -1,33 +1,13 @@
-"""Pictures of what was made, each drawn by one file. The only door to matplotlib, which loads when a picture
-is drawn and needs no display.
+"""Pictures of what was made, each drawn by one function. The door to matplotlib, which loads when a picture is drawn
+and needs no display.
 
-The colours of levels and cuts, and the ticks of their colour bars.
-
-Figures of panels side by side, with one scale and the same limits, and room for what belongs to them.
-
-What a picture shows of a mesh: where a plane cuts it, from where it is seen, and the normals that shade
-it.
-
-Shaded triangles, seen along y.
-
-Picture: tool axes on one surface before and after smoothing (Xu et al. 2013, Fig. 10).
-
-Pictures: some levels coloured by the depth of their cut, the part by the error that bending keeps.
-
-Picture: the depth of the cuts along a line of the part (Gan et al. 2014, Fig. 11), and shares of the area
-by depth.
-
-Picture: the cuts on some levels coloured by engagement, after Fig. 12 of Gan et al. (2014).
-
-Pictures: two sections of all levels (Gan et al. 2014, Fig. 10), also through a place that refused a program, of what
-stays of the post below the part, and of the part in its second clamping.
-
-Pictures: tool axes on one surface (Xu et al. 2013, Fig. 10); and the paths of a channel and a blade of a wheel.
-
-Picture: the tool path on some levels (Gan et al. 2014, Fig. 12).
+Panels stand side by side with one scale and the same limits; meshes are shaded triangles, seen along y. After Gan et
+al. (2014) are sections of all levels (Fig. 10), depths of the cuts along a line (Fig. 11), and paths on some levels,
+also coloured by engagement (Fig. 12); after Xu et al. (2013) tool axes on a surface, before and after smoothing (Fig.
+10).
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -61,25 +41,11 @@ def value_range(low: int, high: int | float) -> Norm:
     return Normalize(low, high)
 
 
-def logarithmic_range(low: float, high: float) -> Norm:
-    """The values that the colour map covers, equal factors in equal steps."""
-    from matplotlib.colors import LogNorm
-
-    return LogNorm(low, high, clip=True)
-
-
 def colours_of(norm: Norm, values: Any) -> Any:
     """The colours (RGBA) of values."""
     from matplotlib import colormaps
 
     return colormaps[COLOUR_MAP](norm(values))
-
-
-def colour_scale(norm: Norm) -> Any:
-    """What a colour bar shows."""
-    from matplotlib.cm import ScalarMappable
-
-    return ScalarMappable(norm=norm, cmap=COLOUR_MAP)
 
 
 def whole_ticks() -> Any:
@@ -170,10 +136,29 @@ def label_rows(plots: Any, rows: int) -> None:
         plot.set_xlabel("")
 
 
-def bar_below(figure: Figure) -> Plot:
-    """Axes of a colour bar under the panels."""
+def save_with_bar(
+    figure: Figure, plots: Any, norm: Norm, path: str | Path, above: float = ABOVE, rows: int = 1, **bar: Any
+) -> None:
+    """Lay out panels, as `lay_out` does, with a colour bar under them, and write the figure."""
+    lay_out(figure, plots, below=BAR_BELOW, above=above, rows=rows)
     width, height = figure.get_size_inches()
-    return figure.add_axes((LEFT / width, 0.5 / height, 1 - (LEFT + RIGHT) / width, 0.15 / height))
+    place = figure.add_axes((LEFT / width, 0.5 / height, 1 - (LEFT + RIGHT) / width, 0.15 / height))
+    figure.colorbar(_colour_scale(norm), cax=place, orientation="horizontal", **bar)
+    save_figure(figure, path)
+
+
+def _colour_scale(norm: Norm) -> Any:
+    from matplotlib.cm import ScalarMappable
+
+    return ScalarMappable(norm=norm, cmap=COLOUR_MAP)
+
+
+def legend_below(figure: Figure, colours: Mapping[str, str], fontsize: str | None = None, **style: Any) -> None:
+    """Tell below the panels what each colour is."""
+    from matplotlib.lines import Line2D
+
+    lines = [Line2D([], [], color=colour, label=name, **style) for name, colour in colours.items()]
+    figure.legend(handles=lines, loc="lower center", ncols=len(lines), fontsize=fontsize)
 
 
 SHARP_ANGLE = np.radians(25.0)
@@ -197,6 +182,13 @@ def section(mesh: TriangleMesh, origin: Float[ndarray, "3"], normal: Float[ndarr
         ends.append(np.where(crosses[:, None], point, np.nan))
     stacked = np.stack(ends, axis=1)
     return stacked[~np.isnan(stacked[:, :, 0])].reshape(-1, 2, 3)
+
+
+def outline(mesh: TriangleMesh, across: int = 0, at: float = 0.0) -> Float[ndarray, "k 2 2"]:
+    """The segments in which the plane of z and x (`across` = 0) or y (1), which lies `at` so many mm along the third
+    axis, cuts the triangles, in that plane."""
+    normal = np.eye(3)[1 - across]
+    return section(mesh, at * normal, normal)[:, :, [across, 2]]
 
 
 def is_closed(mesh: TriangleMesh) -> bool:
@@ -271,8 +263,6 @@ LEGEND = 0.4
 def draw_compared_axes(compared: AxisComparison, surface: TriangleMesh, file: str | Path) -> None:
     """Write the axes of each choice on the side of the surface that shows most of it: those that collide, or that the
     machine cannot take, in another colour and in front."""
-    from matplotlib.lines import Line2D
-
     # The turn about Z after which the side that shows most of a surface faces the viewer at -y
     angles = 2 * np.pi * np.arange(SEEN_FROM) / SEEN_FROM
     towards = np.column_stack([np.cos(angles), np.sin(angles), 0 * angles])
@@ -292,9 +282,7 @@ def draw_compared_axes(compared: AxisComparison, surface: TriangleMesh, file: st
         plot.set_title(f"{choice.name}\n{message}", fontsize="medium")
         plot.set_xlabel("across (mm)")
     plots[0].set_ylabel("z (mm)")
-    keys = {"free": FREE_COLOUR, "collides, or beyond the machine's limits": BLOCKED_COLOUR}
-    lines = [Line2D([], [], color=colour, label=name) for name, colour in keys.items()]
-    figure.legend(handles=lines, loc="lower center", ncols=len(lines))
+    legend_below(figure, {"free": FREE_COLOUR, "collides, or beyond the machine's limits": BLOCKED_COLOUR})
     lay_out(figure, plots, below=BELOW + LEGEND, above=0.9)
     save_figure(figure, file)
 
@@ -357,10 +345,7 @@ def draw_coloured(levels: Sequence[Level], path: str | Path) -> None:
                 plot.set_xlabel(names[0])
     plots[0].set_ylabel(names[1])
 
-    lay_out(figure, plots, below=BAR_BELOW)
-    bar = {"label": "depth, % of the cut's limit", "orientation": "horizontal"}
-    figure.colorbar(colour_scale(norm), cax=bar_below(figure), **bar)
-    save_figure(figure, path)
+    save_with_bar(figure, plots, norm, path, label="depth, % of the cut's limit")
 
 
 def draw_error(error: ErrorKept, path: str | Path) -> None:
@@ -373,10 +358,7 @@ def draw_error(error: ErrorKept, path: str | Path) -> None:
         draw_shaded(plot, error.mesh, side, colours)
         plot.set_title(title, fontsize="medium")
     plots[0].set_ylabel("z (mm)")
-    lay_out(figure, plots, below=BAR_BELOW)
-    bar = {"label": "error that bending keeps, \u00b5m", "orientation": "horizontal"}
-    figure.colorbar(colour_scale(norm), cax=bar_below(figure), **bar)
-    save_figure(figure, path)
+    save_with_bar(figure, plots, norm, path, label="error that bending keeps, \u00b5m")
 
 
 MAX_LABELS = 10
@@ -418,7 +400,7 @@ def _draw_lines(figure: Figure, plot: Plot, levels: Sequence[Level], line: Float
     drawn = _cuts(range(1, len(line) + 1))
     title = f"Depth of {drawn} along the line s = {s:g}{rest}; dashed: the limits"
     plot.set_title(title, fontsize="medium")
-    figure.colorbar(colour_scale(norm), ax=plot, label="cut", ticks=whole_ticks())
+    figure.colorbar(_colour_scale(norm), ax=plot, label="cut", ticks=whole_ticks())
 
 
 def _draw_shares(figure: Figure, plot: Plot, levels: Sequence[Level]) -> None:
@@ -480,10 +462,13 @@ def draw_engagement(
 
     Layers, which follow no level, are drawn on the part.
     """
+    from matplotlib.collections import LineCollection
+    from matplotlib.colors import LogNorm
+
     numbers = np.unique(level_of[cuts])[::-1]
     chosen = [int(numbers[k]) for k in sorted({0, len(numbers) // 2, len(numbers) - 1})]
     shown = cuts & np.isin(level_of, chosen)
-    norm = logarithmic_range(AIR, max(float(np.percentile(sections[shown], MOST)), 2 * AIR))
+    norm = LogNorm(AIR, max(float(np.percentile(sections[shown], MOST)), 2 * AIR), clip=True)
     figure, plots = new_figure(2 * len(chosen))
     panels = [(number, side) for number in chosen for side in (1.0, -1.0)]
     for plot, (number, side) in zip(plots, panels, strict=True):
@@ -491,24 +476,15 @@ def draw_engagement(
         here = np.flatnonzero(shown[1:] & shown[:-1] & (level_of[1:] == number) & (level_of[:-1] == number)) + 1
         here = here[side * outward[here, 1] < 0]
         ends = np.stack([contacts[here - 1], contacts[here]], axis=1)[:, :, [0, 2]] * np.array([side, 1.0])
-        _draw(plot, ends, sections[here], norm)
+        in_colour = colours_of(norm, np.maximum(sections[here], AIR))
+        colours = np.where((sections[here] < AIR)[:, None], AIR_COLOUR, in_colour)
+        plot.add_collection(LineCollection(list(ends), colors=colours, linewidths=0.5))
         in_air = float((sections[here] < AIR).mean()) if len(here) else 0.0
         message = f"{in_air:.0%} in air" if side > 0 else "from behind"
         plot.set_title(f"level {number}\n{message}", fontsize="medium")
     plots[0].set_ylabel("z (mm)")
 
-    lay_out(figure, plots, below=BAR_BELOW)
-    bar = {"label": "engagement: material removed a length, mm²; grey: air", "orientation": "horizontal"}
-    figure.colorbar(colour_scale(norm), cax=bar_below(figure), **bar)
-    save_figure(figure, path)
-
-
-def _draw(plot: Plot, ends: Float[ndarray, "m 2 2"], sections: Float[ndarray, " m"], norm: Norm) -> None:
-    """Draw moves in the colour of their engagement."""
-    from matplotlib.collections import LineCollection
-
-    colours = np.where((sections < AIR)[:, None], AIR_COLOUR, colours_of(norm, np.maximum(sections, AIR)))
-    plot.add_collection(LineCollection(list(ends), colors=colours, linewidths=0.5))
+    save_with_bar(figure, plots, norm, path, label="engagement: material removed a length, mm²; grey: air")
 
 
 POST_SHOWN = 2.0
@@ -536,11 +512,8 @@ def draw_levels(levels: Sequence[Level], post: tuple[float, float] | None, path:
     plots[0].set_ylabel("z (mm)")
     figure.suptitle(f"Levels 0 (part) to {levels[-1].index} (stock){'; dashed: the post' if post else ''}")
 
-    lay_out(figure, plots, below=BAR_BELOW, above=TITLE_ABOVE)
-    scale = colour_scale(value_range(0, len(levels) - 1))
-    bar = {"label": "level", "orientation": "horizontal", "ticks": whole_ticks()}
-    figure.colorbar(scale, cax=bar_below(figure), **bar)
-    save_figure(figure, path)
+    norm = value_range(0, len(levels) - 1)
+    save_with_bar(figure, plots, norm, path, above=TITLE_ABOVE, label="level", ticks=whole_ticks())
 
 
 def show_levels(
@@ -552,10 +525,10 @@ def show_levels(
 
     norm = value_range(0, max(len(levels) - 1, 1))
     for level in levels:
-        lines = section(level.mesh, at * np.eye(3)[1 - across], np.eye(3)[1 - across])[:, :, [across, 2]]
         width = 1.6 if level.index in (0, levels[-1].index) else 0.8
         style: dict[str, Any] = {"linewidths": width, "capstyle": "butt", "snap": False}
-        plot.add_collection(LineCollection(list(lines), colors=[colours_of(norm, level.index)], **style))
+        lines = list(outline(level.mesh, across, at))
+        plot.add_collection(LineCollection(lines, colors=[colours_of(norm, level.index)], **style))
     if post:
         draw_post(plot, post, levels)
     plot.set_xlabel(f"{'xy'[across]} (mm)")
@@ -575,7 +548,7 @@ def draw_stump(part: TriangleMesh, post: tuple[float, float], groove: Groove | N
         if groove:
             side = np.vstack([side[:1], groove.outline(diameter / 2), side[1:]])
         plot.fill(*np.vstack([side, (side * [-1.0, 1.0])[::-1]]).T, color=POST_COLOUR)
-        lines = section(part, np.zeros(3), np.eye(3)[1 - across])[:, :, [across, 2]]
+        lines = outline(part, across)
         plot.add_collection(LineCollection(list(lines[lines[:, :, 1].max(axis=1) < high]), colors="k"))
         plot.set_xlabel(f"{'xy'[across]} (mm)")
         plot.set_title(f"section {'yx'[across]} = 0", fontsize="medium")
@@ -613,11 +586,9 @@ def draw_second(clamping: SecondClamping, paths: Sequence[ToolPath], path: str |
     from matplotlib.collections import LineCollection
 
     figure, plots = new_figure(2)
-    axis = np.array([0.0, 0.0, clamping.part.bounds[1, 2]])
     for plot, across in zip(plots, (0, 1)):
         for solid, colour in ((clamping.shell, "tab:brown"), (clamping.part, "k")):
-            lines = section(solid, axis, np.eye(3)[1 - across])[:, :, [across, 2]]
-            plot.add_collection(LineCollection(list(lines), colors=colour))
+            plot.add_collection(LineCollection(list(outline(solid, across)), colors=colour))
         for number, each in enumerate(paths):
             balls = each.balls[(each.kinds == MoveKind.CUT) & (np.abs(each.balls[:, 1 - across]) < BESIDE)]
             plot.plot(balls[:, across], balls[:, 2], ".", ms=2, color=f"C{number % 10}")

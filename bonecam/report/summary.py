@@ -1,12 +1,9 @@
-"""Smooth tool axes beside the surface's normals and axes that lean by a lead angle, at the same contacts (Xu et al.
-2013, Fig. 10 and section 7.3).
+"""The report in a few lines for a person, and a comparison of tool axes.
 
-Turning is that of the axis along a pass, a length of way of the ball's centre; travels, speeds and time are those of
-the machine's rotary axes, tilt (polar angle) and turn (azimuth), without accelerations.
-
-The report in a few lines for a person.
-
-What a summary tells of entries, tool axes, their cones, and rotary axes.
+Smooth tool axes stand beside the surface's normals and axes that lean by a lead angle, at the same contacts (Xu et al.
+2013, Fig. 10 and section 7.3). Turning is that of the axis along a pass, a length of way of the ball's centre;
+travels, speeds and time are those of the machine's rotary axes, tilt (polar angle) and turn (azimuth), without
+accelerations.
 """
 
 import textwrap
@@ -192,19 +189,6 @@ def _high(values: Float[ndarray, " k"]) -> float:
     return float(np.percentile(values, HIGH)) if len(values) else 0.0
 
 
-def entry_lines(toolpath: Sequence[Mapping[str, Any]]) -> Iterator[str]:
-    """How many cuts begin along their own direction, from the section `toolpath` of a report."""
-    total, along = (sum(row[name] for row in toolpath) for name in ("entries", "entries_tangential"))
-    if total:
-        yield f"entries   {along} of {counted(total, 'cut')} begin tangentially, on arcs; {total - along} straight"
-
-
-def axis_lines(toolpath: Sequence[Mapping[str, Any]]) -> Iterator[str]:
-    """Lines from the section `toolpath` of a report."""
-    yield from _cone_lines(toolpath)
-    yield from _lead_lines(toolpath)
-
-
 def _cone_lines(toolpath: Sequence[Mapping[str, Any]]) -> Iterator[str]:
     """Which shape cones have, if not all are elliptic, and what FCL says of them and of poses outside of them, where it
     was asked."""
@@ -237,14 +221,6 @@ def _lead_lines(toolpath: Sequence[Mapping[str, Any]]) -> Iterator[str]:
         yield f"          {contacts} contacts, {where}; {choice}"
 
 
-def rewind_lines(nc: Mapping[str, Any]) -> Iterator[str]:
-    """How often rotary axes are rewound, where they are; `nc` of the report."""
-    if nc["rewinds"]:
-        lifted = f", {nc['rewinds_lifted']} of them lifted from a cut or a link and set down again"
-        reported = lifted if nc["rewinds_lifted"] else ""
-        yield f"rewinds   {counted(nc['rewinds'], 'rewind')} of the rotary axes off the part{reported}"
-
-
 NOT_SIMULATED = {"skipped": "the removal of material was not simulated"}
 """The section `removal` of a report without a simulation."""
 WHY = {
@@ -263,13 +239,11 @@ def summary_of(report: Mapping[str, Any]) -> str:
     """The report in a few lines for a person; it may end at the levels."""
     lines = [
         *warning_lines([*report["warnings"], *report.get("second", {"warnings": ()})["warnings"]]),
-        *_mesh_lines(report["input"]),
-        *_surface_lines(report["surface"]),
-        *_given_lines(report),
+        *_part_lines(report["input"], report["surface"]),
         f"stock     {stock_text(report['stock'])}",
         *cutter_lines(report.get("cutters")),
         *post_lines(report.get("post")),
-        *(_levels_lines(report) if report.get("strategy", "morph") == "morph" else _layer_lines(report)),
+        *_levels_lines(report),
         *(program_lines(report) if "nc" in report else ()),
         *estimate_lines(report),
         *(removal_lines(report["removal"]) if "removal" in report else ()),
@@ -306,57 +280,69 @@ def _second_lines(second: Mapping[str, Any]) -> Iterator[str]:
 def finished_summary(report: Mapping[str, Any]) -> str:
     """The report of one surface machined alone in a few lines for a person."""
     surface = report["surface"]
-    seconds = sum(report["seconds"].values())
     shape = f"{surface['kind']}, {surface['area_mm2']:.0f} mm2, {surface['control_points']} control points"
+    return _summary(report, [f"surface   {shape}; {counted(surface['solids'], 'solid')} kept clear of"])
+
+
+def bladed_summary(report: Mapping[str, Any]) -> str:
+    """The report of a wheel likewise: wheel, blank, channels, program and removal."""
+    wheel, area = report["wheel"], report["surface"]["area_mm2"]
+    shape = [
+        f"wheel     {wheel['blades']} blades, {wheel['gap_mm']:.2f} mm apart; {area:.0f} mm2 with the hub",
+        f"blank     turned to the blades' tips, diameter {wheel['blank_diameter_mm']:.2f} mm",
+    ]
+    return _summary(report, shape, [f"channels  {cuts_text(report)}"])
+
+
+def _summary(report: Mapping[str, Any], shape: Sequence[str], levels: Sequence[str] = ()) -> str:
+    """The warnings of a report, lines on the `shape`, its post, lines on its `levels`, and its program."""
     lines = [
         *warning_lines(report["warnings"]),
-        f"surface   {shape}; {counted(surface['solids'], 'solid')} kept clear of",
+        *shape,
         *post_lines(report["post"]),
+        *levels,
         *program_lines(report),
         *removal_lines(report["removal"]),
-        *mechanics_lines(report["mechanics"]),
-        f"time      {seconds:.1f} s",
+        *mechanics_lines(report.get("mechanics")),
+        f"time      {sum(report['seconds'].values()):.1f} s",
     ]
     return "\n".join(lines)
 
 
-def _mesh_lines(mesh: Mapping[str, Any]) -> Iterator[str]:
-    """The mesh, what is to be known of it, and its repairs."""
+def _part_lines(mesh: Mapping[str, Any], surface: Mapping[str, Any]) -> Iterator[str]:
+    """The mesh, what is to be known of it, its repairs; size and deviation of the surface, its tolerance and where that
+    comes from; and where the mesh was repaired, how far the surface is from it as it was given."""
     yield f"mesh      {mesh['faces']} faces, {mesh['units']}; {counted(len(mesh['repairs']), 'repair')}"
     for kind, sentences in (("note      ", mesh["notes"]), ("repair    ", mesh["repairs"])):
         yield from (kind + sentence for sentence in sentences)
-
-
-def _surface_lines(surface: Mapping[str, Any]) -> Iterator[str]:
-    """Size and deviation of the surface, its tolerance and where that comes from."""
     deviation = f"max {surface['deviation_max_mm']:.3f} rms {surface['deviation_rms_mm']:.3f} mm"
     yield f"surface   {surface['control_points']} control points, deviation {deviation}"
     yield f"          tolerance {surface['tolerance_mm']:g} mm: {surface['tolerance_why']}"
-
-
-def _given_lines(report: Mapping[str, Any]) -> Iterator[str]:
-    """Where the mesh was repaired, how far the surface is from it as it was given."""
-    if report["input"]["repairs"]:
-        given = f"{report['surface']['given_deviation_max_mm']:.3f} mm to the mesh as given"
-        moved = f"{report['input']['repair_deviation_max_mm']:.3f} mm of repair, smoothing and filling"
+    if mesh["repairs"]:
+        given = f"{surface['given_deviation_max_mm']:.3f} mm to the mesh as given"
+        moved = f"{mesh['repair_deviation_max_mm']:.3f} mm of repair, smoothing and filling"
         yield f"as given  max {given}, with {moved}"
 
 
-def _layer_lines(report: Mapping[str, Any]) -> Iterator[str]:
-    """The layers of a strategy that does not morph."""
-    layers = counted(len(report["toolpath"]), "layer")
-    length = sum(row["length_mm"] for row in report["toolpath"])
-    yield f"layers    {layers} by {report['strategy']} milling, {length / 1000:.1f} m of cuts"
-
-
 def _levels_lines(report: Mapping[str, Any]) -> Iterator[str]:
-    """Cuts, their lower bound, depths, and what is certified."""
-    levels, breaks = report["levels"], report["levels_break_mm"]
+    """Cuts, their lower bound, depths, and what is certified; or the layers of a strategy that does not morph."""
+    if report.get("strategy", "morph") != "morph":
+        layers = counted(len(report["toolpath"]), "layer")
+        length = sum(row["length_mm"] for row in report["toolpath"])
+        yield f"layers    {layers} by {report['strategy']} milling, {length / 1000:.1f} m of cuts"
+        return
+    breaks = report["levels_break_mm"]
+    broken = f"; a limit is broken by {breaks:.4f} mm" if breaks else ""
+    yield f"levels    {cuts_text(report)}{broken}"
+    yield f"certified {certified_text(report['levels'], report['levels_method'])}"
+
+
+def cuts_text(report: Mapping[str, Any]) -> str:
+    """Cuts, their lower bound and depths."""
+    levels = report["levels"]
     deepest = max(row[depth] for row in levels for depth in ("depth_max_mm", "depth_back_max_mm"))
     bound = f"no schedule needs fewer than {report['levels_lower_bound']}"
-    broken = f"; a limit is broken by {breaks:.4f} mm" if breaks else ""
-    yield f"levels    {counted(len(levels) - 1, 'cut')}, {bound}; depth max {deepest:.4f} mm{broken}"
-    yield f"certified {certified_text(levels, report['levels_method'])}"
+    return f"{counted(len(levels) - 1, 'cut')}, {bound}; depth max {deepest:.4f} mm"
 
 
 def program_lines(report: Mapping[str, Any]) -> Iterator[str]:
@@ -365,18 +351,24 @@ def program_lines(report: Mapping[str, Any]) -> Iterator[str]:
     length, trimmed = (sum(row[name] for row in toolpath) for name in ("length_mm", "trimmed_mm"))
     contacts = sum(row["contacts"] for row in toolpath)
     yield f"toolpath  {contacts} contacts, {length:.0f} mm of passes; {trimmed:.0f} mm through air left out"
-    yield from entry_lines(toolpath)
+    total, along = (sum(row[name] for row in toolpath) for name in ("entries", "entries_tangential"))
+    if total:
+        yield f"entries   {along} of {counted(total, 'cut')} begin tangentially, on arcs; {total - along} straight"
     for number, line in enumerate(uncut_lines(toolpath, report["uncut_mm2"])):
         label = "" if number else "uncut"
         yield textwrap.fill(line, WIDTH, initial_indent=f"{label:10}", subsequent_indent=" " * 12)
-    yield from axis_lines(toolpath)
+    yield from _cone_lines(toolpath)
+    yield from _lead_lines(toolpath)
     if "parting" in report:
         yield f"parting   {parting_text(report['parting'])}"
     mill = f"{nc['machine']} / {nc['controller']}"
     files = f" and {counted(nc['parts'], 'file')} that it calls" if nc["parts"] else ""
     yield f"nc        {nc['file'] or 'not written'}{files}: {nc['blocks']} blocks for {mill}"
     yield from (f"          {text}" for text in nc["time_texts"])
-    yield from rewind_lines(nc)
+    if nc["rewinds"]:
+        lifted = f", {nc['rewinds_lifted']} of them lifted from a cut or a link and set down again"
+        reported = lifted if nc["rewinds_lifted"] else ""
+        yield f"rewinds   {counted(nc['rewinds'], 'rewind')} of the rotary axes off the part{reported}"
     median, low = nc["feed_median_mm_min"], nc["feed_low_mm_min"]
     share = f"an axis limits {nc['feed_axis_limited_share']:.0%} of the cutting blocks"
     yield f"feed      median {median:.0f}, a tenth below {low:.0f} mm/min; {share}"
@@ -396,7 +388,12 @@ def removal_lines(removal: Mapping[str, Any]) -> Iterator[str]:
     over = max(level["over_limit_mm"] or 0.0 for level in removal["levels"])
     left, cell = removal["left"], removal["cell_mm"]
     deepest = f"depth at most {over:.2f} mm over its limit"
-    yield f"removal   rapids cut nothing, {_links_text(removal['links'])}; {deepest} (cells of {cell:g} mm)"
+    links = removal["links"]
+    linked = f"no link cuts over {links['allowed_mm3']:g} mm3"
+    if links["most_mm3"] is not None:
+        where = f"{links['depth_max_mm']:.2f} mm deep in line {links['depth_max_line']}"
+        linked = f"links {links['removed_mm3']:.2f} mm3, {where}"
+    yield f"removal   rapids cut nothing, {linked}; {deepest} (cells of {cell:g} mm)"
     spaces = (f"{part} {_clearance_text(value)}" for part, value in removal["clearance_mm"].items())
     yield f"clear     {', '.join(spaces)}"
     away = f"{left['area_over_0_02_mm2']:.1f} mm2 keep more than 0.02 mm, {left['max_mm']:.2f} mm at most"
@@ -410,14 +407,6 @@ def removal_lines(removal: Mapping[str, Any]) -> Iterator[str]:
     yield from (f"as given  {line}" for line in given_lines(removal.get("given")))
     if removal.get("bridge_diameter_mm") is not None:
         yield f"          {removal['bridge_diameter_mm']:.2f} mm of the post hold the parted part"
-
-
-def _links_text(links: Mapping[str, Any]) -> str:
-    """What the moves between passes remove, and where a cut of one of them is deepest."""
-    if links["most_mm3"] is None:
-        return f"no link cuts over {links['allowed_mm3']:g} mm3"
-    where = f"{links['depth_max_mm']:.2f} mm deep in line {links['depth_max_line']}"
-    return f"links {links['removed_mm3']:.2f} mm3, {where}"
 
 
 def _clearance_text(value: float | None) -> str:

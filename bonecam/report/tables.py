@@ -34,7 +34,8 @@ from jaxtyping import Bool, Float
 from numpy import ndarray
 
 from bonecam.arrays import lengths
-from bonecam.errors import FileError, ProgramError
+from bonecam.errors import FileError
+from bonecam.nc.motions import line_error
 from bonecam.runtime.staging import NAME_BYTES
 from bonecam.setup.stock import stock_text
 from bonecam.tool.path import PARTING, MoveKind, ToolPath
@@ -118,11 +119,11 @@ def read_apt(text: str) -> ClData:
     reader = _Reader()
     for line, word, values in _statements(text):
         if reader.ended:
-            raise ProgramError(f"line {line}: {word} behind FINI: end the text there", line=line)
+            raise line_error(line, f"{word} behind FINI: end the text there")
         reader.take(line, word, values)
     if not reader.ended:
         line = text.count("\n") + 1
-        raise ProgramError(f"line {line}: the text ends without FINI: it is cut off, write it again", line=line)
+        raise line_error(line, "the text ends without FINI: it is cut off, write it again")
     return ClData(reader.name, tuple(reader.paths()))
 
 
@@ -140,15 +141,15 @@ def _statements(text: str) -> Iterator[tuple[int, str, str]]:
             if statement:
                 yield (first, *_divided(statement, first))
         if len(begun) > LONGEST:
-            raise ProgramError(f"line {first}: a statement of over {LONGEST} characters: divide it", line=first)
+            raise line_error(first, f"a statement of over {LONGEST} characters: divide it")
     if begun:
-        raise ProgramError(f"line {first}: the text ends in the middle of a statement: write it again", line=first)
+        raise line_error(first, "the text ends in the middle of a statement: write it again")
 
 
 def _divided(statement: str, line: int) -> tuple[str, str]:
     match = STATEMENT.fullmatch(statement) if len(statement) <= LONGEST else None
     if match is None:
-        raise ProgramError(f"line {line}: {statement[:40]!r} is no APT statement: give WORD or WORD/values", line=line)
+        raise line_error(line, f"{statement[:40]!r} is no APT statement: give WORD or WORD/values")
     return match[1], (match[2] or "").strip()
 
 
@@ -182,7 +183,7 @@ class _Reader:
                 self.link = values == "LINK"
         elif word == "UNITS":
             if values not in ("MM", "INCHES"):
-                raise ProgramError(f"line {line}: UNITS/{values[:20]}: give MM or INCHES", line=line)
+                raise line_error(line, f"UNITS/{values[:20]}: give MM or INCHES")
             self.scale = INCH if values == "INCHES" else 1.0
         elif word == "RAPID":
             self.rapid = True
@@ -196,43 +197,41 @@ class _Reader:
         if word == "LOADTL":
             number = _number(line, word, values[0])
             if number != int(number) or number < 0:
-                raise ProgramError(f"line {line}: LOADTL/{values[0]}: give the tool's number", line=line)
+                raise line_error(line, f"LOADTL/{values[0]}: give the tool's number")
             self.tool = int(number)
         elif word == "CUTTER":
             sizes = [self.scale * _number(line, word, value) for value in values]
             if not (sizes[0] > 0 and all(0 <= size <= sizes[0] / 2 for size in sizes[1:2])):
-                raise ProgramError(
-                    f"line {line}: CUTTER/{','.join(values)[:40]}: give a diameter and a corner that fits it", line=line
-                )
+                raise line_error(line, f"CUTTER/{','.join(values)[:40]}: give a diameter and a corner that fits it")
             self.cutter = (sizes[0], sizes[1] if len(sizes) > 1 else 0.0)
         elif word == "FEDRAT":
             self._feed(line, values)
         elif word in ("GOTO", "FROM"):
             self._goto(line, word, [_number(line, word, value) for value in values])
         else:
-            raise ProgramError(f"line {line}: the word {word} is not known here: give straight moves (GOTO)", line=line)
+            raise line_error(line, f"the word {word} is not known here: give straight moves (GOTO)")
 
     def _feed(self, line: int, values: list[str]) -> None:
         units = [value.strip() for value in values if not NUMBER.fullmatch(value.strip())]
         numbers = [value for value in values if NUMBER.fullmatch(value.strip())]
         if len(numbers) != 1 or not set(units) <= {"MMPM", "IPM", "PERMIN"}:
-            raise ProgramError(f"line {line}: FEDRAT/{','.join(values)[:40]}: give MMPM and one number", line=line)
+            raise line_error(line, f"FEDRAT/{','.join(values)[:40]}: give MMPM and one number")
         unit = 1.0 if "MMPM" in units else INCH if "IPM" in units else self.scale
         self.feed = unit * _number(line, "FEDRAT", numbers[0])
         if not self.feed > 0:
-            raise ProgramError(f"line {line}: a feed of {self.feed:g} mm/min: give a positive one", line=line)
+            raise line_error(line, f"a feed of {self.feed:g} mm/min: give a positive one")
 
     def _goto(self, line: int, word: str, values: list[float]) -> None:
         if len(values) not in (3, 6):
-            raise ProgramError(f"line {line}: {word} with {len(values)} numbers: give x, y, z, i, j, k", line=line)
+            raise line_error(line, f"{word} with {len(values)} numbers: give x, y, z, i, j, k")
         axis = tuple(values[3:]) or (0.0, 0.0, 1.0)
         if abs(math.hypot(*axis) - 1) > UNIT_TOLERANCE:
-            raise ProgramError(f"line {line}: the tool axis {axis} is no unit vector", line=line)
+            raise line_error(line, f"the tool axis {axis} is no unit vector")
         if self.tool is None or not self.cutter[0]:
-            raise ProgramError(f"line {line}: {word} before LOADTL and CUTTER: name the tool first", line=line)
+            raise line_error(line, f"{word} before LOADTL and CUTTER: name the tool first")
         rapid = self.rapid or word == "FROM"
         if not rapid and math.isnan(self.feed):
-            raise ProgramError(f"line {line}: {word} without a feed: give FEDRAT or RAPID before it", line=line)
+            raise line_error(line, f"{word} without a feed: give FEDRAT or RAPID before it")
         feed = math.nan if rapid else self.feed
         tip = (self.scale * value for value in values[:3])
         self.rows.append(
@@ -263,7 +262,7 @@ class _Reader:
 def _number(line: int, word: str, value: str) -> float:
     """A finite number of a statement."""
     if not NUMBER.fullmatch(value.strip()):
-        raise ProgramError(f"line {line}: {word} with {value.strip()[:20]!r}: give a number", line=line)
+        raise line_error(line, f"{word} with {value.strip()[:20]!r}: give a number")
     return float(value.strip())
 
 
@@ -311,18 +310,13 @@ def toolpath_csv(paths: Sequence[ToolPath]) -> str:
     writer.writerow(PATH_COLUMNS)
     for path in paths:
         for i in range(len(path.tips)):
-            writer.writerow(_row(path, i))
+            kind = MoveKind(path.kinds[i])
+            contact = [f"{value:.6f}" for value in path.contacts[i]] if kind == MoveKind.CUT else ["", "", ""]
+            tip = [f"{value:.6f}" for value in path.tips[i]]
+            axis = [f"{value:.9f}" for value in path.axes[i]]
+            feed = f"{path.feed_rates[i]:.1f}"
+            writer.writerow([path.level, path.pass_index[i], i, *contact, *tip, *axis, kind.name.lower(), feed])
     return text.getvalue()
-
-
-def _row(path: ToolPath, i: int) -> list[object]:
-    """The line of point `i`."""
-    kind = MoveKind(path.kinds[i])
-    contact = [f"{value:.6f}" for value in path.contacts[i]] if kind == MoveKind.CUT else ["", "", ""]
-    tip = [f"{value:.6f}" for value in path.tips[i]]
-    axis = [f"{value:.9f}" for value in path.axes[i]]
-    feed = f"{path.feed_rates[i]:.1f}"
-    return [path.level, path.pass_index[i], i, *contact, *tip, *axis, kind.name.lower(), feed]
 
 
 TABLE = "batch.csv"

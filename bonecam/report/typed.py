@@ -1,14 +1,5 @@
-"""The report of a run: its types, and how its sections are made.
-
-Types of a report's sections from the mesh to the levels.
-
-Types of a report's sections of what the simulation of the posted text finds.
-
-Types of a report's sections of tool paths and program.
-
-The report of a run, section by section, as --report writes it.
-
-The names and types of a run's report (`--report FILE.json`): what `Result.report` holds.
+"""The report of a run, section by section, as `--report FILE.json` writes it: its names and types, which
+`Result.report` holds, and how its sections are made.
 
 Names end in their unit; places are [x, y, z] in the part's frame, mm. A section that was not made says why in
 `skipped`, and has nothing else.
@@ -16,6 +7,7 @@ Names end in their unit; places are [x, y, z] in the part's frame, mm. A section
 
 import json
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any, NotRequired, TypedDict
 
 import numpy as np
@@ -526,30 +518,25 @@ def input_report(part: Part) -> dict[str, Any]:
 
 def report_to_levels(part: Part, fitted: Fit, stock: Stock, morph: Morph, job: Job) -> dict[str, Any]:
     """The sections of input, surface, stock and levels."""
-    why = job.surface.tolerance_why(part.sagitta, fitted.tolerance)
+    # How far the surface and the mesh as given are from each other: where nothing was repaired or filled that is the
+    # deviation of the fit
+    ways = fitted.deviation.surface_to_mesh_max, fitted.deviation.mesh_to_surface_max
+    if part.repairs:
+        ways = distance_both_ways(fitted.surface, part.placed_given)
     return {
         "input": input_report(part),
-        "surface": {**surface_report(fitted), "tolerance_why": why, **_given_report(part, fitted)},
+        "surface": {
+            **surface_report(fitted),
+            "tolerance_why": job.surface.tolerance_why(part.sagitta, fitted.tolerance),
+            "given_deviation_max_mm": round(max(ways), 6),
+            "surface_to_given_max_mm": round(ways[0], 6),
+            "given_to_surface_max_mm": round(ways[1], 6),
+        },
         "stock": stock_figures(stock),
         "levels": levels_report(morph.levels),
         "levels_lower_bound": morph.lower_bound,
         "levels_break_mm": round(morph.breaks, 6),
         "levels_method": job.levels.method,
-    }
-
-
-def _given_report(part: Part, fitted: Fit) -> dict[str, float]:
-    """How far the surface and the mesh as given are from each other; where nothing was repaired or filled that
-    is the deviation of the fit."""
-    deviation = fitted.deviation
-    surface_to_given = deviation.surface_to_mesh_max
-    given_to_surface = deviation.mesh_to_surface_max
-    if part.repairs:
-        surface_to_given, given_to_surface = distance_both_ways(fitted.surface, part.placed_given)
-    return {
-        "given_deviation_max_mm": round(max(surface_to_given, given_to_surface), 6),
-        "surface_to_given_max_mm": round(surface_to_given, 6),
-        "given_to_surface_max_mm": round(given_to_surface, 6),
     }
 
 
@@ -582,13 +569,18 @@ def post_report(post: Post, part: TriangleMesh, job: HoldingJob) -> dict[str, An
 
 
 def report_to_program(
-    file: str, paths: Sequence[ToolPath], program: Program, proof: Verification, job: PathJob, part: TriangleMesh
+    file: str | Path | None,
+    paths: Sequence[ToolPath],
+    program: Program,
+    proof: Verification,
+    job: PathJob,
+    part: TriangleMesh,
 ) -> dict[str, Any]:
     """The sections of tool paths, of the parting groove of the `part` if there is one, and of the program; `file` is
-    the program's, empty where none is written."""
+    the program's, None where none is written."""
     on_levels = [path for path in paths if path.level != PARTING]
     reported = toolpath_report(on_levels, float(np.radians(job.least_lead_deg)))
-    posted = {"file": file, **nc_report(program, proof)}
+    posted = {"file": Path(file or "").name, **nc_report(program, proof)}
     return {"toolpath": reported, **parting_report(paths, part), "nc": posted}
 
 

@@ -1,11 +1,9 @@
-"""What a summary tells of what holds the part, of force and bending, and what a report has where these were not
-asked.
+"""What must not be quiet in a run: its warnings, each with a code, a figure, its limits and a remedy; and what a
+summary tells of cutters, of what holds the part, and of force and bending.
 
-What must not be quiet in a run: its warnings, each with a code, a figure, its limits and a remedy.
-
-They stand in `warnings` of the report, and first in the summary, on the page and on the sheet; what is known before
-the text is posted stands in the program's header. The section [warnings] of the job has the limits: above the first a
-figure is told, above the second the job is refused.
+Warnings stand in `warnings` of the report, and first in the summary, on the page and on the sheet; what is known
+before the text is posted stands in the program's header. The section [warnings] of the job has the limits: above the
+first a figure is told, above the second the job is refused.
 """
 
 import logging

@@ -25,6 +25,7 @@ from bonecam.machine.check import reach_text
 from bonecam.machine.kinematics import inverse_rotary, within_limits
 from bonecam.machine.limits import polar_angles
 from bonecam.machine.machine import Machine, read_machine
+from bonecam.machining import ProvedProgram, post_and_prove
 from bonecam.mesh import read_in_mm
 from bonecam.mesh.distance import MeshDistance
 from bonecam.nc.dialect import Dialect
@@ -33,8 +34,7 @@ from bonecam.nc.header import record_simulation
 from bonecam.nc.parts import is_split, joined, part_count, write_program_files
 from bonecam.nc.program import Program, program_name
 from bonecam.nc.reading import read_program
-from bonecam.nc.requirements import job_dialect
-from bonecam.post_and_prove import ProvedProgram, post_and_prove
+from bonecam.nc.requirements import job_dialect, machine_and_dialect
 from bonecam.progress import Progress, part, silent
 from bonecam.report.kept import kept_job, kept_surface, with_kept_cutters
 from bonecam.report.outputs import Outputs
@@ -259,8 +259,8 @@ def post(
     """
     job = with_kept_cutters(job or kept_job(keep), keep)
     design = _design_file(part_file, keep)
-    check_files([program] if program is not None else [], [design])
-    machine, dialect = read_machine(job.nc.machine), job_dialect(job.nc)
+    check_files([program], [design])
+    machine, dialect = machine_and_dialect(job.nc)
     Outputs(program, split=is_split(job.nc)).check(paths, dialect)
     planned, slowed = slowed_cuts(read_paths(Path(paths), origin, job, machine), job)
     check_axes(planned, machine)

@@ -56,7 +56,7 @@ from bonecam.verify.probing import (
     probe_surface,
     roughness_of,
 )
-from bonecam.verify.removal import check_removal_of_job, cutters_of, removal_of_job
+from bonecam.verify.removal import check_removal_of_job, cutters_of, prove_removal
 from bonecam.workholding.post import post_below
 
 LINES: tuple[tuple[str, str], ...] = (
@@ -198,7 +198,7 @@ def probe(
     off the part, MachineError where no measuring program is known for the controller.
     """
     folder = Path(keep)
-    check_files([file for file in (csv, picture, program) if file is not None])
+    check_files([csv, picture, program])
     kept_contents(folder)  # a folder of another version is refused
     job = read_job(folder / "job.toml")
     machine, dialect = read_machine(job.nc.machine), job_dialect(job.nc)
@@ -254,8 +254,18 @@ def write_comparison(made: Comparison, folder: str | Path) -> None:
         write_whole(work / "comparison.md", markdown(made.rows, made.claims))
         write_whole(work / "comparison.csv", table_csv(made.rows))
         write_whole(work / "comparison.json", json.dumps(made.report, indent=2) + "\n")
+        left = []
+        scallop = 0.0
+        for name, one in made.measured.items():
+            write_whole(work / f"probe_{name}.csv", one.probed.csv)
+            write_whole(work / f"page_{name}.html", one.result.page)
+            if one.result.removal is not None:
+                left.append((name, one.result.removal.remaining))
+                scallop = one.result.job.finishing.scallop
         if made.measured:
-            _write_measured(made, work)
+            draw_compared_paths([(name, one.result) for name, one in made.measured.items()], work / "paths.png")
+            draw_compared_left(left, scallop, work / "left.png")
+            draw_probed([(name, one.probed) for name, one in made.measured.items()], work / "probe.png")
         write_whole(work / "index.html", _index(made))
 
 
@@ -278,21 +288,6 @@ def _html_table(kind: str, lines: Sequence[Sequence[str]]) -> str:
     head, *body = ([html.escape(cell) for cell in line] for line in lines)
     rows = "".join(f"<tr>{''.join(f'<td>{cell}</td>' for cell in line)}</tr>" for line in body)
     return f'<table class="{kind}"><tr>{"".join(f"<th>{cell}</th>" for cell in head)}</tr>{rows}</table>'
-
-
-def _write_measured(comparison: Comparison, work: Path) -> None:
-    """The files of the strategies that have a program."""
-    left = []
-    scallop = 0.0
-    for name, one in comparison.measured.items():
-        write_whole(work / f"probe_{name}.csv", one.probed.csv)
-        write_whole(work / f"page_{name}.html", one.result.page)
-        if one.result.removal is not None:
-            left.append((name, one.result.removal.remaining))
-            scallop = one.result.job.finishing.scallop
-    draw_compared_paths([(name, one.result) for name, one in comparison.measured.items()], work / "paths.png")
-    draw_compared_left(left, scallop, work / "left.png")
-    draw_probed([(name, one.probed) for name, one in comparison.measured.items()], work / "probe.png")
 
 
 @dataclass(frozen=True)
@@ -450,31 +445,21 @@ class _Study:
         try:
             if strategy.name in self.failures:
                 raise self.failures[strategy.name]
-            result = self._program(strategy, part(progress, 0.0, 0.7))
-            result = self._simulated(result, part(progress, 0.7, 0.95))
-            return self._measured(strategy, result)
+            job, levels = strategy.job(self.base.job), self.base.levels
+            share = part(progress, 0.0, 0.7)
+            if strategy is not MORPH:
+                levels = make_levels(self.base.surface, self.base.stock, job, part(share, 0.0, 0.2))
+            posting = Posting(self.machine, self.dialect, file=self.base.part.file)
+            result = machine_levels(replace(self.base, levels=levels, job=job), posting, part(share, 0.2, 1.0))
+
+            # What it removes, whatever that is
+            given = given_surface(result.part, result.job, result.report)
+            cut = result.program.text, self.machine, self.dialect, result.job, result.stock, result.levels.levels
+            removal = prove_removal(*cut, part(progress, 0.7, 0.95), given, check=False)
+            figures = cast(Report, {**result.report, **removal.sections})
+            return self._measured(strategy, replace(result, removal=removal, report=figures))
         except BonecamError as error:
             return Row(strategy.name, strategy.title, "failed", str(error)), None
-
-    def _program(self, strategy: Strategy, progress: Progress) -> Result:
-        """The program, proved but not simulated."""
-        job = strategy.job(self.base.job)
-        levels = self.base.levels
-        if strategy is not MORPH:
-            levels = make_levels(self.base.surface, self.base.stock, job, part(progress, 0.0, 0.2))
-        morphed = replace(self.base, levels=levels, job=job)
-        posting = Posting(self.machine, self.dialect, file=self.base.part.file)
-        return machine_levels(morphed, posting, part(progress, 0.2, 1.0))
-
-    def _simulated(self, result: Result, progress: Progress) -> Result:
-        """The program with what it removes, whatever that is."""
-        given = given_surface(result.part, result.job, result.report)
-        cut = result.program.text, self.machine, self.dialect, result.job, result.stock, result.levels.levels
-        removal = removal_of_job(*cut, progress, given)
-        sections = {"removal": removal.report}
-        if removal.mechanics is not None:
-            sections["mechanics"] = removal.mechanics.report
-        return replace(result, removal=removal, report=cast(Report, {**result.report, **sections}))
 
     def _measured(self, strategy: Strategy, result: Result) -> tuple[Row, Measured]:
         """The row of a simulated program."""

@@ -1,14 +1,10 @@
-"""Pictures of a study: paths, what is left and deviations along a line, strategies beside one another.
-
-Picture: the stock that each strategy leaves, coloured by its distance from the part (Gan et al. 2014, Fig. 17).
-
-Picture: the last path of each strategy on the part (Gan et al. 2014, Fig. 16).
-
-Picture: deviations along the line that was probed (Gan et al. 2014, Fig. 18), with the paper's band.
+"""Pictures of a study, strategies beside one another (Gan et al. 2014): the last path of each on the part (Fig. 16),
+the stock that each leaves, coloured by its distance from the part (Fig. 17), and deviations along the line that was
+probed with the paper's band (Fig. 18).
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -21,20 +17,18 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.report.kept import Result
 from bonecam.report.pictures import (
     AMBIENT,
-    BAR_BELOW,
     BELOW,
     DIFFUSE,
     DPI,
     LEGEND,
     LIGHT,
     add_legend,
-    bar_below,
-    colour_scale,
     colours_of,
     label_rows,
     lay_out,
     new_figure,
     save_figure,
+    save_with_bar,
     show_path,
     value_range,
 )
@@ -57,41 +51,29 @@ def draw_compared_left(left: Sequence[tuple[str, SimulatedStock]], scallop: floa
     figure, plots = new_figure(len(left), 2)
     for k, (name, stock) in enumerate(left):
         # Places of the surface of what stands, on all rays, and how far each is from the part, mm
-        probes = stock.normal_probes
-        assert probes is not None
+        probes = stock.probes
         points = Dexels(tuple(stock.sets), stock.grid).ends
         points = points[points[:, 2] > probes.points[:, 2].min() - BELOW_PART]
         heights = MeshDistance(probes.mesh).unsigned(points)
 
         colours = colours_of(norm, heights)[:, :3]
         for side, plot in ((1.0, plots[k]), (-1.0, plots[len(left) + k])):
-            view = _seen(points * [side, side, 1.0], PIXEL * stock.grid.cell)
-            shown = np.ones((*view.shades.shape, 4))
-            shown[..., :3] = colours[view.index] * view.shades[..., None]
-            shown[..., 3] = view.covered
-            plot.imshow(shown, extent=view.extent, origin="lower", interpolation="nearest")
+            index, covered, shades, extent = _seen(points * [side, side, 1.0], PIXEL * stock.grid.cell)
+            shown = np.ones((*shades.shape, 4))
+            shown[..., :3] = colours[index] * shades[..., None]
+            shown[..., 3] = covered
+            plot.imshow(shown, extent=extent, origin="lower", interpolation="nearest")
             plot.set_title(f"{name}\nfrom {'the front' if side > 0 else 'behind'}", fontsize="medium")
             plot.set_xlabel("across (mm)")
     label_rows(plots, 2)
-    lay_out(figure, plots, below=BAR_BELOW, rows=2)
-    bar = {"label": "distance from the part, mm", "orientation": "horizontal", "extend": "max"}
-    figure.colorbar(colour_scale(norm), cax=bar_below(figure), **bar)
-    save_figure(figure, path)
+    save_with_bar(figure, plots, norm, path, rows=2, label="distance from the part, mm", extend="max")
 
 
-@dataclass(frozen=True, eq=False)
-class _View:
-    """A picture of places seen along y: of each pixel the place that is nearest to the viewer (`index`), whether there
-    is one, and how light it is; the `extent` (left, right, low, high), mm."""
-
-    index: ndarray
-    covered: ndarray
-    shades: Float[ndarray, "r c"]
-    extent: tuple[float, float, float, float]
-
-
-def _seen(points: Float[ndarray, "n 3"], pixel: float) -> _View:
-    """What of some places is seen from -y."""
+def _seen(
+    points: Float[ndarray, "n 3"], pixel: float
+) -> tuple[ndarray, ndarray, Float[ndarray, "r c"], tuple[float, float, float, float]]:
+    """What of some places is seen from -y: of each pixel the place that is nearest to the viewer, whether there is one,
+    and how light it is; and the extent (left, right, low, high), mm."""
     flat = points[:, [0, 2]]
     low = flat.min(axis=0)
     at = ((flat - low) / pixel).astype(np.int64)
@@ -107,7 +89,7 @@ def _seen(points: Float[ndarray, "n 3"], pixel: float) -> _View:
     normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
     right, high = low + np.array([columns, rows]) * pixel
     shades = AMBIENT + DIFFUSE * np.clip(normals @ LIGHT, 0, 1)
-    return _View(index, covered, shades, (float(low[0]), float(right), float(low[1]), float(high)))
+    return index, covered, shades, (float(low[0]), float(right), float(low[1]), float(high))
 
 
 ONE_SIDED = 0.3

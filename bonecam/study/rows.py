@@ -27,14 +27,13 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.mechanics.loads import UM, PathLoads, cut_shares
-from bonecam.mechanics.result import Mechanics
 from bonecam.nc.motions import Motions
 from bonecam.planning.contacts import at_post
 from bonecam.report.kept import Result
 from bonecam.tool.cutter import Cutter
 from bonecam.verify.findings import LEFT, Removal
 from bonecam.verify.probing import BAND, Probed, Roughness
-from bonecam.verify.sweeping import AIR, feed_minutes, motion_lengths
+from bonecam.verify.sweeping import AIR, feed_minutes
 from bonecam.workholding.post import post_below
 
 JUMP = 10.0
@@ -74,8 +73,8 @@ def figures_of(
     figures = _times(motions, cutters, removal) | {"program_min": result.report["nc"]["time_min"]}
     for cutter in cutters[:2]:
         figures |= _depths(removal, cutter)
-        figures |= _forces(removal.mechanics, removal, cutter)
-    figures |= _bending(removal.mechanics, removal)
+        figures |= _forces(removal, cutter)
+    figures |= _bending(removal)
     figures |= _left(removal, result)
     figures |= {f"probe_{name}": value for name, value in probed.report.items()}
     figures |= {"probe_waves_mm": waves(probed), "probe_lean_mm": lean(probed)}
@@ -104,7 +103,7 @@ def lean(probed: Probed) -> float | None:
 
 def _times(motions: Motions, cutters: Sequence[Cutter], removal: Removal) -> Figures:
     """Length of the cuts, feed times without and with the limits of the axes, and the share in air."""
-    ways = motion_lengths(motions)
+    ways = motions.lengths
     cuts = ~motions.rapid & ~motions.links & motions.known_start
     feeds = np.ones(len(ways))
     for cutter in cutters:
@@ -133,11 +132,11 @@ def _depths(removal: Removal, cutter: Cutter) -> Figures:
     }
 
 
-def _forces(mechanics: Mechanics | None, removal: Removal, cutter: Cutter) -> Figures:
+def _forces(removal: Removal, cutter: Cutter) -> Figures:
     """Forces of one cutter, weighted by time."""
     name = f"force_{cutter.name}"
     columns = ("mean", "peak_p99", "peak_max", "ripple", "jump_p99", "jump_max", "jumps_per_min")
-    loads = _loads(mechanics, removal, cutter.number)
+    loads = _loads(removal, cutter.number)
     if not loads:
         return dict.fromkeys(f"{name}_{column}" for column in columns)
     mean, peak, minutes = (
@@ -165,22 +164,23 @@ def _rises(loads: PathLoads) -> Float[ndarray, " k"]:
     return np.maximum(loads.mean - np.where(follows, np.r_[0.0, loads.mean[:-1]], 0.0), 0.0)
 
 
-def _loads(mechanics: Mechanics | None, removal: Removal, tool: int) -> list[PathLoads]:
+def _loads(removal: Removal, tool: int) -> list[PathLoads]:
     """The loads of the paths of one cutter that cut; paths and levels of a removal are in one order."""
-    if mechanics is None:
+    if removal.mechanics is None:
         return []
-    both = zip(mechanics.paths, removal.levels, strict=True)
+    both = zip(removal.mechanics.paths, removal.levels, strict=True)
     return [loads for loads, level in both if level.tool == tool and len(loads.moves)]
 
 
-def _bending(mechanics: Mechanics | None, removal: Removal) -> Figures:
+def _bending(removal: Removal) -> Figures:
     """Deflection while finishing, of iso-height on each of its sides, and the error kept, um; stress, N/mm^2."""
     figures: Figures = dict.fromkeys(("bend_finishing_p95_um", "bend_before_last_p95_um", "bend_last_p95_um"))
-    loads = _loads(mechanics, removal, 2)
+    loads = _loads(removal, 2)
     if loads:
         figures["bend_finishing_p95_um"] = _deflection(loads)
         figures["bend_last_p95_um"] = _deflection([one for one in loads if one.index == 0])
         figures["bend_before_last_p95_um"] = _deflection([one for one in loads if one.index == 1])
+    mechanics = removal.mechanics
     error = mechanics.error if mechanics else None
     for name in ("median", "p95", "p99"):
         figures[f"error_kept_{name}_um"] = _told(UM * getattr(error, name)) if error else None
@@ -198,8 +198,7 @@ def _deflection(loads: Sequence[PathLoads]) -> float | None:
 
 def _left(removal: Removal, result: Result) -> Figures:
     """What stays away from the post."""
-    probes = removal.remaining.normal_probes
-    assert probes is not None
+    probes = removal.remaining.probes
     post = post_below(result.levels.levels[0].mesh, result.job.holding)
     away = ~at_post(probes.points, probes.normals, post, result.job.smallest_ball)
     heights, areas = probes.heights[away], probes.areas[away]

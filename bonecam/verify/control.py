@@ -39,7 +39,7 @@ it does not know show here in a few milliseconds instead of after all paths.
 The text of a program in a file, judged for the machine, the control and the job that it is to run for.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import cycle
 from pathlib import Path
@@ -65,19 +65,9 @@ from bonecam.nc.words import comment, comments_of, contour_tolerance
 from bonecam.text.numbers import shown, told_apart
 from bonecam.tool.cutter import Cutter
 from bonecam.tool.path import MoveKind, ToolPath
-from bonecam.verify.readback import FEED_TOLERANCE, MIN_LENGTH_STEPS, Tolerances, compare_moves
+from bonecam.verify.readback import FEED_TOLERANCE, MIN_LENGTH_STEPS, Tolerances, compare_moves, refuse_first
 from bonecam.verify.removal import cutters_of
 from bonecam.verify.sweeping import tools_of
-
-
-def refuse_first(motions: Motions, wrong: Bool[ndarray, "n"], why: Callable[[int], str]) -> None:
-    """VerifyError at the first `wrong` move, if there is one; `why` tells of a move what is wrong and the remedy."""
-    if not wrong.any():
-        return
-    move = int(np.argmax(wrong))
-    line = int(motions.lines[move])
-    raise VerifyError(f"line {line}: {why(move)}", line=line, place=tuple(motions.tips[move].tolist()), error=np.inf)
-
 
 SAMPLES = 65
 """Places that a doubtful move is sampled at: a bound of 1 mm is then kept within 0.3 um."""
@@ -339,22 +329,6 @@ def check_spindle_of_job(motions: Motions, dialect: Dialect, cutters: dict[int, 
     refuse_first(motions, ~motions.rapid & (motions.spindle > most), why)
 
 
-def check_coolant(motions: Motions) -> None:
-    """VerifyError at the first cut without coolant."""
-    dry = ~motions.rapid & ~motions.links & ~motions.coolant
-    why = "a cut without coolant, which the job asks for: switch it on before (M8), or nc.coolant = false"
-    refuse_first(motions, dry, lambda _: why)
-
-
-def check_feed_mode(motions: Motions, dialect: Dialect) -> None:
-    """VerifyError at the first feed move whose feed is per minute where the dialect's are in inverse time, or the
-    other way round."""
-    inverse = dialect.feed_mode == "inverse-time"
-    wrong = ~motions.rapid & (motions.inverse_time != inverse)
-    message = "per minute, where this control needs it in inverse time" if inverse else "in inverse time"
-    refuse_first(motions, wrong, lambda _: f"the feed is {message}: correct the mode in a line before")
-
-
 def check_feeds(motions: Motions, machine: Machine, dialect: Dialect) -> None:
     """VerifyError at the first feed beyond what the linear axes of the machine make together, mm/min."""
     most = float(np.linalg.norm([axis.speed for axis in machine.linear]))
@@ -390,10 +364,8 @@ def check_feeds_of_job(motions: Motions, dialect: Dialect, job: Job, cutters: di
 def tip_speeds(motions: Motions, dialect: Dialect) -> tuple[Float[ndarray, "n"], Bool[ndarray, "n"]]:
     """The speed (mm/min) that the feed of each move asks of the tip, and whether it is known: of feed moves, in
     inverse time of those that are long beside the last decimal of their words."""
-    lengths = np.r_[0.0, np.linalg.norm(np.diff(motions.tips, axis=0), axis=1)]
-    speeds = np.where(motions.inverse_time, motions.feed_rates * lengths, motions.feed_rates)
-    long_enough = motions.known_start & (lengths > MIN_LENGTH_STEPS * dialect.numbers.length.step)
-    return speeds, ~motions.rapid & (~motions.inverse_time | long_enough)
+    long_enough = motions.known_start & (motions.lengths > MIN_LENGTH_STEPS * dialect.numbers.length.step)
+    return motions.tip_feeds, ~motions.rapid & (~motions.inverse_time | long_enough)
 
 
 SAME_SIZE = 1e-3
@@ -405,7 +377,12 @@ def check_control(motions: Motions, machine: Machine, dialect: Dialect, job: Job
     otherwise than meant, with the remedy; ProgramError where the text calls tools that the `job` has not."""
     check_limits(motions, machine)
     check_spindle(motions, machine, dialect)
-    check_feed_mode(motions, dialect)
+
+    # feeds per minute where the dialect's are in inverse time, or the other way round
+    inverse = dialect.feed_mode == "inverse-time"
+    message = "per minute, where this control needs it in inverse time" if inverse else "in inverse time"
+    wrong = ~motions.rapid & (motions.inverse_time != inverse)
+    refuse_first(motions, wrong, lambda _: f"the feed is {message}: correct the mode in a line before")
     if job is None:
         check_feeds(motions, machine, dialect)
         return
@@ -417,7 +394,9 @@ def check_control(motions: Motions, machine: Machine, dialect: Dialect, job: Job
     check_feeds_of_job(motions, dialect, job, quick)
     check_tolerance(motions, dialect, job)
     if job.nc.coolant:
-        check_coolant(motions)
+        dry = ~motions.rapid & ~motions.links & ~motions.coolant
+        why = "a cut without coolant, which the job asks for: switch it on before (M8), or nc.coolant = false"
+        refuse_first(motions, dry, lambda _: why)
 
 
 def _check_tools(motions: Motions, cutters: dict[int, Cutter]) -> None:

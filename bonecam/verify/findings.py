@@ -1,12 +1,9 @@
-"""The mesh as given, against which a program is judged besides its design surface.
+"""What a simulation tells: values, and the section `removal` of the report.
 
-Fit and repairs lead from the mesh as given to the design surface, and every path follows that. What a program does to
-the part as given is measured here from its text alone: how deep a ball goes into the faces that were given, and how
-far the surface that the simulation leaves lies inside and outside of them.
-
-What a simulation tells: values, and the section `removal` of the report.
-
-What normal probes tell in the end: what stays on the part, and where a ball went into it.
+Normal probes tell in the end what stays on the part, and where a ball went into it. A program is judged against the
+mesh as given too: fit and repairs lead from that to the design surface, which every path follows. What a program does
+to the part as given is measured from its text alone: how deep a ball goes into the faces that were given, and how far
+the surface that the simulation leaves lies inside and outside of them.
 """
 
 from collections.abc import Iterator, Mapping
@@ -322,11 +319,21 @@ class Removal:
             kept: Clearance | None = getattr(self, name)
             if kept is not None:
                 clearances[name] = kept.least
+        depths = [level.link_depth for level in self.levels if level.link_depth]
+        deepest = max(depths, key=lambda spot: spot.value, default=None)
+        most = self.link_contact
         return {
             "cell_mm": self.cell,
             "levels": [_level_figures(level) for level in self.levels],
             "rapid_contact_mm3": _rounded(self.rapid_volume),
-            "links": self._link_figures(),
+            "links": {
+                "removed_mm3": _rounded(sum(level.links for level in self.levels)),
+                "allowed_mm3": LINK_ALLOWED,
+                "most_mm3": _rounded(most.value) if most else None,
+                "most_line": most.line if most else None,
+                "depth_max_mm": _rounded(deepest.value) if deepest else 0.0,
+                "depth_max_line": deepest.line if deepest else None,
+            },
             "clearance_mm": {name: _rounded(spot.value) if spot else None for name, spot in clearances.items()},
             "left": _left_figures(self.left) if self.left else None,
             "given": self.given.report if self.given else None,
@@ -338,19 +345,6 @@ class Removal:
         """The sections `removal`, and `mechanics` if that was asked, of the report."""
         bent = {"mechanics": self.mechanics.report} if self.mechanics else {}
         return {"removal": self.report, **bent}
-
-    def _link_figures(self) -> dict[str, Any]:
-        depths = [level.link_depth for level in self.levels if level.link_depth]
-        deepest = max(depths, key=lambda spot: spot.value, default=None)
-        most = self.link_contact
-        return {
-            "removed_mm3": _rounded(sum(level.links for level in self.levels)),
-            "allowed_mm3": LINK_ALLOWED,
-            "most_mm3": _rounded(most.value) if most else None,
-            "most_line": most.line if most else None,
-            "depth_max_mm": _rounded(deepest.value) if deepest else 0.0,
-            "depth_max_line": deepest.line if deepest else None,
-        }
 
 
 def _level_figures(level: LevelRemoval) -> dict[str, Any]:

@@ -13,7 +13,7 @@ clear of the part there.
 
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Protocol, runtime_checkable
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -58,8 +58,7 @@ class Gouge:
     samples: int
 
 
-@dataclass(frozen=True, eq=False)
-class _Spans:
+class _Spans(NamedTuple):
     """Pieces of moves: u in [start, end] of move `move` (0 .. 1 is all of it), with ball centres (`first`,
     `last`) and their distances (`near`, `far`, mm) at both ends."""
 
@@ -73,15 +72,7 @@ class _Spans:
 
     def take(self, keep: Bool[ndarray, "k"]) -> "_Spans":
         """The spans to keep."""
-        return _Spans(
-            move=self.move[keep],
-            start=self.start[keep],
-            end=self.end[keep],
-            first=self.first[keep],
-            last=self.last[keep],
-            near=self.near[keep],
-            far=self.far[keep],
-        )
+        return _Spans(*(column[keep] for column in self))
 
     @property
     def length(self) -> Float[ndarray, "k"]:
@@ -89,8 +80,7 @@ class _Spans:
         return np.linalg.norm(self.last - self.first, axis=1)
 
 
-@dataclass(frozen=True, eq=False)
-class _Run:
+class _Run(NamedTuple):
     """Moves of one tool, by their rows in `motions`, with an upper bound of |c''| of the ball centre over
     each."""
 

@@ -220,9 +220,8 @@ class Roughness:
 
 def roughness_of(program: PostedProgram, flutes: int, count: int = PLACES) -> Roughness:
     """The roughness at so many places that the last cutter has cut, for cutters with so many `flutes`."""
-    probes = program.removal.remaining.normal_probes
+    probes = program.removal.remaining.probes
     motions = program.motions()
-    assert probes is not None
     cut = np.flatnonzero((probes.owners >= 0) & (probes.heights < probes.heights[probes.owners >= 0].max()))
     cut = cut[~motions.rapid[probes.owners[cut]]]
     last = motions.tools[probes.owners[cut]] == motions.tools[-1]
@@ -540,13 +539,10 @@ def _heidenhain(name: str, left: str, points: list[Point], radius: float, safe: 
 def _siemens(name: str, left: str, points: list[Point], radius: float, safe: float) -> Iterator[str]:
     """MEAS=1; deviations are written to the file PROBE_DEV."""
     yield from (f"; {name}", f"; {UNPROVED}", f"; {left}", "DEF INT FAULT", "DEF REAL DEV", "G17 G90 G94 G71")
-    yield f"G1 Z{safe:.3f} F{RAPID}"
-    for point in points:
+
+    def touch(point: Point, end: str) -> Iterator[str]:
         number, place, normal = point
-        begin, end = _stops(point, radius)
-        yield f"G1 X{begin[0]:.3f} Y{begin[1]:.3f} F{RAPID}"
-        yield f"G1 Z{begin[2]:.3f}"
-        yield f"MEAS=1 G1 {_words(end)} F{FEED}"
+        yield f"MEAS=1 G1 {end} F{FEED}"
         yield "STOPRE"
         terms = [
             f"($AA_MW[{axis}]-({value:.4f}))*({lean:.6f})"
@@ -555,21 +551,18 @@ def _siemens(name: str, left: str, points: list[Point], radius: float, safe: flo
         yield f"DEV={'+'.join(terms)}-{radius:g}"
         yield "IF $AC_MEA[1]==0 DEV=999"
         yield f'WRITE(FAULT,"PROBE_DEV","{number} "<<DEV)'
-        yield f"G1 {_words(begin)} F{RAPID}"
-        yield f"G1 Z{safe:.3f}"
+
+    yield from _iso(points, radius, safe, touch)
     yield "M30"
 
 
 def _fanuc(name: str, left: str, points: list[Point], radius: float, safe: float) -> Iterator[str]:
     """G31; deviations are printed by DPRNT."""
     yield from ("%", f"O0046 ({name})", f"({UNPROVED})", f"({left})", "G17 G21 G90 G94", "POPEN")
-    yield f"G1 Z{safe:.3f} F{RAPID}"
-    for point in points:
+
+    def touch(point: Point, end: str) -> Iterator[str]:
         number, place, normal = point
-        begin, end = _stops(point, radius)
-        yield f"G1 X{begin[0]:.3f} Y{begin[1]:.3f} F{RAPID}"
-        yield f"G1 Z{begin[2]:.3f}"
-        yield f"G31 {_words(end)} F{FEED}"
+        yield f"G31 {end} F{FEED}"
         terms = [
             f"[#{5061 + k}-[{value:.4f}]]*[{lean:.6f}]"
             for k, (value, lean) in enumerate(zip(place, normal, strict=True))
@@ -577,9 +570,23 @@ def _fanuc(name: str, left: str, points: list[Point], radius: float, safe: float
         yield f"#100={'+'.join(terms)}-{radius:g}"
         yield f"#101={number}"
         yield "DPRNT[K#101[40]D#100[44]]"
+
+    yield from _iso(points, radius, safe, touch)
+    yield from ("PCLOS", "M30", "%")
+
+
+def _iso(
+    points: list[Point], radius: float, safe: float, touch: Callable[[Point, str], Iterator[str]]
+) -> Iterator[str]:
+    """G1 to and from each point, round the blocks that `touch` it on the way to an end."""
+    yield f"G1 Z{safe:.3f} F{RAPID}"
+    for point in points:
+        begin, end = _stops(point, radius)
+        yield f"G1 X{begin[0]:.3f} Y{begin[1]:.3f} F{RAPID}"
+        yield f"G1 Z{begin[2]:.3f}"
+        yield from touch(point, _words(end))
         yield f"G1 {_words(begin)} F{RAPID}"
         yield f"G1 Z{safe:.3f}"
-    yield from ("PCLOS", "M30", "%")
 
 
 CONTROLLERS: dict[str, Callable[[str, str, list[Point], float, float], Iterator[str]]] = {

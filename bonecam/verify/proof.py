@@ -1,10 +1,8 @@
-"""The removal of the program of one surface that is machined alone, from the stock that stands before it is finished:
-the solids, and on the surface as much material as its finishing cut is deep.
-
-The removal of the program of a wheel from its turned blank.
-
-The proof of a posted text: read back (`nc/reading`), judged as its control would run it (`control`), compared with
+"""The proof of a posted text: read back (`nc/reading`), judged as its control would run it (`control`), compared with
 the tool paths (`readback.py`), and checked for gouges of the part (`gouge.py`).
+
+And the removal of programs whose stock is no plain one: of one surface that is machined alone, from the solids and as
+much material on it as its finishing cut is deep; of a wheel, from its turned blank.
 """
 
 from collections.abc import Mapping, Sequence
@@ -40,24 +38,16 @@ from bonecam.verify.removal import (
     check_removal_of_job,
     cutters_of,
     level_scallops,
-    simulate_further,
+    simulate_removal,
 )
 from bonecam.verify.sweeping import NormalProbes, SimulatedStock, normal_probes_on
 from bonecam.workholding.clamping import clamping_of
-from bonecam.workholding.post import Post, post_below
+from bonecam.workholding.post import Column, Post, post_below
 
 CHORD = 0.01
 """Chord tolerance of the layer on the surface, of the post, and of the surface on which is told what stands, mm."""
 SUNK = 0.02
 """The layer reaches so far into the solid below it, mm: both are tessellated."""
-
-
-@dataclass(frozen=True, eq=False)
-class SurfaceRemoval:
-    """What the text of a surface's program removes, and why force and bending are not known, "" where they are."""
-
-    removal: Removal
-    unknown: str
 
 
 def prove_surface_removal(
@@ -70,10 +60,10 @@ def prove_surface_removal(
     progress: Progress = silent,
     *,
     mechanics: bool = True,
-) -> SurfaceRemoval:
+) -> tuple[Removal, str]:
     """What the posted `text` removes from the stock before it, where a `surface` and the `solid` of everything that
-    must not be gouged stand on the post of the job. Errors as in `check_removal_of_job`, for an
-    assumed stock."""
+    must not be gouged stand on the post of the job; and why force and bending are not known, "" where they are. Errors
+    as in `check_removal_of_job`, for an assumed stock."""
     carrying = carrying_solid(surface, solid)
     clamping = clamping_of(job.holding, machine.table)
     post = Post(job.holding.diameter / 2, float(solid.bounds[0, 2]))
@@ -87,16 +77,15 @@ def prove_surface_removal(
             unknown = f"force and bending are not known, since {error}"
 
     # What stands before the surface is finished, on post and stub, with the normal probes of the surface
-    columns = [cylinder(column.radius, column.bottom, column.top, CHORD) for column in clamping.carried(post)]
-    solids = [solid, layer_on(surface, job.levels.finishing_depth), *columns]
-    sets, grid = lay_solids(solids, ACCURACY.cell, ACCURACY.memory_mb)
-    removal = simulate_further(
+    solids = [solid, layer_on(surface, job.levels.finishing_depth)]
+    material = _material(solids, clamping.carried(post), normal_probes_on(surface))
+    removal = simulate_removal(
         text,
         machine,
-        dialect=dialect,
-        material=SimulatedStock(sets, grid, normal_probes_on(surface)),
-        post=post,
-        cutters=cutters_of(job, machine),
+        dialect,
+        material,
+        post,
+        cutters_of(job, machine),
         clamping=clamping,
         limits={0: job.levels.finishing_depth},
         surfaces={0: shown},
@@ -106,7 +95,14 @@ def prove_surface_removal(
     over = float(MeshDistance(solid).signed(shown.vertices).max(initial=0.0))
     with knowing(removal.sections):
         check_removal_of_job(removal, job, over, assumed=True)
-    return SurfaceRemoval(removal, unknown)
+    return removal, unknown
+
+
+def _material(solids: Sequence[TriangleMesh], carried: Sequence[Column], probes: NormalProbes) -> SimulatedStock:
+    """Solids and the columns of their material that carry them, in rays."""
+    columns = [cylinder(column.radius, column.bottom, column.top, CHORD) for column in carried]
+    sets, grid = lay_solids([*solids, *columns], ACCURACY.cell, ACCURACY.memory_mb)
+    return SimulatedStock(sets, grid, probes)
 
 
 def layer_on(surface: TSpline, depth: float) -> TriangleMesh:
@@ -153,20 +149,20 @@ def prove_removal_of_wheel(
     Errors as in `simulate_removal`, `check_removal` and `Mechanics.check`."""
     post = Post(job.holding.diameter / 2, float(blank.profile[:, 1].min()))
     clamping = clamping_of(job.holding, machine.table)
-    columns = clamping.carried(post)
-    held = [cylinder(column.radius, column.bottom, column.top, CHORD) for column in columns]
-    sets, grid = lay_solids([blank.mesh, *held], ACCURACY.cell, ACCURACY.memory_mb)
     probes = wheel_probes(wheel, morph_surfaces(levels)[0])
-    removal = simulate_further(
+    # the paths of level 0, which follow level 1, meet on the blades what stands between all levels
+    scallops = level_scallops(job, len(levels))
+    scallops[1] = max(scallops[1], wall_cusp(job))
+    removal = simulate_removal(
         text,
         machine,
-        dialect=dialect,
-        material=SimulatedStock(sets, grid, probes),
-        post=None,
-        cutters=cutters_of(job, machine),
+        dialect,
+        _material([blank.mesh], clamping.carried(post), probes),
+        None,
+        cutters_of(job, machine),
         clamping=clamping,
-        limits={index: levels[index + 1].limit for index in range(len(levels) - 1)},
-        scallops=_scallops(job, len(levels)),
+        limits=dict(enumerate(level.limit for level in levels[1:])),
+        scallops=scallops,
         surfaces=surfaces,
         workpiece=workpiece_of(job, post, clamping) if mechanics else None,
         progress=progress,
@@ -178,13 +174,6 @@ def prove_removal_of_wheel(
     return removal
 
 
-def _scallops(job: Job, levels: int) -> dict[int, float]:
-    """What each of so many levels may leave, mm: the paths of level 0, which follow level 1, meet on the blades what
-    stands between all levels."""
-    scallops = level_scallops(job, levels)
-    return scallops | {1: max(scallops[1], wall_cusp(job))}
-
-
 def wheel_surfaces(wheel: Wheel, solid: TriangleMesh, levels: Sequence[Level]) -> dict[int, TriangleMesh]:
     """The meshes that the levels leave in all channels, by number; level 0 leaves the `solid` of the wheel."""
     return {0: solid} | {level.index: repeated(level.mesh, wheel.count) for level in levels[1:]}
@@ -193,7 +182,13 @@ def wheel_surfaces(wheel: Wheel, solid: TriangleMesh, levels: Sequence[Level]) -
 def wheel_probes(wheel: Wheel, floor: TSpline) -> NormalProbes:
     """Normal probes on both sides of every blade and on the hub between them; `floor` is the surface of that in one
     channel, which reaches beyond the hub's ends."""
-    one = _side_by_side(normal_probes_on(wheel.blade, CHORD), _hub_probes(wheel, floor))
+    both = normal_probes_on(wheel.blade, CHORD), _hub_probes(wheel, floor)
+    one = NormalProbes(
+        side_by_side([each.mesh for each in both]),
+        np.vstack([each.points for each in both]),
+        np.vstack([each.normals for each in both]),
+        np.hstack([each.areas for each in both]),
+    )
     moved = [one.move(pose_about_z(2 * np.pi * k / wheel.count)) for k in range(wheel.count)]
     points, normals = np.vstack([each.points for each in moved]), np.vstack([each.normals for each in moved])
     return NormalProbes(repeated(one.mesh, wheel.count), points, normals, np.tile(one.areas, wheel.count))
@@ -217,16 +212,6 @@ def _hub_probes(wheel: Wheel, floor: TSpline) -> NormalProbes:
     used = np.unique(on_floor.mesh.faces[faces])
     mesh = keep_faces(replace(on_floor.mesh, vertices=points), faces)
     return NormalProbes(mesh, points[used], on_floor.normals[used], on_floor.areas[used])
-
-
-def _side_by_side(*probes: NormalProbes) -> NormalProbes:
-    """Normal probes that nothing has cut, of several surfaces."""
-    return NormalProbes(
-        side_by_side([each.mesh for each in probes]),
-        np.vstack([each.points for each in probes]),
-        np.vstack([each.normals for each in probes]),
-        np.hstack([each.areas for each in probes]),
-    )
 
 
 DESIGN_CHORD = 0.001

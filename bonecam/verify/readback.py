@@ -7,7 +7,7 @@ great circle. Rapids and feeds must be what the paths say.
 Distances to a body and its copies at every pitch about the Z axis, from the mesh of one of them.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -51,114 +51,80 @@ class Readback:
     axis_error: Float[ndarray, "n"]
 
 
-@dataclass(frozen=True, eq=False)
-class _Rows:
-    """The rows of all tool paths, one path behind the other; `first` marks the first row of each path. Below the feed
-    `slow` a block in inverse time may last as long as its slowest axis needs."""
-
-    tips: Float[ndarray, "n 3"]
-    axes: Float[ndarray, "n 3"]
-    kinds: Int[ndarray, "n"]
-    feeds: Float[ndarray, "n"]
-    slow: Float[ndarray, "n"]
-    heights: Float[ndarray, "n"]
-    tools: Int[ndarray, "n"]
-    first: Bool[ndarray, "n"]
-
-    @property
-    def from_anywhere(self) -> Bool[ndarray, "n"]:
-        """Rows that may be reached from anywhere: a path may be left and taken up again at a rapid (a
-        rewind)."""
-        return self.first | (self.kinds == MoveKind.RAPID)
-
-
-def _rows_of(paths: Sequence[ToolPath]) -> _Rows:
-    """The rows of the paths."""
-    sizes = [len(path.tips) for path in paths]
-    first = np.zeros(sum(sizes), dtype=bool)
-    first[np.cumsum([0, *sizes[:-1]])] = True
-    return _Rows(
-        tips=np.vstack([path.tips for path in paths]),
-        axes=np.vstack([path.axes for path in paths]),
-        kinds=np.concatenate([path.kinds for path in paths]),
-        feeds=np.concatenate([path.feed_rates for path in paths]),
-        slow=np.repeat([SLOW * path.cutter.feed for path in paths], sizes),
-        heights=np.repeat([path.cutter.centre_height for path in paths], sizes),
-        tools=np.repeat([path.cutter.number for path in paths], sizes),
-        first=first,
-    )
+def refuse_first(motions: Motions, wrong: Bool[ndarray, "n"], why: Callable[[int], str]) -> None:
+    """VerifyError at the first `wrong` move, if there is one; `why` tells of a move what is wrong and the remedy."""
+    if not wrong.any():
+        return
+    move = int(np.argmax(wrong))
+    line = int(motions.lines[move])
+    raise VerifyError(f"line {line}: {why(move)}", line=line, place=tuple(motions.tips[move].tolist()), error=np.inf)
 
 
 def compare_moves(motions: Motions, paths: Sequence[ToolPath], dialect: Dialect, tolerances: Tolerances) -> Readback:
     """The row of the paths that each move reaches; VerifyError at the first move that belongs nowhere, is
     missing, or has the wrong tool or feed."""
-    rows = _rows_of(paths)
+    tips, axes = np.vstack([path.tips for path in paths]), np.vstack([path.axes for path in paths])
+    kinds, feeds = np.concatenate([path.kinds for path in paths]), np.concatenate([path.feed_rates for path in paths])
+    sizes = [len(path.tips) for path in paths]
+    first = np.zeros(len(tips), dtype=bool)
+    first[np.cumsum([0, *sizes[:-1]])] = True
+    # a path may be left and taken up again at a rapid (a rewind)
+    from_anywhere = first | (kinds == MoveKind.RAPID)
     axis_tolerance = np.radians(tolerances.axis_steps * dialect.numbers.angle.step)
     source, tip_error, axis_error, move, row = align_moves(
         motions.tips,
         motions.axes,
         # where rapids may be bent, the ways to a path and from it are links
         may_be_extra=motions.rapid | (motions.links & (not dialect.straight_rapids)),
-        path_tips=rows.tips,
-        path_axes=rows.axes,
-        from_anywhere=rows.from_anywhere,
-        radius=rows.heights,
+        path_tips=tips,
+        path_axes=axes,
+        from_anywhere=from_anywhere,
+        radius=np.repeat([path.cutter.centre_height for path in paths], sizes),
         tip_tolerance=tolerances.tip,
         axis_tolerance=axis_tolerance,
     )
     if move < len(motions.tips):
-        raise _misplaced(motions, move, row, rows)
-    if row < len(rows.tips):
-        raise _ends_early(motions, row, rows)
+        raise _misplaced(motions, move, row, tips, axes)
+    if row < len(tips):
+        line = int(motions.lines[-1]) if len(motions.lines) else 0
+        missing = len(tips) - row
+        message = f"line {line}: the text ends {missing} points early: write it again"
+        raise VerifyError(message, line=line, place=tuple(tips[row].tolist()), error=float(missing))
 
     reached = np.where(source >= 0, source, -2 - source)
     posted = source != -1
 
-    # VerifyError at the first move that another tool makes than its path says
-    tools = rows.tools[reached]
-    wrong = posted & (motions.tools != tools)
-    if wrong.any():
-        move = int(np.argmax(wrong))
-        line = int(motions.lines[move])
-        tool = int(motions.tools[move])
-        meant = int(tools[move])
-        raise VerifyError(
-            f"line {line}: tool {tool} cuts what tool {meant} was meant to: write it again",
-            line=line,
-            place=tuple(motions.tips[move].tolist()),
-            error=np.inf,
-        )
-
-    begins = rows.first[reached] | (rows.from_anywhere[reached] & ~motions.known_start)
-    by_turn = _by_turn(motions, np.minimum(rows.slow, rows.feeds)[reached])
-    by_turn &= (rows.kinds[reached] != MoveKind.RAPID) | (not dialect.straight_rapids)
-    _check_feeds(
-        motions, posted & ~by_turn, kinds=rows.kinds[reached], feeds=rows.feeds[reached], begins=begins, dialect=dialect
+    tools = np.repeat([path.cutter.number for path in paths], sizes)[reached]
+    refuse_first(
+        motions,
+        posted & (motions.tools != tools),
+        lambda move: f"tool {motions.tools[move]} cuts what tool {tools[move]} was meant to: write it again",
     )
-    return Readback(len(rows.tips), source, tip_error, axis_error)
+
+    begins = first[reached] | (from_anywhere[reached] & ~motions.known_start)
+    # below this feed a block in inverse time may last as long as its slowest axis needs
+    slow = np.repeat([SLOW * path.cutter.feed for path in paths], sizes)
+    by_turn = _by_turn(motions, np.minimum(slow, feeds)[reached])
+    by_turn &= (kinds[reached] != MoveKind.RAPID) | (not dialect.straight_rapids)
+    _check_feeds(motions, posted & ~by_turn, kinds=kinds[reached], feeds=feeds[reached], begins=begins, dialect=dialect)
+    return Readback(len(tips), source, tip_error, axis_error)
 
 
-def _misplaced(motions: Motions, move: int, row: int, rows: _Rows) -> VerifyError:
+def _misplaced(
+    motions: Motions, move: int, row: int, tips: Float[ndarray, "n 3"], axes: Float[ndarray, "n 3"]
+) -> VerifyError:
     """The error of a move that is not where the paths go next, at `row`."""
     line = int(motions.lines[move])
-    if row >= len(rows.tips):
+    if row >= len(tips):
         message = f"line {line}: a move more than the paths have: write it again"
         return VerifyError(message, line=line, place=None, error=np.inf)
-    off = float(np.linalg.norm(motions.tips[move] - rows.tips[row]))
-    angle = float(np.degrees(np.arccos(np.clip(motions.axes[move] @ rows.axes[row], -1, 1))))
+    off = float(np.linalg.norm(motions.tips[move] - tips[row]))
+    angle = float(np.degrees(np.arccos(np.clip(motions.axes[move] @ axes[row], -1, 1))))
     message = (
         f"line {line}: tip off by {off:.4f} mm and axis by {angle:.4f} deg from point {row} of the paths: "
         "the text differs from them"
     )
-    return VerifyError(message, line=line, place=tuple(rows.tips[row].tolist()), error=off)
-
-
-def _ends_early(motions: Motions, row: int, rows: _Rows) -> VerifyError:
-    """The error of a text that ends before the paths do, at `row`."""
-    line = int(motions.lines[-1]) if len(motions.lines) else 0
-    missing = len(rows.tips) - row
-    message = f"line {line}: the text ends {missing} points early: write it again"
-    return VerifyError(message, line=line, place=tuple(rows.tips[row].tolist()), error=float(missing))
+    return VerifyError(message, line=line, place=tuple(tips[row].tolist()), error=off)
 
 
 def _check_feeds(
@@ -172,8 +138,7 @@ def _check_feeds(
     """VerifyError where a rapid is none, or a feed is not what its path says within the rounding of its word;
     a move that begins a path may be a rapid. Rapids that the control may bend are feeds at the rapid rate."""
     rapid = (kinds == MoveKind.RAPID) & dialect.straight_rapids
-    length = np.r_[0.0, np.linalg.norm(np.diff(motions.tips, axis=0), axis=1)]
-    written = np.where(motions.inverse_time, motions.feed_rates * length, motions.feed_rates)
+    length, written = motions.lengths, motions.tip_feeds
     feed = dialect.numbers.feed
     long_enough = length > MIN_LENGTH_STEPS * dialect.numbers.length.step
     below_limit = motions.feed_rates < feed.highest - feed.step
@@ -204,8 +169,7 @@ def _by_turn(motions: Motions, slow: Float[ndarray, "n"]) -> Bool[ndarray, "n"]:
         joints, _ = joints_and_lengths(control, words)
         needed[rows] = axis_minutes(control.machine, joints)[rows]
     share = motions.feed_rates * needed
-    length = np.r_[0.0, np.linalg.norm(np.diff(motions.tips, axis=0), axis=1)]
-    slower = motions.feed_rates * length < slow
+    slower = motions.feed_rates * motions.lengths < slow
     lasts = (share <= 1 + FEED_TOLERANCE) & (share >= 1 - FEED_TOLERANCE)
     return motions.inverse_time & slower & lasts
 

@@ -1,24 +1,19 @@
-"""Material removal simulated from the posted text: what each move removes, what stays, and what touches.
-
-What refuses a program: rapids and links that cut, a tool that touches what it may not, a ball in the part, a cut
-too deep.
-
-Material removal simulated from the posted text.
+"""Material removal simulated from the posted text: what each move removes, what stays, and what touches; and what of
+it refuses a program: rapids and links that cut, a tool that touches what it may not, a ball in the part, a cut too
+deep.
 
 The text is read back and run through the machine's kinematics. Between blocks the control moves as
 `machine/control.py` says; the path of the ball's centre is divided until it is straight within 1 um, and each piece
 removes its capsule from the stock, which is held as intervals on three sets of rays (Benouamer & Michelucci 1997).
 Post and stub are part of the material, above what holds them, and so is what holds the free end. Of a move from an
 unknown place, after a retract or a tool change, only the end is run.
-
-The removal of the program that a job was posted as.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.errors import BodiesError, VerifyError, knowing, place_name
@@ -64,7 +59,6 @@ from bonecam.verify.sweeping import (
     PARTS,
     Accuracy,
     Group,
-    NormalProbes,
     SimulatedStock,
     StockHeights,
     Sweeping,
@@ -193,8 +187,8 @@ def simulate_removal(
     text: str,
     machine: Machine,
     dialect: Dialect,
-    stock: Stock,
-    post: Post,
+    stock: Stock | SimulatedStock,
+    post: Post | None,
     cutters: Sequence[Cutter],
     *,
     clamping: Clamping | None = None,
@@ -207,7 +201,7 @@ def simulate_removal(
     progress: Progress = silent,
 ) -> Removal:
     """What the program `text` removes from `stock` on its `post`, what it leaves on `part`, and what its
-    tools touch.
+    tools touch. A stock in rays is changed; it holds what is carried already, and the normal probes on the part.
 
     `cutters` are the tools with shank, holder and spindle nose, by number; `clamping` is what stands below (None: a
     table that nothing may go below); `limits` the largest depth (mm) of the cut on each level, `scallops` what it may
@@ -216,36 +210,17 @@ def simulate_removal(
     another tool, JobError where the rays need too much memory, MachineError as in
     `body_clearance`.
     """
-    clamping = (clamping or Clamping()).with_pin(post)
-    carried = [Cylinder(one.radius, one.bottom, one.top, (one.x, one.y)) for one in clamping.carried(post)]
-    material = material_of([stock, *carried], part, accuracy or Accuracy())
-    given = text, machine, dialect, material, post, cutters
-    asked = clamping, limits, scallops, surfaces, workpiece, progress
-    return simulate_further(*given, *asked)
-
-
-def simulate_further(
-    text: str,
-    machine: Machine,
-    dialect: Dialect,
-    material: SimulatedStock,
-    post: Post | None,
-    cutters: Sequence[Cutter],
-    clamping: Clamping | None = None,
-    limits: Mapping[int, float] | None = None,
-    scallops: Mapping[int, float] | None = None,
-    surfaces: Mapping[int, TriangleMesh] | None = None,
-    workpiece: Workpiece | None = None,
-    progress: Progress = silent,
-) -> Removal:
-    """What the program `text` removes from `material`, which it changes; otherwise as `simulate_removal`."""
+    clamping = clamping or Clamping()
+    if not isinstance(stock, SimulatedStock):
+        assert post is not None
+        clamping = clamping.with_pin(post)
+        carried = [Cylinder(one.radius, one.bottom, one.top, (one.x, one.y)) for one in clamping.carried(post)]
+        stock = material_of([stock, *carried], part, accuracy or Accuracy())
     report(progress, 0.0, "reading the program for the simulation")
     motions = read_program(text, machine, dialect)
     tools = tools_of(motions, cutters)
-    sweeping = Sweeping(material.sets, material.grid, material.bounds, len(motions.tips))
-    kept = clamping or Clamping(), limits or {}, surfaces or {}
-    bodies = body_clearance(motions, machine, list(tools.values()), kept[0], material.bounds)
-    simulation = _Simulation(motions, sweeping, material.normal_probes, *kept, workpiece)
+    bodies = body_clearance(motions, machine, list(tools.values()), clamping, stock.bounds)
+    simulation = _Simulation(motions, stock, clamping, limits or {}, surfaces or {}, workpiece)
     groups = list(groups_of(text, motions, dialect))
     levels = []
     for count, group in enumerate(groups):
@@ -254,7 +229,8 @@ def simulate_further(
         left = {one.level: tools[one.tool].scallop for one in before[-1:]} | dict(scallops or {})
         scallop = left[before[-1].level] if before else 0.0
         levels.append(simulation.run(group, tools[group.tool], scallop))
-    bridge = parted_bridge(groups, motions, tools, post, sweeping.sets, grid=material.grid) if post else None
+    sets = simulation.sweeping.sets
+    bridge = parted_bridge(groups, motions, tools, post, sets, grid=stock.grid) if post else None
     return replace(simulation.result(levels, tools, post), bridge=bridge, bodies=bodies)
 
 
@@ -263,15 +239,16 @@ class _Simulation:
     """One program being run; what stands lies in `sweeping`."""
 
     motions: Motions
-    sweeping: Sweeping
-    normal_probes: NormalProbes | None
+    material: SimulatedStock
     clamping: Clamping
     limits: Mapping[int, float]
     surfaces: Mapping[int, TriangleMesh]
     workpiece: Workpiece | None
 
     def __post_init__(self) -> None:
-        self.grid = self.sweeping.grid
+        material = self.material
+        self.grid, self.normal_probes = material.grid, material.normal_probes
+        self.sweeping = Sweeping(material.sets, self.grid, material.bounds, len(self.motions.tips))
         self.minutes = feed_minutes(self.motions)
         self.loads = Loads(self.workpiece, self.minutes, self.motions.spindle)
         self.finished = self.normal_probes.finished if self.normal_probes is not None else None
@@ -308,6 +285,7 @@ class _Simulation:
         if limit is not None and group.level is not None and group.level >= 0 and group.rest:
             limit = cutter.rest_depth(limit, self.limits.get(group.level + 1, limit))
         links = group.moves[self.motions.links[group.moves]]
+        link_depths = self.sweeping.depths[links]
         removed = self.sweeping.volumes
         air, rubbing = time_shares(group.moves, self.minutes, removed, self.motions, cutter.radius)
         return LevelRemoval(
@@ -322,15 +300,10 @@ class _Simulation:
             air_time_share=air,
             rubbing_time_share=rubbing,
             links=float(removed[links].sum()),
-            link_depth=self._deepest(links),
+            link_depth=(
+                self._spot(float(link_depths.max()), int(links[np.argmax(link_depths)])) if link_depths.any() else None
+            ),
         )
-
-    def _deepest(self, moves: Int[ndarray, " m"]) -> Spot | None:
-        """The deepest cut of some rapids or links; None where none cuts."""
-        depths = self.sweeping.depths[moves]
-        if not depths.any():
-            return None
-        return self._spot(float(depths.max()), int(moves[np.argmax(depths)]))
 
     def _nearer(self, known: Clearance, pieces: Pieces, cutter: Cutter, clamping: Clamping) -> Clearance:
         """The clearance from a clamping where it is less than is `known`; the first contact stays."""
@@ -404,12 +377,11 @@ def cutters_of(job: Job, machine: Machine) -> list[Cutter]:
     ]
 
 
-def depth_limits(job: Job, levels: Sequence[Level]) -> dict[int, float]:
-    """The largest depth (mm) of the cut on each level, or on each layer of a strategy in layers, and of PARTING."""
-    parting = {PARTING: job.levels.layer_depth}
-    if job.path.strategy == "morph":
-        return parting | {index: levels[index + 1].limit for index in range(len(levels) - 1)}
-    return parting | layer_limits(job)
+def depth_limits(job: Job, limits: Iterable[float]) -> dict[int, float]:
+    """The largest depth (mm) of the cut on each level, of which `limits` tells, or on each layer of a strategy in
+    layers, and of PARTING."""
+    of_path = dict(enumerate(limits)) if job.path.strategy == "morph" else layer_limits(job)
+    return {PARTING: job.levels.layer_depth} | of_path
 
 
 def level_scallops(job: Job, levels: int) -> dict[int, float]:
@@ -426,51 +398,11 @@ def followed_surfaces(job: Job, meshes: Mapping[int, TriangleMesh]) -> dict[int,
     return dict.fromkeys(layer_limits(job), meshes[0])
 
 
-def removal_of_job(
-    text: str,
-    machine: Machine,
-    dialect: Dialect,
-    job: Job,
-    stock: Stock,
-    levels: Sequence[Level],
-    progress: Progress = silent,
-    given: GivenSurface | None = None,
-    *,
-    mechanics: bool = True,
-) -> Removal:
-    """What the posted `text` of a job removes from its stock; `levels` are those it cuts, `given` is the part as it was
-    given. Without `mechanics` force and bending are left out. Errors as in `simulate_removal`; what a program may not
-    do is told, not refused.
-    """
-    post = post_below(levels[0].mesh, job.holding)
-    clamping = clamping_of(job.holding, machine.table)
-    removal = simulate_removal(
-        text,
-        machine,
-        dialect=dialect,
-        stock=stock,
-        post=post,
-        cutters=cutters_of(job, machine),
-        clamping=clamping,
-        part=morph_surfaces(levels)[0],
-        limits=depth_limits(job, levels),
-        scallops=level_scallops(job, len(levels)),
-        surfaces=followed_surfaces(job, {level.index: level.mesh for level in levels}),
-        accuracy=ACCURACY,
-        workpiece=workpiece_of(job, post, clamping) if mechanics else None,
-        progress=progress,
-    )
-    removal = with_limits(removal, machine, job)
-    return removal if given is None else beside_given(removal, given, post, job)
-
-
 def with_limits(removal: Removal, machine: Machine, job: Job) -> Removal:
     """The removal with what it leaves where no tool axis of the machine is within path.max_tilt_deg of the normal."""
-    probes = removal.remaining.normal_probes
-    assert probes is not None
     assert removal.left is not None
     tilt = float(np.radians(job.path.max_tilt_deg))
-    return replace(removal, left=beside_limits(removal.left, probes, machine_limits(machine), tilt))
+    return replace(removal, left=beside_limits(removal.left, removal.remaining.probes, machine_limits(machine), tilt))
 
 
 def prove_removal(
@@ -484,21 +416,35 @@ def prove_removal(
     given: GivenSurface | None = None,
     *,
     mechanics: bool = True,
+    check: bool = True,
 ) -> Removal:
-    """What `removal_of_job` tells; errors as in `check_removal` too, where that is not what a program may do."""
-    removal = removal_of_job(
+    """What the posted `text` of a job removes from its stock; `levels` are those it cuts, `given` is the part as it was
+    given. Without `mechanics` force and bending are left out. Errors as in `simulate_removal`, and as in
+    `check_removal`: without the `check` what a program may not do is told, not refused.
+    """
+    post = post_below(levels[0].mesh, job.holding)
+    clamping = clamping_of(job.holding, machine.table)
+    removal = simulate_removal(
         text,
         machine,
-        dialect=dialect,
-        job=job,
-        stock=stock,
-        levels=levels,
+        dialect,
+        stock,
+        post,
+        cutters_of(job, machine),
+        clamping=clamping,
+        part=morph_surfaces(levels)[0],
+        limits=depth_limits(job, (level.limit for level in levels[1:])),
+        scallops=level_scallops(job, len(levels)),
+        surfaces=followed_surfaces(job, {level.index: level.mesh for level in levels}),
+        accuracy=ACCURACY,
+        workpiece=workpiece_of(job, post, clamping) if mechanics else None,
         progress=progress,
-        given=given,
-        mechanics=mechanics,
     )
-    with knowing(removal.sections):
-        check_removal_of_job(removal, job)
+    removal = with_limits(removal, machine, job)
+    removal = removal if given is None else beside_given(removal, given, post, job)
+    if check:
+        with knowing(removal.sections):
+            check_removal_of_job(removal, job)
     return removal
 
 
@@ -507,12 +453,11 @@ def beside_given(
 ) -> Removal:
     """The removal with what it leaves beside the part as it was `given`, which stands on this `post`; `ball` is where
     one goes deepest into that, if it was measured."""
-    normal_probes = removal.remaining.normal_probes
-    assert normal_probes is not None
-    held = np.zeros(len(normal_probes.points), dtype=bool)
+    probes = removal.remaining.probes
+    held = np.zeros(len(probes.points), dtype=bool)
     if post is not None:
-        held = at_post(normal_probes.points, normal_probes.normals, post, job.smallest_ball)
-    return replace(removal, given=measure_given(normal_probes, held, given, ball))
+        held = at_post(probes.points, probes.normals, post, job.smallest_ball)
+    return replace(removal, given=measure_given(probes, held, given, ball))
 
 
 def simulate_stump(
@@ -542,13 +487,13 @@ def simulate_stump(
     limits = {group.level: limit_of[group.tool] for group in groups if group.level is not None}
 
     cutters = cutters_of(job, machine)
-    removal = simulate_further(
+    removal = simulate_removal(
         text,
         machine,
-        dialect=dialect,
-        material=material,
-        post=None,
-        cutters=cutters,
+        dialect,
+        material,
+        None,
+        cutters,
         clamping=clamping_of(job.holding, machine.table),
         limits=limits,
         surfaces=dict.fromkeys(limits, part),

@@ -1,16 +1,12 @@
-"""The moves read from a text as straight pieces of the ball centre's path.
+"""The material while a program runs: levels are swept one after the other, the three sets of rays side by side.
 
-The moves of a program level by level, as the comments of its text name the levels.
+The moves read from a text are straight pieces of the ball centre's path, level by level as the comments of the text
+name the levels. What stands is told as heights along the normals of a surface, what stands of a post that is parted as
+the area of its sections.
 
-Heights of the material that stands on a surface, along its normals, and what stands of a post that is parted.
-
-Gouges and leftovers on the part: normal probes on its exact surface, cut by every ball.
-
-A normal probe is a line along the normal (the vector method, Chappel 1983). What is left on it is the height of the
-lowest cut, exact to rounding; where no ball came within REACH the material that stands is measured along the probe.
-
-The material while a program runs: levels are swept one after the other, the three sets of rays side by
-side.
+Gouges and leftovers are told by normal probes on the part's exact surface, cut by every ball: lines along the normal
+(the vector method, Chappel 1983). What is left on one is the height of the lowest cut, exact to rounding; where no
+ball came within REACH the material that stands is measured along the probe.
 """
 
 import re
@@ -160,18 +156,12 @@ def _level_comments(text: str, dialect: Dialect) -> Iterator[tuple[int, int, int
         yield line, *((PARTING, int(match[3])) if match[3] else (int(match[1]), int(match[2] or 0)))
 
 
-def motion_lengths(motions: Motions) -> Float[ndarray, " n"]:
-    """How far the tip goes in each move, mm, along the straight line between its ends."""
-    return np.r_[0.0, np.linalg.norm(np.diff(motions.tips, axis=0), axis=1)]
-
-
 def feed_minutes(motions: Motions) -> Float[ndarray, " n"]:
     """The time of each feed move, as its feed and the speeds of the machine's rotary axes allow; 0 for rapids
     and moves whose start is unknown."""
     machine = motions.controls[int(motions.tools[0])].machine
-    length = motion_lengths(motions)
     with np.errstate(divide="ignore", invalid="ignore"):
-        by_feed = np.where(motions.inverse_time, 1 / motions.feed_rates, length / motions.feed_rates)
+        by_feed = np.where(motions.inverse_time, 1 / motions.feed_rates, motions.lengths / motions.feed_rates)
     turns = np.abs(np.diff(motions.words[:, 3:], axis=0, prepend=motions.words[:1, 3:]))
     by_axes = (turns / np.array([axis.speed for axis in machine.rotary])).max(1)
     return np.where(motions.rapid | ~motions.known_start, 0.0, np.maximum(by_feed, by_axes))
@@ -190,7 +180,7 @@ def time_shares(
     cuts = moves[~motions.links[moves]]
     reach = radius - RUBBING
     section = radius**2 * np.arccos(reach / radius) - reach * np.sqrt(radius**2 - reach**2)
-    rubs = volumes[cuts] < section * motion_lengths(motions)[cuts]
+    rubs = volumes[cuts] < section * motions.lengths[cuts]
     return _share(minutes[moves], volumes[moves] < AIR), _share(minutes[cuts], rubs)
 
 
@@ -480,6 +470,12 @@ class SimulatedStock:
     sets: Sequence[RaySet]
     grid: RayGrid
     normal_probes: NormalProbes | None
+
+    @property
+    def probes(self) -> NormalProbes:
+        """The normal probes, of a stock that has them."""
+        assert self.normal_probes is not None
+        return self.normal_probes
 
     @property
     def bounds(self) -> Float[ndarray, "2 3"]:

@@ -9,7 +9,7 @@ import pytest
 from bonecam.errors import JobError, VerifyError
 from bonecam.job import Job
 from bonecam.machine.machine import read_machine
-from bonecam.machining import BeforeForce, check_force_asked, check_one_feed, paths_by_force
+from bonecam.machining import check_force_asked, check_one_feed, feed_report, paths_by_force
 from bonecam.mechanics.loads import Workpiece, mechanics_of_job
 from bonecam.nc.dialect import read_dialect
 from bonecam.nc.feeds import drivable_paths, fastest_cut
@@ -50,11 +50,11 @@ def posted(capsule_path):
     planned = [replace(slow, cutter=cutter, feed_rates=np.where(cuts, FEED, slow.feed_rates))]
     paths = drivable_paths(planned, MACHINE, DIALECT, constant)
     text, before = simulated(paths)
-    scheduled = paths_by_force(paths, text, before, MACHINE, DIALECT, JOB)
-    made = drivable_paths(scheduled.paths, MACHINE, DIALECT, JOB)
+    scheduled, schedule = paths_by_force(paths, text, before, MACHINE, DIALECT, JOB)
+    made = drivable_paths(scheduled, MACHINE, DIALECT, JOB)
     again, after = simulated(made)
-    told = BeforeForce(scheduled.schedule, before, 1.0).report(after, 2.0)
-    return SimpleNamespace(paths=paths, scheduled=scheduled.paths[0], made=made, text=again, told=told)
+    told = feed_report(schedule, before, 1.0, after, 2.0)
+    return SimpleNamespace(paths=paths, scheduled=scheduled[0], made=made, text=again, told=told)
 
 
 def test_the_highest_peaks_are_lower_and_most_of_the_time_is_at_the_target(posted) -> None:

@@ -1,29 +1,13 @@
-"""Facts and arrays as one compressed block of bytes, which a page and a kept folder hold.
+"""All that a page shows, gathered by stage, and how it is packed into one block of bytes, which a page and a kept
+folder hold.
+
+Shown are levels, the mesh as given, deviation, and the bodies round the part; of a program its moves as read back from
+the text, the cones of their axes, the tools, what stands after each level and what is left; the machine's rotary axes
+and what they carry. A run has all of it, a finished surface, a second clamping and a wheel their own shapes.
 
 Floats become whole numbers of 16 bits over the range of their array (a range of 100 mm in steps of 1.5 um). Columns
 follow one another as differences, their bytes in planes: neighbours on paths and meshes differ little, so that gzip
 halves them. Bytes (of a text) stay as they are. `assets/unpack.js` reads it too.
-
-What a move of a program is and where it touches: from the row of the paths that it leads to, or from the text.
-
-What a page shows before there is a program: levels, the mesh as given, deviation, and the bodies round the part.
-
-What a page shows of a program: its moves as read back from the text, the tools, what stands after each level, what
-is left.
-
-Fewer rows of a path within a chord tolerance.
-
-The cones of free axes that a page shows at contacts.
-
-What a page shows of a machine: its rotary axes, where they stand in each move, and what they carry.
-
-All that a page shows of one surface machined alone.
-
-All that a page shows of a second clamping.
-
-A wheel for people: the sections of its report, the whole in a few lines, and all that a page shows of it.
-
-All that a page shows of a run.
 """
 
 import gzip
@@ -40,8 +24,9 @@ from jaxtyping import Bool, Float, Int, UInt8
 from numpy import ndarray
 from scipy.spatial import cKDTree
 
+import bonecam
 from bonecam.arrays import dots, lengths
-from bonecam.errors import FileError, counted
+from bonecam.errors import FileError
 from bonecam.job import Job
 from bonecam.levels.measure import Level, rounding_cuts
 from bonecam.levels.sequences import Morph
@@ -55,24 +40,23 @@ from bonecam.mesh.triangle_mesh import TriangleMesh, side_by_side
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.motions import Motions
 from bonecam.nc.reading import read_program
-from bonecam.nc.requirements import job_dialect
+from bonecam.nc.requirements import machine_and_dialect
 from bonecam.nc.words import LIFTED, REWIND, comment
 from bonecam.report.stage_reports import levels_report, uncut_areas
-from bonecam.report.summary import WHY, finished_summary, program_lines, removal_lines, second_text, summary_of
-from bonecam.report.warnings import mechanics_lines, post_lines, warning_lines
+from bonecam.report.summary import WHY, bladed_summary, finished_summary, second_text, summary_of
 from bonecam.setup.placement import TurnedBlank
 from bonecam.setup.stock import Stock, stock_figures, stock_text
 from bonecam.surface.blades import Wheel, repeated
 from bonecam.tool.cutter import Cutter
 from bonecam.tool.elliptic_cones import EllipticCones
 from bonecam.tool.path import PARTING, MoveKind, ToolPath
-from bonecam.verify.findings import LEFT, Left, Removal
+from bonecam.verify.findings import LEFT, Removal
 from bonecam.verify.proof import wheel_surfaces
 from bonecam.verify.readback import Tolerances, compare_moves
 from bonecam.verify.removal import cutters_of, followed_surfaces
 from bonecam.verify.sweeping import feed_minutes, groups_of
 from bonecam.workholding.clamping import holding_columns
-from bonecam.workholding.post import Post, post_below, tailstock_bodies
+from bonecam.workholding.post import post_below, tailstock_bodies
 from bonecam.workholding.shell import SecondClamping
 
 VERSION = 1
@@ -165,61 +149,47 @@ def _unpacked(entry: Mapping[str, Any], data: bytes, start: int) -> ndarray:
     return whole * entry["step"] + (low if len(shape) > 1 else low[0])
 
 
-@dataclass(frozen=True, eq=False)
-class MoveRows:
-    """The row of all paths that each move leads to: it `arrives` there, ends on the way to it (a row's move may be
-    split), or is `away` from all rows, before a first one."""
-
-    rows: Int[ndarray, " n"]
-    arrives: Bool[ndarray, " n"]
-    away: Bool[ndarray, " n"]
-
-
-def rows_of_moves(motions: Motions, paths: Sequence[ToolPath], dialect: Dialect) -> MoveRows:
-    """The row of all paths that each move of a program leads to."""
+def rows_of_moves(
+    motions: Motions, paths: Sequence[ToolPath], dialect: Dialect
+) -> tuple[Int[ndarray, " n"], Bool[ndarray, " n"], Bool[ndarray, " n"]]:
+    """The row of all paths that each move of a program leads to, whether it arrives there, rather than ends on the way
+    to it (a row's move may be split), and whether it is away from all rows, before a first one."""
     source = compare_moves(motions, paths, dialect, Tolerances()).source
-    return MoveRows(np.where(source >= 0, source, np.maximum(-2 - source, 0)), source >= 0, source == -1)
+    return np.where(source >= 0, source, np.maximum(-2 - source, 0)), source >= 0, source == -1
 
 
-def of_rows(
-    motions: Motions, paths: Sequence[ToolPath], leads: MoveRows
+def _of_rows(
+    motions: Motions, paths: Sequence[ToolPath], rows: Int[ndarray, " n"], away: Bool[ndarray, " n"]
 ) -> tuple[Int[ndarray, " n"], Float[ndarray, "n 3"]]:
     """The kind of each move and the place where its ball touches the level (its tip where it does not cut), from the
     row of the paths that it leads to; moves that are away from all rows are rapids."""
-    rows = leads.rows
     radius = np.repeat([path.cutter.centre_height for path in paths], [len(path.tips) for path in paths])[rows]
     tips, axes, contacts = (
         np.vstack([getattr(path, name) for path in paths])[rows] for name in ("tips", "axes", "contacts")
     )
-    kinds = np.concatenate([_kinds(path) for path in paths])[rows]
-    kinds = np.where(leads.away, int(MoveKind.RAPID), kinds)
+    of_path = []
+    for path in paths:
+        # the move to the first contact of a pass is a link to look at
+        cutting = path.kinds == MoveKind.CUT
+        goes_on = np.r_[False, cutting[:-1] & (path.pass_index[1:] == path.pass_index[:-1])]
+        of_path.append(np.where(cutting & ~goes_on, int(MoveKind.LINK), path.kinds))
+    kinds = np.where(away, int(MoveKind.RAPID), np.concatenate(of_path).astype(np.int64)[rows])
     outward = tips + radius[:, None] * axes - contacts
     touches = motions.tips + radius[:, None] * motions.axes - outward
     at_level = (kinds != MoveKind.RAPID) & np.isfinite(touches).all(1)
     return kinds, np.where(at_level[:, None], touches, motions.tips)
 
 
-def _kinds(path: ToolPath) -> Int[ndarray, " n"]:
-    """The kind of each move of a path; the move to the first contact of a pass is a link to look at."""
-    cutting = path.kinds == MoveKind.CUT
-    goes_on = np.r_[False, cutting[:-1] & (path.pass_index[1:] == path.pass_index[:-1])]
-    return np.where(cutting & ~goes_on, int(MoveKind.LINK), path.kinds).astype(np.int64)
-
-
-def of_text(motions: Motions) -> tuple[Int[ndarray, " n"], Float[ndarray, "n 3"]]:
-    """The kind of each move, links by the comments LINK of the text, and the tips."""
-    feeds = np.where(motions.links, int(MoveKind.LINK), int(MoveKind.CUT))
-    return np.where(motions.rapid, int(MoveKind.RAPID), feeds), motions.tips
-
-
 MOST_FACES = 100_000
 """A mesh as given with more faces is shown as it was after repair and decimation."""
 
 
-def shape_contents(part: Part, levels: Sequence[Level], stock: Stock, job: Job, table: Table, name: str) -> Contents:
+def shape_contents(part: Part, levels: Sequence[Level], stock: Stock, job: Job) -> Contents:
     """Levels with the depth of their cuts, part as given and as fitted, stock, post, what holds it, and table."""
     facts, arrays = _levels(levels, job)
-    shown, which = _given(part)
+    shown, which = part.placed_given, "as given"
+    if len(part.given.faces) > MOST_FACES:
+        shown, which = part.mesh, "as repaired: the given one has too many faces to show"
     # How far each vertex of the fitted mesh lies outside the given one, mm
     fitted = levels[0].mesh
     away = fitted.vertices - exact_closest(shown, fitted.vertices)[0]
@@ -231,15 +201,16 @@ def shape_contents(part: Part, levels: Sequence[Level], stock: Stock, job: Job, 
     }
     post = post_below(part.mesh, job.holding)
     facts |= {
-        "name": name,
+        "name": Path(part.file).name,
         "file": part.file,
         "given": which,
         "stock": {**stock_figures(stock), "text": stock_text(stock_figures(stock))},
         "stock_bounds": stock.bounds.tolist(),
         "post": {"radius": post.radius, "top": post.top},
-        **bodies(job, table),
-        **_tailstock(post, job),
+        **bodies(job, read_machine(job.nc.machine).table),
     }
+    if post.pin is not None:
+        facts["tailstock"] = [asdict(column) for column in (post.pin, *tailstock_bodies(job.holding))]
     return Contents(facts, arrays)
 
 
@@ -282,13 +253,6 @@ def _name(level: Level, count: int, job: Job, rounding: range) -> str:
     return "finishing" if job.is_finishing(level.index) else "roughing"
 
 
-def _given(part: Part) -> tuple[TriangleMesh, str]:
-    """The mesh to show as the one given, and what it is."""
-    if len(part.given.faces) <= MOST_FACES:
-        return part.placed_given, "as given"
-    return part.mesh, "as repaired: the given one has too many faces to show"
-
-
 def _outside(given: TriangleMesh, fitted: TriangleMesh) -> Float[ndarray, " n"]:
     """How far the fitted mesh lies outside each vertex of the given one, mm."""
     closest, faces = exact_closest(fitted, given.vertices)
@@ -297,29 +261,16 @@ def _outside(given: TriangleMesh, fitted: TriangleMesh) -> Float[ndarray, " n"]:
 
 
 def bodies(job: Job, table: Table) -> dict[str, Any]:
-    """Sizes of riser, chuck, stub (None or absent where the job has none) and table, mm."""
+    """Sizes of riser, chuck, stub (None or absent where the job has none) and table, mm: the table's None where it has
+    no edge, with what stands on it as (length, radius, upper radius)."""
     held = {
         name: {"radius": column.radius, "top": column.top, "bottom": column.bottom}
         for name, column in holding_columns(job.holding).items()
     }
-    return {"chuck": None, **held, "table": _table(table)}
-
-
-def _tailstock(post: Post, job: Job) -> dict[str, Any]:
-    """Pin or upper neck with arm and column, if there are any, mm."""
-    if post.pin is None:
-        return {}
-    columns = [post.pin, *tailstock_bodies(job.holding)]
-    return {"tailstock": [asdict(column) for column in columns]}
-
-
-def _table(table: Table) -> dict[str, Any]:
-    """The table's sizes, None where it has no edge, and what stands on it as (length, radius, upper radius)."""
     sizes = {"radius": table.radius, "half_width": table.half_width, "half_depth": table.half_depth}
-    return {
-        **{name: float(size) if np.isfinite(size) else None for name, size in sizes.items()},
-        "standing": [[piece.length, piece.diameter / 2, piece.top_diameter / 2] for piece in table.standing],
-    }
+    shown: dict[str, Any] = {name: float(size) if np.isfinite(size) else None for name, size in sizes.items()}
+    shown["standing"] = [[piece.length, piece.diameter / 2, piece.top_diameter / 2] for piece in table.standing]
+    return {"chuck": None, **held, "table": shown}
 
 
 def rotary_angles(machine: Machine, words: Float[ndarray, "n 5"]) -> dict[str, Float[ndarray, " n"]]:
@@ -347,9 +298,7 @@ def _axes(axes: Sequence[RotaryAxis]) -> list[list[Any]]:
     return [[axis.letter, list(axis.direction), list(axis.pivot)] for axis in axes if axis.letter]
 
 
-def cone_contents(
-    paths: Sequence[ToolPath], rows: Int[ndarray, " n"], arrives: Bool[ndarray, " n"]
-) -> dict[str, ndarray]:
+def _cones(paths: Sequence[ToolPath], rows: Int[ndarray, " n"], arrives: Bool[ndarray, " n"]) -> dict[str, ndarray]:
     """Axes, directions of the largest opening and semi-angles (radians) of cones, and for each move that `arrives` at
     one of the `rows` of all paths its cone's number from 1; 0 where it has none, or the move ends between contacts.
     Empty where no axis was chosen in a cone."""
@@ -458,8 +407,12 @@ def program_contents(
         ]
     )
 
-    leads = rows_of_moves(motions, paths, dialect) if paths else None
-    kinds, contacts = of_rows(motions, paths, leads) if leads else of_text(motions)
+    if paths:
+        rows, arrives, away = rows_of_moves(motions, paths, dialect)
+        kinds, contacts = _of_rows(motions, paths, rows, away)
+    else:
+        feeds = np.where(motions.links, int(MoveKind.LINK), int(MoveKind.CUT))
+        kinds, contacts = np.where(motions.rapid, int(MoveKind.RAPID), feeds), motions.tips
     moves = _moves(motions, kinds, contacts, level_of)
     if removal is not None:
         moves |= _removed(motions, removal, level_of, contacts, surfaces)
@@ -469,24 +422,29 @@ def program_contents(
     arrays |= rewind_contents(text, motions, dialect)
     arrays["text"] = np.frombuffer(text.encode("latin-1", "replace"), np.uint8)
     reported = {
-        **{"machine": machine.name, "controller": dialect.name, "blocks": motions.blocks},
+        "machine": machine.name,
+        "controller": dialect.name,
+        "blocks": motions.blocks,
         "time": f"about {moves['minute'][-1]:.1f} min at the feed",
         "chord": CHORD if len(kept) < len(kinds) else 0.0,
         "layers": _layers(level_of, surfaces, meshes),
         **machine_facts(machine),
     }
     facts: dict[str, Any] = {"tools": [_tool(cutter) for cutter in cutters_of(job, machine)], "program": reported}
-    if leads:
+    if paths:
         facts["uncut"], uncut = _uncut(paths)
-        arrays |= {**uncut, **cone_contents(paths, leads.rows[kept], leads.arrives[kept])}
+        arrays |= {**uncut, **_cones(paths, rows[kept], arrives[kept])}
     if removal is not None:
         arrays |= _standing(removal, surfaces, contacts[kept], kinds[kept], level_of[kept])
     if removal is not None and removal.left is not None:
-        facts["left"], left = _left(removal.left)
+        # The surface of the part with what stays on it
+        left = removal.left
+        post_area = left.by_reason["post"]
+        facts["left"] = {"highest": left.highest.value, "area": left.area, "post_area": post_area, "over": LEFT}
+        arrays |= {"left": left.mesh.vertices, "left_faces": left.mesh.faces, "left_height": left.heights}
         if removal.mechanics is not None and removal.mechanics.error is not None:
             facts["left"]["bent"] = removal.mechanics.error.p99
-            left["left_bent"] = removal.mechanics.error.sizes
-        arrays |= left
+            arrays["left_bent"] = removal.mechanics.error.sizes
     return Contents(facts, arrays)
 
 
@@ -511,8 +469,6 @@ def _moves(
     motions: Motions, kinds: Int[ndarray, " n"], contacts: Float[ndarray, "n 3"], levels: Int[ndarray, " n"]
 ) -> dict[str, ndarray]:
     """What is told of every move; a feed of 0 is a rapid."""
-    length = np.r_[0.0, np.linalg.norm(np.diff(motions.tips, axis=0), axis=1)]
-    feeds = np.where(motions.inverse_time, motions.feed_rates * length, motions.feed_rates)
     return {
         "tip": motions.tips,
         "axis": motions.axes,
@@ -521,7 +477,7 @@ def _moves(
         "level": levels,
         "tool": motions.tools,
         "line": motions.lines,
-        "feed": np.where(motions.rapid, 0.0, feeds),
+        "feed": np.where(motions.rapid, 0.0, motions.tip_feeds),
         "minute": np.cumsum(feed_minutes(motions)),
     }
 
@@ -535,7 +491,7 @@ def _removed(
 ) -> dict[str, ndarray]:
     """What each move removes of the material: its section (mm^2: volume a length), how deep the place where it touches
     lay (mm) when its level began, and where that was asked the mean force that it needs (N)."""
-    length = np.r_[0.0, np.linalg.norm(np.diff(motions.tips, axis=0), axis=1)]
+    length = motions.lengths
     section = np.divide(removal.move_volumes, length, out=np.zeros(len(length)), where=length > LEFT)
     depth = np.zeros(len(length))
     for standing in removal.standing:
@@ -566,12 +522,6 @@ def _standing(
             cut = (away < NEAR) | (standing.after < standing.before)
             arrays[f"cut_at_{k}"] = np.where(cut, moves[nearest], len(kinds))
     return arrays
-
-
-def _left(left: Left) -> tuple[dict[str, Any], dict[str, ndarray]]:
-    """The surface of the part with what stays on it."""
-    facts = {"highest": left.highest.value, "area": left.area, "post_area": left.by_reason["post"], "over": LEFT}
-    return facts, {"left": left.mesh.vertices, "left_faces": left.mesh.faces, "left_height": left.heights}
 
 
 def _uncut(paths: Sequence[ToolPath]) -> tuple[dict[str, Any], dict[str, ndarray]]:
@@ -615,6 +565,26 @@ def rewind_contents(text: str, motions: Motions, dialect: Dialect) -> dict[str, 
     return {"rewinds": motions.tips[np.maximum(before, 0)]} if lines else {}
 
 
+def _with_program(
+    shape: Contents,
+    program: str,
+    meshes: Mapping[int, TriangleMesh],
+    job: Job,
+    report: Mapping[str, Any],
+    summary: str,
+    **posted: Any,
+) -> Contents:
+    """All that a page shows: a `shape`, the report, and the moves of the `program`, of which `posted` tells as in
+    `program_contents`; "" where there is none."""
+    facts = {**shape.facts, "report": report, "summary": summary, "version": bonecam.__version__}
+    if not program:
+        return Contents(facts, shape.arrays)
+    machine, dialect = machine_and_dialect(job.nc)
+    moves = program_contents(program, meshes, job, machine, dialect, **posted)
+    moves.facts["program"]["time"] = report.get("nc", report)["time_texts"][0]
+    return Contents({**facts, **moves.facts}, {**shape.arrays, **moves.arrays})
+
+
 def surface_contents(
     surface: TriangleMesh,
     solid: TriangleMesh,
@@ -622,36 +592,31 @@ def surface_contents(
     program: str,
     job: Job,
     report: dict[str, Any],
-    version: str,
-    removal: Removal | None = None,
+    removal: Removal | None,
 ) -> Contents:
     """The surface, the solid that is kept free of gouges, and the program's moves, with what they remove if that was
     simulated."""
-    machine = read_machine(job.nc.machine)
-    meshes = {0: surface, 1: solid}
-    dialect = job_dialect(job.nc)
-    shown = {0: surface}
-    posted = program_contents(program, meshes, job, machine, dialect, paths=[path], removal=removal, surfaces=shown)
-    posted.facts["program"]["time"] = report["nc"]["time_texts"][0]
     figures = report["surface"]
     facts = {
         "levels": [{"index": 0, "name": "the surface", "faces": "faces_0", "limit": 0.0}],
         "name": figures["file"] or "a surface",
         "stock": {"text": f"surface {figures['kind']}, {figures['area_mm2']:.0f} mm\u00b2"},
         "stock_bounds": surface.bounds.tolist(),
-        "post": {"radius": job.holding.diameter / 2, "top": float(solid.bounds[0, 2])},
-        **bodies(job, machine.table),
-        "report": report,
-        "summary": finished_summary(report),
-        "version": version,
+        **_held(solid, job),
     }
-    arrays = {
-        "level_0": surface.vertices,
-        "faces_0": surface.faces,
-        "solid": solid.vertices,
-        "solid_faces": solid.faces,
-    }
-    return Contents({**facts, **posted.facts}, {**arrays, **posted.arrays})
+    shape = Contents(facts, _level_in_solid(surface, solid))
+    posted = {"paths": [path], "removal": removal, "surfaces": {0: surface}}
+    return _with_program(shape, program, {0: surface, 1: solid}, job, report, finished_summary(report), **posted)
+
+
+def _held(solid: TriangleMesh, job: Job) -> dict[str, Any]:
+    """The post below a solid, and what holds it, mm."""
+    post = {"radius": job.holding.diameter / 2, "top": float(solid.bounds[0, 2])}
+    return {"post": post, **bodies(job, read_machine(job.nc.machine).table)}
+
+
+def _level_in_solid(level: TriangleMesh, solid: TriangleMesh) -> dict[str, ndarray]:
+    return {"level_0": level.vertices, "faces_0": level.faces, "solid": solid.vertices, "solid_faces": solid.faces}
 
 
 def second_contents(
@@ -662,35 +627,9 @@ def second_contents(
     job: Job,
     report: Mapping[str, Any],
     name: str,
-    version: str,
 ) -> Contents:
-    """The finished part turned over, its shell, and the moves of the program; the job's [holding] is the shell's."""
-    machine = read_machine(job.nc.machine)
-    posted = program_contents(
-        program,
-        {0: clamping.part},
-        job,
-        machine,
-        job_dialect(job.nc),
-        paths=paths,
-        removal=removal,
-        surfaces=layers_on(clamping.part, removal),
-    )
-    posted.facts["program"]["time"] = report["time_texts"][0]
-    reported = {
-        "name": f"{name}, second clamping",
-        **bodies(job, machine.table),
-        "report": report,
-        "summary": second_text(report),
-        "version": version,
-    }
-    shapes = _shapes(clamping)
-    return Contents({**shapes.facts, **reported, **posted.facts}, {**shapes.arrays, **posted.arrays})
-
-
-def _shapes(clamping: SecondClamping) -> Contents:
-    """Part and shell. `turned` of the facts tells the height of the first program's zero, and where the post was cut
-    off there, mm."""
+    """The finished part turned over, its shell, and the moves of the program; the job's [holding] is the shell's.
+    `turned` of the facts tells the height of the first program's zero, and where the post was cut off there, mm."""
     low, high = clamping.solids.bounds
     facts = {
         "levels": [{"index": 0, "name": "the finished part", "faces": "faces_0", "limit": 0.0}],
@@ -699,14 +638,12 @@ def _shapes(clamping: SecondClamping) -> Contents:
         "post": None,
         "solid": "shell",
         "turned": {"zero_mm": float(clamping.pose[2, 3]), "cut_off_mm": clamping.cut_off},
+        "name": f"{name}, second clamping",
+        **bodies(job, read_machine(job.nc.machine).table),
     }
-    arrays = {
-        "level_0": clamping.part.vertices,
-        "faces_0": clamping.part.faces,
-        "solid": clamping.shell.vertices,
-        "solid_faces": clamping.shell.faces,
-    }
-    return Contents(facts, arrays)
+    shape = Contents(facts, _level_in_solid(clamping.part, clamping.shell))
+    posted = {"paths": paths, "removal": removal, "surfaces": layers_on(clamping.part, removal)}
+    return _with_program(shape, program, {0: clamping.part}, job, report, second_text(report), **posted)
 
 
 def layers_on(part: TriangleMesh, removal: Removal) -> dict[int, TriangleMesh]:
@@ -716,28 +653,6 @@ def layers_on(part: TriangleMesh, removal: Removal) -> dict[int, TriangleMesh]:
 
 WHEEL_CHORD = 0.01
 """Chord tolerance of the blade on which uncut areas are told, mm."""
-
-
-def bladed_summary(report: Mapping[str, Any]) -> str:
-    """Wheel, blank, channels, program and removal."""
-    wheel = report["wheel"]
-    seconds = sum(report["seconds"].values())
-    area = report["surface"]["area_mm2"]
-    levels = report["levels"]
-    deepest = max(row[depth] for row in levels for depth in ("depth_max_mm", "depth_back_max_mm"))
-    bound = f"no schedule needs fewer than {report['levels_lower_bound']}"
-    lines = [
-        *warning_lines(report["warnings"]),
-        f"wheel     {wheel['blades']} blades, {wheel['gap_mm']:.2f} mm apart; {area:.0f} mm2 with the hub",
-        f"blank     turned to the blades' tips, diameter {wheel['blank_diameter_mm']:.2f} mm",
-        *post_lines(report["post"]),
-        f"channels  {counted(len(levels) - 1, 'cut')}, {bound}; depth max {deepest:.4f} mm",
-        *program_lines(report),
-        *removal_lines(report["removal"]),
-        *mechanics_lines(report.get("mechanics")),
-        f"time      {seconds:.1f} s",
-    ]
-    return "\n".join(lines)
 
 
 def wheel_figures(
@@ -783,18 +698,15 @@ def wheel_contents(
     job: Job,
     report: dict[str, Any],
     removal: Removal | None,
-    version: str,
 ) -> Contents:
     """The wheel as level 0, the levels of all its channels, and the program's moves."""
-    machine = read_machine(job.nc.machine)
-    meshes = wheel_surfaces(wheel, solid, morph.levels)
-    followed = {index: mesh for index, mesh in meshes.items() if index < max(meshes)}
-    posted = program_contents(
-        program, meshes, job, machine, job_dialect(job.nc), paths=paths, removal=removal, surfaces=followed
-    )
-    posted.facts["program"]["time"] = report["nc"]["time_texts"][0]
     levels = [
-        {"index": level.index, "name": _wheel_name(level.index), "faces": f"faces_{level.index}", "limit": level.limit}
+        {
+            "index": level.index,
+            "name": "channel" if level.index else "the wheel",
+            "faces": f"faces_{level.index}",
+            "limit": level.limit,
+        }
         for level in morph.levels
     ]
     facts = {
@@ -802,20 +714,15 @@ def wheel_contents(
         "name": report["surface"]["file"],
         "stock": {"text": blank.text},
         "stock_bounds": blank.mesh.bounds.tolist(),
-        "post": {"radius": job.holding.diameter / 2, "top": float(solid.bounds[0, 2])},
-        **bodies(job, machine.table),
-        "report": report,
-        "summary": bladed_summary(report),
-        "version": version,
+        **_held(solid, job),
     }
     arrays = {"solid": solid.vertices, "solid_faces": solid.faces}
+    meshes = wheel_surfaces(wheel, solid, morph.levels)
     for index, mesh in meshes.items():
         arrays |= {f"level_{index}": mesh.vertices, f"faces_{index}": mesh.faces}
-    return Contents({**facts, **posted.facts}, {**arrays, **posted.arrays})
-
-
-def _wheel_name(index: int) -> str:
-    return "channel" if index else "the wheel"
+    followed = {index: mesh for index, mesh in meshes.items() if index < max(meshes)}
+    posted = {"paths": paths, "removal": removal, "surfaces": followed}
+    return _with_program(Contents(facts, arrays), program, meshes, job, report, bladed_summary(report), **posted)
 
 
 PROGRAM_FACTS = ("tools", "program", "uncut", "left")
@@ -829,29 +736,15 @@ def run_contents(
     stock: Stock,
     job: Job,
     report: Mapping[str, Any],
-    version: str,
     *,
     program: str = "",
     paths: Sequence[ToolPath] = (),
     removal: Removal | None = None,
 ) -> Contents:
     """Levels and fit, and where there is a `program` its moves, what it removes and what it leaves."""
-    machine = read_machine(job.nc.machine)
-    shape = shape_contents(part, levels, stock=stock, job=job, table=machine.table, name=Path(part.file).name)
-    facts = {**shape.facts, "report": report, "summary": summary_of(report), "version": version}
-    if not program:
-        return Contents(facts, shape.arrays)
-    posted = program_contents(
-        program,
-        {level.index: level.mesh for level in levels},
-        job,
-        machine,
-        job_dialect(job.nc),
-        paths=paths,
-        removal=removal,
-    )
-    posted.facts["program"]["time"] = report["nc"]["time_texts"][0]
-    return Contents({**facts, **posted.facts}, {**shape.arrays, **posted.arrays})
+    shape = shape_contents(part, levels, stock, job)
+    meshes = {level.index: level.mesh for level in levels}
+    return _with_program(shape, program, meshes, job, report, summary_of(report), paths=paths, removal=removal)
 
 
 def level_meshes(contents: Contents) -> dict[int, TriangleMesh]:

@@ -1,12 +1,8 @@
-"""What the axes of the machine travel in a program, read back from its text.
+"""The setup sheet as HTML: what the machinist mounts, sets and checks, on one page of A4 for each clamping.
 
-The drawing of the sheet: stock, part, post, chuck and table from the front, to scale, with their sizes, as SVG.
-
-The setup sheet as HTML: what the machinist mounts, sets and checks, on one page of A4 for each clamping.
-
-The page of the sheet for the second clamping: the part turned over in its shell, and its stump.
-
-The page of the sheet for a wheel: the turned blank on its post, and the wheel in it.
+Its drawing shows stock, part, post, chuck and table from the front, to scale, with their sizes, as SVG; a second
+clamping shows the part turned over in its shell, and its stump, a wheel its turned blank. What the axes travel is read
+back from the program's text.
 """
 
 import hashlib
@@ -22,21 +18,21 @@ from jaxtyping import Float
 from numpy import ndarray
 from scipy.spatial import ConvexHull
 
+import bonecam
 from bonecam.job import HoldingJob, Job
-from bonecam.job.materials.preset import read_material
 from bonecam.machine.bodies import Table
 from bonecam.machine.kinematics import inverse_linear
-from bonecam.machine.machine import Machine, read_machine
+from bonecam.machine.machine import Machine
 from bonecam.machine.machine_file import RotaryAxis
 from bonecam.mesh.part import Part
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.nc.header import ZeroWords, second_setup_texts, setup_texts, zero_words
+from bonecam.nc.header import ZeroWords, asked_material, second_setup_texts, setup_texts, zero_words
 from bonecam.nc.motions import Motions
 from bonecam.nc.program import Program
 from bonecam.nc.reading import read_program
-from bonecam.nc.requirements import job_dialect
+from bonecam.nc.requirements import machine_and_dialect
 from bonecam.planning.stump import Groove
-from bonecam.report.pictures import section
+from bonecam.report.pictures import outline
 from bonecam.report.stage_reports import parting_text
 from bonecam.report.summary import certified_text, uncut_lines
 from bonecam.report.warnings import bending_text, warning_texts
@@ -158,14 +154,14 @@ class Paper:
         self.text((left + right) / 2, y - above - 1.2, words)
 
 
-def clamping_drawing(
+def _clamping_drawing(
     part: TriangleMesh,
     stock: Stock,
     post: Post,
     holding: HoldingJob,
     table: Table,
     zero: ZeroWords,
-    parting: Mapping[str, Any] | None = None,
+    parting: Mapping[str, Any] | None,
 ) -> str:
     """The drawing as the text of an SVG element of WIDTH x HEIGHT mm; `zero` are the words of the program's zero,
     `parting` is that section of the report."""
@@ -181,9 +177,9 @@ def clamping_drawing(
         paper.column(column.radius, column.bottom, column.top, "stock" if name == "stub" else "chuck")
     for column in (*beside, *post.solids[1:]):
         paper.column(column.radius, column.bottom, column.top, "chuck", column.x)
-    outline = stock.mesh(CHORD).vertices[:, [0, 2]]
-    paper.path(outline[ConvexHull(outline).vertices], "stock")
-    for ends in section(part, np.zeros(3), np.eye(3)[1])[:, :, [0, 2]]:
+    places = stock.mesh(CHORD).vertices[:, [0, 2]]
+    paper.path(places[ConvexHull(places).vertices], "stock")
+    for ends in outline(part):
         paper.path(ends, "part", closed=False)
     x, bottom = paper.at(0.0, -2.0 / paper.scale)
     paper.line(x, bottom, x, paper.at(0.0, high)[1] - 3, "axis")
@@ -217,16 +213,12 @@ def draw_table(paper: Paper, table: Table) -> None:
         corners = [[-bottom, height], [bottom, height], [top, height + piece.length], [-top, height + piece.length]]
         paper.path(np.array(corners), "chuck")
         height += piece.length
-    paper.text(WIDTH - 5, y + TABLE_THICKNESS + 3.2, _table_words(table), "end")
-
-
-def _table_words(table: Table) -> str:
-    """The table with its sizes."""
+    words = "table"
     if np.isfinite(table.radius):
-        return f"table, diameter {2 * table.radius:g}"
-    if np.isfinite(table.half_width) and np.isfinite(table.half_depth):
-        return f"table, {2 * table.half_width:g} x {2 * table.half_depth:g}"
-    return "table"
+        words = f"table, diameter {2 * table.radius:g}"
+    elif np.isfinite(table.half_width) and np.isfinite(table.half_depth):
+        words = f"table, {2 * table.half_width:g} x {2 * table.half_depth:g}"
+    paper.text(WIDTH - 5, y + TABLE_THICKNESS + 3.2, words, "end")
 
 
 def _draw_sizes(paper: Paper, stock: Stock, post: Post, holding: HoldingJob, widest: float) -> None:
@@ -276,28 +268,21 @@ def setup_sheet(title: str, articles: Sequence[str]) -> str:
     return template.substitute(title=html.escape(f"{title}: setup sheet"), style=style, articles="".join(articles))
 
 
-def setup_article(part: Part, stock: Stock, job: Job, program: Program, report: Mapping[str, Any], version: str) -> str:
+def setup_article(part: Part, stock: Stock, job: Job, program: Program, report: Mapping[str, Any]) -> str:
     """The first clamping."""
-    machine = read_machine(job.nc.machine)
-    zero = zero_words(machine, job_dialect(job.nc))
+    machine, dialect = machine_and_dialect(job.nc)
+    zero = zero_words(machine, dialect)
     post = post_below(part.mesh, job.holding)
     return article(
         Path(part.file).name,
         program,
         job,
         report["nc"],
-        version,
         heading="Setup sheet",
         caption="From the front (\u2212Y), sizes in mm. Inside the stock: the part in section Y 0.",
         mounted="Stock, clamping, zero",
-        drawing=clamping_drawing(
-            part.mesh,
-            stock,
-            post=post,
-            holding=job.holding,
-            table=machine.table,
-            zero=zero,
-            parting=report.get("parting"),
+        drawing=_clamping_drawing(
+            part.mesh, stock, post, job.holding, table=machine.table, zero=zero, parting=report.get("parting")
         ),
         setup=items(setup_texts(job, stock, zero)),
         checks=items(_checks(report)),
@@ -306,15 +291,20 @@ def setup_article(part: Part, stock: Stock, job: Job, program: Program, report: 
     )
 
 
-def article(part: str, program: Program, job: Job, nc: Mapping[str, Any], version: str, **told: str) -> str:
+def article(part: str, program: Program, job: Job, nc: Mapping[str, Any], **told: str) -> str:
     """The page of one clamping: what every clamping tells of its `program`, `nc` of the report, and what is `told`."""
-    machine = read_machine(job.nc.machine)
-    motions = read_program(program.text, machine, job_dialect(job.nc))
+    machine, dialect = machine_and_dialect(job.nc)
+    motions = read_program(program.text, machine, dialect)
     cutters = {cutter.number: cutter for cutter in cutters_of(job, machine)}
+    used = zip((cutters[number] for number in program.tools), program.time.tools, strict=True)
+    axes = [
+        _cells([item.letter, f"{item.low:.2f}", f"{item.high:.2f}", f"{item.high - item.low:.2f}", item.room])
+        for item in axis_ranges(motions, machine)
+    ]
     template = Template((ASSETS / "article.html").read_text(encoding="utf-8"))
 
     # Coolant, tool change and feeds in one line
-    coolant = "coolant on while cutting" if job.nc.coolant else "no coolant"
+    coolant = "Coolant on while cutting" if job.nc.coolant else "No coolant"
     feeds = f"feeds: median {nc['feed_median_mm_min']:.0f}, a tenth below {nc['feed_low_mm_min']:.0f} mm/min"
     return template.substitute(
         part=html.escape(part),
@@ -322,75 +312,54 @@ def article(part: str, program: Program, job: Job, nc: Mapping[str, Any], versio
         machine=html.escape(machine.title),
         controller=html.escape(program.controller),
         minutes=html.escape("; ".join(program.time.texts)),
-        tools=_tool_rows([cutters[number] for number in program.tools], program.time.tools),
-        cutting=html.escape(f"{_sentence(coolant)}; {CHANGES[job.nc.tool_change]}; {feeds}."),
-        axes=_axis_rows(axis_ranges(motions, machine)),
+        tools="\n".join(_tool_row(cutter, minutes) for cutter, minutes in used),
+        cutting=html.escape(f"{coolant}; {CHANGES[job.nc.tool_change]}; {feeds}."),
+        axes="\n".join(axes),
         air_check=items(program.air_check),
         checksum=hashlib.sha256(program.text.encode()).hexdigest(),
-        version=html.escape(version),
+        version=html.escape(bonecam.__version__),
         **told,
     )
 
 
 def items(texts: Iterable[str]) -> str:
     """The items of a list, each beginning with a capital."""
-    return "\n".join(f"<li>{html.escape(_sentence(text))}</li>" for text in texts)
-
-
-def _sentence(text: str) -> str:
-    """A text of the program's header, beginning with a capital."""
-    return text[:1].upper() + text[1:]
+    return "\n".join(f"<li>{html.escape(text[:1].upper() + text[1:])}</li>" for text in texts)
 
 
 def _cells(values: Iterable[str]) -> str:
     return "<tr>" + "".join(f"<td>{html.escape(value)}</td>" for value in values) + "</tr>"
 
 
-def _tool_rows(cutters: Sequence[Cutter], minutes: Sequence[float]) -> str:
-    """A row a tool: number, ball, shank, stick-out, holder, length, speeds, time."""
-    return "\n".join(
-        _cells(
-            [
-                f"T{cutter.number} {cutter.name}",
-                f"{cutter.radius:g}" + (f", corner {cutter.corner:g}" if cutter.is_bull else ""),
-                f"{cutter.flute_length:g}",
-                _shank(cutter),
-                f"{cutter.overhang:g}",
-                _holder(cutter),
-                f"{cutter.length:g}",
-                f"{cutter.spindle:.0f}",
-                f"{cutter.feed:.0f}",
-                f"{time:.1f}",
-            ]
-        )
-        for cutter, time in zip(cutters, minutes, strict=True)
-    )
-
-
-def _shank(cutter: Cutter) -> str:
-    """Diameter of the shank, and of the neck below it with the place where that ends."""
-    neck = f"{cutter.neck_diameter:g} to {cutter.neck_length:g}, " if cutter.neck_length else ""
-    return f"{neck}{cutter.shank_diameter:g}"
-
-
-def _holder(cutter: Cutter) -> str:
-    """The pieces of the holder: diameters x length, from its nose on."""
+def _tool_row(cutter: Cutter, minutes: float) -> str:
+    """Number, ball, flutes, shank and the neck below it with its end, stick-out, pieces of the holder (diameters x
+    length, from its nose on), length, speeds, time."""
     pieces = []
     for piece in cutter.holder:
         wide = f"-{piece.top_diameter:g}" if piece.top_diameter != piece.diameter else ""
         pieces.append(f"\u2300 {piece.diameter:g}{wide} x {piece.length:g}")
-    return ", ".join(pieces)
-
-
-def _axis_rows(ranges: Sequence[AxisRange]) -> str:
-    return "\n".join(
-        _cells([item.letter, f"{item.low:.2f}", f"{item.high:.2f}", f"{item.high - item.low:.2f}", item.room])
-        for item in ranges
+    neck = f"{cutter.neck_diameter:g} to {cutter.neck_length:g}, " if cutter.neck_length else ""
+    return _cells(
+        [
+            f"T{cutter.number} {cutter.name}",
+            f"{cutter.radius:g}" + (f", corner {cutter.corner:g}" if cutter.is_bull else ""),
+            f"{cutter.flute_length:g}",
+            f"{neck}{cutter.shank_diameter:g}",
+            f"{cutter.overhang:g}",
+            ", ".join(pieces),
+            f"{cutter.length:g}",
+            f"{cutter.spindle:.0f}",
+            f"{cutter.feed:.0f}",
+            f"{minutes:.1f}",
+        ]
     )
 
 
-def bending_checks(report: Mapping[str, Any]) -> Iterator[str]:
-    """What bends, where that is known and no warning tells it."""
+def _simulated(report: Mapping[str, Any], beginning: str = "") -> Iterator[str]:
+    """What the simulation found, where there was one, and what bends, where that is known and no warning tells it."""
+    if "skipped" not in report["removal"]:
+        how = f"cells of {report['removal']['cell_mm']:g} mm){beginning}"
+        yield f"Simulated from the text ({how}: rapids cut nothing, shank and holder touch nothing"
     mechanics = report["mechanics"]
     if "skipped" not in mechanics and "bending" not in {each["code"] for each in report["warnings"]}:
         low, up = mechanics["band"]
@@ -399,13 +368,9 @@ def bending_checks(report: Mapping[str, Any]) -> Iterator[str]:
 
 def _checks(report: Mapping[str, Any]) -> Iterator[str]:
     """What was checked, and how well it held."""
-    removal = report["removal"]
     yield from proof_lines(report["nc"])
     yield f"Levels: {certified_text(report['levels'], report['levels_method'])}"
-    if "skipped" not in removal:
-        cell = removal["cell_mm"]
-        yield f"Simulated from the text (cells of {cell:g} mm): rapids cut nothing, shank and holder touch nothing"
-    yield from bending_checks(report)
+    yield from _simulated(report)
     deviation = report["surface"]["given_deviation_max_mm"]
     deepest = report["nc"]["gouge_to_given_max_mm"]
     yield f"Fitted surface within {deviation:.3f} mm of the mesh as given; a ball goes {deepest:.3f} mm into it"
@@ -445,22 +410,18 @@ def _left(report: Mapping[str, Any]) -> Iterator[str]:
     yield f"The stump of the post, over {report['post']['footprint_mm2']:.1f} mm² of the part, is removed {how}"
     above = report["post"].get("tailstock")
     if above:
-        yield f"What stays at the {above['kind']} of the tailstock, {_at_tailstock(report)} mm², is removed by hand"
-
-
-def _at_tailstock(report: Mapping[str, Any]) -> str:
-    """The area that stays at the free end: of the simulation, or else that under pin or upper neck, mm²."""
-    left = report["removal"].get("left")
-    area = left["by_reason"]["tailstock"] if left else report["post"]["tailstock"]["footprint_mm2"]
-    return f"{area:.1f}"
+        # that of the simulation, or else that under pin or upper neck
+        left = report["removal"].get("left")
+        area = left["by_reason"]["tailstock"] if left else above["footprint_mm2"]
+        yield f"What stays at the {above['kind']} of the tailstock, {area:.1f} mm², is removed by hand"
 
 
 def _warnings(job: Job, report: Mapping[str, Any]) -> Iterator[str]:
     """What the machinist must look at before the start."""
     yield from warning_texts(report["warnings"])
     yield IN_AIR
-    if not all(getattr(job, name).spindle and getattr(job, name).feed for name in job.cutter_names):
-        material = read_material(job.material.name)
+    material = asked_material(job)
+    if material is not None:
         yield f"Speeds of {material.title}: {material.note}"
 
 
@@ -468,19 +429,16 @@ IN_AIR = "The program has not run on a control: run it in the air first, and che
 """What is told of every program."""
 
 
-def second_article(
-    name: str, clamping: SecondClamping, job: Job, program: Program, report: Mapping[str, Any], version: str
-) -> str:
+def second_article(name: str, clamping: SecondClamping, job: Job, program: Program, report: Mapping[str, Any]) -> str:
     """The second clamping of the part in the file `name`; `report` is `second` of the run's, the job's [holding] that
     of the shell."""
-    machine = read_machine(job.nc.machine)
-    zero = zero_words(machine, job_dialect(job.nc))
+    machine, dialect = machine_and_dialect(job.nc)
+    zero = zero_words(machine, dialect)
     return article(
         name,
         program,
         job,
         report,
-        version,
         heading="Setup sheet: second clamping",
         caption="From the front (\u2212Y), sizes in mm: part and shell in section Y 0, and the stump.",
         mounted="Part, shell, clamping, zero",
@@ -503,11 +461,7 @@ def _second_checks(report: Mapping[str, Any]) -> Iterator[str]:
     """What was checked, and how well it held."""
     removal = report["removal"]
     yield from proof_lines(report)
-    yield (
-        f"Simulated from the text (cells of {removal['cell_mm']:g} mm), beginning with what the first program left: "
-        "rapids cut nothing, shank and holder touch nothing"
-    )
-    yield from bending_checks(report)
+    yield from _simulated(report, ", beginning with what the first program left")
     yield f"A ball goes {report['gouge_to_given_max_mm']:.3f} mm into the mesh as given at most"
     yield f"The tool stays {removal['clearance_mm']['shell']:.2f} mm from the shell"
 
@@ -523,11 +477,6 @@ def _second_left(report: Mapping[str, Any]) -> Iterator[str]:
         yield f"Uncut: {line}"
 
 
-def _section(solid: TriangleMesh) -> Float[ndarray, "n 2 2"]:
-    """The lines, from end to end (x, z), on which the plane Y 0 meets a solid."""
-    return section(solid, np.zeros(3), np.eye(3)[1])[:, :, [0, 2]]
-
-
 def _second_drawing(clamping: SecondClamping, job: Job, table: Table, zero: ZeroWords) -> str:
     """Part, shell, stump, chuck and table from the front, to scale, with their sizes, as SVG."""
     holding, shell, part = job.holding, clamping.shell, clamping.part
@@ -538,12 +487,12 @@ def _second_drawing(clamping: SecondClamping, job: Job, table: Table, zero: Zero
     if holding.chuck_height:
         paper.column(holding.chuck_diameter / 2, 0.0, holding.chuck_height, "chuck")
     post = holding.diameter / 2
-    outlines = {"shell": _section(shell), "part": _section(part)}
+    outlines = {"shell": outline(shell), "part": outline(part)}
 
     # The lowest place (z) at which a stump of `radius` stands on the outline of the part
-    outline = outlines["part"].reshape(-1, 2)
+    places = outlines["part"].reshape(-1, 2)
     sides = np.linspace(-post, post, 9)
-    tops = [outline[np.abs(outline[:, 0] - x) < post / 4, 1] for x in sides]
+    tops = [places[np.abs(places[:, 0] - x) < post / 4, 1] for x in sides]
     paper.column(post, float(min(top.max() for top in tops if len(top))), clamping.top, "post")
     for kind, pieces in outlines.items():
         for ends in pieces:
@@ -569,23 +518,16 @@ PROFILE = "the blank's profile stands in blank.csv of the kept folder and in the
 
 
 def wheel_article(
-    name: str,
-    solid: TriangleMesh,
-    blank: TurnedBlank,
-    job: Job,
-    program: Program,
-    report: Mapping[str, Any],
-    version: str,
+    name: str, solid: TriangleMesh, blank: TurnedBlank, job: Job, program: Program, report: Mapping[str, Any]
 ) -> str:
     """The one clamping of a wheel."""
-    machine = read_machine(job.nc.machine)
-    zero = zero_words(machine, job_dialect(job.nc))
+    machine, dialect = machine_and_dialect(job.nc)
+    zero = zero_words(machine, dialect)
     return article(
         name,
         program,
         job,
         report["nc"],
-        version,
         heading="Setup sheet: wheel",
         caption="From the front (\u2212Y), sizes in mm: the blank, and the wheel in section Y 0.",
         mounted="Blank, clamping, zero",
@@ -605,7 +547,7 @@ def _wheel_drawing(solid: TriangleMesh, blank: TurnedBlank, job: Job, table: Tab
     draw_table(paper, table)
     paper.column(job.holding.diameter / 2, 0.0, low, "post")
     paper.path(np.vstack([blank.profile, blank.profile[::-1] * [-1.0, 1.0]]), "stock")
-    for ends in section(solid, np.zeros(3), np.eye(3)[1])[:, :, [0, 2]]:
+    for ends in outline(solid):
         paper.path(ends, "part", closed=False)
     paper.height(0.0, low, radius, 32.0, f"{low:.2f}")
     paper.height(low, top, radius, 32.0, f"{top - low:.2f}")
@@ -619,8 +561,4 @@ def _wheel_checks(report: Mapping[str, Any]) -> Iterator[str]:
     yield from proof_lines(report["nc"])
     wheel = report["wheel"]
     yield f"{wheel['blades']} blades, {wheel['gap_mm']:.2f} mm apart where they are nearest"
-    removal = report["removal"]
-    if "skipped" not in removal:
-        cell = removal["cell_mm"]
-        yield f"Simulated from the text (cells of {cell:g} mm): rapids cut nothing, shank and holder touch nothing"
-    yield from bending_checks(report)
+    yield from _simulated(report)
