@@ -449,7 +449,7 @@ def through_loops(rows: Rows, tmesh: RowTMesh) -> TSpline:
     s = np.tile(np.arange(count) / count, loops)
     t = np.repeat(heights, count)
     weights = np.repeat(np.gradient(heights), count)
-    basis = tmesh.blending(np.append(s, [0.0, 0.0]), np.append(t, [0.0, 1.0]), 0)[0]
+    basis = tmesh.blending(np.append(s, [0.0, 0.0]), np.append(t, [0.0, 1.0]))
     weighted = sp.diags_array(np.append(weights, [1.0, 1.0])) @ basis
     points = np.vstack([rows.guides.reshape(-1, 3), rows.poles])
     nets = np.concatenate(

@@ -46,7 +46,7 @@ from bonecam.mesh.pose import upright
 from bonecam.mesh.rows import Rows, row_choices
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.progress import Progress, part, report, rising, silent
-from bonecam.surface.basis import FEWEST, element_points, periodic_collocation, span_functions
+from bonecam.surface.basis import FEWEST, clamped_spans, element_points, periodic_collocation, span_functions
 from bonecam.surface.fitting import (
     FINAL_PLANE_WEIGHT,
     LEAST_FACING,
@@ -165,8 +165,8 @@ def with_t_knots(t_knots: Float[ndarray, " k"], rows: list[ndarray], new: Float[
 
 def _cuts(tmesh: RowTMesh, votes: Votes) -> list[KnotCandidate]:
     """All cuts that got votes."""
-    span = np.clip(np.searchsorted(tmesh.t_knots, votes.t, side="right") - 1, 3, len(tmesh.t_knots) - 5)
-    functions = span_functions(tmesh.t_knots[span[:, None] + np.arange(-3, 5)], votes.t, 0)[0]
+    span, window = clamped_spans(tmesh.t_knots, votes.t)
+    functions = span_functions(window, votes.t, 0)[0]
     acting = span[:, None] + np.arange(-3, 1)
     widths = np.stack([_interval(tmesh.s_knots[j], votes.s)[1] for j in range(len(tmesh.s_knots))], axis=1)
     side = (functions * np.take_along_axis(widths, acting, axis=1)).sum(axis=1) * votes.around

@@ -66,8 +66,8 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.surface.basis import (
     FEWEST,
     clamped,
+    clamped_spans,
     collocation,
-    curve_knots,
     insertion,
     interpolate,
     sites,
@@ -106,7 +106,7 @@ class RowCurves:
         for i, row in enumerate(points):
             _check(i, row, closed)
         parameters = shared([chord_lengths(row, closed) for row in points], closed)
-        knots = tuple(curve_knots(s, closed) for s in parameters)
+        knots = tuple(s if closed else s[2:-2] for s in parameters)  # open: without the second, the last but one
         control = tuple(interpolate(k, s, row, closed) for k, s, row in zip(knots, parameters, points))
         return cls(closed, points, parameters, knots, control)
 
@@ -522,11 +522,10 @@ def _system(t: ndarray, order: int) -> ndarray:
 
 def _values(knots: ndarray, x: ndarray, order: int = 0) -> ndarray:
     """The clamped functions, or their `order`-th derivatives, at x: (n, r)."""
-    span = np.clip(np.searchsorted(knots, x, side="right") - 1, 3, len(knots) - 5)
+    span, window = clamped_spans(knots, x)
     matrix = np.zeros((len(x), len(knots) - 4))
-    matrix[np.arange(len(x))[:, None], span[:, None] + np.arange(-3, 1)] = span_functions(
-        knots[span[:, None] + np.arange(-3, 5)], x, order
-    )[order]
+    columns = span[:, None] + np.arange(-3, 1)
+    matrix[np.arange(len(x))[:, None], columns] = span_functions(window, x, order)[order]
     return matrix
 
 
