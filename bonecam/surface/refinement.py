@@ -564,14 +564,14 @@ def refine(surface: Surface, s: Float[ndarray, " n"], t: Float[ndarray, " n"], d
                 if abs(nearest - x) <= SNAP * np.ptp(own):
                     middles[axis][k] = nearest
             numbers[axis] = draft.insert_lines(axis, np.setdiff1d(middles[axis], own))
-    for s, t in zip(*(values.tolist() for values in middles)):
+    for at_s, at_t in zip(*(values.tolist() for values in middles)):
         if "s" in directions:
-            draft.cut(0, draft.line_at(0, s), _piece(draft.knots[1], t, upper=False))
+            draft.cut(0, draft.line_at(0, at_s), _piece(draft.knots[1], at_t, upper=False))
         if "t" in directions:
-            for piece in {_piece(draft.knots[0], s, upper=upper) for upper in (False, True)}:
-                draft.cut(1, draft.line_at(1, t), piece)
+            for piece in {_piece(draft.knots[0], at_s, upper=upper) for upper in (False, True)}:
+                draft.cut(1, draft.line_at(1, at_t), piece)
         if directions in ("st", "ts"):
-            draft.cut(0, draft.line_at(0, s), _piece(draft.knots[1], t, upper=True))
+            draft.cut(0, draft.line_at(0, at_s), _piece(draft.knots[1], at_t, upper=True))
     return refine_locally(surface, draft, numbers)
 
 
