@@ -207,8 +207,8 @@ def cap(
     onto: Callable[[Float[ndarray, "n 3"]], Float[ndarray, "n 3"]],
 ) -> tuple[TriangleMesh, Int[ndarray, " k"]] | None:
     """The closed mesh without the faces of `hollow`, the holes that they leave closed, and the numbers that its
-    vertices had before, of which those in caps (the last) have none; None where that is no closed body without handles that does
-    not cut itself, as over a groove all the way round.
+    vertices had before, of which those in caps (the last) have none; None where that is no closed body without handles
+    that does not cut itself, as over a groove all the way round.
 
     Edges in caps are at most `longest` mm; `onto` moves the points (mm) inside them to where they belong.
     """
