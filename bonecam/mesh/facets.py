@@ -98,23 +98,14 @@ def delaunay(points: Float[ndarray, "n 2"]) -> Int32[ndarray, "m 3"]:
         raise ValueError(f"{len(points)} points span no triangle: give three or more")
     if not np.isfinite(points).all():
         raise ValueError(f"point {int(np.argmin(np.isfinite(points).all(axis=1)))} is not finite")
-    triangulation = _Triangulation(_whole(points), _insertion_order(points).tolist())
-    return triangulation.faces()
-
-
-def _whole(points: Float[ndarray, "n 2"]) -> list[Point]:
-    """The points times one power of two that makes all coordinates whole; exact."""
+    # The points times one power of two that makes all coordinates whole; exact
     ratios = [value.as_integer_ratio() for value in points.ravel().tolist()]
     scale = max(below for _, below in ratios)
     values = [above * (scale // below) for above, below in ratios]
-    return list(zip(values[::2], values[1::2]))
-
-
-def _insertion_order(points: Float[ndarray, "n 2"]) -> Int[ndarray, " n"]:
-    """Neighbours soon after one another, so that the search for a triangle is short."""
     leaves = 1 << (len(points) - 1).bit_length()
     order: Int[ndarray, " n"] = tree_order(np.column_stack([points, np.zeros(len(points))]), leaves)
-    return order
+    triangulation = _Triangulation(list(zip(values[::2], values[1::2])), order.tolist())
+    return triangulation.faces()
 
 
 def orientation(a: Point, b: Point, c: Point) -> int:
@@ -208,17 +199,15 @@ class _Triangulation:
                 if orientation(points[start], points[end], p) < 0:
                     break
             else:
-                self._require_new(vertex, (a, b, c))
+                corners = (a, b, c)
+                for corner in corners:
+                    if self.points[corner] == self.points[vertex]:
+                        raise _equal(corner, vertex)
                 return a, b, c
             beyond = self.apex[end, start]
             if beyond == GHOST:
                 return end, start, GHOST
             a, b, c = end, start, beyond
-
-    def _require_new(self, vertex: int, corners: Triangle) -> None:
-        for corner in corners:
-            if self.points[corner] == self.points[vertex]:
-                raise _equal(corner, vertex)
 
 
 def _between(a: Point, b: Point, p: Point) -> bool:
@@ -386,7 +375,15 @@ def _fit(
     offsets = vertices[neighbours[starts[0] : starts[-1]]] - vertices[first + owner]
     begins = starts[:-1] - starts[0]
     if not few_allowed:
-        _require_wide(offsets, begins, first)
+        # MeshError where all neighbours of a vertex (the first is `first`) lie on a line or at one place
+        moments = np.linalg.eigvalsh(np.add.reduceat(offsets[:, :, None] * offsets[:, None, :], begins))
+        narrow = np.flatnonzero(~(moments[:, 1] > NARROWEST * moments[:, 2]))
+        if len(narrow):
+            vertex = first + int(narrow[0])
+            raise MeshError(
+                f"the neighbours of vertex {vertex} lie on a line: give a larger radius, or merge equal vertices",
+                vertex=vertex,
+            )
     squares = dots(offsets, offsets)
     farthest = np.sqrt(np.maximum.reduceat(squares, begins))
     weights = np.exp(-FALL * squares / farthest[owner] ** 2)
@@ -395,48 +392,20 @@ def _fit(
     for _ in range(2):
         t1 = perpendicular(n)
         t2 = np.cross(n, t1)
-        a, b, c, d, e, _ = _patches(
-            offsets, weights, farthest=farthest, owner=owner, begins=begins, frame=(t1, t2, n)
-        ).T
         frame = (t1, t2, n)
+        # Coefficients a .. f of each vertex; lengths are taken in `farthest`, so that all columns are alike in size
+        x, y, z = (dots(offsets, axis[owner]) / farthest[owner] for axis in frame)
+        columns = np.column_stack([x * x, y * y, x * y, x, y, np.ones(len(x))])
+        weighted = weights[:, None] * columns
+        matrices = np.add.reduceat(weighted[:, :, None] * columns[:, None, :], begins)
+        right = np.add.reduceat(weighted * z[:, None], begins)
+        solved = np.einsum("mij,mj->mi", np.linalg.pinv(matrices, hermitian=True), right)
+        a, b, c, d, e, _ = (solved * farthest[:, None] ** np.array([-1, -1, -1, 0, 0, 1])).T
         n = unit(n - d[:, None] * t1 - e[:, None] * t2)
     t1, t2, up = frame
     first_order = (t1 + d[:, None] * up, t2 + e[:, None] * up)
     second_order = tuple(factor[:, None] * up for factor in (2 * a, c, 2 * b))
     return surface_curvature((*first_order, *second_order), n)
-
-
-def _require_wide(offsets: Float[ndarray, "p 3"], begins: Int[ndarray, " m"], first: int) -> None:
-    """MeshError where all neighbours of a vertex (the first is `first`) lie on a line or at one place."""
-    moments = np.linalg.eigvalsh(np.add.reduceat(offsets[:, :, None] * offsets[:, None, :], begins))
-    narrow = np.flatnonzero(~(moments[:, 1] > NARROWEST * moments[:, 2]))
-    if len(narrow):
-        vertex = first + int(narrow[0])
-        raise MeshError(
-            f"the neighbours of vertex {vertex} lie on a line: give a larger radius, or merge equal vertices",
-            vertex=vertex,
-        )
-
-
-def _patches(
-    offsets: Float[ndarray, "p 3"],
-    weights: Float[ndarray, " p"],
-    farthest: Float[ndarray, " m"],
-    owner: Int[ndarray, " p"],
-    begins: Int[ndarray, " m"],
-    frame: tuple[Float[ndarray, "m 3"], Float[ndarray, "m 3"], Float[ndarray, "m 3"]],
-) -> Float[ndarray, "m 6"]:
-    """Coefficients a .. f of each vertex; lengths are taken in `farthest`, so that all columns are alike in
-    size."""
-    size = farthest[owner]
-    x, y, z = (dots(offsets, axis[owner]) / size for axis in frame)
-    columns = np.column_stack([x * x, y * y, x * y, x, y, np.ones(len(x))])
-    weighted = weights[:, None] * columns
-    matrices = np.add.reduceat(weighted[:, :, None] * columns[:, None, :], begins)
-    right = np.add.reduceat(weighted * z[:, None], begins)
-    solved = np.einsum("mij,mj->mi", np.linalg.pinv(matrices, hermitian=True), right)
-    powers = np.array([-1, -1, -1, 0, 0, 1])
-    return np.asarray(solved * farthest[:, None] ** powers)
 
 
 def voronoi_areas(mesh: TriangleMesh) -> Float[ndarray, " n"]:
@@ -466,7 +435,11 @@ class ElasticEnergy:
         """The energy on the faces of a mesh, open or closed."""
         weights = cotangent_weights(mesh)
         stiffness = diags_array(weights.sum(axis=1)) - weights
-        inside = _inside(mesh)
+        # Which vertices have faces all round
+        sides = np.vstack([mesh.faces[:, [k, (k + 1) % 3]] for k in range(3)])
+        ordered, count = np.unique(np.sort(sides, axis=1), axis=0, return_counts=True)
+        inside = np.bincount(mesh.faces.ravel(), minlength=len(mesh.vertices)) > 0
+        inside[ordered[count == 1].ravel()] = False
         areas = np.where(inside, voronoi_areas(mesh), 1.0)
         plate = diags_array(inside / np.sqrt(areas)) @ stiffness
         return cls(stiffness.tocsr(), plate.tocsr())
@@ -474,10 +447,6 @@ class ElasticEnergy:
     def matrix(self, alpha: float, beta: float) -> csr_array:
         """The symmetric H (v, v) with E = r H r / 2."""
         return (alpha * self.stiffness + beta * (self.plate.T @ self.plate)).tocsr()
-
-    def of_values(self, values: Float[ndarray, "v d"], alpha: float, beta: float) -> float:
-        """E of values at the vertices, such as unit tool axes."""
-        return float((values * (self.matrix(alpha, beta) @ values)).sum() / 2)
 
 
 def cotangent_weights(mesh: TriangleMesh) -> csr_array:
@@ -498,12 +467,3 @@ def cotangent_weights(mesh: TriangleMesh) -> csr_array:
         (np.concatenate(cotangents), (np.concatenate(starts), np.concatenate(ends))), shape=(count, count)
     ).tocsr()
     return (half + half.T).tocsr()
-
-
-def _inside(mesh: TriangleMesh) -> ndarray:
-    """Which vertices have faces all round."""
-    sides = np.vstack([mesh.faces[:, [k, (k + 1) % 3]] for k in range(3)])
-    ordered, count = np.unique(np.sort(sides, axis=1), axis=0, return_counts=True)
-    inside = np.bincount(mesh.faces.ravel(), minlength=len(mesh.vertices)) > 0
-    inside[ordered[count == 1].ravel()] = False
-    return inside

@@ -48,7 +48,6 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Bool, Float, Int, Int32, Int64
 from numpy import ndarray
-from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
@@ -189,10 +188,6 @@ class RepairState:
         """The next state: the changed mesh, and sentences of changes that keep the surface where it is."""
         return RepairState(mesh, self.done + tuple(map(Repair, changes)))
 
-    def closed(self, mesh: TriangleMesh, change: str, width: float, area: float) -> "RepairState":
-        """The next state after holes were closed, the widest of this width (mm), all of this area (mm2)."""
-        return RepairState(mesh, (*self.done, Repair(change, hole=width, guessed=area)))
-
     def keep(
         self, kept: Bool[ndarray, " m"], change: str, *, outside: Bool[ndarray, " m"] | bool = False
     ) -> "RepairState":
@@ -231,13 +226,6 @@ def apply_filter(state: RepairState, name: str, elements: str = "", sentence: st
     return state.then(mesh, *((sentence.format(counted(changed, noun)),) if changed else ()))
 
 
-def apply_filters(state: RepairState, filters: tuple[tuple[str, str, str, str], ...]) -> RepairState:
-    """`state` after MeshLab filters: name, elements that are counted, sentence and noun of each."""
-    for name, elements, sentence, noun in filters:
-        state = apply_filter(state, name, elements, sentence, noun)
-    return state
-
-
 @dataclass(frozen=True, eq=False)
 class Fault:
     """One thing wrong: its kind (one word), a phrase with the count, and where it is seen first (mm)."""
@@ -256,71 +244,55 @@ def faults_of(mesh: TriangleMesh) -> tuple[Fault, ...]:
 
     Genus and orientation are looked at only where the mesh is closed and manifold: they mean nothing before.
     """
-    edges = (*_null_faults(mesh), *_edge_faults(mesh))
-    shape = () if edges else _shape_faults(mesh)
-    return (*edges, *shape, *_intersection_faults(mesh))
-
-
-def _null_faults(mesh: TriangleMesh) -> tuple[Fault, ...]:
-    null = np.flatnonzero(~mesh.face_vectors.any(axis=1))
-    return (Fault("null", f"{len(null)} faces without area", _place_of_face(mesh, int(null[0]))),) if len(null) else ()
-
-
-def _edge_faults(mesh: TriangleMesh) -> tuple[Fault, ...]:
-    edges, counts = edges_of(mesh)
     faults = []
+    null = np.flatnonzero(~mesh.face_vectors.any(axis=1))
+    if len(null):
+        faults.append(Fault("null", f"{len(null)} faces without area", _place_of_face(mesh, null[0])))
+    edges, counts = edges_of(mesh)
+    unlike = []
     for kind, phrase, wrong in (
         ("open", "open edges", counts == 1),
         ("nonmanifold", "edges with more than two faces", counts > 2),
     ):
         if wrong.any():
-            faults.append(Fault(kind, f"{wrong.sum()} {phrase}", mesh.vertices[edges[np.argmax(wrong)]].mean(0)))
+            unlike.append(Fault(kind, f"{wrong.sum()} {phrase}", mesh.vertices[edges[np.argmax(wrong)]].mean(0)))
     halves = half_edges(mesh).reshape(-1, 2)
     _, first, same = np.unique(halves, axis=0, return_index=True, return_counts=True)
-    if not faults and (same > 1).any():
-        place = mesh.vertices[halves[first[np.argmax(same)], 0]]
-        faults.append(
-            Fault("mixed", f"{(same > 1).sum()} edges between faces that are oriented against each other", place)
-        )
+    if not unlike and (same > 1).any():
+        what = f"{(same > 1).sum()} edges between faces that are oriented against each other"
+        unlike.append(Fault("mixed", what, mesh.vertices[halves[first[np.argmax(same)], 0]]))
+    faults += unlike or ([] if faults else _shape_faults(mesh))
+    cut = self_intersections(mesh)
+    if len(cut):
+        faults.append(Fault("intersecting", f"{len(cut)} faces that cut others", _place_of_face(mesh, cut[0])))
     return tuple(faults)
 
 
-def _shape_faults(mesh: TriangleMesh) -> tuple[Fault, ...]:
+def _shape_faults(mesh: TriangleMesh) -> list[Fault]:
+    """What is wrong with the shape of a closed, manifold mesh: the first of several."""
     import igl
 
     pieces = pieces_of(mesh)
     whole = igl.is_vertex_manifold(mesh.faces.astype(np.int64))
     pinched = np.setdiff1d(np.flatnonzero(~whole), np.setdiff1d(np.arange(len(whole)), mesh.faces))
     if len(pinched):
-        return (Fault("pinched", f"{len(pinched)} vertices where two surfaces touch", mesh.vertices[pinched[0]]),)
+        return [Fault("pinched", f"{len(pinched)} vertices where two surfaces touch", mesh.vertices[pinched[0]])]
     if pieces.max() > 0:
-        return (Fault("parts", f"{pieces.max() + 1} separate parts", _place_of_face(mesh, int(np.argmax(pieces)))),)
+        return [Fault("parts", f"{pieces.max() + 1} separate parts", _place_of_face(mesh, np.argmax(pieces)))]
     if not mesh.volume > 0:
-        return (Fault("inward", f"an enclosed volume of {mesh.volume:.3g} mm^3", mesh.vertices[mesh.faces[0, 0]]),)
+        return [Fault("inward", f"an enclosed volume of {mesh.volume:.3g} mm^3", mesh.vertices[mesh.faces[0, 0]])]
     handles = genus(mesh)
     centre = mesh.vertices[np.unique(mesh.faces)].mean(0)
-    return (
-        (Fault("genus", f"{handles} handle{'s' if handles > 1 else ''} (genus {handles})", centre),) if handles else ()
-    )
+    what = f"{handles} handle{'s' if handles > 1 else ''} (genus {handles})"
+    return [Fault("genus", what, centre)] if handles else []
 
 
-def _intersection_faults(mesh: TriangleMesh) -> tuple[Fault, ...]:
-    cut = self_intersections(mesh)
-    return (
-        (Fault("intersecting", f"{len(cut)} faces that cut others", _place_of_face(mesh, int(cut[0]))),)
-        if len(cut)
-        else ()
-    )
-
-
-def _place_of_face(mesh: TriangleMesh, face: int) -> Float[ndarray, "3"]:
+def _place_of_face(mesh: TriangleMesh, face: np.integer) -> Float[ndarray, "3"]:
     return np.asarray(mesh.vertices[mesh.faces[face]].mean(0))
 
 
 def holes_of(mesh: TriangleMesh) -> list[Int[ndarray, " k"]]:
     """The vertices on the rim of each hole: open edges that hang together."""
-    import scipy.sparse as sp
-
     edges, counts = edges_of(mesh)
     rim = edges[counts == 1]
     if not len(rim):
@@ -328,7 +300,7 @@ def holes_of(mesh: TriangleMesh) -> list[Int[ndarray, " k"]]:
     names, compact = np.unique(rim, return_inverse=True)
     ends = compact.reshape(-1, 2)
     graph = sp.coo_array((np.ones(len(ends)), (ends[:, 0], ends[:, 1])), shape=(len(names), len(names)))
-    count, labels = sp.csgraph.connected_components(graph, directed=False)
+    count, labels = connected_components(graph, directed=False)
     return [names[labels == k] for k in range(count)]
 
 
@@ -347,8 +319,17 @@ def weld_seams(state: RepairState) -> RepairState:
     mesh = state.mesh
     fewest = best = len(_open_edges(mesh))
     welded = mesh
-    for tolerance in _tolerances(mesh) if fewest else ():
-        candidate = _weld(mesh, tolerance)
+    edges, _ = edges_of(mesh)
+    sizes = np.linalg.norm(mesh.vertices[edges[:, 0]] - mesh.vertices[edges[:, 1]], axis=1)
+    limit = SHORTEST_EDGE_SHARE * sizes[sizes > NO_EDGE * mesh.diagonal].min(initial=np.inf)
+    for tolerance in np.array(TOLERANCES) * mesh.diagonal if fewest else ():
+        if tolerance > limit:
+            break
+        # The mesh whose faces name, for each vertex on an open edge, the first that is near it
+        rim = np.unique(_open_edges(mesh))
+        first = np.arange(len(mesh.vertices))
+        first[rim] = rim[nearest_groups(mesh.vertices[rim], tolerance)]
+        candidate = TriangleMesh(mesh.vertices, first[mesh.faces].astype(np.int32))
         left = len(_open_edges(candidate))
         if left < best:
             best, welded = left, candidate
@@ -357,26 +338,18 @@ def weld_seams(state: RepairState) -> RepairState:
     if best == fewest:
         return state
     merged = len(np.unique(mesh.faces)) - len(np.unique(welded.faces))
-    distance = _largest_distance(mesh, welded)
+    moved: Float[ndarray, "m 3 3"] = mesh.vertices[mesh.faces] - mesh.vertices[welded.faces]
+    distance = float(np.linalg.norm(moved, axis=2).max())
     message = f"merged {counted(merged, 'duplicate vertex')} along open edges"
     after = keep_faces(welded)
     return state.moved(after, f"{message}, at most {distance:.2g} mm apart") if distance else state.then(after, message)
 
 
-def _tolerances(mesh: TriangleMesh) -> list[float]:
-    """The tolerances to try, mm, below the shortest edge."""
-    edges, _ = edges_of(mesh)
-    lengths = np.linalg.norm(mesh.vertices[edges[:, 0]] - mesh.vertices[edges[:, 1]], axis=1)
-    limit = SHORTEST_EDGE_SHARE * lengths[lengths > NO_EDGE * mesh.diagonal].min(initial=np.inf)
-    return [share * mesh.diagonal for share in TOLERANCES if share * mesh.diagonal <= limit]
-
-
-def _weld(mesh: TriangleMesh, tolerance: float) -> TriangleMesh:
-    """The mesh whose faces name, for each vertex on an open edge, the first that is near it."""
-    rim = np.unique(_open_edges(mesh))
-    first = np.arange(len(mesh.vertices))
-    first[rim] = rim[nearest_groups(mesh.vertices[rim], tolerance)]
-    return TriangleMesh(mesh.vertices, first[mesh.faces].astype(np.int32))
+def _at_rim(mesh: TriangleMesh) -> Bool[ndarray, " m"]:
+    """Which faces have an open edge."""
+    edges, counts = edges_of(mesh)
+    sides, rim = (edge_names(each, len(mesh.vertices)) for each in (half_edges(mesh), edges[counts == 1]))
+    return np.asarray(np.isin(sides, rim).any(axis=1))
 
 
 def _open_edges(mesh: TriangleMesh) -> Int32[ndarray, "e 2"]:
@@ -384,15 +357,10 @@ def _open_edges(mesh: TriangleMesh) -> Int32[ndarray, "e 2"]:
     return edges[(counts == 1) & (edges[:, 0] != edges[:, 1])]
 
 
-def _largest_distance(mesh: TriangleMesh, welded: TriangleMesh) -> float:
-    moved: Float[ndarray, "m 3 3"] = mesh.vertices[mesh.faces] - mesh.vertices[welded.faces]
-    return float(np.linalg.norm(moved, axis=2).max())
-
-
 def nearest_groups(points: Float[ndarray, "n 3"], tolerance: float) -> Int64[ndarray, " n"]:
     """For each point the first point of its group; points within `tolerance` of each other are of one group."""
     pairs = cKDTree(points).query_pairs(tolerance, output_type="ndarray")
-    graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(points), len(points)))
+    graph = sp.coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(points), len(points)))
     groups = connected_components(graph, directed=False)[1]
     _, first, index = np.unique(groups, return_index=True, return_inverse=True)
     return np.asarray(first[index], dtype=np.int64)
@@ -419,7 +387,7 @@ def components_of(mesh: TriangleMesh) -> Int[ndarray, " m"]:
     met = np.flatnonzero(ends[1:, 0] == ends[:-1, 0])
     count = int(patches.max(initial=-1)) + 1
     graph = sp.coo_array((np.ones(len(met)), (ends[met, 1], ends[met + 1, 1])), shape=(count, count))
-    return np.asarray(sp.csgraph.connected_components(graph, directed=False)[1][patches], dtype=np.int64)
+    return np.asarray(connected_components(graph, directed=False)[1][patches], dtype=np.int64)
 
 
 def keep_part(state: RepairState) -> RepairState:
@@ -430,14 +398,24 @@ def keep_part(state: RepairState) -> RepairState:
     if len(areas) == 1:
         return state
     part = _outermost(mesh, component_of, int(np.argmax(areas)))
-    volumes = _volumes(mesh, component_of)
-    closed = _closed(mesh, component_of)
+    corners = mesh.vertices - mesh.vertices.mean(axis=0)
+    volumes = np.asarray(np.bincount(component_of, np.linalg.det(corners[mesh.faces]) / 6))
+    # Which components have no open edge
+    closed = np.ones(len(areas), dtype=bool)
+    closed[component_of[_at_rim(mesh)]] = False
     inside = _shares_inside(mesh, component_of, part)
     inner = (inside == 1) | (closed & (inside > 0.5) & (volumes * volumes[part] < 0))
     loose = ~inner
     loose[part] = False
     if areas[loose].max(initial=0.0) > DEBRIS * areas[part]:
-        raise _several_parts(mesh, component_of, np.where(inner, 0.0, areas))
+        areas = np.where(inner, 0.0, areas)
+        parts = int((areas > 0).sum())
+        place = _middle(mesh, component_of == np.argsort(-areas, kind="stable")[1])
+        what = f"the mesh has {parts} separate parts, the second largest near {place_name(place)} mm"
+        remedy = "save the one to machine by itself"
+        if (edges_of(mesh)[1] == 1).any():
+            remedy += ", or merge close vertices in a mesh editor where the two are one"
+        raise MeshError(f"{what}: {remedy}", parts=parts, areas=areas, place=place)
     if loose.any():
         share = areas[loose].max() / areas[part]
         place = _middle(mesh, component_of == np.argmax(np.where(loose, areas, 0.0)))
@@ -453,34 +431,13 @@ def keep_part(state: RepairState) -> RepairState:
 
 def _outermost(mesh: TriangleMesh, component_of: Int[ndarray, " m"], largest: int) -> int:
     """The component that the largest lies inside of, else itself: a folded inner shell may have more area."""
-    low, high = (_extremes(mesh, component_of, extreme) for extreme in (np.minimum, np.maximum))
+    order = np.argsort(component_of, kind="stable")
+    starts = np.searchsorted(component_of[order], np.arange(component_of.max() + 1))
+    corners = mesh.vertices[mesh.faces[order]]
+    low, high = (extreme.reduceat(extreme.reduce(corners, axis=1), starts) for extreme in (np.minimum, np.maximum))
     round_it = np.flatnonzero(((low < low[largest]) & (high > high[largest])).all(axis=1))
     holding = [k for k in round_it if _shares_inside(mesh, component_of, int(k))[largest] == 1]
     return int(max(holding, key=lambda k: np.prod(high[k] - low[k]), default=largest))
-
-
-def _extremes(mesh: TriangleMesh, component_of: Int[ndarray, " m"], extreme: np.ufunc) -> Float[ndarray, "c 3"]:
-    """The lowest or highest coordinates of each component."""
-    order = np.argsort(component_of, kind="stable")
-    starts = np.searchsorted(component_of[order], np.arange(component_of.max() + 1))
-    corners = extreme.reduce(mesh.vertices[mesh.faces], axis=1)
-    return np.asarray(extreme.reduceat(corners[order], starts))
-
-
-def _volumes(mesh: TriangleMesh, component_of: Int[ndarray, " m"]) -> Float[ndarray, " c"]:
-    """The volume that each component encloses, mm^3, negative where its faces point inwards; of an open one as if the
-    middle of the mesh closed it."""
-    corners = mesh.vertices - mesh.vertices.mean(axis=0)
-    return np.asarray(np.bincount(component_of, np.linalg.det(corners[mesh.faces]) / 6))
-
-
-def _closed(mesh: TriangleMesh, component_of: Int[ndarray, " m"]) -> Bool[ndarray, " c"]:
-    """Which components have no open edge."""
-    edges, counts = edges_of(mesh)
-    sides, rim = (edge_names(each, len(mesh.vertices)) for each in (half_edges(mesh), edges[counts == 1]))
-    closed = np.ones(component_of.max() + 1, dtype=bool)
-    closed[component_of[np.isin(sides, rim).any(axis=1)]] = False
-    return closed
 
 
 def _shares_inside(mesh: TriangleMesh, component_of: Int[ndarray, " m"], outer: int) -> Float[ndarray, " c"]:
@@ -519,17 +476,6 @@ def _middle(mesh: TriangleMesh, faces: Bool[ndarray, " m"]) -> Float[ndarray, "3
     return np.asarray(mesh.vertices[mesh.faces[faces]].mean(axis=(0, 1)))
 
 
-def _several_parts(mesh: TriangleMesh, component_of: Int[ndarray, " m"], areas: Float[ndarray, " c"]) -> MeshError:
-    """The error of several parts, of which those inside another have no `areas`."""
-    parts = int((areas > 0).sum())
-    place = _middle(mesh, component_of == np.argsort(-areas, kind="stable")[1])
-    what = f"the mesh has {parts} separate parts, the second largest near {place_name(place)} mm"
-    remedy = "save the one to machine by itself"
-    if (edges_of(mesh)[1] == 1).any():
-        remedy += ", or merge close vertices in a mesh editor where the two are one"
-    return MeshError(f"{what}: {remedy}", parts=parts, areas=areas, place=place)
-
-
 SMOOTH = float(np.cos(np.radians(25.0)))
 """A surface that goes on below a cell, with a turn of less than this at its rim, has no wall there: neighbouring faces
 of the 558 of a coarse talus turn less."""
@@ -553,7 +499,18 @@ def resolve_junctions(state: RepairState) -> RepairState:
         return state
     if not surface.all():
         outside = ~part[cells].all(axis=1)
-        state = state.keep(surface, _left_out(mesh, cells, part, surface), outside=outside)
+        # What the faces are that are not of the surface of the part: those of debris, walls, faces that stick out
+        in_debris = ~part[cells] & (cells > 0)
+        of_debris = in_debris.any(axis=1) & ~surface
+        inside = part[cells].all(axis=1)
+        sticking_out = (cells == 0).all(axis=1)
+        kinds = {
+            f"dropped {counted(len(np.unique(cells[in_debris])), 'piece')} on faces of the part": of_debris,
+            f"removed {counted(int(inside.sum()), 'face')} inside the part": inside,
+            f"removed {counted(int(sticking_out.sum()), 'face')} that stuck out": sticking_out,
+        }
+        told = [f"{what} near {place_name(_middle(mesh, some))}" for what, some in kinds.items() if some.any()]
+        state = state.keep(surface, ", ".join(told), outside=outside)
     return state.then(after, *([f"turned {counted(int(turned.sum()), 'face')} round"] if turned.any() else []))
 
 
@@ -565,38 +522,15 @@ def _other_parts(mesh: TriangleMesh, cells: Int[ndarray, "m 2"], part: Bool[ndar
     return bool(others.max(initial=0.0) > DEBRIS * areas[part[cells].any(axis=1)].sum())
 
 
-def _left_out(
-    mesh: TriangleMesh, cells: Int[ndarray, "m 2"], part: Bool[ndarray, " c"], surface: Bool[ndarray, " m"]
-) -> str:
-    """What the faces are that are not of the surface of the part: those of debris, walls, faces that stick out."""
-    in_debris = ~part[cells] & (cells > 0)
-    of_debris = in_debris.any(axis=1) & ~surface
-    inside = part[cells].all(axis=1)
-    sticking_out = (cells == 0).all(axis=1)
-    kinds = {
-        f"dropped {counted(len(np.unique(cells[in_debris])), 'piece')} on faces of the part": of_debris,
-        f"removed {counted(int(inside.sum()), 'face')} inside the part": inside,
-        f"removed {counted(int(sticking_out.sum()), 'face')} that stuck out": sticking_out,
-    }
-    return ", ".join(
-        f"{reported} near {place_name(mesh.vertices[mesh.faces[faces]].mean(axis=(0, 1)))}"
-        for reported, faces in kinds.items()
-        if faces.any()
-    )
-
-
 def _cells(mesh: TriangleMesh) -> Int[ndarray, "m 2"]:
     """The cells in front and at the back of each face; 0 is the outside. An open edge leads from the one to the
     other."""
     import igl.copyleft.cgal as cgal
 
     count, cells = cgal.extract_cells(np.array(mesh.vertices), mesh.faces.astype(np.int64))
-    edges, counts = edges_of(mesh)
-    sides = edge_names(half_edges(mesh), len(mesh.vertices))
-    rim = np.isin(sides, edge_names(edges[counts == 1], len(mesh.vertices))).any(axis=1)
-    front, back = cells[rim].T
+    front, back = cells[_at_rim(mesh)].T
     graph = sp.coo_array((np.ones(len(front)), (front, back)), shape=(count, count))
-    return np.asarray(sp.csgraph.connected_components(graph, directed=False)[1][cells], dtype=np.int64)
+    return np.asarray(connected_components(graph, directed=False)[1][cells], dtype=np.int64)
 
 
 def _part_cells(mesh: TriangleMesh, cells: Int[ndarray, "m 2"]) -> Bool[ndarray, " c"]:
@@ -612,7 +546,7 @@ def _part_cells(mesh: TriangleMesh, cells: Int[ndarray, "m 2"]) -> Bool[ndarray,
         return part
     aside = (cells != largest).all(axis=1)
     graph = sp.coo_array((np.ones(int(aside.sum())), (front[aside], back[aside])), shape=(count, count))
-    around = sp.csgraph.connected_components(graph, directed=False)[1]
+    around = connected_components(graph, directed=False)[1]
     part |= around != around[0]
     part[largest] = True
     grown = True
@@ -670,26 +604,18 @@ INSIDE_OUT = (
 """What is told of a mesh that is inside out."""
 
 
-def tidy(state: RepairState) -> RepairState:
-    """Faces without area removed, the fins that are left where they were, and what meets at edges of more than two
-    faces and is not the part."""
-    areal = apply_filter(state, "meshing_remove_null_faces", "faces", "removed {} without area", "face")
-    return resolve_junctions(drop_fins(areal))
-
-
-def clean(state: RepairState) -> RepairState:
-    """Non-manifold places cut apart, then faces oriented alike, then holes closed, then all turned outwards."""
-    cut = keep_part(apply_filters(state, CUTTING))
-    return orient_outwards(close_holes(orient_coherently(cut)))
-
-
 def drop_unused(state: RepairState) -> RepairState:
     """The mesh without vertices of no face, which would widen its bounds, faces that name a vertex twice, and faces
     that stand there already: with the same vertices, or with others at the same places, the same way round."""
     mesh = state.mesh
     strays = len(mesh.vertices) - len(np.unique(mesh.faces))
     null = repeats_corner(mesh.faces)
-    duplicate = ~null & _stand_there(mesh)
+    # Which faces repeat an earlier one
+    place_of = np.unique(mesh.vertices + 0.0, axis=0, return_inverse=True)[1].ravel()
+    at = place_of[mesh.faces]
+    from_lowest = (np.argmin(at, axis=1)[:, None] + np.arange(3)) % 3
+    turned = np.take_along_axis(at, from_lowest, axis=1)
+    duplicate = ~null & (_repeated(np.sort(mesh.faces, axis=1)) | _repeated(turned))
     if not (strays or null.any() or duplicate.any()):
         return state
     counts = {
@@ -699,15 +625,6 @@ def drop_unused(state: RepairState) -> RepairState:
     }
     reported = (text.format(counted(number, noun)) for text, (number, noun) in counts.items() if number)
     return state.then(keep_faces(mesh, ~(null | duplicate)), *reported)
-
-
-def _stand_there(mesh: TriangleMesh) -> Bool[ndarray, " m"]:
-    """Which faces repeat an earlier one."""
-    place_of = np.unique(mesh.vertices + 0.0, axis=0, return_inverse=True)[1].ravel()
-    at = place_of[mesh.faces]
-    from_lowest = (np.argmin(at, axis=1)[:, None] + np.arange(3)) % 3
-    turned = np.take_along_axis(at, from_lowest, axis=1)
-    return _repeated(np.sort(mesh.faces, axis=1)) | _repeated(turned)
 
 
 def _repeated(trios: Int[ndarray, "m 3"]) -> Bool[ndarray, " m"]:
@@ -733,22 +650,6 @@ def drop_fins(state: RepairState) -> RepairState:
     return state.keep(
         ~fins, f"removed {counted(count, 'face')} that {'stick' if count > 1 else 'sticks'} out", outside=True
     )
-
-
-def orient_coherently(state: RepairState) -> RepairState:
-    """All faces of a piece oriented alike."""
-    after = apply_filter(state, "meshing_re_orient_faces_coherently").mesh
-    turned = int((dots(after.face_vectors, state.mesh.face_vectors) < 0).sum())
-    turned = min(turned, len(after.faces) - turned)
-    return state.then(after, *((f"turned {counted(turned, 'face')} round",) if turned else ()))
-
-
-def orient_outwards(state: RepairState) -> RepairState:
-    """The whole surface turned outwards where it encloses a negative volume."""
-    if state.mesh.volume >= 0:
-        return state
-    turned = TriangleMesh(state.mesh.vertices, state.mesh.faces[:, ::-1])
-    return state.then(turned, INSIDE_OUT)
 
 
 def close_holes(state: RepairState) -> RepairState:
@@ -778,7 +679,7 @@ def close_holes(state: RepairState) -> RepairState:
     guessed = max((width for width, rim in zip(widths, holes) if len(rim) > 3), default=0.0)
     alone = np.array([rim for rim in holes if len(rim) == 3], dtype=np.int32).reshape(-1, 3)
     area = after.area - state.mesh.area - TriangleMesh(state.mesh.vertices, alone).area
-    return state.closed(after, message, guessed, max(area, 0.0))
+    return RepairState(after, (*state.done, Repair(message, hole=guessed, guessed=max(area, 0.0))))
 
 
 MOST_FACES = 50_000
@@ -806,7 +707,12 @@ def decimate(
     for k in range(TRIES):
         target = most * 2**k
         report(progress, k / TRIES, f"decimating {len(mesh.faces)} faces to {target}")
-        fewer = _collapse_edges(state.mesh, target)
+        # The mesh with edges collapsed until `target` faces are left
+        meshset = to_meshset(state.mesh)
+        meshset.meshing_decimation_quadric_edge_collapse(
+            targetfacenum=target, preservenormal=True, preserveboundary=True, preservetopology=True
+        )
+        fewer = from_meshset(meshset)
         if not 0 < len(fewer.faces) <= target:
             continue
         deviation = max(hausdorff(mesh, fewer))
@@ -820,15 +726,6 @@ def decimate(
         faces=len(mesh.faces),
         deviation=deviation,
     )
-
-
-def _collapse_edges(mesh: TriangleMesh, target: int) -> TriangleMesh:
-    """The mesh with edges collapsed until `target` faces are left."""
-    meshset = to_meshset(mesh)
-    meshset.meshing_decimation_quadric_edge_collapse(
-        targetfacenum=target, preservenormal=True, preserveboundary=True, preservetopology=True
-    )
-    return from_meshset(meshset)
 
 
 LARGEST_DEVIATION = 0.02
@@ -856,12 +753,24 @@ def repair(mesh: TriangleMesh, *, progress: Progress = silent) -> tuple[Triangle
         return kept.mesh, kept.done
     _refuse_handles(faults, kept)
 
-    tidied = tidy(kept)
-    cleaned = clean(tidied)
+    areal = apply_filter(kept, "meshing_remove_null_faces", "faces", "removed {} without area", "face")
+    tidied = resolve_junctions(drop_fins(areal))
+    # Non-manifold places cut apart, then faces oriented alike, then holes closed, then all turned outwards
+    cleaned = tidied
+    for cutting in CUTTING:
+        cleaned = apply_filter(cleaned, *cutting)
+    cut = keep_part(cleaned)
+    # All faces of a piece oriented alike
+    after = apply_filter(cut, "meshing_re_orient_faces_coherently").mesh
+    turned = int((dots(after.face_vectors, cut.mesh.face_vectors) < 0).sum())
+    turned = min(turned, len(after.faces) - turned)
+    cleaned = close_holes(cut.then(after, *((f"turned {counted(turned, 'face')} round",) if turned else ())))
+    if cleaned.mesh.volume < 0:
+        cleaned = cleaned.then(TriangleMesh(cleaned.mesh.vertices, cleaned.mesh.faces[:, ::-1]), INSIDE_OUT)
     trouble = _not_repaired(faults, kept)
-    for k, stage in enumerate((_as_cleaned, unite, wrap)):
+    for k, stage in enumerate((None, unite, wrap)):
         report(progress, (k + 1) / 4, f"repairing: {faults[0]}")
-        state = stage(cleaned)
+        state = stage(cleaned) if stage else cleaned  # which may be good enough
         remaining = faults_of(state.mesh)
         if remaining:
             _refuse_handles(remaining, state)
@@ -870,13 +779,11 @@ def repair(mesh: TriangleMesh, *, progress: Progress = silent) -> tuple[Triangle
         moves = surface_moves(tidied.mesh, state.mesh, cleaned.mesh)
         if moves.largest <= LARGEST_DEVIATION * kept.mesh.diagonal:
             return state.mesh, state.done
-        trouble = _deviation_refusal(moves, state)
+        what = (
+            f"the repair ({state.changes}) moves the surface by {moves.largest:.2f} mm near {place_name(moves.place)}"
+        )
+        trouble = MeshError(f"{what}: mend the mesh there in a mesh editor", place=moves.place, tried=state.done)
     raise trouble
-
-
-def _as_cleaned(state: RepairState) -> RepairState:
-    """The cleaned mesh itself, which may be good enough."""
-    return state
 
 
 def _refuse_handles(faults: tuple[Fault, ...], state: RepairState) -> None:
@@ -892,11 +799,6 @@ def _not_repaired(faults: tuple[Fault, ...], state: RepairState) -> MeshError:
     )
     message = f"the mesh has {', '.join(map(str, faults))}{tried}: {remedy}"
     return MeshError(message, faults=faults, place=faults[0].place, tried=state.done)
-
-
-def _deviation_refusal(moves: SurfaceMovement, state: RepairState) -> MeshError:
-    what = f"the repair ({state.changes}) moves the surface by {moves.largest:.2f} mm near {place_name(moves.place)}"
-    return MeshError(f"{what}: mend the mesh there in a mesh editor", place=moves.place, tried=state.done)
 
 
 def _refuse_flat(mesh: TriangleMesh) -> None:

@@ -24,7 +24,7 @@ no cap closes it.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -79,7 +79,11 @@ def nearest_centres(
         nearer &= lengths(away) >= radius - ACCURACY
         nearer[nearer] = ~distance.inside(tried[going[nearer]])
         nearest[going[nearer]] = tried[going[nearer]]
-        slot = _slots(foot, feet[going], tried[going], SAME * radius)
+        # A foot takes the place of one that is the same, an empty place, or that of the foot farthest from the centre
+        apart = np.linalg.norm(feet[going] - foot[:, None], axis=2)
+        reach = np.linalg.norm(feet[going] - tried[going][:, None], axis=2)
+        again = apart.min(axis=1) < SAME * radius
+        slot = np.where(again, np.argmin(apart, axis=1), np.argmax(reach, axis=1))
         feet[going, slot] = foot
         outward[going, slot] = normals[face]
         centres = _allowed(points[going], tried[going], feet[going], outward[going], radius)
@@ -89,17 +93,6 @@ def nearest_centres(
         if not len(going):
             break
     return nearest
-
-
-def _slots(
-    foot: Float[ndarray, "n 3"], feet: Float[ndarray, "n k 3"], centres: Float[ndarray, "n 3"], same: float
-) -> Int[ndarray, " n"]:
-    """Where to keep a new foot: in place of one that it is the `same` as (within so many mm), in an empty place, or in
-    that of the foot farthest from the centre."""
-    apart = np.linalg.norm(feet - foot[:, None], axis=2)
-    away = np.linalg.norm(feet - centres[:, None], axis=2)
-    again = apart.min(axis=1) < same
-    return np.where(again, np.argmin(apart, axis=1), np.argmax(away, axis=1))
 
 
 def _allowed(
@@ -179,22 +172,13 @@ SMOOTHINGS = 20
 middle of their neighbours, as faces of the one before cut each other."""
 
 
-@dataclass(frozen=True, eq=False)
-class Capped:
-    """A closed mesh some faces of which were replaced by caps; `old` are the numbers that its vertices had before, of
-    which those in caps (the last) have none."""
-
-    mesh: TriangleMesh
-    old: Int[ndarray, " k"]
-
-
 def cap_folds(
     mesh: TriangleMesh,
     hollow: Bool[ndarray, " v"],
     onto_ball: Float[ndarray, "v 3"],
     longest: float,
     onto: Callable[[Float[ndarray, "n 3"]], Float[ndarray, "n 3"]],
-) -> Capped | None:
+) -> tuple[TriangleMesh, Int[ndarray, " k"]] | None:
     """The mesh with the vertices of a `hollow` moved to `onto_ball`, and with caps in place of the faces there that cut
     each other then: as few of those round them as are needed, all of the hollow at most. `longest`, `onto` and what
     comes back are those of `cap`."""
@@ -221,9 +205,10 @@ def cap(
     hollow: Bool[ndarray, " f"],
     longest: float,
     onto: Callable[[Float[ndarray, "n 3"]], Float[ndarray, "n 3"]],
-) -> Capped | None:
-    """The closed mesh without the faces of `hollow`, the holes that they leave closed; None where that is no closed
-    body without handles that does not cut itself, as over a groove all the way round.
+) -> tuple[TriangleMesh, Int[ndarray, " k"]] | None:
+    """The closed mesh without the faces of `hollow`, the holes that they leave closed, and the numbers that its
+    vertices had before, of which those in caps (the last) have none; None where that is no closed body without handles
+    that does not cut itself, as over a groove all the way round.
 
     Edges in caps are at most `longest` mm; `onto` moves the points (mm) inside them to where they belong.
     """
@@ -234,7 +219,8 @@ def cap(
     meshset = to_meshset(left)
     meshset.meshing_close_holes(maxholesize=len(mesh.faces), selfintersection=True)
     closed = from_meshset(meshset)
-    if len(closed.vertices) != len(old) or not _is_ball(closed):
+    is_ball = (edges_of(closed)[1] == 2).all() and pieces_of(closed).max() == 0 and genus(closed) == 0
+    if len(closed.vertices) != len(old) or not is_ball:
         return None
     while True:
         corners = closed.vertices[closed.faces]
@@ -250,14 +236,9 @@ def cap(
         vertices[inside] = onto(vertices[inside])
         capped = TriangleMesh(vertices.copy(), closed.faces)
         if not len(self_intersections(capped)):
-            return Capped(capped, old)
+            return capped, old
         vertices[inside] = neighbour_middles(capped)[inside]
     return None
-
-
-def _is_ball(mesh: TriangleMesh) -> bool:
-    """Whether a mesh is closed, in one piece and without handles."""
-    return bool((edges_of(mesh)[1] == 2).all() and pieces_of(mesh).max() == 0 and genus(mesh) == 0)
 
 
 LEAST = 0.15
@@ -336,7 +317,16 @@ def fill_pits(mesh: TriangleMesh, radius: float) -> Fill:
     moved = lengths(vertices - divided.vertices) > 0
     _unfold(ball, vertices, divided.faces, moved)
 
-    opened = _put_back(vertices, divided, of_vertex)
+    # Put the `vertices` of hollows whose faces cut each other back to where they were; the numbers of these
+    opened: set[int] = set()
+    every = set(of_vertex.tolist()) - {-1}
+    while opened < every:
+        cut = self_intersections(TriangleMesh(vertices, divided.faces))
+        if not len(cut):
+            break
+        opened |= (set(of_vertex[divided.faces[cut]].ravel().tolist()) & every) - opened or every
+        back = np.isin(of_vertex, list(opened))
+        vertices[back] = divided.vertices[back]
     filled = TriangleMesh(vertices, divided.faces)
     hollow_at, wanted = of_vertex, onto_ball
     for hollow in sorted(opened):
@@ -344,14 +334,26 @@ def fill_pits(mesh: TriangleMesh, radius: float) -> Fill:
         capped = cap_folds(filled, hollow_at == hollow, wanted, ball.longest, inside)
         if capped is not None:
             opened.remove(hollow)
-            filled = capped.mesh
-            new = len(capped.mesh.vertices) - len(capped.old)
-            hollow_at = np.append(hollow_at[capped.old], np.full(new, -1))
-            wanted = np.vstack([wanted[capped.old], filled.vertices[len(capped.old) :]])
+            filled, old = capped
+            hollow_at = np.append(hollow_at[old], np.full(len(filled.vertices) - len(old), -1))
+            wanted = np.vstack([wanted[old], filled.vertices[len(old) :]])
             vertices[of_vertex == hollow] = onto_ball[of_vertex == hollow]
     if len(opened) == count:
         return Fill(mesh, radius, open=count)
-    return _told(mesh, vertices, divided, Fill(filled, radius, count - len(opened), len(opened)))
+    depths = lengths(vertices - divided.vertices)
+    x, y, z = vertices[np.argmax(depths)].tolist()
+    middles = filled.vertices[filled.faces].mean(axis=1)
+    changed = lengths(exact_closest(mesh, middles)[0] - middles) > ACCURACY
+    return Fill(
+        filled,
+        radius,
+        hollows=count - len(opened),
+        open=len(opened),
+        depth=float(depths.max()),
+        place=(x, y, z),
+        area=float(lengths(filled.face_vectors[changed]).sum() / 2),
+        volume=filled.volume - mesh.volume,
+    )
 
 
 def _hollows(ball: Ball) -> Int[ndarray, " f"]:
@@ -366,7 +368,9 @@ def _hollows(ball: Ball) -> Int[ndarray, " f"]:
     depths[blocked] = lengths(ball.lying_near(ball.probes[blocked]) - ball.probes[blocked]) - ball.radius
     of_face = np.maximum(depths[faces].max(axis=1), depths[vertices:])
     within = of_face > SHALLOW
-    of_vertex = _joined(faces[within], vertices)
+    walls = faces[within]
+    edges = np.ones(walls.size), (walls.ravel(), np.roll(walls, 1, axis=1).ravel())
+    of_vertex = connected_components(coo_matrix(edges, shape=(vertices, vertices)), directed=False)[1]
     seeds = np.unique(of_vertex[faces[of_face > LEAST, 0]])
     numbers = np.full(vertices, -1)
     numbers[seeds] = np.arange(len(seeds))
@@ -400,39 +404,3 @@ def _unfold(
         folded = folded[moved[folded]]
         middles = neighbour_middles(TriangleMesh(vertices, faces))
         vertices[folded] = ball.onto(middles[folded], both_ways=True)
-
-
-def _joined(faces: Int[ndarray, "m 3"], vertices: int) -> Int[ndarray, " v"]:
-    """The number of the piece that each of so many vertices belongs to; pieces are joined by faces."""
-    edges = np.ones(faces.size), (faces.ravel(), np.roll(faces, 1, axis=1).ravel())
-    return connected_components(coo_matrix(edges, shape=(vertices, vertices)), directed=False)[1]
-
-
-def _put_back(vertices: Float[ndarray, "n 3"], divided: TriangleMesh, of_vertex: Int[ndarray, " n"]) -> set[int]:
-    """Put the `vertices` of hollows whose faces cut each other back to where they were; the numbers of these."""
-    opened: set[int] = set()
-    every = set(of_vertex.tolist()) - {-1}
-    while opened < every:
-        cut = self_intersections(TriangleMesh(vertices, divided.faces))
-        if not len(cut):
-            break
-        opened |= (set(of_vertex[divided.faces[cut]].ravel().tolist()) & every) - opened or every
-        back = np.isin(of_vertex, list(opened))
-        vertices[back] = divided.vertices[back]
-    return opened
-
-
-def _told(mesh: TriangleMesh, vertices: Float[ndarray, "n 3"], divided: TriangleMesh, fill: Fill) -> Fill:
-    """The figures of a `fill` of a mesh whose faces were `divided`, and their vertices moved."""
-    depths = lengths(vertices - divided.vertices)
-    x, y, z = vertices[np.argmax(depths)].tolist()
-    filled = fill.mesh
-    middles = filled.vertices[filled.faces].mean(axis=1)
-    moved = lengths(exact_closest(mesh, middles)[0] - middles) > ACCURACY
-    return replace(
-        fill,
-        depth=float(depths.max()),
-        place=(x, y, z),
-        area=float(lengths(filled.face_vectors[moved]).sum() / 2),
-        volume=filled.volume - mesh.volume,
-    )

@@ -123,7 +123,16 @@ def remesh(mesh: TriangleMesh, edge: float, *, iterations: int = 8) -> TriangleM
     meshset.meshing_isotropic_explicit_remeshing(
         iterations=iterations, targetlen=pure(edge), checksurfdist=True, maxsurfdist=pure(edge / 4), featuredeg=60.0
     )
-    return _with_tips(from_meshset(meshset), mesh.vertices[angle_sums(mesh) < TIP], edge)
+    even = from_meshset(meshset)
+
+    # Collapses cut tips off, as they measure only how far new faces lie off the old ones: the vertex nearest to each,
+    # where one lies within two edges, is moved there
+    tips = mesh.vertices[angle_sums(mesh) < TIP]
+    away, nearest = cKDTree(even.vertices).query(tips)
+    near = away < 2 * edge
+    vertices = even.vertices.copy()
+    vertices[np.asarray(nearest)[near]] = tips[near]
+    return TriangleMesh(vertices, even.faces)
 
 
 def angle_sums(mesh: TriangleMesh) -> Float[ndarray, " v"]:
@@ -132,16 +141,6 @@ def angle_sums(mesh: TriangleMesh) -> Float[ndarray, " v"]:
     sides = [unit(corners[:, (k + 1) % 3] - corners[:, k]) for k in range(3)]
     angles = np.stack([angles_between(sides[k], -sides[k - 1]) for k in range(3)], axis=1)
     return np.bincount(mesh.faces.ravel(), angles.ravel(), minlength=len(mesh.vertices))
-
-
-def _with_tips(mesh: TriangleMesh, tips: Float[ndarray, "t 3"], edge: float) -> TriangleMesh:
-    """The mesh with the vertex nearest to each of the `tips`, where one lies within two edges, moved there: collapses
-    cut tips off, as they measure only how far new faces lie off the old ones."""
-    away, nearest = cKDTree(mesh.vertices).query(tips)
-    near = away < 2 * edge
-    vertices = mesh.vertices.copy()
-    vertices[np.asarray(nearest)[near]] = tips[near]
-    return TriangleMesh(vertices, mesh.faces)
 
 
 def split_edges(mesh: TriangleMesh, edge: float) -> TriangleMesh:

@@ -100,7 +100,9 @@ def _smallest_through(
     """The smallest circle round at most four candidate points: through two or three of them."""
     chosen = points[candidates]
     best: tuple[float, list[int], ndarray] = (np.inf, [], chosen[0])
-    for subset in _subsets(len(candidates)):
+    count = len(candidates)
+    pairs = [[a, b] for a in range(count) for b in range(a + 1, count)]
+    for subset in pairs + [[a, b, c] for a, b in pairs for c in range(b + 1, count)]:
         corners = chosen[subset]
         system = 2 * (corners[1:] - corners[0])
         if np.linalg.matrix_rank(system) < len(system):
@@ -111,12 +113,6 @@ def _smallest_through(
         if radius < best[0] and (np.linalg.norm(chosen - centre, axis=1) <= radius * (1 + THROUGH)).all():
             best = radius, [candidates[k] for k in subset], centre
     return best[1], best[2], best[0]
-
-
-def _subsets(count: int) -> list[list[int]]:
-    """All pairs, then all triples of 0..count-1."""
-    pairs = [[a, b] for a in range(count) for b in range(a + 1, count)]
-    return pairs + [[a, b, c] for a, b in pairs for c in range(b + 1, count)]
 
 
 def rotation(x_deg: float, y_deg: float, z_deg: float) -> Float[ndarray, "3 3"]:

@@ -116,7 +116,12 @@ class Isolines:
         faces, rising = self._crossed(value)
         if not len(faces):
             raise MeshError(f"no isoline at {value:.6g}: give a value inside the field's range", value=value)
-        order = self._walk(faces, rising)
+        # The crossed faces in the order of the loop that begins at the first of them
+        successor = np.searchsorted(faces, self.neighbours[faces, rising]).tolist()
+        places = [0]
+        while successor[places[-1]] != 0:
+            places.append(successor[places[-1]])
+        order = faces[places]
         if len(order) != len(faces):
             place = self.mesh.vertices[self.mesh.faces[np.setdiff1d(faces, order)[0], 0]]
             where = ", ".join(f"{x:.2f}" for x in place)
@@ -134,22 +139,6 @@ class Isolines:
         ends = self._crossings(faces, rising, value) - self._crossings(faces, falling, value)
         return float(np.linalg.norm(ends, axis=1).sum())
 
-    def area_below(self, value: float) -> float:
-        """Area of the surface where the field is below `value`, exact on each face."""
-        low, middle, high = self._sorted_corners
-        cut_low = (value - low) ** 2 / ((middle - low) * (high - low) + np.finfo(float).tiny)
-        cut_high = 1 - (high - value) ** 2 / ((high - middle) * (high - low) + np.finfo(float).tiny)
-        share = np.select([value <= low, value < middle, value < high], [np.zeros_like(low), cut_low, cut_high], 1.0)
-        return float(share @ self._areas)
-
-    @cached_property
-    def _sorted_corners(self) -> Float[ndarray, "3 m"]:
-        return np.sort(self.field[self.mesh.faces], axis=1).T
-
-    @cached_property
-    def _areas(self) -> Float[ndarray, " m"]:
-        return np.asarray(np.linalg.norm(self.mesh.face_vectors, axis=1) / 2)
-
     def _crossed(self, value: float) -> tuple[Int[ndarray, " k"], Int[ndarray, " k"]]:
         """The crossed faces in rising order, and for each the local edge (from its vertex to the next) where
         the field rises."""
@@ -163,16 +152,6 @@ class Isolines:
         corners = above[self.mesh.faces[faces]]
         following = np.roll(corners, -1, axis=1)
         return np.argmax((~corners & following) if rises else (corners & ~following), axis=1)
-
-    def _walk(self, faces: Int[ndarray, " k"], rising: Int[ndarray, " k"]) -> Int[ndarray, " n"]:
-        """The crossed faces in the order of the loop that begins at the first of them."""
-        successor = np.searchsorted(faces, self.neighbours[faces, rising]).tolist()
-        order = [0]
-        here = successor[0]
-        while here != 0:
-            order.append(here)
-            here = successor[here]
-        return faces[order]
 
     def _crossings(self, faces: Int[ndarray, " k"], edges: Int[ndarray, " k"], value: float) -> Float[ndarray, "k 3"]:
         """Where the isoline crosses one edge of each face."""
@@ -214,7 +193,14 @@ class Rows:
     def vertex_parameters(self) -> Float[ndarray, "v 2"]:
         """(s, t) of each vertex of `mesh`: t its height in [0, 1], s its share of the arc length round its
         loop from the seam."""
-        return np.stack([_arc_shares(self), self.field_heights], axis=1)
+        # The share of the arc length round its loop at which each vertex lies, by the nearest point of the guides
+        count = self.guides.shape[1]
+        _, nearest = cKDTree(self.guides.reshape(-1, 3)).query(self.mesh.vertices)
+        loop, index = np.divmod(nearest, count)
+        here = self.guides[loop, index]
+        tangent = self.guides[loop, (index + 1) % count] - self.guides[loop, (index - 1) % count]
+        step = ((self.mesh.vertices - here) * tangent).sum(1) / (tangent**2).sum(1) * 2
+        return np.stack([np.mod((index + np.clip(step, -0.5, 0.5)) / count, 1.0), self.field_heights], axis=1)
 
 
 def harmonic_rows(
@@ -237,7 +223,16 @@ def harmonic_rows(
     guide_heights = np.interp(np.arange(1, (rows + 1) * GUIDES) / GUIDES, np.arange(rows + 2), [0.0, *wanted, 1.0])
     report(progress, 0.6, "tracing the rows")
     values = np.interp(guide_heights, heights, field_values)
-    guides = _align_loops([isolines.loop(float(value)) for value in values], points)
+    # Each loop as `points` equally spaced points from the seam
+    loops = [isolines.loop(float(value)) for value in values]
+    middle = len(loops) // 2
+    starts: list[ndarray] = [np.empty(0)] * len(loops)
+    starts[middle] = loops[middle][np.argmax(loops[middle][:, 0])]
+    for k in range(middle + 1, len(loops)):
+        starts[k] = nearest_on_loop(loops[k], starts[k - 1])[1]
+    for k in range(middle - 1, -1, -1):
+        starts[k] = nearest_on_loop(loops[k], starts[k + 1])[1]
+    guides = np.stack([equally_spaced(loop, start, points) for loop, start in zip(loops, starts)])
     chosen = guides[GUIDES - 1 :: GUIDES]
     on_mesh, _ = exact_closest(mesh, np.concatenate([chosen.reshape(-1, 3), even.vertices[poles]]))
     return Rows(
@@ -269,27 +264,23 @@ def measured_heights(isolines: Isolines) -> tuple[Float[ndarray, " k"], Float[nd
     share = np.cumsum(corners[order]) / isolines.mesh.area
     values = np.interp(np.arange(1, STRIPS) / STRIPS, share, isolines.field[order])
     lengths = np.array([isolines.length(float(value)) for value in values])
-    areas = np.array([isolines.area_below(float(value)) for value in values])
+
+    # Area of the surface where the field is below each value, exact on each face
+    low, middle, high = np.sort(isolines.field[isolines.mesh.faces], axis=1).T
+    whole = np.linalg.norm(isolines.mesh.face_vectors, axis=1) / 2
+    tiny = np.finfo(float).tiny
+    below = []
+    for value in values.tolist():
+        cut_low = (value - low) ** 2 / ((middle - low) * (high - low) + tiny)
+        cut_high = 1 - (high - value) ** 2 / ((high - middle) * (high - low) + tiny)
+        share = np.select([value <= low, value < middle, value < high], [np.zeros_like(low), cut_low, cut_high], 1.0)
+        below.append(float(share @ whole))
+    areas = np.array(below)
+
     caps = 2 * areas[0] / lengths[0], 2 * (isolines.mesh.area - areas[-1]) / lengths[-1]
     steps = np.concatenate([[caps[0]], 2 * np.diff(areas) / (lengths[1:] + lengths[:-1]), [caps[1]]])
     heights = np.concatenate([[0.0], np.cumsum(steps)])
     return heights / heights[-1], np.concatenate([[0.0], values, [1.0]])
-
-
-def _align_loops(loops: list[ndarray], points: int) -> Float[ndarray, "g p 3"]:
-    """Each loop as `points` equally spaced points from the seam.
-
-    The seam starts on the middle loop where it lies farthest out along +X and goes to the nearest place of
-    the next loop, up and down.
-    """
-    middle = len(loops) // 2
-    starts: list[ndarray] = [np.empty(0)] * len(loops)
-    starts[middle] = loops[middle][np.argmax(loops[middle][:, 0])]
-    for k in range(middle + 1, len(loops)):
-        starts[k] = nearest_on_loop(loops[k], starts[k - 1])[1]
-    for k in range(middle - 1, -1, -1):
-        starts[k] = nearest_on_loop(loops[k], starts[k + 1])[1]
-    return np.stack([equally_spaced(loop, start, points) for loop, start in zip(loops, starts)])
 
 
 def nearest_on_loop(loop: Float[ndarray, "k 3"], point: Float[ndarray, "3"]) -> tuple[int, Float[ndarray, "3"]]:
@@ -302,25 +293,18 @@ def nearest_on_loop(loop: Float[ndarray, "k 3"], point: Float[ndarray, "3"]) -> 
     return side, footpoints[side]
 
 
+def lengths_along(chain: Float[ndarray, "n d"]) -> Float[ndarray, " n"]:
+    """Length along a chain up to each of its points."""
+    return np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(chain, axis=0), axis=1))]
+
+
 def equally_spaced(loop: Float[ndarray, "k 3"], start: Float[ndarray, "3"], points: int) -> Float[ndarray, "p 3"]:
     """`points` points on a closed polygon at equal arc lengths from the place nearest to `start`."""
     side, place = nearest_on_loop(loop, start)
     chain = np.concatenate([[place], np.roll(loop, -(side + 1), axis=0), [place]])
-    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(chain, axis=0), axis=1))])
+    along = lengths_along(chain)
     wanted = along[-1] * np.arange(points) / points
     return np.stack([np.interp(wanted, along, chain[:, axis]) for axis in range(3)], axis=1)
-
-
-def _arc_shares(rows: Rows) -> Float[ndarray, " v"]:
-    """The share of the arc length round its loop at which each vertex lies, by the nearest point of the
-    guides."""
-    count = rows.guides.shape[1]
-    _, nearest = cKDTree(rows.guides.reshape(-1, 3)).query(rows.mesh.vertices)
-    loop, index = np.divmod(nearest, count)
-    here = rows.guides[loop, index]
-    tangent = rows.guides[loop, (index + 1) % count] - rows.guides[loop, (index - 1) % count]
-    step = ((rows.mesh.vertices - here) * tangent).sum(1) / (tangent**2).sum(1) * 2
-    return np.mod((index + np.clip(step, -0.5, 0.5)) / count, 1.0)
 
 
 MOST_CHOICES = 3
@@ -371,10 +355,7 @@ def distortion(rows: Rows) -> float:
     areas = lengths(np.cross(around, along))
     widths, tall = lengths(around), lengths(along)
     shear = np.arccos(np.clip(areas / (widths * tall), 0.0, 1.0))
-    spread = sum(_variance(np.log(size), areas) for size in (widths, tall))
+    spread = 0.0
+    for size in (np.log(widths), np.log(tall)):
+        spread += float(np.average((size - np.average(size, weights=areas)) ** 2, weights=areas))
     return float(spread + np.average(shear**2, weights=areas))
-
-
-def _variance(values: Float[ndarray, " n"], weights: Float[ndarray, " n"]) -> float:
-    """The weighted variance."""
-    return float(np.average((values - np.average(values, weights=weights)) ** 2, weights=weights))

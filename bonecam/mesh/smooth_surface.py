@@ -43,7 +43,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
-from scipy.sparse import coo_array, csr_array
+from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
@@ -107,44 +107,39 @@ MOST_OFF = 0.02
 """Share of the vertices that may lie off the planes."""
 
 
-@dataclass(frozen=True, eq=False)
-class Unstepped:
-    """A `mesh` without the steps of voxels of `pitch` (3,) mm, whose surface is `largest` mm away at most."""
-
-    mesh: TriangleMesh
-    pitch: Float[ndarray, "3"]
-    largest: float
-
-
 def step_pitch(mesh: TriangleMesh) -> Float[ndarray, "3"] | None:
     """The pitch (mm) along X, Y and Z of the voxels whose surface, by marching cubes or as cubes, a mesh is: its
     vertices lie in planes half a pitch or a pitch apart. None where they do not."""
-    pitches = [_pitch_along(mesh.vertices[:, axis]) for axis in range(3)]
-    return None if None in pitches else np.array(pitches)
+    pitches = []
+    for coordinates in mesh.vertices.T:
+        size = float(np.ptp(coordinates))
+        planes = np.sort(coordinates)
+        gaps = np.diff(planes)
+        gaps = gaps[gaps > ALIKE * size / 10]
+        if len(gaps) < 3 or size == 0:
+            return None
+        least = float(np.median(gaps[gaps < 1.5 * gaps.min()]))
+        number = (coordinates - planes[0]) / least
+        off = np.abs(number - np.round(number)) > 0.05
+        if off.mean() > MOST_OFF:
+            return None
+        # Vertices of marching cubes lie halfway between voxels too
+        odd = np.round(number[~off]).astype(int) % 2
+        pitches.append(2 * least if min(odd.mean(), 1 - odd.mean()) > 0.05 else least)
+    return np.array(pitches)
 
 
-def _pitch_along(coordinates: Float[ndarray, " n"]) -> float | None:
-    """The pitch along one axis: twice the gap of marching cubes, whose vertices lie halfway between voxels too."""
-    size = float(np.ptp(coordinates))
-    planes = np.sort(coordinates)
-    gaps = np.diff(planes)
-    gaps = gaps[gaps > ALIKE * size / 10]
-    if len(gaps) < 3 or size == 0:
-        return None
-    least = float(np.median(gaps[gaps < 1.5 * gaps.min()]))
-    number = (coordinates - planes[0]) / least
-    off = np.abs(number - np.round(number)) > 0.05
-    if off.mean() > MOST_OFF:
-        return None
-    odd = np.round(number[~off]).astype(int) % 2
-    halved = min(odd.mean(), 1 - odd.mean()) > 0.05
-    return 2 * least if halved else least
-
-
-def without_steps(mesh: TriangleMesh, pitch: Float[ndarray, "3"]) -> Unstepped:
-    """A smooth surface near the surface of voxels, whose vertices move by half a voxel at most."""
+def without_steps(mesh: TriangleMesh, pitch: Float[ndarray, "3"]) -> tuple[TriangleMesh, float]:
+    """A smooth surface near the surface of voxels of a `pitch` (mm), whose vertices move by half a voxel at most, and
+    how far the farthest does, mm."""
     before = np.array(mesh.vertices)
-    means = _means_of_neighbours(mesh)
+    # The matrix (n, n) that takes vertices to the means of their neighbours; one without any stays
+    sides = np.vstack([mesh.faces[:, [k, (k + 1) % 3]] for k in range(3)])
+    start, end = np.unique(np.vstack([sides, sides[:, ::-1]]), axis=0).T
+    alone = np.setdiff1d(np.arange(len(mesh.vertices)), start)
+    start, end = np.r_[start, alone], np.r_[end, alone]
+    weights = 1.0 / np.bincount(start, minlength=len(mesh.vertices))[start]
+    means = coo_array((weights, (start, end)), shape=(len(mesh.vertices),) * 2).tocsr()
     points = before
     for _ in range(STEPS):
         for factor in (SHRINK, SWELL):
@@ -153,17 +148,7 @@ def without_steps(mesh: TriangleMesh, pitch: Float[ndarray, "3"]) -> Unstepped:
         far = np.linalg.norm(moved, axis=1, keepdims=True) / HALF
         points = before + pitch * moved / np.maximum(far, 1.0)
     largest = float(np.linalg.norm(points - before, axis=1).max(initial=0.0))
-    return Unstepped(TriangleMesh(points, mesh.faces), pitch, largest)
-
-
-def _means_of_neighbours(mesh: TriangleMesh) -> csr_array:
-    """The matrix (n, n) that takes vertices to the means of their neighbours; one without any stays."""
-    sides = np.vstack([mesh.faces[:, [k, (k + 1) % 3]] for k in range(3)])
-    start, end = np.unique(np.vstack([sides, sides[:, ::-1]]), axis=0).T
-    alone = np.setdiff1d(np.arange(len(mesh.vertices)), start)
-    start, end = np.r_[start, alone], np.r_[end, alone]
-    weights = 1.0 / np.bincount(start, minlength=len(mesh.vertices))[start]
-    return coo_array((weights, (start, end)), shape=(len(mesh.vertices),) * 2).tocsr()
+    return TriangleMesh(points, mesh.faces), largest
 
 
 MOST = 0.9
@@ -210,13 +195,11 @@ class Coarseness:
     pitch: Float[ndarray, "3"] | None = None
 
     def __str__(self) -> str:
-        rough = f"steps of voxels{self._pitch_text}" if self.steps else "noise"
+        sizes = [] if self.pitch is None else [f"{size:.3g}" for size in self.pitch]
+        pitch = f" (every {' x '.join(sizes)} mm)" if sizes else ""
+        rough = f"steps of voxels{pitch}" if self.steps else "noise"
         also = f", {rough} of {self.bumps:.2g} mm" if self.steps or self.noise else ""
         return f"edges of {self.edge:.2g} mm with creases up to {np.degrees(self.crease):.0f} degrees{also}"
-
-    @property
-    def _pitch_text(self) -> str:
-        return f" (every {' x '.join(f'{size:.3g}' for size in self.pitch)} mm)" if self.pitch is not None else ""
 
     @property
     def report(self) -> dict[str, float | bool | list[float] | None]:
@@ -244,8 +227,21 @@ def coarseness_of(mesh: TriangleMesh) -> Coarseness:
     turns = angles_between(np.repeat(normals, 3, axis=0), normals[across.ravel()]).reshape(-1, 3)
     shared = areas[:, None] + areas[across]
     sagittas = shared / edges * turns / 8  # the mean of the two faces' heights over the edge, times a / 8
-    bumps, coherence = _bumps(mesh)
-    steps = _is_stepped(turns, across, normals, areas)
+    # The RMS height (mm) of vertices over the middle of their neighbours, less its mean, and the correlation of the
+    # heights of neighbours; 1 where all heights are equal
+    start, end = half_edges(mesh).reshape(-1, 2).T
+    heights = dots(vertex_normals(mesh), mesh.vertices - neighbour_middles(mesh))
+    heights = heights - heights.mean()
+    square = float((heights**2).mean())
+    together = float((heights[start] * heights[end]).mean())
+    bumps, coherence = float(np.sqrt(square)), together / square if square > 0 else 1.0
+    # Whether faces follow a grid of voxels: in many planes, all along axes and diagonals
+    signs = np.stack(np.meshgrid(*[[-1.0, 0.0, 1.0]] * 3), axis=-1).reshape(-1, 3)
+    along = (normals @ unit(signs[signs.any(axis=1)]).T).max(axis=1) > np.cos(FLAT)
+    face, side = np.nonzero(turns < FLAT)
+    graph = coo_array((np.ones(len(face)), (face, across[face, side])), shape=(len(areas),) * 2)
+    planes = connected_components(graph, directed=False)[0]
+    steps = bool(planes > MOST_PLANES and areas[along].sum() > STEPPED * areas.sum())
     crease = _kept_by_most(turns, shared)
     planar = bool(areas[(turns < FLAT).any(axis=1)].sum() > PLANAR * areas.sum())
     return Coarseness(
@@ -267,58 +263,31 @@ def _kept_by_most(values: Float[ndarray, "m 3"], areas: Float[ndarray, "m 3"]) -
     return float(values.ravel()[order][np.searchsorted(shares, MOST)])
 
 
-def _bumps(mesh: TriangleMesh) -> tuple[float, float]:
-    """The RMS height (mm) of vertices over the middle of their neighbours, less its mean, and the correlation of the
-    heights of neighbours; 1 where all heights are equal."""
-    start, end = half_edges(mesh).reshape(-1, 2).T
-    heights = dots(vertex_normals(mesh), mesh.vertices - neighbour_middles(mesh))
-    heights = heights - heights.mean()
-    square = float((heights**2).mean())
-    together = float((heights[start] * heights[end]).mean())
-    return float(np.sqrt(square)), together / square if square > 0 else 1.0
-
-
-def _is_stepped(
-    turns: Float[ndarray, "m 3"],
-    across: Int[ndarray, "m 3"],
-    normals: Float[ndarray, "m 3"],
-    areas: Float[ndarray, " m"],
-) -> bool:
-    """Whether faces follow a grid of voxels: in many planes, all along axes and diagonals."""
-    signs = np.stack(np.meshgrid(*[[-1.0, 0.0, 1.0]] * 3), axis=-1).reshape(-1, 3)
-    along = (normals @ unit(signs[signs.any(axis=1)]).T).max(axis=1) > np.cos(FLAT)
-    face, side = np.nonzero(turns < FLAT)
-    graph = coo_array((np.ones(len(face)), (face, across[face, side])), shape=(len(areas),) * 2)
-    planes = connected_components(graph, directed=False)[0]
-    return bool(planes > MOST_PLANES and areas[along].sum() > STEPPED * areas.sum())
-
-
 MOST_VOXELS = 30_000_000
 """Most voxels of the box round a label: marching cubes takes 60 bytes for each."""
 
 
 @dataclass(frozen=True, eq=False)
 class LabelSurface:
-    """The surface of a label, as voxels have it (`steps`), and smoothed where that was asked for."""
+    """The surface of a label, as voxels have it (`steps`), and smoothed (as `without_steps` does) where that was asked
+    for."""
 
     map: LabelMap
     label: int
     cut: bool
     steps: TriangleMesh
-    smoothed: Unstepped | None
+    smoothed: tuple[TriangleMesh, float] | None
 
     @property
     def mesh(self) -> TriangleMesh:
         """The surface, smoothed if it was."""
-        return self.smoothed.mesh.move(self.map.transform) if self.smoothed else self.steps.move(self.map.transform)
+        return (self.smoothed[0] if self.smoothed else self.steps).move(self.map.transform)
 
     @property
     def notes(self) -> tuple[str, ...]:
         """What is to be known of it."""
         size = " x ".join(f"{pitch:.3g}" for pitch in self.map.pitch)
-        how = (
-            f"smoothed within {self.smoothed.largest:.3f} mm of them" if self.smoothed else "their steps kept as asked"
-        )
+        how = f"smoothed within {self.smoothed[1]:.3f} mm of them" if self.smoothed else "their steps kept as asked"
         description = f"label {self.label}, one of {len(self.map.counts)}, voxels of {size} mm, {how}"
         cut = "the label reaches the edge of its map: the scan ends there, and the part with it"
         return (description, cut) if self.cut else (description,)
@@ -326,6 +295,8 @@ class LabelSurface:
 
 def label_surface(file: Path, label: int, *, smooth: bool) -> LabelSurface:
     """The surface of a label of a file, or of its only label for 0. FileError names what is wrong."""
+    import igl
+
     label_map = read_label_map(file)
     label = label_map.chosen(label)
     inside = label_map.labels == label
@@ -335,24 +306,17 @@ def label_surface(file: Path, label: int, *, smooth: bool) -> LabelSurface:
         what = f"label {label} spans {' x '.join(map(str, high - low + 1))} voxels, {MOST_VOXELS:,} are allowed"
         raise file_error(file, what, "resample the map")
     box = tuple(slice(a, b + 1) for a, b in zip(low, high))
-    steps = _marched(np.pad(inside[box], 1), label_map.pitch, low - 1)
+    padded = np.pad(inside[box], 1)
+    numbers = np.indices(padded.shape[::-1]).reshape(3, -1)[::-1].T  # x is the fastest
+    nodes = np.ascontiguousarray((numbers + low - 1) * label_map.pitch)
+    values = padded.transpose(2, 1, 0).ravel().astype(np.float64)
+    vertices, faces = igl.marching_cubes(values, nodes, *padded.shape, 0.5)[:2]
+    steps = TriangleMesh(vertices, faces.astype(np.int32))
     cut = bool((low == 0).any() or (high == np.array(inside.shape) - 1).any())
     mirrored = np.linalg.det(label_map.transform[:3, :3]) < 0
-    if mirrored:  # faces go round the other way in space
-        steps = TriangleMesh(steps.vertices, steps.faces[:, ::-1].copy())
+    if mirrored != (not steps.volume > 0):  # faces of a mirror image go round the other way in space
+        steps = TriangleMesh(vertices, steps.faces[:, ::-1])
     return LabelSurface(label_map, label, cut, steps, without_steps(steps, label_map.pitch) if smooth else None)
-
-
-def _marched(inside: np.ndarray, pitch: np.ndarray, first: np.ndarray) -> TriangleMesh:
-    """The surface between voxels inside and outside, at numbers times pitch; `first` are the numbers of the first."""
-    import igl
-
-    numbers = np.indices(inside.shape[::-1]).reshape(3, -1)[::-1].T  # x is the fastest
-    nodes = np.ascontiguousarray((numbers + first) * pitch)
-    values = inside.transpose(2, 1, 0).ravel().astype(np.float64)
-    vertices, faces = igl.marching_cubes(values, nodes, *inside.shape, 0.5)[:2]
-    mesh = TriangleMesh(vertices, faces.astype(np.int32))
-    return mesh if mesh.volume > 0 else TriangleMesh(vertices, faces[:, ::-1].astype(np.int32))
 
 
 COARSE = 0.5
@@ -439,17 +403,34 @@ def smooth_facets(mesh: TriangleMesh, coarseness: Coarseness, job: MeshJob, tole
     if job.facets == "exact":
         return None
     rough = is_rough(coarseness, tolerance)
-    even = _without_bumps(mesh, coarseness) if rough else mesh
+    even = mesh
+    if rough and coarseness.pitch is not None:
+        even, _ = without_steps(mesh, coarseness.pitch)
+    elif rough:
+        meshset = to_meshset(mesh)
+        meshset.apply_coord_taubin_smoothing(lambda_=SHRINK, mu=SWELL, stepsmoothnum=SMOOTHINGS)
+        even = from_meshset(meshset)
     left = coarseness_of(even) if rough else coarseness
     coarse = is_coarse(even, left, tolerance) or (job.facets == "smooth" and not rough)
     if not (rough or coarse):
         return None
-    halvings = _halvings(even, left, tolerance) if coarse else 0
+    halvings = 0
+    if coarse:  # once or more: until facets are fine beside the tolerance or too many
+        wanted = np.ceil(np.log2(max(left.sagitta / (FINE * tolerance), 1.0)) / 2)
+        most = np.floor(np.log2(MOST_FACES / len(even.faces)) / 2)
+        halvings = int(max(min(wanted, most), 1))
     smooth = _beside(_loop(even, halvings) if coarse else even, mesh, coarseness, halvings)
     if coarse and smooth.largest > job.smooth_within:
         drawn = _beside(_loop(even, halvings, job.smooth_within), mesh, coarseness, halvings)
         smooth = drawn if drawn.largest <= job.smooth_within else smooth
-    _require_near(smooth, job.smooth_within)
+    if smooth.largest > job.smooth_within:
+        raise MeshError(
+            f"the facets are coarser or rougher than what is asked of them ({smooth.coarseness}), and a smooth surface "
+            f"lies {smooth.largest:.2f} mm from them near {place_name(smooth.place)}, allowed {job.smooth_within:g}: "
+            f"raise mesh.smooth_within to {hundredths(smooth.largest)}, give a finer mesh, or set mesh.facets to exact",
+            place=smooth.place,
+            error=smooth.largest,
+        )
     return smooth
 
 
@@ -461,15 +442,6 @@ def note_on_kept_facets(mesh: TriangleMesh, coarseness: Coarseness, job: MeshJob
     if job.facets == "exact" and (is_coarse(mesh, coarseness, tolerance) or is_rough(coarseness, tolerance)):
         return f"facets kept as asked: {coarseness}"
     return ""
-
-
-def _without_bumps(mesh: TriangleMesh, coarseness: Coarseness) -> TriangleMesh:
-    """The mesh without the steps of voxels, within half of their pitch where that is known, or without noise."""
-    if coarseness.pitch is not None:
-        return without_steps(mesh, coarseness.pitch).mesh
-    meshset = to_meshset(mesh)
-    meshset.apply_coord_taubin_smoothing(lambda_=SHRINK, mu=SWELL, stepsmoothnum=SMOOTHINGS)
-    return from_meshset(meshset)
 
 
 def _beside(smooth: TriangleMesh, faceted: TriangleMesh, coarseness: Coarseness, halvings: int) -> Smoothing:
@@ -518,13 +490,6 @@ def _beside(smooth: TriangleMesh, faceted: TriangleMesh, coarseness: Coarseness,
     )
 
 
-def _halvings(mesh: TriangleMesh, coarseness: Coarseness, tolerance: float) -> int:
-    """How often edges are halved, once or more: until facets are fine beside the tolerance or too many."""
-    wanted = np.ceil(np.log2(max(coarseness.sagitta / (FINE * tolerance), 1.0)) / 2)
-    most = np.floor(np.log2(MOST_FACES / len(mesh.faces)) / 2)
-    return int(max(min(wanted, most), 1))
-
-
 def _loop(mesh: TriangleMesh, halvings: int, within: float = inf) -> TriangleMesh:
     """Loop's surface near the vertices, its edges `halvings` times halved; vertices that it leaves farther than
     `within` (mm) are drawn to DRAWN of that."""
@@ -551,14 +516,3 @@ def _halved(values: Float[ndarray, "n 3"], faces: Int[ndarray, "m 3"], halvings:
     import igl
 
     return np.asarray(igl.upsample(np.array(values), faces.astype(np.int64), halvings)[0])
-
-
-def _require_near(smooth: Smoothing, within: float) -> None:
-    if smooth.largest > within:
-        raise MeshError(
-            f"the facets are coarser or rougher than what is asked of them ({smooth.coarseness}), and a smooth surface "
-            f"lies {smooth.largest:.2f} mm from them near {place_name(smooth.place)}, allowed {within:g}: raise "
-            f"mesh.smooth_within to {hundredths(smooth.largest)}, give a finer mesh, or set mesh.facets to exact",
-            place=smooth.place,
-            error=smooth.largest,
-        )

@@ -48,7 +48,7 @@ from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.facets import vertex_normals
 from bonecam.mesh.files.points import read_blocks
 from bonecam.mesh.healing import holes_of
-from bonecam.mesh.rows import Isolines
+from bonecam.mesh.rows import Isolines, lengths_along
 from bonecam.mesh.solids import revolve_profile, revolve_ring, segments_around, solid_union
 from bonecam.mesh.triangle_mesh import TriangleMesh, side_by_side
 from bonecam.surface.skinning import PointRows, rows_of, skin
@@ -215,11 +215,6 @@ def revolved(profile: Float[ndarray, "n 2"], chord_tolerance: float, count: int 
     return revolve_profile(profile, count * -(-around // count))
 
 
-def lengths_along(curve: Float[ndarray, "n 2"]) -> Float[ndarray, " n"]:
-    """Length along a curve up to each of its points, mm."""
-    return np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(curve, axis=0), axis=1))]
-
-
 def places_on(curve: Float[ndarray, "n 2"], points: Float[ndarray, "k 2"]) -> Float[ndarray, " k"]:
     """Length along a curve up to its point nearest to each of the `points`, mm."""
     along = lengths_along(curve)
@@ -257,7 +252,7 @@ def mean_line(section: Float[ndarray, "n 3"]) -> Float[ndarray, "m 3"]:
     sides = section[start : end + 1], np.vstack([section[end:], section[: start + 1]])[::-1]
     resampled = []
     for side in sides:
-        along = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(side, axis=0), axis=1))]
+        along = lengths_along(side)
         at = np.linspace(0.0, along[-1], MEAN_POINTS)
         azimuth = np.unwrap(np.arctan2(side[:, 1], side[:, 0]))
         rows = np.column_stack([meridional(side), azimuth])
@@ -293,23 +288,19 @@ def read_flow_path(
     radius = np.hypot(table[:, 1], table[:, 2]) if table.shape[1] == 3 else table[:, 1]
     height = -table[:, 0] if axis == "-x" else table[:, 0]
     rows = scale * np.column_stack([radius, height])
-    _check(rows, file)
-    return rows
-
-
-def _check(curve: Float[ndarray, "n 2"], file: Path) -> None:
-    """FileError where a radius is not positive, or two points are one."""
-    if not (curve[:, 0] > 0).all():
-        row = int(np.argmin(curve[:, 0] > 0))
+    # FileError where a radius is not positive, or two points are one
+    if not (rows[:, 0] > 0).all():
+        row = int(np.argmin(rows[:, 0] > 0))
         raise FileError(
-            f"{file}: point {row} has the radius {curve[row, 0]:g}: give the axial place and the radius",
+            f"{file}: point {row} has the radius {rows[row, 0]:g}: give the axial place and the radius",
             file=str(file),
             row=row,
         )
-    steps = np.linalg.norm(np.diff(curve, axis=0), axis=1)
+    steps = np.linalg.norm(np.diff(rows, axis=0), axis=1)
     if not (steps > 0).all():
         row = int(np.argmin(steps > 0))
         raise FileError(f"{file}: points {row} and {row + 1} coincide: remove one", file=str(file), row=row)
+    return rows
 
 
 def blade_solid(surface: TSpline, chord_tolerance: float) -> TriangleMesh:
@@ -349,13 +340,8 @@ def _cap(loop: Int[ndarray, " k"], points: Float[ndarray, "n 3"]) -> Int[ndarray
     start, end = sorted(int(i) for i in np.unravel_index(np.argmax(away), away.shape))
     one = loop[start : end + 1][::-1]
     other = np.r_[loop[end:], loop[: start + 1]]
-    return _strip(one, _fractions(points[one]), other, _fractions(points[other]))
-
-
-def _fractions(chain: Float[ndarray, "k 3"]) -> Float[ndarray, " k"]:
-    """Length along a chain up to each of its points, as a share of the whole."""
-    along = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(chain, axis=0), axis=1))]
-    return along / along[-1]
+    ways = [lengths_along(points[side]) for side in (one, other)]
+    return _strip(one, ways[0] / ways[0][-1], other, ways[1] / ways[1][-1])
 
 
 def _strip(
@@ -414,9 +400,19 @@ def impeller(
         thinned(stretch(curve, *limits_beside(curve, beside)), chord_tolerance / 2) for curve in (hub, shroud)
     )
     around = segments_around(float(max(inner[:, 0].max(), outer[:, 0].max())), chord_tolerance)
+    # The polygon, counter-clockwise, of a shroud's curve and the curve `wall` mm off it, away from the hub
+    tangent = np.gradient(outer, axis=0)
+    normal = np.column_stack([tangent[:, 1], -tangent[:, 0]])
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    middle = len(outer) // 2
+    nearest = inner[np.argmin(np.linalg.norm(inner - outer[middle], axis=1))]
+    away = 1.0 if normal[middle] @ (outer[middle] - nearest) > 0 else -1.0
+    polygon = np.vstack([outer, (outer + away * wall * normal)[::-1]])
+    x, y = polygon.T
+    area = np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)
     return Impeller(
         revolve_profile(profile_over(inner, wall), around),
-        revolve_ring(_wall(outer, inner, wall), around),
+        revolve_ring((polygon if area > 0 else polygon[::-1]), around),
         tuple(turned(solid, 2 * np.pi * k / count) for k in range(count)),
     )
 
@@ -445,20 +441,6 @@ def profile_over(curve: Float[ndarray, "n 2"], wall: float) -> Float[ndarray, "m
     upward = curve if curve[-1, 1] >= curve[0, 1] else curve[::-1]
     back = float(upward[:, 1].min() - wall)
     return np.vstack([[[0.0, back], [upward[0, 0], back]], upward, [[0.0, upward[-1, 1]]]])
-
-
-def _wall(curve: Float[ndarray, "n 2"], hub: Float[ndarray, "h 2"], wall: float) -> Float[ndarray, "m 2"]:
-    """The polygon, counter-clockwise, of a shroud's curve and the curve `wall` mm off it, away from the hub."""
-    tangent = np.gradient(curve, axis=0)
-    normal = np.column_stack([tangent[:, 1], -tangent[:, 0]])
-    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    middle = len(curve) // 2
-    nearest = hub[np.argmin(np.linalg.norm(hub - curve[middle], axis=1))]
-    away = 1.0 if normal[middle] @ (curve[middle] - nearest) > 0 else -1.0
-    polygon = np.vstack([curve, (curve + away * wall * normal)[::-1]])
-    x, y = polygon.T
-    area = np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)
-    return polygon if area > 0 else polygon[::-1]
 
 
 def turned(mesh: TriangleMesh, angle: float) -> TriangleMesh:
@@ -508,14 +490,6 @@ class Wheel:
     def flow(self) -> tuple[float, float]:
         """The lengths along the profile between which the blades stand, with a margin."""
         return limits_beside(self.profile, meridional(self.coarse_blade.vertices))
-
-    def off_hub(self, t: float) -> Float[ndarray, " n"]:
-        """How far points of the blade's section at t are from the hub's profile, mm."""
-        left, right = self.blade.domain[0]
-        s = np.linspace(left, right, 40, endpoint=False)
-        points = meridional(self.blade.positions(s, np.full(len(s), t)))
-        on_hub = point_at(self.profile, places_on(self.profile, points))
-        return np.linalg.norm(points - on_hub, axis=1)
 
     def lift(self, height: float) -> "Wheel":
         """The wheel moved up, mm."""
@@ -585,8 +559,14 @@ def wheel_of(
             "the blade is not closed round from hub to tip: give sections that run round both of its sides"
         )
     wheel = Wheel(blade, count, profile, tuple(others), edge)
-    foot, tip = (np.median(wheel.off_hub(end)) for end in blade.domain[1])
-    if not foot < tip:
+    # How far the sections at both ends are from the hub's profile
+    left, right = blade.domain[0]
+    s = np.linspace(left, right, 40, endpoint=False)
+    off = []
+    for end in blade.domain[1]:
+        points = meridional(blade.positions(s, np.full(len(s), end)))
+        off.append(np.median(np.linalg.norm(points - point_at(profile, places_on(profile, points)), axis=1)))
+    if not off[0] < off[1]:
         raise SurfaceError("the blade's sections run from its tip to the hub: give them from the hub on")
     wheel.gap()
     if wheel.others:
@@ -660,7 +640,9 @@ class Channel:
 def channel_of(wheel: Wheel, reach: float) -> Channel:
     """The channel from the first blade to the next; floor and roof reach this far (mm) beyond the blades' edges,
     straight on where the hub ends. SurfaceError where the blades stand out of the blank that their tips give."""
-    foot, tip = (mean_line(_section(wheel.blade, end)) for end in wheel.blade.domain[1])
+    left, right = wheel.blade.domain[0]
+    s = np.linspace(left, right, SECTION_POINTS, endpoint=False)
+    foot, tip = (mean_line(wheel.blade.positions(s, np.full(len(s), end))) for end in wheel.blade.domain[1])
     blade = meridional(wheel.coarse_blade.vertices)
     contour = _contour(tip, blade)
 
@@ -719,13 +701,6 @@ def _roof(floor: TSpline, contour: Float[ndarray, "k 2"]) -> TSpline:
     R = sp.csr_array(floor.basis(s, t)[0])
     ways = spsolve(sp.csc_array(R.T @ R), R.T @ (wanted - points))
     return floor.with_control_points(floor.control_points + ways)
-
-
-def _section(blade: TSpline, t: float) -> Float[ndarray, "n 3"]:
-    """Points of a closed section of the blade."""
-    left, right = blade.domain[0]
-    s = np.linspace(left, right, SECTION_POINTS, endpoint=False)
-    return blade.positions(s, np.full(len(s), t))
 
 
 def _contour(tip: Float[ndarray, "m 3"], blade: Float[ndarray, "v 2"]) -> Float[ndarray, "k 2"]:

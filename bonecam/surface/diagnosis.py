@@ -4,18 +4,23 @@ standard: the blending functions sum to one; semi-standard: they do with some po
 standard: with none, so only the division by W = sum w B makes the surface follow its control points
 (Sederberg et al. 2004, section 3). All are looked for in Bernstein coefficients: sum_i x_i C_i = 1 on every
 element is a linear system, and its rank tells whether the functions are independent.
+
+A T-junction of a general T-mesh is a vertex with three edges inside the domain. Its extension runs against the missing
+edge to the first knot (edge extension) and through the missing edge to the second (face extension). A T-mesh in which
+no extension along s meets one along t is analysis-suitable: its blending functions are linearly independent and sum to
+one for some weights (Scott, Li, Sederberg & Hughes 2012, Definition 1).
 """
 
 import math
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float, Int64
 from numpy import ndarray
 
-from bonecam.surface.basis import Elements
-from bonecam.surface.tmesh import Surface, TMesh, junctions, meetings
+from bonecam.surface.tmesh import Surface, TMesh, beside
 
 ONE = 1e-10
 """How near a sum must come to one."""
@@ -25,6 +30,9 @@ RANK = 1e-12
 
 GRID = 17
 """Places along an element at which the sum is measured."""
+
+STEPS = ((1, 0), (0, 1), (-1, 0), (0, -1))
+"""Steps in lines of s and t of the directions 0 +s, 1 +t, 2 -s, 3 -t."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,12 +113,15 @@ def diagnose(surface: Surface) -> Diagnosis:
     nullity = int((values <= RANK * values[-1]).sum())
     kind = "standard" if errors.max() <= ONE else "non-standard" if weights is None else "semi-standard"
     general = isinstance(tmesh, TMesh)
-    face = _face_of(elements, tmesh.face_boxes) if general else np.arange(len(elements.boxes))
+    face = np.arange(len(elements.boxes))
+    crossing = touching = np.zeros((0, 2), dtype=np.int64)
+    if general:  # the face each element lies in
+        s, t = elements.boxes[:, :2].mean(axis=1), elements.boxes[:, 2:].mean(axis=1)
+        for k, (s_low, s_high, t_low, t_high) in enumerate(tmesh.face_boxes):
+            face[(s_low < s) & (s < s_high) & (t_low < t) & (t < t_high)] = k
+        crossing, touching = _meetings(tmesh)
     worst = np.zeros(int(face.max()) + 1)
     np.maximum.at(worst, face, errors)
-    none = np.zeros((0, 2), dtype=np.int64)
-    crossing, touching = meetings(tmesh) if general else (none, none)
-    count = len(junctions(tmesh).vertices) if general else 0
     return Diagnosis(
         kind=kind,
         sum_error=float(errors.max()),
@@ -118,16 +129,75 @@ def diagnose(surface: Surface) -> Diagnosis:
         faces=len(worst),
         unit_weights=weights,
         nullity=nullity,
-        junctions=count,
+        junctions=len(junctions(tmesh)[0]) if general else 0,
         crossing=crossing,
         touching=touching,
     )
 
 
-def _face_of(elements: Elements, faces: ndarray) -> Int64[ndarray, " e"]:
-    """The face each element lies in."""
-    s, t = elements.boxes[:, :2].mean(axis=1), elements.boxes[:, 2:].mean(axis=1)
-    face_of_element = np.empty(len(s), dtype=np.int64)
-    for k, (s_low, s_high, t_low, t_high) in enumerate(faces):
-        face_of_element[(s_low < s) & (s < s_high) & (t_low < t) & (t < t_high)] = k
-    return face_of_element
+def _around(tmesh: TMesh, pieces_s: ndarray, pieces_t: ndarray) -> ndarray:
+    """The values of the pieces between crossings on the four sides of each vertex, (n, 4); False where there
+    is no piece. `pieces_s` run along s, `pieces_t` along t."""
+    sides = np.zeros((tmesh.size, 4), dtype=bool)
+    for direction, step in enumerate(STEPS):
+        pieces = (pieces_s, pieces_t)[direction % 2]
+        place = tmesh.vertices + np.minimum(step, 0)
+        for axis in (0, 1):
+            if tmesh.period[axis]:
+                place[:, axis] %= pieces.shape[axis]
+        there = ((place >= 0) & (place < pieces.shape)).all(axis=1)
+        sides[there, direction] = pieces[tuple(place[there].T)]
+    return sides
+
+
+def junctions(tmesh: TMesh) -> tuple[Int64[ndarray, " j"], Int64[ndarray, " j"]]:
+    """All T-junctions: vertices, and the direction of the missing edge, 0 +s, 1 +t, 2 -s, 3 -t. Vertices with the same
+    two knots are one: an edge that goes on from any of them is not missing."""
+    edges = _around(tmesh, tmesh.along_s, tmesh.along_t)  # whether one leaves each vertex in each direction
+    inside = _around(
+        tmesh, beside(tmesh.inside, bool(tmesh.period[1])), beside(tmesh.inside.T, bool(tmesh.period[0])).T
+    )
+    s_long, t_long = (interval > 0 for interval in tmesh.intervals)
+    long = _around(
+        tmesh,
+        np.repeat(s_long[:, None], len(tmesh.t_lines), axis=1),
+        np.repeat(t_long[None], len(tmesh.s_lines), axis=0),
+    )
+    s, t = tmesh.s_lines[tmesh.vertices[:, 0]], tmesh.t_lines[tmesh.vertices[:, 1]]
+    place = np.unique(np.column_stack([s, t]), axis=0, return_inverse=True)[1].ravel()
+    leaving = np.zeros((int(place.max()) + 1, 4), dtype=bool)
+    np.logical_or.at(leaving, place, edges & long)
+    missing = ~edges & inside & (edges.sum(axis=1) == 3)[:, None] & ~leaving[place]
+    vertices, directions = np.nonzero(missing)
+    first = np.sort(np.unique(4 * place[vertices] + directions, return_index=True)[1])
+    return vertices[first], directions[first]
+
+
+def _meetings(tmesh: TMesh) -> tuple[Int64[ndarray, "c 2"], Int64[ndarray, "d 2"]]:
+    """Pairs of T-junctions whose extensions cross inside both, and pairs whose extensions only touch at an
+    end of one; the extension along s comes first."""
+    vertices, directions = junctions(tmesh)
+
+    # Extensions along s and those along t: T-junctions, knots of the line across, of the lower and of the higher end
+    extensions = []
+    for axis in (0, 1):
+        here = directions % 2 == axis
+        v = vertices[here]
+        forward = directions[here] < 2
+        knots = tmesh.local_knots[axis][v]
+        low = np.where(forward, knots[:, 1], knots[:, 0])
+        high = np.where(forward, knots[:, 4], knots[:, 3])
+        extensions.append((v, tmesh.local_knots[1 - axis][v][:, 2], low, high))
+    (s_vertices, y, low, high), (t_vertices, x, below, above) = extensions
+    y, low, high = y[:, None], low[:, None], high[:, None]
+
+    crossing = [np.zeros((0, 2), dtype=np.int64)]
+    touching = [np.zeros((0, 2), dtype=np.int64)]
+    # In a closed direction extensions may meet one period on
+    for ds, dt in product(*((-period, 0.0, period) if period else (0.0,) for period in tmesh.period)):
+        meet = (low <= x + ds) & (x + ds <= high) & (below + dt <= y) & (y <= above + dt)
+        inner = (low < x + ds) & (x + ds < high) & (below + dt < y) & (y < above + dt)
+        for pairs, which in ((crossing, inner), (touching, meet & ~inner)):
+            i, j = np.nonzero(which)
+            pairs.append(np.column_stack([s_vertices[i], t_vertices[j]]))
+    return np.concatenate(crossing), np.concatenate(touching)

@@ -79,7 +79,7 @@ def sample_mesh(mesh: TriangleMesh, count: int) -> tuple[Float[ndarray, "n 3"], 
     areas = np.linalg.norm(mesh.face_vectors, axis=1) / 2
     parts = np.ceil(np.sqrt(count * areas / areas.sum()) - 0.2).clip(1).astype(np.int64)
     points = [mesh.vertices]
-    weights = [_vertex_areas(mesh, areas) / 4]
+    weights = [np.bincount(mesh.faces.ravel(), np.repeat(areas / 3, 3), minlength=len(mesh.vertices)) / 4]
     for k in np.unique(parts):
         chosen = parts == k
         corners = mesh.vertices[mesh.faces[chosen]]
@@ -87,11 +87,6 @@ def sample_mesh(mesh: TriangleMesh, count: int) -> tuple[Float[ndarray, "n 3"], 
         points.append(inside)
         weights.append(np.repeat(0.75 * areas[chosen] / k**2, k**2))
     return np.vstack(points), np.concatenate(weights)
-
-
-def _vertex_areas(mesh: TriangleMesh, areas: ndarray) -> ndarray:
-    """A third of the faces around each vertex, times 1."""
-    return np.bincount(mesh.faces.ravel(), np.repeat(areas / 3, 3), minlength=len(mesh.vertices))
 
 
 def _centres(k: int) -> Float[ndarray, "q 3"]:
@@ -117,13 +112,10 @@ class Term:
     def width(self) -> int:
         """Largest distance of two columns that meet in a row."""
         starts, columns = self.matrix.indptr, self.matrix.indices
-        here = np.diff(starts) > 0
-        first = starts[:-1][here]
-        return (
-            int((np.maximum.reduceat(columns, first) - np.minimum.reduceat(columns, first)).max(initial=0))
-            if here.any()
-            else 0
-        )
+        first = starts[:-1][np.diff(starts) > 0]
+        if not len(first):
+            return 0
+        return int((np.maximum.reduceat(columns, first) - np.minimum.reduceat(columns, first)).max())
 
 
 @dataclass(frozen=True, eq=False)
@@ -226,6 +218,10 @@ class MeshSamples:
         return MeshSamples(self.points, self.areas, s, t, distances)
 
 
+NOWHERE = MeshSamples(np.empty((0, 3)), *[np.empty(0)] * 4)
+"""No samples."""
+
+
 @dataclass(frozen=True, eq=False)
 class FitTarget:
     """Samples of the mesh with their closest points on the surface (`inward`), and surface points that are
@@ -244,19 +240,16 @@ class FitTarget:
         """The target of a mesh at the parameters of the rows' harmonic field; its distances are infinite."""
         points, areas = sample_mesh(mesh, samples)
         s, t = harmonic_parameters(rows, points)
-        none = np.empty(0)
         inward = MeshSamples(points, areas, s, t, np.full(len(points), np.inf))
-        return cls(MeshNormals(mesh), inward, MeshSamples(np.empty((0, 3)), none, none, none, none), np.empty((0, 2)))
+        return cls(MeshNormals(mesh), inward, NOWHERE, np.empty((0, 2)))
 
     @classmethod
     def at_feet(cls, mesh: TriangleMesh, surface: TSpline, samples: int, tolerance: float) -> "FitTarget":
         """The target of a mesh at the closest points of a surface that is near it; `tolerance` as in `on`."""
         points, areas = sample_mesh(mesh, samples)
         s, t, distances = follow_closest_points(surface, points, *nearest_on_grid(surface, points))
-        none = np.empty(0)
-        nowhere = MeshSamples(np.empty((0, 3)), none, none, none, none)
         inward = MeshSamples(points, areas, s, t, distances)
-        return cls(MeshNormals(mesh), inward, nowhere, np.empty((0, 2))).on(surface, tolerance)
+        return cls(MeshNormals(mesh), inward, NOWHERE, np.empty((0, 2))).on(surface, tolerance)
 
     @property
     def all(self) -> MeshSamples:
@@ -449,7 +442,7 @@ def through_loops(rows: Rows, tmesh: RowTMesh) -> TSpline:
     s = np.tile(np.arange(count) / count, loops)
     t = np.repeat(heights, count)
     weights = np.repeat(np.gradient(heights), count)
-    basis = tmesh.blending(np.append(s, [0.0, 0.0]), np.append(t, [0.0, 1.0]), 0)[0]
+    basis = tmesh.blending(np.append(s, [0.0, 0.0]), np.append(t, [0.0, 1.0]))
     weighted = sp.diags_array(np.append(weights, [1.0, 1.0])) @ basis
     points = np.vstack([rows.guides.reshape(-1, 3), rows.poles])
     nets = np.concatenate(

@@ -37,7 +37,7 @@ from itertools import islice
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 from numpy import ndarray
 
 from bonecam.arrays import dots
@@ -46,7 +46,7 @@ from bonecam.mesh.pose import upright
 from bonecam.mesh.rows import Rows, row_choices
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.progress import Progress, part, report, rising, silent
-from bonecam.surface.basis import FEWEST, element_points, periodic_collocation, span_functions
+from bonecam.surface.basis import FEWEST, clamped_spans, element_points, periodic_collocation, span_functions
 from bonecam.surface.fitting import (
     FINAL_PLANE_WEIGHT,
     LEAST_FACING,
@@ -165,37 +165,31 @@ def with_t_knots(t_knots: Float[ndarray, " k"], rows: list[ndarray], new: Float[
 
 def _cuts(tmesh: RowTMesh, votes: Votes) -> list[KnotCandidate]:
     """All cuts that got votes."""
-    span = np.clip(np.searchsorted(tmesh.t_knots, votes.t, side="right") - 1, 3, len(tmesh.t_knots) - 5)
-    functions = span_functions(tmesh.t_knots[span[:, None] + np.arange(-3, 5)], votes.t, 0)[0]
+    span, window = clamped_spans(tmesh.t_knots, votes.t)
+    functions = span_functions(window, votes.t, 0)[0]
     acting = span[:, None] + np.arange(-3, 1)
     widths = np.stack([_interval(tmesh.s_knots[j], votes.s)[1] for j in range(len(tmesh.s_knots))], axis=1)
     side = (functions * np.take_along_axis(widths, acting, axis=1)).sum(axis=1) * votes.around
     height = (tmesh.t_knots[span + 1] - tmesh.t_knots[span]) * votes.along
     tall = height > side
 
-    voting = tall & (height > LOWEST * votes.goal)
-    worth = np.bincount(span[voting], votes.weight[voting], minlength=len(tmesh.t_knots))
-    cuts = []
-    for k in np.flatnonzero(worth):
-        cost = max(len(tmesh.s_knots[j]) for j in (k - 2, k - 1))
-        cuts.append(KnotCandidate(-1, float(tmesh.t_knots[k : k + 2].mean()), float(worth[k]) / cost))
-    return [*_row_cuts(tmesh, votes, ~tall, acting, functions), *cuts]
-
-
-def _row_cuts(
-    tmesh: RowTMesh, votes: Votes, voting: Bool[ndarray, " n"], acting: ndarray, functions: ndarray
-) -> list[KnotCandidate]:
     cuts = []
     for j, knots in enumerate(tmesh.s_knots):
         if len(knots) < FEWEST:
             continue
-        share = np.where(acting == j, functions, 0).sum(axis=1) * votes.weight * voting
+        share = np.where(acting == j, functions, 0).sum(axis=1) * votes.weight * ~tall
         here = share > 0
         index = _interval(knots, votes.s[here])[0]
         worth = np.bincount(index, share[here], minlength=len(knots))
         gaps = np.diff(np.append(knots, knots[0] + 1))
         for k in np.flatnonzero((worth > 0) & (gaps > NARROWEST)):
             cuts.append(KnotCandidate(j, float(np.mod(knots[k] + gaps[k] / 2, 1.0)), float(worth[k])))
+
+    voting = tall & (height > LOWEST * votes.goal)
+    worth = np.bincount(span[voting], votes.weight[voting], minlength=len(tmesh.t_knots))
+    for k in np.flatnonzero(worth):
+        cost = max(len(tmesh.s_knots[j]) for j in (k - 2, k - 1))
+        cuts.append(KnotCandidate(-1, float(tmesh.t_knots[k : k + 2].mean()), float(worth[k]) / cost))
     return cuts
 
 
@@ -235,21 +229,14 @@ def prune(surface: TSpline, target: FitTarget, limit: float, most: int) -> RowTM
         near = {(one.knot + d) % count for d in (-2, -1, 0, 1, 2)}
         if sum(map(len, gone)) >= most or near & gone[one.row] or count - len(gone[one.row]) <= FEWEST:
             continue
-        if (
-            one.row in (1, len(gone) - 2)
-            and _widest(np.delete(tmesh.s_knots[one.row], [*gone[one.row], one.knot])) > WIDEST
-        ):
+        left = np.delete(tmesh.s_knots[one.row], [*gone[one.row], one.knot])
+        if one.row in (1, len(gone) - 2) and np.diff(left, append=left[0] + 1).max() > WIDEST:
             continue
         then = now[one.samples] + one.moves
         if len(then) == 0 or np.abs(then).max() < limit:
             gone[one.row].add(one.knot)
             now[one.samples] = then
     return RowTMesh.from_rows(tmesh.t_knots, [np.delete(knots, sorted(g)) for knots, g in zip(tmesh.s_knots, gone)])
-
-
-def _widest(knots: Float[ndarray, " k"]) -> float:
-    """The widest gap of a row's knots, in turns."""
-    return float(np.diff(knots, append=knots[0] + 1).max())
 
 
 def spare_knots(surface: TSpline, target: FitTarget) -> tuple[Float[ndarray, " n"], list[Spared]]:

@@ -57,7 +57,15 @@ def fit_surface(
     widest = job.surface.tolerance_for()
     if fitted.tolerance > widest:
         fitted = replace(fitted, tolerance=widest, reached=fitted.deviation.max <= widest)
-    _check_deviation(fitted, max(widest, job.surface.largest_deviation), placed.file)
+    missed = fitted.deviation
+    limit = max(widest, job.surface.largest_deviation)
+    if missed.max > limit:
+        where = f"by {missed.max:.2f} mm near {place_name(missed.place)}"
+        raise SurfaceError(
+            f"{placed.file}: {fitted.control_points} control points miss the mesh {where}: {fitted.shortfall}, "
+            f"or raise surface.largest_deviation ({limit:g} mm) to {hundredths(missed.max)}",
+            deviation=missed,
+        )
     try:
         _require_usable(fitted.surface, job, placed.file)
     except SurfaceError:
@@ -88,16 +96,3 @@ def _require_usable(surface: TSpline, job: Job, name: str) -> None:
     """Raises SurfaceError where a surface is not valid, or so sharp in a place that it has no fine tessellation."""
     surface.tessellate(FINEST)
     require_valid(surface, job.levels.chord_tolerance, name)
-
-
-def _check_deviation(fitted: Fit, limit: float, name: str) -> None:
-    """Raises SurfaceError where the surface misses the mesh by more than `limit` (mm)."""
-    missed = fitted.deviation
-    if missed.max <= limit:
-        return
-    where = f"by {missed.max:.2f} mm near {place_name(missed.place)}"
-    raise SurfaceError(
-        f"{name}: {fitted.control_points} control points miss the mesh {where}: {fitted.shortfall}, "
-        f"or raise surface.largest_deviation ({limit:g} mm) to {hundredths(missed.max)}",
-        deviation=missed,
-    )

@@ -1,15 +1,10 @@
-"""Questions to a surface: closest points, curvature, measures, validity.
+"""Questions to a surface: area and volume, normals and curvature, closest points.
 
-Area and enclosed volume of a T-spline by Gauss quadrature on its Bezier elements.
+Measures come by Gauss quadrature on the Bezier elements: area = int |S_s x S_t| ds dt; volume = int S . (S_s x S_t) / 3
+ds dt (divergence theorem; closed, outward surfaces).
 
-area = int |S_s x S_t| ds dt; volume = int S . (S_s x S_t) / 3 ds dt (divergence theorem; closed, outward
-surfaces).
-
-Points of a surface, about evenly spaced, from which the search for closest points starts.
-
-Normals and principal curvatures from the first and second fundamental forms, and their limits at a pole.
-
-With n the outward normal, E = S_s.S_s, F = S_s.S_t, G = S_t.S_t and L = -n.S_ss, M = -n.S_st, N = -n.S_tt: a
+Principal curvatures come from the first and second fundamental forms. With n the outward normal,
+E = S_s.S_s, F = S_s.S_t, G = S_t.S_t and L = -n.S_ss, M = -n.S_st, N = -n.S_tt: a
 curvature is positive where the part bulges outward (towards the cutter), 1/R everywhere on a ball of radius
 R.
 
@@ -18,19 +13,18 @@ of the closed curve S_t(s), exact where the next row is coplanar with the pole, 
 normal curvatures -n.S_tt / S_t.S_t in those directions are met by one quadratic form in the least squares
 sense: exact where the surface is C2 at the pole.
 
-The thin-plate energy of a surface as a matrix over its control points.
+The thin-plate energy of a surface is a matrix over its control points,
 
     int |S_ss|^2 + 2 |S_st|^2 + |S_tt|^2 = P' M P        (Gan et al. 2014, section 4.2)
 
-over the parameters. The energy of a fit (`fitting.fairness`) is another one: it is taken in lengths, and
-weighs what is along the normal and what is in the tangent plane apart.
+over the parameters. That of a fit (`fitting.Quadrature`) is another one: it is taken in lengths, and weighs what is
+along the normal and what is in the tangent plane apart.
 
-Closest points on a T-spline: of any points, of points near the surface, and of points followed by a fit.
+Searches for closest points take the steps of `kernels.closest_points`, and go over a pole, round a closed direction and
+along an open border by its one rule. They differ in the start and in when they stop:
 
-All three take the steps of `kernels.closest.newton`, and go over a pole, round a closed direction and along
-an open border by its one rule. They differ in the start and in when they stop:
-
-    project                 from the nearest seeds, damped Newton until rounding; of several the nearest
+    project                 from the nearest of points spread over the surface (seeds), damped Newton until rounding;
+                            of several the nearest
     closest_points_near     from given parameters, few Gauss-Newton steps, each damped; with normals
     follow_closest_points   from given parameters, a fixed number of Gauss-Newton steps; the nearest passed
 
@@ -51,7 +45,7 @@ from bonecam.errors import SurfaceError
 from bonecam.kernels import closest_points
 from bonecam.mesh.facets import Curvature, principal, surface_curvature, tangent_axes
 from bonecam.surface.basis import element_points
-from bonecam.surface.tmesh import RowTMesh, Seeds, Surface
+from bonecam.surface.tmesh import RowTMesh, Surface
 
 AREA_POINTS = 12
 """Gauss points each way: |S_s x S_t| is the root of a rational function, which no finite number integrates."""
@@ -104,33 +98,42 @@ ELEMENT_SEEDS = (3, 32)
 """Fewest and most seeds along an element's side."""
 
 
+class Seeds(NamedTuple):
+    """Surface points from which the search for closest points starts."""
+
+    parameters: Float[ndarray, "n 2"]
+    """(s, t) of the points."""
+    tree: KDTree
+    """The points in mm, for the nearest of them."""
+    step_limit: Float[ndarray, "2"]
+    """Longest step of the search in s and in t: about two spacings of the points."""
+
+
 def seeds_on(surface: Surface) -> Seeds:
     """Points over the whole surface, about evenly spaced; closer together next to a pole."""
-    if isinstance(surface.tmesh, RowTMesh):
-        return _seeds_on_rows(surface)
-    return _seeds_on_elements(surface)
-
-
-def _seeds_on_elements(surface: Surface) -> Seeds:
-    """A grid on every element: the domain need not be a rectangle."""
     boxes = surface.elements().boxes
-    count = int(np.clip(np.ceil(np.sqrt(SEEDS / len(boxes))), *ELEMENT_SEEDS))
-    u, v = (x.ravel() for x in np.meshgrid(*[(np.arange(count) + 0.5) / count] * 2))
-    width = boxes[:, 1] - boxes[:, 0]
-    height = boxes[:, 3] - boxes[:, 2]
-    s = boxes[:, :1] + width[:, None] * u
-    t = boxes[:, 2:3] + height[:, None] * v
-    parameters = np.column_stack([s.ravel(), t.ravel()])
-    step_limit = 2 * np.array([width.max(), height.max()]) / count
-    return Seeds(parameters, KDTree(surface.positions(*parameters.T)), step_limit)
+    if not isinstance(surface.tmesh, RowTMesh):
+        # A grid on every element: the domain need not be a rectangle
+        count = int(np.clip(np.ceil(np.sqrt(SEEDS / len(boxes))), *ELEMENT_SEEDS))
+        u, v = (x.ravel() for x in np.meshgrid(*[(np.arange(count) + 0.5) / count] * 2))
+        width = boxes[:, 1] - boxes[:, 0]
+        height = boxes[:, 3] - boxes[:, 2]
+        s = boxes[:, :1] + width[:, None] * u
+        t = boxes[:, 2:3] + height[:, None] * v
+        parameters = np.column_stack([s.ravel(), t.ravel()])
+        step_limit = 2 * np.array([width.max(), height.max()]) / count
+        return Seeds(parameters, KDTree(surface.positions(*parameters.T)), step_limit)
 
-
-def _seeds_on_rows(surface: Surface) -> Seeds:
-    """A grid over the whole domain, and coarser rings between its first and last row and the poles."""
-    breaks = np.unique(surface.elements().boxes[:, 2:])
-    strips = zip(breaks[:-1], breaks[1:], _counts_along(surface, breaks))
-    t = np.concatenate([a + (b - a) * (np.arange(n) + 0.5) / n for a, b, n in strips])
+    # A grid over the whole domain, as many seeds in each strip of t as space them as along s, and coarser rings between
+    # its first and last row and the poles
     low, high = surface.domain[0]
+    breaks = np.unique(boxes[:, 2:])
+    s = np.linspace(float(low), float(high), AROUND, endpoint=False)
+    points = surface.positions(np.tile(s, len(breaks)), np.repeat(breaks, AROUND)).reshape(len(breaks), AROUND, 3)
+    around = np.linalg.norm(np.diff(points, axis=1), axis=2).mean()
+    across = np.linalg.norm(np.diff(points, axis=0), axis=2).mean(axis=1)
+    strips = zip(breaks[:-1], breaks[1:], np.clip(np.ceil(across / around), *ALONG).astype(int))
+    t = np.concatenate([a + (b - a) * (np.arange(n) + 0.5) / n for a, b, n in strips])
     s = low + (high - low) * (np.arange(AROUND) + 0.5) / AROUND
     near = (high - low) * (np.arange(POLE_AROUND) + 0.5) / POLE_AROUND + low
     ends = [breaks[0] + (t[0] - breaks[0]) * POLE_RINGS, breaks[-1] - (breaks[-1] - t[-1]) * POLE_RINGS]
@@ -138,15 +141,6 @@ def _seeds_on_rows(surface: Surface) -> Seeds:
     parameters = np.vstack([np.column_stack([np.tile(a, len(b)), np.repeat(b, len(a))]) for a, b in grids])
     step_limit = np.array([2 * (high - low) / AROUND, 2 * float(np.diff(t).max())])
     return Seeds(parameters, KDTree(surface.positions(*parameters.T)), step_limit)
-
-
-def _counts_along(surface: Surface, breaks: ndarray) -> list[int]:
-    """How many seeds each strip of t needs to space them as along s."""
-    s = np.linspace(float(surface.domain[0, 0]), float(surface.domain[0, 1]), AROUND, endpoint=False)
-    points = surface.positions(np.tile(s, len(breaks)), np.repeat(breaks, AROUND)).reshape(len(breaks), AROUND, 3)
-    around = np.linalg.norm(np.diff(points, axis=1), axis=2).mean()
-    across = np.linalg.norm(np.diff(points, axis=0), axis=2).mean(axis=1)
-    return [int(count) for count in np.clip(np.ceil(across / around), *ALONG)]
 
 
 POLE_RANGE = 1e-9
@@ -165,23 +159,6 @@ def unit(vectors: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
             f"the surface has no normal at sample {n}: move control points that coincide apart", sample=n
         )
     return vectors / length
-
-
-def pole_normal(S_t: Float[ndarray, "n 3"], upper: bool) -> Float[ndarray, "3"]:
-    """Outward unit normal of a pole from the derivatives S_t at n parameters s round it."""
-    area = np.cross(S_t, np.roll(S_t, -1, axis=0)).sum(axis=0)
-    return unit((area if upper else -area)[None])[0]
-
-
-def pole_curvature(S_t: Float[ndarray, "n 3"], S_tt: Float[ndarray, "n 3"], normal: Float[ndarray, "3"]) -> Curvature:
-    """Curvature (one row) of a pole from S_t and S_tt at n parameters s round it."""
-    axes = tangent_axes(normal[None], S_t[:1])
-    x, y = (S_t @ axis for axis in axes[0])
-    length = x * x + y * y
-    form = np.linalg.lstsq(
-        np.column_stack([x * x, 2 * x * y, y * y]) / length[:, None], -(S_tt @ normal) / length, rcond=None
-    )[0]
-    return principal(form[[0, 1, 1, 2]].reshape(1, 2, 2), axes)
 
 
 def normals_at(surface: Surface, s: Float[ndarray, " n"], t: Float[ndarray, " n"]) -> Float[ndarray, "n 3"]:
@@ -204,29 +181,29 @@ def curvature_at(surface: Surface, s: Float[ndarray, " n"], t: Float[ndarray, " 
     curvatures = [(regular, surface_curvature(tuple(d[regular] for d in derivatives[1:]), normals))]
     for end, here in poles:
         normal, S_t, S_tt = _pole_limits(surface, end)
-        curvatures.append((here, pole_curvature(S_t, S_tt, normal)))
+        axes = tangent_axes(normal[None], S_t[:1])
+        x, y = (S_t @ axis for axis in axes[0])
+        length = x * x + y * y
+        form = np.linalg.lstsq(
+            np.column_stack([x * x, 2 * x * y, y * y]) / length[:, None], -(S_tt @ normal) / length, rcond=None
+        )[0]
+        curvatures.append((here, principal(form[[0, 1, 1, 2]].reshape(1, 2, 2), axes)))
 
     # One curvature of all samples from those at some of their indices; of a pole one row stands for all
     count = len(s)
     whole = Curvature(np.empty(count), np.empty(count), np.empty((count, 3)), np.empty((count, 3)))
     for where, part in curvatures:
-        whole.k1[where] = part.k1
-        whole.k2[where] = part.k2
-        whole.direction1[where] = part.direction1
-        whole.direction2[where] = part.direction2
+        for name, values in vars(whole).items():
+            values[where] = getattr(part, name)
     return whole
 
 
 def _samples_at_poles(surface: Surface, t: ndarray) -> list[tuple[int, ndarray]]:
     """Indices of the samples on the lower (0) and the upper (1) pole, where there are some."""
     low, high = surface.domain[1]
-    distances = (np.asarray(t) - low, high - np.asarray(t))
-    samples = []
-    for end in (0, 1):
-        here = np.flatnonzero(distances[end] <= POLE_RANGE * (high - low))
-        if surface.poles[end] and len(here):
-            samples.append((end, here))
-    return samples
+    t = np.asarray(t)
+    near = [np.flatnonzero(distance <= POLE_RANGE * (high - low)) for distance in (t - low, high - t)]
+    return [(end, here) for end, here in enumerate(near) if surface.poles[end] and len(here)]
 
 
 def _pole_limits(surface: Surface, end: int) -> tuple[ndarray, ndarray, ndarray]:
@@ -235,7 +212,8 @@ def _pole_limits(surface: Surface, end: int) -> tuple[ndarray, ndarray, ndarray]
     s = low + (high - low) * (np.arange(POLE_DIRECTIONS) / POLE_DIRECTIONS)
     derivatives = surface.derivatives(s, np.full(len(s), surface.domain[1, end]), 2)
     S_t, S_tt = derivatives[2], derivatives[5]
-    return pole_normal(S_t, end == 1), S_t, S_tt
+    area = np.cross(S_t, np.roll(S_t, -1, axis=0)).sum(axis=0)
+    return unit((area if end else -area)[None])[0], S_t, S_tt
 
 
 def thin_plate_matrix(

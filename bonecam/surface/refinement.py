@@ -1,16 +1,13 @@
-"""Exact refinement: more control points, the same surface.
+"""Exact refinement: more control points, the same surface (exact knot insertion).
 
-Exact knot insertion in row-structured surfaces (Boehm 1980): knots in single rows, and new rows.
+Row-structured surfaces get knots in single rows, and new rows (Boehm 1980). In t a new row is a combination of two old
+ones, S = sum_j N_j(t) Q_j(s); both are first brought to the knots of either. All points are homogeneous, so weights
+take part like coordinates. Rows are closed (periodic knots, one a point) or open (clamped, four more than points).
 
-In t a new row is a combination of two old ones, S = sum_j N_j(t) Q_j(s); both are first brought to the knots
-of either. All points are homogeneous, so weights take part like coordinates. Rows are closed (periodic knots,
-one a point) or open (clamped, four more than points).
-
-Refinement that leaves the surface what it is: the faces that hold given samples are cut in the middle
-(exact local knot insertion).
-
-Local refinement of a general T-spline without changing it (Sederberg, Cardon, Finnigan, North, Zheng &
-Lyche 2004, section 4).
+General T-splines are refined locally (Sederberg, Cardon, Finnigan, North, Zheng & Lyche 2004, section 4). Faces are cut
+on a draft of the T-mesh. A cut runs through its face to the edges on either side and puts a vertex there; empty
+intervals beyond (the lines of a clamped border) are cut as well, so that a border stays clamped. A row that passes all
+round a closed direction is given four knots at least.
 
 A term is a blending function on five s- and five t-lines of the new T-mesh with its coefficients over the old
 functions. Terms and T-mesh are made to agree: a term that lacks a knot its vertex sees (violation 1) is split
@@ -18,9 +15,6 @@ there by knot insertion; a term with a knot that its vertex does not see (violat
 there; a term without vertex (violation 3) gets one. Lines are finite in number, so this ends. New control
 points are the terms' combinations of the old ones in homogeneous form: weights take part like coordinates,
 and nothing is assumed of the functions' sum, so the surface stays what it was for any model.
-
-Terms of a local refinement: blending functions on lines of the new T-mesh, compared with what their vertices
-see, and split by knot insertion.
 """
 
 from collections.abc import Callable, Sequence
@@ -29,24 +23,33 @@ from typing import Any, TypeVar
 
 import numpy as np
 import scipy.sparse as sp
-from jaxtyping import Float, Int64
+from jaxtyping import Bool, Float, Int64
 from numpy import ndarray
 
 from bonecam.errors import SurfaceError
-from bonecam.surface.basis import aligned
-from bonecam.surface.tmesh import NEAREST, Draft, OpenRowTMesh, RowTMesh, S, Surface, TMesh
+from bonecam.surface.basis import clamped_spans, distinct
+from bonecam.surface.tmesh import NEAREST, OpenRowTMesh, RowTMesh, Surface, TMesh, sight
 
 Row = tuple[ndarray, ndarray]  # knots and homogeneous control points (r, 4); one of each: a pole
 T = TypeVar("T")
 
 
-def refine_rows(surface: S, s: Float[ndarray, " n"], t: Float[ndarray, " n"], directions: str) -> S:
+def aligned(rows: Sequence[Float[ndarray, " _"]], period: float = 0.0) -> list[Float[ndarray, " _"]]:
+    """Rows of knots, those that differ by rounding only made equal to the least of them; a knot just below
+    the period comes to lie at 0."""
+    kept = distinct(np.concatenate(rows))
+    lifted = distinct(np.append(kept, kept[0] + period)) if period else kept
+    values = np.append(kept[:-1], kept[0]) if period and len(lifted) == len(kept) else kept
+    return [values[np.searchsorted(kept, row, side="right") - 1] for row in rows]
+
+
+def refine_rows(surface: Surface, s: Float[ndarray, " n"], t: Float[ndarray, " n"], directions: str) -> Surface:
     """The unchanged surface with a knot in the middle of the interval that holds s in each row that acts at
     t ("s"), and in the middle of the t-span ("t").
     """
     tmesh: Any = surface.tmesh
     rows = _rows(surface)
-    span = np.clip(np.searchsorted(tmesh.t_knots, t, side="right") - 1, 3, len(tmesh.t_knots) - 5)
+    span, _ = clamped_spans(tmesh.t_knots, t)
     if "s" in directions:
         for j in range(len(rows)):
             acting = (span - 3 <= j) & (j <= span)
@@ -59,7 +62,7 @@ def refine_rows(surface: S, s: Float[ndarray, " n"], t: Float[ndarray, " n"], di
     return _surface_of(surface, t_knots, rows)
 
 
-def with_row_knots(surface: S, new: Sequence[Float[ndarray, " _"]]) -> S:
+def with_row_knots(surface: Surface, new: Sequence[Float[ndarray, " _"]]) -> Surface:
     """The unchanged surface with more s-knots in its rows. `new` holds for each row knots in [0, 1) that it
     does not have yet, none for a pole.
     """
@@ -67,10 +70,10 @@ def with_row_knots(surface: S, new: Sequence[Float[ndarray, " _"]]) -> S:
     return _surface_of(surface, surface.tmesh.t_knots, rows)
 
 
-def _surface_of(surface: S, t_knots: ndarray, rows: Sequence[Row]) -> S:
+def _surface_of(surface: Surface, t_knots: ndarray, rows: Sequence[Row]) -> Surface:
     points = np.vstack([row[1] for row in rows])
     tmesh = type(surface.tmesh).from_rows(t_knots, [row[0] for row in rows])
-    return surface.with_tmesh(tmesh, points[:, :3] / points[:, 3:], points[:, 3])
+    return type(surface)(tmesh, points[:, :3] / points[:, 3:], points[:, 3])
 
 
 def _rows(surface: Surface) -> list[Row]:
@@ -93,7 +96,7 @@ def _middles(row: Row, s: ndarray, known: ndarray) -> ndarray:
     """The middles of the intervals that hold s; one that is a known knot but for rounding is that knot."""
     knots = row[0]
     if _is_open(row):
-        k = np.unique(np.clip(np.searchsorted(knots, s, side="right") - 1, 3, len(knots) - 5))
+        k = np.unique(clamped_spans(knots, s)[0])
         middles = (knots[k] + knots[k + 1]) / 2
         period = 2.0
     else:
@@ -115,15 +118,11 @@ def with_knots(row: Row, new: Float[ndarray, " k"]) -> Row:
         return every, np.repeat(points, len(every), axis=0)
     for x in new:
         if _is_open((knots, points)):
-            knots, legs = _insert(knots, list(points), float(x), _blend_points)
+            knots, legs = _insert(knots, list(points), float(x), lambda a, b, ratio: a * (1 - ratio) + b * ratio)
             points = np.array(legs)
         else:
             knots, points = _insert_periodic(knots, points, float(x))
     return knots, points
-
-
-def _blend_points(first: ndarray, second: ndarray, ratio: float) -> ndarray:
-    return first * (1 - ratio) + second * ratio
 
 
 def _insert_periodic(knots: ndarray, points: ndarray, x: float) -> Row:
@@ -175,6 +174,123 @@ def _lacking(row: Row, other: Row) -> ndarray:
     return np.repeat(every, np.maximum(times - own, 0))
 
 
+FEWEST = 4
+"""Knots of a row all round a closed direction."""
+
+
+def _place(axis: int, line: int, row: int) -> tuple[int, int]:
+    """Where `line` of `axis` meets `row` of the other, in arrays over s and t."""
+    return (line, row) if axis == 0 else (row, line)
+
+
+@dataclass(eq=False)
+class Draft:
+    """A T-mesh that is being changed: the fields of `TMesh`, with a grid of vertex numbers (`crossings`, -1:
+    none) instead of the vertices. Axis 0 is s, axis 1 is t; an edge on an s-line runs along t."""
+
+    knots: list[Float[ndarray, " _"]]
+    edges: list[Bool[ndarray, "_ _"]]
+    inside: Bool[ndarray, "_ _"]
+    crossings: Int64[ndarray, "_ _"]
+    period: tuple[float, float]
+
+    def tmesh(self) -> TMesh:
+        """The finished T-mesh; vertices keep their numbers."""
+        # Each row that passes all round a closed direction with vertices but too few knots is a ring with more
+        for axis, (hits, passes) in enumerate(sight(self.crossings >= 0, self.edges, self.inside, self.period)):
+            vertex = self.crossings >= 0 if axis == 0 else self.crossings.T >= 0
+            short = (hits.sum(axis=0) < FEWEST) & vertex.any(axis=0) & passes.all(axis=0)
+            for row in np.flatnonzero(short).tolist() if self.period[axis] else ():
+                self.edges[axis][(slice(None), row) if axis == 0 else (row, slice(None))] = True
+                for line in (k * len(hits) // FEWEST for k in range(FEWEST)):
+                    if not hits[line, row]:
+                        self.crossings[_place(axis, line, row)] = self.crossings.max() + 1
+        i, j = np.nonzero(self.crossings >= 0)
+        order = np.argsort(self.crossings[i, j])
+        vertices = np.column_stack([i, j])[order]
+        (s, t), (along_s, along_t) = self.knots, self.edges
+        return TMesh(s, t, vertices, along_s=along_s, along_t=along_t, inside=self.inside, period=self.period)
+
+    def insert_lines(self, axis: int, knots: Float[ndarray, " k"]) -> Int64[ndarray, " _"]:
+        """Add lines without edges at knots that no line has; the new number of every old line."""
+        old = self.knots[axis]
+        before = np.searchsorted(old, knots, side="right")
+        self.knots[axis] = np.insert(old, before, knots)
+        pieces = before - 1
+        self.edges[axis] = np.insert(self.edges[axis], before, self.edges[axis].take(pieces, axis=axis), axis=axis)
+        self.edges[1 - axis] = np.insert(self.edges[1 - axis], before, False, axis=axis)
+        self.inside = np.insert(self.inside, before, self.inside.take(pieces, axis=axis), axis=axis)
+        self.crossings = np.insert(self.crossings, before, -1, axis=axis)
+        numbers = np.arange(len(old))
+        return numbers + np.searchsorted(np.sort(before), numbers, side="right")
+
+    def line_at(self, axis: int, knot: float) -> int:
+        """The line with this knot, where several have it the one with most vertices."""
+        lines = np.flatnonzero(self.knots[axis] == knot)
+        vertices = (self.crossings >= 0).sum(axis=1 - axis)[lines]
+        return int(lines[np.argmax(vertices)])
+
+    def cut(self, axis: int, line: int, piece: int) -> None:
+        """Draw an edge on `line` of `axis` (0: s = const) from its piece `piece` to the next edges, and on
+        through empty intervals, with a vertex where it meets an edge."""
+        count = self.inside.shape[1 - axis]
+        if not self._has_domain_beside(axis, line, piece):
+            return
+        self.edges[1 - axis][_place(axis, line, piece)] = True
+        for sign in (-1, 1):
+            k = piece
+            for _ in range(count):
+                row = (k if sign < 0 else k + 1) % self.crossings.shape[1 - axis]
+                place = _place(axis, line, row)
+                if self.crossings[place] < 0 and self._edge_passes(1 - axis, row, line):
+                    self.crossings[place] = self.crossings.max() + 1
+                k += sign
+                if self.period[1 - axis]:
+                    k %= count
+                elif not 0 <= k < count:
+                    break
+                stopped = self.crossings[place] >= 0 and self._length(1 - axis, k) > 0
+                if stopped or not self._has_domain_beside(axis, line, k):
+                    break
+                self.edges[1 - axis][_place(axis, line, k)] = True
+
+    def add_vertex(self, axis: int, line: int, row: int) -> None:
+        """A vertex where `line` of `axis` meets the other axis' line `row`, on an edge there or by cutting
+        the face along `line`."""
+        place = _place(axis, line, row)
+        if self.crossings[place] >= 0:
+            return
+        count = self.inside.shape[1 - axis]
+        if self._edge_passes(1 - axis, row, line) or self._edge_passes(axis, line, row):
+            self.crossings[place] = self.crossings.max() + 1
+            # Cut the empty intervals on both sides of a new vertex, so that all lines of a clamped border have it
+            for piece in (row - 1, row):
+                inside = self.period[1 - axis] or 0 <= piece < count
+                if inside and self._length(1 - axis, piece % count) == 0:
+                    self.cut(axis, line, piece % count)
+        else:
+            self.cut(axis, line, row % count)
+
+    def _length(self, axis: int, piece: int) -> float:
+        """The knot interval of a piece between two lines of `axis`."""
+        knots = self.knots[axis]
+        after = knots[piece + 1] if piece + 1 < len(knots) else knots[0] + self.period[axis]
+        return float(after - knots[piece])
+
+    def _has_domain_beside(self, axis: int, line: int, piece: int) -> bool:
+        """Whether a piece of a line has the domain on both sides."""
+        cells = self.inside if axis == 0 else self.inside.T
+        sides = [k % cells.shape[0] if self.period[axis] else k for k in (line - 1, line)]
+        return all(0 <= k < cells.shape[0] and bool(cells[k, piece]) for k in sides)
+
+    def _edge_passes(self, axis: int, line: int, row: int) -> bool:
+        """Whether an edge on `line` of `axis` runs through its crossing with `row`."""
+        pieces = self.edges[1 - axis] if axis == 0 else self.edges[0].T
+        count = pieces.shape[1]
+        before = (row - 1) % count if self.period[1 - axis] else row - 1
+        return before >= 0 and row < count and bool(pieces[line, before] and pieces[line, row])
+
+
 Lines = tuple[int, ...]
 
 
@@ -195,19 +311,10 @@ class Sight:
     """
 
     crossings: ndarray
-    lines: tuple[list[list[int]], list[list[int]]]
-    counts: tuple[int, int]
-    knots: tuple[list[float], list[float]]
+    lines: list[list[list[int]]]
+    counts: list[int]
+    knots: list[list[float]]
     period: tuple[float, float]
-
-    @classmethod
-    def of(cls, tmesh: TMesh) -> "Sight":
-        """The lines that the vertices of this T-mesh see."""
-        lines = (tmesh.knot_lines[0].tolist(), tmesh.knot_lines[1].tolist())
-        turns = np.append(np.arange(TURNS + 1), np.arange(-TURNS, 0))
-        pairs = zip((tmesh.s_lines, tmesh.t_lines), tmesh.period)
-        s_knots, t_knots = ((turns[:, None] * period + knots).ravel().tolist() for knots, period in pairs)
-        return cls(tmesh.crossings, lines, (len(tmesh.s_lines), len(tmesh.t_lines)), (s_knots, t_knots), tmesh.period)
 
 
 def split_at_lack(s: Lines, t: Lines, s_lack: Lack, t_lack: Lack, sight: Sight) -> list[tuple[Lines, Lines, float]]:
@@ -321,56 +428,57 @@ def reaches_domain(s: Lines, t: Lines, sight: Sight, faces: ndarray) -> bool:
     return False
 
 
-def refine_locally(surface: S, draft: Draft, lines: tuple[Int64[ndarray, " a"], Int64[ndarray, " b"]]) -> S:
+def refine_locally(surface: Surface, draft: Draft, lines: list[Int64[ndarray, " _"]]) -> Surface:
     """The unchanged surface over the drafted T-mesh, which is refined further where blending functions need
     it.
 
-    `lines` are the new numbers of the old T-mesh's lines. Raises SurfaceError where a function cannot be
+    `lines` are the new numbers of the old T-mesh's s-lines and t-lines. Raises SurfaceError where a function cannot be
     represented (its support reaches over a gap of the domain that ends inside it).
     """
-    terms = _old_terms(surface.tmesh, draft, lines)
-    for _ in range(draft.crossings.size):
-        tmesh = draft.tmesh()
-        terms, wanted = _settle_terms(terms, Sight.of(tmesh), tmesh.face_boxes)
-        if not wanted:
-            return _combine(surface, tmesh, terms)
-        for axis, line, row in sorted(wanted):
-            draft.add_vertex(axis, line, row)
-    raise AssertionError("local refinement did not end")
-
-
-def insertion_matrix(terms: Terms, crossings: ndarray, size: tuple[int, int]) -> sp.csr_array:
-    """New control points from old ones: row n holds the coefficients of the term at vertex n."""
-    rows = []
-    columns = []
-    values = []
-    for (s, t), coefficients in terms.items():
-        rows += [int(crossings[s[2], t[2]])] * len(coefficients)
-        columns += list(coefficients.keys())
-        values += list(coefficients.values())
-    return sp.csr_array((values, (rows, columns)), shape=size)
-
-
-def _combine(surface: S, tmesh: TMesh, terms: Terms) -> S:
-    matrix = insertion_matrix(terms, tmesh.crossings, (tmesh.size, surface.tmesh.size))
-    weights = matrix @ surface.weights
-    if not weights.min() > 0:
-        i, j = tmesh.vertices[int(np.argmin(weights))]
-        raise SurfaceError(
-            f"no function reaches the new vertex at s = {tmesh.s_lines[i]}, t = {tmesh.t_lines[j]}",
-            vertex=int(np.argmin(weights)),
-        )
-    points = matrix @ (surface.control_points * surface.weights[:, None]) / weights[:, None]
-    return surface.with_tmesh(tmesh, points, weights)
-
-
-def _old_terms(tmesh: TMesh, draft: Draft, lines: tuple[ndarray, ndarray]) -> Terms:
-    """Every old function as a term of its own."""
+    # Every old function as a term of its own
     numbers = []
     for axis in (0, 1):
-        turn, k = np.divmod(tmesh.knot_lines[axis], len(lines[axis]))
+        turn, k = np.divmod(surface.tmesh.knot_lines[axis], len(lines[axis]))
         numbers.append((lines[axis][k] + turn * len(draft.knots[axis])).tolist())
-    return {(tuple(s), tuple(t)): {n: 1.0} for n, (s, t) in enumerate(zip(*numbers))}
+    terms: Terms = {(tuple(s), tuple(t)): {n: 1.0} for n, (s, t) in enumerate(zip(*numbers))}
+
+    turns = np.append(np.arange(TURNS + 1), np.arange(-TURNS, 0))
+    for _ in range(draft.crossings.size):
+        tmesh = draft.tmesh()
+        knots = (tmesh.s_lines, tmesh.t_lines)
+        sight = Sight(
+            crossings=tmesh.crossings,
+            lines=[seen.tolist() for seen in tmesh.knot_lines],
+            counts=[len(values) for values in knots],
+            knots=[(turns[:, None] * period + k).ravel().tolist() for k, period in zip(knots, tmesh.period)],
+            period=tmesh.period,
+        )
+        terms, wanted = _settle_terms(terms, sight, tmesh.face_boxes)
+        if not wanted:
+            break
+        for axis, line, row in sorted(wanted):
+            draft.add_vertex(axis, line, row)
+    else:
+        raise AssertionError("local refinement did not end")
+
+    # New control points from old ones: row n of the matrix holds the coefficients of the term at vertex n
+    rows: list[int] = []
+    columns: list[int] = []
+    values: list[float] = []
+    for (s, t), coefficients in terms.items():
+        rows += [int(tmesh.crossings[s[2], t[2]])] * len(coefficients)
+        columns += coefficients.keys()
+        values += coefficients.values()
+    matrix = sp.csr_array((values, (rows, columns)), shape=(tmesh.size, surface.tmesh.size))
+    weights = matrix @ surface.weights
+    if not weights.min() > 0:
+        vertex = int(np.argmin(weights))
+        i, j = tmesh.vertices[vertex]
+        raise SurfaceError(
+            f"no function reaches the new vertex at s = {tmesh.s_lines[i]}, t = {tmesh.t_lines[j]}", vertex=vertex
+        )
+    points = matrix @ (surface.control_points * surface.weights[:, None]) / weights[:, None]
+    return type(surface)(tmesh, points, weights)
 
 
 def _settle_terms(terms: Terms, sight: Sight, faces: Float[ndarray, "f 4"]) -> tuple[Terms, set[tuple[int, int, int]]]:
@@ -415,7 +523,7 @@ SNAP = 1e-9
 """Share of the knots' range: a middle as near as this to a knot is that knot."""
 
 
-def refine(surface: S, s: Float[ndarray, " n"], t: Float[ndarray, " n"], directions: str = "st") -> S:
+def refine(surface: Surface, s: Float[ndarray, " n"], t: Float[ndarray, " n"], directions: str = "st") -> Surface:
     """The unchanged surface with more control points near the samples.
 
     Each face that holds a sample is cut in its middle, across s ("s"), across t ("t") or both. In a row-
@@ -432,49 +540,42 @@ def refine(surface: S, s: Float[ndarray, " n"], t: Float[ndarray, " n"], directi
         raise SurfaceError(
             "Bezier elements without a T-mesh (.iga) cannot be refined: read the surface from a .tsm or .tspline file"
         )
-    middle = surface.elements().boxes[place]
-    chosen = sorted({_face_at(tmesh, a, b) for a, b in zip(middle[:, :2].mean(axis=1), middle[:, 2:].mean(axis=1))})
-    return _cut(surface, chosen, directions)
+    boxes = surface.elements().boxes[place]
+    faces = tmesh.face_boxes
+    chosen = set()
+    for s_middle, t_middle in zip(boxes[:, :2].mean(axis=1), boxes[:, 2:].mean(axis=1)):
+        in_s = (faces[:, 0] < s_middle) & (s_middle < faces[:, 1])
+        chosen.add(int(np.flatnonzero(in_s & (faces[:, 2] < t_middle) & (t_middle < faces[:, 3]))[0]))
+    boxes = faces[sorted(chosen)]
 
-
-def _face_at(tmesh: TMesh, s: float, t: float) -> int:
-    boxes = tmesh.face_boxes
-    return int(np.flatnonzero((boxes[:, 0] < s) & (s < boxes[:, 1]) & (boxes[:, 2] < t) & (t < boxes[:, 3]))[0])
-
-
-def _cut(surface: S, chosen: list[int], directions: str) -> S:
-    tmesh = surface.tmesh
-    draft = Draft.of(tmesh)
-    boxes = tmesh.face_boxes[chosen]
+    knots = [tmesh.s_lines, tmesh.t_lines]
+    edges = [tmesh.along_s.copy(), tmesh.along_t.copy()]
+    draft = Draft(knots, edges, tmesh.inside.copy(), tmesh.crossings.copy(), tmesh.period)
     middles = [boxes[:, :2].mean(axis=1), boxes[:, 2:].mean(axis=1)]
     numbers = [np.arange(len(tmesh.s_lines)), np.arange(len(tmesh.t_lines))]
     for axis in (0, 1):
         if "st"[axis] in directions:
             # Knots for values that differ from them by rounding only; values that equal one another likewise become
             # one
-            values = middles[axis]
-            knots = draft.knots[axis]
-            snapped = values.copy()
-            for k, x in enumerate(values):
-                known = np.concatenate([knots, snapped[:k]])
+            own = draft.knots[axis]
+            for k, x in enumerate(middles[axis]):
+                known = np.concatenate([own, middles[axis][:k]])
                 nearest = known[np.argmin(np.abs(known - x))]
-                if abs(nearest - x) <= SNAP * np.ptp(knots):
-                    snapped[k] = nearest
-            middles[axis] = snapped
-
-            numbers[axis] = draft.insert_lines(axis, np.setdiff1d(middles[axis], draft.knots[axis]))
-    for box, s, t in zip(boxes, *middles):
+                if abs(nearest - x) <= SNAP * np.ptp(own):
+                    middles[axis][k] = nearest
+            numbers[axis] = draft.insert_lines(axis, np.setdiff1d(middles[axis], own))
+    for at_s, at_t in zip(*(values.tolist() for values in middles)):
         if "s" in directions:
-            draft.cut(0, draft.line_at(0, s), _piece(draft.knots[1], box[2], box[3], t, upper=False))
+            draft.cut(0, draft.line_at(0, at_s), _piece(draft.knots[1], at_t, upper=False))
         if "t" in directions:
-            for piece in {_piece(draft.knots[0], box[0], box[1], s, upper=upper) for upper in (False, True)}:
-                draft.cut(1, draft.line_at(1, t), piece)
+            for piece in {_piece(draft.knots[0], at_s, upper=upper) for upper in (False, True)}:
+                draft.cut(1, draft.line_at(1, at_t), piece)
         if directions in ("st", "ts"):
-            draft.cut(0, draft.line_at(0, s), _piece(draft.knots[1], box[2], box[3], t, upper=True))
-    return refine_locally(surface, draft, (numbers[0], numbers[1]))
+            draft.cut(0, draft.line_at(0, at_s), _piece(draft.knots[1], at_t, upper=True))
+    return refine_locally(surface, draft, numbers)
 
 
-def _piece(knots: ndarray, low: float, high: float, middle: float, upper: bool) -> int:
-    """A piece that is not empty inside [low, high], below its middle or above."""
+def _piece(knots: ndarray, middle: float, upper: bool) -> int:
+    """A piece that is not empty inside a face, below its middle or above."""
     k = int(np.searchsorted(knots, middle, side="left"))
     return k if upper and k < len(knots) and knots[k] == middle else k - 1

@@ -62,12 +62,13 @@ from bonecam.arrays import angles_between, lengths, unit
 from bonecam.errors import FileError, SurfaceError
 from bonecam.mesh.distance import barycentric, exact_closest, hausdorff
 from bonecam.mesh.files.points import POINTS, read_blocks
+from bonecam.mesh.rows import lengths_along
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.surface.basis import (
     FEWEST,
     clamped,
+    clamped_spans,
     collocation,
-    curve_knots,
     insertion,
     interpolate,
     sites,
@@ -106,7 +107,7 @@ class RowCurves:
         for i, row in enumerate(points):
             _check(i, row, closed)
         parameters = shared([chord_lengths(row, closed) for row in points], closed)
-        knots = tuple(curve_knots(s, closed) for s in parameters)
+        knots = tuple(s if closed else s[2:-2] for s in parameters)  # open: without the second, the last but one
         control = tuple(interpolate(k, s, row, closed) for k, s, row in zip(knots, parameters, points))
         return cls(closed, points, parameters, knots, control)
 
@@ -196,27 +197,23 @@ class Reduction:
         self.closed = closed
         self._fine = fine
         self._sites = sites(fine, closed)
-        self._weights = _closed_steps(self._sites) if closed else np.gradient(self._sites)
-
-    def least(self, points: Float[ndarray, "n ... d"], tolerance: float) -> tuple[ndarray, ndarray]:
-        """Kept knots and control points of a curve that differs from the given one by less than `tolerance`
-        everywhere.
-
-        Several curves (n, c, d) keep the same knots, which suffice for each: what a tensor product needs.
-        """
-        reduced = self.least_of_all([points], tolerance)
-        assert reduced is not None, "no number of control points is too large"
-        return reduced[0]
+        self._weights = (
+            ((np.diff(self._sites, prepend=self._sites[-1] - 1) + np.diff(self._sites, append=self._sites[0] + 1)) / 2)
+            if closed
+            else np.gradient(self._sites)
+        )
 
     def least_of_all(
         self, curves: Sequence[Float[ndarray, "n ... d"]], tolerance: float, most: float = np.inf
     ) -> list[tuple[ndarray, ndarray]] | None:
-        """As `least`, one after the other; None where they need more than `most` control points together.
+        """Kept knots and control points of each curve, which differ from the given one by less than `tolerance`
+        everywhere; None where they need more than `most` control points together. Of several in one (n, c, d) all keep
+        the same knots, which suffice for each: what a tensor product needs.
 
         Curves that need many more are told by the knots inserted, before any is taken out again.
         """
         inserted: list[ndarray] = []
-        size = self._size(0) * len(curves)
+        size = 4 * (not self.closed) * len(curves)
         for points in curves:
             kept = self._insert_knots(points, tolerance, SPARED * most - size)
             size += len(kept)
@@ -224,7 +221,7 @@ class Reduction:
                 return None
             inserted.append(kept)
         reduced = []
-        size = self._size(0) * len(curves)
+        size = 4 * (not self.closed) * len(curves)
         for points, kept in zip(curves, inserted):
             kept = self._remove_knots(kept, points, tolerance)
             size += len(kept)
@@ -233,10 +230,6 @@ class Reduction:
             control = self._fit(kept, points, tolerance)[0]
             reduced.append((self.candidates[kept], control.reshape(-1, *points.shape[1:])))
         return reduced
-
-    def _size(self, knots: int) -> int:
-        """Control points of a curve with so many knots."""
-        return knots + 4 * (not self.closed)
 
     def _fit(
         self, kept: Int[ndarray, " k"], points: Float[ndarray, "n ... d"], tolerance: float
@@ -288,7 +281,13 @@ class Reduction:
                 break
             peaks = self._sites[np.flatnonzero(self._peaks(error) & (error >= tolerance))]
             free = np.setdiff1d(np.arange(count), kept)
-            kept = np.union1d(kept, free[self._nearest(self.candidates[free], peaks)])
+            # The number of the knot that is nearest to each parameter, the short way round a closed curve
+            knots = self.candidates[free]
+            before, behind = (knots[-1] - 1, knots[0] + 1) if self.closed else (-np.inf, np.inf)
+            around = np.concatenate([[before], knots, [behind]])
+            right = np.searchsorted(around[1:-1], peaks) + 1
+            nearer_left = peaks - around[right - 1] <= around[right] - peaks
+            kept = np.union1d(kept, free[((right - 1 - nearer_left) % len(knots))])
         return kept
 
     def _remove_knots(self, kept: ndarray, points: ndarray, tolerance: float) -> Int[ndarray, " k"]:
@@ -309,25 +308,12 @@ class Reduction:
                 break
         return kept
 
-    def _nearest(self, knots: Float[ndarray, " k"], s: Float[ndarray, " n"]) -> Int[ndarray, " n"]:
-        """The number of the knot that is nearest to each parameter, the short way round a closed curve."""
-        before, behind = (knots[-1] - 1, knots[0] + 1) if self.closed else (-np.inf, np.inf)
-        around = np.concatenate([[before], knots, [behind]])
-        right = np.searchsorted(around[1:-1], s) + 1
-        nearer_left = s - around[right - 1] <= around[right] - s
-        return (right - 1 - nearer_left) % len(knots)
-
     def _peaks(self, values: Float[ndarray, " n"]) -> ndarray:
         """Where a value is no smaller than its two neighbours."""
         before, after = np.roll(values, 1), np.roll(values, -1)
         if not self.closed:
             before[0] = after[-1] = -np.inf
         return (values >= before) & (values >= after)
-
-
-def _closed_steps(sites: ndarray) -> ndarray:
-    """Half the distance from the site before to the site behind, round a closed curve."""
-    return (np.diff(sites, prepend=sites[-1] - 1) + np.diff(sites, append=sites[0] + 1)) / 2
 
 
 def _least_squares(matrix: sp.csr_array, points: ndarray, weights: ndarray) -> ndarray:
@@ -378,20 +364,19 @@ class ControlCurves:
         if reduced is None:
             return None
         following = iter(reduced)
-        return self._surface([(np.zeros(1), q[:1]) if _point(q) else next(following) for q in self.points])
+        rows = [(np.zeros(1), q[:1]) if _point(q) else next(following) for q in self.points]
+        knots, control = zip(*rows)
+        tmesh = (
+            RowTMesh.from_rows(self.t_knots, knots)
+            if self.closed
+            else OpenRowTMesh.from_rows(self.t_knots, [clamped(inner) for inner in knots])
+        )
+        return TSpline(tmesh, np.vstack(control), np.ones(tmesh.size))
 
     @property
     def least(self) -> int:
         """No reduction leaves fewer control points."""
         return sum(1 if _point(q) else 4 for q in self.points)
-
-    def _surface(self, rows: list[tuple[ndarray, ndarray]]) -> TSpline:
-        points = np.vstack([control for _, control in rows])
-        if self.closed:
-            return TSpline(RowTMesh.from_rows(self.t_knots, [knots for knots, _ in rows]), points, np.ones(len(points)))
-        return TSpline(
-            OpenRowTMesh.from_rows(self.t_knots, [clamped(knots) for knots, _ in rows]), points, np.ones(len(points))
-        )
 
 
 def _point(curve: ndarray) -> bool:
@@ -438,7 +423,17 @@ def skin(
     most = np.inf if max_control_points is None else float(max_control_points)
     surface = control.reduce(tolerance, most)
     if surface is None:
-        raise _too_many(control, tolerance, most)
+        # The error that says what the control points allowed do reach
+        reached = LOOSER * tolerance
+        while control.reduce(reached, most) is None:
+            reached *= LOOSER
+        raise (
+            SurfaceError(
+                f"{tolerance:g} mm needs more than {most:g} control points, which reach {reached:.3g} mm: "
+                "smooth the rows, or raise surface.tolerance or surface.max_control_points",
+                reached=reached,
+            )
+        )
     return surface
 
 
@@ -465,7 +460,11 @@ def control_curves(curves: RowCurves, poles: Float[ndarray, "2 3"] | None = None
     """The control curves that meet all sections."""
     closed = curves.closed
     t = row_parameters(curves, poles)
-    candidates = curves.union if poles is None else _add_opposite(curves.union)
+    candidates = (
+        curves.union
+        if poles is None
+        else distinct(np.concatenate([curves.union, np.mod(curves.union + 0.5, 1.0)]), 1e-3 / len(curves.union))
+    )
     fine = _halve(candidates, closed) if len(candidates) < SPARSE else candidates
     if len(fine) * len(t) > LARGEST:
         what = f"{len(curves.points)} rows have {len(curves.union)} knots together"
@@ -490,13 +489,6 @@ def control_curves(curves: RowCurves, poles: Float[ndarray, "2 3"] | None = None
     )
 
 
-def _add_opposite(knots: ndarray) -> ndarray:
-    """The knots and those half a turn on, which a curve needs that is odd or even round a pole; of knots
-    that differ by rounding only one.
-    """
-    return distinct(np.concatenate([knots, np.mod(knots + 0.5, 1.0)]), 1e-3 / len(knots))
-
-
 def _halve(knots: ndarray, closed: bool) -> ndarray:
     whole = np.append(knots, knots[0] + 1) if closed else np.concatenate([[0.0], knots, [1.0]])
     return np.unique(np.concatenate([knots, np.mod((whole[:-1] + whole[1:]) / 2, 1.0)]))
@@ -507,39 +499,22 @@ def _solve(t: ndarray, sections: Float[ndarray, "k n 3"], order: int) -> Float[n
     both ends."""
     zero = np.zeros_like(sections[:1])
     right = np.concatenate([sections[:1], zero, sections[1:-1], zero, sections[-1:]])
-    control: ndarray = la.solve(_system(t, order), right.reshape(len(right), -1)).reshape(right.shape)
-    return control
-
-
-def _system(t: ndarray, order: int) -> ndarray:
-    """The banded system: values at all t, and the `order`-th derivative at both ends (second and last but one
-    equation)."""
+    # The banded system: values at all t, and the `order`-th derivative at both ends (second and last but one
+    # equation)
     x = np.concatenate([t[:1], t, t[-1:]])
     matrix = _values(clamped(t[1:-1]), x)
     matrix[[1, -2]] = _values(clamped(t[1:-1]), x, order)[[1, -2]]
-    return matrix
+    control: ndarray = la.solve(matrix, right.reshape(len(right), -1)).reshape(right.shape)
+    return control
 
 
 def _values(knots: ndarray, x: ndarray, order: int = 0) -> ndarray:
     """The clamped functions, or their `order`-th derivatives, at x: (n, r)."""
-    span = np.clip(np.searchsorted(knots, x, side="right") - 1, 3, len(knots) - 5)
+    span, window = clamped_spans(knots, x)
     matrix = np.zeros((len(x), len(knots) - 4))
-    matrix[np.arange(len(x))[:, None], span[:, None] + np.arange(-3, 1)] = span_functions(
-        knots[span[:, None] + np.arange(-3, 5)], x, order
-    )[order]
+    columns = span[:, None] + np.arange(-3, 1)
+    matrix[np.arange(len(x))[:, None], columns] = span_functions(window, x, order)[order]
     return matrix
-
-
-def _too_many(control: ControlCurves, tolerance: float, allowed: float) -> SurfaceError:
-    """The error that says what the control points allowed do reach."""
-    reached = LOOSER * tolerance
-    while control.reduce(reached, allowed) is None:
-        reached *= LOOSER
-    return SurfaceError(
-        f"{tolerance:g} mm needs more than {allowed:g} control points, which reach {reached:.3g} mm: "
-        "smooth the rows, or raise surface.tolerance or surface.max_control_points",
-        reached=reached,
-    )
 
 
 FEWEST_POINTS, MOST = 10, 80
@@ -678,10 +653,19 @@ def read_rows(path: str | Path) -> PointRows:
 
 def rows_of(blocks: list[Float[ndarray, "_ 3"]], path: Path) -> PointRows:
     """The rows of the blocks of points that came from a file. FileError names the row that is wrong."""
-    poles = _poles(blocks, path)
+    # The first and the last block where both are one point
+    single = [len(block) == 1 for block in (blocks[0], blocks[-1])]
+    if any(single) and not all(single):
+        raise FileError(
+            f"{path}: has one pole only: give the other as the {'last' if single[0] else 'first'} block", file=str(path)
+        )
+    poles = np.vstack([blocks[0], blocks[-1]]) if all(single) and len(blocks) > 1 else None
     rows = blocks if poles is None else blocks[1:-1]
     if len(rows) < 2:
-        held = f"holds one block of {len(blocks[0])} points" if poles is None else _between_poles(len(rows))
+        held = f"holds one block of {len(blocks[0])} points"
+        if poles is not None:
+            few = "one row only" if rows else "no row"
+            held = f"has {few} between its poles, the first and the last block of one point"
         raise FileError(f"{path}: {held}: give two rows or more, an empty line between them", file=str(path))
     least = SAME * float(np.linalg.norm(np.ptp(np.vstack(blocks), axis=0)))
     touching = [len(row) > 3 and np.linalg.norm(row[0] - row[-1]) <= least for row in rows]
@@ -699,21 +683,6 @@ def rows_of(blocks: list[Float[ndarray, "_ 3"]], path: Path) -> PointRows:
                 f"{path}: row {number}: points {place} and the next coincide: remove one", file=str(path), row=number
             )
     return PointRows(tuple(_oriented(rows, poles) if closed else rows), poles, closed)
-
-
-def _poles(blocks: list[ndarray], file: Path) -> Float[ndarray, "2 3"] | None:
-    """The first and the last block where both are one point."""
-    single = [len(block) == 1 for block in (blocks[0], blocks[-1])]
-    if any(single) and not all(single):
-        raise FileError(
-            f"{file}: has one pole only: give the other as the {'last' if single[0] else 'first'} block", file=str(file)
-        )
-    return np.vstack([blocks[0], blocks[-1]]) if all(single) and len(blocks) > 1 else None
-
-
-def _between_poles(count: int) -> str:
-    rows = "no row" if not count else "one row only"
-    return f"has {rows} between its poles, the first and the last block of one point"
 
 
 def _oriented(rows: list[ndarray], poles: Float[ndarray, "2 3"] | None) -> list[ndarray]:
@@ -746,6 +715,6 @@ def _oriented(rows: list[ndarray], poles: Float[ndarray, "2 3"] | None) -> list[
 def _even(row: ndarray) -> ndarray:
     """Points of a closed row at equal arc lengths from its first."""
     chain = np.vstack([row, row[:1]])
-    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(chain, axis=0), axis=1))])
+    along = lengths_along(chain)
     wanted = along[-1] * np.arange(COMPARED) / COMPARED
     return np.column_stack([np.interp(wanted, along, chain[:, axis]) for axis in range(3)])

@@ -332,8 +332,17 @@ def _triangulate(
         one, two = uv[cut[:, 1]] - uv[cut[:, 0]], uv[cut[:, 2]] - uv[cut[:, 0]]
         area = one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0]
         cut = np.where((area < 0)[:, None], cut[:, ::-1], cut)[np.abs(area) > 1e-12]
-        worst[e] = _distance(net, e, uv, cut)
-        bent[e] = angle is not None and _bent(net, e, uv=uv, cut=cut, shortest=shortest, angle=angle)
+
+        # How far the surface is from the faces, at the middles of their sides and their own
+        points = net.positions(e, uv)
+        middles = (net.positions(e, np.einsum("c,fcd->fd", share, uv[cut])) for share in MIDDLES)
+        worst[e] = np.max([triangles.triangle_distances(middle, points, cut.astype(np.int64)) for middle in middles])
+        if angle is not None:
+            normals = net.normals(e, uv)
+            edges = np.vstack([cut[:, [0, 1]], cut[:, [1, 2]], cut[:, [2, 0]]])
+            a, b = (normals[edges[_lengths(points, edges) > shortest, k]] for k in (0, 1))
+            known = a.any(axis=1) & b.any(axis=1)
+            bent[e] = (dots(a, b)[known] < np.cos(angle)).any()
         faces.append(ids[cut])
     joined = np.vstack(faces)
     distinct = (joined != np.roll(joined, 1, axis=1)).all(axis=1)
@@ -378,27 +387,6 @@ def _loop(
         uv.append(SQUARE[[k]])
         ids.append(np.array([ids[sides.index((k + 1) % 4)][0]]))
     return np.vstack(uv), np.concatenate(ids)
-
-
-def _distance(net: SideVertices, e: int, uv: ndarray, cut: ndarray) -> float:
-    """How far the surface is from the faces, at the middles of their sides and their own."""
-    points = net.positions(e, uv)
-    faces = cut.astype(np.int64)
-    distances = [
-        triangles.triangle_distances(net.positions(e, np.einsum("c,fcd->fd", share, uv[cut])), points, faces)
-        for share in MIDDLES
-    ]
-    return float(np.max(distances))
-
-
-def _bent(net: SideVertices, e: int, uv: ndarray, cut: ndarray, shortest: float, angle: float) -> bool:
-    """Whether the normals at the ends of an edge longer than `shortest` part by more than the angle."""
-    edges = np.vstack([cut[:, [0, 1]], cut[:, [1, 2]], cut[:, [2, 0]]])
-    points, normals = net.positions(e, uv), net.normals(e, uv)
-    long = np.linalg.norm(points[edges[:, 0]] - points[edges[:, 1]], axis=1) > shortest
-    a, b = (normals[edges[long, k]] for k in (0, 1))
-    known = a.any(axis=1) & b.any(axis=1)
-    return bool((dots(a, b)[known] < np.cos(angle)).any())
 
 
 WIDEST = 0.24
@@ -595,7 +583,9 @@ def _edges_to_split(
     along = triangles.segment_distances(points, draft.points, edges[fresh])
     marked[fresh] = along > chord_tolerance
     if angle_tolerance is not None:
-        marked[fresh] |= _too_bent(draft, edges[fresh], chord_tolerance, angle_tolerance)
+        a, b = (draft.surface.normals(*draft.parameters[edges[fresh, k]].T) for k in (0, 1))
+        bent = np.einsum("ni,ni->n", a, b) < np.cos(angle_tolerance)
+        marked[fresh] |= bent & (_lengths(draft.points, edges[fresh]) > chord_tolerance)
     faces = draft.faces[draft.fresh]
     sides = edge_of_face[draft.fresh]
     s, t = draft.between(faces, CENTRE)
@@ -612,12 +602,6 @@ def _edges_to_split(
     passed = np.concatenate([along[along <= chord_tolerance], inside[inside <= chord_tolerance]])
     draft.deviation = max(draft.deviation, float(passed.max(initial=0.0)))
     return marked
-
-
-def _too_bent(draft: _Draft, edges: ndarray, chord_tolerance: float, angle_tolerance: float) -> ndarray:
-    a, b = (draft.surface.normals(*draft.parameters[edges[:, k]].T) for k in (0, 1))
-    length = _lengths(draft.points, edges)
-    return (np.einsum("ni,ni->n", a, b) < np.cos(angle_tolerance)) & (length > chord_tolerance)
 
 
 def _split_edges(draft: _Draft, edges: ndarray, edge_of_face: ndarray, marked: ndarray) -> None:
@@ -694,18 +678,9 @@ def shared_parameters(
     """(s, t) of the vertices (a pole's s is 0) and the faces; raises SurfaceError where the tolerance cannot
     be reached."""
     parameters, poles, faces = ring_mesh(surfaces[0], chord_tolerance)
-    draft = _Draft(
-        surface=surfaces[0],
-        parameters=parameters,
-        poles=poles,
-        points=surfaces[0].positions(*parameters.T),
-        faces=faces,
-        fresh=np.ones(len(faces), dtype=bool),
-    )
     for surface in surfaces:
-        draft.surface = surface
-        draft.points = surface.positions(*draft.parameters.T)
-        draft.fresh = np.ones(len(draft.faces), dtype=bool)
+        points = surface.positions(*parameters.T)
+        draft = _Draft(surface, parameters, poles, points=points, faces=faces, fresh=np.ones(len(faces), dtype=bool))
         for _ in range(ROUNDS):
             edges, edge_of_face = _edges(draft.faces)
             marked = _edges_to_split(draft, edges, edge_of_face, MARGIN * chord_tolerance, None)
@@ -716,7 +691,8 @@ def shared_parameters(
             raise SurfaceError(
                 f"the surfaces cannot be tessellated together to {chord_tolerance} mm: raise the tolerance"
             )
-    return draft.parameters, draft.faces.astype(np.int32)
+        parameters, poles, faces = draft.parameters, draft.poles, draft.faces
+    return parameters, faces.astype(np.int32)
 
 
 def require_valid(surface: Surface, chord_tolerance: float, name: str) -> TriangleMesh:

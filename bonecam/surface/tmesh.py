@@ -1,86 +1,73 @@
-"""T-meshes: which control points there are and which knots each sees.
+"""T-meshes: which control points there are, which knots each sees, and the Bezier elements of the surface over them.
 
-The general T-mesh in index space: T-, I- and L-junctions, domains that are not rectangles, open and closed
-directions.
+Four kinds:
 
-Index lines are numbered in either direction and carry knots that never decrease; a line may repeat a knot (a
-clamped border is two lines one of which only borders empty intervals). On this grid a T-mesh is: which
-crossings are vertices (each a control point), which pieces between neighbouring crossings are edges, and
-which cells belong to the domain. A closed direction has as many cells as lines, the last of them back to line
-0 at knot + period.
+    TMesh           general, in index space: T-, I- and L-junctions, domains that are not rectangles, open and closed
+                    directions
+    RowTMesh        rows that are closed, S(s, t) = sum_j N_j(t) Q_j(s): one clamped t-knot vector for all rows and a
+                    periodic s-knot vector for every row; a row with one control point is a pole: its s-function is the
+                    constant 1 (what fits and skinning make, Yang & Zheng 2012)
+    OpenRowTMesh    rows that are open, both directions clamped; the sum over a row is one, so the weights may be left
+                    at one
+    ExtractedTMesh  Bezier elements only: what an .iga file gives, extraordinary points included
 
-Faces are the rectangles that edges bound. Local knot vectors come from rays (surface.rays). Meshes with
-extraordinary points have no such grid: they come as Bezier elements (surface.iga).
+Index lines of a general T-mesh are numbered in either direction and carry knots that never decrease; a line may repeat
+a knot (a clamped border is two lines one of which only borders empty intervals). On this grid a T-mesh is: which
+crossings are vertices (each a control point), which pieces between neighbouring crossings are edges, and which cells
+belong to the domain. A closed direction has as many cells as lines, the last of them back to line 0 at knot + period.
+Faces are the rectangles that edges bound: cells joined where no edge parts them.
 
-The faces of a T-mesh in index space: cells joined where no edge parts them.
+Local knot vectors come from ray shooting in index space (Sederberg et al. 2003, Rule 1). From a vertex a ray runs along
+its index line and takes the knot of each vertex or perpendicular edge that it hits, two to either side. Where the ray
+leaves the domain the last knot repeats; in a closed direction the ray goes round. All comparisons are between line
+numbers, so knots that a file holds twice with different last digits are one.
 
-Local knot vectors of a T-mesh by ray shooting in index space (Sederberg et al. 2003, Rule 1).
-
-From a vertex a ray runs along its index line and takes the knot of each vertex or perpendicular edge that it
-hits, two to either side. Where the ray leaves the domain the last knot repeats; in a closed direction the ray
-goes round. All comparisons are between line numbers, so knots that a file holds twice with different last
-digits are one.
-
-Cutting faces of a general T-mesh: new lines, edges and vertices on its index grid.
-
-A cut runs through its face to the edges on either side and puts a vertex there; empty intervals beyond (the
-lines of a clamped border) are cut as well, so that a border stays clamped. A row that passes all round a
-closed direction is given four knots at least.
-
-T-junctions of a general T-mesh and where their extensions meet (Scott, Li, Sederberg & Hughes 2012,
-Definition 1).
-
-A T-junction is a vertex with three edges inside the domain. Its extension runs against the missing edge to
-the first knot (edge extension) and through the missing edge to the second (face extension). A T-mesh in which
-no extension along s meets one along t is analysis-suitable: its blending functions are linearly independent
-and sum to one for some weights.
-
-A T-mesh that is known by its Bezier elements only: what an .iga file gives, extraordinary points included.
-
-The elements share no chart, so each has a parameter square of its own: element e is [2 e, 2 e + 1] x [0, 1].
-
-Row-structured T-meshes with open rows: S(s, t) = sum_j N_j(t) Q_j(s), both directions clamped, every row
-with its own s-knots.
-
-What skinning makes of open sections (Yang & Zheng 2012). The sum over a row is one, so the weights may be
-left at one.
-
-The T-mesh in index and knot space: which control points there are and which knots each sees.
-
-Row-structured T-meshes (what skinning makes, Yang & Zheng 2012): S(s, t) = sum_j N_j(t) Q_j(s), one clamped
-t-knot vector for all rows and a periodic s-knot vector for every row. A row with one control point is a pole:
-its s-function is the constant 1.
-
-The interface of a T-spline surface, without state, for queries, tessellation and refinement.
-
-`surface.tspline.TSpline` is the one class that implements it. The interface lies below the rooms that
-compute with a surface and the class above them, so that its methods may call them.
+Bezier extraction (Scott et al. 2011): a blending function is B(s, t) = N[s-knots](s) N[t-knots](t), cubic B-splines
+each on its own five knots (Gan et al. 2014, Definition 1). On a face it is a polynomial between its own knots only, so
+every face is cut into a grid by those knots of all functions that reach it. The functions need not sum to one. In a
+row-structured T-mesh only the rows k-3..k live on the t-span k, so its elements end where one of those four rows has a
+knot.
 """
 
-from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Generic, NamedTuple, TypeVar
+from typing import TypeAlias, TypeVar
 
 import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Bool, Float, Int64
 from numpy import ndarray
 from scipy.sparse.csgraph import connected_components
-from scipy.spatial import KDTree
 
+import bonecam
 from bonecam.arrays import frozen
 from bonecam.errors import SurfaceError
 from bonecam.surface.basis import (
     Elements,
     bernstein_coefficients,
+    clamped_spans,
     distinct,
-    extract_local,
-    extract_rows,
     fault,
+    functions_at,
     span_functions,
+    spans,
 )
+
+Surface: TypeAlias = "bonecam.surface.TSpline"
+"""The surface over a T-mesh, as the rooms name it that compute with one and come before its class, which calls them."""
+
+NEAREST = 1e-12
+"""Share of the range: knots of rows that differ by less differ by rounding only."""
+
+ROUNDING = 1e-12
+"""Share of the knots' size: nearer knots of lines must be equal."""
+
+LARGEST = 1e18
+"""Knots and the inverse of their range must be smaller, lest derivatives overflow."""
+
+BLOCK = 4_000_000
+"""Pairs of a function and a box looked at in one go."""
 
 
 def local_lines(
@@ -100,86 +87,38 @@ def local_lines(
     result = np.empty((len(line), 5), dtype=np.int64)
     for j in np.unique(row):
         here = np.flatnonzero(row == j)
+        lines = line[here]
         stops = np.flatnonzero(hits[:, j])
-        gaps = np.concatenate([[0], np.cumsum(~passes[:, j])])
+        gaps = np.concatenate([[0], np.cumsum(~passes[:, j])])  # before each line
         if closed and passes[:, j].all():
             if len(stops) < 4:
                 raise SurfaceError(
                     f"row {j} of a closed direction has {len(stops)} distinct knots: give it four or more", row=int(j)
                 )
-            place = np.searchsorted(stops, line[here])[:, None] + np.arange(-2, 3)
+            place = np.searchsorted(stops, lines)[:, None] + np.arange(-2, 3)
             result[here] = stops[place % len(stops)] + count * (place // len(stops))
-        elif closed:
-            unrolled = np.concatenate([stops - count, stops, stops + count])
-            walls = np.concatenate([gaps[:-1], gaps[-1] + gaps[:-1], 2 * gaps[-1] + gaps])
-            result[here] = _open(line[here], unrolled, walls, count)
-        else:
-            result[here] = _open(line[here], stops, gaps, 0)
+            continue
+        shift = 0
+        if closed:
+            shift = count
+            stops = np.concatenate([stops - count, stops, stops + count])
+            gaps = np.concatenate([gaps[:-1], gaps[-1] + gaps[:-1], 2 * gaps[-1] + gaps])
+        # Two stops to either side of each line, the last one before a gap repeated
+        result[here, 2] = lines
+        place = np.searchsorted(stops, lines)
+        for step in (-1, 1):
+            last = lines
+            for k in (step, 2 * step):
+                index = np.clip(place + k, 0, len(stops) - 1)
+                reached = (place + k == index) & (gaps[stops[index] + shift] == gaps[lines + shift])
+                last = np.where(reached, stops[index], last)
+                result[here, 2 + k] = last
     return result
-
-
-def _open(line: ndarray, stops: ndarray, walls: ndarray, shift: int) -> ndarray:
-    """Two stops to either side of each line, the last one before a wall repeated. walls[i + shift]: gaps
-    before line i."""
-    indices = np.empty((len(line), 5), dtype=np.int64)
-    indices[:, 2] = line
-    place = np.searchsorted(stops, line)
-    for step in (-1, 1):
-        last = line
-        for k in (1, 2):
-            index = np.clip(place + step * k, 0, len(stops) - 1)
-            reached = (place + step * k == index) & (walls[stops[index] + shift] == walls[line + shift])
-            last = np.where(reached, stops[index], last)
-            indices[:, 2 + step * k] = last
-    return indices
 
 
 def knots_of_lines(lines: Int64[ndarray, "n k"], knots: Float[ndarray, " a"], period: float) -> Float[ndarray, "n k"]:
     """Knot values of line numbers, those beyond the ends of a closed direction moved by whole periods."""
     return knots[lines % len(knots)] + period * (lines // len(knots))
-
-
-def face_rectangles(widths: ndarray, heights: ndarray, inside: ndarray, along_s: ndarray, along_t: ndarray) -> ndarray:
-    """Cells joined where no edge parts them, as boxes of line numbers; what lies across a seam is parted
-    there.
-
-    Only the part of a face that has an area must be a rectangle: at a clamped corner that turns inwards empty
-    cells are missing.
-    """
-    p, q = inside.shape
-    cell = np.arange(p * q).reshape(p, q)
-    joined_s = inside[:-1] & inside[1:] & ~along_t[1:p, :q]
-    joined_t = inside[:, :-1] & inside[:, 1:] & ~along_s[:p, 1:q]
-    pairs = [(cell[:-1][joined_s], cell[1:][joined_s]), (cell[:, :-1][joined_t], cell[:, 1:][joined_t])]
-    a, b = (np.concatenate([pair[k] for pair in pairs]) for k in (0, 1))
-    label = connected_components(sp.coo_array((np.ones(len(a)), (a, b)), shape=(p * q, p * q)), directed=False)[
-        1
-    ].reshape(p, q)
-    counted = inside & (widths > 0)[:, None] & (heights > 0)
-    i, j = np.nonzero(counted)
-    kinds, group = np.unique(label[counted], return_inverse=True)
-    low = np.full((2, len(kinds)), p + q)
-    high = np.full((2, len(kinds)), -1)
-    for k, index in enumerate((i, j)):
-        np.minimum.at(low[k], group, index)
-        np.maximum.at(high[k], group, index + 1)
-    full = np.array(
-        [np.count_nonzero(widths[s0:s1]) * np.count_nonzero(heights[t0:t1]) for s0, t0, s1, t1 in zip(*low, *high)]
-    )
-    wrong = np.flatnonzero(full != np.bincount(group, minlength=len(kinds)))
-    if len(wrong):
-        place = low[:, wrong[0]]
-        raise SurfaceError(
-            f"the face round cell ({place[0]}, {place[1]}) is not a rectangle of index lines", cell=place
-        )
-    return np.column_stack([low[0], high[0], low[1], high[1]])
-
-
-ROUNDING = 1e-12
-"""Share of the knots' size: nearer knots must be equal."""
-
-LARGEST = 1e18
-"""Knots and the inverse of their range must be smaller, lest derivatives overflow."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,12 +139,35 @@ class TMesh:
     inside: Bool[ndarray, "_ _"]
     period: tuple[float, float] = (0.0, 0.0)
 
+    poles = (False, False)
+    """Whether an end of t is one control point: never here; a pole is a row whose control points coincide."""
+
     def __post_init__(self) -> None:
         kinds = (np.float64, np.float64, np.int64, np.bool_, np.bool_, np.bool_)
         for name, kind in zip(("s_lines", "t_lines", "vertices", "along_s", "along_t", "inside"), kinds):
             object.__setattr__(self, name, frozen(getattr(self, name), kind))
-        for letter, lines, period in (("s", self.s_lines, self.period[0]), ("t", self.t_lines, self.period[1])):
-            _check_knots(letter, lines, period)
+        for letter, lines, period in zip("st", (self.s_lines, self.t_lines), self.period):
+            steps = np.diff(lines)
+            if len(lines) < 2 or not np.isfinite(lines).all() or (steps < 0).any():
+                k = int(np.argmax(~(steps >= 0))) + 1 if len(lines) > 1 else 0
+                raise SurfaceError(
+                    f"the knot of {letter}-line {k} is less than the one before: knots must not decrease", line=k
+                )
+            if not (max(np.ptp(lines), period) > 1 / LARGEST and max(np.abs(lines).max(), period) < LARGEST):
+                raise SurfaceError(
+                    f"the knots in {letter} are all equal, or their range is not between {1 / LARGEST:g} and "
+                    f"{LARGEST:g}"
+                )
+            close = (steps > 0) & (steps < ROUNDING * max(np.ptp(lines), np.abs(lines).max()))
+            if close.any():
+                k = int(np.argmax(close)) + 1
+                raise SurfaceError(
+                    f"the knots of {letter}-lines {k - 1} and {k} differ by rounding only: make them equal", line=k
+                )
+            if period < 0 or (period and not period > np.ptp(lines)):
+                raise SurfaceError(
+                    f"the period of {letter} must be longer than its knots' range {np.ptp(lines)}, not {period}"
+                )
         a, b = len(self.s_lines), len(self.t_lines)
         cells = (a if self.period[0] else a - 1, b if self.period[1] else b - 1)
         for name, shape in (("along_s", (cells[0], b)), ("along_t", (a, cells[1])), ("inside", cells)):
@@ -223,17 +185,6 @@ class TMesh:
         """Number of control points."""
         return len(self.vertices)
 
-    @property
-    def poles(self) -> tuple[bool, bool]:
-        """Whether an end of t is one control point: never here; a pole is a row whose control points
-        coincide."""
-        return False, False
-
-    @cached_property
-    def domain(self) -> Float[ndarray, "2 2"]:
-        """[[s_low, s_high], [t_low, t_high]] round all faces."""
-        return self.elements.domain
-
     @cached_property
     def crossings(self) -> Int64[ndarray, "a b"]:
         """The vertex at each crossing of lines, -1 where there is none."""
@@ -246,13 +197,8 @@ class TMesh:
         """The five s-lines and the five t-lines each vertex sees; numbers beyond the ends count on round a
         closed direction."""
         i, j = self.vertices.T
-        (s_hits, s_passes), (t_hits, t_passes) = sight(
-            self.crossings >= 0, (self.along_s, self.along_t), self.inside, self.period
-        )
-        return (
-            local_lines(i, j, s_hits, s_passes, bool(self.period[0])),
-            local_lines(j, i, t_hits, t_passes, bool(self.period[1])),
-        )
+        along_s, along_t = sight(self.crossings >= 0, (self.along_s, self.along_t), self.inside, self.period)
+        return local_lines(i, j, *along_s, bool(self.period[0])), local_lines(j, i, *along_t, bool(self.period[1]))
 
     @cached_property
     def local_knots(self) -> tuple[Float[ndarray, "n 5"], Float[ndarray, "n 5"]]:
@@ -265,14 +211,41 @@ class TMesh:
         """First and last s-line, first and last t-line of every face with an area; one across a seam counts
         as two that end there.
 
-        Raises SurfaceError for a face that is not a rectangle.
+        Raises SurfaceError for a face that is not a rectangle. Only the part of it that has an area must be one: at a
+        clamped corner that turns inwards empty cells are missing.
         """
-        return face_rectangles(*self.intervals, self.inside, self.along_s, self.along_t)
+        inside = self.inside
+        p, q = inside.shape
+        cell = np.arange(p * q).reshape(p, q)
+        joined_s = inside[:-1] & inside[1:] & ~self.along_t[1:p, :q]
+        joined_t = inside[:, :-1] & inside[:, 1:] & ~self.along_s[:p, 1:q]
+        a = np.concatenate([cell[:-1][joined_s], cell[:, :-1][joined_t]])
+        b = np.concatenate([cell[1:][joined_s], cell[:, 1:][joined_t]])
+        graph = sp.coo_array((np.ones(len(a)), (a, b)), shape=(p * q, p * q))
+        label = connected_components(graph, directed=False)[1].reshape(p, q)
+        widths, heights = self.intervals
+        counted = inside & (widths > 0)[:, None] & (heights > 0)
+        kinds, group = np.unique(label[counted], return_inverse=True)
+        low = np.full((2, len(kinds)), p + q)
+        high = np.full((2, len(kinds)), -1)
+        for k, index in enumerate(np.nonzero(counted)):
+            np.minimum.at(low[k], group, index)
+            np.maximum.at(high[k], group, index + 1)
+        full = np.array(
+            [np.count_nonzero(widths[s0:s1]) * np.count_nonzero(heights[t0:t1]) for s0, t0, s1, t1 in zip(*low, *high)]
+        )
+        wrong = np.flatnonzero(full != np.bincount(group, minlength=len(kinds)))
+        if len(wrong):
+            place = low[:, wrong[0]]
+            raise SurfaceError(
+                f"the face round cell ({place[0]}, {place[1]}) is not a rectangle of index lines", cell=place
+            )
+        return np.column_stack([low[0], high[0], low[1], high[1]])
 
     @property
     def intervals(self) -> tuple[Float[ndarray, " p"], Float[ndarray, " q"]]:
         """Knot intervals between neighbouring lines, in a closed direction the one across the seam last."""
-        lines = ((self.s_lines, self.period[0]), (self.t_lines, self.period[1]))
+        lines = zip((self.s_lines, self.t_lines), self.period)
         s, t = (np.diff(knots, append=[knots[0] + length] if length else []) for knots, length in lines)
         return s, t
 
@@ -288,7 +261,7 @@ class TMesh:
     def elements(self) -> Elements:
         """The Bezier elements. Raises SurfaceError where all functions vanish (a border that is not
         clamped)."""
-        elements = extract_local(self.face_boxes, *self.local_knots, self.period)
+        elements = _extract(self.face_boxes, *self.local_knots, self.period)
         sums = np.add.reduceat(elements.coefficients, elements.starts[:-1], axis=0)
         if not sums.min() > 0:
             e, c = np.unravel_index(np.argmin(sums), sums.shape)
@@ -302,335 +275,129 @@ class TMesh:
         return elements
 
 
-def _check_knots(letter: str, lines: ndarray, period: float) -> None:
-    if len(lines) < 2 or not np.isfinite(lines).all() or (np.diff(lines) < 0).any():
-        k = int(np.argmax(~(np.diff(lines) >= 0))) + 1 if len(lines) > 1 else 0
-        raise SurfaceError(
-            f"the knot of {letter}-line {k} is less than the one before: knots must not decrease", line=k
-        )
-    if not (max(np.ptp(lines), period) > 1 / LARGEST and max(np.abs(lines).max(), period) < LARGEST):
-        raise SurfaceError(
-            f"the knots in {letter} are all equal, or their range is not between {1 / LARGEST:g} and {LARGEST:g}"
-        )
-    close = (np.diff(lines) > 0) & (np.diff(lines) < ROUNDING * max(np.ptp(lines), np.abs(lines).max()))
-    if close.any():
-        k = int(np.argmax(close)) + 1
-        raise SurfaceError(
-            f"the knots of {letter}-lines {k - 1} and {k} differ by rounding only: make them equal", line=k
-        )
-    if period < 0 or (period and not period > np.ptp(lines)):
-        raise SurfaceError(f"the period of {letter} must be longer than its knots' range {np.ptp(lines)}, not {period}")
-
-
 def sight(
     vertex: ndarray, edges: Sequence[ndarray], inside: ndarray, period: tuple[float, float]
 ) -> list[tuple[ndarray, ndarray]]:
-    """For rays along s and along t: where something stops them (line, row), and where they may pass (piece,
-    row)."""
-    lines_of_sight = []
-    for along, across, cells, stops, closed in (
-        (edges[0], edges[1], inside, vertex, bool(period[1])),
-        (edges[1].T, edges[0].T, inside.T, vertex.T, bool(period[0])),
-    ):
-        lines_of_sight.append((stops | _crossed(across, closed), along | beside(cells, closed)))
-    return lines_of_sight
-
-
-def _crossed(edges: ndarray, closed: bool) -> ndarray:
-    """Where an edge runs on through a crossing: edges (a, cells) -> (a, b)."""
-    if closed:
-        return edges & np.roll(edges, 1, axis=1)
-    through = np.zeros((edges.shape[0], edges.shape[1] + 1), dtype=bool)
-    through[:, 1:-1] = edges[:, :-1] & edges[:, 1:]
-    return through
-
-
-def beside(inside: ndarray, closed: bool) -> ndarray:
-    """Between which crossings of a row there is domain on one side at least: inside (p, q) -> (p, q + 1),
-    closed: (p, q)."""
-    if closed:
-        return inside | np.roll(inside, 1, axis=1)
-    wide = np.zeros((inside.shape[0], inside.shape[1] + 1), dtype=bool)
-    wide[:, :-1] |= inside
-    wide[:, 1:] |= inside
-    return wide
-
-
-FEWEST = 4
-"""Knots of a row all round a closed direction."""
-
-
-@dataclass(eq=False)
-class Draft:
-    """A T-mesh that is being changed: the fields of `TMesh`, with a grid of vertex numbers (`crossings`, -1:
-    none) instead of the vertices. Axis 0 is s, axis 1 is t."""
-
-    knots: list[Float[ndarray, " _"]]
-    edges: list[Bool[ndarray, "_ _"]]
-    inside: Bool[ndarray, "_ _"]
-    crossings: Int64[ndarray, "_ _"]
-    period: tuple[float, float]
-
-    @classmethod
-    def of(cls, tmesh: TMesh) -> "Draft":
-        """A draft of the T-mesh as it is."""
-        edges = [tmesh.along_s.copy(), tmesh.along_t.copy()]
-        return cls([tmesh.s_lines, tmesh.t_lines], edges, tmesh.inside.copy(), tmesh.crossings.copy(), tmesh.period)
-
-    def tmesh(self) -> TMesh:
-        """The finished T-mesh; vertices keep their numbers."""
-        self._fill_rings()
-        i, j = np.nonzero(self.crossings >= 0)
-        order = np.argsort(self.crossings[i, j])
-        (s, t), (along_s, along_t) = self.knots, self.edges
-        return TMesh(
-            s_lines=s,
-            t_lines=t,
-            vertices=np.column_stack([i, j])[order],
-            along_s=along_s,
-            along_t=along_t,
-            inside=self.inside,
-            period=self.period,
+    """For rays along s and along t: where something stops them (line, row), a vertex or an edge that runs on through
+    the crossing, and where they may pass (piece, row), along an edge or beside the domain."""
+    return [
+        (stops | beside(across, closed, np.logical_and), along | beside(cells, closed))
+        for along, across, cells, stops, closed in (
+            (edges[0], edges[1], inside, vertex, bool(period[1])),
+            (edges[1].T, edges[0].T, inside.T, vertex.T, bool(period[0])),
         )
-
-    def insert_lines(self, axis: int, knots: Float[ndarray, " k"]) -> Int64[ndarray, " _"]:
-        """Add lines without edges at knots that no line has; the new number of every old line."""
-        old = self.knots[axis]
-        before = np.searchsorted(old, knots, side="right")
-        self.knots[axis] = np.insert(old, before, knots)
-        pieces = before - 1
-        self.edges[axis] = np.insert(self.edges[axis], before, self.edges[axis].take(pieces, axis=axis), axis=axis)
-        self.edges[1 - axis] = np.insert(self.edges[1 - axis], before, False, axis=axis)
-        self.inside = np.insert(self.inside, before, self.inside.take(pieces, axis=axis), axis=axis)
-        self.crossings = np.insert(self.crossings, before, -1, axis=axis)
-        numbers = np.arange(len(old))
-        return numbers + np.searchsorted(np.sort(before), numbers, side="right")
-
-    def line_at(self, axis: int, knot: float) -> int:
-        """The line with this knot, where several have it the one with most vertices."""
-        lines = np.flatnonzero(self.knots[axis] == knot)
-        vertices = (self.crossings >= 0).sum(axis=1 - axis)[lines]
-        return int(lines[np.argmax(vertices)])
-
-    def cut(self, axis: int, line: int, piece: int) -> None:
-        """Draw an edge on `line` of `axis` (0: s = const) from its piece `piece` to the next edges, and on
-        through empty intervals."""
-        count = self.inside.shape[1 - axis]
-        closed = bool(self.period[1 - axis])
-        if not self._has_domain_beside(axis, line, piece):
-            return
-        self._add_edge(axis, line, piece)
-        for sign in (-1, 1):
-            k = piece
-            walked = 0
-            while walked < count:
-                end = (k if sign < 0 else k + 1) % self.crossings.shape[1 - axis]
-                stopped = self._join_edge(axis, line, end)
-                k = k + sign
-                walked += 1
-                if closed:
-                    k %= count
-                elif not 0 <= k < count:
-                    break
-                if not self._has_domain_beside(axis, line, k) or (stopped and self._length(1 - axis, k) > 0):
-                    break
-                self._add_edge(axis, line, k)
-
-    def add_vertex(self, axis: int, line: int, row: int) -> None:
-        """A vertex where `line` of `axis` meets the other axis' line `row`, on an edge there or by cutting
-        the face along `line`."""
-        place = (line, row) if axis == 0 else (row, line)
-        if self.crossings[place] >= 0:
-            return
-        if self._edge_passes(1 - axis, row, line) or self._edge_passes(axis, line, row):
-            self._number_vertex(place)
-
-            # Cut the empty intervals on both sides of a new vertex, so that all lines of a clamped border have it
-            count = self.inside.shape[1 - axis]
-            closed = bool(self.period[1 - axis])
-            for piece in (row - 1, row):
-                if (closed or 0 <= piece < count) and self._length(1 - axis, piece % count) == 0:
-                    self.cut(axis, line, piece % count)
-        else:
-            self.cut(axis, line, row % self.inside.shape[1 - axis])
-
-    def _fill_rings(self) -> None:
-        """Draw each row that passes all round a closed direction with vertices but too few knots as a ring
-        with more."""
-        for axis, (hits, passes) in enumerate(sight(self.crossings >= 0, self.edges, self.inside, self.period)):
-            vertex = self.crossings >= 0 if axis == 0 else self.crossings.T >= 0
-            short = (hits.sum(axis=0) < FEWEST) & vertex.any(axis=0) & passes.all(axis=0)
-            for row in np.flatnonzero(short).tolist() if self.period[axis] else ():
-                self.edges[axis][(slice(None), row) if axis == 0 else (row, slice(None))] = True
-                for line in (k * len(hits) // FEWEST for k in range(FEWEST)):
-                    if not hits[line, row]:
-                        self._number_vertex((line, row) if axis == 0 else (row, line))
-
-    def _length(self, axis: int, piece: int) -> float:
-        """The knot interval of a piece between two lines of `axis`."""
-        knots = self.knots[axis]
-        after = knots[piece + 1] if piece + 1 < len(knots) else knots[0] + self.period[axis]
-        return float(after - knots[piece])
-
-    def _has_domain_beside(self, axis: int, line: int, piece: int) -> bool:
-        """Whether a piece of a line has the domain on either side."""
-        cells = self.inside if axis == 0 else self.inside.T
-        beside = [k % cells.shape[0] if self.period[axis] else k for k in (line - 1, line)]
-        return all(0 <= k < cells.shape[0] and bool(cells[k, piece]) for k in beside)
-
-    def _add_edge(self, axis: int, line: int, piece: int) -> None:
-        """Add the edge on a piece of `line` of `axis`: one on an s-line runs along t, one on a t-line along
-        s."""
-        self.edges[1 - axis][(line, piece) if axis == 0 else (piece, line)] = True
-
-    def _join_edge(self, axis: int, line: int, row: int) -> bool:
-        """Add a vertex where a cut along `line` meets an edge on the other axis' line `row`; whether it
-        does."""
-        place = (line, row) if axis == 0 else (row, line)
-        if self.crossings[place] >= 0:
-            return True
-        if self._edge_passes(1 - axis, row, line):
-            self._number_vertex(place)
-            return True
-        return False
-
-    def _edge_passes(self, axis: int, line: int, row: int) -> bool:
-        """Whether an edge on `line` of `axis` runs through its crossing with `row`."""
-        pieces = self.edges[1 - axis] if axis == 0 else self.edges[0].T
-        count = pieces.shape[1]
-        before = (row - 1) % count if self.period[1 - axis] else row - 1
-        after = row
-        return before >= 0 and after < count and bool(pieces[line, before] and pieces[line, after])
-
-    def _number_vertex(self, place: Sequence[int]) -> None:
-        """Add a vertex at a crossing, with the next number."""
-        self.crossings[place[0], place[1]] = self.crossings.max() + 1
+    ]
 
 
-STEPS = ((1, 0), (0, 1), (-1, 0), (0, -1))
-"""Steps in lines of s and t of the directions 0 +s, 1 +t, 2 -s, 3 -t."""
+def beside(pieces: ndarray, closed: bool, joined: np.ufunc = np.logical_or) -> ndarray:
+    """What is true of a piece before or (`joined`) after each crossing: pieces (p, q) -> (p, q + 1), closed: (p, q)."""
+    if closed:
+        return joined(pieces, np.roll(pieces, 1, axis=1))
+    return joined(np.pad(pieces, ((0, 0), (0, 1))), np.pad(pieces, ((0, 0), (1, 0))))
 
 
-class Junctions(NamedTuple):
-    """Vertices that are T-junctions and the direction of the missing edge: 0 +s, 1 +t, 2 -s, 3 -t."""
+def _extract(faces: ndarray, s_knots: ndarray, t_knots: ndarray, period: tuple[float, float]) -> Elements:
+    """The elements of the faces (s_low, s_high, t_low, t_high) under functions with these local knots (n, 5).
 
-    vertices: Int64[ndarray, " j"]
-    directions: Int64[ndarray, " j"]
+    In a closed direction (period > 0) functions act again one period on.
+    """
+    # The functions and their images one and two periods away that may reach the domain
+    shifts = [np.arange(-2, 3) * length if length else np.zeros(1) for length in period]
+    moved = [(s_knots + a, t_knots + b, np.arange(len(s_knots))) for a in shifts[0] for b in shifts[1]]
+    s, t, ids = (np.concatenate([part[k] for part in moved]) for k in range(3))
 
+    # Each face cut into a grid by the knots of the functions that reach it
+    function, face = _overlaps(faces, s, t)
+    order = np.argsort(face, kind="stable")
+    function = function[order]
+    starts = np.searchsorted(face[order], np.arange(len(faces) + 1))
+    lines = [_lines(faces[:, :2], s), _lines(faces[:, 2:], t)]
+    cut = []
+    for k, (s_low, s_high, t_low, t_high) in enumerate(faces):
+        here = function[starts[k] : starts[k + 1]]
+        x, y = (
+            _nearest(every, np.concatenate([[low, high], np.clip(knots[here].ravel(), low, high)]))
+            for every, knots, low, high in ((lines[0], s, s_low, s_high), (lines[1], t, t_low, t_high))
+        )
+        i, j = (index.ravel() for index in np.meshgrid(np.arange(len(x) - 1), np.arange(len(y) - 1)))
+        cut.append(np.column_stack([x[i], x[i + 1], y[j], y[j + 1]]))
+    boxes = np.vstack(cut)
 
-def _around(tmesh: TMesh, pieces_s: ndarray, pieces_t: ndarray) -> ndarray:
-    """The values of the pieces between crossings on the four sides of each vertex, (n, 4); False where there
-    is no piece. `pieces_s` run along s, `pieces_t` along t."""
-    sides = np.zeros((tmesh.size, 4), dtype=bool)
-    for direction, (di, dj) in enumerate(STEPS):
-        pieces = (pieces_s, pieces_t)[direction % 2]
-        place = tmesh.vertices + np.minimum([di, dj], 0)
-        for axis in (0, 1):
-            if tmesh.period[axis]:
-                place[:, axis] %= pieces.shape[axis]
-        there = ((place >= 0) & (place < pieces.shape)).all(axis=1)
-        sides[there, direction] = pieces[tuple(place[there].T)]
-    return sides
+    s_middle, t_middle = boxes[:, :2].mean(axis=1), boxes[:, 2:].mean(axis=1)
+    function, element = _overlaps(
+        np.column_stack([s_middle, s_middle, t_middle, t_middle]), s, t
+    )  # images are off by a rounding
+    low, high = boxes[element][:, [0, 2]], boxes[element][:, [1, 3]]
+    around, along = (_coefficients(k[function], low[:, d], high[:, d]) for d, k in ((0, s), (1, t)))
+    values = (along[:, :, None] * around[:, None, :]).reshape(-1, 16)
 
-
-def junctions(tmesh: TMesh) -> Junctions:
-    """All T-junctions. Vertices with the same two knots are one: an edge that goes on from any of them is not
-    missing."""
-    # Whether an edge leaves each vertex in the directions +s, +t, -s, -t, (n, 4)
-    edges = _around(tmesh, tmesh.along_s, tmesh.along_t)
-    inside = _around(
-        tmesh, beside(tmesh.inside, bool(tmesh.period[1])), beside(tmesh.inside.T, bool(tmesh.period[0])).T
-    )
-    s, t = tmesh.s_lines[tmesh.vertices[:, 0]], tmesh.t_lines[tmesh.vertices[:, 1]]
-    place = np.unique(np.column_stack([s, t]), axis=0, return_inverse=True)[1].ravel()
-    leaving = np.zeros((int(place.max()) + 1, 4), dtype=bool)
-    np.logical_or.at(leaving, place, edges & _positive_intervals(tmesh))
-    missing = ~edges & inside & (edges.sum(axis=1) == 3)[:, None] & ~leaving[place]
-    vertices, directions = np.nonzero(missing)
-    first = np.sort(np.unique(4 * place[vertices] + directions, return_index=True)[1])
-    return Junctions(vertices[first], directions[first])
-
-
-def _positive_intervals(tmesh: TMesh) -> ndarray:
-    """Whether the knot intervals on the four sides of each vertex are positive, (n, 4)."""
-    s, t = tmesh.intervals
-    return _around(
-        tmesh,
-        np.repeat((s > 0)[:, None], len(tmesh.t_lines), axis=1),
-        np.repeat((t > 0)[None], len(tmesh.s_lines), axis=0),
-    )
+    # Elements with the images of one function added up and functions in increasing order
+    functions = ids[function]
+    key = element * (functions.max() + 1) + functions
+    unique, inverse = np.unique(key, return_inverse=True)
+    if len(unique) < len(key):
+        summed = np.zeros((len(unique), 16))
+        np.add.at(summed, inverse, values)
+    else:
+        summed = values[np.argsort(key)]
+    owner, functions = np.divmod(unique, functions.max() + 1)
+    return Elements(boxes, np.searchsorted(owner, np.arange(len(boxes) + 1)), functions, summed, period)
 
 
-class Extensions(NamedTuple):
-    """Extensions of T-junctions: segments from `low` to `high` on the line `across`, all knots; `vertices`
-    are the T-junctions."""
-
-    across: Float[ndarray, " e"]
-    low: Float[ndarray, " e"]
-    high: Float[ndarray, " e"]
-    vertices: Int64[ndarray, " e"]
-
-
-def extensions(tmesh: TMesh) -> tuple[Extensions, Extensions]:
-    """The extensions along s and those along t."""
-    vertices, directions = junctions(tmesh)
-    by_axis = []
-    for axis in (0, 1):
-        here = directions % 2 == axis
-        v = vertices[here]
-        forward = directions[here] < 2
-        knots = tmesh.local_knots[axis][v]
-        other = tmesh.local_knots[1 - axis][v]
-        low = np.where(forward, knots[:, 1], knots[:, 0])
-        high = np.where(forward, knots[:, 4], knots[:, 3])
-        by_axis.append(Extensions(other[:, 2], low, high, v))
-    return by_axis[0], by_axis[1]
+def _lines(sides: ndarray, knots: ndarray) -> ndarray:
+    """All places where a box may end: the sides of faces, and knots that do not differ from them by rounding
+    only."""
+    sides = np.unique(sides)
+    every = distinct(np.clip(knots.ravel(), sides[0], sides[-1]))
+    slack = 4096 * np.finfo(float).eps * max(1.0, float(np.abs(sides).max()))
+    after = np.searchsorted(sides, every)
+    apart = np.abs(every - sides[np.clip(after, 0, len(sides) - 1)]) > slack
+    apart &= np.abs(every - sides[np.clip(after - 1, 0, None)]) > slack
+    return np.sort(np.concatenate([sides, every[apart]]))
 
 
-def meetings(tmesh: TMesh) -> tuple[Int64[ndarray, "c 2"], Int64[ndarray, "d 2"]]:
-    """Pairs of T-junctions whose extensions cross inside both, and pairs whose extensions only touch at an
-    end of one; the extension along s comes first."""
-    along_s, along_t = extensions(tmesh)
-    crossing = [np.zeros((0, 2), dtype=np.int64)]
-    touching = [np.zeros((0, 2), dtype=np.int64)]
-    for ds in _shifts(tmesh.period[0]):
-        for dt in _shifts(tmesh.period[1]):
-            x = (along_t.across + ds)[None]
-            y = along_s.across[:, None]
-            low, high = along_s.low[:, None], along_s.high[:, None]
-            below, above = (along_t.low + dt)[None], (along_t.high + dt)[None]
-            meet = (low <= x) & (x <= high) & (below <= y) & (y <= above)
-            inner = (low < x) & (x < high) & (below < y) & (y < above)
-            for pairs, which in ((crossing, inner), (touching, meet & ~inner)):
-                i, j = np.nonzero(which)
-                pairs.append(np.column_stack([along_s.vertices[i], along_t.vertices[j]]))
-    return np.concatenate(crossing), np.concatenate(touching)
+def _nearest(lines: ndarray, knots: ndarray) -> ndarray:
+    """The lines that are nearest to some of the knots."""
+    above = np.clip(np.searchsorted(lines, knots), 1, len(lines) - 1)
+    return lines[np.unique(np.where(knots - lines[above - 1] < lines[above] - knots, above - 1, above))]
 
 
-def _shifts(period: float) -> list[float]:
-    """Shifts by whole periods at which extensions may meet; none but 0 in an open direction."""
-    return [-period, 0.0, period] if period else [0.0]
+def _overlaps(boxes: ndarray, s: ndarray, t: ndarray) -> tuple[ndarray, ndarray]:
+    """Pairs (function, box) whose insides meet."""
+    pairs = []
+    step = max(1, BLOCK // max(1, len(s)))
+    for first in range(0, len(boxes), step):
+        b = boxes[first : first + step, :, None]
+        meet = (s[:, 0] < b[:, 1]) & (s[:, 4] > b[:, 0]) & (t[:, 0] < b[:, 3]) & (t[:, 4] > b[:, 2])
+        box, function = np.nonzero(meet)
+        pairs.append((function, box + first))
+    return np.concatenate([f for f, _ in pairs]), np.concatenate([b for _, b in pairs])
+
+
+def _coefficients(knots: ndarray, low: ndarray, high: ndarray) -> ndarray:
+    """Bernstein coefficients (m, 4) of N[knots] on boxes that lie within one of its spans."""
+    padded = np.column_stack([*[knots[:, 0] - 1] * 3, knots, *[knots[:, 4] + 1] * 3])
+    middle = (low + high) / 2
+    span = np.clip((knots <= middle[:, None]).sum(axis=1) - 1, 0, 3)
+    window = np.take_along_axis(padded, span[:, None] + np.arange(8), axis=1)
+    return bernstein_coefficients(window, low, high)[np.arange(len(knots)), 3 - span]
 
 
 @dataclass(frozen=True, eq=False)
 class ExtractedTMesh:
     """`size` functions, of which functions[starts[e]:starts[e+1]] live on element e with Bernstein
-    coefficients (k, c), s fastest."""
+    coefficients (k, c), s fastest.
+
+    The elements share no chart, so each has a parameter square of its own: element e is [2 e, 2 e + 1] x [0, 1].
+    """
 
     size: int
     starts: Int64[ndarray, " e1"]
     functions: Int64[ndarray, " k"]
     coefficients: Float[ndarray, "k c"]
 
-    @property
-    def poles(self) -> tuple[bool, bool]:
-        """There is no common direction that could have poles."""
-        return False, False
-
-    @property
-    def domain(self) -> Float[ndarray, "2 2"]:
-        """[[0, 2 e - 1], [0, 1]]: with gaps between the elements."""
-        return self.elements.domain
+    poles = (False, False)
+    """There is no common direction that could have poles."""
 
     @cached_property
     def elements(self) -> Elements:
@@ -640,9 +407,6 @@ class ExtractedTMesh:
         return Elements(boxes, self.starts, self.functions, self.coefficients)
 
 
-PAIRS = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
-
-
 @dataclass(frozen=True, eq=False)
 class OpenRowTMesh:
     """Rows j = 0..m-1 over t_knots (m+4,), row j with s_knots[j] (its control points + 4), 0 and 1 four times
@@ -650,6 +414,9 @@ class OpenRowTMesh:
 
     t_knots: Float[ndarray, " k"]
     s_knots: tuple[Float[ndarray, " _"], ...]
+
+    poles = (False, False)
+    """No end of t is one point."""
 
     @classmethod
     def from_rows(cls, t_knots: ndarray, s_knots: Sequence[ndarray]) -> "OpenRowTMesh":
@@ -662,7 +429,7 @@ class OpenRowTMesh:
                 f"ends four times{fault(t)}"
             )
         for j, row in enumerate(s_knots):
-            if len(row) < 8 or fault(row) or not _clamped(row) or row[0] != 0 or row[-1] != 1:
+            if fault(row) or not _clamped(row) or row[0] != 0 or row[-1] != 1:
                 raise ValueError(
                     f"row {j}: an open row needs knots that never decrease, 0 and 1 four times at the ends{fault(row)}"
                 )
@@ -676,89 +443,22 @@ class OpenRowTMesh:
     @property
     def size(self) -> int:
         """Number of control points."""
-        return sum(len(row) - 4 for row in self.s_knots)
-
-    @property
-    def domain(self) -> Float[ndarray, "2 2"]:
-        """[[s_low, s_high], [t_low, t_high]]."""
-        return np.array([[0.0, 1.0], [self.t_knots[3], self.t_knots[-4]]])
-
-    @property
-    def poles(self) -> tuple[bool, bool]:
-        """No end of t is one point."""
-        return False, False
+        return int(self.row_starts[-1])
 
     @cached_property
     def elements(self) -> Elements:
         """The Bezier elements: on a t-span they end where one of its four rows has a knot."""
-        spans = np.flatnonzero(np.diff(self.t_knots) > 0)
-        boxes, counts, functions, coefficients = (
-            np.concatenate(parts) for parts in zip(*(self._strip(int(k)) for k in spans))
-        )
-        return Elements(boxes, np.concatenate([[0], np.cumsum(counts)]), functions, coefficients)
-
-    def blending(self, s: Float[ndarray, " n"], t: Float[ndarray, " n"], order: int) -> list[sp.csr_array]:
-        """B, and up to `order` B_s, B_t, B_ss, B_st, B_tt: sparse (n, size)."""
-        pairs = PAIRS[: (1, 3, 6)[order]]
-        span, along = _functions(self.t_knots, t, order)
-        matrices = [sp.lil_array((len(s), self.size)) for _ in pairs]
-        starts = self.row_starts
-        for j, knots in enumerate(self.s_knots):
-            here = np.flatnonzero((span - 3 <= j) & (j <= span))
-            if not len(here):
-                continue
-            first, around = _functions(knots, s[here], order)
-            columns = starts[j] + first[:, None] + np.arange(-3, 1)
-            for matrix, (a, b) in zip(matrices, pairs):
-                matrix[here[:, None], columns] = around[a] * along[b, here, j - span[here] + 3][:, None]
-        return [sp.csr_array(matrix) for matrix in matrices]
-
-    def _strip(self, k: int) -> tuple[ndarray, ...]:
-        """Boxes, function counts, function ids and coefficients of the elements on t-span k."""
-        rows = range(k - 3, k + 1)
-        starts = self.row_starts
-        breaks = distinct(np.concatenate([self.s_knots[j] for j in rows]))
-        low, high = breaks[:-1], breaks[1:]
-        along = bernstein_coefficients(self.t_knots[None, k - 3 : k + 5], self.t_knots[[k]], self.t_knots[[k + 1]])[0]
-        ids = []
-        values = []
-        for j in rows:
-            span = _span(self.s_knots[j], (low + high) / 2)
-            around = bernstein_coefficients(self.s_knots[j][span[:, None] + np.arange(-3, 5)], low, high)
-            values.append((along[j - k + 3][None, None, :, None] * around[:, :, None, :]).reshape(len(low), 4, 16))
-            ids.append(starts[j] + span[:, None] + np.arange(-3, 1))
-        boxes = np.column_stack([low, high, np.full_like(low, self.t_knots[k]), np.full_like(low, self.t_knots[k + 1])])
-        return (
-            boxes,
-            np.full(len(low), 16),
-            np.concatenate(ids, axis=1).ravel(),
-            np.concatenate(values, axis=1).reshape(-1, 16),
-        )
+        return _extract_rows(self)
 
 
 def _clamped(knots: ndarray) -> bool:
-    """Whether knots never decrease, end in fourfold knots and have no other knot more than three times."""
+    """Whether increasing knots end in fourfold knots and have no other knot more than three times."""
     return bool(
-        (np.diff(knots) >= 0).all()
+        len(knots) >= 8
         and (knots[:4] == knots[0]).all()
         and (knots[-4:] == knots[-1]).all()
-        and len(knots) >= 8
         and (knots[4:] > knots[:-4]).all()
     )
-
-
-def _span(knots: ndarray, x: ndarray) -> ndarray:
-    """The span of clamped knots that holds x; the last one holds the end too."""
-    return np.clip(np.searchsorted(knots, x, side="right") - 1, 3, len(knots) - 5)
-
-
-def _functions(knots: ndarray, x: ndarray, order: int) -> tuple[ndarray, ndarray]:
-    span = _span(knots, x)
-    return span, span_functions(knots[span[:, None] + np.arange(-3, 5)], x, order)
-
-
-NEAREST = 1e-12
-"""Share of the range: knots that differ by less differ by rounding only."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -801,12 +501,7 @@ class RowTMesh:
     @property
     def size(self) -> int:
         """Number of control points."""
-        return sum(len(row) for row in self.s_knots)
-
-    @property
-    def domain(self) -> Float[ndarray, "2 2"]:
-        """[[s_low, s_high], [t_low, t_high]]; s is periodic."""
-        return np.array([[0.0, 1.0], [self.t_knots[3], self.t_knots[-4]]])
+        return int(self.row_starts[-1])
 
     @property
     def poles(self) -> tuple[bool, bool]:
@@ -816,119 +511,75 @@ class RowTMesh:
     @cached_property
     def elements(self) -> Elements:
         """The Bezier elements."""
-        return extract_rows(self.t_knots, self.s_knots)
+        return _extract_rows(self)
 
-    def blending(self, s: Float[ndarray, " n"], t: Float[ndarray, " n"], order: int) -> list[sp.csr_array]:
-        """B, and up to `order` B_s, B_t, B_ss, B_st, B_tt: sparse (n, size)."""
-        s = np.mod(s, 1.0)
-        pairs = [(0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2)][: (1, 3, 6)[order]]
-        span = np.clip(np.searchsorted(self.t_knots, t, side="right") - 1, 3, len(self.t_knots) - 5)
-        along = span_functions(self.t_knots[span[:, None] + np.arange(-3, 5)], t, order)
-        starts = self.row_starts
+    def blending(self, s: Float[ndarray, " n"], t: Float[ndarray, " n"]) -> sp.csr_array:
+        """The blending functions at (s, t), by the recurrence: sparse (n, size)."""
+        span, window = clamped_spans(self.t_knots, t)
+        along = span_functions(window, t, 0)[0]
         rows: list[ndarray] = []
         columns: list[ndarray] = []
-        values: list[list[ndarray]] = [[] for _ in pairs]
-        for j, knots in enumerate(self.s_knots):
+        values: list[ndarray] = []
+        for j, (start, knots) in enumerate(zip(self.row_starts, self.s_knots)):
             here = np.flatnonzero((span - 3 <= j) & (j <= span))
-            if not len(here):
-                continue
-            around, index = self._row_functions(knots, s[here], order)
-            local = j - span[here] + 3
+            around, index = np.ones((len(here), 1)), np.zeros((len(here), 1), dtype=np.int64)
+            if len(knots) > 1:
+                around, index = functions_at(knots, s[here])
             rows.append(np.repeat(here, index.shape[1]))
-            columns.append((starts[j] + index).ravel())
-            for k, (a, b) in enumerate(pairs):
-                values[k].append((around[a] * along[b, here, local][:, None]).ravel())
-        shape = (len(s), self.size)
+            columns.append((start + index).ravel())
+            values.append((around * along[here, j - span[here] + 3][:, None]).ravel())
         where = (np.concatenate(rows), np.concatenate(columns))
-        return [sp.csr_array((np.concatenate(v), where), shape=shape) for v in values]
+        return sp.csr_array((np.concatenate(values), where), shape=(len(s), self.size))
 
-    @staticmethod
-    def _row_functions(knots: ndarray, s: ndarray, order: int) -> tuple[ndarray, ndarray]:
-        """Values (order+1, n, 4) of the row's functions that live at s, and which they are (n, 4); a pole:
-        (.., n, 1)."""
-        if len(knots) == 1:
-            values = np.zeros((order + 1, len(s), 1))
-            values[0] = 1.0
-            return values, np.zeros((len(s), 1), dtype=np.int64)
-        count = len(knots)
-        span = np.searchsorted(knots, s, side="right") - 1
-        window = span[:, None] + np.arange(-3, 5)
-        unwrapped = knots[window % count] + window // count
 
-        return span_functions(unwrapped, s, order), (span[:, None] + np.arange(-1, 3)) % count
+def _extract_rows(tmesh: RowTMesh | OpenRowTMesh) -> Elements:
+    """The elements of S(s, t) = sum_j N_j(t) Q_j(s). The seam of closed rows is an element edge, too: no box wraps
+    round."""
+    closed = isinstance(tmesh, RowTMesh)
+    t_knots, s_knots, row_starts = tmesh.t_knots, tmesh.s_knots, tmesh.row_starts
+    t_spans = np.flatnonzero(np.diff(t_knots) > 0)
+    t_spans = t_spans[(t_spans >= 3) & (t_spans < len(t_knots) - 4)]
+    along = bernstein_coefficients(t_knots[t_spans[:, None] + np.arange(-3, 5)], t_knots[t_spans], t_knots[t_spans + 1])
+
+    # Of each row on each t-span the eight knots round its elements, where these begin and end, and their functions;
+    # of a pole no knots
+    strips = []
+    rows = []
+    for k in t_spans:
+        four = s_knots[k - 3 : k + 1]
+        breaks = distinct(np.concatenate([[0.0, 1.0], *(row for row in four if len(row) > 1)]))
+        breaks[-1] = 1.0  # a knot that differs from it by rounding is the seam
+        low, high = breaks[:-1], breaks[1:]
+        strips.append((low, high))
+        for knots in four:
+            if len(knots) == 1:
+                rows.append((np.empty((0, 8)), low[:0], high[:0], np.zeros((len(low), 1), dtype=np.int64)))
+                continue
+            span, window = (spans if closed else clamped_spans)(knots, (low + high) / 2)
+            functions = (span[:, None] + np.arange(-1, 3)) % len(knots) if closed else span[:, None] + np.arange(-3, 1)
+            rows.append((window, low, high, functions))
+    around = bernstein_coefficients(*(np.concatenate([row[part] for row in rows]) for part in range(3)))
+    around_rows = np.split(around, np.cumsum([len(row[0]) for row in rows])[:-1])
+
+    parts = []
+    for n, (k, (low, high)) in enumerate(zip(t_spans, strips)):
+        values = []
+        ids = []
+        for i in range(4):
+            s = around_rows[4 * n + i] if len(s_knots[k - 3 + i]) > 1 else np.ones((len(low), 1, 4))
+            values.append((along[n, i][None, None, :, None] * s[:, :, None, :]).reshape(len(low), -1, 16))
+            ids.append(row_starts[k - 3 + i] + rows[4 * n + i][3])
+        functions = np.concatenate(ids, axis=1)
+        order = np.argsort(functions, axis=1)
+        coefficients = np.take_along_axis(np.concatenate(values, axis=1), order[:, :, None], axis=1)
+        boxes = np.column_stack([low, high, np.full_like(low, t_knots[k]), np.full_like(low, t_knots[k + 1])])
+        counts = np.full(len(low), functions.shape[1])
+        parts.append(
+            (boxes, counts, np.take_along_axis(functions, order, axis=1).ravel(), coefficients.reshape(-1, 16))
+        )
+    boxes, counts, functions, coefficients = (np.concatenate(part) for part in zip(*parts))
+    starts = np.concatenate([[0], np.cumsum(counts)])
+    return Elements(boxes, starts, functions, coefficients, period=(float(closed), 0.0))
 
 
 M = TypeVar("M", bound=RowTMesh | OpenRowTMesh | TMesh | ExtractedTMesh)
-
-
-class Seeds(NamedTuple):
-    """Surface points from which the search for closest points starts."""
-
-    parameters: Float[ndarray, "n 2"]
-    """(s, t) of the points."""
-    tree: KDTree
-    """The points in mm, for the nearest of them."""
-    step_limit: Float[ndarray, "2"]
-    """Longest step of the search in s and in t: about two spacings of the points."""
-
-
-class Surface(ABC, Generic[M]):
-    """A rational spline S(s, t) over a T-mesh of any kind: control points (n, 3) in mm, weights (n,)."""
-
-    tmesh: M
-    control_points: Float[ndarray, "n 3"]
-    weights: Float[ndarray, " n"]
-
-    @property
-    @abstractmethod
-    def domain(self) -> Float[ndarray, "2 2"]:
-        """[[s_low, s_high], [t_low, t_high]]; s is periodic where the surface is closed."""
-
-    @property
-    @abstractmethod
-    def poles(self) -> tuple[bool, bool]:
-        """Whether the lower and the upper end of t is one point of a surface that is closed in s."""
-
-    @property
-    @abstractmethod
-    def patches(self) -> Float[ndarray, "e c 4"]:
-        """Homogeneous Bezier control points (w x, w y, w z, w) of every element, s fastest."""
-
-    @property
-    @abstractmethod
-    def seeds(self) -> Seeds:
-        """Surface points from which the search for closest points starts."""
-
-    @abstractmethod
-    def elements(self) -> Elements:
-        """The Bezier elements of the T-mesh: boxes, function ids, coefficients."""
-
-    @abstractmethod
-    def basis(self, s: Float[ndarray, " n"], t: Float[ndarray, " n"], order: int = 0) -> tuple[sp.csr_array, ...]:
-        """R, then R_s, R_t (order 1), then R_ss, R_st, R_tt (order 2): sparse (n, control points)."""
-
-    @abstractmethod
-    def positions(self, s: Float[ndarray, " n"], t: Float[ndarray, " n"]) -> Float[ndarray, "n 3"]:
-        """Surface points S(s, t) in mm."""
-
-    @abstractmethod
-    def derivatives(
-        self, s: Float[ndarray, " n"], t: Float[ndarray, " n"], order: int
-    ) -> tuple[Float[ndarray, "n 3"], ...]:
-        """S, S_s, S_t (order 1) and S_ss, S_st, S_tt (order 2)."""
-
-    @abstractmethod
-    def normals(self, s: Float[ndarray, " n"], t: Float[ndarray, " n"]) -> Float[ndarray, "n 3"]:
-        """Outward unit normals; at a pole their limit."""
-
-    @abstractmethod
-    def with_control_points(self: "S", control_points: Float[ndarray, "n 3"]) -> "S":
-        """The surface of the same T-mesh and weights with other control points."""
-
-    @abstractmethod
-    def with_tmesh(self: "S", tmesh: Any, control_points: Float[ndarray, "n 3"], weights: Float[ndarray, " n"]) -> "S":
-        """The surface of another T-mesh of the same kind."""
-
-
-S = TypeVar("S", bound=Surface)
-"""A class of surfaces: what is returned is of the class that was given."""

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Generic
+from typing import Generic
 
 import numpy as np
 import scipy.sparse as sp
@@ -15,10 +15,10 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.surface import query
 from bonecam.surface.basis import Elements
 from bonecam.surface.diagnosis import Diagnosis, diagnose
-from bonecam.surface.query import Projection, curvature_at, normals_at, project, seeds_on
+from bonecam.surface.query import Projection, Seeds, curvature_at, normals_at, project, seeds_on
 from bonecam.surface.refinement import refine
 from bonecam.surface.tessellation import Tessellation, tessellate
-from bonecam.surface.tmesh import M, Seeds, Surface
+from bonecam.surface.tmesh import M
 
 POLE_SAMPLES = 256
 """Parameters s at which an end of t is looked at whether it is one point."""
@@ -31,7 +31,7 @@ LARGEST = 1e30
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class TSpline(Surface[M], Generic[M]):
+class TSpline(Generic[M]):
     """Control points (n, 3) in mm and positive weights (n,) over a T-mesh, row-structured or general."""
 
     tmesh: M
@@ -41,7 +41,10 @@ class TSpline(Surface[M], Generic[M]):
     def __post_init__(self) -> None:
         object.__setattr__(self, "control_points", frozen(self.control_points))
         object.__setattr__(self, "weights", frozen(self.weights))
-        _check_counts(self.control_points, self.weights, self.tmesh.size)
+        size = self.tmesh.size
+        if self.control_points.shape != (size, 3) or self.weights.shape != (size,):
+            shapes = f"control_points {self.control_points.shape} and weights {self.weights.shape}"
+            raise ValueError(f"{shapes}: the T-mesh has {size} vertices, give as many control points and weights")
 
         # Raises ValueError on numbers that are not finite, too large, or weights that are not positive
         points_fit = (np.abs(self.control_points) < LARGEST).all(axis=1)
@@ -61,7 +64,7 @@ class TSpline(Surface[M], Generic[M]):
     @cached_property
     def domain(self) -> Float[ndarray, "2 2"]:
         """[[s_low, s_high], [t_low, t_high]]; s is periodic where the surface is closed."""
-        return self.tmesh.domain
+        return self.tmesh.elements.domain
 
     @cached_property
     def poles(self) -> tuple[bool, bool]:
@@ -107,12 +110,6 @@ class TSpline(Surface[M], Generic[M]):
     def with_control_points(self, control_points: Float[ndarray, "n 3"]) -> "TSpline[M]":
         """The surface of the same T-mesh and weights with other control points."""
         return TSpline(self.tmesh, control_points, self.weights)
-
-    def with_tmesh(
-        self, tmesh: Any, control_points: Float[ndarray, "n 3"], weights: Float[ndarray, " n"]
-    ) -> "TSpline[M]":
-        """The surface of another T-mesh of the same kind."""
-        return TSpline(tmesh, control_points, weights)
 
     def basis(self, s: Float[ndarray, " n"], t: Float[ndarray, " n"], order: int = 0) -> tuple[sp.csr_array, ...]:
         """R, then R_s, R_t (order 1), then R_ss, R_st, R_tt (order 2): sparse (n, control points)."""
@@ -175,9 +172,3 @@ class TSpline(Surface[M], Generic[M]):
 def _check_order(order: int) -> None:
     if order not in (0, 1, 2):
         raise ValueError(f"order must be 0, 1 or 2, not {order}")
-
-
-def _check_counts(control_points: ndarray, weights: ndarray, size: int) -> None:
-    if control_points.shape != (size, 3) or weights.shape != (size,):
-        shapes = f"control_points {control_points.shape} and weights {weights.shape}"
-        raise ValueError(f"{shapes}: the T-mesh has {size} vertices, give as many control points and weights")

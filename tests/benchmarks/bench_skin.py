@@ -44,8 +44,8 @@ def b_splines(rows: list[np.ndarray], tolerance: float) -> tuple[int, int]:
     control = control_curves(curves)
     reduction = Reduction(control.fine, control.candidates, False)
     points = list(_on_fine(curves, control.fine))
-    alone = np.unique(np.concatenate([reduction.least(section, tolerance)[0] for section in points]))
-    together = reduction.least(np.stack(points, axis=1), tolerance)[0]
+    alone = np.unique(np.concatenate([reduction.least_of_all([section], tolerance)[0][0] for section in points]))
+    together = reduction.least_of_all([np.stack(points, axis=1)], tolerance)[0][0]
     return len(rows) * (len(alone) + 4), len(rows) * (len(together) + 4)
 
 

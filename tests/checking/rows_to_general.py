@@ -5,7 +5,7 @@ import numpy as np
 from numpy import ndarray
 
 from bonecam.errors import SurfaceError
-from bonecam.surface.basis import aligned
+from bonecam.surface.refinement import aligned
 from bonecam.surface.tmesh import OpenRowTMesh, TMesh
 from bonecam.surface.tspline import TSpline
 

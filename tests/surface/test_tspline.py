@@ -46,7 +46,7 @@ def test_extraction_agrees_with_the_recurrence(
 ) -> None:
     surface = bone_like(max(shape[0], 5), shape[1], seed)
     s, t = samples(100, seed)
-    B = surface.tmesh.blending(s, t, 0)[0].toarray() * surface.weights
+    B = surface.tmesh.blending(s, t).toarray() * surface.weights
     expected = B / B.sum(axis=1, keepdims=True)
     np.testing.assert_allclose(surface.basis(s, t)[0].toarray(), expected, atol=1e-14)
     np.testing.assert_allclose(surface.evaluate(s, t), expected @ surface.control_points, atol=1e-13 * 28)

@@ -68,7 +68,7 @@ def sum_of(nodes: list[dict], s: np.ndarray, t: np.ndarray) -> np.ndarray:
 def test_extensions_meet_as_often_as_integer_segments_do(shared: Path, name: str) -> None:
     """Extensions rebuilt from the diagnosis' junctions and the oracle's knots as integer ranks, met pair by
     pair in plain Python."""
-    from bonecam.surface.tmesh import junctions
+    from bonecam.surface.diagnosis import junctions
 
     folder = shared / "tspline" / "tsm"
     surface, oracle = (read_tsm(folder / f"{name}.tsm"), json.loads((folder / f"{name}.oracle.json").read_text()))
@@ -81,9 +81,8 @@ def test_extensions_meet_as_often_as_integer_segments_do(shared: Path, name: str
     for node in nodes:
         u, v = ([rank[d][round(k, 9)] for k in node[key]] for d, key in enumerate("uv"))
         by_place[u[2], v[2], round(sum(node["p"]), 6)] = (u, v)
-    found = junctions(surface.tmesh)
     segments: list[list[tuple[int, int, int]]] = [[], []]
-    for vertex, direction in zip(found.vertices.tolist(), found.directions.tolist()):
+    for vertex, direction in zip(*(part.tolist() for part in junctions(surface.tmesh))):
         own = [[rank[d][round(float(k), 9)] for k in surface.tmesh.local_knots[d][vertex]] for d in (0, 1)]
         u, v = by_place[own[0][2], own[1][2], round(float(surface.control_points[vertex].sum()), 6)]
         axis = direction % 2

@@ -296,7 +296,11 @@ def tessellate_shape(shape: Any, chord_tolerance: float | None = None) -> Triang
         raise FileError(f"{what}: export it in its true size, or give a larger tolerance")
     whole = shape if parts_of(shape, "SOLID") else sew(shape, SEWING_TOLERANCE * diagonal)
     area = area_of(whole)
-    for factor, candidate in product(DEFLECTION_FACTORS, (_cut_closed_faces(whole), whole)):
+    # The shape with each face that closes on itself cut into several
+    divided = occ().ShapeUpgrade.ShapeUpgrade_ShapeDivideClosed(whole)
+    divided.SetNbSplitPoints(CLOSED_FACE_CUTS)
+    divided.Perform()
+    for factor, candidate in product(DEFLECTION_FACTORS, (divided.Result(), whole)):
         lib.BRepTools.BRepTools.Clean_s(candidate)
         deflection = factor * DEFLECTION * tolerance
         lib.BRepMesh.BRepMesh_IncrementalMesh(candidate, deflection, False, ANGULAR_DEFLECTION, False)
@@ -304,14 +308,6 @@ def tessellate_shape(shape: Any, chord_tolerance: float | None = None) -> Triang
         if mesh is not None and abs(mesh.area - area) <= AREA_TOLERANCE * area:
             return mesh
     raise FileError("a face of the part cannot be tessellated: heal the part in its CAD system and export it again")
-
-
-def _cut_closed_faces(shape: Any) -> Any:
-    """The shape with each face that closes on itself cut into several."""
-    divided = occ().ShapeUpgrade.ShapeUpgrade_ShapeDivideClosed(shape)
-    divided.SetNbSplitPoints(CLOSED_FACE_CUTS)
-    divided.Perform()
-    return divided.Result()
 
 
 def _mesh_of(shape: Any, tolerance: float, welding: float) -> TriangleMesh | None:
@@ -324,7 +320,8 @@ def _mesh_of(shape: Any, tolerance: float, welding: float) -> TriangleMesh | Non
     starts = np.cumsum([0, *[len(nodes) for nodes, _ in parts]])
     nodes = np.concatenate([nodes for nodes, _ in parts])
     corners = np.concatenate([corners + start for (_, corners), start in zip(parts, starts)])
-    return _weld(nodes, corners, welding)
+    welded = nearest_groups(nodes, welding)[corners]
+    return keep_faces(TriangleMesh(nodes, welded.astype(np.int32)), ~repeats_corner(welded))
 
 
 def _triangles(face: Any, tolerance: float) -> tuple[Float[ndarray, "n 3"], Int64[ndarray, "m 3"]] | None:
@@ -346,7 +343,13 @@ def _triangles(face: Any, tolerance: float) -> tuple[Float[ndarray, "n 3"], Int6
     for weights in MEASURED_POINTS:
         measured = np.einsum("k,mkp->mp", weights, parameters[corners]).tolist()
         points = _coordinates(surface.Value(u, v) for u, v in measured)
-        if _plane_distances(nodes[corners], points).max() > tolerance:
+        # Distance of each point from the plane of its triangle; 0 for a triangle without area
+        triangles = nodes[corners]
+        normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+        lengths = np.linalg.norm(normals, axis=1)
+        has_area = lengths > np.finfo(float).eps * np.ptp(triangles, axis=(0, 1)).max() ** 2
+        heights = np.abs(np.einsum("mi,mi->m", points - triangles[:, 0], normals))
+        if np.where(has_area, heights / np.where(has_area, lengths, 1.0), 0.0).max() > tolerance:
             return None
     reversed_face = face.Orientation() == lib.TopAbs.TopAbs_Orientation.TopAbs_REVERSED
     return nodes, corners[:, ::-1] if reversed_face else corners
@@ -354,21 +357,6 @@ def _triangles(face: Any, tolerance: float) -> tuple[Float[ndarray, "n 3"], Int6
 
 def _coordinates(points: Iterable[Any]) -> Float[ndarray, "n 3"]:
     return np.array([(p.X(), p.Y(), p.Z()) for p in points])
-
-
-def _plane_distances(triangles: Float[ndarray, "m 3 3"], points: Float[ndarray, "m 3"]) -> Float[ndarray, " m"]:
-    """Distance of each point from the plane of its triangle; 0 for a triangle without area."""
-    normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
-    lengths = np.linalg.norm(normals, axis=1)
-    has_area = lengths > np.finfo(float).eps * np.ptp(triangles, axis=(0, 1)).max() ** 2
-    heights = np.abs(np.einsum("mi,mi->m", points - triangles[:, 0], normals))
-    return np.where(has_area, heights / np.where(has_area, lengths, 1.0), 0.0)
-
-
-def _weld(nodes: Float[ndarray, "n 3"], faces: Int64[ndarray, "m 3"], tolerance: float) -> TriangleMesh:
-    """The mesh with nodes nearer than `tolerance` made one (the first of them) and null faces dropped."""
-    welded = nearest_groups(nodes, tolerance)[faces]
-    return keep_faces(TriangleMesh(nodes, welded.astype(np.int32)), ~repeats_corner(welded))
 
 
 SECONDS = 60.0

@@ -125,13 +125,6 @@ class NamedFile:
         raise FileError(message, file=str(self.by), line=self.line)
 
 
-def refuse_special_names(file: Path, data: bytes) -> None:
-    """FileError where a PLY or OBJ of the bytes `data`, or its materials, names a pipe, a device or a folder."""
-    for named in named_files(file, data):
-        if not named.place.is_file():
-            named.refuse("is no regular file: remove the line")
-
-
 def refuse_names_outside(file: Path, data: bytes, folders: Sequence[Path], remedy: str) -> None:
     """FileError with the `remedy` where a PLY or OBJ of the bytes `data`, or its materials, names a file that is below
     none of the folders."""
@@ -159,16 +152,13 @@ def _found(file: Path, data: bytes, naming: re.Pattern[bytes]) -> Iterator[Named
         match = naming.match(line)
         if match:
             for folder in dict.fromkeys((file.parent, Path())):
-                for name in _names(match[1]):
+                # The names that the end of a line may mean
+                rest = match[1]
+                text = os.fsdecode(rest).replace("\\", "/").strip(" \t\"'")
+                words = text.split()
+                for name in list(dict.fromkeys([text, words[0], words[-1]])) if words else []:
                     if os.path.exists(folder / name):
                         yield NamedFile(folder / name, file, number)
-
-
-def _names(rest: bytes) -> list[str]:
-    """The names that the end of a line may mean."""
-    text = os.fsdecode(rest).replace("\\", "/").strip(" \t\"'")
-    words = text.split()
-    return list(dict.fromkeys([text, words[0], words[-1]])) if words else []
 
 
 def _materials(named: NamedFile) -> bytes:
@@ -231,7 +221,10 @@ def read_mesh_file(path: str | Path, also: tuple[str, ...] = ()) -> MeshFile:
     cut short, of an unknown kind, holds coordinates that are not numbers, or no triangles.
     """
     file = Path(path)
-    _require_readable(file, also)
+    known = file.suffix.lower() in READABLE or os.path.isdir(file)
+    if not known and (file.suffix or os.path.exists(file)):
+        ending = f"has the unknown ending {file.suffix!r}" if file.suffix else "has no ending that tells its kind"
+        raise file_error(file, ending, f"give a file that ends in one of {', '.join((*READABLE, *also))}")
     data = bytes_of(file)
     ending = file.suffix.lower()
     if ending not in (*MESHES, *SCENES):
@@ -239,7 +232,12 @@ def read_mesh_file(path: str | Path, also: tuple[str, ...] = ()) -> MeshFile:
     given = read_content(file, data)
     if not len(given.mesh.faces):
         return replace(given, mesh=_round_points(file, given.mesh.vertices))
-    return given if ending in MESHES and ending != ".stl" else replace(given, mesh=_weld(given.mesh))
+    if ending in MESHES and ending != ".stl":
+        return given
+    # Equal corners made one vertex, without vertices that no face has
+    used, corners = np.unique(given.mesh.faces, return_inverse=True)
+    vertices, index = np.unique(given.mesh.vertices[used] + 0.0, axis=0, return_inverse=True)
+    return replace(given, mesh=TriangleMesh(vertices, index.ravel()[corners].reshape(-1, 3).astype(np.int32)))
 
 
 def read_content(file: Path, data: bytes) -> MeshFile:
@@ -316,36 +314,15 @@ def write_mesh(
         meshset.compute_color_from_scalar_per_vertex(**quality_colours(largest))
     with whole_file(target) as work:
         saved = work.with_name(f"mesh{target.suffix.lower()}")  # a name that MeshLab can write
-        _save(meshset, saved, target, binary=True, **options)
+        try:
+            with library_name(saved.parent) as folder:
+                meshset.save_current_mesh(str(Path(folder) / saved.name), binary=True, **options)
+        except meshlab().PyMeshLabException as error:  # which says only that the output failed: the disk is full
+            raise file_error(
+                target, "cannot be written (is the disk full?)", "make room there or choose another folder"
+            ) from error
         require_room(saved)
         os.replace(saved, work)
-
-
-def _save(meshset: Any, work: Path, target: Path, **options: Any) -> None:
-    """Save the layer to `work`, on its way to `target`. MeshLab says only that the output failed: the disk is full."""
-    try:
-        with library_name(work.parent) as folder:
-            meshset.save_current_mesh(str(Path(folder) / work.name), **options)
-    except meshlab().PyMeshLabException as error:
-        raise file_error(
-            target, "cannot be written (is the disk full?)", "make room there or choose another folder"
-        ) from error
-
-
-def _weld(mesh: TriangleMesh) -> TriangleMesh:
-    """The mesh with equal corners made one vertex, without vertices that no face has."""
-    used, corners = np.unique(mesh.faces, return_inverse=True)
-    vertices, index = np.unique(mesh.vertices[used] + 0.0, axis=0, return_inverse=True)
-    return TriangleMesh(vertices, index.ravel()[corners].reshape(-1, 3).astype(np.int32))
-
-
-def _require_readable(file: Path, also: tuple[str, ...]) -> None:
-    """FileError where a file's ending is of no kind that is read."""
-    if file.suffix.lower() in READABLE or os.path.isdir(file):
-        return
-    if file.suffix or os.path.exists(file):
-        ending = f"has the unknown ending {file.suffix!r}" if file.suffix else "has no ending that tells its kind"
-        raise file_error(file, ending, f"give a file that ends in one of {', '.join((*READABLE, *also))}")
 
 
 def bytes_of(file: Path) -> bytes:
@@ -390,7 +367,10 @@ def layers_of(file: Path, options: Mapping[str, Any], *, allow_outside: bool) ->
     data = bytes_of(file)
     if file.suffix.lower() in MESHES:
         read_content(file, data)
-    refuse_special_names(file, data)
+    # FileError where a PLY or OBJ of the bytes `data`, or its materials, names a pipe, a device or a folder
+    for named in named_files(file, data):
+        if not named.place.is_file():
+            named.refuse("is no regular file: remove the line")
     if not allow_outside:
         refuse_names_outside(file, data, [file.parent], OUTSIDE)
     with temporary_folder() as folder:

@@ -107,7 +107,7 @@ def read_blocks(path: str | Path, columns: str = "xyz") -> tuple[Float[ndarray, 
             what = f"a coordinate of {max(place, key=abs):.3g}"
             raise _refusal(file, at, what, "export the points again")
         if len(values) < len(columns):
-            if not _is_head(values):
+            if not (values[0] == int(values[0]) and values[0] > 0 and values[1:] in ([], [3.0])):
                 asked = f"write {' '.join(columns)}"
                 raise _refusal(file, at, f"{len(values)} numbers are no point", asked)
             blocks.append([])
@@ -132,14 +132,10 @@ def _fields(line: str) -> list[str]:
     text = line.strip().rstrip(",; \t")
     if not text or (text.startswith(("#", "//")) and text[1:2] not in (",", ";")):
         return []
-    if ";" in text or ("," in text and _has_decimal_commas(text.split())):
+    words = text.split()
+    if ";" in text or ("," in text and (len(words) > 2 and all(DECIMAL.fullmatch(word) for word in words))):
         return text.replace(",", ".").split(";")
     return text.split(",")
-
-
-def _has_decimal_commas(words: list[str]) -> bool:
-    """Whether words that blanks separate are the numbers of a point already, commas in them their decimal commas."""
-    return len(words) > 2 and all(DECIMAL.fullmatch(word) for word in words)
 
 
 def _named_columns(fields: list[str], columns: str) -> tuple[int, list[int]] | None:
@@ -155,12 +151,6 @@ def _named_columns(fields: list[str], columns: str) -> tuple[int, list[int]] | N
     first = bare[: len(columns)]
     begin = [name[:1] for name in first] == list(columns) and "norm" not in "".join(first)
     return (len(names), list(range(len(columns)))) if begin else None
-
-
-def _is_head(values: list[float]) -> bool:
-    """Whether a line is the head of a block: the number of points that follow, alone or before the dimension
-    3."""
-    return values[0] == int(values[0]) and values[0] > 0 and values[1:] in ([], [3.0])
 
 
 def _refusal(file: Path, line: int, what: str, remedy: str) -> FileError:

@@ -97,18 +97,15 @@ def point(words: Sequence[str], line: int, size: int = 3) -> list[float]:
     if len(coordinates) == size and isfinite(sum(coordinates)) and not any("_" in word for word in words[:size]):
         return coordinates
     for word in words[:size]:
-        if not _is_number(word):
+        try:
+            is_number = isfinite(float(word)) and "_" not in word
+        except ValueError:
+            is_number = False
+        if not is_number:
             raise ContentError(f"{shortened(word, 40)!r} is not a number", line=line)
     if len(words) < size:
         raise ContentError(f"{len(words)} numbers are no point", line=line)
     raise ContentError(f"a coordinate of {max(coordinates, key=abs):.3g}", line=line)
-
-
-def _is_number(word: str) -> bool:
-    try:
-        return isfinite(float(word)) and "_" not in word
-    except ValueError:
-        return False
 
 
 def whole_numbers(words: Sequence[str], line: int) -> list[int]:
@@ -180,7 +177,12 @@ def triangles_of(content: Content) -> Int64[ndarray, "m 3"]:
     step = np.arange(len(polygon)) - np.repeat(np.cumsum(counts - 2) - (counts - 2), counts - 2)
     first = starts[polygon]
     triangles = np.stack([corners[first], corners[first + step + 1], corners[first + step + 2]], axis=1)
-    turned = np.unique(polygon[_turned(content.vertices, triangles, polygon, len(counts))])
+    # Which triangles of a fan face away from their polygon, whose area vector is the sum of theirs
+    count = len(counts)
+    a, b, c = (content.vertices[triangles[:, k]] for k in range(3))
+    areas = np.cross(b - a, c - a)
+    sums = np.stack([np.bincount(polygon, areas[:, k], count) for k in range(3)], axis=1)
+    turned = np.unique(polygon[(np.einsum("mi,mi->m", areas, sums[polygon]) < 0)])
     for item in turned:
         own = corners[starts[item] : starts[item] + counts[item]]
         triangles[polygon == item] = _ears(content.vertices, own)
@@ -197,16 +199,6 @@ def strip_triangles(strips: list[ndarray]) -> list[ndarray]:
             for k in range(len(run) - 2):
                 triangles.append(run[k : k + 3] if k % 2 == 0 else run[[k + 1, k, k + 2]])
     return triangles
-
-
-def _turned(
-    vertices: Float[ndarray, "n 3"], triangles: Int64[ndarray, "m 3"], polygon: Int64[ndarray, " m"], count: int
-) -> ndarray:
-    """Which triangles of a fan face away from their polygon, whose area vector is the sum of theirs."""
-    a, b, c = (vertices[triangles[:, k]] for k in range(3))
-    areas = np.cross(b - a, c - a)
-    sums = np.stack([np.bincount(polygon, areas[:, k], count) for k in range(3)], axis=1)
-    return np.einsum("mi,mi->m", areas, sums[polygon]) < 0
 
 
 def _ears(vertices: Float[ndarray, "n 3"], corners: Int64[ndarray, " k"]) -> Int64[ndarray, "m 3"]:
@@ -273,7 +265,12 @@ def parse_off(data: bytes) -> Content:
     for number, words in islice(lines, max(0, vertices)):
         points.extend(point(words, number))
     for number, words in islice(lines, max(0, faces)):
-        polygon = _corners(words, number, vertices)
+        count = whole_numbers(words[:1], number)[0]
+        polygon = whole_numbers(words[1 : 1 + max(0, count)], number)
+        if count < 3 or len(words) - 1 - count not in COLOUR:
+            raise ContentError(f"{len(words) - 1} numbers are no face of {count} corners", line=number)
+        if min(polygon) < 0 or max(polygon) >= vertices:
+            raise ContentError(f"a face names a vertex outside 0..{vertices - 1}", line=number)
         corners.extend(polygon)
         counts.append(len(polygon))
     line, words = next(lines, (0, []))
@@ -282,16 +279,6 @@ def parse_off(data: bytes) -> Content:
     if len(counts) < faces or len(points) < 3 * vertices:
         raise ContentError(f"is cut short: {faces} faces are told of, {len(counts)} are there", CUT_SHORT)
     return filled(points, corners, counts)
-
-
-def _corners(words: list[str], line: int, vertices: int) -> list[int]:
-    count = whole_numbers(words[:1], line)[0]
-    corners = whole_numbers(words[1 : 1 + max(0, count)], line)
-    if count < 3 or len(words) - 1 - count not in COLOUR:
-        raise ContentError(f"{len(words) - 1} numbers are no face of {count} corners", line=line)
-    if min(corners) < 0 or max(corners) >= vertices:
-        raise ContentError(f"a face names a vertex outside 0..{vertices - 1}", line=line)
-    return corners
 
 
 NAMES = {"v": "vertex", "vt": "texture corner", "vn": "normal"}
@@ -374,7 +361,11 @@ def parse_stl(data: bytes) -> Content:
     if named_ascii and len(data) != HEADER + FACET.itemsize * count:
         return _parse_ascii(data)
     if not count or (len(data) - HEADER) // FACET.itemsize != count:
-        raise _no_stl(data, count)
+        if all(byte in b"\t\n\r" or 32 <= byte < 127 for byte in data[:512]):
+            raise ContentError("is text but no STL", "give an STL, or name the file by its true kind")
+        there = max(0, (len(data) - HEADER) // FACET.itemsize)
+        what = f"is no whole STL: its header tells of {count} triangles, {there} are there"
+        raise ContentError(what, f"{CUT_SHORT}, or name it by its true kind")
     facets = np.frombuffer(data, FACET, count, HEADER)
     bad = np.flatnonzero(~np.isfinite(facets["corners"]).all(1))
     if len(bad):
@@ -382,16 +373,6 @@ def parse_stl(data: bytes) -> Content:
             f"has coordinates that are not numbers in {len(bad)} of {count} triangles, first in triangle {bad[0]}"
         )
     return _separate_triangles(facets["corners"])
-
-
-def _no_stl(data: bytes, count: int) -> ContentError:
-    if all(byte in b"\t\n\r" or 32 <= byte < 127 for byte in data[:512]):
-        return ContentError("is text but no STL", "give an STL, or name the file by its true kind")
-    facets = max(0, (len(data) - HEADER) // FACET.itemsize)
-    return ContentError(
-        f"is no whole STL: its header tells of {count} triangles, {facets} are there",
-        f"{CUT_SHORT}, or name it by its true kind",
-    )
 
 
 def _parse_ascii(data: bytes) -> Content:
@@ -470,7 +451,11 @@ def parse_ply(data: bytes) -> Content:
             raise ContentError(f"is no readable PLY file ({_reason(error)})", CUT_SHORT) from error
         except (ValueError, OverflowError, TypeError) as error:
             raise ContentError(f"has a word where a number should stand ({_reason(error)})") from error
-    if _goes_on(ply, body, stream):
+    if ply.text:
+        goes_on = sum(bool(line.strip()) for line in body.splitlines()) > sum(table.count for table in ply.elements)
+    else:
+        goes_on = bool(stream.getvalue()[stream.tell() :].strip(b"\0\t\r\n "))
+    if goes_on:
         raise ContentError("goes on after all that its header tells of: a count in it is too small", CUT_SHORT)
     tables = {element.name: element for element in ply.elements}
     if "vertex" not in tables or not {"x", "y", "z"} <= set(tables["vertex"].data.dtype.names or ()):
@@ -498,13 +483,6 @@ def parse_ply(data: bytes) -> Content:
     left_out = {f"of {name!r}": table.count for name, table in others.items()}
     left_out["faces of fewer than 3 corners"] = int((~kept).sum())
     return Content(vertices, corners[np.repeat(kept, counts)], counts[kept], notes=left_out_note(left_out))
-
-
-def _goes_on(ply: Any, body: bytes, stream: io.BytesIO) -> bool:
-    """Whether more than blanks follows the elements that plyfile read."""
-    if not ply.text:
-        return bool(stream.getvalue()[stream.tell() :].strip(b"\0\t\r\n "))
-    return sum(bool(line.strip()) for line in body.splitlines()) > sum(table.count for table in ply.elements)
 
 
 def _header_of(data: bytes) -> tuple[bytes, bytes]:

@@ -166,7 +166,15 @@ def to_bspline(surface: TSpline) -> BSplineSurface:
     """
     period = surface.elements().period
     result = join_elements(surface.elements(), surface.patches, (period[0] > 0, period[1] > 0))
-    _prove(result, surface)
+    # SurfaceError where the two differ in the middle of a cell
+    s, t = (
+        a.ravel() for a in np.meshgrid(*[(k.values[1:] + k.values[:-1]) / 2 for k in (result.s_knots, result.t_knots)])
+    )
+    error = np.abs(result.evaluate(s, t) - surface.positions(s, t)).max()
+    if not error <= EXACT * np.abs(result.poles).max():
+        raise SurfaceError(
+            f"the B-spline departs from the T-spline by {error:.1e} mm: write Bezier faces instead", error=float(error)
+        )
     return result
 
 
@@ -177,7 +185,8 @@ def join_elements(elements: Elements, patches: Float[ndarray, "e 16 4"], closed:
     Raises SurfaceError where they fill none, or are torn along a line (the seam of a closed direction too).
     """
     s_breaks, t_breaks, grid = bezier_grid(elements, patches)
-    scale = _scale(grid)
+    largest = np.abs(grid).reshape(-1, 4).max(axis=0)
+    scale = np.array([*[largest[:3].max()] * 3, largest[3]])
     s_knots = _knots(s_breaks, grid, closed[0], scale)
     t_knots = _knots(t_breaks, grid.transpose(1, 0, 3, 2, 4), closed[1], scale)
     homogeneous = _poles(t_knots, _poles(s_knots, grid).swapaxes(0, 1)).swapaxes(0, 1)
@@ -228,12 +237,6 @@ def _cut(breaks: ndarray, cell: ndarray, first: ndarray, last: ndarray) -> Float
     length = breaks[last] - breaks[first]
     low, high = ((breaks[cell + k] - breaks[first]) / length for k in (0, 1))
     return bernstein_coefficients(np.broadcast_to(np.repeat([0.0, 1.0], 4), (len(cell), 8)), low, high)
-
-
-def _scale(grid: Float[ndarray, "a b 4 4 4"]) -> Float[ndarray, "4"]:
-    """Largest of each homogeneous coordinate; the three of space share theirs."""
-    largest = np.abs(grid).reshape(-1, 4).max(axis=0)
-    return np.array([*[largest[:3].max()] * 3, largest[3]])
 
 
 def _knots(breaks: ndarray, grid: Float[ndarray, "a b 4 4 4"], closed: bool, scale: Float[ndarray, "4"]) -> Knots:
@@ -293,18 +296,6 @@ def _poles(knots: Knots, grid: ndarray) -> ndarray:
     return poles
 
 
-def _prove(result: BSplineSurface, surface: TSpline) -> None:
-    """SurfaceError where the two differ in the middle of a cell."""
-    s, t = (
-        a.ravel() for a in np.meshgrid(*[(k.values[1:] + k.values[:-1]) / 2 for k in (result.s_knots, result.t_knots)])
-    )
-    error = np.abs(result.evaluate(s, t) - surface.positions(s, t)).max()
-    if not error <= EXACT * np.abs(result.poles).max():
-        raise SurfaceError(
-            f"the B-spline departs from the T-spline by {error:.1e} mm: write Bezier faces instead", error=float(error)
-        )
-
-
 SAME = 1e-12
 """Share of the size: control points and weights that differ by less are one."""
 
@@ -320,7 +311,9 @@ def from_bspline(spline: BSplineSurface) -> TSpline:
     t_knots = _unit(spline.t_knots, spline.t_knots.flat)
     if not spline.s_knots.closed:
         rows = [_unit(spline.s_knots, spline.s_knots.flat)] * spline.t_knots.poles
-        surface = TSpline(OpenRowTMesh.from_rows(t_knots, rows), _by_rows(spline.poles), spline.weights.T.ravel())
+        surface = TSpline(
+            OpenRowTMesh.from_rows(t_knots, rows), spline.poles.swapaxes(0, 1).reshape(-1, 3), spline.weights.T.ravel()
+        )
         return _close_seam(spline, surface)
     if spline.s_knots.multiplicities.max() > 1 or spline.s_knots.poles < FEWEST:
         raise SurfaceError(
@@ -353,10 +346,6 @@ def _close_seam(spline: BSplineSurface, surface: TSpline) -> TSpline:
 
 def _near(values: ndarray, size: float) -> bool:
     return bool(np.ptp(values, axis=0).max() <= SAME * size)
-
-
-def _by_rows(poles: ndarray) -> ndarray:
-    return poles.swapaxes(0, 1).reshape(-1, 3)
 
 
 def _unit(knots: Knots, values: ndarray) -> ndarray:

@@ -49,24 +49,23 @@ def shape_of(surface: TSpline) -> Any:
     except SurfaceError:
         shape = _bezier_shell(surface)
     else:
-        shell = _compose("Shell", [_face_of(_geometry(spline))])
+        # OpenCASCADE's B-spline surface with u = s and v = t
+        lib = occ()
+        knots = (spline.s_knots, spline.t_knots)
+        values = [_list(lib.collections.Array1_double, k.values) for k in knots]
+        counts = [_list(lib.collections.Array1_int, k.multiplicities) for k in knots]
+        closed = [k.closed for k in knots]
+        weights = (_grid(lib.collections.Array2_double, spline.weights.tolist()),) if spline.rational else ()
+        shell = _compose(
+            "Shell",
+            [_face_of(lib.Geom.Geom_BSplineSurface(_points(spline.poles), *weights, *values, *counts, 3, 3, *closed))],
+        )
         shape = _solid_in(shell) if spline.watertight else shell
     if not occ().BRepCheck.BRepCheck_Analyzer(shape).IsValid():
         raise SurfaceError(
             "OpenCASCADE finds the shape of the surface invalid: look for folds with its self-intersections"
         )
     return shape
-
-
-def _geometry(spline: BSplineSurface) -> Any:
-    """OpenCASCADE's B-spline surface with u = s and v = t."""
-    lib = occ()
-    knots = (spline.s_knots, spline.t_knots)
-    values = [_list(lib.collections.Array1_double, k.values) for k in knots]
-    counts = [_list(lib.collections.Array1_int, k.multiplicities) for k in knots]
-    closed = [k.closed for k in knots]
-    weights = (_grid(lib.collections.Array2_double, spline.weights.tolist()),) if spline.rational else ()
-    return lib.Geom.Geom_BSplineSurface(_points(spline.poles), *weights, *values, *counts, 3, 3, *closed)
 
 
 def _points(poles: Float[ndarray, "a b 3"]) -> Any:

@@ -39,7 +39,33 @@ def read_iga(path: str | Path) -> TSpline[ExtractedTMesh]:
     """The surface of an .iga file. Raises FileError with the line where the file departs from the form
     above."""
     try:
-        return _parse(bytes_of(Path(path)))
+        # The surface in the bytes of an .iga file
+        data = bytes_of(Path(path))
+        nodes: list[ndarray] = []
+        elements: list[tuple[ndarray, ndarray]] = []
+        counts: dict[str, float] = {}
+        lines = numbered_words(data)
+        for line, (word, *values) in lines:
+            if word == "node":
+                nodes.append(finite_numbers(values, line, 4))
+                if not nodes[-1][3] > 0:
+                    raise ContentError(f"node {len(nodes) - 1}: weight {nodes[-1][3]} is not positive", line=line)
+            elif word == "belem":
+                elements.append(_element(finite_numbers(values, line, 3), line, lines))
+            elif word in ("nodeN", "elemN"):
+                counts[word] = finite_numbers(values, line, 1)[0]
+            elif word == "type" and values not in (["plane"], ["surface"]):
+                what = f"type {shown(' '.join(values))}: only plane and surface are read"
+                raise ContentError(what, line=line)
+            elif word == "domain":
+                count = 2 + finite_numbers(values, line, 2)[0]
+                deque(islice(lines, int(np.clip(count, 0, len(data)))), maxlen=0)
+            elif word not in ("type", "set"):
+                raise ContentError(f"unknown record {shown(word)}", line=line)
+        if not elements or counts != {"nodeN": len(nodes), "elemN": len(elements)}:
+            what = f"{len(nodes)} nodes and {len(elements)} elements, but it announces {counts or 'none'}"
+            raise ContentError(what)
+        return _assembled(np.array(nodes), elements)
     except ContentError as error:
         raise FileError(f"{path}: {error}", file=str(path), **error.evidence) from error
 
@@ -71,35 +97,6 @@ def raise_degree(coefficients: Float[ndarray, "k p q"], degree: int) -> Float[nd
             after = np.concatenate([coefficients, end], axis=axis)
             coefficients = share * before + (1 - share) * after
     return coefficients
-
-
-def _parse(data: bytes) -> TSpline[ExtractedTMesh]:
-    """The surface in the bytes of an .iga file."""
-    nodes: list[ndarray] = []
-    elements: list[tuple[ndarray, ndarray]] = []
-    counts: dict[str, float] = {}
-    lines = numbered_words(data)
-    for line, (word, *values) in lines:
-        if word == "node":
-            nodes.append(finite_numbers(values, line, 4))
-            if not nodes[-1][3] > 0:
-                raise ContentError(f"node {len(nodes) - 1}: weight {nodes[-1][3]} is not positive", line=line)
-        elif word == "belem":
-            elements.append(_element(finite_numbers(values, line, 3), line, lines))
-        elif word in ("nodeN", "elemN"):
-            counts[word] = finite_numbers(values, line, 1)[0]
-        elif word == "type" and values not in (["plane"], ["surface"]):
-            what = f"type {shown(' '.join(values))}: only plane and surface are read"
-            raise ContentError(what, line=line)
-        elif word == "domain":
-            count = 2 + finite_numbers(values, line, 2)[0]
-            deque(islice(lines, int(np.clip(count, 0, len(data)))), maxlen=0)
-        elif word not in ("type", "set"):
-            raise ContentError(f"unknown record {shown(word)}", line=line)
-    if not elements or counts != {"nodeN": len(nodes), "elemN": len(elements)}:
-        what = f"{len(nodes)} nodes and {len(elements)} elements, but it announces {counts or 'none'}"
-        raise ContentError(what)
-    return _assembled(np.array(nodes), elements)
 
 
 def _element(

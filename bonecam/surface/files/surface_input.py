@@ -20,7 +20,7 @@ from numpy import ndarray
 
 from bonecam.errors import FilterError, MeshError, SurfaceError, UnitsError, counted, file_error
 from bonecam.filters.scripting import run_script
-from bonecam.job import Job, MeshJob, SurfaceJob, field_error
+from bonecam.job import Job, MeshJob, field_error
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.files.cad import IGES, STEP
 from bonecam.mesh.files.mesh_files import MESHES, read_in_mm, read_mesh, write_mesh
@@ -155,24 +155,23 @@ def read_part(source: str | Path | MeshLike, job: Job, progress: Progress = sile
             source, job.mesh, progress=progress, also=ENDINGS, surface=job.surface, scripted=scripted_mesh
         )
         return part.require_kept(job.surface.largest_deviation), None
-    return read_surface_part(source, job.mesh, job.surface)
-
-
-def read_surface_part(file: str | Path, job: MeshJob, surface: SurfaceJob) -> tuple[Part, Fit]:
-    """The part whose surface is given by rows of points or a saved T-spline, upright, and that surface."""
-    refuse_changes(job, str(file))
-    fitted = read_surface(file, mm_of(job.units), surface.tolerance_for(), surface.max_control_points)
-    mesh = closed_mesh(fitted.surface, str(file))
-    posed, transform = upright(mesh) if job.upright else (mesh, np.eye(4))
-    return Part(
-        mesh=posed,
-        file=str(file),
-        faces=len(mesh.faces),
-        units=unit_in(job.units),
-        repairs=(),
-        transform=transform,
-        given=mesh,
-    ), fitted
+    # The part whose surface is given by rows of points or a saved T-spline, upright, and that surface
+    refuse_changes(job.mesh, str(source))
+    fitted = read_surface(source, mm_of(job.mesh.units), job.surface.tolerance_for(), job.surface.max_control_points)
+    mesh = closed_mesh(fitted.surface, str(source))
+    posed, transform = upright(mesh) if job.mesh.upright else (mesh, np.eye(4))
+    return (
+        Part(
+            mesh=posed,
+            file=str(source),
+            faces=len(mesh.faces),
+            units=unit_in(job.mesh.units),
+            repairs=(),
+            transform=transform,
+            given=mesh,
+        ),
+        fitted,
+    )
 
 
 def refuse_changes(job: MeshJob, name: str) -> None:

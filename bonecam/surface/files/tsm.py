@@ -53,9 +53,10 @@ what half edges lose: all digits of the knots.
 """
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int64
@@ -85,10 +86,9 @@ class Records:
 
     path: Path
     faces: list[tuple[int, int] | None] = field(default_factory=list)
-    edges: list[tuple[int, float] | None] = field(default_factory=list)
+    edges: list[Any] = field(default_factory=list)
     vertices: list[tuple[int, int] | None] = field(default_factory=list)
-    links: list[tuple[int, int, int, int, int, int, int] | None] = field(default_factory=list)
-    conditions: list[tuple[int, int]] = field(default_factory=list)
+    links: list[Any] = field(default_factory=list)
     grips: list[tuple[float, float, float, float] | None] = field(default_factory=list)
     owners: list[tuple[bool, int]] = field(default_factory=list)
     corners: dict[int, list[int]] = field(default_factory=dict)
@@ -131,7 +131,7 @@ def _add_record(records: Records, n: int, kind: str, words: list[str]) -> None:
         records.lines[kind, len(target)] = n
         target.append(_entity(path, n, kind, words) if words else None)
     elif kind == "ec":
-        records.conditions.append(tuple(_numbers(path, n, words, whole_number, 2)))  # type: ignore[arg-type]
+        _numbers(path, n, words, whole_number, 2)
     elif kind == "0g":
         records.lines["0g", len(records.grips)] = n
         records.grips.append(tuple(_numbers(path, n, words, number, 4)) if words else None)  # type: ignore[arg-type]
@@ -141,9 +141,7 @@ def _add_record(records: Records, n: int, kind: str, words: list[str]) -> None:
     elif kind == "0m" and words[:1] == ["cg"]:
         numbers = _numbers(path, n, words[1:], whole_number, None)
         if len(numbers) < 6:
-            raise FileError(
-                f"{path} line {n}: 'cg' needs a vertex, a valence, extents and grips", file=str(path), line=n
-            )
+            raise _line_error(path, n, "'cg' needs a vertex, a valence, extents and grips")
         records.lines["cg", numbers[0]] = n
         records.corners[numbers[0]] = numbers[1:]
 
@@ -154,19 +152,17 @@ def _entity(path: Path, n: int, kind: str, words: list[str]) -> tuple:
         link = _numbers(path, n, words[:1], whole_number, 1)[0]
         interval = _numbers(path, n, words[1:], number, 1)[0]
         if interval < 0:
-            raise FileError(
-                f"{path} line {n}: knot interval {interval} is negative: knots must not decrease",
-                file=str(path),
-                line=n,
-            )
+            raise _line_error(path, n, f"knot interval {interval} is negative: knots must not decrease")
         return link, interval
     if kind == "v":
         if len(words) != 2 or words[1] not in DIRECTIONS:
-            raise FileError(
-                f"{path} line {n}: a vertex needs a link and one of {', '.join(DIRECTIONS)}", file=str(path), line=n
-            )
+            raise _line_error(path, n, f"a vertex needs a link and one of {', '.join(DIRECTIONS)}")
         return _numbers(path, n, words[:1], whole_number, 1)[0], DIRECTIONS.index(words[1])
     return tuple(_numbers(path, n, words, whole_number, 2 if kind == "f" else 7))
+
+
+def _line_error(path: Path, n: int, what: object) -> FileError:
+    return FileError(f"{path} line {n}: {what}", file=str(path), line=n)
 
 
 def _numbers(path: Path, n: int, words: list[str], kind: Callable[[str], float], count: int | None) -> list:
@@ -174,13 +170,11 @@ def _numbers(path: Path, n: int, words: list[str], kind: Callable[[str], float],
     try:
         values = [kind(word) for word in words]
     except ValueError as error:
-        raise FileError(f"{path} line {n}: {error}", file=str(path), line=n) from error
+        raise _line_error(path, n, error) from error
     if count is not None and len(values) != count:
-        raise FileError(
-            f"{path} line {n}: expected {count} finite numbers, found {len(values)}", file=str(path), line=n
-        )
+        raise _line_error(path, n, f"expected {count} finite numbers, found {len(values)}")
     if not all(abs(value) < LARGEST for value in values):
-        raise FileError(f"{path} line {n}: expected finite numbers of a size below {LARGEST:g}", file=str(path), line=n)
+        raise _line_error(path, n, f"expected finite numbers of a size below {LARGEST:g}")
     return values
 
 
@@ -208,7 +202,22 @@ def _check_references(records: Records) -> None:
             raise records.error("l", n, f"flag {link[6]} must be 0, 1 or 2")
     for n, link in enumerate(records.links):
         if link is not None:
-            _check_link(records, n, link)
+            # FileError where link n and the links before, after and opposite to it do not name one another
+            previous, following, opposite = (records.links[k] for k in link[:3])
+            if previous[1] != n or following[0] != n:
+                raise records.error("l", n, f"previous link {link[0]} and next link {link[1]} do not point back to it")
+            if opposite[2] != n or link[2] == n or opposite[5] != link[5]:
+                raise records.error("l", n, f"opposite link {link[2]} does not point back to it along edge {link[5]}")
+            if opposite[3] != following[3]:
+                raise records.error(
+                    "l",
+                    n,
+                    f"it ends at vertex {following[3]}, its opposite link {link[2]} starts at vertex {opposite[3]}",
+                )
+            if following[4] != link[4]:
+                raise records.error(
+                    "l", n, f"it belongs to face {link[4]}, its next link {link[1]} to face {following[4]}"
+                )
     for short, entities in (("f", records.faces), ("e", records.edges), ("v", records.vertices)):
         for n, entity in enumerate(entities):
             if entity is not None and not _exists(records.links, entity[0]):
@@ -218,24 +227,6 @@ def _check_references(records: Records) -> None:
 def _exists(table: list, number: int) -> bool:
     """Whether the table has a record of that number which is not deleted."""
     return 0 <= number < len(table) and table[number] is not None
-
-
-def _check_link(records: Records, n: int, link: tuple[int, ...]) -> None:
-    """FileError where link n and the links before, after and opposite to it do not name one another."""
-    previous, following, opposite = (records.links[k] for k in link[:3])
-    assert previous is not None
-    assert following is not None
-    assert opposite is not None
-    if previous[1] != n or following[0] != n:
-        raise records.error("l", n, f"previous link {link[0]} and next link {link[1]} do not point back to it")
-    if opposite[2] != n or link[2] == n or opposite[5] != link[5]:
-        raise records.error("l", n, f"opposite link {link[2]} does not point back to it along edge {link[5]}")
-    if opposite[3] != following[3]:
-        raise records.error(
-            "l", n, f"it ends at vertex {following[3]}, its opposite link {link[2]} starts at vertex {opposite[3]}"
-        )
-    if following[4] != link[4]:
-        raise records.error("l", n, f"it belongs to face {link[4]}, its next link {link[1]} to face {following[4]}")
 
 
 MIRRORED = "SUBD_CREASES"
@@ -252,7 +243,43 @@ def with_mirrored_borders(tmesh: TMesh, points: Float[ndarray, "n 4"]) -> tuple[
         raise SurfaceError("its open border is no rectangle: give clamped borders ('0m cg' records)")
     for axis in (0, 1):
         if not tmesh.period[axis]:
-            tmesh, points = _mirror_across_s(_with_axis_first(tmesh, axis), points)
+            # The T-mesh and its homogeneous control points (m, 4) with mirrored ones beyond both borders across s
+            mesh = _with_axis_first(tmesh, axis)
+            crossings = mesh.crossings
+            last = len(mesh.s_lines) - 1
+            new = []
+            rows = []
+            for border, step in ((0, 1), (last, -1)):
+                near = [border, border + step, border + 2 * step][: last + 1]
+                outer = crossings[border]
+                inner = crossings[border + step]
+                if not mesh.along_t[near].all() or ((outer >= 0) != (inner >= 0)).any():
+                    what = f"a line ends beside its open border at s- or t-line {border}"
+                    raise SurfaceError(f"{what}: let two lines run along all of it")
+                rows.append(np.flatnonzero(outer >= 0))
+                new.append(2 * points[outer[rows[-1]]] - points[inner[rows[-1]]])
+            added = [np.column_stack([np.full(len(row), line), row]) for row, line in zip(rows, (1, last + 3))]
+            vertices = np.vstack([mesh.vertices + np.array([2, 0]), *added])
+            steps = np.diff(mesh.s_lines)
+            low = steps[:2]
+            high = steps[::-1][:2]
+            before = mesh.s_lines[0] - np.cumsum(np.resize(low, 2))
+            behind = mesh.s_lines[-1] + np.cumsum(np.resize(high, 2))
+            lines = np.concatenate([before[::-1], mesh.s_lines, behind])
+            along_s, along_t = (np.pad(edges, ((2, 2), (0, 0)), mode="edge") for edges in (mesh.along_s, mesh.along_t))
+            inside = np.pad(mesh.inside, ((2, 2), (0, 0)))
+            tmesh, points = (
+                TMesh(
+                    lines,
+                    mesh.t_lines,
+                    vertices=vertices,
+                    along_s=along_s,
+                    along_t=along_t,
+                    inside=inside,
+                    period=mesh.period,
+                ),
+                np.vstack([points, *new]),
+            )
             tmesh = _with_axis_first(tmesh, axis)
     wrong = np.flatnonzero(~(points[:, 3] > 0))
     if len(wrong):
@@ -277,55 +304,14 @@ def _with_axis_first(mesh: TMesh, axis: int) -> TMesh:
     )
 
 
-def _mirror_across_s(mesh: TMesh, points: ndarray) -> tuple[TMesh, ndarray]:
-    """The T-mesh and its homogeneous control points (m, 4) with mirrored ones beyond both borders across
-    s."""
-    crossings = mesh.crossings
-    last = len(mesh.s_lines) - 1
-    new = []
-    rows = []
-    for border, step in ((0, 1), (last, -1)):
-        near = [border, border + step, border + 2 * step][: last + 1]
-        outer = crossings[border]
-        inner = crossings[border + step]
-        if not mesh.along_t[near].all() or ((outer >= 0) != (inner >= 0)).any():
-            raise SurfaceError(
-                f"a line ends beside its open border at s- or t-line {border}: let two lines run along all of it"
-            )
-        rows.append(np.flatnonzero(outer >= 0))
-        new.append(2 * points[outer[rows[-1]]] - points[inner[rows[-1]]])
-    added = [np.column_stack([np.full(len(row), line), row]) for row, line in zip(rows, (1, last + 3))]
-    vertices = np.vstack([mesh.vertices + np.array([2, 0]), *added])
-    steps = np.diff(mesh.s_lines)
-    low = steps[:2]
-    high = steps[::-1][:2]
-    before = mesh.s_lines[0] - np.cumsum(np.resize(low, 2))
-    behind = mesh.s_lines[-1] + np.cumsum(np.resize(high, 2))
-    lines = np.concatenate([before[::-1], mesh.s_lines, behind])
-    along_s, along_t = (np.pad(edges, ((2, 2), (0, 0)), mode="edge") for edges in (mesh.along_s, mesh.along_t))
-    inside = np.pad(mesh.inside, ((2, 2), (0, 0)))
-    return TMesh(
-        lines, mesh.t_lines, vertices=vertices, along_s=along_s, along_t=along_t, inside=inside, period=mesh.period
-    ), np.vstack([points, *new])
+def _vertices(mesh: TMesh) -> tuple[list[int], Int64[ndarray, " n"], Int64[ndarray, "n 2"], Int64[ndarray, "v 4"]]:
+    """The vertices, each of which joins the control points with its knots: control points that are joined by edges of
+    no length are one.
 
-
-@dataclass(eq=False)
-class Graph:
-    """The vertices of a .tsm file, each of which joins the control points with its knots: `own` is the
-    control point that stands for the vertex, `vertex_of` the vertex of each control point, `offsets` its
-    place (lines in s and t) from the vertex' own one, `neighbours` the next vertex to the east, north, west
-    and south (-1: none)."""
-
-    own: list[int]
-    vertex_of: Int64[ndarray, " n"]
-    offsets: Int64[ndarray, "n 2"]
-    neighbours: Int64[ndarray, "v 4"]
-
-
-def graph_of(mesh: TMesh) -> Graph:
-    """The vertices: control points that are joined by edges of no length are one.
-
-    Raises SurfaceError where more than three lines with one knot meet."""
+    The control point that stands for each vertex; the vertex of each control point, and its place (lines in s and t)
+    from the vertex' own one; the next vertex to the east, north, west and south (-1: none). SurfaceError where more
+    than three lines with one knot meet.
+    """
     label = np.arange(mesh.size)
     steps = [_neighbours(mesh, direction) for direction in range(4)]
     s, t = mesh.s_lines[mesh.vertices[:, 0]], mesh.t_lines[mesh.vertices[:, 1]]
@@ -338,7 +324,7 @@ def graph_of(mesh: TMesh) -> Graph:
     offsets = np.zeros((mesh.size, 2), dtype=np.int64)
     for v in range(len(kinds)):
         members = np.flatnonzero(vertex_of == v)
-        own.append(_own_point(members, mesh, joined))
+        own.append(_own_point(members, mesh))
         offsets[members] = mesh.vertices[members] - mesh.vertices[own[-1]]
     if (np.abs(offsets) > 1).any():
         raise SurfaceError("more than three lines with one knot meet at a vertex: a .tsm file cannot hold it")
@@ -348,7 +334,7 @@ def graph_of(mesh: TMesh) -> Graph:
             while other[node] >= 0 and vertex_of[other[node]] == v:
                 node = int(other[node])
             neighbours[v, direction] = vertex_of[other[node]] if other[node] >= 0 else -1
-    return Graph(own, vertex_of, offsets, neighbours)
+    return own, vertex_of, offsets, neighbours
 
 
 def _neighbours(mesh: TMesh, direction: int) -> ndarray:
@@ -377,7 +363,7 @@ def _neighbours(mesh: TMesh, direction: int) -> ndarray:
     return neighbours
 
 
-def _own_point(members: ndarray, mesh: TMesh, joined: list[ndarray]) -> int:
+def _own_point(members: ndarray, mesh: TMesh) -> int:
     """The control point of a vertex that lies outermost; the middle one where three lines meet."""
     place = mesh.vertices[members]
     wanted = []
@@ -413,36 +399,28 @@ def _at_border(nodes: ndarray, mesh: TMesh, axis: int, sign: int) -> bool:
     return not np.logical_or(*cells).all()
 
 
-def links_of(graph: Graph) -> tuple[list[tuple[int, int]], dict[tuple[int, int], int]]:
-    """The half edges (vertex, direction), the two of an edge one after the other, and the number of each."""
+def _links(own: list[int], neighbours: Int64[ndarray, "v 4"]) -> tuple[list[tuple[int, int]], list[int]]:
+    """The half edges (vertex, direction), the two of an edge one after the other, and of each the next round its face:
+    the one that turns left most."""
     links = []
-    for v, row in enumerate(graph.neighbours):
+    for v, row in enumerate(neighbours):
         for direction, w in enumerate(row.tolist()):
-            if w >= 0 and graph.neighbours[w, (direction + 2) % 4] != v:
+            if w >= 0 and neighbours[w, (direction + 2) % 4] != v:
                 message = (
-                    f"lines with one knot part between control points {graph.own[v]} and "
-                    f"{graph.own[w]}: a .tsm file cannot hold it"
+                    f"lines with one knot part between control points {own[v]} and {own[w]}: a .tsm file cannot hold it"
                 )
-                raise SurfaceError(message, control_points=(graph.own[v], graph.own[w]))
+                raise SurfaceError(message, control_points=(own[v], own[w]))
             if direction < 2 and w >= 0:
                 links += [(v, direction), (w, direction + 2)]
-    return links, {link: n for n, link in enumerate(links)}
-
-
-def next_links(graph: Graph, links: list[tuple[int, int]], ids: dict[tuple[int, int], int]) -> list[int]:
-    """The next half edge of each round its face: the one that turns left most."""
+    ids = {link: n for n, link in enumerate(links)}
     following = []
     for v, direction in links:
-        end = int(graph.neighbours[v, direction])
-        turns = [
-            (end, (direction + turn) % 4) for turn in (1, 0, -1) if graph.neighbours[end, (direction + turn) % 4] >= 0
-        ]
+        end = int(neighbours[v, direction])
+        turns = [ids[end, k % 4] for k in (direction + 1, direction, direction - 1) if (end, k % 4) in ids]
         if not turns:
-            raise SurfaceError(
-                f"an edge ends at control point {graph.own[end]} inside a face: a .tsm file cannot hold it"
-            )
-        following.append(ids[turns[0]])
-    return following
+            raise SurfaceError(f"an edge ends at control point {own[end]} inside a face: a .tsm file cannot hold it")
+        following.append(turns[0])
+    return links, following
 
 
 STEPS = np.array([[1, 0], [0, 1], [-1, 0], [0, -1]])
@@ -452,65 +430,6 @@ SLACK = 1e-9
 """Share of the widest knot range: knots nearer to each other are one."""
 
 
-@dataclass(eq=False)
-class TMeshChart:
-    """The T-mesh of a file in one chart: `directions` of all links (0 east, 1 north, 2 west, 3 south),
-    `places` (s, t) and numbers of the `lines` of all vertices, `knots` of the lines in s and t, and the
-    `period` in s and t (0: open)."""
-
-    directions: list[int]
-    places: Float[ndarray, "n 2"]
-    lines: Int64[ndarray, "n 2"]
-    knots: tuple[Float[ndarray, " a"], Float[ndarray, " b"]]
-    period: tuple[float, float]
-
-
-def chart_of(records: Records) -> TMeshChart:
-    """The T-mesh of the records laid out in one chart."""
-    directions = _directions(records)
-    positions, period = _places(records, directions)
-    used = np.flatnonzero([vertex is not None for vertex in records.vertices])
-    lines = np.zeros((len(positions), 2), dtype=np.int64)
-    knots = []
-    for axis in (0, 1):
-        values, number = _lines(positions[used, axis], SLACK * np.ptp(positions[used]), period[axis])
-        lines[used, axis] = number
-        knots.append(_exact_knots(records, "st"[axis], values))
-    stated = [records.knots.get(f"{letter}-period", [length])[0] for letter, length in zip("st", period)]
-    return TMeshChart(directions, positions, lines, (knots[0], knots[1]), (stated[0], stated[1]))
-
-
-def _directions(records: Records) -> list[int]:
-    """The direction of every link: 0 east, 1 north, 2 west, 3 south. The link that the first face names runs
-    east; the directions that `v` records state need not agree with it."""
-    directions = [-1] * len(records.links)
-    start = next((face[0] for face in records.faces if face is not None), -1)
-    if start < 0:
-        raise records.error("f", 0, "the file has no face")
-    directions[start] = 0
-    queue = deque([start])
-    while queue:
-        n = queue.popleft()
-        link = records.links[n]
-        assert link is not None
-        following = records.links[link[1]]
-        assert following is not None
-        for other, direction in ((link[2], directions[n] + 2), (link[1], directions[n] + 1 - following[6])):
-            if directions[other] < 0:
-                directions[other] = direction % 4
-                queue.append(other)
-            elif directions[other] != direction % 4:
-                message = (
-                    f"its direction contradicts link {n} (a wrong flag, or an extraordinary point, "
-                    "which only .iga files can hold)"
-                )
-                raise records.error("l", other, message)
-    for n, link in enumerate(records.links):
-        if link is not None and directions[n] < 0:
-            raise records.error("l", n, "it is not connected to the first face")
-    return directions
-
-
 def _places(records: Records, directions: list[int]) -> tuple[ndarray, tuple[float, float]]:
     """Positions (s, t) of the vertices, summed from knot intervals, and the periods in s and t (0: open). In
     an open direction the least position is 0, in a closed one that of the first vertex."""
@@ -518,8 +437,6 @@ def _places(records: Records, directions: list[int]) -> tuple[ndarray, tuple[flo
     for n, link in enumerate(records.links):
         if link is not None:
             edge, following = records.edges[link[5]], records.links[link[1]]
-            assert edge is not None
-            assert following is not None
             out.setdefault(link[3], []).append((n, following[3], STEPS[directions[n]] * edge[1]))
     positions = np.zeros((len(records.vertices), 2))
     start = min(out)
@@ -538,27 +455,23 @@ def _places(records: Records, directions: list[int]) -> tuple[ndarray, tuple[flo
     used = sorted(out)
     positions[used] -= positions[used].min(axis=0)
     slack = SLACK * float(np.ptp(positions[used]))
-    _check_faces({n: step for links in out.values() for n, _, step in links}, records, slack)
+
+    total = np.zeros((len(records.faces), 2))  # of the knot intervals round each face
+    for n, _, step in (link for links in out.values() for link in links):
+        face = records.links[n][4]
+        if face >= 0:
+            total[face] += step
+    wrong = np.flatnonzero(np.abs(total).max(axis=1) > slack)
+    if len(wrong):
+        s, t = total[wrong[0]]
+        what = f"the knot intervals round it do not add up: they miss by {s:.6g} in s and {t:.6g} in t"
+        raise records.error("f", int(wrong[0]), what)
+
     period = _period(records, misses, slack)
     for axis in (0, 1):
         if period[axis]:
             positions[used, axis] -= positions[start, axis]
     return positions, period
-
-
-def _check_faces(steps: dict[int, ndarray], records: Records, slack: float) -> None:
-    """FileError where the knot intervals round a face do not add up to zero."""
-    total = np.zeros((len(records.faces), 2))
-    for n, step in steps.items():
-        link = records.links[n]
-        if link is not None and link[4] >= 0:
-            total[link[4]] += step
-    wrong = np.flatnonzero(np.abs(total).max(axis=1) > slack)
-    if len(wrong):
-        s, t = total[wrong[0]]
-        raise records.error(
-            "f", int(wrong[0]), f"the knot intervals round it do not add up: they miss by {s:.6g} in s and {t:.6g} in t"
-        )
 
 
 def _period(records: Records, misses: list[tuple[int, ndarray]], slack: float) -> tuple[float, float]:
@@ -605,16 +518,53 @@ def _exact_knots(records: Records, letter: str, knots: ndarray) -> ndarray:
 
 def tmesh_of(records: Records) -> tuple[TMesh, list[int]]:
     """The T-mesh and, for each of its vertices, the number of its control point in the file."""
-    chart = chart_of(records)
-    nodes, grips = _nodes(records, chart)
-    return _index_grid(records, chart, nodes), grips
+    # The direction of every link: 0 east, 1 north, 2 west, 3 south. The link that the first face names runs east; the
+    # directions that `v` records state need not agree with it
+    directions = [-1] * len(records.links)
+    start = next((face[0] for face in records.faces if face is not None), -1)
+    if start < 0:
+        raise records.error("f", 0, "the file has no face")
+    directions[start] = 0
+    queue = deque([start])
+    while queue:
+        n = queue.popleft()
+        link = records.links[n]
+        following = records.links[link[1]]
+        for other, direction in ((link[2], directions[n] + 2), (link[1], directions[n] + 1 - following[6])):
+            if directions[other] < 0:
+                directions[other] = direction % 4
+                queue.append(other)
+            elif directions[other] != direction % 4:
+                message = (
+                    f"its direction contradicts link {n} (a wrong flag, or an extraordinary point, "
+                    "which only .iga files can hold)"
+                )
+                raise records.error("l", other, message)
+    for n, link in enumerate(records.links):
+        if link is not None and directions[n] < 0:
+            raise records.error("l", n, "it is not connected to the first face")
+    positions, period = _places(records, directions)
+    used = np.flatnonzero([vertex is not None for vertex in records.vertices])
+    lines = np.zeros((len(positions), 2), dtype=np.int64)
+    knots = []
+    for axis in (0, 1):
+        values, number = _lines(positions[used, axis], SLACK * np.ptp(positions[used]), period[axis])
+        lines[used, axis] = number
+        knots.append(_exact_knots(records, "st"[axis], values))
+    stated = [records.knots.get(f"{letter}-period", [length])[0] for letter, length in zip("st", period)]
+    nodes, grips = _nodes(records, directions)
+    return _index_grid(records, nodes, directions, lines=lines, line_knots=knots, period=(stated[0], stated[1])), grips
 
 
-def _nodes(records: Records, chart: TMeshChart) -> tuple[ndarray, list[int]]:
+def _nodes(records: Records, directions: list[int]) -> tuple[ndarray, list[int]]:
     """The control points in use, in the order of the file: the vertex of each and its offset (di, dj) in
     lines from the vertex' own control point, (n, 3); and their numbers in the file."""
     if not records.owners:
-        return _one_a_vertex(records)
+        # The control points of a file without `0m` records (Fusion): one a vertex, in order
+        used = [v for v, vertex in enumerate(records.vertices) if vertex is not None]
+        if len(used) != len(records.grips):
+            raise records.error("0g", len(records.grips), f"{len(used)} vertices need as many control points")
+        return np.array([(v, 0, 0) for v in used]), list(range(len(used)))
     nodes = []
     grips = []
     own = {vertex: grip for grip, (primary, vertex) in enumerate(records.owners) if primary}
@@ -625,7 +575,7 @@ def _nodes(records: Records, chart: TMeshChart) -> tuple[ndarray, list[int]]:
             raise records.error("v", v, "it has no control point: a '0m gvp' record is missing")
         nodes.append((v, 0, 0))
         grips.append(own[v])
-        turn = chart.directions[vertex[0]] - vertex[1]
+        turn = directions[vertex[0]] - vertex[1]
         for grip, offset in _further_points(records, v):
             if grip >= 0:
                 for _ in range(turn % 4):
@@ -639,14 +589,6 @@ def _nodes(records: Records, chart: TMeshChart) -> tuple[ndarray, list[int]]:
     return np.array(nodes)[order], [grips[k] for k in order]
 
 
-def _one_a_vertex(records: Records) -> tuple[ndarray, list[int]]:
-    """The control points of a file without `0m` records (Fusion): one a vertex, in order."""
-    used = [v for v, vertex in enumerate(records.vertices) if vertex is not None]
-    if len(used) != len(records.grips):
-        raise records.error("0g", len(records.grips), f"{len(used)} vertices need as many control points")
-    return np.array([(v, 0, 0) for v in used]), list(range(len(used)))
-
-
 def _further_points(records: Records, v: int) -> list[tuple[int, tuple[int, int]]]:
     """The control points of a vertex beside its own one: number (-1: not there) and offset (di, dj) in the
     vertex' own frame."""
@@ -655,13 +597,7 @@ def _further_points(records: Records, v: int) -> list[tuple[int, tuple[int, int]
     valence = records.corners[v][0]
     extents = records.corners[v][1:5]
     grips = records.corners[v][5:]
-    around = ((0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1), (1, 0), (1, 1))
-    sides = [k // 2 if k % 2 == 0 else -1 for k in range(8)]
-    offsets = [
-        o
-        for k, o in enumerate(around)
-        if (extents[sides[k]] if k % 2 == 0 else extents[k // 2] and extents[(k // 2 + 1) % 4])
-    ]
+    offsets = _offsets(extents)
     if valence != 4 or not set(extents) <= {0, 1} or len(grips) != len(offsets):
         raise records.error("cg", v, f"extents {extents} need valence 4 and {len(offsets)} control points")
     for grip in grips:
@@ -670,28 +606,56 @@ def _further_points(records: Records, v: int) -> list[tuple[int, tuple[int, int]
     return list(zip(grips, offsets))
 
 
-def _index_grid(records: Records, chart: TMeshChart, nodes: ndarray) -> TMesh:
-    """The T-mesh on its index grid, which has one line for every knot and offset in use."""
+def _index_grid(
+    records: Records,
+    nodes: ndarray,
+    directions: list[int],
+    lines: Int64[ndarray, "n 2"],
+    line_knots: list[ndarray],
+    period: tuple[float, float],
+) -> TMesh:
+    """The T-mesh on its index grid, which has one line for every knot and offset in use. `lines` are the numbers in s
+    and t of those that the vertices lie on."""
     knots = []
     vertices = []
     principal = []
     for axis in (0, 1):
-        line = chart.lines[nodes[:, 0], axis]
-        keys = np.column_stack([line, nodes[:, 1 + axis]])
+        keys = np.column_stack([lines[nodes[:, 0], axis], nodes[:, 1 + axis]])
         distinct, number = np.unique(keys, axis=0, return_inverse=True)
-        knots.append(chart.knots[axis][distinct[:, 0]])
+        knots.append(line_knots[axis][distinct[:, 0]])
         vertices.append(number.ravel())
         principal.append(np.flatnonzero(distinct[:, 1] == 0))
-    own = np.column_stack([principal[axis][chart.lines[:, axis]] for axis in (0, 1)])
+    own = np.column_stack([principal[axis][lines[:, axis]] for axis in (0, 1)])
     index = np.column_stack(vertices)
-    edges = [
-        _edges(records, chart, nodes=nodes, index=index, axis=axis, counts=[len(k) for k in knots]) for axis in (0, 1)
-    ]
-    shape = tuple(len(k) - (not length) for k, length in zip(knots, chart.period))
-    inside = np.zeros(shape, dtype=bool)
+    cells = [len(k) - (not length) for k, length in zip(knots, period)]
+    edges = []
+    for axis in (0, 1):
+        empty = np.zeros((cells[axis], len(knots[1 - axis])), dtype=bool)
+        edges.append(_edges(empty, records, directions, nodes=nodes, index=index, axis=axis))
+    inside = np.zeros(cells, dtype=bool)
     for k, face in enumerate(records.faces):
         if face is not None:
-            _mark_face(inside, records, chart=chart, own=own, k=k, start=face[0])
+            # Mark the cells of face k; its sides are the lines of its corners' own control points
+            start = face[0]
+            corners = []
+            n = start
+            for _ in range(len(records.links)):
+                link = records.links[n]
+                if link[4] != k:
+                    raise records.error("f", k, f"link {n} of its loop belongs to face {link[4]}")
+                if link[6] == 0:
+                    corners.append((directions[n], own[link[3]]))
+                n = link[1]
+                if n == start:
+                    break
+            sides = dict(corners)
+            if len(corners) != 4 or len(sides) != 4:
+                raise records.error("f", k, f"it has {len(corners)} corners (links with flag 0): a face needs four")
+            # a link that starts at a corner and runs east starts at the lower left one
+            (low_i, low_j), (high_i, high_j) = sides[0], sides[2]
+            i = np.arange(low_i, high_i if high_i > low_i else high_i + inside.shape[0]) % inside.shape[0]
+            j = np.arange(low_j, high_j if high_j > low_j else high_j + inside.shape[1]) % inside.shape[1]
+            inside[np.ix_(i, j)] = True
     return TMesh(
         s_lines=knots[0],
         t_lines=knots[1],
@@ -699,19 +663,18 @@ def _index_grid(records: Records, chart: TMeshChart, nodes: ndarray) -> TMesh:
         along_s=edges[0],
         along_t=edges[1].T.copy(),
         inside=inside,
-        period=chart.period,
+        period=period,
     )
 
 
 def _edges(
-    records: Records, chart: TMeshChart, nodes: ndarray, index: ndarray, axis: int, counts: list[int]
+    edges: ndarray, records: Records, directions: list[int], nodes: ndarray, index: ndarray, axis: int
 ) -> ndarray:
-    """Edges along one axis, [line along, line across]: between control points of one vertex and, row by row,
-    of neighbours.
+    """Edges along one axis, [line along, line across], with those between control points of one vertex and, row by
+    row, of neighbours.
 
     Two neighbours share those rows that reach the side at which they face each other.
     """
-    edges = np.zeros((counts[axis] if chart.period[axis] else counts[axis] - 1, counts[1 - axis]), dtype=bool)
     groups: dict[
         int, dict[tuple[int, int], tuple[int, int]]
     ] = {}  # vertex -> (offset along, across) -> (line along, across)
@@ -723,9 +686,8 @@ def _edges(
             if (along + 1, across) in group:
                 edges[line, row] = True
     for n, link in enumerate(records.links):
-        if link is not None and chart.directions[n] == axis:
+        if link is not None and directions[n] == axis:
             following = records.links[link[1]]
-            assert following is not None
             first = _facing(groups[link[3]], max)
             last = _facing(groups[following[3]], min)
             for across in first.keys() & last.keys():
@@ -741,42 +703,21 @@ def _facing(group: dict[tuple[int, int], tuple[int, int]], extreme: Callable) ->
     return {across: place for (along, across), place in group.items() if along == side}
 
 
-def _mark_face(inside: ndarray, records: Records, chart: TMeshChart, own: ndarray, k: int, start: int) -> None:
-    """Mark the cells of face k; its sides are the lines of its corners' own control points."""
-    corners = []
-    n = start
-    for _ in range(len(records.links)):
-        link = records.links[n]
-        assert link is not None
-        if link[4] != k:
-            raise records.error("f", k, f"link {n} of its loop belongs to face {link[4]}")
-        if link[6] == 0:
-            corners.append((chart.directions[n], own[link[3]]))
-        n = link[1]
-        if n == start:
-            break
-    sides = dict(corners)
-    if len(corners) != 4 or len(sides) != 4:
-        raise records.error("f", k, f"it has {len(corners)} corners (links with flag 0): a face needs four")
-    # a link that starts at a corner and runs east starts at the lower left one
-    (low_i, low_j), (high_i, high_j) = sides[0], sides[2]
-    i = np.arange(low_i, high_i if high_i > low_i else high_i + inside.shape[0]) % inside.shape[0]
-    j = np.arange(low_j, high_j if high_j > low_j else high_j + inside.shape[1]) % inside.shape[1]
-    inside[np.ix_(i, j)] = True
-
-
 AROUND = ((0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1), (1, 0), (1, 1))
 """Offsets (lines in s and t) of the control points round a vertex' own one, from the north,
 counter-clockwise."""
+
+
+def _offsets(sides: Sequence[Any]) -> list[tuple[int, int]]:
+    """Those of AROUND that lie to these of the four sides (north, west, south, east), or between two of them."""
+    return [a for k, a in enumerate(AROUND) if sides[k // 2] and (k % 2 == 0 or sides[(k // 2 + 1) % 4])]
 
 
 def tsm_text(surface: TSpline[TMesh], homogeneous: bool = False) -> str:
     """The file's text. Raises SurfaceError for a T-mesh that half edges cannot hold (rows without edges
     across them)."""
     mesh = surface.tmesh
-    graph = graph_of(mesh)
-    links, ids = links_of(graph)
-    loops = next_links(graph, links, ids)
+    own, vertex_of, offsets, neighbours = _vertices(mesh)
     lines = [
         TSM_HEADER,
         "",
@@ -786,42 +727,42 @@ def tsm_text(surface: TSpline[TMesh], homogeneous: bool = False) -> str:
         "units 0.001 millimeters",
         "force-bezier-end-conditions 1",
     ]
-    lines += [*_knot_comments(mesh), *_topology(mesh, graph, links, ids, loops), *_grips(graph)]
+    # Knots and periods to all digits
+    for letter, knots, period in zip("st", (mesh.s_lines, mesh.t_lines), mesh.period):
+        lines.append(f"#{letter}-knots {number_words(knots[np.concatenate([[True], np.diff(knots) > 0])])}")
+        if period:
+            lines.append(f"#{letter}-period {period!r}")
+    lines += _topology(mesh, own, neighbours)
+
+    # Which control point belongs to which vertex, and where
+    lines += ["0m odd-grip-map"] + [f"0m {'gvp' if own[v] == n else 'gv'} {v}" for n, v in enumerate(vertex_of)]
+    for v in range(len(own)):
+        members = np.flatnonzero(vertex_of == v)
+        if len(members) > 1:
+            member_at = {tuple(offsets[n].tolist()): int(n) for n in members}
+            sides = [any(o[axis] == sign for o in member_at) for axis, sign in ((1, 1), (0, -1), (1, -1), (0, 1))]
+            words = [*(int(side) for side in sides), *(member_at.get(a, -1) for a in _offsets(sides))]
+            lines.append(f"0m cg {v} 4 {' '.join(map(str, words))}")
+
     points = surface.control_points
     if homogeneous:
-        points = _homogeneous(points, surface.weights[:, None])
+        # Numbers that give the points to the last bit when divided by the weights
+        weights = surface.weights[:, None]
+        product = points * weights
+        whole = product
+        for other in (np.nextafter(product, -np.inf), np.nextafter(product, np.inf)):
+            whole = np.where(whole / weights == points, whole, other)
+        exact = (whole / weights == points).all(axis=1)
+        if not exact.all():
+            raise SurfaceError(f"control point {int(np.argmin(exact))} has no homogeneous form to the last bit")
+        points = whole
     lines += [f"0g {number_words((*p, w))}" for p, w in zip(points, surface.weights)]
     return "\n".join([*lines, "", "tol 1e-05", ""])
 
 
-def _homogeneous(points: Float[ndarray, "n 3"], weights: Float[ndarray, "n 1"]) -> ndarray:
-    """Homogeneous coordinates (n, 3): numbers that give `points` to the last bit when divided by `weights`.
-
-    Raises SurfaceError where there are none."""
-    homogeneous = points * weights
-    for other in (np.nextafter(points * weights, -np.inf), np.nextafter(points * weights, np.inf)):
-        homogeneous = np.where(homogeneous / weights == points, homogeneous, other)
-    if not (homogeneous / weights == points).all():
-        raise SurfaceError(
-            f"control point {int(np.argmin((homogeneous / weights == points).all(axis=1)))} has no "
-            "homogeneous form to the last bit"
-        )
-    return homogeneous
-
-
-def _knot_comments(mesh: TMesh) -> list[str]:
-    """The comments with the knots and the periods to all digits."""
-    comments = []
-    for letter, lines, period in (("s", mesh.s_lines, mesh.period[0]), ("t", mesh.t_lines, mesh.period[1])):
-        knots = lines[np.concatenate([[True], np.diff(lines) > 0])]
-        comments.append(f"#{letter}-knots {number_words(knots)}")
-        if period:
-            comments.append(f"#{letter}-period {period!r}")
-    return comments
-
-
-def _topology(mesh: TMesh, graph: Graph, links: list, ids: dict, following: list[int]) -> list[str]:
+def _topology(mesh: TMesh, own: list[int], neighbours: Int64[ndarray, "v 4"]) -> list[str]:
     """The records f, e, v, l and ec."""
+    links, following = _links(own, neighbours)
     previous = {n: k for k, n in enumerate(following)}
     flags = [1 - (links[n][1] - links[previous[n]][1] + 1) % 4 + 1 for n in range(len(links))]
     face = [-2] * len(links)
@@ -831,7 +772,13 @@ def _topology(mesh: TMesh, graph: Graph, links: list, ids: dict, following: list
             loop = [n]
             while following[loop[-1]] != n:
                 loop.append(following[loop[-1]])
-            number = len(faces) if _is_face(mesh, graph, links[n]) else -1
+
+            # Whether the cell to the left of the link belongs to the domain
+            v, direction = links[n]
+            cell = mesh.vertices[own[v]] + ((0, 0), (-1, 0), (-1, -1), (0, -1))[direction]
+            shape = mesh.inside.shape
+            there = all(mesh.period[axis] or 0 <= cell[axis] < shape[axis] for axis in (0, 1))
+            number = len(faces) if there and mesh.inside[tuple(cell % shape)] else -1
             if number >= 0 and sum(flags[k] == 0 for k in loop) != 4:
                 raise SurfaceError(
                     "a face has no four corners (rows without edges across them): a .tsm file cannot hold it"
@@ -840,45 +787,16 @@ def _topology(mesh: TMesh, graph: Graph, links: list, ids: dict, following: list
             for k in loop:
                 face[k] = number
     knots = (mesh.s_lines, mesh.t_lines)
+    ids = {link: n for n, link in enumerate(links)}
     records = [f"f {n} 0" for n in faces]
     for n in range(0, len(links), 2):
         v, direction = links[n]
         w = links[n + 1][0]
-        low, high = (knots[direction][mesh.vertices[graph.own[k], direction]] for k in (v, w))
+        low, high = (knots[direction][mesh.vertices[own[k], direction]] for k in (v, w))
         records.append(f"e {n} {float(high - low if high > low else high + mesh.period[direction] - low)!r}")
-    for v, row in enumerate(graph.neighbours):
+    for v, row in enumerate(neighbours):
         direction = int(np.flatnonzero(row >= 0)[0])
         records.append(f"v {ids[v, direction]} {DIRECTIONS[direction]}")
     for n, (v, _) in enumerate(links):
         records.append(f"l {previous[n]} {following[n]} {n ^ 1} {v} {face[n]} {n // 2} {flags[n]}")
     return records + [f"ec {n // 2} 0" for n in range(0, len(links), 2) if -1 in (face[n], face[n + 1])]
-
-
-def _is_face(mesh: TMesh, graph: Graph, link: tuple[int, int]) -> bool:
-    """Whether the cell to the left of a link belongs to the domain."""
-    i, j = mesh.vertices[graph.own[link[0]]]
-    di, dj = ((0, 0), (-1, 0), (-1, -1), (0, -1))[link[1]]
-    cell = (int(i + di), int(j + dj))
-    for axis in (0, 1):
-        if not mesh.period[axis] and not 0 <= cell[axis] < mesh.inside.shape[axis]:
-            return False
-    return bool(mesh.inside[cell[0] % mesh.inside.shape[0], cell[1] % mesh.inside.shape[1]])
-
-
-def _grips(graph: Graph) -> list[str]:
-    """The records 0m: which control point belongs to which vertex, and where."""
-    own = set(graph.own)
-    records = ["0m odd-grip-map"] + [f"0m {'gvp' if n in own else 'gv'} {v}" for n, v in enumerate(graph.vertex_of)]
-    for v in range(len(graph.own)):
-        members = np.flatnonzero(graph.vertex_of == v)
-        if len(members) > 1:
-            member_at = {tuple(graph.offsets[n].tolist()): int(n) for n in members}
-            sides = [any(o[axis] == sign for o in member_at) for axis, sign in ((1, 1), (0, -1), (1, -1), (0, 1))]
-            wanted = [
-                a
-                for k, a in enumerate(AROUND)
-                if (sides[k // 2] if k % 2 == 0 else sides[k // 2] and sides[(k // 2 + 1) % 4])
-            ]
-            extents = " ".join(str(int(side)) for side in sides)
-            records.append(f"0m cg {v} 4 {extents} " + " ".join(str(member_at.get(a, -1)) for a in wanted))
-    return records

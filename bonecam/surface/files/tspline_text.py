@@ -81,7 +81,8 @@ def _read_half_edges(records: Records, path: Path, homogeneous: bool, to_mm: boo
         weights = values[:, 3:]
         points = values[:, :3] / weights if homogeneous else values[:, :3]
         points = points * (_scale(records.header, path) if to_mm else 1.0)
-        if _has_mirrored_borders(records, tmesh):
+        stated = records.header.get("end-conditions") == [MIRRORED]
+        if stated and not records.owners and not all(tmesh.period):
             tmesh, control_points = with_mirrored_borders(tmesh, np.column_stack([points * weights, weights]))
             added = control_points[len(points) :]
             points = np.vstack([points, added[:, :3] / added[:, 3:]])
@@ -90,12 +91,6 @@ def _read_half_edges(records: Records, path: Path, homogeneous: bool, to_mm: boo
         return TSpline(tmesh, points, weights[:, 0])
     except (SurfaceError, ValueError) as error:
         raise FileError(f"{path}: {error}", file=str(path), **getattr(error, "evidence", {})) from error
-
-
-def _has_mirrored_borders(records: Records, tmesh: TMesh) -> bool:
-    """Whether the file has an open border without clamped control points (`end-conditions SUBD_CREASES`)."""
-    stated = records.header.get("end-conditions") == [MIRRORED]
-    return stated and not records.owners and not all(tmesh.period)
 
 
 def _control_points(records: Records, numbers: list[int]) -> Float[ndarray, "n 4"]:

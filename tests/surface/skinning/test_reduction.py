@@ -17,7 +17,7 @@ def wandering(count: int, closed: bool, seed: int = 3) -> np.ndarray:
 def test_reduction_keeps_its_bound_everywhere(closed: bool) -> None:
     knots = np.arange(48) / 48 if closed else np.arange(1, 48) / 48
     points = wandering(48 if closed else 51, closed)
-    kept, found = Reduction(knots, knots, closed).least(points, 0.2)
+    kept, found = Reduction(knots, knots, closed).least_of_all([points], 0.2)[0]
     s = np.linspace(0, 1, 2000, endpoint=closed is False)
     assert len(found) < len(points)
     assert (
@@ -34,7 +34,7 @@ def test_a_curve_with_inserted_knots_gives_them_back(closed: bool) -> None:
     points = np.random.default_rng(4).normal(size=(len(sites(few, closed)), 3))
     at = sites(many, closed)
     fine = interpolate(many, at, collocation(few, at, closed) @ points, closed)
-    kept, found = Reduction(many, many, closed).least(fine, 1e-9)
+    kept, found = Reduction(many, many, closed).least_of_all([fine], 1e-9)[0]
     assert np.array_equal(kept, few)
     assert np.allclose(found, points, atol=1e-8)
 
@@ -43,14 +43,14 @@ def test_knots_for_curves_together_suffice_for_each() -> None:
     knots = np.arange(1, 40) / 40
     curves = [wandering(43, False, seed) for seed in (1, 2, 3)]
     reduction = Reduction(knots, knots, False)
-    together = reduction.least(np.stack(curves, axis=1), 0.2)[0]
+    together = reduction.least_of_all([np.stack(curves, axis=1)], 0.2)[0][0]
     for curve in curves:
-        assert len(reduction.least(curve, 0.2)[0]) <= len(together) < len(knots)
+        assert len(reduction.least_of_all([curve], 0.2)[0][0]) <= len(together) < len(knots)
 
 
 def test_a_tolerance_nothing_reaches_keeps_all_knots() -> None:
     knots = np.arange(20) / 20
     points = wandering(20, True)
-    kept, found = Reduction(knots, knots, True).least(points, 1e-300)
+    kept, found = Reduction(knots, knots, True).least_of_all([points], 1e-300)[0]
     assert np.array_equal(kept, knots)
     assert np.allclose(found, points, atol=1e-12)

@@ -14,10 +14,11 @@ def test_a_hole_is_capped_by_faces_whose_vertices_go_where_they_are_told(
     lifted = np.array([0.0, 0.0, 0.5])
     capped = cap(mesh, top, 0.3, lambda points: points + lifted)
     assert capped is not None
-    kept = len(capped.old)
-    assert (capped.mesh.vertices[:kept] == mesh.vertices[capped.old]).all()
+    closed, old = capped
+    kept = len(old)
+    assert (closed.vertices[:kept] == mesh.vertices[old]).all()
     rim = mesh.vertices[mesh.faces[top]].reshape(-1, 3)[:, 2].min()
-    assert capped.mesh.vertices[kept:, 2].max() > rim + 0.4
+    assert closed.vertices[kept:, 2].max() > rim + 0.4
 
 
 def test_faces_that_leave_no_closed_body_are_not_capped(ellipsoid: Callable[..., TriangleMesh]) -> None:
