@@ -6,7 +6,7 @@ The section [holding] of a job.
 from dataclasses import dataclass
 
 from bonecam.errors import JobError
-from bonecam.job.parameter import JobSection, check, parameter
+from bonecam.job.parameter import JobSection, check, millimetres, parameter
 
 NO_TAILSTOCK, PIN, NECK = "none", "pin", "neck"
 
@@ -23,56 +23,37 @@ class TailstockJob(JobSection):
         "at its upper end. Either hangs from the arm of a bracket that stands on the table.",
         choices=(NO_TAILSTOCK, PIN, NECK),
     )
-    tailstock_diameter: float = parameter(
-        3.0, "Tailstock diameter", "Diameter of pin or upper neck.", unit="mm", low=0.5, high=50.0
+    tailstock_diameter: float = millimetres(3.0, "Tailstock diameter", "Diameter of pin or upper neck.", 0.5, 50.0)
+    tailstock_length: float = millimetres(
+        12.0, "Tailstock length", "From the part up to the arm: how far pin or upper neck stand free.", 1.0, 200.0
     )
-    tailstock_length: float = parameter(
-        12.0,
-        "Tailstock length",
-        "From the part up to the arm: how far pin or upper neck stand free.",
-        unit="mm",
-        low=1.0,
-        high=200.0,
-    )
-    tailstock_height: float = parameter(
+    tailstock_height: float = millimetres(
         0.0,
         "Tailstock height",
         "From the table to the lower side of the arm; 0: where the length brings it.",
-        unit="mm",
-        low=0.0,
-        high=1000.0,
+        0.0,
+        1000.0,
     )
-    tailstock_x: float = parameter(
+    tailstock_x: float = millimetres(
         0.0,
         "Tailstock X",
         "Where pin or upper neck stand, from the axis of the lower neck; X and Y 0: over the part's highest place.",
-        unit="mm",
-        low=-500.0,
-        high=500.0,
+        -500.0,
+        500.0,
     )
-    tailstock_y: float = parameter(0.0, "Tailstock Y", "As tailstock_x, along Y.", unit="mm", low=-500.0, high=500.0)
-    tailstock_reach: float = parameter(
+    tailstock_y: float = millimetres(0.0, "Tailstock Y", "As tailstock_x, along Y.", -500.0, 500.0)
+    tailstock_reach: float = millimetres(
         0.0,
         "Tailstock reach",
         "From the axis of the lower neck to that of the bracket's column; 0: 100 mm, or as far as the table allows.",
-        unit="mm",
-        low=0.0,
-        high=1000.0,
+        0.0,
+        1000.0,
     )
     tailstock_azimuth_deg: float = parameter(
-        0.0,
-        "Tailstock azimuth",
-        "Direction in which the column stands, from X towards Y.",
-        unit="deg",
-        low=-360.0,
-        high=360.0,
+        0.0, "Tailstock azimuth", "Direction in which the column stands, from X towards Y.", -360.0, 360.0, unit="deg"
     )
-    tailstock_column: float = parameter(
-        30.0, "Tailstock column", "Diameter of the bracket's column.", unit="mm", low=5.0, high=200.0
-    )
-    tailstock_arm: float = parameter(
-        16.0, "Tailstock arm", "Width and height of the bracket's arm.", unit="mm", low=3.0, high=200.0
-    )
+    tailstock_column: float = millimetres(30.0, "Tailstock column", "Diameter of the bracket's column.", 5.0, 200.0)
+    tailstock_arm: float = millimetres(16.0, "Tailstock arm", "Width and height of the bracket's arm.", 3.0, 200.0)
 
     @property
     def has_tailstock(self) -> bool:
@@ -97,86 +78,71 @@ class HoldingJob(TailstockJob):
     """What holds the part: at its lower end, from the table up, riser, chuck or collet, a stub of the bar, and the neck
     (the post) that is left between the stub and the part; at its free end a tailstock, if there is one."""
 
-    diameter: float = parameter(
+    diameter: float = millimetres(
         0.0,
         "Post diameter",
         "Diameter of the post (neck) that is left at the part's lower end; 0: the thinnest that is stiff enough.",
-        unit="mm",
-        low=0.0,
-        high=100.0,
+        0.0,
+        100.0,
     )
-    length: float = parameter(
+    length: float = millimetres(
         0.0,
         "Post length",
         "From the table to the lower end of the stock; 0: the shortest with which all is reached.",
-        unit="mm",
-        low=0.0,
-        high=500.0,
+        0.0,
+        500.0,
     )
-    chuck_diameter: float = parameter(
+    chuck_diameter: float = millimetres(
         0.0,
         "Chuck diameter",
         "Diameter of the chuck or collet round the post; 0: the post stands on the table.",
-        unit="mm",
-        low=0.0,
-        high=1000.0,
-    )
-    chuck_height: float = parameter(
-        0.0, "Chuck height", "From the table to the top of the chuck or collet.", unit="mm", low=0.0, high=500.0
-    )
-    riser_diameter: float = parameter(
         0.0,
-        "Riser diameter",
-        "Diameter of the riser under the chuck or collet; 0: none.",
-        unit="mm",
-        low=0.0,
-        high=1000.0,
+        1000.0,
     )
-    riser_height: float = parameter(
-        0.0, "Riser height", "From the table to the top of the riser.", unit="mm", low=0.0, high=500.0
+    chuck_height: float = millimetres(
+        0.0, "Chuck height", "From the table to the top of the chuck or collet.", 0.0, 500.0
     )
-    stub_diameter: float = parameter(
+    riser_diameter: float = millimetres(
+        0.0, "Riser diameter", "Diameter of the riser under the chuck or collet; 0: none.", 0.0, 1000.0
+    )
+    riser_height: float = millimetres(0.0, "Riser height", "From the table to the top of the riser.", 0.0, 500.0)
+    stub_diameter: float = millimetres(
         0.0,
         "Stub diameter",
         "Diameter of the bar that the chuck holds; 0: the next bar to be had that the stock is turned from.",
-        unit="mm",
-        low=0.0,
-        high=500.0,
+        0.0,
+        500.0,
     )
-    stub_length: float = parameter(
+    stub_length: float = millimetres(
         0.0,
         "Stub length",
         "Length of the bar, at its own diameter, between chuck and neck; 0: the chuck holds the neck.",
-        unit="mm",
-        low=0.0,
-        high=300.0,
+        0.0,
+        300.0,
     )
-    clearance: float = parameter(
+    clearance: float = millimetres(
         5.0,
         "Clearance",
         "Distance that the whole tool keeps from table and chuck, and holder and spindle from the post.",
-        unit="mm",
-        low=0.0,
-        high=100.0,
+        0.0,
+        100.0,
     )
     parting: bool = parameter(
         False, "Parting", "Turn a groove round the post below the finished part, down to a bridge that holds it."
     )
-    parting_stand_off: float = parameter(
+    parting_stand_off: float = millimetres(
         1.0,
         "Parting stand-off",
         "From the part's lower end down to the groove: the height of the stump that stays there.",
-        unit="mm",
-        low=0.1,
-        high=100.0,
+        0.1,
+        100.0,
     )
-    parting_core: float = parameter(
+    parting_core: float = millimetres(
         0.0,
         "Parting core",
         "Diameter of the bridge that the groove leaves; 0: half of the post's diameter.",
-        unit="mm",
-        low=0.0,
-        high=100.0,
+        0.0,
+        100.0,
     )
 
     second: str = parameter(
@@ -186,24 +152,18 @@ class HoldingJob(TailstockJob):
         "over, stands in it, and a second program cuts the stump. None: one program.",
         file="",
     )
-    second_height: float = parameter(
-        0.0,
-        "Second height",
-        "From the table to the lower end of the shell in the second clamping.",
-        unit="mm",
-        low=0.0,
-        high=500.0,
+    second_height: float = millimetres(
+        0.0, "Second height", "From the table to the lower end of the shell in the second clamping.", 0.0, 500.0
     )
-    second_chuck_diameter: float = parameter(
+    second_chuck_diameter: float = millimetres(
         0.0,
         "Second chuck diameter",
         "Diameter of the chuck or vice round the shell in the second clamping; 0: none above the table.",
-        unit="mm",
-        low=0.0,
-        high=1000.0,
+        0.0,
+        1000.0,
     )
-    second_chuck_height: float = parameter(
-        0.0, "Second chuck height", "From the table to the top of that chuck or vice.", unit="mm", low=0.0, high=500.0
+    second_chuck_height: float = millimetres(
+        0.0, "Second chuck height", "From the table to the top of that chuck or vice.", 0.0, 500.0
     )
 
     @property

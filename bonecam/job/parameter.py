@@ -39,9 +39,16 @@ class Parameter:
         return f"{low} .. {high} {self.unit}".strip() if low or high else self.unit
 
 
-def parameter(default: Any, label: str, tooltip: str, **kinds: Any) -> Any:
+def parameter(
+    default: Any, label: str, tooltip: str, low: float = -math.inf, high: float = math.inf, **kinds: Any
+) -> Any:
     """A dataclass field that carries its Parameter record."""
-    return field(default=default, metadata={"parameter": Parameter(label, tooltip, **kinds)})
+    return field(default=default, metadata={"parameter": Parameter(label, tooltip, low=low, high=high, **kinds)})
+
+
+def millimetres(default: float, label: str, tooltip: str, low: float, high: float) -> Any:
+    """A dataclass field of a length in mm."""
+    return parameter(default, label, tooltip, low, high, unit="mm")
 
 
 def record(item: "dataclasses.Field[Any]") -> Parameter:

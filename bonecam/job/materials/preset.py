@@ -31,7 +31,7 @@ from numpy import ndarray
 
 from bonecam.errors import JobError, did_you_mean
 from bonecam.files import input_text
-from bonecam.job.parameter import JobSection, parameter
+from bonecam.job.parameter import JobSection, millimetres, parameter
 from bonecam.runtime.own_files import named_files
 from bonecam.text.numbers import Faults, shown
 from bonecam.text.record import Record, checked
@@ -233,15 +233,14 @@ def _material(name: str, table: MaterialFile) -> Material:
 class MechanicsJob(JobSection):
     """What bending under the force of the cut may do to the part, as it is told of a program."""
 
-    largest_error: float = parameter(
+    largest_error: float = millimetres(
         0.05,
         "Largest error",
         "Error that bending may leave on 99 % of the finished surface; the paper's own bound.",
-        unit="mm",
-        low=0.001,
-        high=10.0,
+        0.001,
+        10.0,
     )
     refuse: bool = parameter(
         True, "Refuse", "Refuse a program whose stress or error is larger; false: header and summary tell it."
     )
-    flutes: int = parameter(2, "Flutes", "Cutting edges of a cutter whose section does not tell.", low=1, high=4)
+    flutes: int = parameter(2, "Flutes", "Cutting edges of a cutter whose section does not tell.", 1, 4)
