@@ -1,7 +1,4 @@
-"""The part of the section [holding] that tells what holds the free end.
-
-The section [holding] of a job.
-"""
+"""The section [holding] of a job."""
 
 from dataclasses import dataclass
 
@@ -11,10 +8,17 @@ from bonecam.job.parameter import JobSection, check, millimetres, parameter
 NO_TAILSTOCK, PIN, NECK = "none", "pin", "neck"
 
 
+LEAST_POST = 0.5
+"""A post is no thinner, mm."""
+LEAST_BRIDGE = 0.2
+"""A bridge is no thinner, mm: two cells of the simulation, within which it is measured."""
+
+
 @dataclass(frozen=True)
-class TailstockJob(JobSection):
-    """What holds the part at its free end: a pin or a second neck under the arm of a bracket, whose column stands
-    beside the part on the table and turns with it."""
+class HoldingJob(JobSection):
+    """What holds the part: at its lower end, from the table up, riser, chuck or collet, a stub of the bar, and the neck
+    (the post) that is left between the stub and the part; at its free end, if there is one, a tailstock: a pin or a
+    second neck under the arm of a bracket, whose column stands beside the part on the table and turns with it."""
 
     tailstock: str = parameter(
         NO_TAILSTOCK,
@@ -54,29 +58,6 @@ class TailstockJob(JobSection):
     )
     tailstock_column: float = millimetres(30.0, "Tailstock column", "Diameter of the bracket's column.", 5.0, 200.0)
     tailstock_arm: float = millimetres(16.0, "Tailstock arm", "Width and height of the bracket's arm.", 3.0, 200.0)
-
-    @property
-    def has_tailstock(self) -> bool:
-        """Whether something holds the free end."""
-        return self.tailstock != NO_TAILSTOCK
-
-    def check_tailstock(self) -> None:
-        """JobError where pin or upper neck are no thinner than the arm that holds them."""
-        if self.has_tailstock and self.tailstock_diameter >= self.tailstock_arm:
-            bound = f"give less than the arm that holds it ({self.tailstock_arm:g} mm), or a wider arm"
-            raise JobError(f"tailstock_diameter = {self.tailstock_diameter:g}: {bound}", field="tailstock_diameter")
-
-
-LEAST_POST = 0.5
-"""A post is no thinner, mm."""
-LEAST_BRIDGE = 0.2
-"""A bridge is no thinner, mm: two cells of the simulation, within which it is measured."""
-
-
-@dataclass(frozen=True)
-class HoldingJob(TailstockJob):
-    """What holds the part: at its lower end, from the table up, riser, chuck or collet, a stub of the bar, and the neck
-    (the post) that is left between the stub and the part; at its free end a tailstock, if there is one."""
 
     diameter: float = millimetres(
         0.0,
@@ -167,6 +148,11 @@ class HoldingJob(TailstockJob):
     )
 
     @property
+    def has_tailstock(self) -> bool:
+        """Whether something holds the free end."""
+        return self.tailstock != NO_TAILSTOCK
+
+    @property
     def bridge(self) -> float:
         """Diameter (mm) of the bridge that a parting groove leaves of the post."""
         return self.parting_core or self.diameter / 2
@@ -199,24 +185,24 @@ class HoldingJob(TailstockJob):
             if (diameter > 0) != (height > 0):
                 missing = f"{name}{'diameter' if height > 0 else 'height'}"
                 what = name.removeprefix("second_").rstrip("_")
-                raise JobError(f"{missing} = 0: give both sizes of the {what}, or none", field=missing)
+                raise self.fault(missing, f"give both sizes of the {what}, or none")
         if self.second and not self.parting:
             remedy = "give holding.parting = true, which parts the part from its post first"
             raise JobError(f"second = {self.second!r}: {remedy}", field="second")
         self._check_stack()
-        self.check_tailstock()
+        if self.has_tailstock and self.tailstock_diameter >= self.tailstock_arm:
+            bound = f"give less than the arm that holds it ({self.tailstock_arm:g} mm), or a wider arm"
+            raise self.fault("tailstock_diameter", bound)
         if 0 < self.parting_core < LEAST_BRIDGE:
-            bound = f"give {LEAST_BRIDGE:g} mm or more, or 0 for half of the post's diameter"
-            raise JobError(f"parting_core = {self.parting_core:g}: {bound}", field="parting_core")
+            raise self.fault("parting_core", f"give {LEAST_BRIDGE:g} mm or more, or 0 for half of the post's diameter")
         if self.parting_core >= self.diameter > 0:
             bound = f"give less than the post's diameter ({self.diameter:g} mm), or no parting"
-            raise JobError(f"parting_core = {self.parting_core:g}: {bound}", field="parting_core")
+            raise self.fault("parting_core", bound)
 
     def _check_stack(self) -> None:
         """JobError where riser, chuck, stub and neck do not stand on one another."""
         if 0 < self.diameter < LEAST_POST:
-            bound = f"give {LEAST_POST:g} mm or more, or 0 for the thinnest that is stiff enough"
-            raise JobError(f"diameter = {self.diameter:g}: {bound}", field="diameter")
+            raise self.fault("diameter", f"give {LEAST_POST:g} mm or more, or 0 for the thinnest that is stiff enough")
         post, chuck, riser, stub = self.diameter, self.chuck_diameter, self.riser_diameter, self.stub_diameter
         faults = {
             "chuck_diameter": [
@@ -235,9 +221,9 @@ class HoldingJob(TailstockJob):
         for field, each in faults.items():
             for wrong, bound in each:
                 if wrong:
-                    raise JobError(f"{field} = {getattr(self, field):g}: {bound}", field=field)
+                    raise self.fault(field, bound)
         if 0 < self.length <= self.support_height:
             field = next(name for name in ("stub_length", "chuck_height", "riser_height") if getattr(self, name))
             ends = f"it ends at {self.support_height:g} mm: " if field == "stub_length" else ""
             bound = f"{ends}give less than the post's length ({self.length:g} mm), or a longer post"
-            raise JobError(f"{field} = {getattr(self, field):g}: {bound}", field=field)
+            raise self.fault(field, bound)

@@ -6,7 +6,7 @@ from typing import Any
 
 from bonecam.errors import JobError
 from bonecam.job.parameter import JobSection, check, is_list, millimetres, parameter
-from bonecam.text.numbers import number, shown
+from bonecam.text.numbers import number
 
 MOST_LEVELS = 2000
 """A number of cuts, or of depths in a list, beyond this is refused: a mistaken depth or unit."""
@@ -136,11 +136,11 @@ class LevelsJob(JobSection):
         if not isinstance(self.depths, str):
             several = list(self.depths) if is_list(self.depths) else [self.depths]
             if not several:
-                raise self._depths_error("give one at least, or leave them out")
+                raise self.fault("depths", "give one at least, or leave them out")
             object.__setattr__(self, "depths", " ".join(map(str, several)))
         check(self)
         if self.depths.strip() and self.schedule == "fewest":
-            raise self._depths_error("they give every cut, schedule = 'fewest' too: leave one of them out")
+            raise self.fault("depths", "they give every cut, schedule = 'fewest' too: leave one of them out")
 
     @property
     def found(self) -> bool:
@@ -176,6 +176,3 @@ class LevelsJob(JobSection):
     def layer_depth(self) -> float:
         """Depth (mm) of cuts that follow no level: in layers, and of a groove, which meet material on both sides."""
         return min(self.cuts[1], self.roughing_depth)
-
-    def _depths_error(self, why: str) -> JobError:
-        return JobError(f"depths = {shown(self.depths)}: {why}", field="depths")

@@ -3,7 +3,6 @@
 import math
 from dataclasses import dataclass
 
-from bonecam.errors import JobError
 from bonecam.job.parameter import JobSection, check, millimetres, parameter
 
 LEAST_TOLERANCE = 0.001
@@ -112,7 +111,7 @@ class SurfaceJob(JobSection):
         check(self)
         if 0 < self.tolerance < LEAST_TOLERANCE:
             bound = f"give {LEAST_TOLERANCE:g} mm or more, or 0 for twice the sagitta of the facets"
-            raise JobError(f"tolerance = {self.tolerance:g}: {bound}", field="tolerance")
+            raise self.fault("tolerance", bound)
 
     def tolerance_for(self, sagitta: float = math.inf) -> float:
         """The tolerance (mm) that is stated, or else twice the `sagitta` (mm) of the facets, rounded up to a um, within

@@ -153,7 +153,7 @@ class PathJob(JobSection):
         check(self)
         if abs(self.lead_deg) > self.max_tilt_deg:
             bound = f"keep it within path.max_tilt_deg ({self.max_tilt_deg:g})"
-            raise JobError(f"lead_deg = {self.lead_deg:g}: {bound}", field="lead_deg")
+            raise self.fault("lead_deg", bound)
         for item in fields(self):
             value = getattr(self, item.name)
             if self.strategy != "morph" and item.name in OF_MORPH and value != item.default:
@@ -161,7 +161,7 @@ class PathJob(JobSection):
                 raise JobError(f"{item.name} = {shown(value)}: {bound}", field=item.name)
         if self.feed == "force" and self.feed_at != "tip":
             bound = "feed = 'force' sets the feed of the tip by itself: leave it out, or take feed = 'constant'"
-            raise JobError(f"feed_at = {shown(self.feed_at)}: {bound}", field="feed_at")
+            raise self.fault("feed_at", bound)
         if self.certify == "fcl" and self.orientation != "cones":
             bound = f"orientation = {self.orientation!r} makes no cones to certify: leave it out, or take 'cones'"
-            raise JobError(f"certify = 'fcl': {bound}", field="certify")
+            raise self.fault("certify", bound)

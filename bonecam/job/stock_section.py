@@ -11,15 +11,10 @@ PUBLISHED_KINDS = ("capsule", "cylinder", "box", "mesh")
 """The kinds of stock in the order in which filter scripts number them."""
 
 
-def _kinds() -> tuple[str, ...]:
-    """The kinds of stock: the published ones, then those of other files of bonecam/setup/stocks, then those that users
-    and other packages add."""
-    folder = Path(__file__).parents[1] / "setup" / "stocks"
-    files = sorted(module.name for module in pkgutil.iter_modules([str(folder)]))
-    return tuple(dict.fromkeys((*PUBLISHED_KINDS, *files, *added_names("stocks"))))
-
-
-STOCK_KINDS = _kinds()
+_FILES = sorted(module.name for module in pkgutil.iter_modules([str(Path(__file__).parents[1] / "setup" / "stocks")]))
+STOCK_KINDS = tuple(dict.fromkeys((*PUBLISHED_KINDS, *_FILES, *added_names("stocks"))))
+"""The published kinds, then those of other files of bonecam/setup/stocks, then those that users and other packages
+add."""
 
 
 @dataclass(frozen=True)

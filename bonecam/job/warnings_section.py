@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 
-from bonecam.errors import JobError
 from bonecam.job.parameter import JobSection, check, millimetres, parameter
 
 
@@ -66,8 +65,6 @@ class WarningsJob(JobSection):
     def __post_init__(self) -> None:
         check(self)
         for name in ("left", "hole", "guessed", "slender"):
-            warned = getattr(self, name)
-            refused = getattr(self, f"{name}_refused")
-            if refused < warned:
-                bound = f"give at least {name} ({warned:g})"
-                raise JobError(f"{name}_refused = {refused:g}: {bound}", field=f"{name}_refused")
+            warned, refused = getattr(self, name), f"{name}_refused"
+            if getattr(self, refused) < warned:
+                raise self.fault(refused, f"give at least {name} ({warned:g})")
