@@ -41,17 +41,11 @@ def shell_round(part: TriangleMesh, covered: float, wall: float, gap: float) -> 
         )
     low, high = part.bounds[:, 2]
     opening = float(high - covered * (high - low))
-    inside = _grown(part, gap)
+    inside = TriangleMesh(part.vertices + gap * vertex_normals(part), part.faces)
     held = inside.vertices[inside.vertices[:, 2] > opening]
     radius = float(np.hypot(held[:, 0], held[:, 1]).max()) + wall
     block = cylinder(radius, opening, float(high) + gap + wall, CHORD)
     return solid_difference(block, inside)
-
-
-def _grown(part: TriangleMesh, gap: float) -> TriangleMesh:
-    """The part with its vertices moved out along their normals."""
-    moved: Float[ndarray, "n 3"] = part.vertices + gap * vertex_normals(part)
-    return TriangleMesh(moved, part.faces)
 
 
 GAP = 0.3
