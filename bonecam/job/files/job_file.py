@@ -62,8 +62,8 @@ def read_job(path: str | Path, base: Job | None = None, tools: str | None = None
             line = lines.get((section, field)) or lines.get((section, ""))
             placed.append((line or 0, section, field, f"line {line}: {what}" if line else what))
         placed.sort(key=lambda fault: fault[0])
-        error = job_error([fault[1:] for fault in placed], f"{path}: ")
-        raise JobError(str(error), file=str(path), **error.evidence)
+        whole = job_error([fault[1:] for fault in placed], f"{path}: ")
+        raise JobError(str(whole), file=str(path), **whole.evidence)
     return job
 
 

@@ -207,7 +207,7 @@ def _material(name: str, table: MaterialFile) -> Material:
     return Material(
         name=name,
         **{key: getattr(table, key) for key in ("title", "source", "range", "note", "stiffness", "force")},
-        **{key: value or 0.0 for key, value in {**fixed, **scaled}.items()},
+        **{key: value or 0.0 for key, value in {**fixed, **scaled}.items()},  # type: ignore[arg-type]
     )
 
 
