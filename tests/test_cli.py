@@ -303,9 +303,8 @@ def test_the_job_of_the_kept_folder_is_taken_and_told(
     (keep / "surface.tspline").write_text("")
     taken = []
 
-    def stop(*given: object, **named: object) -> None:
-        job = next(one for one in given if isinstance(one, Job))
-        taken.append((job, {*map(str, given), *map(str, named.values())}))
+    def stop(*, job: Job, keep: object, **_: object) -> None:
+        taken.append((job, keep))
         raise BonecamError("stopped")
 
     monkeypatch.setattr(bonecam, command, stop)
@@ -320,7 +319,7 @@ def test_the_job_of_the_kept_folder_is_taken_and_told(
     jobs = [job for job, _ in taken]
     assert [job.nc.controller for job in jobs] == ["siemens-840d", "siemens-840d", "heidenhain"]
     assert [job.roughing.overhang for job in jobs[:2]] == [31.0, 33.0]
-    assert all(str(keep) in told for _, told in taken)
+    assert all(str(given) == str(keep) for _, given in taken)
 
 
 def test_a_program_with_no_folder_of_its_run_is_told_to_name_it(

@@ -111,7 +111,7 @@ def run_toml(block: Block) -> None:
     """A job, a machine or what stands in a folder of such files is read as such, anything else as TOML."""
     values = tomllib.loads(block.text)
     if (kind := Path(block.title).parent.name) in CATALOGUES:
-        CATALOGUES[kind].read(block.title)
+        CATALOGUES[kind][1](block.title)
     elif "chain" in values:
         assert read_machine(block.title).title == values["title"]
     elif "project" not in values:

@@ -172,7 +172,7 @@ def test_a_machine_whose_body_is_not_there_is_not_told_to_be_as_it_should_be(
 ) -> None:
     file = tmp_path / "mine.toml"
     body = '\n[[bodies]]\nname = "cradle"\nlink = "bed"\nstl = "none.stl"\n'
-    file.write_text(CATALOGUES["machines"].files()["dmu-45"].read_text(encoding="utf-8") + body, encoding="utf-8")
+    file.write_text(CATALOGUES["machines"][0]()["dmu-45"].read_text(encoding="utf-8") + body, encoding="utf-8")
     assert main(["machines", "check", str(file)]) == 2
     told = capsys.readouterr()
     assert told.out == ""
@@ -183,7 +183,7 @@ def test_a_machine_whose_body_is_not_there_is_not_told_to_be_as_it_should_be(
 def test_each_catalogue_lists_shows_and_checks_what_ships(
     kind: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    for name, path in CATALOGUES[kind].files().items():
+    for name, path in CATALOGUES[kind][0]().items():
         assert main([kind, name]) == 0
         assert capsys.readouterr().out == path.read_text(encoding="utf-8")
         assert main([kind, "check", str(path)]) == 0
@@ -197,7 +197,7 @@ def test_each_catalogue_lists_shows_and_checks_what_ships(
 
 
 def test_a_machine_is_drawn_as_it_is_checked(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    file, picture = str(CATALOGUES["machines"].files()["pocket-nc"]), tmp_path / "machine.png"
+    file, picture = str(CATALOGUES["machines"][0]()["pocket-nc"]), tmp_path / "machine.png"
     assert main(["machines", "check", file, "--picture", str(picture)]) == 0
     assert capsys.readouterr().out.endswith(f"drawn in {picture}\n")
     assert picture.read_bytes().startswith(b"\x89PNG")
@@ -213,7 +213,7 @@ def test_schemas_take_what_the_readers_take_and_refuse_what_they_refuse() -> Non
         with pytest.raises(jsonschema.ValidationError):
             jsonschema.validate(wrong, schema)
     for kind in ("machines", "materials", "tools"):
-        for path in CATALOGUES[kind].files().values():
+        for path in CATALOGUES[kind][0]().values():
             jsonschema.validate(tomllib.loads(path.read_text(encoding="utf-8")), file_schema(kind))
 
 

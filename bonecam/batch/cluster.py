@@ -4,7 +4,6 @@ another one, as Dask's `distributed.scheduler.allowed-failures` has it (3)."""
 from collections.abc import Iterator
 from concurrent.futures import Executor
 from contextlib import contextmanager
-from typing import Any
 
 from bonecam.errors import JobError
 
@@ -18,9 +17,19 @@ CONNECT = 10.0
 def cluster_executor(address: str, workers: int = 2) -> Iterator[Executor]:
     """The executor of the scheduler at an address, or of one with so many `workers` on this computer (`local`).
     JobError where Dask is not installed or no scheduler answers."""
-    distributed = _distributed(address)
+    try:
+        import distributed
+    except ImportError as error:
+        remedy = "pip install 'bonecam[cluster]'"
+        raise JobError(f"--scheduler {address}: needs Dask distributed: {remedy}") from error
     if address != LOCAL:
-        with _client(distributed, address) as client:
+        try:
+            connected = distributed.Client(address, timeout=CONNECT)
+        except (OSError, ValueError) as error:
+            why = " ".join(str(error).split())
+            remedy = "start one with `dask scheduler` and give the address it prints, or give local"
+            raise JobError(f"--scheduler {address}: no scheduler answers ({why}): {remedy}") from error
+        with connected as client:
             yield client.get_executor(pure=False)
         return
     if workers < 1:
@@ -28,21 +37,3 @@ def cluster_executor(address: str, workers: int = 2) -> Iterator[Executor]:
     size = {"n_workers": workers, "threads_per_worker": 1, "dashboard_address": None}
     with distributed.LocalCluster(**size) as cluster, distributed.Client(cluster) as client:
         yield client.get_executor(pure=False)
-
-
-def _distributed(address: str) -> Any:
-    try:
-        import distributed
-    except ImportError as error:
-        remedy = "pip install 'bonecam[cluster]'"
-        raise JobError(f"--scheduler {address}: needs Dask distributed: {remedy}") from error
-    return distributed
-
-
-def _client(distributed: Any, address: str) -> Any:
-    try:
-        return distributed.Client(address, timeout=CONNECT)
-    except (OSError, ValueError) as error:
-        why = " ".join(str(error).split())
-        remedy = "start one with `dask scheduler` and give the address it prints, or give local"
-        raise JobError(f"--scheduler {address}: no scheduler answers ({why}): {remedy}") from error

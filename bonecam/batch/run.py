@@ -92,12 +92,23 @@ def batch_parts(given: Sequence[str | Path | BatchPart], job: Job) -> list[Batch
 
 
 def _parts_of(given: str | Path | BatchPart, job: Job) -> list[BatchPart]:
+    """The parts of a file, a table, or a folder, where hidden files and the table of results are left out."""
     if isinstance(given, BatchPart):
         return [given]
     require_name(given)
     place = Path(given)
     if place.is_dir():
-        return [_with_job_beside(file, job) for file in _files_in(place)]
+        endings = (*READABLE, *LABEL_MAPS, *ENDINGS)
+        seen = [file for file in place.iterdir() if not file.name.startswith(".") and file.name != TABLE]
+        files = sorted(file for file in seen if ending_of(file) in endings)
+        if not files:
+            remedy = f"give files that end in one of {', '.join(endings)}"
+            raise JobError(f"{place}: holds no part: {remedy}", file=str(place))
+        tables = [file for file in files if "file" in _columns_of(file)]
+        if tables:
+            remedy = "give the table itself, or move it out of the folder"
+            raise JobError(f"{place}: {tables[0].name} in it is a table of parts: {remedy}", file=str(place))
+        return [_with_job_beside(file, job) for file in files]
     columns = _columns_of(place)
     if "file" in columns:
         return _parts_in_table(place, job)
@@ -119,27 +130,6 @@ def _with_job_beside(file: Path, job: Job) -> BatchPart:
 def name_of(file: Path) -> str:
     """The name of a file without the ending that tells its kind."""
     return file.name[: len(file.name) - len(ending_of(file))]
-
-
-def _files_in(folder: Path) -> list[Path]:
-    """The files of parts in a folder, hidden ones and the table of results left out, in alphabetical order. JobError
-    where there are none, or a table of parts among them."""
-    endings = (*READABLE, *LABEL_MAPS, *ENDINGS)
-    shown = [file for file in folder.iterdir() if not file.name.startswith(".") and file.name != TABLE]
-    files = sorted(file for file in shown if ending_of(file) in endings)
-    if not files:
-        remedy = f"give files that end in one of {', '.join(endings)}"
-        raise JobError(f"{folder}: holds no part: {remedy}", file=str(folder))
-    tables = [file for file in files if is_table(file)]
-    if tables:
-        remedy = "give the table itself, or move it out of the folder"
-        raise JobError(f"{folder}: {tables[0].name} in it is a table of parts: {remedy}", file=str(folder))
-    return files
-
-
-def is_table(file: Path) -> bool:
-    """Whether a file is a table of parts: a .csv whose first line names the column `file`."""
-    return "file" in _columns_of(file)
 
 
 def _columns_of(file: Path) -> list[str]:
@@ -297,19 +287,15 @@ def fingerprint(part: BatchPart) -> str:
     """A hash of all that decides the outcome: the content of the package, the job, the bytes of the part, of each file
     that the job names, and of those that its list of cutters names. Where these files are does not count."""
     named = [*named_files(part.job), *(("nc", "tools", file) for file in tool_list(part.job.nc.tools).files)]
+    without_paths: dict[str, dict[str, str]] = {}
+    for section, name, _ in named_files(part.job):
+        without_paths.setdefault(section, {})[name] = ""
     digest = hashlib.sha256(package_digest().encode())
-    digest.update(write_job(_without_paths(part.job)).encode())
+    digest.update(write_job(part.job.with_values(**without_paths)).encode())
     for section, name, file in [("", "", part.file), *named]:
         content = file.read_bytes() if file.is_file() else b""
         digest.update(f"{section}.{name}\0".encode() + hashlib.sha256(content).digest())
     return digest.hexdigest()
-
-
-def _without_paths(job: Job) -> Job:
-    changes: dict[str, dict[str, str]] = {}
-    for section, name, _ in named_files(job):
-        changes.setdefault(section, {})[name] = ""
-    return job.with_values(**changes)
 
 
 WAITING = "waits"
@@ -361,7 +347,9 @@ def convert_many(
     ask = partial(_in_process, folder=target, wanted=wanted, work=work, version=package_digest())
     for outcome in _outcomes(own_parts, ask, jobs=jobs, executor=executor, resume=resume, progress=progress):
         outcomes[place[outcome.name]] = outcome
-        _tell(target / TABLE, outcome, place)
+        with locked([target]):  # rows of other parts stay, those that another batch has written since too
+            rows = {**read_rows(target / TABLE), outcome.name: asdict(outcome)}
+            write_whole(target / TABLE, table_text(sorted(rows.values(), key=lambda row: place.get(row["name"], -1))))
         told(outcome, len(own_parts) - len(outcomes))
     return [outcomes[index] for index in sorted(outcomes)]
 
@@ -385,13 +373,6 @@ def _check_jobs(parts: Sequence[BatchPart], folder: Path) -> None:
         except FileError as error:
             what = f"{part.file}: {error}, by the name of the part or an `output` in a table of parts"
             raise FileError(what, **error.evidence) from error
-
-
-def _tell(table: Path, outcome: Outcome, place: dict[str, int]) -> None:
-    """Add an outcome to the table. Rows of other parts stay, those that another batch has written since too."""
-    with locked([table.parent]):
-        rows = {**read_rows(table), outcome.name: asdict(outcome)}
-        write_whole(table, table_text(sorted(rows.values(), key=lambda row: place.get(row["name"], -1))))
 
 
 def _outcomes(
@@ -449,7 +430,8 @@ def _in_process(
     stopped: Event | None = None,
     progress: PartProgress = lambda name, fraction, message: None,
 ) -> Outcome:
-    """The task of a part, on whatever computer: its outcome, from a new process; whatever happens to that is told."""
+    """The task of a part, on whatever computer: its outcome, from a new process; whatever happens to that is told, also
+    that this computer has not the content or the files of the one that asks."""
     began = time.perf_counter()
 
     def tell(fraction: float, message: str) -> None:
@@ -457,7 +439,11 @@ def _in_process(
 
     code = ""
     try:
-        _check_worker(folder, version)
+        if version != package_digest():
+            what = f"a worker has another bonecam {bonecam.__version__} than this run (their files differ)"
+            raise JobError(f"{what}: install the same on both")
+        if not folder.is_dir():
+            raise JobError(f"{folder}: a worker does not see this folder: give one that all computers share")
         outcome: Outcome = call_in_worker(work, part, folder, wanted, progress=tell, stopped=stopped)
         return outcome
     except BonecamError as error:
@@ -471,12 +457,3 @@ def _in_process(
     return failed(
         part.name, str(part.file), job=part.job_file, seconds=time.perf_counter() - began, message=message, code=code
     )
-
-
-def _check_worker(folder: Path, version: str) -> None:
-    """JobError where this computer has another bonecam than the one that asks, by its content, or not its files."""
-    if version != package_digest():
-        what = f"a worker has another bonecam {bonecam.__version__} than this run (their files differ)"
-        raise JobError(f"{what}: install the same on both")
-    if not folder.is_dir():
-        raise JobError(f"{folder}: a worker does not see this folder: give one that all computers share")

@@ -3,7 +3,6 @@
 import argparse
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -16,60 +15,39 @@ from bonecam.machine.machine import machine_files, read_machine
 from bonecam.nc.dialect import dialect_files, read_dialect
 from bonecam.text.toml import toml_lines
 
-
-@dataclass(frozen=True)
-class Catalogue:
-    """Things that are TOML files: where they are by name, and what reads one; that raises a BonecamError."""
-
-    files: Callable[[], Mapping[str, Path]]
-    read: Callable[[str], Any]
-    one: str
-
-
-CATALOGUES = {
-    "machines": Catalogue(machine_files, check_machine, "machine"),
-    "dialects": Catalogue(dialect_files, read_dialect, "dialect of a controller"),
-    "materials": Catalogue(material_files, read_material, "material"),
-    "tools": Catalogue(list_files, tool_list, "list of cutters"),
+CATALOGUES: dict[str, tuple[Callable[[], Mapping[str, Path]], Callable[[str], Any], str]] = {
+    "machines": (machine_files, check_machine, "machine"),
+    "dialects": (dialect_files, read_dialect, "dialect of a controller"),
+    "materials": (material_files, read_material, "material"),
+    "tools": (list_files, tool_list, "list of cutters"),
 }
-"""By the name of the command."""
+"""By the name of the command, of things that are TOML files: what lists these by name, what reads one and raises a
+BonecamError, and what one is called."""
 
 
-def add_catalogue(add_command: Any, parsers: Any, kind: str) -> None:
-    """The command of a kind."""
-    one = CATALOGUES[kind].one
-    text = f"List the {kind} that are known by name, show one, or check a file."
-    command = add_command(parsers, kind, text, run_catalogue)
-    command.set_defaults(kind=kind)
-    command.add_argument("what", metavar="NAME|check", nargs="?", help=f"a {one} to show, or check")
-    command.add_argument("file", metavar="FILE", nargs="?", help="the .toml file to check")
-    if kind == "tools":
-        tools = "list of cutters: a name, or a file of Fusion, FreeCAD, LinuxCNC, .csv or .toml (catalogue)"
-        command.add_argument("--tools", metavar="LIST", help=tools)
-    if kind == "machines":
-        command.add_argument("--picture", metavar="PNG", help="draw the machine of NAME, or of the file")
-    command.add_argument("--schema", action="store_true", help="print the JSON schema of such files")
-
-
-def run_catalogue(options: argparse.Namespace) -> int:
+def run_catalogue(kind: str, options: argparse.Namespace) -> int:
     """List all names, show the file of one, check a file, or print the schema of such files."""
-    known = CATALOGUES[options.kind]
-    lists = list[ToolList]()
-    if options.kind == "tools":
-        lists = known_lists(options.tools or "")
-    entries = _cutters(lists, options.what) if lists else _files(known.files())
+    files, read, one = CATALOGUES[kind]
+    lists = known_lists(options.tools or "") if kind == "tools" else []
+    if lists:
+        entries = _cutters(lists, options.what)
+    else:
+        entries = {name: (_about(path), path.read_text(encoding="utf-8")) for name, path in files().items()}
     if options.schema:
         from bonecam.cli.schemas import file_schema
 
-        print(json.dumps(file_schema(options.kind), indent=2))
+        print(json.dumps(file_schema(kind), indent=2))
     elif options.what == "check":
         if options.file is None:
-            raise JobError(f"bonecam {options.kind} check: name a file")
-        content = known.read(options.file)
-        bodies = _body_lines(content) if isinstance(content, MachineCheck) else []
-        print(f"{options.file}: a {known.one} as it should be")
+            raise JobError(f"bonecam {kind} check: name a file")
+        content = read(options.file)
+        lines = [f"{options.file}: a {one} as it should be"]
         if isinstance(content, MachineCheck):
-            print(content, *bodies, sep="\n")
+            from bonecam.planning.collision import body_texts
+
+            bodies = body_texts(content.machine)  # a MachineError where a body cannot be
+            lines += [str(content), *(f"{'' if k else 'bodies':10}{text}" for k, text in enumerate(bodies))]
+        print(*lines, sep="\n")
         _draw(options, options.file)
     elif options.what is not None:
         if options.what not in entries:
@@ -80,14 +58,9 @@ def run_catalogue(options: argparse.Namespace) -> int:
     else:
         wide = max(map(len, entries), default=0)
         print("".join(f"{name:{wide}}  {about}\n" for name, (about, _) in entries.items()), end="")
-        for kind, count in (lists[0].left_out if lists else {}).items():
-            print(f"left out: {count} {kind}")
+        for left, count in (lists[0].left_out if lists else {}).items():
+            print(f"left out: {count} {left}")
     return 0
-
-
-def _files(files: Mapping[str, Path]) -> dict[str, tuple[str, str]]:
-    """What files are about, and their texts, by name."""
-    return {name: (_about(path), path.read_text(encoding="utf-8")) for name, path in files.items()}
 
 
 def _cutters(lists: Sequence[ToolList], asked: str | None) -> dict[str, tuple[str, str]]:
@@ -120,13 +93,6 @@ def described(tool: ToolJob) -> str:
 
 def _ships(path: Path) -> bool:
     return Path(__file__).parents[2] in path.parents
-
-
-def _body_lines(check: MachineCheck) -> list[str]:
-    """What moves with what; MachineError where a body cannot be."""
-    from bonecam.planning.collision import body_texts
-
-    return [f"{'' if k else 'bodies':10}{text}" for k, text in enumerate(body_texts(check.machine))]
 
 
 def _draw(options: argparse.Namespace, name: str) -> None:

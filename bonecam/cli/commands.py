@@ -3,13 +3,13 @@
 import argparse
 import json
 from collections.abc import Callable
-from functools import partial
-from pathlib import Path
+from contextlib import nullcontext
+from inspect import signature
+from typing import Any
 
 import bonecam
 from bonecam.cli.parser import input_files, job_of
 from bonecam.cli.stopping import native_output_to_stderr, shown_progress
-from bonecam.cli.study import run_impeller
 from bonecam.errors import JobError
 from bonecam.files import check_files, write_whole
 from bonecam.filters import scripting
@@ -18,48 +18,72 @@ from bonecam.job import Job, write_job
 
 def run_convert(options: argparse.Namespace) -> int:
     """`bonecam convert`: the NC program of a part."""
-    return _convert(options.mesh, options)
+    return _make(bonecam.convert, options)
 
 
 def run_demo(options: argparse.Namespace) -> int:
-    """`bonecam demo`: the NC program of the phalanx, or of the impeller, that is installed with bonecam."""
-    from bonecam_meshes import path
+    """`bonecam demo`: the NC program of the phalanx, or of the impeller with its own job, installed with bonecam."""
+    import bonecam_meshes
+    from bonecam_meshes.impeller import BLADES
 
     from bonecam.nc.requirements import job_dialect
 
     if options.impeller:
-        return run_impeller(options)
-    if options.output is None:
-        dialect = job_dialect(job_of(options).nc)
-        options.output = f"phalanx{dialect.extension}"
-    return _convert(path("phalanx"), options)
+        if options.surface is not None:
+            raise JobError("demo --impeller: the blade's surface is in the kept folder: give --keep, not --surface")
+        options.job = options.job or str(bonecam_meshes.job("impeller"))
+    if options.program is None:
+        name = "impeller" if options.impeller else "phalanx"
+        options.program = f"{name}{job_dialect(job_of(options).nc).extension}"
+    if not options.impeller:
+        options.mesh = bonecam_meshes.path("phalanx")
+        return run_convert(options)
+    options.blade, options.hub = (bonecam_meshes.path(f"impeller_{name}") for name in ("blade", "hub"))
+    options.count = BLADES
+    return _make(bonecam.blades, options, BLADES_FILES)
 
 
 def run_levels(options: argparse.Namespace) -> int:
     """`bonecam levels`: the levels of a part and their pictures."""
-    return _run(bonecam.morph_levels, options.mesh, options, keep=options.output)
+    return _make(bonecam.morph_levels, options)
 
 
-def _convert(mesh: str | Path, options: argparse.Namespace) -> int:
-    make = partial(bonecam.convert, simulation=not options.no_simulation, mechanics=not options.no_mechanics)
-    outputs = {"program": options.output, "keep": options.keep, "sheet": options.sheet, "apt": options.apt}
-    return _run(make, mesh, options, **outputs)
+def run_finish(options: argparse.Namespace) -> int:
+    """`bonecam finish`: the NC program of one surface."""
+    return _make(bonecam.finish, options, "program report html apt")
 
 
-def _run(
-    make: Callable[..., "bonecam.Morphed"], mesh: str | Path, options: argparse.Namespace, **outputs: str | None
+BLADES_FILES = "program report html sheet apt"
+"""Options of the files of a wheel."""
+
+
+def run_blades(options: argparse.Namespace) -> int:
+    """`bonecam blades`: the NC program of a wheel."""
+    options.blade = options.blade[0] if len(options.blade) == 1 else options.blade
+    return _make(bonecam.blades, options, BLADES_FILES)
+
+
+def _make(
+    function: Callable[..., Any], options: argparse.Namespace, files: str = "program sheet apt report surface html"
 ) -> int:
-    """Call `make` with the part, the job and the files to write, and print the summary of the result."""
+    """Call what makes a program, or levels, with the options, and print the summary of the result. The options that
+    name `files` to write are checked in this order."""
     job = job_of(options)
-    outputs |= {"report": options.report, "surface": options.surface, "html": options.html}
-    files = [file for name, file in outputs.items() if file is not None and name != "keep"]
-    check_files(files, input_files(options))
-
-    with shown_progress(options) as progress:
-        result = make(mesh, job, **outputs, progress=progress)
+    outputs = [getattr(options, name, None) for name in files.split()]
+    check_files([file for file in outputs if file is not None], input_files(options))
+    made = _call_with(function, options, job=job)
     if not options.quiet:
-        print(result.summary)
+        print(made.summary)
     return 0
+
+
+def _call_with(function: Callable[..., Any], options: argparse.Namespace, **more: Any) -> Any:
+    """Call a function with the options that are named as its parameters are, with `more`, and a progress that is shown
+    as the options ask for."""
+    parameters = signature(function).parameters
+    given = {name: value for name, value in vars(options).items() if name in parameters}
+    with shown_progress(options) as progress:
+        return function(**{**given, **more, "progress": progress})
 
 
 def run_view(options: argparse.Namespace) -> int:
@@ -68,31 +92,6 @@ def run_view(options: argparse.Namespace) -> int:
 
     bonecam.view(options.keep, options.output)
     print("\n".join(str(page) for page in kept_pages(options.keep, options.output)))
-    return 0
-
-
-def run_finish(options: argparse.Namespace) -> int:
-    """`bonecam finish`: the NC program of one surface."""
-    job = job_of(options)
-    files = [file for file in (options.output, options.report, options.html, options.apt) if file is not None]
-    check_files(files, input_files(options))
-    with shown_progress(options) as progress:
-        finished = bonecam.finish(
-            options.surface,
-            options.part,
-            options.obstacle,
-            job,
-            program=options.output,
-            keep=options.keep,
-            report=options.report,
-            html=options.html,
-            apt=options.apt,
-            simulation=not options.no_simulation,
-            mechanics=not options.no_mechanics,
-            progress=progress,
-        )
-    if not options.quiet:
-        print(finished.summary)
     return 0
 
 
@@ -129,16 +128,7 @@ def run_simulate(options: argparse.Namespace) -> int:
         raise JobError(f"{options.program}: no folder of its run is named: give the one of `convert --keep` (--keep)")
     wanted = [file for file in (options.report, options.html) if file is not None]
     check_files(wanted, [options.program, *input_files(options)])
-    with shown_progress(options) as progress:
-        removal = bonecam.simulate(
-            options.program,
-            options.keep,
-            job,
-            cell=options.cell,
-            html=options.html,
-            mechanics=not options.no_mechanics,
-            progress=progress,
-        )
+    removal = _call_with(bonecam.simulate, options, job=job)
     report = simulation_report(removal, job)
     if options.report is not None:
         write_whole(options.report, report_text(report))
@@ -151,39 +141,62 @@ def run_simulate(options: argparse.Namespace) -> int:
 
 def run_post(options: argparse.Namespace) -> int:
     """`bonecam post`: the program of paths that were made elsewhere."""
-    names = options.from_machine, options.from_controller
-    if names[0] is None and names[1] is not None:
+    origin = options.from_machine, options.from_controller
+    if origin[0] is None and origin[1] is not None:
         raise JobError("--from-controller needs the machine of the program too: give --from-machine")
-    origin = None if names[0] is None else names
     job = _kept_job(options, options.paths)
-    with shown_progress(options) as progress:
-        posted = bonecam.post(
-            options.paths,
-            options.part,
-            job,
-            program=options.output,
-            origin=origin,
-            keep=options.keep,
-            progress=progress,
-        )
+    posted = _call_with(bonecam.post, options, job=job, origin=None if origin[0] is None else origin)
     if not options.quiet:
         print(posted.summary)
     return 0
 
 
+def run_compare(options: argparse.Namespace) -> int:
+    """`bonecam compare`: strategies side by side."""
+    from bonecam.study.comparison import claims_text, compare, table_text
+
+    comparison = _call_with(compare, options, job=job_of(options))
+    if not options.quiet:
+        print(table_text(comparison.rows))
+        print(claims_text(comparison.claims), end="")
+    return 0
+
+
+def run_probe(options: argparse.Namespace) -> int:
+    """`bonecam probe`: the deviations along a line of a kept program."""
+    probed = _call_with(bonecam.probe, options)
+    if not options.quiet:
+        print(probed)
+    return 0
+
+
+def run_batch(options: argparse.Namespace) -> int:
+    """`bonecam batch`: the NC programs of several parts."""
+    from bonecam.batch import Wanted, cluster_executor
+    from bonecam.cli.batch_display import BatchDisplay
+
+    address = options.scheduler
+    cluster = cluster_executor(address, options.jobs) if address else nullcontext()
+    with cluster as executor, BatchDisplay(options) as shown:
+        outcomes = bonecam.convert_many(
+            options.parts,
+            options.output,
+            job_of(options),
+            jobs=options.jobs,
+            executor=executor,
+            resume=options.resume,
+            share=options.share,
+            wanted=Wanted(html=options.html, sheet=options.sheet, keep=options.keep),
+            told=shown.told,
+            progress=shown.progress,
+        )
+    return int(any(outcome.state == "failed" for outcome in outcomes))
+
+
 def run_script(options: argparse.Namespace) -> int:
     """`bonecam script`: a MeshLab filter script on meshes; prints the files of the resulting layers."""
-    with shown_progress(options) as progress, native_output_to_stderr():
-        written = scripting.run_script(
-            options.script,
-            options.input,
-            options.output,
-            progress=progress,
-            allow_outside=options.allow_outside,
-            force=options.force,
-            seconds=options.time_limit,
-            memory=options.memory_limit,
-        )
+    with native_output_to_stderr():
+        written = _call_with(scripting.run_script, options)
     if not options.quiet:
         print("".join(f"{path}\n" for path in written), end="")
     return 0
@@ -208,9 +221,9 @@ def run_job(options: argparse.Namespace) -> int:
     return 0
 
 
-def run_completion(options: argparse.Namespace) -> int:
+def run_completion(parser: argparse.ArgumentParser, options: argparse.Namespace) -> int:
     """`bonecam completion`: the script that a shell reads."""
     import shtab
 
-    print(shtab.complete(options.whole, shell=options.shell), end="")
+    print(shtab.complete(parser, shell=options.shell), end="")
     return 0

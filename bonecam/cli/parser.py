@@ -1,28 +1,19 @@
-"""Texts of the command line's help: exit codes, kinds of parts, examples of every command.
-
-The parser of the command line: a wrong call is one line, with the nearest word that is known.
-
-The options of the command line that make the job: --job, --units, --machine, --controller and --set; and those that
-leave out what is asked of its program: --no-simulation and --no-mechanics.
-"""
+"""The parser of the command line: a wrong call is one line, with the nearest word that is known; examples of every
+command; and the job that the options --job, --tools, --units, --machine, --controller and --set make."""
 
 import argparse
-import math
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any, NoReturn
 
 from bonecam.errors import JobError, did_you_mean
-from bonecam.job import Job, NcJob, job_files, read_job
+from bonecam.job import Job, read_job
 from bonecam.job.sections import job_error, setting
 from bonecam.job.tool_list import read_tool_list
-from bonecam.machine.machine import machine_names
-from bonecam.nc.dialect import dialect_names
 from bonecam.text.numbers import in_one_line
 
 EXIT_CODES = """Exit codes: 0 done; 1 a part of a batch failed; 2 wrong input, job or call (one line on stderr);
 129, 130, 143 stopped by SIGHUP, Ctrl-C, SIGTERM."""
-PART = "STL, PLY, OBJ or OFF mesh; STEP, IGES, SAT or DXF part; point cloud; rows of points; saved .tspline"
 EXAMPLES = {
     "convert": """
   bonecam convert bone.stl --units m -o bone.h
@@ -107,63 +98,6 @@ class Parser(argparse.ArgumentParser):
         self.error(f"unrecognized arguments: {' '.join(arguments)}{close}")
 
 
-def positive(most: float = math.inf) -> Callable[[str], float]:
-    """argparse's type of a finite number above 0, at most `most`; its message has the name of the function."""
-
-    def number(text: str) -> float:
-        value = float(text)
-        if not (0 < value <= most and math.isfinite(value)):
-            raise ValueError(text)
-        return value
-
-    number.__name__ = f"number above 0{'' if most == math.inf else f', at most {most:,.0f},'}"
-    return number
-
-
-def share_of(text: str) -> tuple[int, int]:
-    """argparse's type of a share K/N, K from 1 to N."""
-    number, slash, count = text.partition("/")
-    if not slash or not 1 <= int(number) <= int(count):
-        raise argparse.ArgumentTypeError(f"{text!r}: give K/N, K from 1 to N, like 3/30")
-    return int(number), int(count)
-
-
-def add_job_options(command: argparse.ArgumentParser, *, posted: bool = True) -> None:
-    """Add the options of the job to a command; those of machine and controller where a program is `posted`."""
-    file = f"job file, or {' or '.join(job_files())}; a value that it leaves out keeps its default"
-    command.add_argument("--job", metavar="JOB.toml", help=file)
-    unit = "unit of the part's coordinates (the one its file states, else mm)"
-    command.add_argument("--units", choices=("mm", "cm", "m", "inch", "um"), help=unit)
-    if posted:
-        default = NcJob()
-        machine = _choice(machine_names(), default.machine)
-        command.add_argument("--machine", metavar="NAME", help=machine)
-        controller = _choice(dialect_names(), "the machine's own")
-        command.add_argument("--controller", metavar="NAME", help=controller)
-    tools = "list of the cutters that there are: a name, or a file of Fusion, FreeCAD, LinuxCNC, .csv or .toml"
-    command.add_argument("--tools", metavar="FILE", help=tools)
-    setting = "a parameter of the job, as `bonecam job` lists them (repeat for more)"
-    command.add_argument("--set", action="append", default=[], metavar="SECTION.NAME=VALUE", help=setting)
-
-
-def add_no_simulation(command: argparse.ArgumentParser) -> None:
-    """Add --no-simulation and --no-mechanics to a command."""
-    without = "do not simulate the removal of material from the posted text"
-    command.add_argument("--no-simulation", action="store_true", help=without)
-    add_no_mechanics(command)
-
-
-def add_no_mechanics(command: argparse.ArgumentParser) -> None:
-    """Add --no-mechanics to a command."""
-    without = "do not ask what force the cuts need and how far part and cutter bend"
-    command.add_argument("--no-mechanics", action="store_true", help=without)
-
-
-def _choice(names: Sequence[str], default: str) -> str:
-    """The help of an option that takes one of the `names`, or a file."""
-    return f"{default} (default), {', '.join(name for name in names if name != default)}, or a TOML file"
-
-
 def job_of(options: argparse.Namespace) -> Job:
     """The job file, then --tools, --units, --machine and --controller, then each --set; later values win.
 
@@ -188,11 +122,17 @@ def input_files(options: argparse.Namespace) -> list[str]:
 
 def job_with(job: Job, texts: Sequence[str], given: Sequence[tuple[str, str, Any]] = ()) -> Job:
     """The job with what is `given` as section, name and value, then with each SECTION.NAME=VALUE of the `texts`."""
+    settings = [*given]
+    faults = []
+    for text in texts:
+        key, equals, word = text.partition("=")
+        parsed = setting(key, word) if equals else None
+        if parsed is None:
+            faults.append(("", "", f"--set {text}: write SECTION.NAME=VALUE, like stock.diameter=15"))
+        else:
+            settings.append(parsed)
     changes: dict[str, dict[str, Any]] = {}
-    settings = [(text, _setting(text)) for text in texts]
-    remedy = "write SECTION.NAME=VALUE, like stock.diameter=15"
-    faults = [("", "", f"--set {text}: {remedy}") for text, parsed in settings if parsed is None]
-    for section, name, value in [*given] + [parsed for _, parsed in settings if parsed is not None]:
+    for section, name, value in settings:
         changes.setdefault(section, {})[name] = value
     try:
         changed = job.with_values(**changes)
@@ -201,9 +141,3 @@ def job_with(job: Job, texts: Sequence[str], given: Sequence[tuple[str, str, Any
     if faults:
         raise job_error(faults)
     return changed
-
-
-def _setting(text: str) -> tuple[str, str, Any] | None:
-    """Section, name and value of SECTION.NAME=VALUE, None where that is not its form."""
-    key, equals, value = text.partition("=")
-    return setting(key, value) if equals else None

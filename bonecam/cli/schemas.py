@@ -32,20 +32,16 @@ def job_schema() -> dict[str, Any]:
 def file_schema(kind: str) -> dict[str, Any]:
     """The schema of the files of a catalogue: machines, dialects, materials or tools."""
     if kind == "tools":
-        return _tool_list() | {"$schema": DRAFT, "title": "bonecam tools"}
+        text = {"type": "string"}
+        cutter = _section(ToolJob())["properties"] | {"name": text, "source": text}
+        del cutter["preset"]
+        holders = {"type": "object", "additionalProperties": {"type": ["string", "array"]}}
+        whole = {"from": text, "units": {"enum": list(MM)}, "only": {"type": ["array", "integer", "string"]}}
+        tools = {"type": "array", "items": _closed(cutter)}
+        schema = _closed({**cutter, **whole, "holders": holders, "tool": tools})
+        return schema | {"$schema": DRAFT, "title": "bonecam tools"}
     models: dict[str, type[Record]] = {"machines": MachineFile, "dialects": DialectFile, "materials": MaterialFile}
     return models[kind].model_json_schema() | {"$schema": DRAFT}
-
-
-def _tool_list() -> dict[str, Any]:
-    """The schema of a list of cutters, or of a file of one."""
-    text = {"type": "string"}
-    cutter = _section(ToolJob())["properties"] | {"name": text, "source": text}
-    del cutter["preset"]
-    holders = {"type": "object", "additionalProperties": {"type": ["string", "array"]}}
-    whole = {"from": text, "units": {"enum": list(MM)}, "only": {"type": ["array", "integer", "string"]}}
-    tools = {"type": "array", "items": _closed(cutter)}
-    return _closed({**cutter, **whole, "holders": holders, "tool": tools})
 
 
 def _closed(properties: dict[str, Any]) -> dict[str, Any]:

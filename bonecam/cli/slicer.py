@@ -5,9 +5,8 @@
 import math
 import sys
 from collections.abc import Sequence
-from dataclasses import Field, fields
+from dataclasses import fields
 from pathlib import Path
-from typing import Any
 from xml.etree import ElementTree
 from xml.sax.saxutils import escape
 
@@ -27,28 +26,22 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(module_xml(), end="")
         return 0
     try:
-        mesh, program, settings = _call(given)
-        result = bonecam.convert(mesh, job_with(Job(), settings), program=program, progress=_tell)
+        settings, files = [], []
+        rest = iter(given)
+        for word in rest:
+            if word.startswith("--"):
+                name, equals, value = word.removeprefix("--").partition("=")
+                settings.append(f"{name}={value if equals else next(rest, '')}")
+            else:
+                files.append(Path(word))
+        if len(files) != 2:
+            raise JobError(f"{len(files)} files are named: give the mesh and the program")
+        result = bonecam.convert(files[0], job_with(Job(), settings), program=files[1], progress=_tell)
     except BonecamError as error:
         print(f"bonecam: {in_one_line(str(error))}", file=sys.stderr)
         return 2
     print(result.summary)
     return 0
-
-
-def _call(given: Sequence[str]) -> tuple[Path, Path, list[str]]:
-    """The mesh, the program, and the settings as --set takes them."""
-    settings, files = [], []
-    rest = iter(given)
-    for word in rest:
-        if word.startswith("--"):
-            name, equals, value = word.removeprefix("--").partition("=")
-            settings.append(f"{name}={value if equals else next(rest, '')}")
-        else:
-            files.append(Path(word))
-    if len(files) != 2:
-        raise JobError(f"{len(files)} files are named: give the mesh and the program")
-    return files[0], files[1], settings
 
 
 def _tell(fraction: float, message: str) -> None:
@@ -88,7 +81,19 @@ def module_xml() -> str:
         described = (type(values).__doc__ or "").strip().partition("\n")[0]
         group = _group(root, section.name, described, advanced=True)
         for item in fields(values):
-            _slicer_parameter(group, section.name, item, getattr(values, item.name))
+            known, value = record(item), getattr(values, item.name)
+            choices = ("true", "false") if isinstance(value, bool) else known.choices
+            element = ElementTree.SubElement(group, "string-enumeration" if choices else SLICER[type(value)])
+            unit = f" [{known.unit}]" if known.unit else ""
+            default = str(value).lower() if isinstance(value, bool) else str(value)
+            names = {"name": f"{section.name}_{item.name}", "longflag": f"{section.name}.{item.name}"}
+            about = {"label": known.label, "description": f"{known.tooltip}{unit}", "default": default}
+            _texts(element, names | about)
+            for choice in choices:
+                ElementTree.SubElement(element, "element").text = choice
+            if math.isfinite(known.low) and math.isfinite(known.high):
+                limits = {"minimum": f"{known.low:g}", "maximum": f"{known.high:g}"}
+                _texts(ElementTree.SubElement(element, "constraints"), limits)
     ElementTree.indent(root)
     return '<?xml version="1.0" encoding="utf-8"?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"
 
@@ -97,23 +102,6 @@ def _group(root: ElementTree.Element, label: str, description: str, *, advanced:
     group = ElementTree.SubElement(root, "parameters", {"advanced": "true"} if advanced else {})
     _texts(group, {"label": label, "description": description})
     return group
-
-
-def _slicer_parameter(group: ElementTree.Element, section: str, item: "Field[Any]", value: Any) -> None:
-    """One parameter of the job."""
-    known = record(item)
-    choices = ("true", "false") if isinstance(value, bool) else known.choices
-    tag = "string-enumeration" if choices else SLICER[type(value)]
-    element = ElementTree.SubElement(group, tag)
-    unit = f" [{known.unit}]" if known.unit else ""
-    default = str(value).lower() if isinstance(value, bool) else str(value)
-    texts = {"name": f"{section}_{item.name}", "longflag": f"{section}.{item.name}", "label": known.label}
-    _texts(element, texts | {"description": f"{known.tooltip}{unit}", "default": default})
-    for choice in choices:
-        ElementTree.SubElement(element, "element").text = choice
-    if math.isfinite(known.low) and math.isfinite(known.high):
-        limits = {"minimum": f"{known.low:g}", "maximum": f"{known.high:g}"}
-        _texts(ElementTree.SubElement(element, "constraints"), limits)
 
 
 def _texts(element: ElementTree.Element, texts: dict[str, str]) -> None:

@@ -1,4 +1,4 @@
-"""Streams that the caller has closed (`>&-`) lead nowhere, as those to /dev/null.
+"""How a command meets its terminal: what stops it, its streams, and its progress.
 
 SIGINT (Ctrl-C), SIGTERM and SIGHUP stop the command with one line, and leave nothing behind.
 
@@ -7,7 +7,8 @@ modules that an error cuts short print of it or abort. A library may turn the st
 error after a signal counts as the stop, and where the command goes on for GRACE, its temporary files are removed and
 the process ends. `bonecam.cli.main` holds signals back until the handlers are here.
 
-Progress as a bar, in a notebook or on a terminal of any width, or as a line for each message.
+Streams that the caller has closed (`>&-`) lead nowhere, as those to /dev/null. Progress is a bar, in a notebook or on a
+terminal of any width, or a line for each message.
 """
 
 import argparse
@@ -24,7 +25,7 @@ from typing import Any, NoReturn, TextIO
 
 from bonecam.progress import Progress, silent
 from bonecam.runtime.compiling import Compiling
-from bonecam.runtime.staging import STOPPING
+from bonecam.runtime.staging import STOPPING, remove_all
 from bonecam.text.numbers import in_one_line
 
 
@@ -92,19 +93,11 @@ def _stop(number: int, frame: FrameType | None) -> None:
         arrived.append(number)
         _later(GRACE, _give_up)
     _again.clear()
-    if _importing(frame):
-        _come_again()
-    else:
-        raise KeyboardInterrupt
-
-
-def _importing(frame: FrameType | None) -> bool:
-    """Whether the frame works for an import."""
-    while frame is not None:
-        if frame.f_code.co_filename.startswith("<frozen importlib"):
-            return True
+    while frame is not None and not frame.f_code.co_filename.startswith("<frozen importlib"):
         frame = frame.f_back
-    return False
+    if frame is None:
+        raise KeyboardInterrupt
+    _come_again()  # an import is at work
 
 
 def _raise_again(unraisable: "sys.UnraisableHookArgs") -> None:
@@ -149,10 +142,7 @@ def tell(what: str) -> None:
 
 def end() -> NoReturn:
     """Remove temporary files and end the process with the signal's exit code."""
-    temporary = sys.modules.get("bonecam.runtime.staging")
-    remove = getattr(temporary, "remove_all", None)
-    if remove is not None:
-        remove()
+    remove_all()
     os._exit(128 + arrived[0])
 
 

@@ -115,14 +115,26 @@ class FilterParameter:
         parameter, value and range."""
         value = _plain(value)
         if self.kind is Kind.ENUM:
-            return self._choice(value)
+            if type(value) is int and 0 <= value < len(self.choices):  # MeshLab gives them by number or by name
+                return self.choices[value]
+            if value not in self.choices:
+                what = f"{value!r}{did_you_mean(str(value), self.choices)}"
+                raise self._refusal(what, f"choose one of {', '.join(self.choices)}")
+            return str(value)
         if isinstance(value, Percentage):
             if self.kind is not Kind.LENGTH:
                 raise self._refusal(f"{value.value:g} %", f"give {TYPE_NAMES[self.kind]}")
             if self.percentage_of_range and not 0 <= value.value <= 100:
                 raise self._refusal(f"{value.value:g} %", "keep it within 0 .. 100 %")
             return value
-        return self._in_range(self._typed(value))
+        wanted = {Kind.BOOL: bool, Kind.INT: int, Kind.FLOAT: float, Kind.LENGTH: float}.get(self.kind, str)
+        if wanted is float and type(value) is int:
+            value = float(value)
+        if wanted is str and isinstance(value, Path):
+            value = str(value)
+        if type(value) is not wanted or (isinstance(value, float) and not math.isfinite(value)):
+            raise self._refusal(repr(value), f"give {TYPE_NAMES[self.kind]}")
+        return self._in_range(value)
 
     def resolved(self, value: Any, mesh: TriangleMesh | None) -> Any:
         """`checked`, with a percentage turned into mm on `mesh`."""
@@ -165,25 +177,6 @@ class FilterParameter:
         if isinstance(value, Percentage):
             return f"{value.value!r}%"
         return str(value).lower() if isinstance(value, bool) else str(value) if isinstance(value, str) else repr(value)
-
-    def _choice(self, value: Any) -> str:
-        """MeshLab gives enumerations by number or by name."""
-        if type(value) is int and 0 <= value < len(self.choices):
-            return self.choices[value]
-        if value not in self.choices:
-            what = f"{value!r}{did_you_mean(str(value), self.choices)}"
-            raise self._refusal(what, f"choose one of {', '.join(self.choices)}")
-        return str(value)
-
-    def _typed(self, value: Any) -> Any:
-        wanted = {Kind.BOOL: bool, Kind.INT: int, Kind.FLOAT: float, Kind.LENGTH: float}.get(self.kind, str)
-        if wanted is float and type(value) is int:
-            value = float(value)
-        if wanted is str and isinstance(value, Path):
-            value = str(value)
-        if type(value) is not wanted or (isinstance(value, float) and not math.isfinite(value)):
-            raise self._refusal(repr(value), f"give {TYPE_NAMES[self.kind]}")
-        return value
 
     def _in_range(self, value: Any) -> Any:
         if type(value) in (int, float) and not self.low <= value <= self.high:
@@ -246,25 +239,21 @@ def section_of(section: Section, values: Mapping[str, Any], prefix: str = "") ->
 
 
 @cache
-def _pairs() -> tuple[tuple[str, str], ...]:
+def _python_names() -> dict[str, str]:
+    """pymeshlab's names of the shown ones."""
     text = files("bonecam.filters").joinpath("meshlab_names.tsv").read_text(encoding="utf-8")
-    rows = [line.split("\t") for line in text.splitlines()]
-    return tuple((python, shown) for python, shown in rows)
-
-
-@cache
-def _python_of_shown() -> dict[str, str]:
-    return {shown: python for python, shown in _pairs()}
+    rows = (line.split("\t") for line in text.splitlines())
+    return {shown: python for python, shown in rows}
 
 
 def all_names() -> frozenset[str]:
     """Every name of either sort."""
-    return frozenset(name for pair in _pairs() for name in pair)
+    return frozenset({*_python_names(), *_python_names().values()})
 
 
 def python_name(name: str) -> str:
     """pymeshlab's name of a shown name; any other name is given back as it is."""
-    return _python_of_shown().get(name, name)
+    return _python_names().get(name, name)
 
 
 log = logging.getLogger(__name__)
@@ -412,13 +401,9 @@ WIDTH = 100
 def catalogue(name: str | None = None, registry: Registry | None = None) -> str:
     """Every filter by category, or the filter `name` with its parameters. FilterError where there is none of
     that name."""
-    known = installed() if registry is None else registry
-    return overview(known) if name is None else page(known[name])
-
-
-def overview(filters: Iterable[Filter]) -> str:
-    """One paragraph a filter, under its category."""
-    items = list(filters)
+    items = installed() if registry is None else registry
+    if name is not None:
+        return page(items[name])
     lines = []
     for category in sorted({item.category for item in items}):
         lines.append(category)

@@ -23,12 +23,21 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
-from bonecam.errors import FileError, FilterError
+from bonecam.errors import BonecamError, FileError, FilterError
 from bonecam.files import input_bytes, write_whole
 from bonecam.mesh.meshlab import meshlab, meshlab_refusals
 
 SHOWN_ONLY = ("tooltip", "description", "label")
 """Attributes that MeshLab adds for its dialogs; they say nothing about the value and are not kept."""
+TAGS = ("FilterScript", "filter", "Param")
+"""The elements of a script, each inside the one before."""
+EXPECTED = (
+    "a script begins with <FilterScript>",
+    "a script holds <filter> elements",
+    "a filter holds <Param> elements",
+    "a <Param> holds nothing",
+)
+"""What stands at a depth."""
 
 
 @dataclass(frozen=True)
@@ -58,78 +67,57 @@ def read_calls(path: str | Path) -> list[FilterCall]:
         data = input_bytes(path)
     except OSError as error:
         raise FileError(f"{path}: {error.strerror}: give a readable .mlx script", file=str(path)) from error
-    return _Reader(str(path)).read(data)
+    calls: list[FilterCall] = []
+    parameters: list[ScriptParameter] = []
+    inside: list[str] = []
+    began = ("", 0)
+    parser = expat.ParserCreate()
 
+    def fault(what: str, kind: type[BonecamError] = FilterError) -> BonecamError:
+        line = parser.CurrentLineNumber
+        return kind(f"{path}, line {line}: {what}", line=line, file=str(path))
 
-class _Reader:
-    """Collects filters while expat walks the file."""
-
-    def __init__(self, path: str) -> None:
-        self._path = path
-        self._calls: list[FilterCall] = []
-        self._parameters: list[ScriptParameter] = []
-        self._open: list[str] = []
-        self._start = ("", 0)
-        self._parser = expat.ParserCreate()
-        self._parser.StartElementHandler = self._begin
-        self._parser.EndElementHandler = self._end
-        self._parser.EntityDeclHandler = self._refuse_entity
-
-    def read(self, data: bytes) -> list[FilterCall]:
-        try:
-            self._parser.Parse(data, True)
-        except expat.ExpatError as error:
-            reason = expat.errors.messages[error.code]
-            raise FileError(
-                f"{self._path}, line {error.lineno}: {reason}: mend the XML there", file=self._path, line=error.lineno
-            ) from error
-        except (LookupError, ValueError) as error:  # of an encoding that Python has, but not for XML
-            reason = f"its encoding cannot be read ({error})"
-            raise FileError(f"{self._path}: {reason}: write the script in UTF-8", file=self._path) from error
-        return self._calls
-
-    def _begin(self, tag: str, attributes: dict[str, str]) -> None:
-        line = self._parser.CurrentLineNumber
-        wanted = ("FilterScript", "filter", "Param")
-        depth = len(self._open)
-        if depth >= len(wanted) or tag != wanted[depth]:
-            place = f"inside <{self._open[-1]}>" if self._open else "at the top"
-            raise FilterError(
-                f"{self._path}, line {line}: <{tag}> {place}: {self._expected(depth)}", line=line, file=self._path
-            )
-        self._open.append(tag)
+    def begin(tag: str, attributes: dict[str, str]) -> None:
+        nonlocal began
+        depth = len(inside)
+        if depth >= len(TAGS) or tag != TAGS[depth]:
+            place = f"inside <{inside[-1]}>" if inside else "at the top"
+            raise fault(f"<{tag}> {place}: {EXPECTED[depth]}")
+        inside.append(tag)
         if depth == 0:
             return
         if not attributes.get("name") or (tag == "Param" and not attributes.get("type")):
-            raise FilterError(
-                f"{self._path}, line {line}: <{tag}> without its name or type: add it", line=line, file=self._path
-            )
+            raise fault(f"<{tag}> without its name or type: add it")
         if tag == "filter":
-            self._start = (attributes["name"], line)
-            self._parameters = []
+            began = attributes["name"], parser.CurrentLineNumber
+            parameters.clear()
         else:
             kept = {key: value for key, value in attributes.items() if key not in ("name", "type", *SHOWN_ONLY)}
-            self._parameters.append(ScriptParameter(attributes["name"], attributes["type"], kept, line))
+            line = parser.CurrentLineNumber
+            parameters.append(ScriptParameter(attributes["name"], attributes["type"], kept, line))
 
-    @staticmethod
-    def _expected(depth: int) -> str:
-        known = (
-            "a script begins with <FilterScript>",
-            "a script holds <filter> elements",
-            "a filter holds <Param> elements",
-        )
-        return known[depth] if depth < len(known) else "a <Param> holds nothing"
-
-    def _end(self, tag: str) -> None:
-        self._open.pop()
+    def end(tag: str) -> None:
+        inside.pop()
         if tag == "filter":
-            self._calls.append(FilterCall(self._start[0], tuple(self._parameters), self._start[1]))
+            calls.append(FilterCall(began[0], tuple(parameters), began[1]))
 
-    def _refuse_entity(self, name: str, *_: object) -> None:
-        line = self._parser.CurrentLineNumber
+    def refuse_entity(name: str, *_: object) -> None:
+        raise fault(f"entity {name!r}: write the text itself", FileError)
+
+    parser.StartElementHandler = begin
+    parser.EndElementHandler = end
+    parser.EntityDeclHandler = refuse_entity
+    try:
+        parser.Parse(data, True)
+    except expat.ExpatError as error:
+        reason = expat.errors.messages[error.code]
         raise FileError(
-            f"{self._path}, line {line}: entity {name!r}: write the text itself", file=self._path, line=line
-        )
+            f"{path}, line {error.lineno}: {reason}: mend the XML there", file=str(path), line=error.lineno
+        ) from error
+    except (LookupError, ValueError) as error:  # of an encoding that Python has, but not for XML
+        reason = f"its encoding cannot be read ({error})"
+        raise FileError(f"{path}: {reason}: write the script in UTF-8", file=str(path)) from error
+    return calls
 
 
 def write_script(calls: Sequence[FilterCall], path: str | Path) -> None:
@@ -277,10 +265,6 @@ def _bool(text: Attributes) -> bool:
     return {"true": True, "false": False, "1": True, "0": False}[text["value"].strip().lower()]
 
 
-def _int(text: Attributes) -> int:
-    return int(text["value"])
-
-
 def _choice(text: Attributes) -> int | str:
     value = text["value"]
     return int(value) if value.strip().lstrip("-").isdigit() else value
@@ -293,10 +277,6 @@ def _finite(text: str) -> float:
     return value
 
 
-def _float(text: Attributes) -> float:
-    return _finite(text["value"])
-
-
 def _length(text: Attributes) -> Any:
     value = text["value"].strip()
     if value.endswith("%"):
@@ -307,23 +287,11 @@ def _length(text: Attributes) -> Any:
     return meshlab().PureValue(_finite(value))
 
 
-def _text(text: Attributes) -> str:
-    return text["value"]
-
-
 def _color(text: Attributes) -> Any:
     parts = [int(text[key]) for key in "rgb"] + [int(text.get("a", "255"))]
     if not all(0 <= value <= 255 for value in parts):
         raise ValueError(str(parts))
     return meshlab().Color(*parts)
-
-
-def _point(text: Attributes) -> Any:
-    return np.array([_finite(text[key]) for key in "xyz"])
-
-
-def _matrix(text: Attributes) -> Any:
-    return np.array([_finite(text[f"val{index}"]) for index in range(16)]).reshape(4, 4)
 
 
 def _shown(item: ScriptParameter) -> str:
@@ -332,21 +300,16 @@ def _shown(item: ScriptParameter) -> str:
 
 _READERS: dict[str, Callable[[Attributes], Any]] = {
     "RichBool": _bool,
-    "RichInt": _int,
-    "RichMesh": _int,
+    **dict.fromkeys(("RichInt", "RichMesh"), lambda text: int(text["value"])),
     "RichEnum": _choice,
-    "RichFloat": _float,
-    "RichDynamicFloat": _float,
-    "RichAbsPerc": _length,
-    "RichPercentage": _length,
-    "RichString": _text,
-    "RichOpenFile": _text,
-    "RichSaveFile": _text,
-    "RichFileOpen": _text,
-    "RichFileSave": _text,
+    **dict.fromkeys(("RichFloat", "RichDynamicFloat"), lambda text: _finite(text["value"])),
+    **dict.fromkeys(("RichAbsPerc", "RichPercentage"), _length),
+    **dict.fromkeys(
+        ("RichString", "RichOpenFile", "RichSaveFile", "RichFileOpen", "RichFileSave"), lambda text: text["value"]
+    ),
     "RichColor": _color,
-    "RichPoint3f": _point,
-    "RichPosition": _point,
-    "RichDirection": _point,
-    "RichMatrix44f": _matrix,
+    **dict.fromkeys(
+        ("RichPoint3f", "RichPosition", "RichDirection"), lambda text: np.array([_finite(text[key]) for key in "xyz"])
+    ),
+    "RichMatrix44f": lambda text: np.array([_finite(text[f"val{index}"]) for index in range(16)]).reshape(4, 4),
 }

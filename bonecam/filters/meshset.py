@@ -145,7 +145,11 @@ class MeshSet(meshlab().MeshSet):  # type: ignore[misc]
         except BaseException:
             self.layers.restore(keys, current)
             raise
-        self._history.append(FilterCall(item.display_name, _written(item, given)))
+        written = []
+        for name, value in given.items():
+            known = item.parameter(name)
+            written.append(ScriptParameter(known.name, known.kind.value, {"value": known.written(value)}))
+        self._history.append(FilterCall(item.display_name, tuple(written)))
         return result
 
     def filter_list(self) -> list[str]:
@@ -220,15 +224,6 @@ def _as_ours() -> Iterator[None]:
         raise MeshSetError(str(error), **error.evidence) from error
     except (FileError, meshlab().PyMeshLabException) as error:
         raise MeshSetFileError(str(error), **getattr(error, "evidence", {})) from error
-
-
-def _written(item: Filter, given: Mapping[str, Any]) -> tuple[ScriptParameter, ...]:
-    """The given values as a script states them."""
-    parameters = []
-    for name, value in given.items():
-        known = item.parameter(name)
-        parameters.append(ScriptParameter(known.name, known.kind.value, {"value": known.written(value)}))
-    return tuple(parameters)
 
 
 @contextmanager

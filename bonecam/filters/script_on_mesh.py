@@ -1,7 +1,6 @@
 """What a filter script (.mlx) does in its process: load meshes as layers, apply filters, write the layers."""
 
 import re
-from collections.abc import Sequence
 from pathlib import Path
 
 from bonecam.errors import FileError
@@ -19,7 +18,10 @@ NAMING = frozenset(".3ds .3mf .ctm .dae .fbx .glb .gltf .qobj .vmi .wrl .x3d .x3
 
 
 def apply_run(run: Run, registry: Registry | None, progress: Progress) -> None:
-    """Run a script on its inputs in this process, and write all layers into its folder."""
+    """Run a script on its inputs in this process, and write every layer into its folder under a name made of its label.
+
+    FileError where an input names files in other folders, or may do so in ways that are not known.
+    """
     known = installed() if registry is None else registry
     steps = read_script(run.script, known)
     readable = tuple(Path(file).absolute().parent for file in (run.script, *run.inputs))
@@ -27,12 +29,28 @@ def apply_run(run: Run, registry: Registry | None, progress: Progress) -> None:
     steps = files.placed(steps, run.script, known)
     # what its inputs name is held against `readable` here
     meshes = MeshSet(registry=known, folder=run.folder, allow_outside=True)
-    for file in run.inputs:
+    for file in map(Path, run.inputs):
         if not run.allow_outside:
-            _refuse_outside(Path(file), readable)
+            if file.suffix.lower() in NAMING:
+                what = "may name files anywhere: give a PLY, OBJ, STL or OFF, or allow it with --allow-outside"
+                raise FileError(f"{file}: files of this kind {what}", file=str(file))
+            where = "is not in the folder of the script or of an input"
+            remedy = f"{where}: put it there, or allow it with --allow-outside"
+            refuse_names_outside(file, bytes_of(file), readable, remedy)
         load(meshes, file)
     apply_steps(meshes, steps, run.script, progress)
-    save_layers(meshes, run.folder)
+    for key in sorted(meshes.layers.keys()):
+        meshes.set_current_mesh(key)
+        layer = meshes.current_mesh()
+        lines = layer.edge_number() > 0 and layer.face_number() == 0
+        target = _free_name(run.folder, layer.label(), ".obj" if lines else ".ply")
+        try:
+            with library_name(target.parent) as place:
+                meshes.save_current_mesh(str(Path(place) / target.name))
+        except meshlab().PyMeshLabException as error:
+            what = f"{target}: cannot be written (is the disk full?): make room there or choose another folder"
+            raise FileError(what, file=str(target)) from error
+        require_room(target)
 
 
 def apply_script(meshes: MeshSet, script: str | Path, progress: Progress = silent) -> None:
@@ -52,33 +70,8 @@ def load(meshes: MeshSet, file: str | Path) -> None:
     meshes.load_new_mesh(str(file))
 
 
-def _refuse_outside(file: Path, readable: Sequence[Path]) -> None:
-    """FileError where an input names files in other folders, or may do so in ways that are not known."""
-    if file.suffix.lower() in NAMING:
-        what = "may name files anywhere: give a PLY, OBJ, STL or OFF, or allow it with --allow-outside"
-        raise FileError(f"{file}: files of this kind {what}", file=str(file))
-    where = "is not in the folder of the script or of an input"
-    remedy = f"{where}: put it there, or allow it with --allow-outside"
-    refuse_names_outside(file, bytes_of(file), readable, remedy)
-
-
-def save_layers(meshes: MeshSet, folder: Path) -> None:
-    """Write every layer under a name made of its label; a name that is there already gets a number."""
-    for key in sorted(meshes.layers.keys()):
-        meshes.set_current_mesh(key)
-        layer = meshes.current_mesh()
-        lines = layer.edge_number() > 0 and layer.face_number() == 0
-        file = _free_name(folder, layer.label(), ".obj" if lines else ".ply")
-        try:
-            with library_name(file.parent) as place:
-                meshes.save_current_mesh(str(Path(place) / file.name))
-        except meshlab().PyMeshLabException as error:
-            what = f"{file}: cannot be written (is the disk full?): make room there or choose another folder"
-            raise FileError(what, file=str(file)) from error
-        require_room(file)
-
-
 def _free_name(folder: Path, label: str, ending: str) -> Path:
+    """A name made of the label; one that is there already gets a number."""
     stem = label[: -len(Path(label).suffix)] if Path(label).suffix.lower() in READABLE else label
     stem = re.sub(r"[^\w.-]+", "_", stem).strip("._") or "layer"
     number = 1

@@ -20,12 +20,12 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from bonecam.errors import BonecamError, FilterError, did_you_mean
 from bonecam.filters import filter
 from bonecam.filters.filter import Kind, Registry
-from bonecam.filters.meshlab_values import CAMERAS, FilterCall, ScriptParameter, checked_value, free_texts, read_calls
+from bonecam.filters.meshlab_values import CAMERAS, FilterCall, checked_value, free_texts, read_calls
 from bonecam.mesh.meshlab import meshlab_filters
 from bonecam.progress import Progress, part, report, silent
 from bonecam.runtime.own_files import is_own
@@ -41,23 +41,13 @@ class ScriptStep:
     line: int
 
 
-class Applies(Protocol):
-    """What steps are applied to: a MeshSet."""
-
-    registry: Registry
-    progress: Progress
-
-    def apply_filter(self, filter_name: str, **values: Any) -> dict[str, Any]:
-        """Apply a filter by its Python name."""
-
-
 def read_script(script: str | Path, registry: Registry) -> list[ScriptStep]:
     """The checked steps of a script. FileError or FilterError with the line of what is wrong."""
     return [_step(call, str(script), registry) for call in read_calls(script)]
 
 
-def apply_steps(meshes: Applies, steps: Sequence[ScriptStep], script: str, progress: Progress = silent) -> None:
-    """Apply steps in their order; an error keeps its kind and gains the line."""
+def apply_steps(meshes: Any, steps: Sequence[ScriptStep], script: str, progress: Progress = silent) -> None:
+    """Apply steps to a MeshSet in their order; an error keeps its kind and gains the line."""
     before = meshes.progress
     try:
         for index, step in enumerate(steps):
@@ -65,11 +55,7 @@ def apply_steps(meshes: Applies, steps: Sequence[ScriptStep], script: str, progr
             meshes.progress = part(progress, index / len(steps), (index + 1) / len(steps))
             meshes.apply_filter(step.name, **step.values)
     except BonecamError as error:
-        evidence = (
-            {**error.evidence, "script_line": step.line}
-            if "line" in error.evidence
-            else {**error.evidence, "line": step.line}
-        )
+        evidence = {**error.evidence, "script_line" if "line" in error.evidence else "line": step.line}
         raise type(error)(f"{script}, line {step.line}: {error}", **evidence) from error
     finally:
         meshes.progress = before
@@ -89,27 +75,23 @@ def _step(call: FilterCall, script: str, registry: Registry) -> ScriptStep:
         raise FilterError(message, line=call.line, file=script, filter=call.name)
     for item in call.parameters:
         try:
-            key, value = _ours(item, name, registry) if name in registry else checked_value(name, item)
+            if name not in registry:
+                key, value = checked_value(name, item)
+            else:
+                known = registry[name].parameter(item.name)
+                if "value" not in item.attributes:
+                    raise FilterError(f"parameter {known.name} has no value: add value=", parameter=known.name)
+                key, value = known.name, known.read(item.attributes["value"])
         except FilterError as error:
             evidence = {**error.evidence, "line": item.line, "file": script}
-            raise FilterError(f"{script}, line {item.line}: {_with_name(name, str(error))}", **evidence) from error
+            what = str(error) if str(error).startswith(name) else f"{name}: {error}"
+            raise FilterError(f"{script}, line {item.line}: {what}", **evidence) from error
         if key in values:
             raise FilterError(
                 f"{script}, line {item.line}: {name}: {key} is there twice: leave one", line=item.line, file=script
             )
         values[key] = value
     return ScriptStep(name, values, call.line)
-
-
-def _ours(item: ScriptParameter, name: str, registry: Registry) -> tuple[str, Any]:
-    known = registry[name].parameter(item.name)
-    if "value" not in item.attributes:
-        raise FilterError(f"parameter {known.name} has no value: add value=", parameter=known.name)
-    return known.name, known.read(item.attributes["value"])
-
-
-def _with_name(name: str, message: str) -> str:
-    return message if message.startswith(name) else f"{name}: {message}"
 
 
 TEXTS = frozenset(
@@ -148,18 +130,18 @@ class ScriptFiles:
     def placed(self, steps: Sequence[ScriptStep], script: str, registry: Registry) -> list[ScriptStep]:
         """The steps with every file's name made absolute. FilterError with the line where one leads out of the
         folders, or would be written over a file."""
-        return [self._placed(step, script, registry) for step in steps]
-
-    def _placed(self, step: ScriptStep, script: str, registry: Registry) -> ScriptStep:
-        try:
-            if step.name in NETWORK and not self.allow_outside:
-                raise FilterError(f"{step.name} sends the mesh to a site: allow it with --allow-outside")
-            given = {**_default_files(step.name, registry), **step.values}
-            values = {key: self._value(step.name, key, value, registry) for key, value in given.items()}
-        except FilterError as error:
-            message = f"{script}, line {step.line}: {error}"
-            raise FilterError(message, line=step.line, **error.evidence) from error
-        return replace(step, values=values)
+        placed = []
+        for step in steps:
+            try:
+                if step.name in NETWORK and not self.allow_outside:
+                    raise FilterError(f"{step.name} sends the mesh to a site: allow it with --allow-outside")
+                given = {**_default_files(step.name, registry), **step.values}
+                values = {key: self._value(step.name, key, value, registry) for key, value in given.items()}
+            except FilterError as error:
+                message = f"{script}, line {step.line}: {error}"
+                raise FilterError(message, line=step.line, **error.evidence) from error
+            placed.append(replace(step, values=values))
+        return placed
 
     def _value(self, name: str, parameter: str, value: object, registry: Registry) -> object:
         """A value that a filter may have."""
@@ -197,24 +179,20 @@ class ScriptFiles:
             raise FilterError(f"file {name!r} leads out of the folder of outputs: {remedy}", file=name)
         final = self.output / place.relative_to(root) if inside else place
         own = inside and is_own(self.output, str(final.relative_to(self.output)))
-        if inside:
-            self._require_reachable(name, final)
+        if inside:  # a file can take its place in the folder of outputs when all filters have run
+            blocked = next((folder for folder in final.parents if folder.is_file()), None)
+            if leads_out(final, self.output):
+                raise FilterError(f"file {name!r}: {final}: a link leads out of the folder: remove it", file=name)
+            if blocked is not None:
+                raise FilterError(f"file {name!r}: {blocked} is a file: give another name, or remove it", file=name)
+            if final.is_dir():
+                raise FilterError(f"file {name!r}: {final} is a folder: give another name, or remove it", file=name)
         if os.path.lexists(final) and not own and not self.force:
             remedy = "give another name, or write over it with --force"
             raise FilterError(f"file {name!r}: {final} exists already: {remedy}", file=name)
         if inside:
             place.parent.mkdir(parents=True, exist_ok=True)
         return place
-
-    def _require_reachable(self, name: str, final: Path) -> None:
-        """FilterError where no file can take its place in the folder of outputs when all filters have run."""
-        blocked = next((folder for folder in final.parents if folder.is_file()), None)
-        if leads_out(final, self.output):
-            raise FilterError(f"file {name!r}: {final}: a link leads out of the folder: remove it", file=name)
-        if blocked is not None:
-            raise FilterError(f"file {name!r}: {blocked} is a file: give another name, or remove it", file=name)
-        if final.is_dir():
-            raise FilterError(f"file {name!r}: {final} is a folder: give another name, or remove it", file=name)
 
     def to_read(self, name: str) -> Path:
         """Where a file to be read is: beside the script or an input. FilterError where it is elsewhere."""

@@ -1,89 +1,11 @@
-"""The part of the section [holding] that tells what holds the free end.
-
-The section [holding] of a job.
-"""
+"""The section [holding] of a job."""
 
 from dataclasses import dataclass
 
 from bonecam.errors import JobError
-from bonecam.job.parameter import JobSection, check, parameter
+from bonecam.job.parameter import JobSection, check, millimetres, parameter
 
 NO_TAILSTOCK, PIN, NECK = "none", "pin", "neck"
-
-
-@dataclass(frozen=True)
-class TailstockJob(JobSection):
-    """What holds the part at its free end: a pin or a second neck under the arm of a bracket, whose column stands
-    beside the part on the table and turns with it."""
-
-    tailstock: str = parameter(
-        NO_TAILSTOCK,
-        "Tailstock",
-        "What holds the free end: none; pin: a steel pin in a hole of the part; neck: a second neck of the bar, held "
-        "at its upper end. Either hangs from the arm of a bracket that stands on the table.",
-        choices=(NO_TAILSTOCK, PIN, NECK),
-    )
-    tailstock_diameter: float = parameter(
-        3.0, "Tailstock diameter", "Diameter of pin or upper neck.", unit="mm", low=0.5, high=50.0
-    )
-    tailstock_length: float = parameter(
-        12.0,
-        "Tailstock length",
-        "From the part up to the arm: how far pin or upper neck stand free.",
-        unit="mm",
-        low=1.0,
-        high=200.0,
-    )
-    tailstock_height: float = parameter(
-        0.0,
-        "Tailstock height",
-        "From the table to the lower side of the arm; 0: where the length brings it.",
-        unit="mm",
-        low=0.0,
-        high=1000.0,
-    )
-    tailstock_x: float = parameter(
-        0.0,
-        "Tailstock X",
-        "Where pin or upper neck stand, from the axis of the lower neck; X and Y 0: over the part's highest place.",
-        unit="mm",
-        low=-500.0,
-        high=500.0,
-    )
-    tailstock_y: float = parameter(0.0, "Tailstock Y", "As tailstock_x, along Y.", unit="mm", low=-500.0, high=500.0)
-    tailstock_reach: float = parameter(
-        0.0,
-        "Tailstock reach",
-        "From the axis of the lower neck to that of the bracket's column; 0: 100 mm, or as far as the table allows.",
-        unit="mm",
-        low=0.0,
-        high=1000.0,
-    )
-    tailstock_azimuth_deg: float = parameter(
-        0.0,
-        "Tailstock azimuth",
-        "Direction in which the column stands, from X towards Y.",
-        unit="deg",
-        low=-360.0,
-        high=360.0,
-    )
-    tailstock_column: float = parameter(
-        30.0, "Tailstock column", "Diameter of the bracket's column.", unit="mm", low=5.0, high=200.0
-    )
-    tailstock_arm: float = parameter(
-        16.0, "Tailstock arm", "Width and height of the bracket's arm.", unit="mm", low=3.0, high=200.0
-    )
-
-    @property
-    def has_tailstock(self) -> bool:
-        """Whether something holds the free end."""
-        return self.tailstock != NO_TAILSTOCK
-
-    def check_tailstock(self) -> None:
-        """JobError where pin or upper neck are no thinner than the arm that holds them."""
-        if self.has_tailstock and self.tailstock_diameter >= self.tailstock_arm:
-            bound = f"give less than the arm that holds it ({self.tailstock_arm:g} mm), or a wider arm"
-            raise JobError(f"tailstock_diameter = {self.tailstock_diameter:g}: {bound}", field="tailstock_diameter")
 
 
 LEAST_POST = 0.5
@@ -93,90 +15,115 @@ LEAST_BRIDGE = 0.2
 
 
 @dataclass(frozen=True)
-class HoldingJob(TailstockJob):
+class HoldingJob(JobSection):
     """What holds the part: at its lower end, from the table up, riser, chuck or collet, a stub of the bar, and the neck
-    (the post) that is left between the stub and the part; at its free end a tailstock, if there is one."""
+    (the post) that is left between the stub and the part; at its free end, if there is one, a tailstock: a pin or a
+    second neck under the arm of a bracket, whose column stands beside the part on the table and turns with it."""
 
-    diameter: float = parameter(
+    tailstock: str = parameter(
+        NO_TAILSTOCK,
+        "Tailstock",
+        "What holds the free end: none; pin: a steel pin in a hole of the part; neck: a second neck of the bar, held "
+        "at its upper end. Either hangs from the arm of a bracket that stands on the table.",
+        choices=(NO_TAILSTOCK, PIN, NECK),
+    )
+    tailstock_diameter: float = millimetres(3.0, "Tailstock diameter", "Diameter of pin or upper neck.", 0.5, 50.0)
+    tailstock_length: float = millimetres(
+        12.0, "Tailstock length", "From the part up to the arm: how far pin or upper neck stand free.", 1.0, 200.0
+    )
+    tailstock_height: float = millimetres(
+        0.0,
+        "Tailstock height",
+        "From the table to the lower side of the arm; 0: where the length brings it.",
+        0.0,
+        1000.0,
+    )
+    tailstock_x: float = millimetres(
+        0.0,
+        "Tailstock X",
+        "Where pin or upper neck stand, from the axis of the lower neck; X and Y 0: over the part's highest place.",
+        -500.0,
+        500.0,
+    )
+    tailstock_y: float = millimetres(0.0, "Tailstock Y", "As tailstock_x, along Y.", -500.0, 500.0)
+    tailstock_reach: float = millimetres(
+        0.0,
+        "Tailstock reach",
+        "From the axis of the lower neck to that of the bracket's column; 0: 100 mm, or as far as the table allows.",
+        0.0,
+        1000.0,
+    )
+    tailstock_azimuth_deg: float = parameter(
+        0.0, "Tailstock azimuth", "Direction in which the column stands, from X towards Y.", -360.0, 360.0, unit="deg"
+    )
+    tailstock_column: float = millimetres(30.0, "Tailstock column", "Diameter of the bracket's column.", 5.0, 200.0)
+    tailstock_arm: float = millimetres(16.0, "Tailstock arm", "Width and height of the bracket's arm.", 3.0, 200.0)
+
+    diameter: float = millimetres(
         0.0,
         "Post diameter",
         "Diameter of the post (neck) that is left at the part's lower end; 0: the thinnest that is stiff enough.",
-        unit="mm",
-        low=0.0,
-        high=100.0,
+        0.0,
+        100.0,
     )
-    length: float = parameter(
+    length: float = millimetres(
         0.0,
         "Post length",
         "From the table to the lower end of the stock; 0: the shortest with which all is reached.",
-        unit="mm",
-        low=0.0,
-        high=500.0,
+        0.0,
+        500.0,
     )
-    chuck_diameter: float = parameter(
+    chuck_diameter: float = millimetres(
         0.0,
         "Chuck diameter",
         "Diameter of the chuck or collet round the post; 0: the post stands on the table.",
-        unit="mm",
-        low=0.0,
-        high=1000.0,
-    )
-    chuck_height: float = parameter(
-        0.0, "Chuck height", "From the table to the top of the chuck or collet.", unit="mm", low=0.0, high=500.0
-    )
-    riser_diameter: float = parameter(
         0.0,
-        "Riser diameter",
-        "Diameter of the riser under the chuck or collet; 0: none.",
-        unit="mm",
-        low=0.0,
-        high=1000.0,
+        1000.0,
     )
-    riser_height: float = parameter(
-        0.0, "Riser height", "From the table to the top of the riser.", unit="mm", low=0.0, high=500.0
+    chuck_height: float = millimetres(
+        0.0, "Chuck height", "From the table to the top of the chuck or collet.", 0.0, 500.0
     )
-    stub_diameter: float = parameter(
+    riser_diameter: float = millimetres(
+        0.0, "Riser diameter", "Diameter of the riser under the chuck or collet; 0: none.", 0.0, 1000.0
+    )
+    riser_height: float = millimetres(0.0, "Riser height", "From the table to the top of the riser.", 0.0, 500.0)
+    stub_diameter: float = millimetres(
         0.0,
         "Stub diameter",
         "Diameter of the bar that the chuck holds; 0: the next bar to be had that the stock is turned from.",
-        unit="mm",
-        low=0.0,
-        high=500.0,
+        0.0,
+        500.0,
     )
-    stub_length: float = parameter(
+    stub_length: float = millimetres(
         0.0,
         "Stub length",
         "Length of the bar, at its own diameter, between chuck and neck; 0: the chuck holds the neck.",
-        unit="mm",
-        low=0.0,
-        high=300.0,
+        0.0,
+        300.0,
     )
-    clearance: float = parameter(
+    clearance: float = millimetres(
         5.0,
         "Clearance",
         "Distance that the whole tool keeps from table and chuck, and holder and spindle from the post.",
-        unit="mm",
-        low=0.0,
-        high=100.0,
+        0.0,
+        100.0,
     )
     parting: bool = parameter(
         False, "Parting", "Turn a groove round the post below the finished part, down to a bridge that holds it."
     )
-    parting_stand_off: float = parameter(
+    parting_stand_off: float = millimetres(
         1.0,
         "Parting stand-off",
         "From the part's lower end down to the groove: the height of the stump that stays there.",
-        unit="mm",
-        low=0.1,
-        high=100.0,
+        0.1,
+        100.0,
     )
-    parting_core: float = parameter(
+    parting_core: float = millimetres(
         0.0,
         "Parting core",
         "Diameter of the bridge that the groove leaves; 0: half of the post's diameter.",
-        unit="mm",
-        low=0.0,
-        high=100.0,
+        0.0,
+        100.0,
     )
 
     second: str = parameter(
@@ -186,25 +133,24 @@ class HoldingJob(TailstockJob):
         "over, stands in it, and a second program cuts the stump. None: one program.",
         file="",
     )
-    second_height: float = parameter(
-        0.0,
-        "Second height",
-        "From the table to the lower end of the shell in the second clamping.",
-        unit="mm",
-        low=0.0,
-        high=500.0,
+    second_height: float = millimetres(
+        0.0, "Second height", "From the table to the lower end of the shell in the second clamping.", 0.0, 500.0
     )
-    second_chuck_diameter: float = parameter(
+    second_chuck_diameter: float = millimetres(
         0.0,
         "Second chuck diameter",
         "Diameter of the chuck or vice round the shell in the second clamping; 0: none above the table.",
-        unit="mm",
-        low=0.0,
-        high=1000.0,
+        0.0,
+        1000.0,
     )
-    second_chuck_height: float = parameter(
-        0.0, "Second chuck height", "From the table to the top of that chuck or vice.", unit="mm", low=0.0, high=500.0
+    second_chuck_height: float = millimetres(
+        0.0, "Second chuck height", "From the table to the top of that chuck or vice.", 0.0, 500.0
     )
+
+    @property
+    def has_tailstock(self) -> bool:
+        """Whether something holds the free end."""
+        return self.tailstock != NO_TAILSTOCK
 
     @property
     def bridge(self) -> float:
@@ -239,24 +185,24 @@ class HoldingJob(TailstockJob):
             if (diameter > 0) != (height > 0):
                 missing = f"{name}{'diameter' if height > 0 else 'height'}"
                 what = name.removeprefix("second_").rstrip("_")
-                raise JobError(f"{missing} = 0: give both sizes of the {what}, or none", field=missing)
+                raise self.fault(missing, f"give both sizes of the {what}, or none")
         if self.second and not self.parting:
             remedy = "give holding.parting = true, which parts the part from its post first"
             raise JobError(f"second = {self.second!r}: {remedy}", field="second")
         self._check_stack()
-        self.check_tailstock()
+        if self.has_tailstock and self.tailstock_diameter >= self.tailstock_arm:
+            bound = f"give less than the arm that holds it ({self.tailstock_arm:g} mm), or a wider arm"
+            raise self.fault("tailstock_diameter", bound)
         if 0 < self.parting_core < LEAST_BRIDGE:
-            bound = f"give {LEAST_BRIDGE:g} mm or more, or 0 for half of the post's diameter"
-            raise JobError(f"parting_core = {self.parting_core:g}: {bound}", field="parting_core")
+            raise self.fault("parting_core", f"give {LEAST_BRIDGE:g} mm or more, or 0 for half of the post's diameter")
         if self.parting_core >= self.diameter > 0:
             bound = f"give less than the post's diameter ({self.diameter:g} mm), or no parting"
-            raise JobError(f"parting_core = {self.parting_core:g}: {bound}", field="parting_core")
+            raise self.fault("parting_core", bound)
 
     def _check_stack(self) -> None:
         """JobError where riser, chuck, stub and neck do not stand on one another."""
         if 0 < self.diameter < LEAST_POST:
-            bound = f"give {LEAST_POST:g} mm or more, or 0 for the thinnest that is stiff enough"
-            raise JobError(f"diameter = {self.diameter:g}: {bound}", field="diameter")
+            raise self.fault("diameter", f"give {LEAST_POST:g} mm or more, or 0 for the thinnest that is stiff enough")
         post, chuck, riser, stub = self.diameter, self.chuck_diameter, self.riser_diameter, self.stub_diameter
         faults = {
             "chuck_diameter": [
@@ -275,9 +221,9 @@ class HoldingJob(TailstockJob):
         for field, each in faults.items():
             for wrong, bound in each:
                 if wrong:
-                    raise JobError(f"{field} = {getattr(self, field):g}: {bound}", field=field)
+                    raise self.fault(field, bound)
         if 0 < self.length <= self.support_height:
             field = next(name for name in ("stub_length", "chuck_height", "riser_height") if getattr(self, name))
             ends = f"it ends at {self.support_height:g} mm: " if field == "stub_length" else ""
             bound = f"{ends}give less than the post's length ({self.length:g} mm), or a longer post"
-            raise JobError(f"{field} = {getattr(self, field):g}: {bound}", field=field)
+            raise self.fault(field, bound)

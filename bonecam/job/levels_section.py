@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from bonecam.errors import JobError
-from bonecam.job.parameter import JobSection, check, is_list, parameter
-from bonecam.text.numbers import number, shown
+from bonecam.job.parameter import JobSection, check, is_list, millimetres, parameter
+from bonecam.text.numbers import number
 
 MOST_LEVELS = 2000
 """A number of cuts, or of depths in a list, beyond this is refused: a mistaken depth or unit."""
@@ -42,23 +42,22 @@ class LevelsJob(JobSection):
     "numbers" says that numbers equal to the defaults are meant; a job file or a dict that states one means it.
     """
 
-    finishing_depth: float = parameter(
-        0.1, "Finishing depth", "Largest cutting depth of the levels next to the part.", unit="mm", low=0.005, high=5.0
+    finishing_depth: float = millimetres(
+        0.1, "Finishing depth", "Largest cutting depth of the levels next to the part.", 0.005, 5.0
     )
     finishing_levels: int = parameter(
         DEFAULT_NUMBERS[0],
         "Finishing levels",
         "Number of levels next to the part that are cut at the finishing depth.",
-        low=0,
-        high=50,
+        0,
+        50,
     )
-    roughing_depth: float = parameter(
+    roughing_depth: float = millimetres(
         DEFAULT_NUMBERS[1],
         "Roughing depth",
         "Largest cutting depth of the other levels; of cuts that follow no level always.",
-        unit="mm",
-        low=0.01,
-        high=20.0,
+        0.01,
+        20.0,
     )
     schedule: str = parameter(
         "automatic",
@@ -80,10 +79,10 @@ class LevelsJob(JobSection):
         "Scallop share",
         "Before a roughing cut a level may keep scallops of this share of its depth, where that is more than "
         "roughing.scallop; 0: 0.1 where depths are found, else none.",
-        low=0.0,
-        high=0.5,
+        0.0,
+        0.5,
     )
-    most_cuts: int = parameter(250, "Most cuts", "A stock that needs more cuts than this is refused.", low=1, high=2000)
+    most_cuts: int = parameter(250, "Most cuts", "A stock that needs more cuts than this is refused.", 1, 2000)
     even: bool = parameter(
         False, "Even", "Spread the depth evenly over the roughing cuts, so that the outermost cut is not much thinner."
     )
@@ -91,8 +90,8 @@ class LevelsJob(JobSection):
         5e-7,
         "Stiffness",
         "Weight of the thin-plate energy against the attraction (c_int / c_ext), s and t in [0, 1].",
-        low=0.0,
-        high=1.0,
+        0.0,
+        1.0,
     )
     attraction: str = parameter(
         "stock",
@@ -115,13 +114,12 @@ class LevelsJob(JobSection):
         "Of the quadratic programs: admm, or as references osqp and clarabel (both slow).",
         choices=("admm", "osqp", "clarabel"),
     )
-    chord_tolerance: float = parameter(
+    chord_tolerance: float = millimetres(
         0.01,
         "Chord tolerance",
         "Chord tolerance of the tessellated levels, which are measured and written.",
-        unit="mm",
-        low=0.0005,
-        high=1.0,
+        0.0005,
+        1.0,
     )
 
     def completed(self, values: dict[str, Any]) -> dict[str, Any]:
@@ -138,11 +136,11 @@ class LevelsJob(JobSection):
         if not isinstance(self.depths, str):
             several = list(self.depths) if is_list(self.depths) else [self.depths]
             if not several:
-                raise self._depths_error("give one at least, or leave them out")
+                raise self.fault("depths", "give one at least, or leave them out")
             object.__setattr__(self, "depths", " ".join(map(str, several)))
         check(self)
         if self.depths.strip() and self.schedule == "fewest":
-            raise self._depths_error("they give every cut, schedule = 'fewest' too: leave one of them out")
+            raise self.fault("depths", "they give every cut, schedule = 'fewest' too: leave one of them out")
 
     @property
     def found(self) -> bool:
@@ -178,6 +176,3 @@ class LevelsJob(JobSection):
     def layer_depth(self) -> float:
         """Depth (mm) of cuts that follow no level: in layers, and of a groove, which meet material on both sides."""
         return min(self.cuts[1], self.roughing_depth)
-
-    def _depths_error(self, why: str) -> JobError:
-        return JobError(f"depths = {shown(self.depths)}: {why}", field="depths")

@@ -3,8 +3,7 @@
 import math
 from dataclasses import dataclass
 
-from bonecam.errors import JobError
-from bonecam.job.parameter import JobSection, check, parameter
+from bonecam.job.parameter import JobSection, check, millimetres, parameter
 
 LEAST_TOLERANCE = 0.001
 """The narrowest tolerance that may be stated, mm."""
@@ -29,11 +28,7 @@ class MeshJob(JobSection):
         choices=("none", "x", "y", "z"),
     )
     scale: float = parameter(
-        1.0,
-        "Scale",
-        "Factor on the part's size, as 1.25 for a blank that shrinks when it is sintered.",
-        low=0.1,
-        high=10.0,
+        1.0, "Scale", "Factor on the part's size, as 1.25 for a blank that shrinks when it is sintered.", 0.1, 10.0
     )
     script: str = parameter(
         "",
@@ -41,9 +36,7 @@ class MeshJob(JobSection):
         "Filter script (.mlx) of MeshLab that the mesh goes through first; it ends with the part's mesh alone.",
         file=".mlx",
     )
-    label: int = parameter(
-        0, "Label", "Label of the part in a label map (NIfTI, NRRD); 0: its only one.", low=0, high=2**31 - 1
-    )
+    label: int = parameter(0, "Label", "Label of the part in a label map (NIfTI, NRRD); 0: its only one.", 0, 2**31 - 1)
     upright: bool = parameter(
         True, "Upright", "Turn the part's longest principal axis to +Z and centre the part on the Z axis."
     )
@@ -54,13 +47,12 @@ class MeshJob(JobSection):
         "keep: the surface follows them.",
         choices=("fill", "keep"),
     )
-    pit_radius: float = parameter(
+    pit_radius: float = millimetres(
         0.0,
         "Pit radius",
         "Radius of the ball that pits are filled up to; 0, or more than the smallest ball of the job: that one's.",
-        unit="mm",
-        low=0.0,
-        high=50.0,
+        0.0,
+        50.0,
     )
     facets: str = parameter(
         "found",
@@ -70,25 +62,24 @@ class MeshJob(JobSection):
         "true edges, are kept. smooth: it is fitted in any case. exact: facets are kept.",
         choices=("found", "smooth", "exact"),
     )
-    smooth_within: float = parameter(
+    smooth_within: float = millimetres(
         2.0,
         "Smooth within",
         "A smooth surface is drawn to vertices that it would leave farther; one farther from the facets all the same "
         "is refused.",
-        unit="mm",
-        low=0.001,
-        high=50.0,
+        0.001,
+        50.0,
     )
     edge_percent: float = parameter(
         1.3,
         "Remesh edge",
         "Edge length of the isotropic remeshing, in percent of the bounding box's diagonal.",
+        0.2,
+        10.0,
         unit="%",
-        low=0.2,
-        high=10.0,
     )
-    rows: int = parameter(48, "Rows", "Number of harmonic rows between the poles.", low=6, high=200)
-    row_points: int = parameter(100, "Points a row", "Number of points on each row.", low=16, high=1000)
+    rows: int = parameter(48, "Rows", "Number of harmonic rows between the poles.", 6, 200)
+    row_points: int = parameter(100, "Points a row", "Number of points on each row.", 16, 1000)
 
     @property
     def changes(self) -> tuple[str, ...]:
@@ -103,30 +94,24 @@ class MeshJob(JobSection):
 class SurfaceJob(JobSection):
     """The fit of the T-spline to the mesh."""
 
-    tolerance: float = parameter(
+    tolerance: float = millimetres(
         0.0,
         "Tolerance",
         "Target of the largest two-sided deviation between surface and mesh; 0: twice the sagitta of the facets, from "
         "0.02 to 0.08 mm.",
-        unit="mm",
-        low=0.0,
-        high=5.0,
+        0.0,
+        5.0,
     )
-    max_control_points: int = parameter(1500, "Control points", "Largest number of control points.", low=40, high=20000)
-    largest_deviation: float = parameter(
-        0.5,
-        "Largest deviation",
-        "A surface that deviates more from the mesh is refused.",
-        unit="mm",
-        low=0.001,
-        high=50.0,
+    max_control_points: int = parameter(1500, "Control points", "Largest number of control points.", 40, 20000)
+    largest_deviation: float = millimetres(
+        0.5, "Largest deviation", "A surface that deviates more from the mesh is refused.", 0.001, 50.0
     )
 
     def __post_init__(self) -> None:
         check(self)
         if 0 < self.tolerance < LEAST_TOLERANCE:
             bound = f"give {LEAST_TOLERANCE:g} mm or more, or 0 for twice the sagitta of the facets"
-            raise JobError(f"tolerance = {self.tolerance:g}: {bound}", field="tolerance")
+            raise self.fault("tolerance", bound)
 
     def tolerance_for(self, sagitta: float = math.inf) -> float:
         """The tolerance (mm) that is stated, or else twice the `sagitta` (mm) of the facets, rounded up to a um, within

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from bonecam.job.parameter import JobSection, parameter
+from bonecam.job.parameter import JobSection, millimetres, parameter
 from bonecam.job.tool_list import ENDINGS
 
 FARTHEST = 1e5
@@ -47,28 +47,27 @@ class NcJob(JobSection):
         10000.0,
         "Link feed",
         "Feed of links between passes, and of retracts: straight moves in air, beside the material.",
+        1.0,
+        30000.0,
         unit="mm/min",
-        low=1.0,
-        high=30000.0,
     )
     plunge_feed: float = parameter(
-        300.0, "Plunge feed", "Feed of the approach to the part.", unit="mm/min", low=1.0, high=30000.0
+        300.0, "Plunge feed", "Feed of the approach to the part.", 1.0, 30000.0, unit="mm/min"
     )
     rapid_feed: float = parameter(
         10000.0,
         "Rapid rate",
         "Speed of rapid moves where the controller needs a number; others are as fast as the axes.",
+        1.0,
+        100000.0,
         unit="mm/min",
-        low=1.0,
-        high=100000.0,
     )
-    roughing_tolerance: float = parameter(
+    roughing_tolerance: float = millimetres(
         0.02,
         "Roughing tolerance",
         "How far the control may leave the path while roughing; finishing follows path.chord_tolerance.",
-        unit="mm",
-        low=0.001,
-        high=0.2,
+        0.001,
+        0.2,
     )
     axes: str = parameter(
         "controller",
@@ -97,21 +96,19 @@ class NcJob(JobSection):
         choices=("flood", "mist", "air", "through"),
     )
     work_offset: int = parameter(
-        1, "Work offset", "Number of the datum of this setup: 1 is G54, or row 1 of the preset table.", low=1, high=99
+        1, "Work offset", "Number of the datum of this setup: 1 is G54, or row 1 of the preset table.", 1, 99
     )
     program_number: int = parameter(
         0,
         "Program number",
         "Number of the program where a control calls it by one; 0: drawn from the program's name.",
-        low=0,
-        high=7999,
+        0,
+        7999,
     )
     block_numbers: bool = parameter(
         True, "Block numbers", "Number the blocks, where the controller's file numbers them."
     )
-    decimals: int = parameter(
-        0, "Decimals", "Decimals of lengths and angles; 0: those of the controller's file.", low=0, high=6
-    )
+    decimals: int = parameter(0, "Decimals", "Decimals of lengths and angles; 0: those of the controller's file.", 0, 6)
     split: str = parameter(
         "none",
         "Split",
@@ -122,8 +119,8 @@ class NcJob(JobSection):
         0,
         "Blocks a file",
         "Most blocks of a numbered file, which has whole levels; 0: as many as there are.",
-        low=0,
-        high=10_000_000,
+        0,
+        10_000_000,
     )
     optional_stop: str = parameter(
         "none",

@@ -39,9 +39,16 @@ class Parameter:
         return f"{low} .. {high} {self.unit}".strip() if low or high else self.unit
 
 
-def parameter(default: Any, label: str, tooltip: str, **kinds: Any) -> Any:
+def parameter(
+    default: Any, label: str, tooltip: str, low: float = -math.inf, high: float = math.inf, **kinds: Any
+) -> Any:
     """A dataclass field that carries its Parameter record."""
-    return field(default=default, metadata={"parameter": Parameter(label, tooltip, **kinds)})
+    return field(default=default, metadata={"parameter": Parameter(label, tooltip, low=low, high=high, **kinds)})
+
+
+def millimetres(default: float, label: str, tooltip: str, low: float, high: float) -> Any:
+    """A dataclass field of a length in mm."""
+    return parameter(default, label, tooltip, low, high, unit="mm")
 
 
 def record(item: "dataclasses.Field[Any]") -> Parameter:
@@ -60,13 +67,17 @@ def check(section: Any) -> None:
     """
     faults = []
     for item in fields(section):
-        if "parameter" not in item.metadata:
-            continue
-        given = getattr(section, item.name)
-        value = _plain(given, float if isinstance(item.default, float) else type(item.default))
+        value = given = getattr(section, item.name)
+        kind = type(item.default)
+        if type(value).__module__ == "numpy" and getattr(value, "ndim", 1) == 0:
+            value = value.item()
+        if kind is float and type(value) is int and abs(value) <= sys.maxsize:
+            value = float(value)
+        elif kind is str and isinstance(value, Path):
+            value = str(value)
         if value is not given:
             object.__setattr__(section, item.name, value)
-        why = _fault(value, type(item.default), record(item))
+        why = _fault(value, kind, record(item))
         if why:
             faults.append((item.name, f"{item.name} = {why}"))
     if faults:
@@ -91,16 +102,6 @@ def _fault(value: object, kind: type, known: Parameter) -> str | None:
     return None
 
 
-def _plain(value: Any, kind: type) -> Any:
-    """`value` as a Python value: numpy scalars, an int where `kind` is float, and paths where `kind` is
-    str."""
-    if type(value).__module__ == "numpy" and getattr(value, "ndim", 1) == 0:
-        value = value.item()
-    if kind is float and type(value) is int and abs(value) <= sys.maxsize:
-        return float(value)
-    return str(value) if kind is str and isinstance(value, Path) else value
-
-
 def is_list(value: object) -> TypeGuard[Iterable[Any]]:
     """Whether a value that may stand for a text lists others: an array without a dimension does not."""
     return isinstance(value, Iterable) and not isinstance(value, str) and getattr(value, "ndim", 1) > 0
@@ -121,3 +122,8 @@ class JobSection:
 
     def __post_init__(self) -> None:
         check(self)
+
+    def fault(self, name: str, why: str) -> JobError:
+        """The error of a field: the field with its value, then `why` with the bound and the remedy."""
+        value = getattr(self, name)
+        return JobError(f"{name} = {f'{value:g}' if isinstance(value, float) else shown(value)}: {why}", field=name)

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, fields
 
 from bonecam.errors import JobError
-from bonecam.job.parameter import JobSection, check, parameter
+from bonecam.job.parameter import JobSection, check, millimetres, parameter
 from bonecam.runtime.own_files import added_names
 from bonecam.text.numbers import shown
 
@@ -37,34 +37,32 @@ class PathJob(JobSection):
         "Passes to and fro, or all in the direction of climb or of conventional milling (spindle M3).",
         choices=("zigzag", "climb", "conventional"),
     )
-    chord_tolerance: float = parameter(
+    chord_tolerance: float = millimetres(
         0.004,
         "Chord tolerance",
         "Largest distance between the path on the surface and the straight moves that replace it.",
-        unit="mm",
-        low=0.0005,
-        high=0.5,
+        0.0005,
+        0.5,
     )
-    max_step: float = parameter(1.0, "Largest step", "Longest cutting move.", unit="mm", low=0.05, high=10.0)
+    max_step: float = millimetres(1.0, "Largest step", "Longest cutting move.", 0.05, 10.0)
     most_length: float = parameter(
         500.0,
         "Most length",
         "A stock with so much material round the part that passes longer than this in all are needed is refused.",
+        1.0,
+        100000.0,
         unit="m",
-        low=1.0,
-        high=100000.0,
     )
-    clearance: float = parameter(
-        2.0, "Clearance", "Distance kept from the stock while moving between passes.", unit="mm", low=0.2, high=50.0
+    clearance: float = millimetres(
+        2.0, "Clearance", "Distance kept from the stock while moving between passes.", 0.2, 50.0
     )
-    least_depth: float = parameter(
+    least_depth: float = millimetres(
         0.03,
         "Least depth",
         "Roughing passes over what a cut would remove less of, or less than half of its scallop; 0: they cut "
         "everywhere.",
-        unit="mm",
-        low=0.0,
-        high=1.0,
+        0.0,
+        1.0,
     )
     fine_cutter: bool = parameter(
         False,
@@ -76,9 +74,9 @@ class PathJob(JobSection):
         "Lead",
         "Lead angle: the tool axis leans forward, along the feed, by this angle. The paper tells the angle, not which "
         "way: here forward, and where that collides or is out of reach turned to the nearest free axis.",
+        -60.0,
+        60.0,
         unit="deg",
-        low=-60.0,
-        high=60.0,
     )
     orientation: str = parameter(
         "cones",
@@ -94,11 +92,11 @@ class PathJob(JobSection):
         "Membrane",
         "Weight (alpha) of how much tool axes turn over the facets between the contacts, along passes and across, "
         "beside the energy of smooth axes; 1 where axes are as published and thin_plate is 0 too.",
-        low=0.0,
-        high=1.0,
+        0.0,
+        1.0,
     )
     thin_plate: float = parameter(
-        0.0, "Thin plate", "Weight (beta) of how much that turning changes over the facets.", low=0.0, high=1.0
+        0.0, "Thin plate", "Weight (beta) of how much that turning changes over the facets.", 0.0, 1.0
     )
     certify: str = parameter(
         "automatic",
@@ -112,9 +110,9 @@ class PathJob(JobSection):
         10.0,
         "Least lead",
         "Angle from the surface normal that a smooth field keeps where it can: the tip of a ball does not cut.",
+        0.0,
+        60.0,
         unit="deg",
-        low=0.0,
-        high=60.0,
     )
     lead_in: str = parameter(
         "arc",
@@ -123,13 +121,12 @@ class PathJob(JobSection):
         "is in material.",
         choices=("arc", "straight"),
     )
-    lead_radius: float = parameter(
+    lead_radius: float = millimetres(
         0.0,
         "Lead radius",
         "Radius of the arcs at most; a half and a quarter of it are tried too. 0: half of that of the cutter.",
-        unit="mm",
-        low=0.0,
-        high=20.0,
+        0.0,
+        20.0,
     )
     feed_at: str = parameter(
         "tip",
@@ -146,17 +143,17 @@ class PathJob(JobSection):
         choices=("constant", "force"),
     )
     max_tilt_deg: float = parameter(
-        75.0, "Largest tilt", "Largest angle between tool axis and surface normal.", unit="deg", low=1.0, high=89.0
+        75.0, "Largest tilt", "Largest angle between tool axis and surface normal.", 1.0, 89.0, unit="deg"
     )
-    gouge_tolerance: float = parameter(
-        0.01, "Gouge tolerance", "Largest depth by which the ball may enter the part.", unit="mm", low=0.002, high=0.5
+    gouge_tolerance: float = millimetres(
+        0.01, "Gouge tolerance", "Largest depth by which the ball may enter the part.", 0.002, 0.5
     )
 
     def __post_init__(self) -> None:
         check(self)
         if abs(self.lead_deg) > self.max_tilt_deg:
             bound = f"keep it within path.max_tilt_deg ({self.max_tilt_deg:g})"
-            raise JobError(f"lead_deg = {self.lead_deg:g}: {bound}", field="lead_deg")
+            raise self.fault("lead_deg", bound)
         for item in fields(self):
             value = getattr(self, item.name)
             if self.strategy != "morph" and item.name in OF_MORPH and value != item.default:
@@ -164,7 +161,7 @@ class PathJob(JobSection):
                 raise JobError(f"{item.name} = {shown(value)}: {bound}", field=item.name)
         if self.feed == "force" and self.feed_at != "tip":
             bound = "feed = 'force' sets the feed of the tip by itself: leave it out, or take feed = 'constant'"
-            raise JobError(f"feed_at = {shown(self.feed_at)}: {bound}", field="feed_at")
+            raise self.fault("feed_at", bound)
         if self.certify == "fcl" and self.orientation != "cones":
             bound = f"orientation = {self.orientation!r} makes no cones to certify: leave it out, or take 'cones'"
-            raise JobError(f"certify = 'fcl': {bound}", field="certify")
+            raise self.fault("certify", bound)

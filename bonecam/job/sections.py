@@ -85,10 +85,6 @@ class Job:
             job = Job().with_values(**({"nc": self.nc} | tables))
             for name in tables:
                 object.__setattr__(self, name, getattr(job, name))
-        self._check_tool_numbers()
-
-    def _check_tool_numbers(self) -> None:
-        """JobError where two cutters have one number."""
         users: dict[int, str] = {}
         for place, name in enumerate(self.cutter_names, 1):
             number = getattr(self, name).number or place
@@ -146,8 +142,7 @@ class Job:
             return tool
         machine = read_machine(self.nc.machine)
         depth = self.deepest(name) if level is None or level < 0 else self.levels.depth_onto(level)
-        stated = machine.spindle_speed
-        fastest = stated if stated < math.inf else USUAL_SPINDLE
+        fastest = machine.spindle_speed if machine.spindle_speed < math.inf else USUAL_SPINDLE
         asked = tool.radius, depth, fastest, tool.spindle, given.flutes
         spindle, feed = read_material(self.material.name).speeds(*asked)
         slowest = min(axis.speed for axis in machine.linear)
@@ -237,21 +232,14 @@ def setting(key: str, value: str) -> tuple[str, str, Any] | None:
     section, dot, name = key.strip().partition(".")
     if not dot:
         return None
-    kind = _type_of(section, name)
+    known = fields(getattr(Job(), section)) if section in {item.name for item in fields(Job)} else ()
+    kind: Any = {item.name: type(item.default) for item in known}.get(name, str)
     try:
         if kind is bool:
             return section, name, {"true": True, "false": False}[value.strip().lower()]
         return section, name, kind(value.strip())
     except (ValueError, KeyError):
         return section, name, value.strip()
-
-
-def _type_of(section: str, name: str) -> Any:
-    """The type of a parameter; str where there is none of that name."""
-    if section not in {item.name for item in fields(Job)}:
-        return str
-    types = {item.name: type(item.default) for item in fields(getattr(Job(), section))}
-    return types.get(name, str)
 
 
 def job_error(faults: Sequence[tuple[str, str, str]], place: str = "") -> JobError:

@@ -118,9 +118,14 @@ def foreign_entries(path: Path, scale: float | None = None) -> tuple[list[Entry]
         content = input_bytes(path)
         if path.suffix == ".fctl":
             found = []
-            for bit, position in _toolbits(path, _json(content)):
+            for item in _as_tables(_json(content).get("tools")):
+                name = str(item.get("path")).replace("\\", "/")
+                places = [path.parent / name, path.parent.parent / "Bit" / Path(name).name]
+                bit = next((place for place in places if place.is_file()), None)
+                if bit is None:
+                    raise ValueError(f"names {name}, which is neither beside it nor in ../Bit: put it there")
                 (entry,), read = foreign_entries(bit)
-                found.append(entry | position)
+                found.append(entry | _whole(item.get("nr"), "number"))
                 files += read
         elif path.suffix == ".fctb":
             found = [_toolbit(path, _json(content))]
@@ -197,7 +202,15 @@ def _fusion_tool(tool: Mapping[str, Any]) -> Entry:
         entry.pop("corner_radius", None)
     shaft = _as_tables(_as_table(tool.get("shaft")).get("segments"))
     entry |= _neck(sizes, [_sizes(piece, scale) for piece in shaft])
-    holder = _below_gauge_line(held, held_scale)
+    holder = []
+    left = _sizes(held, held_scale).get("gaugeLength", math.inf)  # from the nose to the gauge line, else to the end
+    for piece in _as_tables(held.get("segments")):
+        size = _sizes(piece, held_scale)
+        height, lower, upper = (size.get(key, 0.0) for key in ("height", "lower-diameter", "upper-diameter"))
+        taken = min(height, left)
+        if taken > 0:
+            holder.append([taken, lower, round(lower + (upper - lower) * taken / height, 6)])
+        left = round(left - taken, 6)
     return entry | ({"holder": stack_as_text(holder)} if holder else {})
 
 
@@ -223,33 +236,6 @@ def _neck(sizes: Mapping[str, float], shaft: list[dict[str, float]]) -> Entry:
     if not slim or thick >= shank:
         return {"neck_length": 0.0, "shank_diameter": max(shank, thick)}
     return {"neck_length": neck, "neck_diameter": thick, "shank_diameter": shank}
-
-
-def _below_gauge_line(holder: Mapping[str, Any], scale: float) -> list[list[float]]:
-    """Length, lower and upper diameter (mm) of the pieces of a holder of Fusion from its nose to the gauge line; to its
-    end, where it states no gauge length."""
-    left = _sizes(holder, scale).get("gaugeLength", math.inf)
-    rows = []
-    for piece in _as_tables(holder.get("segments")):
-        sizes = _sizes(piece, scale)
-        height, lower, upper = (sizes.get(key, 0.0) for key in ("height", "lower-diameter", "upper-diameter"))
-        taken = min(height, left)
-        if taken > 0:
-            rows.append([taken, lower, round(lower + (upper - lower) * taken / height, 6)])
-        left = round(left - taken, 6)
-    return rows
-
-
-def _toolbits(path: Path, library: Mapping[str, Any]) -> Iterator[tuple[Path, Entry]]:
-    """The files of the toolbits that a library of FreeCAD names, beside it or in the folder Bit beside its own, and
-    their numbers."""
-    for item in _as_tables(library.get("tools")):
-        name = str(item.get("path")).replace("\\", "/")
-        places = [path.parent / name, path.parent.parent / "Bit" / Path(name).name]
-        bit = next((place for place in places if place.is_file()), None)
-        if bit is None:
-            raise ValueError(f"names {name}, which is neither beside it nor in ../Bit: put it there")
-        yield bit, _whole(item.get("nr"), "number")
 
 
 def _toolbit(path: Path, bit: Mapping[str, Any]) -> Entry:
@@ -476,8 +462,12 @@ def preset_values(preset: str, tools: str) -> Entry:
     else:
         own = {name: str(file) for name, file in user_cutters().items()}
         lists = [read_tool_list(file) for file in [*filter(None, (tools, own.get(preset))), ""]]
-        found = next(filter(None, (_of_name(preset, one) for one in lists)), [])
-        if not found:
+        for one in lists:
+            named = [listed for listed in one if listed.name == preset]
+            found = named or [listed for listed in one if preset == str(listed.tool.number or "")]
+            if found:
+                break
+        else:
             names = dict.fromkeys([*(listed.name for one in lists for listed in one), *own])
             known = f"use one of {', '.join(names)}, or the path of a .toml file"
             what = f"preset = {shown(preset)}{did_you_mean(preset, names)}: {known}"
@@ -489,12 +479,6 @@ def preset_values(preset: str, tools: str) -> Entry:
         raise JobError(f"{what}: {remedy}", field="preset")
     tool, stated = found[0].tool, found[0].stated
     return {key: getattr(tool, key) for key in KEYS if key != "scallop" or key in stated}
-
-
-def _of_name(name: str, tools: tuple[ListedTool, ...]) -> list[ListedTool]:
-    """The cutters of a name, else those of a number."""
-    named = [listed for listed in tools if listed.name == name]
-    return named or [listed for listed in tools if name == str(listed.tool.number or "")]
 
 
 def _own_entries(path: Path) -> tuple[list[Entry], list[Path]]:
@@ -526,7 +510,12 @@ def _own_entries(path: Path) -> tuple[list[Entry], list[Path]]:
         else:
             raise ValueError(f"from = {shown(source)}: give a file that ends in {', '.join(FOREIGN)}")
         if only is not None:
-            entries = _chosen(entries, only if isinstance(only, list) else [only])
+            wanted = only if isinstance(only, list) else [only]
+            chosen = [entry for entry in entries if entry.get("number") in wanted or entry.get("name") in wanted]
+            for item in wanted:
+                if not any(item in (entry.get("number"), entry.get("name")) for entry in chosen):
+                    raise ValueError(f"only: there is no tool {shown(item)}: use {_calls(entries)}")
+            entries = chosen
         for entry in entries:
             taken = HELD if HELD & entry.keys() else frozenset()
             entry |= {key: value for key, value in common.items() if key not in taken | entry.keys()}
@@ -544,15 +533,6 @@ def _check_keys(place: str, table: Mapping[str, Any]) -> None:
             raise ValueError(f"{what}: use one of {', '.join(known)}")
     if str(table.get("shape", "ball")) not in SHAPES:
         raise ValueError(f"{place}shape = {shown(table['shape'])}: choose one of ball, bull, flat")
-
-
-def _chosen(entries: list[Entry], wanted: list[Any]) -> list[Entry]:
-    """The entries of which a number or a name is wanted; ValueError where one that is wanted is of none."""
-    chosen = [entry for entry in entries if entry.get("number") in wanted or entry.get("name") in wanted]
-    for item in wanted:
-        if not any(item in (entry.get("number"), entry.get("name")) for entry in chosen):
-            raise ValueError(f"only: there is no tool {shown(item)}: use {_calls(entries)}")
-    return chosen
 
 
 def _complete(entries: list[Entry], values: Entry, source: str) -> None:

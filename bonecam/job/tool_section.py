@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from bonecam.errors import JobError
-from bonecam.job.parameter import JobSection, check, is_list, parameter
+from bonecam.job.parameter import JobSection, check, is_list, millimetres, parameter
 from bonecam.machine.bodies import Frustum, stack_as_text, stack_from_text
 from bonecam.text.numbers import shown
 
@@ -57,16 +57,16 @@ class ToolJob(JobSection):
         0,
         "Tool number",
         "Number in the tool changer, and of the length offset; 0: 1 for roughing, 2 for finishing, 3 for fine.",
-        low=0,
-        high=9999,
+        0,
+        9999,
     )
     flutes: int = parameter(
         0,
         "Flutes",
         "Cutting edges, for feed and force; 0: those of mechanics.flutes for the force, and the feed that the material "
         "gives with the teeth of its file.",
-        low=0,
-        high=20,
+        0,
+        20,
     )
     shape: str = parameter(
         "ball",
@@ -75,51 +75,29 @@ class ToolJob(JobSection):
         "have any, the others are balls.",
         choices=("ball", "bull", "flat"),
     )
-    radius: float = parameter(
-        2.0,
-        "Radius",
-        "Radius of the ball; of a bull nose or flat end half of its diameter.",
-        unit="mm",
-        low=0.05,
-        high=50.0,
+    radius: float = millimetres(
+        2.0, "Radius", "Radius of the ball; of a bull nose or flat end half of its diameter.", 0.05, 50.0
     )
-    corner_radius: float = parameter(
-        0.5, "Corner radius", "Radius of the corner of a bull nose.", unit="mm", low=0.2, high=50.0
-    )
+    corner_radius: float = millimetres(0.5, "Corner radius", "Radius of the corner of a bull nose.", 0.2, 50.0)
     lead_deg: float = parameter(
         30.0,
         "Lead",
         "Angle by which a bull nose or flat end leans forward, along the feed, so that its bottom does not cut; a ball "
         "leans by path.lead_deg. Less lets passes lie farther apart, and keeps the cutter out of more hollows.",
+        3.0,
+        80.0,
         unit="deg",
-        low=3.0,
-        high=80.0,
     )
-    flute_length: float = parameter(
-        8.0, "Flute length", "From the tip to the end of the cutting edge.", unit="mm", low=0.1, high=300.0
+    flute_length: float = millimetres(8.0, "Flute length", "From the tip to the end of the cutting edge.", 0.1, 300.0)
+    shank_diameter: float = millimetres(4.0, "Shank diameter", "Diameter of the shank above the flutes.", 0.1, 100.0)
+    neck_diameter: float = millimetres(
+        0.0, "Neck diameter", "Diameter of a neck between flutes and shank; 0: none.", 0.0, 100.0
     )
-    shank_diameter: float = parameter(
-        4.0, "Shank diameter", "Diameter of the shank above the flutes.", unit="mm", low=0.1, high=100.0
-    )
-    neck_diameter: float = parameter(
-        0.0, "Neck diameter", "Diameter of a neck between flutes and shank; 0: none.", unit="mm", low=0.0, high=100.0
-    )
-    neck_length: float = parameter(
-        0.0, "Neck length", "From the tip to the end of the neck; 0: none.", unit="mm", low=0.0, high=500.0
-    )
-    overhang: float = parameter(
-        30.0, "Overhang", "Stick-out: from the tip to the holder's nose.", unit="mm", low=1.0, high=500.0
-    )
-    holder_diameter: float = parameter(
-        20.0, "Holder diameter", "Diameter of the holder.", unit="mm", low=1.0, high=200.0
-    )
-    holder_length: float = parameter(
-        50.0,
-        "Holder length",
-        "From the holder's nose to the gauge line, where the spindle begins.",
-        unit="mm",
-        low=1.0,
-        high=500.0,
+    neck_length: float = millimetres(0.0, "Neck length", "From the tip to the end of the neck; 0: none.", 0.0, 500.0)
+    overhang: float = millimetres(30.0, "Overhang", "Stick-out: from the tip to the holder's nose.", 1.0, 500.0)
+    holder_diameter: float = millimetres(20.0, "Holder diameter", "Diameter of the holder.", 1.0, 200.0)
+    holder_length: float = millimetres(
+        50.0, "Holder length", "From the holder's nose to the gauge line, where the spindle begins.", 1.0, 500.0
     )
     holder: str = parameter(
         "",
@@ -128,15 +106,11 @@ class ToolJob(JobSection):
         "cone, upper diameter (mm), like '35 10 17, 20 40'.",
         form=holder_from_text,
     )
-    spindle: float = parameter(
-        0.0, "Spindle", "Spindle speed; 0: that of the material.", unit="1/min", low=0.0, high=100000.0
-    )
+    spindle: float = parameter(0.0, "Spindle", "Spindle speed; 0: that of the material.", 0.0, 100000.0, unit="1/min")
     feed: float = parameter(
-        0.0, "Feed", "Cutting feed of the tip; 0: that of the material.", unit="mm/min", low=0.0, high=30000.0
+        0.0, "Feed", "Cutting feed of the tip; 0: that of the material.", 0.0, 30000.0, unit="mm/min"
     )
-    scallop: float = parameter(
-        0.05, "Scallop", "Largest scallop height between passes.", unit="mm", low=0.0005, high=2.0
-    )
+    scallop: float = millimetres(0.05, "Scallop", "Largest scallop height between passes.", 0.0005, 2.0)
 
     def __post_init__(self) -> None:
         if is_list(self.holder):

@@ -160,8 +160,19 @@ def inverse_rotary(
     column2 = machine.column(two) - 3
     if one.locked or two.locked:
         free = np.zeros((len(axes), 2), dtype=bool)
-        free[:, column1], free[:, column2] = free1 & (not one.locked), free2 & (not two.locked)
-        return _locked_rotary(machine, axes, pair=(one, two), sign=sign, ends=(v, w), free=free, guard=lock_guard), free
+        solutions = np.full((len(axes), 2, 2), np.nan)
+        q1, q2 = (np.full(len(w), axis.limits[0]) for axis in (one, two))
+        if not one.locked:
+            q1 = sign * _angle_about(d1, rotate(v, d2, q2), w)
+            free[:, column1] = free1
+        elif not two.locked:
+            q2 = _angle_about(d2, v, rotate(w, d1, -sign * q1))
+            free[:, column2] = free2
+        solutions[:, 0, column1] = np.where(free[:, column1], 0.0, q1)
+        solutions[:, 0, column2] = np.where(free[:, column2], 0.0, q2)
+        off = np.linalg.norm(tool_axes(machine, solutions[:, 0]) - axes, axis=1)
+        solutions[off > 2 * np.sin(min(lock_guard, np.pi) / 2)] = np.nan
+        return solutions, free
     dot = float(d1 @ d2)
     along1 = w @ d1
     along2 = v @ d2
@@ -181,33 +192,6 @@ def inverse_rotary(
     solutions[unreached] = np.nan
     free[unreached] = False
     return solutions, free
-
-
-def _locked_rotary(
-    machine: Machine,
-    axes: Float[ndarray, "n 3"],
-    pair: tuple[RotaryAxis, RotaryAxis],
-    sign: float,
-    ends: tuple[Float[ndarray, "n 3"], Float[ndarray, "n 3"]],
-    free: Bool[ndarray, "n 2"],
-    guard: float,
-) -> Float[ndarray, "n 2 2"]:
-    """The solutions of `inverse_rotary` where one or both axes of the `pair` are locked; of Rot(d1, sign q1)
-    Rot(d2, q2) v = w the `ends` are v and w."""
-    (one, two), (v, w) = pair, ends
-    d1, d2 = np.array(one.direction), np.array(two.direction)
-    q1, q2 = (np.full(len(w), axis.limits[0]) for axis in pair)
-    if not one.locked:
-        q1 = sign * _angle_about(d1, rotate(v, d2, q2), w)
-    elif not two.locked:
-        q2 = _angle_about(d2, v, rotate(w, d1, -sign * q1))
-    solutions = np.full((len(w), 2, 2), np.nan)
-    for axis, angles in zip(pair, (q1, q2), strict=True):
-        column = machine.column(axis) - 3
-        solutions[:, 0, column] = np.where(free[:, column], 0.0, angles)
-    far = np.linalg.norm(tool_axes(machine, solutions[:, 0]) - axes, axis=1) > 2 * np.sin(min(guard, np.pi) / 2)
-    solutions[far] = np.nan
-    return solutions
 
 
 def within_limits(machine: Machine, found: Float[ndarray, "n 2 2"]) -> Bool[ndarray, "n 2"]:

@@ -1,8 +1,6 @@
 """What planning must know of a machine: the limits of its tool axis, the speeds of its rotary axes, and its bodies.
 
-The polar angle of a tool axis is its angle from +Z.
-
-Which tool axes a machine has: a band of polar angles all round the part, or a curve or a region.
+A machine's tool axes are a band of polar angles (from +Z) all round the part, or a curve or a region.
 """
 
 import math
@@ -125,8 +123,15 @@ EVEN = 1e-9
 def tilt_band(machine: Machine) -> tuple[float, float] | None:
     """The lowest and the highest angle (rad) from +Z of the widest band that the tool axis reaches in every direction
     round the part; None where there is no such angle."""
-    if any(axis.locked for axis in machine.rotary):
-        return _band_of_locked(machine)
+    free = [axis for axis in machine.rotary if not axis.locked]
+    if len(free) < 2:  # one angle, where the only free axis turns the part about its Z, all the way round
+        if not free or (free[0].bounded and not free[0].has_choice):
+            return None
+        samples = _sampled(machine)
+        angles = polar_angles(samples)
+        if np.ptp(angles) > EVEN or np.ptp(samples, axis=0).max() < ON_CURVE:
+            return None
+        return float(angles.mean()), float(angles.mean())
     azimuths = np.linspace(0, 2 * np.pi, 73)[:-1]
     tilts = np.radians(np.arange(0.0, 180.01, 0.25))
     tilt, azimuth = (grid.ravel() for grid in np.meshgrid(tilts, azimuths, indexing="ij"))
@@ -141,29 +146,16 @@ def tilt_band(machine: Machine) -> tuple[float, float] | None:
     return (float(tilts[low]), float(tilts[high])) if low < high else None
 
 
-def _band_of_locked(machine: Machine) -> tuple[float, float] | None:
-    """The one polar angle of a machine whose only free axis turns the part about its Z, all the way round."""
-    free = [axis for axis in machine.rotary if not axis.locked]
-    if len(free) != 1 or (free[0].bounded and not free[0].has_choice):
-        return None
-    samples = _sampled(machine)
-    angles = polar_angles(samples)
-    if np.ptp(angles) > EVEN or np.ptp(samples, axis=0).max() < ON_CURVE:
-        return None
-    return float(angles.mean()), float(angles.mean())
-
-
 def _sampled(machine: Machine) -> Float[ndarray, "k 3"]:
     """Unit tool axes all over those that a machine has, about STEP apart in its joints."""
-    joints = [_steps(axis) for axis in machine.rotary]
+    joints = []
+    for axis in machine.rotary:
+        low, high = axis.limits
+        if not axis.bounded or axis.has_choice:
+            joints.append(np.arange(0.0, 2 * np.pi - STEP / 2, STEP))
+        else:
+            joints.append(np.linspace(low, high, 1 + int(np.ceil((high - low) / STEP))))
     return tool_axes(machine, np.stack(np.meshgrid(*joints, indexing="ij"), axis=-1).reshape(-1, 2))
-
-
-def _steps(axis: RotaryAxis) -> Float[ndarray, " n"]:
-    low, high = axis.limits
-    if not axis.bounded or axis.has_choice:
-        return np.arange(0.0, 2 * np.pi - STEP / 2, STEP)
-    return np.linspace(low, high, 1 + int(np.ceil((high - low) / STEP)))
 
 
 def planned_band(machine: Machine) -> tuple[float, float] | None:

@@ -62,6 +62,7 @@ from bonecam.machine.machine_file import (
     MachineFile,
     RotaryAxis,
     RotaryTable,
+    SecondsTable,
     Vector,
     read_table,
 )
@@ -77,16 +78,6 @@ USUAL_SPINDLE = 24000.0
 """Speeds of cutters that a job leaves open are at most this where the machine's file states none, 1/min: those of motor
 spindles of mills for moulds. A ball of 2 mm asks for 111,000 in aluminium."""
 MACHINES = Path(__file__).parent / "machines"
-
-
-@dataclass(frozen=True)
-class ChangeSeconds:
-    """Seconds of a tool change from chip to chip, of a start of the spindle, and of a retract to the top of Z and back,
-    beyond the height that a program knows."""
-
-    tool_change: float
-    spindle_start: float
-    retract: float
 
 
 @dataclass(frozen=True)
@@ -115,7 +106,7 @@ class Machine:
     part_frame: tuple[Vector, Vector, Vector] = UPRIGHT
     spindle_lowest: float = 0.0
     link_bodies: tuple[LinkBody, ...] = ()
-    seconds: ChangeSeconds | None = None
+    seconds: SecondsTable | None = None
     time_assumed: tuple[str, ...] = ()
 
     @property
@@ -195,6 +186,11 @@ def read_machine(name: str | Path) -> Machine:
     )
     if len(part_axes) + len(tool_axes) == 1:
         tool_axes = (*tool_axes, _second_axis((*part_axes, *tool_axes)[0]))
+    stand = table.table or BodiesTable()
+
+    def half(size: float | None) -> float:
+        return math.inf if size is None else size / 2
+
     return Machine(
         name=path.stem,
         title=table.title,
@@ -207,11 +203,13 @@ def read_machine(name: str | Path) -> Machine:
         controller=str(path.parent / table.controller) if table.controller.endswith(".toml") else table.controller,
         spindle_speed=math.inf if table.spindle_speed is None else table.spindle_speed,
         nose=stack_of(table.spindle.nose) if table.spindle else (),
-        table=_table(table.table or BodiesTable()),
+        table=Table(
+            half(stand.diameter), half(stand.width), half(stand.depth), stand.beside == "open", stack_of(stand.standing)
+        ),
         part_frame=_part_frame(table),
         spindle_lowest=table.spindle_lowest,
         link_bodies=tuple(LinkBody(body.name, body.link, path.parent / body.stl, body.units) for body in table.bodies),
-        seconds=ChangeSeconds(**dict(table.seconds)) if table.seconds else None,
+        seconds=table.seconds,
         time_assumed=tuple(text for text in table.assumed if any(word in text for word in TIME_WORDS)),
     )
 
@@ -239,23 +237,9 @@ def _vector(values: list[float]) -> Vector:
     return x, y, z
 
 
-def _table(table: BodiesTable) -> Table:
-    def half(size: float | None) -> float:
-        return math.inf if size is None else size / 2
-
-    return Table(
-        half(table.diameter), half(table.width), half(table.depth), table.beside == "open", stack_of(table.standing)
-    )
-
-
 def _linear(letter: str, table: LinearTable) -> LinearAxis:
-    if table.limits is not None:
-        low, high = table.limits
-        travel = high - low
-    else:
-        assert table.travel is not None  # the schema asks for one of both
-        low, high = -math.inf, math.inf
-        travel = table.travel
+    low, high = table.limits or (-math.inf, math.inf)
+    travel = high - low if table.travel is None or table.limits else table.travel
     acceleration = _change(table.acceleration, 2)
     jerk = _change(table.jerk, 3)
     return LinearAxis(letter, (low, high), travel, table.speed, acceleration=acceleration, jerk=jerk)

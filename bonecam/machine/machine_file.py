@@ -1,8 +1,5 @@
-"""The axes of a machine.
-
-The TOML files of machines and dialects, by name or by path, checked against a schema.
-
-The schema of a machine file: keys, types and ranges. The text of `nc.machine` says what they mean.
+"""The axes of a machine, and its file: TOML files of machines and dialects, by name or by path, are checked against a
+schema. That of a machine has keys, types and ranges; the text of `machine.machine` says what they mean.
 """
 
 import math
@@ -102,7 +99,16 @@ def read_table(
 
 def _values(kind: str, path: Path, files: Mapping[str, Path]) -> dict[str, Any]:
     try:
-        return parse_toml(_text(kind, path, files))
+        text = input_text(path)
+    except FileNotFoundError as error:
+        remedy = f"give a {kind}'s .toml file, or one of {', '.join(files)}"
+        raise MachineError(f"{path}: no such file: {remedy}", file=str(path)) from error
+    except (OSError, UnicodeDecodeError) as error:
+        raise MachineError(f"{path}: {error}: correct the file", file=str(path)) from error
+    except ValueError as error:  # a name with a zero character
+        raise MachineError(f"{str(path)!r}: {error}: give a name or a file", file=str(path)) from error
+    try:
+        return parse_toml(text)
     except Faults as error:
         raise MachineError(f"{path}: {error}: correct the file", file=str(path)) from error
 
@@ -127,20 +133,6 @@ def merged(base: dict[str, Any], own: dict[str, Any]) -> dict[str, Any]:
         both = isinstance(value, dict) and isinstance(joined.get(key), dict)
         joined[key] = merged(joined[key], value) if both else value
     return joined
-
-
-def _text(kind: str, path: Path, files: Mapping[str, Path]) -> str:
-    try:
-        return input_text(path)
-    except FileNotFoundError as error:
-        known = ", ".join(files)
-        raise MachineError(
-            f"{path}: no such file: give a {kind}'s .toml file, or one of {known}", file=str(path)
-        ) from error
-    except (OSError, UnicodeDecodeError) as error:
-        raise MachineError(f"{path}: {error}: correct the file", file=str(path)) from error
-    except ValueError as error:  # a name with a zero character
-        raise MachineError(f"{str(path)!r}: {error}: give a name or a file", file=str(path)) from error
 
 
 FARTHEST = 1e5
@@ -333,10 +325,6 @@ class MachineFile(Record):
         directions = [getattr(self, letter).direction for letter in self.chain if letter != LINEAR]
         if len(directions) == 2 and abs(_dot(*directions)) > 1 - PARALLEL:
             raise KeyFault("chain", "the two rotary axes are parallel: give different directions")
-        return self
-
-    @model_validator(mode="after")
-    def _leans_its_tool(self) -> "MachineFile":
         last = self.chain[-1]
         if last != LINEAR and abs(getattr(self, last).direction[2]) > 1 - PARALLEL:
             raise KeyFault("chain", f"{last} next to the tool turns it about itself: {CHAIN_REMEDY}")
@@ -348,12 +336,11 @@ class MachineFile(Record):
         if (self.part_x is None) != (self.part_z is None):
             missing = "part_x" if self.part_x is None else "part_z"
             raise KeyFault(missing, "missing: part_x and part_z belong together")
+        inner = self.chain[0]
         if self.part_x is not None and self.part_z is not None:
             if abs(_dot(self.part_x, self.part_z)) > PARALLEL:
                 raise KeyFault("part_x", "is not at right angles to part_z: correct the one or the other")
-            return self
-        inner = self.chain[0]
-        if inner != LINEAR:
+        elif inner != LINEAR:
             axis = getattr(self, inner)
             if axis.locked_deg is None and abs(axis.direction[2]) < 1 - PARALLEL:
                 what = f"missing: {inner} carries the part and does not turn about the machine's Z"
@@ -362,7 +349,7 @@ class MachineFile(Record):
         return self
 
     @model_validator(mode="after")
-    def _has_bodies_of_its_links(self) -> "MachineFile":
+    def _has_bodies_and_speeds(self) -> "MachineFile":
         links = [*self.chain, "bed"]
         names = [body.name for body in self.bodies]
         for at, body in enumerate(self.bodies, 1):
@@ -372,10 +359,6 @@ class MachineFile(Record):
                 raise KeyFault(f"bodies.{at}.name", f"{body.name!r} is there twice: rename one")
             if not body.stl.lower().endswith(".stl"):
                 raise KeyFault(f"bodies.{at}.stl", f"{body.stl!r}: give a file that ends in .stl")
-        return self
-
-    @model_validator(mode="after")
-    def _has_a_speed_range(self) -> "MachineFile":
         if self.spindle_speed is not None and self.spindle_lowest > self.spindle_speed:
             why = f"{self.spindle_lowest:g}: above spindle_speed = {self.spindle_speed:g}: give the lowest speed"
             raise KeyFault("spindle_lowest", why)

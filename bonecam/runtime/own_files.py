@@ -97,7 +97,11 @@ def list_of_own(folder: Path, work: Path, new: Iterable[str], stale: Collection[
     written = {name: digest(work / name) for name in new}
     left = {name: content for name, content in _listed(folder).items() if folder / name not in stale}
     kept = {name: content for name, content in left.items() if (folder / name).is_file()}
-    return "".join(_line(name, content) for name, content in sorted({**kept, **written}.items()))
+    lines = []
+    for name, content in sorted({**kept, **written}.items()):
+        escaped = "".join(ESCAPES.get(letter, letter) for letter in name)
+        lines.append(f"{'' if escaped == name else chr(92)}{content}  {escaped}\n")
+    return "".join(lines)
 
 
 def is_own(folder: Path, name: str) -> bool:
@@ -133,20 +137,13 @@ def _listed(folder: Path) -> dict[str, str]:
         return {}
     lines = re.findall(r"^(\\?)([0-9a-f]{64})  ([^/\n\0][^\n\0]*)$", text, re.MULTILINE)
     root = Path(os.path.realpath(folder))
-    named = [(_unescaped(name) if escaped else name, content) for escaped, content, name in lines]
+    letters = {escape: letter for letter, escape in ESCAPES.items()}
+    named = [
+        (re.sub(r"\\[\\nr]", lambda match: letters[match[0]], name) if escaped else name, content)
+        for escaped, content, name in lines
+    ]
     resolved = [(name, content, Path(os.path.realpath((root / name).parent))) for name, content in named]
     return {name: content for name, content, place in resolved if root == place or root in place.parents}
-
-
-def _line(name: str, content: str) -> str:
-    """The line of a file, as `sha256sum` writes and reads it."""
-    escaped = "".join(ESCAPES.get(letter, letter) for letter in name)
-    return f"{'' if escaped == name else chr(92)}{content}  {escaped}\n"
-
-
-def _unescaped(name: str) -> str:
-    letters = {escape: letter for letter, escape in ESCAPES.items()}
-    return re.sub(r"\\[\\nr]", lambda match: letters[match[0]], name)
 
 
 def _is_unchanged(file: Path, content: str) -> bool:
@@ -194,7 +191,14 @@ def added(kind: str, name: str, attribute: str) -> Any:
     if not file.is_file() and name not in points:
         raise KeyError(name)
     try:
-        return _attribute_of(file, attribute) if file.is_file() else points[name].load()
+        if not file.is_file():
+            return points[name].load()
+        spec = spec_from_file_location(f"bonecam_user_{file.stem}", file)
+        assert spec is not None
+        assert spec.loader is not None
+        module = module_from_spec(spec)
+        spec.loader.exec_module(module)
+        return getattr(module, attribute)
     except (Exception, SystemExit) as error:  # whatever a stranger's module raises while it is imported
         raise _failed(kind, name, "cannot be loaded", error) from error
 
@@ -220,32 +224,18 @@ def _failed(kind: str, name: str, what: str, error: BaseException) -> JobError:
     return JobError(f"{place}: {where}{what}: {why}: mend or remove it", file=place)
 
 
-def _attribute_of(file: Path, attribute: str) -> Any:
-    """`attribute` of a Python file."""
-    spec = spec_from_file_location(f"bonecam_user_{file.stem}", file)
-    assert spec is not None
-    assert spec.loader is not None
-    module = module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return getattr(module, attribute)
-
-
 def _packaged(kind: str) -> Iterator[Path]:
     """The folders of the packages that entry points of a kind name."""
     for _, point in sorted(_points(kind).items()):
-        yield from _folder_of(point)
+        try:
+            spec = find_spec(point.value)
+        except (ImportError, ValueError):
+            continue
+        if spec is not None:
+            yield from map(Path, spec.submodule_search_locations or ())
 
 
 @cache
 def _points(kind: str) -> dict[str, EntryPoint]:
     """The entry points of a kind by name."""
     return {point.name: point for point in entry_points(group=f"bonecam.{kind}")}
-
-
-def _folder_of(point: EntryPoint) -> Iterator[Path]:
-    try:
-        spec = find_spec(point.value)
-    except (ImportError, ValueError):
-        return
-    if spec is not None:
-        yield from map(Path, spec.submodule_search_locations or ())

@@ -94,11 +94,6 @@ def make_temporary(parent: Path) -> Path:
     return folder
 
 
-def is_temporary(file: Path) -> bool:
-    """Whether a file is in a temporary folder."""
-    return any(NAME.fullmatch(folder.name) for folder in file.parents)
-
-
 def remove_temporary(folder: Path) -> None:
     """Remove a folder that `make_temporary` made, with what is in it."""
     with undisturbed():
@@ -121,21 +116,21 @@ def remove_abandoned(parent: Path) -> None:
 
     What cannot be removed is left, with no error: the work does not need it gone.
     """
+    abandoned = []
     try:
         with _MAKING:
-            abandoned = [item for item in parent.iterdir() if _is_abandoned(item)]
+            for item in parent.iterdir():
+                name = NAME.fullmatch(item.name)
+                if name is None or name["host"] != HOST or item.is_symlink():
+                    continue
+                process = int(name["process"])
+                own = process == os.getpid()
+                if item.absolute() not in _LIVE if own else not is_running(process):
+                    abandoned.append(item)
     except OSError:
         return
     for item in abandoned:
         shutil.rmtree(item, ignore_errors=True)
-
-
-def _is_abandoned(item: Path) -> bool:
-    name = NAME.fullmatch(item.name)
-    if name is None or name["host"] != HOST or item.is_symlink():
-        return False
-    process = int(name["process"])
-    return item.absolute() not in _LIVE if process == os.getpid() else not is_running(process)
 
 
 def is_running(process: int) -> bool:
@@ -147,16 +142,11 @@ def is_running(process: int) -> bool:
         return False
     except (PermissionError, OverflowError):
         return True
-    return not _is_zombie(process)
-
-
-def _is_zombie(process: int) -> bool:
-    """Whether a process has ended, as Linux tells it: False where the system does not."""
-    try:
+    try:  # as Linux tells whether it has ended
         reported = Path(f"/proc/{process}/stat").read_text(encoding="utf-8", errors="replace")
     except OSError:
-        return False
-    return reported.rpartition(")")[2].split()[0] in "ZX"
+        return True
+    return reported.rpartition(")")[2].split()[0] not in "ZX"
 
 
 @atexit.register
@@ -239,7 +229,7 @@ class Staging:
         with undisturbed():
             try:
                 if names is None:
-                    folders = missing_folders(target)
+                    folders = [place for place in (target, *target.parents) if not place.exists()]  # innermost first
                     target.mkdir(parents=True, exist_ok=True)
                 work = make_temporary(target)
             except OSError as error:
@@ -324,7 +314,15 @@ def _place(output: _Output) -> None:
     """Replace the files of one output, and remove the stale ones of its folder; nothing where one is not free."""
     moves = output.moves()
     for _, target in moves:
-        _require_free(target, output)
+        if target.is_dir():
+            what = "is a folder, and a file is to be written there: remove it or name another folder"
+            raise FileError(f"{target}: {what}", file=str(target))
+        if leads_out(target, output.target):
+            raise FileError(f"{target}: a link leads out of the folder: remove it", file=str(target))
+        own = output.replace or not os.path.lexists(target)
+        if not own and not is_own(output.target, str(target.relative_to(output.target))):
+            what = "exists already: name another folder, or write over it with --force"
+            raise FileError(f"{target}: {what}", file=str(target))
     stale: list[Path] = []
     if output.own is not None:
         new = [str(target.relative_to(output.target)) for _, target in moves]
@@ -337,7 +335,7 @@ def _place(output: _Output) -> None:
         if target.is_file() and not target.is_symlink():
             os.chmod(work, target.stat().st_mode & PERMISSIONS)
         os.replace(work, target)
-        if not is_temporary(target):
+        if not any(NAME.fullmatch(folder.name) for folder in target.parents):  # no step on the way to another output
             placed.append(str(target))
     for item in stale:
         item.unlink()
@@ -348,29 +346,10 @@ def _discard(output: _Output) -> None:
     remove_empty(output.made)
 
 
-def _require_free(place: Path, output: _Output) -> None:
-    """FileError where a file of an output cannot, or may not, take its place."""
-    if place.is_dir():
-        raise FileError(
-            f"{place}: is a folder, and a file is to be written there: remove it or name another folder",
-            file=str(place),
-        )
-    if leads_out(place, output.target):
-        raise FileError(f"{place}: a link leads out of the folder: remove it", file=str(place))
-    name = str(place.relative_to(output.target))
-    if not output.replace and os.path.lexists(place) and not is_own(output.target, name):
-        raise FileError(f"{place}: exists already: name another folder, or write over it with --force", file=str(place))
-
-
 def leads_out(place: Path, folder: Path) -> bool:
     """Whether a link on the way to a place in the folder leads out of it."""
     root, inside = (Path(os.path.realpath(each)) for each in (folder, place.parent))
     return root != inside and root not in inside.parents
-
-
-def missing_folders(folder: Path) -> list[Path]:
-    """What `mkdir(parents=True)` would make, the innermost first."""
-    return [place for place in (folder, *folder.parents) if not place.exists()]
 
 
 def remove_empty(folders: Iterable[Path]) -> None:

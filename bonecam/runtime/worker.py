@@ -120,8 +120,12 @@ def serve() -> None:
     its data may take, and the number of the connection over which it is told what to do, and answers."""
     parent, memory, connection = map(int, sys.argv[1:])
     end_with_parent(parent)
-    if memory:
-        _limit_memory(memory)
+    with suppress(ImportError):  # Windows
+        import resource
+
+        if memory:  # of its data: address space that is only reserved, as that of threads is, does not count
+            most = resource.getrlimit(resource.RLIMIT_DATA)[1]
+            resource.setrlimit(resource.RLIMIT_DATA, (memory if most < 0 else min(memory, most), most))
     answer = Connection(connection)
     work, arguments = answer.recv()
     try:
@@ -132,26 +136,11 @@ def serve() -> None:
         if isinstance(error, MemoryError) or (isinstance(error, OSError) and error.errno == errno.ENOMEM):
             outcome = WorkerError(f"wanted more than {memory / 2**30:.3g} GB of memory")
     sys.stdout.flush()
-    answer.send_bytes(_packed(outcome))
-
-
-def _packed(outcome: Any) -> bytes:
-    """The last answer; an error that cannot be sent becomes its text."""
     try:
-        return pickle.dumps((True, outcome))
+        packed = pickle.dumps((True, outcome))
     except Exception as error:
-        return pickle.dumps((True, RuntimeError(f"{outcome!r} cannot be sent: {error}")))
-
-
-def _limit_memory(size: int) -> None:
-    """Limit the memory of the process's data where the system can. Address space that is only reserved, as that of
-    threads is, does not count."""
-    try:
-        import resource
-    except ImportError:  # Windows
-        return
-    most = resource.getrlimit(resource.RLIMIT_DATA)[1]
-    resource.setrlimit(resource.RLIMIT_DATA, (size if most < 0 else min(size, most), most))
+        packed = pickle.dumps((True, RuntimeError(f"{outcome!r} cannot be sent: {error}")))
+    answer.send_bytes(packed)
 
 
 PR_SET_PDEATHSIG = 1

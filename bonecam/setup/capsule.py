@@ -71,15 +71,8 @@ class Capsule(Stock):
         high = np.maximum(self.start, self.end) + self.radius
         return np.array([low, high])
 
-    @property
-    def has_edges(self) -> bool:
-        """A capsule has no edges."""
-        return False
-
-    @property
-    def has_flats(self) -> bool:
-        """A capsule has no flat faces."""
-        return False
+    has_edges = False
+    has_flats = False
 
     def move(self, shift: Float[ndarray, "3"]) -> "Capsule":
         """The capsule translated by `shift`, mm."""
@@ -110,17 +103,7 @@ class Capsule(Stock):
         )
         return distance, normals
 
-    def signed_distance(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n"]:
-        """Distance of each point to the surface, mm, negative inside."""
-        return self.distances_and_normals(points)[0]
-
-    def normals(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
-        """Unit directions away from the axis segment; for points on it one direction across it."""
-        return self.distances_and_normals(points)[1]
-
-    def larger(self, points: Float[ndarray, "n 3"], lack: float) -> str:
-        """The larger sizes to give in the job where `points` need up to `lack` mm more material."""
-        return larger_sizes(self, points, lack)
+    larger = larger_sizes
 
     @cached_property
     def _frame(self) -> Float[ndarray, "3 3"]:

@@ -152,10 +152,7 @@ class RoundedStock(Stock):
         """Lowest and highest corner of the bounding box, mm."""
         return self.core.bounds + self.radius * np.array([[-1.0], [1.0]])
 
-    @property
-    def has_edges(self) -> bool:
-        """A rounded stock has no edges."""
-        return False
+    has_edges = False
 
     def move(self, shift: Float[ndarray, "3"]) -> "RoundedStock":
         """The body translated by `shift`, mm."""

@@ -54,11 +54,13 @@ class Stock(Protocol):
 
     @property
     def diameter(self) -> float:
-        """Largest extent across the Z axis, mm."""
+        """Largest extent across the Z axis, mm: the longer side of the bounding box, if nothing else is said."""
+        return float((self.bounds[1] - self.bounds[0])[:2].max())
 
     @property
     def length(self) -> float:
         """Extent along the axis, mm."""
+        return float(self.bounds[1, 2] - self.bounds[0, 2])
 
     @property
     def sizes(self) -> dict[str, float]:
@@ -72,7 +74,8 @@ class Stock(Protocol):
 
     @property
     def middle(self) -> Float[ndarray, "3"]:
-        """The middle of the body, mm."""
+        """The middle of the body, mm: that of the bounding box, if nothing else is said."""
+        return self.bounds.mean(0)
 
     @property
     def bounds(self) -> Float[ndarray, "2 3"]:
@@ -108,15 +111,17 @@ class Stock(Protocol):
 
     def signed_distance(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n"]:
         """Distance of each point to the surface, mm, negative inside."""
+        return self.distances_and_normals(points)[0]
 
     def normals(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
         """Unit outward normals of the surface at the points nearest to `points`."""
+        return self.distances_and_normals(points)[1]
 
     def mesh(self, chord_tolerance: float) -> TriangleMesh:
         """A closed outward mesh, its vertices on the surface, its faces within `chord_tolerance` mm of it."""
 
     def distances_and_normals(self, points: Float[ndarray, "n 3"]) -> tuple[Float[ndarray, "n"], Float[ndarray, "n 3"]]:
-        """Signed distances (mm) and outward normals in one pass."""
+        """Signed distances (mm) and outward normals in one pass; a body has this, or either alone."""
         return self.signed_distance(points), self.normals(points)
 
     def closest_points(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
@@ -314,11 +319,6 @@ class StockKind:
     centres: bool = False
 
 
-def kind_of(job: StockJob) -> StockKind:
-    """What the kind of stock of a job tells of itself."""
-    return _kind(job.kind)
-
-
 def stock_round(job: StockJob, part: "LyingPart", schedule: Schedule) -> Stock:
     """The stock of a job round a part. JobError where a kind that was added makes none."""
     make = kind_of(job).make
@@ -330,6 +330,11 @@ def stock_round(job: StockJob, part: "LyingPart", schedule: Schedule) -> Stock:
         what = f"the stock {job.kind!r} that was added makes {stock!r}"
         raise JobError(f"{what}: let `make` return a stock, such as a ConvexStock", name=job.kind)
     return stock
+
+
+def kind_of(job: StockJob) -> StockKind:
+    """What the kind of stock of a job tells of itself."""
+    return _kind(job.kind)
 
 
 def _kind(name: str) -> StockKind:

@@ -59,17 +59,13 @@ def checked(kind: type[R], values: Mapping[str, Any]) -> R:
     try:
         return kind.model_validate(values)
     except ValidationError as error:
-        faults = [(_key(_place(item)), _why(item, kind)) for item in error.errors(include_url=False)]
-        raise Faults(faults) from error
+        raise Faults([(_key(item), _why(item, kind)) for item in error.errors(include_url=False)]) from error
 
 
-def _place(fault: ErrorDetails) -> tuple[int | str, ...]:
+def _key(fault: ErrorDetails) -> str:
+    """The place of a fault in a file as one writes it: X.speed, statements[2].effect; a table of one letter: [X]."""
     error = fault.get("ctx", {}).get("error")
-    return (*fault["loc"], error.key) if isinstance(error, KeyFault) else fault["loc"]
-
-
-def _key(place: tuple[int | str, ...]) -> str:
-    """A place in a file as one writes it: X.speed, statements[2].effect; a table of one letter: [X]."""
+    place = (*fault["loc"], error.key) if isinstance(error, KeyFault) else fault["loc"]
     key = ""
     for part in place:
         key += f"[{part}]" if isinstance(part, int) else f".{part[:40]}"
@@ -78,20 +74,16 @@ def _key(place: tuple[int | str, ...]) -> str:
 
 
 def _why(fault: ErrorDetails, kind: type[Record]) -> str:
+    """What is wrong, and the remedy; of a key that is unknown where it stands, what is known there."""
     if fault["type"] == "extra_forbidden":
-        known = _keys_beside(fault["loc"], kind)
+        inside = kind
+        for part in fault["loc"][:-1]:
+            if isinstance(part, str) and part in inside.model_fields:
+                inside = _record_in(inside.model_fields[part].annotation) or inside
+        known = sorted(inside.model_fields)
         return f"unknown key{did_you_mean(str(fault['loc'][-1]), known)}: use one of {', '.join(known)}"
     text = _WHY.get(fault["type"], "{shown}: correct it")
     return text.format(shown=shown(fault["input"]), **fault.get("ctx", {}))
-
-
-def _keys_beside(place: tuple[int | str, ...], kind: type[Record]) -> list[str]:
-    """The keys that a schema knows where the last part of a place stands."""
-    inside: type[Record] = kind
-    for part in place[:-1]:
-        if isinstance(part, str) and part in inside.model_fields:
-            inside = _record_in(inside.model_fields[part].annotation) or inside
-    return sorted(inside.model_fields)
 
 
 def _record_in(annotation: object) -> type[Record] | None:

@@ -45,7 +45,20 @@ def _parsed(text: str) -> dict[str, Any]:
         raise Faults([("", f"tables and lists nest deeper than {DEEPEST}")]) from error
     except ValueError as error:
         raise Faults([("", str(error))]) from error
-    _check_bounds(values)
+    faults = []
+    waiting: list[tuple[str, Any, int]] = [("", values, 0)]
+    while waiting:
+        key, value, depth = waiting.pop()
+        if depth > DEEPEST:
+            raise Faults([(key, f"tables and lists nest deeper than {DEEPEST}")])
+        if isinstance(value, dict):
+            waiting += [(f"{key}.{name}".lstrip("."), item, depth + 1) for name, item in value.items()]
+        elif isinstance(value, list):
+            waiting += [(f"{key}[{index}]", item, depth + 1) for index, item in enumerate(value)]
+        elif isinstance(value, int) and value.bit_length() >= BITS:
+            faults.append((key, f"a whole number of more than {BITS} bits: give a number that fits"))
+    if faults:
+        raise Faults(sorted(faults))
     return values
 
 
@@ -70,21 +83,3 @@ def lines_of_keys(text: str) -> dict[tuple[str, str], int]:
 def toml_lines(values: Mapping[str, bool | int | float | str]) -> list[str]:
     """The lines `key = value` of a table of plain values."""
     return tomli_w.dumps(dict(values)).removesuffix("\n").split("\n")
-
-
-def _check_bounds(values: dict[str, Any]) -> None:
-    """Faults where values nest too deep, or a whole number is none of TOML's."""
-    faults = []
-    waiting: list[tuple[str, Any, int]] = [("", values, 0)]
-    while waiting:
-        key, value, depth = waiting.pop()
-        if depth > DEEPEST:
-            raise Faults([(key, f"tables and lists nest deeper than {DEEPEST}")])
-        if isinstance(value, dict):
-            waiting += [(f"{key}.{name}".lstrip("."), item, depth + 1) for name, item in value.items()]
-        elif isinstance(value, list):
-            waiting += [(f"{key}[{index}]", item, depth + 1) for index, item in enumerate(value)]
-        elif isinstance(value, int) and value.bit_length() >= BITS:
-            faults.append((key, f"a whole number of more than {BITS} bits: give a number that fits"))
-    if faults:
-        raise Faults(sorted(faults))

@@ -1,8 +1,7 @@
-"""Where a cutter must be a ball: a bull nose or a flat end roughs the levels of a morph, and nothing else.
+"""A cutter as a stack of revolved shapes above the tip: ball, bull nose or flat end and flutes, shank, holder, spindle
+nose; where it must be a ball, and how deep that may sink into the material.
 
-How deep the ball of a cutter may sink into the material.
-
-The ball that holds the end of a cutter and touches the part where it does, whichever way the cutter leans.
+The ball that holds the end of a cutter touches the part where it does, whichever way the cutter leans.
 
 A bull nose of radius R with corners of radius r (a torus) that leans from the normal of the part by the lead angle phi
 touches with the circle of its corner whose normals make phi with the axis. All these normals meet on the axis:
@@ -15,9 +14,6 @@ circle where they touch, and cuts the same cusps where the cutter leans along th
 keeps the ball out of the part keeps the cutter out, and centre and tip lie H apart on every axis. Where the axis leans
 by delta more or less the cutter stays off the surface by (R - r) / sin(phi) (1 - cos(delta)).
 A ball-end cutter has R = r, and is its own. A flat end has r = 0: its rim lies on the ball.
-
-A cutter as a stack of revolved shapes above the tip: ball, bull nose or flat end and flutes, shank, holder, spindle
-nose.
 """
 
 import math
@@ -77,20 +73,13 @@ def check_depths(job: Job) -> None:
         radius = getattr(job, section).radius
         deepest = MAX_DEPTH_RADII * radius
         if depth > deepest:
-            name = _depth_field(job, level, len(first))
+            name = "finishing_depth" if level < len(first) else "roughing_depth"
+            name = "depths" if job.levels.listed else name
             bound = (
                 f"a ball of {section}.radius = {radius:g} mm sinks {deepest:g} mm at most ({MAX_DEPTH_RADII:g} of it)"
             )
             remedy = "give shallower cuts or a larger ball"
             raise field_error("levels", name, getattr(job.levels, name), f"{bound}: {remedy}")
-
-
-def _depth_field(job: Job, level: int, first: int) -> str:
-    """The field of the levels' job that gives the depth of a level's cut, where `first` depths are listed
-    apart."""
-    if job.levels.listed:
-        return "depths"
-    return "finishing_depth" if level < first else "roughing_depth"
 
 
 @dataclass(frozen=True)

@@ -41,17 +41,11 @@ def shell_round(part: TriangleMesh, covered: float, wall: float, gap: float) -> 
         )
     low, high = part.bounds[:, 2]
     opening = float(high - covered * (high - low))
-    inside = _grown(part, gap)
+    inside = TriangleMesh(part.vertices + gap * vertex_normals(part), part.faces)
     held = inside.vertices[inside.vertices[:, 2] > opening]
     radius = float(np.hypot(held[:, 0], held[:, 1]).max()) + wall
     block = cylinder(radius, opening, float(high) + gap + wall, CHORD)
     return solid_difference(block, inside)
-
-
-def _grown(part: TriangleMesh, gap: float) -> TriangleMesh:
-    """The part with its vertices moved out along their normals."""
-    moved: Float[ndarray, "n 3"] = part.vertices + gap * vertex_normals(part)
-    return TriangleMesh(moved, part.faces)
 
 
 GAP = 0.3
@@ -91,7 +85,8 @@ class SecondClamping:
 def read_shell(job: Job, part: Part) -> TriangleMesh | None:
     """The shell of a job in the frame of the placed part; None where the job has no second clamping.
 
-    FileError, UnitsError or MeshError where it cannot be read or is not closed, JobError where it does not fit.
+    FileError, UnitsError or MeshError where it cannot be read or is not closed, JobError where it does not fit: one of
+    the two enters the other, or the part may move to a side or further into the shell.
     """
     file = job.holding.second
     if not file:
@@ -101,8 +96,24 @@ def read_shell(job: Job, part: Part) -> TriangleMesh | None:
         shell = solid_union([given], [file]).move(part.transform)
     except MeshError as error:
         raise MeshError(f"[holding] second = {file!r}: {error}", file=file, **error.evidence) from error
-    _require_outside(part.mesh, shell, file)
-    _require_held(part.mesh, shell, file)
+    for solid, other in ((part.mesh, shell), (shell, part.mesh)):
+        points = probes(other)
+        depths = -MeshDistance(solid).signed(points)
+        worst = int(np.argmax(depths))
+        if depths[worst] > ENTERS:
+            what = f"it enters the part by {depths[worst]:.2f} mm near {place_name(points[worst])}"
+            raise field_error("holding", "second", file, f"{what}, allowed {ENTERS:g}: take the part out of it")
+    vectors = part.mesh.face_vectors
+    near = MeshDistance(shell).unsigned(part.mesh.vertices[part.mesh.faces].mean(axis=1), 2 * GAP) <= GAP
+    normals = vectors[near] / np.linalg.norm(vectors[near], axis=1)[:, None]
+    turns = 2 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
+    level = np.column_stack([np.cos(turns), np.sin(turns), np.zeros(DIRECTIONS)])
+    pushes = np.vstack([level, [[0.0, 0.0, 1.0]]])
+    held = (normals @ pushes.T).max(axis=0, initial=-1.0) >= np.cos(STEEPEST)
+    if not held.all():
+        x, y, z = pushes[np.argmin(held)]
+        what = f"it lets the part move towards ({x:.2f}, {y:.2f}, {z:.2f})"
+        raise field_error("holding", "second", file, f"{what}: bring its walls there within {GAP:g} mm of the part")
     return shell
 
 
@@ -130,29 +141,3 @@ def held_below(part: TriangleMesh, shell: TriangleMesh) -> float:
     away = near[:, :2] - near[:, :2].mean(axis=0)
     side = ((np.arctan2(away[:, 1], away[:, 0]) / (2 * np.pi) + 0.5) * SIDES).astype(np.int64) % SIDES
     return min(float(near[side == one, 2].max()) for one in np.unique(side))
-
-
-def _require_outside(part: TriangleMesh, shell: TriangleMesh, file: str) -> None:
-    """JobError where one of the two enters the other."""
-    for solid, other in ((part, shell), (shell, part)):
-        points = probes(other)
-        depths = -MeshDistance(solid).signed(points)
-        worst = int(np.argmax(depths))
-        if depths[worst] > ENTERS:
-            what = f"it enters the part by {depths[worst]:.2f} mm near {place_name(points[worst])}"
-            raise field_error("holding", "second", file, f"{what}, allowed {ENTERS:g}: take the part out of it")
-
-
-def _require_held(part: TriangleMesh, shell: TriangleMesh, file: str) -> None:
-    """JobError where the part may move to a side or further into the shell."""
-    vectors = part.face_vectors
-    near = MeshDistance(shell).unsigned(part.vertices[part.faces].mean(axis=1), 2 * GAP) <= GAP
-    normals = vectors[near] / np.linalg.norm(vectors[near], axis=1)[:, None]
-    turns = 2 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
-    level = np.column_stack([np.cos(turns), np.sin(turns), np.zeros(DIRECTIONS)])
-    pushes = np.vstack([level, [[0.0, 0.0, 1.0]]])
-    held = (normals @ pushes.T).max(axis=0, initial=-1.0) >= np.cos(STEEPEST)
-    if not held.all():
-        x, y, z = pushes[np.argmin(held)]
-        what = f"it lets the part move towards ({x:.2f}, {y:.2f}, {z:.2f})"
-        raise field_error("holding", "second", file, f"{what}: bring its walls there within {GAP:g} mm of the part")

@@ -8,7 +8,8 @@ import pytest
 
 from bonecam.errors import MachineError
 from bonecam.machine.bodies import Frustum, Table
-from bonecam.machine.machine import MACHINES, ChangeSeconds, machine_names, read_machine
+from bonecam.machine.machine import MACHINES, machine_names, read_machine
+from bonecam.machine.machine_file import SecondsTable
 
 
 def test_the_mikron_is_the_one_whose_post_could_be_read(axis):
@@ -248,7 +249,9 @@ def test_every_machine_that_ships_has_what_times_need_and_says_what_is_assumed(n
 
 def test_seconds_are_whole_or_refused(tmp_path: Path, write_machine: Callable[..., Path]) -> None:
     text = (MACHINES / "mikron-ucp600.toml").read_text()
-    assert read_machine(write_machine(tmp_path, text)).seconds == ChangeSeconds(6.0, 2.0, 2.0)
+    assert read_machine(write_machine(tmp_path, text)).seconds == SecondsTable(
+        tool_change=6.0, spindle_start=2.0, retract=2.0
+    )
     for right, wrong, told in (
         ("tool_change = 6.0\n", "", "seconds.tool_change: missing: add it"),
         ("retract = 2.0", "retract = -1.0", "seconds.retract: -1.0: give 0 or more"),

@@ -56,20 +56,15 @@ def read_job(path: str | Path, base: Job | None = None, tools: str | None = None
     except JobError as error:
         faults += error.evidence["faults"]
     if faults:
-        raise _error_of(path, text, faults)
+        lines = lines_of_keys(text)
+        placed = []
+        for section, field, what in faults:
+            line = lines.get((section, field)) or lines.get((section, ""))
+            placed.append((line or 0, section, field, f"line {line}: {what}" if line else what))
+        placed.sort(key=lambda fault: fault[0])
+        whole = job_error([fault[1:] for fault in placed], f"{path}: ")
+        raise JobError(str(whole), file=str(path), **whole.evidence)
     return job
-
-
-def _error_of(path: str | Path, text: str, faults: list[tuple[str, str, str]]) -> JobError:
-    """The error of all faults of a file, with their lines and in the order of these."""
-    lines = lines_of_keys(text)
-    placed = []
-    for section, field, what in faults:
-        line = lines.get((section, field)) or lines.get((section, ""))
-        placed.append((line or 0, section, field, f"line {line}: {what}" if line else what))
-    placed.sort(key=lambda fault: fault[0])
-    error = job_error([fault[1:] for fault in placed], f"{path}: ")
-    return JobError(str(error), file=str(path), **error.evidence)
 
 
 def write_job(job: Job, beside: dict[str, Any] | None = None) -> str:

@@ -31,9 +31,9 @@ from numpy import ndarray
 
 from bonecam.errors import JobError, did_you_mean
 from bonecam.files import input_text
-from bonecam.job.parameter import JobSection, parameter
+from bonecam.job.parameter import JobSection, millimetres, parameter
 from bonecam.runtime.own_files import named_files
-from bonecam.text.numbers import Faults, shown
+from bonecam.text.numbers import shown
 from bonecam.text.record import Record, checked
 from bonecam.text.toml import parse_toml
 
@@ -84,26 +84,6 @@ class CuttingForce:
     def array(self) -> Float[ndarray, "6"]:
         """The coefficients as an array."""
         return np.array(self.coefficients)
-
-
-def check_stiffness(table: StiffnessTable | None) -> None:
-    """ValueError where a number of [stiffness] is not positive."""
-    for name in ("elasticity", "density", "yield_strength") if table else ():
-        value = getattr(table, name)
-        if value <= 0:
-            raise ValueError(f"[stiffness] {name} = {value:g}: give a positive number")
-
-
-def check_force(table: ForceTable | None) -> None:
-    """ValueError where coefficients of [force] are negative, ktc is not positive, or the band does not hold 1."""
-    if table is None:
-        return
-    for name in NAMES:
-        value = getattr(table, name)
-        if value < 0 or (name == "ktc" and value == 0):
-            raise ValueError(f"[force] {name} = {value:g}: give a positive number")
-    if len(table.band) != 2 or not 0 < table.band[0] <= 1 <= table.band[1]:
-        raise ValueError(f"[force] band = {table.band}: give two multiples with 1 between, like [0.6, 1.9]")
 
 
 def cutting_force(force: ForceTable | None, yield_strength: float) -> CuttingForce:
@@ -189,9 +169,8 @@ def read_material(name: str) -> Material:
             field="name",
         )
     try:
-        table = checked(MaterialFile, parse_toml(input_text(path)))
-        return _material(path.stem, table)
-    except (Faults, ValueError) as error:
+        return _material(path.stem, checked(MaterialFile, parse_toml(input_text(path))))
+    except ValueError as error:
         raise JobError(f"{path}: {error}", file=str(path)) from error
     except OSError as error:
         raise JobError(f"{path}: {error.strerror}: give a readable material file", file=str(path)) from error
@@ -214,18 +193,21 @@ def _material(name: str, table: MaterialFile) -> Material:
             raise ValueError(f"mechanics_of = {shown(table.mechanics_of)}: give one of {known}")
         alike = read_material(table.mechanics_of)
         table = table.model_copy(update={"stiffness": alike.stiffness, "force": alike.force})
-    check_stiffness(table.stiffness)
-    check_force(table.force)
-    numbers = {key: value or 0.0 for key, value in {**fixed, **scaled}.items()}
+    for key in ("elasticity", "density", "yield_strength") if table.stiffness else ():
+        if getattr(table.stiffness, key) <= 0:
+            raise ValueError(f"[stiffness] {key} = {getattr(table.stiffness, key):g}: give a positive number")
+    if table.force:
+        for key in NAMES:
+            value = getattr(table.force, key)
+            if value < 0 or (key == "ktc" and value == 0):
+                raise ValueError(f"[force] {key} = {value:g}: give a positive number")
+        band = table.force.band
+        if len(band) != 2 or not 0 < band[0] <= 1 <= band[1]:
+            raise ValueError(f"[force] band = {band}: give two multiples with 1 between, like [0.6, 1.9]")
     return Material(
         name=name,
-        title=table.title,
-        source=table.source,
-        range=table.range,
-        note=table.note,
-        stiffness=table.stiffness,
-        force=table.force,
-        **numbers,  # type: ignore[arg-type]
+        **{key: getattr(table, key) for key in ("title", "source", "range", "note", "stiffness", "force")},
+        **{key: value or 0.0 for key, value in {**fixed, **scaled}.items()},  # type: ignore[arg-type]
     )
 
 
@@ -233,15 +215,14 @@ def _material(name: str, table: MaterialFile) -> Material:
 class MechanicsJob(JobSection):
     """What bending under the force of the cut may do to the part, as it is told of a program."""
 
-    largest_error: float = parameter(
+    largest_error: float = millimetres(
         0.05,
         "Largest error",
         "Error that bending may leave on 99 % of the finished surface; the paper's own bound.",
-        unit="mm",
-        low=0.001,
-        high=10.0,
+        0.001,
+        10.0,
     )
     refuse: bool = parameter(
         True, "Refuse", "Refuse a program whose stress or error is larger; false: header and summary tell it."
     )
-    flutes: int = parameter(2, "Flutes", "Cutting edges of a cutter whose section does not tell.", low=1, high=4)
+    flutes: int = parameter(2, "Flutes", "Cutting edges of a cutter whose section does not tell.", 1, 4)

@@ -46,24 +46,9 @@ class Box(Stock):
         return np.array([self.low, self.high])
 
     @property
-    def diameter(self) -> float:
-        """The longer side across the Z axis, mm."""
-        return float((self.high - self.low)[:2].max())
-
-    @property
-    def length(self) -> float:
-        """Extent along Z, mm."""
-        return float(self.high[2] - self.low[2])
-
-    @property
     def sizes(self) -> dict[str, float]:
         """The sides of the stock along X, Y and Z, mm."""
         return box_sizes(self.bounds)
-
-    @property
-    def middle(self) -> Float[ndarray, "3"]:
-        """The middle of the box, mm."""
-        return (self.low + self.high) / 2
 
     def move(self, shift: Float[ndarray, "3"]) -> "Box":
         """The box translated by `shift`, mm."""
@@ -77,9 +62,7 @@ class Box(Stock):
         """The box with its edges and corners rounded by `radius` mm."""
         return RoundedStock(self.offset(-radius), radius)
 
-    def larger(self, points: Float[ndarray, "n 3"], lack: float) -> str:
-        """The larger sizes to give in the job where `points` need up to `lack` mm more material."""
-        return larger_sizes(self, points, lack)
+    larger = larger_sizes
 
     def _outside(self, points: ndarray) -> tuple[ndarray, ndarray]:
         """How far each point is outside the nearer face of each pair (n, 3), mm, and the signs of those faces'

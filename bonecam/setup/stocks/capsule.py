@@ -36,29 +36,6 @@ def capsule_of_fewest_cuts(points: Float[ndarray, "n 3"], job: StockJob, schedul
     return min((smallest, *near[:: 1 + len(near) // CUTS_TRIED]), key=cuts)
 
 
-def capsule_of_diameter(
-    diameter: float, points: Float[ndarray, "n 3"], allowance: float, otherwise: str = ""
-) -> Capsule:
-    """The shortest capsule of this diameter on the Z axis that holds the points with `allowance` mm of
-    material around them.
-
-    Raises StockError where none does; `otherwise` is added to its remedy.
-    """
-    reach = np.linalg.norm(points[:, :2], axis=1)
-    inner = diameter / 2 - allowance
-    worst = int(np.argmax(reach))
-    if reach[worst] >= inner:
-        height = points[worst, 2] - points[:, 2].min()
-        where = f"{reach[worst]:.2f} mm from the axis and {height:.2f} mm above its lower end"
-        raise StockError(
-            f"a capsule of diameter {diameter:g} mm does not hold the part {where}, and {allowance:g} mm "
-            f"(stock.allowance) round it: give at least {2 * (reach[worst] + allowance):.2f}{otherwise}",
-            distance=float(reach[worst] - inner),
-            place=points[worst],
-        )
-    return shortest_capsule(points, reach, inner, diameter / 2)
-
-
 def capsule_of_size(diameter: float, length: float, middle: float) -> Capsule:
     """A capsule of this size on the Z axis about z = `middle`. StockError names the setting where there is
     none."""
@@ -82,7 +59,19 @@ def _make(job: StockJob, part: LyingPart, schedule: Schedule) -> Capsule:
     if not (job.diameter or job.length):
         return capsule_of_fewest_cuts(part.points, job, schedule)
     if not job.length:
-        return capsule_of_diameter(job.diameter, part.points, job.allowance, pose_remedy(job))
+        reach = np.linalg.norm(part.points[:, :2], axis=1)
+        inner = job.diameter / 2 - job.allowance
+        worst = int(np.argmax(reach))
+        if reach[worst] >= inner:
+            height = part.points[worst, 2] - part.points[:, 2].min()
+            where = f"{reach[worst]:.2f} mm from the axis and {height:.2f} mm above its lower end"
+            raise StockError(
+                f"a capsule of diameter {job.diameter:g} mm does not hold the part {where}, and {job.allowance:g} mm "
+                f"(stock.allowance) round it: give at least {2 * (reach[worst] + job.allowance):.2f}{pose_remedy(job)}",
+                distance=float(reach[worst] - inner),
+                place=part.points[worst],
+            )
+        return shortest_capsule(part.points, reach, inner, job.diameter / 2)
     return capsule_of_size(job.diameter, job.length, part.middle)
 
 

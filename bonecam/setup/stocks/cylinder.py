@@ -79,9 +79,7 @@ class Cylinder(Stock):
             return Capsule(start, end, self.radius)
         return RoundedStock(self.offset(-radius), radius)
 
-    def larger(self, points: Float[ndarray, "n 3"], lack: float) -> str:
-        """The larger sizes to give in the job where `points` need up to `lack` mm more material."""
-        return larger_sizes(self, points, lack)
+    larger = larger_sizes
 
     def _local(self, points: ndarray) -> tuple[ndarray, ndarray, ndarray, ndarray]:
         """For each point the unit vector (n, 2) across the axis, the distances outside the wall and outside the

@@ -63,24 +63,9 @@ class ConvexStock(Stock):
         return self.surface.bounds
 
     @property
-    def diameter(self) -> float:
-        """The longer side across the Z axis, mm."""
-        return float((self.bounds[1] - self.bounds[0])[:2].max())
-
-    @property
-    def length(self) -> float:
-        """Extent along Z, mm."""
-        return float(self.bounds[1, 2] - self.bounds[0, 2])
-
-    @property
     def sizes(self) -> dict[str, float]:
         """The extents of the stock along X, Y and Z, mm."""
         return box_sizes(self.bounds)
-
-    @property
-    def middle(self) -> Float[ndarray, "3"]:
-        """The middle of the bounding box, mm."""
-        return self.bounds.mean(0)
 
     def move(self, shift: Float[ndarray, "3"]) -> "ConvexStock":
         """The body translated by `shift`, mm."""
@@ -138,15 +123,6 @@ class ConvexStock(Stock):
         sign = np.where((away * (closest - self.surface.vertices.mean(0))).sum(1) < 0, -1.0, 1.0)
         unit = away * (sign / np.where(touching, 1.0, distance))[:, None]
         return sign * distance, np.where(touching[:, None], self._normals[face], unit)
-
-    def signed_distance(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n"]:
-        """Distance of each point to the surface, mm, negative inside."""
-        return self.distances_and_normals(points)[0]
-
-    def normals(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
-        """Unit outward normals at the nearest points; from the edge or corner to the point where the nearest
-        is on one."""
-        return self.distances_and_normals(points)[1]
 
     def mesh(self, chord_tolerance: float) -> TriangleMesh:
         """The body's mesh, its edges split until they are as short as those of a cylinder as wide."""

@@ -9,7 +9,8 @@ import pytest
 from numpy import ndarray
 
 from bonecam.job import Job
-from bonecam.machine.machine import ChangeSeconds, Machine, read_machine
+from bonecam.machine.machine import Machine, read_machine
+from bonecam.machine.machine_file import SecondsTable
 from bonecam.nc.dialect import read_dialect
 from bonecam.nc.path_words import post_path
 from bonecam.nc.posting import write_program
@@ -18,7 +19,7 @@ from bonecam.planning.motion_time import motion_minutes
 from bonecam.tool.path import MoveKind
 
 UCP, XYZBC = read_machine("mikron-ucp600"), read_machine("linuxcnc-xyzbc")
-AT_ONCE = ChangeSeconds(0.0, 0.0, 0.0)
+AT_ONCE = SecondsTable(tool_change=0.0, spindle_start=0.0, retract=0.0)
 
 
 def time_of(paths, machine: Machine = UCP, controller: str = "heidenhain", **nc: object) -> ProgramTime:
