@@ -47,7 +47,7 @@ from bonecam.planning.contacts import (
 from bonecam.planning.estimate import cutter_of, depth_limits
 from bonecam.planning.oriented_path import orient
 from bonecam.planning.post_length import parting_lift
-from bonecam.planning.rest_machining import RestMachining, after_steps, too_deep
+from bonecam.planning.rest_machining import RestMachining, after_steps, held_axes, too_deep
 from bonecam.planning.scene import Scene, distance_to_part, held_level
 from bonecam.planning.stump import groove_below, groove_core, parting_contacts, parting_cutters
 from bonecam.progress import Progress, report, silent
@@ -277,8 +277,11 @@ class _Planning:
 
         def cut(contacts: ContactPath, material: InProcessStock, own: bool = False) -> Cut:
             def oriented(contacts: ContactPath) -> ToolPath:
-                wanted = smooth.wanted_for(contacts) if smooth is not None else None
                 job = self.job
+                wanted = smooth.wanted_for(contacts) if smooth is not None else None
+                if wanted is not None and (contacts.rest or contacts.cutter.name == "fine"):
+                    checker = CollisionChecker(scene, contacts.cutter)
+                    contacts, wanted = held_axes(contacts, wanted, checker, self.limits, job.path)
                 fixed = None
                 if job.path.orientation == "published":
                     checker = CollisionChecker(scene, contacts.cutter)

@@ -5,6 +5,9 @@ deeper than allowed. A rest path goes over these places with its ball raised unt
 and leaves half of what the level's own cut may take; so does the next one over what is still too deep behind it. A
 step may be deeper than the level's cut, which alone decides the error that is kept. Of the patterns that may be
 taken, the paths follow the one that takes less time: in a fillet round a pole rings, in a groove lines along it.
+
+Short passes are not worth turning the table for: they are cut from as few directions as reach them, chosen greedily
+(set cover) among the machine's candidates, each pass as near to its smooth axes as the others' share allows.
 """
 
 from collections.abc import Sequence
@@ -14,8 +17,14 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
+from bonecam.arrays import angles_between, unit
+from bonecam.job import PathJob
+from bonecam.machine.limits import MachineLimits
 from bonecam.material.dexels import move_depths
 from bonecam.material.in_process_stock import InProcessStock
+from bonecam.planning.axes.lead import COSINE_ROUNDING, directions_within, has_room
+from bonecam.planning.axes.tool_axes import WantedAxes
+from bonecam.planning.collision import CollisionChecker
 from bonecam.planning.contacts import (
     MAX_LIFT_RADII,
     UNCERTAIN,
@@ -39,6 +48,8 @@ MAX_ROUNDS = 20
 """Times that a ball is moved out of the material, at most."""
 OVERSHOOT = 1.2
 """A ball is moved by its excess depth times this factor, to get out of narrow places in fewer rounds."""
+TURN_COST = 0.5
+"""Share of a pass's length that a direction loses for each radian that it is off the pass's smooth axes."""
 ENTRY = 0.6 / 60
 """Time from the end of one rest pass to the begin of the next, minutes: links whose turns take 0.5 s, and retracts."""
 
@@ -121,6 +132,59 @@ def after_steps(path: ContactPath, material: InProcessStock, allowed: DepthLimit
     between = move_depths(material.depths, path.centres[first], path.centres[last], radius)
     goes_on[goes_on] = between <= allowed.deepest
     return replace(path.take(kept), pass_index=np.r_[0, np.cumsum(~goes_on)][: len(kept)])
+
+
+def held_axes(
+    path: ContactPath, wanted: WantedAxes, checker: CollisionChecker, limits: MachineLimits, job: PathJob
+) -> tuple[ContactPath, WantedAxes]:
+    """The path and its wanted axes, each pass held in one of as few directions as reach whole passes free of collision,
+    and the passes in the order in which the machine gets from one to the next soonest. Passes that none reaches keep
+    their axes, and all do on a machine that has few."""
+    if limits.narrow:
+        return path, wanted
+    directions = directions_within(limits)
+    directions = directions[limits.allow(directions)]
+    starts = np.flatnonzero(np.r_[True, np.diff(path.pass_index) != 0])
+    rows = np.split(np.arange(len(path.contacts)), starts[1:])
+    steps = np.r_[0.0, np.linalg.norm(np.diff(path.centres, axis=0), axis=1)]
+    steps[starts] = 0.0
+    cosines = path.normals @ directions.T
+    highest = np.cos(np.radians(job.least_lead_deg)) + COSINE_ROUNDING
+    leaning = (cosines <= highest) & (cosines >= np.cos(np.radians(job.max_tilt_deg)) - COSINE_ROUNDING)
+    reached = np.logical_and.reduceat(leaning, starts, axis=0)
+    off = np.array([angles_between(unit(wanted.axes[each].sum(axis=0)[None]), directions) for each in rows])
+    worth = np.maximum(np.add.reduceat(steps, starts)[:, None] * (1 - TURN_COST * off), 0.0) * reached
+
+    axes, proven = wanted.axes.copy(), np.zeros(len(directions), dtype=bool)
+    while (worth > 0).any():
+        best = int(worth.sum(axis=0).argmax())
+        passes = np.flatnonzero(worth[:, best] > 0)
+        contacts = np.concatenate([rows[each] for each in passes])
+        if proven[best]:
+            axes[contacts] = directions[best]
+            worth[passes] = 0.0
+            continue
+        proven[best] = True
+        balls, tried = path.centres[contacts], np.tile(directions[best], (len(contacts), 1))
+        free = has_room(tried, balls, checker.cutter, checker.scene.clamping)
+        free[free] = checker.free_by_distance(balls[free], tried[free])
+        worth[passes[np.unique(np.repeat(np.arange(len(passes)), [len(rows[k]) for k in passes])[~free])], best] = 0.0
+
+    # from each pass to the one that is reached soonest
+    first, last = starts, np.r_[starts[1:], len(axes)] - 1
+    order, left = [0], np.arange(1, len(starts))
+    while len(left):
+        end = last[order[-1]]
+        away = np.linalg.norm(path.centres[first[left]] - path.centres[end], axis=1) / path.cutter.feed
+        turn = angles_between(axes[first[left]], np.tile(axes[end], (len(left), 1))) / limits.turn_speed
+        soonest = int((away + turn).argmin())
+        order.append(int(left[soonest]))
+        left = np.delete(left, soonest)
+    turned = np.concatenate([rows[k] for k in order])
+    number = np.repeat(np.arange(len(order)), [len(rows[k]) for k in order])
+    certified = wanted.certified & (axes == wanted.axes).all(axis=1)
+    cones = wanted.cones.at(turned) if wanted.cones else None
+    return replace(path.take(turned), pass_index=number), WantedAxes(axes[turned], certified[turned], cones)
 
 
 def _step(

@@ -9,8 +9,7 @@ Axes eased where the machine's rotary axes would hold up the cut.
 Where the tip hardly moves while the tool turns, a rotary axis at its speed limit holds the tip below the feed, and the
 ball rubs. A move is slow where its turn lets less than SHARE of the cutter's feed. Round slow moves the axes become
 their means over a stretch of the pass, which spreads the turn over the neighbours; stretches grow as long as slow moves
-are left. A pass that is slow then and has no cones, as those of rest paths, is held in one axis near the mean of all,
-if one is admissible. An axis is changed only where the machine reaches the new one, it leans from the normal by no more
+are left. An axis is changed only where the machine reaches the new one, it leans from the normal by no more
 than is allowed and by no less than before or than the least lead, it stays in its cone if it was in one, and tool and
 moves are proven free. Rings round the post stay slow: there the table must turn once.
 
@@ -20,13 +19,12 @@ clamping. What it does not find free is left out.
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from itertools import product
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
-from bonecam.arrays import angles_between, lengths, perpendicular, unit
+from bonecam.arrays import angles_between, lengths, unit
 from bonecam.job import PathJob
 from bonecam.machine.limits import MachineLimits
 from bonecam.planning.axes.lead import (
@@ -176,9 +174,6 @@ SHARE = 0.55
 take."""
 STRETCHES = (0.5, 1.0, 2.0, 4.0, 8.0)
 """Half lengths of the stretches that are tried, mm."""
-LEANS = np.radians([10.0, 20.0, 30.0])
-"""Angles (radians) from the mean of a pass of the axes that it is held in, so many of them round it at each:"""
-AROUND = 8
 
 
 def eased_axes(
@@ -198,11 +193,6 @@ def eased_axes(
         if not slow.any():
             break
         axes = easing.eased(axes, slow, half)
-    for lean, turn in product(LEANS, range(AROUND)):
-        slow = easing.slow(axes)
-        if not (slow & ~easing.in_cone).any():
-            break
-        axes = easing.held(axes, slow, lean, 2 * np.pi * turn / AROUND)
     changed = (axes != chosen.axes).any(axis=1)
     beside = changed | np.r_[False, changed[:-1]] | np.r_[changed[1:], False]
     return replace(chosen, axes=axes, free_in_motion=chosen.free_in_motion & ~beside)
@@ -265,28 +255,8 @@ class _Easing:
             inside = share > 0
             part[rows] = np.where(inside, parts + np.cumsum(np.diff(inside, prepend=False)), -1)
             parts += len(rows) + 1
-        return self._taken(axes, self._within(tried), part, slow)
-
-    def held(
-        self, axes: Float[ndarray, "n 3"], slow: Bool[ndarray, " n"], lean: float, turn: float
-    ) -> Float[ndarray, "n 3"]:
-        """The axes; passes with slow moves and without cones are held in one that leans from their mean to some side
-        (radians)."""
-        tried = axes.copy()
-        part = np.full(len(axes), -1)
-        for number, rows in enumerate(self.rows):
-            if slow[rows].any() and not self.in_cone[rows].any():
-                mean = unit(axes[rows].sum(axis=0)[None])
-                side = perpendicular(mean)
-                to = np.cos(turn) * side + np.sin(turn) * np.cross(mean, side)
-                tried[rows] = np.cos(lean) * mean + np.sin(lean) * to
-                part[rows] = number
-        return self._taken(axes, self._within(tried), part, slow)
-
-    def _within(self, tried: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
-        """The axes led round the pole and, where the machine has few, brought to those that it has."""
         tried = avoid_singularity(tried, self.path.centres, self.piece)
-        return self.limits.nearest(tried) if self.limits.narrow else tried
+        return self._taken(axes, self.limits.nearest(tried) if self.limits.narrow else tried, part, slow)
 
     def _in_cones(self, axes: Float[ndarray, "n 3"]) -> Bool[ndarray, " n"]:
         """Whether each axis is in its contact's cone."""

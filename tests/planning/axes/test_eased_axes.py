@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy import ndarray
 
-from bonecam.arrays import angles_between, unit
+from bonecam.arrays import angles_between
 from bonecam.job import PathJob
 from bonecam.machine.limits import MachineLimits
 from bonecam.planning.axes.tool_axes import ToolAxes, WantedAxes, eased_axes
@@ -127,15 +127,6 @@ def test_axes_that_lie_in_their_cones_stay_there(
     made = eased_axes(path, chosen, wanted, Open(), LIMITS, PathJob())
     assert (made.axes != chosen.axes).any() == changes
     assert angles_between(made.axes, chosen.axes).max() < np.radians(angle_deg)
-
-
-def test_a_short_pass_whose_axis_runs_round_is_held(pass_of: Callable[[ndarray], tuple[ContactPath, ToolAxes]]) -> None:
-    """Means of a whole turn stand on the normal, nearer than the least lead: the axis is held beside it."""
-    path, chosen = pass_of(np.linspace(0, 2 * np.pi, 21))
-    made = eased(path, chosen, Open())
-    assert feeds(path, made.axes).min() > 0.5 * FEED
-    assert np.allclose(made.axes, unit(made.axes[:1]))
-    assert angles_between(made.axes, path.normals).min() > np.radians(PathJob().least_lead_deg) - 1e-9
 
 
 def test_a_contact_without_a_cone_is_not_bound_by_another_ones(
