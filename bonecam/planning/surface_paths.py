@@ -325,7 +325,7 @@ def wanted_axes(
         direction = cones.free.directions[(contacts_of_node @ cones.free.free).argmax()]
         starts.append(AxisField.constant(domain, direction))
     facets = contact_facets(contacts, workpiece.surface)
-    make = partial(smooth_axes, cones, domain, limits, job, preset="membrane", facets=facets)
+    make = partial(smooth_axes, cones, domain, limits, job, facets=facets)
     best = soonest([make(start=start) for start in starts], limits)
     candidates = [best]
     # unless their energy is asked for: the weights of cells would leave more contacts outside their cones

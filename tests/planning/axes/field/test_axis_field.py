@@ -8,7 +8,6 @@ from bonecam.planning.axes.field import (
     ALONG,
     AROUND,
     BOUND_WEIGHT,
-    PRESETS,
     AxisBounds,
     AxisEnergy,
     AxisField,
@@ -73,7 +72,7 @@ def energy() -> AxisEnergy:
     bounds = AxisBounds(0.6, np.full(300, 1.0), 0.3, np.full(300, 0.9), cones, np.full(300, 0.1))
     places = PLACES[np.argsort(PLACES[:, 1])]
     times = RANDOM.uniform(0.01, 0.3, len(moves))
-    return AxisEnergy(places, normals, DOMAIN, 1, moves, times, (8.0, 5.0), bounds, PRESETS["membrane"])
+    return AxisEnergy(places, normals, DOMAIN, 1, moves, times, (8.0, 5.0), bounds)
 
 
 def residuals(energy: AxisEnergy, values: np.ndarray) -> np.ndarray:
@@ -111,7 +110,7 @@ def test_a_field_within_its_bounds_has_no_energy_of_bounds() -> None:
     cones = EllipticCones.circular(axes, np.full(300, 0.2))
     for margin, holds in ((0.1, True), (0.3, False)):
         bounds = AxisBounds(0.1, np.full(300, 2.0), 0.2, np.full(300, 1.2), cones, np.full(300, margin))
-        made = AxisEnergy(PLACES, normals, DOMAIN, 1, none, np.zeros(0), (np.inf, np.inf), bounds, PRESETS["membrane"])
+        made = AxisEnergy(PLACES, normals, DOMAIN, 1, none, np.zeros(0), (np.inf, np.inf), bounds)
         assert (np.abs(residuals(made, even)).max() < 1e-12) == holds
 
 
@@ -122,8 +121,7 @@ def test_an_angle_beyond_a_bound_from_the_normal_counts_as_one_beyond_a_cone(pol
     none = np.zeros(0, dtype=np.int64)
     bounds = AxisBounds(0.1, np.full(300, 2.0), 0.2, np.full(300, 1.2), EllipticCones.none(300), np.zeros(300))
     made = AxisEnergy(
-        *(PLACES, np.tile([0.0, 0.0, 1.0], (300, 1)), DOMAIN, 1, none, np.zeros(0)),
-        *((np.inf, np.inf), bounds, PRESETS["membrane"]),
+        *(PLACES, np.tile([0.0, 0.0, 1.0], (300, 1)), DOMAIN, 1, none, np.zeros(0)), *((np.inf, np.inf), bounds)
     )
     assert np.linalg.norm(residuals(made, even)) == pytest.approx(BOUND_WEIGHT * beyond, rel=0.05)
 
@@ -135,8 +133,7 @@ def test_one_constant_axis_has_no_energy_and_stays() -> None:
     bounds = AxisBounds(0.1, np.full(300, 2.0), 0.0, np.full(300, 3.0), cones, np.zeros(300))
     field = AxisField.constant(OPEN, axis)
     made = AxisEnergy(
-        *(PLACES, np.tile([0.0, 0.0, 1.0], (300, 1)), OPEN, 0, np.arange(299), np.full(299, 0.1)),
-        *((8.0, 5.0), bounds, PRESETS["thin-plate"]),
+        *(PLACES, np.tile([0.0, 0.0, 1.0], (300, 1)), OPEN, 0, np.arange(299), np.full(299, 0.1)), *((8.0, 5.0), bounds)
     )
     values = np.array([field.azimuth, field.polar])
     found, least = minimise(made, values, 5)

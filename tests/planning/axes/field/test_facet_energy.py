@@ -9,7 +9,6 @@ import pytest
 from bonecam.planning.axes.field import (
     ALONG,
     AROUND,
-    PRESETS,
     AxisBounds,
     AxisEnergy,
     ContactFacets,
@@ -71,10 +70,7 @@ def test_the_energy_on_facets_counts_beside_the_others(case: tuple[FieldDomain, 
     bounds = AxisBounds(0.0, np.full(count, 9.0), 0.0, np.full(count, 9.0), EllipticCones.none(count), np.zeros(count))
     none = np.zeros(0, dtype=np.int64)
     path = facets.path
-    alone = AxisEnergy(
-        *(path.parameters[rows], path.normals[rows], domain, 0, none, np.zeros(0), (8.0, 5.0)),
-        *(bounds, PRESETS["membrane"]),
-    )
+    alone = AxisEnergy(*(path.parameters[rows], path.normals[rows], domain, 0, none, np.zeros(0), (8.0, 5.0)), bounds)
     made = FacetEnergy.of(facets, domain, 1.0, 0.5)
     values = np.array([VALUES, 2 * VALUES])
     before = sum(part.energy for part in alone.residuals(values))

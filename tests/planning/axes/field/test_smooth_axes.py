@@ -44,11 +44,11 @@ NEAR = Clamping(clearance=0.5)
 Made = tuple[TSpline, ContactPath, Scene]
 
 
-def smoothed(made: Made, job: PathJob = JOB, preset: str = "membrane", start: AxisField | None = None) -> SmoothAxes:
+def smoothed(made: Made, job: PathJob = JOB, start: AxisField | None = None) -> SmoothAxes:
     surface, contacts, scene = made
     cones = admissible_cones(contacts, scene, LIMITS, job)
     facets = contact_facets(contacts, surface)
-    return smooth_axes(cones, FieldDomain.of(surface), LIMITS, job, preset, start, facets=facets)
+    return smooth_axes(cones, FieldDomain.of(surface), LIMITS, job, start, facets=facets)
 
 
 @pytest.fixture(scope="module")
@@ -203,7 +203,7 @@ def test_the_cones_of_a_level_are_put_before_fcl_unless_the_job_says_no(
 
 def test_a_field_made_for_more_than_the_feed_turns_less(case: Made, smooth: SmoothAxes) -> None:
     contacts = case[1]
-    smoother = smooth_axes(smooth.cones, smooth.field.domain, LIMITS, JOB, "membrane", haste=5.0)
+    smoother = smooth_axes(smooth.cones, smooth.field.domain, LIMITS, JOB, haste=5.0)
     assert rotary_travel(contacts, smoother.axes) < rotary_travel(contacts, smooth.axes)
 
 
@@ -211,9 +211,3 @@ def test_of_axes_that_are_as_soon_those_that_turn_less_are_taken(smooth: SmoothA
     axes = smooth.axes + 1e-4 * np.random.default_rng(1).normal(size=smooth.axes.shape)
     trembling = replace(smooth, axes=axes / np.linalg.norm(axes, axis=1)[:, None])
     assert soonest([trembling, smooth], LIMITS) is smooth
-
-
-def test_an_unknown_preset_is_refused(smooth: SmoothAxes) -> None:
-    domain = smooth.field.domain
-    with pytest.raises(ValueError, match="membrane, thin-plate or automatic"):
-        smooth_axes(smooth.cones, domain, LIMITS, JOB, "stiff")
