@@ -1,9 +1,14 @@
+"""The bar tells the stage, the time left, and that kernels are compiled."""
+
+import io
 import subprocess
 import sys
 from argparse import Namespace
 from collections.abc import Callable
 from pathlib import Path
 
+import numba
+import numpy as np
 import pytest
 from bonecam_meshes import path as shipped
 
@@ -11,7 +16,7 @@ import bonecam
 from bonecam.batch.run import WAITING
 from bonecam.cli import main
 from bonecam.cli.batch_display import BatchDisplay
-from bonecam.cli.stopping import ProgressLog
+from bonecam.cli.stopping import COMPILING, ProgressBar, ProgressLog
 from bonecam.errors import BonecamError
 from bonecam.job import Job, write_job
 from bonecam.machine import machine_names
@@ -328,3 +333,43 @@ def test_a_program_with_no_folder_of_its_run_is_told_to_name_it(
 ) -> None:
     assert main(["simulate", str(tmp_path / "bone.h")]) == 2
     assert "no folder of its run is named: give the one of `convert --keep` (--keep)" in capsys.readouterr().err
+
+
+def test_it_tells_share_stage_and_time_left_and_goes_away() -> None:
+    stream = io.StringIO()
+    with ProgressBar(stream) as bar:
+        bar(0.25, "level 3: passes")
+        assert " 25%" in stream.getvalue()
+        assert "<" in stream.getvalue()
+        assert "level 3: passes" in stream.getvalue()
+    assert stream.getvalue().endswith("\r")
+
+
+def test_it_tells_a_compilation_while_it_lasts() -> None:
+    stream = io.StringIO()
+
+    @numba.njit
+    def doubled(values: np.ndarray) -> np.ndarray:
+        return values * 2
+
+    with ProgressBar(stream) as bar:
+        bar(0.1, "first")
+        listened = numba.core.event.Listener
+
+        class During(listened):  # looks at the bar while numba compiles
+            def on_start(self, event: object) -> None:
+                bar(0.2, "second")
+
+            def on_end(self, event: object) -> None:
+                pass
+
+        numba.core.event.register("numba:compile", During())
+        doubled(np.ones(3))
+        bar(0.3, "third")
+    told = stream.getvalue()
+    assert f"{COMPILING}second" in told
+    assert f"{COMPILING}third" not in told
+
+
+def test_it_is_a_public_name() -> None:
+    assert bonecam.ProgressBar is ProgressBar

@@ -1,4 +1,9 @@
-"""What is left of the stock after a path, and what that does to the next level."""
+"""What is left of the stock after a path, and what that does to the next level.
+
+The mesh of what stands holds what rays tell.
+
+A mesh laid on a stock with edges follows them.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -12,13 +17,24 @@ from scipy.spatial import KDTree
 from bonecam.job import HoldingJob, NcJob, PathJob
 from bonecam.levels.measure import NO_CUT, Level, MachinedLevel, StockLevel
 from bonecam.machine.limits import MachineLimits
-from bonecam.material.in_process_stock import DEVIATION, InProcessStock, hull, remove_material, uncut_material
+from bonecam.material.dexels import dexels_of
+from bonecam.material.in_process_stock import (
+    DEVIATION,
+    InProcessStock,
+    holding,
+    hull,
+    places_on_stock,
+    remove_material,
+    uncut_material,
+)
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.planning.contacts import DepthLimits, candidate_contacts, contact_path
 from bonecam.planning.oriented_path import orient
 from bonecam.planning.scene import Scene
 from bonecam.setup.capsule import Capsule
+from bonecam.setup.stock import Stock
+from bonecam.setup.stocks.box import Box
 from bonecam.setup.stocks.cylinder import Cylinder
 from bonecam.surface.tspline import TSpline
 from bonecam.tool.cutter import Cutter
@@ -294,3 +310,60 @@ def test_a_rest_path_of_the_next_level_makes_no_ball_deeper(
     assert before.max() < 1e-9
     after, _ = remove_material(material, levels[0], rest).depths(centres, roughing_cutter.radius)
     assert after.max() < 1e-9
+
+
+BAR = Cylinder(5.0, 10.0, 30.0)
+
+
+def beyond(mesh: TriangleMesh, ends: np.ndarray) -> np.ndarray:
+    """How far what lies outside a mesh is from it, mm."""
+    surface = MeshDistance(mesh)
+    return np.maximum(surface.signed(ends), 0.0)
+
+
+def test_a_mesh_that_cuts_an_edge_off_is_moved_out_to_it() -> None:
+    mesh, ends = BAR.mesh(0.01), dexels_of(BAR).ends
+    assert beyond(mesh, ends).max() < 0.02
+    away = np.linalg.norm(mesh.vertices - [5.0, 0.0, 30.0], axis=1)
+    cut_off = mesh.vertices - np.clip(1.5 - away, 0, None)[:, None] * np.array([0.7, 0.0, 0.7])
+    cut = TriangleMesh(cut_off, mesh.faces)
+    assert beyond(cut, ends).max() > 0.5
+    held = holding(cut, ends)
+    assert beyond(held, ends).max() <= DEVIATION + 0.01
+    far = away > 4.0
+    assert np.array_equal(held.vertices[far], mesh.vertices[far])
+
+
+def test_a_mesh_that_holds_all_stays_as_it_is() -> None:
+    mesh = BAR.mesh(0.01)
+    assert holding(mesh, dexels_of(BAR).ends) is mesh
+
+
+BARS = {"cylinder": Cylinder(4.0, 10.0, 30.0), "box": Box(np.array([-5.0, -4.0, 10.0]), np.array([5.0, 4.0, 30.0]))}
+
+
+def missed(bar: Stock, points: np.ndarray, faces: np.ndarray) -> float:
+    """How far the bar reaches out of a mesh laid on it, mm."""
+    stands = bar.mesh(0.01)
+    corners = stands.vertices[stands.faces]
+    shares = np.random.default_rng(0).dirichlet([1, 1, 1], (len(corners), 40))
+    inside = (shares[..., None] * corners[:, None]).sum(axis=2).reshape(-1, 3)
+    everywhere = np.vstack([stands.vertices, inside])
+    return float(MeshDistance(TriangleMesh(points, faces)).signed(everywhere, 5.0).max())
+
+
+@pytest.mark.parametrize("kind", BARS)
+def test_a_mesh_laid_on_a_bar_follows_its_edges(kind: str) -> None:
+    bar = BARS[kind]
+    rounded = bar.round_edges(1.5).mesh(0.005)
+    laid = places_on_stock(bar, rounded.vertices, rounded.faces)
+    assert np.abs(bar.signed_distance(laid)).max() < 1e-9
+    assert missed(bar, bar.closest_points(rounded.vertices), rounded.faces) > 0.2
+    assert missed(bar, laid, rounded.faces) < 0.02
+
+
+def test_on_a_stock_without_edges_places_are_the_nearest() -> None:
+    capsule = Capsule(np.array([0.0, 0.0, 14.0]), np.array([0.0, 0.0, 26.0]), 4.0)
+    inner = capsule.offset(-0.5).mesh(0.005)
+    laid = places_on_stock(capsule, inner.vertices, inner.faces)
+    assert np.array_equal(laid, capsule.closest_points(inner.vertices))

@@ -116,3 +116,9 @@ def check_refused() -> Callable[[Path, bytes | str, str], None]:
         assert len(str(caught.value)) < 1000
 
     return check
+
+
+@pytest.fixture(scope="session")
+def bone(ellipsoid: Callable[..., TriangleMesh]) -> TriangleMesh:
+    """A convex part of 1,536 faces."""
+    return ellipsoid(5, 4, 14)

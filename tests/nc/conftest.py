@@ -1,4 +1,7 @@
-"""Paths that several tests of posting write."""
+"""Paths that several tests of posting write.
+
+The paths of a program with two tools.
+"""
 
 from collections.abc import Callable
 
@@ -15,3 +18,12 @@ def three_paths(capsule_path: Callable[..., ToolPath]) -> list[ToolPath]:
         capsule_path(level=4, radius=2.0, offset=1.0, count=60),
         capsule_path(level=0, radius=1.0, number=2, count=60),
     ]
+
+
+@pytest.fixture(scope="session")
+def paths(capsule_path: Callable[..., ToolPath]) -> tuple[ToolPath, ToolPath]:
+    """A level cut for roughing, and the last one for finishing."""
+    return (
+        capsule_path(level=5, radius=2.0, offset=1.5, number=1, count=150),
+        capsule_path(level=0, radius=1.0, number=2, count=150),
+    )

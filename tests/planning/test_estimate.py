@@ -1,5 +1,9 @@
-"""What a program is expected to take, before it is planned."""
+"""What a program is expected to take, before it is planned.
 
+What a cut leaves to the next one.
+"""
+
+import math
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -17,6 +21,7 @@ from bonecam.planning.estimate import (
     LayersToCut,
     estimate,
     estimate_lines,
+    least_depth,
 )
 from bonecam.setup.capsule import Capsule
 from bonecam.surface.tspline import TSpline
@@ -94,3 +99,15 @@ def test_before_levels_the_time_follows_from_the_areas_between_part_and_stock() 
     assert layers.minutes(one) == pytest.approx(TIME_FACTOR * evenly + 2 * MINUTES_A_LEVEL, rel=0.01)
     finer = one.with_values(levels={"depths": "0.1 0.1 0.1 0.5"})
     assert layers.minutes(finer) > 2 * layers.minutes(one)
+
+
+def test_a_roughing_cut_leaves_what_the_next_one_takes_off_in_any_case() -> None:
+    deep = Job(levels={"depths": "0.1 0.25 1", "scallop_share": 0.2})
+    assert [least_depth(level, deep) for level in range(5)] == pytest.approx([0.0, 0.0, 0.03, 0.1, 0.1])
+    assert [least_depth(level, Job()) for level in (0, 4, 5, 9)] == pytest.approx([0.0, 0.0, 0.03, 0.03])
+
+
+def test_a_job_may_have_everything_cut() -> None:
+    everywhere = {"levels": {"depths": "0.1 1", "scallop_share": 0.2}}
+    assert least_depth(3, Job(**everywhere, path={"least_depth": 0.0})) == 0.0
+    assert least_depth(3, Job(**everywhere, path={"pattern": "published"})) == -math.inf

@@ -1,13 +1,27 @@
-"""What the paths of all levels of a job leave, by the simulation of the posted text."""
+"""What the paths of all levels of a job leave, by the simulation of the posted text.
 
+Contacts at which a cut would be too deep are left out as they are planned, whatever part of the cutter cuts.
+"""
+
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy import ndarray
 
 import bonecam
+from bonecam.arrays import unit
+from bonecam.levels.measure import NO_CUT, MachinedLevel, StockLevel
+from bonecam.material.in_process_stock import InProcessStock, remove_material, uncut_material
 from bonecam.mesh.solids import revolve
-from bonecam.tool.path import PARTING
+from bonecam.planning.contacts import DepthLimits
+from bonecam.planning.levels import SLACK, cut_within_depth, within_depth
+from bonecam.setup.capsule import Capsule
+from bonecam.surface.tspline import TSpline
+from bonecam.tool.cutter import Cutter
+from bonecam.tool.path import PARTING, ContactPath, MoveKind, ToolPath
+from bonecam.verify.removal import ACCURACY
 
 JOB = bonecam.Job().with_values(
     mechanics={"refuse": False},
@@ -77,3 +91,136 @@ def test_the_part_comes_out_the_same_without_cuts_in_air(tmp_path: Path) -> None
     assert np.abs(heights[0] - heights[1]).max() < JOB.finishing.scallop
     areas = [one.report["removal"]["left"]["area_over_0_02_mm2"] for one in made]
     assert areas[0] == pytest.approx(areas[1], abs=0.5)
+
+
+ALLOWED = DepthLimits(0.5, 0.05)
+OUTWARD = np.array([1.0, 0.0, 0.0])
+
+
+@pytest.fixture(scope="module")
+def level(level_of: Callable[..., MachinedLevel], pebble: Callable[..., TSpline]) -> MachinedLevel:
+    return level_of(pebble())
+
+
+@pytest.fixture(scope="module")
+def material(level: MachinedLevel, upright_capsule: Capsule) -> InProcessStock:
+    return uncut_material([level, StockLevel(1, upright_capsule.mesh(0.01), 0.5, NO_CUT)], upright_capsule)
+
+
+@pytest.fixture
+def contacts(upright_capsule: Capsule, roughing_cutter: Cutter) -> Callable[[ndarray], ContactPath]:
+    """Makes contacts of one pass up the side of the stock, at which the ball goes so deep (mm)."""
+
+    def build(depths: ndarray) -> ContactPath:
+        heights = np.linspace(upright_capsule.start[2], upright_capsule.end[2], len(depths))
+        count, radius = len(depths), roughing_cutter.radius
+        surface = upright_capsule.radius - np.asarray(depths)
+        places = np.column_stack([surface, np.zeros(count), heights]) + upright_capsule.start * [1.0, 1.0, 0.0]
+        flat = np.zeros(count)
+        return ContactPath(
+            level=0,
+            cutter=roughing_cutter,
+            pass_index=np.zeros(count, dtype=np.int64),
+            parameters=np.column_stack([flat, flat]),
+            contacts=places,
+            normals=np.tile(OUTWARD, (count, 1)),
+            feeds=np.tile([0.0, 0.0, 1.0], (count, 1)),
+            centres=places + radius * OUTWARD,
+            lifts=flat,
+            ramp=np.zeros(count, dtype=bool),
+            uncut=np.zeros((0, 3)),
+            reasons=(),
+        )
+
+    return build
+
+
+@pytest.fixture
+def along(path_of: Callable[..., ToolPath]) -> Callable[[ndarray], Callable[[ContactPath], ToolPath]]:
+    """Makes paths over contacts with one tool axis."""
+
+    def build(axis: ndarray) -> Callable[[ContactPath], ToolPath]:
+        def oriented(contacts: ContactPath) -> ToolPath:
+            axes = np.tile(axis, (len(contacts.centres), 1))
+            tips = contacts.centres - contacts.cutter.radius * axes
+            kinds = np.full(len(tips), int(MoveKind.CUT))
+            return path_of(tips, axes, kinds=kinds, passes=contacts.pass_index, tool=contacts.cutter)
+
+        return oriented
+
+    return build
+
+
+def test_contacts_at_which_the_ball_goes_too_deep_are_found(
+    material: InProcessStock, level: MachinedLevel, contacts, along
+) -> None:
+    depths = np.full(60, 0.3)
+    depths[40] = 1.2
+    tried = contacts(depths)
+    path = along(OUTWARD)(tried)
+    kept = within_depth(tried, path, material, remove_material(material, level, path), ALLOWED)
+    assert not kept[40]
+    assert kept[:20].all()
+    shallow = contacts(np.full(60, 0.45))
+    path = along(OUTWARD)(shallow)
+    assert within_depth(shallow, path, material, remove_material(material, level, path), ALLOWED).all()
+
+
+def test_less_than_what_the_proof_allows_beyond_the_depth_is_found(
+    material: InProcessStock, level: MachinedLevel, contacts, along
+) -> None:
+    assert ALLOWED.deepest + SLACK + 0.01 < ALLOWED.limit + ALLOWED.scallop + ACCURACY.cell / 2
+    depths = np.full(60, 0.45)
+    depths[40:44] = ALLOWED.deepest + SLACK + 0.01
+    tried = contacts(depths)
+    path = along(OUTWARD)(tried)
+    kept = within_depth(tried, path, material, remove_material(material, level, path), ALLOWED)
+    assert not kept[40:44].all()
+    assert kept[:15].all()
+
+
+def test_depths_are_measured_as_near_to_one_another_as_in_the_proof(
+    material: InProcessStock, level: MachinedLevel, contacts, along
+) -> None:
+    """A ball that dips at one contact leaves a hollow that is less than 0.4 mm wide where it is too deep."""
+    found = 0
+    for at in range(20, 40):
+        depths = np.full(60, 0.45)
+        depths[at] = ALLOWED.deepest + SLACK + 0.01
+        tried = contacts(depths)
+        path = along(OUTWARD)(tried)
+        found += not within_depth(tried, path, material, remove_material(material, level, path), ALLOWED).all()
+    assert found == 20
+
+
+def test_flutes_that_cut_too_deep_above_a_shallow_ball_are_found(
+    material: InProcessStock, level: MachinedLevel, contacts, along
+) -> None:
+    tried = contacts(np.full(30, 0.3)).take(np.arange(10))
+    leaning = unit(np.array([[-0.3, 0.0, 1.0]]))[0]
+    path = along(leaning)(tried)
+    assert material.depths(tried.centres, tried.cutter.radius)[0].max() < 0.31
+    assert not within_depth(tried, path, material, remove_material(material, level, path), ALLOWED).any()
+
+
+def test_a_path_is_made_anew_without_them_and_tells_so(
+    material: InProcessStock, level: MachinedLevel, contacts, along
+) -> None:
+    depths = np.full(60, 0.3)
+    depths[40] = 1.2
+    tried = contacts(depths)
+    made: list[ContactPath] = []
+
+    def oriented(contacts: ContactPath) -> ToolPath:
+        made.append(contacts)
+        return along(OUTWARD)(contacts)
+
+    path, after = cut_within_depth(tried, material, level, ALLOWED, oriented)
+    assert len(made) == 2
+    last = made[-1]
+    assert within_depth(last, path, material, after, ALLOWED).all()
+    left_out = len(tried.centres) - len(last.centres)
+    assert 0 < left_out < 25
+    assert last.reasons == ("covered",) * left_out
+    assert len(last.uncut) == left_out
+    assert len(np.unique(last.pass_index)) == 2, "the tool does not go straight over what is left out"

@@ -1,12 +1,25 @@
-"""Outputs take their places together, on any file system, and a side output never costs the program."""
+"""Outputs take their places together, on any file system, and a side output never costs the program.
+
+A signal that comes while files take their places waits until they are there.
+
+A stop counts wherever it comes: where it is lost, turned into another error, or not heeded at all.
+
+Temporary folders of killed runs go, those of running ones and of other hosts stay.
+"""
 
 import multiprocessing
 import os
 import re
+import signal
+import subprocess
+import sys
+import tempfile
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from threading import Thread
 from types import SimpleNamespace
 from typing import Any
 
@@ -24,7 +37,18 @@ from bonecam.report import outputs as output_files
 from bonecam.report.kept import Result
 from bonecam.report.outputs import Outputs
 from bonecam.runtime.own_files import OWN_FILES
-from bonecam.runtime.staging import Staging, placed, staged
+from bonecam.runtime.staging import (
+    HOST,
+    STOPPING,
+    Staging,
+    is_running,
+    make_temporary,
+    placed,
+    remove_abandoned,
+    staged,
+    temporary_folder,
+    undisturbed,
+)
 
 SHM = Path("/dev/shm")
 
@@ -227,3 +251,203 @@ def test_what_is_written_on_its_way_is_not_placed(tmp_path: Path) -> None:
             item.unlink()
     write_two(tmp_path)
     assert [Path(file).name for file in placed[before:]] == ["one", "two", OWN_FILES]
+
+
+def test_a_signal_takes_effect_after_the_block() -> None:
+    before = [signal.getsignal(kind) for kind in STOPPING]
+    steps = []
+
+    def block() -> None:
+        with undisturbed():
+            with undisturbed():
+                signal.raise_signal(signal.SIGINT)
+                steps.append("inner")
+            steps.append("outer")
+        steps.append("never")
+
+    with pytest.raises(KeyboardInterrupt):
+        block()
+    assert steps == ["inner", "outer"]
+    assert [signal.getsignal(kind) for kind in STOPPING] == before
+
+
+def test_a_signal_that_is_ignored_stays_ignored() -> None:
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        with undisturbed():
+            signal.raise_signal(signal.SIGHUP)
+            assert signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGHUP, before)
+
+
+RUN = """
+import os, signal, sys, time
+from bonecam.cli import stopping
+from bonecam.runtime.staging import make_temporary
+from pathlib import Path
+make_temporary(Path(sys.argv.pop()))
+def stop():
+    os.kill(os.getpid(), signal.SIGTERM)
+    time.sleep(0.01)
+class Lost:
+    def __del__(self):
+        stop()
+def lost():
+    Lost()
+    time.sleep(60)
+def turned():
+    try:
+        stop()
+    except KeyboardInterrupt as error:
+        raise ImportError("numpy is broken") from error
+def not_heeded():
+    stopping.GRACE = 0.3
+    while True:
+        try:
+            stop()
+            time.sleep(60)
+        except KeyboardInterrupt:
+            pass
+sys.exit(stopping.run_stoppable(lambda arguments: {work}()))
+"""
+
+
+@pytest.mark.parametrize("work", ["stop", "lost", "turned", "not_heeded"])
+def test_a_stop_is_one_line_and_leaves_nothing(work: str, tmp_path) -> None:
+    began = time.monotonic()
+    run = subprocess.run(
+        [sys.executable, "-c", RUN.replace("{work}", work), tmp_path], capture_output=True, text=True, check=False
+    )
+    assert run.stderr == "bonecam: stopped; nothing was written\n"
+    assert run.returncode == 143
+    assert time.monotonic() < began + 5.0
+    assert not list(tmp_path.iterdir())
+
+
+IMPORTED = """
+import os, signal, sys, time
+os.kill(os.getpid(), signal.SIGTERM)
+try:
+    time.sleep(0.1)
+except KeyboardInterrupt:
+    print("cut short", file=sys.stderr)
+"""
+IMPORTING = """
+import sys, time
+from bonecam.cli.stopping import run_stoppable
+def work(arguments):
+    import compiled
+    time.sleep(60)
+sys.exit(run_stoppable(work))
+"""
+
+
+def test_no_import_is_cut_short_by_a_stop(tmp_path: Path) -> None:
+    """A module of pyo3 prints a panic where the import of another in it is interrupted."""
+    (tmp_path / "compiled.py").write_text(IMPORTED, encoding="utf-8")
+    call = [sys.executable, "-c", IMPORTING]
+    run = subprocess.run(call, capture_output=True, text=True, check=False, cwd=tmp_path)
+    assert run.stderr == "bonecam: stopped; nothing was written\n"
+    assert run.returncode == 143
+
+
+EARLY = """
+import os, signal, sys
+class Stop:
+    def find_spec(self, name, path=None, target=None):
+        if name == "bonecam.cli.stopping":
+            os.kill(os.getpid(), {number})
+sys.meta_path.insert(0, Stop())
+from bonecam.cli import main
+sys.argv[1:] = ["filters"]
+sys.exit(main())
+"""
+
+
+@pytest.mark.parametrize("kind", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_stop_before_the_first_import_of_the_command_is_one_line(kind: signal.Signals) -> None:
+    call = [sys.executable, "-c", EARLY.replace("{number}", str(int(kind)))]
+    run = subprocess.run(call, capture_output=True, text=True, check=False)
+    assert run.stderr == "bonecam: stopped; nothing was written\n"
+    assert run.stdout == ""
+    assert run.returncode == 128 + kind
+
+
+KILLED = """
+import os, signal, sys
+from pathlib import Path
+from bonecam.runtime.staging import make_temporary
+(make_temporary(Path(sys.argv[1])) / "half").write_text("half")
+os.kill(os.getpid(), getattr(signal, sys.argv[2]))
+"""
+
+
+def test_the_folder_of_a_killed_process_goes_with_the_next_that_is_made(tmp_path: Path) -> None:
+    subprocess.run([sys.executable, "-c", KILLED, tmp_path, "SIGKILL"], check=False)
+    (left,) = tmp_path.iterdir()
+    assert left.name.startswith(f".bonecam-{HOST}-")
+    with temporary_folder(tmp_path) as work:
+        assert [item.name for item in tmp_path.iterdir()] == [work.name]
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="the system tells of no zombies")
+def test_the_folder_of_a_process_that_nobody_has_asked_how_it_ended_goes_too(tmp_path: Path) -> None:
+    with subprocess.Popen([sys.executable, "-c", KILLED, tmp_path, "SIGKILL"]) as run:
+        os.waitid(os.P_PID, run.pid, os.WEXITED | os.WNOWAIT)  # which leaves it to be asked
+        assert len(list(tmp_path.iterdir())) == 1
+        assert not is_running(run.pid)
+        remove_abandoned(tmp_path)
+        assert not list(tmp_path.iterdir())
+
+
+def test_a_process_that_ends_by_itself_leaves_nothing(tmp_path: Path) -> None:
+    run = subprocess.run([sys.executable, "-c", KILLED, tmp_path, "SIGINT"], stderr=subprocess.DEVNULL)
+    assert run.returncode != 0
+    assert not list(tmp_path.iterdir())
+
+
+def test_what_runs_is_of_another_host_or_another_name_stays(tmp_path: Path) -> None:
+    gone = subprocess.Popen([sys.executable, "-c", ""])
+    gone.wait()
+    assert is_running(1)
+    assert not is_running(gone.pid)
+    mine = {
+        f".bonecam-{HOST}-1-abcdefgh.part",
+        f".bonecam-another-{gone.pid}-abcdefgh.part",
+        f".bonecam-{HOST}-{gone.pid}-abcdefgh.part.txt",
+        "bone.h.part",
+        f"{HOST}-{gone.pid}.part",
+    }
+    for name in mine:
+        (tmp_path / name).mkdir()
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / f".bonecam-{HOST}-{gone.pid}-linklink.part").symlink_to("elsewhere")
+    with temporary_folder(tmp_path) as work:
+        remove_abandoned(tmp_path)
+        found = {item.name for item in tmp_path.iterdir()}
+    assert found == {*mine, "elsewhere", f".bonecam-{HOST}-{gone.pid}-linklink.part", work.name}
+
+
+def test_a_folder_that_cannot_be_made_is_an_os_error() -> None:
+    with pytest.raises(OSError, match="proc"):
+        make_temporary(Path("/proc"))
+
+
+def test_a_folder_that_another_thread_is_making_is_not_taken_for_abandoned(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    other = Thread(target=remove_abandoned, args=(tmp_path,))
+    mkdtemp = tempfile.mkdtemp
+
+    def made_beside_another_thread(**place: str | Path) -> str:
+        made = mkdtemp(**place)
+        other.start()
+        other.join(0.5)  # it waits until the folder is known, so this ends by the time
+        return made
+
+    monkeypatch.setattr(tempfile, "mkdtemp", made_beside_another_thread)
+    made = make_temporary(tmp_path)
+    other.join()
+    assert made.is_dir()

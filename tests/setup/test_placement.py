@@ -1,4 +1,9 @@
-"""The stock a job asks for, and where the part lies in it."""
+"""The stock a job asks for, and where the part lies in it.
+
+A part is laid into a given stock so that the farthest point of the stock is as near as can be.
+
+A turned blank: its mesh, laid as rays, is the body of revolution of its profile.
+"""
 
 import re
 from dataclasses import fields
@@ -11,16 +16,18 @@ from scipy.spatial import cKDTree
 from bonecam.errors import StockError
 from bonecam.job import StockJob
 from bonecam.job.stock_section import STOCK_KINDS
+from bonecam.material.rays import lay_solids
 from bonecam.mesh.files.mesh_files import write_mesh
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.setup import stocks
 from bonecam.setup.capsule import Capsule, smallest_capsule
-from bonecam.setup.placement import stock_for
+from bonecam.setup.placement import TurnedBlank, centring_shift, may_centre, stock_for
 from bonecam.setup.rounding import MARGIN
 from bonecam.setup.stock import Schedule, Stock, kind_of, stock_figures, stock_text
 from bonecam.setup.stocks.box import Box
 from bonecam.setup.stocks.cylinder import Cylinder
 from bonecam.setup.stocks.mesh import ConvexStock
+from bonecam.verify.sweeping import volumes
 
 KINDS = ("capsule", "cylinder", "box")
 SCHEDULE = Schedule((0.1,) * 4, 0.5)
@@ -267,3 +274,40 @@ def test_every_file_of_stocks_is_a_kind_that_a_job_may_ask_for() -> None:
     assert set(STOCK_KINDS) == files
     for name in STOCK_KINDS:
         assert set(kind_of(StockJob(kind=name)).sizes) <= {item.name for item in fields(StockJob)}
+
+
+STOCK = Capsule(np.array([0.0, 0.0, 7.5]), np.array([0.0, 0.0, 29.5]), 7.5)
+
+
+def test_a_part_off_the_middle_is_brought_back_and_keeps_its_margin() -> None:
+    rng = np.random.default_rng(4)
+    points = rng.uniform([0, -3, 4], [4, 1, 33], (3000, 3))
+    moved = centring_shift(points, STOCK, 0.05)
+    assert np.allclose(moved[:3, :3] @ moved[:3, :3].T, np.eye(3))
+    after, surface = points @ moved[:3, :3].T + moved[:3, 3], STOCK.mesh(0.1).vertices
+    before, now = (cKDTree(p).query(surface)[0].max() for p in (points, after))
+    assert now < before - 0.5
+    assert STOCK.signed_distance(after).max() < -0.05
+    assert (centring_shift(points, STOCK, 0.05) == moved).all()
+
+
+def test_only_a_given_capsule_without_a_given_place_is_free() -> None:
+    assert may_centre(StockJob(diameter=15.0, length=37.0))
+    assert not may_centre(StockJob())
+    assert not may_centre(StockJob(diameter=15.0, length=37.0, offset_x=0.5))
+
+
+WAISTED = np.array([[0, 0], [10, 0], [10, 3], [8, 3], [7, 6], [4, 9], [4, 12], [0, 12]], float)
+RECESSED = np.array([[0, 0], [10, 0], [10, 3], [8, 3], [7, 6], [8, 11], [4, 9], [0, 9]], float)
+
+
+@pytest.mark.parametrize("profile", [WAISTED, RECESSED], ids=["waisted", "recessed"])
+def test_rays_hold_the_body_and_no_recess(profile: np.ndarray) -> None:
+    (r, z), (R, Z) = profile[:-1].T, profile[1:].T
+    volume = np.pi / 3 * ((Z - z) * (r * r + r * R + R * R)).sum()
+    sets, _ = lay_solids([TurnedBlank(profile).mesh], 0.25, 200.0)
+    np.testing.assert_allclose(volumes(sets), volume, rtol=4e-3)
+
+
+def test_what_is_to_be_turned_is_told() -> None:
+    assert TurnedBlank(WAISTED).text == ("blank: turned to the blades' tips, diameter 20.00 mm, from Z 0.00 to Z 12.00")

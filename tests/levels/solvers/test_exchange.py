@@ -1,5 +1,10 @@
 """One level's program: what ADMM solves is what OSQP and a cone solver find, and its limits are
-distances."""
+distances.
+
+The quadratic program's answer obeys its rows, and contradictory rows are an error.
+
+The solvers beside the default are reached from a job and lead to a verified program.
+"""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -8,13 +13,19 @@ from functools import cache
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from bonecam_meshes import path as shipped
 
+import bonecam
+from bonecam.errors import LevelError
+from bonecam.job import Job
 from bonecam.levels.open_morph import body_surfaces
 from bonecam.levels.problem import Cut, Discretisation, StepParameters, remaining, whole
-from bonecam.levels.program import LevelProgram, program_of
+from bonecam.levels.program import LevelProgram, LinearLimits, program_of
 from bonecam.levels.solvers import admm
 from bonecam.levels.solvers.exchange import next_level
 from bonecam.levels.solvers.osqp import solve_qp
+from bonecam.levels.solvers.solver import SOLVERS
+from bonecam.mesh.files.mesh_files import read_mesh
 from bonecam.setup.capsule import Capsule
 from bonecam.surface.query import closest_points_near
 from bonecam.surface.tspline import TSpline
@@ -150,3 +161,58 @@ def test_the_way_to_a_foot_ends_at_a_place_that_is_near_enough(waisted: Callable
     assert (away[1] <= 0.31).all()
     assert (away[1] > away[0] + 1e-4).sum() > 30
     assert np.array_equal(away[2], away[0])
+
+
+def rows(A: np.ndarray, low: list[float], high: list[float]) -> LinearLimits:
+    return LinearLimits(sp.csr_array(A), np.array(low, dtype=float), np.array(high, dtype=float))
+
+
+def test_the_answer_is_the_nearest_point_of_the_box() -> None:
+    found = solve_qp(sp.csc_array(sp.eye_array(2)), np.array([-3.0, -0.25]), rows(np.eye(2), [0, 0], [1, 1]), 1e-6)
+    assert np.allclose(found, [1, 0.25], atol=1e-4)
+    assert ((found > -1e-4) & (found < 1 + 1e-4)).all()
+
+
+BOX_AND_PLANE = np.array([[1.0, 0.0], [0.0, 1.0], [1.0, 1.0]])
+
+
+def test_all_rows_hold_together() -> None:
+    limits = rows(BOX_AND_PLANE, [0, 0, -np.inf], [1, 1, 1])
+    found = solve_qp(sp.csc_array(sp.eye_array(2)), np.array([-3.0, -3.0]), limits, 1e-6)
+    assert np.allclose(found, [0.5, 0.5], atol=1e-4)
+
+
+def test_contradicting_rows_are_an_error() -> None:
+    limits = rows(BOX_AND_PLANE, [0, 0, 5], [1, 1, np.inf])
+    with pytest.raises(LevelError, match="contradict"):
+        solve_qp(sp.csc_array(sp.eye_array(2)), np.zeros(2), limits, 1e-6)
+
+
+COARSE = Job().with_values(
+    mechanics={"refuse": False},
+    mesh={"rows": 8, "row_points": 24},
+    surface={"tolerance": 0.5, "largest_deviation": 1.0, "max_control_points": 60},
+    holding={"diameter": 4.0, "length": 110.0},
+    path={"orientation": "lead"},
+    levels={"finishing_levels": 1, "finishing_depth": 0.5, "roughing_depth": 1.5, "chord_tolerance": 0.05},
+    roughing={"preset": "ball-4", "scallop": 0.4},
+    finishing={"radius": 2.0, "flute_length": 8.0, "shank_diameter": 4.0, "scallop": 0.4},
+)
+
+
+@pytest.mark.whole
+@pytest.mark.parametrize("solver", sorted(set(SOLVERS) - {"admm"}))
+def test_a_reference_solver_leads_to_a_verified_program(solver: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """On the phalanx at half its size, without certificates: those of levels as coarse as these take longer than all
+    the rest."""
+    if solver == "clarabel":
+        pytest.importorskip("clarabel", reason="the extra `reference` is not installed")
+    monkeypatch.setattr("bonecam.levels.measure.certifiable", lambda surface: False)
+    job = COARSE.with_values(levels={"solver": solver})
+    whole = read_mesh(shipped("phalanx"))
+    result = bonecam.convert((0.5 * whole.vertices, whole.faces), job, simulation=False)
+    assert result.program.text
+    report = result.report
+    assert report["nc"]["gouge_max_mm"] <= 0.01
+    assert len(report["levels"]) - 1 <= report["levels_lower_bound"] + 1
+    assert all(row["depth_max_mm"] <= row["limit_mm"] + 0.002 for row in report["levels"][1:])

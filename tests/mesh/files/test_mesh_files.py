@@ -1,16 +1,34 @@
+"""Files that end MeshLab's process, and what each format may hold besides plain triangles.
+
+The anatomical axes that a file's header states are told, whatever the kind of file.
+
+MeshLab reads files in a child: with all that it knows of them, and never to the harm of this process.
+
+Points from text files, and surfaces round point clouds.
+"""
+
 import os
 import resource
 import struct
 from collections.abc import Callable
 from pathlib import Path
 
+import matplotlib.pyplot as plt
 import numpy as np
+import pymeshlab
 import pytest
 from bonecam_meshes import path as shipped
 
-from bonecam.errors import FileError
-from bonecam.mesh.files.mesh_files import read_mesh, read_mesh_file, write_mesh
+from bonecam.errors import FileError, MeshError
+from bonecam.filters.meshset import MeshSet
+from bonecam.job import MeshJob
+from bonecam.mesh import meshlab
+from bonecam.mesh.files.cad import call_in_child
+from bonecam.mesh.files.mesh_files import axes_text, read_mesh, read_mesh_file, stated_axes, write_mesh
+from bonecam.mesh.files.points import read_blocks, reconstruct
+from bonecam.mesh.part import prepare_part
 from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.runtime import worker
 
 TETRAHEDRON = "0 0 0\n1 0 0\n0 1 0\n0 0 1\n"
 PLY = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n"
@@ -208,3 +226,394 @@ def test_meshes_are_written_and_read_where_names_are_not_in_utf_8(
     write_mesh(mesh, folder / os.fsdecode(b"b\xfe.ply"))
     assert read_mesh(folder / os.fsdecode(b"b\xfe.ply")).vertices.tobytes() == mesh.vertices.tobytes()
     assert [os.fsencode(path.name) for path in folder.iterdir()] == [b"b\xfe.ply"]
+
+
+CORNERS = ((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1))
+CORNERS_OF = ((0, 2, 1), (0, 1, 3), (1, 2, 3), (0, 3, 2))
+
+
+def ply(faces: bytes, lists: str = "uchar int", order: str = "little", count: int = 4) -> bytes:
+    head = f"ply\nformat binary_{order}_endian 1.0\nelement vertex 4\n"
+    head += "".join(f"property float {axis}\n" for axis in "xyz")
+    head += f"element face {count}\nproperty list {lists} vertex_indices\nend_header\n"
+    points = np.array(CORNERS, "<f4" if order == "little" else ">f4")
+    return head.encode() + points.tobytes() + faces
+
+
+def rows(form: str, faces: tuple[tuple[int, ...], ...] = CORNERS_OF) -> bytes:
+    return b"".join(struct.pack(form, len(face), *face) for face in faces)
+
+
+def stl(end: str) -> bytes:
+    lines = ["solid bone"]
+    for face in CORNERS_OF:
+        points = [f"vertex {x} {y} {z}" for x, y, z in (CORNERS[k] for k in face)]
+        lines += ["facet normal 0 0 0", "outer loop", *points, "endloop", "endfacet"]
+    return end.join([*lines, "endsolid bone", ""]).encode()
+
+
+OBJ_BYTES = b"".join(b"v %d %d %d\n" % corner for corner in CORNERS)
+OBJ_BYTES += b"".join(b"f %d %d %d\n" % (a + 1, b + 1, c + 1) for a, b, c in CORNERS_OF)
+ODD_BUT_SOUND = {
+    "cr.stl": stl("\r"),
+    "crlf.stl": stl("\r\n"),
+    "tab.obj": OBJ_BYTES.replace(b" ", b"\v"),
+    "device.obj": b"mtllib /dev/zero\nusemtl bone\n" + OBJ_BYTES,
+    "cr.obj": OBJ_BYTES.replace(b"\n", b"\r"),
+    "negative.obj": OBJ_BYTES.replace(b"f 2 3 4", b"f -3 -2 -1"),
+    "big.ply": ply(rows(">Biii"), order="big"),
+    "shorts.ply": ply(rows("<Hhhh"), "ushort short"),
+    "doubles.ply": ply(b"".join(struct.pack("<ifff", 3, *face) for face in CORNERS_OF), "int float"),
+    "blanks.ply": ply(rows("<Biii")).replace(b"end_header\n", b"end_header  \n"),
+    "pairs.ply": ply(rows("<Biii") + struct.pack("<Bii", 2, 0, 1), count=5),
+    "solid.stl": b"solid facet".ljust(80)
+    + struct.pack("<I", 4)
+    + b"".join(bytes(12) + np.array([CORNERS[k] for k in face], "<f4").tobytes() + bytes(2) for face in CORNERS_OF),
+}
+DAMAGED = {
+    "billion.ply": (ply(rows("<Biii", ((0, 2, 1), (0, 1, 3), (1, 2, 10**9), (0, 3, 2)))), "names a vertex"),
+    "lists.ply": (ply(b"\xff" + rows("<Biii")), "early end-of-file"),
+    "minus.ply": (ply(struct.pack("<bi", -3, 0) + rows("<Biii"), "char int"), "early end-of-file"),
+    "none.ply": (ply(b"").replace(b"4\nproperty list uchar int vertex_indices", b"99999999999"), "more elements"),
+    "types.ply": (ply(rows("<Biii"), "uchar quaternion"), "is no readable PLY file"),
+    "signal.ply": (
+        ply(rows("<Biii")).replace(b"end_header\n\0\0\0\0", b"end_header\n\x01\x00\x80\x7f", 1),
+        "1 of 4 vertices with coordinates that are not numbers",
+    ),
+    "reals.ply": (
+        ply(b"".join(struct.pack("<ifff", 3, *face) for face in ((0, 0.5, 1), *CORNERS_OF[1:])), "int float"),
+        "no whole numbers",
+    ),
+    "lone.stl": (stl("\n").replace(b"vertex 0 0 1\n", b"", 1), "line 13: a triangle without three corners"),
+    "cut.stl": (stl("\n")[:-200], "is cut short"),
+    "digits.obj": (OBJ_BYTES.replace(b"v 1 0 0", b"v 1_0 0 0"), "line 2: '1_0' is not a number"),
+    "long.obj": (OBJ_BYTES.replace(b"f 2 3 4", b"f 2 3 99999999999999999999"), "line 7: has a word"),
+    "many.off": (b"OFF\n4 2147483648 0\n" + b"0 0 0\n" * 4, "is cut short"),
+}
+
+
+@pytest.mark.parametrize("name", ODD_BUT_SOUND)
+def test_odd_but_sound_files_give_the_same_solid(name: str, tmp_path: Path) -> None:
+    (tmp_path / name).write_bytes(ODD_BUT_SOUND[name])
+    mesh = read_mesh(tmp_path / name)
+    assert (len(mesh.vertices), len(mesh.faces)) == (4, 4)
+    assert mesh.volume == pytest.approx(1 / 6)
+
+
+@pytest.mark.parametrize("name", DAMAGED)
+def test_files_that_end_meshlab_are_refused_in_one_line(
+    check_refused: Callable[[Path, bytes | str, str], None], name: str, tmp_path: Path
+) -> None:
+    check_refused(tmp_path / name, *DAMAGED[name])
+
+
+@pytest.mark.parametrize("start", range(6))
+@pytest.mark.parametrize("ending", [".obj", ".off", ".ply"])
+def test_polygons_that_are_not_convex_keep_their_area(ending: str, start: int, tmp_path: Path) -> None:
+    outline = ((0, 0, 0), (2, 0, 0), (2, 0, 1), (1, 0, 1), (1, 0, 2), (0, 0, 2))
+    points = "".join("{} {} {}\n".format(*corner) for corner in outline)
+    polygon = [(k + start) % 6 for k in range(6)]
+    indices = " ".join(map(str, polygon))
+    header = "ply\nformat ascii 1.0\nelement vertex 6\nproperty double x\nproperty double y\nproperty double z\n"
+    header += "element face 1\nproperty list uchar int vertex_index\nend_header\n"
+    corners = "v ".join(["", *points.splitlines(keepends=True)])
+    text = {
+        ".ply": f"{header}{points}6 {indices}\n",
+        ".off": f"OFF\n6 1 0\n{points}6 {indices}\n",
+        ".obj": f"{corners}f {' '.join(str(k + 1) for k in polygon)}\n",
+    }
+    (tmp_path / f"l{ending}").write_text(text[ending])
+    mesh = read_mesh(tmp_path / f"l{ending}")
+    assert len(mesh.faces) == 4
+    assert mesh.area == pytest.approx(3)
+    assert (mesh.face_vectors[:, 1] < 0).all()
+
+
+def test_strips_become_triangles_of_one_side(tmp_path: Path) -> None:
+    strip = struct.pack("<i7i", 7, 0, 1, 2, 3, -1, 0, 1)
+    data = ply(strip, "int int", count=1).replace(b"element face", b"element tristrips")
+    (tmp_path / "strip.ply").write_bytes(data)
+    assert read_mesh(tmp_path / "strip.ply").faces.tolist() == [[0, 1, 2], [2, 1, 3]]
+
+
+def test_special_files_are_refused_unopened(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.stl")
+    (tmp_path / "zero.ply").symlink_to("/dev/zero")
+    with pytest.raises(FileError, match=r"pipe\.stl: cannot be read \(it is a pipe\)"):
+        read_mesh(tmp_path / "pipe.stl")
+    with pytest.raises(FileError, match=r"zero\.ply: cannot be read \(it is a device\)"):
+        read_mesh(tmp_path / "zero.ply")
+
+
+COMMENTED_PLY = b"ply\nformat ascii 1.0\ncomment %s\nelement vertex 0\nend_header\n"
+
+
+@pytest.mark.parametrize(
+    ("data", "letters"),
+    [
+        (COMMENTED_PLY % b"3D Slicer output. SPACE=LPS", "LPS"),
+        (COMMENTED_PLY % b"space: right-anterior-superior", "RAS"),
+        (COMMENTED_PLY % b"coordinate_system = LAS", "LAS"),
+        (b"# 3D Slicer output. SPACE=RAS\nv 0 0 0\n", "RAS"),
+        (b"solid bone SPACE=LPS\nfacet normal 0 0 1\n", "LPS"),
+        (b"3D Slicer output. SPACE=LPS".ljust(80) + bytes(54), "LPS"),
+        (COMMENTED_PLY % b"SPACE=PIR", "PIR"),
+        (COMMENTED_PLY % b"colour space: sRGB", ""),
+        (COMMENTED_PLY % b"SPACE=LRS", ""),
+        (COMMENTED_PLY % b"exported by a scanner", ""),
+        (b"ply\n" + bytes(200) + b"\nSPACE=LPS", ""),
+        (b"", ""),
+    ],
+)
+def test_the_axes_of_a_comment_are_read(data: bytes, letters: str) -> None:
+    assert stated_axes(data) == letters
+
+
+def test_left_handed_axes_are_told_to_make_a_mirror_image() -> None:
+    assert axes_text("LPS") == ("its header states the axes LPS: x to the left, y to the back, z to the head")
+    for letters in ("LPS", "RAS", "PIR", "ASR"):
+        assert "mirror" not in axes_text(letters)
+    for letters in ("LAS", "RPS", "RAI"):
+        assert axes_text(letters).endswith("left-handed: check that it is no mirror image")
+
+
+def test_the_part_tells_what_its_file_states(tmp_path: Path, ellipsoid: Callable[..., TriangleMesh]) -> None:
+    bone = ellipsoid(5, 4, 14, rings=8, columns=12)
+    lines = [f"v {x} {y} {z}" for x, y, z in bone.vertices]
+    lines += ["f " + " ".join(map(str, trio)) for trio in bone.faces + 1]
+    file = tmp_path / "bone.obj"
+    file.write_text("\n".join(["# SPACE=LPS", *lines]))
+    part = prepare_part(file, MeshJob(mirror="x", scale=1.25, pit_radius=0.0))
+    assert part.notes == ("mirrored in X of its file", "scaled by 1.25", axes_text("LPS"))
+    assert np.allclose(part.given.vertices, bone.vertices * [-1.25, 1.25, 1.25])
+
+
+COLOURED_OBJ = "v 0 0 0 1 0 0\nv 1 0 0 0 1 0\nv 0 1 0 0 0 1\nv 0 0 1 1 1 1\n"
+COLOURED_OBJ += "f 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n"
+
+
+BROKEN = """
+import os
+
+def hang(file, progress):
+    while file:
+        pass
+
+def fill_memory(file, progress):
+    bytearray(2**40)
+
+def end_process(file, progress):
+    os.abort()
+"""
+
+
+@pytest.mark.parametrize(
+    ("work", "what"),
+    [("hang", "took more than 2 s"), ("fill_memory", "wanted more than 2 GB of memory"), ("end_process", "exit -6")],
+)
+def test_a_child_that_breaks_down_is_one_line(
+    work: str, what: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "broken.py").write_text(BROKEN)
+    monkeypatch.syspath_prepend(tmp_path)
+    seconds = 2.0 if work == "hang" else 60.0
+    with pytest.raises(FileError, match=f"^a.3ds: MeshLab .*{what}.*: try again$"):
+        call_in_child(f"broken:{work}", "a.3ds", library="MeshLab", remedy="try again", seconds=seconds, memory=2**31)
+
+
+def test_layers_have_the_colours_and_labels_that_meshlab_gives_them(tmp_path: Path) -> None:
+    (tmp_path / "a.obj").write_text(COLOURED_OBJ)
+    native = pymeshlab.MeshSet()
+    ours = MeshSet()
+    for meshset in (native, ours):
+        meshset.load_new_mesh(str(tmp_path / "a.obj"))
+        meshset.load_new_mesh(str(tmp_path / "a.obj"))
+    assert [layer.label() for layer in ours] == [layer.label() for layer in native] == ["a.obj", "a(1).obj"]
+    for name in ("vertex_matrix", "face_matrix", "vertex_color_matrix", "vertex_normal_matrix"):
+        assert np.array_equal(getattr(ours.current_mesh(), name)(), getattr(native.current_mesh(), name)()), name
+
+
+def test_options_of_meshlabs_reader_are_taken(tmp_path: Path) -> None:
+    corners = "vertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\n"
+    facet = f"facet normal 0 0 1\nouter loop\n{corners}endloop\nendfacet\n"
+    (tmp_path / "a.stl").write_text(f"solid a\n{facet}{facet}endsolid a\n")
+    meshes = MeshSet()
+    meshes.load_new_mesh(str(tmp_path / "a.stl"), unify_vertices=False)
+    assert meshes.current_mesh().vertex_number() == 6
+
+
+def test_damaged_and_special_files_are_refused_before_meshlab_sees_them(
+    tmp_path: Path, painted_ply: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(worker, "CHILD", "import os; os.abort()")
+    (tmp_path / "far.obj").write_text(COLOURED_OBJ.replace("f 2 3 4", "f 2 3 1000000000"))
+    (tmp_path / "device.obj").write_text("mtllib /dev/zero\n" + COLOURED_OBJ)
+    (tmp_path / "painted.obj").write_text("mtllib none.mtl skin.mtl\n" + COLOURED_OBJ)
+    (tmp_path / "skin.mtl").write_text("newmtl skin\nmap_Kd .\\paint.png\n")
+    (tmp_path / "painted.ply").write_text(painted_ply.format("paint.png"))
+    os.mkfifo(tmp_path / "paint.png")
+    os.mkfifo(tmp_path / "pipe.gltf")
+    for name, what in (
+        ("far.obj", "line 7: a face names vertex 1000000000 of 4"),
+        ("device.obj", "line 1: '/dev/zero' is no regular file: remove the line"),
+        ("painted.obj", r"skin\.mtl: line 2: '.*paint\.png' is no regular file: remove the line"),
+        ("painted.ply", r"painted\.ply: line 3: '.*paint\.png' is no regular file: remove the line"),
+        ("pipe.gltf", "it is a pipe"),
+        ("none.dae", "No such file"),
+    ):
+        with pytest.raises(pymeshlab.PyMeshLabException, match=what) as caught:
+            MeshSet().load_new_mesh(str(tmp_path / name))
+        assert isinstance(caught.value, FileError)
+
+
+@pytest.mark.parametrize("kind", ["a.ply", "a.obj"])
+def test_a_texture_of_another_folder_is_not_opened(kind: str, painted_ply: str, tmp_path: Path) -> None:
+    """What a mesh of a stranger names: beside it, or below its folder, it is its texture; elsewhere it is not."""
+    folder = tmp_path / "given"
+    (folder / "skins").mkdir(parents=True)
+    picture = tmp_path / "paint.png"
+    for place in (picture, folder / "skins" / "paint.png"):
+        plt.imsave(place, np.zeros((2, 2, 3)))
+
+    def load(name: str, *, allow_outside: bool = False) -> MeshSet:
+        (folder / "a.mtl").write_text(f"newmtl skin\nmap_Kd {name}\n")
+        (folder / kind).write_text(painted_ply.format(name) if kind == "a.ply" else "mtllib a.mtl\n" + COLOURED_OBJ)
+        meshes = MeshSet(allow_outside=allow_outside)
+        meshes.load_new_mesh(str(folder / kind))
+        return meshes
+
+    assert load("skins/paint.png").current_mesh().face_number()
+    for name in ("../paint.png", str(picture)):
+        with pytest.raises(FileError, match=r"line \d: '.*paint\.png' is not in the folder of the mesh: put it"):
+            load(name)
+        assert load(name, allow_outside=True).current_mesh().face_number()
+
+
+def test_what_meshlab_refuses_is_one_line(tmp_path: Path) -> None:
+    (tmp_path / "a.unknown").write_text("0 0 0")
+    with pytest.raises(FileError, match=r"a\.unknown: .*: give a readable mesh file"):
+        meshlab.write_layers(str(tmp_path / "a.unknown"), str(tmp_path), {})
+
+
+def test_a_name_that_is_not_in_utf_8_is_read(tmp_path: Path) -> None:
+    file = tmp_path / os.fsdecode(b"bone\xe9.obj")
+    file.write_text(COLOURED_OBJ)
+    meshes = MeshSet()
+    meshes.load_new_mesh(str(file))
+    assert meshes.current_mesh().face_number() == COLOURED_OBJ.count("f ")
+
+
+SAME = {
+    "a.xyz": "1 2 3\n4 5 6.5\n\n\n7 8 9\n",
+    "a.csv": "x, y, z\n1,2,3\n4,5,6.5\n\n7,8,9",
+    "tabs.txt": "# a comment\n1\t2\t3\t0 0 1\n4\t5\t6.5\t0 0 1\n\n7\t8\t9\t0 0 1\n",
+    "turbo.dat": "# Profile 1 at 0%\n\t1 2 3\n4 5 6.5\n# Profile 2 at 20%\n7 8 9\n",
+    "units.csv": '"X [mm]";"Y [mm]";"Z [mm]"\n1;2;3\n4;5;6,5\n\n7;8;9\n',
+    "german.csv": "1,0;2,0;3,0\n4;5;6,5\n\n7;8;9\n",
+    "german.asc": "1,0 2,0 3\n4 5\t6,5\n\n7,0E0 8 9\n",
+    "narrow.csv": "1,2 ,3 ,4\n4, 5 ,6.5\n\n7,8  9\n",
+    "heads.txt": "2 3\n1 2 3\n4 5 6.5\n1 3\n7 8 9\n",
+    "count.pts": "2\n\n1 2 3\n4 5 6.5\n1\n# a comment\n7 8 9\n",
+    "index.csv": ",x,y,z\n0,1,2,3\n1,4,5,6.5\n\n2,7,8,9\n",
+    "quoted.csv": '"","x","y","z"\n0,1,2,3\n1,4,5,6.5\n\n2,7,8,9\n',
+    "hash.csv": "#,x,y,z,\n0,1,2,3,\n1,4,5,6.5\n,,,\n2,7,8,9\n",
+    "normals.csv": "x_normal;x;y;z\n0,5;1;2;3\n0,5;4;5;6,5\n\n0;7;8;9\n",
+    "mark.asc": "\ufeff// a comment\n1 2 3\n4 5 6.5\n \n7 8 9",
+}
+
+
+@pytest.mark.parametrize("name", SAME)
+def test_every_way_to_write_blocks_of_points_gives_the_same(name: str, tmp_path: Path) -> None:
+    (tmp_path / name).write_text(SAME[name], encoding="utf-8")
+    first, second = read_blocks(tmp_path / name)
+    assert first.tolist() == [[1, 2, 3], [4, 5, 6.5]]
+    assert second.tolist() == [[7, 8, 9]]
+
+
+BAD_POINTS = {
+    "empty.xyz": (b"# nothing\n\n", "holds no points"),
+    "word.xyz": (b"1 2 3\n4 five 6\n", "word.xyz line 2: '4 five 6' is no point"),
+    "names.csv": (b"x,y,z\nx,y,z\n1,2,3\n", "names.csv line 2"),
+    "polar.txt": (b"X R*THETA R\n1 2 3\n", "polar.txt line 1: 'X R*THETA R' is no point: write x y z"),
+    "short.csv": (b"1,2,3\n4,5\n", "short.csv line 2: 2 numbers are no point"),
+    "nan.xyz": (b"1 2 nan\n", "is not finite"),
+    "inf head.xyz": (b"inf\n1 2 3\n", "line 1: 'inf' is not finite"),
+    "nan head.xyz": (b"nan 3\n1 2 3\n", "line 1: 'nan 3' is not finite"),
+    "far.xyz": (b"1 2 3\n4 -1e308 6\n", "far.xyz line 2: a coordinate of -1e+308: export the points again"),
+    "binary.xyz": (b"\xff\xfe\x00\x80", "is no text"),
+    "hole.csv": (b"1,2,3,4\n1,,2,3\n", "hole.csv line 2: '1,,2,3' is no point"),
+    "wide.csv": (b"x,y,z\n0,1,2,3\n", "wide.csv line 2: 4 numbers under the names of 3 columns: name every column"),
+    "stub.csv": (b"n,x,y,z\ninf,1\n", "stub.csv line 2: 'inf,1' is not finite"),
+    "turned.csv": (b"x_normal,y_normal,z_normal\n0,1,2\n", "turned.csv line 1"),
+    "cut.pts": (b"3\n1 2 3\n4 5 6\n", "cut.pts line 1: tells of 3 points, 2 follow it in one block"),
+    "long.xyz": (b"2 3\n1 2 3\n4 5 6\n1\n\n7 8 9\n1 2 3\n", "long.xyz line 4: tells of 1 points, 2 follow"),
+    "rows.csv": (b"1 2 3\n4 5 6\n\n1 2 4\n4 5 7\n", "holds 2 rows of points, no mesh"),
+    "few.xyz": (b"1 2 3\n4 5 6\n", "2 points are no cloud"),
+}
+
+
+@pytest.mark.parametrize("name", BAD_POINTS)
+def test_a_bad_file_of_points_is_refused_in_one_line_that_names_it(
+    check_refused: Callable[[Path, bytes | str, str], None], name: str, tmp_path: Path
+) -> None:
+    check_refused(tmp_path / name, *BAD_POINTS[name])
+
+
+def cloud(count: int) -> np.ndarray:
+    """Points spread evenly on an ellipsoid of half axes 3, 4, 9."""
+    k = np.arange(count) + 0.5
+    height, angle = 1 - 2 * k / count, np.pi * (1 + 5**0.5) * k
+    r = np.sqrt(1 - height**2)
+    return np.column_stack([3 * r * np.cos(angle), 4 * r * np.sin(angle), 9 * height])
+
+
+def test_the_surface_round_a_cloud_is_closed_outward_near_and_twice_the_same(tmp_path: Path) -> None:
+    points = cloud(1500) + 100.0
+    (tmp_path / "cloud.xyz").write_text("\n".join(" ".join(map(repr, point)) for point in points.tolist()))
+    mesh = read_mesh(tmp_path / "cloud.xyz")
+    edges = np.sort(mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+    assert (np.unique(edges, axis=0, return_counts=True)[1] == 2).all()
+    assert mesh.volume == pytest.approx(4 / 3 * np.pi * 3 * 4 * 9, rel=0.01)
+    assert reconstruct(points).vertices.tobytes() == mesh.vertices.tobytes()
+
+
+def test_a_ply_without_faces_is_a_cloud(ellipsoid: Callable[..., TriangleMesh], tmp_path: Path) -> None:
+    points = cloud(1000)
+    head = (
+        f"ply\nformat ascii 1.0\nelement vertex {len(points)}\n"
+        + "".join(f"property double {x}\n" for x in "xyz")
+        + "end_header\n"
+    )
+    (tmp_path / "cloud.ply").write_text(
+        head + "\n".join(" ".join(map(repr, point)) for point in points.tolist()) + "\n"
+    )
+    assert read_mesh(tmp_path / "cloud.ply").volume == pytest.approx(ellipsoid(3, 4, 9).volume, rel=0.02)
+
+
+def test_a_cloud_whose_surface_misses_a_point_is_refused() -> None:
+    with pytest.raises(MeshError, match="misses one by"):
+        reconstruct(np.vstack([cloud(400), [[0.0, 0.0, 0.0]]]))
+
+
+def test_a_number_with_an_underscore_is_none(tmp_path: Path) -> None:
+    (tmp_path / "a.xyz").write_text("0 0 0\n1_0 0 0\n")
+    with pytest.raises(FileError, match=r"a\.xyz line 2: '1_0 0 0' is no point"):
+        read_blocks(tmp_path / "a.xyz")
+
+
+@pytest.mark.parametrize(
+    ("lines", "match"),
+    [
+        (["1 2 3"] * 500, "a.xyz: 1 different points are too few for a surface"),
+        ([f"{k}e-320 1e-320 0" for k in range(300)], "so close together that they have no size: export them in mm"),
+    ],
+)
+def test_a_cloud_without_extent_is_refused(lines: list[str], match: str, tmp_path: Path) -> None:
+    (tmp_path / "a.xyz").write_text("\n".join(lines))
+    with pytest.raises(MeshError, match=match):
+        read_mesh(tmp_path / "a.xyz")
+
+
+def test_points_that_are_given_twice_count_once(tmp_path: Path) -> None:
+    once = reconstruct(cloud(2000))
+    assert reconstruct(np.repeat(cloud(2000), 2, axis=0)).vertices.tobytes() == once.vertices.tobytes()

@@ -1,13 +1,25 @@
-"""General T-meshes in .tsm files: round trips, files of Fusion, and broken ones."""
+"""General T-meshes in .tsm files: round trips, files of Fusion, and broken ones.
 
+Bezier extraction files: partition of unity, round trips, broken files.
+
+The text form of a row-structured T-spline.
+
+Damaged surface files: whatever bytes change, the reader raises a typed error or gives a surface that can
+be evaluated.
+"""
+
+import random
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy import ndarray
 
 from bonecam.errors import FileError, SurfaceError
+from bonecam.surface.files.iga import raise_degree, read_iga, write_iga
+from bonecam.surface.files.rows_file import rows_text
 from bonecam.surface.files.tsm import tsm_text, with_mirrored_borders
 from bonecam.surface.files.tspline_text import read_tsm, write_tsm
 from bonecam.surface.tmesh import TMesh
@@ -176,3 +188,240 @@ def test_wrong_grids_are_refused(grid: Callable[..., TMesh]) -> None:
         grid(np.arange(3.0), lines, (3.0, 0.0))
     with pytest.raises(SurfaceError, match="period"):
         grid(np.arange(5.0), lines, (4.0, 0.0))
+
+
+NAMES = ("arch_nurbs", "arch_tsplines", "plate_with_hole", "square_structured", "square_unstructured")
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_columns_sum_to_one_but_near_the_extraordinary_point(shared: Path, name: str) -> None:
+    elements = read_iga(shared / "tspline" / "iga" / f"{name}.iga").elements()
+    sums = np.add.reduceat(elements.coefficients, elements.starts[:-1], axis=0)
+    worst = np.abs(sums - 1).max(axis=1)
+    if name == "square_unstructured":
+        assert elements.degree == 4
+        assert 5.1e-3 < worst.max() < 5.3e-3
+        assert (worst > 1e-12).sum() <= 24
+    else:
+        assert worst.max() <= 1e-12
+
+
+def test_quartic_derivatives_agree_with_finite_differences(
+    inner_samples: Callable[..., tuple[ndarray, ndarray]], shared: Path
+) -> None:
+    surface = read_iga(shared / "tspline" / "iga" / "square_unstructured.iga")
+    s, t = inner_samples(surface, 1, 300)
+    s, t, h = np.floor(s) + 0.01 + 0.98 * (s % 1), 0.01 + 0.98 * t, 1e-5
+    _, Ss, St, Sss, Sst, Stt = surface.evaluate(s, t, 2)
+    right, left, up, down = (surface.evaluate(s + a, t + b, 1) for a, b in ((h, 0), (-h, 0), (0, h), (0, -h)))
+    for exact, ahead, back in (
+        (Ss, right[0], left[0]),
+        (St, up[0], down[0]),
+        (Sss, right[1], left[1]),
+        (Sst, up[1], down[1]),
+        (Stt, up[2], down[2]),
+    ):
+        np.testing.assert_allclose((ahead - back) / (2 * h), exact, atol=1e-8)
+
+
+def test_raising_the_degree_changes_nothing(
+    random_tspline: Callable[..., TSpline], inner_samples: Callable[..., tuple[ndarray, ndarray]]
+) -> None:
+    surface = random_tspline(3)
+    elements = surface.elements()
+    high = raise_degree(elements.coefficients.reshape(-1, 4, 4), 5).reshape(-1, 36)
+    finer = type(elements)(elements.boxes, elements.starts, elements.functions, high)
+    s, t = inner_samples(surface, 2, 200)
+    patches = finer.patches(surface.control_points, surface.weights)
+    for a, b in zip(surface.evaluate(s, t, 2), finer.derivatives(patches, *finer.place(s, t), 2)):
+        np.testing.assert_allclose(a, b, atol=1e-11 * max(1.0, abs(a).max()))
+
+
+def test_a_round_trip_is_bit_equal(random_tspline: Callable[..., TSpline], shared: Path, tmp_path: Path) -> None:
+    for first in (read_iga(shared / "tspline" / "iga" / "square_unstructured.iga"), random_tspline(5)):
+        write_iga(first, tmp_path / "a.iga")
+        again = read_iga(tmp_path / "a.iga")
+        assert again.control_points.tobytes() == first.control_points.tobytes()
+        assert again.weights.tobytes() == first.weights.tobytes()
+        assert again.elements().coefficients.tobytes() == first.elements().coefficients.tobytes()
+        assert again.elements().functions.tobytes() == first.elements().functions.tobytes()
+        assert again.area == pytest.approx(first.area, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "match"),
+    [
+        ("type plane", "type volume", "line 12: type"),
+        ("nodeN 25", "nodeN 26", "announces"),
+        ("node 0 0 0 1\n", "node 0 0 0 0\n", "node 0: weight 0"),
+        ("node 0 0 0 1\n", "node 0 0 1\n", "expected 4"),
+        ("node 0 0 0 1\n", "node 0 0 0 1_0\n", "'1_0' is not a number"),
+        ("belem 16 3 3", "belem 15 3 3", "expected 15"),
+        ("1 2 3 5 6 7 9", "1 2 3 5 6 7 99", "names function 99"),
+        ("1 2 3 5 6 7 9", "1 2 3 5 6 7 7", "different from one another"),
+        ("1 2 3 5 6 7 9", "1 2 3 5 6 7 1e20", r"line \d+: .*where a number should stand \('1e20'"),
+        ("node 0 0 0 1\n", "nod 0 0 0 1\n", "unknown record 'nod'"),
+    ],
+)
+def test_a_broken_file_is_refused(
+    damaged: Callable[..., Path], shared: Path, tmp_path: Path, old: str, new: str, match: str
+) -> None:
+    with pytest.raises(FileError, match=match):
+        read_iga(damaged(shared / "tspline" / "iga" / "square_structured.iga", tmp_path, old, new))
+
+
+def test_what_needs_a_chart_or_cubics_says_so(shared: Path) -> None:
+    surface = read_iga(shared / "tspline" / "iga" / "square_unstructured.iga")
+    with pytest.raises(SurfaceError, match="degree 4"):
+        surface.project(np.zeros((1, 3)))
+    assert surface.diagnose().kind == "non-standard"
+
+
+def test_a_round_trip_of_rows_is_bit_equal(bone_like: Callable[..., TSpline], tmp_path: Path) -> None:
+    surface = bone_like(9, 7, 5)
+    write_tsm(surface, tmp_path / "a.tsr")
+    again = read_tsm(tmp_path / "a.tsr")
+    assert again.control_points.tobytes() == surface.control_points.tobytes()
+    assert again.weights.tobytes() == surface.weights.tobytes()
+    assert again.tmesh.t_knots.tobytes() == surface.tmesh.t_knots.tobytes()
+    assert [row.tobytes() for row in again.tmesh.s_knots] == [row.tobytes() for row in surface.tmesh.s_knots]
+    assert rows_text(again) == rows_text(surface)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line"),
+    [
+        ("#bonecam-tspline 1", "solid bone", 1),
+        ("degree 3", "degree 2", 2),
+        ("row 1 6", "row 2 6", 7),
+        ("row 1 6", "row 1 x", 7),
+        ("row 0 1\n0.0 ", "row 0 1\nnan ", 6),
+        ("row 0 1\n0.0 ", "row 0 1\n0_0 ", 6),
+        ("row 0 1\n0.0 ", "row 0 1\n0.0 1.0 ", 6),
+        ("\nend\n", "\n", 43),
+        ("\nend\n", "\nend\nrow 7 1\n", 45),
+    ],
+)
+def test_a_broken_file_is_refused_with_its_line(
+    bone_like: Callable[..., TSpline], tmp_path: Path, old: str, new: str, line: int
+) -> None:
+    text = rows_text(bone_like(7, 6, spread=0.0))
+    assert old in text
+    (tmp_path / "bad.tsr").write_text(text.replace(old, new))
+    with pytest.raises(FileError) as caught:
+        read_tsm(tmp_path / "bad.tsr")
+    assert caught.value.evidence["line"] == line
+
+
+def test_decreasing_knots_and_bad_weights_are_refused(bone_like: Callable[..., TSpline], tmp_path: Path) -> None:
+    surface = bone_like(7, 6, spread=0.0)
+    text = rows_text(surface)
+    (tmp_path / "bad.tsr").write_text(text.replace(" 1.0\nrow 2", " -1.0\nrow 2"))
+    with pytest.raises(FileError, match="weight"):
+        read_tsm(tmp_path / "bad.tsr")
+    first, second = (repr(float(k)) for k in surface.tmesh.s_knots[1][:2])
+    (tmp_path / "bad.tsr").write_text(text.replace(f"\n{second} ", f"\n{first} ", 1))
+    with pytest.raises(FileError, match="row 1"):
+        read_tsm(tmp_path / "bad.tsr")
+    with pytest.raises(FileError, match="cannot be read"):
+        read_tsm(tmp_path / "absent.tsr")
+    assert np.isfinite(surface.control_points).all()
+
+
+WORDS = (
+    b"nan",
+    b"inf",
+    b"-1",
+    b"1e308",
+    b"-1e308",
+    b"1e-320",
+    b"0",
+    b"99999999999999999999",
+    b"",
+    b"-5",
+    b"7",
+    b"0x10",
+    b"\xff",
+)
+SIGNS = b"0123456789-. e\n"
+
+
+def damaged(data: bytes, rng: random.Random) -> bytes:
+    """One to five changes: a byte, a sign, a hole, something put in, a line in another's place, a word."""
+    for _ in range(rng.choice((1, 1, 1, 2, 5))):
+        k, kind = rng.randrange(len(data)), rng.randrange(6)
+        if kind < 2:
+            data = data[:k] + bytes([rng.randrange(256) if kind else rng.choice(SIGNS)]) + data[k + 1 :]
+        elif kind == 2:
+            data = data[:k] + data[k + rng.choice((1, 1, 5, 100)) :] or b" "
+        elif kind == 3:
+            data = data[:k] + bytes(rng.choice(SIGNS) for _ in range(rng.choice((1, 2, 8)))) + data[k:]
+        else:
+            mark = b"\n" if kind == 4 else b" "
+            parts = data.split(mark)
+            parts[rng.randrange(len(parts))] = rng.choice(parts) if kind == 4 else rng.choice(WORDS)
+            data = mark.join(parts)
+    return data
+
+
+def outcome(data: bytes, path: Path, seed: int) -> bool:
+    """Whether the file is read; then 20 random points with second derivatives must be finite."""
+    path.write_bytes(data)
+    try:
+        surface: TSpline = (read_iga if path.suffix == ".iga" else read_tsm)(path)
+    except FileError:
+        return False
+    boxes = surface.elements().boxes
+    rng = np.random.default_rng(seed)
+    box, u = boxes[rng.integers(0, len(boxes), 20)], rng.random((2, 20))
+    found = surface.evaluate(box[:, 0] + (box[:, 1] - box[:, 0]) * u[0], box[:, 2] + (box[:, 3] - box[:, 2]) * u[1], 2)
+    assert all(np.isfinite(one).all() for one in found), f"seed {seed}"
+    return True
+
+
+def survive(originals: list[Path], folder: Path, seeds: range) -> float:
+    """The part of the damaged files that is still read."""
+    read = 0
+    for seed in seeds:
+        original = originals[seed % len(originals)]
+        read += outcome(damaged(original.read_bytes(), random.Random(seed)), folder / f"damaged{original.suffix}", seed)
+    return read / len(seeds)
+
+
+def test_of_a_thousand_damaged_files_none_gives_more_than_an_error_or_a_surface(
+    random_tspline: Callable[..., TSpline], bone_like: Callable[..., TSpline], tmp_path: Path
+) -> None:
+    write_tsm(random_tspline(1), tmp_path / "a.tsm")
+    write_tsm(random_tspline(2, closed=True), tmp_path / "b.tsm")
+    write_tsm(bone_like(6, 5, 1), tmp_path / "c.tspline")
+    write_iga(bone_like(4, 4, 1), tmp_path / "d.iga")
+    originals = sorted(tmp_path.iterdir())
+    assert 0.05 < survive(originals, tmp_path, range(1000)) < 0.6
+
+
+@pytest.mark.slow
+def test_of_a_thousand_damaged_models_none_gives_more_than_an_error_or_a_surface(shared: Path, tmp_path: Path) -> None:
+    models = sorted(file for file in (shared / "tspline").glob("[ti]*/*.[ti]*") if file.suffix in (".tsm", ".iga"))
+    assert len(models) == 11
+    assert 0.05 < survive(models, tmp_path, range(1000)) < 0.6
+
+
+@pytest.mark.parametrize(
+    ("record", "match"),
+    [
+        ("0g 1e308 0 0 1", "size below"),
+        ("0g 0 0 0 1e-320", "weight 2 is not positive"),
+        ("0m gvp 99999999999999999999", "size below"),
+    ],
+)
+def test_numbers_that_would_overflow_are_refused(
+    random_tspline: Callable[..., TSpline], tmp_path: Path, record: str, match: str
+) -> None:
+    write_tsm(random_tspline(1), tmp_path / "a.tsm")
+    lines = (tmp_path / "a.tsm").read_text().splitlines()
+    kind = record.split()[0]
+    places = [k for k, line in enumerate(lines) if line.startswith(f"{kind} ")]
+    lines[places[2]] = record
+    (tmp_path / "a.tsm").write_text("\n".join(lines))
+    with pytest.raises(FileError, match=match):
+        read_tsm(tmp_path / "a.tsm")

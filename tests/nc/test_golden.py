@@ -1,0 +1,51 @@
+"""The posted text of tiny paths, kept as files in tests/golden/<case>/."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from bonecam.job import read_job
+from bonecam.machine.machine import read_machine
+from bonecam.nc.dialect import read_dialect
+from bonecam.nc.posting import write_program
+from bonecam.nc.program import Program
+from bonecam.nc.reading import read_program
+from bonecam.nc.requirements import job_dialect
+from bonecam.tool.path import ToolPath
+from bonecam.verify.readback import Tolerances, compare_moves
+
+GOLDEN = Path(__file__).parents[1] / "golden"
+CASES = ("heidenhain-mikron", "linuxcnc-xyzbc", "siemens-mikron", "fanuc-mikron", "makino-mikron", "mitsubishi-mikron")
+
+
+@pytest.fixture(scope="module")
+def paths(capsule_path: Callable[..., ToolPath]) -> tuple[ToolPath, ToolPath]:
+    return (
+        capsule_path(level=5, radius=2.0, offset=1.5, number=1, count=24, turns=0.5),
+        capsule_path(level=0, radius=1.0, number=2, count=24, turns=0.5),
+    )
+
+
+@pytest.fixture(scope="module", params=CASES)
+def case(request: pytest.FixtureRequest) -> str:
+    return str(request.param)
+
+
+@pytest.fixture(scope="module")
+def program(case: str, paths: tuple[ToolPath, ToolPath]) -> Program:
+    job = read_job(GOLDEN / case / "job.toml")
+    return write_program(paths, read_machine(job.nc.machine), job_dialect(job.nc), job, name="GOLDEN")
+
+
+def test_the_golden_program_is_still_posted(case: str, program: Program) -> None:
+    assert program.text == (GOLDEN / case / f"expected{program.extension}").read_text()
+
+
+def test_the_golden_program_makes_the_golden_path(
+    case: str, program: Program, paths: tuple[ToolPath, ToolPath]
+) -> None:
+    machine, dialect = read_machine(program.machine), read_dialect(program.controller)
+    text = (GOLDEN / case / f"expected{program.extension}").read_text()
+    checked = compare_moves(read_program(text, machine, dialect), paths, dialect, Tolerances())
+    assert checked.tip_error.max() < 0.001
