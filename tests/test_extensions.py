@@ -5,11 +5,11 @@ import os
 import re
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
+from small_parts import revolved
 
 import bonecam
 from bonecam.cli import main
@@ -20,7 +20,6 @@ from bonecam.errors import JobError, MachineError
 from bonecam.machine.machine import read_machine
 from bonecam.nc.dialect import dialect_names, read_dialect
 from bonecam.planning.patterns import pattern_curves
-from bonecam.surface.tspline import TSpline
 from bonecam.tool.cutter import Cutter
 
 pytestmark = pytest.mark.whole
@@ -158,7 +157,7 @@ def test_a_pattern_without_lines_is_told_before_any_work(mine: Path) -> None:
     ],
 )
 def test_lines_that_a_pattern_may_not_draw_are_one_line(
-    lines: str, why: str, mine: Path, revolved: Callable[..., TSpline], monkeypatch: pytest.MonkeyPatch
+    lines: str, why: str, mine: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     source = f"def lines(surface, radius, scallop): return {lines}\n"
     (mine / "patterns" / "rings.py").write_text(source, encoding="utf-8")

@@ -1,12 +1,12 @@
 """One surface machined alone: open and closed ones are covered, posted, and gouge neither part nor obstacle."""
 
 import base64
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from small_parts import pebble
 
 import bonecam
 from bonecam.errors import BendingError, FileError, MachineError, MeshError, SurfaceError, UnitsError
@@ -200,7 +200,7 @@ def test_surfaces_that_cannot_be_machined_alone_are_refused(tmp_path: Path) -> N
         bonecam.finish(panel(), inward, job=JOB)
 
 
-def test_closed_surfaces_that_bound_no_solid_are_refused(pebble: Callable[..., TSpline]) -> None:
+def test_closed_surfaces_that_bound_no_solid_are_refused() -> None:
     surface = pebble()
     points = surface.control_points
     with pytest.raises(SurfaceError, match="the surface: encloses no volume"):
@@ -214,9 +214,7 @@ def test_closed_surfaces_that_bound_no_solid_are_refused(pebble: Callable[..., T
         bonecam.finish(surface.with_control_points(crossed), job=JOB)
 
 
-def test_surfaces_far_larger_than_a_part_are_refused_before_they_are_tessellated(
-    pebble: Callable[..., TSpline], tmp_path: Path
-) -> None:
+def test_surfaces_far_larger_than_a_part_are_refused_before_they_are_tessellated(tmp_path: Path) -> None:
     huge = pebble().with_control_points(1e4 * pebble().control_points)
     write_tsm(huge, tmp_path / "huge.tspline")
     for given, name in ((huge, "the surface"), (tmp_path / "huge.tspline", r"huge\.tspline")):

@@ -9,6 +9,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from small_parts import capsule_path
 
 from bonecam.errors import BonecamError, JobError, VerifyError
 from bonecam.job import Job
@@ -46,7 +47,7 @@ def simulated(paths):
 
 
 @pytest.fixture(scope="module")
-def posted(capsule_path):
+def posted():
     """The program at one feed, the one by the force, and what both remove."""
     constant = replace(JOB, path=replace(JOB.path, feed="constant"))
     slow = capsule_path(radius=2.0, turns=8.0, count=400)

@@ -1,11 +1,11 @@
 """Spindle speeds and feeds that come from the material."""
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from small_parts import capsule_path
 
 from bonecam.errors import JobError
 from bonecam.job import Job
@@ -13,7 +13,6 @@ from bonecam.job.materials.preset import FOLDER, cutting_force, material_files, 
 from bonecam.machine.machine import USUAL_SPINDLE, read_machine
 from bonecam.nc.dialect import read_dialect
 from bonecam.nc.posting import write_program
-from bonecam.tool.path import ToolPath
 
 FORCE = """
 [force]
@@ -149,9 +148,7 @@ def test_an_unknown_material_is_refused_with_the_known_ones() -> None:
         Job().with_values(material={"name": "nowhere/none.toml"}).tool("finishing")
 
 
-def test_the_header_tells_the_source_of_speeds_that_the_job_does_not_give(
-    capsule_path: Callable[..., ToolPath],
-) -> None:
+def test_the_header_tells_the_source_of_speeds_that_the_job_does_not_give() -> None:
     machine, dialect = read_machine("mikron-ucp600"), read_dialect("heidenhain")
     path = capsule_path(count=60)
     job = Job().with_values(material={"name": "titanium"})

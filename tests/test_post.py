@@ -1,10 +1,10 @@
 """Paths of another system, or of another machine's program, become a proved program here."""
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
+from small_parts import revolved
 
 import bonecam
 from bonecam.errors import FileError, JobError, MachineError, ProgramError, VerifyError
@@ -16,7 +16,6 @@ from bonecam.nc.dialect import read_dialect
 from bonecam.nc.reading import read_program
 from bonecam.setup.capsule import Capsule
 from bonecam.surface.files.tspline_text import write_tsm
-from bonecam.surface.tspline import TSpline
 from bonecam.tool.path import MoveKind
 
 AXIS = np.array([0.0, 0.5, 0.75**0.5])
@@ -123,7 +122,7 @@ def test_an_axis_that_the_machine_does_not_have_is_named(part: Path, tmp_path: P
 
 
 @pytest.fixture
-def kept(tmp_path: Path, revolved: Callable[..., TSpline]) -> Path:
+def kept(tmp_path: Path) -> Path:
     """What a run keeps of its part: the surface, and a mesh of it that lies far outside, as a coarse one may."""
     folder = tmp_path / "kept"
     surface = revolved(lambda share, azimuth: 3.0 + 0 * azimuth, low=9.0, high=27.0)

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from bonecam_meshes import path as shipped
+from small_parts import level_of, mesh_of, pebble
 from typed_values import differences
 
 import bonecam
@@ -61,7 +62,7 @@ def part_of(mesh: TriangleMesh) -> Part:
 
 
 @pytest.fixture(scope="module")
-def parted(pebble, level_of, mesh_of, tmp_path_factory):
+def parted(tmp_path_factory):
     """The finished lump, with what the simulation of its parting leaves; and a job with a shell."""
     lump = mesh_of(pebble(), around=40, along=50)
     file = tmp_path_factory.mktemp("second") / "shell.stl"

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pymeshlab
 import pytest
+from small_parts import PAINTED_PLY
 
 from bonecam.cli import main
 from bonecam.errors import BonecamError, Cancelled, FileError, FilterError, StockError
@@ -369,13 +370,7 @@ TRIANGLE = "mtllib {}\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl skin\nf 1/1 2/1
 @pytest.mark.parametrize("kind", ["ply", "materials", "texture"])
 @pytest.mark.parametrize("name", ["../t.png", "..\\t.png", "{}/t.png", "link.png", "cwd.png"])
 def test_an_input_brings_no_file_of_another_folder(
-    kind: str,
-    name: str,
-    painted_ply: str,
-    folder: Path,
-    tmp_path: Path,
-    registry: Registry,
-    monkeypatch: pytest.MonkeyPatch,
+    kind: str, name: str, folder: Path, tmp_path: Path, registry: Registry, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "first").mkdir()
     run_script(cube_script(tmp_path, TEXTURE.format("t.png")), [], tmp_path / "first", registry=registry)
@@ -386,7 +381,7 @@ def test_an_input_brings_no_file_of_another_folder(
     (folder / "link.png").symlink_to(tmp_path / "t.png")
     named = name.format(tmp_path)
     given = folder / ("a.ply" if kind == "ply" else "a.obj")
-    given.write_text(painted_ply.format(named) if kind == "ply" else TRIANGLE.format("a.mtl"))
+    given.write_text(PAINTED_PLY.format(named) if kind == "ply" else TRIANGLE.format("a.mtl"))
     (folder / "a.mtl").write_text(f"newmtl skin\nmap_Kd {named}\n")
     if kind == "materials":
         given.write_text(TRIANGLE.format(named))

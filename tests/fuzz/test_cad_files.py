@@ -5,6 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from small_parts import pebble
 
 from bonecam.mesh.files.mesh_files import read_mesh
 from bonecam.surface.files.cad import read_bsplines, write_iges, write_step
@@ -91,7 +92,7 @@ def test_a_damaged_cad_file_gives_a_mesh_or_one_line(
     ],
 )
 def test_a_damaged_file_of_a_surface_gives_its_faces_or_one_line(
-    name: str, count: int, pebble: Callable, mutate: Callable, outcome: Callable, tmp_path: Path
+    name: str, count: int, mutate: Callable, outcome: Callable, tmp_path: Path
 ) -> None:
     rng = random.Random(f"surface {name}")
     file = tmp_path / name

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from small_parts import capsule_path, pebble
 
 from bonecam.errors import BonecamError
 from bonecam.filters.meshlab_values import read_calls
@@ -22,7 +23,6 @@ from bonecam.surface.files.surface_input import read_part
 from bonecam.surface.files.tspline_text import read_tsm, write_tsm
 from bonecam.surface.tmesh import TMesh
 from bonecam.surface.tspline import TSpline
-from bonecam.tool.path import ToolPath
 
 DEFAULT = 25
 """Damaged files of each kind in the default run."""
@@ -59,9 +59,7 @@ def patch() -> TSpline:
 
 
 @pytest.fixture(scope="session")
-def sound(
-    pebble: Callable[..., TSpline], capsule_path: Callable[..., ToolPath], tmp_path_factory: pytest.TempPathFactory
-) -> dict[str, bytes]:
+def sound(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
     """A sound file of every kind."""
     folder = tmp_path_factory.mktemp("sound")
     surface = pebble()

@@ -2,12 +2,12 @@
 exceeds a bound.
 """
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from level_parts import grooved
 from numpy import ndarray
 
 from bonecam.job import Job, MeshJob
@@ -209,7 +209,7 @@ def test_a_bump_with_its_peak_between_the_samples_passes_the_check_but_not_the_c
     assert part.project(places).distances.max() > limit + DEPTH_TOLERANCE
 
 
-def test_depths_are_bounded_both_ways(grooved: Callable[[float], TSpline]) -> None:
+def test_depths_are_bounded_both_ways() -> None:
     inner, outer = grooved(0.4), grooved(1.0)
     found, s, t = certify_cut(inner, outer, STOCK, 0.1), *dense(5, 40_000)
     there, back = (to.project(of.positions(s, t)).distances.max() for of, to in ((outer, inner), (inner, outer)))

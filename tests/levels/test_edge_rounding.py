@@ -1,10 +1,10 @@
 """Stocks with edges: rounded as far as the part allows, then cut down to that in levels of a known depth."""
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
+from level_parts import waisted
 
 from bonecam.arrays import unit
 from bonecam.errors import LevelError, StockError
@@ -36,7 +36,6 @@ from bonecam.setup.stocks.box import Box
 from bonecam.setup.stocks.cylinder import Cylinder
 from bonecam.setup.stocks.mesh import ConvexStock
 from bonecam.surface.part_surface import fit_surface
-from bonecam.surface.tspline import TSpline
 
 pytestmark = pytest.mark.whole
 
@@ -209,7 +208,7 @@ def test_the_enclosing_capsule_holds_the_stock(stock: Stock) -> None:
 
 
 @pytest.fixture(scope="module")
-def made(waisted: Callable[..., TSpline]) -> Morph:
+def made() -> Morph:
     return levels_in(waisted(), BAR, SCHEDULE, chord_tolerance=0.05)
 
 
@@ -225,9 +224,7 @@ def test_rounding_levels_follow_the_morph_out_to_the_bar(made: Morph) -> None:
     assert made.lower_bound <= made.cuts
 
 
-def test_the_fewest_cuts_count_from_the_part_itself_and_not_from_its_mesh(
-    waisted: Callable[..., TSpline], made: Morph
-) -> None:
+def test_the_fewest_cuts_count_from_the_part_itself_and_not_from_its_mesh(made: Morph) -> None:
     rim = BAR.mesh(0.02).vertices
     assert made.distance == pytest.approx(waisted().project(rim).distances.max(), abs=1e-6)
 
@@ -248,7 +245,7 @@ def test_rounding_levels_keep_depth_nesting_and_stock(made: Morph) -> None:
     assert (np.diff(volumes) > 0).all()
 
 
-def test_a_mesh_of_the_stock_that_cuts_itself_is_found_and_refused(waisted: Callable[..., TSpline]) -> None:
+def test_a_mesh_of_the_stock_that_cuts_itself_is_found_and_refused() -> None:
     part, stock = waisted(), Capsule(np.array([0.0, 0.0, 4.5]), np.array([0.0, 0.0, 15.5]), 4.5)
     inner, mesh = MeasuredSurface(part, level_grid(part, [part.control_points], 0.05)), stock.mesh(0.05)
     assert measure_last_cut(inner, mesh, stock, 9.0).self_intersections == 0
@@ -263,7 +260,7 @@ def test_a_mesh_of_the_stock_that_cuts_itself_is_found_and_refused(waisted: Call
     assert caught.value.evidence["level"] == 3
 
 
-def test_every_level_can_be_followed_on_the_parts_tmesh(waisted: Callable[..., TSpline], made: Morph) -> None:
+def test_every_level_can_be_followed_on_the_parts_tmesh(made: Morph) -> None:
     assert {len(level.control_points) for level in machined_levels(made.levels)} == {waisted().tmesh.size}
     rounding = next(level for level in made.levels if isinstance(level, RoundedLevel))
     assert (
@@ -281,14 +278,14 @@ def test_a_mesh_that_cannot_be_made_true_is_refused_with_its_place() -> None:
     assert np.abs(body.signed_distance(caught.value.evidence["place"][None])).max() < 1e-9
 
 
-def test_a_part_that_leaves_the_bar_is_refused_at_once_with_its_place(waisted: Callable[..., TSpline]) -> None:
+def test_a_part_that_leaves_the_bar_is_refused_at_once_with_its_place() -> None:
     with pytest.raises(StockError, match=r"cylinder 4\.00 x 20\.00 mm\) does not hold the part") as caught:
         levels_in(waisted(), Cylinder(2.0, 0.0, 20.0), SCHEDULE)
     assert caught.value.evidence["distance"] > 0
     assert caught.value.evidence["place"].shape == (3,)
 
 
-def test_a_part_in_the_edges_of_a_bar_is_refused_at_once(waisted: Callable[..., TSpline]) -> None:
+def test_a_part_in_the_edges_of_a_bar_is_refused_at_once() -> None:
     diagonal = unit(np.array([[4.5, 4.0, 0.0]]))
     across = np.array([[-diagonal[0, 1], diagonal[0, 0], 0.0]])
     points = waisted().control_points

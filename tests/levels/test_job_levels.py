@@ -1,12 +1,12 @@
 """Where the surface of the usual rows is refused, or has no levels, the fit starts again."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 from unittest.mock import Mock
 
 import numpy as np
 import pytest
+from level_parts import CAPSULE, waisted
 
 from bonecam.errors import LevelError, SurfaceError
 from bonecam.job import Job
@@ -23,7 +23,6 @@ from bonecam.setup.stock import Schedule
 from bonecam.setup.stocks.cylinder import Cylinder
 from bonecam.surface.growth import Fit
 from bonecam.surface.part_surface import fit_surface
-from bonecam.surface.tspline import TSpline
 
 pytestmark = pytest.mark.whole
 
@@ -135,10 +134,8 @@ def test_a_fit_within_a_wider_tolerance_is_judged_by_that_of_the_job(setup: Setu
 SCHEDULE = Schedule((0.2,), 1.0)
 
 
-def test_the_outermost_cut_is_as_deep_as_the_others_and_there_are_as_many(
-    capsule: Capsule, waisted: Callable[..., TSpline]
-) -> None:
-    plain, even = (make(waisted(), capsule, SCHEDULE, chord_tolerance=0.05) for make in (levels_in, even_levels))
+def test_the_outermost_cut_is_as_deep_as_the_others_and_there_are_as_many() -> None:
+    plain, even = (make(waisted(), CAPSULE, SCHEDULE, chord_tolerance=0.05) for make in (levels_in, even_levels))
     assert plain.levels[-1].depth_max < 0.75
     assert even.cuts == plain.cuts
     assert even.lower_bound == plain.lower_bound
@@ -147,16 +144,14 @@ def test_the_outermost_cut_is_as_deep_as_the_others_and_there_are_as_many(
     assert max(depths) < 0.99
 
 
-def test_a_bar_keeps_its_rounding_levels(waisted: Callable[..., TSpline]) -> None:
+def test_a_bar_keeps_its_rounding_levels() -> None:
     bar = Cylinder(4.5, 0.0, 20.0)
     even = even_levels(waisted(), bar, SCHEDULE, chord_tolerance=0.05)
     assert sum(isinstance(level, RoundedLevel) for level in even.levels) >= 2
     assert np.abs(bar.signed_distance(even.levels[-1].mesh.vertices)).max() < 1e-9
 
 
-def test_only_the_levels_that_are_kept_are_measured(
-    capsule: Capsule, waisted: Callable[..., TSpline], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_only_the_levels_that_are_kept_are_measured(monkeypatch: pytest.MonkeyPatch) -> None:
     begun = []
     begin_levels = job_levels.begin_levels
 
@@ -167,6 +162,6 @@ def test_only_the_levels_that_are_kept_are_measured(
     measured = Mock(side_effect=closed_morph.inspect)
     monkeypatch.setattr(job_levels, "begin_levels", counted)
     monkeypatch.setattr(closed_morph, "inspect", measured)
-    even_levels(waisted(), capsule, SCHEDULE, chord_tolerance=0.05)
+    even_levels(waisted(), CAPSULE, SCHEDULE, chord_tolerance=0.05)
     assert len(begun) > 1
     assert measured.call_count == 1

@@ -1,10 +1,10 @@
 """Depths at single points: what the pictures and the coloured layers show."""
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
+from level_parts import waisted
 
 from bonecam.levels.job_levels import levels_in
 from bonecam.levels.measure import POINTS, RoundedLevel, line_depths, step_depths
@@ -13,13 +13,12 @@ from bonecam.report.pictures import draw_depths
 from bonecam.setup.capsule import Capsule
 from bonecam.setup.stock import Schedule
 from bonecam.setup.stocks.cylinder import Cylinder
-from bonecam.surface.tspline import TSpline
 
 BAR = Cylinder(4.5, 0.0, 20.0)
 
 
 @pytest.fixture(scope="module")
-def made(waisted: Callable[..., TSpline]) -> Morph:
+def made() -> Morph:
     return levels_in(waisted(), BAR, Schedule((0.2,), 1.0), chord_tolerance=0.05)
 
 
@@ -32,7 +31,7 @@ def test_no_point_of_the_line_is_deeper_than_the_cut_may_be(made: Morph) -> None
     assert depths[0].mean() > 0.8 * limits[0]
 
 
-def test_the_last_cut_s_depths_are_smooth_whatever_the_stock_s_mesh(waisted: Callable[..., TSpline]) -> None:
+def test_the_last_cut_s_depths_are_smooth_whatever_the_stock_s_mesh() -> None:
     stock = Capsule(np.array([0.0, 0.0, 4.5]), np.array([0.0, 0.0, 15.5]), 4.5)
     made = levels_in(waisted(), stock, Schedule((0.2,), 1.0), chord_tolerance=0.05)
     last = line_depths(made.levels, stock)[-1]

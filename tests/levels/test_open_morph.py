@@ -1,10 +1,10 @@
 """Open surfaces: from a blade's side, or a blade open at both ends, to an offset or a given surface."""
 
-from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
 import pytest
+from level_parts import waisted
 
 from bonecam.errors import JobError, LevelError, StockError, SurfaceError
 from bonecam.levels.job_levels import levels_in
@@ -121,7 +121,7 @@ def test_an_offset_beyond_the_thickness_is_an_error_with_the_level() -> None:
         morph_open(tube(), -3.0, SCHEDULE, chord_tolerance=0.05)
 
 
-def test_wrong_calls_are_refused(waisted: Callable[..., TSpline]) -> None:
+def test_wrong_calls_are_refused() -> None:
     with pytest.raises(SurfaceError, match=r"the surface is closed: .*levels_in\(surface, stock, schedule\)"):
         morph_open(waisted(), 1.0, SCHEDULE)
     with pytest.raises(JobError, match="edges = 'loose': choose one of free, fixed"):

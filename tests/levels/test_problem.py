@@ -6,18 +6,15 @@ How far the new level is from the level before, and a level from the stock, seen
 hollows.
 """
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from level_parts import CAPSULE, grooved
 
 from bonecam.errors import LevelError
 from bonecam.kernels.matrices import transposed_times
 from bonecam.levels.problem import ATTRACTIONS, discretise, factorise, multiply, remaining, whole
 from bonecam.levels.program import reverse_depths
-from bonecam.setup.capsule import Capsule
-from bonecam.surface.tspline import TSpline
 
 
 def test_a_factored_band_solves() -> None:
@@ -54,7 +51,7 @@ def test_rows_times_points_and_back_are_scipys() -> None:
     assert np.allclose(D, R.T @ y, atol=1e-13)
 
 
-def test_what_a_filled_groove_leaves_behind_is_found_at_its_distance(grooved: Callable[[float], TSpline]) -> None:
+def test_what_a_filled_groove_leaves_behind_is_found_at_its_distance() -> None:
     part, filled = grooved(0.4), grooved(1.0)
     rng = np.random.default_rng(1)
     s, t = rng.random(3000), rng.uniform(0.1, 0.9, 3000)
@@ -67,11 +64,9 @@ def test_what_a_filled_groove_leaves_behind_is_found_at_its_distance(grooved: Ca
     assert np.abs(np.mod(s[found.which] + 0.5, 1) - 0.5).max() < 0.15
 
 
-def test_of_a_groove_more_is_left_from_its_bottom_than_from_the_stock(
-    capsule: Capsule, grooved: Callable[[float], TSpline]
-) -> None:
-    discretisation = discretise(grooved(0.4), capsule, ATTRACTIONS["stock"])
-    rest = remaining(discretisation, discretisation.surface.control_points, whole(capsule))
+def test_of_a_groove_more_is_left_from_its_bottom_than_from_the_stock() -> None:
+    discretisation = discretise(grooved(0.4), CAPSULE, ATTRACTIONS["stock"])
+    rest = remaining(discretisation, discretisation.surface.control_points, whole(CAPSULE))
     assert rest.farthest < rest.left == rest.depth
-    assert -capsule.signed_distance(rest.place[None])[0] == pytest.approx(rest.depth)
+    assert -CAPSULE.signed_distance(rest.place[None])[0] == pytest.approx(rest.depth)
     assert np.hypot(*rest.place[:2]) < 2.5

@@ -11,11 +11,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from level_parts import CAPSULE, HALF_MILLIMETRE, STEP_PARAMETERS
 
 from bonecam.arrays import dots, unit
 from bonecam.levels import program
 from bonecam.levels import program as limits
-from bonecam.levels.problem import ROUGH, Cut, Discretisation, StepParameters
+from bonecam.levels.problem import ROUGH, Cut, Discretisation
 from bonecam.levels.program import (
     MOST_BENT,
     NET,
@@ -32,7 +33,6 @@ from bonecam.levels.program import (
     targets,
 )
 from bonecam.levels.solvers import admm
-from bonecam.setup.capsule import Capsule
 from bonecam.surface.query import closest_points_near
 
 
@@ -57,48 +57,48 @@ RNG = np.random.default_rng(5)
 
 
 @pytest.mark.parametrize("slab", SLABS, ids=lambda slab: slab.__name__)
-def test_a_slab_leaves_room_and_the_tightest_counts(half_millimetre: Cut, slab) -> None:  # type: ignore[no-untyped-def]
-    low, high = slab(half_millimetre, GAP)
-    lowest, largest = heights(half_millimetre, GAP)
+def test_a_slab_leaves_room_and_the_tightest_counts(slab) -> None:  # type: ignore[no-untyped-def]
+    low, high = slab(HALF_MILLIMETRE, GAP)
+    lowest, largest = heights(HALF_MILLIMETRE, GAP)
     assert low.shape == high.shape == GAP.shape
     assert (low <= lowest).all()
     assert (lowest < largest).all()
     assert (largest <= high).all()
     assert (lowest >= 0).all()
-    assert (largest <= half_millimetre.depth).all()
+    assert (largest <= HALF_MILLIMETRE.depth).all()
 
 
 @pytest.mark.parametrize("wall", WALLS, ids=lambda wall: wall.__name__)
-def test_a_wall_holds_what_it_may_and_its_plane_is_its_slope(capsule: Capsule, half_millimetre: Cut, wall) -> None:  # type: ignore[no-untyped-def]
-    y = capsule.closest_points(capsule.middle + RNG.normal(size=(len(GAP), 3)) * [1, 1, 5]) + 0.1 * RNG.normal(
+def test_a_wall_holds_what_it_may_and_its_plane_is_its_slope(wall) -> None:  # type: ignore[no-untyped-def]
+    y = CAPSULE.closest_points(CAPSULE.middle + RNG.normal(size=(len(GAP), 3)) * [1, 1, 5]) + 0.1 * RNG.normal(
         size=(len(GAP), 3)
     )
-    m, h = wall(half_millimetre, GAP, capsule, y)
+    m, h = wall(HALF_MILLIMETRE, GAP, CAPSULE, y)
     assert np.allclose(np.linalg.norm(m, axis=1), 1)
     outside = (m * y).sum(1) - h
     stays = y - outside[:, None] * m
-    assert np.allclose(-capsule.signed_distance(stays), np.minimum(GAP, half_millimetre.clearance), atol=1e-9)
+    assert np.allclose(-CAPSULE.signed_distance(stays), np.minimum(GAP, HALF_MILLIMETRE.clearance), atol=1e-9)
     for step in 1e-5 * np.eye(3):
-        moved, at = wall(half_millimetre, GAP, capsule, y + step)
+        moved, at = wall(HALF_MILLIMETRE, GAP, CAPSULE, y + step)
         assert np.allclose(((moved * (y + step)).sum(1) - at - outside) / 1e-5, m @ step / 1e-5, atol=1e-4)
 
 
 def test_a_sample_may_slide_to_where_the_level_before_is_nearer_to_the_wall(
-    first_program: Callable[[], LevelProgram], capsule: Capsule
+    first_program: Callable[[], LevelProgram],
 ) -> None:
     program = first_program()
     before, y = program.limits.before, program.x
-    there = -capsule.signed_distance(y)
+    there = -CAPSULE.signed_distance(y)
     cut = Cut(depth=0.5, landing=float(np.median(there)))
     near = there < cut.clearance
-    found = limits.limits_at(before, capsule, cut, there + 1.0, y, program.s, program.t, 3)
+    found = limits.limits_at(before, CAPSULE, cut, there + 1.0, y, program.s, program.t, 3)
     assert 0.4 < near.mean() < 0.6
     assert found.broken(y)[near].max() < 1e-6
     assert found.broken(y + 0.01 * found.m)[near].min() > 0.009
 
 
 def test_a_new_slab_is_one_function_more(
-    first_program: Callable[[], LevelProgram], half_millimetre: Cut, monkeypatch: pytest.MonkeyPatch
+    first_program: Callable[[], LevelProgram], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def half(cut: Cut, gap: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return np.full(len(gap), -np.inf), np.full(len(gap), cut.depth / 2)
@@ -106,7 +106,7 @@ def test_a_new_slab_is_one_function_more(
     monkeypatch.setattr(limits, "SLABS", (*SLABS, half))
     one = first_program()
     y = one.x + one.R @ admm.solve(one)
-    assert one.limits.at(y, 3).heights(y).max() < 0.55 * half_millimetre.depth
+    assert one.limits.at(y, 3).heights(y).max() < 0.55 * HALF_MILLIMETRE.depth
 
 
 def test_a_new_wall_is_one_function_more(
@@ -128,9 +128,7 @@ MOVES_RNG = np.random.default_rng(4)
 
 
 @pytest.mark.parametrize("energy", [*NET, *SAMPLED], ids=lambda energy: energy.__name__)
-def test_its_matrices_are_those_of_a_convex_energy(
-    given: Given, discretisation: Discretisation, half_millimetre: Cut, capsule: Capsule, energy
-) -> None:  # type: ignore[no-untyped-def]
+def test_its_matrices_are_those_of_a_convex_energy(given: Given, discretisation: Discretisation, energy) -> None:  # type: ignore[no-untyped-def]
     found, before, free = energy(given), given.before, discretisation.free
     if isinstance(found, Quadratic):
         matrix = found.matrix
@@ -140,8 +138,8 @@ def test_its_matrices_are_those_of_a_convex_energy(
         assert np.allclose(found.R @ before.control_points, found.x, atol=1e-12)
         assert np.allclose(before.evaluate(found.s, found.t), found.x, atol=1e-12)
         *_, foot, _ = closest_points_near(before, found.target, found.s, found.t, 8)
-        assert np.linalg.norm(found.target - foot, axis=1).max() < half_millimetre.depth + 0.002
-        assert capsule.signed_distance(found.target).max() < -half_millimetre.landing + 1e-9
+        assert np.linalg.norm(found.target - foot, axis=1).max() < HALF_MILLIMETRE.depth + 0.002
+        assert CAPSULE.signed_distance(found.target).max() < -HALF_MILLIMETRE.landing + 1e-9
         assert found.weights.min() >= 0
         assert found.beyond.min() >= 1
         matrix = free.T @ found.R.T @ sp.diags_array(found.weights) @ found.R @ free
@@ -166,35 +164,31 @@ def test_the_gradient_is_the_slope_of_the_energy_written_out(first_program: Call
 
 
 def test_the_plate_is_stiffness_of_the_moves_and_bending_of_the_level(
-    given: Given, discretisation: Discretisation, step_parameters: StepParameters, half_millimetre: Cut
+    given: Given, discretisation: Discretisation
 ) -> None:
     found, M, P = plate(given), discretisation.M, given.before.control_points
     D = MOVES_RNG.normal(size=found.linear.shape)
-    moves, bending = discretisation.free @ D, step_parameters.bending * (half_millimetre.depth / ROUGH) ** 2
+    moves, bending = discretisation.free @ D, STEP_PARAMETERS.bending * (HALF_MILLIMETRE.depth / ROUGH) ** 2
     of_moves, after, now = (float(np.einsum("ij,ij->", net, M @ net)) for net in (moves, P + moves, P))
     value = np.einsum("ij,ij->", D, found.matrix @ D) + 2 * np.einsum("ij,ij->", found.linear, D)
-    assert value == pytest.approx(step_parameters.stiffness * of_moves + bending * (after - now))
+    assert value == pytest.approx(STEP_PARAMETERS.stiffness * of_moves + bending * (after - now))
 
 
-def test_what_is_near_the_wall_is_not_drawn_along_it(
-    capsule: Capsule, given: Given, discretisation: Discretisation, half_millimetre: Cut
-) -> None:
-    middle = capsule.start + (capsule.end - capsule.start) / 2
+def test_what_is_near_the_wall_is_not_drawn_along_it(given: Given, discretisation: Discretisation) -> None:
+    middle = CAPSULE.start + (CAPSULE.end - CAPSULE.start) / 2
     net = middle + 1.09 * (given.before.control_points - middle)
     near, samples = (replace(given, before=discretisation.surface.with_control_points(net)), discretisation.samples)
     x = samples.R @ net
-    gap, outward = -capsule.signed_distance(x), capsule.normals(x)
-    assert gap.min() < 0.5 * half_millimetre.depth < 0.5 < gap.max()
+    gap, outward = -CAPSULE.signed_distance(x), CAPSULE.normals(x)
+    assert gap.min() < 0.5 * HALF_MILLIMETRE.depth < 0.5 < gap.max()
     oblique = unit(outward + unit(np.cross(outward, MOVES_RNG.normal(size=3))))
     found = targets(near, x, samples.s, samples.t, samples.normals(net), oblique, np.ones(len(x)))
     way = np.linalg.norm(found - x, axis=1)
     assert (way <= np.sqrt(2) * gap + 1e-9).all()
-    assert way[gap > half_millimetre.depth].min() > 0.4 * half_millimetre.depth
+    assert way[gap > HALF_MILLIMETRE.depth].min() > 0.4 * HALF_MILLIMETRE.depth
 
 
-def test_bending_alone_takes_no_sample_farther_than_some_depths(
-    given: Given, step_parameters: StepParameters, half_millimetre: Cut
-) -> None:
+def test_bending_alone_takes_no_sample_farther_than_some_depths(given: Given) -> None:
     one = given
 
     def with_bending(bending: float) -> tuple[LevelProgram, float]:
@@ -205,11 +199,11 @@ def test_bending_alone_takes_no_sample_farther_than_some_depths(
         moves = np.linalg.solve(found.matrix.toarray(), -found.net.linear)
         return found, float(np.linalg.norm(found.R @ moves, axis=1).max())
 
-    soft, its = with_bending(step_parameters.bending)
+    soft, its = with_bending(STEP_PARAMETERS.bending)
     assert np.array_equal(soft.net.linear, plate(one).linear)
-    assert its < MOST_BENT * half_millimetre.depth
+    assert its < MOST_BENT * HALF_MILLIMETRE.depth
     stiff, its = with_bending(1e-2)
-    assert its == pytest.approx(MOST_BENT * half_millimetre.depth)
+    assert its == pytest.approx(MOST_BENT * HALF_MILLIMETRE.depth)
     whole_pull = plate(replace(one, parameters=replace(one.parameters, bending=1e-2))).linear
     assert np.allclose(stiff.net.linear, whole_pull * (stiff.net.linear[0, 2] / whole_pull[0, 2]))
 

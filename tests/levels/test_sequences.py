@@ -4,12 +4,12 @@ Levels that are mended move as little as keeps their limits, and go on to the st
 away from it.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import pytest
+from level_parts import CAPSULE, SCHEDULE, waisted
 
 from bonecam.errors import LevelError
 from bonecam.levels.certificates import certify_last_cut
@@ -28,11 +28,7 @@ from bonecam.levels.sequences import (
 )
 from bonecam.levels.solvers.exchange import project_level
 from bonecam.progress import silent
-from bonecam.setup.capsule import Capsule
-from bonecam.setup.stock import Schedule
-from bonecam.surface.tspline import TSpline
 
-SCHEDULE = Schedule((0.1, 0.1), 0.5)
 STOP = Stop("mend it", max_stalled=2, most=20)
 
 
@@ -102,17 +98,17 @@ PARAMETERS = StepParameters(STIFFNESS, bending=3e-7, uniform=3.0)
 
 
 @pytest.fixture(scope="module")
-def maker(capsule: Capsule, waisted: Callable[..., TSpline], schedule: Schedule) -> SequenceMaker:
-    discretisation = discretise(waisted(), capsule, ATTRACTIONS["stock"])
-    around = whole(capsule)
+def maker() -> SequenceMaker:
+    discretisation = discretise(waisted(), CAPSULE, ATTRACTIONS["stock"])
+    around = whole(CAPSULE)
     rest = remaining(discretisation, discretisation.surface.control_points, around)
-    return SequenceMaker(discretisation, around, schedule, schedule.lower_bound(rest.left), silent, "admm", STIFFNESS)
+    return SequenceMaker(discretisation, around, SCHEDULE, SCHEDULE.lower_bound(rest.left), silent, "admm", STIFFNESS)
 
 
 @pytest.fixture(scope="module")
-def made(capsule: Capsule, maker: SequenceMaker) -> list[np.ndarray]:
+def made(maker: SequenceMaker) -> list[np.ndarray]:
     discretisation = maker.discretisation
-    return maker.sequence(PARAMETERS, remaining(discretisation, discretisation.surface.control_points, whole(capsule)))
+    return maker.sequence(PARAMETERS, remaining(discretisation, discretisation.surface.control_points, whole(CAPSULE)))
 
 
 def unwatched(made: list[np.ndarray]) -> dict[int, np.ndarray]:
@@ -152,13 +148,11 @@ def test_a_folded_level_starts_again_midway(maker: SequenceMaker, made: list[np.
 
 
 @pytest.fixture
-def spoilt(
-    capsule: Capsule, schedule: Schedule, maker: SequenceMaker, made: list[np.ndarray]
-) -> tuple[list[np.ndarray], Inspection]:
+def spoilt(maker: SequenceMaker, made: list[np.ndarray]) -> tuple[list[np.ndarray], Inspection]:
     """Level 3 is too deep, and measured."""
     levels = [*made]
     levels[3] = made[2] + 1.02 * (made[3] - made[2])
-    return levels, inspect(maker.discretisation.surface, levels, Rules(capsule, schedule, 0.001, 0.001, 0.02), silent)
+    return levels, inspect(maker.discretisation.surface, levels, Rules(CAPSULE, SCHEDULE, 0.001, 0.001, 0.02), silent)
 
 
 def test_what_is_mended_is_measured_again(maker: SequenceMaker, spoilt: tuple[list[np.ndarray], Inspection]) -> None:
@@ -171,13 +165,13 @@ def test_what_is_mended_is_measured_again(maker: SequenceMaker, spoilt: tuple[li
 
 @pytest.mark.parametrize(("out", "mended"), [(0.006, True), (0.03, False)])
 def test_most_levels_are_mended_only_where_all_break_little(
-    capsule: Capsule, schedule: Schedule, maker: SequenceMaker, made: list[np.ndarray], out: float, mended: bool
+    maker: SequenceMaker, made: list[np.ndarray], out: float, mended: bool
 ) -> None:
     """Of three levels two go `out` mm farther than they may."""
     moves = np.diff(made, axis=0)
     moves *= out / np.linalg.norm(moves, axis=2).max(axis=1)[:, None, None]
     levels = [made[0], *(level + k % 3 * move for k, (level, move) in enumerate(zip(made[1:], moves), start=1))]
-    inspection = inspect(maker.discretisation.surface, levels, Rules(capsule, schedule, 0.001, 0.001, 0.02), silent)
+    inspection = inspect(maker.discretisation.surface, levels, Rules(CAPSULE, SCHEDULE, 0.001, 0.001, 0.02), silent)
     failed = len(inspection.failed)
     assert failed > len(levels) / 2
     inspection = restore_feasibility(inspection, maker)
@@ -219,17 +213,17 @@ def test_what_is_no_better_mended_stays_as_it_was(
 
 
 def test_a_slit_that_the_points_measured_missed_takes_one_more_level(
-    capsule: Capsule, schedule: Schedule, maker: SequenceMaker, made: list[np.ndarray]
+    maker: SequenceMaker, made: list[np.ndarray]
 ) -> None:
     inspection = inspect(
         maker.discretisation.surface,
         maker.restore_limits(made, {5}, (), unwatched(made))[0],
-        Rules(capsule, schedule, 0.01, 0.001, 0.02),
+        Rules(CAPSULE, SCHEDULE, 0.01, 0.001, 0.02),
         silent,
     )
     assert not inspection.failed
     last = inspection.levels[-1]
-    sure = certify_last_cut(inspection.levels[-2].surface, capsule, last.limit)
+    sure = certify_last_cut(inspection.levels[-2].surface, CAPSULE, last.limit)
     deep = replace(last, certificate=replace(sure, depth=last.limit + 0.05))
     inspection = replace(inspection, levels=(*inspection.levels[:-1], deep))
     again = restore_certificates(inspection, maker)
@@ -239,10 +233,10 @@ def test_a_slit_that_the_points_measured_missed_takes_one_more_level(
 
 
 def test_a_last_cut_that_is_measured_too_deep_takes_one_more_level(
-    capsule: Capsule, schedule: Schedule, maker: SequenceMaker, made: list[np.ndarray]
+    maker: SequenceMaker, made: list[np.ndarray]
 ) -> None:
     levels = maker.restore_limits(made, {5}, (), unwatched(made))[0][:-1]
-    inspection = inspect(maker.discretisation.surface, levels, Rules(capsule, schedule, 0.01, 0.001, 0.02), silent)
+    inspection = inspect(maker.discretisation.surface, levels, Rules(CAPSULE, SCHEDULE, 0.01, 0.001, 0.02), silent)
     assert [level.index for level in inspection.failed] == [len(levels)]
     again = restore_certificates(inspection, maker)
     assert len(again.levels) == len(levels) + 2
@@ -251,12 +245,12 @@ def test_a_last_cut_that_is_measured_too_deep_takes_one_more_level(
 
 @pytest.mark.parametrize(("flat", "sharp"), [(1.0, False), (0.1, True)], ids=["round", "sharp"])
 def test_a_broken_limit_names_the_edge_that_the_part_follows_there(
-    capsule: Capsule, waisted: Callable[..., TSpline], maker: SequenceMaker, flat: float, sharp: bool
+    maker: SequenceMaker, flat: float, sharp: bool
 ) -> None:
     """A flat part has an edge along each side, of which the radius is its curvature's."""
     part = waisted().with_control_points(waisted().control_points * [1.0, flat, 1.0])
     place = part.positions(np.array([0.0]), np.array([0.5]))[0]
-    discretisation = discretise(part, capsule, ATTRACTIONS["stock"])
+    discretisation = discretise(part, CAPSULE, ATTRACTIONS["stock"])
     step = replace(
         project_level(discretisation, part.control_points, part.control_points, maker.cut(1)), broken=0.05, place=place
     )
@@ -283,14 +277,12 @@ def test_the_landing_creeps_outwards_and_not_from_far(maker: SequenceMaker) -> N
         assert landings.min() >= LANDING
 
 
-def test_levels_that_end_too_early_go_on_to_the_stock(
-    capsule: Capsule, schedule: Schedule, maker: SequenceMaker, made: list[np.ndarray]
-) -> None:
+def test_levels_that_end_too_early_go_on_to_the_stock(maker: SequenceMaker, made: list[np.ndarray]) -> None:
     assert len(maker.onward(made)) == len(made)
     longer = maker.onward(made[:-2])
-    left = remaining(maker.discretisation, longer[-1], whole(capsule)).left
+    left = remaining(maker.discretisation, longer[-1], whole(CAPSULE)).left
     assert len(longer) >= len(made) - 1
-    assert left <= schedule.limit(len(longer))
+    assert left <= SCHEDULE.limit(len(longer))
     assert all(np.array_equal(a, b) for a, b in zip(longer, made[:-2]))
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from machine_files import CHAINS, machine_text, write_machine
 
 from bonecam.machine.kinematics import UP, forward, inverse_linear, inverse_rotary, link_poses, rotate, tool_axes
 from bonecam.machine.limits import tilt_band
@@ -18,9 +19,9 @@ CHAIN_KINDS = ("table-table", "head-table", "head-head", "nutating")
 
 
 @pytest.fixture(params=[*machine_names(), *CHAIN_KINDS])
-def machine(write_machine, chains, request, tmp_path):
+def machine(request, tmp_path):
     return read_machine(
-        write_machine(tmp_path, chains[request.param]) if request.param in CHAIN_KINDS else request.param
+        write_machine(tmp_path, CHAINS[request.param]) if request.param in CHAIN_KINDS else request.param
     )
 
 
@@ -77,8 +78,8 @@ def test_a_bar_along_x_is_cut_across_it():
     assert forward(machine, joints_, 100.0)[0] == pytest.approx(tip)
 
 
-def test_a_locked_axis_leaves_the_nearest_tool_axis_of_the_other(write_machine, chains, tmp_path):
-    text = chains["table-table"].replace("limits_deg = [-179.0, 179.0]", "locked_deg = -40.0", 1)
+def test_a_locked_axis_leaves_the_nearest_tool_axis_of_the_other(tmp_path):
+    text = CHAINS["table-table"].replace("limits_deg = [-179.0, 179.0]", "locked_deg = -40.0", 1)
     machine = read_machine(write_machine(tmp_path, text))
     assert np.degrees(tilt_band(machine)) == pytest.approx([40.0, 40.0])
     tilt, azimuth = np.radians([40.5, 40.0, 45.0]), 1.1
@@ -107,8 +108,8 @@ def test_an_upright_axis_leaves_the_table_free():
     assert np.array_equal(found[0], np.zeros((2, 2)))
 
 
-def test_an_axis_beyond_a_nutating_head_is_out_of_reach(write_machine, chains, tmp_path):
-    machine = read_machine(write_machine(tmp_path, chains["nutating"]))
+def test_an_axis_beyond_a_nutating_head_is_out_of_reach(tmp_path):
+    machine = read_machine(write_machine(tmp_path, CHAINS["nutating"]))
     found, _ = inverse_rotary(machine, np.array([[0.0, 0.0, -1.0], [0.0, 1.0, -0.1]]) / [[1.0], [np.hypot(1, 0.1)]])
     assert np.isnan(found).all()
 
@@ -196,7 +197,7 @@ def test_the_shipped_xyzac_machine_is_linuxcncs_own(oracles):
     compare(read_machine("linuxcnc-xyzac"), oracle, [3, 5], 62.5, np.random.default_rng(3))
 
 
-def test_a_machine_file_reproduces_xyzac_with_every_offset(machine_text, write_machine, oracles, tmp_path):
+def test_a_machine_file_reproduces_xyzac_with_every_offset(oracles, tmp_path):
     oracle = oracles("xyzac-trt-kins", b"XYZAC")
     oracle.set(y_offset=20, z_offset=10, tool_offset=50, x_rot_point=1, y_rot_point=2, z_rot_point=3)
     rotary = {

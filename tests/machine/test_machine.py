@@ -2,11 +2,11 @@
 
 import math
 import re
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
+from machine_files import CHAINS, axis, machine_text, write_machine
 
 from bonecam.errors import MachineError
 from bonecam.machine import check_machine
@@ -14,7 +14,7 @@ from bonecam.machine.bodies import Frustum, Table
 from bonecam.machine.machine import MACHINES, ChangeSeconds, machine_names, read_machine
 
 
-def test_the_mikron_is_the_one_whose_post_could_be_read(axis):
+def test_the_mikron_is_the_one_whose_post_could_be_read():
     machine = read_machine("mikron-ucp600")
     assert [axis.letter for axis in machine.part_axes] == ["C", "B"]
     assert machine.letters == "XYZBC"
@@ -30,8 +30,8 @@ def test_every_shipped_machine_is_read_the_same_by_name_and_by_path(name):
 
 
 @pytest.mark.parametrize("kind", ["table-table", "head-table", "head-head", "nutating"])
-def test_a_user_machine_is_read_by_path(write_machine, chains, kind, tmp_path):
-    assert read_machine(write_machine(tmp_path, chains[kind])).title == "test"
+def test_a_user_machine_is_read_by_path(kind, tmp_path):
+    assert read_machine(write_machine(tmp_path, CHAINS[kind])).title == "test"
 
 
 @pytest.mark.parametrize(
@@ -55,10 +55,8 @@ def test_a_user_machine_is_read_by_path(write_machine, chains, kind, tmp_path):
         ("pivot = [1, 2, 0]", "pivot = [nan, 2, 0]", -1, "C.pivot"),
     ],
 )
-def test_a_wrong_value_in_a_machine_file_is_refused_with_file_and_key(
-    chains, write_machine, old, new, count, key, tmp_path
-):
-    good = chains["table-table"]
+def test_a_wrong_value_in_a_machine_file_is_refused_with_file_and_key(old, new, count, key, tmp_path):
+    good = CHAINS["table-table"]
     assert old in good
     check_refused(write_machine(tmp_path, good.replace(old, new, count)), key)
 
@@ -66,10 +64,8 @@ def test_a_wrong_value_in_a_machine_file_is_refused_with_file_and_key(
 @pytest.mark.parametrize(
     ("more", "key"), [("\n[Q]\nspeed = 1", "Q"), ('\n[A2]\nx = "', "correct the file")], ids=["table", "quote"]
 )
-def test_what_does_not_belong_into_a_machine_file_is_refused_with_file_and_key(
-    write_machine, chains, more, key, tmp_path
-):
-    check_refused(write_machine(tmp_path, chains["table-table"] + more), key)
+def test_what_does_not_belong_into_a_machine_file_is_refused_with_file_and_key(more, key, tmp_path):
+    check_refused(write_machine(tmp_path, CHAINS["table-table"] + more), key)
 
 
 @pytest.mark.parametrize(
@@ -97,15 +93,13 @@ def test_a_wrong_chain_or_direction_is_told_with_the_right_one(old: str, new: st
     check_refused(path, told)
 
 
-def test_a_machine_file_without_an_axis_or_with_an_unknown_point_is_refused(
-    write_machine, machine_text, axis, tmp_path
-):
+def test_a_machine_file_without_an_axis_or_with_an_unknown_point_is_refused(tmp_path):
     chain = ["C", "A", "XYZ"]
     check_refused(write_machine(tmp_path, machine_text(chain, {"C": axis([0, 0, 1], [0, 0, 0])})), "[A]")
     check_refused(write_machine(tmp_path, machine_text(chain, {}, 'programmed_point = "top"')), "programmed_point")
 
 
-def test_a_machine_file_holds_spindle_nose_and_table(write_machine, chains, tmp_path):
+def test_a_machine_file_holds_spindle_nose_and_table(tmp_path):
     bodies = """
 [spindle]
 nose = [[30, 80], [60, 80, 160]]
@@ -114,10 +108,10 @@ diameter = 280
 beside = "open"
 standing = [[20, 120.5]]
 """
-    machine = read_machine(write_machine(tmp_path, chains["table-table"] + bodies))
+    machine = read_machine(write_machine(tmp_path, CHAINS["table-table"] + bodies))
     assert machine.nose == (Frustum(30.0, 80.0, 80.0), Frustum(60.0, 80.0, 160.0))
     assert machine.table == Table(radius=140.0, open_beside=True, standing=(Frustum(20.0, 120.5, 120.5),))
-    plate = read_machine(write_machine(tmp_path, chains["table-table"] + "[table]\nwidth = 500\ndepth = 300"))
+    plate = read_machine(write_machine(tmp_path, CHAINS["table-table"] + "[table]\nwidth = 500\ndepth = 300"))
     assert plate.table == Table(half_width=250.0, half_depth=150.0)
     assert plate.nose == ()
 
@@ -143,13 +137,13 @@ def test_every_shipped_machine_has_a_nose_and_a_table(name):
         ('[table]\nbeside = "shut"', "table.beside: 'shut': choose one of"),
     ],
 )
-def test_bodies_that_are_none_are_refused_with_file_and_key(write_machine, chains, bodies, key, tmp_path):
-    check_refused(write_machine(tmp_path, chains["table-table"] + "\n" + bodies), key)
+def test_bodies_that_are_none_are_refused_with_file_and_key(bodies, key, tmp_path):
+    check_refused(write_machine(tmp_path, CHAINS["table-table"] + "\n" + bodies), key)
 
 
-def test_all_faults_of_a_machine_file_are_told_at_once(chains, write_machine, tmp_path):
+def test_all_faults_of_a_machine_file_are_told_at_once(tmp_path):
     text = (
-        chains["table-table"].replace("speed = 10000.0", 'speed = "fast"', 1).replace("endless = true", "endless = 1")
+        CHAINS["table-table"].replace("speed = 10000.0", 'speed = "fast"', 1).replace("endless = true", "endless = 1")
     )
     path = write_machine(tmp_path, text.replace("sign = -1", "sign = 2", 1) + "colour = 3\n")
     with pytest.raises(MachineError) as caught:
@@ -194,8 +188,8 @@ def test_a_machine_file_that_is_no_sane_text_is_refused(text, why, tmp_path):
         (("part_zero", "spindle_speed = 100.0\nspindle_lowest = 200.0\npart_zero"), "spindle_lowest: 200: above"),
     ],
 )
-def test_what_a_machine_assumes_of_its_part_is_asked_for(write_machine, chains, change, key, tmp_path):
-    text = chains["table-table"].replace("'C', 'A'", '"C", "A"').replace(*change, 1)
+def test_what_a_machine_assumes_of_its_part_is_asked_for(change, key, tmp_path):
+    text = CHAINS["table-table"].replace("'C', 'A'", '"C", "A"').replace(*change, 1)
     check_refused(write_machine(tmp_path, text), key)
 
 
@@ -224,9 +218,7 @@ def test_an_unknown_machine_is_refused_with_the_known_ones():
         read_machine("none/mill.toml")
 
 
-def test_a_jerk_is_read_per_minute_and_needs_an_acceleration(
-    tmp_path: Path, write_machine: Callable[..., Path]
-) -> None:
+def test_a_jerk_is_read_per_minute_and_needs_an_acceleration(tmp_path: Path) -> None:
     text = (MACHINES / "hermle-c600u.toml").read_text()
     jerked = text.replace("acceleration = 6000.0", "acceleration = 6000.0\njerk = 50000.0")
     jerked = jerked.replace("acceleration_deg_s2 = 600.0", "acceleration_deg_s2 = 600.0\njerk_deg_s3 = 5000.0")
@@ -249,7 +241,7 @@ def test_every_machine_that_ships_has_what_times_need_and_says_what_is_assumed(n
     assert bool(machine.time_assumed) is not name.startswith("linuxcnc")
 
 
-def test_seconds_are_whole_or_refused(tmp_path: Path, write_machine: Callable[..., Path]) -> None:
+def test_seconds_are_whole_or_refused(tmp_path: Path) -> None:
     text = (MACHINES / "mikron-ucp600.toml").read_text()
     assert read_machine(write_machine(tmp_path, text)).seconds == ChangeSeconds(6.0, 2.0, 2.0)
     for right, wrong, told in (

@@ -1,10 +1,10 @@
 """What stands on rays that cross one another, and what balls would remove of it."""
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from small_parts import path_of
 
 from bonecam.job import Job
 from bonecam.material.dexels import Dexels, dexels_of, uncut_rays
@@ -121,7 +121,7 @@ def test_what_flutes_have_removed_is_gone(block: Dexels) -> None:
     assert block.removed_by([there], NOTHING, RADIUS, 5.0)[0] == pytest.approx(3 * np.pi * RADIUS**2, rel=0.02)
 
 
-def test_a_bull_nose_is_taken_out_once_where_balls_have_cut_what_cutters_have(path_of: Callable) -> None:
+def test_a_bull_nose_is_taken_out_once_where_balls_have_cut_what_cutters_have() -> None:
     job = Job().with_values(roughing={"shape": "bull"})
     bull = Cutter.from_job(1, "roughing", job.tool("roughing"))
     tips = np.array([[-9.0, 0.0, 28.0], [-8.0, 0.0, 28.0], [8.0, 0.0, 28.0]])

@@ -13,8 +13,9 @@ import pytest
 from jaxtyping import Float
 from numpy import ndarray
 from scipy.spatial import KDTree
+from small_parts import FINISHING_CUTTER, HOLDING, ROUGHING_CUTTER, UPRIGHT_CAPSULE, level_of, mesh_of, path_of, pebble
 
-from bonecam.job import HoldingJob, NcJob, PathJob
+from bonecam.job import NcJob, PathJob
 from bonecam.levels.measure import NO_CUT, Level, MachinedLevel, StockLevel
 from bonecam.machine.limits import MachineLimits
 from bonecam.material.dexels import dexels_of
@@ -36,7 +37,6 @@ from bonecam.setup.capsule import Capsule
 from bonecam.setup.stock import Stock
 from bonecam.setup.stocks.box import Box
 from bonecam.setup.stocks.cylinder import Cylinder
-from bonecam.surface.tspline import TSpline
 from bonecam.tool.cutter import Cutter
 from bonecam.tool.path import MoveKind, ToolPath
 from bonecam.workholding.post import Post, post_below
@@ -54,19 +54,17 @@ def skin_material(levels: Sequence[Level], stock: Skin) -> InProcessStock:
 
 
 @pytest.fixture(scope="module")
-def stock(upright_capsule: Capsule) -> Skin:
-    return Skin(upright_capsule.start, upright_capsule.end, upright_capsule.radius)
+def stock() -> Skin:
+    return Skin(UPRIGHT_CAPSULE.start, UPRIGHT_CAPSULE.end, UPRIGHT_CAPSULE.radius)
 
 
 @pytest.fixture(scope="module")
-def post(holding: HoldingJob, mesh_of: Callable[..., TriangleMesh], pebble: Callable[..., TSpline]) -> Post:
-    return post_below(mesh_of(pebble()), holding)
+def post() -> Post:
+    return post_below(mesh_of(pebble()), HOLDING)
 
 
 @pytest.fixture(scope="module")
-def levels(
-    level_of: Callable[..., MachinedLevel], pebble: Callable[..., TSpline], stock: Skin
-) -> tuple[MachinedLevel, MachinedLevel, StockLevel]:
+def levels(stock: Skin) -> tuple[MachinedLevel, MachinedLevel, StockLevel]:
     """The part, a level 0.4 mm outside it, and the stock."""
     outermost = StockLevel(2, stock.mesh(0.01), 0.5, NO_CUT)
     return level_of(pebble()), level_of(pebble(0.4), 1, 0.5), outermost
@@ -85,10 +83,10 @@ def path_on(stock: Skin, post: Post) -> Callable[[MachinedLevel, InProcessStock,
 
 @pytest.fixture(scope="module")
 def machined(
-    roughing_cutter: Cutter, levels: tuple[MachinedLevel, MachinedLevel, StockLevel], stock: Skin, path_on
+    levels: tuple[MachinedLevel, MachinedLevel, StockLevel], stock: Skin, path_on
 ) -> tuple[InProcessStock, ToolPath]:
     material = skin_material(levels, stock)
-    path = path_on(levels[1], material, roughing_cutter)
+    path = path_on(levels[1], material, ROUGHING_CUTTER)
     return remove_material(material, levels[1], path), path
 
 
@@ -121,11 +119,9 @@ def test_no_ball_of_the_path_is_inside_the_material_left(machined: tuple[InProce
     )
 
 
-def test_contacts_under_uncut_material_stay_uncut(
-    roughing_cutter: Cutter, finishing_cutter: Cutter, levels, stock: Skin, post: Post, path_on
-) -> None:
+def test_contacts_under_uncut_material_stay_uncut(levels, stock: Skin, post: Post, path_on) -> None:
     material = skin_material(levels, stock)
-    path = path_on(levels[1], material, roughing_cutter)
+    path = path_on(levels[1], material, ROUGHING_CUTTER)
     spared = path.contacts[:, 2] > 39.0
     shortened = replace(
         path,
@@ -140,7 +136,7 @@ def test_contacts_under_uncut_material_stay_uncut(
     # below, the ball of the last ring still reached in: 1.4 mm at a depth of 0.5
     out_of_reach = path.contacts[:, 2] > 39.0 + 1.5
     assert np.quantile(material.thickness(levels[0], path.contacts[out_of_reach]), 0.05) > 0.75
-    below = path_on(levels[0], material, finishing_cutter)
+    below = path_on(levels[0], material, FINISHING_CUTTER)
     covered = np.array(below.reasons) == "covered"
     heights = below.uncut[covered][:, 2]
     assert (heights > 40.0).any()
@@ -149,13 +145,13 @@ def test_contacts_under_uncut_material_stay_uncut(
 
 
 def test_what_is_trimmed_and_what_is_cut_make_up_the_whole_passes(
-    roughing_cutter: Cutter, machined: tuple[InProcessStock, ToolPath], levels, stock: Skin, post: Post
+    machined: tuple[InProcessStock, ToolPath], levels, stock: Skin, post: Post
 ) -> None:
     _, path = machined
     lower = replace(path, kinds=np.where(path.contacts[:, 2] < 35.0, path.kinds, MoveKind.LINK))
     material = remove_material(skin_material(levels, stock), levels[1], lower)
     meshes = [MeshDistance(levels[1].mesh)]
-    candidates = candidate_contacts(levels[1], meshes, roughing_cutter, post, PathJob(pattern="iso-scallop"))
+    candidates = candidate_contacts(levels[1], meshes, ROUGHING_CUTTER, post, PathJob(pattern="iso-scallop"))
 
     def lengths(least: float) -> tuple[float, float]:
         path = contact_path(candidates, material, DepthLimits(0.5, least=least))
@@ -168,7 +164,7 @@ def test_what_is_trimmed_and_what_is_cut_make_up_the_whole_passes(
     part, trimmed = lengths(0.1)
     assert none == 0
     assert 0 < part < whole
-    assert roughing_cutter.radius == 2.0
+    assert ROUGHING_CUTTER.radius == 2.0
     assert trimmed == pytest.approx(whole - part, rel=0.1)
 
 
@@ -204,12 +200,10 @@ def test_passes_that_find_only_what_passes_before_left_are_of_no_use(
     assert not useful[count:].any()
 
 
-def test_passes_side_by_side_are_stepped_over_to_without_their_ramps(
-    roughing_cutter: Cutter, levels, stock: Skin, post: Post
-) -> None:
+def test_passes_side_by_side_are_stepped_over_to_without_their_ramps(levels, stock: Skin, post: Post) -> None:
     level, material = levels[1], skin_material(levels, stock)
     job = PathJob(pattern="along")
-    candidates = candidate_contacts(level, [MeshDistance(level.mesh)], roughing_cutter, post, job)
+    candidates = candidate_contacts(level, [MeshDistance(level.mesh)], ROUGHING_CUTTER, post, job)
     contacts = contact_path(candidates, material, DepthLimits(0.5))
     assert contacts.ramp.any()
     assert not contacts.ramp[np.flatnonzero(np.diff(contacts.pass_index))].any()
@@ -225,25 +219,23 @@ def test_passes_side_by_side_are_stepped_over_to_without_their_ramps(
     balls, numbers = path.balls[cut], path.pass_index[cut]
     goes_on = np.flatnonzero(np.diff(numbers) == 0)
     halfway = (balls[goes_on] + balls[goes_on + 1]) / 2
-    assert material.depths(halfway, roughing_cutter.radius)[0].max() < 0.5 + 0.02
+    assert material.depths(halfway, ROUGHING_CUTTER.radius)[0].max() < 0.5 + 0.02
 
 
-def bore(path_of: Callable[..., ToolPath], cutter: Cutter, centre: ndarray) -> ToolPath:
+def bore(cutter: Cutter, centre: ndarray) -> ToolPath:
     """A ball that cuts at one place."""
     up = np.array([[0.0, 0.0, 1.0]])
     kinds, passes = np.array([int(MoveKind.CUT)]), np.zeros(1, dtype=int)
     return path_of(centre[None] - cutter.radius * up, up, kinds=kinds, passes=passes, tool=cutter)
 
 
-def test_what_hangs_over_a_cut_stands(
-    roughing_cutter: Cutter, levels, stock: Skin, path_of: Callable[..., ToolPath]
-) -> None:
+def test_what_hangs_over_a_cut_stands(levels, stock: Skin) -> None:
     material = skin_material(levels, stock)
     place = material.places[np.argmax(material.places[:, 0])]
     inward = -stock.normals(place[None])[0]
-    radius = roughing_cutter.radius
+    radius = ROUGHING_CUTTER.radius
     for depth, cuts in ((radius + 1.0, False), (radius - 0.4, True)):
-        after = remove_material(material, levels[1], bore(path_of, roughing_cutter, place + depth * inward))
+        after = remove_material(material, levels[1], bore(ROUGHING_CUTTER, place + depth * inward))
         moved = np.linalg.norm(after.places - material.places, axis=1)
         assert (moved.max() > 0.3) == cuts
         assert cuts or not moved.any()
@@ -298,17 +290,15 @@ def test_depths_count_from_the_edges_of_a_bar_before_the_first_cut_and_after_it(
     assert after[0] == pytest.approx(rounding * (np.sqrt(2) - 1), abs=0.02)
 
 
-def test_a_rest_path_of_the_next_level_makes_no_ball_deeper(
-    machined: tuple[InProcessStock, ToolPath], roughing_cutter: Cutter, levels, path_of: Callable[..., ToolPath]
-) -> None:
+def test_a_rest_path_of_the_next_level_makes_no_ball_deeper(machined: tuple[InProcessStock, ToolPath], levels) -> None:
     """Beside the post places stand that the ball has passed: how deep it is there is known from where it was."""
     material, path = machined
     rows = np.flatnonzero(path.kinds == MoveKind.CUT)
     centres = (path.tips + path.cutter.radius * path.axes)[rows]
-    rest = replace(bore(path_of, roughing_cutter, centres[np.argmax(centres[:, 2])]), level=0, rest=1)
-    before, _ = material.depths(centres, roughing_cutter.radius)
+    rest = replace(bore(ROUGHING_CUTTER, centres[np.argmax(centres[:, 2])]), level=0, rest=1)
+    before, _ = material.depths(centres, ROUGHING_CUTTER.radius)
     assert before.max() < 1e-9
-    after, _ = remove_material(material, levels[0], rest).depths(centres, roughing_cutter.radius)
+    after, _ = remove_material(material, levels[0], rest).depths(centres, ROUGHING_CUTTER.radius)
     assert after.max() < 1e-9
 
 

@@ -5,6 +5,7 @@ Material on rays against volumes, distances and scallops that are known.
 
 import numpy as np
 import pytest
+from small_parts import FINISHING_CUTTER
 
 from bonecam.errors import JobError
 from bonecam.kernels.bodies import frustum_clearance
@@ -221,12 +222,12 @@ def ball_pieces(starts, ends):
     return Pieces(starts, ends, up, up, np.arange(n), np.zeros(n), probed, bounds, np.zeros((n, 2, 2)))
 
 
-def test_a_shank_that_passes_by_on_a_long_piece_does_not_touch(finishing_cutter):
+def test_a_shank_that_passes_by_on_a_long_piece_does_not_touch():
     grid = lay_grid([BLOCK], 0.1)
     sweeping = Sweeping(lay_rays([BLOCK], grid, 500.0), grid, BLOCK.bounds, 1)
     pieces = ball_pieces(np.array([[8.0, -4.0, 9.0]]), np.array([[8.0, 4.0, 9.0]]))
-    sweeping.run(pieces, finishing_cutter, lambda pieces: None)
-    away = 8.0 - finishing_cutter.shank_diameter / 2 - 5.0
+    sweeping.run(pieces, FINISHING_CUTTER, lambda pieces: None)
+    away = 8.0 - FINISHING_CUTTER.shank_diameter / 2 - 5.0
     assert sweeping.clearance(0)[0] == pytest.approx(away, abs=0.02)
     assert sweeping.touched(0) == -1
 

@@ -1,7 +1,6 @@
-from collections.abc import Callable
-
 import numpy as np
 import pytest
+from mesh_bodies import ellipsoid, moved, solid
 
 from bonecam.mesh.distance import CHUNK, EXACT_CHUNK, MeshDistance, exact_closest, lowest_between
 from bonecam.mesh.solids import self_intersections
@@ -12,7 +11,7 @@ POINTS = np.random.default_rng(1).normal(size=(400, 3)) * 9 + FAR
 
 
 @pytest.fixture(scope="module")
-def ball(moved: Callable[..., TriangleMesh], ellipsoid: Callable[..., TriangleMesh]) -> TriangleMesh:
+def ball() -> TriangleMesh:
     return moved(ellipsoid(10, 10, 10, 60, 90), FAR)
 
 
@@ -41,7 +40,7 @@ def test_bulk_and_exact_closest_points_agree_to_single_precision(ball: TriangleM
     assert ((faces >= 0) & (faces < len(ball.faces))).all()
 
 
-def test_an_empty_mesh_is_refused(solid: Callable[..., TriangleMesh]) -> None:
+def test_an_empty_mesh_is_refused() -> None:
     empty = solid(np.empty((0, 3)), np.empty((0, 3)))
     with pytest.raises(ValueError, match="no faces"):
         MeshDistance(empty)
@@ -49,9 +48,7 @@ def test_an_empty_mesh_is_refused(solid: Callable[..., TriangleMesh]) -> None:
         exact_closest(empty, POINTS)
 
 
-def test_self_intersections_are_found_only_where_they_are(
-    ball: TriangleMesh, solid: Callable[..., TriangleMesh]
-) -> None:
+def test_self_intersections_are_found_only_where_they_are(ball: TriangleMesh) -> None:
     assert len(self_intersections(ball)) == 0
     spiked = np.array(ball.vertices)
     spiked[np.argmax(spiked[:, 0])] -= [25, 0, 0]
@@ -83,9 +80,7 @@ def test_a_lower_bound_is_less_than_the_distance_by_no_more_than_its_slack(ball:
 
 
 @pytest.mark.parametrize("shape", ["ball", "flat ellipsoid", "three faces"])
-def test_the_tree_finds_the_distances_of_the_exact_search(
-    ellipsoid: Callable[..., TriangleMesh], ball: TriangleMesh, solid: Callable[..., TriangleMesh], shape: str
-) -> None:
+def test_the_tree_finds_the_distances_of_the_exact_search(ball: TriangleMesh, shape: str) -> None:
     coarse = ellipsoid(5, 5, 5, 5, 6)
     meshes = {
         "ball": ball,
@@ -98,7 +93,7 @@ def test_the_tree_finds_the_distances_of_the_exact_search(
     assert np.abs(MeshDistance(mesh).unsigned(points) - exact).max() < 1e-12
 
 
-def test_a_triangle_without_area_is_as_far_as_its_edges(solid: Callable[..., TriangleMesh]) -> None:
+def test_a_triangle_without_area_is_as_far_as_its_edges() -> None:
     flat = solid(np.array([[0.0, 0, 0], [4, 0, 0], [2, 0, 0], [2, 0, 0]]), np.array([[0, 1, 2], [1, 2, 3], [3, 3, 2]]))
     points = np.random.default_rng(3).normal(size=(500, 3)) * 3
     x = np.clip(points[:, 0], 0, 4)

@@ -15,12 +15,11 @@ How far a repair moved the surface is told for each side.
 The union of solids: its volume is that of all points inside one of them; open and inward ones are refused.
 """
 
-from collections.abc import Callable
-
 import igl.copyleft.cgal as cgal
 import numpy as np
 import pytest
 from bonecam_meshes import path
+from mesh_bodies import ellipsoid
 
 from bonecam.errors import LimitError, MeshError
 from bonecam.job import Job, MeshJob
@@ -51,7 +50,7 @@ TETRAHEDRON = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
 """Faces of a tetrahedron of positive volume (corner 3 above the triangle 0, 1, 2)."""
 
 
-def touching(bone: TriangleMesh, kind: str, face: int, size: float) -> TriangleMesh:
+def with_debris(bone: TriangleMesh, kind: str, face: int, size: float) -> TriangleMesh:
     """The bone and a tetrahedron `size` mm high that stands on a vertex, an edge or a whole face of it.
 
     "vertex", "edge" and "face" share the bone's vertices; "wall" has the face between bone and tetrahedron once only.
@@ -80,27 +79,16 @@ def touching(bone: TriangleMesh, kind: str, face: int, size: float) -> TriangleM
     return TriangleMesh(vertices, np.concatenate([bone.faces, faces]).astype(np.int32))
 
 
-@pytest.fixture(scope="session")
-def with_debris() -> Callable[..., TriangleMesh]:
-    """Makes a bone with debris that touches it."""
-    return touching
-
-
 def same_rows(one: np.ndarray, other: np.ndarray) -> bool:
     """Whether two arrays have the same distinct rows, to the bit."""
     return np.array_equal(np.unique(one, axis=0), np.unique(other, axis=0))
 
 
-@pytest.fixture(scope="session")
-def is_same() -> Callable[[TriangleMesh, TriangleMesh], bool]:
+def is_same(one: TriangleMesh, other: TriangleMesh) -> bool:
     """Tells whether two closed meshes have the same vertices and triangles, to the bit, in any order."""
-
-    def compare(one: TriangleMesh, other: TriangleMesh) -> bool:
-        soups = [np.sort(mesh.vertices[mesh.faces], axis=1).reshape(-1, 9) for mesh in (one, other)]
-        same = same_rows(one.vertices, other.vertices) and same_rows(*soups)
-        return same and len(one.faces) == len(other.faces) and bool(np.isclose(one.volume, other.volume, 1e-12))
-
-    return compare
+    soups = [np.sort(mesh.vertices[mesh.faces], axis=1).reshape(-1, 9) for mesh in (one, other)]
+    same = same_rows(one.vertices, other.vertices) and same_rows(*soups)
+    return same and len(one.faces) == len(other.faces) and bool(np.isclose(one.volume, other.volume, 1e-12))
 
 
 """Areas that are not as they were given, mm^2; the other repairs leave none."""
@@ -113,12 +101,7 @@ SIZES = (0.02, 0.1, 0.3, 1.0, 3.0)
 @pytest.mark.parametrize("face", [3, 400, 777, 1534])
 @pytest.mark.parametrize("kind", ["vertex", "edge", "face", "wall"])
 def test_debris_that_touches_is_dropped_and_the_bone_stays_to_the_bit(
-    bone: TriangleMesh,
-    with_debris: Callable[..., TriangleMesh],
-    is_same: Callable[..., bool],
-    kind: str,
-    face: int,
-    size: float,
+    bone: TriangleMesh, kind: str, face: int, size: float
 ) -> None:
     mesh, done = repair(with_debris(bone, kind, face, size))
     assert is_same(mesh, bone)
@@ -128,9 +111,7 @@ def test_debris_that_touches_is_dropped_and_the_bone_stays_to_the_bit(
 
 
 @pytest.mark.parametrize("kind", ["vertex", "edge", "face", "wall"])
-def test_debris_is_dropped_whatever_the_order_and_side_of_the_faces(
-    bone: TriangleMesh, with_debris: Callable[..., TriangleMesh], is_same: Callable[..., bool], kind: str
-) -> None:
+def test_debris_is_dropped_whatever_the_order_and_side_of_the_faces(bone: TriangleMesh, kind: str) -> None:
     given = with_debris(bone, kind, 500, 0.4)
     order = np.random.default_rng(1).permutation(len(given.faces))
     shuffled = TriangleMesh(given.vertices, given.faces[order])
@@ -141,9 +122,7 @@ def test_debris_is_dropped_whatever_the_order_and_side_of_the_faces(
     assert "mirror" in "; ".join(map(str, done))
 
 
-def test_much_debris_is_dropped_at_once(
-    bone: TriangleMesh, with_debris: Callable[..., TriangleMesh], is_same: Callable[..., bool]
-) -> None:
+def test_much_debris_is_dropped_at_once(bone: TriangleMesh) -> None:
     given = bone
     for number, face in enumerate(range(40, 1500, 70)):
         given = with_debris(given, ("vertex", "edge", "face", "wall")[number % 4], face, 0.2)
@@ -156,7 +135,7 @@ def test_much_debris_is_dropped_at_once(
 @pytest.mark.parametrize("height", [-4.0, 0.0, 1.0])
 @pytest.mark.parametrize("inward", [True, False])
 def test_an_inner_shell_is_filled_and_told_with_its_volume(
-    bone: TriangleMesh, is_same: Callable[..., bool], share: float, height: float, inward: bool
+    bone: TriangleMesh, share: float, height: float, inward: bool
 ) -> None:
     shell = TriangleMesh(share * bone.vertices + [0, 0, height * (1 - share)], bone.faces[:, :: -1 if inward else 1])
     mesh, done = repair(side_by_side([shell, bone]))
@@ -167,14 +146,14 @@ def test_an_inner_shell_is_filled_and_told_with_its_volume(
     assert done[0].guessed == 0.0
 
 
-def test_a_cavity_that_comes_out_of_the_part_is_told_to(bone: TriangleMesh, is_same: Callable[..., bool]) -> None:
+def test_a_cavity_that_comes_out_of_the_part_is_told_to(bone: TriangleMesh) -> None:
     through = TriangleMesh(0.5 * bone.vertices + [2.7, 0, 0], bone.faces[:, ::-1])
     mesh, done = repair(side_by_side([bone, through]))
     assert is_same(mesh, bone)
     assert str(done[0]).endswith("it comes out through the surface")
 
 
-def test_many_cavities_are_told_in_one_sentence(bone: TriangleMesh, is_same: Callable[..., bool]) -> None:
+def test_many_cavities_are_told_in_one_sentence(bone: TriangleMesh) -> None:
     places = [(x, y, z) for x in (-1.5, 1.5) for y in (-1, 1) for z in (-6, 0, 6)]
     pores = [TriangleMesh(0.05 * bone.vertices + place, bone.faces[:, ::-1]) for place in places]
     mesh, done = repair(side_by_side([*pores, bone]))
@@ -188,7 +167,7 @@ def test_a_closed_piece_beside_the_part_is_another_part(bone: TriangleMesh) -> N
             repair(side_by_side([bone, TriangleMesh(0.8 * bone.vertices + shift, bone.faces)]))
 
 
-def test_a_folded_shell_inside_is_not_taken_for_the_part(bone: TriangleMesh, is_same: Callable[..., bool]) -> None:
+def test_a_folded_shell_inside_is_not_taken_for_the_part(bone: TriangleMesh) -> None:
     length = np.linalg.norm(bone.vertices, axis=1, keepdims=True)
     folds = 1 - 0.35 * (1 + np.cos(np.arange(len(bone.vertices)) * np.pi))[:, None] * (length > 0)
     rough = TriangleMesh(0.97 * bone.vertices * folds, bone.faces[:, ::-1])
@@ -198,16 +177,12 @@ def test_a_folded_shell_inside_is_not_taken_for_the_part(bone: TriangleMesh, is_
     assert "inner shell" in str(done[0])
 
 
-def test_components_meet_at_vertices_and_edges_but_not_across_a_wall(
-    bone: TriangleMesh, with_debris: Callable[..., TriangleMesh]
-) -> None:
+def test_components_meet_at_vertices_and_edges_but_not_across_a_wall(bone: TriangleMesh) -> None:
     for kind, count in (("vertex", 2), ("edge", 2), ("wall", 1)):
         assert components_of(with_debris(bone, kind, 9, 0.3)).max() + 1 == count
 
 
-def test_the_mesh_as_given_is_compared_without_what_was_left_out(
-    bone: TriangleMesh, with_debris: Callable[..., TriangleMesh]
-) -> None:
+def test_the_mesh_as_given_is_compared_without_what_was_left_out(bone: TriangleMesh) -> None:
     given = with_debris(bone, "vertex", 700, 0.5)
     part = prepare_part(given, MeshJob(pit_radius=0.0))
     assert len(part.given.faces) == len(bone.faces) + 4
@@ -219,7 +194,7 @@ def test_the_mesh_as_given_is_compared_without_what_was_left_out(
     assert part.move(np.eye(4)).taken_off is part.taken_off
 
 
-def test_an_open_sheet_inside_is_dropped_and_told_as_that(bone: TriangleMesh, is_same: Callable[..., bool]) -> None:
+def test_an_open_sheet_inside_is_dropped_and_told_as_that(bone: TriangleMesh) -> None:
     sheet = keep_faces(TriangleMesh(0.5 * bone.vertices, bone.faces), bone.vertices[bone.faces].mean(1)[:, 2] > 2)
     mesh, done = repair(side_by_side([sheet, bone]))
     assert is_same(mesh, bone)
@@ -234,7 +209,7 @@ def test_a_cavity_is_found_in_a_bone_with_a_hole(bone: TriangleMesh) -> None:
     assert [each.change.split()[0] for each in done] == ["filled", "closed"]
 
 
-def test_a_large_mesh_is_decimated_within_the_stated_deviation(ellipsoid: Callable[..., TriangleMesh]) -> None:
+def test_a_large_mesh_is_decimated_within_the_stated_deviation() -> None:
     mesh = ellipsoid(4, 3, 9, rings=120, columns=160)
     fewer, told = decimate(mesh, 8000)
     assert len(fewer.faces) <= 8000 < len(mesh.faces)
@@ -244,7 +219,7 @@ def test_a_large_mesh_is_decimated_within_the_stated_deviation(ellipsoid: Callab
     assert decimate(mesh, len(mesh.faces)) == (mesh, ())
 
 
-def test_triangles_without_common_vertices_are_decimated_too(ellipsoid: Callable[..., TriangleMesh]) -> None:
+def test_triangles_without_common_vertices_are_decimated_too() -> None:
     mesh = ellipsoid(4, 3, 9, rings=80, columns=120)
     loose = TriangleMesh(
         mesh.vertices[mesh.faces].reshape(-1, 3), np.arange(mesh.faces.size, dtype=np.int32).reshape(-1, 3)
@@ -254,16 +229,14 @@ def test_triangles_without_common_vertices_are_decimated_too(ellipsoid: Callable
     assert fewer.volume == pytest.approx(mesh.volume, rel=1e-3)
 
 
-def test_a_rough_mesh_is_refused_rather_than_smoothed(ellipsoid: Callable[..., TriangleMesh]) -> None:
+def test_a_rough_mesh_is_refused_rather_than_smoothed() -> None:
     mesh = ellipsoid(4, 3, 9, rings=60, columns=80)
     rough = np.random.default_rng(1).normal(scale=0.1, size=mesh.vertices.shape)
     with pytest.raises(MeshError, match=r"9600 faces, and decimating it to 1000 moves the surface by 0\.\d+ mm"):
         decimate(TriangleMesh(mesh.vertices + rough, mesh.faces), 500)
 
 
-def test_a_part_keeps_the_mesh_as_given_and_tells_how_far_repair_moved_it(
-    ellipsoid: Callable[..., TriangleMesh],
-) -> None:
+def test_a_part_keeps_the_mesh_as_given_and_tells_how_far_repair_moved_it() -> None:
     whole = ellipsoid(4, 3, 9)
     part = prepare_part(whole, MeshJob(pits="keep"))
     assert part.repair_deviation == 0
@@ -311,7 +284,7 @@ def test_all_slabs_between_walls_stay(bone: TriangleMesh) -> None:
         assert "inside the part" in str(done[0])
 
 
-def test_a_sheet_that_sticks_out_goes(bone: TriangleMesh, is_same: Callable[..., bool]) -> None:
+def test_a_sheet_that_sticks_out_goes(bone: TriangleMesh) -> None:
     column = np.arange(32 * 6, 32 * 18, 32)
     outer = len(bone.vertices) + np.arange(len(column))
     vertices = np.concatenate([bone.vertices, bone.vertices[column] + [0.8, 0, 0]])
@@ -417,7 +390,7 @@ def test_no_edge_collapses(bone: TriangleMesh) -> None:
     assert len(mesh.vertices) == len(bone.vertices)
 
 
-def test_a_saved_twice_mesh_is_taken_once(bone: TriangleMesh, is_same: Callable[..., bool]) -> None:
+def test_a_saved_twice_mesh_is_taken_once(bone: TriangleMesh) -> None:
     mesh, done = repair(side_by_side([bone, bone]))
     assert is_same(mesh, bone)
     assert str(done[0]) == f"removed {len(bone.faces)} duplicate faces"
@@ -512,9 +485,7 @@ def test_a_revolved_polygon_is_a_closed_outward_ring() -> None:
     assert ring.volume == pytest.approx(np.pi * (36 - 16) * 3, rel=1e-3)
 
 
-def test_a_hole_is_capped_by_faces_whose_vertices_go_where_they_are_told(
-    ellipsoid: Callable[..., TriangleMesh],
-) -> None:
+def test_a_hole_is_capped_by_faces_whose_vertices_go_where_they_are_told() -> None:
     mesh = ellipsoid(5, 4, 14)
     top = mesh.vertices[mesh.faces].mean(axis=1)[:, 2] > mesh.vertices[:, 2].max() - 1.0
     lifted = np.array([0.0, 0.0, 0.5])
@@ -526,7 +497,7 @@ def test_a_hole_is_capped_by_faces_whose_vertices_go_where_they_are_told(
     assert capped.mesh.vertices[kept:, 2].max() > rim + 0.4
 
 
-def test_faces_that_leave_no_closed_body_are_not_capped(ellipsoid: Callable[..., TriangleMesh]) -> None:
+def test_faces_that_leave_no_closed_body_are_not_capped() -> None:
     mesh = ellipsoid(5, 4, 14)
     heights = mesh.vertices[mesh.faces].mean(axis=1)[:, 2] - mesh.bounds.mean(axis=0)[2]
     assert cap(mesh, np.abs(heights) < 3, 0.3, lambda points: points) is None

@@ -1,10 +1,10 @@
 """"""
 
-from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
 import pytest
+from mesh_bodies import ellipsoid, solid
 
 from bonecam.job import Job, MeshJob
 from bonecam.mesh.hollows import CHORD, LEAST, SHALLOW, Fill, fill_pits
@@ -28,22 +28,19 @@ PORE = [(MOUTH, TOP), (0.3, 14.8), (1.0, 14.0), (1.0, 13.0)]
 
 
 @pytest.fixture(scope="module")
-def bone(ellipsoid: Callable[..., TriangleMesh]) -> TriangleMesh:
+def bone() -> TriangleMesh:
     return ellipsoid(5, 4, 14, rings=60, columns=80)
 
 
-@pytest.fixture(scope="module")
-def pitted(solid: Callable[..., TriangleMesh], ellipsoid: Callable[..., TriangleMesh]) -> Callable[..., TriangleMesh]:
+fine = ellipsoid(4, 3, 4, rings=60, columns=120)
+
+
+def pitted(width: float, depth: float) -> TriangleMesh:
     """Makes an ellipsoid with a pit in its side at SIDE, about `width` mm wide and `depth` mm deep."""
-    fine = ellipsoid(4, 3, 4, rings=60, columns=120)
-
-    def build(width: float, depth: float) -> TriangleMesh:
-        v = np.array(fine.vertices)
-        away = np.linalg.norm(v - SIDE, axis=1) / (width / 2)
-        v[:, 0] -= depth * np.exp(-(away**4))
-        return solid(v, fine.faces)
-
-    return build
+    v = np.array(fine.vertices)
+    away = np.linalg.norm(v - SIDE, axis=1) / (width / 2)
+    v[:, 0] -= depth * np.exp(-(away**4))
+    return solid(v, fine.faces)
 
 
 @pytest.fixture(scope="module")
@@ -100,9 +97,7 @@ def probes_of(mesh: TriangleMesh) -> np.ndarray:
     return np.vstack([mesh.vertices, mesh.vertices[mesh.faces].mean(axis=1)])
 
 
-def test_a_part_that_the_ball_reaches_everywhere_comes_back_as_it_is(
-    pitted: Callable[[float, float], TriangleMesh], bone: TriangleMesh
-) -> None:
+def test_a_part_that_the_ball_reaches_everywhere_comes_back_as_it_is(bone: TriangleMesh) -> None:
     assert fill_pits(bone, 1.0).mesh is bone
     assert fill_pits(pitted(6.0, 0.5), 1.0).repairs == ()
 
@@ -131,7 +126,7 @@ def test_a_groove_is_filled_by_what_the_ball_leaves_in_it_and_nothing_moves_inwa
     assert stayed.sum() >= len(mesh.vertices) - sides
 
 
-def test_a_fill_ends_where_balls_outside_the_part_lie(pitted: Callable[[float, float], TriangleMesh]) -> None:
+def test_a_fill_ends_where_balls_outside_the_part_lie() -> None:
     mesh = pitted(0.9, 0.8)
     filled = fill_pits(mesh, 1.0).mesh
     added = filled.vertices[signed_distances(mesh, filled.vertices) > SHALLOW]
@@ -145,9 +140,7 @@ def test_a_fill_ends_where_balls_outside_the_part_lie(pitted: Callable[[float, f
     assert nearest.max() < 1.0 + 2 * step
 
 
-def test_a_narrow_pit_is_filled_to_its_rim_and_told_with_depth_area_and_volume(
-    pitted: Callable[[float, float], TriangleMesh],
-) -> None:
+def test_a_narrow_pit_is_filled_to_its_rim_and_told_with_depth_area_and_volume() -> None:
     mesh = pitted(0.9, 0.8)
     fill = fill_pits(mesh, 1.0)
     assert fill.hollows == 1
@@ -159,7 +152,7 @@ def test_a_narrow_pit_is_filled_to_its_rim_and_told_with_depth_area_and_volume(
     assert fill.repairs[0].inward == 0
 
 
-def test_nothing_moves_beyond_the_pit_and_its_rim(pitted: Callable[[float, float], TriangleMesh]) -> None:
+def test_nothing_moves_beyond_the_pit_and_its_rim() -> None:
     mesh = pitted(0.9, 0.8)
     filled = fill_pits(mesh, 1.0).mesh
     far = np.linalg.norm(mesh.vertices - SIDE, axis=1) > 1.5
@@ -198,13 +191,13 @@ def test_a_capped_pore_takes_nothing_off_the_part_and_is_told_with_its_depth_and
     assert fill.depth > 2.0
 
 
-def test_a_smaller_ball_goes_in(pitted: Callable[[float, float], TriangleMesh]) -> None:
+def test_a_smaller_ball_goes_in() -> None:
     mesh = pitted(1.6, 0.8)
     assert fill_pits(mesh, 0.2).repairs == ()
     assert fill_pits(mesh, 1.5).repairs
 
 
-def test_pits_are_filled_up_to_the_smallest_ball_of_the_job(pitted: Callable[[float, float], TriangleMesh]) -> None:
+def test_pits_are_filled_up_to_the_smallest_ball_of_the_job() -> None:
     mesh = pitted(1.6, 0.6)
     job = Job()
     assert job.smallest_ball == job.finishing.radius

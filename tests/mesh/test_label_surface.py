@@ -1,9 +1,9 @@
 """One label of a segmented scan becomes a mesh within half a voxel of its voxels; a label that is none is one line."""
 
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
+import mesh_bodies
 import numpy as np
 import pytest
 
@@ -149,8 +149,8 @@ def test_the_pitch_of_steps_is_measured(pitch: tuple[float, ...], tmp_path: Path
     assert (np.abs(smooth.mesh.vertices - steps.vertices) <= size / 2 + 1e-9).all()
 
 
-def test_a_mesh_of_no_voxels_has_no_pitch(ellipsoid: Callable[..., TriangleMesh]) -> None:
-    assert step_pitch(ellipsoid(5.0, 4.0, 3.0)) is None
+def test_a_mesh_of_no_voxels_has_no_pitch() -> None:
+    assert step_pitch(mesh_bodies.ellipsoid(5.0, 4.0, 3.0)) is None
 
 
 def test_a_mesh_with_steps_is_smoothed_within_half_a_pitch_and_says_so(tmp_path: Path) -> None:

@@ -1,9 +1,8 @@
 """"""
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
+from mesh_bodies import ellipsoid, solid, torus
 
 from bonecam.errors import MeshError
 from bonecam.mesh.pose import enclosing_circle, solid_moments, upright
@@ -14,11 +13,11 @@ TURN = TURN * np.sign(np.linalg.det(TURN))
 
 
 @pytest.fixture(scope="module")
-def pear(ellipsoid: Callable[..., TriangleMesh]) -> TriangleMesh:
+def pear() -> TriangleMesh:
     return ellipsoid(5, 3, 14, thick_end=0.3)
 
 
-def test_any_pose_ends_upright_with_the_thick_end_down(solid: Callable[..., TriangleMesh], pear: TriangleMesh) -> None:
+def test_any_pose_ends_upright_with_the_thick_end_down(pear: TriangleMesh) -> None:
     placed = solid(pear.vertices @ TURN.T + [100, -50, 7], pear.faces)
     mesh, transform = upright(placed)
     assert np.allclose(placed.vertices @ transform[:3, :3].T + transform[:3, 3], mesh.vertices, atol=1e-9)
@@ -37,7 +36,7 @@ def test_an_upright_mesh_stays(pear: TriangleMesh) -> None:
     assert np.allclose(once.vertices, twice.vertices)
 
 
-def test_moments_are_those_of_the_ellipsoid(ellipsoid: Callable[..., TriangleMesh]) -> None:
+def test_moments_are_those_of_the_ellipsoid() -> None:
     centroid, covariance = solid_moments(ellipsoid(5, 3, 14, 80, 80))
     assert np.allclose(centroid, 0, atol=1e-9)
     assert np.allclose(covariance, np.diag([25, 9, 196]) / 5, rtol=0.02, atol=1e-9)
@@ -53,7 +52,7 @@ def test_the_circle_touches_and_holds_all_points() -> None:
     assert np.diff(np.append(angles, angles[0] + 2 * np.pi)).max() <= np.pi + 1e-6, "no smaller circle holds them"
 
 
-def test_an_inside_out_mesh_has_no_pose(torus: Callable[..., TriangleMesh], solid: Callable[..., TriangleMesh]) -> None:
+def test_an_inside_out_mesh_has_no_pose() -> None:
     mesh = torus()
     with pytest.raises(MeshError, match="outwards"):
         upright(solid(mesh.vertices, mesh.faces[:, ::-1]))

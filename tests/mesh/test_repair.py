@@ -1,9 +1,8 @@
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy import ndarray
+from mesh_bodies import ellipsoid, grid_faces, moved, solid, together, torus
 
 from bonecam.errors import MeshError
 from bonecam.mesh.distance import exact_closest
@@ -19,20 +18,14 @@ def test_a_sound_mesh_comes_back_as_it_is(bone: TriangleMesh) -> None:
     assert mesh is bone
 
 
-def test_vertices_of_no_face_go_even_from_a_sound_mesh(solid: Callable[..., TriangleMesh], bone: TriangleMesh) -> None:
+def test_vertices_of_no_face_go_even_from_a_sound_mesh(bone: TriangleMesh) -> None:
     mesh, done = repair(solid(np.concatenate([bone.vertices, [[100, 0, 0]]]), bone.faces))
     assert [str(each) for each in done] == ["removed 1 vertex of no face"]
     assert (mesh.bounds == bone.bounds).all()
 
 
 @pytest.fixture(scope="module")
-def broken(
-    bone: TriangleMesh,
-    solid: Callable[..., TriangleMesh],
-    together: Callable[..., TriangleMesh],
-    moved: Callable[..., TriangleMesh],
-    ellipsoid: Callable[..., TriangleMesh],
-) -> dict[str, TriangleMesh]:
+def broken(bone: TriangleMesh) -> dict[str, TriangleMesh]:
     """The bone with one defect each."""
     v, f = np.array(bone.vertices), np.array(bone.faces)
     return {
@@ -70,7 +63,7 @@ def test_a_broken_mesh_is_mended_and_told(broken: dict[str, TriangleMesh], bone:
     assert sum(each.guessed for each in done) == pytest.approx(AREAS.get(kind, 0.0), abs=0.02)
 
 
-def test_a_surface_that_cuts_itself_keeps_its_outside(bone: TriangleMesh, solid: Callable[..., TriangleMesh]) -> None:
+def test_a_surface_that_cuts_itself_keeps_its_outside(bone: TriangleMesh) -> None:
     vertices = np.array(bone.vertices)
     pushed = np.argmax(vertices[:, 0])
     vertices[pushed] += [-0.5, 2, 3]
@@ -79,9 +72,7 @@ def test_a_surface_that_cuts_itself_keeps_its_outside(bone: TriangleMesh, solid:
     assert any("cut each other" in each.change for each in done)
 
 
-def test_a_surface_that_bounds_no_volume_gets_a_new_skin(
-    bone: TriangleMesh, solid: Callable[..., TriangleMesh], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_surface_that_bounds_no_volume_gets_a_new_skin(bone: TriangleMesh, monkeypatch: pytest.MonkeyPatch) -> None:
     def refuses(*_: object, **__: object) -> None:
         raise RuntimeError("Mesh boolean failed")
 
@@ -103,15 +94,7 @@ def test_a_surface_that_bounds_no_volume_gets_a_new_skin(
         ("nothing", "no faces"),
     ],
 )
-def test_what_cannot_be_one_solid_is_refused_with_a_remedy(
-    bone: TriangleMesh,
-    torus: Callable[..., TriangleMesh],
-    together: Callable[..., TriangleMesh],
-    solid: Callable[..., TriangleMesh],
-    moved: Callable[..., TriangleMesh],
-    kind: str,
-    reason: str,
-) -> None:
+def test_what_cannot_be_one_solid_is_refused_with_a_remedy(bone: TriangleMesh, kind: str, reason: str) -> None:
     right = bone.vertices[bone.faces].mean(1)[:, 0] > 0
     meshes = {
         "torus": torus(),
@@ -129,9 +112,7 @@ def test_what_cannot_be_one_solid_is_refused_with_a_remedy(
     assert ": " in str(caught.value)
 
 
-def test_a_tube_is_closed_at_its_ends(
-    solid: Callable[..., TriangleMesh], grid_faces: Callable[..., ndarray], ellipsoid: Callable[..., TriangleMesh]
-) -> None:
+def test_a_tube_is_closed_at_its_ends() -> None:
     mesh, done = repair(solid(ellipsoid(5, 4, 14).vertices[:-2], grid_faces(24, 32, False)))
     assert faults_of(mesh) == ()
     assert "closed 2 holes" in "; ".join(map(str, done))
@@ -146,12 +127,7 @@ def test_the_new_skin_is_sound_and_close(bone: TriangleMesh) -> None:
     )
 
 
-def test_a_new_skin_is_a_guess_where_it_bridges_what_its_ball_does_not_enter(
-    bone: TriangleMesh,
-    ellipsoid: Callable[..., TriangleMesh],
-    together: Callable[..., TriangleMesh],
-    moved: Callable[..., TriangleMesh],
-) -> None:
+def test_a_new_skin_is_a_guess_where_it_bridges_what_its_ball_does_not_enter(bone: TriangleMesh) -> None:
     (skin,) = wrap(RepairState(bone)).done
     assert skin.guessed == 0.0
     beside = moved(ellipsoid(4, 4, 4), (9.1, 0, 0))
@@ -179,7 +155,7 @@ REFUSALS = {
 }
 
 
-def test_one_triangle_is_told_to_be_one(solid: Callable[..., TriangleMesh]) -> None:
+def test_one_triangle_is_told_to_be_one() -> None:
     triangle = solid([[1, 2, 3], [20.3, 7.1, 2.2], [5.5, 30.7, 9.9]], [[0, 1, 2]])
     with pytest.raises(MeshError, match=r"the mesh \(one triangle\) is flat: 0 mm thick, 35\.4 mm"):
         repair(triangle)

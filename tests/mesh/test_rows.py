@@ -1,12 +1,12 @@
 """Rows in other frames stay on the mesh, keep their sense of turning, and are ordered by their distortion."""
 
 import os
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pymeshlab
 import pytest
+from mesh_bodies import ellipsoid, solid, torus
 
 from bonecam.errors import Cancelled, MeshError
 from bonecam.mesh.distance import exact_closest
@@ -32,7 +32,7 @@ from bonecam.mesh.units import to_mm
 BONES = "3midph 3distph 2midph 1mc scaphoid capitate metatarsal1_rv".split()
 
 
-def forked_bone(solid: Callable[..., TriangleMesh]) -> TriangleMesh:
+def forked_bone() -> TriangleMesh:
     mesh = read_mesh(Path(os.path.dirname(pymeshlab.__file__)) / "tests" / "sample_meshes" / "bone.ply")
     return solid(mesh.vertices * 35 / np.ptp(mesh.vertices, axis=0).max(), mesh.faces)
 
@@ -55,13 +55,13 @@ def test_every_isoline_of_a_real_bone_is_one_loop(shared: Path, name: str) -> No
     assert_rows(harmonic_rows(mesh, 24, 60), mesh)
 
 
-def test_the_forked_bone_falls_into_single_loops(solid: Callable[..., TriangleMesh]) -> None:
-    mesh = upright(repair(forked_bone(solid))[0])[0]
+def test_the_forked_bone_falls_into_single_loops() -> None:
+    mesh = upright(repair(forked_bone())[0])[0]
     assert_rows(harmonic_rows(mesh), mesh)
 
 
 @pytest.fixture(scope="module")
-def egg(ellipsoid: Callable[..., TriangleMesh]) -> TriangleMesh:
+def egg() -> TriangleMesh:
     return upright(ellipsoid(5, 4, 14, thick_end=0.2))[0]
 
 
@@ -124,9 +124,7 @@ def test_the_field_has_no_extremum_but_the_poles(rows: Rows) -> None:
         )
 
 
-def test_a_handle_is_found_as_a_broken_isoline(
-    torus: Callable[..., TriangleMesh], solid: Callable[..., TriangleMesh]
-) -> None:
+def test_a_handle_is_found_as_a_broken_isoline() -> None:
     ring = torus()
     tilted = solid(ring.vertices[:, [2, 0, 1]], ring.faces)
     with pytest.raises(MeshError, match="several loops"):
@@ -141,7 +139,7 @@ def test_wrong_counts_and_cancelling(egg: TriangleMesh) -> None:
 
 
 @pytest.fixture(scope="module")
-def wedge(ellipsoid: Callable[..., TriangleMesh]) -> TriangleMesh:
+def wedge() -> TriangleMesh:
     return ellipsoid(3, 5, 9, thick_end=0.2)
 
 

@@ -3,12 +3,12 @@
 Above and below facets, near them and far out.
 """
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 from bonecam_meshes import path as shipped
+from mesh_bodies import ellipsoid
 
 from bonecam.arrays import unit
 from bonecam.errors import MeshError
@@ -132,9 +132,7 @@ def test_a_tip_that_it_would_leave_too_far_behind_is_drawn_within_the_limit_and_
     assert not moved[far].any()
 
 
-def test_where_a_smooth_surface_cuts_itself_beside_a_sliver_the_facets_are_kept_there_alone(
-    ellipsoid: Callable[..., TriangleMesh],
-) -> None:
+def test_where_a_smooth_surface_cuts_itself_beside_a_sliver_the_facets_are_kept_there_alone() -> None:
     even = ellipsoid(5, 4, 14, rings=10, columns=12)
     split = 77
     first, second, third = (int(corner) for corner in even.faces[split])
@@ -176,7 +174,7 @@ def test_the_walls_of_a_narrow_slit_keep_their_facets() -> None:
     assert found.kept > 2 * 16 * 5
 
 
-def test_facets_that_cut_themselves_are_refused_with_their_place(ellipsoid: Callable[..., TriangleMesh]) -> None:
+def test_facets_that_cut_themselves_are_refused_with_their_place() -> None:
     even = ellipsoid(5, 4, 14, rings=10, columns=12)
     points = even.vertices.copy()
     points[60] *= -4.0
@@ -235,7 +233,7 @@ def test_finely_meshed_bones_stay_to_the_bit(shared: Path, name: str) -> None:
     assert_kept(shared / "meshes" / "bones" / f"{name}_m.stl", "m")
 
 
-def test_a_coarse_round_body_is_nearer_to_the_ellipsoid(ellipsoid: Callable[..., TriangleMesh]) -> None:
+def test_a_coarse_round_body_is_nearer_to_the_ellipsoid() -> None:
     coarse, fine = ellipsoid(5, 4, 14, rings=8, columns=10), ellipsoid(5, 4, 14, rings=120, columns=160)
     found = smoothed(coarse)
     assert mean_distance(found.mesh, fine) < 0.6 * mean_distance(coarse, fine)
@@ -291,9 +289,7 @@ def prism(sides: int) -> TriangleMesh:
     return convex_hull(np.vstack([ring, ring + np.array([0.0, 0.0, 20.0])]))
 
 
-def test_the_sagitta_is_near_the_distance_of_facets_from_the_sphere_and_falls_with_the_square_of_their_edges(
-    ellipsoid: Callable[..., TriangleMesh],
-) -> None:
+def test_the_sagitta_is_near_the_distance_of_facets_from_the_sphere_and_falls_with_the_square_of_their_edges() -> None:
     coarse, fine = (coarseness_of(ellipsoid(10, 10, 10, rings=n, columns=2 * n)) for n in (11, 23))
     assert coarse.sagitta / fine.sagitta == pytest.approx(4.0, rel=0.15)
     assert coarse.edge / fine.edge == pytest.approx(2.0, rel=0.15)
@@ -310,7 +306,7 @@ def test_boxes_prisms_and_cylinders_have_true_edges_and_stay_as_they_are_however
         assert not is_coarse(divided, coarseness_of(divided), COARSEST)
 
 
-def test_a_round_body_of_plane_quadrangles_has_no_true_edges(ellipsoid: Callable[..., TriangleMesh]) -> None:
+def test_a_round_body_of_plane_quadrangles_has_no_true_edges() -> None:
     found = coarseness_of(ellipsoid(10, 10, 10, rings=8, columns=16))
     assert not found.true_edges
 
@@ -327,7 +323,7 @@ def test_a_bone_of_few_faces_is_coarse_and_the_finely_meshed_one_is_not(faces: i
     assert not is_coarse(fine, coarseness_of(fine), COARSEST)
 
 
-def test_a_mesh_is_coarse_beside_what_is_asked_of_it(ellipsoid: Callable[..., TriangleMesh]) -> None:
+def test_a_mesh_is_coarse_beside_what_is_asked_of_it() -> None:
     mesh = ellipsoid(10, 10, 10, rings=11, columns=22)
     found = coarseness_of(mesh)
     assert is_coarse(mesh, found, 1.9 * found.sagitta)

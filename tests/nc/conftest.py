@@ -3,15 +3,14 @@
 The paths of a program with two tools.
 """
 
-from collections.abc import Callable
-
 import pytest
+from small_parts import capsule_path
 
 from bonecam.tool.path import ToolPath
 
 
 @pytest.fixture(scope="session")
-def three_paths(capsule_path: Callable[..., ToolPath]) -> list[ToolPath]:
+def three_paths() -> list[ToolPath]:
     """Two roughing levels and one of another tool."""
     return [
         capsule_path(level=5, radius=2.0, offset=1.5, count=60),
@@ -21,7 +20,7 @@ def three_paths(capsule_path: Callable[..., ToolPath]) -> list[ToolPath]:
 
 
 @pytest.fixture(scope="session")
-def paths(capsule_path: Callable[..., ToolPath]) -> tuple[ToolPath, ToolPath]:
+def paths() -> tuple[ToolPath, ToolPath]:
     """A level cut for roughing, and the last one for finishing."""
     return (
         capsule_path(level=5, radius=2.0, offset=1.5, number=1, count=150),

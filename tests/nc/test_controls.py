@@ -7,6 +7,8 @@ import re
 
 import numpy as np
 import pytest
+from machine_files import axis, machine_text, write_machine
+from small_parts import capsule_path, path_of
 
 from bonecam.errors import MachineError, ProgramError
 from bonecam.job import Job
@@ -130,9 +132,7 @@ def test_a_mode_that_is_missing_is_refused(text: str, name: str, old: str, new: 
         read_program(text.replace(old, new), MIKRON, read_dialect(name))
 
 
-def test_a_machine_that_cannot_stand_at_zero_is_refused(
-    axis, write_machine, machine_text, path_of, name, tmp_path
-) -> None:
+def test_a_machine_that_cannot_stand_at_zero_is_refused(name, tmp_path) -> None:
     rotary = {"C": axis([0, 0, 1], [0, 0, 0], -1, -300, 300), "B": axis([0, 1, 0], [0, 0, 0], -1, -100, -5)}
     machine = read_machine(write_machine(tmp_path, machine_text(["C", "B", "XYZ"], rotary)))
     tilt = np.radians(np.linspace(20, 50, 20))
@@ -149,9 +149,7 @@ def test_words_that_are_always_wrapped_cannot_be_wound(paths, name) -> None:
         write_program(paths, MIKRON, read_dialect(name), job)
 
 
-def test_a_limited_table_that_is_rewound_starts_from_zero_again(
-    axis, write_machine, machine_text, capsule_path, tmp_path
-) -> None:
+def test_a_limited_table_that_is_rewound_starts_from_zero_again(tmp_path) -> None:
     rotary = {"C": axis([0, 0, 1], [0, 0, 0], -1, -300, 300), "B": axis([0, 1, 0], [0, 0, 0], -1, -100, 0)}
     machine = read_machine(write_machine(tmp_path, machine_text(["C", "B", "XYZ"], rotary)))
     path, dialect = capsule_path(turns=1.4, count=200), read_dialect("fanuc-30i")

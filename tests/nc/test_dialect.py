@@ -3,9 +3,8 @@
 The words of a job in the dialect of its controller: work offset, coolant, block numbers, decimals.
 """
 
-from collections.abc import Callable
-
 import pytest
+from small_parts import capsule_path
 
 from bonecam.errors import MachineError
 from bonecam.job import Job
@@ -15,7 +14,6 @@ from bonecam.nc.posting import write_program
 from bonecam.nc.reading import read_program
 from bonecam.nc.requirements import job_dialect
 from bonecam.nc.schema import CODES, FIELDS, MEANINGS
-from bonecam.tool.path import ToolPath
 
 GOOD = (DIALECTS / "linuxcnc.toml").read_text()
 KLARTEXT = (DIALECTS / "heidenhain.toml").read_text()
@@ -246,9 +244,7 @@ def test_a_job_that_asks_for_nothing_has_the_dialect_of_its_controller(controlle
 
 
 @pytest.mark.parametrize("controller", dialect_names())
-def test_another_work_offset_is_written_and_asked_for_again_when_read(
-    controller: str, capsule_path: Callable[..., ToolPath]
-) -> None:
+def test_another_work_offset_is_written_and_asked_for_again_when_read(controller: str) -> None:
     asked = job(controller, work_offset=3)
     machine, dialect = read_machine("mikron-ucp600"), job_dialect(asked.nc)
     path = capsule_path(count=60)
@@ -262,7 +258,7 @@ def test_another_work_offset_is_written_and_asked_for_again_when_read(
 
 
 @pytest.mark.parametrize("controller", dialect_names())
-def test_mist_is_switched_on_in_the_place_of_flood(controller: str, capsule_path: Callable[..., ToolPath]) -> None:
+def test_mist_is_switched_on_in_the_place_of_flood(controller: str) -> None:
     asked = job(controller, coolant_kind="mist")
     machine, dialect = read_machine("mikron-ucp600"), job_dialect(asked.nc)
     text = write_program([capsule_path(count=60)], machine, dialect, asked).text
@@ -270,7 +266,7 @@ def test_mist_is_switched_on_in_the_place_of_flood(controller: str, capsule_path
     assert read_program(text, machine, dialect).coolant.any()
 
 
-def test_blocks_without_numbers_and_with_other_decimals_are_read_back(capsule_path: Callable[..., ToolPath]) -> None:
+def test_blocks_without_numbers_and_with_other_decimals_are_read_back() -> None:
     asked = job("fanuc-30i", block_numbers=False, decimals=4, program_number=4711)
     machine, dialect = read_machine("mikron-ucp600"), job_dialect(asked.nc)
     text = write_program([capsule_path(count=60)], machine, dialect, asked).text

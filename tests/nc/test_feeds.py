@@ -1,10 +1,10 @@
 """Feeds that the axes can follow, even along each pass."""
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from small_parts import capsule_path, path_of
 
 from bonecam.arrays import unit
 from bonecam.errors import VerifyError
@@ -36,7 +36,7 @@ def pair(request: pytest.FixtureRequest) -> tuple[Machine, Dialect]:
 
 
 @pytest.fixture(scope="module")
-def paths(capsule_path: Callable[..., ToolPath]) -> tuple[ToolPath, ToolPath]:
+def paths() -> tuple[ToolPath, ToolPath]:
     return (
         capsule_path(level=5, radius=2.0, offset=1.5, number=1, count=600),
         capsule_path(level=0, radius=1.0, number=2, count=900),
@@ -119,14 +119,14 @@ def test_along_a_pass_the_feed_changes_evenly(paths, pair) -> None:
     assert changed > (30 if stepped else 100)
 
 
-def test_feeds_that_every_axis_can_follow_are_left_alone(path_of: Callable[..., ToolPath], pair) -> None:
+def test_feeds_that_every_axis_can_follow_are_left_alone(pair) -> None:
     tips = np.column_stack([np.linspace(0, 20, 60), np.zeros(60), np.full(60, 60.0)])
     path = path_of(tips, np.tile([0.0, 0.0, 1.0], (60, 1)))
     (same,) = drivable_paths([path], *pair, Job())
     assert np.array_equal(same.feed_rates, path.feed_rates)
 
 
-def test_the_contact_keeps_the_feed_of_the_cutter_where_the_job_asks(path_of: Callable[..., ToolPath], pair) -> None:
+def test_the_contact_keeps_the_feed_of_the_cutter_where_the_job_asks(pair) -> None:
     # an arc of 8 mm whose tips lie 4 mm outside: there the tip is 1.5 times as fast as the contact
     machine, dialect = pair
     angle = np.linspace(0.2, 1.2, 200)
@@ -158,7 +158,7 @@ def test_rapids_that_are_written_as_feeds_are_lowered_too(paths) -> None:
     assert axis_shares(read_program(program.text, machine, bent), machine).max() <= 1.0 + 1e-6
 
 
-def over_the_pole(path_of: Callable[..., ToolPath], off_deg: float, step: float, still: bool) -> ToolPath:
+def over_the_pole(off_deg: float, step: float, still: bool) -> ToolPath:
     """A pass whose tool axis swings from -40 to 40 degrees past the pole, `off_deg` beside it; the tip moves by `step`
     (mm) from row to row, or hardly at all (`still`) where the axis is next to it."""
     rows = np.arange(-20, 21)
@@ -173,9 +173,9 @@ def over_the_pole(path_of: Callable[..., ToolPath], off_deg: float, step: float,
 @pytest.mark.parametrize("off_deg", [0.0001, 0.01, 0.1, 0.5])
 @pytest.mark.parametrize("step", [0.3, 0.002])
 @pytest.mark.parametrize("still", [False, True])
-def test_beside_the_pole_the_tool_waits_for_its_slowest_axis_and_no_longer(path_of, off_deg, step, still) -> None:
+def test_beside_the_pole_the_tool_waits_for_its_slowest_axis_and_no_longer(off_deg, step, still) -> None:
     machine, dialect = PAIRS["linuxcnc"]
-    lowered = drivable_paths([over_the_pole(path_of, off_deg, step, still)], machine, dialect, Job())
+    lowered = drivable_paths([over_the_pole(off_deg, step, still)], machine, dialect, Job())
     program = write_program(lowered, machine, dialect, Job())
     motions = read_program(program.text, machine, dialect)
     compare_moves(motions, lowered, dialect, Tolerances())
@@ -192,9 +192,9 @@ def test_beside_the_pole_the_tool_waits_for_its_slowest_axis_and_no_longer(path_
     assert program.time_min < needed.sum() + 0.2
 
 
-def test_a_block_that_is_slower_than_its_turn_is_told(path_of) -> None:
+def test_a_block_that_is_slower_than_its_turn_is_told() -> None:
     machine, dialect = PAIRS["linuxcnc"]
-    (path,) = drivable_paths([over_the_pole(path_of, 0.5, 0.3, False)], machine, dialect, Job())
+    (path,) = drivable_paths([over_the_pole(0.5, 0.3, False)], machine, dialect, Job())
     text = write_program([path], machine, dialect, Job()).text
     lines = text.split("\n")
     motions = read_program(text, machine, dialect)
@@ -220,7 +220,7 @@ def test_a_program_has_a_few_dozen_feeds_and_states_them_where_they_change(paths
     assert sum(" F" in line for line in in_runs) < 0.7 * len(in_runs)
 
 
-def test_the_rounding_raises_no_feed_and_lets_none_fall_below_its_floor(path_of) -> None:
+def test_the_rounding_raises_no_feed_and_lets_none_fall_below_its_floor() -> None:
     tips = np.column_stack([np.linspace(0, 20, 60), np.zeros(60), np.full(60, 60.0)])
     path = replace(path_of(tips, np.tile([0.0, 0.0, 1.0], (60, 1))), feed_rates=np.full(60, 1847.0))
     number = PAIRS["heidenhain"][1].numbers.feed
@@ -235,7 +235,7 @@ def test_the_rounding_raises_no_feed_and_lets_none_fall_below_its_floor(path_of)
 
 
 @pytest.mark.parametrize("name", PAIRS)
-def test_no_block_has_no_length(path_of, name) -> None:
+def test_no_block_has_no_length(name) -> None:
     machine, dialect = PAIRS[name]
     # the path comes to a point, again to the same one, and turns back
     there = np.column_stack([np.linspace(0, 5, 30), np.zeros(30), np.full(30, 60.0)])
@@ -249,7 +249,7 @@ def test_no_block_has_no_length(path_of, name) -> None:
     assert len(shorter.contacts) == len(shorter.pass_index) == 59
 
 
-def test_above_the_pole_no_block_goes_where_the_tool_stands(capsule_path) -> None:
+def test_above_the_pole_no_block_goes_where_the_tool_stands() -> None:
     machine, dialect = PAIRS["fanuc-30i"]
     path = capsule_path(count=90, lift_deg=180.0)
     motions = read_program(write_program([path], machine, dialect, Job()).text, machine, dialect)

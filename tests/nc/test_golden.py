@@ -1,9 +1,9 @@
 """The posted text of tiny paths, kept as files in tests/golden/<case>/."""
 
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from small_parts import capsule_path
 
 from bonecam.job import read_job
 from bonecam.machine.machine import read_machine
@@ -20,7 +20,7 @@ CASES = ("heidenhain-mikron", "linuxcnc-xyzbc", "siemens-mikron", "fanuc-mikron"
 
 
 @pytest.fixture(scope="module")
-def paths(capsule_path: Callable[..., ToolPath]) -> tuple[ToolPath, ToolPath]:
+def paths() -> tuple[ToolPath, ToolPath]:
     return (
         capsule_path(level=5, radius=2.0, offset=1.5, number=1, count=24, turns=0.5),
         capsule_path(level=0, radius=1.0, number=2, count=24, turns=0.5),

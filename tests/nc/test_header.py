@@ -12,7 +12,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from machine_files import CHAINS
 from scipy.spatial.transform import Rotation
+from small_parts import UPRIGHT_CAPSULE
 
 from bonecam.errors import MachineError
 from bonecam.job import Job
@@ -33,7 +35,6 @@ from bonecam.nc.posting import write_program
 from bonecam.nc.reading import read_program
 from bonecam.nc.words import contour_tolerance, rotary_tolerance_deg
 from bonecam.report.page.contents import program_contents
-from bonecam.setup.capsule import Capsule
 from bonecam.tool.cutter import Cutter
 from bonecam.tool.path import MoveKind, ToolPath
 from bonecam.verify.readback import Tolerances, compare_moves
@@ -42,9 +43,9 @@ MIKRON, HEIDENHAIN = read_machine("mikron-ucp600"), read_dialect("heidenhain")
 
 
 @pytest.fixture(scope="module")
-def text(paths: tuple[ToolPath, ToolPath], upright_capsule: Capsule) -> str:
+def text(paths: tuple[ToolPath, ToolPath]) -> str:
     job = Job().with_values(holding={"diameter": 4.0})
-    return write_program(paths, MIKRON, HEIDENHAIN, job, stock=upright_capsule).text
+    return write_program(paths, MIKRON, HEIDENHAIN, job, stock=UPRIGHT_CAPSULE).text
 
 
 def blocks(text: str) -> list[str]:
@@ -79,9 +80,9 @@ def test_the_header_says_what_to_mount_and_how_to_set_the_control(text: str) -> 
     assert max(map(len, head.splitlines())) <= 110
 
 
-def test_a_part_that_is_mirrored_and_scaled_is_told_to_be(paths, upright_capsule: Capsule) -> None:
+def test_a_part_that_is_mirrored_and_scaled_is_told_to_be(paths) -> None:
     job = Job().with_values(mesh={"mirror": "y", "scale": 1.25})
-    text = write_program(paths, MIKRON, HEIDENHAIN, job, stock=upright_capsule).text
+    text = write_program(paths, MIKRON, HEIDENHAIN, job, stock=UPRIGHT_CAPSULE).text
     assert "THE PART IS MIRRORED IN Y OF ITS FILE\n" in text
     assert "THE PART IS SCALED BY 1.25\n" in text
     assert part_texts(Job()) == []
@@ -91,23 +92,23 @@ def test_a_part_that_is_mirrored_and_scaled_is_told_to_be(paths, upright_capsule
     assert second[-2:] == part_texts(job)
 
 
-def test_a_chuck_and_a_conical_holder_are_told(paths, upright_capsule: Capsule) -> None:
+def test_a_chuck_and_a_conical_holder_are_told(paths) -> None:
     job = Job().with_values(
         holding={"chuck_diameter": 30.0, "chuck_height": 12.0}, roughing={"holder": "35 10 17, 20 40"}
     )
     cutter = Cutter.from_job(1, "roughing", job.tool("roughing"), MIKRON.nose)
-    told = write_program([replace(paths[0], cutter=cutter)], MIKRON, HEIDENHAIN, job, stock=upright_capsule).text
+    told = write_program([replace(paths[0], cutter=cutter)], MIKRON, HEIDENHAIN, job, stock=UPRIGHT_CAPSULE).text
     assert "A CHUCK OR COLLET OF AT MOST DIAMETER 30.00 MM ROUND THE POST, UP TO Z 12.00" in told
     assert "Z 0 ON THE TABLE UNDER THE CHUCK" in told
     assert "TOOL 1: HOLDER TO 55.00 DIAMETER 10.00 TO 17.00, HOLDER TO 75.00 DIAMETER 40.00\n" in told
     assert max(map(len, told[: told.index("TOOL CALL")].splitlines())) <= 110
 
 
-def test_riser_collet_stub_and_neck_are_told(paths, upright_capsule: Capsule) -> None:
+def test_riser_collet_stub_and_neck_are_told(paths) -> None:
     holding = {"riser_diameter": 60.0, "riser_height": 5.0, "chuck_diameter": 28.0, "chuck_height": 12.0}
     stub = {"stub_diameter": 13.0, "stub_length": 8.0}
     job = Job().with_values(holding=holding | stub | {"diameter": 4.0})
-    told = write_program(paths, MIKRON, HEIDENHAIN, job, stock=upright_capsule).text
+    told = write_program(paths, MIKRON, HEIDENHAIN, job, stock=UPRIGHT_CAPSULE).text
     for said in (
         "NECK BELOW IT: DIAMETER 4.00 MM, FROM Z 20.00 TO Z ",
         "STUB BELOW THE NECK: BAR OF DIAMETER 13.00 MM, FROM Z 12.00 TO Z 20.00, STOCK AND NECK ARE TURNED FROM IT",
@@ -296,10 +297,8 @@ def test_checks_and_simulation_are_written_into_their_lines_and_nowhere_else(
         record_simulation(simulated, dialect, 0.2)
 
 
-def test_the_line_of_the_simulation_changes_no_motion(
-    paths: tuple[ToolPath, ToolPath], upright_capsule: Capsule
-) -> None:
-    posted = write_program(paths, MIKRON, HEIDENHAIN, Job(), stock=upright_capsule)
+def test_the_line_of_the_simulation_changes_no_motion(paths: tuple[ToolPath, ToolPath]) -> None:
+    posted = write_program(paths, MIKRON, HEIDENHAIN, Job(), stock=UPRIGHT_CAPSULE)
     before, after = (
         read_program(program.text, MIKRON, HEIDENHAIN)
         for program in (posted, record_simulation(posted, HEIDENHAIN, 0.05))
@@ -366,8 +365,8 @@ def ways_of(told: str) -> list[np.ndarray]:
 
 
 @pytest.fixture(params=[*SHIPPED, "wrong-b", *KINDS])
-def machine_file(request: pytest.FixtureRequest, chains: dict[str, str]) -> str:
-    return {**SHIPPED, "wrong-b": WRONG_B, **chains}[request.param]
+def machine_file(request: pytest.FixtureRequest) -> str:
+    return {**SHIPPED, "wrong-b": WRONG_B, **CHAINS}[request.param]
 
 
 def texts_of(text: str, tmp_path: Path) -> list[str]:
@@ -431,8 +430,8 @@ def test_the_check_of_the_mikron_and_of_its_wrong_b(tmp_path: Path) -> None:
     ]
 
 
-def test_a_head_is_watched_at_its_tip_and_its_turn_by_the_tilt(chains: dict[str, str], tmp_path: Path) -> None:
-    assert texts_of(chains["head-head"], tmp_path)[4:] == [
+def test_a_head_is_watched_at_its_tip_and_its_turn_by_the_tilt(tmp_path: Path) -> None:
+    assert texts_of(CHAINS["head-head"], tmp_path)[4:] == [
         "A to +30: the tip of the tool must swing to Y+",
         "A to +30: the tool, from tip to spindle, leans to Y- of the table",
         "A at +30 and C to +90: the tip of the tool must swing from Y+ to X-",
@@ -451,8 +450,8 @@ def test_turns_stay_within_limits_and_begin_at_them(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("kind", ["linuxcnc-xyzbc", *KINDS])
-def test_words_of_the_place_check_keep_the_tip_on_it(kind: str, chains: dict[str, str], tmp_path: Path) -> None:
-    text = {**SHIPPED, **chains}[kind]
+def test_words_of_the_place_check_keep_the_tip_on_it(kind: str, tmp_path: Path) -> None:
+    text = {**SHIPPED, **CHAINS}[kind]
     path = tmp_path / "machine.toml"
     path.write_text(text)
     control = Control(read_machine(path), tool_centre=False, radius=1.0, tool_length=75.0)
@@ -470,18 +469,18 @@ def test_words_of_the_place_check_keep_the_tip_on_it(kind: str, chains: dict[str
         assert tip == pytest.approx(place, abs=2e-5)
 
 
-def test_poses_beyond_a_limit_are_left_out(chains: dict[str, str], tmp_path: Path) -> None:
+def test_poses_beyond_a_limit_are_left_out(tmp_path: Path) -> None:
     path = tmp_path / "machine.toml"
-    path.write_text(chains["head-table"].replace("[X]\ntravel = 4000.0", "[X]\nlimits = [-50.0, 50.0]"))
+    path.write_text(CHAINS["head-table"].replace("[X]\ntravel = 4000.0", "[X]\nlimits = [-50.0, 50.0]"))
     control = Control(read_machine(path), tool_centre=False, radius=1.0, tool_length=75.0)
     told = [line for line in air_check_texts(control, read_dialect("linuxcnc"), 33.2) if is_place(line)]
     assert [re.search(r"B\S+", line)[0] for line in told[1:]] == ["B0.00000", "B0.00000"]  # type: ignore[index]
 
 
 @pytest.mark.parametrize("name", ["heidenhain", "siemens-840d", "fanuc-30i", "makino", "mitsubishi", "linuxcnc"])
-def test_every_dialect_tells_the_check_and_which_way_it_goes(name: str, paths, upright_capsule: Capsule) -> None:
+def test_every_dialect_tells_the_check_and_which_way_it_goes(name: str, paths) -> None:
     machine, dialect = read_machine("mikron-ucp600"), read_dialect(name)
-    text = write_program(paths, machine, dialect, Job(), stock=upright_capsule).text
+    text = write_program(paths, machine, dialect, Job(), stock=UPRIGHT_CAPSULE).text
     plus = "X+" if "+" in dialect.comment_characters else "X PLUS"
     colon = ":" if ":" in dialect.comment_characters else " "
     assert (

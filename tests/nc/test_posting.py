@@ -11,6 +11,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from machine_files import CHAINS, axis, machine_text, write_machine
+from small_parts import capsule_path, path_of
 
 from bonecam.errors import JobError, MachineError, ProgramError, VerifyError
 from bonecam.job import Job
@@ -88,23 +90,23 @@ def test_heidenhain_blocks_are_numbered_from_zero_without_gaps(paths):
     assert all(re.fullmatch(r"\d+ L( [XYZBC][+-]\d+\.\d{3})+( R0)?( FMAX| F\d+)?", line) for line in moves)
 
 
-def test_an_older_control_gets_m128_from_its_machine_file(write_machine, chains, paths, tmp_path):
-    machine = read_machine(write_machine(tmp_path, chains["table-table"]))
+def test_an_older_control_gets_m128_from_its_machine_file(paths, tmp_path):
+    machine = read_machine(write_machine(tmp_path, CHAINS["table-table"]))
     text = write_program(paths, machine, read_dialect("heidenhain"), Job()).text
     assert text.count(" M128\n") == 2
     assert text.count(" M129\n") == 4
     assert "FUNCTION TCPM F" not in text
 
 
-def test_a_machine_must_name_a_tool_centre_control_of_the_dialect(chains, paths, write_machine, tmp_path):
-    text = chains["table-table"].replace("M128", "TRAORI")
+def test_a_machine_must_name_a_tool_centre_control_of_the_dialect(paths, tmp_path):
+    text = CHAINS["table-table"].replace("M128", "TRAORI")
     with pytest.raises(MachineError, match="'TRAORI' is none of heidenhain's"):
         write_program(paths, read_machine(write_machine(tmp_path, text)), read_dialect("heidenhain"), Job())
 
 
 @pytest.mark.parametrize("point", ["tip", "centre"])
-def test_the_ball_centre_may_be_programmed_instead_of_the_tip(chains, write_machine, paths, point, tmp_path):
-    text = 'programmed_point = "' + point + '"\n' + chains["table-table"]
+def test_the_ball_centre_may_be_programmed_instead_of_the_tip(paths, point, tmp_path):
+    text = 'programmed_point = "' + point + '"\n' + CHAINS["table-table"]
     machine, dialect = read_machine(write_machine(tmp_path, text)), read_dialect("heidenhain")
     program = write_program(paths, machine, dialect, Job())
     assert ("PROGRAMMED POINT: BALL CENTRE" in program.text) == (point == "centre")
@@ -113,8 +115,8 @@ def test_the_ball_centre_may_be_programmed_instead_of_the_tip(chains, write_mach
 
 @pytest.mark.parametrize("dialect_name", dialect_names())
 @pytest.mark.parametrize("chain", CHAIN_KINDS)
-def test_every_chain_is_written_and_read_back(write_machine, chains, path_of, chain, dialect_name, tmp_path):
-    machine, dialect = read_machine(write_machine(tmp_path, chains[chain])), read_dialect(dialect_name)
+def test_every_chain_is_written_and_read_back(chain, dialect_name, tmp_path):
+    machine, dialect = read_machine(write_machine(tmp_path, CHAINS[chain])), read_dialect(dialect_name)
     tilt = np.radians(np.linspace(20, 50, 40))
     axes = np.column_stack([np.sin(tilt) * np.cos(3 * tilt), np.sin(tilt) * np.sin(3 * tilt), np.cos(tilt)])
     tips = np.column_stack([10 * np.cos(3 * tilt), 10 * np.sin(3 * tilt), 50 + np.linspace(0, 5, 40)])
@@ -125,7 +127,7 @@ def test_every_chain_is_written_and_read_back(write_machine, chains, path_of, ch
     assert np.degrees(checked.axis_error.max()) < 0.0015
 
 
-def test_a_part_longer_than_the_travel_is_refused_with_axis_value_and_limit(path_of):
+def test_a_part_longer_than_the_travel_is_refused_with_axis_value_and_limit():
     machine, dialect = read_machine("mikron-ucp600"), read_dialect("heidenhain")
     tips = np.column_stack([np.zeros((50, 2)), np.linspace(50, 550, 50)])
     with pytest.raises(
@@ -135,20 +137,20 @@ def test_a_part_longer_than_the_travel_is_refused_with_axis_value_and_limit(path
     assert caught.value.evidence["axis"] == "Z"
 
 
-def test_a_known_limit_of_the_spindle_nose_is_kept(chains, paths, write_machine, tmp_path):
-    text = chains["table-table"].replace("[X]\ntravel = 4000.0", "[X]\nlimits = [-50.0, 5.0]")
+def test_a_known_limit_of_the_spindle_nose_is_kept(paths, tmp_path):
+    text = CHAINS["table-table"].replace("[X]\ntravel = 4000.0", "[X]\nlimits = [-50.0, 5.0]")
     with pytest.raises(MachineError, match=r"level 5, pass -?\d: X .* leaves the limit (5|-50)\.0 mm"):
         write_program(paths, read_machine(write_machine(tmp_path, text)), read_dialect("heidenhain"), Job())
 
 
-def test_a_tilt_beyond_the_machine_names_level_and_pass(path_of):
+def test_a_tilt_beyond_the_machine_names_level_and_pass():
     axes = np.tile([np.sin(np.radians(120)), 0, np.cos(np.radians(120))], (5, 1))
     tips = np.column_stack([np.linspace(0, 1, 5), np.zeros(5), np.full(5, 60.0)])
     with pytest.raises(MachineError, match=r"level 0, pass -1, point 0: B -120.000 deg leaves the limit -115.000 deg"):
         write_program([path_of(tips, axes)], read_machine("mikron-ucp600"), read_dialect("heidenhain"), Job())
 
 
-def test_a_rewind_leaves_the_part_before_it_turns(axis, write_machine, machine_text, capsule_path, tmp_path):
+def test_a_rewind_leaves_the_part_before_it_turns(tmp_path):
     rotary = {"C": axis([0, 0, 1], [0, 0, 0], -1, -300, 300), "B": axis([0, 1, 0], [0, 0, 0], -1, -100, 0)}
     machine = read_machine(write_machine(tmp_path, machine_text(["C", "B", "XYZ"], rotary)))
     path = capsule_path(turns=1.4, count=200)
@@ -325,7 +327,7 @@ PAIRS = dict.fromkeys(dialect_names(), "mikron-ucp600") | {"linuxcnc": "linuxcnc
 
 
 @pytest.mark.parametrize("name", PAIRS)
-def test_the_text_tells_which_moves_are_links(capsule_path, name):
+def test_the_text_tells_which_moves_are_links(name):
     machine, dialect = read_machine(PAIRS[name]), read_dialect(name)
     path = capsule_path(level=0, radius=1.0, number=1, count=150)
     motions = read_program(write_program([path], machine, dialect, Job()).text, machine, dialect)
@@ -340,7 +342,7 @@ def test_the_text_tells_which_moves_are_links(capsule_path, name):
     assert not motions.links[motions.rapid].any()
 
 
-def test_a_text_without_marks_has_no_links(capsule_path):
+def test_a_text_without_marks_has_no_links():
     machine, dialect = read_machine("linuxcnc-xyzbc"), read_dialect("linuxcnc")
     text = write_program([capsule_path(level=0, radius=1.0, number=1, count=50)], machine, dialect, Job()).text
     bare = text.replace("(LINK)\n", "").replace("(CUT)\n", "")
@@ -350,11 +352,11 @@ def test_a_text_without_marks_has_no_links(capsule_path):
 
 
 @pytest.mark.parametrize("name", ["siemens-840d", "heidenhain", "fanuc-30i"])
-def test_a_tool_that_starts_over_zero_beyond_a_limit_is_refused(name, chains, write_machine, path_of, tmp_path):
+def test_a_tool_that_starts_over_zero_beyond_a_limit_is_refused(name, tmp_path):
     """The path itself is at X 200 upright, X 0 is beyond the limit of 60."""
     tips = np.column_stack([np.linspace(200.0, 220.0, 9), np.zeros(9), np.full(9, 60.0)])
     path = path_of(tips, np.tile([0.0, 0.0, 1.0], (9, 1)))
-    text = chains["head-head"].replace("[X]\ntravel = 4000.0", "[X]\nlimits = [60.0, 400.0]")
+    text = CHAINS["head-head"].replace("[X]\ntravel = 4000.0", "[X]\nlimits = [60.0, 400.0]")
     machine = read_machine(write_machine(tmp_path, text))
     with pytest.raises(MachineError, match=r"the start of its tool: X 1\.0 mm leaves the limit 60\.0 mm") as caught:
         write_program([path], machine, read_dialect(name), Job())
@@ -367,7 +369,7 @@ def test_a_tool_that_starts_over_zero_beyond_a_limit_is_refused(name, chains, wr
 @pytest.mark.parametrize(("name", "axis"), [("mill-4axis", [0.0, -1.0, 0.0]), ("pocket-nc", [0.0, 0.0, 1.0])])
 @pytest.mark.parametrize("dialect", ["heidenhain", "siemens-840d", "fanuc-30i", "linuxcnc"])
 def test_the_spindle_starts_beside_the_plane_of_a_table_that_stands_on_edge(
-    name: str, axis: list[float], dialect: str, path_of
+    name: str, axis: list[float], dialect: str
 ) -> None:
     """Over the program's zero a nose of 150 mm would stand across the table: the path is 50 mm from that."""
     tips = np.column_stack([np.zeros(9), np.zeros(9), np.linspace(50.0, 54.0, 9)])

@@ -6,11 +6,11 @@ missing, at its line.
 """
 
 import re
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
+from small_parts import capsule_path
 
 from bonecam.errors import MachineError, ProgramError
 from bonecam.job import Job, read_job
@@ -20,7 +20,6 @@ from bonecam.nc.motions import Tool
 from bonecam.nc.posting import write_program
 from bonecam.nc.reading import read_program
 from bonecam.nc.requirements import job_dialect
-from bonecam.tool.path import ToolPath
 
 PAIRS = {
     name: (read_machine(machine), read_dialect(name))
@@ -34,7 +33,7 @@ PAIRS = {
 
 
 @pytest.fixture(scope="module")
-def texts(capsule_path: Callable[..., ToolPath]) -> dict[str, str]:
+def texts() -> dict[str, str]:
     """A short program by the name of its dialect."""
     path = capsule_path(count=24, turns=1.0)
     return {name: write_program([path], *pair, Job()).text for name, pair in PAIRS.items()}

@@ -8,6 +8,7 @@ from itertools import product
 
 import numpy as np
 import pytest
+from machine_files import CHAINS, axis, machine_text, write_machine
 
 from bonecam.errors import MachineError
 from bonecam.machine.kinematics import inverse_rotary, tool_axes
@@ -17,32 +18,22 @@ from bonecam.nc.rotary import choose_angles
 from bonecam.tool.path import MoveKind
 
 
-@pytest.fixture(scope="session")
-def pointing() -> Callable[..., np.ndarray]:
+def pointing(tilt_deg: object, azimuth_deg: object) -> np.ndarray:
     """Makes unit tool axes of tilts and azimuths, degrees."""
-
-    def make(tilt_deg: object, azimuth_deg: object) -> np.ndarray:
-        given = np.broadcast_arrays(np.asarray(tilt_deg, float), np.asarray(azimuth_deg, float))
-        tilt, azimuth = np.radians(given)
-        return np.column_stack([np.sin(tilt) * np.cos(azimuth), np.sin(tilt) * np.sin(azimuth), np.cos(tilt)])
-
-    return make
+    given = np.broadcast_arrays(np.asarray(tilt_deg, float), np.asarray(azimuth_deg, float))
+    tilt, azimuth = np.radians(given)
+    return np.column_stack([np.sin(tilt) * np.cos(azimuth), np.sin(tilt) * np.sin(azimuth), np.cos(tilt)])
 
 
-@pytest.fixture(scope="session")
-def cuts() -> Callable[..., np.ndarray]:
+def cuts(count: int, *rapids: int) -> np.ndarray:
     """Makes the kinds of a path that cuts but for its first row and some more, which are rapids."""
-
-    def make(count: int, *rapids: int) -> np.ndarray:
-        kinds = np.full(count, int(MoveKind.CUT))
-        kinds[[0, *rapids]] = MoveKind.RAPID
-        return kinds
-
-    return make
+    kinds = np.full(count, int(MoveKind.CUT))
+    kinds[[0, *rapids]] = MoveKind.RAPID
+    return kinds
 
 
 @pytest.fixture
-def winding(axis, write_machine, machine_text, tmp_path) -> Callable[..., Machine]:
+def winding(tmp_path) -> Callable[..., Machine]:
     """Makes a machine whose table turns between two angles (deg), as an endless axis that winds or as another."""
 
     def build(low, high, endless=False, tilts=(-100, 0)):
@@ -59,7 +50,7 @@ MIKRON = read_machine("mikron-ucp600")
 HOLD = np.radians(0.0005)
 
 
-def test_the_chosen_angles_point_the_axis_and_stay_within_limits(pointing, cuts):
+def test_the_chosen_angles_point_the_axis_and_stay_within_limits():
     rng = np.random.default_rng(3)
     axes = pointing(60 + 40 * np.sin(np.linspace(0, 9, 800)), np.linspace(0, 2000, 800) + rng.normal(0, 0.1, 800))
     choice = choose_angles(MIKRON, axes, cuts(800), HOLD)
@@ -69,21 +60,21 @@ def test_the_chosen_angles_point_the_axis_and_stay_within_limits(pointing, cuts)
     assert not choice.rewinds.any()
 
 
-def test_an_endless_axis_winds_without_a_jump(pointing, cuts):
+def test_an_endless_axis_winds_without_a_jump():
     azimuth = np.linspace(0, 3600, 1441)
     choice = choose_angles(MIKRON, pointing(80.0, azimuth), cuts(1441), HOLD)
     turned = np.degrees(choice.angles[:, 1] - choice.angles[0, 1])
     assert np.allclose(turned, azimuth, atol=1e-6)
 
 
-def test_through_the_singular_axis_the_tilt_changes_sign_and_the_table_rests(pointing, cuts):
+def test_through_the_singular_axis_the_tilt_changes_sign_and_the_table_rests():
     tilt = np.linspace(-20, 20, 41)
     choice = choose_angles(MIKRON, pointing(tilt, 30.0), cuts(41), HOLD)
     assert np.degrees(np.ptp(choice.angles[:, 1])) < 1e-6
     assert np.allclose(np.abs(np.degrees(choice.angles[:, 0])), np.abs(tilt), atol=1e-9)
 
 
-def test_the_table_is_held_where_the_axis_is_upright(pointing, cuts):
+def test_the_table_is_held_where_the_axis_is_upright():
     axes = np.vstack(
         [pointing(np.linspace(10, 1, 10), 50.0), np.tile([0, 0, 1.0], (20, 1)), pointing(np.linspace(1, 10, 10), 50.0)]
     )
@@ -93,7 +84,7 @@ def test_the_table_is_held_where_the_axis_is_upright(pointing, cuts):
     assert np.array_equal(everywhere.angles, np.zeros((5, 2)))
 
 
-def test_noise_within_the_hold_cone_does_not_turn_the_table(cuts):
+def test_noise_within_the_hold_cone_does_not_turn_the_table():
     rng = np.random.default_rng(5)
     axes = np.column_stack([rng.normal(0, 1e-6, (200, 2)), np.ones(200)])
     axes /= np.linalg.norm(axes, axis=1, keepdims=True)
@@ -102,7 +93,7 @@ def test_noise_within_the_hold_cone_does_not_turn_the_table(cuts):
     assert np.degrees(np.arccos(np.clip((tool_axes(MIKRON, choice.angles) * axes).sum(1), -1, 1))).max() < 0.0006
 
 
-def test_beyond_the_tilt_limit_the_error_names_axis_value_and_limit(pointing, cuts):
+def test_beyond_the_tilt_limit_the_error_names_axis_value_and_limit():
     with pytest.raises(MachineError, match=r"point 3: B -?1[12]\d\.\d+ deg leaves the limit -115.000 deg") as caught:
         choose_angles(MIKRON, pointing([50.0, 90.0, 114.0, 120.0], 10.0), cuts(4), HOLD)
     assert caught.value.evidence["row"] == 3
@@ -110,13 +101,13 @@ def test_beyond_the_tilt_limit_the_error_names_axis_value_and_limit(pointing, cu
 
 
 @pytest.fixture
-def limited(axis, write_machine, machine_text, tmp_path):
+def limited(tmp_path):
     """A table that turns 200 degrees either way and a tilt to one side only."""
     rotary = {"C": axis([0, 0, 1], [0, 0, 0], -1, -200, 200), "B": axis([0, 1, 0], [0, 0, 0], -1, -100, 0)}
     return read_machine(write_machine(tmp_path, machine_text(["C", "B", "XYZ"], rotary)))
 
 
-def test_a_limited_table_is_rewound_at_a_rapid_only(limited, pointing, cuts):
+def test_a_limited_table_is_rewound_at_a_rapid_only(limited):
     axes, kinds = pointing(60.0, np.linspace(0, 700, 71)), cuts(71, 20, 38, 55)
     choice = choose_angles(limited, axes, kinds, HOLD)
     assert choice.rewinds.any()
@@ -127,7 +118,7 @@ def test_a_limited_table_is_rewound_at_a_rapid_only(limited, pointing, cuts):
     assert np.degrees(steps[~choice.rewinds[1:]].max()) < 11
 
 
-def test_a_limited_table_is_never_rewound_in_the_cut(limited, pointing, cuts):
+def test_a_limited_table_is_never_rewound_in_the_cut(limited):
     with pytest.raises(MachineError, match="reach their limits within a cut"):
         choose_angles(limited, pointing(60.0, np.linspace(0, 700, 71)), cuts(71), HOLD)
 
@@ -137,9 +128,7 @@ def test_a_limited_table_is_never_rewound_in_the_cut(limited, pointing, cuts):
     ("low", "high", "turns", "rewinds"),
     [(-360, 360, 1.9, 0), (-360, 360, 3, 1), (-1000, 1000, 5, 0), (0, 360, 0.9, 0), (-185, 185, 3, 2), (90, 810, 3, 1)],
 )
-def test_a_winding_path_is_rewound_as_seldom_as_its_limits_allow(
-    winding, low, high, turns, rewinds, endless, pointing, cuts
-):
+def test_a_winding_path_is_rewound_as_seldom_as_its_limits_allow(winding, low, high, turns, rewinds, endless):
     machine = winding(low, high, endless)
     rows = 109
     begin = tool_axes(machine, np.radians([[-60.0, low + 1.0]]))[0]
@@ -153,7 +142,7 @@ def test_a_winding_path_is_rewound_as_seldom_as_its_limits_allow(
     assert np.abs(tool_axes(machine, choice.angles) - axes).max() < 1e-9
 
 
-def test_the_turn_in_which_a_stretch_begins_looks_ahead_over_all_of_it(winding, pointing, cuts):
+def test_the_turn_in_which_a_stretch_begins_looks_ahead_over_all_of_it(winding):
     # begun in the turn next to zero it would end 600 degrees beyond
     for way in (1, -1):
         axes = pointing(60.0, np.linspace(0, 600 * way, 71))
@@ -162,7 +151,7 @@ def test_the_turn_in_which_a_stretch_begins_looks_ahead_over_all_of_it(winding, 
         assert np.abs(np.degrees(choice.angles[:, 1])).max() <= 450
 
 
-def test_a_path_begins_in_the_turn_next_to_where_the_machine_comes_from(winding, cuts):
+def test_a_path_begins_in_the_turn_next_to_where_the_machine_comes_from(winding):
     machine = winding(-450, 450, True)
     before = np.array([0.0, np.radians(400.0)])
     axes = tool_axes(machine, np.radians(np.column_stack([np.full(5, -60.0), np.linspace(40, 60, 5)])))
@@ -170,7 +159,7 @@ def test_a_path_begins_in_the_turn_next_to_where_the_machine_comes_from(winding,
     assert np.degrees(choose_angles(machine, axes, cuts(5), HOLD).angles[0, 1]) == pytest.approx(40.0)
 
 
-def test_where_no_turn_fits_the_path_is_lifted_from_a_link_rather_than_from_a_cut(winding, pointing, cuts):
+def test_where_no_turn_fits_the_path_is_lifted_from_a_link_rather_than_from_a_cut(winding):
     machine = winding(-200, 200)
     axes, kinds = pointing(60.0, np.linspace(0, 500, 51)), cuts(51)
     everywhere = np.ones(51, dtype=bool)
@@ -184,7 +173,7 @@ def test_where_no_turn_fits_the_path_is_lifted_from_a_link_rather_than_from_a_cu
     assert np.flatnonzero(choose_angles(machine, axes, kinds, HOLD, liftable=everywhere).rewinds)[0] in (35, 38)
 
 
-def test_a_rewind_is_done_where_rapids_lead_to_and_from_it(winding, pointing, cuts):
+def test_a_rewind_is_done_where_rapids_lead_to_and_from_it(winding):
     choice = choose_angles(winding(-200, 200), pointing(60.0, np.linspace(0, 700, 71)), cuts(71, 34, 35, 36, 37), HOLD)
     assert np.flatnonzero(choice.rewinds).tolist()[0] in (35, 36)
 
@@ -213,7 +202,7 @@ def least_by_trial(machine, axes, kinds, low, high):
 
 
 @pytest.mark.parametrize("seed", range(16))
-def test_no_other_sequence_has_fewer_rewinds_or_as_many_and_less_travel(winding, seed, pointing, cuts):
+def test_no_other_sequence_has_fewer_rewinds_or_as_many_and_less_travel(winding, seed):
     rng = np.random.default_rng(seed)
     low, high = [(-360, 360), (0, 360), (-185, 185), (-100, 300)][seed % 4]
     machine = winding(low, high, endless=seed % 3 == 1, tilts=(-100, 100))
@@ -230,15 +219,15 @@ def test_no_other_sequence_has_fewer_rewinds_or_as_many_and_less_travel(winding,
 
 
 @pytest.mark.parametrize("kind", ["table-table", "head-table", "head-head", "nutating"])
-def test_every_chain_follows_a_gentle_path_without_a_flip(write_machine, chains, kind, tmp_path, pointing, cuts):
-    machine = read_machine(write_machine(tmp_path, chains[kind]))
+def test_every_chain_follows_a_gentle_path_without_a_flip(kind, tmp_path):
+    machine = read_machine(write_machine(tmp_path, CHAINS[kind]))
     axes = pointing(40 + 10 * np.sin(np.linspace(0, 6, 200)), np.linspace(-60, 60, 200))
     choice = choose_angles(machine, axes, cuts(200), HOLD)
     assert np.abs(tool_axes(machine, choice.angles) - axes).max() < 1e-9
     assert np.degrees(np.abs(np.diff(choice.angles, axis=0)).max()) < 5
 
 
-def test_beyond_the_tilt_the_error_names_the_axis_that_cannot_reach_not_the_one_that_turns(winding, pointing, cuts):
+def test_beyond_the_tilt_the_error_names_the_axis_that_cannot_reach_not_the_one_that_turns(winding):
     with pytest.raises(MachineError, match=r"point 1: B -110.000 deg leaves the limit -100.000 deg"):
         choose_angles(winding(0, 360), pointing([50.0, 110.0], 234.0), cuts(2), HOLD)
 
@@ -250,10 +239,10 @@ def lifted(axes, kinds, places, turned):
     """Axes and kinds of the path with ways off the part at the places, and back to the place, or on from a link."""
     rows, moves = [axes[:1]], [kinds[:1]]
     for row in range(1, len(axes)):
-        for place, axis in zip(places, turned, strict=True):
+        for place, turned_axis in zip(places, turned, strict=True):
             if row - 1 <= place < row:
                 inside = kinds[row] == kinds[row - 1] == MoveKind.CUT
-                there = [axis[None]] * 3 if inside else [axes[row - 1 : row]] * 2
+                there = [turned_axis[None]] * 3 if inside else [axes[row - 1 : row]] * 2
                 rows += there + [axes[row : row + 1]] * (not inside)
                 moves.append(
                     np.array([int(MoveKind.CUT), *[int(MoveKind.RAPID)] * 2] if inside else [int(MoveKind.RAPID)] * 3)
@@ -274,7 +263,7 @@ def lifted(axes, kinds, places, turned):
         (-90, 270, 0.9, 0),
     ],
 )
-def test_a_path_of_cuts_is_lifted_as_seldom_as_its_limits_allow(winding, pointing, cuts, low, high, turns, lifts):
+def test_a_path_of_cuts_is_lifted_as_seldom_as_its_limits_allow(winding, low, high, turns, lifts):
     machine = winding(low, high)
     begin = tool_axes(machine, np.radians([[-60.0, low + 1.0]]))[0]
     azimuth = np.degrees(np.arctan2(begin[1], begin[0])) + np.linspace(0, 360 * turns, 141)
@@ -287,7 +276,7 @@ def test_a_path_of_cuts_is_lifted_as_seldom_as_its_limits_allow(winding, pointin
     assert np.degrees(choice.angles[:, 1].max()) <= high + 1e-6
 
 
-def test_with_limits_just_a_turn_apart_the_place_is_where_the_axis_is_at_its_limit(winding, pointing, cuts):
+def test_with_limits_just_a_turn_apart_the_place_is_where_the_axis_is_at_its_limit(winding):
     machine = winding(0, 360)
     axes, kinds = pointing(60.0, np.linspace(100, 300, 41) + 0.7), cuts(41)
     (place,), turned = lift_places(machine, axes, kinds, NOWHERE)
@@ -306,7 +295,7 @@ def block_all(machine, axes, kinds, blocked):
         blocked = np.r_[blocked, more]
 
 
-def test_links_are_lifted_first_and_places_that_cannot_be_left_never(winding, pointing, cuts):
+def test_links_are_lifted_first_and_places_that_cannot_be_left_never(winding):
     machine = winding(-200, 200)
     axes, kinds = pointing(60.0, np.linspace(0, 500, 101)), cuts(101)
     kinds[72] = MoveKind.LINK
@@ -319,7 +308,7 @@ def test_links_are_lifted_first_and_places_that_cannot_be_left_never(winding, po
     assert 0 <= caught.value.evidence["row"] < 101
 
 
-def test_beside_the_pole_the_axes_turn_round_between_two_rows(winding, pointing, cuts):
+def test_beside_the_pole_the_axes_turn_round_between_two_rows(winding):
     # two rows on both sides of the pole, 0.3 degrees off it: the table turns from 350 over 0 to 170
     machine = winding(0, 360, tilts=(-100, 100))
     tilted = tool_axes(machine, np.radians([[-5.0, 40.0], [-3.0, 358.0], [-3.0, 170.0], [-5.0, 150.0]]))
@@ -329,6 +318,6 @@ def test_beside_the_pole_the_axes_turn_round_between_two_rows(winding, pointing,
     assert np.degrees(choice.angles[:, 1].max()) <= 360 + 1e-6
 
 
-def test_a_table_that_turns_for_ever_needs_no_lift(pointing, cuts):
+def test_a_table_that_turns_for_ever_needs_no_lift():
     axes, kinds = pointing(60.0, np.linspace(0, 5000, 1001)), cuts(1001)
     assert not len(lift_places(read_machine("mikron-ucp600"), axes, kinds, NOWHERE)[0])

@@ -9,12 +9,12 @@ they are. ncplot7py (Fanuc) keeps C within a turn. So C is compared but for whol
 import re
 import shutil
 import subprocess
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from small_parts import capsule_path
 
 from bonecam.job import Job
 from bonecam.machine.kinematics import forward
@@ -70,7 +70,7 @@ def run_text(program: Program, folder: Path) -> Run:
 
 
 @pytest.fixture(scope="module")
-def paths(capsule_path: Callable[..., ToolPath]) -> list[ToolPath]:
+def paths() -> list[ToolPath]:
     if not shutil.which("rs274"):
         pytest.skip("rs274 (package linuxcnc-uspace) is absent")
     return [
@@ -174,7 +174,7 @@ ROUNDING = 0.0005
 
 
 @pytest.fixture(scope="module")
-def posted(capsule_path):
+def posted():
     """A program of two tools in a dialect, and the lines and words (mm, degrees) that our reader finds."""
 
     def post(name):

@@ -2,11 +2,11 @@
 
 import itertools
 import re
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
+from small_parts import capsule_path, path_of
 
 from bonecam.errors import MachineError, ProgramError, VerifyError
 from bonecam.job import Job
@@ -38,7 +38,7 @@ def posted(path: ToolPath, controller: str, axes: str, machine: str = "mikron-uc
 
 
 @pytest.fixture(scope="module")
-def path(capsule_path: Callable[..., ToolPath]) -> ToolPath:
+def path() -> ToolPath:
     return capsule_path(count=120, turns=3.0)
 
 
@@ -149,10 +149,8 @@ def test_a_change_to_the_other_solution_that_no_vector_states_is_refused() -> No
 
 
 @pytest.mark.parametrize("controller", ["fanuc-30i", "makino", "mitsubishi"])
-def test_where_the_control_takes_no_angles_the_tool_leans_a_little_at_the_pole(
-    controller: str, path_of: Callable[..., ToolPath]
-) -> None:
-    path = pole_path(path_of)
+def test_where_the_control_takes_no_angles_the_tool_leans_a_little_at_the_pole(controller: str) -> None:
+    path = pole_path()
     text, machine, dialect, _ = posted(path, controller, "vectors")
     found = compare_moves(motions := read_program(text, machine, dialect), [path], dialect, Tolerances())
     assert found.tip_error.max() <= 0.001
@@ -165,7 +163,7 @@ def test_where_the_control_takes_no_angles_the_tool_leans_a_little_at_the_pole(
     assert np.degrees(np.abs(np.diff(jumps.words[:, 4])))[jumps.known_start[1:]].max() > 30.0
 
 
-def pole_path(path_of: Callable[..., ToolPath]) -> ToolPath:
+def pole_path() -> ToolPath:
     machine = read_machine("mikron-ucp600")
     angles = np.radians(np.vstack([np.linspace(*pair, 12) for pair in itertools.pairwise(POLE)]))
     axes = tool_axes(machine, angles)
@@ -174,10 +172,8 @@ def pole_path(path_of: Callable[..., ToolPath]) -> ToolPath:
 
 
 @pytest.mark.parametrize("controller", ["heidenhain", "siemens-840d"])
-def test_a_turn_at_the_pole_is_written_in_angles_between_vectors(
-    controller: str, path_of: Callable[..., ToolPath]
-) -> None:
-    path = pole_path(path_of)
+def test_a_turn_at_the_pole_is_written_in_angles_between_vectors(controller: str) -> None:
+    path = pole_path()
     text, machine, dialect, _ = posted(path, controller, "vectors")
     mixed = re.findall(r"(?m)^(?:N?\d+ )(?:L|G1) X\S+ Y\S+ Z\S+ B\S+ C\S+(?: F\d+)?$", text)
     assert 0 < len(mixed) < 30
@@ -185,9 +181,7 @@ def test_a_turn_at_the_pole_is_written_in_angles_between_vectors(
     compare_moves(read_program(text, machine, dialect), [path], dialect, Tolerances())
 
 
-def test_a_rapid_that_turns_at_the_pole_lasts_as_long_as_its_axis_needs_in_joints(
-    path_of: Callable[..., ToolPath],
-) -> None:
+def test_a_rapid_that_turns_at_the_pole_lasts_as_long_as_its_axis_needs_in_joints() -> None:
     angles = np.radians([[-2.0, 0.0], [-0.8, 0.0], [0.0, 0.0], [0.0, 80.0], [-0.8, 80.0], [-2.0, 80.0]])
     axes = tool_axes(read_machine("mikron-ucp600"), angles)
     tips = np.column_stack([0.05 * np.arange(6), np.zeros(6), np.full(6, 60.0)])

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from small_parts import FINISHING_CUTTER, UPRIGHT_CAPSULE, level_of, mesh_of, pebble
 
 from bonecam.arrays import unit
 from bonecam.levels.measure import MachinedLevel
@@ -34,7 +35,6 @@ from bonecam.planning.collision import (
 from bonecam.planning.contacts import MESH_SHARE, WORD_ROUNDING, flute_slack, planned_tolerance
 from bonecam.planning.scene import TANGENT_SLACK, Scene, Surroundings, held_level, part_chord
 from bonecam.setup.capsule import Capsule
-from bonecam.surface.tspline import TSpline
 from bonecam.tool.cutter import Cutter, ToolSection
 from bonecam.workholding.clamping import Clamping
 from bonecam.workholding.post import Column, Post
@@ -43,14 +43,14 @@ UP = np.array([0.0, 0.0, 1.0])
 
 
 @pytest.fixture(scope="module")
-def scene(mesh_of: Callable[..., TriangleMesh], pebble: Callable[..., TSpline], upright_capsule: Capsule) -> Scene:
+def scene() -> Scene:
     level, material = mesh_of(pebble()), mesh_of(pebble(0.3))
-    return Scene(level, material, upright_capsule, Post(1.0, 31.5))
+    return Scene(level, material, UPRIGHT_CAPSULE, Post(1.0, 31.5))
 
 
 @pytest.fixture(scope="module")
-def model(finishing_cutter: Cutter, scene: Scene) -> FclModel:
-    return build_fcl_model(scene, finishing_cutter)
+def model(scene: Scene) -> FclModel:
+    return build_fcl_model(scene, FINISHING_CUTTER)
 
 
 def top_of(scene: Scene) -> float:
@@ -72,70 +72,68 @@ def both_free(finishing_cutter: Cutter, scene: Scene, model: FclModel, tip: np.n
     return proven(finishing_cutter, scene, tip, axis) and not colliding_section(model, tip, axis)
 
 
-def test_a_tangent_contact_is_free(finishing_cutter: Cutter, scene: Scene, model: FclModel) -> None:
-    assert both_free(finishing_cutter, scene, model, np.array([0.0, 0.0, top_of(scene)]), UP)
+def test_a_tangent_contact_is_free(scene: Scene, model: FclModel) -> None:
+    assert both_free(FINISHING_CUTTER, scene, model, np.array([0.0, 0.0, top_of(scene)]), UP)
 
 
-def test_a_ball_sunk_into_the_level_is_caught(finishing_cutter: Cutter, scene: Scene, model: FclModel) -> None:
+def test_a_ball_sunk_into_the_level_is_caught(scene: Scene, model: FclModel) -> None:
     tip = np.array([0.0, 0.0, top_of(scene) - 0.1])
     assert colliding_section(model, tip, UP) == "cutter"
-    assert not proven(finishing_cutter, scene, tip, UP)
+    assert not proven(FINISHING_CUTTER, scene, tip, UP)
 
 
-def test_an_axis_through_the_material_is_caught(finishing_cutter: Cutter, scene: Scene, model: FclModel) -> None:
+def test_an_axis_through_the_material_is_caught(scene: Scene, model: FclModel) -> None:
     tip, axis = np.array([0.0, 0.0, top_of(scene)]), -UP
     assert colliding_section(model, tip, axis)
-    assert not proven(finishing_cutter, scene, tip, axis)
+    assert not proven(FINISHING_CUTTER, scene, tip, axis)
 
 
-def test_a_shank_that_cuts_the_material_but_not_the_level_is_caught(
-    finishing_cutter: Cutter, scene: Scene, model: FclModel
-) -> None:
+def test_a_shank_that_cuts_the_material_but_not_the_level_is_caught(scene: Scene, model: FclModel) -> None:
     material = float(np.hypot(*scene.material.vertices[:, :2].T).max())
-    tip = np.array([material - 0.1 + finishing_cutter.radius, 0.0, 37.0 - 10.0])
+    tip = np.array([material - 0.1 + FINISHING_CUTTER.radius, 0.0, 37.0 - 10.0])
     assert colliding_section(model, tip, UP) in {"shank", "holder"}
-    assert not proven(finishing_cutter, scene, tip, UP)
+    assert not proven(FINISHING_CUTTER, scene, tip, UP)
 
 
-def test_a_cutter_wholly_inside_the_material_is_caught(upright_capsule: Capsule, finishing_cutter: Cutter) -> None:
+def test_a_cutter_wholly_inside_the_material_is_caught() -> None:
     big = revolve(np.full(2, 200.0), np.array([0.0, 400.0]), (0.0, 400.0), SIDES)
-    scene = Scene(big, big, upright_capsule, Post(1.0, 1.0))
+    scene = Scene(big, big, UPRIGHT_CAPSULE, Post(1.0, 1.0))
     tip = np.array([0.0, 0.0, 200.0])
-    assert colliding_section(build_fcl_model(scene, finishing_cutter), tip, UP) == "cutter"
-    wide = replace(scene, stock=replace(upright_capsule, radius=500.0))
-    assert not proven(finishing_cutter, wide, tip, UP)
+    assert colliding_section(build_fcl_model(scene, FINISHING_CUTTER), tip, UP) == "cutter"
+    wide = replace(scene, stock=replace(UPRIGHT_CAPSULE, radius=500.0))
+    assert not proven(FINISHING_CUTTER, wide, tip, UP)
 
 
-def test_material_wholly_inside_the_holder_is_caught(finishing_cutter: Cutter, scene: Scene) -> None:
+def test_material_wholly_inside_the_holder_is_caught(scene: Scene) -> None:
     crumb = revolve(np.full(2, 0.3), np.array([60.0, 61.0]), (60.0, 61.0), SIDES)
     inside = replace(scene, material=crumb, level=crumb, post=Post(0.2, 5.0))
     tip = np.array([2.0, 0.0, 10.0])
-    assert colliding_section(build_fcl_model(inside, finishing_cutter), tip, UP) == "holder"
+    assert colliding_section(build_fcl_model(inside, FINISHING_CUTTER), tip, UP) == "holder"
 
 
-def test_a_thin_post_in_the_holder_s_way_is_caught(upright_capsule: Capsule, finishing_cutter: Cutter) -> None:
+def test_a_thin_post_in_the_holder_s_way_is_caught() -> None:
     crumb = revolve(np.full(2, 0.3), np.array([60.0, 61.0]), (60.0, 61.0), SIDES)
-    scene = Scene(crumb, crumb, upright_capsule, Post(0.05, 55.0))
+    scene = Scene(crumb, crumb, UPRIGHT_CAPSULE, Post(0.05, 55.0))
     tip, axis = np.array([40.0, 3.0, 40.0]), np.array([-1.0, 0.0, 0.0])
-    assert colliding_section(build_fcl_model(scene, finishing_cutter), tip, axis)
-    assert not proven(finishing_cutter, scene, tip, axis)
+    assert colliding_section(build_fcl_model(scene, FINISHING_CUTTER), tip, axis)
+    assert not proven(FINISHING_CUTTER, scene, tip, axis)
 
 
-def test_a_holder_in_the_table_is_caught(finishing_cutter: Cutter, scene: Scene, model: FclModel) -> None:
+def test_a_holder_in_the_table_is_caught(scene: Scene, model: FclModel) -> None:
     axis = unit(np.array([[1.0, 0.0, -0.8]]))[0]
     tip = np.array([10.0, 0.0, 33.0])
     assert colliding_section(model, tip, axis) == "holder"
-    assert not proven(finishing_cutter, scene, tip, axis)
+    assert not proven(FINISHING_CUTTER, scene, tip, axis)
 
 
-def test_the_proof_never_passes_a_tool_that_touches(finishing_cutter: Cutter, scene: Scene, model: FclModel) -> None:
+def test_the_proof_never_passes_a_tool_that_touches(scene: Scene, model: FclModel) -> None:
     rng = np.random.default_rng(3)
     tips = np.array([0.0, 0.0, 37.0]) + rng.normal(size=(600, 3)) * [6, 6, 8]
     axes = unit(rng.normal(size=(600, 3)))
-    free = classify_poses(scene, finishing_cutter, Poses.at_rest(tips, axes)) == FREE
+    free = classify_poses(scene, FINISHING_CUTTER, Poses.at_rest(tips, axes)) == FREE
     assert 60 < free.sum() < 540
-    solid = {"cutter": cutter_mesh(finishing_cutter, TANGENT_SLACK).vertices}
-    solid |= {section.name: section_mesh(section).vertices for section in finishing_cutter.profile[1:]}
+    solid = {"cutter": cutter_mesh(FINISHING_CUTTER, TANGENT_SLACK).vertices}
+    solid |= {section.name: section_mesh(section).vertices for section in FINISHING_CUTTER.profile[1:]}
     level, material = MeshDistance(scene.level), MeshDistance(scene.material)
     for i in np.flatnonzero(free)[:80]:
         assert not colliding_section(model, tips[i], axes[i])
@@ -149,29 +147,29 @@ def test_the_proof_never_passes_a_tool_that_touches(finishing_cutter: Cutter, sc
             assert scene.post.distance(placed).min() > -0.011
 
 
-def test_a_margin_that_moves_need_is_asked_for(finishing_cutter: Cutter, scene: Scene) -> None:
+def test_a_margin_that_moves_need_is_asked_for(scene: Scene) -> None:
     tips = np.array([[0.0, 0.0, top_of(scene) + 0.5], [0.0, 0.0, top_of(scene) + 0.5]])
     axes = np.array([[0.0, 0.0, 1.0], unit(np.array([[1.0, 0.0, 0.2]]))[0]])
-    alone = classify_poses(scene, finishing_cutter, Poses.at_rest(tips[:1], axes[:1]))
-    swung = classify_poses(scene, finishing_cutter, Poses.in_motion(tips, axes, np.array([True, False])))
+    alone = classify_poses(scene, FINISHING_CUTTER, Poses.at_rest(tips[:1], axes[:1]))
+    swung = classify_poses(scene, FINISHING_CUTTER, Poses.in_motion(tips, axes, np.array([True, False])))
     assert alone[0] == FREE
     assert swung[0] != FREE
 
 
-def test_where_only_proofs_count_the_same_poses_are_free(finishing_cutter: Cutter, scene: Scene) -> None:
+def test_where_only_proofs_count_the_same_poses_are_free(scene: Scene) -> None:
     rng = np.random.default_rng(4)
     tips = np.array([0.0, 0.0, 37.0]) + rng.normal(size=(600, 3)) * [6, 6, 8]
     poses = Poses.at_rest(tips, unit(rng.normal(size=(600, 3)) + UP))
-    whole = classify_poses(scene, finishing_cutter, poses)
-    proofs = classify_poses(scene, finishing_cutter, poses, settled=UNDECIDED)
+    whole = classify_poses(scene, FINISHING_CUTTER, poses)
+    proofs = classify_poses(scene, FINISHING_CUTTER, poses, settled=UNDECIDED)
     assert {FREE, UNDECIDED, COLLIDING} <= set(whole)
     assert ((whole == FREE) == (proofs == FREE)).all()
 
 
 def test_a_wide_holder_close_above_the_part_is_proven_free_by_few_distances(
-    finishing_cutter: Cutter, scene: Scene, monkeypatch: pytest.MonkeyPatch
+    scene: Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    cutter = replace(finishing_cutter, overhang=22.0, holder=(Frustum(80.0, 50.0, 50.0),))
+    cutter = replace(FINISHING_CUTTER, overhang=22.0, holder=(Frustum(80.0, 50.0, 50.0),))
     tip, up = np.array([[0.0, 0.0, top_of(scene) + 0.5]]), UP[None]
     assert classify_poses(scene, cutter, Poses.at_rest(tip, up))[0] == FREE
     asked = []
@@ -199,10 +197,8 @@ def test_the_bound_of_distances_keeps_off_every_column(scene: Scene) -> None:
 
 
 @pytest.mark.parametrize("shank_diameter", [1.4, 3.0])
-def test_what_distances_tell_of_the_thick_tool_is_what_fcl_finds(
-    finishing_cutter: Cutter, scene: Scene, shank_diameter: float
-) -> None:
-    cutter = replace(finishing_cutter, flute_length=1.5, shank_diameter=shank_diameter)
+def test_what_distances_tell_of_the_thick_tool_is_what_fcl_finds(scene: Scene, shank_diameter: float) -> None:
+    cutter = replace(FINISHING_CUTTER, flute_length=1.5, shank_diameter=shank_diameter)
     rng = np.random.default_rng(5)
     tips = scene.level.vertices[rng.integers(len(scene.level.vertices), size=1500)]
     tips = tips + rng.normal(size=tips.shape) * 0.2
@@ -245,9 +241,7 @@ def placed(points: np.ndarray, tip: np.ndarray, axis: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("air", [None, 2.0])
-def test_what_is_proven_free_keeps_off_pin_arm_and_column(
-    finishing_cutter: Cutter, scene: Scene, air: float | None
-) -> None:
+def test_what_is_proven_free_keeps_off_pin_arm_and_column(scene: Scene, air: float | None) -> None:
     """What holds the free end is not on the Z axis: spheres and FCL agree about it, and closed forms hold."""
     top = top_of(scene)
     pin = Column(0.8, top + 12.0, top - 0.5, 1.0, -0.5)
@@ -257,7 +251,7 @@ def test_what_is_proven_free_keeps_off_pin_arm_and_column(
     )
     post = replace(scene.post, pin=pin)
     here = replace(scene, post=post, clamping=Clamping(closed=False, clearance=2.0, beside=bracket))
-    cutter = replace(finishing_cutter, holder=SHRINK_FIT, nose=NOSE)
+    cutter = replace(FINISHING_CUTTER, holder=SHRINK_FIT, nose=NOSE)
     rng = np.random.default_rng(11)
     tips = np.array([0.0, 0.0, top]) + rng.normal(size=(3000, 3)) * [9, 9, 5]
     axes = unit(rng.normal(size=tips.shape) * [1, 1, 0.6])
@@ -283,13 +277,13 @@ def test_what_is_proven_free_keeps_off_pin_arm_and_column(
 @pytest.mark.parametrize("air", [None, 2.0])
 @pytest.mark.parametrize("closed", [True, False])
 def test_what_is_proven_free_keeps_every_clearance_by_closed_form(
-    finishing_cutter: Cutter, scene: Scene, closed: bool, air: float | None
+    scene: Scene, closed: bool, air: float | None
 ) -> None:
     """Cones, spindle nose, chuck, an open and a closed table; spheres and the thick tool."""
     chuck, stand, disc = Column(9.0, 22.0), Column(30.0, 6.0), Column(60.0, 0.0, -np.inf)
     columns = (chuck, stand) if closed else (chuck, stand, disc)
     here = replace(scene, clamping=Clamping(columns, closed, 3.0))
-    cutter = replace(finishing_cutter, holder=SHRINK_FIT, nose=NOSE)
+    cutter = replace(FINISHING_CUTTER, holder=SHRINK_FIT, nose=NOSE)
     rng = np.random.default_rng(7)
     tips = np.array([0.0, 0.0, 37.0]) + rng.normal(size=(4000, 3)) * [9, 9, 9]
     axes = unit(rng.normal(size=tips.shape) * [1, 1, 0.6])
@@ -316,9 +310,9 @@ def test_what_is_proven_free_keeps_every_clearance_by_closed_form(
 
 
 @pytest.mark.parametrize("name", ["shank", "holder", "spindle"])
-def test_a_chuck_in_the_way_of_any_section_is_caught(finishing_cutter: Cutter, scene: Scene, name: str) -> None:
+def test_a_chuck_in_the_way_of_any_section_is_caught(scene: Scene, name: str) -> None:
     """The chuck reaches just up to the section, and the clearance too much."""
-    cutter = replace(finishing_cutter, nose=NOSE)
+    cutter = replace(FINISHING_CUTTER, nose=NOSE)
     section = next(s for s in cutter.profile if s.name == name)
     tip, axis = np.array([-(section.start + section.end) / 2, 0.0, 70.0]), np.array([1.0, 0.0, 0.0])
     lowest = 70.0 - min(section.radius, section.end_radius)
@@ -331,9 +325,9 @@ def test_a_chuck_in_the_way_of_any_section_is_caught(finishing_cutter: Cutter, s
         assert found == ("" if free else name)
 
 
-def test_the_shank_above_a_neck_is_caught_where_the_neck_is_free(finishing_cutter: Cutter, scene: Scene) -> None:
+def test_the_shank_above_a_neck_is_caught_where_the_neck_is_free(scene: Scene) -> None:
     """A level tool over a chuck whose clearance the neck keeps, and the shank above it does not."""
-    slim = replace(finishing_cutter, neck_diameter=1.0, neck_length=12.0, shank_diameter=4.0, overhang=20.0)
+    slim = replace(FINISHING_CUTTER, neck_diameter=1.0, neck_length=12.0, shank_diameter=4.0, overhang=20.0)
     axis = np.array([1.0, 0.0, 0.0])
     bare = replace(scene, stock=Capsule(UP * 500, UP * 510, 2.0), material=crumb(), level=crumb())
     here = replace(bare, post=Post(0.1, 5.0), clamping=Clamping((Column(0.5, 66.0),), clearance=3.0))
@@ -351,11 +345,11 @@ def crumb() -> TriangleMesh:
     return revolve(np.full(2, 0.3), np.array([500.0, 501.0]), (500.0, 501.0), SIDES)
 
 
-def test_a_nose_that_is_lowered_is_caught(finishing_cutter: Cutter, scene: Scene) -> None:
+def test_a_nose_that_is_lowered_is_caught(scene: Scene) -> None:
     """A horizontal tool whose nose would be below the clearance over the table."""
     tip, axis = np.array([8.0, 0.0, 37.0]), np.array([1.0, 0.0, 0.0])
     for diameter, free in ((60.0, True), (70.0, False)):
-        cutter = replace(finishing_cutter, nose=(Frustum(50.0, diameter, diameter),))
+        cutter = replace(FINISHING_CUTTER, nose=(Frustum(50.0, diameter, diameter),))
         assert proven(cutter, scene, tip, axis) == free
         found = colliding_section(build_fcl_model(scene, cutter), tip, axis)
         assert found == ("" if free else "spindle")
@@ -370,20 +364,18 @@ def block(low: tuple[float, float, float], high: tuple[float, float, float]) -> 
 
 
 @pytest.mark.parametrize(("depth", "free"), [(0.004, True), (0.008, False)])
-def test_flutes_go_into_the_part_by_less_than_the_gouge_that_is_allowed(
-    finishing_cutter: Cutter, upright_capsule: Capsule, depth: float, free: bool
-) -> None:
+def test_flutes_go_into_the_part_by_less_than_the_gouge_that_is_allowed(depth: float, free: bool) -> None:
     """Beside a wall that only the flutes reach, as on the far side of a hollow; the default tolerance is 0.01 mm."""
-    radius = finishing_cutter.radius
+    radius = FINISHING_CUTTER.radius
     wall = block((radius - depth, -2.0, 36.0), (radius + 2.0, 2.0, 37.5))
     np.testing.assert_allclose(wall.bounds, [[radius - depth, -2.0, 36.0], [radius + 2.0, 2.0, 37.5]])
     assert wall.volume == pytest.approx((2.0 + depth) * 4.0 * 1.5)
     away = block((-5.0, -5.0, 36.0), (-4.5, -4.5, 36.5))
     centre, axis = np.array([[0.0, 0.0, 35.0]]), UP[None]
-    scene = Scene(wall, away, upright_capsule, Post(1.0, 31.5), tangent_slack=flute_slack(0.01))
-    assert CollisionChecker(scene, finishing_cutter).free(centre, axis)[0] == free
+    scene = Scene(wall, away, UPRIGHT_CAPSULE, Post(1.0, 31.5), tangent_slack=flute_slack(0.01))
+    assert CollisionChecker(scene, FINISHING_CUTTER).free(centre, axis)[0] == free
     outer = replace(scene, tangent_slack=TANGENT_SLACK)
-    assert CollisionChecker(outer, finishing_cutter).free(centre, axis)[0]
+    assert CollisionChecker(outer, FINISHING_CUTTER).free(centre, axis)[0]
 
 
 def test_what_flutes_ball_mesh_and_control_use_up_is_no_more_than_the_gouge_tolerance() -> None:
@@ -393,11 +385,9 @@ def test_what_flutes_ball_mesh_and_control_use_up_is_no_more_than_the_gouge_tole
 
 
 @pytest.mark.parametrize("share", [0.8, 1.0, 1.4])
-def test_a_nose_about_as_wide_as_the_tool_is_long_is_proven_free_above_the_part(
-    finishing_cutter: Cutter, scene: Scene, share: float
-) -> None:
-    wide = share * finishing_cutter.length
-    cutter = replace(finishing_cutter, nose=(Frustum(150.0, 2 * wide, 2 * wide),))
+def test_a_nose_about_as_wide_as_the_tool_is_long_is_proven_free_above_the_part(scene: Scene, share: float) -> None:
+    wide = share * FINISHING_CUTTER.length
+    cutter = replace(FINISHING_CUTTER, nose=(Frustum(150.0, 2 * wide, 2 * wide),))
     tip = np.array([0.0, 0.0, top_of(scene)])
     open_ = replace(scene, clamping=Clamping((), closed=False, clearance=1.0))
     assert proven(cutter, open_, tip, UP)
@@ -411,18 +401,14 @@ Levels = Callable[..., MachinedLevel]
 
 @pytest.mark.parametrize("allowed", [0.004, 0.01, 0.05])
 @pytest.mark.parametrize("apart", [0.0, 0.003, 0.007, 0.012, 0.05])
-def test_flutes_go_into_the_part_no_deeper_than_the_gouge_tolerance_leaves_them(
-    pebble: Callable[..., TSpline], level_of: Levels, allowed: float, apart: float
-) -> None:
+def test_flutes_go_into_the_part_no_deeper_than_the_gouge_tolerance_leaves_them(allowed: float, apart: float) -> None:
     part = MeshDistance(pebble().tessellate(part_chord(allowed)))
     held, slack = held_level(level_of(pebble(apart), 1), part, allowed)
     deepest = slack - part.signed(held.mesh.vertices).min()
     assert deepest <= flute_slack(allowed) + 2 * part_chord(allowed) < allowed + 1e-12
 
 
-def test_a_level_far_from_the_part_keeps_its_coarse_mesh_and_the_part_its_own(
-    pebble: Callable[..., TSpline], level_of: Levels
-) -> None:
+def test_a_level_far_from_the_part_keeps_its_coarse_mesh_and_the_part_its_own() -> None:
     part = MeshDistance(pebble().tessellate(0.002))
     held, slack = held_level(level_of(pebble(0.1), 1), part, 0.01)
     assert len(held.mesh.faces) < len(part.mesh.faces)

@@ -13,10 +13,10 @@ from functools import cache
 import numpy as np
 import pytest
 from scipy.spatial import KDTree
+from small_parts import FINISHING_CUTTER, HOLDING, grooved_pebble, level_of, mesh_of, pebble
 
 from bonecam.errors import ToolPathError
 from bonecam.job import HoldingJob, PathJob
-from bonecam.levels.measure import Level
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.planning.contacts import (
@@ -44,7 +44,6 @@ from bonecam.planning.contacts import (
     whole_passes,
 )
 from bonecam.surface.tspline import TSpline
-from bonecam.tool.cutter import Cutter
 from bonecam.tool.path import ContactPath
 from bonecam.workholding.post import post_below
 
@@ -52,19 +51,17 @@ PATTERNS = ("round", "along", "iso-scallop", "spiral", "bands")
 
 
 @pytest.fixture(scope="module")
-def covered(
-    level_of: Callable[..., Level], holding: HoldingJob, finishing_cutter: Cutter
-) -> Callable[..., ContactPath]:
+def covered() -> Callable[..., ContactPath]:
     """Covers a surface with contacts of the finishing cutter, lines running in `pattern`; each way once."""
 
     @cache
     def cover(surface: TSpline, pattern: str, post_clearance: float = POST_CLEARANCE) -> ContactPath:
         level = level_of(surface)
-        post = post_below(level.mesh, holding)
+        post = post_below(level.mesh, HOLDING)
         job = PathJob(pattern=pattern)
         return contact_path(
             candidate_contacts(
-                level, [MeshDistance(level.mesh)], finishing_cutter, post, job, post_clearance=post_clearance
+                level, [MeshDistance(level.mesh)], FINISHING_CUTTER, post, job, post_clearance=post_clearance
             )
         )
 
@@ -98,9 +95,7 @@ def heights_left(surface: TSpline, path: ContactPath, count: int) -> tuple[np.nd
 
 
 @pytest.mark.parametrize("pattern", PATTERNS)
-def test_no_cusp_exceeds_the_scallop(
-    covered: Callable[..., ContactPath], pebble: Callable[..., TSpline], pattern: str
-) -> None:
+def test_no_cusp_exceeds_the_scallop(covered: Callable[..., ContactPath], pattern: str) -> None:
     surface = pebble()
     path = covered(surface, pattern)
     points, left = heights_left(surface, path, 1500)
@@ -112,9 +107,7 @@ def test_no_cusp_exceeds_the_scallop(
 
 
 @pytest.mark.parametrize("pattern", PATTERNS)
-def test_straight_moves_follow_the_offset_curve(
-    covered: Callable[..., ContactPath], pebble: Callable[..., TSpline], pattern: str
-) -> None:
+def test_straight_moves_follow_the_offset_curve(covered: Callable[..., ContactPath], pattern: str) -> None:
     surface, job = pebble(), PathJob()
     path = covered(surface, pattern)
     i = joined(path)
@@ -128,12 +121,7 @@ def test_straight_moves_follow_the_offset_curve(
 
 
 @pytest.mark.parametrize("pattern", PATTERNS)
-def test_the_ball_never_enters_the_level(
-    covered: Callable[..., ContactPath],
-    grooved_pebble: Callable[..., TSpline],
-    mesh_of: Callable[..., TriangleMesh],
-    pattern: str,
-) -> None:
+def test_the_ball_never_enters_the_level(covered: Callable[..., ContactPath], pattern: str) -> None:
     surface = grooved_pebble(1.6)
     path = covered(surface, pattern)
     fine = MeshDistance(mesh_of(surface))
@@ -142,29 +130,22 @@ def test_the_ball_never_enters_the_level(
     assert "gouge" in path.reasons
 
 
-def test_a_convex_body_needs_no_lift(covered: Callable[..., ContactPath], pebble: Callable[..., TSpline]) -> None:
+def test_a_convex_body_needs_no_lift(covered: Callable[..., ContactPath]) -> None:
     path = covered(pebble(), "round")
     assert path.lifts.max() == 0
     assert set(path.reasons) == {"post"}
     assert np.allclose(path.centres, path.contacts + path.cutter.radius * path.normals)
 
 
-def test_balls_keep_clear_of_the_post(
-    covered: Callable[..., ContactPath],
-    pebble: Callable[..., TSpline],
-    holding: HoldingJob,
-    mesh_of: Callable[..., TriangleMesh],
-) -> None:
+def test_balls_keep_clear_of_the_post(covered: Callable[..., ContactPath]) -> None:
     surface = pebble()
     path = covered(surface, "round", post_clearance=0.3)
-    post = post_below(mesh_of(surface), holding)
+    post = post_below(mesh_of(surface), HOLDING)
     assert post.distance(path.centres).min() >= path.cutter.radius + 0.3
     assert path.reasons.count("post") > 10
 
 
-def test_neighbouring_passes_run_opposite_ways(
-    covered: Callable[..., ContactPath], pebble: Callable[..., TSpline]
-) -> None:
+def test_neighbouring_passes_run_opposite_ways(covered: Callable[..., ContactPath]) -> None:
     path = covered(pebble(), "round")
     i = joined(path)
     round_ = np.cross(path.centres[i], path.centres[i + 1])[:, 2]
@@ -179,31 +160,27 @@ def test_neighbouring_passes_run_opposite_ways(
     assert ((path.feeds[i] * moves).sum(1) > 0).all()
 
 
-def test_two_runs_are_identical(covered: Callable[..., ContactPath], grooved_pebble: Callable[..., TSpline]) -> None:
+def test_two_runs_are_identical(covered: Callable[..., ContactPath]) -> None:
     first, second = (covered.__wrapped__(grooved_pebble(0.5), "round") for _ in range(2))  # type: ignore[attr-defined]
     assert first.centres.tobytes() == second.centres.tobytes()
     assert first.pass_index.tobytes() == second.pass_index.tobytes()
 
 
-def test_a_post_beside_the_part_is_refused(
-    mesh_of: Callable[..., TriangleMesh], pebble: Callable[..., TSpline]
-) -> None:
+def test_a_post_beside_the_part_is_refused() -> None:
     mesh = mesh_of(pebble())
     aside = replace(mesh, vertices=mesh.vertices + np.array([20.0, 0, 0]))
     with pytest.raises(ToolPathError, match="misses"):
         post_below(aside, HoldingJob(diameter=4.0))
 
 
-def test_the_post_ends_inside_the_part(
-    mesh_of: Callable[..., TriangleMesh], pebble: Callable[..., TSpline], holding: HoldingJob
-) -> None:
+def test_the_post_ends_inside_the_part() -> None:
     mesh = mesh_of(pebble())
-    post = post_below(mesh, holding)
+    post = post_below(mesh, HOLDING)
     rim = np.array([[post.radius * np.cos(a), post.radius * np.sin(a), post.top + 0.05] for a in np.linspace(0, 6, 9)])
     assert MeshDistance(mesh).inside(rim).all()
 
 
-def test_nothing_to_cut_is_an_error(covered: Callable[..., ContactPath], pebble: Callable[..., TSpline]) -> None:
+def test_nothing_to_cut_is_an_error(covered: Callable[..., ContactPath]) -> None:
     with pytest.raises(ToolPathError, match=r"contacts \(\d+\.\d mm2\) are too near the post") as told:
         covered(pebble(), "round", post_clearance=50.0)
     assert told.value.evidence["area_mm2"] == pytest.approx(pebble().area, rel=0.01)

@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from small_parts import grooved_pebble
 
 from bonecam.job import Job
 from bonecam.levels.measure import NO_CUT, Level, MorphLevel, PartLevel, StockLevel
@@ -24,7 +25,6 @@ from bonecam.planning.estimate import (
     least_depth,
 )
 from bonecam.setup.capsule import Capsule
-from bonecam.surface.tspline import TSpline
 
 JOB = Job().with_values(levels={"finishing_levels": 1})
 DEEP, SHALLOW = (0.0, 1.0), (1.0, 0.0)
@@ -32,7 +32,7 @@ DEEP, SHALLOW = (0.0, 1.0), (1.0, 0.0)
 
 
 @pytest.fixture
-def levels(grooved_pebble: Callable[..., TSpline]) -> Callable[..., list[Level]]:
+def levels() -> Callable[..., list[Level]]:
     """Makes three levels that are balls of 10 mm, and a stock, with these shares of the last cut by depth."""
     ball = Capsule(np.zeros(3), np.array([0.0, 0.0, 1e-9]), 10.0).mesh(0.001)
     surface = grooved_pebble(0.2)

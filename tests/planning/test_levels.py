@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy import ndarray
+from small_parts import ROUGHING_CUTTER, UPRIGHT_CAPSULE, level_of, path_of, pebble
 
 import bonecam
 from bonecam.arrays import unit
@@ -17,9 +18,6 @@ from bonecam.material.in_process_stock import InProcessStock, remove_material, u
 from bonecam.mesh.solids import revolve
 from bonecam.planning.contacts import DepthLimits
 from bonecam.planning.levels import SLACK, cut_within_depth, within_depth
-from bonecam.setup.capsule import Capsule
-from bonecam.surface.tspline import TSpline
-from bonecam.tool.cutter import Cutter
 from bonecam.tool.path import PARTING, ContactPath, MoveKind, ToolPath
 from bonecam.verify.removal import ACCURACY
 
@@ -98,28 +96,28 @@ OUTWARD = np.array([1.0, 0.0, 0.0])
 
 
 @pytest.fixture(scope="module")
-def level(level_of: Callable[..., MachinedLevel], pebble: Callable[..., TSpline]) -> MachinedLevel:
+def level() -> MachinedLevel:
     return level_of(pebble())
 
 
 @pytest.fixture(scope="module")
-def material(level: MachinedLevel, upright_capsule: Capsule) -> InProcessStock:
-    return uncut_material([level, StockLevel(1, upright_capsule.mesh(0.01), 0.5, NO_CUT)], upright_capsule)
+def material(level: MachinedLevel) -> InProcessStock:
+    return uncut_material([level, StockLevel(1, UPRIGHT_CAPSULE.mesh(0.01), 0.5, NO_CUT)], UPRIGHT_CAPSULE)
 
 
 @pytest.fixture
-def contacts(upright_capsule: Capsule, roughing_cutter: Cutter) -> Callable[[ndarray], ContactPath]:
+def contacts() -> Callable[[ndarray], ContactPath]:
     """Makes contacts of one pass up the side of the stock, at which the ball goes so deep (mm)."""
 
     def build(depths: ndarray) -> ContactPath:
-        heights = np.linspace(upright_capsule.start[2], upright_capsule.end[2], len(depths))
-        count, radius = len(depths), roughing_cutter.radius
-        surface = upright_capsule.radius - np.asarray(depths)
-        places = np.column_stack([surface, np.zeros(count), heights]) + upright_capsule.start * [1.0, 1.0, 0.0]
+        heights = np.linspace(UPRIGHT_CAPSULE.start[2], UPRIGHT_CAPSULE.end[2], len(depths))
+        count, radius = len(depths), ROUGHING_CUTTER.radius
+        surface = UPRIGHT_CAPSULE.radius - np.asarray(depths)
+        places = np.column_stack([surface, np.zeros(count), heights]) + UPRIGHT_CAPSULE.start * [1.0, 1.0, 0.0]
         flat = np.zeros(count)
         return ContactPath(
             level=0,
-            cutter=roughing_cutter,
+            cutter=ROUGHING_CUTTER,
             pass_index=np.zeros(count, dtype=np.int64),
             parameters=np.column_stack([flat, flat]),
             contacts=places,
@@ -136,7 +134,7 @@ def contacts(upright_capsule: Capsule, roughing_cutter: Cutter) -> Callable[[nda
 
 
 @pytest.fixture
-def along(path_of: Callable[..., ToolPath]) -> Callable[[ndarray], Callable[[ContactPath], ToolPath]]:
+def along() -> Callable[[ndarray], Callable[[ContactPath], ToolPath]]:
     """Makes paths over contacts with one tool axis."""
 
     def build(axis: ndarray) -> Callable[[ContactPath], ToolPath]:

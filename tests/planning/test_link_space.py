@@ -5,17 +5,17 @@ Ways off the surface where the tool stands in a narrow slit.
 Traverses round the stock: off its surface all along, within the limits, in small steps.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
 from boxes import BOX
+from small_parts import HOLDING, ROUGHING_CUTTER, UPRIGHT_CAPSULE, level_of, path_of, pebble
 
 from bonecam.arrays import angles_between, unit
-from bonecam.job import HoldingJob
-from bonecam.levels.measure import NO_CUT, MachinedLevel, StockLevel
+from bonecam.levels.measure import NO_CUT, StockLevel
 from bonecam.machine.bodies import Frustum
 from bonecam.machine.limits import MachineLimits
 from bonecam.material.dexels import uncut_rays
@@ -41,9 +41,8 @@ from bonecam.planning.link_space import (
 from bonecam.planning.links import direct_links
 from bonecam.planning.scene import Scene
 from bonecam.setup.capsule import Capsule, smallest_capsule
-from bonecam.surface.tspline import TSpline
 from bonecam.tool.cutter import Cutter
-from bonecam.tool.path import MoveKind, ToolPath
+from bonecam.tool.path import MoveKind
 from bonecam.workholding.post import Post, post_below
 
 UP = np.array([0.0, 0.0, 1.0])
@@ -55,28 +54,22 @@ def upright(centres: np.ndarray) -> Poses:
 
 
 @pytest.fixture(scope="module")
-def space(
-    level_of: Callable[..., MachinedLevel],
-    pebble: Callable[..., TSpline],
-    upright_capsule: Capsule,
-    roughing_cutter: Cutter,
-    holding: HoldingJob,
-) -> LinkSpace:
+def space() -> LinkSpace:
     """The uncut stock, and a tool whose flutes reach 4 mm above its ball's centre."""
     part = level_of(pebble())
-    levels = [part, StockLevel(1, upright_capsule.mesh(0.01), 0.5, NO_CUT)]
-    post = post_below(part.mesh, holding)
-    scene = Scene(part.mesh, upright_capsule.mesh(0.01), upright_capsule, post)
-    long = replace(roughing_cutter, flute_length=roughing_cutter.radius + 4.0)
+    levels = [part, StockLevel(1, UPRIGHT_CAPSULE.mesh(0.01), 0.5, NO_CUT)]
+    post = post_below(part.mesh, HOLDING)
+    scene = Scene(part.mesh, UPRIGHT_CAPSULE.mesh(0.01), UPRIGHT_CAPSULE, post)
+    long = replace(ROUGHING_CUTTER, flute_length=ROUGHING_CUTTER.radius + 4.0)
     limits, feeds = MachineLimits(np.radians(115.0)), Feeds(1500.0, 300.0, 10000.0)
-    material = uncut_material(levels, upright_capsule)
+    material = uncut_material(levels, UPRIGHT_CAPSULE)
     return LinkSpace(CollisionChecker(scene, long, 2.0), limits, feeds, 2.0, 0.01, material)
 
 
 @pytest.fixture(scope="module")
-def below(space: LinkSpace, upright_capsule: Capsule) -> Poses:
+def below(space: LinkSpace) -> Poses:
     """Moves of the ball under the stock, in air, on which its flutes stand up into it."""
-    low = float(upright_capsule.bounds[0, 2])
+    low = float(UPRIGHT_CAPSULE.bounds[0, 2])
     across = np.linspace(-3.0, 3.0, 7)
     return upright(np.column_stack([across, 0 * across, np.full(7, low - space.ball_radius - 0.5)]))
 
@@ -88,29 +81,25 @@ def test_a_link_whose_flutes_cut_where_its_ball_is_in_air_is_refused(space: Link
     assert space.cuts_little([below, lower], [nowhere, nowhere]).tolist() == [False, True]
 
 
-def test_a_link_of_a_layer_is_held_against_what_stands_on_rays(
-    space: LinkSpace, below: Poses, upright_capsule: Capsule
-) -> None:
-    mesh, nowhere = upright_capsule.mesh(0.1), upright(np.zeros((0, 3)))
+def test_a_link_of_a_layer_is_held_against_what_stands_on_rays(space: LinkSpace, below: Poses) -> None:
+    mesh, nowhere = UPRIGHT_CAPSULE.mesh(0.1), upright(np.zeros((0, 3)))
     lines = [below, upright(below[0] - 5.0 * UP)]
-    standing = HeightMesh(mesh, rays=uncut_rays(upright_capsule))
+    standing = HeightMesh(mesh, rays=uncut_rays(UPRIGHT_CAPSULE))
     assert replace(space, material=standing).cuts_little(lines, [nowhere] * 2).tolist() == [False, True]
-    side = upright_capsule.radius + space.ball_radius + np.array([0.05, 0.5])
-    rapids = [upright(np.array([[x, 0.0, 36.0], [x, 0.0, 38.0]])) for x in side + float(upright_capsule.start[0])]
+    side = UPRIGHT_CAPSULE.radius + space.ball_radius + np.array([0.05, 0.5])
+    rapids = [upright(np.array([[x, 0.0, 36.0], [x, 0.0, 38.0]])) for x in side + float(UPRIGHT_CAPSULE.start[0])]
     assert replace(space, material=standing).rapids_cut_nothing(rapids).tolist() == [False, True]
 
 
-def test_a_ball_is_known_to_be_in_air_outside_the_material_only(space: LinkSpace, upright_capsule: Capsule) -> None:
-    side = upright_capsule.radius + space.ball_radius + np.array([0.3, 0.0, -0.1])
-    height = upright_capsule.bounds[:, 2].mean()
-    centres = np.column_stack([side, 0 * side, np.full(3, height)]) + upright_capsule.start * [1.0, 1.0, 0.0]
+def test_a_ball_is_known_to_be_in_air_outside_the_material_only(space: LinkSpace) -> None:
+    side = UPRIGHT_CAPSULE.radius + space.ball_radius + np.array([0.3, 0.0, -0.1])
+    height = UPRIGHT_CAPSULE.bounds[:, 2].mean()
+    centres = np.column_stack([side, 0 * side, np.full(3, height)]) + UPRIGHT_CAPSULE.start * [1.0, 1.0, 0.0]
     assert space.known_in_air(centres).tolist() == [True, True, False]
     assert not replace(space, material=None).known_in_air(centres).any()
 
 
-def test_what_flutes_removed_on_a_pass_may_be_passed_again(
-    space: LinkSpace, below: Poses, path_of: Callable[..., ToolPath], level_of, pebble
-) -> None:
+def test_what_flutes_removed_on_a_pass_may_be_passed_again(space: LinkSpace, below: Poses) -> None:
     centres, axes = below
     cutter = space.checker.cutter
     kinds, passes = np.full(len(centres), int(MoveKind.CUT)), np.zeros(len(centres), dtype=np.int64)

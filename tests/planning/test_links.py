@@ -15,14 +15,15 @@ import pytest
 from boxes import boxes
 from jaxtyping import Float
 from numpy import ndarray
+from small_lump import lump
+from small_parts import HOLDING, ROUGHING_CUTTER, UPRIGHT_CAPSULE, grooved_pebble, mesh_of
 
 from bonecam.arrays import angles_between, unit
 from bonecam.errors import MachineError
-from bonecam.job import HoldingJob, NcJob, PathJob
+from bonecam.job import NcJob, PathJob
 from bonecam.machine.bodies import Frustum
 from bonecam.machine.limits import LiftPlaces, MachineLimits
 from bonecam.mesh.distance import MeshDistance
-from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.planning import links
 from bonecam.planning.collision import CollisionChecker
 from bonecam.planning.layers import HeightMesh
@@ -39,10 +40,10 @@ from bonecam.planning.links import (
 )
 from bonecam.planning.oriented_path import orient
 from bonecam.planning.scene import Scene
-from bonecam.setup.capsule import Capsule, smallest_capsule
+from bonecam.setup.capsule import smallest_capsule
 from bonecam.surface.tspline import TSpline
 from bonecam.tool.cutter import Cutter
-from bonecam.tool.path import ContactPath, MoveKind, ToolPath
+from bonecam.tool.path import MoveKind, ToolPath
 from bonecam.workholding.clamping import Clamping
 from bonecam.workholding.post import Post, post_below
 
@@ -50,10 +51,10 @@ Made = tuple[ToolPath, Scene, Callable[[LiftPlaces], ToolPath]]
 
 
 @pytest.fixture(scope="module")
-def made(lump: Callable[..., tuple[TSpline, ContactPath, Scene]], roughing_cutter: Cutter) -> Made:
+def made() -> Made:
     """A path over a lump, its scene, and what makes it anew with lifts."""
     job = PathJob(pattern="round")
-    _, contacts, scene = lump(job, Clamping(), roughing_cutter, 0.8)
+    _, contacts, scene = lump(job, Clamping(), ROUGHING_CUTTER, 0.8)
 
     def oriented(rows: LiftPlaces | None) -> ToolPath:
         return orient(contacts, scene, MachineLimits(np.radians(115.0), lift_places=rows), job, NcJob())
@@ -344,16 +345,10 @@ class Grooved:
 
 
 @pytest.fixture(scope="module")
-def grooved(
-    mesh_of: Callable[..., TriangleMesh],
-    grooved_pebble: Callable[..., TSpline],
-    upright_capsule: Capsule,
-    holding: HoldingJob,
-    roughing_cutter: Cutter,
-) -> Grooved:
+def grooved() -> Grooved:
     surface, material = grooved_pebble(0.8), mesh_of(grooved_pebble(0.8, 0.4))
     level = mesh_of(surface)
-    checker = CollisionChecker(Scene(level, material, upright_capsule, post_below(level, holding)), roughing_cutter)
+    checker = CollisionChecker(Scene(level, material, UPRIGHT_CAPSULE, post_below(level, HOLDING)), ROUGHING_CUTTER)
     job = PathJob()
     planned = (MachineLimits(np.radians(115.0)), Feeds(500.0, 200.0, 5000.0), job.clearance, job.gouge_tolerance)
     return Grooved(surface, LinkSpace(checker, *planned, HeightMesh(material)))

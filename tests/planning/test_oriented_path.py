@@ -6,17 +6,18 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from small_lump import lump
+from small_parts import HOLDING, ROUGHING_CUTTER, UPRIGHT_CAPSULE, grooved_pebble, level_of, mesh_of, pebble
 
 from bonecam.arrays import angles_between, unit
 from bonecam.errors import MachineError, OrientationError
-from bonecam.job import HoldingJob, NcJob, PathJob
-from bonecam.levels.measure import NO_CUT, Level, MachinedLevel, RoundedLevel, StockLevel
+from bonecam.job import NcJob, PathJob
+from bonecam.levels.measure import NO_CUT, RoundedLevel, StockLevel
 from bonecam.machine.bodies import Frustum
 from bonecam.machine.limits import MachineLimits, polar_angles
 from bonecam.material.in_process_stock import uncut_material
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.smooth_surface import convex_hull
-from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.planning import link_space
 from bonecam.planning.axes.lead import (
     SINGULAR_ANGLE,
@@ -33,7 +34,6 @@ from bonecam.planning.link_space import Departure, Feeds, LinkSpace
 from bonecam.planning.links import ABOVE, begins_tangentially, direct_links
 from bonecam.planning.oriented_path import MAX_TURN, orient
 from bonecam.planning.scene import Scene
-from bonecam.setup.capsule import Capsule
 from bonecam.setup.stocks.mesh import ConvexStock
 from bonecam.surface.tspline import TSpline
 from bonecam.tool.cutter import Cutter
@@ -47,13 +47,11 @@ MIKRON = MachineLimits(np.radians(115.0))
 
 
 @pytest.fixture(scope="module")
-def made(
-    lump: Callable[..., tuple[TSpline, ContactPath, Scene]], roughing_cutter: Cutter
-) -> Callable[..., tuple[ContactPath, Scene, ToolPath]]:
+def made() -> Callable[..., tuple[ContactPath, Scene, ToolPath]]:
     """Covers a lump with a groove of depth `waist` (mm) and orients its path."""
 
     def make(
-        cutter: Cutter = roughing_cutter,
+        cutter: Cutter = ROUGHING_CUTTER,
         limits: MachineLimits = MIKRON,
         waist: float = 0.8,
         clamping: Clamping = Clamping(),  # noqa: B008
@@ -130,12 +128,10 @@ CHUCK = Clamping((Column(12.0, 18.0),), clearance=4.0)
 NOSE = (Frustum(30.0, 40.0, 40.0), Frustum(20.0, 40.0, 60.0))
 
 
-def test_spindle_chuck_and_cones_are_kept_clear_of(
-    made: Callable[..., tuple[ContactPath, Scene, ToolPath]], roughing_cutter: Cutter
-) -> None:
+def test_spindle_chuck_and_cones_are_kept_clear_of(made: Callable[..., tuple[ContactPath, Scene, ToolPath]]) -> None:
     """By closed forms along every move; a wider nose is held more upright, a higher chuck leaves more uncut and is
     told as what is against it, and nothing enters either."""
-    slim = replace(roughing_cutter, holder=(Frustum(40.0, 8.0, 16.0),), nose=NOSE)
+    slim = replace(ROUGHING_CUTTER, holder=(Frustum(40.0, 8.0, 16.0),), nose=NOSE)
     wide = replace(slim, nose=(Frustum(50.0, 70.0, 70.0),))
     high = Clamping((Column(12.0, 26.0),), clearance=4.0)
     left, steepest = [], []
@@ -152,11 +148,11 @@ def test_spindle_chuck_and_cones_are_kept_clear_of(
 
 
 def test_a_bracket_beside_the_part_is_never_entered_and_the_program_begins_off_it(
-    made: Callable[..., tuple[ContactPath, Scene, ToolPath]], roughing_cutter: Cutter
+    made: Callable[..., tuple[ContactPath, Scene, ToolPath]],
 ) -> None:
     """Cuts, links and the ways in and out keep the clearance from column and arm by closed form; the first and last
     place is on the side away from the column."""
-    slim = replace(roughing_cutter, holder=(Frustum(40.0, 8.0, 16.0),), nose=NOSE)
+    slim = replace(ROUGHING_CUTTER, holder=(Frustum(40.0, 8.0, 16.0),), nose=NOSE)
     _, scene, _ = made(slim)
     top = float(scene.level.bounds[1, 2]) + 14.0
     column = Column(6.0, top + 8.0, 0.0, 60.0, 20.0)
@@ -169,9 +165,9 @@ def test_a_bracket_beside_the_part_is_never_entered_and_the_program_begins_off_i
 
 
 def test_a_part_too_low_for_a_tool_that_comes_lying_is_told(
-    made: Callable[..., tuple[ContactPath, Scene, ToolPath]], roughing_cutter: Cutter
+    made: Callable[..., tuple[ContactPath, Scene, ToolPath]],
 ) -> None:
-    wide = replace(roughing_cutter, holder=(Frustum(40.0, 8.0, 16.0),), nose=(Frustum(50.0, 200.0, 200.0),))
+    wide = replace(ROUGHING_CUTTER, holder=(Frustum(40.0, 8.0, 16.0),), nose=(Frustum(50.0, 200.0, 200.0),))
     with pytest.raises(OrientationError, match=r"no pass can be reached safely: .* longer post \(holding.length\)"):
         made(wide, clamping=Clamping(clearance=4.0, beside=(Column(6.0, 80.0, 0.0, 120.0, 0.0),)))
 
@@ -259,14 +255,10 @@ def test_passes_are_entered_at_the_plunge_feed(case: tuple[ContactPath, Scene, T
     assert (path.feed_rates[path.kinds == MoveKind.LINK] <= NcJob().link_feed).all()
 
 
-def test_passes_are_entered_on_arcs_at_their_feed_where_the_material_is_known(
-    lump: Callable[..., tuple[TSpline, ContactPath, Scene]],
-    level_of: Callable[..., MachinedLevel],
-    roughing_cutter: Cutter,
-) -> None:
+def test_passes_are_entered_on_arcs_at_their_feed_where_the_material_is_known() -> None:
     """Nothing is entered by arcs and links either. Entries are straight where that is asked for, and where heights of
     what stands are known alone."""
-    surface, contacts, scene = lump(PathJob(pattern="along"), Clamping(), roughing_cutter, 0.0)
+    surface, contacts, scene = lump(PathJob(pattern="along"), Clamping(), ROUGHING_CUTTER, 0.0)
     stock = ConvexStock(convex_hull(scene.level.vertices), proven=True)
     known = uncut_material([level_of(surface), StockLevel(1, stock.mesh(0.01), 0.5, NO_CUT)], stock)
     path = orient(contacts, scene, MIKRON, PathJob(pattern="along"), NcJob(), material=known)
@@ -306,9 +298,9 @@ def test_narrow_limits_turn_axes_up_and_list_the_rest(made: Callable[..., tuple[
 
 
 def test_a_stubby_tool_leaves_what_its_holder_cannot_reach(
-    made: Callable[..., tuple[ContactPath, Scene, ToolPath]], roughing_cutter: Cutter
+    made: Callable[..., tuple[ContactPath, Scene, ToolPath]],
 ) -> None:
-    stubby = replace(roughing_cutter, overhang=12.0, holder=(Frustum(50.0, 16.0, 16.0),))
+    stubby = replace(ROUGHING_CUTTER, overhang=12.0, holder=(Frustum(50.0, 16.0, 16.0),))
     _, scene, path = made(stubby)
     material = MeshDistance(scene.material)
     tips, axes, _ = between(path)
@@ -318,18 +310,12 @@ def test_a_stubby_tool_leaves_what_its_holder_cannot_reach(
 
 
 @pytest.fixture
-def grooved(
-    mesh_of: Callable[..., TriangleMesh],
-    grooved_pebble: Callable[..., TSpline],
-    upright_capsule: Capsule,
-    holding: HoldingJob,
-    roughing_cutter: Cutter,
-) -> tuple[TSpline, LinkSpace]:
+def grooved() -> tuple[TSpline, LinkSpace]:
     """A pebble with a groove, and what links over it are planned in: 0.4 mm of material stand on it."""
     surface, material = grooved_pebble(0.8), mesh_of(grooved_pebble(0.8, 0.4))
     level = mesh_of(surface)
-    scene = Scene(level, material, upright_capsule, post_below(level, holding))
-    checker, job = CollisionChecker(scene, roughing_cutter), PathJob()
+    scene = Scene(level, material, UPRIGHT_CAPSULE, post_below(level, HOLDING))
+    checker, job = CollisionChecker(scene, ROUGHING_CUTTER), PathJob()
     feeds = Feeds(500.0, 200.0, 5000.0)
     return surface, LinkSpace(checker, MIKRON, feeds, job.clearance, job.gouge_tolerance)
 
@@ -373,44 +359,31 @@ def test_a_link_whose_turn_leaves_the_limits_between_its_ends_is_refused(grooved
     assert direct_links(replace(space, limits=MachineLimits(ends)), first, last, 1.0) == [None]
 
 
-def test_a_level_that_rounds_no_material_is_passed_over(
-    pebble: Callable[..., TSpline],
-    mesh_of: Callable[..., TriangleMesh],
-    level_of: Callable[..., Level],
-    upright_capsule: Capsule,
-    holding: HoldingJob,
-    roughing_cutter: Cutter,
-) -> None:
+def test_a_level_that_rounds_no_material_is_passed_over() -> None:
     """A body that rounds the edges of a stock may lie outside the stock all round."""
     surface = pebble(0.5)
-    mesh, stock = mesh_of(surface), replace(upright_capsule, radius=1.0)
+    mesh, stock = mesh_of(surface), replace(UPRIGHT_CAPSULE, radius=1.0)
     level = RoundedLevel(2, surface, mesh, 0.5, level_of(surface).measures, stock, surface.control_points)
-    post = post_below(mesh, holding)
+    post = post_below(mesh, HOLDING)
     contacts = contact_path(
-        candidate_contacts(level, [MeshDistance(mesh)], roughing_cutter, post, PathJob(pattern="round"))
+        candidate_contacts(level, [MeshDistance(mesh)], ROUGHING_CUTTER, post, PathJob(pattern="round"))
     )
     assert not len(contacts.contacts)
     assert not len(contacts.uncut)
-    path = orient(contacts, Scene(mesh, mesh, upright_capsule, post), MIKRON, PathJob(), NcJob())
+    path = orient(contacts, Scene(mesh, mesh, UPRIGHT_CAPSULE, post), MIKRON, PathJob(), NcJob())
     assert path.kinds.tolist() == [MoveKind.RAPID]
-    assert upright_capsule.signed_distance(path.tips)[0] > 0
+    assert UPRIGHT_CAPSULE.signed_distance(path.tips)[0] > 0
 
 
-def test_a_link_keeps_out_of_the_part_too(
-    mesh_of: Callable[..., TriangleMesh],
-    pebble: Callable[..., TSpline],
-    upright_capsule: Capsule,
-    holding: HoldingJob,
-    roughing_cutter: Cutter,
-) -> None:
+def test_a_link_keeps_out_of_the_part_too() -> None:
     """Where a level touches the part, its coarser mesh lies inside the part."""
     level, part = mesh_of(pebble(), 24, 30), mesh_of(pebble(0.05))
-    scene = Scene(level, mesh_of(pebble(1.0)), upright_capsule, post_below(level, holding))
+    scene = Scene(level, mesh_of(pebble(1.0)), UPRIGHT_CAPSULE, post_below(level, HOLDING))
     feeds = Feeds(500.0, 200.0, 5000.0)
-    height = level.bounds[1, 2] + roughing_cutter.radius + 0.01
+    height = level.bounds[1, 2] + ROUGHING_CUTTER.radius + 0.01
     start, end = np.array([[-0.1, 0.0, height]]), np.array([[0.1, 0.0, height]])
     for known, free in ((None, True), (MeshDistance(part), False)):
-        checker = CollisionChecker(replace(scene, part_distance=known), roughing_cutter)
+        checker = CollisionChecker(replace(scene, part_distance=known), ROUGHING_CUTTER)
         space = LinkSpace(checker, MIKRON, feeds, 2.0, 0.01)
         assert space.ball_free(start, end).tolist() == [free]
 

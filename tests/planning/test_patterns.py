@@ -9,13 +9,12 @@ Lines on surfaces with edges: on the edges, no wider apart than the scallop allo
 The ring round the post, against the post itself.
 """
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 from jaxtyping import Float
 from numpy import ndarray
 from scipy.spatial import KDTree
+from small_parts import FINISHING_CUTTER, HOLDING, ROUGHING_CUTTER, mesh_of, pebble, revolved
 
 from bonecam.arrays import dots
 from bonecam.planning.patterns import (
@@ -48,7 +47,6 @@ from bonecam.planning.spacing import (
 )
 from bonecam.surface import skin
 from bonecam.surface.tspline import TSpline
-from bonecam.tool.cutter import Cutter
 from bonecam.workholding.post import Post, post_below
 
 
@@ -74,7 +72,7 @@ def test_ranges_of_kept_places_close_short_gaps_only() -> None:
 
 
 @pytest.fixture(scope="module")
-def lengths(pebble: Callable[..., TSpline], finishing_cutter: Cutter) -> dict[str, float]:
+def lengths() -> dict[str, float]:
     """Length of each pattern's curves, and of the lines along if all went from pole to pole, mm."""
 
     def length(curves: Curves) -> float:
@@ -84,16 +82,14 @@ def lengths(pebble: Callable[..., TSpline], finishing_cutter: Cutter) -> dict[st
         return float(np.linalg.norm(np.diff(points, axis=0), axis=1)[same].sum())
 
     found = {
-        pattern: length(pattern_curves(pebble(), pattern, finishing_cutter))
+        pattern: length(pattern_curves(pebble(), pattern, FINISHING_CUTTER))
         for pattern in ISO_PARAMETRIC + CLOSED_PATTERNS
     }
-    across = line_positions(pebble(), "along", finishing_cutter.radius, finishing_cutter.scallop)
+    across = line_positions(pebble(), "along", FINISHING_CUTTER.radius, FINISHING_CUTTER.scallop)
     return {**found, "pole to pole": length(curves_of([np.array([[s, 0.0], [s, 1.0]]) for s in across]))}
 
 
-def test_curves_at_the_local_step_are_hardly_longer_than_area_over_step(
-    lengths: dict[str, float], pebble: Callable[..., TSpline], finishing_cutter: Cutter
-) -> None:
+def test_curves_at_the_local_step_are_hardly_longer_than_area_over_step(lengths: dict[str, float]) -> None:
     surface = pebble()
     rng = np.random.default_rng(3)
     s, t = rng.random(4000), 0.001 + 0.998 * rng.random(4000)
@@ -101,7 +97,7 @@ def test_curves_at_the_local_step_are_hardly_longer_than_area_over_step(
     area = np.linalg.norm(np.cross(Ss, St), axis=1)
     curvature = surface.curvature(s, t)
     mean = (curvature.k1 + curvature.k2) / 2
-    step = side_step(finishing_cutter.radius, finishing_cutter.scallop, mean)
+    step = side_step(FINISHING_CUTTER.radius, FINISHING_CUTTER.scallop, mean)
     least = surface.area / float((step * area).sum() / area.sum())
     assert lengths["spiral"] <= 1.10 * least
     assert lengths["iso-scallop"] <= 1.15 * least
@@ -111,17 +107,13 @@ def test_curves_at_the_local_step_are_hardly_longer_than_area_over_step(
 
 
 @pytest.fixture(scope="module", params=["along", "round", "iso-scallop", "spiral", "bands"])
-def roughing_curves(
-    pebble: Callable[..., TSpline], roughing_cutter: Cutter, request: pytest.FixtureRequest
-) -> tuple[str, Curves]:
+def roughing_curves(request: pytest.FixtureRequest) -> tuple[str, Curves]:
     """A pattern and its curves."""
-    return request.param, pattern_curves(pebble(), request.param, roughing_cutter)
+    return request.param, pattern_curves(pebble(), request.param, ROUGHING_CUTTER)
 
 
 @pytest.mark.parametrize("direction", ["climb", "conventional"])
-def test_one_way_curves_have_the_rest_on_one_side(
-    pebble: Callable[..., TSpline], roughing_curves: tuple[str, Curves], direction: str
-) -> None:
+def test_one_way_curves_have_the_rest_on_one_side(roughing_curves: tuple[str, Curves], direction: str) -> None:
     surface, (pattern, curves) = pebble(), roughing_curves
     curves = order_curves(surface, curves, direction)
     parameters, tangents = curves.at(curves.line, np.arange(float(len(curves.line))))
@@ -133,22 +125,22 @@ def test_one_way_curves_have_the_rest_on_one_side(
     assert ((steps * towards_rest[inner]).sum(1) > 0).all()
 
 
-def test_zigzag_enters_each_curve_at_the_nearer_end(pebble: Callable[..., TSpline], finishing_cutter: Cutter) -> None:
+def test_zigzag_enters_each_curve_at_the_nearer_end() -> None:
     surface = pebble()
-    curves = order_curves(surface, pattern_curves(surface, "iso-scallop", finishing_cutter), "zigzag")
+    curves = order_curves(surface, pattern_curves(surface, "iso-scallop", FINISHING_CUTTER), "zigzag")
     begins, ends = (surface.positions(*curves.knots[k].T) for k in (curves.first, curves.last))
     way = np.linalg.norm(begins[1:] - ends[:-1], axis=1)
     assert (way <= np.linalg.norm(ends[1:] - ends[:-1], axis=1) + 1e-9).all()
-    assert (way < 2.5 * finishing_cutter.radius).mean() > 0.8
+    assert (way < 2.5 * FINISHING_CUTTER.radius).mean() > 0.8
 
 
-def test_an_unknown_direction_is_refused(pebble: Callable[..., TSpline], finishing_cutter: Cutter) -> None:
-    curves = pattern_curves(pebble(), "along", finishing_cutter)
+def test_an_unknown_direction_is_refused() -> None:
+    curves = pattern_curves(pebble(), "along", FINISHING_CUTTER)
     with pytest.raises(ValueError, match="'up': give zigzag, climb or conventional"):
         order_curves(pebble(), curves, "up")
 
 
-def test_curves_of_a_group_that_meet_at_a_pole_are_followed_side_by_side(pebble: Callable[..., TSpline]) -> None:
+def test_curves_of_a_group_that_meet_at_a_pole_are_followed_side_by_side() -> None:
     """Else each would cut a slot across the pole, and the last ones cusps only."""
     count = 30
     low = [(0.06, 0.01, 0.03, 0.01)[i % 4] for i in range(count)]
@@ -177,57 +169,51 @@ def cusps(surface: TSpline, curves: Curves, radius: float) -> Float[ndarray, " n
     return found
 
 
-def test_arcs_cut_what_a_spiral_leaves_too_high(pebble: Callable[..., TSpline], roughing_cutter: Cutter) -> None:
-    surface, radius, scallop = pebble(), roughing_cutter.radius, roughing_cutter.scallop
+def test_arcs_cut_what_a_spiral_leaves_too_high() -> None:
+    surface, radius, scallop = pebble(), ROUGHING_CUTTER.radius, ROUGHING_CUTTER.scallop
     spiral = spiral_curves(step_metric(surface, radius, 1.6 * scallop))
     assert cusps(surface, spiral, radius).max() > 1.5 * scallop
-    mended = with_arcs(surface, spiral, roughing_cutter)
+    mended = with_arcs(surface, spiral, ROUGHING_CUTTER)
     assert cusps(surface, mended, radius).max() < 1.1 * scallop
 
 
-def test_curves_that_leave_nothing_too_high_get_no_arcs(
-    pebble: Callable[..., TSpline], roughing_cutter: Cutter
-) -> None:
-    curves = pattern_curves(pebble(), "iso-scallop", roughing_cutter)
-    assert len(with_arcs(pebble(), curves, roughing_cutter).group) == len(curves.group)
+def test_curves_that_leave_nothing_too_high_get_no_arcs() -> None:
+    curves = pattern_curves(pebble(), "iso-scallop", ROUGHING_CUTTER)
+    assert len(with_arcs(pebble(), curves, ROUGHING_CUTTER).group) == len(curves.group)
 
 
 @pytest.mark.parametrize("degrees_per_second", [120.0, 1e5])
-def test_no_pattern_that_keeps_the_scallop_takes_less_time_than_the_fastest(
-    pebble: Callable[..., TSpline], roughing_cutter: Cutter, degrees_per_second: float
-) -> None:
+def test_no_pattern_that_keeps_the_scallop_takes_less_time_than_the_fastest(degrees_per_second: float) -> None:
     surface, speed = pebble(), np.radians(degrees_per_second) * 60
 
     def minutes(pattern: str) -> float:
-        curves = pattern_curves(surface, pattern, roughing_cutter, speed)
-        return curve_minutes(surface, curves, roughing_cutter, speed)
+        curves = pattern_curves(surface, pattern, ROUGHING_CUTTER, speed)
+        return curve_minutes(surface, curves, ROUGHING_CUTTER, speed)
 
     assert minutes("fastest") == min(minutes(pattern) for pattern in (*ISO_PARAMETRIC, "iso-scallop"))
 
 
-def test_curves_that_begin_far_from_the_end_of_the_last_cost_retracts(
-    pebble: Callable[..., TSpline], roughing_cutter: Cutter
-) -> None:
+def test_curves_that_begin_far_from_the_end_of_the_last_cost_retracts() -> None:
     def minutes(apart: float) -> float:
         return curve_minutes(
-            pebble(), curves_of([np.array([[s, 0.3], [s, 0.7]]) for s in (0.0, apart)]), roughing_cutter, np.inf
+            pebble(), curves_of([np.array([[s, 0.3], [s, 0.7]]) for s in (0.0, apart)]), ROUGHING_CUTTER, np.inf
         )
 
     assert minutes(0.5) - minutes(0.01) == pytest.approx(RETRACT - STEP_OVER, rel=0.05)
 
 
-def test_a_pass_round_takes_the_table_one_turn(pebble: Callable[..., TSpline], roughing_cutter: Cutter) -> None:
+def test_a_pass_round_takes_the_table_one_turn() -> None:
     very_slow = np.radians(1.0) * 60
-    rings = pattern_curves(pebble(), "round", roughing_cutter)
-    minutes = curve_minutes(pebble(), rings, roughing_cutter, very_slow)
+    rings = pattern_curves(pebble(), "round", ROUGHING_CUTTER)
+    minutes = curve_minutes(pebble(), rings, ROUGHING_CUTTER, very_slow)
     assert minutes * very_slow / (2 * np.pi) == pytest.approx(len(rings.group), rel=1e-3)
-    along = pattern_curves(pebble(), "along", roughing_cutter)
-    assert curve_minutes(pebble(), along, roughing_cutter, very_slow) < 0.01 * minutes
+    along = pattern_curves(pebble(), "along", ROUGHING_CUTTER)
+    assert curve_minutes(pebble(), along, ROUGHING_CUTTER, very_slow) < 0.01 * minutes
 
 
-def test_a_pattern_that_is_unknown_is_refused(pebble: Callable[..., TSpline], roughing_cutter: Cutter) -> None:
+def test_a_pattern_that_is_unknown_is_refused() -> None:
     with pytest.raises(ValueError, match="'swirl': on this surface give fastest, along"):
-        pattern_curves(pebble(), "swirl", roughing_cutter)
+        pattern_curves(pebble(), "swirl", ROUGHING_CUTTER)
 
 
 RADIUS, SCALLOP = 2.0, 0.02
@@ -285,9 +271,9 @@ def test_contacts_of_an_open_surface_lie_on_it_with_chords_within_tolerance(patt
 
 
 @pytest.mark.parametrize("radius", [1.0, 2.0])
-def test_the_ball_stands_beside_the_post_all_round(pebble, mesh_of, holding, radius):
+def test_the_ball_stands_beside_the_post_all_round(radius):
     surface = pebble()
-    post = post_below(mesh_of(surface), holding)
+    post = post_below(mesh_of(surface), HOLDING)
     (ring,) = post_rings(surface, post, radius, radius + 0.1)
     assert ring is not None
     centres = ring.contacts + radius * ring.normals
@@ -298,11 +284,11 @@ def test_the_ball_stands_beside_the_post_all_round(pebble, mesh_of, holding, rad
     assert np.abs(dots(ring.feeds, ring.normals)).max() < 1e-12
 
 
-def test_a_post_beside_the_part_has_no_ring(pebble):
+def test_a_post_beside_the_part_has_no_ring():
     assert post_rings(pebble(), Post(1.0, 10.0), 1.0, 1.1) == []
 
 
-def test_where_the_lower_lobe_is_narrower_than_the_post_the_ring_jumps_to_the_upper_one_and_is_parted(revolved):
+def test_where_the_lower_lobe_is_narrower_than_the_post_the_ring_jumps_to_the_upper_one_and_is_parted():
     def lobes(share, azimuth):
         bulge = (1.4 + 0.8 * np.cos(2 * azimuth)) * np.exp(-(((share - 0.2) / 0.1) ** 2))
         return 2.6 + bulge + 4.0 * np.clip((share - 0.4) / 0.3, 0, 1) - 2.4 * np.clip((share - 0.95) / 0.05, 0, 1)

@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from small_parts import FINISHING_CUTTER
 from typed_values import differences
 
 from bonecam.arrays import unit
@@ -47,7 +48,6 @@ from bonecam.report.typed import TailstockFigures, post_report
 from bonecam.setup.placement import Setup, place
 from bonecam.surface import skin
 from bonecam.surface.files.surface_input import read_part
-from bonecam.tool.cutter import Cutter
 from bonecam.workholding.clamping import Clamping, clamping_of
 from bonecam.workholding.post import Column, settled_bracket
 
@@ -120,19 +120,19 @@ def test_a_post_from_which_nothing_is_reached_is_refused_with_the_length_that_re
     assert 75.0 - np.ptp(setup.stock.bounds[:, 2]) < needed < 85.0
 
 
-def test_a_lift_is_the_largest_that_any_slice_asks_for_over_table_and_columns(finishing_cutter: Cutter) -> None:
+def test_a_lift_is_the_largest_that_any_slice_asks_for_over_table_and_columns() -> None:
     random = np.random.default_rng(3)
     columns = Column(14.0, 20.0, 0.0), Column(40.0, 6.0, 0.0)
     clamping = Clamping(columns, closed=True, clearance=1.0, stub=Column(6.0, 30.0, 20.0))
     centres = random.normal(size=(40, 3)) * [9.0, 9.0, 12.0] + [0.0, 0.0, 36.0]
     axes = unit(random.normal(size=(60, 3)))
-    found = needed_lifts(centres, axes, finishing_cutter, clamping)
+    found = needed_lifts(centres, axes, FINISHING_CUTTER, clamping)
     expected = np.full(found.shape, -np.inf)
     low, over = np.maximum(-axes[:, 2], 0.0) * LEAVING, 0
     flat = np.hypot(axes[:, 0], axes[:, 1])
-    for section in finishing_cutter.profile:
+    for section in FINISHING_CUTTER.profile:
         count = int(np.ceil((section.end - section.start) / SLICE)) + 1
-        for height in np.linspace(section.start, section.end, count) - finishing_cutter.radius:
+        for height in np.linspace(section.start, section.end, count) - FINISHING_CUTTER.radius:
             at = centres[:, None] + height * axes
             under = at[..., 2] - section.widest * flat - low
             expected = np.maximum(expected, clamping.clearance + ROOM - under)

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.spatial import KDTree
+from small_parts import FINISHING_CUTTER, HOLDING, ROUGHING_CUTTER, UPRIGHT_CAPSULE, level_of, path_of, pebble
 
 from bonecam.job import PathJob
 from bonecam.levels.measure import NO_CUT, StockLevel
@@ -29,7 +30,7 @@ class Skin(Capsule):
 
 
 @pytest.fixture(scope="module")
-def cut(path_of):
+def cut():
     """Takes what a path of contacts removes from the material."""
 
     def take(material, level, contacts):
@@ -43,14 +44,14 @@ def cut(path_of):
 
 
 @pytest.fixture(scope="module")
-def roughed(roughing_cutter, finishing_cutter, level_of, pebble, mesh_of, upright_capsule, holding, cut):
+def roughed(cut):
     """A part, the contacts of a small ball on it, and the material that a large ball has left 0.1 mm outside it:
     deeper than that only round the post, where the large ball left its fillet."""
     part, outer = level_of(pebble()), level_of(pebble(0.1), 1, 0.5)
-    levels = [part, outer, StockLevel(2, upright_capsule.mesh(0.01), 0.5, NO_CUT)]
-    post = post_below(part.mesh, holding)
-    large, small = replace(roughing_cutter, scallop=SCALLOP), replace(finishing_cutter, scallop=SCALLOP)
-    capsule = upright_capsule
+    levels = [part, outer, StockLevel(2, UPRIGHT_CAPSULE.mesh(0.01), 0.5, NO_CUT)]
+    post = post_below(part.mesh, HOLDING)
+    large, small = replace(ROUGHING_CUTTER, scallop=SCALLOP), replace(FINISHING_CUTTER, scallop=SCALLOP)
+    capsule = UPRIGHT_CAPSULE
     material = uncut_material(levels, Skin(capsule.start, capsule.end, capsule.radius))
     roughing = candidate_contacts(outer, [MeshDistance(outer.mesh)], large, post, JOB)
     material = cut(material, outer, contact_path(roughing))
@@ -153,10 +154,10 @@ def test_a_turn_that_takes_longer_than_the_way_counts(roughed, allowed):
     assert step.minutes(slow) == pytest.approx(2 * np.pi * turns / slow, rel=0.1)
 
 
-def test_the_pattern_that_takes_less_time_is_taken(roughed, allowed, holding):
+def test_the_pattern_that_takes_less_time_is_taken(roughed, allowed):
     """Rings are short, but turn; lines along the part hardly turn."""
     part, rings, material = roughed
-    post = post_below(part.mesh, holding)
+    post = post_below(part.mesh, HOLDING)
     obstacles = [MeshDistance(part.mesh)]
     lines = candidate_contacts(part, obstacles, rings.cutter, post, PathJob(pattern="along"))
     patterns = [lines, rings]

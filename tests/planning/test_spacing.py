@@ -3,10 +3,9 @@
 Line positions: increasing, within the domain, and finite also where a level has a crease.
 """
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
+from small_parts import grooved_pebble, pebble
 
 from bonecam.errors import ToolPathError
 from bonecam.planning.spacing import FLAT, across_feed, line_positions, needed_ranges, side_step
@@ -81,14 +80,14 @@ def test_scallop_outside_the_ball_is_a_wrong_call() -> None:
 
 @pytest.mark.parametrize("pattern", ["round", "along"])
 @pytest.mark.parametrize("radius", [1.0, 2.0])
-def test_lines_increase_within_the_domain(grooved_pebble: Callable[..., TSpline], pattern: str, radius: float) -> None:
+def test_lines_increase_within_the_domain(pattern: str, radius: float) -> None:
     lines = line_positions(grooved_pebble(1.0), pattern, radius, 0.02)
     assert (np.diff(lines) > 0).all()
     assert 0 <= lines[0] < lines[-1] < 1
 
 
 @pytest.mark.parametrize("pattern", ["round", "along"])
-def test_a_crease_does_not_crowd_lines_without_end(pebble: Callable[..., TSpline], pattern: str) -> None:
+def test_a_crease_does_not_crowd_lines_without_end(pattern: str) -> None:
     smooth = pebble()
     points = np.array(smooth.control_points)
     points[25:29] = points[25]
@@ -98,20 +97,18 @@ def test_a_crease_does_not_crowd_lines_without_end(pebble: Callable[..., TSpline
     assert len(line_positions(creased, pattern, 2.0, 0.05)) < 6 * len(line_positions(smooth, pattern, 2.0, 0.05))
 
 
-def test_a_smaller_scallop_takes_more_lines_by_its_root(pebble: Callable[..., TSpline]) -> None:
+def test_a_smaller_scallop_takes_more_lines_by_its_root() -> None:
     counts = [len(line_positions(pebble(), "round", 1.0, scallop)) for scallop in (0.04, 0.01)]
     assert counts[1] / counts[0] == pytest.approx(2.0, rel=0.1)
 
 
-def test_a_pattern_that_is_not_resolved_is_refused(pebble: Callable[..., TSpline]) -> None:
+def test_a_pattern_that_is_not_resolved_is_refused() -> None:
     with pytest.raises(ValueError, match="'fastest'"):
         line_positions(pebble(), "fastest", 1.0, 0.01)
 
 
 @pytest.mark.parametrize("radius", [1.0, 2.0])
-def test_no_more_than_a_pass_lies_between_lines_where_they_are_needed(
-    grooved_pebble: Callable[..., TSpline], radius: float
-) -> None:
+def test_no_more_than_a_pass_lies_between_lines_where_they_are_needed(radius: float) -> None:
     """And near the poles far fewer lines are left."""
     surface, scallop = grooved_pebble(1.0), 0.02
     across = line_positions(surface, "along", radius, scallop)

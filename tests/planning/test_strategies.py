@@ -5,22 +5,19 @@ The links of the strategies in layers, held against what stands when they run.
 Outlines of slices whose cells show less than the balls that ask.
 """
 
-from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from small_parts import UPRIGHT_CAPSULE, grooved_pebble, level_of
 
 from bonecam.job import Job
-from bonecam.levels.measure import Level
 from bonecam.machine.limits import MachineLimits
 from bonecam.material.dexels import CutDexels, uncut_rays
 from bonecam.planning.layers import FlatChart
 from bonecam.planning.strategies import SPACED, STRAIGHT, indexed, offset_curves, plan_layer_paths
-from bonecam.setup.capsule import Capsule
-from bonecam.surface.tspline import TSpline
 from bonecam.tool.cutter import Cutter
 from bonecam.tool.elliptic_cones import EllipticCones
 from bonecam.tool.path import FreeCones, MoveKind, ToolPath
@@ -120,12 +117,10 @@ def replayed(path: ToolPath, rays: CutDexels) -> tuple[list[float], CutDexels]:
 
 
 @pytest.mark.slow
-def test_links_of_layers_remove_nothing_that_the_proof_would_refuse(
-    grooved_pebble: Callable[..., TSpline], level_of: Callable[..., Level], upright_capsule: Capsule
-) -> None:
+def test_links_of_layers_remove_nothing_that_the_proof_would_refuse() -> None:
     job = COARSE.with_values(path={"strategy": "rotary"})
-    paths = plan_layer_paths([level_of(grooved_pebble(1.2))], upright_capsule, job, MachineLimits(np.radians(115.0)))
-    rays = uncut_rays(upright_capsule)
+    paths = plan_layer_paths([level_of(grooved_pebble(1.2))], UPRIGHT_CAPSULE, job, MachineLimits(np.radians(115.0)))
+    rays = uncut_rays(UPRIGHT_CAPSULE)
     worst = []
     for path in paths:
         volumes, rays = replayed(path, rays)

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from small_parts import mesh_of, pebble
 
 from bonecam.errors import JobError, VerifyError
 from bonecam.finishing import finish
@@ -44,7 +45,7 @@ JOB = Job().with_values(holding={"diameter": 4.0, "length": 31.0, "parting": Tru
 
 
 @pytest.fixture(scope="module")
-def lump(pebble, mesh_of):
+def lump():
     return mesh_of(pebble(), around=40, along=50)
 
 
@@ -158,7 +159,7 @@ def test_cutter_location_data_keep_the_parting(paths):
     assert {path.level for path in read_apt(apt_text(paths)).paths} == {PARTING}
 
 
-def test_a_surface_finished_alone_is_not_parted(pebble):
+def test_a_surface_finished_alone_is_not_parted():
     with pytest.raises(JobError, match=r"\[holding\] parting = .*: a surface that is finished alone"):
         finish(pebble(), job=Job().with_values(holding={"parting": True}))
 

@@ -1,18 +1,18 @@
 """What is kept for a person to look at where a level fails its check."""
 
 import resource
-from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from small_parts import UPRIGHT_CAPSULE, grooved_pebble, level_of, pebble
 
 from bonecam.cli import main
 from bonecam.errors import FileError, LevelError
 from bonecam.levels import job_levels
 from bonecam.levels.job_levels import levels_in
-from bonecam.levels.measure import Level, StockLevel, line_depths
+from bonecam.levels.measure import StockLevel, line_depths
 from bonecam.levels.open_morph import morph_open
 from bonecam.mesh.files.mesh_files import read_mesh, write_mesh
 from bonecam.mesh.meshlab import meshlab
@@ -24,7 +24,6 @@ from bonecam.setup.capsule import Capsule
 from bonecam.setup.stock import Schedule
 from bonecam.setup.stocks.cylinder import Cylinder
 from bonecam.surface.skinning import skin
-from bonecam.surface.tspline import TSpline
 from bonecam.tool.path import MoveKind
 
 pytestmark = pytest.mark.whole
@@ -81,11 +80,9 @@ def test_the_command_line_names_the_patch(
     assert [item.name for item in out.iterdir()] == ["keep"]
 
 
-def test_levels_are_kept_with_their_pictures_before_there_is_a_path(
-    upright_capsule: Capsule, grooved_pebble: Callable[..., TSpline], tmp_path: Path
-) -> None:
-    made = levels_in(grooved_pebble(0.2), upright_capsule, Schedule((), 1.5), chord_tolerance=0.1)
-    keep_levels(tmp_path / "levels", made.levels, upright_capsule)
+def test_levels_are_kept_with_their_pictures_before_there_is_a_path(tmp_path: Path) -> None:
+    made = levels_in(grooved_pebble(0.2), UPRIGHT_CAPSULE, Schedule((), 1.5), chord_tolerance=0.1)
+    keep_levels(tmp_path / "levels", made.levels, UPRIGHT_CAPSULE)
     levels = {f"level_{level.index:02d}.ply" for level in made.levels}
     assert seen(tmp_path / "levels") == {*levels, "levels.png", "coloured.png", "depths.png"}
 
@@ -105,12 +102,10 @@ def test_open_levels_are_kept_with_their_pictures_without_a_stock(tmp_path: Path
     assert depths[0].mean() > 0.05
 
 
-def test_a_line_that_the_surface_has_not_is_refused_and_nothing_written(
-    level_of: Callable[..., Level], pebble: Callable[..., TSpline], upright_capsule: Capsule, tmp_path: Path
-) -> None:
+def test_a_line_that_the_surface_has_not_is_refused_and_nothing_written(tmp_path: Path) -> None:
     levels = [level_of(pebble(0.5 * k), k, 0.5) for k in range(3)]
     with pytest.raises(ValueError, match=r"line = 1\.5: give a parameter from 0 to 1"):
-        keep_levels(tmp_path / "levels", levels, upright_capsule, line=1.5)
+        keep_levels(tmp_path / "levels", levels, UPRIGHT_CAPSULE, line=1.5)
     assert not list(tmp_path.glob("levels/*"))
 
 
@@ -128,29 +123,25 @@ def test_kept_levels_are_coloured_on_one_scale(tmp_path: Path) -> None:
     assert np.abs(colours["shallow"][0] - colours["deep"][-1]).max() > 0.5
 
 
-def test_levels_of_an_earlier_run_go_and_what_is_another_s_stays(
-    level_of: Callable[..., Level], pebble: Callable[..., TSpline], upright_capsule: Capsule, tmp_path: Path
-) -> None:
+def test_levels_of_an_earlier_run_go_and_what_is_another_s_stays(tmp_path: Path) -> None:
     folder, levels = tmp_path / "levels", [level_of(pebble(0.5 * k), k, 0.5) for k in range(4)]
     levels[-1] = StockLevel(3, levels[-1].mesh, 0.5, levels[-1].measures)
-    keep_levels(folder, levels, upright_capsule)
+    keep_levels(folder, levels, UPRIGHT_CAPSULE)
     mine = {"level_notes.ply", "level_09.stl", "level_104.ply", "failed_level_03.ply"}
     for name in mine:
         (folder / name).write_text("mine")
     levels[2:] = [StockLevel(2, levels[2].mesh, 0.5, levels[2].measures)]
-    keep_levels(folder, levels, upright_capsule)
+    keep_levels(folder, levels, UPRIGHT_CAPSULE)
     pictures = {"levels.png", "coloured.png", "depths.png"}
     assert seen(folder) == {*mine, *pictures, "level_00.ply", "level_01.ply", "level_02.ply"}
     assert (folder / "failed_level_03.ply").read_text() == "mine"
 
 
-def test_a_level_that_a_person_has_changed_stays(
-    level_of: Callable[..., Level], pebble: Callable[..., TSpline], upright_capsule: Capsule, tmp_path: Path
-) -> None:
+def test_a_level_that_a_person_has_changed_stays(tmp_path: Path) -> None:
     levels = [level_of(pebble(0.5 * k), k, 0.5) for k in range(2)]
-    keep_levels(tmp_path, [*levels, StockLevel(2, levels[1].mesh, 0.5, levels[1].measures)], upright_capsule)
+    keep_levels(tmp_path, [*levels, StockLevel(2, levels[1].mesh, 0.5, levels[1].measures)], UPRIGHT_CAPSULE)
     (tmp_path / "level_02.ply").write_text("mine")
-    keep_levels(tmp_path, [levels[0], StockLevel(1, levels[1].mesh, 0.5, levels[1].measures)], upright_capsule)
+    keep_levels(tmp_path, [levels[0], StockLevel(1, levels[1].mesh, 0.5, levels[1].measures)], UPRIGHT_CAPSULE)
     assert (tmp_path / "level_02.ply").read_text() == "mine"
 
 
@@ -171,16 +162,14 @@ def test_a_patch_that_cannot_be_written_hides_no_error(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("room", [0, 500, 5000, 60000])
-def test_a_disk_that_is_full_leaves_the_folder_as_it_was(
-    room: int, level_of: Callable[..., Level], pebble: Callable[..., TSpline], upright_capsule: Capsule, tmp_path: Path
-) -> None:
+def test_a_disk_that_is_full_leaves_the_folder_as_it_was(room: int, tmp_path: Path) -> None:
     levels = [level_of(pebble(0.5 * k), k, 0.5) for k in range(2)]
     levels[-1] = StockLevel(1, levels[-1].mesh, 0.5, levels[-1].measures)
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (room, before[1]))
     try:
         with pytest.raises(FileError, match="make room there") as caught:
-            keep_levels(tmp_path / "keep", levels, upright_capsule)
+            keep_levels(tmp_path / "keep", levels, UPRIGHT_CAPSULE)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
     assert str(tmp_path / "keep") in str(caught.value)

@@ -5,7 +5,6 @@ The picture of the machine's bodies: the pose that it shows is the lowest one, t
 The picture of a machine file.
 """
 
-from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -16,6 +15,7 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.transforms import Bbox
+from small_parts import capsule_path, path_of, pebble
 
 from bonecam.job import HoldingJob, Job
 from bonecam.levels.measure import NO_CUT, Level, PartLevel, RoundedLevel, StockLevel, rounding_cuts
@@ -71,7 +71,7 @@ def sheet(x: float = 0.0, y: float = 0.0, z: float = 0.0) -> TriangleMesh:
     return TriangleMesh(points, faces.astype(np.int32))
 
 
-def boxed(pebble: Callable[..., TSpline], wide: float, deep: float, high: float) -> list[Level]:
+def boxed(wide: float, deep: float, high: float) -> list[Level]:
     """The part, two levels of the morph, of which the last is rounded to the box by two cuts more."""
     box = Box(np.array([-wide, -deep, 55.0 - high]), np.array([wide, deep, 55.0 + high]))
     first = PartLevel(pebble(), capsule(5.0).mesh(0.05), NO_CUT)
@@ -84,7 +84,7 @@ def boxed(pebble: Callable[..., TSpline], wide: float, deep: float, high: float)
     ]
 
 
-def path(capsule_path: Callable[..., ToolPath], k: int) -> ToolPath:
+def path(k: int) -> ToolPath:
     """A helix with contacts, where the tip is."""
     made = capsule_path(k)
     return replace(made, contacts=np.where((made.kinds == MoveKind.CUT)[:, None], made.tips, np.nan))
@@ -109,26 +109,22 @@ def extents(items: Any) -> list[Bbox]:
 STOCKS = [(8.0, 8.0, 18.0), (40.0, 10.0, 18.0), (9.0, 30.0, 18.0), (7.0, 7.0, 120.0)]
 
 
-def test_rest_paths_take_the_place_of_no_level(
-    pebble: Callable[..., TSpline], capsule_path: Callable[..., ToolPath], drawn: list[Figure]
-) -> None:
-    outer, middle, inner = (path(capsule_path, level) for level in (3, 1, 0))
+def test_rest_paths_take_the_place_of_no_level(drawn: list[Figure]) -> None:
+    outer, middle, inner = (path(level) for level in (3, 1, 0))
     rests = [replace(middle, rest=number) for number in (1, 2, 3)]
-    draw_toolpath([outer, middle, *rests, inner], boxed(pebble, *STOCKS[0]), "")
+    draw_toolpath([outer, middle, *rests, inner], boxed(*STOCKS[0]), "")
     titles = [plot.get_title().partition("\n")[0] for plot in drawn[0].axes]
     assert [title for title in titles if title] == [f"level {level}" for level in (3, 3, 1, 1, 0, 0)]
 
 
-def test_engagement_is_drawn_on_levels_with_the_share_of_cuts_in_air(
-    pebble: Callable[..., TSpline], capsule_path: Callable[..., ToolPath], drawn: list[Figure]
-) -> None:
+def test_engagement_is_drawn_on_levels_with_the_share_of_cuts_in_air(drawn: list[Figure]) -> None:
     """Of level 3 all is air, of level 0 nothing; links are not drawn."""
-    moves = [path(capsule_path, level) for level in (3, 1, 0)]
+    moves = [path(level) for level in (3, 1, 0)]
     levels = np.repeat([3, 1, 0], [len(each.tips) for each in moves])
     tips, axes, kinds = (np.concatenate([getattr(each, name) for each in moves]) for name in ("tips", "axes", "kinds"))
     cuts = kinds == MoveKind.CUT
     sections = np.where(levels == 3, 0.0, 0.2)
-    draw_engagement(boxed(pebble, *STOCKS[0]), levels, tips, axes, sections, cuts, "")
+    draw_engagement(boxed(*STOCKS[0]), levels, tips, axes, sections, cuts, "")
     titles = [plot.get_title() for plot in drawn[0].axes if plot.get_title()]
     assert titles[::2] == ["level 3\n100% in air", "level 1\n0% in air", "level 0\n0% in air"]
     segments = [len(plot.collections[-1].get_segments()) for plot in drawn[0].axes[:6]]
@@ -137,15 +133,12 @@ def test_engagement_is_drawn_on_levels_with_the_share_of_cuts_in_air(
 
 @pytest.mark.parametrize("sizes", STOCKS, ids=str)
 def test_panels_have_one_scale_and_nothing_is_clipped_or_covered(
-    pebble: Callable[..., TSpline],
-    capsule_path: Callable[..., ToolPath],
-    sizes: tuple[float, float, float],
-    drawn: list[Figure],
+    sizes: tuple[float, float, float], drawn: list[Figure]
 ) -> None:
-    levels = boxed(pebble, *sizes)
+    levels = boxed(*sizes)
     draw_levels(levels, POST, "")
     draw_coloured(levels, "")
-    draw_toolpath([path(capsule_path, 3), path(capsule_path, 1), path(capsule_path, 0)], levels, "")
+    draw_toolpath([path(3), path(1), path(0)], levels, "")
     for figure in drawn:
         FigureCanvasAgg(figure).draw()
         panels = [plot for plot in figure.axes if plot.get_xlabel().endswith(("x (mm)", "y (mm)"))]
@@ -170,10 +163,8 @@ def test_panels_have_one_scale_and_nothing_is_clipped_or_covered(
         assert not any(label.overlaps(other) for label in labels for other in [*legends, *bars])
 
 
-def test_depths_beyond_the_limit_are_shown_and_titles_say_which_cuts_and_which_line(
-    pebble: Callable[..., TSpline], drawn: list[Figure]
-) -> None:
-    levels = boxed(pebble, 8.0, 8.0, 18.0)
+def test_depths_beyond_the_limit_are_shown_and_titles_say_which_cuts_and_which_line(drawn: list[Figure]) -> None:
+    levels = boxed(8.0, 8.0, 18.0)
     draw_depths(levels, np.array([[0.4, 0.5, 0.4], [0.4, 0.9, 0.4]]), "")
     above = drawn[0].axes[0]
     assert above.get_ylim()[1] > 0.9
@@ -184,10 +175,8 @@ def test_depths_beyond_the_limit_are_shown_and_titles_say_which_cuts_and_which_l
     assert any("cuts 1 to 4" in title for title in texts(drawn[0])[1:])
 
 
-def test_depths_are_drawn_over_the_way_along_the_part_in_the_colours_of_the_cuts_drawn(
-    pebble: Callable[..., TSpline], drawn: list[Figure]
-) -> None:
-    levels = boxed(pebble, 8.0, 8.0, 18.0)
+def test_depths_are_drawn_over_the_way_along_the_part_in_the_colours_of_the_cuts_drawn(drawn: list[Figure]) -> None:
+    levels = boxed(8.0, 8.0, 18.0)
     part = levels[0].surface
     assert part is not None
     draw_depths(levels, np.full((2, 1000), [[0.2], [0.4]]), "", 0.25)
@@ -235,13 +224,13 @@ def test_a_closed_mesh_is_seen_from_the_front() -> None:
     assert np.allclose(view(Box(np.zeros(3), np.array([1.0, 9.0, 1.0])).mesh(0.1)), np.eye(3))
 
 
-def test_the_sections_are_named(pebble: Callable[..., TSpline], drawn: list[Figure]) -> None:
-    draw_levels(boxed(pebble, 8.0, 8.0, 18.0), POST, "")
+def test_the_sections_are_named(drawn: list[Figure]) -> None:
+    draw_levels(boxed(8.0, 8.0, 18.0), POST, "")
     assert texts(drawn[0]) == ["section y = 0", "section x = 0"]
 
 
-def test_the_coloured_levels_go_out_to_the_stock(pebble: Callable[..., TSpline], drawn: list[Figure]) -> None:
-    draw_coloured(boxed(pebble, 8.0, 8.0, 18.0), "")
+def test_the_coloured_levels_go_out_to_the_stock(drawn: list[Figure]) -> None:
+    draw_coloured(boxed(8.0, 8.0, 18.0), "")
     behind = "from behind"
     assert texts(drawn[0]) == ["level 1", behind, "level 2", behind, "level 4, the stock", behind]
     draw_coloured([level(k, capsule(5.0 + 0.4 * k)) for k in range(3)], "")
@@ -257,8 +246,8 @@ def test_a_box_is_shaded_by_its_faces_and_a_round_body_smoothly() -> None:
     assert (corner_normals(mesh) * body.normals(mesh.vertices)[mesh.faces]).sum(axis=2).min() > 0.99
 
 
-def test_pictures_are_written(pebble: Callable[..., TSpline], tmp_path: Path) -> None:
-    draw_levels(boxed(pebble, 8.0, 8.0, 18.0), POST, tmp_path / "levels.png")
+def test_pictures_are_written(tmp_path: Path) -> None:
+    draw_levels(boxed(8.0, 8.0, 18.0), POST, tmp_path / "levels.png")
     assert (tmp_path / "levels.png").read_bytes().startswith(b"\x89PNG")
 
 
@@ -266,7 +255,7 @@ TOOL = Cutter.from_job(2, "finishing", Job().tool("finishing"), [Frustum(35.0, 8
 
 
 @pytest.fixture
-def leaning_path(path_of: Callable[..., ToolPath]) -> ToolPath:
+def leaning_path() -> ToolPath:
     """Cuts whose axes lean ever more, the first row being a rapid that leans most."""
     polar = np.radians([110.0, 10, 50, 90, 100, 30])
     axes = np.column_stack([np.sin(polar), 0 * polar, np.cos(polar)])

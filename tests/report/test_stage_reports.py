@@ -5,11 +5,11 @@ The comparison of tool axes measures what it says: known turns, times, and colli
 The types of a report, and what tells a report from them.
 """
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from small_parts import path_of, pebble
 from typed_values import differences
 
 from bonecam.levels.certificates import Certificate
@@ -21,9 +21,8 @@ from bonecam.report.stage_reports import levels_report, toolpath_report, uncut_a
 from bonecam.report.summary import AxisChoice, AxisComparison, certified_text, summary_of, uncut_lines
 from bonecam.report.typed import Report
 from bonecam.setup.capsule import Capsule
-from bonecam.surface.tspline import TSpline
 from bonecam.tool.elliptic_cones import EllipticCones
-from bonecam.tool.path import ConeCheck, FreeCones, MoveKind, ToolPath
+from bonecam.tool.path import ConeCheck, FreeCones, MoveKind
 
 MEASURES = replace(NO_CUT, depth_max=0.5, depth_mean=0.4)
 
@@ -48,7 +47,7 @@ def test_what_was_left_uncut_is_told_by_reason_apart_for_the_part() -> None:
     assert uncut_lines([nothing], {}) == ["nothing"]
 
 
-def test_entries_along_the_cut_are_told_from_straight_ones(path_of: Callable[..., ToolPath]) -> None:
+def test_entries_along_the_cut_are_told_from_straight_ones() -> None:
     """One cut reached from behind in its own direction and left upwards, one reached from above and left in its own."""
     cut, link = int(MoveKind.CUT), int(MoveKind.LINK)
     tips = np.array([[-1.0, 0, 0.1], [0, 0, 0], [1, 0, 0], [2, 0, 3.0], [2, 0, 0], [3, 0, 0], [4, 0, 0.1]])
@@ -57,7 +56,7 @@ def test_entries_along_the_cut_are_told_from_straight_ones(path_of: Callable[...
     assert (row["entries"], row["entries_tangential"], row["exits_tangential"]) == (2, 1, 1)
 
 
-def test_axes_near_the_normal_are_counted_and_those_that_had_no_other(path_of: Callable[..., ToolPath]) -> None:
+def test_axes_near_the_normal_are_counted_and_those_that_had_no_other() -> None:
     """Leads of 0, 4, 8, 12 degrees; cones of 1, 30 and none."""
     lead = np.radians([0.0, 4, 8, 12])
     axes = np.column_stack([np.sin(lead), 0 * lead, np.cos(lead)])
@@ -183,7 +182,7 @@ def test_a_cut_that_is_not_certified_is_told_with_its_place_although_it_measures
     assert "cut 3 is not proven to hold the level before at (1.00" in told
 
 
-def test_why_cuts_have_no_certificate_is_told_as_it_is(pebble: Callable[..., TSpline]) -> None:
+def test_why_cuts_have_no_certificate_is_told_as_it_is() -> None:
     body = Capsule(np.array([0.0, 0.0, 10.0]), np.array([0.0, 0.0, 20.0]), 5.0)
     surface, mesh, place = pebble(), body.mesh(0.1), np.zeros(3)
     sure = Certificate(0.5, 0.0, -0.01, place, place, place, np.empty((0, 2)), 9)
@@ -210,7 +209,7 @@ def test_why_cuts_have_no_certificate_is_told_as_it_is(pebble: Callable[..., TSp
     )
 
 
-def test_the_area_left_uncut_is_that_round_the_contacts_left_out(path_of: Callable[..., ToolPath]) -> None:
+def test_the_area_left_uncut_is_that_round_the_contacts_left_out() -> None:
     """Of a flat square of 4 x 4 mm a row of contacts at one edge is left out."""
     x, y = (v.ravel() for v in np.meshgrid(*2 * [np.linspace(-2, 2, 41)], indexing="ij"))
     index = np.arange(41**2).reshape(41, 41)

@@ -8,11 +8,11 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
 from pathlib import Path
 from uuid import uuid4
 
 import pytest
+from small_parts import mesh_of, pebble
 
 from bonecam.mesh.files.mesh_files import write_mesh
 from bonecam.surface.files.tspline_text import save_surface
@@ -36,7 +36,7 @@ MARK = "BONECAM_TEST_RUN"
 
 
 @pytest.fixture(scope="module")
-def lump(tmp_path_factory: pytest.TempPathFactory, mesh_of: Callable, pebble: Callable) -> Path:
+def lump(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A small part, for which the chain takes some seconds."""
     file = tmp_path_factory.mktemp("part") / "lump.stl"
     write_mesh(mesh_of(pebble(), 32, 40), file)

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from small_parts import mesh_of, pebble
 
 import bonecam
 from bonecam.cli import main
@@ -38,7 +39,7 @@ COARSE = Job().with_values(
 
 
 @pytest.fixture(scope="module")
-def made(pebble, mesh_of, tmp_path_factory):
+def made(tmp_path_factory):
     """The folder, and bonecam's strategy compared while the published one fails."""
     folder = tmp_path_factory.mktemp("study")
 
@@ -120,7 +121,7 @@ def test_what_a_kept_folder_cannot_be_probed_by_is_told_before_it_is_simulated(
 
 
 @pytest.mark.parametrize("fails", [False, True])
-def test_the_part_is_read_and_fitted_once_for_all_strategies(pebble, mesh_of, monkeypatch, fails) -> None:
+def test_the_part_is_read_and_fitted_once_for_all_strategies(monkeypatch, fails) -> None:
     machine, fitted, stood = read_machine(COARSE.nc.machine), [], []
 
     def stand(*given):

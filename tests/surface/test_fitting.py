@@ -12,14 +12,14 @@ Samples of the mesh keep their feet, and those that seem missed are looked for o
 Bends that no level can follow are smoothed within what the fit may miss its mesh by.
 """
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from numpy import ndarray
 from scipy.spatial.transform import Rotation
+from small_parts import pebble
+from tsplines import bone_like, samples
 
 from bonecam.errors import MeshError
 from bonecam.mesh.distance import MeshDistance
@@ -199,7 +199,7 @@ def test_low_cells_are_not_cut_along_t() -> None:
         assert len(refine(tmesh, votes, 100).s_knots) == len(tmesh.s_knots) + rows
 
 
-def test_rings_round_poles_are_drawn_only_where_they_are_far_off_an_ellipse(bone_like: Callable[..., TSpline]) -> None:
+def test_rings_round_poles_are_drawn_only_where_they_are_far_off_an_ellipse() -> None:
     surface = bone_like(8, 5, spread=0.0)
     even = surface.tmesh.from_rows(
         surface.tmesh.t_knots, [row if len(row) == 1 else np.arange(5) / 5 for row in surface.tmesh.s_knots]
@@ -355,9 +355,7 @@ def test_a_form_that_leaves_a_control_point_free_is_refused() -> None:
         Form.of([term], 12).least()
 
 
-def test_a_sample_that_followed_a_wrong_foot_is_met_where_the_surface_is(
-    bone_like: Callable[..., TSpline], samples: Callable[..., tuple[ndarray, ndarray]]
-) -> None:
+def test_a_sample_that_followed_a_wrong_foot_is_met_where_the_surface_is() -> None:
     surface = bone_like()
     s, t = samples(400)
     points = surface.positions(s, t) + 0.01 * surface.normals(s, t)
@@ -373,9 +371,7 @@ def test_a_sample_that_followed_a_wrong_foot_is_met_where_the_surface_is(
     np.testing.assert_array_equal(np.delete(met.s, lost), np.delete(alone.s, lost))
 
 
-def test_many_samples_that_are_missed_keep_the_feet_they_came_from(
-    bone_like: Callable[..., TSpline], samples: Callable[..., tuple[ndarray, ndarray]]
-) -> None:
+def test_many_samples_that_are_missed_keep_the_feet_they_came_from() -> None:
     surface = bone_like()
     s, t = samples(100)
     points = surface.positions(s, t) + 0.2 * surface.normals(s, t)
@@ -386,12 +382,12 @@ def test_many_samples_that_are_missed_keep_the_feet_they_came_from(
 
 
 @pytest.fixture(scope="module")
-def mesh(pebble: Callable[..., TSpline]) -> TriangleMesh:
+def mesh() -> TriangleMesh:
     return pebble().tessellate(0.01)
 
 
 @pytest.fixture(scope="module")
-def creased(pebble: Callable[..., TSpline], mesh: TriangleMesh) -> Fit:
+def creased(mesh: TriangleMesh) -> Fit:
     """A fit of the pebble three of whose rows crowd."""
     surface = pebble()
     points = surface.control_points.copy()
@@ -417,16 +413,14 @@ def test_the_least_radius_grows_and_the_surface_stays_within_the_limit(mesh: Tri
     assert found.reached
 
 
-def test_a_surface_without_such_bends_and_one_that_would_leave_its_limit_stay(
-    pebble: Callable[..., TSpline], mesh: TriangleMesh, creased: Fit
-) -> None:
+def test_a_surface_without_such_bends_and_one_that_would_leave_its_limit_stay(mesh: TriangleMesh, creased: Fit) -> None:
     round_one = replace(creased, surface=pebble())
     assert least_radius(round_one.surface) > 0.3
     assert without_creases(round_one, mesh, 0.3, 1.0) is None
     assert without_creases(creased, mesh, 0.3, 1e-4) is None
 
 
-def test_the_radius_of_a_round_surface_is_that_of_its_narrowest_bend(pebble: Callable[..., TSpline]) -> None:
+def test_the_radius_of_a_round_surface_is_that_of_its_narrowest_bend() -> None:
     surface = pebble()
     s, t = (grid.ravel() for grid in np.meshgrid(np.linspace(0, 1, 40), np.linspace(0.02, 0.98, 60)))
     bends = surface.curvature(s, t)

@@ -1,14 +1,13 @@
 """Refinement leaves every surface what it is: rational, non-standard, closed, with holes; and so do rows."""
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy import ndarray
 from rows_to_general import as_general
+from tsplines import SECTION_POLES, bone_like, inner_samples, random_tspline, torus_text
 
 from bonecam.errors import SurfaceError
 from bonecam.surface.files.iga import read_iga, write_iga
@@ -21,22 +20,14 @@ from bonecam.surface.tspline import TSpline
 seeds = st.integers(0, 10_000)
 
 
-def assert_same(
-    inner_samples: Callable[..., tuple[ndarray, ndarray]],
-    first: TSpline,
-    second: TSpline,
-    seed: int = 0,
-    order: int = 1,
-) -> None:
+def assert_same(first: TSpline, second: TSpline, seed: int = 0, order: int = 1) -> None:
     s, t = inner_samples(second, seed, 400)
     for a, b, tolerance in zip(first.evaluate(s, t, 2), second.evaluate(s, t, 2), [1e-13] + [2e-12] * 2 + [1e-10] * 3):
         np.testing.assert_allclose(a, b, atol=tolerance * max(1.0, abs(a).max()))
 
 
 @pytest.mark.parametrize("name", ["simple", "fan", "Bike", "mouse", "face", "gearbox2-9"])
-def test_the_models_stay_what_they_are(
-    inner_samples: Callable[..., tuple[ndarray, ndarray]], shared: Path, name: str
-) -> None:
+def test_the_models_stay_what_they_are(shared: Path, name: str) -> None:
     surface = read_tsm(shared / "tspline" / "tsm" / f"{name}.tsm")
     s, t = inner_samples(surface, 1, 2000)
     expected, size = surface.evaluate(s, t), np.ptp(surface.control_points, axis=0).max()
@@ -47,9 +38,7 @@ def test_the_models_stay_what_they_are(
         np.testing.assert_allclose(surface.evaluate(s, t), expected, atol=1e-13 * size)
 
 
-def test_every_face_of_the_notched_model_can_be_cut(
-    inner_samples: Callable[..., tuple[ndarray, ndarray]], shared: Path
-) -> None:
+def test_every_face_of_the_notched_model_can_be_cut(shared: Path) -> None:
     surface = read_tsm(shared / "tspline" / "tsm" / "mouse.tsm")
     s, t = inner_samples(surface, 1, 500)
     expected = surface.evaluate(s, t)
@@ -60,24 +49,16 @@ def test_every_face_of_the_notched_model_can_be_cut(
 
 @settings(max_examples=8)
 @given(seeds, st.booleans(), st.sampled_from(["s", "t", "st"]))
-def test_random_tsplines_stay_what_they_are(
-    random_tspline: Callable[..., TSpline],
-    inner_samples: Callable[..., tuple[ndarray, ndarray]],
-    seed: int,
-    closed: bool,
-    directions: str,
-) -> None:
+def test_random_tsplines_stay_what_they_are(seed: int, closed: bool, directions: str) -> None:
     surface = random_tspline(seed, closed)
     finer = surface.refine(*inner_samples(surface, seed + 9, 2), directions)
     assert len(finer.tmesh.face_boxes) > len(surface.tmesh.face_boxes)
-    assert_same(inner_samples, surface, finer, seed)
+    assert_same(surface, finer, seed)
 
 
 @settings(max_examples=8)
 @given(seeds)
-def test_derivatives_of_random_tsplines_agree_with_finite_differences(
-    random_tspline: Callable[..., TSpline], seed: int
-) -> None:
+def test_derivatives_of_random_tsplines_agree_with_finite_differences(seed: int) -> None:
     surface = random_tspline(seed, seed % 2 == 0)
     boxes = surface.elements().boxes
     rng = np.random.default_rng(seed)
@@ -108,7 +89,7 @@ def element_widths(surface: TSpline, s: np.ndarray, t: np.ndarray) -> np.ndarray
 @settings(max_examples=8)
 @given(seeds, st.booleans())
 def test_random_tsplines_come_back_from_their_files(
-    random_tspline: Callable[..., TSpline], tmp_path_factory: pytest.TempPathFactory, seed: int, closed: bool
+    tmp_path_factory: pytest.TempPathFactory, seed: int, closed: bool
 ) -> None:
     path = tmp_path_factory.mktemp("tsm") / "a.tsm"
     surface = random_tspline(seed, closed)
@@ -122,10 +103,8 @@ def test_random_tsplines_come_back_from_their_files(
 
 @settings(max_examples=10)
 @given(seeds, st.integers(6, 12), st.integers(4, 9), st.sampled_from(["s", "t", "st"]), st.booleans())
-def test_rows_stay_what_they_are(
-    bone_like: Callable[..., TSpline], seed: int, rows: int, around: int, directions: str, poles: bool
-) -> None:
-    surface = bone_like(rows, around, seed, poles=poles)
+def test_rows_stay_what_they_are(seed: int, rows: int, around: int, directions: str) -> None:
+    surface = bone_like(rows, around, seed, poles=SECTION_POLES)
     s, t = np.random.default_rng(seed).random((2, 3))
     finer = surface.refine(s, t, directions)
     assert type(finer.tmesh) is type(surface.tmesh)
@@ -136,8 +115,8 @@ def test_rows_stay_what_they_are(
 
 @settings(max_examples=8)
 @given(seeds, st.booleans())
-def test_rows_are_a_general_tmesh(bone_like: Callable[..., TSpline], seed: int, poles: bool) -> None:
-    surface = bone_like(8, 6, seed, poles=poles)
+def test_rows_are_a_general_tmesh(seed: int) -> None:
+    surface = bone_like(8, 6, seed, poles=SECTION_POLES)
     general = as_general(surface)
     s, t = np.random.default_rng(seed).random((2, 500))
     width = np.minimum(element_widths(surface, s, t), element_widths(general, s, t))
@@ -149,7 +128,7 @@ def test_rows_are_a_general_tmesh(bone_like: Callable[..., TSpline], seed: int, 
     )
 
 
-def test_a_torus_is_refined_across_both_seams(torus_text: Callable[..., str], tmp_path: Path) -> None:
+def test_a_torus_is_refined_across_both_seams(tmp_path: Path) -> None:
     (tmp_path / "torus.tsm").write_text(torus_text())
     surface = read_tsm(tmp_path / "torus.tsm", to_mm=True)
     finer = surface.refine(np.array([4.9, 0.2]), np.array([5.9, 0.1]))
@@ -158,7 +137,7 @@ def test_a_torus_is_refined_across_both_seams(torus_text: Callable[..., str], tm
     assert finer.diagnose().semi_standard
 
 
-def test_a_wrong_call_is_refused(random_tspline: Callable[..., TSpline]) -> None:
+def test_a_wrong_call_is_refused() -> None:
     surface = random_tspline(1)
     with pytest.raises(ValueError, match="directions"):
         surface.refine(np.zeros(1), np.zeros(1), "x")
@@ -206,7 +185,7 @@ def test_open_rows_stay_what_they_are(seed: int, directions: str) -> None:
     np.testing.assert_allclose(finer.evaluate(s, t), surface.evaluate(s, t), atol=1e-13 * 5)
 
 
-def test_knots_of_rows_that_differ_by_rounding_are_one(bone_like: Callable[..., TSpline]) -> None:
+def test_knots_of_rows_that_differ_by_rounding_are_one() -> None:
     surface = bone_like(9, 6, 3)
     rows = [row.copy() for row in surface.tmesh.s_knots]
     rows[3][2], rows[4][2] = rows[5][2] + 1e-16, rows[5][2] - 1e-16
@@ -220,7 +199,7 @@ def test_knots_of_rows_that_differ_by_rounding_are_one(bone_like: Callable[..., 
         np.testing.assert_allclose(finer.evaluate(s, t), surface.evaluate(s, t), atol=1e-13 * 28)
 
 
-def own_surfaces(bone_like: Callable[..., TSpline]) -> dict[str, TSpline]:
+def own_surfaces() -> dict[str, TSpline]:
     """What bonecam makes: fitted (levels keep its T-mesh), skinned closed, with and without poles, and
     open."""
     fitted = fit(bone_like(8, 8).tessellate(0.3), 0.3).surface
@@ -240,8 +219,8 @@ def faces_and_points(surface: TSpline) -> int:
     return surface.tmesh.size + (len(surface.tmesh.faces) if isinstance(surface.tmesh, TMesh) else 0)
 
 
-def test_every_surface_made_here_is_refined_without_change(bone_like: Callable[..., TSpline]) -> None:
-    for name, surface in own_surfaces(bone_like).items():
+def test_every_surface_made_here_is_refined_without_change() -> None:
+    for name, surface in own_surfaces().items():
         s, t = np.random.default_rng(1).random((2, 1000))
         expected, size = surface.evaluate(s, t), np.ptp(surface.control_points, axis=0).max()
         for first in (surface, as_general(surface)):

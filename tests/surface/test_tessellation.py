@@ -11,7 +11,6 @@ Tessellation: closed, outward, within the tolerance it states.
 Surfaces that bound no body are told with the place.
 """
 
-from collections.abc import Callable
 from pathlib import Path
 
 import igl
@@ -19,8 +18,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy import ndarray
 from rows_to_general import as_general
+from small_parts import mesh_of, pebble
+from tsplines import bone_like, inner_samples, random_tspline, samples, torus_text
 
 from bonecam.errors import SurfaceError
 from bonecam.mesh.triangle_mesh import TriangleMesh
@@ -30,21 +30,16 @@ from bonecam.surface.tessellation import require_valid, tessellate
 from bonecam.surface.tspline import TSpline
 
 
-@pytest.fixture(scope="session")
-def assert_closed_sphere() -> Callable[[TriangleMesh], None]:
+def assert_closed_sphere(mesh: TriangleMesh) -> None:
     """Asserts that a mesh is one closed oriented surface of genus 0 with no empty face and no vertex unused."""
-
-    def check(mesh: TriangleMesh) -> None:
-        directed = np.vstack([mesh.faces[:, [0, 1]], mesh.faces[:, [1, 2]], mesh.faces[:, [2, 0]]]).astype(np.int64)
-        key = directed[:, 0] * len(mesh.vertices) + directed[:, 1]
-        back = directed[:, 1] * len(mesh.vertices) + directed[:, 0]
-        assert len(np.unique(key)) == len(key)
-        np.testing.assert_array_equal(np.sort(key), np.sort(back))
-        assert len(np.unique(mesh.faces)) == len(mesh.vertices)
-        assert len(mesh.vertices) - len(key) // 2 + len(mesh.faces) == 2
-        assert np.linalg.norm(mesh.face_vectors, axis=1).min() > 0
-
-    return check
+    directed = np.vstack([mesh.faces[:, [0, 1]], mesh.faces[:, [1, 2]], mesh.faces[:, [2, 0]]]).astype(np.int64)
+    key = directed[:, 0] * len(mesh.vertices) + directed[:, 1]
+    back = directed[:, 1] * len(mesh.vertices) + directed[:, 0]
+    assert len(np.unique(key)) == len(key)
+    np.testing.assert_array_equal(np.sort(key), np.sort(back))
+    assert len(np.unique(mesh.faces)) == len(mesh.vertices)
+    assert len(mesh.vertices) - len(key) // 2 + len(mesh.faces) == 2
+    assert np.linalg.norm(mesh.face_vectors, axis=1).min() > 0
 
 
 MODELS = ("simple", "fan", "Bike", "mouse", "face", "gearbox2-9")
@@ -58,22 +53,18 @@ def border(mesh: TriangleMesh) -> np.ndarray:
     return unique[count == 1]
 
 
-def assert_within(
-    inner_samples: Callable[..., tuple[ndarray, ndarray]], surface: TSpline, mesh: TriangleMesh, tolerance: float
-) -> None:
+def assert_within(surface: TSpline, mesh: TriangleMesh, tolerance: float) -> None:
     points = surface.positions(*inner_samples(surface, 3, 5000))
     assert np.sqrt(igl.point_mesh_squared_distance(points, mesh.vertices, mesh.faces)[0].max()) <= tolerance
 
 
 @pytest.mark.parametrize("name", MODELS)
-def test_models_are_tessellated_without_a_gap(
-    inner_samples: Callable[..., tuple[ndarray, ndarray]], shared: Path, name: str
-) -> None:
+def test_models_are_tessellated_without_a_gap(shared: Path, name: str) -> None:
     surface = read_tsm(shared / "tspline" / "tsm" / f"{name}.tsm")
     tolerance = 1e-3 * np.ptp(surface.control_points, axis=0).max()
     found = surface.tessellate_with_parameters(tolerance)
     assert found.deviation <= tolerance
-    assert_within(inner_samples, surface, found.mesh, tolerance)
+    assert_within(surface, found.mesh, tolerance)
     middles = found.parameters[border(found.mesh)].mean(axis=1)
     tmesh = surface.tmesh
     step = 1e-6 * np.ptp(surface.domain)
@@ -93,22 +84,15 @@ def test_models_are_tessellated_without_a_gap(
 
 @settings(max_examples=6)
 @given(st.integers(0, 1000), st.booleans())
-def test_random_tsplines_are_tessellated_within_the_tolerance(
-    random_tspline: Callable[..., TSpline],
-    inner_samples: Callable[..., tuple[ndarray, ndarray]],
-    seed: int,
-    closed: bool,
-) -> None:
+def test_random_tsplines_are_tessellated_within_the_tolerance(seed: int, closed: bool) -> None:
     surface = random_tspline(seed, closed)
     found = surface.tessellate_with_parameters(0.02)
     border(found.mesh)
     assert found.deviation <= 0.02
-    assert_within(inner_samples, surface, found.mesh, 0.02)
+    assert_within(surface, found.mesh, 0.02)
 
 
-def test_a_bone_on_a_general_tmesh_is_one_closed_outward_sphere(
-    bone_like: Callable[..., TSpline], assert_closed_sphere: Callable[[TriangleMesh], None]
-) -> None:
+def test_a_bone_on_a_general_tmesh_is_one_closed_outward_sphere() -> None:
     rows = bone_like(12, 9, 1)
     surface = as_general(rows)
     assert surface.poles == (True, True)
@@ -121,7 +105,7 @@ def test_a_bone_on_a_general_tmesh_is_one_closed_outward_sphere(
         np.testing.assert_allclose(surface.normals(s, np.full(7, t)), rows.normals(s, np.full(7, t)), atol=1e-9)
 
 
-def test_a_torus_turned_inside_out_is_outward(torus_text: Callable[..., str], tmp_path: Path) -> None:
+def test_a_torus_turned_inside_out_is_outward(tmp_path: Path) -> None:
     (tmp_path / "torus.tsm").write_text(torus_text())
     surface = read_tsm(tmp_path / "torus.tsm", to_mm=True)
     inside_out = surface.with_control_points(surface.control_points * [1, 1, -1])
@@ -133,9 +117,7 @@ def test_a_torus_turned_inside_out_is_outward(torus_text: Callable[..., str], tm
 
 
 @pytest.mark.parametrize("name", MODELS)
-def test_no_point_of_a_model_is_nearer_than_the_foot(
-    inner_samples: Callable[..., tuple[ndarray, ndarray]], shared: Path, name: str
-) -> None:
+def test_no_point_of_a_model_is_nearer_than_the_foot(shared: Path, name: str) -> None:
     surface = read_tsm(shared / "tspline" / "tsm" / f"{name}.tsm")
     size = np.ptp(surface.control_points, axis=0).max()
     feet = surface.positions(*inner_samples(surface, 5, 1000))
@@ -177,7 +159,7 @@ def test_the_models_become_one_conforming_mesh_within_the_tolerance(shared: Path
     np.testing.assert_allclose(surface.evaluate(*found.parameters.T), found.mesh.vertices, atol=1e-9)
 
 
-def test_a_bone_with_poles_comes_back_closed_and_outward(bone_like: Callable[..., TSpline], tmp_path: Path) -> None:
+def test_a_bone_with_poles_comes_back_closed_and_outward(tmp_path: Path) -> None:
     bone = bone_like(8, 6, 2)
     write_iga(bone, tmp_path / "bone.iga")
     mesh = read_iga(tmp_path / "bone.iga").tessellate(0.02)
@@ -188,7 +170,7 @@ def test_a_bone_with_poles_comes_back_closed_and_outward(bone_like: Callable[...
     assert bone.project(centres).distances.max() < 0.02
 
 
-def test_t_junctions_are_joined(random_tspline: Callable[..., TSpline], tmp_path: Path) -> None:
+def test_t_junctions_are_joined(tmp_path: Path) -> None:
     surface = random_tspline(4)
     write_iga(surface, tmp_path / "a.iga")
     mesh = read_iga(tmp_path / "a.iga").tessellate(0.01)
@@ -196,7 +178,7 @@ def test_t_junctions_are_joined(random_tspline: Callable[..., TSpline], tmp_path
     assert mesh.area == pytest.approx(surface.area, rel=0.02)
 
 
-def test_what_cannot_be_had_is_an_error(random_tspline: Callable[..., TSpline], tmp_path: Path) -> None:
+def test_what_cannot_be_had_is_an_error(tmp_path: Path) -> None:
     write_iga(random_tspline(4), tmp_path / "a.iga")
     surface: TSpline[ExtractedTMesh] = read_iga(tmp_path / "a.iga")
     with pytest.raises(SurfaceError, match=r"element \d+ cannot be tessellated .* raise the tolerance"):
@@ -208,7 +190,7 @@ def test_what_cannot_be_had_is_an_error(random_tspline: Callable[..., TSpline], 
         surface.tessellate(0.1, 0.0)
 
 
-def test_the_normals_along_an_edge_keep_the_angle(random_tspline: Callable[..., TSpline], tmp_path: Path) -> None:
+def test_the_normals_along_an_edge_keep_the_angle(tmp_path: Path) -> None:
     write_iga(random_tspline(4), tmp_path / "a.iga")
     surface = read_iga(tmp_path / "a.iga")
     coarse, fine = surface.tessellate(0.1), surface.tessellate_with_parameters(0.1, 0.15)
@@ -221,7 +203,7 @@ def test_the_normals_along_an_edge_keep_the_angle(random_tspline: Callable[..., 
     assert turns.max() < 0.15 + 1e-9
 
 
-def test_any_surface_is_saved_as_iga(bone_like: Callable[..., TSpline], tmp_path: Path) -> None:
+def test_any_surface_is_saved_as_iga(tmp_path: Path) -> None:
     bone = bone_like(6, 5, 2)
     save_surface(bone, tmp_path / "bone.iga")
     again = read_iga(tmp_path / "bone.iga")
@@ -231,14 +213,7 @@ def test_any_surface_is_saved_as_iga(bone_like: Callable[..., TSpline], tmp_path
 
 @settings(max_examples=12)
 @given(st.integers(0, 10_000), st.integers(6, 18), st.integers(5, 16), st.sampled_from([0.3, 0.05, 0.01]))
-def test_a_tessellation_is_one_closed_outward_sphere(
-    bone_like: Callable[..., TSpline],
-    assert_closed_sphere: Callable[[TriangleMesh], None],
-    seed: int,
-    rows: int,
-    around: int,
-    tolerance: float,
-) -> None:
+def test_a_tessellation_is_one_closed_outward_sphere(seed: int, rows: int, around: int, tolerance: float) -> None:
     surface = bone_like(rows, around, seed)
     found = surface.tessellate_with_parameters(tolerance)
     assert_closed_sphere(found.mesh)
@@ -251,7 +226,7 @@ def test_a_tessellation_is_one_closed_outward_sphere(
     assert abs(found.mesh.volume - surface.volume) <= tolerance * surface.area
 
 
-def test_no_small_face_at_a_pole_turns_over(bone_like: Callable[..., TSpline]) -> None:
+def test_no_small_face_at_a_pole_turns_over() -> None:
     """Nearly collinear in (s, t) is not so round a pole: with few vertices on its ring one of these faces lay
     against the surface."""
     surface = bone_like(14, 12, 10)
@@ -260,9 +235,7 @@ def test_no_small_face_at_a_pole_turns_over(bone_like: Callable[..., TSpline]) -
     assert (np.einsum("ni,ni->n", mesh.face_vectors, surface.normals(foot.s, foot.t)) > 0).all()
 
 
-def test_the_surface_lies_within_the_tolerance_of_the_mesh(
-    bone_like: Callable[..., TSpline], samples: Callable[..., tuple[ndarray, ndarray]]
-) -> None:
+def test_the_surface_lies_within_the_tolerance_of_the_mesh() -> None:
     surface = bone_like(14, 12, 2)
     points = surface.evaluate(*samples(20_000))
     for tolerance in (0.1, 0.01):
@@ -271,9 +244,7 @@ def test_the_surface_lies_within_the_tolerance_of_the_mesh(
         assert np.sqrt(squared.max()) <= tolerance
 
 
-def test_the_angle_tolerance_bounds_normals_along_edges(
-    bone_like: Callable[..., TSpline], assert_closed_sphere: Callable[[TriangleMesh], None]
-) -> None:
+def test_the_angle_tolerance_bounds_normals_along_edges() -> None:
     surface = bone_like(12, 10, 7, spread=0.0)
     found = surface.tessellate_with_parameters(0.2, np.radians(8))
     assert_closed_sphere(found.mesh)
@@ -284,7 +255,7 @@ def test_the_angle_tolerance_bounds_normals_along_edges(
     assert cosine[long].min() >= np.cos(np.radians(8)) - 1e-12
 
 
-def test_what_cannot_be_tessellated_is_an_error(bone_like: Callable[..., TSpline]) -> None:
+def test_what_cannot_be_tessellated_is_an_error() -> None:
     surface = bone_like(8, 6)
     with pytest.raises(ValueError, match="positive"):
         surface.tessellate(0.0)
@@ -293,17 +264,13 @@ def test_what_cannot_be_tessellated_is_an_error(bone_like: Callable[..., TSpline
         flat.tessellate(0.1)
 
 
-def test_rounds_that_do_not_suffice_are_told(
-    bone_like: Callable[..., TSpline], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_rounds_that_do_not_suffice_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("bonecam.surface.tessellation.ROUNDS", 1)
     with pytest.raises(SurfaceError, match=r"cannot be tessellated to 0\.002 mm .* in 1 rounds?, near"):
         bone_like(8, 8, 3).tessellate(0.002)
 
 
-def test_a_surface_that_cuts_itself_is_refused_with_the_place(
-    pebble: Callable[..., TSpline], mesh_of: Callable[..., TriangleMesh]
-) -> None:
+def test_a_surface_that_cuts_itself_is_refused_with_the_place() -> None:
     sound = pebble()
     require_valid(sound, 0.05, "bone.stl")
     points = np.array(sound.control_points)

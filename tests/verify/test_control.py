@@ -17,6 +17,7 @@ from functools import cached_property
 
 import numpy as np
 import pytest
+from small_parts import PATH_CAPSULE, capsule_path
 
 from bonecam.errors import ProgramError, VerifyError
 from bonecam.job import Job
@@ -32,7 +33,6 @@ from bonecam.nc.reading import read_program
 from bonecam.nc.words import number_blocks
 from bonecam.setup.stocks.mesh import ConvexStock
 from bonecam.tool.cutter import Cutter
-from bonecam.tool.path import ToolPath
 from bonecam.verify.control import check_control, check_limits, nose_moves
 from bonecam.verify.gouge import measure_gouge
 from bonecam.verify.removal import check_removal, cutters_of, simulate_removal
@@ -79,7 +79,7 @@ class Posted:
 
 
 @pytest.fixture(scope="package")
-def posted_of(capsule_path: Callable[..., ToolPath]) -> Callable[[str], Posted]:
+def posted_of() -> Callable[[str], Posted]:
     """The short program of a dialect, by its name."""
     made: dict[str, Posted] = {}
 
@@ -119,15 +119,15 @@ ALLOWED_GOUGE = 0.05
 
 
 @pytest.fixture(scope="module")
-def part(path_capsule):
+def part():
     """The distances to the capsule."""
-    return MeshDistance(capsule(path_capsule, 0.0))
+    return MeshDistance(capsule(PATH_CAPSULE, 0.0))
 
 
 @pytest.fixture(scope="module")
-def stock(path_capsule):
+def stock():
     """The capsule with 0.5 mm more all round."""
-    return ConvexStock(convex_hull(capsule(path_capsule, 0.5).vertices), proven=True)
+    return ConvexStock(convex_hull(capsule(PATH_CAPSULE, 0.5).vertices), proven=True)
 
 
 def capsule(shape, offset):
@@ -407,7 +407,7 @@ HEIDENHAIN, SIEMENS = read_dialect("heidenhain"), read_dialect("siemens-840d")
 
 
 @pytest.fixture(scope="module")
-def paths(capsule_path):
+def paths():
     return [capsule_path(count=120, turns=3.0)]
 
 
@@ -484,7 +484,7 @@ def machine_text(chain, rotary, point):
 
 
 @pytest.fixture(scope="module", params=[(name, point) for name in CHAINS for point in ("tip", "centre")])
-def moves(request, capsule_path, tmp_path_factory):
+def moves(request, tmp_path_factory):
     """The nose of a helix in long blocks, and that sampled at a thousand places of each block."""
     name, point = request.param
     path = tmp_path_factory.mktemp("machine") / "test.toml"
@@ -524,7 +524,7 @@ def test_the_highest_place_of_each_block_is_found(moves, column, sign):
     assert set(rows[highest > value + 0.002]) <= set(noses.reaching(column, sign, value).tolist())
 
 
-def test_a_limit_that_is_passed_between_the_ends_of_a_block_only_is_kept(capsule_path):
+def test_a_limit_that_is_passed_between_the_ends_of_a_block_only_is_kept():
     """The tip stays at X 100 of the part while C turns from -20 to 20: X goes from 94 over 100 to 94."""
     mikron, heidenhain = read_machine("mikron-ucp600"), read_dialect("heidenhain")
     lines = write_program([capsule_path(count=24)], mikron, heidenhain, Job()).text.splitlines()

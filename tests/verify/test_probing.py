@@ -15,6 +15,7 @@ from dataclasses import replace
 import igl
 import numpy as np
 import pytest
+from small_parts import FINISHING_CUTTER, ROUGHING_CUTTER, UPRIGHT_CAPSULE, mesh_of, path_of, pebble, revolved
 
 from bonecam.errors import JobError, MachineError
 from bonecam.job import Job
@@ -46,10 +47,10 @@ PAIR = read_machine("mikron-ucp600"), read_dialect("heidenhain")
 
 
 @pytest.fixture(scope="session")
-def posted(path_of, pebble, finishing_cutter, roughing_cutter, upright_capsule):
+def posted():
     """Rings 0.3 mm apart round the middle of a pebble, the axis along the normal but for a lean upwards."""
     part = pebble()
-    tool = replace(finishing_cutter, flute_length=8.0)
+    tool = replace(FINISHING_CUTTER, flute_length=8.0)
     rows = []
     for t in np.linspace(0.62, 0.4, 12):
         s = np.linspace(0, 1, 121)
@@ -62,9 +63,9 @@ def posted(path_of, pebble, finishing_cutter, roughing_cutter, upright_capsule):
     tips, axes, kinds = (np.array(column) for column in zip(*rows))
     path = path_of(tips, axes, kinds=kinds.astype(np.int64), tool=tool, level=0)
     text = write_program([path], *PAIR, Job()).text
-    cutters = (roughing_cutter, tool)
+    cutters = (ROUGHING_CUTTER, tool)
     post = Post(1.0, 32.0)
-    removal = simulate_removal(text, *PAIR, upright_capsule, post, cutters, part=part, accuracy=Accuracy(0.2))
+    removal = simulate_removal(text, *PAIR, UPRIGHT_CAPSULE, post, cutters, part=part, accuracy=Accuracy(0.2))
     return PostedProgram(text, *PAIR, cutters, part, removal)
 
 
@@ -89,12 +90,12 @@ def offset(posted):
 
 
 @pytest.fixture(scope="module")
-def ball(revolved):
+def ball():
     return revolved(lambda share, azimuth: 6 * np.sqrt(np.maximum(1 - (2 * share - 1) ** 2, 0)) + 0 * azimuth)
 
 
 @pytest.fixture(scope="module")
-def cylinder(revolved):
+def cylinder():
     return revolved(lambda share, azimuth: 4.0 + 0 * share * azimuth)
 
 
@@ -110,7 +111,7 @@ def test_a_known_offset_comes_back_within_a_micrometre(request, offset, shape, c
 
 
 @pytest.mark.parametrize("flat", [0.0, 1.0])
-def test_the_distance_of_the_ball_agrees_with_another_library(offset, pebble, flat):
+def test_the_distance_of_the_ball_agrees_with_another_library(offset, flat):
     part = pebble()
     probed = probe_surface(offset(part, 0.02 * flat, 0.0), probe_line(part, POST, 0.5, 25))
     patches = probed.patches
@@ -120,7 +121,7 @@ def test_the_distance_of_the_ball_agrees_with_another_library(offset, pebble, fl
     assert np.abs(np.sqrt(squared) - probed.radius).max() < 2 * UM
 
 
-def test_a_ball_stops_at_the_first_thing_on_its_way(mesh_of, pebble):
+def test_a_ball_stops_at_the_first_thing_on_its_way():
     mesh = mesh_of(pebble())
     above = np.array([[0.0, 0.0, 37.0], [30.0, 0.0, 37.0]])
     along = np.tile([0.0, 0.0, 1.0], (2, 1))
@@ -130,7 +131,7 @@ def test_a_ball_stops_at_the_first_thing_on_its_way(mesh_of, pebble):
     assert np.isnan(centres[1]).all(), "it goes past the part"
 
 
-def test_the_back_is_the_least_hollow_side(revolved):
+def test_the_back_is_the_least_hollow_side():
     hollow = 0.25
     part = revolved(
         lambda share, azimuth: (
@@ -144,19 +145,19 @@ def test_the_back_is_the_least_hollow_side(revolved):
     assert away > 0.2
 
 
-def test_points_are_evenly_spaced_and_clear_of_the_post(pebble):
+def test_points_are_evenly_spaced_and_clear_of_the_post():
     line = probe_line(pebble(), POST, 0.5, 50)
     assert np.ptp(np.diff(line.along)) < 1e-9
     assert POST.distance(line.places + 0.5 * line.normals).min() > 0.5
 
 
 @pytest.mark.parametrize("s", [-0.1, 1.2])
-def test_a_line_off_the_part_is_refused_in_a_line(pebble, s):
+def test_a_line_off_the_part_is_refused_in_a_line(s):
     with pytest.raises(JobError, match=rf"^line {s} is off the part: give a parameter s from 0 to 1$"):
         probe_line(pebble(), POST, 0.5, 10, s)
 
 
-def test_too_few_points_and_too_large_a_ball_are_refused_in_a_line(offset, pebble):
+def test_too_few_points_and_too_large_a_ball_are_refused_in_a_line(offset):
     with pytest.raises(JobError, match=r"^1 points make no line: give 2 or more$"):
         probe_line(pebble(), POST, 0.5, 1)
     with pytest.raises(JobError, match=r"^a ball of radius 5 mm: give more than 0 and at most 3$"):
@@ -181,7 +182,7 @@ def test_what_no_ball_came_near_stands_as_the_rays_tell(posted):
 
 
 @pytest.fixture(scope="module")
-def part(mesh_of, pebble):
+def part():
     return MeshDistance(mesh_of(pebble()))
 
 

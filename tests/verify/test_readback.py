@@ -4,11 +4,11 @@ Programs with one fault each: reading the text back finds every one, with its bl
 """
 
 import re
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from small_parts import PATH_CAPSULE, capsule_path
 
 from bonecam.errors import BonecamError, VerifyError
 from bonecam.job import Job
@@ -31,7 +31,7 @@ PAIRS = {
 
 
 @pytest.fixture(scope="module")
-def paths(capsule_path: Callable[..., ToolPath]) -> tuple[ToolPath, ToolPath]:
+def paths() -> tuple[ToolPath, ToolPath]:
     return (
         capsule_path(level=4, radius=2.0, offset=1.5, number=1, count=300),
         capsule_path(level=0, radius=1.0, number=2, count=600),
@@ -58,8 +58,8 @@ def capsule_mesh(capsule: tuple[float, float, float], chord: float = 0.002) -> T
 
 
 @pytest.fixture(scope="module")
-def mesh(path_capsule):
-    return MeshDistance(capsule_mesh(path_capsule))
+def mesh():
+    return MeshDistance(capsule_mesh(PATH_CAPSULE))
 
 
 @pytest.fixture(params=PAIRS)
@@ -169,14 +169,14 @@ def test_a_tool_exchanged_is_found(paths, pair):
         check(text_of(pair, paths), pair, exchanged)
 
 
-def test_a_path_through_the_part_is_refused_with_line_and_place(paths, capsule_path, pair, mesh):
+def test_a_path_through_the_part_is_refused_with_line_and_place(paths, pair, mesh):
     deep = (paths[0], capsule_path(level=0, number=2, offset=-0.05, count=600))
     with pytest.raises(VerifyError, match=r"line \d+: the ball enters the part by 0.05\d+ mm at \(") as caught:
         verify(text_of(pair, deep), deep, *pair, mesh)
     assert caught.value.evidence["error"] == pytest.approx(0.05, abs=0.005)
 
 
-def test_every_split_move_lies_on_the_way_meant(capsule_path, pair):
+def test_every_split_move_lies_on_the_way_meant(pair):
     rough = (capsule_path(count=60, turns=4.0),)
     checked = check(text_of(pair, rough), pair, rough)
     assert (checked.source < -1).sum() > 30
@@ -208,7 +208,7 @@ MACHINE, DIALECT = read_machine("mikron-ucp600"), read_dialect("heidenhain")
 
 
 @pytest.fixture(scope="module")
-def planted_paths(capsule_path):
+def planted_paths():
     return (
         capsule_path(level=2, radius=2.0, offset=1.5, number=1, count=60, turns=2),
         capsule_path(level=1, radius=1.0, offset=0.5, number=2, count=60, turns=2),

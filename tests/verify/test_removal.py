@@ -21,6 +21,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy import ndarray
+from small_parts import path_of
 from small_wheel import EDGES, HALF, PROFILE, blade
 
 from bonecam.errors import BodiesError, MachineError, MeshError, VerifyError
@@ -86,7 +87,7 @@ def machine_with(tmp_path: Path) -> Callable[..., Machine]:
 
 
 @pytest.fixture
-def leaning(path_of: Callable[..., ToolPath]) -> ToolPath:
+def leaning() -> ToolPath:
     """Cuts round a part whose axes lean more and more, once round it."""
     polar, azimuth = np.radians(np.linspace(0, 80, 60)), np.radians(np.linspace(0, 330, 60))
     axes = np.column_stack([np.sin(polar) * np.cos(azimuth), np.sin(polar) * np.sin(azimuth), np.cos(polar)])
@@ -115,7 +116,7 @@ def test_the_least_clearance_is_that_of_all_poses(names: list[str], machine_with
     assert told.least.value >= least - TOUCHING
 
 
-def test_a_wall_beside_the_tool_is_as_far_as_it_is(machine_with, path_of: Callable[..., ToolPath]) -> None:
+def test_a_wall_beside_the_tool_is_as_far_as_it_is(machine_with) -> None:
     """The tool goes upright to x = 40: its nose of 80 mm has its rim at 80 there, the wall stands at 100."""
     tips = np.column_stack([np.linspace(0.0, 40.0, 9), np.zeros(9), np.full(9, 100.0)])
     path = path_of(tips, np.tile([0.0, 0.0, 1.0], (9, 1)), tool=CUTTERS[0])
@@ -129,9 +130,7 @@ def test_a_wall_beside_the_tool_is_as_far_as_it_is(machine_with, path_of: Callab
     assert told.least.place == pytest.approx((40.0, 0.0, 100.0), abs=TOUCHING)
 
 
-def test_a_program_that_meets_a_body_is_refused_and_no_fault_of_the_part(
-    machine_with, path_of: Callable[..., ToolPath]
-) -> None:
+def test_a_program_that_meets_a_body_is_refused_and_no_fault_of_the_part(machine_with) -> None:
     tips = np.column_stack([np.linspace(0.0, 40.0, 9), np.zeros(9), np.full(9, 100.0)])
     path = path_of(tips, np.tile([0.0, 0.0, 1.0], (9, 1)), tool=CUTTERS[0])
     machine = machine_with({"wall": ("C", [[70, -50, 0], [120, 50, 300]])})

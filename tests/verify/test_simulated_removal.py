@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from mill import Mill, bull, flat
+from small_parts import FINISHING_CUTTER, PATH_CAPSULE, ROUGHING_CUTTER, UPRIGHT_CAPSULE, capsule_path, path_of, pebble
 
 from bonecam.errors import JobError, ProgramError, VerifyError
 from bonecam.job import Job
@@ -40,18 +41,18 @@ to this."""
 
 
 @pytest.fixture(scope="module")
-def finishing_cutter(finishing_cutter):
+def finishing_cutter():
     """A ball of 1 mm whose flutes are longer than the cuts here are deep."""
-    return replace(finishing_cutter, flute_length=8.0)
+    return replace(FINISHING_CUTTER, flute_length=8.0)
 
 
 @pytest.fixture(scope="module")
-def part(pebble):
+def part():
     return pebble()
 
 
 @pytest.fixture(scope="module")
-def ring_path(path_of, finishing_cutter):
+def ring_path(finishing_cutter):
     """Makes rings of contacts on a surface, the axis leant up from the normal, between approaches of 12
     mm."""
 
@@ -75,8 +76,8 @@ def ring_path(path_of, finishing_cutter):
 
 
 @pytest.fixture(scope="module")
-def stock(upright_capsule):
-    return upright_capsule
+def stock():
+    return UPRIGHT_CAPSULE
 
 
 @pytest.fixture(scope="module")
@@ -85,8 +86,8 @@ def text(ring_path, part):
 
 
 @pytest.fixture(scope="module")
-def simulate(stock, part, finishing_cutter, roughing_cutter):
-    def run(text, pair=PAIR, finishing=finishing_cutter, roughing=roughing_cutter, accuracy=COARSE, post=POST, **given):
+def simulate(stock, part, finishing_cutter):
+    def run(text, pair=PAIR, finishing=finishing_cutter, roughing=ROUGHING_CUTTER, accuracy=COARSE, post=POST, **given):
         cutters = [roughing, finishing]
         return simulate_removal(text, *pair, stock, post, cutters, accuracy=accuracy, **{"part": part, **given})
 
@@ -132,8 +133,8 @@ def test_both_dialects_remove_the_same(ring_path, part, simulate, sound):
     assert other.levels[0].air_time_share == pytest.approx(sound.levels[0].air_time_share, abs=0.05)
 
 
-def test_a_turned_cylinder_is_what_stands(capsule_path, path_capsule):
-    bottom, top, radius = path_capsule
+def test_a_turned_cylinder_is_what_stands():
+    bottom, top, radius = PATH_CAPSULE
     path = capsule_path(turns=40.0, count=3000)
     blank = Capsule(np.array([0, 0, bottom]), np.array([0, 0, top]), radius + 0.4)
     text = write_program([path], *PAIR, Job()).text
@@ -146,8 +147,8 @@ def test_a_turned_cylinder_is_what_stands(capsule_path, path_capsule):
     assert made.levels[0].deepest.value == pytest.approx(0.4, abs=0.04)
 
 
-def test_what_takes_hundredths_of_a_mm_rubs(capsule_path, path_capsule):
-    bottom, top, radius = path_capsule
+def test_what_takes_hundredths_of_a_mm_rubs():
+    bottom, top, radius = PATH_CAPSULE
     path = capsule_path(turns=40.0, count=3000)
     text = write_program([path], *PAIR, Job()).text
     shares = []
@@ -189,7 +190,7 @@ def test_hollows_narrower_than_the_ball_are_a_reason(text, bowl, reason):
     assert left.by_reason[reason] == pytest.approx(0.1 * len(inward))
 
 
-def test_a_rapid_through_stock_is_found(path_of, finishing_cutter, simulate):
+def test_a_rapid_through_stock_is_found(finishing_cutter, simulate):
     tips = np.array([[0, 0, 70.0], [15, 0, 50.0], [15, 0, 41.0], [-15, 0, 41.0], [-15, 0, 60.0]])
     kinds = np.array([MoveKind.RAPID] * 5, dtype=np.int64)
     path = path_of(tips, np.tile([0, 0, 1.0], (5, 1)), kinds=kinds, tool=finishing_cutter)
@@ -277,7 +278,7 @@ def test_what_holds_the_free_end_stands_in_the_rays_and_is_never_cut(simulate, t
         check_removal(simulate(text, post=thick))
 
 
-def test_a_tool_below_the_table_is_found(ring_path, pebble, simulate, finishing_cutter):
+def test_a_tool_below_the_table_is_found(ring_path, simulate, finishing_cutter):
     text = write_program([ring_path(pebble())], *PAIR, Job()).text
     low = re.sub(r" Z([+-]\d+\.\d+)", lambda found: f" Z{float(found[1]) - 45:+.3f}", text)
     found = simulate(low, part=None)
@@ -287,10 +288,10 @@ def test_a_tool_below_the_table_is_found(ring_path, pebble, simulate, finishing_
 
 
 @pytest.mark.parametrize("kind", [MoveKind.LINK, MoveKind.CUT])
-def test_a_link_through_standing_material_is_found(path_of, finishing_cutter, upright_capsule, simulate, kind):
+def test_a_link_through_standing_material_is_found(finishing_cutter, simulate, kind):
     # 0.3 mm deep along the side of the stock
     x = np.linspace(-1.0, 1.0, 9)
-    away = upright_capsule.radius + finishing_cutter.radius - 0.3
+    away = UPRIGHT_CAPSULE.radius + finishing_cutter.radius - 0.3
     tips = np.column_stack([x, np.full(len(x), -away), np.full(len(x), 37.0 - finishing_cutter.radius)])
     tips = np.vstack([tips[0] + [0, -15, 20], tips[0] + [0, -15, 0], tips, tips[-1] + [0, -15, 0]])
     kinds = np.array([MoveKind.RAPID] * 2 + [kind] * len(x) + [MoveKind.RAPID], dtype=np.int64)
@@ -326,7 +327,7 @@ def test_an_angle_changed_by_5_degrees_is_found(simulate, text):
     assert abs(deepest.left.deepest_gouge.line - line) <= 1
 
 
-def test_two_levels_swapped_are_found(ring_path, part, pebble, simulate):
+def test_two_levels_swapped_are_found(ring_path, part, simulate):
     outer, inner = ring_path(pebble(1.2), 1), ring_path(part)
     limits = {0: 1.6, 1: 2.5}
     right = simulate(write_program([outer, inner], *PAIR, Job()).text, limits=limits)
@@ -342,7 +343,7 @@ def test_two_levels_swapped_are_found(ring_path, part, pebble, simulate):
     check_removal(wrong, limited=False)
 
 
-def test_a_cut_may_be_deeper_by_the_scallop_of_the_level_before(ring_path, part, pebble, simulate):
+def test_a_cut_may_be_deeper_by_the_scallop_of_the_level_before(ring_path, part, simulate):
     outer = ring_path(pebble(1.2), 1)
     text = write_program([outer, ring_path(part)], *PAIR, Job()).text
     stated = simulate(text, limits={0: 1.2, 1: 2.5}, scallops={1: 0.02}).levels
@@ -352,7 +353,7 @@ def test_a_cut_may_be_deeper_by_the_scallop_of_the_level_before(ring_path, part,
     assert stated[0].over_allowed == by_tool[0].over_allowed
 
 
-def test_a_rest_path_is_told_apart_and_the_depth_after_it_counts_from_what_it_left(ring_path, part, pebble, simulate):
+def test_a_rest_path_is_told_apart_and_the_depth_after_it_counts_from_what_it_left(ring_path, part, simulate):
     rest = replace(ring_path(pebble(0.3)), rest=1)
     both = simulate(write_program([rest, ring_path(part)], *PAIR, Job()).text, limits={0: 0.5}).levels
     alone = simulate(write_program([ring_path(part)], *PAIR, Job()).text, limits={0: 0.5}).levels
@@ -360,8 +361,8 @@ def test_a_rest_path_is_told_apart_and_the_depth_after_it_counts_from_what_it_le
     assert both[1].deepest.value < 0.5 < 1.5 < alone[0].deepest.value
 
 
-def test_a_tool_call_exchanged_is_found(ring_path, part, simulate, roughing_cutter, finishing_cutter):
-    paths = [ring_path(part, 1, roughing_cutter), ring_path(part, 0, finishing_cutter)]
+def test_a_tool_call_exchanged_is_found(ring_path, part, simulate, finishing_cutter):
+    paths = [ring_path(part, 1, ROUGHING_CUTTER), ring_path(part, 0, finishing_cutter)]
     text = write_program(paths, *PAIR, Job()).text
     wrong = text.replace("TOOL CALL 1", "TOOL CALL 9").replace("TOOL CALL 2", "TOOL CALL 1")
     wrong = wrong.replace("TOOL CALL 9", "TOOL CALL 2")
@@ -396,7 +397,7 @@ def cutter(job) -> Cutter:
 
 
 @pytest.fixture(scope="module")
-def ring(path_of, pebble, cutter):
+def ring(cutter):
     """Makes a ring about the pebble's middle that the corner of the cutter follows, on the side to which the tool
     leans from the normal (1), or on the other, where its heel is the lowest (-1)."""
 
@@ -422,10 +423,10 @@ def ring(path_of, pebble, cutter):
 
 
 @pytest.fixture(scope="module")
-def simulated(ring, pebble, upright_capsule, job, cutter):
+def simulated(ring, job, cutter):
     def run(side: int) -> Removal:
         text = write_program([ring(side)], *PAIR, job).text
-        given = (upright_capsule, Post(1.0, 32.0), [cutter])
+        given = (UPRIGHT_CAPSULE, Post(1.0, 32.0), [cutter])
         return simulate_removal(text, *PAIR, *given, part=pebble(), accuracy=Accuracy(0.1))
 
     return run
@@ -447,7 +448,7 @@ def test_a_corner_that_leads_cuts_down_to_the_part_and_no_deeper(simulated) -> N
     assert found.levels[0].removed > 50.0
 
 
-def test_a_heel_that_digs_in_is_refused_as_deep_as_the_profile_tells(simulated, ring, pebble, job) -> None:
+def test_a_heel_that_digs_in_is_refused_as_deep_as_the_profile_tells(simulated, ring, job) -> None:
     found = simulated(-1)
     deepest = found.left.deepest_gouge
     expected = deepest_by_profile(ring(-1), pebble(), job.roughing.shape)

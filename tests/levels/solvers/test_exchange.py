@@ -14,12 +14,13 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 from bonecam_meshes import path as shipped
+from level_parts import CAPSULE, HALF_MILLIMETRE, STEP_PARAMETERS, waisted
 
 import bonecam
 from bonecam.errors import LevelError
 from bonecam.job import Job
 from bonecam.levels.open_morph import body_surfaces
-from bonecam.levels.problem import Cut, Discretisation, StepParameters, remaining, whole
+from bonecam.levels.problem import Discretisation, remaining, whole
 from bonecam.levels.program import LevelProgram, LinearLimits, program_of
 from bonecam.levels.solvers import admm
 from bonecam.levels.solvers.exchange import next_level
@@ -28,36 +29,31 @@ from bonecam.levels.solvers.solver import SOLVERS
 from bonecam.mesh.files.mesh_files import read_mesh
 from bonecam.setup.capsule import Capsule
 from bonecam.surface.query import closest_points_near
-from bonecam.surface.tspline import TSpline
 
 
 @pytest.fixture(scope="module")
-def program(
-    discretisation: Discretisation, half_millimetre: Cut, step_parameters: StepParameters, capsule: Capsule
-) -> Callable[[int], LevelProgram]:
+def program(discretisation: Discretisation) -> Callable[[int], LevelProgram]:
     """Sets up the program of the level after this many."""
 
     @cache
     def set_up(levels: int) -> LevelProgram:
         P = np.array(discretisation.surface.control_points)
-        rest = remaining(discretisation, P, whole(capsule))
+        rest = remaining(discretisation, P, whole(CAPSULE))
         for _ in range(levels):
-            P = P + next_level(discretisation, P, rest, half_millimetre, step_parameters).moves
+            P = P + next_level(discretisation, P, rest, HALF_MILLIMETRE, STEP_PARAMETERS).moves
             rest = remaining(discretisation, P, rest)
-        return program_of(discretisation, P, rest, half_millimetre, step_parameters)
+        return program_of(discretisation, P, rest, HALF_MILLIMETRE, STEP_PARAMETERS)
 
     return set_up
 
 
 @pytest.mark.parametrize("levels", [0, 1, 2])
-def test_the_energy_is_within_one_percent_of_the_reference(
-    program: Callable[[int], LevelProgram], half_millimetre: Cut, levels: int
-) -> None:
+def test_the_energy_is_within_one_percent_of_the_reference(program: Callable[[int], LevelProgram], levels: int) -> None:
     """The same linear limits for both: ADMM does not set them up again here."""
     one = program(levels)
     ours = admm.solve(one, set_up_every=10**6)
     assert one.energy(ours) == pytest.approx(one.energy(exact(one)), rel=0.01)
-    assert one.limits.broken(one.x + one.R @ ours).max() < 0.02 * half_millimetre.depth
+    assert one.limits.broken(one.x + one.R @ ours).max() < 0.02 * HALF_MILLIMETRE.depth
 
 
 @pytest.mark.parametrize("levels", [0, 1, 2])
@@ -92,18 +88,16 @@ def test_osqp_finds_the_same_optimum(program: Callable[[int], LevelProgram]) -> 
     assert one.energy(found) == pytest.approx(one.energy(admm.solve(one, set_up_every=10**6)), rel=0.01)
 
 
-def test_what_is_left_broken_is_projected_away(
-    discretisation: Discretisation, capsule: Capsule, step_parameters: StepParameters, half_millimetre: Cut
-) -> None:
+def test_what_is_left_broken_is_projected_away(discretisation: Discretisation) -> None:
     P = np.array(discretisation.surface.control_points)
-    rest = remaining(discretisation, P, whole(capsule))
+    rest = remaining(discretisation, P, whole(CAPSULE))
     for k in range(4):
         step = next_level(
             discretisation,
             P,
             rest,
-            replace(half_millimetre, landing=half_millimetre.landing + 0.01 * (4 - k)),
-            step_parameters,
+            replace(HALF_MILLIMETRE, landing=HALF_MILLIMETRE.landing + 0.01 * (4 - k)),
+            STEP_PARAMETERS,
         )
         assert step.broken < 0.001
         assert not step.infeasible.any()
@@ -111,7 +105,7 @@ def test_what_is_left_broken_is_projected_away(
         rest = remaining(discretisation, P, rest)
 
 
-def test_feet_are_nearest_places(waisted: Callable[..., TSpline]) -> None:
+def test_feet_are_nearest_places() -> None:
     surface = waisted()
     rng = np.random.default_rng(2)
     s, t = rng.random(300), rng.uniform(0.02, 0.98, 300)
@@ -134,7 +128,7 @@ def test_feet_are_found_from_farther_off_than_the_radius_of_curvature() -> None:
     assert np.abs(np.linalg.norm(points - foot, axis=1) - 2.0).max() < 1e-3
 
 
-def test_feet_reach_the_poles(waisted: Callable[..., TSpline]) -> None:
+def test_feet_reach_the_poles() -> None:
     """On a part so large that the rings from which Newton goes no farther are 0.5 mm wide."""
     large = waisted()
     large = large.with_control_points(100 * large.control_points)
@@ -148,7 +142,7 @@ def test_feet_reach_the_poles(waisted: Callable[..., TSpline]) -> None:
         assert (out * normals[:, 2] > 0.99).all()
 
 
-def test_the_way_to_a_foot_ends_at_a_place_that_is_near_enough(waisted: Callable[..., TSpline]) -> None:
+def test_the_way_to_a_foot_ends_at_a_place_that_is_near_enough() -> None:
     surface = waisted()
     rng = np.random.default_rng(3)
     s, t = rng.random(300), rng.uniform(0.02, 0.98, 300)

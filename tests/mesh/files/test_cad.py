@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from mesh_bodies import check_refused
 
 from bonecam.errors import FileError, UnitsError
 from bonecam.mesh.files import cad
@@ -199,9 +200,7 @@ BAD = {
 
 @pytest.mark.usefixtures("without_child")
 @pytest.mark.parametrize("name", BAD)
-def test_a_bad_file_is_refused_in_one_line_that_names_it(
-    check_refused: Callable[[Path, bytes | str, str], None], name: str, tmp_path: Path
-) -> None:
+def test_a_bad_file_is_refused_in_one_line_that_names_it(name: str, tmp_path: Path) -> None:
     check_refused(tmp_path / name, *BAD[name])
 
 

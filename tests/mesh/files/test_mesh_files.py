@@ -10,7 +10,6 @@ Points from text files, and surfaces round point clouds.
 import os
 import resource
 import struct
-from collections.abc import Callable
 from pathlib import Path
 
 import matplotlib.pyplot as plt
@@ -18,6 +17,8 @@ import numpy as np
 import pymeshlab
 import pytest
 from bonecam_meshes import path as shipped
+from mesh_bodies import check_refused, ellipsoid, solid
+from small_parts import PAINTED_PLY
 
 from bonecam.errors import FileError, MeshError
 from bonecam.filters.meshset import MeshSet
@@ -27,7 +28,6 @@ from bonecam.mesh.files.cad import call_in_child
 from bonecam.mesh.files.mesh_files import axes_text, read_mesh, read_mesh_file, stated_axes, write_mesh
 from bonecam.mesh.files.points import read_blocks, reconstruct
 from bonecam.mesh.part import prepare_part
-from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.runtime import worker
 
 TETRAHEDRON = "0 0 0\n1 0 0\n0 1 0\n0 0 1\n"
@@ -61,9 +61,7 @@ def test_every_text_format_gives_the_same_solid(name: str, tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize("ending", [".ply", ".stl"])
-def test_what_is_written_is_read_back_and_is_the_same_bytes_twice(
-    ellipsoid: Callable[..., TriangleMesh], ending: str, tmp_path: Path
-) -> None:
+def test_what_is_written_is_read_back_and_is_the_same_bytes_twice(ending: str, tmp_path: Path) -> None:
     mesh = ellipsoid(3, 4, 9)
     write_mesh(mesh, tmp_path / f"one{ending}")
     write_mesh(mesh, tmp_path / f"two{ending}")
@@ -74,7 +72,7 @@ def test_what_is_written_is_read_back_and_is_the_same_bytes_twice(
     assert sorted(path.name for path in tmp_path.iterdir()) == [f"one{ending}", f"two{ending}"]
 
 
-def test_quality_is_written_to_ply(ellipsoid: Callable[..., TriangleMesh], tmp_path: Path) -> None:
+def test_quality_is_written_to_ply(tmp_path: Path) -> None:
     mesh = ellipsoid(3, 4, 9)
     write_mesh(mesh, tmp_path / "q.ply", quality=mesh.vertices[:, 2])
     assert b"property double quality" in (tmp_path / "q.ply").read_bytes()[:600]
@@ -151,9 +149,7 @@ def test_remarks_of_a_ply_are_passed_over(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", BAD)
-def test_a_bad_file_is_refused_in_one_line_that_names_it(
-    check_refused: Callable[[Path, bytes | str, str], None], name: str, tmp_path: Path
-) -> None:
+def test_a_bad_file_is_refused_in_one_line_that_names_it(name: str, tmp_path: Path) -> None:
     check_refused(tmp_path / name, *BAD[name])
 
 
@@ -167,7 +163,7 @@ def test_a_binary_ply_with_vertices_that_are_no_numbers_is_refused(tmp_path: Pat
         read_mesh(tmp_path / "nan.ply")
 
 
-def test_a_missing_file_and_a_missing_folder_are_named(ellipsoid: Callable[..., TriangleMesh], tmp_path: Path) -> None:
+def test_a_missing_file_and_a_missing_folder_are_named(tmp_path: Path) -> None:
     with pytest.raises(FileError, match=r"xxx\.stl: cannot be read \(File name too long\)"):
         read_mesh("x" * 300 + ".stl")
     with pytest.raises(FileError, match=r"nowhere\.stl: cannot be read"):
@@ -192,9 +188,7 @@ def test_a_refused_ending_names_what_the_caller_reads_itself(tmp_path: Path) -> 
         read_mesh(tmp_path / "bone")
 
 
-def test_faces_without_area_survive_reading_so_that_repair_can_tell_of_them(
-    solid: Callable[..., TriangleMesh], tmp_path: Path
-) -> None:
+def test_faces_without_area_survive_reading_so_that_repair_can_tell_of_them(tmp_path: Path) -> None:
     mesh = solid(np.eye(3), np.array([[0, 1, 2], [0, 1, 1]]))
     write_mesh(mesh, tmp_path / "null.stl")
     assert len(read_mesh(tmp_path / "null.stl").faces) == 2
@@ -217,9 +211,7 @@ def test_a_disk_that_is_full_leaves_no_mesh_cut_short(ending: str, lost: int, tm
     assert [item.name for item in tmp_path.iterdir()] == [file.name]
 
 
-def test_meshes_are_written_and_read_where_names_are_not_in_utf_8(
-    ellipsoid: Callable[..., TriangleMesh], tmp_path: Path
-) -> None:
+def test_meshes_are_written_and_read_where_names_are_not_in_utf_8(tmp_path: Path) -> None:
     folder = tmp_path / os.fsdecode(b"a\xff")
     folder.mkdir()
     mesh = ellipsoid(3, 2, 1)
@@ -301,9 +293,7 @@ def test_odd_but_sound_files_give_the_same_solid(name: str, tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize("name", DAMAGED)
-def test_files_that_end_meshlab_are_refused_in_one_line(
-    check_refused: Callable[[Path, bytes | str, str], None], name: str, tmp_path: Path
-) -> None:
+def test_files_that_end_meshlab_are_refused_in_one_line(name: str, tmp_path: Path) -> None:
     check_refused(tmp_path / name, *DAMAGED[name])
 
 
@@ -377,7 +367,7 @@ def test_left_handed_axes_are_told_to_make_a_mirror_image() -> None:
         assert axes_text(letters).endswith("left-handed: check that it is no mirror image")
 
 
-def test_the_part_tells_what_its_file_states(tmp_path: Path, ellipsoid: Callable[..., TriangleMesh]) -> None:
+def test_the_part_tells_what_its_file_states(tmp_path: Path) -> None:
     bone = ellipsoid(5, 4, 14, rings=8, columns=12)
     lines = [f"v {x} {y} {z}" for x, y, z in bone.vertices]
     lines += ["f " + " ".join(map(str, trio)) for trio in bone.faces + 1]
@@ -443,14 +433,14 @@ def test_options_of_meshlabs_reader_are_taken(tmp_path: Path) -> None:
 
 
 def test_damaged_and_special_files_are_refused_before_meshlab_sees_them(
-    tmp_path: Path, painted_ply: str, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(worker, "CHILD", "import os; os.abort()")
     (tmp_path / "far.obj").write_text(COLOURED_OBJ.replace("f 2 3 4", "f 2 3 1000000000"))
     (tmp_path / "device.obj").write_text("mtllib /dev/zero\n" + COLOURED_OBJ)
     (tmp_path / "painted.obj").write_text("mtllib none.mtl skin.mtl\n" + COLOURED_OBJ)
     (tmp_path / "skin.mtl").write_text("newmtl skin\nmap_Kd .\\paint.png\n")
-    (tmp_path / "painted.ply").write_text(painted_ply.format("paint.png"))
+    (tmp_path / "painted.ply").write_text(PAINTED_PLY.format("paint.png"))
     os.mkfifo(tmp_path / "paint.png")
     os.mkfifo(tmp_path / "pipe.gltf")
     for name, what in (
@@ -467,7 +457,7 @@ def test_damaged_and_special_files_are_refused_before_meshlab_sees_them(
 
 
 @pytest.mark.parametrize("kind", ["a.ply", "a.obj"])
-def test_a_texture_of_another_folder_is_not_opened(kind: str, painted_ply: str, tmp_path: Path) -> None:
+def test_a_texture_of_another_folder_is_not_opened(kind: str, tmp_path: Path) -> None:
     """What a mesh of a stranger names: beside it, or below its folder, it is its texture; elsewhere it is not."""
     folder = tmp_path / "given"
     (folder / "skins").mkdir(parents=True)
@@ -477,7 +467,7 @@ def test_a_texture_of_another_folder_is_not_opened(kind: str, painted_ply: str, 
 
     def load(name: str, *, allow_outside: bool = False) -> MeshSet:
         (folder / "a.mtl").write_text(f"newmtl skin\nmap_Kd {name}\n")
-        (folder / kind).write_text(painted_ply.format(name) if kind == "a.ply" else "mtllib a.mtl\n" + COLOURED_OBJ)
+        (folder / kind).write_text(PAINTED_PLY.format(name) if kind == "a.ply" else "mtllib a.mtl\n" + COLOURED_OBJ)
         meshes = MeshSet(allow_outside=allow_outside)
         meshes.load_new_mesh(str(folder / kind))
         return meshes
@@ -553,9 +543,7 @@ BAD_POINTS = {
 
 
 @pytest.mark.parametrize("name", BAD_POINTS)
-def test_a_bad_file_of_points_is_refused_in_one_line_that_names_it(
-    check_refused: Callable[[Path, bytes | str, str], None], name: str, tmp_path: Path
-) -> None:
+def test_a_bad_file_of_points_is_refused_in_one_line_that_names_it(name: str, tmp_path: Path) -> None:
     check_refused(tmp_path / name, *BAD_POINTS[name])
 
 
@@ -577,7 +565,7 @@ def test_the_surface_round_a_cloud_is_closed_outward_near_and_twice_the_same(tmp
     assert reconstruct(points).vertices.tobytes() == mesh.vertices.tobytes()
 
 
-def test_a_ply_without_faces_is_a_cloud(ellipsoid: Callable[..., TriangleMesh], tmp_path: Path) -> None:
+def test_a_ply_without_faces_is_a_cloud(tmp_path: Path) -> None:
     points = cloud(1000)
     head = (
         f"ply\nformat ascii 1.0\nelement vertex {len(points)}\n"

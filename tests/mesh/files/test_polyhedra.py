@@ -1,12 +1,12 @@
 """SAT, SAB and DXF polyhedra as triangles."""
 
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from mesh_bodies import check_refused
 
 from bonecam.errors import FileError
 from bonecam.mesh.files.mesh_files import read_mesh, read_mesh_file
@@ -223,9 +223,7 @@ BAD = {
 
 
 @pytest.mark.parametrize("name", BAD)
-def test_a_bad_file_is_refused_in_one_line_that_names_it(
-    check_refused: Callable[[Path, bytes | str, str], None], name: str, tmp_path: Path
-) -> None:
+def test_a_bad_file_is_refused_in_one_line_that_names_it(name: str, tmp_path: Path) -> None:
     check_refused(tmp_path / name, *BAD[name])
 
 

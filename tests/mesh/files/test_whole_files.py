@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from mesh_bodies import check_refused
 
 from bonecam.errors import FileError, UnitsError
 from bonecam.job import MeshJob
@@ -270,9 +271,7 @@ COUNTS = {
 
 
 @pytest.mark.parametrize("name", COUNTS)
-def test_a_count_that_is_too_small_or_large_is_refused(
-    check_refused: Callable[[Path, bytes | str, str], None], name: str, tmp_path: Path
-) -> None:
+def test_a_count_that_is_too_small_or_large_is_refused(name: str, tmp_path: Path) -> None:
     check_refused(tmp_path / name, *COUNTS[name])
 
 
@@ -330,9 +329,7 @@ UNREAD = {
 
 
 @pytest.mark.parametrize("name", UNREAD)
-def test_what_is_not_read_is_refused_by_its_name(
-    check_refused: Callable[[Path, bytes | str, str], None], name: str, tmp_path: Path
-) -> None:
+def test_what_is_not_read_is_refused_by_its_name(name: str, tmp_path: Path) -> None:
     check_refused(tmp_path / name, *UNREAD[name])
 
 

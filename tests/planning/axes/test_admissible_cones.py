@@ -1,10 +1,10 @@
 """What certified cones promise: no axis inside collides, however it is chosen."""
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from deepest_entry import deepest_entry
 from scipy.spatial import cKDTree
 
 from bonecam.arrays import unit
@@ -37,7 +37,7 @@ def axes_in(cones: AxisCones, contacts: np.ndarray, scale: float = 1.0, rim: boo
     return shapes.scaled(scale * share).rims(RANDOM.uniform(0, 2 * np.pi, len(shapes)))
 
 
-def test_no_axis_inside_a_cone_collides(made: Made, cones: AxisCones, deepest_entry: Callable[..., np.ndarray]) -> None:
+def test_no_axis_inside_a_cone_collides(made: Made, cones: AxisCones) -> None:
     path, scene = made
     contacts = RANDOM.choice(np.flatnonzero(cones.found), 500)
     for rim in (False, True):
@@ -46,7 +46,7 @@ def test_no_axis_inside_a_cone_collides(made: Made, cones: AxisCones, deepest_en
         assert deepest_entry(scene, path.cutter, path.centres[chosen], axes).max() < 0.011
 
 
-def test_widened_cones_are_caught(made: Made, cones: AxisCones, deepest_entry: Callable[..., np.ndarray]) -> None:
+def test_widened_cones_are_caught(made: Made, cones: AxisCones) -> None:
     """The audit sees collisions of cones that are wider than those certified."""
     path, scene = made
     contacts = RANDOM.choice(np.flatnonzero(cones.found), 400)
@@ -68,9 +68,7 @@ def blocked_by(cones: AxisCones) -> dict[int, str]:
     return {int(i): why[int(cones.free.net.node_of[i])] for i in np.flatnonzero(~cones.found)}
 
 
-def test_inside_the_part_every_axis_collides_and_no_contact_has_a_cone(
-    made: Made, deepest_entry: Callable[..., np.ndarray]
-) -> None:
+def test_inside_the_part_every_axis_collides_and_no_contact_has_a_cone(made: Made) -> None:
     """Apexes 0.3 mm below the surface."""
     path, scene = made
     some = path.take(np.arange(0, len(path.centres), 40))
@@ -116,9 +114,7 @@ def test_nearly_all_contacts_of_a_lump_have_a_cone(cones: AxisCones) -> None:
     assert np.degrees(np.median(cones.shapes.mean_angles)) > 20
 
 
-def test_a_map_proves_no_leaf_of_which_an_axis_collides(
-    made: Made, cones: AxisCones, deepest_entry: Callable[..., np.ndarray]
-) -> None:
+def test_a_map_proves_no_leaf_of_which_an_axis_collides(made: Made, cones: AxisCones) -> None:
     """Whether it was proven by itself or in a larger triangle."""
     path, scene = made
     free, leaves = cones.free, sphere_leaves()[1]
@@ -209,9 +205,7 @@ def test_contacts_without_a_cone_are_listed_with_what_blocks_them(made: Made) ->
     assert path.centres[list(blocked), 2].max() < np.median(path.centres[:, 2])
 
 
-def test_cones_keep_off_a_column_beside_the_part(
-    made: Made, cones: AxisCones, deepest_entry: Callable[..., np.ndarray]
-) -> None:
+def test_cones_keep_off_a_column_beside_the_part(made: Made, cones: AxisCones) -> None:
     """The column of a bracket takes directions towards itself; cones made without it enter it."""
     path, scene = made
     column = Column(6.0, 90.0, 0.0, 30.0, 10.0)

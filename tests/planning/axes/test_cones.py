@@ -12,7 +12,6 @@ the catalogue is that of a fine mesh.
 FCL's word on cones: it lets those pass that are proven, and sees what is wider, contained, or in the way.
 """
 
-from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 
@@ -21,6 +20,7 @@ import pytest
 from scipy.interpolate import BSpline
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
+from small_parts import path_of
 
 from bonecam.arrays import angles_between, perpendicular, unit
 from bonecam.errors import OrientationError
@@ -138,7 +138,7 @@ LENGTH = 2.0
 
 
 @pytest.fixture
-def path(path_of: Callable[..., ToolPath]) -> ToolPath:
+def path() -> ToolPath:
     """Ten points, of which those with odd numbers have a cone."""
     tips = np.column_stack([np.arange(10.0), np.zeros(10), np.zeros(10)])
     axes = unit(np.column_stack([np.linspace(-1, 1, 10), np.ones(10), np.ones(10)]))

@@ -5,11 +5,12 @@ Eq. 22 on facets as residuals of a field's control values.
 Facets of contacts: closed over seam and poles, none across gaps, none on a line.
 """
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from small_lump import at_parameters, cylinder_contacts
+from small_parts import revolved
 
 from bonecam.arrays import angles_between, dots, perpendicular
 from bonecam.planning.axes.field import (
@@ -163,9 +164,7 @@ PLAIN_VALUES = np.random.default_rng(4).normal(size=AROUND * ALONG)
 
 
 @pytest.fixture(scope="module")
-def case(
-    revolved: Callable[..., TSpline], cylinder_contacts: Callable[[TSpline], ContactPath]
-) -> tuple[FieldDomain, ContactFacets]:
+def case() -> tuple[FieldDomain, ContactFacets]:
     surface = revolved(lambda share, azimuth: 4.0 + 0 * azimuth + 0 * share, 0.0, 12.0)
     facets = contact_facets(cylinder_contacts(surface), surface)
     assert facets is not None
@@ -292,7 +291,7 @@ def test_contacts_that_follow_once_more_share_their_cell(capsule: TSpline, latti
     assert again.areas.sum() == pytest.approx(once.areas.sum())
 
 
-def test_contacts_on_a_line_have_no_facets(capsule: TSpline, at_parameters: Callable[..., ContactPath]) -> None:
+def test_contacts_on_a_line_have_no_facets(capsule: TSpline) -> None:
     line = np.column_stack([np.full(50, 0.25), np.linspace(0.2, 0.8, 50)])
     assert contact_facets(at_parameters(capsule, line), capsule) is None
     assert contact_facets(at_parameters(capsule, line[:2]), capsule) is None

@@ -3,10 +3,10 @@
 The published choice: least energy among what is allowed and free, and never a program that collides.
 """
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
+from deepest_entry import deepest_entry
+from small_lump import at_parameters, lump
 
 from bonecam.arrays import dots
 from bonecam.job import NcJob, PathJob
@@ -67,9 +67,7 @@ def test_a_hollow_too_narrow_for_an_axis_leaves_none_and_the_weight_halves_the_r
     np.testing.assert_allclose(angles[[0, 10]], LOW + (HIGH - LOW) * (1 - weight / 2))
 
 
-def test_eq_20_offsets_a_circle_to_its_centre_by_the_ball_s_radius_at_most(
-    capsule: TSpline, at_parameters: Callable[..., ContactPath]
-) -> None:
+def test_eq_20_offsets_a_circle_to_its_centre_by_the_ball_s_radius_at_most(capsule: TSpline) -> None:
     """The pass bends alike everywhere: the weight is 1. Its ends, and those of another pass, have no bend."""
     turn = np.linspace(0, 0.9, 40)
     path = at_parameters(capsule, np.column_stack([turn, np.full(40, 0.5)]), np.repeat([0, 1], 20))
@@ -140,13 +138,11 @@ def test_what_collides_is_not_chosen_and_what_has_no_other_keeps_its_middle() ->
 
 
 @pytest.fixture(scope="module")
-def case(lump: Callable[..., MadePath]) -> MadePath:
+def case() -> MadePath:
     return lump(JOB, Clamping(clearance=0.5))
 
 
-def test_its_path_collides_nowhere_and_tells_what_is_refused(
-    case: MadePath, deepest_entry: Callable[..., np.ndarray]
-) -> None:
+def test_its_path_collides_nowhere_and_tells_what_is_refused(case: MadePath) -> None:
     surface, contacts, scene = case
     axes = published_axes(contacts, surface, CollisionChecker(scene, contacts.cutter), LIMITS, JOB)
     assert np.allclose(np.linalg.norm(axes, axis=1), 1.0)

@@ -1,14 +1,15 @@
 """What smooth axes promise: bounds, smoothness, and cones kept."""
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from deepest_entry import deepest_entry
+from small_lump import lump
+from small_parts import level_of
 
 from bonecam.arrays import dots
 from bonecam.job import NcJob, PathJob
-from bonecam.levels.measure import Level
 from bonecam.machine.limits import MachineLimits, polar_angles
 from bonecam.planning.axes.cones import admissible_cones
 from bonecam.planning.axes.field import (
@@ -53,7 +54,7 @@ def smoothed(made: Made, job: PathJob = JOB, preset: str = "membrane", start: Ax
 
 
 @pytest.fixture(scope="module")
-def case(lump: Callable[..., Made]) -> Made:
+def case() -> Made:
     return lump(JOB, NEAR)
 
 
@@ -98,9 +99,7 @@ def test_the_machine_follows_the_field_at_the_feed(case: Made, smooth: SmoothAxe
     assert np.average(np.maximum(asked, 1), weights=time) < 1.02
 
 
-def test_axes_that_collide_are_led_into_cones(
-    lump: Callable[..., Made], deepest_entry: Callable[..., np.ndarray]
-) -> None:
+def test_axes_that_collide_are_led_into_cones() -> None:
     """From a field that points down, through a chuck below the part."""
     case = lump(JOB, Clamping((Column(14.0, 25.0),), clearance=4.0))
     surface, contacts, scene = case
@@ -149,9 +148,7 @@ def test_a_neighbours_field_is_a_start_that_leads_to_the_same_smoothness(case: M
     assert other < 1.05 * one
 
 
-def test_axes_that_a_neighbours_field_would_make_slow_are_sought_anew(
-    case: Made, smooth: SmoothAxes, level_of: Callable[..., Level]
-) -> None:
+def test_axes_that_a_neighbours_field_would_make_slow_are_sought_anew(case: Made, smooth: SmoothAxes) -> None:
     """From a field that turns against the normals."""
     surface, contacts, scene = case
     against = AxisField(smooth.field.domain, -1, smooth.field.azimuth, smooth.field.polar)
@@ -163,9 +160,7 @@ def test_axes_that_a_neighbours_field_would_make_slow_are_sought_anew(
     assert minutes[1] == minutes[2]
 
 
-def test_where_no_contact_has_a_cone_the_axes_of_the_level_before_stay(
-    lump: Callable[..., Made], smooth: SmoothAxes, level_of: Callable[..., Level]
-) -> None:
+def test_where_no_contact_has_a_cone_the_axes_of_the_level_before_stay(smooth: SmoothAxes) -> None:
     surface, contacts, scene = lump(JOB, Clamping((Column(50.0, 200.0),)))
     for before in (None, smooth):
         assert level_axes(contacts, level_of(surface), scene, LIMITS, JOB, before) is before
@@ -190,9 +185,7 @@ def test_verified_cones_keep_the_word_of_fcl(case: Made, smooth: SmoothAxes) -> 
     assert check.narrowed + check.refused <= 0.05 * check.asked
 
 
-def test_the_cones_of_a_level_are_put_before_fcl_unless_the_job_says_no(
-    case: Made, level_of: Callable[..., Level]
-) -> None:
+def test_the_cones_of_a_level_are_put_before_fcl_unless_the_job_says_no(case: Made) -> None:
     surface, contacts, scene = case
     some = contacts.take(np.arange(0, len(contacts.centres), 8))
     for certify, asked in (("automatic", True), ("fcl", True), ("distances", False)):

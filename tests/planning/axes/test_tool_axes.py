@@ -5,11 +5,12 @@ FCL judges the axes that no cone of its own holds, one by one, and leaves out th
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
 from numpy import ndarray
+from small_lump import lump
+from small_parts import ROUGHING_CUTTER
 
 from bonecam.arrays import angles_between, unit
 from bonecam.job import PathJob
@@ -17,7 +18,6 @@ from bonecam.machine.bodies import Frustum
 from bonecam.machine.limits import MachineLimits
 from bonecam.planning.axes.tool_axes import ToolAxes, WantedAxes, eased_axes, judged_axes
 from bonecam.planning.collision import CollisionChecker
-from bonecam.tool.cutter import Cutter
 from bonecam.tool.elliptic_cones import EllipticCones
 from bonecam.tool.path import ConeCheck, ContactPath, FreeCones
 from bonecam.workholding.clamping import Clamping
@@ -45,12 +45,12 @@ class Open(CollisionChecker):
 
 
 @pytest.fixture(scope="module")
-def pass_of(roughing_cutter: Cutter) -> Callable[[ndarray], tuple[ContactPath, ToolAxes]]:
+def pass_of() -> Callable[[ndarray], tuple[ContactPath, ToolAxes]]:
     """A pass along +x on a plane, 0.25 mm from contact to contact, with axes of these azimuths (rad), 40 degrees from
     the normal."""
 
     def made(azimuths: ndarray) -> tuple[ContactPath, ToolAxes]:
-        cutter = replace(roughing_cutter, feed=FEED)
+        cutter = replace(ROUGHING_CUTTER, feed=FEED)
         count = len(azimuths)
         places = np.column_stack([0.25 * np.arange(count), np.zeros(count), np.full(count, 50.0)])
         normals = np.tile([0.0, 0.0, 1.0], (count, 1))
@@ -160,10 +160,10 @@ Made = tuple[ContactPath, CollisionChecker]
 
 
 @pytest.fixture(scope="module")
-def made(lump: Callable[..., Any], roughing_cutter: Cutter) -> Made:
+def made() -> Made:
     """Some contacts of a lump with a groove, and the checker of a stubby tool, which its holder meets along normals."""
     holder, nose = (Frustum(20.0, 16.0, 16.0),), (Frustum(30.0, 40.0, 40.0),)
-    stubby = replace(roughing_cutter, overhang=14.0, holder=holder, nose=nose)
+    stubby = replace(ROUGHING_CUTTER, overhang=14.0, holder=holder, nose=nose)
     _, contacts, scene = lump(PathJob(pattern="along"), Clamping(clearance=1.0), stubby)
     some = contacts.take(np.arange(0, len(contacts.centres), 9))
     return some, CollisionChecker(scene, stubby)

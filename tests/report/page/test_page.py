@@ -10,12 +10,13 @@ import gzip
 import json
 import re
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from machine_files import CHAINS, write_machine
 from numpy import ndarray
 from scipy.spatial.transform import Rotation
 
@@ -351,10 +352,10 @@ def machine_page(small_run: Run, browser: Any) -> Iterator[Any]:
 
 
 @pytest.fixture(params=KINDS.values(), ids=KINDS)
-def machine(chains: dict[str, str], write_machine: Callable[..., Path], request: Any, tmp_path: Path) -> Machine:
+def machine(request: Any, tmp_path: Path) -> Machine:
     # Z along a spindle that lies: the table's normal is the machine's Y
-    lying = chains["table-table"].replace("part_zero", "part_x = [1.0, 0.0, 0.0]\npart_z = [0.0, 1.0, 0.0]\npart_zero")
-    text = {**chains, "lying": lying}.get(request.param)
+    lying = CHAINS["table-table"].replace("part_zero", "part_x = [1.0, 0.0, 0.0]\npart_z = [0.0, 1.0, 0.0]\npart_zero")
+    text = {**CHAINS, "lying": lying}.get(request.param)
     return read_machine(request.param if text is None else write_machine(tmp_path, text))
 
 

@@ -3,13 +3,12 @@
 B-splines of CAD systems as T-splines.
 """
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy import ndarray
 from scipy.interpolate import NdBSpline
+from tsplines import bone_like, samples
 
 from bonecam.errors import SurfaceError
 from bonecam.surface.files.bspline import BSplineSurface, Knots, bezier_grid, from_bspline, to_bspline
@@ -19,25 +18,23 @@ from bonecam.surface.tmesh import OpenRowTMesh, RowTMesh
 from bonecam.surface.tspline import TSpline
 
 
-def relative_error(samples: Callable[..., tuple[ndarray, ndarray]], spline: BSplineSurface, surface: TSpline) -> float:
+def relative_error(spline: BSplineSurface, surface: TSpline) -> float:
     s, t = samples(10_000)
     return float(np.abs(spline.evaluate(s, t) - surface.evaluate(s, t)).max()) / spline.size
 
 
 @pytest.mark.parametrize("poles", [True, False])
 @pytest.mark.parametrize("spread", [0.0, 0.2])
-def test_the_b_spline_equals_the_t_spline_to_rounding(
-    bone_like: Callable[..., TSpline], samples: Callable[..., tuple[ndarray, ndarray]], spread: float, poles: bool
-) -> None:
+def test_the_b_spline_equals_the_t_spline_to_rounding(spread: float, poles: bool) -> None:
     surface = bone_like(12, 9, 3, spread=spread, poles=poles)
     spline = to_bspline(surface)
-    assert relative_error(samples, spline, surface) < 2e-15
+    assert relative_error(spline, surface) < 2e-15
     assert spline.rational == (spread > 0)
     assert spline.collapsed == (poles, poles)
     assert spline.watertight == poles
 
 
-def test_the_knots_are_the_union_of_the_rows_knots_and_the_seam_all_simple(bone_like: Callable[..., TSpline]) -> None:
+def test_the_knots_are_the_union_of_the_rows_knots_and_the_seam_all_simple() -> None:
     surface = bone_like(8, 5, 1)
     spline = to_bspline(surface)
     union = np.unique(np.concatenate([[0.0, 1.0], *[row for row in surface.tmesh.s_knots if len(row) > 1]]))
@@ -47,28 +44,26 @@ def test_the_knots_are_the_union_of_the_rows_knots_and_the_seam_all_simple(bone_
     assert spline.t_knots.flat.tolist() == surface.tmesh.t_knots.tolist()
 
 
-def test_a_repeated_knot_keeps_its_multiplicity(samples: Callable[..., tuple[ndarray, ndarray]]) -> None:
+def test_a_repeated_knot_keeps_its_multiplicity() -> None:
     t = np.array([0, 0, 0, 0, 0.2, 0.4, 0.4, 0.7, 0.7, 0.7, 1, 1, 1, 1.0])
     rng = np.random.default_rng(2)
     mesh = RowTMesh.from_rows(t, [np.sort(rng.random(6)) for _ in range(len(t) - 4)])
     surface = TSpline(mesh, rng.normal(size=(mesh.size, 3)), rng.uniform(0.5, 2, mesh.size))
     spline = to_bspline(surface)
     assert spline.t_knots.multiplicities.tolist() == [4, 1, 2, 3, 4]
-    assert relative_error(samples, spline, surface) < 1e-14
+    assert relative_error(spline, surface) < 1e-14
 
 
-def test_rows_whose_knots_nearly_meet_lose_no_digit(samples: Callable[..., tuple[ndarray, ndarray]]) -> None:
+def test_rows_whose_knots_nearly_meet_lose_no_digit() -> None:
     rng = np.random.default_rng(5)
     t = np.concatenate([[0.0] * 4, [0.1, 0.1001, 0.5], [1.0] * 4])
     rows = [np.sort(np.concatenate([[0.1, 0.4, 0.7, 0.9], 0.5 + 10.0 ** -rng.uniform(3, 7, 2)])) for _ in range(7)]
     mesh = RowTMesh.from_rows(t, rows)
     surface = TSpline(mesh, rng.normal(size=(mesh.size, 3)), np.ones(mesh.size))
-    assert relative_error(samples, to_bspline(surface), surface) < 1e-14
+    assert relative_error(to_bspline(surface), surface) < 1e-14
 
 
-def test_an_independent_evaluation_agrees(
-    bone_like: Callable[..., TSpline], samples: Callable[..., tuple[ndarray, ndarray]]
-) -> None:
+def test_an_independent_evaluation_agrees() -> None:
     surface = bone_like(9, 7, 4)
     spline = to_bspline(surface)
     wrapped = np.arange(len(spline.s_knots.flat) - 4 + 3) % spline.s_knots.poles
@@ -79,7 +74,7 @@ def test_an_independent_evaluation_agrees(
     np.testing.assert_allclose(found[:, :3] / found[:, 3:], surface.evaluate(s, t), rtol=0, atol=1e-13)
 
 
-def test_a_domain_with_a_missing_corner_is_refused(bone_like: Callable[..., TSpline]) -> None:
+def test_a_domain_with_a_missing_corner_is_refused() -> None:
     elements = bone_like(6, 5, 0).elements()
     keep = slice(0, elements.starts[-2])
     part = type(elements)(
@@ -96,7 +91,7 @@ def test_a_closed_direction_of_few_poles_wraps_more_than_once() -> None:
     assert poles.max() == 1
 
 
-def test_poles_that_do_not_fit_the_knots_are_refused(bone_like: Callable[..., TSpline]) -> None:
+def test_poles_that_do_not_fit_the_knots_are_refused() -> None:
     spline = to_bspline(bone_like(6, 5, 0))
     with pytest.raises(ValueError, match="the knots need"):
         BSplineSurface(spline.s_knots, spline.t_knots, spline.poles[1:], spline.weights[1:])
@@ -122,9 +117,7 @@ CLAMPED = np.repeat([0.0, 1.0], 4)
 
 
 @pytest.mark.parametrize(("spread", "poles"), [(0.0, True), (0.2, True), (0.2, False)])
-def test_there_and_back_is_the_same_surface(
-    bone_like: Callable[..., TSpline], samples: Callable[..., tuple[ndarray, ndarray]], spread: float, poles: bool
-) -> None:
+def test_there_and_back_is_the_same_surface(spread: float, poles: bool) -> None:
     surface = bone_like(9, 7, 3, spread=spread, poles=poles)
     again = from_bspline(to_bspline(surface))
     s, t = samples(5000)
@@ -134,13 +127,7 @@ def test_there_and_back_is_the_same_surface(
 
 @pytest.mark.parametrize("name", ["a.step", "a.iges"])
 @pytest.mark.parametrize("spread", [0.0, 0.2])
-def test_a_file_gives_the_periodic_surface_with_its_poles(
-    bone_like: Callable[..., TSpline],
-    samples: Callable[..., tuple[ndarray, ndarray]],
-    name: str,
-    spread: float,
-    tmp_path: Path,
-) -> None:
+def test_a_file_gives_the_periodic_surface_with_its_poles(name: str, spread: float, tmp_path: Path) -> None:
     pytest.importorskip("OCP", reason="OpenCASCADE's wheel is not installed: pip install 'bonecam[cad]'")
     surface = bone_like(9, 7, 3, spread=spread)
     (write_step if name == "a.step" else write_iges)(surface, tmp_path / name)
@@ -153,9 +140,7 @@ def test_a_file_gives_the_periodic_surface_with_its_poles(
     assert again.volume == pytest.approx(surface.volume, rel=1e-12)
 
 
-def test_an_open_patch_stays_open_and_its_parameters_come_to_0_1(
-    samples: Callable[..., tuple[ndarray, ndarray]],
-) -> None:
+def test_an_open_patch_stays_open_and_its_parameters_come_to_0_1() -> None:
     rng = np.random.default_rng(1)
     knots = Knots(np.array([2.0, 3.0, 5.0]), np.array([4, 1, 4]), False)
     spline = BSplineSurface(

@@ -2,13 +2,12 @@
 
 import re
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from numpy import ndarray
+from tsplines import bone_like, samples
 
 from bonecam.errors import FileError
 from bonecam.mesh.files.cad import faces_of, occ, read_shape, tessellate_shape
@@ -35,12 +34,7 @@ def is_valid(shape: Any) -> bool:
 @pytest.mark.parametrize("name", WRITERS)
 @pytest.mark.parametrize(("spread", "poles"), [(0.0, True), (0.2, True), (0.2, False)])
 def test_a_file_holds_one_b_spline_equal_to_the_t_spline_to_rounding(
-    bone_like: Callable[..., TSpline],
-    samples: Callable[..., tuple[ndarray, ndarray]],
-    name: str,
-    spread: float,
-    poles: bool,
-    tmp_path: Path,
+    name: str, spread: float, poles: bool, tmp_path: Path
 ) -> None:
     surface = bone_like(10, 7, 3, spread=spread, poles=poles)
     assert WRITERS[name](surface, tmp_path / name) == 1
@@ -51,9 +45,7 @@ def test_a_file_holds_one_b_spline_equal_to_the_t_spline_to_rounding(
     assert is_valid(read_shape(tmp_path / name))
 
 
-def test_opencascade_itself_evaluates_the_same_points(
-    bone_like: Callable[..., TSpline], samples: Callable[..., tuple[ndarray, ndarray]], tmp_path: Path
-) -> None:
+def test_opencascade_itself_evaluates_the_same_points(tmp_path: Path) -> None:
     surface = bone_like(10, 7, 3)
     write_step(surface, tmp_path / "a.step")
     (face,) = faces_of(read_shape(tmp_path / "a.step"))
@@ -63,7 +55,7 @@ def test_opencascade_itself_evaluates_the_same_points(
     assert np.abs(found - surface.evaluate(s, t)).max() < 1e-12 * 28
 
 
-def test_step_keeps_the_direction_round_the_part_periodic(bone_like: Callable[..., TSpline], tmp_path: Path) -> None:
+def test_step_keeps_the_direction_round_the_part_periodic(tmp_path: Path) -> None:
     write_step(bone_like(8, 5, 1), tmp_path / "a.step")
     (spline,) = read_bsplines(tmp_path / "a.step")
     assert spline.s_knots.closed
@@ -72,9 +64,7 @@ def test_step_keeps_the_direction_round_the_part_periodic(bone_like: Callable[..
 
 
 @pytest.mark.parametrize("name", WRITERS)
-def test_a_closed_surface_is_a_valid_solid_of_the_same_volume(
-    bone_like: Callable[..., TSpline], name: str, tmp_path: Path
-) -> None:
+def test_a_closed_surface_is_a_valid_solid_of_the_same_volume(name: str, tmp_path: Path) -> None:
     surface = bone_like(8, 6, 2)
     WRITERS[name](surface, tmp_path / name)
     solid = read_shape(tmp_path / name)
@@ -92,7 +82,7 @@ def degenerate_edges(face: Any) -> int:
     return count
 
 
-def test_each_pole_is_a_degenerate_edge(bone_like: Callable[..., TSpline]) -> None:
+def test_each_pole_is_a_degenerate_edge() -> None:
     (face,) = faces_of(shape_of(bone_like(8, 6, 2)))
     assert degenerate_edges(face) == 2
     (face,) = faces_of(shape_of(bone_like(8, 6, 2, poles=False)))
@@ -100,9 +90,7 @@ def test_each_pole_is_a_degenerate_edge(bone_like: Callable[..., TSpline]) -> No
 
 
 @pytest.mark.parametrize("name", WRITERS)
-def test_a_surface_is_written_as_the_same_bytes_whenever_and_under_any_name(
-    bone_like: Callable[..., TSpline], name: str, tmp_path: Path
-) -> None:
+def test_a_surface_is_written_as_the_same_bytes_whenever_and_under_any_name(name: str, tmp_path: Path) -> None:
     surface = bone_like(8, 6, 2)
     for file in (f"one_{name}", f"two_{name}"):
         WRITERS[name](surface, tmp_path / file)
@@ -112,7 +100,7 @@ def test_a_surface_is_written_as_the_same_bytes_whenever_and_under_any_name(
     assert sorted(path.name for path in tmp_path.iterdir()) == [f"one_{name}", f"two_{name}"]
 
 
-def test_the_files_state_millimetres(bone_like: Callable[..., TSpline], tmp_path: Path) -> None:
+def test_the_files_state_millimetres(tmp_path: Path) -> None:
     surface = bone_like(8, 6, 2)
     write_step(surface, tmp_path / "a.step")
     write_iges(surface, tmp_path / "a.iges")
@@ -120,9 +108,7 @@ def test_the_files_state_millimetres(bone_like: Callable[..., TSpline], tmp_path
     assert ",2,2HMM," in (tmp_path / "a.iges").read_text()
 
 
-def test_what_is_no_rectangle_is_written_as_sewn_bezier_faces(
-    bone_like: Callable[..., TSpline], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_is_no_rectangle_is_written_as_sewn_bezier_faces(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(surface: TSpline) -> None:
         raise cad.SurfaceError("no rectangle")
 
@@ -135,9 +121,7 @@ def test_what_is_no_rectangle_is_written_as_sewn_bezier_faces(
     assert volume_of(solid) == pytest.approx(surface.volume, rel=1e-6)
 
 
-def test_the_written_solid_is_read_as_a_watertight_outward_mesh_within_the_tolerance(
-    bone_like: Callable[..., TSpline], tmp_path: Path
-) -> None:
+def test_the_written_solid_is_read_as_a_watertight_outward_mesh_within_the_tolerance(tmp_path: Path) -> None:
     surface = bone_like(8, 6, 2)
     write_iges(surface, tmp_path / "a.igs")
     for tolerance in (0.1, 0.05, 0.03):
@@ -150,7 +134,7 @@ def test_the_written_solid_is_read_as_a_watertight_outward_mesh_within_the_toler
         assert surface.project(mesh.vertices[mesh.faces].mean(axis=1)).distances.max() < tolerance
 
 
-def test_a_trimmed_face_is_refused(bone_like: Callable[..., TSpline], tmp_path: Path) -> None:
+def test_a_trimmed_face_is_refused(tmp_path: Path) -> None:
     lib = occ()
     geometry = lib.BRep.BRep_Tool.Surface_s(faces_of(shape_of(bone_like(7, 5, 1)))[0])
     low, high, start, end = geometry.Bounds()
@@ -174,17 +158,13 @@ def test_a_face_on_another_surface_is_refused_by_its_kind(tmp_path: Path) -> Non
         read_bsplines(tmp_path / "box.step")
 
 
-def test_a_folder_that_is_not_there_is_refused_and_nothing_is_left(
-    bone_like: Callable[..., TSpline], tmp_path: Path
-) -> None:
+def test_a_folder_that_is_not_there_is_refused_and_nothing_is_left(tmp_path: Path) -> None:
     with pytest.raises(FileError, match="choose a folder that exists"):
         write_step(bone_like(6, 5, 2), tmp_path / "nowhere" / "a.step")
     assert not list(tmp_path.iterdir())
 
 
-def test_without_opencascade_one_line_names_the_extra(
-    bone_like: Callable[..., TSpline], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_opencascade_one_line_names_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from bonecam.mesh.files import cad
 
     surface = bone_like(6, 5, 2)

@@ -4,13 +4,12 @@ A filter script that a part's mesh goes through first.
 """
 
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 import igl
 import numpy as np
 import pytest
-from numpy import ndarray
+from tsplines import SECTION_POLES, bone_like, samples, sections, write_rows
 
 from bonecam.errors import FileError, FilterError, JobError, SurfaceError, UnitsError
 from bonecam.job import Job
@@ -32,9 +31,7 @@ from bonecam.surface.growth import Fit
 from bonecam.surface.tspline import TSpline
 
 
-def test_turning_a_surface_reverses_both_parameters_and_nothing_else(
-    bone_like: Callable[..., TSpline], samples: Callable[..., tuple[ndarray, ndarray]]
-) -> None:
+def test_turning_a_surface_reverses_both_parameters_and_nothing_else() -> None:
     surface = bone_like(9, 7, 4)
     s, t = samples(2000)
     np.testing.assert_allclose(
@@ -43,10 +40,10 @@ def test_turning_a_surface_reverses_both_parameters_and_nothing_else(
     assert reverse_parameters(surface).volume == pytest.approx(surface.volume, rel=1e-12)
 
 
-def test_rows_in_metres_are_skinned_in_mm_and_their_deviation_is_told(
-    write_rows: Callable[..., Path], poles: ndarray, sections: Callable[..., list[ndarray]], tmp_path: Path
-) -> None:
-    file = write_rows([row / 1000 for row in [poles[:1], *sections(6, 16), poles[1:]]], tmp_path / "rows.csv")
+def test_rows_in_metres_are_skinned_in_mm_and_their_deviation_is_told(tmp_path: Path) -> None:
+    file = write_rows(
+        [row / 1000 for row in [SECTION_POLES[:1], *sections(6, 16), SECTION_POLES[1:]]], tmp_path / "rows.csv"
+    )
     assert holds_surface(file)
     found = read_surface(file, 1000.0, 0.05, 450)
     assert found.reached
@@ -54,7 +51,7 @@ def test_rows_in_metres_are_skinned_in_mm_and_their_deviation_is_told(
     assert found.surface.volume == pytest.approx(4 / 3 * np.pi * 4 * 3 * 9, rel=0.05)
 
 
-def test_a_saved_surface_comes_back_as_it_was(bone_like: Callable[..., TSpline], tmp_path: Path) -> None:
+def test_a_saved_surface_comes_back_as_it_was(tmp_path: Path) -> None:
     surface = bone_like(9, 7, 4)
     save_surface(surface, tmp_path / "a.tspline")
     found = read_surface(tmp_path / "a.tspline", 1.0, 0.1, 450)
@@ -62,7 +59,7 @@ def test_a_saved_surface_comes_back_as_it_was(bone_like: Callable[..., TSpline],
     assert found.deviation.max == 0
 
 
-def test_a_surface_that_no_mesh_follows_is_refused_with_its_file(bone_like: Callable[..., TSpline]) -> None:
+def test_a_surface_that_no_mesh_follows_is_refused_with_its_file() -> None:
     surface = bone_like(9, 7, 4)
     weights = surface.weights.copy()
     weights[len(weights) // 3] = 1e12
@@ -74,9 +71,7 @@ def test_a_surface_that_no_mesh_follows_is_refused_with_its_file(bone_like: Call
 
 
 @pytest.mark.parametrize("far", [900.0, 2000.0])
-def test_a_surface_that_would_take_minutes_to_mesh_is_refused_at_once(
-    far: float, bone_like: Callable[..., TSpline]
-) -> None:
+def test_a_surface_that_would_take_minutes_to_mesh_is_refused_at_once(far: float) -> None:
     surface = bone_like(9, 7, 4)
     points = surface.control_points.copy()
     points[len(points) // 3, 2] = far
@@ -86,7 +81,7 @@ def test_a_surface_that_would_take_minutes_to_mesh_is_refused_at_once(
     assert time.process_time() < began + 5.0
 
 
-def test_a_surface_that_is_put_upside_down_runs_from_the_lower_pole_again(bone_like: Callable[..., TSpline]) -> None:
+def test_a_surface_that_is_put_upside_down_runs_from_the_lower_pole_again() -> None:
     given = bone_like(9, 7, 4)
     upside_down = np.diag([1.0, -1.0, -1.0, 1.0])
     upside_down[:3, 3] = [1, 2, 30]
@@ -96,16 +91,10 @@ def test_a_surface_that_is_put_upside_down_runs_from_the_lower_pole_again(bone_l
     assert surface.volume == pytest.approx(given.volume, rel=1e-12)
 
 
-def test_what_encloses_no_part_is_refused(
-    bone_like: Callable[..., TSpline],
-    write_rows: Callable[..., Path],
-    sections: Callable[..., list[ndarray]],
-    poles: ndarray,
-    tmp_path: Path,
-) -> None:
+def test_what_encloses_no_part_is_refused(tmp_path: Path) -> None:
     surface = bone_like()
     write_rows(sections(), tmp_path / "open.csv")
-    write_rows([poles[:1], *sections(4, 12), poles[1:]], tmp_path / "many.csv")
+    write_rows([SECTION_POLES[:1], *sections(4, 12), SECTION_POLES[1:]], tmp_path / "many.csv")
     write_tsm(surface, tmp_path / "bone.tspline")
     write_tsm(bone_like(poles=False), tmp_path / "tube.tspline")
     write_tsm(surface.with_control_points(surface.control_points * [1, -1, 1]), tmp_path / "inward.tspline")
@@ -124,7 +113,7 @@ def test_what_encloses_no_part_is_refused(
         read_surface(tmp_path / "inward.tspline", 1000.0, 0.1, 450)
 
 
-def test_the_ending_decides_what_is_written(bone_like: Callable[..., TSpline], tmp_path: Path, shared: Path) -> None:
+def test_the_ending_decides_what_is_written(tmp_path: Path, shared: Path) -> None:
     pytest.importorskip("OCP", reason="OpenCASCADE's wheel is not installed: pip install 'bonecam[cad]'")
     surface = bone_like(7, 5, 1)
     for name, head in (
@@ -141,7 +130,7 @@ def test_the_ending_decides_what_is_written(bone_like: Callable[..., TSpline], t
     assert (tmp_path / "b.tsm").read_text().startswith("#TS0200")
 
 
-def test_a_name_that_fits_no_form_is_refused_before_the_work(bone_like: Callable[..., TSpline], tmp_path: Path) -> None:
+def test_a_name_that_fits_no_form_is_refused_before_the_work(tmp_path: Path) -> None:
     with pytest.raises(FileError, match=r"unknown ending '\.prt'"):
         check_target(tmp_path / "a.prt")
     with pytest.raises(FileError, match=r"have no \.tsm form: end the name in \.tspline"):

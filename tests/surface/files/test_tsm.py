@@ -9,13 +9,12 @@ be evaluated.
 """
 
 import random
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy import ndarray
+from tsplines import bone_like, grid, inner_samples, random_tspline, torus_text, with_damage
 
 from bonecam.errors import FileError, SurfaceError
 from bonecam.surface.files.iga import raise_degree, read_iga, write_iga
@@ -64,14 +63,12 @@ def test_a_tsm_round_trip_is_bit_equal(shared: Path, tmp_path: Path, name: str, 
         ("degree 3", "degree", "degree ''"),
     ],
 )
-def test_a_broken_tsm_names_the_record(
-    damaged: Callable[..., Path], shared: Path, tmp_path: Path, old: str, new: str, match: str
-) -> None:
+def test_a_broken_tsm_names_the_record(shared: Path, tmp_path: Path, old: str, new: str, match: str) -> None:
     with pytest.raises(FileError, match=match):
-        read_tsm(damaged(shared / "tspline" / "tsm" / "simple.tsm", tmp_path, old, new))
+        read_tsm(with_damage(shared / "tspline" / "tsm" / "simple.tsm", tmp_path, old, new))
 
 
-def test_a_fusion_torus_is_closed_both_ways(torus_text: Callable[..., str], tmp_path: Path) -> None:
+def test_a_fusion_torus_is_closed_both_ways(tmp_path: Path) -> None:
     (tmp_path / "torus.tsm").write_text(torus_text())
     surface = read_tsm(tmp_path / "torus.tsm", to_mm=True)
     assert surface.tmesh.period == (5.0, 6.0)
@@ -85,7 +82,7 @@ def test_a_fusion_torus_is_closed_both_ways(torus_text: Callable[..., str], tmp_
     assert again.tmesh.period == surface.tmesh.period
 
 
-def test_a_closed_direction_of_three_knots_is_refused(torus_text: Callable[..., str], tmp_path: Path) -> None:
+def test_a_closed_direction_of_three_knots_is_refused(tmp_path: Path) -> None:
     (tmp_path / "thin.tsm").write_text(torus_text(3, 6))
     with pytest.raises(FileError, match="3 distinct knots"):
         read_tsm(tmp_path / "thin.tsm")
@@ -106,7 +103,7 @@ def test_a_border_without_its_control_points_is_refused(shared: Path, tmp_path: 
         read_tsm(tmp_path / "short.tsm")
 
 
-def fusion_patch(grid: Callable[..., TMesh], points: np.ndarray, ends: str = "SUBD_CREASES") -> str:
+def fusion_patch(points: np.ndarray, ends: str = "SUBD_CREASES") -> str:
     """An open grid of control points (a, b, 3) the way Fusion writes it: no 0m records, one 0g a vertex."""
     a, b = points.shape[:2]
     text = tsm_text(TSpline(grid(np.arange(float(a)), np.arange(float(b))), points.reshape(-1, 3), np.ones(a * b)))
@@ -129,11 +126,9 @@ def limit(points: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("shape", [(5, 4), (3, 6), (2, 2)])
-def test_an_open_fusion_border_is_that_of_the_subdivision_surface(
-    grid: Callable[..., TMesh], tmp_path: Path, shape: tuple[int, int]
-) -> None:
+def test_an_open_fusion_border_is_that_of_the_subdivision_surface(tmp_path: Path, shape: tuple[int, int]) -> None:
     points = np.random.default_rng(3).normal(size=(*shape, 3))
-    (tmp_path / "open.tsm").write_text(fusion_patch(grid, points))
+    (tmp_path / "open.tsm").write_text(fusion_patch(points))
     surface = read_tsm(tmp_path / "open.tsm")
     assert np.array_equal(surface.control_points[: points.size // 3], points.reshape(-1, 3))
     finer = subdivided(subdivided(points).swapaxes(0, 1)).swapaxes(0, 1)
@@ -145,9 +140,9 @@ def test_an_open_fusion_border_is_that_of_the_subdivision_surface(
     assert len(surface.tessellate(0.05).faces)
 
 
-def test_other_open_fusion_borders_are_refused(grid: Callable[..., TMesh], tmp_path: Path) -> None:
+def test_other_open_fusion_borders_are_refused(tmp_path: Path) -> None:
     points = np.random.default_rng(3).normal(size=(5, 4, 3))
-    (tmp_path / "open.tsm").write_text(fusion_patch(grid, points, "MULTIPLE_KNOTS"))
+    (tmp_path / "open.tsm").write_text(fusion_patch(points, "MULTIPLE_KNOTS"))
     with pytest.raises(FileError, match="all functions vanish"):
         read_tsm(tmp_path / "open.tsm")
     mesh = grid(np.arange(5.0), np.arange(4.0))
@@ -164,7 +159,7 @@ def test_other_open_fusion_borders_are_refused(grid: Callable[..., TMesh], tmp_p
             with_mirrored_borders(replace(mesh, **changed), values)
 
 
-def test_wrong_grids_are_refused(grid: Callable[..., TMesh]) -> None:
+def test_wrong_grids_are_refused() -> None:
     lines = np.array([0.0, 0, 1, 2, 2])
     mesh = grid(lines, lines)
     parts = [mesh.s_lines, mesh.t_lines, mesh.vertices, mesh.along_s, mesh.along_t, mesh.inside]
@@ -206,9 +201,7 @@ def test_columns_sum_to_one_but_near_the_extraordinary_point(shared: Path, name:
         assert worst.max() <= 1e-12
 
 
-def test_quartic_derivatives_agree_with_finite_differences(
-    inner_samples: Callable[..., tuple[ndarray, ndarray]], shared: Path
-) -> None:
+def test_quartic_derivatives_agree_with_finite_differences(shared: Path) -> None:
     surface = read_iga(shared / "tspline" / "iga" / "square_unstructured.iga")
     s, t = inner_samples(surface, 1, 300)
     s, t, h = np.floor(s) + 0.01 + 0.98 * (s % 1), 0.01 + 0.98 * t, 1e-5
@@ -224,9 +217,7 @@ def test_quartic_derivatives_agree_with_finite_differences(
         np.testing.assert_allclose((ahead - back) / (2 * h), exact, atol=1e-8)
 
 
-def test_raising_the_degree_changes_nothing(
-    random_tspline: Callable[..., TSpline], inner_samples: Callable[..., tuple[ndarray, ndarray]]
-) -> None:
+def test_raising_the_degree_changes_nothing() -> None:
     surface = random_tspline(3)
     elements = surface.elements()
     high = raise_degree(elements.coefficients.reshape(-1, 4, 4), 5).reshape(-1, 36)
@@ -237,7 +228,7 @@ def test_raising_the_degree_changes_nothing(
         np.testing.assert_allclose(a, b, atol=1e-11 * max(1.0, abs(a).max()))
 
 
-def test_a_round_trip_is_bit_equal(random_tspline: Callable[..., TSpline], shared: Path, tmp_path: Path) -> None:
+def test_a_round_trip_is_bit_equal(shared: Path, tmp_path: Path) -> None:
     for first in (read_iga(shared / "tspline" / "iga" / "square_unstructured.iga"), random_tspline(5)):
         write_iga(first, tmp_path / "a.iga")
         again = read_iga(tmp_path / "a.iga")
@@ -263,11 +254,9 @@ def test_a_round_trip_is_bit_equal(random_tspline: Callable[..., TSpline], share
         ("node 0 0 0 1\n", "nod 0 0 0 1\n", "unknown record 'nod'"),
     ],
 )
-def test_a_broken_file_is_refused(
-    damaged: Callable[..., Path], shared: Path, tmp_path: Path, old: str, new: str, match: str
-) -> None:
+def test_a_broken_file_is_refused(shared: Path, tmp_path: Path, old: str, new: str, match: str) -> None:
     with pytest.raises(FileError, match=match):
-        read_iga(damaged(shared / "tspline" / "iga" / "square_structured.iga", tmp_path, old, new))
+        read_iga(with_damage(shared / "tspline" / "iga" / "square_structured.iga", tmp_path, old, new))
 
 
 def test_what_needs_a_chart_or_cubics_says_so(shared: Path) -> None:
@@ -277,7 +266,7 @@ def test_what_needs_a_chart_or_cubics_says_so(shared: Path) -> None:
     assert surface.diagnose().kind == "non-standard"
 
 
-def test_a_round_trip_of_rows_is_bit_equal(bone_like: Callable[..., TSpline], tmp_path: Path) -> None:
+def test_a_round_trip_of_rows_is_bit_equal(tmp_path: Path) -> None:
     surface = bone_like(9, 7, 5)
     write_tsm(surface, tmp_path / "a.tsr")
     again = read_tsm(tmp_path / "a.tsr")
@@ -302,9 +291,7 @@ def test_a_round_trip_of_rows_is_bit_equal(bone_like: Callable[..., TSpline], tm
         ("\nend\n", "\nend\nrow 7 1\n", 45),
     ],
 )
-def test_a_broken_file_is_refused_with_its_line(
-    bone_like: Callable[..., TSpline], tmp_path: Path, old: str, new: str, line: int
-) -> None:
+def test_a_broken_file_is_refused_with_its_line(tmp_path: Path, old: str, new: str, line: int) -> None:
     text = rows_text(bone_like(7, 6, spread=0.0))
     assert old in text
     (tmp_path / "bad.tsr").write_text(text.replace(old, new))
@@ -313,7 +300,7 @@ def test_a_broken_file_is_refused_with_its_line(
     assert caught.value.evidence["line"] == line
 
 
-def test_decreasing_knots_and_bad_weights_are_refused(bone_like: Callable[..., TSpline], tmp_path: Path) -> None:
+def test_decreasing_knots_and_bad_weights_are_refused(tmp_path: Path) -> None:
     surface = bone_like(7, 6, spread=0.0)
     text = rows_text(surface)
     (tmp_path / "bad.tsr").write_text(text.replace(" 1.0\nrow 2", " -1.0\nrow 2"))
@@ -388,9 +375,7 @@ def survive(originals: list[Path], folder: Path, seeds: range) -> float:
     return read / len(seeds)
 
 
-def test_of_a_thousand_damaged_files_none_gives_more_than_an_error_or_a_surface(
-    random_tspline: Callable[..., TSpline], bone_like: Callable[..., TSpline], tmp_path: Path
-) -> None:
+def test_of_a_thousand_damaged_files_none_gives_more_than_an_error_or_a_surface(tmp_path: Path) -> None:
     write_tsm(random_tspline(1), tmp_path / "a.tsm")
     write_tsm(random_tspline(2, closed=True), tmp_path / "b.tsm")
     write_tsm(bone_like(6, 5, 1), tmp_path / "c.tspline")
@@ -414,9 +399,7 @@ def test_of_a_thousand_damaged_models_none_gives_more_than_an_error_or_a_surface
         ("0m gvp 99999999999999999999", "size below"),
     ],
 )
-def test_numbers_that_would_overflow_are_refused(
-    random_tspline: Callable[..., TSpline], tmp_path: Path, record: str, match: str
-) -> None:
+def test_numbers_that_would_overflow_are_refused(tmp_path: Path, record: str, match: str) -> None:
     write_tsm(random_tspline(1), tmp_path / "a.tsm")
     lines = (tmp_path / "a.tsm").read_text().splitlines()
     kind = record.split()[0]
