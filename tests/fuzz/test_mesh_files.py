@@ -2,11 +2,11 @@
 
 import random
 import struct
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
+from mutations import mutate, outcome
 
 from bonecam.mesh.files.mesh_files import read_mesh
 
@@ -94,9 +94,7 @@ def test_the_sound_files_are_one_solid(name: str, tmp_path: Path) -> None:
     "count", [pytest.param(DEFAULT, id="few"), pytest.param(MANY, id="many", marks=pytest.mark.fuzz)]
 )
 @pytest.mark.parametrize("name", SOUND)
-def test_a_damaged_mesh_gives_a_mesh_or_one_line(
-    name: str, count: int, mutate: Callable, outcome: Callable, tmp_path: Path
-) -> None:
+def test_a_damaged_mesh_gives_a_mesh_or_one_line(name: str, count: int, tmp_path: Path) -> None:
     rng = random.Random(name)
     file = tmp_path / name
     refused = 0

@@ -2,12 +2,13 @@
 
 import re
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, suppress
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
 import pytest
 from bonecam_meshes import path as shipped
+from mutations import within
 from numpy import ndarray
 
 import bonecam
@@ -20,7 +21,6 @@ from bonecam.nc import dialect_names, read_dialect
 
 pytestmark = pytest.mark.whole
 
-Within = Callable[[float], AbstractContextManager[None]]
 
 SECONDS = 300.0
 """A job that takes longer than this (s) hangs."""
@@ -206,7 +206,7 @@ def run(seed: int) -> tuple[str, str]:
     return "program", str(result.program.text.count("\n"))
 
 
-def check_ending(seed: int, within: Within) -> None:
+def check_ending(seed: int) -> None:
     """A program, or one line that says what to do, within SECONDS."""
     with within(SECONDS):
         kind, what = run(seed)
@@ -219,8 +219,8 @@ def check_ending(seed: int, within: Within) -> None:
 
 
 @pytest.mark.parametrize("seed", QUICK)
-def test_a_plausible_job_ends_with_a_program_or_a_remedy(seed: int, within: Within) -> None:
-    check_ending(seed, within)
+def test_a_plausible_job_ends_with_a_program_or_a_remedy(seed: int) -> None:
+    check_ending(seed)
 
 
 def test_jobs_are_drawn_for_all_dialects_on_all_machines() -> None:
@@ -232,8 +232,8 @@ def test_jobs_are_drawn_for_all_dialects_on_all_machines() -> None:
 
 @pytest.mark.fuzz
 @pytest.mark.parametrize("seed", ALL)
-def test_every_random_job_ends_with_a_program_or_a_remedy(seed: int, within: Within) -> None:
-    check_ending(seed, within)
+def test_every_random_job_ends_with_a_program_or_a_remedy(seed: int) -> None:
+    check_ending(seed)
 
 
 @pytest.mark.fuzz

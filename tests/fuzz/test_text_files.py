@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from mutations import mutate, outcome
 from small_parts import capsule_path, pebble
 
 from bonecam.errors import BonecamError
@@ -157,7 +158,7 @@ def retype_value(rng: random.Random, data: bytes) -> bytes:
 )
 @pytest.mark.parametrize("name", READERS)
 def test_a_damaged_text_gives_a_result_or_one_line(
-    name: str, count: int, sound: dict[str, bytes], mutate: Callable, outcome: Callable, tmp_path: Path
+    name: str, count: int, sound: dict[str, bytes], tmp_path: Path
 ) -> None:
     rng = random.Random(name)
     file = tmp_path / name
@@ -193,6 +194,6 @@ HOSTILE = {
 
 
 @pytest.mark.parametrize("name", HOSTILE)
-def test_a_hostile_text_gives_one_line(name: str, outcome: Callable, tmp_path: Path) -> None:
+def test_a_hostile_text_gives_one_line(name: str, tmp_path: Path) -> None:
     (tmp_path / name).write_text(HOSTILE[name])
     assert outcome(READERS[name], tmp_path / name)

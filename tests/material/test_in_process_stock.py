@@ -53,9 +53,7 @@ def skin_material(levels: Sequence[Level], stock: Skin) -> InProcessStock:
     return replace(uncut_material(levels, stock), uncut=None)
 
 
-@pytest.fixture(scope="module")
-def stock() -> Skin:
-    return Skin(UPRIGHT_CAPSULE.start, UPRIGHT_CAPSULE.end, UPRIGHT_CAPSULE.radius)
+STOCK = Skin(UPRIGHT_CAPSULE.start, UPRIGHT_CAPSULE.end, UPRIGHT_CAPSULE.radius)
 
 
 @pytest.fixture(scope="module")
@@ -64,28 +62,26 @@ def post() -> Post:
 
 
 @pytest.fixture(scope="module")
-def levels(stock: Skin) -> tuple[MachinedLevel, MachinedLevel, StockLevel]:
+def levels() -> tuple[MachinedLevel, MachinedLevel, StockLevel]:
     """The part, a level 0.4 mm outside it, and the stock."""
-    outermost = StockLevel(2, stock.mesh(0.01), 0.5, NO_CUT)
+    outermost = StockLevel(2, STOCK.mesh(0.01), 0.5, NO_CUT)
     return level_of(pebble()), level_of(pebble(0.4), 1, 0.5), outermost
 
 
 @pytest.fixture(scope="module")
-def path_on(stock: Skin, post: Post) -> Callable[[MachinedLevel, InProcessStock, Cutter], ToolPath]:
+def path_on(post: Post) -> Callable[[MachinedLevel, InProcessStock, Cutter], ToolPath]:
     def build(level: MachinedLevel, material: InProcessStock, cutter: Cutter) -> ToolPath:
         meshes = [MeshDistance(level.mesh)]
         contacts = contact_path(candidate_contacts(level, meshes, cutter, post, PathJob(pattern="round")), material)
-        scene = Scene(level.mesh, material.mesh, stock, post, DEVIATION)
+        scene = Scene(level.mesh, material.mesh, STOCK, post, DEVIATION)
         return orient(contacts, scene, MachineLimits(2.0), PathJob(), NcJob())
 
     return build
 
 
 @pytest.fixture(scope="module")
-def machined(
-    levels: tuple[MachinedLevel, MachinedLevel, StockLevel], stock: Skin, path_on
-) -> tuple[InProcessStock, ToolPath]:
-    material = skin_material(levels, stock)
+def machined(levels: tuple[MachinedLevel, MachinedLevel, StockLevel], path_on) -> tuple[InProcessStock, ToolPath]:
+    material = skin_material(levels, STOCK)
     path = path_on(levels[1], material, ROUGHING_CUTTER)
     return remove_material(material, levels[1], path), path
 
@@ -119,8 +115,8 @@ def test_no_ball_of_the_path_is_inside_the_material_left(machined: tuple[InProce
     )
 
 
-def test_contacts_under_uncut_material_stay_uncut(levels, stock: Skin, post: Post, path_on) -> None:
-    material = skin_material(levels, stock)
+def test_contacts_under_uncut_material_stay_uncut(levels, post: Post, path_on) -> None:
+    material = skin_material(levels, STOCK)
     path = path_on(levels[1], material, ROUGHING_CUTTER)
     spared = path.contacts[:, 2] > 39.0
     shortened = replace(
@@ -145,11 +141,11 @@ def test_contacts_under_uncut_material_stay_uncut(levels, stock: Skin, post: Pos
 
 
 def test_what_is_trimmed_and_what_is_cut_make_up_the_whole_passes(
-    machined: tuple[InProcessStock, ToolPath], levels, stock: Skin, post: Post
+    machined: tuple[InProcessStock, ToolPath], levels, post: Post
 ) -> None:
     _, path = machined
     lower = replace(path, kinds=np.where(path.contacts[:, 2] < 35.0, path.kinds, MoveKind.LINK))
-    material = remove_material(skin_material(levels, stock), levels[1], lower)
+    material = remove_material(skin_material(levels, STOCK), levels[1], lower)
     meshes = [MeshDistance(levels[1].mesh)]
     candidates = candidate_contacts(levels[1], meshes, ROUGHING_CUTTER, post, PathJob(pattern="iso-scallop"))
 
@@ -169,9 +165,9 @@ def test_what_is_trimmed_and_what_is_cut_make_up_the_whole_passes(
 
 
 def test_a_ball_that_rises_from_its_contact_enters_nothing_anew(
-    levels: tuple[MachinedLevel, MachinedLevel, StockLevel], stock: Skin
+    levels: tuple[MachinedLevel, MachinedLevel, StockLevel],
 ) -> None:
-    material = skin_material(levels, stock)
+    material = skin_material(levels, STOCK)
     s, t = np.random.default_rng(5).uniform(0.2, 0.8, (2, 50))
     surface = levels[1].surface
     normals = surface.normals(s, t)
@@ -186,7 +182,7 @@ def test_a_ball_that_rises_from_its_contact_enters_nothing_anew(
 
 
 def test_passes_that_find_only_what_passes_before_left_are_of_no_use(
-    levels: tuple[MachinedLevel, MachinedLevel, StockLevel], stock: Skin, machined: tuple[InProcessStock, ToolPath]
+    levels: tuple[MachinedLevel, MachinedLevel, StockLevel], machined: tuple[InProcessStock, ToolPath]
 ) -> None:
     path = machined[1]
     cuts = path.kinds == MoveKind.CUT
@@ -194,20 +190,20 @@ def test_passes_that_find_only_what_passes_before_left_are_of_no_use(
     passes = path.pass_index[cuts]
     count = len(centres)
     twice = np.vstack([centres, centres]), np.r_[passes, passes + passes.max() + 1]
-    material = skin_material(levels, stock)
+    material = skin_material(levels, STOCK)
     useful = material.useful(levels[1], *twice, path.cutter.radius, 0.03)
     assert useful[:count].mean() > 0.9
     assert not useful[count:].any()
 
 
-def test_passes_side_by_side_are_stepped_over_to_without_their_ramps(levels, stock: Skin, post: Post) -> None:
-    level, material = levels[1], skin_material(levels, stock)
+def test_passes_side_by_side_are_stepped_over_to_without_their_ramps(levels, post: Post) -> None:
+    level, material = levels[1], skin_material(levels, STOCK)
     job = PathJob(pattern="along")
     candidates = candidate_contacts(level, [MeshDistance(level.mesh)], ROUGHING_CUTTER, post, job)
     contacts = contact_path(candidates, material, DepthLimits(0.5))
     assert contacts.ramp.any()
     assert not contacts.ramp[np.flatnonzero(np.diff(contacts.pass_index))].any()
-    scene = Scene(level.mesh, material.mesh, stock, post, DEVIATION)
+    scene = Scene(level.mesh, material.mesh, STOCK, post, DEVIATION)
     path = orient(contacts, scene, MachineLimits(2.0), job, NcJob(), material=material)
     passes = contacts.pass_index.max() + 1
     cut = path.kinds == MoveKind.CUT
@@ -229,10 +225,10 @@ def bore(cutter: Cutter, centre: ndarray) -> ToolPath:
     return path_of(centre[None] - cutter.radius * up, up, kinds=kinds, passes=passes, tool=cutter)
 
 
-def test_what_hangs_over_a_cut_stands(levels, stock: Skin) -> None:
-    material = skin_material(levels, stock)
+def test_what_hangs_over_a_cut_stands(levels) -> None:
+    material = skin_material(levels, STOCK)
     place = material.places[np.argmax(material.places[:, 0])]
-    inward = -stock.normals(place[None])[0]
+    inward = -STOCK.normals(place[None])[0]
     radius = ROUGHING_CUTTER.radius
     for depth, cuts in ((radius + 1.0, False), (radius - 0.4, True)):
         after = remove_material(material, levels[1], bore(ROUGHING_CUTTER, place + depth * inward))
@@ -241,23 +237,21 @@ def test_what_hangs_over_a_cut_stands(levels, stock: Skin) -> None:
         assert cuts or not moved.any()
 
 
-def test_a_ball_whose_centre_is_in_the_material_is_deeper_than_its_radius(levels, stock: Skin) -> None:
-    material = skin_material(levels, stock)
+def test_a_ball_whose_centre_is_in_the_material_is_deeper_than_its_radius(levels) -> None:
+    material = skin_material(levels, STOCK)
     place = material.places[np.argmax(material.places[:, 0])]
-    outward = stock.normals(place[None])[0]
+    outward = STOCK.normals(place[None])[0]
     for height in (1.5, 0.5, -0.5, -1.5):
         depth, away = material.depths((place + height * outward)[None], 2.0)
         assert depth[0] == pytest.approx(2.0 - height, abs=0.01)
         assert away[0] @ outward > 0.99
 
 
-def test_the_mesh_ends_behind_the_foot_of_a_cliff(
-    machined: tuple[InProcessStock, ToolPath], levels, stock: Skin
-) -> None:
+def test_the_mesh_ends_behind_the_foot_of_a_cliff(machined: tuple[InProcessStock, ToolPath], levels) -> None:
     """What stands between a vertex that was cut and one that was not may reach up to the cut one."""
     _, path = machined
     upper = replace(path, kinds=np.where(path.contacts[:, 2] > 35.0, path.kinds, MoveKind.LINK))
-    material = remove_material(skin_material(levels, stock), levels[1], upper)
+    material = remove_material(skin_material(levels, STOCK), levels[1], upper)
     floor = material.grid.R @ levels[1].control_points
     mesh = hull(material.vertices, floor, material.grid.faces)
     raw, kept = (np.linalg.norm(v - floor, axis=1) for v in (material.vertices, mesh.vertices))

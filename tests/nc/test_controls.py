@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from machine_files import axis, machine_text, write_machine
 from small_parts import capsule_path, path_of
+from tool_paths import TWO_PATHS
 
 from bonecam.errors import MachineError, ProgramError
 from bonecam.job import Job
@@ -19,7 +20,6 @@ from bonecam.nc.motions import Motions
 from bonecam.nc.posting import write_program
 from bonecam.nc.program import program_number
 from bonecam.nc.reading import read_program
-from bonecam.tool.path import ToolPath
 from bonecam.verify.readback import Tolerances, compare_moves
 
 MIKRON = read_machine("mikron-ucp600")
@@ -36,8 +36,8 @@ def name(request: pytest.FixtureRequest) -> str:
 
 
 @pytest.fixture(scope="module")
-def text(paths: tuple[ToolPath, ToolPath], name: str) -> str:
-    return write_program(paths, MIKRON, read_dialect(name), Job(), name="O77").text
+def text(name: str) -> str:
+    return write_program(TWO_PATHS, MIKRON, read_dialect(name), Job(), name="O77").text
 
 
 def blocks(text: str) -> list[str]:
@@ -85,9 +85,9 @@ def test_g43_4_is_read_with_its_length_and_all_rotary_axes_at_zero(text: str, na
         ]
 
 
-def test_the_table_turns_above_everything_and_there_is_no_g00_under_g43_4(text: str, name: str, paths) -> None:
+def test_the_table_turns_above_everything_and_there_is_no_g00_under_g43_4(text: str, name: str) -> None:
     motions = read_program(text, MIKRON, read_dialect(name))
-    checked = compare_moves(motions, paths, read_dialect(name), Tolerances())
+    checked = compare_moves(motions, TWO_PATHS, read_dialect(name), Tolerances())
     first = np.flatnonzero(~motions.known_start)
     assert len(first) == 2
     assert not motions.rapid.any()
@@ -143,10 +143,10 @@ def test_a_machine_that_cannot_stand_at_zero_is_refused(name, tmp_path) -> None:
         write_program([path_of(tips, axes)], machine, read_dialect(name), Job())
 
 
-def test_words_that_are_always_wrapped_cannot_be_wound(paths, name) -> None:
+def test_words_that_are_always_wrapped_cannot_be_wound(name) -> None:
     job = Job().with_values(nc={"endless_words": "wound"})
     with pytest.raises(MachineError, match=f"{name} has no blocks that switch the short way"):
-        write_program(paths, MIKRON, read_dialect(name), job)
+        write_program(TWO_PATHS, MIKRON, read_dialect(name), job)
 
 
 def test_a_limited_table_that_is_rewound_starts_from_zero_again(tmp_path) -> None:
@@ -161,13 +161,13 @@ def test_a_limited_table_that_is_rewound_starts_from_zero_again(tmp_path) -> Non
     assert program.moves == motions.blocks
 
 
-def test_block_numbers_begin_again_behind_the_highest(paths, tmp_path) -> None:
+def test_block_numbers_begin_again_behind_the_highest(tmp_path) -> None:
     file = tmp_path / "short.toml"
     file.write_text((DIALECTS / "fanuc-30i.toml").read_text().replace("highest = 99999\n", "highest = 100\n"))
     dialect = read_dialect(file)
-    text = write_program(paths, MIKRON, dialect, Job()).text
+    text = write_program(TWO_PATHS, MIKRON, dialect, Job()).text
     assert len(re.findall("^N100 ", text, re.MULTILINE)) == len(re.findall("^N1 ", text, re.MULTILINE)) - 1 > 1
-    compare_moves(read_program(text, MIKRON, dialect), paths, dialect, Tolerances())
+    compare_moves(read_program(text, MIKRON, dialect), TWO_PATHS, dialect, Tolerances())
 
 
 def test_the_number_of_a_program_is_that_of_its_name_or_drawn_from_it() -> None:
@@ -211,8 +211,8 @@ DC = re.compile(r" C=DC\((-?\d+\.\d{3})\)")
 
 
 @pytest.fixture(scope="module")
-def siemens_text(paths: tuple[ToolPath, ToolPath]) -> str:
-    return write_program(paths, MIKRON_SIEMENS, SIEMENS, Job()).text
+def siemens_text() -> str:
+    return write_program(TWO_PATHS, MIKRON_SIEMENS, SIEMENS, Job()).text
 
 
 def siemens_blocks(text: str) -> list[str]:
@@ -253,24 +253,24 @@ def test_each_tool_has_datum_and_length_before_it_moves_down(siemens_text: str) 
     assert "CYCLE832(0.020,_ORI_ROUGH,0.572)" in body
 
 
-def test_words_of_c_are_within_a_turn_and_take_the_short_way(siemens_text: str, paths) -> None:
+def test_words_of_c_are_within_a_turn_and_take_the_short_way(siemens_text: str) -> None:
     words = np.array([float(word) for word in DC.findall(siemens_text)])
     assert words.min() >= 0
     assert words.max() < 360
     assert (np.abs(np.diff(words)) > 180).any()
     motions = read_program(siemens_text, MIKRON_SIEMENS, SIEMENS)
-    compare_moves(motions, paths, SIEMENS, Tolerances())
+    compare_moves(motions, TWO_PATHS, SIEMENS, Tolerances())
     turns = np.degrees(np.diff(motions.words[:, 4]))[motions.known_start[1:]]
     assert np.abs(turns).max() < 91
     assert "C WORDS: WRAPPED TO 0..360 AS C=DC(), THE CONTROL TAKES THE SHORT WAY" in siemens_text
 
 
-def test_a_job_may_have_c_wound_by_plain_words(paths) -> None:
+def test_a_job_may_have_c_wound_by_plain_words() -> None:
     job = Job().with_values(nc={"endless_words": "wound"})
-    text = write_program(paths, MIKRON_SIEMENS, SIEMENS, job).text
+    text = write_program(TWO_PATHS, MIKRON_SIEMENS, SIEMENS, job).text
     assert "DC(" not in text
     assert max(abs(float(word)) for word in re.findall(r" C(-?\d+\.\d+)", text)) > 1000
-    compare_moves(read_program(text, MIKRON_SIEMENS, SIEMENS), paths, SIEMENS, Tolerances())
+    compare_moves(read_program(text, MIKRON_SIEMENS, SIEMENS), TWO_PATHS, SIEMENS, Tolerances())
 
 
 def test_a_plain_word_of_c_is_driven_as_it_is(siemens_text: str) -> None:

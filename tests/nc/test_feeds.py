@@ -35,12 +35,10 @@ def pair(request: pytest.FixtureRequest) -> tuple[Machine, Dialect]:
     return PAIRS[request.param]
 
 
-@pytest.fixture(scope="module")
-def paths() -> tuple[ToolPath, ToolPath]:
-    return (
-        capsule_path(level=5, radius=2.0, offset=1.5, number=1, count=600),
-        capsule_path(level=0, radius=1.0, number=2, count=900),
-    )
+PATHS = (
+    capsule_path(level=5, radius=2.0, offset=1.5, number=1, count=600),
+    capsule_path(level=0, radius=1.0, number=2, count=900),
+)
 
 
 def axis_shares(motions: Motions, machine: Machine) -> np.ndarray:
@@ -69,11 +67,11 @@ def with_speeds(machine: Machine, speed: float) -> Machine:
     return replace(machine, **groups)
 
 
-def test_every_feed_of_the_text_is_one_that_the_axes_can_follow(paths, pair) -> None:
+def test_every_feed_of_the_text_is_one_that_the_axes_can_follow(pair) -> None:
     machine, dialect = pair
-    raw = read_program(write_program(paths, machine, dialect, Job()).text, machine, dialect)
+    raw = read_program(write_program(PATHS, machine, dialect, Job()).text, machine, dialect)
     assert (axis_shares(raw, machine) > 1.01).mean() > 0.3
-    lowered = drivable_paths(paths, machine, dialect, Job())
+    lowered = drivable_paths(PATHS, machine, dialect, Job())
     program = write_program(lowered, machine, dialect, Job())
     motions = read_program(program.text, machine, dialect)
     assert axis_shares(motions, machine).max() <= 1.0 + 1e-6
@@ -81,17 +79,17 @@ def test_every_feed_of_the_text_is_one_that_the_axes_can_follow(paths, pair) -> 
     assert program.feeds.limited > 0.3
 
 
-def test_the_text_is_proved_against_the_lowered_feeds_only(paths, pair) -> None:
+def test_the_text_is_proved_against_the_lowered_feeds_only(pair) -> None:
     machine, dialect = pair
-    lowered = drivable_paths(paths, machine, dialect, Job())
+    lowered = drivable_paths(PATHS, machine, dialect, Job())
     text = write_program(lowered, machine, dialect, Job()).text
     compare_moves(read_program(text, machine, dialect), lowered, dialect, Tolerances())
     with pytest.raises(VerifyError, match=r"feed is .* meant"):
-        compare_moves(read_program(text, machine, dialect), paths, dialect, Tolerances())
+        compare_moves(read_program(text, machine, dialect), PATHS, dialect, Tolerances())
 
 
-def test_only_feeds_change_and_none_rises(paths, pair) -> None:
-    for before, after in zip(paths, drivable_paths(paths, *pair, Job()), strict=True):
+def test_only_feeds_change_and_none_rises(pair) -> None:
+    for before, after in zip(PATHS, drivable_paths(PATHS, *pair, Job()), strict=True):
         assert np.array_equal(before.tips, after.tips)
         assert (after.feed_rates <= before.feed_rates).all()
         assert (after.feed_rates > 0).all()
@@ -99,10 +97,10 @@ def test_only_feeds_change_and_none_rises(paths, pair) -> None:
         assert np.array_equal(before.feed_rates[rapid], after.feed_rates[rapid])
 
 
-def test_along_a_pass_the_feed_changes_evenly(paths, pair) -> None:
+def test_along_a_pass_the_feed_changes_evenly(pair) -> None:
     stepped = pair[1].feed_mode == "per-minute"
     changed = 0
-    for path in drivable_paths(paths, *pair, Job()):
+    for path in drivable_paths(PATHS, *pair, Job()):
         step = np.linalg.norm(np.diff(path.tips, axis=0), axis=1)
         cutting = path.kinds == MoveKind.CUT
         both = cutting[1:] & cutting[:-1] & (np.diff(path.pass_index) == 0)
@@ -148,12 +146,12 @@ def test_the_contact_keeps_the_feed_of_the_cutter_where_the_job_asks(pair) -> No
     compare_moves(motions, [limited], dialect, Tolerances())
 
 
-def test_rapids_that_are_written_as_feeds_are_lowered_too(paths) -> None:
+def test_rapids_that_are_written_as_feeds_are_lowered_too() -> None:
     machine, dialect = PAIRS["linuxcnc"]
     bent = dialect.model_copy(update={"straight_rapids": False})
-    lowered = drivable_paths(paths, machine, bent, Job())
+    lowered = drivable_paths(PATHS, machine, bent, Job())
     rapid = lowered[0].kinds == MoveKind.RAPID
-    assert (lowered[0].feed_rates[rapid] < paths[0].feed_rates[rapid]).any()
+    assert (lowered[0].feed_rates[rapid] < PATHS[0].feed_rates[rapid]).any()
     program = write_program(lowered, machine, bent, Job())
     assert axis_shares(read_program(program.text, machine, bent), machine).max() <= 1.0 + 1e-6
 
@@ -207,9 +205,9 @@ def test_a_block_that_is_slower_than_its_turn_is_told() -> None:
 
 
 @pytest.mark.parametrize("name", ["heidenhain", "siemens-840d", "fanuc-30i"])
-def test_a_program_has_a_few_dozen_feeds_and_states_them_where_they_change(paths, name) -> None:
+def test_a_program_has_a_few_dozen_feeds_and_states_them_where_they_change(name) -> None:
     machine, dialect = PAIRS[name]
-    lowered = drivable_paths(paths, machine, dialect, Job())
+    lowered = drivable_paths(PATHS, machine, dialect, Job())
     text = write_program(lowered, machine, dialect, Job()).text
     motions = read_program(text, machine, dialect)
     compare_moves(motions, lowered, dialect, Tolerances())

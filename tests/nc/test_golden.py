@@ -12,19 +12,16 @@ from bonecam.nc.posting import write_program
 from bonecam.nc.program import Program
 from bonecam.nc.reading import read_program
 from bonecam.nc.requirements import job_dialect
-from bonecam.tool.path import ToolPath
 from bonecam.verify.readback import Tolerances, compare_moves
 
 GOLDEN = Path(__file__).parents[1] / "golden"
 CASES = ("heidenhain-mikron", "linuxcnc-xyzbc", "siemens-mikron", "fanuc-mikron", "makino-mikron", "mitsubishi-mikron")
 
 
-@pytest.fixture(scope="module")
-def paths() -> tuple[ToolPath, ToolPath]:
-    return (
-        capsule_path(level=5, radius=2.0, offset=1.5, number=1, count=24, turns=0.5),
-        capsule_path(level=0, radius=1.0, number=2, count=24, turns=0.5),
-    )
+PATHS = (
+    capsule_path(level=5, radius=2.0, offset=1.5, number=1, count=24, turns=0.5),
+    capsule_path(level=0, radius=1.0, number=2, count=24, turns=0.5),
+)
 
 
 @pytest.fixture(scope="module", params=CASES)
@@ -33,19 +30,17 @@ def case(request: pytest.FixtureRequest) -> str:
 
 
 @pytest.fixture(scope="module")
-def program(case: str, paths: tuple[ToolPath, ToolPath]) -> Program:
+def program(case: str) -> Program:
     job = read_job(GOLDEN / case / "job.toml")
-    return write_program(paths, read_machine(job.nc.machine), job_dialect(job.nc), job, name="GOLDEN")
+    return write_program(PATHS, read_machine(job.nc.machine), job_dialect(job.nc), job, name="GOLDEN")
 
 
 def test_the_golden_program_is_still_posted(case: str, program: Program) -> None:
     assert program.text == (GOLDEN / case / f"expected{program.extension}").read_text()
 
 
-def test_the_golden_program_makes_the_golden_path(
-    case: str, program: Program, paths: tuple[ToolPath, ToolPath]
-) -> None:
+def test_the_golden_program_makes_the_golden_path(case: str, program: Program) -> None:
     machine, dialect = read_machine(program.machine), read_dialect(program.controller)
     text = (GOLDEN / case / f"expected{program.extension}").read_text()
-    checked = compare_moves(read_program(text, machine, dialect), paths, dialect, Tolerances())
+    checked = compare_moves(read_program(text, machine, dialect), PATHS, dialect, Tolerances())
     assert checked.tip_error.max() < 0.001

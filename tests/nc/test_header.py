@@ -15,6 +15,7 @@ import pytest
 from machine_files import CHAINS
 from scipy.spatial.transform import Rotation
 from small_parts import UPRIGHT_CAPSULE
+from tool_paths import TWO_PATHS
 
 from bonecam.errors import MachineError
 from bonecam.job import Job
@@ -36,16 +37,16 @@ from bonecam.nc.reading import read_program
 from bonecam.nc.words import contour_tolerance, rotary_tolerance_deg
 from bonecam.report.page.contents import program_contents
 from bonecam.tool.cutter import Cutter
-from bonecam.tool.path import MoveKind, ToolPath
+from bonecam.tool.path import MoveKind
 from bonecam.verify.readback import Tolerances, compare_moves
 
 MIKRON, HEIDENHAIN = read_machine("mikron-ucp600"), read_dialect("heidenhain")
 
 
 @pytest.fixture(scope="module")
-def text(paths: tuple[ToolPath, ToolPath]) -> str:
+def text() -> str:
     job = Job().with_values(holding={"diameter": 4.0})
-    return write_program(paths, MIKRON, HEIDENHAIN, job, stock=UPRIGHT_CAPSULE).text
+    return write_program(TWO_PATHS, MIKRON, HEIDENHAIN, job, stock=UPRIGHT_CAPSULE).text
 
 
 def blocks(text: str) -> list[str]:
@@ -80,9 +81,9 @@ def test_the_header_says_what_to_mount_and_how_to_set_the_control(text: str) -> 
     assert max(map(len, head.splitlines())) <= 110
 
 
-def test_a_part_that_is_mirrored_and_scaled_is_told_to_be(paths) -> None:
+def test_a_part_that_is_mirrored_and_scaled_is_told_to_be() -> None:
     job = Job().with_values(mesh={"mirror": "y", "scale": 1.25})
-    text = write_program(paths, MIKRON, HEIDENHAIN, job, stock=UPRIGHT_CAPSULE).text
+    text = write_program(TWO_PATHS, MIKRON, HEIDENHAIN, job, stock=UPRIGHT_CAPSULE).text
     assert "THE PART IS MIRRORED IN Y OF ITS FILE\n" in text
     assert "THE PART IS SCALED BY 1.25\n" in text
     assert part_texts(Job()) == []
@@ -92,23 +93,23 @@ def test_a_part_that_is_mirrored_and_scaled_is_told_to_be(paths) -> None:
     assert second[-2:] == part_texts(job)
 
 
-def test_a_chuck_and_a_conical_holder_are_told(paths) -> None:
+def test_a_chuck_and_a_conical_holder_are_told() -> None:
     job = Job().with_values(
         holding={"chuck_diameter": 30.0, "chuck_height": 12.0}, roughing={"holder": "35 10 17, 20 40"}
     )
     cutter = Cutter.from_job(1, "roughing", job.tool("roughing"), MIKRON.nose)
-    told = write_program([replace(paths[0], cutter=cutter)], MIKRON, HEIDENHAIN, job, stock=UPRIGHT_CAPSULE).text
+    told = write_program([replace(TWO_PATHS[0], cutter=cutter)], MIKRON, HEIDENHAIN, job, stock=UPRIGHT_CAPSULE).text
     assert "A CHUCK OR COLLET OF AT MOST DIAMETER 30.00 MM ROUND THE POST, UP TO Z 12.00" in told
     assert "Z 0 ON THE TABLE UNDER THE CHUCK" in told
     assert "TOOL 1: HOLDER TO 55.00 DIAMETER 10.00 TO 17.00, HOLDER TO 75.00 DIAMETER 40.00\n" in told
     assert max(map(len, told[: told.index("TOOL CALL")].splitlines())) <= 110
 
 
-def test_riser_collet_stub_and_neck_are_told(paths) -> None:
+def test_riser_collet_stub_and_neck_are_told() -> None:
     holding = {"riser_diameter": 60.0, "riser_height": 5.0, "chuck_diameter": 28.0, "chuck_height": 12.0}
     stub = {"stub_diameter": 13.0, "stub_length": 8.0}
     job = Job().with_values(holding=holding | stub | {"diameter": 4.0})
-    told = write_program(paths, MIKRON, HEIDENHAIN, job, stock=UPRIGHT_CAPSULE).text
+    told = write_program(TWO_PATHS, MIKRON, HEIDENHAIN, job, stock=UPRIGHT_CAPSULE).text
     for said in (
         "NECK BELOW IT: DIAMETER 4.00 MM, FROM Z 20.00 TO Z ",
         "STUB BELOW THE NECK: BAR OF DIAMETER 13.00 MM, FROM Z 12.00 TO Z 20.00, STOCK AND NECK ARE TURNED FROM IT",
@@ -182,22 +183,22 @@ def test_roughing_has_its_own_tolerance_and_never_a_finer_one_than_finishing() -
     assert rotary_tolerance_deg(HEIDENHAIN, job, False, 2.0) == pytest.approx(1.432)
 
 
-def test_wound_words_make_the_same_moves_without_the_short_way(paths: tuple[ToolPath, ToolPath]) -> None:
+def test_wound_words_make_the_same_moves_without_the_short_way() -> None:
     job = Job().with_values(nc={"endless_words": "wound"})
-    text = write_program(paths, MIKRON, HEIDENHAIN, job).text
+    text = write_program(TWO_PATHS, MIKRON, HEIDENHAIN, job).text
     assert "M126" not in text
     assert "C WORDS: WOUND UP OVER MANY TURNS UNDER M127" in text
     assert max(abs(float(word)) for word in re.findall(r" C([+-]\d+\.\d+)", text)) > 1000
     wound = read_program(text, MIKRON, HEIDENHAIN)
-    compare_moves(wound, paths, HEIDENHAIN, Tolerances())
-    wrapped = read_program(write_program(paths, MIKRON, HEIDENHAIN, Job()).text, MIKRON, HEIDENHAIN)
+    compare_moves(wound, TWO_PATHS, HEIDENHAIN, Tolerances())
+    wrapped = read_program(write_program(TWO_PATHS, MIKRON, HEIDENHAIN, Job()).text, MIKRON, HEIDENHAIN)
     assert np.allclose(np.diff(wound.words, axis=0)[:200], np.diff(wrapped.words, axis=0)[:200], atol=1e-9)
 
 
-def test_a_control_that_knows_one_way_only_refuses_the_other(paths: tuple[ToolPath, ToolPath]) -> None:
+def test_a_control_that_knows_one_way_only_refuses_the_other() -> None:
     job = Job().with_values(nc={"endless_words": "wrapped"})
     with pytest.raises(MachineError, match="linuxcnc has no blocks that switch the short way"):
-        write_program(paths, read_machine("linuxcnc-xyzbc"), read_dialect("linuxcnc"), job)
+        write_program(TWO_PATHS, read_machine("linuxcnc-xyzbc"), read_dialect("linuxcnc"), job)
 
 
 PLACED = """
@@ -225,11 +226,11 @@ speed_deg_s = 120.0
 """
 
 
-def test_in_machine_coordinates_the_header_tells_where_the_part_stands(paths, tmp_path: Path) -> None:
+def test_in_machine_coordinates_the_header_tells_where_the_part_stands(tmp_path: Path) -> None:
     chain = 'title = "trunnion"\nchain = ["C", "A", "XYZ"]\npart_zero = [-310.0, -205.0, -402.5]\n'
     (tmp_path / "trunnion.toml").write_text(chain + PLACED)
     machine, dialect = read_machine(tmp_path / "trunnion.toml"), read_dialect("linuxcnc")
-    text = write_program(paths, machine, dialect, Job()).text
+    text = write_program(TWO_PATHS, machine, dialect, Job()).text
     assert "PROGRAM ZERO: X-310 Y-205 ON THE AXIS OF THE POST, Z-402.5 ON THE TABLE" in text
     assert "X 0 Y 0 Z 0: ZERO OF THE MACHINE FILE, NOT ON THE PART" in text
     place = np.array([[-310.0, -205.0, -402.5, 0.0, 0.0]])
@@ -240,28 +241,28 @@ def test_in_machine_coordinates_the_header_tells_where_the_part_stands(paths, tm
     assert np.abs(places - place[0, :3]).max() < 150
 
 
-def test_over_zero_is_over_the_part_in_machine_coordinates_too(paths, tmp_path: Path) -> None:
+def test_over_zero_is_over_the_part_in_machine_coordinates_too(tmp_path: Path) -> None:
     chain = 'title = "trunnion"\nchain = ["C", "A", "XYZ"]\npart_zero = [-310.0, -205.0, -402.5]\n'
     (tmp_path / "trunnion.toml").write_text(chain + PLACED)
     dialect = read_dialect("linuxcnc")
     tool = dialect.templates.tool + "\nG0 {over_zero}"
     dialect = dialect.model_copy(update={"templates": dialect.templates.model_copy(update={"tool": tool})})
-    text = write_program(paths, read_machine(tmp_path / "trunnion.toml"), dialect, Job()).text
+    text = write_program(TWO_PATHS, read_machine(tmp_path / "trunnion.toml"), dialect, Job()).text
     assert text.count("\nG0 X-310.00000 Y-205.00000\n") == 2
-    with_zero = write_program(paths, read_machine("linuxcnc-xyzbc"), dialect, Job()).text
+    with_zero = write_program(TWO_PATHS, read_machine("linuxcnc-xyzbc"), dialect, Job()).text
     assert with_zero.count("\nG0 X0.00000 Y0.00000\n") == 2
     assert "X 0 Y 0 Z 0: PROGRAM ZERO WITH ALL ROTARY AXES AT 0" in with_zero
 
 
 @pytest.mark.parametrize("name", ["heidenhain", "linuxcnc"])
-def test_where_rapids_may_be_bent_they_are_feeds_beside_the_part(paths, name: str) -> None:
+def test_where_rapids_may_be_bent_they_are_feeds_beside_the_part(name: str) -> None:
     machine = MIKRON if name == "heidenhain" else read_machine("linuxcnc-xyzbc")
     dialect = read_dialect(name).model_copy(update={"straight_rapids": False})
-    program = write_program(paths, machine, dialect, Job())
+    program = write_program(TWO_PATHS, machine, dialect, Job())
     assert "RAPIDS: ONLY ABOVE THE PART" in program.text
     motions = read_program(program.text, machine, dialect)
-    checked = compare_moves(motions, paths, dialect, Tolerances())
-    kinds = np.concatenate([path.kinds for path in paths])
+    checked = compare_moves(motions, TWO_PATHS, dialect, Tolerances())
+    kinds = np.concatenate([path.kinds for path in TWO_PATHS])
     reached = checked.source >= 0
     begins = (
         ~motions.known_start | np.r_[False, ~motions.known_start[:-1]] | np.r_[[False] * 2, ~motions.known_start[:-2]]
@@ -269,16 +270,14 @@ def test_where_rapids_may_be_bent_they_are_feeds_beside_the_part(paths, name: st
     assert (kinds[checked.source[reached & ~begins]] == MoveKind.RAPID).any()
     assert not motions.rapid[reached & ~begins].any()
     with pytest.raises(Exception, match="meant rapid"):
-        compare_moves(motions, paths, read_dialect(name), Tolerances())
+        compare_moves(motions, TWO_PATHS, read_dialect(name), Tolerances())
 
 
 @pytest.mark.parametrize("name", ["heidenhain", "linuxcnc"])
-def test_checks_and_simulation_are_written_into_their_lines_and_nowhere_else(
-    name: str, paths: tuple[ToolPath, ToolPath]
-) -> None:
+def test_checks_and_simulation_are_written_into_their_lines_and_nowhere_else(name: str) -> None:
     machine = MIKRON if name == "heidenhain" else read_machine("linuxcnc-xyzbc")
     dialect = read_dialect(name)
-    posted = write_program(paths, machine, dialect, Job())
+    posted = write_program(TWO_PATHS, machine, dialect, Job())
     proved = record_checks(posted, dialect, "text read back, gouge 1.00 um")
     simulated = record_simulation(proved, dialect, 0.1)
     both = zip(posted.text.splitlines(), simulated.text.splitlines(), strict=True)
@@ -297,8 +296,8 @@ def test_checks_and_simulation_are_written_into_their_lines_and_nowhere_else(
         record_simulation(simulated, dialect, 0.2)
 
 
-def test_the_line_of_the_simulation_changes_no_motion(paths: tuple[ToolPath, ToolPath]) -> None:
-    posted = write_program(paths, MIKRON, HEIDENHAIN, Job(), stock=UPRIGHT_CAPSULE)
+def test_the_line_of_the_simulation_changes_no_motion() -> None:
+    posted = write_program(TWO_PATHS, MIKRON, HEIDENHAIN, Job(), stock=UPRIGHT_CAPSULE)
     before, after = (
         read_program(program.text, MIKRON, HEIDENHAIN)
         for program in (posted, record_simulation(posted, HEIDENHAIN, 0.05))
@@ -478,9 +477,9 @@ def test_poses_beyond_a_limit_are_left_out(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["heidenhain", "siemens-840d", "fanuc-30i", "makino", "mitsubishi", "linuxcnc"])
-def test_every_dialect_tells_the_check_and_which_way_it_goes(name: str, paths) -> None:
+def test_every_dialect_tells_the_check_and_which_way_it_goes(name: str) -> None:
     machine, dialect = read_machine("mikron-ucp600"), read_dialect(name)
-    text = write_program(paths, machine, dialect, Job(), stock=UPRIGHT_CAPSULE).text
+    text = write_program(TWO_PATHS, machine, dialect, Job(), stock=UPRIGHT_CAPSULE).text
     plus = "X+" if "+" in dialect.comment_characters else "X PLUS"
     colon = ":" if ":" in dialect.comment_characters else " "
     assert (
@@ -493,10 +492,10 @@ def test_every_dialect_tells_the_check_and_which_way_it_goes(name: str, paths) -
 
 
 @pytest.mark.parametrize("name", ["mikron-ucp600", "linuxcnc-xyzbc"])
-def test_the_page_leans_the_tool_as_the_check_tells(name: str, paths) -> None:
+def test_the_page_leans_the_tool_as_the_check_tells(name: str) -> None:
     machine = read_machine(name)
     dialect = read_dialect("linuxcnc" if name.startswith("linuxcnc") else "heidenhain")
-    program = write_program(paths, machine, dialect, Job())
+    program = write_program(TWO_PATHS, machine, dialect, Job())
     arrays = program_contents(program.text, {}, Job(), machine, dialect, surfaces={}).arrays
     told = re.search(r"leans to X(.) of the table", "\n".join(program.air_check))
     assert told

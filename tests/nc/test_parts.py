@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tool_paths import THREE_PATHS
 
 from bonecam.errors import FileError, JobError, MachineError, ProgramError, VerifyError
 from bonecam.job import Job
@@ -41,14 +42,14 @@ def written(made: Made, folder: Path) -> Path:
     ("split", "files"), [({"split": "level"}, 3), ({"split": "tool"}, 2), ({"split_blocks": 1000}, 2)]
 )
 def test_the_files_run_the_moves_of_the_program_in_one(
-    controller: str, split: dict[str, object], files: int, three_paths: list[ToolPath], tmp_path: Path
+    controller: str, split: dict[str, object], files: int, tmp_path: Path
 ) -> None:
-    made = made_of(three_paths, controller, **split)
+    made = made_of(THREE_PATHS, controller, **split)
     program, dialect, _ = made
     caller = written(made, tmp_path)
     assert len(list(tmp_path.iterdir())) - 1 >= files
     assert joined(caller, dialect).text == program.text
-    whole, _, _ = made_of(three_paths, controller)
+    whole, _, _ = made_of(THREE_PATHS, controller)
     one, other = (read_program(text, MACHINE, dialect) for text in (whole.text, joined(caller, dialect).text))
     np.testing.assert_array_equal(one.words, other.words)
     np.testing.assert_array_equal(one.feed_rates, other.feed_rates)
@@ -68,9 +69,9 @@ def test_the_files_run_the_moves_of_the_program_in_one(
     ],
 )
 def test_a_caller_calls_parts_that_return_to_it(
-    controller: str, call: str, file: str, first: str, last: str, three_paths: list[ToolPath], tmp_path: Path
+    controller: str, call: str, file: str, first: str, last: str, tmp_path: Path
 ) -> None:
-    caller = written(made_of(three_paths, controller, split="tool", program_number=77), tmp_path)
+    caller = written(made_of(THREE_PATHS, controller, split="tool", program_number=77), tmp_path)
     calls = [line for line in caller.read_text().split("\n") if line.endswith(call)]
     assert len(calls) == 1
     part = (tmp_path / file).read_text().removesuffix("\n").split("\n")
@@ -79,8 +80,8 @@ def test_a_caller_calls_parts_that_return_to_it(
     assert not [line for line in part[:-1] if line.endswith((" M30", " M2"))]
 
 
-def test_every_part_begins_with_all_that_a_restart_needs(three_paths: list[ToolPath], tmp_path: Path) -> None:
-    caller = written(made_of(three_paths, "heidenhain", split="level"), tmp_path)
+def test_every_part_begins_with_all_that_a_restart_needs(tmp_path: Path) -> None:
+    caller = written(made_of(THREE_PATHS, "heidenhain", split="level"), tmp_path)
     for part in (1, 2, 3):
         text = caller.with_name(f"BONE_{part}.h").read_text()
         start = text[: text.index("CUT")]
@@ -88,22 +89,22 @@ def test_every_part_begins_with_all_that_a_restart_needs(three_paths: list[ToolP
             assert word in start
 
 
-def test_no_file_has_more_blocks_than_the_job_allows(three_paths: list[ToolPath], tmp_path: Path) -> None:
-    written(made_of(three_paths, "fanuc-30i", split_blocks=1000), tmp_path)
+def test_no_file_has_more_blocks_than_the_job_allows(tmp_path: Path) -> None:
+    written(made_of(THREE_PATHS, "fanuc-30i", split_blocks=1000), tmp_path)
     parts = [path.read_text().count("\n") for path in tmp_path.glob("O*.nc")]
     assert len(parts) == 2
     assert max(parts) <= 1000
 
 
-def test_a_split_too_small_for_one_level_is_one_line(three_paths: list[ToolPath]) -> None:
+def test_a_split_too_small_for_one_level_is_one_line() -> None:
     with pytest.raises(
         JobError, match=r"^\[nc\] split_blocks = 40: level \d has \d+ blocks: give \d+ or more$"
     ) as caught:
-        made_of(three_paths, "heidenhain", split_blocks=40)
+        made_of(THREE_PATHS, "heidenhain", split_blocks=40)
     needed = int(str(caught.value).split("give ")[1].split(" ")[0])
-    made_of(three_paths, "heidenhain", split_blocks=needed)
+    made_of(THREE_PATHS, "heidenhain", split_blocks=needed)
     with pytest.raises(JobError, match="split_blocks"):
-        made_of(three_paths, "heidenhain", split_blocks=needed - 1)
+        made_of(THREE_PATHS, "heidenhain", split_blocks=needed - 1)
 
 
 def without(text: str, line: str) -> str:
@@ -131,18 +132,16 @@ FAULTS: dict[str, Callable[[Path], object]] = {
 
 
 @pytest.mark.parametrize("fault", FAULTS)
-def test_files_that_are_not_those_of_the_program_are_refused(
-    fault: str, three_paths: list[ToolPath], tmp_path: Path
-) -> None:
-    made = made_of(three_paths, "heidenhain", split="level")
+def test_files_that_are_not_those_of_the_program_are_refused(fault: str, tmp_path: Path) -> None:
+    made = made_of(THREE_PATHS, "heidenhain", split="level")
     caller = written(made, tmp_path)
     FAULTS[fault](tmp_path)
     with pytest.raises((ProgramError, FileError), match=r"(BONE_\d|bone)\.h: "):
         joined(caller, made[1])
 
 
-def test_a_fault_in_a_part_is_told_with_its_file_and_line(three_paths: list[ToolPath], tmp_path: Path) -> None:
-    program, dialect, job = made_of(three_paths, "heidenhain", split="level")
+def test_a_fault_in_a_part_is_told_with_its_file_and_line(tmp_path: Path) -> None:
+    program, dialect, job = made_of(THREE_PATHS, "heidenhain", split="level")
     caller = written((program, dialect, job), tmp_path)
     part = tmp_path / "BONE_2.h"
     lines = part.read_text().split("\n")
@@ -153,8 +152,8 @@ def test_a_fault_in_a_part_is_told_with_its_file_and_line(three_paths: list[Tool
         program_text(caller, MACHINE, dialect, job)
 
 
-def test_a_part_without_its_caller_is_told_as_one(three_paths: list[ToolPath], tmp_path: Path) -> None:
-    made = made_of(three_paths, "siemens-840d", split="level")
+def test_a_part_without_its_caller_is_told_as_one(tmp_path: Path) -> None:
+    made = made_of(THREE_PATHS, "siemens-840d", split="level")
     written(made, tmp_path)
     with pytest.raises(ProgramError, match=r"BONE_2\.mpf: it is part 2 of 3 of BONE: give the program that"):
         joined(tmp_path / "BONE_2.mpf", made[1])
@@ -162,36 +161,36 @@ def test_a_part_without_its_caller_is_told_as_one(three_paths: list[ToolPath], t
     assert joined(tmp_path / "whole.mpf", made[1]).text == made[0].text
 
 
-def test_the_files_are_written_all_or_none(three_paths: list[ToolPath], tmp_path: Path) -> None:
-    made = made_of(three_paths, "heidenhain", split="level")
+def test_the_files_are_written_all_or_none(tmp_path: Path) -> None:
+    made = made_of(THREE_PATHS, "heidenhain", split="level")
     (tmp_path / "BONE_3.h").mkdir()
     with pytest.raises(FileError, match=r"BONE_3\.h"):
         written(made, tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["BONE_3.h"]
 
 
-def test_a_part_does_not_replace_that_of_another_program(three_paths: list[ToolPath], tmp_path: Path) -> None:
-    program, dialect, _ = made_of(three_paths, "fanuc-30i", split="tool", program_number=77)
+def test_a_part_does_not_replace_that_of_another_program(tmp_path: Path) -> None:
+    program, dialect, _ = made_of(THREE_PATHS, "fanuc-30i", split="tool", program_number=77)
     written((program, dialect, Job()), tmp_path)
     job = Job().with_values(nc={"controller": "fanuc-30i", "split": "tool", "program_number": 78})
-    other = write_program(three_paths, MACHINE, dialect, job, name="OTHER")
+    other = write_program(THREE_PATHS, MACHINE, dialect, job, name="OTHER")
     with pytest.raises(FileError, match=r"O0079\.nc: it is there, and a part of BONE"):
         program_files(other, dialect, tmp_path / "other.nc")
 
 
-def test_a_part_does_not_replace_a_file_that_is_none(three_paths: list[ToolPath], tmp_path: Path) -> None:
-    made = made_of(three_paths, "fanuc-30i", split="tool", program_number=77)
+def test_a_part_does_not_replace_a_file_that_is_none(tmp_path: Path) -> None:
+    made = made_of(THREE_PATHS, "fanuc-30i", split="tool", program_number=77)
     (tmp_path / "O0079.nc").write_text("%\nO0079\nM30\n%\n")
     with pytest.raises(FileError, match=r"O0079\.nc: it is there, and no part of a program"):
         written(made, tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["O0079.nc"]
 
 
-def test_a_program_does_not_replace_a_part_that_another_calls(three_paths: list[ToolPath], tmp_path: Path) -> None:
-    made = made_of(three_paths, "linuxcnc", split="tool")
+def test_a_program_does_not_replace_a_part_that_another_calls(tmp_path: Path) -> None:
+    made = made_of(THREE_PATHS, "linuxcnc", split="tool")
     written(made, tmp_path)
     dialect, job = made[1:]
-    other = write_program(three_paths, MACHINE, dialect, job.with_values(nc={"split": "none"}), name="BONE_1")
+    other = write_program(THREE_PATHS, MACHINE, dialect, job.with_values(nc={"split": "none"}), name="BONE_1")
     with pytest.raises(FileError, match=r"bone_1\.ngc: it is a part of BONE: give another name"):
         program_files(other, dialect, tmp_path / "bone_1.ngc")
 
@@ -206,28 +205,26 @@ def test_a_dialect_without_calls_cannot_split(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("controller", dialect_names())
-def test_parts_of_a_longer_program_go_with_it(controller: str, three_paths: list[ToolPath], tmp_path: Path) -> None:
+def test_parts_of_a_longer_program_go_with_it(controller: str, tmp_path: Path) -> None:
     other = tmp_path / "notes.txt"
     other.write_text("mine")
-    first = made_of(three_paths, controller, split="level", program_number=77)
+    first = made_of(THREE_PATHS, controller, split="level", program_number=77)
     caller = written(first, tmp_path)
     assert len(list(tmp_path.iterdir())) == 2 + part_count(first[0].text) == 5
     for fewer in ({"split": "tool"}, {}):
-        made = made_of(three_paths, controller, program_number=77, **fewer)
+        made = made_of(THREE_PATHS, controller, program_number=77, **fewer)
         written(made, tmp_path)
         assert set(tmp_path.iterdir()) == {other, *program_files(made[0], made[1], caller)}
     assert part_count(made[0].text) == 0
 
 
 @pytest.mark.parametrize("controller", ["heidenhain", "fanuc-30i"])
-def test_parts_of_longer_programs_of_both_clampings_go(
-    controller: str, three_paths: list[ToolPath], tmp_path: Path
-) -> None:
+def test_parts_of_longer_programs_of_both_clampings_go(controller: str, tmp_path: Path) -> None:
     def write(**nc: object) -> set[Path]:
         job = Job().with_values(nc={"controller": controller, **nc})
         dialect = job_dialect(job.nc)
         named = {
-            tmp_path / f"{name}{dialect.extension}": write_program(three_paths, MACHINE, dialect, job, name=name)
+            tmp_path / f"{name}{dialect.extension}": write_program(THREE_PATHS, MACHINE, dialect, job, name=name)
             for name in ("BONE", "BONE_SECOND")
         }
         with staged() as staging:
@@ -240,11 +237,11 @@ def test_parts_of_longer_programs_of_both_clampings_go(
         assert len(own) == files
 
 
-def test_parts_stay_where_the_new_program_is_refused(three_paths: list[ToolPath], tmp_path: Path) -> None:
-    caller = written(made_of(three_paths, "heidenhain", split="level"), tmp_path)
+def test_parts_stay_where_the_new_program_is_refused(tmp_path: Path) -> None:
+    caller = written(made_of(THREE_PATHS, "heidenhain", split="level"), tmp_path)
     before = {file: file.read_text() for file in tmp_path.iterdir()}
     (tmp_path / "BONE_2.h").write_text("mine")
     with pytest.raises(FileError, match="no part of a program"):
-        written(made_of(three_paths, "heidenhain", split="tool"), tmp_path)
+        written(made_of(THREE_PATHS, "heidenhain", split="tool"), tmp_path)
     assert caller.read_text() == before[caller]
     assert len(list(tmp_path.iterdir())) == len(before)

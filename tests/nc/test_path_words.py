@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from numpy import ndarray
 from small_parts import capsule_path, path_of
+from tool_paths import TWO_PATHS
 
 from bonecam.job import Job
 from bonecam.machine.control import Control
@@ -112,8 +113,8 @@ def time_of(paths, machine: Machine = UCP, controller: str = "heidenhain", **nc:
     return write_program(paths, machine, read_dialect(controller), Job().with_values(nc=nc)).time
 
 
-def test_it_tells_minutes_at_the_feed_as_the_axes_move_and_with_changes(paths) -> None:
-    program = write_program(paths, UCP, read_dialect("heidenhain"), Job())
+def test_it_tells_minutes_at_the_feed_as_the_axes_move_and_with_changes() -> None:
+    program = write_program(TWO_PATHS, UCP, read_dialect("heidenhain"), Job())
     feed, axes, whole = program.time.feed, program.time.axes, program.time.whole
     assert feed < axes < whole
     told = f"ABOUT {feed:.1f} MIN AT THE FEED, {axes:.1f} AS THE AXES MOVE, {whole:.1f} WITH CHANGES"
@@ -123,28 +124,28 @@ def test_it_tells_minutes_at_the_feed_as_the_axes_move_and_with_changes(paths) -
     assert len(program.time.tools) == 2
 
 
-def test_a_machine_without_accelerations_or_seconds_tells_what_it_knows(paths) -> None:
-    known = time_of(paths)
+def test_a_machine_without_accelerations_or_seconds_tells_what_it_knows() -> None:
+    known = time_of(TWO_PATHS)
     no_seconds = replace(UCP, seconds=None, time_assumed=())
     told = f"about {known.feed:.1f} min at the feed"
-    assert time_of(paths, no_seconds).texts == [f"{told}, {known.axes:.1f} as the axes move"]
+    assert time_of(TWO_PATHS, no_seconds).texts == [f"{told}, {known.axes:.1f} as the axes move"]
     at_once = replace(UCP, linear=tuple(replace(axis, acceleration=np.inf) for axis in UCP.linear))
-    bare = time_of(paths, at_once)
+    bare = time_of(TWO_PATHS, at_once)
     assert str(bare) == told
     assert (bare.axes, bare.whole) == (None, None)
     assert sum(bare.tools) == pytest.approx(known.feed)
 
 
-def test_seconds_are_those_of_changes_starts_and_retracts(paths) -> None:
-    at_once = time_of(paths, replace(UCP, seconds=AT_ONCE)).whole
+def test_seconds_are_those_of_changes_starts_and_retracts() -> None:
+    at_once = time_of(TWO_PATHS, replace(UCP, seconds=AT_ONCE)).whole
     for name, count in (("tool_change", 2), ("spindle_start", 2), ("retract", 2)):
         slow = replace(UCP, seconds=replace(AT_ONCE, **{name: 30.0}))
-        assert time_of(paths, slow).whole == pytest.approx(at_once + count * 30 / 60)
+        assert time_of(TWO_PATHS, slow).whole == pytest.approx(at_once + count * 30 / 60)
     # LinuxCNC retracts to a height that the program states, and a change by hand takes as long as it takes
     slow = replace(XYZBC, seconds=replace(AT_ONCE, retract=30.0))
-    assert time_of(paths, slow, "linuxcnc").whole == time_of(paths, XYZBC, "linuxcnc").whole
+    assert time_of(TWO_PATHS, slow, "linuxcnc").whole == time_of(TWO_PATHS, XYZBC, "linuxcnc").whole
     slow = replace(UCP, seconds=replace(AT_ONCE, tool_change=30.0))
-    by_hand = time_of(paths, slow, tool_change="stop")
+    by_hand = time_of(TWO_PATHS, slow, tool_change="stop")
     assert by_hand.whole == pytest.approx(at_once)
     assert str(by_hand).endswith(" with changes but 2 by hand")
 
@@ -164,8 +165,8 @@ def rapids_between_runs(text: str) -> Iterator[tuple[ndarray, ndarray]]:
             at, first = to, False
 
 
-def test_between_two_runs_the_machine_drives_the_rapids_that_the_text_states(paths) -> None:
-    program = write_program(paths, XYZBC, read_dialect("linuxcnc"), Job())
+def test_between_two_runs_the_machine_drives_the_rapids_that_the_text_states() -> None:
+    program = write_program(TWO_PATHS, XYZBC, read_dialect("linuxcnc"), Job())
     speed, acceleration = np.array([20.0, 20.0, 20.0, 30.0, 30.0]), 300.0
     seconds = 0.0
     # the first move comes from where the tool stands before
@@ -176,16 +177,16 @@ def test_between_two_runs_the_machine_drives_the_rapids_that_the_text_states(pat
             ramp = (way / full / acceleration).max()
             seconds += full + ramp if full >= ramp else 2 * np.sqrt(full * ramp)
     assert 5 < seconds < 60
-    posted = [post_path(path, XYZBC, read_dialect("linuxcnc"), Job(), path.tips) for path in paths]
+    posted = [post_path(path, XYZBC, read_dialect("linuxcnc"), Job(), path.tips) for path in TWO_PATHS]
     turns = sum(one.driven_minutes[0] for one in posted)
     found = (program.time.whole - program.time.axes + turns) * 60
     assert found == pytest.approx(seconds, abs=0.5)
 
 
 @pytest.mark.parametrize("controller", ["heidenhain", "siemens-840d", "fanuc-30i"])
-def test_rows_are_driven_by_the_tolerances_that_the_program_states(paths, controller: str) -> None:
+def test_rows_are_driven_by_the_tolerances_that_the_program_states(controller: str) -> None:
     dialect = read_dialect(controller)
-    for path in paths:
+    for path in TWO_PATHS:
         one = post_path(path, UCP, dialect, Job(), path.tips)
         rapid = (one.moves.kinds == MoveKind.RAPID) & dialect.straight_rapids
         at_feed = np.where(rapid, one.axis_minutes, one.minutes)[1:]

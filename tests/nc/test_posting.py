@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from machine_files import CHAINS, axis, machine_text, write_machine
 from small_parts import capsule_path, path_of
+from tool_paths import THREE_PATHS, TWO_PATHS
 
 from bonecam.errors import JobError, MachineError, ProgramError, VerifyError
 from bonecam.job import Job
@@ -31,14 +32,14 @@ CHAIN_KINDS = ("table-table", "head-table", "head-head", "nutating")
 
 
 @pytest.fixture(params=dialect_names())
-def posted(paths, request):
+def posted(request):
     machine, dialect = read_machine(MACHINE_OF[request.param]), read_dialect(request.param)
-    return machine, dialect, write_program(paths, machine, dialect, Job(), comments=["Test (of) a part"])
+    return machine, dialect, write_program(TWO_PATHS, machine, dialect, Job(), comments=["Test (of) a part"])
 
 
-def test_two_writes_give_the_same_bytes(paths, posted):
+def test_two_writes_give_the_same_bytes(posted):
     machine, dialect, program = posted
-    again = write_program(paths, machine, dialect, Job(), comments=["Test (of) a part"])
+    again = write_program(TWO_PATHS, machine, dialect, Job(), comments=["Test (of) a part"])
     assert again.text.encode() == program.text.encode()
 
 
@@ -50,14 +51,14 @@ def test_the_text_is_plain_ascii_without_exponents_or_negative_zeros(posted):
     assert not re.search(r"\d[eE][-+]?\d|-0\.0+\b|nan|inf", re.sub(r"[(;].*", "", text))
 
 
-def test_the_program_counts_what_it_holds(paths, posted):
+def test_the_program_counts_what_it_holds(posted):
     machine, dialect, program = posted
     motions = read_program(program.text, machine, dialect)
     assert program.tools == (1, 2)
     assert program.moves == motions.blocks
     assert (~motions.rapid).sum() >= 300
-    checked = compare_moves(motions, paths, dialect, Tolerances())
-    assert checked.rows == sum(len(path.tips) for path in paths)
+    checked = compare_moves(motions, TWO_PATHS, dialect, Tolerances())
+    assert checked.rows == sum(len(path.tips) for path in TWO_PATHS)
     assert (checked.source >= 0).sum() == checked.rows
     assert program.split_moves == (checked.source < -1).sum()
 
@@ -70,9 +71,9 @@ def test_the_header_says_which_point_is_programmed_and_what_the_tools_are(posted
     assert plain_text("Test (of) a part", dialect.comment_characters) in head
 
 
-def test_heidenhain_blocks_are_numbered_from_zero_without_gaps(paths):
+def test_heidenhain_blocks_are_numbered_from_zero_without_gaps():
     machine, dialect = read_machine("mikron-ucp600"), read_dialect("heidenhain")
-    program = write_program(paths, machine, dialect, Job())
+    program = write_program(TWO_PATHS, machine, dialect, Job())
     lines = program.text.splitlines()
     numbers = [int(line.split()[0]) for line in lines if not line.startswith("  Q339")]
     assert numbers == list(range(program.blocks))
@@ -90,27 +91,27 @@ def test_heidenhain_blocks_are_numbered_from_zero_without_gaps(paths):
     assert all(re.fullmatch(r"\d+ L( [XYZBC][+-]\d+\.\d{3})+( R0)?( FMAX| F\d+)?", line) for line in moves)
 
 
-def test_an_older_control_gets_m128_from_its_machine_file(paths, tmp_path):
+def test_an_older_control_gets_m128_from_its_machine_file(tmp_path):
     machine = read_machine(write_machine(tmp_path, CHAINS["table-table"]))
-    text = write_program(paths, machine, read_dialect("heidenhain"), Job()).text
+    text = write_program(TWO_PATHS, machine, read_dialect("heidenhain"), Job()).text
     assert text.count(" M128\n") == 2
     assert text.count(" M129\n") == 4
     assert "FUNCTION TCPM F" not in text
 
 
-def test_a_machine_must_name_a_tool_centre_control_of_the_dialect(paths, tmp_path):
+def test_a_machine_must_name_a_tool_centre_control_of_the_dialect(tmp_path):
     text = CHAINS["table-table"].replace("M128", "TRAORI")
     with pytest.raises(MachineError, match="'TRAORI' is none of heidenhain's"):
-        write_program(paths, read_machine(write_machine(tmp_path, text)), read_dialect("heidenhain"), Job())
+        write_program(TWO_PATHS, read_machine(write_machine(tmp_path, text)), read_dialect("heidenhain"), Job())
 
 
 @pytest.mark.parametrize("point", ["tip", "centre"])
-def test_the_ball_centre_may_be_programmed_instead_of_the_tip(paths, point, tmp_path):
+def test_the_ball_centre_may_be_programmed_instead_of_the_tip(point, tmp_path):
     text = 'programmed_point = "' + point + '"\n' + CHAINS["table-table"]
     machine, dialect = read_machine(write_machine(tmp_path, text)), read_dialect("heidenhain")
-    program = write_program(paths, machine, dialect, Job())
+    program = write_program(TWO_PATHS, machine, dialect, Job())
     assert ("PROGRAMMED POINT: BALL CENTRE" in program.text) == (point == "centre")
-    compare_moves(read_program(program.text, machine, dialect), paths, dialect, Tolerances())
+    compare_moves(read_program(program.text, machine, dialect), TWO_PATHS, dialect, Tolerances())
 
 
 @pytest.mark.parametrize("dialect_name", dialect_names())
@@ -137,10 +138,10 @@ def test_a_part_longer_than_the_travel_is_refused_with_axis_value_and_limit():
     assert caught.value.evidence["axis"] == "Z"
 
 
-def test_a_known_limit_of_the_spindle_nose_is_kept(paths, tmp_path):
+def test_a_known_limit_of_the_spindle_nose_is_kept(tmp_path):
     text = CHAINS["table-table"].replace("[X]\ntravel = 4000.0", "[X]\nlimits = [-50.0, 5.0]")
     with pytest.raises(MachineError, match=r"level 5, pass -?\d: X .* leaves the limit (5|-50)\.0 mm"):
-        write_program(paths, read_machine(write_machine(tmp_path, text)), read_dialect("heidenhain"), Job())
+        write_program(TWO_PATHS, read_machine(write_machine(tmp_path, text)), read_dialect("heidenhain"), Job())
 
 
 def test_a_tilt_beyond_the_machine_names_level_and_pass():
@@ -161,14 +162,14 @@ def test_a_rewind_leaves_the_part_before_it_turns(tmp_path):
     compare_moves(read_program(program.text, machine, dialect), [path], dialect, Tolerances())
 
 
-def test_a_program_name_the_control_cannot_take_is_refused(paths):
+def test_a_program_name_the_control_cannot_take_is_refused():
     with pytest.raises(ProgramError, match="use letters, digits"):
-        write_program(paths, read_machine("mikron-ucp600"), read_dialect("heidenhain"), Job(), name="my bone")
+        write_program(TWO_PATHS, read_machine("mikron-ucp600"), read_dialect("heidenhain"), Job(), name="my bone")
 
 
-def test_inverse_time_is_feed_over_length_in_the_part(paths):
+def test_inverse_time_is_feed_over_length_in_the_part():
     machine, dialect = read_machine("linuxcnc-xyzbc"), read_dialect("linuxcnc")
-    motions = read_program(write_program(paths[1:], machine, dialect, Job()).text, machine, dialect)
+    motions = read_program(write_program(TWO_PATHS[1:], machine, dialect, Job()).text, machine, dialect)
     steps = np.linalg.norm(np.diff(motions.tips, axis=0), axis=1)
     cut = ~motions.rapid[1:] & (motions.feed_rates[1:] > 0) & (steps > 0.05)
     feed = motions.feed_rates[1:][cut] * steps[cut]
@@ -200,10 +201,8 @@ def text_of(paths: list[ToolPath], machine: Machine, controller: str, **nc: obje
 
 
 @pytest.mark.parametrize("controller", dialect_names())
-def test_the_program_ends_with_the_table_level_and_the_spindle_parked(
-    controller: str, three_paths: list[ToolPath], machine: Machine
-) -> None:
-    text = text_of(three_paths, machine, controller, table_level=True, park="20, -30.5")
+def test_the_program_ends_with_the_table_level_and_the_spindle_parked(controller: str, machine: Machine) -> None:
+    text = text_of(THREE_PATHS, machine, controller, table_level=True, park="20, -30.5")
     assert text.count(PARK[controller]) == 1
     motions = read_program(text, machine, job_dialect(Job().with_values(nc={"controller": controller}).nc))
     last = motions.partial[-1]
@@ -216,11 +215,9 @@ def test_the_program_ends_with_the_table_level_and_the_spindle_parked(
 
 
 @pytest.mark.parametrize("controller", dialect_names())
-def test_a_text_that_parks_outside_the_limits_or_beside_the_part_is_refused(
-    controller: str, three_paths: list[ToolPath], machine: Machine
-) -> None:
+def test_a_text_that_parks_outside_the_limits_or_beside_the_part_is_refused(controller: str, machine: Machine) -> None:
     dialect = job_dialect(Job().with_values(nc={"controller": controller}).nc)
-    text = text_of(three_paths[:1], machine, controller, park="20, -30.5")
+    text = text_of(THREE_PATHS[:1], machine, controller, park="20, -30.5")
     beyond = text.replace(PARK[controller], PARK[controller].replace("X20.", "X420.").replace("X+20.", "X+420."))
     with pytest.raises(VerifyError, match=r"^line \d+: X goes to 420.000 mm, its limit is 400 mm"):
         check_limits(read_program(beyond, machine, dialect), machine)
@@ -230,9 +227,9 @@ def test_a_text_that_parks_outside_the_limits_or_beside_the_part_is_refused(
 
 
 @pytest.mark.parametrize("controller", ["fanuc-30i", "makino", "mitsubishi", "linuxcnc"])
-def test_the_program_ends_at_the_reference_point_of_x_and_y(controller: str, three_paths: list[ToolPath]) -> None:
+def test_the_program_ends_at_the_reference_point_of_x_and_y(controller: str) -> None:
     machine = read_machine("mikron-ucp600")
-    text = text_of(three_paths[:1], machine, controller, park="home")
+    text = text_of(THREE_PATHS[:1], machine, controller, park="home")
     assert len(re.findall(r"(?m)^(N\d+ )?G28 G91 X0\.? Y0\.?$", text)) == 1
     dialect = job_dialect(Job().with_values(nc={"controller": controller}).nc)
     motions = read_program(text, machine, dialect)
@@ -250,9 +247,9 @@ def test_where_a_control_has_no_words_for_home_that_is_one_line(controller: str)
         job_dialect(Job().with_values(nc={"controller": controller, "park": "home"}).nc)
 
 
-def test_a_park_position_without_a_retract_before_it_is_refused(three_paths: list[ToolPath], machine: Machine) -> None:
+def test_a_park_position_without_a_retract_before_it_is_refused(machine: Machine) -> None:
     job = Job().with_values(nc={"controller": "linuxcnc", "park": "0, 0"})
-    text = write_program(three_paths[:1], machine, job_dialect(job.nc), job).text
+    text = write_program(THREE_PATHS[:1], machine, job_dialect(job.nc), job).text
     lines = text.split("\n")
     park = next(at for at, line in enumerate(lines) if line.startswith("G53"))
     retract = next(at for at in reversed(range(park)) if lines[at].startswith("G0 Z"))
@@ -265,16 +262,14 @@ def test_a_park_position_without_a_retract_before_it_is_refused(three_paths: lis
     ("park", "told"),
     [("500, 0", r"X of mikron-ucp600 runs from -400 to 400 mm"), ("0, -401", r"Y of mikron-ucp600 runs from")],
 )
-def test_a_park_position_outside_the_limits_is_one_line(
-    park: str, told: str, three_paths: list[ToolPath], machine: Machine
-) -> None:
+def test_a_park_position_outside_the_limits_is_one_line(park: str, told: str, machine: Machine) -> None:
     with pytest.raises(JobError, match=rf"^\[nc\] park = '{park}': {told}"):
-        text_of(three_paths[:1], machine, "heidenhain", park=park)
+        text_of(THREE_PATHS[:1], machine, "heidenhain", park=park)
 
 
-def test_where_only_travels_are_known_no_park_position_is_taken(three_paths: list[ToolPath]) -> None:
+def test_where_only_travels_are_known_no_park_position_is_taken() -> None:
     with pytest.raises(JobError, match="states the travel of X, not its limits"):
-        text_of(three_paths[:1], read_machine("mikron-ucp600"), "heidenhain", park="0, 0")
+        text_of(THREE_PATHS[:1], read_machine("mikron-ucp600"), "heidenhain", park="0, 0")
 
 
 @pytest.mark.parametrize("park", ["here", "1", "1, 2, 3", "nan, 0", "1e9, 0"])
@@ -283,22 +278,22 @@ def test_what_is_no_park_position_is_told(park: str) -> None:
         Job().with_values(nc={"park": park})
 
 
-def test_an_axis_that_cannot_stand_at_zero_is_not_levelled(three_paths: list[ToolPath], machine: Machine) -> None:
+def test_an_axis_that_cannot_stand_at_zero_is_not_levelled(machine: Machine) -> None:
     tilted = tuple(
         replace(axis, limits=(np.radians(-115.0), np.radians(-1.0))) if axis.letter == "B" else axis
         for axis in machine.part_axes
     )
     with pytest.raises(MachineError, match=r"B of .* cannot stand at zero \(-115 to -1 deg\)"):
-        text_of(three_paths[:1], replace(machine, part_axes=tilted), "heidenhain", table_level=True)
+        text_of(THREE_PATHS[:1], replace(machine, part_axes=tilted), "heidenhain", table_level=True)
 
 
 @pytest.mark.parametrize("controller", dialect_names())
 @pytest.mark.parametrize(("where", "stops"), [("none", 0), ("level", 2), ("tool", 1)])
 def test_optional_stops_stand_where_the_job_says_and_the_spindle_starts_again(
-    controller: str, where: str, stops: int, three_paths: list[ToolPath]
+    controller: str, where: str, stops: int
 ) -> None:
     machine = read_machine("mikron-ucp600")
-    text = text_of(three_paths, machine, controller, optional_stop=where)
+    text = text_of(THREE_PATHS, machine, controller, optional_stop=where)
     assert len(re.findall(r"(?m)^(?:N?\d+ )?M0?1$", text)) == stops
     dialect = job_dialect(Job().with_values(nc={"controller": controller}).nc)
     check_spindle(read_program(text, machine, dialect), machine, dialect)
@@ -311,10 +306,8 @@ def test_optional_stops_stand_where_the_job_says_and_the_spindle_starts_again(
 
 
 @pytest.mark.parametrize("controller", ["fanuc-30i", "linuxcnc"])
-def test_a_park_position_by_increments_is_refused(
-    controller: str, three_paths: list[ToolPath], machine: Machine
-) -> None:
-    text = text_of(three_paths[:1], machine, controller, park="20, -30.5", block_numbers=False)
+def test_a_park_position_by_increments_is_refused(controller: str, machine: Machine) -> None:
+    text = text_of(THREE_PATHS[:1], machine, controller, park="20, -30.5", block_numbers=False)
     dialect = job_dialect(Job().with_values(nc={"controller": controller, "block_numbers": False}).nc)
     read_program(text, machine, dialect)
     moved = re.sub(r"(?m)^(G53 G0+ X20)", r"G91 \1", text)

@@ -6,12 +6,12 @@ A control's names and lines: what it would refuse is told before planning, with 
 import re
 import shutil
 import subprocess
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from tool_paths import THREE_PATHS
 
 import bonecam
 from bonecam.errors import FileError, JobError, MachineError, ProgramError
@@ -28,7 +28,6 @@ from bonecam.nc.requirements import check_length, check_reach, check_room, job_d
 from bonecam.nc.words import comment, comments_of
 from bonecam.report.outputs import Outputs
 from bonecam.setup.capsule import Capsule
-from bonecam.tool.path import ToolPath
 from bonecam.verify.control import check_posting
 
 CORNERS = np.array([[0, 0, 0], [10, 0, 0], [0, 10, 0], [0, 0, 10]], dtype=float)
@@ -176,20 +175,20 @@ def test_comments_keep_to_the_longest_line(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", dialect_names())
-def test_every_line_of_a_program_is_one_that_the_control_loads(name: str, three_paths: Sequence[ToolPath]) -> None:
+def test_every_line_of_a_program_is_one_that_the_control_loads(name: str) -> None:
     long = "part: " + "Größe L, towards X+ and Y+ " * 40
     for form in ("controller", *read_dialect(name).forms):
         dialect = read_dialect(name).in_form(form)
         machine = read_machine("mikron-ucp600" if dialect.tool_centre else "linuxcnc-xyzbc")
-        program = write_program(three_paths, machine, dialect, Job(), comments=[long])
+        program = write_program(THREE_PATHS, machine, dialect, Job(), comments=[long])
         program = record_simulation(record_checks(program, dialect, long), dialect, 0.1, long)
         assert max(map(len, program.text.split("\n"))) <= dialect.longest_line <= 512
         read_program(program.text, machine, dialect)
 
 
-def test_a_line_that_the_control_does_not_load_is_refused_with_its_number(three_paths: Sequence[ToolPath]) -> None:
+def test_a_line_that_the_control_does_not_load_is_refused_with_its_number() -> None:
     machine, dialect = read_machine("linuxcnc-xyzbc"), read_dialect("linuxcnc")
-    text = write_program(three_paths, machine, dialect, Job()).text
+    text = write_program(THREE_PATHS, machine, dialect, Job()).text
     for length, fits in ((252, True), (253, False)):
         longer = text.replace("%\n", f"%\n({'A' * (length - 2)})\n", 1)
         if fits:

@@ -37,28 +37,26 @@ def posted(path: ToolPath, controller: str, axes: str, machine: str = "mikron-uc
     return write_program([path], chosen, dialect, job).text, chosen, dialect, job
 
 
-@pytest.fixture(scope="module")
-def path() -> ToolPath:
-    return capsule_path(count=120, turns=3.0)
+PATH = capsule_path(count=120, turns=3.0)
 
 
 @pytest.mark.parametrize("machine", ["mikron-ucp600", "hermle-c600u", "dmu-45"])
 @pytest.mark.parametrize("controller", WITH_VECTORS)
-def test_vectors_are_written_in_every_move_and_read_back(controller: str, machine: str, path: ToolPath) -> None:
-    text, chosen, dialect, _ = posted(path, controller, "vectors", machine)
+def test_vectors_are_written_in_every_move_and_read_back(controller: str, machine: str) -> None:
+    text, chosen, dialect, _ = posted(PATH, controller, "vectors", machine)
     assert "UNPROVED" in text or "UNVERIFIED" in text
     form = FIRST.get(controller, FIRST["fanuc-30i"])
     assert len(re.findall(form, text)) > 3
     motions = read_program(text, chosen, dialect)
     check_control(motions, chosen, dialect)
-    found = compare_moves(motions, [path], dialect, Tolerances())
+    found = compare_moves(motions, [PATH], dialect, Tolerances())
     assert found.tip_error.max() <= 0.001 + dialect.numbers.length.step
 
 
 @pytest.mark.parametrize("controller", WITH_VECTORS)
-def test_a_program_of_vectors_turns_the_axes_as_one_of_angles(controller: str, path: ToolPath) -> None:
-    by_vector = read_program(*posted(path, controller, "vectors")[:3])
-    by_angle = read_program(*posted(path, controller, "angles")[:3])
+def test_a_program_of_vectors_turns_the_axes_as_one_of_angles(controller: str) -> None:
+    by_vector = read_program(*posted(PATH, controller, "vectors")[:3])
+    by_angle = read_program(*posted(PATH, controller, "angles")[:3])
     np.testing.assert_allclose(by_vector.axes, by_angle.axes, atol=2e-6)
     np.testing.assert_allclose(by_vector.tips, by_angle.tips, atol=1e-9)
     turns = by_vector.words[:, 3:] - by_angle.words[:, 3:]
@@ -67,14 +65,14 @@ def test_a_program_of_vectors_turns_the_axes_as_one_of_angles(controller: str, p
 
 @pytest.mark.parametrize("machine", ["mikron-ucp600", "hermle-c600u"])
 @pytest.mark.parametrize("controller", WITH_JOINTS)
-def test_joints_in_inverse_time_are_written_and_read_back(controller: str, machine: str, path: ToolPath) -> None:
-    text, chosen, dialect, _ = posted(path, controller, "joints", machine)
+def test_joints_in_inverse_time_are_written_and_read_back(controller: str, machine: str) -> None:
+    text, chosen, dialect, _ = posted(PATH, controller, "joints", machine)
     assert "G93" in text
     assert not re.search(r"(?m)^(N\d+ )?(TRAORI|.*G43\.4)", text)
     motions = read_program(text, chosen, dialect)
     check_control(motions, chosen, dialect)
     assert motions.inverse_time[~motions.rapid].all()
-    found = compare_moves(motions, [path], dialect, Tolerances())
+    found = compare_moves(motions, [PATH], dialect, Tolerances())
     assert found.tip_error.max() <= 0.001 + dialect.numbers.length.step
 
 
@@ -101,10 +99,8 @@ FAULTS = {
 @pytest.mark.parametrize(
     ("controller", "pattern", "wrong", "told"), [(name, *fault) for name, faults in FAULTS.items() for fault in faults]
 )
-def test_a_wrong_vector_is_refused_with_its_line(
-    controller: str, pattern: str, wrong: str, told: str, path: ToolPath
-) -> None:
-    text, machine, dialect, _ = posted(path, controller, "vectors")
+def test_a_wrong_vector_is_refused_with_its_line(controller: str, pattern: str, wrong: str, told: str) -> None:
+    text, machine, dialect, _ = posted(PATH, controller, "vectors")
     lines = text.split("\n")
     row = next(at for at, line in enumerate(lines) if re.search(FIRST[controller], line))
     lines[row] = re.sub(pattern, wrong, lines[row], count=1)
@@ -114,15 +110,15 @@ def test_a_wrong_vector_is_refused_with_its_line(
 
 
 @pytest.mark.parametrize("controller", list(FAULTS))
-def test_a_vector_that_leans_otherwise_is_found_by_the_readback(controller: str, path: ToolPath) -> None:
-    text, machine, dialect, _ = posted(path, controller, "vectors")
+def test_a_vector_that_leans_otherwise_is_found_by_the_readback(controller: str) -> None:
+    text, machine, dialect, _ = posted(PATH, controller, "vectors")
     words = [re.escape(word.replace("{number}", "")) for word in dialect.vector.words[:2]]
     one, two = (rf"{word}(\S+)" for word in words)
     names = [word.replace("{number}", "") for word in dialect.vector.words[:2]]
     swapped = re.sub(rf"{one} {two}", rf"{names[0]}\2 {names[1]}\1", text)
     assert swapped != text
     with pytest.raises((VerifyError, ProgramError)):
-        compare_moves(read_program(swapped, machine, dialect), [path], dialect, Tolerances())
+        compare_moves(read_program(swapped, machine, dialect), [PATH], dialect, Tolerances())
 
 
 def test_the_axes_take_the_nearest_solution_and_stay_at_the_pole() -> None:
@@ -236,9 +232,9 @@ def test_a_dialect_like_another_has_its_forms_with_its_own_words(tmp_path: Path)
 
 
 @pytest.mark.parametrize("controller", WITH_VECTORS)
-def test_another_work_offset_is_stated_in_programs_of_vectors(controller: str, path: ToolPath) -> None:
+def test_another_work_offset_is_stated_in_programs_of_vectors(controller: str) -> None:
     asked = Job().with_values(nc={"controller": controller, "axes": "vectors", "work_offset": 2})
     machine, dialect = read_machine("mikron-ucp600"), job_dialect(asked.nc)
-    text = write_program([path], machine, dialect, asked).text
+    text = write_program([PATH], machine, dialect, asked).text
     assert "Q339=2" in text or "G55" in text
     assert len(read_program(text, machine, dialect).tips) > 100

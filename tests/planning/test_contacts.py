@@ -6,7 +6,6 @@ Which stretches of lines are cut, in which steps, and how they are entered.
 What a ball does to a ridge while it moves straight past it, known by hand.
 """
 
-from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 
@@ -50,22 +49,17 @@ from bonecam.workholding.post import post_below
 PATTERNS = ("round", "along", "iso-scallop", "spiral", "bands")
 
 
-@pytest.fixture(scope="module")
-def covered() -> Callable[..., ContactPath]:
+@cache
+def covered(surface: TSpline, pattern: str, post_clearance: float = POST_CLEARANCE) -> ContactPath:
     """Covers a surface with contacts of the finishing cutter, lines running in `pattern`; each way once."""
-
-    @cache
-    def cover(surface: TSpline, pattern: str, post_clearance: float = POST_CLEARANCE) -> ContactPath:
-        level = level_of(surface)
-        post = post_below(level.mesh, HOLDING)
-        job = PathJob(pattern=pattern)
-        return contact_path(
-            candidate_contacts(
-                level, [MeshDistance(level.mesh)], FINISHING_CUTTER, post, job, post_clearance=post_clearance
-            )
+    level = level_of(surface)
+    post = post_below(level.mesh, HOLDING)
+    job = PathJob(pattern=pattern)
+    return contact_path(
+        candidate_contacts(
+            level, [MeshDistance(level.mesh)], FINISHING_CUTTER, post, job, post_clearance=post_clearance
         )
-
-    return cover
+    )
 
 
 def joined(path: ContactPath) -> np.ndarray:
@@ -95,7 +89,7 @@ def heights_left(surface: TSpline, path: ContactPath, count: int) -> tuple[np.nd
 
 
 @pytest.mark.parametrize("pattern", PATTERNS)
-def test_no_cusp_exceeds_the_scallop(covered: Callable[..., ContactPath], pattern: str) -> None:
+def test_no_cusp_exceeds_the_scallop(pattern: str) -> None:
     surface = pebble()
     path = covered(surface, pattern)
     points, left = heights_left(surface, path, 1500)
@@ -107,7 +101,7 @@ def test_no_cusp_exceeds_the_scallop(covered: Callable[..., ContactPath], patter
 
 
 @pytest.mark.parametrize("pattern", PATTERNS)
-def test_straight_moves_follow_the_offset_curve(covered: Callable[..., ContactPath], pattern: str) -> None:
+def test_straight_moves_follow_the_offset_curve(pattern: str) -> None:
     surface, job = pebble(), PathJob()
     path = covered(surface, pattern)
     i = joined(path)
@@ -121,7 +115,7 @@ def test_straight_moves_follow_the_offset_curve(covered: Callable[..., ContactPa
 
 
 @pytest.mark.parametrize("pattern", PATTERNS)
-def test_the_ball_never_enters_the_level(covered: Callable[..., ContactPath], pattern: str) -> None:
+def test_the_ball_never_enters_the_level(pattern: str) -> None:
     surface = grooved_pebble(1.6)
     path = covered(surface, pattern)
     fine = MeshDistance(mesh_of(surface))
@@ -130,14 +124,14 @@ def test_the_ball_never_enters_the_level(covered: Callable[..., ContactPath], pa
     assert "gouge" in path.reasons
 
 
-def test_a_convex_body_needs_no_lift(covered: Callable[..., ContactPath]) -> None:
+def test_a_convex_body_needs_no_lift() -> None:
     path = covered(pebble(), "round")
     assert path.lifts.max() == 0
     assert set(path.reasons) == {"post"}
     assert np.allclose(path.centres, path.contacts + path.cutter.radius * path.normals)
 
 
-def test_balls_keep_clear_of_the_post(covered: Callable[..., ContactPath]) -> None:
+def test_balls_keep_clear_of_the_post() -> None:
     surface = pebble()
     path = covered(surface, "round", post_clearance=0.3)
     post = post_below(mesh_of(surface), HOLDING)
@@ -145,7 +139,7 @@ def test_balls_keep_clear_of_the_post(covered: Callable[..., ContactPath]) -> No
     assert path.reasons.count("post") > 10
 
 
-def test_neighbouring_passes_run_opposite_ways(covered: Callable[..., ContactPath]) -> None:
+def test_neighbouring_passes_run_opposite_ways() -> None:
     path = covered(pebble(), "round")
     i = joined(path)
     round_ = np.cross(path.centres[i], path.centres[i + 1])[:, 2]
@@ -160,7 +154,7 @@ def test_neighbouring_passes_run_opposite_ways(covered: Callable[..., ContactPat
     assert ((path.feeds[i] * moves).sum(1) > 0).all()
 
 
-def test_two_runs_are_identical(covered: Callable[..., ContactPath]) -> None:
+def test_two_runs_are_identical() -> None:
     first, second = (covered.__wrapped__(grooved_pebble(0.5), "round") for _ in range(2))  # type: ignore[attr-defined]
     assert first.centres.tobytes() == second.centres.tobytes()
     assert first.pass_index.tobytes() == second.pass_index.tobytes()
@@ -180,7 +174,7 @@ def test_the_post_ends_inside_the_part() -> None:
     assert MeshDistance(mesh).inside(rim).all()
 
 
-def test_nothing_to_cut_is_an_error(covered: Callable[..., ContactPath]) -> None:
+def test_nothing_to_cut_is_an_error() -> None:
     with pytest.raises(ToolPathError, match=r"contacts \(\d+\.\d mm2\) are too near the post") as told:
         covered(pebble(), "round", post_clearance=50.0)
     assert told.value.evidence["area_mm2"] == pytest.approx(pebble().area, rel=0.01)

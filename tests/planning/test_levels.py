@@ -105,53 +105,42 @@ def material(level: MachinedLevel) -> InProcessStock:
     return uncut_material([level, StockLevel(1, UPRIGHT_CAPSULE.mesh(0.01), 0.5, NO_CUT)], UPRIGHT_CAPSULE)
 
 
-@pytest.fixture
-def contacts() -> Callable[[ndarray], ContactPath]:
+def contacts(depths: ndarray) -> ContactPath:
     """Makes contacts of one pass up the side of the stock, at which the ball goes so deep (mm)."""
-
-    def build(depths: ndarray) -> ContactPath:
-        heights = np.linspace(UPRIGHT_CAPSULE.start[2], UPRIGHT_CAPSULE.end[2], len(depths))
-        count, radius = len(depths), ROUGHING_CUTTER.radius
-        surface = UPRIGHT_CAPSULE.radius - np.asarray(depths)
-        places = np.column_stack([surface, np.zeros(count), heights]) + UPRIGHT_CAPSULE.start * [1.0, 1.0, 0.0]
-        flat = np.zeros(count)
-        return ContactPath(
-            level=0,
-            cutter=ROUGHING_CUTTER,
-            pass_index=np.zeros(count, dtype=np.int64),
-            parameters=np.column_stack([flat, flat]),
-            contacts=places,
-            normals=np.tile(OUTWARD, (count, 1)),
-            feeds=np.tile([0.0, 0.0, 1.0], (count, 1)),
-            centres=places + radius * OUTWARD,
-            lifts=flat,
-            ramp=np.zeros(count, dtype=bool),
-            uncut=np.zeros((0, 3)),
-            reasons=(),
-        )
-
-    return build
+    heights = np.linspace(UPRIGHT_CAPSULE.start[2], UPRIGHT_CAPSULE.end[2], len(depths))
+    count, radius = len(depths), ROUGHING_CUTTER.radius
+    surface = UPRIGHT_CAPSULE.radius - np.asarray(depths)
+    places = np.column_stack([surface, np.zeros(count), heights]) + UPRIGHT_CAPSULE.start * [1.0, 1.0, 0.0]
+    flat = np.zeros(count)
+    return ContactPath(
+        level=0,
+        cutter=ROUGHING_CUTTER,
+        pass_index=np.zeros(count, dtype=np.int64),
+        parameters=np.column_stack([flat, flat]),
+        contacts=places,
+        normals=np.tile(OUTWARD, (count, 1)),
+        feeds=np.tile([0.0, 0.0, 1.0], (count, 1)),
+        centres=places + radius * OUTWARD,
+        lifts=flat,
+        ramp=np.zeros(count, dtype=bool),
+        uncut=np.zeros((0, 3)),
+        reasons=(),
+    )
 
 
-@pytest.fixture
-def along() -> Callable[[ndarray], Callable[[ContactPath], ToolPath]]:
+def along(axis: ndarray) -> Callable[[ContactPath], ToolPath]:
     """Makes paths over contacts with one tool axis."""
 
-    def build(axis: ndarray) -> Callable[[ContactPath], ToolPath]:
-        def oriented(contacts: ContactPath) -> ToolPath:
-            axes = np.tile(axis, (len(contacts.centres), 1))
-            tips = contacts.centres - contacts.cutter.radius * axes
-            kinds = np.full(len(tips), int(MoveKind.CUT))
-            return path_of(tips, axes, kinds=kinds, passes=contacts.pass_index, tool=contacts.cutter)
+    def oriented(contacts: ContactPath) -> ToolPath:
+        axes = np.tile(axis, (len(contacts.centres), 1))
+        tips = contacts.centres - contacts.cutter.radius * axes
+        kinds = np.full(len(tips), int(MoveKind.CUT))
+        return path_of(tips, axes, kinds=kinds, passes=contacts.pass_index, tool=contacts.cutter)
 
-        return oriented
-
-    return build
+    return oriented
 
 
-def test_contacts_at_which_the_ball_goes_too_deep_are_found(
-    material: InProcessStock, level: MachinedLevel, contacts, along
-) -> None:
+def test_contacts_at_which_the_ball_goes_too_deep_are_found(material: InProcessStock, level: MachinedLevel) -> None:
     depths = np.full(60, 0.3)
     depths[40] = 1.2
     tried = contacts(depths)
@@ -165,7 +154,7 @@ def test_contacts_at_which_the_ball_goes_too_deep_are_found(
 
 
 def test_less_than_what_the_proof_allows_beyond_the_depth_is_found(
-    material: InProcessStock, level: MachinedLevel, contacts, along
+    material: InProcessStock, level: MachinedLevel
 ) -> None:
     assert ALLOWED.deepest + SLACK + 0.01 < ALLOWED.limit + ALLOWED.scallop + ACCURACY.cell / 2
     depths = np.full(60, 0.45)
@@ -178,7 +167,7 @@ def test_less_than_what_the_proof_allows_beyond_the_depth_is_found(
 
 
 def test_depths_are_measured_as_near_to_one_another_as_in_the_proof(
-    material: InProcessStock, level: MachinedLevel, contacts, along
+    material: InProcessStock, level: MachinedLevel
 ) -> None:
     """A ball that dips at one contact leaves a hollow that is less than 0.4 mm wide where it is too deep."""
     found = 0
@@ -192,7 +181,7 @@ def test_depths_are_measured_as_near_to_one_another_as_in_the_proof(
 
 
 def test_flutes_that_cut_too_deep_above_a_shallow_ball_are_found(
-    material: InProcessStock, level: MachinedLevel, contacts, along
+    material: InProcessStock, level: MachinedLevel
 ) -> None:
     tried = contacts(np.full(30, 0.3)).take(np.arange(10))
     leaning = unit(np.array([[-0.3, 0.0, 1.0]]))[0]
@@ -201,9 +190,7 @@ def test_flutes_that_cut_too_deep_above_a_shallow_ball_are_found(
     assert not within_depth(tried, path, material, remove_material(material, level, path), ALLOWED).any()
 
 
-def test_a_path_is_made_anew_without_them_and_tells_so(
-    material: InProcessStock, level: MachinedLevel, contacts, along
-) -> None:
+def test_a_path_is_made_anew_without_them_and_tells_so(material: InProcessStock, level: MachinedLevel) -> None:
     depths = np.full(60, 0.3)
     depths[40] = 1.2
     tried = contacts(depths)

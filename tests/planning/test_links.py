@@ -191,25 +191,16 @@ FLOOR, RADIUS = 35.0, 1.0
 ALONG = np.arange(-4.0, 4.1, 0.5)
 
 
-@pytest.fixture(scope="module")
-def floor() -> Callable[[float], LinkSpace]:
+def floor(wall: float) -> LinkSpace:
     """What is planned in over a floor with a wall from a place on in y, mm."""
-
-    def made(wall: float) -> LinkSpace:
-        mesh = boxes(([-9, -10, FLOOR - 5], [9, 12, FLOOR]), ([-9, wall, FLOOR], [9, wall + 2, FLOOR + 6]))
-        scene = Scene(
-            mesh,
-            mesh,
-            smallest_capsule(mesh.vertices, 0.5),
-            Post(2.0, FLOOR - 5),
-            known_level_distance=MeshDistance(mesh),
-        )
-        thin = Cutter(1, "ball", RADIUS, 1.0, 0.8, 40.0, (Frustum(30.0, 4.0, 4.0),), 4500.0, 900.0, 0.02)
-        checker = CollisionChecker(scene, thin, 2.0)
-        feeds = Feeds(1500.0, 300.0, 10000.0)
-        return LinkSpace(checker, MachineLimits(np.radians(80.0)), feeds, 2.0, 0.01, None, RADIUS)
-
-    return made
+    mesh = boxes(([-9, -10, FLOOR - 5], [9, 12, FLOOR]), ([-9, wall, FLOOR], [9, wall + 2, FLOOR + 6]))
+    scene = Scene(
+        mesh, mesh, smallest_capsule(mesh.vertices, 0.5), Post(2.0, FLOOR - 5), known_level_distance=MeshDistance(mesh)
+    )
+    thin = Cutter(1, "ball", RADIUS, 1.0, 0.8, 40.0, (Frustum(30.0, 4.0, 4.0),), 4500.0, 900.0, 0.02)
+    checker = CollisionChecker(scene, thin, 2.0)
+    feeds = Feeds(1500.0, 300.0, 10000.0)
+    return LinkSpace(checker, MachineLimits(np.radians(80.0)), feeds, 2.0, 0.01, None, RADIUS)
 
 
 def lines(*xs: float) -> tuple[tuple[ndarray, ndarray, ndarray], list[ndarray]]:
@@ -220,7 +211,7 @@ def lines(*xs: float) -> tuple[tuple[ndarray, ndarray, ndarray], list[ndarray]]:
     return (np.array(places), up, up), runs
 
 
-def test_an_arc_is_tangential_to_the_cut_and_rises_from_it(floor: Callable[[float], LinkSpace]) -> None:
+def test_an_arc_is_tangential_to_the_cut_and_rises_from_it() -> None:
     contacts, runs = lines(0.0)
     (into,), (out,) = arcs_to(floor(9.0), contacts, runs), arcs_from(floor(9.0), contacts, runs)
     assert into is not None
@@ -236,9 +227,7 @@ def test_an_arc_is_tangential_to_the_cut_and_rises_from_it(floor: Callable[[floa
     assert not begins_tangentially(contacts[0][0] + [0, 0, 1.0], contacts[0][runs[0]])
 
 
-def test_an_arc_that_would_go_through_a_wall_is_refused_and_a_smaller_one_taken(
-    floor: Callable[[float], LinkSpace],
-) -> None:
+def test_an_arc_that_would_go_through_a_wall_is_refused_and_a_smaller_one_taken() -> None:
     """The ball is 0.3 mm, then 0.02 mm off the wall where the cut ends."""
     contacts, runs = lines(0.0)
     (small,) = arcs_from(floor(ALONG[-1] + RADIUS + 0.3), contacts, runs)
@@ -248,7 +237,7 @@ def test_an_arc_that_would_go_through_a_wall_is_refused_and_a_smaller_one_taken(
     assert arcs_from(near, contacts, runs) == [None]
 
 
-def test_runs_are_linked_by_their_arcs_and_straight_where_there_is_none(floor: Callable[[float], LinkSpace]) -> None:
+def test_runs_are_linked_by_their_arcs_and_straight_where_there_is_none() -> None:
     """The first approach comes on an arc at the feed of cuts, no move of it at the plunge feed; beside the wall the
     last contact is left straight up."""
     space = floor(ALONG[-1] + RADIUS + 0.02)
@@ -268,7 +257,7 @@ def test_runs_are_linked_by_their_arcs_and_straight_where_there_is_none(floor: C
     assert np.allclose(found.home.centres[0, :2], contacts[0][runs[1][-1], :2])
 
 
-def test_a_direct_link_goes_from_arc_to_arc(floor: Callable[[float], LinkSpace]) -> None:
+def test_a_direct_link_goes_from_arc_to_arc() -> None:
     """The axis leans, for no link stands at the pole of the rotary axes."""
     (centres, normals, _), runs = lines(0.0, 1.0)
     axes = unit(normals + np.array([0.2, 0, 0]))

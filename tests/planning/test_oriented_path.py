@@ -1,6 +1,5 @@
 """What an oriented tool path promises, checked by a tool made of points that knows nothing of the proofs."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
 
@@ -46,28 +45,21 @@ pytestmark = pytest.mark.whole
 MIKRON = MachineLimits(np.radians(115.0))
 
 
-@pytest.fixture(scope="module")
-def made() -> Callable[..., tuple[ContactPath, Scene, ToolPath]]:
+def made(
+    cutter: Cutter = ROUGHING_CUTTER,
+    limits: MachineLimits = MIKRON,
+    waist: float = 0.8,
+    clamping: Clamping = Clamping(),  # noqa: B008
+    **job: object,
+) -> tuple[ContactPath, Scene, ToolPath]:
     """Covers a lump with a groove of depth `waist` (mm) and orients its path."""
-
-    def make(
-        cutter: Cutter = ROUGHING_CUTTER,
-        limits: MachineLimits = MIKRON,
-        waist: float = 0.8,
-        clamping: Clamping = Clamping(),  # noqa: B008
-        **job: object,
-    ) -> tuple[ContactPath, Scene, ToolPath]:
-        settings = PathJob(**{"pattern": "round", **job})  # type: ignore[arg-type]
-        _, contacts, scene = lump(settings, clamping, cutter, waist)
-        return contacts, scene, orient(contacts, scene, limits, settings, NcJob())
-
-    return make
+    settings = PathJob(**{"pattern": "round", **job})  # type: ignore[arg-type]
+    _, contacts, scene = lump(settings, clamping, cutter, waist)
+    return contacts, scene, orient(contacts, scene, limits, settings, NcJob())
 
 
 @pytest.fixture(scope="module", params=["round", "along"])
-def case(
-    made: Callable[..., tuple[ContactPath, Scene, ToolPath]], request: pytest.FixtureRequest
-) -> tuple[ContactPath, Scene, ToolPath]:
+def case(request: pytest.FixtureRequest) -> tuple[ContactPath, Scene, ToolPath]:
     return made(pattern=request.param)
 
 
@@ -128,7 +120,7 @@ CHUCK = Clamping((Column(12.0, 18.0),), clearance=4.0)
 NOSE = (Frustum(30.0, 40.0, 40.0), Frustum(20.0, 40.0, 60.0))
 
 
-def test_spindle_chuck_and_cones_are_kept_clear_of(made: Callable[..., tuple[ContactPath, Scene, ToolPath]]) -> None:
+def test_spindle_chuck_and_cones_are_kept_clear_of() -> None:
     """By closed forms along every move; a wider nose is held more upright, a higher chuck leaves more uncut and is
     told as what is against it, and nothing enters either."""
     slim = replace(ROUGHING_CUTTER, holder=(Frustum(40.0, 8.0, 16.0),), nose=NOSE)
@@ -147,9 +139,7 @@ def test_spindle_chuck_and_cones_are_kept_clear_of(made: Callable[..., tuple[Con
     assert sum(path.blocked_by.values()) <= left[2]
 
 
-def test_a_bracket_beside_the_part_is_never_entered_and_the_program_begins_off_it(
-    made: Callable[..., tuple[ContactPath, Scene, ToolPath]],
-) -> None:
+def test_a_bracket_beside_the_part_is_never_entered_and_the_program_begins_off_it() -> None:
     """Cuts, links and the ways in and out keep the clearance from column and arm by closed form; the first and last
     place is on the side away from the column."""
     slim = replace(ROUGHING_CUTTER, holder=(Frustum(40.0, 8.0, 16.0),), nose=NOSE)
@@ -164,17 +154,13 @@ def test_a_bracket_beside_the_part_is_never_entered_and_the_program_begins_off_i
     assert (path.kinds == MoveKind.CUT).sum() > 100
 
 
-def test_a_part_too_low_for_a_tool_that_comes_lying_is_told(
-    made: Callable[..., tuple[ContactPath, Scene, ToolPath]],
-) -> None:
+def test_a_part_too_low_for_a_tool_that_comes_lying_is_told() -> None:
     wide = replace(ROUGHING_CUTTER, holder=(Frustum(40.0, 8.0, 16.0),), nose=(Frustum(50.0, 200.0, 200.0),))
     with pytest.raises(OrientationError, match=r"no pass can be reached safely: .* longer post \(holding.length\)"):
         made(wide, clamping=Clamping(clearance=4.0, beside=(Column(6.0, 80.0, 0.0, 120.0, 0.0),)))
 
 
-def test_bent_retracts_and_approaches_stay_clear_and_slow_near_the_part(
-    made: Callable[..., tuple[ContactPath, Scene, ToolPath]], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_bent_retracts_and_approaches_stay_clear_and_slow_near_the_part(monkeypatch: pytest.MonkeyPatch) -> None:
     def bent(axis: np.ndarray) -> list[Departure]:
         return [Departure(0.5, unit((axis + np.array([0.3, 0.2, 0.1]))[None])[0])]
 
@@ -273,9 +259,7 @@ def test_passes_are_entered_on_arcs_at_their_feed_where_the_material_is_known() 
         assert not any(begins_tangentially(without.balls[k - 1], without.balls[k : k + 2]) for k in entries(without))
 
 
-def test_passes_that_begin_in_air_are_entered_at_the_feed_of_their_cuts(
-    made: Callable[..., tuple[ContactPath, Scene, ToolPath]], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_passes_that_begin_in_air_are_entered_at_the_feed_of_their_cuts(monkeypatch: pytest.MonkeyPatch) -> None:
     """The runs whose first contact is above the middle count as begun in air."""
     middle = made(pattern="along")[1].level.bounds[:, 2].mean()
     monkeypatch.setattr(LinkSpace, "known_in_air", lambda _, centres: centres[:, 2] > middle)
@@ -288,7 +272,7 @@ def test_passes_that_begin_in_air_are_entered_at_the_feed_of_their_cuts(
     assert (path.feed_rates[first][~high] == NcJob().plunge_feed).all()
 
 
-def test_narrow_limits_turn_axes_up_and_list_the_rest(made: Callable[..., tuple[ContactPath, Scene, ToolPath]]) -> None:
+def test_narrow_limits_turn_axes_up_and_list_the_rest() -> None:
     contacts, _, path = made(limits=MachineLimits(np.radians(60.0)), max_tilt_deg=50.0)
     assert polar_angles(path.axes).max() <= np.radians(60.0) + 1e-6
     listed = path.uncut[[reason == "limits" for reason in path.reasons]]
@@ -297,9 +281,7 @@ def test_narrow_limits_turn_axes_up_and_list_the_rest(made: Callable[..., tuple[
     assert len(listed) >= down.sum()
 
 
-def test_a_stubby_tool_leaves_what_its_holder_cannot_reach(
-    made: Callable[..., tuple[ContactPath, Scene, ToolPath]],
-) -> None:
+def test_a_stubby_tool_leaves_what_its_holder_cannot_reach() -> None:
     stubby = replace(ROUGHING_CUTTER, overhang=12.0, holder=(Frustum(50.0, 16.0, 16.0),))
     _, scene, path = made(stubby)
     material = MeshDistance(scene.material)
@@ -388,7 +370,7 @@ def test_a_link_keeps_out_of_the_part_too() -> None:
         assert space.ball_free(start, end).tolist() == [free]
 
 
-def test_no_reach_at_all_is_an_error(made: Callable[..., tuple[ContactPath, Scene, ToolPath]]) -> None:
+def test_no_reach_at_all_is_an_error() -> None:
     with pytest.raises(OrientationError, match="level 0"):
         made(limits=MachineLimits(np.pi, np.radians(178.0)))
 

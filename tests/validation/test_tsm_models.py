@@ -12,13 +12,13 @@ that touch at an end of one; gearbox2-9 has 74 of both.
 
 import json
 import math
-from collections.abc import Callable
 from fractions import Fraction
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
+from exact_cubic import exact_cubic
 from scipy.spatial import KDTree
 
 from bonecam.surface.files.tspline_text import read_tsm
@@ -45,9 +45,7 @@ def test_every_local_knot_vector_is_the_oracles(shared: Path, name: str) -> None
 
 
 @pytest.mark.parametrize("name", MODELS)
-def test_the_surface_and_its_derivatives_are_the_oracles(
-    exact_cubic: Callable[..., Fraction], shared: Path, name: str
-) -> None:
+def test_the_surface_and_its_derivatives_are_the_oracles(shared: Path, name: str) -> None:
     """Within 1e-10 of each quantity's largest value; where the oracle is off (Bike: two samples of 162),
     exact fractions agree with us."""
     surface, oracle = model(shared, name)
@@ -60,11 +58,11 @@ def test_the_surface_and_its_derivatives_are_the_oracles(
     )
     assert len(off) == (2 if name == "Bike" else 0)
     for n in off:
-        for f, exact, x in zip(found, exact_derivatives(exact_cubic, oracle["nodes"], *samples[n, :2]), scale):
+        for f, exact, x in zip(found, exact_derivatives(oracle["nodes"], *samples[n, :2]), scale):
             assert np.abs(f[n] - exact).max() < 1e-12 * x
 
 
-def exact_derivatives(exact_cubic: Callable[..., Fraction], nodes: list[dict], s: float, t: float) -> list[np.ndarray]:
+def exact_derivatives(nodes: list[dict], s: float, t: float) -> list[np.ndarray]:
     """S, S_s, S_t, S_ss, S_st, S_tt of the rational surface in fractions, by the quotient rule."""
     s, t = Fraction(s), Fraction(t)
     orders = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
@@ -74,8 +72,8 @@ def exact_derivatives(exact_cubic: Callable[..., Fraction], nodes: list[dict], s
         for node in nodes:
             value = (
                 Fraction(node["w"])
-                * exact_derivative(exact_cubic, node["u"], s, order[0])
-                * exact_derivative(exact_cubic, node["v"], t, order[1])
+                * exact_derivative(node["u"], s, order[0])
+                * exact_derivative(node["v"], t, order[1])
             )
             A[order] = [a + value * x for a, x in zip(A[order], [*map(Fraction, node["p"]), 1])]
     S: dict[tuple[int, int], list[Fraction]] = {}
@@ -88,7 +86,7 @@ def exact_derivatives(exact_cubic: Callable[..., Fraction], nodes: list[dict], s
     return [np.array([float(x) for x in S[order]]) for order in orders]
 
 
-def exact_derivative(exact_cubic: Callable[..., Fraction], knots: list[float], x: Fraction, order: int) -> Fraction:
+def exact_derivative(knots: list[float], x: Fraction, order: int) -> Fraction:
     """The order-th derivative of the cubic on five knots, from its pieces: exact differences of a polynomial
     of degree three."""
     k = [Fraction(value) for value in knots]
@@ -115,15 +113,13 @@ SUMS = {"mouse": (0.068, 0.068, 0.084), "face": (0.196, 0.31, 0.464), "gearbox2-
 MEETINGS = {"simple": (0, 0), "fan": (0, 16), "Bike": (0, 0), "mouse": (0, 0), "face": (16, 0), "gearbox2-9": (50, 24)}
 
 
-def exact_sum(exact_cubic: Callable[..., Fraction], nodes: list[dict], s: float, t: float) -> float:
+def exact_sum(nodes: list[dict], s: float, t: float) -> float:
     """The sum of all blending functions at a place, from the oracle's local knots."""
     return float(sum(exact_cubic(node["u"], Fraction(s)) * exact_cubic(node["v"], Fraction(t)) for node in nodes))
 
 
 @pytest.mark.parametrize("name", SUMS)
-def test_the_sums_go_as_far_off_as_the_diagnosis_says(
-    exact_cubic: Callable[..., Fraction], shared: Path, name: str
-) -> None:
+def test_the_sums_go_as_far_off_as_the_diagnosis_says(shared: Path, name: str) -> None:
     folder = shared / "tspline" / "tsm"
     surface, oracle = (read_tsm(folder / f"{name}.tsm"), json.loads((folder / f"{name}.oracle.json").read_text()))
     elements = surface.elements()
@@ -134,7 +130,7 @@ def test_the_sums_go_as_far_off_as_the_diagnosis_says(
     unit = type(surface)(surface.tmesh, surface.control_points, np.ones(surface.tmesh.size))
     sums = sum_of(oracle["nodes"], s, t)
     worst = int(np.argmax(np.abs(sums - 1)))
-    assert abs(exact_sum(exact_cubic, oracle["nodes"], float(s[worst]), float(t[worst])) - sums[worst]) < 1e-12
+    assert abs(exact_sum(oracle["nodes"], float(s[worst]), float(t[worst])) - sums[worst]) < 1e-12
     sampled, published, dense = SUMS[name]
     assert abs(sums[worst] - 1) == pytest.approx(dense, abs=2e-3)
     samples = np.array([sample[:2] for face in oracle["faces"] for sample in face["samples"]])

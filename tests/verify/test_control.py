@@ -406,9 +406,7 @@ MIKRON = read_machine("mikron-ucp600")
 HEIDENHAIN, SIEMENS = read_dialect("heidenhain"), read_dialect("siemens-840d")
 
 
-@pytest.fixture(scope="module")
-def paths():
-    return [capsule_path(count=120, turns=3.0)]
+PATHS = [capsule_path(count=120, turns=3.0)]
 
 
 def winding(limit_deg):
@@ -419,10 +417,10 @@ def winding(limit_deg):
 
 
 @pytest.mark.parametrize("words", ["wrapped", "wound"])
-def test_an_axis_that_may_wind_is_held_to_its_limits(paths, words):
+def test_an_axis_that_may_wind_is_held_to_its_limits(words):
     """The helix turns C three times without a break: wrapped words leave open in which turn it begins."""
     job = Job().with_values(nc={"endless_words": words})
-    text = write_program(paths, MIKRON, HEIDENHAIN, job).text
+    text = write_program(PATHS, MIKRON, HEIDENHAIN, job).text
     motions = read_program(text, MIKRON, HEIDENHAIN)
     turned = np.degrees(motions.words[:, 4])
     with pytest.raises(VerifyError, match=r"C goes to .* deg, its limit is -?450 deg"):
@@ -431,8 +429,8 @@ def test_an_axis_that_may_wind_is_held_to_its_limits(paths, words):
     check_limits(motions, winding(float(enough)))
 
 
-def test_the_place_that_is_out_of_the_way_is_named_where_a_travel_is_passed(paths):
-    text = write_program(paths, MIKRON, HEIDENHAIN, Job()).text
+def test_the_place_that_is_out_of_the_way_is_named_where_a_travel_is_passed():
+    text = write_program(PATHS, MIKRON, HEIDENHAIN, Job()).text
     lines = text.splitlines()
     at = [k for k, line in enumerate(lines) if re.search(r" L X.* C\S+$", line)][7]
     lines[at] = re.sub(r" X\S+", " X-2000.000", lines[at])
@@ -449,8 +447,8 @@ def test_the_place_that_is_out_of_the_way_is_named_where_a_travel_is_passed(path
         ((0.0, 900.0), "the retract to Z 0 of the machine is below the spindle nose"),
     ],
 )
-def test_a_retract_in_machine_coordinates_stays_within_limits_and_above_all(paths, limits, why):
-    motions = read_program(write_program(paths, MIKRON, SIEMENS, Job()).text, MIKRON, SIEMENS)
+def test_a_retract_in_machine_coordinates_stays_within_limits_and_above_all(limits, why):
+    motions = read_program(write_program(PATHS, MIKRON, SIEMENS, Job()).text, MIKRON, SIEMENS)
     x, y, z = MIKRON.linear
     low = -600.0 if limits[1] < 0 else 0.0  # the part stands so low that its cuts are within the limits
     machine = replace(

@@ -40,62 +40,44 @@ CHORDS = 0.008
 to this."""
 
 
-@pytest.fixture(scope="module")
-def finishing_cutter():
-    """A ball of 1 mm whose flutes are longer than the cuts here are deep."""
-    return replace(FINISHING_CUTTER, flute_length=8.0)
+FINE_CUTTER = replace(FINISHING_CUTTER, flute_length=8.0)
+"""A ball of 1 mm whose flutes are longer than the cuts here are deep."""
 
 
-@pytest.fixture(scope="module")
-def part():
-    return pebble()
+PART = pebble()
 
 
-@pytest.fixture(scope="module")
-def ring_path(finishing_cutter):
+def ring_path(surface, level=0, tool=FINE_CUTTER, rings=24, around=90):
     """Makes rings of contacts on a surface, the axis leant up from the normal, between approaches of 12
     mm."""
-
-    def build(surface, level=0, tool=finishing_cutter, rings=24, around=90):
-        rows = []
-        for t in np.linspace(0.9, 0.35, rings):
-            s = np.linspace(0, 1, around, endpoint=False)
-            points = surface.positions(s, np.full(around, t))
-            normals = surface.normals(s, np.full(around, t))
-            up = np.array([0.0, 0.0, 1.0]) - normals[:, 2:] * normals
-            axes = np.cos(LEAN) * normals + np.sin(LEAN) * up / np.linalg.norm(up, axis=1, keepdims=True)
-            tips = points + tool.radius * (normals - axes)
-            rows += list(zip(tips, axes, [MoveKind.CUT] * around))
-        first, last = rows[0], rows[-1]
-        rows.insert(0, (first[0] + 12 * first[1], first[1], MoveKind.RAPID))
-        rows.append((last[0] + 12 * last[1], last[1], MoveKind.LINK))
-        tips, axes, kinds = (np.array(column) for column in zip(*rows))
-        return path_of(tips, axes, kinds=kinds.astype(np.int64), tool=tool, level=level)
-
-    return build
+    rows = []
+    for t in np.linspace(0.9, 0.35, rings):
+        s = np.linspace(0, 1, around, endpoint=False)
+        points = surface.positions(s, np.full(around, t))
+        normals = surface.normals(s, np.full(around, t))
+        up = np.array([0.0, 0.0, 1.0]) - normals[:, 2:] * normals
+        axes = np.cos(LEAN) * normals + np.sin(LEAN) * up / np.linalg.norm(up, axis=1, keepdims=True)
+        tips = points + tool.radius * (normals - axes)
+        rows += list(zip(tips, axes, [MoveKind.CUT] * around))
+    first, last = rows[0], rows[-1]
+    rows.insert(0, (first[0] + 12 * first[1], first[1], MoveKind.RAPID))
+    rows.append((last[0] + 12 * last[1], last[1], MoveKind.LINK))
+    tips, axes, kinds = (np.array(column) for column in zip(*rows))
+    return path_of(tips, axes, kinds=kinds.astype(np.int64), tool=tool, level=level)
 
 
 @pytest.fixture(scope="module")
-def stock():
-    return UPRIGHT_CAPSULE
+def text():
+    return write_program([ring_path(PART)], *PAIR, Job()).text
+
+
+def simulate(text, pair=PAIR, finishing=FINE_CUTTER, roughing=ROUGHING_CUTTER, accuracy=COARSE, post=POST, **given):
+    cutters = [roughing, finishing]
+    return simulate_removal(text, *pair, UPRIGHT_CAPSULE, post, cutters, accuracy=accuracy, **{"part": PART, **given})
 
 
 @pytest.fixture(scope="module")
-def text(ring_path, part):
-    return write_program([ring_path(part)], *PAIR, Job()).text
-
-
-@pytest.fixture(scope="module")
-def simulate(stock, part, finishing_cutter):
-    def run(text, pair=PAIR, finishing=finishing_cutter, roughing=ROUGHING_CUTTER, accuracy=COARSE, post=POST, **given):
-        cutters = [roughing, finishing]
-        return simulate_removal(text, *pair, stock, post, cutters, accuracy=accuracy, **{"part": part, **given})
-
-    return run
-
-
-@pytest.fixture(scope="module")
-def sound(simulate, text):
+def sound(text):
     return simulate(text, limits={0: 3.0})
 
 
@@ -119,16 +101,16 @@ def test_a_sound_program_is_accepted(sound):
     assert sound.volume_error < 0.2
 
 
-def test_what_is_removed_and_what_stands_is_the_stock(sound, stock):
-    capsule = stock.volume
+def test_what_is_removed_and_what_stands_is_the_stock(sound):
+    capsule = UPRIGHT_CAPSULE.volume
     # the post's top lies inside the stock: what of it is below
-    below = stock.bounds[0, 2]
+    below = UPRIGHT_CAPSULE.bounds[0, 2]
     assert sound.volume + sound.move_volumes.sum() == pytest.approx(capsule + np.pi * below, rel=2e-3)
     assert sound.levels[0].removed == pytest.approx(sound.move_volumes.sum())
 
 
-def test_both_dialects_remove_the_same(ring_path, part, simulate, sound):
-    other = simulate(write_program([ring_path(part)], *OTHER, Job()).text, OTHER)
+def test_both_dialects_remove_the_same(sound):
+    other = simulate(write_program([ring_path(PART)], *OTHER, Job()).text, OTHER)
     assert other.volume == pytest.approx(sound.volume, abs=0.05)
     assert other.levels[0].air_time_share == pytest.approx(sound.levels[0].air_time_share, abs=0.05)
 
@@ -190,10 +172,10 @@ def test_hollows_narrower_than_the_ball_are_a_reason(text, bowl, reason):
     assert left.by_reason[reason] == pytest.approx(0.1 * len(inward))
 
 
-def test_a_rapid_through_stock_is_found(finishing_cutter, simulate):
+def test_a_rapid_through_stock_is_found():
     tips = np.array([[0, 0, 70.0], [15, 0, 50.0], [15, 0, 41.0], [-15, 0, 41.0], [-15, 0, 60.0]])
     kinds = np.array([MoveKind.RAPID] * 5, dtype=np.int64)
-    path = path_of(tips, np.tile([0, 0, 1.0], (5, 1)), kinds=kinds, tool=finishing_cutter)
+    path = path_of(tips, np.tile([0, 0, 1.0], (5, 1)), kinds=kinds, tool=FINE_CUTTER)
     text = write_program([path], *PAIR, Job()).text
     found = simulate(text, part=None)
     assert "X-15.000" in words_of(text, found.rapid_contact.line)
@@ -201,22 +183,22 @@ def test_a_rapid_through_stock_is_found(finishing_cutter, simulate):
         check_removal(found)
 
 
-def test_a_shank_of_9_mm_over_a_ball_of_1_is_found(simulate, text, finishing_cutter):
-    found = simulate(text, finishing=replace(finishing_cutter, flute_length=2.0, shank_diameter=9.0))
+def test_a_shank_of_9_mm_over_a_ball_of_1_is_found(text):
+    found = simulate(text, finishing=replace(FINE_CUTTER, flute_length=2.0, shank_diameter=9.0))
     assert found.shank.touched > 0
     with pytest.raises(VerifyError, match="the shank enters material"):
         check_removal(found)
 
 
-def test_a_shank_that_begins_at_the_middle_of_the_ball_is_simulated(simulate, text, finishing_cutter):
+def test_a_shank_that_begins_at_the_middle_of_the_ball_is_simulated(text):
     """Such flutes have no length above the ball's middle: their steps were divided by zero."""
-    radius = finishing_cutter.radius
-    slim = replace(finishing_cutter, flute_length=radius, shank_diameter=1.8 * radius)
+    radius = FINE_CUTTER.radius
+    slim = replace(FINE_CUTTER, flute_length=radius, shank_diameter=1.8 * radius)
     assert np.isfinite(simulate(text, finishing=slim).shank.least.value)
 
 
-def test_a_lowered_holder_is_found(simulate, text, finishing_cutter):
-    short = replace(finishing_cutter, flute_length=1.2, shank_diameter=0.6)
+def test_a_lowered_holder_is_found(text):
+    short = replace(FINE_CUTTER, flute_length=1.2, shank_diameter=0.6)
     assert simulate(text, finishing=replace(short, overhang=11.5)).holder.touched == 0
     found = simulate(text, finishing=replace(short, overhang=1.5))
     assert found.holder.touched > 0
@@ -224,10 +206,10 @@ def test_a_lowered_holder_is_found(simulate, text, finishing_cutter):
         check_removal(found)
 
 
-def test_a_lowered_spindle_is_found(simulate, ring_path, part, finishing_cutter):
-    text = write_program([ring_path(part, rings=4)], *PAIR, Job()).text
+def test_a_lowered_spindle_is_found():
+    text = write_program([ring_path(PART, rings=4)], *PAIR, Job()).text
     nose = (Frustum(10.0, 12.0, 12.0),)
-    slim = replace(finishing_cutter, flute_length=1.2, shank_diameter=0.6, overhang=1.5, nose=nose)
+    slim = replace(FINE_CUTTER, flute_length=1.2, shank_diameter=0.6, overhang=1.5, nose=nose)
     far = simulate(text, finishing=replace(slim, holder=(Frustum(11.0, 0.6, 0.6),)))
     assert far.spindle.touched == far.shank.touched == 0
     # lowered by 10 mm
@@ -239,7 +221,7 @@ def test_a_lowered_spindle_is_found(simulate, ring_path, part, finishing_cutter)
         check_removal(alone)
 
 
-def test_a_chuck_that_reaches_too_high_is_found(simulate, text, sound):
+def test_a_chuck_that_reaches_too_high_is_found(text, sound):
     low = simulate(text, clamping=Clamping((Column(6.0, 20.0),)))
     assert low.table.touched == 0
     assert low.table.least.value <= sound.table.least.value
@@ -248,7 +230,7 @@ def test_a_chuck_that_reaches_too_high_is_found(simulate, text, sound):
         check_removal(found)
 
 
-def test_a_stub_is_material_that_a_tool_must_not_cut(simulate, text, sound):
+def test_a_stub_is_material_that_a_tool_must_not_cut(text, sound):
     """The stub stands in the rays, and where it reaches up to the part the cutter meets it."""
     low = simulate(text, clamping=Clamping(stub=Column(6.0, 12.0, 8.0)))
     assert low.table.touched == 0
@@ -258,7 +240,7 @@ def test_a_stub_is_material_that_a_tool_must_not_cut(simulate, text, sound):
         check_removal(found)
 
 
-def test_a_tool_that_touches_what_holds_the_free_end_or_its_bracket_is_found(simulate, text, sound):
+def test_a_tool_that_touches_what_holds_the_free_end_or_its_bracket_is_found(text, sound):
     """A pin beside the part, and the column of a bracket where the tool comes past; farther off neither is met."""
     far, near = (Clamping(beside=(Column(4.0, 60.0, 0.0, 0.0, y),)) for y in (90.0, 14.0))
     assert simulate(text, clamping=far).tailstock.touched == 0
@@ -267,9 +249,9 @@ def test_a_tool_that_touches_what_holds_the_free_end_or_its_bracket_is_found(sim
         check_removal(found)
 
 
-def test_what_holds_the_free_end_stands_in_the_rays_and_is_never_cut(simulate, text, sound, stock):
+def test_what_holds_the_free_end_stands_in_the_rays_and_is_never_cut(text, sound):
     """The rings of this program end 2.9 mm from the axis: a pin of 3 mm they go round, one of 6 mm they cut."""
-    top = float(stock.bounds[1, 2])
+    top = float(UPRIGHT_CAPSULE.bounds[1, 2])
     slim, thick = (replace(POST, pin=Column(radius, top + 8.0, top - 1.0)) for radius in (1.5, 3.0))
     found = simulate(text, post=slim)
     assert found.volume - sound.volume == pytest.approx(np.pi * 1.5**2 * 8, rel=0.15)
@@ -278,7 +260,7 @@ def test_what_holds_the_free_end_stands_in_the_rays_and_is_never_cut(simulate, t
         check_removal(simulate(text, post=thick))
 
 
-def test_a_tool_below_the_table_is_found(ring_path, simulate, finishing_cutter):
+def test_a_tool_below_the_table_is_found():
     text = write_program([ring_path(pebble())], *PAIR, Job()).text
     low = re.sub(r" Z([+-]\d+\.\d+)", lambda found: f" Z{float(found[1]) - 45:+.3f}", text)
     found = simulate(low, part=None)
@@ -288,14 +270,14 @@ def test_a_tool_below_the_table_is_found(ring_path, simulate, finishing_cutter):
 
 
 @pytest.mark.parametrize("kind", [MoveKind.LINK, MoveKind.CUT])
-def test_a_link_through_standing_material_is_found(finishing_cutter, simulate, kind):
+def test_a_link_through_standing_material_is_found(kind):
     # 0.3 mm deep along the side of the stock
     x = np.linspace(-1.0, 1.0, 9)
-    away = UPRIGHT_CAPSULE.radius + finishing_cutter.radius - 0.3
-    tips = np.column_stack([x, np.full(len(x), -away), np.full(len(x), 37.0 - finishing_cutter.radius)])
+    away = UPRIGHT_CAPSULE.radius + FINE_CUTTER.radius - 0.3
+    tips = np.column_stack([x, np.full(len(x), -away), np.full(len(x), 37.0 - FINE_CUTTER.radius)])
     tips = np.vstack([tips[0] + [0, -15, 20], tips[0] + [0, -15, 0], tips, tips[-1] + [0, -15, 0]])
     kinds = np.array([MoveKind.RAPID] * 2 + [kind] * len(x) + [MoveKind.RAPID], dtype=np.int64)
-    path = path_of(tips, np.tile([0, 0, 1.0], (len(tips), 1)), kinds=kinds, tool=finishing_cutter)
+    path = path_of(tips, np.tile([0, 0, 1.0], (len(tips), 1)), kinds=kinds, tool=FINE_CUTTER)
     text = write_program([path], *PAIR, Job()).text
     found = simulate(text, part=None)
     if kind == MoveKind.CUT:
@@ -311,7 +293,7 @@ def test_a_link_through_standing_material_is_found(finishing_cutter, simulate, k
         check_removal(found)
 
 
-def test_a_word_changed_by_1_mm_is_found(simulate, text):
+def test_a_word_changed_by_1_mm_is_found(text):
     wrong, line = changed(text, "X", -1.0)
     found = simulate(wrong)
     assert found.left.deepest_gouge.value > 0.5
@@ -320,15 +302,15 @@ def test_a_word_changed_by_1_mm_is_found(simulate, text):
         check_removal(found)
 
 
-def test_an_angle_changed_by_5_degrees_is_found(simulate, text):
+def test_an_angle_changed_by_5_degrees_is_found(text):
     found = [(simulate(wrong), line) for wrong, line in (changed(text, "B", by) for by in (5.0, -5.0))]
     deepest, line = max(found, key=lambda made: made[0].left.deepest_gouge.value)
     assert deepest.left.deepest_gouge.value > 0.02
     assert abs(deepest.left.deepest_gouge.line - line) <= 1
 
 
-def test_two_levels_swapped_are_found(ring_path, part, simulate):
-    outer, inner = ring_path(pebble(1.2), 1), ring_path(part)
+def test_two_levels_swapped_are_found():
+    outer, inner = ring_path(pebble(1.2), 1), ring_path(PART)
     limits = {0: 1.6, 1: 2.5}
     right = simulate(write_program([outer, inner], *PAIR, Job()).text, limits=limits)
     wrong = simulate(write_program([inner, outer], *PAIR, Job()).text, limits=limits)
@@ -343,9 +325,9 @@ def test_two_levels_swapped_are_found(ring_path, part, simulate):
     check_removal(wrong, limited=False)
 
 
-def test_a_cut_may_be_deeper_by_the_scallop_of_the_level_before(ring_path, part, simulate):
+def test_a_cut_may_be_deeper_by_the_scallop_of_the_level_before():
     outer = ring_path(pebble(1.2), 1)
-    text = write_program([outer, ring_path(part)], *PAIR, Job()).text
+    text = write_program([outer, ring_path(PART)], *PAIR, Job()).text
     stated = simulate(text, limits={0: 1.2, 1: 2.5}, scallops={1: 0.02}).levels
     by_tool = simulate(text, limits={0: 1.2, 1: 2.5}).levels
     assert [level.over_limit for level in stated] == [level.over_limit for level in by_tool]
@@ -353,16 +335,16 @@ def test_a_cut_may_be_deeper_by_the_scallop_of_the_level_before(ring_path, part,
     assert stated[0].over_allowed == by_tool[0].over_allowed
 
 
-def test_a_rest_path_is_told_apart_and_the_depth_after_it_counts_from_what_it_left(ring_path, part, simulate):
+def test_a_rest_path_is_told_apart_and_the_depth_after_it_counts_from_what_it_left():
     rest = replace(ring_path(pebble(0.3)), rest=1)
-    both = simulate(write_program([rest, ring_path(part)], *PAIR, Job()).text, limits={0: 0.5}).levels
-    alone = simulate(write_program([ring_path(part)], *PAIR, Job()).text, limits={0: 0.5}).levels
+    both = simulate(write_program([rest, ring_path(PART)], *PAIR, Job()).text, limits={0: 0.5}).levels
+    alone = simulate(write_program([ring_path(PART)], *PAIR, Job()).text, limits={0: 0.5}).levels
     assert [(level.index, level.rest) for level in both] == [(0, 1), (0, 0)]
     assert both[1].deepest.value < 0.5 < 1.5 < alone[0].deepest.value
 
 
-def test_a_tool_call_exchanged_is_found(ring_path, part, simulate, finishing_cutter):
-    paths = [ring_path(part, 1, ROUGHING_CUTTER), ring_path(part, 0, finishing_cutter)]
+def test_a_tool_call_exchanged_is_found():
+    paths = [ring_path(PART, 1, ROUGHING_CUTTER), ring_path(PART, 0, FINE_CUTTER)]
     text = write_program(paths, *PAIR, Job()).text
     wrong = text.replace("TOOL CALL 1", "TOOL CALL 9").replace("TOOL CALL 2", "TOOL CALL 1")
     wrong = wrong.replace("TOOL CALL 9", "TOOL CALL 2")
@@ -372,12 +354,12 @@ def test_a_tool_call_exchanged_is_found(ring_path, part, simulate, finishing_cut
     assert found.left.deepest_gouge.line > text[: text.index("TOOL CALL 2")].count("\n")
 
 
-def test_a_cutter_of_another_job_is_refused(simulate, text, finishing_cutter):
+def test_a_cutter_of_another_job_is_refused(text):
     with pytest.raises(ProgramError, match="give the job"):
-        simulate(text, finishing=replace(finishing_cutter, radius=1.1))
+        simulate(text, finishing=replace(FINE_CUTTER, radius=1.1))
 
 
-def test_too_small_a_cell_is_refused(simulate, text):
+def test_too_small_a_cell_is_refused(text):
     with pytest.raises(JobError, match="give a cell of at least"):
         simulate(text, accuracy=Accuracy(0.004))
 

@@ -3,7 +3,6 @@
 FCL judges the axes that no cone of its own holds, one by one, and leaves out those that collide.
 """
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -44,37 +43,32 @@ class Open(CollisionChecker):
         return joined
 
 
-@pytest.fixture(scope="module")
-def pass_of() -> Callable[[ndarray], tuple[ContactPath, ToolAxes]]:
+def pass_of(azimuths: ndarray) -> tuple[ContactPath, ToolAxes]:
     """A pass along +x on a plane, 0.25 mm from contact to contact, with axes of these azimuths (rad), 40 degrees from
     the normal."""
-
-    def made(azimuths: ndarray) -> tuple[ContactPath, ToolAxes]:
-        cutter = replace(ROUGHING_CUTTER, feed=FEED)
-        count = len(azimuths)
-        places = np.column_stack([0.25 * np.arange(count), np.zeros(count), np.full(count, 50.0)])
-        normals = np.tile([0.0, 0.0, 1.0], (count, 1))
-        tilt = np.radians(40.0)
-        around = np.column_stack([np.cos(azimuths), np.sin(azimuths), np.zeros(count)])
-        axes = np.sin(tilt) * around + np.cos(tilt) * normals
-        flags = np.zeros(count, dtype=bool)
-        path = ContactPath(
-            0,
-            cutter,
-            np.zeros(count, dtype=np.int64),
-            places[:, :2],
-            places,
-            normals,
-            np.tile([1.0, 0.0, 0.0], (count, 1)),
-            places + cutter.radius * normals,
-            np.zeros(count),
-            flags,
-            np.zeros((0, 3)),
-            (),
-        )
-        return path, ToolAxes(axes, ("",) * count, ~flags)
-
-    return made
+    cutter = replace(ROUGHING_CUTTER, feed=FEED)
+    count = len(azimuths)
+    places = np.column_stack([0.25 * np.arange(count), np.zeros(count), np.full(count, 50.0)])
+    normals = np.tile([0.0, 0.0, 1.0], (count, 1))
+    tilt = np.radians(40.0)
+    around = np.column_stack([np.cos(azimuths), np.sin(azimuths), np.zeros(count)])
+    axes = np.sin(tilt) * around + np.cos(tilt) * normals
+    flags = np.zeros(count, dtype=bool)
+    path = ContactPath(
+        0,
+        cutter,
+        np.zeros(count, dtype=np.int64),
+        places[:, :2],
+        places,
+        normals,
+        np.tile([1.0, 0.0, 0.0], (count, 1)),
+        places + cutter.radius * normals,
+        np.zeros(count),
+        flags,
+        np.zeros((0, 3)),
+        (),
+    )
+    return path, ToolAxes(axes, ("",) * count, ~flags)
 
 
 def feeds(path: ContactPath, axes: ndarray) -> ndarray:
@@ -95,9 +89,7 @@ TURNED = np.radians(60.0) * np.clip((np.arange(COUNT) - 39) / 2, 0, 1)
 """Two moves of 0.25 mm in the middle of a pass of 20 mm turn the azimuth by 60 degrees."""
 
 
-def test_a_sudden_turn_is_spread_over_its_neighbours(
-    pass_of: Callable[[ndarray], tuple[ContactPath, ToolAxes]],
-) -> None:
+def test_a_sudden_turn_is_spread_over_its_neighbours() -> None:
     path, chosen = pass_of(TURNED)
     assert feeds(path, chosen.axes).min() < 0.3 * FEED
     made = eased(path, chosen, Open())
@@ -109,9 +101,7 @@ def test_a_sudden_turn_is_spread_over_its_neighbours(
     assert angles_between(made.axes, path.normals).min() > np.radians(PathJob().least_lead_deg)
 
 
-def test_axes_stay_where_the_eased_ones_collide_or_nothing_is_slow(
-    pass_of: Callable[[ndarray], tuple[ContactPath, ToolAxes]],
-) -> None:
+def test_axes_stay_where_the_eased_ones_collide_or_nothing_is_slow() -> None:
     path, chosen = pass_of(TURNED)
     assert (eased(path, chosen, Open(9.0, 11.0)).axes == chosen.axes).all()
     unknown = MachineLimits(np.radians(100.0))
@@ -122,9 +112,7 @@ def test_axes_stay_where_the_eased_ones_collide_or_nothing_is_slow(
 
 @pytest.mark.parametrize("certified", [False, True])
 @pytest.mark.parametrize(("angle_deg", "changes"), [(5.0, False), (40.0, True)])
-def test_axes_that_lie_in_their_cones_stay_there(
-    pass_of: Callable[[ndarray], tuple[ContactPath, ToolAxes]], angle_deg: float, changes: bool, certified: bool
-) -> None:
+def test_axes_that_lie_in_their_cones_stay_there(angle_deg: float, changes: bool, certified: bool) -> None:
     """Also on a path that is made anew of some of a level's contacts: its moves are not certified by the cones."""
     path, chosen = pass_of(TURNED)
     cones = EllipticCones.circular(chosen.axes, np.full(COUNT, np.radians(angle_deg)))
@@ -135,7 +123,7 @@ def test_axes_that_lie_in_their_cones_stay_there(
     assert angles_between(made.axes, chosen.axes).max() < np.radians(angle_deg)
 
 
-def test_a_short_pass_whose_axis_runs_round_is_held(pass_of: Callable[[ndarray], tuple[ContactPath, ToolAxes]]) -> None:
+def test_a_short_pass_whose_axis_runs_round_is_held() -> None:
     """Means of a whole turn stand on the normal, nearer than the least lead: the axis is held beside it."""
     path, chosen = pass_of(np.linspace(0, 2 * np.pi, 21))
     made = eased(path, chosen, Open())
@@ -144,9 +132,7 @@ def test_a_short_pass_whose_axis_runs_round_is_held(pass_of: Callable[[ndarray],
     assert angles_between(made.axes, path.normals).min() > np.radians(PathJob().least_lead_deg) - 1e-9
 
 
-def test_a_contact_without_a_cone_is_not_bound_by_another_ones(
-    pass_of: Callable[[ndarray], tuple[ContactPath, ToolAxes]],
-) -> None:
+def test_a_contact_without_a_cone_is_not_bound_by_another_ones() -> None:
     path, chosen = pass_of(TURNED)
     cones = EllipticCones.circular(chosen.axes[:1], np.full(1, np.radians(5.0)))
     free = FreeCones(path.centres[:1], cones, np.r_[0, np.full(COUNT - 1, -1)])

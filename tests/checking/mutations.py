@@ -8,8 +8,6 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 
-import pytest
-
 from bonecam.errors import BonecamError
 
 Mutate = Callable[[random.Random, bytes], bytes]
@@ -130,16 +128,11 @@ MUTATIONS: tuple[Mutate, ...] = (
 )
 
 
-@pytest.fixture(scope="session")
-def mutate() -> Mutate:
+def mutate(rng: random.Random, data: bytes) -> bytes:
     """Damages data in one to three ways that the random generator chooses."""
-
-    def damage(rng: random.Random, data: bytes) -> bytes:
-        for _ in range(rng.choice((1, 1, 1, 2, 3))):
-            data = rng.choice(MUTATIONS)(rng, data)
-        return data
-
-    return damage
+    for _ in range(rng.choice((1, 1, 1, 2, 3))):
+        data = rng.choice(MUTATIONS)(rng, data)
+    return data
 
 
 @contextmanager
@@ -160,29 +153,23 @@ def time_limit(seconds: float, *, wall: bool = False) -> Iterator[None]:
         signal.signal(kind, before)
 
 
-@pytest.fixture(scope="session")
-def within() -> Callable[[float], AbstractContextManager[None]]:
+def within(seconds: float) -> AbstractContextManager[None]:
     """A limit (s) on the time that a block takes: TimeoutError where it takes longer."""
-    return lambda seconds: time_limit(seconds, wall=True)
+    return time_limit(seconds, wall=True)
 
 
-@pytest.fixture(scope="session")
-def outcome() -> Callable[[Callable[[Path], object], Path], str]:
+def outcome(reader: Callable[[Path], object], file: Path) -> str:
     """Reads a file under the time limit: "" where that gives a result, else the one line of its typed error.
 
     Any other exception, and a message of more lines or without the file's name, fail the test.
     """
-
-    def read(reader: Callable[[Path], object], file: Path) -> str:
-        try:
-            with time_limit(SECONDS):
-                reader(file)
-        except BonecamError as error:
-            message = str(error)
-            assert file.name in message, message
-            assert "\n" not in message, message
-            assert len(message) < 1000, message
-            return message
-        return ""
-
-    return read
+    try:
+        with time_limit(SECONDS):
+            reader(file)
+    except BonecamError as error:
+        message = str(error)
+        assert file.name in message, message
+        assert "\n" not in message, message
+        assert len(message) < 1000, message
+        return message
+    return ""
