@@ -27,7 +27,7 @@ def bone_like(
     height[1], height[-2] = height[0], height[-1]
     knots, points = [], []
     for j in range(rows):
-        if POLES and j in (0, rows - 1):
+        if poles and j in (0, rows - 1):
             knots.append(np.zeros(1))
             points.append(np.array([[0.0, 0.0, length * height[j]]]))
             continue
