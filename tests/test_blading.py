@@ -12,19 +12,19 @@ from small_wheel import HALF, blade, hub, job, sections
 import bonecam
 from bonecam.cli import main
 from bonecam.errors import BendingError, JobError, SurfaceError, VerifyError
-from bonecam.machine.machine import read_machine
+from bonecam.machine import read_machine
 from bonecam.mesh import MeshDistance, write_mesh
 from bonecam.mesh.solids import cylinder
+from bonecam.nc import write_program
 from bonecam.nc.path_words import require_room
-from bonecam.nc.posting import write_program
 from bonecam.nc.requirements import job_dialect
 from bonecam.report.page.contents import unpack
-from bonecam.surface import skin
+from bonecam.surface import skin, write_tsm
 from bonecam.surface.blades import wheel_of
 from bonecam.surface.files.surface_input import read_blade, read_hub
-from bonecam.surface.files.tspline_text import write_tsm
-from bonecam.tool.path import MoveKind, ToolPath
-from bonecam.verify.proof import prove_removal_of_wheel, verify
+from bonecam.tool import MoveKind, ToolPath
+from bonecam.verify import verify
+from bonecam.verify.proof import prove_removal_of_wheel
 from bonecam.verify.readback import RepeatedDistance
 
 pytestmark = pytest.mark.whole

@@ -17,10 +17,10 @@ from bonecam.cli.catalogues import CATALOGUES
 from bonecam.cli.schemas import file_schema, job_schema
 from bonecam.cli.slicer import main as slicer
 from bonecam.errors import JobError, MachineError
-from bonecam.machine.machine import read_machine
-from bonecam.nc.dialect import dialect_names, read_dialect
+from bonecam.machine import read_machine
+from bonecam.nc import dialect_names, read_dialect
 from bonecam.planning.patterns import pattern_curves
-from bonecam.tool.cutter import Cutter
+from bonecam.tool import Cutter
 
 pytestmark = pytest.mark.whole
 

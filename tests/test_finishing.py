@@ -10,18 +10,15 @@ from small_parts import pebble
 
 import bonecam
 from bonecam.errors import BendingError, FileError, MachineError, MeshError, SurfaceError, UnitsError
-from bonecam.machine.machine import read_machine
+from bonecam.machine import read_machine
 from bonecam.mesh import MeshDistance, write_mesh
 from bonecam.mesh.solids import revolve
 from bonecam.mesh.triangle_mesh import keep_faces
 from bonecam.nc.requirements import job_dialect
 from bonecam.report import read_apt
 from bonecam.report.page.contents import unpack
-from bonecam.surface import skin
-from bonecam.surface.blades import blade_solid
-from bonecam.surface.files.tspline_text import write_tsm
-from bonecam.surface.tspline import TSpline
-from bonecam.tool.path import MoveKind
+from bonecam.surface import TSpline, blade_solid, skin, write_tsm
+from bonecam.tool import MoveKind
 from bonecam.verify.proof import prove_surface_removal
 
 pytestmark = pytest.mark.whole

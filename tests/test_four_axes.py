@@ -8,8 +8,7 @@ import pytest
 
 import bonecam
 from bonecam.job import Job
-from bonecam.mesh import read_mesh, write_mesh
-from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.mesh import TriangleMesh, read_mesh, write_mesh
 
 SCALLOP = 0.04
 JOB = Job().with_values(

@@ -8,13 +8,12 @@ from small_parts import pebble
 
 import bonecam
 from bonecam.errors import FileError, JobError, MeshError, SurfaceError
-from bonecam.filters.meshset import MeshSet
+from bonecam.filters import MeshSet
 from bonecam.job import Job
-from bonecam.setup.placement import place
+from bonecam.setup import place
+from bonecam.surface import TSpline, save_surface
 from bonecam.surface.files.surface_input import read_part
-from bonecam.surface.files.tspline_text import save_surface
 from bonecam.surface.part_surface import fit_surface
-from bonecam.surface.tspline import TSpline
 
 JOB = Job()
 

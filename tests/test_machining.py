@@ -13,21 +13,18 @@ from small_parts import capsule_path
 
 from bonecam.errors import BonecamError, JobError, VerifyError
 from bonecam.job import Job
-from bonecam.machine.machine import read_machine
+from bonecam.machine import read_machine
 from bonecam.machining import BeforeForce, check_force_asked, check_one_feed, paths_by_force, stand_part
 from bonecam.mechanics.loads import Workpiece, mechanics_of_job
-from bonecam.nc.dialect import read_dialect
-from bonecam.nc.feeds import drivable_paths, fastest_cut
-from bonecam.nc.posting import write_program
-from bonecam.nc.reading import read_program
+from bonecam.nc import drivable_paths, read_dialect, read_program, write_program
+from bonecam.nc.feeds import fastest_cut
 from bonecam.progress import silent
 from bonecam.runtime.timing import StageTimes
-from bonecam.setup.capsule import Capsule
-from bonecam.tool.path import MoveKind
+from bonecam.setup import Capsule
+from bonecam.tool import MoveKind
+from bonecam.verify import Accuracy, simulate_removal
 from bonecam.verify.control import check_feeds_of_job
-from bonecam.verify.removal import simulate_removal
-from bonecam.verify.sweeping import Accuracy
-from bonecam.workholding.post import Post
+from bonecam.workholding import Post
 
 MACHINE, DIALECT = read_machine("mikron-ucp600"), read_dialect("heidenhain")
 JOB = Job(path={"feed": "force"}, nc={"plunge_feed": 100.0})

@@ -10,9 +10,9 @@ from small_parts import capsule_path
 from bonecam.errors import JobError
 from bonecam.job import Job
 from bonecam.job.materials.preset import FOLDER, cutting_force, material_files, read_material
-from bonecam.machine.machine import USUAL_SPINDLE, read_machine
-from bonecam.nc.dialect import read_dialect
-from bonecam.nc.posting import write_program
+from bonecam.machine import read_machine
+from bonecam.machine.machine import USUAL_SPINDLE
+from bonecam.nc import read_dialect, write_program
 
 FORCE = """
 [force]

@@ -34,20 +34,15 @@ from bonecam.errors import (
 from bonecam.job import Job, write_job
 from bonecam.job.materials.preset import FOLDER
 from bonecam.levels import job_levels
-from bonecam.machine.machine import read_machine
-from bonecam.mesh.files.mesh_files import read_mesh, write_mesh
-from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.nc.dialect import read_dialect
+from bonecam.machine import read_machine
+from bonecam.mesh import TriangleMesh, read_mesh, write_mesh
+from bonecam.nc import read_dialect, read_program
 from bonecam.nc.program import program_name
-from bonecam.nc.reading import read_program
 from bonecam.nc.requirements import job_dialect
-from bonecam.report.typed import Report
+from bonecam.report import Report
 from bonecam.runtime.own_files import OWN_FILES
 from bonecam.simulation import simulation_report, simulation_text
-from bonecam.surface import part_surface
-from bonecam.surface.fitting import Deviation
-from bonecam.surface.growth import Fit, fit
-from bonecam.surface.tspline import TSpline
+from bonecam.surface import Deviation, Fit, TSpline, fit, part_surface
 from bonecam.verify import check_removal, prove_removal
 from bonecam.verify.removal import check_removal_of_job
 

@@ -10,13 +10,12 @@ import bonecam
 from bonecam.errors import FileError, JobError, MachineError, ProgramError, VerifyError
 from bonecam.files import whole_folder
 from bonecam.job import Job
-from bonecam.machine.machine import read_machine
+from bonecam.machine import read_machine
 from bonecam.mesh import write_mesh
-from bonecam.nc.dialect import read_dialect
-from bonecam.nc.reading import read_program
-from bonecam.setup.capsule import Capsule
-from bonecam.surface.files.tspline_text import write_tsm
-from bonecam.tool.path import MoveKind
+from bonecam.nc import read_dialect, read_program
+from bonecam.setup import Capsule
+from bonecam.surface import write_tsm
+from bonecam.tool import MoveKind
 
 AXIS = np.array([0.0, 0.5, 0.75**0.5])
 TIPS = np.array([[0.0, 0.0, 60.0], [0.0, 0.0, 31.0], [4.0, 1.0, 31.0], [8.0, 2.0, 31.5], [8.0, 2.0, 60.0]])

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from bonecam.job import Job, write_job
-from bonecam.mesh.files.mesh_files import write_mesh
-from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.setup.capsule import Capsule
+from bonecam.mesh import TriangleMesh, write_mesh
+from bonecam.setup import Capsule
 
 pytestmark = pytest.mark.whole
 

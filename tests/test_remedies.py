@@ -9,8 +9,8 @@ import pytest
 
 import bonecam
 from bonecam.errors import BonecamError, JobError
-from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.setup.capsule import Capsule
+from bonecam.mesh import TriangleMesh
+from bonecam.setup import Capsule
 
 pytestmark = pytest.mark.whole
 

@@ -14,12 +14,12 @@ from bonecam.batch import convert_many
 from bonecam.errors import BonecamError, JobError, MachineError, ToolPathError
 from bonecam.job import Job
 from bonecam.levels import job_levels
-from bonecam.machine.machine import machine_names, read_machine
-from bonecam.mesh.files.mesh_files import read_mesh
-from bonecam.mesh.part import prepare_part
-from bonecam.nc.dialect import DIALECTS, read_dialect
+from bonecam.machine import machine_names, read_machine
+from bonecam.mesh import prepare_part, read_mesh
+from bonecam.nc import read_dialect
+from bonecam.nc.dialect import DIALECTS
 from bonecam.pipeline import check_job
-from bonecam.setup.placement import place
+from bonecam.setup import place
 
 
 @pytest.fixture

@@ -9,10 +9,10 @@ import pytest
 import bonecam
 from bonecam import pipeline
 from bonecam.job import Job
-from bonecam.machine.machine import MACHINES, read_machine
-from bonecam.nc.dialect import read_dialect
-from bonecam.nc.reading import read_program
-from bonecam.setup.capsule import Capsule
+from bonecam.machine import read_machine
+from bonecam.machine.machine import MACHINES
+from bonecam.nc import read_dialect, read_program
+from bonecam.setup import Capsule
 
 pytestmark = pytest.mark.whole
 

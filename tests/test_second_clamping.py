@@ -13,31 +13,23 @@ from typed_values import differences
 import bonecam
 from bonecam.errors import BonecamError, JobError, MeshError, VerifyError
 from bonecam.job import HoldingJob, Job, MechanicsJob
-from bonecam.machine.machine import read_machine
-from bonecam.mesh.distance import MeshDistance
-from bonecam.mesh.files.mesh_files import write_mesh
-from bonecam.mesh.part import Part
+from bonecam.machine import read_machine
+from bonecam.mesh import MeshDistance, Part, TriangleMesh, write_mesh
 from bonecam.mesh.smooth_surface import convex_hull
 from bonecam.mesh.solids import solid_difference
-from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.nc.dialect import read_dialect
-from bonecam.nc.path_words import machine_limits
-from bonecam.nc.posting import write_program
+from bonecam.nc import machine_limits, read_dialect, read_program, write_program
 from bonecam.nc.program import program_number
-from bonecam.nc.reading import read_program
+from bonecam.planning import Scene
 from bonecam.planning.levels import parting_paths
-from bonecam.planning.scene import Scene
 from bonecam.planning.stump import check_second, cut_groove
 from bonecam.report.kept import SecondProgram
 from bonecam.report.typed import SecondFigures
 from bonecam.second_clamping import second_program
-from bonecam.setup.capsule import Capsule, smallest_capsule
-from bonecam.setup.stocks.mesh import ConvexStock
+from bonecam.setup import Capsule, ConvexStock, smallest_capsule
 from bonecam.verify import simulate_removal
 from bonecam.verify.clearances import shell_clearance
 from bonecam.verify.removal import check_removal_of_job, cutters_of, simulate_stump
-from bonecam.workholding.clamping import clamping_of
-from bonecam.workholding.post import post_below
+from bonecam.workholding import clamping_of, post_below
 from bonecam.workholding.shell import shell_round
 
 pytestmark = pytest.mark.whole

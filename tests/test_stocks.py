@@ -8,8 +8,8 @@ from bonecam_meshes import path as shipped
 import bonecam
 from bonecam.errors import StockError
 from bonecam.job import Job
-from bonecam.mesh.files.mesh_files import write_mesh
-from bonecam.setup.stocks.cylinder import Cylinder
+from bonecam.mesh import write_mesh
+from bonecam.setup import Cylinder
 
 COARSE = Job().with_values(
     mechanics={"refuse": False},

@@ -9,10 +9,10 @@ from bonecam_meshes import path as shipped
 import bonecam
 from bonecam.errors import OrientationError
 from bonecam.job import Job
-from bonecam.machine.limits import MachineLimits
-from bonecam.mesh.smooth_surface import nearest_areas
-from bonecam.planning.strategies import plan_layer_paths
-from bonecam.setup.stocks.cylinder import Cylinder
+from bonecam.machine import MachineLimits
+from bonecam.mesh import nearest_areas
+from bonecam.planning import plan_layer_paths
+from bonecam.setup import Cylinder
 from bonecam.tool import MoveKind
 
 COARSE = Job().with_values(

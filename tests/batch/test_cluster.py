@@ -21,8 +21,8 @@ from bonecam.batch import Wanted, cluster_executor, convert_many
 from bonecam.cli import main
 from bonecam.errors import JobError
 from bonecam.job import Job
-from bonecam.mesh.files.mesh_files import write_mesh
-from bonecam.setup.capsule import Capsule
+from bonecam.mesh import write_mesh
+from bonecam.setup import Capsule
 
 pytestmark = pytest.mark.whole
 

@@ -7,8 +7,8 @@ import numpy as np
 import open3d as o3d
 from numpy import ndarray
 
-from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.tool.cutter import Cutter
+from bonecam.mesh import TriangleMesh
+from bonecam.tool import Cutter
 
 
 @lru_cache(maxsize=4)

@@ -3,10 +3,8 @@
 import numpy as np
 
 from bonecam.levels.problem import Cut, StepParameters
-from bonecam.setup.capsule import Capsule
-from bonecam.setup.stock import Schedule
-from bonecam.surface.tmesh import RowTMesh
-from bonecam.surface.tspline import TSpline
+from bonecam.setup import Capsule, Schedule
+from bonecam.surface import RowTMesh, TSpline
 
 CAPSULE = Capsule(np.array([0.0, 0.0, 4.5]), np.array([0.0, 0.0, 15.5]), 4.5)
 """A stock that holds the parts."""

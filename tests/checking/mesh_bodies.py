@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from bonecam.errors import FileError
-from bonecam.mesh.files.mesh_files import read_mesh
-from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.mesh import TriangleMesh, read_mesh
 
 
 def solid(vertices: np.ndarray, faces: np.ndarray) -> TriangleMesh:

@@ -4,14 +4,11 @@ import numpy as np
 from small_parts import FINISHING_CUTTER, HOLDING, ROUGHING_CUTTER, UPRIGHT_CAPSULE, grooved_pebble, level_of, mesh_of
 
 from bonecam.job import PathJob
-from bonecam.mesh.distance import MeshDistance
-from bonecam.planning.contacts import candidate_contacts, contact_path
-from bonecam.planning.scene import Scene
-from bonecam.surface.tspline import TSpline
-from bonecam.tool.cutter import Cutter
-from bonecam.tool.path import ContactPath
-from bonecam.workholding.clamping import Clamping
-from bonecam.workholding.post import post_below
+from bonecam.mesh import MeshDistance
+from bonecam.planning import Scene, candidate_contacts, contact_path
+from bonecam.surface import TSpline
+from bonecam.tool import ContactPath, Cutter
+from bonecam.workholding import Clamping, post_below
 
 
 def at_parameters(surface: TSpline, parameters: np.ndarray, passes: np.ndarray | None = None) -> ContactPath:

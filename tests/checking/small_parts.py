@@ -7,14 +7,13 @@ import numpy as np
 from numpy import ndarray
 
 from bonecam.job import HoldingJob, ToolJob
-from bonecam.levels.measure import NO_CUT, MorphLevel, PartLevel
+from bonecam.levels import MorphLevel, PartLevel
+from bonecam.levels.measure import NO_CUT
 from bonecam.machine.bodies import Frustum
-from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.setup.capsule import Capsule
-from bonecam.surface.tmesh import RowTMesh
-from bonecam.surface.tspline import TSpline
-from bonecam.tool.cutter import Cutter
-from bonecam.tool.path import MoveKind, ToolPath
+from bonecam.mesh import TriangleMesh
+from bonecam.setup import Capsule
+from bonecam.surface import RowTMesh, TSpline
+from bonecam.tool import Cutter, MoveKind, ToolPath
 
 
 def revolved(

@@ -6,8 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy import ndarray
 
-from bonecam.surface.tmesh import RowTMesh, TMesh
-from bonecam.surface.tspline import TSpline
+from bonecam.surface import RowTMesh, TMesh, TSpline
 
 
 def bone_like(

@@ -9,10 +9,8 @@ import numpy as np
 import pytest
 
 from bonecam.errors import StockError
-from bonecam.filters.filter import Filter, FilterParameter, Kind, Registry
-from bonecam.filters.layers import Layers
-from bonecam.filters.meshset import MeshSet
-from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.filters import Filter, FilterParameter, Kind, Layers, MeshSet, Registry
+from bonecam.mesh import TriangleMesh
 from bonecam.progress import Progress
 
 

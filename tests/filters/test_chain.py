@@ -8,8 +8,7 @@ import pymeshlab
 import pytest
 
 from bonecam.errors import BonecamError, UnitsError
-from bonecam.filters.meshset import MeshSet
-from bonecam.filters.scripting import run_script
+from bonecam.filters import MeshSet, run_script
 
 CHAIN = """<!DOCTYPE FilterScript>
 <FilterScript>

@@ -9,9 +9,9 @@ import pymeshlab
 import pytest
 
 from bonecam.errors import FilterError
-from bonecam.filters.filter import VERBS, Filter, FilterParameter, Kind, Percentage, installed
+from bonecam.filters import Filter, FilterParameter, Kind, MeshSet, Percentage, installed
+from bonecam.filters.filter import VERBS
 from bonecam.filters.meshlab_values import FilterCall, ScriptParameter, write_script
-from bonecam.filters.meshset import MeshSet
 from bonecam.filters.script_on_mesh import read_script
 
 OURS = [item for item in installed() if item.act.__module__.startswith("bonecam_plugins")]

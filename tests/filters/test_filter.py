@@ -20,24 +20,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bonecam.errors import FilterError
-from bonecam.filters import filter
-from bonecam.filters.filter import (
-    GROUP,
-    Filter,
-    FilterParameter,
-    Kind,
-    Percentage,
-    Registry,
-    catalogue,
-    filters_of,
-    first_sentence,
-    installed,
-    parameters_of,
-    section_of,
-)
+from bonecam.filters import Filter, FilterParameter, Kind, Percentage, Registry, filter, installed
+from bonecam.filters.filter import GROUP, catalogue, filters_of, first_sentence, parameters_of, section_of
 from bonecam.job import Job, LevelsJob, StockJob
 from bonecam.job.parameter import record
-from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.mesh import TriangleMesh
 
 PLUGIN = """
 from bonecam.filters.filter import Filter

@@ -11,10 +11,7 @@ import pymeshlab
 import pytest
 
 from bonecam.errors import BonecamError, Cancelled, FilterError, StockError
-from bonecam.filters.filter import Filter, FilterParameter, Kind, Registry
-from bonecam.filters.layers import Layers
-from bonecam.filters.meshset import MeshSet
-from bonecam.filters.script_on_mesh import apply_script
+from bonecam.filters import Filter, FilterParameter, Kind, Layers, MeshSet, Registry, apply_script
 from bonecam.progress import Progress, report
 
 SCRIPT_OF_UNKNOWN = '<!DOCTYPE FilterScript><FilterScript><filter name="nothing"/></FilterScript>'

@@ -9,8 +9,7 @@ import pytest
 
 from bonecam.cli import main
 from bonecam.errors import Cancelled, FileError, FilterError
-from bonecam.filters.meshset import MeshSet
-from bonecam.filters.scripting import run_script
+from bonecam.filters import MeshSet, run_script
 
 pytestmark = pytest.mark.whole
 

@@ -16,11 +16,9 @@ from small_parts import PAINTED_PLY
 
 from bonecam.cli import main
 from bonecam.errors import BonecamError, Cancelled, FileError, FilterError, StockError
-from bonecam.filters.filter import Registry
+from bonecam.filters import MeshSet, Registry, apply_script, run_script
 from bonecam.filters.meshlab_values import CAMERAS, FilterCall, ScriptParameter, converted, free_texts, write_script
-from bonecam.filters.meshset import MeshSet
-from bonecam.filters.script_on_mesh import apply_script, read_script
-from bonecam.filters.scripting import run_script
+from bonecam.filters.script_on_mesh import read_script
 from bonecam.filters.scripts import NAMES, READ, TEXTS, TEXTURES
 
 REMESH = """ <filter name="Remeshing: Isotropic Explicit Remeshing">

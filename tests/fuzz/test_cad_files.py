@@ -7,7 +7,7 @@ import pytest
 from mutations import mutate, outcome
 from small_parts import pebble
 
-from bonecam.mesh.files.mesh_files import read_mesh
+from bonecam.mesh import read_mesh
 from bonecam.surface.files.cad import read_bsplines, write_iges, write_step
 
 pytestmark = pytest.mark.whole

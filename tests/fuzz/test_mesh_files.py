@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from mutations import mutate, outcome
 
-from bonecam.mesh.files.mesh_files import read_mesh
+from bonecam.mesh import read_mesh
 
 DEFAULT = 60
 """Damaged files of each kind in the default run."""

@@ -15,8 +15,7 @@ import bonecam
 from bonecam.errors import BonecamError, MachineError
 from bonecam.job import Job
 from bonecam.machine import Machine, read_machine
-from bonecam.mesh.files.mesh_files import read_mesh
-from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.mesh import TriangleMesh, read_mesh
 from bonecam.nc import dialect_names, read_dialect
 
 pytestmark = pytest.mark.whole

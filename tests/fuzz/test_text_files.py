@@ -13,17 +13,14 @@ from small_parts import capsule_path, pebble
 from bonecam.errors import BonecamError
 from bonecam.filters.meshlab_values import read_calls
 from bonecam.job import Job, read_job, write_job
-from bonecam.machine.machine import MACHINES, read_machine
+from bonecam.machine import read_machine
+from bonecam.machine.machine import MACHINES
 from bonecam.mesh.files.points import read_blocks
-from bonecam.nc.dialect import DIALECTS, read_dialect
-from bonecam.nc.posting import write_program
-from bonecam.nc.reading import read_program
+from bonecam.nc import read_dialect, read_program, write_program
+from bonecam.nc.dialect import DIALECTS
 from bonecam.pipeline import check_job
-from bonecam.surface.files.iga import read_iga, write_iga
+from bonecam.surface import TMesh, TSpline, read_iga, read_tsm, write_iga, write_tsm
 from bonecam.surface.files.surface_input import read_part
-from bonecam.surface.files.tspline_text import read_tsm, write_tsm
-from bonecam.surface.tmesh import TMesh
-from bonecam.surface.tspline import TSpline
 
 DEFAULT = 25
 """Damaged files of each kind in the default run."""

@@ -12,27 +12,24 @@ from numpy import ndarray
 
 from bonecam.job import Job, MeshJob
 from bonecam.kernels.hulls import halve, mapped_distance_bound, separation
+from bonecam.levels import Certificate, Morph, RoundedLevel, certify, levels_in, morph
 from bonecam.levels.certificates import (
     HALVES,
     MARGIN,
     ROUNDING,
-    Certificate,
     bezier_nets,
     bound_inside,
     bound_mesh_depth,
     bound_outside,
-    certify,
     certify_cut,
     certify_last_cut,
     depth_target,
     faces_of_stock,
     triangle_nets,
 )
-from bonecam.levels.closed_morph import morph
-from bonecam.levels.job_levels import levels_in, make_levels
+from bonecam.levels.job_levels import make_levels
 from bonecam.levels.measure import (
     MeasuredSurface,
-    RoundedLevel,
     Rules,
     excess_bound,
     inspect,
@@ -43,17 +40,11 @@ from bonecam.levels.measure import (
 )
 from bonecam.levels.open_morph import body_surfaces
 from bonecam.levels.problem import DEPTH_TOLERANCE, NESTING_TOLERANCE, STOCK_TOLERANCE
-from bonecam.levels.sequences import Morph
-from bonecam.mesh.part import prepare_part
+from bonecam.mesh import prepare_part
 from bonecam.progress import silent
-from bonecam.setup.capsule import Capsule
-from bonecam.setup.placement import place
-from bonecam.setup.stock import Schedule, Stock
-from bonecam.setup.stocks.box import Box
-from bonecam.setup.stocks.cylinder import Cylinder
+from bonecam.setup import Box, Capsule, Cylinder, Schedule, Stock, place
+from bonecam.surface import RowTMesh, TSpline
 from bonecam.surface.part_surface import fit_surface
-from bonecam.surface.tmesh import RowTMesh
-from bonecam.surface.tspline import TSpline
 
 STOCK = Capsule(np.array([0.0, 0.0, 4.5]), np.array([0.0, 0.0, 15.5]), 4.5)
 MIDDLE = np.array([0.0, 0.0, 10.0])

@@ -14,8 +14,8 @@ import pytest
 from level_parts import CAPSULE, grooved, waisted
 
 from bonecam.errors import Cancelled, JobError, LevelError, StockError, SurfaceError
-from bonecam.levels.closed_morph import morph, refine_for_depth
-from bonecam.levels.job_levels import levels_in
+from bonecam.levels import Morph, levels_in, morph
+from bonecam.levels.closed_morph import refine_for_depth
 from bonecam.levels.measure import MeasuredSurface, level_grid, measure_cut, require_none, violations
 from bonecam.levels.problem import (
     DEPTH_TOLERANCE,
@@ -26,15 +26,10 @@ from bonecam.levels.problem import (
     samples_of,
     thin_plate,
 )
-from bonecam.levels.sequences import Morph
-from bonecam.mesh.distance import MeshDistance
-from bonecam.setup.capsule import Capsule
-from bonecam.setup.stock import Schedule, Stock
-from bonecam.setup.stocks.box import Box
-from bonecam.setup.stocks.cylinder import Cylinder
-from bonecam.surface.files.tspline_text import write_tsm
+from bonecam.mesh import MeshDistance
+from bonecam.setup import Box, Capsule, Cylinder, Schedule, Stock
+from bonecam.surface import TSpline, write_tsm
 from bonecam.surface.query import closest_points_near
-from bonecam.surface.tspline import TSpline
 
 SCHEDULE = Schedule((0.1, 0.1), 0.5)
 STOCK = Capsule(np.array([0.0, 0.0, 4.5]), np.array([0.0, 0.0, 15.5]), 4.5)

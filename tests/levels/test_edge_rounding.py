@@ -9,12 +9,11 @@ from level_parts import waisted
 from bonecam.arrays import unit
 from bonecam.errors import LevelError, StockError
 from bonecam.job import Job, MeshJob, StockJob
-from bonecam.levels import open_morph
-from bonecam.levels.job_levels import levels_in, make_levels
+from bonecam.levels import Morph, RoundedLevel, levels_in, open_morph
+from bonecam.levels.job_levels import make_levels
 from bonecam.levels.measure import (
     BINS,
     MeasuredSurface,
-    RoundedLevel,
     level_grid,
     machined_levels,
     measure_last_cut,
@@ -22,19 +21,11 @@ from bonecam.levels.measure import (
     violations,
 )
 from bonecam.levels.open_morph import TOLERANCE, body_surfaces
-from bonecam.levels.sequences import Morph
-from bonecam.mesh.distance import exact_closest
-from bonecam.mesh.part import prepare_part
+from bonecam.mesh import TriangleMesh, exact_closest, prepare_part, self_intersections
 from bonecam.mesh.smooth_surface import convex_hull
-from bonecam.mesh.solids import revolve, self_intersections
-from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.setup.capsule import Capsule, enclosing_capsule
-from bonecam.setup.placement import place
-from bonecam.setup.rounding import RoundedStock, half_spaces_of, intersect, round_most
-from bonecam.setup.stock import Schedule, Stock
-from bonecam.setup.stocks.box import Box
-from bonecam.setup.stocks.cylinder import Cylinder
-from bonecam.setup.stocks.mesh import ConvexStock
+from bonecam.mesh.solids import revolve
+from bonecam.setup import Box, Capsule, ConvexStock, Cylinder, RoundedStock, Schedule, Stock, enclosing_capsule, place
+from bonecam.setup.rounding import half_spaces_of, intersect, round_most
 from bonecam.surface.part_surface import fit_surface
 
 pytestmark = pytest.mark.whole

@@ -10,18 +10,13 @@ from level_parts import CAPSULE, waisted
 
 from bonecam.errors import LevelError, SurfaceError
 from bonecam.job import Job
-from bonecam.levels import closed_morph, job_levels
-from bonecam.levels.job_levels import BegunLevels, even_levels, fit_choices, levels_in, surface_and_levels
-from bonecam.levels.measure import RoundedLevel
-from bonecam.levels.sequences import Morph
-from bonecam.mesh.part import prepare_part
-from bonecam.mesh.rows import MOST_CHOICES, Rows
+from bonecam.levels import Morph, RoundedLevel, closed_morph, even_levels, job_levels, levels_in, surface_and_levels
+from bonecam.levels.job_levels import BegunLevels, fit_choices
+from bonecam.mesh import Rows, prepare_part
+from bonecam.mesh.rows import MOST_CHOICES
 from bonecam.runtime.timing import StageTimes
-from bonecam.setup.capsule import Capsule
-from bonecam.setup.placement import Setup, place
-from bonecam.setup.stock import Schedule
-from bonecam.setup.stocks.cylinder import Cylinder
-from bonecam.surface.growth import Fit
+from bonecam.setup import Capsule, Cylinder, Schedule, Setup, place
+from bonecam.surface import Fit
 from bonecam.surface.part_surface import fit_surface
 
 pytestmark = pytest.mark.whole

@@ -6,13 +6,10 @@ import numpy as np
 import pytest
 from level_parts import waisted
 
-from bonecam.levels.job_levels import levels_in
-from bonecam.levels.measure import POINTS, RoundedLevel, line_depths, step_depths
-from bonecam.levels.sequences import Morph
-from bonecam.report.pictures import draw_depths
-from bonecam.setup.capsule import Capsule
-from bonecam.setup.stock import Schedule
-from bonecam.setup.stocks.cylinder import Cylinder
+from bonecam.levels import Morph, RoundedLevel, levels_in, line_depths, step_depths
+from bonecam.levels.measure import POINTS
+from bonecam.report import draw_depths
+from bonecam.setup import Capsule, Cylinder, Schedule
 
 BAR = Cylinder(4.5, 0.0, 20.0)
 

@@ -7,15 +7,10 @@ import pytest
 from level_parts import waisted
 
 from bonecam.errors import JobError, LevelError, StockError, SurfaceError
-from bonecam.levels.job_levels import levels_in
-from bonecam.levels.measure import Level
-from bonecam.levels.open_morph import morph_open
-from bonecam.levels.sequences import Morph
-from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.setup.capsule import Capsule
-from bonecam.setup.stock import Schedule
-from bonecam.surface.skinning import skin
-from bonecam.surface.tspline import TSpline
+from bonecam.levels import Level, Morph, levels_in, morph_open
+from bonecam.mesh import TriangleMesh
+from bonecam.setup import Capsule, Schedule
+from bonecam.surface import TSpline, skin
 
 SCHEDULE = Schedule((0.1,), 0.5)
 

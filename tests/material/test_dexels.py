@@ -8,8 +8,8 @@ from small_parts import path_of
 
 from bonecam.job import Job
 from bonecam.material.dexels import Dexels, dexels_of, uncut_rays
-from bonecam.setup.stocks.box import Box
-from bonecam.tool.cutter import Cutter
+from bonecam.setup import Box
+from bonecam.tool import Cutter
 from bonecam.verify.sweeping import volumes
 
 BLOCK = Box(np.array([-5.0, -4.0, 10.0]), np.array([5.0, 4.0, 30.0]))

@@ -16,30 +16,18 @@ from scipy.spatial import KDTree
 from small_parts import FINISHING_CUTTER, HOLDING, ROUGHING_CUTTER, UPRIGHT_CAPSULE, level_of, mesh_of, path_of, pebble
 
 from bonecam.job import NcJob, PathJob
-from bonecam.levels.measure import NO_CUT, Level, MachinedLevel, StockLevel
-from bonecam.machine.limits import MachineLimits
+from bonecam.levels import Level, StockLevel
+from bonecam.levels.measure import NO_CUT, MachinedLevel
+from bonecam.machine import MachineLimits
+from bonecam.material import InProcessStock, remove_material, uncut_material
 from bonecam.material.dexels import dexels_of
-from bonecam.material.in_process_stock import (
-    DEVIATION,
-    InProcessStock,
-    holding,
-    hull,
-    places_on_stock,
-    remove_material,
-    uncut_material,
-)
-from bonecam.mesh.distance import MeshDistance
-from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.planning.contacts import DepthLimits, candidate_contacts, contact_path
-from bonecam.planning.oriented_path import orient
-from bonecam.planning.scene import Scene
-from bonecam.setup.capsule import Capsule
-from bonecam.setup.stock import Stock
-from bonecam.setup.stocks.box import Box
-from bonecam.setup.stocks.cylinder import Cylinder
-from bonecam.tool.cutter import Cutter
-from bonecam.tool.path import MoveKind, ToolPath
-from bonecam.workholding.post import Post, post_below
+from bonecam.material.in_process_stock import DEVIATION, holding, hull, places_on_stock
+from bonecam.mesh import MeshDistance, TriangleMesh
+from bonecam.planning import Scene, candidate_contacts, contact_path, orient
+from bonecam.planning.contacts import DepthLimits
+from bonecam.setup import Box, Capsule, Cylinder, Stock
+from bonecam.tool import Cutter, MoveKind, ToolPath
+from bonecam.workholding import Post, post_below
 
 
 class Skin(Capsule):

@@ -13,12 +13,10 @@ from bonecam.kernels.rays import air_distances, cut_capsule, in_material
 from bonecam.kernels.removal import Pieces
 from bonecam.material.dexels import copy_of, with_more_room
 from bonecam.material.rays import lay_grid, lay_rays, lay_solids, order
+from bonecam.mesh import TriangleMesh
 from bonecam.mesh.solids import cylinder, revolve_ring
-from bonecam.mesh.triangle_mesh import TriangleMesh, keep_faces
-from bonecam.setup.capsule import Capsule
-from bonecam.setup.stocks.box import Box
-from bonecam.setup.stocks.cylinder import Cylinder
-from bonecam.setup.stocks.mesh import ConvexStock
+from bonecam.mesh.triangle_mesh import keep_faces
+from bonecam.setup import Box, Capsule, ConvexStock, Cylinder
 from bonecam.verify.sweeping import NormalProbes, SimulatedStock, Sweeping, volumes
 
 RING = revolve_ring(np.array([[3.0, 0.0], [5.0, 0.0], [5.0, 4.0], [3.0, 4.0]]), 400)

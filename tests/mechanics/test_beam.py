@@ -13,22 +13,12 @@ import pytest
 
 from bonecam.job import HoldingJob
 from bonecam.material.rays import lay_grid, lay_rays
-from bonecam.mechanics.beam import (
-    STEEL,
-    Beam,
-    Sections,
-    Support,
-    column_sections,
-    join,
-    mesh_sections,
-    ray_sections,
-    shoulder,
-    tailstock_support,
-)
+from bonecam.mechanics import Beam, Sections, Support, column_sections, join, mesh_sections, ray_sections, shoulder
+from bonecam.mechanics.beam import STEEL, tailstock_support
+from bonecam.mesh import TriangleMesh
 from bonecam.mesh.solids import revolve
-from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.setup import Cylinder
 from bonecam.setup.stocks.capsule import Capsule
-from bonecam.setup.stocks.cylinder import Cylinder
 from bonecam.workholding.post import Column
 from bonecam.workholding.shell import turn_over
 

@@ -27,8 +27,8 @@ from bonecam.mechanics.edges import (
     lighter_cuts,
     strip_force,
 )
-from bonecam.setup.stocks.box import Box
-from bonecam.tool.cutter import Cutter
+from bonecam.setup import Box
+from bonecam.tool import Cutter
 from bonecam.verify.sweeping import Sweeping
 
 RADIUS = 2.0

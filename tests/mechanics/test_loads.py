@@ -14,7 +14,7 @@ from bonecam.job.materials.preset import FOLDER, CuttingForce, StiffnessTable
 from bonecam.kernels.removal import Pieces
 from bonecam.machine.bodies import Frustum
 from bonecam.material.rays import lay_grid, lay_rays
-from bonecam.mechanics.beam import Beam, column_sections, join, shoulder
+from bonecam.mechanics import Beam, column_sections, join, shoulder
 from bonecam.mechanics.edges import cutter_compliance
 from bonecam.mechanics.loads import (
     LEAST,
@@ -33,13 +33,13 @@ from bonecam.mechanics.loads import (
     workpiece_of,
 )
 from bonecam.mechanics.result import mechanics_of
-from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.setup.stocks.cylinder import Cylinder
-from bonecam.tool.cutter import Cutter
+from bonecam.mesh import TriangleMesh
+from bonecam.setup import Cylinder
+from bonecam.tool import Cutter
 from bonecam.tool.path import PARTING
 from bonecam.verify.sweeping import Sweeping
-from bonecam.workholding.clamping import Clamping
-from bonecam.workholding.post import Column, Post
+from bonecam.workholding import Clamping, Post
+from bonecam.workholding.post import Column
 
 ALUMINIUM = StiffnessTable(elasticity=70000.0, density=2700.0, yield_strength=250.0, source="test")
 FORCE = CuttingForce((631.0, 99.0, 273.0, 13.0, 10.0, 2.8), (0.6, 1.9), "test", scaled=False)

@@ -6,12 +6,12 @@ import pytest
 from bonecam.job import HoldingJob
 from bonecam.job.materials.preset import CuttingForce, StiffnessTable
 from bonecam.material.rays import lay_grid, lay_rays
-from bonecam.mechanics.beam import column_sections
+from bonecam.mechanics import column_sections
 from bonecam.mechanics.loads import Finished, KeptErrors, Standing, Workpiece
 from bonecam.mechanics.result import Remedy, best_text, remedies, thickened
 from bonecam.mesh.solids import cylinder
-from bonecam.setup.stocks.cylinder import Cylinder
-from bonecam.workholding.post import Post
+from bonecam.setup import Cylinder
+from bonecam.workholding import Post
 
 ALUMINIUM = StiffnessTable(elasticity=70000.0, density=2700.0, yield_strength=250.0, source="test")
 FORCE = CuttingForce((631.0, 99.0, 273.0, 13.0, 10.0, 2.8), (0.6, 1.9), "test", scaled=False)

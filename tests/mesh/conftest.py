@@ -3,7 +3,7 @@
 import pytest
 from mesh_bodies import ellipsoid
 
-from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.mesh import TriangleMesh
 
 
 @pytest.fixture(scope="session")

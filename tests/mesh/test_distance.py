@@ -2,9 +2,8 @@ import numpy as np
 import pytest
 from mesh_bodies import ellipsoid, moved, solid
 
-from bonecam.mesh.distance import CHUNK, EXACT_CHUNK, MeshDistance, exact_closest, lowest_between
-from bonecam.mesh.solids import self_intersections
-from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.mesh import MeshDistance, TriangleMesh, exact_closest, self_intersections
+from bonecam.mesh.distance import CHUNK, EXACT_CHUNK, lowest_between
 
 FAR = (300.0, -200.0, 500.0)
 POINTS = np.random.default_rng(1).normal(size=(400, 3)) * 9 + FAR

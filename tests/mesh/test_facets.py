@@ -17,8 +17,8 @@ from numpy import ndarray
 from scipy.spatial import Delaunay
 
 from bonecam.errors import MeshError
-from bonecam.mesh.facets import ElasticEnergy, SurfaceShape, delaunay, mls_curvature, vertex_normals, voronoi_areas
-from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.mesh import SurfaceShape, TriangleMesh, delaunay, mls_curvature, vertex_normals
+from bonecam.mesh.facets import ElasticEnergy, voronoi_areas
 
 SCATTERED = np.random.default_rng(1).random((300, 2))
 GRID = np.stack(np.meshgrid(np.arange(12) * 0.1, np.arange(7) * 0.3), axis=-1).reshape(-1, 2)

@@ -24,25 +24,22 @@ from mesh_bodies import ellipsoid
 from bonecam.errors import LimitError, MeshError
 from bonecam.job import Job, MeshJob
 from bonecam.machining import stand_part
-from bonecam.mesh.distance import MeshDistance, hausdorff
-from bonecam.mesh.files.mesh_files import read_mesh
+from bonecam.mesh import MeshDistance, TriangleMesh, faults_of, prepare_part, read_mesh, repair, repaired_part
+from bonecam.mesh.distance import hausdorff
 from bonecam.mesh.healing import (
     DECIMATION_DEVIATION,
     Repair,
     RepairState,
     components_of,
     decimate,
-    faults_of,
-    repair,
     resolve_junctions,
     surface_moves,
     weld_seams,
     winding_numbers,
 )
 from bonecam.mesh.hollows import cap
-from bonecam.mesh.part import prepare_part, repaired_part
 from bonecam.mesh.solids import revolve, revolve_ring, solid_union
-from bonecam.mesh.triangle_mesh import TriangleMesh, keep_faces, side_by_side
+from bonecam.mesh.triangle_mesh import keep_faces, side_by_side
 from bonecam.progress import silent
 from bonecam.runtime.timing import StageTimes
 

@@ -7,11 +7,9 @@ import pytest
 from mesh_bodies import ellipsoid, solid
 
 from bonecam.job import Job, MeshJob
-from bonecam.mesh.hollows import CHORD, LEAST, SHALLOW, Fill, fill_pits
+from bonecam.mesh import TriangleMesh, fill_pits, prepare_part, self_intersections
+from bonecam.mesh.hollows import CHORD, LEAST, SHALLOW, Fill
 from bonecam.mesh.meshlab import split_edges
-from bonecam.mesh.part import prepare_part
-from bonecam.mesh.solids import self_intersections
-from bonecam.mesh.triangle_mesh import TriangleMesh
 
 pytestmark = pytest.mark.whole
 

@@ -9,11 +9,8 @@ import pytest
 
 from bonecam.errors import FileError, UnitsError
 from bonecam.job import MeshJob
-from bonecam.mesh.distance import MeshDistance
-from bonecam.mesh.files.mesh_files import read_mesh
-from bonecam.mesh.part import prepare_part
+from bonecam.mesh import MeshDistance, TriangleMesh, prepare_part, read_mesh
 from bonecam.mesh.smooth_surface import label_surface, step_pitch, without_steps
-from bonecam.mesh.triangle_mesh import TriangleMesh
 
 SimpleITK = pytest.importorskip("SimpleITK", reason="the extra `ct` is not installed")
 PITCH = np.array([0.3, 0.3, 0.5])

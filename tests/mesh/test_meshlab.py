@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from bonecam.mesh.meshlab import angle_sums, bisect_faces, remesh, split_edges
-from bonecam.mesh.solids import self_intersections
-from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.setup.stocks.box import Box
+from bonecam.mesh import TriangleMesh, remesh, self_intersections
+from bonecam.mesh.meshlab import angle_sums, bisect_faces, split_edges
+from bonecam.setup import Box
 
 
 def test_edges_are_split_and_the_surface_stays() -> None:

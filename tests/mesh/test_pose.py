@@ -5,8 +5,8 @@ import pytest
 from mesh_bodies import ellipsoid, solid, torus
 
 from bonecam.errors import MeshError
-from bonecam.mesh.pose import enclosing_circle, solid_moments, upright
-from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.mesh import TriangleMesh, upright
+from bonecam.mesh.pose import enclosing_circle, solid_moments
 
 TURN = np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))[0]
 TURN = TURN * np.sign(np.linalg.det(TURN))

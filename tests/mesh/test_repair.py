@@ -5,11 +5,8 @@ import pytest
 from mesh_bodies import ellipsoid, grid_faces, moved, solid, together, torus
 
 from bonecam.errors import MeshError
-from bonecam.mesh.distance import exact_closest
-from bonecam.mesh.files.mesh_files import read_mesh
-from bonecam.mesh.healing import RepairState, faults_of, repair, wrap
-from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.mesh.units import to_mm
+from bonecam.mesh import TriangleMesh, exact_closest, faults_of, read_mesh, repair, to_mm
+from bonecam.mesh.healing import RepairState, wrap
 
 
 def test_a_sound_mesh_comes_back_as_it_is(bone: TriangleMesh) -> None:

@@ -9,25 +9,18 @@ import pytest
 from mesh_bodies import ellipsoid, solid, torus
 
 from bonecam.errors import Cancelled, MeshError
-from bonecam.mesh.distance import exact_closest
-from bonecam.mesh.files.mesh_files import read_mesh
-from bonecam.mesh.healing import repair
-from bonecam.mesh.pose import upright
+from bonecam.mesh import Rows, TriangleMesh, exact_closest, harmonic_rows, read_mesh, repair, to_mm, upright
 from bonecam.mesh.rows import (
     OTHER_FRAMES,
     Isolines,
-    Rows,
     distortion,
     end_poles,
     harmonic_field,
-    harmonic_rows,
     positive_laplacian,
     row_choices,
     row_heights,
     rows_in_frame,
 )
-from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.mesh.units import to_mm
 
 BONES = "3midph 3distph 2midph 1mc scaphoid capitate metatarsal1_rv".split()
 

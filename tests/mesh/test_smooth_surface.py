@@ -14,23 +14,23 @@ from bonecam.arrays import unit
 from bonecam.errors import MeshError
 from bonecam.job import MeshJob, SurfaceJob
 from bonecam.job.mesh_section import COARSEST_FIT
-from bonecam.mesh.distance import MeshDistance
-from bonecam.mesh.facets import delaunay
-from bonecam.mesh.files.mesh_files import read_mesh
-from bonecam.mesh.healing import repair
-from bonecam.mesh.meshlab import from_meshset, split_edges, to_meshset
-from bonecam.mesh.part import prepare_part, repaired_part
-from bonecam.mesh.smooth_surface import (
-    FINE,
+from bonecam.mesh import (
+    MeshDistance,
     Smoothing,
+    TriangleMesh,
     coarseness_of,
-    convex_hull,
+    delaunay,
     heights_above,
-    is_coarse,
+    prepare_part,
+    read_mesh,
+    repair,
+    repaired_part,
+    self_intersections,
     smooth_facets,
 )
-from bonecam.mesh.solids import self_intersections
-from bonecam.mesh.triangle_mesh import TriangleMesh, probes
+from bonecam.mesh.meshlab import from_meshset, split_edges, to_meshset
+from bonecam.mesh.smooth_surface import FINE, convex_hull, is_coarse
+from bonecam.mesh.triangle_mesh import probes
 
 TOLERANCE = 0.08
 BOX = np.array([[x, y, z] for x in (-5.0, 5.0) for y in (-6.0, 6.0) for z in (-15.0, 15.0)])

@@ -11,8 +11,7 @@ import trimesh
 
 from bonecam import TriangleMesh
 from bonecam.job import MeshJob
-from bonecam.mesh import mesh_from
-from bonecam.mesh.part import prepare_part
+from bonecam.mesh import mesh_from, prepare_part
 
 CORNERS = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
 FACES = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]], dtype=np.int32)

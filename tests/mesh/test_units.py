@@ -3,8 +3,8 @@ import pytest
 from mesh_bodies import ellipsoid, moved
 
 from bonecam.errors import UnitsError
-from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.mesh.units import mirror_and_scale, to_mm
+from bonecam.mesh import TriangleMesh, to_mm
+from bonecam.mesh.units import mirror_and_scale
 
 
 @pytest.fixture(scope="module")

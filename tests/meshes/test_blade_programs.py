@@ -12,7 +12,7 @@ import trimesh
 import bonecam
 from bonecam.job import ToolJob
 from bonecam.surface import impeller, read_flow_path, read_sections
-from bonecam.tool.path import MoveKind
+from bonecam.tool import MoveKind
 
 WHEEL = bonecam.Job().with_values(
     holding={"diameter": 20.0},

@@ -10,7 +10,7 @@ import pymeshlab
 import pytest
 from bonecam_meshes import phalanx
 
-from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.mesh import TriangleMesh
 
 
 @pytest.fixture(scope="module")

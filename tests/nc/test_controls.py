@@ -13,14 +13,12 @@ from tool_paths import TWO_PATHS
 
 from bonecam.errors import MachineError, ProgramError
 from bonecam.job import Job
-from bonecam.machine.kinematics import inverse_linear
-from bonecam.machine.machine import read_machine
-from bonecam.nc.dialect import DIALECTS, read_dialect
-from bonecam.nc.motions import Motions
-from bonecam.nc.posting import write_program
+from bonecam.machine import inverse_linear, read_machine
+from bonecam.nc import Motions, read_dialect, read_program, write_program
+from bonecam.nc.dialect import DIALECTS
 from bonecam.nc.program import program_number
-from bonecam.nc.reading import read_program
-from bonecam.verify.readback import Tolerances, compare_moves
+from bonecam.verify import Tolerances
+from bonecam.verify.readback import compare_moves
 
 MIKRON = read_machine("mikron-ucp600")
 SWITCHES = {

@@ -8,10 +8,10 @@ from small_parts import capsule_path
 
 from bonecam.errors import MachineError
 from bonecam.job import Job
-from bonecam.machine.machine import MACHINES, read_machine
-from bonecam.nc.dialect import DIALECTS, dialect_names, read_dialect
-from bonecam.nc.posting import write_program
-from bonecam.nc.reading import read_program
+from bonecam.machine import read_machine
+from bonecam.machine.machine import MACHINES
+from bonecam.nc import dialect_names, read_dialect, read_program, write_program
+from bonecam.nc.dialect import DIALECTS
 from bonecam.nc.requirements import job_dialect
 from bonecam.nc.schema import CODES, FIELDS, MEANINGS
 

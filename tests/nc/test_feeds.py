@@ -9,16 +9,13 @@ from small_parts import capsule_path, path_of
 from bonecam.arrays import unit
 from bonecam.errors import VerifyError
 from bonecam.job import Job
+from bonecam.machine import Machine, inverse_linear, read_machine
 from bonecam.machine.control import Control
-from bonecam.machine.kinematics import inverse_linear
-from bonecam.machine.machine import Machine, read_machine
-from bonecam.nc.dialect import Dialect, read_dialect
-from bonecam.nc.feeds import FEED_PER_MM, FLOOR, LARGEST_RATIO, drivable_paths, feed_scale, on_scale
-from bonecam.nc.motions import Motions
-from bonecam.nc.posting import write_program
-from bonecam.nc.reading import read_program
-from bonecam.tool.path import MoveKind, ToolPath
-from bonecam.verify.readback import Tolerances, compare_moves
+from bonecam.nc import Dialect, Motions, drivable_paths, read_dialect, read_program, write_program
+from bonecam.nc.feeds import FEED_PER_MM, FLOOR, LARGEST_RATIO, feed_scale, on_scale
+from bonecam.tool import MoveKind, ToolPath
+from bonecam.verify import Tolerances
+from bonecam.verify.readback import compare_moves
 
 PAIRS = {
     "heidenhain": (read_machine("mikron-ucp600"), read_dialect("heidenhain")),

@@ -6,13 +6,11 @@ import pytest
 from small_parts import capsule_path
 
 from bonecam.job import read_job
-from bonecam.machine.machine import read_machine
-from bonecam.nc.dialect import read_dialect
-from bonecam.nc.posting import write_program
-from bonecam.nc.program import Program
-from bonecam.nc.reading import read_program
+from bonecam.machine import read_machine
+from bonecam.nc import Program, read_dialect, read_program, write_program
 from bonecam.nc.requirements import job_dialect
-from bonecam.verify.readback import Tolerances, compare_moves
+from bonecam.verify import Tolerances
+from bonecam.verify.readback import compare_moves
 
 GOLDEN = Path(__file__).parents[1] / "golden"
 CASES = ("heidenhain-mikron", "linuxcnc-xyzbc", "siemens-mikron", "fanuc-mikron", "makino-mikron", "mitsubishi-mikron")

@@ -19,11 +19,11 @@ from tool_paths import TWO_PATHS
 
 from bonecam.errors import MachineError
 from bonecam.job import Job
+from bonecam.machine import forward, inverse_linear, machine_names, read_machine
 from bonecam.machine.control import Control
-from bonecam.machine.kinematics import forward, inverse_linear
-from bonecam.machine.machine import MACHINES, machine_names, read_machine
-from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.nc.dialect import read_dialect
+from bonecam.machine.machine import MACHINES
+from bonecam.mesh import TriangleMesh
+from bonecam.nc import read_dialect, read_program, write_program
 from bonecam.nc.header import (
     air_check_texts,
     part_texts,
@@ -32,13 +32,11 @@ from bonecam.nc.header import (
     second_setup_texts,
     zero_words,
 )
-from bonecam.nc.posting import write_program
-from bonecam.nc.reading import read_program
 from bonecam.nc.words import contour_tolerance, rotary_tolerance_deg
 from bonecam.report.page.contents import program_contents
-from bonecam.tool.cutter import Cutter
-from bonecam.tool.path import MoveKind
-from bonecam.verify.readback import Tolerances, compare_moves
+from bonecam.tool import Cutter, MoveKind
+from bonecam.verify import Tolerances
+from bonecam.verify.readback import compare_moves
 
 MIKRON, HEIDENHAIN = read_machine("mikron-ucp600"), read_dialect("heidenhain")
 

@@ -9,15 +9,12 @@ from tool_paths import THREE_PATHS
 
 from bonecam.errors import FileError, JobError, MachineError, ProgramError, VerifyError
 from bonecam.job import Job
-from bonecam.machine.machine import read_machine
-from bonecam.nc.dialect import Dialect, dialect_names
+from bonecam.machine import read_machine
+from bonecam.nc import Dialect, Program, dialect_names, read_program, write_program
 from bonecam.nc.parts import joined, part_count, program_files, stage_program_files, write_program_files
-from bonecam.nc.posting import write_program
-from bonecam.nc.program import Program
-from bonecam.nc.reading import read_program
 from bonecam.nc.requirements import job_dialect
 from bonecam.runtime.staging import staged
-from bonecam.tool.path import ToolPath
+from bonecam.tool import ToolPath
 from bonecam.verify.control import program_text
 
 MACHINE = read_machine("mikron-ucp600")

@@ -11,14 +11,14 @@ from small_parts import capsule_path, path_of
 from tool_paths import TWO_PATHS
 
 from bonecam.job import Job
+from bonecam.machine import Machine, read_machine
 from bonecam.machine.control import Control
-from bonecam.machine.machine import ChangeSeconds, Machine, read_machine
-from bonecam.nc.dialect import read_dialect
+from bonecam.machine.machine import ChangeSeconds
+from bonecam.nc import read_dialect, write_program
 from bonecam.nc.path_words import POLE_PASS, between, post_path, split_moves
-from bonecam.nc.posting import write_program
 from bonecam.nc.program import ProgramTime
 from bonecam.planning.motion_time import motion_minutes
-from bonecam.tool.path import MoveKind, ToolPath
+from bonecam.tool import MoveKind, ToolPath
 
 TOLERANCE, HOLD = 0.002, np.radians(0.0005)
 CONTROLS = {

@@ -17,15 +17,14 @@ from tool_paths import THREE_PATHS, TWO_PATHS
 
 from bonecam.errors import JobError, MachineError, ProgramError, VerifyError
 from bonecam.job import Job
-from bonecam.machine.machine import Machine, read_machine
-from bonecam.nc.dialect import dialect_names, read_dialect
-from bonecam.nc.posting import write_program
-from bonecam.nc.reading import read_program
+from bonecam.machine import Machine, read_machine
+from bonecam.nc import dialect_names, read_dialect, read_program, write_program
 from bonecam.nc.requirements import job_dialect
 from bonecam.nc.words import plain_text
-from bonecam.tool.path import MoveKind, ToolPath
+from bonecam.tool import MoveKind, ToolPath
+from bonecam.verify import Tolerances
 from bonecam.verify.control import check_limits, check_spindle
-from bonecam.verify.readback import Tolerances, compare_moves
+from bonecam.verify.readback import compare_moves
 
 MACHINE_OF = dict.fromkeys(dialect_names(), "mikron-ucp600") | {"linuxcnc": "linuxcnc-xyzbc"}
 CHAIN_KINDS = ("table-table", "head-table", "head-head", "nutating")

@@ -14,11 +14,9 @@ from small_parts import capsule_path
 
 from bonecam.errors import MachineError, ProgramError
 from bonecam.job import Job, read_job
-from bonecam.machine.machine import Machine, read_machine
-from bonecam.nc.dialect import DIALECTS, Dialect, dialect_names, read_dialect
-from bonecam.nc.motions import Tool
-from bonecam.nc.posting import write_program
-from bonecam.nc.reading import read_program
+from bonecam.machine import Machine, read_machine
+from bonecam.nc import Dialect, Tool, dialect_names, read_dialect, read_program, write_program
+from bonecam.nc.dialect import DIALECTS
 from bonecam.nc.requirements import job_dialect
 
 PAIRS = {

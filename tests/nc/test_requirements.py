@@ -16,18 +16,17 @@ from tool_paths import THREE_PATHS
 import bonecam
 from bonecam.errors import FileError, JobError, MachineError, ProgramError
 from bonecam.job import Job, NcJob
+from bonecam.machine import Machine, machine_names, read_machine
 from bonecam.machine.bodies import Frustum, Table
-from bonecam.machine.machine import UPRIGHT, Machine, machine_files, machine_names, read_machine
-from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.nc.dialect import dialect_names, read_dialect
+from bonecam.machine.machine import UPRIGHT, machine_files
+from bonecam.mesh import TriangleMesh
+from bonecam.nc import dialect_names, read_dialect, read_program, write_program
 from bonecam.nc.header import record_checks, record_simulation
-from bonecam.nc.posting import write_program
 from bonecam.nc.program import check_file_name, program_name, second_program_file
-from bonecam.nc.reading import read_program
 from bonecam.nc.requirements import check_length, check_reach, check_room, job_dialect, least_lengths
 from bonecam.nc.words import comment, comments_of
 from bonecam.report.outputs import Outputs
-from bonecam.setup.capsule import Capsule
+from bonecam.setup import Capsule
 from bonecam.verify.control import check_posting
 
 CORNERS = np.array([[0, 0, 0], [10, 0, 0], [0, 10, 0], [0, 0, 10]], dtype=float)

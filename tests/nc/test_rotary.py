@@ -11,11 +11,11 @@ import pytest
 from machine_files import CHAINS, axis, machine_text, write_machine
 
 from bonecam.errors import MachineError
-from bonecam.machine.kinematics import inverse_rotary, tool_axes
-from bonecam.machine.machine import Machine, read_machine
+from bonecam.machine import Machine, inverse_rotary, read_machine
+from bonecam.machine.kinematics import tool_axes
 from bonecam.nc.path_words import lift_places
 from bonecam.nc.rotary import choose_angles
-from bonecam.tool.path import MoveKind
+from bonecam.tool import MoveKind
 
 
 def pointing(tilt_deg: object, azimuth_deg: object) -> np.ndarray:

@@ -17,14 +17,10 @@ import pytest
 from small_parts import capsule_path
 
 from bonecam.job import Job
-from bonecam.machine.kinematics import forward
-from bonecam.machine.machine import read_machine
-from bonecam.nc.dialect import read_dialect
+from bonecam.machine import forward, read_machine
+from bonecam.nc import Program, read_dialect, read_program, write_program
 from bonecam.nc.parts import program_files
-from bonecam.nc.posting import write_program
-from bonecam.nc.program import Program
-from bonecam.nc.reading import read_program
-from bonecam.tool.path import ToolPath
+from bonecam.tool import ToolPath
 
 MACHINE, DIALECT = read_machine("linuxcnc-xyzbc"), read_dialect("linuxcnc")
 STATE = re.compile(

@@ -10,17 +10,15 @@ from small_parts import capsule_path, path_of
 
 from bonecam.errors import MachineError, ProgramError, VerifyError
 from bonecam.job import Job
+from bonecam.machine import read_machine
 from bonecam.machine.kinematics import tool_axes
-from bonecam.machine.machine import read_machine
-from bonecam.nc.dialect import dialect_names, read_dialect
-from bonecam.nc.feeds import drivable_paths
-from bonecam.nc.posting import write_program
+from bonecam.nc import dialect_names, drivable_paths, read_dialect, read_program, write_program
 from bonecam.nc.program import solved_angles, vectors_of, written_vectors
-from bonecam.nc.reading import read_program
 from bonecam.nc.requirements import job_dialect
-from bonecam.tool.path import MoveKind, ToolPath
+from bonecam.tool import MoveKind, ToolPath
+from bonecam.verify import Tolerances
 from bonecam.verify.control import check_control
-from bonecam.verify.readback import Tolerances, compare_moves
+from bonecam.verify.readback import compare_moves
 
 WITH_VECTORS = [name for name in dialect_names() if "vectors" in read_dialect(name).forms]
 WITH_JOINTS = [name for name in dialect_names() if "joints" in read_dialect(name).forms]

@@ -10,15 +10,16 @@ from typed_values import differences
 from bonecam.errors import JobError
 from bonecam.job import Job, read_job, write_job
 from bonecam.job.tool_section import AUTO, SIZES
-from bonecam.machine.machine import read_machine
-from bonecam.mesh.part import repaired_part
+from bonecam.machine import read_machine
+from bonecam.mesh import repaired_part
 from bonecam.mesh.solids import revolve_profile
-from bonecam.nc.path_words import machine_limits
-from bonecam.planning.chosen_cutters import CLEAN, SHALLOW, Hollows, with_chosen_cutters
+from bonecam.nc import machine_limits
+from bonecam.planning import with_chosen_cutters
+from bonecam.planning.chosen_cutters import CLEAN, SHALLOW, Hollows
 from bonecam.report.typed import CutterFigures
 from bonecam.report.warnings import cutter_lines
-from bonecam.setup.placement import Setup, place
-from bonecam.workholding.post import Post
+from bonecam.setup import Setup, place
+from bonecam.workholding import Post
 
 PHALANX = Path(__file__).parents[2] / "meshes/phalanx.ply"
 LIMITS = machine_limits(read_machine("mikron-ucp600"))

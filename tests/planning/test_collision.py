@@ -15,9 +15,9 @@ from small_parts import FINISHING_CUTTER, UPRIGHT_CAPSULE, level_of, mesh_of, pe
 from bonecam.arrays import unit
 from bonecam.levels.measure import MachinedLevel
 from bonecam.machine.bodies import Frustum
-from bonecam.mesh.distance import MeshDistance
+from bonecam.mesh import MeshDistance, TriangleMesh
 from bonecam.mesh.solids import revolve
-from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.planning import Scene
 from bonecam.planning.collision import (
     COLLIDING,
     FREE,
@@ -33,11 +33,12 @@ from bonecam.planning.collision import (
     section_mesh,
 )
 from bonecam.planning.contacts import MESH_SHARE, WORD_ROUNDING, flute_slack, planned_tolerance
-from bonecam.planning.scene import TANGENT_SLACK, Scene, Surroundings, held_level, part_chord
-from bonecam.setup.capsule import Capsule
-from bonecam.tool.cutter import Cutter, ToolSection
-from bonecam.workholding.clamping import Clamping
-from bonecam.workholding.post import Column, Post
+from bonecam.planning.scene import TANGENT_SLACK, Surroundings, held_level, part_chord
+from bonecam.setup import Capsule
+from bonecam.tool import Cutter
+from bonecam.tool.cutter import ToolSection
+from bonecam.workholding import Clamping, Post
+from bonecam.workholding.post import Column
 
 UP = np.array([0.0, 0.0, 1.0])
 

@@ -16,8 +16,8 @@ from small_parts import FINISHING_CUTTER, HOLDING, grooved_pebble, level_of, mes
 
 from bonecam.errors import ToolPathError
 from bonecam.job import HoldingJob, PathJob
-from bonecam.mesh.distance import MeshDistance
-from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.mesh import MeshDistance, TriangleMesh
+from bonecam.planning import candidate_contacts, contact_path, gouge_free_lifts
 from bonecam.planning.contacts import (
     BESIDE,
     BETWEEN_SHARE,
@@ -33,18 +33,15 @@ from bonecam.planning.contacts import (
     WORD_ROUNDING,
     DepthLimits,
     Lines,
-    candidate_contacts,
-    contact_path,
     cutting_passes,
-    gouge_free_lifts,
     moves_gouge_free,
     planned_tolerance,
     useful_passes,
     whole_passes,
 )
-from bonecam.surface.tspline import TSpline
-from bonecam.tool.path import ContactPath
-from bonecam.workholding.post import post_below
+from bonecam.surface import TSpline
+from bonecam.tool import ContactPath
+from bonecam.workholding import post_below
 
 PATTERNS = ("round", "along", "iso-scallop", "spiral", "bands")
 

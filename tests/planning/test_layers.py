@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from bonecam.job import Job, PathJob
-from bonecam.mesh.distance import MeshDistance
+from bonecam.mesh import MeshDistance, TriangleMesh
 from bonecam.mesh.solids import edges_of
-from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.planning import iso_height_layers, rotary_layers
 from bonecam.planning.layers import (
     CELL,
     DEVIATION,
@@ -31,11 +31,11 @@ from bonecam.planning.layers import (
     scan_lines,
     stock_field,
 )
-from bonecam.planning.strategies import iso_height_layers, offset_curves, rotary_layers, thinned
-from bonecam.setup.capsule import Capsule
-from bonecam.setup.stocks.cylinder import Cylinder
-from bonecam.tool.cutter import MAX_DEPTH_RADII, Cutter
-from bonecam.workholding.post import Post
+from bonecam.planning.strategies import offset_curves, thinned
+from bonecam.setup import Capsule, Cylinder
+from bonecam.tool import Cutter
+from bonecam.tool.cutter import MAX_DEPTH_RADII
+from bonecam.workholding import Post
 
 Plan = Callable[..., tuple]
 X, Y = np.eye(3)[:2]

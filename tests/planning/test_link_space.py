@@ -15,14 +15,14 @@ from boxes import BOX
 from small_parts import HOLDING, ROUGHING_CUTTER, UPRIGHT_CAPSULE, level_of, path_of, pebble
 
 from bonecam.arrays import angles_between, unit
-from bonecam.levels.measure import NO_CUT, StockLevel
+from bonecam.levels import StockLevel
+from bonecam.levels.measure import NO_CUT
+from bonecam.machine import MachineLimits
 from bonecam.machine.bodies import Frustum
-from bonecam.machine.limits import MachineLimits
+from bonecam.material import remove_material, uncut_material
 from bonecam.material.dexels import uncut_rays
-from bonecam.material.in_process_stock import remove_material, uncut_material
-from bonecam.mesh.distance import MeshDistance
-from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.planning import link_space, links
+from bonecam.mesh import MeshDistance, TriangleMesh
+from bonecam.planning import Scene, link_space, links
 from bonecam.planning.collision import CollisionChecker
 from bonecam.planning.layers import HeightMesh
 from bonecam.planning.link_space import (
@@ -39,11 +39,9 @@ from bonecam.planning.link_space import (
     traverse,
 )
 from bonecam.planning.links import direct_links
-from bonecam.planning.scene import Scene
-from bonecam.setup.capsule import Capsule, smallest_capsule
-from bonecam.tool.cutter import Cutter
-from bonecam.tool.path import MoveKind
-from bonecam.workholding.post import Post, post_below
+from bonecam.setup import Capsule, smallest_capsule
+from bonecam.tool import Cutter, MoveKind
+from bonecam.workholding import Post, post_below
 
 UP = np.array([0.0, 0.0, 1.0])
 Poses = tuple[np.ndarray, np.ndarray]

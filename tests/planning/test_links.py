@@ -21,10 +21,11 @@ from small_parts import HOLDING, ROUGHING_CUTTER, UPRIGHT_CAPSULE, grooved_pebbl
 from bonecam.arrays import angles_between, unit
 from bonecam.errors import MachineError
 from bonecam.job import NcJob, PathJob
+from bonecam.machine import MachineLimits
 from bonecam.machine.bodies import Frustum
-from bonecam.machine.limits import LiftPlaces, MachineLimits
-from bonecam.mesh.distance import MeshDistance
-from bonecam.planning import links
+from bonecam.machine.limits import LiftPlaces
+from bonecam.mesh import MeshDistance
+from bonecam.planning import Scene, links, orient
 from bonecam.planning.collision import CollisionChecker
 from bonecam.planning.layers import HeightMesh
 from bonecam.planning.link_space import Feeds, LinkSpace, Pose
@@ -38,14 +39,10 @@ from bonecam.planning.links import (
     link_runs,
     steps_over,
 )
-from bonecam.planning.oriented_path import orient
-from bonecam.planning.scene import Scene
-from bonecam.setup.capsule import smallest_capsule
-from bonecam.surface.tspline import TSpline
-from bonecam.tool.cutter import Cutter
-from bonecam.tool.path import MoveKind, ToolPath
-from bonecam.workholding.clamping import Clamping
-from bonecam.workholding.post import Post, post_below
+from bonecam.setup import smallest_capsule
+from bonecam.surface import TSpline
+from bonecam.tool import Cutter, MoveKind, ToolPath
+from bonecam.workholding import Clamping, Post, post_below
 
 Made = tuple[ToolPath, Scene, Callable[[LiftPlaces], ToolPath]]
 

@@ -14,18 +14,17 @@ from typed_values import differences
 from bonecam.errors import JobError
 from bonecam.job import Job
 from bonecam.job.materials.preset import read_material
-from bonecam.machine.limits import MachineLimits
-from bonecam.machine.machine import read_machine
-from bonecam.mechanics.beam import Beam, column_sections
-from bonecam.mesh.part import Part
+from bonecam.machine import MachineLimits, read_machine
+from bonecam.mechanics import Beam, column_sections
+from bonecam.mesh import Part
 from bonecam.mesh.solids import cylinder
-from bonecam.nc.path_words import machine_limits
+from bonecam.nc import machine_limits
+from bonecam.planning import find_standing
 from bonecam.planning.estimate import LayersToCut
 from bonecam.planning.neck import (
     FREQUENCY_MULTIPLE,
     LARGEST_SHIFT,
     Neck,
-    find_standing,
     finished_beam,
     neck_figures,
     neck_remedies,
@@ -36,13 +35,12 @@ from bonecam.planning.post_length import find_post_length, needed_lifts
 from bonecam.progress import silent
 from bonecam.report.typed import NeckFigures, PostFigures
 from bonecam.report.warnings import post_lines
-from bonecam.setup.capsule import Capsule
-from bonecam.setup.placement import Setup, place
-from bonecam.setup.stock import schedule_of
+from bonecam.setup import Capsule, Setup, place, schedule_of
 from bonecam.surface.files.surface_input import read_part
-from bonecam.tool.cutter import Cutter
-from bonecam.workholding.clamping import LEAST_NECK, Clamping, clamping_of
-from bonecam.workholding.post import NECKS, Column, Post, settled_stub
+from bonecam.tool import Cutter
+from bonecam.workholding import Clamping, Post, clamping_of
+from bonecam.workholding.clamping import LEAST_NECK
+from bonecam.workholding.post import NECKS, Column, settled_stub
 
 pytestmark = pytest.mark.whole
 

@@ -14,13 +14,13 @@ import pytest
 
 from bonecam.errors import JobError
 from bonecam.job import Job, LevelsJob, read_job, write_job
-from bonecam.machine.machine import read_machine
-from bonecam.mechanics.beam import Beam, column_sections
+from bonecam.machine import read_machine
+from bonecam.mechanics import Beam, column_sections
 from bonecam.mechanics.edges import cutter_compliance, job_strip_force
 from bonecam.mechanics.loads import mechanics_of_job
-from bonecam.mesh.part import Part
+from bonecam.mesh import Part
 from bonecam.mesh.solids import cylinder
-from bonecam.nc.path_words import machine_limits
+from bonecam.nc import machine_limits
 from bonecam.planning.estimate import LayersToCut
 from bonecam.planning.neck import (
     BALL_SHARE,
@@ -41,11 +41,9 @@ from bonecam.planning.neck import (
     with_found_depths,
 )
 from bonecam.report.warnings import post_lines
-from bonecam.setup.capsule import Capsule
-from bonecam.setup.placement import Setup
-from bonecam.setup.stock import schedule_of
-from bonecam.tool.cutter import Cutter
-from bonecam.workholding.post import Post
+from bonecam.setup import Capsule, Setup, schedule_of
+from bonecam.tool import Cutter
+from bonecam.workholding import Post
 
 LIMITS = machine_limits(read_machine("mikron-ucp600"))
 HOLDING = {"diameter": 6.0, "chuck_diameter": 28.0, "chuck_height": 100.0, "stub_diameter": 13.0, "stub_length": 15.0}

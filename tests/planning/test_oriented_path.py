@@ -11,13 +11,15 @@ from small_parts import HOLDING, ROUGHING_CUTTER, UPRIGHT_CAPSULE, grooved_pebbl
 from bonecam.arrays import angles_between, unit
 from bonecam.errors import MachineError, OrientationError
 from bonecam.job import NcJob, PathJob
-from bonecam.levels.measure import NO_CUT, RoundedLevel, StockLevel
+from bonecam.levels import RoundedLevel, StockLevel
+from bonecam.levels.measure import NO_CUT
+from bonecam.machine import MachineLimits
 from bonecam.machine.bodies import Frustum
-from bonecam.machine.limits import MachineLimits, polar_angles
-from bonecam.material.in_process_stock import uncut_material
-from bonecam.mesh.distance import MeshDistance
+from bonecam.machine.limits import polar_angles
+from bonecam.material import uncut_material
+from bonecam.mesh import MeshDistance
 from bonecam.mesh.smooth_surface import convex_hull
-from bonecam.planning import link_space
+from bonecam.planning import Scene, candidate_contacts, contact_path, link_space, orient
 from bonecam.planning.axes.lead import (
     SINGULAR_ANGLE,
     SINGULAR_CONE,
@@ -27,18 +29,15 @@ from bonecam.planning.axes.lead import (
     least_polar_angles,
 )
 from bonecam.planning.collision import CollisionChecker
-from bonecam.planning.contacts import candidate_contacts, contact_path
 from bonecam.planning.layers import HeightMesh
 from bonecam.planning.link_space import Departure, Feeds, LinkSpace
 from bonecam.planning.links import ABOVE, begins_tangentially, direct_links
-from bonecam.planning.oriented_path import MAX_TURN, orient
-from bonecam.planning.scene import Scene
-from bonecam.setup.stocks.mesh import ConvexStock
-from bonecam.surface.tspline import TSpline
-from bonecam.tool.cutter import Cutter
-from bonecam.tool.path import ContactPath, MoveKind, ToolPath
-from bonecam.workholding.clamping import Clamping
-from bonecam.workholding.post import Column, post_below
+from bonecam.planning.oriented_path import MAX_TURN
+from bonecam.setup import ConvexStock
+from bonecam.surface import TSpline
+from bonecam.tool import ContactPath, Cutter, MoveKind, ToolPath
+from bonecam.workholding import Clamping, post_below
+from bonecam.workholding.post import Column
 
 pytestmark = pytest.mark.whole
 

@@ -17,6 +17,7 @@ from scipy.spatial import KDTree
 from small_parts import FINISHING_CUTTER, HOLDING, ROUGHING_CUTTER, mesh_of, pebble, revolved
 
 from bonecam.arrays import dots
+from bonecam.planning import line_positions, side_step
 from bonecam.planning.patterns import (
     CLOSED_PATTERNS,
     ISO_PARAMETRIC,
@@ -38,16 +39,13 @@ from bonecam.planning.spacing import (
     contact_frames,
     curves_of,
     dense_samples,
-    line_positions,
     ranges,
     sample_lines,
-    side_step,
     step_metric,
     with_arcs,
 )
-from bonecam.surface import skin
-from bonecam.surface.tspline import TSpline
-from bonecam.workholding.post import Post, post_below
+from bonecam.surface import TSpline, skin
+from bonecam.workholding import Post, post_below
 
 
 def test_a_curve_passes_its_knots_smoothly() -> None:

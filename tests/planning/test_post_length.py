@@ -21,15 +21,15 @@ from typed_values import differences
 from bonecam.arrays import unit
 from bonecam.errors import JobError, OrientationError
 from bonecam.job import HoldingJob, Job
+from bonecam.machine import read_machine
 from bonecam.machine.bodies import Frustum
-from bonecam.machine.machine import read_machine
-from bonecam.mesh.part import Part
+from bonecam.mesh import Part
 from bonecam.mesh.solids import cylinder
 from bonecam.mesh.triangle_mesh import side_by_side
-from bonecam.nc.path_words import machine_limits
+from bonecam.nc import machine_limits
+from bonecam.planning import find_standing
 from bonecam.planning.axes.lead import LEAVING, ROOM
 from bonecam.planning.levels import check_parting
-from bonecam.planning.neck import find_standing
 from bonecam.planning.post_length import (
     SLICE,
     STEEP_TILT,
@@ -45,10 +45,10 @@ from bonecam.planning.post_length import (
 )
 from bonecam.progress import silent
 from bonecam.report.typed import TailstockFigures, post_report
-from bonecam.setup.placement import Setup, place
+from bonecam.setup import Setup, place
 from bonecam.surface import skin
 from bonecam.surface.files.surface_input import read_part
-from bonecam.workholding.clamping import Clamping, clamping_of
+from bonecam.workholding import Clamping, clamping_of
 from bonecam.workholding.post import Column, settled_bracket
 
 PHALANX = Path(__file__).parents[2] / "meshes/phalanx.ply"

@@ -8,14 +8,16 @@ from scipy.spatial import KDTree
 from small_parts import FINISHING_CUTTER, HOLDING, ROUGHING_CUTTER, UPRIGHT_CAPSULE, level_of, path_of, pebble
 
 from bonecam.job import PathJob
-from bonecam.levels.measure import NO_CUT, StockLevel
-from bonecam.material.in_process_stock import remove_material, uncut_material
-from bonecam.mesh.distance import MeshDistance
-from bonecam.planning.contacts import UNCERTAIN, DepthLimits, candidate_contacts, contact_path
+from bonecam.levels import StockLevel
+from bonecam.levels.measure import NO_CUT
+from bonecam.material import remove_material, uncut_material
+from bonecam.mesh import MeshDistance
+from bonecam.planning import candidate_contacts, contact_path
+from bonecam.planning.contacts import UNCERTAIN, DepthLimits
 from bonecam.planning.rest_machining import ENTRY, RestMachining, _step, after_steps, too_deep
-from bonecam.setup.capsule import Capsule
-from bonecam.tool.path import MoveKind
-from bonecam.workholding.post import post_below
+from bonecam.setup import Capsule
+from bonecam.tool import MoveKind
+from bonecam.workholding import post_below
 
 LIMIT = 0.11
 SCALLOP = 0.03

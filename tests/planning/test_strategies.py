@@ -14,13 +14,13 @@ from scipy.spatial.transform import Rotation
 from small_parts import UPRIGHT_CAPSULE, grooved_pebble, level_of
 
 from bonecam.job import Job
-from bonecam.machine.limits import MachineLimits
+from bonecam.machine import MachineLimits
 from bonecam.material.dexels import CutDexels, uncut_rays
+from bonecam.planning import plan_layer_paths
 from bonecam.planning.layers import FlatChart
-from bonecam.planning.strategies import SPACED, STRAIGHT, indexed, offset_curves, plan_layer_paths
-from bonecam.tool.cutter import Cutter
+from bonecam.planning.strategies import SPACED, STRAIGHT, indexed, offset_curves
+from bonecam.tool import Cutter, FreeCones, MoveKind, ToolPath
 from bonecam.tool.elliptic_cones import EllipticCones
-from bonecam.tool.path import FreeCones, MoveKind, ToolPath
 
 RNG = np.random.default_rng(7)
 ROWS = 6

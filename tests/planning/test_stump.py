@@ -12,32 +12,22 @@ from small_parts import mesh_of, pebble
 from bonecam.errors import JobError, VerifyError
 from bonecam.finishing import finish
 from bonecam.job import HoldingJob, Job
-from bonecam.machine.limits import MachineLimits
-from bonecam.machine.machine import read_machine
-from bonecam.mesh.distance import MeshDistance
-from bonecam.mesh.part import Part
+from bonecam.machine import MachineLimits, read_machine
+from bonecam.mesh import MeshDistance, Part, TriangleMesh
 from bonecam.mesh.smooth_surface import convex_hull
-from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.nc.dialect import read_dialect
-from bonecam.nc.path_words import machine_limits
-from bonecam.nc.posting import write_program
+from bonecam.nc import machine_limits, read_dialect, write_program
+from bonecam.planning import Scene
 from bonecam.planning.layers import HeightField, depths_in
 from bonecam.planning.levels import check_parting, parting_paths
 from bonecam.planning.post_length import parting_lift
-from bonecam.planning.scene import Scene
 from bonecam.planning.stump import STEPS, cut_groove, off_part, stump_chart, stump_layers
-from bonecam.report.tables import apt_text, read_apt
-from bonecam.setup.capsule import smallest_capsule
-from bonecam.setup.placement import Setup
-from bonecam.setup.stock import schedule_of
-from bonecam.setup.stocks.mesh import ConvexStock
-from bonecam.tool.cutter import Cutter
+from bonecam.report import apt_text, read_apt
+from bonecam.setup import ConvexStock, Setup, schedule_of, smallest_capsule
+from bonecam.tool import Cutter
 from bonecam.tool.path import PARTING
-from bonecam.verify.proof import verify
-from bonecam.verify.removal import check_removal, check_removal_of_job, cutters_of, simulate_removal
-from bonecam.verify.sweeping import Accuracy
-from bonecam.workholding.clamping import clamping_of
-from bonecam.workholding.post import Post
+from bonecam.verify import Accuracy, check_removal, simulate_removal, verify
+from bonecam.verify.removal import check_removal_of_job, cutters_of
+from bonecam.workholding import Post, clamping_of
 
 MACHINE, DIALECT = read_machine("mikron-ucp600"), read_dialect("heidenhain")
 LIMITS = machine_limits(MACHINE)

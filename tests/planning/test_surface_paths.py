@@ -3,13 +3,12 @@
 import numpy as np
 
 import bonecam
-from bonecam.machine.machine import read_machine
-from bonecam.nc.path_words import machine_limits
+from bonecam.machine import read_machine
+from bonecam.nc import machine_limits
 from bonecam.planning.axes.field import machine_minutes
 from bonecam.planning.surface_paths import Workpiece, finishing_cutter, surface_contacts, wanted_axes
-from bonecam.surface import skin
-from bonecam.surface.blades import blade_solid
-from bonecam.workholding.clamping import clamping_of
+from bonecam.surface import blade_solid, skin
+from bonecam.workholding import clamping_of
 
 JOB = bonecam.Job().with_values(
     holding={"length": 60.0, "diameter": 4.0},

@@ -9,7 +9,7 @@ import pytest
 
 import bonecam
 from bonecam.job import Job
-from bonecam.setup.capsule import Capsule
+from bonecam.setup import Capsule
 
 CHROMIUM = Path("/usr/bin/chromium")
 FLAGS = [

@@ -10,21 +10,16 @@ from small_parts import UPRIGHT_CAPSULE, grooved_pebble, level_of, pebble
 
 from bonecam.cli import main
 from bonecam.errors import FileError, LevelError
-from bonecam.levels import job_levels
-from bonecam.levels.job_levels import levels_in
-from bonecam.levels.measure import StockLevel, line_depths
-from bonecam.levels.open_morph import morph_open
-from bonecam.mesh.files.mesh_files import read_mesh, write_mesh
+from bonecam.levels import StockLevel, job_levels, levels_in, line_depths, morph_open
+from bonecam.mesh import read_mesh, write_mesh
 from bonecam.mesh.meshlab import meshlab
 from bonecam.report import kept
 from bonecam.report.kept import keep_failed_level, keep_levels
 from bonecam.report.page.contents import NO_LEVEL, PARTED, Contents, pack
 from bonecam.runtime.own_files import OWN_FILES
-from bonecam.setup.capsule import Capsule
-from bonecam.setup.stock import Schedule
-from bonecam.setup.stocks.cylinder import Cylinder
-from bonecam.surface.skinning import skin
-from bonecam.tool.path import MoveKind
+from bonecam.setup import Capsule, Cylinder, Schedule
+from bonecam.surface import skin
+from bonecam.tool import MoveKind
 
 pytestmark = pytest.mark.whole
 

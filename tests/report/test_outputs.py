@@ -13,11 +13,9 @@ import pytest
 import bonecam
 from bonecam import pipeline
 from bonecam.errors import Cancelled, FileError, JobError, LevelError, LimitError, ToolPathError, VerifyError, knowing
-from bonecam.machine.machine import read_machine
-from bonecam.nc.dialect import read_dialect
+from bonecam.machine import read_machine
+from bonecam.nc import read_dialect, read_program, write_program
 from bonecam.nc.parts import check_apart, joined
-from bonecam.nc.posting import write_program
-from bonecam.nc.reading import read_program
 from bonecam.nc.requirements import job_dialect
 from bonecam.report import read_apt
 from bonecam.report.outputs import (
@@ -32,7 +30,8 @@ from bonecam.report.outputs import (
 )
 from bonecam.runtime.own_files import OWN_FILES
 from bonecam.runtime.timing import StageTimes
-from bonecam.verify.readback import Tolerances, compare_moves
+from bonecam.verify import Tolerances
+from bonecam.verify.readback import compare_moves
 
 
 @pytest.mark.parametrize(

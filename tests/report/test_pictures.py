@@ -18,28 +18,24 @@ from matplotlib.transforms import Bbox
 from small_parts import capsule_path, path_of, pebble
 
 from bonecam.job import HoldingJob, Job
-from bonecam.levels.measure import NO_CUT, Level, PartLevel, RoundedLevel, StockLevel, rounding_cuts
-from bonecam.machine import machine_names
+from bonecam.levels import Level, PartLevel, RoundedLevel, StockLevel, rounding_cuts
+from bonecam.levels.measure import NO_CUT
+from bonecam.machine import machine_names, read_machine
 from bonecam.machine.bodies import Frustum, Table
-from bonecam.machine.machine import read_machine
-from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.report import draw_machine, draw_machine_file, machine_picture
-from bonecam.report.pictures import (
-    corner_normals,
+from bonecam.mesh import TriangleMesh
+from bonecam.report import (
     draw_coloured,
     draw_depths,
-    draw_engagement,
     draw_levels,
+    draw_machine,
+    draw_machine_file,
     draw_toolpath,
-    label_places,
-    view,
+    machine_picture,
 )
-from bonecam.setup.capsule import Capsule
-from bonecam.setup.stock import Stock
-from bonecam.setup.stocks.box import Box
-from bonecam.surface.tspline import TSpline
-from bonecam.tool import Cutter
-from bonecam.tool.path import MoveKind, ToolPath
+from bonecam.report.pictures import corner_normals, draw_engagement, label_places, view
+from bonecam.setup import Box, Capsule, Stock
+from bonecam.surface import TSpline
+from bonecam.tool import Cutter, MoveKind, ToolPath
 
 POST = (4.0, 45.0)
 

@@ -17,16 +17,15 @@ import pytest
 import bonecam
 from bonecam.cli import main
 from bonecam.errors import FileError
-from bonecam.machine.machine import read_machine
-from bonecam.mesh.files.mesh_files import read_mesh, write_mesh
-from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.nc.reading import read_program
+from bonecam.machine import read_machine
+from bonecam.mesh import TriangleMesh, read_mesh, write_mesh
+from bonecam.nc import read_program
 from bonecam.nc.requirements import job_dialect
+from bonecam.report import read_apt
 from bonecam.report.kept import GIVEN, SECOND_VIEW, SecondProgram
 from bonecam.report.outputs import Outputs
 from bonecam.report.page.contents import Contents, unpack
-from bonecam.report.tables import read_apt
-from bonecam.tool.path import MoveKind
+from bonecam.tool import MoveKind
 
 pytestmark = pytest.mark.whole
 

@@ -12,9 +12,9 @@ import pytest
 
 import bonecam
 from bonecam.cli import main
-from bonecam.machine.machine import read_machine
+from bonecam.machine import read_machine
+from bonecam.nc import read_program
 from bonecam.nc.header import ZeroWords
-from bonecam.nc.reading import read_program
 from bonecam.nc.requirements import job_dialect
 from bonecam.report.sheet.setup_sheet import Paper, axis_ranges, draw_zero
 from bonecam.report.summary import NOT_SIMULATED

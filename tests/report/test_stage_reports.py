@@ -12,17 +12,18 @@ import pytest
 from small_parts import path_of, pebble
 from typed_values import differences
 
-from bonecam.levels.certificates import Certificate
-from bonecam.levels.measure import NO_CUT, RoundedLevel, StockLevel
+from bonecam.levels import Certificate, RoundedLevel, StockLevel
+from bonecam.levels.measure import NO_CUT
 from bonecam.machine import MachineLimits
-from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.mesh import TriangleMesh
 from bonecam.nc.program import ProgramTime
-from bonecam.report.stage_reports import levels_report, toolpath_report, uncut_areas
-from bonecam.report.summary import AxisChoice, AxisComparison, certified_text, summary_of, uncut_lines
-from bonecam.report.typed import Report
-from bonecam.setup.capsule import Capsule
+from bonecam.report import AxisComparison, Report, levels_report, summary_of, toolpath_report
+from bonecam.report.stage_reports import uncut_areas
+from bonecam.report.summary import AxisChoice, certified_text, uncut_lines
+from bonecam.setup import Capsule
+from bonecam.tool import FreeCones, MoveKind
 from bonecam.tool.elliptic_cones import EllipticCones
-from bonecam.tool.path import ConeCheck, FreeCones, MoveKind
+from bonecam.tool.path import ConeCheck
 
 MEASURES = replace(NO_CUT, depth_max=0.5, depth_mean=0.4)
 

@@ -11,10 +11,9 @@ import pytest
 import bonecam
 from bonecam.cli import main
 from bonecam.errors import JobError, LimitError
-from bonecam.machine.machine import read_machine
-from bonecam.mesh.files.mesh_files import write_mesh
-from bonecam.mesh.healing import repair
-from bonecam.mesh.triangle_mesh import TriangleMesh, keep_faces
+from bonecam.machine import read_machine
+from bonecam.mesh import TriangleMesh, repair, write_mesh
+from bonecam.mesh.triangle_mesh import keep_faces
 from bonecam.report.warnings import (
     check_warnings,
     header_texts,
@@ -25,7 +24,7 @@ from bonecam.report.warnings import (
     warnings_of,
     with_warnings,
 )
-from bonecam.setup.capsule import Capsule
+from bonecam.setup import Capsule
 
 JOB = bonecam.Job()
 LEFT = {"part_mm2": 710.0, "max_mm": 3.1, "areas_over_mm2": {"0.02": 276.0, "0.05": 200.0, "0.2": 20.0}}

@@ -14,8 +14,8 @@ from uuid import uuid4
 import pytest
 from small_parts import mesh_of, pebble
 
-from bonecam.mesh.files.mesh_files import write_mesh
-from bonecam.surface.files.tspline_text import save_surface
+from bonecam.mesh import write_mesh
+from bonecam.surface import save_surface
 
 pytestmark = pytest.mark.whole
 

@@ -9,10 +9,10 @@ from threading import Thread
 import numpy as np
 import pytest
 
-from bonecam.mesh.files.mesh_files import write_mesh
+from bonecam.mesh import write_mesh
 from bonecam.runtime import own_files
 from bonecam.runtime.own_files import LOCK, locked
-from bonecam.setup.capsule import Capsule
+from bonecam.setup import Capsule
 
 pytestmark = pytest.mark.whole
 

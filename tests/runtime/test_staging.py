@@ -29,10 +29,8 @@ import pytest
 from bonecam.errors import FileError
 from bonecam.files import check_folder, whole_folder, write_whole
 from bonecam.job import Job
-from bonecam.mesh.files.mesh_files import write_mesh
-from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.nc.dialect import Dialect
-from bonecam.nc.program import Program
+from bonecam.mesh import TriangleMesh, write_mesh
+from bonecam.nc import Dialect, Program
 from bonecam.report import outputs as output_files
 from bonecam.report.kept import Result
 from bonecam.report.outputs import Outputs

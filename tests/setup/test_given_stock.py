@@ -9,15 +9,9 @@ import pytest
 import bonecam
 from bonecam.errors import JobError, StockError
 from bonecam.job import Job, read_job
-from bonecam.mesh.files.mesh_files import write_mesh
-from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.setup.capsule import Capsule
+from bonecam.mesh import TriangleMesh, write_mesh
+from bonecam.setup import Box, Capsule, ConvexStock, Cylinder, RoundedStock, Stock
 from bonecam.setup.placement import with_stock
-from bonecam.setup.rounding import RoundedStock
-from bonecam.setup.stock import Stock
-from bonecam.setup.stocks.box import Box
-from bonecam.setup.stocks.cylinder import Cylinder
-from bonecam.setup.stocks.mesh import ConvexStock
 
 pytestmark = pytest.mark.whole
 

@@ -17,16 +17,22 @@ from bonecam.errors import StockError
 from bonecam.job import StockJob
 from bonecam.job.stock_section import STOCK_KINDS
 from bonecam.material.rays import lay_solids
-from bonecam.mesh.files.mesh_files import write_mesh
-from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.setup import stocks
-from bonecam.setup.capsule import Capsule, smallest_capsule
-from bonecam.setup.placement import TurnedBlank, centring_shift, may_centre, stock_for
+from bonecam.mesh import TriangleMesh, write_mesh
+from bonecam.setup import (
+    Box,
+    Capsule,
+    ConvexStock,
+    Cylinder,
+    Schedule,
+    Stock,
+    smallest_capsule,
+    stock_figures,
+    stock_for,
+    stocks,
+)
+from bonecam.setup.placement import TurnedBlank, centring_shift, may_centre
 from bonecam.setup.rounding import MARGIN
-from bonecam.setup.stock import Schedule, Stock, kind_of, stock_figures, stock_text
-from bonecam.setup.stocks.box import Box
-from bonecam.setup.stocks.cylinder import Cylinder
-from bonecam.setup.stocks.mesh import ConvexStock
+from bonecam.setup.stock import kind_of, stock_text
 from bonecam.verify.sweeping import volumes
 
 KINDS = ("capsule", "cylinder", "box")

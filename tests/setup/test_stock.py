@@ -15,16 +15,22 @@ from hypothesis import strategies as st
 from bonecam.arrays import ROUNDING
 from bonecam.errors import JobError, LevelError, StockError
 from bonecam.job import Job, LevelsJob, StockJob
-from bonecam.mesh.distance import exact_closest
-from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.setup.capsule import Capsule, smallest_capsule
-from bonecam.setup.placement import stock_for
+from bonecam.mesh import TriangleMesh, exact_closest
+from bonecam.setup import (
+    Box,
+    Capsule,
+    ConvexStock,
+    Cylinder,
+    Schedule,
+    Stock,
+    schedule_of,
+    smallest_capsule,
+    stock_figures,
+    stock_for,
+)
 from bonecam.setup.rounding import require_inside
-from bonecam.setup.stock import Schedule, Stock, even_out, finite_numbers, schedule_of, stock_figures, stock_text
-from bonecam.setup.stocks.box import Box
+from bonecam.setup.stock import even_out, finite_numbers, stock_text
 from bonecam.setup.stocks.capsule import capsule_of_size
-from bonecam.setup.stocks.cylinder import Cylinder
-from bonecam.setup.stocks.mesh import ConvexStock
 
 BOX = Box(np.array([-6.0, -7.5, 3.0]), np.array([6.0, 7.5, 40.0]))
 CYLINDER = Cylinder(7.5, 3.0, 40.0)

@@ -14,15 +14,14 @@ from bonecam.cli import main
 from bonecam.errors import FileError, JobError, LevelError, MachineError
 from bonecam.job import Job
 from bonecam.levels.job_levels import make_levels
-from bonecam.machine.machine import read_machine
+from bonecam.machine import read_machine
 from bonecam.machining import stand_part
 from bonecam.nc.requirements import job_dialect
 from bonecam.progress import silent
 from bonecam.report.outputs import Outputs
-from bonecam.study import comparison
+from bonecam.study import STRATEGIES, Comparison, comparison
 from bonecam.study import comparison as probed_folder
-from bonecam.study.comparison import LINES, STRATEGIES
-from bonecam.study.rows import Comparison
+from bonecam.study.comparison import LINES
 
 pytestmark = pytest.mark.whole
 

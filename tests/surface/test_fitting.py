@@ -22,16 +22,14 @@ from small_parts import pebble
 from tsplines import bone_like, samples
 
 from bonecam.errors import MeshError
-from bonecam.mesh.distance import MeshDistance
-from bonecam.mesh.rows import Rows, harmonic_rows
-from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.mesh import MeshDistance, Rows, TriangleMesh, harmonic_rows
+from bonecam.surface import Fit, RowTMesh, TSpline, deviation, fit, skin
 from bonecam.surface.fitting import (
     OFF,
     FitTarget,
     Form,
     MeshSamples,
     Term,
-    deviation,
     first_tmesh,
     harmonic_parameters,
     pole_rings,
@@ -42,9 +40,7 @@ from bonecam.surface.fitting import (
 from bonecam.surface.growth import (
     LOWEST,
     Aim,
-    Fit,
     Votes,
-    fit,
     least_radius,
     prune,
     refine,
@@ -52,9 +48,6 @@ from bonecam.surface.growth import (
     with_t_knots,
     without_creases,
 )
-from bonecam.surface.skinning import skin
-from bonecam.surface.tmesh import RowTMesh
-from bonecam.surface.tspline import TSpline
 
 
 def pear(bump: float = 0.35) -> TriangleMesh:

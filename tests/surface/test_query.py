@@ -15,9 +15,7 @@ from scipy.spatial import KDTree
 from tsplines import bone_like, samples
 
 from bonecam.errors import SurfaceError
-from bonecam.surface.files.tspline_text import read_tsm
-from bonecam.surface.tmesh import RowTMesh
-from bonecam.surface.tspline import TSpline
+from bonecam.surface import RowTMesh, TSpline, read_tsm
 
 
 def offset_points(seed: int, count: int) -> tuple[TSpline, np.ndarray]:

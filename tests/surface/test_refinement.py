@@ -10,12 +10,7 @@ from rows_to_general import as_general
 from tsplines import SECTION_POLES, bone_like, inner_samples, random_tspline, torus_text
 
 from bonecam.errors import SurfaceError
-from bonecam.surface.files.iga import read_iga, write_iga
-from bonecam.surface.files.tspline_text import read_tsm, write_tsm
-from bonecam.surface.growth import fit
-from bonecam.surface.skinning import skin
-from bonecam.surface.tmesh import OpenRowTMesh, TMesh
-from bonecam.surface.tspline import TSpline
+from bonecam.surface import OpenRowTMesh, TMesh, TSpline, fit, read_iga, read_tsm, skin, write_iga, write_tsm
 
 seeds = st.integers(0, 10_000)
 

@@ -17,12 +17,11 @@ from scipy.spatial import Delaunay
 from tsplines import SECTION_POLES, sections, write_rows
 
 from bonecam.errors import FileError, SurfaceError
+from bonecam.mesh import TriangleMesh
 from bonecam.mesh.distance import hausdorff
-from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.surface import patch_surface, skinning
+from bonecam.surface import TSpline, patch_surface, skin, skinning
 from bonecam.surface.basis import collocation, interpolate, periodic_collocation, sites
-from bonecam.surface.skinning import Reduction, RowCurves, control_curves, holds_rows, read_rows, row_parameters, skin
-from bonecam.surface.tspline import TSpline
+from bonecam.surface.skinning import Reduction, RowCurves, control_curves, holds_rows, read_rows, row_parameters
 
 POLES = np.array([[0.0, 0.0, -3.0], [0.0, 0.0, 3.0]])
 

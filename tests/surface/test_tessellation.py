@@ -23,11 +23,9 @@ from small_parts import mesh_of, pebble
 from tsplines import bone_like, inner_samples, random_tspline, samples, torus_text
 
 from bonecam.errors import SurfaceError
-from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.surface import ExtractedTMesh, read_iga, write_iga
-from bonecam.surface.files.tspline_text import read_tsm, save_surface
-from bonecam.surface.tessellation import require_valid, tessellate
-from bonecam.surface.tspline import TSpline
+from bonecam.mesh import TriangleMesh
+from bonecam.surface import ExtractedTMesh, TSpline, read_iga, read_tsm, save_surface, tessellate, write_iga
+from bonecam.surface.tessellation import require_valid
 
 
 def assert_closed_sphere(mesh: TriangleMesh) -> None:

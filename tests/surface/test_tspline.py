@@ -10,9 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from tsplines import SECTION_POLES, bone_like, samples
 
-from bonecam.surface.files.tspline_text import write_tsm
-from bonecam.surface.tmesh import RowTMesh
-from bonecam.surface.tspline import TSpline
+from bonecam.surface import RowTMesh, TSpline, write_tsm
 
 seeds = st.integers(0, 10_000)
 shapes = st.tuples(st.integers(4, 14), st.integers(4, 12))

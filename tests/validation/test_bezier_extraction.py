@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bonecam.surface.files.iga import read_iga
+from bonecam.surface import read_iga
 
 AREAS = {
     "arch_nurbs": np.pi * (2**2 - 1**2) / 4,

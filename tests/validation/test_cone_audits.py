@@ -19,16 +19,13 @@ from bonecam.levels.measure import machined_levels
 from bonecam.machine import read_machine
 from bonecam.machine.limits import polar_angles
 from bonecam.nc import machine_limits
+from bonecam.planning import Scene, candidate_contacts, contact_path, orient
 from bonecam.planning.axes.field import level_axes
 from bonecam.planning.axes.lead import table_limits
 from bonecam.planning.collision import interpolate_poses, level_scene
-from bonecam.planning.contacts import candidate_contacts, contact_path
-from bonecam.planning.oriented_path import orient
-from bonecam.planning.scene import Scene
 from bonecam.planning.surface_paths import finishing_cutter
-from bonecam.tool import ToolPath
-from bonecam.tool.path import MoveKind
-from bonecam.workholding.clamping import clamping_of
+from bonecam.tool import MoveKind, ToolPath
+from bonecam.workholding import clamping_of
 
 AXES = 20_000
 """Random axes in the cones."""

@@ -13,12 +13,12 @@ from numpy import ndarray
 
 from bonecam.job import FINISHING, ROUGHING, LevelsJob, MeshJob, PathJob
 from bonecam.levels.problem import element_matrices
-from bonecam.mesh.part import prepare_part
-from bonecam.mesh.rows import Rows, harmonic_rows
+from bonecam.mesh import Rows, harmonic_rows, prepare_part
 from bonecam.planning.axes.lead import lead_axes
-from bonecam.setup.stock import schedule_of
+from bonecam.setup import schedule_of
 from bonecam.setup.stocks.capsule import capsule_of_size
-from bonecam.surface.skinning import RowCurves, control_curves, row_parameters, skin
+from bonecam.surface import skin
+from bonecam.surface.skinning import RowCurves, control_curves, row_parameters
 
 RNG = np.random.default_rng(2014)
 DIAMETER, LENGTH = 15.0, 37.0

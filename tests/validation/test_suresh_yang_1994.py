@@ -12,7 +12,7 @@ import pytest
 from numpy import ndarray
 
 from bonecam.job import FINISHING, ROUGHING
-from bonecam.planning.spacing import side_step
+from bonecam.planning import side_step
 
 PUBLISHED = [(1.0, 0.01), (2.0, 0.05)]
 """Ball radius and scallop height (mm) of the finishing and the roughing levels in Gan et al., section 5.1."""

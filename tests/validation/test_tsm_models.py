@@ -21,9 +21,7 @@ import pytest
 from exact_cubic import exact_cubic
 from scipy.spatial import KDTree
 
-from bonecam.surface.files.tspline_text import read_tsm
-from bonecam.surface.tmesh import TMesh
-from bonecam.surface.tspline import TSpline
+from bonecam.surface import TMesh, TSpline, read_tsm
 
 MODELS = ("simple", "fan", "Bike", "mouse", "face", "gearbox2-9")
 

@@ -4,11 +4,10 @@ from small_parts import PATH_CAPSULE, capsule_path, path_of
 
 from bonecam.errors import VerifyError
 from bonecam.job import Job
-from bonecam.machine.machine import read_machine
-from bonecam.nc.dialect import read_dialect
-from bonecam.nc.posting import write_program
-from bonecam.nc.reading import read_program
-from bonecam.verify.gouge import SLACK, measure_gouge
+from bonecam.machine import read_machine
+from bonecam.nc import read_dialect, read_program, write_program
+from bonecam.verify import measure_gouge
+from bonecam.verify.gouge import SLACK
 
 PAIRS = {
     name: (read_machine(machine), read_dialect(name))

@@ -19,11 +19,11 @@ from small_parts import FINISHING_CUTTER, ROUGHING_CUTTER, UPRIGHT_CAPSULE, mesh
 
 from bonecam.errors import JobError, MachineError
 from bonecam.job import Job
-from bonecam.machine.machine import read_machine
-from bonecam.mesh.distance import MeshDistance
-from bonecam.nc.dialect import read_dialect
-from bonecam.nc.posting import write_program
-from bonecam.tool.path import MoveKind
+from bonecam.machine import read_machine
+from bonecam.mesh import MeshDistance
+from bonecam.nc import read_dialect, write_program
+from bonecam.tool import MoveKind
+from bonecam.verify import Accuracy, simulate_removal
 from bonecam.verify.probing import (
     CONTROLLERS,
     CUT_OFF,
@@ -39,9 +39,7 @@ from bonecam.verify.probing import (
     roughness_of,
     touching_centres,
 )
-from bonecam.verify.removal import simulate_removal
-from bonecam.verify.sweeping import Accuracy
-from bonecam.workholding.post import Post
+from bonecam.workholding import Post
 
 PAIR = read_machine("mikron-ucp600"), read_dialect("heidenhain")
 

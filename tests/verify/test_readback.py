@@ -12,16 +12,14 @@ from small_parts import PATH_CAPSULE, capsule_path
 
 from bonecam.errors import BonecamError, VerifyError
 from bonecam.job import Job
-from bonecam.machine.machine import read_machine
-from bonecam.mesh.distance import MeshDistance
+from bonecam.machine import read_machine
+from bonecam.mesh import MeshDistance, TriangleMesh
 from bonecam.mesh.solids import cylinder
-from bonecam.mesh.triangle_mesh import TriangleMesh, side_by_side
-from bonecam.nc.dialect import read_dialect
-from bonecam.nc.posting import write_program
-from bonecam.nc.reading import read_program
+from bonecam.mesh.triangle_mesh import side_by_side
+from bonecam.nc import read_dialect, read_program, write_program
 from bonecam.surface.blades import turned
-from bonecam.verify.proof import verify
-from bonecam.verify.readback import RepeatedDistance, Tolerances, compare_moves
+from bonecam.verify import Tolerances, verify
+from bonecam.verify.readback import RepeatedDistance, compare_moves
 
 PAIRS = {
     name: (read_machine(machine), read_dialect(name))

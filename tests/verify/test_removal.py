@@ -28,36 +28,27 @@ from bonecam.errors import BodiesError, MachineError, MeshError, VerifyError
 from bonecam.job import Job, MeshJob
 from bonecam.kernels.bodies import body_chord, column_distance, frustum_distance
 from bonecam.kernels.rays import Capsules, ProbesByCell, cut_normal_probes, probe_cells
-from bonecam.machine.machine import MACHINES, Machine, read_machine
+from bonecam.machine import Machine, read_machine
+from bonecam.machine.machine import MACHINES
 from bonecam.material.dexels import dexels_of
-from bonecam.mesh.distance import MeshDistance
-from bonecam.mesh.files.mesh_files import write_mesh
+from bonecam.mesh import MeshDistance, Part, Smoothing, TriangleMesh, coarseness_of, prepare_part, write_mesh
 from bonecam.mesh.healing import Repair, surface_moves
-from bonecam.mesh.part import Part, measure_taken_off, prepare_part
-from bonecam.mesh.smooth_surface import Smoothing, coarseness_of
+from bonecam.mesh.part import measure_taken_off
 from bonecam.mesh.solids import cylinder
-from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.nc.dialect import read_dialect
+from bonecam.nc import machine_limits, read_dialect, read_program, write_program
 from bonecam.nc.header import _shapes, tool_text
 from bonecam.nc.motions import described_tool
-from bonecam.nc.path_words import machine_limits
-from bonecam.nc.posting import write_program
-from bonecam.nc.reading import read_program
 from bonecam.planning.collision import block_mesh, body_texts, check_bodies
-from bonecam.setup.capsule import Capsule
-from bonecam.setup.stocks.cylinder import Cylinder
+from bonecam.setup import Capsule, Cylinder
 from bonecam.surface.blades import Wheel, channel_of, meridional, places_on, point_at, wheel_of
-from bonecam.tool.cutter import Cutter
-from bonecam.tool.path import ToolPath
-from bonecam.verify import clearances
+from bonecam.tool import Cutter, ToolPath
+from bonecam.verify import Accuracy, Clearance, Gouge, Left, Spot, check_removal, clearances, simulate_removal
 from bonecam.verify.clearances import SHARE, TOUCHING, body_clearance
-from bonecam.verify.findings import Clearance, GivenSurface, Left, Spot, beside_limits, given_surface, measure_given
-from bonecam.verify.gouge import Gouge
+from bonecam.verify.findings import GivenSurface, beside_limits, given_surface, measure_given
 from bonecam.verify.proof import wheel_probes
-from bonecam.verify.removal import check_removal, simulate_removal
-from bonecam.verify.sweeping import Accuracy, NormalProbes, volumes
-from bonecam.workholding.clamping import Clamping
-from bonecam.workholding.post import Column, Post
+from bonecam.verify.sweeping import NormalProbes, volumes
+from bonecam.workholding import Clamping, Post
+from bonecam.workholding.post import Column
 
 HEIDENHAIN = read_dialect("heidenhain")
 CUTTERS = [Cutter.from_job(1, "finishing", Job().tool("finishing"), read_machine("mikron-ucp600").nose)]

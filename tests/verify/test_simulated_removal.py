@@ -13,19 +13,16 @@ from small_parts import FINISHING_CUTTER, PATH_CAPSULE, ROUGHING_CUTTER, UPRIGHT
 
 from bonecam.errors import JobError, ProgramError, VerifyError
 from bonecam.job import Job
+from bonecam.machine import read_machine
 from bonecam.machine.bodies import Frustum
-from bonecam.machine.machine import read_machine
-from bonecam.nc.dialect import read_dialect
-from bonecam.nc.posting import write_program
-from bonecam.nc.reading import read_program
-from bonecam.setup.capsule import Capsule
-from bonecam.tool.cutter import Cutter
-from bonecam.tool.path import MoveKind, ToolPath
-from bonecam.verify.findings import Removal, measure_left
-from bonecam.verify.removal import check_removal, simulate_removal
-from bonecam.verify.sweeping import Accuracy, NormalProbes
-from bonecam.workholding.clamping import Clamping
-from bonecam.workholding.post import Column, Post
+from bonecam.nc import read_dialect, read_program, write_program
+from bonecam.setup import Capsule
+from bonecam.tool import Cutter, MoveKind, ToolPath
+from bonecam.verify import Accuracy, Removal, check_removal, simulate_removal
+from bonecam.verify.findings import measure_left
+from bonecam.verify.sweeping import NormalProbes
+from bonecam.workholding import Clamping, Post
+from bonecam.workholding.post import Column
 
 pytestmark = pytest.mark.whole
 

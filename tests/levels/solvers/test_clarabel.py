@@ -8,14 +8,13 @@ import scipy.sparse as sp
 from level_parts import CAPSULE, SCHEDULE, waisted
 
 from bonecam.errors import LevelError
-from bonecam.levels.closed_morph import morph
+from bonecam.levels import morph
 from bonecam.levels.measure import Rules
 from bonecam.levels.problem import DEPTH_TOLERANCE, Cones, Planes
 from bonecam.levels.published import PublishedProgram, next_moves, published_sequence
 from bonecam.levels.solvers.clarabel import solve_cones
 from bonecam.progress import silent
-from bonecam.setup.stock import Schedule
-from bonecam.setup.stocks.cylinder import Cylinder
+from bonecam.setup import Cylinder, Schedule
 
 pytestmark = pytest.mark.whole
 

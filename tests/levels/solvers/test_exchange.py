@@ -26,8 +26,8 @@ from bonecam.levels.solvers import admm
 from bonecam.levels.solvers.exchange import next_level
 from bonecam.levels.solvers.osqp import solve_qp
 from bonecam.levels.solvers.solver import SOLVERS
-from bonecam.mesh.files.mesh_files import read_mesh
-from bonecam.setup.capsule import Capsule
+from bonecam.mesh import read_mesh
+from bonecam.setup import Capsule
 from bonecam.surface.query import closest_points_near
 
 

@@ -10,10 +10,9 @@ import pytest
 from mesh_bodies import check_refused
 
 from bonecam.errors import FileError, UnitsError
+from bonecam.mesh import TriangleMesh, read_in_mm, read_mesh
 from bonecam.mesh.files import cad
 from bonecam.mesh.files.cad import occ, read_and_tessellate, tessellate_shape
-from bonecam.mesh.files.mesh_files import read_in_mm, read_mesh
-from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.progress import silent
 from bonecam.runtime import worker
 

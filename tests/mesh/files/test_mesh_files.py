@@ -21,13 +21,12 @@ from mesh_bodies import check_refused, ellipsoid, solid
 from small_parts import PAINTED_PLY
 
 from bonecam.errors import FileError, MeshError
-from bonecam.filters.meshset import MeshSet
+from bonecam.filters import MeshSet
 from bonecam.job import MeshJob
-from bonecam.mesh import meshlab
+from bonecam.mesh import meshlab, prepare_part, read_mesh, write_mesh
 from bonecam.mesh.files.cad import call_in_child
-from bonecam.mesh.files.mesh_files import axes_text, read_mesh, read_mesh_file, stated_axes, write_mesh
+from bonecam.mesh.files.mesh_files import axes_text, read_mesh_file, stated_axes
 from bonecam.mesh.files.points import read_blocks, reconstruct
-from bonecam.mesh.part import prepare_part
 from bonecam.runtime import worker
 
 TETRAHEDRON = "0 0 0\n1 0 0\n0 1 0\n0 0 1\n"

@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 from bonecam.errors import FileError
-from bonecam.mesh.files.mesh_files import read_mesh
-from bonecam.mesh.triangle_mesh import TriangleMesh, mesh_from
+from bonecam.mesh import TriangleMesh, mesh_from, read_mesh
 
 trimesh = pytest.importorskip("trimesh", reason="the extra `formats` is not installed")
 POINTS = np.array([[x, y, z] for z in (0.0, 4.0) for y in (0.0, 3.0) for x in (0.0, 2.0)])

@@ -14,10 +14,9 @@ from mesh_bodies import check_refused
 
 from bonecam.errors import FileError, UnitsError
 from bonecam.job import MeshJob
-from bonecam.mesh.files.mesh_files import read_in_mm, read_mesh_file
-from bonecam.mesh.part import prepare_part
+from bonecam.mesh import TriangleMesh, prepare_part, read_in_mm
+from bonecam.mesh.files.mesh_files import read_mesh_file
 from bonecam.mesh.smooth_surface import label_surface
-from bonecam.mesh.triangle_mesh import TriangleMesh
 
 
 def solid() -> TriangleMesh:

@@ -13,13 +13,12 @@ from small_lump import at_parameters, lump
 from small_parts import ROUGHING_CUTTER, revolved
 
 from bonecam.job import PathJob
+from bonecam.machine import MachineLimits
 from bonecam.machine.bodies import Frustum
-from bonecam.machine.limits import MachineLimits
-from bonecam.planning.axes.cones import AxisCones, admissible_cones
-from bonecam.planning.scene import Scene
-from bonecam.surface.tspline import TSpline
-from bonecam.tool.path import ContactPath
-from bonecam.workholding.clamping import Clamping
+from bonecam.planning import AxisCones, Scene, admissible_cones
+from bonecam.surface import TSpline
+from bonecam.tool import ContactPath
+from bonecam.workholding import Clamping
 
 
 @pytest.fixture(scope="session")

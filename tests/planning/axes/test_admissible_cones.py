@@ -11,13 +11,13 @@ from bonecam.arrays import unit
 from bonecam.errors import OrientationError
 from bonecam.job import PathJob
 from bonecam.kernels.cones import Apexes, direction_maps
-from bonecam.machine.limits import MachineLimits, ReachedAxes, polar_angles
-from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.planning.axes.cones import AxisCones, admissible_cones, verify_cones
+from bonecam.machine import MachineLimits
+from bonecam.machine.limits import ReachedAxes, polar_angles
+from bonecam.mesh import TriangleMesh
+from bonecam.planning import AxisCones, Scene, admissible_cones, verify_cones
 from bonecam.planning.axes.free_axes import leaf_centres, sphere_leaves
-from bonecam.planning.scene import Scene
-from bonecam.tool.path import ContactPath
-from bonecam.workholding.clamping import Clamping
+from bonecam.tool import ContactPath
+from bonecam.workholding import Clamping
 from bonecam.workholding.post import Column
 
 pytestmark = pytest.mark.whole

@@ -25,28 +25,22 @@ from small_parts import path_of
 from bonecam.arrays import angles_between, perpendicular, unit
 from bonecam.errors import OrientationError
 from bonecam.kernels.cones import facets_below
-from bonecam.mesh import MeshDistance
+from bonecam.mesh import MeshDistance, TriangleMesh
 from bonecam.mesh.solids import revolve
-from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.planning import cones_mesh
+from bonecam.planning import AxisCones, ObliqueEllipticCone, Scene, cones_mesh, verify_cones
 from bonecam.planning.axes.cones import (
     CIRCLE_KNOTS,
     COARSE_SIDES,
-    AxisCones,
-    ObliqueEllipticCone,
     Obstacle,
     Sweep,
     at_contacts,
     crossing,
     verified_cones,
-    verify_cones,
 )
 from bonecam.planning.collision import crosses, solid_object
-from bonecam.planning.scene import Scene
 from bonecam.report.pictures import is_closed
-from bonecam.tool import FreeCones, ToolPath
+from bonecam.tool import ContactPath, FreeCones, ToolPath
 from bonecam.tool.elliptic_cones import EllipticCones
-from bonecam.tool.path import ContactPath
 
 
 def cone_of(*vectors: list[float]) -> ObliqueEllipticCone:

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from bonecam.kernels.distances import distance_bounds
-from bonecam.mesh.distance import MeshDistance
+from bonecam.mesh import MeshDistance, TriangleMesh
 from bonecam.mesh.smooth_surface import convex_hull
 from bonecam.mesh.solids import solid_union
-from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.planning import Scene
 from bonecam.planning.axes.free_axes import ROOMS, distance_grids, leaf_centres, rooms_at, sphere_leaves
-from bonecam.planning.scene import TANGENT_SLACK, Scene
-from bonecam.tool.path import ContactPath
+from bonecam.planning.scene import TANGENT_SLACK
+from bonecam.tool import ContactPath
 
 RANDOM = np.random.default_rng(4)
 

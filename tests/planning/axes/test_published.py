@@ -10,9 +10,10 @@ from small_lump import at_parameters, lump
 
 from bonecam.arrays import dots
 from bonecam.job import NcJob, PathJob
-from bonecam.machine.limits import MachineLimits
-from bonecam.mesh.facets import Curvature, ElasticEnergy, delaunay, voronoi_areas
-from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.machine import MachineLimits
+from bonecam.mesh import Curvature, TriangleMesh, delaunay
+from bonecam.mesh.facets import ElasticEnergy, voronoi_areas
+from bonecam.planning import Scene, orient
 from bonecam.planning.axes.field import ContactFacets, contact_facets
 from bonecam.planning.axes.published import (
     HIGH,
@@ -26,11 +27,9 @@ from bonecam.planning.axes.published import (
     weighted_offsets,
 )
 from bonecam.planning.collision import CollisionChecker
-from bonecam.planning.oriented_path import orient
-from bonecam.planning.scene import Scene
-from bonecam.surface.tspline import TSpline
-from bonecam.tool.path import ContactPath, MoveKind
-from bonecam.workholding.clamping import Clamping
+from bonecam.surface import TSpline
+from bonecam.tool import ContactPath, MoveKind
+from bonecam.workholding import Clamping
 
 Made = tuple[ContactPath, ContactFacets]
 

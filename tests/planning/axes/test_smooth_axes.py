@@ -10,28 +10,24 @@ from small_parts import level_of
 
 from bonecam.arrays import dots
 from bonecam.job import NcJob, PathJob
-from bonecam.machine.limits import MachineLimits, polar_angles
-from bonecam.planning.axes.cones import admissible_cones
+from bonecam.machine import MachineLimits
+from bonecam.machine.limits import polar_angles
+from bonecam.planning import FieldDomain, Scene, SmoothAxes, admissible_cones, orient, smooth_axes
 from bonecam.planning.axes.field import (
     ALONG,
     AROUND,
     SLOW,
     AxisField,
-    FieldDomain,
-    SmoothAxes,
     contact_facets,
     level_axes,
     machine_minutes,
     rotary_travel,
-    smooth_axes,
     soonest,
 )
 from bonecam.planning.axes.lead import lead_axes
-from bonecam.planning.oriented_path import orient
-from bonecam.planning.scene import Scene
-from bonecam.surface.tspline import TSpline
-from bonecam.tool.path import ContactPath, MoveKind
-from bonecam.workholding.clamping import Clamping
+from bonecam.surface import TSpline
+from bonecam.tool import ContactPath, MoveKind
+from bonecam.workholding import Clamping
 from bonecam.workholding.post import Column
 
 pytestmark = pytest.mark.whole

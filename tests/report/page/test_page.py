@@ -23,14 +23,12 @@ from scipy.spatial.transform import Rotation
 import bonecam
 from bonecam.cli import main
 from bonecam.errors import FileError
-from bonecam.machine.kinematics import forward, inverse_linear
-from bonecam.machine.machine import Machine, read_machine
-from bonecam.nc.motions import Motions
-from bonecam.nc.reading import read_program
+from bonecam.machine import Machine, forward, inverse_linear, read_machine
+from bonecam.nc import Motions, read_program
 from bonecam.nc.requirements import job_dialect
 from bonecam.report.kept import kept_contents
 from bonecam.report.page.contents import Contents, machine_facts, pack, rotary_angles, unpack
-from bonecam.tool.path import MoveKind
+from bonecam.tool import MoveKind
 
 pytestmark = pytest.mark.whole
 

@@ -11,11 +11,9 @@ from scipy.interpolate import NdBSpline
 from tsplines import bone_like, samples
 
 from bonecam.errors import SurfaceError
+from bonecam.surface import OpenRowTMesh, RowTMesh, TSpline, read_tsm
 from bonecam.surface.files.bspline import BSplineSurface, Knots, bezier_grid, from_bspline, to_bspline
 from bonecam.surface.files.cad import bsplines_in, write_iges, write_step
-from bonecam.surface.files.tspline_text import read_tsm
-from bonecam.surface.tmesh import OpenRowTMesh, RowTMesh
-from bonecam.surface.tspline import TSpline
 
 
 def relative_error(spline: BSplineSurface, surface: TSpline) -> float:

@@ -10,12 +10,11 @@ import pytest
 from tsplines import bone_like, samples
 
 from bonecam.errors import FileError
+from bonecam.mesh import read_mesh
 from bonecam.mesh.files.cad import faces_of, occ, read_shape, tessellate_shape
-from bonecam.mesh.files.mesh_files import read_mesh
+from bonecam.surface import TSpline, read_tsm
 from bonecam.surface.files import cad
 from bonecam.surface.files.cad import bsplines_in, read_bsplines, shape_of, write_iges, write_step
-from bonecam.surface.files.tspline_text import read_tsm
-from bonecam.surface.tspline import TSpline
 
 pytest.importorskip("OCP", reason="OpenCASCADE's wheel is not installed: pip install 'bonecam[cad]'")
 WRITERS = {"part.step": write_step, "part.iges": write_iges}

@@ -13,8 +13,8 @@ from tsplines import SECTION_POLES, bone_like, samples, sections, write_rows
 
 from bonecam.errors import FileError, FilterError, JobError, SurfaceError, UnitsError
 from bonecam.job import Job
-from bonecam.mesh.files.mesh_files import write_mesh
-from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.mesh import TriangleMesh, write_mesh
+from bonecam.surface import Deviation, Fit, TSpline, read_tsm, save_surface, write_tsm
 from bonecam.surface.files.surface_input import (
     closed_mesh,
     holds_surface,
@@ -25,10 +25,7 @@ from bonecam.surface.files.surface_input import (
     refuse_changes,
     reverse_parameters,
 )
-from bonecam.surface.files.tspline_text import check_target, read_tsm, save_surface, write_tsm
-from bonecam.surface.fitting import Deviation
-from bonecam.surface.growth import Fit
-from bonecam.surface.tspline import TSpline
+from bonecam.surface.files.tspline_text import check_target
 
 
 def test_turning_a_surface_reverses_both_parameters_and_nothing_else() -> None:

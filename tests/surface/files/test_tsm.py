@@ -17,12 +17,10 @@ import pytest
 from tsplines import bone_like, grid, inner_samples, random_tspline, torus_text, with_damage
 
 from bonecam.errors import FileError, SurfaceError
-from bonecam.surface.files.iga import raise_degree, read_iga, write_iga
+from bonecam.surface import TMesh, TSpline, read_iga, read_tsm, write_iga, write_tsm
+from bonecam.surface.files.iga import raise_degree
 from bonecam.surface.files.rows_file import rows_text
 from bonecam.surface.files.tsm import tsm_text, with_mirrored_borders
-from bonecam.surface.files.tspline_text import read_tsm, write_tsm
-from bonecam.surface.tmesh import TMesh
-from bonecam.surface.tspline import TSpline
 
 MODELS = ("simple", "fan", "Bike", "mouse", "face", "gearbox2-9")
 ARRAYS = ("s_lines", "t_lines", "vertices", "along_s", "along_t", "inside")
