@@ -74,3 +74,9 @@ def check_refused(file: Path, content: bytes | str, reason: str) -> None:
     assert reason in str(caught.value)
     assert "\n" not in str(caught.value)
     assert len(str(caught.value)) < 1000
+
+
+def is_closed(mesh: TriangleMesh) -> bool:
+    """Whether each edge has two faces."""
+    edges = np.sort(mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+    return bool((np.unique(edges, axis=0, return_counts=True)[1] == 2).all())

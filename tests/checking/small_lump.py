@@ -36,22 +36,8 @@ def cylinder_contacts(surface: TSpline) -> ContactPath:
     """Makes contacts on 24 lines along the middle of a closed surface."""
     (low, high), (bottom, top) = surface.domain
     s, t = np.meshgrid(np.arange(24) / 24, np.linspace(0.3, 0.7, 15), indexing="ij")
-    s, t = low + s.ravel() * (high - low), bottom + t.ravel() * (top - bottom)
-    points, normals, count = surface.positions(s, t), surface.normals(s, t), len(s)
-    return ContactPath(
-        level=0,
-        cutter=FINISHING_CUTTER,
-        pass_index=np.repeat(np.arange(24), 15),
-        parameters=np.column_stack([s, t]),
-        contacts=points,
-        normals=normals,
-        feeds=np.zeros((count, 3)),
-        centres=points + normals,
-        lifts=np.zeros(count),
-        ramp=np.zeros(count, dtype=bool),
-        uncut=np.zeros((0, 3)),
-        reasons=(),
-    )
+    parameters = np.column_stack([low + s.ravel() * (high - low), bottom + t.ravel() * (top - bottom)])
+    return at_parameters(surface, parameters, np.repeat(np.arange(24), 15))
 
 
 def lump(

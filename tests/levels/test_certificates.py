@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from level_parts import grooved
+from level_parts import grooved, waisted
 from numpy import ndarray
 
 from bonecam.job import Job, MeshJob
@@ -43,7 +43,7 @@ from bonecam.levels.problem import DEPTH_TOLERANCE, NESTING_TOLERANCE, STOCK_TOL
 from bonecam.mesh import prepare_part
 from bonecam.progress import silent
 from bonecam.setup import Box, Capsule, Cylinder, Schedule, Stock, place
-from bonecam.surface import RowTMesh, TSpline
+from bonecam.surface import TSpline
 from bonecam.surface.part_surface import fit_surface
 
 STOCK = Capsule(np.array([0.0, 0.0, 4.5]), np.array([0.0, 0.0, 15.5]), 4.5)
@@ -52,22 +52,6 @@ BUMP = 65
 """A control point whose bump has its peak between the points that the check measures at."""
 FITTED = 0.004
 """How far the surfaces of two capsules may be off together, mm."""
-
-
-def waisted(waist: float = 0.35) -> TSpline:
-    """A bone with two heads and a waist (a bulge where it is negative), 18 mm long."""
-    t = np.concatenate([np.zeros(4), np.linspace(0, 1, 10)[1:-1], np.ones(4)])
-    heights = np.array([t[j + 1 : j + 4].mean() for j in range(len(t) - 4)])
-    s = [np.arange(n) / n for n in [1, *(10 + j % 2 for j in range(1, len(t) - 5)), 1]]
-    points = []
-    for share, row in zip(heights, s):
-        reach = 3.2 * np.sqrt(max(0.0, 1 - (2 * share - 1) ** 4)) * (1 - waist * np.exp(-(((share - 0.5) / 0.2) ** 2)))
-        angle = 2 * np.pi * row
-        points.append(
-            np.column_stack([reach * np.cos(angle), 0.8 * reach * np.sin(angle), np.full(len(row), 1 + 18 * share)])
-        )
-    tmesh = RowTMesh.from_rows(t, s)
-    return TSpline(tmesh, np.vstack(points), np.ones(tmesh.size))
 
 
 def grown(surface: TSpline, share: float) -> TSpline:

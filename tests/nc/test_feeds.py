@@ -4,30 +4,25 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from controls import KINDS, PAIRS
 from small_parts import capsule_path, path_of
 
 from bonecam.arrays import unit
 from bonecam.errors import VerifyError
 from bonecam.job import Job
-from bonecam.machine import Machine, inverse_linear, read_machine
+from bonecam.machine import Machine, inverse_linear
 from bonecam.machine.control import Control
-from bonecam.nc import Dialect, Motions, drivable_paths, read_dialect, read_program, write_program
+from bonecam.nc import Dialect, Motions, drivable_paths, read_program, write_program
 from bonecam.nc.feeds import FEED_PER_MM, FLOOR, LARGEST_RATIO, feed_scale, on_scale
 from bonecam.tool import MoveKind, ToolPath
 from bonecam.verify import Tolerances
 from bonecam.verify.readback import compare_moves
 
-PAIRS = {
-    "heidenhain": (read_machine("mikron-ucp600"), read_dialect("heidenhain")),
-    "linuxcnc": (read_machine("linuxcnc-xyzbc"), read_dialect("linuxcnc")),
-    "siemens-840d": (read_machine("mikron-ucp600"), read_dialect("siemens-840d")),
-    "fanuc-30i": (read_machine("mikron-ucp600"), read_dialect("fanuc-30i")),
-}
 LARGEST_STEP = 1 / 7
 """The largest step of the scale of feeds (from 140 to 160), as a share of the lower of the two."""
 
 
-@pytest.fixture(params=PAIRS)
+@pytest.fixture(params=KINDS)
 def pair(request: pytest.FixtureRequest) -> tuple[Machine, Dialect]:
     return PAIRS[request.param]
 
@@ -229,7 +224,7 @@ def test_the_rounding_raises_no_feed_and_lets_none_fall_below_its_floor() -> Non
     assert (feeds[above] < (1 + LARGEST_STEP) * (rounded[above] + number.step)).all()
 
 
-@pytest.mark.parametrize("name", PAIRS)
+@pytest.mark.parametrize("name", KINDS)
 def test_no_block_has_no_length(name) -> None:
     machine, dialect = PAIRS[name]
     # the path comes to a point, again to the same one, and turns back

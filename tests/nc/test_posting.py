@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from controls import PAIRS
 from machine_files import CHAINS, axis, machine_text, write_machine
 from small_parts import capsule_path, path_of
 from tool_paths import THREE_PATHS, TWO_PATHS
@@ -26,13 +27,12 @@ from bonecam.verify import Tolerances
 from bonecam.verify.control import check_limits, check_spindle
 from bonecam.verify.readback import compare_moves
 
-MACHINE_OF = dict.fromkeys(dialect_names(), "mikron-ucp600") | {"linuxcnc": "linuxcnc-xyzbc"}
 CHAIN_KINDS = ("table-table", "head-table", "head-head", "nutating")
 
 
 @pytest.fixture(params=dialect_names())
 def posted(request):
-    machine, dialect = read_machine(MACHINE_OF[request.param]), read_dialect(request.param)
+    machine, dialect = PAIRS[request.param]
     return machine, dialect, write_program(TWO_PATHS, machine, dialect, Job(), comments=["Test (of) a part"])
 
 
@@ -315,12 +315,9 @@ def test_a_park_position_by_increments_is_refused(controller: str, machine: Mach
         read_program(moved, machine, dialect)
 
 
-PAIRS = dict.fromkeys(dialect_names(), "mikron-ucp600") | {"linuxcnc": "linuxcnc-xyzbc"}
-
-
 @pytest.mark.parametrize("name", PAIRS)
 def test_the_text_tells_which_moves_are_links(name):
-    machine, dialect = read_machine(PAIRS[name]), read_dialect(name)
+    machine, dialect = PAIRS[name]
     path = capsule_path(level=0, radius=1.0, number=1, count=150)
     motions = read_program(write_program([path], machine, dialect, Job()).text, machine, dialect)
     source = compare_moves(motions, [path], dialect, Tolerances()).source

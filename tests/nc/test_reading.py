@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from controls import KINDS, PAIRS
 from small_parts import capsule_path
 
 from bonecam.errors import MachineError, ProgramError
@@ -19,22 +20,12 @@ from bonecam.nc import Dialect, Tool, dialect_names, read_dialect, read_program,
 from bonecam.nc.dialect import DIALECTS
 from bonecam.nc.requirements import job_dialect
 
-PAIRS = {
-    name: (read_machine(machine), read_dialect(name))
-    for name, machine in (
-        ("heidenhain", "mikron-ucp600"),
-        ("linuxcnc", "linuxcnc-xyzbc"),
-        ("siemens-840d", "mikron-ucp600"),
-        ("fanuc-30i", "mikron-ucp600"),
-    )
-}
-
 
 @pytest.fixture(scope="module")
 def texts() -> dict[str, str]:
     """A short program by the name of its dialect."""
     path = capsule_path(count=24, turns=1.0)
-    return {name: write_program([path], *pair, Job()).text for name, pair in PAIRS.items()}
+    return {name: write_program([path], *PAIRS[name], Job()).text for name in KINDS}
 
 
 def line_of(text: str, pattern: str) -> int:
@@ -143,7 +134,7 @@ def test_r0_is_stated_before_an_axis_moves(texts):
         read_program(text, *PAIRS["heidenhain"])
 
 
-@pytest.mark.parametrize("name", PAIRS)
+@pytest.mark.parametrize("name", KINDS)
 def test_a_text_cut_off_anywhere_is_refused(texts, name):
     text = texts[name]
     for size in range(1, len(text), 37):
@@ -270,10 +261,6 @@ def golden(case: str) -> tuple[str, Machine, Dialect]:
     return text, read_machine(job.nc.machine), dialect
 
 
-def first_line(text: str, pattern: str) -> int:
-    return next(number for number, line in enumerate(text.splitlines(), 1) if re.search(pattern, line))
-
-
 CASES = [(case, stated, other) for case, pairs in OTHERS.items() for stated, other in pairs]
 
 
@@ -282,7 +269,7 @@ def test_what_contradicts_a_stated_mode_is_refused_with_its_line(case: str, stat
     text, machine, dialect = golden(case)
     comment = re.escape(dialect.comment.partition("{text}")[0].strip())
     pattern = rf"^(?!(?:\d+ )?{comment})(.*)(?<![A-Z0-9.]){re.escape(stated)}(?![0-9.A-Z])"
-    line = first_line(text, MOVE) if other in dialect.effect_of else first_line(text, pattern)
+    line = line_of(text, MOVE) if other in dialect.effect_of else line_of(text, pattern)
     wrong = re.sub(pattern, rf"\1{other}", text, flags=re.MULTILINE)
     with pytest.raises(ProgramError, match=f"line {line}: "):
         read_program(wrong, machine, dialect)
@@ -295,7 +282,7 @@ def test_no_axis_moves_before_all_is_stated(case: str) -> None:
     leave_out = without_blocks if dialect.grammar == "klartext" else without_words
     for name in dialect.stated.moves:
         rest = leave_out(text, name)
-        line = first_line(rest, MOVE)
+        line = line_of(rest, MOVE)
         with pytest.raises(ProgramError, match=f"line {line}: an axis moves ") as caught:
             read_program(rest, machine, dialect)
         assert name in str(caught.value) or "by increments" in str(caught.value)
@@ -328,7 +315,7 @@ def test_each_start_of_traori_is_followed_by_datum_and_interpolation(name: str) 
     assert text.count(f" {name}\n") == 2
     at = text.rindex(f" {name}\n")
     wrong = text[:at] + text[at:].replace(f" {name}\n", " D1\n", 1)
-    moves = text[:at].count("\n") + 1 + first_line(text[at:], r" G0 X.* Z") - 1
+    moves = text[:at].count("\n") + 1 + line_of(text[at:], r" G0 X.* Z") - 1
     why = f"line {moves}: an axis moves before {name.split()[0]} is stated under tool-centre control"
     with pytest.raises(ProgramError, match=why):
         read_program(wrong, machine, dialect)

@@ -8,24 +8,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from controls import PAIRS
 from small_parts import PATH_CAPSULE, capsule_path
 
 from bonecam.errors import BonecamError, VerifyError
 from bonecam.job import Job
 from bonecam.machine import read_machine
-from bonecam.mesh import MeshDistance, TriangleMesh
+from bonecam.mesh import MeshDistance
 from bonecam.mesh.solids import cylinder
 from bonecam.mesh.triangle_mesh import side_by_side
 from bonecam.nc import read_dialect, read_program, write_program
+from bonecam.setup import Capsule
 from bonecam.surface.blades import turned
 from bonecam.verify import Tolerances, verify
 from bonecam.verify.readback import RepeatedDistance, compare_moves
-
-PAIRS = {
-    name: (read_machine(machine), read_dialect(name))
-    for name, machine in (("heidenhain", "mikron-ucp600"), ("linuxcnc", "linuxcnc-xyzbc"))
-}
-
 
 PATHS = (
     capsule_path(level=4, radius=2.0, offset=1.5, number=1, count=300),
@@ -33,31 +29,13 @@ PATHS = (
 )
 
 
-def capsule_mesh(capsule: tuple[float, float, float], chord: float = 0.002) -> TriangleMesh:
-    """A mesh inscribed in the upright capsule of these heights and radius within the chord (mm)."""
-    bottom, top, radius = capsule
-    around = int(np.ceil(np.pi / np.arccos(1 - chord / radius)))
-    slope = np.linspace(-np.pi / 2, np.pi / 2, around // 2 + 1)
-    z = np.where(slope < 0, bottom, top) + radius * np.sin(slope)
-    r = radius * np.cos(slope)
-    middle = len(slope) // 2
-    z, r = np.insert(z, middle, bottom), np.insert(r, middle, radius)
-    angle = 2 * np.pi * np.arange(around) / around
-    points = np.column_stack(
-        [np.outer(r, np.cos(angle)).ravel(), np.outer(r, np.sin(angle)).ravel(), np.repeat(z, around)]
-    )
-    index = np.arange(len(points)).reshape(-1, around)
-    a, b, c, d = index[:-1], np.roll(index[:-1], -1, 1), np.roll(index[1:], -1, 1), index[1:]
-    faces = np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3), np.stack([a, c, d], -1).reshape(-1, 3)])
-    return TriangleMesh(points, faces.astype(np.int32))
-
-
 @pytest.fixture(scope="module")
 def mesh():
-    return MeshDistance(capsule_mesh(PATH_CAPSULE))
+    bottom, top, radius = PATH_CAPSULE
+    return MeshDistance(Capsule(np.array([0.0, 0.0, bottom]), np.array([0.0, 0.0, top]), radius).mesh(0.002))
 
 
-@pytest.fixture(params=PAIRS)
+@pytest.fixture(params=["heidenhain", "linuxcnc"])
 def pair(request):
     return PAIRS[request.param]
 

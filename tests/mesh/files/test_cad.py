@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from mesh_bodies import check_refused
+from mesh_bodies import check_refused, is_closed
 
 from bonecam.errors import FileError, UnitsError
-from bonecam.mesh import TriangleMesh, read_in_mm, read_mesh
+from bonecam.mesh import read_in_mm, read_mesh
 from bonecam.mesh.files import cad
 from bonecam.mesh.files.cad import occ, read_and_tessellate, tessellate_shape
 from bonecam.progress import silent
@@ -37,11 +37,6 @@ def write(shape: Any, path: Path, unit: str = "MM") -> Path:
 
 def cylinder() -> Any:
     return occ().BRepPrimAPI.BRepPrimAPI_MakeCylinder(4.0, 20.0).Shape()
-
-
-def is_closed(mesh: TriangleMesh) -> bool:
-    edges = np.sort(mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
-    return bool((np.unique(edges, axis=0, return_counts=True)[1] == 2).all())
 
 
 @pytest.fixture
