@@ -49,6 +49,8 @@ LIMITS = machine_limits(read_machine("mikron-ucp600"))
 HOLDING = {"diameter": 6.0, "chuck_diameter": 28.0, "chuck_height": 100.0, "stub_diameter": 13.0, "stub_length": 15.0}
 FOUND = Job(levels={"depths": "found"}, holding=HOLDING)
 RADIUS, LOW, TOP = 6.0, 120.0, 150.0
+JOB = Job(holding={**HOLDING, "length": LOW})
+STATED = JOB.with_values(levels={"roughing_depth": 1.0})
 TRIED = preferred_depths(0.1, 1.0)
 
 
@@ -59,13 +61,17 @@ def read_job_of(text: str, folder: Path) -> Job:
     return read_job(file)
 
 
+def standing(more: float, high: float = TOP, job: Job = JOB) -> Setup:
+    """A bar of 12 mm on its neck, in a stock that is `more` mm larger all round."""
+    stock = Capsule(np.array([0.0, 0, LOW]), np.array([0.0, 0, high]), RADIUS + more)
+    mesh = cylinder(RADIUS, LOW, high, 0.01)
+    part = Part(mesh, "", len(mesh.faces), "mm", (), np.eye(4), mesh)
+    return Setup(part, stock, Post(3.0, LOW), schedule_of(job.levels))
+
+
 @pytest.fixture(scope="module")
 def setup() -> Setup:
-    """A bar of 12 x 30 mm on its neck, in a stock 5 mm larger all round."""
-    stock = Capsule(np.array([0.0, 0, LOW]), np.array([0.0, 0, TOP]), RADIUS + 5)
-    mesh = cylinder(RADIUS, LOW, TOP, 0.01)
-    part = Part(mesh, "", len(mesh.faces), "mm", (), np.eye(4), mesh)
-    return Setup(part, stock, Post(3.0, LOW), schedule_of(FOUND.levels))
+    return standing(5.0, job=FOUND)
 
 
 def borne(job: Job, setup: Setup, depth: float, under: float) -> bool:
@@ -171,26 +177,6 @@ def test_the_summary_tells_the_depths_that_were_found() -> None:
     made = FOUND.with_values(levels={"depths": "0.1 0.25 1"})
     assert "          bears cuts of 0.1, 0.25, then 1 mm" in post_lines(told | depths_report(made))
     assert not any("bears" in line for line in post_lines(told))
-
-
-BRACKETED = {
-    "diameter": 6.0,
-    "length": LOW,
-    "chuck_diameter": 28.0,
-    "chuck_height": 100.0,
-    "stub_diameter": 13.0,
-    "stub_length": 15.0,
-}
-JOB = Job(holding=BRACKETED)
-STATED = JOB.with_values(levels={"roughing_depth": 1.0})
-
-
-def standing(more: float, high: float = TOP) -> Setup:
-    """A bar of 12 mm on its neck, in a stock that is `more` mm larger all round."""
-    stock = Capsule(np.array([0.0, 0, LOW]), np.array([0.0, 0, high]), RADIUS + more)
-    mesh = cylinder(RADIUS, LOW, high, 0.01)
-    part = Part(mesh, "", len(mesh.faces), "mm", (), np.eye(4), mesh)
-    return Setup(part, stock, Post(3.0, LOW), schedule_of(JOB.levels))
 
 
 def figures(setup: Setup, job: Job) -> Neck:

@@ -44,6 +44,12 @@ def contents(second: SecondProgram) -> Contents:
     return unpack(second.packed_view, "the second clamping")
 
 
+@pytest.fixture
+def keep(second_run: Run, tmp_path: Path) -> Path:
+    """A copy of what the run kept."""
+    return Path(shutil.copytree(second_run[1] / "keep", tmp_path / "keep"))
+
+
 @dataclass(frozen=True)
 class Simulated:
     """What `simulate` makes of a kept text: its report, what it prints, its page."""
@@ -250,18 +256,15 @@ def test_simulate_finds_what_each_text_does_to_the_mesh_as_given(
 
 @pytest.mark.parametrize("name", ["bone.h", "bone.second.h"])
 def test_simulate_refuses_a_text_that_goes_too_deep_into_the_mesh_as_given(
-    second_run: Run, tmp_path: Path, name: str, capsys: pytest.CaptureFixture[str]
+    second_run: Run, keep: Path, tmp_path: Path, name: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """A mesh as given that is 1.5 times as large: every ball would be in it, and nothing was left on it."""
-    folder = second_run[1]
-    keep = tmp_path / "keep"
-    shutil.copytree(folder / "keep", keep)
     given = read_mesh(keep / GIVEN)
     middle = given.bounds.mean(axis=0)
     write_mesh(TriangleMesh(middle + 1.5 * (given.vertices - middle), given.faces), keep / GIVEN)
     report = tmp_path / "again.json"
     outputs = ["--report", str(report), "--cell", "0.2"]
-    assert main(["simulate", str(folder / name), "--keep", str(keep), *outputs]) == 2
+    assert main(["simulate", str(second_run[1] / name), "--keep", str(keep), *outputs]) == 2
     assert re.search(
         r"line \d+: the ball goes [12]\.\d+ mm into the mesh as given at .*, allowed 0\.5\d+: mend the mesh there",
         capsys.readouterr().err,
@@ -271,33 +274,17 @@ def test_simulate_refuses_a_text_that_goes_too_deep_into_the_mesh_as_given(
 
 @pytest.mark.parametrize("name", ["bone.h", "bone.second.h"])
 def test_simulate_tells_that_it_has_no_mesh_as_given(
-    second_run: Run, tmp_path: Path, name: str, capsys: pytest.CaptureFixture[str]
+    second_run: Run, keep: Path, tmp_path: Path, name: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    folder = second_run[1]
-    keep = tmp_path / "keep"
-    shutil.copytree(folder / "keep", keep)
     (keep / GIVEN).unlink()
     report = tmp_path / "again.json"
     outputs = ["--report", str(report), "--cell", "0.2"]
-    assert main(["simulate", str(folder / name), "--keep", str(keep), *outputs]) == 0
+    assert main(["simulate", str(second_run[1] / name), "--keep", str(keep), *outputs]) == 0
     told = f"not judged against the mesh as given: {keep} has no given.ply"
     assert f"as given  {told}" in capsys.readouterr().out
     found = json.loads(report.read_text(encoding="utf-8"))
     assert found["removal"]["given"]["skipped"].startswith(told)
     assert "nc" not in found
-
-
-def test_simulate_refuses_a_report_that_does_not_tell_how_deep_a_program_may_go(
-    second_run: Run, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    folder = second_run[1]
-    keep = tmp_path / "keep"
-    shutil.copytree(folder / "keep", keep)
-    report = json.loads((keep / "report.json").read_text(encoding="utf-8"))
-    del report["surface"]["deviation_max_mm"]
-    (keep / "report.json").write_text(json.dumps(report), encoding="utf-8")
-    assert main(["simulate", str(folder / "bone.h"), "--keep", str(keep), "-q"]) == 2
-    assert "report.json: tells no deviation of the fit" in capsys.readouterr().err
 
 
 def test_the_second_proof_knows_the_mesh_as_given(second: SecondProgram) -> None:
@@ -307,25 +294,25 @@ def test_the_second_proof_knows_the_mesh_as_given(second: SecondProgram) -> None
     assert second.report["removal"]["given"]["left_max_mm"] < 0.3
 
 
-@pytest.mark.parametrize("change", ["gone", "no stock", "another stock"])
-def test_simulate_refuses_a_kept_folder_that_tells_no_stock(
-    second_run: Run, tmp_path: Path, change: str, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize("change", ["gone", "no stock", "another stock", "no deviation"])
+def test_simulate_refuses_a_kept_folder_that_tells_no_stock_or_not_how_deep_a_program_may_go(
+    second_run: Run, keep: Path, change: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    folder = second_run[1]
-    keep = tmp_path / "keep"
-    shutil.copytree(folder / "keep", keep)
     report = json.loads((keep / "report.json").read_text(encoding="utf-8"))
     if change == "another stock":
         report["stock"]["diameter_mm"] = 9.0
+    elif change == "no deviation":
+        del report["surface"]["deviation_max_mm"]
     else:
         del report["stock"]
     (keep / "report.json").write_text(json.dumps(report), encoding="utf-8")
     if change == "gone":
         (keep / "report.json").unlink()
-    assert main(["simulate", str(folder / "bone.h"), "--keep", str(keep), "-q"]) == 2
+    assert main(["simulate", str(second_run[1] / "bone.h"), "--keep", str(keep), "-q"]) == 2
     told = capsys.readouterr().err
     assert "report.json: tells" in told
-    assert "give the folder that `convert --keep` wrote" in told
+    no_deviation, no_stock = "tells no deviation of the fit", "give the folder that `convert --keep` wrote"
+    assert (no_deviation if change == "no deviation" else no_stock) in told
 
 
 def test_simulate_refuses_a_second_text_that_is_not_the_kept_one_or_cuts_with_a_rapid(

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from rows_to_general import as_general
-from tsplines import SECTION_POLES, bone_like, inner_samples, random_tspline, torus_text
+from tsplines import bone_like, inner_samples, random_tspline, torus_text
 
 from bonecam.errors import SurfaceError
 from bonecam.surface import OpenRowTMesh, TMesh, TSpline, fit, read_iga, read_tsm, skin, write_iga, write_tsm
@@ -98,8 +98,8 @@ def test_random_tsplines_come_back_from_their_files(
 
 @settings(max_examples=10)
 @given(seeds, st.integers(6, 12), st.integers(4, 9), st.sampled_from(["s", "t", "st"]), st.booleans())
-def test_rows_stay_what_they_are(seed: int, rows: int, around: int, directions: str) -> None:
-    surface = bone_like(rows, around, seed, poles=SECTION_POLES)
+def test_rows_stay_what_they_are(seed: int, rows: int, around: int, directions: str, poles: bool) -> None:
+    surface = bone_like(rows, around, seed, poles=poles)
     s, t = np.random.default_rng(seed).random((2, 3))
     finer = surface.refine(s, t, directions)
     assert type(finer.tmesh) is type(surface.tmesh)
@@ -110,8 +110,8 @@ def test_rows_stay_what_they_are(seed: int, rows: int, around: int, directions: 
 
 @settings(max_examples=8)
 @given(seeds, st.booleans())
-def test_rows_are_a_general_tmesh(seed: int) -> None:
-    surface = bone_like(8, 6, seed, poles=SECTION_POLES)
+def test_rows_are_a_general_tmesh(seed: int, poles: bool) -> None:
+    surface = bone_like(8, 6, seed, poles=poles)
     general = as_general(surface)
     s, t = np.random.default_rng(seed).random((2, 500))
     width = np.minimum(element_widths(surface, s, t), element_widths(general, s, t))

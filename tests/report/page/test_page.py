@@ -11,6 +11,7 @@ import json
 import re
 import shutil
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -337,16 +338,21 @@ KINDS = {
 }
 
 
-@pytest.fixture(scope="module")
-def machine_page(small_run: Run, browser: Any) -> Iterator[Any]:
-    """The page of the small run in its view of the program, the machine moving."""
+def opened_page(small_run: Run, browser: Any) -> Any:
+    """The page of the small run, opened in its view of the program."""
     opened = browser.new_page(viewport={"width": 1100, "height": 700})
     opened.goto((small_run[1] / "bone.html").as_uri())
     opened.evaluate(READY)
     opened.keyboard.press("4")
-    opened.locator("#machine").check()
-    yield opened
-    opened.close()
+    return opened
+
+
+@pytest.fixture(scope="module")
+def machine_page(small_run: Run, browser: Any) -> Iterator[Any]:
+    """The page of the small run in its view of the program, the machine moving."""
+    with closing(opened_page(small_run, browser)) as opened:
+        opened.locator("#machine").check()
+        yield opened
 
 
 @pytest.fixture(params=KINDS.values(), ids=KINDS)
@@ -430,12 +436,8 @@ def test_it_is_told_what_moves_and_stands_in_other_views(machine_page: Any, smal
 @pytest.fixture(scope="module")
 def program_page(small_run: Run, browser: Any) -> Iterator[Any]:
     """The page of the small run in its view of the program."""
-    opened = browser.new_page(viewport={"width": 1100, "height": 700})
-    opened.goto((small_run[1] / "bone.html").as_uri())
-    opened.evaluate(READY)
-    opened.keyboard.press("4")
-    yield opened
-    opened.close()
+    with closing(opened_page(small_run, browser)) as opened:
+        yield opened
 
 
 @pytest.fixture(scope="module")
