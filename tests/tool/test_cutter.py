@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from mill import Mill, bull, flat
+from round_ends import CORNERS, RADIUS, distances
 
 from bonecam.arrays import lengths
 from bonecam.errors import JobError
@@ -174,26 +174,23 @@ def test_a_cutter_s_own_flutes_feed_and_load_it_and_no_other() -> None:
     assert Job().with_values(mechanics={"flutes": 3}).tool("fine").flutes == 3
 
 
-PROFILES = {"bull": bull(2.0, 0.5), "flat": flat(2.0)}
-
-
 def _cutter(shape: str = "bull", **values: float) -> Cutter:
     job = Job().with_values(roughing={"shape": shape, **values})
     return Cutter.from_job(1, "roughing", job.tool("roughing"))
 
 
-@pytest.mark.parametrize(("shape", "corner"), [("bull", 0.5), ("flat", 0.0)])
+@pytest.mark.parametrize("shape", CORNERS)
 @pytest.mark.parametrize("lead", np.radians([10.0, 30.0, 60.0]))
-def test_the_ball_touches_where_the_cutter_does_and_has_its_effective_radius(
-    shape: str, corner: float, lead: float
-) -> None:
-    ball = enveloping_ball(2.0, corner, lead)
-    mill = Mill(PROFILES[shape], 20.0, 4.0, 30.0)
-    normal, feed = np.array([[0.0, 0.0, 1.0]]), np.array([[1.0, 0.0, 0.0]])
-    axis = np.cos(lead) * normal + np.sin(lead) * feed
-    placed = mill.place(np.zeros((1, 3)), normal, axis)
-    np.testing.assert_allclose(ball.radius * normal - ball.height * axis, placed.tips, atol=1e-12)
-    assert mill.effective_radii(normal, axis, feed)[0] == pytest.approx(ball.radius)
+def test_the_ball_touches_where_the_cutter_does_and_has_its_effective_radius(shape: str, lead: float) -> None:
+    """The corner's arc touches at its angle `lead` from straight down, and is swept round the axis."""
+    corner = CORNERS[shape]
+    ball = enveloping_ball(RADIUS, corner, lead)
+    normal, feed = np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0])
+    axis, across = np.cos(lead) * normal + np.sin(lead) * feed, np.cos(lead) * feed - np.sin(lead) * normal
+    reach = RADIUS - corner + corner * np.sin(lead)
+    tip = -reach * across - corner * (1 - np.cos(lead)) * axis
+    np.testing.assert_allclose(ball.radius * normal - ball.height * axis, tip, atol=1e-12)
+    assert ball.radius == pytest.approx(reach / np.sin(lead))
 
 
 def test_the_ball_of_a_ball_end_is_its_own() -> None:
@@ -201,7 +198,7 @@ def test_the_ball_of_a_ball_end_is_its_own() -> None:
     assert (ball.radius, ball.height) == (2.0, 2.0)
 
 
-@pytest.mark.parametrize("shape", PROFILES)
+@pytest.mark.parametrize("shape", CORNERS)
 def test_the_ball_holds_the_end_of_the_cutter(shape: str) -> None:
     cutter = _cutter(shape)
     for section in cutter.bull_end:
@@ -209,13 +206,12 @@ def test_the_ball_holds_the_end_of_the_cutter(shape: str) -> None:
             assert np.hypot(height - cutter.centre_height, radius) <= cutter.envelope_radius + 1e-9
 
 
-@pytest.mark.parametrize("shape", PROFILES)
+@pytest.mark.parametrize("shape", CORNERS)
 def test_the_cones_touch_the_profile_and_hold_it(shape: str) -> None:
     cutter = _cutter(shape)
-    mill = Mill(PROFILES[shape], cutter.flute_length, 4.0, 30.0)
     rng = np.random.default_rng(3)
     r, h = rng.uniform(0, 2.2, 4000), rng.uniform(-0.2, 8.2, 4000)
-    off = mill.distances(np.column_stack([r, 0 * r, h]), np.zeros(3), np.array([0.0, 0.0, 1.0]))
+    off = distances(shape, cutter.flute_length, np.column_stack([r, 0 * r, h]), np.zeros(3), np.array([0.0, 0.0, 1.0]))
     sine, cosine, bound = cutter.body.T
     held = (np.outer(r, sine) - np.outer(h - cutter.centre_height, cosine) <= bound).all(axis=1)
     assert held[off < 0].all()
@@ -223,17 +219,16 @@ def test_the_cones_touch_the_profile_and_hold_it(shape: str) -> None:
 
 
 @pytest.mark.parametrize("slack", [0.0, 0.01])
-@pytest.mark.parametrize("shape", PROFILES)
+@pytest.mark.parametrize("shape", CORNERS)
 def test_the_mesh_for_fcl_lies_inside_the_profile_by_the_slack(shape: str, slack: float) -> None:
     cutter = _cutter(shape)
     mesh = cutter_mesh(cutter, slack)
-    mill = Mill(PROFILES[shape], cutter.flute_length, 4.0, 30.0)
-    off = mill.distances(mesh.vertices, np.zeros(3), np.array([0.0, 0.0, 1.0]))
+    off = distances(shape, cutter.flute_length, mesh.vertices, np.zeros(3), np.array([0.0, 0.0, 1.0]))
     assert off[mesh.vertices[:, 2] < cutter.flute_length - 1e-6].max() == pytest.approx(-slack, abs=1e-9)
     assert (lengths(mesh.face_vectors) > 0).all()
 
 
-@pytest.mark.parametrize("shape", PROFILES)
+@pytest.mark.parametrize("shape", CORNERS)
 def test_a_bull_nose_or_flat_end_only_roughs_the_levels_of_a_morph(shape: str) -> None:
     machine = read_machine("mikron-ucp600")
     bull_nose = {"shape": shape}

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from mill import Mill, bull, flat
+from round_ends import CORNERS, distances
 from small_parts import FINISHING_CUTTER, PATH_CAPSULE, ROUGHING_CUTTER, UPRIGHT_CAPSULE, capsule_path, path_of, pebble
 
 from bonecam.errors import JobError, ProgramError, VerifyError
@@ -362,10 +362,9 @@ def test_too_small_a_cell_is_refused(text):
 
 
 LONG = {"lead_deg": 30.0, "flute_length": 12.0, "overhang": 40.0}
-PROFILES = {"bull": bull(2.0, 0.5), "flat": flat(2.0)}
 
 
-@pytest.fixture(scope="module", params=PROFILES)
+@pytest.fixture(scope="module", params=CORNERS)
 def job(request) -> Job:
     return Job().with_values(roughing={"shape": request.param, **LONG})
 
@@ -413,11 +412,10 @@ def simulated(ring, job, cutter):
 
 def deepest_by_profile(path: ToolPath, part, shape: str) -> float:
     """How deep a place of the part lies in the cutter at most, mm."""
-    mill = Mill(PROFILES[shape], path.cutter.flute_length, path.cutter.shank_diameter, 40.0)
     s, t = (a.ravel() for a in np.meshgrid(np.linspace(0, 1, 120), np.linspace(0.2, 0.8, 241)))
     points = part.positions(s, t)
     poses = list(zip(path.tips, path.axes))[1:-1:10]
-    return -min(float(mill.distances(points, tip, axis).min()) for tip, axis in poses)
+    return -min(float(distances(shape, path.cutter.flute_length, points, tip, axis).min()) for tip, axis in poses)
 
 
 def test_a_corner_that_leads_cuts_down_to_the_part_and_no_deeper(simulated) -> None:
