@@ -18,7 +18,7 @@ SHARED = Path(__file__).resolve().parents[2] / "shared"
 
 
 @pytest.fixture(scope="session")
-def shared() -> Path:
+def shared():
     if not (SHARED / "meshes").is_dir():
         pytest.skip("the measuring data beside the checkout (../shared) is absent")
     return SHARED

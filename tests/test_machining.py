@@ -61,14 +61,14 @@ def posted():
     return SimpleNamespace(paths=paths, scheduled=scheduled.paths[0], made=made, text=again, told=told)
 
 
-def test_the_highest_peaks_are_lower_and_most_of_the_time_is_at_the_target(posted) -> None:
+def test_the_highest_peaks_are_lower_and_most_of_the_time_is_at_the_target(posted):
     (cutter,) = posted.told["cutters"]
     (before, after), target = cutter["peak_p95_n"], cutter["target_n"]
     assert before > 1.15 * target
     assert after == pytest.approx(target, rel=0.08)
 
 
-def test_no_feed_rubs_or_takes_a_larger_chip_and_they_are_few(posted) -> None:
+def test_no_feed_rubs_or_takes_a_larger_chip_and_they_are_few(posted):
     (one,), (path,) = posted.made, posted.paths
     cuts = path.kinds == MoveKind.CUT
     feeds = one.feed_rates[cuts]
@@ -81,7 +81,7 @@ def test_no_feed_rubs_or_takes_a_larger_chip_and_they_are_few(posted) -> None:
     assert np.array_equal(one.feed_rates[~cuts], path.feed_rates[~cuts])
 
 
-def test_the_control_takes_them_and_refuses_them_where_the_job_has_one_feed(posted) -> None:
+def test_the_control_takes_them_and_refuses_them_where_the_job_has_one_feed(posted):
     motions = read_program(posted.text, MACHINE, DIALECT)
     cutters = {1: posted.made[0].cutter}
     check_feeds_of_job(motions, DIALECT, JOB, cutters)
@@ -89,7 +89,7 @@ def test_the_control_takes_them_and_refuses_them_where_the_job_has_one_feed(post
         check_feeds_of_job(motions, DIALECT, Job(nc={"plunge_feed": 100.0}), cutters)
 
 
-def test_a_force_that_is_not_asked_gives_no_feeds() -> None:
+def test_a_force_that_is_not_asked_gives_no_feeds():
     with pytest.raises(JobError, match=r"\[path\] feed = 'force'.*leave out --no-simulation"):
         check_force_asked(JOB, asked=False)
     check_force_asked(Job(), asked=False)
@@ -120,7 +120,7 @@ HELD = {
         (Job(holding=HELD, levels={"depths": "found"}), True),
     ],
 )
-def test_depths_are_found_where_they_are_left_open_whoever_chose_the_neck(job: Job, found: bool) -> None:
+def test_depths_are_found_where_they_are_left_open_whoever_chose_the_neck(job, found):
     standing = stand_part(PHALANX, job, read_machine(job.nc.machine), StageTimes(), silent)
     assert ("depths_found" in standing.post) == found
     levels = standing.job.levels
@@ -133,7 +133,7 @@ def test_depths_are_found_where_they_are_left_open_whoever_chose_the_neck(job: J
 
 
 @pytest.mark.whole
-def test_a_neck_that_breaks_is_refused_with_one_that_is_found_for_a_remedy() -> None:
+def test_a_neck_that_breaks_is_refused_with_one_that_is_found_for_a_remedy():
     thin = Job(holding=HELD | {"diameter": 2.0})
     with pytest.raises(BonecamError, match=r"the neck does not hold.*2 x 3 mm.*holding\.diameter = 0"):
         stand_part(PHALANX, thin, read_machine(thin.nc.machine), StageTimes(), silent)

@@ -23,7 +23,7 @@ JOB = Job().with_values(nc={"machine": "linuxcnc-xyzac", "controller": "linuxcnc
 
 
 @pytest.fixture
-def part(tmp_path: Path) -> Path:
+def part(tmp_path):
     """A capsule that the paths pass over."""
     file = tmp_path / "part.ply"
     write_mesh(Capsule(np.array([0.0, 0, 12]), np.array([0.0, 0, 24]), 3.0).mesh(0.05), file)
@@ -41,7 +41,7 @@ def apt(tmp_path: Path, tips: np.ndarray = TIPS, axis: np.ndarray = AXIS, cutter
     return file
 
 
-def test_foreign_cutter_locations_are_posted_and_read_back(part: Path, tmp_path: Path) -> None:
+def test_foreign_cutter_locations_are_posted_and_read_back(part, tmp_path):
     made = bonecam.post(apt(tmp_path), part, JOB, program=tmp_path / "ours.ngc")
     text = (tmp_path / "ours.ngc").read_text()
     motions = read_program(text, read_machine("linuxcnc-xyzac"), read_dialect("linuxcnc"))
@@ -52,7 +52,7 @@ def test_foreign_cutter_locations_are_posted_and_read_back(part: Path, tmp_path:
     assert "gouge" in made.summary
 
 
-def test_a_program_goes_from_one_machine_and_control_to_another(part: Path, tmp_path: Path) -> None:
+def test_a_program_goes_from_one_machine_and_control_to_another(part, tmp_path):
     bonecam.post(apt(tmp_path), part, JOB, program=tmp_path / "first.ngc")
     wanted = JOB.with_values(nc={"machine": "dmu-45", "controller": "siemens-840d"})
     origin = "linuxcnc-xyzac", "linuxcnc"
@@ -64,9 +64,7 @@ def test_a_program_goes_from_one_machine_and_control_to_another(part: Path, tmp_
 
 
 @pytest.mark.parametrize("marked", [True, False])
-def test_cuts_faster_than_a_slower_spindle_allows_stay_cuts_and_are_slowed(
-    marked: bool, part: Path, tmp_path: Path
-) -> None:
+def test_cuts_faster_than_a_slower_spindle_allows_stay_cuts_and_are_slowed(marked, part, tmp_path):
     paths = apt(tmp_path)
     text = paths.read_text().replace("300.0", "1847.0")
     paths.write_text(text.replace("FEDRAT", "PPRINT/CUT\nFEDRAT") if marked else text)
@@ -82,7 +80,7 @@ def test_cuts_faster_than_a_slower_spindle_allows_stay_cuts_and_are_slowed(
     assert "feed      3 cuts slowed" in made.summary
 
 
-def test_moves_as_fast_as_links_are_links_where_no_mark_tells(part: Path, tmp_path: Path) -> None:
+def test_moves_as_fast_as_links_are_links_where_no_mark_tells(part, tmp_path):
     paths = apt(tmp_path)
     lines = paths.read_text().replace("300.0", f"{JOB.nc.link_feed}").splitlines()
     lines.insert(len(lines) - 5, "FEDRAT/MMPM,300.0")
@@ -92,7 +90,7 @@ def test_moves_as_fast_as_links_are_links_where_no_mark_tells(part: Path, tmp_pa
     assert made.slowed == 0
 
 
-def test_foreign_paths_that_gouge_are_refused_and_not_written(part: Path, tmp_path: Path) -> None:
+def test_foreign_paths_that_gouge_are_refused_and_not_written(part, tmp_path):
     deep = TIPS - [0.0, 0.0, 6.0]
     with pytest.raises(VerifyError, match="the ball enters the part"):
         bonecam.post(apt(tmp_path, deep), part, JOB, program=tmp_path / "ours.ngc")
@@ -103,14 +101,12 @@ def test_foreign_paths_that_gouge_are_refused_and_not_written(part: Path, tmp_pa
     ("changed", "why"),
     [({"cutter": "2.0,0.5"}, "no ball: give paths of ball-end"), ({"cutter": "6.0,3.0"}, "a ball of radius 3 mm")],
 )
-def test_a_cutter_that_the_job_does_not_have_is_named(
-    changed: dict[str, str], why: str, part: Path, tmp_path: Path
-) -> None:
+def test_a_cutter_that_the_job_does_not_have_is_named(changed, why, part, tmp_path):
     with pytest.raises(ProgramError, match=why):
         bonecam.post(apt(tmp_path, **changed), part, JOB)  # type: ignore[arg-type]
 
 
-def test_an_axis_that_the_machine_does_not_have_is_named(part: Path, tmp_path: Path) -> None:
+def test_an_axis_that_the_machine_does_not_have_is_named(part, tmp_path):
     wanted = JOB.with_values(nc={"machine": "mill-4axis"})
     told = (
         r"^mill-4axis: 5 of 5 moves lean the tool by 30\.0 deg as its axes cannot, in level 0; on it the tool leans "
@@ -121,7 +117,7 @@ def test_an_axis_that_the_machine_does_not_have_is_named(part: Path, tmp_path: P
 
 
 @pytest.fixture
-def kept(tmp_path: Path) -> Path:
+def kept(tmp_path):
     """What a run keeps of its part: the surface, and a mesh of it that lies far outside, as a coarse one may."""
     folder = tmp_path / "kept"
     surface = revolved(lambda share, azimuth: 3.0 + 0 * azimuth, low=9.0, high=27.0)
@@ -132,23 +128,23 @@ def kept(tmp_path: Path) -> Path:
 
 
 @pytest.mark.parametrize("name", ["", "level_00.ply", "surface.tspline"])
-def test_the_surface_of_a_kept_folder_stands_for_its_mesh(name: str, kept: Path, tmp_path: Path) -> None:
+def test_the_surface_of_a_kept_folder_stands_for_its_mesh(name, kept, tmp_path):
     assert "gouge" in bonecam.post(apt(tmp_path), kept / name, JOB).summary
 
 
-def test_a_kept_mesh_that_was_changed_is_a_mesh_of_its_own(kept: Path, tmp_path: Path) -> None:
+def test_a_kept_mesh_that_was_changed_is_a_mesh_of_its_own(kept, tmp_path):
     with (kept / "level_00.ply").open("ab") as file:
         file.write(b"\n")
     with pytest.raises(VerifyError, match="the ball enters the part"):
         bonecam.post(apt(tmp_path), kept / "level_00.ply", JOB)
 
 
-def test_a_gouge_of_the_kept_surface_is_refused(kept: Path, tmp_path: Path) -> None:
+def test_a_gouge_of_the_kept_surface_is_refused(kept, tmp_path):
     with pytest.raises(VerifyError, match="the ball enters the part"):
         bonecam.post(apt(tmp_path, TIPS - [0.0, 0.0, 6.0]), kept, JOB)
 
 
-def test_no_part_and_no_kept_folder_are_one_line(tmp_path: Path) -> None:
+def test_no_part_and_no_kept_folder_are_one_line(tmp_path):
     with pytest.raises(JobError, match="no part is named"):
         bonecam.post(apt(tmp_path), job=JOB)
     with pytest.raises(FileError, match="is no folder: give the one"):

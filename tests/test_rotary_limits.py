@@ -1,7 +1,6 @@
 """A part on machines whose turntable has limits: from its levels, made once, to a simulated program."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -29,14 +28,12 @@ SMALL = Job().with_values(
 
 
 @pytest.fixture(scope="module")
-def levels() -> bonecam.Morphed:
+def levels():
     return bonecam.morph_levels(Capsule(np.array([0.0, 0, 2.5]), np.array([0.0, 0, 7.5]), 2.5).mesh(0.05), SMALL)
 
 
 @pytest.mark.parametrize(("low", "high", "orientation"), [(-360, 360, "lead"), (0, 360, "lead"), (-185, 185, "cones")])
-def test_a_turntable_with_limits_gets_a_program_that_keeps_them(
-    low: int, high: int, orientation: str, levels: bonecam.Morphed, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_turntable_with_limits_gets_a_program_that_keeps_them(low, high, orientation, levels, tmp_path, monkeypatch):
     text = (MACHINES / "mikron-ucp600.toml").read_text(encoding="utf-8")
     file = tmp_path / "limited.toml"
     file.write_text(text.replace("endless = true", f"limits_deg = [{low}.0, {high}.0]"), encoding="utf-8")

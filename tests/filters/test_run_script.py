@@ -25,27 +25,27 @@ def script(folder: Path, *filters: str) -> Path:
     return path
 
 
-def test_a_script_works_in_a_process_of_its_own(tmp_path: Path) -> None:
+def test_a_script_works_in_a_process_of_its_own(tmp_path):
     seen: list[str] = []
     written = run_script(script(tmp_path, CUBE), [], tmp_path / "out", progress=lambda share, what: seen.append(what))
     assert [path.name for path in written] == ["Box_Cube.ply"]
     assert seen == ["line 2: create_cube"]
 
 
-def test_a_script_that_takes_too_long_is_stopped(tmp_path: Path) -> None:
+def test_a_script_that_takes_too_long_is_stopped(tmp_path):
     with pytest.raises(FilterError, match=r"mlx, line 3: create_sphere: took more than 10 s: .*--time-limit") as caught:
         run_script(script(tmp_path, CUBE, ENDLESS), [], tmp_path / "out", seconds=10.0)
     assert caught.value.evidence == {"filter": "create_sphere", "line": 3}
     assert not (tmp_path / "out").exists()
 
 
-def test_a_script_that_wants_too_much_memory_is_stopped(tmp_path: Path) -> None:
+def test_a_script_that_wants_too_much_memory_is_stopped(tmp_path):
     with pytest.raises(FilterError, match=r"line 3: create_sphere: wanted more memory .*--memory-limit"):
         run_script(script(tmp_path, CUBE, ENDLESS), [], tmp_path / "out", memory=0.6)
     assert not (tmp_path / "out").exists()
 
 
-def test_the_command_line_tells_and_takes_the_limits(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_line_tells_and_takes_the_limits(tmp_path, capsys):
     with pytest.raises(SystemExit):
         main(["script", "--help"])
     told = " ".join(capsys.readouterr().out.split())
@@ -64,12 +64,12 @@ def test_the_command_line_tells_and_takes_the_limits(tmp_path: Path, capsys: pyt
 
 
 @pytest.mark.parametrize("limit", [{"seconds": 0.0}, {"memory": 1e300}, {"seconds": float("nan")}])
-def test_a_limit_that_is_none_is_a_wrong_call(limit: dict[str, float], tmp_path: Path) -> None:
+def test_a_limit_that_is_none_is_a_wrong_call(limit, tmp_path):
     with pytest.raises(ValueError, match=rf"{next(iter(limit))} = .*: give a number above 0, at most 1,000,000"):
         run_script(script(tmp_path, CUBE), [], tmp_path / "out", **limit)
 
 
-def test_a_script_without_filters_and_meshes_prints_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_script_without_filters_and_meshes_prints_nothing(tmp_path, capsys):
     call = ["script", str(script(tmp_path)), "-o", str(tmp_path / "out")]
     assert main([*call, "--time-limit", "0.01"]) == 2
     assert "its beginning: took more than 0.01 s:" in capsys.readouterr().err
@@ -77,13 +77,13 @@ def test_a_script_without_filters_and_meshes_prints_nothing(tmp_path: Path, caps
     assert capsys.readouterr().out == ""
 
 
-def test_a_script_is_cancelled_by_its_progress(tmp_path: Path) -> None:
+def test_a_script_is_cancelled_by_its_progress(tmp_path):
     with pytest.raises(Cancelled):
         run_script(script(tmp_path, CUBE, ENDLESS), [], tmp_path / "out", progress=lambda share, what: False)
     assert not (tmp_path / "out").exists()
 
 
-def test_what_ends_meshlab_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_ends_meshlab_is_one_line(tmp_path, monkeypatch):
     monkeypatch.delenv("DISPLAY", raising=False)
     meshes = MeshSet()
     meshes.create_cube()
@@ -94,7 +94,7 @@ def test_what_ends_meshlab_is_one_line(tmp_path: Path, monkeypatch: pytest.Monke
     assert sorted(os.listdir(tmp_path)) == ["script.mlx"]
 
 
-def test_projects_and_rasters_are_tried_in_a_process_of_their_own(tmp_path: Path) -> None:
+def test_projects_and_rasters_are_tried_in_a_process_of_their_own(tmp_path):
     meshes = MeshSet()
     meshes.create_cube()
     meshes.save_current_mesh(str(tmp_path / "cube.ply"))
@@ -117,7 +117,7 @@ def test_projects_and_rasters_are_tried_in_a_process_of_their_own(tmp_path: Path
     assert meshes.mesh_number() == 2
 
 
-def test_a_filter_that_may_end_the_process_works_where_it_does_not(tmp_path: Path) -> None:
+def test_a_filter_that_may_end_the_process_works_where_it_does_not(tmp_path):
     meshes = MeshSet()
     meshes.create_cube()
     meshes.save_current_mesh(str(tmp_path / "cube.ply"))

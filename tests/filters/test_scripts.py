@@ -15,8 +15,8 @@ import pytest
 from small_parts import PAINTED_PLY
 
 from bonecam.cli import main
-from bonecam.errors import BonecamError, Cancelled, FileError, FilterError, StockError
-from bonecam.filters import MeshSet, Registry, apply_script, run_script
+from bonecam.errors import Cancelled, FileError, FilterError, StockError
+from bonecam.filters import MeshSet, apply_script, run_script
 from bonecam.filters.meshlab_values import CAMERAS, FilterCall, ScriptParameter, converted, free_texts, write_script
 from bonecam.filters.script_on_mesh import read_script
 from bonecam.filters.scripts import NAMES, READ, TEXTS, TEXTURES
@@ -44,7 +44,7 @@ def script(folder: Path, *filters: str) -> Path:
     return path
 
 
-def test_a_mixed_script_does_what_the_calls_do(tmp_path: Path, phalanx: Path, registry: Registry) -> None:
+def test_a_mixed_script_does_what_the_calls_do(tmp_path, phalanx, registry):
     written = run_script(script(tmp_path, REMESH, MOVE, SMOOTH), [phalanx], tmp_path / "out", registry=registry)
     assert [path.name for path in written] == ["moved.ply", "phalanx.ply"]
     by_hand = pymeshlab.MeshSet()
@@ -60,7 +60,7 @@ def test_a_mixed_script_does_what_the_calls_do(tmp_path: Path, phalanx: Path, re
     assert np.allclose(found.current_mesh().vertex_matrix(), by_hand.current_mesh().vertex_matrix(), atol=1e-4)
 
 
-def test_two_runs_write_the_same_bytes(tmp_path: Path, phalanx: Path, registry: Registry) -> None:
+def test_two_runs_write_the_same_bytes(tmp_path, phalanx, registry):
     for name in ("first", "second"):
         run_script(script(tmp_path, REMESH, MOVE), [phalanx], tmp_path / name, registry=registry)
     for item in (tmp_path / "first").iterdir():
@@ -90,9 +90,7 @@ def test_two_runs_write_the_same_bytes(tmp_path: Path, phalanx: Path, registry: 
         (SECTION.replace('"0"', '"zzz"'), 13, "'Custom Axis': mend the value"),
     ],
 )
-def test_wrong_scripts_fail_with_their_line_before_anything_ran(
-    tmp_path: Path, registry: Registry, bad: str, line: int, reason: str
-) -> None:
+def test_wrong_scripts_fail_with_their_line_before_anything_ran(tmp_path, registry, bad, line, reason):
     first = MOVE.replace("</filter>", '<Param type="RichSaveFile" value="ran.txt" name="file"/></filter>')
     path = script(tmp_path, REMESH, first, "\n", bad)
     with pytest.raises(FilterError, match=reason) as caught:
@@ -124,16 +122,14 @@ def test_wrong_scripts_fail_with_their_line_before_anything_ran(
         ([' <filter name="Delete Current Mesh"/>\n', MOVE], FilterError, "line 4: there is no layer"),
     ],
 )
-def test_a_run_that_fails_names_the_line_and_writes_nothing(
-    tmp_path: Path, phalanx: Path, registry: Registry, filters: list[str], kind: type[BonecamError], reason: str
-) -> None:
+def test_a_run_that_fails_names_the_line_and_writes_nothing(tmp_path, phalanx, registry, filters, kind, reason):
     path = script(tmp_path, *filters)
     with pytest.raises(kind, match=reason):
         run_script(path, [phalanx], tmp_path / "out", registry=registry)
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_a_missing_or_broken_mesh_is_a_file_error(tmp_path: Path, registry: Registry) -> None:
+def test_a_missing_or_broken_mesh_is_a_file_error(tmp_path, registry):
     (tmp_path / "text.stl").write_text("no mesh\n")
     for name in ("none.ply", "text.stl", "mesh.docx"):
         with pytest.raises(FileError, match=name):
@@ -141,26 +137,26 @@ def test_a_missing_or_broken_mesh_is_a_file_error(tmp_path: Path, registry: Regi
     assert not (tmp_path / "out").exists()
 
 
-def test_a_folder_that_cannot_be_made_is_refused_before_anything_ran(tmp_path: Path, registry: Registry) -> None:
+def test_a_folder_that_cannot_be_made_is_refused_before_anything_ran(tmp_path, registry):
     path = script(tmp_path, SMOOTH)
     with pytest.raises(FileError, match="is a file: name a folder"):
         run_script(path, [tmp_path / "none.ply"], path, registry=registry)
 
 
-def test_cancelling_writes_nothing(tmp_path: Path, phalanx: Path, registry: Registry) -> None:
+def test_cancelling_writes_nothing(tmp_path, phalanx, registry):
     with pytest.raises(Cancelled):
         run_script(script(tmp_path, SMOOTH), [phalanx], tmp_path / "out", lambda fraction, message: False, registry)
     assert not (tmp_path / "out").exists()
 
 
-def test_files_of_filters_and_layers_of_one_name_stay_apart(tmp_path: Path, phalanx: Path, registry: Registry) -> None:
+def test_files_of_filters_and_layers_of_one_name_stay_apart(tmp_path, phalanx, registry):
     file = MOVE.replace("</filter>", '<Param type="RichSaveFile" value="note.txt" name="file"/></filter>')
     written = run_script(script(tmp_path, file, MOVE), [phalanx, phalanx], tmp_path / "out", registry=registry)
     assert [path.name for path in written] == ["moved.ply", "moved_1.ply", "note.txt", "phalanx.ply", "phalanx_1.ply"]
     assert all(path.is_file() for path in written)
 
 
-def test_parsed_steps_and_written_calls_agree(tmp_path: Path, registry: Registry) -> None:
+def test_parsed_steps_and_written_calls_agree(tmp_path, registry):
     calls = [
         FilterCall("generate_offset", (ScriptParameter("distance", "RichPercentage", {"value": "2.5"}),)),
         FilterCall("Apply Turn"),
@@ -170,8 +166,8 @@ def test_parsed_steps_and_written_calls_agree(tmp_path: Path, registry: Registry
     assert [(step.name, step.values) for step in steps] == [("generate_offset", {"distance": 2.5}), ("apply_turn", {})]
 
 
-def test_values_of_meshlab_s_types_are_converted() -> None:
-    def value(kind: str, **attributes: str) -> object:
+def test_values_of_meshlab_s_types_are_converted():
+    def value(kind, **attributes):
         return converted(ScriptParameter("p", kind, attributes))
 
     assert value("RichBool", value="true") is True
@@ -184,7 +180,7 @@ def test_values_of_meshlab_s_types_are_converted() -> None:
     assert isinstance(value("RichAbsPerc", value="3%"), pymeshlab.PercentageValue)
 
 
-def test_a_script_that_meshlab_saved_runs_to_the_same_mesh(tmp_path: Path, phalanx: Path, registry: Registry) -> None:
+def test_a_script_that_meshlab_saved_runs_to_the_same_mesh(tmp_path, phalanx, registry):
     meshes = pymeshlab.MeshSet()
     meshes.load_new_mesh(str(phalanx))
     meshes.compute_matrix_from_rotation(angle=10)
@@ -202,7 +198,7 @@ def test_a_script_that_meshlab_saved_runs_to_the_same_mesh(tmp_path: Path, phala
     assert np.allclose(found.current_mesh().vertex_matrix(), meshes.current_mesh().vertex_matrix(), atol=1e-5)
 
 
-def test_a_cad_part_is_a_layer_like_a_mesh(tmp_path: Path, registry: Registry) -> None:
+def test_a_cad_part_is_a_layer_like_a_mesh(tmp_path, registry):
     pytest.importorskip("ezdxf", reason="ezdxf is not installed: pip install 'bonecam[cad]'")
     from ezdxf.acis import api
     from ezdxf.render import forms
@@ -212,7 +208,7 @@ def test_a_cad_part_is_a_layer_like_a_mesh(tmp_path: Path, registry: Registry) -
     assert written.name == "block.ply"
 
 
-def test_what_is_no_mesh_is_refused_by_its_name(tmp_path: Path, registry: Registry) -> None:
+def test_what_is_no_mesh_is_refused_by_its_name(tmp_path, registry):
     (tmp_path / "scans").mkdir()
     (tmp_path / "notes.md").write_text("no mesh")
     for name, trouble in (
@@ -237,7 +233,7 @@ CUBE = '<filter name="create_cube"/>'
 
 
 @pytest.fixture
-def folder(tmp_path: Path) -> Path:
+def folder(tmp_path):
     """A folder for the script and its mesh, which is that of the process in none of the tests."""
     (tmp_path / "given").mkdir()
     return tmp_path / "given"
@@ -256,9 +252,7 @@ def files(folder: Path) -> set[str]:
 
 @pytest.mark.parametrize("writes", [OURS, CAMERAS_OUT, TEXTURE], ids=["ours", "cameras", "texture"])
 @pytest.mark.parametrize("name", ["../evil", "a/../../evil", "{}/evil", "/dev/shm/evil"])
-def test_no_script_writes_outside_the_folder_of_outputs(
-    writes: str, name: str, folder: Path, tmp_path: Path, registry: Registry
-) -> None:
+def test_no_script_writes_outside_the_folder_of_outputs(writes, name, folder, tmp_path, registry):
     path = cube_script(folder, writes.format(name.format(tmp_path)))
     with pytest.raises(FilterError, match=r"leads out of the folder of outputs: .*--allow-outside") as caught:
         run_script(path, [], tmp_path / "out", registry=registry)
@@ -267,9 +261,7 @@ def test_no_script_writes_outside_the_folder_of_outputs(
 
 
 @pytest.mark.parametrize(("writes", "written"), [(OURS, "b/in"), (CAMERAS_OUT, "b/in.out"), (TEXTURE, "b/in.png")])
-def test_what_a_script_names_is_written_into_the_folder(
-    writes: str, written: str, folder: Path, tmp_path: Path, registry: Registry, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_a_script_names_is_written_into_the_folder(writes, written, folder, tmp_path, registry, monkeypatch):
     monkeypatch.chdir(folder)
     name = written if writes is not CAMERAS_OUT else "b/in"
     run_script(cube_script(folder, writes.format(name)), [], tmp_path / "out", registry=registry)
@@ -277,9 +269,7 @@ def test_what_a_script_names_is_written_into_the_folder(
     assert files(folder) == {"script.mlx"}
 
 
-def test_a_file_that_meshlab_names_by_itself_is_written_into_the_folder(
-    folder: Path, tmp_path: Path, registry: Registry, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_file_that_meshlab_names_by_itself_is_written_into_the_folder(folder, tmp_path, registry, monkeypatch):
     monkeypatch.chdir(folder)
     run_script(
         cube_script(folder, '<filter name="save_active_raster_cameras"/>'), [], tmp_path / "out", registry=registry
@@ -288,9 +278,7 @@ def test_a_file_that_meshlab_names_by_itself_is_written_into_the_folder(
     assert files(folder) == {"script.mlx"}
 
 
-def test_what_cannot_take_its_place_is_refused_before_anything_ran(
-    folder: Path, tmp_path: Path, registry: Registry
-) -> None:
+def test_what_cannot_take_its_place_is_refused_before_anything_ran(folder, tmp_path, registry):
     out, other = tmp_path / "out", tmp_path / "other"
     out.mkdir()
     other.mkdir()
@@ -320,9 +308,7 @@ def test_what_cannot_take_its_place_is_refused_before_anything_ran(
     assert not files(other)
 
 
-def test_a_file_that_is_there_is_written_over_by_force_only_or_where_a_run_wrote_it(
-    folder: Path, tmp_path: Path, registry: Registry
-) -> None:
+def test_a_file_that_is_there_is_written_over_by_force_only_or_where_a_run_wrote_it(folder, tmp_path, registry):
     out = tmp_path / "out"
     out.mkdir()
     for name in ("note.txt", "moved.ply"):
@@ -340,9 +326,7 @@ def test_a_file_that_is_there_is_written_over_by_force_only_or_where_a_run_wrote
 
 
 @pytest.mark.parametrize("reads", [PICTURE, CSV], ids=["picture", "csv"])
-def test_a_script_reads_what_is_beside_it_and_nothing_else(
-    reads: str, folder: Path, tmp_path: Path, registry: Registry
-) -> None:
+def test_a_script_reads_what_is_beside_it_and_nothing_else(reads, folder, tmp_path, registry):
     (tmp_path / "t.png").write_bytes(b"")
     for name in ("../t.png", str(tmp_path / "t.png"), "/etc/passwd"):
         with pytest.raises(FilterError, match=r"is not in the folder of the script or of an input"):
@@ -355,7 +339,7 @@ def test_a_script_reads_what_is_beside_it_and_nothing_else(
     assert not (tmp_path / "out").exists()
 
 
-def test_a_texture_beside_the_script_is_read(folder: Path, tmp_path: Path, registry: Registry) -> None:
+def test_a_texture_beside_the_script_is_read(folder, tmp_path, registry):
     run_script(cube_script(folder, TEXTURE.format("t.png")), [], tmp_path / "first", registry=registry)
     (folder / "t.png").write_bytes((tmp_path / "first" / "t.png").read_bytes())
     run_script(cube_script(folder, PICTURE.format("t.png")), [], tmp_path / "out", registry=registry)
@@ -367,9 +351,7 @@ TRIANGLE = "mtllib {}\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl skin\nf 1/1 2/1
 
 @pytest.mark.parametrize("kind", ["ply", "materials", "texture"])
 @pytest.mark.parametrize("name", ["../t.png", "..\\t.png", "{}/t.png", "link.png", "cwd.png"])
-def test_an_input_brings_no_file_of_another_folder(
-    kind: str, name: str, folder: Path, tmp_path: Path, registry: Registry, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_input_brings_no_file_of_another_folder(kind, name, folder, tmp_path, registry, monkeypatch):
     (tmp_path / "first").mkdir()
     run_script(cube_script(tmp_path, TEXTURE.format("t.png")), [], tmp_path / "first", registry=registry)
     (tmp_path / "elsewhere").mkdir()
@@ -392,9 +374,7 @@ def test_an_input_brings_no_file_of_another_folder(
         assert any(name.endswith(".png") for name in files(tmp_path / "out"))
 
 
-def test_an_input_of_a_kind_that_names_files_is_allowed_by_name_only(
-    folder: Path, tmp_path: Path, registry: Registry
-) -> None:
+def test_an_input_of_a_kind_that_names_files_is_allowed_by_name_only(folder, tmp_path, registry):
     (folder / "a.gltf").write_text("{}")
     for allowed, what in ((False, "may name files anywhere: .*--allow-outside"), (True, "Failed opening gltf")):
         with pytest.raises(FileError, match=rf"a\.gltf: .*{what}"):
@@ -403,7 +383,7 @@ def test_an_input_of_a_kind_that_names_files_is_allowed_by_name_only(
             )
 
 
-def test_the_command_line_allows_both(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_line_allows_both(folder, tmp_path, capsys):
     (tmp_path / "evil.out").write_text("old")
     call = ["script", str(cube_script(folder, CAMERAS_OUT.format("../evil.out"))), "-o", str(tmp_path / "out"), "-q"]
     assert main(call) == 2
@@ -414,7 +394,7 @@ def test_the_command_line_allows_both(folder: Path, tmp_path: Path, capsys: pyte
     assert (tmp_path / "evil.out").read_text() != "old"
 
 
-def test_a_mesh_set_s_scripts_stay_in_its_folder(folder: Path, tmp_path: Path, registry: Registry) -> None:
+def test_a_mesh_set_s_scripts_stay_in_its_folder(folder, tmp_path, registry):
     meshes = MeshSet(registry=registry, folder=tmp_path)
     meshes.load_filter_script(str(cube_script(folder, OURS.format("../evil"))))
     with pytest.raises(FilterError, match=r"script\.mlx, line 3: file '../evil' leads out"):
@@ -429,7 +409,7 @@ def test_a_mesh_set_s_scripts_stay_in_its_folder(folder: Path, tmp_path: Path, r
         meshes.apply_filter_script()
 
 
-def test_nothing_is_sent_away(folder: Path, tmp_path: Path, registry: Registry) -> None:
+def test_nothing_is_sent_away(folder, tmp_path, registry):
     with pytest.raises(FilterError, match=r"line 3: export_mesh_to_sketchfab sends the mesh"):
         run_script(
             cube_script(folder, '<filter name="export_mesh_to_sketchfab"/>'), [], tmp_path / "out", registry=registry
@@ -437,14 +417,12 @@ def test_nothing_is_sent_away(folder: Path, tmp_path: Path, registry: Registry) 
 
 
 @pytest.mark.parametrize("name", sorted(CAMERAS))
-def test_a_filter_on_which_pymeshlab_ends_the_process_is_refused(
-    name: str, folder: Path, tmp_path: Path, registry: Registry
-) -> None:
+def test_a_filter_on_which_pymeshlab_ends_the_process_is_refused(name, folder, tmp_path, registry):
     with pytest.raises(FilterError, match=r"takes a camera"):
         run_script(cube_script(folder, f'<filter name="{name}"/>'), [], tmp_path / "out", registry=registry)
 
 
-def test_every_free_text_of_meshlab_is_known() -> None:
+def test_every_free_text_of_meshlab_is_known():
     order = "import sys; from bonecam.filters.meshlab_values import free_texts; free_texts(sys.argv[1])"
     ended = subprocess.run([sys.executable, "-c", order, "set_camera_per_mesh"], capture_output=True, check=False)
     assert ended.returncode != 0

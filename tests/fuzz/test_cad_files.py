@@ -68,7 +68,7 @@ COUNTS = [*((name, DEFAULT) for name in ("a.sat", "a.dxf")), *((name, CHILDREN) 
         *(pytest.param(name, MANY, id=f"{name}-many", marks=pytest.mark.fuzz) for name in WRITERS),
     ],
 )
-def test_a_damaged_cad_file_gives_a_mesh_or_one_line(name: str, count: int, tmp_path: Path) -> None:
+def test_a_damaged_cad_file_gives_a_mesh_or_one_line(name, count, tmp_path):
     rng = random.Random(name)
     file = tmp_path / name
     WRITERS[name](file)
@@ -89,7 +89,7 @@ def test_a_damaged_cad_file_gives_a_mesh_or_one_line(name: str, count: int, tmp_
         *(pytest.param(name, MANY, id=f"{name}-many", marks=pytest.mark.fuzz) for name in SURFACES),
     ],
 )
-def test_a_damaged_file_of_a_surface_gives_its_faces_or_one_line(name: str, count: int, tmp_path: Path) -> None:
+def test_a_damaged_file_of_a_surface_gives_its_faces_or_one_line(name, count, tmp_path):
     rng = random.Random(f"surface {name}")
     file = tmp_path / name
     SURFACES[name](pebble(), file)

@@ -57,7 +57,7 @@ def patch() -> TSpline:
 
 
 @pytest.fixture(scope="session")
-def sound(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
+def sound(tmp_path_factory):
     """A sound file of every kind."""
     folder = tmp_path_factory.mktemp("sound")
     surface = pebble()
@@ -154,9 +154,7 @@ def retype_value(rng: random.Random, data: bytes) -> bytes:
     "count", [pytest.param(DEFAULT, id="few"), pytest.param(MANY, id="many", marks=pytest.mark.fuzz)]
 )
 @pytest.mark.parametrize("name", READERS)
-def test_a_damaged_text_gives_a_result_or_one_line(
-    name: str, count: int, sound: dict[str, bytes], tmp_path: Path
-) -> None:
+def test_a_damaged_text_gives_a_result_or_one_line(name, count, sound, tmp_path):
     rng = random.Random(name)
     file = tmp_path / name
     file.write_bytes(sound[name])
@@ -191,6 +189,6 @@ HOSTILE = {
 
 
 @pytest.mark.parametrize("name", HOSTILE)
-def test_a_hostile_text_gives_one_line(name: str, tmp_path: Path) -> None:
+def test_a_hostile_text_gives_one_line(name, tmp_path):
     (tmp_path / name).write_text(HOSTILE[name])
     assert outcome(READERS[name], tmp_path / name)

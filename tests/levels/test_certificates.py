@@ -3,7 +3,6 @@ exceeds a bound.
 """
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,7 +11,7 @@ from numpy import ndarray
 
 from bonecam.job import Job, MeshJob
 from bonecam.kernels.hulls import halve, mapped_distance_bound, separation
-from bonecam.levels import Certificate, Morph, RoundedLevel, certify, levels_in, morph
+from bonecam.levels import RoundedLevel, certify, levels_in, morph
 from bonecam.levels.certificates import (
     HALVES,
     MARGIN,
@@ -42,7 +41,7 @@ from bonecam.levels.open_morph import body_surfaces
 from bonecam.levels.problem import DEPTH_TOLERANCE, NESTING_TOLERANCE, STOCK_TOLERANCE
 from bonecam.mesh import prepare_part
 from bonecam.progress import silent
-from bonecam.setup import Box, Capsule, Cylinder, Schedule, Stock, place
+from bonecam.setup import Box, Capsule, Cylinder, Schedule, place
 from bonecam.surface import TSpline
 from bonecam.surface.part_surface import fit_surface
 
@@ -74,19 +73,19 @@ def distances(points: ndarray, surface: TSpline) -> ndarray:
 
 
 @pytest.fixture(scope="module")
-def made() -> Morph:
+def made():
     return morph(waisted(), STOCK, Schedule((0.1, 0.1), 0.5), chord_tolerance=0.02)
 
 
 @pytest.fixture(scope="module")
-def certified(made: Morph) -> tuple[Certificate, ...]:
+def certified(made):
     return certify(
         [level.surface for level in made.levels if level.surface], STOCK, [level.limit for level in made.levels[1:]]
     )
 
 
 @pytest.mark.whole
-def test_the_bounds_of_concentric_capsules_are_their_distance() -> None:
+def test_the_bounds_of_concentric_capsules_are_their_distance():
     capsules = [Capsule(STOCK.start, STOCK.end, radius) for radius in (3.0, 3.4)]
     inner, outer = body_surfaces(capsules)
     found, last = certify([inner, outer], STOCK, [0.3, 0.0])
@@ -98,7 +97,7 @@ def test_the_bounds_of_concentric_capsules_are_their_distance() -> None:
     assert last.nesting == pytest.approx(STOCK.radius - 3.4, abs=0.05)
 
 
-def test_a_level_moved_along_the_axis_is_bounded_by_the_move_and_does_not_enclose() -> None:
+def test_a_level_moved_along_the_axis_is_bounded_by_the_move_and_does_not_enclose():
     surface = waisted()
     moved = surface.with_control_points(surface.control_points + np.array([0.0, 0.0, 0.3]))
     found = certify_cut(surface, moved, STOCK, 0.3)
@@ -107,27 +106,27 @@ def test_a_level_moved_along_the_axis_is_bounded_by_the_move_and_does_not_enclos
     assert certify_cut(surface, surface, STOCK, 0.3).depth <= 0.3 + MARGIN + ROUNDING
 
 
-def test_a_level_on_the_one_before_falls_no_farther_behind_than_the_tolerance() -> None:
+def test_a_level_on_the_one_before_falls_no_farther_behind_than_the_tolerance():
     surface = waisted()
     found = certify_cut(surface, surface, STOCK, 0.0)
     assert found.depth <= 2e-4
     assert -NESTING_TOLERANCE <= found.nesting <= 0.0
 
 
-def test_levels_that_swap_places_are_not_nested() -> None:
+def test_levels_that_swap_places_are_not_nested():
     surface = waisted()
     assert certify_cut(surface, grown(surface, 0.05), STOCK, 0.5).nesting == pytest.approx(0.0, abs=1e-7)
     assert certify_cut(grown(surface, 0.05), surface, STOCK, 0.5).nesting == -np.inf
 
 
-def test_a_level_far_off_does_not_enclose_although_nothing_meets() -> None:
+def test_a_level_far_off_does_not_enclose_although_nothing_meets():
     surface = waisted()
     away = surface.with_control_points(surface.control_points + np.array([50.0, 0.0, 0.0]))
     assert certify_cut(surface, away, STOCK, 60.0).nesting == -np.inf
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_no_sample_exceeds_a_bound_on_levels_moved_at_random(seed: int) -> None:
+def test_no_sample_exceeds_a_bound_on_levels_moved_at_random(seed):
     rng = np.random.default_rng(seed)
     inner = waisted()
     moves = rng.normal(scale=0.15, size=inner.control_points.shape)
@@ -141,7 +140,7 @@ def test_no_sample_exceeds_a_bound_on_levels_moved_at_random(seed: int) -> None:
     assert distances(inner.positions(*dense(seed)), outer).max() <= -found.nesting
 
 
-def test_no_sample_exceeds_a_bound_on_a_sequence(made: Morph, certified: tuple[Certificate, ...]) -> None:
+def test_no_sample_exceeds_a_bound_on_a_sequence(made, certified):
     s, t = dense(3)
     surfaces = [level.surface for level in made.levels if level.surface]
     for inner, outer, found in zip(surfaces, surfaces[1:], certified):
@@ -153,7 +152,7 @@ def test_no_sample_exceeds_a_bound_on_a_sequence(made: Morph, certified: tuple[C
     assert surfaces[-1].project(around).distances.max() <= certified[-1].depth
 
 
-def test_a_sequence_keeps_its_limits_everywhere(made: Morph, certified: tuple[Certificate, ...]) -> None:
+def test_a_sequence_keeps_its_limits_everywhere(made, certified):
     for level, found in zip(made.levels[1:], certified):
         assert found.depth <= level.limit + DEPTH_TOLERANCE
         assert found.nesting >= -NESTING_TOLERANCE
@@ -161,7 +160,7 @@ def test_a_sequence_keeps_its_limits_everywhere(made: Morph, certified: tuple[Ce
         assert not len(found.too_deep)
 
 
-def test_a_bump_with_its_peak_between_the_samples_passes_the_check_but_not_the_certificate() -> None:
+def test_a_bump_with_its_peak_between_the_samples_passes_the_check_but_not_the_certificate():
     part = waisted(waist=-0.2)
     levels = [
         part.with_control_points(MIDDLE + [1 + k, 1 + k, 1 + k / 4] * (part.control_points - MIDDLE))
@@ -184,7 +183,7 @@ def test_a_bump_with_its_peak_between_the_samples_passes_the_check_but_not_the_c
     assert part.project(places).distances.max() > limit + DEPTH_TOLERANCE
 
 
-def test_depths_are_bounded_both_ways() -> None:
+def test_depths_are_bounded_both_ways():
     inner, outer = grooved(0.4), grooved(1.0)
     found, s, t = certify_cut(inner, outer, STOCK, 0.1), *dense(5, 40_000)
     there, back = (to.project(of.positions(s, t)).distances.max() for of, to in ((outer, inner), (inner, outer)))
@@ -193,7 +192,7 @@ def test_depths_are_bounded_both_ways() -> None:
 
 
 @pytest.mark.parametrize("limit", [0.1, 2.0, 5.0])
-def test_the_last_cut_is_bounded_from_the_bottoms_of_hollows(limit: float) -> None:
+def test_the_last_cut_is_bounded_from_the_bottoms_of_hollows(limit):
     part = waisted(waist=0.5)
     bound, place = bound_inside(bezier_nets(part), STOCK, limit)
     sampled = -STOCK.signed_distance(part.positions(*dense(4, 40_000))).min()
@@ -204,7 +203,7 @@ def test_the_last_cut_is_bounded_from_the_bottoms_of_hollows(limit: float) -> No
 
 
 @pytest.mark.parametrize("stock", [STOCK, Box(np.array([-4.0, -4.0, 0.5]), np.array([4.0, 4.0, 19.5]))])
-def test_what_leaves_the_stock_is_bounded_tightly(stock: Stock) -> None:
+def test_what_leaves_the_stock_is_bounded_tightly(stock):
     outer = grown(waisted(), 0.5)
     bound, place = bound_outside(bezier_nets(outer), stock)
     sampled = stock.signed_distance(outer.positions(*dense(1, 40_000))).max()
@@ -212,7 +211,7 @@ def test_what_leaves_the_stock_is_bounded_tightly(stock: Stock) -> None:
     assert stock.signed_distance(place[None])[0] == pytest.approx(bound, abs=0.05)
 
 
-def test_what_is_not_certain_is_named_with_its_place() -> None:
+def test_what_is_not_certain_is_named_with_its_place():
     surface = waisted()
     found = certify_cut(surface, grown(surface, 0.5), STOCK, 0.5)
     deep, leaves = found.shortfalls(0.5)
@@ -224,14 +223,14 @@ def test_what_is_not_certain_is_named_with_its_place() -> None:
 
 
 @pytest.mark.whole
-def test_the_levels_of_a_bar_are_certified_up_to_the_body_they_round_it_from() -> None:
+def test_the_levels_of_a_bar_are_certified_up_to_the_body_they_round_it_from():
     levels = levels_in(waisted(), Cylinder(4.5, 0.0, 20.0), Schedule((0.1, 0.1), 0.5), chord_tolerance=0.02).levels
     body = next(level.index for level in levels if isinstance(level, RoundedLevel))
     assert [level.certificate is None for level in levels] == [not 0 < level.index <= body for level in levels]
     assert all(level.certified for level in levels if level.certificate)
 
 
-def test_a_surface_with_other_weights_is_morphed_without_certificates() -> None:
+def test_a_surface_with_other_weights_is_morphed_without_certificates():
     surface = waisted()
     heavy = TSpline(surface.tmesh, surface.control_points, np.full(surface.tmesh.size, 2.0))
     assert all(
@@ -239,7 +238,7 @@ def test_a_surface_with_other_weights_is_morphed_without_certificates() -> None:
     )
 
 
-def test_a_cut_that_only_its_certificate_doubts_is_made_again(made: Morph) -> None:
+def test_a_cut_that_only_its_certificate_doubts_is_made_again(made):
     surfaces = [level.surface for level in made.levels if level.surface]
     rules = Rules(STOCK, Schedule((0.1, 0.1), 0.5), NESTING_TOLERANCE, STOCK_TOLERANCE, 0.02)
     inspection = inspect(surfaces[0], [surface.control_points for surface in surfaces], rules, silent)
@@ -251,7 +250,7 @@ def test_a_cut_that_only_its_certificate_doubts_is_made_again(made: Morph) -> No
     assert excess_bound(doubted) == pytest.approx(2 * DEPTH_TOLERANCE)
 
 
-def test_surfaces_that_are_not_polynomial_are_refused() -> None:
+def test_surfaces_that_are_not_polynomial_are_refused():
     surface = waisted()
     rational = TSpline(surface.tmesh, surface.control_points, np.linspace(1, 2, surface.tmesh.size))
     with pytest.raises(ValueError, match="weights of one"):
@@ -261,7 +260,7 @@ def test_surfaces_that_are_not_polynomial_are_refused() -> None:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_no_point_is_farther_from_its_image_than_the_bound_where_maps_cross_elements_seam_and_poles(seed: int) -> None:
+def test_no_point_is_farther_from_its_image_than_the_bound_where_maps_cross_elements_seam_and_poles(seed):
     rng = np.random.default_rng(seed)
     surface = waisted()
     rough = surface.control_points + rng.normal(scale=0.5, size=surface.control_points.shape)
@@ -283,7 +282,7 @@ def test_no_point_is_farther_from_its_image_than_the_bound_where_maps_cross_elem
         )
 
 
-def test_the_stock_between_the_vertices_of_its_mesh_is_bounded() -> None:
+def test_the_stock_between_the_vertices_of_its_mesh_is_bounded():
     (inner,) = body_surfaces([Capsule(STOCK.start, STOCK.end, 3.0)])
     for angle in np.linspace(0, 1, 5):
         moved = inner.with_control_points(inner.control_points + np.array([np.cos(angle), np.sin(angle), 0.0]))
@@ -291,14 +290,14 @@ def test_the_stock_between_the_vertices_of_its_mesh_is_bounded() -> None:
         assert 2.5 - FITTED <= coarse <= 2.5 + 0.5
 
 
-def test_hulls_of_parallel_planes_are_as_far_apart_as_the_planes() -> None:
+def test_hulls_of_parallel_planes_are_as_far_apart_as_the_planes():
     corners = np.array([[[0.0, 0.0, 0.0], [3.0, 0.0, 0.0], [0.0, 2.0, 0.0]]])
     low, high = triangle_nets(corners), triangle_nets(corners + np.array([0.4, 0.3, 0.25]))
     assert separation(low, high, 9.0, 0.0, 0.02, 1e-3, 10**6)[0] == pytest.approx(0.25)
     assert separation(low, low, 9.0, 0.0, 0.02, 1e-3, 10**6)[0] <= 0
 
 
-def test_halves_of_a_net_are_the_patch() -> None:
+def test_halves_of_a_net_are_the_patch():
     surface = waisted()
     net = bezier_nets(surface)[40]
     low, high = np.empty((16, 3)), np.empty((16, 3))
@@ -313,7 +312,7 @@ def test_halves_of_a_net_are_the_patch() -> None:
 
 
 @pytest.mark.slow
-def test_a_shared_bone_keeps_its_limits_everywhere(shared: Path) -> None:
+def test_a_shared_bone_keeps_its_limits_everywhere(shared):
     job = Job(mesh=MeshJob(units="m"))
     setup = place(prepare_part(shared / "meshes" / "bones" / "3distph_m.stl", job.mesh), job)
     for level in make_levels(fit_surface(setup.part, job).surface, setup.stock, job).levels[1:]:

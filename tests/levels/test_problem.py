@@ -17,19 +17,19 @@ from bonecam.levels.problem import ATTRACTIONS, discretise, factorise, multiply,
 from bonecam.levels.program import reverse_depths
 
 
-def test_a_factored_band_solves() -> None:
+def test_a_factored_band_solves():
     rng = np.random.default_rng(1)
     R = sp.csr_array(sp.diags_array(rng.random((3, 40)), offsets=[0, -2, -5], shape=(46, 40)))
     matrix, b = sp.csc_array(R.T @ R), rng.random((40, 3))
     assert np.allclose(matrix @ factorise(matrix).solve(b), b)
 
 
-def test_a_band_that_is_not_definite_is_an_error() -> None:
+def test_a_band_that_is_not_definite_is_an_error():
     with pytest.raises(LevelError, match="control points"):
         factorise(sp.csc_array(np.diag([1.0, 0.0, 1.0])))
 
 
-def test_rows_that_are_weighed_are_added_to_the_band() -> None:
+def test_rows_that_are_weighed_are_added_to_the_band():
     rng = np.random.default_rng(1)
     R, weights, b = (
         sp.csr_array(sp.diags_array(rng.random((3, 40)), offsets=[0, -2, -5], shape=(46, 40))),
@@ -41,7 +41,7 @@ def test_rows_that_are_weighed_are_added_to_the_band() -> None:
     assert np.allclose(R.T @ (weights[:, None] * (R @ found)) + found, b)
 
 
-def test_rows_times_points_and_back_are_scipys() -> None:
+def test_rows_times_points_and_back_are_scipys():
     rng = np.random.default_rng(2)
     R = sp.random_array((300, 40), density=0.2, format="csr", rng=rng)
     points, y, D = rng.random((40, 3)), rng.random((300, 3)), np.full((40, 3), np.nan)
@@ -51,7 +51,7 @@ def test_rows_times_points_and_back_are_scipys() -> None:
     assert np.allclose(D, R.T @ y, atol=1e-13)
 
 
-def test_what_a_filled_groove_leaves_behind_is_found_at_its_distance() -> None:
+def test_what_a_filled_groove_leaves_behind_is_found_at_its_distance():
     part, filled = grooved(0.4), grooved(1.0)
     rng = np.random.default_rng(1)
     s, t = rng.random(3000), rng.uniform(0.1, 0.9, 3000)
@@ -64,7 +64,7 @@ def test_what_a_filled_groove_leaves_behind_is_found_at_its_distance() -> None:
     assert np.abs(np.mod(s[found.which] + 0.5, 1) - 0.5).max() < 0.15
 
 
-def test_of_a_groove_more_is_left_from_its_bottom_than_from_the_stock() -> None:
+def test_of_a_groove_more_is_left_from_its_bottom_than_from_the_stock():
     discretisation = discretise(grooved(0.4), CAPSULE, ATTRACTIONS["stock"])
     rest = remaining(discretisation, discretisation.surface.control_points, whole(CAPSULE))
     assert rest.farthest < rest.left == rest.depth

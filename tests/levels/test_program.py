@@ -5,7 +5,6 @@ What all limits promise, whichever are listed, and that one more in a list holds
 What all energies promise, whichever are listed, and that one more in a list is part of the program.
 """
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -16,15 +15,13 @@ from level_parts import CAPSULE, HALF_MILLIMETRE, STEP_PARAMETERS
 from bonecam.arrays import dots, unit
 from bonecam.levels import program
 from bonecam.levels import program as limits
-from bonecam.levels.problem import ROUGH, Cut, Discretisation
+from bonecam.levels.problem import ROUGH, Cut
 from bonecam.levels.program import (
     MOST_BENT,
     NET,
     SAMPLED,
     SLABS,
     WALLS,
-    Given,
-    LevelProgram,
     Pulled,
     Quadratic,
     heights,
@@ -36,9 +33,7 @@ from bonecam.levels.solvers import admm
 from bonecam.surface.query import closest_points_near
 
 
-def test_targets_keep_their_way_along_the_normals_and_stand_still_at_the_poles(
-    first_program: Callable[[], LevelProgram],
-) -> None:
+def test_targets_keep_their_way_along_the_normals_and_stand_still_at_the_poles(first_program):
     before = first_program()
     moves = np.tile([0.02, -0.01, 0.03], (before.R.shape[1], 1))
     after = before.at(moves)
@@ -57,7 +52,7 @@ RNG = np.random.default_rng(5)
 
 
 @pytest.mark.parametrize("slab", SLABS, ids=lambda slab: slab.__name__)
-def test_a_slab_leaves_room_and_the_tightest_counts(slab) -> None:  # type: ignore[no-untyped-def]
+def test_a_slab_leaves_room_and_the_tightest_counts(slab):  # type: ignore[no-untyped-def]
     low, high = slab(HALF_MILLIMETRE, GAP)
     lowest, largest = heights(HALF_MILLIMETRE, GAP)
     assert low.shape == high.shape == GAP.shape
@@ -69,7 +64,7 @@ def test_a_slab_leaves_room_and_the_tightest_counts(slab) -> None:  # type: igno
 
 
 @pytest.mark.parametrize("wall", WALLS, ids=lambda wall: wall.__name__)
-def test_a_wall_holds_what_it_may_and_its_plane_is_its_slope(wall) -> None:  # type: ignore[no-untyped-def]
+def test_a_wall_holds_what_it_may_and_its_plane_is_its_slope(wall):  # type: ignore[no-untyped-def]
     y = CAPSULE.closest_points(CAPSULE.middle + RNG.normal(size=(len(GAP), 3)) * [1, 1, 5]) + 0.1 * RNG.normal(
         size=(len(GAP), 3)
     )
@@ -83,9 +78,7 @@ def test_a_wall_holds_what_it_may_and_its_plane_is_its_slope(wall) -> None:  # t
         assert np.allclose(((moved * (y + step)).sum(1) - at - outside) / 1e-5, m @ step / 1e-5, atol=1e-4)
 
 
-def test_a_sample_may_slide_to_where_the_level_before_is_nearer_to_the_wall(
-    first_program: Callable[[], LevelProgram],
-) -> None:
+def test_a_sample_may_slide_to_where_the_level_before_is_nearer_to_the_wall(first_program):
     program = first_program()
     before, y = program.limits.before, program.x
     there = -CAPSULE.signed_distance(y)
@@ -97,10 +90,8 @@ def test_a_sample_may_slide_to_where_the_level_before_is_nearer_to_the_wall(
     assert found.broken(y + 0.01 * found.m)[near].min() > 0.009
 
 
-def test_a_new_slab_is_one_function_more(
-    first_program: Callable[[], LevelProgram], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def half(cut: Cut, gap: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def test_a_new_slab_is_one_function_more(first_program, monkeypatch):
+    def half(cut, gap):
         return np.full(len(gap), -np.inf), np.full(len(gap), cut.depth / 2)
 
     monkeypatch.setattr(limits, "SLABS", (*SLABS, half))
@@ -109,13 +100,11 @@ def test_a_new_slab_is_one_function_more(
     assert one.limits.at(y, 3).heights(y).max() < 0.55 * HALF_MILLIMETRE.depth
 
 
-def test_a_new_wall_is_one_function_more(
-    first_program: Callable[[], LevelProgram], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_new_wall_is_one_function_more(first_program, monkeypatch):
     free = first_program()
     top = float(free.x[:, 2].max()) + 0.1
 
-    def ceiling(cut: Cut, gap: np.ndarray, stock: object, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def ceiling(cut, gap, stock, y):
         return np.tile([0.0, 0.0, 1.0], (len(y), 1)), np.full(len(y), top)
 
     assert (free.x + free.R @ admm.solve(free))[:, 2].max() > top + 0.1
@@ -128,7 +117,7 @@ MOVES_RNG = np.random.default_rng(4)
 
 
 @pytest.mark.parametrize("energy", [*NET, *SAMPLED], ids=lambda energy: energy.__name__)
-def test_its_matrices_are_those_of_a_convex_energy(given: Given, discretisation: Discretisation, energy) -> None:  # type: ignore[no-untyped-def]
+def test_its_matrices_are_those_of_a_convex_energy(given, discretisation, energy):  # type: ignore[no-untyped-def]
     found, before, free = energy(given), given.before, discretisation.free
     if isinstance(found, Quadratic):
         matrix = found.matrix
@@ -150,11 +139,11 @@ def test_its_matrices_are_those_of_a_convex_energy(given: Given, discretisation:
     assert eigenvalues[0] >= -1e-12 * eigenvalues[-1]
 
 
-def test_the_gradient_is_the_slope_of_the_energy_written_out(first_program: Callable[[], LevelProgram]) -> None:
+def test_the_gradient_is_the_slope_of_the_energy_written_out(first_program):
     one, step = first_program(), 1e-3
     D = MOVES_RNG.normal(size=one.net.linear.shape)
 
-    def energy(length: float) -> float:
+    def energy(length):
         moves = length * D
         net = np.einsum("ij,ij->", moves, one.net.matrix @ moves) + 2 * np.einsum("ij,ij->", one.net.linear, moves)
         return float(one.weights @ ((one.x + one.R @ moves - one.H) ** 2).sum(1) + net)
@@ -163,9 +152,7 @@ def test_the_gradient_is_the_slope_of_the_energy_written_out(first_program: Call
     assert one.energy(D) == pytest.approx(energy(1.0))
 
 
-def test_the_plate_is_stiffness_of_the_moves_and_bending_of_the_level(
-    given: Given, discretisation: Discretisation
-) -> None:
+def test_the_plate_is_stiffness_of_the_moves_and_bending_of_the_level(given, discretisation):
     found, M, P = plate(given), discretisation.M, given.before.control_points
     D = MOVES_RNG.normal(size=found.linear.shape)
     moves, bending = discretisation.free @ D, STEP_PARAMETERS.bending * (HALF_MILLIMETRE.depth / ROUGH) ** 2
@@ -174,7 +161,7 @@ def test_the_plate_is_stiffness_of_the_moves_and_bending_of_the_level(
     assert value == pytest.approx(STEP_PARAMETERS.stiffness * of_moves + bending * (after - now))
 
 
-def test_what_is_near_the_wall_is_not_drawn_along_it(given: Given, discretisation: Discretisation) -> None:
+def test_what_is_near_the_wall_is_not_drawn_along_it(given, discretisation):
     middle = CAPSULE.start + (CAPSULE.end - CAPSULE.start) / 2
     net = middle + 1.09 * (given.before.control_points - middle)
     near, samples = (replace(given, before=discretisation.surface.with_control_points(net)), discretisation.samples)
@@ -188,10 +175,10 @@ def test_what_is_near_the_wall_is_not_drawn_along_it(given: Given, discretisatio
     assert way[gap > HALF_MILLIMETRE.depth].min() > 0.4 * HALF_MILLIMETRE.depth
 
 
-def test_bending_alone_takes_no_sample_farther_than_some_depths(given: Given) -> None:
+def test_bending_alone_takes_no_sample_farther_than_some_depths(given):
     one = given
 
-    def with_bending(bending: float) -> tuple[LevelProgram, float]:
+    def with_bending(bending):
         """And how far bending alone takes samples."""
         found = program_of(
             one.discretisation, one.before.control_points, one.rest, one.cut, replace(one.parameters, bending=bending)
@@ -208,10 +195,8 @@ def test_bending_alone_takes_no_sample_farther_than_some_depths(given: Given) ->
     assert np.allclose(stiff.net.linear, whole_pull * (stiff.net.linear[0, 2] / whole_pull[0, 2]))
 
 
-def test_a_new_energy_is_one_function_more(
-    given: Given, first_program: Callable[[], LevelProgram], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def anchor(given: Given) -> Quadratic:
+def test_a_new_energy_is_one_function_more(given, first_program, monkeypatch):
+    def anchor(given):
         count = given.discretisation.free.shape[1]
         return Quadratic(sp.csc_array(1e3 * sp.eye_array(count)), np.zeros((count, 3)))
 

@@ -5,7 +5,6 @@ away from it.
 """
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -13,7 +12,7 @@ from level_parts import CAPSULE, SCHEDULE, waisted
 
 from bonecam.errors import LevelError
 from bonecam.levels.certificates import certify_last_cut
-from bonecam.levels.measure import Inspection, Rules, excess_bound, inspect, trouble
+from bonecam.levels.measure import Rules, excess_bound, inspect, trouble
 from bonecam.levels.problem import ATTRACTIONS, DEPTH_TOLERANCE, StepParameters, creases, discretise, remaining, whole
 from bonecam.levels.sequences import (
     LANDING,
@@ -59,16 +58,16 @@ def climb(share: float, stop: Stop = STOP, least: int = 0) -> list[float]:
     )
 
 
-def test_levels_are_made_until_less_than_one_depth_is_left() -> None:
+def test_levels_are_made_until_less_than_one_depth_is_left():
     assert climb(1.0) == pytest.approx([0.0, 0.1, 0.2, 0.7, 1.2, 1.7])
     assert len(climb(0.5)) > 6
 
 
-def test_more_levels_are_made_where_so_many_are_asked_for() -> None:
+def test_more_levels_are_made_where_so_many_are_asked_for():
     assert len(climb(1.0, least=7)) == 7
 
 
-def test_levels_that_stall_in_turn_are_an_error_with_level_and_place() -> None:
+def test_levels_that_stall_in_turn_are_an_error_with_level_and_place():
     with pytest.raises(
         LevelError, match=r"^level 3 gets no nearer to the stock than 1\.930 mm at \(.*\): mend it$"
     ) as error:
@@ -77,14 +76,14 @@ def test_levels_that_stall_in_turn_are_an_error_with_level_and_place() -> None:
     assert error.value.evidence["place"][2] == pytest.approx(0.07)
 
 
-def test_more_levels_than_allowed_are_an_error() -> None:
+def test_more_levels_than_allowed_are_an_error():
     with pytest.raises(LevelError, match=r"^level 4 gets no nearer"):
         climb(0.5, Stop("mend it", most=4))
 
 
 @pytest.mark.parametrize("evidence", [{}, {"level": 1}])
-def test_the_error_of_a_level_that_cannot_be_made_has_its_number(evidence: dict[str, int]) -> None:
-    def fail(height: float, k: int, rest: Rest) -> float:
+def test_the_error_of_a_level_that_cannot_be_made_has_its_number(evidence):
+    def fail(height, k, rest):
         raise LevelError("no answer", **evidence)
 
     with pytest.raises(LevelError, match="no answer") as error:
@@ -98,7 +97,7 @@ PARAMETERS = StepParameters(STIFFNESS, bending=3e-7, uniform=3.0)
 
 
 @pytest.fixture(scope="module")
-def maker() -> SequenceMaker:
+def maker():
     discretisation = discretise(waisted(), CAPSULE, ATTRACTIONS["stock"])
     around = whole(CAPSULE)
     rest = remaining(discretisation, discretisation.surface.control_points, around)
@@ -106,7 +105,7 @@ def maker() -> SequenceMaker:
 
 
 @pytest.fixture(scope="module")
-def made(maker: SequenceMaker) -> list[np.ndarray]:
+def made(maker):
     discretisation = maker.discretisation
     return maker.sequence(PARAMETERS, remaining(discretisation, discretisation.surface.control_points, whole(CAPSULE)))
 
@@ -115,7 +114,7 @@ def unwatched(made: list[np.ndarray]) -> dict[int, np.ndarray]:
     return {k: np.empty((0, 2)) for k in range(len(made))}
 
 
-def test_mended_levels_keep_their_limits_and_move_little(maker: SequenceMaker, made: list[np.ndarray]) -> None:
+def test_mended_levels_keep_their_limits_and_move_little(maker, made):
     discretisation, spoilt = maker.discretisation, [*made]
     spoilt[3] = made[2] + 1.02 * (made[3] - made[2])
     mended, moved = maker.restore_limits(spoilt, {3}, (), unwatched(made))
@@ -129,7 +128,7 @@ def test_mended_levels_keep_their_limits_and_move_little(maker: SequenceMaker, m
     )
 
 
-def test_levels_above_a_mended_one_follow_less_and_less(maker: SequenceMaker, made: list[np.ndarray]) -> None:
+def test_levels_above_a_mended_one_follow_less_and_less(maker, made):
     """What a level goes back for its depth those above need not all, within their margins."""
     spoilt = [*made]
     spoilt[3] = made[2] + 1.005 * (made[3] - made[2])
@@ -138,7 +137,7 @@ def test_levels_above_a_mended_one_follow_less_and_less(maker: SequenceMaker, ma
     assert len(moved) < len(made) - 4
 
 
-def test_a_folded_level_starts_again_midway(maker: SequenceMaker, made: list[np.ndarray]) -> None:
+def test_a_folded_level_starts_again_midway(maker, made):
     discretisation, spoilt = maker.discretisation, [*made]
     some = np.arange(len(made[3])) % 7 == 3
     spoilt[3] = made[3] + 4.0 * some[:, None] * np.array([0.0, 0.0, 1.0])
@@ -148,14 +147,14 @@ def test_a_folded_level_starts_again_midway(maker: SequenceMaker, made: list[np.
 
 
 @pytest.fixture
-def spoilt(maker: SequenceMaker, made: list[np.ndarray]) -> tuple[list[np.ndarray], Inspection]:
+def spoilt(maker, made):
     """Level 3 is too deep, and measured."""
     levels = [*made]
     levels[3] = made[2] + 1.02 * (made[3] - made[2])
     return levels, inspect(maker.discretisation.surface, levels, Rules(CAPSULE, SCHEDULE, 0.001, 0.001, 0.02), silent)
 
 
-def test_what_is_mended_is_measured_again(maker: SequenceMaker, spoilt: tuple[list[np.ndarray], Inspection]) -> None:
+def test_what_is_mended_is_measured_again(maker, spoilt):
     _, inspection = spoilt
     assert trouble(inspection.levels[3:5], doubts=False) > (0, 0.005)
     inspection = restore_feasibility(inspection, maker)
@@ -164,9 +163,7 @@ def test_what_is_mended_is_measured_again(maker: SequenceMaker, spoilt: tuple[li
 
 
 @pytest.mark.parametrize(("out", "mended"), [(0.006, True), (0.03, False)])
-def test_most_levels_are_mended_only_where_all_break_little(
-    maker: SequenceMaker, made: list[np.ndarray], out: float, mended: bool
-) -> None:
+def test_most_levels_are_mended_only_where_all_break_little(maker, made, out, mended):
     """Of three levels two go `out` mm farther than they may."""
     moves = np.diff(made, axis=0)
     moves *= out / np.linalg.norm(moves, axis=2).max(axis=1)[:, None, None]
@@ -178,9 +175,7 @@ def test_most_levels_are_mended_only_where_all_break_little(
     assert len(inspection.failed) <= failed / 4 if mended else len(inspection.failed) == failed
 
 
-def test_levels_above_a_mended_one_follow_or_stay(
-    maker: SequenceMaker, spoilt: tuple[list[np.ndarray], Inspection]
-) -> None:
+def test_levels_above_a_mended_one_follow_or_stay(maker, spoilt):
     levels, inspection = spoilt
     which = {level.index for level in inspection.failed}
     alone, followed = (
@@ -191,13 +186,11 @@ def test_levels_above_a_mended_one_follow_or_stay(
     assert len(followed) > 1
 
 
-def test_what_is_no_better_mended_stays_as_it_was(
-    maker: SequenceMaker, spoilt: tuple[list[np.ndarray], Inspection], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_is_no_better_mended_stays_as_it_was(maker, spoilt, monkeypatch):
     levels, inspection = spoilt
     before = trouble(inspection.levels[1:], doubts=False)
 
-    def worse(self: SequenceMaker, made: list[np.ndarray], *_: Any, **__: Any) -> tuple[list[np.ndarray], list[int]]:
+    def worse(self, made, *_, **__):
         return [*made[:3], made[2] + 1.1 * (made[3] - made[2]), *made[4:-1], 1.5 * made[-1] - 0.5 * made[-2]], [
             3,
             len(made) - 1,
@@ -212,9 +205,7 @@ def test_what_is_no_better_mended_stays_as_it_was(
     assert len(inspection.levels) == len(levels) + 1
 
 
-def test_a_slit_that_the_points_measured_missed_takes_one_more_level(
-    maker: SequenceMaker, made: list[np.ndarray]
-) -> None:
+def test_a_slit_that_the_points_measured_missed_takes_one_more_level(maker, made):
     inspection = inspect(
         maker.discretisation.surface,
         maker.restore_limits(made, {5}, (), unwatched(made))[0],
@@ -232,9 +223,7 @@ def test_a_slit_that_the_points_measured_missed_takes_one_more_level(
     assert not again.failed
 
 
-def test_a_last_cut_that_is_measured_too_deep_takes_one_more_level(
-    maker: SequenceMaker, made: list[np.ndarray]
-) -> None:
+def test_a_last_cut_that_is_measured_too_deep_takes_one_more_level(maker, made):
     levels = maker.restore_limits(made, {5}, (), unwatched(made))[0][:-1]
     inspection = inspect(maker.discretisation.surface, levels, Rules(CAPSULE, SCHEDULE, 0.01, 0.001, 0.02), silent)
     assert [level.index for level in inspection.failed] == [len(levels)]
@@ -244,9 +233,7 @@ def test_a_last_cut_that_is_measured_too_deep_takes_one_more_level(
 
 
 @pytest.mark.parametrize(("flat", "sharp"), [(1.0, False), (0.1, True)], ids=["round", "sharp"])
-def test_a_broken_limit_names_the_edge_that_the_part_follows_there(
-    maker: SequenceMaker, flat: float, sharp: bool
-) -> None:
+def test_a_broken_limit_names_the_edge_that_the_part_follows_there(maker, flat, sharp):
     """A flat part has an edge along each side, of which the radius is its curvature's."""
     part = waisted().with_control_points(waisted().control_points * [1.0, flat, 1.0])
     place = part.positions(np.array([0.0]), np.array([0.5]))[0]
@@ -262,13 +249,13 @@ def test_a_broken_limit_names_the_edge_that_the_part_follows_there(
         assert 0.3 < radius * np.abs([found.k1, found.k2]).max() <= 1.1
 
 
-def test_runs_are_numbers_that_follow_each_other() -> None:
+def test_runs_are_numbers_that_follow_each_other():
     assert _runs([]) == []
     assert _runs([4]) == [(4, 4)]
     assert _runs([1, 2, 3, 7, 9, 10]) == [(1, 3), (7, 7), (9, 10)]
 
 
-def test_the_landing_creeps_outwards_and_not_from_far(maker: SequenceMaker) -> None:
+def test_the_landing_creeps_outwards_and_not_from_far(maker):
     for lower_bound in (1, 2, 16, 40, 100):
         some = replace(maker, lower_bound=lower_bound)
         landings = np.array([some.cut(k).landing for k in range(1, lower_bound + 1)])
@@ -277,7 +264,7 @@ def test_the_landing_creeps_outwards_and_not_from_far(maker: SequenceMaker) -> N
         assert landings.min() >= LANDING
 
 
-def test_levels_that_end_too_early_go_on_to_the_stock(maker: SequenceMaker, made: list[np.ndarray]) -> None:
+def test_levels_that_end_too_early_go_on_to_the_stock(maker, made):
     assert len(maker.onward(made)) == len(made)
     longer = maker.onward(made[:-2])
     left = remaining(maker.discretisation, longer[-1], whole(CAPSULE)).left
@@ -286,7 +273,7 @@ def test_levels_that_end_too_early_go_on_to_the_stock(maker: SequenceMaker, made
     assert all(np.array_equal(a, b) for a, b in zip(longer, made[:-2]))
 
 
-def test_places_that_bend_more_than_before_or_are_hollow_are_watched(maker: SequenceMaker) -> None:
+def test_places_that_bend_more_than_before_or_are_hollow_are_watched(maker):
     """What moves as it is needs few places between those of the even pattern; a groove needs many, on the
     level before as well."""
     surface, pattern = maker.discretisation.surface, maker.discretisation.watch
@@ -295,7 +282,7 @@ def test_places_that_bend_more_than_before_or_are_hollow_are_watched(maker: Sequ
     grooved[starts[row] : starts[row + 1], :2] *= 0.5
     low, high = surface.tmesh.t_knots[[row, row + 4]]
 
-    def between(level: np.ndarray, before: np.ndarray) -> int:
+    def between(level, before):
         t = creases(pattern, level, before)[:, 1]
         places = maker.discretisation.watched(level, before)
         assert len(places.s) == places.R.shape[0] == len(pattern.s) + len(t)

@@ -2,7 +2,6 @@
 
 import math
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -85,7 +84,7 @@ def test_what_does_not_belong_into_a_machine_file_is_refused_with_file_and_key(m
         ("direction = [1.0, 0.0, 0.0]", "direction = [0.0, 0.0, 0.0]", "A.direction: has length 0: give a unit vector"),
     ],
 )
-def test_a_wrong_chain_or_direction_is_told_with_the_right_one(old: str, new: str, told: str, tmp_path: Path) -> None:
+def test_a_wrong_chain_or_direction_is_told_with_the_right_one(old, new, told, tmp_path):
     text = (MACHINES / "pocket-nc.toml").read_text()
     assert old in text
     path = tmp_path / "own.toml"
@@ -218,7 +217,7 @@ def test_an_unknown_machine_is_refused_with_the_known_ones():
         read_machine("none/mill.toml")
 
 
-def test_a_jerk_is_read_per_minute_and_needs_an_acceleration(tmp_path: Path) -> None:
+def test_a_jerk_is_read_per_minute_and_needs_an_acceleration(tmp_path):
     text = (MACHINES / "hermle-c600u.toml").read_text()
     jerked = text.replace("acceleration = 6000.0", "acceleration = 6000.0\njerk = 50000.0")
     jerked = jerked.replace("acceleration_deg_s2 = 600.0", "acceleration_deg_s2 = 600.0\njerk_deg_s3 = 5000.0")
@@ -234,14 +233,14 @@ def test_a_jerk_is_read_per_minute_and_needs_an_acceleration(tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize("name", machine_names())
-def test_every_machine_that_ships_has_what_times_need_and_says_what_is_assumed(name: str) -> None:
+def test_every_machine_that_ships_has_what_times_need_and_says_what_is_assumed(name):
     machine = read_machine(name)
     assert machine.knows_accelerations
     assert machine.seconds is not None
     assert bool(machine.time_assumed) is not name.startswith("linuxcnc")
 
 
-def test_seconds_are_whole_or_refused(tmp_path: Path) -> None:
+def test_seconds_are_whole_or_refused(tmp_path):
     text = (MACHINES / "mikron-ucp600.toml").read_text()
     assert read_machine(write_machine(tmp_path, text)).seconds == ChangeSeconds(6.0, 2.0, 2.0)
     for right, wrong, told in (
@@ -253,7 +252,7 @@ def test_seconds_are_whole_or_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", machine_names())
-def test_every_shipped_machine_has_a_source_and_tells_what_is_assumed(name: str) -> None:
+def test_every_shipped_machine_has_a_source_and_tells_what_is_assumed(name):
     found = check_machine(name)
     assert found.source
     assert found.assumed
@@ -261,7 +260,7 @@ def test_every_shipped_machine_has_a_source_and_tells_what_is_assumed(name: str)
     assert "the tool leans from the part's Z by" in str(found)
 
 
-def test_what_the_tool_reaches_is_a_band_a_circle_or_a_region(tmp_path) -> None:
+def test_what_the_tool_reaches_is_a_band_a_circle_or_a_region(tmp_path):
     text = (MACHINES / "mikron-ucp600.toml").read_text()
     locked = text.replace("limits_deg = [-115.0, 30.0]", "locked_deg = -90.0")
     narrow = text.replace("endless = true", "limits_deg = [-100.0, 100.0]").replace("30.0]", "0.0]")
@@ -276,7 +275,7 @@ def test_what_the_tool_reaches_is_a_band_a_circle_or_a_region(tmp_path) -> None:
         assert told in check_machine(path).told[-1]
 
 
-def test_what_a_file_leaves_out_is_assumed(tmp_path) -> None:
+def test_what_a_file_leaves_out_is_assumed(tmp_path):
     text = (MACHINES / "mikron-ucp600.toml").read_text()
     text = re.sub(r"(?s)assumed = \[.*?\]\n", "", text).replace("part_zero = [0.0, 0.0, 0.0]\n", "")
     text = re.sub(r"acceleration.*\n|(?s:\[seconds\].*?\n\n)", "", text)
@@ -299,7 +298,7 @@ def test_what_a_file_leaves_out_is_assumed(tmp_path) -> None:
         ("speed_deg_s = ", "speed_deg_s = 1.5 # ", "B: a speed of 1.5 deg/s: is it in rad/s?"),
     ],
 )
-def test_a_figure_in_another_unit_is_asked_about(right: str, wrong: str, asked: str, tmp_path: Path) -> None:
+def test_a_figure_in_another_unit_is_asked_about(right, wrong, asked, tmp_path):
     text = (MACHINES / "mikron-ucp600.toml").read_text()
     assert right in text
     path = tmp_path / "own.toml"
@@ -319,9 +318,7 @@ def test_a_figure_in_another_unit_is_asked_about(right: str, wrong: str, asked: 
         ),
     ],
 )
-def test_a_table_turned_over_and_a_pivot_out_of_reach_are_asked_about(
-    right: str, wrong: str, asked: str, tmp_path: Path
-) -> None:
+def test_a_table_turned_over_and_a_pivot_out_of_reach_are_asked_about(right, wrong, asked, tmp_path):
     text = (MACHINES / "pocket-nc.toml").read_text()
     assert right in text
     path = tmp_path / "own.toml"
@@ -354,7 +351,7 @@ def test_a_table_turned_over_and_a_pivot_out_of_reach_are_asked_about(
         ("mikron-ucp600", "[X]\ntravel = 600.0", "[X]\nlimits = [50.0, 650.0]", "X: its limits begin at 50, above"),
     ],
 )
-def test_what_no_machine_is_like_is_asked_about(name: str, right: str, wrong: str, asked: str, tmp_path: Path) -> None:
+def test_what_no_machine_is_like_is_asked_about(name, right, wrong, asked, tmp_path):
     text = (MACHINES / f"{name}.toml").read_text()
     if wrong.startswith("part_z"):
         text = text.replace("part_x = [0.0, 0.0, 1.0]", "part_x = [1.0, 0.0, 0.0]")
@@ -382,7 +379,7 @@ def test_what_no_machine_is_like_is_asked_about(name: str, right: str, wrong: st
         ),
     ],
 )
-def test_an_axis_that_leans_nothing_is_refused(name: str, right: str, wrong: str, told: str, tmp_path: Path) -> None:
+def test_an_axis_that_leans_nothing_is_refused(name, right, wrong, told, tmp_path):
     text = (MACHINES / f"{name}.toml").read_text()
     assert right in text
     path = tmp_path / "own.toml"

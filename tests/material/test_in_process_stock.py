@@ -5,7 +5,7 @@ The mesh of what stands holds what rays tell.
 A mesh laid on a stock with edges follows them.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -17,7 +17,7 @@ from small_parts import FINISHING_CUTTER, HOLDING, ROUGHING_CUTTER, UPRIGHT_CAPS
 
 from bonecam.job import NcJob, PathJob
 from bonecam.levels import Level, StockLevel
-from bonecam.levels.measure import NO_CUT, MachinedLevel
+from bonecam.levels.measure import NO_CUT
 from bonecam.machine import MachineLimits
 from bonecam.material import InProcessStock, remove_material, uncut_material
 from bonecam.material.dexels import dexels_of
@@ -27,7 +27,7 @@ from bonecam.planning import Scene, candidate_contacts, contact_path, orient
 from bonecam.planning.contacts import DepthLimits
 from bonecam.setup import Box, Capsule, Cylinder, Stock
 from bonecam.tool import Cutter, MoveKind, ToolPath
-from bonecam.workholding import Post, post_below
+from bonecam.workholding import post_below
 
 
 class Skin(Capsule):
@@ -45,20 +45,20 @@ STOCK = Skin(UPRIGHT_CAPSULE.start, UPRIGHT_CAPSULE.end, UPRIGHT_CAPSULE.radius)
 
 
 @pytest.fixture(scope="module")
-def post() -> Post:
+def post():
     return post_below(mesh_of(pebble()), HOLDING)
 
 
 @pytest.fixture(scope="module")
-def levels() -> tuple[MachinedLevel, MachinedLevel, StockLevel]:
+def levels():
     """The part, a level 0.4 mm outside it, and the stock."""
     outermost = StockLevel(2, STOCK.mesh(0.01), 0.5, NO_CUT)
     return level_of(pebble()), level_of(pebble(0.4), 1, 0.5), outermost
 
 
 @pytest.fixture(scope="module")
-def path_on(post: Post) -> Callable[[MachinedLevel, InProcessStock, Cutter], ToolPath]:
-    def build(level: MachinedLevel, material: InProcessStock, cutter: Cutter) -> ToolPath:
+def path_on(post):
+    def build(level, material, cutter):
         meshes = [MeshDistance(level.mesh)]
         contacts = contact_path(candidate_contacts(level, meshes, cutter, post, PathJob(pattern="round")), material)
         scene = Scene(level.mesh, material.mesh, STOCK, post, DEVIATION)
@@ -68,15 +68,13 @@ def path_on(post: Post) -> Callable[[MachinedLevel, InProcessStock, Cutter], Too
 
 
 @pytest.fixture(scope="module")
-def machined(levels: tuple[MachinedLevel, MachinedLevel, StockLevel], path_on) -> tuple[InProcessStock, ToolPath]:
+def machined(levels, path_on):
     material = skin_material(levels, STOCK)
     path = path_on(levels[1], material, ROUGHING_CUTTER)
     return remove_material(material, levels[1], path), path
 
 
-def test_what_was_cut_lies_between_the_level_and_its_scallops(
-    machined: tuple[InProcessStock, ToolPath], levels, post: Post
-) -> None:
+def test_what_was_cut_lies_between_the_level_and_its_scallops(machined, levels, post):
     material, path = machined
     for points in (material.vertices, material.places):
         heights = MeshDistance(levels[1].mesh).signed(points[points[:, 2] > post.top + 4], 1.0)
@@ -84,7 +82,7 @@ def test_what_was_cut_lies_between_the_level_and_its_scallops(
         assert 0.5 * path.cutter.scallop < heights.max() < path.cutter.scallop + 0.005
 
 
-def test_the_balls_touch_the_places_left_and_enter_none(machined: tuple[InProcessStock, ToolPath]) -> None:
+def test_the_balls_touch_the_places_left_and_enter_none(machined):
     material, path = machined
     cut = path.kinds == 0
     centres = path.tips[cut] + path.cutter.radius * path.axes[cut]
@@ -93,7 +91,7 @@ def test_the_balls_touch_the_places_left_and_enter_none(machined: tuple[InProces
     assert np.median(distance) < path.cutter.radius + 0.01
 
 
-def test_no_ball_of_the_path_is_inside_the_material_left(machined: tuple[InProcessStock, ToolPath], post: Post) -> None:
+def test_no_ball_of_the_path_is_inside_the_material_left(machined, post):
     material, path = machined
     rows = np.flatnonzero(path.kinds == 0)
     centres = path.tips[rows] + path.cutter.radius * path.axes[rows]
@@ -103,7 +101,7 @@ def test_no_ball_of_the_path_is_inside_the_material_left(machined: tuple[InProce
     )
 
 
-def test_contacts_under_uncut_material_stay_uncut(levels, post: Post, path_on) -> None:
+def test_contacts_under_uncut_material_stay_uncut(levels, post, path_on):
     material = skin_material(levels, STOCK)
     path = path_on(levels[1], material, ROUGHING_CUTTER)
     spared = path.contacts[:, 2] > 39.0
@@ -128,16 +126,14 @@ def test_contacts_under_uncut_material_stay_uncut(levels, post: Post, path_on) -
     assert np.nanmax(below.contacts[:, 2]) < 40.0
 
 
-def test_what_is_trimmed_and_what_is_cut_make_up_the_whole_passes(
-    machined: tuple[InProcessStock, ToolPath], levels, post: Post
-) -> None:
+def test_what_is_trimmed_and_what_is_cut_make_up_the_whole_passes(machined, levels, post):
     _, path = machined
     lower = replace(path, kinds=np.where(path.contacts[:, 2] < 35.0, path.kinds, MoveKind.LINK))
     material = remove_material(skin_material(levels, STOCK), levels[1], lower)
     meshes = [MeshDistance(levels[1].mesh)]
     candidates = candidate_contacts(levels[1], meshes, ROUGHING_CUTTER, post, PathJob(pattern="iso-scallop"))
 
-    def lengths(least: float) -> tuple[float, float]:
+    def lengths(least):
         path = contact_path(candidates, material, DepthLimits(0.5, least=least))
         at_level = path.lifts == 0
         joined = (path.pass_index[1:] == path.pass_index[:-1]) & at_level[1:] & at_level[:-1]
@@ -152,9 +148,7 @@ def test_what_is_trimmed_and_what_is_cut_make_up_the_whole_passes(
     assert trimmed == pytest.approx(whole - part, rel=0.1)
 
 
-def test_a_ball_that_rises_from_its_contact_enters_nothing_anew(
-    levels: tuple[MachinedLevel, MachinedLevel, StockLevel],
-) -> None:
+def test_a_ball_that_rises_from_its_contact_enters_nothing_anew(levels):
     material = skin_material(levels, STOCK)
     s, t = np.random.default_rng(5).uniform(0.2, 0.8, (2, 50))
     surface = levels[1].surface
@@ -169,9 +163,7 @@ def test_a_ball_that_rises_from_its_contact_enters_nothing_anew(
     assert material.entered_anew(aside, contacts, 1.0, 0.01).all()
 
 
-def test_passes_that_find_only_what_passes_before_left_are_of_no_use(
-    levels: tuple[MachinedLevel, MachinedLevel, StockLevel], machined: tuple[InProcessStock, ToolPath]
-) -> None:
+def test_passes_that_find_only_what_passes_before_left_are_of_no_use(levels, machined):
     path = machined[1]
     cuts = path.kinds == MoveKind.CUT
     centres = (path.tips + path.cutter.radius * path.axes)[cuts]
@@ -184,7 +176,7 @@ def test_passes_that_find_only_what_passes_before_left_are_of_no_use(
     assert not useful[count:].any()
 
 
-def test_passes_side_by_side_are_stepped_over_to_without_their_ramps(levels, post: Post) -> None:
+def test_passes_side_by_side_are_stepped_over_to_without_their_ramps(levels, post):
     level, material = levels[1], skin_material(levels, STOCK)
     job = PathJob(pattern="along")
     candidates = candidate_contacts(level, [MeshDistance(level.mesh)], ROUGHING_CUTTER, post, job)
@@ -213,7 +205,7 @@ def bore(cutter: Cutter, centre: ndarray) -> ToolPath:
     return path_of(centre[None] - cutter.radius * up, up, kinds=kinds, passes=passes, tool=cutter)
 
 
-def test_what_hangs_over_a_cut_stands(levels) -> None:
+def test_what_hangs_over_a_cut_stands(levels):
     material = skin_material(levels, STOCK)
     place = material.places[np.argmax(material.places[:, 0])]
     inward = -STOCK.normals(place[None])[0]
@@ -225,7 +217,7 @@ def test_what_hangs_over_a_cut_stands(levels) -> None:
         assert cuts or not moved.any()
 
 
-def test_a_ball_whose_centre_is_in_the_material_is_deeper_than_its_radius(levels) -> None:
+def test_a_ball_whose_centre_is_in_the_material_is_deeper_than_its_radius(levels):
     material = skin_material(levels, STOCK)
     place = material.places[np.argmax(material.places[:, 0])]
     outward = STOCK.normals(place[None])[0]
@@ -235,7 +227,7 @@ def test_a_ball_whose_centre_is_in_the_material_is_deeper_than_its_radius(levels
         assert away[0] @ outward > 0.99
 
 
-def test_the_mesh_ends_behind_the_foot_of_a_cliff(machined: tuple[InProcessStock, ToolPath], levels) -> None:
+def test_the_mesh_ends_behind_the_foot_of_a_cliff(machined, levels):
     """What stands between a vertex that was cut and one that was not may reach up to the cut one."""
     _, path = machined
     upper = replace(path, kinds=np.where(path.contacts[:, 2] > 35.0, path.kinds, MoveKind.LINK))
@@ -252,9 +244,7 @@ def test_the_mesh_ends_behind_the_foot_of_a_cliff(machined: tuple[InProcessStock
     assert kept[raw > np.quantile(raw, 0.9)] == pytest.approx(raw[raw > np.quantile(raw, 0.9)])
 
 
-def test_depths_count_from_the_edges_of_a_bar_before_the_first_cut_and_after_it(
-    levels: tuple[MachinedLevel, MachinedLevel, StockLevel],
-) -> None:
+def test_depths_count_from_the_edges_of_a_bar_before_the_first_cut_and_after_it(levels):
     """A ball that touches a rounding of the bar's rim; an edge that no tool reaches stays."""
     bar = Cylinder(6.0, 28.0, 46.0)
     outermost = StockLevel(2, bar.mesh(0.01), 0.5, NO_CUT)
@@ -272,7 +262,7 @@ def test_depths_count_from_the_edges_of_a_bar_before_the_first_cut_and_after_it(
     assert after[0] == pytest.approx(rounding * (np.sqrt(2) - 1), abs=0.02)
 
 
-def test_a_rest_path_of_the_next_level_makes_no_ball_deeper(machined: tuple[InProcessStock, ToolPath], levels) -> None:
+def test_a_rest_path_of_the_next_level_makes_no_ball_deeper(machined, levels):
     """Beside the post places stand that the ball has passed: how deep it is there is known from where it was."""
     material, path = machined
     rows = np.flatnonzero(path.kinds == MoveKind.CUT)
@@ -293,7 +283,7 @@ def beyond(mesh: TriangleMesh, ends: np.ndarray) -> np.ndarray:
     return np.maximum(surface.signed(ends), 0.0)
 
 
-def test_a_mesh_that_cuts_an_edge_off_is_moved_out_to_it() -> None:
+def test_a_mesh_that_cuts_an_edge_off_is_moved_out_to_it():
     mesh, ends = BAR.mesh(0.01), dexels_of(BAR).ends
     assert beyond(mesh, ends).max() < 0.02
     away = np.linalg.norm(mesh.vertices - [5.0, 0.0, 30.0], axis=1)
@@ -306,7 +296,7 @@ def test_a_mesh_that_cuts_an_edge_off_is_moved_out_to_it() -> None:
     assert np.array_equal(held.vertices[far], mesh.vertices[far])
 
 
-def test_a_mesh_that_holds_all_stays_as_it_is() -> None:
+def test_a_mesh_that_holds_all_stays_as_it_is():
     mesh = BAR.mesh(0.01)
     assert holding(mesh, dexels_of(BAR).ends) is mesh
 
@@ -325,7 +315,7 @@ def missed(bar: Stock, points: np.ndarray, faces: np.ndarray) -> float:
 
 
 @pytest.mark.parametrize("kind", BARS)
-def test_a_mesh_laid_on_a_bar_follows_its_edges(kind: str) -> None:
+def test_a_mesh_laid_on_a_bar_follows_its_edges(kind):
     bar = BARS[kind]
     rounded = bar.round_edges(1.5).mesh(0.005)
     laid = places_on_stock(bar, rounded.vertices, rounded.faces)
@@ -334,7 +324,7 @@ def test_a_mesh_laid_on_a_bar_follows_its_edges(kind: str) -> None:
     assert missed(bar, laid, rounded.faces) < 0.02
 
 
-def test_on_a_stock_without_edges_places_are_the_nearest() -> None:
+def test_on_a_stock_without_edges_places_are_the_nearest():
     capsule = Capsule(np.array([0.0, 0.0, 14.0]), np.array([0.0, 0.0, 26.0]), 4.0)
     inner = capsule.offset(-0.5).mesh(0.005)
     laid = places_on_stock(capsule, inner.vertices, inner.faces)

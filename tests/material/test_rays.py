@@ -22,14 +22,14 @@ from bonecam.verify.sweeping import NormalProbes, SimulatedStock, Sweeping, volu
 RING = revolve_ring(np.array([[3.0, 0.0], [5.0, 0.0], [5.0, 4.0], [3.0, 4.0]]), 400)
 
 
-def test_a_ring_keeps_its_hole() -> None:
+def test_a_ring_keeps_its_hole():
     sets, grid = lay_solids([RING], 0.1, 500.0)
     assert volumes(sets) == pytest.approx([RING.volume] * 3, rel=2e-3)
     assert max(int(rays.counts.max()) for rays in sets) == 2
     assert grid.cell == 0.1
 
 
-def test_solids_that_overlap_count_once_and_convex_ones_are_as_bodies() -> None:
+def test_solids_that_overlap_count_once_and_convex_ones_are_as_bodies():
     low, high = cylinder(2.0, 0.0, 6.0, 1e-4), cylinder(2.0, 3.0, 9.0, 1e-4)
     sets, grid = lay_solids([low, high], 0.1, 500.0)
     body = Cylinder(2.0, 0.0, 9.0)
@@ -39,11 +39,11 @@ def test_solids_that_overlap_count_once_and_convex_ones_are_as_bodies() -> None:
     assert np.abs(grid.rotation @ grid.rotation.T - np.eye(3)).max() < 1e-12
 
 
-def test_less_memory_takes_a_coarser_cell() -> None:
+def test_less_memory_takes_a_coarser_cell():
     assert lay_solids([RING], 0.1, 1.0)[1].cell > 0.1
 
 
-def test_a_mesh_with_a_hole_is_refused() -> None:
+def test_a_mesh_with_a_hole_is_refused():
     with pytest.raises(JobError, match="not closed"):
         lay_solids([keep_faces(RING, slice(40, None))], 0.1, 500.0)
 
@@ -261,7 +261,7 @@ def test_balls_round_a_sphere_leave_the_scallop_of_a_convex_section():
     assert normal_probes.heights.min() == pytest.approx(0.0, abs=1e-9)
 
 
-def test_what_lies_below_a_height_goes_and_the_rest_turns_with_its_pose() -> None:
+def test_what_lies_below_a_height_goes_and_the_rest_turns_with_its_pose():
     grid = lay_grid([BLOCK], 0.2)
     given = SimulatedStock(lay_rays([BLOCK], grid, 500.0), grid, None)
     low, high = BLOCK.bounds

@@ -236,7 +236,7 @@ FORCE = CuttingForce((631.0, 99.0, 273.0, 13.0, 10.0, 2.8), (0.6, 1.9), "test", 
 
 
 @pytest.mark.parametrize(("radius", "depth", "scallop", "chip"), [(2.0, 0.5, 0.05, 0.1), (1.0, 0.3, 0.1, 0.04)])
-def test_the_force_is_the_sum_over_the_engaged_edge(radius, depth, scallop, chip) -> None:
+def test_the_force_is_the_sum_over_the_engaged_edge(radius, depth, scallop, chip):
     """A pass beside one that is w away: the edge meets material where the ball is below the surface and outside the
     ball of the pass before."""
     half = np.sqrt(2 * radius * scallop)
@@ -249,14 +249,14 @@ def test_the_force_is_the_sum_over_the_engaged_edge(radius, depth, scallop, chip
     assert strip_force(FORCE, radius, depth, scallop, chip) == pytest.approx(axes, rel=1e-4)
 
 
-def test_a_slot_without_scallops_takes_half_of_the_ball() -> None:
+def test_a_slot_without_scallops_takes_half_of_the_ball():
     """Half of the ball at a depth of its radius: chips of h R, an edge of pi R / 2."""
     cut = np.array([631.0, 99.0, 273.0]) * 0.1 * 2.0 + np.array([13.0, 10.0, 2.8]) * np.pi
     for depth in (2.0, 5.0):
         assert strip_force(FORCE, 2.0, depth, 0.0, 0.1) == pytest.approx(cut)
 
 
-def test_wider_scallops_of_deep_roughing_cuts_count() -> None:
+def test_wider_scallops_of_deep_roughing_cuts_count():
     deep = {"levels": {"depths": "0.1 1"}}
     narrow, wide = Job(**deep), Job(levels={"depths": "0.1 1", "scallop_share": 0.2})
     stated = Job(**deep, roughing={"scallop": 0.2})
@@ -266,7 +266,7 @@ def test_wider_scallops_of_deep_roughing_cuts_count() -> None:
         assert forces[1] == pytest.approx(ratio * forces[0], rel=0.05)
 
 
-def test_shallower_cuts_take_less_and_less_of_the_force_at_the_feed_that_they_have() -> None:
+def test_shallower_cuts_take_less_and_less_of_the_force_at_the_feed_that_they_have():
     job = Job(levels={"finishing_depth": 0.3}, finishing={"scallop": 0.1})
     found = lighter_cuts(FORCE, job)
     assert found[0][0].startswith("finishing cuts of 0.15 mm with scallops of 0.05 (levels.finishing_depth")
@@ -281,7 +281,7 @@ def test_shallower_cuts_take_less_and_less_of_the_force_at_the_feed_that_they_ha
 @pytest.mark.parametrize(
     "levels", [{"depths": "0.3 0.5 1", "finishing_depth": 0.3}, {"depths": "0.3"}, {"schedule": "fewest"}]
 )
-def test_shallower_cuts_are_those_onto_the_part_of_any_schedule(levels: dict) -> None:
+def test_shallower_cuts_are_those_onto_the_part_of_any_schedule(levels):
     job = Job(levels=levels, finishing={"scallop": 0.1})
     depth = job.levels.depth_onto(0)
     numbers = Job(levels={"finishing_depth": depth}, finishing={"scallop": 0.1})

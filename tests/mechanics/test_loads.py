@@ -292,7 +292,7 @@ def loads(peak, edge_share, index=0):
     return PathLoads(index, 0, np.arange(count), np.full(count, 0.1), peak / 2, peak, share, *rest, 900.0, 150.0, 0)
 
 
-def test_the_part_that_grows_with_the_feed_makes_every_peak_the_same() -> None:
+def test_the_part_that_grows_with_the_feed_makes_every_peak_the_same():
     found = feed_schedule([loads([20.0, 30.0, 40.0, 50.0], 0.5)], [1], 5)
     assert found.targets == {1: 40.0}
     edge, grows = np.array([10.0, 15, 20, 25]), np.array([10.0, 15, 20, 25])
@@ -300,7 +300,7 @@ def test_the_part_that_grows_with_the_feed_makes_every_peak_the_same() -> None:
     assert found.ratios[4] == 1.0, "in air"
 
 
-def test_feeds_stay_within_half_and_twice_and_parting_keeps_its_own() -> None:
+def test_feeds_stay_within_half_and_twice_and_parting_keeps_its_own():
     paths = [loads([10.0, 10.0, 10.0, 100.0], 0.8), loads([500.0], 0.1, PARTING)]
     found = feed_schedule(paths, [2, 2], 4)
     assert found.targets == {2: 10.0}

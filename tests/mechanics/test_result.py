@@ -51,7 +51,7 @@ def found(
     return {one.what: one.p99 for one in told}, float(kept.errors[0])
 
 
-def test_a_thicker_neck_helps_by_the_share_of_the_neck() -> None:
+def test_a_thicker_neck_helps_by_the_share_of_the_neck():
     told, before = found(NECK, 1e-6)
     assert before == pytest.approx(5 * AT**3 / (3 * 70000 * np.pi / 4 * RADIUS**4), rel=0.03)
     share = (AT - NECK) ** 3 / AT**3
@@ -59,7 +59,7 @@ def test_a_thicker_neck_helps_by_the_share_of_the_neck() -> None:
     assert told["a neck of 6 mm (holding.diameter)"] == pytest.approx(thicker, rel=0.03)
 
 
-def test_a_pin_at_the_free_end_is_offered_to_a_part_without_one() -> None:
+def test_a_pin_at_the_free_end_is_offered_to_a_part_without_one():
     """A bar of 4 x 50 mm, loaded 5 mm below its pin: the pin, 3 x 12 mm of steel, takes nearly all."""
     told, before = found(NECK, 1e-6, holding=HoldingJob(diameter=2 * RADIUS))
     pinned = told['a pin of 3 mm at the free end (holding.tailstock = "pin")']
@@ -73,19 +73,19 @@ def test_a_pin_at_the_free_end_is_offered_to_a_part_without_one() -> None:
     assert not any("pin of" in what for what in found(NECK, 1e-6, holding=has_one)[0])
 
 
-def test_lighter_cuts_help_by_their_share_of_the_force() -> None:
+def test_lighter_cuts_help_by_their_share_of_the_force():
     told, before = found(NECK, 1e-3)
     assert told["lighter cuts"] == pytest.approx(0.4**0.7 * before)
 
 
-def test_what_no_single_change_holds_is_told_with_two() -> None:
+def test_what_no_single_change_holds_is_told_with_two():
     assert not any(" with lighter cuts" in what for what in found(NECK, 1e-6, passing=0.05, force=0.05)[0])
     told, _ = found(NECK, 1e-6, passing=5.0, force=400.0)
     clamp = "a chuck or collet 6 mm below the part"
     assert told[f"{clamp} with lighter cuts"] == pytest.approx(0.4**0.7 * told[clamp])
 
 
-def test_a_clamp_nearer_to_the_part_helps_by_the_third_power_of_what_stands_free() -> None:
+def test_a_clamp_nearer_to_the_part_helps_by_the_third_power_of_what_stands_free():
     told, before = found(NECK, 1e-6)
     assert told["a chuck or collet 6 mm below the part"] == pytest.approx(
         before * ((AT - NECK + 6) / AT) ** 3, rel=0.03
@@ -94,19 +94,19 @@ def test_a_clamp_nearer_to_the_part_helps_by_the_third_power_of_what_stands_free
     assert not any("collet" in what for what in short)
 
 
-def test_where_the_cutter_bends_most_a_stiffer_one_is_told_first() -> None:
+def test_where_the_cutter_bends_most_a_stiffer_one_is_told_first():
     told, before = found(NECK, 1.0)
     best = min(told, key=lambda what: told[what])
     assert best == "at best a stiffer cutter than the one of 1e+03 um/N (overhang, neck_length)"
     assert told[best] == pytest.approx(before - 5, rel=1e-6)
 
 
-def test_no_neck_as_thick_as_the_stock_is_advised() -> None:
+def test_no_neck_as_thick_as_the_stock_is_advised():
     assert any("a neck of" in what for what in found(NECK, 1e-6)[0])
     assert not any("a neck of" in what for what in found(NECK, 1e-6, width=5.9)[0])
 
 
-def test_a_part_that_a_clamp_makes_stiff_is_asked_while_an_edge_passes() -> None:
+def test_a_part_that_a_clamp_makes_stiff_is_asked_while_an_edge_passes():
     """The bar swings at 1,600 Hz, and 6 mm below the part at more than twice as much."""
     told, _ = found(NECK, 1e-6, passing=50.0, tooth_hz=700.0)
     mean, _ = found(NECK, 1e-6, tooth_hz=700.0)
@@ -114,7 +114,7 @@ def test_a_part_that_a_clamp_makes_stiff_is_asked_while_an_edge_passes() -> None
     assert told[held] == pytest.approx(10 * mean[held], rel=1e-6)
 
 
-def test_only_what_is_between_the_heights_is_made_thicker() -> None:
+def test_only_what_is_between_the_heights_is_made_thicker():
     plain = column_sections(2.0, 0.0, 10.0)
     thick = thickened(plain, 2.0, 5.0, 1.5)
     inside = (plain.low >= 2.0) & (plain.high <= 5.0)
@@ -123,11 +123,11 @@ def test_only_what_is_between_the_heights_is_made_thicker() -> None:
     assert (thick.second[~inside] == plain.second[~inside]).all()
 
 
-def test_without_a_place_the_remedies_are_named_without_figures() -> None:
+def test_without_a_place_the_remedies_are_named_without_figures():
     assert best_text((), 0.05, 125.0).startswith("give a thicker neck")
 
 
-def test_all_remedies_that_do_are_told_or_the_one_that_helps_most() -> None:
+def test_all_remedies_that_do_are_told_or_the_one_that_helps_most():
     found = (Remedy("a chuck", 0.02, 90.0), Remedy("a neck", 0.04, 40.0), Remedy("a cutter", 0.06, 90.0))
     both = "a chuck would keep 20.0 um at 90 MPa or a neck would keep 40.0 um at 40 MPa"
     assert best_text(found, 0.05, 125.0) == both

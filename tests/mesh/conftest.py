@@ -3,10 +3,8 @@
 import pytest
 from mesh_bodies import ellipsoid
 
-from bonecam.mesh import TriangleMesh
-
 
 @pytest.fixture(scope="session")
-def bone() -> TriangleMesh:
+def bone():
     """A convex part of 1,536 faces."""
     return ellipsoid(5, 4, 14)

@@ -72,17 +72,17 @@ def require_delaunay(points: ndarray, faces: ndarray) -> None:
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_counts_and_circles_hold(name: str) -> None:
+def test_counts_and_circles_hold(name):
     require_delaunay(CASES[name], delaunay(CASES[name]))
 
 
-def test_scattered_points_give_scipys_triangles() -> None:
+def test_scattered_points_give_scipys_triangles():
     ours = {tuple(sorted(face)) for face in delaunay(SCATTERED).tolist()}
     theirs = {tuple(sorted(face)) for face in Delaunay(SCATTERED).simplices.tolist()}
     assert ours == theirs
 
 
-def test_a_row_between_two_rows_loses_no_facet_on_the_straight_hull() -> None:
+def test_a_row_between_two_rows_loses_no_facet_on_the_straight_hull():
     row = np.column_stack([np.linspace(0, 1, 40), np.zeros(40)])
     bowed = np.column_stack([row[:, 0], 1e-13 * np.sin(9 * row[:, 0]) + 0.01])
     points = np.vstack([row, bowed, row + np.array([0, 0.02])])
@@ -91,7 +91,7 @@ def test_a_row_between_two_rows_loses_no_facet_on_the_straight_hull() -> None:
 
 @settings(max_examples=60)
 @given(st.sets(st.tuples(st.integers(0, 6), st.integers(0, 6)), min_size=4, max_size=30))
-def test_any_points_of_a_lattice(lattice: set[tuple[int, int]]) -> None:
+def test_any_points_of_a_lattice(lattice):
     points = np.array(sorted(lattice)) * 0.1
     at = exact(points)
     if all(turn(at[0], at[1], p) == 0 for p in at):
@@ -110,7 +110,7 @@ def test_any_points_of_a_lattice(lattice: set[tuple[int, int]]) -> None:
         (np.column_stack([np.arange(5.0), np.arange(5.0)]), "all 5 points lie on a line"),
     ],
 )
-def test_bad_points_are_refused(points: ndarray, match: str) -> None:
+def test_bad_points_are_refused(points, match):
     with pytest.raises(ValueError, match=match):
         delaunay(points)
 
@@ -145,14 +145,14 @@ def errors(around: int, across: int) -> tuple[float, float]:
     return (float(np.median(np.abs(found.k1 * TUBE - 1))), float(np.median(np.abs(found.k2 / along - 1)[clear])))
 
 
-def test_errors_on_a_torus_fall_with_the_square_of_the_edge() -> None:
+def test_errors_on_a_torus_fall_with_the_square_of_the_edge():
     coarse, fine = errors(60, 30), errors(120, 60)
     assert max(fine) < 0.012
     for large, small in zip(coarse, fine):
         assert 3.2 < large / small < 4.8
 
 
-def test_shapes_on_a_torus_are_convex_outside_and_saddles_inside() -> None:
+def test_shapes_on_a_torus_are_convex_outside_and_saddles_inside():
     mesh, v, normals = torus(120, 60)
     found = mls_curvature(mesh)
     assert set(found.shapes[np.cos(v) > 0.4]) == {SurfaceShape.CONVEX}
@@ -161,7 +161,7 @@ def test_shapes_on_a_torus_are_convex_outside_and_saddles_inside() -> None:
     assert np.abs(np.einsum("ij,ij->i", found.direction1, normals)).max() < 0.02
 
 
-def test_a_ball_is_convex_and_turned_inside_out_concave() -> None:
+def test_a_ball_is_convex_and_turned_inside_out_concave():
     mesh, _, _ = torus(60, 30)
     inside_out = TriangleMesh(mesh.vertices, mesh.faces[:, ::-1].copy())
     outer = mls_curvature(mesh)
@@ -170,7 +170,7 @@ def test_a_ball_is_convex_and_turned_inside_out_concave() -> None:
     assert (inner.k1 >= inner.k2).all()
 
 
-def test_a_plane_is_planar_everywhere() -> None:
+def test_a_plane_is_planar_everywhere():
     places = np.random.default_rng(3).random((60, 2)) * 10
     mesh = TriangleMesh(np.column_stack([places, np.zeros(60)]), delaunay(places))
     found = mls_curvature(mesh, radius=4.0)
@@ -178,7 +178,7 @@ def test_a_plane_is_planar_everywhere() -> None:
     assert set(found.shapes) == {SurfaceShape.PLANAR}
 
 
-def test_a_patch_on_a_tilted_frame_needs_both_fundamental_forms() -> None:
+def test_a_patch_on_a_tilted_frame_needs_both_fundamental_forms():
     """z = x^2/20 - y^2/12 + 0.3 x: its Hessian alone, in its upright frame, errs; ours agrees with the formula."""
     x, y = (grid.ravel() for grid in np.meshgrid(np.linspace(-1, 1, 21), np.linspace(-1, 1, 21)))
     places = np.column_stack([x, y])
@@ -191,7 +191,7 @@ def test_a_patch_on_a_tilted_frame_needs_both_fundamental_forms() -> None:
     assert abs(-2 / 20 - exact[1]) > 0.01  # what the Hessian alone would say
 
 
-def test_the_other_side_of_a_thin_plate_does_not_count() -> None:
+def test_the_other_side_of_a_thin_plate_does_not_count():
     grid = np.stack(np.meshgrid(np.arange(12.0), np.arange(12.0)), axis=-1).reshape(-1, 2)
     faces = delaunay(grid)
     below = np.column_stack([grid, np.full(len(grid), -0.5)])
@@ -201,7 +201,7 @@ def test_the_other_side_of_a_thin_plate_does_not_count() -> None:
     assert np.abs([found.k1, found.k2]).max() < 1e-12
 
 
-def test_too_few_neighbours_are_told() -> None:
+def test_too_few_neighbours_are_told():
     mesh, _, _ = torus(12, 6)
     with pytest.raises(MeshError, match=r"vertex 0 has 0 neighbours, too few .* larger radius"):
         mls_curvature(mesh, radius=0.1)
@@ -209,7 +209,7 @@ def test_too_few_neighbours_are_told() -> None:
         mls_curvature(mesh, radius=0.0)
 
 
-def test_neighbours_on_a_line_or_at_one_place_are_told() -> None:
+def test_neighbours_on_a_line_or_at_one_place_are_told():
     """A strip of two rows 1 mm apart; and eight copies of it."""
     x, y = (grid.ravel() for grid in np.meshgrid(np.linspace(0, 1, 12), [0.0, 1.0], indexing="ij"))
     strip = TriangleMesh(np.column_stack([x, y, 0 * x]), delaunay(np.column_stack([x, y])))
@@ -222,13 +222,13 @@ def test_neighbours_on_a_line_or_at_one_place_are_told() -> None:
         mls_curvature(again, radius=0.05)
 
 
-def test_normals_of_a_torus() -> None:
+def test_normals_of_a_torus():
     mesh, _, normals = torus(120, 60)
     cosines = np.einsum("ij,ij->i", vertex_normals(mesh), normals)
     assert np.degrees(np.arccos(np.clip(cosines, -1, 1))).max() < 0.2
 
 
-def test_a_vertex_without_faces_has_no_normal() -> None:
+def test_a_vertex_without_faces_has_no_normal():
     mesh = TriangleMesh(np.eye(4)[:, :3], np.array([[0, 1, 2]], dtype=np.int32))
     with pytest.raises(MeshError, match="vertex 3 has no normal"):
         vertex_normals(mesh)
@@ -242,25 +242,25 @@ INSIDE = (SIZE - 2) ** 2 * 0.25
 """mm^2: cells of the vertices that are not on the boundary."""
 
 
-def test_the_membrane_of_a_linear_value_is_half_its_slope_squared_times_the_area() -> None:
+def test_the_membrane_of_a_linear_value_is_half_its_slope_squared_times_the_area():
     tilted = (3 * SQUARES[:, 0] - 4 * SQUARES[:, 1])[:, None]
     assert ENERGY.of_values(tilted, 1.0, 0.0) == pytest.approx(25 / 2 * 100)
     assert ENERGY.of_values(tilted, 0.0, 1.0) == pytest.approx(0.0, abs=1e-9)
 
 
-def test_the_thin_plate_of_a_parabola_is_half_its_laplacian_squared_times_the_area() -> None:
+def test_the_thin_plate_of_a_parabola_is_half_its_laplacian_squared_times_the_area():
     parabola = (SQUARES**2).sum(axis=1)[:, None]
     assert ENERGY.of_values(parabola, 0.0, 1.0) == pytest.approx(4**2 / 2 * INSIDE)
 
 
-def test_both_weights_and_all_components_add_up() -> None:
+def test_both_weights_and_all_components_add_up():
     axes = np.random.default_rng(1).normal(size=(len(SQUARES), 3))
     parts = [ENERGY.of_values(axes[:, [k]], *weights) for k in range(3) for weights in ((0.3, 0.0), (0.0, 0.7))]
     assert ENERGY.of_values(axes, 0.3, 0.7) == pytest.approx(sum(parts))
     assert ENERGY.of_values(axes, 0.0, 0.0) == 0
 
 
-def test_a_constant_has_no_energy_and_the_energy_is_that_of_the_surface_not_of_its_place() -> None:
+def test_a_constant_has_no_energy_and_the_energy_is_that_of_the_surface_not_of_its_place():
     assert ENERGY.of_values(np.ones((len(SQUARES), 3)), 1.0, 1.0) == pytest.approx(0.0, abs=1e-9)
     turn = np.array([[0.6, 0.0, 0.8], [0.0, 1.0, 0.0], [-0.8, 0.0, 0.6]])
     turned = ElasticEnergy.of(TriangleMesh(SQUARE.vertices @ turn.T, SQUARE.faces))
@@ -272,7 +272,7 @@ def flat(places: np.ndarray, faces: np.ndarray) -> TriangleMesh:
     return TriangleMesh(np.column_stack([places, np.zeros(len(places))]), faces)
 
 
-def test_cells_on_a_grid_are_its_squares() -> None:
+def test_cells_on_a_grid_are_its_squares():
     places = np.stack(np.meshgrid(np.arange(5.0), np.arange(5.0)), axis=-1).reshape(-1, 2) * 0.5
     areas = voronoi_areas(flat(places, delaunay(places))).reshape(5, 5)
     np.testing.assert_allclose(areas[1:-1, 1:-1], 0.25, atol=1e-12)
@@ -280,7 +280,7 @@ def test_cells_on_a_grid_are_its_squares() -> None:
     np.testing.assert_allclose(areas[0, 0], 0.0625, atol=1e-12)
 
 
-def test_a_point_has_the_places_nearer_to_it_than_to_any_other() -> None:
+def test_a_point_has_the_places_nearer_to_it_than_to_any_other():
     """Eq. 10, by counting random places of the hull, away from its obtuse triangles."""
     random = np.random.default_rng(3)
     grid = np.stack(np.meshgrid(np.arange(9.0), np.arange(9.0)), axis=-1).reshape(-1, 2)
@@ -293,12 +293,12 @@ def test_a_point_has_the_places_nearer_to_it_than_to_any_other() -> None:
     np.testing.assert_allclose(areas[inner], counted[inner], rtol=0.06)
 
 
-def test_of_an_obtuse_face_its_widest_corner_has_half() -> None:
+def test_of_an_obtuse_face_its_widest_corner_has_half():
     mesh = flat(np.array([[0.0, 0.0], [4.0, 0.0], [2.0, 0.5]]), np.array([[0, 1, 2]], dtype=np.int32))
     np.testing.assert_allclose(voronoi_areas(mesh), [0.25, 0.25, 0.5])
 
 
-def test_cells_add_up_to_the_area_and_lone_vertices_have_none() -> None:
+def test_cells_add_up_to_the_area_and_lone_vertices_have_none():
     places = np.random.default_rng(7).random((200, 2))
     mesh = flat(np.vstack([places, [[5.0, 5.0]]]), delaunay(places))
     areas = voronoi_areas(mesh)

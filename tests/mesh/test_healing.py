@@ -97,9 +97,7 @@ SIZES = (0.02, 0.1, 0.3, 1.0, 3.0)
 @pytest.mark.parametrize("size", SIZES)
 @pytest.mark.parametrize("face", [3, 400, 777, 1534])
 @pytest.mark.parametrize("kind", ["vertex", "edge", "face", "wall"])
-def test_debris_that_touches_is_dropped_and_the_bone_stays_to_the_bit(
-    bone: TriangleMesh, kind: str, face: int, size: float
-) -> None:
+def test_debris_that_touches_is_dropped_and_the_bone_stays_to_the_bit(bone, kind, face, size):
     mesh, done = repair(with_debris(bone, kind, face, size))
     assert is_same(mesh, bone)
     assert any(each.change.startswith("dropped 1") and each.left_out is not None for each in done)
@@ -108,7 +106,7 @@ def test_debris_that_touches_is_dropped_and_the_bone_stays_to_the_bit(
 
 
 @pytest.mark.parametrize("kind", ["vertex", "edge", "face", "wall"])
-def test_debris_is_dropped_whatever_the_order_and_side_of_the_faces(bone: TriangleMesh, kind: str) -> None:
+def test_debris_is_dropped_whatever_the_order_and_side_of_the_faces(bone, kind):
     given = with_debris(bone, kind, 500, 0.4)
     order = np.random.default_rng(1).permutation(len(given.faces))
     shuffled = TriangleMesh(given.vertices, given.faces[order])
@@ -119,7 +117,7 @@ def test_debris_is_dropped_whatever_the_order_and_side_of_the_faces(bone: Triang
     assert "mirror" in "; ".join(map(str, done))
 
 
-def test_much_debris_is_dropped_at_once(bone: TriangleMesh) -> None:
+def test_much_debris_is_dropped_at_once(bone):
     given = bone
     for number, face in enumerate(range(40, 1500, 70)):
         given = with_debris(given, ("vertex", "edge", "face", "wall")[number % 4], face, 0.2)
@@ -131,9 +129,7 @@ def test_much_debris_is_dropped_at_once(bone: TriangleMesh) -> None:
 @pytest.mark.parametrize("share", [0.05, 0.3, 0.6, 0.9])
 @pytest.mark.parametrize("height", [-4.0, 0.0, 1.0])
 @pytest.mark.parametrize("inward", [True, False])
-def test_an_inner_shell_is_filled_and_told_with_its_volume(
-    bone: TriangleMesh, share: float, height: float, inward: bool
-) -> None:
+def test_an_inner_shell_is_filled_and_told_with_its_volume(bone, share, height, inward):
     shell = TriangleMesh(share * bone.vertices + [0, 0, height * (1 - share)], bone.faces[:, :: -1 if inward else 1])
     mesh, done = repair(side_by_side([shell, bone]))
     assert is_same(mesh, bone)
@@ -143,14 +139,14 @@ def test_an_inner_shell_is_filled_and_told_with_its_volume(
     assert done[0].guessed == 0.0
 
 
-def test_a_cavity_that_comes_out_of_the_part_is_told_to(bone: TriangleMesh) -> None:
+def test_a_cavity_that_comes_out_of_the_part_is_told_to(bone):
     through = TriangleMesh(0.5 * bone.vertices + [2.7, 0, 0], bone.faces[:, ::-1])
     mesh, done = repair(side_by_side([bone, through]))
     assert is_same(mesh, bone)
     assert str(done[0]).endswith("it comes out through the surface")
 
 
-def test_many_cavities_are_told_in_one_sentence(bone: TriangleMesh) -> None:
+def test_many_cavities_are_told_in_one_sentence(bone):
     places = [(x, y, z) for x in (-1.5, 1.5) for y in (-1, 1) for z in (-6, 0, 6)]
     pores = [TriangleMesh(0.05 * bone.vertices + place, bone.faces[:, ::-1]) for place in places]
     mesh, done = repair(side_by_side([*pores, bone]))
@@ -158,13 +154,13 @@ def test_many_cavities_are_told_in_one_sentence(bone: TriangleMesh) -> None:
     assert str(done[0]).startswith("filled 12 inner shells (cavities), 1.")
 
 
-def test_a_closed_piece_beside_the_part_is_another_part(bone: TriangleMesh) -> None:
+def test_a_closed_piece_beside_the_part_is_another_part(bone):
     for shift in ([12, 0, 0], [4, 0, 0]):
         with pytest.raises(MeshError, match=r"2 separate parts, the second largest near .*: save the one"):
             repair(side_by_side([bone, TriangleMesh(0.8 * bone.vertices + shift, bone.faces)]))
 
 
-def test_a_folded_shell_inside_is_not_taken_for_the_part(bone: TriangleMesh) -> None:
+def test_a_folded_shell_inside_is_not_taken_for_the_part(bone):
     length = np.linalg.norm(bone.vertices, axis=1, keepdims=True)
     folds = 1 - 0.35 * (1 + np.cos(np.arange(len(bone.vertices)) * np.pi))[:, None] * (length > 0)
     rough = TriangleMesh(0.97 * bone.vertices * folds, bone.faces[:, ::-1])
@@ -174,12 +170,12 @@ def test_a_folded_shell_inside_is_not_taken_for_the_part(bone: TriangleMesh) -> 
     assert "inner shell" in str(done[0])
 
 
-def test_components_meet_at_vertices_and_edges_but_not_across_a_wall(bone: TriangleMesh) -> None:
+def test_components_meet_at_vertices_and_edges_but_not_across_a_wall(bone):
     for kind, count in (("vertex", 2), ("edge", 2), ("wall", 1)):
         assert components_of(with_debris(bone, kind, 9, 0.3)).max() + 1 == count
 
 
-def test_the_mesh_as_given_is_compared_without_what_was_left_out(bone: TriangleMesh) -> None:
+def test_the_mesh_as_given_is_compared_without_what_was_left_out(bone):
     given = with_debris(bone, "vertex", 700, 0.5)
     part = prepare_part(given, MeshJob(pit_radius=0.0))
     assert len(part.given.faces) == len(bone.faces) + 4
@@ -191,14 +187,14 @@ def test_the_mesh_as_given_is_compared_without_what_was_left_out(bone: TriangleM
     assert part.move(np.eye(4)).taken_off is part.taken_off
 
 
-def test_an_open_sheet_inside_is_dropped_and_told_as_that(bone: TriangleMesh) -> None:
+def test_an_open_sheet_inside_is_dropped_and_told_as_that(bone):
     sheet = keep_faces(TriangleMesh(0.5 * bone.vertices, bone.faces), bone.vertices[bone.faces].mean(1)[:, 2] > 2)
     mesh, done = repair(side_by_side([sheet, bone]))
     assert is_same(mesh, bone)
     assert str(done[0]).startswith("dropped 1 open sheet inside the part, near (")
 
 
-def test_a_cavity_is_found_in_a_bone_with_a_hole(bone: TriangleMesh) -> None:
+def test_a_cavity_is_found_in_a_bone_with_a_hole(bone):
     cavity = TriangleMesh(0.4 * bone.vertices, bone.faces[:, ::-1])
     mesh, done = repair(side_by_side([cavity, keep_faces(bone, np.arange(len(bone.faces)) >= 4)]))
     assert faults_of(mesh) == ()
@@ -206,7 +202,7 @@ def test_a_cavity_is_found_in_a_bone_with_a_hole(bone: TriangleMesh) -> None:
     assert [each.change.split()[0] for each in done] == ["filled", "closed"]
 
 
-def test_a_large_mesh_is_decimated_within_the_stated_deviation() -> None:
+def test_a_large_mesh_is_decimated_within_the_stated_deviation():
     mesh = ellipsoid(4, 3, 9, rings=120, columns=160)
     fewer, told = decimate(mesh, 8000)
     assert len(fewer.faces) <= 8000 < len(mesh.faces)
@@ -216,7 +212,7 @@ def test_a_large_mesh_is_decimated_within_the_stated_deviation() -> None:
     assert decimate(mesh, len(mesh.faces)) == (mesh, ())
 
 
-def test_triangles_without_common_vertices_are_decimated_too() -> None:
+def test_triangles_without_common_vertices_are_decimated_too():
     mesh = ellipsoid(4, 3, 9, rings=80, columns=120)
     loose = TriangleMesh(
         mesh.vertices[mesh.faces].reshape(-1, 3), np.arange(mesh.faces.size, dtype=np.int32).reshape(-1, 3)
@@ -226,14 +222,14 @@ def test_triangles_without_common_vertices_are_decimated_too() -> None:
     assert fewer.volume == pytest.approx(mesh.volume, rel=1e-3)
 
 
-def test_a_rough_mesh_is_refused_rather_than_smoothed() -> None:
+def test_a_rough_mesh_is_refused_rather_than_smoothed():
     mesh = ellipsoid(4, 3, 9, rings=60, columns=80)
     rough = np.random.default_rng(1).normal(scale=0.1, size=mesh.vertices.shape)
     with pytest.raises(MeshError, match=r"9600 faces, and decimating it to 1000 moves the surface by 0\.\d+ mm"):
         decimate(TriangleMesh(mesh.vertices + rough, mesh.faces), 500)
 
 
-def test_a_part_keeps_the_mesh_as_given_and_tells_how_far_repair_moved_it() -> None:
+def test_a_part_keeps_the_mesh_as_given_and_tells_how_far_repair_moved_it():
     whole = ellipsoid(4, 3, 9)
     part = prepare_part(whole, MeshJob(pits="keep"))
     assert part.repair_deviation == 0
@@ -260,7 +256,7 @@ def with_wall(bone: TriangleMesh, height: float) -> TriangleMesh:
 
 
 @pytest.mark.parametrize("height", [-13.3, -5.0, 0.4, 7.0, 12.5, 13.6])
-def test_a_wall_inside_goes_and_both_sides_of_it_stay(bone: TriangleMesh, height: float) -> None:
+def test_a_wall_inside_goes_and_both_sides_of_it_stay(bone, height):
     given = with_wall(bone, height)
     mesh, done = repair(given)
     assert faults_of(mesh) == ()
@@ -270,7 +266,7 @@ def test_a_wall_inside_goes_and_both_sides_of_it_stay(bone: TriangleMesh, height
     assert not any("skin" in each.change for each in done)
 
 
-def test_all_slabs_between_walls_stay(bone: TriangleMesh) -> None:
+def test_all_slabs_between_walls_stay(bone):
     for heights in ((-6.0, 4.0), (-11.0, -6.0, 6.5), (9.0, 11.0, 13.0)):
         given = bone
         for height in heights:
@@ -281,7 +277,7 @@ def test_all_slabs_between_walls_stay(bone: TriangleMesh) -> None:
         assert "inside the part" in str(done[0])
 
 
-def test_a_sheet_that_sticks_out_goes(bone: TriangleMesh) -> None:
+def test_a_sheet_that_sticks_out_goes(bone):
     column = np.arange(32 * 6, 32 * 18, 32)
     outer = len(bone.vertices) + np.arange(len(column))
     vertices = np.concatenate([bone.vertices, bone.vertices[column] + [0.8, 0, 0]])
@@ -292,12 +288,12 @@ def test_a_sheet_that_sticks_out_goes(bone: TriangleMesh) -> None:
     assert all(each.outward == each.inward == 0 for each in done)
 
 
-def test_a_mesh_without_junctions_comes_back_itself(bone: TriangleMesh) -> None:
+def test_a_mesh_without_junctions_comes_back_itself(bone):
     assert resolve_junctions(RepairState(bone)).mesh is bone
 
 
 @pytest.fixture(scope="module")
-def phalanx() -> TriangleMesh:
+def phalanx():
     return read_mesh(path("phalanx"))
 
 
@@ -305,7 +301,7 @@ def without(mesh: TriangleMesh, lost: np.ndarray) -> TriangleMesh:
     return TriangleMesh(mesh.vertices, np.delete(mesh.faces, lost, axis=0))
 
 
-def test_half_of_a_bone_is_refused_before_its_surface_is_fitted(phalanx: TriangleMesh) -> None:
+def test_half_of_a_bone_is_refused_before_its_surface_is_fitted(phalanx):
     half = TriangleMesh(phalanx.vertices, phalanx.faces[: len(phalanx.faces) // 2])
     told = r"30 % .*: dropped 16 .*; closed 66 holes .* near \(.*\(allowed 0\.1\): export the mesh again"
     job = Job(warnings={"hole_refused": 50.0})
@@ -313,7 +309,7 @@ def test_half_of_a_bone_is_refused_before_its_surface_is_fitted(phalanx: Triangl
         stand_part(half, job, machine=None, times=StageTimes(), progress=silent)
 
 
-def test_a_whole_mesh_has_no_guess_and_a_hole_has_its_own_area(phalanx: TriangleMesh) -> None:
+def test_a_whole_mesh_has_no_guess_and_a_hole_has_its_own_area(phalanx):
     assert repaired_part(phalanx, MeshJob()).guessed_share == 0.0
     middles = phalanx.vertices[phalanx.faces].mean(axis=1)
     lost = np.flatnonzero(np.linalg.norm(middles - middles[100], axis=1) < 1.0)
@@ -322,7 +318,7 @@ def test_a_whole_mesh_has_no_guess_and_a_hole_has_its_own_area(phalanx: Triangle
     assert share == pytest.approx(gone / phalanx.area, rel=0.15)
 
 
-def test_loose_pieces_count_together(phalanx: TriangleMesh) -> None:
+def test_loose_pieces_count_together(phalanx):
     flake = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
     vertices, faces = [phalanx.vertices], [phalanx.faces]
     for k in range(30):
@@ -341,7 +337,7 @@ def soup_of(mesh: TriangleMesh, spread: float, seed: int = 0) -> TriangleMesh:
 
 @pytest.mark.parametrize("shift", [0.0, 1000.0])
 @pytest.mark.parametrize("spread", [0.0, 1e-9, 1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 3e-4])
-def test_a_soup_of_triangles_becomes_the_bone(bone: TriangleMesh, spread: float, shift: float) -> None:
+def test_a_soup_of_triangles_becomes_the_bone(bone, spread, shift):
     given = soup_of(TriangleMesh(bone.vertices + shift, bone.faces), spread)
     mesh, done = repair(given)
     assert faults_of(mesh) == ()
@@ -357,7 +353,7 @@ def test_a_soup_of_triangles_becomes_the_bone(bone: TriangleMesh, spread: float,
 
 @pytest.mark.parametrize("gap", [0.0, 1e-6, 1e-4, 1e-3])
 @pytest.mark.parametrize("axis", [0, 1, 2])
-def test_halves_that_share_no_seam_are_joined(bone: TriangleMesh, gap: float, axis: int) -> None:
+def test_halves_that_share_no_seam_are_joined(bone, gap, axis):
     above = bone.vertices[bone.faces].mean(axis=1)[:, axis] > 0.3
     upper, lower = keep_faces(bone, above), keep_faces(bone, ~above)
     moved = TriangleMesh(upper.vertices + gap * np.eye(3)[axis], upper.faces)
@@ -369,25 +365,25 @@ def test_halves_that_share_no_seam_are_joined(bone: TriangleMesh, gap: float, ax
     assert kept.all(axis=2).any(axis=1).all()
 
 
-def test_what_is_closed_is_never_merged(bone: TriangleMesh) -> None:
+def test_what_is_closed_is_never_merged(bone):
     near = TriangleMesh(0.05 * bone.vertices + [5.25 + 1e-9, 0, 0], bone.faces)
     both = side_by_side([bone, near])
     assert weld_seams(RepairState(both)).mesh is both
 
 
-def test_gaps_wider_than_the_tolerance_stay_open(bone: TriangleMesh) -> None:
+def test_gaps_wider_than_the_tolerance_stay_open(bone):
     with pytest.raises(MeshError, match=r"separate parts.*merge close vertices in a mesh editor"):
         repair(soup_of(bone, 0.05))
 
 
-def test_no_edge_collapses(bone: TriangleMesh) -> None:
+def test_no_edge_collapses(bone):
     scaled = TriangleMesh(bone.vertices * [1, 1, 1e-3], bone.faces)
     mesh = weld_seams(RepairState(soup_of(scaled, 1e-7))).mesh
     assert len(mesh.faces) == len(bone.faces)
     assert len(mesh.vertices) == len(bone.vertices)
 
 
-def test_a_saved_twice_mesh_is_taken_once(bone: TriangleMesh) -> None:
+def test_a_saved_twice_mesh_is_taken_once(bone):
     mesh, done = repair(side_by_side([bone, bone]))
     assert is_same(mesh, bone)
     assert str(done[0]) == f"removed {len(bone.faces)} duplicate faces"
@@ -401,7 +397,7 @@ def dented(mesh: TriangleMesh, vertex: int, by: float) -> TriangleMesh:
 
 
 @pytest.mark.parametrize("turned", [False, True])
-def test_both_sides_are_found_where_one_moved_farther(bone: TriangleMesh, turned: bool) -> None:
+def test_both_sides_are_found_where_one_moved_farther(bone, turned):
     before = dented(dented(bone, 100, 0.3), 500, -0.2)
     after = TriangleMesh(bone.vertices, bone.faces[:, :: -1 if turned else 1])
     moves = surface_moves(before, after)
@@ -411,7 +407,7 @@ def test_both_sides_are_found_where_one_moved_farther(bone: TriangleMesh, turned
     assert np.allclose(moves.place, before.vertices[100])
 
 
-def test_the_smaller_side_is_found_among_many_points_of_the_larger(bone: TriangleMesh) -> None:
+def test_the_smaller_side_is_found_among_many_points_of_the_larger(bone):
     before = dented(TriangleMesh(bone.vertices * 1.05, bone.faces), 300, -0.5)
     moves = surface_moves(before, bone)
     assert moves.inward == pytest.approx(0.7, abs=0.01)
@@ -419,14 +415,14 @@ def test_the_smaller_side_is_found_among_many_points_of_the_larger(bone: Triangl
     assert surface_moves(bone, bone).largest == 0
 
 
-def test_what_lies_inside_the_solid_does_not_count(bone: TriangleMesh) -> None:
+def test_what_lies_inside_the_solid_does_not_count(bone):
     inner = TriangleMesh(0.5 * bone.vertices, bone.faces)
     both = side_by_side([bone, inner])
     assert surface_moves(both, bone).outward > 2
     assert surface_moves(both, bone, bone).largest == 0
 
 
-def test_winding_numbers_tell_the_side_of_open_and_turned_meshes_too(bone: TriangleMesh) -> None:
+def test_winding_numbers_tell_the_side_of_open_and_turned_meshes_too(bone):
     places = np.array([[0, 0, 0], [0, 0, 13.0], [9, 0, 0], [4.8, 0, 0.0]])
     inside = np.array([1, 1, 0, 1])
     assert np.allclose(winding_numbers(bone, places), inside, atol=0.01)
@@ -434,7 +430,7 @@ def test_winding_numbers_tell_the_side_of_open_and_turned_meshes_too(bone: Trian
     assert np.allclose(winding_numbers(TriangleMesh(bone.vertices, bone.faces[3:]), places), inside, atol=0.1)
 
 
-def test_a_sentence_tells_the_movement_and_the_report_has_it(bone: TriangleMesh) -> None:
+def test_a_sentence_tells_the_movement_and_the_report_has_it(bone):
     made = Repair.between("changed it", dented(bone, 100, 0.3), bone)
     assert str(made).startswith("changed it; moved the surface 0.000 mm outward, 0.2")
     moved = {"outward_mm": 0.0, "inward_mm": round(made.inward, 6)}
@@ -442,8 +438,8 @@ def test_a_sentence_tells_the_movement_and_the_report_has_it(bone: TriangleMesh)
     assert str(Repair("changed it", 4e-4, 4e-4)) == "changed it"
 
 
-def test_a_new_skin_tells_how_far_it_lies_from_the_mesh(bone: TriangleMesh, monkeypatch: pytest.MonkeyPatch) -> None:
-    def refuses(*_: object, **__: object) -> None:
+def test_a_new_skin_tells_how_far_it_lies_from_the_mesh(bone, monkeypatch):
+    def refuses(*_, **__):
         raise RuntimeError("Mesh boolean failed")
 
     monkeypatch.setattr("igl.copyleft.cgal.mesh_boolean", refuses)
@@ -459,7 +455,7 @@ def cylinder(low: float, high: float, radius: float = 5.0) -> TriangleMesh:
     return revolve(np.full(2, radius), np.array([low, high]), (low, high), 64)
 
 
-def test_overlapping_and_separate_solids_become_one_boundary() -> None:
+def test_overlapping_and_separate_solids_become_one_boundary():
     made = solid_union([cylinder(0.0, 10.0), cylinder(6.0, 14.0, 3.0), cylinder(20.0, 22.0)])
     share = cylinder(0.0, 1.0).volume
     assert made.volume == pytest.approx(12 * share + 4 * cylinder(0.0, 1.0, 3.0).volume)
@@ -467,7 +463,7 @@ def test_overlapping_and_separate_solids_become_one_boundary() -> None:
     assert inside.tolist() == [True, True, True, False]
 
 
-def test_open_and_inward_meshes_are_refused_by_name_or_number() -> None:
+def test_open_and_inward_meshes_are_refused_by_name_or_number():
     good = cylinder(0.0, 10.0)
     with pytest.raises(MeshError, match="solid 1 is not closed near"):
         solid_union([good, keep_faces(good, slice(1, None))])
@@ -477,12 +473,12 @@ def test_open_and_inward_meshes_are_refused_by_name_or_number() -> None:
         solid_union([TriangleMesh(good.vertices, good.faces[:, ::-1])])
 
 
-def test_a_revolved_polygon_is_a_closed_outward_ring() -> None:
+def test_a_revolved_polygon_is_a_closed_outward_ring():
     ring = revolve_ring(np.array([[4.0, 0.0], [6.0, 0.0], [6.0, 3.0], [4.0, 3.0]]), 256)
     assert ring.volume == pytest.approx(np.pi * (36 - 16) * 3, rel=1e-3)
 
 
-def test_a_hole_is_capped_by_faces_whose_vertices_go_where_they_are_told() -> None:
+def test_a_hole_is_capped_by_faces_whose_vertices_go_where_they_are_told():
     mesh = ellipsoid(5, 4, 14)
     top = mesh.vertices[mesh.faces].mean(axis=1)[:, 2] > mesh.vertices[:, 2].max() - 1.0
     lifted = np.array([0.0, 0.0, 0.5])
@@ -494,7 +490,7 @@ def test_a_hole_is_capped_by_faces_whose_vertices_go_where_they_are_told() -> No
     assert capped.mesh.vertices[kept:, 2].max() > rim + 0.4
 
 
-def test_faces_that_leave_no_closed_body_are_not_capped() -> None:
+def test_faces_that_leave_no_closed_body_are_not_capped():
     mesh = ellipsoid(5, 4, 14)
     heights = mesh.vertices[mesh.faces].mean(axis=1)[:, 2] - mesh.bounds.mean(axis=0)[2]
     assert cap(mesh, np.abs(heights) < 3, 0.3, lambda points: points) is None

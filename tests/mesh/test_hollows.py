@@ -8,7 +8,7 @@ from mesh_bodies import ellipsoid, solid
 
 from bonecam.job import Job, MeshJob
 from bonecam.mesh import TriangleMesh, fill_pits, prepare_part, self_intersections
-from bonecam.mesh.hollows import CHORD, LEAST, SHALLOW, Fill
+from bonecam.mesh.hollows import CHORD, LEAST, SHALLOW
 from bonecam.mesh.meshlab import split_edges
 
 pytestmark = pytest.mark.whole
@@ -26,7 +26,7 @@ PORE = [(MOUTH, TOP), (0.3, 14.8), (1.0, 14.0), (1.0, 13.0)]
 
 
 @pytest.fixture(scope="module")
-def bone() -> TriangleMesh:
+def bone():
     return ellipsoid(5, 4, 14, rings=60, columns=80)
 
 
@@ -42,12 +42,12 @@ def pitted(width: float, depth: float) -> TriangleMesh:
 
 
 @pytest.fixture(scope="module")
-def pored() -> TriangleMesh:
+def pored():
     return turned([(3, 5), (4, 7), (4, 13), (3, 15), *PORE], SIDES)
 
 
 @pytest.fixture(scope="module")
-def groove() -> Fill:
+def groove():
     return fill_pits(split_edges(grooved(90, 1.0, 4, 16), 3.0), 1.0)
 
 
@@ -95,7 +95,7 @@ def probes_of(mesh: TriangleMesh) -> np.ndarray:
     return np.vstack([mesh.vertices, mesh.vertices[mesh.faces].mean(axis=1)])
 
 
-def test_a_part_that_the_ball_reaches_everywhere_comes_back_as_it_is(bone: TriangleMesh) -> None:
+def test_a_part_that_the_ball_reaches_everywhere_comes_back_as_it_is(bone):
     assert fill_pits(bone, 1.0).mesh is bone
     assert fill_pits(pitted(6.0, 0.5), 1.0).repairs == ()
 
@@ -107,9 +107,7 @@ def test_a_part_that_the_ball_reaches_everywhere_comes_back_as_it_is(bone: Trian
         *[(90, 0.4, 4, 16), (90, 2.5, 4, 16), (120, 2.5, 8, 24)],
     ],
 )
-def test_a_groove_is_filled_by_what_the_ball_leaves_in_it_and_nothing_moves_inward(
-    angle_deg: float, depth: float, radius: float, sides: int
-) -> None:
+def test_a_groove_is_filled_by_what_the_ball_leaves_in_it_and_nothing_moves_inward(angle_deg, depth, radius, sides):
     mesh = grooved(angle_deg, depth, radius, sides)
     fill = fill_pits(mesh, 1.0)
     expected = left_by_ball(angle_deg, depth, 1.0)
@@ -124,7 +122,7 @@ def test_a_groove_is_filled_by_what_the_ball_leaves_in_it_and_nothing_moves_inwa
     assert stayed.sum() >= len(mesh.vertices) - sides
 
 
-def test_a_fill_ends_where_balls_outside_the_part_lie() -> None:
+def test_a_fill_ends_where_balls_outside_the_part_lie():
     mesh = pitted(0.9, 0.8)
     filled = fill_pits(mesh, 1.0).mesh
     added = filled.vertices[signed_distances(mesh, filled.vertices) > SHALLOW]
@@ -138,7 +136,7 @@ def test_a_fill_ends_where_balls_outside_the_part_lie() -> None:
     assert nearest.max() < 1.0 + 2 * step
 
 
-def test_a_narrow_pit_is_filled_to_its_rim_and_told_with_depth_area_and_volume() -> None:
+def test_a_narrow_pit_is_filled_to_its_rim_and_told_with_depth_area_and_volume():
     mesh = pitted(0.9, 0.8)
     fill = fill_pits(mesh, 1.0)
     assert fill.hollows == 1
@@ -150,14 +148,14 @@ def test_a_narrow_pit_is_filled_to_its_rim_and_told_with_depth_area_and_volume()
     assert fill.repairs[0].inward == 0
 
 
-def test_nothing_moves_beyond_the_pit_and_its_rim() -> None:
+def test_nothing_moves_beyond_the_pit_and_its_rim():
     mesh = pitted(0.9, 0.8)
     filled = fill_pits(mesh, 1.0).mesh
     far = np.linalg.norm(mesh.vertices - SIDE, axis=1) > 1.5
     assert (filled.vertices[: len(mesh.vertices)][far] == mesh.vertices[far]).all()
 
 
-def test_an_undercut_groove_all_the_way_round_is_left_open_and_told() -> None:
+def test_an_undercut_groove_all_the_way_round_is_left_open_and_told():
     rims = [(4, 9.6), (3.4, 9.2), (3.0, 10), (3.4, 10.8), (4, 10.4)]
     mesh = turned([(3, 5), (4, 7), *rims, (4, 13), (3, 15)], 12)
     fill = fill_pits(mesh, 1.0)
@@ -166,7 +164,7 @@ def test_an_undercut_groove_all_the_way_round_is_left_open_and_told() -> None:
     assert "left 1 hollow that a ball of 1 mm cannot reach open" in str(fill.repairs[0])
 
 
-def test_an_undercut_pore_is_closed_over_at_its_mouth_as_deep_as_the_ball_goes(pored: TriangleMesh) -> None:
+def test_an_undercut_pore_is_closed_over_at_its_mouth_as_deep_as_the_ball_goes(pored):
     mesh = pored
     fill = fill_pits(mesh, RADIUS)
     assert (fill.hollows, fill.open) == (1, 0)
@@ -178,7 +176,7 @@ def test_an_undercut_pore_is_closed_over_at_its_mouth_as_deep_as_the_ball_goes(p
     assert np.abs(found - deepest).max() < SHALLOW + CHORD
 
 
-def test_a_capped_pore_takes_nothing_off_the_part_and_is_told_with_its_depth_and_volume(pored: TriangleMesh) -> None:
+def test_a_capped_pore_takes_nothing_off_the_part_and_is_told_with_its_depth_and_volume(pored):
     mesh = pored
     fill = fill_pits(mesh, RADIUS)
     assert signed_distances(mesh, probes_of(fill.mesh)).min() > -1e-6
@@ -189,13 +187,13 @@ def test_a_capped_pore_takes_nothing_off_the_part_and_is_told_with_its_depth_and
     assert fill.depth > 2.0
 
 
-def test_a_smaller_ball_goes_in() -> None:
+def test_a_smaller_ball_goes_in():
     mesh = pitted(1.6, 0.8)
     assert fill_pits(mesh, 0.2).repairs == ()
     assert fill_pits(mesh, 1.5).repairs
 
 
-def test_pits_are_filled_up_to_the_smallest_ball_of_the_job() -> None:
+def test_pits_are_filled_up_to_the_smallest_ball_of_the_job():
     mesh = pitted(1.6, 0.6)
     job = Job()
     assert job.smallest_ball == job.finishing.radius
@@ -209,7 +207,7 @@ def test_pits_are_filled_up_to_the_smallest_ball_of_the_job() -> None:
 
 
 @pytest.mark.parametrize("change", ["split", "moved", "turned", "jittered"])
-def test_the_same_surface_is_filled_alike_however_it_is_meshed_and_lies(groove: Fill, change: str) -> None:
+def test_the_same_surface_is_filled_alike_however_it_is_meshed_and_lies(groove, change):
     mesh, before = split_edges(grooved(90, 1.0, 4, 16), 3.0), groove
     turn, shift = np.eye(3), np.zeros(3)
     other = mesh
@@ -232,7 +230,7 @@ def test_the_same_surface_is_filled_alike_however_it_is_meshed_and_lies(groove: 
     assert np.abs(signed_distances(before.mesh, probes_of(back))).max() < SHALLOW + 2 * CHORD
 
 
-def test_shallow_facets_are_no_pits() -> None:
+def test_shallow_facets_are_no_pits():
     coarse = turned([(6, 0), (8, 3), (8.2, 8), (8, 14), (6, 20)], sides=10)
     assert fill_pits(coarse, 1.0).repairs == ()
     assert LEAST > SHALLOW > ROUNDING

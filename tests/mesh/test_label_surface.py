@@ -38,7 +38,7 @@ def write(file: Path, labels: np.ndarray, pitch: np.ndarray = PITCH, turn: np.nd
 
 
 @pytest.fixture
-def hand(tmp_path: Path) -> Path:
+def hand(tmp_path):
     """A map with an ellipsoid as label 3 and a speck as label 9."""
     labels = np.where(ellipsoid(numbers()), 3, 0).astype(np.uint8)
     labels[1, 1, 1] = 9
@@ -54,7 +54,7 @@ TURNS = {
 
 @pytest.mark.parametrize("ending", [".nii", ".nii.gz", ".nrrd"])
 @pytest.mark.parametrize("turn", TURNS)
-def test_a_label_lies_where_its_map_says_within_half_a_voxel(turn: str, ending: str, tmp_path: Path) -> None:
+def test_a_label_lies_where_its_map_says_within_half_a_voxel(turn, ending, tmp_path):
     labels = ellipsoid(numbers()).astype(np.uint8)
     found = label_surface(write(tmp_path / f"a{ending}", labels, turn=TURNS[turn]), 0, smooth=True)
     mesh, pose = found.mesh, TURNS[turn]
@@ -67,7 +67,7 @@ def test_a_label_lies_where_its_map_says_within_half_a_voxel(turn: str, ending: 
     assert apart <= found.smoothed.largest <= PITCH.max() / 2 + 1e-6
 
 
-def test_the_part_tells_label_voxels_and_the_largest_deviation(hand: Path) -> None:
+def test_the_part_tells_label_voxels_and_the_largest_deviation(hand):
     part = prepare_part(hand, MeshJob(label=3))
     (told,) = [note for note in part.notes if "label" in note]
     assert told.startswith("label 3, one of 2, voxels of 0.3 x 0.3 x 0.5 mm, smoothed within 0.")
@@ -86,7 +86,7 @@ def _neighbours(mesh: TriangleMesh) -> tuple[np.ndarray, np.ndarray]:
     return normals, normals[neighbours_of(mesh)[:, 0]]
 
 
-def test_a_label_at_the_edge_of_its_map_is_told(tmp_path: Path) -> None:
+def test_a_label_at_the_edge_of_its_map_is_told(tmp_path):
     labels = ellipsoid(numbers()).astype(np.uint8)[:, :, :14]
     found = label_surface(write(tmp_path / "cut.nrrd", labels), 0, smooth=True)
     assert "the label reaches the edge of its map" in found.notes[1]
@@ -100,7 +100,7 @@ def test_a_label_at_the_edge_of_its_map_is_told(tmp_path: Path) -> None:
         (0, r"hand\.nii\.gz: holds the labels 3 \(\d+ voxels\), 9 \(1 voxels\): set mesh\.label to that of the part"),
     ],
 )
-def test_a_label_that_is_not_there_is_one_line(label: int, told: str, hand: Path) -> None:
+def test_a_label_that_is_not_there_is_one_line(label, told, hand):
     with pytest.raises(FileError, match=told):
         prepare_part(hand, MeshJob(label=label))
 
@@ -114,16 +114,14 @@ def test_a_label_that_is_not_there_is_one_line(label: int, told: str, hand: Path
         ("flat.nrrd", np.zeros((4, 4), np.uint8), "is no map of one number a voxel"),
     ],
 )
-def test_what_is_no_label_map_is_one_line(name: str, values: np.ndarray, told: str, tmp_path: Path) -> None:
+def test_what_is_no_label_map_is_one_line(name, values, told, tmp_path):
     SimpleITK.WriteImage(SimpleITK.GetImageFromArray(values), str(tmp_path / name))
     with pytest.raises(FileError, match=told) as caught:
         prepare_part(tmp_path / name, MeshJob())
     assert "\n" not in str(caught.value)
 
 
-def test_a_damaged_map_a_unit_and_a_missing_library_are_one_line(
-    hand: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_damaged_map_a_unit_and_a_missing_library_are_one_line(hand, tmp_path, monkeypatch):
     with pytest.raises(UnitsError, match="states its unit itself"):
         prepare_part(hand, MeshJob(label=3, units="m"))
     (tmp_path / "bad.nrrd").write_text("NRRD0004\nbad")
@@ -136,7 +134,7 @@ def test_a_damaged_map_a_unit_and_a_missing_library_are_one_line(
 
 
 @pytest.mark.parametrize("pitch", [(0.3, 0.3, 0.3), (0.3, 0.4, 0.6), (0.25, 0.25, 1.0)])
-def test_the_pitch_of_steps_is_measured(pitch: tuple[float, ...], tmp_path: Path) -> None:
+def test_the_pitch_of_steps_is_measured(pitch, tmp_path):
     size = np.array(pitch)
     file = write(tmp_path / "a.nrrd", ellipsoid(numbers(size)).astype(np.uint8), size)
     steps = label_surface(file, 0, smooth=False).steps
@@ -146,11 +144,11 @@ def test_the_pitch_of_steps_is_measured(pitch: tuple[float, ...], tmp_path: Path
     assert (np.abs(smooth.mesh.vertices - steps.vertices) <= size / 2 + 1e-9).all()
 
 
-def test_a_mesh_of_no_voxels_has_no_pitch() -> None:
+def test_a_mesh_of_no_voxels_has_no_pitch():
     assert step_pitch(mesh_bodies.ellipsoid(5.0, 4.0, 3.0)) is None
 
 
-def test_a_mesh_with_steps_is_smoothed_within_half_a_pitch_and_says_so(tmp_path: Path) -> None:
+def test_a_mesh_with_steps_is_smoothed_within_half_a_pitch_and_says_so(tmp_path):
     size = np.array([0.4, 0.4, 0.4])
     file = write(tmp_path / "a.nrrd", ellipsoid(numbers(size)).astype(np.uint8), size)
     steps = label_surface(file, 0, smooth=False).steps
@@ -163,6 +161,6 @@ def test_a_mesh_with_steps_is_smoothed_within_half_a_pitch_and_says_so(tmp_path:
     assert any("facets kept as asked" in note and "every 0.4" in note for note in kept.notes)
 
 
-def test_a_label_map_is_no_file_of_read_mesh(hand: Path) -> None:
+def test_a_label_map_is_no_file_of_read_mesh(hand):
     with pytest.raises(FileError, match="unknown ending"):
         read_mesh(hand)

@@ -9,7 +9,7 @@ from bonecam.mesh.meshlab import angle_sums, bisect_faces, split_edges
 from bonecam.setup import Box
 
 
-def test_edges_are_split_and_the_surface_stays() -> None:
+def test_edges_are_split_and_the_surface_stays():
     cube = TriangleMesh(*_cube())
     fine = split_edges(cube, 0.3)
     sides = fine.vertices[fine.faces] - np.roll(fine.vertices[fine.faces], 1, axis=1)
@@ -27,7 +27,7 @@ def _cube() -> tuple[np.ndarray, np.ndarray]:
 
 
 @pytest.mark.parametrize("turn", np.arange(6) / 10)
-def test_a_remesh_keeps_the_tip_of_a_cone_however_it_is_turned(turn: float) -> None:
+def test_a_remesh_keeps_the_tip_of_a_cone_however_it_is_turned(turn):
     angle = turn + 2 * np.pi * np.arange(40) / 40
     ring = np.column_stack([3 * np.cos(angle), 3 * np.sin(angle), 0 * angle])
     i = np.arange(40)
@@ -39,11 +39,11 @@ def test_a_remesh_keeps_the_tip_of_a_cone_however_it_is_turned(turn: float) -> N
     assert even.volume == pytest.approx(cone.volume, rel=3e-3)
 
 
-def test_the_angles_at_a_corner_of_a_cube_sum_to_three_right_ones() -> None:
+def test_the_angles_at_a_corner_of_a_cube_sum_to_three_right_ones():
     assert angle_sums(TriangleMesh(*_cube())) == pytest.approx(np.full(8, 1.5 * np.pi))
 
 
-def test_the_longest_edges_of_chosen_faces_are_halved_and_the_mesh_stays_closed() -> None:
+def test_the_longest_edges_of_chosen_faces_are_halved_and_the_mesh_stays_closed():
     mesh, rng = Box(np.zeros(3), np.array([1.0, 2.0, 3.0])).mesh(0.05), np.random.default_rng(1)
     for _ in range(4):
         chosen = rng.random(len(mesh.faces)) < 0.2
@@ -59,7 +59,7 @@ def test_the_longest_edges_of_chosen_faces_are_halved_and_the_mesh_stays_closed(
     assert np.degrees(np.arccos(-(sides * nexts).sum(2) / lengths)).min() > 15
 
 
-def test_nothing_chosen_changes_nothing() -> None:
+def test_nothing_chosen_changes_nothing():
     mesh = Box(np.zeros(3), np.ones(3)).mesh(0.05)
     same = bisect_faces(mesh, np.zeros(len(mesh.faces), dtype=bool))
     assert np.array_equal(same.faces, mesh.faces)

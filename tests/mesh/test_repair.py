@@ -1,28 +1,26 @@
-from pathlib import Path
-
 import numpy as np
 import pytest
 from mesh_bodies import ellipsoid, grid_faces, moved, solid, together, torus
 
 from bonecam.errors import MeshError
-from bonecam.mesh import TriangleMesh, exact_closest, faults_of, read_mesh, repair, to_mm
+from bonecam.mesh import exact_closest, faults_of, read_mesh, repair, to_mm
 from bonecam.mesh.healing import RepairState, wrap
 
 
-def test_a_sound_mesh_comes_back_as_it_is(bone: TriangleMesh) -> None:
+def test_a_sound_mesh_comes_back_as_it_is(bone):
     mesh, done = repair(bone)
     assert done == ()
     assert mesh is bone
 
 
-def test_vertices_of_no_face_go_even_from_a_sound_mesh(bone: TriangleMesh) -> None:
+def test_vertices_of_no_face_go_even_from_a_sound_mesh(bone):
     mesh, done = repair(solid(np.concatenate([bone.vertices, [[100, 0, 0]]]), bone.faces))
     assert [str(each) for each in done] == ["removed 1 vertex of no face"]
     assert (mesh.bounds == bone.bounds).all()
 
 
 @pytest.fixture(scope="module")
-def broken(bone: TriangleMesh) -> dict[str, TriangleMesh]:
+def broken(bone):
     """The bone with one defect each."""
     v, f = np.array(bone.vertices), np.array(bone.faces)
     return {
@@ -52,7 +50,7 @@ WORDS = {
 
 
 @pytest.mark.parametrize("kind", WORDS)
-def test_a_broken_mesh_is_mended_and_told(broken: dict[str, TriangleMesh], bone: TriangleMesh, kind: str) -> None:
+def test_a_broken_mesh_is_mended_and_told(broken, bone, kind):
     mesh, done = repair(broken[kind])
     assert WORDS[kind] in "; ".join(map(str, done))
     assert faults_of(mesh) == ()
@@ -60,7 +58,7 @@ def test_a_broken_mesh_is_mended_and_told(broken: dict[str, TriangleMesh], bone:
     assert sum(each.guessed for each in done) == pytest.approx(AREAS.get(kind, 0.0), abs=0.02)
 
 
-def test_a_surface_that_cuts_itself_keeps_its_outside(bone: TriangleMesh) -> None:
+def test_a_surface_that_cuts_itself_keeps_its_outside(bone):
     vertices = np.array(bone.vertices)
     pushed = np.argmax(vertices[:, 0])
     vertices[pushed] += [-0.5, 2, 3]
@@ -69,8 +67,8 @@ def test_a_surface_that_cuts_itself_keeps_its_outside(bone: TriangleMesh) -> Non
     assert any("cut each other" in each.change for each in done)
 
 
-def test_a_surface_that_bounds_no_volume_gets_a_new_skin(bone: TriangleMesh, monkeypatch: pytest.MonkeyPatch) -> None:
-    def refuses(*_: object, **__: object) -> None:
+def test_a_surface_that_bounds_no_volume_gets_a_new_skin(bone, monkeypatch):
+    def refuses(*_, **__):
         raise RuntimeError("Mesh boolean failed")
 
     monkeypatch.setattr("igl.copyleft.cgal.mesh_boolean", refuses)
@@ -91,7 +89,7 @@ def test_a_surface_that_bounds_no_volume_gets_a_new_skin(bone: TriangleMesh, mon
         ("nothing", "no faces"),
     ],
 )
-def test_what_cannot_be_one_solid_is_refused_with_a_remedy(bone: TriangleMesh, kind: str, reason: str) -> None:
+def test_what_cannot_be_one_solid_is_refused_with_a_remedy(bone, kind, reason):
     right = bone.vertices[bone.faces].mean(1)[:, 0] > 0
     meshes = {
         "torus": torus(),
@@ -109,13 +107,13 @@ def test_what_cannot_be_one_solid_is_refused_with_a_remedy(bone: TriangleMesh, k
     assert ": " in str(caught.value)
 
 
-def test_a_tube_is_closed_at_its_ends() -> None:
+def test_a_tube_is_closed_at_its_ends():
     mesh, done = repair(solid(ellipsoid(5, 4, 14).vertices[:-2], grid_faces(24, 32, False)))
     assert faults_of(mesh) == ()
     assert "closed 2 holes" in "; ".join(map(str, done))
 
 
-def test_the_new_skin_is_sound_and_close(bone: TriangleMesh) -> None:
+def test_the_new_skin_is_sound_and_close(bone):
     wrapped = wrap(RepairState(bone)).mesh
     assert faults_of(wrapped) == ()
     assert (
@@ -124,7 +122,7 @@ def test_the_new_skin_is_sound_and_close(bone: TriangleMesh) -> None:
     )
 
 
-def test_a_new_skin_is_a_guess_where_it_bridges_what_its_ball_does_not_enter(bone: TriangleMesh) -> None:
+def test_a_new_skin_is_a_guess_where_it_bridges_what_its_ball_does_not_enter(bone):
     (skin,) = wrap(RepairState(bone)).done
     assert skin.guessed == 0.0
     beside = moved(ellipsoid(4, 4, 4), (9.1, 0, 0))
@@ -132,7 +130,7 @@ def test_a_new_skin_is_a_guess_where_it_bridges_what_its_ball_does_not_enter(bon
     assert 0.5 < skin.guessed < 20.0
 
 
-def test_the_same_mesh_is_mended_to_the_same_bytes(broken: dict[str, TriangleMesh]) -> None:
+def test_the_same_mesh_is_mended_to_the_same_bytes(broken):
     one, two = repair(broken["hole"])[0], repair(broken["hole"])[0]
     assert (one.vertices == two.vertices).all()
     assert (one.faces == two.faces).all()
@@ -152,14 +150,14 @@ REFUSALS = {
 }
 
 
-def test_one_triangle_is_told_to_be_one() -> None:
+def test_one_triangle_is_told_to_be_one():
     triangle = solid([[1, 2, 3], [20.3, 7.1, 2.2], [5.5, 30.7, 9.9]], [[0, 1, 2]])
     with pytest.raises(MeshError, match=r"the mesh \(one triangle\) is flat: 0 mm thick, 35\.4 mm"):
         repair(triangle)
 
 
 @pytest.mark.parametrize("name", OUTCOMES)
-def test_real_defective_bones_are_mended(shared: Path, name: str) -> None:
+def test_real_defective_bones_are_mended(shared, name):
     mesh, done = repair(to_mm(read_mesh(shared / "meshes" / "bad" / name), "m"))
     assert faults_of(mesh) == ()
     assert OUTCOMES[name] in "; ".join(map(str, done))
@@ -167,7 +165,7 @@ def test_real_defective_bones_are_mended(shared: Path, name: str) -> None:
 
 
 @pytest.mark.parametrize("name", REFUSALS)
-def test_real_meshes_that_are_no_one_bone_are_refused(shared: Path, name: str) -> None:
+def test_real_meshes_that_are_no_one_bone_are_refused(shared, name):
     mesh = to_mm(read_mesh(shared / "meshes" / name), "inch" if "foot" in name else "m")
     with pytest.raises(MeshError, match=REFUSALS[name]):
         repair(mesh)

@@ -43,33 +43,33 @@ def assert_rows(rows: Rows, mesh: TriangleMesh) -> None:
 
 
 @pytest.mark.parametrize("name", BONES)
-def test_every_isoline_of_a_real_bone_is_one_loop(shared: Path, name: str) -> None:
+def test_every_isoline_of_a_real_bone_is_one_loop(shared, name):
     mesh = upright(to_mm(read_mesh(shared / "meshes" / "bones" / f"{name}_m.stl"), "m"))[0]
     assert_rows(harmonic_rows(mesh, 24, 60), mesh)
 
 
-def test_the_forked_bone_falls_into_single_loops() -> None:
+def test_the_forked_bone_falls_into_single_loops():
     mesh = upright(repair(forked_bone())[0])[0]
     assert_rows(harmonic_rows(mesh), mesh)
 
 
 @pytest.fixture(scope="module")
-def egg() -> TriangleMesh:
+def egg():
     return upright(ellipsoid(5, 4, 14, thick_end=0.2))[0]
 
 
 @pytest.fixture(scope="module")
-def rows(egg: TriangleMesh) -> Rows:
+def rows(egg):
     return harmonic_rows(egg, 16, 40, edge=0.8)
 
 
-def test_two_runs_give_the_same_rows(egg: TriangleMesh, rows: Rows) -> None:
+def test_two_runs_give_the_same_rows(egg, rows):
     again = harmonic_rows(egg, 16, 40, edge=0.8)
     assert (again.points == rows.points).all()
     assert (again.poles == rows.poles).all()
 
 
-def test_rows_are_as_far_apart_as_their_heights_say(rows: Rows) -> None:
+def test_rows_are_as_far_apart_as_their_heights_say(rows):
     gaps = np.linalg.norm(np.diff(rows.points, axis=0), axis=2).mean(1)
     wanted = np.diff(rows.heights)
     assert np.abs(gaps / gaps.sum() / (wanted / wanted.sum()) - 1).max() < 0.08
@@ -77,14 +77,14 @@ def test_rows_are_as_far_apart_as_their_heights_say(rows: Rows) -> None:
     assert rows.heights[0] < 0.6 / 17
 
 
-def test_normals_of_the_rows_point_outward(rows: Rows, egg: TriangleMesh) -> None:
+def test_normals_of_the_rows_point_outward(rows, egg):
     across = np.roll(rows.points, -1, axis=1) - np.roll(rows.points, 1, axis=1)
     normals = np.cross(across[1:-1], rows.points[2:] - rows.points[:-2])
     _, faces = exact_closest(egg, rows.points[1:-1].reshape(-1, 3))
     assert (np.einsum("ij,ij->i", normals.reshape(-1, 3), egg.face_vectors[faces]) > 0).all()
 
 
-def test_vertex_parameters_say_where_a_vertex_lies_among_the_rows(rows: Rows) -> None:
+def test_vertex_parameters_say_where_a_vertex_lies_among_the_rows(rows):
     s, t = rows.vertex_parameters.T
     assert ((s >= 0) & (s < 1)).all()
     assert ((t >= 0) & (t <= 1)).all()
@@ -101,7 +101,7 @@ def test_vertex_parameters_say_where_a_vertex_lies_among_the_rows(rows: Rows) ->
     assert np.linalg.norm(near - rows.mesh.vertices, axis=1)[between].max() < 0.8
 
 
-def test_the_field_has_no_extremum_but_the_poles(rows: Rows) -> None:
+def test_the_field_has_no_extremum_but_the_poles(rows):
     poles = end_poles(rows.mesh)
     u = harmonic_field(rows.mesh, poles)
     laplacian = positive_laplacian(rows.mesh)
@@ -117,14 +117,14 @@ def test_the_field_has_no_extremum_but_the_poles(rows: Rows) -> None:
         )
 
 
-def test_a_handle_is_found_as_a_broken_isoline() -> None:
+def test_a_handle_is_found_as_a_broken_isoline():
     ring = torus()
     tilted = solid(ring.vertices[:, [2, 0, 1]], ring.faces)
     with pytest.raises(MeshError, match="several loops"):
         harmonic_rows(tilted, 8, 20, edge=1.0)
 
 
-def test_wrong_counts_and_cancelling(egg: TriangleMesh) -> None:
+def test_wrong_counts_and_cancelling(egg):
     with pytest.raises(ValueError, match="1 rows"):
         harmonic_rows(egg, 1, 40)
     with pytest.raises(Cancelled):
@@ -132,12 +132,12 @@ def test_wrong_counts_and_cancelling(egg: TriangleMesh) -> None:
 
 
 @pytest.fixture(scope="module")
-def wedge() -> TriangleMesh:
+def wedge():
     return ellipsoid(3, 5, 9, thick_end=0.2)
 
 
 @pytest.mark.parametrize("frame", OTHER_FRAMES)
-def test_rows_in_another_frame_lie_on_the_mesh_and_turn_outwards(wedge: TriangleMesh, frame: np.ndarray) -> None:
+def test_rows_in_another_frame_lie_on_the_mesh_and_turn_outwards(wedge, frame):
     assert np.linalg.det(frame) == pytest.approx(1.0)
     rows = rows_in_frame(wedge, frame, 12, 40, 0.8)
     flat = rows.points.reshape(-1, 3)
@@ -151,7 +151,7 @@ def test_rows_in_another_frame_lie_on_the_mesh_and_turn_outwards(wedge: Triangle
     assert (rows.points[len(rows.points) // 2] @ frame[0]).max() - seam @ frame[0] < 0.8
 
 
-def test_the_usual_rows_come_first_and_the_others_by_their_distortion(wedge: TriangleMesh) -> None:
+def test_the_usual_rows_come_first_and_the_others_by_their_distortion(wedge):
     first, *others = row_choices(wedge, 12, 40, 0.8)
     assert np.array_equal(first.points, harmonic_rows(wedge, 12, 40, 0.8).points)
     measures = [distortion(rows) for rows in others]

@@ -37,7 +37,7 @@ BOX = np.array([[x, y, z] for x in (-5.0, 5.0) for y in (-6.0, 6.0) for z in (-1
 
 
 @pytest.fixture(scope="module")
-def phalanx() -> TriangleMesh:
+def phalanx():
     return read_mesh(shipped("phalanx"))
 
 
@@ -65,15 +65,15 @@ def mean_distance(mesh: TriangleMesh, other: TriangleMesh) -> float:
 @pytest.mark.parametrize("faces", [130, 200, 400, 700])
 @pytest.mark.parametrize("on_surface", [True, False])
 def test_the_smooth_surface_of_a_coarse_copy_is_nearer_to_the_bone_than_its_facets_and_keeps_more_of_its_volume(
-    phalanx: TriangleMesh, faces: int, on_surface: bool
-) -> None:
+    phalanx, faces, on_surface
+):
     coarse = with_faces(phalanx, faces, on_surface=on_surface)
     found = smoothed(coarse)
     assert mean_distance(found.mesh, phalanx) < mean_distance(coarse, phalanx)
     assert abs(found.mesh.volume - phalanx.volume) < abs(coarse.volume - phalanx.volume)
 
 
-def test_its_facets_are_fine_beside_the_tolerance_and_have_no_creases_left(phalanx: TriangleMesh) -> None:
+def test_its_facets_are_fine_beside_the_tolerance_and_have_no_creases_left(phalanx):
     coarse = with_faces(phalanx, 200, on_surface=False)
     found = smoothed(coarse)
     before, after = coarseness_of(coarse), coarseness_of(found.mesh)
@@ -81,7 +81,7 @@ def test_its_facets_are_fine_beside_the_tolerance_and_have_no_creases_left(phala
     assert after.crease < before.crease / 3
 
 
-def test_the_distances_told_are_those_between_the_two_surfaces(phalanx: TriangleMesh) -> None:
+def test_the_distances_told_are_those_between_the_two_surfaces(phalanx):
     found = smoothed(with_faces(phalanx, 200, on_surface=False))
     shares = np.random.default_rng(5).dirichlet([1.0, 1.0, 1.0], (200, 1))
     corners = found.faceted.vertices[found.faceted.faces]
@@ -97,9 +97,7 @@ def test_the_distances_told_are_those_between_the_two_surfaces(phalanx: Triangle
     assert f"{found.mean:.3f} mm on average" in told
 
 
-def test_a_surface_farther_from_the_facets_than_allowed_is_refused_and_its_remedies_are_right(
-    phalanx: TriangleMesh,
-) -> None:
+def test_a_surface_farther_from_the_facets_than_allowed_is_refused_and_its_remedies_are_right(phalanx):
     coarse = with_faces(phalanx, 130, on_surface=False)
     far = smoothed(coarse).largest
     with pytest.raises(
@@ -111,7 +109,7 @@ def test_a_surface_farther_from_the_facets_than_allowed_is_refused_and_its_remed
     assert prepare_part(coarse, MeshJob(smooth_within=0.1, facets="exact")).smoothing is None
 
 
-def test_a_tip_that_it_would_leave_too_far_behind_is_drawn_within_the_limit_and_the_rest_stays() -> None:
+def test_a_tip_that_it_would_leave_too_far_behind_is_drawn_within_the_limit_and_the_rest_stays():
     ball = voxels(6.0, 2.0)
     tip = int(np.argmax(ball.vertices[:, 2]))
     moves = np.zeros_like(ball.vertices)
@@ -132,7 +130,7 @@ def test_a_tip_that_it_would_leave_too_far_behind_is_drawn_within_the_limit_and_
     assert not moved[far].any()
 
 
-def test_where_a_smooth_surface_cuts_itself_beside_a_sliver_the_facets_are_kept_there_alone() -> None:
+def test_where_a_smooth_surface_cuts_itself_beside_a_sliver_the_facets_are_kept_there_alone():
     even = ellipsoid(5, 4, 14, rings=10, columns=12)
     split = 77
     first, second, third = (int(corner) for corner in even.faces[split])
@@ -159,7 +157,7 @@ def test_where_a_smooth_surface_cuts_itself_beside_a_sliver_the_facets_are_kept_
     assert smoothed(even).kept == 0.0
 
 
-def test_the_walls_of_a_narrow_slit_keep_their_facets() -> None:
+def test_the_walls_of_a_narrow_slit_keep_their_facets():
     outline = [(-4, 0), (4, 0), (4, 20), (0.05, 20), (0.05, 4), (-0.05, 4), (-0.05, 20), (-4, 20)]
     ring = np.array([(x, 0.0, z) for x, z in outline])
     sides = [(k, (k + 1) % 8) for k in range(8)]
@@ -174,7 +172,7 @@ def test_the_walls_of_a_narrow_slit_keep_their_facets() -> None:
     assert found.kept > 2 * 16 * 5
 
 
-def test_facets_that_cut_themselves_are_refused_with_their_place() -> None:
+def test_facets_that_cut_themselves_are_refused_with_their_place():
     even = ellipsoid(5, 4, 14, rings=10, columns=12)
     points = even.vertices.copy()
     points[60] *= -4.0
@@ -184,9 +182,7 @@ def test_facets_that_cut_themselves_are_refused_with_their_place() -> None:
 
 
 @pytest.mark.parametrize("name", ["3midph", "1mc", "scaphoid", "capitate"])
-def test_finely_meshed_bones_that_are_coarse_beside_a_narrow_tolerance_keep_slivers_only(
-    shared: Path, name: str
-) -> None:
+def test_finely_meshed_bones_that_are_coarse_beside_a_narrow_tolerance_keep_slivers_only(shared, name):
     part = repaired_part(
         shared / "meshes" / "bones" / f"{name}_m.stl", MeshJob(units="m"), surface=SurfaceJob(tolerance=0.02)
     )
@@ -195,7 +191,7 @@ def test_finely_meshed_bones_that_are_coarse_beside_a_narrow_tolerance_keep_sliv
     assert 0.0 < part.smoothing.kept < 0.001 * part.mesh.area
 
 
-def test_a_part_with_true_edges_is_kept_and_told_and_rounded_only_where_asked() -> None:
+def test_a_part_with_true_edges_is_kept_and_told_and_rounded_only_where_asked():
     box = convex_hull(BOX)
     part = prepare_part(box, MeshJob(upright=False))
     assert part.smoothing is None
@@ -206,7 +202,7 @@ def test_a_part_with_true_edges_is_kept_and_told_and_rounded_only_where_asked() 
     assert not any("true edges" in note for note in rounded.notes)
 
 
-def test_coarse_facets_that_are_kept_as_asked_are_told(phalanx: TriangleMesh) -> None:
+def test_coarse_facets_that_are_kept_as_asked_are_told(phalanx):
     coarse = with_faces(phalanx, 200, on_surface=False)
     part = prepare_part(coarse, MeshJob(facets="exact", pits="keep"))
     assert any(note.startswith("facets kept as asked: edges of ") for note in part.notes)
@@ -221,7 +217,7 @@ def assert_kept(file: Path, units: str) -> None:
     assert found.notes == exact.notes == ()
 
 
-def test_the_phalanx_stays_to_the_bit() -> None:
+def test_the_phalanx_stays_to_the_bit():
     assert_kept(shipped("phalanx"), "mm")
 
 
@@ -229,18 +225,18 @@ def test_the_phalanx_stays_to_the_bit() -> None:
     "name",
     ["3midph", "2midph", "scaphoid", *(pytest.param(name, marks=pytest.mark.slow) for name in ("1mc", "capitate"))],
 )
-def test_finely_meshed_bones_stay_to_the_bit(shared: Path, name: str) -> None:
+def test_finely_meshed_bones_stay_to_the_bit(shared, name):
     assert_kept(shared / "meshes" / "bones" / f"{name}_m.stl", "m")
 
 
-def test_a_coarse_round_body_is_nearer_to_the_ellipsoid() -> None:
+def test_a_coarse_round_body_is_nearer_to_the_ellipsoid():
     coarse, fine = ellipsoid(5, 4, 14, rings=8, columns=10), ellipsoid(5, 4, 14, rings=120, columns=160)
     found = smoothed(coarse)
     assert mean_distance(found.mesh, fine) < 0.6 * mean_distance(coarse, fine)
     assert coarse.volume < found.mesh.volume < fine.volume
 
 
-def test_noise_is_taken_off_within_its_own_size(phalanx: TriangleMesh) -> None:
+def test_noise_is_taken_off_within_its_own_size(phalanx):
     rng = np.random.default_rng(7)
     noisy = TriangleMesh(phalanx.vertices + 0.06 * rng.normal(size=phalanx.vertices.shape), phalanx.faces)
     assert coarseness_of(noisy).noise
@@ -252,7 +248,7 @@ def test_noise_is_taken_off_within_its_own_size(phalanx: TriangleMesh) -> None:
     assert smooth_facets(noisy, coarseness_of(noisy), MeshJob(), 0.4) is None
 
 
-def test_the_steps_of_voxels_are_taken_off_within_half_a_voxel() -> None:
+def test_the_steps_of_voxels_are_taken_off_within_half_a_voxel():
     pitch, radius = 0.5, 6.0
     sphere = voxels(radius, pitch)
     measure = coarseness_of(sphere)
@@ -289,7 +285,7 @@ def prism(sides: int) -> TriangleMesh:
     return convex_hull(np.vstack([ring, ring + np.array([0.0, 0.0, 20.0])]))
 
 
-def test_the_sagitta_is_near_the_distance_of_facets_from_the_sphere_and_falls_with_the_square_of_their_edges() -> None:
+def test_the_sagitta_is_near_the_distance_of_facets_from_the_sphere_and_falls_with_the_square_of_their_edges():
     coarse, fine = (coarseness_of(ellipsoid(10, 10, 10, rings=n, columns=2 * n)) for n in (11, 23))
     assert coarse.sagitta / fine.sagitta == pytest.approx(4.0, rel=0.15)
     assert coarse.edge / fine.edge == pytest.approx(2.0, rel=0.15)
@@ -299,20 +295,20 @@ def test_the_sagitta_is_near_the_distance_of_facets_from_the_sphere_and_falls_wi
 
 
 @pytest.mark.parametrize("sides", [4, 6, 12, 64])
-def test_boxes_prisms_and_cylinders_have_true_edges_and_stay_as_they_are_however_they_are_divided(sides: int) -> None:
+def test_boxes_prisms_and_cylinders_have_true_edges_and_stay_as_they_are_however_they_are_divided(sides):
     assert coarseness_of(prism(sides)).true_edges
     for edge in (8.0, 3.0, 1.0):
         divided = split_edges(prism(sides), edge)
         assert not is_coarse(divided, coarseness_of(divided), COARSEST)
 
 
-def test_a_round_body_of_plane_quadrangles_has_no_true_edges() -> None:
+def test_a_round_body_of_plane_quadrangles_has_no_true_edges():
     found = coarseness_of(ellipsoid(10, 10, 10, rings=8, columns=16))
     assert not found.true_edges
 
 
 @pytest.mark.parametrize("faces", [100, 200, 400, 700])
-def test_a_bone_of_few_faces_is_coarse_and_the_finely_meshed_one_is_not(faces: int) -> None:
+def test_a_bone_of_few_faces_is_coarse_and_the_finely_meshed_one_is_not(faces):
     fine = read_mesh(shipped("phalanx"))
     meshset = to_meshset(fine)
     meshset.meshing_decimation_quadric_edge_collapse(targetfacenum=faces, preservetopology=True)
@@ -323,7 +319,7 @@ def test_a_bone_of_few_faces_is_coarse_and_the_finely_meshed_one_is_not(faces: i
     assert not is_coarse(fine, coarseness_of(fine), COARSEST)
 
 
-def test_a_mesh_is_coarse_beside_what_is_asked_of_it() -> None:
+def test_a_mesh_is_coarse_beside_what_is_asked_of_it():
     mesh = ellipsoid(10, 10, 10, rings=11, columns=22)
     found = coarseness_of(mesh)
     assert is_coarse(mesh, found, 1.9 * found.sagitta)
@@ -336,7 +332,7 @@ def is_closed(mesh: TriangleMesh) -> bool:
     return len(there) == len(edges) and there == back
 
 
-def test_points_within_the_hull_are_left_out() -> None:
+def test_points_within_the_hull_are_left_out():
     corners = np.array([[x, y, z] for x in (0.0, 2.0) for y in (0.0, 3.0) for z in (0.0, 5.0)])
     hull = convex_hull(np.vstack([corners, [[1.0, 1.0, 1.0]], corners]))
     assert is_closed(hull)
@@ -344,7 +340,7 @@ def test_points_within_the_hull_are_left_out() -> None:
     assert hull.volume == 30.0
 
 
-def test_the_hull_of_points_nearly_in_planes_is_closed() -> None:
+def test_the_hull_of_points_nearly_in_planes_is_closed():
     points = np.random.default_rng(3).integers(0, 9, (3000, 3)) + np.random.default_rng(4).uniform(
         -1e-15, 1e-15, (3000, 3)
     )
@@ -358,19 +354,19 @@ PLACES = np.random.default_rng(5).random((80, 2)) * 10
 BOWL = TriangleMesh(np.column_stack([PLACES, ((PLACES - 5) ** 2).sum(axis=1) / 10]), delaunay(PLACES))
 
 
-def test_heights_over_a_plane_are_exact() -> None:
+def test_heights_over_a_plane_are_exact():
     plane = TriangleMesh(np.column_stack([PLACES, np.zeros(80)]), delaunay(PLACES))
     points = np.array([[5.0, 5.0, 2.0], [4.0, 6.0, -1.5], [5.0, 5.0, 0.0]])
     np.testing.assert_allclose(heights_above(points, plane), [2.0, -1.5, 0.0], atol=1e-12)
 
 
-def test_locations_along_the_normal_are_above_and_against_it_below() -> None:
+def test_locations_along_the_normal_are_above_and_against_it_below():
     up = np.array([0.0, 0.0, 1.0])
     assert (heights_above(BOWL.vertices + 0.5 * up, BOWL) > 0).all()
     assert (heights_above(BOWL.vertices - 0.5 * up, BOWL) < 0).all()
 
 
-def test_a_location_that_dives_under_a_neighbour_is_not_above() -> None:
+def test_a_location_that_dives_under_a_neighbour_is_not_above():
     """On its contact's outer side, yet below the rising side of the bowl."""
     lowest = int(np.argmin(BOWL.vertices[:, 2]))
     location = BOWL.vertices.copy()

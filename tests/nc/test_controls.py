@@ -29,12 +29,12 @@ SWITCHES = {
 
 
 @pytest.fixture(scope="module", params=SWITCHES)
-def name(request: pytest.FixtureRequest) -> str:
+def name(request):
     return str(request.param)
 
 
 @pytest.fixture(scope="module")
-def text(name: str) -> str:
+def text(name):
     return write_program(TWO_PATHS, MIKRON, read_dialect(name), Job(), name="O77").text
 
 
@@ -48,7 +48,7 @@ def heights(motions: Motions) -> np.ndarray:
     return np.asarray(inverse_linear(MIKRON, motions.tips, motions.words[:, 3:])[:, 2])
 
 
-def test_frame_number_and_safe_start(text: str, name: str) -> None:
+def test_frame_number_and_safe_start(text, name):
     body = blocks(text)
     _, off = SWITCHES[name]
     assert body[:2] == ["%", "O0077"]
@@ -58,7 +58,7 @@ def test_frame_number_and_safe_start(text: str, name: str) -> None:
     assert [line.split()[0] for line in numbered] == [f"N{k}" for k in range(1, len(numbered) + 1)]
 
 
-def test_every_coordinate_and_feed_has_a_decimal_point_and_comments_are_capitals(text: str) -> None:
+def test_every_coordinate_and_feed_has_a_decimal_point_and_comments_are_capitals(text):
     for line in text.splitlines():
         if line.startswith("("):
             assert re.fullmatch(r"\([A-Z0-9 .,=-]*\)", line)
@@ -66,7 +66,7 @@ def test_every_coordinate_and_feed_has_a_decimal_point_and_comments_are_capitals
             assert not re.search(r"[XYZBCF]-?\d+(?![\d.])", line)
 
 
-def test_g43_4_is_read_with_its_length_and_all_rotary_axes_at_zero(text: str, name: str) -> None:
+def test_g43_4_is_read_with_its_length_and_all_rotary_axes_at_zero(text, name):
     body = blocks(text)
     on, _ = SWITCHES[name]
     starts = [k for k, block in enumerate(body) if "G43.4" in block]
@@ -83,7 +83,7 @@ def test_g43_4_is_read_with_its_length_and_all_rotary_axes_at_zero(text: str, na
         ]
 
 
-def test_the_table_turns_above_everything_and_there_is_no_g00_under_g43_4(text: str, name: str) -> None:
+def test_the_table_turns_above_everything_and_there_is_no_g00_under_g43_4(text, name):
     motions = read_program(text, MIKRON, read_dialect(name))
     checked = compare_moves(motions, TWO_PATHS, read_dialect(name), Tolerances())
     first = np.flatnonzero(~motions.known_start)
@@ -96,7 +96,7 @@ def test_the_table_turns_above_everything_and_there_is_no_g00_under_g43_4(text: 
         assert end > 0
 
 
-def test_a_tool_dropped_by_its_length_at_g49_stays_above_everything(text: str, name: str) -> None:
+def test_a_tool_dropped_by_its_length_at_g49_stays_above_everything(text, name):
     motions = read_program(text, MIKRON, read_dialect(name))
     lines = text.splitlines()
     ends = [k for k, line in enumerate(lines, start=1) if line.endswith(" G49")][1:]
@@ -108,7 +108,7 @@ def test_a_tool_dropped_by_its_length_at_g49_stays_above_everything(text: str, n
         assert rise @ motions.axes[last] == pytest.approx(np.linalg.norm(rise), abs=1e-3)
 
 
-def test_a_table_that_does_not_stand_at_zero_is_refused(text: str, name: str) -> None:
+def test_a_table_that_does_not_stand_at_zero_is_refused(text, name):
     for wrong, why in (("B0.000 C45.000", "C is 45.000"), ("B-1.000 C0.000", "B is -1.000")):
         turned = text.replace("G00 B0.000 C0.000", f"G00 {wrong}", 1)
         with pytest.raises(ProgramError, match=f"{why} where tool-centre control is switched on"):
@@ -124,13 +124,13 @@ def test_a_table_that_does_not_stand_at_zero_is_refused(text: str, name: str) ->
         (" M30\n", " M05\n", "no end"),
     ],
 )
-def test_a_mode_that_is_missing_is_refused(text: str, name: str, old: str, new: str, why: str) -> None:
+def test_a_mode_that_is_missing_is_refused(text, name, old, new, why):
     assert old in text
     with pytest.raises(ProgramError, match=why):
         read_program(text.replace(old, new), MIKRON, read_dialect(name))
 
 
-def test_a_machine_that_cannot_stand_at_zero_is_refused(name, tmp_path) -> None:
+def test_a_machine_that_cannot_stand_at_zero_is_refused(name, tmp_path):
     rotary = {"C": axis([0, 0, 1], [0, 0, 0], -1, -300, 300), "B": axis([0, 1, 0], [0, 0, 0], -1, -100, -5)}
     machine = read_machine(write_machine(tmp_path, machine_text(["C", "B", "XYZ"], rotary)))
     tilt = np.radians(np.linspace(20, 50, 20))
@@ -141,13 +141,13 @@ def test_a_machine_that_cannot_stand_at_zero_is_refused(name, tmp_path) -> None:
         write_program([path_of(tips, axes)], machine, read_dialect(name), Job())
 
 
-def test_words_that_are_always_wrapped_cannot_be_wound(name) -> None:
+def test_words_that_are_always_wrapped_cannot_be_wound(name):
     job = Job().with_values(nc={"endless_words": "wound"})
     with pytest.raises(MachineError, match=f"{name} has no blocks that switch the short way"):
         write_program(TWO_PATHS, MIKRON, read_dialect(name), job)
 
 
-def test_a_limited_table_that_is_rewound_starts_from_zero_again(tmp_path) -> None:
+def test_a_limited_table_that_is_rewound_starts_from_zero_again(tmp_path):
     rotary = {"C": axis([0, 0, 1], [0, 0, 0], -1, -300, 300), "B": axis([0, 1, 0], [0, 0, 0], -1, -100, 0)}
     machine = read_machine(write_machine(tmp_path, machine_text(["C", "B", "XYZ"], rotary)))
     path, dialect = capsule_path(turns=1.4, count=200), read_dialect("fanuc-30i")
@@ -159,7 +159,7 @@ def test_a_limited_table_that_is_rewound_starts_from_zero_again(tmp_path) -> Non
     assert program.moves == motions.blocks
 
 
-def test_block_numbers_begin_again_behind_the_highest(tmp_path) -> None:
+def test_block_numbers_begin_again_behind_the_highest(tmp_path):
     file = tmp_path / "short.toml"
     file.write_text((DIALECTS / "fanuc-30i.toml").read_text().replace("highest = 99999\n", "highest = 100\n"))
     dialect = read_dialect(file)
@@ -168,7 +168,7 @@ def test_block_numbers_begin_again_behind_the_highest(tmp_path) -> None:
     compare_moves(read_program(text, MIKRON, dialect), TWO_PATHS, dialect, Tolerances())
 
 
-def test_the_number_of_a_program_is_that_of_its_name_or_drawn_from_it() -> None:
+def test_the_number_of_a_program_is_that_of_its_name_or_drawn_from_it():
     assert [program_number(name) for name in ("O1", "O0077", "O7999")] == [1, 77, 7999]
     drawn = [program_number(name) for name in ("BONE", "BONE_SECOND", "O8000", "O0", "PHALANX")]
     assert all(1000 <= number <= 7999 for number in drawn)
@@ -187,7 +187,7 @@ def test_the_number_of_a_program_is_that_of_its_name_or_drawn_from_it() -> None:
         ('like = "linuxcnc"\nstarts_at_zero = true', "starts_at_zero: true: only with"),
     ],
 )
-def test_a_dialect_like_another_is_checked_as_a_whole(text: str, why: str, tmp_path) -> None:
+def test_a_dialect_like_another_is_checked_as_a_whole(text, why, tmp_path):
     file = tmp_path / "mine.toml"
     file.write_text(text)
     with pytest.raises(MachineError) as caught:
@@ -195,7 +195,7 @@ def test_a_dialect_like_another_is_checked_as_a_whole(text: str, why: str, tmp_p
     assert f"{file}: {why}" in str(caught.value)
 
 
-def test_a_dialect_like_another_has_all_that_it_leaves_out(tmp_path) -> None:
+def test_a_dialect_like_another_has_all_that_it_leaves_out(tmp_path):
     file = tmp_path / "mine.toml"
     file.write_text('like = "siemens-840d"\ntitle = "Mine"\n[templates]\ncoolant_on = "M7"\n')
     mine, theirs = read_dialect(file), read_dialect("siemens-840d")
@@ -209,7 +209,7 @@ DC = re.compile(r" C=DC\((-?\d+\.\d{3})\)")
 
 
 @pytest.fixture(scope="module")
-def siemens_text() -> str:
+def siemens_text():
     return write_program(TWO_PATHS, MIKRON_SIEMENS, SIEMENS, Job()).text
 
 
@@ -218,12 +218,12 @@ def siemens_blocks(text: str) -> list[str]:
     return [re.sub(r"^N\d+ ", "", line) for line in text.splitlines() if not line.startswith(";")]
 
 
-def test_blocks_are_numbered_in_tens_and_comments_are_not(siemens_text: str) -> None:
+def test_blocks_are_numbered_in_tens_and_comments_are_not(siemens_text):
     numbered = [line for line in siemens_text.splitlines() if not line.startswith("; ")]
     assert [int(line.split()[0][1:]) for line in numbered] == [10 * (k + 1) for k in range(len(numbered))]
 
 
-def test_the_program_begins_with_nothing_on_and_ends_so(siemens_text: str) -> None:
+def test_the_program_begins_with_nothing_on_and_ends_so(siemens_text):
     body = siemens_blocks(siemens_text)
     assert body[:6] == [
         "TRAFOOF",
@@ -236,7 +236,7 @@ def test_the_program_begins_with_nothing_on_and_ends_so(siemens_text: str) -> No
     assert body[-6:] == ["M9", "TRAFOOF", "G0 SUPA Z0 D0", "M5", "CYCLE832()", "M30"]
 
 
-def test_each_tool_has_datum_and_length_before_it_moves_down(siemens_text: str) -> None:
+def test_each_tool_has_datum_and_length_before_it_moves_down(siemens_text):
     body = siemens_blocks(siemens_text)
     changes = [k for k, block in enumerate(body) if block == "M6"]
     assert [body[k - 1] for k in changes] == ["T1", "T2"]
@@ -251,7 +251,7 @@ def test_each_tool_has_datum_and_length_before_it_moves_down(siemens_text: str) 
     assert "CYCLE832(0.020,_ORI_ROUGH,0.572)" in body
 
 
-def test_words_of_c_are_within_a_turn_and_take_the_short_way(siemens_text: str) -> None:
+def test_words_of_c_are_within_a_turn_and_take_the_short_way(siemens_text):
     words = np.array([float(word) for word in DC.findall(siemens_text)])
     assert words.min() >= 0
     assert words.max() < 360
@@ -263,7 +263,7 @@ def test_words_of_c_are_within_a_turn_and_take_the_short_way(siemens_text: str) 
     assert "C WORDS: WRAPPED TO 0..360 AS C=DC(), THE CONTROL TAKES THE SHORT WAY" in siemens_text
 
 
-def test_a_job_may_have_c_wound_by_plain_words() -> None:
+def test_a_job_may_have_c_wound_by_plain_words():
     job = Job().with_values(nc={"endless_words": "wound"})
     text = write_program(TWO_PATHS, MIKRON_SIEMENS, SIEMENS, job).text
     assert "DC(" not in text
@@ -271,7 +271,7 @@ def test_a_job_may_have_c_wound_by_plain_words() -> None:
     compare_moves(read_program(text, MIKRON_SIEMENS, SIEMENS), TWO_PATHS, SIEMENS, Tolerances())
 
 
-def test_a_plain_word_of_c_is_driven_as_it_is(siemens_text: str) -> None:
+def test_a_plain_word_of_c_is_driven_as_it_is(siemens_text):
     lines = siemens_text.splitlines()
     cut = next(k for k, line in enumerate(lines) if line.endswith("F900"))
     plain = DC.sub(" C720.000", lines[cut])
@@ -290,13 +290,13 @@ def test_a_plain_word_of_c_is_driven_as_it_is(siemens_text: str) -> None:
         (" M5\n", " M30\n", "a block after the program's end"),
     ],
 )
-def test_a_mode_of_siemens_that_is_missing_is_refused(siemens_text: str, old: str, new: str, why: str) -> None:
+def test_a_mode_of_siemens_that_is_missing_is_refused(siemens_text, old, new, why):
     assert old in siemens_text
     with pytest.raises(ProgramError, match=why):
         read_program(siemens_text.replace(old, new), MIKRON_SIEMENS, SIEMENS)
 
 
-def test_a_tool_is_not_changed_while_tool_centre_control_is_on(siemens_text: str) -> None:
+def test_a_tool_is_not_changed_while_tool_centre_control_is_on(siemens_text):
     first = re.search(r"^N\d+ TRAFOOF\nN\d+ G0 SUPA Z0 D0\nN\d+ M5\n(.*\n)*?(?=N\d+ T2\n)", siemens_text, re.MULTILINE)
     assert first
     kept = re.sub(r"^(N\d+) .*$", r"\1 M5", first[0], flags=re.MULTILINE)

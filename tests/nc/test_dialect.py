@@ -239,12 +239,12 @@ def job(controller: str, **nc: object) -> Job:
 
 
 @pytest.mark.parametrize("controller", dialect_names())
-def test_a_job_that_asks_for_nothing_has_the_dialect_of_its_controller(controller: str) -> None:
+def test_a_job_that_asks_for_nothing_has_the_dialect_of_its_controller(controller):
     assert job_dialect(job(controller).nc) == read_dialect(controller)
 
 
 @pytest.mark.parametrize("controller", dialect_names())
-def test_another_work_offset_is_written_and_asked_for_again_when_read(controller: str) -> None:
+def test_another_work_offset_is_written_and_asked_for_again_when_read(controller):
     asked = job(controller, work_offset=3)
     machine, dialect = read_machine("mikron-ucp600"), job_dialect(asked.nc)
     path = capsule_path(count=60)
@@ -258,7 +258,7 @@ def test_another_work_offset_is_written_and_asked_for_again_when_read(controller
 
 
 @pytest.mark.parametrize("controller", dialect_names())
-def test_mist_is_switched_on_in_the_place_of_flood(controller: str) -> None:
+def test_mist_is_switched_on_in_the_place_of_flood(controller):
     asked = job(controller, coolant_kind="mist")
     machine, dialect = read_machine("mikron-ucp600"), job_dialect(asked.nc)
     text = write_program([capsule_path(count=60)], machine, dialect, asked).text
@@ -266,7 +266,7 @@ def test_mist_is_switched_on_in_the_place_of_flood(controller: str) -> None:
     assert read_program(text, machine, dialect).coolant.any()
 
 
-def test_blocks_without_numbers_and_with_other_decimals_are_read_back() -> None:
+def test_blocks_without_numbers_and_with_other_decimals_are_read_back():
     asked = job("fanuc-30i", block_numbers=False, decimals=4, program_number=4711)
     machine, dialect = read_machine("mikron-ucp600"), job_dialect(asked.nc)
     text = write_program([capsule_path(count=60)], machine, dialect, asked).text
@@ -284,6 +284,6 @@ def test_blocks_without_numbers_and_with_other_decimals_are_read_back() -> None:
         ("heidenhain", {"block_numbers": False}, "nc.block_numbers = false: heidenhain has no such"),
     ],
 )
-def test_what_a_control_does_not_have_is_refused(controller: str, asked: dict[str, object], why: str) -> None:
+def test_what_a_control_does_not_have_is_refused(controller, asked, why):
     with pytest.raises(MachineError, match=why):
         job_dialect(job(controller, **asked).nc)

@@ -12,7 +12,7 @@ from bonecam.errors import VerifyError
 from bonecam.job import Job
 from bonecam.machine import Machine, inverse_linear
 from bonecam.machine.control import Control
-from bonecam.nc import Dialect, Motions, drivable_paths, read_program, write_program
+from bonecam.nc import Motions, drivable_paths, read_program, write_program
 from bonecam.nc.feeds import FEED_PER_MM, FLOOR, LARGEST_RATIO, feed_scale, on_scale
 from bonecam.tool import MoveKind, ToolPath
 from bonecam.verify import Tolerances
@@ -23,7 +23,7 @@ LARGEST_STEP = 1 / 7
 
 
 @pytest.fixture(params=KINDS)
-def pair(request: pytest.FixtureRequest) -> tuple[Machine, Dialect]:
+def pair(request):
     return PAIRS[request.param]
 
 
@@ -59,7 +59,7 @@ def with_speeds(machine: Machine, speed: float) -> Machine:
     return replace(machine, **groups)
 
 
-def test_every_feed_of_the_text_is_one_that_the_axes_can_follow(pair) -> None:
+def test_every_feed_of_the_text_is_one_that_the_axes_can_follow(pair):
     machine, dialect = pair
     raw = read_program(write_program(PATHS, machine, dialect, Job()).text, machine, dialect)
     assert (axis_shares(raw, machine) > 1.01).mean() > 0.3
@@ -71,7 +71,7 @@ def test_every_feed_of_the_text_is_one_that_the_axes_can_follow(pair) -> None:
     assert program.feeds.limited > 0.3
 
 
-def test_the_text_is_proved_against_the_lowered_feeds_only(pair) -> None:
+def test_the_text_is_proved_against_the_lowered_feeds_only(pair):
     machine, dialect = pair
     lowered = drivable_paths(PATHS, machine, dialect, Job())
     text = write_program(lowered, machine, dialect, Job()).text
@@ -80,7 +80,7 @@ def test_the_text_is_proved_against_the_lowered_feeds_only(pair) -> None:
         compare_moves(read_program(text, machine, dialect), PATHS, dialect, Tolerances())
 
 
-def test_only_feeds_change_and_none_rises(pair) -> None:
+def test_only_feeds_change_and_none_rises(pair):
     for before, after in zip(PATHS, drivable_paths(PATHS, *pair, Job()), strict=True):
         assert np.array_equal(before.tips, after.tips)
         assert (after.feed_rates <= before.feed_rates).all()
@@ -89,7 +89,7 @@ def test_only_feeds_change_and_none_rises(pair) -> None:
         assert np.array_equal(before.feed_rates[rapid], after.feed_rates[rapid])
 
 
-def test_along_a_pass_the_feed_changes_evenly(pair) -> None:
+def test_along_a_pass_the_feed_changes_evenly(pair):
     stepped = pair[1].feed_mode == "per-minute"
     changed = 0
     for path in drivable_paths(PATHS, *pair, Job()):
@@ -109,14 +109,14 @@ def test_along_a_pass_the_feed_changes_evenly(pair) -> None:
     assert changed > (30 if stepped else 100)
 
 
-def test_feeds_that_every_axis_can_follow_are_left_alone(pair) -> None:
+def test_feeds_that_every_axis_can_follow_are_left_alone(pair):
     tips = np.column_stack([np.linspace(0, 20, 60), np.zeros(60), np.full(60, 60.0)])
     path = path_of(tips, np.tile([0.0, 0.0, 1.0], (60, 1)))
     (same,) = drivable_paths([path], *pair, Job())
     assert np.array_equal(same.feed_rates, path.feed_rates)
 
 
-def test_the_contact_keeps_the_feed_of_the_cutter_where_the_job_asks(pair) -> None:
+def test_the_contact_keeps_the_feed_of_the_cutter_where_the_job_asks(pair):
     # an arc of 8 mm whose tips lie 4 mm outside: there the tip is 1.5 times as fast as the contact
     machine, dialect = pair
     angle = np.linspace(0.2, 1.2, 200)
@@ -138,7 +138,7 @@ def test_the_contact_keeps_the_feed_of_the_cutter_where_the_job_asks(pair) -> No
     compare_moves(motions, [limited], dialect, Tolerances())
 
 
-def test_rapids_that_are_written_as_feeds_are_lowered_too() -> None:
+def test_rapids_that_are_written_as_feeds_are_lowered_too():
     machine, dialect = PAIRS["linuxcnc"]
     bent = dialect.model_copy(update={"straight_rapids": False})
     lowered = drivable_paths(PATHS, machine, bent, Job())
@@ -163,7 +163,7 @@ def over_the_pole(off_deg: float, step: float, still: bool) -> ToolPath:
 @pytest.mark.parametrize("off_deg", [0.0001, 0.01, 0.1, 0.5])
 @pytest.mark.parametrize("step", [0.3, 0.002])
 @pytest.mark.parametrize("still", [False, True])
-def test_beside_the_pole_the_tool_waits_for_its_slowest_axis_and_no_longer(off_deg, step, still) -> None:
+def test_beside_the_pole_the_tool_waits_for_its_slowest_axis_and_no_longer(off_deg, step, still):
     machine, dialect = PAIRS["linuxcnc"]
     lowered = drivable_paths([over_the_pole(off_deg, step, still)], machine, dialect, Job())
     program = write_program(lowered, machine, dialect, Job())
@@ -182,7 +182,7 @@ def test_beside_the_pole_the_tool_waits_for_its_slowest_axis_and_no_longer(off_d
     assert program.time_min < needed.sum() + 0.2
 
 
-def test_a_block_that_is_slower_than_its_turn_is_told() -> None:
+def test_a_block_that_is_slower_than_its_turn_is_told():
     machine, dialect = PAIRS["linuxcnc"]
     (path,) = drivable_paths([over_the_pole(0.5, 0.3, False)], machine, dialect, Job())
     text = write_program([path], machine, dialect, Job()).text
@@ -197,7 +197,7 @@ def test_a_block_that_is_slower_than_its_turn_is_told() -> None:
 
 
 @pytest.mark.parametrize("name", ["heidenhain", "siemens-840d", "fanuc-30i"])
-def test_a_program_has_a_few_dozen_feeds_and_states_them_where_they_change(name) -> None:
+def test_a_program_has_a_few_dozen_feeds_and_states_them_where_they_change(name):
     machine, dialect = PAIRS[name]
     lowered = drivable_paths(PATHS, machine, dialect, Job())
     text = write_program(lowered, machine, dialect, Job()).text
@@ -210,7 +210,7 @@ def test_a_program_has_a_few_dozen_feeds_and_states_them_where_they_change(name)
     assert sum(" F" in line for line in in_runs) < 0.7 * len(in_runs)
 
 
-def test_the_rounding_raises_no_feed_and_lets_none_fall_below_its_floor() -> None:
+def test_the_rounding_raises_no_feed_and_lets_none_fall_below_its_floor():
     tips = np.column_stack([np.linspace(0, 20, 60), np.zeros(60), np.full(60, 60.0)])
     path = replace(path_of(tips, np.tile([0.0, 0.0, 1.0], (60, 1))), feed_rates=np.full(60, 1847.0))
     number = PAIRS["heidenhain"][1].numbers.feed
@@ -225,7 +225,7 @@ def test_the_rounding_raises_no_feed_and_lets_none_fall_below_its_floor() -> Non
 
 
 @pytest.mark.parametrize("name", KINDS)
-def test_no_block_has_no_length(name) -> None:
+def test_no_block_has_no_length(name):
     machine, dialect = PAIRS[name]
     # the path comes to a point, again to the same one, and turns back
     there = np.column_stack([np.linspace(0, 5, 30), np.zeros(30), np.full(30, 60.0)])
@@ -239,7 +239,7 @@ def test_no_block_has_no_length(name) -> None:
     assert len(shorter.contacts) == len(shorter.pass_index) == 59
 
 
-def test_above_the_pole_no_block_goes_where_the_tool_stands() -> None:
+def test_above_the_pole_no_block_goes_where_the_tool_stands():
     machine, dialect = PAIRS["fanuc-30i"]
     path = capsule_path(count=90, lift_deg=180.0)
     motions = read_program(write_program([path], machine, dialect, Job()).text, machine, dialect)

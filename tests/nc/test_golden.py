@@ -7,7 +7,7 @@ from small_parts import capsule_path
 
 from bonecam.job import read_job
 from bonecam.machine import read_machine
-from bonecam.nc import Program, read_dialect, read_program, write_program
+from bonecam.nc import read_dialect, read_program, write_program
 from bonecam.nc.requirements import job_dialect
 from bonecam.verify import Tolerances
 from bonecam.verify.readback import compare_moves
@@ -23,21 +23,21 @@ PATHS = (
 
 
 @pytest.fixture(scope="module", params=CASES)
-def case(request: pytest.FixtureRequest) -> str:
+def case(request):
     return str(request.param)
 
 
 @pytest.fixture(scope="module")
-def program(case: str) -> Program:
+def program(case):
     job = read_job(GOLDEN / case / "job.toml")
     return write_program(PATHS, read_machine(job.nc.machine), job_dialect(job.nc), job, name="GOLDEN")
 
 
-def test_the_golden_program_is_still_posted(case: str, program: Program) -> None:
+def test_the_golden_program_is_still_posted(case, program):
     assert program.text == (GOLDEN / case / f"expected{program.extension}").read_text()
 
 
-def test_the_golden_program_makes_the_golden_path(case: str, program: Program) -> None:
+def test_the_golden_program_makes_the_golden_path(case, program):
     machine, dialect = read_machine(program.machine), read_dialect(program.controller)
     text = (GOLDEN / case / f"expected{program.extension}").read_text()
     checked = compare_moves(read_program(text, machine, dialect), PATHS, dialect, Tolerances())

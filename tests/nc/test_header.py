@@ -42,7 +42,7 @@ MIKRON, HEIDENHAIN = read_machine("mikron-ucp600"), read_dialect("heidenhain")
 
 
 @pytest.fixture(scope="module")
-def text() -> str:
+def text():
     job = Job().with_values(holding={"diameter": 4.0})
     return write_program(TWO_PATHS, MIKRON, HEIDENHAIN, job, stock=UPRIGHT_CAPSULE).text
 
@@ -53,7 +53,7 @@ def blocks(text: str) -> list[str]:
     return [line for line in plain if not line.startswith(";")]
 
 
-def test_the_header_says_what_to_mount_and_how_to_set_the_control(text: str) -> None:
+def test_the_header_says_what_to_mount_and_how_to_set_the_control(text):
     head = text[: text.index("TOOL CALL")]
     for said in (
         "STOCK: CAPSULE, DIAMETER 13.20, LENGTH 15.20 MM, FROM Z 29.40 TO Z 44.60",
@@ -79,7 +79,7 @@ def test_the_header_says_what_to_mount_and_how_to_set_the_control(text: str) -> 
     assert max(map(len, head.splitlines())) <= 110
 
 
-def test_a_part_that_is_mirrored_and_scaled_is_told_to_be() -> None:
+def test_a_part_that_is_mirrored_and_scaled_is_told_to_be():
     job = Job().with_values(mesh={"mirror": "y", "scale": 1.25})
     text = write_program(TWO_PATHS, MIKRON, HEIDENHAIN, job, stock=UPRIGHT_CAPSULE).text
     assert "THE PART IS MIRRORED IN Y OF ITS FILE\n" in text
@@ -91,7 +91,7 @@ def test_a_part_that_is_mirrored_and_scaled_is_told_to_be() -> None:
     assert second[-2:] == part_texts(job)
 
 
-def test_a_chuck_and_a_conical_holder_are_told() -> None:
+def test_a_chuck_and_a_conical_holder_are_told():
     job = Job().with_values(
         holding={"chuck_diameter": 30.0, "chuck_height": 12.0}, roughing={"holder": "35 10 17, 20 40"}
     )
@@ -103,7 +103,7 @@ def test_a_chuck_and_a_conical_holder_are_told() -> None:
     assert max(map(len, told[: told.index("TOOL CALL")].splitlines())) <= 110
 
 
-def test_riser_collet_stub_and_neck_are_told() -> None:
+def test_riser_collet_stub_and_neck_are_told():
     holding = {"riser_diameter": 60.0, "riser_height": 5.0, "chuck_diameter": 28.0, "chuck_height": 12.0}
     stub = {"stub_diameter": 13.0, "stub_length": 8.0}
     job = Job().with_values(holding=holding | stub | {"diameter": 4.0})
@@ -119,7 +119,7 @@ def test_riser_collet_stub_and_neck_are_told() -> None:
     assert max(map(len, told[: told.index("TOOL CALL")].splitlines())) <= 115
 
 
-def test_the_extents_in_the_header_are_those_of_the_blocks(text: str) -> None:
+def test_the_extents_in_the_header_are_those_of_the_blocks(text):
     motions = read_program(text, MIKRON, HEIDENHAIN)
     found = re.search(r"ROTARY AXES, DEGREES UNWOUND: B (\S+) TO (\S+), C (\S+) TO (\S+)", text)
     assert found
@@ -130,7 +130,7 @@ def test_the_extents_in_the_header_are_those_of_the_blocks(text: str) -> None:
     assert np.ptp(told[1]) == pytest.approx(np.ptp(angles[:, 1]), abs=1e-6)
 
 
-def test_the_program_starts_and_ends_with_nothing_switched_on(text: str) -> None:
+def test_the_program_starts_and_ends_with_nothing_switched_on(text):
     body = blocks(text)
     start = body[3 : body.index("TOOL CALL 1 Z S12000")]
     assert start[0] == "FUNCTION RESET TCPM"
@@ -143,7 +143,7 @@ def test_the_program_starts_and_ends_with_nothing_switched_on(text: str) -> None
     assert body[-6:] == ["CYCL DEF 32.0 TOLERANCE", "CYCL DEF 32.1", "M5", "M127", "M30", "END PGM BONE MM"]
 
 
-def test_after_a_tool_call_x_and_y_come_first_and_the_way_down_is_along_the_tool(text: str) -> None:
+def test_after_a_tool_call_x_and_y_come_first_and_the_way_down_is_along_the_tool(text):
     body = blocks(text)
     calls = [i for i, line in enumerate(body) if line.startswith("TOOL CALL")]
     assert len(calls) == 2
@@ -165,14 +165,14 @@ def test_after_a_tool_call_x_and_y_come_first_and_the_way_down_is_along_the_tool
 
 
 @pytest.mark.parametrize(("radius", "finishing", "angle"), [(2.0, True, 0.114), (1.0, True, 0.229)])
-def test_the_rotary_tolerance_swings_the_ball_by_no_more_than_the_tolerance(radius, finishing, angle) -> None:
+def test_the_rotary_tolerance_swings_the_ball_by_no_more_than_the_tolerance(radius, finishing, angle):
     job = Job()
     assert rotary_tolerance_deg(HEIDENHAIN, job, finishing, radius) == pytest.approx(angle)
     assert radius * math.sin(math.radians(angle)) <= job.path.chord_tolerance
     assert radius * math.sin(math.radians(angle + 0.001)) > job.path.chord_tolerance
 
 
-def test_roughing_has_its_own_tolerance_and_never_a_finer_one_than_finishing() -> None:
+def test_roughing_has_its_own_tolerance_and_never_a_finer_one_than_finishing():
     job = Job().with_values(nc={"roughing_tolerance": 0.05})
     assert contour_tolerance(HEIDENHAIN, job, finishing=False) == 0.05
     assert contour_tolerance(HEIDENHAIN, job, finishing=True) == pytest.approx(1.3 * 0.004)
@@ -181,7 +181,7 @@ def test_roughing_has_its_own_tolerance_and_never_a_finer_one_than_finishing() -
     assert rotary_tolerance_deg(HEIDENHAIN, job, False, 2.0) == pytest.approx(1.432)
 
 
-def test_wound_words_make_the_same_moves_without_the_short_way() -> None:
+def test_wound_words_make_the_same_moves_without_the_short_way():
     job = Job().with_values(nc={"endless_words": "wound"})
     text = write_program(TWO_PATHS, MIKRON, HEIDENHAIN, job).text
     assert "M126" not in text
@@ -193,7 +193,7 @@ def test_wound_words_make_the_same_moves_without_the_short_way() -> None:
     assert np.allclose(np.diff(wound.words, axis=0)[:200], np.diff(wrapped.words, axis=0)[:200], atol=1e-9)
 
 
-def test_a_control_that_knows_one_way_only_refuses_the_other() -> None:
+def test_a_control_that_knows_one_way_only_refuses_the_other():
     job = Job().with_values(nc={"endless_words": "wrapped"})
     with pytest.raises(MachineError, match="linuxcnc has no blocks that switch the short way"):
         write_program(TWO_PATHS, read_machine("linuxcnc-xyzbc"), read_dialect("linuxcnc"), job)
@@ -224,7 +224,7 @@ speed_deg_s = 120.0
 """
 
 
-def test_in_machine_coordinates_the_header_tells_where_the_part_stands(tmp_path: Path) -> None:
+def test_in_machine_coordinates_the_header_tells_where_the_part_stands(tmp_path):
     chain = 'title = "trunnion"\nchain = ["C", "A", "XYZ"]\npart_zero = [-310.0, -205.0, -402.5]\n'
     (tmp_path / "trunnion.toml").write_text(chain + PLACED)
     machine, dialect = read_machine(tmp_path / "trunnion.toml"), read_dialect("linuxcnc")
@@ -239,7 +239,7 @@ def test_in_machine_coordinates_the_header_tells_where_the_part_stands(tmp_path:
     assert np.abs(places - place[0, :3]).max() < 150
 
 
-def test_over_zero_is_over_the_part_in_machine_coordinates_too(tmp_path: Path) -> None:
+def test_over_zero_is_over_the_part_in_machine_coordinates_too(tmp_path):
     chain = 'title = "trunnion"\nchain = ["C", "A", "XYZ"]\npart_zero = [-310.0, -205.0, -402.5]\n'
     (tmp_path / "trunnion.toml").write_text(chain + PLACED)
     dialect = read_dialect("linuxcnc")
@@ -253,7 +253,7 @@ def test_over_zero_is_over_the_part_in_machine_coordinates_too(tmp_path: Path) -
 
 
 @pytest.mark.parametrize("name", ["heidenhain", "linuxcnc"])
-def test_where_rapids_may_be_bent_they_are_feeds_beside_the_part(name: str) -> None:
+def test_where_rapids_may_be_bent_they_are_feeds_beside_the_part(name):
     machine = MIKRON if name == "heidenhain" else read_machine("linuxcnc-xyzbc")
     dialect = read_dialect(name).model_copy(update={"straight_rapids": False})
     program = write_program(TWO_PATHS, machine, dialect, Job())
@@ -272,7 +272,7 @@ def test_where_rapids_may_be_bent_they_are_feeds_beside_the_part(name: str) -> N
 
 
 @pytest.mark.parametrize("name", ["heidenhain", "linuxcnc"])
-def test_checks_and_simulation_are_written_into_their_lines_and_nowhere_else(name: str) -> None:
+def test_checks_and_simulation_are_written_into_their_lines_and_nowhere_else(name):
     machine = MIKRON if name == "heidenhain" else read_machine("linuxcnc-xyzbc")
     dialect = read_dialect(name)
     posted = write_program(TWO_PATHS, machine, dialect, Job())
@@ -294,7 +294,7 @@ def test_checks_and_simulation_are_written_into_their_lines_and_nowhere_else(nam
         record_simulation(simulated, dialect, 0.2)
 
 
-def test_the_line_of_the_simulation_changes_no_motion() -> None:
+def test_the_line_of_the_simulation_changes_no_motion():
     posted = write_program(TWO_PATHS, MIKRON, HEIDENHAIN, Job(), stock=UPRIGHT_CAPSULE)
     before, after = (
         read_program(program.text, MIKRON, HEIDENHAIN)
@@ -362,7 +362,7 @@ def ways_of(told: str) -> list[np.ndarray]:
 
 
 @pytest.fixture(params=[*SHIPPED, "wrong-b", *KINDS])
-def machine_file(request: pytest.FixtureRequest) -> str:
+def machine_file(request):
     return {**SHIPPED, "wrong-b": WRONG_B, **CHAINS}[request.param]
 
 
@@ -373,7 +373,7 @@ def texts_of(text: str, tmp_path: Path) -> list[str]:
     return air_check_texts(control, read_dialect("heidenhain"), 33.2)
 
 
-def test_every_sentence_is_what_is_seen(machine_file: str, tmp_path: Path) -> None:
+def test_every_sentence_is_what_is_seen(machine_file, tmp_path):
     seen, letters = Seen(machine_file), set()
     told = [line for line in texts_of(machine_file, tmp_path) if " to " in line and ": " in line]
     for line in told:
@@ -403,7 +403,7 @@ def test_every_sentence_is_what_is_seen(machine_file: str, tmp_path: Path) -> No
     assert letters == {*seen.part, *seen.head}
 
 
-def test_a_wrong_direction_of_any_axis_is_told_otherwise(machine_file: str, tmp_path: Path) -> None:
+def test_a_wrong_direction_of_any_axis_is_told_otherwise(machine_file, tmp_path):
     right = texts_of(machine_file, tmp_path)
     for letter in set("ABC") & set(Seen(machine_file).file):
         head, table = machine_file.split(f"[{letter}]")
@@ -414,7 +414,7 @@ def test_a_wrong_direction_of_any_axis_is_told_otherwise(machine_file: str, tmp_
         assert any(f"{letter} to " in line for line in differ)
 
 
-def test_the_check_of_the_mikron_and_of_its_wrong_b(tmp_path: Path) -> None:
+def test_the_check_of_the_mikron_and_of_its_wrong_b(tmp_path):
     assert texts_of(SHIPPED["mikron-ucp600"], tmp_path)[3:] == [
         "at B 0 and C 0 the tool must stand square to the table, X+ of the blank towards X+",
         "B to +30: a mark at X+ of the table must go to Z+",
@@ -427,7 +427,7 @@ def test_the_check_of_the_mikron_and_of_its_wrong_b(tmp_path: Path) -> None:
     ]
 
 
-def test_a_head_is_watched_at_its_tip_and_its_turn_by_the_tilt(tmp_path: Path) -> None:
+def test_a_head_is_watched_at_its_tip_and_its_turn_by_the_tilt(tmp_path):
     assert texts_of(CHAINS["head-head"], tmp_path)[4:] == [
         "A to +30: the tip of the tool must swing to Y+",
         "A to +30: the tool, from tip to spindle, leans to Y- of the table",
@@ -435,7 +435,7 @@ def test_a_head_is_watched_at_its_tip_and_its_turn_by_the_tilt(tmp_path: Path) -
     ]
 
 
-def test_turns_stay_within_limits_and_begin_at_them(tmp_path: Path) -> None:
+def test_turns_stay_within_limits_and_begin_at_them(tmp_path):
     text = SHIPPED["mikron-ucp600"]
     short = texts_of(text.replace("[-115.0, 30.0]", "[-115.0, 12.0]"), tmp_path)
     assert "B to -30: a mark at X+ of the table must go to Z-" in short
@@ -447,7 +447,7 @@ def test_turns_stay_within_limits_and_begin_at_them(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("kind", ["linuxcnc-xyzbc", *KINDS])
-def test_words_of_the_place_check_keep_the_tip_on_it(kind: str, tmp_path: Path) -> None:
+def test_words_of_the_place_check_keep_the_tip_on_it(kind, tmp_path):
     text = {**SHIPPED, **CHAINS}[kind]
     path = tmp_path / "machine.toml"
     path.write_text(text)
@@ -466,7 +466,7 @@ def test_words_of_the_place_check_keep_the_tip_on_it(kind: str, tmp_path: Path) 
         assert tip == pytest.approx(place, abs=2e-5)
 
 
-def test_poses_beyond_a_limit_are_left_out(tmp_path: Path) -> None:
+def test_poses_beyond_a_limit_are_left_out(tmp_path):
     path = tmp_path / "machine.toml"
     path.write_text(CHAINS["head-table"].replace("[X]\ntravel = 4000.0", "[X]\nlimits = [-50.0, 50.0]"))
     control = Control(read_machine(path), tool_centre=False, radius=1.0, tool_length=75.0)
@@ -475,7 +475,7 @@ def test_poses_beyond_a_limit_are_left_out(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["heidenhain", "siemens-840d", "fanuc-30i", "makino", "mitsubishi", "linuxcnc"])
-def test_every_dialect_tells_the_check_and_which_way_it_goes(name: str) -> None:
+def test_every_dialect_tells_the_check_and_which_way_it_goes(name):
     machine, dialect = read_machine("mikron-ucp600"), read_dialect(name)
     text = write_program(TWO_PATHS, machine, dialect, Job(), stock=UPRIGHT_CAPSULE).text
     plus = "X+" if "+" in dialect.comment_characters else "X PLUS"
@@ -490,7 +490,7 @@ def test_every_dialect_tells_the_check_and_which_way_it_goes(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["mikron-ucp600", "linuxcnc-xyzbc"])
-def test_the_page_leans_the_tool_as_the_check_tells(name: str) -> None:
+def test_the_page_leans_the_tool_as_the_check_tells(name):
     machine = read_machine(name)
     dialect = read_dialect("linuxcnc" if name.startswith("linuxcnc") else "heidenhain")
     program = write_program(TWO_PATHS, machine, dialect, Job())

@@ -38,9 +38,7 @@ def written(made: Made, folder: Path) -> Path:
 @pytest.mark.parametrize(
     ("split", "files"), [({"split": "level"}, 3), ({"split": "tool"}, 2), ({"split_blocks": 1000}, 2)]
 )
-def test_the_files_run_the_moves_of_the_program_in_one(
-    controller: str, split: dict[str, object], files: int, tmp_path: Path
-) -> None:
+def test_the_files_run_the_moves_of_the_program_in_one(controller, split, files, tmp_path):
     made = made_of(THREE_PATHS, controller, **split)
     program, dialect, _ = made
     caller = written(made, tmp_path)
@@ -65,9 +63,7 @@ def test_the_files_run_the_moves_of_the_program_in_one(
         ("linuxcnc", "o<bone_1> call", "bone_1.ngc", "o<bone_1> sub", "M2"),
     ],
 )
-def test_a_caller_calls_parts_that_return_to_it(
-    controller: str, call: str, file: str, first: str, last: str, tmp_path: Path
-) -> None:
+def test_a_caller_calls_parts_that_return_to_it(controller, call, file, first, last, tmp_path):
     caller = written(made_of(THREE_PATHS, controller, split="tool", program_number=77), tmp_path)
     calls = [line for line in caller.read_text().split("\n") if line.endswith(call)]
     assert len(calls) == 1
@@ -77,7 +73,7 @@ def test_a_caller_calls_parts_that_return_to_it(
     assert not [line for line in part[:-1] if line.endswith((" M30", " M2"))]
 
 
-def test_every_part_begins_with_all_that_a_restart_needs(tmp_path: Path) -> None:
+def test_every_part_begins_with_all_that_a_restart_needs(tmp_path):
     caller = written(made_of(THREE_PATHS, "heidenhain", split="level"), tmp_path)
     for part in (1, 2, 3):
         text = caller.with_name(f"BONE_{part}.h").read_text()
@@ -86,14 +82,14 @@ def test_every_part_begins_with_all_that_a_restart_needs(tmp_path: Path) -> None
             assert word in start
 
 
-def test_no_file_has_more_blocks_than_the_job_allows(tmp_path: Path) -> None:
+def test_no_file_has_more_blocks_than_the_job_allows(tmp_path):
     written(made_of(THREE_PATHS, "fanuc-30i", split_blocks=1000), tmp_path)
     parts = [path.read_text().count("\n") for path in tmp_path.glob("O*.nc")]
     assert len(parts) == 2
     assert max(parts) <= 1000
 
 
-def test_a_split_too_small_for_one_level_is_one_line() -> None:
+def test_a_split_too_small_for_one_level_is_one_line():
     with pytest.raises(
         JobError, match=r"^\[nc\] split_blocks = 40: level \d has \d+ blocks: give \d+ or more$"
     ) as caught:
@@ -129,7 +125,7 @@ FAULTS: dict[str, Callable[[Path], object]] = {
 
 
 @pytest.mark.parametrize("fault", FAULTS)
-def test_files_that_are_not_those_of_the_program_are_refused(fault: str, tmp_path: Path) -> None:
+def test_files_that_are_not_those_of_the_program_are_refused(fault, tmp_path):
     made = made_of(THREE_PATHS, "heidenhain", split="level")
     caller = written(made, tmp_path)
     FAULTS[fault](tmp_path)
@@ -137,7 +133,7 @@ def test_files_that_are_not_those_of_the_program_are_refused(fault: str, tmp_pat
         joined(caller, made[1])
 
 
-def test_a_fault_in_a_part_is_told_with_its_file_and_line(tmp_path: Path) -> None:
+def test_a_fault_in_a_part_is_told_with_its_file_and_line(tmp_path):
     program, dialect, job = made_of(THREE_PATHS, "heidenhain", split="level")
     caller = written((program, dialect, job), tmp_path)
     part = tmp_path / "BONE_2.h"
@@ -149,7 +145,7 @@ def test_a_fault_in_a_part_is_told_with_its_file_and_line(tmp_path: Path) -> Non
         program_text(caller, MACHINE, dialect, job)
 
 
-def test_a_part_without_its_caller_is_told_as_one(tmp_path: Path) -> None:
+def test_a_part_without_its_caller_is_told_as_one(tmp_path):
     made = made_of(THREE_PATHS, "siemens-840d", split="level")
     written(made, tmp_path)
     with pytest.raises(ProgramError, match=r"BONE_2\.mpf: it is part 2 of 3 of BONE: give the program that"):
@@ -158,7 +154,7 @@ def test_a_part_without_its_caller_is_told_as_one(tmp_path: Path) -> None:
     assert joined(tmp_path / "whole.mpf", made[1]).text == made[0].text
 
 
-def test_the_files_are_written_all_or_none(tmp_path: Path) -> None:
+def test_the_files_are_written_all_or_none(tmp_path):
     made = made_of(THREE_PATHS, "heidenhain", split="level")
     (tmp_path / "BONE_3.h").mkdir()
     with pytest.raises(FileError, match=r"BONE_3\.h"):
@@ -166,7 +162,7 @@ def test_the_files_are_written_all_or_none(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["BONE_3.h"]
 
 
-def test_a_part_does_not_replace_that_of_another_program(tmp_path: Path) -> None:
+def test_a_part_does_not_replace_that_of_another_program(tmp_path):
     program, dialect, _ = made_of(THREE_PATHS, "fanuc-30i", split="tool", program_number=77)
     written((program, dialect, Job()), tmp_path)
     job = Job().with_values(nc={"controller": "fanuc-30i", "split": "tool", "program_number": 78})
@@ -175,7 +171,7 @@ def test_a_part_does_not_replace_that_of_another_program(tmp_path: Path) -> None
         program_files(other, dialect, tmp_path / "other.nc")
 
 
-def test_a_part_does_not_replace_a_file_that_is_none(tmp_path: Path) -> None:
+def test_a_part_does_not_replace_a_file_that_is_none(tmp_path):
     made = made_of(THREE_PATHS, "fanuc-30i", split="tool", program_number=77)
     (tmp_path / "O0079.nc").write_text("%\nO0079\nM30\n%\n")
     with pytest.raises(FileError, match=r"O0079\.nc: it is there, and no part of a program"):
@@ -183,7 +179,7 @@ def test_a_part_does_not_replace_a_file_that_is_none(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["O0079.nc"]
 
 
-def test_a_program_does_not_replace_a_part_that_another_calls(tmp_path: Path) -> None:
+def test_a_program_does_not_replace_a_part_that_another_calls(tmp_path):
     made = made_of(THREE_PATHS, "linuxcnc", split="tool")
     written(made, tmp_path)
     dialect, job = made[1:]
@@ -192,7 +188,7 @@ def test_a_program_does_not_replace_a_part_that_another_calls(tmp_path: Path) ->
         program_files(other, dialect, tmp_path / "bone_1.ngc")
 
 
-def test_a_dialect_without_calls_cannot_split(tmp_path: Path) -> None:
+def test_a_dialect_without_calls_cannot_split(tmp_path):
     text = (Path(__file__).parents[2] / "bonecam/nc/dialects/linuxcnc.toml").read_text()
     start, end = text.index("[calls]"), text.index("[templates]")
     (tmp_path / "own.toml").write_text(text[:start] + text[end:])
@@ -202,7 +198,7 @@ def test_a_dialect_without_calls_cannot_split(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("controller", dialect_names())
-def test_parts_of_a_longer_program_go_with_it(controller: str, tmp_path: Path) -> None:
+def test_parts_of_a_longer_program_go_with_it(controller, tmp_path):
     other = tmp_path / "notes.txt"
     other.write_text("mine")
     first = made_of(THREE_PATHS, controller, split="level", program_number=77)
@@ -216,8 +212,8 @@ def test_parts_of_a_longer_program_go_with_it(controller: str, tmp_path: Path) -
 
 
 @pytest.mark.parametrize("controller", ["heidenhain", "fanuc-30i"])
-def test_parts_of_longer_programs_of_both_clampings_go(controller: str, tmp_path: Path) -> None:
-    def write(**nc: object) -> set[Path]:
+def test_parts_of_longer_programs_of_both_clampings_go(controller, tmp_path):
+    def write(**nc):
         job = Job().with_values(nc={"controller": controller, **nc})
         dialect = job_dialect(job.nc)
         named = {
@@ -234,7 +230,7 @@ def test_parts_of_longer_programs_of_both_clampings_go(controller: str, tmp_path
         assert len(own) == files
 
 
-def test_parts_stay_where_the_new_program_is_refused(tmp_path: Path) -> None:
+def test_parts_stay_where_the_new_program_is_refused(tmp_path):
     caller = written(made_of(THREE_PATHS, "heidenhain", split="level"), tmp_path)
     before = {file: file.read_text() for file in tmp_path.iterdir()}
     (tmp_path / "BONE_2.h").write_text("mine")

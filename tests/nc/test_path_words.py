@@ -113,7 +113,7 @@ def time_of(paths, machine: Machine = UCP, controller: str = "heidenhain", **nc:
     return write_program(paths, machine, read_dialect(controller), Job().with_values(nc=nc)).time
 
 
-def test_it_tells_minutes_at_the_feed_as_the_axes_move_and_with_changes() -> None:
+def test_it_tells_minutes_at_the_feed_as_the_axes_move_and_with_changes():
     program = write_program(TWO_PATHS, UCP, read_dialect("heidenhain"), Job())
     feed, axes, whole = program.time.feed, program.time.axes, program.time.whole
     assert feed < axes < whole
@@ -124,7 +124,7 @@ def test_it_tells_minutes_at_the_feed_as_the_axes_move_and_with_changes() -> Non
     assert len(program.time.tools) == 2
 
 
-def test_a_machine_without_accelerations_or_seconds_tells_what_it_knows() -> None:
+def test_a_machine_without_accelerations_or_seconds_tells_what_it_knows():
     known = time_of(TWO_PATHS)
     no_seconds = replace(UCP, seconds=None, time_assumed=())
     told = f"about {known.feed:.1f} min at the feed"
@@ -136,7 +136,7 @@ def test_a_machine_without_accelerations_or_seconds_tells_what_it_knows() -> Non
     assert sum(bare.tools) == pytest.approx(known.feed)
 
 
-def test_seconds_are_those_of_changes_starts_and_retracts() -> None:
+def test_seconds_are_those_of_changes_starts_and_retracts():
     at_once = time_of(TWO_PATHS, replace(UCP, seconds=AT_ONCE)).whole
     for name, count in (("tool_change", 2), ("spindle_start", 2), ("retract", 2)):
         slow = replace(UCP, seconds=replace(AT_ONCE, **{name: 30.0}))
@@ -165,7 +165,7 @@ def rapids_between_runs(text: str) -> Iterator[tuple[ndarray, ndarray]]:
             at, first = to, False
 
 
-def test_between_two_runs_the_machine_drives_the_rapids_that_the_text_states() -> None:
+def test_between_two_runs_the_machine_drives_the_rapids_that_the_text_states():
     program = write_program(TWO_PATHS, XYZBC, read_dialect("linuxcnc"), Job())
     speed, acceleration = np.array([20.0, 20.0, 20.0, 30.0, 30.0]), 300.0
     seconds = 0.0
@@ -184,7 +184,7 @@ def test_between_two_runs_the_machine_drives_the_rapids_that_the_text_states() -
 
 
 @pytest.mark.parametrize("controller", ["heidenhain", "siemens-840d", "fanuc-30i"])
-def test_rows_are_driven_by_the_tolerances_that_the_program_states(controller: str) -> None:
+def test_rows_are_driven_by_the_tolerances_that_the_program_states(controller):
     dialect = read_dialect(controller)
     for path in TWO_PATHS:
         one = post_path(path, UCP, dialect, Job(), path.tips)

@@ -187,7 +187,7 @@ PARK = {
 
 
 @pytest.fixture(scope="module")
-def machine() -> Machine:
+def machine():
     """One whose place of the part is known: its linear axes have limits."""
     mikron = read_machine("mikron-ucp600")
     x, y, z = mikron.linear
@@ -200,7 +200,7 @@ def text_of(paths: list[ToolPath], machine: Machine, controller: str, **nc: obje
 
 
 @pytest.mark.parametrize("controller", dialect_names())
-def test_the_program_ends_with_the_table_level_and_the_spindle_parked(controller: str, machine: Machine) -> None:
+def test_the_program_ends_with_the_table_level_and_the_spindle_parked(controller, machine):
     text = text_of(THREE_PATHS, machine, controller, table_level=True, park="20, -30.5")
     assert text.count(PARK[controller]) == 1
     motions = read_program(text, machine, job_dialect(Job().with_values(nc={"controller": controller}).nc))
@@ -214,7 +214,7 @@ def test_the_program_ends_with_the_table_level_and_the_spindle_parked(controller
 
 
 @pytest.mark.parametrize("controller", dialect_names())
-def test_a_text_that_parks_outside_the_limits_or_beside_the_part_is_refused(controller: str, machine: Machine) -> None:
+def test_a_text_that_parks_outside_the_limits_or_beside_the_part_is_refused(controller, machine):
     dialect = job_dialect(Job().with_values(nc={"controller": controller}).nc)
     text = text_of(THREE_PATHS[:1], machine, controller, park="20, -30.5")
     beyond = text.replace(PARK[controller], PARK[controller].replace("X20.", "X420.").replace("X+20.", "X+420."))
@@ -226,7 +226,7 @@ def test_a_text_that_parks_outside_the_limits_or_beside_the_part_is_refused(cont
 
 
 @pytest.mark.parametrize("controller", ["fanuc-30i", "makino", "mitsubishi", "linuxcnc"])
-def test_the_program_ends_at_the_reference_point_of_x_and_y(controller: str) -> None:
+def test_the_program_ends_at_the_reference_point_of_x_and_y(controller):
     machine = read_machine("mikron-ucp600")
     text = text_of(THREE_PATHS[:1], machine, controller, park="home")
     assert len(re.findall(r"(?m)^(N\d+ )?G28 G91 X0\.? Y0\.?$", text)) == 1
@@ -240,13 +240,13 @@ def test_the_program_ends_at_the_reference_point_of_x_and_y(controller: str) -> 
 
 
 @pytest.mark.parametrize("controller", ["heidenhain", "siemens-840d"])
-def test_where_a_control_has_no_words_for_home_that_is_one_line(controller: str) -> None:
+def test_where_a_control_has_no_words_for_home_that_is_one_line(controller):
     told = rf"^nc.park = 'home': {controller} has no such: leave it out, or add a template home to its file$"
     with pytest.raises(MachineError, match=told):
         job_dialect(Job().with_values(nc={"controller": controller, "park": "home"}).nc)
 
 
-def test_a_park_position_without_a_retract_before_it_is_refused(machine: Machine) -> None:
+def test_a_park_position_without_a_retract_before_it_is_refused(machine):
     job = Job().with_values(nc={"controller": "linuxcnc", "park": "0, 0"})
     text = write_program(THREE_PATHS[:1], machine, job_dialect(job.nc), job).text
     lines = text.split("\n")
@@ -261,23 +261,23 @@ def test_a_park_position_without_a_retract_before_it_is_refused(machine: Machine
     ("park", "told"),
     [("500, 0", r"X of mikron-ucp600 runs from -400 to 400 mm"), ("0, -401", r"Y of mikron-ucp600 runs from")],
 )
-def test_a_park_position_outside_the_limits_is_one_line(park: str, told: str, machine: Machine) -> None:
+def test_a_park_position_outside_the_limits_is_one_line(park, told, machine):
     with pytest.raises(JobError, match=rf"^\[nc\] park = '{park}': {told}"):
         text_of(THREE_PATHS[:1], machine, "heidenhain", park=park)
 
 
-def test_where_only_travels_are_known_no_park_position_is_taken() -> None:
+def test_where_only_travels_are_known_no_park_position_is_taken():
     with pytest.raises(JobError, match="states the travel of X, not its limits"):
         text_of(THREE_PATHS[:1], read_machine("mikron-ucp600"), "heidenhain", park="0, 0")
 
 
 @pytest.mark.parametrize("park", ["here", "1", "1, 2, 3", "nan, 0", "1e9, 0"])
-def test_what_is_no_park_position_is_told(park: str) -> None:
+def test_what_is_no_park_position_is_told(park):
     with pytest.raises(JobError, match="park = "):
         Job().with_values(nc={"park": park})
 
 
-def test_an_axis_that_cannot_stand_at_zero_is_not_levelled(machine: Machine) -> None:
+def test_an_axis_that_cannot_stand_at_zero_is_not_levelled(machine):
     tilted = tuple(
         replace(axis, limits=(np.radians(-115.0), np.radians(-1.0))) if axis.letter == "B" else axis
         for axis in machine.part_axes
@@ -288,9 +288,7 @@ def test_an_axis_that_cannot_stand_at_zero_is_not_levelled(machine: Machine) -> 
 
 @pytest.mark.parametrize("controller", dialect_names())
 @pytest.mark.parametrize(("where", "stops"), [("none", 0), ("level", 2), ("tool", 1)])
-def test_optional_stops_stand_where_the_job_says_and_the_spindle_starts_again(
-    controller: str, where: str, stops: int
-) -> None:
+def test_optional_stops_stand_where_the_job_says_and_the_spindle_starts_again(controller, where, stops):
     machine = read_machine("mikron-ucp600")
     text = text_of(THREE_PATHS, machine, controller, optional_stop=where)
     assert len(re.findall(r"(?m)^(?:N?\d+ )?M0?1$", text)) == stops
@@ -305,7 +303,7 @@ def test_optional_stops_stand_where_the_job_says_and_the_spindle_starts_again(
 
 
 @pytest.mark.parametrize("controller", ["fanuc-30i", "linuxcnc"])
-def test_a_park_position_by_increments_is_refused(controller: str, machine: Machine) -> None:
+def test_a_park_position_by_increments_is_refused(controller, machine):
     text = text_of(THREE_PATHS[:1], machine, controller, park="20, -30.5", block_numbers=False)
     dialect = job_dialect(Job().with_values(nc={"controller": controller, "block_numbers": False}).nc)
     read_program(text, machine, dialect)
@@ -357,9 +355,7 @@ def test_a_tool_that_starts_over_zero_beyond_a_limit_is_refused(name, tmp_path):
 
 @pytest.mark.parametrize(("name", "axis"), [("mill-4axis", [0.0, -1.0, 0.0]), ("pocket-nc", [0.0, 0.0, 1.0])])
 @pytest.mark.parametrize("dialect", ["heidenhain", "siemens-840d", "fanuc-30i", "linuxcnc"])
-def test_the_spindle_starts_beside_the_plane_of_a_table_that_stands_on_edge(
-    name: str, axis: list[float], dialect: str
-) -> None:
+def test_the_spindle_starts_beside_the_plane_of_a_table_that_stands_on_edge(name, axis, dialect):
     """Over the program's zero a nose of 150 mm would stand across the table: the path is 50 mm from that."""
     tips = np.column_stack([np.zeros(9), np.zeros(9), np.linspace(50.0, 54.0, 9)])
     machine, controller = read_machine(name), read_dialect(dialect)

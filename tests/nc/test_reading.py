@@ -22,7 +22,7 @@ from bonecam.nc.requirements import job_dialect
 
 
 @pytest.fixture(scope="module")
-def texts() -> dict[str, str]:
+def texts():
     """A short program by the name of its dialect."""
     path = capsule_path(count=24, turns=1.0)
     return {name: write_program([path], *PAIRS[name], Job()).text for name in KINDS}
@@ -265,7 +265,7 @@ CASES = [(case, stated, other) for case, pairs in OTHERS.items() for stated, oth
 
 
 @pytest.mark.parametrize(("case", "stated", "other"), CASES)
-def test_what_contradicts_a_stated_mode_is_refused_with_its_line(case: str, stated: str, other: str) -> None:
+def test_what_contradicts_a_stated_mode_is_refused_with_its_line(case, stated, other):
     text, machine, dialect = golden(case)
     comment = re.escape(dialect.comment.partition("{text}")[0].strip())
     pattern = rf"^(?!(?:\d+ )?{comment})(.*)(?<![A-Z0-9.]){re.escape(stated)}(?![0-9.A-Z])"
@@ -276,7 +276,7 @@ def test_what_contradicts_a_stated_mode_is_refused_with_its_line(case: str, stat
 
 
 @pytest.mark.parametrize("case", OTHERS)
-def test_no_axis_moves_before_all_is_stated(case: str) -> None:
+def test_no_axis_moves_before_all_is_stated(case):
     text, machine, dialect = golden(case)
     assert dialect.stated.moves
     leave_out = without_blocks if dialect.grammar == "klartext" else without_words
@@ -310,7 +310,7 @@ def without_words(text: str, name: str) -> str:
 
 
 @pytest.mark.parametrize("name", ["G54 D1", "ORIMKS", "ORIAXES"])
-def test_each_start_of_traori_is_followed_by_datum_and_interpolation(name: str) -> None:
+def test_each_start_of_traori_is_followed_by_datum_and_interpolation(name):
     text, machine, dialect = golden("siemens-mikron")
     assert text.count(f" {name}\n") == 2
     at = text.rindex(f" {name}\n")
@@ -322,14 +322,14 @@ def test_each_start_of_traori_is_followed_by_datum_and_interpolation(name: str) 
 
 
 @pytest.mark.parametrize("name", dialect_names())
-def test_every_shipped_dialect_states_unit_plane_and_datum(name: str) -> None:
+def test_every_shipped_dialect_states_unit_plane_and_datum(name):
     stated = " ".join(read_dialect(name).stated.moves)
     words = ("MM", "CYCL DEF 247", "PLANE RESET") if name == "heidenhain" else ("G17", "G54", "G9")
     assert all(word in stated for word in words)
     assert re.search(r"MM|G21|G710", stated)
 
 
-def test_what_no_word_states_is_refused_in_the_file(tmp_path: Path) -> None:
+def test_what_no_word_states_is_refused_in_the_file(tmp_path):
     path = tmp_path / "mine.toml"
     path.write_text((DIALECTS / "siemens-840d.toml").read_text().replace('moves = ["TRAFOOF", ', 'moves = ["G71", '))
     with pytest.raises(MachineError, match=r"stated\.moves: 'G71' is no code and no statement states it"):

@@ -3,7 +3,6 @@
 Where paths are lifted for rewinds: planted windings, and limits that lie between two rows.
 """
 
-from collections.abc import Callable
 from itertools import product
 
 import numpy as np
@@ -11,7 +10,7 @@ import pytest
 from machine_files import CHAINS, axis, machine_text, write_machine
 
 from bonecam.errors import MachineError
-from bonecam.machine import Machine, inverse_rotary, read_machine
+from bonecam.machine import inverse_rotary, read_machine
 from bonecam.machine.kinematics import tool_axes
 from bonecam.nc.path_words import lift_places
 from bonecam.nc.rotary import choose_angles
@@ -33,7 +32,7 @@ def cuts(count: int, *rapids: int) -> np.ndarray:
 
 
 @pytest.fixture
-def winding(tmp_path) -> Callable[..., Machine]:
+def winding(tmp_path):
     """Makes a machine whose table turns between two angles (deg), as an endless axis that winds or as another."""
 
     def build(low, high, endless=False, tilts=(-100, 0)):

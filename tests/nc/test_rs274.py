@@ -20,7 +20,6 @@ from bonecam.job import Job
 from bonecam.machine import forward, read_machine
 from bonecam.nc import Program, read_dialect, read_program, write_program
 from bonecam.nc.parts import program_files
-from bonecam.tool import ToolPath
 
 MACHINE, DIALECT = read_machine("linuxcnc-xyzbc"), read_dialect("linuxcnc")
 STATE = re.compile(
@@ -66,7 +65,7 @@ def run_text(program: Program, folder: Path) -> Run:
 
 
 @pytest.fixture(scope="module")
-def paths() -> list[ToolPath]:
+def paths():
     if not shutil.which("rs274"):
         pytest.skip("rs274 (package linuxcnc-uspace) is absent")
     return [
@@ -76,22 +75,22 @@ def paths() -> list[ToolPath]:
 
 
 @pytest.fixture(scope="module", params=["changer", "stop"])
-def run(request: pytest.FixtureRequest, paths: list[ToolPath], tmp_path_factory: pytest.TempPathFactory) -> Run:
+def run(request, paths, tmp_path_factory):
     job = Job().with_values(nc={"tool_change": request.param})
     return run_text(write_program(paths, MACHINE, DIALECT, job), tmp_path_factory.mktemp("rs274"))
 
 
-def test_the_interpreter_runs_to_the_end(run: Run) -> None:
+def test_the_interpreter_runs_to_the_end(run):
     assert run.done.returncode == 0, run.done.stderr
     assert "PROGRAM_END()" in run.done.stdout
 
 
-def test_the_interpreter_makes_as_many_moves_as_were_written(run: Run) -> None:
+def test_the_interpreter_makes_as_many_moves_as_were_written(run):
     motions = read_program(run.program.text, MACHINE, DIALECT)
     assert len(run.rapid) == run.program.moves == motions.blocks
 
 
-def test_the_interpreter_stops_at_each_tool_where_the_job_says_so(run: Run) -> None:
+def test_the_interpreter_stops_at_each_tool_where_the_job_says_so(run):
     assert run.done.stdout.count("PROGRAM_STOP()") == run.program.text.count("\nM0\n")
     assert run.program.text.count("\nM0\n") in (0, 2)
 
@@ -104,7 +103,7 @@ def rows_of(run: Run, motions) -> np.ndarray:
     return np.searchsorted(moving, motions.lines)
 
 
-def test_the_interpreters_positions_agree_to_its_four_decimals(run: Run) -> None:
+def test_the_interpreters_positions_agree_to_its_four_decimals(run):
     motions = read_program(run.program.text, MACHINE, DIALECT)
     rows = rows_of(run, motions)
     ours = np.column_stack([motions.words[:, :3], np.degrees(motions.words[:, 3:])])
@@ -113,7 +112,7 @@ def test_the_interpreters_positions_agree_to_its_four_decimals(run: Run) -> None
     assert [run.rapid[row] for row in rows] == motions.rapid.tolist()
 
 
-def test_both_balls_are_on_their_paths_whatever_the_lengths_of_their_tools(run: Run, paths: list[ToolPath]) -> None:
+def test_both_balls_are_on_their_paths_whatever_the_lengths_of_their_tools(run, paths):
     from scipy.spatial import KDTree
 
     motions = read_program(run.program.text, MACHINE, DIALECT)
@@ -126,9 +125,7 @@ def test_both_balls_are_on_their_paths_whatever_the_lengths_of_their_tools(run: 
         assert KDTree(centres).query(meant)[0].max() <= 0.001
 
 
-def test_without_g43_the_second_ball_would_be_off_by_the_length_of_its_tool(
-    paths: list[ToolPath], tmp_path: Path
-) -> None:
+def test_without_g43_the_second_ball_would_be_off_by_the_length_of_its_tool(paths, tmp_path):
     program = write_program(paths, MACHINE, DIALECT, Job())
     wrong = Program(**{**program.__dict__, "text": program.text.replace("G43 H2\n", "")})
     run = run_text(wrong, tmp_path)
@@ -138,9 +135,7 @@ def test_without_g43_the_second_ball_would_be_off_by_the_length_of_its_tool(
     assert np.allclose(off[:50], 0.0)
 
 
-def test_the_interpreter_calls_the_parts_and_makes_the_moves_of_the_whole(
-    paths: list[ToolPath], tmp_path: Path
-) -> None:
+def test_the_interpreter_calls_the_parts_and_makes_the_moves_of_the_whole(paths, tmp_path):
     known = tuple(replace(axis, limits=(-1000.0, 1000.0)) for axis in MACHINE.linear)
     machine, end = replace(MACHINE, linear=known), {"table_level": True, "park": "10, -20"}
     asked = {"split": "level", "optional_stop": "level", **end}

@@ -2,7 +2,6 @@
 
 import itertools
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -40,7 +39,7 @@ PATH = capsule_path(count=120, turns=3.0)
 
 @pytest.mark.parametrize("machine", ["mikron-ucp600", "hermle-c600u", "dmu-45"])
 @pytest.mark.parametrize("controller", WITH_VECTORS)
-def test_vectors_are_written_in_every_move_and_read_back(controller: str, machine: str) -> None:
+def test_vectors_are_written_in_every_move_and_read_back(controller, machine):
     text, chosen, dialect, _ = posted(PATH, controller, "vectors", machine)
     assert "UNPROVED" in text or "UNVERIFIED" in text
     form = FIRST.get(controller, FIRST["fanuc-30i"])
@@ -52,7 +51,7 @@ def test_vectors_are_written_in_every_move_and_read_back(controller: str, machin
 
 
 @pytest.mark.parametrize("controller", WITH_VECTORS)
-def test_a_program_of_vectors_turns_the_axes_as_one_of_angles(controller: str) -> None:
+def test_a_program_of_vectors_turns_the_axes_as_one_of_angles(controller):
     by_vector = read_program(*posted(PATH, controller, "vectors")[:3])
     by_angle = read_program(*posted(PATH, controller, "angles")[:3])
     np.testing.assert_allclose(by_vector.axes, by_angle.axes, atol=2e-6)
@@ -63,7 +62,7 @@ def test_a_program_of_vectors_turns_the_axes_as_one_of_angles(controller: str) -
 
 @pytest.mark.parametrize("machine", ["mikron-ucp600", "hermle-c600u"])
 @pytest.mark.parametrize("controller", WITH_JOINTS)
-def test_joints_in_inverse_time_are_written_and_read_back(controller: str, machine: str) -> None:
+def test_joints_in_inverse_time_are_written_and_read_back(controller, machine):
     text, chosen, dialect, _ = posted(PATH, controller, "joints", machine)
     assert "G93" in text
     assert not re.search(r"(?m)^(N\d+ )?(TRAORI|.*G43\.4)", text)
@@ -97,7 +96,7 @@ FAULTS = {
 @pytest.mark.parametrize(
     ("controller", "pattern", "wrong", "told"), [(name, *fault) for name, faults in FAULTS.items() for fault in faults]
 )
-def test_a_wrong_vector_is_refused_with_its_line(controller: str, pattern: str, wrong: str, told: str) -> None:
+def test_a_wrong_vector_is_refused_with_its_line(controller, pattern, wrong, told):
     text, machine, dialect, _ = posted(PATH, controller, "vectors")
     lines = text.split("\n")
     row = next(at for at, line in enumerate(lines) if re.search(FIRST[controller], line))
@@ -108,7 +107,7 @@ def test_a_wrong_vector_is_refused_with_its_line(controller: str, pattern: str, 
 
 
 @pytest.mark.parametrize("controller", list(FAULTS))
-def test_a_vector_that_leans_otherwise_is_found_by_the_readback(controller: str) -> None:
+def test_a_vector_that_leans_otherwise_is_found_by_the_readback(controller):
     text, machine, dialect, _ = posted(PATH, controller, "vectors")
     words = [re.escape(word.replace("{number}", "")) for word in dialect.vector.words[:2]]
     one, two = (rf"{word}(\S+)" for word in words)
@@ -119,7 +118,7 @@ def test_a_vector_that_leans_otherwise_is_found_by_the_readback(controller: str)
         compare_moves(read_program(swapped, machine, dialect), [PATH], dialect, Tolerances())
 
 
-def test_the_axes_take_the_nearest_solution_and_stay_at_the_pole() -> None:
+def test_the_axes_take_the_nearest_solution_and_stay_at_the_pole():
     machine, vector = (read_machine("mikron-ucp600"), job_dialect(Job().with_values(nc={"axes": "vectors"}).nc).vector)
     angles = np.radians([[-20.0, 170.0], [-20.0, 185.0], [-20.0, 200.0], [0.0, 200.0], [-10.0, 200.0]])
     solved, _ = solved_angles(machine, vectors_of(machine, vector, angles), angles[0])
@@ -133,7 +132,7 @@ POLE = [[-5.0, 0.0], [0.0, 0.0], [0.0, 60.0], [-5.0, 60.0]]
 """Angles of B and C (degrees): C turns at the pole."""
 
 
-def test_a_change_to_the_other_solution_that_no_vector_states_is_refused() -> None:
+def test_a_change_to_the_other_solution_that_no_vector_states_is_refused():
     machine, vector = read_machine("mikron-ucp600"), read_dialect("fanuc-30i").in_form("vectors").vector
     words = np.zeros((3, 5))
     words[:, 3:] = [[-5.0, 0.0], [5.0, 180.0], [5.0, 190.0]]
@@ -143,7 +142,7 @@ def test_a_change_to_the_other_solution_that_no_vector_states_is_refused() -> No
 
 
 @pytest.mark.parametrize("controller", ["fanuc-30i", "makino", "mitsubishi"])
-def test_where_the_control_takes_no_angles_the_tool_leans_a_little_at_the_pole(controller: str) -> None:
+def test_where_the_control_takes_no_angles_the_tool_leans_a_little_at_the_pole(controller):
     path = pole_path()
     text, machine, dialect, _ = posted(path, controller, "vectors")
     found = compare_moves(motions := read_program(text, machine, dialect), [path], dialect, Tolerances())
@@ -166,7 +165,7 @@ def pole_path() -> ToolPath:
 
 
 @pytest.mark.parametrize("controller", ["heidenhain", "siemens-840d"])
-def test_a_turn_at_the_pole_is_written_in_angles_between_vectors(controller: str) -> None:
+def test_a_turn_at_the_pole_is_written_in_angles_between_vectors(controller):
     path = pole_path()
     text, machine, dialect, _ = posted(path, controller, "vectors")
     mixed = re.findall(r"(?m)^(?:N?\d+ )(?:L|G1) X\S+ Y\S+ Z\S+ B\S+ C\S+(?: F\d+)?$", text)
@@ -175,7 +174,7 @@ def test_a_turn_at_the_pole_is_written_in_angles_between_vectors(controller: str
     compare_moves(read_program(text, machine, dialect), [path], dialect, Tolerances())
 
 
-def test_a_rapid_that_turns_at_the_pole_lasts_as_long_as_its_axis_needs_in_joints() -> None:
+def test_a_rapid_that_turns_at_the_pole_lasts_as_long_as_its_axis_needs_in_joints():
     angles = np.radians([[-2.0, 0.0], [-0.8, 0.0], [0.0, 0.0], [0.0, 80.0], [-0.8, 80.0], [-2.0, 80.0]])
     axes = tool_axes(read_machine("mikron-ucp600"), angles)
     tips = np.column_stack([0.05 * np.arange(6), np.zeros(6), np.full(6, 60.0)])
@@ -191,12 +190,12 @@ def test_a_rapid_that_turns_at_the_pole_lasts_as_long_as_its_axis_needs_in_joint
         compare_moves(read_program(slow, machine, dialect), paths, dialect, Tolerances())
 
 
-def test_klartext_has_no_joints_in_inverse_time() -> None:
+def test_klartext_has_no_joints_in_inverse_time():
     with pytest.raises(MachineError, match=r"heidenhain has no \[forms.joints\]: give nc.axes = 'angles' or 'vectors'"):
         job_dialect(Job().with_values(nc={"axes": "joints"}).nc)
 
 
-def test_vectors_lean_as_the_tool_does() -> None:
+def test_vectors_lean_as_the_tool_does():
     machine = read_machine("mikron-ucp600")
     vector = read_dialect("heidenhain").in_form("vectors").vector
     assert vector is not None
@@ -214,14 +213,14 @@ def test_vectors_lean_as_the_tool_does() -> None:
         ("[forms.cones]\ntitle = 'x'", r"forms.cones"),
     ],
 )
-def test_a_form_that_is_no_dialect_is_refused_when_its_file_is_read(text: str, told: str, tmp_path: Path) -> None:
+def test_a_form_that_is_no_dialect_is_refused_when_its_file_is_read(text, told, tmp_path):
     file = tmp_path / "own.toml"
     file.write_text(f"like = 'fanuc-30i'\n{text}\n")
     with pytest.raises(MachineError, match=rf"own.toml: .*{told}"):
         read_dialect(file)
 
 
-def test_a_dialect_like_another_has_its_forms_with_its_own_words(tmp_path: Path) -> None:
+def test_a_dialect_like_another_has_its_forms_with_its_own_words(tmp_path):
     file = tmp_path / "own.toml"
     file.write_text("like = 'fanuc-30i'\n[templates]\ncoolant_on = 'M07'\n")
     dialect = read_dialect(file).in_form("vectors")
@@ -230,7 +229,7 @@ def test_a_dialect_like_another_has_its_forms_with_its_own_words(tmp_path: Path)
 
 
 @pytest.mark.parametrize("controller", WITH_VECTORS)
-def test_another_work_offset_is_stated_in_programs_of_vectors(controller: str) -> None:
+def test_another_work_offset_is_stated_in_programs_of_vectors(controller):
     asked = Job().with_values(nc={"controller": controller, "axes": "vectors", "work_offset": 2})
     machine, dialect = read_machine("mikron-ucp600"), job_dialect(asked.nc)
     text = write_program([PATH], machine, dialect, asked).text

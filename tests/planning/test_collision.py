@@ -4,16 +4,13 @@ containment too.
 Flutes that are held against an outer level stay out of the part, however near to it the level is.
 """
 
-from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
 from small_parts import FINISHING_CUTTER, UPRIGHT_CAPSULE, level_of, mesh_of, pebble
 
 from bonecam.arrays import unit
-from bonecam.levels.measure import MachinedLevel
 from bonecam.machine.bodies import Frustum
 from bonecam.mesh import MeshDistance, TriangleMesh
 from bonecam.mesh.solids import revolve
@@ -44,13 +41,13 @@ UP = np.array([0.0, 0.0, 1.0])
 
 
 @pytest.fixture(scope="module")
-def scene() -> Scene:
+def scene():
     level, material = mesh_of(pebble()), mesh_of(pebble(0.3))
     return Scene(level, material, UPRIGHT_CAPSULE, Post(1.0, 31.5))
 
 
 @pytest.fixture(scope="module")
-def model(scene: Scene) -> FclModel:
+def model(scene):
     return build_fcl_model(scene, FINISHING_CUTTER)
 
 
@@ -73,30 +70,30 @@ def both_free(finishing_cutter: Cutter, scene: Scene, model: FclModel, tip: np.n
     return proven(finishing_cutter, scene, tip, axis) and not colliding_section(model, tip, axis)
 
 
-def test_a_tangent_contact_is_free(scene: Scene, model: FclModel) -> None:
+def test_a_tangent_contact_is_free(scene, model):
     assert both_free(FINISHING_CUTTER, scene, model, np.array([0.0, 0.0, top_of(scene)]), UP)
 
 
-def test_a_ball_sunk_into_the_level_is_caught(scene: Scene, model: FclModel) -> None:
+def test_a_ball_sunk_into_the_level_is_caught(scene, model):
     tip = np.array([0.0, 0.0, top_of(scene) - 0.1])
     assert colliding_section(model, tip, UP) == "cutter"
     assert not proven(FINISHING_CUTTER, scene, tip, UP)
 
 
-def test_an_axis_through_the_material_is_caught(scene: Scene, model: FclModel) -> None:
+def test_an_axis_through_the_material_is_caught(scene, model):
     tip, axis = np.array([0.0, 0.0, top_of(scene)]), -UP
     assert colliding_section(model, tip, axis)
     assert not proven(FINISHING_CUTTER, scene, tip, axis)
 
 
-def test_a_shank_that_cuts_the_material_but_not_the_level_is_caught(scene: Scene, model: FclModel) -> None:
+def test_a_shank_that_cuts_the_material_but_not_the_level_is_caught(scene, model):
     material = float(np.hypot(*scene.material.vertices[:, :2].T).max())
     tip = np.array([material - 0.1 + FINISHING_CUTTER.radius, 0.0, 37.0 - 10.0])
     assert colliding_section(model, tip, UP) in {"shank", "holder"}
     assert not proven(FINISHING_CUTTER, scene, tip, UP)
 
 
-def test_a_cutter_wholly_inside_the_material_is_caught() -> None:
+def test_a_cutter_wholly_inside_the_material_is_caught():
     big = revolve(np.full(2, 200.0), np.array([0.0, 400.0]), (0.0, 400.0), SIDES)
     scene = Scene(big, big, UPRIGHT_CAPSULE, Post(1.0, 1.0))
     tip = np.array([0.0, 0.0, 200.0])
@@ -105,14 +102,14 @@ def test_a_cutter_wholly_inside_the_material_is_caught() -> None:
     assert not proven(FINISHING_CUTTER, wide, tip, UP)
 
 
-def test_material_wholly_inside_the_holder_is_caught(scene: Scene) -> None:
+def test_material_wholly_inside_the_holder_is_caught(scene):
     crumb = revolve(np.full(2, 0.3), np.array([60.0, 61.0]), (60.0, 61.0), SIDES)
     inside = replace(scene, material=crumb, level=crumb, post=Post(0.2, 5.0))
     tip = np.array([2.0, 0.0, 10.0])
     assert colliding_section(build_fcl_model(inside, FINISHING_CUTTER), tip, UP) == "holder"
 
 
-def test_a_thin_post_in_the_holder_s_way_is_caught() -> None:
+def test_a_thin_post_in_the_holder_s_way_is_caught():
     crumb = revolve(np.full(2, 0.3), np.array([60.0, 61.0]), (60.0, 61.0), SIDES)
     scene = Scene(crumb, crumb, UPRIGHT_CAPSULE, Post(0.05, 55.0))
     tip, axis = np.array([40.0, 3.0, 40.0]), np.array([-1.0, 0.0, 0.0])
@@ -120,14 +117,14 @@ def test_a_thin_post_in_the_holder_s_way_is_caught() -> None:
     assert not proven(FINISHING_CUTTER, scene, tip, axis)
 
 
-def test_a_holder_in_the_table_is_caught(scene: Scene, model: FclModel) -> None:
+def test_a_holder_in_the_table_is_caught(scene, model):
     axis = unit(np.array([[1.0, 0.0, -0.8]]))[0]
     tip = np.array([10.0, 0.0, 33.0])
     assert colliding_section(model, tip, axis) == "holder"
     assert not proven(FINISHING_CUTTER, scene, tip, axis)
 
 
-def test_the_proof_never_passes_a_tool_that_touches(scene: Scene, model: FclModel) -> None:
+def test_the_proof_never_passes_a_tool_that_touches(scene, model):
     rng = np.random.default_rng(3)
     tips = np.array([0.0, 0.0, 37.0]) + rng.normal(size=(600, 3)) * [6, 6, 8]
     axes = unit(rng.normal(size=(600, 3)))
@@ -148,7 +145,7 @@ def test_the_proof_never_passes_a_tool_that_touches(scene: Scene, model: FclMode
             assert scene.post.distance(placed).min() > -0.011
 
 
-def test_a_margin_that_moves_need_is_asked_for(scene: Scene) -> None:
+def test_a_margin_that_moves_need_is_asked_for(scene):
     tips = np.array([[0.0, 0.0, top_of(scene) + 0.5], [0.0, 0.0, top_of(scene) + 0.5]])
     axes = np.array([[0.0, 0.0, 1.0], unit(np.array([[1.0, 0.0, 0.2]]))[0]])
     alone = classify_poses(scene, FINISHING_CUTTER, Poses.at_rest(tips[:1], axes[:1]))
@@ -157,7 +154,7 @@ def test_a_margin_that_moves_need_is_asked_for(scene: Scene) -> None:
     assert swung[0] != FREE
 
 
-def test_where_only_proofs_count_the_same_poses_are_free(scene: Scene) -> None:
+def test_where_only_proofs_count_the_same_poses_are_free(scene):
     rng = np.random.default_rng(4)
     tips = np.array([0.0, 0.0, 37.0]) + rng.normal(size=(600, 3)) * [6, 6, 8]
     poses = Poses.at_rest(tips, unit(rng.normal(size=(600, 3)) + UP))
@@ -167,16 +164,14 @@ def test_where_only_proofs_count_the_same_poses_are_free(scene: Scene) -> None:
     assert ((whole == FREE) == (proofs == FREE)).all()
 
 
-def test_a_wide_holder_close_above_the_part_is_proven_free_by_few_distances(
-    scene: Scene, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_wide_holder_close_above_the_part_is_proven_free_by_few_distances(scene, monkeypatch):
     cutter = replace(FINISHING_CUTTER, overhang=22.0, holder=(Frustum(80.0, 50.0, 50.0),))
     tip, up = np.array([[0.0, 0.0, top_of(scene) + 0.5]]), UP[None]
     assert classify_poses(scene, cutter, Poses.at_rest(tip, up))[0] == FREE
     asked = []
     bound = Surroundings.distance_bound
 
-    def counted(self: Surroundings, points: np.ndarray, *others: Any, **named: Any) -> np.ndarray:
+    def counted(self, points, *others, **named):
         asked.append(len(points))
         return bound(self, points, *others, **named)
 
@@ -185,7 +180,7 @@ def test_a_wide_holder_close_above_the_part_is_proven_free_by_few_distances(
     assert sum(asked) <= 2 * (1 + len(cutter.profile))
 
 
-def test_the_bound_of_distances_keeps_off_every_column(scene: Scene) -> None:
+def test_the_bound_of_distances_keeps_off_every_column(scene):
     columns = Column(2.0, 31.5), Column(40.0, -1.0, -np.inf), Column(3.0, 60.0, 10.0, 9.0, -4.0)
     points = np.random.default_rng(7).normal(size=(2000, 3)) * 20 + [0.0, 0.0, 25.0]
     wanted = np.full(len(points), np.inf)
@@ -198,7 +193,7 @@ def test_the_bound_of_distances_keeps_off_every_column(scene: Scene) -> None:
 
 
 @pytest.mark.parametrize("shank_diameter", [1.4, 3.0])
-def test_what_distances_tell_of_the_thick_tool_is_what_fcl_finds(scene: Scene, shank_diameter: float) -> None:
+def test_what_distances_tell_of_the_thick_tool_is_what_fcl_finds(scene, shank_diameter):
     cutter = replace(FINISHING_CUTTER, flute_length=1.5, shank_diameter=shank_diameter)
     rng = np.random.default_rng(5)
     tips = scene.level.vertices[rng.integers(len(scene.level.vertices), size=1500)]
@@ -242,7 +237,7 @@ def placed(points: np.ndarray, tip: np.ndarray, axis: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("air", [None, 2.0])
-def test_what_is_proven_free_keeps_off_pin_arm_and_column(scene: Scene, air: float | None) -> None:
+def test_what_is_proven_free_keeps_off_pin_arm_and_column(scene, air):
     """What holds the free end is not on the Z axis: spheres and FCL agree about it, and closed forms hold."""
     top = top_of(scene)
     pin = Column(0.8, top + 12.0, top - 0.5, 1.0, -0.5)
@@ -277,9 +272,7 @@ def test_what_is_proven_free_keeps_off_pin_arm_and_column(scene: Scene, air: flo
 
 @pytest.mark.parametrize("air", [None, 2.0])
 @pytest.mark.parametrize("closed", [True, False])
-def test_what_is_proven_free_keeps_every_clearance_by_closed_form(
-    scene: Scene, closed: bool, air: float | None
-) -> None:
+def test_what_is_proven_free_keeps_every_clearance_by_closed_form(scene, closed, air):
     """Cones, spindle nose, chuck, an open and a closed table; spheres and the thick tool."""
     chuck, stand, disc = Column(9.0, 22.0), Column(30.0, 6.0), Column(60.0, 0.0, -np.inf)
     columns = (chuck, stand) if closed else (chuck, stand, disc)
@@ -311,7 +304,7 @@ def test_what_is_proven_free_keeps_every_clearance_by_closed_form(
 
 
 @pytest.mark.parametrize("name", ["shank", "holder", "spindle"])
-def test_a_chuck_in_the_way_of_any_section_is_caught(scene: Scene, name: str) -> None:
+def test_a_chuck_in_the_way_of_any_section_is_caught(scene, name):
     """The chuck reaches just up to the section, and the clearance too much."""
     cutter = replace(FINISHING_CUTTER, nose=NOSE)
     section = next(s for s in cutter.profile if s.name == name)
@@ -326,7 +319,7 @@ def test_a_chuck_in_the_way_of_any_section_is_caught(scene: Scene, name: str) ->
         assert found == ("" if free else name)
 
 
-def test_the_shank_above_a_neck_is_caught_where_the_neck_is_free(scene: Scene) -> None:
+def test_the_shank_above_a_neck_is_caught_where_the_neck_is_free(scene):
     """A level tool over a chuck whose clearance the neck keeps, and the shank above it does not."""
     slim = replace(FINISHING_CUTTER, neck_diameter=1.0, neck_length=12.0, shank_diameter=4.0, overhang=20.0)
     axis = np.array([1.0, 0.0, 0.0])
@@ -346,7 +339,7 @@ def crumb() -> TriangleMesh:
     return revolve(np.full(2, 0.3), np.array([500.0, 501.0]), (500.0, 501.0), SIDES)
 
 
-def test_a_nose_that_is_lowered_is_caught(scene: Scene) -> None:
+def test_a_nose_that_is_lowered_is_caught(scene):
     """A horizontal tool whose nose would be below the clearance over the table."""
     tip, axis = np.array([8.0, 0.0, 37.0]), np.array([1.0, 0.0, 0.0])
     for diameter, free in ((60.0, True), (70.0, False)):
@@ -365,7 +358,7 @@ def block(low: tuple[float, float, float], high: tuple[float, float, float]) -> 
 
 
 @pytest.mark.parametrize(("depth", "free"), [(0.004, True), (0.008, False)])
-def test_flutes_go_into_the_part_by_less_than_the_gouge_that_is_allowed(depth: float, free: bool) -> None:
+def test_flutes_go_into_the_part_by_less_than_the_gouge_that_is_allowed(depth, free):
     """Beside a wall that only the flutes reach, as on the far side of a hollow; the default tolerance is 0.01 mm."""
     radius = FINISHING_CUTTER.radius
     wall = block((radius - depth, -2.0, 36.0), (radius + 2.0, 2.0, 37.5))
@@ -379,14 +372,14 @@ def test_flutes_go_into_the_part_by_less_than_the_gouge_that_is_allowed(depth: f
     assert CollisionChecker(outer, FINISHING_CUTTER).free(centre, axis)[0]
 
 
-def test_what_flutes_ball_mesh_and_control_use_up_is_no_more_than_the_gouge_tolerance() -> None:
+def test_what_flutes_ball_mesh_and_control_use_up_is_no_more_than_the_gouge_tolerance():
     for allowed in (0.002, 0.005, 0.01, 0.05):
         rest = MESH_SHARE * planned_tolerance(allowed) + WORD_ROUNDING
         assert flute_slack(allowed) + rest <= allowed
 
 
 @pytest.mark.parametrize("share", [0.8, 1.0, 1.4])
-def test_a_nose_about_as_wide_as_the_tool_is_long_is_proven_free_above_the_part(scene: Scene, share: float) -> None:
+def test_a_nose_about_as_wide_as_the_tool_is_long_is_proven_free_above_the_part(scene, share):
     wide = share * FINISHING_CUTTER.length
     cutter = replace(FINISHING_CUTTER, nose=(Frustum(150.0, 2 * wide, 2 * wide),))
     tip = np.array([0.0, 0.0, top_of(scene)])
@@ -397,19 +390,16 @@ def test_a_nose_about_as_wide_as_the_tool_is_long_is_proven_free_above_the_part(
     assert not proven(cutter, open_, sunk, UP)
 
 
-Levels = Callable[..., MachinedLevel]
-
-
 @pytest.mark.parametrize("allowed", [0.004, 0.01, 0.05])
 @pytest.mark.parametrize("apart", [0.0, 0.003, 0.007, 0.012, 0.05])
-def test_flutes_go_into_the_part_no_deeper_than_the_gouge_tolerance_leaves_them(allowed: float, apart: float) -> None:
+def test_flutes_go_into_the_part_no_deeper_than_the_gouge_tolerance_leaves_them(allowed, apart):
     part = MeshDistance(pebble().tessellate(part_chord(allowed)))
     held, slack = held_level(level_of(pebble(apart), 1), part, allowed)
     deepest = slack - part.signed(held.mesh.vertices).min()
     assert deepest <= flute_slack(allowed) + 2 * part_chord(allowed) < allowed + 1e-12
 
 
-def test_a_level_far_from_the_part_keeps_its_coarse_mesh_and_the_part_its_own() -> None:
+def test_a_level_far_from_the_part_keeps_its_coarse_mesh_and_the_part_its_own():
     part = MeshDistance(pebble().tessellate(0.002))
     held, slack = held_level(level_of(pebble(0.1), 1), part, 0.01)
     assert len(held.mesh.faces) < len(part.mesh.faces)

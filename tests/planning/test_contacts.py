@@ -86,7 +86,7 @@ def heights_left(surface: TSpline, path: ContactPath, count: int) -> tuple[np.nd
 
 
 @pytest.mark.parametrize("pattern", PATTERNS)
-def test_no_cusp_exceeds_the_scallop(pattern: str) -> None:
+def test_no_cusp_exceeds_the_scallop(pattern):
     surface = pebble()
     path = covered(surface, pattern)
     points, left = heights_left(surface, path, 1500)
@@ -98,7 +98,7 @@ def test_no_cusp_exceeds_the_scallop(pattern: str) -> None:
 
 
 @pytest.mark.parametrize("pattern", PATTERNS)
-def test_straight_moves_follow_the_offset_curve(pattern: str) -> None:
+def test_straight_moves_follow_the_offset_curve(pattern):
     surface, job = pebble(), PathJob()
     path = covered(surface, pattern)
     i = joined(path)
@@ -112,7 +112,7 @@ def test_straight_moves_follow_the_offset_curve(pattern: str) -> None:
 
 
 @pytest.mark.parametrize("pattern", PATTERNS)
-def test_the_ball_never_enters_the_level(pattern: str) -> None:
+def test_the_ball_never_enters_the_level(pattern):
     surface = grooved_pebble(1.6)
     path = covered(surface, pattern)
     fine = MeshDistance(mesh_of(surface))
@@ -121,14 +121,14 @@ def test_the_ball_never_enters_the_level(pattern: str) -> None:
     assert "gouge" in path.reasons
 
 
-def test_a_convex_body_needs_no_lift() -> None:
+def test_a_convex_body_needs_no_lift():
     path = covered(pebble(), "round")
     assert path.lifts.max() == 0
     assert set(path.reasons) == {"post"}
     assert np.allclose(path.centres, path.contacts + path.cutter.radius * path.normals)
 
 
-def test_balls_keep_clear_of_the_post() -> None:
+def test_balls_keep_clear_of_the_post():
     surface = pebble()
     path = covered(surface, "round", post_clearance=0.3)
     post = post_below(mesh_of(surface), HOLDING)
@@ -136,7 +136,7 @@ def test_balls_keep_clear_of_the_post() -> None:
     assert path.reasons.count("post") > 10
 
 
-def test_neighbouring_passes_run_opposite_ways() -> None:
+def test_neighbouring_passes_run_opposite_ways():
     path = covered(pebble(), "round")
     i = joined(path)
     round_ = np.cross(path.centres[i], path.centres[i + 1])[:, 2]
@@ -151,27 +151,27 @@ def test_neighbouring_passes_run_opposite_ways() -> None:
     assert ((path.feeds[i] * moves).sum(1) > 0).all()
 
 
-def test_two_runs_are_identical() -> None:
+def test_two_runs_are_identical():
     first, second = (covered.__wrapped__(grooved_pebble(0.5), "round") for _ in range(2))  # type: ignore[attr-defined]
     assert first.centres.tobytes() == second.centres.tobytes()
     assert first.pass_index.tobytes() == second.pass_index.tobytes()
 
 
-def test_a_post_beside_the_part_is_refused() -> None:
+def test_a_post_beside_the_part_is_refused():
     mesh = mesh_of(pebble())
     aside = replace(mesh, vertices=mesh.vertices + np.array([20.0, 0, 0]))
     with pytest.raises(ToolPathError, match="misses"):
         post_below(aside, HoldingJob(diameter=4.0))
 
 
-def test_the_post_ends_inside_the_part() -> None:
+def test_the_post_ends_inside_the_part():
     mesh = mesh_of(pebble())
     post = post_below(mesh, HOLDING)
     rim = np.array([[post.radius * np.cos(a), post.radius * np.sin(a), post.top + 0.05] for a in np.linspace(0, 6, 9)])
     assert MeshDistance(mesh).inside(rim).all()
 
 
-def test_nothing_to_cut_is_an_error() -> None:
+def test_nothing_to_cut_is_an_error():
     with pytest.raises(ToolPathError, match=r"contacts \(\d+\.\d mm2\) are too near the post") as told:
         covered(pebble(), "round", post_clearance=50.0)
     assert told.value.evidence["area_mm2"] == pytest.approx(pebble().area, rel=0.01)
@@ -324,20 +324,20 @@ def roof(height: float = 10.0) -> MeshDistance:
     ("deep", "free"), [(0.0, True), (0.9 * MOVE_SHARE, True), (1.05 * BETWEEN_SHARE, False), (5.0, False)]
 )
 @pytest.mark.parametrize("length", [0.1, 4.0])
-def test_a_ball_that_passes_over_a_ridge_may_not_enter_it(deep: float, free: bool, length: float) -> None:
+def test_a_ball_that_passes_over_a_ridge_may_not_enter_it(deep, free, length):
     """Both its ends may be clear of the ridge; the middle is `deep` tolerances in it."""
     z = 1.0 - deep * TOLERANCE
     starts, ends = np.array([[-0.4 * length, 0.0, z]]), np.array([[0.6 * length, 0.3, z]])
     assert moves_gouge_free(starts, ends, 1.0, TOLERANCE, roof()).tolist() == [free]
 
 
-def test_each_move_is_judged_for_itself() -> None:
+def test_each_move_is_judged_for_itself():
     starts = np.array([[0.0, 0.0, 1.0], [-3.0, 0.0, 1.0], [0.0, 0.0, 3.0]])
     ends = np.array([[3.0, 0.0, 1.0], [3.0, 0.0, 0.5], [0.0, 0.0, 1.0]])
     assert moves_gouge_free(starts, ends, 1.0, TOLERANCE, roof()).tolist() == [True, False, True]
 
 
-def test_a_way_that_leads_into_the_part_is_no_way_out() -> None:
+def test_a_way_that_leads_into_the_part_is_no_way_out():
     starts, ends = np.array([[0.0, 0.0, 1.0]]), np.array([[0.0, 0.0, -6.0]])
     assert not moves_gouge_free(starts, ends, 1.0, TOLERANCE, roof()).any()
 
@@ -356,7 +356,7 @@ def bump(place: float) -> MeshDistance:
 
 
 @pytest.mark.parametrize("place", [0.5, 1.0, 1.25, 2.0, 2.4, 3.9])
-def test_a_long_move_is_lifted_over_a_ridge_wherever_it_lies(place: float) -> None:
+def test_a_long_move_is_lifted_over_a_ridge_wherever_it_lies(place):
     contacts, up = np.array([[-5.0, 0.0, 0.0], [5.0, 0.0, 0.0]]), np.array([[0.0, 0.0, 1.0]] * 2)
     obstacle = bump(place)
     lifts = gouge_free_lifts(contacts, up, 0.5, TOLERANCE, [obstacle], np.array([True, False]), 0.2)
@@ -365,11 +365,11 @@ def test_a_long_move_is_lifted_over_a_ridge_wherever_it_lies(place: float) -> No
     assert (0.5 - obstacle.signed(way)).max() <= TOLERANCE * BETWEEN_SHARE
 
 
-def test_what_balls_mesh_and_control_use_up_is_the_tolerance() -> None:
+def test_what_balls_mesh_and_control_use_up_is_the_tolerance():
     assert BETWEEN_SHARE + MESH_SHARE + POSTING_SHARE <= 1.0
 
 
-def test_a_smaller_tolerance_leaves_room_for_the_rounding_of_words() -> None:
+def test_a_smaller_tolerance_leaves_room_for_the_rounding_of_words():
     assert planned_tolerance(0.01) == 0.01
     for allowed in (0.002, 0.005, 0.00999):
         planned = planned_tolerance(allowed)

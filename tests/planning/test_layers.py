@@ -5,7 +5,6 @@ Roughing passes whose straight moves would gouge the part between places where t
 Balls in the mesh of what stands while a layer is cut.
 """
 
-from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
@@ -37,7 +36,6 @@ from bonecam.tool import Cutter
 from bonecam.tool.cutter import MAX_DEPTH_RADII
 from bonecam.workholding import Post
 
-Plan = Callable[..., tuple]
 X, Y = np.eye(3)[:2]
 RADIUS = 4.0
 MIDDLE = 30.0
@@ -56,7 +54,7 @@ def sphere(halvings: int = 6) -> TriangleMesh:
 
 
 @pytest.fixture(scope="module")
-def ball() -> Ball:
+def ball():
     return Ball(1.0, 0.0, MeshDistance(sphere()), Post(1.0, 5.0))
 
 
@@ -64,7 +62,7 @@ def flat_chart(cell: float = 0.5) -> FlatChart:
     return FlatChart(-Y, X, np.arange(-6, 6 + cell / 2, cell), np.arange(23, 37 + cell / 2, cell))
 
 
-def test_a_ball_comes_to_rest_where_it_touches_the_sphere(ball: Ball) -> None:
+def test_a_ball_comes_to_rest_where_it_touches_the_sphere(ball):
     rng = np.random.default_rng(1)
     a, b = rng.uniform(-4.5, 4.5, (2, 400))
     beside = np.hypot(a, b)
@@ -74,7 +72,7 @@ def test_a_ball_comes_to_rest_where_it_touches_the_sphere(ball: Ball) -> None:
     assert (heights[beside > 5.01] == -3.0).all()
 
 
-def test_a_ball_that_comes_from_the_side_of_the_axis_rests_on_the_same_sphere(ball: Ball) -> None:
+def test_a_ball_that_comes_from_the_side_of_the_axis_rests_on_the_same_sphere(ball):
     chart = RoundChart(np.linspace(0, 2 * np.pi, 40, endpoint=False), np.arange(20.0, 40.0))
     up = np.linspace(-4.5, 4.5, 50)
     angles = np.linspace(0, 6, 50)
@@ -82,7 +80,7 @@ def test_a_ball_that_comes_from_the_side_of_the_axis_rests_on_the_same_sphere(ba
     np.testing.assert_allclose(heights, np.sqrt(25 - up**2), atol=3e-3)
 
 
-def test_the_stock_on_its_lines_has_the_volume_of_the_stock() -> None:
+def test_the_stock_on_its_lines_has_the_volume_of_the_stock():
     stock = Cylinder(5.0, 25.0, 35.0)
     cell = 0.1
     flat = FlatChart(-Y, X, np.arange(-6, 6.05, cell), np.arange(24, 36.05, cell))
@@ -94,7 +92,7 @@ def test_the_stock_on_its_lines_has_the_volume_of_the_stock() -> None:
         assert (edges_of(mesh)[1] == 2).all(), "it is not closed"
 
 
-def test_material_and_what_a_ball_removes_add_up() -> None:
+def test_material_and_what_a_ball_removes_add_up():
     cell = 0.05
     chart = FlatChart(-Y, X, np.arange(-3, 3.01, cell), np.arange(20, 26.01, cell))
     shape = len(chart.a), len(chart.b)
@@ -112,7 +110,7 @@ def test_material_and_what_a_ball_removes_add_up() -> None:
 
 
 @pytest.mark.parametrize("scallop", [0.02, 0.05])
-def test_parallel_passes_leave_no_more_than_the_scallop(ball: Ball, scallop: float) -> None:
+def test_parallel_passes_leave_no_more_than_the_scallop(ball, scallop):
     chart, floor = flat_chart(), 0.5
 
     def height_of(a, b):
@@ -142,7 +140,7 @@ def test_parallel_passes_leave_no_more_than_the_scallop(ball: Ball, scallop: flo
     assert length < 2.2 * 1.2 * np.pi * 25 / flat_step(ball.radius, scallop)
 
 
-def test_the_outline_of_a_slice_is_where_the_ball_meets_the_sphere(ball: Ball) -> None:
+def test_the_outline_of_a_slice_is_where_the_ball_meets_the_sphere(ball):
     chart = flat_chart(0.15)
     a, b = (each.ravel() for each in np.meshgrid(chart.a, chart.b, indexing="ij"))
     rests = drop_balls(chart, a, b, ball, 9.0, 0.0).reshape(len(chart.a), len(chart.b))
@@ -159,7 +157,7 @@ def test_the_outline_of_a_slice_is_where_the_ball_meets_the_sphere(ball: Ball) -
 
 
 @pytest.mark.parametrize("plan", [iso_height_layers, rotary_layers])
-def test_the_layers_of_a_strategy_leave_a_sphere_alone_and_shrink_the_stock(plan: Plan) -> None:
+def test_the_layers_of_a_strategy_leave_a_sphere_alone_and_shrink_the_stock(plan):
     part, post = MeshDistance(sphere(4)), Post(1.0, 5.0)
     job = Job().with_values(
         levels={"roughing_depth": 1.5, "finishing_depth": 0.3},
@@ -196,7 +194,7 @@ def test_the_layers_of_a_strategy_leave_a_sphere_alone_and_shrink_the_stock(plan
     assert poles.any() == (plan is rotary_layers)
 
 
-def test_a_thinned_line_stays_within_its_tolerance() -> None:
+def test_a_thinned_line_stays_within_its_tolerance():
     t = np.linspace(0, 2 * np.pi, 500)
     circle = np.column_stack([np.cos(t), np.sin(t)])
     few = thinned(circle, 0.01)
@@ -229,7 +227,7 @@ def deepest(centres: np.ndarray, moves: np.ndarray, radius: float) -> float:
     return float(radius - PART.signed(way.reshape(-1, 3)).min())
 
 
-def test_a_roughing_pass_rises_off_the_part_where_it_would_gouge() -> None:
+def test_a_roughing_pass_rises_off_the_part_where_it_would_gouge():
     radius, across = Job().roughing.radius, 3.0
     rest = float(np.sqrt((4.0 + radius) ** 2 - across**2))
     free, moves = roughed(across, rest + 0.1)
@@ -240,12 +238,12 @@ def test_a_roughing_pass_rises_off_the_part_where_it_would_gouge() -> None:
     np.testing.assert_allclose(raised[:, 1], -rest, atol=2 * JOB.gouge_tolerance)
 
 
-def test_a_roughing_pass_is_left_out_where_it_would_have_to_rise_too_far() -> None:
+def test_a_roughing_pass_is_left_out_where_it_would_have_to_rise_too_far():
     centres, _ = roughed(2.0)
     assert not len(centres)
 
 
-def test_a_ball_enters_no_deeper_than_is_told() -> None:
+def test_a_ball_enters_no_deeper_than_is_told():
     stock = Cylinder(6.0, 0.0, 20.0)
     across = np.arange(-7.0, 7.0, CELL)
     chart = FlatChart(np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0]), across, np.arange(-1.0, 21.0, CELL))
@@ -257,7 +255,7 @@ def test_a_ball_enters_no_deeper_than_is_told() -> None:
     assert over.max() <= 1.5 * DEVIATION
 
 
-def test_a_ball_that_rises_from_its_contact_enters_nothing_anew() -> None:
+def test_a_ball_that_rises_from_its_contact_enters_nothing_anew():
     standing = HeightMesh(Cylinder(6.0, 0.0, 40.0).mesh(0.001))
     contact = np.array([[7.5, 0.0, 20.0]])
     up, aside = np.array([[0.2, 0.0, 0.0]]), np.array([[0.0, 1.0, 0.0]])

@@ -4,7 +4,6 @@ Contacts at which a cut would be too deep are left out as they are planned, what
 """
 
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,8 +12,8 @@ from small_parts import ROUGHING_CUTTER, UPRIGHT_CAPSULE, level_of, path_of, peb
 
 import bonecam
 from bonecam.arrays import unit
-from bonecam.levels.measure import NO_CUT, MachinedLevel, StockLevel
-from bonecam.material.in_process_stock import InProcessStock, remove_material, uncut_material
+from bonecam.levels.measure import NO_CUT, StockLevel
+from bonecam.material.in_process_stock import remove_material, uncut_material
 from bonecam.mesh.solids import revolve
 from bonecam.planning.contacts import DepthLimits
 from bonecam.planning.levels import SLACK, cut_within_depth, within_depth
@@ -43,7 +42,7 @@ def waisted() -> bonecam.TriangleMesh:
 
 
 @pytest.mark.whole
-def test_a_fine_cutter_cuts_the_hollow_that_the_finishing_ball_does_not_enter(tmp_path: Path) -> None:
+def test_a_fine_cutter_cuts_the_hollow_that_the_finishing_ball_does_not_enter(tmp_path):
     """Without it 13.6 mm2 stay in the groove, 0.12 mm high. The finished part is parted from its post."""
     job = JOB.with_values(holding={"parting": True})
     made = bonecam.convert(waisted(), job, program=tmp_path / "waisted.h")
@@ -70,7 +69,7 @@ def test_a_fine_cutter_cuts_the_hollow_that_the_finishing_ball_does_not_enter(tm
 
 
 @pytest.mark.slow
-def test_the_part_comes_out_the_same_without_cuts_in_air(tmp_path: Path) -> None:
+def test_the_part_comes_out_the_same_without_cuts_in_air(tmp_path):
     """In a stock that is near to its ends and far from its sides: outer levels have air at the ends."""
     job = JOB.with_values(
         stock={"diameter": 9.0, "length": 11.0}, levels={"roughing_depth": 0.5}, path={"fine_cutter": False}
@@ -96,12 +95,12 @@ OUTWARD = np.array([1.0, 0.0, 0.0])
 
 
 @pytest.fixture(scope="module")
-def level() -> MachinedLevel:
+def level():
     return level_of(pebble())
 
 
 @pytest.fixture(scope="module")
-def material(level: MachinedLevel) -> InProcessStock:
+def material(level):
     return uncut_material([level, StockLevel(1, UPRIGHT_CAPSULE.mesh(0.01), 0.5, NO_CUT)], UPRIGHT_CAPSULE)
 
 
@@ -140,7 +139,7 @@ def along(axis: ndarray) -> Callable[[ContactPath], ToolPath]:
     return oriented
 
 
-def test_contacts_at_which_the_ball_goes_too_deep_are_found(material: InProcessStock, level: MachinedLevel) -> None:
+def test_contacts_at_which_the_ball_goes_too_deep_are_found(material, level):
     depths = np.full(60, 0.3)
     depths[40] = 1.2
     tried = contacts(depths)
@@ -153,9 +152,7 @@ def test_contacts_at_which_the_ball_goes_too_deep_are_found(material: InProcessS
     assert within_depth(shallow, path, material, remove_material(material, level, path), ALLOWED).all()
 
 
-def test_less_than_what_the_proof_allows_beyond_the_depth_is_found(
-    material: InProcessStock, level: MachinedLevel
-) -> None:
+def test_less_than_what_the_proof_allows_beyond_the_depth_is_found(material, level):
     assert ALLOWED.deepest + SLACK + 0.01 < ALLOWED.limit + ALLOWED.scallop + ACCURACY.cell / 2
     depths = np.full(60, 0.45)
     depths[40:44] = ALLOWED.deepest + SLACK + 0.01
@@ -166,9 +163,7 @@ def test_less_than_what_the_proof_allows_beyond_the_depth_is_found(
     assert kept[:15].all()
 
 
-def test_depths_are_measured_as_near_to_one_another_as_in_the_proof(
-    material: InProcessStock, level: MachinedLevel
-) -> None:
+def test_depths_are_measured_as_near_to_one_another_as_in_the_proof(material, level):
     """A ball that dips at one contact leaves a hollow that is less than 0.4 mm wide where it is too deep."""
     found = 0
     for at in range(20, 40):
@@ -180,9 +175,7 @@ def test_depths_are_measured_as_near_to_one_another_as_in_the_proof(
     assert found == 20
 
 
-def test_flutes_that_cut_too_deep_above_a_shallow_ball_are_found(
-    material: InProcessStock, level: MachinedLevel
-) -> None:
+def test_flutes_that_cut_too_deep_above_a_shallow_ball_are_found(material, level):
     tried = contacts(np.full(30, 0.3)).take(np.arange(10))
     leaning = unit(np.array([[-0.3, 0.0, 1.0]]))[0]
     path = along(leaning)(tried)
@@ -190,13 +183,13 @@ def test_flutes_that_cut_too_deep_above_a_shallow_ball_are_found(
     assert not within_depth(tried, path, material, remove_material(material, level, path), ALLOWED).any()
 
 
-def test_a_path_is_made_anew_without_them_and_tells_so(material: InProcessStock, level: MachinedLevel) -> None:
+def test_a_path_is_made_anew_without_them_and_tells_so(material, level):
     depths = np.full(60, 0.3)
     depths[40] = 1.2
     tried = contacts(depths)
     made: list[ContactPath] = []
 
-    def oriented(contacts: ContactPath) -> ToolPath:
+    def oriented(contacts):
         made.append(contacts)
         return along(OUTWARD)(contacts)
 

@@ -5,7 +5,6 @@ Ways off the surface where the tool stands in a narrow slit.
 Traverses round the stock: off its surface all along, within the limits, in small steps.
 """
 
-from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 
@@ -32,7 +31,6 @@ from bonecam.planning.link_space import (
     ClearanceSurface,
     Feeds,
     LinkSpace,
-    Polyline,
     TraverseOptions,
     departures,
     find_retracts,
@@ -52,7 +50,7 @@ def upright(centres: np.ndarray) -> Poses:
 
 
 @pytest.fixture(scope="module")
-def space() -> LinkSpace:
+def space():
     """The uncut stock, and a tool whose flutes reach 4 mm above its ball's centre."""
     part = level_of(pebble())
     levels = [part, StockLevel(1, UPRIGHT_CAPSULE.mesh(0.01), 0.5, NO_CUT)]
@@ -65,21 +63,21 @@ def space() -> LinkSpace:
 
 
 @pytest.fixture(scope="module")
-def below(space: LinkSpace) -> Poses:
+def below(space):
     """Moves of the ball under the stock, in air, on which its flutes stand up into it."""
     low = float(UPRIGHT_CAPSULE.bounds[0, 2])
     across = np.linspace(-3.0, 3.0, 7)
     return upright(np.column_stack([across, 0 * across, np.full(7, low - space.ball_radius - 0.5)]))
 
 
-def test_a_link_whose_flutes_cut_where_its_ball_is_in_air_is_refused(space: LinkSpace, below: Poses) -> None:
+def test_a_link_whose_flutes_cut_where_its_ball_is_in_air_is_refused(space, below):
     nowhere = upright(np.zeros((0, 3)))
     assert space.in_air(below[0][None]).all()
     lower = upright(below[0] - 5.0 * UP)
     assert space.cuts_little([below, lower], [nowhere, nowhere]).tolist() == [False, True]
 
 
-def test_a_link_of_a_layer_is_held_against_what_stands_on_rays(space: LinkSpace, below: Poses) -> None:
+def test_a_link_of_a_layer_is_held_against_what_stands_on_rays(space, below):
     mesh, nowhere = UPRIGHT_CAPSULE.mesh(0.1), upright(np.zeros((0, 3)))
     lines = [below, upright(below[0] - 5.0 * UP)]
     standing = HeightMesh(mesh, rays=uncut_rays(UPRIGHT_CAPSULE))
@@ -89,7 +87,7 @@ def test_a_link_of_a_layer_is_held_against_what_stands_on_rays(space: LinkSpace,
     assert replace(space, material=standing).rapids_cut_nothing(rapids).tolist() == [False, True]
 
 
-def test_a_ball_is_known_to_be_in_air_outside_the_material_only(space: LinkSpace) -> None:
+def test_a_ball_is_known_to_be_in_air_outside_the_material_only(space):
     side = UPRIGHT_CAPSULE.radius + space.ball_radius + np.array([0.3, 0.0, -0.1])
     height = UPRIGHT_CAPSULE.bounds[:, 2].mean()
     centres = np.column_stack([side, 0 * side, np.full(3, height)]) + UPRIGHT_CAPSULE.start * [1.0, 1.0, 0.0]
@@ -97,7 +95,7 @@ def test_a_ball_is_known_to_be_in_air_outside_the_material_only(space: LinkSpace
     assert not replace(space, material=None).known_in_air(centres).any()
 
 
-def test_what_flutes_removed_on_a_pass_may_be_passed_again(space: LinkSpace, below: Poses) -> None:
+def test_what_flutes_removed_on_a_pass_may_be_passed_again(space, below):
     centres, axes = below
     cutter = space.checker.cutter
     kinds, passes = np.full(len(centres), int(MoveKind.CUT)), np.zeros(len(centres), dtype=np.int64)
@@ -132,12 +130,12 @@ def runs_straight(space: LinkSpace, depth: float, y: tuple[float, float], arcs: 
 
 
 @pytest.fixture
-def told_by_rays(space: LinkSpace, monkeypatch: pytest.MonkeyPatch) -> LinkSpace:
+def told_by_rays(space, monkeypatch):
     monkeypatch.setattr(links, "_proven_free", lambda _, centres, axes: np.ones(len(centres), dtype=bool))
     return space
 
 
-def test_a_link_and_the_arcs_at_its_ends_share_what_may_be_removed_between_two_cuts(told_by_rays: LinkSpace) -> None:
+def test_a_link_and_the_arcs_at_its_ends_share_what_may_be_removed_between_two_cuts(told_by_rays):
     space, depth = told_by_rays, 0.007
     assert CUT_ALLOWED - 2 * ARC_ALLOWED < volume(space, depth, -1.0, 1.0) < CUT_ALLOWED - ARC_ALLOWED
     line, nowhere = beside_the_stock(space, depth, -1.0, 1.0)[::2], upright(np.zeros((0, 3)))
@@ -147,7 +145,7 @@ def test_a_link_and_the_arcs_at_its_ends_share_what_may_be_removed_between_two_c
     assert not runs_straight(space, depth, (-1.0, 1.0), [True, True])
 
 
-def test_what_a_link_removes_of_the_cut_that_it_leads_to_counts(told_by_rays: LinkSpace) -> None:
+def test_what_a_link_removes_of_the_cut_that_it_leads_to_counts(told_by_rays):
     """The simulation runs the link before that cut."""
     space, depth = told_by_rays, 0.012
     beside_it, whole = (volume(space, depth, -1.0, 0.0, gone=gone) for gone in (1, None))
@@ -177,7 +175,7 @@ def space_in(walls: TriangleMesh) -> LinkSpace:
     return LinkSpace(CollisionChecker(scene, thin, 2.0), limits, Feeds(1500.0, 300.0, 10000.0), 2.0, 0.01)
 
 
-def test_between_leaning_walls_the_way_out_leans_as_they_do(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_between_leaning_walls_the_way_out_leans_as_they_do(monkeypatch):
     up = np.array([0.0, 0.0, 1.0])
     (straight,) = find_retracts(space_in(slit(0.0)), [(CENTRE, up)])
     assert straight is not None
@@ -194,15 +192,13 @@ def test_between_leaning_walls_the_way_out_leans_as_they_do(monkeypatch: pytest.
 
 
 @pytest.mark.parametrize(("depth", "taken"), [(0.02, True), (0.1, False)])
-def test_ways_that_all_cut_are_proven_once_and_the_first_that_cuts_little_is_taken(
-    depth: float, taken: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_ways_that_all_cut_are_proven_once_and_the_first_that_cuts_little_is_taken(depth, taken, monkeypatch):
     leaning, pose = space_in(slit(np.radians(15.0))), (CENTRE, np.array([0.0, 0.0, 1.0]))
     (in_air,) = find_retracts(leaning, [pose])
     proofs = []
     proven = LinkSpace.polylines_free
 
-    def counted(space: LinkSpace, lines: Sequence[Polyline], *, cutting: bool) -> np.ndarray:
+    def counted(space, lines, *, cutting):
         proofs.append(cutting)
         return proven(space, lines, cutting=cutting)
 
@@ -219,12 +215,12 @@ def test_ways_that_all_cut_are_proven_once_and_the_first_that_cuts_little_is_tak
 
 
 @pytest.mark.parametrize("asked", ["cuts_little", "rapids_cut_nothing"])
-def test_no_way_is_taken_on_which_rays_tell_of_a_cut(asked: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_way_is_taken_on_which_rays_tell_of_a_cut(asked, monkeypatch):
     monkeypatch.setattr(LinkSpace, asked, lambda _, lines, *contacts: np.zeros(len(lines), dtype=bool))
     assert find_retracts(space_in(slit(0.0)), [(CENTRE, np.array([0.0, 0.0, 1.0]))]) == [None]
 
 
-def test_no_way_out_lets_a_drooping_tool_sink() -> None:
+def test_no_way_out_lets_a_drooping_tool_sink():
     axis = np.array([np.sin(2.0), 0.0, np.cos(2.0)])
     ways = departures(axis)
     assert np.allclose([np.linalg.norm(way.direction) for way in ways], 1.0)
@@ -259,7 +255,7 @@ OPTIONS = [
 
 @pytest.mark.parametrize("case", range(len(ENDS)))
 @pytest.mark.parametrize("options", OPTIONS)
-def test_the_ball_stays_outside_and_the_axis_within_limits(case: int, options: TraverseOptions) -> None:
+def test_the_ball_stays_outside_and_the_axis_within_limits(case, options):
     first, last = ENDS[case]
     centres, axes = traverse(SURFACE, first, last, LIMITS, options)
     assert np.allclose(centres[[0, -1]], [first[0], last[0]])
@@ -270,12 +266,12 @@ def test_the_ball_stays_outside_and_the_axis_within_limits(case: int, options: T
     assert angles_between(axes[1:], axes[:-1]).max() < 2.5 * MAX_TURN
 
 
-def test_the_exit_lies_on_the_surface() -> None:
+def test_the_exit_lies_on_the_surface():
     for end in (end for pair in ENDS for end in pair):
         assert STOCK.signed_distance(end[0][None])[0] == pytest.approx(4.0, abs=1e-9)
 
 
-def test_coordinates_lead_back_to_their_points() -> None:
+def test_coordinates_lead_back_to_their_points():
     rng = np.random.default_rng(1)
     for point in np.array([1.0, -2.0, 52.0]) + rng.normal(size=(40, 3)) * 30:
         azimuth, arc, height = SURFACE.coordinates(point)

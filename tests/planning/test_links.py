@@ -7,7 +7,6 @@ Runs of contacts that are linked one after the other.
 Where the tool steps over from one pass to the next on the surface.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,7 +22,6 @@ from bonecam.errors import MachineError
 from bonecam.job import NcJob, PathJob
 from bonecam.machine import MachineLimits
 from bonecam.machine.bodies import Frustum
-from bonecam.machine.limits import LiftPlaces
 from bonecam.mesh import MeshDistance
 from bonecam.planning import Scene, links, orient
 from bonecam.planning.collision import CollisionChecker
@@ -44,16 +42,14 @@ from bonecam.surface import TSpline
 from bonecam.tool import Cutter, MoveKind, ToolPath
 from bonecam.workholding import Clamping, Post, post_below
 
-Made = tuple[ToolPath, Scene, Callable[[LiftPlaces], ToolPath]]
-
 
 @pytest.fixture(scope="module")
-def made() -> Made:
+def made():
     """A path over a lump, its scene, and what makes it anew with lifts."""
     job = PathJob(pattern="round")
     _, contacts, scene = lump(job, Clamping(), ROUGHING_CUTTER, 0.8)
 
-    def oriented(rows: LiftPlaces | None) -> ToolPath:
+    def oriented(rows):
         return orient(contacts, scene, MachineLimits(np.radians(115.0), lift_places=rows), job, NcJob())
 
     return oriented(None), scene, oriented
@@ -71,7 +67,7 @@ def cuts_in_a_row(path: ToolPath) -> np.ndarray:
     return np.flatnonzero(cut & np.r_[False, cut[:-1]] & np.r_[cut[1:], False])
 
 
-def test_between_two_cuts_the_tool_comes_back_to_the_contact_that_it_left(made: Made) -> None:
+def test_between_two_cuts_the_tool_comes_back_to_the_contact_that_it_left(made):
     path, scene, oriented = made
     row = int(cuts_in_a_row(path)[40])
     lifted = oriented(lambda axes, kinds, blocked: at(axes, row - 1))
@@ -99,7 +95,7 @@ def test_between_two_cuts_the_tool_comes_back_to_the_contact_that_it_left(made: 
     assert angles_between(lifted.axes[away], np.tile([0.0, 0, 1], (last + 1 - first, 1))).min() < 1e-9
 
 
-def test_from_a_link_the_tool_comes_back_to_where_the_link_leads(made: Made) -> None:
+def test_from_a_link_the_tool_comes_back_to_where_the_link_leads(made):
     path, _, oriented = made
     cut = path.kinds == MoveKind.CUT
     row = int(np.flatnonzero((path.kinds == MoveKind.LINK) & np.r_[False, cut[:-1]])[1])
@@ -112,7 +108,7 @@ def test_from_a_link_the_tool_comes_back_to_where_the_link_leads(made: Made) -> 
     assert np.array_equal(lifted.pass_index[kept], path.pass_index)
 
 
-def test_several_lifts_keep_their_places(made: Made) -> None:
+def test_several_lifts_keep_their_places(made):
     path, _, oriented = made
     rows = cuts_in_a_row(path)[[10, 11, 60]]
     lifted = oriented(lambda axes, kinds, blocked: at(axes, *(rows - 1)))
@@ -123,7 +119,7 @@ def test_several_lifts_keep_their_places(made: Made) -> None:
     assert np.array_equal(lifted.tips[lifted.lifts[:, 1] + 1], before)
 
 
-def test_a_place_that_cannot_be_left_is_not_asked_for_again(made: Made, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_place_that_cannot_be_left_is_not_asked_for_again(made, monkeypatch):
     path, _, oriented = made
     blocked, free = cuts_in_a_row(path)[[20, 30]].tolist()
     real = links.no_transfers
@@ -147,12 +143,12 @@ def test_a_place_that_cannot_be_left_is_not_asked_for_again(made: Made, monkeypa
 
     monkeypatch.setattr(links, "no_transfers", of_lifts)
 
-    def places(axes: np.ndarray, kinds: np.ndarray, left: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def places(axes, kinds, left):
         return at(axes, free - 1 if blocked - 1 in left else blocked - 1)
 
     assert oriented(places).lifts[0, 0] == free
 
-    def never(axes: np.ndarray, kinds: np.ndarray, left: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def never(axes, kinds, left):
         if blocked - 1 in left:
             raise MachineError("point 7: no way", row=7)
         return at(axes, blocked - 1)
@@ -162,7 +158,7 @@ def test_a_place_that_cannot_be_left_is_not_asked_for_again(made: Made, monkeypa
     assert caught.value.evidence["row"] == 7
 
 
-def test_between_two_rows_the_path_has_a_point_where_it_is_lifted(made: Made) -> None:
+def test_between_two_rows_the_path_has_a_point_where_it_is_lifted(made):
     path, _, oriented = made
     row = int(cuts_in_a_row(path)[50])
     axis = unit(path.axes[[row - 1]] + path.axes[[row]])
@@ -177,7 +173,7 @@ def test_between_two_rows_the_path_has_a_point_where_it_is_lifted(made: Made) ->
     assert lifted.feed_rates[first - 1] == path.feed_rates[row]
 
 
-def test_a_path_within_the_limits_stays_as_it_is(made: Made) -> None:
+def test_a_path_within_the_limits_stays_as_it_is(made):
     path, _, oriented = made
     same = oriented(lambda axes, kinds, blocked: at(axes))
     assert np.array_equal(same.tips, path.tips)
@@ -208,7 +204,7 @@ def lines(*xs: float) -> tuple[tuple[ndarray, ndarray, ndarray], list[ndarray]]:
     return (np.array(places), up, up), runs
 
 
-def test_an_arc_is_tangential_to_the_cut_and_rises_from_it() -> None:
+def test_an_arc_is_tangential_to_the_cut_and_rises_from_it():
     contacts, runs = lines(0.0)
     (into,), (out,) = arcs_to(floor(9.0), contacts, runs), arcs_from(floor(9.0), contacts, runs)
     assert into is not None
@@ -224,7 +220,7 @@ def test_an_arc_is_tangential_to_the_cut_and_rises_from_it() -> None:
     assert not begins_tangentially(contacts[0][0] + [0, 0, 1.0], contacts[0][runs[0]])
 
 
-def test_an_arc_that_would_go_through_a_wall_is_refused_and_a_smaller_one_taken() -> None:
+def test_an_arc_that_would_go_through_a_wall_is_refused_and_a_smaller_one_taken():
     """The ball is 0.3 mm, then 0.02 mm off the wall where the cut ends."""
     contacts, runs = lines(0.0)
     (small,) = arcs_from(floor(ALONG[-1] + RADIUS + 0.3), contacts, runs)
@@ -234,7 +230,7 @@ def test_an_arc_that_would_go_through_a_wall_is_refused_and_a_smaller_one_taken(
     assert arcs_from(near, contacts, runs) == [None]
 
 
-def test_runs_are_linked_by_their_arcs_and_straight_where_there_is_none() -> None:
+def test_runs_are_linked_by_their_arcs_and_straight_where_there_is_none():
     """The first approach comes on an arc at the feed of cuts, no move of it at the plunge feed; beside the wall the
     last contact is left straight up."""
     space = floor(ALONG[-1] + RADIUS + 0.02)
@@ -254,7 +250,7 @@ def test_runs_are_linked_by_their_arcs_and_straight_where_there_is_none() -> Non
     assert np.allclose(found.home.centres[0, :2], contacts[0][runs[1][-1], :2])
 
 
-def test_a_direct_link_goes_from_arc_to_arc() -> None:
+def test_a_direct_link_goes_from_arc_to_arc():
     """The axis leans, for no link stands at the pole of the rotary axes."""
     (centres, normals, _), runs = lines(0.0, 1.0)
     axes = unit(normals + np.array([0.2, 0, 0]))
@@ -271,7 +267,7 @@ LINE = np.arange(-9.0, 9.1, 0.5)
 
 
 @pytest.fixture(scope="module")
-def roofed() -> LinkSpace:
+def roofed():
     """A plate with a roof over y > 3: no tool that stands below it gets away."""
     mesh = boxes(([-9, -10, LOW - 5], [9, 10, LOW]), ([-9, 3, ROOF], [9, 10, ROOF + 3]))
     scene = Scene(
@@ -288,7 +284,7 @@ def poses_at(x: float, along: ndarray) -> list[Pose]:
 
 
 @pytest.mark.whole
-def test_a_run_that_ends_where_the_tool_is_caught_is_cut_short_and_the_next_is_reached(roofed: LinkSpace) -> None:
+def test_a_run_that_ends_where_the_tool_is_caught_is_cut_short_and_the_next_is_reached(roofed):
     poses = poses_at(-3.0, LINE) + poses_at(3.0, LINE[::-1])
     runs = [np.arange(len(LINE)), np.arange(len(LINE)) + len(LINE)]
     found = link_runs(roofed, poses, runs, [None])
@@ -304,7 +300,7 @@ def test_a_run_that_ends_where_the_tool_is_caught_is_cut_short_and_the_next_is_r
         assert set(run) < set(whole)
 
 
-def test_runs_that_are_reached_stay_whole_and_one_that_lies_all_below_the_roof_is_left_out(roofed: LinkSpace) -> None:
+def test_runs_that_are_reached_stay_whole_and_one_that_lies_all_below_the_roof_is_left_out(roofed):
     free, caught = LINE[LINE < 0], LINE[LINE > 6]
     poses = poses_at(-3.0, free) + poses_at(0.0, caught)
     runs = [np.arange(len(free)), np.arange(len(caught)) + len(free)]
@@ -331,7 +327,7 @@ class Grooved:
 
 
 @pytest.fixture(scope="module")
-def grooved() -> Grooved:
+def grooved():
     surface, material = grooved_pebble(0.8), mesh_of(grooved_pebble(0.8, 0.4))
     level = mesh_of(surface)
     checker = CollisionChecker(Scene(level, material, UPRIGHT_CAPSULE, post_below(level, HOLDING)), ROUGHING_CUTTER)
@@ -340,20 +336,20 @@ def grooved() -> Grooved:
     return Grooved(surface, LinkSpace(checker, *planned, HeightMesh(material)))
 
 
-def test_the_tool_steps_over_to_a_place_nearby(grooved: Grooved) -> None:
+def test_the_tool_steps_over_to_a_place_nearby(grooved):
     ends, starts = grooved.poses(0.1, 0.3, 0.1), grooved.poses(0.1, 0.315, 0.1)
     assert 0.2 < np.linalg.norm(ends[0] - starts[0]) < 1.0
     assert steps_over(grooved.space, ends, starts, 5.0).all()
     assert not steps_over(grooved.space, ends, starts, 0.1).any()
 
 
-def test_no_step_over_goes_into_the_level(grooved: Grooved) -> None:
+def test_no_step_over_goes_into_the_level(grooved):
     ends, starts = grooved.poses(0.1, 0.3), grooved.poses(0.2, 0.3)
     assert not grooved.space.ball_free(ends[0], starts[0]).any()
     assert not steps_over(replace(grooved.space, material=None), ends, starts, 50.0).any()
 
 
-def test_no_step_over_goes_deeper_than_the_passes(grooved: Grooved) -> None:
+def test_no_step_over_goes_deeper_than_the_passes(grooved):
     """From air to air round the pebble, over material."""
     ends, starts = grooved.poses(0.1, 0.3, 0.65), grooved.poses(0.15, 0.3, 0.65)
     assert grooved.space.ball_free(ends[0], starts[0]).all()
@@ -361,11 +357,11 @@ def test_no_step_over_goes_deeper_than_the_passes(grooved: Grooved) -> None:
     assert steps_over(replace(grooved.space, material=None), ends, starts, 50.0).all()
 
 
-def test_no_step_over_turns_far(grooved: Grooved) -> None:
+def test_no_step_over_turns_far(grooved):
     (centres, normals, axes), starts = grooved.poses(0.1, 0.3, 0.1), grooved.poses(0.1, 0.315, 0.1)
     assert not steps_over(grooved.space, (centres, normals, -axes), starts, 5.0).any()
 
 
-def test_nothing_is_stepped_over_where_there_is_one_run(grooved: Grooved) -> None:
+def test_nothing_is_stepped_over_where_there_is_one_run(grooved):
     none = (np.zeros((0, 3)),) * 3
     assert not len(steps_over(grooved.space, none, none, 5.0))

@@ -14,7 +14,7 @@ from typed_values import differences
 from bonecam.errors import JobError
 from bonecam.job import Job
 from bonecam.job.materials.preset import read_material
-from bonecam.machine import MachineLimits, read_machine
+from bonecam.machine import read_machine
 from bonecam.mechanics import Beam, column_sections
 from bonecam.mesh import Part
 from bonecam.mesh.solids import cylinder
@@ -51,14 +51,14 @@ OPEN = Job().with_values(holding={"diameter": 0.0})
 
 
 @pytest.fixture(scope="module")
-def found() -> tuple[Setup, Job, tuple[Neck, ...]]:
+def found():
     """The phalanx on the neck that is found for it."""
     unplaced, _ = read_part(PHALANX, OPEN, silent)
     setup = place(unplaced, OPEN)
     return find_standing(setup, replace(OPEN, holding=settled_stub(OPEN.holding, setup.stock.diameter)), LIMITS)
 
 
-def test_the_neck_that_is_taken_is_the_thinnest_that_holds(found) -> None:
+def test_the_neck_that_is_taken_is_the_thinnest_that_holds(found):
     _, job, necks = found
     assert necks[0].holds
     assert job.holding.diameter == necks[0].diameter in NECKS
@@ -67,12 +67,12 @@ def test_the_neck_that_is_taken_is_the_thinnest_that_holds(found) -> None:
     assert all(np.diff([neck.um_per_n for neck in sorted(necks, key=lambda one: one.diameter)]) < 0)
 
 
-def test_a_neck_that_gives_way_at_the_length_of_all_contacts_is_not_taken(found, monkeypatch) -> None:
+def test_a_neck_that_gives_way_at_the_length_of_all_contacts_is_not_taken(found, monkeypatch):
     """With all contacts the thinnest neck that held is 30 mm longer."""
     setup, job, necks = found
     given = job.with_values(holding={"diameter": 0.0, "length": 0.0})
 
-    def longer(setup: Setup, job: Job, limits: MachineLimits) -> tuple[Setup, Job]:
+    def longer(setup, job, limits):
         setup, job = find_post_length(setup, job, limits)
         more = 30.0 * (job.holding.diameter == necks[0].diameter)
         return setup.lift(more), job.with_values(holding={"length": job.holding.length + more})
@@ -86,7 +86,7 @@ def test_a_neck_that_gives_way_at_the_length_of_all_contacts_is_not_taken(found,
     assert left.length == necks[0].length + 30.0
 
 
-def test_stock_neck_and_stub_stand_on_one_another(found) -> None:
+def test_stock_neck_and_stub_stand_on_one_another(found):
     setup, job, necks = found
     clamping = clamping_of(job.holding, LIMITS.bodies.table)
     assert setup.stock.bounds[0, 2] == pytest.approx(job.holding.length)
@@ -96,7 +96,7 @@ def test_stock_neck_and_stub_stand_on_one_another(found) -> None:
     assert 2 * clamping.stub.radius >= setup.stock.diameter
 
 
-def test_the_beam_of_a_cylinder_on_its_neck_is_that_of_its_pieces() -> None:
+def test_the_beam_of_a_cylinder_on_its_neck_is_that_of_its_pieces():
     job = OPEN.with_values(
         holding={
             "diameter": 6.0,
@@ -131,7 +131,7 @@ def necks_of(*rows: tuple[float, float, bool], minutes: Sequence[float | None] =
     ]
 
 
-def test_where_none_holds_the_stiffest_is_taken() -> None:
+def test_where_none_holds_the_stiffest_is_taken():
     none = ranking(necks_of((4.0, 90.0, False), (6.0, 40.0, False), (8.0, 44.0, False)))
     assert [neck.diameter for neck in none] == [6.0, 8.0, 4.0]
     some = ranking(necks_of((4.0, 90.0, False), (6.0, 9.0, True), (8.0, 4.0, True)))
@@ -141,7 +141,7 @@ def test_where_none_holds_the_stiffest_is_taken() -> None:
     assert differences(some[0].report, NeckFigures) == []
 
 
-def test_a_thin_neck_whose_cuts_take_much_longer_is_not_taken() -> None:
+def test_a_thin_neck_whose_cuts_take_much_longer_is_not_taken():
     rows = (4.0, 90.0, False), (5.0, 14.0, True), (6.0, 9.0, True), (8.0, 4.0, True)
     slow = ranking(necks_of(*rows, minutes=(5.0, 14.0, 11.5, 10.0)))
     assert [neck.diameter for neck in slow] == [6.0, 8.0, 5.0, 4.0]
@@ -151,7 +151,7 @@ def test_a_thin_neck_whose_cuts_take_much_longer_is_not_taken() -> None:
     assert slow[0].report["machining_min"] == 11.5
 
 
-def test_the_summary_tells_the_time_of_the_cuts_of_each_neck() -> None:
+def test_the_summary_tells_the_time_of_the_cuts_of_each_neck():
     told = {"diameter_mm": 6.0, "length_mm": 3.0}
     timed = post_lines(told | neck_report(necks_of((6.0, 9.0, True), minutes=(11.5,)), (), OPEN, stated=False))
     assert any(line.endswith("Hz    min") for line in timed)
@@ -160,7 +160,7 @@ def test_the_summary_tells_the_time_of_the_cuts_of_each_neck() -> None:
     assert not any("min" in line for line in stated)
 
 
-def test_a_cut_that_takes_more_force_wants_a_thicker_neck(found) -> None:
+def test_a_cut_that_takes_more_force_wants_a_thicker_neck(found):
     setup, job, necks = found
     deep = {"levels": {"finishing_depth": 0.3}, "finishing": {"scallop": 0.1}}
     _, other, tried = find_standing(setup, job.with_values(**deep, holding={"diameter": 0.0, "length": 0.0}), LIMITS)
@@ -168,7 +168,7 @@ def test_a_cut_that_takes_more_force_wants_a_thicker_neck(found) -> None:
     assert tried[0].holds
 
 
-def test_titanium_wants_a_stiffer_cutter_or_lighter_cuts_than_a_neck_can_mend(found) -> None:
+def test_titanium_wants_a_stiffer_cutter_or_lighter_cuts_than_a_neck_can_mend(found):
     """Its edges push along the normal, so that the finishing cutter alone gives way by more than 16 um."""
     setup, job, necks = found
     hard = job.with_values(material={"name": "titanium"}, holding={"diameter": 0.0, "length": 0.0})
@@ -181,14 +181,14 @@ def test_titanium_wants_a_stiffer_cutter_or_lighter_cuts_than_a_neck_can_mend(fo
     assert all("finishing.preset" in remedy.change for remedy in stiffer)
 
 
-def test_a_stock_thinner_than_every_neck_is_refused(found) -> None:
+def test_a_stock_thinner_than_every_neck_is_refused(found):
     setup, job, _ = found
     thin = type(setup.stock)(setup.stock.start, setup.stock.end, 1.9)
     with pytest.raises(JobError, match=r"diameter = 0.*the stock is 3.80 mm wide"):
         find_standing(replace(setup, stock=thin), job.with_values(holding={"diameter": 0.0}), LIMITS)
 
 
-def test_a_stub_lifts_what_would_cut_it_and_holders_more() -> None:
+def test_a_stub_lifts_what_would_cut_it_and_holders_more():
     """A level tool over a stub: its ball may be nearer to it than its holder."""
     cutter = Cutter.from_job(1, "roughing", replace(OPEN.tool("roughing"), overhang=40.0))
     level = np.array([[1.0, 0.0, 0.0]])
@@ -231,7 +231,7 @@ def remedies(setup: Setup, job: Job):
     return taken, neck_remedies(setup, job, LIMITS, taken)
 
 
-def test_a_pin_and_lighter_cuts_are_told_where_each_is_enough() -> None:
+def test_a_pin_and_lighter_cuts_are_told_where_each_is_enough():
     setup = standing(50.0)
     taken, found = remedies(setup, JOB)
     assert not taken.holds
@@ -250,7 +250,7 @@ def test_a_pin_and_lighter_cuts_are_told_where_each_is_enough() -> None:
 
 
 @pytest.mark.slow
-def test_a_stiffer_cutter_is_told_where_the_cutter_bends_most() -> None:
+def test_a_stiffer_cutter_is_told_where_the_cutter_bends_most():
     slim = {"radius": 1.0, "flute_length": 3.0, "shank_diameter": 4.0, "neck_diameter": 1.4, "neck_length": 16.0}
     job = JOB.with_values(finishing={**slim, "overhang": 25.0})
     taken, found = remedies(standing(25.0), job)
@@ -263,14 +263,14 @@ def test_a_stiffer_cutter_is_told_where_the_cutter_bends_most() -> None:
     assert stiffer.neck.um_per_n == taken.um_per_n, "the part is no stiffer"
 
 
-def test_a_neck_that_holds_needs_none() -> None:
+def test_a_neck_that_holds_needs_none():
     taken, found = remedies(standing(12.0), JOB)
     assert taken.holds
     assert found == ()
     assert "holds_with" not in neck_report([taken], found, JOB, stated=False)
 
 
-def test_what_is_not_enough_alone_is_told_together() -> None:
+def test_what_is_not_enough_alone_is_told_together():
     """Its error asks for lighter cuts under a pin, its frequency for slower teeth."""
     taken, (found,) = remedies(standing(110.0), JOB)
     assert not taken.holds
@@ -281,14 +281,14 @@ def test_what_is_not_enough_alone_is_told_together() -> None:
     assert [change.partition(" ")[0] for change in told[2:]] == ["roughing.spindle", "finishing.spindle"]
 
 
-def test_where_nothing_is_enough_the_nearest_is_told() -> None:
+def test_where_nothing_is_enough_the_nearest_is_told():
     taken, found = remedies(standing(110.0), JOB.with_values(material={"name": "titanium"}))
     assert len(found) == 1
     assert not found[0].neck.holds
     assert found[0].neck.shift_um < taken.shift_um
 
 
-def test_slower_spindles_are_told_where_only_the_teeth_are_too_fast() -> None:
+def test_slower_spindles_are_told_where_only_the_teeth_are_too_fast():
     fast = JOB.with_values(
         mechanics={"flutes": 4}, **{name: {"spindle": 40000.0, "feed": 4000.0} for name in ("roughing", "finishing")}
     )
@@ -302,7 +302,7 @@ def test_slower_spindles_are_told_where_only_the_teeth_are_too_fast() -> None:
     assert speed * 4 / 60 * FREQUENCY_MULTIPLE == pytest.approx(taken.first_hz, abs=10.0)
 
 
-def test_report_and_summary_tell_them() -> None:
+def test_report_and_summary_tell_them():
     taken, found = remedies(standing(50.0), JOB)
     told = {"diameter_mm": 8.0, "length_mm": LOW, "footprint_mm2": 50.0} | neck_report(
         [taken], found, JOB, stated=False

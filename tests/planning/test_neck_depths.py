@@ -70,7 +70,7 @@ def standing(more: float, high: float = TOP, job: Job = JOB) -> Setup:
 
 
 @pytest.fixture(scope="module")
-def setup() -> Setup:
+def setup():
     return standing(5.0, job=FOUND)
 
 
@@ -88,7 +88,7 @@ def borne(job: Job, setup: Setup, depth: float, under: float) -> bool:
 
 
 @pytest.mark.parametrize("material", ["aluminium", "titanium", "peek"])
-def test_each_cut_is_the_deepest_that_is_borne_over_those_inside_it(setup: Setup, material: str) -> None:
+def test_each_cut_is_the_deepest_that_is_borne_over_those_inside_it(setup, material):
     job = FOUND.with_values(material={"name": material})
     made = with_found_depths(setup, job, LIMITS)
     depths = made.levels.listed
@@ -102,13 +102,13 @@ def test_each_cut_is_the_deepest_that_is_borne_over_those_inside_it(setup: Setup
     assert made.scallop(len(depths)) == pytest.approx(max(0.05, SCALLOP_SHARE * depths[-1]))
 
 
-def test_a_share_of_scallops_that_is_stated_holds_beside_found_depths(setup: Setup) -> None:
+def test_a_share_of_scallops_that_is_stated_holds_beside_found_depths(setup):
     made = with_found_depths(setup, FOUND.with_values(levels={"scallop_share": 0.3}), LIMITS)
     assert made.levels.scallop_share == 0.3
     assert made.scallop(len(made.levels.listed)) == pytest.approx(0.3 * made.levels.listed[-1])
 
 
-def test_a_softer_part_is_cut_in_more_and_thinner_cuts(setup: Setup) -> None:
+def test_a_softer_part_is_cut_in_more_and_thinner_cuts(setup):
     hard, soft = (
         with_found_depths(setup, FOUND.with_values(material={"name": name}), LIMITS).levels
         for name in ("aluminium", "peek")
@@ -117,7 +117,7 @@ def test_a_softer_part_is_cut_in_more_and_thinner_cuts(setup: Setup) -> None:
     assert schedule_of(soft).lower_bound(5.0) > schedule_of(hard).lower_bound(5.0)
 
 
-def test_a_neck_near_its_strength_keeps_all_cuts_shallow(setup: Setup) -> None:
+def test_a_neck_near_its_strength_keeps_all_cuts_shallow(setup):
     thin = FOUND.with_values(holding={"diameter": 3.0})
     depths = with_found_depths(replace(setup, post=Post(1.5, LOW)), thin, LIMITS).levels.listed
     assert depths[-1] < BALL_SHARE * FOUND.roughing.radius
@@ -138,27 +138,25 @@ def test_a_neck_near_its_strength_keeps_all_cuts_shallow(setup: Setup) -> None:
         ({"levels": {"depths": "found"}, "path": {"strategy": "rotary"}}, True),
     ],
 )
-def test_depths_are_found_where_none_is_stated(
-    changes: dict[str, dict[str, object]], found: bool, tmp_path: Path
-) -> None:
+def test_depths_are_found_where_none_is_stated(changes, found, tmp_path):
     job = Job().with_values(**changes)
     assert leaves_depths_open(job, neck_found=True) == found
     assert leaves_depths_open(job, neck_found=False) == job.levels.found
     assert leaves_depths_open(read_job_of(write_job(job), tmp_path), neck_found=True) == found
 
 
-def test_numbers_that_are_given_to_the_section_itself_hold() -> None:
+def test_numbers_that_are_given_to_the_section_itself_hold():
     assert not leaves_depths_open(Job(levels=LevelsJob(roughing_depth=1.0)), neck_found=True)
 
 
-def test_a_material_of_unknown_stiffness_bears_no_depth(setup: Setup, tmp_path: Path) -> None:
+def test_a_material_of_unknown_stiffness_bears_no_depth(setup, tmp_path):
     file = tmp_path / "wax.toml"
     file.write_text('title = "wax"\nspindle = 4500.0\nfeed = 900.0\nsource = "s"\nrange = "r"\nnote = "n"\n')
     with pytest.raises(JobError, match=r"no table \[stiffness\]"):
         with_found_depths(setup, FOUND.with_values(material={"name": str(file)}), LIMITS)
 
 
-def test_depths_grow_with_what_stands_under_them() -> None:
+def test_depths_grow_with_what_stands_under_them():
     assert found_depths(0.1, TRIED, 50.0, lambda depth, under: depth <= 2 * under) == (0.1, 0.2, 0.5, 1.0)
     assert found_depths(0.1, TRIED, 50.0, lambda depth, under: under >= 0.3) == (0.1, 0.1, 0.1, 1.0)
     assert found_depths(0.1, TRIED, 50.0, lambda depth, under: depth < 0.45) == (0.1, 0.4)
@@ -166,13 +164,13 @@ def test_depths_grow_with_what_stands_under_them() -> None:
     assert found_depths(0.1, [], 50.0, lambda *_: True) == (0.1,)
 
 
-def test_preferred_depths_lie_between_the_finishing_cut_and_the_deepest() -> None:
+def test_preferred_depths_lie_between_the_finishing_cut_and_the_deepest():
     assert TRIED == [0.125, 0.16, 0.2, 0.25, 0.315, 0.4, 0.5, 0.63, 0.8, 1.0]
     assert preferred_depths(0.3, 0.375) == [0.315, 0.375]
     assert preferred_depths(1.0, 0.5) == []
 
 
-def test_the_summary_tells_the_depths_that_were_found() -> None:
+def test_the_summary_tells_the_depths_that_were_found():
     told = {"diameter_mm": 6.0, "length_mm": 3.0}
     made = FOUND.with_values(levels={"depths": "0.1 0.25 1"})
     assert "          bears cuts of 0.1, 0.25, then 1 mm" in post_lines(told | depths_report(made))
@@ -184,7 +182,7 @@ def figures(setup: Setup, job: Job) -> Neck:
     return neck_figures(setup, job, LIMITS, LayersToCut.between(setup.part.mesh, setup.stock.mesh(0.05)))
 
 
-def test_the_stress_is_that_of_the_cuts_that_the_neck_bears() -> None:
+def test_the_stress_is_that_of_the_cuts_that_the_neck_bears():
     setup = standing(3.0)
     open_ = figures(setup, JOB)
     made = with_found_depths(setup, JOB, LIMITS)
@@ -198,12 +196,12 @@ def test_the_stress_is_that_of_the_cuts_that_the_neck_bears() -> None:
     assert figures(setup, STATED).machining_min is None
 
 
-def test_a_heavy_stock_swings_slower_than_the_part() -> None:
+def test_a_heavy_stock_swings_slower_than_the_part():
     bare, heavy = (figures(standing(more), STATED).first_hz for more in (0.01, 4.0))
     assert heavy < 0.9 * bare
 
 
-def test_a_slender_part_does_not_hold_on_a_neck_that_holds_a_stubby_one() -> None:
+def test_a_slender_part_does_not_hold_on_a_neck_that_holds_a_stubby_one():
     assert figures(standing(1.0), STATED).holds
     slender = figures(standing(1.0, high=220.0), STATED)
     assert not slender.holds
@@ -216,7 +214,7 @@ BAR = cylinder(3.0, 0.0, 60.0, 0.01)
 BEAM = Beam(column_sections(3.0, 0.0, 60.0), ALUMINIUM)
 
 
-def test_on_a_rigid_part_the_errors_are_those_of_the_cutter_in_the_shares_of_the_distribution() -> None:
+def test_on_a_rigid_part_the_errors_are_those_of_the_cutter_in_the_shares_of_the_distribution():
     rigid = Beam(BEAM.sections, 1e15)
     p50, p95, p99 = foretold_errors(rigid, BAR, 0.0012, 10.0, (0.5, 0.95, 0.99))
     assert p95 == pytest.approx(0.0012 * 10.0 * FORCE_SHARE * np.log(20), rel=1e-6)
@@ -224,7 +222,7 @@ def test_on_a_rigid_part_the_errors_are_those_of_the_cutter_in_the_shares_of_the
     assert p50 / p95 == pytest.approx(np.log(2) / np.log(20))
 
 
-def test_the_shares_are_those_of_errors_drawn_at_places_of_the_area() -> None:
+def test_the_shares_are_those_of_errors_drawn_at_places_of_the_area():
     found, areas = normal_compliances(BEAM, BAR)
     random = np.random.default_rng(1)
     places = random.choice(len(areas), 400_000, p=areas / areas.sum())
@@ -233,7 +231,7 @@ def test_the_shares_are_those_of_errors_drawn_at_places_of_the_area() -> None:
     assert told == pytest.approx(np.quantile(drawn, (0.95, 0.99)), rel=0.02)
 
 
-def test_a_tip_that_gives_way_counts_more_at_95_percent_than_in_the_mean() -> None:
+def test_a_tip_that_gives_way_counts_more_at_95_percent_than_in_the_mean():
     found, areas = normal_compliances(BEAM, BAR)
     mean = found @ areas / areas.sum() + 0.001
     assert foretold_errors(BEAM, BAR, 0.001, 8.0, (0.95,))[0] > 1.2 * 8.0 * FORCE_SHARE * np.log(20) * mean

@@ -48,7 +48,7 @@ from bonecam.surface import TSpline, skin
 from bonecam.workholding import Post, post_below
 
 
-def test_a_curve_passes_its_knots_smoothly() -> None:
+def test_a_curve_passes_its_knots_smoothly():
     x = np.linspace(0, 1, 30)
     curves = curves_of([np.column_stack([x, x**2]), np.array([[0.0, 0.0], [1.0, 3.0]])])
     at_knots, _ = curves.at(curves.line, np.arange(32.0))
@@ -62,7 +62,7 @@ def test_a_curve_passes_its_knots_smoothly() -> None:
     assert np.allclose(straight, [[0, 0], [0.3, 0.9], [1, 3]])
 
 
-def test_ranges_of_kept_places_close_short_gaps_only() -> None:
+def test_ranges_of_kept_places_close_short_gaps_only():
     kept = np.zeros(30, dtype=bool)
     kept[[0, 1, 5, 6, 20]] = True
     assert ranges(kept, 4.0) == [(0, 8), (19, 22)]
@@ -70,10 +70,10 @@ def test_ranges_of_kept_places_close_short_gaps_only() -> None:
 
 
 @pytest.fixture(scope="module")
-def lengths() -> dict[str, float]:
+def lengths():
     """Length of each pattern's curves, and of the lines along if all went from pole to pole, mm."""
 
-    def length(curves: Curves) -> float:
+    def length(curves):
         samples = dense_samples(curves, 400)
         points = contact_frames(pebble(), samples.parameters, np.array([1.0, 0.0]))[0]
         same = samples.line[1:] == samples.line[:-1]
@@ -87,7 +87,7 @@ def lengths() -> dict[str, float]:
     return {**found, "pole to pole": length(curves_of([np.array([[s, 0.0], [s, 1.0]]) for s in across]))}
 
 
-def test_curves_at_the_local_step_are_hardly_longer_than_area_over_step(lengths: dict[str, float]) -> None:
+def test_curves_at_the_local_step_are_hardly_longer_than_area_over_step(lengths):
     surface = pebble()
     rng = np.random.default_rng(3)
     s, t = rng.random(4000), 0.001 + 0.998 * rng.random(4000)
@@ -105,13 +105,13 @@ def test_curves_at_the_local_step_are_hardly_longer_than_area_over_step(lengths:
 
 
 @pytest.fixture(scope="module", params=["along", "round", "iso-scallop", "spiral", "bands"])
-def roughing_curves(request: pytest.FixtureRequest) -> tuple[str, Curves]:
+def roughing_curves(request):
     """A pattern and its curves."""
     return request.param, pattern_curves(pebble(), request.param, ROUGHING_CUTTER)
 
 
 @pytest.mark.parametrize("direction", ["climb", "conventional"])
-def test_one_way_curves_have_the_rest_on_one_side(roughing_curves: tuple[str, Curves], direction: str) -> None:
+def test_one_way_curves_have_the_rest_on_one_side(roughing_curves, direction):
     surface, (pattern, curves) = pebble(), roughing_curves
     curves = order_curves(surface, curves, direction)
     parameters, tangents = curves.at(curves.line, np.arange(float(len(curves.line))))
@@ -123,7 +123,7 @@ def test_one_way_curves_have_the_rest_on_one_side(roughing_curves: tuple[str, Cu
     assert ((steps * towards_rest[inner]).sum(1) > 0).all()
 
 
-def test_zigzag_enters_each_curve_at_the_nearer_end() -> None:
+def test_zigzag_enters_each_curve_at_the_nearer_end():
     surface = pebble()
     curves = order_curves(surface, pattern_curves(surface, "iso-scallop", FINISHING_CUTTER), "zigzag")
     begins, ends = (surface.positions(*curves.knots[k].T) for k in (curves.first, curves.last))
@@ -132,13 +132,13 @@ def test_zigzag_enters_each_curve_at_the_nearer_end() -> None:
     assert (way < 2.5 * FINISHING_CUTTER.radius).mean() > 0.8
 
 
-def test_an_unknown_direction_is_refused() -> None:
+def test_an_unknown_direction_is_refused():
     curves = pattern_curves(pebble(), "along", FINISHING_CUTTER)
     with pytest.raises(ValueError, match="'up': give zigzag, climb or conventional"):
         order_curves(pebble(), curves, "up")
 
 
-def test_curves_of_a_group_that_meet_at_a_pole_are_followed_side_by_side() -> None:
+def test_curves_of_a_group_that_meet_at_a_pole_are_followed_side_by_side():
     """Else each would cut a slot across the pole, and the last ones cusps only."""
     count = 30
     low = [(0.06, 0.01, 0.03, 0.01)[i % 4] for i in range(count)]
@@ -167,7 +167,7 @@ def cusps(surface: TSpline, curves: Curves, radius: float) -> Float[ndarray, " n
     return found
 
 
-def test_arcs_cut_what_a_spiral_leaves_too_high() -> None:
+def test_arcs_cut_what_a_spiral_leaves_too_high():
     surface, radius, scallop = pebble(), ROUGHING_CUTTER.radius, ROUGHING_CUTTER.scallop
     spiral = spiral_curves(step_metric(surface, radius, 1.6 * scallop))
     assert cusps(surface, spiral, radius).max() > 1.5 * scallop
@@ -175,24 +175,24 @@ def test_arcs_cut_what_a_spiral_leaves_too_high() -> None:
     assert cusps(surface, mended, radius).max() < 1.1 * scallop
 
 
-def test_curves_that_leave_nothing_too_high_get_no_arcs() -> None:
+def test_curves_that_leave_nothing_too_high_get_no_arcs():
     curves = pattern_curves(pebble(), "iso-scallop", ROUGHING_CUTTER)
     assert len(with_arcs(pebble(), curves, ROUGHING_CUTTER).group) == len(curves.group)
 
 
 @pytest.mark.parametrize("degrees_per_second", [120.0, 1e5])
-def test_no_pattern_that_keeps_the_scallop_takes_less_time_than_the_fastest(degrees_per_second: float) -> None:
+def test_no_pattern_that_keeps_the_scallop_takes_less_time_than_the_fastest(degrees_per_second):
     surface, speed = pebble(), np.radians(degrees_per_second) * 60
 
-    def minutes(pattern: str) -> float:
+    def minutes(pattern):
         curves = pattern_curves(surface, pattern, ROUGHING_CUTTER, speed)
         return curve_minutes(surface, curves, ROUGHING_CUTTER, speed)
 
     assert minutes("fastest") == min(minutes(pattern) for pattern in (*ISO_PARAMETRIC, "iso-scallop"))
 
 
-def test_curves_that_begin_far_from_the_end_of_the_last_cost_retracts() -> None:
-    def minutes(apart: float) -> float:
+def test_curves_that_begin_far_from_the_end_of_the_last_cost_retracts():
+    def minutes(apart):
         return curve_minutes(
             pebble(), curves_of([np.array([[s, 0.3], [s, 0.7]]) for s in (0.0, apart)]), ROUGHING_CUTTER, np.inf
         )
@@ -200,7 +200,7 @@ def test_curves_that_begin_far_from_the_end_of_the_last_cost_retracts() -> None:
     assert minutes(0.5) - minutes(0.01) == pytest.approx(RETRACT - STEP_OVER, rel=0.05)
 
 
-def test_a_pass_round_takes_the_table_one_turn() -> None:
+def test_a_pass_round_takes_the_table_one_turn():
     very_slow = np.radians(1.0) * 60
     rings = pattern_curves(pebble(), "round", ROUGHING_CUTTER)
     minutes = curve_minutes(pebble(), rings, ROUGHING_CUTTER, very_slow)
@@ -209,7 +209,7 @@ def test_a_pass_round_takes_the_table_one_turn() -> None:
     assert curve_minutes(pebble(), along, ROUGHING_CUTTER, very_slow) < 0.01 * minutes
 
 
-def test_a_pattern_that_is_unknown_is_refused() -> None:
+def test_a_pattern_that_is_unknown_is_refused():
     with pytest.raises(ValueError, match="'swirl': on this surface give fastest, along"):
         pattern_curves(pebble(), "swirl", ROUGHING_CUTTER)
 
@@ -227,7 +227,7 @@ def vault(closed: bool) -> TSpline:
 
 @pytest.mark.parametrize("pattern", ["round", "along"])
 @pytest.mark.parametrize("closed", [False, True])
-def test_lines_reach_every_edge_and_stop_before_a_seam(closed: bool, pattern: str) -> None:
+def test_lines_reach_every_edge_and_stop_before_a_seam(closed, pattern):
     surface = vault(closed)
     lines = line_positions(surface, pattern, RADIUS, SCALLOP)
     low, high = surface.domain[1 if pattern == "round" else 0]
@@ -237,7 +237,7 @@ def test_lines_reach_every_edge_and_stop_before_a_seam(closed: bool, pattern: st
 
 
 @pytest.mark.parametrize("pattern", ["round", "along"])
-def test_lines_are_as_far_apart_as_the_scallop_allows(pattern: str) -> None:
+def test_lines_are_as_far_apart_as_the_scallop_allows(pattern):
     surface = vault(closed=False)
     lines = line_positions(surface, pattern, RADIUS, SCALLOP)
     kappa = 0.0 if pattern == "round" else 0.1
@@ -249,7 +249,7 @@ def test_lines_are_as_far_apart_as_the_scallop_allows(pattern: str) -> None:
 
 
 @pytest.mark.parametrize("pattern", ["round", "along"])
-def test_contacts_of_an_open_surface_lie_on_it_with_chords_within_tolerance(pattern: str) -> None:
+def test_contacts_of_an_open_surface_lie_on_it_with_chords_within_tolerance(pattern):
     surface = vault(closed=False)
     curves = iso_parametric_curves(surface, pattern, np.array([0.0, 0.4, 1.0]), RADIUS, SCALLOP)
     lines = sample_lines(surface, curves, RADIUS, 0.002, 5.0)

@@ -120,7 +120,7 @@ def test_a_post_from_which_nothing_is_reached_is_refused_with_the_length_that_re
     assert 75.0 - np.ptp(setup.stock.bounds[:, 2]) < needed < 85.0
 
 
-def test_a_lift_is_the_largest_that_any_slice_asks_for_over_table_and_columns() -> None:
+def test_a_lift_is_the_largest_that_any_slice_asks_for_over_table_and_columns():
     random = np.random.default_rng(3)
     columns = Column(14.0, 20.0, 0.0), Column(40.0, 6.0, 0.0)
     clamping = Clamping(columns, closed=True, clearance=1.0, stub=Column(6.0, 30.0, 20.0))
@@ -149,11 +149,11 @@ def test_a_lift_is_the_largest_that_any_slice_asks_for_over_table_and_columns() 
 NOTHING = Clamping((), closed=True, clearance=1.0)
 
 
-def test_contacts_that_no_post_helps_are_left_out_of_its_length() -> None:
+def test_contacts_that_no_post_helps_are_left_out_of_its_length():
     assert shortest_post(np.array([3.2, np.inf, -1.0]), 10.0, NOTHING) == 14.0
 
 
-def test_no_contact_that_is_reached_is_an_error_and_not_the_shortest_post() -> None:
+def test_no_contact_that_is_reached_is_an_error_and_not_the_shortest_post():
     with pytest.raises(OrientationError, match="no contact has a free tool axis, however long the post is"):
         shortest_post(np.array([np.inf, np.inf, -np.inf]), 10.0, NOTHING)
 
@@ -164,12 +164,12 @@ ROD = cylinder(3.05, 0.0, 8.0, 0.01)
 CASING = cylinder(9.0, 12.0, 14.0, 0.05)
 
 
-def test_a_casing_beside_it_carries_no_surface() -> None:
+def test_a_casing_beside_it_carries_no_surface():
     carrying = carrying_solid(TUBE, side_by_side([CASING, ROD]))
     assert np.abs(carrying.bounds - ROD.bounds).max() < 1e-9
 
 
-def test_a_post_is_as_thick_as_the_underside_and_stands_in_a_collet_where_nothing_is_named() -> None:
+def test_a_post_is_as_thick_as_the_underside_and_stands_in_a_collet_where_nothing_is_named():
     found = surface_holding(HoldingJob(), TUBE, ROD)
     assert (found.diameter, found.chuck_diameter, found.chuck_height) == (6.0, 22.0, 100.0)
     named = surface_holding(HoldingJob(length=60.0), TUBE, ROD)
@@ -181,7 +181,7 @@ COLLET = {"diameter": 5.0, "chuck_diameter": 22.0, "chuck_height": 100.0, "stub_
 
 
 @pytest.fixture(scope="module")
-def bar() -> Part:
+def bar():
     """A round bar of 8 x 30 mm."""
     return read_part(cylinder(4.0, 0.0, 30.0, 0.02), Job(), silent)[0]
 
@@ -193,12 +193,12 @@ def bracketed(bar: Part, **holding: object) -> tuple[Setup, Job]:
     return setup, replace(job, holding=found)
 
 
-def test_a_bracket_that_stands_off_takes_little_but_what_is_round_the_pin(bar: Part) -> None:
+def test_a_bracket_that_stands_off_takes_little_but_what_is_round_the_pin(bar):
     assert blocked_share(*bracketed(bar), LIMITS) == 0
     assert 0 < blocked_share(*bracketed(bar, tailstock="pin"), LIMITS) < 0.1
 
 
-def test_a_bracket_in_the_way_of_everything_is_refused(bar: Part) -> None:
+def test_a_bracket_in_the_way_of_everything_is_refused(bar):
     """A machine that leans its tool by 40 degrees comes from above alone, where a wide arm is."""
     steep = replace(LIMITS, largest=np.radians(40.0))
     setup, job = bracketed(bar, tailstock="pin", tailstock_length=2.0, tailstock_arm=200.0, tailstock_reach=60.0)
@@ -207,13 +207,13 @@ def test_a_bracket_in_the_way_of_everything_is_refused(bar: Part) -> None:
     assert blocked_share(setup, replace(job, holding=replace(job.holding, tailstock="none")), steep) == 0
 
 
-def test_a_tailstock_is_not_blamed_for_what_no_tool_reaches_without_it(bar: Part) -> None:
+def test_a_tailstock_is_not_blamed_for_what_no_tool_reaches_without_it(bar):
     """A machine whose tool only comes from straight below, where the post is."""
     setup, job = bracketed(bar, tailstock="pin")
     assert blocked_share(setup, job, replace(LIMITS, smallest=np.pi - 0.01, largest=np.pi)) == 0
 
 
-def test_the_bracket_that_is_found_stands_over_the_part_where_it_is_cut(bar: Part) -> None:
+def test_the_bracket_that_is_found_stands_over_the_part_where_it_is_cut(bar):
     setup, job, _ = find_standing(*bracketed(bar, tailstock="neck", tailstock_diameter=4.0), LIMITS)
     column, *arm = clamping_of(job.holding, LIMITS.bodies.table).beside
     top = float(setup.part.mesh.bounds[1, 2])
@@ -226,7 +226,7 @@ def test_the_bracket_that_is_found_stands_over_the_part_where_it_is_cut(bar: Par
     assert column.top == arm[0].top
 
 
-def test_a_bracket_over_the_part_leaves_its_parting_groove_free(bar: Part) -> None:
+def test_a_bracket_over_the_part_leaves_its_parting_groove_free(bar):
     setup, job, _ = find_standing(*bracketed(bar, tailstock="pin", parting=True), LIMITS)
     check_parting(setup, job, LIMITS)
     with pytest.raises(JobError, match=r"parting_stand_off = 15: the groove ends at z .* is kept off"):

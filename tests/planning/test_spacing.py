@@ -49,7 +49,7 @@ def cusp_by_geometry(radius: float, step: float, curvature: float) -> float:
 
 
 @pytest.mark.parametrize(("radius", "scallop", "curvature"), CASES)
-def test_scallop_of_the_step_is_the_scallop(radius: float, scallop: float, curvature: float) -> None:
+def test_scallop_of_the_step_is_the_scallop(radius, scallop, curvature):
     step = side_step(radius, scallop, np.array([curvature]))
     assert scallop_of_step(radius, step, np.array([curvature])) == pytest.approx(scallop, rel=1e-6)
 
@@ -57,37 +57,37 @@ def test_scallop_of_the_step_is_the_scallop(radius: float, scallop: float, curva
 @pytest.mark.parametrize(
     ("radius", "scallop", "curvature"), [(1.0, 0.01, 0.0), (1.0, 0.01, 0.25), (2.0, 0.05, -0.3), (3.0, 0.1, 0.1)]
 )
-def test_two_balls_a_side_step_apart_leave_exactly_the_scallop(radius: float, scallop: float, curvature: float) -> None:
+def test_two_balls_a_side_step_apart_leave_exactly_the_scallop(radius, scallop, curvature):
     step = float(side_step(radius, scallop, np.array([curvature]))[0])
     assert cusp_by_geometry(radius, step, curvature) == pytest.approx(scallop, abs=2e-6 * radius)
 
 
-def test_textbook_step_exceeds_the_scallop() -> None:
+def test_textbook_step_exceeds_the_scallop():
     step = np.array([np.sqrt(8 * 0.1 * 3 / (1 + 0.1 * 3))])
     assert scallop_of_step(3.0, step, np.array([0.1]))[0] > 0.101
 
 
-def test_a_section_sharper_than_the_ball_is_refused() -> None:
+def test_a_section_sharper_than_the_ball_is_refused():
     with pytest.raises(ToolPathError, match="gouges") as caught:
         side_step(1.0, 0.01, np.array([0.2, -1.0]))
     assert caught.value.evidence["index"] == 1
 
 
-def test_scallop_outside_the_ball_is_a_wrong_call() -> None:
+def test_scallop_outside_the_ball_is_a_wrong_call():
     with pytest.raises(ValueError, match="scallop"):
         side_step(1.0, 0.0, np.zeros(1))
 
 
 @pytest.mark.parametrize("pattern", ["round", "along"])
 @pytest.mark.parametrize("radius", [1.0, 2.0])
-def test_lines_increase_within_the_domain(pattern: str, radius: float) -> None:
+def test_lines_increase_within_the_domain(pattern, radius):
     lines = line_positions(grooved_pebble(1.0), pattern, radius, 0.02)
     assert (np.diff(lines) > 0).all()
     assert 0 <= lines[0] < lines[-1] < 1
 
 
 @pytest.mark.parametrize("pattern", ["round", "along"])
-def test_a_crease_does_not_crowd_lines_without_end(pattern: str) -> None:
+def test_a_crease_does_not_crowd_lines_without_end(pattern):
     smooth = pebble()
     points = np.array(smooth.control_points)
     points[25:29] = points[25]
@@ -97,18 +97,18 @@ def test_a_crease_does_not_crowd_lines_without_end(pattern: str) -> None:
     assert len(line_positions(creased, pattern, 2.0, 0.05)) < 6 * len(line_positions(smooth, pattern, 2.0, 0.05))
 
 
-def test_a_smaller_scallop_takes_more_lines_by_its_root() -> None:
+def test_a_smaller_scallop_takes_more_lines_by_its_root():
     counts = [len(line_positions(pebble(), "round", 1.0, scallop)) for scallop in (0.04, 0.01)]
     assert counts[1] / counts[0] == pytest.approx(2.0, rel=0.1)
 
 
-def test_a_pattern_that_is_not_resolved_is_refused() -> None:
+def test_a_pattern_that_is_not_resolved_is_refused():
     with pytest.raises(ValueError, match="'fastest'"):
         line_positions(pebble(), "fastest", 1.0, 0.01)
 
 
 @pytest.mark.parametrize("radius", [1.0, 2.0])
-def test_no_more_than_a_pass_lies_between_lines_where_they_are_needed(radius: float) -> None:
+def test_no_more_than_a_pass_lies_between_lines_where_they_are_needed(radius):
     """And near the poles far fewer lines are left."""
     surface, scallop = grooved_pebble(1.0), 0.02
     across = line_positions(surface, "along", radius, scallop)

@@ -58,13 +58,13 @@ def path(cutter: Cutter) -> ToolPath:
 
 
 @pytest.fixture
-def cutter() -> Cutter:
+def cutter():
     import bonecam
 
     return Cutter.from_job(1, "roughing", bonecam.Job().tool("roughing"), ())
 
 
-def test_each_copy_is_turned_by_a_pitch_more(cutter: Cutter) -> None:
+def test_each_copy_is_turned_by_a_pitch_more(cutter):
     one = path(cutter)
     made = indexed(one, 5)
     for k in range(5):
@@ -85,7 +85,7 @@ def test_each_copy_is_turned_by_a_pitch_more(cutter: Cutter) -> None:
     assert (made.kinds.reshape(5, ROWS) == one.kinds).all()
 
 
-def test_a_path_that_does_not_end_over_the_axis_is_not_repeated(cutter: Cutter) -> None:
+def test_a_path_that_does_not_end_over_the_axis_is_not_repeated(cutter):
     one = path(cutter)
     aside = replace(one, tips=one.tips + np.array([0.5, 0.0, 0.0]))
     with pytest.raises(ValueError, match="over Z"):
@@ -117,7 +117,7 @@ def replayed(path: ToolPath, rays: CutDexels) -> tuple[list[float], CutDexels]:
 
 
 @pytest.mark.slow
-def test_links_of_layers_remove_nothing_that_the_proof_would_refuse() -> None:
+def test_links_of_layers_remove_nothing_that_the_proof_would_refuse():
     job = COARSE.with_values(path={"strategy": "rotary"})
     paths = plan_layer_paths([level_of(grooved_pebble(1.2))], UPRIGHT_CAPSULE, job, MachineLimits(np.radians(115.0)))
     rays = uncut_rays(UPRIGHT_CAPSULE)
@@ -132,11 +132,11 @@ def test_links_of_layers_remove_nothing_that_the_proof_would_refuse() -> None:
 X, Y = np.eye(3)[:2]
 
 
-def test_an_outline_bends_round_a_bulge_that_is_lower_than_a_cell() -> None:
+def test_an_outline_bends_round_a_bulge_that_is_lower_than_a_cell():
     """A wall along b with a bulge of 0.12 mm, which ends before the first line beside the wall."""
     chart = FlatChart(-Y, X, np.arange(-3.005, 4.0, 0.15), np.arange(0.0, 12.0, 0.15))
 
-    def wall(b: np.ndarray) -> np.ndarray:
+    def wall(b):
         return 0.12 * np.exp(-((b - 6.0) ** 2))
 
     a, b = np.meshgrid(chart.a, chart.b, indexing="ij")

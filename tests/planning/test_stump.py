@@ -216,7 +216,7 @@ def groove() -> TriangleMesh:
 
 
 @pytest.mark.whole
-def test_finishing_layers_in_a_groove_cut_no_deeper_than_their_depth() -> None:
+def test_finishing_layers_in_a_groove_cut_no_deeper_than_their_depth():
     around = MeshDistance(groove())
     x, y = (side.ravel() for side in np.meshgrid(np.linspace(-1, 1, 9), np.linspace(-1.5, 1.5, 13)))
     places = np.column_stack([x, y, 10 - DEEP + np.abs(y)])

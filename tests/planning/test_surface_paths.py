@@ -24,7 +24,7 @@ JOB = bonecam.Job().with_values(
 )
 
 
-def test_round_a_blade_that_stands_out_sideways_the_axis_swings_and_comes_back() -> None:
+def test_round_a_blade_that_stands_out_sideways_the_axis_swings_and_comes_back():
     """Sooner than an azimuth that turns with the normals could turn alone."""
     angle = np.linspace(0, 2 * np.pi, 36, endpoint=False)
     ellipse = np.column_stack([np.zeros(36), 6 * np.cos(angle), 1.5 * np.sin(angle)])

@@ -1,6 +1,5 @@
 """A small part that went the whole way, and a browser."""
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +28,7 @@ SMALL = Job().with_values(
 
 
 @pytest.fixture(scope="session")
-def small_run(tmp_path_factory: pytest.TempPathFactory) -> tuple[bonecam.Result, Path]:
+def small_run(tmp_path_factory):
     """A capsule of 5 x 10 mm converted, and the folder with all that was written."""
     folder = tmp_path_factory.mktemp("small")
     mesh = Capsule(np.array([0.0, 0, 2.5]), np.array([0.0, 0, 7.5]), 2.5).mesh(0.05)
@@ -40,7 +39,7 @@ def small_run(tmp_path_factory: pytest.TempPathFactory) -> tuple[bonecam.Result,
 
 
 @pytest.fixture(scope="session")
-def second_run(tmp_path_factory: pytest.TempPathFactory) -> tuple[bonecam.Result, Path]:
+def second_run(tmp_path_factory):
     """The same capsule parted and held a second time in a shell, and the folder with all that was written."""
     folder = tmp_path_factory.mktemp("second")
     mesh = Capsule(np.array([0.0, 0, 2.5]), np.array([0.0, 0, 7.5]), 2.5).mesh(0.05)
@@ -54,7 +53,7 @@ def second_run(tmp_path_factory: pytest.TempPathFactory) -> tuple[bonecam.Result
 
 
 @pytest.fixture(scope="session")
-def browser() -> Iterator[Any]:
+def browser():
     """A headless chromium."""
     playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
     if not CHROMIUM.exists():

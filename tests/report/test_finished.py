@@ -1,8 +1,6 @@
 """One surface machined alone is kept, and seen in a browser, as the run of a part is."""
 
 import json
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -20,7 +18,7 @@ JOB = bonecam.Job().with_values(
 
 
 @pytest.fixture(scope="module")
-def tube(tmp_path_factory: pytest.TempPathFactory) -> tuple[bonecam.Finished, Path]:
+def tube(tmp_path_factory):
     """An elliptic tube of 12 mm, finished, and the folder with all that was written."""
     folder = tmp_path_factory.mktemp("tube")
     angle = np.linspace(0, 2 * np.pi, 24, endpoint=False)
@@ -29,7 +27,7 @@ def tube(tmp_path_factory: pytest.TempPathFactory) -> tuple[bonecam.Finished, Pa
     return bonecam.finish(skin(rows, 0.01), job=JOB, **files), folder
 
 
-def test_the_page_from_kept_files_is_that_of_the_run(tube: tuple[bonecam.Finished, Path], tmp_path: Path) -> None:
+def test_the_page_from_kept_files_is_that_of_the_run(tube, tmp_path):
     made, folder = tube
     assert main(["view", str(folder / "keep"), "-o", str(tmp_path / "again.html")]) == 0
     text = (tmp_path / "again.html").read_text(encoding="utf-8")
@@ -40,7 +38,7 @@ def test_the_page_from_kept_files_is_that_of_the_run(tube: tuple[bonecam.Finishe
     assert bonecam.read_job(kept / "job.toml") == made.job
 
 
-def test_axes_are_compared_with_normals_and_lead_at_the_same_contacts(tube: tuple[bonecam.Finished, Path]) -> None:
+def test_axes_are_compared_with_normals_and_lead_at_the_same_contacts(tube):
     """On a tube whose walls stand the holder keeps off whatever the axis: smooth axes are free, no slower than the
     others, and off the normal; with an axis along the feed the shank meets the post."""
     made, folder = tube
@@ -65,15 +63,13 @@ def test_axes_are_compared_with_normals_and_lead_at_the_same_contacts(tube: tupl
     assert np.allclose(normals, true, atol=1e-6)
 
 
-def test_a_notebook_shows_summary_and_page(tube: tuple[bonecam.Finished, Path]) -> None:
+def test_a_notebook_shows_summary_and_page(tube):
     shown = tube[0]._repr_html_()
     assert tube[0].summary.split("\n")[0] in shown
     assert "<iframe" in shown
 
 
-def test_the_page_shows_path_and_program_and_asks_for_nothing(
-    tube: tuple[bonecam.Finished, Path], browser: Any
-) -> None:
+def test_the_page_shows_path_and_program_and_asks_for_nothing(tube, browser):
     page = browser.new_page(viewport={"width": 1000, "height": 640})
     asked: list[str] = []
     troubles: list[str] = []

@@ -41,7 +41,7 @@ def failing(*_: object, **__: object) -> None:
     )
 
 
-def test_the_patch_of_a_failed_level_is_written_and_named(tmp_path: Path) -> None:
+def test_the_patch_of_a_failed_level_is_written_and_named(tmp_path):
     with (
         pytest.raises(LevelError, match=r"give more \(.*failed_level_07\.ply shows it\)$") as caught,
         keep_failed_level(tmp_path / "keep"),
@@ -52,7 +52,7 @@ def test_the_patch_of_a_failed_level_is_written_and_named(tmp_path: Path) -> Non
     assert np.allclose(read_mesh(caught.value.evidence["file"]).bounds, PATCH.bounds, atol=1e-6)
 
 
-def test_nothing_is_written_where_nothing_is_kept_or_there_is_no_patch(tmp_path: Path) -> None:
+def test_nothing_is_written_where_nothing_is_kept_or_there_is_no_patch(tmp_path):
     with pytest.raises(LevelError, match=r"give more$"), keep_failed_level(None):
         failing()
     with pytest.raises(LevelError, match=r"^no patch$"), keep_failed_level(tmp_path / "keep"):
@@ -60,9 +60,7 @@ def test_nothing_is_written_where_nothing_is_kept_or_there_is_no_patch(tmp_path:
     assert not list(tmp_path.iterdir())
 
 
-def test_the_command_line_names_the_patch(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_line_names_the_patch(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(job_levels, "make_levels", failing)
     monkeypatch.setattr(job_levels, "MOST_CHOICES", 1)
     part, out = tmp_path / "part.ply", tmp_path / "out"
@@ -75,7 +73,7 @@ def test_the_command_line_names_the_patch(
     assert [item.name for item in out.iterdir()] == ["keep"]
 
 
-def test_levels_are_kept_with_their_pictures_before_there_is_a_path(tmp_path: Path) -> None:
+def test_levels_are_kept_with_their_pictures_before_there_is_a_path(tmp_path):
     made = levels_in(grooved_pebble(0.2), UPRIGHT_CAPSULE, Schedule((), 1.5), chord_tolerance=0.1)
     keep_levels(tmp_path / "levels", made.levels, UPRIGHT_CAPSULE)
     levels = {f"level_{level.index:02d}.ply" for level in made.levels}
@@ -83,7 +81,7 @@ def test_levels_are_kept_with_their_pictures_before_there_is_a_path(tmp_path: Pa
 
 
 @pytest.mark.parametrize("closed", [False, True], ids=["sheet", "tube"])
-def test_open_levels_are_kept_with_their_pictures_without_a_stock(tmp_path: Path, closed: bool) -> None:
+def test_open_levels_are_kept_with_their_pictures_without_a_stock(tmp_path, closed):
     turn = np.linspace(0, 2 * np.pi, 16, endpoint=False)
     across = (6 * np.cos(turn), 2 * np.sin(turn)) if closed else (np.linspace(0, 20, 16), np.sin(np.linspace(0, 2, 16)))
     rows = [np.column_stack([across[0], np.full(16, y), across[1]]) for y in range(20, 0, -4)]
@@ -97,14 +95,14 @@ def test_open_levels_are_kept_with_their_pictures_without_a_stock(tmp_path: Path
     assert depths[0].mean() > 0.05
 
 
-def test_a_line_that_the_surface_has_not_is_refused_and_nothing_written(tmp_path: Path) -> None:
+def test_a_line_that_the_surface_has_not_is_refused_and_nothing_written(tmp_path):
     levels = [level_of(pebble(0.5 * k), k, 0.5) for k in range(3)]
     with pytest.raises(ValueError, match=r"line = 1\.5: give a parameter from 0 to 1"):
         keep_levels(tmp_path / "levels", levels, UPRIGHT_CAPSULE, line=1.5)
     assert not list(tmp_path.glob("levels/*"))
 
 
-def test_kept_levels_are_coloured_on_one_scale(tmp_path: Path) -> None:
+def test_kept_levels_are_coloured_on_one_scale(tmp_path):
     colours = {}
     for name, depths in (("shallow", [0.0, 0.1]), ("deep", [0.1, 0.5])):
         quality = np.linspace(*depths, len(PATCH.vertices))
@@ -118,7 +116,7 @@ def test_kept_levels_are_coloured_on_one_scale(tmp_path: Path) -> None:
     assert np.abs(colours["shallow"][0] - colours["deep"][-1]).max() > 0.5
 
 
-def test_levels_of_an_earlier_run_go_and_what_is_another_s_stays(tmp_path: Path) -> None:
+def test_levels_of_an_earlier_run_go_and_what_is_another_s_stays(tmp_path):
     folder, levels = tmp_path / "levels", [level_of(pebble(0.5 * k), k, 0.5) for k in range(4)]
     levels[-1] = StockLevel(3, levels[-1].mesh, 0.5, levels[-1].measures)
     keep_levels(folder, levels, UPRIGHT_CAPSULE)
@@ -132,7 +130,7 @@ def test_levels_of_an_earlier_run_go_and_what_is_another_s_stays(tmp_path: Path)
     assert (folder / "failed_level_03.ply").read_text() == "mine"
 
 
-def test_a_level_that_a_person_has_changed_stays(tmp_path: Path) -> None:
+def test_a_level_that_a_person_has_changed_stays(tmp_path):
     levels = [level_of(pebble(0.5 * k), k, 0.5) for k in range(2)]
     keep_levels(tmp_path, [*levels, StockLevel(2, levels[1].mesh, 0.5, levels[1].measures)], UPRIGHT_CAPSULE)
     (tmp_path / "level_02.ply").write_text("mine")
@@ -140,14 +138,14 @@ def test_a_level_that_a_person_has_changed_stays(tmp_path: Path) -> None:
     assert (tmp_path / "level_02.ply").read_text() == "mine"
 
 
-def test_the_patch_of_an_earlier_run_goes(tmp_path: Path) -> None:
+def test_the_patch_of_an_earlier_run_goes(tmp_path):
     for number in (3, 7):
         with pytest.raises(LevelError, match=f"failed_level_0{number}"), keep_failed_level(tmp_path):
             raise LevelError("level fails", level=number, patch=PATCH)
     assert seen(tmp_path) == {"failed_level_07.ply"}
 
 
-def test_a_patch_that_cannot_be_written_hides_no_error(tmp_path: Path) -> None:
+def test_a_patch_that_cannot_be_written_hides_no_error(tmp_path):
     (tmp_path / "keep").touch()
     with (
         pytest.raises(LevelError, match=r"give more \(.*keep: is a file: name a folder\)$"),
@@ -157,7 +155,7 @@ def test_a_patch_that_cannot_be_written_hides_no_error(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("room", [0, 500, 5000, 60000])
-def test_a_disk_that_is_full_leaves_the_folder_as_it_was(room: int, tmp_path: Path) -> None:
+def test_a_disk_that_is_full_leaves_the_folder_as_it_was(room, tmp_path):
     levels = [level_of(pebble(0.5 * k), k, 0.5) for k in range(2)]
     levels[-1] = StockLevel(1, levels[-1].mesh, 0.5, levels[-1].measures)
     before = resource.getrlimit(resource.RLIMIT_FSIZE)

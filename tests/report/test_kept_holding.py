@@ -3,7 +3,6 @@ tells.
 """
 
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 
@@ -24,7 +23,7 @@ FOUND = OPEN.with_values(
 )
 
 
-def test_what_the_job_leaves_open_is_the_folders(tmp_path: Path) -> None:
+def test_what_the_job_leaves_open_is_the_folders(tmp_path):
     (tmp_path / "job.toml").write_text(write_job(FOUND), encoding="utf-8")
     assert with_kept_holding(OPEN, tmp_path) == FOUND
     bar = OPEN.with_values(holding={"diameter": 5.0, "stub_length": 15.0})
@@ -33,7 +32,7 @@ def test_what_the_job_leaves_open_is_the_folders(tmp_path: Path) -> None:
     assert with_kept_holding(stated, tmp_path) is stated
 
 
-def test_depths_that_were_found_are_the_folders(tmp_path: Path) -> None:
+def test_depths_that_were_found_are_the_folders(tmp_path):
     kept = FOUND.with_values(levels={"depths": "0.1 0.25 1", "scallop_share": 0.1})
     (tmp_path / "job.toml").write_text(write_job(kept), encoding="utf-8")
     assert with_kept_holding(Job(), tmp_path).levels == kept.levels
@@ -45,12 +44,12 @@ def test_depths_that_were_found_are_the_folders(tmp_path: Path) -> None:
         with_kept_holding(asked, tmp_path)
 
 
-def test_a_folder_that_does_not_tell_is_refused(tmp_path: Path) -> None:
+def test_a_folder_that_does_not_tell_is_refused(tmp_path):
     with pytest.raises(FileError, match=r"\[holding\] was found, and .*job.toml does not tell how"):
         with_kept_holding(OPEN, tmp_path)
 
 
-def test_cutters_that_were_chosen_are_the_folders(tmp_path: Path) -> None:
+def test_cutters_that_were_chosen_are_the_folders(tmp_path):
     kept = Job().with_values(
         roughing={"preset": "ball-6"},
         finishing={"preset": "ball-4"},

@@ -44,14 +44,12 @@ from bonecam.verify.readback import compare_moves
         ("fanuc-30i", "a.mpf", "a.nc"),
     ],
 )
-def test_a_program_named_for_another_controller_is_refused_with_the_name_that_fits(
-    controller: str, name: str, proposed: str
-) -> None:
+def test_a_program_named_for_another_controller_is_refused_with_the_name_that_fits(controller, name, proposed):
     with pytest.raises(FileError, match=f"name it {proposed}"):
         check_ending(Path(name), read_dialect(controller))
 
 
-def test_parts_of_both_clampings_do_not_share_a_file() -> None:
+def test_parts_of_both_clampings_do_not_share_a_file():
     first, second = ({Path(name): "" for name in names.split()} for names in ("a.nc O0078.nc", "b.nc O0078.nc"))
     with pytest.raises(FileError, match=r"O0078\.nc: both clampings have a part of this name: give another"):
         check_apart(first, second)
@@ -59,22 +57,22 @@ def test_parts_of_both_clampings_do_not_share_a_file() -> None:
 
 
 @pytest.mark.parametrize("name", ["a.h", "a.H", "a.nc", "a.i"])
-def test_a_control_s_own_endings_are_free(name: str) -> None:
+def test_a_control_s_own_endings_are_free(name):
     check_ending(Path(name), read_dialect("heidenhain"))
 
 
-def test_a_program_is_never_named_as_a_part() -> None:
+def test_a_program_is_never_named_as_a_part():
     with pytest.raises(FileError, match=r"name it bone\.h"):
         check_ending(Path("bone.stl"), read_dialect("heidenhain"))
 
 
 @pytest.mark.parametrize(("name", "proposed"), [("p", "p.h"), ("out/p.", "p.h"), (".h", "h.h"), ("-", "-.h")])
-def test_a_program_without_an_ending_is_refused_with_the_one_that_the_control_lists(name: str, proposed: str) -> None:
+def test_a_program_without_an_ending_is_refused_with_the_one_that_the_control_lists(name, proposed):
     with pytest.raises(FileError, match=rf"has no ending, heidenhain programs end in \.h: name it {proposed}$"):
         check_ending(Path(name), read_dialect("heidenhain"))
 
 
-def test_the_apt_file_has_every_move_of_the_tool_paths(small_run: tuple[bonecam.Result, Path]) -> None:
+def test_the_apt_file_has_every_move_of_the_tool_paths(small_run):
     made, folder = small_run
     read = read_apt((folder / "bone.apt").read_text(encoding="utf-8"))
     assert read.name == made.program.name
@@ -84,14 +82,12 @@ def test_the_apt_file_has_every_move_of_the_tool_paths(small_run: tuple[bonecam.
 
 
 @pytest.mark.parametrize("name", ["a.h", "a", "a.stl"])
-def test_an_apt_file_with_another_ending_is_refused(name: str) -> None:
+def test_an_apt_file_with_another_ending_is_refused(name):
     with pytest.raises(FileError, match=rf"name it {name}\.apt"):
         Outputs(apt=name).check()
 
 
-def test_a_split_program_is_written_as_caller_and_parts_that_join_to_what_was_proved(
-    small_run: tuple[bonecam.Result, Path], tmp_path: Path
-) -> None:
+def test_a_split_program_is_written_as_caller_and_parts_that_join_to_what_was_proved(small_run, tmp_path):
     made, _ = small_run
     job = made.job.with_values(nc={"split": "level"})
     machine, dialect = read_machine(job.nc.machine), job_dialect(job.nc)
@@ -102,9 +98,6 @@ def test_a_split_program_is_written_as_caller_and_parts_that_join_to_what_was_pr
     whole = joined(place, dialect).text
     assert whole == program.text
     compare_moves(read_program(whole, machine, dialect), made.paths, dialect, Tolerances())
-
-
-Run = tuple[bonecam.Result, Path]
 
 
 def refuse(result: bonecam.Result, folder: Path | None) -> VerifyError:
@@ -118,7 +111,7 @@ def refuse(result: bonecam.Result, folder: Path | None) -> VerifyError:
     return caught.value
 
 
-def test_a_refusal_of_a_program_of_ours_is_kept_with_program_place_and_picture(small_run: Run, tmp_path: Path) -> None:
+def test_a_refusal_of_a_program_of_ours_is_kept_with_program_place_and_picture(small_run, tmp_path):
     result, _ = small_run
     error = refuse(result, tmp_path / "keep")
     assert str(error).startswith("line 7: too deep: go slower (")
@@ -138,29 +131,27 @@ def test_a_refusal_of_a_program_of_ours_is_kept_with_program_place_and_picture(s
     assert report["levels"] == result.report["levels"]
 
 
-def test_without_a_folder_the_refusal_tells_how_to_get_one(small_run: Run) -> None:
+def test_without_a_folder_the_refusal_tells_how_to_get_one(small_run):
     assert "--keep DIR" in str(refuse(small_run[0], None))
 
 
-def test_a_folder_that_cannot_be_written_does_not_hide_the_refusal(small_run: Run, tmp_path: Path) -> None:
+def test_a_folder_that_cannot_be_written_does_not_hide_the_refusal(small_run, tmp_path):
     (tmp_path / "file").touch()
     error = refuse(small_run[0], tmp_path / "file")
     assert str(error).startswith("line 7: too deep")
     assert "nothing could be kept" in str(error)
 
 
-def test_other_errors_pass(small_run: Run, tmp_path: Path) -> None:
+def test_other_errors_pass(small_run, tmp_path):
     with pytest.raises(LevelError, match=r"^no level$"), keep_refused(small_run[0], tmp_path / "keep", StageTimes()):
         raise LevelError("no level")
     assert not list(tmp_path.iterdir())
 
 
-def test_convert_keeps_what_its_simulation_refuses(
-    small_run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_convert_keeps_what_its_simulation_refuses(small_run, tmp_path, monkeypatch):
     result, _ = small_run
 
-    def refuse(*_: object, **__: object) -> None:
+    def refuse(*_, **__):
         raise VerifyError("line 9: a cut is too deep: report it", line=9, place=(2.5, 0.0, 65.0))
 
     for stage in ("morph_part", "machine_levels"):
@@ -202,7 +193,7 @@ def refuse_in(stage: str, error: Exception, report: Path | None) -> None:
             raise error
 
 
-def test_a_refused_run_reports_how_far_it_came(tmp_path: Path) -> None:
+def test_a_refused_run_reports_how_far_it_came(tmp_path):
     error = LevelError("level 3: too thin: a thicker stock", level=3, place=np.array([0.0, 1.0, 2.0]))
     with pytest.raises(LevelError) as caught:
         refuse_in("levels", error, tmp_path / "r.json")
@@ -223,28 +214,28 @@ def test_a_refused_run_reports_how_far_it_came(tmp_path: Path) -> None:
     assert list(report["seconds"]) == ["mesh"]
 
 
-def test_a_run_that_is_stopped_or_breaks_reports_nothing(tmp_path: Path) -> None:
+def test_a_run_that_is_stopped_or_breaks_reports_nothing(tmp_path):
     for error in (Cancelled("stopped"), ZeroDivisionError("a bug")):
         with pytest.raises(type(error)):
             refuse_in("levels", error, tmp_path / "r.json")
     assert not list(tmp_path.iterdir())
 
 
-def test_a_report_that_cannot_be_written_does_not_hide_the_refusal(tmp_path: Path) -> None:
+def test_a_report_that_cannot_be_written_does_not_hide_the_refusal(tmp_path):
     (tmp_path / "r.json").mkdir()
     with pytest.raises(JobError, match=r"^a = 1: give 2 \(.*r\.json: is a folder"):
         refuse_in("mesh", JobError("a = 1: give 2"), tmp_path / "r.json")
     assert not list((tmp_path / "r.json").iterdir())
 
 
-def test_a_limit_is_refused_by_the_code_of_its_warning_with_the_warning_s_remedy() -> None:
+def test_a_limit_is_refused_by_the_code_of_its_warning_with_the_warning_s_remedy():
     error = LimitError("20 mm (allowed 5): mend it: now; or say so", code="hole", remedy="mend it: now")
     figures = refused_figures(error, "mesh")
     assert (figures["code"], figures["remedy"]) == ("hole", "mend it: now")
     assert code_of(ToolPathError("")) == "tool_path"
 
 
-def test_sections_of_a_part_of_the_report_stay_apart() -> None:
+def test_sections_of_a_part_of_the_report_stay_apart():
     with pytest.raises(JobError) as caught, knowing({"nc": 1}, part="second"), knowing({"nc": 2}):
         raise JobError("")
     assert caught.value.evidence["report"] == {"nc": 1, "second": {"nc": 2}}

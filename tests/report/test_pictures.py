@@ -7,7 +7,6 @@ The picture of a machine file.
 
 from dataclasses import replace
 from itertools import pairwise
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -87,7 +86,7 @@ def path(k: int) -> ToolPath:
 
 
 @pytest.fixture
-def drawn(monkeypatch: pytest.MonkeyPatch) -> list[Figure]:
+def drawn(monkeypatch):
     """The figures that were saved."""
     figures: list[Figure] = []
     monkeypatch.setattr(Figure, "savefig", lambda figure, *_, **__: figures.append(figure))
@@ -105,7 +104,7 @@ def extents(items: Any) -> list[Bbox]:
 STOCKS = [(8.0, 8.0, 18.0), (40.0, 10.0, 18.0), (9.0, 30.0, 18.0), (7.0, 7.0, 120.0)]
 
 
-def test_rest_paths_take_the_place_of_no_level(drawn: list[Figure]) -> None:
+def test_rest_paths_take_the_place_of_no_level(drawn):
     outer, middle, inner = (path(level) for level in (3, 1, 0))
     rests = [replace(middle, rest=number) for number in (1, 2, 3)]
     draw_toolpath([outer, middle, *rests, inner], boxed(*STOCKS[0]), "")
@@ -113,7 +112,7 @@ def test_rest_paths_take_the_place_of_no_level(drawn: list[Figure]) -> None:
     assert [title for title in titles if title] == [f"level {level}" for level in (3, 3, 1, 1, 0, 0)]
 
 
-def test_engagement_is_drawn_on_levels_with_the_share_of_cuts_in_air(drawn: list[Figure]) -> None:
+def test_engagement_is_drawn_on_levels_with_the_share_of_cuts_in_air(drawn):
     """Of level 3 all is air, of level 0 nothing; links are not drawn."""
     moves = [path(level) for level in (3, 1, 0)]
     levels = np.repeat([3, 1, 0], [len(each.tips) for each in moves])
@@ -128,9 +127,7 @@ def test_engagement_is_drawn_on_levels_with_the_share_of_cuts_in_air(drawn: list
 
 
 @pytest.mark.parametrize("sizes", STOCKS, ids=str)
-def test_panels_have_one_scale_and_nothing_is_clipped_or_covered(
-    sizes: tuple[float, float, float], drawn: list[Figure]
-) -> None:
+def test_panels_have_one_scale_and_nothing_is_clipped_or_covered(sizes, drawn):
     levels = boxed(*sizes)
     draw_levels(levels, POST, "")
     draw_coloured(levels, "")
@@ -159,7 +156,7 @@ def test_panels_have_one_scale_and_nothing_is_clipped_or_covered(
         assert not any(label.overlaps(other) for label in labels for other in [*legends, *bars])
 
 
-def test_depths_beyond_the_limit_are_shown_and_titles_say_which_cuts_and_which_line(drawn: list[Figure]) -> None:
+def test_depths_beyond_the_limit_are_shown_and_titles_say_which_cuts_and_which_line(drawn):
     levels = boxed(8.0, 8.0, 18.0)
     draw_depths(levels, np.array([[0.4, 0.5, 0.4], [0.4, 0.9, 0.4]]), "")
     above = drawn[0].axes[0]
@@ -171,7 +168,7 @@ def test_depths_beyond_the_limit_are_shown_and_titles_say_which_cuts_and_which_l
     assert any("cuts 1 to 4" in title for title in texts(drawn[0])[1:])
 
 
-def test_depths_are_drawn_over_the_way_along_the_part_in_the_colours_of_the_cuts_drawn(drawn: list[Figure]) -> None:
+def test_depths_are_drawn_over_the_way_along_the_part_in_the_colours_of_the_cuts_drawn(drawn):
     levels = boxed(8.0, 8.0, 18.0)
     part = levels[0].surface
     assert part is not None
@@ -188,7 +185,7 @@ def test_depths_are_drawn_over_the_way_along_the_part_in_the_colours_of_the_cuts
 
 
 @pytest.mark.parametrize("cuts", [1, 2, 9, 10, 11, 37])
-def test_some_lines_are_labelled_apart_from_each_other_each_on_its_own(cuts: int) -> None:
+def test_some_lines_are_labelled_apart_from_each_other_each_on_its_own(cuts):
     line = np.random.default_rng(cuts).random((cuts, 1000))
     found = label_places(line)
     assert len(found) <= 10
@@ -199,7 +196,7 @@ def test_some_lines_are_labelled_apart_from_each_other_each_on_its_own(cuts: int
 
 
 @pytest.mark.parametrize("towards", ["x", "y", "z"])
-def test_an_open_mesh_is_seen_from_where_it_faces_and_cut_through_its_middle(towards: str, drawn: list[Figure]) -> None:
+def test_an_open_mesh_is_seen_from_where_it_faces_and_cut_through_its_middle(towards, drawn):
     mesh = sheet(**{towards: 1.0})
     assert np.allclose(view(mesh)[1], [-1.0 * (axis == towards) for axis in "xyz"])
     assert np.isclose(np.linalg.det(view(mesh)[[0, 1, 2]]), 1.0)
@@ -215,17 +212,17 @@ def test_an_open_mesh_is_seen_from_where_it_faces_and_cut_through_its_middle(tow
     assert texts(drawn[0]) == [f"section y = {middle[1]:g}", f"section x = {middle[0]:g}"]
 
 
-def test_a_closed_mesh_is_seen_from_the_front() -> None:
+def test_a_closed_mesh_is_seen_from_the_front():
     assert np.allclose(view(Box(np.zeros(3), np.array([9.0, 1.0, 1.0])).mesh(0.1)), np.eye(3))
     assert np.allclose(view(Box(np.zeros(3), np.array([1.0, 9.0, 1.0])).mesh(0.1)), np.eye(3))
 
 
-def test_the_sections_are_named(drawn: list[Figure]) -> None:
+def test_the_sections_are_named(drawn):
     draw_levels(boxed(8.0, 8.0, 18.0), POST, "")
     assert texts(drawn[0]) == ["section y = 0", "section x = 0"]
 
 
-def test_the_coloured_levels_go_out_to_the_stock(drawn: list[Figure]) -> None:
+def test_the_coloured_levels_go_out_to_the_stock(drawn):
     draw_coloured(boxed(8.0, 8.0, 18.0), "")
     behind = "from behind"
     assert texts(drawn[0]) == ["level 1", behind, "level 2", behind, "level 4, the stock", behind]
@@ -233,7 +230,7 @@ def test_the_coloured_levels_go_out_to_the_stock(drawn: list[Figure]) -> None:
     assert texts(drawn[1]) == ["level 1", behind, "level 2, the stock", behind]
 
 
-def test_a_box_is_shaded_by_its_faces_and_a_round_body_smoothly() -> None:
+def test_a_box_is_shaded_by_its_faces_and_a_round_body_smoothly():
     box = Box(np.zeros(3), np.array([1.0, 2.0, 3.0])).mesh(0.1)
     own = box.face_vectors / np.linalg.norm(box.face_vectors, axis=1, keepdims=True)
     assert np.allclose(corner_normals(box), own[:, None])
@@ -242,7 +239,7 @@ def test_a_box_is_shaded_by_its_faces_and_a_round_body_smoothly() -> None:
     assert (corner_normals(mesh) * body.normals(mesh.vertices)[mesh.faces]).sum(axis=2).min() > 0.99
 
 
-def test_pictures_are_written(tmp_path: Path) -> None:
+def test_pictures_are_written(tmp_path):
     draw_levels(boxed(8.0, 8.0, 18.0), POST, tmp_path / "levels.png")
     assert (tmp_path / "levels.png").read_bytes().startswith(b"\x89PNG")
 
@@ -251,14 +248,14 @@ TOOL = Cutter.from_job(2, "finishing", Job().tool("finishing"), [Frustum(35.0, 8
 
 
 @pytest.fixture
-def leaning_path() -> ToolPath:
+def leaning_path():
     """Cuts whose axes lean ever more, the first row being a rapid that leans most."""
     polar = np.radians([110.0, 10, 50, 90, 100, 30])
     axes = np.column_stack([np.sin(polar), 0 * polar, np.cos(polar)])
     return path_of(np.tile([3.0, 0, 120], (6, 1)), axes, tool=TOOL)
 
 
-def test_the_height_told_is_that_of_the_body_drawn(leaning_path: ToolPath) -> None:
+def test_the_height_told_is_that_of_the_body_drawn(leaning_path):
     heights = machine_picture._lowest(leaning_path)
     assert np.isinf(heights[0])
     assert heights.argmin() == 4
@@ -268,7 +265,7 @@ def test_the_height_told_is_that_of_the_body_drawn(leaning_path: ToolPath) -> No
         assert heights[row] == pytest.approx(drawn, abs=0.3)
 
 
-def test_the_picture_is_written_from_both_sides_with_what_there_is(leaning_path: ToolPath, tmp_path: Path) -> None:
+def test_the_picture_is_written_from_both_sides_with_what_there_is(leaning_path, tmp_path):
     part = Capsule(np.array([0.0, 0, 108]), np.array([0.0, 0, 120]), 3.0).mesh(0.1)
     holding = HoldingJob(diameter=4.0, length=105.0)
     table = Table(radius=100.0, standing=(Frustum(20.0, 40.0, 30.0),))
@@ -277,12 +274,12 @@ def test_the_picture_is_written_from_both_sides_with_what_there_is(leaning_path:
     assert (tmp_path / "machine.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_a_table_is_drawn_as_wide_as_it_is() -> None:
+def test_a_table_is_drawn_as_wide_as_it_is():
     drawn = machine_picture.table_bodies(Table(radius=140.0))[0][1]
     assert drawn.bounds[1, 0] == pytest.approx(140.0)
 
 
 @pytest.mark.parametrize("name", [name for name in machine_names() if name in ("mill-4axis", "dmu-45")])
-def test_a_machine_file_is_drawn(name: str, tmp_path: Path) -> None:
+def test_a_machine_file_is_drawn(name, tmp_path):
     draw_machine_file(read_machine(name), tmp_path / "machine.png")
     assert (tmp_path / "machine.png").read_bytes().startswith(b"\x89PNG")

@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-import bonecam
 from bonecam.cli import main
 from bonecam.errors import FileError
 from bonecam.machine import read_machine
@@ -22,30 +21,28 @@ from bonecam.mesh import TriangleMesh, read_mesh, write_mesh
 from bonecam.nc import read_program
 from bonecam.nc.requirements import job_dialect
 from bonecam.report import read_apt
-from bonecam.report.kept import GIVEN, SECOND_VIEW, SecondProgram
+from bonecam.report.kept import GIVEN, SECOND_VIEW
 from bonecam.report.outputs import Outputs
-from bonecam.report.page.contents import Contents, unpack
+from bonecam.report.page.contents import unpack
 from bonecam.tool import MoveKind
 
 pytestmark = pytest.mark.whole
 
-Run = tuple[bonecam.Result, Path]
-
 
 @pytest.fixture(scope="module")
-def second(second_run: Run) -> SecondProgram:
+def second(second_run):
     made = second_run[0].second
     assert made is not None
     return made
 
 
 @pytest.fixture(scope="module")
-def contents(second: SecondProgram) -> Contents:
+def contents(second):
     return unpack(second.packed_view, "the second clamping")
 
 
 @pytest.fixture
-def keep(second_run: Run, tmp_path: Path) -> Path:
+def keep(second_run, tmp_path):
     """A copy of what the run kept."""
     return Path(shutil.copytree(second_run[1] / "keep", tmp_path / "keep"))
 
@@ -60,7 +57,7 @@ class Simulated:
 
 
 @pytest.fixture(scope="module")
-def simulated(second_run: Run, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Simulated]:
+def simulated(second_run, tmp_path_factory):
     """Both texts of the run, simulated from its kept folder."""
     folder, found = second_run[1], {}
     keep = ["--keep", str(folder / "keep")]
@@ -75,9 +72,7 @@ def simulated(second_run: Run, tmp_path_factory: pytest.TempPathFactory) -> dict
     return found
 
 
-def test_every_output_of_the_second_clamping_lies_beside_that_of_the_first(
-    second_run: Run, second: SecondProgram
-) -> None:
+def test_every_output_of_the_second_clamping_lies_beside_that_of_the_first(second_run, second):
     folder = second_run[1]
     assert (folder / "bone.second.h").read_text(encoding="utf-8") == second.program.text
     assert (folder / "bone.second.html").read_text(encoding="utf-8") == second.page
@@ -88,7 +83,7 @@ def test_every_output_of_the_second_clamping_lies_beside_that_of_the_first(
     assert (keep / SECOND_VIEW).read_bytes() == second.packed_view
 
 
-def test_the_page_shows_the_moves_of_the_second_text(second: SecondProgram, contents: Contents) -> None:
+def test_the_page_shows_the_moves_of_the_second_text(second, contents):
     job = second.job
     text = second.program.text
     motions = read_program(text, read_machine(job.nc.machine), job_dialect(job.nc))
@@ -106,9 +101,7 @@ def test_the_page_shows_the_moves_of_the_second_text(second: SecondProgram, cont
     assert zero - second.clamping.cut_off == pytest.approx(second.clamping.top)
 
 
-def test_the_page_s_stump_is_there_before_the_first_layer_and_gone_behind_the_last(
-    second: SecondProgram, contents: Contents
-) -> None:
+def test_the_page_s_stump_is_there_before_the_first_layer_and_gone_behind_the_last(second, contents):
     arrays = contents.arrays
     layers = [layer["level"] for layer in contents.facts["program"]["layers"]]
     assert layers == sorted(path.level for path in second.paths)
@@ -124,7 +117,7 @@ def test_the_page_s_stump_is_there_before_the_first_layer_and_gone_behind_the_la
     assert (arrays["move_kind"][cut_at] == MoveKind.CUT).all()
 
 
-def test_the_page_of_the_second_clamping_draws_without_a_post(second_run: Run, browser: Any) -> None:
+def test_the_page_of_the_second_clamping_draws_without_a_post(second_run, browser):
     opened = browser.new_page(viewport={"width": 900, "height": 600})
     troubles: list[str] = []
     asked: list[str] = []
@@ -150,7 +143,7 @@ def test_the_page_of_the_second_clamping_draws_without_a_post(second_run: Run, b
     assert asked == [place]
 
 
-def test_cutter_location_data_has_the_moves_of_the_second_clamping(second: SecondProgram) -> None:
+def test_cutter_location_data_has_the_moves_of_the_second_clamping(second):
     read = read_apt(second.apt)
     assert read.name == second.program.name
     assert [path.level for path in read.paths] == [path.level for path in second.paths]
@@ -159,7 +152,7 @@ def test_cutter_location_data_has_the_moves_of_the_second_clamping(second: Secon
         np.testing.assert_allclose(found.axes, path.axes, atol=1e-8)
 
 
-def test_view_makes_both_pages_again(second_run: Run, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_view_makes_both_pages_again(second_run, tmp_path, capsys):
     folder = second_run[1]
     assert main(["view", str(folder / "keep"), "-o", str(tmp_path / "again.html")]) == 0
     pages = [tmp_path / "again.html", tmp_path / "again.second.html"]
@@ -168,7 +161,7 @@ def test_view_makes_both_pages_again(second_run: Run, tmp_path: Path, capsys: py
         assert page.read_bytes() == (folder / first).read_bytes()
 
 
-def test_a_second_output_that_cannot_be_written_is_refused_before_the_work(tmp_path: Path) -> None:
+def test_a_second_output_that_cannot_be_written_is_refused_before_the_work(tmp_path):
     for name, file in (("program", "bone.h"), ("html", "bone.html"), ("apt", "bone.apt")):
         (tmp_path / file.replace(".", ".second.")).mkdir()
         with pytest.raises(FileError, match=r"bone\.second\."):
@@ -176,7 +169,7 @@ def test_a_second_output_that_cannot_be_written_is_refused_before_the_work(tmp_p
         Outputs(**{name: tmp_path / file}).check()
 
 
-def test_the_sheet_has_a_page_for_each_clamping(second_run: Run, second: SecondProgram, browser: Any) -> None:
+def test_the_sheet_has_a_page_for_each_clamping(second_run, second, browser):
     sheet = second_run[1] / "sheet.html"
     opened = browser.new_page()
     opened.goto(sheet.as_uri())
@@ -213,9 +206,7 @@ def test_the_sheet_has_a_page_for_each_clamping(second_run: Run, second: SecondP
         assert figure in turned, figure
 
 
-def test_simulate_finds_in_the_kept_texts_what_the_run_found(
-    simulated: dict[str, Simulated], second: SecondProgram
-) -> None:
+def test_simulate_finds_in_the_kept_texts_what_the_run_found(simulated, second):
     found = simulated["bone.second.h"].report["removal"]
     told = second.report["removal"]
     assert found["clearance_mm"]["shell"] == pytest.approx(told["clearance_mm"]["shell"], abs=0.01)
@@ -232,14 +223,12 @@ def test_simulate_finds_in_the_kept_texts_what_the_run_found(
     assert [layer["level"] for layer in shown.facts["program"]["layers"]] == sorted(path.level for path in second.paths)
 
 
-def test_simulate_begins_the_first_text_with_the_exact_stock(second_run: Run, simulated: dict[str, Simulated]) -> None:
+def test_simulate_begins_the_first_text_with_the_exact_stock(second_run, simulated):
     found = simulated["bone.h"].report["removal"]
     assert found["levels"] == second_run[0].report["removal"]["levels"]
 
 
-def test_simulate_finds_what_each_text_does_to_the_mesh_as_given(
-    second_run: Run, second: SecondProgram, simulated: dict[str, Simulated]
-) -> None:
+def test_simulate_finds_what_each_text_does_to_the_mesh_as_given(second_run, second, simulated):
     result = second_run[0]
     for name, nc, removal in (
         ("bone.h", result.report["nc"], result.report["removal"]),
@@ -255,9 +244,7 @@ def test_simulate_finds_what_each_text_does_to_the_mesh_as_given(
 
 
 @pytest.mark.parametrize("name", ["bone.h", "bone.second.h"])
-def test_simulate_refuses_a_text_that_goes_too_deep_into_the_mesh_as_given(
-    second_run: Run, keep: Path, tmp_path: Path, name: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_simulate_refuses_a_text_that_goes_too_deep_into_the_mesh_as_given(second_run, keep, tmp_path, name, capsys):
     """A mesh as given that is 1.5 times as large: every ball would be in it, and nothing was left on it."""
     given = read_mesh(keep / GIVEN)
     middle = given.bounds.mean(axis=0)
@@ -273,9 +260,7 @@ def test_simulate_refuses_a_text_that_goes_too_deep_into_the_mesh_as_given(
 
 
 @pytest.mark.parametrize("name", ["bone.h", "bone.second.h"])
-def test_simulate_tells_that_it_has_no_mesh_as_given(
-    second_run: Run, keep: Path, tmp_path: Path, name: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_simulate_tells_that_it_has_no_mesh_as_given(second_run, keep, tmp_path, name, capsys):
     (keep / GIVEN).unlink()
     report = tmp_path / "again.json"
     outputs = ["--report", str(report), "--cell", "0.2"]
@@ -287,7 +272,7 @@ def test_simulate_tells_that_it_has_no_mesh_as_given(
     assert "nc" not in found
 
 
-def test_the_second_proof_knows_the_mesh_as_given(second: SecondProgram) -> None:
+def test_the_second_proof_knows_the_mesh_as_given(second):
     assert 0 < second.report["gouge_to_given_max_mm"] < 0.2, "the fit is within 0.2 mm"
     assert "OF THE MESH AS GIVEN" in second.program.text.upper()
     assert second.summary.count("the mesh as given at most") == 2
@@ -296,8 +281,8 @@ def test_the_second_proof_knows_the_mesh_as_given(second: SecondProgram) -> None
 
 @pytest.mark.parametrize("change", ["gone", "no stock", "another stock", "no deviation"])
 def test_simulate_refuses_a_kept_folder_that_tells_no_stock_or_not_how_deep_a_program_may_go(
-    second_run: Run, keep: Path, change: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+    second_run, keep, change, capsys
+):
     report = json.loads((keep / "report.json").read_text(encoding="utf-8"))
     if change == "another stock":
         report["stock"]["diameter_mm"] = 9.0
@@ -316,8 +301,8 @@ def test_simulate_refuses_a_kept_folder_that_tells_no_stock_or_not_how_deep_a_pr
 
 
 def test_simulate_refuses_a_second_text_that_is_not_the_kept_one_or_cuts_with_a_rapid(
-    second_run: Run, second: SecondProgram, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+    second_run, second, tmp_path, capsys
+):
     folder = second_run[1]
     keep = folder / "keep"
     top = f"UP TO Z {second.clamping.top:.2f} AT MOST"

@@ -4,8 +4,6 @@ import hashlib
 import html
 import re
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -23,15 +21,12 @@ from bonecam.report.warnings import with_warnings
 pytestmark = pytest.mark.whole
 
 
-Run = tuple[bonecam.Result, Path]
-
-
 def pages(pdf: bytes) -> int:
     """How many pages a PDF has."""
     return len(re.findall(rb"/Type\s*/Page\b", pdf))
 
 
-def test_it_prints_on_one_page_and_asks_for_nothing(small_run: Run, browser: Any) -> None:
+def test_it_prints_on_one_page_and_asks_for_nothing(small_run, browser):
     asked: list[str] = []
     opened = browser.new_page()
     opened.on("request", lambda request: asked.append(request.url))
@@ -42,7 +37,7 @@ def test_it_prints_on_one_page_and_asks_for_nothing(small_run: Run, browser: Any
     assert asked == [(small_run[1] / "sheet.html").as_uri()]
 
 
-def test_it_tells_the_checksum_the_tools_and_the_clamping(small_run: Run) -> None:
+def test_it_tells_the_checksum_the_tools_and_the_clamping(small_run):
     made, folder = small_run
     text = (folder / "sheet.html").read_text(encoding="utf-8")
     assert hashlib.sha256((folder / "bone.h").read_bytes()).hexdigest() in text
@@ -64,7 +59,7 @@ def test_it_tells_the_checksum_the_tools_and_the_clamping(small_run: Run) -> Non
         assert told in text
 
 
-def test_axes_travel_what_the_program_s_header_says(small_run: Run) -> None:
+def test_axes_travel_what_the_program_s_header_says(small_run):
     made = small_run[0]
     machine = read_machine(made.job.nc.machine)
     motions = read_program(made.program.text, machine, job_dialect(made.job.nc))
@@ -78,7 +73,7 @@ def test_axes_travel_what_the_program_s_header_says(small_run: Run) -> None:
     assert found["B"].high == pytest.approx(rotary.max())
 
 
-def test_a_sheet_without_simulation_warns(small_run: Run) -> None:
+def test_a_sheet_without_simulation_warns(small_run):
     made = small_run[0]
     report = with_warnings({**made.report, "removal": NOT_SIMULATED}, made.job)
     blind = replace(made, report=report, removal=None)
@@ -86,19 +81,19 @@ def test_a_sheet_without_simulation_warns(small_run: Run) -> None:
     assert "touch nothing" not in blind.sheet
 
 
-def test_what_bends_is_the_first_warning(small_run: Run) -> None:
+def test_what_bends_is_the_first_warning(small_run):
     warnings = small_run[0].sheet.split("Before the start")[1]
     first = warnings.split("<li>")[1]
     assert first.startswith("Stress at the peaks is ")
     assert "0.6 to 1.9 times by author" in first
 
 
-def test_a_sheet_that_is_no_page_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_sheet_that_is_no_page_is_refused(tmp_path, capsys):
     assert main(["demo", "-o", str(tmp_path / "p.h"), "--sheet", str(tmp_path / "sheet.pdf")]) == 2
     assert "ends in .html" in capsys.readouterr().err
 
 
-def test_it_tells_the_air_check_of_the_program_s_header(small_run: Run) -> None:
+def test_it_tells_the_air_check_of_the_program_s_header(small_run):
     made, folder = small_run
     text = html.unescape((folder / "sheet.html").read_text(encoding="utf-8"))
     assert any("a mark at X+ of the table must go to Z+" in line for line in made.program.air_check)
@@ -107,7 +102,7 @@ def test_it_tells_the_air_check_of_the_program_s_header(small_run: Run) -> None:
         assert f"; AIR CHECK: {line.upper()}\n" in made.program.text
 
 
-def test_the_drawing_marks_the_zero_by_the_words_of_the_control() -> None:
+def test_the_drawing_marks_the_zero_by_the_words_of_the_control():
     paper = Paper(10.0, 80.0)
     draw_zero(paper, ZeroWords("-310", "-205", "-402.5"))
     assert "zero: X-310 Y-205 Z-402.5" in paper.svg("drawing")

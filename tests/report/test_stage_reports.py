@@ -28,7 +28,7 @@ from bonecam.tool.path import ConeCheck
 MEASURES = replace(NO_CUT, depth_max=0.5, depth_mean=0.4)
 
 
-def test_what_was_left_uncut_is_told_by_reason_apart_for_the_part() -> None:
+def test_what_was_left_uncut_is_told_by_reason_apart_for_the_part():
     rows = [
         {"level": 1, "uncut_contacts": 7, "uncut_reasons": {"gouge": 5, "post": 2}, "blocked_by": {}},
         {
@@ -48,7 +48,7 @@ def test_what_was_left_uncut_is_told_by_reason_apart_for_the_part() -> None:
     assert uncut_lines([nothing], {}) == ["nothing"]
 
 
-def test_entries_along_the_cut_are_told_from_straight_ones() -> None:
+def test_entries_along_the_cut_are_told_from_straight_ones():
     """One cut reached from behind in its own direction and left upwards, one reached from above and left in its own."""
     cut, link = int(MoveKind.CUT), int(MoveKind.LINK)
     tips = np.array([[-1.0, 0, 0.1], [0, 0, 0], [1, 0, 0], [2, 0, 3.0], [2, 0, 0], [3, 0, 0], [4, 0, 0.1]])
@@ -57,7 +57,7 @@ def test_entries_along_the_cut_are_told_from_straight_ones() -> None:
     assert (row["entries"], row["entries_tangential"], row["exits_tangential"]) == (2, 1, 1)
 
 
-def test_axes_near_the_normal_are_counted_and_those_that_had_no_other() -> None:
+def test_axes_near_the_normal_are_counted_and_those_that_had_no_other():
     """Leads of 0, 4, 8, 12 degrees; cones of 1, 30 and none."""
     lead = np.radians([0.0, 4, 8, 12])
     axes = np.column_stack([np.sin(lead), 0 * lead, np.cos(lead)])
@@ -83,7 +83,7 @@ def test_axes_near_the_normal_are_counted_and_those_that_had_no_other() -> None:
     assert toolpath_report([replace(path, cones=none)], np.radians(5.0))[0]["near_normal_without_choice"] == 2
 
 
-def test_the_summary_tells_each_repair() -> None:
+def test_the_summary_tells_each_repair():
     level = {"depth_max_mm": 0.5, "depth_back_max_mm": 0.5, "not_certified": [], "rounding": False}
     report = {
         "input": {
@@ -163,7 +163,7 @@ def test_the_summary_tells_each_repair() -> None:
     )
 
 
-def test_a_cut_that_is_not_certified_is_told_with_its_place_although_it_measures_well() -> None:
+def test_a_cut_that_is_not_certified_is_told_with_its_place_although_it_measures_well():
     mesh, place = TriangleMesh(np.eye(3), np.array([[0, 1, 2]], dtype=np.int32)), np.array([1.0, 2.0, 3.0])
     good, deep, unknown = (
         Certificate(depth, gap, -0.01, place, place, place, np.empty((0, 2)), 9)
@@ -183,7 +183,7 @@ def test_a_cut_that_is_not_certified_is_told_with_its_place_although_it_measures
     assert "cut 3 is not proven to hold the level before at (1.00" in told
 
 
-def test_why_cuts_have_no_certificate_is_told_as_it_is() -> None:
+def test_why_cuts_have_no_certificate_is_told_as_it_is():
     body = Capsule(np.array([0.0, 0.0, 10.0]), np.array([0.0, 0.0, 20.0]), 5.0)
     surface, mesh, place = pebble(), body.mesh(0.1), np.zeros(3)
     sure = Certificate(0.5, 0.0, -0.01, place, place, place, np.empty((0, 2)), 9)
@@ -210,7 +210,7 @@ def test_why_cuts_have_no_certificate_is_told_as_it_is() -> None:
     )
 
 
-def test_the_area_left_uncut_is_that_round_the_contacts_left_out() -> None:
+def test_the_area_left_uncut_is_that_round_the_contacts_left_out():
     """Of a flat square of 4 x 4 mm a row of contacts at one edge is left out."""
     x, y = (v.ravel() for v in np.meshgrid(*2 * [np.linspace(-2, 2, 41)], indexing="ij"))
     index = np.arange(41**2).reshape(41, 41)
@@ -248,7 +248,7 @@ def turning(count: int = 21, polar: float = np.radians(40.0)) -> np.ndarray:
     )
 
 
-def test_an_even_turn_has_its_rate_no_change_of_it_and_the_time_of_the_axis() -> None:
+def test_an_even_turn_has_its_rate_no_change_of_it_and_the_time_of_the_axis():
     slow = MachineLimits(np.pi / 2, turn_speed=TURN * FEED / STEP / 2)
     made = comparison(turning(), slow)
     row = made.figures(made.choices[0])
@@ -263,7 +263,7 @@ def test_an_even_turn_has_its_rate_no_change_of_it_and_the_time_of_the_axis() ->
     assert row["feed_mean_mm_min"] == pytest.approx(FEED / 2)
 
 
-def test_what_lies_between_passes_counts_nothing() -> None:
+def test_what_lies_between_passes_counts_nothing():
     passes = np.repeat([0, 1, 2], 7)
     axes = np.repeat(turning()[[0, 10, 20]], 7, axis=0)
     row = comparison(axes, MachineLimits(np.pi / 2), passes)
@@ -272,12 +272,12 @@ def test_what_lies_between_passes_counts_nothing() -> None:
     assert figures["seconds"] == pytest.approx(60 * 18 * STEP / FEED)
 
 
-def test_axes_beyond_the_limits_are_counted() -> None:
+def test_axes_beyond_the_limits_are_counted():
     made = comparison(turning(), MachineLimits(np.radians(39)))
     assert made.figures(made.choices[0])["beyond_limits"] == 21
 
 
-def test_the_table_has_a_column_for_each_choice_and_tells_the_feed_alone() -> None:
+def test_the_table_has_a_column_for_each_choice_and_tells_the_feed_alone():
     made = comparison(turning(), MachineLimits(np.pi / 2))
     lines = made.table.strip().split("\n")
     assert {line.count("|") for line in lines} == {3}
@@ -301,7 +301,7 @@ SURFACE = {
 }
 
 
-def test_a_name_too_many_one_too_few_and_a_wrong_type_are_found() -> None:
+def test_a_name_too_many_one_too_few_and_a_wrong_type_are_found():
     assert differences({"surface": SURFACE, "strategy": "morph"}, Report) == []
     assert differences({"surface": SURFACE | {"more": 1}}, Report) == [".surface.more: has no name"]
     fewer = {name: value for name, value in SURFACE.items() if name != "tolerance_mm"}

@@ -39,7 +39,7 @@ PATHS = [path(7, CUTTERS[0], 1), path(6, CUTTERS[0], 2, 1), path(0, CUTTERS[1], 
 TEXT = apt_text(PATHS)
 
 
-def test_what_is_written_is_read_back() -> None:
+def test_what_is_written_is_read_back():
     found = read_apt(apt_text(PATHS, "BONE_1"))
     assert found.name == "BONE_1"
     assert [(one.level, one.tool) for one in found.paths] == [(7, 1), (6, 1), (0, 2)]
@@ -55,7 +55,7 @@ def test_what_is_written_is_read_back() -> None:
         assert np.isnan(one.feed_rates[rapid]).all()
 
 
-def test_other_systems_texts_are_read() -> None:
+def test_other_systems_texts_are_read():
     text = """PARTNO/BLADE 7  $$ from elsewhere
 UNITS/INCHES
 LOADTL/3,ADJUST,4
@@ -97,13 +97,13 @@ DAMAGED = {
 
 
 @pytest.mark.parametrize("statement", DAMAGED)
-def test_damaged_statements_are_refused_with_their_line(statement: str) -> None:
+def test_damaged_statements_are_refused_with_their_line(statement):
     with pytest.raises(ProgramError, match=DAMAGED[statement]):
         read_apt(f"{HEAD}{statement}\nFINI\n")
 
 
 @pytest.mark.parametrize("text", ["", HEAD, "GOTO/1,2,3\nFINI", "LOADTL/1\nCUTTER/4\nGOTO/1,2,3\nFINI", "GOTO/1,$"])
-def test_texts_without_end_tool_or_feed_are_refused(text: str) -> None:
+def test_texts_without_end_tool_or_feed_are_refused(text):
     with pytest.raises(ProgramError, match="line"):
         read_apt(text)
 
@@ -111,7 +111,7 @@ def test_texts_without_end_tool_or_feed_are_refused(text: str) -> None:
 @settings(max_examples=100)
 @given(st.integers(0, 3000), st.integers(0, 3000), st.text(max_size=5))
 @example(63, 834, "\x1f")  # white space to Python's strip, not to its float
-def test_a_text_damaged_anywhere_is_read_or_refused(first: int, last: int, put: str) -> None:
+def test_a_text_damaged_anywhere_is_read_or_refused(first, last, put):
     low, high = sorted((first, last))
     with contextlib.suppress(ProgramError):
         read_apt(TEXT[:low] + put + TEXT[high:])

@@ -26,7 +26,7 @@ with locked([Path(sys.argv[1])]):
 """
 
 
-def test_another_process_and_another_thread_wait(tmp_path: Path) -> None:
+def test_another_process_and_another_thread_wait(tmp_path):
     with subprocess.Popen([sys.executable, "-c", HOLD, tmp_path, "0.5"], stdout=subprocess.PIPE) as other:
         assert other.stdout is not None
         other.stdout.readline()
@@ -49,7 +49,7 @@ def _append(folder: Path, order: list[str]) -> None:
         order.append("second")
 
 
-def test_a_lock_that_was_left_does_not_hold_up_for_ever(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_lock_that_was_left_does_not_hold_up_for_ever(tmp_path, monkeypatch):
     monkeypatch.setattr(own_files, "MAX_WAIT", 0.2)
     (tmp_path / LOCK).write_text("1\nanother-host\n")
     for _ in range(2):
@@ -75,7 +75,7 @@ sys.exit(main())
 """
 
 
-def test_levels_are_made_where_there_is_nothing_of_unix(tmp_path: Path) -> None:
+def test_levels_are_made_where_there_is_nothing_of_unix(tmp_path):
     """What Windows does not have is taken away: this is no run on Windows."""
     write_mesh(Capsule(np.array([0.0, 0, 2.5]), np.array([0.0, 0, 7.5]), 2.5).mesh(0.05), tmp_path / "bone.ply")
     sizes = "surface.tolerance=0.2 stock.diameter=7 stock.length=11 holding.diameter=3 holding.length=60"

@@ -45,7 +45,7 @@ BODIES: dict[str, Stock] = {
 
 
 @pytest.fixture(params=BODIES, name="body")
-def each_body(request: pytest.FixtureRequest) -> Stock:
+def each_body(request):
     return BODIES[request.param]
 
 
@@ -53,7 +53,7 @@ def cloud(count: int = 500) -> np.ndarray:
     return np.random.default_rng(5).uniform([-14, -14, -8], [14, 14, 50], (count, 3))
 
 
-def test_nearest_points_lie_on_the_surface_at_the_signed_distance(body: Stock) -> None:
+def test_nearest_points_lie_on_the_surface_at_the_signed_distance(body):
     points, rounding = cloud(), 1e-12 if isinstance(body, Capsule) else 1e-9
     distance, nearest = body.signed_distance(points), body.closest_points(points)
     assert isinstance(body, Stock)
@@ -62,21 +62,21 @@ def test_nearest_points_lie_on_the_surface_at_the_signed_distance(body: Stock) -
     assert np.allclose(nearest + distance[:, None] * body.normals(points), points, atol=rounding)
 
 
-def test_distances_agree_with_the_mesh(body: Stock) -> None:
+def test_distances_agree_with_the_mesh(body):
     points = cloud()
     closest, _ = exact_closest(body.mesh(0.002), points)
     off = 0.003 if isinstance(body, Capsule) else 0.004
     assert np.allclose(np.linalg.norm(points - closest, axis=1), np.abs(body.signed_distance(points)), atol=off)
 
 
-def test_no_planes_of_nearest_points_cut_the_body(body: Stock) -> None:
+def test_no_planes_of_nearest_points_cut_the_body(body):
     points = cloud(200)
     normals, touch, probes = body.normals(points), body.closest_points(points), body.mesh(0.05).vertices
     assert np.allclose(np.linalg.norm(normals, axis=1), 1)
     assert (probes @ normals.T - (normals * touch).sum(1)).max() < 1e-9
 
 
-def test_the_mesh_is_closed_outward_and_on_the_surface(body: Stock) -> None:
+def test_the_mesh_is_closed_outward_and_on_the_surface(body):
     mesh = body.mesh(0.02)
     assert is_closed(mesh)
     assert np.abs(body.signed_distance(mesh.vertices)).max() < 1e-9
@@ -86,7 +86,7 @@ def test_the_mesh_is_closed_outward_and_on_the_surface(body: Stock) -> None:
     assert mesh.volume > 0
 
 
-def test_a_moved_body_is_the_same_elsewhere(body: Stock) -> None:
+def test_a_moved_body_is_the_same_elsewhere(body):
     shift, points = np.array([1.0, -2.0, 3.0]), cloud(50)
     moved = body.move(shift)
     assert np.allclose(moved.signed_distance(points + shift), body.signed_distance(points), atol=1e-9)
@@ -102,7 +102,7 @@ SIZES = {
 
 
 @pytest.mark.parametrize("kind", SIZES)
-def test_a_stock_is_described_by_its_own_sizes(kind: str) -> None:
+def test_a_stock_is_described_by_its_own_sizes(kind):
     assert stock_figures(BODIES[kind]) == {"kind": kind, **{f"{name}_mm": size for name, size in SIZES[kind].items()}}
     assert (
         stock_text(stock_figures(BODIES[kind]))
@@ -110,7 +110,7 @@ def test_a_stock_is_described_by_its_own_sizes(kind: str) -> None:
     )
 
 
-def test_a_mesh_that_is_not_convex_is_refused_with_distance_and_place() -> None:
+def test_a_mesh_that_is_not_convex_is_refused_with_distance_and_place():
     mesh = Box(np.zeros(3), np.full(3, 10.0)).mesh(2.0)
     vertices = mesh.vertices.copy()
     middle = int(np.argmin(np.linalg.norm(vertices - [5, 5, 10], axis=1)))
@@ -121,7 +121,7 @@ def test_a_mesh_that_is_not_convex_is_refused_with_distance_and_place() -> None:
     assert caught.value.evidence["place"][2] == pytest.approx(9.0)
 
 
-def test_a_mesh_in_absurd_units_is_refused() -> None:
+def test_a_mesh_in_absurd_units_is_refused():
     mesh = Box(np.zeros(3), np.full(3, 10.0)).mesh(2.0)
     for made in (
         lambda: ConvexStock(TriangleMesh(1e6 * mesh.vertices, mesh.faces)),
@@ -131,7 +131,7 @@ def test_a_mesh_in_absurd_units_is_refused() -> None:
             made()
 
 
-def test_vertices_without_faces_are_no_part_of_a_body() -> None:
+def test_vertices_without_faces_are_no_part_of_a_body():
     mesh = BOX.mesh(1.0)
     stock = ConvexStock(TriangleMesh(np.vstack([BOX.middle, [99.0, 0, 0], mesh.vertices]), mesh.faces + 2))
     assert np.array_equal(stock.bounds, BOX.bounds)
@@ -156,7 +156,7 @@ NO_BODIES = {
 
 
 @pytest.mark.parametrize("name", NO_BODIES)
-def test_what_is_no_single_convex_body_is_refused(name: str) -> None:
+def test_what_is_no_single_convex_body_is_refused(name):
     mesh, why = NO_BODIES[name]
     with pytest.raises(StockError, match=why):
         ConvexStock(mesh)
@@ -166,7 +166,7 @@ def test_what_is_no_single_convex_body_is_refused(name: str) -> None:
     "make",
     [lambda: Cylinder(0.0, 0.0, 1.0), lambda: Cylinder(1.0, 2.0, 1.0), lambda: Box(np.zeros(3), np.array([1.0, 1, 0]))],
 )
-def test_a_bar_without_extent_is_refused(make: object) -> None:
+def test_a_bar_without_extent_is_refused(make):
     with pytest.raises(StockError, match="positive"):
         make()  # type: ignore[operator]
 
@@ -178,7 +178,7 @@ def near_cloud(seed: int, count: int = 400) -> np.ndarray:
     return np.random.default_rng(seed).uniform([-4, -3, 10], [4, 3, 26], (count, 3))
 
 
-def test_points_on_the_axis_have_a_nearest_point_too() -> None:
+def test_points_on_the_axis_have_a_nearest_point_too():
     nearest = CAPSULE.closest_points(np.array([[0.0, 0.0, 20.0], [0.0, 0.0, 7.5]]))
     assert np.abs(CAPSULE.signed_distance(nearest)).max() < 1e-12
 
@@ -191,7 +191,7 @@ def test_points_on_the_axis_have_a_nearest_point_too() -> None:
         Capsule(np.array([3e3, 7e2, 0]), np.array([3e3, 7e2, 1000]), 0.1),
     ],
 )
-def test_points_on_a_leaning_axis_lead_across_it(capsule: Capsule) -> None:
+def test_points_on_a_leaning_axis_lead_across_it(capsule):
     points = capsule.start + np.linspace(0, 1, 1001)[:, None] * (capsule.end - capsule.start)
     assert np.abs(capsule.normals(points) @ (capsule.end - capsule.start)).max() < 1e-4 * np.linalg.norm(
         capsule.end - capsule.start
@@ -200,7 +200,7 @@ def test_points_on_a_leaning_axis_lead_across_it(capsule: Capsule) -> None:
 
 
 @pytest.mark.parametrize("straight", [0.0, 0.3, 22.0])
-def test_the_mesh_is_closed_outward_and_within_the_chord_tolerance(straight: float) -> None:
+def test_the_mesh_is_closed_outward_and_within_the_chord_tolerance(straight):
     capsule = Capsule(np.array([0.0, 0.0, 1.0]), np.array([0.0, 0.0, 1.0 + straight]), 7.5)
     mesh = capsule.mesh(0.05)
     assert is_closed(mesh)
@@ -212,7 +212,7 @@ def test_the_mesh_is_closed_outward_and_within_the_chord_tolerance(straight: flo
 
 
 @given(st.integers(0, 10_000), st.floats(0.05, 5.0))
-def test_the_smallest_capsule_leaves_exactly_the_allowance(seed: int, allowance: float) -> None:
+def test_the_smallest_capsule_leaves_exactly_the_allowance(seed, allowance):
     points = near_cloud(seed, 40)
     capsule = smallest_capsule(points, allowance)
     assert capsule.signed_distance(points).max() == pytest.approx(-allowance, abs=1e-6)
@@ -220,7 +220,7 @@ def test_the_smallest_capsule_leaves_exactly_the_allowance(seed: int, allowance:
     assert (capsule.end[:2] == 0).all()
 
 
-def test_a_part_that_leaves_the_given_capsule_is_refused_with_distance_and_place() -> None:
+def test_a_part_that_leaves_the_given_capsule_is_refused_with_distance_and_place():
     points = np.vstack([near_cloud(3), [[7.9, 0.0, 18.0]]])
     capsule = capsule_of_size(15.0, 37.0, 18.0)
     with pytest.raises(StockError, match=r"leaves it by 0.400 mm at \(7.90, 0.00, 18.00\)") as caught:
@@ -238,12 +238,12 @@ def test_a_part_that_leaves_the_given_capsule_is_refused_with_distance_and_place
         (7.523, "by 0.023 mm", "15.15"),
     ],
 )
-def test_what_is_missing_is_told_rounded_up(x: float, said: str, more: str) -> None:
+def test_what_is_missing_is_told_rounded_up(x, said, more):
     with pytest.raises(StockError, match=f"{said} .* give stock.diameter at least {more}$"):
         require_inside(CAPSULE, np.array([[x, 0.0, 18.0]]), 0.05)
 
 
-def test_a_given_capsule_is_centred_on_the_part() -> None:
+def test_a_given_capsule_is_centred_on_the_part():
     points = near_cloud(4)
     capsule, _ = stock_for(points, StockJob(diameter=15.0, length=37.0), Schedule((), 0.5))
     assert capsule.middle[2] == pytest.approx((points[:, 2].min() + points[:, 2].max()) / 2)
@@ -258,14 +258,12 @@ def test_a_given_capsule_is_centred_on_the_part() -> None:
         (-1.0, 3.0, r"stock\.diameter = -1: .*: give the diameter"),
     ],
 )
-def test_a_capsule_shorter_than_its_diameter_is_refused_with_setting_and_remedy(
-    diameter: float, length: float, told: str
-) -> None:
+def test_a_capsule_shorter_than_its_diameter_is_refused_with_setting_and_remedy(diameter, length, told):
     with pytest.raises(StockError, match=told):
         capsule_of_size(diameter, length, 18.0)
 
 
-def test_an_allowance_of_nothing_is_refused() -> None:
+def test_an_allowance_of_nothing_is_refused():
     with pytest.raises(StockError):
         smallest_capsule(near_cloud(6), 0.0)
 
@@ -283,34 +281,32 @@ def test_an_allowance_of_nothing_is_refused() -> None:
         [0.0, 1.0, 1e7],
     ],
 )
-def test_ends_of_a_stock_are_three_finite_numbers(values: object) -> None:
+def test_ends_of_a_stock_are_three_finite_numbers(values):
     with pytest.raises(StockError, match=r"^a capsule's end is .*: give 3 finite numbers \(mm, 1e\+06 at most\)$"):
         finite_numbers("a capsule's end", values, 3)
 
 
 @pytest.mark.parametrize("radius", [0.0, -1.0, np.nan, np.inf, 1e7])
-def test_a_capsule_of_no_radius_is_refused(radius: float) -> None:
+def test_a_capsule_of_no_radius_is_refused(radius):
     with pytest.raises(StockError, match=r"^a capsule"):
         Capsule(CAPSULE.start, CAPSULE.end, radius)
 
 
-def test_the_papers_schedule_needs_sixteen_cuts_for_its_finger_bone() -> None:
+def test_the_papers_schedule_needs_sixteen_cuts_for_its_finger_bone():
     schedule = schedule_of(LevelsJob())
     assert [schedule.limit(k) for k in (1, 4, 5, 16)] == [0.1, 0.1, 0.5, 0.5]
     assert schedule.lower_bound(6.34) == 16
 
 
 @given(st.floats(0.01, 60.0), st.lists(st.floats(0.05, 1.0), max_size=6), st.floats(0.1, 2.0))
-def test_the_lower_bound_is_the_first_sum_of_depths_that_reaches(
-    distance: float, first: list[float], beyond: float
-) -> None:
+def test_the_lower_bound_is_the_first_sum_of_depths_that_reaches(distance, first, beyond):
     schedule = Schedule(tuple(first), beyond)
     bound = schedule.lower_bound(distance)
     assert schedule.reach(bound) >= distance - ROUNDING
     assert bound == 1 or schedule.reach(bound - 1) < distance
 
 
-def test_a_sum_of_depths_that_rounding_leaves_short_reaches() -> None:
+def test_a_sum_of_depths_that_rounding_leaves_short_reaches():
     assert Schedule((0.1,) * 10, 0.5).lower_bound(1.0) == 10
     assert Schedule((), 0.5).lower_bound(2.000000000000013) == 4
     assert Schedule((), 0.5).lower_bound(2.0001) == 5
@@ -320,12 +316,12 @@ def test_a_sum_of_depths_that_rounding_leaves_short_reaches() -> None:
     "depths",
     [((0.1, 0.0), 0.5), ((), -1.0), ((), float("nan")), ((), 1e-300), ((), float("inf")), ((float("inf"),), 0.5)],
 )
-def test_a_depth_of_nothing_or_without_end_is_refused(depths: tuple[tuple[float, ...], float]) -> None:
+def test_a_depth_of_nothing_or_without_end_is_refused(depths):
     with pytest.raises(LevelError, match="finite depth of at least"):
         Schedule(*depths)
 
 
-def test_more_cuts_than_anybody_wants_are_refused() -> None:
+def test_more_cuts_than_anybody_wants_are_refused():
     with pytest.raises(
         LevelError, match=r"^100\.0 mm .* more than 2000 cuts, which take 2\.0 mm: give deeper cuts"
     ) as caught:
@@ -335,19 +331,19 @@ def test_more_cuts_than_anybody_wants_are_refused() -> None:
         Schedule((), 0.5).lower_bound(float("nan"))
 
 
-def test_a_list_of_depths_rules_and_its_last_holds_for_all_others() -> None:
+def test_a_list_of_depths_rules_and_its_last_holds_for_all_others():
     schedule = schedule_of(LevelsJob(depths="0.05, 0.1 0.4", finishing_levels=7))
     assert [schedule.limit(k) for k in (1, 2, 3, 9)] == [0.05, 0.1, 0.4, 0.4]
     assert schedule_of(LevelsJob(depths="0.3")) == Schedule((), 0.3)
 
 
-def test_the_fewest_levels_are_all_at_the_roughing_depth() -> None:
+def test_the_fewest_levels_are_all_at_the_roughing_depth():
     job, distance = LevelsJob(schedule="fewest"), 6.34
     assert schedule_of(job) == Schedule((), 0.5)
     assert schedule_of(job).lower_bound(distance) == 13 < schedule_of(LevelsJob()).lower_bound(distance)
 
 
-def test_a_list_may_be_an_array() -> None:
+def test_a_list_may_be_an_array():
     assert LevelsJob(depths=np.array([0.1, 0.3])).cuts == ((0.1,), 0.3)  # type: ignore[arg-type]
 
 
@@ -360,7 +356,7 @@ def test_a_list_may_be_an_array() -> None:
         ("0.1 " * 2001, {}, ".*give at most 2000; the last holds for all others"),
     ],
 )
-def test_a_list_that_is_none_is_refused(depths, values, why) -> None:
+def test_a_list_that_is_none_is_refused(depths, values, why):
     with pytest.raises(JobError, match=rf"^depths = {why}"):
         LevelsJob(depths=depths, **values)
 
@@ -375,9 +371,7 @@ def test_a_list_that_is_none_is_refused(depths, values, why) -> None:
         ({"depths": "0.3 0.1"}, 20),
     ],
 )
-def test_the_finishing_cutter_machines_what_is_cut_no_deeper_than_finishing(
-    levels: dict[str, object], finishing: int
-) -> None:
+def test_the_finishing_cutter_machines_what_is_cut_no_deeper_than_finishing(levels, finishing):
     job = Job().with_values(levels=levels)
     kinds = [job.is_finishing(level) for level in range(20)]
     assert kinds[0]
@@ -385,7 +379,7 @@ def test_the_finishing_cutter_machines_what_is_cut_no_deeper_than_finishing(
 
 
 @given(st.floats(0.2, 1.0), st.floats(0.8, 1.0), st.integers(2, 30), st.floats(0.02, 0.98))
-def test_evened_cuts_share_what_the_last_had_left(beyond: float, share: float, count: int, left: float) -> None:
+def test_evened_cuts_share_what_the_last_had_left(beyond, share, count, left):
     """`count` cuts that each gain `share` of their depth and a last one of `left` of its depth."""
     first = (0.1, 0.1)
     rest = left * beyond

@@ -52,7 +52,7 @@ def test_points_that_the_ball_did_not_touch_are_left_out(drawn):
     assert {"one", "none"} <= set(words)
 
 
-def test_the_place_nearest_to_the_viewer_is_seen() -> None:
+def test_the_place_nearest_to_the_viewer_is_seen():
     near, far, beside = [0.0, -1.0, 0.0], [0.01, 1.0, 0.01], [0.52, 2.0, 0.12]
     view = _seen(np.array([far, near, beside]), 0.1)
     assert view.index[0, 0] == 1
@@ -61,7 +61,7 @@ def test_the_place_nearest_to_the_viewer_is_seen() -> None:
     assert view.extent == pytest.approx((0.0, 0.6, 0.0, 0.2))
 
 
-def test_a_face_towards_the_light_is_lighter_than_one_that_turns_away() -> None:
+def test_a_face_towards_the_light_is_lighter_than_one_that_turns_away():
     x, z = (each.ravel() for each in np.meshgrid(np.arange(0.05, 2, 0.1), np.arange(0.05, 2, 0.1)))
     roof = np.column_stack([x, np.abs(x - 1), z])
     shades = _seen(roof, 0.1).shades

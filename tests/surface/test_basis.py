@@ -7,13 +7,13 @@ from bonecam.surface.basis import element_points, span_points, unit_rule
 
 
 @pytest.mark.parametrize("count", [1, 2, 3, 4, 6, 12])
-def test_powers_up_to_twice_the_points_are_integrated_exactly(count: int) -> None:
+def test_powers_up_to_twice_the_points_are_integrated_exactly(count):
     nodes, weights = unit_rule(count)
     for power in range(2 * count):
         assert nodes**power @ weights == pytest.approx(1 / (power + 1), rel=1e-13)
 
 
-def test_spans_and_elements_are_integrated_one_by_one() -> None:
+def test_spans_and_elements_are_integrated_one_by_one():
     t, weights = span_points(np.array([0.0, 0.25, 1.0]), 3)
     assert t**5 @ weights == pytest.approx(1 / 6, rel=1e-14)
     assert weights[:3].sum() == pytest.approx(0.25, rel=1e-14)

@@ -7,7 +7,6 @@ Blunt edges of blades are rounded outward by half of their width; one side of a 
 Wheels of one blade: the hub's profile, the channel between two blades, and what is no wheel.
 """
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +21,6 @@ from bonecam.mesh.solids import cylinder, solid_difference
 from bonecam.surface import blade_solid, impeller, read_flow_path, read_sections
 from bonecam.surface.blades import (
     BLUNT,
-    Wheel,
     about_z,
     channel_of,
     has_blunt_edge,
@@ -41,7 +39,7 @@ ROOT, TIP, LENGTH, HALF = 20.0, 30.0, 24.0, 1.0
 
 
 @pytest.fixture(scope="session")
-def profiles() -> list[Float[ndarray, "n 3"]]:
+def profiles():
     """Closed sections (along the axis, arc, radius), an ellipse LENGTH x 2 HALF at five radii; counter-clockwise seen
     from outside where the axis is +Z."""
     angle = np.linspace(0, 2 * np.pi, 48, endpoint=False)
@@ -69,7 +67,7 @@ def cartesian(profile: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
     return np.column_stack([r * np.cos(arc / r), r * np.sin(arc / r), x])
 
 
-def test_polar_and_cartesian_tables_give_the_same_outward_rows(profiles: Profiles, tmp_path: Path) -> None:
+def test_polar_and_cartesian_tables_give_the_same_outward_rows(profiles, tmp_path):
     polar = read_sections(written(tmp_path, profiles, "X  R*THETA  R"), columns="x r*theta r", axis="x")
     together = tmp_path / "blade.dat"
     together.write_text("\n".join(table(cartesian(p), f"# section {k}") for k, p in enumerate(profiles)))
@@ -86,7 +84,7 @@ def test_polar_and_cartesian_tables_give_the_same_outward_rows(profiles: Profile
 
 
 @pytest.mark.parametrize("axis", ["x", "y", "z", "-x", "-y", "-z"])
-def test_an_axis_becomes_z_by_a_rotation(axis: str) -> None:
+def test_an_axis_becomes_z_by_a_rotation(axis):
     name = "xyz".index(axis[-1])
     turned = about_z(np.eye(3), axis)
     assert np.linalg.det(turned) == pytest.approx(1.0)
@@ -105,9 +103,7 @@ def test_an_axis_becomes_z_by_a_rotation(axis: str) -> None:
         (lambda text: "", "holds no points"),
     ],
 )
-def test_a_damaged_table_is_refused_by_name(
-    profiles: Profiles, tmp_path: Path, damage: Callable[[str], str], told: str
-) -> None:
+def test_a_damaged_table_is_refused_by_name(profiles, tmp_path, damage, told):
     files = written(tmp_path, profiles, "X  R*THETA  R")
     files[0].write_text(damage(files[0].read_text()))
     with pytest.raises(FileError, match=told) as error:
@@ -115,7 +111,7 @@ def test_a_damaged_table_is_refused_by_name(
     assert "section_0.txt" in str(error.value)
 
 
-def test_one_section_and_wrong_words_are_refused(profiles: Profiles, tmp_path: Path) -> None:
+def test_one_section_and_wrong_words_are_refused(profiles, tmp_path):
     (file, *_) = written(tmp_path, profiles, "")
     with pytest.raises(FileError, match="one section is no blade"):
         read_sections(file, columns="x r*theta r")
@@ -136,14 +132,14 @@ def test_one_section_and_wrong_words_are_refused(profiles: Profiles, tmp_path: P
         ("", "holds no points"),
     ],
 )
-def test_a_damaged_flow_path_is_refused(text: str, told: str, tmp_path: Path) -> None:
+def test_a_damaged_flow_path_is_refused(text, told, tmp_path):
     file = tmp_path / "hub.txt"
     file.write_text(text)
     with pytest.raises(FileError, match=told):
         read_flow_path(file)
 
 
-def test_flow_paths_of_either_columns_are_radius_and_height(tmp_path: Path) -> None:
+def test_flow_paths_of_either_columns_are_radius_and_height(tmp_path):
     file = tmp_path / "hub.txt"
     file.write_text("x r\n-1 5\n2 4\n")
     assert read_flow_path(file, axis="-x", scale=10.0).tolist() == [[50, 10], [40, -20]]
@@ -153,7 +149,7 @@ def test_flow_paths_of_either_columns_are_radius_and_height(tmp_path: Path) -> N
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["rotor 37", "hecc"])
-def test_a_wheel_of_nasa_tables_is_of_closed_solids(name: str, shared: Path) -> None:
+def test_a_wheel_of_nasa_tables_is_of_closed_solids(name, shared):
     folder = shared / "meshes" / "blades" / "sections"
     if name == "hecc":
         files = sorted((folder / "hecc").glob("*section*"))
@@ -191,7 +187,7 @@ def rows(width: float) -> PointRows:
     return PointRows(tuple(np.column_stack([section, np.full(len(u), z)]) for z in (0.0, 3.0, 6.0)), None, closed=False)
 
 
-def test_the_cap_is_a_half_circle_over_the_edge() -> None:
+def test_the_cap_is_a_half_circle_over_the_edge():
     given = rows(WIDTH)
     assert widest_edge(given) == pytest.approx(WIDTH)
     made = rounded_edge(given)
@@ -206,13 +202,13 @@ def test_the_cap_is_a_half_circle_over_the_edge() -> None:
         np.testing.assert_allclose(cap[:, 2], before[0, 2])
 
 
-def test_its_skin_is_closed_round() -> None:
+def test_its_skin_is_closed_round():
     made = rounded_edge(rows(WIDTH)).skin(0.01)
     assert made.closed_in_s
     assert not any(made.poles)
 
 
-def test_one_side_and_closed_rows_stay_as_they_are() -> None:
+def test_one_side_and_closed_rows_stay_as_they_are():
     side = rows(3 * BLUNT * 2 * CHORD)
     assert rounded_edge(side) is side
     closed = rounded_edge(rows(WIDTH))
@@ -220,7 +216,7 @@ def test_one_side_and_closed_rows_stay_as_they_are() -> None:
     assert widest_edge(closed) == 0.0
 
 
-def test_a_surface_up_to_a_blunt_edge_is_told_from_one_side_and_from_a_closed_one() -> None:
+def test_a_surface_up_to_a_blunt_edge_is_told_from_one_side_and_from_a_closed_one():
     assert has_blunt_edge(rows(WIDTH).skin(0.01))
     assert not has_blunt_edge(rows(3 * BLUNT * 2 * CHORD).skin(0.01))
     assert not has_blunt_edge(rounded_edge(rows(WIDTH)).skin(0.01))
@@ -230,11 +226,11 @@ REACH = 2.0
 
 
 @pytest.fixture(scope="module")
-def wheel() -> Wheel:
+def wheel():
     return wheel_of(blade(), hub_profile(hub(), "hub.ply"), 3)
 
 
-def test_the_profile_of_a_hub_is_that_it_was_turned_by() -> None:
+def test_the_profile_of_a_hub_is_that_it_was_turned_by():
     found = hub_profile(hub(), "hub.ply")
     for one, other in ((found, PROFILE), (PROFILE, found)):
         off = np.linalg.norm(point_at(other, places_on(other, one)) - one, axis=1)
@@ -242,7 +238,7 @@ def test_the_profile_of_a_hub_is_that_it_was_turned_by() -> None:
     assert (found[[0, -1], 0] == 0).all()
 
 
-def test_a_hub_with_a_bore_or_a_keyway_is_refused() -> None:
+def test_a_hub_with_a_bore_or_a_keyway_is_refused():
     bored = solid_difference(hub(), cylinder(2.0, -5.0, 15.0, 0.1))
     with pytest.raises(SurfaceError, match="without bore"):
         hub_profile(bored, "hub.ply")
@@ -253,7 +249,7 @@ def test_a_hub_with_a_bore_or_a_keyway_is_refused() -> None:
         hub_profile(keyed, "hub.ply")
 
 
-def test_the_channel_runs_from_hub_to_tips_over_one_pitch(wheel: Wheel) -> None:
+def test_the_channel_runs_from_hub_to_tips_over_one_pitch(wheel):
     channel = channel_of(wheel, REACH)
     (left, right), (low, high) = channel.floor.domain
     t = np.linspace(low, high, 50)
@@ -267,7 +263,7 @@ def test_the_channel_runs_from_hub_to_tips_over_one_pitch(wheel: Wheel) -> None:
     np.testing.assert_allclose((floor - PROFILE[2]) @ normal, 0.0, atol=0.02)
 
 
-def test_grown_blades_hold_the_true_one_by_the_allowance(wheel: Wheel) -> None:
+def test_grown_blades_hold_the_true_one_by_the_allowance(wheel):
     grown = bonecam.mesh.MeshDistance(wheel.grown_blades(0.2, 0.05)[0])
     s, t = (x.ravel() for x in np.meshgrid(np.linspace(0, 1, 40), np.linspace(0.2, 0.8, 9)))
     away = -grown.signed(wheel.blade.positions(s, t))
@@ -275,19 +271,19 @@ def test_grown_blades_hold_the_true_one_by_the_allowance(wheel: Wheel) -> None:
     assert away.max() < 0.32
 
 
-def test_the_gap_is_that_between_neighbours(wheel: Wheel) -> None:
+def test_the_gap_is_that_between_neighbours(wheel):
     gap, place = wheel.gap()
     radius = float(np.hypot(*place[:2]))
     assert gap == pytest.approx(2 * radius * np.sin(wheel.pitch / 2), rel=0.01)
 
 
-def test_blades_that_overlap_are_told_with_their_place() -> None:
+def test_blades_that_overlap_are_told_with_their_place():
     with pytest.raises(SurfaceError, match=r"12 blades overlap their neighbours, at \(") as error:
         wheel_of(blade(3.0), PROFILE, 12)
     assert error.value.evidence["error"] > 0
 
 
-def test_a_hub_is_read_from_its_flow_path(tmp_path: Path) -> None:
+def test_a_hub_is_read_from_its_flow_path(tmp_path):
     file = tmp_path / "hub.txt"
     file.write_text("x r\n" + "".join(f"{z:g} {r:g}\n" for r, z in PROFILE[2:4]))
     found = read_hub(file, blade(), "mm")
@@ -297,7 +293,7 @@ def test_a_hub_is_read_from_its_flow_path(tmp_path: Path) -> None:
     assert found[0, 0] == 0.0
 
 
-def test_an_open_side_of_a_blade_is_no_wheel(tmp_path: Path) -> None:
+def test_an_open_side_of_a_blade_is_no_wheel(tmp_path):
     file = tmp_path / "side.txt"
     rows = ["\n".join(f"{10 + h:g} {y:g} {z:g}" for z in range(6) for y in [0.1 * z]) for h in range(3)]
     file.write_text("\n\n".join(rows) + "\n")

@@ -22,7 +22,7 @@ from small_parts import pebble
 from tsplines import bone_like, samples
 
 from bonecam.errors import MeshError
-from bonecam.mesh import MeshDistance, Rows, TriangleMesh, harmonic_rows
+from bonecam.mesh import MeshDistance, TriangleMesh, harmonic_rows
 from bonecam.surface import Fit, RowTMesh, TSpline, deviation, fit, skin
 from bonecam.surface.fitting import (
     OFF,
@@ -61,38 +61,38 @@ def pear(bump: float = 0.35) -> TriangleMesh:
 
 
 @pytest.fixture(scope="module")
-def body() -> tuple[Rows, TriangleMesh]:
+def body():
     mesh = pear()
     return harmonic_rows(mesh, 16, 60), mesh
 
 
 @pytest.fixture(scope="module")
-def fitted(body: tuple[Rows, TriangleMesh]) -> Fit:
+def fitted(body):
     return fit(body[1], 0.05, 300, rows=body[0])
 
 
-def test_the_tolerance_is_reached_and_said_so(fitted: Fit) -> None:
+def test_the_tolerance_is_reached_and_said_so(fitted):
     assert fitted.reached
     assert fitted.deviation.max <= 0.05
     assert fitted.control_points <= 300
     assert fitted.shortfall == ""
 
 
-def test_the_normals_point_outward_everywhere(fitted: Fit, body: tuple[Rows, TriangleMesh]) -> None:
+def test_the_normals_point_outward_everywhere(fitted, body):
     s, t = (v.ravel() for v in np.meshgrid(np.arange(60) / 60, np.linspace(0.005, 0.995, 60)))
     _, faces = MeshDistance(body[1]).closest(fitted.surface.positions(s, t))
     outward = body[1].face_vectors[faces]
     assert (np.einsum("ij,ij->i", fitted.surface.normals(s, t), outward) > 0).all()
 
 
-def test_the_row_next_to_a_pole_lies_in_one_plane_with_it(fitted: Fit) -> None:
+def test_the_row_next_to_a_pole_lies_in_one_plane_with_it(fitted):
     starts, points = fitted.surface.tmesh.row_starts, fitted.surface.control_points
     for pole, ring in ((points[0], points[starts[1] : starts[2]]), (points[-1], points[starts[-3] : starts[-2]])):
         assert np.linalg.svd(ring - pole)[1][2] < 1e-10
 
 
 @pytest.mark.whole
-def test_too_few_control_points_are_reported_not_hidden(body: tuple[Rows, TriangleMesh]) -> None:
+def test_too_few_control_points_are_reported_not_hidden(body):
     found = fit(body[1], 0.01, 60, rows=body[0])
     assert not found.reached
     assert found.control_points <= 60
@@ -100,7 +100,7 @@ def test_too_few_control_points_are_reported_not_hidden(body: tuple[Rows, Triang
     assert "raise surface.max_control_points" in found.shortfall
 
 
-def test_a_fit_that_no_knot_can_mend_says_so_and_where(body: tuple[Rows, TriangleMesh]) -> None:
+def test_a_fit_that_no_knot_can_mend_says_so_and_where(body):
     found = fit(body[1], 0.01, 300, rows=body[0], refine=lambda tmesh, votes, room: tmesh)
     assert not found.reached
     assert found.control_points < 300
@@ -110,14 +110,14 @@ def test_a_fit_that_no_knot_can_mend_says_so_and_where(body: tuple[Rows, Triangl
     assert away == pytest.approx(found.deviation.max, rel=1e-3)
 
 
-def test_a_wrong_call_is_refused(body: tuple[Rows, TriangleMesh]) -> None:
+def test_a_wrong_call_is_refused(body):
     with pytest.raises(ValueError, match="40 or more"):
         fit(body[1], 0.1, 20, rows=body[0])
     with pytest.raises(ValueError, match="above 0"):
         fit(body[1], 0.0, 200, rows=body[0])
 
 
-def test_a_mesh_that_lies_tilted_is_fitted_where_it_lies(body: tuple[Rows, TriangleMesh]) -> None:
+def test_a_mesh_that_lies_tilted_is_fitted_where_it_lies(body):
     turn = Rotation.from_rotvec([0.4, 1.1, -0.3]).as_matrix()
     tilted = TriangleMesh(body[1].vertices @ turn.T + [5.0, -7.0, 30.0], body[1].faces)
     found = fit(tilted, 0.1)
@@ -126,24 +126,24 @@ def test_a_mesh_that_lies_tilted_is_fitted_where_it_lies(body: tuple[Rows, Trian
     assert found.surface.volume == pytest.approx(tilted.volume, rel=0.01)
 
 
-def test_an_open_mesh_is_refused_by_name(body: tuple[Rows, TriangleMesh]) -> None:
+def test_an_open_mesh_is_refused_by_name(body):
     with pytest.raises(MeshError):
         fit(TriangleMesh(body[1].vertices, body[1].faces[40:]), 0.1)
 
 
-def test_two_fits_are_equal_to_the_last_bit(body: tuple[Rows, TriangleMesh]) -> None:
+def test_two_fits_are_equal_to_the_last_bit(body):
     one, two = (fit(body[1], 0.1, 120, rows=body[0]).surface for _ in range(2))
     assert one.control_points.tobytes() == two.control_points.tobytes()
 
 
-def test_progress_may_cancel(body: tuple[Rows, TriangleMesh]) -> None:
+def test_progress_may_cancel(body):
     from bonecam.errors import Cancelled
 
     with pytest.raises(Cancelled):
         fit(body[1], 0.01, 200, rows=body[0], progress=lambda fraction, message: False)
 
 
-def test_progress_only_rises(body: tuple[Rows, TriangleMesh]) -> None:
+def test_progress_only_rises(body):
     told: list[float] = []
     fit(body[1], 0.03, 200, rows=body[0], progress=lambda fraction, message: told.append(fraction))
     assert len(told) >= 3
@@ -152,7 +152,7 @@ def test_progress_only_rises(body: tuple[Rows, TriangleMesh]) -> None:
 
 
 @pytest.mark.parametrize("turn", [pytest.param(0.0, marks=pytest.mark.slow), 0.2])
-def test_a_cone_is_followed_to_its_tip(turn: float) -> None:
+def test_a_cone_is_followed_to_its_tip(turn):
     angle, radius = (
         turn + 2 * np.pi * np.arange(40) / 40,
         np.concatenate([np.arange(1, 8) / 7, np.arange(19, 0, -1) / 20]),
@@ -177,7 +177,7 @@ def test_a_cone_is_followed_to_its_tip(turn: float) -> None:
     assert found.reached, (found.deviation, found.shortfall)
 
 
-def test_the_best_cut_is_made_even_where_it_costs_much() -> None:
+def test_the_best_cut_is_made_even_where_it_costs_much():
     tmesh = first_tmesh(6, 30)
     one = np.ones(1)
     finer = refine(tmesh, Votes(0.3 * one, 0.42 * one, one, 0.1 * one, 100 * one, 0.001, 0.05), 100)
@@ -185,14 +185,14 @@ def test_the_best_cut_is_made_even_where_it_costs_much() -> None:
     assert refine(tmesh, Votes(0.3 * one, 0.42 * one, one, 0.1 * one, 100 * one, 0.001, 0.05), 20).size == tmesh.size
 
 
-def test_low_cells_are_not_cut_along_t() -> None:
+def test_low_cells_are_not_cut_along_t():
     tmesh, one = first_tmesh(6, 30), np.ones(1)
     for height, rows in ((0.9 * LOWEST, 0), (1.1 * LOWEST, 1)):
         votes = Votes(0.3 * one, 0.42 * one, one, 0.1 * one, 6 * 0.05 * height * one, 0.001, 0.05)
         assert len(refine(tmesh, votes, 100).s_knots) == len(tmesh.s_knots) + rows
 
 
-def test_rings_round_poles_are_drawn_only_where_they_are_far_off_an_ellipse() -> None:
+def test_rings_round_poles_are_drawn_only_where_they_are_far_off_an_ellipse():
     surface = bone_like(8, 5, spread=0.0)
     even = surface.tmesh.from_rows(
         surface.tmesh.t_knots, [row if len(row) == 1 else np.arange(5) / 5 for row in surface.tmesh.s_knots]
@@ -210,7 +210,7 @@ def test_rings_round_poles_are_drawn_only_where_they_are_far_off_an_ellipse() ->
     assert not pulls.targets.any()
 
 
-def test_a_new_t_knot_adds_one_row_that_is_like_its_neighbour() -> None:
+def test_a_new_t_knot_adds_one_row_that_is_like_its_neighbour():
     tmesh = first_tmesh(6, 8)
     finer = with_t_knots(tmesh.t_knots, list(tmesh.s_knots), np.array([0.4]))
     assert len(finer.s_knots) == len(tmesh.s_knots) + 1
@@ -221,26 +221,26 @@ POLES = np.array([[0.0, 0.0, -2.0], [0.0, 0.0, 2.0]])
 
 
 @pytest.fixture(scope="module")
-def ball() -> TSpline:
+def ball():
     t, s = np.meshgrid(np.pi * np.arange(1, 16) / 16, 2 * np.pi * np.arange(40) / 40, indexing="ij")
     points = 2 * np.stack([np.sin(t) * np.cos(s), np.sin(t) * np.sin(s), -np.cos(t)], axis=2)
     return skin(points, 1e-4, poles=POLES)
 
 
-def test_a_surface_deviates_from_its_own_tessellation_by_the_chord_only(ball: TSpline) -> None:
+def test_a_surface_deviates_from_its_own_tessellation_by_the_chord_only(ball):
     found = deviation(ball, ball.tessellate(0.005), 4000)
     assert found.max < 0.0075
     assert found.rms <= found.max
 
 
-def test_a_larger_ball_is_measured_both_ways(ball: TSpline) -> None:
+def test_a_larger_ball_is_measured_both_ways(ball):
     mesh = ball.tessellate(0.002)
     found = deviation(ball, TriangleMesh(mesh.vertices * 1.1, mesh.faces), 4000)
     assert found.surface_to_mesh_max == pytest.approx(0.2, abs=0.005)
     assert found.mesh_to_surface_max == pytest.approx(0.2, abs=0.005)
 
 
-def test_a_spike_of_the_mesh_is_seen_from_the_mesh_and_named(ball: TSpline) -> None:
+def test_a_spike_of_the_mesh_is_seen_from_the_mesh_and_named(ball):
     mesh = ball.tessellate(0.01)
     vertices = mesh.vertices.copy()
     tip = int(np.argmax(vertices[:, 0]))
@@ -250,7 +250,7 @@ def test_a_spike_of_the_mesh_is_seen_from_the_mesh_and_named(ball: TSpline) -> N
     assert np.allclose(found.place, vertices[tip])
 
 
-def test_the_samples_carry_the_area_of_the_mesh(ball: TSpline) -> None:
+def test_the_samples_carry_the_area_of_the_mesh(ball):
     mesh = ball.tessellate(0.02)
     points, areas = sample_mesh(mesh, 3000)
     assert areas.sum() == pytest.approx(mesh.area)
@@ -262,7 +262,7 @@ LOW_POLES = np.array([[0.0, 0.0, -3.0], [0.0, 0.0, 3.0]])
 
 
 @pytest.fixture(scope="module")
-def round_body() -> tuple[Rows, TriangleMesh]:
+def round_body():
     t, s = np.meshgrid(np.pi * np.arange(1, 20) / 20, 2 * np.pi * np.arange(40) / 40, indexing="ij")
     points = np.stack([2 * np.sin(t) * np.cos(s), 1.6 * np.sin(t) * np.sin(s), -3 * np.cos(t)], axis=2)
     mesh = skin(points, 1e-4, poles=LOW_POLES).tessellate(0.004)
@@ -270,13 +270,13 @@ def round_body() -> tuple[Rows, TriangleMesh]:
 
 
 @pytest.fixture(scope="module")
-def settled(round_body: tuple[Rows, TriangleMesh]) -> tuple[TSpline, FitTarget]:
+def settled(round_body):
     surface = through_loops(round_body[0], first_tmesh(9, 16))
     aim = Aim(0.02, 1000)
     return settle(surface, FitTarget.of(round_body[1], round_body[0], 3000).on(surface, 0.02), aim, 4)
 
 
-def test_an_ellipsoid_spares_many_knots_and_stays_where_it_is(settled: tuple[TSpline, FitTarget]) -> None:
+def test_an_ellipsoid_spares_many_knots_and_stays_where_it_is(settled):
     surface, target = settled
     tmesh = prune(surface, target, 0.02, 1000)
     assert tmesh.size < 0.8 * surface.tmesh.size
@@ -284,13 +284,13 @@ def test_an_ellipsoid_spares_many_knots_and_stays_where_it_is(settled: tuple[TSp
     assert target.on(fewer, 0.02).worst < 0.04
 
 
-def test_no_more_knots_go_than_may(settled: tuple[TSpline, FitTarget]) -> None:
+def test_no_more_knots_go_than_may(settled):
     surface, target = settled
     assert prune(surface, target, 0.02, 5).size == surface.tmesh.size - 5
     assert prune(surface, target, 1e-9, 1000).size == surface.tmesh.size
 
 
-def test_a_surface_moved_to_a_finer_tmesh_that_holds_it_is_the_same(settled: tuple[TSpline, FitTarget]) -> None:
+def test_a_surface_moved_to_a_finer_tmesh_that_holds_it_is_the_same(settled):
     surface = settled[0]
     assert isinstance(surface.tmesh, RowTMesh)
     finer = RowTMesh.from_rows(
@@ -301,7 +301,7 @@ def test_a_surface_moved_to_a_finer_tmesh_that_holds_it_is_the_same(settled: tup
     assert np.abs(transfer(surface, finer).positions(s, t) - surface.positions(s, t)).max() < 1e-4
 
 
-def test_harmonic_parameters_of_the_rows_are_their_own(round_body: tuple[Rows, TriangleMesh]) -> None:
+def test_harmonic_parameters_of_the_rows_are_their_own(round_body):
     rows = round_body[0]
     s, t = harmonic_parameters(rows, rows.points.reshape(-1, 3))
     wanted = np.tile(np.arange(60) / 60, 16)
@@ -309,7 +309,7 @@ def test_harmonic_parameters_of_the_rows_are_their_own(round_body: tuple[Rows, T
     assert np.abs(t - np.repeat(rows.heights, 60)).max() < 0.02
 
 
-def test_rows_next_to_poles_keep_a_knot_every_quarter_turn(settled: tuple[TSpline, FitTarget]) -> None:
+def test_rows_next_to_poles_keep_a_knot_every_quarter_turn(settled):
     """Round a gap of half a turn the surface folds at its pole."""
     surface, target = settled
     tmesh = surface.tmesh
@@ -333,7 +333,7 @@ def random_term(seed: int, size: int, width: int) -> Term:
 
 
 @pytest.mark.parametrize("widths", [(5, 5), (7, 3)])
-def test_the_gradient_vanishes_at_the_least(widths: tuple[int, int]) -> None:
+def test_the_gradient_vanishes_at_the_least(widths):
     one, two = (random_term(seed, 30, width) for seed, width in enumerate(widths))
     found = Form.of([one], 30).plus([two]).least()
     gradient = sum(
@@ -342,13 +342,13 @@ def test_the_gradient_vanishes_at_the_least(widths: tuple[int, int]) -> None:
     assert np.abs(gradient).max() < 1e-9
 
 
-def test_a_form_that_leaves_a_control_point_free_is_refused() -> None:
+def test_a_form_that_leaves_a_control_point_free_is_refused():
     term = random_term(1, 10, 3)
     with pytest.raises(np.linalg.LinAlgError):
         Form.of([term], 12).least()
 
 
-def test_a_sample_that_followed_a_wrong_foot_is_met_where_the_surface_is() -> None:
+def test_a_sample_that_followed_a_wrong_foot_is_met_where_the_surface_is():
     surface = bone_like()
     s, t = samples(400)
     points = surface.positions(s, t) + 0.01 * surface.normals(s, t)
@@ -364,7 +364,7 @@ def test_a_sample_that_followed_a_wrong_foot_is_met_where_the_surface_is() -> No
     np.testing.assert_array_equal(np.delete(met.s, lost), np.delete(alone.s, lost))
 
 
-def test_many_samples_that_are_missed_keep_the_feet_they_came_from() -> None:
+def test_many_samples_that_are_missed_keep_the_feet_they_came_from():
     surface = bone_like()
     s, t = samples(100)
     points = surface.positions(s, t) + 0.2 * surface.normals(s, t)
@@ -375,12 +375,12 @@ def test_many_samples_that_are_missed_keep_the_feet_they_came_from() -> None:
 
 
 @pytest.fixture(scope="module")
-def mesh() -> TriangleMesh:
+def mesh():
     return pebble().tessellate(0.01)
 
 
 @pytest.fixture(scope="module")
-def creased(mesh: TriangleMesh) -> Fit:
+def creased(mesh):
     """A fit of the pebble three of whose rows crowd."""
     surface = pebble()
     points = surface.control_points.copy()
@@ -394,7 +394,7 @@ def creased(mesh: TriangleMesh) -> Fit:
     return Fit(surface, missed, 2.0 * missed.max, reached=True)
 
 
-def test_the_least_radius_grows_and_the_surface_stays_within_the_limit(mesh: TriangleMesh, creased: Fit) -> None:
+def test_the_least_radius_grows_and_the_surface_stays_within_the_limit(mesh, creased):
     sharpest = least_radius(creased.surface)
     assert sharpest < 0.3
     found = without_creases(creased, mesh, 0.3, creased.tolerance)
@@ -406,14 +406,14 @@ def test_the_least_radius_grows_and_the_surface_stays_within_the_limit(mesh: Tri
     assert found.reached
 
 
-def test_a_surface_without_such_bends_and_one_that_would_leave_its_limit_stay(mesh: TriangleMesh, creased: Fit) -> None:
+def test_a_surface_without_such_bends_and_one_that_would_leave_its_limit_stay(mesh, creased):
     round_one = replace(creased, surface=pebble())
     assert least_radius(round_one.surface) > 0.3
     assert without_creases(round_one, mesh, 0.3, 1.0) is None
     assert without_creases(creased, mesh, 0.3, 1e-4) is None
 
 
-def test_the_radius_of_a_round_surface_is_that_of_its_narrowest_bend() -> None:
+def test_the_radius_of_a_round_surface_is_that_of_its_narrowest_bend():
     surface = pebble()
     s, t = (grid.ravel() for grid in np.meshgrid(np.linspace(0, 1, 40), np.linspace(0.02, 0.98, 60)))
     bends = surface.curvature(s, t)

@@ -5,8 +5,6 @@ Curvature, area and volume against shapes whose values are known.
 Diagnosis: the models' kinds, and T-meshes whose kind is known.
 """
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -29,7 +27,7 @@ def offset_points(seed: int, count: int) -> tuple[TSpline, np.ndarray]:
 
 @settings(max_examples=6)
 @given(st.integers(0, 10_000))
-def test_feet_are_orthogonal_and_at_their_parameters(seed: int) -> None:
+def test_feet_are_orthogonal_and_at_their_parameters(seed):
     surface, points = offset_points(seed, 1000)
     found = surface.project(points)
     S, S_s, S_t = surface.evaluate(found.s, found.t, 1)
@@ -41,14 +39,14 @@ def test_feet_are_orthogonal_and_at_their_parameters(seed: int) -> None:
         assert np.quantile(sine[inner], 0.995) <= 1e-8
 
 
-def test_no_sample_of_the_surface_is_nearer_than_the_foot() -> None:
+def test_no_sample_of_the_surface_is_nearer_than_the_foot():
     surface, points = offset_points(0, 5000)
     s, t = (v.ravel() for v in np.meshgrid(np.arange(600) / 600, np.linspace(0, 1, 600)))
     nearest = KDTree(surface.evaluate(s, t)).query(points)[0]
     assert (surface.project(points).distances - nearest).max() <= 1e-6
 
 
-def test_points_on_the_surface_seam_and_poles_come_home() -> None:
+def test_points_on_the_surface_seam_and_poles_come_home():
     surface = bone_like(14, 11, 3)
     s, t = samples(2000)
     s[:200], t[200:220], t[220:240] = 0.0, 0.0, 1.0
@@ -60,7 +58,7 @@ def test_points_on_the_surface_seam_and_poles_come_home() -> None:
     np.testing.assert_allclose((parameters[away, 0] - s[away] + 0.5) % 1, 0.5, atol=1e-8)
 
 
-def test_points_above_the_poles_have_their_feet_there() -> None:
+def test_points_above_the_poles_have_their_feet_there():
     surface = bone_like(14, 12, 1, spread=0.0)
     low, high = surface.control_points[[0, -1]]
     found = surface.project(np.array([low, high]) + np.array([[0, 0, -1.5], [0, 0, 1.5]]))
@@ -68,7 +66,7 @@ def test_points_above_the_poles_have_their_feet_there() -> None:
     assert (found.distances <= 1.5 + 1e-12).all()
 
 
-def test_points_that_are_not_finite_are_refused() -> None:
+def test_points_that_are_not_finite_are_refused():
     with pytest.raises(ValueError, match="point 1"):
         bone_like(8, 6).project(np.array([[0.0, 0, 0], [0, np.nan, 0]]))
 
@@ -88,7 +86,7 @@ def ball(radius: float, rows: int = 24, around: int = 32) -> TSpline:
     return flat.with_control_points(np.linalg.solve(flat.basis(s, t)[0].toarray(), points))
 
 
-def test_a_ball_has_positive_curvature_one_over_its_radius() -> None:
+def test_a_ball_has_positive_curvature_one_over_its_radius():
     surface = ball(4.0)
     s, t = samples(2000)
     found = surface.curvature(s, 0.05 + 0.9 * t)
@@ -100,14 +98,14 @@ def test_a_ball_has_positive_curvature_one_over_its_radius() -> None:
     assert surface.volume == pytest.approx(4 / 3 * np.pi * 64, rel=1e-4)
 
 
-def test_the_poles_of_a_ball_have_the_limit_curvature() -> None:
+def test_the_poles_of_a_ball_have_the_limit_curvature():
     poles = ball(4.0).curvature(np.array([0.0, 0.3, 0.9]), np.array([0.0, 1.0, 0.5]))
     np.testing.assert_allclose(poles.k1, 0.25, rtol=0.05)
     np.testing.assert_allclose(poles.k2, 0.25, rtol=0.05)
     np.testing.assert_allclose(np.abs(poles.direction1[:2, 2]), 0, atol=1e-6)
 
 
-def test_directions_are_principal() -> None:
+def test_directions_are_principal():
     surface = bone_like(14, 12, 2)
     s, t = samples(300)
     t = 0.05 + 0.9 * t
@@ -127,7 +125,7 @@ def test_directions_are_principal() -> None:
         np.einsum("ni,ni->n", np.cross(found.direction1, found.direction2), normals))[:, None], atol=1e-9)  # fmt: skip
 
 
-def test_a_pole_without_a_tangent_plane_is_an_error() -> None:
+def test_a_pole_without_a_tangent_plane_is_an_error():
     surface = bone_like(9, 7)
     points = surface.control_points.copy()
     points[1:8] = points[0]
@@ -146,7 +144,7 @@ TABLE = {  # kind, faces on which the sum is one, faces, T-junctions, crossing, 
 
 
 @pytest.mark.parametrize("name", TABLE)
-def test_the_models_are_of_their_kind(shared: Path, name: str) -> None:
+def test_the_models_are_of_their_kind(shared, name):
     surface = read_tsm(shared / "tspline" / "tsm" / f"{name}.tsm")
     found = surface.diagnose()
     assert (
@@ -164,7 +162,7 @@ def test_the_models_are_of_their_kind(shared: Path, name: str) -> None:
         np.testing.assert_allclose(patches[:, :, 3], 1, atol=1e-10)
 
 
-def test_row_structured_surfaces_are_standard_and_independent() -> None:
+def test_row_structured_surfaces_are_standard_and_independent():
     found = bone_like(10, 7, 3).diagnose()
     assert found.standard
     assert found.analysis_suitable

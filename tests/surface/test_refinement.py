@@ -1,7 +1,5 @@
 """Refinement leaves every surface what it is: rational, non-standard, closed, with holes; and so do rows."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -22,7 +20,7 @@ def assert_same(first: TSpline, second: TSpline, seed: int = 0, order: int = 1) 
 
 
 @pytest.mark.parametrize("name", ["simple", "fan", "Bike", "mouse", "face", "gearbox2-9"])
-def test_the_models_stay_what_they_are(shared: Path, name: str) -> None:
+def test_the_models_stay_what_they_are(shared, name):
     surface = read_tsm(shared / "tspline" / "tsm" / f"{name}.tsm")
     s, t = inner_samples(surface, 1, 2000)
     expected, size = surface.evaluate(s, t), np.ptp(surface.control_points, axis=0).max()
@@ -33,7 +31,7 @@ def test_the_models_stay_what_they_are(shared: Path, name: str) -> None:
         np.testing.assert_allclose(surface.evaluate(s, t), expected, atol=1e-13 * size)
 
 
-def test_every_face_of_the_notched_model_can_be_cut(shared: Path) -> None:
+def test_every_face_of_the_notched_model_can_be_cut(shared):
     surface = read_tsm(shared / "tspline" / "tsm" / "mouse.tsm")
     s, t = inner_samples(surface, 1, 500)
     expected = surface.evaluate(s, t)
@@ -44,7 +42,7 @@ def test_every_face_of_the_notched_model_can_be_cut(shared: Path) -> None:
 
 @settings(max_examples=8)
 @given(seeds, st.booleans(), st.sampled_from(["s", "t", "st"]))
-def test_random_tsplines_stay_what_they_are(seed: int, closed: bool, directions: str) -> None:
+def test_random_tsplines_stay_what_they_are(seed, closed, directions):
     surface = random_tspline(seed, closed)
     finer = surface.refine(*inner_samples(surface, seed + 9, 2), directions)
     assert len(finer.tmesh.face_boxes) > len(surface.tmesh.face_boxes)
@@ -53,7 +51,7 @@ def test_random_tsplines_stay_what_they_are(seed: int, closed: bool, directions:
 
 @settings(max_examples=8)
 @given(seeds)
-def test_derivatives_of_random_tsplines_agree_with_finite_differences(seed: int) -> None:
+def test_derivatives_of_random_tsplines_agree_with_finite_differences(seed):
     surface = random_tspline(seed, seed % 2 == 0)
     boxes = surface.elements().boxes
     rng = np.random.default_rng(seed)
@@ -83,9 +81,7 @@ def element_widths(surface: TSpline, s: np.ndarray, t: np.ndarray) -> np.ndarray
 
 @settings(max_examples=8)
 @given(seeds, st.booleans())
-def test_random_tsplines_come_back_from_their_files(
-    tmp_path_factory: pytest.TempPathFactory, seed: int, closed: bool
-) -> None:
+def test_random_tsplines_come_back_from_their_files(tmp_path_factory, seed, closed):
     path = tmp_path_factory.mktemp("tsm") / "a.tsm"
     surface = random_tspline(seed, closed)
     write_tsm(surface, path)
@@ -98,7 +94,7 @@ def test_random_tsplines_come_back_from_their_files(
 
 @settings(max_examples=10)
 @given(seeds, st.integers(6, 12), st.integers(4, 9), st.sampled_from(["s", "t", "st"]), st.booleans())
-def test_rows_stay_what_they_are(seed: int, rows: int, around: int, directions: str, poles: bool) -> None:
+def test_rows_stay_what_they_are(seed, rows, around, directions, poles):
     surface = bone_like(rows, around, seed, poles=poles)
     s, t = np.random.default_rng(seed).random((2, 3))
     finer = surface.refine(s, t, directions)
@@ -110,7 +106,7 @@ def test_rows_stay_what_they_are(seed: int, rows: int, around: int, directions: 
 
 @settings(max_examples=8)
 @given(seeds, st.booleans())
-def test_rows_are_a_general_tmesh(seed: int, poles: bool) -> None:
+def test_rows_are_a_general_tmesh(seed, poles):
     surface = bone_like(8, 6, seed, poles=poles)
     general = as_general(surface)
     s, t = np.random.default_rng(seed).random((2, 500))
@@ -123,7 +119,7 @@ def test_rows_are_a_general_tmesh(seed: int, poles: bool) -> None:
     )
 
 
-def test_a_torus_is_refined_across_both_seams(tmp_path: Path) -> None:
+def test_a_torus_is_refined_across_both_seams(tmp_path):
     (tmp_path / "torus.tsm").write_text(torus_text())
     surface = read_tsm(tmp_path / "torus.tsm", to_mm=True)
     finer = surface.refine(np.array([4.9, 0.2]), np.array([5.9, 0.1]))
@@ -132,7 +128,7 @@ def test_a_torus_is_refined_across_both_seams(tmp_path: Path) -> None:
     assert finer.diagnose().semi_standard
 
 
-def test_a_wrong_call_is_refused() -> None:
+def test_a_wrong_call_is_refused():
     surface = random_tspline(1)
     with pytest.raises(ValueError, match="directions"):
         surface.refine(np.zeros(1), np.zeros(1), "x")
@@ -149,7 +145,7 @@ def open_rows(seed: int) -> TSpline[OpenRowTMesh]:
     return TSpline(rows, rng.standard_normal((rows.size, 3)), rng.uniform(0.8, 1.2, rows.size))
 
 
-def test_open_rows_are_a_general_tmesh_and_can_be_refined_there() -> None:
+def test_open_rows_are_a_general_tmesh_and_can_be_refined_there():
     surface = open_rows(1)
     general = as_general(surface)
     s, t = np.random.default_rng(2).random((2, 500))
@@ -171,7 +167,7 @@ def test_open_rows_are_a_general_tmesh_and_can_be_refined_there() -> None:
 
 @settings(max_examples=10)
 @given(seeds, st.sampled_from(["s", "t", "st"]))
-def test_open_rows_stay_what_they_are(seed: int, directions: str) -> None:
+def test_open_rows_stay_what_they_are(seed, directions):
     surface = open_rows(seed)
     finer = surface.refine(*np.random.default_rng(seed).random((2, 3)), directions)
     assert isinstance(finer.tmesh, OpenRowTMesh)
@@ -180,7 +176,7 @@ def test_open_rows_stay_what_they_are(seed: int, directions: str) -> None:
     np.testing.assert_allclose(finer.evaluate(s, t), surface.evaluate(s, t), atol=1e-13 * 5)
 
 
-def test_knots_of_rows_that_differ_by_rounding_are_one() -> None:
+def test_knots_of_rows_that_differ_by_rounding_are_one():
     surface = bone_like(9, 6, 3)
     rows = [row.copy() for row in surface.tmesh.s_knots]
     rows[3][2], rows[4][2] = rows[5][2] + 1e-16, rows[5][2] - 1e-16
@@ -214,7 +210,7 @@ def faces_and_points(surface: TSpline) -> int:
     return surface.tmesh.size + (len(surface.tmesh.faces) if isinstance(surface.tmesh, TMesh) else 0)
 
 
-def test_every_surface_made_here_is_refined_without_change() -> None:
+def test_every_surface_made_here_is_refined_without_change():
     for name, surface in own_surfaces().items():
         s, t = np.random.default_rng(1).random((2, 1000))
         expected, size = surface.evaluate(s, t), np.ptp(surface.control_points, axis=0).max()
@@ -230,7 +226,7 @@ def test_every_surface_made_here_is_refined_without_change() -> None:
                 np.testing.assert_allclose(finer.evaluate(s, t), expected, atol=1e-13 * size, err_msg=name)
 
 
-def test_what_half_edges_cannot_hold_is_said_and_goes_into_an_iga_file(shared: Path, tmp_path: Path) -> None:
+def test_what_half_edges_cannot_hold_is_said_and_goes_into_an_iga_file(shared, tmp_path):
     surface = read_tsm(shared / "tspline" / "tsm" / "mouse.tsm")
     expected = surface.area
     for face in (0, 11):

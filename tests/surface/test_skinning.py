@@ -9,8 +9,6 @@ Knot reduction: the bound holds everywhere, closed and open, alone and together;
 kept.
 """
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from scipy.spatial import Delaunay
@@ -54,7 +52,7 @@ def worst_miss(surface: TSpline, curves: RowCurves, t: np.ndarray) -> float:
     return float(np.linalg.norm(points - curves.at(s).reshape(-1, 3), axis=1).max())
 
 
-def test_open_rows_of_four_points_have_no_knots_between() -> None:
+def test_open_rows_of_four_points_have_no_knots_between():
     rows = [np.column_stack([[0.0, 1.0, 2.5, 3.0], np.full(4, y), [0.0, 0.5, 0.5, 0.0]]) for y in (0.0, 1.0, 2.0, 4.0)]
     surface = skin(rows, 0.01, closed=False)
     assert surface.tmesh.size == 16
@@ -62,7 +60,7 @@ def test_open_rows_of_four_points_have_no_knots_between() -> None:
 
 
 @pytest.mark.parametrize("count", [39, 40, 64])
-def test_knots_of_rows_that_differ_by_rounding_are_one(count: int) -> None:
+def test_knots_of_rows_that_differ_by_rounding_are_one(count):
     """Half a turn on from points evenly round a circle are others, but for rounding."""
     s, z = 2 * np.pi * np.arange(count) / count, np.linspace(0, 1, 9)[1:-1, None]
     circles = np.stack(
@@ -73,7 +71,7 @@ def test_knots_of_rows_that_differ_by_rounding_are_one(count: int) -> None:
         assert surface.project(circles.reshape(-1, 3)).distances.max() < 1.01 * tolerance
 
 
-def test_the_surface_begins_and_ends_in_the_poles() -> None:
+def test_the_surface_begins_and_ends_in_the_poles():
     surface = skin(ellipsoid_rows(), 0.01, poles=POLES)
     s = np.linspace(0, 0.99, 12)
     for t, pole in ((0.0, POLES[0]), (1.0, POLES[1])):
@@ -81,7 +79,7 @@ def test_the_surface_begins_and_ends_in_the_poles() -> None:
 
 
 @pytest.mark.parametrize("tolerance", [0.1, 0.01, 0.001, 1e-9])
-def test_every_section_first_and_last_too_is_met_within_the_tolerance(tolerance: float) -> None:
+def test_every_section_first_and_last_too_is_met_within_the_tolerance(tolerance):
     curves = RowCurves.through(ellipsoid_rows(), closed=True)
     reduced = skin(ellipsoid_rows(), tolerance, poles=POLES)
     assert worst_miss(reduced, curves, row_parameters(curves, POLES)[1:-1]) < tolerance
@@ -89,7 +87,7 @@ def test_every_section_first_and_last_too_is_met_within_the_tolerance(tolerance:
 
 
 @pytest.mark.parametrize("tolerance", [0.1, 0.01, 0.001])
-def test_the_whole_surface_stays_within_the_tolerance_of_the_one_through_all_points(tolerance: float) -> None:
+def test_the_whole_surface_stays_within_the_tolerance_of_the_one_through_all_points(tolerance):
     s, t = (v.ravel() for v in np.meshgrid(np.linspace(0, 0.999, 57), np.linspace(0, 1, 80)))
     exact = skin(ellipsoid_rows(), 1e-10, poles=POLES).positions(s, t)
     assert (
@@ -97,7 +95,7 @@ def test_the_whole_surface_stays_within_the_tolerance_of_the_one_through_all_poi
     )
 
 
-def test_open_rows_of_different_counts_are_met_with_their_corners() -> None:
+def test_open_rows_of_different_counts_are_met_with_their_corners():
     rows = wing_rows((9, 12, 7, 15, 9, 10))
     curves = RowCurves.through(rows, closed=False)
     for tolerance in (0.3, 0.03, 0.003, 1e-8):
@@ -107,7 +105,7 @@ def test_open_rows_of_different_counts_are_met_with_their_corners() -> None:
         assert np.allclose(corners, [rows[0][0], rows[0][-1], rows[-1][0], rows[-1][-1]], atol=1e-10)
 
 
-def test_closed_rows_of_different_counts_are_met_with_and_without_poles() -> None:
+def test_closed_rows_of_different_counts_are_met_with_and_without_poles():
     rows = [row[:: 1 + k % 2] for k, row in enumerate(ellipsoid_rows(7, 44))]
     curves = RowCurves.through(rows, closed=True)
     for poles, inner in ((None, slice(None)), (POLES, slice(1, -1))):
@@ -116,20 +114,20 @@ def test_closed_rows_of_different_counts_are_met_with_and_without_poles() -> Non
 
 
 @pytest.mark.parametrize("count", [2, 3, 4, 5])
-def test_few_rows_are_enough(count: int) -> None:
+def test_few_rows_are_enough(count):
     rows = wing_rows((9, 12, 7, 15, 9)[:count])
     curves = RowCurves.through(rows, closed=False)
     assert worst_miss(skin(rows, 0.01, closed=False), curves, row_parameters(curves)) < 0.01
 
 
-def test_two_straight_rows_make_a_flat_ruled_patch() -> None:
+def test_two_straight_rows_make_a_flat_ruled_patch():
     rows = [np.column_stack([np.linspace(0, 4, 5), np.full(5, y), np.zeros(5)]) for y in (0.0, 3.0)]
     surface = skin(rows, 1e-6, closed=False)
     assert surface.tmesh.size == 16
     assert surface.area == pytest.approx(12)
 
 
-def test_few_rows_of_knots_are_kept_where_the_rows_are_simple() -> None:
+def test_few_rows_of_knots_are_kept_where_the_rows_are_simple():
     simple = [
         np.column_stack([np.linspace(0, 4, 15), np.full(15, y), y * np.linspace(-1, 1, 15) ** 2]) for y in range(5)
     ]
@@ -139,7 +137,7 @@ def test_few_rows_of_knots_are_kept_where_the_rows_are_simple() -> None:
     assert counts[0] < counts[2]
 
 
-def test_open_elements_evaluate_as_the_blending_functions_do() -> None:
+def test_open_elements_evaluate_as_the_blending_functions_do():
     surface = skin(wing_rows((9, 12, 7, 15, 9, 10)), 0.02, closed=False)
     rng = np.random.default_rng(2)
     s, t = np.append(rng.random(200), [0, 1, 0, 1]), np.append(rng.random(200), [0, 0, 1, 1])
@@ -148,12 +146,12 @@ def test_open_elements_evaluate_as_the_blending_functions_do() -> None:
         assert np.allclose(direct @ surface.control_points, value, atol=1e-8 * np.abs(value).max())
 
 
-def test_a_looser_tolerance_never_needs_more_control_points() -> None:
+def test_a_looser_tolerance_never_needs_more_control_points():
     sizes = [skin(ellipsoid_rows(), tolerance, poles=POLES).tmesh.size for tolerance in (1e-3, 1e-2, 1e-1)]
     assert sizes == sorted(sizes, reverse=True)
 
 
-def test_the_control_curves_leave_the_poles_in_odd_directions() -> None:
+def test_the_control_curves_leave_the_poles_in_odd_directions():
     curves = RowCurves.through(ellipsoid_rows(), closed=True)
     control = control_curves(curves, POLES)
     assert np.allclose(control.points[0], POLES[0], atol=1e-12)
@@ -163,7 +161,7 @@ def test_the_control_curves_leave_the_poles_in_odd_directions() -> None:
     assert np.allclose(near, -far, atol=1e-10)
 
 
-def test_the_surface_is_c2_across_the_seam() -> None:
+def test_the_surface_is_c2_across_the_seam():
     surface = skin(ellipsoid_rows(), 0.01, poles=POLES)
     t = np.linspace(0.1, 0.9, 9)
     before, after = surface.evaluate(np.full(9, 1 - 1e-9), t, 2), surface.evaluate(np.zeros(9), t, 2)
@@ -172,7 +170,7 @@ def test_the_surface_is_c2_across_the_seam() -> None:
 
 
 @pytest.mark.whole
-def test_too_few_control_points_say_what_they_reach() -> None:
+def test_too_few_control_points_say_what_they_reach():
     needed = skin(ellipsoid_rows(), 1e-3, poles=POLES).tmesh.size
     with pytest.raises(SurfaceError, match="reach") as caught:
         skin(ellipsoid_rows(), 1e-3, poles=POLES, max_control_points=needed // 2)
@@ -185,7 +183,7 @@ def test_too_few_control_points_say_what_they_reach() -> None:
         skin(ellipsoid_rows(), 1e-15, poles=POLES)
 
 
-def test_rows_of_noise_are_refused_soon() -> None:
+def test_rows_of_noise_are_refused_soon():
     """Before knots are taken out again, which took minutes, where they need far more than are allowed."""
     random = np.random.default_rng(1)
     rows = [row[: 36 + k % 5] for k, row in enumerate(ellipsoid_rows())]
@@ -194,7 +192,7 @@ def test_rows_of_noise_are_refused_soon() -> None:
         skin(noise, 0.1, poles=POLES, max_control_points=60)
 
 
-def test_rows_whose_knots_would_fill_the_memory_are_refused() -> None:
+def test_rows_whose_knots_would_fill_the_memory_are_refused():
     random = np.random.default_rng(1)
     angles = [np.sort(random.uniform(0, 2 * np.pi, 450 + k)) for k in range(200)]
     rows = [np.column_stack([np.cos(a), np.sin(a), np.full(len(a), k)]) for k, a in enumerate(angles)]
@@ -202,7 +200,7 @@ def test_rows_whose_knots_would_fill_the_memory_are_refused() -> None:
         skin(rows, 0.1)
 
 
-def test_wrong_rows_are_refused() -> None:
+def test_wrong_rows_are_refused():
     points = ellipsoid_rows()
     with pytest.raises(ValueError, match="two or more rows"):
         skin(points[:1], 0.1, poles=POLES)
@@ -236,7 +234,7 @@ def patch(across: int = 24, along: int = 36, *, flipped: bool = False) -> Triang
 
 
 @pytest.mark.parametrize("flipped", [False, True])
-def test_it_lies_within_the_tolerance_and_faces_as_the_triangles_do(flipped: bool) -> None:
+def test_it_lies_within_the_tolerance_and_faces_as_the_triangles_do(flipped):
     mesh = patch(flipped=flipped)
     surface = patch_surface(mesh, 0.05)
     skinned = surface.tessellate(0.005)
@@ -249,7 +247,7 @@ def test_it_lies_within_the_tolerance_and_faces_as_the_triangles_do(flipped: boo
     assert surface.area == pytest.approx(mesh.area, rel=2e-3)
 
 
-def test_the_corners_of_its_domain_are_the_corners_of_the_mesh() -> None:
+def test_the_corners_of_its_domain_are_the_corners_of_the_mesh():
     mesh = patch()
     surface = patch_surface(mesh, 0.05)
     s, t = (np.array(side) for side in surface.domain)
@@ -264,7 +262,7 @@ def test_the_corners_of_its_domain_are_the_corners_of_the_mesh() -> None:
     assert away.max() < 0.02
 
 
-def test_a_mesh_that_is_no_patch_is_refused() -> None:
+def test_a_mesh_that_is_no_patch_is_refused():
     mesh = patch()
     middle = np.hypot(*(mesh.vertices[mesh.faces].mean(axis=1)[:, :2] - [25, 15]).T) < 4
     with pytest.raises(SurfaceError, match="has 2 edges: cut it open"):
@@ -276,7 +274,7 @@ def test_a_mesh_that_is_no_patch_is_refused() -> None:
         )
 
 
-def test_a_mesh_too_rough_for_the_tolerance_is_refused_with_what_is_reached(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_mesh_too_rough_for_the_tolerance_is_refused_with_what_is_reached(monkeypatch):
     monkeypatch.setattr(skinning, "MOST", 2 * skinning.FEWEST)
     mesh = patch()
     rough = mesh.vertices + np.random.default_rng(1).normal(0, 0.4, mesh.vertices.shape)
@@ -284,7 +282,7 @@ def test_a_mesh_too_rough_for_the_tolerance_is_refused_with_what_is_reached(monk
         patch_surface(TriangleMesh(rough, mesh.faces), 0.01)
 
 
-def test_rows_between_two_poles_are_skinned_to_a_closed_outward_surface(tmp_path: Path) -> None:
+def test_rows_between_two_poles_are_skinned_to_a_closed_outward_surface(tmp_path):
     rows = read_rows(write_rows([SECTION_POLES[:1], *sections(), SECTION_POLES[1:]], tmp_path / "rows.csv"))
     assert rows.closed
     assert rows.poles is not None
@@ -294,7 +292,7 @@ def test_rows_between_two_poles_are_skinned_to_a_closed_outward_surface(tmp_path
 
 
 @pytest.mark.parametrize("turned", [False, True])
-def test_rows_that_run_the_wrong_way_or_start_anywhere_are_put_right(turned: bool, tmp_path: Path) -> None:
+def test_rows_that_run_the_wrong_way_or_start_anywhere_are_put_right(turned, tmp_path):
     straight = read_rows(write_rows([SECTION_POLES[:1], *sections(), SECTION_POLES[1:]], tmp_path / "straight.csv"))
     rng = np.random.default_rng(3)
     mixed = [np.roll(row, rng.integers(len(row)) if k else 0, axis=0) for k, row in enumerate(sections())]
@@ -304,7 +302,7 @@ def test_rows_that_run_the_wrong_way_or_start_anywhere_are_put_right(turned: boo
         np.testing.assert_allclose(row, expected, rtol=0, atol=1e-12)
 
 
-def test_rows_that_end_where_they_began_are_closed_and_others_open(tmp_path: Path) -> None:
+def test_rows_that_end_where_they_began_are_closed_and_others_open(tmp_path):
     looped = read_rows(write_rows([np.vstack([row, row[:1]]) for row in sections()], tmp_path / "looped.txt"))
     assert looped.closed
     assert looped.poles is None
@@ -314,7 +312,7 @@ def test_rows_that_end_where_they_began_are_closed_and_others_open(tmp_path: Pat
     assert np.diff(open_rows.skin(0.05).domain).tolist() == [[1.0], [1.0]]
 
 
-def test_the_sections_of_the_measuring_data_are_open_rows(shared: Path, tmp_path: Path) -> None:
+def test_the_sections_of_the_measuring_data_are_open_rows(shared, tmp_path):
     files = [shared / "tspline" / "skinning_sections" / f"door{k}.txt" for k in range(1, 11)]
     (tmp_path / "door.txt").write_text("\n".join(file.read_text() for file in files))
     rows = read_rows(tmp_path / "door.txt")
@@ -322,13 +320,13 @@ def test_the_sections_of_the_measuring_data_are_open_rows(shared: Path, tmp_path
     assert not rows.closed
 
 
-def test_a_file_holds_rows_or_one_cloud(tmp_path: Path) -> None:
+def test_a_file_holds_rows_or_one_cloud(tmp_path):
     assert holds_rows(write_rows(sections(), tmp_path / "rows.xyz"))
     assert not holds_rows(write_rows(sections()[:1], tmp_path / "cloud.xyz"))
     assert not holds_rows(tmp_path / "part.stl")
 
 
-def test_another_unit_scales_rows_and_poles(tmp_path: Path) -> None:
+def test_another_unit_scales_rows_and_poles(tmp_path):
     rows = read_rows(write_rows([SECTION_POLES[:1], *sections(), SECTION_POLES[1:]], tmp_path / "rows.csv")).scaled(
         1000.0
     )
@@ -348,7 +346,7 @@ def test_another_unit_scales_rows_and_poles(tmp_path: Path) -> None:
         ("twice.csv", "row 1: points 1 and the next coincide"),
     ],
 )
-def test_bad_rows_are_refused_in_one_line_that_names_the_row(name: str, reason: str, tmp_path: Path) -> None:
+def test_bad_rows_are_refused_in_one_line_that_names_the_row(name, reason, tmp_path):
     rows = sections()
     blocks = {
         "one.csv": rows[:1],
@@ -370,7 +368,7 @@ def wandering(count: int, closed: bool, seed: int = 3) -> np.ndarray:
 
 
 @pytest.mark.parametrize("closed", [True, False])
-def test_reduction_keeps_its_bound_everywhere(closed: bool) -> None:
+def test_reduction_keeps_its_bound_everywhere(closed):
     knots = np.arange(48) / 48 if closed else np.arange(1, 48) / 48
     points = wandering(48 if closed else 51, closed)
     kept, found = Reduction(knots, knots, closed).least(points, 0.2)
@@ -385,7 +383,7 @@ def test_reduction_keeps_its_bound_everywhere(closed: bool) -> None:
 
 
 @pytest.mark.parametrize("closed", [True, False])
-def test_a_curve_with_inserted_knots_gives_them_back(closed: bool) -> None:
+def test_a_curve_with_inserted_knots_gives_them_back(closed):
     few, many = (np.array([0.05, 0.2, 0.5, 0.6, 0.9]), np.array([0.05, 0.1, 0.2, 0.3, 0.5, 0.55, 0.6, 0.75, 0.9, 0.95]))
     points = np.random.default_rng(4).normal(size=(len(sites(few, closed)), 3))
     at = sites(many, closed)
@@ -395,7 +393,7 @@ def test_a_curve_with_inserted_knots_gives_them_back(closed: bool) -> None:
     assert np.allclose(found, points, atol=1e-8)
 
 
-def test_knots_for_curves_together_suffice_for_each() -> None:
+def test_knots_for_curves_together_suffice_for_each():
     knots = np.arange(1, 40) / 40
     curves = [wandering(43, False, seed) for seed in (1, 2, 3)]
     reduction = Reduction(knots, knots, False)
@@ -404,7 +402,7 @@ def test_knots_for_curves_together_suffice_for_each() -> None:
         assert len(reduction.least(curve, 0.2)[0]) <= len(together) < len(knots)
 
 
-def test_a_tolerance_nothing_reaches_keeps_all_knots() -> None:
+def test_a_tolerance_nothing_reaches_keeps_all_knots():
     knots = np.arange(20) / 20
     points = wandering(20, True)
     kept, found = Reduction(knots, knots, True).least(points, 1e-300)

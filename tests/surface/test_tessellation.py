@@ -11,8 +11,6 @@ Tessellation: closed, outward, within the tolerance it states.
 Surfaces that bound no body are told with the place.
 """
 
-from pathlib import Path
-
 import igl
 import numpy as np
 import pytest
@@ -57,7 +55,7 @@ def assert_within(surface: TSpline, mesh: TriangleMesh, tolerance: float) -> Non
 
 
 @pytest.mark.parametrize("name", MODELS)
-def test_models_are_tessellated_without_a_gap(shared: Path, name: str) -> None:
+def test_models_are_tessellated_without_a_gap(shared, name):
     surface = read_tsm(shared / "tspline" / "tsm" / f"{name}.tsm")
     tolerance = 1e-3 * np.ptp(surface.control_points, axis=0).max()
     found = surface.tessellate_with_parameters(tolerance)
@@ -82,7 +80,7 @@ def test_models_are_tessellated_without_a_gap(shared: Path, name: str) -> None:
 
 @settings(max_examples=6)
 @given(st.integers(0, 1000), st.booleans())
-def test_random_tsplines_are_tessellated_within_the_tolerance(seed: int, closed: bool) -> None:
+def test_random_tsplines_are_tessellated_within_the_tolerance(seed, closed):
     surface = random_tspline(seed, closed)
     found = surface.tessellate_with_parameters(0.02)
     border(found.mesh)
@@ -90,7 +88,7 @@ def test_random_tsplines_are_tessellated_within_the_tolerance(seed: int, closed:
     assert_within(surface, found.mesh, 0.02)
 
 
-def test_a_bone_on_a_general_tmesh_is_one_closed_outward_sphere() -> None:
+def test_a_bone_on_a_general_tmesh_is_one_closed_outward_sphere():
     rows = bone_like(12, 9, 1)
     surface = as_general(rows)
     assert surface.poles == (True, True)
@@ -103,7 +101,7 @@ def test_a_bone_on_a_general_tmesh_is_one_closed_outward_sphere() -> None:
         np.testing.assert_allclose(surface.normals(s, np.full(7, t)), rows.normals(s, np.full(7, t)), atol=1e-9)
 
 
-def test_a_torus_turned_inside_out_is_outward(tmp_path: Path) -> None:
+def test_a_torus_turned_inside_out_is_outward(tmp_path):
     (tmp_path / "torus.tsm").write_text(torus_text())
     surface = read_tsm(tmp_path / "torus.tsm", to_mm=True)
     inside_out = surface.with_control_points(surface.control_points * [1, 1, -1])
@@ -115,7 +113,7 @@ def test_a_torus_turned_inside_out_is_outward(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", MODELS)
-def test_no_point_of_a_model_is_nearer_than_the_foot(shared: Path, name: str) -> None:
+def test_no_point_of_a_model_is_nearer_than_the_foot(shared, name):
     surface = read_tsm(shared / "tspline" / "tsm" / f"{name}.tsm")
     size = np.ptp(surface.control_points, axis=0).max()
     feet = surface.positions(*inner_samples(surface, 5, 1000))
@@ -148,7 +146,7 @@ def borders(mesh: TriangleMesh) -> int:
 
 @pytest.mark.parametrize("tolerance", [1e-2, 1e-3])
 @pytest.mark.parametrize("model", AREAS)
-def test_the_models_become_one_conforming_mesh_within_the_tolerance(shared: Path, model: str, tolerance: float) -> None:
+def test_the_models_become_one_conforming_mesh_within_the_tolerance(shared, model, tolerance):
     surface = read_iga(shared / "tspline" / "iga" / f"{model}.iga")
     found = surface.tessellate_with_parameters(tolerance)
     assert borders(found.mesh) == 1
@@ -157,7 +155,7 @@ def test_the_models_become_one_conforming_mesh_within_the_tolerance(shared: Path
     np.testing.assert_allclose(surface.evaluate(*found.parameters.T), found.mesh.vertices, atol=1e-9)
 
 
-def test_a_bone_with_poles_comes_back_closed_and_outward(tmp_path: Path) -> None:
+def test_a_bone_with_poles_comes_back_closed_and_outward(tmp_path):
     bone = bone_like(8, 6, 2)
     write_iga(bone, tmp_path / "bone.iga")
     mesh = read_iga(tmp_path / "bone.iga").tessellate(0.02)
@@ -168,7 +166,7 @@ def test_a_bone_with_poles_comes_back_closed_and_outward(tmp_path: Path) -> None
     assert bone.project(centres).distances.max() < 0.02
 
 
-def test_t_junctions_are_joined(tmp_path: Path) -> None:
+def test_t_junctions_are_joined(tmp_path):
     surface = random_tspline(4)
     write_iga(surface, tmp_path / "a.iga")
     mesh = read_iga(tmp_path / "a.iga").tessellate(0.01)
@@ -176,7 +174,7 @@ def test_t_junctions_are_joined(tmp_path: Path) -> None:
     assert mesh.area == pytest.approx(surface.area, rel=0.02)
 
 
-def test_what_cannot_be_had_is_an_error(tmp_path: Path) -> None:
+def test_what_cannot_be_had_is_an_error(tmp_path):
     write_iga(random_tspline(4), tmp_path / "a.iga")
     surface: TSpline[ExtractedTMesh] = read_iga(tmp_path / "a.iga")
     with pytest.raises(SurfaceError, match=r"element \d+ cannot be tessellated .* raise the tolerance"):
@@ -188,7 +186,7 @@ def test_what_cannot_be_had_is_an_error(tmp_path: Path) -> None:
         surface.tessellate(0.1, 0.0)
 
 
-def test_the_normals_along_an_edge_keep_the_angle(tmp_path: Path) -> None:
+def test_the_normals_along_an_edge_keep_the_angle(tmp_path):
     write_iga(random_tspline(4), tmp_path / "a.iga")
     surface = read_iga(tmp_path / "a.iga")
     coarse, fine = surface.tessellate(0.1), surface.tessellate_with_parameters(0.1, 0.15)
@@ -201,7 +199,7 @@ def test_the_normals_along_an_edge_keep_the_angle(tmp_path: Path) -> None:
     assert turns.max() < 0.15 + 1e-9
 
 
-def test_any_surface_is_saved_as_iga(tmp_path: Path) -> None:
+def test_any_surface_is_saved_as_iga(tmp_path):
     bone = bone_like(6, 5, 2)
     save_surface(bone, tmp_path / "bone.iga")
     again = read_iga(tmp_path / "bone.iga")
@@ -211,7 +209,7 @@ def test_any_surface_is_saved_as_iga(tmp_path: Path) -> None:
 
 @settings(max_examples=12)
 @given(st.integers(0, 10_000), st.integers(6, 18), st.integers(5, 16), st.sampled_from([0.3, 0.05, 0.01]))
-def test_a_tessellation_is_one_closed_outward_sphere(seed: int, rows: int, around: int, tolerance: float) -> None:
+def test_a_tessellation_is_one_closed_outward_sphere(seed, rows, around, tolerance):
     surface = bone_like(rows, around, seed)
     found = surface.tessellate_with_parameters(tolerance)
     assert_closed_sphere(found.mesh)
@@ -224,7 +222,7 @@ def test_a_tessellation_is_one_closed_outward_sphere(seed: int, rows: int, aroun
     assert abs(found.mesh.volume - surface.volume) <= tolerance * surface.area
 
 
-def test_no_small_face_at_a_pole_turns_over() -> None:
+def test_no_small_face_at_a_pole_turns_over():
     """Nearly collinear in (s, t) is not so round a pole: with few vertices on its ring one of these faces lay
     against the surface."""
     surface = bone_like(14, 12, 10)
@@ -233,7 +231,7 @@ def test_no_small_face_at_a_pole_turns_over() -> None:
     assert (np.einsum("ni,ni->n", mesh.face_vectors, surface.normals(foot.s, foot.t)) > 0).all()
 
 
-def test_the_surface_lies_within_the_tolerance_of_the_mesh() -> None:
+def test_the_surface_lies_within_the_tolerance_of_the_mesh():
     surface = bone_like(14, 12, 2)
     points = surface.evaluate(*samples(20_000))
     for tolerance in (0.1, 0.01):
@@ -242,7 +240,7 @@ def test_the_surface_lies_within_the_tolerance_of_the_mesh() -> None:
         assert np.sqrt(squared.max()) <= tolerance
 
 
-def test_the_angle_tolerance_bounds_normals_along_edges() -> None:
+def test_the_angle_tolerance_bounds_normals_along_edges():
     surface = bone_like(12, 10, 7, spread=0.0)
     found = surface.tessellate_with_parameters(0.2, np.radians(8))
     assert_closed_sphere(found.mesh)
@@ -253,7 +251,7 @@ def test_the_angle_tolerance_bounds_normals_along_edges() -> None:
     assert cosine[long].min() >= np.cos(np.radians(8)) - 1e-12
 
 
-def test_what_cannot_be_tessellated_is_an_error() -> None:
+def test_what_cannot_be_tessellated_is_an_error():
     surface = bone_like(8, 6)
     with pytest.raises(ValueError, match="positive"):
         surface.tessellate(0.0)
@@ -262,13 +260,13 @@ def test_what_cannot_be_tessellated_is_an_error() -> None:
         flat.tessellate(0.1)
 
 
-def test_rounds_that_do_not_suffice_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_rounds_that_do_not_suffice_are_told(monkeypatch):
     monkeypatch.setattr("bonecam.surface.tessellation.ROUNDS", 1)
     with pytest.raises(SurfaceError, match=r"cannot be tessellated to 0\.002 mm .* in 1 rounds?, near"):
         bone_like(8, 8, 3).tessellate(0.002)
 
 
-def test_a_surface_that_cuts_itself_is_refused_with_the_place() -> None:
+def test_a_surface_that_cuts_itself_is_refused_with_the_place():
     sound = pebble()
     require_valid(sound, 0.05, "bone.stl")
     points = np.array(sound.control_points)

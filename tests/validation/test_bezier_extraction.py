@@ -6,8 +6,6 @@ element data structures based on Bezier extraction of T-splines", Int. J. Numer.
 quarter circles are exact, so that areas are too.
 """
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -24,7 +22,7 @@ AREAS = {
 
 
 @pytest.mark.parametrize("name", AREAS)
-def test_areas_are_exact(shared: Path, name: str) -> None:
+def test_areas_are_exact(shared, name):
     file = shared / "tspline" / "iga" / f"{name}.iga"
     if not file.is_file():
         pytest.skip(f"{file} is absent")

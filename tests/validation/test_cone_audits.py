@@ -134,7 +134,7 @@ PARTS = {
 
 
 @pytest.fixture(scope="module", params=PARTS)
-def machined(request: pytest.FixtureRequest) -> Machined:
+def machined(request):
     return PARTS[request.param](lambda: request.getfixturevalue("shared"))
 
 
@@ -151,7 +151,7 @@ def random_poses(path: ToolPath, scale: float, rim: bool) -> tuple[np.ndarray, n
 
 
 @pytest.mark.slow
-def test_no_axis_in_a_cone_collides_and_wider_cones_are_caught(machined: Machined) -> None:
+def test_no_axis_in_a_cone_collides_and_wider_cones_are_caught(machined):
     entered = machined.entries(deepest_entry, *random_poses(machined.path, 1.0, rim=False))
     wider = machined.entries(deepest_entry, *random_poses(machined.path, 1.3, rim=True)) > ENTERED
     print(f"{machined.name}: {len(entered)} axes, deepest {entered.max():.4f} mm; x 1.3: {wider.mean():.1%} caught")
@@ -161,7 +161,7 @@ def test_no_axis_in_a_cone_collides_and_wider_cones_are_caught(machined: Machine
 
 
 @pytest.mark.slow
-def test_no_axis_of_the_path_collides_nor_a_pose_between_contacts(machined: Machined) -> None:
+def test_no_axis_of_the_path_collides_nor_a_pose_between_contacts(machined):
     path = machined.path
     cuts = np.flatnonzero(path.kinds == MoveKind.CUT)
     entered = machined.entries(deepest_entry, path.balls[cuts], path.axes[cuts])
@@ -182,7 +182,7 @@ def test_no_axis_of_the_path_collides_nor_a_pose_between_contacts(machined: Mach
 
 
 @pytest.mark.slow
-def test_normals_of_a_blade_collide_at_most_contacts(machined: Machined) -> None:
+def test_normals_of_a_blade_collide_at_most_contacts(machined):
     """Else the scene is too easy (a bone's are: 20 %)."""
     if machined.name == "bone":
         pytest.skip("a bone is open to most sides")

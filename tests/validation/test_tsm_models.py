@@ -32,7 +32,7 @@ def model(shared: Path, name: str) -> tuple[TSpline[TMesh], dict]:
 
 
 @pytest.mark.parametrize("name", MODELS)
-def test_every_local_knot_vector_is_the_oracles(shared: Path, name: str) -> None:
+def test_every_local_knot_vector_is_the_oracles(shared, name):
     surface, oracle = model(shared, name)
     u, v, p = (np.array([node[key] for node in oracle["nodes"]]) for key in "uvp")
     scale = [np.ptp(u)] * 5 + [np.ptp(v)] * 5 + [np.ptp(p)] * 3
@@ -43,7 +43,7 @@ def test_every_local_knot_vector_is_the_oracles(shared: Path, name: str) -> None
 
 
 @pytest.mark.parametrize("name", MODELS)
-def test_the_surface_and_its_derivatives_are_the_oracles(shared: Path, name: str) -> None:
+def test_the_surface_and_its_derivatives_are_the_oracles(shared, name):
     """Within 1e-10 of each quantity's largest value; where the oracle is off (Bike: two samples of 162),
     exact fractions agree with us."""
     surface, oracle = model(shared, name)
@@ -117,7 +117,7 @@ def exact_sum(nodes: list[dict], s: float, t: float) -> float:
 
 
 @pytest.mark.parametrize("name", SUMS)
-def test_the_sums_go_as_far_off_as_the_diagnosis_says(shared: Path, name: str) -> None:
+def test_the_sums_go_as_far_off_as_the_diagnosis_says(shared, name):
     folder = shared / "tspline" / "tsm"
     surface, oracle = (read_tsm(folder / f"{name}.tsm"), json.loads((folder / f"{name}.oracle.json").read_text()))
     elements = surface.elements()
@@ -154,7 +154,7 @@ def sum_of(nodes: list[dict], s: np.ndarray, t: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("name", MEETINGS)
-def test_extensions_meet_as_often_as_integer_segments_do(shared: Path, name: str) -> None:
+def test_extensions_meet_as_often_as_integer_segments_do(shared, name):
     """Extensions rebuilt from the diagnosis' junctions and the oracle's knots as integer ranks, met pair by
     pair in plain Python."""
     from bonecam.surface.tmesh import junctions

@@ -73,11 +73,11 @@ class Posted:
 
 
 @pytest.fixture(scope="package")
-def posted_of() -> Callable[[str], Posted]:
+def posted_of():
     """The short program of a dialect, by its name."""
     made: dict[str, Posted] = {}
 
-    def post(name: str) -> Posted:
+    def post(name):
         if name not in made:
             machine = read_machine("linuxcnc-xyzbc" if name == "linuxcnc" else "mikron-ucp600")
             dialect = read_dialect(name)
@@ -102,7 +102,7 @@ def unnumbered(text: str, dialect: Dialect) -> list[str]:
 
 
 @pytest.fixture(params=dialect_names())
-def posted(request: pytest.FixtureRequest, posted_of: Callable[[str], Posted]) -> Posted:
+def posted(request, posted_of):
     return posted_of(request.param)
 
 

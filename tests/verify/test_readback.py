@@ -159,7 +159,7 @@ def test_every_split_move_lies_on_the_way_meant(pair):
 COUNT = 5
 
 
-def test_it_is_the_distance_to_all_copies() -> None:
+def test_it_is_the_distance_to_all_copies():
     pose = np.eye(4)
     pose[:3, 3] = [10.0, 2.0, 0.0]
     one = cylinder(1.5, 0.0, 6.0, 0.05).move(pose)
@@ -171,7 +171,7 @@ def test_it_is_the_distance_to_all_copies() -> None:
     np.testing.assert_allclose(found, wanted, atol=1e-9)
 
 
-def test_far_points_are_told_to_be_as_far_as_asked() -> None:
+def test_far_points_are_told_to_be_as_far_as_asked():
     one = cylinder(1.5, 0.0, 6.0, 0.05)
     found = RepeatedDistance(MeshDistance(one), 3).signed(np.array([[30.0, 0.0, 3.0], [3.0, 0.0, 3.0]]), 5.0)
     np.testing.assert_allclose(found, [5.0, 1.5], atol=0.03)

@@ -14,9 +14,7 @@ Where the removal of a wheel's program is measured: on the hub, not on the floor
 """
 
 import os
-from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -40,7 +38,7 @@ from bonecam.nc.header import _shapes, tool_text
 from bonecam.nc.motions import described_tool
 from bonecam.planning.collision import block_mesh, body_texts, check_bodies
 from bonecam.setup import Capsule, Cylinder
-from bonecam.surface.blades import Wheel, channel_of, meridional, places_on, point_at, wheel_of
+from bonecam.surface.blades import channel_of, meridional, places_on, point_at, wheel_of
 from bonecam.tool import Cutter, ToolPath
 from bonecam.verify import Accuracy, Clearance, Gouge, Left, Spot, check_removal, clearances, simulate_removal
 from bonecam.verify.clearances import SHARE, TOUCHING, body_clearance
@@ -62,10 +60,10 @@ BLOCKS = {
 
 
 @pytest.fixture
-def machine_with(tmp_path: Path) -> Callable[..., Machine]:
+def machine_with(tmp_path):
     """Makes a Mikron with bodies: link and corners of a block by name."""
 
-    def build(bodies: dict, scale: float = 1.0, units: str = "mm") -> Machine:
+    def build(bodies, scale=1.0, units="mm"):
         text = (MACHINES / "mikron-ucp600.toml").read_text()
         for name, (link, corners) in bodies.items():
             block = block_mesh(np.array(corners, dtype=float))
@@ -78,7 +76,7 @@ def machine_with(tmp_path: Path) -> Callable[..., Machine]:
 
 
 @pytest.fixture
-def leaning() -> ToolPath:
+def leaning():
     """Cuts round a part whose axes lean more and more, once round it."""
     polar, azimuth = np.radians(np.linspace(0, 80, 60)), np.radians(np.linspace(0, 330, 60))
     axes = np.column_stack([np.sin(polar) * np.cos(azimuth), np.sin(polar) * np.sin(azimuth), np.cos(polar)])
@@ -90,7 +88,7 @@ def motions_of(path: ToolPath, machine: Machine):
 
 
 @pytest.mark.parametrize("names", [["cradle"], ["towers"], ["head"], ["cradle", "head"], [*BLOCKS]])
-def test_the_least_clearance_is_that_of_all_poses(names: list[str], machine_with, leaning: ToolPath) -> None:
+def test_the_least_clearance_is_that_of_all_poses(names, machine_with, leaning):
     machine = machine_with({name: BLOCKS[name] for name in names})
     motions = motions_of(leaning, machine)
     told = body_clearance(motions, machine, CUTTERS, Clamping((Column(140.0, 0.0, -np.inf),), closed=False), BOUNDS)
@@ -107,7 +105,7 @@ def test_the_least_clearance_is_that_of_all_poses(names: list[str], machine_with
     assert told.least.value >= least - TOUCHING
 
 
-def test_a_wall_beside_the_tool_is_as_far_as_it_is(machine_with) -> None:
+def test_a_wall_beside_the_tool_is_as_far_as_it_is(machine_with):
     """The tool goes upright to x = 40: its nose of 80 mm has its rim at 80 there, the wall stands at 100."""
     tips = np.column_stack([np.linspace(0.0, 40.0, 9), np.zeros(9), np.full(9, 100.0)])
     path = path_of(tips, np.tile([0.0, 0.0, 1.0], (9, 1)), tool=CUTTERS[0])
@@ -121,7 +119,7 @@ def test_a_wall_beside_the_tool_is_as_far_as_it_is(machine_with) -> None:
     assert told.least.place == pytest.approx((40.0, 0.0, 100.0), abs=TOUCHING)
 
 
-def test_a_program_that_meets_a_body_is_refused_and_no_fault_of_the_part(machine_with) -> None:
+def test_a_program_that_meets_a_body_is_refused_and_no_fault_of_the_part(machine_with):
     tips = np.column_stack([np.linspace(0.0, 40.0, 9), np.zeros(9), np.full(9, 100.0)])
     path = path_of(tips, np.tile([0.0, 0.0, 1.0], (9, 1)), tool=CUTTERS[0])
     machine = machine_with({"wall": ("C", [[70, -50, 0], [120, 50, 300]])})
@@ -143,20 +141,20 @@ def test_a_program_that_meets_a_body_is_refused_and_no_fault_of_the_part(machine
         ({"table": ("C", [[-100, -100, -40], [100, 100, 0]])}, 1.0, "m", "correct units, or the file"),
     ],
 )
-def test_a_body_out_of_place_is_told_in_a_line(bodies: dict, scale: float, units: str, told: str, machine_with) -> None:
+def test_a_body_out_of_place_is_told_in_a_line(bodies, scale, units, told, machine_with):
     with pytest.raises(MachineError, match=told) as caught:
         check_bodies(machine_with(bodies, scale, units))
     assert "\n" not in str(caught.value)
 
 
-def test_bodies_in_another_unit_stand_where_they_are(machine_with) -> None:
+def test_bodies_in_another_unit_stand_where_they_are(machine_with):
     for scale, units in ((0.1, "cm"), (0.001, "m"), (1 / 25.4, "inch")):
         cradle, head = body_texts(machine_with({name: BLOCKS[name] for name in ("cradle", "head")}, scale, units))
         assert cradle == "cradle: moves with B, X -150 to 150, Y 150 to 200, Z -60 to 60 mm, all axes at zero"
         assert "Z 120 to 400 mm from the spindle nose" in head
 
 
-def test_a_body_that_is_written_again_is_read_again(machine_with) -> None:
+def test_a_body_that_is_written_again_is_read_again(machine_with):
     machine = machine_with({"cradle": BLOCKS["cradle"]})
     (before,) = body_texts(machine)
     (body,) = machine.link_bodies
@@ -167,7 +165,7 @@ def test_a_body_that_is_written_again_is_read_again(machine_with) -> None:
     assert "Y 150 to 300" in after
 
 
-def test_a_body_that_is_open_or_not_there_is_told_in_a_line(machine_with, tmp_path: Path) -> None:
+def test_a_body_that_is_open_or_not_there_is_told_in_a_line(machine_with, tmp_path):
     machine = machine_with({"cradle": BLOCKS["cradle"]})
     block = block_mesh(np.array(BLOCKS["cradle"][1], dtype=float))
     write_mesh(TriangleMesh(block.vertices, block.faces[1:]), tmp_path / "open.stl")
@@ -187,9 +185,7 @@ def test_a_body_that_is_open_or_not_there_is_told_in_a_line(machine_with, tmp_pa
         ('units = "mm"', 'units = "feet"', "units"),
     ],
 )
-def test_wrong_keys_of_bodies_are_told_with_their_place(
-    right: str, wrong: str, told: str, machine_with, tmp_path: Path
-) -> None:
+def test_wrong_keys_of_bodies_are_told_with_their_place(right, wrong, told, machine_with, tmp_path):
     machine_with({name: BLOCKS[name] for name in ("cradle", "head")})
     text = (tmp_path / "own.toml").read_text()
     assert right in text
@@ -202,7 +198,7 @@ RADIUS = 2.5
 
 
 @pytest.fixture(scope="module")
-def capsule() -> TriangleMesh:
+def capsule():
     return Capsule(np.array([0.0, 0, 2.5]), np.array([0.0, 0, 7.5]), RADIUS).mesh(0.001)
 
 
@@ -229,7 +225,7 @@ def dented(mesh: TriangleMesh, depth: float) -> TriangleMesh:
 
 
 @pytest.mark.parametrize("height", [-0.2, -0.01, 0.0, 0.15])
-def test_what_is_left_lies_as_far_inside_or_outside_as_it_was_cut(capsule: TriangleMesh, height: float) -> None:
+def test_what_is_left_lies_as_far_inside_or_outside_as_it_was_cut(capsule, height):
     none = np.zeros(len(capsule.vertices), dtype=bool)
     found = measure_given(probes_of(capsule, height), none, as_given(capsule, 1.0))
     assert found.inside == pytest.approx(-height, abs=0.002)
@@ -237,7 +233,7 @@ def test_what_is_left_lies_as_far_inside_or_outside_as_it_was_cut(capsule: Trian
     assert found.report["gouge_max_mm"] == pytest.approx(max(-height, 0.0), abs=0.002)
 
 
-def test_the_post_keeps_material_that_is_not_told_as_left(capsule: TriangleMesh) -> None:
+def test_the_post_keeps_material_that_is_not_told_as_left(capsule):
     normal_probes = probes_of(capsule, 0.0)
     low = normal_probes.points[:, 2] < 0.2
     normal_probes.heights[low] = 0.3
@@ -247,7 +243,7 @@ def test_the_post_keeps_material_that_is_not_told_as_left(capsule: TriangleMesh)
     )
 
 
-def test_a_surface_too_deep_in_the_mesh_as_given_is_refused_with_place_and_remedy(capsule: TriangleMesh) -> None:
+def test_a_surface_too_deep_in_the_mesh_as_given_is_refused_with_place_and_remedy(capsule):
     normal_probes = probes_of(capsule, 0.0)
     normal_probes.heights[7] = -0.2
     none = np.zeros(len(capsule.vertices), dtype=bool)
@@ -255,7 +251,7 @@ def test_a_surface_too_deep_in_the_mesh_as_given_is_refused_with_place_and_remed
         measure_given(normal_probes, none, as_given(capsule, 0.1)).check()
 
 
-def test_a_ball_too_deep_in_the_mesh_as_given_is_refused_with_its_line(capsule: TriangleMesh) -> None:
+def test_a_ball_too_deep_in_the_mesh_as_given_is_refused_with_its_line(capsule):
     given = as_given(capsule, 0.1)
     given.check_gouge(Gouge(0.09, 0.09, 12, (1.0, 2.0, 3.0), 5))
     with pytest.raises(VerifyError, match=r"line 12: the ball goes 0.1100 mm into the mesh as given") as told:
@@ -263,22 +259,20 @@ def test_a_ball_too_deep_in_the_mesh_as_given_is_refused_with_its_line(capsule: 
     assert told.value.evidence["line"] == 12
 
 
-def test_faces_that_do_not_close_are_measured_too(capsule: TriangleMesh) -> None:
+def test_faces_that_do_not_close_are_measured_too(capsule):
     opened = TriangleMesh(capsule.vertices, capsule.faces[capsule.vertices[capsule.faces].mean(axis=1)[:, 0] > 0])
     points = np.array([[4.0, 0.0, 5.0], [RADIUS - 0.3, 0.0, 5.0]])
     assert as_given(opened, 1.0).signed(points, 9.0) == pytest.approx([1.5, 0.3], abs=0.002)
 
 
-def test_a_program_may_go_as_deep_as_the_largest_deviation_the_fit_and_the_gouge_tolerance(
-    capsule: TriangleMesh,
-) -> None:
+def test_a_program_may_go_as_deep_as_the_largest_deviation_the_fit_and_the_gouge_tolerance(capsule):
     job = Job()
     part = prepare_part(capsule, MeshJob())
     allowed = given_surface(part, job, {"surface": {"deviation_max_mm": 0.06}}).allowed
     assert allowed == job.surface.largest_deviation + 0.06 + job.path.gouge_tolerance
 
 
-def test_a_mesh_off_which_repairs_take_too_much_is_refused_with_file_and_place(capsule: TriangleMesh) -> None:
+def test_a_mesh_off_which_repairs_take_too_much_is_refused_with_file_and_place(capsule):
     taken = measure_taken_off(capsule, dented(capsule, 0.7))
     assert taken.depth == pytest.approx(0.7, abs=1e-3)
     assert taken.place[0] == pytest.approx(RADIUS, abs=1e-3)
@@ -288,7 +282,7 @@ def test_a_mesh_off_which_repairs_take_too_much_is_refused_with_file_and_place(c
         made.require_kept(0.1)
 
 
-def test_a_mesh_that_was_not_changed_loses_nothing(capsule: TriangleMesh) -> None:
+def test_a_mesh_that_was_not_changed_loses_nothing(capsule):
     assert prepare_part(capsule, MeshJob()).taken_off is None
 
 
@@ -301,7 +295,7 @@ def part_of(given: TriangleMesh, repaired: TriangleMesh, smooth: TriangleMesh) -
     return Part(smooth, "bone.stl", 10, "mm", done, np.eye(4), given, smoothing=found)
 
 
-def test_a_program_may_go_deeper_by_what_a_smoothing_took_off(capsule: TriangleMesh) -> None:
+def test_a_program_may_go_deeper_by_what_a_smoothing_took_off(capsule):
     job = Job()
     part = part_of(capsule, capsule, dented(capsule, 0.7))
     report = {"surface": {"deviation_max_mm": 0.06}}
@@ -310,7 +304,7 @@ def test_a_program_may_go_deeper_by_what_a_smoothing_took_off(capsule: TriangleM
     assert allowed - plain == pytest.approx(0.7, abs=1e-3)
 
 
-def test_what_a_smoothing_takes_off_is_told_apart_from_what_repairs_take() -> None:
+def test_what_a_smoothing_takes_off_is_told_apart_from_what_repairs_take():
     coarse = Capsule(np.array([0.0, 0, 2.5]), np.array([0.0, 0, 7.5]), RADIUS).mesh(0.3)
     made = prepare_part(coarse, MeshJob(facets="smooth"))
     assert made.smoothing is not None
@@ -323,7 +317,7 @@ def test_what_a_smoothing_takes_off_is_told_apart_from_what_repairs_take() -> No
 CUTTER = Cutter.from_job(1, "roughing", Job().with_values(roughing={"shape": "bull"}).tool("roughing"))
 
 
-def test_chords_end_where_the_cones_do() -> None:
+def test_chords_end_where_the_cones_do():
     rng = np.random.default_rng(5)
     sine, cosine, bound = CUTTER.body.T
     hits = 0
@@ -341,7 +335,7 @@ def test_chords_end_where_the_cones_do() -> None:
     assert hits > 50
 
 
-def test_a_straight_cut_removes_what_the_profile_sweeps() -> None:
+def test_a_straight_cut_removes_what_the_profile_sweeps():
     stock = Cylinder(10.0, 0.0, 6.0)
     dexels = dexels_of(stock)
     up = np.array([[0.0, 0.0, 1.0]])
@@ -356,7 +350,7 @@ def test_a_straight_cut_removes_what_the_profile_sweeps() -> None:
     assert removed == pytest.approx(expected, rel=0.01)
 
 
-def test_a_header_tells_a_bull_nose() -> None:
+def test_a_header_tells_a_bull_nose():
     tool = described_tool(tool_text(CUTTER, 100.0), 7)
     assert tool is not None
     assert (tool.radius, tool.corner, tool.length) == (2.0, 0.5, 100.0)
@@ -366,7 +360,7 @@ def test_a_header_tells_a_bull_nose() -> None:
     assert "R 2.0000, corner R2 0.5000" in first
 
 
-def test_a_header_tells_a_flat_end_and_no_ball() -> None:
+def test_a_header_tells_a_flat_end_and_no_ball():
     flat = Cutter.from_job(1, "roughing", Job().with_values(roughing={"shape": "flat"}).tool("roughing"))
     tool = described_tool(tool_text(flat, 100.0), 7)
     assert tool is not None
@@ -421,7 +415,7 @@ NOWHERE = Spot(0.0, 0, (0.0, 0.0, 0.0))
     ("name", "tilt_deg", "caps"),
     [("mill-4axis", 75.0, 2), ("mill-4axis", 60.0, 2), ("mikron-ucp600", 75.0, 0), ("mikron-ucp600", 30.0, 1)],
 )
-def test_places_that_no_tool_axis_faces_are_a_reason(name: str, tilt_deg: float, caps: int) -> None:
+def test_places_that_no_tool_axis_faces_are_a_reason(name, tilt_deg, caps):
     """On a ball of 1 mm they are caps: about both ends under a level tool, about the lower one where it leans by 114
     degrees at most."""
     count = 20_000
@@ -460,19 +454,19 @@ def height_after(centre: ndarray, from_top: bool = False, tall: float = REACH) -
 
 
 @pytest.mark.parametrize("gouge", [-0.1, 0.003, 0.5, BALL])
-def test_a_ball_from_outside_is_in_the_part_by_the_depth_of_its_lowest_point(gouge: float) -> None:
+def test_a_ball_from_outside_is_in_the_part_by_the_depth_of_its_lowest_point(gouge):
     assert height_after((BALL - gouge) * X) == pytest.approx(-gouge)
 
 
 @pytest.mark.parametrize("out", [0.003, 0.5])
-def test_a_ball_that_grazes_a_thin_edge_is_in_the_part_by_what_holds_the_point(out: float) -> None:
+def test_a_ball_that_grazes_a_thin_edge_is_in_the_part_by_what_holds_the_point(out):
     """The chord was told before: 4 mm of a ball behind an edge, 0.2 mm of one that passes a tip at 0.003 mm."""
     assert height_after((out - BALL) * X) == pytest.approx(-out)
     assert height_after((BALL - out) * np.array([0.0, 1.0, 0.0])) == pytest.approx(-out)
     assert height_after(-1.01 * BALL * X) == REACH
 
 
-def test_from_the_top_only_what_holds_the_upper_end_is_cut() -> None:
+def test_from_the_top_only_what_holds_the_upper_end_is_cut():
     below = np.array([BALL - 0.5, 0.0, 0.0])
     assert height_after(below, tall=4.0) == pytest.approx(-0.5)
     assert height_after(below, from_top=True, tall=4.0) == 4.0
@@ -487,12 +481,12 @@ END = 0.05
 
 
 @pytest.fixture(scope="module")
-def wheel() -> Wheel:
+def wheel():
     return wheel_of(blade(), PROFILE, COUNT)
 
 
 @pytest.fixture(scope="module")
-def on_hub(wheel: Wheel) -> np.ndarray:
+def on_hub(wheel):
     """Meridional places of the probes beside the blades."""
     channel = channel_of(wheel, WHEEL_REACH)
     beyond = meridional(channel.floor.positions(np.array([0.5]), channel.floor.domain[1][1:]))
@@ -501,14 +495,14 @@ def on_hub(wheel: Wheel) -> np.ndarray:
     return meridional(points[np.abs(points[:, 1]) > HALF + 0.2])
 
 
-def test_no_probe_stands_where_the_floor_has_left_the_hub(on_hub: np.ndarray) -> None:
+def test_no_probe_stands_where_the_floor_has_left_the_hub(on_hub):
     off = np.linalg.norm(on_hub - point_at(PROFILE, places_on(PROFILE, on_hub)), axis=1)
     assert off.max() < 1e-9
     share = (on_hub - PROFILE[2]) @ CONE / (CONE @ CONE)
     assert share.max() < 1 - END / np.linalg.norm(CONE)
 
 
-def test_probes_reach_beyond_the_blades_to_the_hub_s_end(on_hub: np.ndarray) -> None:
+def test_probes_reach_beyond_the_blades_to_the_hub_s_end(on_hub):
     share = (on_hub - PROFILE[2]) @ CONE / (CONE @ CONE)
     assert share.max() > max(EDGES[1], 1 - 0.6 / np.linalg.norm(CONE))
     assert share.min() < EDGES[0]

@@ -18,7 +18,7 @@ from bonecam.machine.bodies import Frustum
 from bonecam.nc import read_dialect, read_program, write_program
 from bonecam.setup import Capsule
 from bonecam.tool import Cutter, MoveKind, ToolPath
-from bonecam.verify import Accuracy, Removal, check_removal, simulate_removal
+from bonecam.verify import Accuracy, check_removal, simulate_removal
 from bonecam.verify.findings import measure_left
 from bonecam.verify.sweeping import NormalProbes
 from bonecam.workholding import Clamping, Post
@@ -365,12 +365,12 @@ LONG = {"lead_deg": 30.0, "flute_length": 12.0, "overhang": 40.0}
 
 
 @pytest.fixture(scope="module", params=CORNERS)
-def job(request) -> Job:
+def job(request):
     return Job().with_values(roughing={"shape": request.param, **LONG})
 
 
 @pytest.fixture(scope="module")
-def cutter(job) -> Cutter:
+def cutter(job):
     return Cutter.from_job(1, "roughing", job.tool("roughing"))
 
 
@@ -379,7 +379,7 @@ def ring(cutter):
     """Makes a ring about the pebble's middle that the corner of the cutter follows, on the side to which the tool
     leans from the normal (1), or on the other, where its heel is the lowest (-1)."""
 
-    def build(side: int) -> ToolPath:
+    def build(side):
         part, count = pebble(), 120
         s, t = np.linspace(0, 1, count, endpoint=False), np.full(count, 0.5)
         contacts, normals = part.positions(s, t), part.normals(s, t)
@@ -402,7 +402,7 @@ def ring(cutter):
 
 @pytest.fixture(scope="module")
 def simulated(ring, job, cutter):
-    def run(side: int) -> Removal:
+    def run(side):
         text = write_program([ring(side)], *PAIR, job).text
         given = (UPRIGHT_CAPSULE, Post(1.0, 32.0), [cutter])
         return simulate_removal(text, *PAIR, *given, part=pebble(), accuracy=Accuracy(0.1))
@@ -418,14 +418,14 @@ def deepest_by_profile(path: ToolPath, part, shape: str) -> float:
     return -min(float(distances(shape, path.cutter.flute_length, points, tip, axis).min()) for tip, axis in poses)
 
 
-def test_a_corner_that_leads_cuts_down_to_the_part_and_no_deeper(simulated) -> None:
+def test_a_corner_that_leads_cuts_down_to_the_part_and_no_deeper(simulated):
     found = simulated(1)
     assert found.left.deepest_gouge.value < 0.01
     check_removal(found)
     assert found.levels[0].removed > 50.0
 
 
-def test_a_heel_that_digs_in_is_refused_as_deep_as_the_profile_tells(simulated, ring, job) -> None:
+def test_a_heel_that_digs_in_is_refused_as_deep_as_the_profile_tells(simulated, ring, job):
     found = simulated(-1)
     deepest = found.left.deepest_gouge
     expected = deepest_by_profile(ring(-1), pebble(), job.roughing.shape)

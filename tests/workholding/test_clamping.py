@@ -32,16 +32,16 @@ NOTHING = HoldingJob(diameter=0.0)
 
 
 @pytest.mark.parametrize(("wide", "bar"), [(12.53, 13.0), (13.0, 13.0), (20.1, 22.0), (41.0, 45.0)])
-def test_the_bar_is_the_next_one_to_be_had(wide: float, bar: float) -> None:
+def test_the_bar_is_the_next_one_to_be_had(wide, bar):
     assert next_bar(wide) == bar
 
 
 @pytest.mark.parametrize(("bar", "nut"), [(13.0, 28.0), (14.0, 35.0), (26.0, 63.0), (30.0, 90.0)])
-def test_the_collet_is_the_slimmest_that_holds_the_bar(bar: float, nut: float) -> None:
+def test_the_collet_is_the_slimmest_that_holds_the_bar(bar, nut):
     assert collet_for(bar) == nut
 
 
-def test_a_holding_that_names_nothing_gets_riser_collet_and_stub() -> None:
+def test_a_holding_that_names_nothing_gets_riser_collet_and_stub():
     found = settled_stub(NOTHING, 12.53)
     columns = holding_columns(found)
     assert columns == {
@@ -54,13 +54,13 @@ def test_a_holding_that_names_nothing_gets_riser_collet_and_stub() -> None:
     assert wide.riser_diameter == wide.chuck_diameter == 90.0
 
 
-def test_a_job_that_names_its_post_stands_on_the_table_as_before() -> None:
+def test_a_job_that_names_its_post_stands_on_the_table_as_before():
     for stated in (HoldingJob(diameter=4.0), HoldingJob(length=60.0), HoldingJob(diameter=0.0, length=60.0)):
         assert settled_stub(stated, 12.0) == stated
         assert not holding_columns(stated)
 
 
-def test_cutter_and_shank_come_nearer_to_the_stub_than_the_holder() -> None:
+def test_cutter_and_shank_come_nearer_to_the_stub_than_the_holder():
     clamping = clamping_of(settled_stub(NOTHING, 12.53), Table())
     assert clamping.stub == Column(6.5, 115.0, 100.0)
     assert clamping.stub not in clamping.columns
@@ -71,7 +71,7 @@ def test_cutter_and_shank_come_nearer_to_the_stub_than_the_holder() -> None:
     assert clamping.kept_columns("cutter")[:-1] == tuple(each.grown(5.0) for each in clamping.columns)
 
 
-def test_post_and_stub_are_of_the_material_above_the_chuck() -> None:
+def test_post_and_stub_are_of_the_material_above_the_chuck():
     clamping = clamping_of(settled_stub(NOTHING, 12.53), Table())
     assert clamping.carried(Post(3.0, 121.0)) == (Column(3.0, 121.0, 100.0), clamping.stub)
 
@@ -86,9 +86,7 @@ def test_post_and_stub_are_of_the_material_above_the_chuck() -> None:
         ),
     ],
 )
-def test_a_bar_thinner_than_the_stock_and_a_chuck_that_cannot_hold_it_are_refused(
-    holding: HoldingJob, said: str
-) -> None:
+def test_a_bar_thinner_than_the_stock_and_a_chuck_that_cannot_hold_it_are_refused(holding, said):
     with pytest.raises(JobError, match=said):
         settled_stub(holding, 12.53)
 
@@ -119,7 +117,7 @@ def test_a_bar_thinner_than_the_stock_and_a_chuck_that_cannot_hold_it_are_refuse
         ),
     ],
 )
-def test_what_cannot_stand_on_one_another_is_refused(values: dict[str, float], said: str) -> None:
+def test_what_cannot_stand_on_one_another_is_refused(values, said):
     with pytest.raises(JobError, match=said):
         HoldingJob(**values)
 
@@ -140,7 +138,7 @@ def settled(holding: HoldingJob = PIN, bar: TriangleMesh | None = None) -> Holdi
     return settled_height(found, pin_above(bar, found), bar.vertices)
 
 
-def test_the_pin_stands_over_the_highest_place_and_reaches_the_arm() -> None:
+def test_the_pin_stands_over_the_highest_place_and_reaches_the_arm():
     found = settled()
     pin = pin_above(part(), found)
     assert (pin.x, pin.y) == pytest.approx((4.0, 0.0), abs=0.5)
@@ -149,7 +147,7 @@ def test_the_pin_stands_over_the_highest_place_and_reaches_the_arm() -> None:
     assert footprint(pin, part()) == pytest.approx(0.0, abs=0.01), "it touches a flat end and is in it nowhere"
 
 
-def test_on_a_slope_the_pin_goes_in_until_all_of_its_end_has_met_the_part() -> None:
+def test_on_a_slope_the_pin_goes_in_until_all_of_its_end_has_met_the_part():
     bar = part()
     shear = np.eye(4)
     shear[2, 0] = 0.2
@@ -160,7 +158,7 @@ def test_on_a_slope_the_pin_goes_in_until_all_of_its_end_has_met_the_part() -> N
     assert footprint(pin, steep) > 0
 
 
-def test_arm_and_column_stand_on_the_table_where_the_job_says() -> None:
+def test_arm_and_column_stand_on_the_table_where_the_job_says():
     holding = settled(replace(PIN, tailstock_azimuth_deg=90.0))
     column, *arm = clamping_of(holding, TABLE).beside
     assert column.row == pytest.approx((15.0, 172.0 + 16.0, 0.0, 0.0, 100.0))
@@ -174,21 +172,21 @@ def test_arm_and_column_stand_on_the_table_where_the_job_says() -> None:
     assert (np.min([one.distance(points) for one in (column, *arm)], axis=0) < 0).all()
 
 
-def test_the_whole_tool_keeps_the_clearance_from_arm_and_column() -> None:
+def test_the_whole_tool_keeps_the_clearance_from_arm_and_column():
     clamping = clamping_of(settled(), TABLE)
     for section in ("cutter", "shank", "holder", "spindle"):
         grown = clamping.kept_columns(section)[-len(clamping.beside) :]
         assert grown == tuple(column.grown(clamping.clearance) for column in clamping.beside)
 
 
-def test_what_holds_the_free_end_is_kept_uncut_as_the_post_is() -> None:
+def test_what_holds_the_free_end_is_kept_uncut_as_the_post_is():
     post = post_below(part(), settled())
     assert post.distance(np.array([[4.0, 0.0, 165.0], [0.0, 0.0, 50.0]])).max() < 0
     assert post.alone.distance(np.array([[4.0, 0.0, 165.0]])) > 0
     assert post.lift(7.0).pin == replace(post.pin, top=post.pin.top + 7.0, bottom=post.pin.bottom + 7.0)
 
 
-def test_a_column_off_the_axis_is_as_far_as_one_on_it_from_points_moved_along() -> None:
+def test_a_column_off_the_axis_is_as_far_as_one_on_it_from_points_moved_along():
     points = np.random.default_rng(1).normal(size=(50, 3)) * 20
     on_axis, off = Column(3.0, 10.0, -5.0), Column(3.0, 10.0, -5.0, 7.0, -4.0)
     assert off.distance(points + np.array([7.0, -4.0, 0.0])) == pytest.approx(on_axis.distance(points))
@@ -203,17 +201,17 @@ def test_a_column_off_the_axis_is_as_far_as_one_on_it_from_points_moved_along() 
         ({"tailstock_reach": 15.0}, r"tailstock_reach = 15: the column stands in the stock: give \d+ mm or more"),
     ],
 )
-def test_a_tailstock_that_misses_enters_or_stands_beside_the_table_is_told(changes: dict, told: str) -> None:
+def test_a_tailstock_that_misses_enters_or_stands_beside_the_table_is_told(changes, told):
     with pytest.raises(JobError, match=told):
         settled(replace(PIN, **changes))
 
 
-def test_the_height_of_the_arm_is_refused_where_that_of_the_part_is_found() -> None:
+def test_the_height_of_the_arm_is_refused_where_that_of_the_part_is_found():
     with pytest.raises(JobError, match=r"tailstock_height = 172: .* give holding.length too, or tailstock_length"):
         settled(replace(PIN, length=0.0, tailstock_height=172.0))
 
 
-def test_an_arm_in_the_stock_is_told_with_the_length_that_clears_it() -> None:
+def test_an_arm_in_the_stock_is_told_with_the_length_that_clears_it():
     found = settled_bracket(PIN, part(), TABLE)
     taller = cylinder(8.0, 95.0, 175.0, 0.1).vertices
     with pytest.raises(JobError, match=r"tailstock_length = 12: the arm begins at 172.00 mm, in the stock") as error:
@@ -223,12 +221,12 @@ def test_an_arm_in_the_stock_is_told_with_the_length_that_clears_it() -> None:
     assert settled_height(longer, pin_above(part(), longer), taller).tailstock_height == pytest.approx(176.0)
 
 
-def test_a_pin_no_thinner_than_its_arm_is_told() -> None:
+def test_a_pin_no_thinner_than_its_arm_is_told():
     with pytest.raises(JobError, match=r"tailstock_diameter = 20: give less than the arm"):
         HoldingJob(tailstock="neck", tailstock_diameter=20.0)
 
 
-def test_what_machines_a_surface_alone_refuses_a_tailstock() -> None:
+def test_what_machines_a_surface_alone_refuses_a_tailstock():
     with pytest.raises(JobError, match=r"\[holding\] tailstock = 'pin'"):
         refuse_tailstock(PIN, "this")
     refuse_tailstock(HoldingJob(), "this")

@@ -26,26 +26,26 @@ def none(count: int) -> Planes:
     return Planes(sp.csr_array((0, count)), np.zeros((0, 3)), np.zeros(0))
 
 
-def test_a_ball_holds_the_move_at_its_radius() -> None:
+def test_a_ball_holds_the_move_at_its_radius():
     E, pull = sp.csc_array(sp.eye_array(2)), np.array([[-3.0, -4.0, 0.0], [0.1, 0.0, 0.0]])
     balls = Cones(sp.eye_array(2, format="csr"), np.zeros((2, 3)), np.ones(2))
     assert np.allclose(solve_cones(E, pull, (balls,), none(2)), [[0.6, 0.8, 0], [-0.1, 0, 0]], atol=1e-4)
 
 
-def test_a_capsule_holds_the_move_at_the_nearest_axis_point() -> None:
+def test_a_capsule_holds_the_move_at_the_nearest_axis_point():
     E, pull = sp.csc_array(sp.eye_array(1)), np.array([[-5.0, 0.0, -2.0]])
     wall = Cones(sp.eye_array(1, format="csr"), np.zeros((1, 3)), np.ones(1), np.array([0.0, 0.0, 10.0]))
     assert np.allclose(solve_cones(E, pull, (wall,), none(1)), [[1, 0, 2]], atol=1e-4)
 
 
-def test_contradicting_limits_are_an_error() -> None:
+def test_contradicting_limits_are_an_error():
     ball = Cones(sp.eye_array(1, format="csr"), np.zeros((1, 3)), np.ones(1))
     away = Planes(sp.eye_array(1, format="csr"), np.array([[1.0, 0, 0]]), np.array([-2.0]))
     with pytest.raises(LevelError, match="ends as"):
         solve_cones(sp.csc_array(sp.eye_array(1)), np.zeros((1, 3)), (ball,), away)
 
 
-def test_a_stock_that_is_no_capsule_is_held_by_planes() -> None:
+def test_a_stock_that_is_no_capsule_is_held_by_planes():
     stock = Cylinder(3.3, 0.7, 19.3).round_edges(1.0)
     surface, program = waisted(), PublishedProgram(waisted(), stock, "stock")
     P = np.array(surface.control_points)
@@ -58,7 +58,7 @@ def test_a_stock_that_is_no_capsule_is_held_by_planes() -> None:
 
 
 @pytest.mark.parametrize("attraction", ["stock", "sphere"])
-def test_the_exact_level_keeps_the_published_limits(attraction: str) -> None:
+def test_the_exact_level_keeps_the_published_limits(attraction):
     surface, program = waisted(), PublishedProgram(waisted(), CAPSULE, attraction)
     P = np.array(surface.control_points)
     moves = next_moves(program, P, 0.5, STIFFNESS)
@@ -76,9 +76,7 @@ def test_the_exact_level_keeps_the_published_limits(attraction: str) -> None:
 
 
 @pytest.mark.parametrize("attraction", ["stock", "sphere"])
-def test_the_default_method_comes_within_one_percent_of_the_exact_energy(
-    attraction: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_default_method_comes_within_one_percent_of_the_exact_energy(attraction, monkeypatch):
     """Of the published energy, for the depth held on the control points and solved exactly, from each of the
     first levels to the next."""
     # What is measured on the finished levels does not matter here: no level is moved for it.
@@ -91,7 +89,7 @@ def test_the_default_method_comes_within_one_percent_of_the_exact_energy(
         assert program.energy(before, after - before, STIFFNESS) <= 1.01 * exact
 
 
-def test_as_printed_the_program_forgets_nesting_and_what_lies_between_its_samples() -> None:
+def test_as_printed_the_program_forgets_nesting_and_what_lies_between_its_samples():
     P = np.array(waisted().control_points)
     ours, printed = (PublishedProgram(waisted(), CAPSULE, "sphere", printed=printed) for printed in (False, True))
     moves = next_moves(printed, P, 0.5, STIFFNESS)
@@ -101,13 +99,13 @@ def test_as_printed_the_program_forgets_nesting_and_what_lies_between_its_sample
     assert 0.5 < np.linalg.norm(R @ moves, axis=1).max() < 0.6
 
 
-def test_the_method_has_the_default_ones_interface() -> None:
+def test_the_method_has_the_default_ones_interface():
     made = morph(waisted(rows=8, around=6), CAPSULE, Schedule((), 0.8), method="qcqp", chord_tolerance=0.05)
     assert made.lower_bound <= made.cuts <= made.lower_bound + 2
     assert all(level.depth_max <= level.limit + 0.002 for level in made.levels[1:])
 
 
-def test_the_printed_program_is_a_choice_whose_broken_limits_are_told() -> None:
+def test_the_printed_program_is_a_choice_whose_broken_limits_are_told():
     surface = waisted(rows=8, around=6)
     made = morph(surface, CAPSULE, Schedule((), 0.8), method="published", chord_tolerance=0.05)
     over = max(level.deepest - level.limit for level in made.levels[1:])
@@ -133,7 +131,7 @@ class NearlyMet(Unmeetable):
     excess = 0.0014
 
 
-def test_a_level_that_leaves_its_limits_is_told_with_its_place(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_level_that_leaves_its_limits_is_told_with_its_place(monkeypatch):
     monkeypatch.setattr("bonecam.levels.closed_morph.PublishedProgram", Unmeetable)
     with pytest.raises(
         LevelError,
@@ -144,15 +142,15 @@ def test_a_level_that_leaves_its_limits_is_told_with_its_place(monkeypatch: pyte
     assert waisted().project(caught.value.evidence["place"][None]).distances[0] <= SCHEDULE.reach(1) + 0.01
 
 
-def test_a_level_within_what_is_measured_as_sound_is_taken() -> None:
+def test_a_level_within_what_is_measured_as_sound_is_taken():
     program = NearlyMet(waisted(), CAPSULE, "sphere")
     P = np.array(waisted().control_points)
     broken, _ = program.broken(P, next_moves(program, P, 0.5, STIFFNESS), 0.5)
     assert broken.max() <= DEPTH_TOLERANCE
 
 
-def test_levels_that_get_no_nearer_end_soon_and_tell_another_attraction(monkeypatch: pytest.MonkeyPatch) -> None:
-    def outwards(program: PublishedProgram, P: np.ndarray, depth: float, stiffness: float) -> np.ndarray:
+def test_levels_that_get_no_nearer_end_soon_and_tell_another_attraction(monkeypatch):
+    def outwards(program, P, depth, stiffness):
         return depth * P / np.linalg.norm(P, axis=1, keepdims=True)
 
     monkeypatch.setattr("bonecam.levels.published.next_moves", outwards)
@@ -165,11 +163,11 @@ def test_levels_that_get_no_nearer_end_soon_and_tell_another_attraction(monkeypa
         published_sequence(program, waisted(), SCHEDULE, STIFFNESS, silent)
 
 
-def test_an_unknown_method_is_refused() -> None:
+def test_an_unknown_method_is_refused():
     with pytest.raises(ValueError, match="choose one of qp, qcqp"):
         morph(waisted(), CAPSULE, SCHEDULE, method="magic")
 
 
-def test_an_attraction_the_paper_has_not_is_refused() -> None:
+def test_an_attraction_the_paper_has_not_is_refused():
     with pytest.raises(ValueError, match="choose one of"):
         PublishedProgram(waisted(), CAPSULE, "nearest")

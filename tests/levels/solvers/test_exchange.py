@@ -6,7 +6,6 @@ The quadratic program's answer obeys its rows, and contradictory rows are an err
 The solvers beside the default are reached from a job and lead to a verified program.
 """
 
-from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 
@@ -20,7 +19,7 @@ import bonecam
 from bonecam.errors import LevelError
 from bonecam.job import Job
 from bonecam.levels.open_morph import body_surfaces
-from bonecam.levels.problem import Discretisation, remaining, whole
+from bonecam.levels.problem import remaining, whole
 from bonecam.levels.program import LevelProgram, LinearLimits, program_of
 from bonecam.levels.solvers import admm
 from bonecam.levels.solvers.exchange import next_level
@@ -32,11 +31,11 @@ from bonecam.surface.query import closest_points_near
 
 
 @pytest.fixture(scope="module")
-def program(discretisation: Discretisation) -> Callable[[int], LevelProgram]:
+def program(discretisation):
     """Sets up the program of the level after this many."""
 
     @cache
-    def set_up(levels: int) -> LevelProgram:
+    def set_up(levels):
         P = np.array(discretisation.surface.control_points)
         rest = remaining(discretisation, P, whole(CAPSULE))
         for _ in range(levels):
@@ -48,7 +47,7 @@ def program(discretisation: Discretisation) -> Callable[[int], LevelProgram]:
 
 
 @pytest.mark.parametrize("levels", [0, 1, 2])
-def test_the_energy_is_within_one_percent_of_the_reference(program: Callable[[int], LevelProgram], levels: int) -> None:
+def test_the_energy_is_within_one_percent_of_the_reference(program, levels):
     """The same linear limits for both: ADMM does not set them up again here."""
     one = program(levels)
     ours = admm.solve(one, set_up_every=10**6)
@@ -57,9 +56,7 @@ def test_the_energy_is_within_one_percent_of_the_reference(program: Callable[[in
 
 
 @pytest.mark.parametrize("levels", [0, 1, 2])
-def test_so_is_it_where_limits_and_targets_are_set_up_again(
-    program: Callable[[int], LevelProgram], levels: int
-) -> None:
+def test_so_is_it_where_limits_and_targets_are_set_up_again(program, levels):
     """Where the samples came to. (Level 4 is the last below the stock, and has next to nothing to move.)"""
     one = program(levels)
     there = one.at(ours := admm.solve(one))
@@ -81,14 +78,14 @@ def exact(one: LevelProgram) -> np.ndarray:
     return np.array(answer.x).reshape(3, -1).T
 
 
-def test_osqp_finds_the_same_optimum(program: Callable[[int], LevelProgram]) -> None:
+def test_osqp_finds_the_same_optimum(program):
     one = program(1)
     rows = one.limits.rows(one.R, one.x)
     found = solve_qp(sp.csc_array(sp.block_diag([one.matrix] * 3)), one.gradient.T.ravel(), rows, 1e-5).reshape(3, -1).T
     assert one.energy(found) == pytest.approx(one.energy(admm.solve(one, set_up_every=10**6)), rel=0.01)
 
 
-def test_what_is_left_broken_is_projected_away(discretisation: Discretisation) -> None:
+def test_what_is_left_broken_is_projected_away(discretisation):
     P = np.array(discretisation.surface.control_points)
     rest = remaining(discretisation, P, whole(CAPSULE))
     for k in range(4):
@@ -105,7 +102,7 @@ def test_what_is_left_broken_is_projected_away(discretisation: Discretisation) -
         rest = remaining(discretisation, P, rest)
 
 
-def test_feet_are_nearest_places() -> None:
+def test_feet_are_nearest_places():
     surface = waisted()
     rng = np.random.default_rng(2)
     s, t = rng.random(300), rng.uniform(0.02, 0.98, 300)
@@ -119,7 +116,7 @@ def test_feet_are_nearest_places() -> None:
     assert all(np.array_equal(a, b[others]) for a, b in zip(again, (found_s, found_t, foot, normals)))
 
 
-def test_feet_are_found_from_farther_off_than_the_radius_of_curvature() -> None:
+def test_feet_are_found_from_farther_off_than_the_radius_of_curvature():
     thin = body_surfaces([Capsule(np.zeros(3), np.array([0.0, 0.0, 20.0]), 1.0)])[0]
     rng = np.random.default_rng(4)
     s, t = rng.random(300), rng.uniform(0.3, 0.7, 300)
@@ -128,7 +125,7 @@ def test_feet_are_found_from_farther_off_than_the_radius_of_curvature() -> None:
     assert np.abs(np.linalg.norm(points - foot, axis=1) - 2.0).max() < 1e-3
 
 
-def test_feet_reach_the_poles() -> None:
+def test_feet_reach_the_poles():
     """On a part so large that the rings from which Newton goes no farther are 0.5 mm wide."""
     large = waisted()
     large = large.with_control_points(100 * large.control_points)
@@ -142,7 +139,7 @@ def test_feet_reach_the_poles() -> None:
         assert (out * normals[:, 2] > 0.99).all()
 
 
-def test_the_way_to_a_foot_ends_at_a_place_that_is_near_enough() -> None:
+def test_the_way_to_a_foot_ends_at_a_place_that_is_near_enough():
     surface = waisted()
     rng = np.random.default_rng(3)
     s, t = rng.random(300), rng.uniform(0.02, 0.98, 300)
@@ -161,7 +158,7 @@ def rows(A: np.ndarray, low: list[float], high: list[float]) -> LinearLimits:
     return LinearLimits(sp.csr_array(A), np.array(low, dtype=float), np.array(high, dtype=float))
 
 
-def test_the_answer_is_the_nearest_point_of_the_box() -> None:
+def test_the_answer_is_the_nearest_point_of_the_box():
     found = solve_qp(sp.csc_array(sp.eye_array(2)), np.array([-3.0, -0.25]), rows(np.eye(2), [0, 0], [1, 1]), 1e-6)
     assert np.allclose(found, [1, 0.25], atol=1e-4)
     assert ((found > -1e-4) & (found < 1 + 1e-4)).all()
@@ -170,13 +167,13 @@ def test_the_answer_is_the_nearest_point_of_the_box() -> None:
 BOX_AND_PLANE = np.array([[1.0, 0.0], [0.0, 1.0], [1.0, 1.0]])
 
 
-def test_all_rows_hold_together() -> None:
+def test_all_rows_hold_together():
     limits = rows(BOX_AND_PLANE, [0, 0, -np.inf], [1, 1, 1])
     found = solve_qp(sp.csc_array(sp.eye_array(2)), np.array([-3.0, -3.0]), limits, 1e-6)
     assert np.allclose(found, [0.5, 0.5], atol=1e-4)
 
 
-def test_contradicting_rows_are_an_error() -> None:
+def test_contradicting_rows_are_an_error():
     limits = rows(BOX_AND_PLANE, [0, 0, 5], [1, 1, np.inf])
     with pytest.raises(LevelError, match="contradict"):
         solve_qp(sp.csc_array(sp.eye_array(2)), np.zeros(2), limits, 1e-6)
@@ -196,7 +193,7 @@ COARSE = Job().with_values(
 
 @pytest.mark.whole
 @pytest.mark.parametrize("solver", sorted(set(SOLVERS) - {"admm"}))
-def test_a_reference_solver_leads_to_a_verified_program(solver: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_reference_solver_leads_to_a_verified_program(solver, monkeypatch):
     """On the phalanx at half its size, without certificates: those of levels as coarse as these take longer than all
     the rest."""
     if solver == "clarabel":

@@ -1,7 +1,6 @@
 """STEP and IGES parts as triangles."""
 
 import os
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -40,10 +39,10 @@ def cylinder() -> Any:
 
 
 @pytest.fixture
-def without_child(monkeypatch: pytest.MonkeyPatch) -> None:
+def without_child(monkeypatch):
     """Files are read in this process, for tests of what is read: a child loads OpenCASCADE for 1.6 s."""
 
-    def call(work: str, *given: Any, **_: Any) -> Any:
+    def call(work, *given, **_):
         return worker.function_of(work)(*given, silent)
 
     monkeypatch.setattr(cad, "call_in_child", call)
@@ -51,14 +50,14 @@ def without_child(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.usefixtures("without_child")
 @pytest.mark.parametrize("name", ["part.step", "part.stp", "part.iges", "part.igs"])
-def test_a_cylinder_is_one_closed_outward_mesh(name: str, tmp_path: Path) -> None:
+def test_a_cylinder_is_one_closed_outward_mesh(name, tmp_path):
     write(cylinder(), tmp_path / "a.iges" if "ig" in name else tmp_path / "a.step").rename(tmp_path / name)
     mesh = read_mesh(tmp_path / name)
     assert is_closed(mesh)
     assert mesh.volume == pytest.approx(np.pi * 16 * 20, rel=0.01)
 
 
-def test_the_chord_tolerance_is_kept(tmp_path: Path) -> None:
+def test_the_chord_tolerance_is_kept(tmp_path):
     file = write(occ().BRepPrimAPI.BRepPrimAPI_MakeSphere(10.0).Shape(), tmp_path / "ball.step")
     for tolerance in (0.1, 0.02):
         mesh = read_and_tessellate(file, tolerance).mesh
@@ -83,7 +82,7 @@ def cone() -> Any:
 
 @pytest.mark.parametrize("part", [cylinder, ball_on_a_stick, ring, cone])
 @pytest.mark.parametrize("tolerance", [None, 0.1, 0.03])
-def test_no_part_of_a_face_is_lost(part: Callable[[], Any], tolerance: float | None) -> None:
+def test_no_part_of_a_face_is_lost(part, tolerance):
     shape = part()
     found = occ().GProp.GProp_GProps()
     occ().BRepGProp.BRepGProp.VolumeProperties_s(shape, found)
@@ -92,7 +91,7 @@ def test_no_part_of_a_face_is_lost(part: Callable[[], Any], tolerance: float | N
     assert abs(mesh.volume - found.Mass()) < (tolerance or 0.03) * mesh.area
 
 
-def test_a_part_too_small_to_be_tessellated_is_told(tmp_path: Path) -> None:
+def test_a_part_too_small_to_be_tessellated_is_told(tmp_path):
     speck = write(occ().BRepPrimAPI.BRepPrimAPI_MakeBox(1e-5, 1e-5, 1e-5).Shape(), tmp_path / "speck.step")
     with pytest.raises(FileError, match=r"speck.step: .* mm from corner to corner: it cannot be .*: export it"):
         read_and_tessellate(speck)
@@ -101,7 +100,7 @@ def test_a_part_too_small_to_be_tessellated_is_told(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("mirrored", [False, True])
-def test_parts_of_an_assembly_stand_in_their_places_and_face_outward(mirrored: bool) -> None:
+def test_parts_of_an_assembly_stand_in_their_places_and_face_outward(mirrored):
     lib = occ()
     move = lib.gp.gp_Trsf()
     if mirrored:
@@ -120,9 +119,7 @@ def test_parts_of_an_assembly_stand_in_their_places_and_face_outward(mirrored: b
     np.testing.assert_allclose(mesh.bounds[:, 0], [-5, 105], atol=0.05)
 
 
-def test_a_face_that_cannot_be_tessellated_is_an_error_and_not_a_hole(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_face_that_cannot_be_tessellated_is_an_error_and_not_a_hole(tmp_path, monkeypatch):
     file = write(cylinder(), tmp_path / "a.step")
     monkeypatch.setattr(cad, "DEFLECTION", 1e3)
     with pytest.raises(FileError, match=r"a\.step: a face of the part cannot be tessellated"):
@@ -130,14 +127,14 @@ def test_a_face_that_cannot_be_tessellated_is_an_error_and_not_a_hole(
 
 
 @pytest.mark.parametrize(("unit", "name"), [("M", "a.step"), ("INCH", "a.step"), ("M", "a.iges"), ("INCH", "a.iges")])
-def test_a_part_stated_in_another_unit_comes_in_mm(unit: str, name: str, tmp_path: Path) -> None:
+def test_a_part_stated_in_another_unit_comes_in_mm(unit, name, tmp_path):
     mesh = read_and_tessellate(write(cylinder(), tmp_path / name, unit)).mesh
     assert np.ptp(mesh.vertices[:, 2]) == pytest.approx(20.0, rel=1e-6)
     with pytest.raises(UnitsError, match="leave out --units"):
         read_in_mm(tmp_path / name, "m")
 
 
-def test_loose_iges_faces_are_sewn(tmp_path: Path) -> None:
+def test_loose_iges_faces_are_sewn(tmp_path):
     lib = occ()
     build, loose = lib.BRep.BRep_Builder(), lib.TopoDS.TopoDS_Compound()
     build.MakeCompound(loose)
@@ -148,7 +145,7 @@ def test_loose_iges_faces_are_sewn(tmp_path: Path) -> None:
     assert is_closed(read_and_tessellate(write(loose, tmp_path / "loose.iges")).mesh)
 
 
-def test_curves_without_surfaces_are_refused(tmp_path: Path) -> None:
+def test_curves_without_surfaces_are_refused(tmp_path):
     lib = occ()
     edge = lib.BRepBuilderAPI.BRepBuilderAPI_MakeEdge(lib.gp.gp_Pnt(0, 0, 0), lib.gp.gp_Pnt(1, 2, 3)).Edge()
     with pytest.raises(FileError, match=r"edge\.step: holds no surfaces"):
@@ -156,7 +153,7 @@ def test_curves_without_surfaces_are_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("ending", ["step", "iges"])
-def test_what_stands_beside_the_faces_of_a_part_is_told(ending: str, tmp_path: Path) -> None:
+def test_what_stands_beside_the_faces_of_a_part_is_told(ending, tmp_path):
     lib = occ()
     make, point = lib.BRepBuilderAPI, lib.gp.gp_Pnt
     build, all_of_it = lib.BRep.BRep_Builder(), lib.TopoDS.TopoDS_Compound()
@@ -172,7 +169,7 @@ def test_what_stands_beside_the_faces_of_a_part_is_told(ending: str, tmp_path: P
     np.testing.assert_allclose(given.mesh.bounds[1], [12, 12, 20])
 
 
-def test_faces_of_triangles_in_a_step_file_are_told(tmp_path: Path) -> None:
+def test_faces_of_triangles_in_a_step_file_are_told(tmp_path):
     text = write(cylinder(), tmp_path / "a.step").read_text()
     more = """#9001=COORDINATES_LIST('',4,((0.,0.,0.),(50.,0.,0.),(0.,50.,0.),(0.,0.,50.)));
     #9002=TRIANGULATED_FACE('',#9001,4,((0.,0.,1.)),$,(),((1,3,2),(1,2,4),(2,3,4),(1,4,3)));
@@ -194,11 +191,11 @@ BAD = {
 
 @pytest.mark.usefixtures("without_child")
 @pytest.mark.parametrize("name", BAD)
-def test_a_bad_file_is_refused_in_one_line_that_names_it(name: str, tmp_path: Path) -> None:
+def test_a_bad_file_is_refused_in_one_line_that_names_it(name, tmp_path):
     check_refused(tmp_path / name, *BAD[name])
 
 
-def test_opencascade_says_nothing_on_the_terminal(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_opencascade_says_nothing_on_the_terminal(tmp_path, capfd):
     read_mesh(write(cylinder(), tmp_path / "a.step"))
     read_and_tessellate(tmp_path / "a.step")
     with pytest.raises(FileError):
@@ -206,10 +203,10 @@ def test_opencascade_says_nothing_on_the_terminal(tmp_path: Path, capfd: pytest.
     assert capfd.readouterr() == ("", "")
 
 
-def test_an_error_of_opencascade_itself_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_error_of_opencascade_itself_is_one_line(tmp_path, monkeypatch):
     """It comes out of the child as it was raised: in Python OpenCASCADE's errors have no base of their own."""
 
-    def fail(*_: Any, **__: Any) -> None:
+    def fail(*_, **__):
         raise occ().Transfer.Transfer_TransferFailure("Transfer in Error Status")
 
     file = write(cylinder(), tmp_path / "part.iges")
@@ -218,13 +215,13 @@ def test_an_error_of_opencascade_itself_is_one_line(tmp_path: Path, monkeypatch:
         read_mesh(file)
 
 
-def test_a_shape_without_faces_has_no_mesh() -> None:
+def test_a_shape_without_faces_has_no_mesh():
     nothing = occ().TopoDS.TopoDS_Compound()
     occ().BRep.BRep_Builder().MakeCompound(nothing)
     assert cad._mesh_of(nothing, 0.1, 0.1) is None
 
 
-def test_a_file_that_ends_opencascade_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_file_that_ends_opencascade_is_one_line(tmp_path, monkeypatch):
     write(cylinder(), tmp_path / "a.step")
     monkeypatch.setattr(worker, "CHILD", "import os; os.abort()")
     with pytest.raises(
@@ -234,7 +231,7 @@ def test_a_file_that_ends_opencascade_is_one_line(tmp_path: Path, monkeypatch: p
 
 
 @pytest.mark.parametrize("name", ["a part.step", os.fsdecode(b"not in UTF-8 \xe9.step")], ids=["blank", "bytes"])
-def test_the_child_hands_back_the_same_mesh(name: str, tmp_path: Path) -> None:
+def test_the_child_hands_back_the_same_mesh(name, tmp_path):
     file = write(cylinder(), tmp_path / "a.step").rename(tmp_path / name)
     assert read_mesh(file).vertices.tobytes() == read_and_tessellate(file).mesh.vertices.tobytes()
 
@@ -248,7 +245,7 @@ def test_the_child_hands_back_the_same_mesh(name: str, tmp_path: Path) -> None:
         ("$,$,#9001,x,$", r"a\.step: is no readable STEP file \(a transformation without its numbers\)"),
     ],
 )
-def test_a_part_that_is_scaled_or_mirrored_into_its_place_is_refused(operator: str, told: str, tmp_path: Path) -> None:
+def test_a_part_that_is_scaled_or_mirrored_into_its_place_is_refused(operator, told, tmp_path):
     more = f"""#9001=CARTESIAN_POINT('',(0.,0.,0.));
     #9002=DIRECTION('',(-1.,0.,0.));
     #9003=CARTESIAN_TRANSFORMATION_OPERATOR_3D('','',$,{operator});\nENDSEC;"""
@@ -261,7 +258,7 @@ def test_a_part_that_is_scaled_or_mirrored_into_its_place_is_refused(operator: s
         assert len(read_and_tessellate(tmp_path / "a.step").mesh.faces)
 
 
-def test_a_face_that_is_lost_beside_a_part_in_two_places_is_told(tmp_path: Path) -> None:
+def test_a_face_that_is_lost_beside_a_part_in_two_places_is_told(tmp_path):
     lib = occ()
     build, both, move = lib.BRep.BRep_Builder(), lib.TopoDS.TopoDS_Compound(), lib.gp.gp_Trsf()
     move.SetTranslation(lib.gp.gp_Vec(100, 0, 0))

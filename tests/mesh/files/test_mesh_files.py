@@ -10,7 +10,6 @@ Points from text files, and surfaces round point clouds.
 import os
 import resource
 import struct
-from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -54,7 +53,7 @@ GOOD = {
 
 
 @pytest.mark.parametrize("ending", [".ply", ".stl"])
-def test_what_is_written_is_read_back_and_is_the_same_bytes_twice(ending: str, tmp_path: Path) -> None:
+def test_what_is_written_is_read_back_and_is_the_same_bytes_twice(ending, tmp_path):
     mesh = ellipsoid(3, 4, 9)
     write_mesh(mesh, tmp_path / f"one{ending}")
     write_mesh(mesh, tmp_path / f"two{ending}")
@@ -65,7 +64,7 @@ def test_what_is_written_is_read_back_and_is_the_same_bytes_twice(ending: str, t
     assert sorted(path.name for path in tmp_path.iterdir()) == [f"one{ending}", f"two{ending}"]
 
 
-def test_quality_is_written_to_ply(tmp_path: Path) -> None:
+def test_quality_is_written_to_ply(tmp_path):
     mesh = ellipsoid(3, 4, 9)
     write_mesh(mesh, tmp_path / "q.ply", quality=mesh.vertices[:, 2])
     assert b"property double quality" in (tmp_path / "q.ply").read_bytes()[:600]
@@ -84,13 +83,13 @@ def binary_stl(count: int, corners: np.ndarray) -> bytes:
 TRIANGLES = np.arange(18.0).reshape(2, 9) ** 1.5
 
 
-def test_remarks_of_a_ply_are_passed_over(tmp_path: Path) -> None:
+def test_remarks_of_a_ply_are_passed_over(tmp_path):
     remarks = "comment " + "x" * 2**21 + "\nobj_info a scan\nend_header"
     (tmp_path / "a.ply").write_text(GOOD["a.ply"].replace("end_header", remarks))
     assert len(read_mesh(tmp_path / "a.ply").faces) == 4
 
 
-def test_a_binary_ply_with_vertices_that_are_no_numbers_is_refused(tmp_path: Path) -> None:
+def test_a_binary_ply_with_vertices_that_are_no_numbers_is_refused(tmp_path):
     vertices = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, np.nan]], "<f4")
     faces = b"".join(struct.pack("<Biii", 3, *face) for face in FACES)
     (tmp_path / "nan.ply").write_bytes(
@@ -100,7 +99,7 @@ def test_a_binary_ply_with_vertices_that_are_no_numbers_is_refused(tmp_path: Pat
         read_mesh(tmp_path / "nan.ply")
 
 
-def test_a_missing_file_and_a_missing_folder_are_named(tmp_path: Path) -> None:
+def test_a_missing_file_and_a_missing_folder_are_named(tmp_path):
     with pytest.raises(FileError, match=r"xxx\.stl: cannot be read \(File name too long\)"):
         read_mesh("x" * 300 + ".stl")
     with pytest.raises(FileError, match=r"nowhere\.stl: cannot be read"):
@@ -111,21 +110,21 @@ def test_a_missing_file_and_a_missing_folder_are_named(tmp_path: Path) -> None:
         write_mesh(ellipsoid(1, 1, 2), tmp_path / "a.obj")
 
 
-def test_a_folder_is_no_part_whatever_its_name(tmp_path: Path) -> None:
+def test_a_folder_is_no_part_whatever_its_name(tmp_path):
     for name in ("scans", "scans.stl"):
         (tmp_path / name).mkdir()
         with pytest.raises(FileError, match=rf"{name}: is a folder: give a file in it"):
             read_mesh(tmp_path / name)
 
 
-def test_a_refused_ending_names_what_the_caller_reads_itself(tmp_path: Path) -> None:
+def test_a_refused_ending_names_what_the_caller_reads_itself(tmp_path):
     with pytest.raises(FileError, match=r"\.dat, \.tspline$"):
         read_mesh_file(tmp_path / "bone.prt", also=(".tspline",))
     with pytest.raises(FileError, match=r"bone: cannot be read \(No such file or directory\)"):
         read_mesh(tmp_path / "bone")
 
 
-def test_faces_without_area_survive_reading_so_that_repair_can_tell_of_them(tmp_path: Path) -> None:
+def test_faces_without_area_survive_reading_so_that_repair_can_tell_of_them(tmp_path):
     mesh = solid(np.eye(3), np.array([[0, 1, 2], [0, 1, 1]]))
     write_mesh(mesh, tmp_path / "null.stl")
     assert len(read_mesh(tmp_path / "null.stl").faces) == 2
@@ -133,7 +132,7 @@ def test_faces_without_area_survive_reading_so_that_repair_can_tell_of_them(tmp_
 
 @pytest.mark.parametrize("ending", [".ply", ".stl"])
 @pytest.mark.parametrize("lost", [1, 33, 5000])
-def test_a_disk_that_is_full_leaves_no_mesh_cut_short(ending: str, lost: int, tmp_path: Path) -> None:
+def test_a_disk_that_is_full_leaves_no_mesh_cut_short(ending, lost, tmp_path):
     mesh, file = read_mesh(shipped("phalanx")), tmp_path / f"bone{ending}"
     write_mesh(mesh, file)
     before, most = file.read_bytes(), resource.getrlimit(resource.RLIMIT_FSIZE)
@@ -148,7 +147,7 @@ def test_a_disk_that_is_full_leaves_no_mesh_cut_short(ending: str, lost: int, tm
     assert [item.name for item in tmp_path.iterdir()] == [file.name]
 
 
-def test_meshes_are_written_and_read_where_names_are_not_in_utf_8(tmp_path: Path) -> None:
+def test_meshes_are_written_and_read_where_names_are_not_in_utf_8(tmp_path):
     folder = tmp_path / os.fsdecode(b"a\xff")
     folder.mkdir()
     mesh = ellipsoid(3, 2, 1)
@@ -278,7 +277,7 @@ BAD = {
 
 
 @pytest.mark.parametrize("name", SOUND)
-def test_odd_but_sound_files_give_the_same_solid(name: str, tmp_path: Path) -> None:
+def test_odd_but_sound_files_give_the_same_solid(name, tmp_path):
     (tmp_path / name).write_bytes(SOUND[name])
     mesh = read_mesh(tmp_path / name)
     assert (len(mesh.vertices), len(mesh.faces)) == (4, 4)
@@ -286,13 +285,13 @@ def test_odd_but_sound_files_give_the_same_solid(name: str, tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize("name", BAD)
-def test_a_bad_file_is_refused_in_one_line_that_names_it(name: str, tmp_path: Path) -> None:
+def test_a_bad_file_is_refused_in_one_line_that_names_it(name, tmp_path):
     check_refused(tmp_path / name, *BAD[name])
 
 
 @pytest.mark.parametrize("start", range(6))
 @pytest.mark.parametrize("ending", [".obj", ".off", ".ply"])
-def test_polygons_that_are_not_convex_keep_their_area(ending: str, start: int, tmp_path: Path) -> None:
+def test_polygons_that_are_not_convex_keep_their_area(ending, start, tmp_path):
     outline = ((0, 0, 0), (2, 0, 0), (2, 0, 1), (1, 0, 1), (1, 0, 2), (0, 0, 2))
     points = "".join("{} {} {}\n".format(*corner) for corner in outline)
     polygon = [(k + start) % 6 for k in range(6)]
@@ -312,14 +311,14 @@ def test_polygons_that_are_not_convex_keep_their_area(ending: str, start: int, t
     assert (mesh.face_vectors[:, 1] < 0).all()
 
 
-def test_strips_become_triangles_of_one_side(tmp_path: Path) -> None:
+def test_strips_become_triangles_of_one_side(tmp_path):
     strip = struct.pack("<i7i", 7, 0, 1, 2, 3, -1, 0, 1)
     data = ply(strip, "int int", count=1).replace(b"element face", b"element tristrips")
     (tmp_path / "strip.ply").write_bytes(data)
     assert read_mesh(tmp_path / "strip.ply").faces.tolist() == [[0, 1, 2], [2, 1, 3]]
 
 
-def test_special_files_are_refused_unopened(tmp_path: Path) -> None:
+def test_special_files_are_refused_unopened(tmp_path):
     os.mkfifo(tmp_path / "pipe.stl")
     (tmp_path / "zero.ply").symlink_to("/dev/zero")
     with pytest.raises(FileError, match=r"pipe\.stl: cannot be read \(it is a pipe\)"):
@@ -348,11 +347,11 @@ COMMENTED_PLY = b"ply\nformat ascii 1.0\ncomment %s\nelement vertex 0\nend_heade
         (b"", ""),
     ],
 )
-def test_the_axes_of_a_comment_are_read(data: bytes, letters: str) -> None:
+def test_the_axes_of_a_comment_are_read(data, letters):
     assert stated_axes(data) == letters
 
 
-def test_left_handed_axes_are_told_to_make_a_mirror_image() -> None:
+def test_left_handed_axes_are_told_to_make_a_mirror_image():
     assert axes_text("LPS") == ("its header states the axes LPS: x to the left, y to the back, z to the head")
     for letters in ("LPS", "RAS", "PIR", "ASR"):
         assert "mirror" not in axes_text(letters)
@@ -360,7 +359,7 @@ def test_left_handed_axes_are_told_to_make_a_mirror_image() -> None:
         assert axes_text(letters).endswith("left-handed: check that it is no mirror image")
 
 
-def test_the_part_tells_what_its_file_states(tmp_path: Path) -> None:
+def test_the_part_tells_what_its_file_states(tmp_path):
     bone = ellipsoid(5, 4, 14, rings=8, columns=12)
     lines = [f"v {x} {y} {z}" for x, y, z in bone.vertices]
     lines += ["f " + " ".join(map(str, trio)) for trio in bone.faces + 1]
@@ -394,9 +393,7 @@ def end_process(file, progress):
     ("work", "what"),
     [("hang", "took more than 2 s"), ("fill_memory", "wanted more than 2 GB of memory"), ("end_process", "exit -6")],
 )
-def test_a_child_that_breaks_down_is_one_line(
-    work: str, what: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_child_that_breaks_down_is_one_line(work, what, tmp_path, monkeypatch):
     (tmp_path / "broken.py").write_text(BROKEN)
     monkeypatch.syspath_prepend(tmp_path)
     seconds = 2.0 if work == "hang" else 60.0
@@ -404,7 +401,7 @@ def test_a_child_that_breaks_down_is_one_line(
         call_in_child(f"broken:{work}", "a.3ds", library="MeshLab", remedy="try again", seconds=seconds, memory=2**31)
 
 
-def test_layers_have_the_colours_and_labels_that_meshlab_gives_them(tmp_path: Path) -> None:
+def test_layers_have_the_colours_and_labels_that_meshlab_gives_them(tmp_path):
     (tmp_path / "a.obj").write_text(COLOURED_OBJ)
     native = pymeshlab.MeshSet()
     ours = MeshSet()
@@ -416,7 +413,7 @@ def test_layers_have_the_colours_and_labels_that_meshlab_gives_them(tmp_path: Pa
         assert np.array_equal(getattr(ours.current_mesh(), name)(), getattr(native.current_mesh(), name)()), name
 
 
-def test_options_of_meshlabs_reader_are_taken(tmp_path: Path) -> None:
+def test_options_of_meshlabs_reader_are_taken(tmp_path):
     corners = "vertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\n"
     facet = f"facet normal 0 0 1\nouter loop\n{corners}endloop\nendfacet\n"
     (tmp_path / "a.stl").write_text(f"solid a\n{facet}{facet}endsolid a\n")
@@ -425,9 +422,7 @@ def test_options_of_meshlabs_reader_are_taken(tmp_path: Path) -> None:
     assert meshes.current_mesh().vertex_number() == 6
 
 
-def test_damaged_and_special_files_are_refused_before_meshlab_sees_them(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_damaged_and_special_files_are_refused_before_meshlab_sees_them(tmp_path, monkeypatch):
     monkeypatch.setattr(worker, "CHILD", "import os; os.abort()")
     (tmp_path / "far.obj").write_text(COLOURED_OBJ.replace("f 2 3 4", "f 2 3 1000000000"))
     (tmp_path / "device.obj").write_text("mtllib /dev/zero\n" + COLOURED_OBJ)
@@ -450,7 +445,7 @@ def test_damaged_and_special_files_are_refused_before_meshlab_sees_them(
 
 
 @pytest.mark.parametrize("kind", ["a.ply", "a.obj"])
-def test_a_texture_of_another_folder_is_not_opened(kind: str, tmp_path: Path) -> None:
+def test_a_texture_of_another_folder_is_not_opened(kind, tmp_path):
     """What a mesh of a stranger names: beside it, or below its folder, it is its texture; elsewhere it is not."""
     folder = tmp_path / "given"
     (folder / "skins").mkdir(parents=True)
@@ -458,7 +453,7 @@ def test_a_texture_of_another_folder_is_not_opened(kind: str, tmp_path: Path) ->
     for place in (picture, folder / "skins" / "paint.png"):
         plt.imsave(place, np.zeros((2, 2, 3)))
 
-    def load(name: str, *, allow_outside: bool = False) -> MeshSet:
+    def load(name, *, allow_outside=False):
         (folder / "a.mtl").write_text(f"newmtl skin\nmap_Kd {name}\n")
         (folder / kind).write_text(PAINTED_PLY.format(name) if kind == "a.ply" else "mtllib a.mtl\n" + COLOURED_OBJ)
         meshes = MeshSet(allow_outside=allow_outside)
@@ -472,13 +467,13 @@ def test_a_texture_of_another_folder_is_not_opened(kind: str, tmp_path: Path) ->
         assert load(name, allow_outside=True).current_mesh().face_number()
 
 
-def test_what_meshlab_refuses_is_one_line(tmp_path: Path) -> None:
+def test_what_meshlab_refuses_is_one_line(tmp_path):
     (tmp_path / "a.unknown").write_text("0 0 0")
     with pytest.raises(FileError, match=r"a\.unknown: .*: give a readable mesh file"):
         meshlab.write_layers(str(tmp_path / "a.unknown"), str(tmp_path), {})
 
 
-def test_a_name_that_is_not_in_utf_8_is_read(tmp_path: Path) -> None:
+def test_a_name_that_is_not_in_utf_8_is_read(tmp_path):
     file = tmp_path / os.fsdecode(b"bone\xe9.obj")
     file.write_text(COLOURED_OBJ)
     meshes = MeshSet()
@@ -506,7 +501,7 @@ SAME = {
 
 
 @pytest.mark.parametrize("name", SAME)
-def test_every_way_to_write_blocks_of_points_gives_the_same(name: str, tmp_path: Path) -> None:
+def test_every_way_to_write_blocks_of_points_gives_the_same(name, tmp_path):
     (tmp_path / name).write_text(SAME[name], encoding="utf-8")
     first, second = read_blocks(tmp_path / name)
     assert first.tolist() == [[1, 2, 3], [4, 5, 6.5]]
@@ -521,7 +516,7 @@ def cloud(count: int) -> np.ndarray:
     return np.column_stack([3 * r * np.cos(angle), 4 * r * np.sin(angle), 9 * height])
 
 
-def test_the_surface_round_a_cloud_is_closed_outward_near_and_twice_the_same(tmp_path: Path) -> None:
+def test_the_surface_round_a_cloud_is_closed_outward_near_and_twice_the_same(tmp_path):
     points = cloud(1500) + 100.0
     (tmp_path / "cloud.xyz").write_text("\n".join(" ".join(map(repr, point)) for point in points.tolist()))
     mesh = read_mesh(tmp_path / "cloud.xyz")
@@ -530,7 +525,7 @@ def test_the_surface_round_a_cloud_is_closed_outward_near_and_twice_the_same(tmp
     assert reconstruct(points).vertices.tobytes() == mesh.vertices.tobytes()
 
 
-def test_a_ply_without_faces_is_a_cloud(tmp_path: Path) -> None:
+def test_a_ply_without_faces_is_a_cloud(tmp_path):
     points = cloud(1000)
     head = (
         f"ply\nformat ascii 1.0\nelement vertex {len(points)}\n"
@@ -543,12 +538,12 @@ def test_a_ply_without_faces_is_a_cloud(tmp_path: Path) -> None:
     assert read_mesh(tmp_path / "cloud.ply").volume == pytest.approx(ellipsoid(3, 4, 9).volume, rel=0.02)
 
 
-def test_a_cloud_whose_surface_misses_a_point_is_refused() -> None:
+def test_a_cloud_whose_surface_misses_a_point_is_refused():
     with pytest.raises(MeshError, match="misses one by"):
         reconstruct(np.vstack([cloud(400), [[0.0, 0.0, 0.0]]]))
 
 
-def test_a_number_with_an_underscore_is_none(tmp_path: Path) -> None:
+def test_a_number_with_an_underscore_is_none(tmp_path):
     (tmp_path / "a.xyz").write_text("0 0 0\n1_0 0 0\n")
     with pytest.raises(FileError, match=r"a\.xyz line 2: '1_0 0 0' is no point"):
         read_blocks(tmp_path / "a.xyz")
@@ -561,12 +556,12 @@ def test_a_number_with_an_underscore_is_none(tmp_path: Path) -> None:
         ([f"{k}e-320 1e-320 0" for k in range(300)], "so close together that they have no size: export them in mm"),
     ],
 )
-def test_a_cloud_without_extent_is_refused(lines: list[str], match: str, tmp_path: Path) -> None:
+def test_a_cloud_without_extent_is_refused(lines, match, tmp_path):
     (tmp_path / "a.xyz").write_text("\n".join(lines))
     with pytest.raises(MeshError, match=match):
         read_mesh(tmp_path / "a.xyz")
 
 
-def test_points_that_are_given_twice_count_once(tmp_path: Path) -> None:
+def test_points_that_are_given_twice_count_once(tmp_path):
     once = reconstruct(cloud(2000))
     assert reconstruct(np.repeat(cloud(2000), 2, axis=0)).vertices.tobytes() == once.vertices.tobytes()

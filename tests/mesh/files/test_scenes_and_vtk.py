@@ -5,7 +5,6 @@ import struct
 import sys
 import zlib
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -88,7 +87,7 @@ def box() -> TriangleMesh:
 
 
 @pytest.mark.parametrize("name", KINDS)
-def test_a_surface_of_vtk_is_one_closed_solid(name: str, tmp_path: Path) -> None:
+def test_a_surface_of_vtk_is_one_closed_solid(name, tmp_path):
     (tmp_path / name).write_bytes(KINDS[name]())
     mesh = read_mesh(tmp_path / name)
     assert (len(mesh.vertices), len(mesh.faces)) == (8, 12)
@@ -96,7 +95,7 @@ def test_a_surface_of_vtk_is_one_closed_solid(name: str, tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize("ending", ["glb", "3mf"])
-def test_a_scene_is_one_solid_where_the_scene_has_it(ending: str, tmp_path: Path) -> None:
+def test_a_scene_is_one_solid_where_the_scene_has_it(ending, tmp_path):
     scene = trimesh.Scene()
     place = np.eye(4)
     place[:3, 3] = [10.0, 0.0, 0.0]
@@ -124,7 +123,7 @@ def test_a_scene_is_one_solid_where_the_scene_has_it(ending: str, tmp_path: Path
         ("a.3mf", b"PK", "cannot be read as 3MF"),
     ],
 )
-def test_a_damaged_file_is_one_line(name: str, data: bytes, told: str, tmp_path: Path) -> None:
+def test_a_damaged_file_is_one_line(name, data, told, tmp_path):
     (tmp_path / name).write_bytes(data)
     with pytest.raises(FileError, match=told) as caught:
         read_mesh(tmp_path / name)
@@ -133,25 +132,23 @@ def test_a_damaged_file_is_one_line(name: str, data: bytes, told: str, tmp_path:
 
 
 @pytest.mark.parametrize(("library", "name"), [("meshio.vtu", "a.vtp"), ("meshio.vtu", "a.vtu")])
-def test_without_its_library_one_line_names_the_extra(
-    library: str, name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_its_library_one_line_names_the_extra(library, name, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, library, None)
     (tmp_path / name).write_bytes(vtp(packed=False))
     with pytest.raises(FileError, match=r"needs \w+: pip install 'bonecam\[formats\]'"):
         read_mesh(tmp_path / name)
 
 
-def test_a_mesh_of_pyvista_comes_in() -> None:
+def test_a_mesh_of_pyvista_comes_in():
     class PolyData:
         """What pyvista 0.44 has of a surface of quadrangles, as its documentation says it."""
 
         points, faces = POINTS, np.ravel([[4, *side] for side in SIDES])
 
-        def extract_surface(self) -> "PolyData":
+        def extract_surface(self):
             return self
 
-        def triangulate(self) -> "PolyData":
+        def triangulate(self):
             made = PolyData()
             made.faces = np.ravel([[3, *face] for face in box().faces])
             return made

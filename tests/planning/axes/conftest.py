@@ -15,20 +15,18 @@ from small_parts import ROUGHING_CUTTER, revolved
 from bonecam.job import PathJob
 from bonecam.machine import MachineLimits
 from bonecam.machine.bodies import Frustum
-from bonecam.planning import AxisCones, Scene, admissible_cones
-from bonecam.surface import TSpline
-from bonecam.tool import ContactPath
+from bonecam.planning import admissible_cones
 from bonecam.workholding import Clamping
 
 
 @pytest.fixture(scope="session")
-def capsule() -> TSpline:
+def capsule():
     """Closed, with both poles: a body of revolution 12 mm high with round ends."""
     return revolved(lambda share, azimuth: 4 * np.sqrt(np.maximum(1 - (2 * share - 1) ** 4, 0)), 0.0, 12.0)
 
 
 @pytest.fixture(scope="session")
-def lattice(capsule: TSpline) -> ContactPath:
+def lattice(capsule):
     """Contacts all over the capsule on 30 lines from pole to pole, each turned a little on: the seam is crossed, and
     each line ends in both poles."""
     s, t = np.meshgrid(np.arange(30) / 30, np.linspace(0, 1, 41), indexing="ij")
@@ -42,7 +40,7 @@ JOB = PathJob(pattern="along")
 
 
 @pytest.fixture(scope="session")
-def made() -> tuple[ContactPath, Scene]:
+def made():
     """Contacts along a lump with a groove, with a stubby tool: holder and spindle come near it."""
     holder, nose = (Frustum(20.0, 16.0, 16.0),), (Frustum(30.0, 40.0, 40.0),)
     stubby = replace(ROUGHING_CUTTER, overhang=14.0, holder=holder, nose=nose)
@@ -51,6 +49,6 @@ def made() -> tuple[ContactPath, Scene]:
 
 
 @pytest.fixture(scope="session")
-def cones(made: tuple[ContactPath, Scene]) -> AxisCones:
+def cones(made):
     """The widest cones of these contacts."""
     return admissible_cones(*made, MachineLimits(np.radians(115.0)), JOB)

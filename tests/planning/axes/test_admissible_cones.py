@@ -14,9 +14,8 @@ from bonecam.kernels.cones import Apexes, direction_maps
 from bonecam.machine import MachineLimits
 from bonecam.machine.limits import ReachedAxes, polar_angles
 from bonecam.mesh import TriangleMesh
-from bonecam.planning import AxisCones, Scene, admissible_cones, verify_cones
+from bonecam.planning import AxisCones, admissible_cones, verify_cones
 from bonecam.planning.axes.free_axes import leaf_centres, sphere_leaves
-from bonecam.tool import ContactPath
 from bonecam.workholding import Clamping
 from bonecam.workholding.post import Column
 
@@ -27,8 +26,6 @@ LIMITS = MachineLimits(np.radians(115.0))
 JOB = PathJob(pattern="along")
 RANDOM = np.random.default_rng(5)
 
-Made = tuple[ContactPath, Scene]
-
 
 def axes_in(cones: AxisCones, contacts: np.ndarray, scale: float = 1.0, rim: bool = False) -> np.ndarray:
     """Random axes in the cones of contacts, widened by a factor; on the `rim`: as far out as they go."""
@@ -37,7 +34,7 @@ def axes_in(cones: AxisCones, contacts: np.ndarray, scale: float = 1.0, rim: boo
     return shapes.scaled(scale * share).rims(RANDOM.uniform(0, 2 * np.pi, len(shapes)))
 
 
-def test_no_axis_inside_a_cone_collides(made: Made, cones: AxisCones) -> None:
+def test_no_axis_inside_a_cone_collides(made, cones):
     path, scene = made
     contacts = RANDOM.choice(np.flatnonzero(cones.found), 500)
     for rim in (False, True):
@@ -46,7 +43,7 @@ def test_no_axis_inside_a_cone_collides(made: Made, cones: AxisCones) -> None:
         assert deepest_entry(scene, path.cutter, path.centres[chosen], axes).max() < 0.011
 
 
-def test_widened_cones_are_caught(made: Made, cones: AxisCones) -> None:
+def test_widened_cones_are_caught(made, cones):
     """The audit sees collisions of cones that are wider than those certified."""
     path, scene = made
     contacts = RANDOM.choice(np.flatnonzero(cones.found), 400)
@@ -68,7 +65,7 @@ def blocked_by(cones: AxisCones) -> dict[int, str]:
     return {int(i): why[int(cones.free.net.node_of[i])] for i in np.flatnonzero(~cones.found)}
 
 
-def test_inside_the_part_every_axis_collides_and_no_contact_has_a_cone(made: Made) -> None:
+def test_inside_the_part_every_axis_collides_and_no_contact_has_a_cone(made):
     """Apexes 0.3 mm below the surface."""
     path, scene = made
     some = path.take(np.arange(0, len(path.centres), 40))
@@ -80,7 +77,7 @@ def test_inside_the_part_every_axis_collides_and_no_contact_has_a_cone(made: Mad
     assert len(blocked_by(none)) == len(inside.centres)
 
 
-def test_corners_of_cones_cut_by_a_limit_meet_it(cones: AxisCones) -> None:
+def test_corners_of_cones_cut_by_a_limit_meet_it(cones):
     """The two directions at a cone's rim that are on the limit: to a thousandth of a degree."""
     limit, hair = np.radians(80.0), np.radians(0.001)
     count = len(cones.path.centres)
@@ -109,12 +106,12 @@ def test_corners_of_cones_cut_by_a_limit_meet_it(cones: AxisCones) -> None:
     assert met > 20
 
 
-def test_nearly_all_contacts_of_a_lump_have_a_cone(cones: AxisCones) -> None:
+def test_nearly_all_contacts_of_a_lump_have_a_cone(cones):
     assert cones.found.mean() > 0.97
     assert np.degrees(np.median(cones.shapes.mean_angles)) > 20
 
 
-def test_a_map_proves_no_leaf_of_which_an_axis_collides(made: Made, cones: AxisCones) -> None:
+def test_a_map_proves_no_leaf_of_which_an_axis_collides(made, cones):
     """Whether it was proven by itself or in a larger triangle."""
     path, scene = made
     free, leaves = cones.free, sphere_leaves()[1]
@@ -127,7 +124,7 @@ def test_a_map_proves_no_leaf_of_which_an_axis_collides(made: Made, cones: AxisC
     assert entered.max() < 0.011
 
 
-def test_each_cone_holds_proven_leaves_alone(cones: AxisCones) -> None:
+def test_each_cone_holds_proven_leaves_alone(cones):
     """Directions all over each cone, at the rim too, against the map; cones a fifth wider are not so."""
     free, found = cones.free, np.flatnonzero(cones.shapes.found)
     for scale, most in ((1.0, 0.0), (1.2, 1.0)):
@@ -150,7 +147,7 @@ def leaves_of(axes: np.ndarray) -> np.ndarray:
     return np.asarray(near[np.arange(len(near)), inside.argmax(axis=1)])
 
 
-def test_a_leaf_of_several_apexes_is_proven_where_it_is_for_each(cones: AxisCones) -> None:
+def test_a_leaf_of_several_apexes_is_proven_where_it_is_for_each(cones):
     free = cones.free
     some = np.arange(0, len(free.starts) - 1, 30)[:20]
     apexes = Apexes(*(part[free.starts[some]] for part in free.apexes))
@@ -161,7 +158,7 @@ def test_a_leaf_of_several_apexes_is_proven_where_it_is_for_each(cones: AxisCone
     assert not (together & ~alone[::2]).any()
 
 
-def test_cones_are_larger_than_circles_and_hold_the_wanted_axes(cones: AxisCones) -> None:
+def test_cones_are_larger_than_circles_and_hold_the_wanted_axes(cones):
     """Elliptic ones hold more of the free directions; both hold axes that are free themselves."""
     round_ = cones.as_circles().about(cones.shapes.axes[cones.free.net.node_of])
     again = cones.about(cones.shapes.axes[cones.free.net.node_of])
@@ -172,7 +169,7 @@ def test_cones_are_larger_than_circles_and_hold_the_wanted_axes(cones: AxisCones
     assert near.depths(cones.path.normals)[both].mean() > cones.depths(cones.path.normals)[both].mean()
 
 
-def test_axes_in_a_cone_are_contained_and_others_are_not(cones: AxisCones) -> None:
+def test_axes_in_a_cone_are_contained_and_others_are_not(cones):
     contacts = np.arange(len(cones.path.centres))
     inside, outside = (axes_in(cones, contacts, scale, rim=True) for scale in (0.999, 1.001))
     tilted = np.einsum("ij,ij->i", inside, cones.path.normals) < np.cos(cones.max_tilt)
@@ -181,7 +178,7 @@ def test_axes_in_a_cone_are_contained_and_others_are_not(cones: AxisCones) -> No
     assert not cones.contain(outside).any()
 
 
-def test_a_cone_as_a_surface_holds_the_axes_of_its_contact(cones: AxisCones) -> None:
+def test_a_cone_as_a_surface_holds_the_axes_of_its_contact(cones):
     contact = int(np.flatnonzero(cones.found)[7])
     inside, outside = (axes_in(cones, np.full(50, contact), scale, rim=True) for scale in (0.99, 1.01))
     surface = cones.cone(contact)
@@ -189,7 +186,7 @@ def test_a_cone_as_a_surface_holds_the_axes_of_its_contact(cones: AxisCones) -> 
     assert not surface.contains(outside).any()
 
 
-def test_contacts_without_a_cone_are_listed_with_what_blocks_them(made: Made) -> None:
+def test_contacts_without_a_cone_are_listed_with_what_blocks_them(made):
     path, scene = made
     none = admissible_cones(path, scene, MachineLimits(np.radians(1.0)), JOB)
     assert set(blocked_by(none).values()) == {"limits"}
@@ -205,7 +202,7 @@ def test_contacts_without_a_cone_are_listed_with_what_blocks_them(made: Made) ->
     assert path.centres[list(blocked), 2].max() < np.median(path.centres[:, 2])
 
 
-def test_cones_keep_off_a_column_beside_the_part(made: Made, cones: AxisCones) -> None:
+def test_cones_keep_off_a_column_beside_the_part(made, cones):
     """The column of a bracket takes directions towards itself; cones made without it enter it."""
     path, scene = made
     column = Column(6.0, 90.0, 0.0, 30.0, 10.0)
@@ -221,7 +218,7 @@ def test_cones_keep_off_a_column_beside_the_part(made: Made, cones: AxisCones) -
     assert entered[1] > 0.5
 
 
-def test_contacts_that_a_curve_of_axes_does_not_reach_are_told_as_beyond_the_limits(made: Made) -> None:
+def test_contacts_that_a_curve_of_axes_does_not_reach_are_told_as_beyond_the_limits(made):
     """A machine that leans the tool in the plane of X and Z alone, and contacts whose normals are far from it."""
     path, scene = made
     plane = ReachedAxes(
@@ -240,7 +237,7 @@ def test_contacts_that_a_curve_of_axes_does_not_reach_are_told_as_beyond_the_lim
     assert (np.abs(cones.free.directions[cones.free.free.any(axis=0)][:, 1]) < np.sin(np.radians(4.01))).all()
 
 
-def test_an_obstacle_that_is_not_closed_is_refused(made: Made, cones: AxisCones) -> None:
+def test_an_obstacle_that_is_not_closed_is_refused(made, cones):
     path, scene = made
     opened = TriangleMesh(scene.material.vertices, scene.material.faces[1:])
     with pytest.raises(OrientationError, match="not closed: 3 edges"):
@@ -249,13 +246,13 @@ def test_an_obstacle_that_is_not_closed_is_refused(made: Made, cones: AxisCones)
         verify_cones(cones, replace(scene, material=opened))
 
 
-def test_no_contacts_are_refused(made: Made) -> None:
+def test_no_contacts_are_refused(made):
     path, scene = made
     with pytest.raises(OrientationError, match="no contacts"):
         admissible_cones(path.take(np.arange(0)), scene, LIMITS, JOB)
 
 
-def test_what_is_kept_of_cones_tells_each_contact_its_own(cones: AxisCones) -> None:
+def test_what_is_kept_of_cones_tells_each_contact_its_own(cones):
     path = cones.path
     kept = cones.of(path)
     assert np.array_equal(kept.cone_of >= 0, cones.found)
@@ -273,7 +270,7 @@ def test_what_is_kept_of_cones_tells_each_contact_its_own(cones: AxisCones) -> N
     assert (cones.of(moved).cone_of == -1).all()
 
 
-def test_what_blocks_several_nodes_is_what_blocks_each(cones: AxisCones) -> None:
+def test_what_blocks_several_nodes_is_what_blocks_each(cones):
     nodes = np.arange(0, len(cones.shapes), len(cones.shapes) // 7)
     together = cones.free.blocking(nodes)
     assert together == [why for node in nodes for why in cones.free.blocking(np.array([node]))]

@@ -27,7 +27,7 @@ from bonecam.errors import OrientationError
 from bonecam.kernels.cones import facets_below
 from bonecam.mesh import MeshDistance, TriangleMesh
 from bonecam.mesh.solids import revolve
-from bonecam.planning import AxisCones, ObliqueEllipticCone, Scene, cones_mesh, verify_cones
+from bonecam.planning import AxisCones, ObliqueEllipticCone, cones_mesh, verify_cones
 from bonecam.planning.axes.cones import (
     CIRCLE_KNOTS,
     COARSE_SIDES,
@@ -39,7 +39,7 @@ from bonecam.planning.axes.cones import (
 )
 from bonecam.planning.collision import crosses, solid_object
 from bonecam.report.pictures import is_closed
-from bonecam.tool import ContactPath, FreeCones, ToolPath
+from bonecam.tool import FreeCones
 from bonecam.tool.elliptic_cones import EllipticCones
 
 
@@ -55,35 +55,35 @@ def angles(directions: np.ndarray, axis: np.ndarray) -> np.ndarray:
     return np.arccos(np.clip(directions @ axis / np.linalg.norm(directions, axis=1) / np.linalg.norm(axis), -1, 1))
 
 
-def test_the_nurbs_surface_lies_on_its_quadric() -> None:
+def test_the_nurbs_surface_lies_on_its_quadric():
     u, v = RANDOM.random((2, 2000))
     points = CONE.evaluate(u, v)
     assert np.abs(CONE.implicit(points)).max() < 1e-12
     np.testing.assert_allclose(CONE.heights(points), u, atol=1e-12)
 
 
-def test_unit_weights_as_printed_miss_the_cone() -> None:
+def test_unit_weights_as_printed_miss_the_cone():
     """Eq. 16 without its rational part: a B-spline of the same net."""
     v = RANDOM.random(200)
     around = BSpline(CIRCLE_KNOTS, CONE.control_points[2], 2)(v)
     assert np.abs(CONE.implicit(around)).max() > 0.05
 
 
-def test_the_gradient_is_that_of_the_implicit_form() -> None:
+def test_the_gradient_is_that_of_the_implicit_form():
     points = RANDOM.normal(size=(50, 3)) * 4
     for axis in np.eye(3):
         change = CONE.implicit(points + 1e-6 * axis) - CONE.implicit(points - 1e-6 * axis)
         np.testing.assert_allclose(CONE.gradient(points) @ axis, change / 2e-6, rtol=1e-6, atol=1e-6)
 
 
-def test_directions_inside_are_those_within_the_elliptic_section() -> None:
+def test_directions_inside_are_those_within_the_elliptic_section():
     x, y = RANDOM.uniform(-1.5, 1.5, (2, 5000))
     directions = CONE.axis + x[:, None] * CONE.first + y[:, None] * CONE.second
     np.testing.assert_array_equal(CONE.contains(directions), x**2 + y**2 <= 1)
     assert not CONE.contains(-directions).any()
 
 
-def test_principal_angles_of_a_right_cone_are_its_own() -> None:
+def test_principal_angles_of_a_right_cone_are_its_own():
     cone = cone_of([0, 0, 0], [0, 0, 4.0], [3.0, 0, 0], [0, 1.0, 0])
     axes, semi_angles = cone.principal
     np.testing.assert_allclose(axes[0], [0, 0, 1], atol=1e-12)
@@ -91,7 +91,7 @@ def test_principal_angles_of_a_right_cone_are_its_own() -> None:
     np.testing.assert_allclose(semi_angles, np.arctan([0.75, 0.25]), rtol=1e-12)
 
 
-def test_an_oblique_cone_is_the_right_cone_of_its_principal_angles() -> None:
+def test_an_oblique_cone_is_the_right_cone_of_its_principal_angles():
     axes, (wide, narrow) = CONE.principal
     right = ObliqueEllipticCone(CONE.apex, axes[0], np.tan(wide) * axes[1], np.tan(narrow) * axes[2])
     directions = RANDOM.normal(size=(20_000, 3))
@@ -102,7 +102,7 @@ def test_an_oblique_cone_is_the_right_cone_of_its_principal_angles() -> None:
 
 
 @pytest.mark.parametrize("sides", [3, 48])
-def test_meshes_hold_the_cone_or_lie_in_it(sides: int) -> None:
+def test_meshes_hold_the_cone_or_lie_in_it(sides):
     outer, inner = (CONE.tessellate(sides, circumscribed=way) for way in (True, False))
     u, v = RANDOM.random((2, 20_000))
     samples = CONE.evaluate(u, v)
@@ -117,7 +117,7 @@ def test_meshes_hold_the_cone_or_lie_in_it(sides: int) -> None:
     assert inner.volume < np.pi / 3 * abs(np.linalg.det([CONE.axis, CONE.first, CONE.second])) < outer.volume
 
 
-def test_what_is_no_cone_is_refused() -> None:
+def test_what_is_no_cone_is_refused():
     with pytest.raises(ValueError, match="no cone"):
         cone_of([0, 0, 0], [1, 1, 0], [1, 0, 0], [0, 1, 0])
     with pytest.raises(ValueError, match="no cone"):
@@ -132,7 +132,7 @@ LENGTH = 2.0
 
 
 @pytest.fixture
-def path() -> ToolPath:
+def path():
     """Ten points, of which those with odd numbers have a cone."""
     tips = np.column_stack([np.arange(10.0), np.zeros(10), np.zeros(10)])
     axes = unit(np.column_stack([np.linspace(-1, 1, 10), np.ones(10), np.ones(10)]))
@@ -143,7 +143,7 @@ def path() -> ToolPath:
     return replace(made, cones=FreeCones(made.balls[1::2], shapes, which))
 
 
-def test_each_cone_stands_at_its_ball_and_is_as_wide_as_it_is_proven(path: ToolPath) -> None:
+def test_each_cone_stands_at_its_ball_and_is_as_wide_as_it_is_proven(path):
     mesh = cones_mesh(path, 10, LENGTH)
     assert is_closed(mesh)
     assert mesh.volume == pytest.approx(
@@ -160,22 +160,20 @@ def test_each_cone_stands_at_its_ball_and_is_as_wide_as_it_is_proven(path: ToolP
         assert held.max() == pytest.approx(path.cones.shapes.mean_angles[k])
 
 
-def test_fewer_cones_are_chosen_evenly(path: ToolPath) -> None:
+def test_fewer_cones_are_chosen_evenly(path):
     three = cones_mesh(path, 3, LENGTH)
     firsts = three.vertices.reshape(3, -1, 3)[:, 0]
     assert np.allclose(firsts, path.balls[[1, 5, 9]])
 
 
-def test_a_path_without_cones_says_what_to_do(path: ToolPath) -> None:
+def test_a_path_without_cones_says_what_to_do(path):
     nowhere = replace(path.cones, cone_of=np.full(10, -1))
     for bare in (replace(path, cones=None), replace(path, cones=nowhere)):
         with pytest.raises(OrientationError, match=r"path\.orientation = 'cones'"):
             cones_mesh(bare)
 
 
-def test_each_contact_of_the_nodes_is_an_apex_with_less_growth_and_no_less_room(
-    made: tuple[ContactPath, Scene], cones: AxisCones
-) -> None:
+def test_each_contact_of_the_nodes_is_an_apex_with_less_growth_and_no_less_room(made, cones):
     path, scene = made
     free = cones.free
     alone = np.diff(free.starts) == 1
@@ -192,7 +190,7 @@ def test_each_contact_of_the_nodes_is_an_apex_with_less_growth_and_no_less_room(
     assert (away <= free.net.reach[node] + 1e-9).all()
 
 
-def test_nodes_with_several_apexes_keep_them(made: tuple[ContactPath, Scene], cones: AxisCones) -> None:
+def test_nodes_with_several_apexes_keep_them(made, cones):
     path, scene = made
     several = np.flatnonzero(np.diff(cones.free.starts) > 1)
     near = at_contacts(cones.free, several, path, scene)
@@ -239,7 +237,7 @@ def points_of(sweep: Sweep, count: int = 24_000) -> np.ndarray:
 
 
 @pytest.mark.parametrize("name", SWEEPS)
-def test_the_mesh_holds_what_is_swept_and_is_closed(name: str) -> None:
+def test_the_mesh_holds_what_is_swept_and_is_closed(name):
     sweep = SWEEPS[name]
     mesh = mesh_of(sweep, SIDES)
     points = points_of(sweep)
@@ -250,7 +248,7 @@ def test_the_mesh_holds_what_is_swept_and_is_closed(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", SWEEPS)
-def test_its_steps_hold_what_is_swept_together(name: str) -> None:
+def test_its_steps_hold_what_is_swept_together(name):
     sweep = SWEEPS[name]
     points = points_of(sweep)
     meshes = [mesh_of(step, SIDES) for step in sweep.steps()]
@@ -258,7 +256,7 @@ def test_its_steps_hold_what_is_swept_together(name: str) -> None:
     assert np.min([MeshDistance(mesh).signed(points) for mesh in meshes], axis=0).max() < 1e-4
 
 
-def test_steps_leave_out_the_corner_that_growth_rounds() -> None:
+def test_steps_leave_out_the_corner_that_growth_rounds():
     """In a narrow cone, outside and below the edge by 0.9 of the growth each: 1.27 of it away."""
     sweep = Sweep(3.0, 24.0, 1.0, 0.01, 0.01, 0.5)
     corner = np.array([[1.0 + 0.9 * 0.5, 0.0, 3.0 - 0.9 * 0.5]])
@@ -279,7 +277,7 @@ def test_steps_leave_out_the_corner_that_growth_rounds() -> None:
         (0.0, 30.53, 46.76, 0.1016, 0.053, 0.0),
     ],
 )
-def test_wide_and_short_sections_are_held_too(size: tuple[float, ...], sides: int) -> None:
+def test_wide_and_short_sections_are_held_too(size, sides):
     """Flutes that hardly reach over the ball's centre, and a low step of a holder: the corners of their polygon are
     farther from the apex than any of their points."""
     sweep = Sweep(*size)
@@ -289,7 +287,7 @@ def test_wide_and_short_sections_are_held_too(size: tuple[float, ...], sides: in
 
 
 @pytest.mark.parametrize("name", SWEEPS)
-def test_the_fine_mesh_is_hardly_larger_than_its_bounds(name: str) -> None:
+def test_the_fine_mesh_is_hardly_larger_than_its_bounds(name):
     """By volume, of random points in its box."""
     sweep, count = SWEEPS[name], 20_000
     mesh = mesh_of(sweep, 96)
@@ -298,7 +296,7 @@ def test_the_fine_mesh_is_hardly_larger_than_its_bounds(name: str) -> None:
     assert 0.95 < mesh.volume / (inside.mean() * np.prod(high - low)) < 1.1
 
 
-def test_points_that_no_axis_reaches_are_not_held() -> None:
+def test_points_that_no_axis_reaches_are_not_held():
     """Below the flutes, above the spindle, and beside the cone."""
     sweep = replace(SWEEPS["shank"], growth=0.0)
     outside = [[0, 0, 2.9], [0, 0, 24.1], [2.0, 1.0 / np.cos(0.2) + 10 * np.tan(0.2) + 0.5, 10.0], [0, 0, -5.0]]
@@ -307,7 +305,7 @@ def test_points_that_no_axis_reaches_are_not_held() -> None:
     assert sweep.holds(np.array(inside), SIDES).all()
 
 
-def test_where_the_apex_may_lie_above_the_begin_a_mesh_holds_the_sweep_or_there_is_none() -> None:
+def test_where_the_apex_may_lie_above_the_begin_a_mesh_holds_the_sweep_or_there_is_none():
     """The sides of a wide cone meet below: before they come to where the section ends there, no mesh is told."""
     random, none = np.random.default_rng(1), 0
     for _ in range(60):
@@ -321,7 +319,7 @@ def test_where_the_apex_may_lie_above_the_begin_a_mesh_holds_the_sweep_or_there_
     assert 10 < none < 40
 
 
-def test_wide_flat_cones_are_held() -> None:
+def test_wide_flat_cones_are_held():
     """Directions on their rims are far from each other: between those of a few, no less is seen of a point."""
     random, made = np.random.default_rng(21), 0
     for _ in range(60):
@@ -373,7 +371,7 @@ def holds(size: np.ndarray, place: np.ndarray, turn: np.ndarray, solid: Triangle
     return bool(Sweep(*size.tolist()).holds((solid.vertices[:1] - place) @ turn, 96).any())
 
 
-def test_what_planes_tell_apart_does_not_touch_and_most_is() -> None:
+def test_what_planes_tell_apart_does_not_touch_and_most_is():
     told = clear = 0
     for size, place, turn, solid in cases():
         apart = Obstacle.of(solid).clear(size[None], place[None], turn[None])[0]
@@ -384,7 +382,7 @@ def test_what_planes_tell_apart_does_not_touch_and_most_is() -> None:
     assert 0.9 * clear < told <= clear < CASES
 
 
-def test_planes_tell_no_point_from_what_holds_it() -> None:
+def test_planes_tell_no_point_from_what_holds_it():
     """Small triangles about points of the tool at axes of the cone, grown: half of them at its lower edge."""
     random = np.random.default_rng(5)
     for size, place, turn, _ in cases()[:100]:
@@ -403,7 +401,7 @@ def test_planes_tell_no_point_from_what_holds_it() -> None:
             assert not touching.clear(size[None], place[None], turn[None])[0]
 
 
-def test_facets_that_are_left_cross_where_the_whole_mesh_does() -> None:
+def test_facets_that_are_left_cross_where_the_whole_mesh_does():
     left, met = [], 0
     for size, place, turn, solid in cases():
         vertices, faces = Sweep(*size.tolist()).mesh(COARSE_SIDES)
@@ -418,7 +416,7 @@ def test_facets_that_are_left_cross_where_the_whole_mesh_does() -> None:
     assert np.mean(left) < 0.4
 
 
-def test_left_facets_keep_their_places() -> None:
+def test_left_facets_keep_their_places():
     vertices, faces = Sweep(2.0, 12.0, 1.0, 0.5, 0.3, 0.2).mesh(COARSE_SIDES)
     plane = np.array([[1.0, 0.0, 0.0]])
     kept, names = facets_below(vertices, faces, np.zeros(3), np.eye(3), plane, np.array([0.0]))
@@ -427,7 +425,7 @@ def test_left_facets_keep_their_places() -> None:
     assert 0 < len(names) < len(faces)
 
 
-def test_the_catalogue_answers_as_fine_meshes_do() -> None:
+def test_the_catalogue_answers_as_fine_meshes_do():
     """Where a sweep crosses a solid by more than its growth that is told, unless it holds all of it; and hardly ever
     where it does not."""
     missed = false = 0
@@ -442,7 +440,7 @@ def test_the_catalogue_answers_as_fine_meshes_do() -> None:
     assert false <= 0.02 * CASES
 
 
-def test_a_sweep_that_no_mesh_holds_is_taken_to_cross() -> None:
+def test_a_sweep_that_no_mesh_holds_is_taken_to_cross():
     size, origin, upright = (np.array([[0.0, 1.495, 0.5, 0.816, 0.087, 0.254]]), np.zeros((1, 3)), np.eye(3)[None])
     assert Sweep(*size[0].tolist()).mesh(COARSE_SIDES) is None
     *_, solid = cases()[0]
@@ -455,11 +453,9 @@ def test_a_sweep_that_no_mesh_holds_is_taken_to_cross() -> None:
 SOME = 30
 """Every so many cones are asked."""
 
-Made = tuple[ContactPath, Scene]
-
 
 @pytest.fixture(scope="module")
-def some(cones: AxisCones) -> AxisCones:
+def some(cones):
     return only(cones, np.arange(len(cones.shapes)) % SOME == 0)
 
 
@@ -474,14 +470,14 @@ def ball(radius: float, centre: np.ndarray) -> TriangleMesh:
     return TriangleMesh(mesh.vertices + centre, mesh.faces)
 
 
-def test_cones_that_are_proven_pass(made: Made, some: AxisCones) -> None:
+def test_cones_that_are_proven_pass(made, some):
     _, scene = made
     verdict = verify_cones(some, scene)
     assert len(verdict.asked) == some.shapes.found.sum() > 15
     assert len(verdict.refused) <= 0.02 * len(verdict.asked)
 
 
-def test_wider_cones_are_refused_and_narrowed_to_what_passes(made: Made, some: AxisCones) -> None:
+def test_wider_cones_are_refused_and_narrowed_to_what_passes(made, some):
     _, scene = made
     wide = replace(some, shapes=some.shapes.scaled(1.3))
     verdict = verify_cones(wide, scene)
@@ -498,7 +494,7 @@ def test_wider_cones_are_refused_and_narrowed_to_what_passes(made: Made, some: A
     assert mended.about(mended.shapes.axes[mended.free.net.node_of]).check is None
 
 
-def test_an_obstacle_wholly_inside_and_one_round_the_tool_are_seen(made: Made, some: AxisCones) -> None:
+def test_an_obstacle_wholly_inside_and_one_round_the_tool_are_seen(made, some):
     """FCL itself tells surfaces that cross, not what is contained."""
     _, scene = made
     node = int(np.flatnonzero(some.shapes.found)[0])

@@ -30,9 +30,7 @@ from bonecam.planning.axes.field import (
     minimise,
     second_differences,
 )
-from bonecam.surface.tspline import TSpline
 from bonecam.tool.elliptic_cones import EllipticCones
-from bonecam.tool.path import ContactPath
 
 RANDOM = np.random.default_rng(2)
 DOMAIN = FieldDomain((0.0, 1.0), (0.0, 3.0), closed=True)
@@ -46,27 +44,27 @@ def field(winding: int = 1) -> AxisField:
     return AxisField(DOMAIN, winding, VALUES[0], VALUES[1])
 
 
-def test_the_basis_sums_to_one_and_is_periodic_in_s() -> None:
+def test_the_basis_sums_to_one_and_is_periodic_in_s():
     matrix = basis(PLACES, DOMAIN)
     np.testing.assert_allclose(matrix.sum(axis=1), 1.0, rtol=1e-12)
     np.testing.assert_allclose(matrix.toarray(), basis(PLACES + ONCE_ROUND, DOMAIN).toarray(), atol=1e-12)
 
 
-def test_axes_are_unit_and_come_round_to_themselves() -> None:
+def test_axes_are_unit_and_come_round_to_themselves():
     axes = field().axes(PLACES)
     np.testing.assert_allclose(np.linalg.norm(axes, axis=1), 1.0, rtol=1e-12)
     np.testing.assert_allclose(axes, field().axes(PLACES + ONCE_ROUND), atol=1e-12)
 
 
 @pytest.mark.parametrize("winding", [1, -1])
-def test_the_azimuth_winds_once(winding: int) -> None:
+def test_the_azimuth_winds_once(winding):
     ring = np.column_stack([np.linspace(0, 1, 400), np.full(400, 1.2)])
     axes = AxisField(DOMAIN, winding, 0 * VALUES[0], 0 * VALUES[1] + 1.0).axes(ring)
     azimuth = np.unwrap(np.arctan2(axes[:, 1], axes[:, 0]))
     assert azimuth[-1] - azimuth[0] == pytest.approx(winding * 2 * np.pi)
 
 
-def test_an_open_field_is_free_at_its_borders() -> None:
+def test_an_open_field_is_free_at_its_borders():
     """Its basis sums to one, and control values on a plane bend nothing; those of a closed one must come round."""
     matrix = basis(PLACES, OPEN)
     np.testing.assert_allclose(matrix.sum(axis=1), 1.0, rtol=1e-12)
@@ -95,7 +93,7 @@ def residuals(energy: AxisEnergy, values: np.ndarray) -> np.ndarray:
     return np.concatenate([part.values.ravel() for part in energy.residuals(values)])
 
 
-def test_derivatives_of_the_energy_are_those_of_differences() -> None:
+def test_derivatives_of_the_energy_are_those_of_differences():
     """Of the residuals along any step J s: s G s of the normal equations G is its square, and J times r the
     gradient."""
     made = energy()
@@ -118,7 +116,7 @@ def test_derivatives_of_the_energy_are_those_of_differences() -> None:
         np.testing.assert_allclose(step.T.ravel() @ normal @ step.T.ravel(), change @ change, rtol=1e-4)
 
 
-def test_a_field_within_its_bounds_has_no_energy_of_bounds() -> None:
+def test_a_field_within_its_bounds_has_no_energy_of_bounds():
     normals = np.tile([0.0, 0.0, 1.0], (300, 1))
     even = np.stack([np.zeros(AROUND * ALONG), np.full(AROUND * ALONG, 0.7)])
     axes = AxisField(DOMAIN, 1, even[0], even[1]).axes(PLACES)
@@ -131,7 +129,7 @@ def test_a_field_within_its_bounds_has_no_energy_of_bounds() -> None:
 
 
 @pytest.mark.parametrize(("polar", "beyond"), [(0.19, 0.01), (1.22, 0.02), (0.21, 0.0), (1.19, 0.0)])
-def test_an_angle_beyond_a_bound_from_the_normal_counts_as_one_beyond_a_cone(polar: float, beyond: float) -> None:
+def test_an_angle_beyond_a_bound_from_the_normal_counts_as_one_beyond_a_cone(polar, beyond):
     """Normals are upright, so angles from them are polar ones: at least 0.2, at most 1.2."""
     even = np.stack([np.zeros(AROUND * ALONG), np.full(AROUND * ALONG, polar)])
     none = np.zeros(0, dtype=np.int64)
@@ -143,7 +141,7 @@ def test_an_angle_beyond_a_bound_from_the_normal_counts_as_one_beyond_a_cone(pol
     assert np.linalg.norm(residuals(made, even)) == pytest.approx(BOUND_WEIGHT * beyond, rel=0.05)
 
 
-def test_one_constant_axis_has_no_energy_and_stays() -> None:
+def test_one_constant_axis_has_no_energy_and_stays():
     """What is free everywhere along one axis needs no turn: a legitimate answer."""
     axis = np.array([0.48, 0.6, 0.64])
     cones = EllipticCones.circular(np.tile(axis, (300, 1)), np.full(300, 0.1))
@@ -164,7 +162,7 @@ PLAIN_VALUES = np.random.default_rng(4).normal(size=AROUND * ALONG)
 
 
 @pytest.fixture(scope="module")
-def case() -> tuple[FieldDomain, ContactFacets]:
+def case():
     surface = revolved(lambda share, azimuth: 4.0 + 0 * azimuth + 0 * share, 0.0, 12.0)
     facets = contact_facets(cylinder_contacts(surface), surface)
     assert facets is not None
@@ -172,9 +170,7 @@ def case() -> tuple[FieldDomain, ContactFacets]:
 
 
 @pytest.mark.parametrize("weights", [(1.0, 0.0), (0.0, 1.0), (0.4, 0.7)])
-def test_residuals_have_the_energy_of_the_values_at_the_facets(
-    case: tuple[FieldDomain, ContactFacets], weights: tuple[float, float]
-) -> None:
+def test_residuals_have_the_energy_of_the_values_at_the_facets(case, weights):
     domain, facets = case
     made = FacetEnergy.of(facets, domain, *weights)
     at = basis(facets.path.parameters[facets.contact_of], domain) @ PLAIN_VALUES
@@ -182,7 +178,7 @@ def test_residuals_have_the_energy_of_the_values_at_the_facets(
     assert ((made.matrix @ PLAIN_VALUES) ** 2).sum() == pytest.approx(expected, rel=1e-6)
 
 
-def test_an_azimuth_that_winds_turns_the_short_way_over_the_seam(case: tuple[FieldDomain, ContactFacets]) -> None:
+def test_an_azimuth_that_winds_turns_the_short_way_over_the_seam(case):
     """Edge by edge: with its cotangent weight the square of what the azimuth turns by. The part that no control value
     changes is left out, so differences from the field that only winds are compared."""
     domain, facets = case
@@ -199,7 +195,7 @@ def test_an_azimuth_that_winds_turns_the_short_way_over_the_seam(case: tuple[Fie
     assert found == pytest.approx((both - wound) / facets.mesh.area, rel=1e-6)
 
 
-def test_the_energy_on_facets_counts_beside_the_others(case: tuple[FieldDomain, ContactFacets]) -> None:
+def test_the_energy_on_facets_counts_beside_the_others(case):
     """In rates: the feed over the axis's speed times the turn a mm."""
     domain, facets = case
     rows = facets.contact_of[:200]
@@ -220,7 +216,7 @@ def test_the_energy_on_facets_counts_beside_the_others(case: tuple[FieldDomain, 
 
 
 @pytest.fixture(scope="module")
-def facets(lattice: ContactPath, capsule: TSpline) -> ContactFacets:
+def facets(lattice, capsule):
     found = contact_facets(lattice, capsule)
     assert found is not None
     return found
@@ -232,7 +228,7 @@ def edges(facets: ContactFacets) -> tuple[np.ndarray, np.ndarray]:
     return np.unique(sides, axis=0, return_counts=True)
 
 
-def test_facets_of_a_closed_capsule_cross_seam_and_pole(facets: ContactFacets, lattice: ContactPath) -> None:
+def test_facets_of_a_closed_capsule_cross_seam_and_pole(facets, lattice):
     """All contacts at a pole are one vertex. Only the ring round the lower pole, the outermost in the plane, may be
     an edge; with Euler's formula the surface is a disk then: v - e + f = 1."""
     sides, count = edges(facets)
@@ -246,7 +242,7 @@ def test_facets_of_a_closed_capsule_cross_seam_and_pole(facets: ContactFacets, l
     assert facets.mesh.vertices[rim, 2].max(initial=0.0) < 0.5
 
 
-def test_no_contact_lies_in_the_circle_of_a_facet(facets: ContactFacets) -> None:
+def test_no_contact_lies_in_the_circle_of_a_facet(facets):
     """On the surface: the sphere about a facet's circumcentre holds hardly any other contact."""
     a, b, c = np.swapaxes(facets.mesh.vertices[facets.mesh.faces], 0, 1)
     ab, ac, n = b - a, c - a, np.cross(b - a, c - a)
@@ -257,9 +253,7 @@ def test_no_contact_lies_in_the_circle_of_a_facet(facets: ContactFacets) -> None
     assert (away > 0.97 * radius).mean() > 0.99
 
 
-def test_normals_curvature_and_areas_are_those_of_the_surface(
-    facets: ContactFacets, lattice: ContactPath, capsule: TSpline
-) -> None:
+def test_normals_curvature_and_areas_are_those_of_the_surface(facets, lattice, capsule):
     side = np.abs(lattice.contacts[:, 2] - 6) < 4
     off = np.degrees(angles_between(facets.vertex_normals[facets.vertex_of], lattice.normals))
     assert np.median(off[side]) < 0.5
@@ -271,7 +265,7 @@ def test_normals_curvature_and_areas_are_those_of_the_surface(
     assert facets.mesh.area == pytest.approx(capsule.area, rel=0.03)
 
 
-def test_no_facet_spans_a_place_without_contacts(capsule: TSpline, lattice: ContactPath) -> None:
+def test_no_facet_spans_a_place_without_contacts(capsule, lattice):
     kept = np.flatnonzero(np.linalg.norm(lattice.contacts - [4.0, 0.0, 6.0], axis=1) > 2.5)
     holed = contact_facets(lattice.take(kept), capsule)
     assert holed is not None
@@ -282,7 +276,7 @@ def test_no_facet_spans_a_place_without_contacts(capsule: TSpline, lattice: Cont
     assert lengths.max() <= LONG * np.percentile(lengths, 99)
 
 
-def test_contacts_that_follow_once_more_share_their_cell(capsule: TSpline, lattice: ContactPath) -> None:
+def test_contacts_that_follow_once_more_share_their_cell(capsule, lattice):
     twice = lattice.take(np.r_[np.arange(len(lattice.contacts)), np.full(3, 100)])
     once, again = contact_facets(lattice, capsule), contact_facets(twice, capsule)
     assert once is not None
@@ -291,13 +285,13 @@ def test_contacts_that_follow_once_more_share_their_cell(capsule: TSpline, latti
     assert again.areas.sum() == pytest.approx(once.areas.sum())
 
 
-def test_contacts_on_a_line_have_no_facets(capsule: TSpline) -> None:
+def test_contacts_on_a_line_have_no_facets(capsule):
     line = np.column_stack([np.full(50, 0.25), np.linspace(0.2, 0.8, 50)])
     assert contact_facets(at_parameters(capsule, line), capsule) is None
     assert contact_facets(at_parameters(capsule, line[:2]), capsule) is None
 
 
-def test_a_lone_contact_has_a_usual_area(capsule: TSpline, lattice: ContactPath) -> None:
+def test_a_lone_contact_has_a_usual_area(capsule, lattice):
     near = np.flatnonzero((lattice.contacts[:, 2] > 8) & (lattice.contacts[:, 2] < 11))
     lone = int(np.argmin(np.linalg.norm(lattice.contacts - [4.0, 0.0, 3.0], axis=1)))
     path = lattice.take(np.r_[near, lone])

@@ -12,16 +12,14 @@ from bonecam.kernels.distances import distance_bounds
 from bonecam.mesh import MeshDistance, TriangleMesh
 from bonecam.mesh.smooth_surface import convex_hull
 from bonecam.mesh.solids import solid_union
-from bonecam.planning import Scene
 from bonecam.planning.axes.free_axes import ROOMS, distance_grids, leaf_centres, rooms_at, sphere_leaves
 from bonecam.planning.scene import TANGENT_SLACK
-from bonecam.tool import ContactPath
 
 RANDOM = np.random.default_rng(4)
 
 
 @pytest.fixture(scope="module")
-def plate() -> MeshDistance:
+def plate():
     """A plate of 200 x 160 x 40 mm with a slot 4 mm wide and 20 mm deep across its top."""
     blocks = [
         box(np.array(low), np.array(high))
@@ -39,7 +37,7 @@ def box(low: np.ndarray, high: np.ndarray) -> TriangleMesh:
     return convex_hull(low + corners * (high - low))
 
 
-def test_between_balls_in_a_slot_of_a_large_plate_bounds_are_near_the_distance(plate: MeshDistance) -> None:
+def test_between_balls_in_a_slot_of_a_large_plate_bounds_are_near_the_distance(plate):
     centres = RANDOM.uniform([29.5, -10.0, 2.0], [30.5, 10.0, 20.0], (500, 3))
     grids = distance_grids(plate, 1.0, 40.0, centres)
     bounds, truth = distance_bounds(grids, centres), plate.unsigned(centres)
@@ -47,7 +45,7 @@ def test_between_balls_in_a_slot_of_a_large_plate_bounds_are_near_the_distance(p
     assert np.median(truth - bounds) < 0.1
 
 
-def test_bounds_far_from_the_balls_hold_and_are_0_inside(plate: MeshDistance) -> None:
+def test_bounds_far_from_the_balls_hold_and_are_0_inside(plate):
     centres = RANDOM.uniform([29.5, -10.0, 2.0], [30.5, 10.0, 20.0], (50, 3))
     grids = distance_grids(plate, 1.0, 90.0, centres)
     points = RANDOM.uniform([-140.0, -120.0, -60.0], [140.0, 120.0, 60.0], (20_000, 3))
@@ -56,12 +54,12 @@ def test_bounds_far_from_the_balls_hold_and_are_0_inside(plate: MeshDistance) ->
     assert (bounds[signed > 42.0] > 0).all()
 
 
-def test_what_fine_grids_hold_of_a_solid_is_inside_though_no_way_leads_into_them(plate: MeshDistance) -> None:
+def test_what_fine_grids_hold_of_a_solid_is_inside_though_no_way_leads_into_them(plate):
     deep = RANDOM.uniform([-60.0, -10.0, -10.0], [-55.0, 10.0, 10.0], (500, 3))
     assert (distance_bounds(distance_grids(plate, 1.0, 40.0, deep), deep) == 0).all()
 
 
-def test_the_largest_empty_ball_at_a_contact_is_that_of_trying_all(made: tuple[ContactPath, Scene]) -> None:
+def test_the_largest_empty_ball_at_a_contact_is_that_of_trying_all(made):
     path, scene = made
     around = scene.around("cutter", path.cutter.radius)
     empty = np.array(
@@ -83,7 +81,7 @@ def corners() -> np.ndarray:
     return leaves.vertices[leaves.leaves]
 
 
-def test_triangles_lie_in_the_cones_of_all_that_they_were_divided_from() -> None:
+def test_triangles_lie_in_the_cones_of_all_that_they_were_divided_from():
     triangles, _ = sphere_leaves()
     counts = np.diff(triangles.starts)
     assert counts.tolist() == [320, 1280, 5120]
@@ -95,7 +93,7 @@ def test_triangles_lie_in_the_cones_of_all_that_they_were_divided_from() -> None
         assert np.degrees(np.arccos(cosine.min())) < [11.0, 5.6, 2.75][level]
 
 
-def test_leaves_cover_the_sphere_once() -> None:
+def test_leaves_cover_the_sphere_once():
     a, b, c = corners().transpose(1, 0, 2)
     volume = np.linalg.det(corners())
     assert volume.min() > 0

@@ -17,7 +17,7 @@ def over_the_top(miss: float, count: int = 101) -> tuple[np.ndarray, np.ndarray]
 
 
 @pytest.mark.parametrize("miss_deg", [0.0, 1e-6, 0.04, 1.0, 2.5])
-def test_a_pass_over_the_pole_turns_evenly_on_the_cone(miss_deg: float) -> None:
+def test_a_pass_over_the_pole_turns_evenly_on_the_cone(miss_deg):
     axes, centres = over_the_top(np.radians(miss_deg))
     steered = avoid_singularity(axes, centres, np.zeros(len(axes), dtype=np.int64))
     near = polar_angles(axes) < SINGULAR_CONE
@@ -31,7 +31,7 @@ def test_a_pass_over_the_pole_turns_evenly_on_the_cone(miss_deg: float) -> None:
     assert abs(turns.sum()) <= np.pi + 1e-9
 
 
-def test_passes_that_begin_end_or_stay_at_the_pole_hold_their_azimuth() -> None:
+def test_passes_that_begin_end_or_stay_at_the_pole_hold_their_azimuth():
     axes, centres = over_the_top(np.radians(0.5))
     middle = len(axes) // 2
     near = polar_angles(axes) < SINGULAR_CONE
@@ -46,14 +46,14 @@ def test_passes_that_begin_end_or_stay_at_the_pole_hold_their_azimuth() -> None:
     assert np.ptp(whole, axis=0).max() < 1e-12
 
 
-def test_axes_away_from_the_pole_stay() -> None:
+def test_axes_away_from_the_pole_stay():
     axes, centres = over_the_top(np.radians(3.1))
     assert (avoid_singularity(axes, centres, np.zeros(len(axes), dtype=np.int64)) == axes).all()
 
 
 @pytest.mark.parametrize("lean_deg", [3.5, 6.0, 7.4])
 @pytest.mark.parametrize("miss_deg", [0.0, 0.2])
-def test_a_single_move_past_the_pole_is_spread_over_its_neighbours(lean_deg: float, miss_deg: float) -> None:
+def test_a_single_move_past_the_pole_is_spread_over_its_neighbours(lean_deg, miss_deg):
     lean = np.radians(np.r_[np.full(8, -lean_deg), np.full(8, lean_deg)])
     axes = unit(np.column_stack([np.tan(lean), np.full(16, np.tan(np.radians(miss_deg))), np.ones(16)]))
     centres = np.column_stack([np.linspace(0, 4, 16), np.zeros((16, 2))])
@@ -64,7 +64,7 @@ def test_a_single_move_past_the_pole_is_spread_over_its_neighbours(lean_deg: flo
     assert (steered[[0, -1]] == axes[[0, -1]]).all()
 
 
-def test_a_stretch_with_one_forbidden_axis_stays_as_it_was() -> None:
+def test_a_stretch_with_one_forbidden_axis_stays_as_it_was():
     axes, centres = over_the_top(np.radians(0.5))
     twice, passes = np.vstack([axes, axes]), np.repeat([0, 1], len(axes))
     forbidden = len(axes) // 2

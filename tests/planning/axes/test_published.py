@@ -13,8 +13,8 @@ from bonecam.job import NcJob, PathJob
 from bonecam.machine import MachineLimits
 from bonecam.mesh import Curvature, TriangleMesh, delaunay
 from bonecam.mesh.facets import ElasticEnergy, voronoi_areas
-from bonecam.planning import Scene, orient
-from bonecam.planning.axes.field import ContactFacets, contact_facets
+from bonecam.planning import orient
+from bonecam.planning.axes.field import contact_facets
 from bonecam.planning.axes.published import (
     HIGH,
     LENGTH,
@@ -27,11 +27,8 @@ from bonecam.planning.axes.published import (
     weighted_offsets,
 )
 from bonecam.planning.collision import CollisionChecker
-from bonecam.surface import TSpline
-from bonecam.tool import ContactPath, MoveKind
+from bonecam.tool import MoveKind
 from bonecam.workholding import Clamping
-
-Made = tuple[ContactPath, ContactFacets]
 
 
 def curvature(k1: float, k2: float, count: int = 10) -> Curvature:
@@ -39,13 +36,13 @@ def curvature(k1: float, k2: float, count: int = 10) -> Curvature:
     return Curvature(np.full(count, k1), np.full(count, k2), x, y)
 
 
-def test_where_a_surface_bulges_evenly_the_cone_is_as_wide_as_allowed() -> None:
+def test_where_a_surface_bulges_evenly_the_cone_is_as_wide_as_allowed():
     """All ratios to the mean curvature are 1, their logarithms 0."""
     np.testing.assert_allclose(semi_angles(curvature(0.2, 0.2), 1.0), HIGH)
     np.testing.assert_allclose(semi_angles(curvature(0.0, 0.0), 1.0), HIGH)
 
 
-def test_in_a_hollow_ball_axes_end_on_the_ball() -> None:
+def test_in_a_hollow_ball_axes_end_on_the_ball():
     """From the ball's centre, R - r off the hollow's, the axis l long at the semi-angle ends on the sphere R - r."""
     radius, hollow = 1.0, 4.0
     angle = semi_angles(curvature(-1 / hollow, -1 / hollow), radius)[0, 0]
@@ -55,7 +52,7 @@ def test_in_a_hollow_ball_axes_end_on_the_ball() -> None:
     assert np.linalg.norm(end) == pytest.approx(hollow - radius)
 
 
-def test_a_hollow_too_narrow_for_an_axis_leaves_none_and_the_weight_halves_the_room() -> None:
+def test_a_hollow_too_narrow_for_an_axis_leaves_none_and_the_weight_halves_the_room():
     assert (semi_angles(curvature(-0.6, -0.6), 1.0) <= LOW).all()
     mixed = Curvature(
         *(np.r_[a, b] for a, b in zip(vars(curvature(0.1, 0.1)).values(), vars(curvature(2.0, 2.0)).values()))
@@ -66,7 +63,7 @@ def test_a_hollow_too_narrow_for_an_axis_leaves_none_and_the_weight_halves_the_r
     np.testing.assert_allclose(angles[[0, 10]], LOW + (HIGH - LOW) * (1 - weight / 2))
 
 
-def test_eq_20_offsets_a_circle_to_its_centre_by_the_ball_s_radius_at_most(capsule: TSpline) -> None:
+def test_eq_20_offsets_a_circle_to_its_centre_by_the_ball_s_radius_at_most(capsule):
     """The pass bends alike everywhere: the weight is 1. Its ends, and those of another pass, have no bend."""
     turn = np.linspace(0, 0.9, 40)
     path = at_parameters(capsule, np.column_stack([turn, np.full(40, 0.5)]), np.repeat([0, 1], 20))
@@ -79,7 +76,7 @@ def test_eq_20_offsets_a_circle_to_its_centre_by_the_ball_s_radius_at_most(capsu
     assert np.linalg.norm(found, axis=1).max() <= path.cutter.radius * (1 + 1e-12)
 
 
-def test_candidates_are_on_the_oblique_elliptic_cone_of_each_contact(capsule: TSpline, lattice: ContactPath) -> None:
+def test_candidates_are_on_the_oblique_elliptic_cone_of_each_contact(capsule, lattice):
     """Eq. 16: in the frame of middle and conjugate semi-diameters q1^2 + q2^2 = (share q3)^2."""
     facets = contact_facets(lattice, capsule)
     assert facets is not None
@@ -101,14 +98,12 @@ AREAS = voronoi_areas(FLAT)
 FAN = np.array([[0.0, 0.0, 1.0], [0.6, 0.0, 0.8], [-0.6, 0.0, 0.8], [0.0, 0.6, 0.8]])
 CANDIDATES = np.tile(FAN, (len(GRID), 1, 1))
 
-MadePath = tuple[TSpline, ContactPath, Scene]
-
 
 def anything(contacts: np.ndarray, axes: np.ndarray) -> np.ndarray:
     return np.ones(len(contacts), dtype=bool)
 
 
-def test_one_axis_for_all_is_chosen_where_all_may_have_it() -> None:
+def test_one_axis_for_all_is_chosen_where_all_may_have_it():
     """It is the second candidate; the first ones lean by up to 45 degrees from it, each another way. Where one may not
     have it, the others keep it."""
     random = np.random.default_rng(2)
@@ -121,11 +116,11 @@ def test_one_axis_for_all_is_chosen_where_all_may_have_it() -> None:
     assert np.flatnonzero(choose(candidates, allowed, ENERGY, AREAS, anything) == 0).tolist() == [40]
 
 
-def test_what_collides_is_not_chosen_and_what_has_no_other_keeps_its_middle() -> None:
+def test_what_collides_is_not_chosen_and_what_has_no_other_keeps_its_middle():
     allowed = np.ones(CANDIDATES.shape[:2], dtype=bool)
     asked = []
 
-    def free(contacts: np.ndarray, axes: np.ndarray) -> np.ndarray:
+    def free(contacts, axes):
         asked.append(len(contacts))
         return (axes[:, 0] > 0.5) & (contacts != 5)
 
@@ -137,11 +132,11 @@ def test_what_collides_is_not_chosen_and_what_has_no_other_keeps_its_middle() ->
 
 
 @pytest.fixture(scope="module")
-def case() -> MadePath:
+def case():
     return lump(JOB, Clamping(clearance=0.5))
 
 
-def test_its_path_collides_nowhere_and_tells_what_is_refused(case: MadePath) -> None:
+def test_its_path_collides_nowhere_and_tells_what_is_refused(case):
     surface, contacts, scene = case
     axes = published_axes(contacts, surface, CollisionChecker(scene, contacts.cutter), LIMITS, JOB)
     assert np.allclose(np.linalg.norm(axes, axis=1), 1.0)
@@ -155,7 +150,7 @@ def test_its_path_collides_nowhere_and_tells_what_is_refused(case: MadePath) -> 
     assert LIMITS.allow(path.axes[cut]).all()
 
 
-def test_contacts_on_a_line_get_the_surface_s_normals(case: MadePath) -> None:
+def test_contacts_on_a_line_get_the_surface_s_normals(case):
     surface, contacts, scene = case
     line = contacts.take(np.flatnonzero(contacts.pass_index == contacts.pass_index[len(contacts.pass_index) // 2])[:2])
     axes = published_axes(line, surface, CollisionChecker(scene, line.cutter), LIMITS, JOB)

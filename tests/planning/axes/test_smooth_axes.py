@@ -50,12 +50,12 @@ def smoothed(made: Made, job: PathJob = JOB, preset: str = "membrane", start: Ax
 
 
 @pytest.fixture(scope="module")
-def case() -> Made:
+def case():
     return lump(JOB, NEAR)
 
 
 @pytest.fixture(scope="module")
-def smooth(case: Made) -> SmoothAxes:
+def smooth(case):
     return smoothed(case)
 
 
@@ -78,7 +78,7 @@ def rates(contacts: ContactPath, axes: np.ndarray) -> tuple[np.ndarray, np.ndarr
     return (np.maximum(turn, tilt) / np.maximum(time, 1e-9))[same], time[same]
 
 
-def test_the_field_keeps_its_bounds(case: Made, smooth: SmoothAxes) -> None:
+def test_the_field_keeps_its_bounds(case, smooth):
     axes, normals = smooth.axes, case[1].normals
     tilt = np.degrees(np.arccos(dots(axes, normals)))
     assert tilt.max() < JOB.max_tilt_deg
@@ -86,7 +86,7 @@ def test_the_field_keeps_its_bounds(case: Made, smooth: SmoothAxes) -> None:
     assert polar_angles(axes).max() < LIMITS.largest
 
 
-def test_the_machine_follows_the_field_at_the_feed(case: Made, smooth: SmoothAxes) -> None:
+def test_the_machine_follows_the_field_at_the_feed(case, smooth):
     contacts = case[1]
     asked, time = rates(contacts, smooth.axes)
     lead, _ = rates(contacts, lead_axes(contacts.normals, contacts.feeds, np.radians(10.0)))
@@ -95,7 +95,7 @@ def test_the_machine_follows_the_field_at_the_feed(case: Made, smooth: SmoothAxe
     assert np.average(np.maximum(asked, 1), weights=time) < 1.02
 
 
-def test_axes_that_collide_are_led_into_cones() -> None:
+def test_axes_that_collide_are_led_into_cones():
     """From a field that points down, through a chuck below the part."""
     case = lump(JOB, Clamping((Column(14.0, 25.0),), clearance=4.0))
     surface, contacts, scene = case
@@ -112,9 +112,7 @@ def test_axes_that_collide_are_led_into_cones() -> None:
     assert smooth.wanted.certified[smooth.cones.found].mean() > 0.97
 
 
-def test_the_oriented_path_takes_the_axes_of_the_field_where_no_rotary_axis_holds_it_up(
-    case: Made, smooth: SmoothAxes
-) -> None:
+def test_the_oriented_path_takes_the_axes_of_the_field_where_no_rotary_axis_holds_it_up(case, smooth):
     _, contacts, scene = case
     wanted = smooth.axes
     fast = replace(LIMITS, tilt_speed=np.inf, turn_speed=np.inf)
@@ -131,20 +129,20 @@ def test_the_oriented_path_takes_the_axes_of_the_field_where_no_rotary_axis_hold
         assert inside[smooth.wanted.certified[nearest]].mean() > 0.99
 
 
-def test_a_path_of_which_no_contact_is_left_has_no_axes(case: Made, smooth: SmoothAxes) -> None:
+def test_a_path_of_which_no_contact_is_left_has_no_axes(case, smooth):
     """Rest paths may have left nothing for a level's own passes."""
     nothing = case[1].take(np.zeros(0, dtype=np.int64))
     assert smooth.wanted_for(nothing).axes.shape == (0, 3)
 
 
-def test_a_neighbours_field_is_a_start_that_leads_to_the_same_smoothness(case: Made, smooth: SmoothAxes) -> None:
+def test_a_neighbours_field_is_a_start_that_leads_to_the_same_smoothness(case, smooth):
     again = smoothed(case, start=smooth.field)
     (one, time), (other, _) = (rates(case[1], found.axes) for found in (smooth, again))
     one, other = (np.sqrt(np.average(rate**2, weights=time)) for rate in (one, other))
     assert other < 1.05 * one
 
 
-def test_axes_that_a_neighbours_field_would_make_slow_are_sought_anew(case: Made, smooth: SmoothAxes) -> None:
+def test_axes_that_a_neighbours_field_would_make_slow_are_sought_anew(case, smooth):
     """From a field that turns against the normals."""
     surface, contacts, scene = case
     against = AxisField(smooth.field.domain, -1, smooth.field.azimuth, smooth.field.polar)
@@ -156,13 +154,13 @@ def test_axes_that_a_neighbours_field_would_make_slow_are_sought_anew(case: Made
     assert minutes[1] == minutes[2]
 
 
-def test_where_no_contact_has_a_cone_the_axes_of_the_level_before_stay(smooth: SmoothAxes) -> None:
+def test_where_no_contact_has_a_cone_the_axes_of_the_level_before_stay(smooth):
     surface, contacts, scene = lump(JOB, Clamping((Column(50.0, 200.0),)))
     for before in (None, smooth):
         assert level_axes(contacts, level_of(surface), scene, LIMITS, JOB, before) is before
 
 
-def test_where_no_contact_has_a_cone_no_axis_is_certified(case: Made) -> None:
+def test_where_no_contact_has_a_cone_no_axis_is_certified(case):
     """Contacts 0.3 mm inside the part."""
     surface, contacts, scene = case
     some = contacts.take(np.arange(0, len(contacts.centres), 20))
@@ -172,7 +170,7 @@ def test_where_no_contact_has_a_cone_no_axis_is_certified(case: Made) -> None:
     assert not made.wanted.certified.any()
 
 
-def test_verified_cones_keep_the_word_of_fcl(case: Made, smooth: SmoothAxes) -> None:
+def test_verified_cones_keep_the_word_of_fcl(case, smooth):
     some = np.arange(len(smooth.cones.shapes)) % 40 == 0
     few = replace(smooth, cones=replace(smooth.cones, shapes=smooth.cones.shapes.scaled(np.where(some, 1.0, -1.0))))
     assert few.wanted.cones.check is None
@@ -181,7 +179,7 @@ def test_verified_cones_keep_the_word_of_fcl(case: Made, smooth: SmoothAxes) -> 
     assert check.narrowed + check.refused <= 0.05 * check.asked
 
 
-def test_the_cones_of_a_level_are_put_before_fcl_unless_the_job_says_no(case: Made) -> None:
+def test_the_cones_of_a_level_are_put_before_fcl_unless_the_job_says_no(case):
     surface, contacts, scene = case
     some = contacts.take(np.arange(0, len(contacts.centres), 8))
     for certify, asked in (("automatic", True), ("fcl", True), ("distances", False)):
@@ -191,19 +189,19 @@ def test_the_cones_of_a_level_are_put_before_fcl_unless_the_job_says_no(case: Ma
         assert (made.cones.check is not None) == asked
 
 
-def test_a_field_made_for_more_than_the_feed_turns_less(case: Made, smooth: SmoothAxes) -> None:
+def test_a_field_made_for_more_than_the_feed_turns_less(case, smooth):
     contacts = case[1]
     smoother = smooth_axes(smooth.cones, smooth.field.domain, LIMITS, JOB, "membrane", haste=5.0)
     assert rotary_travel(contacts, smoother.axes) < rotary_travel(contacts, smooth.axes)
 
 
-def test_of_axes_that_are_as_soon_those_that_turn_less_are_taken(smooth: SmoothAxes) -> None:
+def test_of_axes_that_are_as_soon_those_that_turn_less_are_taken(smooth):
     axes = smooth.axes + 1e-4 * np.random.default_rng(1).normal(size=smooth.axes.shape)
     trembling = replace(smooth, axes=axes / np.linalg.norm(axes, axis=1)[:, None])
     assert soonest([trembling, smooth], LIMITS) is smooth
 
 
-def test_an_unknown_preset_is_refused(smooth: SmoothAxes) -> None:
+def test_an_unknown_preset_is_refused(smooth):
     domain = smooth.field.domain
     with pytest.raises(ValueError, match="membrane, thin-plate or automatic"):
         smooth_axes(smooth.cones, domain, LIMITS, JOB, "stiff")

@@ -89,7 +89,7 @@ TURNED = np.radians(60.0) * np.clip((np.arange(COUNT) - 39) / 2, 0, 1)
 """Two moves of 0.25 mm in the middle of a pass of 20 mm turn the azimuth by 60 degrees."""
 
 
-def test_a_sudden_turn_is_spread_over_its_neighbours() -> None:
+def test_a_sudden_turn_is_spread_over_its_neighbours():
     path, chosen = pass_of(TURNED)
     assert feeds(path, chosen.axes).min() < 0.3 * FEED
     made = eased(path, chosen, Open())
@@ -101,7 +101,7 @@ def test_a_sudden_turn_is_spread_over_its_neighbours() -> None:
     assert angles_between(made.axes, path.normals).min() > np.radians(PathJob().least_lead_deg)
 
 
-def test_axes_stay_where_the_eased_ones_collide_or_nothing_is_slow() -> None:
+def test_axes_stay_where_the_eased_ones_collide_or_nothing_is_slow():
     path, chosen = pass_of(TURNED)
     assert (eased(path, chosen, Open(9.0, 11.0)).axes == chosen.axes).all()
     unknown = MachineLimits(np.radians(100.0))
@@ -112,7 +112,7 @@ def test_axes_stay_where_the_eased_ones_collide_or_nothing_is_slow() -> None:
 
 @pytest.mark.parametrize("certified", [False, True])
 @pytest.mark.parametrize(("angle_deg", "changes"), [(5.0, False), (40.0, True)])
-def test_axes_that_lie_in_their_cones_stay_there(angle_deg: float, changes: bool, certified: bool) -> None:
+def test_axes_that_lie_in_their_cones_stay_there(angle_deg, changes, certified):
     """Also on a path that is made anew of some of a level's contacts: its moves are not certified by the cones."""
     path, chosen = pass_of(TURNED)
     cones = EllipticCones.circular(chosen.axes, np.full(COUNT, np.radians(angle_deg)))
@@ -123,7 +123,7 @@ def test_axes_that_lie_in_their_cones_stay_there(angle_deg: float, changes: bool
     assert angles_between(made.axes, chosen.axes).max() < np.radians(angle_deg)
 
 
-def test_a_short_pass_whose_axis_runs_round_is_held() -> None:
+def test_a_short_pass_whose_axis_runs_round_is_held():
     """Means of a whole turn stand on the normal, nearer than the least lead: the axis is held beside it."""
     path, chosen = pass_of(np.linspace(0, 2 * np.pi, 21))
     made = eased(path, chosen, Open())
@@ -132,7 +132,7 @@ def test_a_short_pass_whose_axis_runs_round_is_held() -> None:
     assert angles_between(made.axes, path.normals).min() > np.radians(PathJob().least_lead_deg) - 1e-9
 
 
-def test_a_contact_without_a_cone_is_not_bound_by_another_ones() -> None:
+def test_a_contact_without_a_cone_is_not_bound_by_another_ones():
     path, chosen = pass_of(TURNED)
     cones = EllipticCones.circular(chosen.axes[:1], np.full(1, np.radians(5.0)))
     free = FreeCones(path.centres[:1], cones, np.r_[0, np.full(COUNT - 1, -1)])
@@ -142,11 +142,8 @@ def test_a_contact_without_a_cone_is_not_bound_by_another_ones() -> None:
     assert feeds(path, made.axes).min() > 0.5 * FEED
 
 
-Made = tuple[ContactPath, CollisionChecker]
-
-
 @pytest.fixture(scope="module")
-def made() -> Made:
+def made():
     """Some contacts of a lump with a groove, and the checker of a stubby tool, which its holder meets along normals."""
     holder, nose = (Frustum(20.0, 16.0, 16.0),), (Frustum(30.0, 40.0, 40.0),)
     stubby = replace(ROUGHING_CUTTER, overhang=14.0, holder=holder, nose=nose)
@@ -161,7 +158,7 @@ def along(axes: np.ndarray) -> tuple[ToolAxes, WantedAxes]:
     return ToolAxes(axes, ("",) * len(axes), none), WantedAxes(axes, none)
 
 
-def test_axes_that_collide_are_left_out_and_free_ones_stay(made: Made) -> None:
+def test_axes_that_collide_are_left_out_and_free_ones_stay(made):
     path, checker = made
     chosen, wanted = along(path.normals)
     judged, poses = judged_axes(path, chosen, wanted, checker)
@@ -173,7 +170,7 @@ def test_axes_that_collide_are_left_out_and_free_ones_stay(made: Made) -> None:
     assert not (refused & free).any()
 
 
-def test_those_in_certified_cones_are_not_asked(made: Made) -> None:
+def test_those_in_certified_cones_are_not_asked(made):
     path, checker = made
     chosen, wanted = along(path.normals)
     count = len(path.normals)

@@ -20,7 +20,7 @@ from bonecam.report.page.contents import FLOAT_BYTES, VERSION, Contents, pack, t
 
 @settings(max_examples=40)
 @given(arrays(np.float64, st.tuples(st.integers(1, 30), st.integers(1, 3)), elements=st.floats(-500, 500)))
-def test_floats_come_back_within_half_a_step_of_their_range(values: np.ndarray) -> None:
+def test_floats_come_back_within_half_a_step_of_their_range(values):
     back = unpack(pack(Contents({}, {"values": values})), "view.gz").arrays["values"]
     step = np.ptp(values, axis=0).max() / (2 ** (8 * FLOAT_BYTES) - 1)
     assert np.abs(back - values).max() <= step / 2 + 1e-9
@@ -28,7 +28,7 @@ def test_floats_come_back_within_half_a_step_of_their_range(values: np.ndarray) 
 
 @settings(max_examples=40)
 @given(st.lists(st.integers(0, 2**24 - 1), min_size=1, max_size=40), st.text(min_size=1))
-def test_whole_numbers_bytes_and_facts_come_back_as_they_were(numbers: list[int], text: str) -> None:
+def test_whole_numbers_bytes_and_facts_come_back_as_they_were(numbers, text):
     raw = np.frombuffer(text.encode("utf-16-le", "surrogatepass"), np.uint8)
     back = unpack(pack(Contents({"text": text}, {"n": np.array(numbers), "raw": raw})), "view.gz")
     assert back.arrays["n"].tolist() == numbers
@@ -36,7 +36,7 @@ def test_whole_numbers_bytes_and_facts_come_back_as_they_were(numbers: list[int]
     assert back.facts["text"] == text
 
 
-def test_equal_contents_are_equal_bytes_and_empty_arrays_are_left_out() -> None:
+def test_equal_contents_are_equal_bytes_and_empty_arrays_are_left_out():
     contents = Contents({"a": 1}, {"none": np.zeros((0, 3)), "one": np.ones((1, 3))})
     assert pack(contents) == pack(contents)
     assert list(unpack(pack(contents), "view.gz").arrays) == ["one"]
@@ -62,7 +62,7 @@ WHOLE = pack(Contents({"name": "bone"}, {"points": np.arange(30.0).reshape(10, 3
     ],
     ids=["other version", "half", "empty", "no gzip", "huge head", "short arrays"],
 )
-def test_what_is_damaged_or_of_another_version_is_told_in_one_line(packed: bytes, told: str) -> None:
+def test_what_is_damaged_or_of_another_version_is_told_in_one_line(packed, told):
     with pytest.raises(FileError, match=told) as caught:
         unpack(packed, "look/view.gz")
     assert str(caught.value).startswith("look/view.gz: ")
@@ -91,7 +91,7 @@ def farthest(points: ndarray, kept: ndarray) -> float:
     return found
 
 
-def test_every_row_left_out_lies_within_the_tolerance_of_the_lines_kept() -> None:
+def test_every_row_left_out_lies_within_the_tolerance_of_the_lines_kept():
     tips, axes = helix(20_000)
     needed = np.zeros(len(tips), dtype=bool)
     needed[[777, 12_345]] = True
@@ -103,7 +103,7 @@ def test_every_row_left_out_lies_within_the_tolerance_of_the_lines_kept() -> Non
         assert len(kept) < 10_000
 
 
-def test_a_turn_of_the_axis_in_one_place_keeps_its_rows() -> None:
+def test_a_turn_of_the_axis_in_one_place_keeps_its_rows():
     tips = np.column_stack([np.linspace(0, 1, 100), np.zeros(100), np.zeros(100)])
     tilt = np.where(np.arange(100) == 50, 0.3, 0.0)
     axes = np.column_stack([np.zeros(100), np.sin(tilt), np.cos(tilt)])

@@ -10,7 +10,6 @@ import gzip
 import json
 import re
 import shutil
-from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -25,7 +24,7 @@ import bonecam
 from bonecam.cli import main
 from bonecam.errors import FileError
 from bonecam.machine import Machine, forward, inverse_linear, read_machine
-from bonecam.nc import Motions, read_program
+from bonecam.nc import read_program
 from bonecam.nc.requirements import job_dialect
 from bonecam.report.kept import kept_contents
 from bonecam.report.page.contents import Contents, machine_facts, pack, rotary_angles, unpack
@@ -38,7 +37,7 @@ Run = tuple[bonecam.Result, Path]
 
 
 @pytest.fixture(scope="module")
-def page(small_run: Run, browser: Any) -> Iterator[Any]:
+def page(small_run, browser):
     """The page of the small run, drawn; what it asked for and what went wrong are in `asked` and `troubles`."""
     opened = browser.new_page(viewport={"width": 1100, "height": 700})
     opened.asked, opened.troubles = [], []
@@ -66,7 +65,7 @@ def picture(page: Any) -> bytes:
     return bytes(page.locator("#canvas").screenshot())
 
 
-def test_levels_differ_in_the_picture_and_in_the_words(page: Any) -> None:
+def test_levels_differ_in_the_picture_and_in_the_words(page):
     page.keyboard.press("2")
     seen = {}
     for level in range(3):
@@ -80,7 +79,7 @@ def test_levels_differ_in_the_picture_and_in_the_words(page: Any) -> None:
 
 
 @pytest.mark.parametrize("mode", ["fit", "levels", "path", "program", "left"])
-def test_every_view_draws_with_its_legend(page: Any, mode: str) -> None:
+def test_every_view_draws_with_its_legend(page, mode):
     page.evaluate("change({level: 1})")
     page.locator(f"#modes button[data-mode={mode}]").click()
     empty = picture(page)
@@ -91,7 +90,7 @@ def test_every_view_draws_with_its_legend(page: Any, mode: str) -> None:
 
 
 @pytest.mark.parametrize("colouring", ["kind", "feed", "tilt", "depth", "section", "force"])
-def test_each_colouring_of_the_path_is_another_picture_with_its_unit(page: Any, colouring: str) -> None:
+def test_each_colouring_of_the_path_is_another_picture_with_its_unit(page, colouring):
     units = {"kind": "rapid", "feed": "mm/min", "tilt": "degrees", "depth": "mm", "section": "mm²", "force": "(n)"}
     page.keyboard.press("3")
     page.evaluate("change({level: 0, colouring: 'kind'})")
@@ -101,7 +100,7 @@ def test_each_colouring_of_the_path_is_another_picture_with_its_unit(page: Any, 
     assert units[colouring].lower() in page.locator("#legend").inner_text().lower()
 
 
-def test_links_can_be_hidden(page: Any) -> None:
+def test_links_can_be_hidden(page):
     page.keyboard.press("3")
     page.evaluate("change({level: 0, colouring: 'kind', links: true})")
     with_links = page.evaluate("movesOf(0, page.state).length")
@@ -109,7 +108,7 @@ def test_links_can_be_hidden(page: Any) -> None:
     assert page.evaluate("movesOf(0, page.state).length") < with_links
 
 
-def test_cones_are_drawn_at_contacts_of_the_level_and_under_the_tool(page: Any, small_run: Run) -> None:
+def test_cones_are_drawn_at_contacts_of_the_level_and_under_the_tool(page, small_run):
     page.keyboard.press("3")
     page.evaluate("change({level: 0, chosen: -1})")
     without = picture(page)
@@ -141,7 +140,7 @@ def test_cones_are_drawn_at_contacts_of_the_level_and_under_the_tool(page: Any, 
     assert picture(page) != with_cone
 
 
-def test_axes_of_a_level_are_free_where_they_are_compared(small_run: Run) -> None:
+def test_axes_of_a_level_are_free_where_they_are_compared(small_run):
     compared = small_run[0].compare_axes(0)
     assert len(compared.contacts) == (small_run[0].paths[-1].kinds == MoveKind.CUT).sum()
     row = compared.report[-1]
@@ -151,7 +150,7 @@ def test_axes_of_a_level_are_free_where_they_are_compared(small_run: Run) -> Non
         small_run[0].compare_axes(7)
 
 
-def test_a_click_on_the_path_tells_the_block_there(page: Any, small_run: Run) -> None:
+def test_a_click_on_the_path_tells_the_block_there(page, small_run):
     page.keyboard.press("3")
     page.evaluate("change({level: 0})")
     move = page.evaluate("""() => {
@@ -165,7 +164,7 @@ def test_a_click_on_the_path_tells_the_block_there(page: Any, small_run: Run) ->
     assert "mm/min" in told
 
 
-def test_play_moves_the_tool_and_shows_the_block(page: Any, small_run: Run) -> None:
+def test_play_moves_the_tool_and_shows_the_block(page, small_run):
     page.keyboard.press("4")
     page.evaluate("goTo(0)")
     before = page.evaluate("page.tool.body.position.toArray()")
@@ -185,7 +184,7 @@ def test_play_moves_the_tool_and_shows_the_block(page: Any, small_run: Run) -> N
     assert np.allclose(at, motions.tips[700], atol=0.002)
 
 
-def test_the_standing_stock_shrinks_to_what_the_simulation_tells(page: Any, small_run: Run) -> None:
+def test_the_standing_stock_shrinks_to_what_the_simulation_tells(page, small_run):
     page.keyboard.press("4")
     level = small_run[0].removal.standing[-1].level
     last = page.evaluate(f"page.arrays.move_level.lastIndexOf({level})")
@@ -204,7 +203,7 @@ def test_the_standing_stock_shrinks_to_what_the_simulation_tells(page: Any, smal
     assert np.allclose(told[1], standing.after, atol=0.005)
 
 
-def test_keys_turn_pages_and_levels(page: Any) -> None:
+def test_keys_turn_pages_and_levels(page):
     page.locator("#canvas").focus()
     page.keyboard.press("2")
     page.evaluate("change({level: 0, open: false})")
@@ -217,12 +216,12 @@ def test_keys_turn_pages_and_levels(page: Any) -> None:
     assert abs(page.evaluate("page.orbit.elevation")) < 1e-9
 
 
-def test_nothing_was_asked_of_the_network_and_nothing_went_wrong(page: Any, small_run: Run) -> None:
+def test_nothing_was_asked_of_the_network_and_nothing_went_wrong(page, small_run):
     assert page.asked == [(small_run[1] / "bone.html").as_uri()]
     assert page.troubles == []
 
 
-def test_the_page_from_kept_files_is_that_of_the_run(small_run: Run, tmp_path: Path) -> None:
+def test_the_page_from_kept_files_is_that_of_the_run(small_run, tmp_path):
     made, folder = small_run
     assert main(["view", str(folder / "keep"), "-o", str(tmp_path / "again.html")]) == 0
     text = (tmp_path / "again.html").read_text(encoding="utf-8")
@@ -238,7 +237,7 @@ def test_the_page_from_kept_files_is_that_of_the_run(small_run: Run, tmp_path: P
     assert cones[:, 13].sum() == sum((path.cones.cone_of >= 0).sum() for path in made.paths)
 
 
-def test_a_simulated_program_has_a_page_of_its_own(small_run: Run, tmp_path: Path) -> None:
+def test_a_simulated_program_has_a_page_of_its_own(small_run, tmp_path):
     made, folder = small_run
     page = tmp_path / "page.html"
     keep = folder / "keep"
@@ -255,7 +254,7 @@ def test_a_simulated_program_has_a_page_of_its_own(small_run: Run, tmp_path: Pat
     assert not any(name.startswith("uncut") for name in shown.arrays)
 
 
-def test_bad_folders_and_names_are_one_line(small_run: Run, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_bad_folders_and_names_are_one_line(small_run, tmp_path, capsys):
     keep = tmp_path / "keep"
     shutil.copytree(small_run[1] / "keep", keep)
     (keep / "view.gz").unlink()
@@ -274,9 +273,7 @@ def test_bad_folders_and_names_are_one_line(small_run: Run, tmp_path: Path, caps
 
 
 @pytest.mark.parametrize("fault", ["name", "levels", "level_0", "version"])
-def test_a_view_of_another_version_or_without_what_it_needs_is_one_line(
-    fault: str, small_run: Run, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_view_of_another_version_or_without_what_it_needs_is_one_line(fault, small_run, tmp_path, capsys):
     packed, contents = kept_contents(small_run[1] / "keep")
     facts = {name: fact for name, fact in contents.facts.items() if name != fault}
     arrays = {name: array for name, array in contents.arrays.items() if name != fault}
@@ -292,12 +289,12 @@ def test_a_view_of_another_version_or_without_what_it_needs_is_one_line(
     assert not (tmp_path / "page.html").exists()
 
 
-def test_a_page_whose_name_is_no_page_is_refused_before_the_work(small_run: Run, tmp_path: Path) -> None:
+def test_a_page_whose_name_is_no_page_is_refused_before_the_work(small_run, tmp_path):
     with pytest.raises(FileError, match=r"ends in \.html"):
         bonecam.convert(small_run[0].part.given, html=tmp_path / "bone.htmls")
 
 
-def test_a_notebook_shows_summary_and_page(small_run: Run, browser: Any, tmp_path: Path) -> None:
+def test_a_notebook_shows_summary_and_page(small_run, browser, tmp_path):
     (tmp_path / "cell.html").write_text(small_run[0]._repr_html_(), encoding="utf-8")
     cell = browser.new_page()
     cell.goto((tmp_path / "cell.html").as_uri())
@@ -306,7 +303,7 @@ def test_a_notebook_shows_summary_and_page(small_run: Run, browser: Any, tmp_pat
     cell.close()
 
 
-def test_a_page_too_large_for_a_notebook_is_a_picture(small_run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_page_too_large_for_a_notebook_is_a_picture(small_run, monkeypatch):
     monkeypatch.setattr("bonecam.report.kept.INLINE", 1000)
     shown = small_run[0]._repr_html_()
     assert 'src="data:image/png;base64,' in shown
@@ -348,7 +345,7 @@ def opened_page(small_run: Run, browser: Any) -> Any:
 
 
 @pytest.fixture(scope="module")
-def machine_page(small_run: Run, browser: Any) -> Iterator[Any]:
+def machine_page(small_run, browser):
     """The page of the small run in its view of the program, the machine moving."""
     with closing(opened_page(small_run, browser)) as opened:
         opened.locator("#machine").check()
@@ -356,7 +353,7 @@ def machine_page(small_run: Run, browser: Any) -> Iterator[Any]:
 
 
 @pytest.fixture(params=KINDS.values(), ids=KINDS)
-def machine(request: Any, tmp_path: Path) -> Machine:
+def machine(request, tmp_path):
     # Z along a spindle that lies: the table's normal is the machine's Y
     lying = CHAINS["table-table"].replace("part_zero", "part_x = [1.0, 0.0, 0.0]\npart_z = [0.0, 1.0, 0.0]\npart_zero")
     text = {**CHAINS, "lying": lying}.get(request.param)
@@ -372,7 +369,7 @@ def turned(points: ndarray, machine_axes: Any, machine: Machine, rotary: ndarray
     return points
 
 
-def test_any_chain_stands_as_its_kinematics(machine_page: Any, machine: Machine) -> None:
+def test_any_chain_stands_as_its_kinematics(machine_page, machine):
     count = 6
     rng = np.random.default_rng(1)
     joints = np.c_[rng.uniform(-90, 90, (count, 3)), rng.uniform(-3, 3, (count, 2))]
@@ -407,7 +404,7 @@ def test_any_chain_stands_as_its_kinematics(machine_page: Any, machine: Machine)
     assert np.allclose(found[:, 2], mark - np.c_[joints[:, :2], np.tile(zero[2], count)], atol=1e-3)
 
 
-def test_the_program_moves_the_table_under_a_head_that_goes_up_and_down(machine_page: Any, small_run: Run) -> None:
+def test_the_program_moves_the_table_under_a_head_that_goes_up_and_down(machine_page, small_run):
     result = small_run[0]
     machine = read_machine(result.job.nc.machine)
     motions = read_program(result.program.text, machine, job_dialect(result.job.nc))
@@ -425,7 +422,7 @@ def test_the_program_moves_the_table_under_a_head_that_goes_up_and_down(machine_
     machine_page.locator("#machine").check()
 
 
-def test_it_is_told_what_moves_and_stands_in_other_views(machine_page: Any, small_run: Run) -> None:
+def test_it_is_told_what_moves_and_stands_in_other_views(machine_page, small_run):
     axes = ", ".join(axis.letter for axis in read_machine(small_run[0].job.nc.machine).part_axes)
     assert f"the machine moves: table X, Y, {axes}, head Z" in machine_page.locator("#controls").inner_text()
     machine_page.keyboard.press("3")
@@ -434,14 +431,14 @@ def test_it_is_told_what_moves_and_stands_in_other_views(machine_page: Any, smal
 
 
 @pytest.fixture(scope="module")
-def program_page(small_run: Run, browser: Any) -> Iterator[Any]:
+def program_page(small_run, browser):
     """The page of the small run in its view of the program."""
     with closing(opened_page(small_run, browser)) as opened:
         yield opened
 
 
 @pytest.fixture(scope="module")
-def motions(small_run: Run) -> Motions:
+def motions(small_run):
     """The moves of its program."""
     nc = small_run[0].job.nc
     return read_program(small_run[0].program.text, read_machine(nc.machine), job_dialect(nc))
@@ -458,7 +455,7 @@ def step(page: Any) -> int:
     return int(page.evaluate("page.state.step"))
 
 
-def test_graphs_tell_feed_and_rotary_words_with_ranges(program_page: Any, small_run: Run, motions: Motions) -> None:
+def test_graphs_tell_feed_and_rotary_words_with_ranges(program_page, small_run, motions):
     told = program_page.evaluate("page.tracks.map((track) => [track.name, track.low, track.high])")
     axes = read_machine(small_run[0].job.nc.machine).own_rotary
     assert [name for name, *_ in told] == ["feed", *(axis.letter for axis in axes)]
@@ -475,7 +472,7 @@ def test_graphs_tell_feed_and_rotary_words_with_ranges(program_page: Any, small_
         assert re.search(rf"{axis.letter} {0.0 if abs(angle) < 0.05 else angle:.1f}".replace("-", "\u2212"), labels)
 
 
-def test_a_column_has_least_and_greatest_of_its_moves(program_page: Any) -> None:
+def test_a_column_has_least_and_greatest_of_its_moves(program_page):
     values = np.random.default_rng(1).normal(size=5000)
     values[::7] = np.nan
     low, high = program_page.evaluate(
@@ -491,7 +488,7 @@ def test_a_column_has_least_and_greatest_of_its_moves(program_page: Any) -> None
 
 
 @pytest.mark.parametrize("over", ["blocks", "time"])
-def test_a_click_on_the_graph_goes_there(program_page: Any, motions: Motions, over: str) -> None:
+def test_a_click_on_the_graph_goes_there(program_page, motions, over):
     program_page.locator("#over").select_option(over)
     box = program_page.locator("#graph").bounding_box()
     program_page.mouse.click(box["x"] + 0.6 * box["width"], box["y"] + 5)
@@ -503,7 +500,7 @@ def test_a_click_on_the_graph_goes_there(program_page: Any, motions: Motions, ov
     assert abs(cursor - box["x"] - 0.6 * box["width"]) < 0.01 * box["width"]
 
 
-def test_enter_goes_from_match_to_match_and_round(program_page: Any, small_run: Run, motions: Motions) -> None:
+def test_enter_goes_from_match_to_match_and_round(program_page, small_run, motions):
     lines = small_run[0].program.text.split("\n")
     program_page.evaluate("goTo(0)")
     matches = [n for n, line in enumerate(lines, 1) if "LEVEL" in line]
@@ -514,7 +511,7 @@ def test_enter_goes_from_match_to_match_and_round(program_page: Any, small_run: 
         assert step(program_page) == min(np.searchsorted(motions.lines, line), len(motions.lines) - 1)
 
 
-def test_a_number_is_that_of_a_block(program_page: Any, small_run: Run, motions: Motions) -> None:
+def test_a_number_is_that_of_a_block(program_page, small_run, motions):
     lines = small_run[0].program.text.split("\n")
     at = motions.lines[len(motions.lines) // 2]
     number = re.match(r"N?(\d+)", lines[at - 1])
@@ -525,14 +522,14 @@ def test_a_number_is_that_of_a_block(program_page: Any, small_run: Run, motions:
     assert program_page.locator("#blocks b").inner_text().strip() == lines[at - 1].strip()
 
 
-def test_what_is_not_there_is_told_and_moves_nothing(program_page: Any) -> None:
+def test_what_is_not_there_is_told_and_moves_nothing(program_page):
     program_page.evaluate("goTo(300)")
     assert seek(program_page, "no such words") == "nothing found: no such words"
     assert seek(program_page, "99999999") == "nothing found: 99999999"
     assert step(program_page) == 300
 
 
-def test_keys_typed_into_the_search_are_not_commands(program_page: Any) -> None:
+def test_keys_typed_into_the_search_are_not_commands(program_page):
     program_page.locator("#canvas").focus()
     program_page.keyboard.press("/")
     program_page.keyboard.type("1c v")
@@ -541,7 +538,7 @@ def test_keys_typed_into_the_search_are_not_commands(program_page: Any) -> None:
     program_page.locator("#canvas").focus()
 
 
-def test_many_moves_draw_no_more_lines_than_the_graph_is_wide(program_page: Any) -> None:
+def test_many_moves_draw_no_more_lines_than_the_graph_is_wide(program_page):
     lines, most = program_page.evaluate("""() => {
         const kept = [page.arrays, page.tracks], count = 200000;
         page.arrays = { ...page.arrays, move_minute: Float32Array.from({ length: count }, (_, i) => i) };

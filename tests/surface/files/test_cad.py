@@ -2,7 +2,6 @@
 
 import re
 import sys
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,7 @@ from tsplines import bone_like, samples
 from bonecam.errors import FileError
 from bonecam.mesh import read_mesh
 from bonecam.mesh.files.cad import faces_of, occ, read_shape, tessellate_shape
-from bonecam.surface import TSpline, read_tsm
+from bonecam.surface import read_tsm
 from bonecam.surface.files import cad
 from bonecam.surface.files.cad import bsplines_in, read_bsplines, shape_of, write_iges, write_step
 
@@ -33,9 +32,7 @@ def is_valid(shape: Any) -> bool:
 
 @pytest.mark.parametrize("name", WRITERS)
 @pytest.mark.parametrize(("spread", "poles"), [(0.0, True), (0.2, True), (0.2, False)])
-def test_a_file_holds_one_b_spline_equal_to_the_t_spline_to_rounding(
-    name: str, spread: float, poles: bool, tmp_path: Path
-) -> None:
+def test_a_file_holds_one_b_spline_equal_to_the_t_spline_to_rounding(name, spread, poles, tmp_path):
     surface = bone_like(10, 7, 3, spread=spread, poles=poles)
     assert WRITERS[name](surface, tmp_path / name) == 1
     (spline,) = bsplines_in(tmp_path / name)
@@ -45,7 +42,7 @@ def test_a_file_holds_one_b_spline_equal_to_the_t_spline_to_rounding(
     assert is_valid(read_shape(tmp_path / name))
 
 
-def test_opencascade_itself_evaluates_the_same_points(tmp_path: Path) -> None:
+def test_opencascade_itself_evaluates_the_same_points(tmp_path):
     surface = bone_like(10, 7, 3)
     write_step(surface, tmp_path / "a.step")
     (face,) = faces_of(read_shape(tmp_path / "a.step"))
@@ -55,7 +52,7 @@ def test_opencascade_itself_evaluates_the_same_points(tmp_path: Path) -> None:
     assert np.abs(found - surface.evaluate(s, t)).max() < 1e-12 * 28
 
 
-def test_step_keeps_the_direction_round_the_part_periodic(tmp_path: Path) -> None:
+def test_step_keeps_the_direction_round_the_part_periodic(tmp_path):
     write_step(bone_like(8, 5, 1), tmp_path / "a.step")
     (spline,) = read_bsplines(tmp_path / "a.step")
     assert spline.s_knots.closed
@@ -64,7 +61,7 @@ def test_step_keeps_the_direction_round_the_part_periodic(tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize("name", WRITERS)
-def test_a_closed_surface_is_a_valid_solid_of_the_same_volume(name: str, tmp_path: Path) -> None:
+def test_a_closed_surface_is_a_valid_solid_of_the_same_volume(name, tmp_path):
     surface = bone_like(8, 6, 2)
     WRITERS[name](surface, tmp_path / name)
     solid = read_shape(tmp_path / name)
@@ -82,7 +79,7 @@ def degenerate_edges(face: Any) -> int:
     return count
 
 
-def test_each_pole_is_a_degenerate_edge() -> None:
+def test_each_pole_is_a_degenerate_edge():
     (face,) = faces_of(shape_of(bone_like(8, 6, 2)))
     assert degenerate_edges(face) == 2
     (face,) = faces_of(shape_of(bone_like(8, 6, 2, poles=False)))
@@ -90,7 +87,7 @@ def test_each_pole_is_a_degenerate_edge() -> None:
 
 
 @pytest.mark.parametrize("name", WRITERS)
-def test_a_surface_is_written_as_the_same_bytes_whenever_and_under_any_name(name: str, tmp_path: Path) -> None:
+def test_a_surface_is_written_as_the_same_bytes_whenever_and_under_any_name(name, tmp_path):
     surface = bone_like(8, 6, 2)
     for file in (f"one_{name}", f"two_{name}"):
         WRITERS[name](surface, tmp_path / file)
@@ -100,7 +97,7 @@ def test_a_surface_is_written_as_the_same_bytes_whenever_and_under_any_name(name
     assert sorted(path.name for path in tmp_path.iterdir()) == [f"one_{name}", f"two_{name}"]
 
 
-def test_the_files_state_millimetres(tmp_path: Path) -> None:
+def test_the_files_state_millimetres(tmp_path):
     surface = bone_like(8, 6, 2)
     write_step(surface, tmp_path / "a.step")
     write_iges(surface, tmp_path / "a.iges")
@@ -108,8 +105,8 @@ def test_the_files_state_millimetres(tmp_path: Path) -> None:
     assert ",2,2HMM," in (tmp_path / "a.iges").read_text()
 
 
-def test_what_is_no_rectangle_is_written_as_sewn_bezier_faces(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def refuse(surface: TSpline) -> None:
+def test_what_is_no_rectangle_is_written_as_sewn_bezier_faces(tmp_path, monkeypatch):
+    def refuse(surface):
         raise cad.SurfaceError("no rectangle")
 
     monkeypatch.setattr(cad, "to_bspline", refuse)
@@ -121,7 +118,7 @@ def test_what_is_no_rectangle_is_written_as_sewn_bezier_faces(tmp_path: Path, mo
     assert volume_of(solid) == pytest.approx(surface.volume, rel=1e-6)
 
 
-def test_the_written_solid_is_read_as_a_watertight_outward_mesh_within_the_tolerance(tmp_path: Path) -> None:
+def test_the_written_solid_is_read_as_a_watertight_outward_mesh_within_the_tolerance(tmp_path):
     surface = bone_like(8, 6, 2)
     write_iges(surface, tmp_path / "a.igs")
     for tolerance in (0.1, 0.05, 0.03):
@@ -133,7 +130,7 @@ def test_the_written_solid_is_read_as_a_watertight_outward_mesh_within_the_toler
         assert surface.project(mesh.vertices[mesh.faces].mean(axis=1)).distances.max() < tolerance
 
 
-def test_a_trimmed_face_is_refused(tmp_path: Path) -> None:
+def test_a_trimmed_face_is_refused(tmp_path):
     lib = occ()
     geometry = lib.BRep.BRep_Tool.Surface_s(faces_of(shape_of(bone_like(7, 5, 1)))[0])
     low, high, start, end = geometry.Bounds()
@@ -147,7 +144,7 @@ def test_a_trimmed_face_is_refused(tmp_path: Path) -> None:
         bsplines_in(tmp_path / "cut.step")
 
 
-def test_a_face_on_another_surface_is_refused_by_its_kind(tmp_path: Path) -> None:
+def test_a_face_on_another_surface_is_refused_by_its_kind(tmp_path):
     lib = occ()
     writer = lib.STEPControl.STEPControl_Writer()
     box = lib.BRepPrimAPI.BRepPrimAPI_MakeBox(10.0, 20.0, 30.0).Shape()
@@ -157,13 +154,13 @@ def test_a_face_on_another_surface_is_refused_by_its_kind(tmp_path: Path) -> Non
         read_bsplines(tmp_path / "box.step")
 
 
-def test_a_folder_that_is_not_there_is_refused_and_nothing_is_left(tmp_path: Path) -> None:
+def test_a_folder_that_is_not_there_is_refused_and_nothing_is_left(tmp_path):
     with pytest.raises(FileError, match="choose a folder that exists"):
         write_step(bone_like(6, 5, 2), tmp_path / "nowhere" / "a.step")
     assert not list(tmp_path.iterdir())
 
 
-def test_without_opencascade_one_line_names_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_opencascade_one_line_names_the_extra(tmp_path, monkeypatch):
     from bonecam.mesh.files import cad
 
     surface = bone_like(6, 5, 2)
@@ -177,7 +174,7 @@ def test_without_opencascade_one_line_names_the_extra(tmp_path: Path, monkeypatc
 
 
 @pytest.mark.parametrize(("model", "faces"), [("simple", 1), ("gearbox2-9", 1), ("mouse", 18), ("Bike", 85)])
-def test_general_t_meshes_come_back_with_the_same_area(model: str, faces: int, shared: Path, tmp_path: Path) -> None:
+def test_general_t_meshes_come_back_with_the_same_area(model, faces, shared, tmp_path):
     surface = read_tsm(shared / "tspline" / "tsm" / f"{model}.tsm")
     assert write_step(surface, tmp_path / "a.step") == faces
     shape = read_shape(tmp_path / "a.step")

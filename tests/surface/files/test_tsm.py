@@ -28,7 +28,7 @@ ARRAYS = ("s_lines", "t_lines", "vertices", "along_s", "along_t", "inside")
 
 @pytest.mark.parametrize("homogeneous", [False, True])
 @pytest.mark.parametrize("name", MODELS)
-def test_a_tsm_round_trip_is_bit_equal(shared: Path, tmp_path: Path, name: str, homogeneous: bool) -> None:
+def test_a_tsm_round_trip_is_bit_equal(shared, tmp_path, name, homogeneous):
     first = read_tsm(shared / "tspline" / "tsm" / f"{name}.tsm", homogeneous=homogeneous)
     write_tsm(first, tmp_path / "a.tsm", homogeneous=homogeneous)
     again = read_tsm(tmp_path / "a.tsm", homogeneous=homogeneous)
@@ -75,14 +75,14 @@ BROKEN = {
 
 
 @pytest.mark.parametrize(("name", "change"), [(name, change) for name, changes in BROKEN.items() for change in changes])
-def test_a_broken_file_names_the_record(shared: Path, tmp_path: Path, name: str, change: tuple[str, str, str]) -> None:
+def test_a_broken_file_names_the_record(shared, tmp_path, name, change):
     old, new, match = change
     read = read_tsm if name.endswith("tsm") else read_iga
     with pytest.raises(FileError, match=match):
         read(with_damage(shared / "tspline" / name, tmp_path, old, new))
 
 
-def test_a_fusion_torus_is_closed_both_ways(tmp_path: Path) -> None:
+def test_a_fusion_torus_is_closed_both_ways(tmp_path):
     (tmp_path / "torus.tsm").write_text(torus_text())
     surface = read_tsm(tmp_path / "torus.tsm", to_mm=True)
     assert surface.tmesh.period == (5.0, 6.0)
@@ -96,7 +96,7 @@ def test_a_fusion_torus_is_closed_both_ways(tmp_path: Path) -> None:
     assert again.tmesh.period == surface.tmesh.period
 
 
-def test_a_closed_direction_of_three_knots_is_refused(tmp_path: Path) -> None:
+def test_a_closed_direction_of_three_knots_is_refused(tmp_path):
     (tmp_path / "thin.tsm").write_text(torus_text(3, 6))
     with pytest.raises(FileError, match="3 distinct knots"):
         read_tsm(tmp_path / "thin.tsm")
@@ -105,7 +105,7 @@ def test_a_closed_direction_of_three_knots_is_refused(tmp_path: Path) -> None:
         read_tsm(tmp_path / "odd.tsm", to_mm=True)
 
 
-def test_a_border_without_its_control_points_is_refused(shared: Path, tmp_path: Path) -> None:
+def test_a_border_without_its_control_points_is_refused(shared, tmp_path):
     lines = (shared / "tspline" / "tsm" / "simple.tsm").read_text().splitlines()
     grips = [line for line in lines if line.startswith("0g ")]
     plain = [line for line in lines if not line.startswith(("0m", "0g", "ec"))]
@@ -140,7 +140,7 @@ def limit(points: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("shape", [(5, 4), (3, 6), (2, 2)])
-def test_an_open_fusion_border_is_that_of_the_subdivision_surface(tmp_path: Path, shape: tuple[int, int]) -> None:
+def test_an_open_fusion_border_is_that_of_the_subdivision_surface(tmp_path, shape):
     points = np.random.default_rng(3).normal(size=(*shape, 3))
     (tmp_path / "open.tsm").write_text(fusion_patch(points))
     surface = read_tsm(tmp_path / "open.tsm")
@@ -154,7 +154,7 @@ def test_an_open_fusion_border_is_that_of_the_subdivision_surface(tmp_path: Path
     assert len(surface.tessellate(0.05).faces)
 
 
-def test_other_open_fusion_borders_are_refused(tmp_path: Path) -> None:
+def test_other_open_fusion_borders_are_refused(tmp_path):
     points = np.random.default_rng(3).normal(size=(5, 4, 3))
     (tmp_path / "open.tsm").write_text(fusion_patch(points, "MULTIPLE_KNOTS"))
     with pytest.raises(FileError, match="all functions vanish"):
@@ -173,7 +173,7 @@ def test_other_open_fusion_borders_are_refused(tmp_path: Path) -> None:
             with_mirrored_borders(replace(mesh, **changed), values)
 
 
-def test_wrong_grids_are_refused() -> None:
+def test_wrong_grids_are_refused():
     lines = np.array([0.0, 0, 1, 2, 2])
     mesh = grid(lines, lines)
     parts = [mesh.s_lines, mesh.t_lines, mesh.vertices, mesh.along_s, mesh.along_t, mesh.inside]
@@ -203,7 +203,7 @@ NAMES = ("arch_nurbs", "arch_tsplines", "plate_with_hole", "square_structured", 
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_columns_sum_to_one_but_near_the_extraordinary_point(shared: Path, name: str) -> None:
+def test_columns_sum_to_one_but_near_the_extraordinary_point(shared, name):
     elements = read_iga(shared / "tspline" / "iga" / f"{name}.iga").elements()
     sums = np.add.reduceat(elements.coefficients, elements.starts[:-1], axis=0)
     worst = np.abs(sums - 1).max(axis=1)
@@ -215,7 +215,7 @@ def test_columns_sum_to_one_but_near_the_extraordinary_point(shared: Path, name:
         assert worst.max() <= 1e-12
 
 
-def test_quartic_derivatives_agree_with_finite_differences(shared: Path) -> None:
+def test_quartic_derivatives_agree_with_finite_differences(shared):
     surface = read_iga(shared / "tspline" / "iga" / "square_unstructured.iga")
     s, t = inner_samples(surface, 1, 300)
     s, t, h = np.floor(s) + 0.01 + 0.98 * (s % 1), 0.01 + 0.98 * t, 1e-5
@@ -231,7 +231,7 @@ def test_quartic_derivatives_agree_with_finite_differences(shared: Path) -> None
         np.testing.assert_allclose((ahead - back) / (2 * h), exact, atol=1e-8)
 
 
-def test_raising_the_degree_changes_nothing() -> None:
+def test_raising_the_degree_changes_nothing():
     surface = random_tspline(3)
     elements = surface.elements()
     high = raise_degree(elements.coefficients.reshape(-1, 4, 4), 5).reshape(-1, 36)
@@ -242,7 +242,7 @@ def test_raising_the_degree_changes_nothing() -> None:
         np.testing.assert_allclose(a, b, atol=1e-11 * max(1.0, abs(a).max()))
 
 
-def test_a_round_trip_is_bit_equal(shared: Path, tmp_path: Path) -> None:
+def test_a_round_trip_is_bit_equal(shared, tmp_path):
     for first in (read_iga(shared / "tspline" / "iga" / "square_unstructured.iga"), random_tspline(5)):
         write_iga(first, tmp_path / "a.iga")
         again = read_iga(tmp_path / "a.iga")
@@ -253,14 +253,14 @@ def test_a_round_trip_is_bit_equal(shared: Path, tmp_path: Path) -> None:
         assert again.area == pytest.approx(first.area, rel=1e-12)
 
 
-def test_what_needs_a_chart_or_cubics_says_so(shared: Path) -> None:
+def test_what_needs_a_chart_or_cubics_says_so(shared):
     surface = read_iga(shared / "tspline" / "iga" / "square_unstructured.iga")
     with pytest.raises(SurfaceError, match="degree 4"):
         surface.project(np.zeros((1, 3)))
     assert surface.diagnose().kind == "non-standard"
 
 
-def test_a_round_trip_of_rows_is_bit_equal(tmp_path: Path) -> None:
+def test_a_round_trip_of_rows_is_bit_equal(tmp_path):
     surface = bone_like(9, 7, 5)
     write_tsm(surface, tmp_path / "a.tsr")
     again = read_tsm(tmp_path / "a.tsr")
@@ -285,7 +285,7 @@ def test_a_round_trip_of_rows_is_bit_equal(tmp_path: Path) -> None:
         ("\nend\n", "\nend\nrow 7 1\n", 45),
     ],
 )
-def test_a_broken_file_is_refused_with_its_line(tmp_path: Path, old: str, new: str, line: int) -> None:
+def test_a_broken_file_is_refused_with_its_line(tmp_path, old, new, line):
     text = rows_text(bone_like(7, 6, spread=0.0))
     assert old in text
     (tmp_path / "bad.tsr").write_text(text.replace(old, new))
@@ -294,7 +294,7 @@ def test_a_broken_file_is_refused_with_its_line(tmp_path: Path, old: str, new: s
     assert caught.value.evidence["line"] == line
 
 
-def test_decreasing_knots_and_bad_weights_are_refused(tmp_path: Path) -> None:
+def test_decreasing_knots_and_bad_weights_are_refused(tmp_path):
     surface = bone_like(7, 6, spread=0.0)
     text = rows_text(surface)
     (tmp_path / "bad.tsr").write_text(text.replace(" 1.0\nrow 2", " -1.0\nrow 2"))
@@ -369,7 +369,7 @@ def survive(originals: list[Path], folder: Path, seeds: range) -> float:
     return read / len(seeds)
 
 
-def test_of_a_thousand_damaged_files_none_gives_more_than_an_error_or_a_surface(tmp_path: Path) -> None:
+def test_of_a_thousand_damaged_files_none_gives_more_than_an_error_or_a_surface(tmp_path):
     write_tsm(random_tspline(1), tmp_path / "a.tsm")
     write_tsm(random_tspline(2, closed=True), tmp_path / "b.tsm")
     write_tsm(bone_like(6, 5, 1), tmp_path / "c.tspline")
@@ -379,7 +379,7 @@ def test_of_a_thousand_damaged_files_none_gives_more_than_an_error_or_a_surface(
 
 
 @pytest.mark.slow
-def test_of_a_thousand_damaged_models_none_gives_more_than_an_error_or_a_surface(shared: Path, tmp_path: Path) -> None:
+def test_of_a_thousand_damaged_models_none_gives_more_than_an_error_or_a_surface(shared, tmp_path):
     models = sorted(file for file in (shared / "tspline").glob("[ti]*/*.[ti]*") if file.suffix in (".tsm", ".iga"))
     assert len(models) == 11
     assert 0.05 < survive(models, tmp_path, range(1000)) < 0.6
@@ -393,7 +393,7 @@ def test_of_a_thousand_damaged_models_none_gives_more_than_an_error_or_a_surface
         ("0m gvp 99999999999999999999", "size below"),
     ],
 )
-def test_numbers_that_would_overflow_are_refused(tmp_path: Path, record: str, match: str) -> None:
+def test_numbers_that_would_overflow_are_refused(tmp_path, record, match):
     write_tsm(random_tspline(1), tmp_path / "a.tsm")
     lines = (tmp_path / "a.tsm").read_text().splitlines()
     kind = record.split()[0]
