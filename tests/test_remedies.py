@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from small_job import SMALL_CAPSULE
 
 import bonecam
 from bonecam.errors import BonecamError, JobError
-from bonecam.setup import Capsule
 
 pytestmark = pytest.mark.whole
 
@@ -55,7 +55,7 @@ def remedied(message: str) -> dict[str, dict[str, float]]:
 
 @pytest.fixture(scope="module")
 def coarse():
-    return Capsule(np.array([0.0, 0, 2.5]), np.array([0.0, 0, 7.5]), 2.5).mesh(0.3)
+    return SMALL_CAPSULE.mesh(0.3)
 
 
 def test_remedies_followed_to_the_letter_lead_to_a_program(coarse):
@@ -83,7 +83,7 @@ def test_remedies_followed_to_the_letter_lead_to_a_program(coarse):
 
 @pytest.mark.slow
 def test_a_surface_that_misses_its_mesh_tells_the_deviation_that_would_do(coarse):
-    fine = Capsule(np.array([0.0, 0, 2.5]), np.array([0.0, 0, 7.5]), 2.5).mesh(0.05)
+    fine = SMALL_CAPSULE.mesh(0.05)
     job = bonecam.Job().with_values(
         surface={"tolerance": 0.005, "max_control_points": 40, "largest_deviation": 0.01},
         stock={"diameter": 7.0, "length": 12.0},

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from level_parts import CAPSULE as STOCK
 from level_parts import grooved, waisted
 from numpy import ndarray
 
@@ -45,7 +46,6 @@ from bonecam.setup import Box, Capsule, Cylinder, Schedule, place
 from bonecam.surface import TSpline
 from bonecam.surface.part_surface import fit_surface
 
-STOCK = Capsule(np.array([0.0, 0.0, 4.5]), np.array([0.0, 0.0, 15.5]), 4.5)
 MIDDLE = np.array([0.0, 0.0, 10.0])
 BUMP = 65
 """A control point whose bump has its peak between the points that the check measures at."""

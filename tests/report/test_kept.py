@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from small_job import SMALL_CAPSULE
 from small_parts import UPRIGHT_CAPSULE, grooved_pebble, level_of, pebble
 
 from bonecam.cli import main
@@ -17,7 +18,7 @@ from bonecam.report import kept
 from bonecam.report.kept import keep_failed_level, keep_levels
 from bonecam.report.page.contents import NO_LEVEL, PARTED, Contents, pack
 from bonecam.runtime.own_files import OWN_FILES
-from bonecam.setup import Capsule, Cylinder, Schedule
+from bonecam.setup import Cylinder, Schedule
 from bonecam.surface import skin
 from bonecam.tool import MoveKind
 
@@ -65,7 +66,7 @@ def test_the_command_line_names_the_patch(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(job_levels, "MOST_CHOICES", 1)
     part, out = tmp_path / "part.ply", tmp_path / "out"
     out.mkdir()
-    write_mesh(Capsule(np.array([0.0, 0, 2.5]), np.array([0.0, 0, 7.5]), 2.5).mesh(0.05), part)
+    write_mesh(SMALL_CAPSULE.mesh(0.05), part)
     files = [str(part), "-o", str(out / "bone.h"), "--keep", str(out / "keep")]
     job = ("surface.tolerance=0.2", "holding.diameter=3", "holding.length=60", "mechanics.refuse=false")
     assert main(["convert", *files, "-q", *(word for value in job for word in ("--set", value))]) == 2

@@ -6,13 +6,12 @@ import time
 from pathlib import Path
 from threading import Thread
 
-import numpy as np
 import pytest
+from small_job import SMALL_CAPSULE
 
 from bonecam.mesh import write_mesh
 from bonecam.runtime import own_files
 from bonecam.runtime.own_files import LOCK, locked
-from bonecam.setup import Capsule
 
 pytestmark = pytest.mark.whole
 
@@ -77,7 +76,7 @@ sys.exit(main())
 
 def test_levels_are_made_where_there_is_nothing_of_unix(tmp_path):
     """What Windows does not have is taken away: this is no run on Windows."""
-    write_mesh(Capsule(np.array([0.0, 0, 2.5]), np.array([0.0, 0, 7.5]), 2.5).mesh(0.05), tmp_path / "bone.ply")
+    write_mesh(SMALL_CAPSULE.mesh(0.05), tmp_path / "bone.ply")
     sizes = "surface.tolerance=0.2 stock.diameter=7 stock.length=11 holding.diameter=3 holding.length=60"
     depths = "levels.roughing_depth=1 levels.finishing_levels=1 levels.finishing_depth=0.3 mechanics.refuse=false"
     job = [word for setting in f"{sizes} {depths}".split() for word in ("--set", setting)]
