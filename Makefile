@@ -26,7 +26,7 @@ whole: $(VENV)/developing cnc browser
 
 # Whole runs again with the kernels of another processor, whose last bits differ.
 processor: $(VENV)/developing browser
-	OPENBLAS_CORETYPE=Prescott OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile -m 'not slow and not fuzz' tests/report/page tests/report/files/test_second_outputs.py
+	OPENBLAS_CORETYPE=Prescott OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile -m 'not slow and not fuzz' tests/report/page tests/report/test_second_outputs.py
 
 # The oldest direct versions that pyproject.toml allows, on what meets each library and the programs kept as text.
 oldest: | system
@@ -34,7 +34,7 @@ oldest: | system
 	$(VENV)/oldest/bin/pip install -qq uv
 	$(VENV)/oldest/bin/uv pip install -q --python $(VENV)/oldest/bin/python --resolution lowest-direct -e .
 	$(VENV)/oldest/bin/uv pip install -q --python $(VENV)/oldest/bin/python pytest hypothesis beartype
-	OMP_NUM_THREADS=1 $(VENV)/oldest/bin/python -m pytest tests/filters/test_meshset.py tests/mesh/healing/test_repair.py tests/nc/posting/test_golden.py
+	OMP_NUM_THREADS=1 $(VENV)/oldest/bin/python -m pytest tests/filters/test_meshset.py tests/mesh/test_repair.py tests/nc/test_golden.py
 
 docs: $(VENV)/documenting
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict -q -f docs/mkdocs.yml

@@ -14,7 +14,7 @@ EXTRAS = {"clarabel", "cvxpy", "splinepy"}
 @pytest.mark.parametrize(
     "path", sorted([*HERE.glob("benchmarks/*.py"), *HERE.glob("figures/*.py")]), ids=lambda path: path.name
 )
-def test_it_imports(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_it_imports(path, monkeypatch):
     monkeypatch.syspath_prepend(path.parent)
     try:
         runpy.run_path(str(path))

@@ -1,7 +1,6 @@
 """A wheel from its turned blank: every channel and blade is cut, nothing collides, wrong wheels are refused."""
 
 import re
-from pathlib import Path
 from types import SimpleNamespace
 
 import bonecam_meshes
@@ -12,19 +11,19 @@ from small_wheel import HALF, blade, hub, job, sections
 import bonecam
 from bonecam.cli import main
 from bonecam.errors import BendingError, JobError, SurfaceError, VerifyError
-from bonecam.machine.machine import read_machine
+from bonecam.machine import read_machine
 from bonecam.mesh import MeshDistance, write_mesh
 from bonecam.mesh.solids import cylinder
+from bonecam.nc import write_program
 from bonecam.nc.path_words import require_room
-from bonecam.nc.posting import write_program
 from bonecam.nc.requirements import job_dialect
 from bonecam.report.page.contents import unpack
-from bonecam.surface import skin
+from bonecam.surface import skin, write_tsm
 from bonecam.surface.blades import wheel_of
 from bonecam.surface.files.surface_input import read_blade, read_hub
-from bonecam.surface.files.tspline_text import write_tsm
-from bonecam.tool.path import MoveKind, ToolPath
-from bonecam.verify.proof import prove_removal_of_wheel, verify
+from bonecam.tool import MoveKind, ToolPath
+from bonecam.verify import verify
+from bonecam.verify.proof import prove_removal_of_wheel
 from bonecam.verify.readback import RepeatedDistance
 
 pytestmark = pytest.mark.whole
@@ -33,12 +32,12 @@ COUNT = 2
 
 
 @pytest.fixture(scope="module")
-def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def files(tmp_path_factory):
     return tmp_path_factory.mktemp("wheel")
 
 
 @pytest.fixture(scope="module")
-def made(files: Path) -> bonecam.Bladed:
+def made(files):
     write_tsm(blade(), files / "blade.tsm")
     write_mesh(hub(), files / "hub.ply")
     outputs = {name: files / f"wheel.{ending}" for name, ending in (("program", "h"), ("html", "html"))}
@@ -58,7 +57,7 @@ def contacts(path: ToolPath) -> np.ndarray:
     return path.contacts[path.kinds == MoveKind.CUT]
 
 
-def test_channels_are_cut_from_the_blank_to_the_hub_and_then_the_blades(made: bonecam.Bladed) -> None:
+def test_channels_are_cut_from_the_blank_to_the_hub_and_then_the_blades(made):
     levels = made.levels.levels
     assert [(path.level, path.rest) for path in made.paths] == [
         *((index, 0) for index in range(len(levels) - 2, 0, -1)),
@@ -68,7 +67,7 @@ def test_channels_are_cut_from_the_blank_to_the_hub_and_then_the_blades(made: bo
     assert all(level.deepest <= level.limit + 1e-3 for level in levels[1:])
 
 
-def test_every_pitch_has_the_same_path(made: bonecam.Bladed) -> None:
+def test_every_pitch_has_the_same_path(made):
     turn = np.diag([-1.0, -1.0, 1.0])  # half a turn, for two blades
     for path in made.paths:
         rows = len(path.tips) // COUNT
@@ -76,7 +75,7 @@ def test_every_pitch_has_the_same_path(made: bonecam.Bladed) -> None:
         np.testing.assert_allclose(path.axes[:rows] @ turn, path.axes[rows:], atol=1e-9)
 
 
-def test_both_sides_of_every_blade_are_cut(made: bonecam.Bladed) -> None:
+def test_both_sides_of_every_blade_are_cut(made):
     cut = contacts(made.paths[-1])
     for azimuth in (0.0, np.pi):
         across = cut @ [-np.sin(azimuth), np.cos(azimuth), 0.0]
@@ -84,7 +83,7 @@ def test_both_sides_of_every_blade_are_cut(made: bonecam.Bladed) -> None:
         assert min((side * across[here] > HALF / 2).sum() for side in (1, -1)) > 10
 
 
-def test_the_text_removes_the_blank_as_it_may(made: bonecam.Bladed) -> None:
+def test_the_text_removes_the_blank_as_it_may(made):
     removal = made.removal
     assert removal is not None
     assert removal.left is not None
@@ -96,7 +95,7 @@ def test_the_text_removes_the_blank_as_it_may(made: bonecam.Bladed) -> None:
     assert solid < removal.volume - post < solid + 0.3 * (blank - solid)
 
 
-def test_force_and_bending_are_judged_from_the_text(made: bonecam.Bladed) -> None:
+def test_force_and_bending_are_judged_from_the_text(made):
     mechanics = made.report["mechanics"]
     assert [(row["index"], row["rest"]) for row in mechanics["levels"]] == [
         (path.level, path.rest) for path in made.paths
@@ -107,7 +106,7 @@ def test_force_and_bending_are_judged_from_the_text(made: bonecam.Bladed) -> Non
     assert "error kept" in made.summary
 
 
-def test_a_cutter_that_bends_too_far_is_refused(made: bonecam.Bladed) -> None:
+def test_a_cutter_that_bends_too_far_is_refused(made):
     machine, dialect = read_machine(made.job.nc.machine), job_dialect(made.job.nc)
     strict = made.job.with_values(mechanics={"largest_error": 0.001})
     cut = made.blank, made.wheel, made.levels.levels
@@ -115,14 +114,14 @@ def test_a_cutter_that_bends_too_far_is_refused(made: bonecam.Bladed) -> None:
         prove_removal_of_wheel(made.program.text, machine, dialect, strict, *cut)
 
 
-def test_a_text_that_cuts_a_neighbour_is_refused(made: bonecam.Bladed) -> None:
+def test_a_text_that_cuts_a_neighbour_is_refused(made):
     machine, dialect = read_machine(made.job.nc.machine), job_dialect(made.job.nc)
     wider = RepeatedDistance(MeshDistance(made.workpiece.solid), 3)
     with pytest.raises(VerifyError, match="enters the part"):
         verify(made.program.text, made.paths, machine, dialect, wider, job=made.job)
 
 
-def test_a_text_without_its_roughing_is_refused(made: bonecam.Bladed) -> None:
+def test_a_text_without_its_roughing_is_refused(made):
     machine, dialect = read_machine(made.job.nc.machine), job_dialect(made.job.nc)
     unroughed = write_program(made.paths[-2:], machine, dialect, made.job).text
     with pytest.raises(VerifyError, match=r"deep|enters material|remove"):
@@ -131,7 +130,7 @@ def test_a_text_without_its_roughing_is_refused(made: bonecam.Bladed) -> None:
         )
 
 
-def test_the_files_of_a_run_are_written(made: bonecam.Bladed, files: Path) -> None:
+def test_the_files_of_a_run_are_written(made, files):
     kept = {file.name for file in (files / "kept").iterdir()}
     assert {
         "blank.csv",
@@ -164,14 +163,12 @@ def test_the_files_of_a_run_are_written(made: bonecam.Bladed, files: Path) -> No
         (HALF, 1, 1.5, SurfaceError, "give from 2"),
     ],
 )
-def test_a_wheel_that_cannot_be_cut_is_refused_before_it_is_planned(
-    half: float, count: int, radius: float, error: type[Exception], words: str
-) -> None:
+def test_a_wheel_that_cannot_be_cut_is_refused_before_it_is_planned(half, count, radius, error, words):
     with pytest.raises(error, match=words):
         bonecam.blades(blade(half), hub(), count, job=job().with_values(roughing={"radius": radius}))
 
 
-def test_a_wheel_that_does_not_repeat_is_refused() -> None:
+def test_a_wheel_that_does_not_repeat_is_refused():
     pin = cylinder(1.0, -1.0, 6.0, 0.05)
     pose = np.eye(4)
     pose[:3, 3] = [0.0, 11.0, 3.0]
@@ -179,14 +176,12 @@ def test_a_wheel_that_does_not_repeat_is_refused() -> None:
         bonecam.blades(blade(), hub(), 2, [pin.move(pose)], job())
 
 
-def test_sections_from_the_tip_are_refused() -> None:
+def test_sections_from_the_tip_are_refused():
     with pytest.raises(SurfaceError, match="from its tip to the hub"):
         bonecam.blades(skin([row[::-1] for row in sections()[::-1]], 0.01), hub(), 2, job=job())
 
 
-def test_the_command_tells_a_wrong_wheel_in_one_line(
-    files: Path, made: bonecam.Bladed, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_tells_a_wrong_wheel_in_one_line(files, made, capsys):
     given = ["blades", str(files / "blade.tsm"), "--hub", str(files / "hub.ply"), "--count", "40"]
     assert main([*given, "-o", str(files / "none.h"), "-q"]) == 2
     told = capsys.readouterr().err
@@ -195,7 +190,7 @@ def test_the_command_tells_a_wrong_wheel_in_one_line(
     assert not (files / "none.h").exists()
 
 
-def test_the_demo_s_wheel_is_the_impeller_that_ships(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_demo_s_wheel_is_the_impeller_that_ships(tmp_path, monkeypatch):
     given: list[tuple] = []
     monkeypatch.setattr(
         bonecam, "blades", lambda *args, **named: given.append((args, named)) or SimpleNamespace(summary="made")
@@ -214,12 +209,12 @@ def test_the_demo_s_wheel_is_the_impeller_that_ships(tmp_path: Path, monkeypatch
     assert (named["program"], named["html"], named["mechanics"]) == ("impeller.mpf", page, True)
 
 
-def test_the_demo_s_wheel_has_no_file_for_its_surface(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_demo_s_wheel_has_no_file_for_its_surface(tmp_path, capsys):
     assert main(["demo", "--impeller", "--surface", str(tmp_path / "a.tsm")]) == 2
     assert "give --keep, not --surface" in capsys.readouterr().err
 
 
-def test_the_job_of_the_shipped_wheel_passes_what_is_asked_before_planning() -> None:
+def test_the_job_of_the_shipped_wheel_passes_what_is_asked_before_planning():
     wheel_job = bonecam.read_job(bonecam_meshes.job("impeller"))
     surface, _ = read_blade(bonecam_meshes.path("impeller_blade"), "mm", wheel_job.surface.tolerance_for())
     wheel = wheel_of(surface, read_hub(bonecam_meshes.path("impeller_hub"), surface, "mm"), 11)
@@ -228,6 +223,6 @@ def test_the_job_of_the_shipped_wheel_passes_what_is_asked_before_planning() -> 
         bonecam_meshes.job("phalanx")
 
 
-def test_feeds_by_the_force_are_refused() -> None:
+def test_feeds_by_the_force_are_refused():
     with pytest.raises(JobError, match="one feed a cutter"):
         bonecam.blades(blade(), hub(), 2, job=job().with_values(path={"feed": "force"}))

@@ -1,9 +1,13 @@
+"""The bar tells the stage, the time left, and that kernels are compiled."""
+
+import io
 import subprocess
 import sys
 from argparse import Namespace
-from collections.abc import Callable
 from pathlib import Path
 
+import numba
+import numpy as np
 import pytest
 from bonecam_meshes import path as shipped
 
@@ -11,19 +15,19 @@ import bonecam
 from bonecam.batch.run import WAITING
 from bonecam.cli import main
 from bonecam.cli.batch_display import BatchDisplay
-from bonecam.cli.stopping import ProgressLog
+from bonecam.cli.stopping import COMPILING, ProgressBar, ProgressLog
 from bonecam.errors import BonecamError
 from bonecam.job import Job, write_job
 from bonecam.machine import machine_names
 from bonecam.nc import dialect_names
 
 
-def test_job_prints_every_default(capsys: pytest.CaptureFixture[str]) -> None:
+def test_job_prints_every_default(capsys):
     assert main(["job"]) == 0
     assert capsys.readouterr().out == write_job(Job())
 
 
-def test_options_override_the_job_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_options_override_the_job_file(tmp_path, capsys):
     file = tmp_path / "job.toml"
     file.write_text('[stock]\ndiameter = 20.0\n[mesh]\nunits = "inch"\n', encoding="utf-8")
     assert (
@@ -68,13 +72,7 @@ def test_options_override_the_job_file(tmp_path: Path, capsys: pytest.CaptureFix
         (["batch", "text.stl", "text.stl", "-o", "out"], "text"),
     ],
 )
-def test_a_wrong_call_is_one_line_exit_2_and_no_file(
-    arguments: list[str],
-    named: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_a_wrong_call_is_one_line_exit_2_and_no_file(arguments, named, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "text.stl").write_text("this is no mesh", encoding="utf-8")
     assert main(arguments) == 2
@@ -85,7 +83,7 @@ def test_a_wrong_call_is_one_line_exit_2_and_no_file(
     assert [item.name for item in tmp_path.iterdir()] == ["text.stl"]
 
 
-def test_a_missing_unit_is_refused_with_the_flag_that_fits(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_missing_unit_is_refused_with_the_flag_that_fits(tmp_path, capsys):
     from bonecam.mesh.files.mesh_files import read_mesh, write_mesh
     from bonecam.mesh.triangle_mesh import TriangleMesh
 
@@ -96,14 +94,14 @@ def test_a_missing_unit_is_refused_with_the_flag_that_fits(tmp_path: Path, capsy
     assert not (tmp_path / "out.h").exists()
 
 
-def test_an_unknown_command_exits_2(capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_unknown_command_exits_2(capsys):
     with pytest.raises(SystemExit) as caught:
         main(["melt"])
     assert caught.value.code == 2
     assert "melt" in capsys.readouterr().err
 
 
-def test_no_command_prints_the_help(capsys: pytest.CaptureFixture[str]) -> None:
+def test_no_command_prints_the_help(capsys):
     assert main([]) == 0
     text = capsys.readouterr().out
     assert "convert" in text
@@ -115,7 +113,7 @@ def test_no_command_prints_the_help(capsys: pytest.CaptureFixture[str]) -> None:
     assert told == text
 
 
-def test_all_wrong_settings_are_told_at_once(capsys: pytest.CaptureFixture[str]) -> None:
+def test_all_wrong_settings_are_told_at_once(capsys):
     settings = ["stock.diameter=abc", "nc.coolant=maybe", "stock.length=-5", "stock", "stok.x=1"]
     assert main(["job", *(word for text in settings for word in ("--set", text))]) == 2
     told = capsys.readouterr().err.removeprefix("bonecam: ").split("; ")
@@ -139,9 +137,7 @@ def test_all_wrong_settings_are_told_at_once(capsys: pytest.CaptureFixture[str])
         (["help", "conver"], "'conver' is unknown (did you mean 'convert'?)"),
     ],
 )
-def test_a_misspelt_word_is_told_with_the_nearest(
-    call: list[str], told: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_misspelt_word_is_told_with_the_nearest(call, told, capsys):
     try:
         code = main(call)
     except SystemExit as stop:
@@ -152,9 +148,7 @@ def test_a_misspelt_word_is_told_with_the_nearest(
     assert error.count("\n") == 1
 
 
-def test_a_script_may_make_its_mesh_and_stdout_holds_file_names_only(
-    tmp_path: Path, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_a_script_may_make_its_mesh_and_stdout_holds_file_names_only(tmp_path, capfd):
     (tmp_path / "cube.mlx").write_text(
         '<FilterScript><filter name="create_cube"/><filter name="get_geometric_measures"/></FilterScript>'
     )
@@ -164,7 +158,7 @@ def test_a_script_may_make_its_mesh_and_stdout_holds_file_names_only(
     assert Path(printed[0]).is_file()
 
 
-def test_help_and_pages_name_every_machine_and_controller(capsys: pytest.CaptureFixture[str]) -> None:
+def test_help_and_pages_name_every_machine_and_controller(capsys):
     with pytest.raises(SystemExit):
         main(["convert", "--help"])
     pages = Path(__file__).parents[1] / "docs/pages"
@@ -177,26 +171,22 @@ def test_help_and_pages_name_every_machine_and_controller(capsys: pytest.Capture
     assert "mikron-ucp600 (default)" in told
 
 
-def test_an_unknown_option_points_to_the_help_of_its_command(capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_unknown_option_points_to_the_help_of_its_command(capsys):
     with pytest.raises(SystemExit) as caught:
         main(["batch", "bone.stl", "-o", "programs", "-w"])
     assert caught.value.code == 2
     assert capsys.readouterr().err == "bonecam batch: unrecognized arguments: -w: see bonecam batch --help\n"
 
 
-def test_verbose_tells_each_step_once_as_a_line(capsys: pytest.CaptureFixture[str]) -> None:
+def test_verbose_tells_each_step_once_as_a_line(capsys):
     lines = ProgressLog()
     for fraction, message in ((0.0, "level 1"), (0.1, "level 1"), (0.2, "level 2")):
         lines(fraction, message)
     assert [line.split("%  ")[1] for line in capsys.readouterr().err.splitlines()] == ["level 1", "level 2"]
 
 
-def test_a_failed_part_of_a_batch_is_named_once(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    def one_fails(
-        meshes: list[str], *_: object, told: Callable[[bonecam.Outcome, int], None], **__: object
-    ) -> list[bonecam.Outcome]:
+def test_a_failed_part_of_a_batch_is_named_once(monkeypatch, capsys):
+    def one_fails(meshes, *_, told, **__):
         failed = bonecam.Outcome("none", meshes[0], "", "failed", message=f"{meshes[0]}: cannot be read: give a mesh")
         told(failed, 0)
         return [failed]
@@ -214,9 +204,7 @@ def test_a_failed_part_of_a_batch_is_named_once(
         *([], ["help"], ["--help"], ["--version"], ["convert", "--help"], ["help", "batch"]),
     ],
 )
-def test_what_cannot_be_printed_is_one_line(
-    arguments: list[str], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_cannot_be_printed_is_one_line(arguments, capsys, monkeypatch):
     with open("/dev/full", "w", encoding="utf-8") as full:
         monkeypatch.setattr("sys.stdout", full)
         assert main(arguments) == 2
@@ -225,7 +213,7 @@ def test_what_cannot_be_printed_is_one_line(
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no device that is full")
-def test_a_help_that_cannot_be_printed_ends_the_process_with_2() -> None:
+def test_a_help_that_cannot_be_printed_ends_the_process_with_2():
     with open("/dev/full", "w", encoding="utf-8") as full:
         call = [sys.executable, "-m", "bonecam", "--help"]
         done = subprocess.run(call, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
@@ -233,7 +221,7 @@ def test_a_help_that_cannot_be_printed_ends_the_process_with_2() -> None:
     assert (done.returncode, done.stderr) == (2, told)
 
 
-def test_the_report_of_a_simulation_is_checked_before_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_report_of_a_simulation_is_checked_before_it(tmp_path, capsys):
     outputs = ["--report", str(tmp_path / "nowhere" / "r.json")]
     assert main(["simulate", "none.h", "--keep", str(tmp_path), *outputs]) == 2
     assert "its folder" in capsys.readouterr().err
@@ -248,9 +236,7 @@ def test_the_report_of_a_simulation_is_checked_before_it(tmp_path: Path, capsys:
         ("script a.mlx -o out", "<&- 2>&-", "out/Box_Cube.ply\n"),
     ],
 )
-def test_a_closed_stream_is_as_one_that_leads_nowhere(
-    arguments: str, closed: str, printed: str, tmp_path: Path
-) -> None:
+def test_a_closed_stream_is_as_one_that_leads_nowhere(arguments, closed, printed, tmp_path):
     (tmp_path / "a.mlx").write_text('<FilterScript><filter name="create_cube"/></FilterScript>')
     call = f"exec '{sys.executable}' -m bonecam {arguments} {closed}"
     done = subprocess.run(["sh", "-c", call], cwd=tmp_path, capture_output=True, text=True)
@@ -258,9 +244,7 @@ def test_a_closed_stream_is_as_one_that_leads_nowhere(
     assert (tmp_path / "out" / "Box_Cube.ply").exists() == ("out" in arguments)
 
 
-def test_a_batch_shows_what_runs_what_is_done_and_the_time_left(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_batch_shows_what_runs_what_is_done_and_the_time_left(monkeypatch, capsys):
     monkeypatch.setattr("sys.stderr.isatty", lambda: True)
     shown = BatchDisplay(Namespace(quiet=False, verbose=False))
     shown.began -= 300.0  # seconds ago
@@ -276,7 +260,7 @@ def test_a_batch_shows_what_runs_what_is_done_and_the_time_left(
     assert "2 left, 1 failed" in capsys.readouterr().err
 
 
-def test_a_verbose_batch_names_the_part_of_each_step(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_verbose_batch_names_the_part_of_each_step(capsys):
     shown = BatchDisplay(Namespace(quiet=True, verbose=True))
     shown.progress("a", 0.0, WAITING)
     shown.progress("a", 0.25, "level 1")
@@ -284,7 +268,7 @@ def test_a_verbose_batch_names_the_part_of_each_step(capsys: pytest.CaptureFixtu
 
 
 @pytest.mark.parametrize("share", ["0/3", "4/3", "3", "a/b"])
-def test_a_share_that_is_none_is_refused(share: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_share_that_is_none_is_refused(share, capsys):
     with pytest.raises(SystemExit):
         main(["batch", "bone.stl", "-o", "out", "--share", share])
     assert "--share" in capsys.readouterr().err
@@ -292,9 +276,7 @@ def test_a_share_that_is_none_is_refused(share: str, capsys: pytest.CaptureFixtu
 
 @pytest.mark.parametrize("command", ["simulate", "post"])
 @pytest.mark.parametrize("named", [True, False])
-def test_the_job_of_the_kept_folder_is_taken_and_told(
-    command: str, named: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_job_of_the_kept_folder_is_taken_and_told(command, named, tmp_path, monkeypatch, capsys):
     """It is that of --keep, or of the folder that the program lies in; --job and --set change it."""
     keep = tmp_path / "look"
     keep.mkdir()
@@ -303,7 +285,7 @@ def test_the_job_of_the_kept_folder_is_taken_and_told(
     (keep / "surface.tspline").write_text("")
     taken = []
 
-    def stop(*, job: Job, keep: object, **_: object) -> None:
+    def stop(*, job, keep, **_):
         taken.append((job, keep))
         raise BonecamError("stopped")
 
@@ -322,8 +304,46 @@ def test_the_job_of_the_kept_folder_is_taken_and_told(
     assert all(str(given) == str(keep) for _, given in taken)
 
 
-def test_a_program_with_no_folder_of_its_run_is_told_to_name_it(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_program_with_no_folder_of_its_run_is_told_to_name_it(tmp_path, capsys):
     assert main(["simulate", str(tmp_path / "bone.h")]) == 2
     assert "no folder of its run is named: give the one of `convert --keep` (--keep)" in capsys.readouterr().err
+
+
+def test_it_tells_share_stage_and_time_left_and_goes_away():
+    stream = io.StringIO()
+    with ProgressBar(stream) as bar:
+        bar(0.25, "level 3: passes")
+        assert " 25%" in stream.getvalue()
+        assert "<" in stream.getvalue()
+        assert "level 3: passes" in stream.getvalue()
+    assert stream.getvalue().endswith("\r")
+
+
+def test_it_tells_a_compilation_while_it_lasts():
+    stream = io.StringIO()
+
+    @numba.njit
+    def doubled(values):
+        return values * 2
+
+    with ProgressBar(stream) as bar:
+        bar(0.1, "first")
+        listened = numba.core.event.Listener
+
+        class During(listened):  # looks at the bar while numba compiles
+            def on_start(self, event):
+                bar(0.2, "second")
+
+            def on_end(self, event):
+                pass
+
+        numba.core.event.register("numba:compile", During())
+        doubled(np.ones(3))
+        bar(0.3, "third")
+    told = stream.getvalue()
+    assert f"{COMPILING}second" in told
+    assert f"{COMPILING}third" not in told
+
+
+def test_it_is_a_public_name():
+    assert bonecam.ProgressBar is ProgressBar

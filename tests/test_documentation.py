@@ -92,7 +92,7 @@ COMMANDS = [found for block in ALL if block.language == "bash" for found in word
 
 
 @pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(tmp_path, monkeypatch):
     """An empty folder to try things in, as the working directory."""
     monkeypatch.chdir(tmp_path)
     return tmp_path
@@ -172,29 +172,29 @@ def is_module(path: str) -> bool:
 
 
 @pytest.mark.parametrize("page", RUN, ids=name)
-def test_quick_examples_run(page: Path, folder: Path) -> None:
+def test_quick_examples_run(page, folder):
     run(page, folder, slow=False)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("page", SLOW, ids=name)
-def test_all_examples_run(page: Path, folder: Path) -> None:
+def test_all_examples_run(page, folder):
     run(page, folder, slow=True)
 
 
 @pytest.mark.parametrize("block", ALL, ids=label)
-def test_every_block_is_run_or_says_why_not(block: Block) -> None:
+def test_every_block_is_run_or_says_why_not(block):
     known = block.language in ("python", "bash", "toml", "math")
     assert known or block.mark == "output" or block.mark.startswith("not run: ")
 
 
 @pytest.mark.parametrize("command", [found for found in COMMANDS if found[0] == "bonecam"], ids=" ".join)
-def test_every_command_parses(command: list[str]) -> None:
+def test_every_command_parses(command):
     assert callable(make_parser().parse_args(command[1:]).run)
 
 
 @pytest.mark.parametrize("command", ["convert", "demo", "levels", "finish", "batch", "script", "job"])
-def test_every_option_is_told(command: str) -> None:
+def test_every_option_is_told(command):
     text = (DOCS / "using" / "command-line.md").read_text(encoding="utf-8")
     actions = make_parser()._actions
     choices = next(item for item in actions if isinstance(item, argparse._SubParsersAction)).choices
@@ -204,14 +204,14 @@ def test_every_option_is_told(command: str) -> None:
 
 
 @pytest.mark.parametrize("block", PYTHON, ids=label)
-def test_every_import_exists(block: Block) -> None:
+def test_every_import_exists(block):
     for node in ast.walk(ast.parse(block.text)):
         if isinstance(node, ast.ImportFrom) and str(node.module).startswith("bonecam"):
             assert [resolve(f"{node.module}.{item.name}") for item in node.names]
 
 
 @pytest.mark.parametrize("page", PAGES, ids=name)
-def test_every_name_and_file_exists(page: Path) -> None:
+def test_every_name_and_file_exists(page):
     text = page.read_text(encoding="utf-8")
     for found in re.findall(r"(?:`|::: )(bonecam(?:\.\w+)+)", text):
         resolve(found)
@@ -229,7 +229,7 @@ def anchors(page: Path) -> set[str]:
 
 
 @pytest.mark.parametrize("page", PAGES, ids=name)
-def test_links_lead_somewhere(page: Path) -> None:
+def test_links_lead_somewhere(page):
     text = FENCE.sub("", page.read_text(encoding="utf-8"))
     for target in re.findall(r"\]\(([^)]+)\)", text):
         if "://" in target:
@@ -240,16 +240,16 @@ def test_links_lead_somewhere(page: Path) -> None:
         assert not anchor or anchor in anchors(found), target
 
 
-def test_every_page_is_in_the_navigation() -> None:
+def test_every_page_is_in_the_navigation():
     listed = re.findall(r"^ +- ([\w/-]+\.md)$", (ROOT / "docs" / "mkdocs.yml").read_text(), re.MULTILINE)
     assert sorted(listed) == sorted(page.relative_to(DOCS).as_posix() for page in DOCS.rglob("*.md"))
 
 
-def test_every_stage_has_a_page_of_the_reference() -> None:
+def test_every_stage_has_a_page_of_the_reference():
     packages = {package.parent.name for package in (ROOT / "bonecam").glob("*/__init__.py")}
     pages = {page.stem for page in (DOCS / "reference").glob("*.md")}
     assert packages - {"kernels", "cli", "runtime"} == pages - {"bonecam"}
 
 
-def test_the_readme_is_short() -> None:
+def test_the_readme_is_short():
     assert len(README.read_text(encoding="utf-8").splitlines()) <= 200

@@ -5,11 +5,11 @@ import os
 import re
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
+from small_parts import revolved
 
 import bonecam
 from bonecam.cli import main
@@ -17,11 +17,10 @@ from bonecam.cli.catalogues import CATALOGUES
 from bonecam.cli.schemas import file_schema, job_schema
 from bonecam.cli.slicer import main as slicer
 from bonecam.errors import JobError, MachineError
-from bonecam.machine.machine import read_machine
-from bonecam.nc.dialect import dialect_names, read_dialect
+from bonecam.machine import read_machine
+from bonecam.nc import dialect_names, read_dialect
 from bonecam.planning.patterns import pattern_curves
-from bonecam.surface.tspline import TSpline
-from bonecam.tool.cutter import Cutter
+from bonecam.tool import Cutter
 
 pytestmark = pytest.mark.whole
 
@@ -49,7 +48,7 @@ print(setup.stock.kind, len(setup.stock.surface.faces), int(curves.line.max()))
 
 
 @pytest.fixture
-def mine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def mine(tmp_path, monkeypatch):
     """The user's folder of the page."""
     for found in FENCE.finditer(PAGE.read_text(encoding="utf-8")):
         file = tmp_path / found["title"]
@@ -59,7 +58,7 @@ def mine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / "mine"
 
 
-def test_a_cutter_of_the_user_is_a_preset(mine: Path) -> None:
+def test_a_cutter_of_the_user_is_a_preset(mine):
     job = bonecam.Job(finishing={"preset": "ball-3", "scallop": 0.05})
     assert (job.finishing.radius, job.finishing.scallop, job.finishing.neck_length) == (1.5, 0.05, 0.0)
     assert bonecam.read_job(_written(mine, job)) == job
@@ -73,19 +72,19 @@ def _written(folder: Path, job: bonecam.Job) -> Path:
     return file
 
 
-def test_shipped_presets_are_the_default_cutters() -> None:
+def test_shipped_presets_are_the_default_cutters():
     job = bonecam.Job()
     for name, section in (("ball-4", "roughing"), ("ball-2", "finishing"), ("ball-1", "fine")):
         made = getattr(bonecam.Job(**{section: {"preset": name}}), section)
         assert repr(made).replace(f"preset={name!r}", "preset='auto'") == repr(getattr(job, section))
 
 
-def test_a_dialect_of_the_user_is_like_one_that_ships(mine: Path) -> None:
+def test_a_dialect_of_the_user_is_like_one_that_ships(mine):
     assert "our-heidenhain" in dialect_names()
     assert read_dialect("our-heidenhain").needs == ["option 9 and the cycle 32 of our builder"]
 
 
-def test_what_ships_cannot_be_replaced(mine: Path) -> None:
+def test_what_ships_cannot_be_replaced(mine):
     (mine / "machines").mkdir()
     (mine / "machines" / "mikron-ucp600.toml").write_text("title = 'mine'\n", encoding="utf-8")
     assert read_machine("mikron-ucp600").title == "Mikron UCP 600 Vario"
@@ -93,7 +92,7 @@ def test_what_ships_cannot_be_replaced(mine: Path) -> None:
         read_machine("haas")
 
 
-def test_stock_and_pattern_of_the_page_are_used(mine: Path) -> None:
+def test_stock_and_pattern_of_the_page_are_used(mine):
     there = {**os.environ, "BONECAM_HOME": str(mine)}
     done = subprocess.run([sys.executable, "-c", USE], env=there, capture_output=True, text=True, check=True)
     kind, faces, lines = done.stdout.split()
@@ -101,7 +100,7 @@ def test_stock_and_pattern_of_the_page_are_used(mine: Path) -> None:
     assert int(lines) > 20
 
 
-def test_a_pattern_that_cannot_be_loaded_is_one_line(mine: Path) -> None:
+def test_a_pattern_that_cannot_be_loaded_is_one_line(mine):
     (mine / "stocks" / "hexagon.py").write_text("KIND = 1 / 0\n", encoding="utf-8")
     there = {**os.environ, "BONECAM_HOME": str(mine)}
     command = [sys.executable, "-m", "bonecam", "demo", "-o", str(mine / "p.h"), "--set", "stock.kind=hexagon"]
@@ -121,7 +120,7 @@ def _told(mine: Path, *settings: str) -> str:
     return done.stderr
 
 
-def test_a_broken_file_that_no_job_names_stops_no_run(mine: Path) -> None:
+def test_a_broken_file_that_no_job_names_stops_no_run(mine):
     (mine / "stocks" / "broken.py").write_text("syntax error(\n", encoding="utf-8")
     told = _told(mine, "stock.width=9")
     assert "[stock] width = 9: a capsule has none" in told
@@ -137,13 +136,13 @@ def test_a_broken_file_that_no_job_names_stops_no_run(mine: Path) -> None:
         ("KIND = StockKind(('diametre',), None, 'it')", r"'diametre', which is no field of \[stock\]"),
     ],
 )
-def test_a_stock_that_makes_none_is_one_line(text: str, why: str, mine: Path) -> None:
+def test_a_stock_that_makes_none_is_one_line(text, why, mine):
     source = f"from bonecam.setup import StockKind\n{text}\n"
     (mine / "stocks" / "mine.py").write_text(source, encoding="utf-8")
     assert re.search(why, _told(mine, "stock.kind=mine"))
 
 
-def test_a_pattern_without_lines_is_told_before_any_work(mine: Path) -> None:
+def test_a_pattern_without_lines_is_told_before_any_work(mine):
     (mine / "patterns" / "rings.py").write_text("def line(surface, radius, scallop): ...\n", encoding="utf-8")
     assert "rings.py: cannot be loaded: AttributeError" in _told(mine, "path.pattern=rings", "stock.diameter=1")
 
@@ -157,9 +156,7 @@ def test_a_pattern_without_lines_is_told_before_any_work(mine: Path) -> None:
         ("[[[0.1, 0.5], [0.2, float('nan')]]]", "leaves the surface at s = 0.2, t = nan"),
     ],
 )
-def test_lines_that_a_pattern_may_not_draw_are_one_line(
-    lines: str, why: str, mine: Path, revolved: Callable[..., TSpline], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_lines_that_a_pattern_may_not_draw_are_one_line(lines, why, mine, monkeypatch):
     source = f"def lines(surface, radius, scallop): return {lines}\n"
     (mine / "patterns" / "rings.py").write_text(source, encoding="utf-8")
     cutter = Cutter.from_job(1, "finishing", bonecam.Job().tool("finishing"))
@@ -167,9 +164,7 @@ def test_lines_that_a_pattern_may_not_draw_are_one_line(
         pattern_curves(revolved(lambda share, azimuth: 3.0 + 0 * azimuth), "rings", cutter)
 
 
-def test_a_machine_whose_body_is_not_there_is_not_told_to_be_as_it_should_be(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_machine_whose_body_is_not_there_is_not_told_to_be_as_it_should_be(tmp_path, capsys):
     file = tmp_path / "mine.toml"
     body = '\n[[bodies]]\nname = "cradle"\nlink = "bed"\nstl = "none.stl"\n'
     file.write_text(CATALOGUES["machines"][0]()["dmu-45"].read_text(encoding="utf-8") + body, encoding="utf-8")
@@ -180,9 +175,7 @@ def test_a_machine_whose_body_is_not_there_is_not_told_to_be_as_it_should_be(
 
 
 @pytest.mark.parametrize("kind", [kind for kind in CATALOGUES if kind != "tools"])
-def test_each_catalogue_lists_shows_and_checks_what_ships(
-    kind: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_each_catalogue_lists_shows_and_checks_what_ships(kind, tmp_path, capsys):
     for name, path in CATALOGUES[kind][0]().items():
         assert main([kind, name]) == 0
         assert capsys.readouterr().out == path.read_text(encoding="utf-8")
@@ -196,14 +189,14 @@ def test_each_catalogue_lists_shows_and_checks_what_ships(
         assert capsys.readouterr().err.count("\n") == 1
 
 
-def test_a_machine_is_drawn_as_it_is_checked(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_machine_is_drawn_as_it_is_checked(tmp_path, capsys):
     file, picture = str(CATALOGUES["machines"][0]()["pocket-nc"]), tmp_path / "machine.png"
     assert main(["machines", "check", file, "--picture", str(picture)]) == 0
     assert capsys.readouterr().out.endswith(f"drawn in {picture}\n")
     assert picture.read_bytes().startswith(b"\x89PNG")
 
 
-def test_schemas_take_what_the_readers_take_and_refuse_what_they_refuse() -> None:
+def test_schemas_take_what_the_readers_take_and_refuse_what_they_refuse():
     jsonschema = pytest.importorskip("jsonschema", reason="jsonschema is not installed")
     import tomllib
 
@@ -217,9 +210,7 @@ def test_schemas_take_what_the_readers_take_and_refuse_what_they_refuse() -> Non
             jsonschema.validate(tomllib.loads(path.read_text(encoding="utf-8")), file_schema(kind))
 
 
-def test_the_slicer_module_has_every_parameter_and_takes_its_own_defaults(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
+def test_the_slicer_module_has_every_parameter_and_takes_its_own_defaults(capsys, tmp_path):
     assert slicer(["--xml"]) == 0
     root = ElementTree.fromstring(capsys.readouterr().out)
     flags = {
@@ -232,7 +223,7 @@ def test_the_slicer_module_has_every_parameter_and_takes_its_own_defaults(
     assert "none.stl: " in capsys.readouterr().err, "the job of the defaults is taken, the mesh is missing"
 
 
-def test_completion_and_schema_are_printed(capsys: pytest.CaptureFixture[str]) -> None:
+def test_completion_and_schema_are_printed(capsys):
     assert main(["completion", "bash"]) == 0
     assert "complete" in capsys.readouterr().out
     assert main(["job", "--schema"]) == 0

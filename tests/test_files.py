@@ -24,7 +24,7 @@ from bonecam.files import (
 
 
 @pytest.fixture
-def folder(tmp_path: Path) -> Path:
+def folder(tmp_path):
     """A folder with a file and a folder in it."""
     (tmp_path / "file").write_text("old")
     (tmp_path / "inner").mkdir()
@@ -61,9 +61,7 @@ def names(folder: Path) -> list[str]:
         ("./given", "named for two outputs"),
     ],
 )
-def test_a_file_that_cannot_be_written_is_refused_before_the_work(
-    name: str, reason: str, folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_file_that_cannot_be_written_is_refused_before_the_work(name, reason, folder, monkeypatch):
     monkeypatch.chdir(folder)
     with pytest.raises(FileError, match=f"(?i){reason}") as caught:
         check_files(["given", name], ["file"])
@@ -72,9 +70,7 @@ def test_a_file_that_cannot_be_written_is_refused_before_the_work(
 
 
 @pytest.mark.parametrize("name", ["file", "file/kept", "file/a/b", "/proc/kept", "x" * 300])
-def test_a_folder_that_cannot_be_made_is_refused_before_the_work(
-    name: str, folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_folder_that_cannot_be_made_is_refused_before_the_work(name, folder, monkeypatch):
     monkeypatch.chdir(folder)
     with pytest.raises(FileError, match=name):
         check_folder(name)
@@ -83,7 +79,7 @@ def test_a_folder_that_cannot_be_made_is_refused_before_the_work(
     assert names(folder) == ["file", "inner"]
 
 
-def test_a_pipe_behind_the_name_of_a_stream_is_refused_as_what_it_is() -> None:
+def test_a_pipe_behind_the_name_of_a_stream_is_refused_as_what_it_is():
     reading, writing = os.pipe()
     try:
         with pytest.raises(FileError, match="is no regular file"):
@@ -93,13 +89,13 @@ def test_a_pipe_behind_the_name_of_a_stream_is_refused_as_what_it_is() -> None:
         os.close(writing)
 
 
-def test_a_file_that_is_write_protected_is_not_replaced(folder: Path) -> None:
+def test_a_file_that_is_write_protected_is_not_replaced(folder):
     (folder / "file").chmod(0o444)
     with pytest.raises(FileError, match=r"file: is write-protected: .*chmod u\+w"):
         check_files([folder / "file"])
 
 
-def test_a_disk_that_is_full_leaves_what_was_there(folder: Path) -> None:
+def test_a_disk_that_is_full_leaves_what_was_there(folder):
     with full_disk(), pytest.raises(FileError, match="make room") as caught:
         write_whole(folder / "file", "x" * 1000)
     assert str(folder / "file") in str(caught.value)
@@ -109,15 +105,15 @@ def test_a_disk_that_is_full_leaves_what_was_there(folder: Path) -> None:
     assert (folder / "file").read_text() == "old"
 
 
-def test_a_link_is_followed_and_stays_a_link(folder: Path) -> None:
+def test_a_link_is_followed_and_stays_a_link(folder):
     (folder / "link").symlink_to("file")
     write_whole(folder / "link", "new")
     assert (folder / "file").read_text() == "new"
     assert (folder / "link").is_symlink()
 
 
-def test_what_fails_or_is_stopped_in_between_leaves_nothing(folder: Path) -> None:
-    def stopped(half: Path) -> None:
+def test_what_fails_or_is_stopped_in_between_leaves_nothing(folder):
+    def stopped(half):
         half.write_text("half")
         raise KeyboardInterrupt
 
@@ -130,8 +126,8 @@ def test_what_fails_or_is_stopped_in_between_leaves_nothing(folder: Path) -> Non
     assert names(folder) == ["file", "inner"]
 
 
-def test_a_folder_in_the_place_of_a_file_is_told_before_any_file_is_moved(folder: Path) -> None:
-    def two_files() -> None:
+def test_a_folder_in_the_place_of_a_file_is_told_before_any_file_is_moved(folder):
+    def two_files():
         with whole_folder(folder) as work:
             (work / "file").write_text("new")
             (work / "inner").write_text("new")
@@ -142,7 +138,7 @@ def test_a_folder_in_the_place_of_a_file_is_told_before_any_file_is_moved(folder
     assert names(folder) == ["file", "inner"]
 
 
-def test_only_regular_files_of_a_bounded_size_are_opened(folder: Path) -> None:
+def test_only_regular_files_of_a_bounded_size_are_opened(folder):
     os.mkfifo(folder / "pipe")
     with open(folder / "large", "wb") as file:
         file.truncate(LARGEST_INPUT + 1)
@@ -155,7 +151,7 @@ def test_only_regular_files_of_a_bounded_size_are_opened(folder: Path) -> None:
     assert input_text(folder / "text") == "one\ntwo\nthree\n"
 
 
-def test_a_file_that_is_a_mount_point_is_refused_before_the_work(folder: Path) -> None:
+def test_a_file_that_is_a_mount_point_is_refused_before_the_work(folder):
     (folder / "given.h").write_text("given")
     (folder / "program.h").touch()
     check_files([folder / "program.h"])

@@ -1,27 +1,23 @@
 """One surface machined alone: open and closed ones are covered, posted, and gouge neither part nor obstacle."""
 
 import base64
-from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
+from small_parts import pebble
 
 import bonecam
 from bonecam.errors import BendingError, FileError, MachineError, MeshError, SurfaceError, UnitsError
-from bonecam.machine.machine import read_machine
+from bonecam.machine import read_machine
 from bonecam.mesh import MeshDistance, write_mesh
 from bonecam.mesh.solids import revolve
 from bonecam.mesh.triangle_mesh import keep_faces
 from bonecam.nc.requirements import job_dialect
 from bonecam.report import read_apt
 from bonecam.report.page.contents import unpack
-from bonecam.surface import skin
-from bonecam.surface.blades import blade_solid
-from bonecam.surface.files.tspline_text import write_tsm
-from bonecam.surface.tspline import TSpline
-from bonecam.tool.path import MoveKind
+from bonecam.surface import TSpline, blade_solid, skin, write_tsm
+from bonecam.tool import MoveKind
 from bonecam.verify.proof import prove_surface_removal
 
 pytestmark = pytest.mark.whole
@@ -75,14 +71,14 @@ def blunt_blade() -> TSpline:
 
 
 @pytest.fixture(scope="module")
-def finished(tmp_path_factory: pytest.TempPathFactory) -> tuple[bonecam.Finished, Path]:
+def finished(tmp_path_factory):
     folder = tmp_path_factory.mktemp("finished")
     files = {"program": folder / "panel.h", "keep": folder / "keep", "report": folder / "panel.json"}
     files |= {"html": folder / "panel.html", "apt": folder / "panel.cls"}
     return bonecam.finish(panel(), block(), job=JOB, **files), folder
 
 
-def test_an_open_surface_is_cut_whole_from_edge_to_edge(finished: tuple[bonecam.Finished, Path]) -> None:
+def test_an_open_surface_is_cut_whole_from_edge_to_edge(finished):
     made, _ = finished
     assert made.report["surface"]["kind"] == "open"
     assert not len(made.path.uncut)
@@ -94,7 +90,7 @@ def test_an_open_surface_is_cut_whole_from_edge_to_edge(finished: tuple[bonecam.
         assert found.parameters[:, direction].max() == pytest.approx(1, abs=1e-6)
 
 
-def test_the_text_gouges_nothing_and_its_files_are_there(finished: tuple[bonecam.Finished, Path]) -> None:
+def test_the_text_gouges_nothing_and_its_files_are_there(finished):
     made, folder = finished
     assert made.report["nc"]["gouge_max_mm"] <= JOB.path.gouge_tolerance
     assert "GOUGE" in (folder / "panel.h").read_text()
@@ -110,9 +106,7 @@ def test_the_text_gouges_nothing_and_its_files_are_there(finished: tuple[bonecam
     assert [layer["level"] for layer in shown.facts["program"]["layers"]] == [made.path.level]
 
 
-def test_force_and_bending_are_told_of_what_the_text_removes_and_a_wire_is_refused(
-    finished: tuple[bonecam.Finished, Path],
-) -> None:
+def test_force_and_bending_are_told_of_what_the_text_removes_and_a_wire_is_refused(finished):
     made, folder = finished
     told = made.report["mechanics"]
     assert 0 < told["error_kept_um"]["p95"] < 20
@@ -129,7 +123,7 @@ def test_force_and_bending_are_told_of_what_the_text_removes_and_a_wire_is_refus
         prove_surface_removal(made.program.text, machine, dialect, *bodies)
 
 
-def test_a_mesh_patch_is_cut_as_the_surface_through_it(tmp_path: Path) -> None:
+def test_a_mesh_patch_is_cut_as_the_surface_through_it(tmp_path):
     write_mesh(keep_faces(block(), slice(0, 2 * 48**2)), tmp_path / "top.stl")
     made = bonecam.finish(tmp_path / "top.stl", block(), job=JOB)
     assert made.report["surface"]["kind"] == "open"
@@ -139,7 +133,7 @@ def test_a_mesh_patch_is_cut_as_the_surface_through_it(tmp_path: Path) -> None:
     assert np.ptp(contacts[:, :2], axis=0) == pytest.approx([2 * SIZE, 2 * SIZE], abs=0.05)
 
 
-def test_an_obstacle_over_the_surface_is_kept_clear_of_by_ball_and_shank() -> None:
+def test_an_obstacle_over_the_surface_is_kept_clear_of_by_ball_and_shank():
     wall = revolve(np.full(2, 2.0), np.array([2.0, 40.0]), (2.0, 40.0), 32)
     made = bonecam.finish(panel(), block(), [wall], JOB)
     cuts = made.path.kinds == MoveKind.CUT
@@ -151,7 +145,7 @@ def test_an_obstacle_over_the_surface_is_kept_clear_of_by_ball_and_shank() -> No
         assert distance.signed(points).min() > radius - JOB.path.gouge_tolerance
 
 
-def test_a_closed_surface_needs_no_part_and_finds_its_post() -> None:
+def test_a_closed_surface_needs_no_part_and_finds_its_post():
     angle = np.linspace(0, 2 * np.pi, 24, endpoint=False)
     rows = [np.column_stack([6 * np.cos(angle), 3 * np.sin(angle), np.full(24, z)]) for z in np.linspace(0, 12, 5)]
     job = replace(JOB, holding=replace(JOB.holding, length=0.0, diameter=4.0))
@@ -161,7 +155,7 @@ def test_a_closed_surface_needs_no_part_and_finds_its_post() -> None:
     assert made.report["nc"]["gouge_max_mm"] <= JOB.path.gouge_tolerance
 
 
-def test_links_keep_out_of_a_blade_that_ends_at_a_blunt_edge() -> None:
+def test_links_keep_out_of_a_blade_that_ends_at_a_blunt_edge():
     blade = blunt_blade()
     hub = revolve(np.full(2, 12.0), np.array([-4.0, 0.5]), (-4.0, 0.5), 48)
     job = JOB.with_values(path={"orientation": "cones"}, warnings={"refuse": False})
@@ -174,13 +168,13 @@ def test_links_keep_out_of_a_blade_that_ends_at_a_blunt_edge() -> None:
     assert made.removal.rapid_volume == 0.0
 
 
-def test_a_surface_off_its_part_is_refused() -> None:
+def test_a_surface_off_its_part_is_refused():
     beside = moved_block(4 * SIZE)
     with pytest.raises(SurfaceError, match=r"lies \d+\.\d to \d+\.\d mm off .*give the solid that it bounds"):
         bonecam.finish(panel(), beside, job=JOB)
 
 
-def test_surfaces_that_cannot_be_machined_alone_are_refused(tmp_path: Path) -> None:
+def test_surfaces_that_cannot_be_machined_alone_are_refused(tmp_path):
     with pytest.raises(SurfaceError, match="give the part"):
         bonecam.finish(panel(), job=JOB)
     write_mesh(block(), tmp_path / "block.stl")
@@ -200,7 +194,7 @@ def test_surfaces_that_cannot_be_machined_alone_are_refused(tmp_path: Path) -> N
         bonecam.finish(panel(), inward, job=JOB)
 
 
-def test_closed_surfaces_that_bound_no_solid_are_refused(pebble: Callable[..., TSpline]) -> None:
+def test_closed_surfaces_that_bound_no_solid_are_refused():
     surface = pebble()
     points = surface.control_points
     with pytest.raises(SurfaceError, match="the surface: encloses no volume"):
@@ -214,9 +208,7 @@ def test_closed_surfaces_that_bound_no_solid_are_refused(pebble: Callable[..., T
         bonecam.finish(surface.with_control_points(crossed), job=JOB)
 
 
-def test_surfaces_far_larger_than_a_part_are_refused_before_they_are_tessellated(
-    pebble: Callable[..., TSpline], tmp_path: Path
-) -> None:
+def test_surfaces_far_larger_than_a_part_are_refused_before_they_are_tessellated(tmp_path):
     huge = pebble().with_control_points(1e4 * pebble().control_points)
     write_tsm(huge, tmp_path / "huge.tspline")
     for given, name in ((huge, "the surface"), (tmp_path / "huge.tspline", r"huge\.tspline")):
@@ -224,7 +216,7 @@ def test_surfaces_far_larger_than_a_part_are_refused_before_they_are_tessellated
             bonecam.finish(given, job=JOB)
 
 
-def test_refusals_of_path_and_program_name_the_surface(tmp_path: Path) -> None:
+def test_refusals_of_path_and_program_name_the_surface(tmp_path):
     file = tmp_path / "far.xyz"
     steps = (-9, -3, 3, 9)
     file.write_text("\n\n".join("\n".join(f"{9000 + x} {y} 8" for x in steps) for y in steps), encoding="utf-8")
@@ -232,7 +224,7 @@ def test_refusals_of_path_and_program_name_the_surface(tmp_path: Path) -> None:
         bonecam.finish(file, moved_block(9000.0), job=JOB)
 
 
-def test_a_surface_that_faces_into_its_part_is_refused_before_it_is_planned() -> None:
+def test_a_surface_that_faces_into_its_part_is_refused_before_it_is_planned():
     mirrored = panel().with_control_points(panel().control_points * [-1, 1, 1])
     with pytest.raises(SurfaceError, match=r"the surface: 100% of it lies in the solids .*: reverse every row"):
         bonecam.finish(mirrored, block(), job=JOB)

@@ -95,7 +95,7 @@ def imported(stage: str) -> list[tuple[Path, str]]:
 
 
 @pytest.mark.parametrize("stage", STAGES)
-def test_imports_follow_the_flow(stage: str) -> None:
+def test_imports_follow_the_flow(stage):
     rank = ORDER.index(stage)
     for path, name in imported(stage):
         parts = name.split(".")
@@ -104,7 +104,7 @@ def test_imports_follow_the_flow(stage: str) -> None:
 
 
 @pytest.mark.parametrize("stage", ROOMS)
-def test_imports_inside_a_stage_follow_the_order_of_its_rooms(stage: str) -> None:
+def test_imports_inside_a_stage_follow_the_order_of_its_rooms(stage):
     rooms = ROOMS[stage]
     for path in (ROOT / stage).rglob("*.py"):
         room = path.relative_to(ROOT / stage).parts[0].removesuffix(".py")
@@ -117,7 +117,7 @@ def test_imports_inside_a_stage_follow_the_order_of_its_rooms(stage: str) -> Non
 
 
 @pytest.mark.parametrize("stage", STAGES)
-def test_libraries_come_in_by_one_door(stage: str) -> None:
+def test_libraries_come_in_by_one_door(stage):
     for path, name in imported(stage):
         place = str(path.relative_to(ROOT))
         doors = DOORS.get(name.split(".")[0])
@@ -151,7 +151,7 @@ def runtime_imports(path: Path) -> set[str]:
     return found & NAMES.keys()
 
 
-def test_no_import_goes_in_a_circle() -> None:
+def test_no_import_goes_in_a_circle():
     left = {name: runtime_imports(path) for name, path in NAMES.items()}
     while free := [name for name, needed in left.items() if not needed & left.keys()]:
         for name in free:
@@ -162,7 +162,7 @@ def test_no_import_goes_in_a_circle() -> None:
 TESTS = sorted((ROOT.parent / "tests").rglob("*.py"))
 
 
-def test_no_test_imports_another_test_module() -> None:
+def test_no_test_imports_another_test_module():
     modules = {path.stem for path in TESTS if path.parent.name not in ("figures", "checking")} - {"conftest"}
     for path in TESTS:
         taken = {name.split(".")[0] for name in imports_of(path)}

@@ -1,15 +1,12 @@
 """The whole chain on a mill of four axes: of a part that lies in its rotary axis only the two ends stay."""
 
-from pathlib import Path
-
 import bonecam_meshes
 import numpy as np
 import pytest
 
 import bonecam
 from bonecam.job import Job
-from bonecam.mesh import read_mesh, write_mesh
-from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.mesh import TriangleMesh, read_mesh, write_mesh
 
 SCALLOP = 0.04
 JOB = Job().with_values(
@@ -28,7 +25,7 @@ POST_END = 4.0
 
 
 @pytest.mark.whole
-def test_only_the_ends_of_half_a_phalanx_stay_on_four_axes_with_their_areas(tmp_path: Path) -> None:
+def test_only_the_ends_of_half_a_phalanx_stay_on_four_axes_with_their_areas(tmp_path):
     mesh = read_mesh(bonecam_meshes.path("phalanx"))
     write_mesh(TriangleMesh(mesh.vertices / 2, mesh.faces), tmp_path / "half.ply")
     result = bonecam.convert(tmp_path / "half.ply", JOB, program=tmp_path / "half.nc", mechanics=False)

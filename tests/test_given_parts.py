@@ -1,20 +1,19 @@
 """Parts that come as a surface or from a CAD system, as far as the T-spline in the program's frame."""
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
+from small_parts import pebble
 
 import bonecam
 from bonecam.errors import FileError, JobError, MeshError, SurfaceError
-from bonecam.filters.meshset import MeshSet
+from bonecam.filters import MeshSet
 from bonecam.job import Job
-from bonecam.setup.placement import place
+from bonecam.setup import place
+from bonecam.surface import TSpline, save_surface
 from bonecam.surface.files.surface_input import read_part
-from bonecam.surface.files.tspline_text import save_surface
 from bonecam.surface.part_surface import fit_surface
-from bonecam.surface.tspline import TSpline
 
 JOB = Job()
 
@@ -35,9 +34,7 @@ def rows_of(surface: TSpline, turn: np.ndarray, path: Path) -> Path:
     [np.eye(3), np.diag([1.0, -1.0, -1.0]), np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]])],
     ids=["as is", "upside down", "lying"],
 )
-def test_rows_are_skinned_and_stand_where_their_mesh_stands(
-    pebble: Callable[..., TSpline], turn: np.ndarray, tmp_path: Path
-) -> None:
+def test_rows_are_skinned_and_stand_where_their_mesh_stands(turn, tmp_path):
     body = pebble()
     part, given = read_part(rows_of(body, turn, tmp_path / "rows.xyz"), JOB)
     setup = place(part, JOB)
@@ -49,7 +46,7 @@ def test_rows_are_skinned_and_stand_where_their_mesh_stands(
     assert abs(setup.stock.signed_distance(fitted.surface.control_points)).min() > 0
 
 
-def test_a_saved_surface_is_a_part_again(pebble: Callable[..., TSpline], tmp_path: Path) -> None:
+def test_a_saved_surface_is_a_part_again(tmp_path):
     body = pebble()
     save_surface(body, tmp_path / "body.tspline")
     part, given = read_part(tmp_path / "body.tspline", JOB)
@@ -59,7 +56,7 @@ def test_a_saved_surface_is_a_part_again(pebble: Callable[..., TSpline], tmp_pat
 
 
 @pytest.mark.parametrize("name", ["body.step", "body.igs"])
-def test_a_cad_part_is_fitted_like_a_mesh(pebble: Callable[..., TSpline], name: str, tmp_path: Path) -> None:
+def test_a_cad_part_is_fitted_like_a_mesh(name, tmp_path):
     pytest.importorskip("OCP", reason="OpenCASCADE's wheel is not installed: pip install 'bonecam[cad]'")
     body = pebble()
     save_surface(body, tmp_path / name)
@@ -69,7 +66,7 @@ def test_a_cad_part_is_fitted_like_a_mesh(pebble: Callable[..., TSpline], name: 
     assert part.mesh.volume == pytest.approx(body.volume, rel=5e-3)
 
 
-def test_rows_that_make_no_part_are_refused(pebble: Callable[..., TSpline], tmp_path: Path) -> None:
+def test_rows_that_make_no_part_are_refused(tmp_path):
     file = rows_of(pebble(), np.eye(3), tmp_path / "rows.xyz")
     blocks = file.read_text().split("\n\n")
     (tmp_path / "open.xyz").write_text("\n\n".join(blocks[1:-1]))
@@ -83,9 +80,7 @@ def test_rows_that_make_no_part_are_refused(pebble: Callable[..., TSpline], tmp_
 
 
 @pytest.mark.parametrize(("field", "value"), [("mirror", "x"), ("scale", 1.25)])
-def test_a_surface_is_not_mirrored_or_scaled_in_silence(
-    pebble: Callable[..., TSpline], tmp_path: Path, field: str, value: object
-) -> None:
+def test_a_surface_is_not_mirrored_or_scaled_in_silence(tmp_path, field, value):
     file = rows_of(pebble(), np.eye(3), tmp_path / "rows.xyz")
     job = JOB.with_values(mesh={field: value})
     for machine in (read_part, bonecam.finish):
@@ -94,7 +89,7 @@ def test_a_surface_is_not_mirrored_or_scaled_in_silence(
 
 
 @pytest.mark.parametrize("name", ["body.step", "body.iges", "body.tspline"])
-def test_the_save_filter_writes_what_the_ending_says(pebble: Callable[..., TSpline], name: str, tmp_path: Path) -> None:
+def test_the_save_filter_writes_what_the_ending_says(name, tmp_path):
     if name != "body.tspline":
         pytest.importorskip("OCP", reason="OpenCASCADE's wheel is not installed: pip install 'bonecam[cad]'")
     body, meshes = pebble(), MeshSet(folder=tmp_path)

@@ -17,7 +17,7 @@ from bonecam.job.materials.preset import read_material
 from bonecam.job.parameter import record
 
 
-def test_a_written_job_reads_back_equal(tmp_path: Path) -> None:
+def test_a_written_job_reads_back_equal(tmp_path):
     job = Job().with_values(stock={"diameter": 15.0}, nc={"coolant": False, "controller": "linuxcnc"})
     file = tmp_path / "job.toml"
     file.write_text(write_job(job), encoding="utf-8")
@@ -35,9 +35,7 @@ TEXT = st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0")
     control_points=st.integers(40, 20000),
     coolant=st.booleans(),
 )
-def test_any_value_of_a_written_job_reads_back_equal(
-    tmp_path: Path, mesh: str, diameter: float, control_points: int, coolant: bool
-) -> None:
+def test_any_value_of_a_written_job_reads_back_equal(tmp_path, mesh, diameter, control_points, coolant):
     job = Job().with_values(
         stock={"mesh": mesh, "diameter": diameter},
         surface={"max_control_points": control_points},
@@ -48,14 +46,14 @@ def test_any_value_of_a_written_job_reads_back_equal(
     assert read_job(file) == from_anywhere(job)
 
 
-def test_a_name_of_a_file_that_is_no_unicode_is_refused() -> None:
+def test_a_name_of_a_file_that_is_no_unicode_is_refused():
     with pytest.raises(JobError, match=r"\[stock\] mesh = '.*udcff.stl': rename the file"):
         write_job(Job().with_values(stock={"mesh": "\udcff.stl"}))
     with pytest.raises(JobError, match=r"\[stock\] mesh = 'a\\x00b': leave the zero character out"):
         Job().with_values(stock={"mesh": "a\0b"})
 
 
-def test_all_faults_of_a_job_file_are_told_with_their_lines(tmp_path: Path) -> None:
+def test_all_faults_of_a_job_file_are_told_with_their_lines(tmp_path):
     file = tmp_path / "job.toml"
     file.write_text(
         "colour = 1\n[stock]\ndiameter = -1\nbreadth = 2\n\n[nc]\ncoolant = 1\n[nocs]\nx = 1\n"
@@ -71,7 +69,7 @@ def test_all_faults_of_a_job_file_are_told_with_their_lines(tmp_path: Path) -> N
     assert len(caught.value.evidence["faults"]) == 7
 
 
-def test_a_section_may_be_given_as_a_table_to_a_job() -> None:
+def test_a_section_may_be_given_as_a_table_to_a_job():
     made = Job(stock={"diameter": 15.0}, finishing={"feed": 800})  # type: ignore[arg-type]
     assert made == Job().with_values(stock={"diameter": 15.0}, finishing={"feed": 800})
     for wrong in ({"diameter": -1.0}, {"breadth": 1.0}, 15.0, Job().nc, None):
@@ -93,16 +91,14 @@ def test_a_section_may_be_given_as_a_table_to_a_job() -> None:
         ),
     ],
 )
-def test_what_is_wrong_in_a_job_is_told_at_once_with_the_word_that_was_meant(
-    wrong: dict[str, dict[str, object]], told: str
-) -> None:
+def test_what_is_wrong_in_a_job_is_told_at_once_with_the_word_that_was_meant(wrong, told):
     for make in (Job, Job().with_values):
         with pytest.raises(JobError, match=told):
             make(**wrong)  # type: ignore[arg-type]
     assert next(iter(signature(Job).parameters)) == "mesh"
 
 
-def test_a_job_file_that_is_no_sane_text_is_refused(tmp_path: Path) -> None:
+def test_a_job_file_that_is_no_sane_text_is_refused(tmp_path):
     file = tmp_path / "job.toml"
     for text in ("a = " + "[\n" * 10_000, "[stock]\nlength = " + "9" * 30, "a = '" + "x" * 20_000, "\n" * 200_000):
         file.write_text(text)
@@ -111,7 +107,7 @@ def test_a_job_file_that_is_no_sane_text_is_refused(tmp_path: Path) -> None:
         assert len(str(caught.value)) < 300
 
 
-def test_every_parameter_states_label_tooltip_and_a_default_within_its_range() -> None:
+def test_every_parameter_states_label_tooltip_and_a_default_within_its_range():
     for section in fields(Job):
         for item in fields(getattr(Job(), section.name)):
             known = record(item)
@@ -140,7 +136,7 @@ def test_every_parameter_states_label_tooltip_and_a_default_within_its_range() -
         ('[levels]\ndepths = "0.1 x"', r"\[levels\] depths"),
     ],
 )
-def test_a_wrong_job_file_is_refused_with_its_name_and_place(tmp_path: Path, text: str, named: str) -> None:
+def test_a_wrong_job_file_is_refused_with_its_name_and_place(tmp_path, text, named):
     file = tmp_path / "job.toml"
     file.write_text(text, encoding="utf-8")
     with pytest.raises(JobError, match=named) as caught:
@@ -152,26 +148,26 @@ def test_a_wrong_job_file_is_refused_with_its_name_and_place(tmp_path: Path, tex
     ("given", "cuts"),
     [([0.1, 0.3], ((0.1,), 0.3)), ((np.float64(0.2), 1), ((0.2,), 1.0)), (0.3, ((), 0.3)), ("0.1, 0.3", ((0.1,), 0.3))],
 )
-def test_depths_are_a_text_or_numbers(given: object, cuts: object) -> None:
+def test_depths_are_a_text_or_numbers(given, cuts):
     job = Job().with_values(levels={"depths": given})
     assert job.levels.cuts == cuts
     assert isinstance(job.levels.depths, str)
 
 
-def test_what_a_finishing_cut_takes_off_may_be_rougher_than_the_part() -> None:
+def test_what_a_finishing_cut_takes_off_may_be_rougher_than_the_part():
     job = Job().with_values(levels={"depths": "0.1, 0.1, 0.5"}, finishing={"scallop": 0.01}, roughing={"scallop": 0.05})
     assert [job.scallop(level) for level in range(4)] == pytest.approx([0.01, 0.02, 0.02, 0.05])
     smooth = job.with_values(finishing={"scallop": 0.04}, roughing={"scallop": 0.02})
     assert [smooth.scallop(level) for level in range(4)] == pytest.approx([0.04, 0.04, 0.02, 0.02])
 
 
-def test_a_roughing_level_leaves_scallops_that_fit_the_cut_that_takes_them() -> None:
+def test_a_roughing_level_leaves_scallops_that_fit_the_cut_that_takes_them():
     job = Job(levels={"depths": "0.1 0.25 1", "scallop_share": 0.2}, roughing={"scallop": 0.04})
     assert [job.scallop(level) for level in range(5)] == pytest.approx([0.01, 0.02, 0.05, 0.2, 0.2])
     assert Job(levels={"depths": "0.1 0.25 1"}).scallop(3) == 0.05
 
 
-def test_depths_to_be_found_count_as_the_numbers_until_they_are() -> None:
+def test_depths_to_be_found_count_as_the_numbers_until_they_are():
     job = Job(levels={"depths": "found", "roughing_depth": 0.4})
     assert job.levels.found
     assert job.levels.cuts == ((0.1,) * 4, 0.4)
@@ -182,18 +178,18 @@ def test_depths_to_be_found_count_as_the_numbers_until_they_are() -> None:
         Job(levels={"depths": "found", "finishing_levels": 3})
 
 
-def test_cuts_that_follow_no_level_are_no_deeper_than_the_roughing_depth() -> None:
+def test_cuts_that_follow_no_level_are_no_deeper_than_the_roughing_depth():
     deep, shallow = Job(levels={"depths": "0.1 1"}), Job(levels={"depths": "0.1 0.3"})
     assert (deep.levels.layer_depth, shallow.levels.layer_depth) == (0.5, 0.3)
 
 
-def test_depths_that_are_no_numbers_are_refused_with_an_example() -> None:
+def test_depths_that_are_no_numbers_are_refused_with_an_example():
     for depths in ([0.1, "x"], [[0.1]], True):
         with pytest.raises(JobError, match=r"\[levels\] depths = .*: give numbers like '0\.1 0\.1 0\.5'"):
             Job().with_values(levels={"depths": depths})
 
 
-def test_numbers_of_numpy_and_paths_are_taken_for_python_s() -> None:
+def test_numbers_of_numpy_and_paths_are_taken_for_python_s():
     job = Job().with_values(
         stock={"diameter": np.float64(15), "length": np.int64(37), "mesh": Path("a.stl")},
         nc={"coolant": np.bool_(False)},
@@ -203,24 +199,22 @@ def test_numbers_of_numpy_and_paths_are_taken_for_python_s() -> None:
     assert write_job(job).count("diameter = 15.0") == 1
 
 
-def test_a_section_that_is_no_table_is_refused() -> None:
+def test_a_section_that_is_no_table_is_refused():
     with pytest.raises(JobError, match=r"\[stock\] = 15: give its values by name"):
         Job().with_values(stock=15)  # type: ignore[arg-type]
 
 
-def test_a_byte_order_mark_before_the_job_is_no_matter(tmp_path: Path) -> None:
+def test_a_byte_order_mark_before_the_job_is_no_matter(tmp_path):
     (tmp_path / "job.toml").write_bytes(b"\xef\xbb\xbf[stock]\ndiameter = 15\n")
     assert read_job(tmp_path / "job.toml").stock.diameter == 15.0
 
 
-def test_a_missing_job_file_is_refused(tmp_path: Path) -> None:
+def test_a_missing_job_file_is_refused(tmp_path):
     with pytest.raises(JobError, match=r"none\.toml"):
         read_job(tmp_path / "none.toml")
 
 
-def test_the_paper_s_figures_are_a_job_of_that_name_and_user_s_jobs_have_names_too(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_paper_s_figures_are_a_job_of_that_name_and_user_s_jobs_have_names_too(tmp_path, monkeypatch):
     job = read_job("paper")
     depths = job.levels.finishing_depth, job.levels.finishing_levels, job.levels.roughing_depth
     cutters = [(tool.radius, tool.scallop) for tool in (job.roughing, job.finishing)]
@@ -235,7 +229,7 @@ def test_the_paper_s_figures_are_a_job_of_that_name_and_user_s_jobs_have_names_t
         read_job("papr")
 
 
-def test_errors_survive_the_way_between_processes() -> None:
+def test_errors_survive_the_way_between_processes():
     error = pickle.loads(pickle.dumps(LevelError("level 3 folds", level=3)))
     assert (type(error), str(error), error.evidence) == (LevelError, "level 3 folds", {"level": 3})
 
@@ -253,7 +247,7 @@ def refusal(section: str, name: str, value: object) -> str:
 
 
 @pytest.mark.parametrize("section", [item.name for item in fields(Job)])
-def test_every_parameter_takes_or_refuses_a_hostile_value_in_one_line(section: str) -> None:
+def test_every_parameter_takes_or_refuses_a_hostile_value_in_one_line(section):
     for item in fields(getattr(Job(), section)):
         told = [refusal(section, item.name, value) for value in HOSTILE]
         assert all(not text or text.startswith(f"[{section}] ") for text in told), told
@@ -268,14 +262,12 @@ def test_every_parameter_takes_or_refuses_a_hostile_value_in_one_line(section: s
         ({"certify": "fcl", "orientation": "lead"}, "certify = 'fcl': orientation = 'lead' makes no cones"),
     ],
 )
-def test_what_a_strategy_does_not_heed_is_refused(path: dict[str, object], told: str) -> None:
+def test_what_a_strategy_does_not_heed_is_refused(path, told):
     with pytest.raises(JobError, match=rf"\[path\] {told}"):
         Job().with_values(path=path)
 
 
-def test_paths_of_a_job_file_count_from_it_and_names_stay_names(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_paths_of_a_job_file_count_from_it_and_names_stay_names(tmp_path, monkeypatch):
     (tmp_path / "jobs").mkdir()
     file = tmp_path / "jobs" / "a.toml"
     file.write_text(
@@ -296,7 +288,7 @@ def test_paths_of_a_job_file_count_from_it_and_names_stay_names(
     }
 
 
-def test_every_parameter_that_speaks_of_a_file_is_a_path() -> None:
+def test_every_parameter_that_speaks_of_a_file_is_a_path():
     speaking = {
         (section.name, item.name)
         for section in fields(Job)
@@ -306,7 +298,7 @@ def test_every_parameter_that_speaks_of_a_file_is_a_path() -> None:
     assert speaking == set(PATHS)
 
 
-def test_the_deepest_roughing_cut_needs_no_finishing_levels() -> None:
+def test_the_deepest_roughing_cut_needs_no_finishing_levels():
     job = Job().with_values(levels={"finishing_levels": 0, "roughing_depth": 0.7})
     assert job.deepest("roughing") == 0.7
 
@@ -314,7 +306,7 @@ def test_the_deepest_roughing_cut_needs_no_finishing_levels() -> None:
 @pytest.mark.parametrize(
     "levels", [{"depths": "0.5 1"}, {"schedule": "fewest"}, {"finishing_levels": 0, "roughing_depth": 0.5}]
 )
-def test_the_feed_of_the_finishing_cutter_is_for_the_cut_that_it_takes_onto_the_part(levels: dict) -> None:
+def test_the_feed_of_the_finishing_cutter_is_for_the_cut_that_it_takes_onto_the_part(levels):
     """However deep that is: the finishing depth tells which of the cuts outside it are its too."""
     job, by_depth = Job(levels=levels), Job(levels={"finishing_depth": 0.5})
     assert job.deepest("finishing") == 0.5
@@ -322,7 +314,7 @@ def test_the_feed_of_the_finishing_cutter_is_for_the_cut_that_it_takes_onto_the_
     assert Job(levels={"depths": "0.05 1"}).deepest("finishing") == 0.1
 
 
-def test_each_level_has_the_feed_that_its_own_chip_bears() -> None:
+def test_each_level_has_the_feed_that_its_own_chip_bears():
     job = Job().with_values(levels={"depths": "0.1 0.3 1"})
     deep, shallow, part = (
         job.tool(name, level).feed for name, level in (("roughing", 2), ("roughing", 1), ("finishing", 0))
@@ -346,16 +338,14 @@ def test_each_level_has_the_feed_that_its_own_chip_bears() -> None:
         (math.inf, 0.08, "the widest, since no facets came"),
     ],
 )
-def test_a_tolerance_that_is_not_stated_is_twice_the_sagitta_of_the_facets_within_bounds(
-    sagitta: float, tolerance: float, why: str
-) -> None:
+def test_a_tolerance_that_is_not_stated_is_twice_the_sagitta_of_the_facets_within_bounds(sagitta, tolerance, why):
     found = Job().surface
     assert found.tolerance_for(sagitta) == tolerance
     assert found.tolerance_why(sagitta, tolerance) == why
     assert tolerance == 0.08 or sagitta <= tolerance / 2, "facets are not coarse beside it"
 
 
-def test_a_tolerance_that_is_stated_is_kept() -> None:
+def test_a_tolerance_that_is_stated_is_kept():
     stated = Job().with_values(surface={"tolerance": 0.05}).surface
     assert {stated.tolerance_for(sagitta) for sagitta in (0.001, 0.02, 1.0, math.inf)} == {0.05}
     assert stated.tolerance_why(0.02, 0.05) == "as the job states"

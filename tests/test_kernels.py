@@ -40,7 +40,7 @@ INNER = {
 
 
 @pytest.mark.parametrize("folder", ["bonecam", "plugins", "meshes", "docs", "tests"])
-def test_no_module_beside_the_kernels_imports_one_without_an_entry(folder: str) -> None:
+def test_no_module_beside_the_kernels_imports_one_without_an_entry(folder):
     beside = {name: tree for name, tree in modules(ROOT / folder).items() if not name.startswith("bonecam.kernels")}
     assert len(INNER) > 50
     assert beside
@@ -48,7 +48,7 @@ def test_no_module_beside_the_kernels_imports_one_without_an_entry(folder: str) 
 
 
 @pytest.mark.parametrize("module", sorted(modules(KERNELS)))
-def test_what_is_not_compiled_among_the_kernels_names_none_without_an_entry(module: str) -> None:
+def test_what_is_not_compiled_among_the_kernels_names_none_without_an_entry(module):
     tree = modules(KERNELS)[module]
     known = {name for source, name in INNER if source == module} | {name for _, name in imports(tree) & INNER}
     plain = [node for node in tree.body if not decorators(node) & {"njit", "inner_njit"}]
@@ -61,7 +61,7 @@ SMALL = "from bonecam.kernels.small import twice; print(twice(21), sum(twice.sta
 
 
 @pytest.fixture
-def package(tmp_path: Path) -> Path:
+def package(tmp_path):
     """A copy of the package with a kernel that doubles a number."""
     ignored = shutil.ignore_patterns("__pycache__")
     shutil.copytree(ROOT / "bonecam", tmp_path / "bonecam", ignore=ignored)
@@ -83,7 +83,7 @@ def told(run: subprocess.Popen[str]) -> str:
     return run.communicate(timeout=120)[0].strip()
 
 
-def test_two_first_runs_at_once_have_the_kernel_that_one_has(package: Path) -> None:
+def test_two_first_runs_at_once_have_the_kernel_that_one_has(package):
     answers = [told(run) for run in [start(package) for _ in range(3)]]
     assert set(answers) <= {"42 0", "42 1"}, "one that comes later may find what another has just kept"
     assert told(start(package)) == "42 1"
@@ -91,7 +91,7 @@ def test_two_first_runs_at_once_have_the_kernel_that_one_has(package: Path) -> N
 
 @pytest.mark.parametrize("ending", ["nbi", "nbc"])
 @pytest.mark.parametrize("damage", ["cut", "empty", "flipped", "foreign"])
-def test_a_kept_kernel_that_is_damaged_is_compiled_again(package: Path, ending: str, damage: str) -> None:
+def test_a_kept_kernel_that_is_damaged_is_compiled_again(package, ending, damage):
     assert told(start(package)) == "42 0"
     (file,) = (package / "kept").rglob(f"small.twice*.{ending}")
     data = file.read_bytes()
@@ -108,7 +108,7 @@ def test_a_kept_kernel_that_is_damaged_is_compiled_again(package: Path, ending: 
     assert told(start(package)) == "42 1"
 
 
-def test_a_kernel_of_another_processor_is_not_used(package: Path) -> None:
+def test_a_kernel_of_another_processor_is_not_used(package):
     assert told(start(package, NUMBA_CPU_NAME="x86-64")) == "42 0"
     (other,) = (package / "kept").rglob("small.twice*.nbc")
     data = other.read_bytes()
@@ -118,7 +118,7 @@ def test_a_kernel_of_another_processor_is_not_used(package: Path) -> None:
     assert told(start(package)) == "42 0"
 
 
-def test_a_kernel_is_kept_for_one_python(package: Path) -> None:
+def test_a_kernel_is_kept_for_one_python(package):
     assert told(start(package)) == "42 0"
     own = f".py{sys.version_info.major}{sys.version_info.minor}{sys.abiflags}."
     files = list((package / "kept").rglob("small.twice*"))
@@ -129,7 +129,7 @@ def test_a_kernel_is_kept_for_one_python(package: Path) -> None:
     assert told(start(package)) == "42 0"
 
 
-def test_a_kernel_that_cannot_be_kept_runs(package: Path) -> None:
+def test_a_kernel_that_cannot_be_kept_runs(package):
     assert told(start(package, limit=100)) == "42 0"
     assert told(start(package)) == "42 0"
     blocked = package / "blocked"
@@ -139,7 +139,7 @@ def test_a_kernel_that_cannot_be_kept_runs(package: Path) -> None:
     assert told(start(package, **home)) == "42 0"
 
 
-def test_an_index_without_its_data_leads_to_no_kernel_of_older_sources(package: Path) -> None:
+def test_an_index_without_its_data_leads_to_no_kernel_of_older_sources(package):
     kernels = package / "bonecam" / "kernels"
     twice = "from bonecam.kernels import njit\nfrom bonecam.kernels.called import product\n"
     (kernels / "small.py").write_text(f"{twice}@njit(cache=True)\ndef twice(x):\n    return product(x)\n")
@@ -154,7 +154,7 @@ def test_an_index_without_its_data_leads_to_no_kernel_of_older_sources(package: 
     assert told(start(package)) == "63 1"
 
 
-def test_a_kept_kernel_is_compiled_again_when_one_that_it_calls_has_changed(tmp_path: Path) -> None:
+def test_a_kept_kernel_is_compiled_again_when_one_that_it_calls_has_changed(tmp_path):
     shutil.copytree(ROOT / "bonecam", tmp_path / "bonecam", ignore=shutil.ignore_patterns("__pycache__"))
     called = tmp_path / "bonecam" / "kernels" / "called.py"
     calling = called.with_name("calling.py")

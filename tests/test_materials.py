@@ -1,19 +1,17 @@
 """Spindle speeds and feeds that come from the material."""
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
+from small_parts import capsule_path
 
 from bonecam.errors import JobError
 from bonecam.job import Job
 from bonecam.job.materials.preset import FOLDER, cutting_force, material_files, read_material
-from bonecam.machine.machine import USUAL_SPINDLE, read_machine
-from bonecam.nc.dialect import read_dialect
-from bonecam.nc.posting import write_program
-from bonecam.tool.path import ToolPath
+from bonecam.machine import read_machine
+from bonecam.machine.machine import USUAL_SPINDLE
+from bonecam.nc import read_dialect, write_program
 
 FORCE = """
 [force]
@@ -32,7 +30,7 @@ range = "none"
 PAPER = Job().with_values(material={"name": "paper"})
 
 
-def test_the_papers_speeds_are_a_preset_with_the_mechanics_of_aluminium() -> None:
+def test_the_papers_speeds_are_a_preset_with_the_mechanics_of_aluminium():
     for name in ("roughing", "finishing"):
         tool = PAPER.tool(name)
         assert (tool.spindle, tool.feed) == (4500.0, 900.0)
@@ -42,7 +40,7 @@ def test_the_papers_speeds_are_a_preset_with_the_mechanics_of_aluminium() -> Non
     assert paper.force == aluminium.force
 
 
-def test_the_mechanics_are_those_of_a_material_that_ships(monkeypatch, tmp_path: Path) -> None:
+def test_the_mechanics_are_those_of_a_material_that_ships(monkeypatch, tmp_path):
     """Two files of a user that name each other have none."""
     monkeypatch.setenv("BONECAM_HOME", str(tmp_path))
     text = (FOLDER / "paper.toml").read_text()
@@ -55,7 +53,7 @@ def test_the_mechanics_are_those_of_a_material_that_ships(monkeypatch, tmp_path:
         read_material("one")
 
 
-def test_aluminium_is_cut_as_fast_as_the_machine_turns() -> None:
+def test_aluminium_is_cut_as_fast_as_the_machine_turns():
     """350 m/min ask 55,700 1/min of a ball of 2 mm; chips of 0.01 D at a depth of 0.1 mm: 0.02 / 0.436 mm a tooth."""
     tool = Job().tool("finishing")
     assert tool.spindle == read_machine("mikron-ucp600").spindle_speed == 20000.0
@@ -67,14 +65,14 @@ def test_aluminium_is_cut_as_fast_as_the_machine_turns() -> None:
     assert thin.feed == 0.06 * 2 * 2 * 20000
 
 
-def test_a_machine_that_states_no_speed_turns_as_motor_spindles_do() -> None:
+def test_a_machine_that_states_no_speed_turns_as_motor_spindles_do():
     """A ball of 1 mm asks for 111,400 1/min, more than a job may state."""
     job = Job().with_values(nc={"machine": "linuxcnc-xyzbc"}, fine={"radius": 0.5, "preset": ""})
     assert job.tool("fine").spindle == USUAL_SPINDLE
 
 
 @pytest.mark.parametrize("name", list(material_files()))
-def test_every_material_says_where_it_is_from_and_suits_the_shipped_machine(name: str) -> None:
+def test_every_material_says_where_it_is_from_and_suits_the_shipped_machine(name):
     material = read_material(name)
     assert material.note == "not measured on your machine"
     assert len(material.source) > 30
@@ -86,11 +84,11 @@ def test_every_material_says_where_it_is_from_and_suits_the_shipped_machine(name
         assert 100 <= tool.feed <= 3000
 
 
-def test_the_materials_are_there() -> None:
+def test_the_materials_are_there():
     assert tuple(material_files()) == ("aluminium", "cortical-bone", "paper", "peek", "titanium")
 
 
-def test_speeds_follow_from_cutting_speed_and_feed_a_tooth() -> None:
+def test_speeds_follow_from_cutting_speed_and_feed_a_tooth():
     titanium = read_material("titanium")
     spindle, feed = titanium.speeds(2.0, 2.0, 20000.0)
     assert spindle == 10 * math.floor(1000 * 60.0 / (math.pi * 4.0) / 10)
@@ -99,7 +97,7 @@ def test_speeds_follow_from_cutting_speed_and_feed_a_tooth() -> None:
     assert titanium.speeds(1.0, 1.0, 6000.0)[0] == 6000.0
 
 
-def test_values_of_the_job_win_each_for_itself() -> None:
+def test_values_of_the_job_win_each_for_itself():
     job = PAPER.with_values(roughing={"spindle": 9000.0}, finishing={"feed": 500.0})
     assert (job.tool("roughing").spindle, job.tool("roughing").feed) == (9000.0, 900.0)
     assert (job.tool("finishing").spindle, job.tool("finishing").feed) == (4500.0, 500.0)
@@ -108,7 +106,7 @@ def test_values_of_the_job_win_each_for_itself() -> None:
     assert (in_titanium.tool("finishing").spindle, in_titanium.tool("finishing").feed) == (9540.0, 500.0)
 
 
-def test_a_material_may_be_a_file(tmp_path: Path) -> None:
+def test_a_material_may_be_a_file(tmp_path):
     file = tmp_path / "wax.toml"
     file.write_text((FOLDER / "peek.toml").read_text().replace("cutting_speed = 100.0", "cutting_speed = 50.0"))
     job = Job().with_values(material={"name": str(file)})
@@ -131,7 +129,7 @@ def test_a_material_may_be_a_file(tmp_path: Path) -> None:
         ("[stiffness]", FORCE.replace("kre = 1.0", "kre = -1.0") + "[stiffness]", r"\[force\] kre = -1: give a"),
     ],
 )
-def test_a_wrong_material_file_is_refused_with_file_and_key(old: str, new: str, told: str, tmp_path: Path) -> None:
+def test_a_wrong_material_file_is_refused_with_file_and_key(old, new, told, tmp_path):
     file = tmp_path / "wrong.toml"
     file.write_text((FOLDER / "peek.toml").read_text().replace(old, new))
     with pytest.raises(JobError, match=told) as caught:
@@ -140,7 +138,7 @@ def test_a_wrong_material_file_is_refused_with_file_and_key(old: str, new: str, 
     assert "\n" not in str(caught.value)
 
 
-def test_an_unknown_material_is_refused_with_the_known_ones() -> None:
+def test_an_unknown_material_is_refused_with_the_known_ones():
     with pytest.raises(
         JobError, match=r"'titan' is unknown.*use one of aluminium, cortical-bone, paper, peek, titanium"
     ):
@@ -149,9 +147,7 @@ def test_an_unknown_material_is_refused_with_the_known_ones() -> None:
         Job().with_values(material={"name": "nowhere/none.toml"}).tool("finishing")
 
 
-def test_the_header_tells_the_source_of_speeds_that_the_job_does_not_give(
-    capsule_path: Callable[..., ToolPath],
-) -> None:
+def test_the_header_tells_the_source_of_speeds_that_the_job_does_not_give():
     machine, dialect = read_machine("mikron-ucp600"), read_dialect("heidenhain")
     path = capsule_path(count=60)
     job = Job().with_values(material={"name": "titanium"})
@@ -164,7 +160,7 @@ def test_the_header_tells_the_source_of_speeds_that_the_job_does_not_give(
 
 
 @pytest.mark.parametrize("name", list(material_files()))
-def test_every_material_says_how_stiff_it_is_and_what_cuts_it(name: str) -> None:
+def test_every_material_says_how_stiff_it_is_and_what_cuts_it(name):
     material = read_material(name)
     assert material.stiffness is not None
     assert 1000 < material.stiffness.elasticity < 200_000
@@ -176,7 +172,7 @@ def test_every_material_says_how_stiff_it_is_and_what_cuts_it(name: str) -> None
     assert 100 < force.coefficients[0] < 2500
 
 
-def test_without_coefficients_those_of_aluminium_are_scaled_and_told() -> None:
+def test_without_coefficients_those_of_aluminium_are_scaled_and_told():
     aluminium = read_material("aluminium")
     assert aluminium.force is not None
     assert aluminium.stiffness is not None

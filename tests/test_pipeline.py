@@ -10,7 +10,6 @@ from dataclasses import replace
 from io import StringIO
 from itertools import groupby
 from pathlib import Path
-from typing import Any
 
 import bonecam_meshes
 import numpy as np
@@ -21,7 +20,6 @@ import bonecam
 from bonecam import pipeline
 from bonecam.cli import main
 from bonecam.errors import (
-    BonecamError,
     Cancelled,
     FileError,
     MachineError,
@@ -34,20 +32,15 @@ from bonecam.errors import (
 from bonecam.job import Job, write_job
 from bonecam.job.materials.preset import FOLDER
 from bonecam.levels import job_levels
-from bonecam.machine.machine import read_machine
-from bonecam.mesh.files.mesh_files import read_mesh, write_mesh
-from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.nc.dialect import read_dialect
+from bonecam.machine import read_machine
+from bonecam.mesh import TriangleMesh, read_mesh, write_mesh
+from bonecam.nc import read_dialect, read_program
 from bonecam.nc.program import program_name
-from bonecam.nc.reading import read_program
 from bonecam.nc.requirements import job_dialect
-from bonecam.report.typed import Report
+from bonecam.report import Report
 from bonecam.runtime.own_files import OWN_FILES
 from bonecam.simulation import simulation_report, simulation_text
-from bonecam.surface import part_surface
-from bonecam.surface.fitting import Deviation
-from bonecam.surface.growth import Fit, fit
-from bonecam.surface.tspline import TSpline
+from bonecam.surface import Deviation, Fit, TSpline, fit, part_surface
 from bonecam.verify import check_removal, prove_removal
 from bonecam.verify.removal import check_removal_of_job
 
@@ -64,25 +57,23 @@ COARSE = Job().with_values(
 
 
 @pytest.fixture(scope="module")
-def phalanx(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def phalanx(tmp_path_factory):
     whole, file = read_mesh(bonecam_meshes.path("phalanx")), tmp_path_factory.mktemp("part") / "phalanx.ply"
     write_mesh(TriangleMesh(0.5 * whole.vertices, whole.faces), file)
     return file
 
 
 @pytest.fixture(scope="module")
-def morphed() -> list[bonecam.Morphed]:
+def morphed():
     """The part with the levels of `chain`, once that is made."""
     return []
 
 
 @pytest.fixture(scope="module")
-def chain(
-    tmp_path_factory: pytest.TempPathFactory, phalanx: Path, morphed: list[bonecam.Morphed]
-) -> tuple[bonecam.Result, Path]:
+def chain(tmp_path_factory, phalanx, morphed):
     folder, morph_part = tmp_path_factory.mktemp("chain"), pipeline.morph_part
 
-    def told(*given: Any, **named: Any) -> bonecam.Morphed:
+    def told(*given, **named):
         morphed.append(morph_part(*given, **named))
         return morphed[0]
 
@@ -95,9 +86,7 @@ def chain(
 
 
 @pytest.fixture(scope="module")
-def again(
-    tmp_path_factory: pytest.TempPathFactory, phalanx: Path, chain: object, morphed: list[bonecam.Morphed]
-) -> tuple[Path, str]:
+def again(tmp_path_factory, phalanx, chain, morphed):
     """The folder and the summary of the same job by the command line, which takes it as the part that ships, without
     simulation, from the same levels: that these come out the same again is proved of `levels`."""
     folder = tmp_path_factory.mktemp("again")
@@ -112,13 +101,11 @@ def again(
 
 
 @pytest.mark.whole
-def test_a_surface_that_misses_the_mesh_is_refused_before_the_levels(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, phalanx: Path
-) -> None:
+def test_a_surface_that_misses_the_mesh_is_refused_before_the_levels(tmp_path, monkeypatch, phalanx):
     missed = Deviation(0.6, 0.1, 0.6, 0.5, np.array([1.0, 2.0, 3.0]))
     found: list[Fit] = []
 
-    def missing_fit(*given: Any, **named: Any) -> Fit:
+    def missing_fit(*given, **named):
         found.append(replace(fit(*given, **named), deviation=missed, shortfall="raise surface.max"))
         return found[-1]
 
@@ -131,7 +118,7 @@ def test_a_surface_that_misses_the_mesh_is_refused_before_the_levels(
     assert not list(tmp_path.iterdir())
 
 
-def test_the_report_has_the_names_that_stay(chain: tuple[bonecam.Result, Path]) -> None:
+def test_the_report_has_the_names_that_stay(chain):
     report = json.loads((chain[1] / "report.json").read_text(encoding="utf-8"))
     assert differences(report, Report) == []
     absent = {"parting", "feed", "second", "axes", "refused", "cutters"}
@@ -140,7 +127,7 @@ def test_the_report_has_the_names_that_stay(chain: tuple[bonecam.Result, Path]) 
     assert machined == list(range(len(report["levels"]) - 2, -1, -1))
 
 
-def test_what_was_expected_before_planning_comes_about_within_half(chain: tuple[bonecam.Result, Path]) -> None:
+def test_what_was_expected_before_planning_comes_about_within_half(chain):
     report = chain[0].report
     expected = report["estimate"]
     pairs = (
@@ -153,12 +140,12 @@ def test_what_was_expected_before_planning_comes_about_within_half(chain: tuple[
     assert f"{expected['blocks']} blocks (came to {report['nc']['blocks']})" in chain[0].summary
 
 
-def test_only_contacts_left_uncut_are_blocked(chain: tuple[bonecam.Result, Path]) -> None:
+def test_only_contacts_left_uncut_are_blocked(chain):
     for row in chain[0].report["toolpath"]:
         assert sum(row["blocked_by"].values()) <= row["uncut_reasons"].get("collision", 0)
 
 
-def test_what_the_text_removes_is_told_and_shown(chain: tuple[bonecam.Result, Path]) -> None:
+def test_what_the_text_removes_is_told_and_shown(chain):
     result, folder = chain
     removal = result.report["removal"]
     assert removal["rapid_contact_mm3"] == 0
@@ -169,7 +156,7 @@ def test_what_the_text_removes_is_told_and_shown(chain: tuple[bonecam.Result, Pa
     assert len(left.vertices) == len(result.removal.left.heights)
 
 
-def test_what_bends_is_told_and_shown(chain: tuple[bonecam.Result, Path]) -> None:
+def test_what_bends_is_told_and_shown(chain):
     result, folder = chain
     found = result.report["mechanics"]
     error = found["error_kept_um"]
@@ -187,7 +174,7 @@ def test_what_bends_is_told_and_shown(chain: tuple[bonecam.Result, Path]) -> Non
     assert "times by author" in result.sheet
 
 
-def test_a_rapid_into_the_stock_refuses_the_text(chain: tuple[bonecam.Result, Path]) -> None:
+def test_a_rapid_into_the_stock_refuses_the_text(chain):
     result = chain[0]
     machine, dialect = read_machine(COARSE.nc.machine), job_dialect(COARSE.nc)
     lines = result.program.text.splitlines(keepends=True)
@@ -202,7 +189,7 @@ def test_a_rapid_into_the_stock_refuses_the_text(chain: tuple[bonecam.Result, Pa
     assert caught.value.evidence["line"] in range(cut, cut + 3)
 
 
-def test_a_program_alone_is_simulated_from_its_kept_folder(chain: tuple[bonecam.Result, Path]) -> None:
+def test_a_program_alone_is_simulated_from_its_kept_folder(chain):
     result, folder = chain
     report = simulation_report(bonecam.simulate(folder / "bone.h", folder / "keep", COARSE), COARSE)
     alone, within = report["removal"], result.report["removal"]
@@ -218,7 +205,7 @@ def test_a_program_alone_is_simulated_from_its_kept_folder(chain: tuple[bonecam.
     assert bent["p95"] == pytest.approx(told["p95"], rel=0.02)
 
 
-def test_a_part_that_bends_too_much_is_refused(chain: tuple[bonecam.Result, Path]) -> None:
+def test_a_part_that_bends_too_much_is_refused(chain):
     result, folder = chain
     assert result.report["mechanics"]["faults"]
     assert " BEYOND WHAT HOLDS" in (folder / "bone.h").read_text(encoding="utf-8")
@@ -230,16 +217,14 @@ def test_a_part_that_bends_too_much_is_refused(chain: tuple[bonecam.Result, Path
         check_removal_of_job(replace(result.removal, mechanics=strict), result.job)
 
 
-def test_without_mechanics_the_figures_say_so(chain: tuple[bonecam.Result, Path]) -> None:
+def test_without_mechanics_the_figures_say_so(chain):
     _, folder = chain
     plain = bonecam.simulate(folder / "bone.h", folder / "keep", COARSE, mechanics=False)
     assert plain.mechanics is None
     assert "bending   force and bending were not asked" in simulation_text(simulation_report(plain, COARSE))
 
 
-def test_a_material_that_says_not_how_stiff_it_is_is_refused_before_planning(
-    tmp_path: Path, phalanx: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_material_that_says_not_how_stiff_it_is_is_refused_before_planning(tmp_path, phalanx, capsys):
     wax = tmp_path / "wax.toml"
     wax.write_text((FOLDER / "peek.toml").read_text().split("[stiffness]")[0])
     asked = [str(phalanx), "-o", str(tmp_path / "bone.h"), "--set", f"material.name={wax}", "-q"]
@@ -249,7 +234,7 @@ def test_a_material_that_says_not_how_stiff_it_is_is_refused_before_planning(
     assert "no table [stiffness]" in lines[0]
 
 
-def test_a_word_changed_by_1_mm_is_found(chain: tuple[bonecam.Result, Path], tmp_path: Path) -> None:
+def test_a_word_changed_by_1_mm_is_found(chain, tmp_path):
     """Towards the axis of the part, on its side (Y near 0), at half its height, on the last level."""
     lines = (chain[1] / "bone.h").read_text(encoding="utf-8").splitlines(keepends=True)
     at_side = re.compile(r"X\+[2-9]\.\d+ (?:Y[+-]0\.\d+ )?Z\+(\d+\.\d+) .*C\S+( F900)?$")
@@ -276,9 +261,7 @@ def test_a_word_changed_by_1_mm_is_found(chain: tuple[bonecam.Result, Path], tmp
         (r"(TOOL 2 BALL RADIUS \S+ LENGTH )100", r"\g<1>99", "tool 2 has a length of 99 mm here, of 100 mm in the job"),
     ],
 )
-def test_a_text_that_the_control_would_run_otherwise_is_refused_by_simulate(
-    chain: tuple[bonecam.Result, Path], tmp_path: Path, pattern: str, new: str, told: str
-) -> None:
+def test_a_text_that_the_control_would_run_otherwise_is_refused_by_simulate(chain, tmp_path, pattern, new, told):
     text = (chain[1] / "bone.h").read_text(encoding="utf-8")
     (tmp_path / "edited.h").write_text(re.sub(pattern, new, text), encoding="utf-8")
     with pytest.raises(VerifyError, match=re.escape(told)) as caught:
@@ -286,9 +269,7 @@ def test_a_text_that_the_control_would_run_otherwise_is_refused_by_simulate(
     assert re.match(rf".*edited\.h: line {caught.value.evidence['line']}: ", str(caught.value))
 
 
-def test_what_cannot_be_simulated_is_one_line(
-    chain: tuple[bonecam.Result, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_cannot_be_simulated_is_one_line(chain, tmp_path, capsys):
     program, keep = str(chain[1] / "bone.h"), str(chain[1] / "keep")
     other = tmp_path / "other.h"
     text = Path(program).read_text(encoding="utf-8")
@@ -314,7 +295,7 @@ def test_what_cannot_be_simulated_is_one_line(
 
 
 @pytest.mark.whole
-def test_without_simulation_the_report_says_so(again: tuple[Path, str]) -> None:
+def test_without_simulation_the_report_says_so(again):
     folder, told = again
     assert "skipped" in json.loads((folder / "report.json").read_text(encoding="utf-8"))["removal"]
     assert "removal   the removal of material was not simulated" in told
@@ -322,7 +303,7 @@ def test_without_simulation_the_report_says_so(again: tuple[Path, str]) -> None:
     assert "; REMOVAL NOT SIMULATED\n" in (folder / "bone.h").read_text(encoding="utf-8")
 
 
-def test_what_was_written_holds_its_limits(chain: tuple[bonecam.Result, Path]) -> None:
+def test_what_was_written_holds_its_limits(chain):
     report = chain[0].report
     assert report["nc"]["readback_tip_error_mm"] <= 0.002
     assert report["nc"]["gouge_max_mm"] <= 0.01
@@ -332,7 +313,7 @@ def test_what_was_written_holds_its_limits(chain: tuple[bonecam.Result, Path]) -
         assert row["self_intersections"] == 0
 
 
-def test_the_program_moves_the_tool_where_the_path_says(chain: tuple[bonecam.Result, Path]) -> None:
+def test_the_program_moves_the_tool_where_the_path_says(chain):
     result, folder = chain
     text = (folder / "bone.h").read_text(encoding="utf-8")
     assert text == result.program.text
@@ -349,7 +330,7 @@ def test_the_program_moves_the_tool_where_the_path_says(chain: tuple[bonecam.Res
     assert KDTree(motions.tips).query(tips)[0].max() <= 0.002
 
 
-def test_keep_writes_levels_path_surface_and_pictures(chain: tuple[bonecam.Result, Path]) -> None:
+def test_keep_writes_levels_path_surface_and_pictures(chain):
     result, folder = chain
     count = len(result.levels.levels)
     names = {item.name for item in (folder / "keep").iterdir()} - {OWN_FILES}
@@ -372,9 +353,7 @@ def test_keep_writes_levels_path_surface_and_pictures(chain: tuple[bonecam.Resul
 
 
 @pytest.mark.whole
-def test_levels_alone_are_the_chain_s_and_take_the_place_of_its_levels_and_paths(
-    chain: tuple[bonecam.Result, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str], phalanx: Path
-) -> None:
+def test_levels_alone_are_the_chain_s_and_take_the_place_of_its_levels_and_paths(chain, tmp_path, capsys, phalanx):
     result, folder = chain
     keep, job = tmp_path / "keep", tmp_path / "job.toml"
     shutil.copytree(folder / "keep", keep)
@@ -408,8 +387,8 @@ def test_levels_alone_are_the_chain_s_and_take_the_place_of_its_levels_and_paths
     }
 
 
-def test_levels_alone_need_no_room_in_a_machine(monkeypatch: pytest.MonkeyPatch, phalanx: Path) -> None:
-    def reached(*_: object) -> None:
+def test_levels_alone_need_no_room_in_a_machine(monkeypatch, phalanx):
+    def reached(*_):
         raise Cancelled("at the fit")
 
     monkeypatch.setattr(job_levels, "fit_surface", reached)
@@ -417,16 +396,14 @@ def test_levels_alone_need_no_room_in_a_machine(monkeypatch: pytest.MonkeyPatch,
         bonecam.morph_levels(phalanx, COARSE.with_values(holding={"length": 480.0}))
 
 
-def test_the_transform_leads_from_the_file_to_the_part(chain: tuple[bonecam.Result, Path], phalanx: Path) -> None:
+def test_the_transform_leads_from_the_file_to_the_part(chain, phalanx):
     part = chain[0].part
     moved = read_mesh(phalanx).move(part.transform)
     assert np.abs(moved.bounds - part.mesh.bounds).max() < 1e-9
     assert part.mesh.bounds[0, 2] > COARSE.holding.length
 
 
-def test_a_second_run_writes_the_same_bytes_but_for_the_line_of_the_simulation(
-    chain: tuple[bonecam.Result, Path], again: tuple[Path, str]
-) -> None:
+def test_a_second_run_writes_the_same_bytes_but_for_the_line_of_the_simulation(chain, again):
     first, second = ((run / "bone.h").read_bytes() for run in (chain[1], again[0]))
     simulated = re.search(rb"REMOVAL SIMULATED IN CELLS OF [\d.]+ MM[^\n]*", first)
     assert simulated
@@ -436,14 +413,14 @@ def test_a_second_run_writes_the_same_bytes_but_for_the_line_of_the_simulation(
 @pytest.mark.parametrize(
     ("file", "name"), [("out/left hand-3.h", "LEFT_HAND_3"), ("", "BONE"), ("kn\u00f6chel.h", "KN_CHEL")]
 )
-def test_a_program_is_named_as_its_file(file: str, name: str) -> None:
+def test_a_program_is_named_as_its_file(file, name):
     assert program_name(file, read_dialect("heidenhain")) == name
 
 
-def test_progress_rises_to_its_end_and_false_cancels(phalanx: Path) -> None:
+def test_progress_rises_to_its_end_and_false_cancels(phalanx):
     told: list[float] = []
 
-    def stop(fraction: float, message: str) -> bool:
+    def stop(fraction, message):
         told.append(fraction)
         return fraction < 0.03
 
@@ -464,9 +441,7 @@ def test_progress_rises_to_its_end_and_false_cancels(phalanx: Path) -> None:
         ({"mesh": {"units": "m"}}, UnitsError, "--units"),
     ],
 )
-def test_an_impossible_job_fails_at_once_and_leaves_no_program(
-    tmp_path: Path, changes: dict, kind: type[BonecamError], named: str, phalanx: Path
-) -> None:
+def test_an_impossible_job_fails_at_once_and_leaves_no_program(tmp_path, changes, kind, named, phalanx):
     outputs = {"program": tmp_path / "out.h", "keep": tmp_path / "keep", "report": tmp_path / "report.json"}
     with pytest.raises(kind, match=named) as caught:
         bonecam.convert(phalanx, COARSE.with_values(**changes), **outputs)
@@ -477,7 +452,7 @@ def test_an_impossible_job_fails_at_once_and_leaves_no_program(
         assert json.loads(file.read_text())["refused"]["message"] == str(caught.value)
 
 
-def test_repair_troubles_name_the_file(tmp_path: Path) -> None:
+def test_repair_troubles_name_the_file(tmp_path):
     flat = TriangleMesh(
         np.array([[0.0, 0, 0], [20, 0, 0], [20, 30, 0], [0, 30, 0]]), np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32)
     )
@@ -486,7 +461,7 @@ def test_repair_troubles_name_the_file(tmp_path: Path) -> None:
         bonecam.convert(tmp_path / "flat.ply")
 
 
-def test_a_result_is_shown_in_a_line(chain: tuple[bonecam.Result, Path]) -> None:
+def test_a_result_is_shown_in_a_line(chain):
     result = chain[0]
     values = (result, result.program, result.surface, result.part, result.levels, *result.levels.levels, *result.paths)
     for value in values:
@@ -495,12 +470,10 @@ def test_a_result_is_shown_in_a_line(chain: tuple[bonecam.Result, Path]) -> None
     assert f"{result.levels.cuts} cuts" in repr(result)
 
 
-def test_a_mesh_in_memory_is_taken_as_its_file_is(
-    chain: tuple[bonecam.Result, Path], monkeypatch: pytest.MonkeyPatch, phalanx: Path
-) -> None:
+def test_a_mesh_in_memory_is_taken_as_its_file_is(chain, monkeypatch, phalanx):
     fitted: list[TSpline] = []
 
-    def fitted_alone(surface: TSpline, *_: object) -> None:
+    def fitted_alone(surface, *_):
         fitted.append(surface)
         raise Cancelled("before the levels")
 
@@ -511,7 +484,7 @@ def test_a_mesh_in_memory_is_taken_as_its_file_is(
     assert np.array_equal(fitted[0].control_points, chain[0].surface.control_points)
 
 
-def test_a_call_with_no_job_or_no_mesh_says_so(phalanx: Path) -> None:
+def test_a_call_with_no_job_or_no_mesh_says_so(phalanx):
     with pytest.raises(TypeError, match=r"job 'fast\.toml': give a bonecam\.Job, such as bonecam\.read_job"):
         bonecam.convert(phalanx, "fast.toml")  # type: ignore[arg-type]
     with pytest.raises(MeshError, match="the mesh has no faces"):
@@ -523,12 +496,12 @@ def test_a_call_with_no_job_or_no_mesh_says_so(phalanx: Path) -> None:
 
 
 @pytest.mark.parametrize("outputs", [{"program": 3}, {"program": b"x.h"}, {"keep": 5}, {"report": [1]}])
-def test_a_name_of_another_type_is_a_wrong_call(outputs: dict[str, Any], phalanx: Path) -> None:
+def test_a_name_of_another_type_is_a_wrong_call(outputs, phalanx):
     with pytest.raises(TypeError, match="give the name of a file as text or a Path"):
         bonecam.convert(phalanx, COARSE, **outputs)
 
 
 @pytest.mark.parametrize("outputs", [{"program": "x\0.h"}, {"keep": "\0"}, {"program": "\ud800.h"}])
-def test_a_name_that_no_file_can_have_is_refused(outputs: dict[str, Any], phalanx: Path) -> None:
+def test_a_name_that_no_file_can_have_is_refused(outputs, phalanx):
     with pytest.raises(FileError, match="is no name that a file can have: choose another"):
         bonecam.convert(phalanx, COARSE, **outputs)

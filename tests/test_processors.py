@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from bonecam.job import Job, write_job
-from bonecam.mesh.files.mesh_files import write_mesh
-from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.setup.capsule import Capsule
+from bonecam.mesh import TriangleMesh, write_mesh
+from bonecam.setup import Capsule
 
 pytestmark = pytest.mark.whole
 
@@ -28,7 +27,7 @@ OTHERS = {"OPENBLAS_CORETYPE": "Prescott", "OMP_NUM_THREADS": "2"}
 
 
 @pytest.fixture(scope="module")
-def bent(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def bent(tmp_path_factory):
     """A bent and flattened capsule, askew to all axes."""
     straight = Capsule(np.array([0.0, 0.0, -2.0]), np.array([0.0, 0.0, 2.0]), 2.5).mesh(0.1)
     x, y, z = straight.vertices.T
@@ -48,7 +47,7 @@ def program(mesh: Path, folder: Path, kernels: dict[str, str]) -> bytes:
     return (folder / "bent.h").read_bytes()
 
 
-def test_the_program_is_the_same_to_the_byte_on_other_processors_and_threads(bent: Path, tmp_path: Path) -> None:
+def test_the_program_is_the_same_to_the_byte_on_other_processors_and_threads(bent, tmp_path):
     here = program(bent, tmp_path / "here", {})
     assert len(here.splitlines()) > 1000
     assert program(bent, tmp_path / "there", OTHERS) == here

@@ -3,7 +3,6 @@
 import subprocess
 import sys
 import tomllib
-from collections.abc import Callable
 from importlib import import_module
 from inspect import signature
 from pathlib import Path
@@ -34,7 +33,7 @@ MISSPELT = ["convret", "mesh.read_meshes", "surface.Tspline", "levels.Levle", "m
 
 
 @pytest.fixture(scope="module")
-def answers(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+def answers(tmp_path_factory):
     """What mypy says of each public name of WANTED and each MISSPELT one."""
     lines = [f"reveal_type(bonecam.{name})" for name in WANTED] + [f"bonecam.{name}" for name in MISSPELT]
     file = tmp_path_factory.mktemp("typed") / "names_used.py"
@@ -48,7 +47,7 @@ def answers(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
 
 
 @pytest.mark.parametrize("name", PACKAGES)
-def test_public_names_are_what_a_package_shows(name: str) -> None:
+def test_public_names_are_what_a_package_shows(name):
     package = import_module(name)
     names = {item for item in dir(package) if not item.startswith("__")}
     assert names == set(package.__all__)
@@ -58,7 +57,7 @@ def test_public_names_are_what_a_package_shows(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", PACKAGES[1:])
-def test_no_module_hides_a_public_name(name: str) -> None:
+def test_no_module_hides_a_public_name(name):
     package = import_module(name)
     modules = {path.stem for path in Path(package.__path__[0]).iterdir()}
     assert not modules & set(package.__all__)
@@ -66,18 +65,18 @@ def test_no_module_hides_a_public_name(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", PACKAGES)
-def test_an_unknown_name_is_refused(name: str) -> None:
+def test_an_unknown_name_is_refused(name):
     with pytest.raises(AttributeError, match="convret"):
         _ = import_module(name).convret
 
 
-def test_import_loads_no_library() -> None:
+def test_import_loads_no_library():
     code = "import sys, bonecam, bonecam.mesh; print(*{name.split('.')[0] for name in sys.modules})"
     answer = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
     assert not {"numpy", "scipy", "numba", "open3d", "pymeshlab"} & set(answer.stdout.split())
 
 
-def test_help_loads_nothing_that_computes() -> None:
+def test_help_loads_nothing_that_computes():
     """What a command needs is loaded when it runs: kernels and mesh libraries take two seconds."""
     code = """
 import sys
@@ -93,18 +92,18 @@ finally:
 
 
 @pytest.mark.parametrize("name", WANTED)
-def test_public_names_are_typed(name: str, answers: dict[str, str]) -> None:
+def test_public_names_are_typed(name, answers):
     assert "Revealed type is" in answers[name]
     assert 'is "Any"' not in answers[name]
     assert "bonecam." in answers[name]
 
 
 @pytest.mark.parametrize("name", MISSPELT)
-def test_misspelt_names_fail_in_the_type_checker(name: str, answers: dict[str, str]) -> None:
+def test_misspelt_names_fail_in_the_type_checker(name, answers):
     assert "[attr-defined]" in answers[name]
 
 
-def test_every_package_is_installed_with_its_stubs() -> None:
+def test_every_package_is_installed_with_its_stubs():
     settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["setuptools"]
     named = set(settings["packages"])
     found = {path.parent.relative_to(ROOT) for path in (ROOT / "bonecam").rglob("__init__.py")}
@@ -117,7 +116,7 @@ def test_every_package_is_installed_with_its_stubs() -> None:
 
 
 @pytest.mark.parametrize("function", [bonecam.convert, bonecam.morph_levels, bonecam.clamping_shell, bonecam.finish])
-def test_help_names_the_kinds_of_meshes_in_a_word(function: Callable[..., object]) -> None:
+def test_help_names_the_kinds_of_meshes_in_a_word(function):
     told = str(signature(function))
     assert "MeshLike" in told
     assert "Open3d" not in told

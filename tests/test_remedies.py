@@ -6,11 +6,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from small_job import SMALL_CAPSULE
 
 import bonecam
 from bonecam.errors import BonecamError, JobError
-from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.setup.capsule import Capsule
 
 pytestmark = pytest.mark.whole
 
@@ -55,11 +54,11 @@ def remedied(message: str) -> dict[str, dict[str, float]]:
 
 
 @pytest.fixture(scope="module")
-def coarse() -> TriangleMesh:
-    return Capsule(np.array([0.0, 0, 2.5]), np.array([0.0, 0, 7.5]), 2.5).mesh(0.3)
+def coarse():
+    return SMALL_CAPSULE.mesh(0.3)
 
 
-def test_remedies_followed_to_the_letter_lead_to_a_program(coarse: TriangleMesh) -> None:
+def test_remedies_followed_to_the_letter_lead_to_a_program(coarse):
     wanted = {section: dict(values) for section, values in FAULTS.items()}
     changed: list[str] = []
     result = None
@@ -83,8 +82,8 @@ def test_remedies_followed_to_the_letter_lead_to_a_program(coarse: TriangleMesh)
 
 
 @pytest.mark.slow
-def test_a_surface_that_misses_its_mesh_tells_the_deviation_that_would_do(coarse: TriangleMesh) -> None:
-    fine = Capsule(np.array([0.0, 0, 2.5]), np.array([0.0, 0, 7.5]), 2.5).mesh(0.05)
+def test_a_surface_that_misses_its_mesh_tells_the_deviation_that_would_do(coarse):
+    fine = SMALL_CAPSULE.mesh(0.05)
     job = bonecam.Job().with_values(
         surface={"tolerance": 0.005, "max_control_points": 40, "largest_deviation": 0.01},
         stock={"diameter": 7.0, "length": 12.0},
@@ -99,6 +98,6 @@ def test_a_surface_that_misses_its_mesh_tells_the_deviation_that_would_do(coarse
     assert made.report["surface"]["deviation_max_mm"] <= told["surface"]["largest_deviation"]
 
 
-def test_a_refusal_that_names_no_value_is_found_by_this_test() -> None:
+def test_a_refusal_that_names_no_value_is_found_by_this_test():
     with pytest.raises(AssertionError, match="no value to give"):
         remedied(str(JobError("[stock] diameter = 4: give a larger one")))

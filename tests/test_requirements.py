@@ -2,8 +2,6 @@
 one line, and no file."""
 
 import sys
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -14,17 +12,17 @@ from bonecam.batch import convert_many
 from bonecam.errors import BonecamError, JobError, MachineError, ToolPathError
 from bonecam.job import Job
 from bonecam.levels import job_levels
-from bonecam.machine.machine import machine_names, read_machine
-from bonecam.mesh.files.mesh_files import read_mesh
-from bonecam.mesh.part import prepare_part
-from bonecam.nc.dialect import DIALECTS, read_dialect
+from bonecam.machine import machine_names, read_machine
+from bonecam.mesh import prepare_part, read_mesh
+from bonecam.nc import read_dialect
+from bonecam.nc.dialect import DIALECTS
 from bonecam.pipeline import check_job
-from bonecam.setup.placement import place
+from bonecam.setup import place
 
 
 @pytest.fixture
-def no_work(monkeypatch: pytest.MonkeyPatch) -> None:
-    def fitted(*given: Any, **named: Any) -> None:
+def no_work(monkeypatch):
+    def fitted(*given, **named):
         raise AssertionError("the surface was fitted before the job was refused")
 
     monkeypatch.setattr(job_levels, "fit_surface", fitted)
@@ -120,7 +118,7 @@ def no_work(monkeypatch: pytest.MonkeyPatch) -> None:
         ({"stock": {"offset_x": 40.0}}, r"the post of diameter 10 mm on the Z axis misses the part: .*stock\.offset_x"),
     ],
 )
-def test_an_absurd_job_is_refused_before_the_surface_is_fitted(changes: dict, named: str, tmp_path: Path) -> None:
+def test_an_absurd_job_is_refused_before_the_surface_is_fitted(changes, named, tmp_path):
     with pytest.raises(BonecamError, match=named) as caught:
         bonecam.convert(shipped("phalanx"), Job().with_values(**changes), program=tmp_path / "bone.h")
     assert "\n" not in str(caught.value)
@@ -129,9 +127,7 @@ def test_an_absurd_job_is_refused_before_the_surface_is_fitted(changes: dict, na
 
 @pytest.mark.usefixtures("no_work")
 @pytest.mark.parametrize(("field", "value"), [("method", "qcqp"), ("method", "published"), ("solver", "clarabel")])
-def test_a_solver_that_is_not_installed_is_named_before_the_surface_is_fitted(
-    field: str, value: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_solver_that_is_not_installed_is_named_before_the_surface_is_fitted(field, value, monkeypatch):
     monkeypatch.setitem(sys.modules, "clarabel", None)
     job = Job().with_values(levels={field: value})
     missing = rf"\[levels\] {field} = '{value}': needs Clarabel: pip install 'bonecam\[reference\]'"
@@ -153,7 +149,7 @@ def test_a_solver_that_is_not_installed_is_named_before_the_surface_is_fitted(
         ("linuxcnc-xyzbc", "mitsubishi"),
     ],
 )
-def test_the_default_job_suits_every_machine(machine: str, controller: str) -> None:
+def test_the_default_job_suits_every_machine(machine, controller):
     assert {"mikron-ucp600", "linuxcnc-xyzbc"} <= {*machine_names()}
     job = Job().with_values(nc={"machine": machine, "controller": controller})
     check_job(job, read_machine(machine), read_dialect(controller))
@@ -184,9 +180,7 @@ HEIDENHAIN = (DIALECTS / "heidenhain.toml").read_text()
         ('format = "{number} {text}"', 'format = "N{number} {text}"', "block number 0 expected, found 'N0'"),
     ],
 )
-def test_a_dialect_that_cannot_write_the_job_is_refused_before_the_surface_is_fitted(
-    old: str, new: str, named: str, tmp_path: Path
-) -> None:
+def test_a_dialect_that_cannot_write_the_job_is_refused_before_the_surface_is_fitted(old, new, named, tmp_path):
     assert old in HEIDENHAIN
     file = tmp_path / "mine.toml"
     file.write_text(HEIDENHAIN.replace(old, new))
@@ -196,7 +190,7 @@ def test_a_dialect_that_cannot_write_the_job_is_refused_before_the_surface_is_fi
 
 
 @pytest.mark.usefixtures("no_work")
-def test_a_machine_that_the_dialect_does_not_know_is_refused_before_the_surface_is_fitted(tmp_path: Path) -> None:
+def test_a_machine_that_the_dialect_does_not_know_is_refused_before_the_surface_is_fitted(tmp_path):
     job = Job().with_values(nc={"machine": "linuxcnc-xyzbc", "controller": "heidenhain"})
     with pytest.raises(MachineError, match="tool_centre_control '' is none of heidenhain's"):
         bonecam.convert(shipped("phalanx"), job)
@@ -205,13 +199,13 @@ def test_a_machine_that_the_dialect_does_not_know_is_refused_before_the_surface_
     assert not list(tmp_path.iterdir())
 
 
-def test_a_batch_refuses_an_absurd_job_before_its_first_mesh(tmp_path: Path) -> None:
+def test_a_batch_refuses_an_absurd_job_before_its_first_mesh(tmp_path):
     with pytest.raises(JobError, match="scallop"):
         convert_many(["bone.stl"], tmp_path / "out", Job().with_values(finishing={"scallop": 1.5}))
     assert not list(tmp_path.iterdir())
 
 
-def test_the_filters_refuse_a_post_beside_the_part() -> None:
+def test_the_filters_refuse_a_post_beside_the_part():
     mesh = read_mesh(shipped("phalanx"))
     meshes = bonecam.MeshSet()
     from bonecam.mesh.meshlab import meshlab
@@ -223,7 +217,7 @@ def test_the_filters_refuse_a_post_beside_the_part() -> None:
 
 
 @pytest.mark.parametrize("kind", ["capsule", "cylinder", "box"])
-def test_an_offset_that_takes_the_part_off_its_post_is_to_be_left_out(kind: str) -> None:
+def test_an_offset_that_takes_the_part_off_its_post_is_to_be_left_out(kind):
     part = prepare_part(shipped("phalanx"), Job().mesh)
     with pytest.raises(ToolPathError, match=r"misses the part: leave out stock\.offset_x = 100$") as caught:
         place(part, Job().with_values(stock={"kind": kind, "offset_x": 100.0, "offset_z": 1.0}))
@@ -232,7 +226,7 @@ def test_an_offset_that_takes_the_part_off_its_post_is_to_be_left_out(kind: str)
 
 
 @pytest.mark.parametrize("stock", [{}, {"tilt_x_deg": 20.0}, {"diameter": 90.0, "length": 90.0, "offset_y": -30.0}])
-def test_the_offset_that_is_told_brings_the_part_over_its_post(stock: dict[str, Any]) -> None:
+def test_the_offset_that_is_told_brings_the_part_over_its_post(stock):
     aside = np.eye(4)
     aside[0, 3] = 20.0
     part = prepare_part(shipped("phalanx"), Job().mesh).move(aside)

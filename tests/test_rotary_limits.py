@@ -1,46 +1,34 @@
 """A part on machines whose turntable has limits: from its levels, made once, to a simulated program."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
+from small_job import SMALL, SMALL_CAPSULE
 
 import bonecam
 from bonecam import pipeline
-from bonecam.job import Job
-from bonecam.machine.machine import MACHINES, read_machine
-from bonecam.nc.dialect import read_dialect
-from bonecam.nc.reading import read_program
-from bonecam.setup.capsule import Capsule
+from bonecam.machine import read_machine
+from bonecam.machine.machine import MACHINES
+from bonecam.nc import read_dialect, read_program
 
 pytestmark = pytest.mark.whole
 
-SMALL = Job().with_values(
-    mechanics={"refuse": False},
-    surface={"tolerance": 0.2},
-    stock={"diameter": 7.0, "length": 11.0},
-    holding={"diameter": 3.0, "length": 60.0, "chuck_diameter": 12.0, "chuck_height": 6.0},
-    levels={"roughing_depth": 1.0, "finishing_levels": 1, "finishing_depth": 0.3, "chord_tolerance": 0.05},
-    roughing={"preset": "ball-4", "scallop": 0.3},
-    finishing={"preset": "ball-2", "scallop": 0.1},
-    path={"pattern": "round", "chord_tolerance": 0.02},
-)
+
+JOB = SMALL.with_values(path={"pattern": "round", "chord_tolerance": 0.02})
 
 
 @pytest.fixture(scope="module")
-def levels() -> bonecam.Morphed:
-    return bonecam.morph_levels(Capsule(np.array([0.0, 0, 2.5]), np.array([0.0, 0, 7.5]), 2.5).mesh(0.05), SMALL)
+def levels():
+    return bonecam.morph_levels(SMALL_CAPSULE.mesh(0.05), JOB)
 
 
 @pytest.mark.parametrize(("low", "high", "orientation"), [(-360, 360, "lead"), (0, 360, "lead"), (-185, 185, "cones")])
-def test_a_turntable_with_limits_gets_a_program_that_keeps_them(
-    low: int, high: int, orientation: str, levels: bonecam.Morphed, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_turntable_with_limits_gets_a_program_that_keeps_them(low, high, orientation, levels, tmp_path, monkeypatch):
     text = (MACHINES / "mikron-ucp600.toml").read_text(encoding="utf-8")
     file = tmp_path / "limited.toml"
     file.write_text(text.replace("endless = true", f"limits_deg = [{low}.0, {high}.0]"), encoding="utf-8")
-    job = SMALL.with_values(nc={"machine": str(file)}, path={"orientation": orientation})
+    job = JOB.with_values(nc={"machine": str(file)}, path={"orientation": orientation})
     monkeypatch.setattr(pipeline, "morph_part", lambda mesh, job, *_, **__: replace(levels, job=job))
     made = bonecam.convert(levels.part.given, job, program=tmp_path / "bone.h")
     machine, dialect = read_machine(file), read_dialect("heidenhain")

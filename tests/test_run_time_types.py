@@ -11,7 +11,7 @@ from numpy import ndarray
 from run_time_types import checked
 
 from bonecam.arrays import unit
-from bonecam.mesh.facets import vertex_normals
+from bonecam.mesh import vertex_normals
 
 Points = Float[ndarray, "n 3"]
 

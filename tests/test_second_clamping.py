@@ -7,36 +7,28 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from bonecam_meshes import path as shipped
+from small_parts import level_of, mesh_of, pebble
 from typed_values import differences
 
 import bonecam
-from bonecam.errors import BonecamError, JobError, MeshError, VerifyError
+from bonecam.errors import JobError, MeshError, VerifyError
 from bonecam.job import HoldingJob, Job, MechanicsJob
-from bonecam.machine.machine import read_machine
-from bonecam.mesh.distance import MeshDistance
-from bonecam.mesh.files.mesh_files import write_mesh
-from bonecam.mesh.part import Part
+from bonecam.machine import read_machine
+from bonecam.mesh import MeshDistance, Part, TriangleMesh, write_mesh
 from bonecam.mesh.smooth_surface import convex_hull
 from bonecam.mesh.solids import solid_difference
-from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.nc.dialect import read_dialect
-from bonecam.nc.path_words import machine_limits
-from bonecam.nc.posting import write_program
+from bonecam.nc import machine_limits, read_dialect, read_program, write_program
 from bonecam.nc.program import program_number
-from bonecam.nc.reading import read_program
+from bonecam.planning import Scene
 from bonecam.planning.levels import parting_paths
-from bonecam.planning.scene import Scene
 from bonecam.planning.stump import check_second, cut_groove
-from bonecam.report.kept import SecondProgram
 from bonecam.report.typed import SecondFigures
 from bonecam.second_clamping import second_program
-from bonecam.setup.capsule import Capsule, smallest_capsule
-from bonecam.setup.stocks.mesh import ConvexStock
+from bonecam.setup import Capsule, ConvexStock, smallest_capsule
 from bonecam.verify import simulate_removal
 from bonecam.verify.clearances import shell_clearance
 from bonecam.verify.removal import check_removal_of_job, cutters_of, simulate_stump
-from bonecam.workholding.clamping import clamping_of
-from bonecam.workholding.post import post_below
+from bonecam.workholding import clamping_of, post_below
 from bonecam.workholding.shell import shell_round
 
 pytestmark = pytest.mark.whole
@@ -61,7 +53,7 @@ def part_of(mesh: TriangleMesh) -> Part:
 
 
 @pytest.fixture(scope="module")
-def parted(pebble, level_of, mesh_of, tmp_path_factory):
+def parted(tmp_path_factory):
     """The finished lump, with what the simulation of its parting leaves; and a job with a shell."""
     lump = mesh_of(pebble(), around=40, along=50)
     file = tmp_path_factory.mktemp("second") / "shell.stl"
@@ -87,7 +79,7 @@ def parted(pebble, level_of, mesh_of, tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def second(parted) -> SecondProgram:
+def second(parted):
     made = second_program(parted, MACHINE, DIALECT, "bone.h")
     assert made is not None
     return made
@@ -146,7 +138,7 @@ def test_the_clearance_from_the_shell_is_that_of_the_tools_at_all_poses(second):
     assert second.report["removal"]["clearance_mm"]["shell"] == pytest.approx(least, abs=0.5)
 
 
-def test_a_shell_in_the_way_of_the_tool_refuses_the_program(second) -> None:
+def test_a_shell_in_the_way_of_the_tool_refuses_the_program(second):
     motions = read_program(second.program.text, MACHINE, DIALECT)
     raised = np.eye(4)
     raised[2, 3] = second.removal.shell.least.value
@@ -157,7 +149,7 @@ def test_a_shell_in_the_way_of_the_tool_refuses_the_program(second) -> None:
         check_removal_of_job(replace(second.removal, shell=near), second.job)
 
 
-def test_a_shell_without_room_for_what_stays_at_the_tailstock_is_refused(tmp_path: Path) -> None:
+def test_a_shell_without_room_for_what_stays_at_the_tailstock_is_refused(tmp_path):
     """A closed shell round the free end, and one with a hole there as wide as is told."""
     held = {"tailstock": "pin", "tailstock_diameter": 2.0, "tailstock_x": 1e-3}
     bore = Capsule(np.array([0.0, 0, 11.0]), np.array([0.0, 0, 40.0]), 2.1).mesh(0.02)
@@ -192,7 +184,7 @@ def test_the_material_of_the_second_program_is_the_stump(second, parted):
 
 
 @pytest.fixture(scope="module")
-def roughed_coarsely(parted) -> tuple[Job, SecondProgram]:
+def roughed_coarsely(parted):
     """The second clamping's job and program where roughing leaves ridges of 0.3 mm."""
     values = {"roughing": {"scallop": 0.3}, "levels": {"finishing_depth": 0.15}, "nc": {"program_number": 77}}
     job = parted.job.with_values(**values)
@@ -200,12 +192,12 @@ def roughed_coarsely(parted) -> tuple[Job, SecondProgram]:
     return replace(job, holding=job.holding.turned_over), made
 
 
-def test_the_second_program_does_not_have_the_number_of_the_first(roughed_coarsely) -> None:
+def test_the_second_program_does_not_have_the_number_of_the_first(roughed_coarsely):
     _, made = roughed_coarsely
     assert made.program.number == program_number(made.program.name) != 77
 
 
-def test_the_finishing_cutter_takes_what_roughing_left_in_cuts_of_its_depth(roughed_coarsely) -> None:
+def test_the_finishing_cutter_takes_what_roughing_left_in_cuts_of_its_depth(roughed_coarsely):
     job, made = roughed_coarsely
     fine = [level for level in made.removal.levels if level.tool == 2]
     assert [level.index for level in fine] == list(range(len(fine)))[::-1]
@@ -215,7 +207,7 @@ def test_the_finishing_cutter_takes_what_roughing_left_in_cuts_of_its_depth(roug
     assert max(level.deepest.value for level in made.removal.levels) > 0.5
 
 
-def test_a_cut_of_the_second_program_that_is_too_deep_is_refused(roughed_coarsely, parted) -> None:
+def test_a_cut_of_the_second_program_that_is_too_deep_is_refused(roughed_coarsely, parted):
     job, made = roughed_coarsely
     paths = [path for path in made.paths if path.cutter.number == 1 or path.level == 0]
     text = write_program(paths, MACHINE, DIALECT, job).text
@@ -229,7 +221,7 @@ def test_a_cut_of_the_second_program_that_is_too_deep_is_refused(roughed_coarsel
 
 
 @pytest.mark.slow
-def test_a_finishing_depth_below_what_the_rays_tell_of_the_material_is_taken_too(parted) -> None:
+def test_a_finishing_depth_below_what_the_rays_tell_of_the_material_is_taken_too(parted):
     job = parted.job.with_values(levels={"finishing_depth": 0.045})
     made = second_program(SimpleNamespace(**{**vars(parted), "job": job}), MACHINE, DIALECT, None)
     assert made.report["at_post_after_mm2"] == 0
@@ -237,7 +229,7 @@ def test_a_finishing_depth_below_what_the_rays_tell_of_the_material_is_taken_too
 
 
 @pytest.mark.slow
-def test_a_part_gets_both_programs(tmp_path: Path) -> None:
+def test_a_part_gets_both_programs(tmp_path):
     job = Job().with_values(
         surface={"tolerance": 0.2},
         levels={"roughing_depth": 1.2, "finishing_depth": 0.3, "chord_tolerance": 0.02},
@@ -254,7 +246,7 @@ def test_a_part_gets_both_programs(tmp_path: Path) -> None:
     assert {"second.h", "second.ply", "second.png"} <= kept
 
 
-def test_a_job_tells_what_the_second_clamping_needs() -> None:
+def test_a_job_tells_what_the_second_clamping_needs():
     with pytest.raises(JobError, match=r"second = 'a\.stl': give holding\.parting = true"):
         HoldingJob(second="a.stl")
     with pytest.raises(JobError, match="second_chuck_diameter = 0: give both sizes"):
@@ -278,9 +270,7 @@ def _moved(mesh: TriangleMesh, *shift: float) -> TriangleMesh:
         ("long", JobError, r"second = .*mm of the ball that cuts the stump off: end it farther up"),
     ],
 )
-def test_a_shell_that_does_not_do_is_refused_before_any_level_is_made(
-    fault: str, error: type[BonecamError], message: str, tmp_path: Path
-) -> None:
+def test_a_shell_that_does_not_do_is_refused_before_any_level_is_made(fault, error, message, tmp_path):
     good = shell_round(LUMP, 0.5, 2.0, 0.1)
     shells = {
         "open": lambda: TriangleMesh(good.vertices, good.faces[1:]),
@@ -294,7 +284,7 @@ def test_a_shell_that_does_not_do_is_refused_before_any_level_is_made(
         check_second(part_of(LUMP), post_below(LUMP, JOB.holding), job_with(file))
 
 
-def test_a_shell_has_a_size() -> None:
+def test_a_shell_has_a_size():
     with pytest.raises(ValueError, match="covered = 1, wall = 3, gap = 0: give a share between 0 and 1"):
         shell_round(LUMP, 1.0, 3.0, 0.0)
 

@@ -1,15 +1,13 @@
 """The whole chain from every kind of stock to a posted program that was read back."""
 
-from pathlib import Path
-
 import pytest
 from bonecam_meshes import path as shipped
 
 import bonecam
 from bonecam.errors import StockError
 from bonecam.job import Job
-from bonecam.mesh.files.mesh_files import write_mesh
-from bonecam.setup.stocks.cylinder import Cylinder
+from bonecam.mesh import write_mesh
+from bonecam.setup import Cylinder
 
 COARSE = Job().with_values(
     mechanics={"refuse": False},
@@ -35,9 +33,7 @@ STOCKS = {
 
 @pytest.mark.slow
 @pytest.mark.parametrize("stock", STOCKS.values(), ids=STOCKS)
-def test_every_stock_leads_to_a_program_without_gouges(
-    stock: dict[str, object], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_every_stock_leads_to_a_program_without_gouges(stock, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     write_mesh(Cylinder(9.0, 0.0, 40.0).mesh(10.0), "bar.stl")  # a prism of twelve sides
     result = bonecam.convert(shipped("phalanx"), COARSE.with_values(stock=stock), program="bone.h")
@@ -62,7 +58,7 @@ def test_every_stock_leads_to_a_program_without_gouges(
         ({"kind": "mesh"}, "needs a file"),
     ],
 )
-def test_an_impossible_stock_fails_at_once(stock: dict[str, object], named: str, tmp_path: Path) -> None:
+def test_an_impossible_stock_fails_at_once(stock, named, tmp_path):
     with pytest.raises(StockError, match=named):
         bonecam.convert(shipped("phalanx"), COARSE.with_values(stock=stock), program=tmp_path / "bone.h")
     assert not list(tmp_path.iterdir())

@@ -9,10 +9,10 @@ from bonecam_meshes import path as shipped
 import bonecam
 from bonecam.errors import OrientationError
 from bonecam.job import Job
-from bonecam.machine.limits import MachineLimits
-from bonecam.mesh.smooth_surface import nearest_areas
-from bonecam.planning.strategies import plan_layer_paths
-from bonecam.setup.stocks.cylinder import Cylinder
+from bonecam.machine import MachineLimits
+from bonecam.mesh import nearest_areas
+from bonecam.planning import plan_layer_paths
+from bonecam.setup import Cylinder
 from bonecam.tool import MoveKind
 
 COARSE = Job().with_values(
@@ -31,13 +31,13 @@ def converted(strategy: str, folder: Path) -> bonecam.Result:
 
 
 @pytest.fixture(scope="module")
-def rotary(tmp_path_factory: pytest.TempPathFactory) -> tuple[bonecam.Result, Path]:
+def rotary(tmp_path_factory):
     folder = tmp_path_factory.mktemp("rotary")
     return converted("rotary", folder), folder
 
 
 @pytest.mark.slow
-def test_rotary_milling_keeps_its_tool_radial_and_leaves_the_ends(rotary: tuple[bonecam.Result, Path]) -> None:
+def test_rotary_milling_keeps_its_tool_radial_and_leaves_the_ends(rotary):
     result, _ = rotary
     part = result.levels.levels[0].mesh.bounds
     for path in result.paths:
@@ -61,7 +61,7 @@ def test_rotary_milling_keeps_its_tool_radial_and_leaves_the_ends(rotary: tuple[
 
 
 @pytest.mark.slow
-def test_a_program_of_another_strategy_is_simulated_alone_as_in_convert(rotary: tuple[bonecam.Result, Path]) -> None:
+def test_a_program_of_another_strategy_is_simulated_alone_as_in_convert(rotary):
     result, folder = rotary
     job = COARSE.with_values(path={"strategy": "rotary"}, holding={"length": result.report["post"]["length_mm"]})
     alone = bonecam.simulate(folder / "bone.h", folder / "keep", job, cell=0.2)
@@ -71,7 +71,7 @@ def test_a_program_of_another_strategy_is_simulated_alone_as_in_convert(rotary: 
 
 
 @pytest.mark.slow
-def test_iso_height_milling_cuts_from_two_sides_within_its_depths(tmp_path: Path) -> None:
+def test_iso_height_milling_cuts_from_two_sides_within_its_depths(tmp_path):
     result = converted("iso-height", tmp_path)
     sides = [path.axes[path.kinds == MoveKind.CUT] for path in result.paths]
     for axes in sides:
@@ -93,7 +93,7 @@ def test_iso_height_milling_cuts_from_two_sides_within_its_depths(tmp_path: Path
             assert level.depth_p99 < 1.2 + 0.3, "a slice takes the cusps of the one before too"
 
 
-def test_a_machine_that_cannot_lay_its_tool_level_is_refused() -> None:
+def test_a_machine_that_cannot_lay_its_tool_level_is_refused():
     limits = MachineLimits(np.radians(60.0))
     job = COARSE.with_values(path={"strategy": "rotary"})
     with pytest.raises(OrientationError, match="90 deg"):

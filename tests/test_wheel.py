@@ -18,7 +18,7 @@ LEFT_OUT = {".pyc", ".nbc", ".nbi"}
 
 
 @pytest.fixture(scope="module")
-def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def wheel(tmp_path_factory):
     """The wheel of the checkout."""
     folder = tmp_path_factory.mktemp("wheel")
     copy = folder / "checkout"  # a build leaves a folder, from which the next would take what is gone
@@ -36,7 +36,7 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def outside(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def outside(wheel, tmp_path_factory):
     """The python of a venv outside the checkout with the wheel, and the libraries of this one but no checkout."""
     folder = tmp_path_factory.mktemp("outside")
     venv.create(folder / "venv", with_pip=False)
@@ -54,7 +54,7 @@ def called(python: Path, *words: str) -> str:
     ).stdout
 
 
-def test_every_file_of_the_packages_is_in_it(wheel: Path) -> None:
+def test_every_file_of_the_packages_is_in_it(wheel):
     packed = set(zipfile.ZipFile(wheel).namelist())
     for folder, package in FOLDERS.items():
         files = [path for path in (ROOT / folder).rglob("*") if path.is_file() and path.suffix not in LEFT_OUT]
@@ -63,7 +63,7 @@ def test_every_file_of_the_packages_is_in_it(wheel: Path) -> None:
         assert missing == []
 
 
-def test_its_data_is_found_outside_the_checkout(outside: Path) -> None:
+def test_its_data_is_found_outside_the_checkout(outside):
     code = "import bonecam, bonecam_meshes; print(bonecam.__file__, bonecam_meshes.path('phalanx'))"
     places = subprocess.run([outside, "-c", code], capture_output=True, text=True, check=True, cwd="/").stdout
     assert str(ROOT) not in places
@@ -78,7 +78,7 @@ def test_its_data_is_found_outside_the_checkout(outside: Path) -> None:
 
 
 @pytest.mark.slow
-def test_it_makes_the_demo(outside: Path) -> None:
+def test_it_makes_the_demo(outside):
     told = called(outside, "demo", "-o", "phalanx.h", "--html", "phalanx.html", "--sheet", "sheet.html")
     assert "proof" in told
     assert (outside.parents[2] / "phalanx.h").read_text(encoding="utf-8").startswith("0 BEGIN PGM PHALANX MM")

@@ -1,6 +1,3 @@
-from collections.abc import Callable
-from typing import Any
-
 import pytest
 
 import bonecam
@@ -9,10 +6,10 @@ from bonecam.runtime.worker import function_of
 
 
 @pytest.fixture
-def quick(monkeypatch: pytest.MonkeyPatch) -> None:
+def quick(monkeypatch):
     """Parts are done in this process, for tests of what is kept of their work: a new one imports for a second."""
 
-    def called(work: str, *given: Any, progress: Callable, stopped: Any = None) -> Any:
+    def called(work, *given, progress, stopped=None):
         return function_of(work)(*given, progress)
 
     monkeypatch.setattr(bonecam, "convert", bonecam.convert)  # which the stand-in replaces

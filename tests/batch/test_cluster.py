@@ -21,8 +21,8 @@ from bonecam.batch import Wanted, cluster_executor, convert_many
 from bonecam.cli import main
 from bonecam.errors import JobError
 from bonecam.job import Job
-from bonecam.mesh.files.mesh_files import write_mesh
-from bonecam.setup.capsule import Capsule
+from bonecam.mesh import write_mesh
+from bonecam.setup import Capsule
 
 pytestmark = pytest.mark.whole
 
@@ -72,7 +72,7 @@ def table(folder: Path) -> list[dict[str, str]]:
 
 
 @pytest.mark.usefixtures("quick")
-def test_a_batch_on_a_cluster_ends_as_here_though_a_worker_is_killed(tmp_path: Path) -> None:
+def test_a_batch_on_a_cluster_ends_as_here_though_a_worker_is_killed(tmp_path):
     files = meshes(tmp_path, a="good", b="wait", c="refuse")
     here, there = tmp_path / "here", tmp_path / "there"
     for folder in (here, there):
@@ -80,7 +80,7 @@ def test_a_batch_on_a_cluster_ends_as_here_though_a_worker_is_killed(tmp_path: P
     (here / "go").touch()
     convert_many(files, here, work=WORK)
 
-    def kill_and_go() -> None:
+    def kill_and_go():
         try:
             until(lambda: list(there.glob("b.*.began")))
             (first,) = (int(path.name.split(".")[1]) for path in there.glob("b.*.began"))
@@ -103,9 +103,7 @@ def test_a_batch_on_a_cluster_ends_as_here_though_a_worker_is_killed(tmp_path: P
         assert (here / name).read_bytes() == (there / name).read_bytes()
 
 
-def test_a_scheduler_that_is_not_there_is_one_line_before_the_work(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_scheduler_that_is_not_there_is_one_line_before_the_work(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr("bonecam.batch.cluster.CONNECT", 0.5)
     (part,) = meshes(tmp_path, a="good")
     with socket.socket() as free:
@@ -120,7 +118,7 @@ def test_a_scheduler_that_is_not_there_is_one_line_before_the_work(
     assert not (tmp_path / "out").exists()
 
 
-def test_without_dask_one_line_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_dask_one_line_names_the_extra(monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
     with (
         pytest.raises(JobError, match=r"--scheduler local: needs Dask distributed: pip install 'bonecam\[cluster\]'$"),
@@ -130,7 +128,7 @@ def test_without_dask_one_line_names_the_extra(monkeypatch: pytest.MonkeyPatch) 
 
 
 @pytest.mark.slow
-def test_real_parts_have_the_same_programs_here_and_on_a_cluster(tmp_path: Path) -> None:
+def test_real_parts_have_the_same_programs_here_and_on_a_cluster(tmp_path):
     job = Job().with_values(
         mechanics={"refuse": False},
         surface={"tolerance": 0.2},

@@ -15,7 +15,7 @@ def written(folder: Path, text: str) -> Path:
     return folder / "parts.csv"
 
 
-def test_a_table_gives_each_part_its_job_units_stock_and_name(tmp_path: Path) -> None:
+def test_a_table_gives_each_part_its_job_units_stock_and_name(tmp_path):
     meshes(tmp_path, p1="", p2="", bar="")
     (tmp_path / "jobs").mkdir()
     (tmp_path / "jobs" / "hard.toml").write_text('[material]\nname = "titanium"\n[mesh]\nunits = "inch"\n')
@@ -40,13 +40,13 @@ def test_a_table_gives_each_part_its_job_units_stock_and_name(tmp_path: Path) ->
     assert {part.job.levels.roughing_depth for part in (first, second, third)} == {0.7}
 
 
-def test_a_table_of_a_spreadsheet_may_have_semicolons(tmp_path: Path) -> None:
+def test_a_table_of_a_spreadsheet_may_have_semicolons(tmp_path):
     meshes(tmp_path, p1="")
     (part,) = batch_parts([written(tmp_path, 'file;stock\n"p1.stl";cylinder\n')], Job())
     assert (part.name, part.job.stock.kind) == ("p1", "cylinder")
 
 
-def test_a_job_beside_a_part_is_its_own(tmp_path: Path) -> None:
+def test_a_job_beside_a_part_is_its_own(tmp_path):
     files = meshes(tmp_path, patient_06="", patient_07="")
     beside = tmp_path / "patient_07.toml"
     beside.write_text('[nc]\nmachine = "mill.toml"\n', encoding="utf-8")
@@ -56,12 +56,12 @@ def test_a_job_beside_a_part_is_its_own(tmp_path: Path) -> None:
         assert (own.job.nc.machine, own.job_file) == (str(tmp_path / "mill.toml"), str(beside))
 
 
-def test_a_label_map_is_named_without_its_double_ending(tmp_path: Path) -> None:
+def test_a_label_map_is_named_without_its_double_ending(tmp_path):
     (part,) = batch_parts([tmp_path / "hand.nii.gz"], Job())
     assert part.name == "hand"
 
 
-def test_a_part_of_a_program_is_taken_as_it_is(tmp_path: Path) -> None:
+def test_a_part_of_a_program_is_taken_as_it_is(tmp_path):
     part = BatchPart(tmp_path / "a.stl", "other", Job())
     assert batch_parts([part], Job().with_values(mesh={"units": "m"})) == [part]
 
@@ -84,7 +84,7 @@ def test_a_part_of_a_program_is_taken_as_it_is(tmp_path: Path) -> None:
         ("file,units\nnone.stl,mm\np1.stl,miles\n", r"line 2: .*none\.stl is missing.*; line 3: \[mesh\] units"),
     ],
 )
-def test_a_wrong_table_is_one_line_that_names_the_place(text: str, told: str, tmp_path: Path) -> None:
+def test_a_wrong_table_is_one_line_that_names_the_place(text, told, tmp_path):
     meshes(tmp_path, p1="")
     (tmp_path / "bad.toml").write_text("[levels]\ndepth = 3\n")
     with pytest.raises(JobError, match=told) as caught:
@@ -92,7 +92,7 @@ def test_a_wrong_table_is_one_line_that_names_the_place(text: str, told: str, tm
     assert "\n" not in str(caught.value)
 
 
-def test_a_table_in_a_folder_is_not_taken_for_a_part(tmp_path: Path) -> None:
+def test_a_table_in_a_folder_is_not_taken_for_a_part(tmp_path):
     meshes(tmp_path, p1="")
     (tmp_path / "batch.csv").write_text("name,mesh\n")
     assert [part.name for part in batch_parts([tmp_path], Job())] == ["p1"]
@@ -101,7 +101,7 @@ def test_a_table_in_a_folder_is_not_taken_for_a_part(tmp_path: Path) -> None:
         batch_parts([tmp_path], Job())
 
 
-def test_a_table_without_the_column_file_is_not_taken_for_points(tmp_path: Path) -> None:
+def test_a_table_without_the_column_file_is_not_taken_for_points(tmp_path):
     with pytest.raises(JobError, match=r"parts\.csv: line 1: no column `file`"):
         batch_parts([written(tmp_path, "name,job\np1.stl,a.toml\n")], Job())
     cloud = tmp_path / "cloud.csv"
@@ -109,7 +109,7 @@ def test_a_table_without_the_column_file_is_not_taken_for_points(tmp_path: Path)
     assert [part.name for part in batch_parts([cloud], Job())] == ["cloud"]
 
 
-def test_one_name_is_one_part_and_not_its_letters(tmp_path: Path) -> None:
+def test_one_name_is_one_part_and_not_its_letters(tmp_path):
     meshes(tmp_path, p1="")
     with pytest.raises(JobError, match=r"p1\.stl and .*p1\.stl would both write"):
         convert_many([tmp_path / "p1.stl"] * 2, tmp_path / "out")
@@ -117,6 +117,6 @@ def test_one_name_is_one_part_and_not_its_letters(tmp_path: Path) -> None:
     assert outcome.name == "p1"
 
 
-def test_an_executor_that_is_none_is_refused(tmp_path: Path) -> None:
+def test_an_executor_that_is_none_is_refused(tmp_path):
     with pytest.raises(TypeError, match="executor is a int: give an object whose submit"):
         convert_many(["p1.stl"], tmp_path / "out", executor=3)  # type: ignore[arg-type]

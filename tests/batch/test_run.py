@@ -16,7 +16,6 @@ from contextlib import nullcontext
 from functools import partial
 from importlib.resources import files as resources
 from pathlib import Path
-from typing import Any
 
 import pytest
 from batch_orders import WORK, meshes
@@ -40,7 +39,7 @@ def table(folder: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
-def test_each_mesh_has_its_line_whatever_happens_to_its_process(tmp_path: Path) -> None:
+def test_each_mesh_has_its_line_whatever_happens_to_its_process(tmp_path):
     files = meshes(tmp_path, a="good", b="die", c="refuse", d="break", e="good")
     told: list[tuple[str, int]] = []
     out = tmp_path / "out"
@@ -60,7 +59,7 @@ def test_each_mesh_has_its_line_whatever_happens_to_its_process(tmp_path: Path) 
     assert sorted(path.name for path in out.iterdir()) == ["a.h", "a.json", "batch.csv", "e.h", "e.json"]
 
 
-def test_the_real_chain_refuses_what_is_no_mesh(tmp_path: Path) -> None:
+def test_the_real_chain_refuses_what_is_no_mesh(tmp_path):
     (outcome,) = convert_many(meshes(tmp_path, a="no mesh at all"), tmp_path / "out")
     assert outcome.state == "failed"
     assert "a.stl: is text but no STL" in outcome.message
@@ -71,13 +70,13 @@ def test_the_real_chain_refuses_what_is_no_mesh(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("quick")
-def test_resuming_does_only_what_is_missing_or_was_done_from_something_else(tmp_path: Path) -> None:
+def test_resuming_does_only_what_is_missing_or_was_done_from_something_else(tmp_path):
     files = meshes(tmp_path, same="good", changed="good", lost="good", broken="good")
     machine = tmp_path / "mill.toml"
     machine.write_bytes((Path(bonecam.__file__).parent / "machine" / "machines" / "mikron-ucp600.toml").read_bytes())
     out, job = tmp_path / "out", Job().with_values(nc={"machine": str(machine)})
 
-    def states() -> list[str]:
+    def states():
         return [outcome.state for outcome in convert_many(files, out, job, resume=True, work=WORK)]
 
     assert states() == ["done"] * 4
@@ -111,9 +110,7 @@ if __name__ == "__main__":
 
 @pytest.mark.parametrize(("kind", "code"), [(signal.SIGKILL, -9), (signal.SIGINT, 130)])
 @pytest.mark.usefixtures("quick")
-def test_a_run_that_is_killed_leaves_no_process_and_goes_on_where_it_stopped(
-    kind: signal.Signals, code: int, tmp_path: Path
-) -> None:
+def test_a_run_that_is_killed_leaves_no_process_and_goes_on_where_it_stopped(kind, code, tmp_path):
     files = meshes(tmp_path, a="good", b="sleep", c="sleep", d="good")
     out = tmp_path / "out"
     (tmp_path / "run.py").write_text(SCRIPT, encoding="utf-8")
@@ -159,27 +156,27 @@ def alive(process: int) -> bool:
         return False
 
 
-def test_two_meshes_of_one_name_are_refused_before_anything_runs(tmp_path: Path) -> None:
+def test_two_meshes_of_one_name_are_refused_before_anything_runs(tmp_path):
     with pytest.raises(JobError, match="bone"):
         convert_many([tmp_path / "a" / "bone.stl", tmp_path / "b" / "bone.ply"], tmp_path / "out")
     assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.parametrize("values", [{"machine": "lathe"}, {"controller": "klartext"}])
-def test_a_machine_that_is_not_known_is_refused_before_anything_runs(values: dict[str, str], tmp_path: Path) -> None:
+def test_a_machine_that_is_not_known_is_refused_before_anything_runs(values, tmp_path):
     with pytest.raises(BonecamError, match="is unknown"):
         convert_many([tmp_path / "bone.stl"], tmp_path / "out", Job().with_values(nc=values))
     assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.parametrize("jobs", [0, -3])
-def test_no_process_at_all_is_refused(tmp_path: Path, jobs: int) -> None:
+def test_no_process_at_all_is_refused(tmp_path, jobs):
     with pytest.raises(JobError, match="jobs"):
         convert_many([tmp_path / "bone.stl"], tmp_path / "out", jobs=jobs)
 
 
 @pytest.mark.usefixtures("quick")
-def test_a_batch_that_is_done_already_ends_at_once(tmp_path: Path) -> None:
+def test_a_batch_that_is_done_already_ends_at_once(tmp_path):
     files = meshes(tmp_path, a="good", b="good")
     convert_many(files, tmp_path / "out", jobs=2, work=WORK)
     assert [outcome.state for outcome in convert_many(files, tmp_path / "out", resume=True, work=WORK)] == [
@@ -189,7 +186,7 @@ def test_a_batch_that_is_done_already_ends_at_once(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("quick")
-def test_a_folder_stands_for_its_parts_and_rows_of_other_meshes_stay(tmp_path: Path) -> None:
+def test_a_folder_stands_for_its_parts_and_rows_of_other_meshes_stay(tmp_path):
     scans = tmp_path / "scans"
     scans.mkdir()
     meshes(scans, b="good", a="refuse")
@@ -205,7 +202,7 @@ def test_a_folder_stands_for_its_parts_and_rows_of_other_meshes_stay(tmp_path: P
     assert [row["state"] for row in table(out)] == ["done"] * 3
 
 
-def test_a_folder_without_parts_and_a_foreign_table_are_refused(tmp_path: Path) -> None:
+def test_a_folder_without_parts_and_a_foreign_table_are_refused(tmp_path):
     (tmp_path / "empty").mkdir()
     with pytest.raises(JobError, match=r"empty: holds no part: give files that end in one of \.stl"):
         convert_many([tmp_path / "empty"], tmp_path / "out", work=WORK)
@@ -216,7 +213,7 @@ def test_a_folder_without_parts_and_a_foreign_table_are_refused(tmp_path: Path) 
         assert (tmp_path / "batch.csv").read_text(encoding="utf-8") == text
 
 
-def test_no_module_of_the_current_folder_is_imported(tmp_path: Path) -> None:
+def test_no_module_of_the_current_folder_is_imported(tmp_path):
     (tmp_path / "socket.py").write_text("open('imported', 'w').close()\n")
     (tmp_path / "scripts").mkdir()
     script = tmp_path / "scripts" / "run.py"
@@ -228,11 +225,11 @@ def test_no_module_of_the_current_folder_is_imported(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("quick")
-def test_two_batches_that_write_into_one_folder_keep_each_other_s_rows(tmp_path: Path) -> None:
+def test_two_batches_that_write_into_one_folder_keep_each_other_s_rows(tmp_path):
     out = tmp_path / "out"
     first, second = meshes(tmp_path, a="good", b="good"), meshes(tmp_path, c="good")
 
-    def other(outcome: Outcome, left: int) -> None:
+    def other(outcome, left):
         if left:  # while the first batch runs
             convert_many(second, out, work=WORK)
 
@@ -241,7 +238,7 @@ def test_two_batches_that_write_into_one_folder_keep_each_other_s_rows(tmp_path:
 
 
 @pytest.mark.usefixtures("quick")
-def test_a_name_that_is_not_in_utf_8_stands_in_the_table_by_its_bytes(tmp_path: Path) -> None:
+def test_a_name_that_is_not_in_utf_8_stands_in_the_table_by_its_bytes(tmp_path):
     file = tmp_path / os.fsdecode(b"bone\xe9.stl")
     file.write_text("good")
     parts = [*meshes(tmp_path, a="good"), file]
@@ -253,7 +250,7 @@ def test_a_name_that_is_not_in_utf_8_stands_in_the_table_by_its_bytes(tmp_path: 
         assert (tmp_path / "out" / "batch.csv").read_bytes().count(b"bone\xe9.stl,,done") == 1
 
 
-def test_a_name_that_no_file_can_have_is_refused_before_the_work(tmp_path: Path) -> None:
+def test_a_name_that_no_file_can_have_is_refused_before_the_work(tmp_path):
     with pytest.raises(FileError, match=r"x\\ud800\.stl': is no name that a file can have: choose another"):
         convert_many([*meshes(tmp_path, a="good"), tmp_path / "x\ud800.stl"], tmp_path / "out", work=WORK)
     assert not (tmp_path / "out").exists()
@@ -261,7 +258,7 @@ def test_a_name_that_no_file_can_have_is_refused_before_the_work(tmp_path: Path)
 
 @pytest.mark.usefixtures("quick")
 @pytest.mark.parametrize("kind", ["machine", "controller", "material", "stock", "second"])
-def test_editing_a_file_that_a_job_names_makes_its_parts_run_again(kind: str, tmp_path: Path) -> None:
+def test_editing_a_file_that_a_job_names_makes_its_parts_run_again(kind, tmp_path):
     folder = Path(bonecam.__file__).parent
     places = {
         "machine": ("nc", "machine", folder / "machine" / "machines" / "mikron-ucp600.toml"),
@@ -278,7 +275,7 @@ def test_editing_a_file_that_a_job_names_makes_its_parts_run_again(kind: str, tm
     job = Job().with_values(**changes.get(kind, {section: {name: str(file)}}))
     files = meshes(tmp_path, a="good")
 
-    def state() -> str:
+    def state():
         return convert_many(files, tmp_path / "out", job, resume=True, work=WORK)[0].state
 
     assert [state(), state()] == ["done", "kept"]
@@ -296,14 +293,14 @@ if __name__ == "__main__":
 
 
 @pytest.mark.parametrize("changed", ["bonecam/levels/job_levels.py", "bonecam_plugins/levels.py"])
-def test_a_part_is_done_again_when_a_file_of_the_package_has_changed(changed: str, tmp_path: Path) -> None:
+def test_a_part_is_done_again_when_a_file_of_the_package_has_changed(changed, tmp_path):
     sources = {"bonecam": Path(bonecam.__file__).parent, "bonecam_plugins": Path(str(resources("bonecam_plugins")))}
     for name, source in sources.items():
         shutil.copytree(source, tmp_path / name, ignore=shutil.ignore_patterns("__pycache__"))
     files = meshes(tmp_path, a="good")
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), *sys.path])}
 
-    def state() -> str:
+    def state():
         command = [sys.executable, "-c", RESUME, tmp_path / "out", *files]
         return subprocess.check_output(command, env=environment, cwd=tmp_path, text=True, timeout=MAX_WAIT).strip()
 
@@ -314,7 +311,7 @@ def test_a_part_is_done_again_when_a_file_of_the_package_has_changed(changed: st
 
 
 @pytest.mark.usefixtures("quick")
-def test_a_batch_that_moved_with_its_files_is_kept(tmp_path: Path) -> None:
+def test_a_batch_that_moved_with_its_files_is_kept(tmp_path):
     (tmp_path / "here").mkdir()
     files = meshes(tmp_path / "here", a="good")
     (tmp_path / "here" / "bar.stl").write_text("solid")
@@ -326,7 +323,7 @@ def test_a_batch_that_moved_with_its_files_is_kept(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("quick")
-def test_what_else_is_wanted_of_each_part_is_written_and_resumed(tmp_path: Path) -> None:
+def test_what_else_is_wanted_of_each_part_is_written_and_resumed(tmp_path):
     files, out = meshes(tmp_path, a="good"), tmp_path / "out"
     wanted = Wanted(html=True, sheet=True, keep=True)
     convert_many(files, out, work=WORK)
@@ -338,7 +335,7 @@ def test_what_else_is_wanted_of_each_part_is_written_and_resumed(tmp_path: Path)
 
 
 @pytest.mark.usefixtures("quick")
-def test_the_table_tells_what_a_report_says(tmp_path: Path) -> None:
+def test_the_table_tells_what_a_report_says(tmp_path):
     shell = tmp_path / "shell.stl"
     shell.write_text("solid")
     (tmp_path / "a.toml").write_text('[holding]\nsecond = "shell.stl"\nparting = true\n')
@@ -352,7 +349,7 @@ def test_the_table_tells_what_a_report_says(tmp_path: Path) -> None:
 
 @pytest.mark.usefixtures("quick")
 @pytest.mark.parametrize("pool", [ThreadPoolExecutor, partial(ProcessPoolExecutor, 2)])
-def test_any_executor_does_the_same(pool: Callable, tmp_path: Path) -> None:
+def test_any_executor_does_the_same(pool, tmp_path):
     files = meshes(tmp_path, a="good", b="good", c="refuse")
     for name, executor in (("here", None), ("there", pool())):
         with executor or nullcontext():
@@ -364,9 +361,9 @@ def test_any_executor_does_the_same(pool: Callable, tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("quick")
-def test_a_part_that_an_executor_gives_up_is_told(tmp_path: Path) -> None:
+def test_a_part_that_an_executor_gives_up_is_told(tmp_path):
     class Losing(Executor):
-        def submit(self, work: Callable, *given: Any, **named: Any) -> Future:
+        def submit(self, work, *given, **named):
             future: Future = Future()
             if given[0].name == "b":
                 future.set_exception(RuntimeError("the node\nis gone"))
@@ -391,11 +388,9 @@ def test_a_part_that_an_executor_gives_up_is_told(tmp_path: Path) -> None:
         ({"folder": Path("/none")}, "/none: a worker does not see this folder: give one that all computers share"),
     ],
 )
-def test_a_worker_of_another_version_or_without_the_folder_says_so(
-    changed: dict[str, Any], said: str, tmp_path: Path
-) -> None:
+def test_a_worker_of_another_version_or_without_the_folder_says_so(changed, said, tmp_path):
     class Elsewhere(ThreadPoolExecutor):
-        def submit(self, work: Callable, *given: Any, **named: Any) -> Future:
+        def submit(self, work, *given, **named):
             return super().submit(partial(work, **changed), *given, **named)
 
     with Elsewhere() as executor:
@@ -405,14 +400,14 @@ def test_a_worker_of_another_version_or_without_the_folder_says_so(
 
 
 @pytest.mark.usefixtures("quick")
-def test_shares_of_an_array_do_every_part_once(tmp_path: Path) -> None:
+def test_shares_of_an_array_do_every_part_once(tmp_path):
     files = meshes(tmp_path, **dict.fromkeys("abcdefg", "good"))
     done = [[one.name for one in convert_many(files, tmp_path / "out", share=(k, 3), work=WORK)] for k in (1, 2, 3)]
     assert done == [["a", "d", "g"], ["b", "e"], ["c", "f"]]
     assert len(table(tmp_path / "out")) == 7
 
 
-def test_the_progress_names_the_parts_that_wait_and_run(tmp_path: Path) -> None:
+def test_the_progress_names_the_parts_that_wait_and_run(tmp_path):
     told: list[tuple[str, float, str]] = []
     convert_many(
         meshes(tmp_path, a="good", b="good"),
@@ -425,7 +420,7 @@ def test_the_progress_names_the_parts_that_wait_and_run(tmp_path: Path) -> None:
     assert [step for step in told if step[2] != WAITING] == [("a", 0.5, "levels"), ("b", 0.5, "levels")]
 
 
-def test_the_array_of_the_documentation_does_every_part_once(tmp_path: Path) -> None:
+def test_the_array_of_the_documentation_does_every_part_once(tmp_path):
     page = Path(__file__).parents[2] / "docs" / "pages" / "using" / "batch.md"
     script = re.findall(r'```sh title="array\.sh"\n(.*?)```', page.read_text(encoding="utf-8"), re.DOTALL)[0]
     meshes(tmp_path, a="no mesh", b="none")

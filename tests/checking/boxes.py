@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.mesh import TriangleMesh
 
 BOX = np.array([[int(k) for k in face] for face in "021 123 456 576 014 154 263 367 042 246 135 375".split()])
 """Corners of the triangles of a box, outward."""

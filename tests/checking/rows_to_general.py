@@ -5,9 +5,8 @@ import numpy as np
 from numpy import ndarray
 
 from bonecam.errors import SurfaceError
+from bonecam.surface import OpenRowTMesh, TMesh, TSpline
 from bonecam.surface.refinement import aligned
-from bonecam.surface.tmesh import OpenRowTMesh, TMesh
-from bonecam.surface.tspline import TSpline
 
 POLE_POINTS = 4
 """A closed row has four knots at least."""

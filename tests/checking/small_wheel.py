@@ -6,8 +6,7 @@ from numpy import ndarray
 
 import bonecam
 from bonecam.mesh.solids import revolve_profile
-from bonecam.surface import skin
-from bonecam.surface.tspline import TSpline
+from bonecam.surface import TSpline, skin
 
 PROFILE = np.array([[0.0, -3.0], [14.0, -3.0], [14.0, 0.0], [6.0, 10.0], [0.0, 10.0]])
 """Of the hub, rows (radius, height), mm."""

@@ -9,7 +9,7 @@ from matplotlib.patches import Circle, Rectangle
 
 from bonecam.job import HoldingJob, ToolJob
 from bonecam.mesh import TriangleMesh
-from bonecam.setup.stock import Stock
+from bonecam.setup import Stock
 
 STOCK, PART, POST, TABLE, CUTTER = "#cfe3f5", "#8c8c8c", "#e69f00", "#444444", "#009e73"
 """Fill colours, of the palette of Okabe and Ito, which colour-blind readers can tell apart."""

@@ -14,14 +14,14 @@ from palette import shrink
 from tmesh_picture import draw_tmesh, show_tmesh
 
 import bonecam
-from bonecam.levels.measure import line_depths
-from bonecam.machine.machine import read_machine
+from bonecam.levels import line_depths
+from bonecam.machine import read_machine
 from bonecam.mesh import TriangleMesh
-from bonecam.report import AxisComparison, draw_compared_axes, draw_machine
-from bonecam.report.pictures import draw_coloured, draw_depths, draw_toolpath, lay_out, show_levels, show_path
-from bonecam.setup.placement import place
+from bonecam.report import AxisComparison, draw_coloured, draw_compared_axes, draw_depths, draw_machine, draw_toolpath
+from bonecam.report.pictures import lay_out, show_levels, show_path
+from bonecam.setup import place
 from bonecam.surface.files.surface_input import read_part
-from bonecam.workholding.post import post_below
+from bonecam.workholding import post_below
 
 COARSE: dict[str, dict[str, Any]] = {
     "levels": {"roughing_depth": 1.0, "finishing_levels": 1, "finishing_depth": 0.3, "chord_tolerance": 0.05},

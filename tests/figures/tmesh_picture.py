@@ -14,8 +14,8 @@ from numpy import ndarray
 
 from bonecam.errors import SurfaceError
 from bonecam.report.pictures import Plot, draw_shaded, lay_out, new_figure, save_figure
-from bonecam.surface.tmesh import RowTMesh, TMesh, knots_of_lines
-from bonecam.surface.tspline import TSpline
+from bonecam.surface import RowTMesh, TMesh, TSpline
+from bonecam.surface.tmesh import knots_of_lines
 
 CHORD = 0.01
 """Chord tolerance of the shaded surface, mm."""

@@ -9,10 +9,8 @@ import numpy as np
 import pytest
 
 from bonecam.errors import StockError
-from bonecam.filters.filter import Filter, FilterParameter, Kind, Registry
-from bonecam.filters.layers import Layers
-from bonecam.filters.meshset import MeshSet
-from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.filters import Filter, FilterParameter, Kind, Layers, MeshSet, Registry
+from bonecam.mesh import TriangleMesh
 from bonecam.progress import Progress
 
 
@@ -57,35 +55,35 @@ TURN = Filter("apply_turn", "Apply Turn", "Turns the layer half round.", "Test",
 
 
 @pytest.fixture(scope="session")
-def offset_filter() -> Filter:
+def offset_filter():
     """Moves a copy of the layer along z; has a parameter of every kind."""
     return OFFSET
 
 
 @pytest.fixture(scope="session")
-def recall_filter() -> Filter:
+def recall_filter():
     """Gives what the offset kept."""
     return RECALL
 
 
 @pytest.fixture(scope="session")
-def turn_filter() -> Filter:
+def turn_filter():
     """Turns the layer half round."""
     return TURN
 
 
 @pytest.fixture
-def registry() -> Registry:
+def registry():
     return Registry([OFFSET, RECALL, TURN])
 
 
 @pytest.fixture
-def phalanx() -> Path:
+def phalanx():
     return Path(bonecam_meshes.path("phalanx"))
 
 
 @pytest.fixture
-def meshes(registry: Registry, phalanx: Path) -> MeshSet:
+def meshes(registry, phalanx):
     found = MeshSet(registry=registry)
     found.load_new_mesh(str(phalanx))
     return found

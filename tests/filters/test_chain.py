@@ -8,8 +8,7 @@ import pymeshlab
 import pytest
 
 from bonecam.errors import BonecamError, UnitsError
-from bonecam.filters.meshset import MeshSet
-from bonecam.filters.scripting import run_script
+from bonecam.filters import MeshSet, run_script
 
 CHAIN = """<!DOCTYPE FilterScript>
 <FilterScript>
@@ -31,7 +30,7 @@ CHAIN = """<!DOCTYPE FilterScript>
 
 
 @pytest.fixture(scope="module")
-def layers(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def layers(tmp_path_factory):
     folder = tmp_path_factory.mktemp("chain")
     (folder / "chain.mlx").write_text(CHAIN)
     run_script(folder / "chain.mlx", [bonecam_meshes.path("phalanx")], folder / "out")
@@ -39,7 +38,7 @@ def layers(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.slow
-def test_the_layers_of_a_script_are_written(layers: Path) -> None:
+def test_the_layers_of_a_script_are_written(layers):
     names = {path.name for path in layers.iterdir()}
     assert {
         "phalanx.ply",
@@ -53,7 +52,7 @@ def test_the_layers_of_a_script_are_written(layers: Path) -> None:
 
 
 @pytest.mark.slow
-def test_levels_enclose_one_another_and_carry_their_depth(layers: Path) -> None:
+def test_levels_enclose_one_another_and_carry_their_depth(layers):
     files = sorted(layers.glob("level_*.ply"))
     meshes = pymeshlab.MeshSet()
     volumes = []
@@ -67,7 +66,7 @@ def test_levels_enclose_one_another_and_carry_their_depth(layers: Path) -> None:
     assert (np.diff(volumes) > 0).all()
 
 
-def test_a_percentage_leads_to_the_same_levels_as_its_millimetres(phalanx: Path) -> None:
+def test_a_percentage_leads_to_the_same_levels_as_its_millimetres(phalanx):
     found = []
     for value in ("percentage", "mm"):
         meshes = MeshSet()
@@ -80,7 +79,7 @@ def test_a_percentage_leads_to_the_same_levels_as_its_millimetres(phalanx: Path)
     assert found[0]["length_mm"] == found[1]["length_mm"]
 
 
-def test_a_box_is_told_by_its_sides(phalanx: Path) -> None:
+def test_a_box_is_told_by_its_sides(phalanx):
     meshes = MeshSet()
     meshes.load_new_mesh(str(phalanx))
     meshes.apply_upright_pose()
@@ -105,13 +104,13 @@ FITTING = r'0\.03\d\d mm from corner to corner .*apply apply_units_in_mm with un
         "generate_stock",
     ],
 )
-def test_a_bone_in_metres_is_refused_by_every_filter_that_works_in_mm(name: str, metres: MeshSet) -> None:
+def test_a_bone_in_metres_is_refused_by_every_filter_that_works_in_mm(name, metres):
     with pytest.raises(UnitsError, match=FITTING):
         metres.apply_filter(name)
     assert metres.mesh_number() == 1
 
 
-def test_units_that_do_not_fit_are_refused_in_the_words_of_the_filter(metres: MeshSet) -> None:
+def test_units_that_do_not_fit_are_refused_in_the_words_of_the_filter(metres):
     with pytest.raises(UnitsError, match=r'if its unit is inch: is it in m, .*\? give units="m" \(3\d') as caught:
         metres.apply_units_in_mm(units="inch")
     assert "--units" not in str(caught.value)
@@ -119,7 +118,7 @@ def test_units_that_do_not_fit_are_refused_in_the_words_of_the_filter(metres: Me
     assert "repairs" in metres.meshing_repair_bone()
 
 
-def test_a_layer_is_mirrored_and_scaled_and_faces_outward_as_before(phalanx: Path) -> None:
+def test_a_layer_is_mirrored_and_scaled_and_faces_outward_as_before(phalanx):
     meshes = MeshSet()
     meshes.load_new_mesh(str(phalanx))
     volume = meshes.get_geometric_measures()["mesh_volume"]
@@ -131,7 +130,7 @@ def test_a_layer_is_mirrored_and_scaled_and_faces_outward_as_before(phalanx: Pat
 
 
 @pytest.mark.parametrize("size", [{}, {"diameter": 12.0, "length": 40.0}])
-def test_a_part_that_lies_beside_its_stock_is_told_to_stand_upright(size: dict, phalanx: Path) -> None:
+def test_a_part_that_lies_beside_its_stock_is_told_to_stand_upright(size, phalanx):
     meshes = MeshSet()
     meshes.load_new_mesh(str(phalanx))
     meshes.compute_matrix_from_translation(axisx=60.0)
@@ -140,7 +139,7 @@ def test_a_part_that_lies_beside_its_stock_is_told_to_stand_upright(size: dict, 
 
 
 @pytest.fixture
-def metres(phalanx: Path) -> MeshSet:
+def metres(phalanx):
     meshes = MeshSet()
     meshes.load_new_mesh(str(phalanx))
     meshes.compute_matrix_from_scaling_or_normalization(axisx=0.001)
@@ -148,7 +147,7 @@ def metres(phalanx: Path) -> MeshSet:
 
 
 @pytest.mark.slow
-def test_the_recipe_of_the_tutorial_fits_the_bone_that_pymeshlab_ships() -> None:
+def test_the_recipe_of_the_tutorial_fits_the_bone_that_pymeshlab_ships():
     meshes = MeshSet()
     meshes.load_new_mesh(str(Path(pymeshlab.__file__).parent / "tests" / "sample_meshes" / "bone.ply"))
     meshes.compute_matrix_from_scaling_or_normalization(axisx=35.0, uniformflag=True)
@@ -161,7 +160,7 @@ def test_the_recipe_of_the_tutorial_fits_the_bone_that_pymeshlab_ships() -> None
     assert found["deviation_max_mm"] < 0.1
 
 
-def test_curvature_of_a_ball_is_a_layer_coloured_by_it() -> None:
+def test_curvature_of_a_ball_is_a_layer_coloured_by_it():
     meshes = MeshSet()
     meshes.create_sphere(radius=4.0, subdiv=4)
     found = meshes.compute_mls_curvature(measure="mean")

@@ -1,6 +1,6 @@
 """What every filter promises: one parametrised test a promise, over the registry of what is installed."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -9,9 +9,9 @@ import pymeshlab
 import pytest
 
 from bonecam.errors import FilterError
-from bonecam.filters.filter import VERBS, Filter, FilterParameter, Kind, Percentage, installed
+from bonecam.filters import Filter, FilterParameter, Kind, MeshSet, Percentage, installed
+from bonecam.filters.filter import VERBS
 from bonecam.filters.meshlab_values import FilterCall, ScriptParameter, write_script
-from bonecam.filters.meshset import MeshSet
 from bonecam.filters.script_on_mesh import read_script
 
 OURS = [item for item in installed() if item.act.__module__.startswith("bonecam_plugins")]
@@ -48,12 +48,12 @@ class Chain:
 
 
 @pytest.fixture(scope="module")
-def chain(tmp_path_factory: pytest.TempPathFactory) -> Chain:
+def chain(tmp_path_factory):
     return Chain(tmp_path_factory.mktemp("files"))
 
 
 @pytest.fixture
-def prepared(chain: Chain, item: Filter) -> Iterator[MeshSet]:
+def prepared(chain, item):
     chain.prepare(item.after)
     layers, current = chain.meshes.layers, chain.meshes.current_mesh_id()
     before = layers.keys()
@@ -75,18 +75,18 @@ def keeps_its_word(item: Filter, prepared: MeshSet, values: dict[str, Any]) -> N
 
 
 @EVERY
-def test_leaves_its_input_layer_as_it_says(item: Filter, prepared: MeshSet) -> None:
+def test_leaves_its_input_layer_as_it_says(item, prepared):
     keeps_its_word(item, prepared, QUICK.get(item.name, {}))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("item", [item for item in OURS if item.name in QUICK], ids=lambda item: item.name)
-def test_runs_on_defaults(item: Filter, prepared: MeshSet) -> None:
+def test_runs_on_defaults(item, prepared):
     keeps_its_word(item, prepared, {})
 
 
 @pytest.mark.parametrize("item", [item for item in OURS if item.after], ids=lambda item: item.name)
-def test_says_what_must_come_before(item: Filter, tmp_path: Path) -> None:
+def test_says_what_must_come_before(item, tmp_path):
     meshes = MeshSet(folder=tmp_path)
     meshes.create_sphere(radius=5.0)
     with pytest.raises(FilterError, match=f"apply ({'|'.join(item.after)}) first"):
@@ -96,7 +96,7 @@ def test_says_what_must_come_before(item: Filter, tmp_path: Path) -> None:
 
 
 @EVERY
-def test_is_documented(item: Filter) -> None:
+def test_is_documented(item):
     assert item.name.split("_")[0] in VERBS
     assert item.documentation.strip().endswith(".")
     assert item.display_name[0].isupper()
@@ -109,7 +109,7 @@ def test_is_documented(item: Filter) -> None:
 
 
 @EVERY
-def test_round_trips_through_a_script(item: Filter, tmp_path: Path) -> None:
+def test_round_trips_through_a_script(item, tmp_path):
     parameters = tuple(ScriptParameter(p.name, p.kind.value, {"value": p.written(p.default)}) for p in item.parameters)
     write_script(
         [FilterCall(item.display_name, parameters), FilterCall(item.name, parameters)], tmp_path / "script.mlx"
@@ -120,13 +120,13 @@ def test_round_trips_through_a_script(item: Filter, tmp_path: Path) -> None:
 
 
 @EVERY
-def test_refuses_unknown_parameters_by_name(item: Filter) -> None:
+def test_refuses_unknown_parameters_by_name(item):
     with pytest.raises(FilterError, match=rf"{item.name} knows no parameter 'no_such_thing'"):
         item.values({"no_such_thing": 1}, None)
 
 
 @EVERY
-def test_refuses_values_out_of_range_or_kind_by_name(item: Filter) -> None:
+def test_refuses_values_out_of_range_or_kind_by_name(item):
     for parameter in item.parameters:
         for bad in wrong_values(parameter):
             with pytest.raises(FilterError, match=rf"{item.name}: parameter {parameter.name} = "):

@@ -1,26 +1,20 @@
 """MeshSet is pymeshlab's plus ours: by name, as methods; values travel beside the layers; a failure leaves
 nothing."""
 
-from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pymeshlab
 import pytest
 
 from bonecam.errors import BonecamError, Cancelled, FilterError, StockError
-from bonecam.filters.filter import Filter, FilterParameter, Kind, Registry
-from bonecam.filters.layers import Layers
-from bonecam.filters.meshset import MeshSet
-from bonecam.filters.script_on_mesh import apply_script
-from bonecam.progress import Progress, report
+from bonecam.filters import Filter, FilterParameter, Kind, MeshSet, Registry, apply_script
+from bonecam.progress import report
 
 SCRIPT_OF_UNKNOWN = '<!DOCTYPE FilterScript><FilterScript><filter name="nothing"/></FilterScript>'
 
 
-def test_both_sorts_apply_by_name_and_as_methods(meshes: MeshSet) -> None:
+def test_both_sorts_apply_by_name_and_as_methods(meshes):
     assert isinstance(meshes, pymeshlab.MeshSet)
     before = meshes.current_mesh().vertex_matrix().copy()
     result = meshes.apply_filter("generate_offset", distance=2.0, how="down")
@@ -36,12 +30,12 @@ def test_both_sorts_apply_by_name_and_as_methods(meshes: MeshSet) -> None:
     assert np.ptp(meshes.current_mesh().vertex_color_matrix(), axis=0).max() > 0.5
 
 
-def test_percentages_are_of_the_diagonal_of_the_current_layer(meshes: MeshSet) -> None:
+def test_percentages_are_of_the_diagonal_of_the_current_layer(meshes):
     diagonal = meshes.current_mesh().bounding_box().diagonal()
     assert meshes.generate_offset(distance=pymeshlab.PercentageValue(10))["distance"] == pytest.approx(diagonal / 10)
 
 
-def test_lists_and_parameters_hold_both_sorts(meshes: MeshSet, capfd: pytest.CaptureFixture[str]) -> None:
+def test_lists_and_parameters_hold_both_sorts(meshes, capfd):
     assert {"generate_offset", "meshing_isotropic_explicit_remeshing"} <= set(meshes.filter_list())
     assert {"generate_offset", "apply_filter", "create_cube"} <= set(dir(meshes))
     assert "Moves a copy" in meshes.generate_offset.__doc__
@@ -69,23 +63,23 @@ def test_lists_and_parameters_hold_both_sorts(meshes: MeshSet, capfd: pytest.Cap
         ("create_sphere", {"radius": 2.0, "subdiv": 2.5}, "subdiv = 2.5: give a value of type int"),
     ],
 )
-def test_wrong_calls_are_filter_errors(meshes: MeshSet, name: str, values: dict[str, object], reason: str) -> None:
+def test_wrong_calls_are_filter_errors(meshes, name, values, reason):
     with pytest.raises(FilterError, match=reason):
         meshes.apply_filter(name, **values)
     assert meshes.mesh_number() == 1
 
 
-def test_without_a_layer_a_filter_says_so(registry: Registry) -> None:
+def test_without_a_layer_a_filter_says_so(registry):
     with pytest.raises(FilterError, match="load a mesh first"):
         MeshSet(registry=registry).generate_offset()
 
 
-def test_unknown_attribute_is_an_attribute_error(meshes: MeshSet) -> None:
+def test_unknown_attribute_is_an_attribute_error(meshes):
     with pytest.raises(AttributeError, match="generate_nothing"):
         _ = meshes.generate_nothing
 
 
-def test_a_failed_filter_leaves_the_layers_as_they_were(meshes: MeshSet) -> None:
+def test_a_failed_filter_leaves_the_layers_as_they_were(meshes):
     key = meshes.current_mesh_id()
     with pytest.raises(StockError, match="too small"):
         meshes.generate_offset(fail=True)
@@ -93,8 +87,8 @@ def test_a_failed_filter_leaves_the_layers_as_they_were(meshes: MeshSet) -> None
     assert meshes.current_mesh_id() == key
 
 
-def test_a_cancelled_filter_leaves_the_layers_as_they_were(turn_filter: Filter, phalanx: Path) -> None:
-    def act(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
+def test_a_cancelled_filter_leaves_the_layers_as_they_were(turn_filter, phalanx):
+    def act(layers, values, progress):
         layers.add(layers.mesh(), "half made")
         report(progress, 0.5, "half way")
         return {}
@@ -106,7 +100,7 @@ def test_a_cancelled_filter_leaves_the_layers_as_they_were(turn_filter: Filter, 
     assert meshes.mesh_number() == 1
 
 
-def test_kept_values_travel_with_new_layers_and_stay_off_others(meshes: MeshSet) -> None:
+def test_kept_values_travel_with_new_layers_and_stay_off_others(meshes):
     first = meshes.current_mesh_id()
     with pytest.raises(FilterError, match=r"layer 0 'phalanx\.ply' has no distance: apply generate_offset first"):
         meshes.compute_recall()
@@ -117,16 +111,14 @@ def test_kept_values_travel_with_new_layers_and_stay_off_others(meshes: MeshSet)
         meshes.compute_recall()
 
 
-def test_kept_values_of_a_layer_that_was_changed_are_refused(meshes: MeshSet) -> None:
+def test_kept_values_of_a_layer_that_was_changed_are_refused(meshes):
     meshes.generate_offset(distance=2.0)
     meshes.apply_coord_taubin_smoothing()
     with pytest.raises(FilterError, match="was changed after its distance was made: apply generate_offset again"):
         meshes.compute_recall()
 
 
-def test_the_saved_script_gives_the_same_layers_again(
-    meshes: MeshSet, phalanx: Path, registry: Registry, tmp_path: Path
-) -> None:
+def test_the_saved_script_gives_the_same_layers_again(meshes, phalanx, registry, tmp_path):
     meshes.meshing_isotropic_explicit_remeshing(targetlen=pymeshlab.PercentageValue(4), iterations=2)
     meshes.generate_offset(distance=pymeshlab.PercentageValue(10), how="down")
     meshes.apply_turn()
@@ -160,7 +152,7 @@ def test_the_saved_script_gives_the_same_layers_again(
     assert "<filter" not in (tmp_path / "none.mlx").read_text()
 
 
-def test_errors_of_filters_are_pymeshlab_s_too(meshes: MeshSet) -> None:
+def test_errors_of_filters_are_pymeshlab_s_too(meshes):
     for name, values in (
         ("generate_offset", {"nope": 1}),
         ("create_cube", {"nope": 1}),
@@ -176,7 +168,7 @@ def test_errors_of_filters_are_pymeshlab_s_too(meshes: MeshSet) -> None:
     ("value", "words"),
     [(99, "Enum 99 not valid"), (-1, "Enum -1 not valid"), ("zzz", "'Custom Axis'$"), (None, "of type int")],
 )
-def test_a_choice_that_meshlab_has_not_is_told_with_its_filter(value: object, words: str, meshes: MeshSet) -> None:
+def test_a_choice_that_meshlab_has_not_is_told_with_its_filter(value, words, meshes):
     name = "generate_polyline_from_planar_section"
     for call in (meshes.apply_filter, meshes.filter_parameter_values):
         with pytest.raises(FilterError, match=rf"^{name}: .*{words}") as caught:
@@ -184,8 +176,8 @@ def test_a_choice_that_meshlab_has_not_is_told_with_its_filter(value: object, wo
         assert isinstance(caught.value, pymeshlab.PyMeshLabException)
 
 
-def test_a_filter_cannot_end_the_program(phalanx: Path) -> None:
-    def leave(*_: object) -> dict[str, object]:
+def test_a_filter_cannot_end_the_program(phalanx):
+    def leave(*_):
         raise SystemExit(3)
 
     item = Filter("apply_leave", "Leave", "Calls sys.exit.", "Test", (), leave)
@@ -197,8 +189,8 @@ def test_a_filter_cannot_end_the_program(phalanx: Path) -> None:
 
 
 @pytest.mark.parametrize("place", ["act", "value"])
-def test_a_fault_in_the_code_of_a_filter_is_told_with_its_line(place: str, phalanx: Path, tmp_path: Path) -> None:
-    def fail(*_: object) -> dict[str, object]:
+def test_a_fault_in_the_code_of_a_filter_is_told_with_its_line(place, phalanx, tmp_path):
+    def fail(*_):
         raise KeyError("no\nsuch")
 
     known = FilterParameter("size", Kind.FLOAT, 1.0, "Size", "The size.")
@@ -216,7 +208,7 @@ def test_a_fault_in_the_code_of_a_filter_is_told_with_its_line(place: str, phala
 
 
 @pytest.mark.parametrize("text", [None, "junk", SCRIPT_OF_UNKNOWN])
-def test_a_script_that_cannot_be_used_is_an_error_of_pymeshlab_too(text: str | None, tmp_path: Path) -> None:
+def test_a_script_that_cannot_be_used_is_an_error_of_pymeshlab_too(text, tmp_path):
     file = tmp_path / "steps.mlx"
     if text is not None:
         file.write_text(text, encoding="utf-8")

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bonecam.errors import BonecamError, FileError, FilterError
+from bonecam.errors import FileError, FilterError
 from bonecam.filters.meshlab_values import FilterCall, ScriptParameter, read_calls, script_text, write_script
 
 TEXT = """<!DOCTYPE FilterScript>
@@ -32,7 +32,7 @@ def write(folder: Path, text: str) -> Path:
     return folder / "script.mlx"
 
 
-def test_filters_and_parameters_come_with_their_lines(tmp_path: Path) -> None:
+def test_filters_and_parameters_come_with_their_lines(tmp_path):
     cube, delete = read_calls(write(tmp_path, TEXT))
     assert (cube.name, cube.line, delete.name, delete.line, delete.parameters) == (
         "Box/Cube",
@@ -46,7 +46,7 @@ def test_filters_and_parameters_come_with_their_lines(tmp_path: Path) -> None:
 
 
 @given(CALLS)
-def test_round_trip_gives_equal_calls(tmp_path_factory: pytest.TempPathFactory, calls: list[FilterCall]) -> None:
+def test_round_trip_gives_equal_calls(tmp_path_factory, calls):
     path = tmp_path_factory.mktemp("mlx") / "script.mlx"
     write_script(calls, path)
     assert read_calls(path) == calls
@@ -72,22 +72,20 @@ def test_round_trip_gives_equal_calls(tmp_path_factory: pytest.TempPathFactory, 
         ('<!DOCTYPE F [<!ENTITY a "b">]><FilterScript/>', FileError, r"line 1: entity 'a'"),
     ],
 )
-def test_what_is_no_script_is_refused_with_its_line(
-    tmp_path: Path, text: str, kind: type[BonecamError], reason: str
-) -> None:
+def test_what_is_no_script_is_refused_with_its_line(tmp_path, text, kind, reason):
     with pytest.raises(kind, match=reason) as caught:
         read_calls(write(tmp_path, text))
     assert isinstance(caught.value.evidence["line"], int)
     assert str(tmp_path / "script.mlx") in str(caught.value)
 
 
-def test_a_missing_script_is_a_file_error(tmp_path: Path) -> None:
+def test_a_missing_script_is_a_file_error(tmp_path):
     with pytest.raises(FileError, match=r"none\.mlx: No such file"):
         read_calls(tmp_path / "none.mlx")
 
 
 @pytest.mark.parametrize("encoding", ["rot13", "utf-7", "idna", "nope"])
-def test_an_encoding_that_xml_cannot_have_is_refused(tmp_path: Path, encoding: str) -> None:
+def test_an_encoding_that_xml_cannot_have_is_refused(tmp_path, encoding):
     script = write(tmp_path, f'<?xml version="1.0" encoding="{encoding}"?><FilterScript/>')
     with pytest.raises(FileError, match=r"script\.mlx: its encoding cannot be read"):
         read_calls(script)

@@ -1,12 +1,13 @@
 """Damaged SAT, DXF, STEP and IGES files: each gives a mesh, its B-spline faces, or one typed line."""
 
 import random
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from mutations import mutate, outcome
+from small_parts import pebble
 
-from bonecam.mesh.files.mesh_files import read_mesh
+from bonecam.mesh import read_mesh
 from bonecam.surface.files.cad import read_bsplines, write_iges, write_step
 
 pytestmark = pytest.mark.whole
@@ -67,9 +68,7 @@ COUNTS = [*((name, DEFAULT) for name in ("a.sat", "a.dxf")), *((name, CHILDREN) 
         *(pytest.param(name, MANY, id=f"{name}-many", marks=pytest.mark.fuzz) for name in WRITERS),
     ],
 )
-def test_a_damaged_cad_file_gives_a_mesh_or_one_line(
-    name: str, count: int, mutate: Callable, outcome: Callable, tmp_path: Path
-) -> None:
+def test_a_damaged_cad_file_gives_a_mesh_or_one_line(name, count, tmp_path):
     rng = random.Random(name)
     file = tmp_path / name
     WRITERS[name](file)
@@ -90,9 +89,7 @@ def test_a_damaged_cad_file_gives_a_mesh_or_one_line(
         *(pytest.param(name, MANY, id=f"{name}-many", marks=pytest.mark.fuzz) for name in SURFACES),
     ],
 )
-def test_a_damaged_file_of_a_surface_gives_its_faces_or_one_line(
-    name: str, count: int, pebble: Callable, mutate: Callable, outcome: Callable, tmp_path: Path
-) -> None:
+def test_a_damaged_file_of_a_surface_gives_its_faces_or_one_line(name, count, tmp_path):
     rng = random.Random(f"surface {name}")
     file = tmp_path / name
     SURFACES[name](pebble(), file)

@@ -2,25 +2,24 @@
 
 import re
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, suppress
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
 import pytest
 from bonecam_meshes import path as shipped
+from mutations import within
 from numpy import ndarray
 
 import bonecam
 from bonecam.errors import BonecamError, MachineError
 from bonecam.job import Job
 from bonecam.machine import Machine, read_machine
-from bonecam.mesh.files.mesh_files import read_mesh
-from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.mesh import TriangleMesh, read_mesh
 from bonecam.nc import dialect_names, read_dialect
 
 pytestmark = pytest.mark.whole
 
-Within = Callable[[float], AbstractContextManager[None]]
 
 SECONDS = 300.0
 """A job that takes longer than this (s) hangs."""
@@ -206,7 +205,7 @@ def run(seed: int) -> tuple[str, str]:
     return "program", str(result.program.text.count("\n"))
 
 
-def check_ending(seed: int, within: Within) -> None:
+def check_ending(seed: int) -> None:
     """A program, or one line that says what to do, within SECONDS."""
     with within(SECONDS):
         kind, what = run(seed)
@@ -219,11 +218,11 @@ def check_ending(seed: int, within: Within) -> None:
 
 
 @pytest.mark.parametrize("seed", QUICK)
-def test_a_plausible_job_ends_with_a_program_or_a_remedy(seed: int, within: Within) -> None:
-    check_ending(seed, within)
+def test_a_plausible_job_ends_with_a_program_or_a_remedy(seed):
+    check_ending(seed)
 
 
-def test_jobs_are_drawn_for_all_dialects_on_all_machines() -> None:
+def test_jobs_are_drawn_for_all_dialects_on_all_machines():
     assert set(CONTROLLERS["mikron-ucp600"]) == set(dialect_names())
     jobs = (random_job(seed)[1] for seed in ALL)
     drawn = {(job.nc.machine, job.nc.controller) for job in jobs if isinstance(job, Job)}
@@ -232,17 +231,17 @@ def test_jobs_are_drawn_for_all_dialects_on_all_machines() -> None:
 
 @pytest.mark.fuzz
 @pytest.mark.parametrize("seed", ALL)
-def test_every_random_job_ends_with_a_program_or_a_remedy(seed: int, within: Within) -> None:
-    check_ending(seed, within)
+def test_every_random_job_ends_with_a_program_or_a_remedy(seed):
+    check_ending(seed)
 
 
 @pytest.mark.fuzz
-def test_links_below_the_stock_keep_the_flutes_out_of_it() -> None:
+def test_links_below_the_stock_keep_the_flutes_out_of_it():
     """A stock hardly longer than the part: links pass below it, where the ball is in air beside the flutes."""
     assert run(6015)[0] == "program"
 
 
 @pytest.mark.fuzz
-def test_a_needle_ends_as_a_proved_program() -> None:
+def test_a_needle_ends_as_a_proved_program():
     """The balls on both sides of a tip of 0.01 mm graze one another's surface, which is no gouge of 1.6 mm."""
     assert bonecam.convert(cone(4.0, 14.0, 1.5)).report["nc"]["gouge_max_mm"] < Job().path.gouge_tolerance

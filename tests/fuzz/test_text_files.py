@@ -7,22 +7,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from mutations import mutate, outcome
+from small_parts import capsule_path, pebble
 
 from bonecam.errors import BonecamError
 from bonecam.filters.meshlab_values import read_calls
 from bonecam.job import Job, read_job, write_job
-from bonecam.machine.machine import MACHINES, read_machine
+from bonecam.machine import read_machine
+from bonecam.machine.machine import MACHINES
 from bonecam.mesh.files.points import read_blocks
-from bonecam.nc.dialect import DIALECTS, read_dialect
-from bonecam.nc.posting import write_program
-from bonecam.nc.reading import read_program
+from bonecam.nc import read_dialect, read_program, write_program
+from bonecam.nc.dialect import DIALECTS
 from bonecam.pipeline import check_job
-from bonecam.surface.files.iga import read_iga, write_iga
+from bonecam.surface import TMesh, TSpline, read_iga, read_tsm, write_iga, write_tsm
 from bonecam.surface.files.surface_input import read_part
-from bonecam.surface.files.tspline_text import read_tsm, write_tsm
-from bonecam.surface.tmesh import TMesh
-from bonecam.surface.tspline import TSpline
-from bonecam.tool.path import ToolPath
 
 DEFAULT = 25
 """Damaged files of each kind in the default run."""
@@ -59,9 +57,7 @@ def patch() -> TSpline:
 
 
 @pytest.fixture(scope="session")
-def sound(
-    pebble: Callable[..., TSpline], capsule_path: Callable[..., ToolPath], tmp_path_factory: pytest.TempPathFactory
-) -> dict[str, bytes]:
+def sound(tmp_path_factory):
     """A sound file of every kind."""
     folder = tmp_path_factory.mktemp("sound")
     surface = pebble()
@@ -158,9 +154,7 @@ def retype_value(rng: random.Random, data: bytes) -> bytes:
     "count", [pytest.param(DEFAULT, id="few"), pytest.param(MANY, id="many", marks=pytest.mark.fuzz)]
 )
 @pytest.mark.parametrize("name", READERS)
-def test_a_damaged_text_gives_a_result_or_one_line(
-    name: str, count: int, sound: dict[str, bytes], mutate: Callable, outcome: Callable, tmp_path: Path
-) -> None:
+def test_a_damaged_text_gives_a_result_or_one_line(name, count, sound, tmp_path):
     rng = random.Random(name)
     file = tmp_path / name
     file.write_bytes(sound[name])
@@ -195,6 +189,6 @@ HOSTILE = {
 
 
 @pytest.mark.parametrize("name", HOSTILE)
-def test_a_hostile_text_gives_one_line(name: str, outcome: Callable, tmp_path: Path) -> None:
+def test_a_hostile_text_gives_one_line(name, tmp_path):
     (tmp_path / name).write_text(HOSTILE[name])
     assert outcome(READERS[name], tmp_path / name)

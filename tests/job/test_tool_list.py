@@ -90,7 +90,7 @@ def only(file: str) -> ToolJob:
 # --- the catalogue
 
 
-def test_the_catalogue_has_balls_of_one_to_ten_millimetres_that_fit_their_chucks() -> None:
+def test_the_catalogue_has_balls_of_one_to_ten_millimetres_that_fit_their_chucks():
     listed = read_tool_list("")
     assert listed == read_tool_list("catalogue")
     diameters = {2 * one.tool.radius for one in listed}
@@ -107,7 +107,7 @@ def test_the_catalogue_has_balls_of_one_to_ten_millimetres_that_fit_their_chucks
             assert 20.0 <= cutter.overhang <= 35.0
 
 
-def test_a_scallop_that_a_list_does_not_state_stays_that_of_the_section() -> None:
+def test_a_scallop_that_a_list_does_not_state_stays_that_of_the_section():
     job = Job().with_values(roughing={"preset": "ball-6"}, finishing={"preset": "ball-3"})
     assert (job.roughing.scallop, job.finishing.scallop) == (Job().roughing.scallop, Job().finishing.scallop)
     assert (job.roughing.radius, job.roughing.neck_diameter) == (3.0, 5.8)
@@ -116,7 +116,7 @@ def test_a_scallop_that_a_list_does_not_state_stays_that_of_the_section() -> Non
 # --- Fusion
 
 
-def test_a_library_of_fusion_is_read_with_neck_stick_out_and_holder_up_to_the_gauge_line(tmp_path: Path) -> None:
+def test_a_library_of_fusion_is_read_with_neck_stick_out_and_holder_up_to_the_gauge_line(tmp_path):
     file = fusion(
         tmp_path,
         fusion_tool(3, "6 mm ball"),
@@ -144,7 +144,7 @@ def test_a_library_of_fusion_is_read_with_neck_stick_out_and_holder_up_to_the_ga
     assert found.left_out == {"drill": 1, "tapered ball end mill": 1, "holder": 1}
 
 
-def test_tools_files_of_fusion_are_zips_or_plain(tmp_path: Path) -> None:
+def test_tools_files_of_fusion_are_zips_or_plain(tmp_path):
     plain = fusion(tmp_path, fusion_tool(3, "6 mm ball"), name="plain.tools")
     packed = tmp_path / "packed.tools"
     with zipfile.ZipFile(packed, "w") as file:
@@ -156,7 +156,7 @@ def test_tools_files_of_fusion_are_zips_or_plain(tmp_path: Path) -> None:
         read_tool_list(str(packed))
 
 
-def test_each_tool_of_fusion_has_its_unit_and_its_holder_another(tmp_path: Path) -> None:
+def test_each_tool_of_fusion_has_its_unit_and_its_holder_another(tmp_path):
     inch = {"DC": 0.25, "LB": 1.0, "LCF": 0.5, "SFDM": 0.25, "RE": 0.125, "shoulder-length": 0.5}
     tool = only(fusion(tmp_path, fusion_tool(1, "1/4 ball", unit="inches", **inch)))
     assert (tool.radius, tool.overhang, tool.flute_length, tool.neck_length) == (3.175, 25.4, 12.7, 0.0)
@@ -188,9 +188,7 @@ def test_each_tool_of_fusion_has_its_unit_and_its_holder_another(tmp_path: Path)
         ({"shoulder-diameter": 6}, (0.0, 0.0, 6.0)),
     ],
 )
-def test_shoulder_and_shaft_of_fusion_become_a_neck_and_a_shank_that_hold_them(
-    changes: dict[str, Any], neck: tuple[float, float, float], tmp_path: Path
-) -> None:
+def test_shoulder_and_shaft_of_fusion_become_a_neck_and_a_shank_that_hold_them(changes, neck, tmp_path):
     if changes.get("DC") == 2:
         changes = {"shoulder-diameter": 2, **changes}
     pieces = [
@@ -214,7 +212,7 @@ def test_shoulder_and_shaft_of_fusion_become_a_neck_and_a_shank_that_hold_them(
         ({"SFDM": 14, "shoulder-length": 13}, r"shank_diameter = 14: give at most holder_diameter \(12 mm\)"),
     ],
 )
-def test_what_a_library_of_fusion_lacks_is_asked_for_by_name(changes: dict[str, Any], why: str, tmp_path: Path) -> None:
+def test_what_a_library_of_fusion_lacks_is_asked_for_by_name(changes, why, tmp_path):
     file = fusion(tmp_path, fusion_tool(3, "ball", **changes))
     with pytest.raises(JobError, match=rf"shop\.json: .*{why}") as caught:
         read_tool_list(file)
@@ -222,7 +220,7 @@ def test_what_a_library_of_fusion_lacks_is_asked_for_by_name(changes: dict[str, 
     assert ('from = "shop.json"' in str(caught.value)) == ("states no" in why)
 
 
-def test_all_that_is_wrong_in_a_list_is_told_at_once(tmp_path: Path) -> None:
+def test_all_that_is_wrong_in_a_list_is_told_at_once(tmp_path):
     tools = [fusion_tool(number, f"ball {number}", holder=None) for number in (1, 2)]
     with pytest.raises(JobError, match=r"tool 1 'ball 1': states no holder; tool 2 'ball 2': states no holder"):
         read_tool_list(fusion(tmp_path, *tools))
@@ -249,7 +247,7 @@ def freecad(folder: Path) -> str:
     return written(folder, "Library/Default.fctl", json.dumps(library))
 
 
-def test_toolbits_of_freecad_are_completed_by_a_list_that_names_their_library(tmp_path: Path) -> None:
+def test_toolbits_of_freecad_are_completed_by_a_list_that_names_their_library(tmp_path):
     library = freecad(tmp_path)
     with pytest.raises(JobError, match=r"Default\.fctl: tool 3 '6mm_Ball_End': states no overhang, holder; tool 4"):
         read_tool_list(library)
@@ -263,7 +261,7 @@ def test_toolbits_of_freecad_are_completed_by_a_list_that_names_their_library(tm
     assert names == {"mill.toml", "Default.fctl", "6mm_Ball_End.fctb", "Torus.fctb", "5mm_Drill.fctb"}
 
 
-def test_a_toolbit_alone_lacks_its_number_and_a_thick_shank_asks_for_the_neck(tmp_path: Path) -> None:
+def test_a_toolbit_alone_lacks_its_number_and_a_thick_shank_asks_for_the_neck(tmp_path):
     (tmp_path / "Bit").mkdir()
     sizes = {"Diameter": '1/8 "', "CuttingEdgeHeight": "6 mm", "ShankDiameter": "6 mm"}
     file = bit(tmp_path, "ball", "ballend", **sizes)
@@ -276,7 +274,7 @@ def test_a_toolbit_alone_lacks_its_number_and_a_thick_shank_asks_for_the_neck(tm
         read_tool_list(bit(tmp_path, "bad", "ballend", Diameter="6 parsecs"))
 
 
-def test_a_library_that_names_a_missing_toolbit_is_refused(tmp_path: Path) -> None:
+def test_a_library_that_names_a_missing_toolbit_is_refused(tmp_path):
     library = freecad(tmp_path)
     (tmp_path / "Bit" / "Torus.fctb").unlink()
     with pytest.raises(JobError, match=r"Default\.fctl: names Torus\.fctb, which is neither beside it nor in"):
@@ -323,7 +321,7 @@ def linuxcnc(folder: Path, text: str = COMPLETED) -> str:
     return written(folder, "mill.toml", text)
 
 
-def test_a_tool_table_of_linuxcnc_is_completed_by_a_list_beside_it(tmp_path: Path) -> None:
+def test_a_tool_table_of_linuxcnc_is_completed_by_a_list_beside_it(tmp_path):
     found = tool_list(linuxcnc(tmp_path))
     assert [(one.name, one.tool.number, one.tool.radius) for one in found.tools] == [
         ("6 mm ball", 3, 3.0),
@@ -357,14 +355,14 @@ def test_a_tool_table_of_linuxcnc_is_completed_by_a_list_beside_it(tmp_path: Pat
         ("[holders]\nslim", "[holders]\nother", "tool 3 '6 mm ball': holder = 'slim': 'slim' is no number"),
     ],
 )
-def test_a_list_that_does_not_complete_its_file_is_one_line(old: str, new: str, why: str, tmp_path: Path) -> None:
+def test_a_list_that_does_not_complete_its_file_is_one_line(old, new, why, tmp_path):
     assert old in COMPLETED
     with pytest.raises(JobError, match=why) as caught:
         read_tool_list(linuxcnc(tmp_path, COMPLETED.replace(old, new, 1)))
     assert "\n" not in str(caught.value)
 
 
-def test_a_tool_table_alone_says_what_it_lacks(tmp_path: Path) -> None:
+def test_a_tool_table_alone_says_what_it_lacks(tmp_path):
     linuxcnc(tmp_path)
     with pytest.raises(JobError, match=r'states no shape, flutes, shank, stick-out or holder: .* from = "tool\.tbl"'):
         read_tool_list(str(tmp_path / "tool.tbl"))
@@ -373,7 +371,7 @@ def test_a_tool_table_alone_says_what_it_lacks(tmp_path: Path) -> None:
         read_tool_list(str(tmp_path / "mill.toml"))
 
 
-def test_of_two_tools_with_one_number_a_list_names_the_one_that_it_completes(tmp_path: Path) -> None:
+def test_of_two_tools_with_one_number_a_list_names_the_one_that_it_completes(tmp_path):
     fusion(tmp_path, fusion_tool(1, "short", holder=None), fusion_tool(1, "long", holder=None))
     text = 'from = "shop.json"\nholder = "60 12 21, 20 63"\n[[tool]]\nnumber = 1\n{}overhang = 33\n'
     with pytest.raises(JobError, match=r"\[\[tool\]\] tool 1: shop\.json has 2: give number and name"):
@@ -382,7 +380,7 @@ def test_of_two_tools_with_one_number_a_list_names_the_one_that_it_completes(tmp
     assert (short.tool.overhang, long.tool.overhang) == (24.0, 33.0)
 
 
-def test_a_list_gives_a_tool_the_name_or_the_number_that_its_file_lacks(tmp_path: Path) -> None:
+def test_a_list_gives_a_tool_the_name_or_the_number_that_its_file_lacks(tmp_path):
     nameless, unnumbered = fusion_tool(1, ""), fusion_tool(2, "ball")
     del unnumbered["post-process"]
     fusion(tmp_path, nameless, unnumbered)
@@ -394,7 +392,7 @@ def test_a_list_gives_a_tool_the_name_or_the_number_that_its_file_lacks(tmp_path
         read_tool_list(written(tmp_path, "mill.toml", text))
 
 
-def test_a_list_may_use_some_tools_of_its_file_and_mend_what_is_stated(tmp_path: Path) -> None:
+def test_a_list_may_use_some_tools_of_its_file_and_mend_what_is_stated(tmp_path):
     fusion(tmp_path, fusion_tool(1, "ball"), fusion_tool(2, "broken", LB=None, holder=None))
     text = 'from = "shop.json"\nonly = ["ball"]\nholder = "9 99"\n[[tool]]\nnumber = 1\nneck_length = 0.0\n'
     tool = only(written(tmp_path, "mill.toml", text))
@@ -405,7 +403,7 @@ def test_a_list_may_use_some_tools_of_its_file_and_mend_what_is_stated(tmp_path:
 
 
 @pytest.mark.parametrize(("apart", "point"), [(",", "."), (";", ","), ("\t", ".")])
-def test_a_table_is_read_with_commas_semicolons_or_tabs(apart: str, point: str, tmp_path: Path) -> None:
+def test_a_table_is_read_with_commas_semicolons_or_tabs(apart, point, tmp_path):
     rows = [
         "Number|Name|Shape|Diameter|Flute length|Shank diameter|Overhang|Holder|Price",
         '3|6 mm ball|ball|6.0|13.0|6.0|24.5|"60 12 21, 20 63"|31.90',
@@ -420,7 +418,7 @@ def test_a_table_is_read_with_commas_semicolons_or_tabs(apart: str, point: str, 
     assert found.left_out == {"drill": 1}
 
 
-def test_a_table_in_inches_names_its_unit_in_the_list_that_completes_it(tmp_path: Path) -> None:
+def test_a_table_in_inches_names_its_unit_in_the_list_that_completes_it(tmp_path):
     written(
         tmp_path, "shop.csv", "number,name,shape,diameter,flute_length,shank_diameter,holder\n1,b,ball,.25,.5,.25,2 1\n"
     )
@@ -441,7 +439,7 @@ def test_a_table_in_inches_names_its_unit_in_the_list_that_completes_it(tmp_path
         ('3,4,8,4,24,"60 12', r"unexpected end of data"),
     ],
 )
-def test_a_table_that_is_wrong_or_lacks_something_is_one_line(row: str, why: str, tmp_path: Path) -> None:
+def test_a_table_that_is_wrong_or_lacks_something_is_one_line(row, why, tmp_path):
     head = "number,diameter,flute_length,shank_diameter,overhang,holder,shape"
     with pytest.raises(JobError, match=rf"shop\.csv: .*{why}"):
         read_tool_list(written(tmp_path, "shop.csv", f"{head}\n{row}\n"))
@@ -450,7 +448,7 @@ def test_a_table_that_is_wrong_or_lacks_something_is_one_line(row: str, why: str
 # --- bonecam's own, and what holds of all
 
 
-def test_a_file_of_one_cutter_is_a_list_of_its_name(tmp_path: Path) -> None:
+def test_a_file_of_one_cutter_is_a_list_of_its_name(tmp_path):
     text = "radius = 1.5\nflute_length = 4.5\nshank_diameter = 6.0\noverhang = 28.0\nholder = [[35, 10, 17]]\n"
     (listed,) = read_tool_list(written(tmp_path, "ball-3.toml", text))
     assert (listed.name, listed.tool.number, listed.tool.neck_length) == ("ball-3", 0, 0.0)
@@ -460,14 +458,14 @@ def test_a_file_of_one_cutter_is_a_list_of_its_name(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("ending", ENDINGS)
 @pytest.mark.parametrize("content", [b"", b"PK\x03\x04", b"\x00\xff\xfe", b"{" * 5000, b"[1, 2]", b'{"data": [1]}'])
-def test_a_file_that_is_no_list_is_one_line(ending: str, content: bytes, tmp_path: Path) -> None:
+def test_a_file_that_is_no_list_is_one_line(ending, content, tmp_path):
     (tmp_path / f"shop{ending}").write_bytes(content)
     with pytest.raises(JobError, match=rf"shop\{ending}") as caught:
         read_tool_list(str(tmp_path / f"shop{ending}"))
     assert "\n" not in str(caught.value)
 
 
-def test_a_list_that_there_is_not_is_one_line(tmp_path: Path) -> None:
+def test_a_list_that_there_is_not_is_one_line(tmp_path):
     with pytest.raises(JobError, match=r"'catalog': is no list of cutters \(did you mean 'catalogue'\?\): use one"):
         read_tool_list("catalog")
     with pytest.raises(JobError, match=r"gone\.json: No such file or directory: give a list of cutters"):
@@ -475,7 +473,7 @@ def test_a_list_that_there_is_not_is_one_line(tmp_path: Path) -> None:
 
 
 @pytest.fixture
-def shop(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+def shop(tmp_path, monkeypatch):
     """The list `shop` in the user's folder: two balls of Fusion, one of the catalogue's name."""
     monkeypatch.setenv("BONECAM_HOME", str(tmp_path))
     folder = tmp_path / "toollists"
@@ -484,7 +482,7 @@ def shop(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
     return "shop"
 
 
-def test_a_preset_is_of_the_job_s_list_by_name_or_number_then_of_the_catalogue(shop: str) -> None:
+def test_a_preset_is_of_the_job_s_list_by_name_or_number_then_of_the_catalogue(shop):
     job = Job(nc={"tools": shop}, roughing={"preset": "3"}, finishing={"preset": "ball-2"}, fine={"preset": "ball-1"})
     assert (job.roughing.number, job.roughing.radius, job.roughing.overhang) == (3, 3.0, 24.0)
     assert (job.finishing.number, job.finishing.shank_diameter) == (8, 6.0), "the shop's"
@@ -498,14 +496,14 @@ def test_a_preset_is_of_the_job_s_list_by_name_or_number_then_of_the_catalogue(s
         job.with_values(roughing={"preset": "6 mm bal"})
 
 
-def test_two_cutters_of_one_name_are_told_apart_by_their_numbers(tmp_path: Path) -> None:
+def test_two_cutters_of_one_name_are_told_apart_by_their_numbers(tmp_path):
     file = fusion(tmp_path, fusion_tool(1, "ball"), fusion_tool(2, "ball", LB=30))
     with pytest.raises(JobError, match=r"preset = 'ball': these are 2 cutters: .* \(1, 2\)"):
         Job(nc={"tools": file}, finishing={"preset": "ball"})
     assert Job(nc={"tools": file}, finishing={"preset": "2"}).finishing.overhang == 30.0
 
 
-def test_cutters_are_known_by_the_names_that_a_preset_has_for_them(tmp_path: Path) -> None:
+def test_cutters_are_known_by_the_names_that_a_preset_has_for_them(tmp_path):
     tools = fusion(tmp_path, fusion_tool(3, "6 mm"), fusion_tool(4, "6 mm", LB=40), fusion_tool(5, "ball-4"))
     known = known_cutters(tools)
     assert [listed.name for listed in known] == ["3", "4", "ball-4"]
@@ -516,9 +514,7 @@ def test_cutters_are_known_by_the_names_that_a_preset_has_for_them(tmp_path: Pat
         assert listed.in_section(ToolJob()).number == listed.tool.number
 
 
-def test_a_job_file_names_a_list_beside_it_and_the_option_another(
-    shop: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_job_file_names_a_list_beside_it_and_the_option_another(shop, tmp_path, monkeypatch, capsys):
     fusion(tmp_path, fusion_tool(3, "mine", LB=31), name="mine.json")
     text = '[finishing]\npreset = "3"\n[nc]\ntools = "mine.json"\n'
     file = written(tmp_path, "job.toml", text)
@@ -533,13 +529,13 @@ def test_a_job_file_names_a_list_beside_it_and_the_option_another(
     assert capsys.readouterr().err.count("\n") == 1
 
 
-def test_a_job_whose_list_cannot_be_read_is_refused_before_any_work(tmp_path: Path) -> None:
+def test_a_job_whose_list_cannot_be_read_is_refused_before_any_work(tmp_path):
     job = Job(nc={"tools": str(tmp_path / "gone.json")})
     with pytest.raises(JobError, match=r"gone\.json: No such file"):
         bonecam.convert(tmp_path / "none.stl", job, program=tmp_path / "p.h")
 
 
-def test_a_part_is_made_again_where_a_file_of_its_list_has_changed(tmp_path: Path) -> None:
+def test_a_part_is_made_again_where_a_file_of_its_list_has_changed(tmp_path):
     part = written(tmp_path, "part.stl", "")
     job = Job(nc={"tools": linuxcnc(tmp_path)})
     before = fingerprint(BatchPart(Path(part), "part", job))
@@ -547,9 +543,7 @@ def test_a_part_is_made_again_where_a_file_of_its_list_has_changed(tmp_path: Pat
     assert fingerprint(BatchPart(Path(part), "part", job)) != before
 
 
-def test_the_command_tools_lists_checks_and_shows_the_cutters_of_a_list(
-    shop: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_tools_lists_checks_and_shows_the_cutters_of_a_list(shop, tmp_path, capsys):
     assert main(["tools"]) == 0
     printed = capsys.readouterr().out.splitlines()
     catalogue = read_tool_list("")

@@ -1,96 +1,31 @@
 """A small part with a waist or a groove, its stock, and the program of its first level."""
 
-from collections.abc import Callable
-
-import numpy as np
 import pytest
+from level_parts import CAPSULE, HALF_MILLIMETRE, STEP_PARAMETERS, waisted
 
-from bonecam.levels.problem import ATTRACTIONS, Cut, Discretisation, StepParameters, discretise, remaining, whole
-from bonecam.levels.program import Given, LevelProgram, program_of
-from bonecam.setup.capsule import Capsule
-from bonecam.setup.stock import Schedule
-from bonecam.surface.tmesh import RowTMesh
-from bonecam.surface.tspline import TSpline
+from bonecam.levels.problem import ATTRACTIONS, discretise, remaining, whole
+from bonecam.levels.program import Given, program_of
 
 
 @pytest.fixture(scope="session")
-def capsule() -> Capsule:
-    """A stock that holds the parts."""
-    return Capsule(np.array([0.0, 0.0, 4.5]), np.array([0.0, 0.0, 15.5]), 4.5)
-
-
-@pytest.fixture(scope="session")
-def schedule() -> Schedule:
-    """Cuts of 0.1, 0.1 and then 0.5 mm."""
-    return Schedule((0.1, 0.1), 0.5)
-
-
-@pytest.fixture(scope="session")
-def waisted() -> Callable[..., TSpline]:
-    """Makes a bone with two heads and a waist, 18 mm long between z = 1 and z = 19."""
-
-    def build(waist: float = 0.35, rows: int = 12, around: int = 10) -> TSpline:
-        knots = np.concatenate([np.zeros(4), np.linspace(0, 1, rows - 2)[1:-1], np.ones(4)])
-        counts = [1] + [around + j % 2 for j in range(1, rows - 1)] + [1]
-        tmesh = RowTMesh.from_rows(knots, [np.arange(n) / n for n in counts])
-        points = []
-        for j, n in enumerate(counts):
-            t = knots[j + 1 : j + 4].mean()
-            z = 1.0 + 18.0 * t
-            reach = 3.2 * np.sqrt(max(0.0, 1 - (2 * t - 1) ** 4)) * (1 - waist * np.exp(-(((t - 0.5) / 0.2) ** 2)))
-            angle = 2 * np.pi * np.arange(n) / n
-            points.append(np.column_stack([reach * np.cos(angle), 0.8 * reach * np.sin(angle), np.full(n, z)]))
-        return TSpline(tmesh, np.vstack(points), np.ones(tmesh.size))
-
-    return build
-
-
-@pytest.fixture(scope="session")
-def grooved(waisted: Callable[..., TSpline]) -> Callable[[float], TSpline]:
-    """Makes a bone with a groove along it, where some of its control points keep only this share of their
-    distance from the axis."""
-
-    def build(share: float) -> TSpline:
-        part = waisted(0.0, around=16)
-        P = np.array(part.control_points)
-        P[(np.abs(np.arctan2(P[:, 1], P[:, 0])) < 0.1) & (np.abs(P[:, 2] - 10) < 7), :2] *= share
-        return part.with_control_points(P)
-
-    return build
-
-
-@pytest.fixture(scope="session")
-def discretisation(waisted: Callable[..., TSpline], capsule: Capsule) -> Discretisation:
+def discretisation():
     """The bone with a waist in the stock, as the programs of its levels see it."""
-    return discretise(waisted(), capsule, ATTRACTIONS["stock"])
+    return discretise(waisted(), CAPSULE, ATTRACTIONS["stock"])
 
 
 @pytest.fixture(scope="session")
-def step_parameters() -> StepParameters:
-    return StepParameters(stiffness=1e-7, bending=1e-7, uniform=0.05)
-
-
-@pytest.fixture(scope="session")
-def half_millimetre() -> Cut:
-    """A cut of 0.5 mm."""
-    return Cut(depth=0.5, landing=0.05)
-
-
-@pytest.fixture(scope="session")
-def given(
-    discretisation: Discretisation, capsule: Capsule, half_millimetre: Cut, step_parameters: StepParameters
-) -> Given:
+def given(discretisation):
     """All an energy of the first level's program is computed from."""
     part = discretisation.surface
-    rest = remaining(discretisation, part.control_points, whole(capsule))
-    return Given(discretisation, part, rest, half_millimetre, step_parameters)
+    rest = remaining(discretisation, part.control_points, whole(CAPSULE))
+    return Given(discretisation, part, rest, HALF_MILLIMETRE, STEP_PARAMETERS)
 
 
 @pytest.fixture
-def first_program(given: Given) -> Callable[[], LevelProgram]:
+def first_program(given):
     """Sets up the program of the first level; energies and limits are those listed when it is called."""
 
-    def set_up() -> LevelProgram:
+    def set_up():
         return program_of(given.discretisation, given.before.control_points, given.rest, given.cut, given.parameters)
 
     return set_up

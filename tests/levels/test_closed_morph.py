@@ -1,18 +1,20 @@
 """The morph of a small bone-like part: few levels, no deeper than allowed, nested, inside the stock, never
-through itself."""
+through itself.
+
+The T-mesh of the levels: as fine as the cuts ask for, the surface unchanged.
+"""
 
 import re
 import subprocess
 import sys
-from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
+from level_parts import CAPSULE, grooved, waisted
 
 from bonecam.errors import Cancelled, JobError, LevelError, StockError, SurfaceError
-from bonecam.levels.closed_morph import morph
-from bonecam.levels.job_levels import levels_in
+from bonecam.levels import levels_in, morph
+from bonecam.levels.closed_morph import refine_for_depth
 from bonecam.levels.measure import MeasuredSurface, level_grid, measure_cut, require_none, violations
 from bonecam.levels.problem import (
     DEPTH_TOLERANCE,
@@ -22,21 +24,17 @@ from bonecam.levels.problem import (
     samples_of,
     thin_plate,
 )
-from bonecam.levels.sequences import Morph
-from bonecam.mesh.distance import MeshDistance
-from bonecam.setup.capsule import Capsule
-from bonecam.setup.stock import Schedule, Stock
-from bonecam.setup.stocks.cylinder import Cylinder
-from bonecam.surface.files.tspline_text import write_tsm
+from bonecam.mesh import MeshDistance
+from bonecam.setup import Box, Capsule, Cylinder, Schedule
+from bonecam.surface import TSpline, write_tsm
 from bonecam.surface.query import closest_points_near
-from bonecam.surface.tspline import TSpline
 
 SCHEDULE = Schedule((0.1, 0.1), 0.5)
 STOCK = Capsule(np.array([0.0, 0.0, 4.5]), np.array([0.0, 0.0, 15.5]), 4.5)
 
 
 @pytest.mark.parametrize("stock", [STOCK, Cylinder(4.5, 0.0, 20.0)])
-def test_a_surface_that_bounds_no_body_is_refused_at_once(waisted: Callable[..., TSpline], stock: Stock) -> None:
+def test_a_surface_that_bounds_no_body_is_refused_at_once(stock):
     part = waisted()
     with pytest.raises(SurfaceError, match=r"^the part: .* is turned inside out, its normals point inwards: "):
         levels_in(part.with_control_points(part.control_points * [-1, 1, 1]), stock, SCHEDULE)
@@ -90,9 +88,7 @@ for call in (
 """
 
 
-def test_arguments_of_another_kind_are_refused_with_what_to_give(
-    waisted: Callable[..., TSpline], tmp_path: Path
-) -> None:
+def test_arguments_of_another_kind_are_refused_with_what_to_give(tmp_path):
     """In a process of its own, without these tests' own check of types."""
     write_tsm(waisted(), tmp_path / "part.tspline")
     ran = subprocess.run([sys.executable, "-c", CALLS], cwd=tmp_path, capture_output=True, text=True, check=True)
@@ -116,15 +112,15 @@ def test_arguments_of_another_kind_are_refused_with_what_to_give(
 
 
 @pytest.fixture(scope="module")
-def made(waisted: Callable[..., TSpline]) -> Morph:
+def made():
     return morph(waisted(), STOCK, SCHEDULE, chord_tolerance=0.02)
 
 
-def test_no_more_than_one_cut_above_the_lower_bound(made: Morph) -> None:
+def test_no_more_than_one_cut_above_the_lower_bound(made):
     assert made.lower_bound <= made.cuts <= made.lower_bound + 1
 
 
-def test_the_lower_bound_counts_the_depth_both_ways(grooved: Callable[[float], TSpline]) -> None:
+def test_the_lower_bound_counts_the_depth_both_ways():
     """The bottom of this groove is 2.49 mm inside the stock, of which no point is farther than 2.28 mm from the
     part: 0.1, 0.1 and five cuts of 0.45 mm make 2.45 mm."""
     made = morph(grooved(0.5), STOCK, Schedule((0.1, 0.1), 0.45), chord_tolerance=0.02)
@@ -132,7 +128,7 @@ def test_the_lower_bound_counts_the_depth_both_ways(grooved: Callable[[float], T
     assert made.lower_bound == 8 == made.cuts
 
 
-def test_levels_keep_the_tmesh_and_end_at_the_stock(made: Morph) -> None:
+def test_levels_keep_the_tmesh_and_end_at_the_stock(made):
     first, *between, last = made.levels
     assert first.index == 0
     assert last.surface is None
@@ -142,7 +138,7 @@ def test_levels_keep_the_tmesh_and_end_at_the_stock(made: Morph) -> None:
     assert [level.limit for level in made.levels[1:4]] == [0.1, 0.1, 0.5]
 
 
-def test_every_measure_is_within_its_tolerance(made: Morph) -> None:
+def test_every_measure_is_within_its_tolerance(made):
     for level in made.levels[1:]:
         assert level.deepest <= level.limit + DEPTH_TOLERANCE
         assert level.nesting_min >= -NESTING_TOLERANCE
@@ -151,7 +147,7 @@ def test_every_measure_is_within_its_tolerance(made: Morph) -> None:
         assert sum(level.measures.depth_shares) == pytest.approx(1.0, abs=0.02)
 
 
-def test_no_place_is_deeper_than_allowed_between_the_samples(made: Morph) -> None:
+def test_no_place_is_deeper_than_allowed_between_the_samples(made):
     rng = np.random.default_rng(7)
     s, t = rng.random(4000), rng.random(4000)
     for inner, outer in zip(made.levels[:-2], made.levels[1:-1]):
@@ -162,11 +158,11 @@ def test_no_place_is_deeper_than_allowed_between_the_samples(made: Morph) -> Non
         assert np.linalg.norm(points - foot, axis=1).max() <= outer.limit + DEPTH_TOLERANCE
 
 
-def test_the_levels_use_their_depth_up(made: Morph) -> None:
+def test_the_levels_use_their_depth_up(made):
     assert made.depth_used >= 0.95
 
 
-def test_two_runs_give_the_same_control_points(waisted: Callable[..., TSpline], made: Morph) -> None:
+def test_two_runs_give_the_same_control_points(made):
     again = morph(waisted(), STOCK, SCHEDULE, chord_tolerance=0.02)
     for a, b in zip(made.levels[:-1], again.levels[:-1]):
         assert a.surface is not None
@@ -174,42 +170,38 @@ def test_two_runs_give_the_same_control_points(waisted: Callable[..., TSpline], 
         assert (a.surface.control_points == b.surface.control_points).all()
 
 
-def test_a_part_outside_the_stock_is_refused_at_once(waisted: Callable[..., TSpline]) -> None:
+def test_a_part_outside_the_stock_is_refused_at_once():
     with pytest.raises(StockError, match="does not hold the part"):
         morph(waisted(), Capsule(STOCK.start, STOCK.end, 2.5), SCHEDULE)
 
 
 @pytest.mark.parametrize("stock", [STOCK, Cylinder(4.0, 0.0, 20.0)], ids=str)
-def test_a_part_of_metres_in_a_stock_of_millimetres_is_not_tessellated_first(
-    waisted: Callable[..., TSpline], stock: Stock, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_part_of_metres_in_a_stock_of_millimetres_is_not_tessellated_first(stock, monkeypatch):
     huge = waisted().with_control_points(1000 * waisted().control_points)
     monkeypatch.setattr(TSpline, "tessellate", None)
     with pytest.raises(StockError, match="does not hold the part"):
         levels_in(huge, stock, SCHEDULE)
 
 
-def test_more_cuts_than_anybody_wants_are_refused_before_the_stock_is_looked_at_closely(
-    waisted: Callable[..., TSpline],
-) -> None:
+def test_more_cuts_than_anybody_wants_are_refused_before_the_stock_is_looked_at_closely():
     """Within the chord tolerance of what is left the mesh of this stock has a million faces."""
     with pytest.raises(LevelError, match="more than 2000 cuts"):
         morph(waisted(), Capsule(np.zeros(3), np.array([0.0, 0, 1]), 2000.0), Schedule((), 0.5))
 
 
-def test_an_unknown_attraction_is_refused(waisted: Callable[..., TSpline]) -> None:
+def test_an_unknown_attraction_is_refused():
     with pytest.raises(ValueError, match="choose one of"):
         morph(waisted(), STOCK, SCHEDULE, attraction="moon")
 
 
 @pytest.mark.parametrize("name", ["stiffness", "chord_tolerance"])
 @pytest.mark.parametrize("value", [-1.0, 1e6, float("nan"), float("inf")])
-def test_a_number_out_of_its_range_is_refused_by_name(waisted: Callable[..., TSpline], name: str, value: float) -> None:
+def test_a_number_out_of_its_range_is_refused_by_name(name, value):
     with pytest.raises(JobError, match=f"^{name} = {value}: keep it within"):
         morph(waisted(), STOCK, SCHEDULE, **{name: value})
 
 
-def test_progress_that_answers_false_cancels(waisted: Callable[..., TSpline]) -> None:
+def test_progress_that_answers_false_cancels():
     with pytest.raises(Cancelled):
         morph(waisted(), STOCK, SCHEDULE, progress=lambda fraction, message: False)
 
@@ -219,7 +211,7 @@ def measured(*surfaces: TSpline) -> list[MeasuredSurface]:
     return [MeasuredSurface(surface, grid) for surface in surfaces]
 
 
-def test_a_level_that_falls_behind_is_an_error_with_its_place_and_patch(made: Morph) -> None:
+def test_a_level_that_falls_behind_is_an_error_with_its_place_and_patch(made):
     inner, outer = made.levels[3].surface, made.levels[2].surface
     assert inner is not None
     assert outer is not None
@@ -234,7 +226,7 @@ def test_a_level_that_falls_behind_is_an_error_with_its_place_and_patch(made: Mo
     assert 0 < len(patch.faces) < len(b.mesh.faces)
 
 
-def test_a_level_that_cannot_keep_its_limits_ends_its_sequence_with_the_place(waisted: Callable[..., TSpline]) -> None:
+def test_a_level_that_cannot_keep_its_limits_ends_its_sequence_with_the_place():
     """A part that folds over itself: no level can hold what lies in the fold."""
     coarse = waisted(rows=10, around=6)
     points = coarse.control_points
@@ -246,7 +238,7 @@ def test_a_level_that_cannot_keep_its_limits_ends_its_sequence_with_the_place(wa
     assert abs(STOCK.signed_distance(caught.value.evidence["place"][None])[0]) < STOCK.radius
 
 
-def test_a_cut_too_deep_is_an_error(waisted: Callable[..., TSpline]) -> None:
+def test_a_cut_too_deep_is_an_error():
     surface = waisted()
     inner, outer = measured(*(surface.with_control_points(surface.control_points * [k, k, 1.0]) for k in (1.0, 1.2)))
     found = measure_cut(inner, outer, STOCK, 0.1)
@@ -255,7 +247,7 @@ def test_a_cut_too_deep_is_an_error(waisted: Callable[..., TSpline]) -> None:
     assert sum(found.depth_shares) == pytest.approx(1.0)  # what is deeper counts with the deepest
 
 
-def test_the_bottom_of_a_groove_is_no_deeper_than_the_cut(grooved: Callable[[float], TSpline]) -> None:
+def test_the_bottom_of_a_groove_is_no_deeper_than_the_cut():
     made = morph(grooved(0.4), STOCK, SCHEDULE, chord_tolerance=0.02)
     surfaces = [level.surface for level in made.levels[:-1] if level.surface is not None]
     rng = np.random.default_rng(3)
@@ -264,7 +256,7 @@ def test_the_bottom_of_a_groove_is_no_deeper_than_the_cut(grooved: Callable[[flo
         assert outer.project(inner.positions(s, t)).distances.max() <= level.limit + DEPTH_TOLERANCE
 
 
-def test_a_groove_left_too_far_behind_is_an_error_at_its_bottom(grooved: Callable[[float], TSpline]) -> None:
+def test_a_groove_left_too_far_behind_is_an_error_at_its_bottom():
     part, filled = grooved(0.4), grooved(1.0)
     inner, outer = (
         MeasuredSurface(surface, level_grid(part, [part.control_points, filled.control_points], 0.02))
@@ -278,7 +270,7 @@ def test_a_groove_left_too_far_behind_is_an_error_at_its_bottom(grooved: Callabl
     assert abs(filled.project(error.value.evidence["place"][None]).distances[0] - found.reverse_depth_max) < 0.01
 
 
-def test_a_level_through_itself_is_an_error_with_its_place(waisted: Callable[..., TSpline]) -> None:
+def test_a_level_through_itself_is_an_error_with_its_place():
     surface = waisted()
     twisted = np.array(surface.control_points)
     twisted[len(twisted) // 2] = [-3.0, -3.0, 10.0]
@@ -289,7 +281,7 @@ def test_a_level_through_itself_is_an_error_with_its_place(waisted: Callable[...
         require_none(1, violations(found, 9.0, outer.mesh, nesting_tolerance=9.0), outer.mesh)
 
 
-def test_distances_are_to_the_surface_not_to_its_tessellation(waisted: Callable[..., TSpline]) -> None:
+def test_distances_are_to_the_surface_not_to_its_tessellation():
     surface = waisted()
     rng = np.random.default_rng(5)
     s, t = rng.random(500), rng.uniform(0.05, 0.95, 500)
@@ -300,7 +292,7 @@ def test_distances_are_to_the_surface_not_to_its_tessellation(waisted: Callable[
     assert np.abs(level.mesh_distance.unsigned(places + 0.2 * normals) - 0.2).max() > 1e-3
 
 
-def test_a_coarse_tessellation_does_not_mislead_about_the_side_of_a_point(waisted: Callable[..., TSpline]) -> None:
+def test_a_coarse_tessellation_does_not_mislead_about_the_side_of_a_point():
     surface = waisted()
     level = MeasuredSurface(surface, level_grid(surface, [surface.control_points], 0.2))
     rng = np.random.default_rng(5)
@@ -310,7 +302,7 @@ def test_a_coarse_tessellation_does_not_mislead_about_the_side_of_a_point(waiste
     assert np.abs(level.signed_distances_near(points, np.column_stack([s, t])) + 0.11).max() < 1e-4
 
 
-def test_the_energy_matrices_are_the_integrals_of_the_paper(waisted: Callable[..., TSpline]) -> None:
+def test_the_energy_matrices_are_the_integrals_of_the_paper():
     surface = waisted()
     s, t, weights = integration_points(surface)
     assert weights.sum() == pytest.approx(1.0)
@@ -327,3 +319,59 @@ def test_the_energy_matrices_are_the_integrals_of_the_paper(waisted: Callable[..
         + (weights[:, None] * H**2).sum()
     )
     assert pull == pytest.approx(3.0)
+
+
+RNG = np.random.default_rng(7)
+MANY_IN_CAPSULES, MOST_IN_CAPSULES = 800, 3000
+"""A surface of so many control points is left alone; one of fewer gets at most so many."""
+MOST_WITH_FLATS = 1000
+"""Control points at most in a stock with flat faces."""
+
+
+def box() -> Box:
+    return Box(np.array([-4.5, -4.5, 0.0]), np.array([4.5, 4.5, 20.0]))
+
+
+def test_the_surface_is_the_same_with_more_control_points(discretisation):
+    part = discretisation.surface
+    found = refine_for_depth(part, CAPSULE, 0.1)
+    assert part.tmesh.size < found.tmesh.size <= MOST_IN_CAPSULES
+    s, t = RNG.random((2, 500))
+    assert np.abs(found.positions(s, t) - part.positions(s, t)).max() < 1e-12
+    assert found.poles == part.poles
+
+
+def test_a_surface_that_is_fine_enough_stays_as_it_is(discretisation):
+    part = discretisation.surface
+    assert refine_for_depth(part, CAPSULE, 100.0).tmesh.size == part.tmesh.size
+
+
+def test_no_more_control_points_than_allowed(discretisation):
+    """Spans stay longer than cuts so shallow ask for."""
+    part = discretisation.surface
+    cases = ((CAPSULE, 0.04, MOST_IN_CAPSULES), (box().round_edges(3.0), 0.1, MOST_WITH_FLATS))
+    for stock, depth, most in cases:
+        assert part.tmesh.size < refine_for_depth(part, stock, depth).tmesh.size <= most
+
+
+def test_a_surface_of_many_control_points_stays_as_it_is():
+    many, fewer = waisted(rows=30, around=32), waisted(rows=22, around=32)
+    assert fewer.tmesh.size < MANY_IN_CAPSULES <= many.tmesh.size
+    assert refine_for_depth(many, CAPSULE, 0.05) is many
+    assert refine_for_depth(fewer, CAPSULE, 0.05).tmesh.size > fewer.tmesh.size
+
+
+def test_spans_are_shorter_in_a_stock_with_flats(discretisation):
+    part = discretisation.surface
+    assert (
+        refine_for_depth(part, box().round_edges(3.0), 0.3).tmesh.size
+        > 1.3 * refine_for_depth(part, CAPSULE, 0.3).tmesh.size
+    )
+
+
+def test_spans_across_the_stocks_axis_are_not_halved_for_ever(discretisation):
+    """The nearest points of a short line across the axis lie a stock's diameter apart: that alone would
+    double the control points."""
+    part = discretisation.surface
+    aside = CAPSULE.move(np.array([np.ptp(part.control_points[:, 0]) / 2, 0.0, 0.0]))
+    assert refine_for_depth(part, aside, 0.2).tmesh.size < 1.5 * part.tmesh.size

@@ -1,20 +1,18 @@
 """Stocks with edges: rounded as far as the part allows, then cut down to that in levels of a known depth."""
 
-from collections.abc import Callable
-from pathlib import Path
-
 import numpy as np
 import pytest
+from level_parts import waisted
+from mesh_bodies import is_closed
 
 from bonecam.arrays import unit
 from bonecam.errors import LevelError, StockError
 from bonecam.job import Job, MeshJob, StockJob
-from bonecam.levels import open_morph
-from bonecam.levels.job_levels import levels_in, make_levels
+from bonecam.levels import RoundedLevel, levels_in, open_morph
+from bonecam.levels.job_levels import make_levels
 from bonecam.levels.measure import (
     BINS,
     MeasuredSurface,
-    RoundedLevel,
     level_grid,
     machined_levels,
     measure_last_cut,
@@ -22,21 +20,12 @@ from bonecam.levels.measure import (
     violations,
 )
 from bonecam.levels.open_morph import TOLERANCE, body_surfaces
-from bonecam.levels.sequences import Morph
-from bonecam.mesh.distance import exact_closest
-from bonecam.mesh.part import prepare_part
+from bonecam.mesh import TriangleMesh, exact_closest, prepare_part, self_intersections
 from bonecam.mesh.smooth_surface import convex_hull
-from bonecam.mesh.solids import revolve, self_intersections
-from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.setup.capsule import Capsule, enclosing_capsule
-from bonecam.setup.placement import place
-from bonecam.setup.rounding import RoundedStock, half_spaces_of, intersect, round_most
-from bonecam.setup.stock import Schedule, Stock
-from bonecam.setup.stocks.box import Box
-from bonecam.setup.stocks.cylinder import Cylinder
-from bonecam.setup.stocks.mesh import ConvexStock
+from bonecam.mesh.solids import revolve
+from bonecam.setup import Box, Capsule, ConvexStock, Cylinder, RoundedStock, Schedule, Stock, enclosing_capsule, place
+from bonecam.setup.rounding import half_spaces_of, intersect, round_most
 from bonecam.surface.part_surface import fit_surface
-from bonecam.surface.tspline import TSpline
 
 pytestmark = pytest.mark.whole
 
@@ -51,7 +40,7 @@ def cloud(low: float, high: float) -> np.ndarray:
 
 
 @pytest.mark.parametrize("stock", STOCKS.values(), ids=STOCKS)
-def test_a_rounded_stock_lies_inside_and_its_distances_are_exact(stock: Stock) -> None:
+def test_a_rounded_stock_lies_inside_and_its_distances_are_exact(stock):
     body = RoundedStock(stock.offset(-2.0), 2.0)
     mesh, points = body.mesh(0.02), np.random.default_rng(2).uniform(-8, 26, (300, 3))
     assert stock.signed_distance(mesh.vertices).max() < 1e-6
@@ -78,22 +67,21 @@ ROUNDED = {
 
 @pytest.mark.parametrize("chord", [0.01, 0.1])
 @pytest.mark.parametrize("body", ROUNDED.values(), ids=ROUNDED)
-def test_the_mesh_of_a_rounded_body_keeps_its_tolerance_and_does_not_cut_itself(body: Stock, chord: float) -> None:
+def test_the_mesh_of_a_rounded_body_keeps_its_tolerance_and_does_not_cut_itself(body, chord):
     mesh, rng = body.mesh(chord), np.random.default_rng(3)
     corners = mesh.vertices[mesh.faces]
     inside = body.signed_distance(np.einsum("kc,fcx->fkx", rng.dirichlet(np.ones(3), 10), corners).reshape(-1, 3))
     assert -chord <= inside.min() <= inside.max() < 1e-9
     surface = body.closest_points(body.middle + 100 * rng.normal(size=(5000, 3)))
     assert np.linalg.norm(surface - exact_closest(mesh, surface)[0], axis=1).max() < chord
-    edges = np.sort(mesh.faces[:, [[0, 1], [1, 2], [2, 0]]], axis=2).reshape(-1, 2)
-    assert (np.unique(edges, axis=0, return_counts=True)[1] == 2).all()
+    assert is_closed(mesh)
     assert (mesh.face_vectors * body.normals(corners.mean(1))).sum(1).min() > 0
     assert not len(self_intersections(mesh))
     assert len(mesh.faces) < 60 * mesh.area / (chord * body.diameter)
 
 
 @pytest.mark.parametrize("stock", STOCKS.values(), ids=STOCKS)
-def test_walls_move_in_by_the_offset(stock: Stock) -> None:
+def test_walls_move_in_by_the_offset(stock):
     inner = stock.offset(-1.0)
     assert np.allclose(inner.bounds, stock.bounds + np.array([[1.0], [-1.0]]), atol=1e-6)
     assert inner.inradius == pytest.approx(stock.inradius - 1, abs=1e-6)
@@ -105,7 +93,7 @@ def ellipsoid(around: int) -> TriangleMesh:
     return TriangleMesh(mesh.vertices.astype(np.float32).astype(np.float64), mesh.faces)
 
 
-def test_a_body_with_the_coordinates_of_an_stl_moves_in_to_a_closed_one() -> None:
+def test_a_body_with_the_coordinates_of_an_stl_moves_in_to_a_closed_one():
     planes = half_spaces_of(ellipsoid(24))
     ConvexStock(intersect(planes + np.array([0.0, 0.0, 0.0, 1.72]), np.zeros(3)))
 
@@ -115,7 +103,7 @@ def edge_lengths(mesh: TriangleMesh) -> np.ndarray:
     return np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
 
 
-def test_the_core_of_a_mesh_of_many_faces_has_no_slivers_and_loses_little() -> None:
+def test_the_core_of_a_mesh_of_many_faces_has_no_slivers_and_loses_little():
     stock = ConvexStock(ellipsoid(60))
     core, planes = stock.offset(-5.0), half_spaces_of(stock.surface) + np.array([0.0, 0.0, 0.0, 5.0])
     assert isinstance(core, ConvexStock)
@@ -127,7 +115,7 @@ def test_the_core_of_a_mesh_of_many_faces_has_no_slivers_and_loses_little() -> N
     ConvexStock(core.surface)
 
 
-def test_the_mesh_of_a_mesh_has_edges_as_short_as_asked_and_few_more_faces() -> None:
+def test_the_mesh_of_a_mesh_has_edges_as_short_as_asked_and_few_more_faces():
     stock = ConvexStock(ellipsoid(24))
     mesh = stock.mesh(0.01)
     step = np.sqrt(8 * 0.01 * stock.diameter)
@@ -137,13 +125,13 @@ def test_the_mesh_of_a_mesh_has_edges_as_short_as_asked_and_few_more_faces() -> 
     ConvexStock(mesh)
 
 
-def test_a_bar_rounded_by_its_radius_is_the_published_capsule() -> None:
+def test_a_bar_rounded_by_its_radius_is_the_published_capsule():
     body = BAR.round_edges(BAR.radius)
     assert isinstance(body, Capsule)
     assert (body.diameter, body.length) == (BAR.diameter, BAR.length)
 
 
-def test_the_roundest_body_leaves_the_margin_over_the_part() -> None:
+def test_the_roundest_body_leaves_the_margin_over_the_part():
     points = np.array([[3.9, 3.4, 10.0], [0.0, 0.0, 19.5]])
     body = round_most(BOX, points, 0.3)
     assert isinstance(body, RoundedStock)
@@ -151,7 +139,7 @@ def test_the_roundest_body_leaves_the_margin_over_the_part() -> None:
     assert round_most(BOX, np.array([[4.4, 3.9, 10.0]]), 0.09) is None
 
 
-def test_the_roundest_body_leaves_room_for_levels_where_the_stock_has_it() -> None:
+def test_the_roundest_body_leaves_room_for_levels_where_the_stock_has_it():
     """The stock has 0.5 mm over a place beside an edge, then 0.3 mm, of which half is left; in a corner
     hardly the margin."""
     for near, room in ((0.5, 0.25), (0.3, 0.15)):
@@ -167,7 +155,7 @@ def test_the_roundest_body_leaves_room_for_levels_where_the_stock_has_it() -> No
 @pytest.mark.parametrize(
     "body", [BAR.round_edges(4.5), BAR.round_edges(2.0), BOX.round_edges(3.0)], ids=["capsule", "bar", "box"]
 )
-def test_the_spline_of_a_body_lies_on_it(body: Stock) -> None:
+def test_the_spline_of_a_body_lies_on_it(body):
     surface = body_surfaces([body])[0]
     s, t = np.random.default_rng(4).random((2, 3000))
     points = surface.evaluate(s, t)
@@ -179,9 +167,7 @@ def test_the_spline_of_a_body_lies_on_it(body: Stock) -> None:
 @pytest.mark.parametrize(
     ("half", "radius"), [((13.3, 10.35, 32.4), 2.9), ((10.0, 10.0, 20.0), 1.0)], ids=["metatarsal", "sharp"]
 )
-def test_the_spline_of_a_large_box_with_sharp_edges_lies_on_it_and_turns_nowhere_over(
-    half: tuple[float, ...], radius: float
-) -> None:
+def test_the_spline_of_a_large_box_with_sharp_edges_lies_on_it_and_turns_nowhere_over(half, radius):
     body = Box(-np.array(half), np.array(half)).round_edges(radius)
     surface = body_surfaces([body])[0]
     s, t = np.random.default_rng(4).random((2, 100_000))
@@ -190,9 +176,7 @@ def test_the_spline_of_a_large_box_with_sharp_edges_lies_on_it_and_turns_nowhere
     assert (surface.normals(s, t) * body.normals(points)).sum(1).min() > 0.99
 
 
-def test_a_spline_that_cannot_follow_its_body_is_refused_with_distance_and_place(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_spline_that_cannot_follow_its_body_is_refused_with_distance_and_place(monkeypatch):
     monkeypatch.setattr(open_morph, "MAX_TRIES", 1)
     body = RoundedStock(Box(np.full(3, -4.0), np.full(3, 4.0)), 0.005)
     with pytest.raises(LevelError, match=r"mm off it at \(.*\), more than 0\.002 mm: give a larger stock") as caught:
@@ -204,16 +188,16 @@ def test_a_spline_that_cannot_follow_its_body_is_refused_with_distance_and_place
 
 
 @pytest.mark.parametrize("stock", STOCKS.values(), ids=STOCKS)
-def test_the_enclosing_capsule_holds_the_stock(stock: Stock) -> None:
+def test_the_enclosing_capsule_holds_the_stock(stock):
     assert enclosing_capsule(stock).signed_distance(stock.mesh(0.01).vertices).max() < 0
 
 
 @pytest.fixture(scope="module")
-def made(waisted: Callable[..., TSpline]) -> Morph:
+def made():
     return levels_in(waisted(), BAR, SCHEDULE, chord_tolerance=0.05)
 
 
-def test_rounding_levels_follow_the_morph_out_to_the_bar(made: Morph) -> None:
+def test_rounding_levels_follow_the_morph_out_to_the_bar(made):
     assert [level.index for level in made.levels] == list(range(len(made.levels)))
     last = made.levels[-1]
     assert last.surface is None
@@ -225,14 +209,12 @@ def test_rounding_levels_follow_the_morph_out_to_the_bar(made: Morph) -> None:
     assert made.lower_bound <= made.cuts
 
 
-def test_the_fewest_cuts_count_from_the_part_itself_and_not_from_its_mesh(
-    waisted: Callable[..., TSpline], made: Morph
-) -> None:
+def test_the_fewest_cuts_count_from_the_part_itself_and_not_from_its_mesh(made):
     rim = BAR.mesh(0.02).vertices
     assert made.distance == pytest.approx(waisted().project(rim).distances.max(), abs=1e-6)
 
 
-def test_rounding_levels_keep_depth_nesting_and_stock(made: Morph) -> None:
+def test_rounding_levels_keep_depth_nesting_and_stock(made):
     for level in made.levels[1:]:
         assert level.depth_max <= level.limit + 0.002
         assert level.nesting_min >= -0.001
@@ -248,7 +230,7 @@ def test_rounding_levels_keep_depth_nesting_and_stock(made: Morph) -> None:
     assert (np.diff(volumes) > 0).all()
 
 
-def test_a_mesh_of_the_stock_that_cuts_itself_is_found_and_refused(waisted: Callable[..., TSpline]) -> None:
+def test_a_mesh_of_the_stock_that_cuts_itself_is_found_and_refused():
     part, stock = waisted(), Capsule(np.array([0.0, 0.0, 4.5]), np.array([0.0, 0.0, 15.5]), 4.5)
     inner, mesh = MeasuredSurface(part, level_grid(part, [part.control_points], 0.05)), stock.mesh(0.05)
     assert measure_last_cut(inner, mesh, stock, 9.0).self_intersections == 0
@@ -263,7 +245,7 @@ def test_a_mesh_of_the_stock_that_cuts_itself_is_found_and_refused(waisted: Call
     assert caught.value.evidence["level"] == 3
 
 
-def test_every_level_can_be_followed_on_the_parts_tmesh(waisted: Callable[..., TSpline], made: Morph) -> None:
+def test_every_level_can_be_followed_on_the_parts_tmesh(made):
     assert {len(level.control_points) for level in machined_levels(made.levels)} == {waisted().tmesh.size}
     rounding = next(level for level in made.levels if isinstance(level, RoundedLevel))
     assert (
@@ -274,21 +256,21 @@ def test_every_level_can_be_followed_on_the_parts_tmesh(waisted: Callable[..., T
     )
 
 
-def test_a_mesh_that_cannot_be_made_true_is_refused_with_its_place() -> None:
+def test_a_mesh_that_cannot_be_made_true_is_refused_with_its_place():
     body = RoundedStock(Box(np.full(3, -1.0), np.full(3, 1.0)), 0.001)
     with pytest.raises(StockError, match=r"no mesh of the rounded stock is within 0\.02 mm") as caught:
         body.mesh(0.02)
     assert np.abs(body.signed_distance(caught.value.evidence["place"][None])).max() < 1e-9
 
 
-def test_a_part_that_leaves_the_bar_is_refused_at_once_with_its_place(waisted: Callable[..., TSpline]) -> None:
+def test_a_part_that_leaves_the_bar_is_refused_at_once_with_its_place():
     with pytest.raises(StockError, match=r"cylinder 4\.00 x 20\.00 mm\) does not hold the part") as caught:
         levels_in(waisted(), Cylinder(2.0, 0.0, 20.0), SCHEDULE)
     assert caught.value.evidence["distance"] > 0
     assert caught.value.evidence["place"].shape == (3,)
 
 
-def test_a_part_in_the_edges_of_a_bar_is_refused_at_once(waisted: Callable[..., TSpline]) -> None:
+def test_a_part_in_the_edges_of_a_bar_is_refused_at_once():
     diagonal = unit(np.array([[4.5, 4.0, 0.0]]))
     across = np.array([[-diagonal[0, 1], diagonal[0, 0], 0.0]])
     points = waisted().control_points
@@ -310,7 +292,7 @@ def test_a_part_in_the_edges_of_a_bar_is_refused_at_once(waisted: Callable[..., 
         (StockJob(kind="box"), 2),  # the smallest: one cut less of a bound that is two less
     ],
 )
-def test_a_shared_bone_uses_the_depth_in_a_box_too(box: StockJob, more: int, shared: Path) -> None:
+def test_a_shared_bone_uses_the_depth_in_a_box_too(box, more, shared):
     job = Job(mesh=MeshJob(units="m"), stock=box)
     setup = place(prepare_part(shared / "meshes" / "bones" / "3distph_m.stl", job.mesh), job)
     made = make_levels(fit_surface(setup.part, job).surface, setup.stock, job)

@@ -1,29 +1,22 @@
 """Where the surface of the usual rows is refused, or has no levels, the fit starts again."""
 
-from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 from unittest.mock import Mock
 
 import numpy as np
 import pytest
+from level_parts import CAPSULE, waisted
 
 from bonecam.errors import LevelError, SurfaceError
 from bonecam.job import Job
-from bonecam.levels import closed_morph, job_levels
-from bonecam.levels.job_levels import BegunLevels, even_levels, fit_choices, levels_in, surface_and_levels
-from bonecam.levels.measure import RoundedLevel
-from bonecam.levels.sequences import Morph
-from bonecam.mesh.part import prepare_part
-from bonecam.mesh.rows import MOST_CHOICES, Rows
+from bonecam.levels import Morph, RoundedLevel, closed_morph, even_levels, job_levels, levels_in, surface_and_levels
+from bonecam.levels.job_levels import fit_choices
+from bonecam.mesh import Rows, prepare_part
+from bonecam.mesh.rows import MOST_CHOICES
 from bonecam.runtime.timing import StageTimes
-from bonecam.setup.capsule import Capsule
-from bonecam.setup.placement import Setup, place
-from bonecam.setup.stock import Schedule
-from bonecam.setup.stocks.cylinder import Cylinder
-from bonecam.surface.growth import Fit
+from bonecam.setup import Capsule, Cylinder, Schedule, place
+from bonecam.surface import Fit
 from bonecam.surface.part_surface import fit_surface
-from bonecam.surface.tspline import TSpline
 
 pytestmark = pytest.mark.whole
 
@@ -33,26 +26,24 @@ JOB = Job().with_values(
 
 
 @pytest.fixture(scope="module")
-def setup() -> Setup:
+def setup():
     mesh = Capsule(np.array([0.0, 0, 3]), np.array([0.0, 0, 9]), 3.0).mesh(0.05)
     return place(prepare_part(mesh, JOB.mesh), JOB)
 
 
 @pytest.mark.parametrize(("fails", "error"), [("fit_surface", SurfaceError), ("make_levels", LevelError)])
-def test_other_rows_are_tried_where_the_first_fail(
-    setup: Setup, monkeypatch: pytest.MonkeyPatch, fails: str, error: type[Exception]
-) -> None:
+def test_other_rows_are_tried_where_the_first_fail(setup, monkeypatch, fails, error):
     used: list[Rows] = []
     fits = [object.__new__(Fit), object.__new__(Fit)]
     morph = object.__new__(Morph)
     for fit in fits:
         object.__setattr__(fit, "surface", None)
 
-    def fitted(part: Any, job: Any, progress: Any, given: Any, rows: Rows, tolerance: float) -> Any:
+    def fitted(part, job, progress, given, rows, tolerance):
         used.append(rows)
         return fits[len(used) - 1]
 
-    def failing_first(*given: Any) -> Any:
+    def failing_first(*given):
         result = fitted(*given) if fails == "fit_surface" else morph
         if len(used) < 2:
             raise error("folds")
@@ -71,9 +62,7 @@ def test_other_rows_are_tried_where_the_first_fail(
 
 
 @pytest.mark.parametrize("smooth_enough", [True, False])
-def test_sharp_bends_are_smoothed_before_other_rows_are_tried(
-    setup: Setup, monkeypatch: pytest.MonkeyPatch, smooth_enough: bool
-) -> None:
+def test_sharp_bends_are_smoothed_before_other_rows_are_tried(setup, monkeypatch, smooth_enough):
     morph = object.__new__(Morph)
     fits: dict[str, Fit] = {}
     for name in ("sharp", "smooth", "other"):
@@ -82,7 +71,7 @@ def test_sharp_bends_are_smoothed_before_other_rows_are_tried(
     rows = iter(["sharp", "other"])
     tried: list[str] = []
 
-    def levels_of(surface: str, *given: Any) -> Morph:
+    def levels_of(surface, *given):
         tried.append(surface)
         if surface == "sharp" or (surface == "smooth" and not smooth_enough):
             raise LevelError(f"{surface} folds")
@@ -98,10 +87,10 @@ def test_sharp_bends_are_smoothed_before_other_rows_are_tried(
     assert "sharp folds; sharp bends are smoothed" in told
 
 
-def test_the_first_failure_is_told_where_all_rows_fail(setup: Setup, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_first_failure_is_told_where_all_rows_fail(setup, monkeypatch):
     tries: list[int] = []
 
-    def failing(*given: Any) -> Any:
+    def failing(*given):
         tries.append(1)
         raise SurfaceError(f"try {len(tries)}")
 
@@ -111,7 +100,7 @@ def test_the_first_failure_is_told_where_all_rows_fail(setup: Setup, monkeypatch
     assert len(tries) == MOST_CHOICES + 1
 
 
-def test_a_fit_that_fails_starts_again_within_the_widest_tolerance_and_last_with_fewer_points(setup: Setup) -> None:
+def test_a_fit_that_fails_starts_again_within_the_widest_tolerance_and_last_with_fewer_points(setup):
     found = JOB.with_values(surface={"tolerance": 0.0})
     part = replace(setup.part, coarseness=replace(setup.part.coarseness, sagitta=0.02))
     choices = list(fit_choices(part, found))
@@ -125,7 +114,7 @@ def test_a_fit_that_fails_starts_again_within_the_widest_tolerance_and_last_with
     assert [tolerance for _, tolerance in fit_choices(part, wide)] == [0.4, 0.4, 0.4, 0.5]
 
 
-def test_a_fit_within_a_wider_tolerance_is_judged_by_that_of_the_job(setup: Setup) -> None:
+def test_a_fit_within_a_wider_tolerance_is_judged_by_that_of_the_job(setup):
     fitted = fit_surface(setup.part, JOB.with_values(surface={"tolerance": 0.001}), tolerance=0.3)
     assert 0.001 < fitted.deviation.max < 0.3
     assert fitted.tolerance == 0.001
@@ -135,10 +124,8 @@ def test_a_fit_within_a_wider_tolerance_is_judged_by_that_of_the_job(setup: Setu
 SCHEDULE = Schedule((0.2,), 1.0)
 
 
-def test_the_outermost_cut_is_as_deep_as_the_others_and_there_are_as_many(
-    capsule: Capsule, waisted: Callable[..., TSpline]
-) -> None:
-    plain, even = (make(waisted(), capsule, SCHEDULE, chord_tolerance=0.05) for make in (levels_in, even_levels))
+def test_the_outermost_cut_is_as_deep_as_the_others_and_there_are_as_many():
+    plain, even = (make(waisted(), CAPSULE, SCHEDULE, chord_tolerance=0.05) for make in (levels_in, even_levels))
     assert plain.levels[-1].depth_max < 0.75
     assert even.cuts == plain.cuts
     assert even.lower_bound == plain.lower_bound
@@ -147,26 +134,24 @@ def test_the_outermost_cut_is_as_deep_as_the_others_and_there_are_as_many(
     assert max(depths) < 0.99
 
 
-def test_a_bar_keeps_its_rounding_levels(waisted: Callable[..., TSpline]) -> None:
+def test_a_bar_keeps_its_rounding_levels():
     bar = Cylinder(4.5, 0.0, 20.0)
     even = even_levels(waisted(), bar, SCHEDULE, chord_tolerance=0.05)
     assert sum(isinstance(level, RoundedLevel) for level in even.levels) >= 2
     assert np.abs(bar.signed_distance(even.levels[-1].mesh.vertices)).max() < 1e-9
 
 
-def test_only_the_levels_that_are_kept_are_measured(
-    capsule: Capsule, waisted: Callable[..., TSpline], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_only_the_levels_that_are_kept_are_measured(monkeypatch):
     begun = []
     begin_levels = job_levels.begin_levels
 
-    def counted(*given: object, **options: object) -> BegunLevels:
+    def counted(*given, **options):
         begun.append(begin_levels(*given, **options))
         return begun[-1]
 
     measured = Mock(side_effect=closed_morph.inspect)
     monkeypatch.setattr(job_levels, "begin_levels", counted)
     monkeypatch.setattr(closed_morph, "inspect", measured)
-    even_levels(waisted(), capsule, SCHEDULE, chord_tolerance=0.05)
+    even_levels(waisted(), CAPSULE, SCHEDULE, chord_tolerance=0.05)
     assert len(begun) > 1
     assert measured.call_count == 1

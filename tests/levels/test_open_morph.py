@@ -1,21 +1,16 @@
 """Open surfaces: from a blade's side, or a blade open at both ends, to an offset or a given surface."""
 
-from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
 import pytest
+from level_parts import waisted
 
 from bonecam.errors import JobError, LevelError, StockError, SurfaceError
-from bonecam.levels.job_levels import levels_in
-from bonecam.levels.measure import Level
-from bonecam.levels.open_morph import morph_open
-from bonecam.levels.sequences import Morph
-from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.setup.capsule import Capsule
-from bonecam.setup.stock import Schedule
-from bonecam.surface.skinning import skin
-from bonecam.surface.tspline import TSpline
+from bonecam.levels import Level, Morph, levels_in, morph_open
+from bonecam.mesh import TriangleMesh
+from bonecam.setup import Capsule, Schedule
+from bonecam.surface import TSpline, skin
 
 SCHEDULE = Schedule((0.1,), 0.5)
 
@@ -43,7 +38,7 @@ BLADES = {"side": side, "tube": tube}
 
 
 @pytest.mark.parametrize("blade", BLADES)
-def test_the_morph_of_a_closed_part_refuses_an_open_one_at_once(blade: str) -> None:
+def test_the_morph_of_a_closed_part_refuses_an_open_one_at_once(blade):
     with pytest.raises(SurfaceError, match=r"not closed between two poles: morph an open one with .*morph_open"):
         levels_in(BLADES[blade](), Capsule(np.array([0.0, 0, -30]), np.array([0.0, 0, 60]), 40.0), SCHEDULE)
 
@@ -51,7 +46,7 @@ def test_the_morph_of_a_closed_part_refuses_an_open_one_at_once(blade: str) -> N
 @pytest.fixture(
     scope="module", params=[(blade, edges) for blade in BLADES for edges in ("free", "fixed")], ids="-".join
 )
-def made(request: pytest.FixtureRequest) -> tuple[TSpline, str, Morph]:
+def made(request):
     blade, edges = request.param
     surface = BLADES[blade]()
     return surface, edges, morph_open(surface, 2.0, SCHEDULE, edges=edges, chord_tolerance=0.02)
@@ -62,12 +57,12 @@ def moves_of(morph: Morph, s: np.ndarray, t: np.ndarray) -> list[np.ndarray]:
     return [outer.positions(s, t) - inner.positions(s, t) for inner, outer in pairwise(surfaces)]
 
 
-def test_as_few_levels_as_the_depths_allow_or_one_more(made: tuple[TSpline, str, Morph]) -> None:
+def test_as_few_levels_as_the_depths_allow_or_one_more(made):
     morph = made[2]
     assert morph.lower_bound <= morph.cuts <= morph.lower_bound + 1
 
 
-def test_no_point_moves_further_than_the_depth_or_falls_behind(made: tuple[TSpline, str, Morph]) -> None:
+def test_no_point_moves_further_than_the_depth_or_falls_behind(made):
     s, t = np.random.default_rng(9).random((2, 2000))
     for level, move in zip(made[2].levels[1:], moves_of(made[2], s, t)):
         assert np.linalg.norm(move, axis=1).max() <= level.limit + 1e-9
@@ -76,7 +71,7 @@ def test_no_point_moves_further_than_the_depth_or_falls_behind(made: tuple[TSpli
         assert level.measures.self_intersections == 0
 
 
-def test_fixed_edges_stay_and_free_ones_go_with_the_stock(made: tuple[TSpline, str, Morph]) -> None:
+def test_fixed_edges_stay_and_free_ones_go_with_the_stock(made):
     surface, edges, morph = made
     s = np.linspace(0.02, 0.98, 50)
     for end in surface.domain[1]:
@@ -84,7 +79,7 @@ def test_fixed_edges_stay_and_free_ones_go_with_the_stock(made: tuple[TSpline, s
         assert (np.max(moved) < 1e-9) == (edges == "fixed")
 
 
-def test_the_last_level_is_the_offset() -> None:
+def test_the_last_level_is_the_offset():
     surface, morph = side(), morph_open(side(), -1.3, SCHEDULE, chord_tolerance=0.02)
     feet = surface.project(morph.levels[-1].mesh.vertices)
     assert np.abs(feet.distances - 1.3).max() < 0.02
@@ -92,7 +87,7 @@ def test_the_last_level_is_the_offset() -> None:
     assert (ahead * surface.normals(*feet.parameters.T)).sum(1).max() < 0
 
 
-def test_a_given_surface_is_met() -> None:
+def test_a_given_surface_is_met():
     u = np.linspace(-1.3, 1.3, 25)
     plane = skin(
         [np.column_stack([10 * u, 0 * u + 8.0 + 0.5 * v, 17 * v + 0 * u]) for v in np.linspace(-1, 1, 6)],
@@ -105,7 +100,7 @@ def test_a_given_surface_is_met() -> None:
         assert morph.distance == pytest.approx(9.4, abs=0.1)
 
 
-def test_a_stock_through_the_part_is_refused_with_its_place() -> None:
+def test_a_stock_through_the_part_is_refused_with_its_place():
     flat = skin(
         [np.column_stack([np.linspace(-12, 12, 9), np.full(9, 1.0), np.full(9, z)]) for z in np.linspace(-18, 18, 5)],
         0.01,
@@ -116,12 +111,12 @@ def test_a_stock_through_the_part_is_refused_with_its_place() -> None:
     assert caught.value.evidence["distance"] > 0.5
 
 
-def test_an_offset_beyond_the_thickness_is_an_error_with_the_level() -> None:
+def test_an_offset_beyond_the_thickness_is_an_error_with_the_level():
     with pytest.raises((LevelError, StockError), match=r"behind|turns over"):
         morph_open(tube(), -3.0, SCHEDULE, chord_tolerance=0.05)
 
 
-def test_wrong_calls_are_refused(waisted: Callable[..., TSpline]) -> None:
+def test_wrong_calls_are_refused():
     with pytest.raises(SurfaceError, match=r"the surface is closed: .*levels_in\(surface, stock, schedule\)"):
         morph_open(waisted(), 1.0, SCHEDULE)
     with pytest.raises(JobError, match="edges = 'loose': choose one of free, fixed"):
@@ -158,19 +153,19 @@ def above(height: float, bump: float) -> TriangleMesh:
     )
 
 
-def test_a_stock_with_a_dent_through_the_part_is_refused_where_it_is() -> None:
+def test_a_stock_with_a_dent_through_the_part_is_refused_where_it_is():
     with pytest.raises(StockError, match=r"3.990 mm behind the part at") as caught:
         morph_open(blade(), above(2.0, -6.0), SCHEDULE)
     assert caught.value.evidence["distance"] == pytest.approx(3.99, abs=0.01)
     assert caught.value.evidence["place"] == pytest.approx([25, 30, 0.98], abs=0.1)
 
 
-def test_a_stock_that_touches_the_part_is_refused() -> None:
+def test_a_stock_that_touches_the_part_is_refused():
     with pytest.raises(StockError, match=r"the stock (touches|lies .* behind) the part"):
         morph_open(blade(), blade(), SCHEDULE)
 
 
-def test_a_ridge_that_the_control_points_miss_is_refused_with_how_far_and_where() -> None:
+def test_a_ridge_that_the_control_points_miss_is_refused_with_how_far_and_where():
     with pytest.raises(
         StockError, match=r"5.98. mm off the one given at .*: give a smoother stock or more control points"
     ) as caught:
@@ -178,7 +173,7 @@ def test_a_ridge_that_the_control_points_miss_is_refused_with_how_far_and_where(
     assert caught.value.evidence["place"] == pytest.approx([25, 30, 12.98], abs=0.1)
 
 
-def test_a_small_bump_counts_in_the_distance_and_is_reported() -> None:
+def test_a_small_bump_counts_in_the_distance_and_is_reported():
     morph = morph_open(blade(), above(2.0, 0.2), SCHEDULE)
     assert morph.distance == pytest.approx(2.2, abs=0.05)
     assert morph.levels[-1].outside == pytest.approx(0.2, abs=0.03)
@@ -186,7 +181,7 @@ def test_a_small_bump_counts_in_the_distance_and_is_reported() -> None:
 
 
 @pytest.mark.whole
-def test_offsets_that_turn_over_are_refused_and_others_are_exact() -> None:
+def test_offsets_that_turn_over_are_refused_and_others_are_exact():
     for offset in (-48.0, -60.0):
         remedy = "give one that reaches over all of the part, nearer to it than its radii of curvature"
         with pytest.raises(StockError, match=rf"turns over at .*: {remedy}"):
@@ -197,7 +192,7 @@ def test_offsets_that_turn_over_are_refused_and_others_are_exact() -> None:
 
 
 @pytest.mark.parametrize("offset", [2.0, -2.0, 3.0])
-def test_an_offset_of_whole_depths_takes_no_cut_that_removes_nothing(offset: float) -> None:
+def test_an_offset_of_whole_depths_takes_no_cut_that_removes_nothing(offset):
     """On a plane: 0.5 mm at a time, four cuts for 2 mm."""
     plate = skin(
         [np.column_stack([np.linspace(0, 30, 8), np.full(8, y), np.zeros(8)]) for y in range(0, 31, 5)],
@@ -209,17 +204,17 @@ def test_an_offset_of_whole_depths_takes_no_cut_that_removes_nothing(offset: flo
     assert min(level.depth_max for level in morph.levels[1:]) > 0.49
 
 
-def test_a_chord_tolerance_out_of_range_is_refused() -> None:
+def test_a_chord_tolerance_out_of_range_is_refused():
     with pytest.raises(JobError, match=r"chord_tolerance = 20.*keep it within"):
         morph_open(side(), 1.0, SCHEDULE, chord_tolerance=20.0)
 
 
-def test_numbers_of_any_kind_are_offsets() -> None:
+def test_numbers_of_any_kind_are_offsets():
     assert morph_open(side(), np.int64(1), SCHEDULE).distance == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize("edges", ["free", "fixed"])
-def test_the_last_cut_keeps_its_depth_from_the_bottom_of_a_groove(edges: str) -> None:
+def test_the_last_cut_keeps_its_depth_from_the_bottom_of_a_groove(edges):
     x = np.linspace(0, 20, 200)
     groove = skin(
         [np.column_stack([x, np.full(200, y), -2 * np.exp(-((x - 10) ** 2))]) for y in range(0, 20, 4)],
@@ -235,7 +230,7 @@ def test_the_last_cut_keeps_its_depth_from_the_bottom_of_a_groove(edges: str) ->
     assert edges == "fixed" or 1 - rest.min() <= 0.51
 
 
-def test_a_stock_may_meet_fixed_edges_but_not_cross_them() -> None:
+def test_a_stock_may_meet_fixed_edges_but_not_cross_them():
     u, v = np.linspace(-1, 1, 21), np.linspace(-1, 1, 9)
     flat, bulge = (
         skin([np.column_stack([10 * u, 0 * u + 15 * w, h * (1 - u**2) * (1 - w**2)]) for w in v], 1e-3, closed=False)
@@ -250,7 +245,7 @@ def test_a_stock_may_meet_fixed_edges_but_not_cross_them() -> None:
         morph_open(flat, lower, Schedule((), 1.0), edges="fixed")
 
 
-def test_open_levels_are_measured_on_their_surfaces_and_tell_the_depth_used(made: tuple[TSpline, str, Morph]) -> None:
+def test_open_levels_are_measured_on_their_surfaces_and_tell_the_depth_used(made):
     cuts = made[2].levels[1:]
     area = made[0].area
     assert all(level.deepest <= level.limit + 0.002 for level in cuts)
@@ -260,12 +255,12 @@ def test_open_levels_are_measured_on_their_surfaces_and_tell_the_depth_used(made
     assert made[1] == "fixed" or cuts[0].measures.full_depth_area == pytest.approx(area, rel=0.01)
 
 
-def test_the_depth_back_of_a_finishing_cut_is_exact() -> None:
+def test_the_depth_back_of_a_finishing_cut_is_exact():
     cuts: tuple[Level, ...] = morph_open(blade(), -3.0, Schedule((0.1, 0.1), 0.5)).levels[1:]
     assert cuts[0].measures.reverse_depth_max == pytest.approx(0.1, abs=5e-4)
 
 
-def test_the_fewest_cuts_of_an_offset_are_no_more_where_its_edges_bend() -> None:
+def test_the_fewest_cuts_of_an_offset_are_no_more_where_its_edges_bend():
     """With fixed edges the fit of this offset bulges 0.002 mm beyond it."""
     x = np.linspace(0, 50, 30)
     blade = skin(
@@ -276,7 +271,7 @@ def test_the_fewest_cuts_of_an_offset_are_no_more_where_its_edges_bend() -> None
     assert made.lower_bound == 3 <= made.cuts
 
 
-def test_a_stock_over_the_parts_own_net_is_met_point_by_point() -> None:
+def test_a_stock_over_the_parts_own_net_is_met_point_by_point():
     part = side()
     shift = np.array([0.1, -2.0, 0.2])
     stock = part.with_control_points(part.control_points + shift)

@@ -1,18 +1,20 @@
+"""What a machine file says and leaves unsaid is told to someone who writes one."""
+
 import math
 import re
-from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
+from machine_files import CHAINS, axis, machine_text, write_machine
 
 from bonecam.errors import MachineError
+from bonecam.machine import check_machine
 from bonecam.machine.bodies import Frustum, Table
 from bonecam.machine.machine import MACHINES, machine_names, read_machine
 from bonecam.machine.machine_file import SecondsTable
 
 
-def test_the_mikron_is_the_one_whose_post_could_be_read(axis):
+def test_the_mikron_is_the_one_whose_post_could_be_read():
     machine = read_machine("mikron-ucp600")
     assert [axis.letter for axis in machine.part_axes] == ["C", "B"]
     assert machine.letters == "XYZBC"
@@ -28,8 +30,8 @@ def test_every_shipped_machine_is_read_the_same_by_name_and_by_path(name):
 
 
 @pytest.mark.parametrize("kind", ["table-table", "head-table", "head-head", "nutating"])
-def test_a_user_machine_is_read_by_path(write_machine, chains, kind, tmp_path):
-    assert read_machine(write_machine(tmp_path, chains[kind])).title == "test"
+def test_a_user_machine_is_read_by_path(kind, tmp_path):
+    assert read_machine(write_machine(tmp_path, CHAINS[kind])).title == "test"
 
 
 @pytest.mark.parametrize(
@@ -53,10 +55,8 @@ def test_a_user_machine_is_read_by_path(write_machine, chains, kind, tmp_path):
         ("pivot = [1, 2, 0]", "pivot = [nan, 2, 0]", -1, "C.pivot"),
     ],
 )
-def test_a_wrong_value_in_a_machine_file_is_refused_with_file_and_key(
-    chains, write_machine, old, new, count, key, tmp_path
-):
-    good = chains["table-table"]
+def test_a_wrong_value_in_a_machine_file_is_refused_with_file_and_key(old, new, count, key, tmp_path):
+    good = CHAINS["table-table"]
     assert old in good
     check_refused(write_machine(tmp_path, good.replace(old, new, count)), key)
 
@@ -64,10 +64,8 @@ def test_a_wrong_value_in_a_machine_file_is_refused_with_file_and_key(
 @pytest.mark.parametrize(
     ("more", "key"), [("\n[Q]\nspeed = 1", "Q"), ('\n[A2]\nx = "', "correct the file")], ids=["table", "quote"]
 )
-def test_what_does_not_belong_into_a_machine_file_is_refused_with_file_and_key(
-    write_machine, chains, more, key, tmp_path
-):
-    check_refused(write_machine(tmp_path, chains["table-table"] + more), key)
+def test_what_does_not_belong_into_a_machine_file_is_refused_with_file_and_key(more, key, tmp_path):
+    check_refused(write_machine(tmp_path, CHAINS["table-table"] + more), key)
 
 
 @pytest.mark.parametrize(
@@ -87,7 +85,7 @@ def test_what_does_not_belong_into_a_machine_file_is_refused_with_file_and_key(
         ("direction = [1.0, 0.0, 0.0]", "direction = [0.0, 0.0, 0.0]", "A.direction: has length 0: give a unit vector"),
     ],
 )
-def test_a_wrong_chain_or_direction_is_told_with_the_right_one(old: str, new: str, told: str, tmp_path: Path) -> None:
+def test_a_wrong_chain_or_direction_is_told_with_the_right_one(old, new, told, tmp_path):
     text = (MACHINES / "pocket-nc.toml").read_text()
     assert old in text
     path = tmp_path / "own.toml"
@@ -95,15 +93,13 @@ def test_a_wrong_chain_or_direction_is_told_with_the_right_one(old: str, new: st
     check_refused(path, told)
 
 
-def test_a_machine_file_without_an_axis_or_with_an_unknown_point_is_refused(
-    write_machine, machine_text, axis, tmp_path
-):
+def test_a_machine_file_without_an_axis_or_with_an_unknown_point_is_refused(tmp_path):
     chain = ["C", "A", "XYZ"]
     check_refused(write_machine(tmp_path, machine_text(chain, {"C": axis([0, 0, 1], [0, 0, 0])})), "[A]")
     check_refused(write_machine(tmp_path, machine_text(chain, {}, 'programmed_point = "top"')), "programmed_point")
 
 
-def test_a_machine_file_holds_spindle_nose_and_table(write_machine, chains, tmp_path):
+def test_a_machine_file_holds_spindle_nose_and_table(tmp_path):
     bodies = """
 [spindle]
 nose = [[30, 80], [60, 80, 160]]
@@ -112,10 +108,10 @@ diameter = 280
 beside = "open"
 standing = [[20, 120.5]]
 """
-    machine = read_machine(write_machine(tmp_path, chains["table-table"] + bodies))
+    machine = read_machine(write_machine(tmp_path, CHAINS["table-table"] + bodies))
     assert machine.nose == (Frustum(30.0, 80.0, 80.0), Frustum(60.0, 80.0, 160.0))
     assert machine.table == Table(radius=140.0, open_beside=True, standing=(Frustum(20.0, 120.5, 120.5),))
-    plate = read_machine(write_machine(tmp_path, chains["table-table"] + "[table]\nwidth = 500\ndepth = 300"))
+    plate = read_machine(write_machine(tmp_path, CHAINS["table-table"] + "[table]\nwidth = 500\ndepth = 300"))
     assert plate.table == Table(half_width=250.0, half_depth=150.0)
     assert plate.nose == ()
 
@@ -141,13 +137,13 @@ def test_every_shipped_machine_has_a_nose_and_a_table(name):
         ('[table]\nbeside = "shut"', "table.beside: 'shut': choose one of"),
     ],
 )
-def test_bodies_that_are_none_are_refused_with_file_and_key(write_machine, chains, bodies, key, tmp_path):
-    check_refused(write_machine(tmp_path, chains["table-table"] + "\n" + bodies), key)
+def test_bodies_that_are_none_are_refused_with_file_and_key(bodies, key, tmp_path):
+    check_refused(write_machine(tmp_path, CHAINS["table-table"] + "\n" + bodies), key)
 
 
-def test_all_faults_of_a_machine_file_are_told_at_once(chains, write_machine, tmp_path):
+def test_all_faults_of_a_machine_file_are_told_at_once(tmp_path):
     text = (
-        chains["table-table"].replace("speed = 10000.0", 'speed = "fast"', 1).replace("endless = true", "endless = 1")
+        CHAINS["table-table"].replace("speed = 10000.0", 'speed = "fast"', 1).replace("endless = true", "endless = 1")
     )
     path = write_machine(tmp_path, text.replace("sign = -1", "sign = 2", 1) + "colour = 3\n")
     with pytest.raises(MachineError) as caught:
@@ -192,8 +188,8 @@ def test_a_machine_file_that_is_no_sane_text_is_refused(text, why, tmp_path):
         (("part_zero", "spindle_speed = 100.0\nspindle_lowest = 200.0\npart_zero"), "spindle_lowest: 200: above"),
     ],
 )
-def test_what_a_machine_assumes_of_its_part_is_asked_for(write_machine, chains, change, key, tmp_path):
-    text = chains["table-table"].replace("'C', 'A'", '"C", "A"').replace(*change, 1)
+def test_what_a_machine_assumes_of_its_part_is_asked_for(change, key, tmp_path):
+    text = CHAINS["table-table"].replace("'C', 'A'", '"C", "A"').replace(*change, 1)
     check_refused(write_machine(tmp_path, text), key)
 
 
@@ -222,9 +218,7 @@ def test_an_unknown_machine_is_refused_with_the_known_ones():
         read_machine("none/mill.toml")
 
 
-def test_a_jerk_is_read_per_minute_and_needs_an_acceleration(
-    tmp_path: Path, write_machine: Callable[..., Path]
-) -> None:
+def test_a_jerk_is_read_per_minute_and_needs_an_acceleration(tmp_path):
     text = (MACHINES / "hermle-c600u.toml").read_text()
     jerked = text.replace("acceleration = 6000.0", "acceleration = 6000.0\njerk = 50000.0")
     jerked = jerked.replace("acceleration_deg_s2 = 600.0", "acceleration_deg_s2 = 600.0\njerk_deg_s3 = 5000.0")
@@ -240,14 +234,14 @@ def test_a_jerk_is_read_per_minute_and_needs_an_acceleration(
 
 
 @pytest.mark.parametrize("name", machine_names())
-def test_every_machine_that_ships_has_what_times_need_and_says_what_is_assumed(name: str) -> None:
+def test_every_machine_that_ships_has_what_times_need_and_says_what_is_assumed(name):
     machine = read_machine(name)
     assert machine.knows_accelerations
     assert machine.seconds is not None
     assert bool(machine.time_assumed) is not name.startswith("linuxcnc")
 
 
-def test_seconds_are_whole_or_refused(tmp_path: Path, write_machine: Callable[..., Path]) -> None:
+def test_seconds_are_whole_or_refused(tmp_path):
     text = (MACHINES / "mikron-ucp600.toml").read_text()
     assert read_machine(write_machine(tmp_path, text)).seconds == SecondsTable(
         tool_change=6.0, spindle_start=2.0, retract=2.0
@@ -258,3 +252,140 @@ def test_seconds_are_whole_or_refused(tmp_path: Path, write_machine: Callable[..
     ):
         with pytest.raises(MachineError, match=re.escape(told)):
             read_machine(write_machine(tmp_path, text.replace(right, wrong)))
+
+
+@pytest.mark.parametrize("name", machine_names())
+def test_every_shipped_machine_has_a_source_and_tells_what_is_assumed(name):
+    found = check_machine(name)
+    assert found.source
+    assert found.assumed
+    assert not found.doubtful
+    assert "the tool leans from the part's Z by" in str(found)
+
+
+def test_what_the_tool_reaches_is_a_band_a_circle_or_a_region(tmp_path):
+    text = (MACHINES / "mikron-ucp600.toml").read_text()
+    locked = text.replace("limits_deg = [-115.0, 30.0]", "locked_deg = -90.0")
+    narrow = text.replace("endless = true", "limits_deg = [-100.0, 100.0]").replace("30.0]", "0.0]")
+    for changed, told in (
+        (text, "0 to 115 deg, all round"),
+        (locked, "90 deg, all round"),
+        (narrow, "not all round: a region"),
+        (text.replace("endless = true", "locked_deg = 10.0"), "not all round: a curve"),
+    ):
+        path = tmp_path / "own.toml"
+        path.write_text(changed)
+        assert told in check_machine(path).told[-1]
+
+
+def test_what_a_file_leaves_out_is_assumed(tmp_path):
+    text = (MACHINES / "mikron-ucp600.toml").read_text()
+    text = re.sub(r"(?s)assumed = \[.*?\]\n", "", text).replace("part_zero = [0.0, 0.0, 0.0]\n", "")
+    text = re.sub(r"acceleration.*\n|(?s:\[seconds\].*?\n\n)", "", text)
+    path = tmp_path / "own.toml"
+    path.write_text(text.replace("[spindle]\nnose = [[100.0, 80.0]]", ""))
+    told = " ".join(check_machine(path).assumed)
+    for word in ("part_zero", "spindle.nose", "limits of X Y Z", "acceleration of X Y Z B C", "seconds:"):
+        assert word in told
+    assert "spindle_speed" not in told
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong", "asked"),
+    [
+        ("spindle_speed = 20000.0", "spindle_speed = 333.0", "spindle_speed: 333 1/min at most: is it in 1/s?"),
+        ("travel = 600.0", "travel = 0.6", "X: a travel of 0.6 mm: is it in m or inch?"),
+        ("travel = 600.0", "travel = 24.0", "X: a travel of 24 mm: is it in m or inch?"),
+        ("speed = 22000.0", "speed = 366.0", "X: a speed of 366 mm/min: is it in mm/s or m/min?"),
+        ("[-115.0, 30.0]", "[-2.0, 0.5]", "B: it turns from -2 to 0.5 deg: are limits_deg in radians?"),
+        ("speed_deg_s = ", "speed_deg_s = 1.5 # ", "B: a speed of 1.5 deg/s: is it in rad/s?"),
+    ],
+)
+def test_a_figure_in_another_unit_is_asked_about(right, wrong, asked, tmp_path):
+    text = (MACHINES / "mikron-ucp600.toml").read_text()
+    assert right in text
+    path = tmp_path / "own.toml"
+    path.write_text(text.replace(right, wrong, 1))
+    assert list(check_machine(path).doubtful) == [asked]
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong", "asked"),
+    [
+        ("part_z = [0.0, 1.0, 0.0]", "part_z = [0.0, -1.0, 0.0]", "part_z: the tool comes more from below"),
+        ("sign = 1\nlimits_deg", "sign = -1\nlimits_deg", "and sign of A B?"),
+        (
+            "pivot = [0.0, 0.0, 0.0]\nsign = 1\nlimits",
+            "pivot = [0.0, 0.0, 5e3]\nsign = 1\nlimits",
+            "A: its pivot is 5000 mm off part_zero, farther than X Y Z travel",
+        ),
+    ],
+)
+def test_a_table_turned_over_and_a_pivot_out_of_reach_are_asked_about(right, wrong, asked, tmp_path):
+    text = (MACHINES / "pocket-nc.toml").read_text()
+    assert right in text
+    path = tmp_path / "own.toml"
+    path.write_text(text.replace(right, wrong, 1))
+    (told,) = check_machine(path).doubtful
+    assert asked in told
+
+
+@pytest.mark.parametrize(
+    ("name", "right", "wrong", "asked"),
+    [
+        ("pocket-nc", '["B", "A", "XYZ"]', '["A", "B", "XYZ"]', "carries A: is it from the part outward, not B, A?"),
+        ("pocket-nc", '["B", "A", "XYZ"]', '["XYZ", "A", "B"]', "both axes carry the tool, yet part_z is not"),
+        ("mill-4axis", "part_z = [1.0, 0.0, 0.0]", "part_z = [0.0, 1.0, 0.0]", "some sides .* part_z and direction"),
+        ("mill-4axis", "endless = true", "limits_deg = [-5.0, 5.0]", "some sides .* limits_deg of A right"),
+        ("mikron-ucp600", "[-115.0, 30.0]", "[-5.0, 5.0]", "leans by 5 deg at most, the sides of a part need 15"),
+        (
+            "dmu-45",
+            "pivot = [0.0, 0.0, 0.0]\nsign = 1\n",
+            "pivot = [0.0, 0.0, -60.0]\nsign = 1\n",
+            "B: its pivot is 60 mm in front of the spindle nose",
+        ),
+        (
+            "dmu-45",
+            "pivot = [0.0, 0.0, 0.0]\nsign = 1\n",
+            "pivot = [0.0, 90.0, 30.0]\nsign = 1\n",
+            "B: its pivot is 60 mm in front of the spindle nose",
+        ),
+        ("mikron-ucp600", "[Z]\ntravel = 450.0", "[Z]\nlimits = [-500.0, -50.0]", "Z: its limits end at -50, below"),
+        ("mikron-ucp600", "[X]\ntravel = 600.0", "[X]\nlimits = [50.0, 650.0]", "X: its limits begin at 50, above"),
+    ],
+)
+def test_what_no_machine_is_like_is_asked_about(name, right, wrong, asked, tmp_path):
+    text = (MACHINES / f"{name}.toml").read_text()
+    if wrong.startswith("part_z"):
+        text = text.replace("part_x = [0.0, 0.0, 1.0]", "part_x = [1.0, 0.0, 0.0]")
+    assert right in text
+    path = tmp_path / "own.toml"
+    path.write_text(text.replace(right, wrong, 1))
+    (told,) = check_machine(path).doubtful
+    assert re.search(asked, told)
+
+
+@pytest.mark.parametrize(
+    ("name", "right", "wrong", "told"),
+    [
+        (
+            "mill-4axis",
+            "direction = [1.0, 0.0, 0.0]",
+            "direction = [0.0, 0.0, 1.0]",
+            "a single direction in the part: .* correct direction: one along the spindle",
+        ),
+        (
+            "mikron-ucp600",
+            '["C", "B", "XYZ"]',
+            '["XYZ", "B", "C"]',
+            "chain: C next to the tool turns it about itself: .*from the part to the tool",
+        ),
+    ],
+)
+def test_an_axis_that_leans_nothing_is_refused(name, right, wrong, told, tmp_path):
+    text = (MACHINES / f"{name}.toml").read_text()
+    assert right in text
+    path = tmp_path / "own.toml"
+    path.write_text(text.replace(right, wrong, 1))
+    with pytest.raises(MachineError, match=told):
+        check_machine(path)

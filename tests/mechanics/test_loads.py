@@ -1,4 +1,7 @@
-"""Loads of passes on a round bar against formulas of beams, and planted weaknesses that must show."""
+"""Loads of passes on a round bar against formulas of beams, and planted weaknesses that must show.
+
+The schedule of feeds on loads with known answers.
+"""
 
 from dataclasses import replace
 
@@ -11,27 +14,32 @@ from bonecam.job.materials.preset import FOLDER, CuttingForce, StiffnessTable
 from bonecam.kernels.removal import Pieces
 from bonecam.machine.bodies import Frustum
 from bonecam.material.rays import lay_grid, lay_rays
-from bonecam.mechanics.beam import Beam, column_sections, join, shoulder
+from bonecam.mechanics import Beam, column_sections, join, shoulder
 from bonecam.mechanics.edges import cutter_compliance
 from bonecam.mechanics.loads import (
+    LEAST,
+    MOST,
     Finished,
     KeptErrors,
     Loads,
+    PathLoads,
     Standing,
     Workpiece,
     cut_shares,
+    feed_schedule,
     mechanics_of_job,
     passing_force,
     piece_through,
     workpiece_of,
 )
 from bonecam.mechanics.result import mechanics_of
-from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.setup.stocks.cylinder import Cylinder
-from bonecam.tool.cutter import Cutter
+from bonecam.mesh import TriangleMesh
+from bonecam.setup import Cylinder
+from bonecam.tool import Cutter
+from bonecam.tool.path import PARTING
 from bonecam.verify.sweeping import Sweeping
-from bonecam.workholding.clamping import Clamping
-from bonecam.workholding.post import Column, Post
+from bonecam.workholding import Clamping, Post
+from bonecam.workholding.post import Column
 
 ALUMINIUM = StiffnessTable(elasticity=70000.0, density=2700.0, yield_strength=250.0, source="test")
 FORCE = CuttingForce((631.0, 99.0, 273.0, 13.0, 10.0, 2.8), (0.6, 1.9), "test", scaled=False)
@@ -274,3 +282,27 @@ def test_the_work_is_clamped_at_the_top_of_the_chuck():
     held = workpiece_of(Job(), Post(2.0, 30.0), Clamping((Column(11.0, 12.0), Column(30.0, 5.0))))
     assert held.clamped == 12.0
     assert workpiece_of(Job(), Post(2.0, 30.0), Clamping()).clamped == 0.0
+
+
+def loads(peak, edge_share, index=0):
+    """A path whose moves take the same time, each with its peak (N)."""
+    count = len(peak)
+    rest = [np.ones(count) for _ in range(2)]
+    peak, share = np.array(peak), np.full(count, edge_share)
+    return PathLoads(index, 0, np.arange(count), np.full(count, 0.1), peak / 2, peak, share, *rest, 900.0, 150.0)
+
+
+def test_the_part_that_grows_with_the_feed_makes_every_peak_the_same():
+    found = feed_schedule([loads([20.0, 30.0, 40.0, 50.0], 0.5)], [1], 5)
+    assert found.targets == {1: 40.0}
+    edge, grows = np.array([10.0, 15, 20, 25]), np.array([10.0, 15, 20, 25])
+    assert edge + found.ratios[:4] * grows == pytest.approx([30.0, 40, 40, 40])  # twice the feed at most
+    assert found.ratios[4] == 1.0, "in air"
+
+
+def test_feeds_stay_within_half_and_twice_and_parting_keeps_its_own():
+    paths = [loads([10.0, 10.0, 10.0, 100.0], 0.8), loads([500.0], 0.1, PARTING)]
+    found = feed_schedule(paths, [2, 2], 4)
+    assert found.targets == {2: 10.0}
+    assert found.ratios.tolist() == [1.0, 1.0, 1.0, LEAST]
+    assert feed_schedule([loads([1.0, 8.0, 8.0, 8.0], 0.0)], [1], 4).ratios[0] == MOST

@@ -1,22 +1,23 @@
-from collections.abc import Callable
+""""""
 
 import numpy as np
 import pytest
+from mesh_bodies import ellipsoid, solid, torus
 
 from bonecam.errors import MeshError
-from bonecam.mesh.pose import enclosing_circle, solid_moments, upright
-from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.mesh import upright
+from bonecam.mesh.pose import enclosing_circle, solid_moments
 
 TURN = np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))[0]
 TURN = TURN * np.sign(np.linalg.det(TURN))
 
 
 @pytest.fixture(scope="module")
-def pear(ellipsoid: Callable[..., TriangleMesh]) -> TriangleMesh:
+def pear():
     return ellipsoid(5, 3, 14, thick_end=0.3)
 
 
-def test_any_pose_ends_upright_with_the_thick_end_down(solid: Callable[..., TriangleMesh], pear: TriangleMesh) -> None:
+def test_any_pose_ends_upright_with_the_thick_end_down(pear):
     placed = solid(pear.vertices @ TURN.T + [100, -50, 7], pear.faces)
     mesh, transform = upright(placed)
     assert np.allclose(placed.vertices @ transform[:3, :3].T + transform[:3, 3], mesh.vertices, atol=1e-9)
@@ -28,20 +29,20 @@ def test_any_pose_ends_upright_with_the_thick_end_down(solid: Callable[..., Tria
     assert np.allclose(enclosing_circle(mesh.vertices[:, :2])[0], 0, atol=1e-9)
 
 
-def test_an_upright_mesh_stays(pear: TriangleMesh) -> None:
+def test_an_upright_mesh_stays(pear):
     once, _ = upright(pear)
     twice, transform = upright(once)
     assert np.allclose(transform, np.eye(4), atol=1e-9)
     assert np.allclose(once.vertices, twice.vertices)
 
 
-def test_moments_are_those_of_the_ellipsoid(ellipsoid: Callable[..., TriangleMesh]) -> None:
+def test_moments_are_those_of_the_ellipsoid():
     centroid, covariance = solid_moments(ellipsoid(5, 3, 14, 80, 80))
     assert np.allclose(centroid, 0, atol=1e-9)
     assert np.allclose(covariance, np.diag([25, 9, 196]) / 5, rtol=0.02, atol=1e-9)
 
 
-def test_the_circle_touches_and_holds_all_points() -> None:
+def test_the_circle_touches_and_holds_all_points():
     points = np.random.default_rng(5).normal(size=(500, 2)) * [3, 1]
     centre, radius = enclosing_circle(points)
     distances = np.linalg.norm(points - centre, axis=1)
@@ -51,14 +52,14 @@ def test_the_circle_touches_and_holds_all_points() -> None:
     assert np.diff(np.append(angles, angles[0] + 2 * np.pi)).max() <= np.pi + 1e-6, "no smaller circle holds them"
 
 
-def test_an_inside_out_mesh_has_no_pose(torus: Callable[..., TriangleMesh], solid: Callable[..., TriangleMesh]) -> None:
+def test_an_inside_out_mesh_has_no_pose():
     mesh = torus()
     with pytest.raises(MeshError, match="outwards"):
         upright(solid(mesh.vertices, mesh.faces[:, ::-1]))
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_the_circle_round_nearly_regular_points_is_found(seed: int) -> None:
+def test_the_circle_round_nearly_regular_points_is_found(seed):
     rng = np.random.default_rng(seed)
     angle = 2 * np.pi * np.arange(24) / 24
     points = 5.0 * np.column_stack([np.cos(angle), np.sin(angle)])

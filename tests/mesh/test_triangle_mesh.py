@@ -11,8 +11,7 @@ import trimesh
 
 from bonecam import TriangleMesh
 from bonecam.job import MeshJob
-from bonecam.mesh import mesh_from
-from bonecam.mesh.part import prepare_part
+from bonecam.mesh import mesh_from, prepare_part
 
 CORNERS = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
 FACES = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]], dtype=np.int32)
@@ -29,19 +28,19 @@ MADE_BY: dict[str, Callable[[], Any]] = {
 
 
 @pytest.mark.parametrize("library", MADE_BY)
-def test_the_mesh_of_a_library_becomes_ours(library: str) -> None:
+def test_the_mesh_of_a_library_becomes_ours(library):
     mesh = mesh_from(MADE_BY[library]())
     assert np.array_equal(mesh.vertices, CORNERS)
     assert np.array_equal(mesh.faces, FACES)
 
 
-def test_the_mesh_of_a_library_becomes_a_part() -> None:
+def test_the_mesh_of_a_library_becomes_a_part():
     part = prepare_part(MADE_BY["trimesh"](), MeshJob(units="inch", pits="keep", upright=False))
     assert part.file == "the mesh"
     np.testing.assert_allclose(part.mesh.bounds[1], 25.4)
 
 
-def test_our_mesh_leaves_as_copies_that_may_be_changed() -> None:
+def test_our_mesh_leaves_as_copies_that_may_be_changed():
     mesh = TriangleMesh(CORNERS, FACES)
     given = mesh.to_trimesh()
     assert isinstance(given, trimesh.Trimesh)
@@ -68,12 +67,12 @@ def test_our_mesh_leaves_as_copies_that_may_be_changed() -> None:
         ((CORNERS * 1e300, FACES), ValueError, r"vertex \d has a coordinate of 1e\+300: give at most"),
     ],
 )
-def test_what_is_no_mesh_is_refused(source: Any, error: type[Exception], told: str) -> None:
+def test_what_is_no_mesh_is_refused(source, error, told):
     with pytest.raises(error, match=told):
         mesh_from(source)
 
 
-def test_a_mesh_is_shown_in_a_line() -> None:
+def test_a_mesh_is_shown_in_a_line():
     assert repr(TriangleMesh(CORNERS * 3, FACES)) == "TriangleMesh(4 vertices, 4 faces, 3 x 3 x 3 mm)"
     assert (
         repr(TriangleMesh(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int32)))
@@ -81,10 +80,10 @@ def test_a_mesh_is_shown_in_a_line() -> None:
     )
 
 
-def test_a_scene_of_no_meshes_has_no_faces() -> None:
+def test_a_scene_of_no_meshes_has_no_faces():
     assert len(mesh_from(trimesh.Scene()).faces) == 0
 
 
-def test_a_tensor_mesh_of_nothing_has_no_faces() -> None:
+def test_a_tensor_mesh_of_nothing_has_no_faces():
     mesh = mesh_from(open3d.t.geometry.TriangleMesh())
     assert len(mesh.vertices) == len(mesh.faces) == 0

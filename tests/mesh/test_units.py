@@ -1,28 +1,23 @@
-from collections.abc import Callable
-
 import numpy as np
 import pytest
+from mesh_bodies import ellipsoid, moved
 
 from bonecam.errors import UnitsError
-from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.mesh.units import mirror_and_scale, to_mm
+from bonecam.mesh import TriangleMesh, to_mm
+from bonecam.mesh.units import mirror_and_scale
 
 
 @pytest.fixture(scope="module")
-def bone(ellipsoid: Callable[..., TriangleMesh]) -> TriangleMesh:
+def bone():
     return ellipsoid(5, 5, 14)
 
 
 @pytest.mark.parametrize(("units", "scale"), [("mm", 1.0), ("m", 1000.0), ("inch", 25.4), ("cm", 10.0)])
-def test_every_unit_gives_the_same_bone_in_mm(
-    bone: TriangleMesh, moved: Callable[..., TriangleMesh], units: str, scale: float
-) -> None:
+def test_every_unit_gives_the_same_bone_in_mm(bone, units, scale):
     assert to_mm(moved(bone, (0, 0, 0), 1 / scale), units).diagonal == pytest.approx(bone.diagonal)
 
 
-def test_metres_taken_for_mm_are_refused_with_the_flag_that_fits(
-    moved: Callable[..., TriangleMesh], bone: TriangleMesh
-) -> None:
+def test_metres_taken_for_mm_are_refused_with_the_flag_that_fits(bone):
     with pytest.raises(
         UnitsError,
         match=r"bone\.stl: 0\.0314 mm .*: is it in m, or .* give --units m \(31\.4 mm\), or mesh\.units in a job$",
@@ -30,7 +25,7 @@ def test_metres_taken_for_mm_are_refused_with_the_flag_that_fits(
         to_mm(moved(bone, (0, 0, 0), 0.001), "mm", "bone.stl")
 
 
-def test_units_that_fit_are_told_in_one_remedy(moved: Callable[..., TriangleMesh], bone: TriangleMesh) -> None:
+def test_units_that_fit_are_told_in_one_remedy(bone):
     asked = r"is it in m, in inch, in cm, or wrongly scaled\? "
     remedy = (
         r"give --units m \(941 mm\) or --units inch \(23\.9 mm\) or --units cm \(9\.41 mm\), "
@@ -40,14 +35,12 @@ def test_units_that_fit_are_told_in_one_remedy(moved: Callable[..., TriangleMesh
         to_mm(moved(bone, (0, 0, 0), 0.03), "mm")
 
 
-def test_the_remedy_is_worded_for_who_asks(moved: Callable[..., TriangleMesh], bone: TriangleMesh) -> None:
+def test_the_remedy_is_worded_for_who_asks(bone):
     with pytest.raises(UnitsError, match=r'write units="m" \(31\.4 mm\)'):
         to_mm(moved(bone, (0, 0, 0), 0.001), "mm", flag='write units="{}"')
 
 
-def test_a_size_no_unit_fits_and_an_unknown_unit_are_refused(
-    moved: Callable[..., TriangleMesh], bone: TriangleMesh
-) -> None:
+def test_a_size_no_unit_fits_and_an_unknown_unit_are_refused(bone):
     with pytest.raises(UnitsError, match="scale the mesh"):
         to_mm(moved(bone, (0, 0, 0), 1e6), "mm")
     with pytest.raises(ValueError, match="furlong"):
@@ -56,9 +49,7 @@ def test_a_size_no_unit_fits_and_an_unknown_unit_are_refused(
 
 @pytest.mark.parametrize("axis", ["none", "x", "y", "z"])
 @pytest.mark.parametrize("scale", [1.0, 1.25])
-def test_a_mirrored_and_scaled_mesh_encloses_what_it_should(
-    ellipsoid: Callable[..., TriangleMesh], axis: str, scale: float
-) -> None:
+def test_a_mirrored_and_scaled_mesh_encloses_what_it_should(axis, scale):
     mesh = ellipsoid(5, 4, 14, thick_end=0.2)
     lopsided = TriangleMesh(mesh.vertices + 0.1 * mesh.vertices[:, [1, 2, 0]] ** 2, mesh.faces)
     made = mirror_and_scale(lopsided, axis, scale)

@@ -2,7 +2,6 @@
 pass is left out because the tool would not get there."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import bonecam_meshes
 import numpy as np
@@ -12,7 +11,7 @@ import trimesh
 import bonecam
 from bonecam.job import ToolJob
 from bonecam.surface import impeller, read_flow_path, read_sections
-from bonecam.tool.path import MoveKind
+from bonecam.tool import MoveKind
 
 WHEEL = bonecam.Job().with_values(
     holding={"diameter": 20.0},
@@ -39,14 +38,14 @@ POINTS = 200_000
 
 
 @pytest.mark.slow
-def test_no_point_of_the_shipped_wheel_or_its_casing_is_inside_the_tool() -> None:
+def test_no_point_of_the_shipped_wheel_or_its_casing_is_inside_the_tool():
     files = [bonecam_meshes.path(f"impeller_{name}") for name in ("hub", "blades", "shroud")]
     made = bonecam.finish(bonecam_meshes.path("impeller_blade"), files[0], files[1:], WHEEL)
     audit(made, WHEEL)
 
 
 @pytest.mark.slow
-def test_every_pass_of_the_hecc_blade_is_reached_between_its_neighbours(shared: Path) -> None:
+def test_every_pass_of_the_hecc_blade_is_reached_between_its_neighbours(shared):
     folder = shared / "meshes" / "blades" / "sections" / "hecc"
     files = sorted(folder.glob("*main_blade_section*"))
     blade = read_sections(files, columns="x r*theta r", axis="-x", scale=10.0).skin(0.01)

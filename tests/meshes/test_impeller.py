@@ -1,7 +1,5 @@
 """The shipped impeller is what its recipe makes: 108 mm across, one blade as rows, the rest as closed obstacles."""
 
-from pathlib import Path
-
 import bonecam_meshes
 import numpy as np
 import pytest
@@ -11,7 +9,7 @@ from bonecam.mesh import MeshDistance, read_mesh, self_intersections
 from bonecam.surface import read_sections
 
 
-def test_recipe_makes_the_shipped_rows(tmp_path: Path) -> None:
+def test_recipe_makes_the_shipped_rows(tmp_path):
     impeller.write_rows(impeller.sections(), tmp_path / "rows.txt")
     assert (tmp_path / "rows.txt").read_text() == bonecam_meshes.path("impeller_blade").read_text()
     rows = read_sections(bonecam_meshes.path("impeller_blade"))
@@ -19,7 +17,7 @@ def test_recipe_makes_the_shipped_rows(tmp_path: Path) -> None:
     assert [len(row) for row in rows.rows] == [72] * impeller.SECTIONS
 
 
-def test_the_recipe_makes_the_shipped_solids() -> None:
+def test_the_recipe_makes_the_shipped_solids():
     made = impeller.make()
     wheel = {"hub": made.hub, "shroud": made.shroud, "blades": impeller.joined(made.blades[1:])}
     for name, mesh in wheel.items():
@@ -31,7 +29,7 @@ def test_the_recipe_makes_the_shipped_solids() -> None:
     assert len(made.blades) == impeller.BLADES
 
 
-def test_the_blade_stands_free_between_hub_neighbours_and_casing() -> None:
+def test_the_blade_stands_free_between_hub_neighbours_and_casing():
     points = np.vstack(impeller.sections(0.1))
     away = {
         name: MeshDistance(read_mesh(bonecam_meshes.path(f"impeller_{name}"))).signed(points).min()

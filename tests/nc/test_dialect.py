@@ -1,9 +1,19 @@
+"""Codes with a meaning are never without effect, whatever a dialect's file says.
+
+The words of a job in the dialect of its controller: work offset, coolant, block numbers, decimals.
+"""
+
 import pytest
+from small_parts import capsule_path
 
 from bonecam.errors import MachineError
-from bonecam.machine.machine import MACHINES, read_machine
-from bonecam.nc.dialect import DIALECTS, dialect_names, read_dialect
-from bonecam.nc.schema import FIELDS
+from bonecam.job import Job
+from bonecam.machine import read_machine
+from bonecam.machine.machine import MACHINES
+from bonecam.nc import dialect_names, read_dialect, read_program, write_program
+from bonecam.nc.dialect import DIALECTS
+from bonecam.nc.requirements import job_dialect
+from bonecam.nc.schema import CODES, FIELDS, MEANINGS
 
 GOOD = (DIALECTS / "linuxcnc.toml").read_text()
 KLARTEXT = (DIALECTS / "heidenhain.toml").read_text()
@@ -164,3 +174,116 @@ def test_an_endless_axis_with_limits_is_written_wound_or_refused(tmp_path):
         heidenhain.writing_endless_words("wrapped", machine)
     with pytest.raises(MachineError, match="fanuc-30i wraps them: take endless = false"):
         read_dialect("fanuc-30i").writing_endless_words("controller", machine)
+
+
+ISO = """like = "linuxcnc"
+[codes]
+none = ["G17", "G40", {code!r}]
+"""
+STATEMENT = """like = "linuxcnc"
+[[statements]]
+pattern = '{pattern}'
+effect = "none"
+"""
+
+
+@pytest.mark.parametrize("code", MEANINGS)
+def test_a_code_with_a_meaning_is_not_declared_harmless(code, tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_text(ISO.format(code=code))
+    with pytest.raises(MachineError, match=rf"codes\.none: {code} is .*: (list it in \w+|leave it out)"):
+        read_dialect(path)
+
+
+@pytest.mark.parametrize("code", ["G020", "G03", "M03", "G070"])
+def test_leading_zeros_hide_no_meaning(code, tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_text(ISO.format(code=code))
+    with pytest.raises(MachineError, match=rf"codes\.none: {code} is "):
+        read_dialect(path)
+
+
+@pytest.mark.parametrize(
+    "pattern", ["G20", "G2[01]", "[A-Z0-9]+", ".*", "G20 G90", "G(70|71)", r"G43\.4 H\d+", "M[345]"]
+)
+def test_a_statement_that_takes_such_a_code_is_refused(pattern, tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_text(STATEMENT.format(pattern=pattern))
+    with pytest.raises(MachineError, match=r"statements\[0\]\.pattern: takes \S+, .*, for harmless: "):
+        read_dialect(path)
+
+
+def test_a_program_in_inches_does_not_begin_in_klartext(tmp_path):
+    path = tmp_path / "mine.toml"
+    text = (DIALECTS / "heidenhain.toml").read_text()
+    path.write_text(text.replace('[A-Z0-9_]+) MM\'\neffect = "begin"', '[A-Z0-9_]+) (MM|INCH)\'\neffect = "begin"'))
+    with pytest.raises(MachineError, match="takes BEGIN PGM A INCH, inches, for harmless: leave it out"):
+        read_dialect(path)
+
+
+def test_each_effect_of_a_meaning_is_one_of_the_codes():
+    assert {meaning.effect for meaning in MEANINGS.values()} <= {"", *CODES}
+
+
+@pytest.mark.parametrize("name", dialect_names())
+def test_every_shipped_dialect_starts_and_stops_spindle_and_coolant(name):
+    dialect = read_dialect(name)
+    effects = {item.effect for item in dialect.statements} | {
+        one.replace("_", " ") for one in dialect.effect_of.values()
+    }
+    assert {"spindle on", "spindle stop", "coolant on", "coolant off"} <= effects
+
+
+def job(controller: str, **nc: object) -> Job:
+    return Job().with_values(nc={"controller": controller, **nc})
+
+
+@pytest.mark.parametrize("controller", dialect_names())
+def test_a_job_that_asks_for_nothing_has_the_dialect_of_its_controller(controller):
+    assert job_dialect(job(controller).nc) == read_dialect(controller)
+
+
+@pytest.mark.parametrize("controller", dialect_names())
+def test_another_work_offset_is_written_and_asked_for_again_when_read(controller):
+    asked = job(controller, work_offset=3)
+    machine, dialect = read_machine("mikron-ucp600"), job_dialect(asked.nc)
+    path = capsule_path(count=60)
+    text = write_program([path], machine, dialect, asked).text
+    first, third = ("Q339=1", "Q339=3") if controller == "heidenhain" else ("G54", "G56")
+    assert third in text
+    assert first not in text
+    assert len(read_program(text, machine, dialect).tips) > 10
+    with pytest.raises(Exception, match=r"line \d+"):
+        read_program(text, machine, read_dialect(controller))
+
+
+@pytest.mark.parametrize("controller", dialect_names())
+def test_mist_is_switched_on_in_the_place_of_flood(controller):
+    asked = job(controller, coolant_kind="mist")
+    machine, dialect = read_machine("mikron-ucp600"), job_dialect(asked.nc)
+    text = write_program([capsule_path(count=60)], machine, dialect, asked).text
+    assert "M7" in text or "M07" in text
+    assert read_program(text, machine, dialect).coolant.any()
+
+
+def test_blocks_without_numbers_and_with_other_decimals_are_read_back():
+    asked = job("fanuc-30i", block_numbers=False, decimals=4, program_number=4711)
+    machine, dialect = read_machine("mikron-ucp600"), job_dialect(asked.nc)
+    text = write_program([capsule_path(count=60)], machine, dialect, asked).text
+    assert "\nO4711" in text
+    assert not [line for line in text.split("\n") if line.startswith("N")]
+    assert any(len(word.partition(".")[2]) == 4 for line in text.split("\n") for word in line.split())
+    assert len(read_program(text, machine, dialect).tips) > 10
+
+
+@pytest.mark.parametrize(
+    ("controller", "asked", "why"),
+    [
+        ("siemens-840d", {"work_offset": 9}, "nc.work_offset = 9: siemens-840d has no such: give 1 to 4"),
+        ("fanuc-30i", {"coolant_kind": "air"}, "nc.coolant_kind = 'air': fanuc-30i has no such: add it"),
+        ("heidenhain", {"block_numbers": False}, "nc.block_numbers = false: heidenhain has no such"),
+    ],
+)
+def test_what_a_control_does_not_have_is_refused(controller, asked, why):
+    with pytest.raises(MachineError, match=why):
+        job_dialect(job(controller, **asked).nc)

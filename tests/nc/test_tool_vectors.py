@@ -2,25 +2,22 @@
 
 import itertools
 import re
-from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
+from small_parts import capsule_path, path_of
 
 from bonecam.errors import MachineError, ProgramError, VerifyError
 from bonecam.job import Job
+from bonecam.machine import read_machine
 from bonecam.machine.kinematics import tool_axes
-from bonecam.machine.machine import read_machine
-from bonecam.nc.dialect import dialect_names, read_dialect
-from bonecam.nc.feeds import drivable_paths
-from bonecam.nc.posting import write_program
+from bonecam.nc import dialect_names, drivable_paths, read_dialect, read_program, write_program
 from bonecam.nc.program import solved_angles, vectors_of, written_vectors
-from bonecam.nc.reading import read_program
 from bonecam.nc.requirements import job_dialect
-from bonecam.tool.path import MoveKind, ToolPath
+from bonecam.tool import MoveKind, ToolPath
+from bonecam.verify import Tolerances
 from bonecam.verify.control import check_control
-from bonecam.verify.readback import Tolerances, compare_moves
+from bonecam.verify.readback import compare_moves
 
 WITH_VECTORS = [name for name in dialect_names() if "vectors" in read_dialect(name).forms]
 WITH_JOINTS = [name for name in dialect_names() if "joints" in read_dialect(name).forms]
@@ -37,28 +34,26 @@ def posted(path: ToolPath, controller: str, axes: str, machine: str = "mikron-uc
     return write_program([path], chosen, dialect, job).text, chosen, dialect, job
 
 
-@pytest.fixture(scope="module")
-def path(capsule_path: Callable[..., ToolPath]) -> ToolPath:
-    return capsule_path(count=120, turns=3.0)
+PATH = capsule_path(count=120, turns=3.0)
 
 
 @pytest.mark.parametrize("machine", ["mikron-ucp600", "hermle-c600u", "dmu-45"])
 @pytest.mark.parametrize("controller", WITH_VECTORS)
-def test_vectors_are_written_in_every_move_and_read_back(controller: str, machine: str, path: ToolPath) -> None:
-    text, chosen, dialect, _ = posted(path, controller, "vectors", machine)
+def test_vectors_are_written_in_every_move_and_read_back(controller, machine):
+    text, chosen, dialect, _ = posted(PATH, controller, "vectors", machine)
     assert "UNPROVED" in text or "UNVERIFIED" in text
     form = FIRST.get(controller, FIRST["fanuc-30i"])
     assert len(re.findall(form, text)) > 3
     motions = read_program(text, chosen, dialect)
     check_control(motions, chosen, dialect)
-    found = compare_moves(motions, [path], dialect, Tolerances())
+    found = compare_moves(motions, [PATH], dialect, Tolerances())
     assert found.tip_error.max() <= 0.001 + dialect.numbers.length.step
 
 
 @pytest.mark.parametrize("controller", WITH_VECTORS)
-def test_a_program_of_vectors_turns_the_axes_as_one_of_angles(controller: str, path: ToolPath) -> None:
-    by_vector = read_program(*posted(path, controller, "vectors")[:3])
-    by_angle = read_program(*posted(path, controller, "angles")[:3])
+def test_a_program_of_vectors_turns_the_axes_as_one_of_angles(controller):
+    by_vector = read_program(*posted(PATH, controller, "vectors")[:3])
+    by_angle = read_program(*posted(PATH, controller, "angles")[:3])
     np.testing.assert_allclose(by_vector.axes, by_angle.axes, atol=2e-6)
     np.testing.assert_allclose(by_vector.tips, by_angle.tips, atol=1e-9)
     turns = by_vector.words[:, 3:] - by_angle.words[:, 3:]
@@ -67,14 +62,14 @@ def test_a_program_of_vectors_turns_the_axes_as_one_of_angles(controller: str, p
 
 @pytest.mark.parametrize("machine", ["mikron-ucp600", "hermle-c600u"])
 @pytest.mark.parametrize("controller", WITH_JOINTS)
-def test_joints_in_inverse_time_are_written_and_read_back(controller: str, machine: str, path: ToolPath) -> None:
-    text, chosen, dialect, _ = posted(path, controller, "joints", machine)
+def test_joints_in_inverse_time_are_written_and_read_back(controller, machine):
+    text, chosen, dialect, _ = posted(PATH, controller, "joints", machine)
     assert "G93" in text
     assert not re.search(r"(?m)^(N\d+ )?(TRAORI|.*G43\.4)", text)
     motions = read_program(text, chosen, dialect)
     check_control(motions, chosen, dialect)
     assert motions.inverse_time[~motions.rapid].all()
-    found = compare_moves(motions, [path], dialect, Tolerances())
+    found = compare_moves(motions, [PATH], dialect, Tolerances())
     assert found.tip_error.max() <= 0.001 + dialect.numbers.length.step
 
 
@@ -101,10 +96,8 @@ FAULTS = {
 @pytest.mark.parametrize(
     ("controller", "pattern", "wrong", "told"), [(name, *fault) for name, faults in FAULTS.items() for fault in faults]
 )
-def test_a_wrong_vector_is_refused_with_its_line(
-    controller: str, pattern: str, wrong: str, told: str, path: ToolPath
-) -> None:
-    text, machine, dialect, _ = posted(path, controller, "vectors")
+def test_a_wrong_vector_is_refused_with_its_line(controller, pattern, wrong, told):
+    text, machine, dialect, _ = posted(PATH, controller, "vectors")
     lines = text.split("\n")
     row = next(at for at, line in enumerate(lines) if re.search(FIRST[controller], line))
     lines[row] = re.sub(pattern, wrong, lines[row], count=1)
@@ -114,18 +107,18 @@ def test_a_wrong_vector_is_refused_with_its_line(
 
 
 @pytest.mark.parametrize("controller", list(FAULTS))
-def test_a_vector_that_leans_otherwise_is_found_by_the_readback(controller: str, path: ToolPath) -> None:
-    text, machine, dialect, _ = posted(path, controller, "vectors")
+def test_a_vector_that_leans_otherwise_is_found_by_the_readback(controller):
+    text, machine, dialect, _ = posted(PATH, controller, "vectors")
     words = [re.escape(word.replace("{number}", "")) for word in dialect.vector.words[:2]]
     one, two = (rf"{word}(\S+)" for word in words)
     names = [word.replace("{number}", "") for word in dialect.vector.words[:2]]
     swapped = re.sub(rf"{one} {two}", rf"{names[0]}\2 {names[1]}\1", text)
     assert swapped != text
     with pytest.raises((VerifyError, ProgramError)):
-        compare_moves(read_program(swapped, machine, dialect), [path], dialect, Tolerances())
+        compare_moves(read_program(swapped, machine, dialect), [PATH], dialect, Tolerances())
 
 
-def test_the_axes_take_the_nearest_solution_and_stay_at_the_pole() -> None:
+def test_the_axes_take_the_nearest_solution_and_stay_at_the_pole():
     machine, vector = (read_machine("mikron-ucp600"), job_dialect(Job().with_values(nc={"axes": "vectors"}).nc).vector)
     angles = np.radians([[-20.0, 170.0], [-20.0, 185.0], [-20.0, 200.0], [0.0, 200.0], [-10.0, 200.0]])
     solved, _ = solved_angles(machine, vectors_of(machine, vector, angles), angles[0])
@@ -139,7 +132,7 @@ POLE = [[-5.0, 0.0], [0.0, 0.0], [0.0, 60.0], [-5.0, 60.0]]
 """Angles of B and C (degrees): C turns at the pole."""
 
 
-def test_a_change_to_the_other_solution_that_no_vector_states_is_refused() -> None:
+def test_a_change_to_the_other_solution_that_no_vector_states_is_refused():
     machine, vector = read_machine("mikron-ucp600"), read_dialect("fanuc-30i").in_form("vectors").vector
     words = np.zeros((3, 5))
     words[:, 3:] = [[-5.0, 0.0], [5.0, 180.0], [5.0, 190.0]]
@@ -149,10 +142,8 @@ def test_a_change_to_the_other_solution_that_no_vector_states_is_refused() -> No
 
 
 @pytest.mark.parametrize("controller", ["fanuc-30i", "makino", "mitsubishi"])
-def test_where_the_control_takes_no_angles_the_tool_leans_a_little_at_the_pole(
-    controller: str, path_of: Callable[..., ToolPath]
-) -> None:
-    path = pole_path(path_of)
+def test_where_the_control_takes_no_angles_the_tool_leans_a_little_at_the_pole(controller):
+    path = pole_path()
     text, machine, dialect, _ = posted(path, controller, "vectors")
     found = compare_moves(motions := read_program(text, machine, dialect), [path], dialect, Tolerances())
     assert found.tip_error.max() <= 0.001
@@ -165,7 +156,7 @@ def test_where_the_control_takes_no_angles_the_tool_leans_a_little_at_the_pole(
     assert np.degrees(np.abs(np.diff(jumps.words[:, 4])))[jumps.known_start[1:]].max() > 30.0
 
 
-def pole_path(path_of: Callable[..., ToolPath]) -> ToolPath:
+def pole_path() -> ToolPath:
     machine = read_machine("mikron-ucp600")
     angles = np.radians(np.vstack([np.linspace(*pair, 12) for pair in itertools.pairwise(POLE)]))
     axes = tool_axes(machine, angles)
@@ -174,10 +165,8 @@ def pole_path(path_of: Callable[..., ToolPath]) -> ToolPath:
 
 
 @pytest.mark.parametrize("controller", ["heidenhain", "siemens-840d"])
-def test_a_turn_at_the_pole_is_written_in_angles_between_vectors(
-    controller: str, path_of: Callable[..., ToolPath]
-) -> None:
-    path = pole_path(path_of)
+def test_a_turn_at_the_pole_is_written_in_angles_between_vectors(controller):
+    path = pole_path()
     text, machine, dialect, _ = posted(path, controller, "vectors")
     mixed = re.findall(r"(?m)^(?:N?\d+ )(?:L|G1) X\S+ Y\S+ Z\S+ B\S+ C\S+(?: F\d+)?$", text)
     assert 0 < len(mixed) < 30
@@ -185,9 +174,7 @@ def test_a_turn_at_the_pole_is_written_in_angles_between_vectors(
     compare_moves(read_program(text, machine, dialect), [path], dialect, Tolerances())
 
 
-def test_a_rapid_that_turns_at_the_pole_lasts_as_long_as_its_axis_needs_in_joints(
-    path_of: Callable[..., ToolPath],
-) -> None:
+def test_a_rapid_that_turns_at_the_pole_lasts_as_long_as_its_axis_needs_in_joints():
     angles = np.radians([[-2.0, 0.0], [-0.8, 0.0], [0.0, 0.0], [0.0, 80.0], [-0.8, 80.0], [-2.0, 80.0]])
     axes = tool_axes(read_machine("mikron-ucp600"), angles)
     tips = np.column_stack([0.05 * np.arange(6), np.zeros(6), np.full(6, 60.0)])
@@ -203,12 +190,12 @@ def test_a_rapid_that_turns_at_the_pole_lasts_as_long_as_its_axis_needs_in_joint
         compare_moves(read_program(slow, machine, dialect), paths, dialect, Tolerances())
 
 
-def test_klartext_has_no_joints_in_inverse_time() -> None:
+def test_klartext_has_no_joints_in_inverse_time():
     with pytest.raises(MachineError, match=r"heidenhain has no \[forms.joints\]: give nc.axes = 'angles' or 'vectors'"):
         job_dialect(Job().with_values(nc={"axes": "joints"}).nc)
 
 
-def test_vectors_lean_as_the_tool_does() -> None:
+def test_vectors_lean_as_the_tool_does():
     machine = read_machine("mikron-ucp600")
     vector = read_dialect("heidenhain").in_form("vectors").vector
     assert vector is not None
@@ -226,14 +213,14 @@ def test_vectors_lean_as_the_tool_does() -> None:
         ("[forms.cones]\ntitle = 'x'", r"forms.cones"),
     ],
 )
-def test_a_form_that_is_no_dialect_is_refused_when_its_file_is_read(text: str, told: str, tmp_path: Path) -> None:
+def test_a_form_that_is_no_dialect_is_refused_when_its_file_is_read(text, told, tmp_path):
     file = tmp_path / "own.toml"
     file.write_text(f"like = 'fanuc-30i'\n{text}\n")
     with pytest.raises(MachineError, match=rf"own.toml: .*{told}"):
         read_dialect(file)
 
 
-def test_a_dialect_like_another_has_its_forms_with_its_own_words(tmp_path: Path) -> None:
+def test_a_dialect_like_another_has_its_forms_with_its_own_words(tmp_path):
     file = tmp_path / "own.toml"
     file.write_text("like = 'fanuc-30i'\n[templates]\ncoolant_on = 'M07'\n")
     dialect = read_dialect(file).in_form("vectors")
@@ -242,9 +229,9 @@ def test_a_dialect_like_another_has_its_forms_with_its_own_words(tmp_path: Path)
 
 
 @pytest.mark.parametrize("controller", WITH_VECTORS)
-def test_another_work_offset_is_stated_in_programs_of_vectors(controller: str, path: ToolPath) -> None:
+def test_another_work_offset_is_stated_in_programs_of_vectors(controller):
     asked = Job().with_values(nc={"controller": controller, "axes": "vectors", "work_offset": 2})
     machine, dialect = read_machine("mikron-ucp600"), job_dialect(asked.nc)
-    text = write_program([path], machine, dialect, asked).text
+    text = write_program([PATH], machine, dialect, asked).text
     assert "Q339=2" in text or "G55" in text
     assert len(read_program(text, machine, dialect).tips) > 100

@@ -10,15 +10,16 @@ from typed_values import differences
 from bonecam.errors import JobError
 from bonecam.job import Job, read_job, write_job
 from bonecam.job.tool_section import AUTO, SIZES
-from bonecam.machine.machine import read_machine
-from bonecam.mesh.part import repaired_part
+from bonecam.machine import read_machine
+from bonecam.mesh import repaired_part
 from bonecam.mesh.solids import revolve_profile
-from bonecam.nc.path_words import machine_limits
-from bonecam.planning.chosen_cutters import CLEAN, SHALLOW, Hollows, with_chosen_cutters
+from bonecam.nc import machine_limits
+from bonecam.planning import with_chosen_cutters
+from bonecam.planning.chosen_cutters import CLEAN, SHALLOW, Hollows
 from bonecam.report.typed import CutterFigures
 from bonecam.report.warnings import cutter_lines
-from bonecam.setup.placement import Setup, place
-from bonecam.workholding.post import Post
+from bonecam.setup import place
+from bonecam.workholding import Post
 
 PHALANX = Path(__file__).parents[2] / "meshes/phalanx.ply"
 LIMITS = machine_limits(read_machine("mikron-ucp600"))
@@ -37,13 +38,13 @@ def shop(folder: Path, *radii: float, number: int = 0) -> str:
 
 
 @pytest.fixture(scope="module")
-def phalanx() -> Setup:
+def phalanx():
     """The phalanx in its stock."""
     job = Job()
     return place(repaired_part(PHALANX, job.mesh), job)
 
 
-def test_what_a_ball_leaves_in_a_groove_is_the_closing_by_it() -> None:
+def test_what_a_ball_leaves_in_a_groove_is_the_closing_by_it():
     """A right-angled groove round a waist: the ball that touches both its sides stays R (sqrt 2 - 1) off its bottom.
     Depths are those at the middles of faces, R / 2 long at most."""
     profile = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 6.0], [8.0, 8.0], [10.0, 10.0], [10.0, 16.0], [0.0, 16.0]])
@@ -61,7 +62,7 @@ def test_what_a_ball_leaves_in_a_groove_is_the_closing_by_it() -> None:
 
 
 @pytest.mark.whole
-def test_of_a_shop_s_list_the_best_set_is_taken_and_told(phalanx: Setup, tmp_path: Path) -> None:
+def test_of_a_shop_s_list_the_best_set_is_taken_and_told(phalanx, tmp_path):
     job = Job().with_values(nc={"tools": shop(tmp_path, 1.0, 2.0, 3.0)}, finishing={"scallop": 0.02})
     chosen, told = with_chosen_cutters(phalanx, job, LIMITS)
     assert chosen.roughing.radius >= chosen.finishing.radius >= chosen.fine.radius
@@ -95,20 +96,20 @@ def read_back(job: Job, folder: Path) -> Job:
     return read_job(folder / "job.toml")
 
 
-def test_a_clean_ball_leaves_no_more_than_it_says(phalanx: Setup) -> None:
+def test_a_clean_ball_leaves_no_more_than_it_says(phalanx):
     hollows = Hollows(phalanx.part.mesh, Post(4.0, float(phalanx.part.mesh.bounds[0, 2]) + 1.0))
     assert hollows.clean(1.0)
     assert not hollows.clean(1.5)
     assert 0 < hollows.deeper(1.0, SHALLOW) < hollows.deeper(1.5, SHALLOW)
 
 
-def test_one_cutter_of_a_shop_does_not_stand_in_two_places(phalanx: Setup, tmp_path: Path) -> None:
+def test_one_cutter_of_a_shop_does_not_stand_in_two_places(phalanx, tmp_path):
     job = Job().with_values(nc={"tools": shop(tmp_path, 1.0, number=7)})
     with pytest.raises(JobError, match=r"nc\.tools = .*: has no ball ends for all sections: add some"):
         with_chosen_cutters(phalanx, job, LIMITS)
 
 
-def test_a_section_with_a_size_is_its_own_and_one_without_is_chosen(phalanx: Setup, tmp_path: Path) -> None:
+def test_a_section_with_a_size_is_its_own_and_one_without_is_chosen(phalanx, tmp_path):
     job = Job()
     assert all(getattr(job, name).preset == AUTO for name in ("roughing", "finishing", "fine"))
     own = job.with_values(roughing={"overhang": 30.0}, finishing={"scallop": 0.02})

@@ -1,13 +1,17 @@
-"""What a program is expected to take, before it is planned."""
+"""What a program is expected to take, before it is planned.
 
-from collections.abc import Callable
+What a cut leaves to the next one.
+"""
+
+import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from small_parts import grooved_pebble
 
 from bonecam.job import Job
-from bonecam.levels.measure import NO_CUT, Level, MorphLevel, PartLevel, StockLevel
+from bonecam.levels.measure import NO_CUT, MorphLevel, PartLevel, StockLevel
 from bonecam.machine.bodies import MachineBodies
 from bonecam.planning.estimate import (
     BLOCK_FACTOR,
@@ -17,9 +21,9 @@ from bonecam.planning.estimate import (
     LayersToCut,
     estimate,
     estimate_lines,
+    least_depth,
 )
 from bonecam.setup.capsule import Capsule
-from bonecam.surface.tspline import TSpline
 
 JOB = Job().with_values(levels={"finishing_levels": 1})
 DEEP, SHALLOW = (0.0, 1.0), (1.0, 0.0)
@@ -27,12 +31,12 @@ DEEP, SHALLOW = (0.0, 1.0), (1.0, 0.0)
 
 
 @pytest.fixture
-def levels(grooved_pebble: Callable[..., TSpline]) -> Callable[..., list[Level]]:
+def levels():
     """Makes three levels that are balls of 10 mm, and a stock, with these shares of the last cut by depth."""
     ball = Capsule(np.zeros(3), np.array([0.0, 0.0, 1e-9]), 10.0).mesh(0.001)
     surface = grooved_pebble(0.2)
 
-    def make(shares: tuple[float, ...], limit: float = 0.5) -> list[Level]:
+    def make(shares, limit=0.5):
         inner = [MorphLevel(k, surface, ball, 0.5, NO_CUT) for k in (1, 2)]
         stock = StockLevel(3, ball, limit, replace(NO_CUT, depth_shares=shares))
         return [PartLevel(surface, ball, NO_CUT), *inner, stock]
@@ -40,7 +44,7 @@ def levels(grooved_pebble: Callable[..., TSpline]) -> Callable[..., list[Level]]
     return make
 
 
-def test_passes_on_a_ball_are_as_long_as_its_area_and_the_step_say(levels: Callable[..., list[Level]]) -> None:
+def test_passes_on_a_ball_are_as_long_as_its_area_and_the_step_say(levels):
     job = JOB.with_values(roughing={"radius": 2.0, "scallop": 0.01}, finishing={"radius": 2.0, "scallop": 0.01})
     step = 2 * np.sqrt(0.01 * 3.99)
     on_each = 4 * np.pi * 12**2 / step
@@ -50,7 +54,7 @@ def test_passes_on_a_ball_are_as_long_as_its_area_and_the_step_say(levels: Calla
     assert found.blocks == pytest.approx(BLOCK_FACTOR * 3 * on_each / move, rel=0.02)
 
 
-def test_what_is_too_shallow_for_a_roughing_cut_is_left_out(levels: Callable[..., list[Level]]) -> None:
+def test_what_is_too_shallow_for_a_roughing_cut_is_left_out(levels):
     job = JOB.with_values(path={"least_depth": 0.1})
     deep = estimate(levels(DEEP, 0.2), job, MachineBodies())
     shallow = estimate(levels(SHALLOW, 0.2), job, MachineBodies())
@@ -64,7 +68,7 @@ def test_what_is_too_shallow_for_a_roughing_cut_is_left_out(levels: Callable[...
         assert everywhere.length == deep.length
 
 
-def test_the_summary_has_what_came_beside_what_was_expected(levels: Callable[..., list[Level]]) -> None:
+def test_the_summary_has_what_came_beside_what_was_expected(levels):
     found = estimate(levels(DEEP), JOB, MachineBodies())
     report = {
         "estimate": found.report,
@@ -80,7 +84,7 @@ def test_the_summary_has_what_came_beside_what_was_expected(levels: Callable[...
     assert not list(estimate_lines({"estimate": found.report}))
 
 
-def test_before_levels_the_time_follows_from_the_areas_between_part_and_stock() -> None:
+def test_before_levels_the_time_follows_from_the_areas_between_part_and_stock():
     inner, outer = (Capsule(np.zeros(3), np.array([0, 0, 1e-9]), r).mesh(0.001) for r in (10.0, 12.0))
     layers = LayersToCut.between(inner, outer)
     assert layers.distances.max() == pytest.approx(2.0, abs=0.01)
@@ -94,3 +98,15 @@ def test_before_levels_the_time_follows_from_the_areas_between_part_and_stock() 
     assert layers.minutes(one) == pytest.approx(TIME_FACTOR * evenly + 2 * MINUTES_A_LEVEL, rel=0.01)
     finer = one.with_values(levels={"depths": "0.1 0.1 0.1 0.5"})
     assert layers.minutes(finer) > 2 * layers.minutes(one)
+
+
+def test_a_roughing_cut_leaves_what_the_next_one_takes_off_in_any_case():
+    deep = Job(levels={"depths": "0.1 0.25 1", "scallop_share": 0.2})
+    assert [least_depth(level, deep) for level in range(5)] == pytest.approx([0.0, 0.0, 0.03, 0.1, 0.1])
+    assert [least_depth(level, Job()) for level in (0, 4, 5, 9)] == pytest.approx([0.0, 0.0, 0.03, 0.03])
+
+
+def test_a_job_may_have_everything_cut():
+    everywhere = {"levels": {"depths": "0.1 1", "scallop_share": 0.2}}
+    assert least_depth(3, Job(**everywhere, path={"least_depth": 0.0})) == 0.0
+    assert least_depth(3, Job(**everywhere, path={"pattern": "published"})) == -math.inf

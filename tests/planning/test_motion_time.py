@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from numpy import ndarray
 
-from bonecam.machine.kinematics import inverse_linear
-from bonecam.machine.machine import Machine, read_machine
+from bonecam.machine import Machine, inverse_linear, read_machine
 from bonecam.planning.motion_time import ControlRule, motion_minutes
 
 SECONDS = 60
@@ -37,28 +36,28 @@ def joints(*places: float) -> ndarray:
     return table
 
 
-def test_a_long_move_takes_its_feed_and_one_ramp_more() -> None:
+def test_a_long_move_takes_its_feed_and_one_ramp_more():
     # 100 mm at 60 mm/min, from rest to rest: way / v + v / a
     found = motion_minutes(MILL, joints(0.0, 100.0), np.array([100 / 60]))
     assert found == pytest.approx([100 / 60 + 60 / 600])
 
 
-def test_a_short_move_never_reaches_its_feed() -> None:
+def test_a_short_move_never_reaches_its_feed():
     found = motion_minutes(MILL, joints(0.0, 1.0), np.array([1 / 60]))
     assert found == pytest.approx([2 * np.sqrt(1 / 600)])
 
 
-def test_a_straight_line_in_pieces_takes_as_long_as_in_one() -> None:
+def test_a_straight_line_in_pieces_takes_as_long_as_in_one():
     found = motion_minutes(MILL, joints(*np.linspace(0, 100, 51)), np.full(50, 2 / 60))
     assert found.sum() == pytest.approx(100 / 60 + 60 / 600)
 
 
-def test_an_axis_that_turns_back_comes_nearly_to_rest_there() -> None:
+def test_an_axis_that_turns_back_comes_nearly_to_rest_there():
     found = motion_minutes(MILL, joints(0.0, 50.0, 0.0), np.full(2, 50 / 60), ControlRule(1e-6, 1e-6))
     assert found.sum() == pytest.approx(2 * (50 / 60 + 60 / 600), rel=1e-3)
 
 
-def test_a_corner_is_passed_as_fast_as_its_tolerance_allows() -> None:
+def test_a_corner_is_passed_as_fast_as_its_tolerance_allows():
     # from X to Y at 60 mm/min: each axis changes its speed by c = 1, so v^2 = 8 a e there
     corner = np.zeros((3, 5))
     corner[1:, 0], corner[2, 1] = 50.0, 50.0
@@ -71,7 +70,7 @@ def test_a_corner_is_passed_as_fast_as_its_tolerance_allows() -> None:
         assert found == pytest.approx(lines + 2 * rounded / speed, rel=1e-6)
 
 
-def test_a_circle_is_driven_by_its_curvature_however_finely_it_is_sampled() -> None:
+def test_a_circle_is_driven_by_its_curvature_however_finely_it_is_sampled():
     # v^2 / R = a where all of both axes is across: R 10 at 60 mm/min would ask for 360 of 600 mm/min^2
     for acceleration, speed in ((600.0, 60.0), (90.0, 30.0)):
         for count in (100, 1000):
@@ -82,7 +81,7 @@ def test_a_circle_is_driven_by_its_curvature_however_finely_it_is_sampled() -> N
             assert found == pytest.approx(200 * np.pi / speed, rel=0.02)
 
 
-def test_a_control_can_stop_at_the_end_of_what_it_looks_ahead_over() -> None:
+def test_a_control_can_stop_at_the_end_of_what_it_looks_ahead_over():
     line, at_feed = joints(*np.linspace(0, 10, 101)), np.full(100, 0.1 / 60)
     times = [motion_minutes(MILL, line, at_feed, ControlRule(look_ahead=moves)).sum() for moves in (0, 1, 4, 20, 100)]
     assert times[0] == pytest.approx(100 * 2 * np.sqrt(0.1 / 600))
@@ -93,33 +92,33 @@ def test_a_control_can_stop_at_the_end_of_what_it_looks_ahead_over() -> None:
     assert times[-1] == pytest.approx(10 / 60 + 60 / 600)
 
 
-def test_without_known_accelerations_nothing_is_added() -> None:
+def test_without_known_accelerations_nothing_is_added():
     given = np.array([0.3, 0.0, 0.2])
     for rule in (ControlRule(), ControlRule(0.01, parabolic=True)):
         found = motion_minutes(mill(math.inf), joints(0.0, 1.0, 1.0, 5.0), given, rule)
         assert found.tolist() == given.tolist()
 
 
-def test_a_jerk_adds_the_time_in_which_an_acceleration_builds_up() -> None:
+def test_a_jerk_adds_the_time_in_which_an_acceleration_builds_up():
     # rest to rest at 60 mm/min: way / v + v / a + a / j
     found = motion_minutes(JERKED, joints(0.0, 100.0), np.array([100 / 60]))
     assert found == pytest.approx([100 / 60 + 60 / 600 + 600 / 12000])
 
 
-def test_a_short_move_with_jerk_reaches_neither_feed_nor_acceleration() -> None:
+def test_a_short_move_with_jerk_reaches_neither_feed_nor_acceleration():
     # t^3 = 32 way / j
     found = motion_minutes(JERKED, joints(0.0, 0.1), np.array([0.1 / 60]))
     assert found == pytest.approx([(32 * 0.1 / 12000) ** (1 / 3)])
 
 
 @pytest.mark.parametrize("pieces", [2, 7, 50, 400])
-def test_a_line_in_pieces_with_jerk_takes_about_as_long_as_in_one(pieces: int) -> None:
+def test_a_line_in_pieces_with_jerk_takes_about_as_long_as_in_one(pieces):
     ways = np.full(pieces, 100 / 60 / pieces)
     found = motion_minutes(JERKED, joints(*np.linspace(0, 100, pieces + 1)), ways)
     assert found.sum() == pytest.approx(100 / 60 + 60 / 600 + 600 / 12000, rel=0.02)
 
 
-def test_less_jerk_takes_longer_and_much_of_it_as_none() -> None:
+def test_less_jerk_takes_longer_and_much_of_it_as_none():
     places = joints(*np.cumsum(np.tile([1.0, 3.0, -2.0, 5.0], 10)))
     at_feed = np.abs(np.diff(places[:, 0])) / 60
     rule = ControlRule(1e-6, 1e-6)
@@ -147,7 +146,7 @@ trivkins; the others, in X, Y and Z alone, by its trajectory planner (`emc/tp`) 
 
 
 @pytest.mark.parametrize("case", LINUXCNC)
-def test_parabolic_blends_take_the_time_that_linuxcnc_takes(case: str) -> None:
+def test_parabolic_blends_take_the_time_that_linuxcnc_takes(case):
     columns, seconds, tolerance, measured, within = LINUXCNC[case]
     words = np.column_stack(columns)
     steps = np.abs(np.diff(words, axis=0))
@@ -249,7 +248,7 @@ def program(name: str, machine: Machine) -> tuple[ndarray, ndarray]:
 
 
 @pytest.mark.parametrize("name", PROGRAMS)
-def test_programs_take_the_time_of_a_control_simulated_in_steps(name: str) -> None:
+def test_programs_take_the_time_of_a_control_simulated_in_steps(name):
     machine = read_machine("mikron-ucp600")
     if name == "pocket":  # a slower one
         machine = read_machine("haas-umc750")

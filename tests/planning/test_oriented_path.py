@@ -1,23 +1,25 @@
 """What an oriented tool path promises, checked by a tool made of points that knows nothing of the proofs."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
+from small_lump import lump
+from small_parts import HOLDING, ROUGHING_CUTTER, UPRIGHT_CAPSULE, grooved_pebble, level_of, mesh_of, pebble
 
 from bonecam.arrays import angles_between, unit
 from bonecam.errors import MachineError, OrientationError
-from bonecam.job import HoldingJob, NcJob, PathJob
-from bonecam.levels.measure import NO_CUT, Level, MachinedLevel, RoundedLevel, StockLevel
+from bonecam.job import NcJob, PathJob
+from bonecam.levels import RoundedLevel, StockLevel
+from bonecam.levels.measure import NO_CUT
+from bonecam.machine import MachineLimits
 from bonecam.machine.bodies import Frustum
-from bonecam.machine.limits import MachineLimits, polar_angles
-from bonecam.material.in_process_stock import uncut_material
-from bonecam.mesh.distance import MeshDistance
+from bonecam.machine.limits import polar_angles
+from bonecam.material import uncut_material
+from bonecam.mesh import MeshDistance
 from bonecam.mesh.smooth_surface import convex_hull
-from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.planning import link_space
+from bonecam.planning import Scene, candidate_contacts, contact_path, link_space, orient
 from bonecam.planning.axes.lead import (
     SINGULAR_ANGLE,
     SINGULAR_CONE,
@@ -27,49 +29,35 @@ from bonecam.planning.axes.lead import (
     least_polar_angles,
 )
 from bonecam.planning.collision import CollisionChecker
-from bonecam.planning.contacts import candidate_contacts, contact_path
 from bonecam.planning.layers import HeightMesh
 from bonecam.planning.link_space import Departure, Feeds, LinkSpace
 from bonecam.planning.links import ABOVE, begins_tangentially, direct_links
-from bonecam.planning.oriented_path import MAX_TURN, orient
-from bonecam.planning.scene import Scene
-from bonecam.setup.capsule import Capsule
-from bonecam.setup.stocks.mesh import ConvexStock
-from bonecam.surface.tspline import TSpline
-from bonecam.tool.cutter import Cutter
-from bonecam.tool.path import ContactPath, MoveKind, ToolPath
-from bonecam.workholding.clamping import Clamping
-from bonecam.workholding.post import Column, post_below
+from bonecam.planning.oriented_path import MAX_TURN
+from bonecam.setup import ConvexStock
+from bonecam.tool import ContactPath, Cutter, MoveKind, ToolPath
+from bonecam.workholding import Clamping, post_below
+from bonecam.workholding.post import Column
 
 pytestmark = pytest.mark.whole
 
 MIKRON = MachineLimits(np.radians(115.0))
 
 
-@pytest.fixture(scope="module")
 def made(
-    lump: Callable[..., tuple[TSpline, ContactPath, Scene]], roughing_cutter: Cutter
-) -> Callable[..., tuple[ContactPath, Scene, ToolPath]]:
+    cutter: Cutter = ROUGHING_CUTTER,
+    limits: MachineLimits = MIKRON,
+    waist: float = 0.8,
+    clamping: Clamping = Clamping(),  # noqa: B008
+    **job: object,
+) -> tuple[ContactPath, Scene, ToolPath]:
     """Covers a lump with a groove of depth `waist` (mm) and orients its path."""
-
-    def make(
-        cutter: Cutter = roughing_cutter,
-        limits: MachineLimits = MIKRON,
-        waist: float = 0.8,
-        clamping: Clamping = Clamping(),  # noqa: B008
-        **job: object,
-    ) -> tuple[ContactPath, Scene, ToolPath]:
-        settings = PathJob(**{"pattern": "round", **job})  # type: ignore[arg-type]
-        _, contacts, scene = lump(settings, clamping, cutter, waist)
-        return contacts, scene, orient(contacts, scene, limits, settings, NcJob())
-
-    return make
+    settings = PathJob(**{"pattern": "round", **job})  # type: ignore[arg-type]
+    _, contacts, scene = lump(settings, clamping, cutter, waist)
+    return contacts, scene, orient(contacts, scene, limits, settings, NcJob())
 
 
 @pytest.fixture(scope="module", params=["round", "along"])
-def case(
-    made: Callable[..., tuple[ContactPath, Scene, ToolPath]], request: pytest.FixtureRequest
-) -> tuple[ContactPath, Scene, ToolPath]:
+def case(request):
     return made(pattern=request.param)
 
 
@@ -121,7 +109,7 @@ def assert_nothing_is_entered(scene: Scene, path: ToolPath) -> None:
         assert solid.signed(placed[near], 0.1).min() > -PathJob().gouge_tolerance, f"{name} in the material"
 
 
-def test_the_tool_never_enters_anything(case: tuple[ContactPath, Scene, ToolPath]) -> None:
+def test_the_tool_never_enters_anything(case):
     _, scene, path = case
     assert_nothing_is_entered(scene, path)
 
@@ -130,12 +118,10 @@ CHUCK = Clamping((Column(12.0, 18.0),), clearance=4.0)
 NOSE = (Frustum(30.0, 40.0, 40.0), Frustum(20.0, 40.0, 60.0))
 
 
-def test_spindle_chuck_and_cones_are_kept_clear_of(
-    made: Callable[..., tuple[ContactPath, Scene, ToolPath]], roughing_cutter: Cutter
-) -> None:
+def test_spindle_chuck_and_cones_are_kept_clear_of():
     """By closed forms along every move; a wider nose is held more upright, a higher chuck leaves more uncut and is
     told as what is against it, and nothing enters either."""
-    slim = replace(roughing_cutter, holder=(Frustum(40.0, 8.0, 16.0),), nose=NOSE)
+    slim = replace(ROUGHING_CUTTER, holder=(Frustum(40.0, 8.0, 16.0),), nose=NOSE)
     wide = replace(slim, nose=(Frustum(50.0, 70.0, 70.0),))
     high = Clamping((Column(12.0, 26.0),), clearance=4.0)
     left, steepest = [], []
@@ -151,12 +137,10 @@ def test_spindle_chuck_and_cones_are_kept_clear_of(
     assert sum(path.blocked_by.values()) <= left[2]
 
 
-def test_a_bracket_beside_the_part_is_never_entered_and_the_program_begins_off_it(
-    made: Callable[..., tuple[ContactPath, Scene, ToolPath]], roughing_cutter: Cutter
-) -> None:
+def test_a_bracket_beside_the_part_is_never_entered_and_the_program_begins_off_it():
     """Cuts, links and the ways in and out keep the clearance from column and arm by closed form; the first and last
     place is on the side away from the column."""
-    slim = replace(roughing_cutter, holder=(Frustum(40.0, 8.0, 16.0),), nose=NOSE)
+    slim = replace(ROUGHING_CUTTER, holder=(Frustum(40.0, 8.0, 16.0),), nose=NOSE)
     _, scene, _ = made(slim)
     top = float(scene.level.bounds[1, 2]) + 14.0
     column = Column(6.0, top + 8.0, 0.0, 60.0, 20.0)
@@ -168,18 +152,14 @@ def test_a_bracket_beside_the_part_is_never_entered_and_the_program_begins_off_i
     assert (path.kinds == MoveKind.CUT).sum() > 100
 
 
-def test_a_part_too_low_for_a_tool_that_comes_lying_is_told(
-    made: Callable[..., tuple[ContactPath, Scene, ToolPath]], roughing_cutter: Cutter
-) -> None:
-    wide = replace(roughing_cutter, holder=(Frustum(40.0, 8.0, 16.0),), nose=(Frustum(50.0, 200.0, 200.0),))
+def test_a_part_too_low_for_a_tool_that_comes_lying_is_told():
+    wide = replace(ROUGHING_CUTTER, holder=(Frustum(40.0, 8.0, 16.0),), nose=(Frustum(50.0, 200.0, 200.0),))
     with pytest.raises(OrientationError, match=r"no pass can be reached safely: .* longer post \(holding.length\)"):
         made(wide, clamping=Clamping(clearance=4.0, beside=(Column(6.0, 80.0, 0.0, 120.0, 0.0),)))
 
 
-def test_bent_retracts_and_approaches_stay_clear_and_slow_near_the_part(
-    made: Callable[..., tuple[ContactPath, Scene, ToolPath]], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def bent(axis: np.ndarray) -> list[Departure]:
+def test_bent_retracts_and_approaches_stay_clear_and_slow_near_the_part(monkeypatch):
+    def bent(axis):
         return [Departure(0.5, unit((axis + np.array([0.3, 0.2, 0.1]))[None])[0])]
 
     monkeypatch.setattr(link_space, "departures", bent)
@@ -196,7 +176,7 @@ def test_bent_retracts_and_approaches_stay_clear_and_slow_near_the_part(
     assert air[kinds == MoveKind.RAPID].min() > PathJob().clearance
 
 
-def test_every_contact_is_cut_or_listed(case: tuple[ContactPath, Scene, ToolPath]) -> None:
+def test_every_contact_is_cut_or_listed(case):
     contacts, _, path = case
     cut = path.kinds == MoveKind.CUT
     assert cut.sum() + len(path.uncut) == len(contacts.contacts) + len(contacts.uncut)
@@ -206,7 +186,7 @@ def test_every_contact_is_cut_or_listed(case: tuple[ContactPath, Scene, ToolPath
     assert (path.pass_index[~cut] == -1).all()
 
 
-def test_tips_and_axes_belong_to_the_contacts(case: tuple[ContactPath, Scene, ToolPath]) -> None:
+def test_tips_and_axes_belong_to_the_contacts(case):
     contacts, _, path = case
     cut = path.kinds == MoveKind.CUT
     assert np.allclose(np.linalg.norm(path.axes, axis=1), 1)
@@ -214,7 +194,7 @@ def test_tips_and_axes_belong_to_the_contacts(case: tuple[ContactPath, Scene, To
     assert np.allclose(path.tips[cut] + path.cutter.radius * path.axes[cut], contacts.centres)
 
 
-def test_axes_keep_limits_and_never_jump_in_a_pass(case: tuple[ContactPath, Scene, ToolPath]) -> None:
+def test_axes_keep_limits_and_never_jump_in_a_pass(case):
     contacts, _, path = case
     assert MIKRON.allow(path.axes).all()
     cut = path.kinds == MoveKind.CUT
@@ -223,7 +203,7 @@ def test_axes_keep_limits_and_never_jump_in_a_pass(case: tuple[ContactPath, Scen
     assert angles_between(path.axes[1:], path.axes[:-1])[same].max() <= MAX_TURN
 
 
-def test_upper_contacts_take_the_lead_angle(case: tuple[ContactPath, Scene, ToolPath]) -> None:
+def test_upper_contacts_take_the_lead_angle(case):
     contacts, _, path = case
     wished = lead_axes(contacts.normals, contacts.feeds, np.radians(10.0))
     cut = path.kinds == MoveKind.CUT
@@ -234,13 +214,13 @@ def test_upper_contacts_take_the_lead_angle(case: tuple[ContactPath, Scene, Tool
     assert polar_angles(path.axes[cut]).min() >= SINGULAR_CONE - 1e-9
 
 
-def test_no_cut_or_link_passes_the_singularity(case: tuple[ContactPath, Scene, ToolPath]) -> None:
+def test_no_cut_or_link_passes_the_singularity(case):
     _, _, path = case
     turned = (path.axes[1:] != path.axes[:-1]).any(axis=1)
     assert least_polar_angles(path.axes)[turned & (path.kinds[1:] != MoveKind.RAPID)].min() > SINGULAR_ANGLE
 
 
-def test_a_level_begins_and_ends_clear_above_the_stock(case: tuple[ContactPath, Scene, ToolPath]) -> None:
+def test_a_level_begins_and_ends_clear_above_the_stock(case):
     _, scene, path = case
     for row in (0, -1):
         assert path.kinds[row] == MoveKind.RAPID
@@ -253,20 +233,16 @@ def entries(path: ToolPath) -> np.ndarray:
     return np.flatnonzero((path.kinds == MoveKind.CUT) & (np.r_[-1, path.pass_index[:-1]] != path.pass_index))
 
 
-def test_passes_are_entered_at_the_plunge_feed(case: tuple[ContactPath, Scene, ToolPath]) -> None:
+def test_passes_are_entered_at_the_plunge_feed(case):
     _, _, path = case
     assert (path.feed_rates[entries(path)] == NcJob().plunge_feed).all()
     assert (path.feed_rates[path.kinds == MoveKind.LINK] <= NcJob().link_feed).all()
 
 
-def test_passes_are_entered_on_arcs_at_their_feed_where_the_material_is_known(
-    lump: Callable[..., tuple[TSpline, ContactPath, Scene]],
-    level_of: Callable[..., MachinedLevel],
-    roughing_cutter: Cutter,
-) -> None:
+def test_passes_are_entered_on_arcs_at_their_feed_where_the_material_is_known():
     """Nothing is entered by arcs and links either. Entries are straight where that is asked for, and where heights of
     what stands are known alone."""
-    surface, contacts, scene = lump(PathJob(pattern="along"), Clamping(), roughing_cutter, 0.0)
+    surface, contacts, scene = lump(PathJob(pattern="along"), Clamping(), ROUGHING_CUTTER, 0.0)
     stock = ConvexStock(convex_hull(scene.level.vertices), proven=True)
     known = uncut_material([level_of(surface), StockLevel(1, stock.mesh(0.01), 0.5, NO_CUT)], stock)
     path = orient(contacts, scene, MIKRON, PathJob(pattern="along"), NcJob(), material=known)
@@ -281,9 +257,7 @@ def test_passes_are_entered_on_arcs_at_their_feed_where_the_material_is_known(
         assert not any(begins_tangentially(without.balls[k - 1], without.balls[k : k + 2]) for k in entries(without))
 
 
-def test_passes_that_begin_in_air_are_entered_at_the_feed_of_their_cuts(
-    made: Callable[..., tuple[ContactPath, Scene, ToolPath]], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_passes_that_begin_in_air_are_entered_at_the_feed_of_their_cuts(monkeypatch):
     """The runs whose first contact is above the middle count as begun in air."""
     middle = made(pattern="along")[1].level.bounds[:, 2].mean()
     monkeypatch.setattr(LinkSpace, "known_in_air", lambda _, centres: centres[:, 2] > middle)
@@ -296,7 +270,7 @@ def test_passes_that_begin_in_air_are_entered_at_the_feed_of_their_cuts(
     assert (path.feed_rates[first][~high] == NcJob().plunge_feed).all()
 
 
-def test_narrow_limits_turn_axes_up_and_list_the_rest(made: Callable[..., tuple[ContactPath, Scene, ToolPath]]) -> None:
+def test_narrow_limits_turn_axes_up_and_list_the_rest():
     contacts, _, path = made(limits=MachineLimits(np.radians(60.0)), max_tilt_deg=50.0)
     assert polar_angles(path.axes).max() <= np.radians(60.0) + 1e-6
     listed = path.uncut[[reason == "limits" for reason in path.reasons]]
@@ -305,10 +279,8 @@ def test_narrow_limits_turn_axes_up_and_list_the_rest(made: Callable[..., tuple[
     assert len(listed) >= down.sum()
 
 
-def test_a_stubby_tool_leaves_what_its_holder_cannot_reach(
-    made: Callable[..., tuple[ContactPath, Scene, ToolPath]], roughing_cutter: Cutter
-) -> None:
-    stubby = replace(roughing_cutter, overhang=12.0, holder=(Frustum(50.0, 16.0, 16.0),))
+def test_a_stubby_tool_leaves_what_its_holder_cannot_reach():
+    stubby = replace(ROUGHING_CUTTER, overhang=12.0, holder=(Frustum(50.0, 16.0, 16.0),))
     _, scene, path = made(stubby)
     material = MeshDistance(scene.material)
     tips, axes, _ = between(path)
@@ -318,30 +290,24 @@ def test_a_stubby_tool_leaves_what_its_holder_cannot_reach(
 
 
 @pytest.fixture
-def grooved(
-    mesh_of: Callable[..., TriangleMesh],
-    grooved_pebble: Callable[..., TSpline],
-    upright_capsule: Capsule,
-    holding: HoldingJob,
-    roughing_cutter: Cutter,
-) -> tuple[TSpline, LinkSpace]:
+def grooved():
     """A pebble with a groove, and what links over it are planned in: 0.4 mm of material stand on it."""
     surface, material = grooved_pebble(0.8), mesh_of(grooved_pebble(0.8, 0.4))
     level = mesh_of(surface)
-    scene = Scene(level, material, upright_capsule, post_below(level, holding))
-    checker, job = CollisionChecker(scene, roughing_cutter), PathJob()
+    scene = Scene(level, material, UPRIGHT_CAPSULE, post_below(level, HOLDING))
+    checker, job = CollisionChecker(scene, ROUGHING_CUTTER), PathJob()
     feeds = Feeds(500.0, 200.0, 5000.0)
     return surface, LinkSpace(checker, MIKRON, feeds, job.clearance, job.gouge_tolerance)
 
 
-def test_a_direct_link_between_opposite_axes_is_refused(grooved: tuple[TSpline, LinkSpace]) -> None:
+def test_a_direct_link_between_opposite_axes_is_refused(grooved):
     """There is no turn between them to be proven free."""
     _, space = grooved
     place, x = np.array([[0.0, 0.0, 60.0]]), np.array([[1.0, 0.0, 0.0]])
     assert direct_links(space, (place, x, x), (place + 0.1, x, -x), 1.0) == [None]
 
 
-def test_a_longer_link_runs_over_the_material_like_a_taut_string(grooved: tuple[TSpline, LinkSpace]) -> None:
+def test_a_longer_link_runs_over_the_material_like_a_taut_string(grooved):
     """Over a groove it neither dips into it nor leaves the material by more than it must."""
     surface, space = grooved
     t = np.array([0.35, 0.65])
@@ -359,7 +325,7 @@ def test_a_longer_link_runs_over_the_material_like_a_taut_string(grooved: tuple[
     assert length < 1.1 * np.linalg.norm(centres[1] - centres[0])
 
 
-def test_a_link_whose_turn_leaves_the_limits_between_its_ends_is_refused(grooved: tuple[TSpline, LinkSpace]) -> None:
+def test_a_link_whose_turn_leaves_the_limits_between_its_ends_is_refused(grooved):
     """The shortest turn between two axes below the horizon passes lower than both."""
     surface, space = grooved
     s, t = np.array([0.1, 0.2]), np.full(2, 0.35)
@@ -373,60 +339,47 @@ def test_a_link_whose_turn_leaves_the_limits_between_its_ends_is_refused(grooved
     assert direct_links(replace(space, limits=MachineLimits(ends)), first, last, 1.0) == [None]
 
 
-def test_a_level_that_rounds_no_material_is_passed_over(
-    pebble: Callable[..., TSpline],
-    mesh_of: Callable[..., TriangleMesh],
-    level_of: Callable[..., Level],
-    upright_capsule: Capsule,
-    holding: HoldingJob,
-    roughing_cutter: Cutter,
-) -> None:
+def test_a_level_that_rounds_no_material_is_passed_over():
     """A body that rounds the edges of a stock may lie outside the stock all round."""
     surface = pebble(0.5)
-    mesh, stock = mesh_of(surface), replace(upright_capsule, radius=1.0)
+    mesh, stock = mesh_of(surface), replace(UPRIGHT_CAPSULE, radius=1.0)
     level = RoundedLevel(2, surface, mesh, 0.5, level_of(surface).measures, stock, surface.control_points)
-    post = post_below(mesh, holding)
+    post = post_below(mesh, HOLDING)
     contacts = contact_path(
-        candidate_contacts(level, [MeshDistance(mesh)], roughing_cutter, post, PathJob(pattern="round"))
+        candidate_contacts(level, [MeshDistance(mesh)], ROUGHING_CUTTER, post, PathJob(pattern="round"))
     )
     assert not len(contacts.contacts)
     assert not len(contacts.uncut)
-    path = orient(contacts, Scene(mesh, mesh, upright_capsule, post), MIKRON, PathJob(), NcJob())
+    path = orient(contacts, Scene(mesh, mesh, UPRIGHT_CAPSULE, post), MIKRON, PathJob(), NcJob())
     assert path.kinds.tolist() == [MoveKind.RAPID]
-    assert upright_capsule.signed_distance(path.tips)[0] > 0
+    assert UPRIGHT_CAPSULE.signed_distance(path.tips)[0] > 0
 
 
-def test_a_link_keeps_out_of_the_part_too(
-    mesh_of: Callable[..., TriangleMesh],
-    pebble: Callable[..., TSpline],
-    upright_capsule: Capsule,
-    holding: HoldingJob,
-    roughing_cutter: Cutter,
-) -> None:
+def test_a_link_keeps_out_of_the_part_too():
     """Where a level touches the part, its coarser mesh lies inside the part."""
     level, part = mesh_of(pebble(), 24, 30), mesh_of(pebble(0.05))
-    scene = Scene(level, mesh_of(pebble(1.0)), upright_capsule, post_below(level, holding))
+    scene = Scene(level, mesh_of(pebble(1.0)), UPRIGHT_CAPSULE, post_below(level, HOLDING))
     feeds = Feeds(500.0, 200.0, 5000.0)
-    height = level.bounds[1, 2] + roughing_cutter.radius + 0.01
+    height = level.bounds[1, 2] + ROUGHING_CUTTER.radius + 0.01
     start, end = np.array([[-0.1, 0.0, height]]), np.array([[0.1, 0.0, height]])
     for known, free in ((None, True), (MeshDistance(part), False)):
-        checker = CollisionChecker(replace(scene, part_distance=known), roughing_cutter)
+        checker = CollisionChecker(replace(scene, part_distance=known), ROUGHING_CUTTER)
         space = LinkSpace(checker, MIKRON, feeds, 2.0, 0.01)
         assert space.ball_free(start, end).tolist() == [free]
 
 
-def test_no_reach_at_all_is_an_error(made: Callable[..., tuple[ContactPath, Scene, ToolPath]]) -> None:
+def test_no_reach_at_all_is_an_error():
     with pytest.raises(OrientationError, match="level 0"):
         made(limits=MachineLimits(np.pi, np.radians(178.0)))
 
 
-def test_the_candidate_directions_cover_the_sphere_evenly() -> None:
+def test_the_candidate_directions_cover_the_sphere_evenly():
     directions = candidate_directions()
     assert directions.shape == (647, 3)
     probe = unit(np.random.default_rng(0).normal(size=(2000, 3)))
     assert np.degrees(np.arccos(np.clip((probe @ directions.T).max(axis=1), -1, 1))).max() < 6.0
 
 
-def test_senseless_limits_are_refused() -> None:
+def test_senseless_limits_are_refused():
     with pytest.raises(MachineError, match="limits"):
         MachineLimits(0.2, 0.3)

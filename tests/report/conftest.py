@@ -1,15 +1,12 @@
 """A small part that went the whole way, and a browser."""
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
+from small_job import SMALL, SMALL_CAPSULE
 
 import bonecam
-from bonecam.job import Job
-from bonecam.setup.capsule import Capsule
 
 CHROMIUM = Path("/usr/bin/chromium")
 FLAGS = [
@@ -17,22 +14,13 @@ FLAGS = [
     *("--disable-background-networking", "--disable-component-update", "--disable-sync"),
     *("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"),
 ]
-SMALL = Job().with_values(
-    mechanics={"refuse": False},
-    surface={"tolerance": 0.2},
-    stock={"diameter": 7.0, "length": 11.0},
-    holding={"diameter": 3.0, "length": 60.0, "chuck_diameter": 12.0, "chuck_height": 6.0},
-    levels={"roughing_depth": 1.0, "finishing_levels": 1, "finishing_depth": 0.3, "chord_tolerance": 0.05},
-    roughing={"preset": "ball-4", "scallop": 0.3},
-    finishing={"preset": "ball-2", "scallop": 0.1},
-)
 
 
 @pytest.fixture(scope="session")
-def small_run(tmp_path_factory: pytest.TempPathFactory) -> tuple[bonecam.Result, Path]:
+def small_run(tmp_path_factory):
     """A capsule of 5 x 10 mm converted, and the folder with all that was written."""
     folder = tmp_path_factory.mktemp("small")
-    mesh = Capsule(np.array([0.0, 0, 2.5]), np.array([0.0, 0, 7.5]), 2.5).mesh(0.05)
+    mesh = SMALL_CAPSULE.mesh(0.05)
     files: dict[str, Any] = {"program": "bone.h", "keep": "keep", "html": "bone.html", "sheet": "sheet.html"}
     files["apt"] = "bone.apt"
     made = bonecam.convert(mesh, SMALL, **{name: folder / file for name, file in files.items()})
@@ -40,10 +28,10 @@ def small_run(tmp_path_factory: pytest.TempPathFactory) -> tuple[bonecam.Result,
 
 
 @pytest.fixture(scope="session")
-def second_run(tmp_path_factory: pytest.TempPathFactory) -> tuple[bonecam.Result, Path]:
+def second_run(tmp_path_factory):
     """The same capsule parted and held a second time in a shell, and the folder with all that was written."""
     folder = tmp_path_factory.mktemp("second")
-    mesh = Capsule(np.array([0.0, 0, 2.5]), np.array([0.0, 0, 7.5]), 2.5).mesh(0.05)
+    mesh = SMALL_CAPSULE.mesh(0.05)
     shell = {"second": str(folder / "shell.stl"), "second_chuck_diameter": 14.0, "second_chuck_height": 2.0}
     job = SMALL.with_values(holding={"parting": True, **shell})
     bonecam.clamping_shell(mesh, job, output=folder / "shell.stl", wall=2.0)
@@ -54,7 +42,7 @@ def second_run(tmp_path_factory: pytest.TempPathFactory) -> tuple[bonecam.Result
 
 
 @pytest.fixture(scope="session")
-def browser() -> Iterator[Any]:
+def browser():
     """A headless chromium."""
     playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
     if not CHROMIUM.exists():

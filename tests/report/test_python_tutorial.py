@@ -18,7 +18,7 @@ def moves(text: str) -> list[str]:
     return [block for block in blocks if not block.startswith(";")]
 
 
-def test_the_tutorial_s_chain_makes_the_same_program(small_run: tuple[bonecam.Result, Path]) -> None:
+def test_the_tutorial_s_chain_makes_the_same_program(small_run):
     blocks = re.findall(r"^```python\n(.*?)^```$", PAGE.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
     (chain,) = [block for block in blocks if "def program_of" in block]
     names: dict[str, object] = {"bonecam": bonecam}

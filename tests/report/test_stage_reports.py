@@ -1,26 +1,34 @@
-"""What the report says to a person."""
+"""What the report says to a person.
 
-from collections.abc import Callable
+The comparison of tool axes measures what it says: known turns, times, and collisions.
+
+The types of a report, and what tells a report from them.
+"""
+
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from small_parts import path_of, pebble
+from typed_values import differences
 
-from bonecam.levels.certificates import Certificate
-from bonecam.levels.measure import NO_CUT, RoundedLevel, StockLevel
-from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.levels import Certificate, RoundedLevel, StockLevel
+from bonecam.levels.measure import NO_CUT
+from bonecam.machine import MachineLimits
+from bonecam.mesh import TriangleMesh
 from bonecam.nc.program import ProgramTime
-from bonecam.report.stage_reports import levels_report, toolpath_report, uncut_areas
-from bonecam.report.summary import certified_text, summary_of, uncut_lines
-from bonecam.setup.capsule import Capsule
-from bonecam.surface.tspline import TSpline
+from bonecam.report import AxisComparison, Report, levels_report, summary_of, toolpath_report
+from bonecam.report.stage_reports import uncut_areas
+from bonecam.report.summary import AxisChoice, certified_text, uncut_lines
+from bonecam.setup import Capsule
+from bonecam.tool import FreeCones, MoveKind
 from bonecam.tool.elliptic_cones import EllipticCones
-from bonecam.tool.path import ConeCheck, FreeCones, MoveKind, ToolPath
+from bonecam.tool.path import ConeCheck
 
 MEASURES = replace(NO_CUT, depth_max=0.5, depth_mean=0.4)
 
 
-def test_what_was_left_uncut_is_told_by_reason_apart_for_the_part() -> None:
+def test_what_was_left_uncut_is_told_by_reason_apart_for_the_part():
     rows = [
         {"level": 1, "uncut_contacts": 7, "uncut_reasons": {"gouge": 5, "post": 2}, "blocked_by": {}},
         {
@@ -40,7 +48,7 @@ def test_what_was_left_uncut_is_told_by_reason_apart_for_the_part() -> None:
     assert uncut_lines([nothing], {}) == ["nothing"]
 
 
-def test_entries_along_the_cut_are_told_from_straight_ones(path_of: Callable[..., ToolPath]) -> None:
+def test_entries_along_the_cut_are_told_from_straight_ones():
     """One cut reached from behind in its own direction and left upwards, one reached from above and left in its own."""
     cut, link = int(MoveKind.CUT), int(MoveKind.LINK)
     tips = np.array([[-1.0, 0, 0.1], [0, 0, 0], [1, 0, 0], [2, 0, 3.0], [2, 0, 0], [3, 0, 0], [4, 0, 0.1]])
@@ -49,7 +57,7 @@ def test_entries_along_the_cut_are_told_from_straight_ones(path_of: Callable[...
     assert (row["entries"], row["entries_tangential"], row["exits_tangential"]) == (2, 1, 1)
 
 
-def test_axes_near_the_normal_are_counted_and_those_that_had_no_other(path_of: Callable[..., ToolPath]) -> None:
+def test_axes_near_the_normal_are_counted_and_those_that_had_no_other():
     """Leads of 0, 4, 8, 12 degrees; cones of 1, 30 and none."""
     lead = np.radians([0.0, 4, 8, 12])
     axes = np.column_stack([np.sin(lead), 0 * lead, np.cos(lead)])
@@ -75,7 +83,7 @@ def test_axes_near_the_normal_are_counted_and_those_that_had_no_other(path_of: C
     assert toolpath_report([replace(path, cones=none)], np.radians(5.0))[0]["near_normal_without_choice"] == 2
 
 
-def test_the_summary_tells_each_repair() -> None:
+def test_the_summary_tells_each_repair():
     level = {"depth_max_mm": 0.5, "depth_back_max_mm": 0.5, "not_certified": [], "rounding": False}
     report = {
         "input": {
@@ -155,7 +163,7 @@ def test_the_summary_tells_each_repair() -> None:
     )
 
 
-def test_a_cut_that_is_not_certified_is_told_with_its_place_although_it_measures_well() -> None:
+def test_a_cut_that_is_not_certified_is_told_with_its_place_although_it_measures_well():
     mesh, place = TriangleMesh(np.eye(3), np.array([[0, 1, 2]], dtype=np.int32)), np.array([1.0, 2.0, 3.0])
     good, deep, unknown = (
         Certificate(depth, gap, -0.01, place, place, place, np.empty((0, 2)), 9)
@@ -175,7 +183,7 @@ def test_a_cut_that_is_not_certified_is_told_with_its_place_although_it_measures
     assert "cut 3 is not proven to hold the level before at (1.00" in told
 
 
-def test_why_cuts_have_no_certificate_is_told_as_it_is(pebble: Callable[..., TSpline]) -> None:
+def test_why_cuts_have_no_certificate_is_told_as_it_is():
     body = Capsule(np.array([0.0, 0.0, 10.0]), np.array([0.0, 0.0, 20.0]), 5.0)
     surface, mesh, place = pebble(), body.mesh(0.1), np.zeros(3)
     sure = Certificate(0.5, 0.0, -0.01, place, place, place, np.empty((0, 2)), 9)
@@ -202,7 +210,7 @@ def test_why_cuts_have_no_certificate_is_told_as_it_is(pebble: Callable[..., TSp
     )
 
 
-def test_the_area_left_uncut_is_that_round_the_contacts_left_out(path_of: Callable[..., ToolPath]) -> None:
+def test_the_area_left_uncut_is_that_round_the_contacts_left_out():
     """Of a flat square of 4 x 4 mm a row of contacts at one edge is left out."""
     x, y = (v.ravel() for v in np.meshgrid(*2 * [np.linspace(-2, 2, 41)], indexing="ij"))
     index = np.arange(41**2).reshape(41, 41)
@@ -215,3 +223,90 @@ def test_the_area_left_uncut_is_that_round_the_contacts_left_out(path_of: Callab
     path = replace(path, contacts=cut, uncut=places[:8], reasons=("post",) * 6 + ("gouge",) * 2)
     areas = uncut_areas([path], part)
     assert areas == {"gouge": pytest.approx(1.0, abs=0.05), "post": pytest.approx(3.0, abs=0.05)}
+
+
+STEP = 0.5
+TURN = np.radians(3.0)
+FEED = 600.0
+
+
+def comparison(axes: np.ndarray, limits: MachineLimits, passes: np.ndarray | None = None) -> AxisComparison:
+    """Contacts along X, STEP apart, on a plane below the balls."""
+    count = len(axes)
+    balls = np.column_stack([STEP * np.arange(count), np.zeros(count), np.ones(count)])
+    free = np.ones(count, dtype=bool)
+    choice = AxisChoice("turning", axes, free, limits.allow(axes))
+    passes = np.zeros(count, dtype=int) if passes is None else passes
+    return AxisComparison(balls - [0, 0, 1.0], balls, passes, FEED, limits, (choice,))
+
+
+def turning(count: int = 21, polar: float = np.radians(40.0)) -> np.ndarray:
+    """Axes whose azimuth goes on by TURN from one to the next, across the seam of -pi and pi too."""
+    azimuth = np.pi - 10 * TURN + TURN * np.arange(count)
+    return np.column_stack(
+        [np.sin(polar) * np.cos(azimuth), np.sin(polar) * np.sin(azimuth), np.full(count, np.cos(polar))]
+    )
+
+
+def test_an_even_turn_has_its_rate_no_change_of_it_and_the_time_of_the_axis():
+    slow = MachineLimits(np.pi / 2, turn_speed=TURN * FEED / STEP / 2)
+    made = comparison(turning(), slow)
+    row = made.figures(made.choices[0])
+    assert row["turn_travel_deg"] == pytest.approx(60.0)
+    assert row["tilt_travel_deg"] == pytest.approx(0.0, abs=1e-9)
+    chord = 2 * np.degrees(np.arcsin(np.sin(np.radians(40)) * np.sin(TURN / 2)))
+    assert row["turning_rms_deg_mm"] == pytest.approx(chord / STEP)
+    assert row["turning_change_rms_deg_mm2"] == pytest.approx(0.0, abs=1e-9)
+    assert row["turn_speed_deg_s"] == pytest.approx(np.degrees(TURN) / (60 * STEP / FEED))
+    assert row["limited_share"] == 1.0
+    assert row["seconds"] == pytest.approx(2 * 60 * 20 * STEP / FEED)
+    assert row["feed_mean_mm_min"] == pytest.approx(FEED / 2)
+
+
+def test_what_lies_between_passes_counts_nothing():
+    passes = np.repeat([0, 1, 2], 7)
+    axes = np.repeat(turning()[[0, 10, 20]], 7, axis=0)
+    row = comparison(axes, MachineLimits(np.pi / 2), passes)
+    figures = row.figures(row.choices[0])
+    assert figures["turn_travel_deg"] == 0
+    assert figures["seconds"] == pytest.approx(60 * 18 * STEP / FEED)
+
+
+def test_axes_beyond_the_limits_are_counted():
+    made = comparison(turning(), MachineLimits(np.radians(39)))
+    assert made.figures(made.choices[0])["beyond_limits"] == 21
+
+
+def test_the_table_has_a_column_for_each_choice_and_tells_the_feed_alone():
+    made = comparison(turning(), MachineLimits(np.pi / 2))
+    lines = made.table.strip().split("\n")
+    assert {line.count("|") for line in lines} == {3}
+    assert lines[0] == "|  | turning |"
+    assert "| collide, of 21 | 0 |" in lines
+    assert "| time (s; 1 by the feed alone) | 1 |" in lines
+
+
+SURFACE = {
+    "control_points": 80,
+    "deviation_max_mm": 0.17,
+    "deviation_rms_mm": 0.04,
+    "surface_to_mesh_max_mm": 0.16,
+    "mesh_to_surface_max_mm": 0.17,
+    "tolerance_mm": 0.2,
+    "tolerance_why": "as the job states",
+    "tolerance_reached": True,
+    "given_deviation_max_mm": 0.58,
+    "surface_to_given_max_mm": 0.47,
+    "given_to_surface_max_mm": 0.58,
+}
+
+
+def test_a_name_too_many_one_too_few_and_a_wrong_type_are_found():
+    assert differences({"surface": SURFACE, "strategy": "morph"}, Report) == []
+    assert differences({"surface": SURFACE | {"more": 1}}, Report) == [".surface.more: has no name"]
+    fewer = {name: value for name, value in SURFACE.items() if name != "tolerance_mm"}
+    assert differences({"surface": fewer}, Report) == [".surface.tolerance_mm: missing"]
+    assert differences({"surface": SURFACE | {"tolerance_mm": None}}, Report) == [".surface.tolerance_mm: None"]
+    assert differences({"removal": {"skipped": "not asked", "given": {"skipped": 1}}}, Report) == [
+        ".removal.given.skipped: 1"
+    ]

@@ -2,7 +2,6 @@
 
 import json
 from dataclasses import asdict, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,10 +10,9 @@ import pytest
 import bonecam
 from bonecam.cli import main
 from bonecam.errors import JobError, LimitError
-from bonecam.machine.machine import read_machine
-from bonecam.mesh.files.mesh_files import write_mesh
-from bonecam.mesh.healing import repair
-from bonecam.mesh.triangle_mesh import TriangleMesh, keep_faces
+from bonecam.machine import read_machine
+from bonecam.mesh import TriangleMesh, repair, write_mesh
+from bonecam.mesh.triangle_mesh import keep_faces
 from bonecam.report.warnings import (
     check_warnings,
     header_texts,
@@ -25,7 +23,7 @@ from bonecam.report.warnings import (
     warnings_of,
     with_warnings,
 )
-from bonecam.setup.capsule import Capsule
+from bonecam.setup import Capsule
 
 JOB = bonecam.Job()
 LEFT = {"part_mm2": 710.0, "max_mm": 3.1, "areas_over_mm2": {"0.02": 276.0, "0.05": 200.0, "0.2": 20.0}}
@@ -55,7 +53,7 @@ CASES: dict[str, dict[str, Any]] = {
 }
 
 
-def test_a_neck_that_would_yield_is_refused_though_its_error_may_be_kept() -> None:
+def test_a_neck_that_would_yield_is_refused_though_its_error_may_be_kept():
     neck = {**NECK, "shift_p99_um": 20.0, "holds": False}
     for stress, refused in ((160.0, False), (170.0, True)):
         post = {**GIVES_WAY, "neck_stated": True, "necks": [{**neck, "stress_mpa": stress}]}
@@ -67,7 +65,7 @@ def test_a_neck_that_would_yield_is_refused_though_its_error_may_be_kept() -> No
 
 
 @pytest.mark.parametrize("code", CASES)
-def test_each_figure_is_told_with_a_remedy_and_refused_beyond_its_second_limit(code: str) -> None:
+def test_each_figure_is_told_with_a_remedy_and_refused_beyond_its_second_limit(code):
     (warned,) = warnings_of(CASES[code], JOB)
     assert warned.code == code
     assert warned.remedy
@@ -80,7 +78,7 @@ def test_each_figure_is_told_with_a_remedy_and_refused_beyond_its_second_limit(c
     assert with_warnings(CASES[code], told)["warnings"] == [asdict(warned)]
 
 
-def test_what_lies_below_the_first_limit_is_not_told() -> None:
+def test_what_lies_below_the_first_limit_is_not_told():
     few = {**LEFT, "areas_over_mm2": {"0.02": 7.0}}
     report = {
         "removal": {"left": few, "levels": [{"over_limit_mm": 0.04}]},
@@ -89,7 +87,7 @@ def test_what_lies_below_the_first_limit_is_not_told() -> None:
     assert warnings_of(report, JOB) == []
 
 
-def test_a_neck_that_gives_way_is_told_with_what_would_hold_until_the_error_is_known() -> None:
+def test_a_neck_that_gives_way_is_told_with_what_would_hold_until_the_error_is_known():
     (warned,) = warnings_of(CASES["holding"], JOB)
     figures = "60.0 um of error at 95 % (16 at most), 90 at 99 %; 29 MPa at peaks (83 at most); 1165 Hz (1000 at least)"
     assert warned.text == f"no neck holds: foretold on that of 10 x 3 mm are {figures}"
@@ -98,7 +96,7 @@ def test_a_neck_that_gives_way_is_told_with_what_would_hold_until_the_error_is_k
     assert warnings_of({"post": alone}, JOB) == [warned], "one that was found, where no other meets the part"
     assert warned.remedy in "\n".join(post_lines({"diameter_mm": 10.0, "length_mm": 3.0} | GIVES_WAY)), "one wording"
 
-    def simulated(p95: float) -> list[str]:
+    def simulated(p95):
         bent = {"error_kept_um": {"p95": p95, "p99": 25.0}, "faults": [], "remedies": [], "band": [0.6, 1.9]}
         told = warnings_of(CASES["holding"] | {"mechanics": bent}, JOB)
         assert not any(one.refused for one in told), "the error is known: [mechanics] refuses it, or none does"
@@ -113,18 +111,18 @@ def test_a_neck_that_gives_way_is_told_with_what_would_hold_until_the_error_is_k
     assert not next(iter(warnings_of(CASES["holding"], JOB.with_values(mechanics={"refuse": False})))).refused
 
 
-def test_what_a_scallop_leaves_is_not_left_uncut() -> None:
+def test_what_a_scallop_leaves_is_not_left_uncut():
     coarse = JOB.with_values(finishing={"scallop": 0.1})
     assert warnings_of(CASES["left"], coarse) == [], "20 of 710 mm2 keep more than the next height, 0.2 mm"
 
 
-def test_what_was_planned_to_stay_is_told_in_the_header_but_for_the_post() -> None:
+def test_what_was_planned_to_stay_is_told_in_the_header_but_for_the_post():
     report = {"input": {"area_mm2": 100.0}, "uncut_mm2": {"post": 60.0, "collision": 20.0, "gouge": 1.0}}
     told = " ".join(header_texts(report, JOB))
     assert told == "warning: 21.0 of 100.0 mm2 of the part (21%) stay uncut (collision 20.0, gouge 1.0)"
 
 
-def test_a_spindle_below_its_lowest_speed_is_told_and_refused_below_half_of_it() -> None:
+def test_a_spindle_below_its_lowest_speed_is_told_and_refused_below_half_of_it():
     machine = read_machine("mikron-ucp600")
     slow = JOB.with_values(roughing={"spindle": 1500.0, "feed": 300.0}, finishing={"spindle": 400.0, "feed": 100.0})
     found = list(spindle_warnings(slow, replace(machine, spindle_lowest=1000.0)))
@@ -135,12 +133,12 @@ def test_a_spindle_below_its_lowest_speed_is_told_and_refused_below_half_of_it()
     assert not warned.refused
 
 
-def test_a_second_limit_below_the_first_is_refused() -> None:
+def test_a_second_limit_below_the_first_is_refused():
     with pytest.raises(JobError, match=r"\[warnings\] hole_refused = 0.5: give at least hole \(1\)"):
         bonecam.Job(warnings={"hole": 1.0, "hole_refused": 0.5})
 
 
-def test_a_wide_hole_is_refused_in_one_line_before_the_fit(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_wide_hole_is_refused_in_one_line_before_the_fit(tmp_path, capsys):
     mesh = Capsule(np.array([0.0, 0, 10]), np.array([0.0, 0, 30]), 8.0).mesh(0.05)
     middles = mesh.vertices[mesh.faces].mean(axis=1)
     open_mesh = keep_faces(mesh, np.linalg.norm(middles - [8.0, 0.0, 20.0], axis=1) > 3.5)
@@ -152,7 +150,7 @@ def test_a_wide_hole_is_refused_in_one_line_before_the_fit(tmp_path: Path, capsy
     assert "closed flat" in line
 
 
-def test_a_wide_face_that_is_missing_alone_is_put_back_without_a_warning() -> None:
+def test_a_wide_face_that_is_missing_alone_is_put_back_without_a_warning():
     whole = Capsule(np.array([0.0, 0, 10]), np.array([0.0, 0, 30]), 8.0).mesh(1.0)
     areas = np.linalg.norm(whole.face_vectors, axis=1)
     for missing, told in ((1, False), (2, True)):
@@ -164,7 +162,7 @@ def test_a_wide_face_that_is_missing_alone_is_put_back_without_a_warning() -> No
         assert bool(list(repair_warnings(width, 0.0, bonecam.Job()))) is told
 
 
-def test_warnings_stand_first_in_report_summary_page_and_sheet(small_run: tuple[bonecam.Result, Path]) -> None:
+def test_warnings_stand_first_in_report_summary_page_and_sheet(small_run):
     made, folder = small_run
     assert next(iter(made.report)) == "warnings"
     kept = json.loads((folder / "keep" / "report.json").read_text(encoding="utf-8"))["warnings"]

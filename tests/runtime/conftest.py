@@ -1,13 +1,12 @@
 """Signals as a terminal leaves them."""
 
 import signal
-from collections.abc import Iterator
 
 import pytest
 
 
 @pytest.fixture(autouse=True)
-def signals_of_a_terminal() -> Iterator[None]:
+def signals_of_a_terminal():
     """SIGINT raises and SIGHUP ends, though a job in the background or under nohup begins with them ignored."""
     before = [(kind, signal.getsignal(kind)) for kind in (signal.SIGINT, signal.SIGHUP)]
     signal.signal(signal.SIGINT, signal.default_int_handler)

@@ -17,7 +17,7 @@ print(y[0, 2], os.environ["NUMBA_CACHE_DIR"])
 """
 
 
-def test_loops_run_where_no_cache_can_be_written(tmp_path: Path) -> None:
+def test_loops_run_where_no_cache_can_be_written(tmp_path):
     (user,) = (name for name in dir(caching) if "UserProvided" in name)
     nowhere = {**os.environ, "NUMBA_CACHE_LOCATOR_CLASSES": user, "TMPDIR": str(tmp_path)}
     told = subprocess.run(

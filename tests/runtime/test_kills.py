@@ -8,14 +8,14 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
 from pathlib import Path
 from uuid import uuid4
 
 import pytest
+from small_parts import mesh_of, pebble
 
-from bonecam.mesh.files.mesh_files import write_mesh
-from bonecam.surface.files.tspline_text import save_surface
+from bonecam.mesh import write_mesh
+from bonecam.surface import save_surface
 
 pytestmark = pytest.mark.whole
 
@@ -36,7 +36,7 @@ MARK = "BONECAM_TEST_RUN"
 
 
 @pytest.fixture(scope="module")
-def lump(tmp_path_factory: pytest.TempPathFactory, mesh_of: Callable, pebble: Callable) -> Path:
+def lump(tmp_path_factory):
     """A small part, for which the chain takes some seconds."""
     file = tmp_path_factory.mktemp("part") / "lump.stl"
     write_mesh(mesh_of(pebble(), 32, 40), file)
@@ -164,7 +164,7 @@ COMMANDS = ("convert", "batch", "levels", "script", "finish")
 
 
 @pytest.mark.parametrize("number", range(8))
-def test_a_command_that_is_stopped_early_leaves_nothing(number: int, lump: Path, tmp_path: Path) -> None:
+def test_a_command_that_is_stopped_early_leaves_nothing(number, lump, tmp_path):
     chance = random.Random(number)
     kind = (*STOPS, signal.SIGKILL)[number % 4]
     kill(COMMANDS[number // 2], lump, tmp_path / "run", kind, chance.uniform(0.02, 2.0), number % 2 == 0)
@@ -172,7 +172,7 @@ def test_a_command_that_is_stopped_early_leaves_nothing(number: int, lump: Path,
 
 @pytest.mark.slow
 @pytest.mark.parametrize("command", COMMANDS)
-def test_a_hundred_kills_leave_nothing_by_halves(command: str, lump: Path, tmp_path: Path) -> None:
+def test_a_hundred_kills_leave_nothing_by_halves(command, lump, tmp_path):
     chance = random.Random(command)
     run_whole(command, lump, tmp_path / "first")  # which may compile: the second tells how long a run takes
     seconds = run_whole(command, lump, tmp_path / "whole")

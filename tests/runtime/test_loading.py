@@ -2,7 +2,6 @@
 
 import subprocess
 import sys
-from pathlib import Path
 from threading import Thread, current_thread, main_thread
 
 import pytest
@@ -48,7 +47,7 @@ def in_a_thread(work: object) -> None:
     thread.join()
 
 
-def test_the_whole_chain_in_a_thread_ends_well(tmp_path: Path) -> None:
+def test_the_whole_chain_in_a_thread_ends_well(tmp_path):
     (tmp_path / "chain.py").write_text(CHAIN)
     ended = subprocess.run(
         [sys.executable, "chain.py"], cwd=tmp_path, capture_output=True, text=True, timeout=600, check=False
@@ -58,7 +57,7 @@ def test_the_whole_chain_in_a_thread_ends_well(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("order", [("pymeshlab", "open3d.core"), ("open3d.core", "pymeshlab")])
-def test_both_libraries_may_come_first_in_threads(order: tuple[str, str]) -> None:
+def test_both_libraries_may_come_first_in_threads(order):
     code = "from threading import Thread\nimport importlib\nfrom bonecam.runtime.loading import loaded_once\n"
     for name in order:
         code += (
@@ -69,11 +68,11 @@ def test_both_libraries_may_come_first_in_threads(order: tuple[str, str]) -> Non
     assert (ended.returncode, ended.stderr) == (0, "")
 
 
-def test_a_library_is_loaded_once_and_its_thread_stays() -> None:
+def test_a_library_is_loaded_once_and_its_thread_stays():
     threads = []
 
     @loaded_once
-    def load() -> str:
+    def load():
         threads.append(current_thread())
         return "loaded"
 
@@ -87,19 +86,19 @@ def test_a_library_is_loaded_once_and_its_thread_stays() -> None:
     assert thread.daemon
 
 
-def test_the_main_thread_loads_itself() -> None:
+def test_the_main_thread_loads_itself():
     assert loaded_once(current_thread)() is main_thread()
 
 
-def test_what_a_library_raises_reaches_each_that_asks() -> None:
+def test_what_a_library_raises_reaches_each_that_asks():
     asked = []
 
     @loaded_once
-    def load() -> None:
+    def load():
         asked.append(1)
         raise ImportError("no such library")
 
-    def ask() -> None:
+    def ask():
         with pytest.raises(ImportError, match="no such library"):
             load()
 

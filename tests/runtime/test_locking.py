@@ -6,13 +6,12 @@ import time
 from pathlib import Path
 from threading import Thread
 
-import numpy as np
 import pytest
+from small_job import SMALL_CAPSULE
 
-from bonecam.mesh.files.mesh_files import write_mesh
+from bonecam.mesh import write_mesh
 from bonecam.runtime import own_files
 from bonecam.runtime.own_files import LOCK, locked
-from bonecam.setup.capsule import Capsule
 
 pytestmark = pytest.mark.whole
 
@@ -26,7 +25,7 @@ with locked([Path(sys.argv[1])]):
 """
 
 
-def test_another_process_and_another_thread_wait(tmp_path: Path) -> None:
+def test_another_process_and_another_thread_wait(tmp_path):
     with subprocess.Popen([sys.executable, "-c", HOLD, tmp_path, "0.5"], stdout=subprocess.PIPE) as other:
         assert other.stdout is not None
         other.stdout.readline()
@@ -49,7 +48,7 @@ def _append(folder: Path, order: list[str]) -> None:
         order.append("second")
 
 
-def test_a_lock_that_was_left_does_not_hold_up_for_ever(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_lock_that_was_left_does_not_hold_up_for_ever(tmp_path, monkeypatch):
     monkeypatch.setattr(own_files, "MAX_WAIT", 0.2)
     (tmp_path / LOCK).write_text("1\nanother-host\n")
     for _ in range(2):
@@ -75,9 +74,9 @@ sys.exit(main())
 """
 
 
-def test_levels_are_made_where_there_is_nothing_of_unix(tmp_path: Path) -> None:
+def test_levels_are_made_where_there_is_nothing_of_unix(tmp_path):
     """What Windows does not have is taken away: this is no run on Windows."""
-    write_mesh(Capsule(np.array([0.0, 0, 2.5]), np.array([0.0, 0, 7.5]), 2.5).mesh(0.05), tmp_path / "bone.ply")
+    write_mesh(SMALL_CAPSULE.mesh(0.05), tmp_path / "bone.ply")
     sizes = "surface.tolerance=0.2 stock.diameter=7 stock.length=11 holding.diameter=3 holding.length=60"
     depths = "levels.roughing_depth=1 levels.finishing_levels=1 levels.finishing_depth=0.3 mechanics.refuse=false"
     job = [word for setting in f"{sizes} {depths}".split() for word in ("--set", setting)]

@@ -2,7 +2,6 @@
 
 import shutil
 import subprocess
-from pathlib import Path
 
 import pytest
 
@@ -12,7 +11,7 @@ from bonecam.runtime.own_files import OWN_FILES, digest, folder_digest, is_own, 
 @pytest.mark.parametrize(
     "name", ["../victim", "a/../../victim", "/{}/victim", "link/victim", "./../victim", "a\0/victim"]
 )
-def test_a_list_that_names_what_is_outside_names_nothing(name: str, tmp_path: Path) -> None:
+def test_a_list_that_names_what_is_outside_names_nothing(name, tmp_path):
     folder = tmp_path / "kept"
     folder.mkdir()
     (folder / "link").symlink_to(tmp_path)
@@ -24,7 +23,7 @@ def test_a_list_that_names_what_is_outside_names_nothing(name: str, tmp_path: Pa
     assert not is_own(folder, written)
 
 
-def test_only_what_has_the_content_that_the_list_tells_is_ours(tmp_path: Path) -> None:
+def test_only_what_has_the_content_that_the_list_tells_is_ours(tmp_path):
     for name in ("same", "other"):
         (tmp_path / name).write_text(name)
     content = digest(tmp_path / "same")
@@ -34,7 +33,7 @@ def test_only_what_has_the_content_that_the_list_tells_is_ours(tmp_path: Path) -
 
 @pytest.mark.skipif(shutil.which("sha256sum") is None, reason="sha256sum is not installed")
 @pytest.mark.parametrize("name", ["plain", "a\nb", "a\\b", "a\\nb", "a\n\\nb"])
-def test_any_name_is_listed_as_sha256sum_does(name: str, tmp_path: Path) -> None:
+def test_any_name_is_listed_as_sha256sum_does(name, tmp_path):
     (tmp_path / name).write_text(name)
     text = list_of_own(tmp_path, tmp_path, [name], [])
     told = subprocess.run(["sha256sum", name], cwd=tmp_path, capture_output=True, text=True, check=True).stdout
@@ -45,10 +44,10 @@ def test_any_name_is_listed_as_sha256sum_does(name: str, tmp_path: Path) -> None
     assert list_of_own(tmp_path, tmp_path, [], []) == text
 
 
-def test_the_digest_of_a_folder_is_that_of_names_and_bytes_but_for_what_was_compiled(tmp_path: Path) -> None:
+def test_the_digest_of_a_folder_is_that_of_names_and_bytes_but_for_what_was_compiled(tmp_path):
     folder_digest.cache_clear()
 
-    def digest_of(**files: str) -> str:
+    def digest_of(**files):
         folder = tmp_path / str(len(list(tmp_path.iterdir())))
         for name, text in files.items():
             file = folder / name.replace("_in_", "/")

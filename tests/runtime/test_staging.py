@@ -1,12 +1,25 @@
-"""Outputs take their places together, on any file system, and a side output never costs the program."""
+"""Outputs take their places together, on any file system, and a side output never costs the program.
+
+A signal that comes while files take their places waits until they are there.
+
+A stop counts wherever it comes: where it is lost, turned into another error, or not heeded at all.
+
+Temporary folders of killed runs go, those of running ones and of other hosts stay.
+"""
 
 import multiprocessing
 import os
 import re
-from collections.abc import Callable, Iterator
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from threading import Thread
 from types import SimpleNamespace
 from typing import Any
 
@@ -16,21 +29,28 @@ import pytest
 from bonecam.errors import FileError
 from bonecam.files import check_folder, whole_folder, write_whole
 from bonecam.job import Job
-from bonecam.mesh.files.mesh_files import write_mesh
-from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.nc.dialect import Dialect
-from bonecam.nc.program import Program
+from bonecam.mesh import TriangleMesh, write_mesh
 from bonecam.report import outputs as output_files
 from bonecam.report.kept import Result
 from bonecam.report.outputs import Outputs
 from bonecam.runtime.own_files import OWN_FILES
-from bonecam.runtime.staging import Staging, placed, staged
+from bonecam.runtime.staging import (
+    HOST,
+    STOPPING,
+    is_running,
+    make_temporary,
+    placed,
+    remove_abandoned,
+    staged,
+    temporary_folder,
+    undisturbed,
+)
 
 SHM = Path("/dev/shm")
 
 
 @pytest.fixture
-def other_file_system(tmp_path: Path) -> Iterator[Path]:
+def other_file_system(tmp_path):
     """A folder on another file system than `tmp_path`."""
     if not SHM.is_dir() or SHM.stat().st_dev == tmp_path.stat().st_dev:
         pytest.skip("/dev/shm is no other file system here")
@@ -45,7 +65,7 @@ def write_two(folder: Path) -> None:
         write_whole(work / "two", "2")
 
 
-def test_a_link_to_a_folder_of_another_file_system_is_written(tmp_path: Path, other_file_system: Path) -> None:
+def test_a_link_to_a_folder_of_another_file_system_is_written(tmp_path, other_file_system):
     (tmp_path / "kept").symlink_to(other_file_system)
     (tmp_path / "none").symlink_to(other_file_system / "made")
     for name in ("kept", "none"):
@@ -70,7 +90,7 @@ def without_privileges() -> Iterator[None]:
         os.seteuid(before)
 
 
-def test_a_folder_below_one_that_cannot_be_written_is_written() -> None:
+def test_a_folder_below_one_that_cannot_be_written_is_written():
     with TemporaryDirectory() as folder:
         kept = Path(folder) / "closed" / "kept"
         kept.mkdir(parents=True)
@@ -93,10 +113,10 @@ def made() -> Result:
 
 
 @pytest.fixture
-def outputs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Outputs:
+def outputs(tmp_path, monkeypatch):
     """Program, report, surface and kept folder, whose writers are replaced by small ones."""
 
-    def stage(staging: Staging, programs: dict[Path, Program], _: Dialect) -> None:
+    def stage(staging, programs, _):
         for file, program in programs.items():
             staging.file(file).write_text(program.text)
 
@@ -113,10 +133,8 @@ def write(outputs: Outputs) -> None:
 
 @pytest.mark.parametrize("writer", ["save_surface", "fill_kept_folder"])
 @pytest.mark.parametrize("error", [OSError(28, os.strerror(28)), ZeroDivisionError("a bug")])
-def test_what_cannot_be_written_costs_nothing_else(
-    writer: str, error: Exception, outputs: Outputs, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def fail(*_: object) -> None:
+def test_what_cannot_be_written_costs_nothing_else(writer, error, outputs, tmp_path, monkeypatch):
+    def fail(*_):
         raise error
 
     monkeypatch.setattr(output_files, writer, fail)
@@ -132,7 +150,7 @@ def test_what_cannot_be_written_costs_nothing_else(
         assert "is written and complete" in caught.value.__notes__[0]
 
 
-def test_a_folder_in_the_place_of_a_kept_file_costs_the_kept_folder_only(outputs: Outputs, tmp_path: Path) -> None:
+def test_a_folder_in_the_place_of_a_kept_file_costs_the_kept_folder_only(outputs, tmp_path):
     (tmp_path / "keep" / "a.png").mkdir(parents=True)
     complete = rf"a\.png: is a folder, .*: remove it .* \({re.escape(str(tmp_path))}/p\.h is written and complete\)$"
     with pytest.raises(FileError, match=complete):
@@ -141,17 +159,15 @@ def test_a_folder_in_the_place_of_a_kept_file_costs_the_kept_folder_only(outputs
     assert [item.name for item in (tmp_path / "keep").iterdir()] == ["a.png"]
 
 
-def test_without_a_place_for_the_program_nothing_is_written(outputs: Outputs, tmp_path: Path) -> None:
+def test_without_a_place_for_the_program_nothing_is_written(outputs, tmp_path):
     (tmp_path / "p.h").mkdir()
     with pytest.raises(FileError, match=r"p\.h: is a folder"):
         write(outputs)
     assert [item.name for item in tmp_path.iterdir()] == ["p.h"]
 
 
-def test_a_run_that_is_stopped_writes_nothing(
-    outputs: Outputs, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def stopped(*_: object) -> None:
+def test_a_run_that_is_stopped_writes_nothing(outputs, tmp_path, monkeypatch):
+    def stopped(*_):
         raise KeyboardInterrupt
 
     monkeypatch.setattr(output_files, "fill_kept_folder", stopped)
@@ -160,8 +176,8 @@ def test_a_run_that_is_stopped_writes_nothing(
     assert not list(tmp_path.iterdir())
 
 
-def test_an_error_names_the_file_of_the_user(tmp_path: Path) -> None:
-    def fail() -> None:
+def test_an_error_names_the_file_of_the_user(tmp_path):
+    def fail():
         with staged() as staging:
             write_whole(staging.file(tmp_path / "a.h") / "inner", "x")
 
@@ -179,7 +195,7 @@ def write_often(folder: Path, count: int) -> None:
                 (work / f"level_{index}").write_text(str(count))
 
 
-def test_of_two_runs_that_write_into_one_folder_one_is_there_in_the_end(tmp_path: Path) -> None:
+def test_of_two_runs_that_write_into_one_folder_one_is_there_in_the_end(tmp_path):
     fork = multiprocessing.get_context("spawn")
     runs = [fork.Process(target=write_often, args=(tmp_path, count)) for count in (3, 12)]
     for run in runs:
@@ -200,7 +216,7 @@ def write_triangle(path: Path) -> None:
 
 
 @pytest.mark.parametrize("write", [write_text, write_triangle])
-def test_a_file_keeps_its_mode_and_a_link_leads_to_it(write: Callable[[Path], None], tmp_path: Path) -> None:
+def test_a_file_keeps_its_mode_and_a_link_leads_to_it(write, tmp_path):
     there, link, dangling = (tmp_path / f"{name}.stl" for name in ("there", "link", "dangling"))
     there.write_text("old")
     there.chmod(0o640)
@@ -217,7 +233,7 @@ def test_a_file_keeps_its_mode_and_a_link_leads_to_it(write: Callable[[Path], No
     assert sorted(os.listdir(tmp_path)) == ["dangling.stl", "link.stl", "new.stl", "there.stl"]
 
 
-def test_what_is_written_on_its_way_is_not_placed(tmp_path: Path) -> None:
+def test_what_is_written_on_its_way_is_not_placed(tmp_path):
     before = len(placed)
     with whole_folder(tmp_path / "none") as work:
         write_whole(work / "one", "1")
@@ -227,3 +243,201 @@ def test_what_is_written_on_its_way_is_not_placed(tmp_path: Path) -> None:
             item.unlink()
     write_two(tmp_path)
     assert [Path(file).name for file in placed[before:]] == ["one", "two", OWN_FILES]
+
+
+def test_a_signal_takes_effect_after_the_block():
+    before = [signal.getsignal(kind) for kind in STOPPING]
+    steps = []
+
+    def block():
+        with undisturbed():
+            with undisturbed():
+                signal.raise_signal(signal.SIGINT)
+                steps.append("inner")
+            steps.append("outer")
+        steps.append("never")
+
+    with pytest.raises(KeyboardInterrupt):
+        block()
+    assert steps == ["inner", "outer"]
+    assert [signal.getsignal(kind) for kind in STOPPING] == before
+
+
+def test_a_signal_that_is_ignored_stays_ignored():
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        with undisturbed():
+            signal.raise_signal(signal.SIGHUP)
+            assert signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGHUP, before)
+
+
+RUN = """
+import os, signal, sys, time
+from bonecam.cli import stopping
+from bonecam.runtime.staging import make_temporary
+from pathlib import Path
+make_temporary(Path(sys.argv.pop()))
+def stop():
+    os.kill(os.getpid(), signal.SIGTERM)
+    time.sleep(0.01)
+class Lost:
+    def __del__(self):
+        stop()
+def lost():
+    Lost()
+    time.sleep(60)
+def turned():
+    try:
+        stop()
+    except KeyboardInterrupt as error:
+        raise ImportError("numpy is broken") from error
+def not_heeded():
+    stopping.GRACE = 0.3
+    while True:
+        try:
+            stop()
+            time.sleep(60)
+        except KeyboardInterrupt:
+            pass
+sys.exit(stopping.run_stoppable(lambda arguments: {work}()))
+"""
+
+
+@pytest.mark.parametrize("work", ["stop", "lost", "turned", "not_heeded"])
+def test_a_stop_is_one_line_and_leaves_nothing(work, tmp_path):
+    began = time.monotonic()
+    run = subprocess.run(
+        [sys.executable, "-c", RUN.replace("{work}", work), tmp_path], capture_output=True, text=True, check=False
+    )
+    assert run.stderr == "bonecam: stopped; nothing was written\n"
+    assert run.returncode == 143
+    assert time.monotonic() < began + 5.0
+    assert not list(tmp_path.iterdir())
+
+
+IMPORTED = """
+import os, signal, sys, time
+os.kill(os.getpid(), signal.SIGTERM)
+try:
+    time.sleep(0.1)
+except KeyboardInterrupt:
+    print("cut short", file=sys.stderr)
+"""
+IMPORTING = """
+import sys, time
+from bonecam.cli.stopping import run_stoppable
+def work(arguments):
+    import compiled
+    time.sleep(60)
+sys.exit(run_stoppable(work))
+"""
+
+
+def test_no_import_is_cut_short_by_a_stop(tmp_path):
+    """A module of pyo3 prints a panic where the import of another in it is interrupted."""
+    (tmp_path / "compiled.py").write_text(IMPORTED, encoding="utf-8")
+    call = [sys.executable, "-c", IMPORTING]
+    run = subprocess.run(call, capture_output=True, text=True, check=False, cwd=tmp_path)
+    assert run.stderr == "bonecam: stopped; nothing was written\n"
+    assert run.returncode == 143
+
+
+EARLY = """
+import os, signal, sys
+class Stop:
+    def find_spec(self, name, path=None, target=None):
+        if name == "bonecam.cli.stopping":
+            os.kill(os.getpid(), {number})
+sys.meta_path.insert(0, Stop())
+from bonecam.cli import main
+sys.argv[1:] = ["filters"]
+sys.exit(main())
+"""
+
+
+@pytest.mark.parametrize("kind", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_stop_before_the_first_import_of_the_command_is_one_line(kind):
+    call = [sys.executable, "-c", EARLY.replace("{number}", str(int(kind)))]
+    run = subprocess.run(call, capture_output=True, text=True, check=False)
+    assert run.stderr == "bonecam: stopped; nothing was written\n"
+    assert run.stdout == ""
+    assert run.returncode == 128 + kind
+
+
+KILLED = """
+import os, signal, sys
+from pathlib import Path
+from bonecam.runtime.staging import make_temporary
+(make_temporary(Path(sys.argv[1])) / "half").write_text("half")
+os.kill(os.getpid(), getattr(signal, sys.argv[2]))
+"""
+
+
+def test_the_folder_of_a_killed_process_goes_with_the_next_that_is_made(tmp_path):
+    subprocess.run([sys.executable, "-c", KILLED, tmp_path, "SIGKILL"], check=False)
+    (left,) = tmp_path.iterdir()
+    assert left.name.startswith(f".bonecam-{HOST}-")
+    with temporary_folder(tmp_path) as work:
+        assert [item.name for item in tmp_path.iterdir()] == [work.name]
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="the system tells of no zombies")
+def test_the_folder_of_a_process_that_nobody_has_asked_how_it_ended_goes_too(tmp_path):
+    with subprocess.Popen([sys.executable, "-c", KILLED, tmp_path, "SIGKILL"]) as run:
+        os.waitid(os.P_PID, run.pid, os.WEXITED | os.WNOWAIT)  # which leaves it to be asked
+        assert len(list(tmp_path.iterdir())) == 1
+        assert not is_running(run.pid)
+        remove_abandoned(tmp_path)
+        assert not list(tmp_path.iterdir())
+
+
+def test_a_process_that_ends_by_itself_leaves_nothing(tmp_path):
+    run = subprocess.run([sys.executable, "-c", KILLED, tmp_path, "SIGINT"], stderr=subprocess.DEVNULL)
+    assert run.returncode != 0
+    assert not list(tmp_path.iterdir())
+
+
+def test_what_runs_is_of_another_host_or_another_name_stays(tmp_path):
+    gone = subprocess.Popen([sys.executable, "-c", ""])
+    gone.wait()
+    assert is_running(1)
+    assert not is_running(gone.pid)
+    mine = {
+        f".bonecam-{HOST}-1-abcdefgh.part",
+        f".bonecam-another-{gone.pid}-abcdefgh.part",
+        f".bonecam-{HOST}-{gone.pid}-abcdefgh.part.txt",
+        "bone.h.part",
+        f"{HOST}-{gone.pid}.part",
+    }
+    for name in mine:
+        (tmp_path / name).mkdir()
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / f".bonecam-{HOST}-{gone.pid}-linklink.part").symlink_to("elsewhere")
+    with temporary_folder(tmp_path) as work:
+        remove_abandoned(tmp_path)
+        found = {item.name for item in tmp_path.iterdir()}
+    assert found == {*mine, "elsewhere", f".bonecam-{HOST}-{gone.pid}-linklink.part", work.name}
+
+
+def test_a_folder_that_cannot_be_made_is_an_os_error():
+    with pytest.raises(OSError, match="proc"):
+        make_temporary(Path("/proc"))
+
+
+def test_a_folder_that_another_thread_is_making_is_not_taken_for_abandoned(tmp_path, monkeypatch):
+    other = Thread(target=remove_abandoned, args=(tmp_path,))
+    mkdtemp = tempfile.mkdtemp
+
+    def made_beside_another_thread(**place):
+        made = mkdtemp(**place)
+        other.start()
+        other.join(0.5)  # it waits until the folder is known, so this ends by the time
+        return made
+
+    monkeypatch.setattr(tempfile, "mkdtemp", made_beside_another_thread)
+    made = make_temporary(tmp_path)
+    other.join()
+    assert made.is_dir()

@@ -1,7 +1,6 @@
 """A stock in memory is told by a job, or is refused; a kept run of it is repeated from its folder."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,15 +8,9 @@ import pytest
 import bonecam
 from bonecam.errors import JobError, StockError
 from bonecam.job import Job, read_job
-from bonecam.mesh.files.mesh_files import write_mesh
-from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.setup.capsule import Capsule
+from bonecam.mesh import TriangleMesh, write_mesh
+from bonecam.setup import Box, Capsule, ConvexStock, Cylinder, RoundedStock
 from bonecam.setup.placement import with_stock
-from bonecam.setup.rounding import RoundedStock
-from bonecam.setup.stock import Stock
-from bonecam.setup.stocks.box import Box
-from bonecam.setup.stocks.cylinder import Cylinder
-from bonecam.setup.stocks.mesh import ConvexStock
 
 pytestmark = pytest.mark.whole
 
@@ -30,7 +23,7 @@ SIZES = {
 
 
 @pytest.mark.parametrize("kind", SIZES)
-def test_a_stock_with_sizes_becomes_those_of_the_job(kind: str) -> None:
+def test_a_stock_with_sizes_becomes_those_of_the_job(kind):
     stock, sizes = SIZES[kind]
     job, body = with_stock(Job(), stock)
     assert body is None
@@ -38,7 +31,7 @@ def test_a_stock_with_sizes_becomes_those_of_the_job(kind: str) -> None:
 
 
 @pytest.mark.parametrize("given", [PRISM, ConvexStock(PRISM, file="gone.stl"), (PRISM.vertices, PRISM.faces)])
-def test_a_body_of_flat_faces_goes_along_without_a_file(given: object) -> None:
+def test_a_body_of_flat_faces_goes_along_without_a_file(given):
     job, body = with_stock(Job(), given)  # type: ignore[arg-type]
     assert body is not None
     assert (job.stock.kind, job.stock.mesh, body.file) == ("mesh", "", "")
@@ -54,12 +47,12 @@ def test_a_body_of_flat_faces_goes_along_without_a_file(given: object) -> None:
         (TriangleMesh(PRISM.vertices, PRISM.faces[1:]), "not closed"),
     ],
 )
-def test_what_no_job_can_tell_is_refused(given: object, why: str) -> None:
+def test_what_no_job_can_tell_is_refused(given, why):
     with pytest.raises(StockError, match=why):
         with_stock(Job(), given)  # type: ignore[arg-type]
 
 
-def test_a_stock_given_twice_is_refused() -> None:
+def test_a_stock_given_twice_is_refused():
     job = Job().with_values(stock={"diameter": 12.0})
     with pytest.raises(JobError, match=r"the job gives stock.diameter: give one"):
         with_stock(job, PRISM)
@@ -72,7 +65,7 @@ def ellipsoid() -> TriangleMesh:
 
 
 @pytest.mark.parametrize("stock", [SIZES["cylinder"][0], PRISM], ids=["sizes", "body"])
-def test_a_kept_run_is_repeated_from_its_folder(stock: Stock | TriangleMesh, tmp_path: Path) -> None:
+def test_a_kept_run_is_repeated_from_its_folder(stock, tmp_path):
     job = Job().with_values(
         surface={"tolerance": 0.2},
         holding={"diameter": 4.0, "length": 20.0},

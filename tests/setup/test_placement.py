@@ -1,4 +1,9 @@
-"""The stock a job asks for, and where the part lies in it."""
+"""The stock a job asks for, and where the part lies in it.
+
+A part is laid into a given stock so that the farthest point of the stock is as near as can be.
+
+A turned blank: its mesh, laid as rays, is the body of revolution of its profile.
+"""
 
 import re
 from dataclasses import fields
@@ -11,16 +16,23 @@ from scipy.spatial import cKDTree
 from bonecam.errors import StockError
 from bonecam.job import StockJob
 from bonecam.job.stock_section import STOCK_KINDS
-from bonecam.mesh.files.mesh_files import write_mesh
-from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.setup import stocks
-from bonecam.setup.capsule import Capsule, smallest_capsule
-from bonecam.setup.placement import stock_for
+from bonecam.material.rays import lay_solids
+from bonecam.mesh import TriangleMesh, write_mesh
+from bonecam.setup import (
+    Box,
+    Capsule,
+    ConvexStock,
+    Cylinder,
+    Schedule,
+    smallest_capsule,
+    stock_figures,
+    stock_for,
+    stocks,
+)
+from bonecam.setup.placement import TurnedBlank, centring_shift, may_centre
 from bonecam.setup.rounding import MARGIN
-from bonecam.setup.stock import Schedule, Stock, kind_of, stock_figures, stock_text
-from bonecam.setup.stocks.box import Box
-from bonecam.setup.stocks.cylinder import Cylinder
-from bonecam.setup.stocks.mesh import ConvexStock
+from bonecam.setup.stock import kind_of, stock_text
+from bonecam.verify.sweeping import volumes
 
 KINDS = ("capsule", "cylinder", "box")
 SCHEDULE = Schedule((0.1,) * 4, 0.5)
@@ -36,7 +48,7 @@ def lying(points: np.ndarray, transform: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_the_smallest_stock_leaves_the_allowance_over_the_part(kind: str) -> None:
+def test_the_smallest_stock_leaves_the_allowance_over_the_part(kind):
     points, allowance = cloud(), 0.7
     stock, transform = stock_for(points, StockJob(kind=kind, allowance=allowance, spare_volume=0.0), SCHEDULE)
     inside = stock.signed_distance(lying(points, transform)).max()
@@ -50,18 +62,18 @@ def test_the_smallest_stock_leaves_the_allowance_over_the_part(kind: str) -> Non
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("spare", [0.0, 0.03])
-def test_the_least_allowance_there_is_finds_a_stock(kind: str, spare: float) -> None:
+def test_the_least_allowance_there_is_finds_a_stock(kind, spare):
     points = cloud()
     stock, transform = stock_for(points, StockJob(kind=kind, allowance=MARGIN, spare_volume=spare), SCHEDULE)
     assert stock.signed_distance(lying(points, transform)).max() <= -MARGIN + 1e-6
 
 
-def test_a_little_larger_capsule_that_takes_fewer_cuts_is_taken() -> None:
+def test_a_little_larger_capsule_that_takes_fewer_cuts_is_taken():
     angle, height = np.meshgrid(2 * np.pi * np.arange(60) / 60, np.linspace(-15.0, 15.0, 80))
     reach = 6.0 - 0.2 * (height + 15.0)  # a cone: in the smallest capsule its thin end lies far from the cap's rim
     points = np.stack([reach * np.cos(angle), reach * np.sin(angle), height], axis=2).reshape(-1, 3)
 
-    def cuts(capsule: Stock) -> int:
+    def cuts(capsule):
         return SCHEDULE.lower_bound(float(cKDTree(points).query(capsule.mesh(0.005).vertices)[0].max()))
 
     smallest, found = (stock_for(points, StockJob(spare_volume=spare), SCHEDULE)[0] for spare in (0.0, 0.03))
@@ -85,7 +97,7 @@ def test_a_little_larger_capsule_that_takes_fewer_cuts_is_taken() -> None:
         StockJob(kind="box", width=12.0),
     ],
 )
-def test_given_sizes_are_kept_and_the_others_found(job: StockJob) -> None:
+def test_given_sizes_are_kept_and_the_others_found(job):
     points = cloud()
     stock, transform = stock_for(points, job, SCHEDULE)
     low, high = stock.bounds
@@ -100,7 +112,7 @@ def test_given_sizes_are_kept_and_the_others_found(job: StockJob) -> None:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_the_part_is_shifted_in_the_stock_not_the_stock(kind: str) -> None:
+def test_the_part_is_shifted_in_the_stock_not_the_stock(kind):
     sizes = {"width": 14.0, "depth": 14.0} if kind == "box" else {"diameter": 14.0}
     plain = StockJob(kind=kind, length=34.0, **sizes)
     moved = StockJob(kind=kind, length=34.0, offset_x=1.0, offset_y=-0.5, offset_z=1.5, **sizes)
@@ -109,7 +121,7 @@ def test_the_part_is_shifted_in_the_stock_not_the_stock(kind: str) -> None:
     assert np.allclose(lying(cloud(), after) - lying(cloud(), before), [1.0, -0.5, 1.5])
 
 
-def test_the_part_is_tilted_about_its_middle() -> None:
+def test_the_part_is_tilted_about_its_middle():
     points = cloud()
     _, transform = stock_for(
         points, StockJob(diameter=20.0, length=36.0, tilt_x_deg=30.0, tilt_y_deg=-10.0, turn_deg=45.0), SCHEDULE
@@ -123,7 +135,7 @@ def test_the_part_is_tilted_about_its_middle() -> None:
     assert np.allclose(transform[:3, :3], about_z @ about_y @ about_x)
 
 
-def test_a_box_without_sides_turns_the_part_to_its_narrowest() -> None:
+def test_a_box_without_sides_turns_the_part_to_its_narrowest():
     turn = np.radians(30)
     points = cloud() @ np.array([[np.cos(turn), np.sin(turn), 0], [-np.sin(turn), np.cos(turn), 0], [0, 0, 1]])
     stock, _ = stock_for(points, StockJob(kind="box", allowance=0.5), SCHEDULE)
@@ -131,14 +143,14 @@ def test_a_box_without_sides_turns_the_part_to_its_narrowest() -> None:
     assert np.sort((stock.high - stock.low)[:2]) == pytest.approx([7.0, 9.0], abs=0.3)
 
 
-def test_a_box_without_sizes_is_the_smallest() -> None:
+def test_a_box_without_sizes_is_the_smallest():
     """Found by turning a half of an ellipsoid, off the axis, in steps of a tenth of a degree."""
     points = cloud()
     points = points[points[:, 0] > 0] @ np.diag([1.0, 2.0, 1.0]) + [3.0, -2.0, 0.0]
     stock, transform = stock_for(points, StockJob(kind="box", allowance=0.5), SCHEDULE)
     assert isinstance(stock, Box)
 
-    def area(degrees: float) -> float:
+    def area(degrees):
         turn = np.radians(degrees)
         lying = points[:, :2] @ np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
         return float(np.prod(np.ptp(lying, axis=0) + 1.0))
@@ -150,7 +162,7 @@ def test_a_box_without_sizes_is_the_smallest() -> None:
     assert stock.middle[:2] == pytest.approx([0.0, 0.0])
 
 
-def test_a_part_that_is_shifted_stays_so_in_a_box_that_is_found() -> None:
+def test_a_part_that_is_shifted_stays_so_in_a_box_that_is_found():
     points = cloud()
     placed, shifted = (stock_for(points, StockJob(kind="box", offset_x=x), SCHEDULE)[1] for x in (0.0, 1.0))
     middle = (points.min(0) + points.max(0)) / 2
@@ -158,7 +170,7 @@ def test_a_part_that_is_shifted_stays_so_in_a_box_that_is_found() -> None:
     assert lying(middle[None], shifted)[0] == pytest.approx(np.add(middle, [1.0, 0.0, 0.0]))
 
 
-def test_a_stock_from_a_file_is_taken_as_it_is_or_as_its_smallest_copy(tmp_path: Path) -> None:
+def test_a_stock_from_a_file_is_taken_as_it_is_or_as_its_smallest_copy(tmp_path):
     file = tmp_path / "block.stl"
     write_mesh(Cylinder(8.0, 100.0, 140.0, (30.0, 5.0)).mesh(0.5), file)
     stock, _ = stock_for(cloud(), StockJob(kind="mesh", mesh=str(file)), SCHEDULE)
@@ -171,7 +183,7 @@ def test_a_stock_from_a_file_is_taken_as_it_is_or_as_its_smallest_copy(tmp_path:
     assert smallest.length < stock.length
 
 
-def test_the_body_of_a_file_is_proven_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_body_of_a_file_is_proven_once(tmp_path, monkeypatch):
     write_mesh(Cylinder(8.0, 0.0, 40.0).mesh(0.5), tmp_path / "block.ply")
     proofs: list[TriangleMesh] = []
     monkeypatch.setattr("bonecam.setup.stocks.mesh._require_convex", proofs.append)
@@ -181,7 +193,7 @@ def test_the_body_of_a_file_is_proven_once(tmp_path: Path, monkeypatch: pytest.M
     assert len(proofs) == 2
 
 
-def test_a_stock_file_that_is_no_convex_body_is_named(tmp_path: Path) -> None:
+def test_a_stock_file_that_is_no_convex_body_is_named(tmp_path):
     bar = Cylinder(8.0, 0.0, 40.0).mesh(0.5)
     waist = 1 - 0.3 * np.exp(-(((bar.vertices[:, 2:] - 20) / 6) ** 2))
     write_mesh(TriangleMesh(bar.vertices * np.hstack([waist, waist, 1 + 0 * waist]), bar.faces), tmp_path / "waist.stl")
@@ -193,7 +205,7 @@ def test_a_stock_file_that_is_no_convex_body_is_named(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("factor", "hint"), [(1e-3, ", or stock.scale = 1000 where its file is in metres"), (0.1, "")])
-def test_a_stock_file_in_metres_is_told_as_that(factor: float, hint: str, tmp_path: Path) -> None:
+def test_a_stock_file_in_metres_is_told_as_that(factor, hint, tmp_path):
     bar = Cylinder(8.0, 0.0, 40.0).mesh(0.5)
     write_mesh(TriangleMesh(factor * bar.vertices, bar.faces), tmp_path / "bar.stl")
     larger = r"to each side, or a larger stock\.scale \(0 finds the smallest copy that holds it\)"
@@ -212,7 +224,7 @@ def test_a_stock_file_in_metres_is_told_as_that(factor: float, hint: str, tmp_pa
         {"kind": "box", "width": 7.0, "depth": 4.0, "length": 10.0},
     ],
 )
-def test_the_sizes_that_are_told_hold_the_part(sizes: dict[str, object]) -> None:
+def test_the_sizes_that_are_told_hold_the_part(sizes):
     with pytest.raises(StockError, match="give stock") as caught:
         stock_for(cloud(), StockJob(**sizes), SCHEDULE)
     told = re.findall(r"stock\.(\w+) at least ([\d.]+)", str(caught.value))
@@ -242,7 +254,7 @@ IMPOSSIBLE = {
 
 
 @pytest.mark.parametrize(("job", "trouble"), IMPOSSIBLE.values(), ids=IMPOSSIBLE)
-def test_an_impossible_stock_is_refused_with_distance_and_place(job: StockJob, trouble: str) -> None:
+def test_an_impossible_stock_is_refused_with_distance_and_place(job, trouble):
     points = cloud() if "edges" not in trouble else np.clip(3 * cloud(), [-4, -3, -9], [4, 3, 15])
     with pytest.raises(StockError, match=trouble) as caught:
         stock_for(points, job, SCHEDULE)
@@ -251,7 +263,7 @@ def test_an_impossible_stock_is_refused_with_distance_and_place(job: StockJob, t
         assert caught.value.evidence["place"].shape == (3,)
 
 
-def test_a_place_is_told_where_the_stock_will_stand() -> None:
+def test_a_place_is_told_where_the_stock_will_stand():
     job = StockJob(kind="cylinder", diameter=10.0, length=30.0, offset_x=3.0)
     with pytest.raises(StockError, match=r"the stock reaches from z = -12\.\d\d to 1[78]\.") as lying:
         stock_for(cloud(), job, SCHEDULE)
@@ -262,8 +274,45 @@ def test_a_place_is_told_where_the_stock_will_stand() -> None:
     assert lifted == pytest.approx([0.0, 0.0, 40.0 - (middle - 15.0)])
 
 
-def test_every_file_of_stocks_is_a_kind_that_a_job_may_ask_for() -> None:
+def test_every_file_of_stocks_is_a_kind_that_a_job_may_ask_for():
     files = {path.stem for path in Path(stocks.__file__).parent.glob("*.py")} - {"__init__"}
     assert set(STOCK_KINDS) == files
     for name in STOCK_KINDS:
         assert set(kind_of(StockJob(kind=name)).sizes) <= {item.name for item in fields(StockJob)}
+
+
+STOCK = Capsule(np.array([0.0, 0.0, 7.5]), np.array([0.0, 0.0, 29.5]), 7.5)
+
+
+def test_a_part_off_the_middle_is_brought_back_and_keeps_its_margin():
+    rng = np.random.default_rng(4)
+    points = rng.uniform([0, -3, 4], [4, 1, 33], (3000, 3))
+    moved = centring_shift(points, STOCK, 0.05)
+    assert np.allclose(moved[:3, :3] @ moved[:3, :3].T, np.eye(3))
+    after, surface = points @ moved[:3, :3].T + moved[:3, 3], STOCK.mesh(0.1).vertices
+    before, now = (cKDTree(p).query(surface)[0].max() for p in (points, after))
+    assert now < before - 0.5
+    assert STOCK.signed_distance(after).max() < -0.05
+    assert (centring_shift(points, STOCK, 0.05) == moved).all()
+
+
+def test_only_a_given_capsule_without_a_given_place_is_free():
+    assert may_centre(StockJob(diameter=15.0, length=37.0))
+    assert not may_centre(StockJob())
+    assert not may_centre(StockJob(diameter=15.0, length=37.0, offset_x=0.5))
+
+
+WAISTED = np.array([[0, 0], [10, 0], [10, 3], [8, 3], [7, 6], [4, 9], [4, 12], [0, 12]], float)
+RECESSED = np.array([[0, 0], [10, 0], [10, 3], [8, 3], [7, 6], [8, 11], [4, 9], [0, 9]], float)
+
+
+@pytest.mark.parametrize("profile", [WAISTED, RECESSED], ids=["waisted", "recessed"])
+def test_rays_hold_the_body_and_no_recess(profile):
+    (r, z), (R, Z) = profile[:-1].T, profile[1:].T
+    volume = np.pi / 3 * ((Z - z) * (r * r + r * R + R * R)).sum()
+    sets, _ = lay_solids([TurnedBlank(profile).mesh], 0.25, 200.0)
+    np.testing.assert_allclose(volumes(sets), volume, rtol=4e-3)
+
+
+def test_what_is_to_be_turned_is_told():
+    assert TurnedBlank(WAISTED).text == ("blank: turned to the blades' tips, diameter 20.00 mm, from Z 0.00 to Z 12.00")

@@ -2,26 +2,24 @@
 
 import json
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
+from small_parts import mesh_of, pebble
 
 import bonecam
 from bonecam.cli import main
 from bonecam.errors import FileError, JobError, LevelError, MachineError
 from bonecam.job import Job
 from bonecam.levels.job_levels import make_levels
-from bonecam.machine.machine import read_machine
+from bonecam.machine import read_machine
 from bonecam.machining import stand_part
 from bonecam.nc.requirements import job_dialect
 from bonecam.progress import silent
 from bonecam.report.outputs import Outputs
-from bonecam.study import comparison
+from bonecam.study import STRATEGIES, comparison
 from bonecam.study import comparison as probed_folder
-from bonecam.study.comparison import LINES, STRATEGIES
-from bonecam.study.rows import Comparison
+from bonecam.study.comparison import LINES
 
 pytestmark = pytest.mark.whole
 
@@ -38,7 +36,7 @@ COARSE = Job().with_values(
 
 
 @pytest.fixture(scope="module")
-def made(pebble, mesh_of, tmp_path_factory):
+def made(tmp_path_factory):
     """The folder, and bonecam's strategy compared while the published one fails."""
     folder = tmp_path_factory.mktemp("study")
 
@@ -54,14 +52,14 @@ def made(pebble, mesh_of, tmp_path_factory):
     return folder, found
 
 
-def test_a_failed_strategy_is_a_row_with_its_reason_and_ends_nothing(made: tuple[Path, Comparison]) -> None:
+def test_a_failed_strategy_is_a_row_with_its_reason_and_ends_nothing(made):
     failed, done = made[1].rows
     assert (failed.state, failed.reason, failed.figures) == ("failed", "level 1: is planted to fail", {})
     assert done.name == "bonecam"
     assert {name for name, _ in LINES} <= done.figures.keys()
 
 
-def test_the_figures_are_those_of_the_program(made: tuple[Path, Comparison]) -> None:
+def test_the_figures_are_those_of_the_program(made):
     (one,) = made[1].measured.values()
     removal, row = one.result.removal, made[1].rows[1].figures
     cut = [level for level in removal.levels if level.tool == 2]
@@ -75,7 +73,7 @@ def test_the_figures_are_those_of_the_program(made: tuple[Path, Comparison]) -> 
     assert abs(one.probed.rigid).max() < COARSE.finishing.scallop
 
 
-def test_the_folder_has_table_claims_curves_and_pages(made: tuple[Path, Comparison]) -> None:
+def test_the_folder_has_table_claims_curves_and_pages(made):
     names = {file.name for file in made[0].iterdir() if not file.name.startswith(".")}
     assert names == {
         *(f"comparison.{kind}" for kind in ("txt", "md", "csv", "json")),
@@ -91,9 +89,7 @@ def test_the_folder_has_table_claims_curves_and_pages(made: tuple[Path, Comparis
         assert f"| {claim.text} | {claim.of} | {claim.verdict} |" in table
 
 
-def test_a_kept_program_is_probed_as_in_the_comparison(
-    made: tuple[Path, Comparison], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_kept_program_is_probed_as_in_the_comparison(made, tmp_path, capsys):
     (one,) = made[1].measured.values()
     Outputs(keep=tmp_path / "keep").write(one.result)
     files = {"csv": "p.csv", "picture": "p.png", "program": "p.h"}
@@ -109,9 +105,7 @@ def test_a_kept_program_is_probed_as_in_the_comparison(
         bonecam.probe(tmp_path / "keep", points=8)
 
 
-def test_what_a_kept_folder_cannot_be_probed_by_is_told_before_it_is_simulated(
-    made: tuple[Path, Comparison], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_a_kept_folder_cannot_be_probed_by_is_told_before_it_is_simulated(made, tmp_path, monkeypatch):
     (one,) = made[1].measured.values()
     Outputs(keep=tmp_path / "keep").write(one.result)
     monkeypatch.setattr(probed_folder, "simulate", lambda *_, **__: pytest.fail("simulated"))
@@ -120,7 +114,7 @@ def test_what_a_kept_folder_cannot_be_probed_by_is_told_before_it_is_simulated(
 
 
 @pytest.mark.parametrize("fails", [False, True])
-def test_the_part_is_read_and_fitted_once_for_all_strategies(pebble, mesh_of, monkeypatch, fails) -> None:
+def test_the_part_is_read_and_fitted_once_for_all_strategies(monkeypatch, fails):
     machine, fitted, stood = read_machine(COARSE.nc.machine), [], []
 
     def stand(*given):
@@ -146,14 +140,12 @@ def test_the_part_is_read_and_fitted_once_for_all_strategies(pebble, mesh_of, mo
     ("given", "told"),
     [({"line": 1.5}, "line 1.5 is off the part: give a parameter s from 0 to 1"), ({"points": 1}, "1 points")],
 )
-def test_a_line_off_the_part_is_refused_before_the_part_is_read(given: dict[str, Any], told: str) -> None:
+def test_a_line_off_the_part_is_refused_before_the_part_is_read(given, told):
     with pytest.raises(JobError, match=told):
         bonecam.compare("no.stl", **given)
 
 
-def test_strategies_that_the_machine_cannot_run_are_known_before_anything_is_planned(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_strategies_that_the_machine_cannot_run_are_known_before_anything_is_planned(monkeypatch):
     machine = read_machine("mikron-ucp600")
     table, tilt = machine.part_axes
     leaning = replace(machine, part_axes=(table, replace(tilt, limits=(-np.radians(80), np.radians(80)))))
@@ -164,6 +156,6 @@ def test_strategies_that_the_machine_cannot_run_are_known_before_anything_is_pla
         bonecam.compare("no.stl", COARSE, strategies=["rotary"])
 
 
-def test_an_unknown_strategy_is_refused_in_a_line() -> None:
+def test_an_unknown_strategy_is_refused_in_a_line():
     with pytest.raises(JobError, match=r"^strategy 'spiral' is unknown: take some of published, bonecam, iso-height"):
         bonecam.compare("no.stl", strategies=["spiral"])

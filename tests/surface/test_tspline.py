@@ -2,18 +2,14 @@
 
 import subprocess
 import sys
-from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy import ndarray
+from tsplines import bone_like, samples
 
-from bonecam.surface.files.tspline_text import write_tsm
-from bonecam.surface.tmesh import RowTMesh
-from bonecam.surface.tspline import TSpline
+from bonecam.surface import RowTMesh, TSpline, write_tsm
 
 seeds = st.integers(0, 10_000)
 shapes = st.tuples(st.integers(4, 14), st.integers(4, 12))
@@ -21,13 +17,7 @@ shapes = st.tuples(st.integers(4, 14), st.integers(4, 12))
 
 @settings(max_examples=25)
 @given(seeds, shapes, st.booleans())
-def test_basis_is_a_non_negative_partition_of_unity(
-    bone_like: Callable[..., TSpline],
-    samples: Callable[..., tuple[ndarray, ndarray]],
-    seed: int,
-    shape: tuple[int, int],
-    poles: bool,
-) -> None:
+def test_basis_is_a_non_negative_partition_of_unity(seed, shape, poles):
     surface = bone_like(max(shape[0], 5), shape[1], seed, poles=poles)
     R, *derivatives = surface.basis(*samples(200, seed), order=2)
     assert R.data.min() >= 0
@@ -38,12 +28,7 @@ def test_basis_is_a_non_negative_partition_of_unity(
 
 @settings(max_examples=15)
 @given(seeds, shapes)
-def test_extraction_agrees_with_the_recurrence(
-    bone_like: Callable[..., TSpline],
-    samples: Callable[..., tuple[ndarray, ndarray]],
-    seed: int,
-    shape: tuple[int, int],
-) -> None:
+def test_extraction_agrees_with_the_recurrence(seed, shape):
     surface = bone_like(max(shape[0], 5), shape[1], seed)
     s, t = samples(100, seed)
     B = surface.tmesh.blending(s, t).toarray() * surface.weights
@@ -54,12 +39,7 @@ def test_extraction_agrees_with_the_recurrence(
 
 @settings(max_examples=15)
 @given(seeds, shapes)
-def test_derivatives_agree_with_finite_differences(
-    bone_like: Callable[..., TSpline],
-    samples: Callable[..., tuple[ndarray, ndarray]],
-    seed: int,
-    shape: tuple[int, int],
-) -> None:
+def test_derivatives_agree_with_finite_differences(seed, shape):
     surface = bone_like(max(shape[0], 5), shape[1], seed)
     s, t = samples(100, seed)
     t, h = 0.01 + 0.98 * t, 1e-5
@@ -73,9 +53,7 @@ def test_derivatives_agree_with_finite_differences(
         np.testing.assert_allclose((ahead - back) / (2 * h), exact, atol=2e-4 * abs(exact).max())
 
 
-def test_basis_and_evaluate_are_one(
-    bone_like: Callable[..., TSpline], samples: Callable[..., tuple[ndarray, ndarray]]
-) -> None:
+def test_basis_and_evaluate_are_one():
     surface = bone_like(19, 15)
     s, t = samples(500)
     for matrix, value in zip(surface.basis(s, t, 2), surface.evaluate(s, t, 2)):
@@ -85,7 +63,7 @@ def test_basis_and_evaluate_are_one(
         np.testing.assert_allclose(again[0] if order else again, surface.evaluate(s, t, 2)[0], atol=1e-13)
 
 
-def test_the_seam_is_c2(bone_like: Callable[..., TSpline]) -> None:
+def test_the_seam_is_c2():
     surface = bone_like(12, 9, 3)
     t = np.linspace(0.01, 0.99, 50)
     zero, one = surface.evaluate(np.zeros(50), t, 2), surface.evaluate(np.full(50, np.nextafter(1, 0)), t, 2)
@@ -94,7 +72,7 @@ def test_the_seam_is_c2(bone_like: Callable[..., TSpline]) -> None:
     np.testing.assert_array_equal(surface.evaluate(np.full(50, -0.25), t), surface.evaluate(np.full(50, 0.75), t))
 
 
-def test_poles_are_one_point_with_the_limit_normal(bone_like: Callable[..., TSpline]) -> None:
+def test_poles_are_one_point_with_the_limit_normal():
     surface = bone_like(12, 9, 4)
     s = np.linspace(0, 1, 41)
     for t, index, normal in ((0.0, 0, [0, 0, -1]), (1.0, -1, [0, 0, 1])):
@@ -105,7 +83,7 @@ def test_poles_are_one_point_with_the_limit_normal(bone_like: Callable[..., TSpl
         np.testing.assert_allclose(near, np.broadcast_to(normal, (41, 3)), atol=1e-3)
 
 
-def test_parameters_outside_or_not_finite_are_refused(bone_like: Callable[..., TSpline]) -> None:
+def test_parameters_outside_or_not_finite_are_refused():
     surface = bone_like(8, 6)
     with pytest.raises(ValueError, match="t must be in"):
         surface.evaluate(np.zeros(1), np.array([1.1]))
@@ -115,7 +93,7 @@ def test_parameters_outside_or_not_finite_are_refused(bone_like: Callable[..., T
         surface.evaluate(np.zeros(1), np.zeros(1), 3)
 
 
-def test_bad_meshes_are_refused_by_row() -> None:
+def test_bad_meshes_are_refused_by_row():
     t = np.array([0, 0, 0, 0, 1, 1, 1, 1.0])
     with pytest.raises(ValueError, match="row 1: a closed row"):
         RowTMesh.from_rows(t, [np.zeros(1), np.array([0, 0.3, 0.6]), np.arange(5) / 5, np.zeros(1)])
@@ -146,7 +124,7 @@ WRONG = {
 }
 
 
-def test_a_knot_that_is_the_seam_but_for_rounding_leaves_no_gap_before_it() -> None:
+def test_a_knot_that_is_the_seam_but_for_rounding_leaves_no_gap_before_it():
     t = np.concatenate([np.zeros(4), [0.2, 0.4, 0.6, 0.8], np.ones(4)])
     angle = 2 * np.pi * np.arange(5) / 5
     ring = np.column_stack([np.cos(angle), np.sin(angle), 0 * angle])
@@ -160,9 +138,7 @@ def test_a_knot_that_is_the_seam_but_for_rounding_leaves_no_gap_before_it() -> N
         np.testing.assert_allclose(sides, sides[[0, 0, 0]], atol=1e-12)
 
 
-def test_arrays_of_wrong_lengths_are_refused_where_no_types_are_checked(
-    bone_like: Callable[..., TSpline], tmp_path: Path
-) -> None:
+def test_arrays_of_wrong_lengths_are_refused_where_no_types_are_checked(tmp_path):
     """In a process of its own, without the tests' own check of shapes."""
     write_tsm(bone_like(8, 6), tmp_path / "surface.tspline")
     lines = [

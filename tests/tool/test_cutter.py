@@ -1,32 +1,40 @@
-"""Stacks of cylinders and cones: in jobs as text or rows, in cutters from the tip to the spindle."""
+"""Stacks of cylinders and cones: in jobs as text or rows, in cutters from the tip to the spindle.
+
+The ball that holds the end of a bull nose or flat end, and the cones that stand for its body.
+"""
 
 import re
 from itertools import pairwise
 from typing import Any
 
+import numpy as np
 import pytest
+from round_ends import CORNERS, RADIUS, distances
 
+from bonecam.arrays import lengths
 from bonecam.errors import JobError
 from bonecam.job import FINISHING, HoldingJob, Job, ToolJob
 from bonecam.job.tool_list import read_tool_list
 from bonecam.machine.bodies import Frustum, stack_as_text, stack_from_text
-from bonecam.tool.cutter import Cutter, ToolSection
+from bonecam.machine.machine import read_machine
+from bonecam.planning.collision import cutter_mesh
+from bonecam.tool.cutter import Cutter, ToolSection, check_shapes, enveloping_ball, only_balls
 
 SHRINK_FIT: Any = [[35, 10, 17], [20, 40]]
 
 
-def test_a_stack_is_read_from_text_and_from_rows() -> None:
+def test_a_stack_is_read_from_text_and_from_rows():
     expected = (Frustum(35.0, 10.0, 17.0), Frustum(20.0, 40.0, 40.0))
     assert stack_from_text("35 10 17, 20 40") == stack_from_text(stack_as_text(SHRINK_FIT)) == expected
     assert ToolJob(holder=SHRINK_FIT).holder_stack == expected
 
 
-def test_a_holder_without_a_stack_is_one_cylinder() -> None:
+def test_a_holder_without_a_stack_is_one_cylinder():
     job = ToolJob(holder_diameter=25.0, holder_length=60.0)
     assert job.holder_stack == (Frustum(60.0, 25.0, 25.0),)
 
 
-def test_the_sections_of_a_tool_follow_each_other_up_into_the_spindle() -> None:
+def test_the_sections_of_a_tool_follow_each_other_up_into_the_spindle():
     nose = (Frustum(30.0, 80.0, 80.0), Frustum(50.0, 80.0, 120.0))
     cutter = Cutter.from_job(1, "roughing", ToolJob(holder=SHRINK_FIT, spindle=9000.0, feed=900.0), nose)
     assert cutter.length == 30.0 + 55.0
@@ -42,7 +50,7 @@ def test_the_sections_of_a_tool_follow_each_other_up_into_the_spindle() -> None:
 NECKED = {"radius": 1.0, "flute_length": 3.0, "neck_diameter": 1.9, "neck_length": 11.0, "overhang": 20.0}
 
 
-def test_a_neck_is_a_thinner_piece_of_the_shank() -> None:
+def test_a_neck_is_a_thinner_piece_of_the_shank():
     cutter = Cutter.from_job(2, "finishing", ToolJob(**NECKED, spindle=9000.0, feed=900.0))
     assert cutter.profile[:3] == (
         ToolSection("cutter", 1.0, 3.0, 1.0, 1.0),
@@ -51,7 +59,7 @@ def test_a_neck_is_a_thinner_piece_of_the_shank() -> None:
     )
 
 
-def test_a_cutter_of_ones_own_does_not_keep_the_neck_of_the_default() -> None:
+def test_a_cutter_of_ones_own_does_not_keep_the_neck_of_the_default():
     neck = FINISHING.neck_diameter, FINISHING.neck_length
     assert neck == (1.9, 11.0)
     for own in ({"radius": 0.5, "flute_length": 2.0}, {"shank_diameter": 2.0}):
@@ -64,7 +72,7 @@ def test_a_cutter_of_ones_own_does_not_keep_the_neck_of_the_default() -> None:
     assert (kept.neck_diameter, kept.neck_length) == neck
 
 
-def test_a_stated_holder_of_one_cylinder_takes_the_place_of_the_default_pieces() -> None:
+def test_a_stated_holder_of_one_cylinder_takes_the_place_of_the_default_pieces():
     own = Job().with_values(roughing={"holder_diameter": 25.0}).roughing
     assert own.holder_stack == (Frustum(50.0, 25.0, 25.0),)
     assert Job().roughing.holder_stack == (Frustum(60.0, 10.0, 19.0), Frustum(20.0, 63.0, 63.0))
@@ -81,7 +89,7 @@ def test_a_stated_holder_of_one_cylinder_takes_the_place_of_the_default_pieces()
         ({"shank_diameter": 1.5}, r"neck_diameter = 1.9: give a diameter up to that of ball and shank \(1.5 mm\)"),
     ],
 )
-def test_a_neck_that_is_not_between_flutes_and_shank_is_refused(values: dict[str, float], message: str) -> None:
+def test_a_neck_that_is_not_between_flutes_and_shank_is_refused(values, message):
     with pytest.raises(JobError, match=rf"\[finishing\] {message}"):
         Cutter.from_job(2, "finishing", ToolJob(**{**NECKED, **values}, spindle=9000.0, feed=900.0))
 
@@ -96,7 +104,7 @@ def test_a_neck_that_is_not_between_flutes_and_shank_is_refused(values: dict[str
         ([3.0], r"holder = '3\.0': 3: give positive length"),
     ],
 )
-def test_a_holder_that_is_no_stack_is_refused(holder: Any, message: str) -> None:
+def test_a_holder_that_is_no_stack_is_refused(holder, message):
     with pytest.raises(JobError, match=message):
         ToolJob(holder=holder)
 
@@ -116,17 +124,17 @@ def test_a_holder_that_is_no_stack_is_refused(holder: Any, message: str) -> None
         ),
     ],
 )
-def test_a_chuck_that_cannot_hold_the_post_is_refused(values: dict[str, Any], message: str) -> None:
+def test_a_chuck_that_cannot_hold_the_post_is_refused(values, message):
     with pytest.raises(JobError, match=message):
         HoldingJob(**values)
 
 
-def test_a_cutter_without_speeds_is_a_wrong_call() -> None:
+def test_a_cutter_without_speeds_is_a_wrong_call():
     with pytest.raises(ValueError, match=r"take the cutter of Job\.tool\('roughing'\)"):
         Cutter.from_job(1, "roughing", ToolJob())
 
 
-def test_each_cutter_that_ships_can_be_made_and_those_with_a_neck_are_thin_there_only() -> None:
+def test_each_cutter_that_ships_can_be_made_and_those_with_a_neck_are_thin_there_only():
     necks = 0
     for name in (listed.name for listed in read_tool_list("")):
         job = Job().with_values(finishing={"preset": name, "spindle": 9000.0, "feed": 500.0})
@@ -141,7 +149,7 @@ def test_each_cutter_that_ships_can_be_made_and_those_with_a_neck_are_thin_there
     assert necks == 14
 
 
-def test_a_tool_has_the_number_of_the_job_and_two_tools_have_two() -> None:
+def test_a_tool_has_the_number_of_the_job_and_two_tools_have_two():
     numbered = Job().with_values(roughing={"number": 12})
     assert Cutter.from_job(1, "roughing", numbered.tool("roughing")).number == 12
     assert Cutter.from_job(2, "finishing", numbered.tool("finishing")).number == 2
@@ -156,7 +164,7 @@ def test_a_tool_has_the_number_of_the_job_and_two_tools_have_two() -> None:
     assert Job().with_values(roughing={"number": 3}).roughing.number == 3
 
 
-def test_a_cutter_s_own_flutes_feed_and_load_it_and_no_other() -> None:
+def test_a_cutter_s_own_flutes_feed_and_load_it_and_no_other():
     two, four = Job(), Job().with_values(finishing={"flutes": 4})
     assert (four.tool("finishing").flutes, four.tool("roughing").flutes) == (4, 2)
     assert four.tool("roughing") == two.tool("roughing")
@@ -164,3 +172,93 @@ def test_a_cutter_s_own_flutes_feed_and_load_it_and_no_other() -> None:
     assert four.tool("finishing").feed == pytest.approx(2 * two.tool("finishing").feed, abs=2.0)
     assert Cutter.from_job(2, "finishing", four.tool("finishing")).flutes == 4
     assert Job().with_values(mechanics={"flutes": 3}).tool("fine").flutes == 3
+
+
+def _cutter(shape: str = "bull", **values: float) -> Cutter:
+    job = Job().with_values(roughing={"shape": shape, **values})
+    return Cutter.from_job(1, "roughing", job.tool("roughing"))
+
+
+@pytest.mark.parametrize("shape", CORNERS)
+@pytest.mark.parametrize("lead", np.radians([10.0, 30.0, 60.0]))
+def test_the_ball_touches_where_the_cutter_does_and_has_its_effective_radius(shape, lead):
+    """The corner's arc touches at its angle `lead` from straight down, and is swept round the axis."""
+    corner = CORNERS[shape]
+    ball = enveloping_ball(RADIUS, corner, lead)
+    normal, feed = np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0])
+    axis, across = np.cos(lead) * normal + np.sin(lead) * feed, np.cos(lead) * feed - np.sin(lead) * normal
+    reach = RADIUS - corner + corner * np.sin(lead)
+    tip = -reach * across - corner * (1 - np.cos(lead)) * axis
+    np.testing.assert_allclose(ball.radius * normal - ball.height * axis, tip, atol=1e-12)
+    assert ball.radius == pytest.approx(reach / np.sin(lead))
+
+
+def test_the_ball_of_a_ball_end_is_its_own():
+    ball = enveloping_ball(2.0, 2.0, 0.3)
+    assert (ball.radius, ball.height) == (2.0, 2.0)
+
+
+@pytest.mark.parametrize("shape", CORNERS)
+def test_the_ball_holds_the_end_of_the_cutter(shape):
+    cutter = _cutter(shape)
+    for section in cutter.bull_end:
+        for height, radius in ((section.start, section.radius), (section.end, section.end_radius)):
+            assert np.hypot(height - cutter.centre_height, radius) <= cutter.envelope_radius + 1e-9
+
+
+@pytest.mark.parametrize("shape", CORNERS)
+def test_the_cones_touch_the_profile_and_hold_it(shape):
+    cutter = _cutter(shape)
+    rng = np.random.default_rng(3)
+    r, h = rng.uniform(0, 2.2, 4000), rng.uniform(-0.2, 8.2, 4000)
+    off = distances(shape, cutter.flute_length, np.column_stack([r, 0 * r, h]), np.zeros(3), np.array([0.0, 0.0, 1.0]))
+    sine, cosine, bound = cutter.body.T
+    held = (np.outer(r, sine) - np.outer(h - cutter.centre_height, cosine) <= bound).all(axis=1)
+    assert held[off < 0].all()
+    assert not held[off > 0.006].any()
+
+
+@pytest.mark.parametrize("slack", [0.0, 0.01])
+@pytest.mark.parametrize("shape", CORNERS)
+def test_the_mesh_for_fcl_lies_inside_the_profile_by_the_slack(shape, slack):
+    cutter = _cutter(shape)
+    mesh = cutter_mesh(cutter, slack)
+    off = distances(shape, cutter.flute_length, mesh.vertices, np.zeros(3), np.array([0.0, 0.0, 1.0]))
+    assert off[mesh.vertices[:, 2] < cutter.flute_length - 1e-6].max() == pytest.approx(-slack, abs=1e-9)
+    assert (lengths(mesh.face_vectors) > 0).all()
+
+
+@pytest.mark.parametrize("shape", CORNERS)
+def test_a_bull_nose_or_flat_end_only_roughs_the_levels_of_a_morph(shape):
+    machine = read_machine("mikron-ucp600")
+    bull_nose = {"shape": shape}
+    check_shapes(Job().with_values(roughing=bull_nose), machine)
+    for values in (
+        {"finishing": bull_nose},
+        {"roughing": bull_nose, "path": {"strategy": "rotary"}},
+        {"roughing": bull_nose, "holding": {"parting": True}},
+    ):
+        with pytest.raises(JobError, match="give shape = 'ball'"):
+            check_shapes(Job().with_values(**values), machine)
+    with pytest.raises(JobError, match="a wheel is roughed with a ball"):
+        only_balls(Job().with_values(roughing=bull_nose), "a wheel")
+
+
+def test_flutes_must_reach_the_middle_of_the_ball():
+    with pytest.raises(JobError, match=r"roughing.lead_deg"):
+        _cutter(lead_deg=8.0)
+
+
+def test_a_corner_as_large_as_the_radius_is_refused():
+    with pytest.raises(JobError, match="less than the radius"):
+        _cutter(corner_radius=2.0)
+
+
+def test_centres_and_tips_lie_the_height_of_the_ball_apart_along_each_axis():
+    cutter = _cutter()
+    axes = np.array([[0.0, 0.0, 1.0], [0.6, 0.0, 0.8]])
+    tips = np.array([[1.0, 2.0, 3.0], [0.0, 0.0, 0.0]])
+    centres = cutter.centres_of(tips, axes)
+    np.testing.assert_allclose(centres[1], cutter.centre_height * axes[1])
+    np.testing.assert_allclose(cutter.tips_of(centres, axes), tips)
+    assert cutter.tips_of(centres[0], axes[0]).shape == (3,)

@@ -16,7 +16,7 @@ def oblique_frames() -> np.ndarray:
     return np.stack([axes, *0.5 * RANDOM.normal(size=(2, COUNT, 3))], axis=1)
 
 
-def test_the_upright_form_holds_the_directions_of_the_oblique_one() -> None:
+def test_the_upright_form_holds_the_directions_of_the_oblique_one():
     frames = oblique_frames()
     cones = EllipticCones.oblique(frames, np.arange(COUNT) % 5 > 0)
     assert np.array_equal(cones.found, np.arange(COUNT) % 5 > 0)
@@ -32,7 +32,7 @@ def test_the_upright_form_holds_the_directions_of_the_oblique_one() -> None:
     assert np.abs(dots(cones.axes, cones.sides)).max() < 1e-9
 
 
-def test_off_is_the_angle_in_a_circular_cone_and_the_mean_angle_at_any_rim() -> None:
+def test_off_is_the_angle_in_a_circular_cone_and_the_mean_angle_at_any_rim():
     axes = unit(RANDOM.normal(size=(COUNT, 3)))
     angles = RANDOM.uniform(0.05, 1.0, (COUNT, 2))
     directions = unit(RANDOM.normal(size=(COUNT, 3)))
@@ -46,7 +46,7 @@ def test_off_is_the_angle_in_a_circular_cone_and_the_mean_angle_at_any_rim() -> 
     assert (cones.off(-axes) > np.pi / 2).all()
 
 
-def test_the_largest_angle_is_that_to_the_farthest_rim() -> None:
+def test_the_largest_angle_is_that_to_the_farthest_rim():
     axes = unit(RANDOM.normal(size=(COUNT, 3)))
     cones = EllipticCones.circular(axes, np.full(COUNT, 0.4))
     directions = unit(axes + 0.2 * RANDOM.normal(size=axes.shape))
@@ -55,7 +55,7 @@ def test_the_largest_angle_is_that_to_the_farthest_rim() -> None:
     assert np.allclose(cones.largest_angles(axes), 0.4)
 
 
-def test_a_place_without_a_cone_holds_nothing() -> None:
+def test_a_place_without_a_cone_holds_nothing():
     cones = EllipticCones.circular(np.eye(3), np.array([0.3, -1.0, 0.3])).scaled(np.array([1.0, 1.0, -1.0]))
     assert cones.found.tolist() == [True, False, False]
     assert (cones.off(np.eye(3)) <= cones.mean_angles).tolist() == [True, False, False]

@@ -6,12 +6,10 @@ element data structures based on Bezier extraction of T-splines", Int. J. Numer.
 quarter circles are exact, so that areas are too.
 """
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-from bonecam.surface.files.iga import read_iga
+from bonecam.surface import read_iga
 
 AREAS = {
     "arch_nurbs": np.pi * (2**2 - 1**2) / 4,
@@ -24,7 +22,7 @@ AREAS = {
 
 
 @pytest.mark.parametrize("name", AREAS)
-def test_areas_are_exact(shared: Path, name: str) -> None:
+def test_areas_are_exact(shared, name):
     file = shared / "tspline" / "iga" / f"{name}.iga"
     if not file.is_file():
         pytest.skip(f"{file} is absent")

@@ -11,6 +11,7 @@ from pathlib import Path
 import bonecam_meshes
 import numpy as np
 import pytest
+from deepest_entry import deepest_entry
 
 import bonecam
 from bonecam.arrays import unit
@@ -18,16 +19,13 @@ from bonecam.levels.measure import machined_levels
 from bonecam.machine import read_machine
 from bonecam.machine.limits import polar_angles
 from bonecam.nc import machine_limits
+from bonecam.planning import Scene, candidate_contacts, contact_path, orient
 from bonecam.planning.axes.field import level_axes
 from bonecam.planning.axes.lead import table_limits
 from bonecam.planning.collision import interpolate_poses, level_scene
-from bonecam.planning.contacts import candidate_contacts, contact_path
-from bonecam.planning.oriented_path import orient
-from bonecam.planning.scene import Scene
 from bonecam.planning.surface_paths import finishing_cutter
-from bonecam.tool import ToolPath
-from bonecam.tool.path import MoveKind
-from bonecam.workholding.clamping import clamping_of
+from bonecam.tool import MoveKind, ToolPath
+from bonecam.workholding import clamping_of
 
 AXES = 20_000
 """Random axes in the cones."""
@@ -136,7 +134,7 @@ PARTS = {
 
 
 @pytest.fixture(scope="module", params=PARTS)
-def machined(request: pytest.FixtureRequest) -> Machined:
+def machined(request):
     return PARTS[request.param](lambda: request.getfixturevalue("shared"))
 
 
@@ -153,7 +151,7 @@ def random_poses(path: ToolPath, scale: float, rim: bool) -> tuple[np.ndarray, n
 
 
 @pytest.mark.slow
-def test_no_axis_in_a_cone_collides_and_wider_cones_are_caught(machined: Machined, deepest_entry: Entry) -> None:
+def test_no_axis_in_a_cone_collides_and_wider_cones_are_caught(machined):
     entered = machined.entries(deepest_entry, *random_poses(machined.path, 1.0, rim=False))
     wider = machined.entries(deepest_entry, *random_poses(machined.path, 1.3, rim=True)) > ENTERED
     print(f"{machined.name}: {len(entered)} axes, deepest {entered.max():.4f} mm; x 1.3: {wider.mean():.1%} caught")
@@ -163,7 +161,7 @@ def test_no_axis_in_a_cone_collides_and_wider_cones_are_caught(machined: Machine
 
 
 @pytest.mark.slow
-def test_no_axis_of_the_path_collides_nor_a_pose_between_contacts(machined: Machined, deepest_entry: Entry) -> None:
+def test_no_axis_of_the_path_collides_nor_a_pose_between_contacts(machined):
     path = machined.path
     cuts = np.flatnonzero(path.kinds == MoveKind.CUT)
     entered = machined.entries(deepest_entry, path.balls[cuts], path.axes[cuts])
@@ -184,7 +182,7 @@ def test_no_axis_of_the_path_collides_nor_a_pose_between_contacts(machined: Mach
 
 
 @pytest.mark.slow
-def test_normals_of_a_blade_collide_at_most_contacts(machined: Machined, deepest_entry: Entry) -> None:
+def test_normals_of_a_blade_collide_at_most_contacts(machined):
     """Else the scene is too easy (a bone's are: 20 %)."""
     if machined.name == "bone":
         pytest.skip("a bone is open to most sides")

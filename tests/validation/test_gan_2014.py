@@ -5,20 +5,18 @@ The middle phalanx of the paper is not public. What depends on its shape is comp
 (3midph) and is no reproduction.
 """
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from numpy import ndarray
 
 from bonecam.job import FINISHING, ROUGHING, LevelsJob, MeshJob, PathJob
 from bonecam.levels.problem import element_matrices
-from bonecam.mesh.part import prepare_part
-from bonecam.mesh.rows import Rows, harmonic_rows
+from bonecam.mesh import harmonic_rows, prepare_part
 from bonecam.planning.axes.lead import lead_axes
-from bonecam.setup.stock import schedule_of
+from bonecam.setup import schedule_of
 from bonecam.setup.stocks.capsule import capsule_of_size
-from bonecam.surface.skinning import RowCurves, control_curves, row_parameters, skin
+from bonecam.surface import skin
+from bonecam.surface.skinning import RowCurves, control_curves, row_parameters
 
 RNG = np.random.default_rng(2014)
 DIAMETER, LENGTH = 15.0, 37.0
@@ -26,13 +24,13 @@ DIAMETER, LENGTH = 15.0, 37.0
 
 
 @pytest.fixture(scope="module")
-def rows(shared: Path) -> Rows:
+def rows(shared):
     """17 rows of 100 points, as in section 3.2 and Fig. 4, round another middle phalanx."""
     part = prepare_part(shared / "meshes" / "bones" / "3midph_m.stl", MeshJob(units="m"))
     return harmonic_rows(part.mesh, 17, 100)
 
 
-def test_17_rows_of_100_points_take_about_278_control_points(rows: Rows) -> None:
+def test_17_rows_of_100_points_take_about_278_control_points(rows):
     """Section 3.2: 278 control vertices, for a phalanx and an error limit e that the paper does not give.
 
     Ours takes 277 within 0.05 mm (2026-11-23), and 287 where the mesh keeps its pits: the counts agree in size
@@ -48,14 +46,14 @@ def test_17_rows_of_100_points_take_about_278_control_points(rows: Rows) -> None
     assert np.linalg.norm(points - curves.at(s).reshape(-1, 3), axis=1).max() < 0.05
 
 
-def test_17_sections_take_19_control_curves(rows: Rows) -> None:
+def test_17_sections_take_19_control_curves(rows):
     """Section 3.2: 19 control curves. They are two more than the sections; here the poles are two of these."""
     curves = RowCurves.through(rows.points[1:-1], closed=True)
     assert len(control_curves(curves, rows.poles).points) == 19
 
 
 @pytest.mark.parametrize(("thickness", "cuts"), [(0.4, 4), (0.41, 5), (5.39, 14), (5.41, 15), (5.89, 15)])
-def test_four_cuts_of_a_tenth_and_halves_beyond_remove_the_thickness(thickness: float, cuts: int) -> None:
+def test_four_cuts_of_a_tenth_and_halves_beyond_remove_the_thickness(thickness, cuts):
     """Section 5.1: 0.1 mm for the first four levels, 0.5 mm for the rest; level 15 is the stock. So the stock is
     more than 5.4 mm and at most 5.9 mm from the published phalanx."""
     schedule = schedule_of(LevelsJob())
@@ -64,7 +62,7 @@ def test_four_cuts_of_a_tenth_and_halves_beyond_remove_the_thickness(thickness: 
     assert schedule.lower_bound(thickness) == cuts
 
 
-def test_the_capsule_is_the_stock_constraint() -> None:
+def test_the_capsule_is_the_stock_constraint():
     """Eq. 12 and Fig. 7: distances from the axis, clamped at its ends, of at most half the diameter."""
     capsule = capsule_of_size(DIAMETER, LENGTH, LENGTH / 2)
     assert (capsule.diameter, capsule.length) == pytest.approx((DIAMETER, LENGTH))
@@ -81,7 +79,7 @@ def test_the_capsule_is_the_stock_constraint() -> None:
     assert capsule.volume == pytest.approx(ball + cylinder, rel=1e-14)
 
 
-def test_the_incline_of_10_degrees_keeps_the_tip_off_the_surface() -> None:
+def test_the_incline_of_10_degrees_keeps_the_tip_off_the_surface():
     """Section 5.2: an incline of 10 degrees avoids the cutting speed of zero at the tip: the contact turns about
     the axis on a circle of radius R sin(10 degrees)."""
     lead = np.radians(PathJob().lead_deg)
@@ -103,7 +101,7 @@ def orthonormal_pairs(count: int) -> tuple[ndarray, ndarray]:
     return frames[:, :, 0], frames[:, :, 1]
 
 
-def test_the_thin_plate_matrix_gives_the_energy_of_a_cubic_surface() -> None:
+def test_the_thin_plate_matrix_gives_the_energy_of_a_cubic_surface():
     """Eq. 7 with c_int = 1. S = (s^3, s^2 t, t^3 + s t) on the unit square has S_ss = (6 s, 2 t, 0),
     S_st = (0, 2 s, 1) and S_tt = (0, 0, 6 t): 40/3 + 2 * 7/3 + 12 = 30."""
     surface = skin(arched_rows(), 0.01, closed=False)

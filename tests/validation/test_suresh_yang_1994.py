@@ -12,7 +12,7 @@ import pytest
 from numpy import ndarray
 
 from bonecam.job import FINISHING, ROUGHING
-from bonecam.planning.spacing import side_step
+from bonecam.planning import side_step
 
 PUBLISHED = [(1.0, 0.01), (2.0, 0.05)]
 """Ball radius and scallop height (mm) of the finishing and the roughing levels in Gan et al., section 5.1."""
@@ -42,19 +42,19 @@ def cusp_height(radius: float, step: float, curvature: float) -> float:
     return float(np.abs(np.linalg.norm(cusps, axis=1) - section).min())
 
 
-def test_the_default_cutters_are_those_of_the_paper() -> None:
+def test_the_default_cutters_are_those_of_the_paper():
     assert [(tool.radius, tool.scallop) for tool in (FINISHING, ROUGHING)] == PUBLISHED
 
 
 @pytest.mark.parametrize(("radius", "scallop"), PUBLISHED)
 @pytest.mark.parametrize("curvature", [0.0, *CURVATURES])
-def test_balls_a_side_step_apart_leave_exactly_the_scallop(radius: float, scallop: float, curvature: float) -> None:
+def test_balls_a_side_step_apart_leave_exactly_the_scallop(radius, scallop, curvature):
     step = float(side_step(radius, scallop, np.array([curvature]))[0])
     assert cusp_height(radius, step, curvature) == pytest.approx(scallop, abs=1e-11)
 
 
 @pytest.mark.parametrize(("radius", "scallop"), PUBLISHED)
-def test_a_plane_takes_the_chord_of_the_ball_at_the_scallop(radius: float, scallop: float) -> None:
+def test_a_plane_takes_the_chord_of_the_ball_at_the_scallop(radius, scallop):
     """A plane at the scallop height cuts the ball in a circle, whose diameter the side step is."""
     chord = 2 * np.sqrt(radius**2 - (radius - scallop) ** 2)
     assert side_step(radius, scallop, np.zeros(1))[0] == pytest.approx(chord, rel=1e-14)
@@ -62,8 +62,6 @@ def test_a_plane_takes_the_chord_of_the_ball_at_the_scallop(radius: float, scall
 
 @pytest.mark.parametrize(("radius", "scallop"), PUBLISHED)
 @pytest.mark.parametrize("curvature", [0.1, 0.25, 0.4, 1.0])
-def test_the_approximation_of_textbooks_leaves_more_than_the_scallop(
-    radius: float, scallop: float, curvature: float
-) -> None:
+def test_the_approximation_of_textbooks_leaves_more_than_the_scallop(radius, scallop, curvature):
     step = np.sqrt(8 * scallop * radius / (1 + curvature * radius))
     assert cusp_height(radius, step, curvature) > scallop

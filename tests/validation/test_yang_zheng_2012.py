@@ -32,9 +32,7 @@ def sections(shared: Path, name: str) -> list[ndarray]:
 
 
 @pytest.mark.parametrize(("name", "share", "count"), PUBLISHED)
-def test_published_counts_are_not_exceeded_at_the_verified_tolerance(
-    shared: Path, name: str, share: float, count: int
-) -> None:
+def test_published_counts_are_not_exceeded_at_the_verified_tolerance(shared, name, share, count):
     rows = sections(shared, name)
     tolerance = share * float(np.linalg.norm(np.ptp(np.vstack(rows), axis=0)))
 

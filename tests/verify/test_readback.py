@@ -1,61 +1,41 @@
+"""Distances to a wheel from one of its blades are those of the whole wheel.
+
+Programs with one fault each: reading the text back finds every one, with its block.
+"""
+
 import re
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from controls import PAIRS
+from small_parts import PATH_CAPSULE, capsule_path
 
-from bonecam.errors import VerifyError
+from bonecam.errors import BonecamError, VerifyError
 from bonecam.job import Job
-from bonecam.machine.machine import read_machine
-from bonecam.mesh.distance import MeshDistance
-from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.nc.dialect import read_dialect
-from bonecam.nc.posting import write_program
-from bonecam.nc.reading import read_program
-from bonecam.tool.path import ToolPath
-from bonecam.verify.proof import verify
-from bonecam.verify.readback import Tolerances, compare_moves
+from bonecam.machine import read_machine
+from bonecam.mesh import MeshDistance
+from bonecam.mesh.solids import cylinder
+from bonecam.mesh.triangle_mesh import side_by_side
+from bonecam.nc import read_dialect, read_program, write_program
+from bonecam.setup import Capsule
+from bonecam.surface.blades import turned
+from bonecam.verify import Tolerances, verify
+from bonecam.verify.readback import RepeatedDistance, compare_moves
 
-PAIRS = {
-    name: (read_machine(machine), read_dialect(name))
-    for name, machine in (("heidenhain", "mikron-ucp600"), ("linuxcnc", "linuxcnc-xyzbc"))
-}
-
-
-@pytest.fixture(scope="module")
-def paths(capsule_path: Callable[..., ToolPath]) -> tuple[ToolPath, ToolPath]:
-    return (
-        capsule_path(level=4, radius=2.0, offset=1.5, number=1, count=300),
-        capsule_path(level=0, radius=1.0, number=2, count=600),
-    )
-
-
-def capsule_mesh(capsule: tuple[float, float, float], chord: float = 0.002) -> TriangleMesh:
-    """A mesh inscribed in the upright capsule of these heights and radius within the chord (mm)."""
-    bottom, top, radius = capsule
-    around = int(np.ceil(np.pi / np.arccos(1 - chord / radius)))
-    slope = np.linspace(-np.pi / 2, np.pi / 2, around // 2 + 1)
-    z = np.where(slope < 0, bottom, top) + radius * np.sin(slope)
-    r = radius * np.cos(slope)
-    middle = len(slope) // 2
-    z, r = np.insert(z, middle, bottom), np.insert(r, middle, radius)
-    angle = 2 * np.pi * np.arange(around) / around
-    points = np.column_stack(
-        [np.outer(r, np.cos(angle)).ravel(), np.outer(r, np.sin(angle)).ravel(), np.repeat(z, around)]
-    )
-    index = np.arange(len(points)).reshape(-1, around)
-    a, b, c, d = index[:-1], np.roll(index[:-1], -1, 1), np.roll(index[1:], -1, 1), index[1:]
-    faces = np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3), np.stack([a, c, d], -1).reshape(-1, 3)])
-    return TriangleMesh(points, faces.astype(np.int32))
+PATHS = (
+    capsule_path(level=4, radius=2.0, offset=1.5, number=1, count=300),
+    capsule_path(level=0, radius=1.0, number=2, count=600),
+)
 
 
 @pytest.fixture(scope="module")
-def mesh(path_capsule):
-    return MeshDistance(capsule_mesh(path_capsule))
+def mesh():
+    bottom, top, radius = PATH_CAPSULE
+    return MeshDistance(Capsule(np.array([0.0, 0.0, bottom]), np.array([0.0, 0.0, top]), radius).mesh(0.002))
 
 
-@pytest.fixture(params=PAIRS)
+@pytest.fixture(params=["heidenhain", "linuxcnc"])
 def pair(request):
     return PAIRS[request.param]
 
@@ -64,9 +44,9 @@ def text_of(pair, paths) -> str:
     return write_program(paths, *pair, Job()).text
 
 
-def test_what_was_written_is_proved(paths, pair, mesh):
-    proof = verify(text_of(pair, paths), paths, *pair, mesh)
-    assert proof.rows == sum(len(path.tips) for path in paths)
+def test_what_was_written_is_proved(pair, mesh):
+    proof = verify(text_of(pair, PATHS), PATHS, *pair, mesh)
+    assert proof.rows == sum(len(path.tips) for path in PATHS)
     assert proof.moves >= proof.rows
     assert proof.readback_tip_error_mm <= 0.001
     assert proof.readback_axis_error_deg <= 0.0008
@@ -102,30 +82,30 @@ def shifted(by: float):
 
 
 @pytest.mark.parametrize("letter", "XYZ")
-def test_a_tip_off_by_five_micrometres_is_found_at_its_line(paths, pair, letter):
-    text, line = changed(text_of(pair, paths), 200, rf"( {letter})([-+]?[\d.]+)", shifted(0.005))
+def test_a_tip_off_by_five_micrometres_is_found_at_its_line(pair, letter):
+    text, line = changed(text_of(pair, PATHS), 200, rf"( {letter})([-+]?[\d.]+)", shifted(0.005))
     with pytest.raises(VerifyError, match=rf"line {line}: ") as caught:
-        check(text, pair, paths)
+        check(text, pair, PATHS)
     assert caught.value.evidence["line"] == line
 
 
 @pytest.mark.parametrize("letter", "BC")
-def test_an_axis_off_by_a_hundredth_degree_is_found_at_its_line(paths, pair, letter):
-    text, line = changed(text_of(pair, paths), 200, rf"( {letter})([-+]?[\d.]+)", shifted(0.01))
+def test_an_axis_off_by_a_hundredth_degree_is_found_at_its_line(pair, letter):
+    text, line = changed(text_of(pair, PATHS), 200, rf"( {letter})([-+]?[\d.]+)", shifted(0.01))
     with pytest.raises(VerifyError, match=rf"line {line}: "):
-        check(text, pair, paths)
+        check(text, pair, PATHS)
 
 
-def test_a_wrong_feed_is_found_at_its_line(paths, pair):
+def test_a_wrong_feed_is_found_at_its_line(pair):
     text, line = changed(
-        text_of(pair, paths),
+        text_of(pair, PATHS),
         9,
         r"( F)(\d+(?:\.\d+)?)",
         lambda found: f" F{float(found[2]) * 1.1:.{4 if '.' in found[2] else 0}f}",
         block=r" X.* F\d",
     )
     with pytest.raises(VerifyError, match=rf"line {line}: feed is"):
-        check(text, pair, paths)
+        check(text, pair, PATHS)
 
 
 def without(text: str, start: int, count: int) -> str:
@@ -139,38 +119,133 @@ def without(text: str, start: int, count: int) -> str:
     return "\n".join(lines) + "\n"
 
 
-def test_a_missing_block_is_found(paths, pair):
+def test_a_missing_block_is_found(pair):
     with pytest.raises(VerifyError, match="tip off by"):
-        check(without(text_of(pair, paths), 200, 1), pair, paths)
+        check(without(text_of(pair, PATHS), 200, 1), pair, PATHS)
 
 
-def test_a_missing_end_is_found(paths, pair):
-    text = text_of(pair, paths[:1])
+def test_a_missing_end_is_found(pair):
+    text = text_of(pair, PATHS[:1])
     with pytest.raises(VerifyError, match=r"ends \d+ points early"):
-        check(text, pair, paths)
+        check(text, pair, PATHS)
 
 
-def test_a_move_too_many_is_found(paths, pair):
-    text = text_of(pair, paths)
+def test_a_move_too_many_is_found(pair):
+    text = text_of(pair, PATHS)
     with pytest.raises(VerifyError, match="more than the paths have"):
-        check(text, pair, paths[:1])
+        check(text, pair, PATHS[:1])
 
 
-def test_a_tool_exchanged_is_found(paths, pair):
-    exchanged = tuple(replace(path, cutter=replace(path.cutter, number=3 - path.cutter.number)) for path in paths)
+def test_a_tool_exchanged_is_found(pair):
+    exchanged = tuple(replace(path, cutter=replace(path.cutter, number=3 - path.cutter.number)) for path in PATHS)
     with pytest.raises(VerifyError, match="tool 1 cuts what tool 2"):
-        check(text_of(pair, paths), pair, exchanged)
+        check(text_of(pair, PATHS), pair, exchanged)
 
 
-def test_a_path_through_the_part_is_refused_with_line_and_place(paths, capsule_path, pair, mesh):
-    deep = (paths[0], capsule_path(level=0, number=2, offset=-0.05, count=600))
+def test_a_path_through_the_part_is_refused_with_line_and_place(pair, mesh):
+    deep = (PATHS[0], capsule_path(level=0, number=2, offset=-0.05, count=600))
     with pytest.raises(VerifyError, match=r"line \d+: the ball enters the part by 0.05\d+ mm at \(") as caught:
         verify(text_of(pair, deep), deep, *pair, mesh)
     assert caught.value.evidence["error"] == pytest.approx(0.05, abs=0.005)
 
 
-def test_every_split_move_lies_on_the_way_meant(capsule_path, pair):
+def test_every_split_move_lies_on_the_way_meant(pair):
     rough = (capsule_path(count=60, turns=4.0),)
     checked = check(text_of(pair, rough), pair, rough)
     assert (checked.source < -1).sum() > 30
     assert checked.tip_error.max() < 0.002
+
+
+COUNT = 5
+
+
+def test_it_is_the_distance_to_all_copies():
+    pose = np.eye(4)
+    pose[:3, 3] = [10.0, 2.0, 0.0]
+    one = cylinder(1.5, 0.0, 6.0, 0.05).move(pose)
+    whole = side_by_side([turned(one, 2 * np.pi * k / COUNT) for k in range(COUNT)])
+    points = np.random.default_rng(3).uniform([-14, -14, -2], [14, 14, 8], (2000, 3))
+    wanted = MeshDistance(whole).signed(points)
+    found = RepeatedDistance(MeshDistance(one), COUNT).signed(points, 20.0)
+    assert (wanted < 0).sum() > 30
+    np.testing.assert_allclose(found, wanted, atol=1e-9)
+
+
+def test_far_points_are_told_to_be_as_far_as_asked():
+    one = cylinder(1.5, 0.0, 6.0, 0.05)
+    found = RepeatedDistance(MeshDistance(one), 3).signed(np.array([[30.0, 0.0, 3.0], [3.0, 0.0, 3.0]]), 5.0)
+    np.testing.assert_allclose(found, [5.0, 1.5], atol=0.03)
+
+
+MACHINE, DIALECT = read_machine("mikron-ucp600"), read_dialect("heidenhain")
+
+
+PLANTED = (
+    capsule_path(level=2, radius=2.0, offset=1.5, number=1, count=60, turns=2),
+    capsule_path(level=1, radius=1.0, offset=0.5, number=2, count=60, turns=2),
+    capsule_path(level=0, radius=1.0, number=2, count=60, turns=2),
+)
+
+
+@pytest.fixture(scope="module")
+def blocks():
+    """The blocks of the program without their numbers."""
+    text = write_program(PLANTED, MACHINE, DIALECT, Job()).text
+    return [re.sub(r"^\d+ ", "", line) for line in text.rstrip("\n").split("\n")]
+
+
+def numbered(blocks):
+    lines = []
+    number = 0
+    for block in blocks:
+        continued = bool(lines) and lines[-1].endswith("~")
+        lines.append(block if continued else f"{number} {block}")
+        number += not continued
+    return "\n".join(lines) + "\n"
+
+
+def line_of_the_fault(blocks, paths):
+    with pytest.raises(BonecamError) as caught:
+        compare_moves(read_program(numbered(blocks), MACHINE, DIALECT), paths, DIALECT, Tolerances())
+    return caught.value.evidence["line"]
+
+
+def cuts_of(blocks):
+    return [k for k, block in enumerate(blocks) if re.search(r"^L X.* C\S+( F\d+)?$", block)]
+
+
+def test_the_program_without_a_fault_is_accepted(blocks):
+    compare_moves(read_program(numbered(blocks), MACHINE, DIALECT), PLANTED, DIALECT, Tolerances())
+
+
+@pytest.mark.parametrize("share", [0.1, 0.5, 0.9])
+@pytest.mark.parametrize(("letter", "by"), [(w, s * d) for w, d in zip("XYZBC", (1, 1, 1, 5, 5)) for s in (1, -1)])
+def test_a_changed_word_is_found(blocks, letter, by, share):
+    cuts = cuts_of(blocks)
+    at = cuts[int(share * len(cuts))]
+    wrong = list(blocks)
+    wrong[at] = re.sub(rf" {letter}([+-][\d.]+)", lambda f: f" {letter}{float(f[1]) + by:+.3f}", wrong[at])
+    assert wrong[at] != blocks[at]
+    assert line_of_the_fault(wrong, PLANTED) == at + 1
+
+
+def test_a_feed_made_a_rapid_is_found(blocks):
+    cuts = cuts_of(blocks)
+    at = cuts[len(cuts) // 2]
+    wrong = list(blocks)
+    wrong[at] = re.sub(r"( F\d+)?$", " FMAX", wrong[at], count=1)
+    assert line_of_the_fault(wrong, PLANTED) == at + 1
+
+
+def test_two_levels_swapped_are_found(blocks):
+    one, two = blocks.index("; LEVEL 1"), blocks.index("; LEVEL 0")
+    end = max(k for k, block in enumerate(blocks) if block == "L M140 MB MAX") + 1
+    wrong = blocks[:one] + blocks[two:end] + blocks[one:two] + blocks[end:]
+    assert one < line_of_the_fault(wrong, PLANTED) <= cuts_of(wrong[one:])[0] + one + 1
+
+
+def test_a_tool_call_exchanged_is_found(blocks):
+    swap = {"TOOL CALL 1 ": "TOOL CALL 2 ", "TOOL CALL 2 ": "TOOL CALL 1 "}
+    wrong = [re.sub(r"^TOOL CALL [12] ", lambda f: swap[f[0]], block) for block in blocks]
+    first = next(k for k, block in enumerate(wrong) if block.startswith("TOOL CALL"))
+    assert first < line_of_the_fault(wrong, PLANTED) <= cuts_of(wrong)[0] + 1

@@ -1,23 +1,20 @@
 """The published program, solved exactly, and the default method beside it."""
 
-from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from level_parts import CAPSULE, SCHEDULE, waisted
 
 from bonecam.errors import LevelError
-from bonecam.levels.closed_morph import morph
+from bonecam.levels import morph
 from bonecam.levels.measure import Rules
 from bonecam.levels.problem import DEPTH_TOLERANCE, Cones, Planes
 from bonecam.levels.published import PublishedProgram, next_moves, published_sequence
 from bonecam.levels.solvers.clarabel import solve_cones
 from bonecam.progress import silent
-from bonecam.setup.capsule import Capsule
-from bonecam.setup.stock import Schedule
-from bonecam.setup.stocks.cylinder import Cylinder
-from bonecam.surface.tspline import TSpline
+from bonecam.setup import Cylinder, Schedule
 
 pytestmark = pytest.mark.whole
 
@@ -29,26 +26,26 @@ def none(count: int) -> Planes:
     return Planes(sp.csr_array((0, count)), np.zeros((0, 3)), np.zeros(0))
 
 
-def test_a_ball_holds_the_move_at_its_radius() -> None:
+def test_a_ball_holds_the_move_at_its_radius():
     E, pull = sp.csc_array(sp.eye_array(2)), np.array([[-3.0, -4.0, 0.0], [0.1, 0.0, 0.0]])
     balls = Cones(sp.eye_array(2, format="csr"), np.zeros((2, 3)), np.ones(2))
     assert np.allclose(solve_cones(E, pull, (balls,), none(2)), [[0.6, 0.8, 0], [-0.1, 0, 0]], atol=1e-4)
 
 
-def test_a_capsule_holds_the_move_at_the_nearest_axis_point() -> None:
+def test_a_capsule_holds_the_move_at_the_nearest_axis_point():
     E, pull = sp.csc_array(sp.eye_array(1)), np.array([[-5.0, 0.0, -2.0]])
     wall = Cones(sp.eye_array(1, format="csr"), np.zeros((1, 3)), np.ones(1), np.array([0.0, 0.0, 10.0]))
     assert np.allclose(solve_cones(E, pull, (wall,), none(1)), [[1, 0, 2]], atol=1e-4)
 
 
-def test_contradicting_limits_are_an_error() -> None:
+def test_contradicting_limits_are_an_error():
     ball = Cones(sp.eye_array(1, format="csr"), np.zeros((1, 3)), np.ones(1))
     away = Planes(sp.eye_array(1, format="csr"), np.array([[1.0, 0, 0]]), np.array([-2.0]))
     with pytest.raises(LevelError, match="ends as"):
         solve_cones(sp.csc_array(sp.eye_array(1)), np.zeros((1, 3)), (ball,), away)
 
 
-def test_a_stock_that_is_no_capsule_is_held_by_planes(waisted: Callable[..., TSpline]) -> None:
+def test_a_stock_that_is_no_capsule_is_held_by_planes():
     stock = Cylinder(3.3, 0.7, 19.3).round_edges(1.0)
     surface, program = waisted(), PublishedProgram(waisted(), stock, "stock")
     P = np.array(surface.control_points)
@@ -61,17 +58,15 @@ def test_a_stock_that_is_no_capsule_is_held_by_planes(waisted: Callable[..., TSp
 
 
 @pytest.mark.parametrize("attraction", ["stock", "sphere"])
-def test_the_exact_level_keeps_the_published_limits(
-    waisted: Callable[..., TSpline], capsule: Capsule, attraction: str
-) -> None:
-    surface, program = waisted(), PublishedProgram(waisted(), capsule, attraction)
+def test_the_exact_level_keeps_the_published_limits(attraction):
+    surface, program = waisted(), PublishedProgram(waisted(), CAPSULE, attraction)
     P = np.array(surface.control_points)
     moves = next_moves(program, P, 0.5, STIFFNESS)
     rng = np.random.default_rng(3)
     R = surface.basis(rng.random(3000), rng.random(3000))[0]
     assert np.linalg.norm(R @ moves, axis=1).max() <= 0.503
-    assert capsule.signed_distance(R @ (P + moves)).max() <= 0.001
-    hull = next_moves(PublishedProgram(waisted(), capsule, attraction, hull=True), P, 0.5, STIFFNESS)
+    assert CAPSULE.signed_distance(R @ (P + moves)).max() <= 0.001
+    hull = next_moves(PublishedProgram(waisted(), CAPSULE, attraction, hull=True), P, 0.5, STIFFNESS)
     assert np.linalg.norm(hull, axis=1).max() <= 0.5 + 1e-5
     assert (
         program.energy(P, moves, STIFFNESS)
@@ -81,30 +76,22 @@ def test_the_exact_level_keeps_the_published_limits(
 
 
 @pytest.mark.parametrize("attraction", ["stock", "sphere"])
-def test_the_default_method_comes_within_one_percent_of_the_exact_energy(
-    capsule: Capsule,
-    schedule: Schedule,
-    waisted: Callable[..., TSpline],
-    attraction: str,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_the_default_method_comes_within_one_percent_of_the_exact_energy(attraction, monkeypatch):
     """Of the published energy, for the depth held on the control points and solved exactly, from each of the
     first levels to the next."""
     # What is measured on the finished levels does not matter here: no level is moved for it.
     monkeypatch.setattr(Rules, "violations", lambda *_, **__: [])
-    made = morph(waisted(), capsule, schedule, attraction=attraction, chord_tolerance=0.05)
+    made = morph(waisted(), CAPSULE, SCHEDULE, attraction=attraction, chord_tolerance=0.05)
     nets = [level.surface.control_points for level in made.levels if level.surface is not None]
-    program = PublishedProgram(waisted(), capsule, attraction, hull=True)
+    program = PublishedProgram(waisted(), CAPSULE, attraction, hull=True)
     for k, (before, after) in enumerate(pairwise(nets[:5]), start=1):
-        exact = program.energy(before, next_moves(program, before, schedule.limit(k), STIFFNESS), STIFFNESS)
+        exact = program.energy(before, next_moves(program, before, SCHEDULE.limit(k), STIFFNESS), STIFFNESS)
         assert program.energy(before, after - before, STIFFNESS) <= 1.01 * exact
 
 
-def test_as_printed_the_program_forgets_nesting_and_what_lies_between_its_samples(
-    waisted: Callable[..., TSpline], capsule: Capsule
-) -> None:
+def test_as_printed_the_program_forgets_nesting_and_what_lies_between_its_samples():
     P = np.array(waisted().control_points)
-    ours, printed = (PublishedProgram(waisted(), capsule, "sphere", printed=printed) for printed in (False, True))
+    ours, printed = (PublishedProgram(waisted(), CAPSULE, "sphere", printed=printed) for printed in (False, True))
     moves = next_moves(printed, P, 0.5, STIFFNESS)
     assert printed.energy(P, moves, STIFFNESS) < ours.energy(P, next_moves(ours, P, 0.5, STIFFNESS), STIFFNESS)
     rng = np.random.default_rng(3)
@@ -112,17 +99,15 @@ def test_as_printed_the_program_forgets_nesting_and_what_lies_between_its_sample
     assert 0.5 < np.linalg.norm(R @ moves, axis=1).max() < 0.6
 
 
-def test_the_method_has_the_default_ones_interface(capsule: Capsule, waisted: Callable[..., TSpline]) -> None:
-    made = morph(waisted(rows=8, around=6), capsule, Schedule((), 0.8), method="qcqp", chord_tolerance=0.05)
+def test_the_method_has_the_default_ones_interface():
+    made = morph(waisted(rows=8, around=6), CAPSULE, Schedule((), 0.8), method="qcqp", chord_tolerance=0.05)
     assert made.lower_bound <= made.cuts <= made.lower_bound + 2
     assert all(level.depth_max <= level.limit + 0.002 for level in made.levels[1:])
 
 
-def test_the_printed_program_is_a_choice_whose_broken_limits_are_told(
-    capsule: Capsule, waisted: Callable[..., TSpline]
-) -> None:
+def test_the_printed_program_is_a_choice_whose_broken_limits_are_told():
     surface = waisted(rows=8, around=6)
-    made = morph(surface, capsule, Schedule((), 0.8), method="published", chord_tolerance=0.05)
+    made = morph(surface, CAPSULE, Schedule((), 0.8), method="published", chord_tolerance=0.05)
     over = max(level.deepest - level.limit for level in made.levels[1:])
     behind = max(-level.nesting_min for level in made.levels[1:])
     assert made.breaks >= max(over, behind) > 0.02, "what qcqp does not allow"
@@ -146,47 +131,43 @@ class NearlyMet(Unmeetable):
     excess = 0.0014
 
 
-def test_a_level_that_leaves_its_limits_is_told_with_its_place(
-    capsule: Capsule, schedule: Schedule, waisted: Callable[..., TSpline], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_level_that_leaves_its_limits_is_told_with_its_place(monkeypatch):
     monkeypatch.setattr("bonecam.levels.closed_morph.PublishedProgram", Unmeetable)
     with pytest.raises(
         LevelError,
         match=r"^level 1: .* limits by 0\.0100 mm at \(.*\) after \d+ rounds: raise surface\.max_control_points$",
     ) as caught:
-        morph(waisted(), capsule, schedule, method="qcqp", attraction="sphere", chord_tolerance=0.05)
+        morph(waisted(), CAPSULE, SCHEDULE, method="qcqp", attraction="sphere", chord_tolerance=0.05)
     assert caught.value.evidence["level"] == 1
-    assert waisted().project(caught.value.evidence["place"][None]).distances[0] <= schedule.reach(1) + 0.01
+    assert waisted().project(caught.value.evidence["place"][None]).distances[0] <= SCHEDULE.reach(1) + 0.01
 
 
-def test_a_level_within_what_is_measured_as_sound_is_taken(capsule: Capsule, waisted: Callable[..., TSpline]) -> None:
-    program = NearlyMet(waisted(), capsule, "sphere")
+def test_a_level_within_what_is_measured_as_sound_is_taken():
+    program = NearlyMet(waisted(), CAPSULE, "sphere")
     P = np.array(waisted().control_points)
     broken, _ = program.broken(P, next_moves(program, P, 0.5, STIFFNESS), 0.5)
     assert broken.max() <= DEPTH_TOLERANCE
 
 
-def test_levels_that_get_no_nearer_end_soon_and_tell_another_attraction(
-    capsule: Capsule, schedule: Schedule, waisted: Callable[..., TSpline], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def outwards(program: PublishedProgram, P: np.ndarray, depth: float, stiffness: float) -> np.ndarray:
+def test_levels_that_get_no_nearer_end_soon_and_tell_another_attraction(monkeypatch):
+    def outwards(program, P, depth, stiffness):
         return depth * P / np.linalg.norm(P, axis=1, keepdims=True)
 
     monkeypatch.setattr("bonecam.levels.published.next_moves", outwards)
     monkeypatch.setattr("bonecam.levels.published.distance_left", lambda grid, P, targets: (3.0, P[0]))
-    program = PublishedProgram(waisted(), capsule, "sphere")
+    program = PublishedProgram(waisted(), CAPSULE, "sphere")
     with pytest.raises(
         LevelError,
         match=r"^level 11 gets no nearer to the stock than 3\.000 mm at .*, or take levels\.attraction stock$",
     ):
-        published_sequence(program, waisted(), schedule, STIFFNESS, silent)
+        published_sequence(program, waisted(), SCHEDULE, STIFFNESS, silent)
 
 
-def test_an_unknown_method_is_refused(capsule: Capsule, schedule: Schedule, waisted: Callable[..., TSpline]) -> None:
+def test_an_unknown_method_is_refused():
     with pytest.raises(ValueError, match="choose one of qp, qcqp"):
-        morph(waisted(), capsule, schedule, method="magic")
+        morph(waisted(), CAPSULE, SCHEDULE, method="magic")
 
 
-def test_an_attraction_the_paper_has_not_is_refused(capsule: Capsule, waisted: Callable[..., TSpline]) -> None:
+def test_an_attraction_the_paper_has_not_is_refused():
     with pytest.raises(ValueError, match="choose one of"):
-        PublishedProgram(waisted(), capsule, "nearest")
+        PublishedProgram(waisted(), CAPSULE, "nearest")

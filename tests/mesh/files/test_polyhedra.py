@@ -1,12 +1,11 @@
 """SAT, SAB and DXF polyhedra as triangles."""
 
 import sys
-from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from mesh_bodies import check_refused, is_closed
 
 from bonecam.errors import FileError
 from bonecam.mesh.files.mesh_files import read_mesh, read_mesh_file
@@ -30,25 +29,20 @@ def sat_text(mesh: Any) -> str:
     return "\n".join(api.export_sat([api.body_from_mesh(mesh)])) + "\n"
 
 
-def is_closed(faces: np.ndarray) -> bool:
-    edges = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
-    return bool((np.unique(edges, axis=0, return_counts=True)[1] == 2).all())
-
-
-def test_a_sat_polyhedron_with_concave_faces_is_one_closed_outward_mesh(tmp_path: Path) -> None:
+def test_a_sat_polyhedron_with_concave_faces_is_one_closed_outward_mesh(tmp_path):
     (tmp_path / "block.sat").write_text(sat_text(block()))
     mesh = read_mesh(tmp_path / "block.sat")
     assert len(mesh.vertices) == 12
-    assert is_closed(mesh.faces)
+    assert is_closed(mesh)
     assert mesh.volume == pytest.approx(VOLUME)
 
 
-def test_a_binary_sab_gives_the_same(tmp_path: Path) -> None:
+def test_a_binary_sab_gives_the_same(tmp_path):
     (tmp_path / "block.sab").write_bytes(api.export_sab([api.body_from_mesh(block())]))
     assert read_mesh(tmp_path / "block.sab").volume == pytest.approx(VOLUME)
 
 
-def test_the_unit_of_the_sat_header_is_applied(tmp_path: Path) -> None:
+def test_the_unit_of_the_sat_header_is_applied(tmp_path):
     lines = sat_text(block()).splitlines()
     lines[2] = lines[2].replace("1 ", "1000 ", 1)
     (tmp_path / "metres.sat").write_text("\n".join(lines))
@@ -56,7 +50,7 @@ def test_the_unit_of_the_sat_header_is_applied(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("version", ["R12", "R2000", "R2013"])
-def test_every_kind_of_dxf_surface_is_read(version: str, tmp_path: Path) -> None:
+def test_every_kind_of_dxf_surface_is_read(version, tmp_path):
     drawing = ezdxf.new(version)
     drawing.units = 0
     space = drawing.modelspace()
@@ -75,7 +69,7 @@ def test_every_kind_of_dxf_surface_is_read(version: str, tmp_path: Path) -> None
     drawing.saveas(tmp_path / "parts.dxf")
     mesh = read_mesh(tmp_path / "parts.dxf")
     assert mesh.volume == pytest.approx(VOLUME * (count + 1))
-    assert is_closed(mesh.faces)
+    assert is_closed(mesh)
 
 
 def acis_block(layout: Any) -> None:
@@ -91,7 +85,7 @@ KINDS = {
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_inserted_blocks_stand_in_their_places_and_face_outward(kind: str, tmp_path: Path) -> None:
+def test_inserted_blocks_stand_in_their_places_and_face_outward(kind, tmp_path):
     drawing = ezdxf.new("R2013", units=4)
     KINDS[kind](drawing.blocks.new("part"))
     outer = drawing.blocks.new("outer", base_point=(0, 0, 5))
@@ -102,7 +96,7 @@ def test_inserted_blocks_stand_in_their_places_and_face_outward(kind: str, tmp_p
     drawing.saveas(tmp_path / "a.dxf")
     mesh = read_mesh(tmp_path / "a.dxf")
     assert mesh.volume == pytest.approx(2 * 3 * 2 * 2 * VOLUME)
-    assert is_closed(mesh.faces)
+    assert is_closed(mesh)
     np.testing.assert_allclose(mesh.bounds, [[100 - 2 * 26 - 100, -7, -25], [100 + 2 * 6, 30 + 7, 15]])
 
 
@@ -156,7 +150,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("name", REFUSED)
-def test_what_a_dxf_does_not_show_whole_is_refused(name: str, tmp_path: Path) -> None:
+def test_what_a_dxf_does_not_show_whole_is_refused(name, tmp_path):
     build, message = REFUSED[name]
     drawing = ezdxf.new("R2013")
     block().render_mesh(drawing.modelspace())
@@ -166,7 +160,7 @@ def test_what_a_dxf_does_not_show_whole_is_refused(name: str, tmp_path: Path) ->
         read_mesh(tmp_path / "a.dxf")
 
 
-def test_faces_that_the_model_space_does_not_show_are_told(tmp_path: Path) -> None:
+def test_faces_that_the_model_space_does_not_show_are_told(tmp_path):
     drawing = ezdxf.new("R2013", units=4)
     for layout in (drawing.modelspace(), drawing.layout("Layout1"), drawing.blocks.new("unused")):
         block().render_mesh(layout)
@@ -176,7 +170,7 @@ def test_faces_that_the_model_space_does_not_show_are_told(tmp_path: Path) -> No
     assert given.notes == ("left out of its file: 2 blocks or layouts with faces that are not shown",)
 
 
-def test_an_entity_of_a_damaged_name_is_told(tmp_path: Path) -> None:
+def test_an_entity_of_a_damaged_name_is_told(tmp_path):
     drawing = ezdxf.new("R2013", units=4)
     block().render_3dfaces(drawing.modelspace())
     drawing.saveas(tmp_path / "a.dxf")
@@ -186,7 +180,7 @@ def test_an_entity_of_a_damaged_name_is_told(tmp_path: Path) -> None:
     assert read_mesh_file(tmp_path / "a.dxf").notes == ("left out of its file: 1 3D %7E",)
 
 
-def test_a_polygon_mesh_that_closes_has_its_last_faces(tmp_path: Path) -> None:
+def test_a_polygon_mesh_that_closes_has_its_last_faces(tmp_path):
     drawing = ezdxf.new("R2013", units=4)
     mesh = drawing.modelspace().add_polymesh((6, 5))
     mesh.close(True, True)
@@ -198,10 +192,10 @@ def test_a_polygon_mesh_that_closes_has_its_last_faces(tmp_path: Path) -> None:
     drawing.saveas(tmp_path / "ring.dxf")
     ring = read_mesh(tmp_path / "ring.dxf")
     assert len(ring.faces) == 2 * 6 * 5
-    assert is_closed(ring.faces)
+    assert is_closed(ring)
 
 
-def test_the_unit_of_a_dxf_is_applied(tmp_path: Path) -> None:
+def test_the_unit_of_a_dxf_is_applied(tmp_path):
     drawing = ezdxf.new("R2000", units=1)
     block().render_polyface(drawing.modelspace())
     drawing.saveas(tmp_path / "inch.dxf")
@@ -223,13 +217,11 @@ BAD = {
 
 
 @pytest.mark.parametrize("name", BAD)
-def test_a_bad_file_is_refused_in_one_line_that_names_it(
-    check_refused: Callable[[Path, bytes | str, str], None], name: str, tmp_path: Path
-) -> None:
+def test_a_bad_file_is_refused_in_one_line_that_names_it(name, tmp_path):
     check_refused(tmp_path / name, *BAD[name])
 
 
-def test_a_drawing_of_lines_is_refused(tmp_path: Path) -> None:
+def test_a_drawing_of_lines_is_refused(tmp_path):
     drawing = ezdxf.new()
     drawing.modelspace().add_line((0, 0), (1, 1))
     drawing.saveas(tmp_path / "lines.dxf")
@@ -237,7 +229,7 @@ def test_a_drawing_of_lines_is_refused(tmp_path: Path) -> None:
         read_mesh(tmp_path / "lines.dxf")
 
 
-def test_a_face_with_a_hole_is_refused(tmp_path: Path) -> None:
+def test_a_face_with_a_hole_is_refused(tmp_path):
     lines = sat_text(forms.cube()).splitlines()
     body = lines[3:]
     loops = [i for i, line in enumerate(body) if line.startswith("loop ")]
@@ -249,7 +241,7 @@ def test_a_face_with_a_hole_is_refused(tmp_path: Path) -> None:
         read_mesh(tmp_path / "hole.sat")
 
 
-def test_without_ezdxf_one_line_names_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_ezdxf_one_line_names_the_extra(tmp_path, monkeypatch):
     (tmp_path / "block.sat").write_text(sat_text(block()))
     monkeypatch.setitem(sys.modules, "ezdxf", None)
     with pytest.raises(FileError, match=r"needs ezdxf: pip install 'bonecam\[cad\]'$"):
@@ -257,7 +249,7 @@ def test_without_ezdxf_one_line_names_the_extra(tmp_path: Path, monkeypatch: pyt
 
 
 @pytest.mark.parametrize("link", ["next_coedge", "next_face", "next_lump"])
-def test_a_list_that_never_ends_is_refused(link: str, tmp_path: Path) -> None:
+def test_a_list_that_never_ends_is_refused(link, tmp_path):
     body = api.body_from_mesh(block())
     face = body.lump.shell.face
     entity = {"next_coedge": face.loop.coedge.next_coedge, "next_face": face, "next_lump": body.lump}[link]

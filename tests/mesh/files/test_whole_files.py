@@ -6,17 +6,16 @@ import json
 import struct
 import zipfile
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
+from mesh_bodies import check_refused
 
 from bonecam.errors import FileError, UnitsError
 from bonecam.job import MeshJob
-from bonecam.mesh.files.mesh_files import read_in_mm, read_mesh_file
-from bonecam.mesh.part import prepare_part
+from bonecam.mesh import TriangleMesh, prepare_part, read_in_mm
+from bonecam.mesh.files.mesh_files import read_mesh_file
 from bonecam.mesh.smooth_surface import label_surface
-from bonecam.mesh.triangle_mesh import TriangleMesh
 
 
 def solid() -> TriangleMesh:
@@ -216,7 +215,7 @@ SEVERAL = {"components.3mf": 2}
 
 
 @pytest.mark.parametrize("name", WHOLE)
-def test_every_face_of_a_file_is_read(name: str, tmp_path: Path) -> None:
+def test_every_face_of_a_file_is_read(name, tmp_path):
     (tmp_path / name).write_bytes(WHOLE[name]())
     given = read_mesh_file(tmp_path / name)
     assert len(given.mesh.faces) == SEVERAL.get(name, 1) * M
@@ -227,7 +226,7 @@ def test_every_face_of_a_file_is_read(name: str, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("garbage", [b"\xffxq", b" %7", b"\n\n\n", b"999"])
 @pytest.mark.parametrize("name", WHOLE)
-def test_damage_in_the_middle_loses_no_face_unsaid(name: str, garbage: bytes, tmp_path: Path) -> None:
+def test_damage_in_the_middle_loses_no_face_unsaid(name, garbage, tmp_path):
     data = WHOLE[name]()
     for at in np.linspace(0.1 * len(data), 0.98 * len(data), 40).astype(int):
         (tmp_path / name).write_bytes(data[:at] + garbage + data[at + len(garbage) :])
@@ -270,9 +269,7 @@ COUNTS = {
 
 
 @pytest.mark.parametrize("name", COUNTS)
-def test_a_count_that_is_too_small_or_large_is_refused(
-    check_refused: Callable[[Path, bytes | str, str], None], name: str, tmp_path: Path
-) -> None:
+def test_a_count_that_is_too_small_or_large_is_refused(name, tmp_path):
     check_refused(tmp_path / name, *COUNTS[name])
 
 
@@ -330,9 +327,7 @@ UNREAD = {
 
 
 @pytest.mark.parametrize("name", UNREAD)
-def test_what_is_not_read_is_refused_by_its_name(
-    check_refused: Callable[[Path, bytes | str, str], None], name: str, tmp_path: Path
-) -> None:
+def test_what_is_not_read_is_refused_by_its_name(name, tmp_path):
     check_refused(tmp_path / name, *UNREAD[name])
 
 
@@ -363,7 +358,7 @@ LEFT_OUT = {
 
 
 @pytest.mark.parametrize("name", LEFT_OUT)
-def test_what_is_no_face_is_left_out_and_told(name: str, tmp_path: Path) -> None:
+def test_what_is_no_face_is_left_out_and_told(name, tmp_path):
     data, faces, note = LEFT_OUT[name]
     (tmp_path / name).write_bytes(data)
     given = read_mesh_file(tmp_path / name)
@@ -373,7 +368,7 @@ def test_what_is_no_face_is_left_out_and_told(name: str, tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize(("mode", "named"), [(5, [4, 0, 2, 5, 1, 3]), (6, [4, 0, 2, 1, 3, 0])])
-def test_strips_and_fans_of_a_glb_are_triangles_that_face_outward(mode: int, named: list[int], tmp_path: Path) -> None:
+def test_strips_and_fans_of_a_glb_are_triangles_that_face_outward(mode, named, tmp_path):
     corners = np.array([[6.0, 0, 0], [-6, 0, 0], [0, 6, 0], [0, -6, 0], [0, 0, 6], [0, 0, -6]])[named]
     numbers = np.array([np.abs(V - corner).sum(axis=1).argmin() for corner in corners])
     (tmp_path / "a.glb").write_bytes(glb(len(named), named=numbers, mode=mode))
@@ -382,7 +377,7 @@ def test_strips_and_fans_of_a_glb_are_triangles_that_face_outward(mode: int, nam
     assert (np.linalg.det(mesh.vertices[mesh.faces]) > 0).all()
 
 
-def test_a_stated_unit_is_used_and_another_one_refused_where_it_makes_a_part(tmp_path: Path) -> None:
+def test_a_stated_unit_is_used_and_another_one_refused_where_it_makes_a_part(tmp_path):
     (tmp_path / "m.glb").write_bytes(glb())
     part = prepare_part(tmp_path / "m.glb", MeshJob(pits="keep"))
     assert part.units == "m"
@@ -403,7 +398,7 @@ def nrrd(directions: str, units: str = "", sizes: str = "12 12 12", pad: int = 1
     return head.encode() + np.pad(np.ones((10, 10, 10), np.uint8), pad).tobytes()
 
 
-def test_a_label_map_is_read_in_the_unit_that_it_states(tmp_path: Path) -> None:
+def test_a_label_map_is_read_in_the_unit_that_it_states(tmp_path):
     pytest.importorskip("SimpleITK")
     micrometres = "(1000,0,0) (0,1000,0) (0,0,1000)"
     (tmp_path / "um.nrrd").write_bytes(nrrd(micrometres, 'space units: "um" "um" "um"\n'))
@@ -418,7 +413,7 @@ def test_a_label_map_is_read_in_the_unit_that_it_states(tmp_path: Path) -> None:
         prepare_part(tmp_path / "odd.nrrd", MeshJob())
 
 
-def test_a_sheared_label_map_is_refused(tmp_path: Path) -> None:
+def test_a_sheared_label_map_is_refused(tmp_path):
     itk = pytest.importorskip("SimpleITK")
     told = r"axes of voxels are 3\.00 deg from perpendicular \(a tilted gantry\): resample"
     (tmp_path / "a.nrrd").write_bytes(nrrd("(1,0,0) (0,1,0) (0,0.05240778,1)"))
@@ -444,7 +439,7 @@ UNSTATED = {
 
 
 @pytest.mark.parametrize("name", UNSTATED)
-def test_an_nrrd_without_its_voxels_size_or_in_left_handed_axes_is_refused(name: str, tmp_path: Path) -> None:
+def test_an_nrrd_without_its_voxels_size_or_in_left_handed_axes_is_refused(name, tmp_path):
     pytest.importorskip("SimpleITK")
     text = nrrd("(1,0,0) (0,1,0) (0,0,1)")
     for line in (STATED[0] + "\n", *STATED[1:]):
@@ -465,9 +460,7 @@ def test_an_nrrd_without_its_voxels_size_or_in_left_handed_axes_is_refused(name:
         (280, (2, 0, 0, 0, 0, 2, 0, 0, 0, 0, 2, 0), "voxels of 1 x 1 x 1 by pixdim and 2 x 2 x 2"),
     ],
 )
-def test_a_nifti_with_two_sizes_of_a_voxel_is_refused(
-    at: int, values: tuple[float, ...], told: str, tmp_path: Path
-) -> None:
+def test_a_nifti_with_two_sizes_of_a_voxel_is_refused(at, values, told, tmp_path):
     itk = pytest.importorskip("SimpleITK")
     itk.WriteImage(itk.GetImageFromArray(np.pad(np.ones((10, 10, 10), np.uint8), 1)), str(tmp_path / "a.nii"))
     data = bytearray((tmp_path / "a.nii").read_bytes())
@@ -488,7 +481,7 @@ ENCODED: dict[str, Callable[[bytes], bytes]] = {
 
 @pytest.mark.parametrize("slices", [6, 11, 12, 13, 24])
 @pytest.mark.parametrize("encoding", [*ENCODED, "nii", "nii.gz", "scaled.nii"])
-def test_a_label_map_has_the_voxels_that_its_header_tells_of(encoding: str, slices: int, tmp_path: Path) -> None:
+def test_a_label_map_has_the_voxels_that_its_header_tells_of(encoding, slices, tmp_path):
     itk = pytest.importorskip("SimpleITK")
     if encoding in ENCODED:
         file = tmp_path / "a.nrrd"
@@ -511,7 +504,7 @@ def test_a_label_map_has_the_voxels_that_its_header_tells_of(encoding: str, slic
             label_surface(file, 0, smooth=False)
 
 
-def test_a_label_map_in_two_files_or_with_an_offset_that_is_no_number_is_refused(tmp_path: Path) -> None:
+def test_a_label_map_in_two_files_or_with_an_offset_that_is_no_number_is_refused(tmp_path):
     itk = pytest.importorskip("SimpleITK")
     (tmp_path / "a.nrrd").write_bytes(nrrd(SQUARE, "data file: a.raw\n"))
     with pytest.raises(FileError, match="keeps its voxels in another file: save it as one NRRD"):
@@ -525,7 +518,7 @@ def test_a_label_map_in_two_files_or_with_an_offset_that_is_no_number_is_refused
 
 
 @pytest.mark.parametrize("name", ["lines.obj", "modifier.3mf", "unplaced.glb"])
-def test_what_cannot_be_told_is_not_left_out(name: str, tmp_path: Path) -> None:
+def test_what_cannot_be_told_is_not_left_out(name, tmp_path):
     data, _, note = LEFT_OUT[name]
     (tmp_path / name).write_bytes(data)
     with pytest.raises(FileError, match=f"{name}: holds {note.removeprefix('left out of its file: ')}, which would be"):

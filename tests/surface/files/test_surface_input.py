@@ -1,31 +1,34 @@
-"""Parts that come as a surface."""
+"""Parts that come as a surface.
+
+A filter script that a part's mesh goes through first.
+"""
 
 import time
-from collections.abc import Callable
 from pathlib import Path
 
+import igl
 import numpy as np
 import pytest
-from numpy import ndarray
+from tsplines import SECTION_POLES, bone_like, samples, sections, write_rows
 
-from bonecam.errors import FileError, SurfaceError, UnitsError
+from bonecam.errors import FileError, FilterError, JobError, SurfaceError, UnitsError
+from bonecam.job import Job
+from bonecam.mesh import TriangleMesh, write_mesh
+from bonecam.surface import Deviation, Fit, TSpline, read_tsm, save_surface, write_tsm
 from bonecam.surface.files.surface_input import (
     closed_mesh,
     holds_surface,
     machined_surface,
     move_with_part,
+    read_part,
     read_surface,
+    refuse_changes,
     reverse_parameters,
 )
-from bonecam.surface.files.tspline_text import check_target, read_tsm, save_surface, write_tsm
-from bonecam.surface.fitting import Deviation
-from bonecam.surface.growth import Fit
-from bonecam.surface.tspline import TSpline
+from bonecam.surface.files.tspline_text import check_target
 
 
-def test_turning_a_surface_reverses_both_parameters_and_nothing_else(
-    bone_like: Callable[..., TSpline], samples: Callable[..., tuple[ndarray, ndarray]]
-) -> None:
+def test_turning_a_surface_reverses_both_parameters_and_nothing_else():
     surface = bone_like(9, 7, 4)
     s, t = samples(2000)
     np.testing.assert_allclose(
@@ -34,10 +37,10 @@ def test_turning_a_surface_reverses_both_parameters_and_nothing_else(
     assert reverse_parameters(surface).volume == pytest.approx(surface.volume, rel=1e-12)
 
 
-def test_rows_in_metres_are_skinned_in_mm_and_their_deviation_is_told(
-    write_rows: Callable[..., Path], poles: ndarray, sections: Callable[..., list[ndarray]], tmp_path: Path
-) -> None:
-    file = write_rows([row / 1000 for row in [poles[:1], *sections(6, 16), poles[1:]]], tmp_path / "rows.csv")
+def test_rows_in_metres_are_skinned_in_mm_and_their_deviation_is_told(tmp_path):
+    file = write_rows(
+        [row / 1000 for row in [SECTION_POLES[:1], *sections(6, 16), SECTION_POLES[1:]]], tmp_path / "rows.csv"
+    )
     assert holds_surface(file)
     found = read_surface(file, 1000.0, 0.05, 450)
     assert found.reached
@@ -45,7 +48,7 @@ def test_rows_in_metres_are_skinned_in_mm_and_their_deviation_is_told(
     assert found.surface.volume == pytest.approx(4 / 3 * np.pi * 4 * 3 * 9, rel=0.05)
 
 
-def test_a_saved_surface_comes_back_as_it_was(bone_like: Callable[..., TSpline], tmp_path: Path) -> None:
+def test_a_saved_surface_comes_back_as_it_was(tmp_path):
     surface = bone_like(9, 7, 4)
     save_surface(surface, tmp_path / "a.tspline")
     found = read_surface(tmp_path / "a.tspline", 1.0, 0.1, 450)
@@ -53,7 +56,7 @@ def test_a_saved_surface_comes_back_as_it_was(bone_like: Callable[..., TSpline],
     assert found.deviation.max == 0
 
 
-def test_a_surface_that_no_mesh_follows_is_refused_with_its_file(bone_like: Callable[..., TSpline]) -> None:
+def test_a_surface_that_no_mesh_follows_is_refused_with_its_file():
     surface = bone_like(9, 7, 4)
     weights = surface.weights.copy()
     weights[len(weights) // 3] = 1e12
@@ -65,9 +68,7 @@ def test_a_surface_that_no_mesh_follows_is_refused_with_its_file(bone_like: Call
 
 
 @pytest.mark.parametrize("far", [900.0, 2000.0])
-def test_a_surface_that_would_take_minutes_to_mesh_is_refused_at_once(
-    far: float, bone_like: Callable[..., TSpline]
-) -> None:
+def test_a_surface_that_would_take_minutes_to_mesh_is_refused_at_once(far):
     surface = bone_like(9, 7, 4)
     points = surface.control_points.copy()
     points[len(points) // 3, 2] = far
@@ -77,7 +78,7 @@ def test_a_surface_that_would_take_minutes_to_mesh_is_refused_at_once(
     assert time.process_time() < began + 5.0
 
 
-def test_a_surface_that_is_put_upside_down_runs_from_the_lower_pole_again(bone_like: Callable[..., TSpline]) -> None:
+def test_a_surface_that_is_put_upside_down_runs_from_the_lower_pole_again():
     given = bone_like(9, 7, 4)
     upside_down = np.diag([1.0, -1.0, -1.0, 1.0])
     upside_down[:3, 3] = [1, 2, 30]
@@ -87,16 +88,10 @@ def test_a_surface_that_is_put_upside_down_runs_from_the_lower_pole_again(bone_l
     assert surface.volume == pytest.approx(given.volume, rel=1e-12)
 
 
-def test_what_encloses_no_part_is_refused(
-    bone_like: Callable[..., TSpline],
-    write_rows: Callable[..., Path],
-    sections: Callable[..., list[ndarray]],
-    poles: ndarray,
-    tmp_path: Path,
-) -> None:
+def test_what_encloses_no_part_is_refused(tmp_path):
     surface = bone_like()
     write_rows(sections(), tmp_path / "open.csv")
-    write_rows([poles[:1], *sections(4, 12), poles[1:]], tmp_path / "many.csv")
+    write_rows([SECTION_POLES[:1], *sections(4, 12), SECTION_POLES[1:]], tmp_path / "many.csv")
     write_tsm(surface, tmp_path / "bone.tspline")
     write_tsm(bone_like(poles=False), tmp_path / "tube.tspline")
     write_tsm(surface.with_control_points(surface.control_points * [1, -1, 1]), tmp_path / "inward.tspline")
@@ -115,7 +110,7 @@ def test_what_encloses_no_part_is_refused(
         read_surface(tmp_path / "inward.tspline", 1000.0, 0.1, 450)
 
 
-def test_the_ending_decides_what_is_written(bone_like: Callable[..., TSpline], tmp_path: Path, shared: Path) -> None:
+def test_the_ending_decides_what_is_written(tmp_path, shared):
     pytest.importorskip("OCP", reason="OpenCASCADE's wheel is not installed: pip install 'bonecam[cad]'")
     surface = bone_like(7, 5, 1)
     for name, head in (
@@ -132,7 +127,7 @@ def test_the_ending_decides_what_is_written(bone_like: Callable[..., TSpline], t
     assert (tmp_path / "b.tsm").read_text().startswith("#TS0200")
 
 
-def test_a_name_that_fits_no_form_is_refused_before_the_work(bone_like: Callable[..., TSpline], tmp_path: Path) -> None:
+def test_a_name_that_fits_no_form_is_refused_before_the_work(tmp_path):
     with pytest.raises(FileError, match=r"unknown ending '\.prt'"):
         check_target(tmp_path / "a.prt")
     with pytest.raises(FileError, match=r"have no \.tsm form: end the name in \.tspline"):
@@ -140,7 +135,7 @@ def test_a_name_that_fits_no_form_is_refused_before_the_work(bone_like: Callable
     assert not list(tmp_path.iterdir())
 
 
-def test_a_tsm_is_machined_in_the_unit_that_it_states(shared: Path, tmp_path: Path) -> None:
+def test_a_tsm_is_machined_in_the_unit_that_it_states(shared, tmp_path):
     text = (shared / "tspline" / "tsm" / "simple.tsm").read_text()
     sizes = []
     for unit in ("millimeters", "inches"):
@@ -150,3 +145,59 @@ def test_a_tsm_is_machined_in_the_unit_that_it_states(shared: Path, tmp_path: Pa
     (tmp_path / "a.tsm").write_text(text.replace("units 0.001 millimeters", ""))
     with pytest.raises(FileError, match=r"a\.tsm: its unit '\?' is not known: state one of millimeters"):
         machined_surface(tmp_path / "a.tsm", "stated", 0.1)
+
+
+SMOOTH = """<!DOCTYPE FilterScript>
+<FilterScript>
+ <filter name="Transform: Scale, Normalize">
+  <Param name="axisX" type="RichFloat" value="2"/>
+  <Param name="axisY" type="RichFloat" value="2"/>
+  <Param name="axisZ" type="RichFloat" value="2"/>
+ </filter>
+</FilterScript>
+"""
+COPY = '<!DOCTYPE FilterScript>\n<FilterScript>\n <filter name="Duplicate Current layer"/>\n</FilterScript>\n'
+
+
+@pytest.fixture
+def ball(tmp_path):
+    vertices, faces = igl.icosahedron()
+    for _ in range(3):
+        vertices, faces = igl.upsample(vertices, faces)
+        vertices /= np.linalg.norm(vertices, axis=1, keepdims=True)
+    write_mesh(TriangleMesh(10 * vertices * [1, 1, 1.4], faces.astype(np.int32)), tmp_path / "ball.ply")
+    return tmp_path / "ball.ply"
+
+
+def job_of(file: Path, text: str) -> Job:
+    file.write_text(text)
+    return Job(mesh={"script": str(file)})
+
+
+def test_the_part_is_what_the_script_leaves_of_the_mesh(ball, tmp_path):
+    plain, _ = read_part(ball, Job())
+    part, given = read_part(ball, job_of(tmp_path / "s.mlx", SMOOTH))
+    assert given is None
+    assert part.file == str(ball)
+    assert part.given.volume == pytest.approx(8 * plain.given.volume, rel=1e-5)
+    assert any("s.mlx" in note for note in part.notes)
+
+
+def test_a_mesh_in_memory_goes_through_the_script_too(ball, tmp_path):
+    mesh = read_part(ball, Job())[0].given
+    part, _ = read_part(mesh, job_of(tmp_path / "s.mlx", SMOOTH))
+    assert part.given.volume == pytest.approx(8 * mesh.volume, rel=1e-5)
+
+
+def test_a_script_that_leaves_two_meshes_is_refused(ball, tmp_path):
+    with pytest.raises(FilterError, match=r"s.mlx: leaves 2 layers with faces: let it end"):
+        read_part(ball, job_of(tmp_path / "s.mlx", COPY))
+
+
+def test_a_script_that_is_not_there_or_does_not_fit_is_named(ball, tmp_path):
+    with pytest.raises(FileError, match=r"no.mlx"):
+        read_part(ball, Job(mesh={"script": str(tmp_path / "no.mlx")}))
+    with pytest.raises(FilterError, match=r"s.mlx, line 3"):
+        read_part(ball, job_of(tmp_path / "s.mlx", COPY.replace("Duplicate", "Triplicate")))
+    with pytest.raises(JobError, match=r"mesh.*script"):
+        refuse_changes(job_of(tmp_path / "s.mlx", SMOOTH).mesh, "a.tsm")

@@ -1,17 +1,26 @@
-"""General T-meshes in .tsm files: round trips, files of Fusion, and broken ones."""
+"""General T-meshes in .tsm files: round trips, files of Fusion, and broken ones.
 
-from collections.abc import Callable
+Bezier extraction files: partition of unity, round trips, broken files.
+
+The text form of a row-structured T-spline.
+
+Damaged surface files: whatever bytes change, the reader raises a typed error or gives a surface that can
+be evaluated.
+"""
+
+import random
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from tsplines import bone_like, grid, inner_samples, random_tspline, torus_text, with_damage
 
 from bonecam.errors import FileError, SurfaceError
+from bonecam.surface import TMesh, TSpline, read_iga, read_tsm, write_iga, write_tsm
+from bonecam.surface.files.iga import raise_degree
+from bonecam.surface.files.rows_file import rows_text
 from bonecam.surface.files.tsm import tsm_text, with_mirrored_borders
-from bonecam.surface.files.tspline_text import read_tsm, write_tsm
-from bonecam.surface.tmesh import TMesh
-from bonecam.surface.tspline import TSpline
 
 MODELS = ("simple", "fan", "Bike", "mouse", "face", "gearbox2-9")
 ARRAYS = ("s_lines", "t_lines", "vertices", "along_s", "along_t", "inside")
@@ -19,7 +28,7 @@ ARRAYS = ("s_lines", "t_lines", "vertices", "along_s", "along_t", "inside")
 
 @pytest.mark.parametrize("homogeneous", [False, True])
 @pytest.mark.parametrize("name", MODELS)
-def test_a_tsm_round_trip_is_bit_equal(shared: Path, tmp_path: Path, name: str, homogeneous: bool) -> None:
+def test_a_tsm_round_trip_is_bit_equal(shared, tmp_path, name, homogeneous):
     first = read_tsm(shared / "tspline" / "tsm" / f"{name}.tsm", homogeneous=homogeneous)
     write_tsm(first, tmp_path / "a.tsm", homogeneous=homogeneous)
     again = read_tsm(tmp_path / "a.tsm", homogeneous=homogeneous)
@@ -31,9 +40,8 @@ def test_a_tsm_round_trip_is_bit_equal(shared: Path, tmp_path: Path, name: str, 
     assert (tmp_path / "a.tsm").read_bytes() == (tmp_path / "b.tsm").read_bytes()
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "match"),
-    [
+BROKEN = {
+    "tsm/simple.tsm": [
         ("#TS0200", "#TS9900", "first line"),
         ("l 11 14 1 0 0 0 0", "l 11 14 1 0 0 0", "line 29"),
         ("l 11 14 1 0 0 0 0", "l 11 14 99 0 0 0 0", "l 0: link 99 does not exist"),
@@ -51,15 +59,30 @@ def test_a_tsm_round_trip_is_bit_equal(shared: Path, tmp_path: Path, name: str, 
         ("degree 3", "degree 4", "degree '4'"),
         ("degree 3", "degree", "degree ''"),
     ],
-)
-def test_a_broken_tsm_names_the_record(
-    damaged: Callable[..., Path], shared: Path, tmp_path: Path, old: str, new: str, match: str
-) -> None:
+    "iga/square_structured.iga": [
+        ("type plane", "type volume", "line 12: type"),
+        ("nodeN 25", "nodeN 26", "announces"),
+        ("node 0 0 0 1\n", "node 0 0 0 0\n", "node 0: weight 0"),
+        ("node 0 0 0 1\n", "node 0 0 1\n", "expected 4"),
+        ("node 0 0 0 1\n", "node 0 0 0 1_0\n", "'1_0' is not a number"),
+        ("belem 16 3 3", "belem 15 3 3", "expected 15"),
+        ("1 2 3 5 6 7 9", "1 2 3 5 6 7 99", "names function 99"),
+        ("1 2 3 5 6 7 9", "1 2 3 5 6 7 7", "different from one another"),
+        ("1 2 3 5 6 7 9", "1 2 3 5 6 7 1e20", r"line \d+: .*where a number should stand \('1e20'"),
+        ("node 0 0 0 1\n", "nod 0 0 0 1\n", "unknown record 'nod'"),
+    ],
+}
+
+
+@pytest.mark.parametrize(("name", "change"), [(name, change) for name, changes in BROKEN.items() for change in changes])
+def test_a_broken_file_names_the_record(shared, tmp_path, name, change):
+    old, new, match = change
+    read = read_tsm if name.endswith("tsm") else read_iga
     with pytest.raises(FileError, match=match):
-        read_tsm(damaged(shared / "tspline" / "tsm" / "simple.tsm", tmp_path, old, new))
+        read(with_damage(shared / "tspline" / name, tmp_path, old, new))
 
 
-def test_a_fusion_torus_is_closed_both_ways(torus_text: Callable[..., str], tmp_path: Path) -> None:
+def test_a_fusion_torus_is_closed_both_ways(tmp_path):
     (tmp_path / "torus.tsm").write_text(torus_text())
     surface = read_tsm(tmp_path / "torus.tsm", to_mm=True)
     assert surface.tmesh.period == (5.0, 6.0)
@@ -73,7 +96,7 @@ def test_a_fusion_torus_is_closed_both_ways(torus_text: Callable[..., str], tmp_
     assert again.tmesh.period == surface.tmesh.period
 
 
-def test_a_closed_direction_of_three_knots_is_refused(torus_text: Callable[..., str], tmp_path: Path) -> None:
+def test_a_closed_direction_of_three_knots_is_refused(tmp_path):
     (tmp_path / "thin.tsm").write_text(torus_text(3, 6))
     with pytest.raises(FileError, match="3 distinct knots"):
         read_tsm(tmp_path / "thin.tsm")
@@ -82,7 +105,7 @@ def test_a_closed_direction_of_three_knots_is_refused(torus_text: Callable[..., 
         read_tsm(tmp_path / "odd.tsm", to_mm=True)
 
 
-def test_a_border_without_its_control_points_is_refused(shared: Path, tmp_path: Path) -> None:
+def test_a_border_without_its_control_points_is_refused(shared, tmp_path):
     lines = (shared / "tspline" / "tsm" / "simple.tsm").read_text().splitlines()
     grips = [line for line in lines if line.startswith("0g ")]
     plain = [line for line in lines if not line.startswith(("0m", "0g", "ec"))]
@@ -94,7 +117,7 @@ def test_a_border_without_its_control_points_is_refused(shared: Path, tmp_path: 
         read_tsm(tmp_path / "short.tsm")
 
 
-def fusion_patch(grid: Callable[..., TMesh], points: np.ndarray, ends: str = "SUBD_CREASES") -> str:
+def fusion_patch(points: np.ndarray, ends: str = "SUBD_CREASES") -> str:
     """An open grid of control points (a, b, 3) the way Fusion writes it: no 0m records, one 0g a vertex."""
     a, b = points.shape[:2]
     text = tsm_text(TSpline(grid(np.arange(float(a)), np.arange(float(b))), points.reshape(-1, 3), np.ones(a * b)))
@@ -117,11 +140,9 @@ def limit(points: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("shape", [(5, 4), (3, 6), (2, 2)])
-def test_an_open_fusion_border_is_that_of_the_subdivision_surface(
-    grid: Callable[..., TMesh], tmp_path: Path, shape: tuple[int, int]
-) -> None:
+def test_an_open_fusion_border_is_that_of_the_subdivision_surface(tmp_path, shape):
     points = np.random.default_rng(3).normal(size=(*shape, 3))
-    (tmp_path / "open.tsm").write_text(fusion_patch(grid, points))
+    (tmp_path / "open.tsm").write_text(fusion_patch(points))
     surface = read_tsm(tmp_path / "open.tsm")
     assert np.array_equal(surface.control_points[: points.size // 3], points.reshape(-1, 3))
     finer = subdivided(subdivided(points).swapaxes(0, 1)).swapaxes(0, 1)
@@ -133,9 +154,9 @@ def test_an_open_fusion_border_is_that_of_the_subdivision_surface(
     assert len(surface.tessellate(0.05).faces)
 
 
-def test_other_open_fusion_borders_are_refused(grid: Callable[..., TMesh], tmp_path: Path) -> None:
+def test_other_open_fusion_borders_are_refused(tmp_path):
     points = np.random.default_rng(3).normal(size=(5, 4, 3))
-    (tmp_path / "open.tsm").write_text(fusion_patch(grid, points, "MULTIPLE_KNOTS"))
+    (tmp_path / "open.tsm").write_text(fusion_patch(points, "MULTIPLE_KNOTS"))
     with pytest.raises(FileError, match="all functions vanish"):
         read_tsm(tmp_path / "open.tsm")
     mesh = grid(np.arange(5.0), np.arange(4.0))
@@ -152,7 +173,7 @@ def test_other_open_fusion_borders_are_refused(grid: Callable[..., TMesh], tmp_p
             with_mirrored_borders(replace(mesh, **changed), values)
 
 
-def test_wrong_grids_are_refused(grid: Callable[..., TMesh]) -> None:
+def test_wrong_grids_are_refused():
     lines = np.array([0.0, 0, 1, 2, 2])
     mesh = grid(lines, lines)
     parts = [mesh.s_lines, mesh.t_lines, mesh.vertices, mesh.along_s, mesh.along_t, mesh.inside]
@@ -176,3 +197,208 @@ def test_wrong_grids_are_refused(grid: Callable[..., TMesh]) -> None:
         grid(np.arange(3.0), lines, (3.0, 0.0))
     with pytest.raises(SurfaceError, match="period"):
         grid(np.arange(5.0), lines, (4.0, 0.0))
+
+
+NAMES = ("arch_nurbs", "arch_tsplines", "plate_with_hole", "square_structured", "square_unstructured")
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_columns_sum_to_one_but_near_the_extraordinary_point(shared, name):
+    elements = read_iga(shared / "tspline" / "iga" / f"{name}.iga").elements()
+    sums = np.add.reduceat(elements.coefficients, elements.starts[:-1], axis=0)
+    worst = np.abs(sums - 1).max(axis=1)
+    if name == "square_unstructured":
+        assert elements.degree == 4
+        assert 5.1e-3 < worst.max() < 5.3e-3
+        assert (worst > 1e-12).sum() <= 24
+    else:
+        assert worst.max() <= 1e-12
+
+
+def test_quartic_derivatives_agree_with_finite_differences(shared):
+    surface = read_iga(shared / "tspline" / "iga" / "square_unstructured.iga")
+    s, t = inner_samples(surface, 1, 300)
+    s, t, h = np.floor(s) + 0.01 + 0.98 * (s % 1), 0.01 + 0.98 * t, 1e-5
+    _, Ss, St, Sss, Sst, Stt = surface.evaluate(s, t, 2)
+    right, left, up, down = (surface.evaluate(s + a, t + b, 1) for a, b in ((h, 0), (-h, 0), (0, h), (0, -h)))
+    for exact, ahead, back in (
+        (Ss, right[0], left[0]),
+        (St, up[0], down[0]),
+        (Sss, right[1], left[1]),
+        (Sst, up[1], down[1]),
+        (Stt, up[2], down[2]),
+    ):
+        np.testing.assert_allclose((ahead - back) / (2 * h), exact, atol=1e-8)
+
+
+def test_raising_the_degree_changes_nothing():
+    surface = random_tspline(3)
+    elements = surface.elements()
+    high = raise_degree(elements.coefficients.reshape(-1, 4, 4), 5).reshape(-1, 36)
+    finer = type(elements)(elements.boxes, elements.starts, elements.functions, high)
+    s, t = inner_samples(surface, 2, 200)
+    patches = finer.patches(surface.control_points, surface.weights)
+    for a, b in zip(surface.evaluate(s, t, 2), finer.derivatives(patches, *finer.place(s, t), 2)):
+        np.testing.assert_allclose(a, b, atol=1e-11 * max(1.0, abs(a).max()))
+
+
+def test_a_round_trip_is_bit_equal(shared, tmp_path):
+    for first in (read_iga(shared / "tspline" / "iga" / "square_unstructured.iga"), random_tspline(5)):
+        write_iga(first, tmp_path / "a.iga")
+        again = read_iga(tmp_path / "a.iga")
+        assert again.control_points.tobytes() == first.control_points.tobytes()
+        assert again.weights.tobytes() == first.weights.tobytes()
+        assert again.elements().coefficients.tobytes() == first.elements().coefficients.tobytes()
+        assert again.elements().functions.tobytes() == first.elements().functions.tobytes()
+        assert again.area == pytest.approx(first.area, rel=1e-12)
+
+
+def test_what_needs_a_chart_or_cubics_says_so(shared):
+    surface = read_iga(shared / "tspline" / "iga" / "square_unstructured.iga")
+    with pytest.raises(SurfaceError, match="degree 4"):
+        surface.project(np.zeros((1, 3)))
+    assert surface.diagnose().kind == "non-standard"
+
+
+def test_a_round_trip_of_rows_is_bit_equal(tmp_path):
+    surface = bone_like(9, 7, 5)
+    write_tsm(surface, tmp_path / "a.tsr")
+    again = read_tsm(tmp_path / "a.tsr")
+    assert again.control_points.tobytes() == surface.control_points.tobytes()
+    assert again.weights.tobytes() == surface.weights.tobytes()
+    assert again.tmesh.t_knots.tobytes() == surface.tmesh.t_knots.tobytes()
+    assert [row.tobytes() for row in again.tmesh.s_knots] == [row.tobytes() for row in surface.tmesh.s_knots]
+    assert rows_text(again) == rows_text(surface)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line"),
+    [
+        ("#bonecam-tspline 1", "solid bone", 1),
+        ("degree 3", "degree 2", 2),
+        ("row 1 6", "row 2 6", 7),
+        ("row 1 6", "row 1 x", 7),
+        ("row 0 1\n0.0 ", "row 0 1\nnan ", 6),
+        ("row 0 1\n0.0 ", "row 0 1\n0_0 ", 6),
+        ("row 0 1\n0.0 ", "row 0 1\n0.0 1.0 ", 6),
+        ("\nend\n", "\n", 43),
+        ("\nend\n", "\nend\nrow 7 1\n", 45),
+    ],
+)
+def test_a_broken_file_is_refused_with_its_line(tmp_path, old, new, line):
+    text = rows_text(bone_like(7, 6, spread=0.0))
+    assert old in text
+    (tmp_path / "bad.tsr").write_text(text.replace(old, new))
+    with pytest.raises(FileError) as caught:
+        read_tsm(tmp_path / "bad.tsr")
+    assert caught.value.evidence["line"] == line
+
+
+def test_decreasing_knots_and_bad_weights_are_refused(tmp_path):
+    surface = bone_like(7, 6, spread=0.0)
+    text = rows_text(surface)
+    (tmp_path / "bad.tsr").write_text(text.replace(" 1.0\nrow 2", " -1.0\nrow 2"))
+    with pytest.raises(FileError, match="weight"):
+        read_tsm(tmp_path / "bad.tsr")
+    first, second = (repr(float(k)) for k in surface.tmesh.s_knots[1][:2])
+    (tmp_path / "bad.tsr").write_text(text.replace(f"\n{second} ", f"\n{first} ", 1))
+    with pytest.raises(FileError, match="row 1"):
+        read_tsm(tmp_path / "bad.tsr")
+    with pytest.raises(FileError, match="cannot be read"):
+        read_tsm(tmp_path / "absent.tsr")
+    assert np.isfinite(surface.control_points).all()
+
+
+WORDS = (
+    b"nan",
+    b"inf",
+    b"-1",
+    b"1e308",
+    b"-1e308",
+    b"1e-320",
+    b"0",
+    b"99999999999999999999",
+    b"",
+    b"-5",
+    b"7",
+    b"0x10",
+    b"\xff",
+)
+SIGNS = b"0123456789-. e\n"
+
+
+def damaged(data: bytes, rng: random.Random) -> bytes:
+    """One to five changes: a byte, a sign, a hole, something put in, a line in another's place, a word."""
+    for _ in range(rng.choice((1, 1, 1, 2, 5))):
+        k, kind = rng.randrange(len(data)), rng.randrange(6)
+        if kind < 2:
+            data = data[:k] + bytes([rng.randrange(256) if kind else rng.choice(SIGNS)]) + data[k + 1 :]
+        elif kind == 2:
+            data = data[:k] + data[k + rng.choice((1, 1, 5, 100)) :] or b" "
+        elif kind == 3:
+            data = data[:k] + bytes(rng.choice(SIGNS) for _ in range(rng.choice((1, 2, 8)))) + data[k:]
+        else:
+            mark = b"\n" if kind == 4 else b" "
+            parts = data.split(mark)
+            parts[rng.randrange(len(parts))] = rng.choice(parts) if kind == 4 else rng.choice(WORDS)
+            data = mark.join(parts)
+    return data
+
+
+def outcome(data: bytes, path: Path, seed: int) -> bool:
+    """Whether the file is read; then 20 random points with second derivatives must be finite."""
+    path.write_bytes(data)
+    try:
+        surface: TSpline = (read_iga if path.suffix == ".iga" else read_tsm)(path)
+    except FileError:
+        return False
+    boxes = surface.elements().boxes
+    rng = np.random.default_rng(seed)
+    box, u = boxes[rng.integers(0, len(boxes), 20)], rng.random((2, 20))
+    found = surface.evaluate(box[:, 0] + (box[:, 1] - box[:, 0]) * u[0], box[:, 2] + (box[:, 3] - box[:, 2]) * u[1], 2)
+    assert all(np.isfinite(one).all() for one in found), f"seed {seed}"
+    return True
+
+
+def survive(originals: list[Path], folder: Path, seeds: range) -> float:
+    """The part of the damaged files that is still read."""
+    read = 0
+    for seed in seeds:
+        original = originals[seed % len(originals)]
+        read += outcome(damaged(original.read_bytes(), random.Random(seed)), folder / f"damaged{original.suffix}", seed)
+    return read / len(seeds)
+
+
+def test_of_a_thousand_damaged_files_none_gives_more_than_an_error_or_a_surface(tmp_path):
+    write_tsm(random_tspline(1), tmp_path / "a.tsm")
+    write_tsm(random_tspline(2, closed=True), tmp_path / "b.tsm")
+    write_tsm(bone_like(6, 5, 1), tmp_path / "c.tspline")
+    write_iga(bone_like(4, 4, 1), tmp_path / "d.iga")
+    originals = sorted(tmp_path.iterdir())
+    assert 0.05 < survive(originals, tmp_path, range(1000)) < 0.6
+
+
+@pytest.mark.slow
+def test_of_a_thousand_damaged_models_none_gives_more_than_an_error_or_a_surface(shared, tmp_path):
+    models = sorted(file for file in (shared / "tspline").glob("[ti]*/*.[ti]*") if file.suffix in (".tsm", ".iga"))
+    assert len(models) == 11
+    assert 0.05 < survive(models, tmp_path, range(1000)) < 0.6
+
+
+@pytest.mark.parametrize(
+    ("record", "match"),
+    [
+        ("0g 1e308 0 0 1", "size below"),
+        ("0g 0 0 0 1e-320", "weight 2 is not positive"),
+        ("0m gvp 99999999999999999999", "size below"),
+    ],
+)
+def test_numbers_that_would_overflow_are_refused(tmp_path, record, match):
+    write_tsm(random_tspline(1), tmp_path / "a.tsm")
+    lines = (tmp_path / "a.tsm").read_text().splitlines()
+    kind = record.split()[0]
+    places = [k for k, line in enumerate(lines) if line.startswith(f"{kind} ")]
+    lines[places[2]] = record
+    (tmp_path / "a.tsm").write_text("\n".join(lines))
+    with pytest.raises(FileError, match=match):
+        read_tsm(tmp_path / "a.tsm")
