@@ -1,23 +1,30 @@
-"""What rest paths promise: no ball of theirs, nor of the level's own path after them, is deeper than allowed."""
+"""What rest paths promise: no ball of theirs, nor of the level's own path after them, is deeper than allowed; they are
+cut from as few directions as reach them."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.spatial import KDTree
 from small_parts import FINISHING_CUTTER, HOLDING, ROUGHING_CUTTER, UPRIGHT_CAPSULE, level_of, path_of, pebble
 
+from bonecam.arrays import angles_between
 from bonecam.job import PathJob
 from bonecam.levels import StockLevel
 from bonecam.levels.measure import NO_CUT
+from bonecam.machine.limits import MachineLimits
 from bonecam.material import remove_material, uncut_material
 from bonecam.mesh import MeshDistance
 from bonecam.planning import candidate_contacts, contact_path
+from bonecam.planning.axes.tool_axes import WantedAxes
+from bonecam.planning.collision import CollisionChecker
 from bonecam.planning.contacts import UNCERTAIN, DepthLimits
-from bonecam.planning.rest_machining import ENTRY, RestMachining, _step, after_steps, too_deep
+from bonecam.planning.rest_machining import ENTRY, RestMachining, _step, after_steps, held_axes, too_deep
 from bonecam.setup import Capsule
 from bonecam.tool import MoveKind
-from bonecam.workholding import post_below
+from bonecam.tool.path import ContactPath
+from bonecam.workholding import Clamping, post_below
 
 LIMIT = 0.11
 SCALLOP = 0.03
@@ -202,3 +209,74 @@ def test_a_pass_ends_before_a_ridge_that_its_ball_would_cut_through(rest):
 def test_there_is_no_rest_where_nothing_is_too_deep(roughed):
     _, candidates, material = roughed
     assert RestMachining([candidates], DepthLimits(1.0)).contacts(material) is None
+
+
+LIMITS = MachineLimits(np.radians(100.0), tilt_speed=100.0, turn_speed=100.0)
+COUNT = 5
+"""Contacts of a pass up a cylinder."""
+
+
+class Below(CollisionChecker):
+    """The tool is free but where its ball is beyond a height, mm."""
+
+    def __init__(self, highest=np.inf):
+        scene = SimpleNamespace(clamping=Clamping((), closed=False, clearance=1.0))
+        for name, value in (("cutter", ROUGHING_CUTTER), ("scene", scene), ("highest", highest)):
+            object.__setattr__(self, name, value)
+
+    def free_by_distance(self, centres, axes):
+        return centres[:, 2] < vars(self)["highest"]
+
+
+def four_passes():
+    """Passes up a cylinder about z, by turns on its two sides, each two at 20 degrees from another; and axes that lean
+    forward by an angle that grows along each."""
+    azimuths = np.radians([0, 180, 20, 200])
+    normals = np.repeat(np.column_stack([np.cos(azimuths), np.sin(azimuths), 0 * azimuths]), COUNT, axis=0)
+    heights = np.tile(50.0 + 0.5 * np.arange(COUNT), 4)
+    contacts = 5 * normals + heights[:, None] * [0, 0, 1]
+    flags = np.zeros(len(contacts), dtype=bool)
+    up = np.tile([0.0, 0.0, 1.0], (len(contacts), 1))
+    centres, passes = contacts + ROUGHING_CUTTER.radius * normals, np.repeat(np.arange(4), COUNT)
+    path = ContactPath(
+        *(0, ROUGHING_CUTTER, passes, contacts[:, :2], contacts, normals, up, centres, 0.0 * heights, flags),
+        *(np.zeros((0, 3)), ()),
+        rest=1,
+    )
+    leads = np.radians(np.tile(15.0 + 5 * np.arange(COUNT), 4))[:, None]
+    return path, WantedAxes(np.cos(leads) * normals + np.sin(leads) * up, ~flags)
+
+
+def test_each_side_is_cut_from_one_direction_and_then_the_other():
+    path, wanted = four_passes()
+    held, axes = held_axes(path, wanted, Below(), LIMITS, PathJob())
+    tilts = np.degrees(angles_between(axes.axes, held.normals))
+    assert tilts.min() >= PathJob().least_lead_deg - 1e-6
+    assert tilts.max() <= PathJob().max_tilt_deg + 1e-6
+    assert len(np.unique(axes.axes, axis=0)) == 2
+    assert (np.diff(axes.axes, axis=0) != 0).any(axis=1).sum() == 1
+    # the same passes, whole, in another order
+    assert (held.pass_index == path.pass_index).all()
+    assert sorted(map(tuple, held.contacts)) == sorted(map(tuple, path.contacts))
+    assert (np.diff(held.contacts[:, 2])[np.diff(held.pass_index) == 0] > 0).all()
+    assert not axes.certified.any()
+
+
+def test_a_pass_that_no_direction_reaches_keeps_its_axes():
+    path, wanted = four_passes()
+    third = path.pass_index == 2
+    raised = replace(path, centres=path.centres + 100.0 * third[:, None] * [0, 0, 1])
+    held, axes = held_axes(raised, wanted, Below(100.0), LIMITS, PathJob())
+    kept = held.centres[:, 2] > 100.0
+    np.testing.assert_array_equal(axes.axes[kept], wanted.axes[third])
+    assert axes.certified[kept].all()
+    assert not axes.certified[~kept].any()
+    assert len(np.unique(axes.axes[~kept], axis=0)) == 2
+
+
+def test_a_machine_that_has_few_axes_keeps_them():
+    path, wanted = four_passes()
+    narrow = MachineLimits(np.radians(90.0), np.radians(90.0))
+    held, axes = held_axes(path, wanted, Below(), narrow, PathJob())
+    assert held is path
+    assert axes is wanted
