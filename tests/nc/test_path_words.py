@@ -139,12 +139,12 @@ def test_a_machine_without_accelerations_or_seconds_tells_what_it_knows():
 def test_seconds_are_those_of_changes_starts_and_retracts():
     at_once = time_of(TWO_PATHS, replace(UCP, seconds=AT_ONCE)).whole
     for name, count in (("tool_change", 2), ("spindle_start", 2), ("retract", 2)):
-        slow = replace(UCP, seconds=replace(AT_ONCE, **{name: 30.0}))
+        slow = replace(UCP, seconds=AT_ONCE.model_copy(update={name: 30.0}))
         assert time_of(TWO_PATHS, slow).whole == pytest.approx(at_once + count * 30 / 60)
     # LinuxCNC retracts to a height that the program states, and a change by hand takes as long as it takes
-    slow = replace(XYZBC, seconds=replace(AT_ONCE, retract=30.0))
+    slow = replace(XYZBC, seconds=AT_ONCE.model_copy(update={"retract": 30.0}))
     assert time_of(TWO_PATHS, slow, "linuxcnc").whole == time_of(TWO_PATHS, XYZBC, "linuxcnc").whole
-    slow = replace(UCP, seconds=replace(AT_ONCE, tool_change=30.0))
+    slow = replace(UCP, seconds=AT_ONCE.model_copy(update={"tool_change": 30.0}))
     by_hand = time_of(TWO_PATHS, slow, tool_change="stop")
     assert by_hand.whole == pytest.approx(at_once)
     assert str(by_hand).endswith(" with changes but 2 by hand")
