@@ -44,8 +44,10 @@ def b_splines(rows: list[np.ndarray], tolerance: float) -> tuple[int, int]:
     control = control_curves(curves)
     reduction = Reduction(control.fine, control.candidates, False)
     points = list(_on_fine(curves, control.fine))
-    alone = np.unique(np.concatenate([reduction.least_of_all([section], tolerance)[0][0] for section in points]))
-    together = reduction.least_of_all([np.stack(points, axis=1)], tolerance)[0][0]
+    sections, stacked = (reduction.least_of_all(each, tolerance) for each in (points, [np.stack(points, axis=1)]))
+    assert sections is not None
+    assert stacked is not None
+    alone, (together, _) = np.unique(np.concatenate([knots for knots, _ in sections])), stacked[0]
     return len(rows) * (len(alone) + 4), len(rows) * (len(together) + 4)
 
 
