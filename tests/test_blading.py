@@ -1,6 +1,7 @@
 """A wheel from its turned blank: every channel and blade is cut, nothing collides, wrong wheels are refused."""
 
 import re
+from functools import wraps
 from types import SimpleNamespace
 
 import bonecam_meshes
@@ -191,19 +192,21 @@ def test_the_command_tells_a_wrong_wheel_in_one_line(files, made, capsys):
 
 
 def test_the_demo_s_wheel_is_the_impeller_that_ships(tmp_path, monkeypatch):
-    given: list[tuple] = []
-    monkeypatch.setattr(
-        bonecam, "blades", lambda *args, **named: given.append((args, named)) or SimpleNamespace(summary="made")
-    )
+    given: list[dict] = []
+    stand_in = wraps(bonecam.blades)(lambda **named: given.append(named) or SimpleNamespace(summary="made"))
+    monkeypatch.setattr(bonecam, "blades", stand_in)
     monkeypatch.chdir(tmp_path)
     page = str(tmp_path / "wheel.html")
     assert (
         main(["demo", "--impeller", "--html", page, "--controller", "siemens-840d", "--set", "nc.coolant=false"]) == 0
     )
-    ((blade_file, hub_file, count, obstacles, wheel_job), named) = given[0]
-    assert (blade_file, hub_file) == (bonecam_meshes.path("impeller_blade"), bonecam_meshes.path("impeller_hub"))
-    assert (count, obstacles) == (11, [])
-    assert wheel_job == bonecam.read_job(bonecam_meshes.job("impeller")).with_values(
+    (named,) = given
+    assert (named["blade"], named["hub"]) == (
+        bonecam_meshes.path("impeller_blade"),
+        bonecam_meshes.path("impeller_hub"),
+    )
+    assert (named["count"], named.get("obstacles", ())) == (11, ())
+    assert named["job"] == bonecam.read_job(bonecam_meshes.job("impeller")).with_values(
         nc={"controller": "siemens-840d", "coolant": False}
     )
     assert (named["program"], named["html"], named["mechanics"]) == ("impeller.mpf", page, True)
