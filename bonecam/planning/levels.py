@@ -225,7 +225,7 @@ def plan_paths(
         # where the finishing ball has left more than twice its scallop
         scallop = paths[-1].cutter.scallop
         allowed = DepthLimits(job.levels.finishing_depth, scallop, 2 * max(scallop, UNCERTAIN), step)
-        paths = _with_fine(paths, planning.paths(level_contacts, allowed, material, smooth)[0])
+        paths = _with_fine(paths, planning.paths(level_contacts, allowed, material, smooth, fine=True)[0])
     scene = planning.scene_of(part, flute_slack(job.path.gouge_tolerance), material)
     return *paths, *parting_paths(scene, job, limits)
 
@@ -262,12 +262,18 @@ class _Planning:
         )
 
     def paths(
-        self, level_contacts: LevelContacts, allowed: DepthLimits, material: InProcessStock, before: SmoothAxes | None
+        self,
+        level_contacts: LevelContacts,
+        allowed: DepthLimits,
+        material: InProcessStock,
+        before: SmoothAxes | None,
+        fine: bool = False,
     ) -> tuple[list[ToolPath], InProcessStock, SmoothAxes | None]:
         """The rest paths of a level and its own one, what stands after them, and the smooth axes of these; `before` are
-        those of the level before."""
+        those of the level before. Of a `fine` cutter also its own path is one of rests."""
         level = level_contacts.candidates.level
         scene = self.scene_of(level_contacts.distance, level_contacts.flute_slack, material)
+        checker = CollisionChecker(scene, level_contacts.candidates.cutter)
         contacts = contact_path(level_contacts.candidates, material, allowed)
         with ThreadPoolExecutor(1) as thread:
             patterns = None
@@ -279,12 +285,10 @@ class _Planning:
             def oriented(contacts: ContactPath) -> ToolPath:
                 job = self.job
                 wanted = smooth.wanted_for(contacts) if smooth is not None else None
-                if wanted is not None and (contacts.rest or contacts.cutter.name == "fine"):
-                    checker = CollisionChecker(scene, contacts.cutter)
+                if wanted is not None and (fine or contacts.rest):
                     contacts, wanted = held_axes(contacts, wanted, checker, self.limits, job.path)
                 fixed = None
                 if job.path.orientation == "published":
-                    checker = CollisionChecker(scene, contacts.cutter)
                     fixed = published_axes(contacts, level.surface, checker, self.limits, job.path)
                 return orient(
                     contacts,

@@ -145,6 +145,8 @@ def held_axes(
     directions = directions_within(limits)
     directions = directions[limits.allow(directions)]
     starts = np.flatnonzero(np.r_[True, np.diff(path.pass_index) != 0])
+    counts = np.diff(np.r_[starts, len(path.contacts)])
+    number = np.repeat(np.arange(len(starts)), counts)
     rows = np.split(np.arange(len(path.contacts)), starts[1:])
     steps = np.r_[0.0, np.linalg.norm(np.diff(path.centres, axis=0), axis=1)]
     steps[starts] = 0.0
@@ -158,33 +160,31 @@ def held_axes(
     axes, proven = wanted.axes.copy(), np.zeros(len(directions), dtype=bool)
     while (worth > 0).any():
         best = int(worth.sum(axis=0).argmax())
-        passes = np.flatnonzero(worth[:, best] > 0)
-        contacts = np.concatenate([rows[each] for each in passes])
+        contacts = np.flatnonzero(worth[number, best] > 0)
         if proven[best]:
             axes[contacts] = directions[best]
-            worth[passes] = 0.0
+            worth[number[contacts]] = 0.0
             continue
         proven[best] = True
         balls, tried = path.centres[contacts], np.tile(directions[best], (len(contacts), 1))
         free = has_room(tried, balls, checker.cutter, checker.scene.clamping)
         free[free] = checker.free_by_distance(balls[free], tried[free])
-        worth[passes[np.unique(np.repeat(np.arange(len(passes)), [len(rows[k]) for k in passes])[~free])], best] = 0.0
+        worth[number[contacts[~free]], best] = 0.0
 
     # from each pass to the one that is reached soonest
-    first, last = starts, np.r_[starts[1:], len(axes)] - 1
     order, left = [0], np.arange(1, len(starts))
     while len(left):
-        end = last[order[-1]]
-        away = np.linalg.norm(path.centres[first[left]] - path.centres[end], axis=1) / path.cutter.feed
-        turn = angles_between(axes[first[left]], np.tile(axes[end], (len(left), 1))) / limits.turn_speed
+        end, first = rows[order[-1]][-1], starts[left]
+        away = np.linalg.norm(path.centres[first] - path.centres[end], axis=1) / path.cutter.feed
+        turn = angles_between(axes[first], np.tile(axes[end], (len(left), 1))) / limits.turn_speed
         soonest = int((away + turn).argmin())
         order.append(int(left[soonest]))
         left = np.delete(left, soonest)
     turned = np.concatenate([rows[k] for k in order])
-    number = np.repeat(np.arange(len(order)), [len(rows[k]) for k in order])
+    passes = np.repeat(np.arange(len(order)), counts[order])
     certified = wanted.certified & (axes == wanted.axes).all(axis=1)
     cones = wanted.cones.at(turned) if wanted.cones else None
-    return replace(path.take(turned), pass_index=number), WantedAxes(axes[turned], certified[turned], cones)
+    return replace(path.take(turned), pass_index=passes), WantedAxes(axes[turned], certified[turned], cones)
 
 
 def _step(

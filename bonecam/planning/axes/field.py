@@ -373,8 +373,8 @@ class AxisEnergy:
     """The energy over n samples in the order of their passes.
 
     Move k leads from sample `moves[k]` to the next and takes `times[k]` (min) at the feed; `speeds` are those of
-    azimuth and polar angle, rad/min. `areas` (mm^2) of the samples weigh their bounds, all
-    alike where none are given; `facets` is the energy on those between all contacts.
+    azimuth and polar angle, rad/min. `areas` (mm^2) of the samples weigh their bounds, all alike where none are
+    given; `facets` is the energy on those between all contacts.
     """
 
     parameters: Float[ndarray, "n 2"]

@@ -9,9 +9,9 @@ Axes eased where the machine's rotary axes would hold up the cut.
 Where the tip hardly moves while the tool turns, a rotary axis at its speed limit holds the tip below the feed, and the
 ball rubs. A move is slow where its turn lets less than SHARE of the cutter's feed. Round slow moves the axes become
 their means over a stretch of the pass, which spreads the turn over the neighbours; stretches grow as long as slow moves
-are left. An axis is changed only where the machine reaches the new one, it leans from the normal by no more
-than is allowed and by no less than before or than the least lead, it stays in its cone if it was in one, and tool and
-moves are proven free. Rings round the post stay slow: there the table must turn once.
+are left. An axis is changed only where the machine reaches the new one, it leans from the normal by no more than is
+allowed and by no less than before or than the least lead, it stays in its cone if it was in one, and tool and moves are
+proven free. Rings round the post stay slow: there the table must turn once.
 
 FCL's word on the axes that no certified cone holds: the exact tool of each pose against level, material, post and
 clamping. What it does not find free is left out.
