@@ -5,12 +5,24 @@
     print(result.report["levels_lower_bound"], result.program.text[:80])
 
 `machine`, `tool`, `mesh`, `surface`, `workholding`, `setup`, `levels`, `material`, `mechanics`, `planning`, `nc`,
-`verify` and `report` are the stages, in the order of the flow; `study` compares strategies. Names load when first
-used; `__init__.pyi` lists them.
+`verify` and `report` are the stages, in the order of the flow. Names load when first used; `__init__.pyi` lists them.
+Plugins add names of their own (`bonecam.plugins`): `MeshSet`, `compare`, `post`, `blades`.
 """
+
+from typing import Any
 
 import lazy_loader
 
 __version__ = "0.1.0"
 
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+_own, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+
+
+def __getattr__(name: str) -> Any:
+    """A name of the stub, or one that a plugin adds."""
+    if name not in __all__:
+        from bonecam.plugins import added, added_names
+
+        if name in added_names("names"):
+            return added("names", name)
+    return _own(name)

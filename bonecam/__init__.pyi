@@ -1,4 +1,3 @@
-from . import filters as filters
 from . import levels as levels
 from . import machine as machine
 from . import material as material
@@ -8,17 +7,14 @@ from . import nc as nc
 from . import planning as planning
 from . import report as report
 from . import setup as setup
-from . import study as study
 from . import surface as surface
 from . import tool as tool
 from . import verify as verify
 from . import workholding as workholding
 from .batch.run import BatchPart as BatchPart
 from .batch.run import convert_many as convert_many
-from .blading import blades as blades
 from .cli.stopping import ProgressBar as ProgressBar
 from .errors import BonecamError as BonecamError
-from .filters.meshset import MeshSet as MeshSet
 from .finishing import finish as finish
 from .job import Job as Job
 from .job import read_job as read_job
@@ -31,14 +27,9 @@ from .report.kept import Morphed as Morphed
 from .report.kept import Result as Result
 from .report.kept import keep_levels as keep_levels
 from .report.kept import view as view
-from .report.outputs import Bladed as Bladed
 from .report.outputs import Finished as Finished
 from .report.tables import Outcome as Outcome
-from .reposting.post import Posted as Posted
-from .reposting.post import post as post
 from .second_clamping import clamping_shell as clamping_shell
 from .simulation import simulate as simulate
-from .study.comparison import compare as compare
-from .study.comparison import probe as probe
 
 __version__: str

@@ -1,1 +1,1 @@
-"""The filters that come with bonecam, one module a family, found through entry points."""
+"""What is offered beside the chain, each part a plugin on public names of `bonecam`, found through entry points."""

@@ -27,8 +27,8 @@ import pytest
 from bonecam_meshes import path as shipped
 
 import bonecam
-from bonecam.cli.arguments import make_parser
 from bonecam.cli.catalogues import CATALOGUES
+from bonecam.cli.parser import make_parser
 from bonecam.machine import read_machine
 from bonecam.mesh import TriangleMesh, read_mesh, write_mesh
 

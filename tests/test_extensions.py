@@ -9,13 +9,13 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
+from bonecam_plugins.meshlab.slicer import main as slicer
 from small_parts import revolved
 
 import bonecam
 from bonecam.cli import main
 from bonecam.cli.catalogues import CATALOGUES
 from bonecam.cli.schemas import file_schema, job_schema
-from bonecam.cli.slicer import main as slicer
 from bonecam.errors import JobError, MachineError
 from bonecam.machine import read_machine
 from bonecam.nc import dialect_names, read_dialect

@@ -4,11 +4,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bonecam_plugins.meshlab import MeshSet
 from small_parts import pebble
 
 import bonecam
 from bonecam.errors import FileError, JobError, MeshError, SurfaceError
-from bonecam.filters import MeshSet
 from bonecam.job import Job
 from bonecam.setup import place
 from bonecam.surface import TSpline, save_surface

@@ -30,7 +30,6 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import CancelledError, Executor, Future, ThreadPoolExecutor, as_completed
 from dataclasses import asdict, dataclass, replace
 from functools import partial
-from importlib.resources import files as resources
 from pathlib import Path
 from threading import Event
 from typing import Any
@@ -51,6 +50,7 @@ from bonecam.nc.parts import is_split
 from bonecam.nc.program import check_file_name, second_program_file
 from bonecam.nc.requirements import job_dialect
 from bonecam.pipeline import check_job
+from bonecam.plugins import plugin_folders
 from bonecam.progress import Progress
 from bonecam.report.tables import TABLE, Outcome, failed, outcome_of, read_rows, table_text
 from bonecam.runtime.own_files import PACKAGE, folder_digest, locked
@@ -279,8 +279,8 @@ def _report_of(part: BatchPart, folder: Path) -> Path:
 
 
 def package_digest() -> str:
-    """One for the content of bonecam and of the filters that come with it, which the script of a job may run."""
-    return folder_digest(PACKAGE) + folder_digest(Path(str(resources("bonecam_plugins"))))
+    """One for the content of bonecam and of the packages of its plugins."""
+    return "".join(map(folder_digest, [PACKAGE, *plugin_folders()]))
 
 
 def fingerprint(part: BatchPart) -> str:

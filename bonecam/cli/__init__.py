@@ -29,7 +29,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _call(arguments: Sequence[str]) -> int:
     """`call`, whose modules take a while to import."""
-    from bonecam.cli.arguments import call
+    from bonecam.cli.parser import call
 
     return call(arguments)
 

@@ -1,89 +1,65 @@
-"""The commands. Each takes the options, prints its results to stdout, and returns the exit code."""
+"""The commands of the core. Each takes the options, prints its results to stdout, and returns the exit code."""
 
 import argparse
 import json
-from collections.abc import Callable
 from contextlib import nullcontext
-from inspect import signature
-from typing import Any
+from functools import partial
 
 import bonecam
-from bonecam.cli.parser import input_files, job_of
-from bonecam.cli.stopping import native_output_to_stderr, shown_progress
+from bonecam.cli.catalogues import CATALOGUES, run_catalogue
+from bonecam.cli.command import (
+    APT,
+    HTML,
+    JOB,
+    KEPT,
+    MECHANICS,
+    PART,
+    PROGRAM,
+    PROOFS,
+    REPORT,
+    RESULTS,
+    UNPOSTED,
+    VERBOSITY,
+    Command,
+    argument,
+    call_with,
+    input_files,
+    job_of,
+    kept_job,
+    make,
+    name_program,
+    positive,
+)
 from bonecam.errors import JobError
 from bonecam.files import check_files, write_whole
-from bonecam.filters import scripting
-from bonecam.job import Job, write_job
+from bonecam.job import write_job
+from bonecam.plugins import all_added
 
 
 def run_convert(options: argparse.Namespace) -> int:
     """`bonecam convert`: the NC program of a part."""
-    return _make(bonecam.convert, options)
+    return make(bonecam.convert, options)
 
 
 def run_demo(options: argparse.Namespace) -> int:
-    """`bonecam demo`: the NC program of the phalanx, or of the impeller with its own job, installed with bonecam."""
+    """`bonecam demo`: the NC program of the phalanx that is installed with bonecam, or what a plugin shows."""
     import bonecam_meshes
-    from bonecam_meshes.impeller import BLADES
 
-    from bonecam.nc.requirements import job_dialect
-
-    if options.impeller:
-        if options.surface is not None:
-            raise JobError("demo --impeller: the blade's surface is in the kept folder: give --keep, not --surface")
-        options.job = options.job or str(bonecam_meshes.job("impeller"))
-    if options.program is None:
-        name = "impeller" if options.impeller else "phalanx"
-        options.program = f"{name}{job_dialect(job_of(options).nc).extension}"
-    if not options.impeller:
-        options.mesh = bonecam_meshes.path("phalanx")
-        return run_convert(options)
-    options.blade, options.hub = (bonecam_meshes.path(f"impeller_{name}") for name in ("blade", "hub"))
-    options.count = BLADES
-    return _make(bonecam.blades, options, BLADES_FILES)
+    if getattr(options, "demo", None) is not None:
+        return int(DEMOS[options.demo].run(options))
+    name_program(options, "phalanx")
+    options.mesh = bonecam_meshes.path("phalanx")
+    return run_convert(options)
 
 
 def run_levels(options: argparse.Namespace) -> int:
     """`bonecam levels`: the levels of a part and their pictures."""
-    return _make(bonecam.morph_levels, options)
+    return make(bonecam.morph_levels, options)
 
 
 def run_finish(options: argparse.Namespace) -> int:
     """`bonecam finish`: the NC program of one surface."""
-    return _make(bonecam.finish, options, "program report html apt")
-
-
-BLADES_FILES = "program report html sheet apt"
-"""Options of the files of a wheel."""
-
-
-def run_blades(options: argparse.Namespace) -> int:
-    """`bonecam blades`: the NC program of a wheel."""
-    options.blade = options.blade[0] if len(options.blade) == 1 else options.blade
-    return _make(bonecam.blades, options, BLADES_FILES)
-
-
-def _make(
-    function: Callable[..., Any], options: argparse.Namespace, files: str = "program sheet apt report surface html"
-) -> int:
-    """Call what makes a program, or levels, with the options, and print the summary of the result. The options that
-    name `files` to write are checked in this order."""
-    job = job_of(options)
-    outputs = [getattr(options, name, None) for name in files.split()]
-    check_files([file for file in outputs if file is not None], input_files(options))
-    made = _call_with(function, options, job=job)
-    if not options.quiet:
-        print(made.summary)
-    return 0
-
-
-def _call_with(function: Callable[..., Any], options: argparse.Namespace, **more: Any) -> Any:
-    """Call a function with the options that are named as its parameters are, with `more`, and a progress that is shown
-    as the options ask for."""
-    parameters = signature(function).parameters
-    given = {name: value for name, value in vars(options).items() if name in parameters}
-    with shown_progress(options) as progress:
-        return function(**{**given, **more, "progress": progress})
+    return make(bonecam.finish, options, "program report html apt")
 
 
 def run_view(options: argparse.Namespace) -> int:
@@ -102,20 +78,6 @@ def run_shell(options: argparse.Namespace) -> int:
     return 0
 
 
-def _kept_job(options: argparse.Namespace, program: str) -> Job:
-    """The job of the options of a command on a `program` or its paths: without --keep their own folder is taken, where
-    a run kept it, without --job the job.toml of the folder, which is told in a line."""
-    from bonecam.report.kept import folder_of, job_file_of
-
-    options.keep = options.keep or folder_of(program)
-    kept = job_file_of(options.keep)
-    if options.job is None and kept is not None:
-        options.job = str(kept)
-        if not options.quiet:
-            print(f"job       {kept}")
-    return job_of(options)
-
-
 def run_simulate(options: argparse.Namespace) -> int:
     """`bonecam simulate`: what a program removes, from its text."""
     from bonecam.report.typed import report_text
@@ -123,12 +85,12 @@ def run_simulate(options: argparse.Namespace) -> int:
     from bonecam.simulation import simulation_report, simulation_text
     from bonecam.verify.removal import check_removal_of_job
 
-    job = _kept_job(options, options.program)
+    job = kept_job(options, options.program)
     if options.keep is None:
         raise JobError(f"{options.program}: no folder of its run is named: give the one of `convert --keep` (--keep)")
     wanted = [file for file in (options.report, options.html) if file is not None]
     check_files(wanted, [options.program, *input_files(options)])
-    removal = _call_with(bonecam.simulate, options, job=job)
+    removal = call_with(bonecam.simulate, options, job=job)
     report = simulation_report(removal, job)
     if options.report is not None:
         write_whole(options.report, report_text(report))
@@ -136,37 +98,6 @@ def run_simulate(options: argparse.Namespace) -> int:
     check_warnings(warnings_of(report, job), job, options.program)
     if not options.quiet:
         print(simulation_text(report))
-    return 0
-
-
-def run_post(options: argparse.Namespace) -> int:
-    """`bonecam post`: the program of paths that were made elsewhere."""
-    origin = options.from_machine, options.from_controller
-    if origin[0] is None and origin[1] is not None:
-        raise JobError("--from-controller needs the machine of the program too: give --from-machine")
-    job = _kept_job(options, options.paths)
-    posted = _call_with(bonecam.post, options, job=job, origin=None if origin[0] is None else origin)
-    if not options.quiet:
-        print(posted.summary)
-    return 0
-
-
-def run_compare(options: argparse.Namespace) -> int:
-    """`bonecam compare`: strategies side by side."""
-    from bonecam.study.comparison import claims_text, compare, table_text
-
-    comparison = _call_with(compare, options, job=job_of(options))
-    if not options.quiet:
-        print(table_text(comparison.rows))
-        print(claims_text(comparison.claims), end="")
-    return 0
-
-
-def run_probe(options: argparse.Namespace) -> int:
-    """`bonecam probe`: the deviations along a line of a kept program."""
-    probed = _call_with(bonecam.probe, options)
-    if not options.quiet:
-        print(probed)
     return 0
 
 
@@ -193,23 +124,6 @@ def run_batch(options: argparse.Namespace) -> int:
     return int(any(outcome.state == "failed" for outcome in outcomes))
 
 
-def run_script(options: argparse.Namespace) -> int:
-    """`bonecam script`: a MeshLab filter script on meshes; prints the files of the resulting layers."""
-    with native_output_to_stderr():
-        written = _call_with(scripting.run_script, options)
-    if not options.quiet:
-        print("".join(f"{path}\n" for path in written), end="")
-    return 0
-
-
-def run_filters(options: argparse.Namespace) -> int:
-    """`bonecam filters`: the list of filters, or the description of one."""
-    from bonecam.filters.filter import catalogue
-
-    print(catalogue(options.name))
-    return 0
-
-
 def run_job(options: argparse.Namespace) -> int:
     """`bonecam job`: the job file of the options, or the schema of such files."""
     if options.schema:
@@ -221,9 +135,243 @@ def run_job(options: argparse.Namespace) -> int:
     return 0
 
 
-def run_completion(parser: argparse.ArgumentParser, options: argparse.Namespace) -> int:
-    """`bonecam completion`: the script that a shell reads."""
-    import shtab
+def share_of(text: str) -> tuple[int, int]:
+    """argparse's type of a share K/N, K from 1 to N."""
+    number, slash, count = text.partition("/")
+    if not slash or not 1 <= int(number) <= int(count):
+        raise argparse.ArgumentTypeError(f"{text!r}: give K/N, K from 1 to N, like 3/30")
+    return int(number), int(count)
 
-    print(shtab.complete(parser, shell=options.shell), end="")
-    return 0
+
+FURTHER = {
+    "tools": [
+        argument(
+            "--tools",
+            metavar="LIST",
+            help="list of cutters: a name, or a file of Fusion, FreeCAD, LinuxCNC, .csv or .toml (catalogue)",
+        )
+    ],
+    "machines": [argument("--picture", metavar="PNG", help="draw the machine of NAME, or of the file")],
+}
+CATALOGUE_EXAMPLES = {
+    "machines": """
+  bonecam machines
+  bonecam machines check my-mill.toml""",
+    "dialects": """
+  bonecam dialects heidenhain
+  bonecam dialects check my-control.toml""",
+    "materials": """
+  bonecam materials titanium""",
+    "tools": """
+  bonecam tools
+  bonecam tools --tools shop.json
+  bonecam convert bone.stl -o bone.h --tools shop.json --set finishing.preset=3""",
+}
+
+DEMOS: dict[str, Command] = all_added("demos")
+"""What plugins show."""
+
+COMMANDS: dict[str, Command] = {
+    "convert": Command(
+        run_convert,
+        "Make the verified NC program of a part.",
+        [PART, PROGRAM, *KEPT, *RESULTS, *JOB, *VERBOSITY],
+        examples="""
+  bonecam convert bone.stl --units m -o bone.h
+  bonecam convert bone.stl -o bone.h --set stock.diameter=15 --set stock.length=37 --keep look --report bone.json
+  bonecam convert bone.stl -o bone.ngc --machine linuxcnc-xyzbc""",
+    ),
+    "demo": Command(
+        run_demo,
+        "Make the NC program of the phalanx that is installed with bonecam, or show what a plugin does.",
+        [
+            argument(
+                "-o",
+                "--output",
+                dest="program",
+                metavar="PROGRAM",
+                help="file for the NC program (phalanx.h, or with the controller's own ending)",
+            ),
+            *(
+                argument(f"--{name}", dest="demo", action="store_const", const=name, help=demo.help)
+                for name, demo in DEMOS.items()
+            ),
+            *KEPT,
+            *RESULTS,
+            *JOB,
+            *VERBOSITY,
+        ],
+        examples="""
+  bonecam demo -o phalanx.h --keep look"""
+        + "".join(demo.examples for demo in DEMOS.values()),
+    ),
+    "levels": Command(
+        run_levels,
+        "Make the measured morph levels of a part and their pictures, without tool paths and program.",
+        [
+            PART,
+            argument(
+                "-o",
+                "--output",
+                dest="keep",
+                metavar="DIR",
+                required=True,
+                help="folder for surface, levels and pictures",
+            ),
+            *RESULTS,
+            *UNPOSTED,
+            *VERBOSITY,
+        ],
+        examples="""
+  bonecam levels bone.stl --units m -o look --set stock.kind=cylinder --set levels.roughing_depth=1""",
+    ),
+    "finish": Command(
+        run_finish,
+        "Make the verified NC program that machines one surface alone, open or closed, beside obstacles.",
+        [
+            argument(
+                "surface",
+                metavar="SURFACE",
+                help="rows of points, .step, .iges, .tsm, .tspline or an open mesh; normals outward, the table's "
+                "axis Z",
+            ),
+            argument("--part", metavar="MESH", help="solid that is not gouged; open surfaces need it"),
+            argument(
+                "--obstacle",
+                dest="obstacles",
+                metavar="MESH",
+                action="append",
+                default=[],
+                help="solid to keep clear of: hub, shroud, neighbour, fixture (repeat for more)",
+            ),
+            PROGRAM,
+            argument("--keep", metavar="DIR", help="folder for surface, solid, tool path and its picture"),
+            REPORT,
+            HTML,
+            APT,
+            *PROOFS,
+            *JOB,
+            *VERBOSITY,
+        ],
+        examples="""
+  bonecam finish blade.txt --part hub.stl --obstacle blades.stl -o blade.h --set finishing.overhang=45""",
+    ),
+    "shell": Command(
+        run_shell,
+        "Make a shell round the finished end of a part, for its second clamping (holding.second).",
+        [
+            PART,
+            argument("-o", "--output", metavar="MESH", required=True, help="file for the shell: .stl or .ply"),
+            argument(
+                "--covered",
+                metavar="SHARE",
+                type=positive(),
+                default=0.5,
+                help="share of the part's height that it covers (0.5)",
+            ),
+            *JOB,
+        ],
+        examples="""
+  bonecam shell bone.stl --units m -o shell.stl --covered 0.6""",
+    ),
+    "simulate": Command(
+        run_simulate,
+        "Simulate from its text what an NC program removes, and refuse rapids and links that cut, collisions, "
+        "gouges and cuts too deep.",
+        [
+            argument("program", metavar="PROGRAM", help="the NC program"),
+            argument(
+                "--keep",
+                metavar="DIR",
+                help="the folder that `convert --keep` wrote: its part, stock and, without --job, job (that of "
+                "PROGRAM)",
+            ),
+            argument("--cell", metavar="MM", type=positive(), default=0.1, help="distance of the rays (0.1 mm)"),
+            argument("--report", metavar="FILE.json", help="file for the figures"),
+            argument("--html", metavar="FILE.html", help="file for a page that plays the program"),
+            MECHANICS,
+            *JOB,
+            *VERBOSITY,
+        ],
+        examples="""
+  bonecam simulate bone.h --keep look
+  bonecam simulate look/program.h""",
+    ),
+    "view": Command(
+        run_view,
+        "Make one HTML file that shows a run in a browser, from the files that --keep kept of it.",
+        [
+            argument("keep", metavar="DIR", help="the folder of `convert --keep` or `levels -o`"),
+            argument("-o", "--output", metavar="FILE.html", required=True, help="file for the page"),
+        ],
+        examples="""
+  bonecam view look -o bone.html""",
+    ),
+    "batch": Command(
+        run_batch,
+        "Make the NC programs of several parts, each in a process of its own.",
+        [
+            argument(
+                "parts",
+                metavar="PART",
+                nargs="+",
+                help="parts as for `convert`, folders of parts, or a table of parts (parts.csv: file, job, units, "
+                "stock, output)",
+            ),
+            argument("-o", "--output", metavar="DIR", required=True, help="folder for programs, reports and batch.csv"),
+            argument("--jobs", metavar="N", type=int, default=2, help="number of parts at a time (2)"),
+            argument(
+                "--resume",
+                action="store_true",
+                help="skip parts that an earlier run finished with the same mesh, job, files of the job, and package",
+            ),
+            argument("--html", action="store_true", help="write a page of each part, NAME.html"),
+            argument("--sheet", action="store_true", help="write a setup sheet of each part, NAME.sheet.html"),
+            argument(
+                "--keep",
+                action="store_true",
+                help="write a folder of each part, NAME: surface, levels, tool path and pictures",
+            ),
+            argument(
+                "--scheduler",
+                metavar="ADDRESS",
+                help="run on the workers of a Dask scheduler (tcp://HOST:8786), or of one started here (local)",
+            ),
+            argument(
+                "--share",
+                metavar="K/N",
+                type=share_of,
+                default=(1, 1),
+                help="do the Kth of N shares of the parts alone, as a task of an array of jobs does",
+            ),
+            *JOB,
+            argument("-q", "--quiet", action="store_true", help="print no line for each part"),
+            argument("-v", "--verbose", action="store_true", help="print the steps of each part as lines"),
+        ],
+        examples="""
+  bonecam batch scans/*.stl -o programs --job job.toml --jobs 4 --resume""",
+    ),
+    "job": Command(
+        run_job,
+        "Print a job file: every parameter with its value and meaning.",
+        [argument("--schema", action="store_true", help="print the JSON schema of job files, for editors"), *JOB],
+        examples="""
+  bonecam job --set levels.roughing_depth=1 > job.toml
+  bonecam job --schema > job.schema.json""",
+    ),
+    **{
+        kind: Command(
+            partial(run_catalogue, kind),
+            f"List the {kind} that are known by name, show one, or check a file.",
+            [
+                argument("what", metavar="NAME|check", nargs="?", help=f"a {one} to show, or check"),
+                argument("file", metavar="FILE", nargs="?", help="the .toml file to check"),
+                *FURTHER.get(kind, ()),
+                argument("--schema", action="store_true", help="print the JSON schema of such files"),
+            ],
+            CATALOGUE_EXAMPLES[kind],
+        )
+        for kind, (_, _, one) in CATALOGUES.items()
+    },
+}
+"""The commands of the core; `completion`, which needs the parser of all, is declared beside that."""

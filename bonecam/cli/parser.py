@@ -1,74 +1,28 @@
-"""The parser of the command line: a wrong call is one line, with the nearest word that is known; examples of every
-command; and the job that the options --job, --tools, --units, --machine, --controller and --set make."""
+"""One call of the command line: the parser of all commands, where a wrong call is one line with the nearest word that
+is known; then run, and errors as one line on stderr and an exit code.
+
+Exit codes: 0 done; 1 some part of a batch failed; 2 wrong input, job or call; 129, 130, 143 stopped by SIGHUP,
+SIGINT (Ctrl-C), SIGTERM.
+"""
 
 import argparse
+import os
 import sys
 from collections.abc import Sequence
+from functools import partial
 from typing import Any, NoReturn
 
-from bonecam.errors import JobError, did_you_mean
-from bonecam.job import Job, read_job
-from bonecam.job.sections import job_error, setting
-from bonecam.job.tool_list import read_tool_list
+import bonecam
+from bonecam.cli.command import Command, argument
+from bonecam.cli.commands import COMMANDS
+from bonecam.cli.stopping import arrived, tell
+from bonecam.errors import BonecamError, did_you_mean
+from bonecam.plugins import all_added
+from bonecam.runtime.staging import placed
 from bonecam.text.numbers import in_one_line
 
 EXIT_CODES = """Exit codes: 0 done; 1 a part of a batch failed; 2 wrong input, job or call (one line on stderr);
 129, 130, 143 stopped by SIGHUP, Ctrl-C, SIGTERM."""
-EXAMPLES = {
-    "convert": """
-  bonecam convert bone.stl --units m -o bone.h
-  bonecam convert bone.stl -o bone.h --set stock.diameter=15 --set stock.length=37 --keep look --report bone.json
-  bonecam convert bone.stl -o bone.ngc --machine linuxcnc-xyzbc""",
-    "demo": """
-  bonecam demo -o phalanx.h --keep look
-  bonecam demo --impeller --keep wheel --html wheel.html --sheet sheet.html""",
-    "levels": """
-  bonecam levels bone.stl --units m -o look --set stock.kind=cylinder --set levels.roughing_depth=1""",
-    "finish": """
-  bonecam finish blade.txt --part hub.stl --obstacle blades.stl -o blade.h --set finishing.overhang=45""",
-    "blades": """
-  bonecam blades blade.txt --count 11 --hub hub.stl -o wheel.h --keep look --job wheel.toml
-  bonecam blades section_*.txt --columns "x r*theta r" --axis=-x --count 15 --hub flow.txt -o wheel.h""",
-    "shell": """
-  bonecam shell bone.stl --units m -o shell.stl --covered 0.6""",
-    "simulate": """
-  bonecam simulate bone.h --keep look
-  bonecam simulate look/program.h""",
-    "probe": """
-  bonecam probe look -o probe.csv --picture probe.png --program probe.h""",
-    "compare": """
-  bonecam compare bone.stl --units m -o study --job job.toml --set mechanics.refuse=false""",
-    "post": """
-  bonecam post look/toolpath.apt -o bone.mpf --machine hermle-c600u --controller siemens-840d
-  bonecam post bone.apt --part bone.ply -o bone.mpf --machine hermle-c600u --controller siemens-840d
-  bonecam post bone.h --part bone.ply -o bone.ngc --from-machine mikron-ucp600 --from-controller heidenhain \\
-      --machine linuxcnc-xyzac --controller linuxcnc""",
-    "view": """
-  bonecam view look -o bone.html""",
-    "batch": """
-  bonecam batch scans/*.stl -o programs --job job.toml --jobs 4 --resume""",
-    "script": """
-  bonecam script levels.mlx -i bone.stl -o layers""",
-    "filters": """
-  bonecam filters generate_morph_levels""",
-    "job": """
-  bonecam job --set levels.roughing_depth=1 > job.toml
-  bonecam job --schema > job.schema.json""",
-    "machines": """
-  bonecam machines
-  bonecam machines check my-mill.toml""",
-    "dialects": """
-  bonecam dialects heidenhain
-  bonecam dialects check my-control.toml""",
-    "materials": """
-  bonecam materials titanium""",
-    "tools": """
-  bonecam tools
-  bonecam tools --tools shop.json
-  bonecam convert bone.stl -o bone.h --tools shop.json --set finishing.preset=3""",
-    "completion": """
-  bonecam completion bash > ~/.local/share/bash-completion/completions/bonecam""",
-}
 
 
 class Parser(argparse.ArgumentParser):
@@ -98,46 +52,98 @@ class Parser(argparse.ArgumentParser):
         self.error(f"unrecognized arguments: {' '.join(arguments)}{close}")
 
 
-def job_of(options: argparse.Namespace) -> Job:
-    """The job file, then --tools, --units, --machine and --controller, then each --set; later values win.
+def make_parser() -> Parser:
+    """The parser of all commands, the core's and those of plugins; each sets `run`, which takes the options and returns
+    the exit code. A command of a plugin whose name the core has is left out."""
+    text = "From a bone mesh to a verified five-axis NC program."
+    parser = Parser(prog="bonecam", description=text, epilog=EXIT_CODES)
+    parser.add_argument("-V", "--version", action="version", version=f"bonecam {bonecam.__version__}")
+    parser.set_defaults(run=None, refuse_unknown=parser.refuse_unknown)
+    parsers = parser.add_subparsers(metavar="COMMAND", parser_class=Parser)
+    completion = Command(
+        partial(_run_completion, parser),
+        "Print the completion of bonecam for a shell.",
+        [argument("shell", choices=("bash", "zsh", "tcsh"), help="the shell")],
+        "  bonecam completion bash > ~/.local/share/bash-completion/completions/bonecam",
+    )
+    added = {name: command for name, command in all_added("commands").items() if name not in COMMANDS}
+    for name, command in {**COMMANDS, **added, "completion": completion}.items():
+        known: Parser = parsers.add_parser(
+            name,
+            help=command.help,
+            description=command.help,
+            epilog="examples:\n" + command.examples.strip("\n"),
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )
+        known.set_defaults(run=command.run, refuse_unknown=known.refuse_unknown)
+        known.set_defaults(stopped=command.stopped, stopped_late=command.stopped_late)
+        known.set_defaults(quiet=False, verbose=False, machine=None, controller=None)
+        for names, settings in command.arguments:
+            known.add_argument(*names, **settings)
+    return parser
 
-    JobError tells all that is wrong in the file, or else in the options.
-    """
-    job = read_job(options.job, tools=options.tools) if options.job else Job()
-    named = [
-        ("nc", "tools", options.tools),
-        ("mesh", "units", options.units),
-        ("nc", "machine", options.machine),
-        ("nc", "controller", options.controller),
-    ]
-    job = job_with(job, options.set, [item for item in named if item[2] is not None])
-    read_tool_list(job.nc.tools)
-    return job
+
+def _run_completion(parser: argparse.ArgumentParser, options: argparse.Namespace) -> int:
+    """`bonecam completion`: the script that a shell reads."""
+    import shtab
+
+    print(shtab.complete(parser, shell=options.shell), end="")
+    return 0
 
 
-def input_files(options: argparse.Namespace) -> list[str]:
-    """The files that the options of the job name, which no output may overwrite."""
-    return [file for file in (options.job, options.machine, options.controller, options.tools) if file]
+STOPPED = 130
+"""Exit code after Ctrl-C: 128 and the number of the signal, as shells have it."""
 
 
-def job_with(job: Job, texts: Sequence[str], given: Sequence[tuple[str, str, Any]] = ()) -> Job:
-    """The job with what is `given` as section, name and value, then with each SECTION.NAME=VALUE of the `texts`."""
-    settings = [*given]
-    faults = []
-    for text in texts:
-        key, equals, word = text.partition("=")
-        parsed = setting(key, word) if equals else None
-        if parsed is None:
-            faults.append(("", "", f"--set {text}: write SECTION.NAME=VALUE, like stock.diameter=15"))
-        else:
-            settings.append(parsed)
-    changes: dict[str, dict[str, Any]] = {}
-    for section, name, value in settings:
-        changes.setdefault(section, {})[name] = value
+def call(arguments: Sequence[str]) -> int:
+    """Run the command with these arguments; its exit code. `help COMMAND` is `COMMAND --help`."""
     try:
-        changed = job.with_values(**changes)
-    except JobError as error:
-        faults += error.evidence["faults"]
-    if faults:
-        raise job_error(faults)
-    return changed
+        return _run(arguments)
+    except BrokenPipeError:  # the reader of the output has closed it, as `head` does
+        _mute()
+        return 0
+    except OSError:
+        try:
+            print(flush=True)  # which fails where standard output takes nothing: a full disk for instance
+        except OSError as error:
+            trouble = error.strerror or str(error)
+        else:
+            raise
+        _mute()
+        print(f"bonecam: standard output: {trouble}: write it elsewhere", file=sys.stderr)
+        return 2
+
+
+def _run(arguments: Sequence[str]) -> int:
+    """Parse and run; OSError where standard output takes nothing."""
+    parser = make_parser()
+    if arguments and arguments[0] == "help":
+        arguments = [*arguments[1:], "--help"]
+    options, unknown = parser.parse_known_args(arguments)
+    if unknown:
+        options.refuse_unknown(unknown)
+    if options.run is None:
+        parser.print_help()
+        return 0
+    before = len(placed)
+    try:
+        code = int(options.run(options))
+        sys.stdout.flush()
+    except BrokenPipeError:
+        raise
+    except (Exception, KeyboardInterrupt) as error:
+        if isinstance(error, KeyboardInterrupt) or arrived:
+            tell(options.stopped if len(placed) == before else options.stopped_late)
+            return STOPPED
+        if not isinstance(error, BonecamError):
+            raise
+        print(f"bonecam: {in_one_line(str(error))}", file=sys.stderr)
+        return 2
+    if arrived:
+        tell(options.stopped_late)
+    return code
+
+
+def _mute() -> None:
+    """What is printed from now on, and what waits to be, goes nowhere."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

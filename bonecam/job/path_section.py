@@ -4,7 +4,7 @@ from dataclasses import dataclass, fields
 
 from bonecam.errors import JobError
 from bonecam.job.parameter import JobSection, check, millimetres, parameter
-from bonecam.runtime.own_files import added_names
+from bonecam.plugins import added_names
 from bonecam.text.numbers import shown
 
 OF_MORPH = ("pattern", "direction", "fine_cutter", "orientation", "certify", "least_lead_deg")

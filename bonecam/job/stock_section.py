@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from bonecam.job.parameter import JobSection, millimetres, parameter
-from bonecam.runtime.own_files import added_names
+from bonecam.plugins import added_names
 
 PUBLISHED_KINDS = ("capsule", "cylinder", "box", "mesh")
 """The kinds of stock in the order in which filter scripts number them."""

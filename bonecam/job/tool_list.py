@@ -46,7 +46,7 @@ from bonecam.files import LARGEST_INPUT, input_bytes, input_text
 from bonecam.job.parameter import record
 from bonecam.job.tool_section import SIZES, ToolJob, misfit
 from bonecam.machine.bodies import stack_as_text, stack_from_text
-from bonecam.runtime.own_files import named_files
+from bonecam.plugins import named_files
 from bonecam.text.numbers import Faults, number, shown, whole_number
 from bonecam.text.toml import parse_toml
 

@@ -66,7 +66,7 @@ from bonecam.machine.machine_file import (
     Vector,
     read_table,
 )
-from bonecam.runtime.own_files import named_files
+from bonecam.plugins import named_files
 
 UPRIGHT: tuple[Vector, Vector, Vector] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 """X, Y and Z of a part whose frame is parallel to the machine's."""

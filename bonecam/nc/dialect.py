@@ -83,7 +83,7 @@ from bonecam.errors import MachineError
 from bonecam.machine.machine import Machine
 from bonecam.machine.machine_file import read_table
 from bonecam.nc.schema import CODES, PLAIN_WORD, DialectFile, Form, StatementTable, ToolCentreTable
-from bonecam.runtime.own_files import named_files
+from bonecam.plugins import named_files
 from bonecam.text.pattern import Pattern
 
 DIALECTS = Path(__file__).parent / "dialects"

@@ -65,7 +65,7 @@ from bonecam.planning.spacing import (
     step_metric,
     with_arcs,
 )
-from bonecam.runtime.own_files import added, added_names, run_added
+from bonecam.plugins import added, added_names, run_added
 from bonecam.surface.tspline import TSpline
 from bonecam.tool.cutter import Cutter
 from bonecam.workholding.post import Post
@@ -400,13 +400,13 @@ def pattern_curves(surface: TSpline, pattern: str, cutter: Cutter, turn_speed: f
 def check_pattern(pattern: str) -> None:
     """JobError where a pattern that was added cannot be loaded."""
     if pattern in added_names("patterns"):
-        added("patterns", pattern, "lines")
+        added("patterns", pattern)
 
 
 def _added(surface: TSpline, pattern: str, cutter: Cutter) -> Curves:
     """The curves of a pattern that was added: those of its function of surface, ball radius and scallop, each a
     polyline (k, 2) of parameters s, t. JobError where it gives none."""
-    lines = added("patterns", pattern, "lines")
+    lines = added("patterns", pattern)
     with run_added("patterns", pattern):
         drawn = [np.asarray(line, dtype=float) for line in lines(surface, cutter.envelope_radius, cutter.scallop)]
     if not drawn or not all(line.ndim == 2 and line.shape[1] == 2 and len(line) > 1 for line in drawn):

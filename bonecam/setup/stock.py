@@ -30,7 +30,7 @@ from bonecam.job.levels_section import MOST_LEVELS
 from bonecam.job.stock_section import PUBLISHED_KINDS
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.runtime.own_files import added, run_added
+from bonecam.plugins import added, run_added
 
 AXES_ACROSS = {"diameter": [0, 1], "width": [0], "depth": [1], "length": [2]}
 """The coordinates along which each size of a stock extends."""
@@ -340,7 +340,7 @@ def kind_of(job: StockJob) -> StockKind:
 def _kind(name: str) -> StockKind:
     if find_spec(f"bonecam.setup.stocks.{name}"):
         return cast(StockKind, import_module(f"bonecam.setup.stocks.{name}").KIND)
-    kind = added("stocks", name, "KIND")
+    kind = added("stocks", name)
     if not isinstance(kind, StockKind):
         raise JobError(f"the stock {name!r} that was added is {kind!r}: give a StockKind as KIND", name=name)
     return kind

@@ -13,6 +13,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+from bonecam_plugins.reposting.post import Posted
 
 import bonecam
 from bonecam.job import read_job
@@ -22,7 +23,6 @@ from bonecam.nc.motions import Motions
 from bonecam.nc.path_words import post_path
 from bonecam.nc.reading import read_program
 from bonecam.nc.requirements import job_dialect
-from bonecam.reposting.post import Posted
 from bonecam.tool.path import MoveKind
 
 PAIRS = (

@@ -41,6 +41,7 @@ import contourpy
 import igl
 import numpy as np
 from bonecam_meshes import path as shipped
+from bonecam_plugins.reposting.post import read_paths
 from numpy import ndarray
 from scipy import ndimage
 
@@ -65,7 +66,6 @@ from bonecam.planning.neck import (
     preferred_depths,
 )
 from bonecam.planning.spacing import side_step
-from bonecam.reposting.post import read_paths
 from bonecam.tool.cutter import Cutter
 from bonecam.workholding.post import post_below
 

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bonecam_plugins.meshlab.meshlab_values import read_calls
 from mutations import mutate, outcome
 from small_parts import capsule_path, pebble
 
 from bonecam.errors import BonecamError
-from bonecam.filters.meshlab_values import read_calls
 from bonecam.job import Job, read_job, write_job
 from bonecam.machine import read_machine
 from bonecam.machine.machine import MACHINES

@@ -7,12 +7,12 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
+from bonecam import plugins
 from bonecam.errors import JobError
 from bonecam.files import input_text, is_unicode
 from bonecam.job.parameter import record
 from bonecam.job.sections import Job, job_error
 from bonecam.job.tool_section import AUTO, SIZES, ToolJob
-from bonecam.runtime import own_files
 from bonecam.text.toml import lines_of_keys, parse_toml, toml_lines
 
 PATHS = {
@@ -26,7 +26,7 @@ PATHS = {
 
 def job_files() -> dict[str, Path]:
     """The job files that come with bonecam, are the user's, or come with other packages, by name."""
-    return own_files.named_files("jobs", Path(__file__).parent)
+    return plugins.named_files("jobs", Path(__file__).parent)
 
 
 def read_job(path: str | Path, base: Job | None = None, tools: str | None = None) -> Job:

@@ -32,7 +32,7 @@ from numpy import ndarray
 from bonecam.errors import JobError, did_you_mean
 from bonecam.files import input_text
 from bonecam.job.parameter import JobSection, millimetres, parameter
-from bonecam.runtime.own_files import named_files
+from bonecam.plugins import named_files
 from bonecam.text.numbers import shown
 from bonecam.text.record import Record, checked
 from bonecam.text.toml import parse_toml

@@ -19,7 +19,6 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.errors import FilterError, MeshError, SurfaceError, UnitsError, counted, file_error
-from bonecam.filters.scripting import run_script
 from bonecam.job import Job, MeshJob, field_error
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.files.cad import IGES, STEP
@@ -30,6 +29,7 @@ from bonecam.mesh.pose import upright
 from bonecam.mesh.solids import self_intersections
 from bonecam.mesh.triangle_mesh import MeshLike, TriangleMesh, mesh_from
 from bonecam.mesh.units import LARGEST, mm_of, to_mm, unit_in
+from bonecam.plugins import added, added_names
 from bonecam.progress import Progress, silent
 from bonecam.runtime.staging import temporary_folder
 from bonecam.surface.blades import (
@@ -85,10 +85,14 @@ def check_on_solids(surface: TSpline, solid: TriangleMesh, file: str) -> None:
 
 
 def scripted_mesh(mesh: TriangleMesh, script: str) -> TriangleMesh:
-    """What a script leaves of a mesh.
+    """What a script leaves of a mesh, run by the plugin for its ending.
 
-    FilterError where it leaves more or less than one layer with faces, or what `run_script` raises.
+    FilterError where no plugin runs it, where it leaves more or less than one layer with faces, or what that raises.
     """
+    ending = Path(script).suffix.lower().removeprefix(".")
+    if ending not in added_names("scripts"):
+        raise FilterError(f"{script}: no plugin that runs it is installed: leave mesh.script out", file=script)
+    run_script = added("scripts", ending)
     with temporary_folder() as folder:
         write_mesh(mesh, folder / "mesh.ply")
         layers = map(read_mesh, run_script(script, [folder / "mesh.ply"], folder / "layers"))

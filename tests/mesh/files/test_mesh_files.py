@@ -16,11 +16,11 @@ import numpy as np
 import pymeshlab
 import pytest
 from bonecam_meshes import path as shipped
+from bonecam_plugins.meshlab import MeshSet
 from mesh_bodies import check_refused, ellipsoid, is_closed, solid
 from small_parts import PAINTED_PLY
 
 from bonecam.errors import FileError, MeshError
-from bonecam.filters import MeshSet
 from bonecam.job import MeshJob
 from bonecam.mesh import meshlab, prepare_part, read_mesh, write_mesh
 from bonecam.mesh.files.cad import call_in_child

@@ -1,0 +1,5 @@
+"""Wheels of equal blades: their files, channels, hub and program."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,0 +1,1 @@
+from .blading import blades as blades

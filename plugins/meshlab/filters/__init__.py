@@ -1,0 +1,1 @@
+"""The filters of bonecam, one module a stage, found through entry points."""

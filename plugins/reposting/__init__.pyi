@@ -1,0 +1,2 @@
+from .post import Posted as Posted
+from .post import post as post

@@ -1,0 +1,1 @@
+"""T-meshes of any kind: their files, local refinement and diagnosis."""
