@@ -19,6 +19,8 @@ from .finishing import finish as finish
 from .job import Job as Job
 from .job import read_job as read_job
 from .job import write_job as write_job
+from .machining import ProvedProgram as ProvedProgram
+from .machining import post_and_prove as post_and_prove
 from .mesh.part import Part as Part
 from .mesh.triangle_mesh import TriangleMesh as TriangleMesh
 from .pipeline import convert as convert
@@ -31,5 +33,7 @@ from .report.outputs import Finished as Finished
 from .report.tables import Outcome as Outcome
 from .second_clamping import clamping_shell as clamping_shell
 from .simulation import simulate as simulate
+from .simulation import simulation_report as simulation_report
+from .simulation import simulation_text as simulation_text
 
 __version__: str

@@ -19,6 +19,7 @@ from bonecam.nc.dialect import Dialect
 from bonecam.nc.parts import is_split
 from bonecam.nc.requirements import check_reach, check_table, check_tools, machine_and_dialect
 from bonecam.planning.patterns import check_pattern
+from bonecam.plugins import added_figures
 from bonecam.progress import Progress, part, silent
 from bonecam.report import warnings
 from bonecam.report.kept import Morphed, Result
@@ -178,7 +179,8 @@ def _program_of(morphed: Morphed, posting: Posting, progress: Progress, simulati
         with times.stage("second"), knowing(result.report, part="second"):
             second = second_program(result, posting.machine, posting.dialect, posting.file, share, mechanics=mechanics)
             result = replace(result, second=second, report={**result.report, "second": second.report})
-    return result
+    added = added_figures(result)
+    return replace(result, report={**result.report, "added": added}) if added else result
 
 
 def _require_job(job: Job | None) -> Job:

@@ -13,7 +13,7 @@ objects of these kinds:
     stocks      StockKind           stock.kind
     sections    JobSection          a section of the job
     scripts     function            runs mesh.script, a file with the ending NAME
-    pages       function            figures of a run, in report, summary and page
+    figures     function            figures of a Result by name, for report (`added`), summary and page
     names       anything            a name of `bonecam` itself
 
 They stand in folders of these names below the user's folder (`user_folder`; a Python file holds the object as the name
@@ -88,7 +88,7 @@ ATTRIBUTES = {
     "solvers": "solve",
     "stocks": "KIND",
     "sections": "SECTION",
-    "pages": "figures",
+    "figures": "figures",
     "names": "NAME",
 }
 """Kinds of Python objects, and the name that a user's file holds one by."""
@@ -146,6 +146,18 @@ def run_added(kind: str, name: str) -> Iterator[None]:
         raise
     except Exception as error:  # whatever a stranger's code raises
         raise _failed(kind, name, "fails", error) from error
+
+
+def added_figures(result: Any) -> dict[str, dict[str, Any]]:
+    """What plugins tell of a Result, by their names. One that fails is told in one line, once: the run stands."""
+    told = {}
+    for name, figures in all_added("figures").items():
+        try:
+            with run_added("figures", name):
+                told[name] = dict(figures(result))
+        except BonecamError as error:
+            _tell_once(str(error))
+    return told
 
 
 def _failed(kind: str, name: str, what: str, error: BaseException) -> JobError:

@@ -274,9 +274,8 @@ def test_a_share_that_is_none_is_refused(share, capsys):
     assert "--share" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("command", ["simulate", "post"])
 @pytest.mark.parametrize("named", [True, False])
-def test_the_job_of_the_kept_folder_is_taken_and_told(command, named, tmp_path, monkeypatch, capsys):
+def test_the_job_of_the_kept_folder_is_taken_and_told(named, tmp_path, monkeypatch, capsys):
     """It is that of --keep, or of the folder that the program lies in; --job and --set change it."""
     keep = tmp_path / "look"
     keep.mkdir()
@@ -289,10 +288,9 @@ def test_the_job_of_the_kept_folder_is_taken_and_told(command, named, tmp_path, 
         taken.append((job, keep))
         raise BonecamError("stopped")
 
-    monkeypatch.setattr(bonecam, command, stop)
+    monkeypatch.setattr(bonecam, "simulate", stop)
     program = (tmp_path if named else keep) / "program.mpf"
-    wanted = [command, str(program), *(["-o", str(tmp_path / "new.mpf")] if command == "post" else [])]
-    wanted += ["--keep", str(keep)] if named else []
+    wanted = ["simulate", str(program), *(["--keep", str(keep)] if named else [])]
     assert main(wanted) == 2
     assert capsys.readouterr().out == f"job       {keep / 'job.toml'}\n"
     assert main([*wanted, "--set", "roughing.overhang=33", "-q"]) == 2

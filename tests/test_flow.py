@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 
 ORDER = [
-    *"errors progress arrays runtime files text machine job kernels tool mesh filters surface".split(),
+    *"errors plugins progress arrays runtime files text machine job kernels tool mesh surface".split(),
     *"workholding setup levels material mechanics planning nc verify report".split(),
-    *"machining second_clamping pipeline simulation reposting finishing blading".split(),
-    *"study batch cli".split(),
+    *"machining second_clamping pipeline simulation finishing batch cli".split(),
+    *"wheels study".split(),
     "__main__",
 ]
 ROOMS = {
@@ -31,7 +31,7 @@ ROOMS = {
     ],
     "batch": "run cluster".split(),
     "verify": "gouge readback sweeping findings clearances removal control probing proof".split(),
-    "study": "rows pictures comparison".split(),
+    "study": "rows pictures comparison commands".split(),
     "report": [
         *"warnings stage_reports typed tables summary pictures page sheet machine_picture kept".split(),
         *"outputs".split(),

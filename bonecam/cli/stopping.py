@@ -12,7 +12,6 @@ terminal of any width, or a line for each message.
 """
 
 import argparse
-import ctypes
 import os
 import signal
 import sys
@@ -146,8 +145,6 @@ def end() -> NoReturn:
     os._exit(128 + arrived[0])
 
 
-STDOUT, STDERR = 1, 2
-"""Numbers of the process's streams (POSIX)."""
 EVERY = 0.5
 """Seconds between two looks at what runs."""
 COMPILING = "compiling, the first run only: "
@@ -225,17 +222,3 @@ class ProgressLog:
             seconds = time.perf_counter() - self.began
             print(f"{seconds:7.1f} s {fraction:4.0%}  {in_one_line(message)}", file=sys.stderr, flush=True)
         self.message = message
-
-
-@contextmanager
-def native_output_to_stderr() -> Iterator[None]:
-    """What libraries write to the process's stdout (MeshLab's filters do) goes to its stderr."""
-    sys.stdout.flush()
-    stdout = os.dup(STDOUT)
-    os.dup2(STDERR, STDOUT)
-    try:
-        yield
-    finally:
-        ctypes.CDLL(None).fflush(None)  # what C keeps for stdout
-        os.dup2(stdout, STDOUT)
-        os.close(stdout)

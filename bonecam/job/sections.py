@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields, make_dataclass, replace
 from functools import wraps
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +19,7 @@ from bonecam.job.tool_list import preset_values
 from bonecam.job.tool_section import AUTO, FINE, FINISHING, ROUGHING, MaterialJob, ToolJob
 from bonecam.job.warnings_section import WarningsJob
 from bonecam.machine.machine import USUAL_SPINDLE, read_machine
+from bonecam.plugins import all_added
 from bonecam.text.numbers import Faults, shown
 
 Table = Mapping[str, Any]
@@ -35,7 +36,7 @@ class Job:
     """All parameters of a run: everything but the part.
 
     A section may be given as a table of values by name; those that it leaves out have their defaults. The repr has the
-    sections that differ from these.
+    sections that differ from these. Plugins add sections of their own, which come last.
     """
 
     mesh: MeshJob = field(default_factory=MeshJob)
@@ -196,6 +197,11 @@ def _refusing_unknown(init: Callable[..., None]) -> Callable[..., None]:
     return checked_init
 
 
+if not TYPE_CHECKING:
+    _sections = [(name, kind, field(default_factory=kind)) for name, kind in all_added("sections").items()]
+    if _sections:
+        _where = {"__module__": __name__}
+        Job = make_dataclass("Job", _sections, bases=(Job,), namespace=_where, frozen=True, repr=False)
 Job.__init__ = _refusing_unknown(Job.__init__)  # type: ignore[method-assign]
 
 

@@ -3,6 +3,7 @@ from .certificates import certify as certify
 from .closed_morph import morph as morph
 from .job_levels import even_levels as even_levels
 from .job_levels import levels_in as levels_in
+from .job_levels import make_levels as make_levels
 from .job_levels import surface_and_levels as surface_and_levels
 from .measure import Level as Level
 from .measure import Measures as Measures
@@ -12,7 +13,10 @@ from .measure import RoundedLevel as RoundedLevel
 from .measure import StockLevel as StockLevel
 from .measure import line_depths as line_depths
 from .measure import line_lengths as line_lengths
+from .measure import morph_surfaces as morph_surfaces
 from .measure import rounding_cuts as rounding_cuts
 from .measure import step_depths as step_depths
 from .open_morph import morph_open as morph_open
+from .problem import DEPTH_TOLERANCE as DEPTH_TOLERANCE
+from .problem import NESTING_TOLERANCE as NESTING_TOLERANCE
 from .sequences import Morph as Morph

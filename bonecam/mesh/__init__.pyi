@@ -5,6 +5,12 @@ from .facets import SurfaceShape as SurfaceShape
 from .facets import delaunay as delaunay
 from .facets import mls_curvature as mls_curvature
 from .facets import vertex_normals as vertex_normals
+from .files.cad import call_in_child as call_in_child
+from .files.mesh_files import CAD as CAD
+from .files.mesh_files import MESHES as MESHES
+from .files.mesh_files import READABLE as READABLE
+from .files.mesh_files import bytes_of as bytes_of
+from .files.mesh_files import read_content as read_content
 from .files.mesh_files import read_in_mm as read_in_mm
 from .files.mesh_files import read_mesh as read_mesh
 from .files.mesh_files import write_mesh as write_mesh
@@ -25,9 +31,12 @@ from .smooth_surface import Smoothing as Smoothing
 from .smooth_surface import coarseness_of as coarseness_of
 from .smooth_surface import heights_above as heights_above
 from .smooth_surface import nearest_areas as nearest_areas
+from .smooth_surface import note_on_kept_facets as note_on_kept_facets
 from .smooth_surface import smooth_facets as smooth_facets
 from .solids import self_intersections as self_intersections
 from .triangle_mesh import MeshLike as MeshLike
 from .triangle_mesh import TriangleMesh as TriangleMesh
 from .triangle_mesh import mesh_from as mesh_from
+from .units import mm_of as mm_of
+from .units import signs_of as signs_of
 from .units import to_mm as to_mm

@@ -6,9 +6,6 @@ reproject), or shorter edges.
 And by Rivara's bisection, where only chosen faces are too large.
 """
 
-from collections.abc import Mapping
-from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,10 +15,8 @@ from scipy.spatial import cKDTree
 
 from bonecam.arrays import angles_between, unit
 from bonecam.errors import FileError
-from bonecam.files import library_name
 from bonecam.mesh.solids import half_edges
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.progress import Progress, silent
 from bonecam.runtime.loading import loaded_once
 
 
@@ -42,20 +37,6 @@ def meshlab() -> Any:
     return pymeshlab
 
 
-@cache
-def meshlab_filters() -> frozenset[str]:
-    """The Python names of the filters that this pymeshlab has."""
-    return frozenset(meshlab().filter_list())
-
-
-@cache
-def meshlab_refusals() -> tuple[type[Exception], ...]:
-    """What pymeshlab raises where it takes no value or a filter fails: its own kinds of exception, of which only one is
-    a PyMeshLabException, and those of pybind11."""
-    own = (kind for kind in vars(meshlab().pmeshlab).values() if isinstance(kind, type))
-    return (*(kind for kind in own if issubclass(kind, Exception)), RuntimeError, TypeError, ValueError)
-
-
 def to_meshset(mesh: TriangleMesh) -> Any:
     """A pymeshlab.MeshSet with `mesh` as its one layer."""
     meshset = meshlab().MeshSet()
@@ -72,41 +53,6 @@ def from_meshset(meshset: Any) -> TriangleMesh:
 def quality_colours(largest: float) -> dict[str, Any]:
     """Parameters of MeshLab's filter that colours vertices by quality: from dark at 0 to light at `largest`."""
     return {"minval": 0.0, "maxval": largest, "colormap": "Viridis"}
-
-
-def write_layers(file: str, folder: str, options: Mapping[str, Any], progress: Progress = silent) -> dict[str, str]:
-    """Write the layers that MeshLab reads from a file, by `options` of its reader, into a folder; their labels by
-    the names of the files.
-
-    FileError where MeshLab refuses the file. A damaged one may end the process.
-    """
-    meshset = meshlab().MeshSet()
-    try:
-        with library_name(file) as name:
-            meshset.load_new_mesh(name, **options)
-    except meshlab().PyMeshLabException as error:
-        reason = " ".join(str(error).split()).rstrip(":")
-        raise FileError(f"{file}: {reason}: give a readable mesh file", file=file) from error
-    labels = {}
-    for k, layer in enumerate(meshset):
-        meshset.set_current_mesh(layer.id())
-        lines = layer.edge_number() > 0 and layer.face_number() == 0
-        name = f"{k}.obj" if lines else f"{k}.ply"
-        meshset.save_current_mesh(str(Path(folder) / name), **({} if lines else {"save_vertex_normal": True}))
-        labels[name] = layer.label()
-    return labels
-
-
-def call_on_cube(file: str, method: str, values: Mapping[str, Any], progress: Progress = silent) -> None:
-    """Call a method of a pymeshlab.MeshSet, with a cube in it, that reads or writes `file`. FileError where MeshLab
-    refuses it; it may end the process."""
-    meshset = meshlab().MeshSet()
-    meshset.create_cube()
-    try:
-        getattr(meshset, method)(**values)
-    except meshlab().PyMeshLabException as error:
-        reason = " ".join(str(error).split()).rstrip(":")
-        raise FileError(f"{file}: {reason}: give a readable file", file=file) from error
 
 
 TIP = float(np.pi)

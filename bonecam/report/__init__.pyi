@@ -1,5 +1,9 @@
+from .kept import kept_job as kept_job
+from .kept import kept_surface as kept_surface
+from .kept import with_kept_cutters as with_kept_cutters
 from .machine_picture import draw_machine as draw_machine
 from .machine_picture import draw_machine_file as draw_machine_file
+from .outputs import Outputs as Outputs
 from .pictures import draw_coloured as draw_coloured
 from .pictures import draw_compared_axes as draw_compared_axes
 from .pictures import draw_depths as draw_depths

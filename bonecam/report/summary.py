@@ -250,6 +250,10 @@ def summary_of(report: Mapping[str, Any]) -> str:
         *mechanics_lines(report.get("mechanics")),
         *feed_lines(report.get("feed")),
         *(_second_lines(report["second"]) if "second" in report else ()),
+        *(
+            f"{name:9} {', '.join(f'{key} {figure}' for key, figure in of.items())}"
+            for name, of in report.get("added", {}).items()
+        ),
         f"time      {sum(report['seconds'].values()):.1f} s",
     ]
     return "\n".join(lines)

@@ -648,5 +648,6 @@ class Report(TypedDict, total=False):
     removal: RemovalFigures
     mechanics: MechanicsFigures
     feed: ForceFeedFigures
+    added: dict[str, dict[str, Any]]
     second: SecondFigures
     axes: list[dict[str, object]]

@@ -15,6 +15,7 @@ from .fitting import Deviation as Deviation
 from .fitting import deviation as deviation
 from .growth import Fit as Fit
 from .growth import fit as fit
+from .part_surface import fit_surface as fit_surface
 from .query import Projection as Projection
 from .query import project as project
 from .refinement import refine as refine

@@ -8,7 +8,10 @@ from .gouge import measure_gouge as measure_gouge
 from .proof import Verification as Verification
 from .proof import verify as verify
 from .readback import Tolerances as Tolerances
+from .removal import ACCURACY as ACCURACY
 from .removal import check_removal as check_removal
+from .removal import check_removal_of_job as check_removal_of_job
 from .removal import prove_removal as prove_removal
 from .removal import simulate_removal as simulate_removal
 from .sweeping import Accuracy as Accuracy
+from .sweeping import groups_of as groups_of

@@ -1,22 +1,42 @@
 """`bonecam script` and `bonecam filters`."""
 
 import argparse
+import ctypes
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 from bonecam_plugins.meshlab import scripting
 from bonecam_plugins.meshlab.scripting import MEMORY, MOST_MEMORY, MOST_SECONDS, SECONDS
 
 from bonecam.cli.command import VERBOSITY, Command, argument, call_with, positive
 
+STDOUT, STDERR = 1, 2
+"""Numbers of the process's streams."""
+
 
 def run_script(options: argparse.Namespace) -> int:
     """`bonecam script`: a MeshLab filter script on meshes; prints the files of the resulting layers."""
-    from bonecam.cli.stopping import native_output_to_stderr
-
     with native_output_to_stderr():
         written = call_with(scripting.run_script, options)
     if not options.quiet:
         print("".join(f"{path}\n" for path in written), end="")
     return 0
+
+
+@contextmanager
+def native_output_to_stderr() -> Iterator[None]:
+    """What libraries write to the process's stdout (MeshLab's filters do) goes to its stderr."""
+    sys.stdout.flush()
+    stdout = os.dup(STDOUT)
+    os.dup2(STDERR, STDOUT)
+    try:
+        yield
+    finally:
+        ctypes.CDLL(None).fflush(None)  # what C keeps for stdout
+        os.dup2(stdout, STDOUT)
+        os.close(stdout)
 
 
 def run_filters(options: argparse.Namespace) -> int:

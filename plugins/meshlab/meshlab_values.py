@@ -22,10 +22,11 @@ from xml.parsers import expat
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
+from bonecam_plugins.meshlab.guards import meshlab_refusals
 
 from bonecam.errors import BonecamError, FileError, FilterError
 from bonecam.files import input_bytes, write_whole
-from bonecam.mesh.meshlab import meshlab, meshlab_refusals
+from bonecam.mesh.meshlab import meshlab
 
 SHOWN_ONLY = ("tooltip", "description", "label")
 """Attributes that MeshLab adds for its dialogs; they say nothing about the value and are not kept."""

@@ -19,13 +19,13 @@ from pathlib import Path
 from typing import Any
 
 from bonecam_plugins.meshlab.filter import Filter, Registry, installed, parameter_list
+from bonecam_plugins.meshlab.guards import ENDING, layers_of, meshlab_filters, try_filter, try_reading
 from bonecam_plugins.meshlab.layers import Layers
 from bonecam_plugins.meshlab.meshlab_values import FilterCall, ScriptParameter, read_calls, refusals_told, write_script
 from bonecam_plugins.meshlab.scripts import ScriptFiles, ScriptStep, apply_steps, read_script
 
 from bonecam.errors import BonecamError, FileError, FilterError, did_you_mean
-from bonecam.mesh.files.mesh_files import ENDING, layers_of, try_filter, try_reading
-from bonecam.mesh.meshlab import meshlab, meshlab_filters
+from bonecam.mesh.meshlab import meshlab
 from bonecam.progress import Progress, silent
 from bonecam.runtime.staging import temporary_folder
 

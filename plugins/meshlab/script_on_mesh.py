@@ -4,13 +4,14 @@ import re
 from pathlib import Path
 
 from bonecam_plugins.meshlab.filter import Registry, installed
+from bonecam_plugins.meshlab.guards import refuse_names_outside
 from bonecam_plugins.meshlab.meshset import MeshSet
 from bonecam_plugins.meshlab.scripting import Run
 from bonecam_plugins.meshlab.scripts import ScriptFiles, apply_steps, read_script
 
 from bonecam.errors import FileError
 from bonecam.files import in_unicode, library_name, require_room
-from bonecam.mesh.files.mesh_files import CAD, READABLE, bytes_of, read_mesh, refuse_names_outside
+from bonecam.mesh.files.mesh_files import CAD, READABLE, bytes_of, read_mesh
 from bonecam.mesh.meshlab import meshlab
 from bonecam.progress import Progress, silent
 

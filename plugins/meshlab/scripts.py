@@ -24,10 +24,10 @@ from typing import Any
 
 from bonecam_plugins.meshlab import filter
 from bonecam_plugins.meshlab.filter import Kind, Registry
+from bonecam_plugins.meshlab.guards import meshlab_filters
 from bonecam_plugins.meshlab.meshlab_values import CAMERAS, FilterCall, checked_value, free_texts, read_calls
 
 from bonecam.errors import BonecamError, FilterError, did_you_mean
-from bonecam.mesh.meshlab import meshlab_filters
 from bonecam.progress import Progress, part, report, silent
 from bonecam.runtime.own_files import is_own
 from bonecam.runtime.staging import leads_out

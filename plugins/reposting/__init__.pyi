@@ -1,2 +1,2 @@
-from .post import Posted as Posted
-from .post import post as post
+from .posting import Posted as Posted
+from .posting import post as post

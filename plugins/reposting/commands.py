@@ -12,7 +12,7 @@ def run_post(options: argparse.Namespace) -> int:
     if origin[0] is None and origin[1] is not None:
         raise JobError("--from-controller needs the machine of the program too: give --from-machine")
     job = kept_job(options, options.paths)
-    from bonecam_plugins.reposting.post import post
+    from bonecam_plugins.reposting.posting import post
 
     posted = call_with(post, options, job=job, origin=None if origin[0] is None else origin)
     if not options.quiet:

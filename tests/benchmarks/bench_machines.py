@@ -13,7 +13,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from bonecam_plugins.reposting.post import Posted
+from bonecam_plugins.reposting import Posted, post
 
 import bonecam
 from bonecam.job import read_job
@@ -99,7 +99,7 @@ def row(folder: Path, part: Path, machine: str, controller: str) -> list[str]:
     job = read_job(folder / "job.toml").with_values(nc={"machine": machine, "controller": controller})
     head = [folder.parent.name if folder.name == "kept" else folder.name, machine, controller]
     try:
-        made = bonecam.post(folder / "toolpath.apt", part, job)
+        made = post(folder / "toolpath.apt", part, job)
     except bonecam.BonecamError as error:
         return [*head, f"refused: {str(error).split(':')[0]}: {str(error).split(':')[1].strip()}"]
     dialect = job_dialect(job.nc)

@@ -41,7 +41,7 @@ import contourpy
 import igl
 import numpy as np
 from bonecam_meshes import path as shipped
-from bonecam_plugins.reposting.post import read_paths
+from bonecam_plugins.reposting.posting import read_paths
 from numpy import ndarray
 from scipy import ndimage
 

@@ -4,12 +4,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bonecam_plugins.reposting import posting
 from small_parts import revolved
 
 import bonecam
+from bonecam.cli import main
 from bonecam.errors import FileError, JobError, MachineError, ProgramError, VerifyError
 from bonecam.files import whole_folder
-from bonecam.job import Job
+from bonecam.job import Job, write_job
 from bonecam.machine import read_machine
 from bonecam.mesh import write_mesh
 from bonecam.nc import read_dialect, read_program
@@ -151,3 +153,20 @@ def test_no_part_and_no_kept_folder_are_one_line(tmp_path):
         bonecam.post(apt(tmp_path), job=JOB, keep=tmp_path / "gone")
     with pytest.raises(FileError, match=r"has no surface.tspline"):
         bonecam.post(apt(tmp_path), tmp_path, JOB)
+
+
+def test_the_job_of_the_kept_folder_is_taken_and_told(tmp_path, monkeypatch, capsys):
+    keep = tmp_path / "look"
+    keep.mkdir()
+    (keep / "job.toml").write_text(write_job(Job().with_values(nc={"controller": "siemens-840d"})))
+    (keep / "surface.tspline").write_text("")
+    taken = []
+
+    def stop(paths, *, job, keep, **_):
+        taken.append((job.nc.controller, str(keep)))
+        raise FileError("stopped")
+
+    monkeypatch.setattr(posting, "post", stop)
+    assert main(["post", str(keep / "program.mpf"), "-o", str(tmp_path / "new.mpf")]) == 2
+    assert capsys.readouterr().out == f"job       {keep / 'job.toml'}\n"
+    assert taken == [("siemens-840d", str(keep))]
