@@ -22,6 +22,7 @@ from numpy import ndarray
 
 from bonecam.errors import knowing
 from bonecam.job import Job, field_error
+from bonecam.kernels.warming import warming
 from bonecam.levels.job_levels import surface_and_levels
 from bonecam.levels.measure import morph_surfaces
 from bonecam.machine.machine import Machine, read_machine
@@ -97,7 +98,8 @@ def stand_part(
     """The part in a stock for which `machine` has room, the `body` where one is given, on the post that the job gives
     or that is found."""
     with times.stage("mesh"):
-        unplaced, given = read_part(mesh, job, progress)
+        with warming(progress):
+            unplaced, given = read_part(mesh, job, progress)
         changes = [repair.change for repair in unplaced.repairs if repair.guessed]
         guesses = warnings.repair_warnings(unplaced.widest_hole, unplaced.guessed_share, job, changes)
         warnings.check_warnings(guesses, job, unplaced.file)

@@ -42,6 +42,7 @@ from bonecam.job.files.job_file import counted_from, from_anywhere, named_files
 from bonecam.job.sections import setting
 from bonecam.job.stock_section import STOCK_KINDS
 from bonecam.job.tool_list import tool_list
+from bonecam.kernels.warming import warming
 from bonecam.machine.machine import read_machine
 from bonecam.mesh.files.label_map import LABEL_MAPS
 from bonecam.mesh.files.mesh_files import READABLE, ending_of
@@ -51,7 +52,7 @@ from bonecam.nc.program import check_file_name, second_program_file
 from bonecam.nc.requirements import job_dialect
 from bonecam.pipeline import check_job
 from bonecam.plugins import plugin_folders
-from bonecam.progress import Progress
+from bonecam.progress import Progress, silent
 from bonecam.report.tables import TABLE, Outcome, failed, outcome_of, read_rows, table_text
 from bonecam.runtime.own_files import PACKAGE, folder_digest, locked
 from bonecam.runtime.staging import remove_abandoned, undisturbed
@@ -388,6 +389,9 @@ def _outcomes(
     kept = {part.name: kept_outcome(part, folder, wanted) for part in parts if resume}
     yield from (outcome for outcome in kept.values() if outcome)
     stopped = Event()
+    if len(kept) < len(parts) or not all(kept.values()):
+        with warming(silent):  # once here, not in each part's process
+            pass
     pool = ThreadPoolExecutor(jobs) if executor is None else executor
     here = partial(ask, stopped=stopped, progress=progress) if executor is None else ask
     futures: dict[Future[Outcome], BatchPart] = {}

@@ -124,6 +124,19 @@ def run_batch(options: argparse.Namespace) -> int:
     return int(any(outcome.state == "failed" for outcome in outcomes))
 
 
+def run_warm(options: argparse.Namespace) -> int:
+    """`bonecam warm`: what a default run calls, compiled beforehand."""
+    from bonecam.cli.stopping import shown_progress
+    from bonecam.kernels import COMPILED_FOR
+    from bonecam.kernels.warming import kept_in, warming
+
+    with shown_progress(options) as progress, warming(progress):
+        pass
+    if not options.quiet:
+        print(f"compiled for {COMPILED_FOR}, kept in {kept_in()}")
+    return 0
+
+
 def run_job(options: argparse.Namespace) -> int:
     """`bonecam job`: the job file of the options, or the schema of such files."""
     if options.schema:
@@ -350,6 +363,14 @@ COMMANDS: dict[str, Command] = {
         ],
         examples="""
   bonecam batch scans/*.stl -o programs --job job.toml --jobs 4 --resume""",
+    ),
+    "warm": Command(
+        run_warm,
+        "Compile what a default run needs, on all cores, and keep it: for an image, a CI, or the nodes of a cluster.",
+        VERBOSITY,
+        examples="""
+  bonecam warm
+  NUMBA_CACHE_DIR=/opt/kernels bonecam warm""",
     ),
     "job": Command(
         run_job,

@@ -8,6 +8,7 @@ variable NUMBA_CACHE_DIR names a folder that lasts.
 import hashlib
 import os
 import pickle
+import platform
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -21,6 +22,21 @@ from numba.core.caching import IndexDataCacheFile
 from bonecam.runtime.own_files import folder_digest
 from bonecam.runtime.staging import make_temporary
 
+TARGET = "x86-64-v3"
+"""The processor that kernels are compiled for, where the machine has what it has: what is kept serves every such
+machine, and a program is the same on all of them. What a newer one could do beside made no run faster (benchmarks)."""
+FEATURES = ("avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe")
+"""What the target needs, as LLVM calls it."""
+
+
+def _fix_target() -> str:
+    """Have kernels compiled for TARGET, unless the machine has less or NUMBA_CPU_NAME names another; the one that is
+    taken."""
+    host = numba.core.codegen.ll.get_host_cpu_features() if platform.machine() in ("x86_64", "AMD64") else {}
+    if numba.config.CPU_NAME is None and all(host.get(name) for name in FEATURES):
+        numba.config.CPU_NAME, numba.config.CPU_FEATURES = TARGET, ""
+    return str(numba.config.CPU_NAME or numba.core.codegen.ll.get_host_cpu_name())
+
 
 def _find_room() -> None:
     """Have a place for what is compiled."""
@@ -29,10 +45,12 @@ def _find_room() -> None:
     except RuntimeError:
         os.environ["NUMBA_CACHE_DIR"] = str(make_temporary(Path(tempfile.gettempdir())))
         numba.config.reload_config()
+        _fix_target()
 
 
+COMPILED_FOR = _fix_target()
+"""The processor that this process compiles for."""
 _find_room()
-
 
 SOURCES = folder_digest(Path(__file__).parent)
 """One for the sources of all kernels together."""
