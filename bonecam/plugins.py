@@ -5,7 +5,7 @@ objects of these kinds:
     demos       Command             a part that `bonecam demo --NAME` machines instead of the phalanx
     filters     tuple of Filter     filters of MeshSet and of MeshLab scripts
     readers     Reader              files with the ending NAME: meshes or surfaces
-    strategies  Strategy            path.strategy
+    strategies  function            path.strategy
     patterns    function            path.pattern
     orientations  function          path.orientation
     methods     Method              levels.method
@@ -81,7 +81,7 @@ ATTRIBUTES = {
     "demos": "DEMO",
     "filters": "FILTERS",
     "readers": "READER",
-    "strategies": "STRATEGY",
+    "strategies": "plan",
     "patterns": "lines",
     "orientations": "axes",
     "methods": "METHOD",
@@ -119,6 +119,12 @@ def added(kind: str, name: str) -> Any:
         return getattr(module, ATTRIBUTES[kind])
     except (Exception, SystemExit) as error:  # whatever a stranger's module raises while it is imported
         raise _failed(kind, name, "cannot be loaded", error) from error
+
+
+def check_added(kind: str, name: str) -> None:
+    """JobError where the object of a name cannot be loaded; a name of what ships is none of these."""
+    if name in added_names(kind):
+        added(kind, name)
 
 
 def all_added(kind: str) -> dict[str, Any]:

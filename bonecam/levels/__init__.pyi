@@ -1,5 +1,6 @@
 from .certificates import Certificate as Certificate
 from .certificates import certify as certify
+from .closed_morph import Method as Method
 from .closed_morph import morph as morph
 from .job_levels import even_levels as even_levels
 from .job_levels import levels_in as levels_in
@@ -15,4 +16,7 @@ from .measure import line_lengths as line_lengths
 from .measure import rounding_cuts as rounding_cuts
 from .measure import step_depths as step_depths
 from .open_morph import morph_open as morph_open
+from .program import LevelProgram as LevelProgram
+from .program import LinearLimits as LinearLimits
 from .sequences import Morph as Morph
+from .solvers.linearised import solve_linearised as solve_linearised

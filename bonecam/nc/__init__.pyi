@@ -9,3 +9,4 @@ from .posting import write_program as write_program
 from .program import Program as Program
 from .reading import read_program as read_program
 from .requirements import controller_of as controller_of
+from .requirements import job_dialect as job_dialect
