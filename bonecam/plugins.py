@@ -16,6 +16,10 @@ objects of these kinds:
     pages       function            figures of a run, in report, summary and page
     names       anything            a name of `bonecam` itself
 
+`plan(levels, stock, job, limits, progress)` of a strategy gives the tool paths in machining order, `axes(path, surface,
+scene, limits, job)` of an orientation a unit vector for each contact, `solve(program)` of a solver the free moves of a
+level's program; a Method is that of `bonecam.levels`.
+
 They stand in folders of these names below the user's folder (`user_folder`; a Python file holds the object as the name
 that `ATTRIBUTES` tells), or come with an installed package whose entry points name them: the group `bonecam.machines`
 (and so on) a package with TOML files, `bonecam.commands` (and so on) the object itself. What ships cannot be replaced:

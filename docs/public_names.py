@@ -6,7 +6,7 @@ from typing import Any
 
 ROOT = Path(__file__).parents[1]
 EXPORT = re.compile(r"^from \.([\w.]+) import (\w+) as \2$", re.MULTILINE)
-PACKAGE = re.compile(r"^::: (bonecam(?:\.\w+)?)$", re.MULTILINE)
+PACKAGE = re.compile(r"^::: (bonecam(?:_plugins)?(?:\.\w+)?)$", re.MULTILINE)
 
 
 def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
@@ -17,7 +17,7 @@ def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
 def _described(found: re.Match[str]) -> str:
     """The package's own text and its public names; a module without a stub as it is."""
     package = found[1]
-    stub = ROOT.joinpath(*package.split("."), "__init__.pyi")
+    stub = ROOT.joinpath(*package.replace("bonecam_plugins", "plugins").split("."), "__init__.pyi")
     if not stub.exists():
         return found[0]
     names = (f"::: {package}.{module}.{public}" for module, public in EXPORT.findall(stub.read_text()))

@@ -15,6 +15,8 @@ MOST_LEVELS = 2000
 
 DEFAULT_NUMBERS = (4, 0.5)
 """Finishing levels, and roughing depth (mm), of Gan et al. (2014)."""
+METHODS = ("qp", *reversed(added_names("methods")))
+"""Our own, then those that users and packages add, backwards: filter scripts number them so."""
 FOUND = "found"
 """Instead of depths: they are found."""
 
@@ -101,10 +103,7 @@ class LevelsJob(JobSection):
         choices=("stock", "sphere"),
     )
     method: str = parameter(
-        "qp",
-        "Method",
-        "qp: quadratic programs, solved by levels.solver; others are for comparison.",
-        choices=("qp", *added_names("methods")),
+        "qp", "Method", "qp: quadratic programs, solved by levels.solver; others are for comparison.", choices=METHODS
     )
     solver: str = parameter(
         "admm",

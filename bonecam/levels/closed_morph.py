@@ -25,6 +25,7 @@ from numpy import ndarray
 from bonecam.arrays import lengths
 from bonecam.errors import SurfaceError, require_type
 from bonecam.job import LevelsJob
+from bonecam.job.levels_section import METHODS
 from bonecam.levels.measure import Rules, inspect
 from bonecam.levels.problem import ATTRACTIONS, NESTING_TOLERANCE, STOCK_TOLERANCE, discretise, remaining, whole
 from bonecam.levels.sequences import ACCEPTED, BegunMorph, Morph, SequenceMaker
@@ -171,7 +172,7 @@ def begin_morph(
     # ValueError where a name is not among its choices, JobError where a number is out of its range
     for name, value, choices in (
         ("attraction", attraction, ATTRACTIONS),
-        ("method", method, ("qp", *added_names("methods"))),
+        ("method", method, METHODS),
         ("solver", solver, (*SOLVERS, *added_names("solvers"))),
     ):
         if value not in tuple(choices):

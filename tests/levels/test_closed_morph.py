@@ -105,7 +105,7 @@ def test_arguments_of_another_kind_are_refused_with_what_to_give(tmp_path):
         "200.0 (4.0, 5.0)",
         "surface is a ndarray: give a TriangleMesh",
         "attraction ['stock']: choose one of stock, sphere, nearest",
-        "method ['qp']: choose one of qp, published, qcqp",
+        "method ['qp']: choose one of qp, qcqp, published",
         "a capsule's radius is ['6']: give a finite number (mm, 1e+06 at most)",
         "a cylinder's radius, bottom and top is ['3', 0, 1]: give 3 finite numbers (mm, 1e+06 at most)",
     ]

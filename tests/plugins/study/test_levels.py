@@ -172,7 +172,7 @@ def test_why_its_levels_have_no_certificate_is_told():
 
 
 def test_an_unknown_method_is_refused():
-    with pytest.raises(ValueError, match="choose one of qp, published, qcqp"):
+    with pytest.raises(ValueError, match="choose one of qp, qcqp, published"):
         morph(waisted(), CAPSULE, SCHEDULE, method="magic")
 
 
