@@ -49,8 +49,8 @@ from bonecam.planning.neck import (
     with_found_depths,
 )
 from bonecam.planning.post_length import blocked_share, check_reached, post_advice
-from bonecam.planning.strategies import plan_layer_paths
 from bonecam.planning.stump import check_second
+from bonecam.plugins import added, run_added
 from bonecam.progress import Progress, part, report, silent
 from bonecam.report import warnings
 from bonecam.report.kept import Morphed, Result, keep_failed_level
@@ -330,7 +330,9 @@ def machine_levels(made: Morphed, posting: Posting, progress: Progress) -> Resul
             foretold["estimate"] = expected.report
             planned = plan_paths(levels, made.stock, job, machine_limits(machine), share)
         else:
-            planned = plan_layer_paths(levels, made.stock, job, machine_limits(machine), share)
+            plan = added("strategies", job.path.strategy)
+            with run_added("strategies", job.path.strategy):
+                planned = plan(levels, made.stock, job, machine_limits(machine), share)
         foretold["uncut_mm2"] = uncut_areas(planned, levels[0].mesh) if job.path.strategy == "morph" else {}
     known = {**made.report, **foretold}
     with knowing(known):

@@ -10,7 +10,6 @@ from pathlib import Path
 from bonecam.errors import knowing
 from bonecam.job import Job
 from bonecam.job.tool_list import read_tool_list
-from bonecam.levels.job_levels import check_method
 from bonecam.machine.machine import Machine
 from bonecam.machining import Posting, check_force_asked, machine_levels, morph_standing, post_by_force, stand_part
 from bonecam.mechanics.loads import mechanics_of_job
@@ -18,8 +17,7 @@ from bonecam.mesh.triangle_mesh import MeshLike, TriangleMesh, mesh_from
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.parts import is_split
 from bonecam.nc.requirements import check_reach, check_table, check_tools, machine_and_dialect
-from bonecam.planning.patterns import check_pattern
-from bonecam.plugins import added_figures
+from bonecam.plugins import added_figures, check_added
 from bonecam.progress import Progress, part, silent
 from bonecam.report import warnings
 from bonecam.report.kept import Morphed, Result
@@ -113,7 +111,7 @@ def morph_levels(
     """
     job, body = with_stock(_require_job(job), stock)
     job = job.with_values(path={"strategy": "morph"})
-    check_method(job.levels)
+    check_parts(job)
     outputs = Outputs(keep=keep, report=report, surface=surface, html=html)
     given, source = _given(mesh)
     outputs.check(source)
@@ -128,18 +126,27 @@ def morph_levels(
 
 
 def check_job(job: Job, machine: Machine, dialect: Dialect) -> None:
-    """JobError where sizes, cutters, depths and solver do not fit one another or the machine, or the list of cutters
-    cannot be read; MachineError where no program can be written for the machine in the dialect."""
+    """JobError where sizes, cutters and depths do not fit one another or the machine, or the list of cutters or what
+    was added cannot be read; MachineError where no program can be written for the machine in the dialect."""
     read_tool_list(job.nc.tools)
     check_sizes(job.stock)
-    check_pattern(job.path.pattern)
+    check_parts(job)
     check_shapes(job, machine)
     check_tools(job, machine)
     check_table(job, machine)
     check_depths(job)
-    check_method(job.levels)
     check_posting(job, machine, dialect)
     warnings.check_warnings(warnings.spindle_warnings(job, machine), job)
+
+
+def check_parts(job: Job) -> None:
+    """JobError where a part of the flow that a job chooses was added and cannot be loaded."""
+    path, levels = job.path, job.levels
+    check_added("strategies", path.strategy)
+    check_added("patterns", path.pattern)
+    check_added("orientations", path.orientation)
+    check_added("methods", levels.method)
+    check_added("solvers", levels.solver)
 
 
 def morph_part(

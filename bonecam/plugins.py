@@ -5,7 +5,7 @@ objects of these kinds:
     demos       Command             a part that `bonecam demo --NAME` machines instead of the phalanx
     filters     tuple of Filter     filters of MeshSet and of MeshLab scripts
     readers     Reader              files with the ending NAME: meshes or surfaces
-    strategies  Strategy            path.strategy
+    strategies  function            path.strategy
     patterns    function            path.pattern
     orientations  function          path.orientation
     methods     Method              levels.method
@@ -15,6 +15,10 @@ objects of these kinds:
     scripts     function            runs mesh.script, a file with the ending NAME
     figures     function            figures of a Result by name, for report (`added`), summary and page
     names       anything            a name of `bonecam` itself
+
+`plan(levels, stock, job, limits, progress)` of a strategy gives the tool paths in machining order, `axes(path, surface,
+scene, limits, job)` of an orientation a unit vector for each contact, `solve(program)` of a solver the free moves of a
+level's program; a Method is that of `bonecam.levels`.
 
 They stand in folders of these names below the user's folder (`user_folder`; a Python file holds the object as the name
 that `ATTRIBUTES` tells), or come with an installed package whose entry points name them: the group `bonecam.machines`
@@ -81,7 +85,7 @@ ATTRIBUTES = {
     "demos": "DEMO",
     "filters": "FILTERS",
     "readers": "READER",
-    "strategies": "STRATEGY",
+    "strategies": "plan",
     "patterns": "lines",
     "orientations": "axes",
     "methods": "METHOD",
@@ -119,6 +123,12 @@ def added(kind: str, name: str) -> Any:
         return getattr(module, ATTRIBUTES[kind])
     except (Exception, SystemExit) as error:  # whatever a stranger's module raises while it is imported
         raise _failed(kind, name, "cannot be loaded", error) from error
+
+
+def check_added(kind: str, name: str) -> None:
+    """JobError where the object of a name cannot be loaded; a name of what ships is none of these."""
+    if name in added_names(kind):
+        added(kind, name)
 
 
 def all_added(kind: str) -> dict[str, Any]:

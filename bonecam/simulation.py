@@ -150,7 +150,7 @@ def _simulate_first(
         cutters=cutters_of(job, machine),
         clamping=clamping,
         part=read_tsm(keep / "surface.tspline"),
-        limits=depth_limits(job, map(job.levels.depth_onto, range(levels - 1))),
+        limits=depth_limits(text, machine, dialect, job, map(job.levels.depth_onto, range(levels - 1))),
         scallops=level_scallops(job, levels),
         surfaces=followed_surfaces(job, level_meshes(run)) if run else {},
         accuracy=replace(ACCURACY, cell=cell, coarser=False),

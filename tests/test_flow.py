@@ -10,7 +10,7 @@ ORDER = [
     *"errors plugins progress arrays runtime files text machine job kernels tool mesh surface".split(),
     *"workholding setup levels material mechanics planning nc verify report".split(),
     *"machining second_clamping pipeline simulation finishing batch cli".split(),
-    *"wheels study".split(),
+    "wheels",
     "__main__",
 ]
 ROOMS = {
@@ -20,18 +20,17 @@ ROOMS = {
         *"growth files part_surface".split(),
     ],
     "levels": [
-        *"problem program solvers certificates measure sequences published closed_morph".split(),
+        *"problem program solvers certificates measure sequences closed_morph".split(),
         *"open_morph job_levels".split(),
     ],
     "mechanics": "beam edges loads result".split(),
     "planning": [
         *"motion_time spacing patterns contacts layers scene collision axes link_space links".split(),
         *"oriented_path estimate stump post_length neck chosen_cutters rest_machining levels".split(),
-        *"strategies surface_paths".split(),
+        "surface_paths",
     ],
     "batch": "run cluster".split(),
-    "verify": "gouge readback sweeping findings clearances removal control probing proof".split(),
-    "study": "rows pictures comparison commands".split(),
+    "verify": "gouge readback sweeping findings clearances removal control proof".split(),
     "report": [
         *"warnings stage_reports typed tables summary pictures page sheet machine_picture kept".split(),
         *"outputs".split(),
@@ -43,10 +42,9 @@ MODULES = sorted(path for path in ROOT.rglob("*.py") if path != ROOT / "__init__
 
 DOORS = {
     "osqp": {"levels/solvers/osqp.py"},
-    "clarabel": {"levels/solvers/clarabel.py"},
     "fcl": {"planning/collision.py"},
-    "matplotlib": {"report/pictures.py", "report/machine_picture.py", "study/pictures.py"},
-    "contourpy": {"planning/strategies.py"},
+    "matplotlib": {"report/pictures.py", "report/machine_picture.py"},
+    "contourpy": {"planning/surface_paths.py"},
     "numba": {"kernels", "runtime/compiling.py"},
     "open3d": {"mesh/distance.py", "mesh/triangle_mesh.py"},
     "OCP": {"mesh/files/cad.py"},

@@ -15,8 +15,8 @@ import pytest
 import bonecam
 
 ROOT = Path(__file__).parents[1]
-STAGES = "machine tool mesh surface workholding setup levels material mechanics planning nc verify report study".split()
-PLUGINS = ["bonecam_plugins.meshlab", "bonecam_plugins.reposting"]
+STAGES = "machine tool mesh surface workholding setup levels material mechanics planning nc verify report".split()
+PLUGINS = ["bonecam_plugins.meshlab", "bonecam_plugins.reposting", "bonecam_plugins.study"]
 PACKAGES = ["bonecam", *(f"bonecam.{name}" for name in STAGES), *PLUGINS]
 
 

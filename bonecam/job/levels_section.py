@@ -6,6 +6,7 @@ from typing import Any
 
 from bonecam.errors import JobError
 from bonecam.job.parameter import JobSection, check, is_list, millimetres, parameter
+from bonecam.plugins import added_names
 from bonecam.text.numbers import number
 
 MOST_LEVELS = 2000
@@ -14,6 +15,8 @@ MOST_LEVELS = 2000
 
 DEFAULT_NUMBERS = (4, 0.5)
 """Finishing levels, and roughing depth (mm), of Gan et al. (2014)."""
+METHODS = ("qp", *reversed(added_names("methods")))
+"""Our own, then those that users and packages add, backwards: filter scripts number them so."""
 FOUND = "found"
 """Instead of depths: they are found."""
 
@@ -100,19 +103,13 @@ class LevelsJob(JobSection):
         choices=("stock", "sphere"),
     )
     method: str = parameter(
-        "qp",
-        "Method",
-        "qp: quadratic programs, solved by levels.solver; qcqp: the published cone program, limits and nesting held "
-        "everywhere (slow); published: as the paper prints it, limits at samples and no nesting. The paper leaves "
-        "weights and samples open (stiffness; every fourth of 8 rings a span); what such levels break is told, not "
-        "refused.",
-        choices=("qp", "qcqp", "published"),
+        "qp", "Method", "qp: quadratic programs, solved by levels.solver; others are for comparison.", choices=METHODS
     )
     solver: str = parameter(
         "admm",
         "Solver",
-        "Of the quadratic programs: admm, or as references osqp and clarabel (both slow).",
-        choices=("admm", "osqp", "clarabel"),
+        "Of the quadratic programs: admm; osqp and others are references, and slow.",
+        choices=("admm", "osqp", *added_names("solvers")),
     )
     chord_tolerance: float = millimetres(
         0.01,

@@ -18,9 +18,8 @@ class PathJob(JobSection):
     strategy: str = parameter(
         "morph",
         "Strategy",
-        "morph: levels between part and stock; or for comparison iso-height (slices from two sides), or rotary "
-        "(sections of the turning part).",
-        choices=("morph", "iso-height", "rotary"),
+        "morph: levels between part and stock; others cut in layers of their own, for comparison.",
+        choices=("morph", *added_names("strategies")),
     )
     pattern: str = parameter(
         "fastest",
@@ -82,10 +81,8 @@ class PathJob(JobSection):
         "cones",
         "Orientation",
         "Tool axes: turning the machine as smoothly as cones of free axes allow (cones), leaning forward (lead), or as "
-        "published: from a cone about the normal, as wide as curvature allows, those of least elastic energy on the "
-        "facets of the contacts. The paper leaves open angles, offsets and how to choose: here 10 to 60 degrees, three "
-        "radii, an offset along the pass's bend, steps of fairing; contacts whose candidates all collide stay uncut.",
-        choices=("cones", "lead", "published"),
+        "another orientation fixes them: contacts at which those collide stay uncut.",
+        choices=("cones", "lead", *added_names("orientations")),
     )
     membrane: float = parameter(
         0.0,

@@ -1,5 +1,6 @@
 from .certificates import Certificate as Certificate
 from .certificates import certify as certify
+from .closed_morph import Method as Method
 from .closed_morph import morph as morph
 from .job_levels import even_levels as even_levels
 from .job_levels import levels_in as levels_in
@@ -19,4 +20,7 @@ from .measure import step_depths as step_depths
 from .open_morph import morph_open as morph_open
 from .problem import DEPTH_TOLERANCE as DEPTH_TOLERANCE
 from .problem import NESTING_TOLERANCE as NESTING_TOLERANCE
+from .program import LevelProgram as LevelProgram
+from .program import LinearLimits as LinearLimits
 from .sequences import Morph as Morph
+from .solvers.linearised import solve_linearised as solve_linearised

@@ -12,8 +12,9 @@ Every level has the T-mesh and weights of the part; only control points change. 
 point of the stock's surface lies within one depth of the last one; the stock itself is the level after that.
 """
 
-import math
 import time
+from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
 from typing import Any
@@ -24,12 +25,13 @@ from numpy import ndarray
 from bonecam.arrays import lengths
 from bonecam.errors import SurfaceError, require_type
 from bonecam.job import LevelsJob
+from bonecam.job.levels_section import METHODS
 from bonecam.levels.measure import Rules, inspect
 from bonecam.levels.problem import ATTRACTIONS, NESTING_TOLERANCE, STOCK_TOLERANCE, discretise, remaining, whole
-from bonecam.levels.published import PublishedProgram, published_sequence
 from bonecam.levels.sequences import ACCEPTED, BegunMorph, Morph, SequenceMaker
 from bonecam.levels.solvers.solver import SOLVERS
 from bonecam.mesh.distance import MeshDistance
+from bonecam.plugins import added, added_names, run_added
 from bonecam.progress import Progress, part, rising, silent
 from bonecam.runtime.threads import on_one_blas_thread
 from bonecam.setup.rounding import MARGIN, require_inside
@@ -109,13 +111,26 @@ def _length(surface: TSpline, stock: Stock, s: ndarray, t: ndarray) -> ndarray:
     return np.minimum(there, STRETCHED * here).reshape(-1, ALONG).sum(axis=1)
 
 
-METHODS = {
-    "qp": (NESTING_TOLERANCE, STOCK_TOLERANCE),
-    "qcqp": (0.02, 2 * STOCK_TOLERANCE),
-    "published": (0.02, 2 * STOCK_TOLERANCE),
-}
-"""How far (mm) a level may fall behind the one before and leave the stock: the published program says nothing
-of the one, and holds the other at samples only."""
+@dataclass(frozen=True)
+class Method:
+    """How levels are made: `levels` takes surface, stock, schedule, attraction, stiffness and progress, and returns
+    the control points of levels 0, 1, 2, ... up to the last below the stock; None: by quadratic programs.
+
+    A level may fall behind the one before by `nesting` and leave the stock by `outside`, mm; one that breaks its limits
+    by more than `accepted` (mm) is refused.
+    """
+
+    levels: Callable[[TSpline, Stock, Schedule, str, float, Progress], list[ndarray]] | None = None
+    nesting: float = NESTING_TOLERANCE
+    outside: float = STOCK_TOLERANCE
+    accepted: float = ACCEPTED
+
+
+def method_of(name: str) -> Method:
+    """The method of a name that `levels.method` has in a job. JobError where one that was added cannot be loaded."""
+    return Method() if name == "qp" else added("methods", name)
+
+
 STIFFNESS = 5e-7
 """c_int / c_ext, parameters in [0, 1]."""
 COARSE = 0.02
@@ -148,10 +163,9 @@ def begin_morph(
     """The levels that are made first, to be measured on tessellations within `chord_tolerance` mm.
 
     `stiffness` is c_int / c_ext (parameters in [0, 1]). `method` is `qp`, whose programs `solver` solves
-    (`admm`, or as a reference `osqp` or `clarabel`), or `qcqp`, the published program solved exactly
-    (`published.py`), or `published`, the same as the paper prints it, whatever limits that breaks: both
-    slow. SurfaceError where the surface is no closed body's between two poles, StockError where it leaves the stock,
-    JobError where a number is out of range, LevelError where a level cannot be made.
+    (`admm`, as a reference `osqp`, or one that was added), or a method that was added. SurfaceError where the surface
+    is no closed body's between two poles, StockError where it leaves the stock, JobError where a number is out of
+    range, LevelError where a level cannot be made.
     """
     require_types(surface, schedule, stock)
 
@@ -159,7 +173,7 @@ def begin_morph(
     for name, value, choices in (
         ("attraction", attraction, ATTRACTIONS),
         ("method", method, METHODS),
-        ("solver", solver, SOLVERS),
+        ("solver", solver, (*SOLVERS, *added_names("solvers"))),
     ):
         if value not in tuple(choices):
             raise ValueError(f"{name} {value!r}: choose one of {', '.join(choices)}")
@@ -186,15 +200,15 @@ def begin_morph(
     discretisation = discretise(surface, stock, ATTRACTIONS[attraction])
     around = whole(stock)
     rest = remaining(discretisation, surface.control_points, around)
-    nesting_tolerance, stock_tolerance = METHODS[method]
-    rules = Rules(stock, schedule, nesting_tolerance, stock_tolerance, chord_tolerance)
+    made_by = method_of(method)
+    rules = Rules(stock, schedule, made_by.nesting, made_by.outside, chord_tolerance)
     measure = partial(inspect, surface, rules=rules, progress=measuring)
 
     lower_bound = schedule.lower_bound(rest.left)
-    if method != "qp":
+    if made_by.levels is not None:
         maker = None
-        program = PublishedProgram(surface, stock, attraction, printed=method == "published")
-        sequences = iter([published_sequence(program, surface, schedule, stiffness, solving)])
+        with run_added("methods", method):
+            sequences = iter([made_by.levels(surface, stock, schedule, attraction, stiffness, solving)])
     else:
         maker = SequenceMaker(
             discretisation, around, schedule, lower_bound, solving, solver=solver, stiffness=stiffness
@@ -213,7 +227,7 @@ def begin_morph(
         apart=rest.left,
         rest=left,
         seconds=seconds,
-        accepted=math.inf if method == "published" else ACCEPTED,
+        accepted=made_by.accepted,
     )
 
 

@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from bonecam.errors import LevelError, SurfaceError
-from bonecam.job import Job, LevelsJob
+from bonecam.job import Job
 from bonecam.levels.closed_morph import begin_morph, require_seeds_inside, require_types
 from bonecam.levels.measure import (
     NO_CUT,
@@ -39,7 +39,6 @@ from bonecam.levels.measure import (
 from bonecam.levels.open_morph import body_surfaces
 from bonecam.levels.problem import factorise, integration_points, samples_of, thin_plate
 from bonecam.levels.sequences import BegunMorph, Morph
-from bonecam.levels.solvers.clarabel import require_clarabel
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.meshlab import split_edges
 from bonecam.mesh.part import Part
@@ -323,14 +322,6 @@ def make_levels(surface: TSpline, stock: Stock, job: Job, progress: Progress = s
         chord_tolerance=job.levels.chord_tolerance,
         progress=progress,
     )
-
-
-def check_method(levels: LevelsJob) -> None:
-    """JobError where the solver of the levels is not installed."""
-    if levels.method != "qp":
-        require_clarabel("method", levels.method, "qp")
-    elif levels.solver == "clarabel":
-        require_clarabel("solver", "clarabel", "admm")
 
 
 def even_levels(surface: TSpline, stock: Stock, schedule: Schedule, **options: Any) -> Morph:

@@ -2,8 +2,6 @@
 
 How far a finished level may exceed the limits of its cut, mm.
 
-Limits of the published program: second-order cones and planes at points of a level.
-
 Where each point of a level is pulled: unit directions, along which the attracting points H of the energy
 lie.
 
@@ -76,40 +74,6 @@ NESTING_TOLERANCE = 0.001
 """mm by which a level may lie outside the next one."""
 STOCK_TOLERANCE = 0.001
 """mm by which a level may leave the stock."""
-
-
-@dataclass(frozen=True, eq=False)
-class Cones:
-    """|R_l x - centre_l - tau_l axis| <= radius_l, 0 <= tau_l <= 1, for moves x (c, 3) of the control points,
-    lengths in mm.
-
-    With `axis` None there is no tau: balls. With one: capsules, exactly (their nearest axis point moves
-    along).
-    """
-
-    R: sp.csr_array
-    centres: Float[ndarray, "k 3"]
-    radii: Float[ndarray, " k"]
-    axis: Float[ndarray, "3"] | None = None
-
-    @property
-    def slides(self) -> int:
-        """How many tau there are."""
-        return 0 if self.axis is None else len(self.radii)
-
-
-@dataclass(frozen=True, eq=False)
-class Planes:
-    """normal_l . R_l x <= high_l, mm."""
-
-    R: sp.csr_array
-    normals: Float[ndarray, "k 3"]
-    high: Float[ndarray, " k"]
-
-    def and_planes(self, other: "Planes") -> "Planes":
-        """The planes of both."""
-        R = sp.csr_array(sp.vstack([self.R, other.R]))
-        return Planes(R, np.vstack([self.normals, other.normals]), np.concatenate([self.high, other.high]))
 
 
 BLEND = 4.0

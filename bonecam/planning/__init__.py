@@ -1,7 +1,7 @@
 """Planning: the loop over the levels, from the outermost inward, in `levels.py`.
 
 For each level: contacts and passes (`passes`), their tool axes (`axes`, `collision`), moves between passes (`links`),
-the material that stands afterwards (`bonecam.material`). `layers` and `strategies` hold the methods beside morphing.
+the material that stands afterwards (`bonecam.material`). `layers` holds what cuts in layers beside these.
 
     pass          cutter contacts joined by cutting moves
     step over     distance between neighbouring passes, set by the scallop height h: about sqrt(8 h R) on a plane

@@ -1,20 +1,15 @@
-"""What the two strategies that work in layers share: the tool comes down on the part along fixed lines.
+"""What cutting in layers takes: the tool comes down on the part along fixed lines.
 
-How deep a cut may be on the layers of a strategy.
-
-The lines that a tool comes down on the part along, by two coordinates a and b.
-
-`FlatChart`: parallel lines; a (mm) is measured across the part, b (mm) along it: z where the lines are level.
-`RoundChart`: lines that leave the Z
-axis at right angles; a is the angle about it (radians), b (mm) is z. The height of a point on its line is its
-distance from the plane, or from the axis, mm.
+The lines that a tool comes down on the part along, by two coordinates a and b: parallel ones, a (mm) measured across
+the part, b (mm) along it: z where the lines are level. The height of a point on its line is its distance from the
+plane, mm. A chart of other lines, as a strategy may have it, is one that tells otherwise where they lie.
 
 How far a ball comes down along a line until it touches the part (drop cutter, here by sphere tracing).
 
 The distance of the ball to the part is the step that it can take safely, so that it never enters the part, and a
 tool that is nowhere wider than its ball has a free way down too.
 
-The in-process material of a strategy in layers: a height field on the lines that the tool comes down along.
+The in-process material: a height field on the lines that the tool comes down along.
 
 Curves of a tool over a chart: polylines in its coordinates, with the heights of the ball's centre, sampled until
 straight moves deviate by no more than the chord tolerance.
@@ -52,44 +47,29 @@ from numpy import ndarray
 from scipy.spatial import KDTree
 
 from bonecam.arrays import dots, unit
-from bonecam.job import Job, PathJob
+from bonecam.job import PathJob
 from bonecam.kernels.distances import cut_heights, lower
 from bonecam.material.dexels import CutDexels, ball_depths, enters_beside
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.planning.contacts import POST_CLEARANCE, gouge_free_lifts, planned_tolerance
-from bonecam.setup.stock import Stock
 from bonecam.tool.cutter import MAX_DEPTH_RADII, Cutter
 from bonecam.tool.path import ContactPath
 from bonecam.workholding.post import Post
-
-FINISHING_LAYERS = {"iso-height": 2, "rotary": 1}
-"""How many layers of each strategy, the last ones, are those of the finishing cutter."""
-MOST_LAYERS = 2000
-"""More layers than a strategy ever has: those of the thinnest roughing cuts of a bone."""
-
-
-def layer_limits(job: Job) -> dict[int, float]:
-    """The largest depth (mm) of the cut on each layer, counted from the last one as 0."""
-    finishing = FINISHING_LAYERS[job.path.strategy]
-    fine, rough = job.levels.finishing_depth, job.levels.layer_depth
-    return {index: fine if index < finishing else rough for index in range(MOST_LAYERS)}
-
 
 Z = np.array([0.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True, eq=False)
 class FlatChart:
-    """Lines parallel to the unit `axis`; the unit vectors `across`, of a, and `along`, of b, are at right angles to it
-    and to one another."""
+    """Lines parallel to the unit `axis`, at all pairs of the evenly spaced coordinates `a` across and `b` (mm) along;
+    the unit vectors `across`, of a, and `along`, of b, are at right angles to it and to one another."""
 
     axis: Float[ndarray, "3"]
     across: Float[ndarray, "3"]
     a: Float[ndarray, " p"]
     b: Float[ndarray, " q"]
     along: Float[ndarray, "3"] = field(default_factory=Z.copy)
-    closed: bool = False
 
     def bases(self, a: Float[ndarray, " n"], b: Float[ndarray, " n"]) -> Float[ndarray, "n 3"]:
         """The points of height 0 on the lines (a, b)."""
@@ -105,60 +85,36 @@ class FlatChart:
         """a, b and the height of points."""
         return points @ self.across, points @ self.along, points @ self.axis
 
-    def reach(self, heights: Float[ndarray, " n"], radius: float) -> Float[ndarray, " n"]:
-        """How far from their own line balls at these heights meet others, mm."""
-        return np.full(len(heights), radius)
+    def near(
+        self, a: Float[ndarray, " n"], heights: Float[ndarray, " n"], radius: float
+    ) -> tuple[Int[ndarray, " n"], Int[ndarray, " n"]]:
+        """The first and the last line across that balls at these places may meet."""
+        step = self.a[1] - self.a[0]
+        first = np.ceil((a - radius - self.a[0]) / step).astype(np.int64)
+        last = np.floor((a + radius - self.a[0]) / step).astype(np.int64)
+        return first.clip(0), last.clip(max=len(self.a) - 1)
 
-    @cached_property
-    def turned_over(self) -> "FlatChart":
-        """This chart as seen from the other side: its lines stay, its tool axis is reversed."""
-        return replace(self, axis=-self.axis)
+    @property
+    def span(self) -> tuple[float, float]:
+        """The lowest and the highest a that passes run to."""
+        return self.a[0], self.a[-1]
 
+    @property
+    def rows(self) -> Int[ndarray, " r"]:
+        """The numbers of the lines across, one after the other with a cell of the grid between."""
+        return np.arange(len(self.a))
 
-@dataclass(frozen=True, eq=False)
-class RoundChart:
-    """Lines that leave the Z axis at right angles, at the angles `a` and the heights `b`."""
-
-    a: Float[ndarray, " p"]
-    b: Float[ndarray, " q"]
-    closed: bool = True
-
-    def bases(self, a: Float[ndarray, " n"], b: Float[ndarray, " n"]) -> Float[ndarray, "n 3"]:
-        """The points of height 0, on the axis."""
-        return b[:, None] * Z
-
-    def axes(self, a: Float[ndarray, " n"]) -> Float[ndarray, "n 3"]:
-        """The unit directions of the lines, away from the axis."""
-        return np.column_stack([np.cos(a), np.sin(a), np.zeros(len(a))])
-
-    def coordinates(
-        self, points: Float[ndarray, "n 3"]
-    ) -> tuple[Float[ndarray, " n"], Float[ndarray, " n"], Float[ndarray, " n"]]:
-        """a, b and the height of points."""
-        return np.arctan2(points[:, 1], points[:, 0]), points[:, 2], np.hypot(points[:, 0], points[:, 1])
-
-    def reach(self, heights: Float[ndarray, " n"], radius: float) -> Float[ndarray, " n"]:
-        """How far from their own line, in radians, balls at these heights meet others."""
-        return np.where(heights > radius, np.arcsin(radius / np.maximum(heights, radius)), np.pi)
-
-
-Chart = FlatChart | RoundChart
-"""A grid of lines, at all pairs of the evenly spaced coordinates `a` across and `b` (mm) along; where it is `closed`
-the last a is followed by the first."""
+    def framed(self, cells: Bool[ndarray, "p q"]) -> Bool[ndarray, "p2 q2"]:
+        """Cells of the grid with those round it."""
+        return np.pad(cells, 1)
 
 
 def windows(
-    chart: Chart, a: Float[ndarray, " n"], b: Float[ndarray, " n"], heights: Float[ndarray, " n"], radius: float
+    chart: FlatChart, a: Float[ndarray, " n"], b: Float[ndarray, " n"], heights: Float[ndarray, " n"], radius: float
 ) -> Int[ndarray, "n 4"]:
     """First and last line of the grid that each ball may meet, across and along."""
-    across, along = chart.a[1] - chart.a[0], chart.b[1] - chart.b[0]
-    wide = chart.reach(heights, radius)
-    first = np.ceil((a - wide - chart.a[0]) / across).astype(np.int64)
-    last = np.floor((a + wide - chart.a[0]) / across).astype(np.int64)
-    if chart.closed:
-        last = np.minimum(last, first + len(chart.a) - 1)
-    else:
-        first, last = first.clip(0), last.clip(max=len(chart.a) - 1)
+    along = chart.b[1] - chart.b[0]
+    first, last = chart.near(a, heights, radius)
     begin = np.ceil((b - radius - chart.b[0]) / along).astype(np.int64).clip(0)
     end = np.floor((b + radius - chart.b[0]) / along).astype(np.int64).clip(max=len(chart.b) - 1)
     return np.column_stack([first, last, begin, end])
@@ -212,7 +168,7 @@ def drop(
 
 
 def drop_balls(
-    chart: Chart, a: Float[ndarray, " n"], b: Float[ndarray, " n"], ball: Ball, top: float, floor: float
+    chart: FlatChart, a: Float[ndarray, " n"], b: Float[ndarray, " n"], ball: Ball, top: float, floor: float
 ) -> Float[ndarray, " n"]:
     """The heights of ball centres that came down their lines from `top`, mm; at `floor` at the lowest."""
     return drop(chart.bases(a, b), chart.axes(a), ball.clearance, top, floor)
@@ -230,7 +186,7 @@ LEAST_AREA = 1e-9
 class HeightField:
     """Material between the heights `bottoms` and `tops` (p, q), mm, on the lines of a chart; none where equal."""
 
-    chart: Chart
+    chart: FlatChart
     tops: Float[ndarray, "p q"]
     bottoms: Float[ndarray, "p q"]
 
@@ -277,30 +233,20 @@ class HeightField:
         lower(tops, bases, axes, centres, windows=near, radius=radius)
         return replace(self, tops=np.maximum(tops, self.bottoms))
 
-    def turned_over(self) -> "HeightField":
-        """The material as it is seen from the other side; only parallel lines have one."""
-        assert isinstance(self.chart, FlatChart)
-        return HeightField(self.chart.turned_over, -self.bottoms, -self.tops)
-
     def mesh(self) -> TriangleMesh:
         """Closed faces round the cells whose corners all meet material."""
         bases, axes = self._lines
         upper = bases + self.tops[..., None] * axes[:, None]
         under = bases + self.bottoms[..., None] * axes[:, None]
         p, q = self.tops.shape
-        number = np.arange(p * q).reshape(p, q)
-        solid = self.solid
-        ring = number
-        if self.chart.closed:
-            solid, ring = np.vstack([solid, solid[:1]]), np.vstack([number, number[:1]])
+        rows = self.chart.rows
+        solid, ring = self.solid[rows], np.arange(p * q).reshape(p, q)[rows]
         cells = solid[:-1, :-1] & solid[1:, :-1] & solid[:-1, 1:] & solid[1:, 1:]
         # Two triangles above and two below each solid cell, and two on each of its sides without a neighbour
         i, j = np.nonzero(cells)
         corners = ring[i, j], ring[i + 1, j], ring[i + 1, j + 1], ring[i, j + 1]
         quads = [np.column_stack(corners), np.column_stack([c + p * q for c in corners[::-1]])]
-        wide = np.pad(cells, 1)
-        if self.chart.closed:
-            wide[[0, -1], 1:-1] = cells[[-1, 0]]
+        wide = self.chart.framed(cells)
         beside = (wide[i + 1, j], wide[i + 2, j + 1], wide[i + 1, j + 2], wide[i, j + 1])
         for side, neighbour in enumerate(beside):
             first, last = corners[side][~neighbour], corners[(side + 1) % 4][~neighbour]
@@ -318,24 +264,6 @@ class HeightField:
         used, index = np.unique(faces, return_inverse=True)
         mesh = TriangleMesh(points[used], index.reshape(faces.shape).astype(np.int32))
         return mesh if mesh.volume > 0 else TriangleMesh(mesh.vertices, mesh.faces[:, ::-1])
-
-
-def stock_field(chart: Chart, stock: Stock, top: float) -> HeightField:
-    """The stock on the lines of a chart; `top` (mm) is higher than all of it."""
-    a, b = (each.ravel() for each in np.meshgrid(chart.a, chart.b, indexing="ij"))
-    bases = chart.bases(a, b)
-    axes = chart.axes(a)
-    shape = len(chart.a), len(chart.b)
-    if chart.closed:
-        tops = drop(bases, axes, stock.signed_distance, top, 0.0).reshape(shape)
-        return HeightField(chart, tops, np.zeros(shape))
-    tops = drop(bases, axes, stock.signed_distance, top, -top)
-    bottoms = -drop(bases, -axes, stock.signed_distance, top, -top)
-    middle = (tops + bottoms) / 2
-    missed = tops <= bottoms
-    return HeightField(
-        chart, np.where(missed, middle, tops).reshape(shape), np.where(missed, middle, bottoms).reshape(shape)
-    )
 
 
 Heights = Callable[[Float[ndarray, " n"], Float[ndarray, " n"]], Float[ndarray, " n"]]
@@ -361,7 +289,7 @@ class LayerCurves:
         """The points with these numbers."""
         return LayerCurves(self.line[index], self.a[index], self.b[index], self.heights[index])
 
-    def centres(self, chart: Chart) -> Float[ndarray, "n 3"]:
+    def centres(self, chart: FlatChart) -> Float[ndarray, "n 3"]:
         """The ball centres at the points."""
         return chart.bases(self.a, self.b) + self.heights[:, None] * chart.axes(self.a)
 
@@ -380,7 +308,7 @@ def join(pieces: Sequence[LayerCurves]) -> LayerCurves:
 
 
 def sample(
-    lines: Sequence[Float[ndarray, "_ 2"]], chart: Chart, height_of: Heights, width: float, tolerance: float
+    lines: Sequence[Float[ndarray, "_ 2"]], chart: FlatChart, height_of: Heights, width: float, tolerance: float
 ) -> LayerCurves:
     """The points of polylines (a, b); `width` is the length (mm) of a unit of a where it is largest."""
     # First points are no farther apart than FIRST_STEP
@@ -439,7 +367,7 @@ class Layer:
 def layer_of(
     curves: LayerCurves,
     kept: Bool[ndarray, " n"],
-    chart: Chart,
+    chart: FlatChart,
     cutter: Cutter,
     material: HeightField,
     ball: Ball | None = None,
@@ -515,7 +443,7 @@ MAX_LIFT_RADII = 0.5
 def gouge_free(
     curves: LayerCurves,
     kept: Bool[ndarray, " n"],
-    chart: Chart,
+    chart: FlatChart,
     part: MeshDistance,
     radius: float,
     gouge_tolerance: float,
@@ -585,11 +513,11 @@ def flat_step(radius: float, scallop: float) -> float:
 
 
 def scan_lines(
-    chart: Chart, ball: Ball, scallop: float, height_of: Heights, extent: tuple[float, float], width: float
+    chart: FlatChart, ball: Ball, scallop: float, height_of: Heights, extent: tuple[float, float], width: float
 ) -> list[Float[ndarray, "2 2"]]:
     """Straight lines (a, b) in the order from the highest b down, run to and fro; `extent` is that of b, `width` the
     length (mm) of a unit of a where it is largest."""
-    low, high = chart.a[0], chart.a[-1] + (chart.a[1] - chart.a[0] if chart.closed else 0.0)
+    low, high = chart.span
     a = np.linspace(low, high, max(int(np.ceil((high - low) * width / SPACING)), 2) + 1)
     count = max(int(np.ceil((extent[1] - extent[0]) / flat_step(ball.radius, scallop))), 1)
     rows = {float(b): np.ones(len(a), dtype=bool) for b in np.linspace(*extent, count + 1)}
@@ -623,7 +551,7 @@ def scan_lines(
 
 
 def _too_high(
-    chart: Chart,
+    chart: FlatChart,
     ball: Ball,
     scallop: float,
     a: Float[ndarray, " n"],
@@ -750,8 +678,6 @@ FACING = 0.02
 """Places whose normal turns away from the tool by more (its cosine) are on its other side."""
 HIDDEN = 0.02
 """A ball that rests higher than this above a place does not reach it, mm."""
-PLACES = 8000
-"""About so many places of the part are asked whether a strategy reaches them."""
 
 
 def finish_layer(
@@ -824,7 +750,7 @@ def depths_in(material: HeightField, centres: Float[ndarray, "n 3"], radius: flo
 def unreached(
     points: Float[ndarray, "n 3"],
     normals: Float[ndarray, "n 3"],
-    chart: Chart,
+    chart: FlatChart,
     ball: Ball,
     heights: tuple[float, float],
     extent: tuple[float, float],
@@ -836,11 +762,3 @@ def unreached(
     facing = dots(normals, chart.axes(a)) >= -FACING
     inside = (b >= extent[0]) & (b <= extent[1]) & (wanted > heights[1])
     return ~(facing & inside & (rests - wanted < HIDDEN))
-
-
-def places_of(part: TriangleMesh) -> tuple[Float[ndarray, "n 3"], Float[ndarray, "n 3"]]:
-    """About PLACES places all over the part, and their unit normals."""
-    vectors = part.face_vectors
-    lengths = np.linalg.norm(vectors, axis=1)
-    some = np.flatnonzero(lengths > 0)[:: max(len(lengths) // PLACES, 1)]
-    return part.vertices[part.faces[some]].mean(axis=1), vectors[some] / lengths[some, None]

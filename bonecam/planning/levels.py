@@ -34,7 +34,7 @@ from bonecam.material.in_process_stock import DEVIATION, InProcessStock, remove_
 from bonecam.mesh.distance import MeshDistance
 from bonecam.planning.axes.field import SmoothAxes, level_axes
 from bonecam.planning.axes.lead import check_lead
-from bonecam.planning.axes.published import published_axes
+from bonecam.planning.axes.tool_axes import added_axes
 from bonecam.planning.collision import CollisionChecker
 from bonecam.planning.contacts import (
     UNCERTAIN,
@@ -287,9 +287,7 @@ class _Planning:
                 wanted = smooth.wanted_for(contacts) if smooth is not None else None
                 if wanted is not None and (fine or contacts.rest):
                     contacts, wanted = held_axes(contacts, wanted, checker, self.limits, job.path)
-                fixed = None
-                if job.path.orientation == "published":
-                    fixed = published_axes(contacts, level.surface, checker, self.limits, job.path)
+                fixed = added_axes(contacts, level.surface, scene, self.limits, job.path)
                 return orient(
                     contacts,
                     scene,

@@ -62,6 +62,7 @@ from bonecam.job import HoldingJob, Job, field_error
 from bonecam.job.holding_section import NO_TAILSTOCK
 from bonecam.job.materials.preset import StiffnessTable, cutting_force, read_material
 from bonecam.job.tool_list import known_cutters
+from bonecam.levels.closed_morph import method_of
 from bonecam.machine.limits import MachineLimits
 from bonecam.mechanics.beam import Beam, Sections, column_sections, join, mesh_sections, shoulder, tailstock_support
 from bonecam.mechanics.edges import cutter_compliance, job_strip_force, job_strip_forces, lighter_jobs
@@ -135,10 +136,12 @@ R10 = (1.0, 1.25, 1.6, 2.0, 2.5, 3.15, 4.0, 5.0, 6.3, 8.0)
 
 
 def leaves_depths_open(job: Job, *, neck_found: bool) -> bool:
-    """Whether depths are to be found: where the job asks for it, or, on levels that are not as published, states none
-    and it is known how its neck holds, found or stated (`neck_found`)."""
-    morphs = job.path.strategy == "morph" and "published" not in (job.levels.method, job.path.pattern)
-    return job.levels.found or (neck_found and morphs and job.levels.automatic)
+    """Whether depths are to be found: where the job asks for it, or, on levels whose limits hold and not in the
+    published pattern, states none and it is known how its neck holds, found or stated (`neck_found`)."""
+    if job.levels.found or not (neck_found and job.levels.automatic):
+        return job.levels.found
+    path, method = job.path, method_of(job.levels.method)
+    return path.strategy == "morph" and path.pattern != "published" and math.isfinite(method.accepted)
 
 
 def with_found_depths(setup: Setup, job: Job, limits: MachineLimits) -> Job:

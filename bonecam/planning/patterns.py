@@ -397,12 +397,6 @@ def pattern_curves(surface: TSpline, pattern: str, cutter: Cutter, turn_speed: f
     return min(candidates, key=lambda curves: curve_minutes(surface, curves, cutter, turn_speed))
 
 
-def check_pattern(pattern: str) -> None:
-    """JobError where a pattern that was added cannot be loaded."""
-    if pattern in added_names("patterns"):
-        added("patterns", pattern)
-
-
 def _added(surface: TSpline, pattern: str, cutter: Cutter) -> Curves:
     """The curves of a pattern that was added: those of its function of surface, ball radius and scallop, each a
     polyline (k, 2) of parameters s, t. JobError where it gives none."""

@@ -40,7 +40,6 @@ from bonecam.planning.layers import (
     DEVIATION,
     LEAD,
     Ball,
-    Chart,
     FlatChart,
     HeightField,
     HeightMesh,
@@ -319,7 +318,7 @@ def _thickness(ball: Ball, material: HeightField, heights: tuple[float, float]) 
     return float(depths.max())
 
 
-def _extent(chart: Chart) -> tuple[float, float]:
+def _extent(chart: FlatChart) -> tuple[float, float]:
     return float(chart.b[0]), float(chart.b[-1])
 
 

@@ -9,6 +9,8 @@ The levels are an open morph from the hub to the blank. The ball follows each le
 it, which keep an allowance for their own cut. All channels are cut to one level before any is cut to the next, so that
 what stands is, everywhere, no higher than the level before, which is what shank and holder keep off.
 
+The path of one blade or channel of a wheel, repeated at every pitch about the Z axis.
+
 The tool path of one surface, closed or open, beside solids that must not be gouged: one level, one cutter.
 """
 
@@ -17,6 +19,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
 import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
 
 from bonecam.arrays import lengths
 from bonecam.job import Job, PathJob, field_error
@@ -30,8 +34,7 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.planning.axes.cones import admissible_cones
 from bonecam.planning.axes.field import HASTES, AxisField, FieldDomain, contact_facets, smooth_axes, soonest
 from bonecam.planning.axes.lead import check_lead
-from bonecam.planning.axes.published import published_axes
-from bonecam.planning.axes.tool_axes import WantedAxes
+from bonecam.planning.axes.tool_axes import WantedAxes, added_axes
 from bonecam.planning.collision import CollisionChecker
 from bonecam.planning.contacts import candidate_contacts, contact_path, flute_slack
 from bonecam.planning.estimate import cutter_of
@@ -41,12 +44,12 @@ from bonecam.planning.patterns import CLOSED_PATTERNS, LineContacts, feeds_along
 from bonecam.planning.post_length import GOUGE, SampledContacts, least_lifts, shortest_post
 from bonecam.planning.scene import Scene
 from bonecam.planning.spacing import ROUND, contact_frames
-from bonecam.planning.strategies import contour_lines
 from bonecam.setup.capsule import Capsule, smallest_capsule
 from bonecam.setup.placement import TALL
 from bonecam.surface.blades import Channel, revolved
 from bonecam.surface.tspline import TSpline
 from bonecam.tool.cutter import Cutter
+from bonecam.tool.elliptic_cones import EllipticCones
 from bonecam.tool.path import ContactPath, ToolPath
 from bonecam.workholding.clamping import Clamping, clamping_of
 from bonecam.workholding.post import Post
@@ -102,6 +105,15 @@ def wall_contacts(surface: TSpline, distance: MeshDistance, radius: float) -> li
             feeds = feeds_along(np.gradient(points, axis=0), normals)
             lines.append(LineContacts(parameters, points, normals, feeds))
     return lines
+
+
+def contour_lines(
+    a: Float[ndarray, " p"], b: Float[ndarray, " q"], field: Float[ndarray, "p q"], value: float
+) -> list[Float[ndarray, "_ 2"]]:
+    """The lines (a, b) on which a field over a grid has a value."""
+    from contourpy import contour_generator
+
+    return [line[:, ::-1] for line in contour_generator(b, a, field).lines(value)]
 
 
 RESTS = 0.02
@@ -189,6 +201,58 @@ class ChannelPlanner:
         candidates = candidate_contacts(level, [distance], cutter, self.post, job.path, walls=walls)
         contacts = contact_path(candidates)
         return orient(contacts, scene, self.limits, job.path, job.nc, material=before.material)
+
+
+ON_AXIS = 1e-6
+"""A path that begins and ends so near to the Z axis with an upright tool goes on from turn to turn there, mm."""
+
+
+def indexed(path: ToolPath, count: int) -> ToolPath:
+    """The moves of a path and of its copies, each turned by a `count`-th of a turn more, one after the other.
+
+    ValueError where the safe point of the path is not on the axis, the tool upright: turning there moves no tip.
+    """
+    ends = path.tips[[0, -1]], path.axes[[0, -1], :2]
+    if max(float(np.abs(ends[0][:, :2]).max()), float(np.abs(ends[1]).max())) > ON_AXIS:
+        raise ValueError("a path that is repeated about Z begins and ends over Z, its tool upright")
+    rows = len(path.tips)
+    passes = int(path.pass_index.max()) + 1
+    cones = path.cones
+    if cones:
+        axes, sides = (_turned(vectors, count) for vectors in (cones.shapes.axes, cones.shapes.sides))
+        copies = [np.where(cones.cone_of < 0, -1, cones.cone_of + k * len(cones.apexes)) for k in range(count)]
+        cones = replace(
+            cones,
+            apexes=_turned(cones.apexes, count),
+            shapes=EllipticCones(axes, sides, np.tile(cones.shapes.angles, (count, 1))),
+            cone_of=np.concatenate(copies),
+        )
+    number = np.repeat(np.arange(count), rows)
+    index = np.tile(path.pass_index, count)
+    return replace(
+        path,
+        kinds=np.tile(path.kinds, count),
+        pass_index=np.where(index < 0, -1, index + number * passes),
+        parameters=np.tile(path.parameters, (count, 1)),
+        contacts=_turned(path.contacts, count),
+        tips=_turned(path.tips, count),
+        axes=_turned(path.axes, count),
+        feed_rates=np.tile(path.feed_rates, count),
+        uncut=_turned(path.uncut, count),
+        reasons=path.reasons * count,
+        trimmed=path.trimmed * count,
+        blocked_by={what: number * count for what, number in path.blocked_by.items()},
+        cones=cones,
+        lifts=np.vstack([path.lifts + k * rows for k in range(count)]),
+    )
+
+
+def _turned(vectors: Float[ndarray, "n 3"], count: int) -> Float[ndarray, "m 3"]:
+    """Vectors, then those turned by a pitch about Z, and so on."""
+    angle = 2 * np.pi * np.arange(count)[:, None] / count
+    x, y, z = vectors.T
+    flat = x * np.cos(angle) - y * np.sin(angle), x * np.sin(angle) + y * np.cos(angle)
+    return np.stack([*flat, np.broadcast_to(z, flat[0].shape)], axis=2).reshape(-1, 3)
 
 
 SAMPLED = 40
@@ -288,10 +352,7 @@ def plan_surface(
     if material is not None:
         scene = replace(scene, material=material.mesh, material_deviation=material.deviation)
     contacts = surface_contacts(workpiece, scene, job, cutter)
-    fixed = None
-    if job.path.orientation == "published":
-        checker = CollisionChecker(scene, cutter)
-        fixed = published_axes(contacts, workpiece.surface, checker, limits, job.path)
+    fixed = added_axes(contacts, workpiece.surface, scene, limits, job.path)
     return orient(
         contacts,
         scene,

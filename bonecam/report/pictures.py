@@ -127,15 +127,6 @@ def lay_out(figure: Figure, plots: Any, below: float = BELOW, above: float = ABO
     figure.subplots_adjust(left=start, bottom=bottom, right=end, top=top, wspace=GAP / width, hspace=above / height)
 
 
-def label_rows(plots: Any, rows: int) -> None:
-    """Name z beside the first panel of each row, and leave x out above the last one."""
-    columns = len(plots) // rows
-    for plot in plots[::columns]:
-        plot.set_ylabel("z (mm)")
-    for plot in plots[:-columns]:
-        plot.set_xlabel("")
-
-
 def save_with_bar(
     figure: Figure, plots: Any, norm: Norm, path: str | Path, above: float = ABOVE, rows: int = 1, **bar: Any
 ) -> None:

@@ -20,7 +20,7 @@ from numpy import ndarray
 from bonecam.arrays import angles_between, dots, lengths, unit
 from bonecam.errors import counted
 from bonecam.job import PathJob
-from bonecam.levels.closed_morph import METHODS
+from bonecam.levels.closed_morph import method_of
 from bonecam.levels.problem import NESTING_TOLERANCE
 from bonecam.machine.limits import MachineLimits, rotary_turns
 from bonecam.planning.axes.lead import lead_axes
@@ -437,7 +437,7 @@ def certified_text(levels: Sequence[Mapping[str, Any]], method: str = "qp") -> s
 
 def _why_uncertified(method: str) -> str:
     """Why levels made by `method` have no certificate."""
-    behind = METHODS[method][0]
+    behind = method_of(method).nesting
     if behind <= NESTING_TOLERANCE:
         return "the surface is not polynomial (it has weights other than one)"
     return (

@@ -32,7 +32,6 @@ from bonecam.nc.motions import Motions
 from bonecam.nc.path_words import machine_limits
 from bonecam.nc.reading import read_program
 from bonecam.planning.contacts import at_post
-from bonecam.planning.layers import layer_limits
 from bonecam.progress import Progress, report, silent
 from bonecam.setup.stock import Stock
 from bonecam.setup.stocks.cylinder import Cylinder
@@ -377,11 +376,27 @@ def cutters_of(job: Job, machine: Machine) -> list[Cutter]:
     ]
 
 
-def depth_limits(job: Job, limits: Iterable[float]) -> dict[int, float]:
-    """The largest depth (mm) of the cut on each level, of which `limits` tells, or on each layer of a strategy in
-    layers, and of PARTING."""
-    of_path = dict(enumerate(limits)) if job.path.strategy == "morph" else layer_limits(job)
-    return {PARTING: job.levels.layer_depth} | of_path
+MOST_LAYERS = 2000
+"""More layers than a strategy ever has: those of the thinnest roughing cuts of a bone."""
+
+
+def depth_limits(text: str, machine: Machine, dialect: Dialect, job: Job, limits: Iterable[float]) -> dict[int, float]:
+    """The largest depth (mm) of the cut on each level, of which `limits` tells, or on each layer of a `text` in layers,
+    and of PARTING."""
+    if job.path.strategy == "morph":
+        of_path = dict(enumerate(limits))
+    else:
+        of_path = layer_limits(text, read_program(text, machine, dialect), dialect, job)
+    return of_path | {PARTING: job.levels.layer_depth}
+
+
+def layer_limits(text: str, motions: Motions, dialect: Dialect, job: Job) -> dict[int, float]:
+    """The largest depth (mm) of the cut on each layer of a program: that of the cutter, as its `text` and its `motions`
+    tell."""
+    depths = {"roughing": job.levels.layer_depth, "finishing": job.levels.finishing_depth}
+    limit_of = {number: depths[name] for number, name in enumerate(job.cutter_names, 1) if name in depths}
+    groups = groups_of(text, motions, dialect)
+    return {one.level: limit_of[one.tool] for one in groups if one.level is not None and one.tool in limit_of}
 
 
 def level_scallops(job: Job, levels: int) -> dict[int, float]:
@@ -395,7 +410,7 @@ def followed_surfaces(job: Job, meshes: Mapping[int, TriangleMesh]) -> dict[int,
     those of all levels by number."""
     if job.path.strategy == "morph":
         return {index: mesh for index, mesh in meshes.items() if index < max(meshes)}
-    return dict.fromkeys(layer_limits(job), meshes[0])
+    return dict.fromkeys(range(MOST_LAYERS), meshes[0])
 
 
 def with_limits(removal: Removal, machine: Machine, job: Job) -> Removal:
@@ -433,7 +448,7 @@ def prove_removal(
         cutters_of(job, machine),
         clamping=clamping,
         part=morph_surfaces(levels)[0],
-        limits=depth_limits(job, (level.limit for level in levels[1:])),
+        limits=depth_limits(text, machine, dialect, job, (level.limit for level in levels[1:])),
         scallops=level_scallops(job, len(levels)),
         surfaces=followed_surfaces(job, {level.index: level.mesh for level in levels}),
         accuracy=ACCURACY,
@@ -478,14 +493,7 @@ def simulate_stump(
     Errors as in `simulate_removal`; force and bending are left out without `mechanics`.
     """
     motions = read_program(text, machine, dialect)
-
-    # The largest depth (mm) of the cut on each layer of a second clamping's program: that of the cutter, as its
-    # `text` and its `motions` tell
-    depths = {"roughing": job.levels.layer_depth, "finishing": job.levels.finishing_depth}
-    limit_of = {number: depths[name] for number, name in enumerate(job.cutter_names, 1) if name in depths}
-    groups = groups_of(text, motions, dialect)
-    limits = {group.level: limit_of[group.tool] for group in groups if group.level is not None}
-
+    limits = layer_limits(text, motions, dialect, job)
     cutters = cutters_of(job, machine)
     removal = simulate_removal(
         text,

@@ -23,8 +23,7 @@ from bonecam.nc.requirements import machine_and_dialect
 from bonecam.pipeline import check_job
 from bonecam.planning.contacts import MESH_SHARE, planned_tolerance
 from bonecam.planning.post_length import surface_holding
-from bonecam.planning.strategies import indexed
-from bonecam.planning.surface_paths import ChannelPlanner, Workpiece, plan_surface, stand_workpiece
+from bonecam.planning.surface_paths import ChannelPlanner, Workpiece, indexed, plan_surface, stand_workpiece
 from bonecam.progress import Progress, silent
 from bonecam.progress import part as part_of
 from bonecam.progress import report as report_progress

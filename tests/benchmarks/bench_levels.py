@@ -31,6 +31,7 @@ from unittest.mock import patch
 import clarabel
 import numpy as np
 import scipy.sparse as sp
+from bonecam_plugins.study.levels import PublishedProgram, next_moves
 from numpy import ndarray
 from scipy.sparse.linalg import spsolve
 from threadpoolctl import threadpool_limits
@@ -41,7 +42,6 @@ from bonecam.levels.closed_morph import morph
 from bonecam.levels.measure import level_grid
 from bonecam.levels.problem import Cut, Discretisation, Remaining, StepParameters
 from bonecam.levels.program import LevelProgram, LinearLimits, limits_at, program_of
-from bonecam.levels.published import PublishedProgram, next_moves
 from bonecam.levels.sequences import Morph
 from bonecam.levels.solvers import admm
 from bonecam.levels.solvers.exchange import ExchangeStep, next_level

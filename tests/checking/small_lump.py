@@ -1,7 +1,16 @@
 """A lump with a groove, the contacts on it, and what stands round it."""
 
 import numpy as np
-from small_parts import FINISHING_CUTTER, HOLDING, ROUGHING_CUTTER, UPRIGHT_CAPSULE, grooved_pebble, level_of, mesh_of
+from small_parts import (
+    FINISHING_CUTTER,
+    HOLDING,
+    ROUGHING_CUTTER,
+    UPRIGHT_CAPSULE,
+    grooved_pebble,
+    level_of,
+    mesh_of,
+    revolved,
+)
 
 from bonecam.job import PathJob
 from bonecam.mesh import MeshDistance
@@ -51,3 +60,18 @@ def lump(
     found = candidate_contacts(level_of(surface), [MeshDistance(level)], cutter, post, job)
     scene = Scene(level, material, UPRIGHT_CAPSULE, post, clamping=clamping)
     return surface, contact_path(found), scene
+
+
+def round_capsule() -> TSpline:
+    """Closed, with both poles: a body of revolution 12 mm high with round ends."""
+    return revolved(lambda share, azimuth: 4 * np.sqrt(np.maximum(1 - (2 * share - 1) ** 4, 0)), 0.0, 12.0)
+
+
+def lattice_on(capsule: TSpline) -> ContactPath:
+    """Contacts all over the capsule on 30 lines from pole to pole, each turned a little on: the seam is crossed, and
+    each line ends in both poles."""
+    s, t = np.meshgrid(np.arange(30) / 30, np.linspace(0, 1, 41), indexing="ij")
+    s = np.mod(s + 0.3 * t / 30, 1.0)
+    (low, high), (bottom, top) = capsule.domain
+    parameters = np.column_stack([low + s.ravel() * (high - low), bottom + t.ravel() * (top - bottom)])
+    return at_parameters(capsule, parameters, np.repeat(np.arange(30), 41))

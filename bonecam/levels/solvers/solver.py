@@ -6,14 +6,11 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.levels.program import LevelProgram
-from bonecam.levels.solvers import admm, clarabel, osqp
+from bonecam.levels.solvers import admm, osqp
+from bonecam.plugins import added, run_added
 
-SOLVERS: dict[str, Callable[[LevelProgram], Float[ndarray, "m 3"]]] = {
-    "admm": admm.solve,
-    "osqp": osqp.solve,
-    "clarabel": clarabel.solve,
-}
-"""By the name that `levels.solver` has in a job. A new solver is a new file with such a function."""
+SOLVERS: dict[str, Callable[[LevelProgram], Float[ndarray, "m 3"]]] = {"admm": admm.solve, "osqp": osqp.solve}
+"""By the name that `levels.solver` has in a job; users and packages add more such functions."""
 
 
 def solve(program: LevelProgram, solver: str = "admm") -> Float[ndarray, "m 3"]:
@@ -21,4 +18,7 @@ def solve(program: LevelProgram, solver: str = "admm") -> Float[ndarray, "m 3"]:
 
     LevelError where the solver finds none.
     """
-    return SOLVERS[solver](program)
+    if solver in SOLVERS:
+        return SOLVERS[solver](program)
+    with run_added("solvers", solver):
+        return added("solvers", solver)(program)

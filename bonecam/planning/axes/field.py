@@ -81,7 +81,7 @@ from bonecam.job import PathJob
 from bonecam.kernels.matrices import add_pairs, csr_parts, width
 from bonecam.levels.measure import MachinedLevel
 from bonecam.machine.limits import MachineLimits, polar_angles, rotary_turns
-from bonecam.mesh.facets import Curvature, ElasticEnergy, delaunay, mls_curvature, vertex_normals, voronoi_areas
+from bonecam.mesh.facets import ElasticEnergy, delaunay, voronoi_areas
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.planning.axes.cones import AxisCones, admissible_cones, verified_cones
 from bonecam.planning.axes.tool_axes import WantedAxes
@@ -146,16 +146,6 @@ class ContactFacets:
     def found(self) -> Bool[ndarray, " n"]:
         """Which contacts have facets."""
         return self.vertex_of >= 0
-
-    @cached_property
-    def vertex_normals(self) -> Float[ndarray, "v 3"]:
-        """Unit normals at the vertices (Eq. 19)."""
-        return vertex_normals(self.mesh)
-
-    @cached_property
-    def curvature(self) -> Curvature:
-        """Curvature at the vertices (Eq. 18); that of the least patch where few others are near."""
-        return mls_curvature(self.mesh, few_allowed=True)
 
     @cached_property
     def energy(self) -> ElasticEnergy:

@@ -25,6 +25,7 @@ from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 from bonecam.arrays import angles_between, lengths, unit
+from bonecam.errors import JobError
 from bonecam.job import PathJob
 from bonecam.machine.limits import MachineLimits
 from bonecam.planning.axes.lead import (
@@ -39,6 +40,9 @@ from bonecam.planning.axes.lead import (
     within_limits,
 )
 from bonecam.planning.collision import CollisionChecker, build_fcl_model
+from bonecam.planning.scene import Scene
+from bonecam.plugins import added, run_added
+from bonecam.surface.tspline import TSpline
 from bonecam.tool.path import ContactPath, FreeCones, PoseCheck
 
 
@@ -100,6 +104,22 @@ def _with_neighbours(kept: Bool[ndarray, " n"]) -> Bool[ndarray, " n"]:
     """Which contacts are kept with those before and behind them."""
     with_ends = np.r_[True, kept, True]
     return with_ends[:-2] & kept & with_ends[2:]
+
+
+def added_axes(
+    path: ContactPath, surface: TSpline, scene: Scene, limits: MachineLimits, job: PathJob
+) -> Float[ndarray, "n 3"] | None:
+    """The axes of a path on a surface that an orientation that was added fixes: unit vectors, one a contact. None for
+    an orientation of our own. JobError where it gives none."""
+    if job.orientation in ("cones", "lead"):
+        return None
+    axes_of = added("orientations", job.orientation)
+    with run_added("orientations", job.orientation):
+        axes = np.asarray(axes_of(path, surface, scene, limits, job), dtype=float)
+    if axes.shape != path.normals.shape or not np.allclose(np.linalg.norm(axes, axis=1), 1.0):
+        what = f"the orientation {job.orientation!r} that was added gives no axes"
+        raise JobError(f"{what}: give an array ({len(path.normals)}, 3) of unit vectors", orientation=job.orientation)
+    return axes
 
 
 def fixed_axes(

@@ -9,6 +9,7 @@ The solvers beside the default are reached from a job and lead to a verified pro
 from dataclasses import replace
 from functools import cache
 
+import clarabel
 import numpy as np
 import pytest
 import scipy.sparse as sp
@@ -26,6 +27,7 @@ from bonecam.levels.solvers.exchange import next_level
 from bonecam.levels.solvers.osqp import solve_qp
 from bonecam.levels.solvers.solver import SOLVERS
 from bonecam.mesh import read_mesh
+from bonecam.plugins import added_names
 from bonecam.setup import Capsule
 from bonecam.surface.query import closest_points_near
 
@@ -65,7 +67,6 @@ def test_so_is_it_where_limits_and_targets_are_set_up_again(program, levels):
 
 def exact(one: LevelProgram) -> np.ndarray:
     """Clarabel's moves for the program's limits as they are set up."""
-    clarabel = pytest.importorskip("clarabel", reason="the extra `reference` is not installed")
     rows = one.limits.rows(one.R, one.x)
     A = sp.csr_array(sp.vstack([rows.A, -rows.A]))
     b = np.concatenate([rows.high, -rows.low])
@@ -192,12 +193,10 @@ COARSE = Job().with_values(
 
 
 @pytest.mark.whole
-@pytest.mark.parametrize("solver", sorted(set(SOLVERS) - {"admm"}))
+@pytest.mark.parametrize("solver", sorted({*SOLVERS, *added_names("solvers")} - {"admm"}))
 def test_a_reference_solver_leads_to_a_verified_program(solver, monkeypatch):
     """On the phalanx at half its size, without certificates: those of levels as coarse as these take longer than all
     the rest."""
-    if solver == "clarabel":
-        pytest.importorskip("clarabel", reason="the extra `reference` is not installed")
     monkeypatch.setattr("bonecam.levels.measure.certifiable", lambda surface: False)
     job = COARSE.with_values(levels={"solver": solver})
     whole = read_mesh(shipped("phalanx"))

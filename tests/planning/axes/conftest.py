@@ -9,8 +9,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from small_lump import at_parameters, lump
-from small_parts import ROUGHING_CUTTER, revolved
+from small_lump import lattice_on, lump, round_capsule
+from small_parts import ROUGHING_CUTTER
 
 from bonecam.job import PathJob
 from bonecam.machine import MachineLimits
@@ -22,18 +22,13 @@ from bonecam.workholding import Clamping
 @pytest.fixture(scope="session")
 def capsule():
     """Closed, with both poles: a body of revolution 12 mm high with round ends."""
-    return revolved(lambda share, azimuth: 4 * np.sqrt(np.maximum(1 - (2 * share - 1) ** 4, 0)), 0.0, 12.0)
+    return round_capsule()
 
 
 @pytest.fixture(scope="session")
 def lattice(capsule):
-    """Contacts all over the capsule on 30 lines from pole to pole, each turned a little on: the seam is crossed, and
-    each line ends in both poles."""
-    s, t = np.meshgrid(np.arange(30) / 30, np.linspace(0, 1, 41), indexing="ij")
-    s = np.mod(s + 0.3 * t / 30, 1.0)
-    (low, high), (bottom, top) = capsule.domain
-    parameters = np.column_stack([low + s.ravel() * (high - low), bottom + t.ravel() * (top - bottom)])
-    return at_parameters(capsule, parameters, np.repeat(np.arange(30), 41))
+    """Contacts all over the capsule."""
+    return lattice_on(capsule)
 
 
 JOB = PathJob(pattern="along")

@@ -5,6 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from bonecam_plugins.study import STRATEGIES, comparison
+from bonecam_plugins.study import comparison as probed_folder
+from bonecam_plugins.study.comparison import LINES
 from small_parts import mesh_of, pebble
 
 import bonecam
@@ -17,9 +20,6 @@ from bonecam.machining import stand_part
 from bonecam.nc.requirements import job_dialect
 from bonecam.progress import silent
 from bonecam.report.outputs import Outputs
-from bonecam.study import STRATEGIES, comparison
-from bonecam.study import comparison as probed_folder
-from bonecam.study.comparison import LINES
 
 pytestmark = pytest.mark.whole
 

@@ -7,10 +7,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-
-from bonecam.study import pictures
-from bonecam.study.pictures import LARGEST, _seen, draw_probed
-from bonecam.verify.probing import BAND
+from bonecam_plugins.study import pictures
+from bonecam_plugins.study.pictures import LARGEST, _seen, draw_probed
+from bonecam_plugins.study.probing import BAND
 
 
 def probed(deviation):

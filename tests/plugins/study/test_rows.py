@@ -7,9 +7,8 @@ import csv
 import io
 
 import pytest
-
-from bonecam.study.comparison import LINES, table_csv, table_text
-from bonecam.study.rows import CONTRADICTED, OPEN, SUPPORTED, Row, claims_of
+from bonecam_plugins.study.comparison import LINES, table_csv, table_text
+from bonecam_plugins.study.rows import CONTRADICTED, OPEN, SUPPORTED, Row, claims_of
 
 
 def row(name: str, **figures: float) -> Row:

@@ -5,13 +5,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bonecam_meshes import path as shipped
+from bonecam_plugins.study import plan_layer_paths
 
 import bonecam
 from bonecam.errors import OrientationError
 from bonecam.job import Job
 from bonecam.machine import MachineLimits
 from bonecam.mesh import nearest_areas
-from bonecam.planning import plan_layer_paths
 from bonecam.setup import Cylinder
 from bonecam.tool import MoveKind
 

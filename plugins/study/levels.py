@@ -16,23 +16,26 @@ The paper samples and stops there. Here every watched sample that breaks a limit
 solved again: an exchange method. Seconds a level.
 
 The levels of the published program, solved exactly: the reference of the default ones. Seconds a level.
+
+Clarabel, an interior-point solver, is the exact reference of the others: it solves the default program of a level
+(`solve`), and the published one with its second-order cones (`solve_cones`).
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
+import clarabel
 import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float, Int
 from numpy import ndarray
 
 from bonecam.errors import LevelError, place_name
-from bonecam.levels.measure import LevelGrid, level_grid
+from bonecam.levels import LevelProgram, LinearLimits, Method, solve_linearised
+from bonecam.levels.measure import level_grid
 from bonecam.levels.problem import (
     DEPTH_TOLERANCE,
-    Cones,
-    Planes,
-    SurfaceSamples,
     creases,
     integration_points,
     join,
@@ -41,12 +44,131 @@ from bonecam.levels.problem import (
     thin_plate,
 )
 from bonecam.levels.sequences import Stop, levels_to_stock, stalls
-from bonecam.levels.solvers.clarabel import solve_cones
-from bonecam.mesh.distance import MeshDistance
+from bonecam.mesh import MeshDistance, TriangleMesh
 from bonecam.progress import Progress
-from bonecam.setup.capsule import Capsule
-from bonecam.setup.stock import Schedule, Stock
-from bonecam.surface.tspline import TSpline
+from bonecam.setup import Capsule, Schedule, Stock
+from bonecam.surface import TSpline
+
+
+@dataclass(frozen=True, eq=False)
+class Cones:
+    """|R_l x - centre_l - tau_l axis| <= radius_l, 0 <= tau_l <= 1, for moves x (c, 3) of the control points,
+    lengths in mm.
+
+    With `axis` None there is no tau: balls. With one: capsules, exactly (their nearest axis point moves
+    along).
+    """
+
+    R: sp.csr_array
+    centres: Float[ndarray, "k 3"]
+    radii: Float[ndarray, " k"]
+    axis: Float[ndarray, "3"] | None = None
+
+    @property
+    def slides(self) -> int:
+        """How many tau there are."""
+        return 0 if self.axis is None else len(self.radii)
+
+
+@dataclass(frozen=True, eq=False)
+class Planes:
+    """normal_l . R_l x <= high_l, mm."""
+
+    R: sp.csr_array
+    normals: Float[ndarray, "k 3"]
+    high: Float[ndarray, " k"]
+
+    def and_planes(self, other: "Planes") -> "Planes":
+        """The planes of both."""
+        R = sp.csr_array(sp.vstack([self.R, other.R]))
+        return Planes(R, np.vstack([self.normals, other.normals]), np.concatenate([self.high, other.high]))
+
+
+ACCURACY = 1e-6
+"""Clarabel's tolerance of residuals and of the duality gap, relative and in mm."""
+GAP = 1e-4
+"""The largest duality gap of an answer that is accepted, as a share of its value."""
+
+
+def solve(program: LevelProgram) -> Float[ndarray, "m 3"]:
+    """The free moves of a level's program by Clarabel, every limit a row: exact, and many times slower than
+    `admm`."""
+    energy = sp.block_diag([program.matrix] * 3)
+
+    def minimum(limits: LinearLimits, start: Float[ndarray, " v"]) -> Float[ndarray, " v"]:
+        high = np.concatenate([limits.high, -limits.low])
+        finite = np.isfinite(high)
+        A = sp.csr_array(sp.vstack([limits.A, -limits.A]))[finite]
+        kinds = [clarabel.NonnegativeConeT(int(finite.sum()))]
+        return _minimum(energy, program.gradient.T.ravel(), A, high[finite], kinds)
+
+    return solve_linearised(program, minimum)
+
+
+def solve_cones(
+    energy: sp.csc_array, gradient: Float[ndarray, "c 3"], cones: tuple[Cones, ...], planes: Planes
+) -> Float[ndarray, "c 3"]:
+    """The moves x (c, 3) that minimise x'Ex / 2 + gradient . x within all cones and planes.
+
+    `energy` E (c, c) is the same for the three coordinates. LevelError where the duality gap is more than GAP.
+    """
+    count = energy.shape[0]
+    below_planes = sp.hstack([sp.diags_array(planes.normals[:, j]) @ planes.R for j in range(3)])
+    blocks = [(sp.csr_array(below_planes), planes.high)]
+    blocks += [_cone_rows(one) for one in cones]
+    for one in cones:
+        # 0 <= tau <= 1
+        tau = sp.eye_array(one.slides, format="csr")
+        before = sp.csr_array((one.slides, 3 * count))
+        rows = sp.csr_array(sp.vstack([sp.hstack([before, tau]), sp.hstack([before, -tau])]))
+        blocks.append((rows, np.concatenate([np.ones(one.slides), np.zeros(one.slides)])))
+    width = max(rows.shape[1] for rows, _ in blocks)
+    A = sp.vstack(
+        [sp.csr_array((rows.data, rows.indices, rows.indptr), shape=(rows.shape[0], width)) for rows, _ in blocks]
+    )
+    b = np.concatenate([high for _, high in blocks])
+
+    balls = sum(len(one.radii) for one in cones)
+    slides = sum(one.slides for one in cones)
+    below, cone = clarabel.NonnegativeConeT, clarabel.SecondOrderConeT
+    kinds = [below(len(planes.high)), *[cone(4)] * balls, *[below(2 * slides)] * bool(slides)]
+
+    P = sp.block_diag([energy] * 3 + [sp.csc_array((width - 3 * count,) * 2)] * (width > 3 * count))
+    q = np.concatenate([gradient.T.ravel(), np.zeros(width - 3 * count)])
+    return _minimum(P, q, A, b, kinds)[: 3 * count].reshape(3, count).T
+
+
+def _minimum(P: sp.sparray, q: ndarray, A: sp.sparray, b: ndarray, kinds: list[object]) -> Float[ndarray, " v"]:
+    """x of least x'Px / 2 + q.x with b - A x in the cones `kinds`; LevelError where there is none."""
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    settings.direct_solve_method = "qdldl"
+    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = ACCURACY
+    upper = sp.csc_matrix(sp.triu(P, format="csc"))
+    answer = clarabel.DefaultSolver(upper, q, sp.csc_matrix(A), b, kinds, settings).solve()
+    gap = abs(answer.obj_val - answer.obj_val_dual) / max(1.0, abs(answer.obj_val))
+    if str(answer.status) not in ("Solved", "AlmostSolved") or not gap <= GAP:
+        raise LevelError(
+            f"this level's program ends as {answer.status}: raise levels.stiffness or surface.max_control_points"
+        )
+    return np.array(answer.x)
+
+
+def _cone_rows(cones: Cones) -> tuple[sp.csr_array, ndarray]:
+    """Rows [radius, R_l x - centre - tau axis] of each cone in turn, as b - A z, z = (x, tau)."""
+    k, c = cones.R.shape
+    R = sp.coo_array(cones.R)
+    rows: list[ndarray] = [4 * R.row + 1 + j for j in range(3)]
+    columns: list[ndarray] = [R.col + j * c for j in range(3)]
+    values: list[ndarray] = [-R.data] * 3
+    if cones.axis is not None:
+        rows += [4 * np.arange(k) + 1 + j for j in range(3)]
+        columns += [3 * c + np.arange(k)] * 3
+        values += [np.full(k, cones.axis[j]) for j in range(3)]
+    entries = (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns)))
+    A = sp.csr_array(entries, shape=(4 * k, 3 * c + cones.slides))
+    return A, np.column_stack([cones.radii, -cones.centres]).ravel()
+
 
 TOLERANCE = 1e-3
 """Limits hold at all watched samples once they are broken by no more, mm."""
@@ -102,7 +224,7 @@ class PublishedProgram:
         self._hull = hull
         even = ring_pattern(surface, *WATCH_PATTERN)
         s, t = creases(even, surface.control_points).T
-        self._watch = join(SurfaceSamples, even, samples_of(surface, s, t, np.zeros(len(s))))
+        self._watch = join(type(even), even, samples_of(surface, s, t, np.zeros(len(s))))
         self._main = np.asarray(self._watch.R.argmax(axis=1)).ravel()
 
         # The rings of the watched samples that SPARSE_PATTERN tells, and the points on them; and both ends of t
@@ -258,12 +380,12 @@ def published_sequence(
         return P + moves
 
     def rest_above(P: ndarray, k: int, before: _Rest) -> _Rest:
-        rest = _Rest(*distance_left(grid, P, targets), before.stiffness)
+        rest = _Rest(*distance_left(grid.mesh(P), targets), before.stiffness)
         softer = max(SOFTEST, SOFTEN * before.stiffness)
         return replace(rest, stiffness=softer) if stalls(before, rest, schedule.limit(k)) else rest
 
     first = np.array(surface.control_points)
-    rest = _Rest(*distance_left(grid, first, targets), stiffness)
+    rest = _Rest(*distance_left(grid.mesh(first), targets), stiffness)
     lower_bound = schedule.lower_bound(rest.left)
     stop = Stop(remedy, MAX_STALLED, MOST_TIMES * lower_bound)
     return levels_to_stock(
@@ -278,9 +400,32 @@ def published_sequence(
     )
 
 
-def distance_left(
-    grid: LevelGrid, P: Float[ndarray, "c 3"], targets: Float[ndarray, "n 3"]
-) -> tuple[float, Float[ndarray, "3"]]:
-    """The largest distance (mm) from points of the stock to the level with control points P, and where."""
-    distance = MeshDistance(grid.mesh(P)).unsigned(targets)
+def distance_left(level: TriangleMesh, targets: Float[ndarray, "n 3"]) -> tuple[float, Float[ndarray, "3"]]:
+    """The largest distance (mm) from points of the stock to a level, and where."""
+    distance = MeshDistance(level).unsigned(targets)
     return float(distance.max()), targets[np.argmax(distance)]
+
+
+def published_levels(
+    surface: TSpline,
+    stock: Stock,
+    schedule: Schedule,
+    attraction: str,
+    stiffness: float,
+    progress: Progress,
+    *,
+    printed: bool,
+) -> list[ndarray]:
+    """The levels of the published program of a part in its stock, as a method makes them."""
+    program = PublishedProgram(surface, stock, attraction, printed=printed)
+    return published_sequence(program, surface, schedule, stiffness, progress)
+
+
+BEHIND = 0.02
+"""A level may fall so far behind the one before, mm: the published program says nothing of that."""
+OUTSIDE = 2 * Method.outside
+"""And leave the stock so far, mm, as that is held at samples only."""
+QCQP = Method(partial(published_levels, printed=False), BEHIND, OUTSIDE)
+"""The published cone program, limits and nesting held everywhere."""
+PRINTED = Method(partial(published_levels, printed=True), BEHIND, OUTSIDE, accepted=np.inf)
+"""The program as the paper prints it, limits at samples and no nesting: what its levels break is told, not refused."""

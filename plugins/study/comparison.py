@@ -21,31 +21,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, cast
 
-from bonecam.errors import BonecamError, FileError, JobError, LevelError
-from bonecam.files import check_files, check_folder, whole_folder, write_whole
-from bonecam.job import Job, PathJob, read_job
-from bonecam.job.path_section import OF_MORPH
-from bonecam.levels.job_levels import make_levels
-from bonecam.machine.machine import Machine, read_machine
-from bonecam.machining import Posting, check_one_feed, machine_levels, morph_standing, stand_part
-from bonecam.mechanics.loads import mechanics_of_job
-from bonecam.mesh.distance import MeshDistance
-from bonecam.mesh.triangle_mesh import MeshLike, mesh_from
-from bonecam.nc.dialect import Dialect
-from bonecam.nc.requirements import check_reach, job_dialect
-from bonecam.pipeline import check_job
-from bonecam.progress import Progress, part, report, silent
-from bonecam.report.kept import REMEDY, Morphed, Result, kept_contents, kept_levels
-from bonecam.report.typed import Report
-from bonecam.runtime.timing import StageTimes
-from bonecam.simulation import simulate
-from bonecam.study.pictures import draw_compared_left, draw_compared_paths, draw_probed
-from bonecam.study.rows import Claim, Comparison, Measured, Row, claims_of, figures_of
-from bonecam.surface.files.surface_input import holds_surface
-from bonecam.surface.files.tspline_text import read_tsm
-from bonecam.verify.control import program_text
-from bonecam.verify.findings import given_surface
-from bonecam.verify.probing import (
+from bonecam_plugins.study.pictures import draw_compared_left, draw_compared_paths, draw_probed
+from bonecam_plugins.study.probing import (
     RUBY,
     PostedProgram,
     Probed,
@@ -56,8 +33,31 @@ from bonecam.verify.probing import (
     probe_surface,
     roughness_of,
 )
-from bonecam.verify.removal import check_removal_of_job, cutters_of, prove_removal
-from bonecam.workholding.post import post_below
+from bonecam_plugins.study.rows import Claim, Comparison, Measured, Row, claims_of, figures_of
+
+from bonecam import BonecamError, Job, Morphed, Result, read_job, simulate
+from bonecam.errors import FileError, JobError, LevelError
+from bonecam.files import check_files, check_folder, whole_folder, write_whole
+from bonecam.job import PathJob
+from bonecam.job.path_section import OF_MORPH
+from bonecam.levels.job_levels import make_levels
+from bonecam.machine import Machine, read_machine
+from bonecam.machining import Posting, check_one_feed, machine_levels, morph_standing, stand_part
+from bonecam.mechanics.loads import mechanics_of_job
+from bonecam.mesh import MeshDistance, MeshLike, mesh_from
+from bonecam.nc import Dialect, job_dialect
+from bonecam.nc.requirements import check_reach
+from bonecam.pipeline import check_job
+from bonecam.progress import Progress, part, report, silent
+from bonecam.report import Report
+from bonecam.report.kept import kept_contents, kept_levels
+from bonecam.surface import read_tsm
+from bonecam.surface.files.surface_input import holds_surface
+from bonecam.verify import prove_removal
+from bonecam.verify.control import program_text
+from bonecam.verify.findings import given_surface
+from bonecam.verify.removal import check_removal_of_job, cutters_of
+from bonecam.workholding import post_below
 
 LINES: tuple[tuple[str, str], ...] = (
     ("length_m", "length of the cuts, m"),
@@ -204,7 +204,8 @@ def probe(
     machine, dialect = read_machine(job.nc.machine), job_dialect(job.nc)
     kept = folder / f"program{dialect.extension}"
     if not kept.exists():
-        raise FileError(f"{folder}: has no {kept.name}: {REMEDY}", file=str(kept))
+        remedy = "give the folder that `convert --keep` wrote beside the program"
+        raise FileError(f"{folder}: has no {kept.name}: {remedy}", file=str(kept))
     text = program_text(kept, machine, dialect, job)
     mesh, _, _ = kept_levels(text, kept, folder)
     part_surface = read_tsm(folder / "surface.tspline")
@@ -260,7 +261,7 @@ def write_comparison(made: Comparison, folder: str | Path) -> None:
             write_whole(work / f"probe_{name}.csv", one.probed.csv)
             write_whole(work / f"page_{name}.html", one.result.page)
             if one.result.removal is not None:
-                left.append((name, one.result.removal.remaining))
+                left.append((name, one.result.removal))
                 scallop = one.result.job.finishing.scallop
         if made.measured:
             draw_compared_paths([(name, one.result) for name, one in made.measured.items()], work / "paths.png")
@@ -367,7 +368,7 @@ def compare(
     if not isinstance(given, str | Path) or not holds_surface(given):
         check_line(points, line)
     able = [strategy for strategy in chosen if strategy.name not in failures]
-    base, failure = _base(given, job, able, machine, part(progress, 0.0, 0.2))
+    base, failure = _base(given, job, able, Posting(machine, dialect), part(progress, 0.0, 0.2))
     if failure is not None:
         failures[MORPH.name] = failure
     post = post_below(base.part.mesh, base.job.holding)
@@ -403,7 +404,7 @@ def _failures(chosen: Sequence[Strategy], job: Job, machine: Machine, dialect: D
 
 
 def _base(
-    given: Any, job: Job, chosen: Sequence[Strategy], machine: Machine, progress: Progress
+    given: Any, job: Job, chosen: Sequence[Strategy], posting: Posting, progress: Progress
 ) -> tuple[Morphed, BonecamError | None]:
     """Part, surface, stock, holding and the levels of the job; where these fail, without them and with the reason.
 
@@ -415,9 +416,9 @@ def _base(
         job = job.with_values(levels={"schedule": "numbers"})
     layers = [strategy for strategy in chosen if not strategy.is_morph]
     first = (layers or [MORPH])[0]
-    times = StageTimes()
+    times = posting.times
     share = part(progress, 0.2, 1.0)
-    standing = stand_part(given, first.job(job), machine, times, part(progress, 0.0, 0.2))
+    standing = stand_part(given, first.job(job), posting.machine, times, part(progress, 0.0, 0.2))
     failure = None
     if len(layers) < len(chosen):
         morph = MORPH.job(replace(job, holding=standing.job.holding, levels=standing.job.levels))

@@ -5,17 +5,7 @@ The published choice: least energy among what is allowed and free, and never a p
 
 import numpy as np
 import pytest
-from deepest_entry import deepest_entry
-from small_lump import at_parameters, lump
-
-from bonecam.arrays import dots
-from bonecam.job import NcJob, PathJob
-from bonecam.machine import MachineLimits
-from bonecam.mesh import Curvature, TriangleMesh, delaunay
-from bonecam.mesh.facets import ElasticEnergy, voronoi_areas
-from bonecam.planning import orient
-from bonecam.planning.axes.field import contact_facets
-from bonecam.planning.axes.published import (
+from bonecam_plugins.study.axes import (
     HIGH,
     LENGTH,
     LOW,
@@ -26,9 +16,23 @@ from bonecam.planning.axes.published import (
     semi_angles,
     weighted_offsets,
 )
-from bonecam.planning.collision import CollisionChecker
+from deepest_entry import deepest_entry
+from small_lump import at_parameters, lattice_on, lump, round_capsule
+
+from bonecam.arrays import dots
+from bonecam.job import NcJob, PathJob
+from bonecam.machine import MachineLimits
+from bonecam.mesh import Curvature, TriangleMesh, delaunay, vertex_normals
+from bonecam.mesh.facets import ElasticEnergy, voronoi_areas
+from bonecam.planning import orient
+from bonecam.planning.axes.field import contact_facets
 from bonecam.tool import MoveKind
 from bonecam.workholding import Clamping
+
+
+@pytest.fixture(scope="module")
+def capsule():
+    return round_capsule()
 
 
 def curvature(k1: float, k2: float, count: int = 10) -> Curvature:
@@ -76,16 +80,16 @@ def test_eq_20_offsets_a_circle_to_its_centre_by_the_ball_s_radius_at_most(capsu
     assert np.linalg.norm(found, axis=1).max() <= path.cutter.radius * (1 + 1e-12)
 
 
-def test_candidates_are_on_the_oblique_elliptic_cone_of_each_contact(capsule, lattice):
+def test_candidates_are_on_the_oblique_elliptic_cone_of_each_contact(capsule):
     """Eq. 16: in the frame of middle and conjugate semi-diameters q1^2 + q2^2 = (share q3)^2."""
-    facets = contact_facets(lattice, capsule)
+    facets = contact_facets(lattice_on(capsule), capsule)
     assert facets is not None
     axes, frames = candidate_axes(facets), candidate_frames(facets)
     q = np.linalg.solve(np.swapaxes(frames, 1, 2)[:, None], axes[..., None])[..., 0]
     shares = np.hypot(q[..., 1], q[..., 2]) / q[..., 0]
     np.testing.assert_allclose(shares, np.tile([0.0] + [0.5] * 8 + [1.0] * 12, (len(axes), 1)), atol=1e-9)
     np.testing.assert_allclose(np.linalg.norm(axes, axis=2), 1.0)
-    tangent = np.abs(np.einsum("vkd,vd->vk", frames[:, 1:], facets.vertex_normals))
+    tangent = np.abs(np.einsum("vkd,vd->vk", frames[:, 1:], vertex_normals(facets.mesh)))
     assert tangent.max() < 1e-9
 
 
@@ -138,7 +142,7 @@ def case():
 
 def test_its_path_collides_nowhere_and_tells_what_is_refused(case):
     surface, contacts, scene = case
-    axes = published_axes(contacts, surface, CollisionChecker(scene, contacts.cutter), LIMITS, JOB)
+    axes = published_axes(contacts, surface, scene, LIMITS, JOB)
     assert np.allclose(np.linalg.norm(axes, axis=1), 1.0)
     path = orient(contacts, scene, LIMITS, JOB, NcJob(), fixed=axes, explained=False)
     cut = path.kinds == MoveKind.CUT
@@ -153,5 +157,5 @@ def test_its_path_collides_nowhere_and_tells_what_is_refused(case):
 def test_contacts_on_a_line_get_the_surface_s_normals(case):
     surface, contacts, scene = case
     line = contacts.take(np.flatnonzero(contacts.pass_index == contacts.pass_index[len(contacts.pass_index) // 2])[:2])
-    axes = published_axes(line, surface, CollisionChecker(scene, line.cutter), LIMITS, JOB)
+    axes = published_axes(line, surface, scene, LIMITS, JOB)
     assert np.array_equal(axes, line.normals)

@@ -6,25 +6,19 @@ probed with the paper's band (Fig. 18).
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from bonecam_plugins.study.probing import BAND, Probed
 from jaxtyping import Float
 from numpy import ndarray
 
+from bonecam import Result
 from bonecam.material.dexels import Dexels
-from bonecam.mesh.distance import MeshDistance
-from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.report.kept import Result
+from bonecam.mesh import MeshDistance, TriangleMesh
 from bonecam.report.pictures import (
-    AMBIENT,
-    BELOW,
-    DIFFUSE,
-    DPI,
-    LEGEND,
-    LIGHT,
     add_legend,
     colours_of,
-    label_rows,
     lay_out,
     new_figure,
     save_figure,
@@ -32,9 +26,8 @@ from bonecam.report.pictures import (
     show_path,
     value_range,
 )
-from bonecam.tool.path import MoveKind, ToolPath
-from bonecam.verify.probing import BAND, Probed
-from bonecam.verify.sweeping import SimulatedStock
+from bonecam.tool import MoveKind, ToolPath
+from bonecam.verify import Removal
 
 SCALLOPS = 3.0
 """The scale of what is left ends at so many scallops of the finishing cutter."""
@@ -42,14 +35,32 @@ PIXEL = 1.5
 """Size of a pixel in distances of the rays: no ray of a surface that faces the viewer falls between."""
 BELOW_PART = 3.0
 """So much of the post is shown, mm."""
+LIGHT = np.array([1.0, -2.0, 1.0]) / np.sqrt(6)
+"""Direction to the light, seen from -y."""
+AMBIENT, DIFFUSE = 0.55, 0.4
+"""Brightness of a place that turns away from the light, and what is added where it faces the light."""
+LABELS = 1.0
+"""Inches below panels that their labels and a legend take."""
+DPI = 120
+"""Pixels per inch."""
 
 
-def draw_compared_left(left: Sequence[tuple[str, SimulatedStock]], scallop: float, path: str | Path) -> None:
+def label_rows(plots: Any, rows: int) -> None:
+    """Name z beside the first panel of each row, and leave x out above the last one."""
+    columns = len(plots) // rows
+    for plot in plots[::columns]:
+        plot.set_ylabel("z (mm)")
+    for plot in plots[:-columns]:
+        plot.set_xlabel("")
+
+
+def draw_compared_left(left: Sequence[tuple[str, Removal]], scallop: float, path: str | Path) -> None:
     """Write what stands, as its rays have it, from the front (-y) and from behind; `scallop`: that of the finishing
     cutter, mm."""
     norm = value_range(0, SCALLOPS * scallop)
     figure, plots = new_figure(len(left), 2)
-    for k, (name, stock) in enumerate(left):
+    for k, (name, removal) in enumerate(left):
+        stock = removal.remaining
         # Places of the surface of what stands, on all rays, and how far each is from the part, mm
         probes = stock.probes
         points = Dexels(tuple(stock.sets), stock.grid).ends
@@ -110,7 +121,7 @@ def draw_compared_paths(results: Sequence[tuple[str, Result]], path: str | Path)
             plot.set_title(f"{name}\n{'level' if followed else 'layer'} {item.level}", fontsize="medium")
     label_rows(plots, 2)
     add_legend(figure)
-    lay_out(figure, plots, below=BELOW + LEGEND, rows=2)
+    lay_out(figure, plots, below=LABELS, rows=2)
     save_figure(figure, path)
 
 

@@ -26,6 +26,8 @@ energy falls. The chosen ones are put before the planner's own proof of collisio
 surfaces (Eq. 23); where one collides the choice goes on without it.
 """
 
+from collections.abc import Callable
+
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
@@ -34,14 +36,15 @@ from scipy.sparse.linalg import splu
 
 from bonecam.arrays import dots, lengths, unit
 from bonecam.job import PathJob
-from bonecam.machine.limits import MachineLimits, polar_angles
-from bonecam.mesh.facets import Curvature, voronoi_areas
-from bonecam.mesh.smooth_surface import heights_above
+from bonecam.machine import MachineLimits
+from bonecam.machine.limits import polar_angles
+from bonecam.mesh import Curvature, heights_above, mls_curvature, vertex_normals
+from bonecam.mesh.facets import voronoi_areas
+from bonecam.planning import CollisionChecker, Scene
 from bonecam.planning.axes.field import ContactFacets, contact_facets
-from bonecam.planning.axes.lead import SINGULAR_CONE, Free, within_limits
-from bonecam.planning.collision import CollisionChecker
-from bonecam.surface.tspline import TSpline
-from bonecam.tool.path import ContactPath
+from bonecam.planning.axes.lead import SINGULAR_CONE, within_limits
+from bonecam.surface import TSpline
+from bonecam.tool import ContactPath
 
 LENGTH = 3.0
 """Length l of an axis, in radii of the ball: farther out the nearest facet is another contact's (Eq. 21)."""
@@ -72,7 +75,7 @@ def candidate_frames(facets: ContactFacets) -> Float[ndarray, "v 3 3"]:
     """D, U and V of each vertex's cone, in lengths l: its middle and two conjugate semi-diameters, so that its axes go
     along D + share (cos(turn) U + sin(turn) V)."""
     radius = facets.path.cutter.radius
-    curvature, normals = facets.curvature, facets.vertex_normals
+    curvature, normals = mls_curvature(facets.mesh, few_allowed=True), vertex_normals(facets.mesh)
     along = curvature.direction1
     first = unit(along - dots(along, normals)[:, None] * normals)
     second = np.cross(normals, first)
@@ -117,13 +120,14 @@ SWEEPS = 12
 
 
 def published_axes(
-    path: ContactPath, surface: TSpline, checker: CollisionChecker, limits: MachineLimits, job: PathJob
+    path: ContactPath, surface: TSpline, scene: Scene, limits: MachineLimits, job: PathJob
 ) -> Float[ndarray, "n 3"]:
     """A unit axis for each contact of a path on a surface; where all candidates are refused the middle one, which the
     planner then refuses too. Contacts that all lie on a line have no facets: they get the surface's normals."""
     facets = contact_facets(path, surface)
     if facets is None:
         return path.normals
+    checker = CollisionChecker(scene, path.cutter)
     rows = facets.contact_of
     candidates = candidate_axes(facets)
     count, each = candidates.shape[:2]
@@ -136,7 +140,7 @@ def published_axes(
     which = np.flatnonzero(allowed)
     vertex = which // (len(flat) // len(facets.contact_of))
     locations = facets.mesh.vertices[vertex] + length * flat[which]
-    outward = dots(facets.vertex_normals[vertex], flat[which]) > 0
+    outward = dots(vertex_normals(facets.mesh)[vertex], flat[which]) > 0
     allowed[allowed] = outward & (heights_above(locations, facets.mesh) > 0)
 
     def free(vertices: Int[ndarray, " k"], axes: Float[ndarray, "k 3"]) -> Bool[ndarray, " k"]:
@@ -154,7 +158,7 @@ def choose(
     allowed: Bool[ndarray, "v c"],
     energy: csr_array,
     areas: Float[ndarray, " v"],
-    free: Free,
+    free: Callable[[Int[ndarray, " k"], Float[ndarray, "k 3"]], Bool[ndarray, " k"]],
 ) -> Int[ndarray, " v"]:
     """Which candidate each vertex takes: of those allowed that are `free`, the choice of least elastic energy that is
     found; the first candidate where there is none."""

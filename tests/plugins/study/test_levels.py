@@ -5,21 +5,22 @@ from itertools import pairwise
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from bonecam_plugins.study.levels import Cones, Planes, PublishedProgram, next_moves, published_sequence, solve_cones
 from level_parts import CAPSULE, SCHEDULE, waisted
 
 from bonecam.errors import LevelError
-from bonecam.levels import morph
-from bonecam.levels.measure import Rules
-from bonecam.levels.problem import DEPTH_TOLERANCE, Cones, Planes
-from bonecam.levels.published import PublishedProgram, next_moves, published_sequence
-from bonecam.levels.solvers.clarabel import solve_cones
+from bonecam.levels import StockLevel, morph
+from bonecam.levels.measure import NO_CUT, Rules
+from bonecam.levels.problem import DEPTH_TOLERANCE
+from bonecam.mesh import TriangleMesh
 from bonecam.progress import silent
+from bonecam.report import levels_report
+from bonecam.report.summary import certified_text
 from bonecam.setup import Cylinder, Schedule
 
 pytestmark = pytest.mark.whole
 
 STIFFNESS = 1e-7
-pytest.importorskip("clarabel", reason="the extra `reference` is not installed")
 
 
 def none(count: int) -> Planes:
@@ -132,7 +133,7 @@ class NearlyMet(Unmeetable):
 
 
 def test_a_level_that_leaves_its_limits_is_told_with_its_place(monkeypatch):
-    monkeypatch.setattr("bonecam.levels.closed_morph.PublishedProgram", Unmeetable)
+    monkeypatch.setattr("bonecam_plugins.study.levels.PublishedProgram", Unmeetable)
     with pytest.raises(
         LevelError,
         match=r"^level 1: .* limits by 0\.0100 mm at \(.*\) after \d+ rounds: raise surface\.max_control_points$",
@@ -153,8 +154,8 @@ def test_levels_that_get_no_nearer_end_soon_and_tell_another_attraction(monkeypa
     def outwards(program, P, depth, stiffness):
         return depth * P / np.linalg.norm(P, axis=1, keepdims=True)
 
-    monkeypatch.setattr("bonecam.levels.published.next_moves", outwards)
-    monkeypatch.setattr("bonecam.levels.published.distance_left", lambda grid, P, targets: (3.0, P[0]))
+    monkeypatch.setattr("bonecam_plugins.study.levels.next_moves", outwards)
+    monkeypatch.setattr("bonecam_plugins.study.levels.distance_left", lambda level, targets: (3.0, targets[0]))
     program = PublishedProgram(waisted(), CAPSULE, "sphere")
     with pytest.raises(
         LevelError,
@@ -163,8 +164,15 @@ def test_levels_that_get_no_nearer_end_soon_and_tell_another_attraction(monkeypa
         published_sequence(program, waisted(), SCHEDULE, STIFFNESS, silent)
 
 
+def test_why_its_levels_have_no_certificate_is_told():
+    mesh = TriangleMesh(np.eye(3), np.array([[0, 1, 2]], dtype=np.int32))
+    rows = levels_report([StockLevel(k, mesh, 0.5, NO_CUT) for k in range(3)])
+    why = "levels by qcqp may fall 0.02 mm behind one another, more than the 0.001 mm of a certificate"
+    assert certified_text(rows, "qcqp") == f"nothing on 2 cuts: {why}"
+
+
 def test_an_unknown_method_is_refused():
-    with pytest.raises(ValueError, match="choose one of qp, qcqp"):
+    with pytest.raises(ValueError, match="choose one of qp, qcqp, published"):
         morph(waisted(), CAPSULE, SCHEDULE, method="magic")
 
 

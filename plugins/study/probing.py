@@ -46,18 +46,16 @@ from scipy.spatial import ConvexHull
 
 from bonecam.arrays import dots, lengths, perpendicular, unit
 from bonecam.errors import JobError, MachineError
-from bonecam.machine.machine import Machine
-from bonecam.mesh.distance import MeshDistance, barycentric, exact_closest
-from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.nc.dialect import Dialect
-from bonecam.nc.motions import Motions
-from bonecam.nc.reading import read_program
+from bonecam.machine import Machine
+from bonecam.mesh import MeshDistance, TriangleMesh, exact_closest
+from bonecam.mesh.distance import barycentric
+from bonecam.nc import Dialect, Motions, read_program
 from bonecam.planning.contacts import at_post
-from bonecam.surface.tspline import TSpline
-from bonecam.tool.cutter import Cutter
-from bonecam.verify.findings import Removal
-from bonecam.verify.sweeping import NormalProbes, feed_minutes, groups_of, straight_pieces, tools_of
-from bonecam.workholding.post import Post
+from bonecam.surface import TSpline
+from bonecam.tool import Cutter
+from bonecam.verify import Removal
+from bonecam.verify.sweeping import NormalProbes, feed_minutes, groups_of, straight_pieces
+from bonecam.workholding import Post
 
 LINES = 72
 """Lines among which the back is looked for: every 5 degrees."""
@@ -157,15 +155,18 @@ class PostedProgram:
         """The moves of the text."""
         return read_program(self.text, self.machine, self.dialect)
 
+    def cutter(self, number: int) -> Cutter:
+        """The cutter of a number of the text."""
+        return next(cutter for cutter in self.cutters if cutter.number == number)
+
     def machined(self, places: Float[ndarray, "n 3"]) -> Machined:
         """The machined surface at the places of the part that are nearest to some `places`, mm."""
         s, t = self.part.project(places).parameters.T
         points, normals = self.part.positions(s, t), self.part.normals(s, t)
         probes = NormalProbes(_NO_MESH, points, normals, np.zeros(len(points)))
         motions = self.motions()
-        tools = tools_of(motions, self.cutters)
         for group in groups_of(self.text, motions, self.dialect):
-            cutter = tools[group.tool]
+            cutter = self.cutter(group.tool)
             # The pieces with all of their flutes
             pieces = straight_pieces(motions, group.moves, cutter)
             reach = np.full(len(pieces.starts), max(cutter.flute_length - cutter.radius, 0.0))
@@ -243,7 +244,7 @@ def roughness_of(program: PostedProgram, flutes: int, count: int = PLACES) -> Ro
     known = tooth > 0
     here, normals, feeds, tooth = here[known], normals[known], feeds[known], tooth[known]
     steps = np.arange(-SAMPLING * CUT_OFF / 2, SAMPLING * CUT_OFF / 2, NODE)
-    radius = tools_of(motions, program.cutters)[int(motions.tools[-1])].radius
+    radius = program.cutter(int(motions.tools[-1])).radius
     s, t = program.part.project(probes.points[here]).parameters.T
     curved = 1 / radius + _curvature(program, s, t, feeds)
     height = tooth**2 * np.maximum(curved, 0.0) / 8

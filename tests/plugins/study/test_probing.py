@@ -15,16 +15,7 @@ from dataclasses import replace
 import igl
 import numpy as np
 import pytest
-from small_parts import FINISHING_CUTTER, ROUGHING_CUTTER, UPRIGHT_CAPSULE, mesh_of, path_of, pebble, revolved
-
-from bonecam.errors import JobError, MachineError
-from bonecam.job import Job
-from bonecam.machine import read_machine
-from bonecam.mesh import MeshDistance
-from bonecam.nc import read_dialect, write_program
-from bonecam.tool import MoveKind
-from bonecam.verify import Accuracy, simulate_removal
-from bonecam.verify.probing import (
+from bonecam_plugins.study.probing import (
     CONTROLLERS,
     CUT_OFF,
     NODE,
@@ -39,6 +30,15 @@ from bonecam.verify.probing import (
     roughness_of,
     touching_centres,
 )
+from small_parts import FINISHING_CUTTER, ROUGHING_CUTTER, UPRIGHT_CAPSULE, mesh_of, path_of, pebble, revolved
+
+from bonecam.errors import JobError, MachineError
+from bonecam.job import Job
+from bonecam.machine import read_machine
+from bonecam.mesh import MeshDistance
+from bonecam.nc import read_dialect, write_program
+from bonecam.tool import MoveKind
+from bonecam.verify import Accuracy, simulate_removal
 from bonecam.workholding import Post
 
 PAIR = read_machine("mikron-ucp600"), read_dialect("heidenhain")

@@ -1,4 +1,7 @@
-"""Iso-height and rotary milling (compared with morphing by Gan et al. 2014), and finishing one open surface.
+"""Iso-height and rotary milling (compared with morphing by Gan et al. 2014).
+
+`RoundChart`: lines that leave the Z axis at right angles; a is the angle about it (radians), b (mm) is z. The height of
+a point on its line is its distance from the axis, mm.
 
 The curves of a slice: the outline that the ball's centre may come up to, and its offsets a side step apart.
 
@@ -18,59 +21,146 @@ from the free end down to the post; the tool feeds in by the depth of roughing c
 the part is in its way. A last layer finishes with sections as close as the scallop asks for. The tool stays beside the
 part: beyond its ends, and nearer to the axis than CORE, nothing is cut, so that the ends stay.
 
-The path of one blade or channel of a wheel, repeated at every pitch about the Z axis.
-
 The tool paths of a strategy that works in layers, with the tool axes that it fixes: iso-height milling from two
 sides, sectional rotary milling. They are linked and checked for collisions as the levels of a morph are.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from jaxtyping import Bool, Float
+from contourpy import contour_generator
+from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 from scipy.ndimage import distance_transform_edt, gaussian_filter, map_coordinates
 
+from bonecam import Job
 from bonecam.arrays import unit
 from bonecam.errors import OrientationError
-from bonecam.job import Job
-from bonecam.levels.measure import Level
-from bonecam.machine.limits import MachineLimits
+from bonecam.levels import Level
+from bonecam.machine import MachineLimits
 from bonecam.material.dexels import uncut_rays
-from bonecam.mesh.distance import MeshDistance
-from bonecam.planning.contacts import flute_slack
-from bonecam.planning.layers import (
-    CELL,
-    DEVIATION,
+from bonecam.mesh import MeshDistance, TriangleMesh
+from bonecam.planning import (
     Ball,
     FlatChart,
     HeightField,
     HeightMesh,
     Layer,
     Rough,
-    RoundChart,
+    Scene,
     drop_balls,
     finish_layer,
-    flat_step,
-    places_of,
+    orient,
+    parting_paths,
     rough_down,
     rough_layer,
-    stock_field,
-    unreached,
 )
-from bonecam.planning.levels import parting_paths
-from bonecam.planning.oriented_path import orient
-from bonecam.planning.scene import Scene, distance_to_part
+from bonecam.planning.contacts import flute_slack
+from bonecam.planning.layers import drop, flat_step, unreached
+from bonecam.planning.scene import distance_to_part
 from bonecam.progress import Progress, report, silent
-from bonecam.setup.capsule import enclosing_capsule
-from bonecam.setup.stock import Stock
-from bonecam.tool.cutter import Cutter
-from bonecam.tool.elliptic_cones import EllipticCones
-from bonecam.tool.path import ToolPath
-from bonecam.workholding.clamping import clamping_of
-from bonecam.workholding.post import Post, post_below
+from bonecam.setup import Stock, enclosing_capsule
+from bonecam.tool import Cutter, ToolPath
+from bonecam.workholding import Post, clamping_of, post_below
+
+CELL = 0.15
+"""Distance of the lines, mm."""
+
+
+@dataclass(frozen=True, eq=False)
+class RoundChart(FlatChart):
+    """Lines that leave the Z axis at right angles, at the angles `a` about it from the `axis` X and the heights `b`:
+    the last a is followed by the first."""
+
+    @classmethod
+    def of(cls, a: Float[ndarray, " p"], b: Float[ndarray, " q"]) -> "RoundChart":
+        """The lines at these angles and heights."""
+        x, y, _ = np.eye(3)
+        return cls(x, y, a, b)
+
+    def bases(self, a: Float[ndarray, " n"], b: Float[ndarray, " n"]) -> Float[ndarray, "n 3"]:
+        """The points of height 0, on the axis."""
+        return b[:, None] * self.along
+
+    def axes(self, a: Float[ndarray, " n"]) -> Float[ndarray, "n 3"]:
+        """The unit directions of the lines, away from the axis."""
+        return np.column_stack([np.cos(a), np.sin(a), np.zeros(len(a))])
+
+    def coordinates(
+        self, points: Float[ndarray, "n 3"]
+    ) -> tuple[Float[ndarray, " n"], Float[ndarray, " n"], Float[ndarray, " n"]]:
+        """a, b and the height of points."""
+        return np.arctan2(points[:, 1], points[:, 0]), points[:, 2], np.hypot(points[:, 0], points[:, 1])
+
+    def near(
+        self, a: Float[ndarray, " n"], heights: Float[ndarray, " n"], radius: float
+    ) -> tuple[Int[ndarray, " n"], Int[ndarray, " n"]]:
+        """The first and the last line across that balls at these places may meet, counted on beyond the last one."""
+        step = self.a[1] - self.a[0]
+        # how far from their own line, in radians, balls meet others
+        wide = np.where(heights > radius, np.arcsin(radius / np.maximum(heights, radius)), np.pi)
+        first = np.ceil((a - wide - self.a[0]) / step).astype(np.int64)
+        last = np.floor((a + wide - self.a[0]) / step).astype(np.int64)
+        return first, np.minimum(last, first + len(self.a) - 1)
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """The lowest and the highest a that passes run to: once round."""
+        return self.a[0], self.a[-1] + (self.a[1] - self.a[0])
+
+    @property
+    def rows(self) -> Int[ndarray, " r"]:
+        """The numbers of the lines across, one after the other, round to the first."""
+        return np.r_[np.arange(len(self.a)), 0]
+
+    def framed(self, cells: Bool[ndarray, "p q"]) -> Bool[ndarray, "p2 q2"]:
+        """Cells of the grid with those round it, across those of the other end."""
+        wide = np.pad(cells, 1)
+        wide[[0, -1], 1:-1] = cells[[-1, 0]]
+        return wide
+
+
+def stock_field(chart: FlatChart, stock: Stock, top: float) -> HeightField:
+    """The stock on the lines of a chart; `top` (mm) is higher than all of it."""
+    a, b = (each.ravel() for each in np.meshgrid(chart.a, chart.b, indexing="ij"))
+    bases = chart.bases(a, b)
+    axes = chart.axes(a)
+    shape = len(chart.a), len(chart.b)
+    if isinstance(chart, RoundChart):
+        tops = drop(bases, axes, stock.signed_distance, top, 0.0).reshape(shape)
+        return HeightField(chart, tops, np.zeros(shape))
+    tops = drop(bases, axes, stock.signed_distance, top, -top)
+    bottoms = -drop(bases, -axes, stock.signed_distance, top, -top)
+    middle = (tops + bottoms) / 2
+    missed = tops <= bottoms
+    return HeightField(
+        chart, np.where(missed, middle, tops).reshape(shape), np.where(missed, middle, bottoms).reshape(shape)
+    )
+
+
+def turned_over(material: HeightField) -> HeightField:
+    """The material on parallel lines as it is seen from the other side."""
+    return HeightField(from_behind(material.chart), -material.bottoms, -material.tops)
+
+
+def from_behind(chart: FlatChart) -> FlatChart:
+    """A chart as seen from the other side: its lines stay, its tool axis is reversed."""
+    return replace(chart, axis=-chart.axis)
+
+
+PLACES = 8000
+"""About so many places of the part are asked whether a strategy reaches them."""
+
+
+def places_of(part: TriangleMesh) -> tuple[Float[ndarray, "n 3"], Float[ndarray, "n 3"]]:
+    """About PLACES places all over the part, and their unit normals."""
+    vectors = part.face_vectors
+    lengths = np.linalg.norm(vectors, axis=1)
+    some = np.flatnonzero(lengths > 0)[:: max(len(lengths) // PLACES, 1)]
+    return part.vertices[part.faces[some]].mean(axis=1), vectors[some] / lengths[some, None]
+
 
 Free = Callable[[Float[ndarray, " n"], Float[ndarray, " n"]], Bool[ndarray, " n"]]
 """Whether balls of a slice are free at coordinates a and b."""
@@ -105,16 +195,14 @@ def offset_curves(
     away = distance_transform_edt(~(blocked if has_outline else ridge)) * (chart.b[1] - chart.b[0])
     away = gaussian_filter(away, SMOOTH)
     offsets = np.arange(1, int(away.max() / step) + 1) * step
-    curves = [
-        [thinned(line) for line in contour_lines(chart.a, chart.b, away, offset) if len(line) > 2]
-        for offset in offsets[::-1]
-    ]
+    contours = contour_generator(chart.b, chart.a, away)
+    curves = [[thinned(line[:, ::-1]) for line in contours.lines(offset) if len(line) > 2] for offset in offsets[::-1]]
     if not has_outline:
         # A straight line along the middle of the ridge
         across = np.median(chart.a[np.argmax(ridge, axis=0)])
         return [*curves, [np.column_stack([np.full(2, across), chart.b[[0, -1]]])]]
     outline = []
-    for line in contour_lines(chart.a, chart.b, away, OFF):
+    for line in (each[:, ::-1] for each in contours.lines(OFF)):
         if len(line) > 2:
             # its points about SPACED apart, with its ends: what is straight here may not be on the outline
             along = np.r_[0.0, np.linalg.norm(np.diff(line, axis=0), axis=1).cumsum()]
@@ -138,15 +226,6 @@ def _moved_up(
         free = is_free(*(line + middle[:, None] * inward).T)
         near, far = np.where(free, middle, near), np.where(free, far, middle)
     return line + near[:, None] * inward
-
-
-def contour_lines(
-    a: Float[ndarray, " p"], b: Float[ndarray, " q"], field: Float[ndarray, "p q"], value: float
-) -> list[Float[ndarray, "_ 2"]]:
-    """The lines (a, b) on which a field over a grid has a value."""
-    from contourpy import contour_generator
-
-    return [line[:, ::-1] for line in contour_generator(b, a, field).lines(value)]
 
 
 def thinned(line: Float[ndarray, "n 2"], tolerance: float = STRAIGHT) -> Float[ndarray, "k 2"]:
@@ -193,7 +272,7 @@ def iso_height_layers(
     ends = outer @ axis
     sides = [
         (chart, float(ends.max()), float(outline.min()) - finishing.radius),
-        (chart.turned_over, float(-ends.min()), float(-outline.max()) - finishing.radius),
+        (from_behind(chart), float(-ends.min()), float(-outline.max()) - finishing.radius),
     ]
 
     material = stock_field(chart, stock, sides[0][1] + roughing.radius)
@@ -201,7 +280,7 @@ def iso_height_layers(
     for _, top, floor in sides:
         rough_layers, material = _rough_side(top, floor, ball, material, roughing, job)
         layers += rough_layers
-        material = material.turned_over()
+        material = turned_over(material)
 
     extent = float(b[0]), float(b[-1])
     left = np.ones(len(points), dtype=bool)
@@ -212,7 +291,7 @@ def iso_height_layers(
         )
         layers.append(layer)
         left &= unreached(points, normals, chart=chart, ball=fine, heights=heights, extent=extent)
-        material = material.turned_over()
+        material = turned_over(material)
     return layers, points[left]
 
 
@@ -221,7 +300,6 @@ def _rough_side(
 ) -> tuple[list[Layer], HeightField]:
     """The slices that find material, from the top down: tip heights (mm) of the `first` and the `last`."""
     chart = material.chart
-    assert isinstance(chart, FlatChart)
     a, b = (each.ravel() for each in np.meshgrid(chart.a, chart.b, indexing="ij"))
     top = first + cutter.radius
     lowest = last + cutter.radius
@@ -260,7 +338,7 @@ def rotary_layers(
     largest = float(np.hypot(outer[:, 0], outer[:, 1]).max())
     angles = np.linspace(0, 2 * np.pi, int(np.ceil(2 * np.pi * largest / CELL)), endpoint=False)
     room = roughing.radius + CELL
-    chart = RoundChart(angles, np.arange(outer[:, 2].min() - room, outer[:, 2].max() + room + CELL, CELL))
+    chart = RoundChart.of(angles, np.arange(outer[:, 2].min() - room, outer[:, 2].max() + room + CELL, CELL))
     extent = float(part.mesh.bounds[0, 2]), float(part.mesh.bounds[1, 2])
     material = stock_field(chart, stock, largest + roughing.radius)
     ball = Ball(roughing.radius, job.levels.finishing_depth, part, post)
@@ -283,58 +361,6 @@ def rotary_layers(
     points, normals = places_of(part.mesh)
     left = unreached(points, normals, chart=chart, ball=fine, heights=heights, extent=extent)
     return [*layers, layer], points[left]
-
-
-ON_AXIS = 1e-6
-"""A path that begins and ends so near to the Z axis with an upright tool goes on from turn to turn there, mm."""
-
-
-def indexed(path: ToolPath, count: int) -> ToolPath:
-    """The moves of a path and of its copies, each turned by a `count`-th of a turn more, one after the other.
-
-    ValueError where the safe point of the path is not on the axis, the tool upright: turning there moves no tip.
-    """
-    ends = path.tips[[0, -1]], path.axes[[0, -1], :2]
-    if max(float(np.abs(ends[0][:, :2]).max()), float(np.abs(ends[1]).max())) > ON_AXIS:
-        raise ValueError("a path that is repeated about Z begins and ends over Z, its tool upright")
-    rows = len(path.tips)
-    passes = int(path.pass_index.max()) + 1
-    cones = path.cones
-    if cones:
-        axes, sides = (_turned(vectors, count) for vectors in (cones.shapes.axes, cones.shapes.sides))
-        copies = [np.where(cones.cone_of < 0, -1, cones.cone_of + k * len(cones.apexes)) for k in range(count)]
-        cones = replace(
-            cones,
-            apexes=_turned(cones.apexes, count),
-            shapes=EllipticCones(axes, sides, np.tile(cones.shapes.angles, (count, 1))),
-            cone_of=np.concatenate(copies),
-        )
-    number = np.repeat(np.arange(count), rows)
-    index = np.tile(path.pass_index, count)
-    return replace(
-        path,
-        kinds=np.tile(path.kinds, count),
-        pass_index=np.where(index < 0, -1, index + number * passes),
-        parameters=np.tile(path.parameters, (count, 1)),
-        contacts=_turned(path.contacts, count),
-        tips=_turned(path.tips, count),
-        axes=_turned(path.axes, count),
-        feed_rates=np.tile(path.feed_rates, count),
-        uncut=_turned(path.uncut, count),
-        reasons=path.reasons * count,
-        trimmed=path.trimmed * count,
-        blocked_by={what: number * count for what, number in path.blocked_by.items()},
-        cones=cones,
-        lifts=np.vstack([path.lifts + k * rows for k in range(count)]),
-    )
-
-
-def _turned(vectors: Float[ndarray, "n 3"], count: int) -> Float[ndarray, "m 3"]:
-    """Vectors, then those turned by a pitch about Z, and so on."""
-    angle = 2 * np.pi * np.arange(count)[:, None] / count
-    x, y, z = vectors.T
-    flat = x * np.cos(angle) - y * np.sin(angle), x * np.sin(angle) + y * np.cos(angle)
-    return np.stack([*flat, np.broadcast_to(z, flat[0].shape)], axis=2).reshape(-1, 3)
 
 
 STRATEGIES = {"iso-height": iso_height_layers, "rotary": rotary_layers}
@@ -373,7 +399,7 @@ def plan_layer_paths(
             material=standing.mesh,
             stock=enclosing_capsule(stock),
             post=post,
-            material_deviation=DEVIATION,
+            material_deviation=standing.deviation,
             known_level_distance=distance,
             part_distance=None,
             clamping=clamping_of(job.holding, limits.bodies.table),

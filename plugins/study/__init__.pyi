@@ -7,3 +7,6 @@ from .rows import Claim as Claim
 from .rows import Comparison as Comparison
 from .rows import Row as Row
 from .rows import claims_of as claims_of
+from .strategies import iso_height_layers as iso_height_layers
+from .strategies import plan_layer_paths as plan_layer_paths
+from .strategies import rotary_layers as rotary_layers

@@ -23,18 +23,19 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from bonecam_plugins.study.probing import BAND, UM, Probed, Roughness
 from jaxtyping import Float
 from numpy import ndarray
 
-from bonecam.mechanics.loads import UM, PathLoads, cut_shares
-from bonecam.nc.motions import Motions
+from bonecam import Result
+from bonecam.mechanics.loads import PathLoads, cut_shares
+from bonecam.nc import Motions
 from bonecam.planning.contacts import at_post
-from bonecam.report.kept import Result
-from bonecam.tool.cutter import Cutter
-from bonecam.verify.findings import LEFT, Removal
-from bonecam.verify.probing import BAND, Probed, Roughness
+from bonecam.tool import Cutter
+from bonecam.verify import Removal
+from bonecam.verify.findings import LEFT
 from bonecam.verify.sweeping import AIR, feed_minutes
-from bonecam.workholding.post import post_below
+from bonecam.workholding import post_below
 
 JUMP = 10.0
 """N: bends a part of 5 um/N by the paper's 0.05 mm."""

@@ -7,7 +7,7 @@ from bonecam.cli.command import JOB, PART, VERBOSITY, Command, argument, call_wi
 
 def run_compare(options: argparse.Namespace) -> int:
     """`bonecam compare`: strategies side by side."""
-    from bonecam.study.comparison import claims_text, compare, table_text
+    from bonecam_plugins.study.comparison import claims_text, compare, table_text
 
     comparison = call_with(compare, options, job=job_of(options))
     if not options.quiet:
@@ -18,7 +18,7 @@ def run_compare(options: argparse.Namespace) -> int:
 
 def run_probe(options: argparse.Namespace) -> int:
     """`bonecam probe`: the deviations along a line of a kept program."""
-    from bonecam.study.comparison import probe
+    from bonecam_plugins.study.comparison import probe
 
     probed = call_with(probe, options)
     if not options.quiet:
