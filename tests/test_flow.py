@@ -7,16 +7,16 @@ from pathlib import Path
 import pytest
 
 ORDER = [
-    *"errors progress arrays runtime files text machine job kernels tool mesh filters surface".split(),
+    *"errors progress arrays plugins runtime files text machine job kernels tool mesh surface".split(),
     *"workholding setup levels material mechanics planning nc verify report".split(),
-    *"machining second_clamping pipeline simulation reposting finishing blading".split(),
-    *"study batch cli".split(),
+    *"machining second_clamping pipeline simulation finishing".split(),
+    *"batch cli study wheels".split(),
     "__main__",
 ]
 ROOMS = {
     "runtime": "threads loading compiling timing own_files staging worker".split(),
     "surface": [
-        *"basis tmesh query tessellation refinement diagnosis tspline fitting skinning blades".split(),
+        *"basis tmesh query tessellation refinement diagnosis tspline fitting skinning".split(),
         *"growth files part_surface".split(),
     ],
     "levels": [
@@ -30,8 +30,9 @@ ROOMS = {
         *"strategies surface_paths".split(),
     ],
     "batch": "run cluster".split(),
+    "wheels": "wheel tables channels proof results blading commands".split(),
     "verify": "gouge readback sweeping findings clearances removal control probing proof".split(),
-    "study": "rows pictures comparison".split(),
+    "study": "rows pictures comparison commands".split(),
     "report": [
         *"warnings stage_reports typed tables summary pictures page sheet machine_picture kept".split(),
         *"outputs".split(),
@@ -45,8 +46,8 @@ DOORS = {
     "osqp": {"levels/solvers/osqp.py"},
     "clarabel": {"levels/solvers/clarabel.py"},
     "fcl": {"planning/collision.py"},
-    "matplotlib": {"report/pictures.py", "report/machine_picture.py", "study/pictures.py"},
-    "contourpy": {"planning/strategies.py"},
+    "matplotlib": {"report/pictures.py", "report/machine_picture.py", "study/pictures.py", "wheels/results.py"},
+    "contourpy": {"planning/strategies.py", "wheels/channels.py"},
     "numba": {"kernels", "runtime/compiling.py"},
     "open3d": {"mesh/distance.py", "mesh/triangle_mesh.py"},
     "OCP": {"mesh/files/cad.py"},

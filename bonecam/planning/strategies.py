@@ -18,8 +18,6 @@ from the free end down to the post; the tool feeds in by the depth of roughing c
 the part is in its way. A last layer finishes with sections as close as the scallop asks for. The tool stays beside the
 part: beyond its ends, and nearer to the axis than CORE, nothing is cut, so that the ends stay.
 
-The path of one blade or channel of a wheel, repeated at every pitch about the Z axis.
-
 The tool paths of a strategy that works in layers, with the tool axes that it fixes: iso-height milling from two
 sides, sectional rotary milling. They are linked and checked for collisions as the levels of a morph are.
 """
@@ -67,7 +65,6 @@ from bonecam.progress import Progress, report, silent
 from bonecam.setup.capsule import enclosing_capsule
 from bonecam.setup.stock import Stock
 from bonecam.tool.cutter import Cutter
-from bonecam.tool.elliptic_cones import EllipticCones
 from bonecam.tool.path import ToolPath
 from bonecam.workholding.clamping import clamping_of
 from bonecam.workholding.post import Post, post_below
@@ -283,58 +280,6 @@ def rotary_layers(
     points, normals = places_of(part.mesh)
     left = unreached(points, normals, chart=chart, ball=fine, heights=heights, extent=extent)
     return [*layers, layer], points[left]
-
-
-ON_AXIS = 1e-6
-"""A path that begins and ends so near to the Z axis with an upright tool goes on from turn to turn there, mm."""
-
-
-def indexed(path: ToolPath, count: int) -> ToolPath:
-    """The moves of a path and of its copies, each turned by a `count`-th of a turn more, one after the other.
-
-    ValueError where the safe point of the path is not on the axis, the tool upright: turning there moves no tip.
-    """
-    ends = path.tips[[0, -1]], path.axes[[0, -1], :2]
-    if max(float(np.abs(ends[0][:, :2]).max()), float(np.abs(ends[1]).max())) > ON_AXIS:
-        raise ValueError("a path that is repeated about Z begins and ends over Z, its tool upright")
-    rows = len(path.tips)
-    passes = int(path.pass_index.max()) + 1
-    cones = path.cones
-    if cones:
-        axes, sides = (_turned(vectors, count) for vectors in (cones.shapes.axes, cones.shapes.sides))
-        copies = [np.where(cones.cone_of < 0, -1, cones.cone_of + k * len(cones.apexes)) for k in range(count)]
-        cones = replace(
-            cones,
-            apexes=_turned(cones.apexes, count),
-            shapes=EllipticCones(axes, sides, np.tile(cones.shapes.angles, (count, 1))),
-            cone_of=np.concatenate(copies),
-        )
-    number = np.repeat(np.arange(count), rows)
-    index = np.tile(path.pass_index, count)
-    return replace(
-        path,
-        kinds=np.tile(path.kinds, count),
-        pass_index=np.where(index < 0, -1, index + number * passes),
-        parameters=np.tile(path.parameters, (count, 1)),
-        contacts=_turned(path.contacts, count),
-        tips=_turned(path.tips, count),
-        axes=_turned(path.axes, count),
-        feed_rates=np.tile(path.feed_rates, count),
-        uncut=_turned(path.uncut, count),
-        reasons=path.reasons * count,
-        trimmed=path.trimmed * count,
-        blocked_by={what: number * count for what, number in path.blocked_by.items()},
-        cones=cones,
-        lifts=np.vstack([path.lifts + k * rows for k in range(count)]),
-    )
-
-
-def _turned(vectors: Float[ndarray, "n 3"], count: int) -> Float[ndarray, "m 3"]:
-    """Vectors, then those turned by a pitch about Z, and so on."""
-    angle = 2 * np.pi * np.arange(count)[:, None] / count
-    x, y, z = vectors.T
-    flat = x * np.cos(angle) - y * np.sin(angle), x * np.sin(angle) + y * np.cos(angle)
-    return np.stack([*flat, np.broadcast_to(z, flat[0].shape)], axis=2).reshape(-1, 3)
 
 
 STRATEGIES = {"iso-height": iso_height_layers, "rotary": rotary_layers}
